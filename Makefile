@@ -1,0 +1,45 @@
+# imucal: static thermal calibration of inertial sensors.   `make help` lists the targets.
+# Knobs: CC CXX CROSS BUILD SEED T=<test name filter> V=1 DEBUG=1 CFLAGS CXXFLAGS LDFLAGS (yours win).
+# Rules live with what they build: host/host.mk, firmware/firmware.mk, tests/tests.mk and */*/*.mk.
+
+BUILD ?= build
+CROSS ?= arm-none-eabi-
+CCACHE ?= $(shell command -v ccache)
+PYTHON ?= $(BUILD)/venv/bin/python
+SEED ?= 1
+T ?=
+
+VERSION := 0.1.0
+WARNINGS := -Wall -Wextra -Wconversion -Wshadow -Wundef -Werror
+OPTIMISE := $(if $(DEBUG),-Og -g3,-O2 -g1)
+# The core's arithmetic is the same on every machine: no contraction into fused operations.
+CORE_CFLAGS := -std=c99 -pedantic -ffreestanding -ffp-contract=off -fno-common $(WARNINGS) -Wstrict-prototypes -Wdouble-promotion
+Q := $(if $(V),,@)
+
+all: host firmware  ## build the host programs and the firmware images (default)
+.DEFAULT_GOAL := all
+
+include host/host.mk
+-include firmware/firmware.mk
+include tests/tests.mk
+-include $(wildcard host/*/*.mk host/lib/*/*.mk tests/*/*.mk)
+
+deps:  ## install Debian and Python packages that are missing
+	@.ci/bootstrap $(BUILD)
+
+clean:  ## remove what was built, keep the Python venv
+	$(Q)find $(BUILD) -mindepth 1 -maxdepth 1 ! -name venv -exec rm -rf {} +
+
+distclean:  ## remove everything that was built or installed under build/
+	$(Q)rm -rf $(BUILD)
+
+format:  ## rewrite the sources in the project's style
+	$(Q)git ls-files '*.c' '*.h' '*.cpp' | xargs clang-format -i
+
+format-check:  ## fail where a source is not in the project's style
+	$(Q)git ls-files '*.c' '*.h' '*.cpp' | xargs clang-format --dry-run -Werror
+
+help:  ## this list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sort -u | awk -F ':.*## *' '{printf "  make %-14s %s\n", $$1, $$2}'
+
+.PHONY: all deps clean distclean format format-check help host firmware

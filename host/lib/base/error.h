@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: MIT
+// Errors of the host programs: what happened, where, what to do; and whose fault it is, as the exit status.
+#pragma once
+#include <stdexcept>
+#include <string>
+
+namespace imucal {
+
+// Exit status of every program (design 1.1).
+enum class Exit { kDone = 0, kNegative = 1, kUsage = 2, kData = 3, kDevice = 4 };
+
+class Error : public std::runtime_error {
+ public:
+  Error(Exit exit, const std::string& message) : std::runtime_error(message), exit_(exit) {}
+  Exit exit() const { return exit_; }
+
+ private:
+  Exit exit_;
+};
+
+inline Error usage_error(const std::string& message) { return {Exit::kUsage, message}; }
+inline Error data_error(const std::string& message) { return {Exit::kData, message}; }
+inline Error device_error(const std::string& message) { return {Exit::kDevice, message}; }
+
+}  // namespace imucal

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: MIT
+// An unmodelled effect: what a real sensor does and the nominal model leaves out.  This header is the door to
+// the simulation side, used by `gyrosim --effects`; the estimation side is in effects/estimation.h.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "io/model.h"
+#include "sim/rng.h"
+
+namespace imucal {
+
+// One simulated run of one axis, second by second.  The simulator goes through the stages in order and calls
+// every effect at each; an effect changes what belongs to its stage and leaves the rest.
+struct SimRun {
+  size_t axis = 0, n_axes = 1, log = 0, n_logs = 1;  // which of them this is
+  uint64_t seed = 0;                                 // for random draws shared by axes or logs
+  const ErrorModel* model = nullptr;                 // the nominal model with its polynomial
+
+  std::vector<double> t_s;               // end of each second
+  std::vector<double> thermometer_degc;  // what the log shows         (stage kTemperature)
+  std::vector<double> gyro_temp_degc;    // where B(T) is evaluated     (stage kTemperature)
+  ThermalPolynomial bias;                // this run's coefficients     (stage kBias)
+  std::vector<double> rate_dph;          // the sum so far: effects of kBias and kNoise add to it
+
+  std::vector<double> white_sigma_dph;   // of the 1-s means, per second (stage kNoise may scale it)
+  struct MarkovPath {
+    std::vector<double> sigma_dph, tau_s;  // per second
+  };
+  std::vector<MarkovPath> markov;        // stage kNoise may scale or append
+};
+
+enum class SimStage {
+  kTemperature,  // thermometer and gyro temperature
+  kBias,         // polynomial, deterministic additions
+  kNoise,        // noise levels, additional noise; afterwards white and Markov noise are generated
+  kOutput        // the complete rate_dph: quantisation, saturation, held samples, …
+};
+
+struct EffectParameter {
+  std::string name;  // carries its unit
+  double lo, hi;     // bounds of what makes sense
+  std::string meaning;
+};
+
+class Effect {
+ public:
+  virtual ~Effect() = default;
+  virtual std::string name() const = 0;         // contract: diagnosis.md
+  virtual std::string description() const = 0;  // one sentence with its source
+  virtual std::vector<EffectParameter> parameters() const = 0;
+  virtual void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* rng) const = 0;
+};
+
+// All effects of the library, in a fixed order.  find_effect: data_error lists the known names.
+const std::vector<const Effect*>& effect_library();
+const Effect& find_effect(const std::string& name);
+
+}  // namespace imucal

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: MIT
+// JSON files: reading with errors that name file and field, writing so that nothing half-written stays.
+#pragma once
+#include <functional>
+#include <iosfwd>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace imucal {
+
+using Json = nlohmann::ordered_json;
+
+// A value inside a JSON file that knows its place ("model.json: markov[1].tau_s") for messages.
+class JsonField {
+ public:
+  JsonField(const Json& value, std::string place) : value_(value), place_(std::move(place)) {}
+
+  const Json& json() const { return value_; }
+  const std::string& place() const { return place_; }
+
+  // Required member / element.  Throws data_error when it is missing or of another kind.
+  JsonField at(const std::string& key) const;
+  std::vector<JsonField> elements() const;
+  std::optional<JsonField> find(const std::string& key) const;  // absent or null: empty
+
+  // Typed values; a number must be finite and inside [lo, hi].
+  double number(double lo = -1e300, double hi = 1e300) const;
+  double number_or(const std::string& key, double fallback, double lo = -1e300, double hi = 1e300) const;
+  long integer(long lo, long hi) const;
+  std::string text() const;
+  std::vector<double> numbers() const;
+
+  // Refuse members other than these: a typing error must not pass in silence.
+  void only(std::initializer_list<const char*> known) const;
+  [[noreturn]] void fail(const std::string& problem) const;  // data_error: "<place>: <problem>"
+
+ private:
+  Json value_;
+  std::string place_;
+};
+
+// Parse a file; data_error names the file and, for a syntax error, line and column.
+JsonField read_json(const std::string& path);
+
+// Write to a temporary name in the same folder, then rename.  "-" is standard output.
+void write_text(const std::string& path, const std::string& text);
+void write_json(const std::string& path, const Json& json);
+// The same for writers that stream: `write` gets a FILE-like sink through a callback taking text pieces.
+void write_stream(const std::string& path, const std::function<void(std::ostream&)>& write);
+
+}  // namespace imucal

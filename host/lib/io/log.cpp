@@ -1,0 +1,334 @@
+// SPDX-License-Identifier: MIT
+#include "io/log.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <ostream>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "io/json_file.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
+
+struct UnitSuffix {
+  const char* text;
+  double to_internal;
+  bool is_gyro;
+};
+constexpr UnitSuffix kUnits[] = {{"_dph", 1.0, true},
+                                 {"_dps", kDphPerDps, true},
+                                 {"_radps", kDphPerRadps, true},
+                                 {"_mg", 1.0, false},
+                                 {"_ms2", kMgPerMs2, false}};
+
+bool ends_with(const std::string& text, const std::string& suffix) {
+  return text.size() >= suffix.size() && text.compare(text.size() - suffix.size(), suffix.size(), suffix) == 0;
+}
+
+std::string trimmed(const std::string& text) {
+  const auto first = text.find_first_not_of(" \t\r");
+  if (first == std::string::npos) return "";
+  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
+}
+
+// What a column after t_s and temp_degc means.
+struct Column {
+  enum Kind { kAxis, kFlags, kAuxiliary } kind = kAxis;
+  size_t index = 0;  // axis the column belongs to
+  std::string name;
+};
+
+// Lines of a file with their numbers; fgets-free so that long lines are whole.
+class LineReader {
+ public:
+  explicit LineReader(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "rb"), &std::fclose) {
+    if (!file_) throw data_error(path + ": cannot open: " + std::strerror(errno));
+  }
+  bool next() {
+    line_.clear();
+    for (;;) {
+      if (at_ == filled_) {
+        filled_ = std::fread(buffer_.data(), 1, buffer_.size(), file_.get());
+        at_ = 0;
+        if (filled_ == 0) {
+          if (line_.empty()) return false;
+          break;
+        }
+      }
+      const char* begin = buffer_.data() + at_;
+      const void* newline = std::memchr(begin, '\n', filled_ - at_);
+      if (newline) {
+        const auto length = static_cast<size_t>(static_cast<const char*>(newline) - begin);
+        line_.append(begin, length);
+        at_ += length + 1;
+        break;
+      }
+      line_.append(begin, filled_ - at_);
+      at_ = filled_;
+    }
+    ++number_;
+    if (!line_.empty() && line_.back() == '\r') line_.pop_back();
+    return true;
+  }
+  const std::string& line() const { return line_; }
+  [[noreturn]] void fail(const std::string& problem) const {
+    throw data_error(path_ + ":" + std::to_string(number_) + ": " + problem);
+  }
+
+ private:
+  std::string path_;
+  std::unique_ptr<FILE, int (*)(FILE*)> file_;
+  std::vector<char> buffer_ = std::vector<char>(1 << 16);
+  size_t at_ = 0, filled_ = 0;
+  std::string line_;
+  long number_ = 0;
+};
+
+std::vector<std::string> split(const std::string& line) {
+  std::vector<std::string> fields;
+  size_t at = 0;
+  for (;;) {
+    const size_t comma = line.find(',', at);
+    fields.push_back(trimmed(line.substr(at, comma - at)));
+    if (comma == std::string::npos) return fields;
+    at = comma + 1;
+  }
+}
+
+// Reads "# key = value  key = value": several pairs are separated by two blanks.
+void read_metadata(const std::string& line, std::map<std::string, std::string>* metadata) {
+  std::string rest = trimmed(line.substr(1));
+  while (!rest.empty()) {
+    const size_t equals = rest.find('=');
+    if (equals == std::string::npos) return;  // a plain comment
+    const std::string key = trimmed(rest.substr(0, equals));
+    std::string value = rest.substr(equals + 1);
+    const size_t start = value.find_first_not_of(' ');
+    value = start == std::string::npos ? "" : value.substr(start);
+    const size_t gap = value.find("  ");
+    const bool more = gap != std::string::npos && value.find('=', gap) != std::string::npos;
+    (*metadata)[key] = trimmed(more ? value.substr(0, gap) : value);
+    rest = more ? trimmed(value.substr(gap)) : "";
+  }
+}
+
+std::vector<Column> read_header(const LineReader& in, Log* log) {
+  const std::vector<std::string> names = split(in.line());
+  if (names.size() < 3 || names[0] != "t_s" || names[1] != "temp_degc")
+    in.fail("the header must be t_s,temp_degc,<axis>_dph,… ; found \"" + in.line() + "\"");
+  std::vector<Column> columns;
+  for (size_t i = 2; i < names.size(); ++i) {
+    const std::string& name = names[i];
+    if (std::count(names.begin(), names.end(), name) > 1) in.fail("column \"" + name + "\" is given twice");
+    if (ends_with(name, "_flags")) {
+      columns.push_back({Column::kFlags, 0, name});
+      continue;
+    }
+    if (ends_with(name, "_counts"))
+      in.fail("column \"" + name + "\" holds raw counts; this reader takes 1-s means (see read_raw_log)");
+    const auto* unit = std::find_if(std::begin(kUnits), std::end(kUnits),
+                                    [&](const UnitSuffix& u) { return ends_with(name, u.text); });
+    if (unit == std::end(kUnits)) {
+      columns.push_back({Column::kAuxiliary, 0, name});
+      continue;
+    }
+    columns.push_back({Column::kAxis, log->axes.size(), name});
+    LogAxis axis;
+    axis.name = name;
+    axis.to_internal = unit->to_internal;
+    axis.is_gyro = unit->is_gyro;
+    log->axes.push_back(axis);
+  }
+  for (Column& column : columns) {
+    if (column.kind != Column::kFlags) continue;
+    // gx_flags belongs to gx_dph (or gx_dps, …).
+    const std::string stem = column.name.substr(0, column.name.size() - std::strlen("_flags")) + "_";
+    column.index = log->axes.size();
+    for (size_t a = 0; a < log->axes.size(); ++a)
+      if (log->axes[a].name.rfind(stem, 0) == 0) column.index = a;
+    if (column.index == log->axes.size()) in.fail("column \"" + column.name + "\" belongs to no axis");
+  }
+  if (log->axes.empty()) in.fail("no axis column; names end in their unit: _dph, _dps, _radps, _mg or _ms2");
+  return columns;
+}
+
+double parse_number(const LineReader& in, const char* first, const char* last, const std::string& column) {
+  while (first < last && (*first == ' ' || *first == '\t')) ++first;
+  while (last > first && (last[-1] == ' ' || last[-1] == '\t')) --last;
+  if (first == last) return kMissing;
+  double value = 0;
+  const auto result = std::from_chars(*first == '+' ? first + 1 : first, last, value);
+  if (result.ec != std::errc() || result.ptr != last)
+    in.fail("column " + column + ": expected a number, found \"" + std::string(first, last) + "\"");
+  if (!std::isfinite(value)) in.fail("column " + column + ": is not a finite number; leave a missing value empty");
+  return value;
+}
+
+// Walks the file; `values` has one entry per column after t_s and temp_degc.
+template <typename OnHeader, typename OnRow>
+void walk(const std::string& path, OnHeader on_header, OnRow on_row) {
+  LineReader in(path);
+  Log header;
+  header.path = path;
+  std::vector<Column> columns;
+  bool has_header = false;
+  std::vector<double> values;
+  double last_t_s = -std::numeric_limits<double>::infinity();
+  size_t n_rows = 0;
+  while (in.next()) {
+    const std::string& line = in.line();
+    if (trimmed(line).empty()) continue;
+    if (line[0] == '#') {
+      read_metadata(line, &header.metadata);
+      continue;
+    }
+    if (!has_header) {
+      if (header.metadata.count("imucal-log") && header.metadata["imucal-log"] != "1")
+        in.fail("log version " + header.metadata["imucal-log"] + " is not known to this program (it knows 1)");
+      columns = read_header(in, &header);
+      values.resize(columns.size());
+      on_header(header, columns);
+      has_header = true;
+      continue;
+    }
+    const char* at = line.data();
+    const char* const end = at + line.size();
+    double t_s = 0, temp_degc = 0;
+    const size_t n_fields = columns.size() + 2;
+    for (size_t f = 0; f < n_fields; ++f) {
+      const char* comma = f + 1 < n_fields ? static_cast<const char*>(std::memchr(at, ',', static_cast<size_t>(end - at))) : end;
+      if (!comma) in.fail("expected " + std::to_string(n_fields) + " fields, found " + std::to_string(f + 1));
+      static const std::string kTime = "t_s", kTemp = "temp_degc";
+      const double value = parse_number(in, at, comma, f == 0 ? kTime : f == 1 ? kTemp : columns[f - 2].name);
+      (f == 0 ? t_s : f == 1 ? temp_degc : values[f - 2]) = value;
+      at = comma + 1;
+    }
+    if (std::isnan(t_s)) in.fail("t_s is empty");
+    if (t_s <= last_t_s) in.fail("t_s does not increase; sort the log or cut it where the clock was set back");
+    last_t_s = t_s;
+    ++n_rows;
+    on_row(t_s, temp_degc, values);
+  }
+  if (!has_header) throw data_error(path + ": empty log: no header line (t_s,temp_degc,…)");
+  if (n_rows == 0) throw data_error(path + ": empty log: a header and no rows");
+}
+
+}  // namespace
+
+bool Log::has_temperature() const {
+  return std::any_of(temp_degc.begin(), temp_degc.end(), [](double t) { return std::isfinite(t); });
+}
+
+const LogAxis& Log::axis(const std::string& name) const {
+  std::string list;
+  for (const LogAxis& a : axes) {
+    if (a.name == name) return a;
+    list += (list.empty() ? "" : ", ") + a.name;
+  }
+  throw data_error(path + ": no axis \"" + name + "\" (there are: " + list + ")");
+}
+
+double Log::dt_s() const {
+  if (t_s.size() < 2) return 1.0;
+  std::vector<double> steps(t_s.size() - 1);
+  for (size_t i = 0; i + 1 < t_s.size(); ++i) steps[i] = t_s[i + 1] - t_s[i];
+  std::nth_element(steps.begin(), steps.begin() + static_cast<long>(steps.size() / 2), steps.end());
+  return steps[steps.size() / 2];
+}
+
+Log read_log(const std::string& path) {
+  Log log;
+  std::vector<Column> columns;
+  std::vector<std::vector<double>*> auxiliary;
+  walk(
+      path,
+      [&](const Log& header, const std::vector<Column>& header_columns) {
+        log = header;
+        columns = header_columns;
+        for (const Column& c : columns)
+          auxiliary.push_back(c.kind == Column::kAuxiliary ? &log.auxiliary[c.name] : nullptr);
+      },
+      [&](double t_s, double temp_degc, const std::vector<double>& values) {
+        log.t_s.push_back(t_s);
+        log.temp_degc.push_back(temp_degc);
+        for (size_t c = 0; c < columns.size(); ++c) {
+          LogAxis* axis = columns[c].kind == Column::kAuxiliary ? nullptr : &log.axes[columns[c].index];
+          if (columns[c].kind == Column::kAxis) axis->rate_dph.push_back(values[c] * axis->to_internal);
+          if (columns[c].kind == Column::kFlags)
+            axis->flags.push_back(std::isnan(values[c]) ? 0 : static_cast<int>(values[c]));
+          if (auxiliary[c]) auxiliary[c]->push_back(values[c]);
+        }
+      });
+  return log;
+}
+
+void scan_log(const std::string& path, const std::function<void(const Log& header)>& header,
+              const std::function<void(const LogRow&)>& row) {
+  std::vector<Column> columns;
+  std::vector<double> rate_dph, to_internal;
+  walk(
+      path,
+      [&](const Log& log, const std::vector<Column>& header_columns) {
+        columns = header_columns;
+        rate_dph.resize(log.axes.size());
+        for (const LogAxis& a : log.axes) to_internal.push_back(a.to_internal);
+        header(log);
+      },
+      [&](double t_s, double temp_degc, const std::vector<double>& values) {
+        for (size_t c = 0; c < columns.size(); ++c)
+          if (columns[c].kind == Column::kAxis)
+            rate_dph[columns[c].index] = values[c] * to_internal[columns[c].index];
+        row({t_s, temp_degc, rate_dph.data()});
+      });
+}
+
+static void put_number(std::ostream& out, double value, double lsb) {
+  if (std::isnan(value)) return;
+  char text[40];
+  // Shortest form that keeps the value to `lsb`.
+  const double rounded = std::round(value / lsb) * lsb;
+  const int n = std::snprintf(text, sizeof text, "%.10g", rounded == 0 ? 0.0 : rounded);
+  out.write(text, n);
+}
+
+void write_log(const std::string& path, const Log& log) {
+  write_stream(path, [&](std::ostream& out) {
+    out << "# imucal-log = 1\n";
+    for (const auto& [key, value] : log.metadata)
+      if (key != "imucal-log") out << "# " << key << " = " << value << "\n";
+    out << "t_s,temp_degc";
+    for (const LogAxis& a : log.axes) {
+      out << "," << a.name;
+      if (!a.flags.empty()) out << "," << a.name.substr(0, a.name.rfind('_')) << "_flags";
+    }
+    for (const auto& item : log.auxiliary) out << "," << item.first;
+    out << "\n";
+    for (size_t k = 0; k < log.size(); ++k) {
+      put_number(out, log.t_s[k], 1e-6);
+      out << ",";
+      put_number(out, log.temp_degc[k], 1e-6);
+      for (const LogAxis& a : log.axes) {
+        out << ",";
+        put_number(out, a.rate_dph[k] / a.to_internal, 1e-6 / a.to_internal);
+        if (!a.flags.empty()) out << "," << a.flags[k];
+      }
+      for (const auto& item : log.auxiliary) {
+        out << ",";
+        put_number(out, item.second[k], 1e-9);
+      }
+      out << "\n";
+    }
+  });
+}
+
+}  // namespace imucal

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+// Logs (design 1.2): one row per second, rates are means over the second that ends at t_s.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace imucal {
+
+// Bits of a *_flags column.
+enum LogFlag : int { kSaturated = 1, kSamplesMissing = 2, kSensorFault = 4 };
+
+struct LogAxis {
+  std::string name;             // column name as in the file, e.g. "gx_dph" or "gx_dps"
+  double to_internal = 1.0;     // file unit -> dph (gyros) or mg (accelerometers)
+  bool is_gyro = true;
+  std::vector<double> rate_dph;  // one per row; NaN where missing.  mg for accelerometers.
+  std::vector<int> flags;        // one per row; empty where the log has no such column
+};
+
+// A whole log in memory.  Rows keep the file's order; t_s is strictly increasing; a missing row is a gap
+// (t_s jumps), never filled in.
+struct Log {
+  std::string path;
+  std::map<std::string, std::string> metadata;  // "# key = value" lines
+  std::vector<double> t_s;
+  std::vector<double> temp_degc;  // NaN where empty
+  std::vector<LogAxis> axes;
+  std::map<std::string, std::vector<double>> auxiliary;  // columns of other units (supply_v, …)
+
+  size_t size() const { return t_s.size(); }
+  bool has_temperature() const;                    // at least one finite temperature
+  const LogAxis& axis(const std::string& name) const;  // data_error lists the axes there are
+  double dt_s() const;                             // median step
+};
+
+// data_error names file and line: no header, text where a number belongs, NaN/inf, too few fields,
+// time that does not increase, no rows.
+Log read_log(const std::string& path);
+
+// The same row by row in bounded memory: `header` once (axes without data), then `row` for every line with
+// t_s, temp_degc and one value per axis (dph or mg; NaN: missing).
+struct LogRow {
+  double t_s, temp_degc;
+  const double* rate_dph;  // header.axes.size() values
+};
+void scan_log(const std::string& path, const std::function<void(const Log& header)>& header,
+              const std::function<void(const LogRow&)>& row);
+
+// Writes metadata, header and rows; rates with enough digits to read back within 1e-6 dph.
+void write_log(const std::string& path, const Log& log);
+
+}  // namespace imucal

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: MIT
+#include "io/model.h"
+
+#include <cmath>
+
+#include "base/units.h"
+
+namespace imucal {
+
+double Markov::phi(double dt_s) const { return std::exp(-dt_s / tau_s); }
+double Markov::q_dph2(double dt_s) const { return -sigma_dph * sigma_dph * std::expm1(-2.0 * dt_s / tau_s); }
+
+double ThermalPolynomial::at(double temp_degc) const {
+  const double tn = normalised(temp_degc);
+  double sum = 0;
+  for (size_t i = coeff_dph.size(); i-- > 0;) sum = sum * tn + coeff_dph[i];
+  return sum;
+}
+
+double ErrorModel::slow_density_dph2_s() const {
+  const double white = white_sigma_dph(arw_deg_rt_h);
+  double density = white * white;
+  for (const Markov& m : markov) density += 2.0 * m.sigma_dph * m.sigma_dph * m.tau_s;
+  return density;
+}
+
+static std::vector<EffectSpec> effects_from_json(const JsonField& list) {
+  std::vector<EffectSpec> effects;
+  for (const JsonField& field : list.elements()) {
+    EffectSpec effect;
+    effect.name = field.at("name").text();
+    if (const auto parameters = field.find("parameters")) {
+      if (!parameters->json().is_object()) parameters->fail("expected an object {...}");
+      effect.parameters = parameters->json();
+    }
+    effects.push_back(effect);
+  }
+  return effects;
+}
+
+ErrorModel model_from_json(const JsonField& field) {
+  if (field.at("imucal_model").integer(0, 1000000) != 1)
+    field.at("imucal_model").fail("version not known to this program (it knows 1)");
+  ErrorModel model;
+  model.arw_deg_rt_h = field.number_or("arw_deg_rt_h", 0.0, 0.0, 1e6);
+  if (const auto list = field.find("markov")) {
+    for (const JsonField& term : list->elements())
+      model.markov.push_back({term.at("sigma_dph").number(0.0, 1e9), term.at("tau_s").number(1e-3, 1e9)});
+  }
+  model.turn_on_sigma_dph = field.number_or("turn_on_sigma_dph", 0.0, 0.0, 1e9);
+  if (const auto bias = field.find("bias")) {
+    ThermalPolynomial poly;
+    poly.t0_degc = bias->at("t0_degc").number(-300.0, 2000.0);
+    poly.range_degc = bias->at("range_degc").number(1e-6, 2000.0);
+    poly.coeff_dph = bias->at("coeff_dph").numbers();
+    if (poly.coeff_dph.empty()) bias->at("coeff_dph").fail("needs at least one coefficient");
+    model.bias = poly;
+  }
+  if (const auto effects = field.find("effects")) model.effects = effects_from_json(*effects);
+  return model;
+}
+
+ErrorModel read_model(const std::string& path) { return model_from_json(read_json(path)); }
+
+std::vector<EffectSpec> read_effects(const std::string& path) {
+  const JsonField file = read_json(path);
+  return effects_from_json(file.json().is_array() ? file : file.at("effects"));
+}
+
+Json to_json(const ErrorModel& model) {
+  Json json = {{"imucal_model", 1}, {"arw_deg_rt_h", model.arw_deg_rt_h}, {"markov", Json::array()}};
+  for (const Markov& m : model.markov) json["markov"].push_back({{"sigma_dph", m.sigma_dph}, {"tau_s", m.tau_s}});
+  json["turn_on_sigma_dph"] = model.turn_on_sigma_dph;
+  if (model.bias)
+    json["bias"] = {{"t0_degc", model.bias->t0_degc},
+                    {"range_degc", model.bias->range_degc},
+                    {"coeff_dph", model.bias->coeff_dph}};
+  if (!model.effects.empty()) {
+    json["effects"] = Json::array();
+    for (const EffectSpec& e : model.effects)
+      json["effects"].push_back({{"name", e.name}, {"parameters", e.parameters}});
+  }
+  return json;
+}
+
+}  // namespace imucal

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+// The error model of a sensor (design 1.3; paper eq. 1): angle random walk, first-order Gauss-Markov
+// instabilities, turn-on constant and, optionally, the thermal polynomial B(T) and further effects.
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "io/json_file.h"
+
+namespace imucal {
+
+// First-order Gauss-Markov process with stationary standard deviation and time constant.
+struct Markov {
+  double sigma_dph = 0;
+  double tau_s = 0;
+  double phi(double dt_s = 1.0) const;       // exp(-dt/tau)
+  double q_dph2(double dt_s = 1.0) const;    // sigma^2 (1 - phi^2), without cancellation
+};
+
+// B(T) = sum b_i Tn^i [dph], Tn = (T - t0)/range.
+struct ThermalPolynomial {
+  double t0_degc = 0;
+  double range_degc = 1;
+  std::vector<double> coeff_dph;
+  double normalised(double temp_degc) const { return (temp_degc - t0_degc) / range_degc; }
+  double at(double temp_degc) const;
+};
+
+// An effect by name, with its parameters as written in the file (names and units: diagnosis.md).
+struct EffectSpec {
+  std::string name;
+  Json parameters = Json::object();
+};
+
+struct ErrorModel {
+  double arw_deg_rt_h = 0;
+  std::vector<Markov> markov;
+  double turn_on_sigma_dph = 0;
+  std::optional<ThermalPolynomial> bias;
+  std::vector<EffectSpec> effects;
+
+  // White-noise density seen by slow signals: sum 2 sigma^2 tau + (60 arw)^2 [dph^2 s] (design 2.3).
+  double slow_density_dph2_s() const;
+};
+
+ErrorModel read_model(const std::string& path);                // data_error names the field
+ErrorModel model_from_json(const JsonField& field);
+Json to_json(const ErrorModel& model);
+
+// Effects file of `gyrosim --effects`: a list, {"effects": [...]}, or a whole model.
+std::vector<EffectSpec> read_effects(const std::string& path);
+
+}  // namespace imucal

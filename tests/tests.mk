@@ -1,0 +1,46 @@
+# Tests.  tests/common/test_*.c and tests/host/test_*.cpp are CMocka programs, one per room;
+# tests/system/test_*.py are pytest files that run the built programs and images from outside.
+
+UNIT_TESTS := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/common/test_*.c tests/firmware/test_*.c)) \
+              $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(wildcard tests/host/test_*.cpp))
+
+# T=<filter> runs the unit tests and pytest cases whose name contains it.
+SELECTED_UNIT_TESTS := $(if $(T),$(foreach t,$(UNIT_TESTS),$(if $(findstring $(T),$(t)),$(t))),$(UNIT_TESTS))
+
+$(BUILD)/obj/host/tests/%.o: CFLAGS += -D_GNU_SOURCE
+$(BUILD)/obj/host/tests/%.o: tests/%.c
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  CC   $<")
+	$(Q)$(CCACHE) $(CC) -std=c99 -ffp-contract=off $(WARNINGS) -Wno-conversion $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP -Icommon -Ifirmware -Itests $(CFLAGS) -c $< -o $@
+$(BUILD)/obj/host/tests/%.o: tests/%.cpp
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  CXX  $<")
+	$(Q)$(CCACHE) $(CXX) $(HOST_CXXFLAGS) -Wno-conversion $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP $(HOST_CPPFLAGS) -Itests $(CXXFLAGS) -c $< -o $@
+
+$(BUILD)/tests/%: $(BUILD)/obj/host/tests/%.o $(HOST_ARCHIVE)
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  LINK $@")
+	$(Q)$(CXX) -pthread $(SANITIZE_FLAGS) $(filter %.o %.a,$^) $(LDFLAGS) $(LIBS_$(notdir $*)) $(HOST_LIBS) -lcmocka -lm -o $@
+
+.SECONDARY: $(patsubst $(BUILD)/tests/%,$(BUILD)/obj/host/tests/%.o,$(UNIT_TESTS))
+
+# `make test` on a bare machine installs first; the recursive call sees what was installed.
+test:  ## install what is missing, build, and run all tests (T=<filter> for some)
+	@$(MAKE) --no-print-directory deps
+	@$(MAKE) --no-print-directory -j2 all unit-programs
+	@$(MAKE) --no-print-directory unit-test system-test
+
+unit-programs: $(SELECTED_UNIT_TESTS)
+
+unit-test: unit-programs  ## run the CMocka tests of the core and the host library
+	$(Q)BUILD=$(BUILD) tests/run_unit $(SELECTED_UNIT_TESTS)
+
+system-test:  ## run the pytest tests of the built programs
+	$(Q)BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider $(if $(T),-k $(T)) tests/system; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
+
+# The host side again under AddressSanitizer and UndefinedBehaviorSanitizer, in its own build folder.
+sanitize:  ## unit tests and quick system tests under ASan and UBSan
+	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize SANITIZE=1 -j2 host unit-programs
+	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize SANITIZE=1 unit-test
+
+.PHONY: test unit-programs unit-test system-test sanitize
