@@ -16,37 +16,37 @@
 
 namespace imucal {
 
-void JsonField::fail(const std::string& problem) const { throw data_error(place_ + ": " + problem); }
+void JsonField::refuse(const std::string& problem) const { throw data_error(place_ + ": " + problem); }
 
 JsonField JsonField::at(const std::string& key) const {
-  if (!value_.is_object()) fail("expected an object {...}");
+  if (!value_.is_object()) refuse("expected an object {...}");
   const auto it = value_.find(key);
-  if (it == value_.end()) fail("field \"" + key + "\" is missing");
+  if (it == value_.end()) refuse("field \"" + key + "\" is missing");
   return {*it, place_ + (place_.find(": ") == std::string::npos ? ": " : ".") + key};
 }
 
 std::optional<JsonField> JsonField::find(const std::string& key) const {
-  if (!value_.is_object()) fail("expected an object {...}");
+  if (!value_.is_object()) refuse("expected an object {...}");
   const auto it = value_.find(key);
   if (it == value_.end() || it->is_null()) return std::nullopt;
   return at(key);
 }
 
 std::vector<JsonField> JsonField::elements() const {
-  if (!value_.is_array()) fail("expected a list [...]");
+  if (!value_.is_array()) refuse("expected a list [...]");
   std::vector<JsonField> out;
   for (size_t i = 0; i < value_.size(); ++i) out.emplace_back(value_[i], place_ + "[" + std::to_string(i) + "]");
   return out;
 }
 
 double JsonField::number(double lo, double hi) const {
-  if (!value_.is_number()) fail("expected a number, found " + value_.dump());
+  if (!value_.is_number()) refuse("expected a number, found " + value_.dump());
   const double x = value_.get<double>();
-  if (!std::isfinite(x)) fail("is not a finite number");
+  if (!std::isfinite(x)) refuse("is not a finite number");
   if (x < lo || x > hi) {
     std::ostringstream range;
     range << "is " << x << ", outside [" << lo << ", " << hi << "]";
-    fail(range.str());
+    refuse(range.str());
   }
   return x;
 }
@@ -58,12 +58,12 @@ double JsonField::number_or(const std::string& key, double fallback, double lo, 
 
 long JsonField::integer(long lo, long hi) const {
   const double x = number(static_cast<double>(lo), static_cast<double>(hi));
-  if (x != std::floor(x)) fail("expected a whole number, found " + value_.dump());
+  if (x != std::floor(x)) refuse("expected a whole number, found " + value_.dump());
   return static_cast<long>(x);
 }
 
 std::string JsonField::text() const {
-  if (!value_.is_string()) fail("expected a text, found " + value_.dump());
+  if (!value_.is_string()) refuse("expected a text, found " + value_.dump());
   return value_.get<std::string>();
 }
 
@@ -74,14 +74,14 @@ std::vector<double> JsonField::numbers() const {
 }
 
 void JsonField::only(std::initializer_list<const char*> known) const {
-  if (!value_.is_object()) fail("expected an object {...}");
+  if (!value_.is_object()) refuse("expected an object {...}");
   for (const auto& item : value_.items()) {
     bool found = false;
     for (const char* name : known) found = found || item.key() == name;
     if (found) continue;
     std::string list;
     for (const char* name : known) list += (list.empty() ? "" : ", ") + std::string(name);
-    fail("unknown field \"" + item.key() + "\" (known: " + list + ")");
+    refuse("unknown field \"" + item.key() + "\" (known: " + list + ")");
   }
 }
 

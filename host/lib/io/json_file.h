@@ -34,7 +34,7 @@ class JsonField {
 
   // Refuse members other than these: a typing error must not pass in silence.
   void only(std::initializer_list<const char*> known) const;
-  [[noreturn]] void fail(const std::string& problem) const;  // data_error: "<place>: <problem>"
+  [[noreturn]] void refuse(const std::string& problem) const;  // data_error: "<place>: <problem>"
 
  private:
   Json value_;

@@ -30,7 +30,7 @@ static std::vector<EffectSpec> effects_from_json(const JsonField& list) {
     EffectSpec effect;
     effect.name = field.at("name").text();
     if (const auto parameters = field.find("parameters")) {
-      if (!parameters->json().is_object()) parameters->fail("expected an object {...}");
+      if (!parameters->json().is_object()) parameters->refuse("expected an object {...}");
       effect.parameters = parameters->json();
     }
     effects.push_back(effect);
@@ -40,7 +40,7 @@ static std::vector<EffectSpec> effects_from_json(const JsonField& list) {
 
 ErrorModel model_from_json(const JsonField& field) {
   if (field.at("imucal_model").integer(0, 1000000) != 1)
-    field.at("imucal_model").fail("version not known to this program (it knows 1)");
+    field.at("imucal_model").refuse("version not known to this program (it knows 1)");
   ErrorModel model;
   model.arw_deg_rt_h = field.number_or("arw_deg_rt_h", 0.0, 0.0, 1e6);
   if (const auto list = field.find("markov")) {
@@ -53,7 +53,7 @@ ErrorModel model_from_json(const JsonField& field) {
     poly.t0_degc = bias->at("t0_degc").number(-300.0, 2000.0);
     poly.range_degc = bias->at("range_degc").number(1e-6, 2000.0);
     poly.coeff_dph = bias->at("coeff_dph").numbers();
-    if (poly.coeff_dph.empty()) bias->at("coeff_dph").fail("needs at least one coefficient");
+    if (poly.coeff_dph.empty()) bias->at("coeff_dph").refuse("needs at least one coefficient");
     model.bias = poly;
   }
   if (const auto effects = field.find("effects")) model.effects = effects_from_json(*effects);

@@ -70,7 +70,7 @@ std::vector<double> Profile::temperatures(double dt_s) const {
 
 Profile profile_from_json(const JsonField& field) {
   if (field.at("imucal_profile").integer(0, 1000000) != 1)
-    field.at("imucal_profile").fail("version not known to this program (it knows 1)");
+    field.at("imucal_profile").refuse("version not known to this program (it knows 1)");
   Profile profile;
   profile.start_degc = field.at("start_degc").number(-273.15, 2000.0);
   double temp_degc = profile.start_degc;
@@ -83,7 +83,7 @@ Profile profile_from_json(const JsonField& field) {
     } else {
       s.to_degc = f.at("to_degc").number(-273.15, 2000.0);
       if (s.to_degc == temp_degc && profile.segments.empty() && field.number_or("repeat", 1) == 1)
-        f.fail("a ramp to the temperature it starts from; give a soak (rate 0, duration_s) instead");
+        f.refuse("a ramp to the temperature it starts from; give a soak (rate 0, duration_s) instead");
       s.duration_s = std::abs((s.to_degc - temp_degc) / s.rate_degc_per_min) * 60.0;
       // The sign of a rate says nothing that to_degc does not; both spellings are taken.
       s.rate_degc_per_min = std::copysign(s.rate_degc_per_min, s.to_degc - temp_degc);
@@ -92,7 +92,7 @@ Profile profile_from_json(const JsonField& field) {
     profile.segments.push_back(s);
   }
   profile.repeat = field.find("repeat") ? static_cast<int>(field.at("repeat").integer(1, 10000)) : 1;
-  if (profile.duration_s() < 1.0) field.at("segments").fail("the profile lasts less than one second; add a soak or a ramp");
+  if (profile.duration_s() < 1.0) field.at("segments").refuse("the profile lasts less than one second; add a soak or a ramp");
   return profile;
 }
 

@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: MIT
+// Files: logs, models, profiles, JSON.  What is written reads back; what is malformed is refused by line or field.
+#include <unistd.h>
+
+#include <cmath>
+#include <csetjmp>
+#include <cstdarg>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <fstream>
+#include <string>
+extern "C" {
+#include <cmocka.h>
+}
+
+#include "base/error.h"
+#include "base/units.h"
+#include "io/log.h"
+#include "io/model.h"
+#include "io/profile.h"
+
+using namespace imucal;
+
+static std::string scratch(const std::string& name) {
+  return "/tmp/imucal_test_io_" + std::to_string(getpid()) + "_" + name;
+}
+
+static std::string file_with(const std::string& name, const std::string& text) {
+  const std::string path = scratch(name);
+  std::ofstream(path) << text;
+  return path;
+}
+
+// The message of the data error that `action` throws; fails the test when it throws none.
+template <typename Action>
+static std::string refusal(Action action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    assert_int_equal(static_cast<int>(error.exit()), static_cast<int>(Exit::kData));
+    return error.what();
+  }
+  fail_msg("accepted what it should refuse");
+  return "";
+}
+
+static void assert_says(const std::string& message, const std::string& part) {
+  if (message.find(part) == std::string::npos) fail_msg("\"%s\" does not say \"%s\"", message.c_str(), part.c_str());
+}
+
+static std::string log_refusal(const std::string& text) {
+  const std::string path = file_with("bad.csv", text);
+  const std::string message = refusal([&] { read_log(path); });
+  std::remove(path.c_str());
+  assert_says(message, path);
+  return message;
+}
+
+static void test_log_written_reads_back(void**) {
+  Log log;
+  log.metadata["device"] = "unit 7";
+  log.t_s = {0, 1, 3};
+  log.temp_degc = {24.81, std::nan(""), -3.125};
+  LogAxis gyro;
+  gyro.name = "gx_dps";
+  gyro.to_internal = kDphPerDps;
+  gyro.rate_dph = {401.25, std::nan(""), -0.000125};
+  gyro.flags = {0, 2, 1};
+  log.axes.push_back(gyro);
+  log.auxiliary["supply_v"] = {3.3, 3.25, 3.0};
+  const std::string path = scratch("roundtrip.csv");
+  write_log(path, log);
+
+  const Log back = read_log(path);
+  std::remove(path.c_str());
+  assert_string_equal(back.metadata.at("device").c_str(), "unit 7");
+  assert_int_equal(back.size(), 3);
+  assert_true(back.t_s == log.t_s);
+  assert_true(std::isnan(back.temp_degc[1]));
+  assert_true(back.temp_degc[2] == -3.125);
+  for (size_t k : {size_t{0}, size_t{2}}) assert_true(std::abs(back.axes[0].rate_dph[k] - gyro.rate_dph[k]) < 2e-6);
+  assert_true(std::isnan(back.axes[0].rate_dph[1]));
+  assert_true(back.axes[0].flags == gyro.flags);
+  assert_true(back.auxiliary.at("supply_v")[1] == 3.25);
+}
+
+static void test_log_units_become_dph_and_mg(void**) {
+  const std::string path = file_with("units.csv", "t_s,temp_degc,gx_dps,gy_radps,ax_ms2\n0,20,1,1,9.80665\n");
+  const Log log = read_log(path);
+  std::remove(path.c_str());
+  assert_true(std::abs(log.axis("gx_dps").rate_dph[0] - 3600.0) < 1e-9);
+  assert_true(std::abs(log.axis("gy_radps").rate_dph[0] - 206264.806247096) < 1e-6);
+  assert_true(std::abs(log.axis("ax_ms2").rate_dph[0] - 1000.0) < 1e-9);
+  assert_false(log.axis("ax_ms2").is_gyro);
+}
+
+static void test_log_metadata_several_on_a_line(void**) {
+  const std::string path = file_with(
+      "meta.csv", "# imucal-log = 1\n# device = ADIS16405  serial = 17  run = up-2\nt_s,temp_degc,gx_dph\n0,,1\n");
+  const Log log = read_log(path);
+  std::remove(path.c_str());
+  assert_string_equal(log.metadata.at("device").c_str(), "ADIS16405");
+  assert_string_equal(log.metadata.at("serial").c_str(), "17");
+  assert_string_equal(log.metadata.at("run").c_str(), "up-2");
+  assert_false(log.has_temperature());
+}
+
+static void test_log_malformed_names_the_line(void**) {
+  const std::string header = "t_s,temp_degc,gx_dph\n";
+  assert_says(log_refusal(""), "no header");
+  assert_says(log_refusal(header), "no rows");
+  assert_says(log_refusal(header + "0,20,1\n1,20,abc\n"), ":3: column gx_dph: expected a number");
+  assert_says(log_refusal(header + "0,20,nan\n"), ":2: column gx_dph: is not a finite number");
+  assert_says(log_refusal(header + "0,inf,1\n"), ":2: column temp_degc");
+  assert_says(log_refusal(header + "0,20\n"), ":2: expected 3 fields, found 2");
+  assert_says(log_refusal(header + "0,20,1,5\n"), ":2: column gx_dph: expected a number");
+  assert_says(log_refusal(header + "1,20,1\n1,20,1\n"), ":3: t_s does not increase");
+  assert_says(log_refusal(header + ",20,1\n"), ":2: t_s is empty");
+  assert_says(log_refusal("time,temp,gx\n0,1,2\n"), ":1: the header must be");
+  assert_says(log_refusal("t_s,temp_degc,volts\n0,1,2\n"), "no axis column");
+  assert_says(log_refusal("t_s,temp_degc,gx_dph,gx_dph\n0,1,2,3\n"), "given twice");
+  assert_says(log_refusal("# imucal-log = 9\n" + header + "0,1,2\n"), "version 9");
+  assert_says(refusal([] { read_log("/nonexistent/log.csv"); }), "cannot open");
+}
+
+static void test_log_unknown_axis_lists_those_there_are(void**) {
+  const std::string path = file_with("axes.csv", "t_s,temp_degc,gx_dph,gy_dph\n0,20,1,2\n");
+  const Log log = read_log(path);
+  std::remove(path.c_str());
+  assert_says(refusal([&] { log.axis("gz_dph"); }), "there are: gx_dph, gy_dph");
+}
+
+static void test_log_scan_gives_what_read_gives(void**) {
+  const std::string path = file_with("scan.csv", "t_s,temp_degc,gx_dps,gy_dph\n0,20,1,2\n1,,,-3\n5,21,0.5,4\n");
+  const Log log = read_log(path);
+  size_t k = 0;
+  scan_log(
+      path, [&](const Log& header) { assert_int_equal(header.axes.size(), 2); },
+      [&](const LogRow& row) {
+        assert_true(row.t_s == log.t_s[k]);
+        for (size_t a = 0; a < 2; ++a)
+          assert_true(row.rate_dph[a] == log.axes[a].rate_dph[k] ||
+                      (std::isnan(row.rate_dph[a]) && std::isnan(log.axes[a].rate_dph[k])));
+        ++k;
+      });
+  std::remove(path.c_str());
+  assert_int_equal(k, 3);
+}
+
+static std::string model_refusal(const std::string& text) {
+  const std::string path = file_with("model.json", text);
+  const std::string message = refusal([&] { read_model(path); });
+  std::remove(path.c_str());
+  return message;
+}
+
+static void test_model_round_trip(void**) {
+  const std::string path = file_with(
+      "good.json",
+      R"({"imucal_model":1,"arw_deg_rt_h":0.6,"markov":[{"sigma_dph":20,"tau_s":100}],"turn_on_sigma_dph":5,
+          "bias":{"t0_degc":30,"range_degc":30,"coeff_dph":[80,300,150,-100]},
+          "effects":[{"name":"rate_ramp","parameters":{"ramp_dph_per_h":3}}]})");
+  const ErrorModel model = read_model(path);
+  write_json(path, to_json(model));
+  const ErrorModel back = read_model(path);
+  std::remove(path.c_str());
+  assert_true(back.arw_deg_rt_h == 0.6 && back.turn_on_sigma_dph == 5);
+  assert_true(back.markov.size() == 1 && back.markov[0].sigma_dph == 20 && back.markov[0].tau_s == 100);
+  assert_true(back.bias->coeff_dph == model.bias->coeff_dph);
+  assert_true(back.bias->at(60) == 80 + 300 + 150 - 100);
+  assert_true(back.effects[0].parameters.at("ramp_dph_per_h") == 3);
+  // S0 = 2 sigma^2 tau + (60 arw)^2 = 80000 + 1296 (design 2.3).
+  assert_true(std::abs(back.slow_density_dph2_s() - 81296.0) < 1e-9);
+}
+
+static void test_model_malformed_names_the_field(void**) {
+  assert_says(model_refusal("{"), ":1: not valid JSON");
+  assert_says(model_refusal("{}"), "\"imucal_model\" is missing");
+  assert_says(model_refusal(R"({"imucal_model":2})"), "version not known");
+  assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":-1})"), "arw_deg_rt_h");
+  assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":"x"})"), "expected a number");
+  assert_says(model_refusal(R"({"imucal_model":1,"markov":[{"sigma_dph":20}]})"), "markov[0]: field \"tau_s\"");
+  assert_says(model_refusal(R"({"imucal_model":1,"markov":[{"sigma_dph":20,"tau_s":0}]})"), "markov[0].tau_s");
+  assert_says(model_refusal(R"({"imucal_model":1,"bias":{"t0_degc":1,"range_degc":0,"coeff_dph":[1]}})"),
+              "range_degc");
+}
+
+static void test_profile_basic_lasts_140_min(void**) {
+  const std::string path = file_with("basic.json",
+                                     R"({"imucal_profile":1,"start_degc":0,"segments":[
+      {"rate_degc_per_min":0,"duration_s":1200},{"rate_degc_per_min":0.6,"to_degc":60},
+      {"rate_degc_per_min":0,"duration_s":1200}]})");
+  const Profile profile = read_profile(path);
+  std::remove(path.c_str());
+  assert_true(std::abs(profile.duration_s() - 8400.0) < 1e-9);
+  assert_true(profile.min_degc() == 0 && profile.max_degc() == 60);
+  assert_true(std::abs(profile.at(4200) - 30.0) < 1e-9);
+  const auto temp_degc = profile.temperatures();
+  assert_int_equal(temp_degc.size(), 8400);
+  assert_true(temp_degc.front() == 0 && temp_degc.back() == 60);
+  assert_true(std::abs(temp_degc[1200] - 0.005) < 1e-9);  // middle of the first second of the ramp
+}
+
+static void test_profile_repeat_continues_where_it_ended(void**) {
+  const std::string path = file_with("cycle.json", R"({"imucal_profile":1,"start_degc":0,"repeat":2,"segments":[
+      {"rate_degc_per_min":1,"to_degc":10},{"rate_degc_per_min":2,"to_degc":0}]})");
+  const Profile profile = read_profile(path);
+  std::remove(path.c_str());
+  assert_true(std::abs(profile.duration_s() - 1800.0) < 1e-9);
+  assert_true(std::abs(profile.at(1200) - 5.0) < 1e-9);
+  assert_true(std::abs(profile.at(1650) - 5.0) < 1e-9);
+}
+
+static void test_profile_malformed_is_refused(void**) {
+  const auto says = [](const std::string& text, const std::string& part) {
+    const std::string path = file_with("profile.json", text);
+    assert_says(refusal([&] { read_profile(path); }), part);
+    std::remove(path.c_str());
+  };
+  says(R"({"imucal_profile":1,"segments":[]})", "start_degc");
+  says(R"({"imucal_profile":1,"start_degc":0,"segments":[]})", "less than one second");
+  says(R"({"imucal_profile":1,"start_degc":0,"segments":[{"rate_degc_per_min":0}]})", "duration_s");
+  says(R"({"imucal_profile":1,"start_degc":0,"segments":[{"rate_degc_per_min":1}]})", "to_degc");
+  says(R"({"imucal_profile":1,"start_degc":5,"segments":[{"rate_degc_per_min":1,"to_degc":5}]})",
+       "a ramp to the temperature");
+}
+
+static void test_write_failing_writer_leaves_the_old_file(void**) {
+  const std::string path = file_with("kept.json", "old");
+  try {
+    write_stream(path, [](std::ostream& out) {
+      out << "half";
+      throw data_error("broken off");
+    });
+    fail_msg("the writer's error was lost");
+  } catch (const Error&) {
+  }
+  std::ifstream in(path);
+  std::string content;
+  in >> content;
+  std::remove(path.c_str());
+  assert_string_equal(content.c_str(), "old");
+}
+
+int main() {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_log_written_reads_back),
+      cmocka_unit_test(test_log_units_become_dph_and_mg),
+      cmocka_unit_test(test_log_metadata_several_on_a_line),
+      cmocka_unit_test(test_log_malformed_names_the_line),
+      cmocka_unit_test(test_log_unknown_axis_lists_those_there_are),
+      cmocka_unit_test(test_log_scan_gives_what_read_gives),
+      cmocka_unit_test(test_model_round_trip),
+      cmocka_unit_test(test_model_malformed_names_the_field),
+      cmocka_unit_test(test_profile_basic_lasts_140_min),
+      cmocka_unit_test(test_profile_repeat_continues_where_it_ended),
+      cmocka_unit_test(test_profile_malformed_is_refused),
+      cmocka_unit_test(test_write_failing_writer_leaves_the_old_file),
+  };
+  return cmocka_run_group_tests(tests, nullptr, nullptr);
+}
