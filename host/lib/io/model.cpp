@@ -33,6 +33,9 @@ static std::vector<EffectSpec> effects_from_json(const JsonField& list) {
       if (!parameters->json().is_object()) parameters->refuse("expected an object {...}");
       effect.parameters = parameters->json();
     }
+    if (const auto axis = field.find("axis"))
+      effect.axis = axis->json().is_number() ? std::to_string(axis->integer(0, 1000)) : axis->text();
+    if (const auto log = field.find("log")) effect.log = log->integer(0, 1000000);
     effects.push_back(effect);
   }
   return effects;
@@ -77,8 +80,12 @@ Json to_json(const ErrorModel& model) {
                     {"coeff_dph", model.bias->coeff_dph}};
   if (!model.effects.empty()) {
     json["effects"] = Json::array();
-    for (const EffectSpec& e : model.effects)
-      json["effects"].push_back({{"name", e.name}, {"parameters", e.parameters}});
+    for (const EffectSpec& e : model.effects) {
+      Json effect = {{"name", e.name}, {"parameters", e.parameters}};
+      if (!e.axis.empty()) effect["axis"] = e.axis;
+      if (e.log >= 0) effect["log"] = e.log;
+      json["effects"].push_back(effect);
+    }
   }
   return json;
 }

@@ -27,10 +27,13 @@ struct ThermalPolynomial {
   double at(double temp_degc) const;
 };
 
-// An effect by name, with its parameters as written in the file (names and units: diagnosis.md).
+// An effect by name, with its parameters as written in the file (names and units: diagnosis.md).  In a file:
+// {"name": "warm_up", "parameters": {…}, "axis": "gx", "log": 2}; the last two restrict where it is simulated.
 struct EffectSpec {
   std::string name;
   Json parameters = Json::object();
+  std::string axis = {};  // simulated on this axis only ("gx_dph", "gx" or the place "0"); empty: on all
+  long log = -1;          // simulated in the log of this index only; -1: in all
 };
 
 struct ErrorModel {
