@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: MIT
+// Flicker (1/f) noise of bias instability B: one-sided density S(f) = B^2 / (pi f), Allan deviation flat at
+// 0.664 B (IEEE Std 952-1997, annex C).  Simulated as the sum of stationary Gauss-Markov processes with time
+// constants 2^k s, 1 s … 2^16 s, variance B^2 ln(2)/pi each: S(f) is then 1/f within 3 % between 1e-4 and
+// 0.01 Hz (Keshner, 1/f noise, Proc. IEEE 1982).  The estimation uses seven processes, four times apart.
+#include <cmath>
+
+#include "base/units.h"
+#include "effects/library.h"
+
+namespace imucal {
+namespace {
+
+class FlickerNoise : public Effect {
+public:
+  std::string name() const override { return "flicker_noise"; }
+  std::string description() const override {
+    return "Flicker (1/f) noise of bias instability B (IEEE 952): sum of Gauss-Markov processes with "
+           "time constants two apart.";
+  }
+  std::vector<EffectParameter> parameters() const override {
+    return {{"b_dph", 0, 1e6, "bias instability B; the Allan deviation is flat at 0.664 B"}};
+  }
+
+  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+    if (stage != SimStage::kNoise) return;
+    const double variance = std::pow(effect_number(*this, parameters, "b_dph"), 2) * std::log(2.0) / kPi;
+    for (int k = 0; k <= 16; ++k) {
+      SimRun::MarkovPath path;
+      path.sigma_dph.assign(run->t_s.size(), std::sqrt(variance));
+      path.tau_s.assign(run->t_s.size(), std::ldexp(1.0, k));
+      run->markov.push_back(path);
+    }
+  }
+};
+
+} // namespace
+
+const Effect* flicker_noise_effect() {
+  static const FlickerNoise effect;
+  return &effect;
+}
+
+} // namespace imucal

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: MIT
+// A local bump in the bias over temperature, A exp(-(T - T0)^2 / (2 w^2)): what a mode crossing or a package
+// resonance leaves, and no polynomial of low order follows.
+#include <cmath>
+
+#include "effects/library.h"
+
+namespace imucal {
+namespace {
+
+class ThermalAnomaly : public Effect {
+public:
+  std::string name() const override { return "thermal_anomaly"; }
+  std::string description() const override {
+    return "A local bump of the bias over temperature (mode crossing, package stress): Gaussian in "
+           "temperature.";
+  }
+  std::vector<EffectParameter> parameters() const override {
+    return {{"amplitude_dph", -1e6, 1e6, "height of the bump"},
+            {"center_degc", -300, 2000, "temperature of the bump"},
+            {"width_degc", 0.05, 200, "standard deviation of the Gaussian"}};
+  }
+
+  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+    if (stage != SimStage::kBias) return;
+    const double amplitude = effect_number(*this, parameters, "amplitude_dph");
+    const double center = effect_number(*this, parameters, "center_degc");
+    const double width = effect_number(*this, parameters, "width_degc");
+    for (size_t i = 0; i < run->rate_dph.size(); ++i) {
+      const double z = (run->gyro_temp_degc[i] - center) / width;
+      run->rate_dph[i] += amplitude * std::exp(-0.5 * z * z);
+    }
+  }
+};
+
+} // namespace
+
+const Effect* thermal_anomaly_effect() {
+  static const ThermalAnomaly effect;
+  return &effect;
+}
+
+} // namespace imucal
