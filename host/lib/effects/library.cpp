@@ -77,12 +77,12 @@ static void check_value(const EffectParameter& parameter, const JsonField& field
 void check_parameters(const Effect& effect, const Json& parameters, const std::string& place) {
   const JsonField root(parameters, place + ": " + effect.name());
   const std::vector<EffectParameter> list = effect.parameters();
-  if (!parameters.is_object()) root.fail("expected an object {...}");
+  if (!parameters.is_object()) root.refuse("expected an object {...}");
   for (const auto& item : parameters.items()) {
     if (find_parameter(list, item.key())) continue;
     std::string known;
     for (const EffectParameter& parameter : list) known += (known.empty() ? "" : ", ") + parameter.name;
-    root.fail("unknown parameter \"" + item.key() + "\" (known: " + known + ")");
+    root.refuse("unknown parameter \"" + item.key() + "\" (known: " + known + ")");
   }
   for (const EffectParameter& parameter : list) check_value(parameter, root.at(parameter.name));
 }
