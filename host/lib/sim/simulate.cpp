@@ -77,6 +77,7 @@ SimRun start_run(const ErrorModel& model, const std::vector<double>& t_s, const 
   SimRun run;
   run.model = &model;
   run.t_s = t_s;
+  run.case_temp_degc = temp_degc;
   run.gyro_temp_degc = temp_degc;
   run.thermometer_degc = temp_degc;
   if (model.bias) run.bias = *model.bias;
@@ -225,6 +226,10 @@ Log to_log(const SimulatedLog& simulated, const SimOptions& options) {
     log.temp_degc.push_back((*shown)[k]);
     for (size_t a = 0; a < simulated.axes.size(); ++a)
       log.axes[a].rate_dph.push_back(simulated.axes[a].run.rate_dph[k]);
+    // Columns that an effect made or used belong to the device, not to an axis.
+    for (const SimulatedAxis& a : simulated.axes)
+      for (const auto& [name, column] : a.run.auxiliary)
+        if (log.auxiliary[name].size() < log.t_s.size()) log.auxiliary[name].push_back(column[k]);
   }
   return log;
 }
