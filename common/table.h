@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: MIT
+/* Purpose: the calibration table of one device, as a struct and as bytes for flash and link.
+ * Bytes: little-endian, versioned, length-prefixed, CRC-32 over everything before it; layout in table.md.
+ * 48 + 136 bytes per channel: six channels fit one 1-KB flash page with the store's two words.
+ * Decoding checks every field; each kind of nonsense has its own status, and `place` says where. */
+#ifndef IMUCAL_TABLE_H
+#define IMUCAL_TABLE_H
+
+#include "kf.h"
+#include "status.h"
+
+#if defined(__cplusplus)
+extern "C" {
+#endif
+
+#define IMUCAL_TABLE_MAGIC 0x4C434D49u /* "IMCL" */
+#define IMUCAL_TABLE_VERSION 1
+#define IMUCAL_SERIAL_LEN 16 /* characters; shorter ones are padded with 0 */
+#define IMUCAL_NAME_LEN 12
+#define IMUCAL_TABLE_SIGMA_N 9  /* evenly spaced temperatures of the valid span, ends included */
+#define IMUCAL_TABLE_SCALE_N 3  /* scale-factor coefficients m0 m1 m2 */
+#define IMUCAL_TABLE_MARKOV_N 2
+#define IMUCAL_TABLE_HEADER_BYTES 44
+#define IMUCAL_TABLE_CHANNEL_BYTES 136
+#define IMUCAL_TABLE_BYTES(n_channels) (IMUCAL_TABLE_HEADER_BYTES + IMUCAL_TABLE_CHANNEL_BYTES * (n_channels) + 4)
+#define IMUCAL_TABLE_MAX_BYTES IMUCAL_TABLE_BYTES(IMUCAL_MAX_CHANNELS) /* 864 */
+#define IMUCAL_TABLE_MAX_COEFF 1e7f /* |coefficient|, unit */
+
+/* One channel.  unit: dph or mg, from the name's ending (gx_dph, ax_mg). */
+typedef struct imucal_table_channel {
+  char name[IMUCAL_NAME_LEN]; /* printable ASCII, padded with 0 */
+  uint8_t order;              /* 1..IMUCAL_MAX_ORDER; 0: this channel is not calibrated (coefficients all 0) */
+  uint8_t scale_order;        /* 0..2, order of the scale-factor polynomial M(T) */
+  uint8_t n_markov;           /* 0..IMUCAL_TABLE_MARKOV_N */
+  float t0_degc, range_degc;  /* Tn = (T - t0)/range, range > 0 */
+  float coeff[IMUCAL_MAX_COEFF];           /* b0.., unit; 0 above the order */
+  float scale_coeff[IMUCAL_TABLE_SCALE_N]; /* m0..: rate = (raw - B(T)) (1 + M(T)); sum |m_i| <= 1/16 */
+  float span_lo_degc, span_hi_degc;        /* valid span, inside t0 +- range, lo < hi */
+  float sigma[IMUCAL_TABLE_SIGMA_N];       /* one-sigma calibration error at lo + i (hi - lo)/8, unit, >= 0 */
+  float arw;                               /* error model: (60 arw)^2 = white variance of 1-s means; deg/rt(h) */
+  float markov_sigma[IMUCAL_TABLE_MARKOV_N], markov_tau_s[IMUCAL_TABLE_MARKOV_N]; /* unit, s; 0 above n_markov */
+  float unit_per_count;        /* > 0 */
+  int32_t full_scale_counts;   /* > 0: |counts| the sensor can deliver */
+  uint32_t n_seconds;          /* measurements behind the estimate */
+} imucal_table_channel_t;
+
+typedef struct imucal_table {
+  char serial[IMUCAL_SERIAL_LEN]; /* device's serial, printable ASCII without blanks, padded with 0 */
+  uint32_t sequence;              /* grows with every table written; >= 1, < 2^32 - 1 */
+  uint32_t created_s;             /* seconds since 1970-01-01 UTC */
+  uint8_t n_channels;             /* 1..IMUCAL_MAX_CHANNELS */
+  float degc_per_count, degc_at_zero; /* temperature = counts * degc_per_count + degc_at_zero; scale > 0 */
+  imucal_table_channel_t channel[IMUCAL_MAX_CHANNELS];
+} imucal_table_t;
+
+/* Where a refused table went wrong. */
+typedef struct imucal_table_place {
+  int8_t channel;    /* -1: header */
+  const char* field; /* as in the JSON; never null */
+} imucal_table_place_t;
+
+/* Check every field of a struct.  place may be null. */
+IMUCAL_MUST_USE imucal_status imucal_table_validate(const imucal_table_t* table, imucal_table_place_t* place);
+
+/* Validate and write.  *len_bytes = bytes written.  IMUCAL_ERR_SPACE or the status of validate. */
+IMUCAL_MUST_USE imucal_status imucal_table_encode(const imucal_table_t* table, uint8_t* bytes, size_t max_bytes,
+                                                  size_t* len_bytes);
+
+/* Length the header at `bytes` claims, after checking magic, version and plausibility; needs
+ * IMUCAL_TABLE_HEADER_BYTES bytes. */
+IMUCAL_MUST_USE imucal_status imucal_table_peek(const uint8_t* bytes, size_t have_bytes, size_t* len_bytes);
+
+/* Read and check everything: magic, version, length, CRC, then every field.  Bytes after the table are allowed
+ * (a flash page is longer).  On error *table is in no defined state.  place may be null. */
+IMUCAL_MUST_USE imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imucal_table_t* table,
+                                                  imucal_table_place_t* place);
+
+/* Set a fixed-size name or serial from text (zero-terminated); IMUCAL_ERR_NAME: empty, too long, not printable. */
+IMUCAL_MUST_USE imucal_status imucal_text_set(char* to, size_t size, const char* text);
+/* Equal as fixed-size texts. */
+bool imucal_text_equal(const char* a, const char* b, size_t size);
+
+/* Fill what the filter learnt into a channel: order, t0, range, coefficients, sigma at 9 temperatures of the span,
+ * n_seconds.  The caller sets name, scale, model, full scale.  IMUCAL_ERR_NOT_LEARNT: no measurement yet;
+ * IMUCAL_ERR_SPAN: span reversed or outside t0 +- range. */
+IMUCAL_MUST_USE imucal_status imucal_table_from_kf(imucal_table_channel_t* channel, const imucal_kf_t* kf,
+                                                   float span_lo_degc, float span_hi_degc);
+
+#if defined(__cplusplus)
+}
+#endif
+#endif
