@@ -24,7 +24,8 @@ double slow_ramp_bound(const ErrorModel& model, int order, double duration_s) {
 namespace {
 
 constexpr int kChebyshev = 400;  // N of step (e)
-constexpr int kSaddleSteps = 250;
+constexpr int kDesignPoints = 100;
+constexpr int kSaddleSteps = 400;
 
 // Legendre polynomials P_0 … P_M and their derivatives at tn.
 void legendre(double tn, VectorXd* value, VectorXd* slope) {
@@ -63,10 +64,10 @@ class Prover {
                ? request.max_rate_degc_per_min / 60.0 / (request.span_degc / 2)
                : std::numeric_limits<double>::infinity();
     make_terms(corner_rad_s);
-    span_ = MatrixXd(201, p_ * p_);
+    span_ = MatrixXd(101, p_ * p_);
     VectorXd f(p_), slope(p_);
-    for (int j = 0; j <= 200; ++j) {
-      legendre(-std::cos(kPi * j / 200.0), &f, &slope);
+    for (int j = 0; j <= 100; ++j) {
+      legendre(-std::cos(kPi * j / 100.0), &f, &slope);
       put(&span_, j, f * f.transpose());
     }
   }
@@ -86,12 +87,12 @@ class Prover {
     const double left_s = request_.duration_s - forced_s;
     if (left_s < 0) return false;
     MatrixXd fixed = MatrixXd::Zero(p_, p_);
-    // The prior of the power coefficients is at least this tight in Legendre coefficients (their largest factor
-    // from powers to Legendre is below 10 up to order 5).
-    fixed.diagonal().setConstant(100 / (request_.prior_sigma_dph * request_.prior_sigma_dph));
+    // The prior's information in Legendre coefficients: C C' / sigma^2 with C the powers of P_0 … P_5, whose squared
+    // norms sum to 188; more information only lowers the bound.
+    fixed.diagonal().setConstant(200 / (request_.prior_sigma_dph * request_.prior_sigma_dph));
     if (forced > 0) fixed += integral(forced_lo, forced_hi) / rho_;
-    const Tables tables = make_tables(free_lo, free_hi);
-    saddle(tables, fixed, left_s, box);
+    saddle(make_tables(free_lo, free_hi, kDesignPoints), make_tables(free_lo, free_hi, kChebyshev), fixed, left_s,
+           box);
     return true;
   }
 
@@ -136,12 +137,12 @@ class Prover {
     return g;
   }
 
-  Tables make_tables(double lo, double hi) const {
-    Tables t{MatrixXd(kChebyshev + 1, p_ * p_), MatrixXd(kChebyshev + 1, p_ * p_),
-             MatrixXd(kChebyshev + 1, p_ * p_)};
+  // On the n + 1 Chebyshev points of [lo, hi].
+  Tables make_tables(double lo, double hi, int n) const {
+    Tables t{MatrixXd(n + 1, p_ * p_), MatrixXd(n + 1, p_ * p_), MatrixXd(n + 1, p_ * p_)};
     VectorXd f(p_), slope(p_);
-    for (int j = 0; j <= kChebyshev; ++j) {
-      const double tn = (lo + hi) / 2 - (hi - lo) / 2 * std::cos(kPi * j / kChebyshev);
+    for (int j = 0; j <= n; ++j) {
+      const double tn = (lo + hi) / 2 - (hi - lo) / 2 * std::cos(kPi * j / n);
       legendre(tn, &f, &slope);
       put(&t.all, j, rate_of_information(f, slope));
       MatrixXd ends = MatrixXd::Zero(p_, p_), change = MatrixXd::Zero(p_, p_);
@@ -170,51 +171,103 @@ class Prover {
     return sum;
   }
 
-  // Approaches min over designs of max over temperatures by multiplicative steps on the design and a growing power
-  // of d(T) as weights mu; every step's (mu, M) gives a certificate (step e), the best is kept.
-  void saddle(const Tables& tables, const MatrixXd& fixed, double left_s, Box* box) const {
-    const Index n = kChebyshev + 1;
+  // One point of the saddle problem min over (design, ends) max over mu of tr(M^-1 A).
+  struct Point {
+    VectorXd design, ends, mu;
+  };
+  struct Gradient {
+    VectorXd design, ends, mu;  // relative to the value
+    double value = 0, worst = 0;
+    MatrixXd b;  // M^-1 A M^-1
+  };
+
+  Gradient gradient(const Tables& tables, const MatrixXd& fixed, double left_s, const Point& at) const {
+    Gradient g;
+    const VectorXd flat = left_s * (tables.all.transpose() * at.design) + 2 * (tables.ends.transpose() * at.ends);
+    const MatrixXd m = fixed + Eigen::Map<const MatrixXd>(flat.data(), p_, p_);
+    const MatrixXd inverse = m.ldlt().solve(MatrixXd::Identity(p_, p_));
+    const Eigen::Map<const VectorXd> inverse_flat(inverse.data(), p_ * p_);
+    g.mu = span_ * inverse_flat;
+    g.worst = g.mu.maxCoeff();
+    const VectorXd a_flat = span_.transpose() * at.mu;
+    const Eigen::Map<const MatrixXd> a(a_flat.data(), p_, p_);
+    g.value = (inverse * a).trace();
+    g.b = inverse * a * inverse;
+    const Eigen::Map<const VectorXd> b_flat(g.b.data(), p_ * p_);
+    g.design = left_s / g.value * (tables.all * b_flat);
+    g.ends = 2 / g.value * (tables.ends * b_flat);
+    g.mu /= g.value;
+    return g;
+  }
+
+  // tr(M^-1 A)^2 / max tr(B M) with B = M^-1 A M^-1: valid for any mu and any design (step e).
+  double certificate(const Tables& tables, const MatrixXd& fixed, double left_s, const Gradient& g) const {
     const double degree = 2.0 * (static_cast<double>(p_) - 1);
     const double cheb = std::cos(degree * kPi / (2.0 * kChebyshev));
-    VectorXd design = VectorXd::Constant(n, 1.0 / static_cast<double>(n)), ends = design;
+    const Eigen::Map<const VectorXd> b_flat(g.b.data(), p_ * p_);
+    double most = fixed.cwiseProduct(g.b).sum() + left_s * (tables.all * b_flat).maxCoeff() / cheb +
+                  2 * (tables.ends * b_flat).maxCoeff() / cheb;
+    // Step (c).  Without a rate limit the samples themselves are the design: no integral is compared with.
+    if (std::isfinite(rho_))
+      most += request_.duration_s * rho_ * request_.dt_s / 4 * (tables.slope * b_flat).cwiseAbs().maxCoeff() / cheb;
+    return g.value * g.value / most;
+  }
+
+  // from * exp(step direction), normalised; no weight dies out for good.
+  static VectorXd stepped(const VectorXd& from, const VectorXd& direction, double step) {
+    VectorXd out = (from.array() * (step * (direction.array() - direction.maxCoeff())).exp()).max(1e-12);
+    return out / out.sum();
+  }
+  static double divergence(const VectorXd& a, const VectorXd& b) {
+    return (a.array() * (a.array() / b.array()).log()).sum();
+  }
+  static double divergence(const Point& a, const Point& b) {
+    return divergence(a.design, b.design) + divergence(a.ends, b.ends) + divergence(a.mu, b.mu);
+  }
+  static Point moved(const Point& from, const Gradient& g, double step) {
+    return {stepped(from.design, g.design, step), stepped(from.ends, g.ends, step), stepped(from.mu, g.mu, step)};
+  }
+
+  // Mirror-prox (Nemirovski 2004) with entropy as distance and a step that adapts; averages of its steps approach
+  // the saddle point.  Every 50 steps a certificate is drawn from the averages; the best is kept.
+  void saddle(const Tables& tables, const Tables& fine, const MatrixXd& fixed, double left_s, Box* box) const {
+    const auto even = [](Index n) { return VectorXd(VectorXd::Constant(n, 1.0 / static_cast<double>(n))); };
+    Point at{even(tables.all.rows()), even(tables.ends.rows()), even(span_.rows())};
+    Point mean{0 * at.design, 0 * at.ends, 0 * at.mu};
+    double total = 0, step = 1;
     box->lower = 0;
     box->upper = std::numeric_limits<double>::infinity();
-    for (int step = 0; step < kSaddleSteps; ++step) {
-      const VectorXd flat = left_s * (tables.all.transpose() * design) + 2 * (tables.ends.transpose() * ends);
-      const MatrixXd m = fixed + Eigen::Map<const MatrixXd>(flat.data(), p_, p_);
-      const MatrixXd inverse = m.ldlt().solve(MatrixXd::Identity(p_, p_));
-      const Eigen::Map<const VectorXd> inverse_flat(inverse.data(), p_ * p_);
-      const VectorXd d = span_ * inverse_flat;
-      const double worst = d.maxCoeff();
-      box->upper = std::min(box->upper, worst);
-      const double power = 3.0 * std::pow(100.0, static_cast<double>(step) / kSaddleSteps);
-      VectorXd mu = (d.array() / worst).pow(power);
-      mu /= mu.sum();
-      const VectorXd a_flat = span_.transpose() * mu;
-      const Eigen::Map<const MatrixXd> a(a_flat.data(), p_, p_);
-      const MatrixXd b = inverse * a * inverse;
-      const Eigen::Map<const VectorXd> b_flat(b.data(), p_ * p_);
-      const VectorXd gain = tables.all * b_flat, end_gain = tables.ends * b_flat;
-      const double slack = std::isfinite(rho_)
-                               ? request_.duration_s * rho_ * request_.dt_s / 4 *
-                                     (tables.slope * b_flat).cwiseAbs().maxCoeff() / cheb
-                               : sampling_slack_without_rate();
-      const double most = (fixed.cwiseProduct(b)).sum() + left_s * gain.maxCoeff() / cheb +
-                          2 * end_gain.maxCoeff() / cheb + slack;
-      const double value = (inverse * a).trace();
-      box->lower = std::max(box->lower, value * value / most);
-      const double mean = design.dot(gain), end_mean = ends.dot(end_gain);
-      design = design.cwiseProduct((gain / mean).cwiseSqrt());
-      design /= design.sum();
-      if (end_mean > 0) {
-        ends = ends.cwiseProduct((end_gain / end_mean).cwiseSqrt());
-        ends /= ends.sum();
+    for (int k = 1, renewed = 0; k <= kSaddleSteps; ++k) {
+      const Gradient here = gradient(tables, fixed, left_s, at);
+      const Point half = moved(at, here, step);
+      const Gradient there = gradient(tables, fixed, left_s, half);
+      Point next = moved(at, there, step);
+      const double drift = step * ((here.design - there.design).dot(half.design - next.design) +
+                                   (here.ends - there.ends).dot(half.ends - next.ends) +
+                                   (here.mu - there.mu).dot(half.mu - next.mu));
+      if (drift > divergence(half, at) + divergence(next, half)) {
+        step *= 0.5;
+        continue;
+      }
+      at = std::move(next);
+      mean.design += step * half.design;
+      mean.ends += step * half.ends;
+      mean.mu += step * half.mu;
+      total += step;
+      step = std::min(20.0, 1.2 * step);
+      if (k / 50 == renewed) continue;
+      renewed = k / 50;
+      const Gradient g = gradient(tables, fixed, left_s, {mean.design / total, mean.ends / total, mean.mu / total});
+      box->lower = std::max(box->lower, certificate(fine, fixed, left_s, g));
+      box->upper = std::min(box->upper, g.worst);
+      if (box->upper < 1.004 * box->lower) break;
+      if (renewed == 1 || renewed == 3) {  // forget the way from the start
+        mean = {0 * at.design, 0 * at.ends, 0 * at.mu};
+        total = 0;
       }
     }
   }
 
-  // Without a rate limit the samples themselves are the design (no integral is compared with).
-  static double sampling_slack_without_rate() { return 0; }
 
   BoundRequest request_;
   Index p_;
@@ -254,7 +307,7 @@ Bound prove(const BoundRequest& request, double corner_rad_s, int max_boxes) {
       }
     }
   }
-  if (queue.empty()) throw usage_error("no profile fits into the duration");
+  if (queue.empty()) return result;  // cannot be: the whole range left out always fits
   result.proven_dph = std::sqrt(queue.top().lower);
   result.relaxation_dph = std::sqrt(queue.top().upper);
   result.inset_low_frac = queue.top().u0 / 2;
@@ -282,22 +335,25 @@ Bound calibration_bound(const BoundRequest& request) {
   Bound best;
   const bool has_white = request.model.arw_deg_rt_h > 0;
   if (limited) {
-    // The split's corner: any is valid, the highest bound counts.  Coarse search with few boxes, then the best in full.
+    // The split's corner: any is valid, the highest bound counts.  Few boxes for the search, the best one in full.
     double best_corner = 0, best_value = -1;
     double longest_s = 1;
     for (const Markov& m : request.model.markov)
       if (m.sigma_dph > 0) longest_s = std::max(longest_s, m.tau_s);
-    for (double corner : {0.0, 0.1, 0.3, 1.0, 3.0, 10.0}) {
-      if (corner > 0 && request.model.markov.empty()) break;
+    for (double corner : {0.0, 0.3, 1.0, 3.0}) {
       const double value = prove(request, corner / longest_s, 16).proven_dph;
-      if (value > best_value) {
-        best_value = value;
-        best_corner = corner / longest_s;
-      }
+      if (value < best_value) break;
+      best_value = value;
+      best_corner = corner / longest_s;
+      if (request.model.markov.empty()) break;
     }
-    best = prove(request, best_corner, 120);
-  } else if (has_white) {
-    best = prove(request, std::numeric_limits<double>::infinity(), 1);
+    best = prove(request, best_corner, 100);
+  }
+  if (has_white) {  // a limited rate is a special case of an unlimited one
+    BoundRequest unlimited = request;
+    unlimited.max_rate_degc_per_min = 0;
+    const Bound other = prove(unlimited, std::numeric_limits<double>::infinity(), 1);
+    if (other.proven_dph > best.proven_dph) best = other;
   }
   // Whatever the profile does, the constant is known no better than from the whole record:
   // max_T f' M^-1 f >= (c' e0)^2 / (e0' M e0) with c = int f dmu, c_0 = 1, and e0' M e0 = 1' V^-1 1.
