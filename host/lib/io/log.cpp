@@ -276,11 +276,13 @@ void scan_log(const std::string& path, const std::function<void(const Log& heade
               const std::function<void(const LogRow&)>& row) {
   std::vector<Column> columns;
   std::vector<double> rate_dph, to_internal;
+  std::vector<int> flags;
   walk(
       path,
       [&](const Log& log, const std::vector<Column>& header_columns) {
         columns = header_columns;
         rate_dph.resize(log.axes.size());
+        flags.assign(log.axes.size(), 0);
         for (const LogAxis& a : log.axes) to_internal.push_back(a.to_internal);
         header(log);
       },
@@ -288,7 +290,9 @@ void scan_log(const std::string& path, const std::function<void(const Log& heade
         for (size_t c = 0; c < columns.size(); ++c)
           if (columns[c].kind == Column::kAxis)
             rate_dph[columns[c].index] = values[c] * to_internal[columns[c].index];
-        row({t_s, temp_degc, rate_dph.data()});
+          else if (columns[c].kind == Column::kFlags)
+            flags[columns[c].index] = std::isnan(values[c]) ? 0 : static_cast<int>(values[c]);
+        row({t_s, temp_degc, rate_dph.data(), flags.data()});
       });
 }
 

@@ -45,6 +45,7 @@ Log read_log(const std::string& path);
 struct LogRow {
   double t_s, temp_degc;
   const double* rate_dph;  // header.axes.size() values
+  const int* flags = nullptr;  // as many; 0 where the log has no flags column for the axis
 };
 void scan_log(const std::string& path, const std::function<void(const Log& header)>& header,
               const std::function<void(const LogRow&)>& row);

@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: MIT
+#include "dp/series.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "base/error.h"
+#include "io/log.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
+constexpr size_t kStepProbe = 4096;  // rows whose median step becomes the grid's
+
+// Puts rows on the grid as they come; the first rows wait until the step is known.
+class Gridder {
+ public:
+  Gridder(const std::string& path, std::vector<size_t> columns, bool with_temp, std::vector<Series>* out)
+      : path_(path), columns_(std::move(columns)), with_temp_(with_temp), out_(out) {}
+
+  void row(const LogRow& row) {
+    if (dt_s_ > 0) return place(row.t_s, row.temp_degc, row.rate_dph, row.flags);
+    t_s_.push_back(row.t_s);
+    temp_.push_back(row.temp_degc);
+    for (size_t c : columns_) {
+      rate_.push_back(row.rate_dph[c]);
+      flags_.push_back(row.flags ? row.flags[c] : 0);
+    }
+    if (t_s_.size() == kStepProbe) settle();
+  }
+  void finish() {
+    if (dt_s_ == 0) settle();
+  }
+
+ private:
+  void settle() {
+    std::vector<double> steps;
+    for (size_t i = 0; i + 1 < t_s_.size(); ++i) steps.push_back(t_s_[i + 1] - t_s_[i]);
+    if (steps.empty()) steps.push_back(1.0);
+    std::nth_element(steps.begin(), steps.begin() + static_cast<long>(steps.size() / 2), steps.end());
+    dt_s_ = steps[steps.size() / 2];
+    for (Series& s : *out_) {
+      s.dt_s = dt_s_;
+      s.t0_s = t_s_.front();
+    }
+    const size_t n = columns_.size();
+    std::vector<size_t> packed(n);
+    for (size_t a = 0; a < n; ++a) packed[a] = a;
+    columns_.swap(packed);
+    for (size_t i = 0; i < t_s_.size(); ++i) place(t_s_[i], temp_[i], &rate_[i * n], &flags_[i * n]);
+    columns_.swap(packed);
+    rate_ = {};
+  }
+
+  void place(double t_s, double temp_degc, const double* rate, const int* flags) {
+    if (n_ > 0) {
+      const double steps = std::round((t_s - last_t_s_) / dt_s_);
+      if (steps < 1) fail_at(t_s, "two rows lie within half a step of " + std::to_string(dt_s_) + " s");
+      if (steps + static_cast<double>(n_) > 1e9) fail_at(t_s, "the gap before this row needs more than 1e9 samples");
+      for (double k = 1; k < steps; ++k) push(kMissing, nullptr, nullptr);
+    }
+    push(temp_degc, rate, flags);
+    last_t_s_ = t_s;
+  }
+  void push(double temp_degc, const double* rate, const int* flags) {
+    for (size_t a = 0; a < columns_.size(); ++a) {
+      Series& s = (*out_)[a];
+      double value = rate ? rate[columns_[a]] : kMissing;
+      if (flags && (flags[columns_[a]] & (kSaturated | kSensorFault))) {
+        value = kMissing;
+        ++s.n_flagged;
+      }
+      s.n_missing += std::isnan(value);
+      s.rate_dph.push_back(value);
+      if (with_temp_) s.temp_degc.push_back(temp_degc);
+    }
+    ++n_;
+  }
+  [[noreturn]] void fail_at(double t_s, const std::string& problem) const {
+    throw data_error(path_ + ": at t_s = " + std::to_string(t_s) + ": " + problem);
+  }
+
+  std::string path_;
+  std::vector<size_t> columns_;
+  bool with_temp_;
+  std::vector<Series>* out_;
+  std::vector<double> t_s_, temp_, rate_;
+  std::vector<int> flags_;
+  double dt_s_ = 0, last_t_s_ = 0;
+  size_t n_ = 0;
+};
+
+double poly_argument(const Series& s, const Detrend& detrend, long i) {
+  return detrend.kind == Detrend::Kind::kPolyTime ? static_cast<double>(i) : s.temp_degc[static_cast<size_t>(i)];
+}
+
+}  // namespace
+
+std::vector<Series> load_series(const std::string& path, const std::vector<std::string>& axes, bool with_temp) {
+  std::vector<Series> out;
+  std::vector<size_t> columns;
+  std::unique_ptr<Gridder> gridder;
+  scan_log(
+      path,
+      [&](const Log& header) {
+        std::vector<std::string> names = axes;
+        if (names.empty())
+          for (const LogAxis& a : header.axes) names.push_back(a.name);
+        for (const std::string& name : names) {
+          const LogAxis& axis = header.axis(name);
+          columns.push_back(static_cast<size_t>(&axis - header.axes.data()));
+          Series s;
+          s.log = path;
+          s.axis = name;
+          out.push_back(s);
+        }
+        gridder = std::make_unique<Gridder>(path, columns, with_temp, &out);
+      },
+      [&](const LogRow& row) { gridder->row(row); });
+  gridder->finish();
+  for (Series& s : out) {
+    if (s.size() - s.n_missing < 2)
+      throw data_error(path + ": axis " + s.axis + " has " + std::to_string(s.size() - s.n_missing) +
+                       " usable sample(s); at least two are needed");
+    if (std::none_of(s.temp_degc.begin(), s.temp_degc.end(), [](double t) { return std::isfinite(t); }))
+      s.temp_degc = {};
+  }
+  return out;
+}
+
+Detrend Detrend::parse(const std::string& text) {
+  if (text == "none") return {Kind::kNone, 0};
+  if (text == "mean") return {Kind::kMean, 0};
+  const size_t colon = text.find(':');
+  const std::string head = text.substr(0, colon);
+  if ((head == "poly" || head == "time") && colon != std::string::npos) {
+    const std::string digits = text.substr(colon + 1);
+    if (digits.size() == 1 && digits[0] >= '0' && digits[0] <= '9')
+      return {head == "poly" ? Kind::kPolyTemperature : Kind::kPolyTime, digits[0] - '0'};
+  }
+  throw usage_error("--detrend " + text + ": expected none, mean, poly:N (in temperature) or time:N with N = 0 ... 9");
+}
+
+std::string Detrend::text() const {
+  if (kind == Kind::kNone) return "none";
+  if (kind == Kind::kMean) return "mean";
+  return (kind == Kind::kPolyTemperature ? "poly:" : "time:") + std::to_string(order);
+}
+
+std::vector<std::vector<double>> detrend_basis(const Series& s, const Detrend& detrend) {
+  if (detrend.kind == Detrend::Kind::kNone) return {};
+  const auto n = static_cast<size_t>(s.size());
+  const bool is_mean = detrend.kind == Detrend::Kind::kMean || detrend.order == 0;
+  double lo = 1e300, hi = -1e300;
+  if (!is_mean) {
+    if (detrend.kind == Detrend::Kind::kPolyTemperature && s.temp_degc.empty())
+      throw data_error(s.log + ": the log has no temperature, so no polynomial in it; use --detrend time:N or mean");
+    for (long i = 0; i < s.size(); ++i) {
+      if (std::isnan(s.rate_dph[static_cast<size_t>(i)])) continue;
+      const double x = poly_argument(s, detrend, i);
+      if (std::isnan(x))
+        throw data_error(s.log + ": no temperature at t_s = " + std::to_string(s.t_s(i)) +
+                         "; --detrend poly:N needs one for every rate");
+      lo = std::min(lo, x);
+      hi = std::max(hi, x);
+    }
+    if (!(hi > lo))
+      throw data_error(s.log + ": axis " + s.axis + ": the temperature is constant: " + detrend.text() +
+                       " cannot be fitted; use --detrend mean");
+  }
+  // Chebyshev polynomials on the span, made orthonormal by Gram-Schmidt, done twice.
+  std::vector<std::vector<double>> basis;
+  std::vector<double> column(n), previous(n, 0.0), before(n, 0.0);
+  const int order = is_mean ? 0 : detrend.order;
+  for (int p = 0; p <= order; ++p) {
+    for (size_t i = 0; i < n; ++i) {
+      if (std::isnan(s.rate_dph[i])) continue;
+      const double x = is_mean ? 0 : (2 * poly_argument(s, detrend, static_cast<long>(i)) - lo - hi) / (hi - lo);
+      column[i] = p == 0 ? 1 : p == 1 ? x : 2 * x * previous[i] - before[i];
+    }
+    before = previous;
+    previous = column;
+    std::vector<double> q = column;
+    double norm0 = 0;
+    for (double v : q) norm0 += v * v;
+    for (int pass = 0; pass < 2; ++pass)
+      for (const auto& b : basis) {
+        double dot = 0;
+        for (size_t i = 0; i < n; ++i) dot += b[i] * q[i];
+        for (size_t i = 0; i < n; ++i) q[i] -= dot * b[i];
+      }
+    double norm = 0;
+    for (double v : q) norm += v * v;
+    if (norm <= 1e-20 * norm0)
+      throw data_error(s.log + ": axis " + s.axis + ": the record does not determine a polynomial of order " +
+                       std::to_string(order) + " (rank " + std::to_string(p) + "); lower the order");
+    for (double& v : q) v /= std::sqrt(norm);
+    basis.push_back(std::move(q));
+  }
+  return basis;
+}
+
+void remove_trend(const Detrend& detrend, Series* s) {
+  const auto n = static_cast<size_t>(s->size());
+  // The mean first: sums of squares of what is left stay exact.
+  if (detrend.kind == Detrend::Kind::kNone) return;
+  double offset = 0;
+  for (int pass = 0; pass < 2; ++pass) {
+    double sum = 0;
+    for (size_t i = 0; i < n; ++i)
+      if (!std::isnan(s->rate_dph[i])) sum += s->rate_dph[i] - offset;
+    offset += sum / static_cast<double>(s->size() - s->n_missing);
+  }
+  for (double& x : s->rate_dph) x -= offset;
+  if (detrend.kind == Detrend::Kind::kMean || detrend.order == 0) return;
+  for (const auto& q : detrend_basis(*s, detrend)) {
+    double dot = 0;
+    for (size_t i = 0; i < n; ++i)
+      if (!std::isnan(s->rate_dph[i])) dot += q[i] * s->rate_dph[i];
+    for (size_t i = 0; i < n; ++i) s->rate_dph[i] -= dot * q[i];
+  }
+}
+
+}  // namespace imucal

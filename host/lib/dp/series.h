@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: MIT
+// One axis of one log on an even time grid: what the operators and the fits work on.
+//
+// Memory: 8 bytes per sample and axis (16 with temperature).  Time stamps are turned into grid steps one after
+// another, so that a slowly drifting clock does no harm; a missing row, an empty field and a second flagged as
+// saturated or faulty is a NaN.  Nothing is ever interpolated.
+#pragma once
+#include <string>
+#include <vector>
+
+namespace imucal {
+
+struct Series {
+  std::string log, axis;
+  double t0_s = 0;  // time stamp of sample 0
+  double dt_s = 1;
+  std::vector<double> rate_dph;   // NaN where missing (mg for accelerometers)
+  std::vector<double> temp_degc;  // empty where the log has none or it was not asked for; NaN where missing
+  long n_missing = 0;             // of rate_dph
+  long n_flagged = 0;             // of these: seconds the log flags as saturated or faulty
+
+  long size() const { return static_cast<long>(rate_dph.size()); }
+  double t_s(long i) const { return t0_s + static_cast<double>(i) * dt_s; }
+};
+
+// Reads the named axes (all when empty) of a log.  data_error: unknown axis, fewer than two samples of an axis,
+// two rows within half a step, a gap that would need more than 1e9 samples.
+std::vector<Series> load_series(const std::string& path, const std::vector<std::string>& axes, bool with_temp);
+
+// How the slow known part is taken out before anything else.
+struct Detrend {
+  enum class Kind { kNone, kMean, kPolyTemperature, kPolyTime } kind = Kind::kMean;
+  int order = 0;
+  // "none", "mean", "poly:N" (in temperature), "time:N" (in time).  usage_error otherwise.
+  static Detrend parse(const std::string& text);
+  std::string text() const;
+};
+
+// Orthonormal basis (over the samples present) of what `detrend` removes, column by column; a row of a missing
+// sample is zero.  Empty for kNone.  A polynomial of an order that the temperatures cannot tell apart (rank) and
+// a missing temperature beside a present rate is a data_error.
+std::vector<std::vector<double>> detrend_basis(const Series& series, const Detrend& detrend);
+
+// Removes it, missing samples left missing.
+void remove_trend(const Detrend& detrend, Series* series);
+
+}  // namespace imucal

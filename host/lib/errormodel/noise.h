@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: MIT
+// An error model as a list of independent components, each with its power and its covariance: what the closed
+// forms, the fits and the simulation share.
+//
+// From the model: `arw_deg_rt_h` (white), `markov`; from its effects: `second_markov`, `rate_random_walk`
+// (k_dph_per_rt_s), `rate_ramp` (ramp_dph_per_h), `sinusoid` (amplitude_dph, frequency_hz), `quantization`
+// (lsb_dph: adds lsb^2/12, right where the other noise is above half a step) and `angle_quantization`
+// (q_arcsec: standard deviation of the white angle error whose difference is read as rate: IEEE 952's
+// quantisation noise; 1 arcsec per second is 1 deg/h).  Other effects have no covariance and are refused.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "io/model.h"
+
+namespace imucal {
+
+struct NoiseComponent {
+  enum class Kind { kWhite, kMarkov, kAngleQuantization, kRandomWalk, kRamp, kSinusoid };
+  Kind kind = Kind::kWhite;
+  // White, Markov: variance of a sample [dph^2].  Angle quantisation: variance of one of the two angle errors,
+  // as rate.  Random walk: variance of a step.  Ramp: (slope per sample)^2.  Sinusoid: amplitude^2.
+  double power_dph2 = 0;
+  double alpha = 0;             // Markov: dt/tau
+  double omega_rad = 0;         // sinusoid: phase per sample
+
+  bool is_stationary() const { return kind != Kind::kRandomWalk && kind != Kind::kRamp; }
+};
+
+// data_error names an effect without a closed form, and a negative or missing parameter.
+// The thermal polynomial and the turn-on constant are not noise: they are detrended or estimated.
+std::vector<NoiseComponent> noise_components(const ErrorModel& model, double dt_s = 1.0);
+NoiseComponent white_component(double variance_dph2);
+NoiseComponent markov_component(double variance_dph2, double tau_s, double dt_s = 1.0);
+
+// Variance of the sum of k samples [dph^2], without the part that is the same as a constant's (power * k^2 for
+// Markov): so the combinations of it that do not see constants (AV, DP1) lose no digits, and it exists for the
+// random walk.  White r k; Markov -2 power sum_{l<k} (k-l)(1-phi^l); angle quantisation 2 power;
+// random walk -power k (k^2-1)/6; ramp and sinusoid have none (internal error).
+double sum_variance(const NoiseComponent& component, double k);
+
+// C v for the covariance matrix C of consecutive samples (random walk: generalised covariance -power |i-j| / 2,
+// right wherever constants are projected out).  Not for ramp and sinusoid.
+std::vector<double> covariance_times(const NoiseComponent& component, const std::vector<double>& v);
+
+}  // namespace imucal

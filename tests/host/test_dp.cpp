@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: MIT
+// Operators of the Direct Predictor against their definitions, written out naively.
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <functional>
+#include <limits>
+#include <string>
+
+#include "base/error.h"
+#include "dp/dp.h"
+#include "dp/quantile.h"
+#include "sim/rng.h"
+#include "near.h"
+
+using namespace imucal;
+
+namespace {
+
+constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
+const ErrorModel kNominal = {0.6, {{20, 100}}, 0, {}, {}};
+const ErrorModel kTwoTerms = {0.9, {{18, 25}, {17, 160}}, 0, {}, {}};
+
+Series random_series(long n, uint64_t seed) {
+  Rng rng(seed, 0, 0, Stream::kWhite);
+  Series s;
+  s.log = "test.csv";
+  s.axis = "gx_dph";
+  double walk = 0;
+  for (long i = 0; i < n; ++i) {
+    walk += rng.normal();
+    s.rate_dph.push_back(36 * rng.normal() + walk);
+  }
+  return s;
+}
+
+void drop(Series* s, long i) {
+  s->n_missing += !std::isnan(s->rate_dph[static_cast<size_t>(i)]);
+  s->rate_dph[static_cast<size_t>(i)] = kMissing;
+}
+
+// Riccati iteration to the steady state: what make_nominal_filter solves in closed form.
+std::vector<double> riccati_gain(const ErrorModel& m, double* innovation_variance) {
+  const size_t n = m.markov.size();
+  std::vector<std::vector<double>> p(n, std::vector<double>(n, 0.0));
+  for (size_t i = 0; i < n; ++i) p[i][i] = m.markov[i].sigma_dph * m.markov[i].sigma_dph;
+  std::vector<double> gain(n);
+  for (int k = 0; k < 20000; ++k) {
+    for (size_t i = 0; i < n; ++i)
+      for (size_t j = 0; j < n; ++j)
+        p[i][j] = m.markov[i].phi() * p[i][j] * m.markov[j].phi() + (i == j ? m.markov[i].q_dph2() : 0);
+    double s = 3600 * m.arw_deg_rt_h * m.arw_deg_rt_h;
+    std::vector<double> ph(n, 0.0);
+    for (size_t i = 0; i < n; ++i)
+      for (size_t j = 0; j < n; ++j) ph[i] += p[i][j], s += p[i][j];
+    for (size_t i = 0; i < n; ++i) gain[i] = ph[i] / s;
+    *innovation_variance = s;
+    for (size_t i = 0; i < n; ++i)
+      for (size_t j = 0; j < n; ++j) p[i][j] -= gain[i] * ph[j];
+  }
+  return gain;
+}
+
+void test_nominal_filter_secular_roots_equal_riccati(void**) {
+  const ErrorModel models[] = {kNominal, kTwoTerms, {0.01, {{40, 2}, {5, 30}, {9, 4000}}, 0, {}, {}},
+                               {3.0, {{0.5, 10}, {0.7, 11}}, 0, {}, {}}};
+  for (const ErrorModel& m : models) {
+    double s = 0;
+    const auto expected = riccati_gain(m, &s);
+    const NominalFilter f = make_nominal_filter(m);
+    assert_int_equal(f.size(), m.markov.size());
+    for (size_t i = 0; i < f.size(); ++i)  // the filter sorts by time constant, longest first
+      for (size_t j = 0; j < f.size(); ++j)
+        if (std::fabs(m.markov[j].phi() - f.phi[i]) < 1e-14) assert_near(f.gain[i], expected[j], 1e-9);
+    assert_near(f.innovation_variance_dph2 / s, 1, 1e-9);
+  }
+}
+
+void test_nominal_filter_response_sums_poles(void**) {
+  const NominalFilter f = make_nominal_filter(kTwoTerms);
+  std::vector<double> x(f.size(), 0.0);
+  for (long j = 0; j < 400; ++j) {
+    double predicted = 0;
+    for (size_t k = 0; k < x.size(); ++k) predicted += x[k] *= f.phi[k];
+    for (size_t k = 0; k < x.size(); ++k) x[k] += f.gain[k] * ((j == 0) - predicted);
+    for (size_t k = 0; k < x.size(); ++k) {
+      double sum = 0;
+      for (size_t m = 0; m < f.size(); ++m) sum += f.response[k][m] * std::pow(f.pole[m], static_cast<double>(j));
+      assert_near(sum, x[k], 1e-12);
+    }
+  }
+}
+
+double naive_prediction(const Series& s, const DpOperator& op, long n, long t0) {
+  if (op.type == DpType::kAv || op.type == DpType::kDp1) {
+    const long m = op.history_n(n);
+    double sum = 0;
+    for (long i = t0 - m; i < t0; ++i) sum += s.rate_dph[static_cast<size_t>(i)];
+    return sum / static_cast<double>(m);
+  }
+  std::vector<double> x(op.filter.size(), 0.0);
+  for (long i = 0; i < t0; ++i) {
+    double predicted = 0;
+    for (size_t k = 0; k < x.size(); ++k) predicted += x[k] *= op.filter.phi[k];
+    const double y = s.rate_dph[static_cast<size_t>(i)];
+    for (size_t k = 0; k < x.size(); ++k) x[k] += std::isnan(y) ? 0 : op.filter.gain[k] * (y - predicted);
+  }
+  double sum = 0;
+  for (size_t k = 0; k < x.size(); ++k) {
+    double factor = 0;
+    for (long i = 1; i <= n; ++i) factor += std::pow(op.filter.phi[k], static_cast<double>(i)) / static_cast<double>(n);
+    sum += x[k] * (op.type == DpType::kDp3 ? factor : 1);
+  }
+  return sum;
+}
+
+std::vector<double> naive_samples(const Series& s, const DpOperator& op, long n, std::vector<long>* t0s) {
+  std::vector<double> out;
+  for (long t0 = op.history_n(n); t0 + n <= s.size(); ++t0) {
+    bool whole = true;
+    double mean = 0;
+    for (long i = t0 - op.history_n(n); i < t0 + n; ++i) whole = whole && !std::isnan(s.rate_dph[static_cast<size_t>(i)]);
+    if (!whole) continue;
+    for (long i = t0; i < t0 + n; ++i) mean += s.rate_dph[static_cast<size_t>(i)] / static_cast<double>(n);
+    out.push_back(mean - naive_prediction(s, op, n, t0));
+    t0s->push_back(t0);
+  }
+  return out;
+}
+
+void check_operator(DpType type, const ErrorModel& nominal, const Series& s) {
+  const DpOperator op = make_dp_operator(type, 1, nominal, 15);
+  const DpRecord record(s, op);
+  for (long n : {1L, 2L, 7L, 40L}) {
+    std::vector<long> expected_t0, t0;
+    std::vector<double> d;
+    const auto expected = naive_samples(s, op, n, &expected_t0);
+    assert_true(expected.size() > 10);
+    record.samples(n, &d, &t0);
+    assert_int_equal(d.size(), expected.size());
+    double sum = 0;
+    for (size_t i = 0; i < d.size(); ++i) {
+      assert_int_equal(t0[i], expected_t0[i]);
+      assert_near(d[i], expected[i], 1e-9);
+      sum += expected[i] * expected[i];
+    }
+    const auto m = record.moments({n})[0];
+    assert_int_equal(m.n_windows(), static_cast<long>(expected.size()));
+    assert_near(m.mean_square() * static_cast<double>(expected.size()) / sum, 1, 1e-12);
+  }
+}
+
+void test_operators_equal_their_definition(void**) {
+  const Series s = random_series(700, 3);
+  for (DpType type : {DpType::kAv, DpType::kDp1, DpType::kDp2, DpType::kDp3}) {
+    check_operator(type, kNominal, s);
+    check_operator(type, kTwoTerms, s);
+  }
+}
+
+void test_operators_with_gaps_use_whole_windows_only(void**) {
+  Series s = random_series(1500, 4);
+  for (long i : {0L, 200L, 201L, 640L, 1499L}) drop(&s, i);
+  for (long i = 900; i < 930; ++i) drop(&s, i);
+  for (DpType type : {DpType::kAv, DpType::kDp1, DpType::kDp2, DpType::kDp3}) check_operator(type, kNominal, s);
+}
+
+void test_min_fill_admits_windows_with_few_missing(void**) {
+  Series s = random_series(600, 5);
+  for (long i = 10; i < 600; i += 20) drop(&s, i);
+  DpOperator op = make_dp_operator(DpType::kAv, 1, {}, 15);
+  assert_int_equal(DpRecord(s, op).moments({40})[0].n_windows(), 0);
+  op.min_fill = 0.9;
+  assert_int_equal(DpRecord(s, op).moments({40})[0].n_windows(), 600 - 80 + 1);
+}
+
+void test_adjoint_is_the_transpose(void**) {
+  Series a = random_series(500, 6);
+  for (long i : {3L, 210L, 211L}) drop(&a, i);
+  for (const ErrorModel& nominal : {kNominal, kTwoTerms})
+    for (DpType type : {DpType::kAv, DpType::kDp1, DpType::kDp2, DpType::kDp3}) {
+      const DpOperator op = make_dp_operator(type, 1, nominal, 15);
+      std::vector<double> d, y;
+      std::vector<long> t0;
+      const DpRecord record(a, op);
+      record.samples(12, &d, &t0);
+      Rng rng(7, 0, 0, Stream::kWhite);
+      for (size_t i = 0; i < d.size(); ++i) y.push_back(rng.normal());
+      const auto back = record.adjoint(12, y, t0);
+      double left = 0, right = 0;
+      for (size_t i = 0; i < d.size(); ++i) left += d[i] * y[i];
+      for (size_t i = 0; i < back.size(); ++i)
+        if (!std::isnan(a.rate_dph[i])) right += back[i] * a.rate_dph[i];
+      assert_near(left, right, 1e-8 * std::fabs(left) + 1e-8);
+    }
+}
+
+void test_estimators_follow_their_definition(void**) {
+  std::vector<double> d;
+  for (int i = 1; i <= 1001; ++i) d.push_back(i % 2 ? i : -i);
+  std::vector<double> copy = d;
+  assert_near(dp_sigma(DpEstimator::kMax, &copy), 1001.0 / 3, 1e-12);
+  copy = d;
+  assert_near(dp_sigma(DpEstimator::kP95, &copy), 0.5 * (1 + 0.954 * 1000), 1e-9);  // rank 954 of 0 … 1000
+  assert_near(dp_sigma(DpEstimator::kRms, &d), std::sqrt(1002.0 * 2003.0 / 6), 1e-9);
+}
+
+void test_quantiles_known_values(void**) {
+  // NIST/SEMATECH e-Handbook tables 1.3.6.7.1 and 1.3.6.7.4.
+  assert_near(normal_quantile(0.975), 1.959963984540054, 1e-12);
+  assert_near(normal_quantile(1e-6), -4.753424308822899, 1e-10);
+  assert_near(chi2_quantile(0.975, 1), 5.024, 5e-4);
+  assert_near(chi2_quantile(0.025, 10), 3.247, 5e-4);
+  assert_near(chi2_quantile(0.95, 100), 124.342, 5e-4);
+  assert_near(chi2_quantile(0.025, 1), 0.000982, 5e-7);
+  assert_near(chi2_cdf(chi2_quantile(0.3, 2.7), 2.7), 0.3, 1e-10);
+}
+
+int exit_of(const std::function<void()>& run, std::string* message) {
+  try {
+    run();
+  } catch (const Error& e) {
+    *message = e.what();
+    return static_cast<int>(e.exit());
+  }
+  return 0;
+}
+
+void test_bad_input_is_refused_with_its_place(void**) {
+  std::string message;
+  Series flat = random_series(100, 1);
+  for (double& x : flat.rate_dph) x = 5;
+  const DpOperator av = make_dp_operator(DpType::kAv, 1, {});
+  assert_int_equal(exit_of([&] { dp_curve(flat, DpRecord(flat, av), {2}, DpEstimator::kRms); }, &message), 3);
+  assert_non_null(strstr(message.c_str(), "constant"));
+  const Series s = random_series(100, 1);
+  assert_int_equal(exit_of([&] { dp_curve(s, DpRecord(s, av), {51}, DpEstimator::kRms); }, &message), 3);
+  assert_non_null(strstr(message.c_str(), "beyond the record"));
+  assert_int_equal(exit_of([&] { dp_curve(s, DpRecord(s, av), {0.2}, DpEstimator::kRms); }, &message), 2);
+  assert_int_equal(exit_of([&] { make_dp_operator(DpType::kDp2, 1, {}); }, &message), 2);
+  assert_int_equal(exit_of([&] { make_dp_operator(DpType::kDp2, 1, ErrorModel{0.6, {}, 0, {}, {}}); }, &message), 2);
+  assert_int_equal(exit_of([&] { Detrend::parse("poly:x"); }, &message), 2);
+  assert_int_equal(exit_of([&] { Series t = s; remove_trend(Detrend::parse("poly:2"), &t); }, &message), 3);
+}
+
+void test_detrend_removes_polynomials_of_temperature(void**) {
+  Series s = random_series(400, 9);
+  for (long i = 0; i < 400; ++i) {
+    const double t = 20 + 0.1 * static_cast<double>(i) + 3 * std::sin(0.05 * static_cast<double>(i));
+    s.temp_degc.push_back(t);
+    s.rate_dph[static_cast<size_t>(i)] = 1e5 - 300 * t + 4 * t * t - 0.03 * t * t * t;
+  }
+  drop(&s, 17);
+  remove_trend(Detrend::parse("poly:3"), &s);
+  for (double x : s.rate_dph)
+    if (!std::isnan(x)) assert_true(std::fabs(x) < 1e-7);
+}
+
+void test_load_series_grid_keeps_gaps_and_flags(void**) {
+  const std::string path = std::string(getenv("BUILD") ? getenv("BUILD") : "build") + "/test_dp_series.csv";
+  std::ofstream(path) << "# imucal-log = 1\nt_s,temp_degc,gx_dph,gx_flags,gy_dps\n"
+                         "10,20,1,0,0.001\n11,20.5,2,1,0.002\n12.001,21,,0,0.003\n15.002,21.5,4,2,0.004\n16,22,5,0,\n";
+  const auto all = load_series(path, {}, true);
+  assert_int_equal(all.size(), 2);
+  assert_int_equal(all[0].size(), 7);   // 10, 11, 12, two missing rows, 15, 16
+  assert_int_equal(all[0].n_missing, 4);  // saturated 11, empty 12, rows 13 and 14
+  assert_int_equal(all[0].n_flagged, 1);
+  assert_near(all[0].rate_dph[5], 4, 0);  // "samples missing" alone is kept
+  assert_near(all[1].rate_dph[1], 7.2, 1e-12);
+  assert_near(all[0].temp_degc[5], 21.5, 0);
+  std::string message;
+  assert_int_equal(exit_of([&] { load_series(path, {"gz_dph"}, true); }, &message), 3);
+  assert_non_null(strstr(message.c_str(), "gz_dph"));
+  std::remove(path.c_str());
+}
+
+}  // namespace
+
+int main() {
+  const CMUnitTest tests[] = {
+      cmocka_unit_test(test_nominal_filter_secular_roots_equal_riccati),
+      cmocka_unit_test(test_nominal_filter_response_sums_poles),
+      cmocka_unit_test(test_operators_equal_their_definition),
+      cmocka_unit_test(test_operators_with_gaps_use_whole_windows_only),
+      cmocka_unit_test(test_min_fill_admits_windows_with_few_missing),
+      cmocka_unit_test(test_adjoint_is_the_transpose),
+      cmocka_unit_test(test_estimators_follow_their_definition),
+      cmocka_unit_test(test_quantiles_known_values),
+      cmocka_unit_test(test_bad_input_is_refused_with_its_place),
+      cmocka_unit_test(test_detrend_removes_polynomials_of_temperature),
+      cmocka_unit_test(test_load_series_grid_keeps_gaps_and_flags),
+  };
+  return cmocka_run_group_tests(tests, nullptr, nullptr);
+}

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: MIT
+// Closed forms: the figures of design 2.4, brute force over covariance matrices, and a Monte Carlo as the check.
+#include <cmath>
+#include <limits>
+
+#include "base/error.h"
+#include "errormodel/expect.h"
+#include "errormodel/simulate.h"
+#include "near.h"
+
+using namespace imucal;
+using Kind = NoiseComponent::Kind;
+
+namespace {
+
+const ErrorModel kNominal = {0.6, {{20, 100}}, 0, {}, {}};
+const ErrorModel kNominal2 = {0.9, {{18, 25}, {17, 160}}, 0, {}, {}};
+const DpType kTypes[] = {DpType::kAv, DpType::kDp1, DpType::kDp2, DpType::kDp3};
+
+void test_dp2_paper_fig18_model_matches_design(void**) {
+  const ErrorModel model = {1.1, {{14, 20}, {14, 70}}, 0, {}, {}};
+  const std::vector<double> tau = {2, 5, 10, 20, 50, 100, 200, 400, 600};
+  const double expected[] = {34.85, 23.77, 18.79, 15.93, 14.33, 13.99, 13.88, 13.75, 13.65};
+  const auto dp = expected_dp_dph(model, make_dp_operator(DpType::kDp2, 1, kNominal), tau);
+  for (size_t i = 0; i < tau.size(); ++i) assert_near(dp[i] / expected[i], 1, 0.0005);
+}
+
+void test_relative_sensitivity_matches_design(void**) {
+  const ErrorModel other = {0.6, {{20, 50}}, 0, {}, {}};
+  const std::vector<double> tau = {50, 75, 100, 150, 200};
+  const struct {
+    DpType type;
+    double sensitivity[5];
+  } rows[] = {{DpType::kAv, {.149, .109, .068, .005, .064}},
+              {DpType::kDp2, {.142, .130, .116, .084, .058}},
+              {DpType::kDp3, {.111, .082, .052, .006, .055}}};
+  for (const auto& row : rows) {
+    const DpOperator op = make_dp_operator(row.type, 1, kNominal);
+    const auto a = expected_dp_dph(kNominal, op, tau), b = expected_dp_dph(other, op, tau);
+    for (size_t i = 0; i < tau.size(); ++i) assert_near(std::fabs(b[i] - a[i]) / a[i], row.sensitivity[i], 0.0035);
+  }
+}
+
+std::vector<NoiseComponent> one_of_each() {
+  std::vector<NoiseComponent> c = {white_component(30), markov_component(40, 25), markov_component(20, 3e5)};
+  NoiseComponent q;
+  q.kind = Kind::kAngleQuantization, q.power_dph2 = 11;
+  c.push_back(q);
+  q.kind = Kind::kRandomWalk, q.power_dph2 = 0.3;
+  c.push_back(q);
+  q.kind = Kind::kRamp, q.power_dph2 = 0.01;
+  c.push_back(q);
+  q.kind = Kind::kSinusoid, q.power_dph2 = 50, q.omega_rad = 0.13;
+  c.push_back(q);
+  return c;
+}
+
+double covariance(const NoiseComponent& c, long i, long j, long n) {
+  const double lag = std::fabs(static_cast<double>(i - j));
+  const double mid = 0.5 * static_cast<double>(n - 1);
+  switch (c.kind) {
+    case Kind::kWhite: return i == j ? c.power_dph2 : 0;
+    case Kind::kMarkov: return c.power_dph2 * std::exp(-c.alpha * lag);
+    case Kind::kAngleQuantization: return c.power_dph2 * (i == j ? 2 : lag == 1 ? -1 : 0);
+    case Kind::kRandomWalk: return c.power_dph2 * static_cast<double>(1 + std::min(i, j));
+    case Kind::kRamp: return c.power_dph2 * (static_cast<double>(i) - mid) * (static_cast<double>(j) - mid);
+    default: return 0.5 * c.power_dph2 * std::cos(c.omega_rad * lag);
+  }
+}
+
+// Rows of the operator as a dense matrix: its answers to unit records.
+std::vector<std::vector<double>> operator_rows(const Series& shape, const DpOperator& op, long n_tau) {
+  std::vector<std::vector<double>> rows;
+  for (long i = 0; i < shape.size(); ++i) {
+    Series unit = shape;
+    for (double& x : unit.rate_dph)
+      if (!std::isnan(x)) x = 0;
+    if (!std::isnan(unit.rate_dph[static_cast<size_t>(i)])) unit.rate_dph[static_cast<size_t>(i)] = 1;
+    std::vector<double> d;
+    DpRecord(unit, op).samples(n_tau, &d, nullptr);
+    rows.resize(d.size());
+    for (size_t k = 0; k < d.size(); ++k) rows[k].push_back(std::isnan(shape.rate_dph[static_cast<size_t>(i)]) ? 0 : d[k]);
+  }
+  return rows;
+}
+
+double brute_force(const NoiseComponent& c, const Series& shape, const DpOperator& op, const Detrend& detrend, long n_tau) {
+  const auto basis = detrend_basis(shape, detrend);
+  auto rows = operator_rows(shape, op, n_tau);
+  const long n = shape.size();
+  double sum = 0;
+  for (auto& g : rows) {
+    for (const auto& q : basis) {  // g (I - Q Q')
+      double along = 0;
+      for (long i = 0; i < n; ++i) along += g[static_cast<size_t>(i)] * q[static_cast<size_t>(i)];
+      for (long i = 0; i < n; ++i) g[static_cast<size_t>(i)] -= along * q[static_cast<size_t>(i)];
+    }
+    for (long i = 0; i < n; ++i)
+      for (long j = 0; j < n; ++j) sum += g[static_cast<size_t>(i)] * g[static_cast<size_t>(j)] * covariance(c, i, j, n);
+  }
+  return sum / static_cast<double>(rows.size());
+}
+
+Series shape_with_temperature(long n, bool with_gap) {
+  Series s = empty_record(n, 1);
+  for (long i = 0; i < n; ++i) s.temp_degc.push_back(20 + 0.2 * static_cast<double>(i) + 5 * std::sin(0.04 * static_cast<double>(i)));
+  for (long i = 150; with_gap && i < 156; ++i) {
+    s.rate_dph[static_cast<size_t>(i)] = std::numeric_limits<double>::quiet_NaN();
+    ++s.n_missing;
+  }
+  return s;
+}
+
+// Record-exact expectations of every component, operator and detrending against dense matrices.
+void test_record_expectation_equals_dense_matrices(void**) {
+  const ErrorModel quick = {0.6, {{60, 30}}, 0, {}, {}}, quick2 = {0.3, {{20, 8}, {17, 40}}, 0, {}, {}};
+  for (bool with_gap : {false, true})
+    for (const char* text : {"mean", "poly:2", "time:1"})
+      for (DpType type : kTypes)
+        for (const ErrorModel& nominal : {quick, quick2}) {
+          const Series shape = shape_with_temperature(260, with_gap);
+          const DpOperator op = make_dp_operator(type, 1, nominal, 12);
+          const Detrend detrend = Detrend::parse(text);
+          const auto got = expected_record_squares(one_of_each(), op, shape, detrend, {3, 30});
+          for (size_t c = 0; c < got.size(); ++c)
+            for (size_t k = 0; k < 2; ++k) {
+              const double expected = brute_force(one_of_each()[c], shape, op, detrend, k ? 30 : 3);
+              // The closed form's filter has been running for ever, the record's for warm_up_n samples: 1e-4 of weight.
+              assert_true(std::fabs(got[c][k] - expected) < 2e-3 * expected + 1e-9);
+            }
+        }
+}
+
+void test_stationary_expectation_equals_dense_matrices(void**) {
+  const ErrorModel quick = {0.6, {{60, 30}}, 0, {}, {}}, quick2 = {0.3, {{20, 8}, {17, 40}}, 0, {}, {}};
+  const Series shape = shape_with_temperature(200, false);
+  for (DpType type : kTypes)
+    for (const ErrorModel& nominal : {quick, quick2}) {
+      const DpOperator op = make_dp_operator(type, 1, nominal, 12);
+      const bool filtered = type == DpType::kDp2 || type == DpType::kDp3;
+      for (const NoiseComponent& c : one_of_each()) {
+        if (filtered && !c.is_stationary()) continue;
+        for (long n : {1L, 5L, 40L}) {
+          const double expected = brute_force(c, shape, op, {Detrend::Kind::kNone, 0}, n);
+          assert_true(std::fabs(expected_square(c, op, n) - expected) < (filtered ? 1e-3 : 1e-8) * expected);
+        }
+      }
+    }
+}
+
+// Slow Markov terms approach the random walk K^2 = 2 sigma^2 dt / tau: no digits are lost on the way.
+void test_slow_markov_approaches_random_walk(void**) {
+  NoiseComponent walk;
+  walk.kind = Kind::kRandomWalk;
+  walk.power_dph2 = 2.0;
+  const DpOperator op = make_dp_operator(DpType::kAv, 1, {});
+  for (double tau : {1e5, 1e6, 1e7, 1e8, 1e9})
+    for (long n : {1L, 10L, 300L}) {
+      const double slow = expected_square(markov_component(tau, tau), op, n), limit = expected_square(walk, op, n);
+      assert_near(slow / limit, 1, 2 * static_cast<double>(n) / tau + 1e-10);
+    }
+}
+
+// Long simulation against closed form: all operators, one and two terms (the full 10^6 samples: make test-long).
+void test_monte_carlo_agrees(void**) {
+  const ErrorModel models[] = {kNominal, {0.6, {{18, 25}, {17, 60}}, 0, {}, {}}};
+  for (const ErrorModel& model : models) {
+    Series s;
+    s.rate_dph = simulate_noise(noise_components(model), 300000, 11, 0);
+    for (DpType type : kTypes) {
+      const DpOperator op = make_dp_operator(type, 1, kNominal2);
+      const auto expected = expected_dp_dph(model, op, {2, 20, 100});
+      const auto got = dp_curve(s, DpRecord(s, op), {2, 20, 100}, DpEstimator::kRms).dp_dph;
+      for (size_t i = 0; i < 3; ++i) assert_near(got[i] / expected[i], 1, 0.03);
+    }
+  }
+}
+
+void test_record_dependent_expectation_without_record_is_refused(void**) {
+  NoiseComponent walk;
+  walk.kind = Kind::kRandomWalk;
+  walk.power_dph2 = 1;
+  try {
+    expected_square(walk, make_dp_operator(DpType::kDp2, 1, kNominal), 10);
+  } catch (const Error& e) {
+    assert_int_equal(static_cast<int>(e.exit()), 2);
+    return;
+  }
+  fail_msg("accepted");
+}
+
+}  // namespace
+
+int main() {
+  const CMUnitTest tests[] = {
+      cmocka_unit_test(test_dp2_paper_fig18_model_matches_design),
+      cmocka_unit_test(test_relative_sensitivity_matches_design),
+      cmocka_unit_test(test_record_expectation_equals_dense_matrices),
+      cmocka_unit_test(test_stationary_expectation_equals_dense_matrices),
+      cmocka_unit_test(test_slow_markov_approaches_random_walk),
+      cmocka_unit_test(test_monte_carlo_agrees),
+      cmocka_unit_test(test_record_dependent_expectation_without_record_is_refused),
+  };
+  return cmocka_run_group_tests(tests, nullptr, nullptr);
+}
