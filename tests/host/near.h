@@ -8,7 +8,6 @@
 extern "C" {
 #include <cmocka.h>
 }
-#undef fail  // a member of JsonField
 #include <cmath>
 #include <cstdio>
 

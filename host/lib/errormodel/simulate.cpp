@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "base/units.h"
-#include "sim/rng.h"
+#include "sim/fast_normal.h"
 
 namespace imucal {
 
@@ -14,7 +14,7 @@ std::vector<double> simulate_noise(const std::vector<NoiseComponent>& components
   std::vector<double> x(static_cast<size_t>(n), 0.0);
   uint32_t place = 0;
   for (const NoiseComponent& c : components) {
-    Rng rng(seed, run, axis, static_cast<uint32_t>(Stream::kTool) + place++);
+    FastNormal rng(Rng(seed, run, axis, static_cast<uint32_t>(Stream::kTool) + place++));
     const double sigma = std::sqrt(c.power_dph2);
     const double phi = std::exp(-c.alpha), drive = sigma * std::sqrt(-std::expm1(-2 * c.alpha));
     const double phase = c.kind == Kind::kSinusoid ? 2 * kPi * rng.uniform() : 0;
