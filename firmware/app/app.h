@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: MIT
+/* Purpose: the life of a device: boot, load the table, take samples, compensate them at full rate, sum them to
+ * seconds, calibrate, stream, and serve every request of common/link.h.  A pure function of the callbacks in
+ * port.h: no globals, no heap, no waiting.
+ * Data:  sample_read -> comp -> sample_out;  raw and compensated -> sum -> SECOND;  raw seconds -> kf per channel;
+ *        filters -> table -> store -> comp.
+ * Order: imucal_app_init once per start, then imucal_app_step for ever.
+ * Memory: sizeof(imucal_app_t), all of it the caller's.  Thread/ISR: one context. */
+#ifndef IMUCAL_APP_H
+#define IMUCAL_APP_H
+#include "board.h"
+#include "comp.h"
+#include "kf.h"
+#include "link.h"
+#include "port.h"
+#include "store.h"
+#include "sum.h"
+#include "table.h"
+
+#define IMUCAL_FIRMWARE_VERSION "0.1.0"
+
+/* Bytes waiting for the line.  One second's records of six channels take at most IMUCAL_APP_BURST_BYTES. */
+#ifndef IMUCAL_APP_TX_BYTES
+#define IMUCAL_APP_TX_BYTES 1024
+#endif
+#define IMUCAL_APP_BURST_BYTES 400
+#if IMUCAL_APP_TX_BYTES < 700
+#error "IMUCAL_APP_TX_BYTES must hold a burst of records and a reply: at least 700"
+#endif
+
+/* Samples taken at most per step, so that a request waits no longer than that. */
+#define IMUCAL_APP_SAMPLES_PER_STEP 64
+
+/* What the host asked of one channel's calibration, beside the filter's own configuration. */
+typedef struct imucal_app_channel {
+  imucal_kf_t kf;
+  imucal_comp_t comp;
+  float span_lo_degc, span_hi_degc;
+  float arw, markov_sigma[IMUCAL_TABLE_MARKOV_N], markov_tau_s[IMUCAL_TABLE_MARKOV_N];
+  uint8_t n_markov;
+} imucal_app_channel_t;
+
+/* Readable by anybody, written only by the functions below. */
+typedef struct imucal_app {
+  const imucal_port_t* port;
+  const imucal_board_t* board;
+  imucal_app_channel_t channel[IMUCAL_MAX_CHANNELS];
+
+  imucal_sum_t raw_sum, out_sum;
+  uint8_t clamped;       /* channels outside their valid span in the running second */
+  uint8_t fault;         /* channels that reported a fault in the last second */
+  bool has_sensor_ended; /* until samples are wanted again */
+  bool is_enabled;       /* last said to sample_enable */
+
+  imucal_table_t table;             /* the ruling one where table_status is IMUCAL_OK */
+  imucal_store_report_t report;     /* what the slots hold */
+  imucal_status table_status;       /* IMUCAL_OK, or why the device runs uncompensated */
+  imucal_store_work_t work;         /* the store's, and the staging area of an upload */
+  uint16_t upload_total, upload_at; /* upload_total 0: no upload */
+  uint32_t upload_crc;
+
+  uint8_t session;     /* IMUCAL_SESSION_* */
+  uint8_t calibrating; /* bit i: channel i has a filter */
+  uint8_t stream_what, stream_channels;
+  uint16_t progress_period_s;
+  uint32_t t_s;          /* end of the newest second */
+  uint32_t progress_t_s; /* of the last PROGRESS */
+  uint16_t stream_counter[4]; /* SECOND, INNOVATION, PROGRESS, EVENT */
+
+  imucal_link_rx_t rx;
+  imucal_link_server_t server;
+  bool is_reply_due;  /* the kept reply waits for room in tx */
+  bool is_reboot_due; /* when everything is sent, or at reboot_us */
+  uint64_t reboot_us;
+  uint8_t rx_bytes[32];
+  uint8_t rx_at, rx_end;
+  uint16_t tx_at, tx_end;
+  uint8_t tx[IMUCAL_APP_TX_BYTES];
+
+  uint32_t n_samples, n_bad_samples, n_seconds, n_gaps, n_tx_dropped, n_rx_unknown;
+} imucal_app_t;
+
+/* Starts: loads the table (or says why not, then runs uncompensated), queues the boot's events.  Stream EVENT is
+ * on, the others off.  port and board must stay valid.  Fails only for a board imucal_board_check refuses. */
+IMUCAL_MUST_USE imucal_status imucal_app_init(imucal_app_t* app, const imucal_port_t* port,
+                                              const imucal_board_t* board);
+
+/* A bounded piece of work.  True: there was something to do; false: the caller may sleep until a byte or a sample
+ * comes (or 10 ms have passed). */
+bool imucal_app_step(imucal_app_t* app);
+#endif

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+/* What the parts of the app use of each other; not for ports. */
+#ifndef IMUCAL_APP_PARTS_H
+#define IMUCAL_APP_PARTS_H
+#include "app.h"
+
+/* Grid over the valid span for the worst predicted error: 25 temperatures, every 2.5 degC of a 60-degC span. */
+#define IMUCAL_APP_GRID 25u
+
+/* app.c */
+void app_stream(imucal_app_t* app, uint8_t what, uint32_t id, const void* message);
+uint16_t app_stream_count(imucal_app_t* app, uint8_t what);
+void app_event(imucal_app_t* app, uint8_t code, imucal_status status, uint32_t detail);
+imucal_status app_load_table(imucal_app_t* app);
+imucal_status app_check_table(imucal_app_t* app, uint32_t* detail);
+
+/* seconds.c */
+imucal_status app_restart_sums(imucal_app_t* app);
+imucal_status app_restart_out_sum(imucal_app_t* app);
+void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample);
+void app_end_of_samples(imucal_app_t* app, imucal_status why);
+float app_worst_sigma(const imucal_app_t* app, uint32_t i, float* worst_temp_degc);
+
+/* requests.c */
+void app_serve(imucal_app_t* app);
+#endif

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: MIT
+/* Purpose: everything the app asks of a board, as callbacks.  A new MCU = one filled imucal_port_t + one
+ * imucal_board_t + a main that calls imucal_app_init once and imucal_app_step for ever (firmware/README.md).
+ * All callbacks are called from imucal_app_init and imucal_app_step only, in the caller's context; none may call
+ * back into the app.  ctx is the port's own and is passed to each. */
+#ifndef IMUCAL_APP_PORT_H
+#define IMUCAL_APP_PORT_H
+#include "sample.h"
+#include "store.h"
+
+typedef enum imucal_port_sample {
+  IMUCAL_PORT_NO_SAMPLE = 0,  /* none due */
+  IMUCAL_PORT_SAMPLE = 1,     /* *sample is set */
+  IMUCAL_PORT_BAD_SAMPLE = 2, /* one was lost or unreadable; counted */
+  IMUCAL_PORT_ENDED = 3,      /* no more will come (end of a replayed feed) */
+  IMUCAL_PORT_FAILED = 4      /* no more will come: the sensor or its feed cannot be read */
+} imucal_port_sample_t;
+
+typedef struct imucal_port {
+  void* ctx;
+
+  /* Take up to `capacity` bytes that have arrived; 0: none.  Never waits. */
+  size_t (*serial_read)(void* ctx, uint8_t* data, size_t capacity);
+
+  /* Accept up to `length` bytes for sending; returns how many.  Never waits. */
+  size_t (*serial_write)(void* ctx, const uint8_t* data, size_t length);
+
+  /* The next sample in time order.  Never waits (a replay may).  Time stamps in us of one clock that does not run
+   * backwards; counts sign extended with the sensor's own fixed offset removed; saturated and fault bits set. */
+  imucal_port_sample_t (*sample_read)(void* ctx, imucal_sample_t* sample);
+
+  /* Replays only, may be NULL: samples are (not) wanted from now on.  Wanted again after the end: start anew. */
+  void (*sample_enable)(void* ctx, bool is_wanted);
+
+  /* May be NULL.  Each sample after compensation, at full rate: what the rest of the firmware is there for.
+   * out[i]: channel i in units of 2^-out_frac_bits[i] counts; clamped: bit i, temperature outside the valid span. */
+  void (*sample_out)(void* ctx, const imucal_sample_t* raw, const int32_t* out, const uint8_t* out_frac_bits,
+                     uint8_t clamped);
+
+  /* Two table slots of flash: rules in common/store.h. */
+  imucal_flash_t flash;
+
+  /* Microseconds since start. */
+  uint64_t (*time_us)(void* ctx);
+
+  /* Feed the watchdog: called once per step.  The longest step holds one flash write: one slot erased, 900 bytes
+   * programmed and read back. */
+  void (*watchdog)(void* ctx);
+
+  /* Let the sent bytes out, then restart the device.  May return (then the main loop does the restart). */
+  void (*reboot)(void* ctx);
+
+  /* True for replays: samples are read only while the host streams SECOND, INNOVATION or PROGRESS, and never
+   * faster than their records can be sent, so that nothing is lost.  False for a real sensor: samples are always
+   * taken; records that do not fit the line are dropped and counted. */
+  bool is_replay;
+
+  uint32_t boot_id;           /* unlike that of the last start: random, or a count */
+  uint32_t n_watchdog_resets; /* as far as the board can tell; 0 otherwise */
+  bool is_watchdog_reset;     /* this start was the watchdog's */
+  const char* device;         /* name of board or port for HELLO, at most 23 characters */
+} imucal_port_t;
+#endif

@@ -1,0 +1,63 @@
+# Firmware images: the same common/*.c and firmware/app/*.c for every port, plus the port's own files.
+# build/firmware/posix/imucal is a process; the others are ELF images for the chip and for QEMU.
+
+FIRMWARE_SIM := firmware/port/sim/nor.c firmware/port/sim/sample_stream.c firmware/port/sim/board_options.c
+FIRMWARE_APP := $(wildcard firmware/app/*.c)
+FIRMWARE_CPPFLAGS := -Icommon -Ifirmware
+FIRMWARE_CFLAGS := -std=c99 -pedantic -ffp-contract=off -fno-common $(WARNINGS) -Wstrict-prototypes -Wdouble-promotion
+
+FIRMWARE_PORTS := mps2_an386 nrf51
+FIRMWARE_IMAGES := $(if $(wildcard common/comp.c),$(BUILD)/firmware/posix/imucal $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf))
+firmware: $(FIRMWARE_IMAGES)  ## build the firmware images into build/firmware
+
+# ---- this machine: the posix port, and what the unit tests link ----
+
+$(BUILD)/obj/host/firmware/%.o: firmware/%.c
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  CC   $<")
+	$(Q)$(CCACHE) $(CC) $(FIRMWARE_CFLAGS) -D_GNU_SOURCE $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP $(FIRMWARE_CPPFLAGS) $(CFLAGS) -c $< -o $@
+
+FIRMWARE_CORE_HOST := $(CORE_SOURCES:%.c=$(BUILD)/obj/host/%.o)
+FIRMWARE_APP_HOST := $(patsubst %.c,$(BUILD)/obj/host/%.o,$(FIRMWARE_APP) $(FIRMWARE_SIM))
+FIRMWARE_POSIX := $(patsubst %.c,$(BUILD)/obj/host/%.o,$(wildcard firmware/port/posix/*.c))
+
+$(BUILD)/firmware/posix/imucal: $(FIRMWARE_POSIX) $(FIRMWARE_APP_HOST) $(FIRMWARE_CORE_HOST)
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  LINK $@")
+	$(Q)$(CC) $(SANITIZE_FLAGS) $^ $(LDFLAGS) -o $@
+
+# Unit tests of the firmware (tests/tests.mk links every .o it finds among the prerequisites).
+$(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/firmware/test_*.c)): $(FIRMWARE_APP_HOST)
+
+# ---- microcontrollers ----
+
+FIRMWARE_ARM := firmware/port/arm/startup.c firmware/port/arm/semihost.c firmware/port/arm/semihost_sim.c
+CPU_mps2_an386 := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16
+CPU_nrf51 := -mcpu=cortex-m0 -mthumb
+PORT_mps2_an386 := firmware/port/mps2_an386/main.c firmware/port/arm/cmsdk.c
+PORT_nrf51 := firmware/port/nrf51/main.c firmware/port/nrf51/nrf51.c
+
+# Small, but for the arithmetic that runs with every sample and every second.
+MCU_OPTIMISE := $(if $(DEBUG),-Og,-Os) -g1 -ffunction-sections -fdata-sections
+MCU_OPTIMISE_FAST := $(if $(DEBUG),-Og,-O2) -g1 -ffunction-sections -fdata-sections
+MCU_FAST := common/kf.c common/comp.c common/sum.c
+
+# $1 port, $2 folder of objects
+define mcu_rules
+$(BUILD)/obj/$1/%.o: %.c
+	@mkdir -p $$(@D)
+	$$(if $$(V),,@echo "  CC   $$< ($1)")
+	$$(Q)$$(CCACHE) $$(CROSS)gcc $$(CPU_$1) $$(FIRMWARE_CFLAGS) $$(if $$(filter common/%,$$<),-ffreestanding) \
+	  $$(if $$(filter $$(MCU_FAST),$$<),$$(MCU_OPTIMISE_FAST),$$(MCU_OPTIMISE)) -fstack-usage -MMD -MP $$(FIRMWARE_CPPFLAGS) -c $$< -o $$@
+
+OBJECTS_$1 := $$(patsubst %.c,$(BUILD)/obj/$1/%.o,$(CORE_SOURCES) $(FIRMWARE_APP) $(FIRMWARE_SIM) $(FIRMWARE_ARM) $(PORT_$1))
+
+$(BUILD)/firmware/$1/imucal.elf: $$(OBJECTS_$1) firmware/port/$1/link.ld firmware/port/arm/sections.ld
+	@mkdir -p $$(@D)
+	$$(if $$(V),,@echo "  LINK $$@")
+	$$(Q)$$(CROSS)gcc $$(CPU_$1) -nostartfiles --specs=nano.specs -Wl,--gc-sections,--fatal-warnings,-Map=$$(@:.elf=.map) \
+	  -Lfirmware/port/arm -T firmware/port/$1/link.ld $$(OBJECTS_$1) -o $$@
+endef
+$(foreach port,$(FIRMWARE_PORTS),$(eval $(call mcu_rules,$(port))))
+
+-include $(shell find $(BUILD)/obj/mps2_an386 $(BUILD)/obj/nrf51 -name '*.d' 2>/dev/null)
