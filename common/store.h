@@ -69,7 +69,7 @@ IMUCAL_MUST_USE imucal_status imucal_store_rollback(const imucal_flash_t* flash,
 
 /* Erase both slots, the ruling one last. */
 IMUCAL_MUST_USE imucal_status imucal_store_erase(const imucal_flash_t* flash, imucal_store_work_t* work,
-                                                 imucal_table_t* scratch, imucal_store_report_t* report);
+                                                 imucal_store_report_t* report);
 
 #if defined(__cplusplus)
 }

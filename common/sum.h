@@ -19,6 +19,7 @@ extern "C" {
 #endif
 
 #define IMUCAL_SUM_MAX_SAMPLES (1u << 24) /* per second; further ones are counted and left out */
+#define IMUCAL_SUM_MAX_RATE_HZ 100000u
 
 /* Bits of the flags of a second (design 1.2, columns *_flags). */
 enum { IMUCAL_FLAG_SATURATED = 1, IMUCAL_FLAG_MISSING = 2, IMUCAL_FLAG_FAULT = 4 };
@@ -38,6 +39,7 @@ typedef struct imucal_second {
 typedef struct imucal_sum {
   uint64_t end_us;  /* end of the running second; 0 before the first sample */
   uint64_t last_us; /* newest time stamp taken */
+  uint32_t hole_us; /* two samples further apart than this: samples are missing (1.5 nominal periods) */
   imucal_second_t run;
   uint8_t saturated, fault; /* channel bits seen in the running second */
   uint32_t nominal_n;       /* samples per second expected */
@@ -50,13 +52,14 @@ typedef struct imucal_sum {
   uint32_t n_refused;   /* other number of channels, time beyond 2^32 s, too many in a second */
 } imucal_sum_t;
 
-/* rate_hz: nominal samples per second, 1..IMUCAL_SUM_MAX_SAMPLES; n_channels: 1..IMUCAL_MAX_CHANNELS.
+/* rate_hz: nominal samples per second, 1..IMUCAL_SUM_MAX_RATE_HZ; n_channels: 1..IMUCAL_MAX_CHANNELS.
  * IMUCAL_ERR_ARGUMENT otherwise. */
 IMUCAL_MUST_USE imucal_status imucal_sum_init(imucal_sum_t* sum, uint32_t n_channels, uint32_t rate_hz);
 
 /* Take a sample.  IMUCAL_OK: taken; IMUCAL_SECOND_READY: taken, and *second holds the second before it;
  * IMUCAL_ERR_PERIOD: duplicate or backward time, counted and left out; IMUCAL_ERR_RANGE: refused and counted.
- * A second is flagged missing when it holds fewer samples than nominal. */
+ * A second is flagged missing when two neighbouring samples, or a sample and the second's edge, lie more than 1.5
+ * nominal periods apart: by time and not by number, so that a slow sample clock or jitter raises no flag. */
 IMUCAL_MUST_USE imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample,
                                              imucal_second_t* second);
 

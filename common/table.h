@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 /* Purpose: the calibration table of one device, as a struct and as bytes for flash and link.
  * Bytes: little-endian, versioned, length-prefixed, CRC-32 over everything before it; layout in table.md.
- * 48 + 136 bytes per channel: six channels fit one 1-KB flash page with the store's two words.
+ * 48 bytes and 136 per channel: six channels fit one 1-KB flash page with the store's two words.
  * Decoding checks every field; each kind of nonsense has its own status, and `place` says where. */
 #ifndef IMUCAL_TABLE_H
 #define IMUCAL_TABLE_H
@@ -71,7 +71,8 @@ IMUCAL_MUST_USE imucal_status imucal_table_encode(const imucal_table_t* table, u
 IMUCAL_MUST_USE imucal_status imucal_table_peek(const uint8_t* bytes, size_t have_bytes, size_t* len_bytes);
 
 /* Read and check everything: magic, version, length, CRC, then every field.  Bytes after the table are allowed
- * (a flash page is longer).  On error *table is in no defined state.  place may be null. */
+ * (a flash page is longer).  On error *table is in no defined state.  table may be null: check only; place may be
+ * null. */
 IMUCAL_MUST_USE imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imucal_table_t* table,
                                                   imucal_table_place_t* place);
 

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: MIT
+#include "sum.h"
+
+#include "num.h"
+
+#define US_PER_S 1000000u
+#define NO_SECOND_YET 0u
+
+imucal_status imucal_sum_init(imucal_sum_t* sum, uint32_t n_channels, uint32_t rate_hz) {
+  if (sum == NULL || n_channels < 1 || n_channels > IMUCAL_MAX_CHANNELS) return IMUCAL_ERR_ARGUMENT;
+  if (rate_hz < 1 || rate_hz > IMUCAL_SUM_MAX_RATE_HZ) return IMUCAL_ERR_ARGUMENT;
+  *sum = (imucal_sum_t){0};
+  sum->run.n_channels = (uint8_t)n_channels;
+  sum->nominal_n = rate_hz;
+  sum->hole_us = US_PER_S / rate_hz + US_PER_S / (2 * rate_hz);
+  return IMUCAL_OK;
+}
+
+static void mark_missing(imucal_sum_t* sum) {
+  for (uint32_t i = 0; i < sum->run.n_channels; i++)
+    sum->run.flags[i] = (uint8_t)(sum->run.flags[i] | IMUCAL_FLAG_MISSING);
+}
+
+/* Hand out the running second and leave the sums empty. */
+static void close_second(imucal_sum_t* sum, imucal_second_t* second) {
+  if (sum->end_us - sum->last_us > sum->hole_us) mark_missing(sum);
+  for (uint32_t i = 0; i < sum->run.n_channels; i++) {
+    uint32_t saturated = (sum->saturated >> i) & 1u ? IMUCAL_FLAG_SATURATED : 0u;
+    uint32_t fault = (sum->fault >> i) & 1u ? IMUCAL_FLAG_FAULT : 0u;
+    sum->run.flags[i] = (uint8_t)(sum->run.flags[i] | saturated | fault);
+  }
+  sum->run.is_gap = 2 * (uint64_t)sum->run.n_samples < sum->nominal_n;
+  *second = sum->run;
+  sum->last_t_s = sum->run.t_s;
+  uint8_t n_channels = sum->run.n_channels;
+  sum->run = (imucal_second_t){0};
+  sum->run.n_channels = n_channels;
+  sum->saturated = 0;
+  sum->fault = 0;
+}
+
+/* Begin the second that holds t_us.  Pre: t_us / 1e6 + 1 fits 32 bits. */
+static void open_second(imucal_sum_t* sum, uint64_t t_us) {
+  uint64_t start_s = t_us / US_PER_S;
+  sum->end_us = (start_s + 1) * US_PER_S;
+  sum->run.t_s = (uint32_t)(start_s + 1);
+  if (sum->last_t_s != NO_SECOND_YET) sum->run.n_skipped = sum->run.t_s - sum->last_t_s - 1;
+  if (sum->run.n_skipped != 0) sum->n_jump++;
+  if (t_us - start_s * US_PER_S > sum->hole_us) mark_missing(sum);
+}
+
+imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, imucal_second_t* second) {
+  uint64_t t_us = sample->t_us;
+  if (sample->n_channels != sum->run.n_channels || t_us >= (uint64_t)UINT32_MAX * US_PER_S ||
+      (t_us < sum->end_us && sum->run.n_samples >= IMUCAL_SUM_MAX_SAMPLES)) {
+    sum->n_refused++;
+    return IMUCAL_ERR_RANGE;
+  }
+  if (sum->end_us != 0 && t_us <= sum->last_us) {
+    if (t_us == sum->last_us) sum->n_duplicate++;
+    else sum->n_backward++;
+    return IMUCAL_ERR_PERIOD;
+  }
+  imucal_status status = IMUCAL_OK;
+  if (t_us >= sum->end_us) {
+    if (sum->run.n_samples != 0) {
+      close_second(sum, second);
+      status = IMUCAL_SECOND_READY;
+    }
+    open_second(sum, t_us);
+  } else if (t_us - sum->last_us > sum->hole_us) {
+    mark_missing(sum);
+  }
+  sum->last_us = t_us;
+  sum->n_taken++;
+  sum->run.n_samples++;
+  sum->run.temp_sum += sample->temp_counts;
+  for (uint32_t i = 0; i < sample->n_channels; i++) sum->run.sum[i] += sample->counts[i];
+  sum->saturated |= sample->saturated;
+  sum->fault |= sample->fault;
+  return status;
+}
+
+imucal_status imucal_sum_flush(imucal_sum_t* sum, imucal_second_t* second) {
+  if (sum->run.n_samples == 0) return IMUCAL_OK;
+  close_second(sum, second);
+  sum->last_us = sum->end_us - 1;
+  return IMUCAL_SECOND_READY;
+}
+
+/* sum = n floor + rest, 0 <= rest < n <= 2^24: the mean is floor 2^16 + rest 2^16/n.  |floor| <= 2^31, so the first
+ * term is below 2^47 and rest 2^16 < 2^40.  floor 2^16 is even, so that rounding the second term to even rounds the
+ * sum to even. */
+int64_t imucal_mean_q16_rne(int64_t sum, uint32_t n) {
+  int64_t floor = sum / (int64_t)n;
+  int64_t rest = sum - floor * (int64_t)n;
+  if (rest < 0) {
+    rest += (int64_t)n;
+    floor -= 1;
+  }
+  return floor * 65536 + imucal_divide_rne(rest * 65536, (int64_t)n);
+}
+
+float imucal_unit_from_q16(int64_t mean_q16, float scale_unit_per_count, float offset_unit) {
+  float counts = (float)mean_q16 * 0x1p-16f;
+  return counts * scale_unit_per_count + offset_unit;
+}

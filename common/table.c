@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: MIT
+#include "table.h"
+
+#include <string.h>
+
+#include "crc.h"
+#include "num.h"
+
+#define MAX_ABS_TEMP_DEGC 1000.0f
+#define SPAN_SLACK 1.00001f /* t0 +- range in float32 may round outward; comp clamps |Tn| to 1 */
+#define MAX_SCALE_SUM 0.0625f
+#define MAX_POSITIVE 3e38f
+
+/* ---- texts of fixed size ---- */
+
+/* Printable, not blank, not empty, then zeros to the end. */
+static bool is_text(const char* text, size_t size) {
+  size_t n = 0;
+  while (n < size && text[n] > ' ' && text[n] <= '~') n++;
+  if (n == 0) return false;
+  for (size_t i = n; i < size; i++)
+    if (text[i] != 0) return false;
+  return true;
+}
+
+imucal_status imucal_text_set(char* to, size_t size, const char* text) {
+  size_t n = 0;
+  while (n <= size && text[n] != 0) n++;
+  if (n > size) return IMUCAL_ERR_NAME;
+  for (size_t i = 0; i < n; i++)
+    if (text[i] <= ' ' || text[i] > '~') return IMUCAL_ERR_NAME;
+  if (n == 0) return IMUCAL_ERR_NAME;
+  memset(to, 0, size);
+  memcpy(to, text, n);
+  return IMUCAL_OK;
+}
+
+bool imucal_text_equal(const char* a, const char* b, size_t size) {
+  for (size_t i = 0; i < size; i++) {
+    if (a[i] != b[i]) return false;
+    if (a[i] == 0) return true;
+  }
+  return true;
+}
+
+/* ---- validation: the first field that fails, in the order of the bytes ---- */
+
+static float absolute(float value) { return value < 0 ? -value : value; }
+
+static bool are_within(const float* value, size_t n, float lo, float hi) {
+  for (size_t i = 0; i < n; i++)
+    if (!imucal_is_within(value[i], lo, hi)) return false;
+  return true;
+}
+
+/* Finite, at most `limit`, and zero from n_used on. */
+static bool are_coefficients(const float* value, size_t n_used, size_t n, float limit) {
+  if (!are_within(value, n, -limit, limit)) return false;
+  for (size_t i = n_used; i < n; i++)
+    if (imucal_bits_from_float(value[i]) << 1 != 0) return false;
+  return true;
+}
+
+static bool is_span(const imucal_table_channel_t* c) {
+  if (!imucal_is_within(c->span_lo_degc, -MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC)) return false;
+  if (!imucal_is_within(c->span_hi_degc, -MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC)) return false;
+  float reach = c->range_degc * SPAN_SLACK;
+  return c->span_lo_degc < c->span_hi_degc && absolute(c->span_lo_degc - c->t0_degc) <= reach &&
+         absolute(c->span_hi_degc - c->t0_degc) <= reach;
+}
+
+static bool is_model(const imucal_table_channel_t* c) {
+  if (!imucal_is_within(c->arw, 0.0f, MAX_POSITIVE)) return false;
+  for (size_t i = 0; i < IMUCAL_TABLE_MARKOV_N; i++) {
+    bool is_used = i < c->n_markov;
+    if (!imucal_is_within(c->markov_sigma[i], 0.0f, is_used ? MAX_POSITIVE : 0.0f)) return false;
+    if (!imucal_is_within(c->markov_tau_s[i], 0.0f, is_used ? MAX_POSITIVE : 0.0f)) return false;
+    if (is_used && c->markov_tau_s[i] <= 0.0f) return false;
+  }
+  return true;
+}
+
+static bool is_positive(float value) { return imucal_is_within(value, 1e-30f, MAX_POSITIVE); }
+
+static imucal_status refuse(imucal_table_place_t* place, int32_t channel, const char* field, imucal_status why) {
+  if (place != NULL) *place = (imucal_table_place_t){(int8_t)channel, field};
+  return why;
+}
+
+static imucal_status validate_channel(const imucal_table_channel_t* c, int32_t i, imucal_table_place_t* place) {
+  if (!is_text(c->name, IMUCAL_NAME_LEN)) return refuse(place, i, "name", IMUCAL_ERR_NAME);
+  if (c->order > IMUCAL_MAX_ORDER) return refuse(place, i, "order", IMUCAL_ERR_ORDER);
+  if (c->scale_order >= IMUCAL_TABLE_SCALE_N) return refuse(place, i, "scale_order", IMUCAL_ERR_ORDER);
+  if (c->n_markov > IMUCAL_TABLE_MARKOV_N) return refuse(place, i, "markov", IMUCAL_ERR_MODEL);
+  if (!imucal_is_within(c->t0_degc, -MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC))
+    return refuse(place, i, "t0_degc", IMUCAL_ERR_SPAN);
+  if (!imucal_is_within(c->range_degc, 1e-3f, 2 * MAX_ABS_TEMP_DEGC))
+    return refuse(place, i, "range_degc", IMUCAL_ERR_SPAN);
+  if (!are_coefficients(c->coeff, c->order == 0 ? 0u : c->order + 1u, IMUCAL_MAX_COEFF, IMUCAL_TABLE_MAX_COEFF))
+    return refuse(place, i, "coeff", IMUCAL_ERR_COEFFICIENT);
+  if (!are_coefficients(c->scale_coeff, c->scale_order + 1u, IMUCAL_TABLE_SCALE_N, MAX_SCALE_SUM) ||
+      absolute(c->scale_coeff[0]) + absolute(c->scale_coeff[1]) + absolute(c->scale_coeff[2]) > MAX_SCALE_SUM)
+    return refuse(place, i, "scale_coeff", IMUCAL_ERR_COEFFICIENT);
+  if (!is_span(c)) return refuse(place, i, "span_degc", IMUCAL_ERR_SPAN);
+  if (!are_within(c->sigma, IMUCAL_TABLE_SIGMA_N, 0.0f, MAX_POSITIVE))
+    return refuse(place, i, "sigma", IMUCAL_ERR_SIGMA);
+  if (!is_model(c)) return refuse(place, i, "model", IMUCAL_ERR_MODEL);
+  if (!is_positive(c->unit_per_count)) return refuse(place, i, "unit_per_count", IMUCAL_ERR_SCALE);
+  if (c->full_scale_counts <= 0) return refuse(place, i, "full_scale_counts", IMUCAL_ERR_SCALE);
+  return IMUCAL_OK;
+}
+
+typedef struct header {
+  const char* serial;
+  uint32_t sequence, n_channels;
+  float degc_per_count, degc_at_zero;
+} header_t;
+
+static imucal_status validate_header(const header_t* header, imucal_table_place_t* place) {
+  if (!is_text(header->serial, IMUCAL_SERIAL_LEN)) return refuse(place, -1, "serial", IMUCAL_ERR_NAME);
+  if (header->sequence == 0 || header->sequence == UINT32_MAX)
+    return refuse(place, -1, "sequence", IMUCAL_ERR_SEQUENCE);
+  if (header->n_channels == 0 || header->n_channels > IMUCAL_MAX_CHANNELS)
+    return refuse(place, -1, "channels", IMUCAL_ERR_CHANNELS);
+  if (!is_positive(header->degc_per_count)) return refuse(place, -1, "degc_per_count", IMUCAL_ERR_SCALE);
+  if (!imucal_is_within(header->degc_at_zero, -1e6f, 1e6f))
+    return refuse(place, -1, "degc_at_zero", IMUCAL_ERR_SCALE);
+  return IMUCAL_OK;
+}
+
+imucal_status imucal_table_validate(const imucal_table_t* table, imucal_table_place_t* place) {
+  header_t header = {table->serial, table->sequence, table->n_channels, table->degc_per_count, table->degc_at_zero};
+  imucal_status status = validate_header(&header, place);
+  for (uint32_t i = 0; status == IMUCAL_OK && i < table->n_channels; i++)
+    status = validate_channel(&table->channel[i], (int32_t)i, place);
+  return status;
+}
+
+/* ---- bytes (table.md) ---- */
+
+/* t0_degc .. unit_per_count: 28 floats, one after another in the struct as on the wire. */
+#define FLOATS_AT offsetof(imucal_table_channel_t, t0_degc)
+#define N_FLOATS 28
+typedef char floats_are_contiguous[offsetof(imucal_table_channel_t, unit_per_count) + 4 == FLOATS_AT + 4 * N_FLOATS
+                                       ? 1
+                                       : -1];
+
+static void encode_channel(const imucal_table_channel_t* c, uint8_t* at) {
+  memcpy(at, c->name, IMUCAL_NAME_LEN);
+  imucal_put_u32(at + 12, c->order | (uint32_t)c->scale_order << 8 | (uint32_t)c->n_markov << 16);
+  for (size_t i = 0; i < N_FLOATS; i++) {
+    uint32_t bits;
+    memcpy(&bits, (const uint8_t*)c + FLOATS_AT + 4 * i, 4);
+    imucal_put_u32(at + 16 + 4 * i, bits);
+  }
+  imucal_put_u32(at + 128, (uint32_t)c->full_scale_counts);
+  imucal_put_u32(at + 132, c->n_seconds);
+}
+
+static void decode_channel(const uint8_t* at, imucal_table_channel_t* c) {
+  memcpy(c->name, at, IMUCAL_NAME_LEN);
+  c->order = at[12];
+  c->scale_order = at[13];
+  c->n_markov = at[14];
+  for (size_t i = 0; i < N_FLOATS; i++) {
+    uint32_t bits = imucal_get_u32(at + 16 + 4 * i);
+    memcpy((uint8_t*)c + FLOATS_AT + 4 * i, &bits, 4);
+  }
+  c->full_scale_counts = (int32_t)imucal_get_u32(at + 128);
+  c->n_seconds = imucal_get_u32(at + 132);
+}
+
+imucal_status imucal_table_encode(const imucal_table_t* table, uint8_t* bytes, size_t max_bytes,
+                                  size_t* len_bytes) {
+  imucal_status status = imucal_table_validate(table, NULL);
+  if (status != IMUCAL_OK) return status;
+  size_t len = IMUCAL_TABLE_BYTES((size_t)table->n_channels);
+  if (len > max_bytes) return IMUCAL_ERR_SPACE;
+  imucal_put_u32(bytes, IMUCAL_TABLE_MAGIC);
+  imucal_put_u16(bytes + 4, IMUCAL_TABLE_VERSION);
+  imucal_put_u16(bytes + 6, (uint32_t)len);
+  memcpy(bytes + 8, table->serial, IMUCAL_SERIAL_LEN);
+  imucal_put_u32(bytes + 24, table->sequence);
+  imucal_put_u32(bytes + 28, table->created_s);
+  imucal_put_u32(bytes + 32, table->n_channels); /* and three reserved bytes */
+  imucal_put_f32(bytes + 36, table->degc_per_count);
+  imucal_put_f32(bytes + 40, table->degc_at_zero);
+  for (size_t i = 0; i < table->n_channels; i++)
+    encode_channel(&table->channel[i], bytes + IMUCAL_TABLE_HEADER_BYTES + IMUCAL_TABLE_CHANNEL_BYTES * i);
+  imucal_put_u32(bytes + len - 4, imucal_crc32(bytes, len - 4));
+  *len_bytes = len;
+  return IMUCAL_OK;
+}
+
+imucal_status imucal_table_peek(const uint8_t* bytes, size_t have_bytes, size_t* len_bytes) {
+  if (have_bytes < IMUCAL_TABLE_HEADER_BYTES) return IMUCAL_ERR_LENGTH;
+  if (imucal_get_u32(bytes) != IMUCAL_TABLE_MAGIC) return IMUCAL_ERR_MAGIC;
+  if (imucal_get_u16(bytes + 4) != IMUCAL_TABLE_VERSION) return IMUCAL_ERR_VERSION;
+  size_t len = imucal_get_u16(bytes + 6);
+  if (len < IMUCAL_TABLE_BYTES(1u) || len > IMUCAL_TABLE_MAX_BYTES) return IMUCAL_ERR_LENGTH;
+  *len_bytes = len;
+  return IMUCAL_OK;
+}
+
+imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imucal_table_t* table,
+                                  imucal_table_place_t* place) {
+  size_t len = 0;
+  imucal_status status = imucal_table_peek(bytes, have_bytes, &len);
+  if (status != IMUCAL_OK) return refuse(place, -1, status == IMUCAL_ERR_VERSION ? "version" : "header", status);
+  if (len > have_bytes) return refuse(place, -1, "length", IMUCAL_ERR_LENGTH);
+  if (imucal_crc32(bytes, len - 4) != imucal_get_u32(bytes + len - 4))
+    return refuse(place, -1, "crc", IMUCAL_ERR_CRC);
+  if (len != IMUCAL_TABLE_BYTES((size_t)bytes[32])) return refuse(place, -1, "length", IMUCAL_ERR_LENGTH);
+  if (imucal_get_u32(bytes + 32) >> 8 != 0) return refuse(place, -1, "reserved", IMUCAL_ERR_RESERVED);
+  header_t header = {(const char*)bytes + 8, imucal_get_u32(bytes + 24), bytes[32], imucal_get_f32(bytes + 36),
+                     imucal_get_f32(bytes + 40)};
+  status = validate_header(&header, place);
+  if (status != IMUCAL_OK) return status;
+  if (table != NULL) {
+    memset(table, 0, sizeof *table);
+    memcpy(table->serial, header.serial, IMUCAL_SERIAL_LEN);
+    table->sequence = header.sequence;
+    table->created_s = imucal_get_u32(bytes + 28);
+    table->n_channels = bytes[32];
+    table->degc_per_count = header.degc_per_count;
+    table->degc_at_zero = header.degc_at_zero;
+  }
+  imucal_table_channel_t channel; /* one at a time: checking needs no whole table */
+  for (uint32_t i = 0; i < header.n_channels; i++) {
+    const uint8_t* at = bytes + IMUCAL_TABLE_HEADER_BYTES + IMUCAL_TABLE_CHANNEL_BYTES * i;
+    if (at[15] != 0) return refuse(place, (int32_t)i, "reserved", IMUCAL_ERR_RESERVED);
+    decode_channel(at, &channel);
+    status = validate_channel(&channel, (int32_t)i, place);
+    if (status != IMUCAL_OK) return status;
+    if (table != NULL) table->channel[i] = channel;
+  }
+  return IMUCAL_OK;
+}
+
+imucal_status imucal_table_from_kf(imucal_table_channel_t* channel, const imucal_kf_t* kf, float span_lo_degc,
+                                   float span_hi_degc) {
+  if (!kf->is_ready || kf->stats.n == 0) return IMUCAL_ERR_NOT_LEARNT;
+  imucal_table_channel_t learnt = *channel;
+  learnt.order = kf->config.order;
+  learnt.t0_degc = kf->config.t0_degc;
+  learnt.range_degc = kf->config.range_degc;
+  learnt.span_lo_degc = span_lo_degc;
+  learnt.span_hi_degc = span_hi_degc;
+  if (!is_span(&learnt)) return IMUCAL_ERR_SPAN;
+  for (uint32_t i = 0; i < IMUCAL_MAX_COEFF; i++) learnt.coeff[i] = imucal_kf_coefficient(kf, i);
+  for (uint32_t i = 0; i < IMUCAL_TABLE_SIGMA_N; i++) {
+    float part = (float)i / (float)(IMUCAL_TABLE_SIGMA_N - 1);
+    learnt.sigma[i] = imucal_kf_bias_sigma(kf, span_lo_degc + part * (span_hi_degc - span_lo_degc));
+  }
+  learnt.n_seconds = kf->stats.n;
+  *channel = learnt;
+  return IMUCAL_OK;
+}
