@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: MIT
+"""The HTML page of a diagnosis, from outside: what it says, what it draws, what it refuses."""
+import base64
+import copy
+import json
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+SCRIPT = os.path.join(os.path.dirname(__file__), "..", "..", "host", "scripts", "diagnosis_report.py")
+
+DIAGNOSIS = {
+    "imucal_diagnosis": 1, "model": "model.json", "logs": ["runs/a.csv", "runs/<b>.csv"], "held_out_logs": [],
+    "false_alarm_rate": 0.01, "seed": 7,
+    "axes": [
+        {"axis": "gx_dph", "verdict": "explained",
+         "where": {"tau_s": [512, 4096], "temp_degc": [10, 50], "time_s": None, "direction": "up", "logs": ["runs/a.csv"],
+                   "findings": [{"probe": "direction", "evidence_nats": 41.2, "p_value": 1e-19, "statement": "up and down differ"}],
+                   "by_tau": [{"tau_s": [512, 1024], "z": 5.6}]},
+         "effects": [{"name": "thermal_hysteresis", "parameters": {"amplitude_dph": 19.84, "width_degc": 5.2},
+                      "std_errors": {"amplitude_dph": 0.9, "width_degc": 0.31}, "evidence_nats": 305.2,
+                      "set": [{"name": "thermal_hysteresis", "evidence_nats": 305.2}, {"name": "thermal_lag", "evidence_nats": 303}]}],
+         "not_detectable_here": [{"name": "rate_ramp", "smallest_detectable": {"ramp_dph_per_h": 11.0}}],
+         "indistinguishable": [["rate_ramp", "warm_up"]], "advice": ["Run the staircase."],
+         "advised_profile": {"imucal_profile": 1, "start_degc": 0, "repeat": 1, "segments": [
+             {"rate_degc_per_min": 0, "duration_s": 600}, {"rate_degc_per_min": 2, "to_degc": 60}]},
+         "gap": {"before": 142.0, "after": 9.1, "shrinkage": 0.936, "ci95": [0.88, 0.98], "unit": "deviance per hour, held out",
+                 "remainder": "6 % above 1000 s", "residual_rms_dph": {"before": 26.0, "after": 18.3},
+                 "dp2_distance_dph": {"before": 0.56, "after": 0.21}},
+         "plots": {
+             "gap_tau_temperature": {"tau_s": [2, 4, 8], "temp_degc": [10, 30], "z_before": [[0, 3.5, 9], [None, 1, -4]],
+                                     "z_after": [[0, 0.5, 1], [None, 1, 0]]},
+             "residual_temperature": {"directions": {"up": {"temp_degc": [10, 30], "before_dph": [5, 9], "after_dph": [0, 1],
+                                                            "se_dph": [1, 1]}}},
+             "dp2": {"tau_s": [2, 10, 100], "data_dph": [[30, 20, 15], [31, 21, None]], "model_before_dph": [30, 19, 12],
+                     "model_after_dph": [30, 20, 15], "envelope_after_dph": [[28, 33], [18, 22], [12, 19]]},
+             "candidates": [{"name": "thermal_hysteresis", "gain_nats": 312, "threshold_nats": 7},
+                            {"name": "generic <T>", "gain_nats": 20, "threshold_nats": 23, "library": False}]}},
+        {"axis": "gy_dph", "verdict": "no_gap", "where": None, "effects": [],
+         "not_detectable_here": [{"name": "rate_ramp", "smallest_detectable": {"ramp_dph_per_h": 11.0}}],
+         "indistinguishable": [], "advice": [], "gap": {}}]}
+
+
+def run(tmp_path, diagnosis):
+    source, out = tmp_path / "d.json", tmp_path / "r.html"
+    source.write_text(diagnosis if isinstance(diagnosis, str) else json.dumps(diagnosis))
+    done = subprocess.run([sys.executable, SCRIPT, str(source), "-o", str(out)], capture_output=True, text=True)
+    return done, out.read_text() if out.exists() else ""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    done, text = run(tmp_path_factory.mktemp("page"), DIAGNOSIS)
+    assert done.returncode == 0, done.stderr
+    return text
+
+
+def test_page_needs_nothing_from_outside(page):
+    assert not re.search(r"""(src|href)=["'](?!data:image/svg|#)""", page)
+    images = re.findall(r"data:image/svg\+xml;base64,([^\"]+)", page)
+    assert len(images) == 5  # four plots and the advised profile
+    assert all(b"<svg" in base64.b64decode(i) for i in images)
+
+
+@pytest.mark.parametrize("words", [
+    "Gap explained", "No gap found", "removes 94 % of the gap on held-out data (95 % interval 88 to 98 %)",
+    "amplitude 19.8 ± 0.9 dph, width 5.2 ± 0.31 °C", "at averaging times of 512 to 4096 s, between 10 and 50 °C",
+    "while the temperature rises", "cannot exclude thermal lag instead", "rate ramp and warm up", "Run the staircase.",
+    "142 → 9.1", "each held out in turn", "false-alarm rate 1 %", "up and down differ",
+    "1 effect would stay unseen on these profiles"])
+def test_page_says_what_the_diagnosis_says(page, words):
+    assert words in page
+
+
+def test_page_escapes_text_from_files(page):
+    assert "<b>.csv" not in page and "&lt;b&gt;.csv" in page
+
+
+def test_missing_and_malformed_plots_do_not_stop_the_page(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    del diagnosis["axes"][0]["plots"]["dp2"]
+    diagnosis["axes"][0]["plots"]["candidates"] = [{"gain_nats": 3}]
+    done, text = run(tmp_path, diagnosis)
+    assert done.returncode == 0
+    assert len(re.findall("data:image/svg", text)) == 3
+    assert "plots.candidates is not as documented" in text
+
+
+@pytest.mark.parametrize("text, words", [("{", "not JSON"), ("{}", "imucal_diagnosis"),
+                                         ('{"imucal_diagnosis": 1, "axes": [3]}', "field axes")])
+def test_what_is_no_diagnosis_is_refused(tmp_path, text, words):
+    done, page_text = run(tmp_path, text)
+    assert done.returncode == 3 and words in done.stderr and not page_text
+
+
+def test_missing_file_is_named(tmp_path):
+    done = subprocess.run([sys.executable, SCRIPT, str(tmp_path / "no.json"), "-o", str(tmp_path / "r.html")],
+                          capture_output=True, text=True)
+    assert done.returncode == 3 and "no.json" in done.stderr
