@@ -102,6 +102,10 @@ def joined(items):
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
 
 
+def many(n, noun):
+    return f"{n} {noun}{'' if n == 1 else 's'}"
+
+
 def plain(name):
     return name.replace("_", " ")
 
@@ -423,7 +427,7 @@ def limits(axis):
     hidden = axis.get("not_detectable_here") or []
     if hidden:
         parts.append("<details><summary>Not detectable on these profiles below the sizes listed "
-                     f"({len(hidden)} effect{"s" * (len(hidden) != 1)})</summary>" + rows(("effect", "smallest size that would show"), [
+                     f"({many(len(hidden), 'effect')})</summary>" + rows(("effect", "smallest size that would show"), [
                          (plain(h["name"]), ", ".join(parameter_text(k, v) for k, v in (h.get("smallest_detectable") or {}).items())
                           or "none on these profiles") for h in hidden]) + "</details>")
     pairs = axis.get("indistinguishable") or []
@@ -463,7 +467,7 @@ def section(axis, index):
     title, color, meaning = VERDICTS.get(axis["verdict"], (plain(axis["verdict"]), MUTED, ""))
     hidden = axis.get("not_detectable_here") or []
     if axis["verdict"] == "no_gap" and hidden:
-        meaning += f" {len(hidden)} effect{"s" * (len(hidden) != 1)} would stay unseen on these profiles unless larger than listed below."
+        meaning += f" {many(len(hidden), 'effect')} would stay unseen on these profiles unless larger than listed below."
     lead = [meaning, cause_sentence(axis), where_sentence(axis.get("where")), gap_sentence(axis.get("gap"))]
     return (f'<section id="axis{index}"><div class="head"><h2>{esc(axis["axis"])}</h2>'
             f'<span class="badge" style="background:{color}">{esc(title)}</span></div>'
