@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT
+"""Plot a calibration: raw and compensated bias against temperature, before and after, and the error of the
+polynomial that was learned against the error the filter predicted.
+
+    plot_calibration.py REPORT.json -o PICTURE.png
+
+REPORT.json is what demo.py writes: {"title", "subtitle", "axes": [axis...]}, one axis with
+    axis                        name
+    before: {temp_degc, rate_dph}   means of the uncompensated device over a temperature bin (or a minute)
+    after:  {temp_degc, rate_dph}   the same of the compensating device, profile run again
+    table:  {temp_degc, bias_dph, sigma_dph}      learned polynomial and its predicted one-sigma error
+    truth_error_dph                 learned minus true polynomial at table.temp_degc; absent for a recorded log
+"""
+
+import argparse
+import json
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+import numpy as np  # noqa: E402
+
+RAW, COMPENSATED, TRUTH, INK, GRID = "#c8553d", "#2a7f9e", "#1d3557", "#22303c", "#e3e8ec"
+STYLE = {
+    "font.size": 10, "axes.edgecolor": "#9aa7b1", "axes.labelcolor": INK, "text.color": INK,
+    "xtick.color": INK, "ytick.color": INK, "axes.grid": True, "grid.color": GRID, "axes.axisbelow": True,
+    "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False, "figure.facecolor": "white",
+}
+
+
+def smooth(values):
+    """Interpolate (temperature, value) pairs given at few points to a fine line."""
+    temp, value = (np.asarray(v, float) for v in values)
+    fine = np.linspace(temp[0], temp[-1], 200)
+    return fine, np.interp(fine, temp, value)
+
+
+def draw_bias(ax, axis):
+    """Upper panel: what the device says before and after, and what it learned."""
+    ax.plot(axis["before"]["temp_degc"], axis["before"]["rate_dph"], ".", ms=3.5, color=RAW, alpha=0.55, mew=0,
+            label="before: raw bias")
+    ax.plot(axis["table"]["temp_degc"], axis["table"]["bias_dph"], color=INK, lw=1.2, label="polynomial learned")
+    ax.plot(axis["after"]["temp_degc"], axis["after"]["rate_dph"], ".", ms=3.5, color=COMPENSATED, alpha=0.55, mew=0,
+            label="after: compensated")
+    ax.axhline(0, color=INK, lw=0.6)
+
+
+def draw_compensated(ax, axis):
+    """Middle panel: the compensated output, magnified."""
+    ax.plot(axis["after"]["temp_degc"], axis["after"]["rate_dph"], ".", ms=3.5, color=COMPENSATED, alpha=0.5, mew=0,
+            label="after, one-minute means")
+    bins = axis.get("after_binned")
+    if bins:
+        ax.plot(bins["temp_degc"], bins["rate_dph"], color=TRUTH, lw=1.6, marker="o", ms=3.5, label="mean per temperature")
+    ax.axhline(0, color=INK, lw=0.6)
+
+
+def draw_error(ax, axis):
+    """Lower panel: error of the polynomial against what the filter predicted of it."""
+    temp = np.asarray(axis["table"]["temp_degc"])
+    sigma = np.asarray(axis["table"]["sigma_dph"])
+    ax.fill_between(temp, -2 * sigma, 2 * sigma, color=COMPENSATED, alpha=0.10, lw=0, label="predicted two sigma")
+    ax.fill_between(temp, -sigma, sigma, color=COMPENSATED, alpha=0.22, lw=0, label="predicted one sigma")
+    if axis.get("truth_error_dph"):
+        ax.plot(temp, axis["truth_error_dph"], color=TRUTH, lw=1.8, label="learned minus true polynomial")
+    ax.axhline(0, color=INK, lw=0.6)
+
+
+PANELS = (
+    (draw_bias, "bias [deg/h]"),
+    (draw_compensated, "compensated [deg/h]"),
+    (draw_error, "polynomial error [deg/h]"),
+)
+
+
+def symmetric(axes_row):
+    """One scale for a row of panels, symmetric about zero."""
+    limit = max(abs(value) for ax in axes_row for value in ax.get_ylim())
+    for ax in axes_row:
+        ax.set_ylim(-limit, limit)
+
+
+def plot(report):
+    """Returns the figure of a report (see the top of this file)."""
+    axes = report["axes"]
+    with plt.rc_context(STYLE):
+        figure, grid = plt.subplots(3, len(axes), figsize=(4.3 * len(axes) + 0.6, 9.4), squeeze=False, sharex=True,
+                                    sharey="row", gridspec_kw={"height_ratios": [1.25, 1, 1]})
+        for column, axis in enumerate(axes):
+            grid[0][column].set_title(axis["axis"].rsplit("_", 1)[0], fontweight="bold")
+            for row, (draw, label) in enumerate(PANELS):
+                draw(grid[row][column], axis)
+                if column == 0:
+                    grid[row][column].set_ylabel(label)
+            grid[2][column].set_xlabel("temperature [°C]")
+        for row in (1, 2):
+            symmetric(grid[row])
+        figure.align_ylabels()
+        figure.suptitle(report["title"], x=0.012, y=0.988, ha="left", fontsize=14, fontweight="bold")
+        figure.text(0.012, 0.948, report["subtitle"], ha="left", va="center", fontsize=9.5, color="#5b6a75")
+        figure.tight_layout(rect=(0, 0, 1, 0.94), h_pad=2.6)
+        for row in range(3):
+            handles, labels = grid[row][0].get_legend_handles_labels()
+            box = grid[row][0].get_position()
+            figure.legend(handles, labels, loc="lower left", bbox_to_anchor=(box.x0, box.y1 + (0.018 if row == 0 else 0.0)),
+                          ncol=len(handles), fontsize=9, markerscale=2.5, borderaxespad=0.2, handlelength=1.4,
+                          columnspacing=1.6)
+    return figure
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("report")
+    parser.add_argument("-o", "--output", required=True)
+    options = parser.parse_args()
+    with open(options.report) as file:
+        plot(json.load(file)).savefig(options.output, dpi=130)
+
+
+if __name__ == "__main__":
+    main()
