@@ -104,13 +104,21 @@ void add_feed(CLI::App* app, FeedOptions* o, CommonOptions* common) {
   add_common_options(app, common, kWithSeed);
 }
 
+// As the emulated boards of the firmware count by default (firmware/README.md).
+FeedOptions board_feed() {
+  FeedOptions feed;
+  feed.format.counts_scale_dph = 1;
+  feed.format.max_counts = 8388607;
+  return feed;
+}
+
 struct ServeOptions {
   CommonOptions common;
-  FeedOptions feed;
+  FeedOptions feed = board_feed();
   std::vector<std::string> model_paths, accel_model_paths;
   std::string profile_path, effects_path, log_path;
   size_t n_axes = 0;
-  double accel_scale_mg = 0.05;
+  double accel_scale_mg = 0.01;
   SimOptions sim;
 };
 
@@ -187,7 +195,7 @@ Exit run_serve(ServeOptions o) {
 
 struct ReplayOptions {
   CommonOptions common;
-  FeedOptions feed;
+  FeedOptions feed = board_feed();
   std::string log_path;
 };
 
