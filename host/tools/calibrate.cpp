@@ -35,10 +35,12 @@ TemperatureRange range_of(const std::string& text) {
 }
 
 void add_port(CLI::App* app, PortOptions* o) {
-  app->add_option("-p,--port", o->port, "serial device (/dev/ttyACM0), pseudo-terminal (/dev/pts/3) or tcp:HOST:PORT")
+  app->add_option("-p,--port", o->port,
+                  "serial device (/dev/ttyACM0), pseudo-terminal (/dev/pts/3) or tcp:HOST:PORT")
       ->type_name("PORT");
   app->add_option("--baud", o->baud, "of a serial device")->capture_default_str();
-  app->add_option("--timeout-s", o->device.reply_timeout_s, "how long to wait for a reply before asking again")
+  app->add_option("--timeout-s", o->device.reply_timeout_s,
+                  "how long to wait for a reply before asking again")
       ->check(CLI::Range(0.01, 60.0))
       ->capture_default_str();
   app->add_option("--tries", o->device.tries, "how often to ask before giving the device up")
@@ -47,20 +49,26 @@ void add_port(CLI::App* app, PortOptions* o) {
 }
 
 void add_run(CLI::App* app, RunArguments* o) {
-  app->add_option("--order", o->run.order, "order of the polynomial")->check(CLI::Range(1, IMUCAL_MAX_ORDER))->capture_default_str();
+  app->add_option("--order", o->run.order, "order of the polynomial")
+      ->check(CLI::Range(1, IMUCAL_MAX_ORDER))
+      ->capture_default_str();
   app->add_option("--model", o->model_paths, "error model; one for all axes, or one per axis")
       ->required()
       ->allow_extra_args(false)
       ->type_name("MODEL.json");
-  app->add_option("--axis", o->run.axes, "axis to calibrate (repeat; default: all gyros)")->allow_extra_args(false);
-  app->add_option("--range", o->range, "temperatures the table is for, degC (default: of the profile or the model)")
+  app->add_option("--axis", o->run.axes, "axis to calibrate (repeat; default: all gyros)")
+      ->allow_extra_args(false);
+  app->add_option("--range", o->range,
+                  "temperatures the table is for, degC (default: of the profile or the model)")
       ->type_name("LOW:HIGH");
   app->add_option("--profile", o->profile_path, "what the chamber does: gives range and duration")
       ->type_name("PROFILE.json");
-  app->add_option("--until-error", o->run.until_error, "end when the predicted worst one-sigma error is below this")
+  app->add_option("--until-error", o->run.until_error,
+                  "end when the predicted worst one-sigma error is below this")
       ->check(CLI::PositiveNumber)
       ->type_name("DPH");
-  app->add_option("--duration-s", o->run.duration_s, "end after so much sensor time")->check(CLI::PositiveNumber);
+  app->add_option("--duration-s", o->run.duration_s, "end after so much sensor time")
+      ->check(CLI::PositiveNumber);
   app->add_option("--stall-s", o->run.stall_s, "give up when the sensor delivers nothing for so long")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
@@ -68,7 +76,8 @@ void add_run(CLI::App* app, RunArguments* o) {
       ->check(CLI::Range(1e-3, 1e6))
       ->capture_default_str();
   app->add_option("--record", o->run.record_path, "write the raw 1-s means as a log")->type_name("LOG.csv");
-  app->add_option("--record-compensated", o->run.record_compensated_path, "write the compensated 1-s means as a log")
+  app->add_option("--record-compensated", o->run.record_compensated_path,
+                  "write the compensated 1-s means as a log")
       ->type_name("LOG.csv");
   app->add_option("-o,--output", o->table_path, "write the table as flashed")->type_name("TABLE.json");
 }
@@ -81,7 +90,7 @@ RunOptions complete(RunArguments arguments, bool quiet) {
   return arguments.run;
 }
 
-}  // namespace
+} // namespace
 
 int main(int argc, char** argv) {
   CLI::App app("calibrates an IMU over its serial port", "calibrate");
@@ -98,10 +107,14 @@ int main(int argc, char** argv) {
   CLI::App* monitor_app = app.add_subcommand("monitor", "print the 1-s means, raw and compensated");
   CLI::App* record_app = app.add_subcommand("record", "write the 1-s means as a log");
   for (CLI::App* sub : {monitor_app, record_app})
-    sub->add_option("--duration-s", watch.duration_s, "end after so much sensor time (default: when the sensor ends)")
+    sub->add_option("--duration-s", watch.duration_s,
+                    "end after so much sensor time (default: when the sensor ends)")
         ->check(CLI::PositiveNumber);
-  record_app->add_option("-o,--output", watch.raw_path, "log of the raw means")->required()->type_name("LOG.csv");
-  record_app->add_option("--compensated", watch.compensated_path, "log of the compensated means")->type_name("LOG.csv");
+  record_app->add_option("-o,--output", watch.raw_path, "log of the raw means")
+      ->required()
+      ->type_name("LOG.csv");
+  record_app->add_option("--compensated", watch.compensated_path, "log of the compensated means")
+      ->type_name("LOG.csv");
   RunArguments run;
   CLI::App* run_app = app.add_subcommand("run", "learn the polynomials, flash the table, read it back");
   add_run(run_app, &run);
@@ -110,15 +123,19 @@ int main(int argc, char** argv) {
   CLI::App* verify = app.add_subcommand("verify", "compare a table with the device's (exit 1: differs)");
   CLI::App* dump = app.add_subcommand("dump", "read the device's table");
   for (CLI::App* sub : {flash, verify})
-    sub->add_option("TABLE", table_path, "table (.json, or .bin: the bytes as flashed)")->required()->type_name("TABLE.json");
-  dump->add_option("-o,--output", table_path, "table to write (.json or .bin)")->required()->type_name("TABLE.json");
+    sub->add_option("TABLE", table_path, "table (.json, or .bin: the bytes as flashed)")
+        ->required()
+        ->type_name("TABLE.json");
+  dump->add_option("-o,--output", table_path, "table to write (.json or .bin)")
+      ->required()
+      ->type_name("TABLE.json");
   CLI::App* rollback = app.add_subcommand("rollback", "return to the table before");
   app.add_subcommand("erase", "erase both tables: the device runs uncompensated");
 
   return run_program(&app, argc, argv, [&]() -> Exit {
     if (*list) return list_ports(common);
     RunOptions run_options;
-    if (*run_app) run_options = complete(run, common.quiet);  // bad files show before the device is asked
+    if (*run_app) run_options = complete(run, common.quiet); // bad files show before the device is asked
     if (*flash || *verify) (void)read_table(table_path);
     Device device(open_transport(port.port, port.baud), port.device);
     device.connect();

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Transport: pseudo-terminals and TCP carry bytes unchanged, wait no longer than told, and end in clear errors.
+// Transport: pseudo-terminals and TCP carry bytes unchanged, wait no longer than told, and end in clear
+// errors.
+#include <csetjmp>
 #include <cstdarg>
 #include <cstddef>
-#include <csetjmp>
 #include <cstdint>
 extern "C" {
 #include <cmocka.h>
@@ -210,7 +211,7 @@ void test_open_malformed_name_is_a_usage_error(void**) {
     assert_int_equal(refusal_of(port).exit, Exit::kUsage);
 }
 
-}  // namespace
+} // namespace
 
 int main() {
   const CMUnitTest tests[] = {

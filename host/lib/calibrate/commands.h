@@ -14,8 +14,8 @@ Exit list_ports(const CommonOptions& common);
 Exit show_info(Device* device, const CommonOptions& common);
 
 struct MonitorOptions {
-  double duration_s = 0;  // of sensor time; 0: until the sensor ends or Ctrl-C
-  std::string raw_path, compensated_path;  // logs to write (record); both empty: print (monitor)
+  double duration_s = 0;                  // of sensor time; 0: until the sensor ends or Ctrl-C
+  std::string raw_path, compensated_path; // logs to write (record); both empty: print (monitor)
 };
 Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions& common);
 
@@ -32,4 +32,4 @@ Exit erase_tables(Device* device, const CommonOptions& common);
 // Results of `run` and `fit` (design 1.1): {"axes": [...]} of a table.
 Json axes_json(const imucal_table_t& table);
 
-}  // namespace imucal
+} // namespace imucal

@@ -20,40 +20,55 @@ double now_s() {
 
 const char* request_name(uint8_t id) {
   switch (id) {
-#define NAME_OF(number, name, NAME)                                                                                   \
-  case number: return #NAME;
+#define NAME_OF(number, name, NAME)                                                                          \
+  case number:                                                                                               \
+    return #NAME;
     IMUCAL_LINK_MESSAGES(NAME_OF)
 #undef NAME_OF
-    default: return "?";
+  default:
+    return "?";
   }
 }
 
 // What to do about a refusal, beyond what the status says.
 std::string remedy(imucal_status status) {
   switch (status) {
-    case IMUCAL_ERR_BUSY: return "; a calibration runs: stop it first (calibrate run, Ctrl-C) or restart the device";
-    case IMUCAL_ERR_NO_TABLE: return "; calibrate the device or flash a table";
-    case IMUCAL_ERR_NO_OTHER: return "; only one table is in flash";
-    case IMUCAL_ERR_SERIAL: return "; use the table of this device (calibrate info shows its serial)";
-    case IMUCAL_ERR_FLASH:
-    case IMUCAL_ERR_VERIFY: return "; the flash may be worn out; the last good table still rules";
-    case IMUCAL_ERR_UNKNOWN: return "; the firmware does not know this request: update it";
-    case IMUCAL_ERR_NOT_LEARNT: return "; the filters saw no usable seconds";
-    default: return "";
+  case IMUCAL_ERR_BUSY:
+    return "; a calibration runs: stop it first (calibrate run, Ctrl-C) or restart the device";
+  case IMUCAL_ERR_NO_TABLE:
+    return "; calibrate the device or flash a table";
+  case IMUCAL_ERR_NO_OTHER:
+    return "; only one table is in flash";
+  case IMUCAL_ERR_SERIAL:
+    return "; use the table of this device (calibrate info shows its serial)";
+  case IMUCAL_ERR_FLASH:
+  case IMUCAL_ERR_VERIFY:
+    return "; the flash may be worn out; the last good table still rules";
+  case IMUCAL_ERR_UNKNOWN:
+    return "; the firmware does not know this request: update it";
+  case IMUCAL_ERR_NOT_LEARNT:
+    return "; the filters saw no usable seconds";
+  default:
+    return "";
   }
 }
 
-constexpr double kFlashPatience = 5.0;  // erase and program take longer than an answer
+constexpr double kFlashPatience = 5.0; // erase and program take longer than an answer
 
-}  // namespace
+} // namespace
 
 Device::Device(std::unique_ptr<Transport> transport, DeviceOptions options)
-    : transport_(std::move(transport)), options_(options), sequence_(static_cast<uint8_t>(std::random_device{}())) {
+    : transport_(std::move(transport)), options_(options),
+      sequence_(static_cast<uint8_t>(std::random_device{}())) {
   imucal_link_rx_init(&rx_);
 }
 
-std::string Device::serial() const { return fixed_text(hello_.serial); }
-std::string Device::channel_name(size_t i) const { return fixed_text(channels_.at(i).name); }
+std::string Device::serial() const {
+  return fixed_text(hello_.serial);
+}
+std::string Device::channel_name(size_t i) const {
+  return fixed_text(channels_.at(i).name);
+}
 
 bool Device::receive(double timeout_s, const std::function<bool()>& on_frame) {
   if (pending_at_ == pending_.size()) {
@@ -74,7 +89,7 @@ bool Device::receive(double timeout_s, const std::function<bool()>& on_frame) {
 }
 
 void Device::take_stream(uint8_t id, const imucal_link_any_t& record) {
-  const int counter = record.event.counter;  // the first field of every streamed record
+  const int counter = record.event.counter; // the first field of every streamed record
   int& last = last_counter_[id - IMUCAL_LINK_ID_SECOND];
   if (last >= 0) {
     const int step = (counter - last) & 0xFFFF;
@@ -88,7 +103,9 @@ void Device::take_stream(uint8_t id, const imucal_link_any_t& record) {
   if (handler_) handler_(id, record);
 }
 
-static bool is_stream(uint8_t type) { return type >= IMUCAL_LINK_ID_SECOND && type <= IMUCAL_LINK_ID_EVENT; }
+static bool is_stream(uint8_t type) {
+  return type >= IMUCAL_LINK_ID_SECOND && type <= IMUCAL_LINK_ID_EVENT;
+}
 
 bool Device::poll(double timeout_s) {
   const double end_s = now_s() + timeout_s;
@@ -141,8 +158,9 @@ imucal_link_any_t Device::request(uint8_t id, const void* message, uint8_t reply
   const uint8_t sequence = ++sequence_;
   uint8_t frame[IMUCAL_LINK_MAX_FRAME + 1];
   size_t length = 0;
-  frame[0] = 0;  // ends whatever noise stands in the device's receiver
-  if (const imucal_status packed = imucal_link_pack(id, sequence, message, frame + 1, sizeof frame - 1, &length);
+  frame[0] = 0; // ends whatever noise stands in the device's receiver
+  if (const imucal_status packed =
+          imucal_link_pack(id, sequence, message, frame + 1, sizeof frame - 1, &length);
       packed != IMUCAL_OK)
     throw device_error(port() + ": " + request_name(id) + ": " + imucal_status_text(packed));
   imucal_link_any_t reply;
@@ -155,12 +173,13 @@ imucal_link_any_t Device::request(uint8_t id, const void* message, uint8_t reply
     const auto outcome = failed ? static_cast<imucal_status>(reply.done.status) : IMUCAL_OK;
     if (status) *status = outcome;
     if (!failed || status) return reply;
-    throw device_error(port() + ": the device refuses " + request_name(id) + ": " + imucal_status_text(outcome) +
-                       (reply.done.detail ? " (detail " + std::to_string(reply.done.detail) + ")" : "") +
-                       remedy(outcome));
+    throw device_error(
+        port() + ": the device refuses " + request_name(id) + ": " + imucal_status_text(outcome) +
+        (reply.done.detail ? " (detail " + std::to_string(reply.done.detail) + ")" : "") + remedy(outcome));
   }
   throw device_error(port() + ": the device does not answer (" + request_name(id) + " sent " +
-                     std::to_string(options_.tries) + " times); check cable, port and baud rate, restart the device "
+                     std::to_string(options_.tries) +
+                     " times); check cable, port and baud rate, restart the device "
                      "and repeat the command. Its flash still holds the last good table");
 }
 
@@ -203,7 +222,9 @@ void Device::stream(unsigned what, unsigned innovation_channels, uint16_t progre
   command(IMUCAL_LINK_ID_STREAM, &wanted);
 }
 
-void Device::cal_start(const imucal_link_cal_start_t& start) { command(IMUCAL_LINK_ID_CAL_START, &start); }
+void Device::cal_start(const imucal_link_cal_start_t& start) {
+  command(IMUCAL_LINK_ID_CAL_START, &start);
+}
 
 imucal_link_cal_state_reply_t Device::cal_state(uint8_t channel) {
   const imucal_link_cal_state_t which{channel};
@@ -229,13 +250,15 @@ uint32_t Device::table_from_cal(uint32_t created_s) {
 
 std::vector<uint8_t> Device::read_table(uint8_t slot) {
   std::vector<uint8_t> bytes;
-  size_t total = 1;  // told by the first reply
+  size_t total = 1; // told by the first reply
   while (bytes.size() < total) {
     imucal_link_table_read_t part{};
     part.slot = slot;
     part.offset = static_cast<uint16_t>(bytes.size());
-    part.length = static_cast<uint8_t>(std::min<size_t>(IMUCAL_LINK_MAX_DATA, bytes.empty() ? IMUCAL_LINK_MAX_DATA : total - bytes.size()));
-    const auto reply = request(IMUCAL_LINK_ID_TABLE_READ, &part, IMUCAL_LINK_ID_TABLE_READ_REPLY).table_read_reply;
+    part.length = static_cast<uint8_t>(
+        std::min<size_t>(IMUCAL_LINK_MAX_DATA, bytes.empty() ? IMUCAL_LINK_MAX_DATA : total - bytes.size()));
+    const auto reply =
+        request(IMUCAL_LINK_ID_TABLE_READ, &part, IMUCAL_LINK_ID_TABLE_READ_REPLY).table_read_reply;
     total = reply.total;
     if (reply.offset != part.offset || reply.length == 0 || total > IMUCAL_TABLE_MAX_BYTES)
       throw device_error(port() + ": the device sent another part of its table than asked for; restart it");
@@ -276,4 +299,4 @@ void Device::reboot() {
   command(IMUCAL_LINK_ID_REBOOT, &none);
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
-// A device at the other end of a transport: requests with sequence numbers and repetition, streamed records with
-// their losses counted.  The frames are made and read by common/link.c, the very code the device runs.
+// A device at the other end of a transport: requests with sequence numbers and repetition, streamed records
+// with their losses counted.  The frames are made and read by common/link.c, the very code the device runs.
 //
-// A request is repeated when no reply comes in time; the device answers a repetition from the reply it kept, so that
-// nothing is done twice.  A device that stays silent through all repetitions ends in device_error, never in a hang.
-// Noise on the line costs the frames it touches: those of requests are repeated, those of streams are counted lost.
+// A request is repeated when no reply comes in time; the device answers a repetition from the reply it kept,
+// so that nothing is done twice.  A device that stays silent through all repetitions ends in device_error,
+// never in a hang. Noise on the line costs the frames it touches: those of requests are repeated, those of
+// streams are counted lost.
 #pragma once
 #include <functional>
 #include <memory>
@@ -18,25 +19,25 @@
 namespace imucal {
 
 struct DeviceOptions {
-  double reply_timeout_s = 1.0;  // of one try
-  int tries = 6;                 // of one request, the first included
+  double reply_timeout_s = 1.0; // of one try
+  int tries = 6;                // of one request, the first included
 };
 
 // What happened on the line since it was opened.
 struct LinkStatistics {
-  uint64_t bytes = 0, frames = 0;          // received
-  uint64_t spoilt = 0;                     // frames dropped: wrong CRC, malformed, too long, of unknown type
-  uint64_t repeated_requests = 0;          // tries beyond the first
-  uint64_t stale_replies = 0;              // replies to an earlier try or an earlier program
-  uint64_t lost_records = 0;               // streamed records that never came, by their counters
-  uint64_t doubled_records = 0;            // records received twice
+  uint64_t bytes = 0, frames = 0; // received
+  uint64_t spoilt = 0;            // frames dropped: wrong CRC, malformed, too long, of unknown type
+  uint64_t repeated_requests = 0; // tries beyond the first
+  uint64_t stale_replies = 0;     // replies to an earlier try or an earlier program
+  uint64_t lost_records = 0;      // streamed records that never came, by their counters
+  uint64_t doubled_records = 0;   // records received twice
 };
 
 // One finished second, as streamed.
 using SecondRecord = imucal_link_second_t;
 
 class Device {
- public:
+public:
   // Called for every streamed record while a request or `poll` waits: id is IMUCAL_LINK_ID_SECOND, …
   // It must not send requests itself.
   using StreamHandler = std::function<void(uint8_t id, const imucal_link_any_t& record)>;
@@ -70,7 +71,8 @@ class Device {
 
   // Bytes of the table in a slot (IMUCAL_LINK_SLOT_RULING: the ruling one); device_error: none there.
   std::vector<uint8_t> read_table(uint8_t slot = IMUCAL_LINK_SLOT_RULING);
-  // Sends, flashes, and returns the sequence number.  The device checks the table before it touches its flash.
+  // Sends, flashes, and returns the sequence number.  The device checks the table before it touches its
+  // flash.
   uint32_t write_table(const std::vector<uint8_t>& bytes);
   void rollback();
   void erase();
@@ -84,7 +86,7 @@ class Device {
   imucal_link_any_t request(uint8_t id, const void* message, uint8_t reply_id, double patience = 1.0,
                             imucal_status* status = nullptr);
 
- private:
+private:
   imucal_link_any_t command(uint8_t id, const void* message, double patience = 1.0);
   bool receive(double timeout_s, const std::function<bool()>& on_frame);
   void take_stream(uint8_t id, const imucal_link_any_t& record);
@@ -95,12 +97,12 @@ class Device {
   std::unique_ptr<Transport> transport_;
   DeviceOptions options_;
   imucal_link_rx_t rx_;
-  std::vector<uint8_t> pending_;  // received, not yet looked at
+  std::vector<uint8_t> pending_; // received, not yet looked at
   size_t pending_at_ = 0;
   uint8_t sequence_;
   imucal_link_hello_reply_t hello_{};
   std::vector<imucal_link_channel_info_reply_t> channels_;
-  int last_counter_[4] = {-1, -1, -1, -1};  // per stream
+  int last_counter_[4] = {-1, -1, -1, -1}; // per stream
   LinkStatistics statistics_;
   StreamHandler handler_;
 };
@@ -112,4 +114,4 @@ template <size_t N> std::string fixed_text(const char (&field)[N]) {
   return std::string(field, n);
 }
 
-}  // namespace imucal
+} // namespace imucal

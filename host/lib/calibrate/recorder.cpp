@@ -9,11 +9,13 @@
 
 namespace imucal {
 
-LogRecorder::LogRecorder(const std::string& path, const Device& device, What what) : path_(path), what_(what) {
+LogRecorder::LogRecorder(const std::string& path, const Device& device, What what)
+    : path_(path), what_(what) {
   if (path_.empty()) return;
   out_.open(path_ + ".part", std::ios::trunc);
   if (!out_) throw data_error(path_ + ": cannot be written: " + std::strerror(errno));
-  out_ << "# imucal-log = 1\n# device = " << fixed_text(device.hello().device) << "\n# serial = " << device.serial()
+  out_ << "# imucal-log = 1\n# device = " << fixed_text(device.hello().device)
+       << "\n# serial = " << device.serial()
        << "\n# content = " << (what_ == What::kRaw ? "raw" : "compensated") << "\nt_s,temp_degc";
   for (size_t i = 0; i < device.channels().size(); ++i) out_ << "," << device.channel_name(i);
   for (size_t i = 0; i < device.channels().size(); ++i) {
@@ -31,7 +33,7 @@ LogRecorder::~LogRecorder() {
 
 void LogRecorder::add(const SecondRecord& second) {
   if (!out_.is_open() || second.is_gap) return;
-  if (rows_ > 0 && second.t_s <= last_t_s_) return;  // the device started its clock anew: a log has one clock
+  if (rows_ > 0 && second.t_s <= last_t_s_) return; // the device started its clock anew: a log has one clock
   last_t_s_ = second.t_s;
   ++rows_;
   const float* values = what_ == What::kRaw ? second.raw : second.out;
@@ -47,7 +49,9 @@ void LogRecorder::add(const SecondRecord& second) {
   out_ << "\n";
 }
 
-void LogRecorder::rename() { std::rename((path_ + ".part").c_str(), path_.c_str()); }
+void LogRecorder::rename() {
+  std::rename((path_ + ".part").c_str(), path_.c_str());
+}
 
 void LogRecorder::close() {
   if (!out_.is_open()) return;
@@ -58,4 +62,4 @@ void LogRecorder::close() {
   if (!is_whole) throw data_error(path_ + ": not everything could be written; is the disk full?");
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Writes the seconds a device streams as logs (design 1.2), row by row, so that nothing but the last row is lost
-// whatever happens.  The file gets its name when it is closed; until then it is NAME.part.
-// A second with fewer than half of its samples, or one that was lost on the line, is a gap: it has no row.
+// Writes the seconds a device streams as logs (design 1.2), row by row, so that nothing but the last row is
+// lost whatever happens.  The file gets its name when it is closed; until then it is NAME.part. A second with
+// fewer than half of its samples, or one that was lost on the line, is a gap: it has no row.
 #pragma once
 #include <fstream>
 #include <string>
@@ -11,19 +11,19 @@
 namespace imucal {
 
 class LogRecorder {
- public:
+public:
   enum class What { kRaw, kCompensated };
   // path empty: records nothing.  data_error: the file cannot be written.
   LogRecorder(const std::string& path, const Device& device, What what);
-  ~LogRecorder();  // keeps what was recorded
+  ~LogRecorder(); // keeps what was recorded
   LogRecorder(const LogRecorder&) = delete;
   LogRecorder& operator=(const LogRecorder&) = delete;
 
   void add(const SecondRecord& second);
-  void close();  // gives the file its name; data_error: disk full
+  void close(); // gives the file its name; data_error: disk full
   size_t rows() const { return rows_; }
 
- private:
+private:
   void rename();
 
   std::string path_;
@@ -33,4 +33,4 @@ class LogRecorder {
   size_t rows_ = 0;
 };
 
-}  // namespace imucal
+} // namespace imucal

@@ -23,12 +23,12 @@ namespace imucal {
 
 namespace {
 
-constexpr double kSilence_s = 2.0;            // without any record: ask the device whether it is alive
-constexpr double kTravelPerOrder_degc = 1.0;  // least movement of the temperature per order of the polynomial
-constexpr double kTravelOfRange = 0.25;       // and least part of the range asked for
-constexpr double kRangeSlack = 0.02;          // part of the range that need not be reached at either end
-constexpr TemperatureRange kWidestRange{-40.0, 85.0};  // where nothing says what range is meant
-constexpr double kNisAlarm = 3.89;            // normal deviate of a false-alarm rate of 1e-4
+constexpr double kSilence_s = 2.0;           // without any record: ask the device whether it is alive
+constexpr double kTravelPerOrder_degc = 1.0; // least movement of the temperature per order of the polynomial
+constexpr double kTravelOfRange = 0.25;      // and least part of the range asked for
+constexpr double kRangeSlack = 0.02;         // part of the range that need not be reached at either end
+constexpr TemperatureRange kWidestRange{-40.0, 85.0}; // where nothing says what range is meant
+constexpr double kNisAlarm = 3.89;                    // normal deviate of a false-alarm rate of 1e-4
 
 double now_s() {
   using namespace std::chrono;
@@ -45,7 +45,9 @@ std::string text_of(const TemperatureRange& range) {
   return text_of(range.lo_degc) + " to " + text_of(range.hi_degc) + " degC";
 }
 
-bool is_gyro(const std::string& name) { return name.size() > 4 && name.compare(name.size() - 4, 4, "_dph") == 0; }
+bool is_gyro(const std::string& name) {
+  return name.size() > 4 && name.compare(name.size() - 4, 4, "_dph") == 0;
+}
 
 // The channels to calibrate.
 std::vector<size_t> chosen_channels(const Device& device, const RunOptions& options) {
@@ -86,29 +88,29 @@ bool find_range(const RunOptions& options, TemperatureRange* range) {
   return true;
 }
 
-void refuse_small_travel(const TemperatureRange& moved, unsigned order, const std::optional<TemperatureRange>& wanted,
-                         const std::string& whose) {
+void refuse_small_travel(const TemperatureRange& moved, unsigned order,
+                         const std::optional<TemperatureRange>& wanted, const std::string& whose) {
   double needed = kTravelPerOrder_degc * order;
   if (wanted) needed = std::max(needed, kTravelOfRange * wanted->width());
   if (moved.width() >= needed) return;
-  throw data_error(whose + " moved only from " + text_of(moved.lo_degc, 2) + " to " + text_of(moved.hi_degc, 2) +
-                   " degC: a polynomial of order " + std::to_string(order) +
-                   (wanted ? " over " + text_of(*wanted) : std::string()) + " needs at least " + text_of(needed) +
-                   " degC of travel; use a profile that covers the range" +
+  throw data_error(whose + " moved only from " + text_of(moved.lo_degc, 2) + " to " +
+                   text_of(moved.hi_degc, 2) + " degC: a polynomial of order " + std::to_string(order) +
+                   (wanted ? " over " + text_of(*wanted) : std::string()) + " needs at least " +
+                   text_of(needed) + " degC of travel; use a profile that covers the range" +
                    (wanted ? ", or name a smaller one with --range" : ""));
 }
 
 // Everything of one run.
 class Run {
- public:
+public:
   Run(Device* device, const RunOptions& options) : device_(*device), options_(options) {}
   RunResult go();
 
- private:
+private:
   struct Axis {
     size_t channel;
     imucal_link_cal_start_t start;
-    std::vector<float> rate;  // usable seconds
+    std::vector<float> rate; // usable seconds
     std::vector<float> temp_degc;
   };
 
@@ -131,7 +133,7 @@ class Run {
   std::vector<Axis> axes_;
   TemperatureRange range_;
   bool is_range_known_ = false;
-  double total_s_ = 0;  // 0: unknown
+  double total_s_ = 0; // 0: unknown
   std::unique_ptr<LogRecorder> raw_log_, compensated_log_;
 
   // the state of listening
@@ -144,27 +146,31 @@ class Run {
 void Run::prepare() {
   is_range_known_ = find_range(options_, &range_);
   if (range_.width() <= 0)
-    throw usage_error("temperature range " + text_of(range_) + " is reversed or empty; give --range LOW:HIGH");
+    throw usage_error("temperature range " + text_of(range_) +
+                      " is reversed or empty; give --range LOW:HIGH");
   if (!is_range_known_ && options_.until_error > 0)
-    throw usage_error("--until-error needs to know over which temperatures: give --range LOW:HIGH or --profile");
+    throw usage_error(
+        "--until-error needs to know over which temperatures: give --range LOW:HIGH or --profile");
   if (options_.profile)
-    refuse_small_travel({options_.profile->min_degc(), options_.profile->max_degc()}, options_.order, options_.range,
-                        "the profile");
-  total_s_ = options_.duration_s > 0 ? options_.duration_s : options_.profile ? options_.profile->duration_s() : 0;
+    refuse_small_travel({options_.profile->min_degc(), options_.profile->max_degc()}, options_.order,
+                        options_.range, "the profile");
+  total_s_ = options_.duration_s > 0 ? options_.duration_s
+             : options_.profile      ? options_.profile->duration_s()
+                                     : 0;
   const std::vector<size_t> channels = chosen_channels(device_, options_);
   for (size_t i = 0; i < channels.size(); ++i) {
     const ErrorModel& model = options_.models.size() > 1 ? options_.models[i] : options_.models.front();
     Axis axis{channels[i],
-              cal_start_of(model, options_.order, (range_.lo_degc + range_.hi_degc) / 2, range_.width() / 2, range_,
-                           options_.prior_sigma),
+              cal_start_of(model, options_.order, (range_.lo_degc + range_.hi_degc) / 2, range_.width() / 2,
+                           range_, options_.prior_sigma),
               {},
               {}};
     axis.start.channel = static_cast<uint8_t>(channels[i]);
     axes_.push_back(axis);
   }
   raw_log_ = std::make_unique<LogRecorder>(options_.record_path, device_, LogRecorder::What::kRaw);
-  compensated_log_ =
-      std::make_unique<LogRecorder>(options_.record_compensated_path, device_, LogRecorder::What::kCompensated);
+  compensated_log_ = std::make_unique<LogRecorder>(options_.record_compensated_path, device_,
+                                                   LogRecorder::What::kCompensated);
 }
 
 void Run::take(const SecondRecord& second) {
@@ -248,7 +254,8 @@ void Run::show(bool is_last) {
   std::string line = "\r\033[K" + text_of(done_s, 0) + " s";
   if (total_s_ > 0) line += " of " + text_of(total_s_, 0) + " s";
   line += "  " + text_of(temp_degc_, 2) + " degC";
-  if (is_range_known_ && std::isfinite(worst_sigma_)) line += "  predicted worst error " + text_of(worst_sigma_, 2);
+  if (is_range_known_ && std::isfinite(worst_sigma_))
+    line += "  predicted worst error " + text_of(worst_sigma_, 2);
   if (device_.statistics().lost_records > 0)
     line += "  " + std::to_string(device_.statistics().lost_records) + " records lost";
   if (total_s_ > 0 && done_s > 0)
@@ -286,7 +293,7 @@ imucal_table_t Run::table_made_here() {
   const TemperatureRange span = table_span();
   imucal_table_t table{};
   std::copy_n(device_.hello().serial, sizeof table.serial, table.serial);
-  table.sequence = 1;  // the device gives the next one
+  table.sequence = 1; // the device gives the next one
   table.created_s = static_cast<uint32_t>(std::time(nullptr));
   table.n_channels = device_.hello().n_channels;
   table.degc_per_count = device_.channels().front().degc_per_count;
@@ -308,7 +315,8 @@ imucal_table_t Run::table_made_here() {
         kf_from_device(axis.start, device_.cal_ud(static_cast<uint8_t>(axis.channel)), result_.axes[k].state);
     const imucal_status status = imucal_table_from_kf(&channel, &kf, static_cast<float>(span.lo_degc),
                                                       static_cast<float>(span.hi_degc));
-    if (status != IMUCAL_OK) throw data_error(result_.axes[k].name + ": no table: " + imucal_status_text(status));
+    if (status != IMUCAL_OK)
+      throw data_error(result_.axes[k].name + ": no table: " + imucal_status_text(status));
     channel.arw = axis.start.arw;
     channel.n_markov = axis.start.n_markov;
     std::copy_n(axis.start.markov_sigma, IMUCAL_TABLE_MARKOV_N, channel.markov_sigma);
@@ -322,9 +330,11 @@ void Run::check_read_back() {
   for (const AxisResult& axis : result_.axes) {
     const imucal_table_channel_t& channel = result_.table.channel[axis.channel];
     bool is_same = channel.order == axis.state.order;
-    for (size_t i = 0; i < IMUCAL_MAX_COEFF; ++i) is_same = is_same && channel.coeff[i] == axis.state.coeff[i];
+    for (size_t i = 0; i < IMUCAL_MAX_COEFF; ++i)
+      is_same = is_same && channel.coeff[i] == axis.state.coeff[i];
     if (!is_same)
-      throw device_error(device_.port() + ": " + axis.name + ": the table read back from flash is not what the filter "
+      throw device_error(device_.port() + ": " + axis.name +
+                         ": the table read back from flash is not what the filter "
                          "learned; do not use it (calibrate rollback returns to the one before)");
   }
 }
@@ -333,16 +343,18 @@ void Run::note_innovations(const AxisResult& axis) {
   const double n = axis.state.n;
   const double deviate = (static_cast<double>(axis.state.mean_nis) - 1) / std::sqrt(2 / n);
   if (std::abs(deviate) <= kNisAlarm) return;
-  result_.notes.push_back(axis.name + ": the innovations are " +
-                          text_of(std::sqrt(static_cast<double>(axis.state.mean_nis)), 2) +
-                          " times as large as the model predicts (false-alarm rate 1e-4): the predicted error is " +
-                          (deviate > 0 ? "too small" : "too large") + "; fit a model with `errormodel fit`");
+  result_.notes.push_back(
+      axis.name + ": the innovations are " + text_of(std::sqrt(static_cast<double>(axis.state.mean_nis)), 2) +
+      " times as large as the model predicts (false-alarm rate 1e-4): the predicted error is " +
+      (deviate > 0 ? "too small" : "too large") + "; fit a model with `errormodel fit`");
 }
 
 void Run::finish() {
-  if (result_.seconds == 0) throw device_error(device_.port() + ": no second came from the device; nothing to learn from");
+  if (result_.seconds == 0)
+    throw device_error(device_.port() + ": no second came from the device; nothing to learn from");
   refuse_small_travel(result_.seen, options_.order,
-                      is_range_known_ ? std::optional<TemperatureRange>(range_) : std::nullopt, "the temperature");
+                      is_range_known_ ? std::optional<TemperatureRange>(range_) : std::nullopt,
+                      "the temperature");
   for (const Axis& axis : axes_) {
     AxisResult learned;
     learned.channel = axis.channel;
@@ -354,7 +366,8 @@ void Run::finish() {
     polynomial.coeff_dph.assign(learned.state.coeff, learned.state.coeff + axis.start.order + 1);
     double sum = 0;
     for (size_t k = 0; k < axis.rate.size(); ++k) {
-      const double residual = static_cast<double>(axis.rate[k]) - polynomial.at(static_cast<double>(axis.temp_degc[k]));
+      const double residual =
+          static_cast<double>(axis.rate[k]) - polynomial.at(static_cast<double>(axis.temp_degc[k]));
       sum += residual * residual;
     }
     learned.residual_rms = axis.rate.empty() ? 0 : std::sqrt(sum / static_cast<double>(axis.rate.size()));
@@ -383,17 +396,17 @@ RunResult Run::go() {
     compensated_log_->close();
     finish();
   } catch (const Error& e) {
-    if (e.exit() != Exit::kDevice) device_.cal_stop(IMUCAL_STOP_DISCARD);  // the device is fine: leave it idle
+    if (e.exit() != Exit::kDevice) device_.cal_stop(IMUCAL_STOP_DISCARD); // the device is fine: leave it idle
     throw;
   }
   if (options_.until_error > 0) result_.is_error_reached = result_.end == RunResult::End::kErrorReached;
   return result_;
 }
 
-}  // namespace
+} // namespace
 
-imucal_link_cal_start_t cal_start_of(const ErrorModel& model, unsigned order, double t0_degc, double range_degc,
-                                     const TemperatureRange& span, double prior_sigma) {
+imucal_link_cal_start_t cal_start_of(const ErrorModel& model, unsigned order, double t0_degc,
+                                     double range_degc, const TemperatureRange& span, double prior_sigma) {
   if (!(model.arw_deg_rt_h > 0))
     throw data_error("model: arw_deg_rt_h must be above 0: the filter needs the white noise of the sensor");
   double variance = 0, variance_tau = 0;
@@ -405,7 +418,7 @@ imucal_link_cal_start_t cal_start_of(const ErrorModel& model, unsigned order, do
   start.order = static_cast<uint8_t>(order);
   start.t0_degc = static_cast<float>(t0_degc);
   start.range_degc = static_cast<float>(range_degc);
-  start.m = 1;  // without instability e is nothing
+  start.m = 1; // without instability e is nothing
   if (variance > 0) {
     const Markov one{std::sqrt(variance), variance_tau / variance};
     start.m = static_cast<float>(-std::expm1(-1.0 / one.tau_s));
@@ -445,7 +458,8 @@ imucal_kf_t kf_from_device(const imucal_link_cal_start_t& start, const imucal_li
   imucal_kf_t kf{};
   if (const imucal_status status = imucal_kf_init(&kf, &config); status != IMUCAL_OK)
     throw data_error(std::string("filter of the device: ") + imucal_status_text(status));
-  static_assert(sizeof kf.x == sizeof ud.x && sizeof kf.u == sizeof ud.u, "the link carries the whole filter");
+  static_assert(sizeof kf.x == sizeof ud.x && sizeof kf.u == sizeof ud.u,
+                "the link carries the whole filter");
   std::memcpy(kf.x, ud.x, sizeof kf.x);
   std::memcpy(kf.x_lo, ud.x_lo, sizeof kf.x_lo);
   std::memcpy(kf.d, ud.d, sizeof kf.d);
@@ -457,13 +471,19 @@ imucal_kf_t kf_from_device(const imucal_link_cal_start_t& start, const imucal_li
 
 const char* end_text(RunResult::End end) {
   switch (end) {
-    case RunResult::End::kSensorEnded: return "the sensor's data ended";
-    case RunResult::End::kDuration: return "the duration is over";
-    case RunResult::End::kErrorReached: return "the predicted error is reached";
-    default: return "interrupted";
+  case RunResult::End::kSensorEnded:
+    return "the sensor's data ended";
+  case RunResult::End::kDuration:
+    return "the duration is over";
+  case RunResult::End::kErrorReached:
+    return "the predicted error is reached";
+  default:
+    return "interrupted";
   }
 }
 
-RunResult run_calibration(Device* device, const RunOptions& options) { return Run(device, options).go(); }
+RunResult run_calibration(Device* device, const RunOptions& options) {
+  return Run(device, options).go();
+}
 
-}  // namespace imucal
+} // namespace imucal

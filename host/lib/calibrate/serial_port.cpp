@@ -26,7 +26,7 @@ std::string serial_reason() {
 }
 
 class SerialTransport : public Transport {
- public:
+public:
   SerialTransport(std::string name, sp_port* port) : Transport(std::move(name)), port_(port) {}
   ~SerialTransport() override {
     sp_close(port_);
@@ -49,7 +49,7 @@ class SerialTransport : public Transport {
                          std::to_string(milliseconds(timeout_s)) + " ms); reset it and try again");
   }
 
- private:
+private:
   sp_port* port_;
 };
 
@@ -62,7 +62,7 @@ void configure(const std::string& port, sp_port* handle, int baud) {
                        "; give a rate the adapter knows with --baud");
 }
 
-}  // namespace
+} // namespace
 
 std::unique_ptr<Transport> open_serial(const std::string& port, const std::string& name, int baud) {
   sp_port* handle = nullptr;
@@ -90,9 +90,10 @@ std::vector<SerialPortInfo> list_serial_ports() {
   if (sp_list_ports(&ports) != SP_OK) return found;
   const auto text = [](const char* value) { return std::string(value ? value : ""); };
   for (sp_port** port = ports; *port; ++port)
-    found.push_back({text(sp_get_port_name(*port)), text(sp_get_port_description(*port)), text(sp_get_port_usb_serial(*port))});
+    found.push_back({text(sp_get_port_name(*port)), text(sp_get_port_description(*port)),
+                     text(sp_get_port_usb_serial(*port))});
   sp_free_port_list(ports);
   return found;
 }
 
-}  // namespace imucal
+} // namespace imucal

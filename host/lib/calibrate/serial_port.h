@@ -19,4 +19,4 @@ void lock_port(const std::string& port, int fd);
 Error serial_open_failed(const std::string& port, int error);
 Error serial_gone(const std::string& port);
 
-}  // namespace imucal
+} // namespace imucal

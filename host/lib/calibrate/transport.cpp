@@ -26,37 +26,45 @@ namespace imucal {
 
 namespace {
 
-int milliseconds(double timeout_s) { return static_cast<int>(std::lround(std::max(0.0, timeout_s) * 1000.0)); }
+int milliseconds(double timeout_s) {
+  return static_cast<int>(std::lround(std::max(0.0, timeout_s) * 1000.0));
+}
 
-std::string reason(int error) { return std::strerror(error); }
+std::string reason(int error) {
+  return std::strerror(error);
+}
 
 // What a port's errors say, by errno, with the remedy.
 Error open_failed(const std::string& port, int error) {
   switch (error) {
-    case ENOENT:
-    case ENODEV:
-    case ENXIO:
-      return device_error(port + ": no such port; `calibrate list` shows the serial devices of this machine");
-    case EACCES:
-    case EPERM:
-      return device_error(port + ": no permission to open the port; add yourself to its group (often dialout) and log in again");
-    case EBUSY:
-    case EWOULDBLOCK:
-      return device_error(port + ": the port is in use by another program; end that program first");
-    default:
-      return device_error(port + ": cannot open the port: " + reason(error));
+  case ENOENT:
+  case ENODEV:
+  case ENXIO:
+    return device_error(port + ": no such port; `calibrate list` shows the serial devices of this machine");
+  case EACCES:
+  case EPERM:
+    return device_error(
+        port +
+        ": no permission to open the port; add yourself to its group (often dialout) and log in again");
+  case EBUSY:
+  case EWOULDBLOCK:
+    return device_error(port + ": the port is in use by another program; end that program first");
+  default:
+    return device_error(port + ": cannot open the port: " + reason(error));
   }
 }
 
 Error gone(const std::string& port) {
-  return device_error(port + ": the device is gone (unplugged, or its program ended); nothing was lost on it: "
-                             "connect it again and repeat the command");
+  return device_error(port +
+                      ": the device is gone (unplugged, or its program ended); nothing was lost on it: "
+                      "connect it again and repeat the command");
 }
 
 // A byte stream over a file descriptor: what a pseudo-terminal and a socket have in common.
 class DescriptorTransport : public Transport {
- public:
-  DescriptorTransport(std::string name, const char* kind, int fd) : Transport(std::move(name)), kind_(kind), fd_(fd) {}
+public:
+  DescriptorTransport(std::string name, const char* kind, int fd)
+      : Transport(std::move(name)), kind_(kind), fd_(fd) {}
   ~DescriptorTransport() override { ::close(fd_); }
   const char* kind() const override { return kind_; }
 
@@ -83,7 +91,7 @@ class DescriptorTransport : public Transport {
     }
   }
 
- private:
+private:
   // False: nothing within the time (or a signal came, which the caller looks at between reads).
   bool wait(short events, double timeout_s) {
     pollfd entry{fd_, events, 0};
@@ -112,12 +120,14 @@ struct OpenDescriptor {
 // Raw mode, like a serial line without handshake.
 void make_raw(const std::string& port, int fd) {
   termios settings{};
-  if (::tcgetattr(fd, &settings) != 0) throw device_error(port + ": not a terminal or serial device: " + reason(errno));
+  if (::tcgetattr(fd, &settings) != 0)
+    throw device_error(port + ": not a terminal or serial device: " + reason(errno));
   ::cfmakeraw(&settings);
   settings.c_cflag |= CLOCAL | CREAD;
   settings.c_cc[VMIN] = 1;
   settings.c_cc[VTIME] = 0;
-  if (::tcsetattr(fd, TCSANOW, &settings) != 0) throw device_error(port + ": cannot set raw mode: " + reason(errno));
+  if (::tcsetattr(fd, TCSANOW, &settings) != 0)
+    throw device_error(port + ": cannot set raw mode: " + reason(errno));
 }
 
 std::unique_ptr<Transport> open_pty(const std::string& port, const std::string& path) {
@@ -157,13 +167,15 @@ std::unique_ptr<Transport> open_tcp(const std::string& port, const std::string& 
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> addresses(found, ::freeaddrinfo);
   int error = 0;
   for (const addrinfo* address = addresses.get(); address; address = address->ai_next) {
-    OpenDescriptor file{::socket(address->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, address->ai_protocol)};
+    OpenDescriptor file{
+        ::socket(address->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, address->ai_protocol)};
     if (file.fd < 0 || !connect_within(file.fd, *address, kConnectTimeout_s, &error)) continue;
     const int on = 1;
     ::setsockopt(file.fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     return std::make_unique<DescriptorTransport>(port, "tcp", file.release());
   }
-  throw device_error(port + ": cannot connect: " + reason(error) + "; is the emulator or the device server running?");
+  throw device_error(port + ": cannot connect: " + reason(error) +
+                     "; is the emulator or the device server running?");
 }
 
 // A link (as socat or a test makes one) that leads to a pseudo-terminal.
@@ -172,18 +184,25 @@ bool leads_to_pty(const std::string& path) {
   return ::realpath(path.c_str(), resolved) && std::strncmp(resolved, "/dev/pts/", 9) == 0;
 }
 
-bool starts_with(const std::string& text, const char* start) { return text.rfind(start, 0) == 0; }
-
-}  // namespace
-
-// Advisory lock and TIOCEXCL: the lock also keeps out programs run by root, TIOCEXCL also those that do not lock.
-void lock_port(const std::string& port, int fd) {
-  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) throw open_failed(port, errno);
-  ::ioctl(fd, TIOCEXCL);  // not every kind of port knows it; the lock stands
+bool starts_with(const std::string& text, const char* start) {
+  return text.rfind(start, 0) == 0;
 }
 
-Error serial_open_failed(const std::string& port, int error) { return open_failed(port, error); }
-Error serial_gone(const std::string& port) { return gone(port); }
+} // namespace
+
+// Advisory lock and TIOCEXCL: the lock also keeps out programs run by root, TIOCEXCL also those that do not
+// lock.
+void lock_port(const std::string& port, int fd) {
+  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) throw open_failed(port, errno);
+  ::ioctl(fd, TIOCEXCL); // not every kind of port knows it; the lock stands
+}
+
+Error serial_open_failed(const std::string& port, int error) {
+  return open_failed(port, error);
+}
+Error serial_gone(const std::string& port) {
+  return gone(port);
+}
 
 std::unique_ptr<Transport> open_transport(const std::string& port, int baud) {
   if (port.empty()) throw usage_error("no port: give --port /dev/ttyACM0, /dev/pts/N or tcp:HOST:PORT");
@@ -195,4 +214,4 @@ std::unique_ptr<Transport> open_transport(const std::string& port, int baud) {
   return open_serial(port, port, baud);
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -19,7 +19,7 @@
 namespace imucal {
 
 class Transport {
- public:
+public:
   virtual ~Transport() = default;
   Transport(const Transport&) = delete;
   Transport& operator=(const Transport&) = delete;
@@ -35,10 +35,10 @@ class Transport {
   // "serial", "pty" or "tcp".
   virtual const char* kind() const = 0;
 
- protected:
+protected:
   explicit Transport(std::string name) : name_(std::move(name)) {}
 
- private:
+private:
   std::string name_;
 };
 
@@ -55,4 +55,4 @@ struct SerialPortInfo {
 };
 std::vector<SerialPortInfo> list_serial_ports();
 
-}  // namespace imucal
+} // namespace imucal

@@ -3,11 +3,11 @@
 //   { "imucal_table": 1, "serial": "…", "sequence": 3, "created": "2026-11-21T06:22:00Z",
 //     "degc_per_count": …, "degc_at_zero": …,
 //     "axes": [ { "axis": "gx_dph", "order": 3, "t0_degc": …, "range_degc": …, "coeff_dph": [b0 … bM],
-//                 "scale_coeff": [m0 …], "span_degc": [lo, hi], "temp_degc": [9 temperatures], "sigma_dph": [9],
-//                 "model": {"arw_deg_rt_h": …, "markov": [{"sigma_dph": …, "tau_s": …}]},
+//                 "scale_coeff": [m0 …], "span_degc": [lo, hi], "temp_degc": [9 temperatures], "sigma_dph":
+//                 [9], "model": {"arw_deg_rt_h": …, "markov": [{"sigma_dph": …, "tau_s": …}]},
 //                 "dph_per_count": …, "full_scale_counts": …, "n_seconds": … } ] }
-// A channel in mg (ax_mg) has coeff_mg, sigma_mg, mg_per_count.  Numbers are written with the fewest digits that give
-// the same float32 back, so that JSON -> binary -> JSON changes nothing.
+// A channel in mg (ax_mg) has coeff_mg, sigma_mg, mg_per_count.  Numbers are written with the fewest digits
+// that give the same float32 back, so that JSON -> binary -> JSON changes nothing.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -23,10 +23,10 @@ std::string channel_unit(const imucal_table_channel_t& channel);
 
 Json to_json(const imucal_table_t& table);
 
-// data_error names file and field: unknown version, missing or unknown field, text where a number belongs, a value
-// that imucal_table_validate refuses.
+// data_error names file and field: unknown version, missing or unknown field, text where a number belongs, a
+// value that imucal_table_validate refuses.
 imucal_table_t table_from_json(const JsonField& field);
-imucal_table_t read_table(const std::string& path);  // JSON, or the binary where the name ends in .bin
+imucal_table_t read_table(const std::string& path); // JSON, or the binary where the name ends in .bin
 
 // The binary, checked.  `place` (file, port) is named in the data_error.
 std::vector<uint8_t> table_bytes(const imucal_table_t& table, const std::string& place);
@@ -35,11 +35,11 @@ imucal_table_t table_from_bytes(const std::vector<uint8_t>& bytes, const std::st
 // JSON, or the binary where the name ends in .bin.
 void write_table(const std::string& path, const imucal_table_t& table);
 
-// One line per field that differs ("gx_dph coeff_dph[2]: 12.5 against 12.25"); sequence number and creation time are
-// left out: they say when a table was flashed, not what it holds.
+// One line per field that differs ("gx_dph coeff_dph[2]: 12.5 against 12.25"); sequence number and creation
+// time are left out: they say when a table was flashed, not what it holds.
 std::vector<std::string> table_differences(const imucal_table_t& left, const imucal_table_t& right);
 
 // A float as the double with the fewest decimal digits that rounds to it.
 double shortest(float value);
 
-}  // namespace imucal
+} // namespace imucal

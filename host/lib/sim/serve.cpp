@@ -25,13 +25,17 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
 
 void sleep_s(double s) {
   if (s > 0) std::this_thread::sleep_for(std::chrono::duration<double>(s));
 }
 
-Error cannot(const std::string& to, const std::string& why) { return device_error(to + ": cannot feed: " + why); }
+Error cannot(const std::string& to, const std::string& why) {
+  return device_error(to + ": cannot feed: " + why);
+}
 
 int connect_once(const std::string& host, const std::string& service, std::string* why) {
   addrinfo hints{}, *found = nullptr;
@@ -70,7 +74,8 @@ int connect_patiently(const std::string& to, const std::string& where) {
 int accept_one(const std::string& to, const std::string& service) {
   char* end = nullptr;
   const long port = std::strtol(service.c_str(), &end, 10);
-  if (service.empty() || *end || port < 1 || port > 65535) throw usage_error("'" + to + "': expected tcp-listen:PORT");
+  if (service.empty() || *end || port < 1 || port > 65535)
+    throw usage_error("'" + to + "': expected tcp-listen:PORT");
   const int listener = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const int on = 1;
   ::setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
@@ -96,7 +101,7 @@ int open_file(const std::string& to) {
 
 // Everything of one second as records.
 class RecordWriter {
- public:
+public:
   explicit RecordWriter(size_t n_channels) : n_channels_(static_cast<uint8_t>(n_channels)) {}
 
   const std::vector<uint8_t>& encode(const std::vector<RawSample>& samples) {
@@ -115,16 +120,16 @@ class RecordWriter {
     return bytes_;
   }
 
- private:
+private:
   uint8_t n_channels_;
   std::vector<uint8_t> bytes_;
 };
 
-}  // namespace
+} // namespace
 
 FeedSink::FeedSink(const std::string& to) : to_(to) {
-  std::signal(SIGPIPE, SIG_IGN);  // the device may end first: that is reported, not fatal
-  (void)interrupted();            // from here on Ctrl-C also ends the wait for a reader
+  std::signal(SIGPIPE, SIG_IGN); // the device may end first: that is reported, not fatal
+  (void)interrupted();           // from here on Ctrl-C also ends the wait for a reader
   if (to.rfind("tcp:", 0) == 0)
     fd_ = connect_patiently(to, to.substr(4));
   else if (to.rfind("tcp-listen:", 0) == 0)
@@ -133,7 +138,9 @@ FeedSink::FeedSink(const std::string& to) : to_(to) {
     fd_ = open_file(to);
 }
 
-FeedSink::~FeedSink() { ::close(fd_); }
+FeedSink::~FeedSink() {
+  ::close(fd_);
+}
 
 bool FeedSink::write(const uint8_t* bytes, size_t n) {
   while (n > 0) {
@@ -154,11 +161,11 @@ SimulatedDevice simulate_device(const std::vector<ErrorModel>& models, size_t n_
   const SimulatedLog simulated = simulate(models, n_axes, profile, effects, options);
   SimulatedDevice device;
   device.log = to_log(simulated, options);
-  size_t row = 0;  // of the log, which leaves missing seconds out
+  size_t row = 0; // of the log, which leaves missing seconds out
   for (size_t k = 0; k < simulated.stamp_s.size(); ++k) {
     if (simulated.is_missing[k]) continue;
     FeedSecond second;
-    second.t_s = static_cast<double>(k + 1);  // jitter belongs to the samples, not to the seconds
+    second.t_s = static_cast<double>(k + 1); // jitter belongs to the samples, not to the seconds
     second.temp_degc = device.log.temp_degc[row++];
     for (const SimulatedAxis& axis : simulated.axes) {
       second.value.push_back(axis.run.rate_dph[k]);
@@ -173,16 +180,19 @@ std::vector<FeedSecond> replay_seconds(const Log& log) {
   if (log.axes.size() > kMaxRawAxes)
     throw data_error(log.path + ": " + std::to_string(log.axes.size()) + " axes, a device has at most " +
                      std::to_string(kMaxRawAxes) + "; remove columns");
-  if (!log.has_temperature()) throw data_error(log.path + ": no temperature: a thermal calibration needs temp_degc");
+  if (!log.has_temperature())
+    throw data_error(log.path + ": no temperature: a thermal calibration needs temp_degc");
   if (log.size() > 1 && std::abs(log.dt_s() - 1.0) > 0.05)
-    throw data_error(log.path + ": rows are " + std::to_string(log.dt_s()) + " s apart; replay needs one per second");
+    throw data_error(log.path + ": rows are " + std::to_string(log.dt_s()) +
+                     " s apart; replay needs one per second");
   std::vector<FeedSecond> seconds;
   const double first_s = std::floor(log.t_s.front() + 0.5);
   for (size_t k = 0; k < log.size(); ++k) {
     if (!std::isfinite(log.temp_degc[k])) continue;
     FeedSecond second;
-    second.t_s = std::floor(log.t_s[k] + 0.5) - first_s + 1;  // the device's clock starts with the log
-    if (!seconds.empty() && second.t_s <= seconds.back().t_s) continue;  // two rows in one second: keep the first
+    second.t_s = std::floor(log.t_s[k] + 0.5) - first_s + 1; // the device's clock starts with the log
+    if (!seconds.empty() && second.t_s <= seconds.back().t_s)
+      continue; // two rows in one second: keep the first
     second.temp_degc = log.temp_degc[k];
     for (const LogAxis& axis : log.axes) {
       const bool is_fault = !axis.flags.empty() && (axis.flags[k] & kSensorFault);
@@ -219,4 +229,4 @@ FeedResult feed(const std::vector<FeedSecond>& seconds, const FeedOptions& optio
   return result;
 }
 
-}  // namespace imucal
+} // namespace imucal

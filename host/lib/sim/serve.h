@@ -21,7 +21,7 @@ namespace imucal {
 constexpr double kConnectPatience_s = 10.0;
 
 class FeedSink {
- public:
+public:
   // device_error: cannot be opened; the message names what and why.
   explicit FeedSink(const std::string& to);
   ~FeedSink();
@@ -31,7 +31,7 @@ class FeedSink {
   // False: the reader has ended (which is its right); nothing more will be taken.
   bool write(const uint8_t* bytes, size_t n);
 
- private:
+private:
   std::string to_;
   int fd_ = -1;
 };
@@ -39,15 +39,15 @@ class FeedSink {
 struct FeedOptions {
   std::string to;
   RawFormat format;
-  double speed = 0;   // sensor seconds per second of wall time; 0: as fast as the device takes them
+  double speed = 0; // sensor seconds per second of wall time; 0: as fast as the device takes them
   uint64_t seed = 1;
   bool quiet = false;
 };
 
 struct FeedResult {
-  uint64_t n_samples = 0, n_saturated = 0;  // records written; of them with a channel at its limit
-  double sensor_s = 0;                      // time from the first to the last second fed
-  bool is_complete = false;                 // false: the device ended first, or Ctrl-C
+  uint64_t n_samples = 0, n_saturated = 0; // records written; of them with a channel at its limit
+  double sensor_s = 0;                     // time from the first to the last second fed
+  bool is_complete = false;                // false: the device ended first, or Ctrl-C
 };
 
 // One second to feed: 1-s means and the white noise that is spread inside it.  NaN in value: a channel fault.
@@ -59,15 +59,15 @@ struct FeedSecond {
 // A simulated device: gyros, then accelerometers (whose model is read in mg where it says dph), one run.
 struct SimulatedDevice {
   std::vector<FeedSecond> seconds;
-  Log log;  // what a 1-Hz log of the run would hold
+  Log log; // what a 1-Hz log of the run would hold
 };
 SimulatedDevice simulate_device(const std::vector<ErrorModel>& models, size_t n_axes, const Profile& profile,
                                 const std::vector<EffectSpec>& effects, const SimOptions& options);
 
-// A recorded log as seconds to feed: rows without temperature are left out, as is whatever is missing in the log,
-// so that the device sees the same gaps.  data_error: not 1 Hz, more than 6 axes, or nothing left.
+// A recorded log as seconds to feed: rows without temperature are left out, as is whatever is missing in the
+// log, so that the device sees the same gaps.  data_error: not 1 Hz, more than 6 axes, or nothing left.
 std::vector<FeedSecond> replay_seconds(const Log& log);
 
 FeedResult feed(const std::vector<FeedSecond>& seconds, const FeedOptions& options);
 
-}  // namespace imucal
+} // namespace imucal
