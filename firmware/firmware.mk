@@ -27,7 +27,8 @@ $(BUILD)/firmware/posix/imucal: $(FIRMWARE_POSIX) $(FIRMWARE_APP_HOST) $(FIRMWAR
 	$(Q)$(CC) $(SANITIZE_FLAGS) $^ $(LDFLAGS) -o $@
 
 # Unit tests of the firmware (tests/tests.mk links every .o it finds among the prerequisites).
-$(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/firmware/test_*.c)): $(FIRMWARE_APP_HOST)
+$(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/firmware/test_*.c)): $(FIRMWARE_APP_HOST) \
+  $(BUILD)/obj/host/tests/firmware/bench.o
 
 # ---- microcontrollers ----
 

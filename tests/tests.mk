@@ -20,7 +20,7 @@ $(BUILD)/obj/host/tests/%.o: tests/%.cpp
 $(BUILD)/tests/%: $(BUILD)/obj/host/tests/%.o $(HOST_ARCHIVE)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  LINK $@")
-	$(Q)$(CXX) -pthread $(SANITIZE_FLAGS) $(filter %.o %.a,$^) $(LDFLAGS) $(LIBS_$(notdir $*)) $(HOST_LIBS) -lcmocka -lm -o $@
+	$(Q)$(CXX) -pthread $(SANITIZE_FLAGS) $(filter %.o,$^) $(filter %.a,$^) $(LDFLAGS) $(LIBS_$(notdir $*)) $(HOST_LIBS) -lcmocka -lm -o $@
 
 .SECONDARY: $(patsubst $(BUILD)/tests/%,$(BUILD)/obj/host/tests/%.o,$(UNIT_TESTS))
 

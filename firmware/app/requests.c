@@ -8,6 +8,7 @@
 #include "parts.h"
 
 #define BIT(i) (1u << (i))
+#define SPAN_SLACK 1.00001f /* t0 +- range in float32 may round outward (as in table.c) */
 
 /* ---- replies ---- */
 
@@ -139,13 +140,14 @@ static imucal_status check_cal_start(const imucal_app_t* app, const imucal_link_
   if (!imucal_is_finite(request->t0_degc) || !imucal_is_finite(request->range_degc) ||
       !imucal_is_finite(request->span_lo_degc) || !imucal_is_finite(request->span_hi_degc))
     return IMUCAL_ERR_NOT_FINITE;
-  if (!(request->span_lo_degc < request->span_hi_degc) ||
-      request->span_lo_degc < request->t0_degc - request->range_degc ||
-      request->span_hi_degc > request->t0_degc + request->range_degc)
+  const float reach_degc = request->range_degc * SPAN_SLACK;
+  if (!(request->span_lo_degc < request->span_hi_degc) || request->t0_degc - request->span_lo_degc > reach_degc ||
+      request->span_hi_degc - request->t0_degc > reach_degc)
     return IMUCAL_ERR_SPAN;
   if (!is_model_number(request->arw)) return IMUCAL_ERR_MODEL;
   for (uint32_t k = 0; k < request->n_markov; k++)
-    if (!is_model_number(request->markov_sigma[k]) || !is_model_number(request->markov_tau_s[k]))
+    if (!is_model_number(request->markov_sigma[k]) || !is_model_number(request->markov_tau_s[k]) ||
+        request->markov_tau_s[k] <= 0.0f)
       return IMUCAL_ERR_MODEL;
   return IMUCAL_OK;
 }

@@ -1,0 +1,426 @@
+// SPDX-License-Identifier: MIT
+/* Every request of common/link.h, answered and refused. */
+#include "bench.h"
+#include "crc.h"
+
+static bench_t bench;
+
+static int start(void** state) {
+  (void)state;
+  bench_start(&bench);
+  return 0;
+}
+
+static int from_cal(const char* serial) {
+  imucal_link_table_from_cal_t request = {.created_s = 1234};
+  strncpy(request.serial, serial, sizeof request.serial);
+  return bench_done(&bench, IMUCAL_LINK_ID_TABLE_FROM_CAL, &request);
+}
+
+static int stop(uint8_t action) {
+  const imucal_link_cal_stop_t request = {.action = action};
+  return bench_done(&bench, IMUCAL_LINK_ID_CAL_STOP, &request);
+}
+
+static const imucal_link_info_reply_t* info(void) {
+  const imucal_link_info_t request = {0};
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_INFO, &request), IMUCAL_LINK_ID_INFO_REPLY);
+  return &bench.reply.info_reply;
+}
+
+/* ---- start and hello ---- */
+
+static void test_boot_without_table_says_so_and_passes_samples(void** state) {
+  (void)state;
+  assert_int_equal(bench_events(&bench, IMUCAL_EVENT_BOOT), 1);
+  assert_int_equal(bench_events(&bench, IMUCAL_EVENT_TABLE_NONE), 1);
+  assert_int_equal(bench_events(&bench, IMUCAL_EVENT_TABLE_REFUSED), 0); /* empty is no refusal */
+  assert_int_equal(info()->table_status, IMUCAL_ERR_NO_TABLE);
+  assert_int_equal(info()->ruling_slot, 255);
+  assert_int_equal(info()->slot_status[0], IMUCAL_SLOT_EMPTY);
+  assert_true(bench.n_watchdog > 0);
+}
+
+static void test_init_bad_board_is_refused(void** state) {
+  (void)state;
+  bench.board.channel[1].unit_per_count = 0.0f;
+  assert_int_equal(imucal_app_init(&bench.app, &bench.port, &bench.board), IMUCAL_ERR_SCALE);
+  bench.board.channel[1].unit_per_count = 1.0f;
+  bench.board.n_channels = 7;
+  assert_int_equal(imucal_app_init(&bench.app, &bench.port, &bench.board), IMUCAL_ERR_CHANNELS);
+}
+
+static void test_hello_tells_who_and_refuses_old_protocol(void** state) {
+  (void)state;
+  imucal_link_hello_t request = {.protocol = 1, .nonce = 77};
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_HELLO, &request), IMUCAL_LINK_ID_HELLO_REPLY);
+  assert_int_equal(bench.reply.hello_reply.nonce, 77);
+  assert_string_equal(bench.reply.hello_reply.device, "bench");
+  assert_string_equal(bench.reply.hello_reply.serial, BENCH_SERIAL);
+  assert_int_equal(bench.reply.hello_reply.n_channels, 3);
+  request.protocol = 0;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_HELLO, &request), IMUCAL_ERR_VERSION);
+}
+
+static void test_channel_info_known_and_unknown_channel(void** state) {
+  (void)state;
+  imucal_link_channel_info_t request = {.channel = 2};
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CHANNEL_INFO, &request), IMUCAL_LINK_ID_CHANNEL_INFO_REPLY);
+  assert_string_equal(bench.reply.channel_info_reply.name, "gz_dph");
+  assert_int_equal(bench.reply.channel_info_reply.full_scale_counts, 1000000);
+  assert_int_equal(bench.reply.channel_info_reply.is_compensated, 0);
+  request.channel = 3;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CHANNEL_INFO, &request), IMUCAL_ERR_UNKNOWN);
+}
+
+static void test_unknown_request_and_wrong_payload_are_refused(void** state) {
+  (void)state;
+  uint8_t frame[IMUCAL_LINK_MAX_FRAME];
+  size_t n = 0;
+  assert_int_equal(imucal_link_frame(0x3E, 200, NULL, 0, frame, sizeof frame, &n), IMUCAL_OK);
+  bench.has_reply = false;
+  bench_send(&bench, frame, n);
+  assert_true(bench.has_reply && bench.reply_id == IMUCAL_LINK_ID_DONE);
+  assert_int_equal(bench.reply.done.status, IMUCAL_ERR_UNKNOWN);
+  const uint8_t payload[3] = {0};
+  assert_int_equal(imucal_link_frame(IMUCAL_LINK_ID_INFO, 201, payload, 3, frame, sizeof frame, &n), IMUCAL_OK);
+  bench_send(&bench, frame, n);
+  assert_int_equal(bench.reply.done.status, IMUCAL_ERR_LENGTH);
+  const uint32_t n_replies = bench.n_replies; /* replies and records are no requests: not answered */
+  assert_int_equal(imucal_link_frame(IMUCAL_LINK_ID_DONE, 202, payload, 3, frame, sizeof frame, &n), IMUCAL_OK);
+  bench_send(&bench, frame, n);
+  assert_int_equal(bench.n_replies, n_replies);
+  const imucal_link_counters_t counters = {0};
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_COUNTERS, &counters), IMUCAL_LINK_ID_COUNTERS_REPLY);
+  assert_int_equal(bench.reply.counters_reply.rx_unknown, 3);
+}
+
+static void test_stream_unknown_bits_are_refused(void** state) {
+  (void)state;
+  imucal_link_stream_t request = {.what = 16, .channels = 0, .period_s = 1};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_STREAM, &request), IMUCAL_ERR_RANGE);
+  request = (imucal_link_stream_t){.what = 2, .channels = 8, .period_s = 1};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_STREAM, &request), IMUCAL_ERR_RANGE);
+  request = (imucal_link_stream_t){.what = 2, .channels = 7, .period_s = 0};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_STREAM, &request), IMUCAL_ERR_RANGE);
+  assert_int_equal(info()->stream_what, IMUCAL_STREAM_EVENT);
+}
+
+static void test_reboot_answers_first(void** state) {
+  (void)state;
+  const imucal_link_reboot_t request = {0};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_REBOOT, &request), IMUCAL_OK);
+  assert_int_equal(bench.n_reboots, 1);
+}
+
+static void test_reboot_stuck_line_reboots_all_the_same(void** state) {
+  (void)state;
+  uint8_t frame[IMUCAL_LINK_MAX_FRAME];
+  size_t n = 0;
+  const imucal_link_reboot_t request = {0};
+  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_REBOOT, 9, &request, frame, sizeof frame, &n), IMUCAL_OK);
+  bench.line_room = 0;
+  bench_send(&bench, frame, n);
+  assert_int_equal(bench.n_reboots, 0);
+  bench.time_us += 600000;
+  bench_run(&bench);
+  assert_int_equal(bench.n_reboots, 1);
+}
+
+/* ---- calibration ---- */
+
+/* 80 + 300 Tn dph, a ramp 0..60 degC in 600 s, white noise by a small generator. */
+static void ramp(uint64_t t_us, imucal_sample_t* sample) {
+  static uint32_t seed = 1;
+  const int32_t centi_degc = (int32_t)(t_us / 100000u); /* 0.1 degC per second */
+  sample->temp_counts = centi_degc - 2500;
+  for (int i = 0; i < 3; i++) {
+    int32_t noise = 0;
+    for (int k = 0; k < 4; k++) noise += (int32_t)((seed = seed * 1664525u + 1013904223u) >> 23) - 256;
+    sample->counts[i] = 80 + (centi_degc - 3000) / 10 + noise;
+  }
+}
+
+static void calibrate(uint8_t channels) {
+  for (uint8_t i = 0; i < 3; i++)
+    if (channels & (1u << i)) assert_int_equal(bench_cal_start(&bench, i, 3), IMUCAL_OK);
+  bench.shape = ramp;
+  bench.t_us = 0;
+  assert_int_equal(bench_stream(&bench, 15), IMUCAL_OK);
+  bench.ends = true;
+  bench_feed(&bench, 600);
+  bench.ends = false;
+}
+
+static void test_session_learns_stores_and_compensates(void** state) {
+  (void)state;
+  calibrate(7);
+  assert_int_equal(bench.n_second, 600);
+  assert_int_equal(bench.n_innovation, 1800);
+  assert_int_equal(bench.n_progress, 60);
+  assert_int_equal(bench_events(&bench, IMUCAL_EVENT_SENSOR_ENDED), 1);
+  assert_int_equal(info()->session, IMUCAL_SESSION_SENSOR_ENDED);
+  const imucal_link_cal_state_t ask = {.channel = 1};
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CAL_STATE, &ask), IMUCAL_LINK_ID_CAL_STATE_REPLY);
+  const imucal_link_cal_state_reply_t learnt = bench.reply.cal_state_reply;
+  assert_int_equal(learnt.n, 600);
+  assert_true(learnt.coeff[0] > 40 && learnt.coeff[0] < 120 && learnt.coeff[1] > 240 && learnt.coeff[1] < 360);
+  assert_true(bench.progress.worst_sigma[1] > 5 && bench.progress.worst_sigma[1] < 30);
+  assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_OK);
+  assert_int_equal(bench.reply.done.detail, 1);
+  assert_true(bench_ruling_b0(&bench) == imucal_kf_coefficient(&bench.app.channel[0].kf, 0));
+  bench_power_cycle(&bench);
+  assert_int_equal(info()->table_status, IMUCAL_OK);
+  assert_int_equal(bench_events(&bench, IMUCAL_EVENT_TABLE_LOADED), 1);
+  bench.t_us = 0;
+  assert_int_equal(bench_stream(&bench, IMUCAL_STREAM_SECOND), IMUCAL_OK);
+  float worst_raw = 0, worst_out = 0;
+  for (int k = 0; k < 60; k++) {
+    bench_feed(&bench, 10);
+    const float raw = bench.second.raw[1], out = bench.second.out[1];
+    if (raw * raw > worst_raw) worst_raw = raw * raw;
+    if (out * out > worst_out) worst_out = out * out;
+  }
+  assert_int_equal(bench.second.compensated, 7);
+  assert_true(worst_raw > 300.0f * 300.0f); /* the bias was large */
+  assert_true(worst_out < 150.0f * 150.0f); /* the noise alone: 30 dph per mean of a second, five sigma */
+}
+
+static void test_session_one_channel_keeps_others_of_ruling_table(void** state) {
+  (void)state;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  const size_t n = bench_table(&bench, 55.0f, bytes);
+  assert_int_equal(bench_upload(&bench, bytes, n), IMUCAL_OK);
+  calibrate(2);
+  assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_OK);
+  assert_true(bench_ruling_b0(&bench) == 55.0f);
+  assert_true(bench.app.table.channel[1].coeff[0] == imucal_kf_coefficient(&bench.app.channel[1].kf, 0));
+}
+
+static void test_session_one_channel_without_table_leaves_others_uncalibrated(void** state) {
+  (void)state;
+  calibrate(2);
+  assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_OK);
+  const imucal_link_channel_info_t first = {.channel = 0}, second = {.channel = 1};
+  bench_ask(&bench, IMUCAL_LINK_ID_CHANNEL_INFO, &first);
+  assert_int_equal(bench.reply.channel_info_reply.is_compensated, 0);
+  bench_ask(&bench, IMUCAL_LINK_ID_CHANNEL_INFO, &second);
+  assert_int_equal(bench.reply.channel_info_reply.is_compensated, 1);
+}
+
+static void test_session_rules(void** state) {
+  (void)state;
+  assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_ERR_NOT_LEARNT);
+  assert_int_equal(stop(IMUCAL_STOP_KEEP), IMUCAL_ERR_STATE);
+  assert_int_equal(stop(2), IMUCAL_ERR_RANGE);
+  assert_int_equal(bench_cal_start(&bench, 3, 3), IMUCAL_ERR_UNKNOWN);
+  assert_int_equal(bench_cal_start(&bench, 0, 6), IMUCAL_ERR_ORDER);
+  assert_int_equal(info()->session, IMUCAL_SESSION_IDLE);
+  assert_int_equal(bench_cal_start(&bench, 0, 3), IMUCAL_OK);
+  assert_int_equal(info()->session, IMUCAL_SESSION_CALIBRATING);
+  assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_ERR_BUSY);
+  const imucal_link_rollback_t nothing = {0};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_ROLLBACK, &nothing), IMUCAL_ERR_BUSY);
+  const imucal_link_erase_t erase = {.confirm = IMUCAL_LINK_ERASE_CONFIRM};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_ERASE, &erase), IMUCAL_ERR_BUSY);
+  const imucal_link_table_begin_t begin = {.total = 400};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_BEGIN, &begin), IMUCAL_ERR_BUSY);
+  assert_int_equal(stop(IMUCAL_STOP_KEEP), IMUCAL_OK);
+  assert_int_equal(info()->session, IMUCAL_SESSION_KEPT);
+  assert_int_equal(from_cal("bench-2"), IMUCAL_ERR_SERIAL);
+  assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_ERR_NOT_LEARNT); /* not one second was measured */
+  assert_int_equal(info()->table_status, IMUCAL_ERR_NO_TABLE);
+  assert_int_equal(stop(IMUCAL_STOP_DISCARD), IMUCAL_OK);
+  const imucal_link_cal_state_t ask = {.channel = 0};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_STATE, &ask), IMUCAL_ERR_STATE);
+  const imucal_link_cal_ud_t ask_ud = {.channel = 9};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_UD, &ask_ud), IMUCAL_ERR_UNKNOWN);
+}
+
+static void test_cal_start_bad_numbers_are_refused(void** state) {
+  (void)state;
+  const imucal_link_cal_start_t good = {.order = 3, .t0_degc = 30, .range_degc = 30, .m = 0.01f, .q = 8, .r = 1296,
+                                        .markov_variance = 400, .prior_sigma = 1e4f, .span_hi_degc = 60,
+                                        .n_markov = 1, .markov_sigma = {20}, .markov_tau_s = {100}};
+  imucal_link_cal_start_t bad = good;
+  bad.span_lo_degc = 60, bad.span_hi_degc = 0; /* reversed */
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_SPAN);
+  bad = good, bad.span_hi_degc = 70; /* outside t0 +- range */
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_SPAN);
+  bad = good, bad.t0_degc = imucal_float_from_bits(0x7FC00000u);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_NOT_FINITE);
+  bad = good, bad.markov_tau_s[0] = 0;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_MODEL);
+  bad = good, bad.r = -1;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_MODEL);
+  bad = good, bad.prior_sigma = 0;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_RANGE);
+  assert_int_equal(info()->session, IMUCAL_SESSION_IDLE);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &good), IMUCAL_OK);
+}
+
+static void test_cal_ud_gives_the_filters_bits(void** state) {
+  (void)state;
+  calibrate(1);
+  const imucal_link_cal_ud_t ask = {.channel = 0};
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CAL_UD, &ask), IMUCAL_LINK_ID_CAL_UD_REPLY);
+  assert_int_equal(bench.reply.cal_ud_reply.n_states, 5);
+  const imucal_kf_t* kf = &bench.app.channel[0].kf;
+  assert_memory_equal(bench.reply.cal_ud_reply.x, kf->x, sizeof kf->x);
+  assert_memory_equal(bench.reply.cal_ud_reply.d, kf->d, sizeof kf->d);
+  assert_memory_equal(bench.reply.cal_ud_reply.u, kf->u, sizeof kf->u);
+}
+
+/* ---- tables ---- */
+
+static void refresh_crc(uint8_t* bytes, size_t n) { imucal_put_u32(bytes + n - 4, imucal_crc32(bytes, n - 4)); }
+
+/* Uploads a damaged copy: refused with `status`, and the table before still rules, also after a power cycle. */
+static void expect_refused(const uint8_t* bytes, size_t n, int status) {
+  assert_int_equal(bench_upload(&bench, bytes, n), status);
+  assert_true(bench_ruling_b0(&bench) == 55.0f);
+  bench_power_cycle(&bench);
+  assert_true(bench_ruling_b0(&bench) == 55.0f);
+}
+
+static void test_upload_bad_tables_leave_the_last_good_one(void** state) {
+  (void)state;
+  uint8_t good[IMUCAL_TABLE_MAX_BYTES], bad[IMUCAL_TABLE_MAX_BYTES];
+  const size_t n = bench_table(&bench, 55.0f, good);
+  assert_int_equal(bench_upload(&bench, good, n), IMUCAL_OK);
+  memcpy(bad, good, n), bad[60] ^= 1;
+  expect_refused(bad, n, IMUCAL_ERR_CRC);
+  memcpy(bad, good, n), bad[0] ^= 1, refresh_crc(bad, n);
+  expect_refused(bad, n, IMUCAL_ERR_MAGIC);
+  memcpy(bad, good, n), bad[4] = 9, refresh_crc(bad, n);
+  expect_refused(bad, n, IMUCAL_ERR_VERSION);
+
+  strncpy(bench.board.serial, "bench-2", sizeof bench.board.serial); /* a table of another device */
+  bench_table(&bench, 7.0f, bad);
+  strncpy(bench.board.serial, BENCH_SERIAL, sizeof bench.board.serial);
+  expect_refused(bad, n, IMUCAL_ERR_SERIAL);
+  bench.board.channel[1].unit_per_count = 36.0f; /* of another sensor */
+  bench_table(&bench, 7.0f, bad);
+  bench.board.channel[1].unit_per_count = 1.0f;
+  expect_refused(bad, n, IMUCAL_ERR_SCALE);
+  bench.board.channel[2].name[1] = 'w';
+  bench_table(&bench, 7.0f, bad);
+  bench.board.channel[2].name[1] = 'z';
+  expect_refused(bad, n, IMUCAL_ERR_NAME);
+  bench.board.degc_at_zero = 20.0f;
+  bench_table(&bench, 7.0f, bad);
+  bench.board.degc_at_zero = 25.0f;
+  expect_refused(bad, n, IMUCAL_ERR_SCALE);
+
+  float b0 = 55.0f; /* the coefficient, wherever it stands, becomes NaN */
+  uint8_t pattern[4];
+  imucal_put_f32(pattern, b0);
+  memcpy(bad, good, n);
+  size_t at = 0;
+  while (memcmp(bad + at, pattern, 4)) at++;
+  imucal_put_u32(bad + at, 0x7FC00000u), refresh_crc(bad, n);
+  expect_refused(bad, n, IMUCAL_ERR_COEFFICIENT);
+  assert_int_equal(bench_upload(&bench, good, n), IMUCAL_OK); /* and a good one is still taken */
+  assert_int_equal(bench.reply.done.detail, 2);
+}
+
+static void test_upload_rules(void** state) {
+  (void)state;
+  const imucal_link_table_commit_t commit = {0};
+  imucal_link_table_data_t data = {.offset = 0, .length = 10};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_ERR_STATE);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_COMMIT, &commit), IMUCAL_ERR_STATE);
+  imucal_link_table_begin_t begin = {.total = 10};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_BEGIN, &begin), IMUCAL_ERR_LENGTH);
+  begin.total = 0xFFFF;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_BEGIN, &begin), IMUCAL_ERR_LENGTH);
+  begin.total = 456;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_BEGIN, &begin), IMUCAL_OK);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_OK);
+  data.offset = 20; /* a hole: told what is expected */
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_ERR_STATE);
+  assert_int_equal(bench.reply.done.detail, 10);
+  data.offset = 10, data.length = 0;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_ERR_LENGTH);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_COMMIT, &commit), IMUCAL_ERR_STATE); /* too early */
+  begin.total = 456;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_BEGIN, &begin), IMUCAL_OK);
+  data.length = 200;
+  for (data.offset = 0; data.offset < 400; data.offset = (uint16_t)(data.offset + 200))
+    assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_OK);
+  data.length = 57; /* one byte more than was said */
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_ERR_LENGTH);
+}
+
+static void test_table_read_refusals(void** state) {
+  (void)state;
+  imucal_link_table_read_t request = {.slot = 255, .length = 10};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_READ, &request), IMUCAL_ERR_NO_TABLE);
+  request.slot = 2;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_READ, &request), IMUCAL_ERR_UNKNOWN);
+  request.slot = 1; /* erased */
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_READ, &request), IMUCAL_ERR_MAGIC);
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 5.0f, bytes)), IMUCAL_OK);
+  request.slot = 255, request.offset = 456;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_READ, &request), IMUCAL_ERR_RANGE);
+  request.offset = 0, request.length = 0;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_READ, &request), IMUCAL_ERR_RANGE);
+  for (request.offset = 0; request.offset < 456; request.offset++) { /* every alignment */
+    request.length = 200;
+    assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_TABLE_READ, &request), IMUCAL_LINK_ID_TABLE_READ_REPLY);
+    const imucal_link_table_read_reply_t* part = &bench.reply.table_read_reply;
+    assert_int_equal(part->length, 456 - request.offset < 200 ? 456 - request.offset : 200);
+    assert_memory_equal(part->data, bench.flash + request.offset, part->length);
+  }
+}
+
+static void test_rollback_and_erase(void** state) {
+  (void)state;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  const imucal_link_rollback_t rollback = {0};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_ROLLBACK, &rollback), IMUCAL_ERR_NO_TABLE);
+  assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 1.0f, bytes)), IMUCAL_OK);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_ROLLBACK, &rollback), IMUCAL_ERR_NO_OTHER);
+  assert_true(bench_ruling_b0(&bench) == 1.0f);
+  assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 2.0f, bytes)), IMUCAL_OK);
+  assert_true(bench_ruling_b0(&bench) == 2.0f);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_ROLLBACK, &rollback), IMUCAL_OK);
+  assert_int_equal(bench.reply.done.detail, 1);
+  assert_true(bench_ruling_b0(&bench) == 1.0f);
+  bench_power_cycle(&bench);
+  assert_true(bench_ruling_b0(&bench) == 1.0f);
+  imucal_link_erase_t erase = {.confirm = 1};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_ERASE, &erase), IMUCAL_ERR_ARGUMENT);
+  assert_true(bench_ruling_b0(&bench) == 1.0f);
+  erase.confirm = IMUCAL_LINK_ERASE_CONFIRM;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_ERASE, &erase), IMUCAL_OK);
+  assert_int_equal(info()->table_status, IMUCAL_ERR_NO_TABLE);
+  assert_int_equal(info()->slot_status[1], IMUCAL_SLOT_EMPTY);
+}
+
+#define CASE(test) cmocka_unit_test_setup(test, start)
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      CASE(test_boot_without_table_says_so_and_passes_samples),
+      CASE(test_init_bad_board_is_refused),
+      CASE(test_hello_tells_who_and_refuses_old_protocol),
+      CASE(test_channel_info_known_and_unknown_channel),
+      CASE(test_unknown_request_and_wrong_payload_are_refused),
+      CASE(test_stream_unknown_bits_are_refused),
+      CASE(test_reboot_answers_first),
+      CASE(test_reboot_stuck_line_reboots_all_the_same),
+      CASE(test_session_learns_stores_and_compensates),
+      CASE(test_session_one_channel_keeps_others_of_ruling_table),
+      CASE(test_session_one_channel_without_table_leaves_others_uncalibrated),
+      CASE(test_session_rules),
+      CASE(test_cal_start_bad_numbers_are_refused),
+      CASE(test_cal_ud_gives_the_filters_bits),
+      CASE(test_upload_bad_tables_leave_the_last_good_one),
+      CASE(test_upload_rules),
+      CASE(test_table_read_refusals),
+      CASE(test_rollback_and_erase),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
