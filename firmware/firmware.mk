@@ -7,7 +7,7 @@ FIRMWARE_CPPFLAGS := -Icommon -Ifirmware
 FIRMWARE_CFLAGS := -std=c99 -pedantic -ffp-contract=off -fno-common $(WARNINGS) -Wstrict-prototypes -Wdouble-promotion
 
 FIRMWARE_PORTS := mps2_an386 nrf51
-FIRMWARE_IMAGES := $(if $(wildcard common/comp.c),$(BUILD)/firmware/posix/imucal $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf))
+FIRMWARE_IMAGES := $(BUILD)/firmware/posix/imucal $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf)
 firmware: $(FIRMWARE_IMAGES)  ## build the firmware images into build/firmware
 
 # ---- this machine: the posix port, and what the unit tests link ----
