@@ -22,6 +22,7 @@ import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 
 RAW, COMPENSATED, TRUTH, INK, GRID = "#c8553d", "#2a7f9e", "#1d3557", "#22303c", "#e3e8ec"
+DOTS = {"ms": 4.5, "alpha": 0.7, "mew": 0}
 STYLE = {
     "font.size": 10, "axes.edgecolor": "#9aa7b1", "axes.labelcolor": INK, "text.color": INK,
     "xtick.color": INK, "ytick.color": INK, "axes.grid": True, "grid.color": GRID, "axes.axisbelow": True,
@@ -38,21 +39,22 @@ def smooth(values):
 
 def draw_bias(ax, axis):
     """Upper panel: what the device says before and after, and what it learned."""
-    ax.plot(axis["before"]["temp_degc"], axis["before"]["rate_dph"], ".", ms=3.5, color=RAW, alpha=0.55, mew=0,
-            label="before: raw bias")
+    ax.plot(axis["before"]["temp_degc"], axis["before"]["rate_dph"], ".", color=RAW, label="before: raw", **DOTS)
     ax.plot(axis["table"]["temp_degc"], axis["table"]["bias_dph"], color=INK, lw=1.2, label="polynomial learned")
-    ax.plot(axis["after"]["temp_degc"], axis["after"]["rate_dph"], ".", ms=3.5, color=COMPENSATED, alpha=0.55, mew=0,
-            label="after: compensated")
+    ax.plot(axis["after"]["temp_degc"], axis["after"]["rate_dph"], ".", color=COMPENSATED, label="after: compensated", **DOTS)
     ax.axhline(0, color=INK, lw=0.6)
 
 
 def draw_compensated(ax, axis):
     """Middle panel: the compensated output, magnified."""
-    ax.plot(axis["after"]["temp_degc"], axis["after"]["rate_dph"], ".", ms=3.5, color=COMPENSATED, alpha=0.5, mew=0,
-            label="after, one-minute means")
+    noise = axis.get("noise_alone_dph")
+    if noise:
+        ax.axhspan(-noise, noise, color=GRID, lw=0, label="noise alone, one sigma")
+    ax.plot(axis["after"]["temp_degc"], axis["after"]["rate_dph"], ".", color=COMPENSATED, label="one-minute means", **DOTS)
     bins = axis.get("after_binned")
     if bins:
-        ax.plot(bins["temp_degc"], bins["rate_dph"], color=TRUTH, lw=1.6, marker="o", ms=3.5, label="mean per temperature")
+        ax.plot(bins["temp_degc"], bins["rate_dph"], color=TRUTH, lw=1.4, marker="o", ms=4,
+                label="mean per temperature")
     ax.axhline(0, color=INK, lw=0.6)
 
 
@@ -68,9 +70,9 @@ def draw_error(ax, axis):
 
 
 PANELS = (
-    (draw_bias, "bias [deg/h]"),
-    (draw_compensated, "compensated [deg/h]"),
-    (draw_error, "polynomial error [deg/h]"),
+    (draw_bias, "Before and after", "rate at rest [deg/h]"),
+    (draw_compensated, "What is left, magnified", "compensated [deg/h]"),
+    (draw_error, "Error of the polynomial", "error [deg/h]"),
 )
 
 
@@ -85,27 +87,28 @@ def plot(report):
     """Returns the figure of a report (see the top of this file)."""
     axes = report["axes"]
     with plt.rc_context(STYLE):
-        figure, grid = plt.subplots(3, len(axes), figsize=(4.3 * len(axes) + 0.6, 9.4), squeeze=False, sharex=True,
+        figure, grid = plt.subplots(3, len(axes), figsize=(4.3 * len(axes) + 0.6, 9.8), squeeze=False, sharex=True,
                                     sharey="row", gridspec_kw={"height_ratios": [1.25, 1, 1]})
         for column, axis in enumerate(axes):
-            grid[0][column].set_title(axis["axis"].rsplit("_", 1)[0], fontweight="bold")
-            for row, (draw, label) in enumerate(PANELS):
+            for row, (draw, _, label) in enumerate(PANELS):
                 draw(grid[row][column], axis)
                 if column == 0:
                     grid[row][column].set_ylabel(label)
+                grid[row][column].text(0.02, 0.97, axis["axis"].rsplit("_", 1)[0], transform=grid[row][column].transAxes,
+                                       va="top", fontweight="bold", color="#5b6a75")
             grid[2][column].set_xlabel("temperature [°C]")
         for row in (1, 2):
             symmetric(grid[row])
         figure.align_ylabels()
-        figure.suptitle(report["title"], x=0.012, y=0.988, ha="left", fontsize=14, fontweight="bold")
-        figure.text(0.012, 0.948, report["subtitle"], ha="left", va="center", fontsize=9.5, color="#5b6a75")
-        figure.tight_layout(rect=(0, 0, 1, 0.94), h_pad=2.6)
-        for row in range(3):
+        figure.suptitle(report["title"], x=0.012, y=0.988, ha="left", fontsize=15, fontweight="bold")
+        figure.text(0.012, 0.95, report["subtitle"], ha="left", va="center", fontsize=10, color="#5b6a75")
+        figure.tight_layout(rect=(0, 0, 1, 0.925), h_pad=3.2)
+        for row, (_, caption, _) in enumerate(PANELS):
+            first, last = grid[row][0].get_position(), grid[row][-1].get_position()
+            figure.text(first.x0, first.y1 + 0.010, caption, ha="left", va="bottom", fontsize=12, fontweight="bold")
             handles, labels = grid[row][0].get_legend_handles_labels()
-            box = grid[row][0].get_position()
-            figure.legend(handles, labels, loc="lower left", bbox_to_anchor=(box.x0, box.y1 + (0.018 if row == 0 else 0.0)),
-                          ncol=len(handles), fontsize=9, markerscale=2.5, borderaxespad=0.2, handlelength=1.4,
-                          columnspacing=1.6)
+            figure.legend(handles, labels, loc="lower right", bbox_to_anchor=(last.x1, last.y1 + 0.004), ncol=len(handles),
+                          fontsize=9.5, borderaxespad=0.2, handlelength=1.5, columnspacing=1.8)
     return figure
 
 

@@ -4,3 +4,12 @@ LIBS_test_transport := -lserialport
 $(BUILD)/tests/tty_shim.so: tests/emu/tty_shim.c
 	@mkdir -p $(@D)
 	$(Q)$(CC) -shared -fPIC -O1 $(WARNINGS) $< -o $@
+
+# `make demo LOG=file.csv` replays a recorded log.  The recursive calls see what deps has installed.
+DEMO_OPTIONS = --seed $(SEED) $(if $(LOG),--log $(LOG)) $(if $(ORDER),--order $(ORDER)) $(if $(RATE_HZ),--rate-hz $(RATE_HZ))
+demo:  ## calibrate an emulated IMU over its serial port (LOG=file.csv: replay a recorded log)
+	@$(MAKE) --no-print-directory deps
+	@$(MAKE) --no-print-directory -j2 all
+	@$(PYTHON) host/scripts/demo.py --build $(BUILD) $(DEMO_OPTIONS)
+
+.PHONY: demo
