@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: MIT
+#include "profile/schedule.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace imucal {
+
+size_t ScheduleShape::n_variables() const {
+  size_t n = stops.size();  // soak weights
+  for (const Stop& s : stops) n += s.is_free;
+  return n + (free_rates ? stops.size() - 1 : 0);
+}
+
+std::vector<double> ScheduleShape::start() const {
+  std::vector<double> x;
+  for (const Stop& s : stops)
+    if (s.is_free) x.push_back(s.level);
+  for (size_t i = 0; i < stops.size(); ++i) x.push_back(0.5);
+  if (free_rates) x.resize(x.size() + stops.size() - 1, 0.9);
+  return x;
+}
+
+// Interior support of the G-optimal design for orders 2 … 5 (zeros of the Legendre derivative, Guest 1958), evenly
+// spread beyond.
+static std::vector<double> interior_levels(int count) {
+  switch (count) {
+    case 0: return {};
+    case 1: return {0.5};
+    case 2: return {0.2763932, 0.7236068};
+    case 3: return {0.1726732, 0.5, 0.8273268};
+    case 4: return {0.1174723, 0.3573842, 0.6426158, 0.8825277};
+    default: break;
+  }
+  std::vector<double> out;
+  for (int i = 1; i <= count; ++i) out.push_back(static_cast<double>(i) / (count + 1));
+  return out;
+}
+
+ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot, bool free_rates) {
+  ScheduleShape shape;
+  shape.free_rates = free_rates;
+  shape.name = std::to_string(passes) + (passes == 1 ? " pass, " : " passes, ") + std::to_string(interior) +
+               " interior soaks on " + std::to_string(passes_with_interior) + (starts_hot ? ", from hot" : ", from cold");
+  bool at_hot = starts_hot;
+  shape.stops.push_back({at_hot ? 1.0 : 0.0, false});
+  for (int pass = 0; pass < passes; ++pass) {
+    if (pass < passes_with_interior)
+      for (double level : interior_levels(interior)) shape.stops.push_back({at_hot ? 1 - level : level, true});
+    at_hot = !at_hot;
+    shape.stops.push_back({at_hot ? 1.0 : 0.0, false});
+  }
+  return shape;
+}
+
+// Shares `total` in proportion to the weights, none above `cap` (0: no cap); returns what is left over.
+static double share_out(double total, double cap, const std::vector<double>& weights, std::vector<double>* out) {
+  const size_t n = weights.size();
+  std::vector<bool> full(n, false);
+  out->assign(n, 0.0);
+  double left = total;
+  for (size_t round = 0; round <= n; ++round) {
+    double sum = 0;
+    for (size_t i = 0; i < n; ++i)
+      if (!full[i]) sum += weights[i] + 1e-6;
+    if (sum == 0) return left;
+    bool overflow = false;
+    for (size_t i = 0; i < n; ++i)
+      if (!full[i] && cap > 0 && left * (weights[i] + 1e-6) / sum > cap) {
+        (*out)[i] = cap;
+        full[i] = overflow = true;
+      }
+    if (!overflow) {
+      for (size_t i = 0; i < n; ++i)
+        if (!full[i]) (*out)[i] = left * (weights[i] + 1e-6) / sum;
+      return 0;
+    }
+    left = total;
+    for (size_t i = 0; i < n; ++i)
+      if (full[i]) left -= cap;
+    if (left < 0) left = 0;
+  }
+  return left;
+}
+
+bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables, const ChamberLimits& limits,
+                  double duration_s, Profile* profile, double* excess_s) {
+  const size_t n = shape.stops.size();
+  std::vector<double> level(n), weight(n), ramp_s(n, 0.0), soak_s;
+  size_t next = 0;
+  for (size_t i = 0; i < n; ++i)
+    level[i] = shape.stops[i].is_free ? std::clamp(variables[next++], 0.0, 1.0) : shape.stops[i].level;
+  for (size_t i = 0; i < n; ++i) weight[i] = std::max(0.0, variables[next++]);
+  double ramps_s = 0, fastest_s = 0;
+  for (size_t i = 1; i < n; ++i) {
+    const double rise = level[i] - level[i - 1];
+    const double shortest_s = std::abs(rise) * limits.traverse_s(rise > 0);
+    const double frac = shape.free_rates ? std::clamp(variables[next++], 0.02, 1.0) : 1.0;
+    ramp_s[i] = shortest_s / frac;
+    ramps_s += ramp_s[i];
+    fastest_s += shortest_s;
+  }
+  const double soaks_min_s = limits.min_soak_s * static_cast<double>(n);
+  *excess_s = fastest_s + soaks_min_s - duration_s;
+  if (*excess_s > 1e-6) return false;
+  double left_s = duration_s - ramps_s - soaks_min_s;
+  if (left_s < 0) {  // slower ramps than the duration allows: all are quickened towards the limit
+    const double slack_s = ramps_s - fastest_s, keep = slack_s > 0 ? std::max(0.0, 1 + left_s / slack_s) : 0;
+    for (size_t i = 1; i < n; ++i) {
+      const double rise = level[i] - level[i - 1];
+      const double shortest_s = std::abs(rise) * limits.traverse_s(rise > 0);
+      ramp_s[i] = shortest_s + keep * (ramp_s[i] - shortest_s);
+    }
+    left_s = 0;
+  }
+  const double cap = limits.max_soak_s > 0 ? limits.max_soak_s - limits.min_soak_s : 0;
+  const bool no_room = limits.max_soak_s > 0 && cap <= 0;
+  double over_s = left_s;
+  soak_s.assign(n, 0.0);
+  if (!no_room) over_s = share_out(left_s, cap, weight, &soak_s);
+  for (double& s : soak_s) s += limits.min_soak_s;
+  if (over_s > 0) {
+    double total = 0;
+    for (double r : ramp_s) total += r;
+    for (double& r : ramp_s) r *= (total + over_s) / total;
+  }
+  *profile = Profile{};
+  profile->start_degc = limits.lo_degc + level[0] * limits.span_degc();
+  double temp_degc = profile->start_degc;
+  for (size_t i = 0; i < n; ++i) {
+    const double to_degc = limits.lo_degc + level[i] * limits.span_degc();
+    if (i > 0 && ramp_s[i] > 0 && to_degc != temp_degc)
+      profile->segments.push_back({60 * (to_degc - temp_degc) / ramp_s[i], ramp_s[i], to_degc});
+    temp_degc = to_degc;
+    if (soak_s[i] > 0) profile->segments.push_back({0, soak_s[i], temp_degc});
+  }
+  return true;
+}
+
+// Soaks that follow each other become one, a stop without a soak vanishes from a ramp of one rate.
+static void append_merged(const ProfileSegment& s, std::vector<ProfileSegment>* out) {
+  if (!out->empty()) {
+    ProfileSegment& last = out->back();
+    if (s.rate_degc_per_min == last.rate_degc_per_min) {
+      last.duration_s += s.duration_s;
+      last.to_degc = s.to_degc;
+      return;
+    }
+  }
+  out->push_back(s);
+}
+
+Profile rounded(const Profile& profile, double duration_s) {
+  Profile out;
+  out.start_degc = std::round(profile.start_degc * 100) / 100;
+  double temp_degc = out.start_degc;
+  for (ProfileSegment s : profile.segments) {
+    if (s.rate_degc_per_min == 0) {
+      if (s.duration_s < 1) continue;
+      s.to_degc = temp_degc;
+    } else {
+      s.to_degc = std::round(s.to_degc * 100) / 100;
+      if (s.to_degc == temp_degc) continue;
+      // Rates down to 1e-6 degC/min: never above the limit they came from.
+      const double rate = std::floor(std::abs(s.rate_degc_per_min) * 1e6 + 1e-3) / 1e6;
+      s.rate_degc_per_min = std::copysign(rate, s.to_degc - temp_degc);
+      s.duration_s = std::abs(s.to_degc - temp_degc) / rate * 60;
+    }
+    temp_degc = s.to_degc;
+    append_merged(s, &out.segments);
+  }
+  double total_s = 0;
+  ProfileSegment* longest = nullptr;
+  for (ProfileSegment& s : out.segments) {
+    if (s.rate_degc_per_min == 0) {
+      s.duration_s = std::floor(s.duration_s + 1e-6);
+      if (!longest || s.duration_s > longest->duration_s) longest = &s;
+    }
+    total_s += s.duration_s;
+  }
+  if (longest)
+    longest->duration_s = std::max(1.0, std::floor((longest->duration_s + duration_s - total_s) * 10 + 1e-6) / 10);
+  return out;
+}
+
+Profile paper_profile(const ChamberLimits& limits, double duration_s, int passes) {
+  Profile p;
+  p.start_degc = limits.lo_degc;
+  double ramps_s = 0;
+  for (int i = 0; i < passes; ++i) ramps_s += limits.traverse_s(i % 2 == 0);
+  const double soak_s = std::max(0.0, (duration_s - ramps_s) / (passes + 1));
+  if (soak_s > 0) p.segments.push_back({0, soak_s, limits.lo_degc});
+  for (int i = 0; i < passes; ++i) {
+    const bool up = i % 2 == 0;
+    const double to_degc = up ? limits.hi_degc : limits.lo_degc;
+    p.segments.push_back({up ? limits.heating_degc_per_min : -limits.cooling_degc_per_min, limits.traverse_s(up), to_degc});
+    if (soak_s > 0) p.segments.push_back({0, soak_s, to_degc});
+  }
+  return p;
+}
+
+}  // namespace imucal

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+// Profiles as a few numbers that an optimiser can turn: stops (temperature, soak) joined by ramps.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "io/profile.h"
+
+namespace imucal {
+
+// What the chamber and the user allow.  Rates in degC/min, both positive.
+struct ChamberLimits {
+  double lo_degc = 0, hi_degc = 0;
+  double heating_degc_per_min = 0, cooling_degc_per_min = 0;
+  double min_soak_s = 0;
+  double max_soak_s = 0;  // 0: unlimited
+  double span_degc() const { return hi_degc - lo_degc; }
+  double traverse_s(bool heating) const {
+    return 60 * span_degc() / (heating ? heating_degc_per_min : cooling_degc_per_min);
+  }
+};
+
+// A chain of stops.  level: 0 = lo, 1 = hi; a level in (0, 1) given at construction is only where it starts from,
+// when it is free.
+struct ScheduleShape {
+  std::string name;
+  struct Stop {
+    double level;
+    bool is_free;
+  };
+  std::vector<Stop> stops;
+  bool free_rates = false;  // ramps may be slower than the limit, each by its own factor
+
+  size_t n_variables() const;  // free levels, then soak weights, then rate fractions: all in [0, 1]
+  std::vector<double> start() const;
+};
+
+// Passes between the ends of the range with `interior` soaks on the first `passes_with_interior` of them.
+ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot, bool free_rates);
+
+// Turns variables into a profile that lasts duration_s.  Soaks share what the ramps leave over in proportion to
+// their weights, within the limits on soaks; where all soaks are at their maximum the ramps are slowed.
+// Returns false where the ramps alone (with the shortest soaks) last longer; *excess_s says by how much.
+bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables, const ChamberLimits& limits,
+                  double duration_s, Profile* profile, double* excess_s);
+
+// Rounded for people and chamber controllers: temperatures to 0.01 degC, soaks to seconds (the longest takes the
+// remainder so that the duration is kept), soaks below a second dropped unless min_soak_s asks for them.
+Profile rounded(const Profile& profile, double duration_s);
+
+// The paper's profile for a duration: ramps at the limit between the ends (passes of them, up first), equal soaks at
+// both ends.  Soak 0 where the ramps alone take longer.
+Profile paper_profile(const ChamberLimits& limits, double duration_s, int passes = 1);
+
+}  // namespace imucal
