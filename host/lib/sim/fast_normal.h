@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Normal numbers by the hundred million: ziggurat (Marsaglia and Tsang 2000, 256 layers, 53-bit abscissae) on
 // xoshiro256++ (Blackman and Vigna 2019).  A stream is seeded from an addressed Rng, so it depends on (seed, run,
-// axis, purpose) only and never on threads.  About 2 ns per number; Rng::normal takes ten times that.
+// axis, purpose) only and never on threads.  About 3 ns per number; Rng::normal takes several times that.
 #pragma once
 #include <cstdint>
 
