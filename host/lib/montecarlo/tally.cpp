@@ -14,7 +14,7 @@ void ExactSum::add(double x) {
   if (!(std::abs(x) <= kLargest)) throw std::overflow_error("a result is not finite or beyond 4e18");
   // Split so that each half is exact in int64.
   const double high = std::nearbyint(x);
-  sum_ += static_cast<__int128>(static_cast<int64_t>(high)) * (static_cast<__int128>(1) << 44);
+  sum_ += static_cast<Int128>(static_cast<int64_t>(high)) * (static_cast<Int128>(1) << 44);
   sum_ += static_cast<int64_t>(std::nearbyint((x - high) / kUnit));
 }
 
@@ -22,7 +22,7 @@ double ExactSum::value() const { return static_cast<double>(sum_) * kUnit; }
 
 std::string ExactSum::text() const {
   const bool negative = sum_ < 0;
-  unsigned __int128 rest = negative ? -static_cast<unsigned __int128>(sum_) : static_cast<unsigned __int128>(sum_);
+  Uint128 rest = negative ? -static_cast<Uint128>(sum_) : static_cast<Uint128>(sum_);
   std::string digits;
   do {
     digits += static_cast<char>('0' + static_cast<int>(rest % 10));
@@ -128,7 +128,7 @@ Tally Tally::from_json(const JsonField& field) {
     for (const JsonField& text : sums.at(item.key()).elements()) try {
         tally.sums_[item.key()].push_back(ExactSum::from_text(text.text()));
       } catch (const std::invalid_argument& error) {
-        text.fail(error.what());
+        text.refuse(error.what());
       }
   for (const auto& item : counts.json().items())
     for (const JsonField& n : counts.at(item.key()).elements())

@@ -15,6 +15,9 @@
 
 namespace imucal {
 
+__extension__ using Int128 = __int128;
+__extension__ using Uint128 = unsigned __int128;
+
 class ExactSum {
  public:
   void add(double x);  // throws std::overflow_error for NaN, infinity and |x| > 2^62: a result nobody can use
@@ -24,7 +27,7 @@ class ExactSum {
   static ExactSum from_text(const std::string& text);  // throws std::invalid_argument
 
  private:
-  __int128 sum_ = 0;
+  Int128 sum_ = 0;
 };
 
 // Named lists of sums, counts and maxima.  A list takes its length from the first use.

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: MIT
+#include "montecarlo/chain.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "base/error.h"
+#include "base/units.h"
+
+namespace imucal {
+
+static void must(imucal_status status, const char* doing) {
+  if (status < 0) throw data_error(std::string(doing) + ": the core says: " + imucal_status_text(status));
+}
+
+imucal_kf_config_t filter_config(const ChainSetup& setup) {
+  double variance = 0, weighted_tau = 0;
+  for (const Markov& m : setup.filter.markov) {
+    variance += m.sigma_dph * m.sigma_dph;
+    weighted_tau += m.sigma_dph * m.sigma_dph * m.tau_s;
+  }
+  const Markov joint = variance > 0 ? Markov{std::sqrt(variance), weighted_tau / variance} : Markov{0, 1};
+  const double white = white_sigma_dph(setup.filter.arw_deg_rt_h);
+  const double lsb = setup.raw.counts_scale_dph;
+  const double r = white * white + lsb * lsb / 12 / setup.raw.rate_hz;
+  if (!(white > 0)) throw data_error("the filter's error model has no white noise: set arw_deg_rt_h above zero");
+  imucal_kf_config_t config;
+  std::memset(&config, 0, sizeof config);
+  config.order = static_cast<uint8_t>(setup.order);
+  config.t0_degc = static_cast<float>(setup.t0_degc);
+  config.range_degc = static_cast<float>(setup.range_degc);
+  config.m = static_cast<float>(-std::expm1(-1.0 / joint.tau_s));
+  config.q = static_cast<float>(joint.q_dph2());
+  config.r = static_cast<float>(r);
+  config.markov_variance = static_cast<float>(variance);
+  config.prior_sigma = static_cast<float>(setup.prior_sigma_dph);
+  return config;
+}
+
+CoreChain::CoreChain(const ChainSetup& setup) : setup_(setup) {
+  must(imucal_sum_init(&sum_, 1, static_cast<uint32_t>(setup.raw.rate_hz)), "1-s sums");
+  const imucal_kf_config_t config = filter_config(setup);
+  must(imucal_kf_init(&kf_, &config), "filter");
+  std::memset(&table_, 0, sizeof table_);
+  std::memset(&comp_, 0, sizeof comp_);
+}
+
+void CoreChain::push(const imucal_sample_t& sample) {
+  imucal_second_t second;
+  if (imucal_sum_add(&sum_, &sample, &second) == IMUCAL_SECOND_READY) take(second);
+}
+
+void CoreChain::push(const RawSample& raw) {
+  imucal_sample_t sample;
+  sample.t_us = raw.t_us;
+  sample.temp_counts = raw.temp_counts;
+  sample.counts[0] = raw.counts[0];
+  sample.n_channels = 1;
+  sample.saturated = raw.saturated & 1u;
+  sample.fault = 0;
+  push(sample);
+}
+
+void CoreChain::take(const imucal_second_t& second) {
+  uint32_t gap_s = second.n_skipped;
+  const uint32_t bad = second.flags[0] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT);
+  if (second.is_gap || bad) {
+    must(imucal_kf_skip(&kf_, gap_s + 1), "filter, gap");
+    gap_s_ += gap_s + 1;
+    return;
+  }
+  must(imucal_kf_skip(&kf_, gap_s), "filter, gap");
+  gap_s_ += gap_s;
+  const auto scale = static_cast<float>(setup_.raw.counts_scale_dph);
+  const auto degc = static_cast<float>(setup_.raw.temp_lsb_degc), zero = static_cast<float>(setup_.raw.temp_offset_degc);
+  const float z_dph = imucal_unit_from_q16(imucal_mean_q16_rne(second.sum[0], second.n_samples), scale, 0.0f);
+  const float temp_degc = imucal_unit_from_q16(imucal_mean_q16_rne(second.temp_sum, second.n_samples), degc, zero);
+  if (imucal_kf_update(&kf_, z_dph, temp_degc) != IMUCAL_OK) {  // refused and counted by the filter
+    must(imucal_kf_skip(&kf_, 1), "filter, gap");
+    gap_s_ += 1;
+    return;
+  }
+  seconds_.push_back({z_dph, temp_degc, gap_s_});
+  gap_s_ = 0;
+  keep_innovation();
+}
+
+void CoreChain::keep_innovation() {
+  if (seconds_.size() <= setup_.white_from_s) return;
+  const float inverse = 1.0f / kf_.stats.innovation_variance;
+  const float e = kf_.stats.innovation * std::sqrt(inverse);
+  weighted_ += static_cast<double>(kf_.stats.innovation * inverse);
+  inverse_ += static_cast<double>(inverse);
+  for (size_t i = 0; i < kInnovationLagCount; ++i) {
+    const auto lag = static_cast<uint64_t>(kInnovationLags[i]);
+    if (n_innovations_ < lag) break;
+    lag_sums_[i] += static_cast<double>(e) * static_cast<double>(ring_[(n_innovations_ - lag) % kRing]);
+    ++lag_counts_[i];
+  }
+  ring_[n_innovations_++ % kRing] = e;
+}
+
+void CoreChain::finish() {
+  imucal_second_t last;
+  if (imucal_sum_flush(&sum_, &last) == IMUCAL_SECOND_READY) take(last);
+  imucal_table_t made;
+  std::memset(&made, 0, sizeof made);
+  must(imucal_text_set(made.serial, sizeof made.serial, "SIMULATED"), "table");
+  made.sequence = 1;
+  made.n_channels = 1;
+  made.degc_per_count = static_cast<float>(setup_.raw.temp_lsb_degc);
+  made.degc_at_zero = static_cast<float>(setup_.raw.temp_offset_degc);
+  imucal_table_channel_t& channel = made.channel[0];
+  must(imucal_table_from_kf(&channel, &kf_, static_cast<float>(setup_.span_lo_degc),
+                            static_cast<float>(setup_.span_hi_degc)),
+       "table");
+  must(imucal_text_set(channel.name, sizeof channel.name, "gx_dph"), "table");
+  channel.unit_per_count = static_cast<float>(setup_.raw.counts_scale_dph);
+  channel.full_scale_counts = setup_.raw.max_counts;
+  channel.arw = static_cast<float>(setup_.filter.arw_deg_rt_h);
+  for (const Markov& m : setup_.filter.markov) {
+    if (channel.n_markov == IMUCAL_TABLE_MARKOV_N) break;
+    channel.markov_sigma[channel.n_markov] = static_cast<float>(m.sigma_dph);
+    channel.markov_tau_s[channel.n_markov++] = static_cast<float>(m.tau_s);
+  }
+  // Through the bytes that would be in flash.
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  size_t n_bytes = 0;
+  must(imucal_table_encode(&made, bytes, sizeof bytes, &n_bytes), "table");
+  must(imucal_table_decode(bytes, n_bytes, &table_, nullptr), "table");
+  must(imucal_comp_prepare(&comp_, &table_, 0), "compensation");
+}
+
+double CoreChain::compensated_bias_dph(double temp_degc) const {
+  const double counts = (temp_degc - setup_.raw.temp_offset_degc) / setup_.raw.temp_lsb_degc;
+  uint32_t flags = 0;
+  const int32_t out = imucal_comp_apply(&comp_, static_cast<int32_t>(std::lround(counts)), 0, &flags);
+  return -static_cast<double>(out) * static_cast<double>(comp_.unit_per_lsb);
+}
+
+double CoreChain::table_bias_dph(double temp_degc) const {
+  const double tn = (temp_degc - static_cast<double>(table().t0_degc)) / static_cast<double>(table().range_degc);
+  double sum = 0;
+  for (size_t i = IMUCAL_MAX_COEFF; i-- > 0;) sum = sum * tn + static_cast<double>(table().coeff[i]);
+  return sum;
+}
+
+// The filter works in Chebyshev polynomials of Tn: b = C c, column k of C holding the powers of Tn in T_k.
+static std::vector<double> powers_in_chebyshev(size_t p) {
+  std::vector<double> c(p * p, 0.0);
+  for (size_t k = 0; k < p; ++k)
+    for (size_t i = 0; i <= k; ++i) {
+      double value = k < 2 ? (i == k ? 1.0 : 0.0) : 0.0;
+      if (k >= 2) value = (i > 0 ? 2 * c[(i - 1) * p + k - 1] : 0.0) - c[i * p + k - 2];
+      c[i * p + k] = value;
+    }
+  return c;
+}
+
+std::vector<double> CoreChain::coefficients() const {
+  const size_t p = static_cast<size_t>(kf_.config.order) + 1;
+  const auto c = powers_in_chebyshev(p);
+  std::vector<double> b(p, 0.0);
+  for (size_t i = 0; i < p; ++i)
+    for (size_t k = 0; k < p; ++k)
+      b[i] += c[i * p + k] * (static_cast<double>(kf_.x[k + 1]) + static_cast<double>(kf_.x_lo[k + 1]));
+  return b;
+}
+
+std::vector<double> CoreChain::coefficient_covariance() const {
+  // P = U D U', U unit upper triangular, column j at j(j-1)/2; state 0 is the Markov error.
+  const size_t n = static_cast<size_t>(kf_.config.order) + 2, p = n - 1;
+  const auto c = powers_in_chebyshev(p);
+  std::vector<double> root(p * n, 0.0);  // C U (rows of b) sqrt(D)
+  for (size_t i = 0; i < p; ++i)
+    for (size_t j = 0; j < n; ++j) {
+      for (size_t k = 0; k < p; ++k)
+        if (k + 1 <= j)
+          root[i * n + j] += c[i * p + k] * (k + 1 == j ? 1.0 : static_cast<double>(kf_.u[j * (j - 1) / 2 + k + 1]));
+      root[i * n + j] *= std::sqrt(std::max(0.0, static_cast<double>(kf_.d[j]) + static_cast<double>(kf_.d_lo[j])));
+    }
+  std::vector<double> cov(p * p, 0.0);
+  for (size_t a = 0; a < p; ++a)
+    for (size_t b = 0; b < p; ++b)
+      for (size_t j = 0; j < n; ++j) cov[a * p + b] += root[a * n + j] * root[b * n + j];
+  return cov;
+}
+
+}  // namespace imucal
