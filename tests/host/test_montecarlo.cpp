@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: MIT
+// Monte Carlo campaigns: exact sums, the same bits for any threads and shards, statistics that see a wrong filter.
+#include <unistd.h>
+
+#include <cmath>
+#include <csetjmp>
+#include <cstdarg>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include <Eigen/Dense>
+extern "C" {
+#include <cmocka.h>
+}
+
+#include "base/error.h"
+#include "montecarlo/campaign.h"
+#include "montecarlo/methods.h"
+#include "montecarlo/reference.h"
+#include "montecarlo/report.h"
+#include "montecarlo/truth.h"
+
+using namespace imucal;
+
+static Profile profile_of(double soak_s, double rate_degc_per_min) {
+  Profile profile;
+  profile.start_degc = 0;
+  profile.segments = {{0, soak_s, 0}, {rate_degc_per_min, 0, 60}, {0, soak_s, 0}};
+  return profile;
+}
+
+static CampaignOptions options_of(uint64_t runs) {
+  CampaignOptions o;
+  o.model.arw_deg_rt_h = 0.6;
+  o.model.markov = {{20, 100}};
+  o.model.turn_on_sigma_dph = 30;
+  o.model.bias = ThermalPolynomial{30, 30, {80, 300, 150, -100}};
+  o.filter = o.model;
+  o.profile = profile_of(200, 3);
+  o.seed = 7;
+  o.runs = runs;
+  o.raw.rate_hz = 10;
+  o.raw.counts_scale_dph = 1;
+  return o;
+}
+
+static CampaignResult campaign(const CampaignOptions& options) {
+  return run_campaign(plan_campaign(options), nullptr, nullptr);
+}
+
+static std::string refusal(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  fail_msg("nothing was refused");
+  return "";
+}
+
+static void assert_contains(const std::string& text, const char* part) {
+  if (text.find(part) == std::string::npos) fail_msg("\"%s\" is not in: %s", part, text.c_str());
+}
+
+static void test_exact_sum_does_not_depend_on_order(void**) {
+  const std::vector<double> values = {1e15, 1e-9, -1e15, 3.25, 1.0 / 3, -7e7, 1e-12};
+  ExactSum forward, backward, halves, other;
+  for (size_t i = 0; i < values.size(); ++i) {
+    forward.add(values[i]);
+    backward.add(values[values.size() - 1 - i]);
+    (i % 2 ? halves : other).add(values[i]);
+  }
+  halves.add(other);
+  assert_string_equal(forward.text().c_str(), backward.text().c_str());
+  assert_string_equal(forward.text().c_str(), halves.text().c_str());
+  assert_true(std::abs(forward.value() - (3.25 + 1.0 / 3 - 7e7 + 1.001e-9)) < 3e-8);  // double holds 7e7 to 1.5e-8
+  assert_string_equal(ExactSum::from_text(forward.text()).text().c_str(), forward.text().c_str());
+}
+
+static void test_exact_sum_refuses_what_is_not_a_number(void**) {
+  for (const double bad : {std::nan(""), 1e300, -1e300 * 1e300}) {
+    ExactSum sum;
+    bool refused = false;
+    try {
+      sum.add(bad);
+    } catch (const std::overflow_error&) {
+      refused = true;
+    }
+    assert_true(refused);
+  }
+}
+
+static void test_campaign_threads_and_shards_give_the_same_bits(void**) {
+  CampaignOptions whole = options_of(23);
+  whole.reference_every = 5;
+  whole.residual_every = 7;
+  const std::string expected = campaign(whole).tally.to_json().dump();
+  whole.threads = 4;
+  assert_string_equal(campaign(whole).tally.to_json().dump().c_str(), expected.c_str());
+
+  std::vector<Partial> shards;
+  const std::string path = "/tmp/imucal_test_mc_" + std::to_string(getpid());
+  for (const auto& [first, runs] : {std::pair<uint64_t, uint64_t>{9, 14}, {0, 4}, {4, 5}}) {
+    CampaignOptions shard = whole;
+    shard.threads = 1;
+    shard.first_run = first;
+    shard.runs = runs;
+    write_partial(path, shard, campaign(shard));
+    shards.push_back(read_partial(path));
+    std::remove(path.c_str());
+  }
+  const Partial merged = merge_partials(shards);
+  assert_string_equal(merged.result.tally.to_json().dump().c_str(), expected.c_str());
+  assert_int_equal(merged.result.runs_done, 23);
+}
+
+static void test_merge_refuses_overlap_and_other_campaigns(void**) {
+  const std::string path = "/tmp/imucal_test_mc_" + std::to_string(getpid());
+  CampaignOptions options = options_of(3);
+  write_partial(path, options, campaign(options));
+  const Partial first = read_partial(path);
+  options.first_run = 2;
+  write_partial(path, options, campaign(options));
+  const Partial overlapping = read_partial(path);
+  options.first_run = 3;
+  options.order = 4;
+  write_partial(path, options, campaign(options));
+  const Partial other = read_partial(path);
+  std::remove(path.c_str());
+  assert_contains(refusal([&] { merge_partials({overlapping, first}); }), "from run 2");
+  assert_contains(refusal([&] { merge_partials({first, other}); }), "another campaign");
+  std::ofstream(path) << R"({"imucal_model":1})";
+  assert_contains(refusal([&] { read_partial(path); }), "--partial");
+  std::remove(path.c_str());
+}
+
+static void test_campaign_stops_and_keeps_what_is_done(void**) {
+  CampaignOptions options = options_of(50);
+  int asked = 0;
+  const CampaignResult result = run_campaign(plan_campaign(options), nullptr, [&] { return ++asked > 10; });
+  assert_true(result.is_interrupted);
+  assert_int_equal(result.runs_done, 10);
+  assert_int_equal(result.tally.counted("runs"), 10);
+  options.runs = 10;  // what is done are the first runs
+  assert_string_equal(result.tally.to_json().dump().c_str(), campaign(options).tally.to_json().dump().c_str());
+}
+
+// 99.99 % intervals of means of chi-square variables: 3.9 standard deviations.
+static void assert_chi2_mean(double mean, double dof, double n, const char* what) {
+  const double z = (mean - dof) / std::sqrt(2 * dof / n);
+  if (std::abs(z) > 3.9) fail_msg("%s: %.5f, expected %.5f (%.1f standard errors)", what, mean, dof, z);
+}
+
+static void test_campaign_right_filter_is_consistent(void**) {
+  CampaignOptions options = options_of(400);
+  options.missing_frac = 0.02;
+  options.raw.missing_frac = 0.02;
+  options.raw.jitter_s = 0.01;
+  options.least_squares_every = options.residual_every = 0;
+  const CampaignPlan plan = plan_campaign(options);
+  const Json json = campaign_json(plan, run_campaign(plan, nullptr, nullptr));
+  // Missing samples: the white noise of a second with 9 of 10 samples is 10/9 of nominal, 2 % on average.
+  assert_chi2_mean(json["nees"]["mean"], 4, 400, "NEES");
+  for (size_t i = 0; i < json["ratio"].size(); ++i)
+    assert_chi2_mean(std::pow(double(json["ratio"][i]), 2), 1, 400, "ratio squared");
+  for (const auto& [band, expected] : {std::pair<const char*, double>{"one_sigma", 0.6827}, {"two_sigma", 0.9545}})
+    for (const Json& part : json["coverage"][band]["part"])
+      assert_true(std::abs(double(part) - expected) < 3.9 * std::sqrt(expected * (1 - expected) / 400));
+  assert_true(std::abs(double(json["seconds_missed_per_run"]) - 0.02 * 1600) < 3);
+  assert_true(double(json["double_reference"]["largest_bias_difference_dph"]) < 0.1);
+  assert_true(double(json["double_reference"]["largest_sigma_difference_rel"]) < 1e-3);
+  assert_true(double(json["compensation"]["largest_error_lsb"]) <= 1.0);
+}
+
+static void test_campaign_innovations_are_white(void**) {
+  CampaignOptions options = options_of(300);
+  options.least_squares_every = options.reference_every = options.residual_every = 0;
+  const CampaignPlan plan = plan_campaign(options);
+  const Json json = campaign_json(plan, run_campaign(plan, nullptr, nullptr));
+  assert_chi2_mean(json["nis"]["mean"], 1, json["nis"]["n"], "NIS");
+  assert_chi2_mean(json["whiteness"]["mean2"]["mean"], 1, 300, "mean innovation");
+  for (size_t i = 0; i < json["whiteness"]["lag_s"].size(); ++i) {
+    const double z = double(json["whiteness"]["correlation"][i]) / double(json["whiteness"]["ci95_half_width"][i]) * 1.96;
+    if (std::abs(z) > 4.2) fail_msg("innovations %d s apart are correlated: %.1f standard errors", int(json["whiteness"]["lag_s"][i]), z);
+  }
+}
+
+static void test_campaign_sees_a_wrong_filter_and_the_truth_covariance_explains_it(void**) {
+  CampaignOptions options = options_of(400);
+  options.filter.markov = {{5, 100}};
+  options.least_squares_every = options.reference_every = options.residual_every = 0;
+  const CampaignPlan plan = plan_campaign(options);
+  const Json json = campaign_json(plan, run_campaign(plan, nullptr, nullptr));
+  assert_true(double(json["nees"]["mean"]) > 2 * double(json["nees"]["ci95"][1]));
+  assert_true(double(json["nis"]["mean"]) > double(json["nis"]["ci95"][1]));
+  assert_true(double(json["ratio"][6]) > 1.5);
+  for (const Json& ratio : json["ratio_to_truth"]) assert_chi2_mean(std::pow(double(ratio), 2), 1, 400, "ratio to truth");
+}
+
+static void test_residual_curve_is_model_plus_calibration_error(void**) {
+  CampaignOptions options = options_of(400);
+  options.least_squares_every = options.reference_every = 0;
+  options.residual_every = 1;
+  const CampaignPlan plan = plan_campaign(options);
+  const Json json = campaign_json(plan, run_campaign(plan, nullptr, nullptr))["residual_dp"];
+  assert_int_equal(json["tau_s"].size(), 8);
+  for (size_t i = 0; i < json["tau_s"].size(); ++i)
+    if (std::abs(double(json["z"][i])) > 3.9)
+      fail_msg("DP2 at %d s: %.3f, expected %.3f (%.1f standard errors)", int(json["tau_s"][i]), double(json["dp_dph"][i]),
+               double(json["expected_dph"][i]), double(json["z"][i]));
+  // The calibration error must matter for the test to mean anything.
+  assert_true(double(json["expected_dph"][7]) > 1.02 * double(json["model_dph"][7]));
+}
+
+static void test_plan_basic_profile_is_the_papers(void**) {
+  CampaignOptions options = options_of(1);
+  options.profile = profile_of(1200, 0.6);
+  options.model.turn_on_sigma_dph = 0;
+  const CampaignPlan plan = plan_campaign(options);
+  const TruthCovariance truth = truth_covariance(plan);
+  assert_true(std::abs(std::sqrt(bias_variance_dph2(truth.actual, 1)) - 6.93) < 0.01);
+  const CampaignResult result = run_campaign(plan, nullptr, nullptr);
+  assert_true(std::abs(std::sqrt(result.tally.sums("variance")[12]) / 6.93 - 1) < 0.01);
+}
+
+static void test_plan_refuses_nonsense(void**) {
+  CampaignOptions options = options_of(1);
+  options.profile.segments = {{0, 1000, 0}};
+  assert_contains(refusal([&] { plan_campaign(options); }), "does not move");
+  options = options_of(1);
+  options.filter.arw_deg_rt_h = 0;
+  assert_contains(refusal([&] { plan_campaign(options); }), "arw_deg_rt_h");
+  options = options_of(1);
+  options.order = 6;
+  assert_contains(refusal([&] { plan_campaign(options); }), "--order");
+}
+
+// A second derivation: QR of the scaled power basis.
+static void test_fit_polynomial_is_the_qr_solution(void**) {
+  Rng rng(1, 0, 0, Stream::kTool);
+  std::vector<FitPoint> points;
+  Eigen::MatrixXd a(500, 6);
+  Eigen::VectorXd b(500);
+  for (long k = 0; k < 500; ++k) {
+    const double temp_degc = 60 * std::pow(rng.uniform(), 2), tn = (temp_degc - 30) / 30;
+    points.push_back({temp_degc, 300 * tn * tn * tn + 40 * rng.normal()});
+    b(k) = points.back().rate_dph;
+    for (long j = 0; j < 6; ++j) a(k, j) = std::pow(tn, static_cast<double>(j));
+  }
+  const Eigen::VectorXd x = a.colPivHouseholderQr().solve(b);
+  const auto coeff = fit_polynomial(points, 5, 30, 30);
+  assert_int_equal(coeff.size(), 6);
+  for (long j = 0; j < 6; ++j) assert_true(std::abs(coeff[static_cast<size_t>(j)] - x(j)) < 1e-8 * x.norm());
+  points.assign(100, {20, 5});
+  assert_true(fit_polynomial(points, 1, 30, 30).empty());
+}
+
+static void test_rising_methods_take_what_they_say(void**) {
+  const std::vector<FitPoint> seconds = {{10.0, 1}, {10.3, 2}, {10.5, 3}, {10.4, 9}, {10.6, 4}, {11.1, 5}, {9.0, 7}, {11.2, 6}};
+  const auto bins = points_of(Method::kRisingBins, seconds, 0.5);
+  assert_int_equal(bins.size(), 2);  // 10.0 … 10.5 and 10.4 … 11.1; the fall to 9 empties the next
+  assert_true(std::abs(bins[0].rate_dph - 2) < 1e-12 && std::abs(bins[1].rate_dph - 6) < 1e-12);
+  const auto rising = points_of(Method::kRisingMaximum, seconds);
+  assert_int_equal(rising.size(), 6);
+  assert_true(rising[3].rate_dph == 4 && rising[5].rate_dph == 6);
+}
+
+int main() {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_exact_sum_does_not_depend_on_order),
+      cmocka_unit_test(test_exact_sum_refuses_what_is_not_a_number),
+      cmocka_unit_test(test_campaign_threads_and_shards_give_the_same_bits),
+      cmocka_unit_test(test_merge_refuses_overlap_and_other_campaigns),
+      cmocka_unit_test(test_campaign_stops_and_keeps_what_is_done),
+      cmocka_unit_test(test_campaign_right_filter_is_consistent),
+      cmocka_unit_test(test_campaign_innovations_are_white),
+      cmocka_unit_test(test_campaign_sees_a_wrong_filter_and_the_truth_covariance_explains_it),
+      cmocka_unit_test(test_residual_curve_is_model_plus_calibration_error),
+      cmocka_unit_test(test_plan_basic_profile_is_the_papers),
+      cmocka_unit_test(test_plan_refuses_nonsense),
+      cmocka_unit_test(test_fit_polynomial_is_the_qr_solution),
+      cmocka_unit_test(test_rising_methods_take_what_they_say),
+  };
+  return cmocka_run_group_tests(tests, nullptr, nullptr);
+}
