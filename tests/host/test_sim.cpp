@@ -242,8 +242,23 @@ static void test_simulate_unknown_effect_or_axis_is_refused(void**) {
     }
     fail_msg("%s was taken", effect.name.c_str());
   };
-  refused({"no_such_effect", Json::object(), "", -1}, "unknown effect \"no_such_effect\"");
+  refused({"no_such_effect", Json::object(), "", -1}, "no_such_effect");
   refused({"warm_up", Json::object(), "gz_dph", -1}, "axis \"gz_dph\" is not simulated");
+}
+
+static void test_simulate_effect_acts_on_its_axis_and_log_alone(void**) {
+  const ErrorModel model = model_of(0.6, {{20, 100}});
+  const EffectSpec ramp{"rate_ramp", {{"ramp_dph_per_h", 3600}}, "gy", 1};
+  SimOptions options;
+  for (size_t log = 0; log < 2; ++log) {
+    options.log_index = log;
+    const auto without = simulate({model}, 3, soak(100), {}, options), with = simulate({model}, 3, soak(100), {ramp}, options);
+    assert_true(without.axes[0].run.rate_dph == with.axes[0].run.rate_dph);
+    assert_true(without.axes[2].run.rate_dph == with.axes[2].run.rate_dph);
+    const auto &a = without.axes[1].run.rate_dph, &b = with.axes[1].run.rate_dph;
+    // 1 dph per second in log 1 over the same noise, nothing in log 0.
+    assert_true(std::abs((b[90] - a[90]) - (b[10] - a[10]) - (log == 1 ? 80 : 0)) < 1e-9);
+  }
 }
 
 static void test_fast_normal_has_the_normal_distribution(void**) {
@@ -331,6 +346,7 @@ int main() {
       cmocka_unit_test(test_simulate_gap_decorrelates_by_its_length),
       cmocka_unit_test(test_log_flaws_are_as_asked_for),
       cmocka_unit_test(test_simulate_unknown_effect_or_axis_is_refused),
+      cmocka_unit_test(test_simulate_effect_acts_on_its_axis_and_log_alone),
       cmocka_unit_test(test_fast_normal_has_the_normal_distribution),
       cmocka_unit_test(test_raw_second_has_the_given_mean_and_the_white_variance),
       cmocka_unit_test(test_raw_saturation_and_loss_are_seen),
