@@ -23,7 +23,6 @@ static void mark_missing(imucal_sum_t* sum) {
 
 /* Hand out the running second and leave the sums empty. */
 static void close_second(imucal_sum_t* sum, imucal_second_t* second) {
-  if (sum->end_us - sum->last_us > sum->hole_us) mark_missing(sum);
   for (uint32_t i = 0; i < sum->run.n_channels; i++) {
     uint32_t saturated = (sum->saturated >> i) & 1u ? IMUCAL_FLAG_SATURATED : 0u;
     uint32_t fault = (sum->fault >> i) & 1u ? IMUCAL_FLAG_FAULT : 0u;
@@ -39,6 +38,15 @@ static void close_second(imucal_sum_t* sum, imucal_second_t* second) {
   sum->fault = 0;
 }
 
+/* A hole over the edge of two seconds belongs to the one a sample was due in: a nominal period after the last sample,
+ * a nominal period before the next. */
+static bool is_due_before_end(const imucal_sum_t* sum) {
+  return sum->last_us + sum->hole_us - sum->hole_us / 3 < sum->end_us;
+}
+static bool is_due_after_start(const imucal_sum_t* sum, uint64_t next_us) {
+  return next_us - (sum->hole_us - sum->hole_us / 3) >= sum->end_us - US_PER_S;
+}
+
 /* Begin the second that holds t_us.  Pre: t_us / 1e6 + 1 fits 32 bits. */
 static void open_second(imucal_sum_t* sum, uint64_t t_us) {
   uint64_t start_s = t_us / US_PER_S;
@@ -46,7 +54,6 @@ static void open_second(imucal_sum_t* sum, uint64_t t_us) {
   sum->run.t_s = (uint32_t)(start_s + 1);
   if (sum->last_t_s != NO_SECOND_YET) sum->run.n_skipped = sum->run.t_s - sum->last_t_s - 1;
   if (sum->run.n_skipped != 0) sum->n_jump++;
-  if (t_us - start_s * US_PER_S > sum->hole_us) mark_missing(sum);
 }
 
 imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, imucal_second_t* second) {
@@ -63,11 +70,16 @@ imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, i
   }
   imucal_status status = IMUCAL_OK;
   if (t_us >= sum->end_us) {
+    bool is_hole = sum->end_us != 0 && t_us - sum->last_us > sum->hole_us;
     if (sum->run.n_samples != 0) {
+      if (is_hole && is_due_before_end(sum)) mark_missing(sum);
       close_second(sum, second);
       status = IMUCAL_SECOND_READY;
     }
+    bool is_first = sum->end_us == 0;
     open_second(sum, t_us);
+    if (is_first ? t_us - (sum->end_us - US_PER_S) > sum->hole_us : is_hole && is_due_after_start(sum, t_us))
+      mark_missing(sum);
   } else if (t_us - sum->last_us > sum->hole_us) {
     mark_missing(sum);
   }
@@ -83,6 +95,7 @@ imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, i
 
 imucal_status imucal_sum_flush(imucal_sum_t* sum, imucal_second_t* second) {
   if (sum->run.n_samples == 0) return IMUCAL_OK;
+  if (sum->end_us - sum->last_us > sum->hole_us) mark_missing(sum);
   close_second(sum, second);
   sum->last_us = sum->end_us - 1;
   return IMUCAL_SECOND_READY;

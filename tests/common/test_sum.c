@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: MIT
+// sum: exactness against 128-bit integers, the cut by time stamps, and everything odd that time can do.
+#include "unit.h"
+
+#include "sum.h"
+
+static imucal_sample_t sample_at(uint64_t t_us, int32_t counts) {
+  imucal_sample_t s = {.t_us = t_us, .temp_counts = counts / 2, .n_channels = 2};
+  s.counts[0] = counts;
+  s.counts[1] = -counts;
+  return s;
+}
+
+static imucal_status add(imucal_sum_t* sum, uint64_t t_us, int32_t counts, imucal_second_t* second) {
+  imucal_sample_t s = sample_at(t_us, counts);
+  return imucal_sum_add(sum, &s, second);
+}
+
+static void start(imucal_sum_t* sum) { assert_int_equal(imucal_sum_init(sum, 2, 100), IMUCAL_OK); }
+
+static void test_init_refuses_nonsense(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  assert_int_equal(imucal_sum_init(&sum, 0, 100), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(imucal_sum_init(&sum, 7, 100), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(imucal_sum_init(&sum, 1, 0), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(imucal_sum_init(&sum, 1, IMUCAL_SUM_MAX_RATE_HZ + 1), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(imucal_sum_init(NULL, 1, 100), IMUCAL_ERR_ARGUMENT);
+}
+
+static void test_add_second_is_cut_by_time_stamps(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  start(&sum);
+  /* WHEN samples of second 7 (7000000 <= t < 8000000), then the first of second 8 */
+  for (int i = 0; i < 100; i++) assert_int_equal(add(&sum, 7000000u + 10000u * (unsigned)i, 3, &second), IMUCAL_OK);
+  assert_int_equal(add(&sum, 8000000, 1000, &second), IMUCAL_SECOND_READY);
+  /* THEN it holds exactly these, ends at 8 s and has no flag */
+  assert_int_equal(second.t_s, 8);
+  assert_int_equal(second.n_samples, 100);
+  assert_true(second.sum[0] == 300 && second.sum[1] == -300 && second.temp_sum == 100);
+  assert_int_equal(second.flags[0] | second.flags[1], 0);
+  assert_false(second.is_gap);
+}
+
+static void test_add_extreme_counts_sum_is_exact(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  unit_rng_t rng = {unit_seed()};
+  assert_int_equal(imucal_sum_init(&sum, 6, 10000), IMUCAL_OK);
+  for (int run = 0; run < 50; run++) {
+    __int128 expected[6] = {0}, temp = 0;
+    for (int i = 0; i < 10000; i++) {
+      imucal_sample_t s = {.t_us = (uint64_t)run * 1000000u + 100u * (uint64_t)i, .n_channels = 6};
+      s.temp_counts = run == 0 ? INT32_MAX : (int32_t)unit_bits(&rng);
+      temp += s.temp_counts;
+      for (int c = 0; c < 6; c++) {
+        s.counts[c] = run == 0 ? INT32_MIN : (int32_t)unit_bits(&rng);
+        expected[c] += s.counts[c];
+      }
+      imucal_status status = imucal_sum_add(&sum, &s, &second);
+      assert_int_equal(status, i == 0 && run > 0 ? IMUCAL_SECOND_READY : IMUCAL_OK);
+    }
+    imucal_sum_t copy = sum;
+    assert_int_equal(imucal_sum_flush(&copy, &second), IMUCAL_SECOND_READY);
+    for (int c = 0; c < 6; c++) assert_true((__int128)second.sum[c] == expected[c]);
+    assert_true((__int128)second.temp_sum == temp);
+  }
+}
+
+static void test_add_any_phase_and_jitter_no_missing_flag(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  for (int run = 0; run < 20; run++) {
+    imucal_sum_t sum;
+    imucal_second_t second;
+    start(&sum);
+    double period_us = unit_between(&rng, 9900, 10100); /* a sample clock 1 % off */
+    double phase_us = unit_between(&rng, 0, period_us);
+    int n_seconds = 0;
+    for (int i = 0; i < 1000; i++) {
+      double t_us = phase_us + period_us * i + unit_between(&rng, -0.2, 0.2) * period_us + 3000;
+      if (add(&sum, (uint64_t)t_us, 1, &second) != IMUCAL_SECOND_READY) continue;
+      n_seconds++;
+      assert_int_equal(second.flags[0], 0);
+      assert_in_range(second.n_samples, 98, 102);
+    }
+    assert_in_range(n_seconds, 9, 10);
+  }
+}
+
+static void test_add_one_sample_lost_anywhere_is_flagged_in_its_second(void** state) {
+  (void)state;
+  for (int lost = 100; lost < 300; lost++) {
+    imucal_sum_t sum;
+    imucal_second_t second;
+    start(&sum);
+    int flagged = 0, owner = 0;
+    for (int i = 0; i < 401; i++) {
+      if (i == lost) continue;
+      if (add(&sum, 5000u + 10000u * (unsigned)i, 1, &second) != IMUCAL_SECOND_READY) continue;
+      if (second.flags[0] & IMUCAL_FLAG_MISSING) {
+        flagged++;
+        if (second.t_s == (uint32_t)(lost / 100) + 1) owner = 1;
+        assert_false(second.is_gap);
+      }
+    }
+    assert_in_range(flagged, 1, 2); /* a sample at the edge may flag both neighbours */
+    assert_int_equal(owner, 1);
+  }
+}
+
+static void test_add_half_of_a_second_is_no_gap_one_less_is(void** state) {
+  (void)state;
+  for (unsigned n = 49; n <= 50; n++) {
+    imucal_sum_t sum;
+    imucal_second_t second;
+    start(&sum);
+    for (unsigned i = 0; i < n; i++) assert_int_equal(add(&sum, 10000u * i, 1, &second), IMUCAL_OK);
+    assert_int_equal(add(&sum, 1000000, 1, &second), IMUCAL_SECOND_READY);
+    assert_int_equal(second.is_gap, n == 49);
+    assert_int_equal(second.flags[0], IMUCAL_FLAG_MISSING);
+  }
+}
+
+static void test_add_jump_over_seconds_is_reported(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  start(&sum);
+  assert_int_equal(add(&sum, 500000, 1, &second), IMUCAL_OK);
+  assert_int_equal(add(&sum, 7500000, 2, &second), IMUCAL_SECOND_READY);
+  assert_int_equal(second.t_s, 1);
+  assert_int_equal(second.n_skipped, 0);
+  assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_SECOND_READY);
+  assert_int_equal(second.t_s, 8);
+  assert_int_equal(second.n_skipped, 6);
+  assert_int_equal(sum.n_jump, 1);
+}
+
+static void test_add_duplicate_and_backward_are_left_out_and_counted(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  start(&sum);
+  assert_int_equal(add(&sum, 20000, 5, &second), IMUCAL_OK);
+  assert_int_equal(add(&sum, 20000, 70, &second), IMUCAL_ERR_PERIOD);
+  assert_int_equal(add(&sum, 10000, 70, &second), IMUCAL_ERR_PERIOD);
+  assert_int_equal(add(&sum, 30000, 6, &second), IMUCAL_OK);
+  assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_SECOND_READY);
+  assert_true(second.sum[0] == 11);
+  assert_int_equal(second.n_samples, 2);
+  assert_int_equal(sum.n_duplicate, 1);
+  assert_int_equal(sum.n_backward, 1);
+  assert_int_equal(sum.n_taken, 2);
+}
+
+static void test_add_first_sample_at_time_zero_is_taken(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  start(&sum);
+  assert_int_equal(add(&sum, 0, 5, &second), IMUCAL_OK);
+  assert_int_equal(add(&sum, 0, 5, &second), IMUCAL_ERR_PERIOD);
+  assert_int_equal(sum.n_taken, 1);
+}
+
+static void test_flush_second_handed_out_takes_no_more(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  start(&sum);
+  assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_OK);
+  assert_int_equal(add(&sum, 100000, 5, &second), IMUCAL_OK);
+  assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_SECOND_READY);
+  assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_OK);
+  assert_int_equal(add(&sum, 200000, 5, &second), IMUCAL_ERR_PERIOD);
+  assert_int_equal(add(&sum, 1000000, 5, &second), IMUCAL_OK);
+  assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_SECOND_READY);
+  assert_int_equal(second.t_s, 2);
+  assert_int_equal(second.n_skipped, 0);
+}
+
+static void test_add_flags_of_channels_are_kept_apart(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  start(&sum);
+  for (unsigned i = 0; i < 100; i++) {
+    imucal_sample_t s = sample_at(10000u * i, 1);
+    s.saturated = i == 40 ? 1 : 0;
+    s.fault = i == 41 ? 2 : 0;
+    assert_int_equal(imucal_sum_add(&sum, &s, &second), IMUCAL_OK);
+  }
+  assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_SECOND_READY);
+  assert_int_equal(second.flags[0], IMUCAL_FLAG_SATURATED);
+  assert_int_equal(second.flags[1], IMUCAL_FLAG_FAULT);
+  assert_int_equal(add(&sum, 1000000, 1, &second), IMUCAL_OK);
+  assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_SECOND_READY);
+  assert_int_equal(second.flags[0], IMUCAL_FLAG_MISSING); /* the next second starts clean */
+}
+
+static void test_add_wrong_channels_or_time_beyond_range_refused(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  start(&sum);
+  imucal_sample_t s = sample_at(1, 1);
+  s.n_channels = 3;
+  assert_int_equal(imucal_sum_add(&sum, &s, &second), IMUCAL_ERR_RANGE);
+  assert_int_equal(add(&sum, (uint64_t)UINT32_MAX * 1000000u, 1, &second), IMUCAL_ERR_RANGE);
+  assert_int_equal(add(&sum, (uint64_t)UINT32_MAX * 1000000u - 1, 1, &second), IMUCAL_OK);
+  assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_SECOND_READY);
+  assert_int_equal(second.t_s, UINT32_MAX);
+  assert_int_equal(sum.n_refused, 2);
+}
+
+static void test_mean_q16_is_exact_rne_of_the_quotient(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  for (int i = 0; i < 200000; i++) {
+    uint32_t n = (uint32_t)unit_integer(&rng, 1, i % 2 ? 200 : (int64_t)IMUCAL_SUM_MAX_SAMPLES);
+    int64_t limit = ((int64_t)1 << 31) * n;
+    int64_t sum = i < 8 ? (i % 2 ? limit : -limit) : unit_integer(&rng, -limit, limit);
+    if (i % 3 == 0) sum >>= 40; /* small sums: ties are frequent */
+    /* |mean n - sum 2^16| <= n/2, and even where equal: the definition, in 128 bits */
+    int64_t mean = imucal_mean_q16_rne(sum, n);
+    __int128 twice_error = 2 * ((__int128)mean * n - (__int128)sum * 65536);
+    assert_true(twice_error <= n && twice_error >= -(__int128)n);
+    if (twice_error == n || twice_error == -(__int128)n) assert_true((mean & 1) == 0);
+  }
+}
+
+static void test_unit_from_q16_within_stated_error(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  for (int i = 0; i < 100000; i++) {
+    int64_t mean = unit_integer(&rng, -((int64_t)1 << 47), (int64_t)1 << 47) >> unit_integer(&rng, 0, 40);
+    float scale = (float)unit_between(&rng, 0.001, 200);
+    double exact = (double)mean * 0x1p-16 * (double)scale;
+    assert_true(fabs((double)imucal_unit_from_q16(mean, scale, 0.0f) - exact) <= fabs(exact) * 0x1p-23);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_init_refuses_nonsense),
+      cmocka_unit_test(test_add_second_is_cut_by_time_stamps),
+      cmocka_unit_test(test_add_extreme_counts_sum_is_exact),
+      cmocka_unit_test(test_add_any_phase_and_jitter_no_missing_flag),
+      cmocka_unit_test(test_add_one_sample_lost_anywhere_is_flagged_in_its_second),
+      cmocka_unit_test(test_add_half_of_a_second_is_no_gap_one_less_is),
+      cmocka_unit_test(test_add_jump_over_seconds_is_reported),
+      cmocka_unit_test(test_add_duplicate_and_backward_are_left_out_and_counted),
+      cmocka_unit_test(test_add_first_sample_at_time_zero_is_taken),
+      cmocka_unit_test(test_flush_second_handed_out_takes_no_more),
+      cmocka_unit_test(test_add_flags_of_channels_are_kept_apart),
+      cmocka_unit_test(test_add_wrong_channels_or_time_beyond_range_refused),
+      cmocka_unit_test(test_mean_q16_is_exact_rne_of_the_quotient),
+      cmocka_unit_test(test_unit_from_q16_within_stated_error),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
