@@ -5,7 +5,7 @@
  *   (a) sum |c_i| <= 2^30, c_i = b_i in units of 2^-6 L, rounded: the bias is at most 2^24 L;
  *   (b) (full_scale counts + bias) (1 + sum|m_i|) < 2^31 L: the result fits int32;
  *   (c) sum |k_i| <= 2^30, k_i = m_i in units of 2^-scale_shift, and > 2^29 unless scale_shift is at its cap;
- *       sum|m_i| times the largest |rate| <= 2^25 L;
+ *       sum|m_i| times the largest |rate| <= 2^24.5 L;
  *   (d) the clamped temperature counts give |tn| <= 2^30, and (counts - mid) gain < 2^62.
  * Temperature: gain is off by at most half in 2^30, tn_mid by half a unit, the product's rounding by half a unit:
  *   |tn - 2^30 Tn| <= 1.5 units.  Moves B by at most 1.5 2^-30 sum i|b_i| <= 1.5 2^-30 5 2^24 L   = 0.118 L.
@@ -15,20 +15,19 @@
  *   total <= 0.71 L.
  * Scale factor: correction = rate M.  rate is rounded to L before the product: 0.5 |M| <= 1/32        = 0.032 L;
  *   M: 3 halves for coefficients, 2 for steps = 2.5 units of 2^-scale_shift <= 2.5 2^-29 sum|m|, times the rate
- *   <= 2.5 2^-29 2^25 L                                                                               = 0.157 L
+ *   <= 2.5 2^-29 2^24.5 L                                                                             = 0.111 L
  *   (at the cap of scale_shift 2.5 2^-44 2^31 L is far less);
- *   tn in M: 1.5 2^-30 2 sum|m| rate <= 3 2^-30 2^25 L                                                = 0.094 L;
+ *   tn in M: 1.5 2^-30 2 sum|m| rate <= 3 2^-30 2^24.5 L                                              = 0.067 L;
  *   product < 2^31 2^30 = 2^61, its rounding 0.5 in 64 = 0.008 L; the bias errors grow by 1 + 1/16: 0.013 L.
- *   total <= 0.5 + 0.118 + 0.086 + 0.032 + 0.157 + 0.094 + 0.008 + 0.013 = 1.01 L in the impossible case that all
- *   are at their limit with equal signs; since the bias is computed with order 5 and |b| = 2^24 L only while (b) leaves
- *   the rate below 2^31 L, (c) is tightened to 2^24.5 below: total <= 0.93 L. */
+ *   the last rounding 0.5 L:
+ *   total <= 0.5 + 0.118 + 0.086 + 0.032 + 0.111 + 0.067 + 0.008 + 0.013                              = 0.94 L. */
 #include "comp.h"
 
 #include "num.h"
 
 #define GUARD_BITS 6
 #define MAX_OUT_FRAC_BITS 8
-#define MAX_COEFF_SUM ((int64_t)1 << 30)
+#define MAX_COEFF_SUM (((int64_t)1 << 30) + 2) /* 2: three roundings up at the very limit */
 #define MIN_SCALE_SHIFT 34 /* sum |m| <= 1/16 */
 #define MAX_SCALE_SHIFT 44
 #define MAX_SCALE_EFFECT 23726566 /* 2^24.5 L */
@@ -153,16 +152,17 @@ static int64_t quantise(const float* value, uint32_t n, int32_t fraction_bits, f
   return sum;
 }
 
-static void prepare_scale(imucal_comp_t* comp, const imucal_table_channel_t* c) {
+static imucal_status prepare_scale(imucal_comp_t* comp, const imucal_table_channel_t* c) {
   comp->scale_order = c->scale_order;
   comp->has_scale = false;
   for (uint32_t i = 0; i <= c->scale_order; i++)
     if (imucal_bits_from_float(c->scale_coeff[i]) << 1 != 0) comp->has_scale = true;
-  /* Rounding may lift the sum above 2^30 at the first shift: one lower then. */
-  comp->scale_shift = MAX_SCALE_SHIFT;
-  while (quantise(c->scale_coeff, IMUCAL_TABLE_SCALE_N, comp->scale_shift, 1.0f, comp->scale_coeff) == TOO_LARGE &&
-         comp->scale_shift > MIN_SCALE_SHIFT - 1)
-    comp->scale_shift--;
+  for (uint32_t shift = MAX_SCALE_SHIFT; shift >= MIN_SCALE_SHIFT; shift--) {
+    comp->scale_shift = (uint8_t)shift;
+    int64_t sum = quantise(c->scale_coeff, IMUCAL_TABLE_SCALE_N, (int32_t)shift, 1.0f, comp->scale_coeff);
+    if (sum != TOO_LARGE) return IMUCAL_OK;
+  }
+  return IMUCAL_ERR_PRECISION; /* sum |m| above 1/16 */
 }
 
 /* Does everything fit with this many fractional bits?  bias_sum in units of 2^-(out_frac_bits + 6). */
@@ -181,8 +181,8 @@ imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* tab
   const imucal_table_channel_t* c = &table->channel[i_channel];
   imucal_comp_t made = {0};
   imucal_status status = prepare_temperature(&made, table, c);
+  if (status == IMUCAL_OK) status = prepare_scale(&made, c);
   if (status != IMUCAL_OK) return status;
-  prepare_scale(&made, c);
   made.order = c->order;
   for (uint32_t lost = 0; lost <= MAX_OUT_FRAC_BITS; lost++) {
     made.out_frac_bits = (uint8_t)(MAX_OUT_FRAC_BITS - lost);
