@@ -7,7 +7,8 @@ FIRMWARE_CPPFLAGS := -Icommon -Ifirmware
 FIRMWARE_CFLAGS := -std=c99 -pedantic -ffp-contract=off -fno-common $(WARNINGS) -Wstrict-prototypes -Wdouble-promotion
 
 FIRMWARE_PORTS := mps2_an386 nrf51
-FIRMWARE_IMAGES := $(BUILD)/firmware/posix/imucal $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf)
+FIRMWARE_IMAGES := $(BUILD)/firmware/posix/imucal $(BUILD)/firmware/posix/check \
+                   $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf) $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/check.elf)
 firmware: $(FIRMWARE_IMAGES)  ## build the firmware images into build/firmware
 
 # ---- this machine: the posix port, and what the unit tests link ----
@@ -26,6 +27,13 @@ $(BUILD)/firmware/posix/imucal: $(FIRMWARE_POSIX) $(FIRMWARE_APP_HOST) $(FIRMWAR
 	$(if $(V),,@echo "  LINK $@")
 	$(Q)$(CC) $(SANITIZE_FLAGS) $^ $(LDFLAGS) -o $@
 
+# The core's check: the same log to the same bits on every machine, and what it costs.
+FIRMWARE_CHECK := firmware/check/print.c firmware/check/bits.c
+$(BUILD)/firmware/posix/check: $(patsubst %.c,$(BUILD)/obj/host/%.o,$(FIRMWARE_CHECK) firmware/check/main_posix.c) $(FIRMWARE_CORE_HOST)
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  LINK $@")
+	$(Q)$(CC) $(SANITIZE_FLAGS) $^ $(LDFLAGS) -o $@
+
 # Unit tests of the firmware (tests/tests.mk links every .o it finds among the prerequisites).
 $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/firmware/test_*.c)): $(FIRMWARE_APP_HOST) \
   $(BUILD)/obj/host/tests/firmware/bench.o
@@ -34,9 +42,11 @@ $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/firmware/test_*.c)): $(FI
 
 FIRMWARE_ARM := firmware/port/arm/startup.c firmware/port/arm/semihost.c firmware/port/arm/semihost_sim.c
 CPU_mps2_an386 := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16
-CPU_nrf51 := -mcpu=cortex-m0 -mthumb
-PORT_mps2_an386 := firmware/port/mps2_an386/main.c firmware/port/arm/cmsdk.c
-PORT_nrf51 := firmware/port/nrf51/main.c firmware/port/nrf51/nrf51.c
+CPU_nrf51 := -mcpu=cortex-m0 -mthumb -DCHECK_NRF51
+DRIVER_mps2_an386 := firmware/port/arm/cmsdk.c
+DRIVER_nrf51 := firmware/port/nrf51/nrf51.c
+PORT_mps2_an386 := firmware/port/mps2_an386/main.c $(DRIVER_mps2_an386)
+PORT_nrf51 := firmware/port/nrf51/main.c $(DRIVER_nrf51)
 
 # Small, but for the arithmetic that runs with every sample and every second.
 MCU_OPTIMISE := $(if $(DEBUG),-Og,-Os) -g1 -ffunction-sections -fdata-sections
@@ -51,14 +61,19 @@ $(BUILD)/obj/$1/%.o: %.c
 	$$(Q)$$(CCACHE) $$(CROSS)gcc $$(CPU_$1) $$(FIRMWARE_CFLAGS) $$(if $$(filter common/%,$$<),-ffreestanding) \
 	  $$(if $$(filter $$(MCU_FAST),$$<),$$(MCU_OPTIMISE_FAST),$$(MCU_OPTIMISE)) -fstack-usage -MMD -MP $$(FIRMWARE_CPPFLAGS) -c $$< -o $$@
 
-OBJECTS_$1 := $$(patsubst %.c,$(BUILD)/obj/$1/%.o,$(CORE_SOURCES) $(FIRMWARE_APP) $(FIRMWARE_SIM) $(FIRMWARE_ARM) $(PORT_$1))
+CORE_$1 := $$(CORE_SOURCES:%.c=$(BUILD)/obj/$1/%.o)
+OBJECTS_$1_imucal := $$(CORE_$1) $$(patsubst %.c,$(BUILD)/obj/$1/%.o,$(FIRMWARE_APP) $(FIRMWARE_SIM) $(FIRMWARE_ARM) $(PORT_$1))
+OBJECTS_$1_check := $$(CORE_$1) $$(patsubst %.c,$(BUILD)/obj/$1/%.o,$(FIRMWARE_CHECK) firmware/check/cost.c \
+  firmware/check/main_arm.c firmware/port/arm/startup.c firmware/port/arm/semihost.c $(DRIVER_$1))
 
-$(BUILD)/firmware/$1/imucal.elf: $$(OBJECTS_$1) firmware/port/$1/link.ld firmware/port/arm/sections.ld
+.SECONDEXPANSION:
+$(BUILD)/firmware/$1/%.elf: $$$$(OBJECTS_$1_$$$$*) firmware/port/$1/link.ld firmware/port/arm/sections.ld
 	@mkdir -p $$(@D)
 	$$(if $$(V),,@echo "  LINK $$@")
 	$$(Q)$$(CROSS)gcc $$(CPU_$1) -nostartfiles --specs=nano.specs -Wl,--gc-sections,--fatal-warnings,-Map=$$(@:.elf=.map) \
-	  -Lfirmware/port/arm -T firmware/port/$1/link.ld $$(OBJECTS_$1) -o $$@
+	  -Lfirmware/port/arm -T firmware/port/$1/link.ld $$(filter %.o,$$^) -o $$@
 endef
 $(foreach port,$(FIRMWARE_PORTS),$(eval $(call mcu_rules,$(port))))
+.SECONDARY: $(foreach port,$(FIRMWARE_PORTS),$(OBJECTS_$(port)_imucal) $(OBJECTS_$(port)_check))
 
 -include $(shell find $(BUILD)/obj/mps2_an386 $(BUILD)/obj/nrf51 -name '*.d' 2>/dev/null)
