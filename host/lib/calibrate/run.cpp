@@ -28,6 +28,7 @@ constexpr double kTravelPerOrder_degc = 1.0; // least movement of the temperatur
 constexpr double kTravelOfRange = 0.25;      // and least part of the range asked for
 constexpr double kRangeSlack = 0.02;         // part of the range that need not be reached at either end
 constexpr TemperatureRange kWidestRange{-40.0, 85.0}; // where nothing says what range is meant
+constexpr double kManyGaps = 0.1;                     // part of the seconds
 constexpr double kNisAlarm = 3.89;                    // normal deviate of a false-alarm rate of 1e-4
 
 double now_s() {
@@ -352,6 +353,12 @@ void Run::note_innovations(const AxisResult& axis) {
 void Run::finish() {
   if (result_.seconds == 0)
     throw device_error(device_.port() + ": no second came from the device; nothing to learn from");
+  if (result_.gaps > kManyGaps * result_.seconds)
+    result_.notes.push_back(text_of(result_.gaps, 0) + " of " + text_of(result_.seconds, 0) +
+                            " seconds held fewer than half of the samples the device expects (" +
+                            text_of(static_cast<double>(device_.hello().rate_hz), 0) +
+                            " per second) and were not used; check the sensor or its nominal rate");
+  if (result_.gaps == result_.seconds) throw device_error(device_.port() + ": " + result_.notes.back());
   refuse_small_travel(result_.seen, options_.order,
                       is_range_known_ ? std::optional<TemperatureRange>(range_) : std::nullopt,
                       "the temperature");

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: MIT
+"""An IMU for tests of `calibrate`: the firmware as a process, its sensor, and the program at the other end."""
+import json
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
+CALIBRATE, GYROSIM = BUILD / "bin/calibrate", BUILD / "bin/gyrosim"
+FIRMWARE = BUILD / "firmware/posix/imucal"
+
+# What the documentation of the figures uses (design 2.3): 140 min, 0 to 60 degC at 0.6 degC/min, 20-min soaks.
+COEFF_DPH = [80, 300, 150, -100]
+NOISE = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}
+MODEL = {**NOISE, "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": COEFF_DPH}}
+BASIC = {"imucal_profile": 1, "start_degc": 0, "segments": [
+    {"rate_degc_per_min": 0, "duration_s": 1200}, {"rate_degc_per_min": 0.6, "to_degc": 60},
+    {"rate_degc_per_min": 0, "duration_s": 1200}]}
+RESTING = {"imucal_profile": 1, "start_degc": 25, "segments": [{"rate_degc_per_min": 0, "duration_s": 1200}]}
+# A quick one for tests that need only some table: 0 to 60 degC in ten minutes.
+QUICK = {"imucal_profile": 1, "start_degc": 0, "segments": [
+    {"rate_degc_per_min": 0, "duration_s": 60}, {"rate_degc_per_min": 6, "to_degc": 60},
+    {"rate_degc_per_min": 0, "duration_s": 60}]}
+# Quick to give a silent device up.
+IMPATIENT = ["--timeout-s", "0.1", "--tries", "3"]
+
+
+class Imu:
+    """The posix port of the firmware with a flash file in `folder`; `port` is what calibrate opens."""
+
+    def __init__(self, folder, serial="tcp:0", options=()):
+        self.folder, self.options, self.serial = Path(folder), list(options), serial
+        self.feed = self.folder / "feed"
+        if not self.feed.exists():
+            os.mkfifo(self.feed)
+        self.sensor = None
+        self.power_on()
+
+    def power_on(self, extra=()):
+        self.process = subprocess.Popen(
+            [FIRMWARE, "--serial", self.serial, "--flash", self.folder / "imu.flash", "--feed", self.feed,
+             *self.options, *extra], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        line = self.process.stdout.readline()
+        assert line.startswith("serial "), line + self.process.stderr.read()
+        self.port = line.split()[1]
+
+    def power_off(self):
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.communicate()
+
+    def pause(self):
+        os.kill(self.process.pid, signal.SIGSTOP)
+
+    def resume(self):
+        os.kill(self.process.pid, signal.SIGCONT)
+
+    def sense(self, profile=BASIC, model=MODEL, axes=3, seed=1, options=()):
+        """Start the sensor; it delivers once the device asks."""
+        (self.folder / "model.json").write_text(json.dumps(model))
+        (self.folder / "profile.json").write_text(json.dumps(profile))
+        return self._start(["serve", "--model", "model.json", "--axes", axes, "--profile", "profile.json", "--seed", seed,
+                            *options])
+
+    def replay(self, log, options=()):
+        return self._start(["replay", log, *options])
+
+    def _start(self, arguments):
+        self.stop_sensor()
+        self.sensor = subprocess.Popen([GYROSIM, *map(str, arguments), "--to", self.feed, "--quiet"], cwd=self.folder,
+                                       stderr=subprocess.PIPE, text=True)
+        return self.sensor
+
+    def stop_sensor(self):
+        if self.sensor:
+            if self.sensor.poll() is None:
+                self.sensor.kill()
+            self.sensor.communicate()
+        self.sensor = None
+
+    def start(self, *arguments, port=None, env=None):
+        """calibrate in the background."""
+        return subprocess.Popen([CALIBRATE, "--port", port or self.port, *map(str, arguments)], cwd=self.folder,
+                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=env)
+
+    def calibrate(self, *arguments, port=None, env=None, timeout_s=30):
+        """calibrate to its end: (status, standard output, standard error)."""
+        process = self.start(*arguments, port=port, env=env)
+        try:
+            out, err = process.communicate(timeout=timeout_s)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            out, err = process.communicate()
+            raise AssertionError(f"calibrate {arguments} hangs\n{out}\n{err}")
+        return process.returncode, out, err
+
+    def run(self, *arguments, order=3, port=None, env=None):
+        """`calibrate run` with the model of the sensor; the result as JSON."""
+        status, out, err = self.calibrate("--json", "run.json", "run", "--order", order, "--model", "model.json",
+                                          "-o", "table.json", *arguments, port=port, env=env)
+        assert status == 0, out + err
+        return self.json("run.json")
+
+    def json(self, name):
+        return json.loads((self.folder / name).read_text())
+
+    def info(self):
+        status, out, err = self.calibrate("--json", "-", "info")
+        assert status == 0, err
+        return json.loads(out)
+
+    def close(self):
+        self.stop_sensor()
+        self.power_off()
+
+
+def wait_until(condition, timeout_s=10):
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.01)
