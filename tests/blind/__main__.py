@@ -13,7 +13,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from . import draw, report, runner, score
+from . import coverage, draw, report, runner, score
 
 
 def arguments(argv):
@@ -37,12 +37,19 @@ def say(text):
     print(f"[{time.strftime('%H:%M:%S')}] {text}", file=sys.stderr, flush=True)
 
 
-def do_draw(args, seed):
-    sequence = np.random.SeedSequence(seed)
+def plan_of(recipe):
+    """Plans of a draw from what the sealed labels keep of it."""
     groups = draw.GROUPS
-    if args.groups:
-        groups = tuple(g for g in groups if g[0] in args.groups.split(","))
-    plans = draw.make_plan(args.cases, args.gap_free, sequence, groups, args.seconds)
+    if recipe["groups"]:
+        groups = tuple(g for g in groups if g[0] in recipe["groups"].split(","))
+    return draw.make_plan(recipe["cases"], recipe["gap_free"], np.random.SeedSequence(recipe["seed"]), groups,
+                          recipe["seconds"])
+
+
+def do_draw(args, seed):
+    recipe = {"seed": seed, "cases": args.cases, "gap_free": args.gap_free, "groups": args.groups,
+              "seconds": args.seconds}
+    plans = plan_of(recipe)
     logs = os.path.join(args.out, "logs")
     shutil.rmtree(logs, ignore_errors=True)
     os.makedirs(logs)
@@ -53,7 +60,7 @@ def do_draw(args, seed):
             say(f"drew {len(part['labels'])} cases on profiles '{part['family']}' ({part['unreachable']} redrawn: no sensible "
                 "amplitude has that strength there)")
             drawn.append(part)
-    digest = draw.seal({"seed": seed, "groups": drawn}, os.path.join(args.out, "labels"))
+    digest = draw.seal({"seed": seed, "recipe": recipe, "groups": drawn}, os.path.join(args.out, "labels"))
     with open(os.path.join(args.out, "labels.sha256"), "w", encoding="utf-8") as out:
         out.write(digest + "\n")
     say(f"labels sealed: sha256 {digest}")
@@ -88,6 +95,11 @@ def do_score(args, digest):
     with open(os.path.join(args.out, "answers.json"), encoding="utf-8") as f:
         answers = json.load(f)
     result = score.everything(labels, answers)
+    logs = os.path.join(args.out, "logs")
+    if os.path.isdir(logs):
+        wanted = {label["group"] for label in labels.values() if label["kind"] == "single"}
+        groups = {p.name: draw.draw_group_of(p)[:2] for p in plan_of(sealed["recipe"]) if p.name in wanted}
+        result["interval"], result["interval_by_case"] = coverage.interval_coverage(groups, labels, answers, logs, sealed["seed"])
     n_gap_free = sum(l["kind"] == "no_gap" for l in labels.values())
     meta = {"seed": sealed["seed"], "labels_sha256": digest, "n_cases": len(labels), "n_gap_free": n_gap_free,
             "n_effect": len(labels) - n_gap_free, "n_runs": len(answers), "options": args.option}

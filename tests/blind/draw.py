@@ -114,8 +114,8 @@ def paper_noise(group):
     group.nominal.arw_deg_rt_h, group.nominal.markov = 0.6, [(20.0, 100.0)]
 
 
-def draw_cases(plan, folder):
-    """Draws one group; writes its logs under folder/<group id>/<case id>.  Returns labels and a note."""
+def draw_group_of(plan):
+    """The group's profiles and noise, and the generator where it stands after them: repeatable from the plan."""
     rng = np.random.default_rng(plan.seed)
     options = dict(plan.options)
     fixed_noise = options.pop("paper_noise", False)
@@ -124,7 +124,12 @@ def draw_cases(plan, folder):
     group = draw_group(plan.name, plan.family, rng, **options)
     if fixed_noise:
         paper_noise(group)
-    group_id = f"g{rng.integers(16**6):06x}"
+    return group, f"g{rng.integers(16**6):06x}", rng
+
+
+def draw_cases(plan, folder):
+    """Draws one group; writes its logs under folder/<group id>/<case id>.  Returns labels and a note."""
+    group, group_id, rng = draw_group_of(plan)
     labels, unreachable = [], 0
     order = rng.permutation(len(plan.jobs))
     for i in order:
