@@ -185,8 +185,8 @@ def added_noise(effect, n, rng, group):
         return p["sigma_dph"] * unit_markov(p["tau_s"], n, rng)
     if name == "rate_random_walk":
         return p["k_dph_per_rt_s"] * np.concatenate([[0], np.cumsum(rng.standard_normal(n - 1))])
-    if name == "flicker_noise":  # true 1/f, not a sum of Markov processes
-        return coloured(n, lambda f: p["b_dph"] ** 2 / (2 * np.pi * f), rng, 4)
+    if name == "flicker_noise":  # true 1/f (IEEE Std 952: B^2/(2 pi f), two-sided), no sum of Markov processes
+        return coloured(n, lambda f: p["b_dph"] ** 2 / (np.pi * f), rng, 4)
     if name == "outliers":
         hit = rng.random(n) < p["probability"]
         return hit * p["sigma_dph"] * rng.standard_normal(n)

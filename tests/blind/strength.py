@@ -59,7 +59,7 @@ def noise_model(group, runs, effects):
         elif name == "rate_random_walk":
             parts.append((1.0, p["k_dph_per_rt_s"] ** 2, 0.0, 1.0))
         elif name == "flicker_noise":
-            part_variance = p["b_dph"] ** 2 * np.log(4.0) / (2 * np.pi)
+            part_variance = p["b_dph"] ** 2 * np.log(4.0) / np.pi
             parts += [markov_part(np.sqrt(part_variance), 2.0 * 4.0**k) for k in range(7)]
     return Noise(table([np.square(p[0]) for p in per_run]), parts)
 
