@@ -145,6 +145,9 @@ private:
 };
 
 void Run::prepare() {
+  if (options_.profile)
+    refuse_small_travel({options_.profile->min_degc(), options_.profile->max_degc()}, options_.order,
+                        options_.range, "the profile");
   is_range_known_ = find_range(options_, &range_);
   if (range_.width() <= 0)
     throw usage_error("temperature range " + text_of(range_) +
@@ -152,9 +155,6 @@ void Run::prepare() {
   if (!is_range_known_ && options_.until_error > 0)
     throw usage_error(
         "--until-error needs to know over which temperatures: give --range LOW:HIGH or --profile");
-  if (options_.profile)
-    refuse_small_travel({options_.profile->min_degc(), options_.profile->max_degc()}, options_.order,
-                        options_.range, "the profile");
   total_s_ = options_.duration_s > 0 ? options_.duration_s
              : options_.profile      ? options_.profile->duration_s()
                                      : 0;
