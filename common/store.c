@@ -79,18 +79,18 @@ imucal_status imucal_store_load(const imucal_flash_t* flash, const char* serial,
   return imucal_table_decode((const uint8_t*)work->words, IMUCAL_TABLE_MAX_BYTES, table, NULL);
 }
 
-/* To 0, unless it is: a word is written twice at most between erases. */
-static imucal_status clear_word(const imucal_flash_t* flash, uint32_t slot, uint32_t offset) {
+/* To 0 where it still has its valid value: so a word is written twice at most between erases, cut or not. */
+static imucal_status clear_word(const imucal_flash_t* flash, uint32_t slot, uint32_t offset, uint32_t valid) {
   uint32_t word = 0;
   imucal_status status = read_word(flash, slot, offset, &word);
-  return status == IMUCAL_OK && word != 0 ? program_word(flash, slot, offset, 0) : status;
+  return status == IMUCAL_OK && word == valid ? program_word(flash, slot, offset, 0) : status;
 }
 
 /* Make a slot worthless before its erase: an erase that is cut may bring back the erased state of the revoke word
  * while the table is still whole, and a revoked table must not return. */
 static imucal_status clear_slot(const imucal_flash_t* flash, uint32_t slot) {
-  imucal_status status = clear_word(flash, slot, commit_offset(flash));
-  if (status == IMUCAL_OK) status = clear_word(flash, slot, 0);
+  imucal_status status = clear_word(flash, slot, commit_offset(flash), IMUCAL_STORE_COMMIT);
+  if (status == IMUCAL_OK) status = clear_word(flash, slot, 0, IMUCAL_TABLE_MAGIC);
   if (status == IMUCAL_OK) status = flash->erase(flash->ctx, slot);
   return status;
 }

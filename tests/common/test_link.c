@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: MIT
+// link: golden frames, every message there and back, noise, cut frames, repeated requests; link.md against the table.
+#include "unit.h"
+
+#include "crc.h"
+#include "link.h"
+#include "num.h"
+
+static imucal_status feed(imucal_link_rx_t* rx, const uint8_t* bytes, size_t len) {
+  imucal_status last = IMUCAL_OK;
+  for (size_t i = 0; i < len; i++) last = imucal_link_rx_put(rx, bytes[i]);
+  return last;
+}
+
+static void test_pack_hello_golden_frame(void** state) {
+  (void)state;
+  const imucal_link_hello_t hello = {.protocol = 1, .nonce = 0x44003322u};
+  uint8_t frame[IMUCAL_LINK_MAX_FRAME];
+  size_t len = 0;
+  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_HELLO, 7, &hello, frame, sizeof frame, &len), IMUCAL_OK);
+  /* raw: 01 07 01 22 33 00 44 | CRC-32 of these by Python zlib.crc32 = 0x46d97437 */
+  const uint8_t expected[] = {6, 0x01, 0x07, 0x01, 0x22, 0x33, 6, 0x44, 0x37, 0x74, 0xD9, 0x46, 0};
+  assert_int_equal(len, sizeof expected);
+  assert_memory_equal(frame, expected, sizeof expected);
+}
+
+/* Members lie where the codec walks; fields fill the struct in order. */
+static void test_layout_members_are_at_their_natural_alignment(void** state) {
+  (void)state;
+#define AT_F(type, name, unit) AT_A(type, name, 1, unit)
+#define AT_A(type, name, n, unit)                                                                                \
+  at = (at + sizeof(IMUCAL_LINK_C_##type) - 1) / sizeof(IMUCAL_LINK_C_##type) * sizeof(IMUCAL_LINK_C_##type);   \
+  assert_int_equal(at, offsetof(message_t, name));                                                               \
+  at += n * sizeof(IMUCAL_LINK_C_##type);
+#define AT_N(name, unit) AT_A(u8, name, 1, unit)
+#define CHECK(id, name, NAME)                                                                                    \
+  {                                                                                                              \
+    typedef imucal_link_##name##_t message_t;                                                                    \
+    size_t at = 0;                                                                                               \
+    IMUCAL_LINK_##NAME(AT_F, AT_A, AT_N, AT_A) assert_true(at <= sizeof(message_t));                             \
+  }
+  IMUCAL_LINK_MESSAGES(CHECK)
+}
+
+#define LIST(id, name, NAME) id,
+static const uint8_t all_ids[] = {IMUCAL_LINK_MESSAGES(LIST)};
+#define N_IDS (sizeof all_ids)
+
+/* The number fields (N) of a random message must be possible. */
+static void bound_counts(uint8_t id, imucal_link_any_t* m) {
+  if (id == IMUCAL_LINK_ID_CAL_START) m->cal_start.n_markov %= 3;
+  if (id == IMUCAL_LINK_ID_TABLE_READ_REPLY) m->table_read_reply.length %= 201;
+  if (id == IMUCAL_LINK_ID_TABLE_DATA) m->table_data.length %= 201;
+  if (id == IMUCAL_LINK_ID_SECOND) m->second.n_channels %= 7;
+  if (id == IMUCAL_LINK_ID_PROGRESS) m->progress.n_channels %= 7;
+}
+
+static void test_every_message_there_and_back_same_payload(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  for (size_t i = 0; i < N_IDS; i++) {
+    for (int run = 0; run < 200; run++) {
+      imucal_link_any_t sent, got;
+      uint8_t* bytes = (uint8_t*)&sent;
+      for (size_t k = 0; k < sizeof sent; k++) bytes[k] = (uint8_t)unit_bits(&rng);
+      bound_counts(all_ids[i], &sent);
+      uint8_t frame[IMUCAL_LINK_MAX_FRAME];
+      size_t len = 0;
+      assert_int_equal(imucal_link_pack(all_ids[i], (uint8_t)run, &sent, frame, sizeof frame, &len), IMUCAL_OK);
+      for (size_t k = 0; k + 1 < len; k++) assert_int_not_equal(frame[k], 0);
+      imucal_link_rx_t rx;
+      imucal_link_rx_init(&rx);
+      assert_int_equal(feed(&rx, frame, len), IMUCAL_FRAME_READY);
+      assert_int_equal(imucal_link_rx_type(&rx), all_ids[i]);
+      assert_int_equal(imucal_link_rx_sequence(&rx), (uint8_t)run);
+      assert_int_equal(imucal_link_rx_message(&rx, &got), IMUCAL_OK);
+      uint8_t again[IMUCAL_LINK_MAX_FRAME];
+      size_t again_len = 0;
+      assert_int_equal(imucal_link_pack(all_ids[i], (uint8_t)run, &got, again, sizeof again, &again_len), IMUCAL_OK);
+      assert_int_equal(again_len, len);
+      assert_memory_equal(again, frame, len);
+    }
+  }
+}
+
+static void test_decode_fields_arrive_in_their_members(void** state) {
+  (void)state;
+  imucal_link_second_t sent = {.counter = 65535, .t_s = 0xDEADBEEF, .n_samples = 100, .temp_degc = -12.5f, .is_gap = 1,
+                               .compensated = 5, .temp_clamped = 2, .n_channels = 2};
+  sent.flags[1] = 4;
+  sent.raw[0] = 1.25f;
+  sent.out[1] = -3e4f;
+  uint8_t payload[IMUCAL_LINK_MAX_PAYLOAD];
+  size_t len = 0;
+  assert_int_equal(imucal_link_encode(IMUCAL_LINK_ID_SECOND, &sent, payload, sizeof payload, &len), IMUCAL_OK);
+  assert_int_equal(len, 2 + 4 + 2 + 4 + 3 + 1 + 2 + 8 + 8);
+  imucal_link_any_t got;
+  assert_int_equal(imucal_link_decode(IMUCAL_LINK_ID_SECOND, payload, len, &got), IMUCAL_OK);
+  assert_memory_equal(&got.second.raw, &sent.raw, sizeof sent.raw);
+  assert_memory_equal(&got.second.out, &sent.out, sizeof sent.out);
+  assert_memory_equal(&got.second.flags, &sent.flags, sizeof sent.flags);
+  assert_true(got.second.t_s == sent.t_s && got.second.counter == 65535 && got.second.temp_degc == -12.5f);
+  assert_int_equal(got.second.compensated, 5);
+  assert_int_equal(got.second.temp_clamped, 2);
+}
+
+static void test_decode_wrong_length_or_count_is_refused(void** state) {
+  (void)state;
+  for (size_t i = 0; i < N_IDS; i++) {
+    imucal_link_any_t message = {0}, got;
+    uint8_t payload[IMUCAL_LINK_MAX_PAYLOAD + 1] = {0};
+    size_t len = 0;
+    assert_int_equal(imucal_link_encode(all_ids[i], &message, payload, sizeof payload, &len), IMUCAL_OK);
+    assert_true(len >= 1);
+    assert_int_equal(imucal_link_decode(all_ids[i], payload, len, &got), IMUCAL_OK);
+    assert_int_equal(imucal_link_decode(all_ids[i], payload, len - 1, &got), IMUCAL_ERR_LENGTH);
+    assert_int_equal(imucal_link_decode(all_ids[i], payload, len + 1, &got), IMUCAL_ERR_LENGTH);
+    assert_int_equal(imucal_link_encode(all_ids[i], &message, payload, len - 1, &len), IMUCAL_ERR_SPACE);
+  }
+  imucal_link_any_t message = {0}, got;
+  message.table_data.length = 201;
+  uint8_t payload[IMUCAL_LINK_MAX_PAYLOAD];
+  size_t len = 0;
+  assert_int_equal(imucal_link_encode(IMUCAL_LINK_ID_TABLE_DATA, &message, payload, sizeof payload, &len), IMUCAL_ERR_RANGE);
+  memset(payload, 255, sizeof payload);
+  assert_int_equal(imucal_link_decode(IMUCAL_LINK_ID_TABLE_DATA, payload, 203, &got), IMUCAL_ERR_RANGE);
+  assert_int_equal(imucal_link_decode(0x3E, payload, 1, &got), IMUCAL_ERR_UNKNOWN);
+  assert_int_equal(imucal_link_encode(0x3E, &message, payload, sizeof payload, &len), IMUCAL_ERR_UNKNOWN);
+}
+
+/* A frame with this sequence number; payload of the largest message. */
+static size_t big_frame(uint8_t sequence, uint8_t fill, uint8_t* frame) {
+  uint8_t payload[IMUCAL_LINK_MAX_PAYLOAD];
+  memset(payload, fill, sizeof payload);
+  size_t len = 0;
+  assert_int_equal(imucal_link_frame(0x3F, sequence, payload, sizeof payload, frame, IMUCAL_LINK_MAX_FRAME, &len), IMUCAL_OK);
+  return len;
+}
+
+static void test_frame_longest_payload_of_any_byte_survives(void** state) {
+  (void)state;
+  for (int fill = 0; fill < 256; fill++) {
+    uint8_t frame[IMUCAL_LINK_MAX_FRAME];
+    size_t len = big_frame(9, (uint8_t)fill, frame);
+    imucal_link_rx_t rx;
+    imucal_link_rx_init(&rx);
+    assert_int_equal(feed(&rx, frame, len), IMUCAL_FRAME_READY);
+    assert_int_equal(imucal_link_rx_payload_len(&rx), IMUCAL_LINK_MAX_PAYLOAD);
+    for (size_t i = 0; i < IMUCAL_LINK_MAX_PAYLOAD; i++) assert_int_equal(imucal_link_rx_payload(&rx)[i], fill);
+  }
+  uint8_t frame[IMUCAL_LINK_MAX_FRAME], payload[IMUCAL_LINK_MAX_PAYLOAD + 1] = {0};
+  size_t len;
+  assert_int_equal(imucal_link_frame(1, 1, payload, IMUCAL_LINK_MAX_PAYLOAD + 1, frame, sizeof frame, &len), IMUCAL_ERR_SPACE);
+  assert_int_equal(imucal_link_frame(1, 1, payload, 10, frame, 17, &len), IMUCAL_ERR_SPACE);
+  assert_int_equal(imucal_link_frame(1, 1, payload, 10, frame, 18, &len), IMUCAL_OK);
+}
+
+static void test_rx_one_flipped_bit_anywhere_next_frame_survives(void** state) {
+  (void)state;
+  uint8_t frame[IMUCAL_LINK_MAX_FRAME], next[IMUCAL_LINK_MAX_FRAME];
+  const imucal_link_cal_stop_t stop = {.action = 1};
+  size_t len = 0, next_len = 0;
+  const imucal_link_hello_t hello = {.protocol = 1, .nonce = 12345};
+  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_HELLO, 1, &hello, frame, sizeof frame, &len), IMUCAL_OK);
+  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_CAL_STOP, 2, &stop, next, sizeof next, &next_len), IMUCAL_OK);
+  for (size_t bit = 0; bit < 8 * len; bit++) {
+    imucal_link_rx_t rx;
+    imucal_link_rx_init(&rx);
+    frame[bit / 8] ^= (uint8_t)(1 << bit % 8);
+    for (size_t i = 0; i < len; i++) assert_int_not_equal(imucal_link_rx_put(&rx, frame[i]), IMUCAL_FRAME_READY);
+    frame[bit / 8] ^= (uint8_t)(1 << bit % 8);
+    /* a damaged delimiter takes the next frame with it; the one after must arrive */
+    imucal_status status = feed(&rx, next, next_len);
+    if (bit / 8 == len - 1) status = feed(&rx, next, next_len);
+    assert_int_equal(status, IMUCAL_FRAME_READY);
+    assert_int_equal(imucal_link_rx_type(&rx), IMUCAL_LINK_ID_CAL_STOP);
+    assert_true(rx.n_crc + rx.n_resync >= 1);
+  }
+}
+
+static void test_rx_truncated_anywhere_next_frame_survives(void** state) {
+  (void)state;
+  uint8_t frame[IMUCAL_LINK_MAX_FRAME];
+  size_t len = big_frame(3, 0x11, frame);
+  for (size_t cut = 1; cut < len; cut++) {
+    imucal_link_rx_t rx;
+    imucal_link_rx_init(&rx);
+    (void)feed(&rx, frame, cut);
+    (void)!imucal_link_rx_put(&rx, 0);
+    assert_int_equal(rx.n_frames, cut == len - 1);
+    assert_int_equal(feed(&rx, frame, len), IMUCAL_FRAME_READY);
+  }
+}
+
+static void test_rx_endless_bytes_are_bounded_and_counted_once(void** state) {
+  (void)state;
+  imucal_link_rx_t rx;
+  imucal_link_rx_init(&rx);
+  int n_space = 0;
+  for (int i = 0; i < 100000; i++) n_space += imucal_link_rx_put(&rx, 0xFF) == IMUCAL_ERR_SPACE;
+  assert_int_equal(n_space, 1);
+  assert_int_equal(rx.n_overflow, 1);
+  assert_int_equal(imucal_link_rx_put(&rx, 0), IMUCAL_OK);
+  uint8_t frame[IMUCAL_LINK_MAX_FRAME];
+  size_t len = big_frame(3, 0x11, frame);
+  assert_int_equal(feed(&rx, frame, len), IMUCAL_FRAME_READY);
+}
+
+/* Frames between stretches of noise: each whole frame arrives unless noise touches it; no frame is invented. */
+static void test_rx_noise_costs_at_most_the_frame_it_touches(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  imucal_link_rx_t rx;
+  imucal_link_rx_init(&rx);
+  uint32_t n_sent = 0, n_got = 0;
+  for (int run = 0; run < 3000; run++) {
+    uint8_t noise[64], frame[IMUCAL_LINK_MAX_FRAME];
+    size_t n_noise = (size_t)unit_integer(&rng, 0, 64);
+    for (size_t i = 0; i < n_noise; i++) noise[i] = (uint8_t)unit_bits(&rng);
+    for (size_t i = 0; i < n_noise; i++) assert_int_not_equal(imucal_link_rx_put(&rx, noise[i]), IMUCAL_FRAME_READY);
+    (void)!imucal_link_rx_put(&rx, 0); /* the sender's leading delimiter */
+    imucal_link_event_t event = {.counter = (uint16_t)run, .detail = (uint32_t)unit_bits(&rng)};
+    size_t len = 0;
+    assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_EVENT, 0, &event, frame, sizeof frame, &len), IMUCAL_OK);
+    n_sent++;
+    if (feed(&rx, frame, len) != IMUCAL_FRAME_READY) continue;
+    imucal_link_any_t got;
+    assert_int_equal(imucal_link_rx_message(&rx, &got), IMUCAL_OK);
+    assert_int_equal(got.event.counter, (uint16_t)run);
+    n_got++;
+  }
+  assert_int_equal(n_got, n_sent);
+}
+
+static void test_rx_unknown_type_is_counted(void** state) {
+  (void)state;
+  uint8_t frame[IMUCAL_LINK_MAX_FRAME];
+  size_t len = big_frame(3, 0x11, frame);
+  imucal_link_rx_t rx;
+  imucal_link_any_t message;
+  imucal_link_rx_init(&rx);
+  assert_int_equal(feed(&rx, frame, len), IMUCAL_FRAME_READY);
+  assert_int_equal(imucal_link_rx_message(&rx, &message), IMUCAL_ERR_UNKNOWN);
+  assert_int_equal(rx.n_unknown, 1);
+}
+
+static void give(imucal_link_rx_t* rx, uint32_t id, uint8_t sequence, const void* message) {
+  uint8_t frame[IMUCAL_LINK_MAX_FRAME];
+  size_t len = 0;
+  assert_int_equal(imucal_link_pack(id, sequence, message, frame, sizeof frame, &len), IMUCAL_OK);
+  assert_int_equal(feed(rx, frame, len), IMUCAL_FRAME_READY);
+}
+
+static void test_server_repeated_request_is_answered_again_not_done_again(void** state) {
+  (void)state;
+  imucal_link_rx_t rx;
+  imucal_link_server_t server;
+  imucal_link_rx_init(&rx);
+  imucal_link_server_init(&server);
+  const imucal_link_cal_stop_t keep = {.action = 1}, discard = {.action = 0};
+  const imucal_link_done_t done = {.request = IMUCAL_LINK_ID_CAL_STOP, .status = -1};
+  /* GIVEN a request answered */
+  give(&rx, IMUCAL_LINK_ID_CAL_STOP, 5, &keep);
+  assert_int_equal(imucal_link_server_request(&server, &rx), IMUCAL_OK);
+  assert_int_equal(imucal_link_server_reply(&server, IMUCAL_LINK_ID_DONE, &done), IMUCAL_OK);
+  uint8_t first[IMUCAL_LINK_MAX_FRAME];
+  uint16_t first_len = server.reply_len;
+  memcpy(first, server.reply, first_len);
+  /* WHEN it comes again, THEN the same reply stands ready */
+  give(&rx, IMUCAL_LINK_ID_CAL_STOP, 5, &keep);
+  assert_int_equal(imucal_link_server_request(&server, &rx), IMUCAL_FRAME_REPEATED);
+  assert_int_equal(server.reply_len, first_len);
+  assert_memory_equal(server.reply, first, first_len);
+  assert_int_equal(server.n_repeated, 1);
+  /* Another sequence, or other bytes under the same sequence, are new requests. */
+  give(&rx, IMUCAL_LINK_ID_CAL_STOP, 6, &keep);
+  assert_int_equal(imucal_link_server_request(&server, &rx), IMUCAL_OK);
+  assert_int_equal(imucal_link_server_reply(&server, IMUCAL_LINK_ID_DONE, &done), IMUCAL_OK);
+  give(&rx, IMUCAL_LINK_ID_CAL_STOP, 6, &discard);
+  assert_int_equal(imucal_link_server_request(&server, &rx), IMUCAL_OK);
+  /* A request under way and not answered yet is not repeated from an old reply. */
+  give(&rx, IMUCAL_LINK_ID_CAL_STOP, 6, &discard);
+  assert_int_equal(imucal_link_server_request(&server, &rx), IMUCAL_OK);
+  /* The reply carries the request's sequence. */
+  assert_int_equal(imucal_link_server_reply(&server, IMUCAL_LINK_ID_DONE, &done), IMUCAL_OK);
+  assert_int_equal(feed(&rx, server.reply, server.reply_len), IMUCAL_FRAME_READY);
+  assert_int_equal(imucal_link_rx_sequence(&rx), 6);
+}
+
+/* link.md is the manual of this table: every line the table demands must be in it. */
+static char* read_text(const char* path) {
+  FILE* file = fopen(path, "rb");
+  if (!file) return NULL;
+  char* text = calloc(1, 1 << 18);
+  (void)!fread(text, 1, (1 << 18) - 1, file);
+  fclose(file);
+  return text;
+}
+static char* manual;
+static void expect_line(const char* line) {
+  if (getenv("IMUCAL_PRINT")) printf("%s\n", line);
+  if (!manual || !strstr(manual, line)) fail_msg("common/link.md lacks: %s", line);
+}
+static void test_manual_lists_every_message_and_field(void** state) {
+  (void)state;
+  manual = read_text("common/link.md");
+  if (!manual && !getenv("IMUCAL_PRINT")) {
+    printf("SKIP: common/link.md not found: run from the repository's root\n");
+    skip();
+  }
+  char line[300];
+#define DOC_F(type, name, unit) snprintf(line, sizeof line, "| `%s` | %s | %s |", #name, #type, unit), expect_line(line);
+#define DOC_A(type, name, n, unit) \
+  snprintf(line, sizeof line, "| `%s` | %s[%d] | %s |", #name, #type, n, unit), expect_line(line);
+#define DOC_N(name, unit) snprintf(line, sizeof line, "| `%s` | u8, count | %s |", #name, unit), expect_line(line);
+#define DOC_V(type, name, n, unit) \
+  snprintf(line, sizeof line, "| `%s` | %s[count <= %d] | %s |", #name, #type, n, unit), expect_line(line);
+#define DOC(id, name, NAME) \
+  snprintf(line, sizeof line, "### 0x%02X %s", id, #NAME), expect_line(line); \
+  IMUCAL_LINK_##NAME(DOC_F, DOC_A, DOC_N, DOC_V)
+  IMUCAL_LINK_MESSAGES(DOC)
+  free(manual);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_pack_hello_golden_frame),
+      cmocka_unit_test(test_layout_members_are_at_their_natural_alignment),
+      cmocka_unit_test(test_every_message_there_and_back_same_payload),
+      cmocka_unit_test(test_decode_fields_arrive_in_their_members),
+      cmocka_unit_test(test_decode_wrong_length_or_count_is_refused),
+      cmocka_unit_test(test_frame_longest_payload_of_any_byte_survives),
+      cmocka_unit_test(test_rx_one_flipped_bit_anywhere_next_frame_survives),
+      cmocka_unit_test(test_rx_truncated_anywhere_next_frame_survives),
+      cmocka_unit_test(test_rx_endless_bytes_are_bounded_and_counted_once),
+      cmocka_unit_test(test_rx_noise_costs_at_most_the_frame_it_touches),
+      cmocka_unit_test(test_rx_unknown_type_is_counted),
+      cmocka_unit_test(test_server_repeated_request_is_answered_again_not_done_again),
+      cmocka_unit_test(test_manual_lists_every_message_and_field),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: MIT
+// table: bytes there and back, a golden header, every kind of nonsense with its own status, every flipped bit.
+#include "unit.h"
+
+#include "crc.h"
+#include "num.h"
+#include "table.h"
+#include "table_example.h"
+
+static void test_encode_decode_gives_the_same_table(void** state) {
+  (void)state;
+  for (int n = 1; n <= IMUCAL_MAX_CHANNELS; n++) {
+    imucal_table_t table = example_table(n, 5), back;
+    uint8_t bytes[IMUCAL_TABLE_MAX_BYTES + 100];
+    memset(bytes, 0xEE, sizeof bytes);
+    size_t len = 0;
+    assert_int_equal(imucal_table_encode(&table, bytes, sizeof bytes, &len), IMUCAL_OK);
+    assert_int_equal(len, 48 + 136 * n);
+    assert_int_equal(bytes[len], 0xEE);
+    assert_int_equal(imucal_table_decode(bytes, sizeof bytes, &back, NULL), IMUCAL_OK);
+    assert_memory_equal(&back, &table, sizeof table);
+    assert_int_equal(imucal_table_decode(bytes, len, NULL, NULL), IMUCAL_OK);
+    assert_int_equal(imucal_table_decode(bytes, len - 1, &back, NULL), IMUCAL_ERR_LENGTH);
+    assert_int_equal(imucal_table_encode(&table, bytes, len - 1, &len), IMUCAL_ERR_SPACE);
+  }
+}
+
+static void test_six_channels_fit_a_1_kb_page_with_the_store_words(void** state) {
+  (void)state;
+  assert_true(IMUCAL_TABLE_MAX_BYTES + 8 <= 1024);
+}
+
+/* The offsets of table.md, by hand. */
+static void test_encode_golden_offsets(void** state) {
+  (void)state;
+  imucal_table_t table = example_table(2, 0);
+  table.sequence = 0x01020304;
+  uint8_t b[IMUCAL_TABLE_MAX_BYTES];
+  size_t len = 0;
+  assert_int_equal(imucal_table_encode(&table, b, sizeof b, &len), IMUCAL_OK);
+  const uint8_t head[] = {'I', 'M', 'C', 'L', 1, 0, 320 & 255, 320 >> 8, 'S', 'N', '-', '1', '7', 0, 0, 0, 0, 0, 0, 0,
+                          0, 0, 0, 0, 4, 3, 2, 1, 0, 0xB9, 0x55, 0x69, 2, 0, 0, 0};
+  assert_memory_equal(b, head, sizeof head);
+  assert_true(imucal_get_f32(b + 36) == 0.01f && imucal_get_f32(b + 40) == 25.0f);
+  const uint8_t* c = b + 44 + 136; /* the second channel */
+  assert_memory_equal(c, "gy_dph\0\0\0\0\0\0\3\1\1\0", 16);
+  assert_true(imucal_get_f32(c + 16) == 30.0f && imucal_get_f32(c + 20) == 30.0f);      /* t0, range */
+  assert_true(imucal_get_f32(c + 24) == 10.25f && imucal_get_f32(c + 36) == 13.25f);    /* b0, b3 */
+  assert_true(imucal_get_f32(c + 48 + 4) == 0.001f);                                    /* m1 */
+  assert_true(imucal_get_f32(c + 60) == 0.0f && imucal_get_f32(c + 64) == 60.0f);       /* span */
+  assert_true(imucal_get_f32(c + 68) == 5.0f && imucal_get_f32(c + 100) == 13.0f);      /* sigma */
+  assert_true(imucal_get_f32(c + 104) == 0.6f && imucal_get_f32(c + 108) == 20.0f);     /* arw, Markov sigma */
+  assert_true(imucal_get_f32(c + 116) == 100.0f && imucal_get_f32(c + 124) == 18.0f);   /* tau, unit per count */
+  assert_int_equal(imucal_get_u32(c + 128), 32767);
+  assert_int_equal(imucal_get_u32(c + 132), 8400);
+  assert_int_equal(imucal_get_u32(b + 316), imucal_crc32(b, 316));
+}
+
+static void test_decode_any_flipped_bit_is_refused(void** state) {
+  (void)state;
+  imucal_table_t table = example_table(6, 1), back;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  size_t len = 0;
+  assert_int_equal(imucal_table_encode(&table, bytes, sizeof bytes, &len), IMUCAL_OK);
+  for (size_t bit = 0; bit < 8 * len; bit++) {
+    bytes[bit / 8] ^= (uint8_t)(1 << bit % 8);
+    assert_int_not_equal(imucal_table_decode(bytes, len, &back, NULL), IMUCAL_OK);
+    bytes[bit / 8] ^= (uint8_t)(1 << bit % 8);
+  }
+  assert_int_equal(imucal_table_decode(bytes, len, &back, NULL), IMUCAL_OK);
+}
+
+static void seal(uint8_t* bytes, size_t len) { imucal_put_u32(bytes + len - 4, imucal_crc32(bytes, len - 4)); }
+
+static void test_decode_header_nonsense_has_its_own_status(void** state) {
+  (void)state;
+  imucal_table_t table = example_table(3, 1), back;
+  uint8_t good[IMUCAL_TABLE_MAX_BYTES], b[IMUCAL_TABLE_MAX_BYTES];
+  size_t len = 0;
+  assert_int_equal(imucal_table_encode(&table, good, sizeof good, &len), IMUCAL_OK);
+  const struct {
+    size_t at;
+    uint8_t value;
+    imucal_status status;
+    const char* field;
+  } bad[] = {{0, 'X', IMUCAL_ERR_MAGIC, "header"},    {4, 2, IMUCAL_ERR_VERSION, "version"},
+             {6, 47, IMUCAL_ERR_LENGTH, "length"},    {7, 9, IMUCAL_ERR_LENGTH, "header"},
+             {32, 2, IMUCAL_ERR_LENGTH, "length"},    {33, 1, IMUCAL_ERR_RESERVED, "reserved"},
+             {8, 0, IMUCAL_ERR_NAME, "serial"},       {9, ' ', IMUCAL_ERR_NAME, "serial"},
+             {20, 'x', IMUCAL_ERR_NAME, "serial"},    {44 + 136 + 15, 9, IMUCAL_ERR_RESERVED, "reserved"}};
+  for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+    memcpy(b, good, len);
+    b[bad[i].at] = bad[i].value;
+    size_t sealed = imucal_get_u16(b + 6);
+    if (sealed >= 8 && sealed <= sizeof b) seal(b, sealed);
+    imucal_table_place_t place = {0, ""};
+    imucal_status status = imucal_table_decode(b, sizeof b, &back, &place);
+    if (status != bad[i].status) fail_msg("case %zu: %s", i, imucal_status_text(status));
+    assert_string_equal(place.field, bad[i].field);
+  }
+  memcpy(b, good, len);
+  b[100] ^= 1;
+  assert_int_equal(imucal_table_decode(b, len, &back, NULL), IMUCAL_ERR_CRC);
+  assert_int_equal(imucal_table_decode(b, 10, &back, NULL), IMUCAL_ERR_LENGTH);
+}
+
+static void test_validate_field_nonsense_has_its_own_status_and_place(void** state) {
+  (void)state;
+  const float nan_value = imucal_float_from_bits(0x7FC00000u), infinite = imucal_float_from_bits(0x7F800000u);
+  imucal_table_t t;
+  imucal_table_place_t place;
+  int n = 0;
+#define REFUSED(change, expected, name)                                                                          \
+  t = example_table(6, 2);                                                                                       \
+  change;                                                                                                        \
+  place = (imucal_table_place_t){99, ""};                                                                        \
+  assert_int_equal(imucal_table_validate(&t, &place), expected);                                                 \
+  assert_string_equal(place.field, name);                                                                        \
+  assert_int_equal(place.channel, strstr(#change, "channel[4]") ? 4 : -1);                                       \
+  n++
+#define C t.channel[4]
+  REFUSED(t.channel[4].coeff[2] = nan_value, IMUCAL_ERR_COEFFICIENT, "coeff");
+  REFUSED(t.channel[4].coeff[0] = infinite, IMUCAL_ERR_COEFFICIENT, "coeff");
+  REFUSED(t.channel[4].coeff[1] = 1.1e7f, IMUCAL_ERR_COEFFICIENT, "coeff");
+  REFUSED(t.channel[4].coeff[4] = 1, IMUCAL_ERR_COEFFICIENT, "coeff"); /* above the order */
+  REFUSED(t.channel[4].order = 0, IMUCAL_ERR_COEFFICIENT, "coeff");    /* uncalibrated with coefficients */
+  REFUSED(t.channel[4].order = 6, IMUCAL_ERR_ORDER, "order");
+  REFUSED(t.channel[4].scale_order = 3, IMUCAL_ERR_ORDER, "scale_order");
+  REFUSED(t.channel[4].scale_coeff[0] = 0.07f, IMUCAL_ERR_COEFFICIENT, "scale_coeff");
+  REFUSED(t.channel[4].scale_coeff[0] = -0.062f, IMUCAL_ERR_COEFFICIENT, "scale_coeff"); /* with m1 above 1/16 */
+  REFUSED(t.channel[4].scale_coeff[0] = nan_value, IMUCAL_ERR_COEFFICIENT, "scale_coeff");
+  REFUSED(t.channel[4].scale_coeff[2] = 1e-9f, IMUCAL_ERR_COEFFICIENT, "scale_coeff");
+  REFUSED(t.channel[4].span_hi_degc = -1, IMUCAL_ERR_SPAN, "span_degc"); /* reversed */
+  REFUSED(t.channel[4].span_hi_degc = 0, IMUCAL_ERR_SPAN, "span_degc");  /* empty */
+  REFUSED(t.channel[4].span_hi_degc = 60.1f, IMUCAL_ERR_SPAN, "span_degc");
+  REFUSED(t.channel[4].span_lo_degc = -0.1f, IMUCAL_ERR_SPAN, "span_degc");
+  REFUSED(t.channel[4].span_lo_degc = nan_value, IMUCAL_ERR_SPAN, "span_degc");
+  REFUSED(t.channel[4].range_degc = 0, IMUCAL_ERR_SPAN, "range_degc");
+  REFUSED(t.channel[4].t0_degc = infinite, IMUCAL_ERR_SPAN, "t0_degc");
+  REFUSED(t.channel[4].sigma[8] = -1, IMUCAL_ERR_SIGMA, "sigma");
+  REFUSED(t.channel[4].sigma[0] = nan_value, IMUCAL_ERR_SIGMA, "sigma");
+  REFUSED(t.channel[4].arw = -1, IMUCAL_ERR_MODEL, "model");
+  REFUSED(t.channel[4].markov_tau_s[0] = 0, IMUCAL_ERR_MODEL, "model");
+  REFUSED(t.channel[4].markov_sigma[1] = 1, IMUCAL_ERR_MODEL, "model"); /* above n_markov */
+  REFUSED(t.channel[4].n_markov = 3, IMUCAL_ERR_MODEL, "markov");
+  REFUSED(t.channel[4].unit_per_count = 0, IMUCAL_ERR_SCALE, "unit_per_count");
+  REFUSED(t.channel[4].unit_per_count = nan_value, IMUCAL_ERR_SCALE, "unit_per_count");
+  REFUSED(t.channel[4].full_scale_counts = 0, IMUCAL_ERR_SCALE, "full_scale_counts");
+  REFUSED(t.channel[4].name[0] = 0, IMUCAL_ERR_NAME, "name");
+  REFUSED(t.channel[4].name[11] = 'x', IMUCAL_ERR_NAME, "name"); /* text after its end */
+  REFUSED(t.degc_per_count = -0.01f, IMUCAL_ERR_SCALE, "degc_per_count");
+  REFUSED(t.degc_at_zero = nan_value, IMUCAL_ERR_SCALE, "degc_at_zero");
+  REFUSED(t.n_channels = 0, IMUCAL_ERR_CHANNELS, "channels");
+  REFUSED(t.n_channels = 7, IMUCAL_ERR_CHANNELS, "channels");
+  REFUSED(t.sequence = 0, IMUCAL_ERR_SEQUENCE, "sequence");
+  REFUSED(t.sequence = UINT32_MAX, IMUCAL_ERR_SEQUENCE, "sequence");
+  REFUSED(t.serial[2] = '\n', IMUCAL_ERR_NAME, "serial");
+  assert_int_equal(n, 36);
+  t = example_table(6, 2);
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
+}
+
+static void test_text_set_refuses_what_does_not_fit(void** state) {
+  (void)state;
+  char text[12];
+  assert_int_equal(imucal_text_set(text, 12, "gx_dph"), IMUCAL_OK);
+  assert_memory_equal(text, "gx_dph\0\0\0\0\0\0", 12);
+  assert_int_equal(imucal_text_set(text, 12, "123456789012"), IMUCAL_OK);
+  assert_int_equal(imucal_text_set(text, 12, "1234567890123"), IMUCAL_ERR_NAME);
+  assert_int_equal(imucal_text_set(text, 12, ""), IMUCAL_ERR_NAME);
+  assert_int_equal(imucal_text_set(text, 12, "a b"), IMUCAL_ERR_NAME);
+  assert_true(imucal_text_equal("ab\0x", "ab\0y", 4));
+  assert_false(imucal_text_equal("ab", "ac", 3));
+}
+
+static void test_from_kf_takes_what_the_filter_learnt(void** state) {
+  (void)state;
+  imucal_kf_config_t config = {.order = 2, .t0_degc = 20, .range_degc = 25, .m = 0.01f, .q = 8, .r = 1296,
+                               .markov_variance = 400, .prior_sigma = 1e4f};
+  imucal_kf_t kf;
+  imucal_table_t table = example_table(1, 0);
+  assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
+  assert_int_equal(imucal_table_from_kf(&table.channel[0], &kf, 0, 45), IMUCAL_ERR_NOT_LEARNT);
+  for (int i = 0; i < 5000; i++) assert_int_equal(imucal_kf_update(&kf, 100.0f + (float)i * 0.01f, (float)i * 0.009f), IMUCAL_OK);
+  assert_int_equal(imucal_table_from_kf(&table.channel[0], &kf, 45, 0), IMUCAL_ERR_SPAN);
+  assert_int_equal(imucal_table_from_kf(&table.channel[0], &kf, 0, 46), IMUCAL_ERR_SPAN);
+  assert_int_equal(imucal_table_from_kf(&table.channel[0], &kf, 0, 45), IMUCAL_OK);
+  assert_int_equal(imucal_table_validate(&table, NULL), IMUCAL_OK);
+  assert_int_equal(table.channel[0].order, 2);
+  assert_int_equal(table.channel[0].n_seconds, 5000);
+  for (uint32_t i = 0; i <= 5; i++) assert_true(table.channel[0].coeff[i] == imucal_kf_coefficient(&kf, i));
+  assert_true(table.channel[0].sigma[0] == imucal_kf_bias_sigma(&kf, 0));
+  assert_true(table.channel[0].sigma[4] == imucal_kf_bias_sigma(&kf, 22.5f));
+  assert_true(table.channel[0].sigma[8] == imucal_kf_bias_sigma(&kf, 45));
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_encode_decode_gives_the_same_table),
+      cmocka_unit_test(test_six_channels_fit_a_1_kb_page_with_the_store_words),
+      cmocka_unit_test(test_encode_golden_offsets),
+      cmocka_unit_test(test_decode_any_flipped_bit_is_refused),
+      cmocka_unit_test(test_decode_header_nonsense_has_its_own_status),
+      cmocka_unit_test(test_validate_field_nonsense_has_its_own_status_and_place),
+      cmocka_unit_test(test_text_set_refuses_what_does_not_fit),
+      cmocka_unit_test(test_from_kf_takes_what_the_filter_learnt),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
