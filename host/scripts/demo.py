@@ -167,21 +167,14 @@ def minute_noise_dph(model):
     return math.sqrt(variance)
 
 
-def sigma_at(axis, temp_degc):
-    """Predicted one-sigma error between the table's nine temperatures (its square is smooth: cubic through it)."""
-    from scipy.interpolate import CubicSpline
-    return np.sqrt(np.maximum(CubicSpline(axis["temp_degc"], np.square(axis["sigma_dph"]))(temp_degc), 0))
-
-
 def examine(axis, before, after, model, true_coeff=None):
     """One axis of the report: figures and curves."""
     name = axis["axis"]
     minutes = {}
     for key, log in (("before", before), ("after", after)):
         minutes[key] = (block_means(log["temp_degc"], MINUTE_S), block_means(log[name], MINUTE_S))
-    lo, hi = axis["span_degc"]
-    temp = np.linspace(lo, hi, 121)
-    sigma = sigma_at(axis, temp)
+    temp, sigma = np.array(axis["curve"]["temp_degc"]), np.array(axis["curve"]["sigma_dph"])
+    constant = 0.0 if true_coeff is not None else float(round(axis["coeff_dph"][0]))
     bin_before, bin_after = binned(*minutes["before"]), binned(*minutes["after"])
     result = {
         "axis": name,
@@ -189,6 +182,7 @@ def examine(axis, before, after, model, true_coeff=None):
         "before": {"temp_degc": minutes["before"][0].tolist(), "rate_dph": minutes["before"][1].tolist()},
         "after": {"temp_degc": minutes["after"][0].tolist(), "rate_dph": minutes["after"][1].tolist()},
         "after_binned": {"temp_degc": bin_after[0].tolist(), "rate_dph": bin_after[1].tolist()},
+        "constant_dph": constant,
         "table": {"temp_degc": temp.tolist(), "bias_dph": polynomial(axis, temp).tolist(), "sigma_dph": sigma.tolist()},
         "figures": {
             "bias_travel_dph": float(np.ptp(bin_before[1])),

@@ -9,6 +9,9 @@ REPORT.json is what demo.py writes: {"title", "subtitle", "axes": [axis...]}, on
     before: {temp_degc, rate_dph}   means of the uncompensated device over a temperature bin (or a minute)
     after:  {temp_degc, rate_dph}   the same of the compensating device, profile run again
     table:  {temp_degc, bias_dph, sigma_dph}      learned polynomial and its predicted one-sigma error
+    after_binned: {temp_degc, rate_dph}           means per temperature
+    noise_alone_dph                 standard deviation of a one-minute mean by the noise of the model alone
+    constant_dph                    taken off the raw rate in the plot (recorded logs)
     truth_error_dph                 learned minus true polynomial at table.temp_degc; absent for a recorded log
 """
 
@@ -39,8 +42,13 @@ def smooth(values):
 
 def draw_bias(ax, axis):
     """Upper panel: what the device says before and after, and what it learned."""
-    ax.plot(axis["before"]["temp_degc"], axis["before"]["rate_dph"], ".", color=RAW, label="before: raw", **DOTS)
-    ax.plot(axis["table"]["temp_degc"], axis["table"]["bias_dph"], color=INK, lw=1.2, label="polynomial learned")
+    constant = axis.get("constant_dph", 0)
+    name = "before: raw less a constant" if constant else "before: raw"
+    ax.plot(axis["before"]["temp_degc"], np.subtract(axis["before"]["rate_dph"], constant), ".", color=RAW, label=name, **DOTS)
+    ax.plot(axis["table"]["temp_degc"], np.subtract(axis["table"]["bias_dph"], constant), color=INK, lw=1.2,
+            label="polynomial learned")
+    if constant:
+        ax.text(0.98, 0.97, f"less {constant:.0f} deg/h", transform=ax.transAxes, va="top", ha="right", color="#5b6a75", fontsize=9)
     ax.plot(axis["after"]["temp_degc"], axis["after"]["rate_dph"], ".", color=COMPENSATED, label="after: compensated", **DOTS)
     ax.axhline(0, color=INK, lw=0.6)
 
@@ -66,6 +74,9 @@ def draw_error(ax, axis):
     ax.fill_between(temp, -sigma, sigma, color=COMPENSATED, alpha=0.22, lw=0, label="predicted one sigma")
     if axis.get("truth_error_dph"):
         ax.plot(temp, axis["truth_error_dph"], color=TRUTH, lw=1.8, label="learned minus true polynomial")
+    else:
+        ax.plot(axis["after_binned"]["temp_degc"], axis["after_binned"]["rate_dph"], color=TRUTH, lw=1.4, marker="o", ms=4,
+                label="compensated, mean per temperature")
     ax.axhline(0, color=INK, lw=0.6)
 
 

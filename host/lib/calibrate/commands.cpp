@@ -102,6 +102,19 @@ void print_axes(const imucal_table_t& table) {
   }
 }
 
+// Predicted one-sigma error on a fine grid (the table holds nine temperatures).
+Json curve_json(const AxisResult& axis, const imucal_table_channel_t& channel) {
+  constexpr int kPoints = 61;
+  Json temperatures = Json::array(), sigmas = Json::array();
+  const double lo = static_cast<double>(channel.span_lo_degc), hi = static_cast<double>(channel.span_hi_degc);
+  for (int i = 0; i < kPoints; ++i) {
+    const double temp_degc = lo + (hi - lo) * i / (kPoints - 1);
+    temperatures.push_back(temp_degc);
+    sigmas.push_back(shortest(imucal_kf_bias_sigma(&axis.filter, static_cast<float>(temp_degc))));
+  }
+  return {{"temp_degc", temperatures}, {"sigma_" + channel_unit(channel), sigmas}};
+}
+
 // The table is of this device, and counts mean the same here.
 void require_table_of(const imucal_table_t& table, const Device& device, const std::string& path) {
   const std::string serial = fixed_text(table.serial);
@@ -277,6 +290,7 @@ Exit calibrate_device(Device* device, const RunOptions& options, const std::stri
     entry["lag1"] = shortest(axis.state.lag1);
     entry["worst_sigma"] = *std::max_element(result.table.channel[axis.channel].sigma,
                                              result.table.channel[axis.channel].sigma + IMUCAL_TABLE_SIGMA_N);
+    entry["curve"] = curve_json(axis, result.table.channel[axis.channel]);
     json["axes"].push_back(entry);
   }
   json["device"] = device_json(*device);

@@ -312,10 +312,9 @@ imucal_table_t Run::table_made_here() {
   for (size_t k = 0; k < axes_.size(); ++k) {
     const Axis& axis = axes_[k];
     imucal_table_channel_t& channel = table.channel[axis.channel];
-    const imucal_kf_t kf =
-        kf_from_device(axis.start, device_.cal_ud(static_cast<uint8_t>(axis.channel)), result_.axes[k].state);
-    const imucal_status status = imucal_table_from_kf(&channel, &kf, static_cast<float>(span.lo_degc),
-                                                      static_cast<float>(span.hi_degc));
+    const imucal_status status =
+        imucal_table_from_kf(&channel, &result_.axes[k].filter, static_cast<float>(span.lo_degc),
+                             static_cast<float>(span.hi_degc));
     if (status != IMUCAL_OK)
       throw data_error(result_.axes[k].name + ": no table: " + imucal_status_text(status));
     channel.arw = axis.start.arw;
@@ -367,6 +366,8 @@ void Run::finish() {
     learned.channel = axis.channel;
     learned.name = device_.channel_name(axis.channel);
     learned.state = device_.cal_state(static_cast<uint8_t>(axis.channel));
+    learned.filter =
+        kf_from_device(axis.start, device_.cal_ud(static_cast<uint8_t>(axis.channel)), learned.state);
     ThermalPolynomial polynomial;
     polynomial.t0_degc = static_cast<double>(axis.start.t0_degc);
     polynomial.range_degc = static_cast<double>(axis.start.range_degc);

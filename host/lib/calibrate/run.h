@@ -46,6 +46,7 @@ struct AxisResult {
   size_t channel = 0;
   std::string name;
   imucal_link_cal_state_reply_t state{};
+  imucal_kf_t filter{};     // the device's, bit for bit: predicts the error at any temperature
   double residual_rms = 0; // of the seconds seen against the polynomial learned
 };
 
