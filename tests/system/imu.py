@@ -2,6 +2,7 @@
 """An IMU for tests of `calibrate`: the firmware as a process, its sensor, and the program at the other end."""
 import json
 import os
+import re
 import signal
 import subprocess
 import time
@@ -115,6 +116,21 @@ class Imu:
     def close(self):
         self.stop_sensor()
         self.power_off()
+
+
+class QemuImu(Imu):
+    """The same on an emulated Cortex-M4F; board options as in firmware/README.md ("rate=10")."""
+
+    def power_on(self, extra=()):
+        arguments = ["flash=imu.flash", "feed=feed", *self.options, *extra]
+        self.process = subprocess.Popen(
+            ["qemu-system-arm", "-M", "mps2-an386", "-kernel", BUILD / "firmware/mps2_an386/imucal.elf", "-display", "none",
+             "-monitor", "none", "-serial", "pty", "-semihosting-config",
+             "enable=on,target=native,arg=imucal," + ",".join("arg=" + a.replace(",", ",,") for a in arguments)],
+            cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        found = re.search(r"/dev/pts/\d+", self.process.stdout.readline())
+        assert found, self.process.stderr.read()
+        self.port = found.group(0)
 
 
 def wait_until(condition, timeout_s=10):

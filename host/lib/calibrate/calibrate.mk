@@ -14,4 +14,7 @@ demo:  ## calibrate an emulated IMU over its serial port (LOG=file.csv: replay a
 	@$(MAKE) --no-print-directory -j2 all
 	@$(PYTHON) host/scripts/demo.py --build $(BUILD) $(DEMO_OPTIONS)
 
-.PHONY: demo
+test-long:: all  ## the tests that take minutes
+	$(Q)BUILD=$(BUILD) PYTHONPATH=tests/system $(PYTHON) -m pytest -q -p no:cacheprovider tests/long/test_calibrate_cycles.py
+
+.PHONY: demo test-long
