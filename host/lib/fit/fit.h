@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: MIT
+// Offline calibration: from recorded logs to the thermal polynomial with its predicted error, two ways.
+//
+//   kKalman      the very C core (common/kf.c), second by second in float32 as on the device; of one log the
+//                coefficients are bit for bit those the device would send.
+//   kPolynomial  least squares on scaled variables (Chebyshev polynomials) by Householder QR with column pivoting.
+//
+// Several logs are runs of one device with power cycles between.  Each has its own turn-on constant (unless
+// shared_turn_on): rate = b0 + a_l + sum_{i>=1} b_i Tn^i + noise in log l, with sum_l a_l = 0; b0 is the mean.
+//   kKalman: before each further log the core forgets the Markov state and lets the constant term go free
+//   (imucal_kf_new_run); the constants of earlier logs are improved afterwards by what later ones say of the other
+//   coefficients (exact, because these are constant: c0 given the rest is Gaussian with the factors' own regression).
+//   kPolynomial: one column of ones per log.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "io/json_file.h"
+#include "io/log.h"
+#include "io/model.h"
+#include "kf.h"
+#include "table.h"
+
+namespace imucal {
+
+struct FitOptions {
+  enum class Method { kKalman, kPolynomial };
+  Method method = Method::kKalman;
+  int order = 3;                               // 1..5
+  std::optional<ErrorModel> model;             // kKalman: required; kPolynomial: makes sigma honest (see FitAxis)
+  std::optional<double> t0_degc, range_degc;   // else the model's bias, else middle and half width of the logs' span
+  double prior_sigma_dph = 1e4;                // kKalman: of every coefficient
+  bool shared_turn_on = false;                 // all logs have one constant
+  std::vector<std::string> axes;               // empty: every gyro of the first log (every axis where it has none)
+};
+
+struct FitAxis {
+  std::string axis;                    // column name in internal units: gx_dph, ax_mg
+  int order = 0;
+  double t0_degc = 0, range_degc = 1;
+  std::vector<double> coeff_dph;       // b0 .. bM (mg for accelerometers)
+  std::vector<double> covariance_dph2; // of the coefficients, row-major (M+1) x (M+1)
+  double span_lo_degc = 0, span_hi_degc = 0;  // temperatures seen, inside t0 +- range: the table's valid span
+  std::vector<double> temp_degc, sigma_dph;   // predicted one-sigma error of B(T) at 9 temperatures of the span
+  std::string sigma_basis;             // "filter", "model" or "residuals" (batch means: no model was given)
+  std::vector<double> turn_on_dph;     // a_l, one per log, mean 0; empty for one log or shared_turn_on
+  double residual_rms_dph = 0;         // rate - B(T) - a_l over all seconds used
+  long n_used = 0, n_missing = 0;      // seconds used; flagged, empty, refused or missing between the first and last
+  double mean_nis = 0, lag1 = 0;       // kKalman: innovation statistics (1 and 0 with a right model)
+  double bias_dph(double temp_degc) const;
+  double bias_sigma_dph(double temp_degc) const;
+};
+
+struct FitResult {
+  FitOptions::Method method = FitOptions::Method::kKalman;
+  std::vector<std::string> logs;
+  std::vector<FitAxis> axes;           // empty: never ran
+  std::vector<std::string> warnings;   // e.g. several Markov terms merged for the filter
+  std::optional<ErrorModel> model;
+};
+
+// usage_error: kKalman without model, order outside 1..5.  data_error names the log and what is wrong: axis missing,
+// no temperature, temperature that never moves (span below 0.5 degC), fewer seconds than coefficients, other sample
+// interval, span outside t0 +- range, coefficients not determined.
+FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options);
+
+// The filter's configuration for a model: m, q, r computed in double.  Several Markov terms become one of the same
+// variance and the same density at low frequency (sigma^2 = sum sigma_i^2, tau = sum sigma_i^2 tau_i/sigma^2).
+// data_error: no white noise, or a value the core refuses.
+imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc, double range_degc,
+                             double prior_sigma_dph = 1e4, double dt_s = 1.0);
+
+// The contract's result (design 1.1): {"axes": [{axis, order, t0_degc, range_degc, coeff_dph, sigma_dph, temp_degc,
+// residual_rms_dph, …}]}.
+Json to_json(const FitResult& result);
+
+// What a table holds besides the fit.  Empty or absent values are taken from the first log's metadata (serial,
+// <stem>_counts_scale_dph, …), else from these defaults.
+struct TableInfo {
+  std::string serial;                      // required in the end: data_error names it
+  uint32_t created_s = 0;                  // 0: now
+  double degc_per_count = 0.01, degc_at_zero = 25;
+  double unit_per_count = 18;              // dph (mg) per count, all channels
+  int32_t full_scale_counts = 32767;
+};
+imucal_table_t make_table(const FitResult& result, const TableInfo& info);
+
+}  // namespace imucal
