@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-FAMILIES = ("up_ramp", "up_soak", "up_and_down", "triangle", "staircase", "mixed")
+FAMILIES = ("up_ramp", "up_soak", "up_only", "up_and_down", "triangle", "staircase", "mixed")
 N_TRAIN, N_HOLD = 4, 2
 
 
@@ -103,6 +103,8 @@ def profile_trace(family, lo, hi, seconds, rng, run_index):
     """Set temperature [degC] of one run, one value per second; random rates, soaks and starts."""
     span, minutes = hi - lo, seconds / 60.0
     cold = True
+    if family == "up_only":  # with soaks and without, in turn
+        family = "up_soak" if run_index % 2 else "up_ramp"
     if family == "up_ramp":
         rate = span / minutes
         return ramp(lo, [("to", hi, rate)]), True

@@ -17,20 +17,17 @@ from .strength import Unreachable
 
 # name, family, options of draw_group, share of the ordinary cases (single, pair, unknown)
 GROUPS = (
-    ("mixed", "mixed", {"aux": True, "standard_span": True}, 1.0),
-    ("staircase", "staircase", {}, 1.0),
-    ("triangle", "triangle", {}, 1.0),
+    ("mixed", "mixed", {"aux": True}, 1.0),
+    ("staircase", "staircase", {"standard_span": True, "paper_noise": True}, 1.0),  # the advised run of section 6
+    ("triangle", "triangle", {"missing": True}, 1.0),
     ("up_and_down", "up_and_down", {}, 1.0),
-    ("mixed_gaps", "mixed", {"missing": True}, 1.0),
-    ("up_soak", "up_soak", {}, 0.35),
-    ("up_ramp", "up_ramp", {}, 0.15),
+    ("up_only", "up_only", {}, 0.35),
     ("thermometer", "mixed", {"lsb_degc": "draw"}, 0.0),
-    ("advised", "staircase", {"standard_span": True, "paper_noise": True}, 0.0),
     ("fitted_staircase", "staircase", {"noise_known": False}, 0.0),
     ("fitted_mixed", "mixed", {"noise_known": False}, 0.0),
-    ("fitted_up_soak", "up_soak", {"noise_known": False}, 0.0),
+    ("fitted_up_only", "up_only", {"noise_known": False}, 0.0),
 )
-GAP_FREE = ("mixed", "staircase", "up_soak", "fitted_staircase", "fitted_mixed", "fitted_up_soak")
+GAP_FREE = ("mixed", "staircase", "up_only", "fitted_staircase", "fitted_mixed", "fitted_up_only")
 
 
 @dataclass
@@ -96,10 +93,10 @@ def make_plan(n_cases, n_gap_free, seed, groups=GROUPS, seconds=8400.0):
         plans["staircase"].jobs += [Job("between_axes")] * count(4)
     for i in range(count(27)):
         name = list(cases.PHYSICAL)[i % 3]
-        if "up_soak" in plans:
-            plans["up_soak" if i % 2 else "up_ramp"].jobs.append(Job("up_only", name))
-        if "advised" in plans:
-            plans["advised"].jobs.append(Job("advised", name))
+        if "up_only" in plans:
+            plans["up_only"].jobs.append(Job("up_only", name))
+        if "staircase" in plans:
+            plans["staircase"].jobs.append(Job("advised", name))
     here = [g for g in GAP_FREE if g in plans] or list(plans)
     for i in range(n_gap_free):
         plans[here[i % len(here)]].jobs.append(Job("no_gap"))

@@ -42,15 +42,15 @@ def function(p, group, run):
 
 
 def draw_spectrum(rng):
-    """Random log-density over log-frequency: a smooth random curve through 7 knots."""
-    return {"_knots": (rng.standard_normal(7) * rng.uniform(1.0, 2.5)).tolist()}
+    """Random log-density over log-frequency: a smooth random curve through 11 knots."""
+    return {"_knots": (rng.standard_normal(11) * rng.uniform(1.0, 3.0)).tolist()}
 
 
 def spectrum(p, f, group):
     """Power density [dph^2/Hz, one-sided] at amplitude 1, as a factor on the nominal density."""
     from scipy.interpolate import PchipInterpolator
 
-    knots = np.linspace(np.log(2e-4), np.log(0.5), 7)
+    knots = np.linspace(np.log(2e-4), np.log(0.5), 11)
     factor = np.exp(PchipInterpolator(knots, p["_knots"])(np.log(np.clip(f, 2e-4, 0.5))))
     return factor * nominal_density(group, f)
 
