@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), ".."))
-from blind import campaign, cases, draw, intervals, oracle, runner, score, simulate, strength, whiten  # noqa: E402
+from blind import campaign, cases, coverage, draw, intervals, oracle, runner, score, simulate, strength, whiten  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -211,6 +211,16 @@ def test_oracle_gains_on_held_out_runs_and_a_wrong_model_loses(group):
     after = oracle.held_out_deviance(group, series, [effect], bias).sum()
     wrong = oracle.held_out_deviance(group, series, [simulate.scaled(effect, -1.0)], bias).sum()
     assert after < before - 100 < wrong
+
+
+@pytest.mark.parametrize("factor, low, high", [(1.0, 0.99, 1.01), (0.5, 0.6, 0.9), (-1.0, -9.0, 0.0)])
+def test_fresh_runs_tell_what_a_reported_model_is_worth(group, tmp_path, factor, low, high):
+    """The true parameters reach 1, half the amplitude about 3/4 (1 - (1/2)^2), the wrong sign makes it worse."""
+    case = cases.single(group, np.random.default_rng(12), "thermal_anomaly", 30, "c")
+    training = coverage.read_training(case.write(str(tmp_path)), group)
+    said = {"effects": [simulate.scaled(case.label["effects"][0], factor)]}
+    got, best = coverage.shrinkage_on_fresh_runs(group, case.label, said, training, np.random.default_rng(1))
+    assert best > 0 and low <= got / best <= high
 
 
 def test_whole_chain_with_a_stand_in(tmp_path):
