@@ -63,20 +63,21 @@ class Evaluator {
     bool possible = false;
   };
 
-  Value operator()(const ScheduleShape& shape, const std::vector<double>& x, bool with_correlation) const {
+  Value operator()(const ScheduleShape& shape, const std::vector<double>& x, bool with_correlation,
+                   double sharpness) const {
     Value v;
     Profile profile;
     v.possible = make_profile(shape, x, request_.limits, duration_s_, &profile, &v.excess_s);
     if (!v.possible) return v;
-    return of_profile(profile, with_correlation);
+    return of_profile(profile, with_correlation, sharpness);
   }
 
-  Value of_profile(const Profile& profile, bool with_correlation) const {
+  Value of_profile(const Profile& profile, bool with_correlation, double sharpness = 0) const {
     Value v;
     v.possible = true;
     const std::vector<CalibrationRun> runs = {{"", profile.temperatures(dt_s_), dt_s_, {}}};
     if (dt_s_ > 1) {
-      fast_error(runs, &v);
+      fast_error(runs, sharpness, &v);
     } else {
       const CalibrationError e = calibration_error(runs, setup_);
       v.objective_dph = v.smooth_dph = objective_of(e, request_.objective);
@@ -88,8 +89,9 @@ class Evaluator {
   double dt_s() const { return dt_s_; }
 
  private:
-  // As calibration_error with fewer temperatures and, beside the worst value, its smooth stand-in: the 40-norm.
-  void fast_error(const std::vector<CalibrationRun>& runs, Value* v) const {
+  // As calibration_error with fewer temperatures and, beside the worst value, its smooth stand-in: the norm of the
+  // variances with the exponent `sharpness` (0: none asked for).
+  void fast_error(const std::vector<CalibrationRun>& runs, double sharpness, Value* v) const {
     const Index p = setup_.order + 1;
     const std::vector<double> info = information_matrix(runs, setup_);
     const MatrixXd m = Eigen::Map<const MatrixXd>(info.data(), p, p) +
@@ -111,10 +113,11 @@ class Evaluator {
       v->objective_dph = v->smooth_dph = std::sqrt(mean);
       return;
     }
+    v->objective_dph = v->smooth_dph = std::sqrt(worst);
+    if (sharpness <= 0) return;
     double sum = 0;
-    for (double x : var) sum += std::pow(x / worst, 20);
-    v->objective_dph = std::sqrt(worst);
-    v->smooth_dph = std::sqrt(worst * std::pow(sum, 1.0 / 20));
+    for (double x : var) sum += std::pow(x / worst, sharpness);
+    v->smooth_dph = std::sqrt(worst * std::pow(sum, 1.0 / sharpness));
   }
 
   const OptimizeRequest& request_;
@@ -122,10 +125,14 @@ class Evaluator {
   CalibrationSetup setup_;
 };
 
+// Exponents of the smooth stand-in for the maximum.
+constexpr double kBlunt = 20, kSharp = 100;
+
 struct Candidate {
   ScheduleShape shape;
   std::vector<double> x;
   double value = 1e300;
+  double exact_dph = 1e300;  // of the rounded profile
 };
 
 // One use of NLopt.  The function's value is log(error) + a penalty on the correlation; an impossible schedule costs
@@ -135,32 +142,32 @@ class Search {
   Search(const Evaluator& evaluator, bool tell_apart, double max_correlation, long* evaluations)
       : evaluator_(evaluator), tell_apart_(tell_apart), max_correlation_(max_correlation), count_(evaluations) {}
 
-  double value(const ScheduleShape& shape, const std::vector<double>& x, bool smooth) const {
+  double value(const ScheduleShape& shape, const std::vector<double>& x, double sharpness) const {
     ++*count_;
-    const Evaluator::Value v = evaluator_(shape, x, tell_apart_);
+    const Evaluator::Value v = evaluator_(shape, x, tell_apart_, sharpness);
     if (!v.possible) return 20 + v.excess_s / 1000;
-    const double log_error = std::log(smooth ? v.smooth_dph : v.objective_dph);
+    const double log_error = std::log(v.smooth_dph);
     return log_error + (tell_apart_ ? 4 * std::max(0.0, v.correlation - max_correlation_) : 0.0);
   }
 
-  void run(nlopt::algorithm algorithm, bool smooth, double step, int max_evaluations, Candidate* c) const {
+  void run(nlopt::algorithm algorithm, double sharpness, double step, int max_evaluations, Candidate* c) const {
     struct Context {
       const Search* search;
       const ScheduleShape* shape;
-      bool smooth;
-    } context{this, &c->shape, smooth};
+      double sharpness;
+    } context{this, &c->shape, sharpness};
     nlopt::opt opt(algorithm, static_cast<unsigned>(c->x.size()));
     opt.set_lower_bounds(0.0);
     opt.set_upper_bounds(1.0);
     opt.set_min_objective(
         [](const std::vector<double>& x, std::vector<double>&, void* data) {
           const auto* ctx = static_cast<const Context*>(data);
-          return ctx->search->value(*ctx->shape, x, ctx->smooth);
+          return ctx->search->value(*ctx->shape, x, ctx->sharpness);
         },
         &context);
     opt.set_initial_step(step);
-    opt.set_ftol_abs(1e-6);
-    opt.set_xtol_abs(1e-5);
+    opt.set_ftol_abs(1e-7);
+    opt.set_xtol_abs(1e-6);
     opt.set_maxeval(max_evaluations);
     std::vector<double> x = c->x;
     double found = 1e300;
@@ -170,8 +177,8 @@ class Search {
     } catch (const std::runtime_error&) {
       return;  // nothing better than the start
     }
-    const double now = value(c->shape, x, smooth);
-    if (now <= value(c->shape, c->x, smooth)) {
+    const double now = value(c->shape, x, sharpness);
+    if (now <= value(c->shape, c->x, sharpness)) {
       c->x = x;
       c->value = now;
     }
@@ -184,55 +191,60 @@ class Search {
   long* count_;
 };
 
-// Shapes that fit into the duration.
+bool fits(const ScheduleShape& shape, const OptimizeRequest& r, double duration_s) {
+  Profile unused;
+  double excess_s = 0;
+  return make_profile(shape, shape.start(), r.limits, duration_s, &unused, &excess_s);
+}
+
+// Up to three passes every soak is free; more passes (fast chambers) share their soaks.
 std::vector<ScheduleShape> accuracy_shapes(const OptimizeRequest& r, double duration_s) {
   std::vector<ScheduleShape> out;
   const int interior = std::max(0, r.setup.order - 1);
   const bool slow_ramps = r.limits.max_soak_s > 0;
-  for (int passes : {1, 2, 3, 4, 6, 9, 12}) {
+  const bool alike = r.limits.heating_degc_per_min == r.limits.cooling_degc_per_min;
+  const auto add = [&](const ScheduleShape& shape) {
+    if (fits(shape, r, duration_s)) out.push_back(shape);
+  };
+  for (int passes : {1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32}) {
+    const bool tied = passes > 3;
     for (const bool hot : {false, true}) {
-      if (hot && passes % 2 == 0 && r.limits.heating_degc_per_min == r.limits.cooling_degc_per_min) continue;
-      const int up = hot ? passes / 2 : (passes + 1) / 2;
-      const double ramps_s = up * r.limits.traverse_s(true) + (passes - up) * r.limits.traverse_s(false);
-      for (int n : {0, interior}) {
-        const int stops = passes + 1 + n;
-        if (ramps_s + r.limits.min_soak_s * stops > duration_s) continue;
-        out.push_back(passes_shape(passes, n, 1, hot, slow_ramps));
-        if (n == 0 && interior == 0) break;
-      }
+      if (hot && alike) continue;  // the mirrored profile has the mirrored error
+      add(passes_shape(passes, 0, 0, hot, slow_ramps, tied));
+      if (interior == 0) continue;
+      add(passes_shape(passes, interior, 1, hot, slow_ramps, tied));
+      if (passes > 1) add(passes_shape(passes, interior, passes, hot, slow_ramps, true));
     }
   }
   return out;
 }
 
+// Chains with reversals inside the run, which alone separate dT/dt, hysteresis, lag and ageing (diagnosis.md, 6).
 std::vector<ScheduleShape> diagnosis_shapes(const OptimizeRequest& r, double duration_s) {
+  static const struct {
+    const char* name;
+    std::vector<double> levels;
+  } chains[] = {
+      {"one pass", {0, 0.28, 0.72, 1}},
+      {"loop at the first soak", {0, 0.3, 0.15, 0.72, 1}},
+      {"loop at the second soak", {0, 0.28, 0.8, 0.65, 1}},
+      {"loop at the far end", {0, 0.28, 0.72, 1, 0.85, 0.95}},
+      {"loop at the near end", {0.15, 0, 0.28, 0.72, 1}},
+      {"loops at both ends", {0.15, 0, 0.28, 0.72, 1, 0.85}},
+      {"up, back by half, up", {0, 0.7, 0.3, 1}},
+      {"from the middle", {0.4, 0, 0.3, 0.7, 1, 0.6}},
+      {"up and down", {0, 0.28, 0.72, 1, 0.72, 0.28, 0.01}},
+      {"two partial loops", {0, 0.6, 0.25, 1, 0.4, 0.75}},
+      {"three passes", {0, 0.5, 1, 0.5, 0, 0.5, 1}},
+  };
   std::vector<ScheduleShape> out;
-  const auto chain = [](const char* name, std::vector<ScheduleShape::Stop> stops) {
-    ScheduleShape s;
-    s.name = name;
-    s.stops = std::move(stops);
-    s.free_rates = true;
-    return s;
-  };
-  std::vector<ScheduleShape> all = {
-      passes_shape(1, 2, 1, false, true),
-      passes_shape(2, 2, 2, false, true),
-      passes_shape(3, 1, 3, false, true),
-      chain("up, back by half, up", {{0, false}, {0.6, true}, {0.3, true}, {1, false}}),
-      chain("staircase up and down", {{0, false}, {0.33, true}, {0.67, true}, {1, false}, {0.67, true}, {0.33, true}, {0, true}}),
-      chain("two partial loops", {{0, false}, {0.6, true}, {0.25, true}, {1, false}, {0.4, true}, {0.75, true}}),
-      chain("from the middle", {{0.5, true}, {0, false}, {0.7, true}, {0.3, true}, {1, false}, {0.5, true}}),
-  };
-  for (const ScheduleShape& shape : all) {
+  for (const auto& chain : chains) {
     for (const bool mirrored : {false, true}) {
-      ScheduleShape s = shape;
-      if (mirrored) {
-        for (ScheduleShape::Stop& stop : s.stops) stop.level = 1 - stop.level;
-        s.name += ", mirrored";
-      }
-      Profile unused;
-      double excess_s = 0;
-      if (make_profile(s, s.start(), r.limits, duration_s, &unused, &excess_s)) out.push_back(s);
+      std::vector<double> levels = chain.levels;
+      if (mirrored)
+        for (double& level : levels) level = 1 - level;
+      const ScheduleShape shape = chain_shape(chain.name + std::string(mirrored ? ", from hot" : ", from cold"), levels, true);
+      if (fits(shape, r, duration_s)) out.push_back(shape);
     }
   }
   return out;
@@ -242,71 +254,96 @@ void randomise(Rng* rng, std::vector<double>* x) {
   for (double& v : *x) v = std::clamp(v + 0.5 * (rng->uniform() - 0.5), 0.02, 0.98);
 }
 
+// The same profile with every level, soak and rate on its own.
+Candidate untied(const Candidate& c) {
+  std::vector<double> levels, weights;
+  for (const ScheduleShape::Stop& stop : c.shape.stops) {
+    levels.push_back(c.shape.level_of(stop, c.x));
+    weights.push_back(c.x[c.shape.n_levels() + static_cast<size_t>(stop.weight_var)]);
+  }
+  Candidate out{chain_shape(c.shape.name + ", freed", levels, true), {}, 1e300, 1e300};
+  out.x = out.shape.start();
+  std::copy(weights.begin(), weights.end(), out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels()));
+  std::fill(out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels() + weights.size()), out.x.end(), 1.0);
+  return out;
+}
+
 class Optimizer {
  public:
   explicit Optimizer(const OptimizeRequest& request) : request_(request) {}
 
-  // The best candidate for a duration; `start_from` (may be empty) joins the starts.
-  Candidate best_for(double duration_s, bool tell_apart, const std::vector<Candidate>& start_from, double share) {
-    const double dt_s = coarse_step(duration_s);
-    const Evaluator coarse(request_, duration_s, dt_s), exact(request_, duration_s, 1.0);
+  // The best candidate for a duration; share scales the number of evaluations.  `also` (may be null) joins the starts.
+  Candidate best_for(double duration_s, bool tell_apart, double share, const Candidate* also = nullptr) {
+    const Evaluator coarse(request_, duration_s, coarse_step(duration_s)), exact(request_, duration_s, 1.0);
     const Search search(coarse, tell_apart, request_.max_correlation - 0.005, &evaluations_);
     const Search exact_search(exact, tell_apart, request_.max_correlation - 0.001, &evaluations_);
-    std::vector<Candidate> found;
-    std::vector<ScheduleShape> shapes = accuracy_shapes(request_, duration_s);
-    if (tell_apart) shapes = diagnosis_shapes(request_, duration_s);
     const double scale = share * request_.effort;
-    const int starts = tell_apart ? 2 : 3, first = static_cast<int>(scale * (tell_apart ? 250 : 300));
+    const auto budget = [&](int n) { return std::max(20, static_cast<int>(scale * n)); };
+    const std::vector<ScheduleShape> shapes =
+        tell_apart ? diagnosis_shapes(request_, duration_s) : accuracy_shapes(request_, duration_s);
+    std::vector<Candidate> found;
     Rng rng(request_.seed, 0, 0, Stream::kTool);
-    if (start_from.empty()) {
-      for (const ScheduleShape& shape : shapes) {
-        for (int start = 0; start < starts; ++start) {
-          Candidate c{shape, shape.start(), 1e300};
-          if (start > 0) randomise(&rng, &c.x);
-          search.run(nlopt::LN_BOBYQA, true, 0.2, first, &c);
-          found.push_back(c);
-          report(c);
-        }
+    const int starts = tell_apart ? 2 : 3;
+    // A fixed number of evaluations is shared by the shapes that fit.
+    const int n_first = static_cast<int>(shapes.size()) * starts;
+    const int first = std::clamp((tell_apart ? 10000 : 9000) / std::max(1, n_first), 150, 800);
+    const auto begin = [&](Candidate c) {
+      c.value = search.value(c.shape, c.x, kBlunt);
+      search.run(tell_apart ? nlopt::LN_SBPLX : nlopt::LN_BOBYQA, kBlunt, 0.2, budget(first), &c);
+      found.push_back(c);
+      report(c);
+    };
+    for (const ScheduleShape& shape : shapes) {
+      for (int start = 0; start < starts; ++start) {
+        Candidate c{shape, shape.start(), 1e300, 1e300};
+        if (start > 0) randomise(&rng, &c.x);
+        begin(c);
       }
-    } else {
-      found = start_from;
-      for (Candidate& c : found) c.value = search.value(c.shape, c.x, true);
     }
-    std::stable_sort(found.begin(), found.end(), [](const Candidate& a, const Candidate& b) { return a.value < b.value; });
-    if (found.size() > 4) found.resize(4);
+    if (also) begin(*also);
+    keep_best(tell_apart ? 5 : 4, &found);
     for (Candidate& c : found) {
-      search.run(nlopt::LN_SBPLX, false, 0.1, static_cast<int>(scale * (tell_apart ? 700 : 600)), &c);
-      c.value = search.value(c.shape, c.x, false);
+      if (!tell_apart) {
+        search.run(nlopt::LN_BOBYQA, kSharp, 0.03, budget(500), &c);
+        search.run(nlopt::LN_BOBYQA, 10 * kSharp, 0.005, budget(300), &c);
+      }
+      // Subplex may stop on a ridge of the maximum: begun again, twice.
+      for (double step : {0.1, 0.03, 0.01})
+        search.run(nlopt::LN_SBPLX, 0, step, budget(tell_apart ? 600 : 300), &c);
+      c.value = search.value(c.shape, c.x, 0);
       report(c);
     }
-    std::stable_sort(found.begin(), found.end(), [](const Candidate& a, const Candidate& b) { return a.value < b.value; });
-    last_ = found;
-    // The coarse grid leaves the ranking open within a few 1e-4: the exact figures decide.
-    if (!tell_apart && start_from.empty())
-      for (int passes : {1, 2, 3}) {
-        Candidate paper{passes_shape(passes, 0, 0, false, false), {}, 1e300};
-        paper.x = paper.shape.start();
-        found.insert(found.begin() + std::min<std::ptrdiff_t>(2, static_cast<std::ptrdiff_t>(found.size())), paper);
+    keep_best(3, &found);
+    for (Candidate& c : found) {
+      c.value = exact_search.value(c.shape, c.x, 0);
+      exact_search.run(nlopt::LN_SBPLX, 0, 0.01, budget(tell_apart ? 40 : 60), &c);
+    }
+    // The coarse grid and the rounding leave the ranking open within a few 1e-4: the rounded, exact figures decide,
+    // the paper's profile among them.
+    if (!tell_apart)
+      for (int passes = 1; passes <= 40; ++passes) {
+        const ScheduleShape paper = passes_shape(passes, 0, 0, false, false, true);
+        if (!fits(paper, request_, duration_s)) break;
+        found.push_back({paper, paper.start(), 1e300, 1e300});
       }
     Candidate best;
-    for (size_t i = 0; i < found.size(); ++i) {
-      Candidate& c = found[i];
-      if (i < 2) exact_search.run(nlopt::LN_SBPLX, false, 0.02, static_cast<int>(scale * (tell_apart ? 60 : 120)), &c);
-      c.value = exact_search.value(c.shape, c.x, false);
+    for (Candidate& c : found) {
+      const Evaluator::Value v = exact.of_profile(final_profile(c, duration_s), tell_apart);
+      ++evaluations_;
+      c.value = v.objective_dph * (tell_apart && v.correlation > request_.max_correlation ? 10 + v.correlation : 1.0);
+      c.exact_dph = v.objective_dph;
       if (c.value < best.value) best = c;
     }
     return best;
   }
 
-  double exact_objective(const Candidate& c, double duration_s) {
-    Profile profile;
+  Profile final_profile(const Candidate& c, double duration_s) const {
+    Profile raw;
     double excess_s = 0;
-    if (!make_profile(c.shape, c.x, request_.limits, duration_s, &profile, &excess_s)) return 1e300;
-    ++evaluations_;
-    return Evaluator(request_, duration_s, 1.0).of_profile(profile, false).objective_dph;
+    make_profile(c.shape, c.x, request_.limits, duration_s, &raw, &excess_s);
+    return rounded(raw, duration_s);
   }
 
-  const std::vector<Candidate>& last() const { return last_; }
   long evaluations() const { return evaluations_; }
 
   // Steps of the coarse grid: fine enough for the fastest Markov term that matters and for the ramps.
@@ -314,11 +351,16 @@ class Optimizer {
     double step_s = duration_s / 500;
     for (const Markov& m : request_.setup.truth.markov)
       if (m.tau_s > 10 && m.sigma_dph > 0) step_s = std::min(step_s, m.tau_s / 5);
-    step_s = std::min({step_s, request_.limits.traverse_s(true) / 30, request_.limits.traverse_s(false) / 30});
+    step_s = std::min({step_s, request_.limits.traverse_s(true) / 72, request_.limits.traverse_s(false) / 72});
     return std::max(2.0, std::max(step_s, duration_s / 4000));
   }
 
  private:
+  static void keep_best(size_t n, std::vector<Candidate>* found) {
+    std::stable_sort(found->begin(), found->end(),
+                     [](const Candidate& a, const Candidate& b) { return a.value < b.value; });
+    if (found->size() > n) found->resize(n);
+  }
   void report(const Candidate& c) {
     best_seen_ = std::min(best_seen_, c.value);
     if (request_.progress) request_.progress(0.5, std::exp(best_seen_));
@@ -327,7 +369,6 @@ class Optimizer {
   const OptimizeRequest& request_;
   long evaluations_ = 0;
   double best_seen_ = 1e300;
-  std::vector<Candidate> last_;
 };
 
 }  // namespace
@@ -372,8 +413,15 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
   OptimizeResult result;
   double duration_s = request.duration_s;
   Candidate best;
+  Candidate accurate;
+  const auto search = [&](double for_s, double share) {
+    if (!tell_apart) return optimizer.best_for(for_s, false, share);
+    accurate = optimizer.best_for(for_s, false, 0.7 * share);
+    const Candidate freed = untied(accurate);
+    return optimizer.best_for(for_s, true, share, freed.x.size() <= 45 ? &freed : nullptr);
+  };
   if (duration_s > 0) {
-    best = optimizer.best_for(duration_s, tell_apart, {}, 1.0);
+    best = search(duration_s, 1.0);
   } else {
     // Error falls about as 1/sqrt(duration): secant in logarithms, kept inside a bracket, shapes found anew each time
     // by the first search and polished from the last ones afterwards.
@@ -387,10 +435,10 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
                         shown(guess_s / 86400) + " days; the smallest error within 30 days is about " +
                         shown(std::sqrt(1.1 * p * request.setup.truth.slow_density_dph2_s() / 2592000)) + " dph");
     double lo_s = shortest_s, hi_s = 0;  // too short; long enough
-    double share = 0.5;
     for (int round = 0; round < 10; ++round) {
-      const Candidate c = optimizer.best_for(guess_s, tell_apart, {}, share);
-      const double error_dph = optimizer.exact_objective(c, guess_s);
+      guess_s = std::ceil(guess_s);
+      const Candidate c = search(guess_s, 0.4);
+      const double error_dph = c.exact_dph;
       if (error_dph <= request.required_dph) {
         hi_s = guess_s;
         best = c;
@@ -403,13 +451,9 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
       guess_s = std::max(next_s, shortest_s * 1.001 + 1);
     }
     if (hi_s == 0) throw usage_error("--required-error " + shown(request.required_dph) + " dph was not reached within " + shown(guess_s) + " s");
-    duration_s = std::ceil(hi_s);
-    best = optimizer.best_for(duration_s, tell_apart, {best}, 1.0);
+    duration_s = hi_s;
   }
-  Profile raw;
-  double excess_s = 0;
-  make_profile(best.shape, best.x, request.limits, duration_s, &raw, &excess_s);
-  result.profile = rounded(raw, duration_s);
+  result.profile = optimizer.final_profile(best, duration_s);
   result.shape = best.shape.name;
   const auto runs = runs_of_profile(result.profile);
   result.error = calibration_error(runs, request.setup);
@@ -417,10 +461,9 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
   result.signatures = signature_table(runs, request.setup, tell_apart ? request.tell_apart : standard_effects(request.setup.order));
   if (tell_apart) {
     result.meets_correlation = result.signatures.worst <= request.max_correlation;
-    const Candidate free = optimizer.best_for(duration_s, false, {}, 1.0);
-    result.accuracy_only_dph = optimizer.exact_objective(free, duration_s);
+    result.accuracy_only_dph = accurate.exact_dph;
   }
-  if (request.required_dph > 0) result.meets_error = result.objective_dph <= request.required_dph * 1.0005;
+  if (request.required_dph > 0) result.meets_error = result.objective_dph <= request.required_dph;
   for (int passes = 1; passes <= 100; ++passes) {
     const Profile paper = paper_profile(request.limits, duration_s, passes);
     if (paper.duration_s() > duration_s + 1) break;

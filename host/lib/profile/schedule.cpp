@@ -6,19 +6,45 @@
 
 namespace imucal {
 
+size_t ScheduleShape::n_levels() const {
+  int n = 0;
+  for (const Stop& s : stops) n = std::max(n, s.level_var + 1);
+  return static_cast<size_t>(n);
+}
+
+size_t ScheduleShape::n_weights() const {
+  int n = 0;
+  for (const Stop& s : stops) n = std::max(n, s.weight_var + 1);
+  return static_cast<size_t>(n);
+}
+
 size_t ScheduleShape::n_variables() const {
-  size_t n = stops.size();  // soak weights
-  for (const Stop& s : stops) n += s.is_free;
-  return n + (free_rates ? stops.size() - 1 : 0);
+  return n_levels() + n_weights() + (free_rates ? stops.size() - 1 : 0);
 }
 
 std::vector<double> ScheduleShape::start() const {
-  std::vector<double> x;
-  for (const Stop& s : stops)
-    if (s.is_free) x.push_back(s.level);
-  for (size_t i = 0; i < stops.size(); ++i) x.push_back(0.5);
+  std::vector<double> x(n_levels() + n_weights(), 0.5);
+  for (size_t i = stops.size(); i-- > 0;)
+    if (stops[i].level_var >= 0)
+      x[static_cast<size_t>(stops[i].level_var)] = stops[i].mirrored ? 1 - stops[i].level : stops[i].level;
   if (free_rates) x.resize(x.size() + stops.size() - 1, 0.9);
   return x;
+}
+
+double ScheduleShape::level_of(const Stop& stop, const std::vector<double>& variables) const {
+  if (stop.level_var < 0) return stop.level;
+  const double level = std::clamp(variables[static_cast<size_t>(stop.level_var)], 0.0, 1.0);
+  return stop.mirrored ? 1 - level : level;
+}
+
+ScheduleShape chain_shape(const std::string& name, const std::vector<double>& levels, bool free_rates) {
+  ScheduleShape shape;
+  shape.name = name;
+  shape.free_rates = free_rates;
+  int n_levels = 0, n_weights = 0;
+  for (double level : levels)
+    shape.stops.push_back({level, level > 0 && level < 1 ? n_levels++ : -1, false, n_weights++});
+  return shape;
 }
 
 // Interior support of the G-optimal design for orders 2 … 5 (zeros of the Legendre derivative, Guest 1958), evenly
@@ -37,18 +63,29 @@ static std::vector<double> interior_levels(int count) {
   return out;
 }
 
-ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot, bool free_rates) {
+ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot, bool free_rates,
+                           bool tied) {
   ScheduleShape shape;
   shape.free_rates = free_rates;
-  shape.name = std::to_string(passes) + (passes == 1 ? " pass, " : " passes, ") + std::to_string(interior) +
-               " interior soaks on " + std::to_string(passes_with_interior) + (starts_hot ? ", from hot" : ", from cold");
+  const int soaked = std::min(passes, passes_with_interior);
+  shape.name = std::to_string(passes) + (passes == 1 ? " pass" : " passes");
+  if (interior > 0 && soaked > 0)
+    shape.name += ", " + std::to_string(interior) + " interior soak" + (interior == 1 ? "" : "s") +
+                  (passes > 1 ? " on " + std::to_string(soaked) : "");
+  shape.name += starts_hot ? ", from hot" : ", from cold";
   bool at_hot = starts_hot;
-  shape.stops.push_back({at_hot ? 1.0 : 0.0, false});
+  int n_levels = tied ? interior : 0, n_weights = tied ? 2 + interior : 0;
+  shape.stops.push_back({at_hot ? 1.0 : 0.0, -1, false, tied ? 0 : n_weights++});
   for (int pass = 0; pass < passes; ++pass) {
-    if (pass < passes_with_interior)
-      for (double level : interior_levels(interior)) shape.stops.push_back({at_hot ? 1 - level : level, true});
+    const std::vector<double> levels = interior_levels(pass < soaked ? interior : 0);
+    for (int i = 0; i < static_cast<int>(levels.size()); ++i) {
+      const double level = at_hot ? 1 - levels[static_cast<size_t>(i)] : levels[static_cast<size_t>(i)];
+      const int place = at_hot ? interior - 1 - i : i;  // from the cold end: the same soak on the way up and down
+      if (tied) shape.stops.push_back({level, place, false, 2 + place});
+      else shape.stops.push_back({level, n_levels++, false, n_weights++});
+    }
     at_hot = !at_hot;
-    shape.stops.push_back({at_hot ? 1.0 : 0.0, false});
+    shape.stops.push_back({at_hot ? 1.0 : 0.0, -1, false, tied ? (pass + 1 == passes ? 0 : 1) : n_weights++});
   }
   return shape;
 }
@@ -87,10 +124,12 @@ bool make_profile(const ScheduleShape& shape, const std::vector<double>& variabl
                   double duration_s, Profile* profile, double* excess_s) {
   const size_t n = shape.stops.size();
   std::vector<double> level(n), weight(n), ramp_s(n, 0.0), soak_s;
-  size_t next = 0;
-  for (size_t i = 0; i < n; ++i)
-    level[i] = shape.stops[i].is_free ? std::clamp(variables[next++], 0.0, 1.0) : shape.stops[i].level;
-  for (size_t i = 0; i < n; ++i) weight[i] = std::max(0.0, variables[next++]);
+  const size_t n_levels = shape.n_levels();
+  size_t next = n_levels + shape.n_weights();  // rate fractions
+  for (size_t i = 0; i < n; ++i) {
+    level[i] = shape.level_of(shape.stops[i], variables);
+    weight[i] = std::max(0.0, variables[n_levels + static_cast<size_t>(shape.stops[i].weight_var)]);
+  }
   double ramps_s = 0, fastest_s = 0;
   for (size_t i = 1; i < n; ++i) {
     const double rise = level[i] - level[i - 1];

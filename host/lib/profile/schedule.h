@@ -20,23 +20,33 @@ struct ChamberLimits {
   }
 };
 
-// A chain of stops.  level: 0 = lo, 1 = hi; a level in (0, 1) given at construction is only where it starts from,
-// when it is free.
+// A chain of stops.  Stops may share variables (an up and a down pass with the same interior levels), so that many
+// passes still have few variables.
 struct ScheduleShape {
   std::string name;
   struct Stop {
-    double level;
-    bool is_free;
+    double level;        // 0 = lo, 1 = hi; where the search starts from when it is variable
+    int level_var = -1;  // which level variable; -1: fixed
+    bool mirrored = false;  // level = 1 - variable
+    int weight_var = 0;  // which soak weight
   };
   std::vector<Stop> stops;
   bool free_rates = false;  // ramps may be slower than the limit, each by its own factor
 
-  size_t n_variables() const;  // free levels, then soak weights, then rate fractions: all in [0, 1]
+  size_t n_levels() const;
+  size_t n_weights() const;
+  size_t n_variables() const;  // levels, then soak weights, then rate fractions: all in [0, 1]
   std::vector<double> start() const;
+  double level_of(const Stop& stop, const std::vector<double>& variables) const;
 };
 
-// Passes between the ends of the range with `interior` soaks on the first `passes_with_interior` of them.
-ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot, bool free_rates);
+// A chain in which every stop has its own soak weight and every level inside (0, 1) its own variable.
+ScheduleShape chain_shape(const std::string& name, const std::vector<double>& levels, bool free_rates);
+
+// Passes between the ends of the range with `interior` soaks on the first `passes_with_interior` of them.  tied: all
+// passes share the interior levels and weights (mirrored about the middle), inner ends share one weight.
+ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot, bool free_rates,
+                           bool tied);
 
 // Turns variables into a profile that lasts duration_s.  Soaks share what the ramps leave over in proportion to
 // their weights, within the limits on soaks; where all soaks are at their maximum the ramps are slowed.
