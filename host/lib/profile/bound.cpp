@@ -78,8 +78,9 @@ class Prover {
     bool operator<(const Box& other) const { return lower > other.lower; }  // smallest first in the queue
   };
 
-  // Fills lower and upper [dph^2]; false where no profile of the duration has its extremes in the box.
-  bool bound_box(Box* box) const {
+  // Fills lower and upper [dph^2]; stops where lower has reached `enough` (the box then cannot be the one that
+  // decides); false where no profile of the duration has its extremes in the box.
+  bool bound_box(Box* box, double enough) const {
     const double forced_lo = -1 + box->u1, forced_hi = 1 - box->v1;
     const double free_lo = -1 + box->u0, free_hi = 1 - box->v0;
     const double forced = std::isfinite(rho_) ? std::max(0.0, forced_hi - forced_lo) : 0;
@@ -91,8 +92,8 @@ class Prover {
     // norms sum to 188; more information only lowers the bound.
     fixed.diagonal().setConstant(200 / (request_.prior_sigma_dph * request_.prior_sigma_dph));
     if (forced > 0) fixed += integral(forced_lo, forced_hi) / rho_;
-    saddle(make_tables(free_lo, free_hi, kDesignPoints), make_tables(free_lo, free_hi, kChebyshev), fixed, left_s,
-           box);
+    const Tables coarse = make_tables(free_lo, free_hi, kDesignPoints);
+    saddle(coarse, make_tables(free_lo, free_hi, kChebyshev), fixed, left_s, enough, box);
     return true;
   }
 
@@ -230,7 +231,8 @@ class Prover {
 
   // Mirror-prox (Nemirovski 2004) with entropy as distance and a step that adapts; averages of its steps approach
   // the saddle point.  Every 50 steps a certificate is drawn from the averages; the best is kept.
-  void saddle(const Tables& tables, const Tables& fine, const MatrixXd& fixed, double left_s, Box* box) const {
+  void saddle(const Tables& tables, const Tables& fine, const MatrixXd& fixed, double left_s, double enough,
+              Box* box) const {
     const auto even = [](Index n) { return VectorXd(VectorXd::Constant(n, 1.0 / static_cast<double>(n))); };
     Point at{even(tables.all.rows()), even(tables.ends.rows()), even(span_.rows())};
     Point mean{0 * at.design, 0 * at.ends, 0 * at.mu};
@@ -260,7 +262,7 @@ class Prover {
       const Gradient g = gradient(tables, fixed, left_s, {mean.design / total, mean.ends / total, mean.mu / total});
       box->lower = std::max(box->lower, certificate(fine, fixed, left_s, g));
       box->upper = std::min(box->upper, g.worst);
-      if (box->upper < 1.004 * box->lower) break;
+      if (box->upper < 1.004 * box->lower || box->lower > enough) break;
       if (renewed == 1 || renewed == 3) {  // forget the way from the start
         mean = {0 * at.design, 0 * at.ends, 0 * at.mu};
         total = 0;
@@ -281,9 +283,12 @@ Bound prove(const BoundRequest& request, double corner_rad_s, int max_boxes) {
   const Prover prover(request, corner_rad_s);
   std::priority_queue<Prover::Box> queue;
   Bound result;
+  double enough = std::numeric_limits<double>::infinity();
   const auto add = [&](Prover::Box box) {
     ++result.boxes;
-    if (prover.bound_box(&box)) queue.push(box);
+    if (!prover.bound_box(&box, enough)) return;
+    enough = std::min(enough, box.upper);
+    queue.push(box);
   };
   if (request.max_rate_degc_per_min <= 0) {
     add({0, 0, 0, 0});
