@@ -341,7 +341,7 @@ class Optimizer {
     Profile raw;
     double excess_s = 0;
     make_profile(c.shape, c.x, request_.limits, duration_s, &raw, &excess_s);
-    return rounded(raw, duration_s);
+    return rounded(raw, duration_s, request_.limits.max_soak_s);
   }
 
   long evaluations() const { return evaluations_; }

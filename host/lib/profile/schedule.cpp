@@ -173,6 +173,17 @@ bool make_profile(const ScheduleShape& shape, const std::vector<double>& variabl
     temp_degc = to_degc;
     if (soak_s[i] > 0) profile->segments.push_back({0, soak_s[i], temp_degc});
   }
+  // Stops at one temperature make one soak; together they must not exceed the longest allowed.
+  if (limits.max_soak_s > 0) {
+    double together_s = 0, at_degc = profile->start_degc;
+    for (const ProfileSegment& s : profile->segments) {
+      if (s.rate_degc_per_min == 0) together_s += s.duration_s;
+      else if (std::abs(s.to_degc - at_degc) >= 0.05) together_s = 0;
+      at_degc = s.to_degc;
+      *excess_s = std::max(*excess_s, together_s - limits.max_soak_s);
+    }
+    if (*excess_s > 1e-6) return false;
+  }
   return true;
 }
 
@@ -189,7 +200,7 @@ static void append_merged(const ProfileSegment& s, std::vector<ProfileSegment>* 
   out->push_back(s);
 }
 
-Profile rounded(const Profile& profile, double duration_s) {
+Profile rounded(const Profile& profile, double duration_s, double max_soak_s) {
   Profile out;
   out.start_degc = std::round(profile.start_degc * 100) / 100;
   double temp_degc = out.start_degc;
@@ -217,8 +228,10 @@ Profile rounded(const Profile& profile, double duration_s) {
     }
     total_s += s.duration_s;
   }
-  if (longest)
-    longest->duration_s = std::max(1.0, std::floor((longest->duration_s + duration_s - total_s) * 10 + 1e-6) / 10);
+  if (longest) {
+    const double with_rest_s = std::floor((longest->duration_s + duration_s - total_s) * 10 + 1e-6) / 10;
+    longest->duration_s = std::max(1.0, max_soak_s > 0 ? std::min(with_rest_s, max_soak_s) : with_rest_s);
+  }
   return out;
 }
 

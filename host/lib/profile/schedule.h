@@ -50,13 +50,14 @@ ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, b
 
 // Turns variables into a profile that lasts duration_s.  Soaks share what the ramps leave over in proportion to
 // their weights, within the limits on soaks; where all soaks are at their maximum the ramps are slowed.
-// Returns false where the ramps alone (with the shortest soaks) last longer; *excess_s says by how much.
+// Returns false where the ramps alone (with the shortest soaks) last longer, or where stops that coincide soak longer
+// than allowed; *excess_s says by how much.
 bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables, const ChamberLimits& limits,
                   double duration_s, Profile* profile, double* excess_s);
 
 // Rounded for people and chamber controllers: temperatures to 0.01 degC, soaks to seconds (the longest takes the
 // remainder so that the duration is kept), soaks below a second dropped unless min_soak_s asks for them.
-Profile rounded(const Profile& profile, double duration_s);
+Profile rounded(const Profile& profile, double duration_s, double max_soak_s = 0);
 
 // The paper's profile for a duration: ramps at the limit between the ends (passes of them, up first), equal soaks at
 // both ends.  Soak 0 where the ramps alone take longer.

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: MIT
+"""The program `profile` from outside: the contract's fields, exit states, files that fit together."""
+import json
+import os
+import subprocess
+
+import pytest
+
+BUILD = os.environ.get("BUILD", "build")
+PROFILE = os.path.join(BUILD, "bin", "profile")
+
+
+def run(*args):
+    return subprocess.run([PROFILE, *map(str, args)], capture_output=True, text=True, timeout=120)
+
+
+def result_of(*args):
+    done = run(*args, "--json", "-")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture
+def files(tmp_path):
+    def write(name, content):
+        path = tmp_path / name
+        path.write_text(content if isinstance(content, str) else json.dumps(content))
+        return path
+
+    write("model.json", {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]})
+    write("silent.json", {"imucal_model": 1})
+    write("basic.json", {"imucal_profile": 1, "start_degc": 0, "segments": [
+        {"rate_degc_per_min": 0, "duration_s": 1200}, {"rate_degc_per_min": 0.6, "to_degc": 60},
+        {"rate_degc_per_min": 0, "duration_s": 1200}], "repeat": 1})
+    write("two_soaks.json", {"imucal_profile": 1, "start_degc": 20, "segments": [
+        {"rate_degc_per_min": 0, "duration_s": 1200}], "repeat": 1})
+    return write, tmp_path
+
+
+def test_profile_error_contract_and_figures(files):
+    _, d = files
+    r = result_of("error", d / "basic.json", "--model", d / "model.json", "--order", 3)
+    assert abs(r["worst_dph"] / 6.934 - 1) < 0.001 and abs(r["bound_dph"] / 6.222 - 1) < 0.001
+    assert abs(r["efficiency"] - r["bound_dph"] / r["worst_dph"]) < 1e-9 and r["duration_s"] == 8400
+    assert r["temp_degc"][0] == 0 and r["temp_degc"][-1] == 60 and len(r["temp_degc"]) == len(r["sigma_dph"]) == 61
+    assert r["believed_sigma_dph"] == r["sigma_dph"] and r["rms_dph"] < r["worst_dph"]
+
+
+def test_profile_error_filter_model_changes_what_is_believed(files):
+    write, d = files
+    other = write("other.json", {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 40, "tau_s": 250}]})
+    r = result_of("error", d / "basic.json", "--model", d / "model.json", "--order", 3, "--filter-model", other)
+    assert abs(r["worst_dph"] / 7.13 - 1) < 0.001 and r["believed_worst_dph"] > 2 * r["worst_dph"]
+
+
+def test_profile_error_reads_the_temperatures_of_a_log(files):
+    write, d = files
+    rows = ["# imucal-log = 1", "t_s,temp_degc,gx_dph"]
+    for k in range(1, 8401):
+        t = k - 0.5
+        temp = 0 if t < 1200 else 60 if t > 7200 else (t - 1200) * 0.01
+        rows.append(f"{k},{temp:.6f},0")
+    log = write("log.csv", "\n".join(rows) + "\n")
+    r = result_of("error", log, "--model", d / "model.json", "--order", 3, "--range", "0:60")
+    assert abs(r["worst_dph"] / 6.9344 - 1) < 1e-4
+
+
+def test_profile_bound_contract(files):
+    _, d = files
+    r = result_of("bound", "--model", d / "model.json", "--order", 3, "--duration-s", 8400)
+    assert abs(r["bound_dph"] / 6.222 - 1) < 0.001 and len(r["assumptions"]) >= 3
+    limited = result_of("bound", "--model", d / "model.json", "--order", 3, "--duration-s", 8400, "--max-rate", 0.6,
+                        "--range", "0:60")
+    assert limited["bound_dph"] == r["bound_dph"]
+    assert r["proven_bound_dph"] < limited["proven_bound_dph"] < 6.934
+
+
+def test_profile_optimize_writes_a_profile_that_error_confirms(files):
+    _, d = files
+    out = d / "best.json"
+    r = result_of("optimize", "--model", d / "model.json", "--order", 3, "--range", "-10:50", "--max-rate", 2,
+                  "--duration-s", 8400, "--seed", 5, "-o", out)
+    e = result_of("error", out, "--model", d / "model.json", "--order", 3)
+    assert abs(e["worst_dph"] - r["worst_dph"]) < 1e-6 and abs(e["worst_correlation"] - r["worst_correlation"]) < 1e-9
+    assert r["worst_dph"] < 6.25 and r["efficiency"] > 0.98 and r["seed"] == 5
+    assert r["proven_bound_dph"] < r["worst_dph"] <= r["paper"]["worst_dph"]
+    assert json.loads(out.read_text())["start_degc"] in (-10, 50)
+
+
+@pytest.mark.parametrize("args, code, says", [
+    (["optimize", "--range", "0:60", "--max-rate", "0.6", "--duration-s", "3600"], 2, "--duration-s 6000"),
+    (["optimize", "--range", "60:0", "--max-rate", "0.6", "--duration-s", "9000"], 2, "--range 0:60"),
+    (["optimize", "--range", "0:60", "--max-rate", "0", "--duration-s", "9000"], 2, "above 0"),
+    (["optimize", "--range", "0:60", "--max-rate", "1"], 2, "either --duration-s or --required-error"),
+    (["optimize", "--range", "0:60", "--max-rate", "1", "--duration-s", "9000", "--tell-apart", "gremlins,warm_up"], 2,
+     "thermal_hysteresis"),
+    (["bound", "--duration-s", "8400", "--max-rate", "1"], 2, "--range"),
+    (["error", "two_soaks.json"], 3, "--order 0"),
+    (["error", "missing.json"], 3, "missing.json"),
+    (["error", "basic.json", "--order", "7"], 2, "0 to 5"),
+])
+def test_profile_impossible_requests_say_what_to_change(files, args, code, says):
+    _, d = files
+    args = [str(d / a) if a.endswith(".json") else a for a in args]
+    if "--order" not in args:
+        args += ["--order", "3"]
+    done = run(*args, "--model", d / "model.json")
+    assert done.returncode == code, done.stderr
+    assert says in done.stderr and done.stderr.startswith("profile: ")
+
+
+def test_profile_zero_noise_is_refused_everywhere(files):
+    _, d = files
+    for args in (["error", d / "basic.json"], ["bound", "--duration-s", 100],
+                 ["optimize", "--range", "0:60", "--max-rate", 1, "--duration-s", 9000]):
+        done = run(*args, "--order", 3, "--model", d / "silent.json")
+        assert done.returncode == 3 and "arw_deg_rt_h > 0" in done.stderr
+
+
+def test_profile_unreachable_correlation_is_a_negative_answer(files):
+    _, d = files
+    done = run("optimize", "--order", 3, "--model", d / "model.json", "--range", "0:60", "--max-rate", 0.6,
+               "--duration-s", 6000, "--tell-apart", "all", "--max-correlation", 0.3, "--json", "-")
+    assert done.returncode == 1 and "--max-correlation" in done.stderr
+    assert json.loads(done.stdout)["meets_correlation"] is False
