@@ -129,6 +129,43 @@ std::vector<double> deterministic_squares(const NoiseComponent& comp, const DpOp
   return out;
 }
 
+// What removing the mean takes from E mean d^2 of DP2, DP3 on a whole record: the general formula with the one column
+// q = 1/sqrt(N), to which every warmed-up window answers with the same number (to 1e-4, the warm-up's).
+void subtract_mean_effect(const NoiseComponent& comp, const DpOperator& op, long size, const std::vector<long>& n,
+                          std::vector<double>* square) {
+  const double q = 1 / std::sqrt(static_cast<double>(size));
+  const auto cq = covariance_times(comp, std::vector<double>(static_cast<size_t>(size), q));
+  const NominalFilter& f = op.filter;
+  const auto samples = static_cast<size_t>(size);
+  std::vector<double> sum2(samples + 2, 0.0), state(f.size(), 0.0);  // sum2[k]: sum of the running sums before k
+  std::vector<std::vector<double>> states2(f.size(), std::vector<double>(samples + 2, 0.0));
+  double sum = 0, qcq = 0;
+  for (size_t i = 0; i <= samples; ++i) {
+    sum2[i + 1] = sum2[i] + sum;
+    for (size_t k = 0; k < f.size(); ++k) states2[k][i + 1] = states2[k][i] + state[k];
+    if (i == samples) break;
+    sum += cq[i];
+    qcq += q * cq[i];
+    double predicted = 0;
+    for (size_t k = 0; k < f.size(); ++k) predicted += state[k] *= f.phi[k];
+    for (size_t k = 0; k < f.size(); ++k) state[k] += f.gain[k] * (cq[i] - predicted);
+  }
+  for (size_t j = 0; j < n.size(); ++j) {
+    const auto h = static_cast<size_t>(op.history_n(n[j])), steps = static_cast<size_t>(n[j]);
+    if (h + steps > samples) continue;
+    const size_t end = samples - steps + 1;  // windows t0 = h … end - 1
+    double answers = (sum2[end + steps] - sum2[h + steps] - sum2[end] + sum2[h]) / static_cast<double>(n[j]);
+    double gain = 1;
+    const std::vector<double> c = weight_factors(op, n[j]);
+    for (size_t k = 0; k < f.size(); ++k) {
+      answers -= f.prediction_factor(k, n[j], op.type == DpType::kDp3) * (states2[k][end] - states2[k][h]);
+      gain -= c[k] / (1 - f.pole[k]);
+    }
+    const auto windows = static_cast<double>(end - h);
+    (*square)[j] -= 2 * answers * gain * q / windows - qcq * gain * gain * q * q;
+  }
+}
+
 }  // namespace
 
 double expected_square(const NoiseComponent& comp, const DpOperator& op, long n) {
@@ -182,6 +219,10 @@ std::vector<std::vector<double>> expected_record_squares(const std::vector<Noise
   }
   if (stochastic.empty()) return out;
 
+  if (basis.size() == 1 && shape.n_missing == 0) {  // the mean alone: sums of windows are differences of running sums
+    for (size_t c : stochastic) subtract_mean_effect(components[c], op, shape.size(), n, &out[c]);
+    return out;
+  }
   const size_t p = basis.size();
   std::vector<DpRecord> basis_records;
   for (const auto& q : basis) basis_records.emplace_back(with_rates(shape, q), op);
