@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: MIT
+// Fits: the likelihood against dense matrices, the bounding program against vertices and random points, models back
+// from noise-free curves and from simulated tests.
+#include <Eigen/Dense>
+#include <cmath>
+#include <limits>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "dp/tau_grid.h"
+#include "errormodel/curve_fit.h"
+#include "errormodel/likelihood.h"
+#include "errormodel/lp.h"
+#include "errormodel/simulate.h"
+#include "errormodel/study.h"
+#include "sim/rng.h"
+
+#include "near.h"
+
+using namespace imucal;
+
+namespace {
+
+const ErrorModel kNominal = {0.6, {{20, 100}}, 0, {}, {}};
+const ErrorModel kTwoTerms = {0.5, {{18, 12}, {17, 160}}, 0, {}, {}};
+
+Series test_record(const ErrorModel& m, long n, uint64_t run) {
+  Series s = empty_record(n, 1);
+  s.log = "test", s.axis = "gx_dph";
+  s.rate_dph = simulate_noise(noise_components(m), n, 31, run);
+  return s;
+}
+
+double dense_deviance(const Series& s, const Detrend& detrend, const ErrorModel& m) {
+  std::vector<long> present;
+  for (long i = 0; i < s.size(); ++i)
+    if (!std::isnan(s.rate_dph[static_cast<size_t>(i)])) present.push_back(i);
+  const auto n = static_cast<long>(present.size());
+  Eigen::MatrixXd v(n, n);
+  Eigen::VectorXd y(n);
+  const auto basis = detrend_basis(s, detrend);
+  Eigen::MatrixXd x(n, static_cast<long>(basis.size()));
+  for (long a = 0; a < n; ++a) {
+    y[a] = s.rate_dph[static_cast<size_t>(present[a])];
+    for (size_t c = 0; c < basis.size(); ++c) x(a, static_cast<long>(c)) = basis[c][static_cast<size_t>(present[a])];
+    for (long b = 0; b < n; ++b) {
+      v(a, b) = a == b ? std::pow(60 * m.arw_deg_rt_h, 2) : 0;
+      for (const Markov& t : m.markov)
+        v(a, b) += t.sigma_dph * t.sigma_dph * std::exp(-std::fabs(static_cast<double>(present[a] - present[b])) / t.tau_s);
+    }
+  }
+  const Eigen::LLT<Eigen::MatrixXd> cholesky(v);
+  const Eigen::MatrixXd whitened = cholesky.matrixL().solve(x);
+  const Eigen::VectorXd e = cholesky.matrixL().solve(y);
+  double deviance = 2 * cholesky.matrixLLT().diagonal().array().log().sum() + e.squaredNorm();
+  if (x.cols() > 0) {
+    const Eigen::MatrixXd gram = whitened.transpose() * whitened;
+    const Eigen::VectorXd cross = whitened.transpose() * e;
+    deviance += std::log(gram.determinant()) - cross.dot(gram.ldlt().solve(cross));
+  }
+  return deviance + static_cast<double>(n - x.cols()) * std::log(2 * kPi);
+}
+
+void test_likelihood_equals_dense_matrices(void**) {
+  for (bool with_gaps : {false, true})
+    for (const char* text : {"none", "mean", "poly:2", "time:4"})
+      for (const ErrorModel& m : {kNominal, kTwoTerms, ErrorModel{0.7, {}, 0, {}, {}}}) {
+        Series s = test_record(kTwoTerms, 400, 1);
+        for (long i = 0; i < s.size(); ++i) s.temp_degc.push_back(10 + 0.05 * static_cast<double>(i));
+        for (long i : {0L, 7L, 120L, 121L, 122L, 300L, 399L}) {
+          if (!with_gaps) continue;
+          s.rate_dph[static_cast<size_t>(i)] = std::numeric_limits<double>::quiet_NaN();
+          ++s.n_missing;
+        }
+        const Detrend detrend = Detrend::parse(text);
+        const double expected = dense_deviance(s, detrend, m);
+        assert_near(Likelihood({s}, detrend).deviance(m), expected, 1e-8 * std::fabs(expected));
+        // Two records are independent.
+        assert_near(Likelihood({s, s}, detrend).deviance(m), 2 * expected, 1e-8 * std::fabs(expected));
+      }
+}
+
+void test_likelihood_profile_is_the_best_scale(void**) {
+  const Series s = test_record(kNominal, 2000, 2);
+  const Likelihood likelihood({s}, Detrend{});
+  const auto best = likelihood.profile({400.0 / 1296}, {100});
+  for (double scale : {0.98, 1.0, 1.02}) {
+    const double white = best.white_variance * scale;
+    const ErrorModel m = {std::sqrt(white) / 60, {{std::sqrt(white * 400 / 1296), 100}}, 0, {}, {}};
+    const double deviance = likelihood.deviance(m);
+    if (scale == 1.0)
+      assert_near(deviance, best.deviance, 1e-7 * std::fabs(deviance));
+    else
+      assert_true(deviance > best.deviance);
+  }
+}
+
+// Random programs: GLPK and the small simplex agree, every row holds, and no random feasible point is better.
+void test_bounding_programs_agree_and_are_optimal(void**) {
+  Rng rng(5, 0, 0, Stream::kTool);
+  for (int trial = 0; trial < 40; ++trial) {
+    const size_t n_columns = 2 + static_cast<size_t>(trial % 4), n_rows = 60;
+    BoundingProgram program;
+    for (size_t j = 0; j < n_columns; ++j) {
+      std::vector<double> column;
+      for (size_t i = 0; i < n_rows; ++i) column.push_back(std::pow(10, static_cast<double>(j)) * (0.05 + rng.uniform()));
+      program.columns.push_back(column);
+    }
+    std::vector<const double*> columns;
+    for (const auto& c : program.columns) columns.push_back(c.data());
+    const auto a = solve_bounding(program), b = solve_bounding_small(columns, n_rows);
+    assert_near(a.objective, b.objective, 1e-6 * (1 + a.objective));
+    for (int draw = 0; draw < 200; ++draw) {
+      std::vector<double> x;
+      for (double v : b.x) x.push_back(v * std::exp(0.3 * rng.normal()) + (v == 0 ? 1e-3 * rng.uniform() : 0));
+      double least = std::numeric_limits<double>::infinity(), sum = 0;
+      for (size_t i = 0; i < n_rows; ++i) {
+        double value = 0, at_b = 0;
+        for (size_t j = 0; j < n_columns; ++j) value += columns[j][i] * x[j], at_b += columns[j][i] * b.x[j];
+        assert_true(at_b >= 1 - 1e-9);
+        least = std::min(least, value), sum += value;
+      }
+      assert_true(sum / least - static_cast<double>(n_rows) >= b.objective - 1e-7 * (1 + b.objective));
+    }
+  }
+}
+
+CurveData exact_curve(const ErrorModel& m, const Series& shape, const DpOperator& op) {
+  std::vector<Series> all = {test_record(m, shape.size(), 1)};
+  CurveData data = make_curve_data(all, op, Detrend{}, parse_tau("2:300", 1, 0), Across::kRms);
+  data.shapes = {&shape};
+  data.mean_square_dph2 = CurveBasis(data).model(m);
+  return data;
+}
+
+void test_fits_of_an_exact_curve_return_the_model(void**) {
+  const Series shape = empty_record(6000, 1);
+  const ErrorModel truth = {1.1, {{14, 20}, {14, 90}}, 0, {}, {}};
+  for (DpType type : {DpType::kAv, DpType::kDp2}) {
+    const CurveData data = exact_curve(truth, shape, make_dp_operator(type, 1, kNominal));
+    for (const CurveFit& fit : {fit_bound(data, 2), fit_least_squares(data, 2)}) {
+      assert_int_equal(fit.model.markov.size(), 2);
+      assert_near(fit.model.arw_deg_rt_h, 1.1, 0.01);
+      for (size_t k = 0; k < 2; ++k) {
+        assert_near(fit.model.markov[k].sigma_dph, 14, 1.0);
+        assert_near(std::log(fit.model.markov[k].tau_s / truth.markov[k].tau_s), 0, 0.12);
+      }
+      assert_true(fit.excess.worst < 2e-3);
+    }
+  }
+}
+
+// A simulated test: the bound holds at every tau, its objective reaches that of the whole grid, more terms never do
+// worse, and least squares lies below it.
+void test_bound_of_simulated_tests_holds_and_is_tight(void**) {
+  const ErrorModel truth = {1.1, {{14, 20}, {14, 70}}, 0, {}, {}};
+  const DpOperator op = make_dp_operator(DpType::kDp2, 1, kNominal);
+  for (uint64_t run = 0; run < 4; ++run) {
+    std::vector<Series> all = {test_record(truth, 6000, run)};
+    remove_trend(Detrend{}, &all[0]);
+    const CurveData data = make_curve_data(all, op, Detrend{}, parse_tau("2:600:4", 1, 0), Across::kRms);
+    double last = std::numeric_limits<double>::infinity();
+    for (int n = 1; n <= 3; ++n) {
+      const CurveFit fit = fit_bound(data, n);
+      assert_true(fit.bounded);
+      assert_true(fit.excess.worst_ratio >= 1 - 1e-9);
+      assert_false(fit.excess.active_tau_s.empty());
+      assert_true(fit.objective <= last * (1 + 1e-6));
+      last = fit.objective;
+      if (n >= 2) assert_true(fit.objective < 1.25 * fit.grid_objective + 0.2);
+    }
+    const CurveFit chosen = fit_bound(data, -1);
+    assert_true(chosen.bounded);
+    assert_true(fit_least_squares(data, 2).excess.worst_ratio < 1);
+  }
+}
+
+// A polynomial fitted to the same data takes low-frequency noise away; the expectation the fits use says how much: the
+// mean over 150 simulated tests agrees with it within 3 standard errors and is far from the curve without it.
+void test_detrended_fit_allows_for_what_the_polynomial_took(void**) {
+  const ErrorModel truth = {0.6, {{20, 300}}, 0, {}, {}};
+  const DpOperator op = make_dp_operator(DpType::kAv, 1, {});
+  const Detrend detrend = Detrend::parse("time:5");
+  std::vector<double> squares;
+  double with = 0, without = 0;
+  for (uint64_t run = 0; run < 150; ++run) {
+    std::vector<Series> all = {test_record(truth, 6000, run)};
+    remove_trend(detrend, &all[0]);
+    const CurveData data = make_curve_data(all, op, detrend, {500}, Across::kRms);
+    squares.push_back(data.mean_square_dph2[0]);
+    if (run > 0) continue;
+    with = CurveBasis(data).model(truth)[0];
+    without = std::pow(expected_dp_dph(truth, op, {500})[0], 2) * 2;
+  }
+  const Spread spread = spread_of(squares);
+  const double error = spread.sd / std::sqrt(150.0);
+  assert_near(spread.mean, with, 3 * error);
+  assert_true(without > with + 5 * error);
+}
+
+void test_maximum_likelihood_recovers_models(void**) {
+  double square = 0;
+  int covered = 0;
+  for (uint64_t run = 0; run < 20; ++run) {
+    const MlFit fit = fit_maximum_likelihood(Likelihood({test_record(kNominal, 6000, run)}, Detrend{}), 1);
+    square += std::pow(std::log(fit.model.markov[0].tau_s / 100), 2) / 20;
+    covered += fit.parameters[2].ci95_lo < 100 && 100 < fit.parameters[2].ci95_hi;
+  }
+  assert_true(std::sqrt(square) < 0.35);  // 0.245 over 300 runs; chi-squared with 20 degrees of freedom: 99.9 %
+  assert_true(covered >= 15);
+  const MlFit chosen = fit_maximum_likelihood(Likelihood({test_record(kTwoTerms, 40000, 3)}, Detrend{}), -1);
+  assert_int_equal(chosen.model.markov.size(), 2);
+  for (size_t k = 0; k < 2; ++k)
+    assert_true(std::fabs(std::log(chosen.model.markov[k].tau_s / kTwoTerms.markov[k].tau_s)) < 0.6);
+}
+
+// A thermal polynomial of thousands of dph and gaps leave the estimate where it was: marginalised.
+void test_maximum_likelihood_marginalises_the_polynomial(void**) {
+  Series s = test_record(kNominal, 6000, 8);
+  for (long i = 0; i < s.size(); ++i) s.temp_degc.push_back(0.01 * static_cast<double>(i));
+  const MlFit plain = fit_maximum_likelihood(Likelihood({s}, Detrend::parse("poly:3")), 1);
+  for (long i = 0; i < s.size(); ++i) {
+    const double t = s.temp_degc[static_cast<size_t>(i)] / 60;
+    s.rate_dph[static_cast<size_t>(i)] += 5000 + 3000 * t - 2000 * t * t + 900 * t * t * t;
+  }
+  const MlFit bent = fit_maximum_likelihood(Likelihood({s}, Detrend::parse("poly:3")), 1);
+  assert_near(bent.model.markov[0].tau_s / plain.model.markov[0].tau_s, 1, 1e-3);
+  assert_near(bent.log_likelihood, plain.log_likelihood, 1e-3);
+}
+
+void test_tau_grids(void**) {
+  assert_int_equal(parse_tau("2:600", 1, 0).size(), 599);
+  assert_int_equal(parse_tau("2:600:2", 1, 0).size(), 300);
+  const auto octave = parse_tau("octave", 0.5, 100);
+  assert_near(octave.front(), 0.5, 0);
+  assert_near(octave.back(), 64, 0);
+  const auto list = parse_tau("5,2,2.2", 1, 0);
+  assert_int_equal(list.size(), 2);
+  for (const char* bad : {"0:5", "5:2", "a", "1:2:3:4", "log:5", "octavee", "", "-3", "nan"}) {
+    if (!*bad) continue;
+    bool refused = false;
+    try {
+      parse_tau(bad, 1, 100);
+    } catch (const Error& e) {
+      refused = e.exit() == Exit::kUsage;
+    }
+    assert_true(refused);
+  }
+}
+
+}  // namespace
+
+int main() {
+  const CMUnitTest tests[] = {
+      cmocka_unit_test(test_likelihood_equals_dense_matrices),
+      cmocka_unit_test(test_likelihood_profile_is_the_best_scale),
+      cmocka_unit_test(test_bounding_programs_agree_and_are_optimal),
+      cmocka_unit_test(test_fits_of_an_exact_curve_return_the_model),
+      cmocka_unit_test(test_bound_of_simulated_tests_holds_and_is_tight),
+      cmocka_unit_test(test_detrended_fit_allows_for_what_the_polynomial_took),
+      cmocka_unit_test(test_maximum_likelihood_recovers_models),
+      cmocka_unit_test(test_maximum_likelihood_marginalises_the_polynomial),
+      cmocka_unit_test(test_tau_grids),
+  };
+  return cmocka_run_group_tests(tests, nullptr, nullptr);
+}
