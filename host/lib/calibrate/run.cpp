@@ -256,7 +256,8 @@ void Run::show(bool is_last) {
   if (total_s_ > 0) line += " of " + text_of(total_s_, 0) + " s";
   line += "  " + text_of(temp_degc_, 2) + " degC";
   if (is_range_known_ && std::isfinite(worst_sigma_))
-    line += "  predicted worst error " + text_of(worst_sigma_, 2);
+    line += "  predicted worst error " + text_of(worst_sigma_, 2) +
+            (is_gyro(device_.channel_name(axes_.front().channel)) ? " dph" : "");
   if (device_.statistics().lost_records > 0)
     line += "  " + std::to_string(device_.statistics().lost_records) + " records lost";
   if (total_s_ > 0 && done_s > 0)

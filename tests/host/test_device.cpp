@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: MIT
+// The device client against a scripted line: repetition, stale and doubled replies, refusals, lost records,
+// tables in parts.  (Against the firmware itself: tests/system/test_calibrate*.py.)
+#include <csetjmp>
+#include <cstdarg>
+#include <cstddef>
+#include <cstdint>
+#include <ios>
+extern "C" {
+#include <cmocka.h>
+}
+#include <cstring>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "base/error.h"
+#include "calibrate/device.h"
+#include "crc.h"
+
+using namespace imucal;
+
+namespace {
+
+using Bytes = std::vector<uint8_t>;
+
+template <typename Message> Bytes frame(uint8_t id, uint8_t sequence, const Message& message) {
+  Bytes out(IMUCAL_LINK_MAX_FRAME);
+  size_t n = 0;
+  assert_int_equal(imucal_link_pack(id, sequence, &message, out.data(), out.size(), &n), IMUCAL_OK);
+  out.resize(n);
+  return out;
+}
+
+Bytes done(uint8_t request, uint8_t sequence, imucal_status status = IMUCAL_OK, uint32_t detail = 0) {
+  return frame(IMUCAL_LINK_ID_DONE, sequence,
+               imucal_link_done_t{request, static_cast<int16_t>(status), detail});
+}
+
+Bytes info(uint8_t sequence, uint32_t t_s) {
+  imucal_link_info_reply_t reply{};
+  reply.t_s = t_s;
+  return frame(IMUCAL_LINK_ID_INFO_REPLY, sequence, reply);
+}
+
+Bytes event(uint16_t counter) {
+  imucal_link_event_t record{};
+  record.counter = counter;
+  record.code = IMUCAL_EVENT_SENSOR_FAULT;
+  return frame(IMUCAL_LINK_ID_EVENT, 0, record);
+}
+
+// A line whose other end is a function: called with each request frame, it says what comes back.
+class ScriptedLine : public Transport {
+public:
+  using Script = std::function<Bytes(uint8_t id, uint8_t sequence, const imucal_link_any_t& request)>;
+  explicit ScriptedLine(Script script) : Transport("script"), script_(std::move(script)) {
+    imucal_link_rx_init(&rx_);
+  }
+  const char* kind() const override { return "script"; }
+
+  size_t read(uint8_t* bytes, size_t max, double) override {
+    size_t n = 0;
+    while (n < max && !waiting_.empty()) {
+      bytes[n++] = waiting_.front();
+      waiting_.pop_front();
+    }
+    return n;
+  }
+  void write(const uint8_t* bytes, size_t n, double) override {
+    for (size_t i = 0; i < n; ++i) {
+      if (imucal_link_rx_put(&rx_, bytes[i]) != IMUCAL_FRAME_READY) continue;
+      imucal_link_any_t message;
+      assert_int_equal(imucal_link_rx_message(&rx_, &message), IMUCAL_OK);
+      ++n_requests;
+      send(script_(imucal_link_rx_type(&rx_), imucal_link_rx_sequence(&rx_), message));
+    }
+  }
+  void send(const Bytes& bytes) { waiting_.insert(waiting_.end(), bytes.begin(), bytes.end()); }
+
+  int n_requests = 0;
+
+private:
+  Script script_;
+  imucal_link_rx_t rx_;
+  std::deque<uint8_t> waiting_;
+};
+
+constexpr DeviceOptions kImpatient{0.01, 4};
+
+struct Bench {
+  ScriptedLine* line;
+  Device device;
+  explicit Bench(ScriptedLine::Script script) : Bench(std::make_unique<ScriptedLine>(std::move(script))) {}
+
+private:
+  explicit Bench(std::unique_ptr<ScriptedLine> made)
+      : line(made.get()), device(std::move(made), kImpatient) {}
+};
+
+Bytes joined(std::initializer_list<Bytes> parts) {
+  Bytes all;
+  for (const Bytes& part : parts) all.insert(all.end(), part.begin(), part.end());
+  return all;
+}
+
+void test_request_lost_twice_is_repeated_with_the_same_sequence(void**) {
+  std::vector<uint8_t> sequences;
+  Bench bench([&](uint8_t, uint8_t sequence, const imucal_link_any_t&) {
+    sequences.push_back(sequence);
+    return sequences.size() < 3 ? Bytes{} : info(sequence, 7);
+  });
+  assert_int_equal(bench.device.info().t_s, 7);
+  assert_int_equal(sequences.size(), 3);
+  assert_int_equal(sequences[0], sequences[2]);
+  assert_int_equal(bench.device.statistics().repeated_requests, 2);
+}
+
+void test_next_request_has_another_sequence(void**) {
+  std::vector<uint8_t> sequences;
+  Bench bench([&](uint8_t, uint8_t sequence, const imucal_link_any_t&) {
+    sequences.push_back(sequence);
+    return info(sequence, 7);
+  });
+  bench.device.info();
+  bench.device.info();
+  assert_int_not_equal(sequences[0], sequences[1]);
+}
+
+void test_reply_to_an_earlier_request_is_not_taken(void**) {
+  Bench bench([&](uint8_t, uint8_t sequence, const imucal_link_any_t&) {
+    return joined({info(static_cast<uint8_t>(sequence - 1), 1), done(IMUCAL_LINK_ID_STREAM, sequence),
+                   info(sequence, 2)});
+  });
+  assert_int_equal(bench.device.info().t_s, 2);
+  assert_int_equal(bench.device.statistics().stale_replies, 2);
+}
+
+void test_spoilt_reply_is_asked_for_again(void**) {
+  int n = 0;
+  Bench bench([&](uint8_t, uint8_t sequence, const imucal_link_any_t&) {
+    Bytes reply = info(sequence, 9);
+    if (n++ == 0) reply[5] = static_cast<uint8_t>(reply[5] ^ 0x40);
+    return reply;
+  });
+  assert_int_equal(bench.device.info().t_s, 9);
+  assert_int_equal(bench.device.statistics().spoilt, 1);
+}
+
+void test_silent_device_ends_in_an_error_after_the_tries(void**) {
+  Bench bench([](uint8_t, uint8_t, const imucal_link_any_t&) { return Bytes{}; });
+  try {
+    bench.device.info();
+    fail_msg("a silent device was believed");
+  } catch (const Error& e) {
+    assert_int_equal(e.exit(), Exit::kDevice);
+    assert_non_null(std::strstr(e.what(), "does not answer (INFO sent 4 times)"));
+  }
+  assert_int_equal(bench.line->n_requests, 4);
+}
+
+void test_refusal_is_an_error_with_its_reason_and_is_not_repeated(void**) {
+  Bench bench([](uint8_t id, uint8_t sequence, const imucal_link_any_t&) {
+    return done(id, sequence, IMUCAL_ERR_NO_OTHER);
+  });
+  try {
+    bench.device.rollback();
+    fail_msg("a refusal was taken for success");
+  } catch (const Error& e) {
+    assert_int_equal(e.exit(), Exit::kDevice);
+    assert_non_null(std::strstr(e.what(), imucal_status_text(IMUCAL_ERR_NO_OTHER)));
+  }
+  assert_int_equal(bench.line->n_requests, 1);
+}
+
+void test_streams_lost_and_doubled_records_are_counted_across_the_wrap(void**) {
+  std::vector<int> seen;
+  Bench bench([](uint8_t, uint8_t, const imucal_link_any_t&) { return Bytes{}; });
+  bench.device.on_stream([&](uint8_t id, const imucal_link_any_t& record) {
+    assert_int_equal(id, IMUCAL_LINK_ID_EVENT);
+    seen.push_back(record.event.counter);
+  });
+  bench.line->send(joined({event(65533), event(65534), event(65534), event(1), event(2)}));
+  assert_true(bench.device.poll(0.01));
+  assert_int_equal(seen.size(), 4);
+  assert_int_equal(bench.device.statistics().lost_records, 2); // 65535 and 0
+  assert_int_equal(bench.device.statistics().doubled_records, 1);
+}
+
+void test_records_between_request_and_reply_reach_the_handler(void**) {
+  int n = 0;
+  Bench bench([](uint8_t, uint8_t sequence, const imucal_link_any_t&) {
+    return joined({event(1), info(sequence, 3), event(2)});
+  });
+  bench.device.on_stream([&](uint8_t, const imucal_link_any_t&) { ++n; });
+  bench.device.info();
+  assert_int_equal(n, 1);
+  bench.device.poll(0.01); // what came with the reply is not lost
+  assert_int_equal(n, 2);
+}
+
+void test_tables_go_in_parts_both_ways(void**) {
+  Bytes table(456), flashed;
+  for (size_t i = 0; i < table.size(); ++i) table[i] = static_cast<uint8_t>(i * 7);
+  Bench bench([&](uint8_t id, uint8_t sequence, const imucal_link_any_t& request) {
+    switch (id) {
+    case IMUCAL_LINK_ID_TABLE_BEGIN:
+      assert_int_equal(request.table_begin.total, table.size());
+      assert_int_equal(request.table_begin.crc, imucal_crc32(table.data(), table.size()));
+      return done(id, sequence);
+    case IMUCAL_LINK_ID_TABLE_DATA:
+      assert_int_equal(request.table_data.offset, flashed.size());
+      flashed.insert(flashed.end(), request.table_data.data,
+                     request.table_data.data + request.table_data.length);
+      return done(id, sequence);
+    case IMUCAL_LINK_ID_TABLE_COMMIT:
+      return done(id, sequence, IMUCAL_OK, 12);
+    default:
+      break;
+    }
+    imucal_link_table_read_reply_t reply{};
+    reply.offset = request.table_read.offset;
+    reply.total = static_cast<uint16_t>(flashed.size());
+    reply.length =
+        static_cast<uint8_t>(std::min<size_t>(request.table_read.length, flashed.size() - reply.offset));
+    std::copy_n(flashed.begin() + reply.offset, reply.length, reply.data);
+    return frame(IMUCAL_LINK_ID_TABLE_READ_REPLY, sequence, reply);
+  });
+  assert_int_equal(bench.device.write_table(table), 12);
+  assert_true(flashed == table);
+  assert_true(bench.device.read_table() == table);
+}
+
+void test_connect_refuses_another_protocol(void**) {
+  Bench bench([](uint8_t, uint8_t sequence, const imucal_link_any_t&) {
+    imucal_link_hello_reply_t reply{};
+    reply.protocol = IMUCAL_LINK_PROTOCOL + 1;
+    return frame(IMUCAL_LINK_ID_HELLO_REPLY, sequence, reply);
+  });
+  try {
+    bench.device.connect();
+    fail_msg("connected to a device of an unknown protocol");
+  } catch (const Error& e) {
+    assert_non_null(std::strstr(e.what(), "protocol version"));
+  }
+}
+
+} // namespace
+
+int main() {
+  const CMUnitTest tests[] = {
+      cmocka_unit_test(test_request_lost_twice_is_repeated_with_the_same_sequence),
+      cmocka_unit_test(test_next_request_has_another_sequence),
+      cmocka_unit_test(test_reply_to_an_earlier_request_is_not_taken),
+      cmocka_unit_test(test_spoilt_reply_is_asked_for_again),
+      cmocka_unit_test(test_silent_device_ends_in_an_error_after_the_tries),
+      cmocka_unit_test(test_refusal_is_an_error_with_its_reason_and_is_not_repeated),
+      cmocka_unit_test(test_streams_lost_and_doubled_records_are_counted_across_the_wrap),
+      cmocka_unit_test(test_records_between_request_and_reply_reach_the_handler),
+      cmocka_unit_test(test_tables_go_in_parts_both_ways),
+      cmocka_unit_test(test_connect_refuses_another_protocol),
+  };
+  return cmocka_run_group_tests(tests, nullptr, nullptr);
+}
