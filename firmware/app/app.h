@@ -16,6 +16,7 @@
 #include "store.h"
 #include "sum.h"
 #include "table.h"
+#include "track.h"
 
 #define IMUCAL_FIRMWARE_VERSION "0.1.0"
 
@@ -47,6 +48,7 @@ typedef struct imucal_app {
   imucal_app_channel_t channel[IMUCAL_MAX_CHANNELS];
 
   imucal_sum_t raw_sum, out_sum;
+  imucal_track_t track; /* temperature between the steps of a coarse thermometer */
   uint8_t clamped;       /* channels outside their valid span in the running second */
   uint8_t fault;         /* channels that reported a fault in the last second */
   bool has_sensor_ended; /* until samples are wanted again */

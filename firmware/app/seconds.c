@@ -84,6 +84,15 @@ static void tell_new_faults(imucal_app_t* app, const imucal_second_t* second) {
   app->fault = fault;
 }
 
+/* What the filters learn with: the second's mean temperature, or with a coarse thermometer the tracked one. */
+static float filter_temperature(imucal_app_t* app, const imucal_second_t* second) {
+  const imucal_board_t* board = app->board;
+  int64_t mean_q16 = imucal_mean_q16_rne(second->temp_sum, second->n_samples);
+  imucal_track_skip(&app->track, second->n_skipped);
+  if (board->degc_per_count > IMUCAL_TRACK_COARSE_DEGC) mean_q16 = imucal_track_update(&app->track, mean_q16);
+  return imucal_unit_from_q16(mean_q16, board->degc_per_count, board->degc_at_zero);
+}
+
 /* out: the same second compensated; null where the table changed in it and no sample came since. */
 static void finish_second(imucal_app_t* app, const imucal_second_t* raw, const imucal_second_t* out) {
   const imucal_board_t* board = app->board;
@@ -93,6 +102,7 @@ static void finish_second(imucal_app_t* app, const imucal_second_t* raw, const i
                                  .compensated = out ? compensated_channels(app) : 0,
                                  .n_channels = board->n_channels};
   record.temp_degc = mean_unit(raw->temp_sum, raw->n_samples, board->degc_per_count, board->degc_at_zero);
+  const float filter_temp_degc = filter_temperature(app, raw);
   app->t_s = raw->t_s;
   app->n_seconds++;
   app->n_gaps += raw->is_gap ? 1u : 0u;
@@ -102,7 +112,7 @@ static void finish_second(imucal_app_t* app, const imucal_second_t* raw, const i
     record.out[i] = out ? mean_unit(out->sum[i], out->n_samples, app->channel[i].comp.unit_per_lsb, 0.0f)
                         : record.raw[i];
     if (app->session == IMUCAL_SESSION_CALIBRATING && (app->calibrating & (1u << i)))
-      update_filter(app, i, raw, record.raw[i], record.temp_degc);
+      update_filter(app, i, raw, record.raw[i], filter_temp_degc);
   }
   stream_second(app, &record);
   tell_new_faults(app, raw);

@@ -57,6 +57,7 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   plan.chain.filter = options.filter;
   plan.chain.order = options.order;
   plan.chain.raw = options.raw;
+  plan.chain.is_tracked = !options.no_track && options.raw.temp_lsb_degc > static_cast<double>(IMUCAL_TRACK_COARSE_DEGC);
   plan.chain.prior_sigma_dph = options.prior_sigma_dph;
   plan.chain.t0_degc = 0.5 * (lo + hi);
   plan.chain.range_degc = 0.5 * (hi - lo);

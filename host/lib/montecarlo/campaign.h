@@ -26,6 +26,7 @@ struct CampaignOptions {
   uint64_t first_run = 0, runs = 1000;
   int threads = 1;
   RawFormat raw;
+  bool no_track = false;            // leave a coarse thermometer's reading as it is
   double missing_frac = 0;          // part of the whole seconds without any sample
   size_t points = 13;               // temperatures scored, evenly over the span
   double prior_sigma_dph = 1e4;

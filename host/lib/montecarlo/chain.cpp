@@ -42,6 +42,7 @@ CoreChain::CoreChain(const ChainSetup& setup) : setup_(setup) {
   must(imucal_sum_init(&sum_, 1, static_cast<uint32_t>(setup.raw.rate_hz)), "1-s sums");
   const imucal_kf_config_t config = filter_config(setup);
   must(imucal_kf_init(&kf_, &config), "filter");
+  imucal_track_init(&track_);
   std::memset(&table_, 0, sizeof table_);
   std::memset(&comp_, 0, sizeof comp_);
 }
@@ -62,25 +63,23 @@ void CoreChain::push(const RawSample& raw) {
   push(sample);
 }
 
+void CoreChain::bridge(uint32_t n_s) {
+  must(imucal_kf_skip(&kf_, n_s), "filter, gap");
+  gap_s_ += n_s;
+}
+
 void CoreChain::take(const imucal_second_t& second) {
-  uint32_t gap_s = second.n_skipped;
+  bridge(second.n_skipped);
+  imucal_track_skip(&track_, second.n_skipped);
+  int64_t temp_q16 = imucal_mean_q16_rne(second.temp_sum, second.n_samples);
+  if (setup_.is_tracked) temp_q16 = imucal_track_update(&track_, temp_q16);
   const uint32_t bad = second.flags[0] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT);
-  if (second.is_gap || bad) {
-    must(imucal_kf_skip(&kf_, gap_s + 1), "filter, gap");
-    gap_s_ += gap_s + 1;
-    return;
-  }
-  must(imucal_kf_skip(&kf_, gap_s), "filter, gap");
-  gap_s_ += gap_s;
+  if (second.is_gap || bad) return bridge(1);
   const auto scale = static_cast<float>(setup_.raw.counts_scale_dph);
   const auto degc = static_cast<float>(setup_.raw.temp_lsb_degc), zero = static_cast<float>(setup_.raw.temp_offset_degc);
   const float z_dph = imucal_unit_from_q16(imucal_mean_q16_rne(second.sum[0], second.n_samples), scale, 0.0f);
-  const float temp_degc = imucal_unit_from_q16(imucal_mean_q16_rne(second.temp_sum, second.n_samples), degc, zero);
-  if (imucal_kf_update(&kf_, z_dph, temp_degc) != IMUCAL_OK) {  // refused and counted by the filter
-    must(imucal_kf_skip(&kf_, 1), "filter, gap");
-    gap_s_ += 1;
-    return;
-  }
+  const float temp_degc = imucal_unit_from_q16(temp_q16, degc, zero);
+  if (imucal_kf_update(&kf_, z_dph, temp_degc) != IMUCAL_OK) return bridge(1);  // refused and counted by the filter
   seconds_.push_back({z_dph, temp_degc, gap_s_});
   gap_s_ = 0;
   keep_innovation();

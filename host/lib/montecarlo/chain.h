@@ -16,6 +16,7 @@
 #include "sim/raw_samples.h"
 #include "sum.h"
 #include "table.h"
+#include "track.h"
 
 namespace imucal {
 
@@ -27,6 +28,7 @@ struct ChainSetup {
   double span_lo_degc = -1, span_hi_degc = 1;  // valid span of the table
   double prior_sigma_dph = 1e4;
   RawFormat raw;                  // scales of the counts
+  bool is_tracked = false;        // temperature between the steps of a coarse thermometer (common/track.h)
   size_t white_from_s = 0;        // second from which the innovations' whiteness is judged
 };
 
@@ -78,10 +80,12 @@ class CoreChain {
 
  private:
   void take(const imucal_second_t& second);
+  void bridge(uint32_t n_s);
   void keep_innovation();
 
   ChainSetup setup_;
   imucal_sum_t sum_;
+  imucal_track_t track_;
   imucal_kf_t kf_;
   imucal_table_t table_;
   imucal_comp_t comp_;

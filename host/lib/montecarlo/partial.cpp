@@ -44,6 +44,7 @@ Json campaign_identity(const CampaignOptions& o) {
           {"prior_sigma_dph", o.prior_sigma_dph},
           {"missing_seconds_frac", o.missing_frac},
           {"raw", to_json(o.raw)},
+          {"no_track", o.no_track},
           {"least_squares_every", o.least_squares_every},
           {"reference_every", o.reference_every},
           {"residual_every", o.residual_every}};
@@ -63,6 +64,7 @@ CampaignOptions options_from_identity(const JsonField& identity) {
   o.prior_sigma_dph = identity.at("prior_sigma_dph").number();
   o.missing_frac = identity.at("missing_seconds_frac").number();
   o.raw = raw_from_json(identity.at("raw"));
+  o.no_track = identity.at("no_track").json() == true;
   o.least_squares_every = whole("least_squares_every");
   o.reference_every = whole("reference_every");
   o.residual_every = whole("residual_every");
