@@ -6,8 +6,8 @@ LIBS_calibrate := -lserialport
 
 HOST_CPPFLAGS := -Icommon -Ihost/lib -isystem /usr/include/eigen3 -DIMUCAL_VERSION='"$(VERSION)"' -DEIGEN_MPL2_ONLY
 HOST_CXXFLAGS := -std=c++17 -pedantic -ffp-contract=off -pthread $(WARNINGS)
-SANITIZE_FLAGS := $(if $(SANITIZE),-fsanitize=address$(comma)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
 comma := ,
+SANITIZE_FLAGS := $(if $(SANITIZE),-fsanitize=address$(comma)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
 
 CORE_SOURCES := $(wildcard common/*.c)
 HOST_SOURCES := $(wildcard host/lib/*/*.cpp)
