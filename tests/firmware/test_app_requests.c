@@ -352,6 +352,22 @@ static void test_upload_rules(void** state) {
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_ERR_LENGTH);
 }
 
+static void test_upload_whole_table_but_other_crc_announced_is_refused(void** state) {
+  (void)state;
+  uint8_t good[IMUCAL_TABLE_MAX_BYTES];
+  const size_t n = bench_table(&bench, 55.0f, good);
+  const imucal_link_table_begin_t begin = {.total = (uint16_t)n, .crc = imucal_crc32(good, n) ^ 1u};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_BEGIN, &begin), IMUCAL_OK);
+  for (size_t at = 0; at < n; at += 152) {
+    imucal_link_table_data_t data = {.offset = (uint16_t)at, .length = 152};
+    memcpy(data.data, good + at, 152);
+    assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_OK);
+  }
+  const imucal_link_table_commit_t commit = {0};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_COMMIT, &commit), IMUCAL_ERR_CRC);
+  assert_int_equal(info()->table_status, IMUCAL_ERR_NO_TABLE);
+}
+
 static void test_table_read_refusals(void** state) {
   (void)state;
   imucal_link_table_read_t request = {.slot = 255, .length = 10};
@@ -419,6 +435,7 @@ int main(void) {
       CASE(test_cal_ud_gives_the_filters_bits),
       CASE(test_upload_bad_tables_leave_the_last_good_one),
       CASE(test_upload_rules),
+      CASE(test_upload_whole_table_but_other_crc_announced_is_refused),
       CASE(test_table_read_refusals),
       CASE(test_rollback_and_erase),
   };

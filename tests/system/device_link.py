@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """A small host for tests of the firmware: speaks common/link.h, whose message table it reads, to a device."""
 import os
+import random
 import re
 import select
 import socket
@@ -121,7 +122,14 @@ class Line:
             self.fd = self.socket.fileno()
         else:
             self.fd = os.open(name, os.O_RDWR | os.O_NOCTTY)
-        self.sequence, self.held, self.streamed = int(time.time() * 50) & 0xFF, b"", []
+        self.sequence, self.held, self.streamed = random.randrange(256), b"", []
+        self.hello = None
+
+    def greet(self):
+        """A host begins with HELLO: its nonce makes it unlike the host before."""
+        name, self.hello = self.ask("hello", protocol=1, nonce=random.getrandbits(32))
+        assert name == "hello_reply"
+        return self
 
     def send_bytes(self, data):
         while data:
@@ -226,7 +234,7 @@ def free_port():
 class Device:
     """A running device: posix process or QEMU.  Use as a context; .line is its serial line."""
 
-    def __init__(self, port, flash=None, feed=None, serial="pty", extra=(), monitor=None):
+    def __init__(self, port, flash=None, feed=None, serial="pty", extra=(), monitor=None, kernel=None):
         self.port, image = port, BUILD / "firmware" / port
         if port == "posix":
             command = [image / "imucal", "--serial", serial]
@@ -244,15 +252,17 @@ class Device:
             arguments = ["imucal"] + (["flash=%s" % flash] if flash and port != "nrf51" else [])
             arguments += ["feed=%s" % feed] if feed else []
             arguments += list(extra)
-            command = ["qemu-system-arm", "-M", machine, "-kernel", str(image / "imucal.elf"), "-display", "none",
-                       "-serial", "tcp:127.0.0.1:%d,server,nowait" % tcp, "-monitor", monitor or "none",
+            command = ["qemu-system-arm", "-M", machine, "-kernel", str(kernel or image / "imucal.elf"), "-display", "none",
+                       "-serial", "tcp:127.0.0.1:%d,server=on,wait=off,nodelay=on" % tcp, "-monitor", monitor or "none",
                        "-semihosting-config", ",".join(["enable=on,target=native"] + ["arg=%s" % a for a in arguments])]
             self.process = subprocess.Popen(command)
             self.name = "tcp:127.0.0.1:%d" % tcp
+            connect("127.0.0.1", tcp).close()
+            time.sleep(0.15)  # bytes that come before the firmware has switched its UART on wait for a second in QEMU
         self.line = None
 
     def __enter__(self):
-        self.line = Line(self.name)
+        self.line = Line(self.name).greet()
         return self
 
     def __exit__(self, *_):
