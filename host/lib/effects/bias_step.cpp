@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 // The bias jumps at single moments and stays: stress release, a shock, a restarted loop.  Steps belong to one
 // log each (its place in the list of logs, from 0).
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class BiasStep : public Effect {
+class BiasStep : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "bias_step"; }
   std::string description() const override {
@@ -25,6 +26,19 @@ public:
       for (size_t i = 0; i < run->rate_dph.size(); ++i)
         if (run->t_s[i] >= start) run->rate_dph[i] += amplitude;
     }
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kSteps; }
+  bool needs_temperature() const override { return false; }
+  // shape: log, time, log, time, …; one coefficient each.
+  Json report(const Theta& shape, const std::vector<double>& coefficients) const override {
+    Json steps = Json::array();
+    for (size_t i = 0; i < coefficients.size(); ++i)
+      steps.push_back({{"log", static_cast<long>(shape[2 * i])},
+                       {"t_s", shape[2 * i + 1]},
+                       {"amplitude_dph", coefficients[i]}});
+    return {{"steps", steps}};
   }
 };
 

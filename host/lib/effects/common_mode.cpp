@@ -4,6 +4,7 @@
 // negative correlation alternates the sign of the common part from axis to axis.
 #include <cmath>
 
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
@@ -11,7 +12,7 @@ namespace {
 
 constexpr uint32_t kCommonStream = 900; // purpose of the stream shared by the axes
 
-class CommonMode : public Effect {
+class CommonMode : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "common_mode"; }
   std::string description() const override { return "Additional white noise that the axes share."; }
@@ -31,6 +32,13 @@ public:
     const double shared = sign * sigma * std::sqrt(std::fabs(correlation));
     const double own = sigma * std::sqrt(1.0 - std::fabs(correlation));
     for (double& rate : run->rate_dph) rate += shared * common.normal() + own * rng->normal();
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kAxes; }
+  bool needs_temperature() const override { return false; }
+  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
+    return {{"correlation", theta[0]}, {"sigma_dph", theta[1]}};
   }
 };
 

@@ -6,12 +6,13 @@
 #include <cmath>
 
 #include "base/units.h"
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class FlickerNoise : public Effect {
+class FlickerNoise : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "flicker_noise"; }
   std::string description() const override {
@@ -31,6 +32,24 @@ public:
       path.tau_s.assign(run->t_s.size(), std::ldexp(1.0, k));
       run->markov.push_back(path);
     }
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kNoise; }
+  bool needs_temperature() const override { return false; }
+  bool is_slow_noise() const override { return true; }
+  std::vector<Theta> starts(const NoiseModel& base) const override { return {{0.2 * base.white_sigma_dph}}; }
+  Theta theta_lo() const override { return {1e-3}; }
+  Theta theta_hi() const override { return {1e5}; }
+  // Time constants four apart: sigma^2 = B^2 ln(4)/pi each.
+  NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
+    NoiseModel out = base;
+    for (int k = 0; k < 7; ++k)
+      out.markov.push_back({theta[0] * std::sqrt(std::log(4.0) / kPi), 2.0 * std::pow(4.0, k)});
+    return out;
+  }
+  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
+    return {{"b_dph", theta[0]}};
   }
 };
 

@@ -3,12 +3,13 @@
 // normalised temperature.
 #include <cmath>
 
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class MarkovSigmaVsTemperature : public Effect {
+class MarkovSigmaVsTemperature : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "markov_sigma_vs_temperature"; }
   std::string description() const override {
@@ -26,6 +27,21 @@ public:
     std::vector<double>& sigma = run->markov[0].sigma_dph;
     for (size_t i = 0; i < sigma.size(); ++i)
       sigma[i] *= std::exp(0.5 * slope * run->bias.normalised(run->gyro_temp_degc[i]));
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kNoise; }
+  bool is_logarithmic() const override { return false; }
+  std::vector<Theta> starts(const NoiseModel&) const override { return {{0.0}}; }
+  Theta theta_lo() const override { return {-5}; }
+  Theta theta_hi() const override { return {5}; }
+  NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
+    NoiseModel out = base;
+    out.markov_slope = theta[0];
+    return out;
+  }
+  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
+    return {{"slope", theta[0]}};
   }
 };
 

@@ -3,12 +3,13 @@
 // normalised temperature; its variance stays.
 #include <cmath>
 
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class MarkovTauVsTemperature : public Effect {
+class MarkovTauVsTemperature : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "markov_tau_vs_temperature"; }
   std::string description() const override {
@@ -26,6 +27,21 @@ public:
     std::vector<double>& tau = run->markov[0].tau_s;
     for (size_t i = 0; i < tau.size(); ++i)
       tau[i] *= std::exp(slope * run->bias.normalised(run->gyro_temp_degc[i]));
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kNoise; }
+  bool is_logarithmic() const override { return false; }
+  std::vector<Theta> starts(const NoiseModel&) const override { return {{0.0}}; }
+  Theta theta_lo() const override { return {-3}; }
+  Theta theta_hi() const override { return {3}; }
+  NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
+    NoiseModel out = base;
+    out.tau_slope = theta[0];
+    return out;
+  }
+  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
+    return {{"slope", theta[0]}};
   }
 };
 

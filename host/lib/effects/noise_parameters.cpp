@@ -2,12 +2,13 @@
 // The nominal noise is mis-tuned: white noise and the (first) Markov process have other parameters than
 // believed.
 #include "base/units.h"
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class NoiseParameters : public Effect {
+class NoiseParameters : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "noise_parameters"; }
   std::string description() const override {
@@ -30,6 +31,27 @@ public:
     if (run->markov.empty()) run->markov.emplace_back();
     run->markov[0].sigma_dph.assign(n, sigma);
     run->markov[0].tau_s.assign(n, tau);
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kNoise; }
+  bool needs_temperature() const override { return false; }
+  bool is_slow_noise() const override { return true; }
+  std::vector<Theta> starts(const NoiseModel& base) const override {
+    const Markov term = base.markov.empty() ? Markov{base.white_sigma_dph / 2, 100} : base.markov[0];
+    return {{base.white_sigma_dph, term.sigma_dph, term.tau_s}};
+  }
+  Theta theta_lo() const override { return {1e-3, 1e-3, 2}; }
+  Theta theta_hi() const override { return {1e6, 1e6, 2e4}; }
+  NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
+    NoiseModel out = base;
+    out.white_sigma_dph = theta[0];
+    if (out.markov.empty()) out.markov.emplace_back();
+    out.markov[0] = {theta[1], theta[2]};
+    return out;
+  }
+  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
+    return {{"arw_deg_rt_h", arw_from_white_sigma(theta[0])}, {"sigma_dph", theta[1]}, {"tau_s", theta[2]}};
   }
 };
 

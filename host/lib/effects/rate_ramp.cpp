@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 // The bias drifts linearly in time, the same way in every run: rate += R t, t from the start of the run.
 // Source: rate ramp of IEEE Std 952-1997, annex C.
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class RateRamp : public Effect {
+class RateRamp : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "rate_ramp"; }
   std::string description() const override {
@@ -21,6 +22,18 @@ public:
     const double ramp = effect_number(*this, parameters, "ramp_dph_per_h");
     for (size_t i = 0; i < run->rate_dph.size(); ++i)
       run->rate_dph[i] += ramp * (run->t_s[i] - run->t_s[0]) / 3600.0;
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kColumns; }
+  bool needs_temperature() const override { return false; }
+  std::vector<Column> columns(const RunInput& run, const Theta&) const override {
+    Column hours = run.t_s;
+    for (double& t : hours) t /= 3600.0;
+    return {hours};
+  }
+  Json report(const Theta& /*shape*/, const std::vector<double>& coefficients) const override {
+    return {{"ramp_dph_per_h", coefficients[0]}};
   }
 };
 

@@ -3,12 +3,13 @@
 // Source: rate random walk of IEEE Std 952-1997, annex C (K there per sqrt(h): 60 times this one).
 #include <cmath>
 
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class RateRandomWalk : public Effect {
+class RateRandomWalk : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "rate_random_walk"; }
   std::string description() const override {
@@ -27,6 +28,22 @@ public:
       walk += k * std::sqrt(run->t_s[i] - run->t_s[i - 1]) * rng->normal();
       run->rate_dph[i] += walk;
     }
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kNoise; }
+  bool needs_temperature() const override { return false; }
+  bool is_slow_noise() const override { return true; }
+  std::vector<Theta> starts(const NoiseModel& base) const override { return {{0.01 * base.white_sigma_dph}}; }
+  Theta theta_lo() const override { return {1e-5}; }
+  Theta theta_hi() const override { return {1e4}; }
+  NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
+    NoiseModel out = base;
+    out.walk_dph_per_rt_s = theta[0];
+    return out;
+  }
+  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
+    return {{"k_dph_per_rt_s", theta[0]}};
   }
 };
 

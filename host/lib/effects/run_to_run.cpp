@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 // The thermal coefficients are not quite the same in every run (day-to-day repeatability): each run adds
 // s1 x + s2 (x^2 - 1/3)/2 with s1, s2 ~ N(0, sigma^2), x the normalised temperature.
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class RunToRun : public Effect {
+class RunToRun : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "run_to_run"; }
   std::string description() const override {
@@ -26,6 +27,18 @@ public:
       const double x = run->bias.normalised(run->gyro_temp_degc[i]);
       run->rate_dph[i] += linear * x + quadratic * (x * x - 1.0 / 3.0) / 2.0;
     }
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kRunRandom; }
+  size_t n_columns() const override { return 2; }
+  std::vector<Column> columns(const RunInput& run, const Theta&) const override {
+    Column linear = run.tn, quadratic = run.tn;
+    for (double& x : quadratic) x = (x * x - 1.0 / 3.0) / 2.0;
+    return {linear, quadratic};
+  }
+  Json report(const Theta& shape, const std::vector<double>& /*coefficients*/) const override {
+    return {{"sigma_dph", shape[0]}};
   }
 };
 

@@ -5,12 +5,13 @@
 #include <cmath>
 
 #include "base/units.h"
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class Sinusoid : public Effect {
+class Sinusoid : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "sinusoid"; }
   std::string description() const override {
@@ -29,6 +30,13 @@ public:
     const double phase = rng ? 2 * kPi * rng->uniform() : 0.0;
     for (size_t i = 0; i < run->rate_dph.size(); ++i)
       run->rate_dph[i] += amplitude * std::sin(2 * kPi * frequency * run->t_s[i] + phase);
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kTone; }
+  bool needs_temperature() const override { return false; }
+  Json report(const Theta& shape, const std::vector<double>& coefficients) const override {
+    return {{"amplitude_dph", coefficients[0]}, {"frequency_hz", shape[0]}};
   }
 };
 

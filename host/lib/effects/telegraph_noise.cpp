@@ -4,12 +4,13 @@
 // 1954).
 #include <cmath>
 
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class TelegraphNoise : public Effect {
+class TelegraphNoise : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "telegraph_noise"; }
   std::string description() const override {
@@ -31,6 +32,28 @@ public:
       if (rng->uniform() < -0.5 * std::expm1(-dt / tau)) level = -level;
       run->rate_dph[i] += level;
     }
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kNoise; }
+  bool needs_temperature() const override { return false; }
+  bool is_slow_noise() const override { return true; }
+  // The second-order twin of a Markov process of the same sigma and tau: started where that one starts.
+  std::vector<Theta> starts(const NoiseModel& base) const override {
+    return {{0.3 * base.white_sigma_dph, 15},
+            {0.3 * base.white_sigma_dph, 120},
+            {0.2 * base.white_sigma_dph, 700}};
+  }
+  Theta theta_lo() const override { return {1e-3, 2}; }
+  Theta theta_hi() const override { return {1e6, 2e4}; }
+  NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
+    NoiseModel out = base;
+    out.telegraph_dph = theta[0];
+    out.telegraph_tau_s = theta[1];
+    return out;
+  }
+  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
+    return {{"amplitude_dph", theta[0]}, {"tau_s", theta[1]}};
   }
 };
 

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Bias proportional to the rate of temperature change: rate += k dT/dt.  Source: thermal gradients over the
 // sensor (Shupe 1980 for fibre gyros; the usual T-dot term of MEMS thermal models).
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class TemperatureRate : public Effect {
+class TemperatureRate : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "temperature_rate"; }
   std::string description() const override {
@@ -26,6 +27,15 @@ public:
       const double minutes = (run->t_s[after] - run->t_s[before]) / 60.0;
       run->rate_dph[i] += k * (temp[after] - temp[before]) / minutes;
     }
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kColumns; }
+  std::vector<Column> columns(const RunInput& run, const Theta&) const override {
+    return {run.rate_degc_min};
+  }
+  Json report(const Theta& /*shape*/, const std::vector<double>& coefficients) const override {
+    return {{"k_dph_per_degc_min", coefficients[0]}};
   }
 };
 

@@ -2,12 +2,13 @@
 // The thermometer has coarse steps: the log shows lsb round(T / lsb) while the gyro feels T.
 #include <cmath>
 
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class TemperatureSensorQuantization : public Effect {
+class TemperatureSensorQuantization : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "temperature_sensor_quantization"; }
   std::string description() const override {
@@ -21,6 +22,14 @@ public:
     if (stage != SimStage::kTemperature) return;
     const double lsb = effect_number(*this, parameters, "lsb_degc");
     for (double& temp : run->thermometer_degc) temp = lsb * std::round(temp / lsb);
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kTemperature; }
+  // The shape is the step itself: measured from the logged temperatures, not fitted.
+  Column temperature(const RunInput& run, const Theta&) const override { return run.smooth_degc; }
+  Json report(const Theta& shape, const std::vector<double>& /*coefficients*/) const override {
+    return {{"lsb_degc", shape.empty() ? 0.0 : shape[0]}};
   }
 };
 

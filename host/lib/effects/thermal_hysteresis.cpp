@@ -6,12 +6,26 @@
 // lower half of its temperatures has come down to them (P = T + r), else P = T - r.
 #include <algorithm>
 
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class ThermalHysteresis : public Effect {
+// (P[T] - T)/r of the play operator, row by row.
+Column play_column(const std::vector<double>& temp, double width) {
+  Column column(temp.size());
+  if (temp.empty()) return column;
+  const auto [lo, hi] = std::minmax_element(temp.begin(), temp.end());
+  double play = temp[0] < 0.5 * (*lo + *hi) ? temp[0] + width : temp[0] - width;
+  for (size_t i = 0; i < temp.size(); ++i) {
+    play = std::clamp(play, temp[i] - width, temp[i] + width);
+    column[i] = (play - temp[i]) / width;
+  }
+  return column;
+}
+
+class ThermalHysteresis : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "thermal_hysteresis"; }
   std::string description() const override {
@@ -29,14 +43,25 @@ public:
     if (stage != SimStage::kBias) return;
     const double amplitude = effect_number(*this, parameters, "amplitude_dph");
     const double width = effect_number(*this, parameters, "width_degc");
-    const std::vector<double>& temp = run->case_temp();
-    if (temp.empty()) return;
-    const auto [lo, hi] = std::minmax_element(temp.begin(), temp.end());
-    double play = temp[0] < 0.5 * (*lo + *hi) ? temp[0] + width : temp[0] - width;
-    for (size_t i = 0; i < temp.size(); ++i) {
-      play = std::clamp(play, temp[i] - width, temp[i] + width);
-      run->rate_dph[i] += amplitude * (play - temp[i]) / width;
-    }
+    const Column column = play_column(run->case_temp(), width);
+    for (size_t i = 0; i < column.size(); ++i) run->rate_dph[i] += amplitude * column[i];
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kColumns; }
+  std::vector<Theta> grid(double lo, double hi) const override {
+    std::vector<Theta> widths;
+    for (double r : {1.0, 2.0, 3.5, 5.5, 8.0, 11.0, 15.0, 20.0, 26.0})
+      if (widths.empty() || r < 0.6 * (hi - lo)) widths.push_back({r});
+    return widths;
+  }
+  Theta shape_lo() const override { return {0.4}; }
+  Theta shape_hi() const override { return {60}; }
+  std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
+    return {play_column(run.smooth_degc, shape[0])};
+  }
+  Json report(const Theta& shape, const std::vector<double>& coefficients) const override {
+    return {{"amplitude_dph", coefficients[0]}, {"width_degc", shape[0]}};
   }
 };
 

@@ -3,12 +3,13 @@
 // (self-heating of die and board).
 #include <cmath>
 
+#include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
 
-class WarmUp : public Effect {
+class WarmUp : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "warm_up"; }
   std::string description() const override {
@@ -25,6 +26,21 @@ public:
     const double tau = effect_number(*this, parameters, "tau_s");
     for (size_t i = 0; i < run->rate_dph.size(); ++i)
       run->rate_dph[i] += amplitude * std::exp(-(run->t_s[i] - run->t_s[0]) / tau);
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kColumns; }
+  bool needs_temperature() const override { return false; }
+  std::vector<Theta> grid(double, double) const override { return {{40}, {80}, {160}, {320}, {640}, {1280}}; }
+  Theta shape_lo() const override { return {20}; }
+  Theta shape_hi() const override { return {2500}; }
+  std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
+    Column column(run.size());
+    for (size_t i = 0; i < column.size(); ++i) column[i] = std::exp(-run.t_s[i] / shape[0]);
+    return {column};
+  }
+  Json report(const Theta& shape, const std::vector<double>& coefficients) const override {
+    return {{"amplitude_dph", coefficients[0]}, {"tau_s", shape[0]}};
   }
 };
 
