@@ -9,15 +9,16 @@
 namespace imucal {
 namespace {
 
-constexpr double kSmoothing_s = 40.0;       // standard deviation of the Gaussian
-constexpr double kCoarseFraction = 0.02;    // fewer distinct temperatures than this part of the rows: coarse steps
+constexpr double kSmoothing_s = 40.0; // standard deviation of the Gaussian
+constexpr double kCoarseFraction =
+    0.02; // fewer distinct temperatures than this part of the rows: coarse steps
 constexpr size_t kFewestSeconds = 60;
 
 // Missing temperatures are interpolated in time; beyond the ends the nearest one holds.
 std::vector<double> filled(const std::vector<double>& t_s, const std::vector<double>& temp) {
   std::vector<double> out = temp;
   const size_t n = temp.size();
-  size_t last = n;  // last finite row
+  size_t last = n; // last finite row
   for (size_t i = 0; i < n; ++i) {
     if (!std::isfinite(temp[i])) continue;
     if (last == n) {
@@ -46,12 +47,13 @@ double coarse_step(const std::vector<std::vector<double>>& runs) {
     ++distinct;
     step = std::min(step, gap);
   }
-  if (distinct < 3 || static_cast<double>(distinct) > kCoarseFraction * static_cast<double>(all.size())) return 0;
+  if (distinct < 3 || static_cast<double>(distinct) > kCoarseFraction * static_cast<double>(all.size()))
+    return 0;
   return step;
 }
 
-// Coarse temperatures: straight lines through the midpoints of the transitions; plateaus between two transitions in
-// opposite directions are held.
+// Coarse temperatures: straight lines through the midpoints of the transitions; plateaus between two
+// transitions in opposite directions are held.
 std::vector<double> dequantised(const std::vector<double>& t_s, const std::vector<double>& temp) {
   const size_t n = temp.size();
   std::vector<double> knot_t{t_s[0]}, knot_v{temp[0]};
@@ -87,8 +89,8 @@ std::vector<double> dequantised(const std::vector<double>& t_s, const std::vecto
   return out;
 }
 
-// Gaussian smoothing in time, weights renormalised at the ends: three boxes of equal length have a standard deviation
-// of half their length, so three passes of a running mean do.
+// Gaussian smoothing in time, weights renormalised at the ends: three boxes of equal length have a standard
+// deviation of half their length, so three passes of a running mean do.
 std::vector<double> smoothed(std::vector<double> x, size_t half) {
   const size_t n = x.size();
   if (n < 3 || half == 0) return x;
@@ -138,7 +140,7 @@ void find_used(CampaignRun* run) {
   }
 }
 
-}  // namespace
+} // namespace
 
 size_t Campaign::n() const {
   size_t sum = 0;
@@ -170,8 +172,9 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
     const Log& log = logs[r];
     const LogAxis& column = log.axis(axis);
     if (!column.is_gyro)
-      throw data_error(log.path + ": axis " + axis + " is an accelerometer; the model's units are dph: choose a gyro "
-                                                     "axis with --axis");
+      throw data_error(log.path + ": axis " + axis +
+                       " is an accelerometer; the model's units are dph: choose a gyro "
+                       "axis with --axis");
     CampaignRun run;
     RunInput& in = run.input;
     in.log = r;
@@ -188,7 +191,8 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
     in.rate_dph = column.rate_dph;
     for (size_t i = 0; i < column.flags.size(); ++i)
       if (column.flags[i] & (kSaturated | kSensorFault)) in.rate_dph[i] = std::nan("");
-    in.temp_degc = campaign.has_temperature ? filled(in.t_s, log.temp_degc) : std::vector<double>(in.size(), 0.0);
+    in.temp_degc =
+        campaign.has_temperature ? filled(in.t_s, log.temp_degc) : std::vector<double>(in.size(), 0.0);
     temperatures.push_back(in.temp_degc);
     campaign.runs.push_back(run);
   }
@@ -217,4 +221,4 @@ void mask(Campaign* campaign, const std::vector<std::vector<char>>& unusable) {
   }
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -49,51 +49,53 @@ TermColumns term_columns(const Campaign& campaign, const Term& term) {
   TermColumns out;
   const int n_runs = static_cast<int>(campaign.runs.size());
   switch (term.form()) {
-    case Form::kColumns:
-      out.n = static_cast<int>(term.estimator->n_columns());
-      out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
-        const auto columns = term.estimator->columns(campaign.runs[r].input, term.shape);
-        for (size_t c = 0; c < columns.size(); ++c) x->col(first + static_cast<int>(c)) = gather(campaign.runs[r], columns[c]);
-      };
-      break;
-    case Form::kRunRandom:
-      out.n = n_runs * static_cast<int>(term.estimator->n_columns());
-      out.precision = 1.0 / (term.shape[0] * term.shape[0]);
-      out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
-        const auto columns = term.estimator->columns(campaign.runs[r].input, term.shape);
-        for (size_t c = 0; c < columns.size(); ++c)
-          x->col(first + static_cast<int>(r * columns.size() + c)) = gather(campaign.runs[r], columns[c]);
-      };
-      break;
-    case Form::kTone:
-      out.n = 2 * n_runs;
-      out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
-        const CampaignRun& run = campaign.runs[r];
-        for (size_t k = 0; k < run.n(); ++k) {
-          const double angle = 2 * kPi * term.shape[0] * run.input.t_s[static_cast<size_t>(run.used[k])];
-          (*x)(static_cast<long>(k), first + 2 * static_cast<int>(r)) = std::cos(angle);
-          (*x)(static_cast<long>(k), first + 2 * static_cast<int>(r) + 1) = std::sin(angle);
-        }
-      };
-      break;
-    case Form::kSteps:
-      out.n = static_cast<int>(term.shape.size() / 2);
-      out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
-        const CampaignRun& run = campaign.runs[r];
-        for (size_t s = 0; s < term.shape.size() / 2; ++s) {
-          if (term.shape[2 * s] != static_cast<double>(r)) continue;
-          for (size_t k = 0; k < run.n(); ++k)
-            (*x)(static_cast<long>(k), first + static_cast<int>(s)) =
-                run.input.t_s[static_cast<size_t>(run.used[k])] >= term.shape[2 * s + 1] ? 1.0 : 0.0;
-        }
-      };
-      break;
-    default: break;
+  case Form::kColumns:
+    out.n = static_cast<int>(term.estimator->n_columns());
+    out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
+      const auto columns = term.estimator->columns(campaign.runs[r].input, term.shape);
+      for (size_t c = 0; c < columns.size(); ++c)
+        x->col(first + static_cast<int>(c)) = gather(campaign.runs[r], columns[c]);
+    };
+    break;
+  case Form::kRunRandom:
+    out.n = n_runs * static_cast<int>(term.estimator->n_columns());
+    out.precision = 1.0 / (term.shape[0] * term.shape[0]);
+    out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
+      const auto columns = term.estimator->columns(campaign.runs[r].input, term.shape);
+      for (size_t c = 0; c < columns.size(); ++c)
+        x->col(first + static_cast<int>(r * columns.size() + c)) = gather(campaign.runs[r], columns[c]);
+    };
+    break;
+  case Form::kTone:
+    out.n = 2 * n_runs;
+    out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
+      const CampaignRun& run = campaign.runs[r];
+      for (size_t k = 0; k < run.n(); ++k) {
+        const double angle = 2 * kPi * term.shape[0] * run.input.t_s[static_cast<size_t>(run.used[k])];
+        (*x)(static_cast<long>(k), first + 2 * static_cast<int>(r)) = std::cos(angle);
+        (*x)(static_cast<long>(k), first + 2 * static_cast<int>(r) + 1) = std::sin(angle);
+      }
+    };
+    break;
+  case Form::kSteps:
+    out.n = static_cast<int>(term.shape.size() / 2);
+    out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
+      const CampaignRun& run = campaign.runs[r];
+      for (size_t s = 0; s < term.shape.size() / 2; ++s) {
+        if (term.shape[2 * s] != static_cast<double>(r)) continue;
+        for (size_t k = 0; k < run.n(); ++k)
+          (*x)(static_cast<long>(k), first + static_cast<int>(s)) =
+              run.input.t_s[static_cast<size_t>(run.used[k])] >= term.shape[2 * s + 1] ? 1.0 : 0.0;
+      }
+    };
+    break;
+  default:
+    break;
   }
   return out;
 }
 
-}  // namespace
+} // namespace
 
 Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
   Design design;
@@ -143,10 +145,11 @@ std::vector<VectorXd> rates(const Campaign& campaign) {
 
 namespace {
 
-// Least squares by QR, run after run: the triangle of what came before is stacked on the rows of the next run.
+// Least squares by QR, run after run: the triangle of what came before is stacked on the rows of the next
+// run.
 struct Triangle {
-  MatrixXd r;      // upper triangle of [X y]
-  VectorXd scale;  // of the columns of X
+  MatrixXd r;     // upper triangle of [X y]
+  VectorXd scale; // of the columns of X
 };
 
 Triangle triangle(const std::vector<MatrixXd>& xy, const VectorXd& prior_precision) {
@@ -217,7 +220,8 @@ std::vector<MatrixXd> with_rates(const Design& design, const std::vector<VectorX
 
 NoiseModel without_mixture(NoiseModel noise) {
   noise.hit_probability = noise.hit_sigma_dph = 0;
-  if (noise.telegraph_dph > 0) noise.markov.push_back({noise.telegraph_dph, noise.telegraph_tau_s});  // same spectrum
+  if (noise.telegraph_dph > 0)
+    noise.markov.push_back({noise.telegraph_dph, noise.telegraph_tau_s}); // same spectrum
   noise.telegraph_dph = 0;
   return noise;
 }
@@ -237,12 +241,12 @@ std::vector<VectorXd> hit_variance(const Campaign& campaign, const NoiseModel& n
 
 struct GlsPass {
   Solution solution;
-  std::vector<MatrixXd> white;  // whitened [X y]
+  std::vector<MatrixXd> white; // whitened [X y]
   double sum_log_s = 0;
 };
 
-GlsPass gls(const Campaign& campaign, const std::vector<MatrixXd>& xy, const VectorXd& prior, const NoiseModel& noise,
-            const std::vector<VectorXd>& extra) {
+GlsPass gls(const Campaign& campaign, const std::vector<MatrixXd>& xy, const VectorXd& prior,
+            const NoiseModel& noise, const std::vector<VectorXd>& extra) {
   GlsPass pass;
   for (size_t r = 0; r < xy.size(); ++r) {
     const RunGains gains = compute_gains(campaign.runs[r], noise, extra.empty() ? nullptr : &extra[r]);
@@ -260,7 +264,7 @@ std::vector<VectorXd> residuals(const std::vector<MatrixXd>& xy, const VectorXd&
   return out;
 }
 
-}  // namespace
+} // namespace
 
 Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis) {
   const NoiseModel noise = hypothesis.noise(), gaussian = without_mixture(noise);
@@ -299,16 +303,20 @@ NoiseObjective::NoiseObjective(const Campaign& campaign, const Hypothesis& hypot
   const Triangle t = triangle(xy_, prior_);
   const Solution s = solve(t);
   const long p = static_cast<long>(design.cols());
-  // Remove the least-squares mean and make the columns orthonormal: the Gram matrices below are then well conditioned.
+  // Remove the least-squares mean and make the columns orthonormal: the Gram matrices below are then well
+  // conditioned.
   for (MatrixXd& m : xy_) m.rightCols(1) -= m.leftCols(p) * s.beta;
   if (has_prior) return;
   const MatrixXd r = t.r.topLeftCorner(p, p);
   Eigen::ColPivHouseholderQR<MatrixXd> qr(r);
   qr.setThreshold(1e-9);
   const long rank = qr.rank();
-  const MatrixXd inverse =
-      qr.matrixQR().topLeftCorner(rank, rank).triangularView<Eigen::Upper>().solve(MatrixXd::Identity(rank, rank));
-  const MatrixXd transform = t.scale.asDiagonal() * (qr.colsPermutation() * MatrixXd::Identity(p, p)).leftCols(rank) * inverse;
+  const MatrixXd inverse = qr.matrixQR()
+                               .topLeftCorner(rank, rank)
+                               .triangularView<Eigen::Upper>()
+                               .solve(MatrixXd::Identity(rank, rank));
+  const MatrixXd transform =
+      t.scale.asDiagonal() * (qr.colsPermutation() * MatrixXd::Identity(p, p)).leftCols(rank) * inverse;
   for (MatrixXd& m : xy_) {
     MatrixXd next(m.rows(), rank + 1);
     next.leftCols(rank) = m.leftCols(p) * transform;
@@ -347,7 +355,8 @@ double NoiseObjective::mixture(const NoiseModel& noise) const {
   const GlsPass pass = gls(campaign_, xy_, prior_, gaussian, hit_variance(campaign_, noise, residual));
   residual = residuals(xy_, pass.solution.beta.head(p));
   double sum = -pass.solution.log_det;
-  for (size_t r = 0; r < xy_.size(); ++r) sum += mixture_log_likelihood(campaign_.runs[r], noise, residual[r]);
+  for (size_t r = 0; r < xy_.size(); ++r)
+    sum += mixture_log_likelihood(campaign_.runs[r], noise, residual[r]);
   return std::isfinite(sum) ? sum : -1e300;
 }
 
@@ -384,7 +393,8 @@ double maximise(const std::function<double(const Theta&)>& f, Theta* theta, cons
     std::sort(simplex.begin(), simplex.end(), better);
     if (simplex.front().v - simplex.back().v < options.tolerance) {
       double size = 0;
-      for (size_t i = 0; i < n; ++i) size = std::max(size, std::fabs(simplex.front().x[i] - simplex.back().x[i]));
+      for (size_t i = 0; i < n; ++i)
+        size = std::max(size, std::fabs(simplex.front().x[i] - simplex.back().x[i]));
       if (size < 0.1 * options.step) break;
     }
     Theta centre(n, 0.0);
@@ -438,4 +448,4 @@ NoiseFit fit_noise(const NoiseObjective& objective, const EffectEstimator& estim
   return best;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -16,12 +16,12 @@
 namespace imucal {
 namespace {
 
-constexpr size_t kWide = 8;         // columns filtered side by side
-constexpr double kSettled = 1e-10;  // relative change of the gains below which they are taken as constant
+constexpr size_t kWide = 8;        // columns filtered side by side
+constexpr double kSettled = 1e-10; // relative change of the gains below which they are taken as constant
 
 // Parameters of all states at one used sample of a run.
 class States {
- public:
+public:
   States(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd* extra_dph2 = nullptr)
       : run_(run), noise_(noise), extra_dph2_(extra_dph2) {
     n_ = noise.markov.size() + (noise.walk_dph_per_rt_s > 0 ? 1 : 0);
@@ -56,7 +56,7 @@ class States {
     }
   }
 
- private:
+private:
   const CampaignRun& run_;
   const NoiseModel& noise_;
   const Eigen::VectorXd* extra_dph2_;
@@ -78,8 +78,8 @@ IMUCAL_WIDE void filter_one_state(const double* phi, const double* gain, const d
   }
 }
 
-IMUCAL_WIDE void filter_states(size_t n_states, const double* phi, const double* gain, const double* inv_sqrt_s,
-                               size_t n, double* x, double* m) {
+IMUCAL_WIDE void filter_states(size_t n_states, const double* phi, const double* gain,
+                               const double* inv_sqrt_s, size_t n, double* x, double* m) {
   for (size_t i = 0; i < n_states * kWide; ++i) m[i] = 0;
   for (size_t k = 0; k < n; ++k) {
     const double* a = phi + k * n_states;
@@ -98,8 +98,9 @@ IMUCAL_WIDE void filter_states(size_t n_states, const double* phi, const double*
 
 // One Kalman step of the covariance at sample k: fills gain and inv_sqrt_s, updates and predicts `p`.
 class CovarianceFilter {
- public:
-  CovarianceFilter(const States& states) : s_(states), n_(states.size()), p_(n_ * n_, 0.0), ph_(n_), phi_(n_), q_(n_) {
+public:
+  CovarianceFilter(const States& states)
+      : s_(states), n_(states.size()), p_(n_ * n_, 0.0), ph_(n_), phi_(n_), q_(n_) {
     for (size_t i = 0; i < n_; ++i) p_[i * n_ + i] = s_.start_dph2(i);
   }
   double update(size_t k, double* gain) {
@@ -123,13 +124,13 @@ class CovarianceFilter {
     }
   }
 
- private:
+private:
   const States& s_;
   size_t n_;
   std::vector<double> p_, ph_, phi_, q_;
 };
 
-}  // namespace
+} // namespace
 
 RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd* extra_dph2) {
   const States states(run, noise, extra_dph2);
@@ -140,7 +141,7 @@ RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Ei
   out.gain.assign(n * m, 0.0);
   out.phi.assign(n * m, 0.0);
   CovarianceFilter filter(states);
-  double log_s = 0, product = 1;  // logarithms of products: fewer of them
+  double log_s = 0, product = 1; // logarithms of products: fewer of them
   bool is_settled = false;
   for (size_t k = 0; k < n; ++k) {
     const bool next_is_second = k + 1 < n && run.steps[k + 1] == 1;
@@ -150,7 +151,7 @@ RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Ei
         out.gain[k * m + i] = out.gain[(k - 1) * m + i];
         out.phi[k * m + i] = out.phi[(k - 1) * m + i];
       }
-      if (k + 1 < n && !next_is_second) {  // a gap: the covariance moves again
+      if (k + 1 < n && !next_is_second) { // a gap: the covariance moves again
         double* gain = &out.gain[k * m];
         filter.update(k, gain);
         filter.predict(k, &out.phi[k * m], false);
@@ -191,8 +192,8 @@ void whiten(const RunGains& gains, Eigen::MatrixXd* columns) {
     if (gains.n_states == 1)
       filter_one_state(gains.phi.data(), gains.gain.data(), gains.inv_sqrt_s.data(), n, block.data());
     else
-      filter_states(gains.n_states, gains.phi.data(), gains.gain.data(), gains.inv_sqrt_s.data(), n, block.data(),
-                    m.data());
+      filter_states(gains.n_states, gains.phi.data(), gains.gain.data(), gains.inv_sqrt_s.data(), n,
+                    block.data(), m.data());
     for (size_t c = 0; c < width; ++c) {
       double* out = columns->data() + (first + c) * n;
       for (size_t k = 0; k < n; ++k) out[k] = block[k * kWide + c];
@@ -225,11 +226,13 @@ void colour(const RunGains& gains, double* column, size_t n) {
 
 namespace {
 
-double normal_cdf(double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); }
+double normal_cdf(double z) {
+  return 0.5 * std::erfc(-z / std::sqrt(2.0));
+}
 
 // Inverse of the standard normal distribution function (Acklam's rational approximation, 1.2e-9).
 double normal_quantile(double p) {
-  static const double a[] = {-3.969683028665376e+01, 2.209460984245205e+02, -2.759285104469687e+02,
+  static const double a[] = {-3.969683028665376e+01, 2.209460984245205e+02,  -2.759285104469687e+02,
                              1.383577518672690e+02,  -3.066479806614716e+01, 2.506628277459239e+00};
   static const double b[] = {-5.447609879822406e+01, 1.615858368580409e+02, -1.556989798598866e+02,
                              6.680131188771972e+01, -1.328068155288572e+01};
@@ -249,10 +252,12 @@ double normal_quantile(double p) {
          (((((b[0] * r + b[1]) * r + b[2]) * r + b[3]) * r + b[4]) * r + 1);
 }
 
-// Outliers: each sample is normal or a hit; the state's density is collapsed to one Gaussian after each sample.
+// Outliers: each sample is normal or a hit; the state's density is collapsed to one Gaussian after each
+// sample.
 class HitFilter {
- public:
-  HitFilter(const CampaignRun& run, const NoiseModel& noise) : states_(run, noise), noise_(noise), n_(states_.size()) {}
+public:
+  HitFilter(const CampaignRun& run, const NoiseModel& noise)
+      : states_(run, noise), noise_(noise), n_(states_.size()) {}
 
   double go(const Eigen::VectorXd& y, size_t n, Eigen::VectorXd* scores, Eigen::VectorXd* hit) {
     std::vector<double> mean(n_, 0.0), p(n_ * n_, 0.0), ph(n_), phi(n_), q(n_);
@@ -270,13 +275,14 @@ class HitFilter {
       const double s1 = s0 + extra;
       // Densities up to 1/sqrt(2 pi), relative to the larger exponent.
       const double e0 = -0.5 * nu * nu / s0, e1 = -0.5 * nu * nu / s1, top = std::max(e0, e1);
-      const double d0 = (1 - prob) * std::exp(e0 - top) / std::sqrt(s0), d1 = prob * std::exp(e1 - top) / std::sqrt(s1);
+      const double d0 = (1 - prob) * std::exp(e0 - top) / std::sqrt(s0),
+                   d1 = prob * std::exp(e1 - top) / std::sqrt(s1);
       log_likelihood += top + std::log(d0 + d1);
       const double w = d1 / (d0 + d1);
       if (hit) (*hit)[static_cast<long>(k)] = w;
       if (scores)
-        (*scores)[static_cast<long>(k)] =
-            normal_quantile((1 - prob) * normal_cdf(nu / std::sqrt(s0)) + prob * normal_cdf(nu / std::sqrt(s1)));
+        (*scores)[static_cast<long>(k)] = normal_quantile((1 - prob) * normal_cdf(nu / std::sqrt(s0)) +
+                                                          prob * normal_cdf(nu / std::sqrt(s1)));
       const double g = (1 - w) * nu / s0 + w * nu / s1;
       const double spread = w * (1 - w) * nu * nu * (1 / s0 - 1 / s1) * (1 / s0 - 1 / s1);
       const double c = (1 - w) / s0 + w / s1 - spread;
@@ -294,7 +300,7 @@ class HitFilter {
     return log_likelihood;
   }
 
- private:
+private:
   States states_;
   const NoiseModel& noise_;
   size_t n_;
@@ -302,12 +308,13 @@ class HitFilter {
 
 // Telegraph noise: two modes (+a, -a), each with a Kalman filter of its own, mixed before every prediction.
 class TelegraphFilter {
- public:
+public:
   TelegraphFilter(const CampaignRun& run, const NoiseModel& noise)
       : run_(run), states_(run, noise), noise_(noise), n_(states_.size()) {}
 
   double go(const Eigen::VectorXd& y, size_t n, Eigen::VectorXd* scores) {
-    // The two modes share the covariance up to the spread of the means: kept apart for exactness of the mixture.
+    // The two modes share the covariance up to the spread of the means: kept apart for exactness of the
+    // mixture.
     std::vector<double> mean[2], p[2], ph(n_), phi(n_), q(n_);
     for (int j = 0; j < 2; ++j) {
       mean[j].assign(n_, 0.0);
@@ -333,8 +340,8 @@ class TelegraphFilter {
       for (int j = 0; j < 2; ++j) d[j] = prob[j] * std::exp(e[j] - top) / std::sqrt(s[j]), sum += d[j];
       log_likelihood += top + std::log(sum);
       if (scores)
-        (*scores)[static_cast<long>(k)] =
-            normal_quantile(prob[0] * normal_cdf(nu[0] / std::sqrt(s[0])) + prob[1] * normal_cdf(nu[1] / std::sqrt(s[1])));
+        (*scores)[static_cast<long>(k)] = normal_quantile(prob[0] * normal_cdf(nu[0] / std::sqrt(s[0])) +
+                                                          prob[1] * normal_cdf(nu[1] / std::sqrt(s[1])));
       for (int j = 0; j < 2; ++j) {
         for (size_t i = 0; i < n_; ++i) {
           ph[i] = 0;
@@ -359,7 +366,7 @@ class TelegraphFilter {
     return log_likelihood;
   }
 
- private:
+private:
   void mix(double switching, double* prob, std::vector<double>* mean, std::vector<double>* p) {
     const double next[2] = {(1 - switching) * prob[0] + switching * prob[1],
                             switching * prob[0] + (1 - switching) * prob[1]};
@@ -372,9 +379,9 @@ class TelegraphFilter {
         mixed_mean[j][i] = (1 - from_other) * mean[j][i] + from_other * mean[1 - j][i];
       for (size_t i = 0; i < n_; ++i)
         for (size_t c = 0; c < n_; ++c)
-          mixed_p[j][i * n_ + c] = (1 - from_other) * p[j][i * n_ + c] + from_other * p[1 - j][i * n_ + c] +
-                                   from_other * (1 - from_other) * (mean[j][i] - mean[1 - j][i]) *
-                                       (mean[j][c] - mean[1 - j][c]);
+          mixed_p[j][i * n_ + c] =
+              (1 - from_other) * p[j][i * n_ + c] + from_other * p[1 - j][i * n_ + c] +
+              from_other * (1 - from_other) * (mean[j][i] - mean[1 - j][i]) * (mean[j][c] - mean[1 - j][c]);
     }
     for (int j = 0; j < 2; ++j) {
       prob[j] = next[j];
@@ -390,10 +397,11 @@ class TelegraphFilter {
   std::vector<double> mixed_mean_[2], mixed_p_[2];
 };
 
-}  // namespace
+} // namespace
 
-double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual,
-                              Eigen::VectorXd* scores, Eigen::VectorXd* hit) {
+double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise,
+                              const Eigen::VectorXd& residual, Eigen::VectorXd* scores,
+                              Eigen::VectorXd* hit) {
   const size_t n = run.n();
   if (scores) scores->resize(static_cast<long>(n));
   if (hit) hit->setZero(static_cast<long>(n));
@@ -401,4 +409,4 @@ double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, c
   return TelegraphFilter(run, noise).go(residual, n, scores);
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -25,7 +25,7 @@ constexpr int kScoreVersion = 1;
 constexpr double kSmallestThreshold = 0.8;
 
 class Hash {
- public:
+public:
   void add(const void* data, size_t n) {
     const unsigned char* p = static_cast<const unsigned char*>(data);
     for (size_t i = 0; i < n; ++i) {
@@ -43,19 +43,20 @@ class Hash {
     return out;
   }
 
- private:
+private:
   uint64_t a_ = 0xcbf29ce484222325ull, b_ = 0x84222325cbf29ce4ull;
 };
 
-std::string cache_key(const Campaign& campaign, const Hypothesis& nominal, const std::vector<const Effect*>& library,
-                      const CalibrationOptions& options) {
+std::string cache_key(const Campaign& campaign, const Hypothesis& nominal,
+                      const std::vector<const Effect*>& library, const CalibrationOptions& options) {
   Hash hash;
   hash.add(std::string(IMUCAL_VERSION));
   hash.add(kScoreVersion);
   for (const Effect* effect : library) hash.add(effect->name());
   hash.add(static_cast<double>(options.nulls));
   hash.add(static_cast<double>(options.seed));
-  hash.add(campaign.dt_s), hash.add(campaign.order), hash.add(campaign.t0_degc), hash.add(campaign.range_degc);
+  hash.add(campaign.dt_s), hash.add(campaign.order), hash.add(campaign.t0_degc),
+      hash.add(campaign.range_degc);
   for (double c : campaign.coeff_dph) hash.add(c);
   const NoiseModel noise = nominal.noise();
   hash.add(noise.white_sigma_dph), hash.add(noise.extra_white_dph2);
@@ -68,7 +69,9 @@ std::string cache_key(const Campaign& campaign, const Hypothesis& nominal, const
   return hash.text();
 }
 
-std::string cache_path(const std::string& folder, const std::string& key) { return folder + "/nulls-" + key + ".json"; }
+std::string cache_path(const std::string& folder, const std::string& key) {
+  return folder + "/nulls-" + key + ".json";
+}
 
 void make_folder(const std::string& folder) {
   for (size_t slash = 1; slash <= folder.size(); ++slash)
@@ -108,7 +111,7 @@ bool load(const std::string& path, Calibration* out) {
     out->spectrum.dof = json.at("spectrum_dof").get<std::vector<double>>();
     out->from_cache = true;
     return !out->named.empty();
-  } catch (const std::exception&) {  // a damaged file: calibrate anew and overwrite it
+  } catch (const std::exception&) { // a damaged file: calibrate anew and overwrite it
     *out = Calibration{out->nulls, false, out->key, {}, {}, {}};
     return false;
   }
@@ -124,7 +127,7 @@ void save(const std::string& path, const Calibration& calibration) {
                      {"spectrum_dof", calibration.spectrum.dof}};
   try {
     write_json(path, json);
-  } catch (const Error&) {  // a cache that cannot be written is no reason to fail
+  } catch (const Error&) { // a cache that cannot be written is no reason to fail
   }
 }
 
@@ -156,7 +159,7 @@ double mean_excess(const std::vector<double>& x, double over) {
   return n > 0 ? sum / n : 1.0;
 }
 
-}  // namespace
+} // namespace
 
 std::string default_cache_folder() {
   if (const char* xdg = std::getenv("XDG_CACHE_HOME"); xdg && *xdg) return std::string(xdg) + "/imucal";
@@ -165,10 +168,12 @@ std::string default_cache_folder() {
 }
 
 Calibration calibrate(const Campaign& campaign, const Hypothesis& nominal,
-                      const std::vector<const Effect*>& library, const CalibrationOptions& options) {
+                      const std::vector<const Effect*>& library, const CalibrationOptions& options,
+                      const Calibration* known) {
   Calibration out;
   out.nulls = options.nulls;
   out.key = cache_key(campaign, nominal, library, options);
+  if (known && known->key == out.key) return *known;
   const std::string path = options.cache_folder.empty() ? "" : cache_path(options.cache_folder, out.key);
   if (!path.empty() && load(path, &out)) return out;
 
@@ -180,7 +185,8 @@ Calibration calibrate(const Campaign& campaign, const Hypothesis& nominal,
     for (size_t i = next++; i < options.nulls; i = next++) {
       std::vector<VectorXd> e;
       for (size_t r = 0; r < campaign.runs.size(); ++r) {
-        Rng rng(options.seed, (static_cast<uint64_t>(i) << 16) + r, 0, static_cast<uint32_t>(Stream::kTool) + 7);
+        Rng rng(options.seed, (static_cast<uint64_t>(i) << 16) + r, 0,
+                static_cast<uint32_t>(Stream::kTool) + 7);
         VectorXd er(static_cast<long>(campaign.runs[r].n()));
         for (long k = 0; k < er.size(); ++k) er[k] = rng.normal();
         e.push_back(std::move(er));
@@ -218,17 +224,20 @@ Calibration calibrate(const Campaign& campaign, const Hypothesis& nominal,
   return out;
 }
 
-double Thresholds::p_value(double evidence) const { return std::min(1.0, alpha_axis * std::exp(-evidence)); }
+double Thresholds::p_value(double evidence) const {
+  return std::min(1.0, alpha_axis * std::exp(-evidence));
+}
 
-Thresholds thresholds(const Calibration& calibration, const std::vector<bool>& active, double false_alarm_rate,
-                      size_t n_axes) {
+Thresholds thresholds(const Calibration& calibration, const std::vector<bool>& active,
+                      double false_alarm_rate, size_t n_axes) {
   struct Scale {
     double q90 = 0, scale = 1;
   };
   const auto scale_of = [](const std::vector<double>& gains, bool is_generic) {
     Scale s;
     s.q90 = quantile(gains, 0.9);
-    // Gains of few parameters have the tail of chi2/2: scale 1.  Tests of many degrees of freedom fall off slower.
+    // Gains of few parameters have the tail of chi2/2: scale 1.  Tests of many degrees of freedom fall off
+    // slower.
     s.scale = is_generic ? std::max(1.0, mean_excess(gains, quantile(gains, 0.85))) : 1.0;
     return s;
   };
@@ -238,7 +247,8 @@ Thresholds thresholds(const Calibration& calibration, const std::vector<bool>& a
   std::vector<double> largest(calibration.nulls, -1e300);
   for (size_t i = 0; i < calibration.nulls; ++i) {
     for (size_t j = 0; j < named.size(); ++j)
-      if (active[j]) largest[i] = std::max(largest[i], (calibration.named[j][i] - named[j].q90) / named[j].scale);
+      if (active[j])
+        largest[i] = std::max(largest[i], (calibration.named[j][i] - named[j].q90) / named[j].scale);
     for (size_t g = 0; g < generic.size(); ++g)
       largest[i] = std::max(largest[i], (calibration.generic[g][i] - generic[g].q90) / generic[g].scale);
   }
@@ -248,8 +258,9 @@ Thresholds thresholds(const Calibration& calibration, const std::vector<bool>& a
   const double q80 = quantile(largest, 0.8), excess = std::max(0.8, mean_excess(largest, q80));
   out.level = q80 + excess * std::log(0.2 / std::min(0.2, out.alpha_axis));
   for (const Scale& s : named) out.named.push_back(std::max(kSmallestThreshold, s.q90 + s.scale * out.level));
-  for (const Scale& s : generic) out.generic.push_back(std::max(kSmallestThreshold, s.q90 + s.scale * out.level));
+  for (const Scale& s : generic)
+    out.generic.push_back(std::max(kSmallestThreshold, s.q90 + s.scale * out.level));
   return out;
 }
 
-}  // namespace imucal
+} // namespace imucal

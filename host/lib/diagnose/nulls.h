@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Null calibration: what every candidate and every test scores when the nominal model is true, found by simulating
-// the nominal model on the very profiles (and gaps) of the logs.
+// Null calibration: what every candidate and every test scores when the nominal model is true, found by
+// simulating the nominal model on the very profiles (and gaps) of the logs.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -14,7 +14,7 @@ struct CalibrationOptions {
   size_t nulls = 500;
   uint64_t seed = 1;
   int threads = 1;
-  std::string cache_folder;  // empty: no cache
+  std::string cache_folder; // empty: no cache
   bool quiet = true;
 };
 
@@ -22,13 +22,15 @@ struct CalibrationOptions {
 struct Calibration {
   size_t nulls = 0;
   bool from_cache = false;
-  std::string key;  // hash of profiles, gaps, model, library and version
-  std::vector<std::vector<double>> named, generic;  // [candidate][null]
+  std::string key;                                 // hash of profiles, gaps, model, library and version
+  std::vector<std::vector<double>> named, generic; // [candidate][null]
   SpectrumNull spectrum;
 };
 
+// `known`: a calibration at hand; taken when it has the same key (the axes of a log share their profiles).
 Calibration calibrate(const Campaign& campaign, const Hypothesis& nominal,
-                      const std::vector<const Effect*>& library, const CalibrationOptions& options);
+                      const std::vector<const Effect*>& library, const CalibrationOptions& options,
+                      const Calibration* known = nullptr);
 
 // $XDG_CACHE_HOME/imucal or ~/.cache/imucal; empty when neither is known.
 std::string default_cache_folder();
@@ -36,12 +38,13 @@ std::string default_cache_folder();
 // Thresholds for a false-alarm rate of the whole family (candidates, tests, axes).
 struct Thresholds {
   std::vector<double> named, generic;
-  // Probability that the strongest of all candidates and tests exceeds its threshold by `evidence` under the null.
+  // Probability that the strongest of all candidates and tests exceeds its threshold by `evidence` under the
+  // null.
   double p_value(double evidence) const;
-  double level = 0;       // common offset in units of each candidate's scale
-  double alpha_axis = 0;  // rate per axis
+  double level = 0;      // common offset in units of each candidate's scale
+  double alpha_axis = 0; // rate per axis
 };
-Thresholds thresholds(const Calibration& calibration, const std::vector<bool>& active, double false_alarm_rate,
-                      size_t n_axes);
+Thresholds thresholds(const Calibration& calibration, const std::vector<bool>& active,
+                      double false_alarm_rate, size_t n_axes);
 
-}  // namespace imucal
+} // namespace imucal

@@ -16,12 +16,26 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kBlocks = 2800;           // blocks wanted in all
+constexpr double kBlocks = 2800; // blocks wanted in all
 constexpr double kSlowestTone_hz = 1.0 / 500;
-constexpr int kStepMargin_s = 100;         // a step this close to an end of a run cannot be told from the constant
-constexpr double kAbsorbed = 1e-5;         // energy left after projection below which a column is taken as absorbed
+constexpr int kStepMargin_s = 100; // a step this close to an end of a run cannot be told from the constant
+constexpr double kAbsorbed = 1e-5; // energy left after projection below which a column is taken as absorbed
 
-enum Generic { kTemp, kTempDir, kTime, kTempTime, kByRun, kTransient, kPsd, kVarTemp, kVarRun, kDist, kVol, kAsym, kGenerics };
+enum Generic {
+  kTemp,
+  kTempDir,
+  kTime,
+  kTempTime,
+  kByRun,
+  kTransient,
+  kPsd,
+  kVarTemp,
+  kVarRun,
+  kDist,
+  kVol,
+  kAsym,
+  kGenerics
+};
 
 // Columns that belong to one candidate or test: after construction orthonormal and free of the design.
 struct Group {
@@ -29,30 +43,43 @@ struct Group {
   Theta shape;
 };
 
-double half_energy(const MatrixXd& basis, const VectorXd& e) { return 0.5 * (basis.transpose() * e).squaredNorm(); }
+double half_energy(const MatrixXd& basis, const VectorXd& e) {
+  return 0.5 * (basis.transpose() * e).squaredNorm();
+}
 
-// Orthonormal basis of the columns, those that depend on the others left out.  `energy`: squared norms before the
-// design was projected out.
+// Orthonormal basis of the columns, those that depend on the others left out.  `energy`: squared norms before
+// the design was projected out.
 MatrixXd orthonormal(const MatrixXd& columns, const VectorXd& energy) {
   MatrixXd scaled = columns;
   for (long c = 0; c < scaled.cols(); ++c) scaled.col(c) *= energy[c] > 0 ? 1.0 / std::sqrt(energy[c]) : 0.0;
   Eigen::ColPivHouseholderQR<MatrixXd> qr(scaled);
   long rank = 0;
-  while (rank < std::min(scaled.rows(), scaled.cols()) && std::pow(qr.matrixQR()(rank, rank), 2) > kAbsorbed) ++rank;
+  while (rank < std::min(scaled.rows(), scaled.cols()) && std::pow(qr.matrixQR()(rank, rank), 2) > kAbsorbed)
+    ++rank;
   MatrixXd basis = MatrixXd::Identity(scaled.rows(), rank);
   basis.applyOnTheLeft(qr.householderQ().setLength(std::min(scaled.rows(), scaled.cols())));
   return basis;
 }
 
-double hat(double z) { return std::max(0.0, 1.0 - std::fabs(z)); }
+double hat(double z) {
+  return std::max(0.0, 1.0 - std::fabs(z));
+}
 
-}  // namespace
+} // namespace
 
 const std::vector<std::string>& generic_names() {
-  static const std::vector<std::string> names = {
-      "temperature", "temperature_and_direction", "time_in_log", "temperature_and_time", "within_each_log",
-      "delayed_temperature", "spectrum", "variance_over_temperature", "variance_over_time", "distribution",
-      "bursts", "asymmetry"};
+  static const std::vector<std::string> names = {"temperature",
+                                                 "temperature_and_direction",
+                                                 "time_in_log",
+                                                 "temperature_and_time",
+                                                 "within_each_log",
+                                                 "delayed_temperature",
+                                                 "spectrum",
+                                                 "variance_over_temperature",
+                                                 "variance_over_time",
+                                                 "distribution",
+                                                 "bursts",
+                                                 "asymmetry"};
   return names;
 }
 
@@ -78,30 +105,30 @@ struct Panel::Impl {
   Hypothesis hypothesis;
   std::vector<const Effect*> library;
   bool with_generic;
-  NoiseModel noise;              // Gaussian equivalent of the hypothesis'
+  NoiseModel noise; // Gaussian equivalent of the hypothesis'
   std::vector<RunGains> gains;
   size_t block = 12;
-  std::vector<long> first_block;  // per run, and the end
-  MatrixXd design;                // orthonormal, reduced
-  std::vector<MatrixXd> full;     // orthonormal whitened design at full rate, per run
-  VectorXd null_signal;           // coefficients of the nominal polynomial in `design`
+  std::vector<long> first_block; // per run, and the end
+  MatrixXd design;               // orthonormal, reduced
+  std::vector<MatrixXd> full;    // orthonormal whitened design at full rate, per run
+  VectorXd null_signal;          // coefficients of the nominal polynomial in `design`
 
-  std::vector<std::vector<Group>> groups;       // per library effect: kColumns
-  std::vector<std::vector<Group>> replacing;    // per library effect: kTemperature, whole designs
-  std::vector<MatrixXd> replaced_cross;         // not stored: see gain_replaced
+  std::vector<std::vector<Group>> groups;    // per library effect: kColumns
+  std::vector<std::vector<Group>> replacing; // per library effect: kTemperature, whole designs
+  std::vector<MatrixXd> replaced_cross;      // not stored: see gain_replaced
   struct Random {
-    MatrixXd basis;     // reduced columns of all runs
-    VectorXd values;    // eigenvalues of their Gram matrix
+    MatrixXd basis;  // reduced columns of all runs
+    VectorXd values; // eigenvalues of their Gram matrix
     MatrixXd vectors;
   };
   std::vector<Random> random;
   int random_of = -1;
   struct Steps {
-    VectorXd response;       // reduced whitened step, from its block on
-    std::vector<double> energy;  // per start block, after projection; 0: not allowed
+    VectorXd response;          // reduced whitened step, from its block on
+    std::vector<double> energy; // per start block, after projection; 0: not allowed
   };
   std::vector<Steps> steps;
-  std::vector<MatrixXd> generic;  // bases of the mean tests
+  std::vector<MatrixXd> generic; // bases of the mean tests
   std::vector<SpectrumBins> bins;
   RunGains minus_gains, plus_gains;
   struct Slope {
@@ -156,7 +183,8 @@ struct Panel::Impl {
   void build_design() {
     NoiseModel gaussian = hypothesis.noise();
     gaussian.hit_probability = 0;
-    if (gaussian.telegraph_dph > 0) gaussian.markov.push_back({gaussian.telegraph_dph, gaussian.telegraph_tau_s});
+    if (gaussian.telegraph_dph > 0)
+      gaussian.markov.push_back({gaussian.telegraph_dph, gaussian.telegraph_tau_s});
     gaussian.telegraph_dph = 0;
     noise = gaussian;
     for (const CampaignRun& run : campaign.runs) {
@@ -194,8 +222,10 @@ struct Panel::Impl {
     Eigen::ColPivHouseholderQR<MatrixXd> qr(top);
     qr.setThreshold(1e-8);
     const long rank = qr.rank();
-    const MatrixXd inverse =
-        qr.matrixQR().topLeftCorner(rank, rank).triangularView<Eigen::Upper>().solve(MatrixXd::Identity(rank, rank));
+    const MatrixXd inverse = qr.matrixQR()
+                                 .topLeftCorner(rank, rank)
+                                 .triangularView<Eigen::Upper>()
+                                 .solve(MatrixXd::Identity(rank, rank));
     const MatrixXd transform =
         scale.asDiagonal() * (qr.colsPermutation() * MatrixXd::Identity(p, p)).leftCols(rank) * inverse;
     for (MatrixXd& w : full) w = w * transform;
@@ -235,7 +265,8 @@ struct Panel::Impl {
     std::vector<std::vector<Column>> per_run(campaign.runs.size());
     for (size_t r = 0; r < per_run.size(); ++r)
       for (const Theta& shape : grid)
-        for (Column& column : estimator.columns(campaign.runs[r].input, shape)) per_run[r].push_back(std::move(column));
+        for (Column& column : estimator.columns(campaign.runs[r].input, shape))
+          per_run[r].push_back(std::move(column));
     MatrixXd z = whiten_and_reduce(gathered(per_run));
     const VectorXd energy = z.colwise().squaredNorm().transpose();
     project(&z);
@@ -265,7 +296,8 @@ struct Panel::Impl {
     }
   }
   void build_random(size_t j, const EffectEstimator& estimator) {
-    const long width = static_cast<long>(estimator.n_columns()), n_runs = static_cast<long>(campaign.runs.size());
+    const long width = static_cast<long>(estimator.n_columns()),
+               n_runs = static_cast<long>(campaign.runs.size());
     std::vector<MatrixXd> columns;
     for (size_t r = 0; r < campaign.runs.size(); ++r) {
       const auto values = gathered_one(r, estimator.columns(campaign.runs[r].input, {}));
@@ -297,8 +329,8 @@ struct Panel::Impl {
       const CampaignRun& run = campaign.runs[r];
       const long nb = first_block[r + 1] - first_block[r], n = static_cast<long>(run.n());
       Steps s;
-      // The response from the settled filter: a step in the middle of a run twice as long would be exact; the transient
-      // of the start is over after the first third of any run of use.
+      // The response from the settled filter: a step in the middle of a run twice as long would be exact; the
+      // transient of the start is over after the first third of any run of use.
       const long start = static_cast<long>(block) * (nb / 3);
       VectorXd h = VectorXd::Zero(n);
       h.tail(n - start).setOnes();
@@ -346,7 +378,9 @@ struct Panel::Impl {
         const double gain = 0.5 * dot * dot / energy;
         if (gain <= best.gain_nats) continue;
         const CampaignRun& run = campaign.runs[r];
-        best = {gain, {static_cast<double>(r), run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(b) * block])]}};
+        best = {gain,
+                {static_cast<double>(r),
+                 run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(b) * block])]}};
       }
     }
     return best;
@@ -355,7 +389,8 @@ struct Panel::Impl {
   // Bases of the mean-type tests.
   void build_generic() {
     generic.assign(kGenerics, MatrixXd());
-    std::vector<std::vector<std::vector<Column>>> sets(6, std::vector<std::vector<Column>>(campaign.runs.size()));
+    std::vector<std::vector<std::vector<Column>>> sets(
+        6, std::vector<std::vector<Column>>(campaign.runs.size()));
     const double lo = campaign.lo_degc, span = std::max(1e-9, campaign.hi_degc - lo);
     double longest = 0;
     for (const CampaignRun& run : campaign.runs) longest = std::max(longest, run.input.t_s.back());
@@ -369,7 +404,8 @@ struct Panel::Impl {
       };
       if (campaign.has_temperature) {
         for (int k = 0; k < 22; ++k)
-          sets[kTemp][r].push_back(column([&](size_t i) { return hat((in.smooth_degc[i] - lo) / span * 21 - k); }));
+          sets[kTemp][r].push_back(
+              column([&](size_t i) { return hat((in.smooth_degc[i] - lo) / span * 21 - k); }));
         for (int d = -1; d <= 1; ++d)
           for (int k = 0; k < 11; ++k)
             sets[kTempDir][r].push_back(column([&](size_t i) {
@@ -382,9 +418,10 @@ struct Panel::Impl {
         for (int a = 0; a <= 6; ++a)
           for (int b = 0; a + b <= 6; ++b) {
             if (a + b == 0) continue;
-            sets[kTempTime][r].push_back(
-                column([&](size_t i) { return std::cos(a * std::acos(std::clamp(x[i], -1.0, 1.0))) *
-                                              std::cos(b * std::acos(std::clamp(t[i], -1.0, 1.0))); }));
+            sets[kTempTime][r].push_back(column([&](size_t i) {
+              return std::cos(a * std::acos(std::clamp(x[i], -1.0, 1.0))) *
+                     std::cos(b * std::acos(std::clamp(t[i], -1.0, 1.0)));
+            }));
           }
         for (int a = 0; a <= 3; ++a)
           sets[kTempTime][r].push_back(column([&](size_t i) {
@@ -406,7 +443,8 @@ struct Panel::Impl {
       project(&z);
       generic[static_cast<size_t>(g)] = orthonormal(z, energy);
     }
-    // Slow changes within each run: cosines over the run, whitened; the columns of different runs do not overlap.
+    // Slow changes within each run: cosines over the run, whitened; the columns of different runs do not
+    // overlap.
     constexpr int kPerRun = 13;
     const long n_runs = static_cast<long>(campaign.runs.size());
     if (n_runs <= 12) {
@@ -428,7 +466,8 @@ struct Panel::Impl {
     }
   }
 
-  // Filters with a slope of the Markov process' log-variance or log-tau: two-sided differences of the likelihood.
+  // Filters with a slope of the Markov process' log-variance or log-tau: two-sided differences of the
+  // likelihood.
   void build_slopes() {
     if (!campaign.has_temperature) return;
     for (size_t j = 0; j < library.size(); ++j) {
@@ -456,12 +495,13 @@ struct Panel::Impl {
     return sum;
   }
 
-  PanelScores evaluate(const std::vector<VectorXd>& e, const std::vector<VectorXd>& residual, const VectorXd& signal,
-                       const SpectrumNull& null) const;
+  PanelScores evaluate(const std::vector<VectorXd>& e, const std::vector<VectorXd>& residual,
+                       const VectorXd& signal, const SpectrumNull& null) const;
   void score_means(const VectorXd& eb, const VectorXd& signal, PanelScores* out) const;
   void score_spectrum(const std::vector<VectorXd>& e, const SpectrumNull& null, PanelScores* out) const;
   void score_whittle(const SpectrumNull& null, PanelScores* out) const;
-  void score_noise(const std::vector<VectorXd>& e, const std::vector<VectorXd>& residual, PanelScores* out) const;
+  void score_noise(const std::vector<VectorXd>& e, const std::vector<VectorXd>& residual,
+                   PanelScores* out) const;
   void score_generic(const std::vector<VectorXd>& e, const VectorXd& eb, PanelScores* out) const;
 };
 
@@ -486,14 +526,16 @@ void Panel::Impl::score_means(const VectorXd& eb, const VectorXd& signal, PanelS
       for (double s : {0.2, 0.4, 0.8, 1.5, 3., 5., 8., 12., 18., 27., 40., 60., 120., 250., 500., 1000.}) {
         double gain = 0;
         for (long i = 0; i < u.size(); ++i)
-          gain += -0.5 * std::log1p(s * s * r.values[i]) + 0.5 * s * s * u[i] * u[i] / (1 + s * s * r.values[i]);
+          gain +=
+              -0.5 * std::log1p(s * s * r.values[i]) + 0.5 * s * s * u[i] * u[i] / (1 + s * s * r.values[i]);
         if (gain > score.gain_nats) score = {gain, {s}};
       }
     }
   }
 }
 
-void Panel::Impl::score_spectrum(const std::vector<VectorXd>& e, const SpectrumNull& null, PanelScores* out) const {
+void Panel::Impl::score_spectrum(const std::vector<VectorXd>& e, const SpectrumNull& null,
+                                 PanelScores* out) const {
   static thread_local Eigen::FFT<double> fft;
   fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
   const double dt = campaign.dt_s;
@@ -555,7 +597,7 @@ void Panel::Impl::score_whittle(const SpectrumNull& null, PanelScores* out) cons
       return gain;
     };
     if (estimator.noise(noise, estimator.starts(noise).front()).hit_probability > 0) continue;
-    if (library[j]->name() == "telegraph_noise" && second) {  // the same spectrum
+    if (library[j]->name() == "telegraph_noise" && second) { // the same spectrum
       out->named[j] = out->named[second_at];
       continue;
     }
@@ -566,7 +608,8 @@ void Panel::Impl::score_whittle(const SpectrumNull& null, PanelScores* out) cons
     options.step = 0.5;
     for (Theta theta : estimator.starts(noise)) {
       const double gain = maximise(f, &theta, estimator.theta_lo(), estimator.theta_hi(), options);
-      if (gain > out->named[j].gain_nats || out->named[j].shape.empty()) out->named[j] = {std::max(gain, 0.0), theta};
+      if (gain > out->named[j].gain_nats || out->named[j].shape.empty())
+        out->named[j] = {std::max(gain, 0.0), theta};
     }
     if (library[j]->name() == "second_markov") second = library[j], second_at = j;
   }
@@ -579,7 +622,8 @@ void Panel::Impl::score_noise(const std::vector<VectorXd>& e, const std::vector<
     double middle = -0.5 * base_log_s;
     for (const VectorXd& er : e) middle -= 0.5 * er.squaredNorm();
     // Parabola through the three values.
-    const double first = (plus - minus) / (2 * slope.h), second = (plus + minus - 2 * middle) / (slope.h * slope.h);
+    const double first = (plus - minus) / (2 * slope.h),
+                 second = (plus + minus - 2 * middle) / (slope.h * slope.h);
     const double at = second < 0 ? std::clamp(-first / second, -3.0, 3.0) : std::copysign(1.0, first);
     const double gain = second < 0 ? -0.5 * first * first / second : std::max(plus, minus) - middle;
     out->named[slope.candidate] = {std::max(0.0, gain), {at}};
@@ -592,8 +636,10 @@ void Panel::Impl::score_noise(const std::vector<VectorXd>& e, const std::vector<
   for (const VectorXd& er : e)
     for (long k = 0; k < er.size(); ++k) {
       const double z = std::fabs(er[k]);
-      if (z < kTop) count[static_cast<size_t>(z * kCells / kTop)] += 1;
-      else beyond.push_back(z);
+      if (z < kTop)
+        count[static_cast<size_t>(z * kCells / kTop)] += 1;
+      else
+        beyond.push_back(z);
     }
   for (size_t j = 0; j < library.size(); ++j) {
     if (!can_score(*library[j]) || library[j]->estimator()->form() != Form::kNoise) continue;
@@ -644,17 +690,21 @@ void Panel::Impl::score_generic(const std::vector<VectorXd>& e, const VectorXd& 
       const double z = e[r][k], z2 = z * z;
       if (campaign.has_temperature) {
         const double temp = run.input.smooth_degc[static_cast<size_t>(run.used[static_cast<size_t>(k)])];
-        const long b = std::clamp<long>(
-            static_cast<long>((temp - campaign.lo_degc) / std::max(1e-9, campaign.hi_degc - campaign.lo_degc) * static_cast<double>(n_bins)), 0, n_bins - 1);
+        const long b =
+            std::clamp<long>(static_cast<long>((temp - campaign.lo_degc) /
+                                               std::max(1e-9, campaign.hi_degc - campaign.lo_degc) *
+                                               static_cast<double>(n_bins)),
+                             0, n_bins - 1);
         by_temp[static_cast<size_t>(b)] += z2;
         n_temp[static_cast<size_t>(b)] += 1;
       }
       sum += z2, n += 1;
       if (n >= 600 || k + 1 == length) by_run += kl(sum, n), sum = n = 0;
       third += z2 * z, fourth += z2 * z2, n_all += 1;
-      histogram[static_cast<size_t>(std::clamp(0.5 * std::erfc(-z * 0.70710678) * kCells, 0.0, kCells - 0.5))] += 1;
+      histogram[static_cast<size_t>(
+          std::clamp(0.5 * std::erfc(-z * 0.70710678) * kCells, 0.0, kCells - 0.5))] += 1;
       block_square += z2 - 1;
-      if (k % 8 == 7) squares.push_back(block_square / 4.0), block_square = 0;  // variance 2 * 8 = 16
+      if (k % 8 == 7) squares.push_back(block_square / 4.0), block_square = 0; // variance 2 * 8 = 16
     }
     // Bursts: Haar coefficients of the squares over 8, 16, … s, excess over their expected variance.
     std::vector<double> level = squares;
@@ -684,9 +734,10 @@ void Panel::Impl::score_generic(const std::vector<VectorXd>& e, const VectorXd& 
   for (double c : histogram)
     if (c > 0) dist += c * std::log(c * kCells / n_all);
   const double excess = fourth / n_all - 3;
-  out->generic[kDist] = dist + excess * excess * n_all / 48;  // var of the fourth moment's excess: 24/n
+  out->generic[kDist] = dist + excess * excess * n_all / 48; // var of the fourth moment's excess: 24/n
   out->generic[kVol] = volatility;
-  out->generic[kAsym] = third * third / n_all / 30 + (skew_norm > 0 ? skew_blocks * skew_blocks / skew_norm / 2 : 0);
+  out->generic[kAsym] =
+      third * third / n_all / 30 + (skew_norm > 0 ? skew_blocks * skew_blocks / skew_norm / 2 : 0);
 }
 
 PanelScores Panel::Impl::evaluate(const std::vector<VectorXd>& e, const std::vector<VectorXd>& residual,
@@ -702,8 +753,8 @@ PanelScores Panel::Impl::evaluate(const std::vector<VectorXd>& e, const std::vec
   return out;
 }
 
-Panel::Panel(const Campaign& campaign, const Hypothesis& hypothesis, const std::vector<const Effect*>& library,
-             bool with_generic)
+Panel::Panel(const Campaign& campaign, const Hypothesis& hypothesis,
+             const std::vector<const Effect*>& library, bool with_generic)
     : impl_(new Impl(campaign, hypothesis, library, with_generic)) {
   impl_->layout();
   impl_->build_design();
@@ -719,7 +770,9 @@ Panel::Panel(const Campaign& campaign, const Hypothesis& hypothesis, const std::
 
 Panel::~Panel() = default;
 
-size_t Panel::n_blocks() const { return static_cast<size_t>(impl_->n_blocks()); }
+size_t Panel::n_blocks() const {
+  return static_cast<size_t>(impl_->n_blocks());
+}
 
 PanelScores Panel::score(const Fit& fit, const SpectrumNull& spectrum) const {
   // The signal of the fitted mean in the reduced design: what the replaced temperatures have to explain.
@@ -758,7 +811,7 @@ double Panel::gain_at(const EffectEstimator& estimator, const Theta& shape, cons
     for (size_t k = 0; k < run.n(); ++k)
       h(static_cast<long>(k), 0) = run.input.t_s[static_cast<size_t>(run.used[k])] >= shape[1] ? 1.0 : 0.0;
     whiten(m.gains[r], &h);
-    h -= m.full[r] * (m.full[r].transpose() * h);  // the rest of the projection lies in other runs
+    h -= m.full[r] * (m.full[r].transpose() * h); // the rest of the projection lies in other runs
     const double energy = h.squaredNorm(), dot = h.col(0).dot(fit.e[r]);
     return energy > 0 ? 0.5 * dot * dot / energy : 0;
   }
@@ -806,8 +859,9 @@ MatrixXd Panel::reduce(const std::vector<MatrixXd>& columns) const {
 
 double Panel::absorbed(size_t candidate, const VectorXd& reduced) const {
   double best = 0;
-  for (const Group& group : impl_->groups[candidate]) best = std::max(best, 2 * half_energy(group.basis, reduced));
+  for (const Group& group : impl_->groups[candidate])
+    best = std::max(best, 2 * half_energy(group.basis, reduced));
   return best;
 }
 
-}  // namespace imucal
+} // namespace imucal

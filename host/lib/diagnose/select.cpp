@@ -14,10 +14,10 @@ constexpr double kStepCost_nats = 9, kStepKept_nats = 12;
 constexpr int kMostSteps = 6;
 // A library-free test that explains this much more than the named effects says that the names are wrong.
 constexpr double kUnknownFactor = 1.0, kUnknownMargin_nats = 4;
-constexpr double kNamedShare = 0.9;  // named part of what is explained that still counts as an answer
+constexpr double kNamedShare = 0.9; // named part of what is explained that still counts as an answer
 
 class Selector {
- public:
+public:
   Selector(Campaign* campaign, const Hypothesis& nominal, const std::vector<const Effect*>& library,
            const std::vector<bool>& active, const Calibration& calibration, const Thresholds& thresholds,
            const SelectOptions& options)
@@ -52,7 +52,7 @@ class Selector {
     return out_;
   }
 
- private:
+private:
   struct Choice {
     size_t candidate;
     SelectedEffect effect;
@@ -163,7 +163,8 @@ class Selector {
     for (CandidateEvidence& c : list) c.evidence_nats = c.gain_nats - c.threshold_nats;
     return list;
   }
-  NoiseFit polish(const NoiseObjective& objective, size_t j, const NoiseModel& base, const Theta& start) const {
+  NoiseFit polish(const NoiseObjective& objective, size_t j, const NoiseModel& base,
+                  const Theta& start) const {
     std::vector<Theta> starts;
     if (!start.empty()) starts.push_back(start);
     if (library_[j]->name() == "telegraph_noise")
@@ -178,8 +179,8 @@ class Selector {
   }
   bool is_mean(size_t j) const {
     const Form form = library_[j]->estimator()->form();
-    return form == Form::kColumns || form == Form::kTemperature || form == Form::kRunRandom || form == Form::kTone ||
-           form == Form::kSteps;
+    return form == Form::kColumns || form == Form::kTemperature || form == Form::kRunRandom ||
+           form == Form::kTone || form == Form::kSteps;
   }
   // The same cause repeats in every run: what slow noise cannot do.
   bool is_repeatable(size_t j) const {
@@ -231,8 +232,8 @@ class Selector {
         if (const int repeatable = repeatable_under(b, shapes, list); repeatable >= 0) {
           const size_t j = static_cast<size_t>(repeatable);
           out_.notes.push_back(list[b].name + " alone would explain " + number(list[b].gain_nats) +
-                               " nats, but slow noise can absorb any smooth change; with it in place " + list[j].name +
-                               " still gains " + number(list[j].gain_reestimated_nats) +
+                               " nats, but slow noise can absorb any smooth change; with it in place " +
+                               list[j].name + " still gains " + number(list[j].gain_reestimated_nats) +
                                " nats, so the repeatable cause is named first");
           accept(j, shapes[j], list, panel, fit);
           return true;
@@ -248,7 +249,8 @@ class Selector {
     return text;
   }
 
-  // A repeatable candidate that holds with the nominal noise and with the slow noise `b` in the model: the best one.
+  // A repeatable candidate that holds with the nominal noise and with the slow noise `b` in the model: the
+  // best one.
   int repeatable_under(size_t b, const std::vector<Theta>& shapes, std::vector<CandidateEvidence>& list) {
     bool any = false;
     for (size_t j = 0; j < list.size(); ++j)
@@ -316,9 +318,11 @@ class Selector {
     } else {
       options.step = std::max(0.02, 0.1 * std::fabs(term->shape[0]));
     }
-    maximise([&](const Theta& shape) { return panel.gain_at(estimator, shape, fit); }, &term->shape, lo, hi, options);
+    maximise([&](const Theta& shape) { return panel.gain_at(estimator, shape, fit); }, &term->shape, lo, hi,
+             options);
   }
-  void refine_step(const Panel& panel, const Fit& fit, const EffectEstimator& estimator, Theta* shape, size_t s) {
+  void refine_step(const Panel& panel, const Fit& fit, const EffectEstimator& estimator, Theta* shape,
+                   size_t s) {
     const size_t r = static_cast<size_t>((*shape)[2 * s]);
     const RunInput& in = campaign_.runs[r].input;
     const double centre = (*shape)[2 * s + 1];
@@ -374,7 +378,7 @@ class Selector {
       for (size_t j = 0; j < list.size(); ++j)
         if (usable(j) && list[j].evidence_nats > list[best].evidence_nats + 1.0) best = j;
       if (list[removed.candidate].evidence_nats <= 0 && list[best].evidence_nats <= 0) {
-        return;  // dropped: the later effect explains it all
+        return; // dropped: the later effect explains it all
       }
       if (best != removed.candidate && list[best].evidence_nats > 0) {
         accept(best, shapes[best], list, panel, fit);
@@ -442,8 +446,8 @@ class Selector {
     for (const GenericFinding& f : out_.before)
       if (competes(generic_names()[f.test])) most_before = std::max(most_before, f.evidence_nats());
     const bool remains = fired > 0;
-    const bool outdone = !chosen_.empty() &&
-                         most_before > kUnknownFactor * (total_named_gain() - cost) + kUnknownMargin_nats;
+    const bool outdone =
+        !chosen_.empty() && most_before > kUnknownFactor * (total_named_gain() - cost) + kUnknownMargin_nats;
     if (out_.effects.empty()) {
       out_.verdict = remains ? Verdict::kUnexplained : Verdict::kNoGap;
     } else if (!remains && !outdone) {
@@ -479,22 +483,27 @@ class Selector {
   double start_value_ = 0;
 };
 
-}  // namespace
+} // namespace
 
 std::string to_text(Verdict verdict) {
   switch (verdict) {
-    case Verdict::kNoGap: return "no_gap";
-    case Verdict::kExplained: return "explained";
-    case Verdict::kPartlyExplained: return "partly_explained";
-    case Verdict::kUnexplained: return "unexplained";
+  case Verdict::kNoGap:
+    return "no_gap";
+  case Verdict::kExplained:
+    return "explained";
+  case Verdict::kPartlyExplained:
+    return "partly_explained";
+  case Verdict::kUnexplained:
+    return "unexplained";
   }
   return "";
 }
 
-Selection select_effects(Campaign* campaign, const Hypothesis& nominal, const std::vector<const Effect*>& library,
-                         const std::vector<bool>& active, const Calibration& calibration, const Thresholds& thresholds,
+Selection select_effects(Campaign* campaign, const Hypothesis& nominal,
+                         const std::vector<const Effect*>& library, const std::vector<bool>& active,
+                         const Calibration& calibration, const Thresholds& thresholds,
                          const SelectOptions& options) {
   return Selector(campaign, nominal, library, active, calibration, thresholds, options).run();
 }
 
-}  // namespace imucal
+} // namespace imucal

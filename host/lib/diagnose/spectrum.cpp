@@ -17,7 +17,7 @@ std::vector<double> spectral_density(const NoiseModel& noise, const std::vector<
   }
   for (size_t i = 0; i < hz.size(); ++i) {
     const double w = 2 * kPi * hz[i] * dt_s, half = std::sin(0.5 * w);
-    const double c = 4 * half * half;  // 2 - 2 cos w without cancellation
+    const double c = 4 * half * half; // 2 - 2 cos w without cancellation
     double density = white + noise.walk_dph_per_rt_s * noise.walk_dph_per_rt_s * dt_s / c;
     for (size_t m = 0; m < phi.size(); ++m) density += q[m] / ((1 - phi[m]) * (1 - phi[m]) + phi[m] * c);
     out[i] = density;
@@ -53,4 +53,4 @@ void SpectrumBins::add(const std::vector<std::complex<double>>& f, double scale,
   }
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -13,8 +13,9 @@ namespace imucal {
 std::vector<double> spectral_density(const NoiseModel& noise, const std::vector<double>& hz, double dt_s);
 
 class SpectrumBins {
- public:
-  // `longest`: seconds (samples) of the longest run: sets the lowest frequency and the length of the transform.
+public:
+  // `longest`: seconds (samples) of the longest run: sets the lowest frequency and the length of the
+  // transform.
   SpectrumBins(size_t longest, double dt_s);
 
   size_t n_bins() const { return centre_.size(); }
@@ -25,9 +26,9 @@ class SpectrumBins {
 
   size_t n_fft = 64;
 
- private:
+private:
   std::vector<double> edge_, centre_;
   double dt_s_;
 };
 
-}  // namespace imucal
+} // namespace imucal

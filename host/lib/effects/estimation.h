@@ -96,6 +96,10 @@ public:
   // Slow noise can absorb any smooth effect of one run; white or output noise cannot.
   virtual bool is_slow_noise() const { return false; }
 
+  // Before any data: the size of the effect that an engineer would want to see, in units of the white noise
+  // of 1-s means (kTemperature: in units of its shape).  A profile that cannot show it is said to be unfit.
+  virtual double notable() const { return 1.7; }
+
   // kStructural.
   virtual std::optional<Signature> detect(const std::vector<RunInput>&) const { return std::nullopt; }
 

@@ -32,6 +32,7 @@ public:
     for (double& t : hours) t /= 3600.0;
     return {hours};
   }
+  double notable() const override { return 0.8; }
   Json report(const Theta& /*shape*/, const std::vector<double>& coefficients) const override {
     return {{"ramp_dph_per_h", coefficients[0]}};
   }

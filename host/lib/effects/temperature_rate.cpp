@@ -34,6 +34,7 @@ public:
   std::vector<Column> columns(const RunInput& run, const Theta&) const override {
     return {run.rate_degc_min};
   }
+  double notable() const override { return 0.5; }
   Json report(const Theta& /*shape*/, const std::vector<double>& coefficients) const override {
     return {{"k_dph_per_degc_min", coefficients[0]}};
   }

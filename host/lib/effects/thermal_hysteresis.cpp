@@ -60,6 +60,7 @@ public:
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
     return {play_column(run.smooth_degc, shape[0])};
   }
+  double notable() const override { return 0.8; }
   Json report(const Theta& shape, const std::vector<double>& coefficients) const override {
     return {{"amplitude_dph", coefficients[0]}, {"width_degc", shape[0]}};
   }

@@ -63,6 +63,7 @@ public:
   Column temperature(const RunInput& run, const Theta& shape) const override {
     return lagged(run.t_s, run.smooth_degc, shape[0]);
   }
+  double notable() const override { return 150; }
   Json report(const Theta& shape, const std::vector<double>& /*coefficients*/) const override {
     return {{"tau_s", shape[0]}};
   }
