@@ -13,6 +13,7 @@
 //   kPolynomial: one column of ones per log.
 #pragma once
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -59,6 +60,7 @@ struct FitResult {
   std::vector<FitAxis> axes;           // empty: never ran
   std::vector<std::string> warnings;   // e.g. several Markov terms merged for the filter
   std::optional<ErrorModel> model;
+  std::map<std::string, std::string> metadata;  // of the first log
 };
 
 // usage_error: kKalman without model, order outside 1..5.  data_error names the log and what is wrong: axis missing,
@@ -76,14 +78,15 @@ imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc,
 // residual_rms_dph, …}]}.
 Json to_json(const FitResult& result);
 
-// What a table holds besides the fit.  Empty or absent values are taken from the first log's metadata (serial,
-// <stem>_counts_scale_dph, …), else from these defaults.
+// What a table holds besides the fit.  What is not given here is taken from the first log's metadata: serial,
+// <stem>_counts_scale_dph (or _mg), <stem>_full_scale_counts, temp_counts_scale_degc, temp_counts_offset_degc; else
+// from the defaults named.  data_error: no serial anywhere, text where a number belongs, a table the core refuses.
 struct TableInfo {
-  std::string serial;                      // required in the end: data_error names it
-  uint32_t created_s = 0;                  // 0: now
-  double degc_per_count = 0.01, degc_at_zero = 25;
-  double unit_per_count = 18;              // dph (mg) per count, all channels
-  int32_t full_scale_counts = 32767;
+  std::string serial;
+  uint32_t created_s = 0;                               // 0: now
+  std::optional<double> degc_per_count, degc_at_zero;   // 0.01, 25
+  std::optional<double> unit_per_count;                 // 18 dph (1 mg) per count
+  std::optional<long> full_scale_counts;                // 32767
 };
 imucal_table_t make_table(const FitResult& result, const TableInfo& info);
 
