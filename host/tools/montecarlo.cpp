@@ -6,6 +6,7 @@
 
 #include "cli/program.h"
 #include "montecarlo/campaign.h"
+#include "montecarlo/compare.h"
 #include "montecarlo/report.h"
 
 using namespace imucal;
@@ -82,6 +83,27 @@ Exit run_merge(const Options& o) {
   return publish(o, plan_campaign(whole.options), whole.result);
 }
 
+Exit run_compare(Options o) {
+  CampaignOptions& c = o.campaign;
+  if (o.model_path.empty()) throw usage_error("compare: --model is required");
+  c.model = c.filter = read_model(o.model_path);
+  c.seed = o.common.seed;
+  c.threads = o.common.thread_count();
+  const auto scenarios = standard_scenarios();
+  Progress bar("compare", static_cast<double>(scenarios.size()), o.common.quiet);
+  std::vector<Comparison> all;
+  for (const Scenario& scenario : scenarios) {
+    bar.update(static_cast<double>(all.size()), scenario.name);
+    Comparison one = compare_methods(c, scenario, interrupted);
+    if (interrupted()) break;
+    all.push_back(std::move(one));
+  }
+  bar.finish();
+  if (o.common.wants_json()) write_json(o.common.json_path, to_json(all, c));
+  if (o.common.talks()) std::cout << to_text(all, c);
+  return Exit::kDone;
+}
+
 Exit run_campaign_command(Options o) {
   CampaignOptions& c = o.campaign;
   if (o.model_path.empty() || o.profile_path.empty())
@@ -121,6 +143,16 @@ int main(int argc, char** argv) {
   merge->add_option("FILES", merged.merge_paths, "partial results")->required();
   merge->add_flag("--strict", merged.strict, "exit with 1 where NEES or NIS are outside their intervals");
   add_common_options(merge, &merged.common);
-  return run_program(&app, argc, argv,
-                     [&] { return merge->parsed() ? run_merge(merged) : run_campaign_command(run); });
+  Options compared;
+  compared.campaign.raw = run.campaign.raw;
+  compared.campaign.runs = 500;
+  CLI::App* compare = app.add_subcommand("compare", "the core's filter against other methods on several profiles");
+  compare->add_option("--model", compared.model_path, "true error model with thermal polynomial")->required();
+  compare->add_option("--order", compared.campaign.order, "order of the polynomial")->check(CLI::Range(1, 5));
+  compare->add_option("--runs", compared.campaign.runs, "simulated tests per profile")->check(CLI::Range(1, 1000000));
+  add_common_options(compare, &compared.common, kWithSeed | kWithThreads);
+  return run_program(&app, argc, argv, [&] {
+    if (merge->parsed()) return run_merge(merged);
+    return compare->parsed() ? run_compare(compared) : run_campaign_command(run);
+  });
 }

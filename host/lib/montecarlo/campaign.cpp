@@ -97,7 +97,8 @@ double wall_seconds() {
 // Shared by the threads of a campaign.
 class Workers {
  public:
-  Workers(const CampaignPlan& plan, const std::function<bool()>& stop) : plan_(plan), stop_(stop) {}
+  Workers(const CampaignPlan& plan, const RunScore& score, const std::function<bool()>& stop)
+      : plan_(plan), score_(score), stop_(stop) {}
 
   void work() {
     Tally mine;
@@ -107,7 +108,7 @@ class Workers {
         if (stopped_ || failure_seen_) break;
         const uint64_t i = next_++;
         if (i >= plan_.options.runs) break;
-        score_run(plan_, plan_.options.first_run + i, &mine);
+        score_(plan_, plan_.options.first_run + i, &mine);
         ++done_;
         if (++unmerged_ % 32 == 0) hand_over(&mine);
       }
@@ -137,6 +138,7 @@ class Workers {
   }
 
   const CampaignPlan& plan_;
+  const RunScore& score_;
   const std::function<bool()>& stop_;
   // Every number taken is finished: after a stop, too, the runs done are the first ones without a hole.
   std::atomic<uint64_t> next_{0}, done_{0}, unmerged_{0};
@@ -150,10 +152,16 @@ class Workers {
 
 CampaignResult run_campaign(const CampaignPlan& plan, const std::function<void(const CampaignResult&)>& progress,
                             const std::function<bool()>& stop) {
+  return run_campaign(plan, score_run, progress, stop);
+}
+
+CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
+                            const std::function<void(const CampaignResult&)>& progress,
+                            const std::function<bool()>& stop) {
   CampaignResult result;
   result.first_run = plan.options.first_run;
   const double start_s = wall_seconds(), cpu_start_s = cpu_seconds();
-  Workers workers(plan, stop);
+  Workers workers(plan, score, stop);
   std::atomic<int> busy{std::max(1, plan.options.threads)};
   std::vector<std::thread> threads;
   for (int i = 0, n = busy; i < n; ++i)

@@ -54,6 +54,15 @@ CampaignPlan plan_campaign(const CampaignOptions& options);
 // Simulate and score one run.
 void score_run(const CampaignPlan& plan, uint64_t run, Tally* tally);
 
+// One run's test through the core, and what the calibration ought to find (coefficients in the plan's normalisation,
+// with the run's turn-on constant).
+struct CalibrationTest {
+  CoreChain chain;
+  std::vector<double> truth;
+  double turn_on_dph;
+};
+CalibrationTest calibrate_run(const CampaignPlan& plan, uint64_t run);
+
 struct CampaignResult {
   Tally tally;
   uint64_t first_run = 0, runs_done = 0;  // the runs first_run … first_run + runs_done - 1
@@ -64,6 +73,11 @@ struct CampaignResult {
 
 // Runs on options.threads threads.  `progress` is called now and then with a snapshot; `stop` is asked between runs.
 CampaignResult run_campaign(const CampaignPlan& plan, const std::function<void(const CampaignResult&)>& progress,
+                            const std::function<bool()>& stop);
+// The same with another score than score_run.
+using RunScore = std::function<void(const CampaignPlan&, uint64_t run, Tally*)>;
+CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
+                            const std::function<void(const CampaignResult&)>& progress,
                             const std::function<bool()>& stop);
 
 // What identifies a campaign: everything but first_run, runs and threads.  Shards merge only when it is the same.

@@ -164,21 +164,25 @@ void score_reference(const CampaignPlan& plan, const CoreChain& chain, Tally* ta
 
 }  // namespace
 
-void score_run(const CampaignPlan& plan, uint64_t run, Tally* tally) {
+CalibrationTest calibrate_run(const CampaignPlan& plan, uint64_t run) {
   const SimOptions sim = run_options(plan, run, 0);
   const SimulatedLog log = simulate_test(plan, sim);
-  CoreChain chain(plan.chain);
-  feed(plan, log, sim, &chain);
-  const std::vector<double> truth = true_coefficients(plan, log.axes[0]);
-  score_calibration(plan, chain, truth, tally);
-  score_innovations(chain, tally);
+  CalibrationTest test{CoreChain(plan.chain), true_coefficients(plan, log.axes[0]), log.axes[0].turn_on_dph};
+  feed(plan, log, sim, &test.chain);
+  return test;
+}
+
+void score_run(const CampaignPlan& plan, uint64_t run, Tally* tally) {
+  const CalibrationTest test = calibrate_run(plan, run);
+  score_calibration(plan, test.chain, test.truth, tally);
+  score_innovations(test.chain, tally);
   const auto due = [run](uint64_t every) { return every > 0 && run % every == 0; };
-  if (due(plan.options.least_squares_every)) score_least_squares(plan, chain, truth, tally);
-  if (due(plan.options.reference_every)) score_reference(plan, chain, tally);
+  if (due(plan.options.least_squares_every)) score_least_squares(plan, test.chain, test.truth, tally);
+  if (due(plan.options.reference_every)) score_reference(plan, test.chain, tally);
   if (due(plan.options.residual_every) && !plan.dp_n.empty()) {
     const SimOptions later = run_options(plan, run, 1);
     const SimulatedLog fresh = simulate_test(plan, later);
-    score_residual(plan, chain, fresh, later, log.axes[0].turn_on_dph - fresh.axes[0].turn_on_dph, tally);
+    score_residual(plan, test.chain, fresh, later, test.turn_on_dph - fresh.axes[0].turn_on_dph, tally);
   }
 }
 
