@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: MIT
+"""gyrosim log: what it writes, what repeats and what differs, what it refuses."""
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+GYROSIM = ROOT / os.environ.get("BUILD", "build") / "bin" / "gyrosim"
+MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}], "turn_on_sigma_dph": 40,
+         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
+PROFILE = {"imucal_profile": 1, "start_degc": 0,
+           "segments": [{"rate_degc_per_min": 0, "duration_s": 100}, {"rate_degc_per_min": 3, "to_degc": 60}]}
+
+
+@pytest.fixture
+def files(tmp_path):
+    (tmp_path / "model.json").write_text(json.dumps(MODEL))
+    (tmp_path / "profile.json").write_text(json.dumps(PROFILE))
+    return tmp_path
+
+
+def gyrosim(folder, *arguments, code=0):
+    command = [str(GYROSIM), "log", "--model", "model.json", "--profile", "profile.json", *map(str, arguments)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60)
+    assert done.returncode == code, done.stderr
+    return done
+
+
+def rows(path):
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    return lines[0].split(","), np.array([[float(x) for x in line.split(",")] for line in lines[1:]])
+
+
+def test_log_holds_the_profile_and_the_axes(files):
+    done = gyrosim(files, "--axes", 3, "--seed", 5, "-o", "a.csv", "--json", "-")
+    header, data = rows(files / "a.csv")
+    assert header == ["t_s", "temp_degc", "gx_dph", "gy_dph", "gz_dph"]
+    assert data.shape == (1300, 5)
+    assert np.array_equal(data[:, 0], np.arange(1, 1301))
+    assert data[99, 1] == 0 and abs(data[-1, 1] - 59.975) < 1e-6
+    report = json.loads(done.stdout)
+    assert report["seed"] == 5
+    tn = (data[:, 1] - 30) / 30
+    for i, axis in enumerate(report["axes"]):
+        residual = data[:, 2 + i] - np.polyval([-100, 150, 300, 80], tn) - axis["turn_on_dph"]
+        assert abs(residual.std() / np.hypot(36, 20) - 1) < 0.15  # 1300 s of a 100-s process: 13 independent pieces
+        assert abs(residual.mean()) < 4 * 20 * np.sqrt(200 / 1300)
+
+
+def test_log_repeats_with_its_seed_and_differs_between_runs(files):
+    for name, *arguments in (["a", "--seed", 1], ["b", "--seed", 1], ["c", "--seed", 2], ["d", "--seed", 1, "--log-index", 1],
+                             ["e", "--seed", 1, "--device", 1]):
+        gyrosim(files, *arguments, "-o", f"{name}.csv")
+    text = {name: (files / f"{name}.csv").read_text() for name in "abcde"}
+    assert text["a"] == text["b"]
+    noise = {name: rows(files / f"{name}.csv")[1][:, 2] for name in "acde"}
+    for other in "cde":
+        assert abs(np.corrcoef(np.diff(noise["a"]), np.diff(noise[other]))[0, 1]) < 0.12  # four standard errors
+
+
+def test_log_effects_by_axis_by_log_and_in_the_model(files):
+    effects = [{"name": "rate_ramp", "parameters": {"ramp_dph_per_h": 3600}, "axis": "gy", "log": 1}]
+    (files / "effects.json").write_text(json.dumps(effects))
+    (files / "with.json").write_text(json.dumps({**MODEL, "effects": effects}))
+    gyrosim(files, "--axes", 2, "--log-index", 1, "-o", "plain.csv")
+    gyrosim(files, "--axes", 2, "--log-index", 1, "--effects", "effects.json", "-o", "effects.csv")
+    gyrosim(files, "--axes", 2, "--log-index", 0, "--effects", "effects.json", "-o", "other.csv")
+    gyrosim(files, "--axes", 2, "--log-index", 0, "-o", "other_plain.csv")
+    added = rows(files / "effects.csv")[1] - rows(files / "plain.csv")[1]
+    assert np.all(added[:, 2] == 0)
+    assert np.allclose(np.diff(added[:, 3]), 1, atol=1e-5)
+    assert (files / "other.csv").read_text() == (files / "other_plain.csv").read_text()
+    command = [str(GYROSIM), "log", "--model", "with.json", "--profile", "profile.json", "--axes", "2", "--log-index", "1",
+               "-o", "model.csv"]
+    subprocess.run(command, cwd=files, check=True, capture_output=True)
+    assert (files / "model.csv").read_text() == (files / "effects.csv").read_text()
+
+
+def test_log_run_to_run_adds_another_curve_to_each_log(files):
+    (files / "effects.json").write_text(json.dumps([{"name": "run_to_run", "parameters": {"sigma_dph": 30}}]))
+    slopes = []
+    for i in range(3):
+        gyrosim(files, "--log-index", i, "-o", "plain.csv")
+        gyrosim(files, "--log-index", i, "--n-logs", 3, "--effects", "effects.json", "-o", "a.csv")
+        added = rows(files / "a.csv")[1] - rows(files / "plain.csv")[1]
+        temp = rows(files / "a.csv")[1][:, 1]
+        slopes.append(np.polyfit((temp - 30) / 30, added[:, 2], 2)[1])
+    assert len({round(s, 3) for s in slopes}) == 3 and 0.1 < max(map(abs, slopes)) < 150
+
+
+def test_log_flaws_of_recording(files):
+    gyrosim(files, "--missing", 0.2, "--jitter-s", 0.01, "--temp-lsb-degc", 1, "--rate-lsb-dph", 180, "-o", "a.csv")
+    _, data = rows(files / "a.csv")
+    assert abs(len(data) - 1040) < 4 * np.sqrt(1300 * 0.16)
+    assert np.all(np.diff(data[:, 0]) > 0.5)
+    assert np.all(data[:, 1] == np.round(data[:, 1]))
+    assert np.all(np.abs(data[:, 2] / 180 - np.round(data[:, 2] / 180)) < 1e-6)
+
+
+@pytest.mark.parametrize("change, code, expected", [
+    ({"model.json": '{"imucal_model": 1, "arw_deg_rt_h": "much"}'}, 3, "model.json: arw_deg_rt_h"),
+    ({"model.json": '{"imucal_model": 1,\n "arw'}, 3, "model.json:2"),
+    ({"profile.json": '{"imucal_profile": 1, "start_degc": 0, "segments": []}'}, 3, "profile.json"),
+    ({"effects.json": '[{"name": "gremlins"}]'}, 3, "temperature_rate"),
+    ({"effects.json": '[{"name": "warm_up", "parameters": {"amplitude_dph": 1, "tau_s": 9}, "axis": "gz"}]'}, 3, "--axes"),
+    ({}, 2, "--axes"),
+])
+def test_log_bad_input_is_named(files, change, code, expected):
+    for name, text in change.items():
+        (files / name).write_text(text)
+    arguments = ["--effects", "effects.json"] if "effects.json" in change else []
+    if not change:
+        arguments = ["--axes", "none"]
+    done = gyrosim(files, *arguments, "-o", "a.csv", code=code)
+    assert expected in done.stderr
+    assert not (files / "a.csv").exists()
