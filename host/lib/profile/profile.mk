@@ -1,0 +1,23 @@
+# Figures, tables and longer tests of the room `profile`.
+
+PROFILE := $(BUILD)/bin/profile
+
+figures:: $(PROFILE)  ## draw the paper's figures and our own into build/figures
+	$(Q)PROFILE=$(PROFILE) $(PYTHON) host/scripts/figures_profile.py $(BUILD)/figures
+
+# 100, 140, 240, 480 min at 0.6 and 2 degC/min: bounds, best profile, efficiency, the paper's profile.
+profile-table: $(PROFILE)  ## bounds, best profiles and efficiencies for four durations and two rates
+	$(Q)PROFILE=$(PROFILE) $(PYTHON) host/scripts/profile_table.py --seed $(SEED)
+
+bench:: $(BUILD)/bench/profile_speed  ## speed of the programs
+	$(Q)$(BUILD)/bench/profile_speed
+
+test-long:: $(BUILD)/bench/profile_long
+	$(Q)$(BUILD)/bench/profile_long $(SEED)
+
+$(BUILD)/bench/profile_%: tests/bench/profile_%.cpp $(HOST_ARCHIVE)
+	@mkdir -p $(@D)
+	$(Q)$(CCACHE) $(CXX) $(HOST_CXXFLAGS) $(OPTIMISE) $(HOST_CPPFLAGS) $(CXXFLAGS) -c $< -o $@.o
+	$(Q)$(CXX) -pthread $@.o $(HOST_ARCHIVE) $(LDFLAGS) $(HOST_LIBS) -o $@
+
+.PHONY: figures bench test-long profile-table
