@@ -186,11 +186,14 @@ def array(values):
                      for row in values], float)
 
 
-def draw_gap_map(data):
+def draw_gap_map(plots):
     """Excess variance of the standardised residual by averaging time and temperature, before and after."""
-    tau, temp = data["tau_s"], data["temp_degc"]
-    panels = [(title, array(data[key])) for key, title in (("z_before", "believed model"), ("z_after", "with what was found"))
-              if data.get(key)]
+    before = plots["gap_map"]
+    tau, edges = before["tau_s"], array(before["temp_edges_degc"])
+    temp = 0.5 * (edges[1:] + edges[:-1])
+    panels = [("believed model", array(before["z"]).T)]
+    if (plots.get("gap_map_after") or {}).get("z"):
+        panels.append(("with what was found", array(plots["gap_map_after"]["z"]).T))
     levels = [-8, -5, -3, -2, 2, 3, 5, 8]
     colors = ["#2b5f94", "#6f9fca", "#b9d2e8", "#f5f6f8", "#f8cdb4", "#e88a5b", "#c24a23"]
     cmap = ListedColormap(colors).with_extremes(under="#17406b", over="#8c2a0f", bad="#ffffff")
@@ -217,22 +220,42 @@ def draw_gap_map(data):
     return svg_image(fig, "Gap by averaging time and temperature, before and after")
 
 
+def branches(data, key, n_bins=14):
+    """Means of a residual by temperature and direction: {direction: (temp, mean, standard error)}.
+
+    The standard error allows for the correlation of neighbouring means: sqrt((1 + rho)/(1 - rho)).
+    """
+    temp, rate, y, log = (array(data[k]) for k in ("temp_degc", "rate_degc_per_min", key, "log"))
+    rest = y - y.mean()
+    same = log[1:] == log[:-1]
+    rho = np.clip(np.sum(rest[1:] * rest[:-1] * same) / max(np.sum(rest**2), 1e-12), 0, 0.95)
+    inflation = math.sqrt((1 + rho) / (1 - rho))
+    still = np.abs(rate) < 0.1
+    edges = np.linspace(np.min(temp), np.max(temp), n_bins + 1)
+    which = np.clip(np.digitize(temp, edges) - 1, 0, n_bins - 1)
+    out = {}
+    for name, chosen in (("up", (rate > 0) & ~still), ("down", (rate < 0) & ~still), ("soak", still)):
+        points = []
+        for k in range(n_bins):
+            v = y[chosen & (which == k)]
+            if v.size >= 4:
+                points.append((temp[chosen & (which == k)].mean(), v.mean(), inflation * v.std(ddof=1) / math.sqrt(v.size)))
+        if points:
+            out[name] = np.array(points).T
+    return out
+
+
 def draw_residual(data):
     """Residual against temperature, by direction of the temperature."""
-    directions = {k: v for k, v in data["directions"].items() if v and v.get("temp_degc")}
-    keys = [(k, t) for k, t in (("before_dph", "believed model"), ("after_dph", "with what was found"))
-            if any(v.get(k) for v in directions.values())]
+    keys = [(k, t) for k, t in (("before_dph", "believed model"), ("after_dph", "with what was found")) if data.get(k)]
     fig, axes = plt.subplots(1, len(keys), figsize=(4.8 * len(keys) + 0.5, 3.0), sharey=True, squeeze=False,
                              layout="constrained")
-    for ax, (key, title) in zip(axes[0], keys):
+    drawn = [branches(data, key) for key, _ in keys]
+    for ax, (_, title), parts in zip(axes[0], keys, drawn):
         ax.axhline(0, color=MUTED, linewidth=0.8)
-        for name, v in directions.items():
-            if not v.get(key):
-                continue
-            x, y = array(v["temp_degc"]), array(v[key])
-            error = array(v["se_dph"]) if v.get("se_dph") else np.zeros_like(y)
-            color = DIRECTION.get(name, MUTED)
-            label = {"up": "rising", "down": "falling", "soak": "resting"}.get(name, name)
+        for name, (x, y, error) in parts.items():
+            color = DIRECTION[name]
+            label = {"up": "rising", "down": "falling", "soak": "resting"}[name]
             if name == "soak":
                 ax.errorbar(x, y, 2 * error, color=color, fmt="s", markersize=3.5, linewidth=1, label=label)
             else:
@@ -269,13 +292,16 @@ def draw_dp2(data):
     return svg_image(fig, "DP2 prediction error of the logs against the model before and after")
 
 
-def draw_candidates(candidates, named=()):
-    """What every candidate gains over its false-alarm threshold."""
-    rows = [c for c in candidates if c.get("gain_nats") is not None]
-    rows.sort(key=lambda c: -c["gain_nats"] / max(c.get("threshold_nats") or 1, 1e-9))
+def draw_candidates(candidates, tests=(), named=()):
+    """What every candidate and every library-free test gains over its false-alarm threshold."""
+    rows = [dict(c) for c in candidates]
+    rows += [{"name": f"test: {t['name']}", "gain_nats": t["evidence_before_nats"] + t["threshold_nats"],
+              "threshold_nats": t["threshold_nats"], "library": False} for t in tests]
+    rows = [c for c in rows if c.get("gain_nats") is not None and (c.get("threshold_nats") or 0) > 0]
+    rows.sort(key=lambda c: -c["gain_nats"] / c["threshold_nats"])
     rows = rows[:18][::-1]
     fig, ax = plt.subplots(figsize=(5.2, 0.22 * len(rows) + 0.9), layout="constrained")
-    ratio = [max(c["gain_nats"], 0.05) / max(c.get("threshold_nats") or 1, 1e-9) for c in rows]
+    ratio = [max(c["gain_nats"], 0.05) / c["threshold_nats"] for c in rows]
     floor = 0.05
     for i, (c, r) in enumerate(zip(rows, ratio)):
         known = c.get("library", True)
@@ -360,29 +386,34 @@ def figure(title, caption, image, size=""):
 
 def figures(axis):
     """The plots for which there are data; a malformed one is named instead of drawn."""
-    plots = axis.get("plots") or {}
+    plots = dict(axis.get("plots") or {})
+    if not axis.get("effects"):  # nothing was added: after is before
+        plots.pop("gap_map_after", None)
+        for key, drop in (("residual", "after_dph"), ("dp2", "model_after_dph")):
+            if isinstance(plots.get(key), dict):
+                plots[key] = {k: v for k, v in plots[key].items() if k != drop}
     named = {e["name"] for e in axis.get("effects") or []}
     wanted = [
-        ("gap_tau_temperature", "Where: averaging time and temperature",
+        ("gap_map", "Where: averaging time and temperature",
          "Variance of the standardised residual beyond what the model allows; white is as expected, a number marks more than "
-         "three standard errors.", draw_gap_map),
-        ("residual_temperature", "Residual against temperature by direction",
+         "three standard errors.", lambda d: draw_gap_map(plots), "wide"),
+        ("residual", "Residual against temperature by direction",
          "Mean of the residual after constants and polynomial are fitted; bands are two standard errors.  Branches that part "
-         "show memory of the temperature's past.", draw_residual),
+         "show memory of the temperature's past.", draw_residual, "wide"),
         ("dp2", "Prediction error (DP2): logs against model",
-         "The model is right where its curve runs through the logs; shaded: 95 % of what simulation of that model gives.",
-         draw_dp2),
+         "The model is right where its curve runs through the logs.", draw_dp2, ""),
         ("candidates", "Evidence of the candidates",
-         "Each candidate judged alone.  Right of the red line: more than chance gives at the stated false-alarm rate.  "
-         "Hatched: tests that assume no cause.", lambda d: draw_candidates(d, named)),
+         "Each candidate judged alone, over the believed model.  Right of the red line: more than chance gives at the stated "
+         "false-alarm rate.  Dark: named.  Hatched: tests that assume no cause.",
+         lambda d: draw_candidates(d, plots.get("tests") or (), named), ""),
     ]
     out = []
-    for key, title, caption, draw in wanted:
+    for key, title, caption, draw, size in wanted:
         data = plots.get(key)
         if not data:
             continue
         try:
-            out.append(figure(title, caption, draw(data), "wide" if draw in (draw_gap_map, draw_residual) else ""))
+            out.append(figure(title, caption, draw(data), size))
         except (KeyError, TypeError, ValueError, IndexError) as problem:
             plt.close("all")
             out.append(figure(title, f"not drawn: plots.{key} is not as documented ({type(problem).__name__}: {problem})", ""))
@@ -424,10 +455,12 @@ def effect_table(axis):
 def limits(axis):
     """What these profiles cannot tell, and what to run instead."""
     parts = []
-    hidden = axis.get("not_detectable_here") or []
-    if hidden:
-        parts.append("<details><summary>Not detectable on these profiles below the sizes listed "
-                     f"({many(len(hidden), 'effect')})</summary>" + rows(("effect", "smallest size that would show"), [
+    for key, title in (("not_detectable_here", "Not detectable on these profiles below the sizes listed"),
+                       ("smallest_detectable", "Smallest size of each thermal effect that these profiles would show")):
+        hidden = axis.get(key) or []
+        if not hidden:
+            continue
+        parts.append(f"<details><summary>{title} ({many(len(hidden), 'effect')})</summary>" + rows(("effect", "smallest size that would show"), [
                          (plain(h["name"]), ", ".join(parameter_text(k, v) for k, v in (h.get("smallest_detectable") or {}).items())
                           or "none on these profiles") for h in hidden]) + "</details>")
     pairs = axis.get("indistinguishable") or []
@@ -468,11 +501,12 @@ def section(axis, index):
     hidden = axis.get("not_detectable_here") or []
     if axis["verdict"] == "no_gap" and hidden:
         meaning += f" {many(len(hidden), 'effect')} would stay unseen on these profiles unless larger than listed below."
-    lead = [meaning, cause_sentence(axis), where_sentence(axis.get("where")), gap_sentence(axis.get("gap"))]
+    gap = axis.get("gap") if axis.get("effects") else {}
+    lead = [meaning, cause_sentence(axis), where_sentence(axis.get("where")), gap_sentence(gap), *(axis.get("notes") or [])]
     return (f'<section id="axis{index}"><div class="head"><h2>{esc(axis["axis"])}</h2>'
             f'<span class="badge" style="background:{color}">{esc(title)}</span></div>'
             f'<div class="lead">{"".join(f"<p>{esc(s)}</p>" for s in lead if s)}</div>'
-            + number_cards(axis.get("gap")) + effect_table(axis) + figures(axis) + limits(axis) + findings(axis) + "</section>")
+            + number_cards(gap) + effect_table(axis) + figures(axis) + limits(axis) + findings(axis) + "</section>")
 
 
 def page(diagnosis, source):
@@ -492,11 +526,12 @@ def page(diagnosis, source):
         sub += f"; false-alarm rate {100 * rate:g} % over all axes and candidates"
     files = ", ".join(f"<code>{esc(f)}</code>" for f in logs) or "–"
     held_files = ", ".join(f"<code>{esc(f)}</code>" for f in held) or "none given"
+    warnings = "".join(f'<div class="note">{esc(w)}</div>' for w in diagnosis.get("warnings") or [])
     model = diagnosis.get("model")
     model = model if isinstance(model, str) else json.dumps(model)
     return (f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
             f"<title>Sim-to-real gap: {esc(os.path.basename(source))}</title><style>{CSS}</style></head><body><main>"
-            f'<h1>What the simulation leaves out</h1><p class="sub">{esc(sub)}</p><div class="chips">{chips}</div>'
+            f'<h1>What the simulation leaves out</h1><p class="sub">{esc(sub)}</p><div class="chips">{chips}</div>{warnings}'
             + "".join(section(a, i) for i, a in enumerate(axes))
             + f"<footer><p>Believed model: <code>{esc(model)}</code>. Seed {esc(diagnosis.get('seed', '–'))}.<br>Logs: {files}.<br>"
               f"Held out: {held_files}.</p><p>Evidence is the gain of log-likelihood (in nats) above a threshold found by simulating "

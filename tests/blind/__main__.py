@@ -67,24 +67,35 @@ def do_draw(args, seed):
     return digest
 
 
+def second_round(sealed, option):
+    """Runs that need the label: the true effect withheld, 5 %, and fitted noise said to be fitted."""
+    jobs = {}
+    for part in sealed["groups"]:
+        here = jobs.setdefault(part["group_id"], [])
+        fitted = [] if all(label["noise_known"] for label in part["labels"]) else [
+            f"--model-seconds={4 * sealed['recipe']['seconds']:.0f}"]
+        for label in part["labels"]:
+            case = label["case"]
+            if label["kind"] == "single" and label["target"] >= 10:
+                here.append((case, "@w", option + ["--without", label["effects"][0]["name"]]))
+            if label["kind"] == "no_gap":
+                here.append((case, "@5", option + ["--false-alarm-rate", "0.05", *fitted]))
+                if fitted:
+                    here.append((case, "@m", option + fitted))
+    return jobs
+
+
 def do_run(args, digest):
     logs, results = os.path.join(args.out, "logs"), os.path.join(args.out, "results")
     shutil.rmtree(results, ignore_errors=True)
     os.makedirs(results)
-    answers = runner.run_all(args.diagnose, logs, results, runner.blind_jobs(logs, args.option), args.processes,
-                             progress=say)
+    option = [f"--cache={os.path.abspath(os.path.join(results, 'cache'))}", *args.option]
+    answers = runner.run_all(args.diagnose, logs, results, runner.blind_jobs(logs, option), args.processes, progress=say)
     say("blind part done; opening the labels")
     sealed = draw.open_sealed(os.path.join(args.out, "labels"), digest)
     if not args.no_withheld:
-        again = {}
-        for part in sealed["groups"]:
-            jobs = again.setdefault(part["group_id"], [])
-            for label in part["labels"]:
-                if label["kind"] == "single" and label["target"] >= 10:
-                    jobs.append((label["case"], "@w", args.option + ["--without", label["effects"][0]["name"]]))
-                if label["kind"] == "no_gap":
-                    jobs.append((label["case"], "@5", args.option + ["--false-alarm-rate", "0.05"]))
-        answers.update(runner.run_all(args.diagnose, logs, results, again, args.processes, progress=say))
+        answers.update(runner.run_all(args.diagnose, logs, results, second_round(sealed, option), args.processes,
+                                      progress=say))
     with open(os.path.join(args.out, "answers.json"), "w", encoding="utf-8") as out:
         json.dump(answers, out)
 

@@ -114,8 +114,11 @@ def gap_free(labels, answers):
     """False names and false gaps per stated rate, profiles and knowledge of the noise."""
     out = {}
     chosen = [c for c, l in labels.items() if l["kind"] == "no_gap"]
-    for stated, tag in (("0.01", ""), ("0.05", "@5")):
-        present = [c for c in chosen if c + tag in answers]
+    for stated, choose in (("0.01", lambda c: c + ("@m" if c + "@m" in answers else "")), ("0.05", lambda c: c + "@5"),
+                           ("0.01, fitted noise taken for known", lambda c: c)):
+        present = [c for c in chosen if choose(c) in answers]
+        if "taken" in stated:
+            present = [c for c in present if not labels[c]["noise_known"]]
         groups = {"all": present}
         for known in (True, False):
             groups["noise known" if known else "noise fitted"] = [c for c in present if labels[c]["noise_known"] == known]
@@ -123,7 +126,7 @@ def gap_free(labels, answers):
             groups.setdefault(f"{labels[c]['family']}, {'known' if labels[c]['noise_known'] else 'fitted'}", []).append(c)
         out[stated] = {}
         for name, members in groups.items():
-            reads = [reading(answers[c + tag]) for c in members]
+            reads = [reading(answers[choose(c)]) for c in members]
             false_names = sum(bool(r["names"]) for r in reads)
             any_gap = sum(r["verdict"] not in ("no_gap",) for r in reads)
             physical = sum(any(x != "noise_parameters" for x in r["names"]) for r in reads)

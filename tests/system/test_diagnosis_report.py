@@ -14,7 +14,7 @@ SCRIPT = os.path.join(os.path.dirname(__file__), "..", "..", "host", "scripts", 
 
 DIAGNOSIS = {
     "imucal_diagnosis": 1, "model": "model.json", "logs": ["runs/a.csv", "runs/<b>.csv"], "held_out_logs": [],
-    "false_alarm_rate": 0.01, "seed": 7,
+    "false_alarm_rate": 0.01, "seed": 7, "warnings": ["device names differ"],
     "axes": [
         {"axis": "gx_dph", "verdict": "explained",
          "where": {"tau_s": [512, 4096], "temp_degc": [10, 50], "time_s": None, "direction": "up", "logs": ["runs/a.csv"],
@@ -31,15 +31,19 @@ DIAGNOSIS = {
                  "remainder": "6 % above 1000 s", "residual_rms_dph": {"before": 26.0, "after": 18.3},
                  "dp2_distance_dph": {"before": 0.56, "after": 0.21}},
          "plots": {
-             "gap_tau_temperature": {"tau_s": [2, 4, 8], "temp_degc": [10, 30], "z_before": [[0, 3.5, 9], [None, 1, -4]],
-                                     "z_after": [[0, 0.5, 1], [None, 1, 0]]},
-             "residual_temperature": {"directions": {"up": {"temp_degc": [10, 30], "before_dph": [5, 9], "after_dph": [0, 1],
-                                                            "se_dph": [1, 1]}}},
-             "dp2": {"tau_s": [2, 10, 100], "data_dph": [[30, 20, 15], [31, 21, None]], "model_before_dph": [30, 19, 12],
-                     "model_after_dph": [30, 20, 15], "envelope_after_dph": [[28, 33], [18, 22], [12, 19]]},
-             "candidates": [{"name": "thermal_hysteresis", "gain_nats": 312, "threshold_nats": 7},
-                            {"name": "generic <T>", "gain_nats": 20, "threshold_nats": 23, "library": False}]}},
-        {"axis": "gy_dph", "verdict": "no_gap", "where": None, "effects": [],
+             "gap_map": {"tau_s": [2, 4, 8], "temp_edges_degc": [0, 20, 40], "z": [[0, 3.5], [9, None], [1, -4]]},
+             "gap_map_after": {"tau_s": [2, 4, 8], "temp_edges_degc": [0, 20, 40], "z": [[0, 0.5], [1, None], [1, 0]]},
+             "residual": {"mean_s": 60, "temp_degc": [k % 60 for k in range(240)], "t_s": list(range(240)),
+                          "rate_degc_per_min": [1 if k % 120 < 60 else -1 for k in range(240)],
+                          "log": [k // 120 for k in range(240)],
+                          "before_dph": [(5 if k % 120 < 60 else -5) + k % 7 for k in range(240)],
+                          "after_dph": [k % 7 for k in range(240)]},
+             "dp2": {"tau_s": [2, 10, 100], "data_dph": [30, 20, 15], "model_before_dph": [30, 19, 12],
+                     "model_after_dph": [30, 20, 15]},
+             "candidates": [{"name": "thermal_hysteresis", "gain_nats": 312, "threshold_nats": 7, "evidence_nats": 305}],
+             "tests": [{"name": "generic <T>", "evidence_before_nats": -3, "evidence_after_nats": -3, "threshold_nats": 23}]},
+         "notes": ["Slow noise would take 12 % of it."]},
+        {"axis": "gy_dph", "verdict": "no_gap", "where": None, "effects": [], "notes": [],
          "not_detectable_here": [{"name": "rate_ramp", "smallest_detectable": {"ramp_dph_per_h": 11.0}}],
          "indistinguishable": [], "advice": [], "gap": {}}]}
 
@@ -69,7 +73,7 @@ def test_page_needs_nothing_from_outside(page):
     "Gap explained", "No gap found", "removes 94 % of the gap on held-out data (95 % interval 88 to 98 %)",
     "amplitude 19.8 ± 0.9 dph, width 5.2 ± 0.31 °C", "at averaging times of 512 to 4096 s, between 10 and 50 °C",
     "while the temperature rises", "cannot exclude thermal lag instead", "rate ramp and warm up", "Run the staircase.",
-    "142 → 9.1", "each held out in turn", "false-alarm rate 1 %", "up and down differ",
+    "142 → 9.1", "each held out in turn", "false-alarm rate 1 %", "up and down differ", "device names differ", "Slow noise would take 12 %",
     "1 effect would stay unseen on these profiles"])
 def test_page_says_what_the_diagnosis_says(page, words):
     assert words in page
@@ -82,7 +86,7 @@ def test_page_escapes_text_from_files(page):
 def test_missing_and_malformed_plots_do_not_stop_the_page(tmp_path):
     diagnosis = copy.deepcopy(DIAGNOSIS)
     del diagnosis["axes"][0]["plots"]["dp2"]
-    diagnosis["axes"][0]["plots"]["candidates"] = [{"gain_nats": 3}]
+    diagnosis["axes"][0]["plots"]["candidates"] = [{"gain_nats": 3, "threshold_nats": 2}]
     done, text = run(tmp_path, diagnosis)
     assert done.returncode == 0
     assert len(re.findall("data:image/svg", text)) == 3
@@ -94,6 +98,17 @@ def test_missing_and_malformed_plots_do_not_stop_the_page(tmp_path):
 def test_what_is_no_diagnosis_is_refused(tmp_path, text, words):
     done, page_text = run(tmp_path, text)
     assert done.returncode == 3 and words in done.stderr and not page_text
+
+
+def test_branches_are_the_means_by_direction():
+    """Rising branch 5 + mean, falling branch -5 + mean, with errors of the size of the scatter."""
+    sys.path.insert(0, os.path.dirname(SCRIPT))
+    import diagnosis_report
+
+    parts = diagnosis_report.branches(DIAGNOSIS["axes"][0]["plots"]["residual"], "before_dph", n_bins=3)
+    assert set(parts) == {"up", "down"}
+    assert abs((parts["up"][1] - parts["down"][1]).mean() - 10) < 1
+    assert all(0.2 < e < 10 for e in parts["up"][2])
 
 
 def test_missing_file_is_named(tmp_path):
