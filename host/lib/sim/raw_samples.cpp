@@ -55,7 +55,7 @@ void RawSampler::second(double t_end_s, double temp_degc, const double* mean_dph
     if (format_.jitter_s > 0)
       t_s += std::clamp(format_.jitter_s * jitter_.normal(), -0.4 * step_s, 0.4 * step_s);
     samples[i] = RawSample{};
-    samples[i].t_us = static_cast<uint64_t>(std::llround(t_s * 1e6));
+    samples[i].t_us = static_cast<uint64_t>(std::llrint(t_s * 1e6));
     double shown_degc = temp_degc - format_.temp_offset_degc;
     if (format_.temp_noise_degc > 0) shown_degc += format_.temp_noise_degc * thermometer_.normal();
     samples[i].temp_counts =
