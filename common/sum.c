@@ -24,8 +24,8 @@ static void mark_missing(imucal_sum_t* sum) {
 /* Hand out the running second and leave the sums empty. */
 static void close_second(imucal_sum_t* sum, imucal_second_t* second) {
   for (uint32_t i = 0; i < sum->run.n_channels; i++) {
-    uint32_t saturated = (sum->saturated >> i) & 1u ? IMUCAL_FLAG_SATURATED : 0u;
-    uint32_t fault = (sum->fault >> i) & 1u ? IMUCAL_FLAG_FAULT : 0u;
+    uint32_t saturated = ((uint32_t)sum->saturated >> i) & 1u ? IMUCAL_FLAG_SATURATED : 0u;
+    uint32_t fault = ((uint32_t)sum->fault >> i) & 1u ? IMUCAL_FLAG_FAULT : 0u;
     sum->run.flags[i] = (uint8_t)(sum->run.flags[i] | saturated | fault);
   }
   sum->run.is_gap = 2 * (uint64_t)sum->run.n_samples < sum->nominal_n;
