@@ -112,19 +112,21 @@ class Demo:
     def log(self, name):
         return read_log(self.folder / name)
 
-    def run(self, device, sensor_first, sensor_again, run_arguments):
+    def run(self, device, sensor_first, sensor_again, duration_s, run_arguments):
         """Calibrate, cut the power, verify, run again compensated."""
         device.power_on()
         with Step("1. calibrating: the Kalman filters on the microcontroller learn the polynomials"):
             self.start_sensor(sensor_first)
-            self.calibrate(device, "--json", "run.json", "run", *run_arguments, "--record", "before.csv", "-o", "table.json")
+            self.calibrate(device, "--json", "run.json", "run", *run_arguments, "--duration-s", str(duration_s),
+                           "--record", "before.csv", "-o", "table.json")
         with Step("2. power cut (QEMU killed), power on, table verified"):
             device.cut_power()
             device.power_on()
             self.calibrate(device, "verify", "table.json")
         with Step("3. the same profile again, compensated by the firmware"):
             self.start_sensor(sensor_again)
-            self.calibrate(device, "--json", "again.json", "record", "-o", "again_raw.csv", "--compensated", "after.csv")
+            self.calibrate(device, "--json", "again.json", "record", "--duration-s", str(duration_s), "-o", "again_raw.csv",
+                           "--compensated", "after.csv")
         device.cut_power()
 
 
@@ -246,7 +248,7 @@ def simulated(demo):
         serve += ["--model", f"{name}.json"]
     print("An IMU with three gyros on an emulated Cortex-M4F (QEMU mps2-an386), in a simulated chamber:\n"
           "140 min, 0 to 60 degC at 0.6 degC/min, 100 raw samples per second; noise 0.6 deg/sqrt(h), drift 20 deg/h, 100 s\n")
-    demo.run(device, serve + ["--log-index", "0"], serve + ["--log-index", "1"],
+    demo.run(device, serve + ["--log-index", "0"], serve + ["--log-index", "1"], 8400,
              ["--order", "3", "--model", "filter_model.json", "--profile", "profile.json"])
     before, after, run = demo.log("before.csv"), demo.log("after.csv"), demo.read("run.json")
     return start_s, {
@@ -289,16 +291,16 @@ def recorded(demo, log_path, order, rate_hz):
              "names": ",".join(axes), "scale": ",".join(["1"] * len(axes))}
     device = Device(demo.build, demo.folder, board)
     replay = ["replay", str(log_path), "--rate-hz", str(rate_hz), "--seed", str(demo.seed)]
-    duration_s = len(source["temp_degc"])
+    duration_s, span_s = len(source["temp_degc"]), int(source["t_s"][-1] - source["t_s"][0] + 1)
     print(f"{log_path.name}: {duration_s} s, {lo:.1f} to {hi:.1f} degC, replayed at {rate_hz} Hz into an emulated Cortex-M4F;\n"
           f"polynomials of order {order}; error models estimated from the log:")
     for name, model in models.items():
         drift = model["markov"][0]
         print(f"   {name}: {model['arw_deg_rt_h']:.2f} deg/sqrt(h), drift {drift['sigma_dph']:.1f} deg/h, {drift['tau_s']:.0f} s")
-    arguments = ["--order", str(order), "--range", f"{lo:.3f}:{hi:.3f}", "--duration-s", str(duration_s)]
+    arguments = ["--order", str(order), "--range", f"{lo:.3f}:{hi:.3f}"]
     for name in axes:
         arguments += ["--model", f"{name}.json"]
-    demo.run(device, replay, replay, arguments)
+    demo.run(device, replay, replay, span_s, arguments)
     before, after, run = demo.log("before.csv"), demo.log("after.csv"), demo.read("run.json")
     return start_s, {
         "title": "A recorded IMU calibrated on the microcontroller",

@@ -74,7 +74,10 @@ void Progress::update(double done, const std::string& note) {
   dirty_ = true;
   const double fraction = total_ > 0 ? std::min(1.0, done / total_) : 0.0;
   const double left_s = fraction > 0.001 ? (t - start_s_) * (1 - fraction) / fraction : 0.0;
-  std::fprintf(stderr, "\r\033[K%s %3.0f %%  %s  %.0f s left", what_.c_str(), 100 * fraction, note.c_str(), left_s);
+  if (total_ > 0)
+    std::fprintf(stderr, "\r\033[K%s %3.0f %%  %s  %.0f s left", what_.c_str(), 100 * fraction, note.c_str(), left_s);
+  else  // nobody knows how much there is to do
+    std::fprintf(stderr, "\r\033[K%s  %s", what_.c_str(), note.c_str());
   std::fflush(stderr);
 }
 
