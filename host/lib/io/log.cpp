@@ -8,11 +8,13 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <ostream>
 
 #include "base/error.h"
 #include "base/units.h"
 #include "io/json_file.h"
+#include "io/raw_log.h"
 
 namespace imucal {
 
@@ -43,10 +45,14 @@ std::string trimmed(const std::string& text) {
 
 // What a column after t_s and temp_degc means.
 struct Column {
-  enum Kind { kAxis, kFlags, kAuxiliary } kind = kAxis;
+  enum Kind { kAxis, kFlags, kAuxiliary, kCounts } kind = kAxis;
   size_t index = 0;  // axis the column belongs to
   std::string name;
 };
+
+bool is_raw(const std::vector<Column>& columns) {
+  return std::any_of(columns.begin(), columns.end(), [](const Column& c) { return c.kind == Column::kCounts; });
+}
 
 // Lines of a file with their numbers; fgets-free so that long lines are whole.
 class LineReader {
@@ -122,6 +128,26 @@ void read_metadata(const std::string& line, std::map<std::string, std::string>* 
   }
 }
 
+// The axis that a column of counts becomes; its scale is in the metadata before the header.
+LogAxis raw_axis(const LineReader& in, const std::string& name, const std::map<std::string, std::string>& metadata) {
+  const std::string stem = name.substr(0, name.size() - std::strlen("_counts"));
+  for (const UnitSuffix& unit : kUnits) {
+    const auto scale = metadata.find(name + "_scale" + unit.text);
+    if (scale == metadata.end()) continue;
+    const char* last = scale->second.data() + scale->second.size();
+    LogAxis axis;
+    double per_count = 0;
+    const auto result = std::from_chars(scale->second.data(), last, per_count);
+    if (result.ec != std::errc() || result.ptr != last || !(per_count > 0) || !std::isfinite(per_count))
+      in.fail("# " + scale->first + ": expected a positive number, found \"" + scale->second + "\"");
+    axis.name = stem + (unit.is_gyro ? "_dph" : "_mg");
+    axis.is_gyro = unit.is_gyro;
+    axis.to_internal = per_count * unit.to_internal;
+    return axis;
+  }
+  in.fail("column \"" + name + "\" needs its scale before the header, for example \"# " + name + "_scale_dph = 18\"");
+}
+
 std::vector<Column> read_header(const LineReader& in, Log* log) {
   const std::vector<std::string> names = split(in.line());
   if (names.size() < 3 || names[0] != "t_s" || names[1] != "temp_degc")
@@ -134,8 +160,11 @@ std::vector<Column> read_header(const LineReader& in, Log* log) {
       columns.push_back({Column::kFlags, 0, name});
       continue;
     }
-    if (ends_with(name, "_counts"))
-      in.fail("column \"" + name + "\" holds raw counts; this reader takes 1-s means (see read_raw_log)");
+    if (ends_with(name, "_counts")) {
+      columns.push_back({Column::kCounts, log->axes.size(), name});
+      log->axes.push_back(raw_axis(in, name, log->metadata));
+      continue;
+    }
     const auto* unit = std::find_if(std::begin(kUnits), std::end(kUnits),
                                     [&](const UnitSuffix& u) { return ends_with(name, u.text); });
     if (unit == std::end(kUnits)) {
@@ -159,6 +188,8 @@ std::vector<Column> read_header(const LineReader& in, Log* log) {
     if (column.index == log->axes.size()) in.fail("column \"" + column.name + "\" belongs to no axis");
   }
   if (log->axes.empty()) in.fail("no axis column; names end in their unit: _dph, _dps, _radps, _mg or _ms2");
+  if (is_raw(columns) && std::any_of(columns.begin(), columns.end(), [](const Column& c) { return c.kind == Column::kAxis; }))
+    in.fail("raw counts and rates in one log: a log has samples or 1-s means");
   return columns;
 }
 
@@ -250,15 +281,30 @@ Log read_log(const std::string& path) {
   Log log;
   std::vector<Column> columns;
   std::vector<std::vector<double>*> auxiliary;
+  std::optional<RawDecimator> decimator;
   walk(
       path,
       [&](const Log& header, const std::vector<Column>& header_columns) {
         log = header;
         columns = header_columns;
+        if (is_raw(columns)) {
+          decimator.emplace(header);
+          return;
+        }
         for (const Column& c : columns)
           auxiliary.push_back(c.kind == Column::kAuxiliary ? &log.auxiliary[c.name] : nullptr);
       },
       [&](double t_s, double temp_degc, const std::vector<double>& values) {
+        if (decimator) {
+          decimator->begin(t_s, temp_degc);
+          for (size_t c = 0; c < columns.size(); ++c) {
+            if (columns[c].kind == Column::kCounts) decimator->counts(columns[c].index, values[c]);
+            if (columns[c].kind == Column::kFlags)
+              decimator->flags(columns[c].index, std::isnan(values[c]) ? 0 : static_cast<int>(values[c]));
+          }
+          decimator->end();
+          return;
+        }
         log.t_s.push_back(t_s);
         log.temp_degc.push_back(temp_degc);
         for (size_t c = 0; c < columns.size(); ++c) {
@@ -269,11 +315,38 @@ Log read_log(const std::string& path) {
           if (auxiliary[c]) auxiliary[c]->push_back(values[c]);
         }
       });
-  return log;
+  return decimator ? decimator->finish() : log;
+}
+
+// A raw log has too few seconds to need bounded memory: a hundredth of its rows.
+static void scan_decimated(const std::string& path, const std::function<void(const Log& header)>& header,
+                           const std::function<void(const LogRow&)>& row) {
+  const Log log = read_log(path);
+  Log empty = log;
+  empty.t_s.clear();
+  empty.temp_degc.clear();
+  for (LogAxis& axis : empty.axes) axis.rate_dph.clear(), axis.flags.clear();
+  header(empty);
+  std::vector<double> rate_dph(log.axes.size());
+  std::vector<int> flags(log.axes.size());
+  for (size_t k = 0; k < log.size(); ++k) {
+    for (size_t a = 0; a < log.axes.size(); ++a) rate_dph[a] = log.axes[a].rate_dph[k], flags[a] = log.axes[a].flags[k];
+    row({log.t_s[k], log.temp_degc[k], rate_dph.data(), flags.data()});
+  }
+}
+
+static bool is_raw_log(const std::string& path) {
+  LineReader in(path);
+  while (in.next())
+    if (!trimmed(in.line()).empty() && in.line()[0] != '#') break;
+  for (const std::string& name : split(in.line()))
+    if (ends_with(name, "_counts")) return true;
+  return false;
 }
 
 void scan_log(const std::string& path, const std::function<void(const Log& header)>& header,
               const std::function<void(const LogRow&)>& row) {
+  if (is_raw_log(path)) return scan_decimated(path, header, row);
   std::vector<Column> columns;
   std::vector<double> rate_dph, to_internal;
   std::vector<int> flags;
