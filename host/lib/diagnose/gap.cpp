@@ -16,7 +16,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kConstantSigma_dph = 1e4; // prior of the constant of a held-out unit: integrated out
-constexpr int kBootstrap = 200;
+constexpr int kBootstrap = 60;
 constexpr double kMean_s = 60;
 
 // Coefficients that a held-out run takes over from the fit: of the polynomial and of the common columns of
@@ -387,6 +387,7 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
   out.before = (sum(before.deviance) - reference) / out.hours;
   out.after = (sum(after.deviance) - reference) / out.hours;
   out.shrinkage = out.before > 1e-9 ? 1 - out.after / out.before : 0;
+  if (out.delta_deviance < 0 && out.before <= 1e-9) out.shrinkage = -1;  // the effects make the prediction worse
   out.remainder = better.empty()
                       ? (fires ? "a remainder that the library-free tests see and no reference here predicts"
                                : "nothing detectable on the held-out data")
@@ -407,14 +408,17 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
       }
       gains.push_back(gain);
     }
-    std::sort(gains.begin(), gains.end());
-    const double centre = gains[gains.size() / 2];
-    const double lo = out.delta_deviance + gains[static_cast<size_t>(0.025 * kBootstrap)] - centre;
-    const double hi = out.delta_deviance + gains[static_cast<size_t>(0.975 * kBootstrap)] - centre;
-    const double scale = std::max(1e-9, sum(before.deviance) - reference);
-    const double left = sum(after.deviance) - reference;
-    out.ci_lo = std::max(-1.0, lo / std::max(1e-9, std::max(lo + left, scale)));
-    out.ci_hi = std::min(1.0, hi / std::max(1e-9, hi + left));
+    double mean = 0, square = 0;
+    for (double g : gains) mean += g / kBootstrap;
+    for (double g : gains) square += (g - mean) * (g - mean) / (kBootstrap - 1);
+    const double half = 2.0 * std::sqrt(square);  // t with 59 degrees of freedom
+    out.gain = out.delta_deviance / out.hours;
+    out.gain_lo = (out.delta_deviance - half) / out.hours;
+    out.gain_hi = (out.delta_deviance + half) / out.hours;
+    if (out.before > 1e-9) {
+      out.ci_lo = std::clamp(out.gain_lo / out.before, -1.0, 1.0);
+      out.ci_hi = std::clamp(out.gain_hi / out.before, -1.0, 1.0);
+    }
     out.interval_method =
         "parametric bootstrap of the final model, " + std::to_string(kBootstrap) + " replicates";
   }

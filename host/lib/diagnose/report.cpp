@@ -227,6 +227,8 @@ Json axis_json(const AxisResult& axis, const Campaign& campaign, const Fit& nomi
               {"ci95", {g.ci_lo, g.ci_hi}},
               {"unit", "deviance per hour, held out"},
               {"method", g.method},
+              {"gain", g.gain},
+              {"gain_ci95", {g.gain_lo, g.gain_hi}},
               {"interval", g.interval_method},
               {"hours", g.hours},
               {"gain_by_unit", g.delta_by_unit},

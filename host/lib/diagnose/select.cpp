@@ -12,6 +12,7 @@ namespace {
 constexpr double kPolishAbsolute_nats = 15, kPolishRelative = 0.12;
 constexpr double kStepCost_nats = 9, kStepKept_nats = 12;
 constexpr int kMostSteps = 6;
+constexpr double kGrave = 0.002;  // part of the samples clipped or dead from which the mean is biased
 // A library-free test that explains this much more than the named effects says that the names are wrong.
 constexpr double kUnknownFactor = 1.0, kUnknownMargin_nats = 4;
 constexpr double kNamedShare = 0.9; // named part of what is explained that still counts as an answer
@@ -104,23 +105,31 @@ private:
                      std::numeric_limits<double>::quiet_NaN()}};
       structural_.push_back(effect);
       h_.base_noise.extra_white_dph2 += signature->extra_white_dph2;
+      const double samples = static_cast<double>(campaign_.n());
+      is_on_lattice_ = is_on_lattice_ || signature->extra_white_dph2 > 0;
       if (!signature->unusable.empty()) mask(&campaign_, signature->unusable);
-      if (std::string(name) == "saturation" || std::string(name) == "dead_band") is_censored_ = true;
+      if (std::string(name) == "saturation" || std::string(name) == "dead_band") {
+        is_censored_ = true;
+        is_gravely_censored_ = static_cast<double>(campaign_.n()) < (1 - kGrave) * samples;
+      }
     }
     out_.nominal.base_noise = h_.base_noise;
   }
 
-  // What censoring distorts cannot be judged: the spread of the samples.
+  // What censoring distorts cannot be judged: the spread of the samples; the mean too, where many are missing.
   bool is_suppressed(size_t j) const {
+    if (is_gravely_censored_) return true;
     if (!is_censored_) return false;
-    const std::string name = library_[j]->name();
-    return name == "noise_parameters" || name == "outliers" || name == "white_noise_vs_temperature";
+    const Form form = library_[j]->estimator()->form();
+    return form == Form::kNoise || form == Form::kRunRandom;
   }
 
   std::vector<GenericFinding> findings(const PanelScores& scores) const {
     std::vector<GenericFinding> out;
     for (size_t g = 0; g < scores.generic.size(); ++g) {
       const std::string& name = generic_names()[g];
+      if (is_gravely_censored_) continue;
+      if (is_on_lattice_ && (name == "distribution" || name == "asymmetry")) continue;
       if (is_censored_ && (name.rfind("variance", 0) == 0 || name == "distribution" || name == "spectrum" ||
                            name == "bursts" || name == "asymmetry"))
         continue;
@@ -478,7 +487,7 @@ private:
   Hypothesis h_;
   std::vector<Choice> chosen_;
   std::vector<SelectedEffect> structural_;
-  bool is_censored_ = false;
+  bool is_censored_ = false, is_gravely_censored_ = false, is_on_lattice_ = false;
   int retune_ = -1;
   double start_value_ = 0;
 };

@@ -37,17 +37,22 @@ public:
         at_lo += std::isfinite(y) && y - lo <= 1e-6 * (1 + std::fabs(lo));
         at_hi += std::isfinite(y) && hi - y <= 1e-6 * (1 + std::fabs(hi));
       }
-    // On a lattice the extreme repeats too; then it has to stand out from its neighbours.
+    // On a lattice the extreme repeats too, but less often than the value beside it.
     constexpr size_t kFewest = 8;
-    size_t near_lo = 0, near_hi = 0;
-    const double band = 0.02 * (hi - lo);
+    double next_lo = 1e300, next_hi = -1e300;
     for (const RunInput& run : runs)
       for (double y : run.rate_dph) {
-        near_lo += std::isfinite(y) && y - lo < band;
-        near_hi += std::isfinite(y) && hi - y < band;
+        if (!std::isfinite(y)) continue;
+        if (y - lo > 1e-6 * (1 + std::fabs(lo))) next_lo = std::min(next_lo, y);
+        if (hi - y > 1e-6 * (1 + std::fabs(hi))) next_hi = std::max(next_hi, y);
       }
-    const bool is_lo = at_lo >= kFewest && 2 * at_lo > near_lo,
-               is_hi = at_hi >= kFewest && 2 * at_hi > near_hi;
+    size_t beside_lo = 0, beside_hi = 0;
+    for (const RunInput& run : runs)
+      for (double y : run.rate_dph) {
+        beside_lo += std::isfinite(y) && std::fabs(y - next_lo) <= 1e-6 * (1 + std::fabs(next_lo));
+        beside_hi += std::isfinite(y) && std::fabs(y - next_hi) <= 1e-6 * (1 + std::fabs(next_hi));
+      }
+    const bool is_lo = at_lo >= kFewest && at_lo > 2 * beside_lo, is_hi = at_hi >= kFewest && at_hi > 2 * beside_hi;
     if (!(hi > lo) || (!is_lo && !is_hi)) return std::nullopt;
     Signature found;
     found.parameters = {{"limit_dph", is_hi ? std::fabs(hi) : std::fabs(lo)}};
