@@ -387,7 +387,8 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
   out.before = (sum(before.deviance) - reference) / out.hours;
   out.after = (sum(after.deviance) - reference) / out.hours;
   out.shrinkage = out.before > 1e-9 ? 1 - out.after / out.before : 0;
-  if (out.delta_deviance < 0 && out.before <= 1e-9) out.shrinkage = -1;  // the effects make the prediction worse
+  if (out.delta_deviance < 0 && out.before <= 1e-9)
+    out.shrinkage = -1; // the effects make the prediction worse
   out.remainder = better.empty()
                       ? (fires ? "a remainder that the library-free tests see and no reference here predicts"
                                : "nothing detectable on the held-out data")
@@ -411,7 +412,7 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
     double mean = 0, square = 0;
     for (double g : gains) mean += g / kBootstrap;
     for (double g : gains) square += (g - mean) * (g - mean) / (kBootstrap - 1);
-    const double half = 2.0 * std::sqrt(square);  // t with 59 degrees of freedom
+    const double half = 2.0 * std::sqrt(square); // t with 59 degrees of freedom
     out.gain = out.delta_deviance / out.hours;
     out.gain_lo = (out.delta_deviance - half) / out.hours;
     out.gain_hi = (out.delta_deviance + half) / out.hours;

@@ -14,8 +14,9 @@ struct GapResult {
   double before = 0, after = 0; // deviance per hour above the best reference
   double shrinkage = 0;
   double ci_lo = 0, ci_hi = 0; // 95 % of the shrinkage
-  double gain = 0, gain_lo = 0, gain_hi = 0;  // deviance per hour that the effects remove, with its 95 % interval
-  double delta_deviance = 0;   // D(nominal) - D(final), all held-out units
+  double gain = 0, gain_lo = 0,
+         gain_hi = 0;        // deviance per hour that the effects remove, with its 95 % interval
+  double delta_deviance = 0; // D(nominal) - D(final), all held-out units
   std::vector<double> delta_by_unit;
   double hours = 0;
   double rms_before_dph = 0, rms_after_dph = 0; // 60-s means of rate minus fitted mean

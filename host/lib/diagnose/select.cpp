@@ -12,7 +12,7 @@ namespace {
 constexpr double kPolishAbsolute_nats = 15, kPolishRelative = 0.12;
 constexpr double kStepCost_nats = 9, kStepKept_nats = 12;
 constexpr int kMostSteps = 6;
-constexpr double kGrave = 0.002;  // part of the samples clipped or dead from which the mean is biased
+constexpr double kGrave = 0.002; // part of the samples clipped or dead from which the mean is biased
 // A library-free test that explains this much more than the named effects says that the names are wrong.
 constexpr double kUnknownFactor = 1.0, kUnknownMargin_nats = 4;
 constexpr double kNamedShare = 0.9; // named part of what is explained that still counts as an answer
@@ -116,7 +116,8 @@ private:
     out_.nominal.base_noise = h_.base_noise;
   }
 
-  // What censoring distorts cannot be judged: the spread of the samples; the mean too, where many are missing.
+  // What censoring distorts cannot be judged: the spread of the samples; the mean too, where many are
+  // missing.
   bool is_suppressed(size_t j) const {
     if (is_gravely_censored_) return true;
     if (!is_censored_) return false;

@@ -52,7 +52,8 @@ public:
         beside_lo += std::isfinite(y) && std::fabs(y - next_lo) <= 1e-6 * (1 + std::fabs(next_lo));
         beside_hi += std::isfinite(y) && std::fabs(y - next_hi) <= 1e-6 * (1 + std::fabs(next_hi));
       }
-    const bool is_lo = at_lo >= kFewest && at_lo > 2 * beside_lo, is_hi = at_hi >= kFewest && at_hi > 2 * beside_hi;
+    const bool is_lo = at_lo >= kFewest && at_lo > 2 * beside_lo,
+               is_hi = at_hi >= kFewest && at_hi > 2 * beside_hi;
     if (!(hi > lo) || (!is_lo && !is_hi)) return std::nullopt;
     Signature found;
     found.parameters = {{"limit_dph", is_hi ? std::fabs(hi) : std::fabs(lo)}};
