@@ -123,7 +123,7 @@ DpRecord::DpRecord(const Series& series, const DpOperator& op) : op_(op), size_(
   double sum = 0;
   for (size_t i = 0; i < size; ++i) {
     sum_[i] = sum;
-    if (!std::isnan(series.rate_dph[i])) sum += series.rate_dph[i];
+    if (series.n_missing == 0 || !std::isnan(series.rate_dph[i])) sum += series.rate_dph[i];
   }
   sum_[size] = sum;
   if (series.n_missing > 0) {

@@ -208,13 +208,22 @@ void remove_trend(const Detrend& detrend, Series* s) {
   const auto n = static_cast<size_t>(s->size());
   // The mean first: sums of squares of what is left stay exact.
   if (detrend.kind == Detrend::Kind::kNone) return;
-  double offset = 0;
-  for (int pass = 0; pass < 2; ++pass) {
-    double sum = 0;
+  // Sums of differences from a first value, in four chains.
+  const auto first = std::find_if(s->rate_dph.begin(), s->rate_dph.end(), [](double x) { return !std::isnan(x); });
+  if (first == s->rate_dph.end()) return;
+  const double base = *first;
+  double sum[4] = {0, 0, 0, 0};
+  if (s->n_missing == 0) {
+    const double* x = s->rate_dph.data();
+    size_t i = 0;
+    for (; i + 4 <= n; i += 4)
+      for (size_t l = 0; l < 4; ++l) sum[l] += x[i + l] - base;
+    for (; i < n; ++i) sum[0] += x[i] - base;
+  } else {
     for (size_t i = 0; i < n; ++i)
-      if (!std::isnan(s->rate_dph[i])) sum += s->rate_dph[i] - offset;
-    offset += sum / static_cast<double>(s->size() - s->n_missing);
+      if (!std::isnan(s->rate_dph[i])) sum[i % 4] += s->rate_dph[i] - base;
   }
+  const double offset = base + (sum[0] + sum[1] + sum[2] + sum[3]) / static_cast<double>(s->size() - s->n_missing);
   for (double& x : s->rate_dph) x -= offset;
   if (detrend.kind == Detrend::Kind::kMean || detrend.order == 0) return;
   for (const auto& q : detrend_basis(*s, detrend)) {

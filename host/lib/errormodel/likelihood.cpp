@@ -294,9 +294,9 @@ class MlSearch {
       std::vector<double> x;
     };
     std::vector<Start> starts;
-    const int n_tau = base.empty() ? 9 : 8;
+    const int n_tau = base.empty() ? 7 : 8;
     for (int i = 0; i < n_tau; ++i)
-      for (double log_g : base.empty() ? std::vector<double>{-2, 0, 2, 4, 6} : std::vector<double>{-1, 2, 5}) {
+      for (double log_g : base.empty() ? std::vector<double>{-1, 1, 3, 6} : std::vector<double>{-1, 2, 5}) {
         std::vector<double> x = base;
         x.push_back(log_g);
         x.push_back(lo_tau_ + 0.5 + (hi_tau_ - 1.2 - lo_tau_) * i / (n_tau - 1));
@@ -310,6 +310,8 @@ class MlSearch {
       // Starts of different time constants only.
       const bool near = std::any_of(used.begin(), used.end(), [&](const auto& u) { return std::fabs(u.back() - s.x.back()) < 0.9; });
       if (near) continue;
+      // A start so much worse than what was reached already is not refined.
+      if (s.deviance > least + 0.01 * static_cast<double>(likelihood_.dof())) break;
       used.push_back(s.x);
       const double value = refine(&s.x);
       if (value < least) least = value, *best = s.x;
