@@ -90,18 +90,19 @@ void finish(const Options& o, const Json& json) {
 
 Exit expect(const Options& o) {
   const ErrorModel model = read_model(o.model);
-  const DpOperator op = operator_of(o, o.dt_s);
+  std::vector<Series> like;
+  if (!o.logs.empty()) like = load_series(o.logs[0], o.axes, true);
+  const DpOperator op = operator_of(o, like.empty() ? o.dt_s : like[0].dt_s);
   const Detrend detrend = Detrend::parse(o.detrend);
-  const auto tau_s = parse_tau(o.tau.empty() ? "2:600" : o.tau, o.dt_s, 600);
+  const auto tau_s = parse_tau(o.tau.empty() ? "2:600" : o.tau, op.dt_s, 600);
   std::vector<double> dp;
   if (o.duration_s > 0) {
     if (detrend.kind == Detrend::Kind::kPolyTemperature && detrend.order > 0 && o.logs.empty())
       throw usage_error("--detrend " + o.detrend + " needs temperatures: give a log with --like");
     const auto n = static_cast<long>(std::lround(o.duration_s / o.dt_s));
     dp = expected_record_dp_dph(model, op, empty_record(n, o.dt_s), detrend, tau_s);
-  } else if (!o.logs.empty()) {
-    const auto all = load_series(o.logs[0], o.axes, true);
-    dp = expected_record_dp_dph(model, op, all[0], detrend, tau_s);
+  } else if (!like.empty()) {
+    dp = expected_record_dp_dph(model, op, like[0], detrend, tau_s);
   } else {
     dp = expected_dp_dph(model, op, tau_s);
   }
@@ -332,6 +333,7 @@ int main(int argc, char** argv) {
   add_operator_options(s, &o);
   s->add_option("--duration-s", o.duration_s, "expect a record of this length, detrended (needed for random walk and ramp under dp2, dp3)")->check(CLI::PositiveNumber);
   s->add_option("--like", o.logs, "expect a record like this log: its length, gaps and temperatures")->type_name("LOG")->expected(1);
+  s->add_option("--axis", o.axes, "with --like: the axis whose gaps count; default the first")->type_name("NAME")->expected(1);
   s->add_option("--detrend", o.detrend, "with --duration-s or --like: none, mean, poly:N or time:N")->capture_default_str();
   s->add_option("--dt-s", o.dt_s, "sampling time")->check(CLI::PositiveNumber)->capture_default_str();
   add_common_options(s, &o.common);

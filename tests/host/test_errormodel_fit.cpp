@@ -198,6 +198,19 @@ void test_detrended_fit_allows_for_what_the_polynomial_took(void**) {
   assert_true(without > with + 5 * error);
 }
 
+// Many n after a polynomial are interpolated from 40: equal to each by itself.
+void test_interpolated_record_expectation_equals_each_by_itself(void**) {
+  const DpOperator op = make_dp_operator(DpType::kDp2, 1, kNominal);
+  std::vector<Series> all = {test_record(kNominal, 6000, 1)};
+  const Detrend detrend = Detrend::parse("time:4");
+  const auto few = parse_tau("3,17,90,205,333,580", 1, 0);
+  const CurveData many = make_curve_data(all, op, detrend, parse_tau("2:600", 1, 0), Across::kRms);
+  const auto got = CurveBasis(many).model(kTwoTerms);
+  const auto expected = expected_record_dp_dph(kTwoTerms, op, all[0], detrend, few);
+  for (size_t i = 0; i < few.size(); ++i)
+    assert_near(std::sqrt(0.5 * got[static_cast<size_t>(few[i]) - 2]) / expected[i], 1, 2e-4);
+}
+
 void test_maximum_likelihood_recovers_models(void**) {
   double square = 0;
   int covered = 0;
@@ -258,6 +271,7 @@ int main() {
       cmocka_unit_test(test_fits_of_an_exact_curve_return_the_model),
       cmocka_unit_test(test_bound_of_simulated_tests_holds_and_is_tight),
       cmocka_unit_test(test_detrended_fit_allows_for_what_the_polynomial_took),
+      cmocka_unit_test(test_interpolated_record_expectation_equals_each_by_itself),
       cmocka_unit_test(test_maximum_likelihood_recovers_models),
       cmocka_unit_test(test_maximum_likelihood_marginalises_the_polynomial),
       cmocka_unit_test(test_tau_grids),
