@@ -30,7 +30,7 @@ Json curve_json(const DpCurve& c, const std::vector<Interval>& ci) {
 
 Json ratios_json(const DpRatios& r) {
   Json json = {{"log", r.log},     {"axis", r.axis},       {"type", to_text(r.type)},
-               {"tau_s", r.tau_s}, {"max_over_rms", r.max_over_rms}, {"p95_over_rms", r.p95_over_rms},
+               {"tau_s", r.tau_s}, {"max_over_rms", r.max_over_rms}, {"p95_over_rms", r.p95_over_rms}, {"max_limit", r.max_limit},
                {"dof", r.dof},     {"verdict", r.verdict}, {"statement", r.statement}, {"n_events", r.n_events},
                {"outliers", Json::array()}};
   for (const DpOutlier& o : r.outliers)

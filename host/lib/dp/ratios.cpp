@@ -103,13 +103,14 @@ DpRatios dp_ratios(const Series& s, const DpRecord& record, const std::vector<do
     const double largest = *std::max_element(sorted.begin(), sorted.end()) / 3;
     out.max_over_rms.push_back(largest / rms);
     out.p95_over_rms.push_back(percentile / rms);
+    // The sigma itself is uncertain: widened by its own 3-sigma error.
+    const double limit = normal_quantile(1 - 0.5 * rate / static_cast<double>(d.size()));
+    const double sigma = percentile * (1 + 3 / std::sqrt(2 * dof[i]));
+    out.max_limit.push_back(limit * sigma / (3 * rms));
     if (dof[i] < kLeastDof) continue;
     any_dof = true;
     const double off = (percentile / rms - kPercentileRatio) * std::sqrt(dof[i]) / kPercentileSpread;
     if (std::fabs(off) > std::fabs(worst)) worst = off, worst_ratio = percentile / rms, worst_tau_s = tau_s[i];
-    const double limit = normal_quantile(1 - 0.5 * rate / static_cast<double>(d.size()));
-    // The sigma itself is uncertain: widened by its own 3-sigma error.
-    const double sigma = percentile * (1 + 3 / std::sqrt(2 * dof[i]));
     if (3 * largest > limit * sigma) add_events(s, t0, d, sigma, limit, tau_s[i], &events);
   }
   events = merged(std::move(events));

@@ -28,6 +28,7 @@ struct DpRatios {
   std::string log, axis;
   DpType type = DpType::kAv;
   std::vector<double> tau_s, max_over_rms, p95_over_rms, dof;
+  std::vector<double> max_limit;  // max/3 over rms that a Gaussian record stays below (at the false-alarm rate)
   std::string verdict, statement;
   std::vector<DpOutlier> outliers;  // events, at most 20, largest first
   long n_events = 0;
