@@ -5,6 +5,7 @@
 #include "base/error.h"
 
 #include "calibrate/commands.h"
+#include "fit/command.h"
 #include "io/table_json.h"
 
 using namespace imucal;
@@ -130,10 +131,14 @@ int main(int argc, char** argv) {
       ->required()
       ->type_name("TABLE.json");
   CLI::App* rollback = app.add_subcommand("rollback", "return to the table before");
+  FitArguments fit;
+  CLI::App* fit_app = app.add_subcommand("fit", "learn the polynomials from recorded logs, no device needed");
+  add_fit_options(fit_app, &fit);
   app.add_subcommand("erase", "erase both tables: the device runs uncompensated");
 
   return run_program(&app, argc, argv, [&]() -> Exit {
     if (*list) return list_ports(common);
+    if (*fit_app) return fit_command(fit, common);
     RunOptions run_options;
     if (*run_app) run_options = complete(run, common.quiet); // bad files show before the device is asked
     if (*flash || *verify) (void)read_table(table_path);
