@@ -165,11 +165,13 @@ def trade_off(work, folder):
 
 
 def tell_apart(work, folder):
-    plain = work.optimize(0.6, 14400, "--no-proof")
-    apart = work.optimize(0.6, 14400, "--no-proof", "--tell-apart", "all")
-    figure, grid = plt.subplots(2, 2, figsize=(10, 8), layout="constrained")
+    cases = (("accuracy alone", work.optimize(2, 14400, "--no-proof")),
+             ("told apart, least cost", work.optimize(2, 14400, "--no-proof", "--tell-apart", "all")),
+             ("told apart, 5 % spent", work.optimize(2, 14400, "--no-proof", "--tell-apart", "all", "--spend", 5)))
+    figure, grid = plt.subplots(2, 3, figsize=(14, 8), layout="constrained")
     names = ["lag", "dT/dt", "hysteresis", "turn-on", "ageing", "4th order"]
-    for column, (r, title) in enumerate(((plain, "accuracy alone"), (apart, "telling six effects apart"))):
+    units = ["s", "°/h per °C/min", "°/h", "°/h", "°/h per h", "°/h"]
+    for column, (title, r) in enumerate(cases):
         ax = grid[0, column]
         ax.plot(*temperature_curve(r["profile"]), color=BLUE)
         ax.set(title=f"{title}: worst error {r['worst_dph']:.3f} °/h", xlabel="time [min]", ylabel="temperature [°C]")
@@ -184,7 +186,8 @@ def tell_apart(work, folder):
                     ax.text(j, i, f"{c[i, j]:.2f}", ha="center", va="center", fontsize=8,
                             color="white" if c[i, j] > 0.6 else "black")
         ax.set_xticks(range(len(c)), names, rotation=30, ha="right")
-        ax.set_yticks(range(len(c)), names)
+        needed = [e["needed_to_name"] for e in r["tell_apart"]["effects"]]
+        ax.set_yticks(range(len(c)), [f"{n}\n(from {v:.3g} {u})" for n, v, u in zip(names, needed, units)], fontsize=8)
         ax.set_title(f"|correlation| of signatures, worst {r['worst_correlation']:.2f}")
     save(figure, folder, "profile_tell_apart")
 

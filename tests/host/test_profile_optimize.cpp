@@ -126,6 +126,18 @@ static void test_optimize_tells_effects_apart(void**) {
   assert_true(result.accuracy_only_dph < 4.92);
 }
 
+static void test_optimize_spends_accuracy_on_strong_signatures(void**) {
+  OptimizeRequest request = request_of(9000, 2);
+  request.tell_apart = standard_effects(3);
+  const OptimizeResult least = optimize_profile(request);
+  request.spend_frac = 0.05;
+  const OptimizeResult spent = optimize_profile(request);
+  assert_keeps_limits(spent, request);
+  assert_true(spent.error.worst_dph <= 1.05 * spent.accuracy_only_dph);
+  assert_true(spent.signatures.worst <= 0.75);
+  assert_true(spent.signatures.mean_separable > 1.3 * least.signatures.mean_separable);
+}
+
 static SignatureTable table_of(const Profile& profile, const char* effects, int order = 3) {
   const OptimizeRequest r = request_of(1, 1);
   CalibrationSetup setup = r.setup;
@@ -212,6 +224,7 @@ int main() {
       cmocka_unit_test(test_optimize_is_deterministic_for_a_seed),
       cmocka_unit_test(test_optimize_shortest_duration_for_an_error),
       cmocka_unit_test(test_optimize_tells_effects_apart),
+      cmocka_unit_test(test_optimize_spends_accuracy_on_strong_signatures),
       cmocka_unit_test(test_signatures_follow_physics),
       cmocka_unit_test(test_optimize_impossible_requests_name_the_smallest_change),
   };

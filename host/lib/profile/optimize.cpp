@@ -59,7 +59,7 @@ class Evaluator {
   }
 
   struct Value {
-    double smooth_dph = 0, objective_dph = 0, correlation = 0, excess_s = 0;
+    double smooth_dph = 0, objective_dph = 0, correlation = 0, strength = 0, excess_s = 0;
     bool possible = false;
   };
 
@@ -82,7 +82,11 @@ class Evaluator {
       const CalibrationError e = calibration_error(runs, setup_);
       v.objective_dph = v.smooth_dph = objective_of(e, request_.objective);
     }
-    if (with_correlation) v.correlation = signature_table(runs, setup_, request_.tell_apart).worst;
+    if (with_correlation) {
+      const SignatureTable table = signature_table(runs, setup_, request_.tell_apart);
+      v.correlation = table.worst;
+      v.strength = table.mean_separable;
+    }
     return v;
   }
 
@@ -139,14 +143,20 @@ struct Candidate {
 // more than any possible one, the more the further off it is.
 class Search {
  public:
-  Search(const Evaluator& evaluator, bool tell_apart, double max_correlation, long* evaluations)
-      : evaluator_(evaluator), tell_apart_(tell_apart), max_correlation_(max_correlation), count_(evaluations) {}
+  // limit_dph > 0: the signatures are made strong (geometric mean of what separates them), the error only kept
+  // below the limit.
+  Search(const Evaluator& evaluator, bool tell_apart, double max_correlation, double limit_dph, long* evaluations)
+      : evaluator_(evaluator), tell_apart_(tell_apart), max_correlation_(max_correlation), limit_dph_(limit_dph),
+        count_(evaluations) {}
 
   double value(const ScheduleShape& shape, const std::vector<double>& x, double sharpness) const {
     ++*count_;
     const Evaluator::Value v = evaluator_(shape, x, tell_apart_, sharpness);
     if (!v.possible) return 20 + v.excess_s / 1000;
     const double log_error = std::log(v.smooth_dph);
+    if (limit_dph_ > 0)
+      return -std::log(v.strength) + 50 * std::max(0.0, log_error - std::log(limit_dph_)) +
+             4 * std::max(0.0, v.correlation - max_correlation_);
     return log_error + (tell_apart_ ? 4 * std::max(0.0, v.correlation - max_correlation_) : 0.0);
   }
 
@@ -187,7 +197,7 @@ class Search {
  private:
   const Evaluator& evaluator_;
   bool tell_apart_;
-  double max_correlation_;
+  double max_correlation_, limit_dph_;
   long* count_;
 };
 
@@ -273,10 +283,12 @@ class Optimizer {
   explicit Optimizer(const OptimizeRequest& request) : request_(request) {}
 
   // The best candidate for a duration; share scales the number of evaluations.  `also` (may be null) joins the starts.
-  Candidate best_for(double duration_s, bool tell_apart, double share, const Candidate* also = nullptr) {
+  // limit_dph > 0: the strongest signatures within that error.
+  Candidate best_for(double duration_s, bool tell_apart, double share, const Candidate* also = nullptr,
+                     double limit_dph = 0) {
     const Evaluator coarse(request_, duration_s, coarse_step(duration_s)), exact(request_, duration_s, 1.0);
-    const Search search(coarse, tell_apart, request_.max_correlation - 0.005, &evaluations_);
-    const Search exact_search(exact, tell_apart, request_.max_correlation - 0.001, &evaluations_);
+    const Search search(coarse, tell_apart, request_.max_correlation - 0.005, 0.999 * limit_dph, &evaluations_);
+    const Search exact_search(exact, tell_apart, request_.max_correlation - 0.001, 0.9995 * limit_dph, &evaluations_);
     const double scale = share * request_.effort;
     const auto budget = [&](int n) { return std::max(20, static_cast<int>(scale * n)); };
     const std::vector<ScheduleShape> shapes =
@@ -332,6 +344,9 @@ class Optimizer {
       ++evaluations_;
       c.value = v.objective_dph * (tell_apart && v.correlation > request_.max_correlation ? 10 + v.correlation : 1.0);
       c.exact_dph = v.objective_dph;
+      if (limit_dph > 0)
+        c.value = (v.objective_dph > limit_dph || v.correlation > request_.max_correlation ? 1e3 : 1.0) /
+                  v.strength;
       if (c.value < best.value) best = c;
     }
     return best;
@@ -418,7 +433,9 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
     if (!tell_apart) return optimizer.best_for(for_s, false, share);
     accurate = optimizer.best_for(for_s, false, 0.7 * share);
     const Candidate freed = untied(accurate);
-    return optimizer.best_for(for_s, true, share, freed.x.size() <= 45 ? &freed : nullptr);
+    const Candidate least = optimizer.best_for(for_s, true, share, freed.x.size() <= 45 ? &freed : nullptr);
+    if (request.spend_frac <= 0) return least;
+    return optimizer.best_for(for_s, true, share, &least, (1 + request.spend_frac) * accurate.exact_dph);
   };
   if (duration_s > 0) {
     best = search(duration_s, 1.0);

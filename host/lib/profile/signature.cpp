@@ -100,6 +100,13 @@ ThermalPolynomial standard_polynomial(const CalibrationSetup& setup) {
   return {(setup.lo_degc + setup.hi_degc) / 2, (setup.hi_degc - setup.lo_degc) / 2, {80, 300, 150, -100}};
 }
 
+// The first parameter that is not 0: all amplitudes come first.
+static std::string amplitude_parameter(const EffectSpec& spec) {
+  for (const auto& item : spec.parameters.items())
+    if (item.value().is_number() && item.value().get<double>() != 0) return item.key();
+  return "";
+}
+
 SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup,
                                const std::vector<EffectSpec>& effects) {
   ErrorModel model = setup.truth;
@@ -156,6 +163,19 @@ SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const Ca
       }
     }
   }
+  for (size_t i = 0; i < n_effects; ++i) {
+    double like = 0;
+    for (size_t j = 0; j < n_effects; ++j)
+      if (j != i) like = std::max(like, std::abs(table.correlation[i * n_effects + j]));
+    const bool visible = table.visible_frac[i] >= 1e-6;
+    table.separable.push_back(visible ? table.strength[i] * std::sqrt(std::max(0.0, 1 - like * like)) : 0.0);
+    const std::string name = amplitude_parameter(effects[i]);
+    const double amplitude = name.empty() ? 0 : std::abs(effects[i].parameters.at(name).get<double>());
+    table.needed.push_back(table.separable[i] > 0 ? amplitude * 4 / table.separable[i] : 0.0);
+  }
+  double sum = 0;
+  for (double s : table.separable) sum += std::log(std::max(1e-6, s));
+  table.mean_separable = std::exp(sum / static_cast<double>(n_effects));
   return table;
 }
 
@@ -166,18 +186,21 @@ Json to_json(const SignatureTable& table) {
     json["effects"].push_back({{"name", table.effects[i].name},
                                {"parameters", table.effects[i].parameters},
                                {"strength", table.strength[i]},
-                               {"visible_frac", table.visible_frac[i]}});
+                               {"visible_frac", table.visible_frac[i]},
+                               {"separable_strength", table.separable[i]},
+                               {"needed_to_name", table.needed[i]}});
     json["correlation"].push_back(std::vector<double>(table.correlation.begin() + static_cast<std::ptrdiff_t>(i * n),
                                                       table.correlation.begin() + static_cast<std::ptrdiff_t>((i + 1) * n)));
   }
   if (n > 1) json["worst_pair"] = {table.effects[table.worst_a].name, table.effects[table.worst_b].name};
+  json["mean_separable_strength"] = table.mean_separable;
   json["not_visible"] = table.invisible;
   return json;
 }
 
 std::string signature_text(const SignatureTable& table) {
   std::string text = "  correlation of whitened signatures (polynomial and turn-on constant projected off)\n";
-  char cell[64];
+  char cell[128];
   const size_t n = table.effects.size();
   for (size_t i = 0; i < n; ++i) {
     std::snprintf(cell, sizeof cell, "  %-24s", table.effects[i].name.c_str());
@@ -186,7 +209,13 @@ std::string signature_text(const SignatureTable& table) {
       std::snprintf(cell, sizeof cell, " %6.2f", table.correlation[i * n + j]);
       text += cell;
     }
-    std::snprintf(cell, sizeof cell, "%*s  strength %.3g\n", static_cast<int>(7 * (n - 1 - i)), "", table.strength[i]);
+    std::snprintf(cell, sizeof cell, "%*s", static_cast<int>(7 * (n - 1 - i)), "");
+    text += cell;
+    const std::string parameter = amplitude_parameter(table.effects[i]);
+    if (table.needed[i] > 0)
+      std::snprintf(cell, sizeof cell, "  can be named from %.3g %s\n", table.needed[i], parameter.c_str());
+    else
+      std::snprintf(cell, sizeof cell, "  not visible\n");
     text += cell;
   }
   if (n > 1 && table.worst > 0) {

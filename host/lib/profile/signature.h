@@ -21,6 +21,11 @@ struct SignatureTable {
   std::vector<double> correlation;    // of the signatures, row-major; rows of invisible effects are 0
   std::vector<double> strength;       // d: norm of the projected whitened signature at the given parameters
   std::vector<double> visible_frac;   // part of the signature's energy (less its constant) that the projection leaves
+  // d sqrt(1 - largest correlation^2): what is left of the signature beside the effect most like it.  4 is about what
+  // naming an effect takes (diagnosis.md, 6).
+  std::vector<double> separable;
+  std::vector<double> needed;         // value of the effect's first parameter at which separable is 4; 0: invisible
+  double mean_separable = 0;          // geometric mean of separable (an invisible effect counts as 1e-6)
   double worst = 0;                   // largest |correlation| of two visible effects
   size_t worst_a = 0, worst_b = 0;
   std::vector<std::string> invisible; // effects with visible_frac below 1e-6: no test can see them on this profile
