@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "base/error.h"
+#include "io/table_json.h"
 
 namespace imucal {
 
@@ -14,15 +15,30 @@ LogRecorder::LogRecorder(const std::string& path, const Device& device, What wha
   if (path_.empty()) return;
   out_.open(path_ + ".part", std::ios::trunc);
   if (!out_) throw data_error(path_ + ": cannot be written: " + std::strerror(errno));
-  out_ << "# imucal-log = 1\n# device = " << fixed_text(device.hello().device)
-       << "\n# serial = " << device.serial()
-       << "\n# content = " << (what_ == What::kRaw ? "raw" : "compensated") << "\nt_s,temp_degc";
+  out_.precision(9);  // every float32
+  out_ << "# imucal-log = 1\n# device = " << fixed_text(device.hello().device) << "\n# serial = " << device.serial()
+       << "\n# content = " << (what_ == What::kRaw ? "raw" : "compensated") << "\n";
+  write_scales(device);
+  out_ << "t_s,temp_degc";
   for (size_t i = 0; i < device.channels().size(); ++i) out_ << "," << device.channel_name(i);
   for (size_t i = 0; i < device.channels().size(); ++i) {
     const std::string name = device.channel_name(i);
     out_ << "," << name.substr(0, name.rfind('_')) << "_flags";
   }
   out_ << "\n";
+}
+
+// What a count means on this device: `calibrate fit` makes a table of the log that fits the device.
+void LogRecorder::write_scales(const Device& device) {
+  for (size_t i = 0; i < device.channels().size(); ++i) {
+    const imucal_link_channel_info_reply_t& channel = device.channels()[i];
+    const std::string name = device.channel_name(i), stem = name.substr(0, name.rfind('_'));
+    if (i == 0)
+      out_ << "# temp_counts_scale_degc = " << shortest(channel.degc_per_count)
+           << "\n# temp_counts_offset_degc = " << shortest(channel.degc_at_zero) << "\n";
+    out_ << "# " << stem << "_counts_scale" << name.substr(name.rfind('_')) << " = " << shortest(channel.unit_per_count)
+         << "\n# " << stem << "_full_scale_counts = " << channel.full_scale_counts << "\n";
+  }
 }
 
 LogRecorder::~LogRecorder() {

@@ -24,6 +24,7 @@ public:
   size_t rows() const { return rows_; }
 
 private:
+  void write_scales(const Device& device);
   void rename();
 
   std::string path_;
