@@ -5,7 +5,9 @@ import csv
 import json
 import os
 import signal
+import socket
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -222,6 +224,38 @@ def test_replay_of_a_recorded_log_calibrates(imu):
     axis = result["axes"][0]
     slope = axis["coeff_dph"][1] / axis["range_degc"]
     assert 70 < slope < 110 and result["seconds"] == 92041
+
+
+def test_run_fed_over_tcp(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    imu = Imu(tmp_path, options=["--feed", f"tcp:127.0.0.1:{port}"])
+    try:
+        (tmp_path / "feed").unlink()
+        imu.feed = f"tcp-listen:{port}"
+        imu.sense(QUICK)
+        wait_until(lambda: is_listening(port))
+        assert imu.run("--range", "0:60")["seconds"] == 720
+    finally:
+        imu.close()
+
+
+def is_listening(port):
+    hexadecimal = f"0100007F:{port:04X} 00000000:0000 0A"  # 127.0.0.1:port, state LISTEN
+    return hexadecimal in Path("/proc/net/tcp").read_text()
+
+
+def test_run_live_sensor_at_its_own_pace(tmp_path):
+    """As with a real sensor: samples come whether anybody listens or not."""
+    imu = Imu(tmp_path, options=["--live"])
+    try:
+        imu.sense(QUICK, options=["--speed", "400"])
+        result = imu.run("--profile", "profile.json")
+        assert result["ended_by"] in ("the sensor's data ended", "the duration is over")
+        assert 600 < result["seconds"] <= 720 and result["link"]["lost_records"] == 0
+        assert imu.calibrate("verify", "table.json")[0] == 0
+    finally:
+        imu.close()
 
 
 # ---- the other subcommands ----
