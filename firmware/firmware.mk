@@ -77,3 +77,16 @@ $(foreach port,$(FIRMWARE_PORTS),$(eval $(call mcu_rules,$(port))))
 .SECONDARY: $(foreach port,$(FIRMWARE_PORTS),$(OBJECTS_$(port)_imucal) $(OBJECTS_$(port)_check))
 
 -include $(shell find $(BUILD)/obj/mps2_an386 $(BUILD)/obj/nrf51 -name '*.d' 2>/dev/null)
+
+# ---- what it costs (firmware/cost.py --help) ----
+
+COST := python3 firmware/cost.py --build $(BUILD) --cross $(CROSS)
+size: firmware  ## flash of each core object, RAM of its structures, on Cortex-M4F and Cortex-M0
+	@$(COST) size
+stack: firmware  ## worst stack of the firmware: call graph, and painted stack in QEMU
+	@$(COST) stack
+cycles: firmware  ## instructions per call of the core's functions, counted in QEMU
+	@$(COST) cycles
+cost-diff: firmware  ## all three against firmware/cost_baseline.json (cost.py save writes it)
+	@$(COST) diff
+.PHONY: size stack cycles cost-diff
