@@ -31,7 +31,7 @@
 #define MIN_SCALE_SHIFT 34 /* sum |m| <= 1/16 */
 #define MAX_SCALE_SHIFT 44
 #define MAX_SCALE_EFFECT 23726566 /* 2^24.5 L */
-#define MAX_TN_SHIFT 32
+#define MAX_TN_SHIFT 30 /* at most 2^30 counts from the middle to an end of the span */
 #define MIN_RANGE_DEGC 0.0625f /* keeps the rounding of the 2^-40 degC arithmetic far below 2^-31 of the range */
 #define ONE_Q30 ((int32_t)1 << 30)
 
@@ -41,7 +41,7 @@ typedef char shifts_keep_the_sign[(-5 >> 1) == -3 ? 1 : -1];
 /* ---- prepare: exact quotients of floats by integers ---- */
 
 /* value = mantissa 2^exponent, exact; finite input. */
-static int64_t split(float value, int32_t* exponent) {
+IMUCAL_COLD static int64_t split(float value, int32_t* exponent) {
   uint32_t bits = imucal_bits_from_float(value);
   int32_t biased = (int32_t)(bits >> 23 & 0xFFu);
   int64_t mantissa = (int64_t)(bits & 0x7FFFFFu);
@@ -57,7 +57,7 @@ static int64_t absolute(int64_t value) { return value < 0 ? -value : value; }
 
 /* numerator 2^exponent / denominator, rounded to nearest; relative error of the quotient before rounding below
  * 2^-36; |result| >= 2^37: TOO_LARGE.  Pre: |numerator| < 2^62, denominator normal and positive. */
-static int64_t quotient(int64_t numerator, int32_t exponent, float denominator) {
+IMUCAL_COLD static int64_t quotient(int64_t numerator, int32_t exponent, float denominator) {
   if (numerator == 0) return 0;
   int32_t denominator_exponent = 0;
   int64_t mantissa = split(denominator, &denominator_exponent);
@@ -73,26 +73,26 @@ static int64_t quotient(int64_t numerator, int32_t exponent, float denominator) 
 }
 
 /* A float times 2^fraction_bits over a denominator. */
-static int64_t float_quotient(float numerator, int32_t fraction_bits, float denominator) {
+IMUCAL_COLD static int64_t float_quotient(float numerator, int32_t fraction_bits, float denominator) {
   int32_t exponent = 0;
   int64_t mantissa = split(numerator, &exponent);
   return quotient(mantissa, exponent + fraction_bits, denominator);
 }
 
 /* degC in units of 2^-40; |temp_degc| <= 1e6 < 2^20. */
-static int64_t q40_from_degc(int64_t mantissa, int32_t exponent) {
+IMUCAL_COLD static int64_t q40_from_degc(int64_t mantissa, int32_t exponent) {
   int32_t shift = exponent + 40;
   if (shift >= 0) return mantissa * ((int64_t)1 << shift);
   return shift < -61 ? 0 : imucal_divide_rne(mantissa, (int64_t)1 << -shift);
 }
-static int64_t q40_from_float(float temp_degc) {
+IMUCAL_COLD static int64_t q40_from_float(float temp_degc) {
   int32_t exponent = 0;
   int64_t mantissa = split(temp_degc, &exponent);
   return q40_from_degc(mantissa, exponent);
 }
 
 /* Counts nearest to a temperature; false beyond int32. */
-static bool counts_from_q40(int64_t temp_q40, const imucal_table_t* table, int32_t* counts) {
+IMUCAL_COLD static bool counts_from_q40(int64_t temp_q40, const imucal_table_t* table, int32_t* counts) {
   int64_t wide = quotient(temp_q40 - q40_from_float(table->degc_at_zero), -40, table->degc_per_count);
   *counts = (int32_t)wide;
   return absolute(wide) <= INT32_MAX;
@@ -102,14 +102,17 @@ static int64_t multiply_q(int64_t a, int64_t b, uint32_t shift) {
   return (a * b + ((int64_t)1 << (shift - 1))) >> shift;
 }
 
-static int64_t tn_unclamped(const imucal_comp_t* comp, int32_t temp_counts) {
-  int64_t distance = (int64_t)temp_counts - comp->temp_mid_counts;
-  int64_t product = distance * comp->tn_gain;
-  if (comp->tn_shift != 0) product = (product + ((int64_t)1 << (comp->tn_shift - 1))) >> comp->tn_shift;
+/* ((p >> (s-1)) + 1) >> 1 is (p + 2^(s-1)) >> s for every p: one shift by a variable instead of two. */
+static inline int64_t tn_of_product(const imucal_comp_t* comp, int64_t product) {
+  if (comp->tn_shift != 0) product = ((product >> (comp->tn_shift - 1)) + 1) >> 1;
   return comp->tn_mid_q30 + product;
 }
 
-static imucal_status prepare_temperature(imucal_comp_t* comp, const imucal_table_t* table,
+static int64_t tn_unclamped(const imucal_comp_t* comp, int32_t temp_counts) {
+  return tn_of_product(comp, ((int64_t)temp_counts - comp->temp_mid_counts) * comp->tn_gain);
+}
+
+IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const imucal_table_t* table,
                                          const imucal_table_channel_t* c) {
   if (c->range_degc < MIN_RANGE_DEGC) return IMUCAL_ERR_PRECISION;
   int64_t gain = TOO_LARGE;
@@ -141,7 +144,7 @@ static imucal_status prepare_temperature(imucal_comp_t* comp, const imucal_table
 }
 
 /* Coefficients over `unit` in units of 2^-fraction_bits; their sum of magnitudes, or TOO_LARGE. */
-static int64_t quantise(const float* value, uint32_t n, int32_t fraction_bits, float unit, int32_t* coeff) {
+IMUCAL_COLD static int64_t quantise(const float* value, uint32_t n, int32_t fraction_bits, float unit, int32_t* coeff) {
   int64_t sum = 0;
   for (uint32_t i = 0; i < n; i++) {
     int64_t wide = float_quotient(value[i], fraction_bits, unit);
@@ -152,7 +155,7 @@ static int64_t quantise(const float* value, uint32_t n, int32_t fraction_bits, f
   return sum;
 }
 
-static imucal_status prepare_scale(imucal_comp_t* comp, const imucal_table_channel_t* c) {
+IMUCAL_COLD static imucal_status prepare_scale(imucal_comp_t* comp, const imucal_table_channel_t* c) {
   comp->scale_order = c->scale_order;
   comp->has_scale = false;
   for (uint32_t i = 0; i <= c->scale_order; i++)
@@ -166,7 +169,7 @@ static imucal_status prepare_scale(imucal_comp_t* comp, const imucal_table_chann
 }
 
 /* Does everything fit with this many fractional bits?  bias_sum in units of 2^-(out_frac_bits + 6). */
-static bool fits(const imucal_comp_t* comp, int64_t bias_sum, int32_t full_scale_counts) {
+IMUCAL_COLD static bool fits(const imucal_comp_t* comp, int64_t bias_sum, int32_t full_scale_counts) {
   int64_t rate = ((int64_t)full_scale_counts << comp->out_frac_bits) + (bias_sum >> GUARD_BITS) + 1;
   if (rate > INT32_MAX) return false;
   int64_t scale_sum = 0;
@@ -176,7 +179,7 @@ static bool fits(const imucal_comp_t* comp, int64_t bias_sum, int32_t full_scale
   return effect <= MAX_SCALE_EFFECT && rate + effect <= INT32_MAX;
 }
 
-imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* table, uint32_t i_channel) {
+IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* table, uint32_t i_channel) {
   if (comp == NULL || table == NULL || i_channel >= table->n_channels) return IMUCAL_ERR_ARGUMENT;
   const imucal_table_channel_t* c = &table->channel[i_channel];
   imucal_comp_t made = {0};
@@ -196,7 +199,7 @@ imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* tab
   return IMUCAL_ERR_PRECISION;
 }
 
-imucal_status imucal_comp_pass(imucal_comp_t* comp, float unit_per_count, int32_t full_scale_counts) {
+IMUCAL_COLD imucal_status imucal_comp_pass(imucal_comp_t* comp, float unit_per_count, int32_t full_scale_counts) {
   if (comp == NULL || full_scale_counts <= 0) return IMUCAL_ERR_ARGUMENT;
   *comp = (imucal_comp_t){.temp_lo_counts = INT32_MIN, .temp_hi_counts = INT32_MAX, .scale_shift = MIN_SCALE_SHIFT};
   comp->out_frac_bits = MAX_OUT_FRAC_BITS;
@@ -207,7 +210,9 @@ imucal_status imucal_comp_pass(imucal_comp_t* comp, float unit_per_count, int32_
 
 /* ---- run time: integers only ---- */
 
-int32_t imucal_comp_tn_q30(const imucal_comp_t* comp, int32_t temp_counts, uint32_t* flags) {
+/* The distance from the middle fits 32 bits: prepare found |tn| <= 1 at both ends of the span, and a count moves tn by
+ * gain 2^-(30 + shift) >= 2^-shift, so that |distance| <= 2^MAX_TN_SHIFT + 1. */
+static inline int32_t clamped_tn_q30(const imucal_comp_t* comp, int32_t temp_counts, uint32_t* flags) {
   if (temp_counts < comp->temp_lo_counts) {
     temp_counts = comp->temp_lo_counts;
     *flags |= IMUCAL_COMP_TEMP_CLAMPED;
@@ -216,7 +221,12 @@ int32_t imucal_comp_tn_q30(const imucal_comp_t* comp, int32_t temp_counts, uint3
     temp_counts = comp->temp_hi_counts;
     *flags |= IMUCAL_COMP_TEMP_CLAMPED;
   }
-  return (int32_t)tn_unclamped(comp, temp_counts);
+  const int32_t distance = (int32_t)((uint32_t)temp_counts - (uint32_t)comp->temp_mid_counts);
+  return (int32_t)tn_of_product(comp, (int64_t)distance * comp->tn_gain);
+}
+
+int32_t imucal_comp_tn_q30(const imucal_comp_t* comp, int32_t temp_counts, uint32_t* flags) {
+  return clamped_tn_q30(comp, temp_counts, flags);
 }
 
 /* Pre: sum |coeff| <= 2^30, |tn| <= 2^30.  Every partial result stays below 2^30 + order/2. */
@@ -233,7 +243,7 @@ static int32_t saturate(int64_t value, uint32_t* flags) {
 }
 
 int32_t imucal_comp_apply(const imucal_comp_t* comp, int32_t temp_counts, int32_t counts, uint32_t* flags) {
-  int32_t tn_q30 = imucal_comp_tn_q30(comp, temp_counts, flags);
+  int32_t tn_q30 = clamped_tn_q30(comp, temp_counts, flags);
   int64_t rate = (int64_t)counts * ((int32_t)1 << (comp->out_frac_bits + GUARD_BITS)) -
                  horner_q30(comp->coeff, comp->order, tn_q30);
   const int64_t half = (int64_t)1 << (GUARD_BITS - 1);

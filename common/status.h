@@ -11,8 +11,10 @@
 
 #if defined(__GNUC__)
 #define IMUCAL_MUST_USE __attribute__((warn_unused_result))
+#define IMUCAL_COLD __attribute__((cold)) /* runs rarely: to be small rather than fast */
 #else
 #define IMUCAL_MUST_USE
+#define IMUCAL_COLD
 #endif
 
 #define IMUCAL_MAX_CHANNELS 6 /* three gyros and three accelerometers */
