@@ -7,20 +7,19 @@
  *   (c) sum |k_i| <= 2^30, k_i = m_i in units of 2^-scale_shift, and > 2^29 unless scale_shift is at its cap;
  *       sum|m_i| times the largest |rate| <= 2^24.5 L;
  *   (d) the clamped temperature counts give |tn| <= 2^30, and (counts - mid) gain < 2^62.
- * Temperature: gain is off by at most half in 2^30, tn_mid by half a unit, the product's rounding by half a unit:
- *   |tn - 2^30 Tn| <= 1.5 units.  Moves B by at most 1.5 2^-30 sum i|b_i| <= 1.5 2^-30 5 2^24 L   = 0.118 L.
- * Horner: |acc| <= sum|c_i| + order/2 < 2^31, acc tn < 2^61.  Coefficients rounded: 6 halves; steps rounded: 5 halves of
- *   2^-6 L (later roundings are multiplied by |tn| <= 1):  5.5 / 64                                = 0.086 L.
- * counts 2^(frac + 6): |.| <= 2^45, exact.  Bias taken off exactly.  Without scale factor the last rounding is 0.5 L:
- *   total <= 0.71 L.
- * Scale factor: correction = rate M.  rate is rounded to L before the product: 0.5 |M| <= 1/32        = 0.032 L;
- *   M: 3 halves for coefficients, 2 for steps = 2.5 units of 2^-scale_shift <= 2.5 2^-29 sum|m|, times the rate
- *   <= 2.5 2^-29 2^24.5 L                                                                             = 0.111 L
- *   (at the cap of scale_shift 2.5 2^-44 2^31 L is far less);
- *   tn in M: 1.5 2^-30 2 sum|m| rate <= 3 2^-30 2^24.5 L                                              = 0.067 L;
- *   product < 2^31 2^30 = 2^61, its rounding 0.5 in 64 = 0.008 L; the bias errors grow by 1 + 1/16: 0.013 L.
- *   the last rounding 0.5 L:
- *   total <= 0.5 + 0.118 + 0.086 + 0.032 + 0.111 + 0.067 + 0.008 + 0.013                              = 0.94 L. */
+ * Temperature: gain is off by at most half in 2^30, tn_mid by half a unit, the product's rounding by half a
+ * unit: |tn - 2^30 Tn| <= 1.5 units.  Moves B by at most 1.5 2^-30 sum i|b_i| <= 1.5 2^-30 5 2^24 L   = 0.118
+ * L. Horner: |acc| <= sum|c_i| + order/2 < 2^31, acc tn < 2^61.  Coefficients rounded: 6 halves; steps
+ * rounded: 5 halves of 2^-6 L (later roundings are multiplied by |tn| <= 1):  5.5 / 64 = 0.086 L. counts
+ * 2^(frac + 6): |.| <= 2^45, exact.  Bias taken off exactly.  Without scale factor the last rounding is 0.5
+ * L: total <= 0.71 L. Scale factor: correction = rate M.  rate is rounded to L before the product: 0.5 |M| <=
+ * 1/32        = 0.032 L; M: 3 halves for coefficients, 2 for steps = 2.5 units of 2^-scale_shift <= 2.5 2^-29
+ * sum|m|, times the rate
+ *   <= 2.5 2^-29 2^24.5 L                                                                             = 0.111
+ * L (at the cap of scale_shift 2.5 2^-44 2^31 L is far less); tn in M: 1.5 2^-30 2 sum|m| rate <= 3 2^-30
+ * 2^24.5 L                                              = 0.067 L; product < 2^31 2^30 = 2^61, its rounding
+ * 0.5 in 64 = 0.008 L; the bias errors grow by 1 + 1/16: 0.013 L. the last rounding 0.5 L: total <= 0.5 +
+ * 0.118 + 0.086 + 0.032 + 0.111 + 0.067 + 0.008 + 0.013                              = 0.94 L. */
 #include "comp.h"
 
 #include "num.h"
@@ -28,11 +27,12 @@
 #define GUARD_BITS 6
 #define MAX_OUT_FRAC_BITS 8
 #define MAX_COEFF_SUM (((int64_t)1 << 30) + 2) /* 2: three roundings up at the very limit */
-#define MIN_SCALE_SHIFT 34 /* sum |m| <= 1/16 */
+#define MIN_SCALE_SHIFT 34                     /* sum |m| <= 1/16 */
 #define MAX_SCALE_SHIFT 44
 #define MAX_SCALE_EFFECT 23726566 /* 2^24.5 L */
-#define MAX_TN_SHIFT 30 /* at most 2^30 counts from the middle to an end of the span */
-#define MIN_RANGE_DEGC 0.0625f /* keeps the rounding of the 2^-40 degC arithmetic far below 2^-31 of the range */
+#define MAX_TN_SHIFT 30           /* at most 2^30 counts from the middle to an end of the span */
+#define MIN_RANGE_DEGC                                                                                       \
+  0.0625f /* keeps the rounding of the 2^-40 degC arithmetic far below 2^-31 of the range */
 #define ONE_Q30 ((int32_t)1 << 30)
 
 /* The arithmetic right shift of negative numbers, as every compiler in use does it. */
@@ -45,18 +45,22 @@ IMUCAL_COLD static int64_t split(float value, int32_t* exponent) {
   uint32_t bits = imucal_bits_from_float(value);
   int32_t biased = (int32_t)(bits >> 23 & 0xFFu);
   int64_t mantissa = (int64_t)(bits & 0x7FFFFFu);
-  if (biased == 0) biased = 1;
-  else mantissa |= 0x800000;
+  if (biased == 0)
+    biased = 1;
+  else
+    mantissa |= 0x800000;
   *exponent = biased - 150;
   return bits >> 31 != 0 ? -mantissa : mantissa;
 }
 
-static int64_t absolute(int64_t value) { return value < 0 ? -value : value; }
+static int64_t absolute(int64_t value) {
+  return value < 0 ? -value : value;
+}
 
 #define TOO_LARGE ((int64_t)1 << 62)
 
-/* numerator 2^exponent / denominator, rounded to nearest; relative error of the quotient before rounding below
- * 2^-36; |result| >= 2^37: TOO_LARGE.  Pre: |numerator| < 2^62, denominator normal and positive. */
+/* numerator 2^exponent / denominator, rounded to nearest; relative error of the quotient before rounding
+ * below 2^-36; |result| >= 2^37: TOO_LARGE.  Pre: |numerator| < 2^62, denominator normal and positive. */
 IMUCAL_COLD static int64_t quotient(int64_t numerator, int32_t exponent, float denominator) {
   if (numerator == 0) return 0;
   int32_t denominator_exponent = 0;
@@ -113,7 +117,7 @@ static int64_t tn_unclamped(const imucal_comp_t* comp, int32_t temp_counts) {
 }
 
 IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const imucal_table_t* table,
-                                         const imucal_table_channel_t* c) {
+                                                     const imucal_table_channel_t* c) {
   if (c->range_degc < MIN_RANGE_DEGC) return IMUCAL_ERR_PRECISION;
   int64_t gain = TOO_LARGE;
   for (uint32_t shift = 0; shift <= MAX_TN_SHIFT; shift++) {
@@ -128,7 +132,8 @@ IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const 
   if (!counts_from_q40(t0_q40, table, &comp->temp_mid_counts)) return IMUCAL_ERR_PRECISION;
   int32_t exponent = 0;
   int64_t mantissa = split(table->degc_per_count, &exponent);
-  int64_t mid_q40 = q40_from_degc(mantissa * comp->temp_mid_counts, exponent) + q40_from_float(table->degc_at_zero);
+  int64_t mid_q40 =
+      q40_from_degc(mantissa * comp->temp_mid_counts, exponent) + q40_from_float(table->degc_at_zero);
   comp->tn_mid_q30 = (int32_t)quotient(mid_q40 - t0_q40, -10, c->range_degc);
   if (!counts_from_q40(q40_from_float(c->span_lo_degc), table, &comp->temp_lo_counts) ||
       !counts_from_q40(q40_from_float(c->span_hi_degc), table, &comp->temp_hi_counts))
@@ -144,7 +149,8 @@ IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const 
 }
 
 /* Coefficients over `unit` in units of 2^-fraction_bits; their sum of magnitudes, or TOO_LARGE. */
-IMUCAL_COLD static int64_t quantise(const float* value, uint32_t n, int32_t fraction_bits, float unit, int32_t* coeff) {
+IMUCAL_COLD static int64_t quantise(const float* value, uint32_t n, int32_t fraction_bits, float unit,
+                                    int32_t* coeff) {
   int64_t sum = 0;
   for (uint32_t i = 0; i < n; i++) {
     int64_t wide = float_quotient(value[i], fraction_bits, unit);
@@ -179,7 +185,8 @@ IMUCAL_COLD static bool fits(const imucal_comp_t* comp, int64_t bias_sum, int32_
   return effect <= MAX_SCALE_EFFECT && rate + effect <= INT32_MAX;
 }
 
-IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* table, uint32_t i_channel) {
+IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* table,
+                                              uint32_t i_channel) {
   if (comp == NULL || table == NULL || i_channel >= table->n_channels) return IMUCAL_ERR_ARGUMENT;
   const imucal_table_channel_t* c = &table->channel[i_channel];
   imucal_comp_t made = {0};
@@ -199,9 +206,11 @@ IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_
   return IMUCAL_ERR_PRECISION;
 }
 
-IMUCAL_COLD imucal_status imucal_comp_pass(imucal_comp_t* comp, float unit_per_count, int32_t full_scale_counts) {
+IMUCAL_COLD imucal_status imucal_comp_pass(imucal_comp_t* comp, float unit_per_count,
+                                           int32_t full_scale_counts) {
   if (comp == NULL || full_scale_counts <= 0) return IMUCAL_ERR_ARGUMENT;
-  *comp = (imucal_comp_t){.temp_lo_counts = INT32_MIN, .temp_hi_counts = INT32_MAX, .scale_shift = MIN_SCALE_SHIFT};
+  *comp = (imucal_comp_t){
+      .temp_lo_counts = INT32_MIN, .temp_hi_counts = INT32_MAX, .scale_shift = MIN_SCALE_SHIFT};
   comp->out_frac_bits = MAX_OUT_FRAC_BITS;
   while (comp->out_frac_bits > 0 && !fits(comp, 0, full_scale_counts)) comp->out_frac_bits--;
   comp->unit_per_lsb = unit_per_count / (float)(1u << comp->out_frac_bits);
@@ -210,8 +219,8 @@ IMUCAL_COLD imucal_status imucal_comp_pass(imucal_comp_t* comp, float unit_per_c
 
 /* ---- run time: integers only ---- */
 
-/* The distance from the middle fits 32 bits: prepare found |tn| <= 1 at both ends of the span, and a count moves tn by
- * gain 2^-(30 + shift) >= 2^-shift, so that |distance| <= 2^MAX_TN_SHIFT + 1. */
+/* The distance from the middle fits 32 bits: prepare found |tn| <= 1 at both ends of the span, and a count
+ * moves tn by gain 2^-(30 + shift) >= 2^-shift, so that |distance| <= 2^MAX_TN_SHIFT + 1. */
 static inline int32_t clamped_tn_q30(const imucal_comp_t* comp, int32_t temp_counts, uint32_t* flags) {
   if (temp_counts < comp->temp_lo_counts) {
     temp_counts = comp->temp_lo_counts;

@@ -3,8 +3,8 @@
 
 #include "num.h"
 
-/* A second copy of the update for this number of states (5: order 3), for compilers that unroll its loops when asked to:
- * faster, 1.2 kB larger.  0: none. */
+/* A second copy of the update for this number of states (5: order 3), for compilers that unroll its loops
+ * when asked to: faster, 1.2 kB larger.  0: none. */
 #ifndef IMUCAL_KF_UNROLLED_STATES
 #define IMUCAL_KF_UNROLLED_STATES 0
 #endif
@@ -21,8 +21,8 @@
 #define MAX_VARIANCE 1e14f
 #define MAX_PRIOR 1e6f
 
-/* Add `term` to the unevaluated sum hi + lo (fast two-sum; exact while |hi| >= |lo + term|, and otherwise off by
- * one rounding of the smaller number, which then is the whole history). */
+/* Add `term` to the unevaluated sum hi + lo (fast two-sum; exact while |hi| >= |lo + term|, and otherwise off
+ * by one rounding of the smaller number, which then is the whole history). */
 static ALWAYS_INLINE void add_to(float* hi, float* lo, float term) {
   float small = *lo + term;
   float sum = *hi + small;
@@ -30,10 +30,14 @@ static ALWAYS_INLINE void add_to(float* hi, float* lo, float term) {
   *hi = sum;
 }
 
-static uint32_t n_states(const imucal_kf_t* kf) { return kf->config.order + 2u; }
+static uint32_t n_states(const imucal_kf_t* kf) {
+  return kf->config.order + 2u;
+}
 
 /* Out of line: smaller. */
-IMUCAL_COLD static bool is_inside(float value, float lo, float hi) { return imucal_is_within(value, lo, hi); }
+IMUCAL_COLD static bool is_inside(float value, float lo, float hi) {
+  return imucal_is_within(value, lo, hi);
+}
 
 IMUCAL_COLD static imucal_status check_config(const imucal_kf_config_t* c) {
   if (c->order < 1 || c->order > IMUCAL_MAX_ORDER) return IMUCAL_ERR_ORDER;
@@ -51,8 +55,8 @@ IMUCAL_COLD static imucal_status check_config(const imucal_kf_config_t* c) {
 static const uint8_t power_in_chebyshev[IMUCAL_MAX_COEFF][IMUCAL_MAX_COEFF] = {
     {1}, {0, 1}, {1, 0, 1}, {0, 3, 0, 1}, {3, 0, 4, 0, 1}, {0, 10, 0, 5, 0, 1}};
 
-/* The prior is independent b_k, each of variance p: c = A b with A upper triangular, so that A's columns over their
- * diagonal are U and p over 4^(k-1) is D: exact. */
+/* The prior is independent b_k, each of variance p: c = A b with A upper triangular, so that A's columns over
+ * their diagonal are U and p over 4^(k-1) is D: exact. */
 IMUCAL_COLD static void set_prior(imucal_kf_t* kf) {
   float* column = kf->u; /* of c_k: its first entry belongs to e */
   float variance = kf->config.prior_sigma * kf->config.prior_sigma;
@@ -86,8 +90,8 @@ static ALWAYS_INLINE void chebyshev(float tn, uint32_t n, float* h) {
   for (uint32_t i = 3; i < n; i++) h[i] = twice * h[i - 1] - h[i - 2];
 }
 
-/* e <- (1 - m) e + w.  With F = diag(1-m, 1 .. 1) and the noise along the first axis, F U D U' F' + q e0 e0' keeps
- * its factors: row 0 of U times 1-m, D0 <- (1-m)^2 D0 + q, because column 0 of U is e0. */
+/* e <- (1 - m) e + w.  With F = diag(1-m, 1 .. 1) and the noise along the first axis, F U D U' F' + q e0 e0'
+ * keeps its factors: row 0 of U times 1-m, D0 <- (1-m)^2 D0 + q, because column 0 of U is e0. */
 static ALWAYS_INLINE void predict(imucal_kf_t* kf, uint32_t n, float m, float q) {
   kf->x[0] -= m * kf->x[0];
   add_to(&kf->d[0], &kf->d_lo[0], q - m * (2.0f - m) * kf->d[0]);
@@ -96,8 +100,8 @@ static ALWAYS_INLINE void predict(imucal_kf_t* kf, uint32_t n, float m, float q)
 }
 
 /* D_j <- D_j alpha_before/alpha with v = D_j f, alpha = alpha_before + v f, gain = v/alpha.  Written as a
- * difference where that keeps all digits (the last million updates), as a quotient where the update takes more than
- * half of D_j (the first few). */
+ * difference where that keeps all digits (the last million updates), as a quotient where the update takes
+ * more than half of D_j (the first few). */
 static ALWAYS_INLINE void shrink(float* d, float* d_lo, float f, float v, float gain, float kept_frac) {
   if (f * gain <= 0.5f) {
     add_to(d, d_lo, -v * gain);
@@ -107,8 +111,10 @@ static ALWAYS_INLINE void shrink(float* d, float* d_lo, float f, float v, float 
   }
 }
 
-/* Bierman's update of U and D for z = h'x + v, one column at a time.  gain[] becomes P h = S K; returns 1/S. */
-static ALWAYS_INLINE float update_factors(imucal_kf_t* kf, uint32_t n, const float* h, float* gain, float* variance) {
+/* Bierman's update of U and D for z = h'x + v, one column at a time.  gain[] becomes P h = S K; returns 1/S.
+ */
+static ALWAYS_INLINE float update_factors(imucal_kf_t* kf, uint32_t n, const float* h, float* gain,
+                                          float* variance) {
   float alpha = kf->config.r;
   float inverse = 0.0f;
   float* column = kf->u;
@@ -145,7 +151,8 @@ static void count_innovation(imucal_kf_t* kf, float innovation, float variance, 
   kf->is_last_missing = false;
 }
 
-/* One second.  n = n_states(kf): a constant in the copy whose loops are to be unrolled; same operations, same bits. */
+/* One second.  n = n_states(kf): a constant in the copy whose loops are to be unrolled; same operations, same
+ * bits. */
 static ALWAYS_INLINE void measure(imucal_kf_t* kf, uint32_t n, float z, float tn) {
   predict(kf, n, kf->config.m, kf->config.q);
   float h[IMUCAL_KF_MAX_STATES];
@@ -170,8 +177,10 @@ imucal_status imucal_kf_update(imucal_kf_t* kf, float z, float temp_degc) {
     kf->stats.n_refused++;
     return imucal_is_finite(z) && imucal_is_finite(temp_degc) ? IMUCAL_ERR_RANGE : IMUCAL_ERR_NOT_FINITE;
   }
-  if (n_states(kf) == IMUCAL_KF_UNROLLED_STATES) measure(kf, IMUCAL_KF_UNROLLED_STATES, z, tn);
-  else measure(kf, n_states(kf), z, tn);
+  if (n_states(kf) == IMUCAL_KF_UNROLLED_STATES)
+    measure(kf, IMUCAL_KF_UNROLLED_STATES, z, tn);
+  else
+    measure(kf, n_states(kf), z, tn);
   return IMUCAL_OK;
 }
 
@@ -181,8 +190,8 @@ imucal_status imucal_kf_skip(imucal_kf_t* kf, uint32_t n_s) {
   if (n_s == 0) return IMUCAL_OK;
   kf->stats.n_missed += n_s;
   kf->is_last_missing = true;
-  /* Steps (m, q) compose: m = m1 + m2 - m1 m2, q = (1 - m2)^2 q1 + q2.  (total) gathers the set bits of n_s, (power)
-   * doubles; both are powers of the same step, so that their order does not matter. */
+  /* Steps (m, q) compose: m = m1 + m2 - m1 m2, q = (1 - m2)^2 q1 + q2.  (total) gathers the set bits of n_s,
+   * (power) doubles; both are powers of the same step, so that their order does not matter. */
   float m = 0.0f, q = 0.0f;
   float power_m = kf->config.m, power_q = kf->config.q;
   for (uint32_t round = 0; round < MAX_GAP_ROUNDS && n_s != 0; round++, n_s >>= 1) {
@@ -215,10 +224,11 @@ IMUCAL_COLD imucal_status imucal_kf_new_run(imucal_kf_t* kf, float turn_on_sigma
   return IMUCAL_OK;
 }
 
-/* b_i = sum_k c_k (coefficient of Tn^i in T_k).  Row k from rows k-1 and k-2 by the recurrence; all integers. */
+/* b_i = sum_k c_k (coefficient of Tn^i in T_k).  Row k from rows k-1 and k-2 by the recurrence; all integers.
+ */
 IMUCAL_COLD float imucal_kf_coefficient(const imucal_kf_t* kf, uint32_t i) {
   if (i > kf->config.order) return 0.0f;
-  float before[IMUCAL_MAX_COEFF + 1] = {0.0f}; /* T_k-1, one place up: [p + 1] is of Tn^p */
+  float before[IMUCAL_MAX_COEFF + 1] = {0.0f};    /* T_k-1, one place up: [p + 1] is of Tn^p */
   float row[IMUCAL_MAX_COEFF + 1] = {0.0f, 1.0f}; /* T_0 */
   float sum = 0.0f;
   for (uint32_t k = 0; k <= kf->config.order; k++) {

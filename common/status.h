@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/* Purpose: the one list of outcomes of the core, for callers, for the serial link (as int16) and for messages.
- * 0 is success, positive values inform, negative values are errors grouped by whose fault it is.
+/* Purpose: the one list of outcomes of the core, for callers, for the serial link (as int16) and for
+ * messages. 0 is success, positive values inform, negative values are errors grouped by whose fault it is.
  * The numbers go over the wire and into logs: never change one, only add. */
 #ifndef IMUCAL_STATUS_H
 #define IMUCAL_STATUS_H
@@ -60,9 +60,9 @@ typedef enum imucal_status {
   IMUCAL_ERR_SYNC = -33,        /* sample feed: record without its marker */
   IMUCAL_ERR_PERIOD = -34,      /* a gap too long or time that runs backwards */
   /* the device's fault */
-  IMUCAL_ERR_SENSOR = -48,    /* the sensor reports a fault or no data */
-  IMUCAL_ERR_NO_TABLE = -49,  /* no valid table in any slot: running uncompensated */
-  IMUCAL_ERR_NO_OTHER = -50,  /* rollback: there is no other valid table */
+  IMUCAL_ERR_SENSOR = -48,     /* the sensor reports a fault or no data */
+  IMUCAL_ERR_NO_TABLE = -49,   /* no valid table in any slot: running uncompensated */
+  IMUCAL_ERR_NO_OTHER = -50,   /* rollback: there is no other valid table */
   IMUCAL_ERR_NOT_LEARNT = -51, /* the filter has no data or stopped: no table can be made of it */
   /* the link's fault */
   IMUCAL_ERR_FRAME = -64, /* frame malformed (COBS, too short) */

@@ -27,17 +27,23 @@ static void tx_compact(imucal_app_t* app) {
 /* True where some bytes went out. */
 static bool tx_flush(imucal_app_t* app) {
   if (app->tx_at == app->tx_end) return false;
-  const size_t n = app->port->serial_write(app->port->ctx, app->tx + app->tx_at, (size_t)(app->tx_end - app->tx_at));
+  const size_t n =
+      app->port->serial_write(app->port->ctx, app->tx + app->tx_at, (size_t)(app->tx_end - app->tx_at));
   app->tx_at = (uint16_t)(app->tx_at + n);
   if (app->tx_at == app->tx_end) app->tx_at = app->tx_end = 0;
   return n > 0;
 }
 
 static uint32_t stream_index(uint8_t what) {
-  return what == IMUCAL_STREAM_SECOND ? 0 : what == IMUCAL_STREAM_INNOVATION ? 1 : what == IMUCAL_STREAM_PROGRESS ? 2 : 3;
+  return what == IMUCAL_STREAM_SECOND       ? 0
+         : what == IMUCAL_STREAM_INNOVATION ? 1
+         : what == IMUCAL_STREAM_PROGRESS   ? 2
+                                            : 3;
 }
 
-uint16_t app_stream_count(imucal_app_t* app, uint8_t what) { return app->stream_counter[stream_index(what)]++; }
+uint16_t app_stream_count(imucal_app_t* app, uint8_t what) {
+  return app->stream_counter[stream_index(what)]++;
+}
 
 /* A record that finds no room is dropped and counted; its counter has moved on, so the host sees the loss. */
 void app_stream(imucal_app_t* app, uint8_t what, uint32_t id, const void* message) {
@@ -45,7 +51,8 @@ void app_stream(imucal_app_t* app, uint8_t what, uint32_t id, const void* messag
   tx_compact(app);
   size_t n = 0;
   const uint8_t sequence = (uint8_t)(app->stream_counter[stream_index(what)] - 1);
-  if (imucal_link_pack(id, sequence, message, app->tx + app->tx_end, sizeof app->tx - app->tx_end, &n) == IMUCAL_OK)
+  if (imucal_link_pack(id, sequence, message, app->tx + app->tx_end, sizeof app->tx - app->tx_end, &n) ==
+      IMUCAL_OK)
     app->tx_end = (uint16_t)(app->tx_end + n);
   else
     app->n_tx_dropped++;
@@ -77,7 +84,8 @@ imucal_status app_check_table(imucal_app_t* app, uint32_t* detail) {
     const imucal_table_channel_t* channel = &table->channel[i];
     *detail = i + 1;
     if (!imucal_text_equal(channel->name, board->channel[i].name, IMUCAL_NAME_LEN)) return IMUCAL_ERR_NAME;
-    if (imucal_bits_from_float(channel->unit_per_count) != imucal_bits_from_float(board->channel[i].unit_per_count))
+    if (imucal_bits_from_float(channel->unit_per_count) !=
+        imucal_bits_from_float(board->channel[i].unit_per_count))
       return IMUCAL_ERR_SCALE;
     imucal_comp_t trial;
     const imucal_status status = imucal_comp_prepare(&trial, table, i);
@@ -112,8 +120,8 @@ static void tell_table(imucal_app_t* app, uint32_t detail) {
 /* Loads what the slots hold. The compensated samples may change their unit: their running sum starts anew. */
 imucal_status app_load_table(imucal_app_t* app) {
   uint32_t detail = 0;
-  app->table_status = imucal_store_load(&app->port->flash, app->board->serial, app->board->n_channels, &app->work,
-                                        &app->table, &app->report);
+  app->table_status = imucal_store_load(&app->port->flash, app->board->serial, app->board->n_channels,
+                                        &app->work, &app->table, &app->report);
   if (app->table_status == IMUCAL_OK) app->table_status = app_check_table(app, &detail);
   prepare_compensation(app);
   tell_table(app, detail);

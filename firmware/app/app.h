@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT
-/* Purpose: the life of a device: boot, load the table, take samples, compensate them at full rate, sum them to
- * seconds, calibrate, stream, and serve every request of common/link.h.  A pure function of the callbacks in
- * port.h: no globals, no heap, no waiting.
- * Data:  sample_read -> comp -> sample_out;  raw and compensated -> sum -> SECOND;  raw seconds -> kf per channel;
- *        filters -> table -> store -> comp.
- * Order: imucal_app_init once per start, then imucal_app_step for ever.
- * Memory: sizeof(imucal_app_t), all of it the caller's.  Thread/ISR: one context. */
+/* Purpose: the life of a device: boot, load the table, take samples, compensate them at full rate, sum them
+ * to seconds, calibrate, stream, and serve every request of common/link.h.  A pure function of the callbacks
+ * in port.h: no globals, no heap, no waiting. Data:  sample_read -> comp -> sample_out;  raw and compensated
+ * -> sum -> SECOND;  raw seconds -> kf per channel; filters -> table -> store -> comp. Order: imucal_app_init
+ * once per start, then imucal_app_step for ever. Memory: sizeof(imucal_app_t), all of it the caller's.
+ * Thread/ISR: one context. */
 #ifndef IMUCAL_APP_H
 #define IMUCAL_APP_H
 #include "board.h"
@@ -48,7 +47,7 @@ typedef struct imucal_app {
   imucal_app_channel_t channel[IMUCAL_MAX_CHANNELS];
 
   imucal_sum_t raw_sum, out_sum;
-  imucal_track_t track; /* temperature between the steps of a coarse thermometer */
+  imucal_track_t track;  /* temperature between the steps of a coarse thermometer */
   uint8_t clamped;       /* channels outside their valid span in the running second */
   uint8_t fault;         /* channels that reported a fault in the last second */
   bool has_sensor_ended; /* until samples are wanted again */
@@ -65,8 +64,8 @@ typedef struct imucal_app {
   uint8_t calibrating; /* bit i: channel i has a filter */
   uint8_t stream_what, stream_channels;
   uint16_t progress_period_s;
-  uint32_t t_s;          /* end of the newest second */
-  uint32_t progress_t_s; /* of the last PROGRESS */
+  uint32_t t_s;               /* end of the newest second */
+  uint32_t progress_t_s;      /* of the last PROGRESS */
   uint16_t stream_counter[4]; /* SECOND, INNOVATION, PROGRESS, EVENT */
 
   imucal_link_rx_t rx;
@@ -82,12 +81,13 @@ typedef struct imucal_app {
   uint32_t n_samples, n_bad_samples, n_seconds, n_gaps, n_tx_dropped, n_rx_unknown;
 } imucal_app_t;
 
-/* Starts: loads the table (or says why not, then runs uncompensated), queues the boot's events.  Stream EVENT is
- * on, the others off.  port and board must stay valid.  Fails only for a board imucal_board_check refuses. */
+/* Starts: loads the table (or says why not, then runs uncompensated), queues the boot's events.  Stream EVENT
+ * is on, the others off.  port and board must stay valid.  Fails only for a board imucal_board_check refuses.
+ */
 IMUCAL_MUST_USE imucal_status imucal_app_init(imucal_app_t* app, const imucal_port_t* port,
                                               const imucal_board_t* board);
 
-/* A bounded piece of work.  True: there was something to do; false: the caller may sleep until a byte or a sample
- * comes (or 10 ms have passed). */
+/* A bounded piece of work.  True: there was something to do; false: the caller may sleep until a byte or a
+ * sample comes (or 10 ms have passed). */
 bool imucal_app_step(imucal_app_t* app);
 #endif

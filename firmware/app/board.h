@@ -18,6 +18,7 @@ typedef struct imucal_board {
   } channel[IMUCAL_MAX_CHANNELS];
 } imucal_board_t;
 
-/* Checks every field: IMUCAL_ERR_NAME, IMUCAL_ERR_CHANNELS, IMUCAL_ERR_SCALE, IMUCAL_ERR_RANGE (rate, full scale). */
+/* Checks every field: IMUCAL_ERR_NAME, IMUCAL_ERR_CHANNELS, IMUCAL_ERR_SCALE, IMUCAL_ERR_RANGE (rate, full
+ * scale). */
 IMUCAL_MUST_USE imucal_status imucal_board_check(const imucal_board_t* board);
 #endif

@@ -4,7 +4,8 @@
 #define IMUCAL_APP_PARTS_H
 #include "app.h"
 
-/* Grid over the valid span for the worst predicted error: 25 temperatures, every 2.5 degC of a 60-degC span. */
+/* Grid over the valid span for the worst predicted error: 25 temperatures, every 2.5 degC of a 60-degC span.
+ */
 #define IMUCAL_APP_GRID 25u
 
 /* app.c */

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 /* Purpose: everything the app asks of a board, as callbacks.  A new MCU = one filled imucal_port_t + one
  * imucal_board_t + a main that calls imucal_app_init once and imucal_app_step for ever (firmware/README.md).
- * All callbacks are called from imucal_app_init and imucal_app_step only, in the caller's context; none may call
- * back into the app.  ctx is the port's own and is passed to each. */
+ * All callbacks are called from imucal_app_init and imucal_app_step only, in the caller's context; none may
+ * call back into the app.  ctx is the port's own and is passed to each. */
 #ifndef IMUCAL_APP_PORT_H
 #define IMUCAL_APP_PORT_H
 #include "sample.h"
@@ -25,15 +25,18 @@ typedef struct imucal_port {
   /* Accept up to `length` bytes for sending; returns how many.  Never waits. */
   size_t (*serial_write)(void* ctx, const uint8_t* data, size_t length);
 
-  /* The next sample in time order.  Never waits (a replay may).  Time stamps in us of one clock that does not run
-   * backwards; counts sign extended with the sensor's own fixed offset removed; saturated and fault bits set. */
+  /* The next sample in time order.  Never waits (a replay may).  Time stamps in us of one clock that does not
+   * run backwards; counts sign extended with the sensor's own fixed offset removed; saturated and fault bits
+   * set. */
   imucal_port_sample_t (*sample_read)(void* ctx, imucal_sample_t* sample);
 
-  /* Replays only, may be NULL: samples are (not) wanted from now on.  Wanted again after the end: start anew. */
+  /* Replays only, may be NULL: samples are (not) wanted from now on.  Wanted again after the end: start anew.
+   */
   void (*sample_enable)(void* ctx, bool is_wanted);
 
   /* May be NULL.  Each sample after compensation, at full rate: what the rest of the firmware is there for.
-   * out[i]: channel i in units of 2^-out_frac_bits[i] counts; clamped: bit i, temperature outside the valid span. */
+   * out[i]: channel i in units of 2^-out_frac_bits[i] counts; clamped: bit i, temperature outside the valid
+   * span. */
   void (*sample_out)(void* ctx, const imucal_sample_t* raw, const int32_t* out, const uint8_t* out_frac_bits,
                      uint8_t clamped);
 
@@ -43,16 +46,16 @@ typedef struct imucal_port {
   /* Microseconds since start. */
   uint64_t (*time_us)(void* ctx);
 
-  /* Feed the watchdog: called once per step.  The longest step holds one flash write: one slot erased, 900 bytes
-   * programmed and read back. */
+  /* Feed the watchdog: called once per step.  The longest step holds one flash write: one slot erased, 900
+   * bytes programmed and read back. */
   void (*watchdog)(void* ctx);
 
   /* Let the sent bytes out, then restart the device.  May return (then the main loop does the restart). */
   void (*reboot)(void* ctx);
 
   /* True for replays: samples are read only while the host streams SECOND, INNOVATION or PROGRESS, and never
-   * faster than their records can be sent, so that nothing is lost.  False for a real sensor: samples are always
-   * taken; records that do not fit the line are dropped and counted. */
+   * faster than their records can be sent, so that nothing is lost.  False for a real sensor: samples are
+   * always taken; records that do not fit the line are dropped and counted. */
   bool is_replay;
 
   uint32_t boot_id;           /* unlike that of the last start: random, or a count */

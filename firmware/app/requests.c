@@ -114,7 +114,8 @@ static void serve_stream(imucal_app_t* app, const imucal_link_stream_t* request)
     done(app, IMUCAL_ERR_RANGE, 0);
     return;
   }
-  if (app->has_sensor_ended && app_restart_sums(app) == IMUCAL_OK) { /* a replay asked for again starts anew */
+  if (app->has_sensor_ended &&
+      app_restart_sums(app) == IMUCAL_OK) { /* a replay asked for again starts anew */
     app->has_sensor_ended = false;
     app->t_s = 0;
   }
@@ -133,7 +134,9 @@ static void serve_reboot(imucal_app_t* app) {
 
 /* ---- calibration ---- */
 
-static bool is_model_number(float value) { return imucal_is_finite(value) && value >= 0.0f; }
+static bool is_model_number(float value) {
+  return imucal_is_finite(value) && value >= 0.0f;
+}
 
 static imucal_status check_cal_start(const imucal_app_t* app, const imucal_link_cal_start_t* request) {
   if (request->channel >= app->board->n_channels) return IMUCAL_ERR_UNKNOWN;
@@ -141,7 +144,8 @@ static imucal_status check_cal_start(const imucal_app_t* app, const imucal_link_
       !imucal_is_finite(request->span_lo_degc) || !imucal_is_finite(request->span_hi_degc))
     return IMUCAL_ERR_NOT_FINITE;
   const float reach_degc = request->range_degc * SPAN_SLACK;
-  if (!(request->span_lo_degc < request->span_hi_degc) || request->t0_degc - request->span_lo_degc > reach_degc ||
+  if (!(request->span_lo_degc < request->span_hi_degc) ||
+      request->t0_degc - request->span_lo_degc > reach_degc ||
       request->span_hi_degc - request->t0_degc > reach_degc)
     return IMUCAL_ERR_SPAN;
   if (!is_model_number(request->arw)) return IMUCAL_ERR_MODEL;
@@ -220,7 +224,8 @@ static void put_bits(uint32_t* bits, const float* values, size_t n) {
 static void serve_cal_ud(imucal_app_t* app, const imucal_link_cal_ud_t* request) {
   const imucal_kf_t* kf = asked_filter(app, request->channel);
   if (!kf) return;
-  imucal_link_cal_ud_reply_t answer = {.channel = request->channel, .n_states = (uint8_t)(kf->config.order + 2)};
+  imucal_link_cal_ud_reply_t answer = {.channel = request->channel,
+                                       .n_states = (uint8_t)(kf->config.order + 2)};
   put_bits(answer.x, kf->x, IMUCAL_KF_MAX_STATES);
   put_bits(answer.x_lo, kf->x_lo, IMUCAL_KF_MAX_STATES);
   put_bits(answer.d, kf->d, IMUCAL_KF_MAX_STATES);
@@ -249,8 +254,8 @@ static bool is_refused_busy(imucal_app_t* app) {
   return true;
 }
 
-/* app->table holds a candidate: check it against this board and write it. Whatever comes of it, what the flash
- * holds afterwards is loaded again and rules. */
+/* app->table holds a candidate: check it against this board and write it. Whatever comes of it, what the
+ * flash holds afterwards is loaded again and rules. */
 static void commit_candidate(imucal_app_t* app) {
   uint32_t detail = 0;
   imucal_status status = app_check_table(app, &detail);
@@ -276,7 +281,8 @@ static void clear_channel(imucal_table_channel_t* channel) {
   channel->span_hi_degc = 1.0f;
 }
 
-static imucal_status channel_from_filter(const imucal_app_t* app, uint32_t i, imucal_table_channel_t* channel) {
+static imucal_status channel_from_filter(const imucal_app_t* app, uint32_t i,
+                                         imucal_table_channel_t* channel) {
   const imucal_app_channel_t* learnt = &app->channel[i];
   clear_channel(channel);
   channel->arw = learnt->arw;
@@ -307,8 +313,10 @@ static void serve_table_from_cal(imucal_app_t* app, const imucal_link_table_from
   table->degc_at_zero = app->board->degc_at_zero;
   for (uint32_t i = 0; i < app->board->n_channels; i++) {
     imucal_status status = IMUCAL_OK;
-    if (app->calibrating & BIT(i)) status = channel_from_filter(app, i, &table->channel[i]);
-    else if (!has_old) clear_channel(&table->channel[i]);
+    if (app->calibrating & BIT(i))
+      status = channel_from_filter(app, i, &table->channel[i]);
+    else if (!has_old)
+      clear_channel(&table->channel[i]);
     if (status != IMUCAL_OK) {
       (void)app_load_table(app);
       done(app, status, i + 1);
@@ -333,7 +341,8 @@ static uint32_t asked_slot(imucal_app_t* app, uint8_t slot) {
 }
 
 /* Reads by whole words into an aligned copy, then hands out the bytes asked for. */
-static imucal_status read_slot(const imucal_flash_t* flash, uint32_t slot, const imucal_link_table_read_t* request,
+static imucal_status read_slot(const imucal_flash_t* flash, uint32_t slot,
+                               const imucal_link_table_read_t* request,
                                imucal_link_table_read_reply_t* answer) {
   uint32_t words[IMUCAL_LINK_MAX_DATA / 4 + 2];
   uint8_t* bytes = (uint8_t*)words;
@@ -363,17 +372,21 @@ static void serve_table_read(imucal_app_t* app, const imucal_link_table_read_t* 
   imucal_link_table_read_reply_t answer;
   memset(&answer, 0, sizeof answer);
   const imucal_status status = read_slot(&app->port->flash, slot, request, &answer);
-  if (status == IMUCAL_OK) reply(app, IMUCAL_LINK_ID_TABLE_READ_REPLY, &answer);
-  else done(app, status, 0);
+  if (status == IMUCAL_OK)
+    reply(app, IMUCAL_LINK_ID_TABLE_READ_REPLY, &answer);
+  else
+    done(app, status, 0);
 }
 
 static void serve_table_begin(imucal_app_t* app, const imucal_link_table_begin_t* request) {
   if (is_refused_busy(app)) return;
-  const bool is_possible = request->total >= IMUCAL_TABLE_BYTES(1) && request->total <= IMUCAL_TABLE_MAX_BYTES;
+  const bool is_possible =
+      request->total >= IMUCAL_TABLE_BYTES(1) && request->total <= IMUCAL_TABLE_MAX_BYTES;
   app->upload_total = is_possible ? request->total : 0;
   app->upload_at = 0;
   app->upload_crc = request->crc;
-  done(app, is_possible ? IMUCAL_OK : IMUCAL_ERR_LENGTH, (uint32_t)IMUCAL_TABLE_BYTES(app->board->n_channels));
+  done(app, is_possible ? IMUCAL_OK : IMUCAL_ERR_LENGTH,
+       (uint32_t)IMUCAL_TABLE_BYTES(app->board->n_channels));
 }
 
 static void serve_table_data(imucal_app_t* app, const imucal_link_table_data_t* request) {
@@ -445,23 +458,59 @@ void app_serve(imucal_app_t* app) {
     return;
   }
   switch (imucal_link_rx_type(&app->rx)) {
-  case IMUCAL_LINK_ID_HELLO: serve_hello(app, &message.hello); break;
-  case IMUCAL_LINK_ID_INFO: serve_info(app); break;
-  case IMUCAL_LINK_ID_COUNTERS: serve_counters(app); break;
-  case IMUCAL_LINK_ID_CHANNEL_INFO: serve_channel_info(app, &message.channel_info); break;
-  case IMUCAL_LINK_ID_STREAM: serve_stream(app, &message.stream); break;
-  case IMUCAL_LINK_ID_REBOOT: serve_reboot(app); break;
-  case IMUCAL_LINK_ID_CAL_START: serve_cal_start(app, &message.cal_start); break;
-  case IMUCAL_LINK_ID_CAL_STATE: serve_cal_state(app, &message.cal_state); break;
-  case IMUCAL_LINK_ID_CAL_UD: serve_cal_ud(app, &message.cal_ud); break;
-  case IMUCAL_LINK_ID_CAL_STOP: serve_cal_stop(app, &message.cal_stop); break;
-  case IMUCAL_LINK_ID_TABLE_FROM_CAL: serve_table_from_cal(app, &message.table_from_cal); break;
-  case IMUCAL_LINK_ID_TABLE_READ: serve_table_read(app, &message.table_read); break;
-  case IMUCAL_LINK_ID_TABLE_BEGIN: serve_table_begin(app, &message.table_begin); break;
-  case IMUCAL_LINK_ID_TABLE_DATA: serve_table_data(app, &message.table_data); break;
-  case IMUCAL_LINK_ID_TABLE_COMMIT: serve_table_commit(app); break;
-  case IMUCAL_LINK_ID_ROLLBACK: serve_rollback(app); break;
-  case IMUCAL_LINK_ID_ERASE: serve_erase(app, &message.erase); break;
-  default: done(app, IMUCAL_ERR_UNKNOWN, 0); break;
+  case IMUCAL_LINK_ID_HELLO:
+    serve_hello(app, &message.hello);
+    break;
+  case IMUCAL_LINK_ID_INFO:
+    serve_info(app);
+    break;
+  case IMUCAL_LINK_ID_COUNTERS:
+    serve_counters(app);
+    break;
+  case IMUCAL_LINK_ID_CHANNEL_INFO:
+    serve_channel_info(app, &message.channel_info);
+    break;
+  case IMUCAL_LINK_ID_STREAM:
+    serve_stream(app, &message.stream);
+    break;
+  case IMUCAL_LINK_ID_REBOOT:
+    serve_reboot(app);
+    break;
+  case IMUCAL_LINK_ID_CAL_START:
+    serve_cal_start(app, &message.cal_start);
+    break;
+  case IMUCAL_LINK_ID_CAL_STATE:
+    serve_cal_state(app, &message.cal_state);
+    break;
+  case IMUCAL_LINK_ID_CAL_UD:
+    serve_cal_ud(app, &message.cal_ud);
+    break;
+  case IMUCAL_LINK_ID_CAL_STOP:
+    serve_cal_stop(app, &message.cal_stop);
+    break;
+  case IMUCAL_LINK_ID_TABLE_FROM_CAL:
+    serve_table_from_cal(app, &message.table_from_cal);
+    break;
+  case IMUCAL_LINK_ID_TABLE_READ:
+    serve_table_read(app, &message.table_read);
+    break;
+  case IMUCAL_LINK_ID_TABLE_BEGIN:
+    serve_table_begin(app, &message.table_begin);
+    break;
+  case IMUCAL_LINK_ID_TABLE_DATA:
+    serve_table_data(app, &message.table_data);
+    break;
+  case IMUCAL_LINK_ID_TABLE_COMMIT:
+    serve_table_commit(app);
+    break;
+  case IMUCAL_LINK_ID_ROLLBACK:
+    serve_rollback(app);
+    break;
+  case IMUCAL_LINK_ID_ERASE:
+    serve_erase(app, &message.erase);
+    break;
+  default:
+    done(app, IMUCAL_ERR_UNKNOWN, 0);
+    break;
   }
 }

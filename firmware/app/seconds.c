@@ -25,14 +25,16 @@ static float mean_unit(int64_t sum, uint32_t n, float scale, float offset) {
   return imucal_unit_from_q16(imucal_mean_q16_rne(sum, n), scale, offset);
 }
 
-/* A second's mean is a measurement unless too few samples, the rail or a fault spoil it; then the filter's time
- * goes on without it. */
-static void update_filter(imucal_app_t* app, uint32_t i, const imucal_second_t* second, float rate, float temp_degc) {
+/* A second's mean is a measurement unless too few samples, the rail or a fault spoil it; then the filter's
+ * time goes on without it. */
+static void update_filter(imucal_app_t* app, uint32_t i, const imucal_second_t* second, float rate,
+                          float temp_degc) {
   imucal_kf_t* kf = &app->channel[i].kf;
   const bool is_spoilt = second->is_gap || (second->flags[i] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT));
   imucal_status status = imucal_kf_skip(kf, second->n_skipped);
   if (status == IMUCAL_OK && !is_spoilt) status = imucal_kf_update(kf, rate, temp_degc);
-  if (is_spoilt || status != IMUCAL_OK) { /* a refusal is counted by the filter and leaves its state unchanged */
+  if (is_spoilt ||
+      status != IMUCAL_OK) { /* a refusal is counted by the filter and leaves its state unchanged */
     status = imucal_kf_skip(kf, 1);
     return;
   }
@@ -84,7 +86,8 @@ static void tell_new_faults(imucal_app_t* app, const imucal_second_t* second) {
   app->fault = fault;
 }
 
-/* What the filters learn with: the second's mean temperature, or with a coarse thermometer the tracked one. */
+/* What the filters learn with: the second's mean temperature, or with a coarse thermometer the tracked one.
+ */
 static float filter_temperature(imucal_app_t* app, const imucal_second_t* second) {
   const imucal_board_t* board = app->board;
   int64_t mean_q16 = imucal_mean_q16_rne(second->temp_sum, second->n_samples);
@@ -109,8 +112,8 @@ static void finish_second(imucal_app_t* app, const imucal_second_t* raw, const i
   for (uint32_t i = 0; i < board->n_channels; i++) {
     record.flags[i] = raw->flags[i];
     record.raw[i] = mean_unit(raw->sum[i], raw->n_samples, board->channel[i].unit_per_count, 0.0f);
-    record.out[i] = out ? mean_unit(out->sum[i], out->n_samples, app->channel[i].comp.unit_per_lsb, 0.0f)
-                        : record.raw[i];
+    record.out[i] =
+        out ? mean_unit(out->sum[i], out->n_samples, app->channel[i].comp.unit_per_lsb, 0.0f) : record.raw[i];
     if (app->session == IMUCAL_SESSION_CALIBRATING && (app->calibrating & (1u << i)))
       update_filter(app, i, raw, record.raw[i], filter_temp_degc);
   }
@@ -122,7 +125,8 @@ static void finish_second(imucal_app_t* app, const imucal_second_t* raw, const i
 /* ---- a sample ---- */
 
 /* Compensates; returns the channels whose temperature was outside their span. */
-static uint8_t compensate(imucal_app_t* app, const imucal_sample_t* raw, imucal_sample_t* out, uint8_t* frac_bits) {
+static uint8_t compensate(imucal_app_t* app, const imucal_sample_t* raw, imucal_sample_t* out,
+                          uint8_t* frac_bits) {
   uint8_t clamped = 0;
   for (uint32_t i = 0; i < app->board->n_channels; i++) {
     uint32_t flags = 0;
@@ -144,7 +148,8 @@ static void mark_rail(const imucal_app_t* app, imucal_sample_t* sample) {
 
 void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample) {
   app->n_samples++;
-  if (sample->n_channels != app->board->n_channels) { /* the sensor is not this board's: nothing of it is right */
+  if (sample->n_channels !=
+      app->board->n_channels) { /* the sensor is not this board's: nothing of it is right */
     app->n_bad_samples++;
     return;
   }
@@ -155,7 +160,8 @@ void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample) {
   const uint8_t clamped = compensate(app, &raw, &out, frac_bits);
   if (app->port->sample_out) app->port->sample_out(app->port->ctx, &raw, out.counts, frac_bits, clamped);
 
-  imucal_second_t raw_second, out_second; /* both sums see the same time stamps, so both end a second at once */
+  imucal_second_t raw_second,
+      out_second; /* both sums see the same time stamps, so both end a second at once */
   const imucal_status status = imucal_sum_add(&app->raw_sum, &raw, &raw_second);
   const imucal_status out_status = imucal_sum_add(&app->out_sum, &out, &out_second);
   if (status == IMUCAL_SECOND_READY) {

@@ -54,8 +54,12 @@ static void print_filter(const check_io_t* io, uint32_t t_s, int k, int i) {
   hex_floats(io, " d", kf->d, IMUCAL_KF_MAX_STATES);
   hex_floats(io, " d_lo", kf->d_lo, IMUCAL_KF_MAX_STATES);
   hex_floats(io, " u", kf->u, IMUCAL_KF_MAX_UD);
-  const float derived[] = {imucal_kf_mean_nis(kf), imucal_kf_lag1(kf), imucal_kf_worst_sigma(kf, 0, 60, 25, NULL),
-                           imucal_kf_bias(kf, 41.5f), imucal_kf_bias_sigma(kf, 41.5f), kf->stats.weighted_sum,
+  const float derived[] = {imucal_kf_mean_nis(kf),
+                           imucal_kf_lag1(kf),
+                           imucal_kf_worst_sigma(kf, 0, 60, 25, NULL),
+                           imucal_kf_bias(kf, 41.5f),
+                           imucal_kf_bias_sigma(kf, 41.5f),
+                           kf->stats.weighted_sum,
                            kf->stats.inverse_sum};
   hex_floats(io, " derived", derived, sizeof derived / sizeof *derived);
   for (uint32_t c = 0; c <= IMUCAL_MAX_ORDER; c++) {
@@ -98,15 +102,18 @@ static bool is_measurement(const imucal_second_t* second, int i) {
 static void learn_second(const check_io_t* io, const imucal_second_t* second) {
   float mean[N_CHANNELS + 1];
   for (int i = 0; i < N_CHANNELS; i++)
-    mean[i] = imucal_unit_from_q16(imucal_mean_q16_rne(second->sum[i], second->n_samples), kUnitPerCount[i], 0.0f);
-  mean[N_CHANNELS] = imucal_unit_from_q16(imucal_mean_q16_rne(second->temp_sum, second->n_samples), DEGC_PER_COUNT,
-                                          DEGC_AT_ZERO);
+    mean[i] =
+        imucal_unit_from_q16(imucal_mean_q16_rne(second->sum[i], second->n_samples), kUnitPerCount[i], 0.0f);
+  mean[N_CHANNELS] = imucal_unit_from_q16(imucal_mean_q16_rne(second->temp_sum, second->n_samples),
+                                          DEGC_PER_COUNT, DEGC_AT_ZERO);
   for (int k = 0; k < N_ORDERS; k++)
     for (int i = 0; i < N_CHANNELS; i++) {
       imucal_kf_t* kf = &filter[k][i];
       imucal_status status = imucal_kf_skip(kf, second->n_skipped);
-      if (status == IMUCAL_OK && is_measurement(second, i)) status = imucal_kf_update(kf, mean[i], mean[N_CHANNELS]);
-      else if (status == IMUCAL_OK) status = imucal_kf_skip(kf, 1);
+      if (status == IMUCAL_OK && is_measurement(second, i))
+        status = imucal_kf_update(kf, mean[i], mean[N_CHANNELS]);
+      else if (status == IMUCAL_OK)
+        status = imucal_kf_skip(kf, 1);
       if (status != IMUCAL_OK) check_text(io, "error: the filter refuses\n");
     }
   check_text(io, "second");
@@ -197,8 +204,8 @@ static void compensate(const check_io_t* io) {
     uint8_t bytes[4];
     for (int k = 0; k < N_ORDERS; k++)
       for (int i = 0; i < N_CHANNELS; i++) {
-        imucal_put_u32(bytes,
-                       (uint32_t)imucal_comp_apply(&comp[k][i], sample.temp_counts, sample.counts[i], &flags));
+        imucal_put_u32(
+            bytes, (uint32_t)imucal_comp_apply(&comp[k][i], sample.temp_counts, sample.counts[i], &flags));
         crc = imucal_crc_add(crc, bytes, 4);
       }
     if (++n % RATE_HZ != 0) continue;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-/* Purpose: what the core is checked with on every machine: the same log through sum, kf, table and comp with all
- * results as bits, and the cost of each function in processor instructions.
- * The same files run on this machine and as images for the microcontrollers. */
+/* Purpose: what the core is checked with on every machine: the same log through sum, kf, table and comp with
+ * all results as bits, and the cost of each function in processor instructions. The same files run on this
+ * machine and as images for the microcontrollers. */
 #ifndef IMUCAL_CHECK_H
 #define IMUCAL_CHECK_H
 #include "sample.h"
@@ -17,12 +17,12 @@ typedef struct check_io {
   uint32_t (*stack_used_bytes)(void);
 } check_io_t;
 
-/* Two passes over a log of three channels at 20 Hz: learn with order 3 and order 5, make tables, compensate. Prints
- * lines of "name numbers… hexadecimal bits". */
+/* Two passes over a log of three channels at 20 Hz: learn with order 3 and order 5, make tables, compensate.
+ * Prints lines of "name numbers… hexadecimal bits". */
 void check_bits(const check_io_t* io);
 
-/* Prints lines of "name value": instructions per call, averaged over many calls, of everything that runs with a
- * sample or a second, call included. */
+/* Prints lines of "name value": instructions per call, averaged over many calls, of everything that runs with
+ * a sample or a second, call included. */
 void check_cycles(const check_io_t* io);
 
 /* Prints lines of "name bytes": stack used below the caller. */

@@ -29,14 +29,18 @@ static struct {
   volatile int32_t sink;
 } work;
 
-static int32_t noise(void) { return (int32_t)((work.seed = work.seed * 1664525u + 1013904223u) >> 22) - 512; }
+static int32_t noise(void) {
+  return (int32_t)((work.seed = work.seed * 1664525u + 1013904223u) >> 22) - 512;
+}
 
 typedef void (*call_t)(void);
 
 /* Two floats and the temperature ramp of a test, made outside of what is measured. */
 static float next_rate, next_degc;
 
-static void prepare_nothing(void) { work.i++; }
+static void prepare_nothing(void) {
+  work.i++;
+}
 static void prepare_second(void) {
   work.i++;
   next_rate = 80.0f + (float)noise() * 0.1f;
@@ -49,12 +53,24 @@ static void prepare_sample(void) {
   for (int i = 0; i < IMUCAL_MAX_CHANNELS; i++) work.sample.counts[i] = noise() * 100;
 }
 
-static void call_nothing(void) { __asm volatile("" ::: "memory"); }
-static void call_kf_update(void) { work.sink = imucal_kf_update(&work.kf, next_rate, next_degc); }
-static void call_kf_skip(void) { work.sink = imucal_kf_skip(&work.kf, 1); }
-static void call_kf_sigma(void) { work.sink = imucal_kf_bias_sigma(&work.kf, next_degc) > 1.0f; }
-static void call_kf_worst(void) { work.sink = imucal_kf_worst_sigma(&work.kf, 0.0f, 60.0f, 25, NULL) > 1.0f; }
-static void call_sum_add(void) { work.sink = imucal_sum_add(&work.sum, &work.sample, &work.second); }
+static void call_nothing(void) {
+  __asm volatile("" ::: "memory");
+}
+static void call_kf_update(void) {
+  work.sink = imucal_kf_update(&work.kf, next_rate, next_degc);
+}
+static void call_kf_skip(void) {
+  work.sink = imucal_kf_skip(&work.kf, 1);
+}
+static void call_kf_sigma(void) {
+  work.sink = imucal_kf_bias_sigma(&work.kf, next_degc) > 1.0f;
+}
+static void call_kf_worst(void) {
+  work.sink = imucal_kf_worst_sigma(&work.kf, 0.0f, 60.0f, 25, NULL) > 1.0f;
+}
+static void call_sum_add(void) {
+  work.sink = imucal_sum_add(&work.sum, &work.sample, &work.second);
+}
 static void call_mean(void) {
   const int64_t mean = imucal_mean_q16_rne(work.second.sum[0], work.second.n_samples);
   work.sink = imucal_unit_from_q16(mean, 0.5f, 25.0f) > 1.0f;
@@ -62,14 +78,21 @@ static void call_mean(void) {
 static void call_comp(void) {
   work.sink = imucal_comp_apply(&work.comp, work.sample.temp_counts, work.sample.counts[0], &work.flags);
 }
-static void call_comp_prepare(void) { work.sink = imucal_comp_prepare(&work.comp, &work.table, 0); }
+static void call_comp_prepare(void) {
+  work.sink = imucal_comp_prepare(&work.comp, &work.table, 0);
+}
 static void call_encode(void) {
   work.sink = imucal_table_encode(&work.table, work.bytes, sizeof work.bytes, &work.n_bytes);
 }
-static void call_decode(void) { work.sink = imucal_table_decode(work.bytes, work.n_bytes, &work.table, NULL); }
-static void call_crc(void) { work.sink = (int32_t)imucal_crc32(work.bytes, 100); }
+static void call_decode(void) {
+  work.sink = imucal_table_decode(work.bytes, work.n_bytes, &work.table, NULL);
+}
+static void call_crc(void) {
+  work.sink = (int32_t)imucal_crc32(work.bytes, 100);
+}
 static void call_pack(void) {
-  work.sink = imucal_link_pack(IMUCAL_LINK_ID_SECOND, 1, &work.record, work.bytes, sizeof work.bytes, &work.n_bytes);
+  work.sink =
+      imucal_link_pack(IMUCAL_LINK_ID_SECOND, 1, &work.record, work.bytes, sizeof work.bytes, &work.n_bytes);
 }
 static void call_receive(void) {
   for (size_t i = 0; i < work.n_bytes; i++) work.sink = imucal_link_rx_put(&work.rx, work.bytes[i]);
@@ -103,8 +126,14 @@ static void report(const check_io_t* io, const char* name, call_t prepare, call_
 }
 
 static void start_filter(uint8_t order) {
-  const imucal_kf_config_t config = {.order = order, .t0_degc = 30.0f, .range_degc = 30.0f, .m = 0.00995016625f,
-                                     .q = 7.92053068f, .r = 1296.0f, .markov_variance = 400.0f, .prior_sigma = 1e4f};
+  const imucal_kf_config_t config = {.order = order,
+                                     .t0_degc = 30.0f,
+                                     .range_degc = 30.0f,
+                                     .m = 0.00995016625f,
+                                     .q = 7.92053068f,
+                                     .r = 1296.0f,
+                                     .markov_variance = 400.0f,
+                                     .prior_sigma = 1e4f};
   work.sink = imucal_kf_init(&work.kf, &config);
   for (int i = 0; i < 600; i++) {
     prepare_second();
@@ -127,7 +156,8 @@ static void start_table(uint8_t order, uint8_t scale_order) {
     channel->t0_degc = channel->range_degc = 30.0f;
     for (int k = 0; k <= order; k++) channel->coeff[k] = 300.0f - (float)k * 77.0f;
     channel->scale_order = scale_order;
-    for (int k = 0; k <= scale_order && scale_order > 0; k++) channel->scale_coeff[k] = 0.001f + (float)k * 0.002f;
+    for (int k = 0; k <= scale_order && scale_order > 0; k++)
+      channel->scale_coeff[k] = 0.001f + (float)k * 0.002f;
     channel->span_hi_degc = 60.0f;
     channel->arw = 0.6f;
     channel->unit_per_count = 1.0f;

@@ -67,7 +67,9 @@ static bool next_sample(void* ctx, bool is_rewound, imucal_sample_t* sample) {
   return true;
 }
 
-static uint32_t stack_used_bytes(void) { return cortexm_stack_size_bytes() - cortexm_stack_free_bytes(); }
+static uint32_t stack_used_bytes(void) {
+  return cortexm_stack_size_bytes() - cortexm_stack_free_bytes();
+}
 
 int main(void) {
   char command_line[384], path[160], mode[16];
@@ -85,10 +87,14 @@ int main(void) {
       (host.out = semihost_open(path, SEMIHOST_CREATE)) < 0)
     semihost_exit(2);
   if (!semihost_option(command_line, "feed", host.feed_path, sizeof host.feed_path)) host.feed_path[0] = '\0';
-  if (!strcmp(mode, "bits")) check_bits(&io);
-  else if (!strcmp(mode, "cycles")) check_cycles(&io);
-  else if (!strcmp(mode, "stack")) check_stack(&io);
-  else semihost_exit(2);
+  if (!strcmp(mode, "bits"))
+    check_bits(&io);
+  else if (!strcmp(mode, "cycles"))
+    check_cycles(&io);
+  else if (!strcmp(mode, "stack"))
+    check_stack(&io);
+  else
+    semihost_exit(2);
   flush();
   semihost_exit(0);
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "check.h"
 
-void check_text(const check_io_t* io, const char* text) { io->print(io->ctx, text); }
+void check_text(const check_io_t* io, const char* text) {
+  io->print(io->ctx, text);
+}
 
 void check_number(const check_io_t* io, uint32_t value) {
   char digits[12];

@@ -17,16 +17,21 @@ static size_t serial_read(void* ctx, uint8_t* data, size_t capacity) {
 static void keep_record(bench_t* bench, const imucal_link_any_t* message) {
   switch (imucal_link_rx_type(&bench->host_rx)) {
   case IMUCAL_LINK_ID_SECOND:
-    if (bench->n_second && (uint16_t)(bench->second.counter + 1) != message->second.counter) bench->n_counter_jumps++;
+    if (bench->n_second && (uint16_t)(bench->second.counter + 1) != message->second.counter)
+      bench->n_counter_jumps++;
     bench->second = message->second;
     bench->n_second++;
     break;
-  case IMUCAL_LINK_ID_INNOVATION: bench->n_innovation++; break;
+  case IMUCAL_LINK_ID_INNOVATION:
+    bench->n_innovation++;
+    break;
   case IMUCAL_LINK_ID_PROGRESS:
     bench->progress = message->progress;
     bench->n_progress++;
     break;
-  case IMUCAL_LINK_ID_EVENT: bench->event[bench->n_event++ % 32] = message->event; break;
+  case IMUCAL_LINK_ID_EVENT:
+    bench->event[bench->n_event++ % 32] = message->event;
+    break;
   default:
     bench->reply_id = imucal_link_rx_type(&bench->host_rx);
     bench->reply = *message;
@@ -92,7 +97,8 @@ static imucal_status flash_erase(void* ctx, uint32_t slot) {
   return flash_status(nor_erase(&((bench_t*)ctx)->nor, slot * BENCH_SLOT_BYTES, BENCH_SLOT_BYTES));
 }
 
-static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data,
+                                   uint32_t len) {
   return flash_status(nor_program(&((bench_t*)ctx)->nor, slot * BENCH_SLOT_BYTES + offset, data, len));
 }
 
@@ -100,11 +106,17 @@ static imucal_status flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8
   return flash_status(nor_read(&((bench_t*)ctx)->nor, slot * BENCH_SLOT_BYTES + offset, data, len));
 }
 
-static uint64_t time_us(void* ctx) { return ((bench_t*)ctx)->time_us += 100; }
+static uint64_t time_us(void* ctx) {
+  return ((bench_t*)ctx)->time_us += 100;
+}
 
-static void watchdog(void* ctx) { ((bench_t*)ctx)->n_watchdog++; }
+static void watchdog(void* ctx) {
+  ((bench_t*)ctx)->n_watchdog++;
+}
 
-static void reboot(void* ctx) { ((bench_t*)ctx)->n_reboots++; }
+static void reboot(void* ctx) {
+  ((bench_t*)ctx)->n_reboots++;
+}
 
 /* ---- the bench ---- */
 
@@ -265,7 +277,8 @@ float bench_ruling_b0(bench_t* bench) {
   uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
   size_t total = 1;
   for (size_t at = 0; at < total; at += bench->reply.table_read_reply.length) {
-    const imucal_link_table_read_t request = {.slot = IMUCAL_LINK_SLOT_RULING, .offset = (uint16_t)at, .length = 97};
+    const imucal_link_table_read_t request = {
+        .slot = IMUCAL_LINK_SLOT_RULING, .offset = (uint16_t)at, .length = 97};
     assert_int_equal(bench_ask(bench, IMUCAL_LINK_ID_TABLE_READ, &request), IMUCAL_LINK_ID_TABLE_READ_REPLY);
     const imucal_link_table_read_reply_t* part = &bench->reply.table_read_reply;
     assert_int_equal(part->offset, at);

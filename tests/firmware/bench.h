@@ -2,12 +2,12 @@
 /* A device on the bench: the app on callbacks of this machine's memory, and the host's end of its line. */
 #ifndef IMUCAL_TESTS_BENCH_H
 #define IMUCAL_TESTS_BENCH_H
+#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
-#include <cmocka.h>
 
 #include "app/app.h"
 #include "num.h"
@@ -45,8 +45,8 @@ typedef struct {
   /* the sensor */
   uint64_t t_us;
   uint32_t step_us;
-  uint32_t n_left;     /* samples until the end of the feed */
-  bool ends;           /* at the end: IMUCAL_PORT_ENDED rather than nothing */
+  uint32_t n_left; /* samples until the end of the feed */
+  bool ends;       /* at the end: IMUCAL_PORT_ENDED rather than nothing */
   uint32_t n_read, n_enabled;
   void (*shape)(uint64_t t_us, imucal_sample_t* sample); /* null: zeros */
   imucal_sample_t last_raw;

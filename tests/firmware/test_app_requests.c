@@ -65,7 +65,8 @@ static void test_hello_tells_who_and_refuses_old_protocol(void** state) {
 static void test_channel_info_known_and_unknown_channel(void** state) {
   (void)state;
   imucal_link_channel_info_t request = {.channel = 2};
-  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CHANNEL_INFO, &request), IMUCAL_LINK_ID_CHANNEL_INFO_REPLY);
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CHANNEL_INFO, &request),
+                   IMUCAL_LINK_ID_CHANNEL_INFO_REPLY);
   assert_string_equal(bench.reply.channel_info_reply.name, "gz_dph");
   assert_int_equal(bench.reply.channel_info_reply.full_scale_counts, 1000000);
   assert_int_equal(bench.reply.channel_info_reply.is_compensated, 0);
@@ -83,11 +84,13 @@ static void test_unknown_request_and_wrong_payload_are_refused(void** state) {
   assert_true(bench.has_reply && bench.reply_id == IMUCAL_LINK_ID_DONE);
   assert_int_equal(bench.reply.done.status, IMUCAL_ERR_UNKNOWN);
   const uint8_t payload[3] = {0};
-  assert_int_equal(imucal_link_frame(IMUCAL_LINK_ID_INFO, 201, payload, 3, frame, sizeof frame, &n), IMUCAL_OK);
+  assert_int_equal(imucal_link_frame(IMUCAL_LINK_ID_INFO, 201, payload, 3, frame, sizeof frame, &n),
+                   IMUCAL_OK);
   bench_send(&bench, frame, n);
   assert_int_equal(bench.reply.done.status, IMUCAL_ERR_LENGTH);
   const uint32_t n_replies = bench.n_replies; /* replies and records are no requests: not answered */
-  assert_int_equal(imucal_link_frame(IMUCAL_LINK_ID_DONE, 202, payload, 3, frame, sizeof frame, &n), IMUCAL_OK);
+  assert_int_equal(imucal_link_frame(IMUCAL_LINK_ID_DONE, 202, payload, 3, frame, sizeof frame, &n),
+                   IMUCAL_OK);
   bench_send(&bench, frame, n);
   assert_int_equal(bench.n_replies, n_replies);
   const imucal_link_counters_t counters = {0};
@@ -164,7 +167,8 @@ static void test_session_learns_stores_and_compensates(void** state) {
   assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CAL_STATE, &ask), IMUCAL_LINK_ID_CAL_STATE_REPLY);
   const imucal_link_cal_state_reply_t learnt = bench.reply.cal_state_reply;
   assert_int_equal(learnt.n, 600);
-  assert_true(learnt.coeff[0] > 40 && learnt.coeff[0] < 120 && learnt.coeff[1] > 240 && learnt.coeff[1] < 360);
+  assert_true(learnt.coeff[0] > 40 && learnt.coeff[0] < 120 && learnt.coeff[1] > 240 &&
+              learnt.coeff[1] < 360);
   assert_true(bench.progress.worst_sigma[1] > 5 && bench.progress.worst_sigma[1] < 30);
   assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_OK);
   assert_int_equal(bench.reply.done.detail, 1);
@@ -239,9 +243,18 @@ static void test_session_rules(void** state) {
 
 static void test_cal_start_bad_numbers_are_refused(void** state) {
   (void)state;
-  const imucal_link_cal_start_t good = {.order = 3, .t0_degc = 30, .range_degc = 30, .m = 0.01f, .q = 8, .r = 1296,
-                                        .markov_variance = 400, .prior_sigma = 1e4f, .span_hi_degc = 60,
-                                        .n_markov = 1, .markov_sigma = {20}, .markov_tau_s = {100}};
+  const imucal_link_cal_start_t good = {.order = 3,
+                                        .t0_degc = 30,
+                                        .range_degc = 30,
+                                        .m = 0.01f,
+                                        .q = 8,
+                                        .r = 1296,
+                                        .markov_variance = 400,
+                                        .prior_sigma = 1e4f,
+                                        .span_hi_degc = 60,
+                                        .n_markov = 1,
+                                        .markov_sigma = {20},
+                                        .markov_tau_s = {100}};
   imucal_link_cal_start_t bad = good;
   bad.span_lo_degc = 60, bad.span_hi_degc = 0; /* reversed */
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_SPAN);
@@ -273,9 +286,12 @@ static void test_cal_ud_gives_the_filters_bits(void** state) {
 
 /* ---- tables ---- */
 
-static void refresh_crc(uint8_t* bytes, size_t n) { imucal_put_u32(bytes + n - 4, imucal_crc32(bytes, n - 4)); }
+static void refresh_crc(uint8_t* bytes, size_t n) {
+  imucal_put_u32(bytes + n - 4, imucal_crc32(bytes, n - 4));
+}
 
-/* Uploads a damaged copy: refused with `status`, and the table before still rules, also after a power cycle. */
+/* Uploads a damaged copy: refused with `status`, and the table before still rules, also after a power cycle.
+ */
 static void expect_refused(const uint8_t* bytes, size_t n, int status) {
   assert_int_equal(bench_upload(&bench, bytes, n), status);
   assert_true(bench_ruling_b0(&bench) == 55.0f);
@@ -342,7 +358,8 @@ static void test_upload_rules(void** state) {
   assert_int_equal(bench.reply.done.detail, 10);
   data.offset = 10, data.length = 0;
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_ERR_LENGTH);
-  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_COMMIT, &commit), IMUCAL_ERR_STATE); /* too early */
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_COMMIT, &commit),
+                   IMUCAL_ERR_STATE); /* too early */
   begin.total = 456;
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_BEGIN, &begin), IMUCAL_OK);
   data.length = 200;

@@ -15,7 +15,8 @@ static int start(void** state) {
 
 /* ---- power cuts ---- */
 
-/* Operations (erases and programs) and the longest of them in bytes, of one upload or rollback with the power on. */
+/* Operations (erases and programs) and the longest of them in bytes, of one upload or rollback with the power
+ * on. */
 static uint32_t n_operations_of(void (*act)(void)) {
   const uint32_t before = bench.nor.n_operations;
   act();
@@ -45,9 +46,10 @@ static void start_with_tables(uint32_t n_tables) {
                      IMUCAL_OK);
 }
 
-/* Cuts `act` at one operation and byte, boots, demands old or new; then does it again from the cut state, with the
- * power on, and demands new. */
-static void cut_and_boot(uint32_t n_tables, void (*act)(void), uint32_t operation, uint32_t byte, float old, float new) {
+/* Cuts `act` at one operation and byte, boots, demands old or new; then does it again from the cut state,
+ * with the power on, and demands new. */
+static void cut_and_boot(uint32_t n_tables, void (*act)(void), uint32_t operation, uint32_t byte, float old,
+                         float new) {
   start_with_tables(n_tables);
   bench.nor.cut_operation = bench.nor.n_operations + operation;
   bench.nor.cut_byte = byte;
@@ -121,7 +123,8 @@ static void test_flash_of_noise_boots_uncompensated(void** state) {
   (void)state;
   uint32_t seed = 7;
   for (int k = 0; k < 200; k++) {
-    for (size_t i = 0; i < sizeof bench.flash; i++) bench.flash[i] = (uint8_t)((seed = seed * 1664525u + 1013904223u) >> 24);
+    for (size_t i = 0; i < sizeof bench.flash; i++)
+      bench.flash[i] = (uint8_t)((seed = seed * 1664525u + 1013904223u) >> 24);
     bench_power_cycle(&bench);
     assert_int_equal(bench.app.table_status, IMUCAL_ERR_NO_TABLE);
   }
@@ -135,7 +138,8 @@ static void test_repeated_request_is_answered_again_and_not_done_again(void** st
   uint8_t frame[IMUCAL_LINK_MAX_FRAME];
   size_t n = 0;
   const imucal_link_rollback_t request = {0};
-  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_ROLLBACK, 99, &request, frame, sizeof frame, &n), IMUCAL_OK);
+  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_ROLLBACK, 99, &request, frame, sizeof frame, &n),
+                   IMUCAL_OK);
   for (int k = 0; k < 3; k++) {
     bench.has_reply = false;
     bench_send(&bench, frame, n);
@@ -153,7 +157,8 @@ static void test_replies_wait_for_a_full_line_and_are_not_lost(void** state) {
   const imucal_link_info_t request = {0};
   for (uint8_t k = 0; k < 40; k++) {
     size_t one = 0;
-    assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_INFO, k, &request, frames + n, sizeof frames - n, &one), IMUCAL_OK);
+    assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_INFO, k, &request, frames + n, sizeof frames - n, &one),
+                     IMUCAL_OK);
     n += one;
   }
   bench.line_room = 0;
@@ -183,14 +188,16 @@ static void test_noise_on_the_line_costs_only_the_frames_it_touches(void** state
     memset(data.data, round, sizeof data.data);
     assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_INFO, 1, &info, clean, sizeof clean, &one), IMUCAL_OK);
     n += one;
-    assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_TABLE_DATA, 2, &data, clean + n, sizeof clean - n, &one), IMUCAL_OK);
+    assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_TABLE_DATA, 2, &data, clean + n, sizeof clean - n, &one),
+                     IMUCAL_OK);
     n += one;
-    assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_TABLE_READ, 3, &read, clean + n, sizeof clean - n, &one), IMUCAL_OK);
+    assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_TABLE_READ, 3, &read, clean + n, sizeof clean - n, &one),
+                     IMUCAL_OK);
     n += one;
     for (size_t i = 0; i < n; i++) {
       seed = seed * 1664525u + 1013904223u;
       const uint32_t dice = seed >> 24, value = seed >> 16 & 0xFF;
-      if (dice < 4) continue;                              /* lost */
+      if (dice < 4) continue;                                  /* lost */
       noisy[n_noisy++] = dice < 8 ? (uint8_t)value : clean[i]; /* changed */
       if (dice >= 8 && dice < 12) noisy[n_noisy++] = clean[i]; /* doubled */
     }
@@ -208,7 +215,8 @@ static void test_random_bytes_never_stop_the_device(void** state) {
   uint32_t seed = 99;
   for (int round = 0; round < 500; round++) {
     uint8_t noise[997];
-    for (size_t i = 0; i < sizeof noise; i++) noise[i] = (uint8_t)((seed = seed * 1664525u + 1013904223u) >> 24);
+    for (size_t i = 0; i < sizeof noise; i++)
+      noise[i] = (uint8_t)((seed = seed * 1664525u + 1013904223u) >> 24);
     bench_send(&bench, noise, sizeof noise);
   }
   const uint8_t zero = 0;
@@ -224,7 +232,8 @@ static void test_random_payloads_are_answered(void** state) {
     uint8_t payload[IMUCAL_LINK_MAX_PAYLOAD], frame[IMUCAL_LINK_MAX_FRAME];
     size_t n = 0, len = 0;
     imucal_link_any_t any;
-    for (size_t i = 0; i < sizeof payload; i++) payload[i] = (uint8_t)((seed = seed * 1664525u + 1013904223u) >> 24);
+    for (size_t i = 0; i < sizeof payload; i++)
+      payload[i] = (uint8_t)((seed = seed * 1664525u + 1013904223u) >> 24);
     const uint8_t type = (uint8_t)(1 + k % 0x3F);
     if (type == IMUCAL_LINK_ID_REBOOT) continue;
     for (len = 0; len < 60; len++) /* the length that fits the message, if there is one */

@@ -45,6 +45,10 @@ void cmsdk_timer_init(void) {
   NVIC_ISER0 = 1u << CMSDK_TIMER0_IRQ;
 }
 
-void cmsdk_timer_clear_wrap(void) { TIMER_INTCLEAR = 1; }
+void cmsdk_timer_clear_wrap(void) {
+  TIMER_INTCLEAR = 1;
+}
 
-uint32_t cmsdk_timer_ticks(void) { return 0xFFFFFFFFu - TIMER_VALUE; }
+uint32_t cmsdk_timer_ticks(void) {
+  return 0xFFFFFFFFu - TIMER_VALUE;
+}

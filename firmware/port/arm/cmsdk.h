@@ -10,13 +10,14 @@
 #define CMSDK_UART0_RX_IRQ 0u /* interrupt number; pending on every byte received */
 
 void cmsdk_uart_init(void);
-size_t cmsdk_uart_read(uint8_t* data, size_t capacity);      /* bytes taken, 0 where none waits */
-size_t cmsdk_uart_write(const uint8_t* data, size_t length); /* bytes accepted, 0 where the register is full */
+size_t cmsdk_uart_read(uint8_t* data, size_t capacity); /* bytes taken, 0 where none waits */
+size_t cmsdk_uart_write(const uint8_t* data,
+                        size_t length); /* bytes accepted, 0 where the register is full */
 
 #define CMSDK_TIMER0_IRQ 8u /* pending whenever the timer wraps */
 
 /* Timer 0 counts down from 2^32 - 1 at the clock, never stopped; differences wrap after 171 s. */
 void cmsdk_timer_init(void);
 void cmsdk_timer_clear_wrap(void); /* after its interrupt */
-uint32_t cmsdk_timer_ticks(void); /* counts up */
+uint32_t cmsdk_timer_ticks(void);  /* counts up */
 #endif

@@ -2,12 +2,23 @@
 #include "semihost.h"
 
 enum {
-  SYS_OPEN = 0x01, SYS_CLOSE = 0x02, SYS_WRITE0 = 0x04, SYS_WRITE = 0x05, SYS_READ = 0x06,
-  SYS_SEEK = 0x0A, SYS_FLEN = 0x0C, SYS_CLOCK = 0x10, SYS_TIME = 0x11, SYS_GET_CMDLINE = 0x15, SYS_EXIT_EXTENDED = 0x20
+  SYS_OPEN = 0x01,
+  SYS_CLOSE = 0x02,
+  SYS_WRITE0 = 0x04,
+  SYS_WRITE = 0x05,
+  SYS_READ = 0x06,
+  SYS_SEEK = 0x0A,
+  SYS_FLEN = 0x0C,
+  SYS_CLOCK = 0x10,
+  SYS_TIME = 0x11,
+  SYS_GET_CMDLINE = 0x15,
+  SYS_EXIT_EXTENDED = 0x20
 };
 #define ADP_STOPPED_APPLICATION_EXIT 0x20026u
 
-static uint32_t word_of(const void* pointer) { return (uint32_t)(uintptr_t)pointer; }
+static uint32_t word_of(const void* pointer) {
+  return (uint32_t)(uintptr_t)pointer;
+}
 
 static size_t text_length(const char* text) {
   size_t n = 0;
@@ -53,7 +64,9 @@ int32_t semihost_length(int32_t file) {
   return call(SYS_FLEN, word_of(block));
 }
 
-void semihost_print(const char* text) { (void)call(SYS_WRITE0, word_of(text)); }
+void semihost_print(const char* text) {
+  (void)call(SYS_WRITE0, word_of(text));
+}
 
 void semihost_print_u32(uint32_t value) {
   char digits[11];
@@ -77,9 +90,13 @@ __attribute__((noreturn)) void semihost_exit(uint32_t status) {
   for (;;) (void)call(SYS_EXIT_EXTENDED, word_of(block));
 }
 
-uint32_t semihost_seconds(void) { return (uint32_t)call(SYS_TIME, 0); }
+uint32_t semihost_seconds(void) {
+  return (uint32_t)call(SYS_TIME, 0);
+}
 
-uint32_t semihost_centiseconds(void) { return (uint32_t)call(SYS_CLOCK, 0); }
+uint32_t semihost_centiseconds(void) {
+  return (uint32_t)call(SYS_CLOCK, 0);
+}
 
 static const char* find_value(const char* at, const char* name) {
   const size_t n = text_length(name);

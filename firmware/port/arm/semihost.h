@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-/* Purpose: files, command line and exit of the machine that emulates us (or of a debugger), by ARM semihosting.
- * Only for emulated devices: on a chip without a debugger the breakpoint is a fault.
- * Source: ARM semihosting specification 2.0. */
+/* Purpose: files, command line and exit of the machine that emulates us (or of a debugger), by ARM
+ * semihosting. Only for emulated devices: on a chip without a debugger the breakpoint is a fault. Source: ARM
+ * semihosting specification 2.0. */
 #ifndef IMUCAL_PORT_SEMIHOST_H
 #define IMUCAL_PORT_SEMIHOST_H
 #include <stddef.h>

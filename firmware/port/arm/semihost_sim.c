@@ -26,11 +26,16 @@ bool semihost_feed_restart_if_ended(semihost_feed_t* feed) {
 
 imucal_port_sample_t semihost_sample_read(sample_stream_t* stream, imucal_sample_t* sample) {
   switch (sample_stream_next(stream, sample)) {
-  case 1: return IMUCAL_PORT_SAMPLE;
-  case STREAM_BAD_RECORD: return IMUCAL_PORT_BAD_SAMPLE;
-  case STREAM_ENDED: return IMUCAL_PORT_ENDED;
-  case STREAM_FAILED: return IMUCAL_PORT_FAILED;
-  default: return IMUCAL_PORT_NO_SAMPLE;
+  case 1:
+    return IMUCAL_PORT_SAMPLE;
+  case STREAM_BAD_RECORD:
+    return IMUCAL_PORT_BAD_SAMPLE;
+  case STREAM_ENDED:
+    return IMUCAL_PORT_ENDED;
+  case STREAM_FAILED:
+    return IMUCAL_PORT_FAILED;
+  default:
+    return IMUCAL_PORT_NO_SAMPLE;
   }
 }
 
@@ -57,7 +62,8 @@ void semihost_board(imucal_board_t* board, const char* command_line) {
     if (is_option) {
       memcpy(name, at, n);
       name[n] = '\0';
-      if (!is_other_option(name) && !board_options_set(board, name, at + n + 1)) refuse("cannot use argument ", at);
+      if (!is_other_option(name) && !board_options_set(board, name, at + n + 1))
+        refuse("cannot use argument ", at);
     } else if (at != command_line) {
       refuse("argument without '=': ", at);
     }
@@ -68,11 +74,14 @@ void semihost_board(imucal_board_t* board, const char* command_line) {
   if (status != IMUCAL_OK) refuse("this board cannot be: ", imucal_status_text(status));
 }
 
-uint32_t semihost_boot_id(void) { return semihost_seconds() << 10 ^ semihost_centiseconds(); }
+uint32_t semihost_boot_id(void) {
+  return semihost_seconds() << 10 ^ semihost_centiseconds();
+}
 
 static bool load(void* ctx, uint32_t offset_bytes, uint8_t* data, size_t length) {
   const semihost_flash_t* flash = ctx;
-  return semihost_seek(flash->file, offset_bytes) && semihost_read(flash->file, data, length) == (int32_t)length;
+  return semihost_seek(flash->file, offset_bytes) &&
+         semihost_read(flash->file, data, length) == (int32_t)length;
 }
 
 static bool save(void* ctx, uint32_t offset_bytes, const uint8_t* data, size_t length) {

@@ -12,7 +12,9 @@ __attribute__((noreturn)) void reset_handler(void);
 void fault_handler(void);
 
 /* Word compares are made on addresses: the two symbols of a region are different objects to the compiler. */
-static uint32_t address_of(const uint32_t* word) { return (uint32_t)(uintptr_t)word; }
+static uint32_t address_of(const uint32_t* word) {
+  return (uint32_t)(uintptr_t)word;
+}
 
 static void paint_to(uint32_t end) {
   for (uint32_t at = address_of(link_stack_limit); at < end; at += 4) REG32(at) = STACK_PAINT;
@@ -35,7 +37,9 @@ uint32_t cortexm_stack_free_bytes(void) {
   return at - address_of(link_stack_limit);
 }
 
-uint32_t cortexm_stack_size_bytes(void) { return address_of(link_stack_top) - address_of(link_stack_limit); }
+uint32_t cortexm_stack_size_bytes(void) {
+  return address_of(link_stack_top) - address_of(link_stack_limit);
+}
 
 void cortexm_stack_paint(void) {
   uint32_t stack_pointer;
@@ -56,7 +60,8 @@ __attribute__((noreturn)) void reset_handler(void) {
   __asm volatile("dsb\n\tisb" ::: "memory");
 #endif
   const uint32_t* from = link_data_load;
-  for (uint32_t at = address_of(link_data_start); at < address_of(link_data_end); at += 4) REG32(at) = *from++;
+  for (uint32_t at = address_of(link_data_start); at < address_of(link_data_end); at += 4)
+    REG32(at) = *from++;
   for (uint32_t at = address_of(link_bss_start); at < address_of(link_bss_end); at += 4) REG32(at) = 0;
   cortexm_stack_paint();
   (void)main();

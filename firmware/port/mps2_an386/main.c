@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 /* ARM MPS2+ AN386 (Cortex-M4F), as QEMU models it: serial line = UART0, sensor and flash = semihosting files.
- * Arguments (-semihosting-config arg=…): feed=PATH flash=PATH flash-delay-us=N and those of board_options.h. */
+ * Arguments (-semihosting-config arg=…): feed=PATH flash=PATH flash-delay-us=N and those of board_options.h.
+ */
 #include "app/app.h"
 #include "port/arm/cmsdk.h"
 #include "port/arm/cortexm.h"
@@ -65,10 +66,13 @@ static uint64_t port_time_us(void* ctx) {
 
 static void flash_delay(device_t* self) {
   const uint64_t end_us = port_time_us(self) + self->flash_delay_us;
-  while (port_time_us(self) < end_us) {}
+  while (port_time_us(self) < end_us) {
+  }
 }
 
-static imucal_status flash_status(nor_result_t result) { return result == NOR_OK ? IMUCAL_OK : IMUCAL_ERR_FLASH; }
+static imucal_status flash_status(nor_result_t result) {
+  return result == NOR_OK ? IMUCAL_OK : IMUCAL_ERR_FLASH;
+}
 
 static imucal_status port_flash_erase(void* ctx, uint32_t slot) {
   device_t* self = ctx;
@@ -77,7 +81,8 @@ static imucal_status port_flash_erase(void* ctx, uint32_t slot) {
 }
 
 /* Word by word, as a chip does: killing the emulator in between is a power cut. */
-static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data,
+                                        uint32_t len) {
   device_t* self = ctx;
   for (uint32_t at = 0; at < len; at += self->nor.word_bytes) {
     flash_delay(self);
@@ -92,7 +97,9 @@ static imucal_status port_flash_read(void* ctx, uint32_t slot, uint32_t offset, 
   return flash_status(nor_read(&((device_t*)ctx)->nor, slot * SLOT_BYTES + offset, data, len));
 }
 
-static void port_watchdog(void* ctx) { (void)ctx; }
+static void port_watchdog(void* ctx) {
+  (void)ctx;
+}
 
 static void port_reboot(void* ctx) {
   (void)ctx;
@@ -125,7 +132,8 @@ static void read_arguments(void) {
   board_options_default(&board);
   semihost_board(&board, command_line);
   device.feed.file = -1;
-  if (!semihost_option(command_line, "feed", device.feed.path, sizeof device.feed.path)) device.feed.path[0] = '\0';
+  if (!semihost_option(command_line, "feed", device.feed.path, sizeof device.feed.path))
+    device.feed.path[0] = '\0';
   device.samples.ctx = &device.feed;
   device.samples.refill = semihost_feed_refill;
   device.samples.buffer = device.sample_bytes;

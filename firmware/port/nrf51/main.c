@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-/* nRF51822 (Cortex-M0, 16 KB RAM), as on the micro:bit and in QEMU's microbit: serial line = UART0, the table in
- * the last two pages of the chip's flash through its own controller. The sensor is a semihosting file; with a real
- * one, port_sample_read is the only function to replace.
- * Arguments (-semihosting-config arg=…): feed=PATH and those of board_options.h. */
+/* nRF51822 (Cortex-M0, 16 KB RAM), as on the micro:bit and in QEMU's microbit: serial line = UART0, the table
+ * in the last two pages of the chip's flash through its own controller. The sensor is a semihosting file;
+ * with a real one, port_sample_read is the only function to replace. Arguments (-semihosting-config arg=…):
+ * feed=PATH and those of board_options.h. */
 #include <string.h>
 
 #include "app/app.h"
@@ -69,7 +69,8 @@ static imucal_status port_flash_erase(void* ctx, uint32_t slot) {
   return IMUCAL_OK; /* the controller reports nothing: the store reads back */
 }
 
-static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data,
+                                        uint32_t len) {
   (void)ctx;
   nrf51_flash_program(SLOT_ADDRESS(slot) + offset, data, len);
   return IMUCAL_OK;
@@ -81,7 +82,9 @@ static imucal_status port_flash_read(void* ctx, uint32_t slot, uint32_t offset, 
   return IMUCAL_OK;
 }
 
-static void port_watchdog(void* ctx) { (void)ctx; }
+static void port_watchdog(void* ctx) {
+  (void)ctx;
+}
 
 static void port_reboot(void* ctx) {
   (void)ctx;
@@ -96,7 +99,8 @@ static void read_arguments(void) {
   board_options_default(&board);
   semihost_board(&board, command_line);
   device.feed.file = -1;
-  if (!semihost_option(command_line, "feed", device.feed.path, sizeof device.feed.path)) device.feed.path[0] = '\0';
+  if (!semihost_option(command_line, "feed", device.feed.path, sizeof device.feed.path))
+    device.feed.path[0] = '\0';
   device.samples.ctx = &device.feed;
   device.samples.refill = semihost_feed_refill;
   device.samples.buffer = device.sample_bytes;

@@ -82,7 +82,8 @@ size_t nrf51_uart_write(const uint8_t* data, size_t length) {
 }
 
 static void wait_flash(void) {
-  while (!NVMC_READY) {}
+  while (!NVMC_READY) {
+  }
 }
 
 void nrf51_flash_erase_page(uint32_t address) {
@@ -119,7 +120,9 @@ void nrf51_timer_init(void) {
   TIMER_START = 1;
 }
 
-void nrf51_timer_clear_wrap(void) { TIMER_COMPARE1 = 0; }
+void nrf51_timer_clear_wrap(void) {
+  TIMER_COMPARE1 = 0;
+}
 
 uint32_t nrf51_timer_ticks(void) {
   TIMER_CAPTURE0 = 1;
@@ -131,11 +134,14 @@ uint32_t nrf51_random(void) {
   RNG_START = 1;
   for (uint32_t i = 0; i < 4; i++) {
     RNG_VALRDY = 0;
-    while (!RNG_VALRDY) {}
+    while (!RNG_VALRDY) {
+    }
     value = value << 8 | (RNG_VALUE & 0xFFu);
   }
   RNG_STOP = 1;
   return value;
 }
 
-uint32_t nrf51_device_id(void) { return FICR_DEVICEID0; }
+uint32_t nrf51_device_id(void) {
+  return FICR_DEVICEID0;
+}

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-/* Purpose: drivers of the nRF51822 that the port needs: UART0, the flash controller (NVMC), TIMER0, the serial
- * number of the chip. Polled, interrupts masked.
- * Source: nRF51 Series Reference Manual 3.0, chapters 6 (NVMC), 7 (FICR), 18 (TIMER), 28 (UART). */
+/* Purpose: drivers of the nRF51822 that the port needs: UART0, the flash controller (NVMC), TIMER0, the
+ * serial number of the chip. Polled, interrupts masked. Source: nRF51 Series Reference Manual 3.0, chapters 6
+ * (NVMC), 7 (FICR), 18 (TIMER), 28 (UART). */
 #ifndef IMUCAL_PORT_NRF51_H
 #define IMUCAL_PORT_NRF51_H
 #include <stdbool.h>

@@ -43,7 +43,7 @@ static int connect_to(const char* host_port) {
 static bool open_feed(feed_t* feed) {
   if (feed->fd >= 0) return true;
   feed->fd = !strncmp(feed->where, "tcp:", 4) ? connect_to(feed->where + 4)
-                                               : open(feed->where, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+                                              : open(feed->where, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
   return feed->fd >= 0;
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-/* Purpose: bytes of the emulated sensor from a file, a named pipe or a TCP server ("tcp:HOST:PORT"). Opened when
- * samples are first wanted, and again where they are wanted after the end (a file from its beginning, a pipe
- * from its next writer); never blocks; nothing is read while nobody wants samples, so nothing is lost. */
+/* Purpose: bytes of the emulated sensor from a file, a named pipe or a TCP server ("tcp:HOST:PORT"). Opened
+ * when samples are first wanted, and again where they are wanted after the end (a file from its beginning, a
+ * pipe from its next writer); never blocks; nothing is read while nobody wants samples, so nothing is lost.
+ */
 #ifndef IMUCAL_PORT_POSIX_FEED_H
 #define IMUCAL_PORT_POSIX_FEED_H
 #include "port/sim/sample_stream.h"

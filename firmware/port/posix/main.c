@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/* The device as a process: serial line = pseudo-terminal or TCP, sensor = a stream of records, flash = a file. */
+/* The device as a process: serial line = pseudo-terminal or TCP, sensor = a stream of records, flash = a
+ * file. */
 #include <errno.h>
 #include <getopt.h>
 #include <poll.h>
@@ -41,18 +42,21 @@ static const char kHelp[] =
     "usage: imucal [options]     the device's firmware as a process of this machine\n"
     "  --serial pty|tcp:PORT  serial line (default pty); its name is printed as 'serial NAME'\n"
     "  --link PATH            make PATH a symbolic link to the pseudo-terminal\n"
-    "  --feed PATH|tcp:HOST:PORT  raw samples: file, named pipe or server (default: a sensor that is silent)\n"
+    "  --feed PATH|tcp:HOST:PORT  raw samples: file, named pipe or server (default: a sensor that is "
+    "silent)\n"
     "  --flash FILE           flash in this file (default: in memory, lost at exit)\n"
     "  --cut OPERATION[:BYTE] lose power in this erase or program (from 0) after BYTE bytes: exit status 9\n"
     "  --flash-delay-us N     time per erase and per programmed word (default 0)\n"
-    "  --live                 behave as with a real sensor: samples are taken always, records that do not fit are\n"
+    "  --live                 behave as with a real sensor: samples are taken always, records that do not "
+    "fit are\n"
     "                         dropped\n"
     "  --serial-number TEXT   of the device (default 0001)\n"
     "  --channels N           1 to 6 (default 3)\n"
     "  --names LIST           gx_dph,gy_dph,gz_dph,ax_mg,ay_mg,az_mg\n"
     "  --scale LIST           unit per count (default 1,1,1,0.01): dph for gyros, mg for accelerometers\n"
     "  --full-scale LIST      counts at the rail (default 8388607)\n"
-    "  --temp-scale N         degC per count (default 0.01)      --temp-zero N   degC at 0 counts (default 25)\n"
+    "  --temp-scale N         degC per count (default 0.01)      --temp-zero N   degC at 0 counts (default "
+    "25)\n"
     "  --rate HZ              nominal samples per second (default 100)\n";
 
 /* ---- callbacks ---- */
@@ -68,11 +72,17 @@ static size_t port_serial_write(void* ctx, const uint8_t* data, size_t length) {
 static imucal_port_sample_t port_sample_read(void* ctx, imucal_sample_t* sample) {
   device_t* self = ctx;
   switch (sample_stream_next(&self->samples, sample)) {
-  case 1: return IMUCAL_PORT_SAMPLE;
-  case STREAM_BAD_RECORD: return IMUCAL_PORT_BAD_SAMPLE;
-  case STREAM_ENDED: return IMUCAL_PORT_ENDED;
-  case STREAM_FAILED: fprintf(stderr, "imucal: --feed %s: %s\n", self->feed.where, strerror(errno)); return IMUCAL_PORT_FAILED;
-  default: return IMUCAL_PORT_NO_SAMPLE;
+  case 1:
+    return IMUCAL_PORT_SAMPLE;
+  case STREAM_BAD_RECORD:
+    return IMUCAL_PORT_BAD_SAMPLE;
+  case STREAM_ENDED:
+    return IMUCAL_PORT_ENDED;
+  case STREAM_FAILED:
+    fprintf(stderr, "imucal: --feed %s: %s\n", self->feed.where, strerror(errno));
+    return IMUCAL_PORT_FAILED;
+  default:
+    return IMUCAL_PORT_NO_SAMPLE;
   }
 }
 
@@ -81,7 +91,9 @@ static void port_sample_enable(void* ctx, bool is_wanted) {
   if (is_wanted && feed_restart_if_ended(&self->feed)) sample_stream_clear(&self->samples);
 }
 
-static uint32_t flash_offset(uint32_t slot, uint32_t offset) { return slot * SLOT_BYTES + offset; }
+static uint32_t flash_offset(uint32_t slot, uint32_t offset) {
+  return slot * SLOT_BYTES + offset;
+}
 
 static imucal_status flash_status(nor_result_t result) {
   if (result != NOR_OK) fprintf(stderr, "imucal: flash refuses: rule %d\n", (int)result);
@@ -98,9 +110,11 @@ static imucal_status port_flash_erase(void* ctx, uint32_t slot) {
   return flash_status(nor_erase(&self->nor, flash_offset(slot, 0), SLOT_BYTES));
 }
 
-static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data,
+                                        uint32_t len) {
   device_t* self = ctx;
-  if (!self->flash_delay_us) return flash_status(nor_program(&self->nor, flash_offset(slot, offset), data, len));
+  if (!self->flash_delay_us)
+    return flash_status(nor_program(&self->nor, flash_offset(slot, offset), data, len));
   for (uint32_t at = 0; at < len; at += 4) { /* word by word, so that a kill finds it half done */
     flash_delay(self, 1);
     const nor_result_t result = nor_program(&self->nor, flash_offset(slot, offset + at), data + at, 4);
@@ -120,9 +134,13 @@ static uint64_t port_time_us(void* ctx) {
   return (uint64_t)((now.tv_sec - self->start.tv_sec) * 1000000 + (now.tv_nsec - self->start.tv_nsec) / 1000);
 }
 
-static void port_watchdog(void* ctx) { (void)ctx; }
+static void port_watchdog(void* ctx) {
+  (void)ctx;
+}
 
-static void port_reboot(void* ctx) { ((device_t*)ctx)->is_reboot_asked = true; }
+static void port_reboot(void* ctx) {
+  ((device_t*)ctx)->is_reboot_asked = true;
+}
 
 static void power_off(void* ctx) {
   (void)ctx;
@@ -157,16 +175,23 @@ typedef struct {
 
 enum { OPT_SERIAL = 1, OPT_LINK, OPT_FEED, OPT_FLASH, OPT_CUT, OPT_DELAY, OPT_LIVE, OPT_HELP, OPT_BOARD };
 
-static const struct option kOptions[] = {
-    {"serial", required_argument, NULL, OPT_SERIAL},     {"link", required_argument, NULL, OPT_LINK},
-    {"feed", required_argument, NULL, OPT_FEED},         {"flash", required_argument, NULL, OPT_FLASH},
-    {"cut", required_argument, NULL, OPT_CUT},           {"flash-delay-us", required_argument, NULL, OPT_DELAY},
-    {"live", no_argument, NULL, OPT_LIVE},               {"help", no_argument, NULL, OPT_HELP},
-    {"serial-number", required_argument, NULL, OPT_BOARD}, {"channels", required_argument, NULL, OPT_BOARD},
-    {"names", required_argument, NULL, OPT_BOARD},       {"scale", required_argument, NULL, OPT_BOARD},
-    {"full-scale", required_argument, NULL, OPT_BOARD},  {"temp-scale", required_argument, NULL, OPT_BOARD},
-    {"temp-zero", required_argument, NULL, OPT_BOARD},   {"rate", required_argument, NULL, OPT_BOARD},
-    {NULL, 0, NULL, 0}};
+static const struct option kOptions[] = {{"serial", required_argument, NULL, OPT_SERIAL},
+                                         {"link", required_argument, NULL, OPT_LINK},
+                                         {"feed", required_argument, NULL, OPT_FEED},
+                                         {"flash", required_argument, NULL, OPT_FLASH},
+                                         {"cut", required_argument, NULL, OPT_CUT},
+                                         {"flash-delay-us", required_argument, NULL, OPT_DELAY},
+                                         {"live", no_argument, NULL, OPT_LIVE},
+                                         {"help", no_argument, NULL, OPT_HELP},
+                                         {"serial-number", required_argument, NULL, OPT_BOARD},
+                                         {"channels", required_argument, NULL, OPT_BOARD},
+                                         {"names", required_argument, NULL, OPT_BOARD},
+                                         {"scale", required_argument, NULL, OPT_BOARD},
+                                         {"full-scale", required_argument, NULL, OPT_BOARD},
+                                         {"temp-scale", required_argument, NULL, OPT_BOARD},
+                                         {"temp-zero", required_argument, NULL, OPT_BOARD},
+                                         {"rate", required_argument, NULL, OPT_BOARD},
+                                         {NULL, 0, NULL, 0}};
 
 static void set_board(const char* option, const char* value) {
   const char* name = strcmp(option, "serial-number") ? option : "serial";
@@ -181,16 +206,35 @@ static options_t read_options(int argc, char** argv) {
   int index = 0;
   char* end;
   for (int code; (code = getopt_long(argc, argv, "", kOptions, &index)) != -1;) switch (code) {
-    case OPT_SERIAL: options.serial = optarg; break;
-    case OPT_LINK: device.link_path = optarg; break;
-    case OPT_FEED: options.feed = optarg; break;
-    case OPT_FLASH: options.flash = optarg; break;
-    case OPT_CUT: set_cut(optarg); break;
-    case OPT_DELAY: device.flash_delay_us = whole_number("--flash-delay-us", optarg, &end); break;
-    case OPT_LIVE: options.is_live = true; break;
-    case OPT_BOARD: set_board(kOptions[index].name, optarg); break;
-    case OPT_HELP: fputs(kHelp, stdout); exit(0);
-    default: exit(EXIT_USAGE_ERROR);
+    case OPT_SERIAL:
+      options.serial = optarg;
+      break;
+    case OPT_LINK:
+      device.link_path = optarg;
+      break;
+    case OPT_FEED:
+      options.feed = optarg;
+      break;
+    case OPT_FLASH:
+      options.flash = optarg;
+      break;
+    case OPT_CUT:
+      set_cut(optarg);
+      break;
+    case OPT_DELAY:
+      device.flash_delay_us = whole_number("--flash-delay-us", optarg, &end);
+      break;
+    case OPT_LIVE:
+      options.is_live = true;
+      break;
+    case OPT_BOARD:
+      set_board(kOptions[index].name, optarg);
+      break;
+    case OPT_HELP:
+      fputs(kHelp, stdout);
+      exit(0);
+    default:
+      exit(EXIT_USAGE_ERROR);
     }
   if (optind < argc) usage("unexpected argument", argv[optind]);
   const imucal_status status = imucal_board_check(&board);
@@ -243,11 +287,12 @@ static void fill_port(imucal_port_t* port, bool is_live) {
   port->boot_id = (uint32_t)now.tv_nsec ^ (uint32_t)now.tv_sec << 12 ^ (uint32_t)getpid() << 20;
 }
 
-/* Until a byte comes; where samples are wanted, no longer than a moment: the feed may be a pipe without a writer,
- * which cannot be waited for. */
+/* Until a byte comes; where samples are wanted, no longer than a moment: the feed may be a pipe without a
+ * writer, which cannot be waited for. */
 static void wait_for_work(bool is_sampling) {
-  struct pollfd fds[2] = {{.fd = serial_poll_fd(&device.serial), .events = POLLIN},
-                          {.fd = is_sampling && device.feed.has_delivered ? device.feed.fd : -1, .events = POLLIN}};
+  struct pollfd fds[2] = {
+      {.fd = serial_poll_fd(&device.serial), .events = POLLIN},
+      {.fd = is_sampling && device.feed.has_delivered ? device.feed.fd : -1, .events = POLLIN}};
   if (app.tx_at != app.tx_end && device.serial.line_fd >= 0) {
     fds[0].events |= POLLOUT;
     if (is_sampling) fds[1].fd = -1; /* waiting for room, not for samples */

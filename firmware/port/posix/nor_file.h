@@ -4,8 +4,8 @@
 #define IMUCAL_PORT_POSIX_NOR_FILE_H
 #include "port/sim/nor.h"
 
-/* Opens or creates `path` with `size_bytes` and fills load, save and ctx of `nor`. A missing path (NULL) keeps
- * the flash in memory for the life of the process. False with `error` set where the file cannot be used or is
- * in use by another device. */
+/* Opens or creates `path` with `size_bytes` and fills load, save and ctx of `nor`. A missing path (NULL)
+ * keeps the flash in memory for the life of the process. False with `error` set where the file cannot be used
+ * or is in use by another device. */
 bool nor_file_open(nor_t* nor, const char* path, uint32_t size_bytes, char* error, size_t capacity);
 #endif

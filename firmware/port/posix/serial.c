@@ -76,7 +76,9 @@ static void drop_client(serial_t* serial) {
   serial->line_fd = -1;
 }
 
-static bool is_transient(void) { return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR; }
+static bool is_transient(void) {
+  return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
+}
 
 size_t serial_read(serial_t* serial, uint8_t* data, size_t capacity) {
   accept_client(serial);
@@ -97,4 +99,6 @@ size_t serial_write(serial_t* serial, const uint8_t* data, size_t length) {
   return 0;
 }
 
-int serial_poll_fd(const serial_t* serial) { return serial->line_fd >= 0 ? serial->line_fd : serial->listen_fd; }
+int serial_poll_fd(const serial_t* serial) {
+  return serial->line_fd >= 0 ? serial->line_fd : serial->listen_fd;
+}

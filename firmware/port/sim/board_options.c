@@ -3,9 +3,13 @@
 
 #include <string.h>
 
-static bool is_end(char c) { return c == '\0' || c == ' '; }
+static bool is_end(char c) {
+  return c == '\0' || c == ' ';
+}
 
-static bool is_option(const char* name, const char* wanted) { return strcmp(name, wanted) == 0; }
+static bool is_option(const char* name, const char* wanted) {
+  return strcmp(name, wanted) == 0;
+}
 
 /* 10^n, n <= 22: exact in double. */
 static double power_of_ten(uint32_t n) {
@@ -43,7 +47,8 @@ bool board_options_number(const char* text, float* value, const char** end) {
   if (n_digits == 0) return false;
   at = read_exponent(at, &exponent);
   if (exponent < -22 || exponent > 22) return false;
-  digits = exponent < 0 ? digits / power_of_ten((uint32_t)-exponent) : digits * power_of_ten((uint32_t)exponent);
+  digits =
+      exponent < 0 ? digits / power_of_ten((uint32_t)-exponent) : digits * power_of_ten((uint32_t)exponent);
   *value = (float)(is_negative ? -digits : digits);
   *end = at;
   return true;
@@ -83,7 +88,8 @@ static bool set_names(imucal_board_t* board, const char* value) {
 }
 
 /* A list of numbers, the last of which holds for the channels left. */
-static bool set_numbers(imucal_board_t* board, const char* value, void (*set)(imucal_board_t*, uint32_t, float)) {
+static bool set_numbers(imucal_board_t* board, const char* value,
+                        void (*set)(imucal_board_t*, uint32_t, float)) {
   float number = 0.0f;
   for (uint32_t i = 0; i < IMUCAL_MAX_CHANNELS; i++) {
     if (*value != '\0' && *value != ' ') {
@@ -97,7 +103,9 @@ static bool set_numbers(imucal_board_t* board, const char* value, void (*set)(im
   return is_end(*value);
 }
 
-static void set_scale(imucal_board_t* board, uint32_t i, float number) { board->channel[i].unit_per_count = number; }
+static void set_scale(imucal_board_t* board, uint32_t i, float number) {
+  board->channel[i].unit_per_count = number;
+}
 
 static void set_full_scale(imucal_board_t* board, uint32_t i, float number) {
   const bool is_in_range = number >= 1.0f && number < 2147483648.0f;
@@ -106,7 +114,8 @@ static void set_full_scale(imucal_board_t* board, uint32_t i, float number) {
 
 bool board_options_set(imucal_board_t* board, const char* name, const char* value) {
   uint32_t whole;
-  if (is_option(name, "serial")) return set_text(board->serial, sizeof board->serial, &value) && is_end(*value);
+  if (is_option(name, "serial"))
+    return set_text(board->serial, sizeof board->serial, &value) && is_end(*value);
   if (is_option(name, "names")) return set_names(board, value);
   if (is_option(name, "scale")) return set_numbers(board, value, set_scale);
   if (is_option(name, "full-scale")) return set_numbers(board, value, set_full_scale);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 /* Purpose: emulated NOR flash, stricter than a chip: erase sets whole pages to ones, programming only clears
- * bits, is aligned to words and refuses a word that is not erased (but to program it to zero); the power can be cut at any operation and at
- * any byte inside it.
- * Data: the bytes live where `load` and `save` say (memory, a file of the emulator's host); every word
- * programmed and every part of a page erased is saved at once, so that killing the process is a power cut too.
- * Memory: this struct.  Time: linear in the bytes touched. */
+ * bits, is aligned to words and refuses a word that is not erased (but to program it to zero); the power can
+ * be cut at any operation and at any byte inside it. Data: the bytes live where `load` and `save` say
+ * (memory, a file of the emulator's host); every word programmed and every part of a page erased is saved at
+ * once, so that killing the process is a power cut too. Memory: this struct.  Time: linear in the bytes
+ * touched. */
 #ifndef IMUCAL_PORT_SIM_NOR_H
 #define IMUCAL_PORT_SIM_NOR_H
 #include <stdbool.h>
@@ -31,8 +31,9 @@ typedef struct {
   uint32_t page_bytes;
   uint32_t word_bytes; /* 1, 2, 4 or 8: smallest unit of programming */
 
-  uint32_t cut_operation; /* the power fails in this erase or program (0 is the first), NOR_NEVER: not at all */
-  uint32_t cut_byte;      /* after this many bytes of it; the torn word keeps half its bits */
+  uint32_t
+      cut_operation; /* the power fails in this erase or program (0 is the first), NOR_NEVER: not at all */
+  uint32_t cut_byte; /* after this many bytes of it; the torn word keeps half its bits */
 
   uint32_t n_operations; /* erases and programs begun since start */
   bool has_power;

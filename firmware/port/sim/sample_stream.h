@@ -20,7 +20,7 @@ typedef struct {
 
 void sample_stream_clear(sample_stream_t* stream);
 
-/* 1: *sample is the next one; else STREAM_*.  STREAM_BAD_RECORD: out of step, moved on to the next marker (call
- * again).  A part of a record at the end is dropped and counted. */
+/* 1: *sample is the next one; else STREAM_*.  STREAM_BAD_RECORD: out of step, moved on to the next marker
+ * (call again).  A part of a record at the end is dropped and counted. */
 int32_t sample_stream_next(sample_stream_t* stream, imucal_sample_t* sample);
 #endif
