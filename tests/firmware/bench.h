@@ -2,12 +2,13 @@
 /* A device on the bench: the app on callbacks of this machine's memory, and the host's end of its line. */
 #ifndef IMUCAL_TESTS_BENCH_H
 #define IMUCAL_TESTS_BENCH_H
-#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+
+#include <cmocka.h>
 
 #include "app/app.h"
 #include "num.h"
