@@ -6,6 +6,7 @@
 #include "cli/program.h"
 #include "dp/dp.h"
 #include "dp/ratios.h"
+#include "dp/stream.h"
 #include "dp/tau_grid.h"
 #include "errormodel/confidence.h"
 
@@ -18,7 +19,7 @@ struct Options {
   std::vector<std::string> logs, axes, estimators = {"rms"};
   std::string type = "dp2", tau, nominal, detrend = "mean", ci_model;
   double estimation_s = 20, min_fill = 1, false_alarm_rate = 0.01;
-  bool no_ratios = false;
+  bool no_ratios = false, stream = false;
 };
 
 Json curve_json(const DpCurve& c, const std::vector<Interval>& ci) {
@@ -65,6 +66,50 @@ void print_curve(const DpCurve& c, const std::vector<Interval>& ci) {
     std::printf("%10g %12.4f %12.4f %12.4f %9ld\n", c.tau_s[i], c.dp_dph[i], ci[i].lo, ci[i].hi, c.n[i]);
 }
 
+// Curves of one log in bounded memory: once through for lengths and means, once for the curves.
+void stream_log(const Options& o, const std::string& log, const Detrend& detrend, const std::optional<ErrorModel>& nominal,
+                const std::function<void(const DpCurve&, const DpOperator&)>& done) {
+  std::vector<double> sum, base;
+  std::vector<long> count;
+  std::vector<char> varies;
+  long size = 0;
+  const SeriesHeader header = scan_series(
+      log, o.axes,
+      [&](const SeriesHeader& h) {
+        sum.assign(h.axes.size(), 0), base.assign(h.axes.size(), NAN), count.assign(h.axes.size(), 0), varies.assign(h.axes.size(), 0);
+      },
+      [&](size_t a, double rate, double, bool) {
+        size += a == 0;
+        if (std::isnan(rate)) return;
+        if (count[a]++ == 0) base[a] = rate;
+        sum[a] += rate - base[a];
+        varies[a] = varies[a] || rate != base[a];
+      });
+  DpOperator op = make_dp_operator(dp_type_from_text(o.type), header.dt_s, nominal, o.estimation_s);
+  op.min_fill = o.min_fill;
+  const auto tau_s = parse_tau(o.tau, header.dt_s, std::max(header.dt_s, static_cast<double>(size) * header.dt_s / 10));
+  std::vector<long> n;
+  for (double t : tau_s) n.push_back(std::lround(t / header.dt_s));
+  for (size_t a = 0; a < header.axes.size(); ++a) {
+    if (!varies[a]) throw data_error(log + ": axis " + header.axes[a] + " is constant: nothing to analyse (is the sensor alive?)");
+    base[a] = detrend.kind == Detrend::Kind::kMean ? base[a] + sum[a] / static_cast<double>(count[a]) : 0;
+  }
+  if (n.back() + op.history_n(n.back()) > size)
+    throw data_error(log + ": tau " + std::to_string(tau_s.back()) + " s is beyond the record of " + std::to_string(size) + " samples");
+  std::vector<DpStream> streams(header.axes.size(), DpStream(op, n));
+  scan_series(log, o.axes, [](const SeriesHeader&) {}, [&](size_t a, double rate, double, bool) { streams[a].push(rate - base[a]); });
+  for (size_t a = 0; a < streams.size(); ++a) {
+    DpCurve c;
+    c.log = log, c.axis = header.axes[a], c.type = op.type, c.tau_s = tau_s;
+    c.moments = streams[a].finish();
+    for (const auto& m : c.moments) {
+      if (m.n_windows() == 0) throw data_error(log + ": axis " + c.axis + ": no window free of missing samples at some tau; see --min-fill");
+      c.dp_dph.push_back(std::sqrt(0.5 * m.mean_square())), c.n.push_back(m.n_windows());
+    }
+    done(c, op);
+  }
+}
+
 Exit run(const Options& o) {
   const Detrend detrend = Detrend::parse(o.detrend);
   std::optional<ErrorModel> nominal, ci_model;
@@ -72,7 +117,18 @@ Exit run(const Options& o) {
   if (!o.ci_model.empty()) ci_model = read_model(o.ci_model);
   Json json = {{"curves", Json::array()}, {"ratios", Json::array()}};
   std::vector<DpCurve> first_estimator;
-  for (const std::string& log : o.logs)
+  if (o.stream && (detrend.order > 0 || o.estimators != std::vector<std::string>{"rms"}))
+    throw usage_error("--stream gives rms curves with --detrend none or mean only");
+  for (const std::string& log : o.logs) {
+    if (o.stream) {
+      stream_log(o, log, detrend, nominal, [&](const DpCurve& c, const DpOperator& op) {
+        const auto ci = curve_intervals(c, op, ci_model ? noise_components(*ci_model, op.dt_s) : std::vector<NoiseComponent>());
+        json["curves"].push_back(curve_json(c, ci));
+        first_estimator.push_back(c);
+        if (o.common.talks()) print_curve(c, ci);
+      });
+      continue;
+    }
     for (Series& s : load_series(log, o.axes, true)) {
       const DpOperator op = [&] {
         DpOperator made = make_dp_operator(dp_type_from_text(o.type), s.dt_s, nominal, o.estimation_s);
@@ -100,6 +156,7 @@ Exit run(const Options& o) {
       json["ratios"].push_back(ratios_json(r));
       if (o.common.talks()) std::printf("distribution: %s: %s\n\n", r.verdict.c_str(), r.statement.c_str());
     }
+  }
   json["across"] = across_json(first_estimator);
   json["ci_method"] = ci_model ? "model" : "blocks (white-noise model where fewer than six blocks)";
   json["detrend"] = detrend.text();
@@ -124,6 +181,7 @@ int main(int argc, char** argv) {
   app.add_option("--min-fill", o.min_fill, "part of a window's samples that must be present")->check(CLI::Range(0.01, 1.0))->capture_default_str();
   app.add_option("--ci-model", o.ci_model, "model for the confidence intervals; default: blocks of the data")->type_name("MODEL.json");
   app.add_option("--false-alarm-rate", o.false_alarm_rate, "of the distribution's verdict")->check(CLI::Range(1e-9, 0.5))->capture_default_str();
+  app.add_flag("--stream", o.stream, "read the log twice instead of holding it: memory bounded by the longest tau; rms curves only");
   app.add_flag("--no-ratios", o.no_ratios, "curves only");
   add_common_options(&app, &o.common);
   return run_program(&app, argc, argv, [&] { return run(o); });

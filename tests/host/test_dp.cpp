@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "dp/dp.h"
 #include "dp/quantile.h"
+#include "dp/stream.h"
 #include "sim/rng.h"
 #include "near.h"
 
@@ -175,6 +176,27 @@ void test_min_fill_admits_windows_with_few_missing(void**) {
   assert_int_equal(DpRecord(s, op).moments({40})[0].n_windows(), 600 - 80 + 1);
 }
 
+// Pushed sample by sample, with gaps at piece borders and elsewhere: the same windows and sums as from the whole record.
+void test_stream_equals_whole_record(void**) {
+  Series s = random_series(700000, 12);
+  const std::vector<long> n = {1, 30, 2000};
+  for (bool with_gaps : {false, true}) {
+    for (long i : {5L, 262143L, 262144L, 262150L, 400000L})
+      if (with_gaps) drop(&s, i);
+    for (const ErrorModel& nominal : {kNominal, kTwoTerms})
+      for (DpType type : {DpType::kAv, DpType::kDp2, DpType::kDp3}) {
+        const DpOperator op = make_dp_operator(type, 1, nominal, 15);
+        DpStream stream(op, n);
+        for (double x : s.rate_dph) stream.push(x);
+        const auto got = stream.finish(), expected = DpRecord(s, op).moments(n);
+        for (size_t i = 0; i < n.size(); ++i) {
+          assert_int_equal(got[i].n_windows(), expected[i].n_windows());
+          assert_near(got[i].mean_square() / expected[i].mean_square(), 1, 1e-10);
+        }
+      }
+  }
+}
+
 void test_adjoint_is_the_transpose(void**) {
   Series a = random_series(500, 6);
   for (long i : {3L, 210L, 211L}) drop(&a, i);
@@ -284,6 +306,7 @@ int main() {
       cmocka_unit_test(test_operators_equal_their_definition),
       cmocka_unit_test(test_operators_with_gaps_use_whole_windows_only),
       cmocka_unit_test(test_min_fill_admits_windows_with_few_missing),
+      cmocka_unit_test(test_stream_equals_whole_record),
       cmocka_unit_test(test_adjoint_is_the_transpose),
       cmocka_unit_test(test_estimators_follow_their_definition),
       cmocka_unit_test(test_quantiles_known_values),

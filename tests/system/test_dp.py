@@ -200,3 +200,16 @@ def test_results_do_not_depend_on_threads(tmp_path, nominal):
     args = ["errormodel", "separation", "--model", nominal, "--versus", versus, "--nominal", nominal, "--draws", "6",
             "--tau", "2:300:4", "--seed", "5"]
     assert result(*args, "--threads", "1") == result(*args, "--threads", "3")
+
+
+def test_stream_gives_the_same_curves(tmp_path, nominal):
+    x = np.round(markov_noise(5000, 8), 3)
+    keep = [k for k in range(5000) if k % 1700]
+    log = write_log(tmp_path / "a.csv", x[keep], t_s=keep)
+    for kind in ("av", "dp2"):
+        args = ["dp", log, "--type", kind, "--nominal", nominal, "--tau", "2:300:20"]
+        whole, stream = result(*args, "--no-ratios")["curves"][0], result(*args, "--stream")["curves"][0]
+        assert stream["n"] == whole["n"]
+        assert stream["dp_dph"] == pytest.approx(whole["dp_dph"], rel=1e-9)
+    done = run("dp", log, "--type", "av", "--stream", "--estimator", "max", expect=2)
+    assert "--stream" in done.stderr

@@ -117,7 +117,7 @@ DpOperator make_dp_operator(DpType type, double dt_s, const std::optional<ErrorM
   return op;
 }
 
-DpRecord::DpRecord(const Series& series, const DpOperator& op) : op_(op), size_(series.size()) {
+DpRecord::DpRecord(const Series& series, const DpOperator& op, const std::vector<double>& initial) : op_(op), size_(series.size()) {
   const auto size = static_cast<size_t>(size_);
   sum_.resize(size + 1);
   double sum = 0;
@@ -132,7 +132,7 @@ DpRecord::DpRecord(const Series& series, const DpOperator& op) : op_(op), size_(
   }
   if (op.type != DpType::kDp2 && op.type != DpType::kDp3) return;
   const NominalFilter& f = op.filter;
-  std::vector<double> x(f.size(), 0.0);
+  std::vector<double> x = initial.empty() ? std::vector<double>(f.size(), 0.0) : initial;
   states_.assign(f.size(), std::vector<double>(size + 1));
   for (size_t i = 0; i <= size; ++i) {
     for (size_t k = 0; k < x.size(); ++k) states_[k][i] = x[k];
@@ -172,14 +172,14 @@ double DpRecord::estimate(long n, long t0) const {
   return sum;
 }
 
-void DpRecord::samples(long n, std::vector<double>* d, std::vector<long>* t0) const {
+void DpRecord::samples(long n, std::vector<double>* d, std::vector<long>* t0, long first_t0) const {
   d->clear();
   if (t0) t0->clear();
   const long history = op_.history_n(n);
   std::vector<double> factor(states_.size());
   for (size_t k = 0; k < factor.size(); ++k)
     factor[k] = op_.filter.prediction_factor(k, n, op_.type == DpType::kDp3);
-  for (long t = history; t + n <= size_; ++t) {
+  for (long t = std::max(history, first_t0); t + n <= size_; ++t) {
     if (!present_.empty() && !(complete(t, t + n) && complete(t - history, t))) continue;
     double predicted = 0;
     if (factor.empty())
@@ -244,7 +244,7 @@ double DpRecord::Moments::mean_square() const {
   return n > 0 ? sum / static_cast<double>(n) : 0;
 }
 
-std::vector<DpRecord::Moments> DpRecord::moments(const std::vector<long>& n) const {
+std::vector<DpRecord::Moments> DpRecord::moments(const std::vector<long>& n, const std::vector<long>& first_t0) const {
   const long block = std::clamp(size_ / kBlocksPerRecord, 8L, kBlock);
   std::vector<Moments> out(n.size());
   const bool general = !present_.empty() || states_.size() > 1;
@@ -252,7 +252,7 @@ std::vector<DpRecord::Moments> DpRecord::moments(const std::vector<long>& n) con
   std::vector<long> t0;
   if (general) {
     for (size_t i = 0; i < n.size(); ++i) {
-      samples(n[i], &d, &t0);
+      samples(n[i], &d, &t0, first_t0.empty() ? 0 : first_t0[i]);
       long end = -1;
       for (size_t k = 0; k < d.size(); ++k) {
         if (t0[k] >= end) {
@@ -281,7 +281,7 @@ std::vector<DpRecord::Moments> DpRecord::moments(const std::vector<long>& n) con
   const double* x = op_.type == DpType::kDp1 ? mean_before.data() : states_.empty() ? nullptr : states_[0].data();
   for (long b = 0; b < size_; b += block)
     for (size_t i = 0; i < n.size(); ++i) {
-      const long first = std::max(b, op_.history_n(n[i])), last = std::min(b + block, size_ - n[i] + 1);
+      const long first = std::max({b, op_.history_n(n[i]), first_t0.empty() ? 0L : first_t0[i]}), last = std::min(b + block, size_ - n[i] + 1);
       if (first >= last) continue;
       const double sum = op_.type == DpType::kAv ? second_difference_sum_sq(sum_.data(), first, last, n[i])
                                                  : prediction_sum_sq(sum_.data(), x, first, last, n[i], factor[i]);

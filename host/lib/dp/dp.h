@@ -52,7 +52,8 @@ DpOperator make_dp_operator(DpType type, double dt_s, const std::optional<ErrorM
 // numerically, to all).
 class DpRecord {
  public:
-  DpRecord(const Series& series, const DpOperator& op);
+  // `initial`: the nominal filter's states before the first sample (empty: zero, to be warmed up).
+  DpRecord(const Series& series, const DpOperator& op, const std::vector<double>& initial = {});
 
   // Windows there would be without gaps; < 1: tau is beyond the record.
   long possible_windows(long n) const { return size_ - n - op_.history_n(n) + 1; }
@@ -60,7 +61,7 @@ class DpRecord {
   long size() const { return size_; }
 
   // All prediction errors d of one n, with their t0 (index of the first predicted sample).
-  void samples(long n, std::vector<double>* d, std::vector<long>* t0) const;
+  void samples(long n, std::vector<double>* d, std::vector<long>* t0, long first_t0 = 0) const;
 
   // The transposed operator: sum over k of d[k] times the weights that the window at t0[k] gives the samples.
   std::vector<double> adjoint(long n, const std::vector<double>& d, const std::vector<long>& t0) const;
@@ -72,7 +73,8 @@ class DpRecord {
     long n_windows() const;
     double mean_square() const;  // 0 without windows
   };
-  std::vector<Moments> moments(const std::vector<long>& n) const;
+  // `first_t0`, one per n: only windows from there on (empty: all).
+  std::vector<Moments> moments(const std::vector<long>& n, const std::vector<long>& first_t0 = {}) const;
 
  private:
   double estimate(long n, long t0) const;

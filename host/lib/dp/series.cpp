@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <memory>
 
@@ -19,8 +20,11 @@ constexpr size_t kStepProbe = 4096;  // rows whose median step becomes the grid'
 // Puts rows on the grid as they come; the first rows wait until the step is known.
 class Gridder {
  public:
-  Gridder(const std::string& path, std::vector<size_t> columns, bool with_temp, std::vector<Series>* out)
-      : path_(path), columns_(std::move(columns)), with_temp_(with_temp), out_(out) {}
+  // `begin` once with first time stamp and step, then `sample` for every grid place and axis in turn.
+  using Begin = std::function<void(double t0_s, double dt_s)>;
+  using Sample = std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>;
+  Gridder(const std::string& path, std::vector<size_t> columns, Begin begin, Sample sample)
+      : path_(path), columns_(std::move(columns)), begin_(std::move(begin)), sample_(std::move(sample)) {}
 
   void row(const LogRow& row) {
     if (dt_s_ > 0) return place(row.t_s, row.temp_degc, row.rate_dph, row.flags);
@@ -43,10 +47,7 @@ class Gridder {
     if (steps.empty()) steps.push_back(1.0);
     std::nth_element(steps.begin(), steps.begin() + static_cast<long>(steps.size() / 2), steps.end());
     dt_s_ = steps[steps.size() / 2];
-    for (Series& s : *out_) {
-      s.dt_s = dt_s_;
-      s.t0_s = t_s_.front();
-    }
+    begin_(t_s_.front(), dt_s_);
     const size_t n = columns_.size();
     std::vector<size_t> packed(n);
     for (size_t a = 0; a < n; ++a) packed[a] = a;
@@ -68,15 +69,8 @@ class Gridder {
   }
   void push(double temp_degc, const double* rate, const int* flags) {
     for (size_t a = 0; a < columns_.size(); ++a) {
-      Series& s = (*out_)[a];
-      double value = rate ? rate[columns_[a]] : kMissing;
-      if (flags && (flags[columns_[a]] & (kSaturated | kSensorFault))) {
-        value = kMissing;
-        ++s.n_flagged;
-      }
-      s.n_missing += std::isnan(value);
-      s.rate_dph.push_back(value);
-      if (with_temp_) s.temp_degc.push_back(temp_degc);
+      const bool flagged = flags && (flags[columns_[a]] & (kSaturated | kSensorFault));
+      sample_(a, rate && !flagged ? rate[columns_[a]] : kMissing, temp_degc, flagged);
     }
     ++n_;
   }
@@ -86,13 +80,18 @@ class Gridder {
 
   std::string path_;
   std::vector<size_t> columns_;
-  bool with_temp_;
-  std::vector<Series>* out_;
+  Begin begin_;
+  Sample sample_;
   std::vector<double> t_s_, temp_, rate_;
   std::vector<int> flags_;
   double dt_s_ = 0, last_t_s_ = 0;
   size_t n_ = 0;
 };
+
+void require_samples(const std::string& path, const std::string& axis, long n) {
+  if (n < 2)
+    throw data_error(path + ": axis " + axis + " has " + std::to_string(n) + " usable sample(s); at least two are needed");
+}
 
 double poly_argument(const Series& s, const Detrend& detrend, long i) {
   return detrend.kind == Detrend::Kind::kPolyTime ? static_cast<double>(i) : s.temp_degc[static_cast<size_t>(i)];
@@ -100,34 +99,54 @@ double poly_argument(const Series& s, const Detrend& detrend, long i) {
 
 }  // namespace
 
-std::vector<Series> load_series(const std::string& path, const std::vector<std::string>& axes, bool with_temp) {
-  std::vector<Series> out;
-  std::vector<size_t> columns;
+SeriesHeader scan_series(const std::string& path, const std::vector<std::string>& axes,
+                         const std::function<void(const SeriesHeader&)>& begin,
+                         const std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>& sample) {
+  SeriesHeader out;
+  out.log = path;
   std::unique_ptr<Gridder> gridder;
   scan_log(
       path,
       [&](const Log& header) {
-        std::vector<std::string> names = axes;
-        if (names.empty())
-          for (const LogAxis& a : header.axes) names.push_back(a.name);
-        for (const std::string& name : names) {
-          const LogAxis& axis = header.axis(name);
-          columns.push_back(static_cast<size_t>(&axis - header.axes.data()));
-          Series s;
-          s.log = path;
-          s.axis = name;
-          out.push_back(s);
-        }
-        gridder = std::make_unique<Gridder>(path, columns, with_temp, &out);
+        out.axes = axes;
+        if (axes.empty())
+          for (const LogAxis& a : header.axes) out.axes.push_back(a.name);
+        std::vector<size_t> columns;
+        for (const std::string& name : out.axes) columns.push_back(static_cast<size_t>(&header.axis(name) - header.axes.data()));
+        gridder = std::make_unique<Gridder>(
+            path, columns,
+            [&](double t0_s, double dt_s) {
+              out.t0_s = t0_s, out.dt_s = dt_s;
+              begin(out);
+            },
+            sample);
       },
       [&](const LogRow& row) { gridder->row(row); });
   gridder->finish();
+  return out;
+}
+
+std::vector<Series> load_series(const std::string& path, const std::vector<std::string>& axes, bool with_temp) {
+  std::vector<Series> out;
+  scan_series(
+      path, axes,
+      [&](const SeriesHeader& header) {
+        for (const std::string& name : header.axes) {
+          Series s;
+          s.log = path, s.axis = name, s.t0_s = header.t0_s, s.dt_s = header.dt_s;
+          out.push_back(s);
+        }
+      },
+      [&](size_t axis, double rate, double temp_degc, bool flagged) {
+        Series& s = out[axis];
+        s.n_missing += std::isnan(rate);
+        s.n_flagged += flagged;
+        s.rate_dph.push_back(rate);
+        if (with_temp) s.temp_degc.push_back(temp_degc);
+      });
   for (Series& s : out) {
-    if (s.size() - s.n_missing < 2)
-      throw data_error(path + ": axis " + s.axis + " has " + std::to_string(s.size() - s.n_missing) +
-                       " usable sample(s); at least two are needed");
-    if (std::none_of(s.temp_degc.begin(), s.temp_degc.end(), [](double t) { return std::isfinite(t); }))
-      s.temp_degc = {};
+    require_samples(path, s.axis, s.size() - s.n_missing);
+    if (std::none_of(s.temp_degc.begin(), s.temp_degc.end(), [](double t) { return std::isfinite(t); })) s.temp_degc = {};
   }
   return out;
 }

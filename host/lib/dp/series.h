@@ -5,6 +5,7 @@
 // another, so that a slowly drifting clock does no harm; a missing row, an empty field and a second flagged as
 // saturated or faulty is a NaN.  Nothing is ever interpolated.
 #pragma once
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,17 @@ struct Series {
 // Reads the named axes (all when empty) of a log.  data_error: unknown axis, fewer than two samples of an axis,
 // two rows within half a step, a gap that would need more than 1e9 samples.
 std::vector<Series> load_series(const std::string& path, const std::vector<std::string>& axes, bool with_temp);
+
+// The same sample by sample in bounded memory: `begin` once (it knows axes, first time stamp and step), then `sample` for
+// every place of the grid and every axis in turn; a missing sample is NaN.
+struct SeriesHeader {
+  std::string log;
+  std::vector<std::string> axes;
+  double t0_s = 0, dt_s = 1;
+};
+SeriesHeader scan_series(const std::string& path, const std::vector<std::string>& axes,
+                         const std::function<void(const SeriesHeader&)>& begin,
+                         const std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>& sample);
 
 // How the slow known part is taken out before anything else.
 struct Detrend {
