@@ -220,6 +220,12 @@ static void test_load_tells_why_slots_are_refused(void** state) {
   assert_int_equal(imucal_store_load(&flash, "SN-17", 6, &work, &table, &report), IMUCAL_ERR_NO_TABLE);
   assert_int_equal(report.slot_status[1], IMUCAL_ERR_CHANNELS);
   assert_int_equal(imucal_store_load(&flash, NULL, 0, &work, &table, &report), IMUCAL_OK);
+  for (int bit = 0; bit < 32; bit++) { /* a revoke word cut after its first bit revokes, and stays so */
+    nor_t torn = nor;
+    torn.bytes[1][NOR_SLOT_BYTES - 4 + bit / 8] &= (uint8_t)~(1 << bit % 8);
+    assert_int_equal(ruling_mark(&torn), 1);
+    assert_int_equal(report.slot_status[1], IMUCAL_SLOT_REVOKED);
+  }
   nor.bytes[1][200] ^= 4; /* the newer one rots: the older rules */
   assert_int_equal(ruling_mark(&nor), 1);
   assert_int_equal(report.slot_status[1], IMUCAL_ERR_CRC);
