@@ -2,7 +2,7 @@
 """The demonstration: an IMU on an emulated microcontroller is calibrated over its serial port.
 
     demo.py --build build                 simulated chamber: 140 min, 0 to 60 degC, three gyros at 100 Hz
-    demo.py --build build --log LOG.csv   the same on a recorded log, replayed into the firmware as raw counts
+    demo.py --build build --log LOG.csv [--check-log LOG.csv]   the same on a recorded log, replayed into the firmware as raw counts
 
 1. QEMU runs the firmware of a Cortex-M4F; `gyrosim` is its sensor; `calibrate run` learns, flashes and verifies.
 2. The power is cut (QEMU is killed) and comes back: the flashed table must be there.
@@ -112,7 +112,7 @@ class Demo:
     def log(self, name):
         return read_log(self.folder / name)
 
-    def run(self, device, sensor_first, sensor_again, duration_s, run_arguments):
+    def run(self, device, sensor_first, sensor_again, duration_s, run_arguments, again="the same profile again"):
         """Calibrate, cut the power, verify, run again compensated."""
         device.power_on()
         with Step("1. calibrating: the Kalman filters on the microcontroller learn the polynomials"):
@@ -123,7 +123,7 @@ class Demo:
             device.cut_power()
             device.power_on()
             self.calibrate(device, "verify", "table.json")
-        with Step("3. the same profile again, compensated by the firmware"):
+        with Step("3. %s, compensated by the firmware" % again):
             self.start_sensor(sensor_again)
             self.calibrate(device, "--json", "again.json", "record", "--duration-s", str(duration_s), "-o", "again_raw.csv",
                            "--compensated", "after.csv")
@@ -275,8 +275,9 @@ def model_of_residuals(temp_degc, rate_dph, order):
     return {"imucal_model": 1, "arw_deg_rt_h": white / 60, "markov": [{"sigma_dph": math.sqrt(slow), "tau_s": float(tau_s)}]}
 
 
-def recorded(demo, log_path, order, rate_hz):
-    """A recorded log, replayed as raw counts so that the device's 1-s sums give the recorded means back."""
+def recorded(demo, log_path, check_path, order, rate_hz):
+    """A recorded log, replayed as raw counts so that the device's 1-s sums give the recorded means back; the second
+    run is of check_path where it is given: a recording the device has not learned from."""
     start_s = time.monotonic()
     log_path = Path(log_path).resolve()
     source = read_log(log_path)
@@ -290,7 +291,8 @@ def recorded(demo, log_path, order, rate_hz):
     board = {"flash": "imu.flash", "feed": "feed", "serial": "DEMO-2", "rate": rate_hz, "channels": len(axes),
              "names": ",".join(axes), "scale": ",".join(["1"] * len(axes))}
     device = Device(demo.build, demo.folder, board)
-    replay = ["replay", str(log_path), "--rate-hz", str(rate_hz), "--seed", str(demo.seed)]
+    options = ["--rate-hz", str(rate_hz), "--seed", str(demo.seed)]
+    again_path = Path(check_path or log_path).resolve()
     duration_s, span_s = len(source["temp_degc"]), int(source["t_s"][-1] - source["t_s"][0] + 1)
     print(f"{log_path.name}: {duration_s} s, {lo:.1f} to {hi:.1f} degC, replayed at {rate_hz} Hz into an emulated Cortex-M4F;\n"
           f"polynomials of order {order}; error models estimated from the log:")
@@ -300,11 +302,12 @@ def recorded(demo, log_path, order, rate_hz):
     arguments = ["--order", str(order), "--range", f"{lo:.3f}:{hi:.3f}"]
     for name in axes:
         arguments += ["--model", f"{name}.json"]
-    demo.run(device, replay, replay, span_s, arguments)
-    before, after, run = demo.log("before.csv"), demo.log("after.csv"), demo.read("run.json")
+    demo.run(device, ["replay", log_path, *options], ["replay", again_path, *options], span_s, arguments,
+             f"replay of {again_path.name}")
+    before, after, run = demo.log("again_raw.csv"), demo.log("after.csv"), demo.read("run.json")
     return start_s, {
         "title": "A recorded IMU calibrated on the microcontroller",
-        "subtitle": f"{log_path.name}: {duration_s} s, {lo:.1f} to {hi:.1f} °C, polynomials of order {order}; one-minute means",
+        "subtitle": f"learned from {log_path.name}, shown on {again_path.name}: {duration_s} s, {lo:.1f} to {hi:.1f} °C, polynomials of order {order}; one-minute means",
         "device": run["device"]["device"], "seed": demo.seed, "seconds": run["seconds"], "wall_s": 0,
         "axes": [examine(axis, before, after, models[axis["axis"]]) for axis in run["axes"]]}
 
@@ -313,12 +316,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=Path, default=Path("build"), help="the build folder")
     parser.add_argument("--log", help="a recorded log to replay")
+    parser.add_argument("--check-log", help="with --log: another recording for the second run")
     parser.add_argument("--order", type=int, default=3, help="order of the polynomials (with --log)")
     parser.add_argument("--rate-hz", type=int, default=10, help="raw samples per second (with --log)")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     demo = Demo(options.build, options.seed)
-    start_s, report = recorded(demo, options.log, options.order, options.rate_hz) if options.log else simulated(demo)
+    start_s, report = recorded(demo, options.log, options.check_log, options.order, options.rate_hz) if options.log else simulated(demo)
     finish(demo, report, start_s)
 
 
