@@ -258,6 +258,19 @@ def test_run_live_sensor_at_its_own_pace(tmp_path):
         imu.close()
 
 
+def test_fit_of_the_recorded_log_gives_the_device_its_own_table_bit_for_bit(imu):
+    imu.sense(BASIC, options=["--missing-seconds", "0.02"])
+    run = imu.run("--profile", "profile.json", "--record", "log.csv")
+    status, out, err = imu.calibrate("fit", "log.csv", "--method", "kf", "--order", "3", "--model", "model.json", "--range", "0:60",
+                                     "-o", "fitted.json")
+    assert status == 0, err
+    fitted = imu.json("fitted.json")
+    for learned, offline in zip(run["axes"], fitted["axes"]):
+        assert offline["coeff_dph"] == learned["coeff_dph"] and learned["bridged_s"] > 100
+    assert imu.calibrate("flash", "fitted.json")[0] == 0
+    assert imu.calibrate("verify", "fitted.json")[0] == 0
+
+
 # ---- the other subcommands ----
 
 def test_flash_dump_rollback_erase(imu):

@@ -210,6 +210,7 @@ Exit show_info(Device* device, const CommonOptions& common) {
 }
 
 Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions& common) {
+  (void)interrupted();  // from here on Ctrl-C ends the recording in order
   LogRecorder raw(options.raw_path, *device, LogRecorder::What::kRaw);
   LogRecorder compensated(options.compensated_path, *device, LogRecorder::What::kCompensated);
   const bool prints = options.raw_path.empty() && options.compensated_path.empty() && common.talks();

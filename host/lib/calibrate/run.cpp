@@ -13,9 +13,9 @@
 #include <memory>
 
 #include "base/error.h"
-#include "base/units.h"
 #include "calibrate/recorder.h"
 #include "cli/program.h"
+#include "fit/fit.h"
 #include "io/log.h"
 #include "io/table_json.h"
 
@@ -398,6 +398,7 @@ void Run::finish() {
 }
 
 RunResult Run::go() {
+  (void)interrupted();  // from here on Ctrl-C ends the run in order
   prepare();
   try {
     listen();
@@ -416,27 +417,17 @@ RunResult Run::go() {
 
 imucal_link_cal_start_t cal_start_of(const ErrorModel& model, unsigned order, double t0_degc,
                                      double range_degc, const TemperatureRange& span, double prior_sigma) {
-  if (!(model.arw_deg_rt_h > 0))
-    throw data_error("model: arw_deg_rt_h must be above 0: the filter needs the white noise of the sensor");
-  double variance = 0, variance_tau = 0;
-  for (const Markov& term : model.markov) {
-    variance += term.sigma_dph * term.sigma_dph;
-    variance_tau += term.sigma_dph * term.sigma_dph * term.tau_s;
-  }
+  const imucal_kf_config_t config =
+      kf_config(model, static_cast<int>(order), t0_degc, range_degc, prior_sigma);
   imucal_link_cal_start_t start{};
-  start.order = static_cast<uint8_t>(order);
-  start.t0_degc = static_cast<float>(t0_degc);
-  start.range_degc = static_cast<float>(range_degc);
-  start.m = 1; // without instability e is nothing
-  if (variance > 0) {
-    const Markov one{std::sqrt(variance), variance_tau / variance};
-    start.m = static_cast<float>(-std::expm1(-1.0 / one.tau_s));
-    start.q = static_cast<float>(one.q_dph2());
-    start.markov_variance = static_cast<float>(variance);
-  }
-  const double white = white_sigma_dph(model.arw_deg_rt_h);
-  start.r = static_cast<float>(white * white);
-  start.prior_sigma = static_cast<float>(prior_sigma);
+  start.order = config.order;
+  start.t0_degc = config.t0_degc;
+  start.range_degc = config.range_degc;
+  start.m = config.m;
+  start.q = config.q;
+  start.r = config.r;
+  start.markov_variance = config.markov_variance;
+  start.prior_sigma = config.prior_sigma;
   start.span_lo_degc = static_cast<float>(span.lo_degc);
   start.span_hi_degc = static_cast<float>(span.hi_degc);
   start.arw = static_cast<float>(model.arw_deg_rt_h);

@@ -3,11 +3,8 @@
 // through a profile; then the device makes a table, flashes it, and what it flashed is read back and
 // compared.
 //
-// The filter's parameters are computed here from the error model, in double (the device has no exponential):
-//   m = 1 - exp(-dt/tau) = -expm1(-dt/tau),  q = sigma^2 (1 - exp(-2 dt/tau)),  r = (60 arw)^2/dt,  dt = 1 s.
-// The filter has one Markov state.  Several Markov terms become one of the same variance and the same slow
-// density (sum 2 sigma^2 tau), which is what decides the calibration error (design 2.3):
-//   sigma^2 = sum sigma_i^2,  tau = sum sigma_i^2 tau_i / sigma^2.
+// The filter's parameters are computed on the host, in double, because the device has no exponential (fit/fit.h:
+// kf_config); a model of several Markov terms becomes one of the same variance and the same slow density there.
 #pragma once
 #include <optional>
 #include <string>
