@@ -29,6 +29,8 @@ def arguments(argv):
     p.add_argument("--groups", default=None, help="only these campaign groups (comma-separated), for development")
     p.add_argument("--option", action="append", default=[], help="further option for diagnose, e.g. --option=--nulls=100")
     p.add_argument("--no-withheld", action="store_true", help="skip the runs with --without and the 5 %% runs")
+    p.add_argument("--minutes", type=float, default=None,
+                   help="time for the diagnoses; 70 %% for the blind part; a random sample is left undone and reported")
     p.add_argument("--keep-logs", action="store_true", help="keep the logs after scoring")
     return p.parse_args(argv)
 
@@ -89,13 +91,16 @@ def do_run(args, digest):
     logs, results = os.path.join(args.out, "logs"), os.path.join(args.out, "results")
     shutil.rmtree(results, ignore_errors=True)
     os.makedirs(results)
+    start = time.time()
+    until = lambda share: None if args.minutes is None else start + 60 * share * args.minutes
     option = [f"--cache={os.path.abspath(os.path.join(results, 'cache'))}", *args.option]
-    answers = runner.run_all(args.diagnose, logs, results, runner.blind_jobs(logs, option), args.processes, progress=say)
+    answers = runner.run_all(args.diagnose, logs, results, runner.blind_jobs(logs, option), args.processes, progress=say,
+                             deadline=until(0.7))
     say("blind part done; opening the labels")
     sealed = draw.open_sealed(os.path.join(args.out, "labels"), digest)
     if not args.no_withheld:
         answers.update(runner.run_all(args.diagnose, logs, results, second_round(sealed, option), args.processes,
-                                      progress=say))
+                                      progress=say, deadline=until(1.0)))
     with open(os.path.join(args.out, "answers.json"), "w", encoding="utf-8") as out:
         json.dump(answers, out)
 
@@ -105,6 +110,8 @@ def do_score(args, digest):
     labels = {label["case"]: label for part in sealed["groups"] for label in part["labels"]}
     with open(os.path.join(args.out, "answers.json"), encoding="utf-8") as f:
         answers = json.load(f)
+    drawn = len(labels)
+    labels = {c: label for c, label in labels.items() if c in answers}
     result = score.everything(labels, answers)
     logs = os.path.join(args.out, "logs")
     if os.path.isdir(logs):
@@ -113,7 +120,7 @@ def do_score(args, digest):
         result["interval"], result["interval_by_case"] = coverage.interval_coverage(groups, labels, answers, logs, sealed["seed"])
     n_gap_free = sum(l["kind"] == "no_gap" for l in labels.values())
     meta = {"seed": sealed["seed"], "labels_sha256": digest, "n_cases": len(labels), "n_gap_free": n_gap_free,
-            "n_effect": len(labels) - n_gap_free, "n_runs": len(answers), "options": args.option}
+            "n_effect": len(labels) - n_gap_free, "n_runs": len(answers), "n_not_reached": drawn - len(labels), "options": args.option}
     with open(os.path.join(args.out, "blind.json"), "w", encoding="utf-8") as out:
         json.dump({**meta, "score": result, "labels": labels}, out, indent=1)
     page = report.markdown(meta, result)

@@ -21,7 +21,8 @@ HEAD = ("cases", "n", "named first", "truth not excluded", "no gap", "abstains",
 def markdown(meta, score):
     out = ["# Blind check of `diagnose`", "",
            f"{meta['n_cases']} cases ({meta['n_effect']} with an effect, {meta['n_gap_free']} gap-free), "
-           f"{meta['n_runs']} diagnoses, seed `{meta['seed']}`, labels sealed as sha256 `{meta['labels_sha256']}` before "
+           f"{meta['n_runs']} diagnoses, " + (f"{meta['n_not_reached']} further cases drawn but not reached in the time given "
+           "(a random sample), " if meta["n_not_reached"] else "") + f"seed `{meta['seed']}`, labels sealed as sha256 `{meta['labels_sha256']}` before "
            "the first diagnosis.  Intervals are 95 % Clopper-Pearson.  Strength d: sqrt(2 x expected log-likelihood gain "
            "of the true effect over the fitted nominal model, training runs), worked out by the check's own whitening.  "
            "Cases come in groups that share chamber profiles and believed noise, as on a production line, so that one "
