@@ -59,6 +59,8 @@ void add_options(CLI::App* app, Options* o) {
   app->add_option("--missing-seconds", c.missing_frac, "part of the seconds without any sample")
       ->check(CLI::Range(0.0, 0.99));
   app->add_flag("--core-only", o->core_only, "the chain and its score only: no least squares, double reference, DP");
+  app->add_option("--residual-every", c.residual_every, "DP curve of the residual in every n-th run (0: none)")
+      ->capture_default_str();
   app->add_flag("--no-track", c.no_track, "take a coarse thermometer's reading as it is (common/track.h)");
   app->add_flag("--strict", o->strict, "exit with 1 where NEES or NIS are outside their intervals");
   add_raw_options(app, &c.raw);
