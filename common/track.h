@@ -5,11 +5,14 @@
  * Data: one 1-s mean of temperature counts in, the estimate in counts out.  Order: init; then per second update (or
  * skip).  Memory: sizeof(imucal_track_t).  Time: bounded, at most one division.  Integers only: same bits everywhere.
  *
- * Method.  When the mean passes k + 1/2 counts, the temperature is there: a known point.  Two points in the same
- * direction give the rate; until the next one the estimate moves on at that rate, inside the bin of the reading.
- * When the next point is overdue by an eighth of its time the ramp has ended: the estimate is the bin's middle.
- * After a reversal, a soak, or before two points are known, too.
- * The estimate is in the bin of the reading, never more than one count from the mean: little can be lost.
+ * Method.  When the mean passes k + 1/2 counts (and then by 1/4, against noise), the temperature is there: a known
+ * point.  Two points in the same direction give the rate; until the next one the estimate moves on at that rate,
+ * inside the bin of the reading.  When the next point is overdue by an eighth of its time the ramp has ended: the
+ * estimate is the bin's middle.
+ * After a single point (the first of a ramp, a reversal) the rate is unknown and the middle as wrong as can be: until
+ * the next point, but no longer than IMUCAL_TRACK_UNSURE_S, `is_sure` is false and a filter does better without the
+ * second (imucal_kf_skip); a jump of the temperature where the gyro has none does more harm than a gap.
+ * The estimate is in the bin of the reading, never more than 1 1/4 counts from the mean.
  *
  * Limit: in a soak the temperature is known to the bin only.  Soak on whole counts, where the middle is right; a soak
  * elsewhere costs dB/dT times its distance from the middle, and no estimator can know that. */
@@ -23,15 +26,19 @@ extern "C" {
 #endif
 
 #define IMUCAL_TRACK_COARSE_DEGC 0.1f /* thermometers with a quantum above this are worth tracking */
+#define IMUCAL_TRACK_UNSURE_S 300u    /* without a second point for so long it is no ramp: a soak */
 
 typedef struct imucal_track {
   int32_t level;       /* reading: the bin level - 1/2 .. level + 1/2 counts */
   int32_t rate_q16;    /* counts per second; 0: unknown or standing */
   int64_t edge_q16;    /* the point passed last, counts */
   uint32_t since_s;    /* seconds since then */
+  uint32_t beyond_s;   /* seconds the mean is beyond the edge, not yet by the quarter */
   uint32_t interval_s; /* seconds between the last two points in one direction; 0: not known */
   int8_t direction;    /* of the last point: +1, -1; 0: none yet */
   bool has_level;
+  bool is_rate_awaited; /* one point passed, the next will give the rate */
+  bool is_sure; /* the last estimate is good enough to learn from */
 } imucal_track_t;
 
 /* Start: nothing known. */

@@ -30,7 +30,9 @@ static float mean_unit(int64_t sum, uint32_t n, float scale, float offset) {
 static void update_filter(imucal_app_t* app, uint32_t i, const imucal_second_t* second, float rate,
                           float temp_degc) {
   imucal_kf_t* kf = &app->channel[i].kf;
-  const bool is_spoilt = second->is_gap || (second->flags[i] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT));
+  const bool is_lost = app->board->degc_per_count > IMUCAL_TRACK_COARSE_DEGC && !app->track.is_sure; /* temperature */
+  const bool is_spoilt =
+      is_lost || second->is_gap || (second->flags[i] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT));
   imucal_status status = imucal_kf_skip(kf, second->n_skipped);
   if (status == IMUCAL_OK && !is_spoilt) status = imucal_kf_update(kf, rate, temp_degc);
   if (is_spoilt ||

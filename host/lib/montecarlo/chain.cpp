@@ -74,7 +74,7 @@ void CoreChain::take(const imucal_second_t& second) {
   int64_t temp_q16 = imucal_mean_q16_rne(second.temp_sum, second.n_samples);
   if (setup_.is_tracked) temp_q16 = imucal_track_update(&track_, temp_q16);
   const uint32_t bad = second.flags[0] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT);
-  if (second.is_gap || bad) return bridge(1);
+  if (second.is_gap || bad || (setup_.is_tracked && !track_.is_sure)) return bridge(1);
   const auto scale = static_cast<float>(setup_.raw.counts_scale_dph);
   const auto degc = static_cast<float>(setup_.raw.temp_lsb_degc), zero = static_cast<float>(setup_.raw.temp_offset_degc);
   const float z_dph = imucal_unit_from_q16(imucal_mean_q16_rne(second.sum[0], second.n_samples), scale, 0.0f);
