@@ -6,12 +6,13 @@ import json
 import os
 import signal
 import socket
+import subprocess
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from imu import BASIC, BUILD, COEFF_DPH, MODEL, NOISE, QUICK, ROOT, Imu, wait_until
+from imu import BASIC, BUILD, COEFF_DPH, GYROSIM, MODEL, NOISE, QUICK, ROOT, Imu, wait_until
 from noisy_line import NoisyLine
 
 
@@ -192,6 +193,17 @@ def with_rate(imu, rate_hz):
     imu.power_off()
     imu.options += ["--rate", str(rate_hz)]
     imu.power_on()
+
+
+def test_serve_feeds_the_log_that_gyrosim_writes(imu, tmp_path):
+    imu.sense(QUICK, seed=5, options=["--log-index", "2"])
+    status, _, err = imu.calibrate("record", "-o", "fed.csv")
+    assert status == 0, err
+    subprocess.run([GYROSIM, "log", "--model", "model.json", "--axes", "3", "--profile", "profile.json", "--seed", "5",
+                    "--log-index", "2", "-o", "written.csv"], cwd=tmp_path, check=True, capture_output=True)
+    for name in ("gx_dph", "gy_dph", "gz_dph"):
+        difference = column(tmp_path / "fed.csv", name) - column(tmp_path / "written.csv", name)
+        assert np.std(difference) < 0.04  # rounding of 100 counts of 1 dph: 1/sqrt(12*100) = 0.029
 
 
 def test_replay_gives_the_recorded_means_back_with_its_gaps(imu, tmp_path):

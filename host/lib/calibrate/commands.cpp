@@ -210,7 +210,7 @@ Exit show_info(Device* device, const CommonOptions& common) {
 }
 
 Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions& common) {
-  (void)interrupted();  // from here on Ctrl-C ends the recording in order
+  (void)interrupted(); // from here on Ctrl-C ends the recording in order
   LogRecorder raw(options.raw_path, *device, LogRecorder::What::kRaw);
   LogRecorder compensated(options.compensated_path, *device, LogRecorder::What::kCompensated);
   const bool prints = options.raw_path.empty() && options.compensated_path.empty() && common.talks();
@@ -289,8 +289,8 @@ Exit calibrate_device(Device* device, const RunOptions& options, const std::stri
     entry["bridged_s"] = axis.state.n_missed;
     entry["mean_nis"] = shortest(axis.state.mean_nis);
     entry["lag1"] = shortest(axis.state.lag1);
-    entry["worst_sigma"] = *std::max_element(result.table.channel[axis.channel].sigma,
-                                             result.table.channel[axis.channel].sigma + IMUCAL_TABLE_SIGMA_N);
+    const float* sigma = result.table.channel[axis.channel].sigma;
+    entry["worst_sigma"] = shortest(*std::max_element(sigma, sigma + IMUCAL_TABLE_SIGMA_N));
     entry["curve"] = curve_json(axis, result.table.channel[axis.channel]);
     json["axes"].push_back(entry);
   }
