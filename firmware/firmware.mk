@@ -28,7 +28,7 @@ $(BUILD)/firmware/posix/imucal: $(FIRMWARE_POSIX) $(FIRMWARE_APP_HOST) $(FIRMWAR
 	$(Q)$(CC) $(SANITIZE_FLAGS) $^ $(LDFLAGS) -o $@
 
 # The core's check: the same log to the same bits on every machine, and what it costs.
-FIRMWARE_CHECK := firmware/check/print.c firmware/check/bits.c
+FIRMWARE_CHECK := firmware/check/print.c firmware/check/bits.c firmware/check/profiles.c
 $(BUILD)/firmware/posix/check: $(patsubst %.c,$(BUILD)/obj/host/%.o,$(FIRMWARE_CHECK) firmware/check/main_posix.c) $(FIRMWARE_CORE_HOST)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  LINK $@")

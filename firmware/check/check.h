@@ -21,6 +21,10 @@ typedef struct check_io {
  * Prints lines of "name numbers… hexadecimal bits". */
 void check_bits(const check_io_t* io);
 
+/* Prints lines of "profile soak_min n_cycles" and, as bits, the predicted one-sigma calibration error at 0, 5
+ * .. 60 degC and the worst. */
+void check_profiles(const check_io_t* io);
+
 /* Prints lines of "name value": instructions per call, averaged over many calls, of everything that runs with
  * a sample or a second, call included. */
 void check_cycles(const check_io_t* io);

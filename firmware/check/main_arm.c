@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/* The same checks as an image in QEMU. Arguments: mode=bits|cycles|stack feed=PATH out=PATH */
+/* The same checks as an image in QEMU. Arguments: mode=bits|profiles|cycles|stack feed=PATH out=PATH */
 #include <string.h>
 
 #include "check.h"
@@ -89,6 +89,8 @@ int main(void) {
   if (!semihost_option(command_line, "feed", host.feed_path, sizeof host.feed_path)) host.feed_path[0] = '\0';
   if (!strcmp(mode, "bits"))
     check_bits(&io);
+  else if (!strcmp(mode, "profiles"))
+    check_profiles(&io);
   else if (!strcmp(mode, "cycles"))
     check_cycles(&io);
   else if (!strcmp(mode, "stack"))

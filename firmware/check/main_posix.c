@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
-/* usage: check FEED     prints the bits of check_bits for the samples of this file (common/sample.h) */
+/* usage: check FEED      prints the bits of check_bits for the samples of this file (common/sample.h)
+ *        check --profiles   prints those of check_profiles */
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "check.h"
 
@@ -20,12 +22,16 @@ static void print(void* ctx, const char* text) {
 }
 
 int main(int argc, char** argv) {
-  FILE* feed = argc == 2 ? fopen(argv[1], "rb") : NULL;
-  if (!feed) {
-    fprintf(stderr, "check: cannot read the feed; usage: check FEED\n");
+  check_io_t io = {.sample = next_sample, .print = print};
+  if (argc == 2 && !strcmp(argv[1], "--profiles")) {
+    check_profiles(&io);
+    return 0;
+  }
+  io.ctx = argc == 2 ? fopen(argv[1], "rb") : NULL;
+  if (!io.ctx) {
+    fprintf(stderr, "check: cannot read the feed; usage: check FEED | check --profiles\n");
     return 2;
   }
-  const check_io_t io = {.ctx = feed, .sample = next_sample, .print = print};
   check_bits(&io);
   return 0;
 }

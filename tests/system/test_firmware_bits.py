@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The same log gives the same bits on the host, on the Cortex-M4F (hardware float) and on the Cortex-M0 (soft float)."""
 import random
+import struct
 import subprocess
 
 import pytest
@@ -91,8 +92,10 @@ def test_contraction_would_change_the_bits(bits, tmp_path):
     cpu = "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16".split()
     sources = sorted((ROOT / "common").glob("*.c"))
     sources += [ROOT / "firmware" / name for name in (
-        "check/print.c check/bits.c check/cost.c check/main_arm.c port/arm/startup.c port/arm/semihost.c "
+        "check/print.c check/bits.c check/profiles.c check/cost.c check/main_arm.c port/arm/startup.c port/arm/semihost.c "
         "port/arm/cmsdk.c").split()]
+    objects = [BUILD / "obj/mps2_an386" / source.relative_to(ROOT).with_suffix(".o") for source in sources]
+    sources = [source if source.name == "kf.c" or not built.exists() else built for source, built in zip(sources, objects)]
     subprocess.run(["arm-none-eabi-gcc", *cpu, "-std=c99", "-O2", "-ffp-contract=fast", "-Icommon", "-Ifirmware",
                     "-nostartfiles", "--specs=nano.specs", "-Wl,--gc-sections", "-Lfirmware/port/arm", "-T",
                     "firmware/port/mps2_an386/link.ld", *map(str, sources), "-o", str(tmp_path / "fused.elf")],
@@ -100,3 +103,32 @@ def test_contraction_would_change_the_bits(bits, tmp_path):
     make_log(tmp_path / "log.bin")
     fused = run_on_mcu("mps2_an386", tmp_path / "log.bin", tmp_path / "out", image=tmp_path / "fused.elf")
     assert fused != bits["host"]
+
+
+# Design 2.3 (the paper's Figures 7 to 9): one-sigma calibration error in dph; order 3, 0.6 deg/sqrt(h), 20 dph, 100 s.
+RAMP_ONLY_DPH = [13.09, 7.47, 6.20, 6.45, 6.29, 5.75, 5.43, 5.75, 6.29, 6.45, 6.20, 7.47, 13.09]
+WORST_DPH = {(5, 1): 10.18, (10, 1): 8.64, (20, 1): 6.93, (30, 1): 6.28, (20, 2): 5.03, (20, 4): 3.56, (20, 8): 2.52}
+
+
+def read_profiles(text):
+    """{(soak minutes, cycles): (sigma at 0, 5 .. 60 degC, worst)}"""
+    lines = text.splitlines()
+    assert lines[-1] == "end"
+    result = {}
+    for line in lines[:-1]:
+        name, soak, cycles, *bits = line.split()
+        assert name == "profile"
+        values = [struct.unpack(">f", bytes.fromhex(b))[0] for b in bits]
+        result[int(soak), int(cycles)] = values[:-1], values[-1]
+    return result
+
+
+def test_predicted_errors_of_the_paper_on_host_and_m4f(tmp_path):
+    host = subprocess.run([BUILD / "firmware/posix/check", "--profiles"], check=True, text=True, capture_output=True,
+                          timeout=60).stdout
+    m4f = run_on_mcu("mps2_an386", None, tmp_path / "m4f", mode="profiles")
+    assert m4f == host
+    figures = read_profiles(m4f)
+    assert figures[0, 1][0] == pytest.approx(RAMP_ONLY_DPH, rel=0.01)
+    for profile, worst_dph in WORST_DPH.items():
+        assert figures[profile][1] == pytest.approx(worst_dph, rel=0.01), profile

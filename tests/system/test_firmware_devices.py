@@ -3,15 +3,15 @@
 import os
 import random
 import socket
-import stat
 import struct
 import subprocess
+import sys
 import threading
 import time
 
 import pytest
 
-from device_link import BUILD, MESSAGES, Device, Line, Silence, connect, frame, free_port, sample_record
+from device_link import BUILD, MESSAGES, ROOT, Device, Line, Silence, connect, frame, free_port, sample_record
 
 PORTS = ["posix", "mps2_an386", "nrf51"]
 RATE_HZ, DURATION_S = 20, 400
@@ -42,8 +42,8 @@ def options(port, **values):
     return ["%s=%s" % (k.replace("_", "-"), v) for k, v in values.items()]
 
 
-def learn(line, channels=3):
-    assert line.calibrate(range(channels)) == 0
+def learn(line, channels=3, order=3):
+    assert line.calibrate(range(channels), order=order) == 0
     assert line.done("stream", what=15, channels=(1 << channels) - 1, period_s=50) == 0
     records = line.records_until_end(40)
     assert line.done("stream", what=8, channels=0, period_s=1) == 0
@@ -118,14 +118,25 @@ def test_whole_app_gives_the_same_bits_on_every_port(tables):
                     [v for n, v in tables["posix"]["records"] if n == kind])
 
 
-def test_six_channels_fit_the_small_target(tmp_path):
-    feed = make_feed(tmp_path / "six.bin", channels=6)
-    with Device("nrf51", feed=feed, extra=options("nrf51", channels=6, scale=1)) as device:
-        seconds = [v for n, v in learn(device.line, channels=6) if n == "second"]
+def test_six_channels_of_order_5_fit_the_small_target(tmp_path):
+    """16 KB RAM; and the stack painted at the start shows no more than the call graph predicts."""
+    feed, monitor, dump = make_feed(tmp_path / "six.bin", channels=6), free_port(), tmp_path / "stack.bin"
+    with Device("nrf51", feed=feed, extra=options("nrf51", channels=6, scale=1),
+                monitor="tcp:127.0.0.1:%d,server,nowait" % monitor) as device:
+        seconds = [v for n, v in learn(device.line, channels=6, order=5) if n == "second"]
         assert len(seconds) == DURATION_S and seconds[-1]["n_channels"] == 6
         store(device.line)
-        assert len(device.line.download()) == 44 + 6 * 136 + 4
+        table = device.line.download()
+        assert len(table) == 44 + 6 * 136 + 4
         assert device.line.ask("channel_info", channel=5)[1]["is_compensated"] == 1
+        assert device.line.upload(table) == 0
+        monitor_command(monitor, 'stop\nmemsave 0x20003400 3072 "%s"' % dump)
+    words = struct.unpack("<768I", dump.read_bytes())
+    used = 3072 - 4 * next(i for i, word in enumerate(words) if word != 0xA5C35A3C)
+    sys.path.insert(0, str(ROOT / "firmware"))
+    import cost
+    predicted, _ = cost.deepest(cost.call_graph(BUILD, "arm-none-eabi-", "nrf51"), "main")
+    assert 1000 < used <= predicted <= 3072
 
 
 # ---- power cuts ----
