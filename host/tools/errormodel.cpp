@@ -16,7 +16,7 @@ struct Options {
   CommonOptions common;
   std::vector<std::string> logs, axes, types;
   std::string model, versus, nominal, type, tau, detrend = "mean", criterion = "bound", across = "rms", output;
-  double estimation_s = 20, duration_s = 0, dt_s = 1;
+  double estimation_s = 20, duration_s = 0, dt_s = 1, confidence = 0;
   int markov = -1, bootstrap = 40, runs = 5, draws = 200;
 };
 
@@ -135,7 +135,7 @@ Exit fit(const Options& o) {
   const Detrend detrend = Detrend::parse(o.detrend);
   for (Series& s : all) remove_trend(detrend, &s);
   const DpOperator op = operator_of(o, all[0].dt_s);
-  FitSettings settings{o.criterion, o.markov, across_of(o), detrend, taus_for(o, all)};
+  FitSettings settings{o.criterion, o.markov, across_of(o), detrend, taus_for(o, all), o.confidence};
   const CurveData data = make_curve_data(all, op, detrend, settings.tau_s, settings.across);
   const CurveBasis basis(data);
   ErrorModel model;
@@ -150,7 +150,7 @@ Exit fit(const Options& o) {
     for (size_t k = 0; k < ml.bic_by_terms.size(); ++k)
       by_terms.push_back({{"markov", k}, {"log_likelihood", ml.log_likelihood_by_terms[k]}, {"bic", ml.bic_by_terms[k]}});
   } else {
-    const CurveFit curve = o.criterion == "ls" ? fit_least_squares(data, o.markov) : fit_bound(data, o.markov);
+    const CurveFit curve = o.criterion == "ls" ? fit_least_squares(data, o.markov) : fit_bound(raised_to_confidence(data, o.confidence), o.markov);
     model = curve.model;
     for (size_t k = 0; k < curve.objective_by_terms.size(); ++k)
       if (std::isfinite(curve.objective_by_terms[k]))
@@ -174,7 +174,7 @@ Exit fit(const Options& o) {
                {"std_errors", std_errors}, {"identifiable", identifiable}, {"parameters", detail},
                {"error_method", o.criterion == "ml" ? "observed information" : "parametric bootstrap, " + std::to_string(o.bootstrap) + " refits"},
                {"log_likelihood", number_or_null(log_likelihood)}, {"by_terms", by_terms}, {"information", information},
-               {"type", to_text(op.type)}, {"detrend", detrend.text()}, {"across", o.across}, {"n_records", all.size()},
+               {"type", to_text(op.type)}, {"detrend", detrend.text()}, {"across", o.across}, {"confidence", o.confidence}, {"n_records", all.size()},
                {"tau_s", tau_of(data)}, {"data_dp_dph", dp_of(data.mean_square_dph2)}, {"model_dp_dph", dp_of(square)},
                {"seed", o.common.seed}});
   if (o.common.talks()) {
@@ -279,7 +279,7 @@ Exit validate_fit(const Options& o) {
   v.truth = read_model(o.model);
   v.duration_s = o.duration_s > 0 ? o.duration_s : 6000;
   v.dt_s = o.dt_s, v.runs = o.runs, v.seed = o.common.seed, v.threads = o.common.thread_count();
-  v.fit = {o.criterion, o.markov, Across::kRms, Detrend::parse(o.detrend), parse_tau(o.tau.empty() ? "2:600" : o.tau, o.dt_s, 600)};
+  v.fit = {o.criterion, o.markov, Across::kRms, Detrend::parse(o.detrend), parse_tau(o.tau.empty() ? "2:600" : o.tau, o.dt_s, 600), o.confidence};
   const DpOperator op = operator_of(o, o.dt_s);
   const Validation r = validate(v, op);
   Json parameters = Json::array();
@@ -343,6 +343,7 @@ int main(int argc, char** argv) {
   add_operator_options(s, &o);
   s->add_option("--criterion", o.criterion, "bound (tightest bound), ls (least squares) or ml (maximum likelihood)")->capture_default_str();
   s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(CLI::Range(0, 99));
+  s->add_option("--confidence", o.confidence, "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the data themselves)")->check(CLI::Range(0.0, 0.9999))->capture_default_str();
   s->add_option("--bootstrap", o.bootstrap, "refits of simulated records for the errors of bound and ls (0: none)")->check(CLI::Range(0, 100000))->capture_default_str();
   s->add_option("-o,--output", o.output, "model to write")->type_name("MODEL.json");
   add_common_options(s, &o.common, kWithSeed | kWithThreads);
@@ -378,6 +379,7 @@ int main(int argc, char** argv) {
   s->add_option("--criterion", o.criterion, "bound, ls or ml")->capture_default_str();
   s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(CLI::Range(0, 4));
   s->add_option("--detrend", o.detrend, "none, mean or time:N")->capture_default_str();
+  s->add_option("--confidence", o.confidence, "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the data themselves)")->check(CLI::Range(0.0, 0.9999))->capture_default_str();
   add_common_options(s, &o.common, kWithSeed | kWithThreads);
 
   return run_program(&app, argc, argv, [&] {

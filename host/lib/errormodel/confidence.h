@@ -5,7 +5,8 @@
 //   dof = 2 E^2 / Var = windows^2 r(0)^2 / sum_{|k| < windows} (windows - |k|) r(k)^2;
 // the mean square is then scaled chi-squared to good accuracy, and rms * sqrt(dof/chi2) the interval.
 // From the data (blocks): the variance of the sums over blocks at least two windows long.  With fewer than six such
-// blocks the model of white noise stands in.
+// blocks the model of white noise stands in.  Measured coverage of the 95 % intervals on 6000-s tests of the nominal model:
+// 94 % with the model, 91 % from blocks (few blocks; test_intervals_cover).
 #pragma once
 #include <string>
 #include <vector>

@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "dp/quantile.h"
 #include "errormodel/confidence.h"
 #include "errormodel/lp.h"
 
@@ -330,6 +331,13 @@ CurveFit fit_bound(const CurveData& data, int n_markov, double enough) {
   fit.objective_by_terms = objectives;
   fit.mean_excess_by_terms = means;
   return fit;
+}
+
+CurveData raised_to_confidence(CurveData data, double confidence) {
+  if (confidence <= 0) return data;
+  for (size_t i = 0; i < data.n.size(); ++i)
+    data.mean_square_dph2[i] *= std::max(1.0, data.dof[i] / chi2_quantile(1 - confidence, data.dof[i]));
+  return data;
 }
 
 namespace {

@@ -76,6 +76,10 @@ struct CurveFit {
 
 // n_markov < 0: chosen, the smallest number whose mean excess is within `enough` (relative excess of DP) of the grid's.
 CurveFit fit_bound(const CurveData& data, int n_markov, double enough = 0.005);
+
+// A bound of one test is exceeded by the next one: raise the data to the upper limit of their one-sided interval at each
+// tau (chi-squared with `dof`) before bounding.  confidence 0: unchanged.
+CurveData raised_to_confidence(CurveData data, double confidence);
 // Weighted least squares of ln DP^2, weights dof per tau.  n_markov < 0: chosen by an F-like rule: another term must
 // lower the sum of squares, per effective point, by more than its 95 % level.
 CurveFit fit_least_squares(const CurveData& data, int n_markov);

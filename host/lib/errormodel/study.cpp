@@ -105,7 +105,7 @@ Separation separation(const SeparationSettings& o, const DpOperator& op) {
 ErrorModel fit_model(const std::vector<Series>& series, const DpOperator& op, const FitSettings& o) {
   if (o.criterion == "ml") return fit_maximum_likelihood(Likelihood(series, o.detrend), o.n_markov).model;
   const CurveData data = make_curve_data(series, op, o.detrend, o.tau_s, o.across);
-  return (o.criterion == "ls" ? fit_least_squares(data, o.n_markov) : fit_bound(data, o.n_markov)).model;
+  return (o.criterion == "ls" ? fit_least_squares(data, o.n_markov) : fit_bound(raised_to_confidence(data, o.confidence), o.n_markov)).model;
 }
 
 namespace {
@@ -245,7 +245,8 @@ OneRun validate_once(const ValidateSettings& o, const DpOperator& op, const std:
   const CurveData fresh = make_curve_data(other, op, o.fit.detrend, o.fit.tau_s, Across::kRms);
   if (o.fit.criterion != "ml") {
     const auto start = std::chrono::steady_clock::now();
-    const CurveFit fit = o.fit.criterion == "ls" ? fit_least_squares(data, o.fit.n_markov) : fit_bound(data, o.fit.n_markov);
+    const CurveFit fit = o.fit.criterion == "ls" ? fit_least_squares(data, o.fit.n_markov)
+                                                    : fit_bound(raised_to_confidence(data, o.fit.confidence), o.fit.n_markov);
     out.ms = elapsed_ms(start);
     out.model = fit.model;
     out.over_grid = fit.objective / fit.grid_objective;

@@ -44,6 +44,7 @@ struct FitSettings {
   Across across = Across::kRms;
   Detrend detrend;
   std::vector<double> tau_s;        // bound, ls
+  double confidence = 0;            // bound: of the data's upper limit at each tau; 0: the data themselves
 };
 // Fit of detrended (bound, ls) or raw (ml) series.
 ErrorModel fit_model(const std::vector<Series>& series, const DpOperator& op, const FitSettings& settings);
