@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: MIT
+// The engine of diagnose against dense linear algebra and against what it was told.
+#include <Eigen/Dense>
+#include <cmath>
+#include <csetjmp>
+#include <cstdarg>
+#include <cstddef>
+#include <cstdint>
+
+#include "base/units.h"
+#include "diagnose/diagnose.h"
+#include "sim/rng.h"
+// After the others: it defines a macro `fail`.
+extern "C" {
+#include <cmocka.h>
+}
+
+using namespace imucal;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+#define assert_near(a, b, tolerance)                                                                         \
+  do {                                                                                                       \
+    const double left_ = (a), right_ = (b);                                                                  \
+    if (!(std::fabs(left_ - right_) <= (tolerance)))                                                         \
+      fail_msg("%s = %.12g, expected %.12g", #a, left_, right_);                                             \
+  } while (0)
+
+// A log of one axis over a triangle in temperature, noise from the model, with seconds missing.
+static Log simulated_log(uint64_t seed, size_t seconds, bool has_gaps, double hysteresis_dph) {
+  Log log;
+  log.path = "simulated.csv";
+  LogAxis axis;
+  axis.name = "gx_dph";
+  Rng rng(seed, 0, 0, Stream::kWhite);
+  double markov = 20 * rng.normal(), play = 5;
+  const double phi = std::exp(-0.01), q = 20 * std::sqrt(1 - phi * phi);
+  for (size_t k = 0; k < seconds; ++k) {
+    const double half = static_cast<double>(seconds) / 2, t = static_cast<double>(k);
+    const double temp = 60 * (t < half ? t / half : 2 - t / half), x = (temp - 30) / 30;
+    play = std::min(std::max(play, temp - 5), temp + 5);
+    if (k) markov = phi * markov + q * rng.normal();
+    const double white = 36 * rng.normal();
+    if (has_gaps && (k % 97 == 5 || (k > 500 && k < 620))) continue;
+    log.t_s.push_back(t + 1);
+    log.temp_degc.push_back(temp);
+    axis.rate_dph.push_back(100 + 300 * x + 150 * x * x - 100 * x * x * x +
+                            hysteresis_dph * (play - temp) / 5 + markov + white);
+  }
+  log.axes.push_back(axis);
+  return log;
+}
+
+static ErrorModel nominal_model() {
+  ErrorModel model;
+  model.arw_deg_rt_h = 0.6;
+  model.markov = {{20, 100}};
+  model.bias = ThermalPolynomial{30, 30, {80, 300, 150, -100}};
+  return model;
+}
+
+static Hypothesis nominal_hypothesis() {
+  Hypothesis h;
+  h.base_noise.white_sigma_dph = 36;
+  h.base_noise.markov = {{20, 100}};
+  return h;
+}
+
+// Covariance of the used samples of a run, written out.
+static MatrixXd dense_covariance(const CampaignRun& run, const NoiseModel& noise) {
+  const long n = static_cast<long>(run.n());
+  MatrixXd c(n, n);
+  for (long i = 0; i < n; ++i)
+    for (long j = 0; j < n; ++j) {
+      const double ti =
+          static_cast<double>(run.input.tick[static_cast<size_t>(run.used[static_cast<size_t>(i)])]);
+      const double tj =
+          static_cast<double>(run.input.tick[static_cast<size_t>(run.used[static_cast<size_t>(j)])]);
+      const double t0 = static_cast<double>(run.input.tick[static_cast<size_t>(run.used[0])]);
+      c(i, j) = i == j ? noise.white_sigma_dph * noise.white_sigma_dph : 0;
+      for (const Markov& m : noise.markov)
+        c(i, j) += m.sigma_dph * m.sigma_dph * std::exp(-std::fabs(ti - tj) / m.tau_s);
+      c(i, j) += noise.walk_dph_per_rt_s * noise.walk_dph_per_rt_s * (std::min(ti, tj) - t0);
+    }
+  return c;
+}
+
+static void test_likelihood_equals_that_of_the_dense_gaussian_with_gaps(void**) {
+  const Campaign campaign = make_campaign({simulated_log(3, 900, true, 0)}, "gx_dph", nominal_model());
+  Hypothesis h = nominal_hypothesis();
+  h.base_noise.markov.push_back({7, 700});
+  h.base_noise.walk_dph_per_rt_s = 0.3;
+  const Design design = make_design(campaign, h);
+  const VectorXd y = rates(campaign).front();
+  const MatrixXd v = dense_covariance(campaign.runs[0], h.base_noise);
+  const Eigen::LLT<MatrixXd> llt(v);
+  const MatrixXd x = llt.matrixL().solve(design.x[0]);
+  const VectorXd z = llt.matrixL().solve(y);
+  const VectorXd beta = x.colPivHouseholderQr().solve(z);
+  double log_det = 0;
+  for (long i = 0; i < v.rows(); ++i) log_det += 2 * std::log(llt.matrixLLT()(i, i));
+  const double expected = -0.5 * (log_det + (z - x * beta).squaredNorm());
+  const Fit fit = fit_hypothesis(campaign, h);
+  assert_near(fit.log_likelihood, expected, 1e-6 * std::fabs(expected));
+  for (long i = 0; i < beta.size(); ++i) assert_near(fit.beta[i], beta[i], 1e-6 * (1 + std::fabs(beta[i])));
+  // Standard errors from the dense information matrix.
+  const MatrixXd covariance = (x.transpose() * x).inverse();
+  for (long i = 0; i < beta.size(); ++i)
+    assert_near(fit.beta_errors[i], std::sqrt(covariance(i, i)), 1e-6 * (1 + fit.beta_errors[i]));
+  // The restricted likelihood of the fast objective differs from the exact one by a constant of the design.
+  const NoiseObjective objective(campaign, h);
+  NoiseModel other = h.base_noise;
+  other.markov[0].sigma_dph = 25;
+  Hypothesis with = h;
+  with.base_noise = other;
+  const double exact = fit_hypothesis(campaign, with).reml() - fit.reml();
+  assert_near(objective.reml(other) - objective.reml(h.base_noise), exact, 1e-6 * (1 + std::fabs(exact)));
+}
+
+static void test_whitening_and_colouring_are_inverse(void**) {
+  const Campaign campaign = make_campaign({simulated_log(4, 1500, true, 0)}, "gx_dph", nominal_model());
+  const RunGains gains = compute_gains(campaign.runs[0], nominal_hypothesis().base_noise);
+  const VectorXd y = rates(campaign).front();
+  VectorXd work = y;
+  whiten(gains, work.data(), static_cast<size_t>(work.size()));
+  MatrixXd wide = y.replicate(1, 11);
+  whiten(gains, &wide);
+  for (long k = 0; k < y.size(); ++k) assert_near(wide(k, 10), work[k], 1e-9);
+  colour(gains, work.data(), static_cast<size_t>(work.size()));
+  for (long k = 0; k < y.size(); ++k) assert_near(work[k], y[k], 1e-8);
+}
+
+static void test_mixtures_reduce_to_the_gaussian(void**) {
+  const Campaign campaign = make_campaign({simulated_log(5, 1200, true, 0)}, "gx_dph", nominal_model());
+  const Hypothesis h = nominal_hypothesis();
+  const Fit fit = fit_hypothesis(campaign, h);
+  NoiseModel rare = h.base_noise, still = h.base_noise;
+  rare.hit_probability = 1e-12, rare.hit_sigma_dph = 100;
+  still.telegraph_dph = 1e-9, still.telegraph_tau_s = 50;
+  assert_near(mixture_log_likelihood(campaign.runs[0], rare, fit.residual[0]), fit.log_likelihood, 1e-6);
+  assert_near(mixture_log_likelihood(campaign.runs[0], still, fit.residual[0]), fit.log_likelihood, 1e-6);
+}
+
+static void test_steps_count_seconds_and_not_rows(void**) {
+  const Campaign campaign = make_campaign({simulated_log(6, 900, true, 0)}, "gx_dph", nominal_model());
+  const CampaignRun& run = campaign.runs[0];
+  int longest = 0;
+  long total = 0;
+  for (size_t k = 1; k < run.n(); ++k) longest = std::max(longest, run.steps[k]), total += run.steps[k];
+  assert_true(longest >= 119);
+  assert_int_equal(total, static_cast<long>(run.input.t_s.back() - run.input.t_s.front()));
+}
+
+static void test_decomposition_adds_up(void**) {
+  const Campaign campaign = make_campaign({simulated_log(7, 2500, false, 60)}, "gx_dph", nominal_model());
+  const Fit fit = fit_hypothesis(campaign, nominal_hypothesis());
+  const WhereResult where = locate(campaign, fit);
+  double by_tau = 0, by_temp = 0, by_phase = 0, by_log = 0;
+  for (const WhereCell& c : where.by_tau) by_tau += c.excess;
+  for (const WhereCell& c : where.by_temperature) by_temp += c.excess;
+  for (const WhereCell& c : where.by_phase) by_phase += c.excess;
+  for (const WhereCell& c : where.by_log) by_log += c.excess;
+  assert_near(by_temp, by_tau, 1e-6);
+  assert_near(by_phase, by_tau, 1e-6);
+  assert_near(by_log, by_tau, 1e-6);
+  // Orthonormal: the whole is the excess of the squares.
+  assert_near(by_tau, fit.e[0].squaredNorm() - static_cast<double>(fit.e[0].size()), 1e-6);
+}
+
+static void test_panel_gain_is_the_likelihood_gain_of_the_exact_fit(void**) {
+  const Campaign campaign = make_campaign({simulated_log(8, 5000, false, 40)}, "gx_dph", nominal_model());
+  const Hypothesis h = nominal_hypothesis();
+  const Fit fit = fit_hypothesis(campaign, h);
+  const Panel panel(campaign, h, effect_library(), false);
+  for (const char* name : {"thermal_hysteresis", "temperature_rate", "thermal_lag", "rate_ramp"}) {
+    Term term;
+    term.effect = &find_effect(name);
+    term.estimator = term.effect->estimator();
+    if (std::string(name) == "thermal_hysteresis") term.shape = {5};
+    if (std::string(name) == "thermal_lag") term.shape = {110};
+    Hypothesis with = h;
+    with.terms.push_back(term);
+    const double exact = fit_hypothesis(campaign, with).log_likelihood - fit.log_likelihood;
+    // Block sums lose what changes inside a block: under 1 % and 0.1 nat here.
+    assert_near(panel.gain_at(*term.estimator, term.shape, fit), exact, 0.1 + 0.01 * std::fabs(exact));
+  }
+}
+
+static void test_thresholds_hold_their_rate_on_fresh_draws(void**) {
+  std::vector<Log> logs = {simulated_log(9, 3000, false, 0), simulated_log(10, 3000, false, 0)};
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const Hypothesis h = nominal_hypothesis();
+  const auto& library = effect_library();
+  CalibrationOptions options;
+  options.nulls = 300;
+  options.seed = 21;
+  const Calibration calibration = calibrate(campaign, h, library, options);
+  const Thresholds thr = thresholds(calibration, std::vector<bool>(library.size(), true), 0.1, 1);
+  options.seed = 22;
+  options.nulls = 300;
+  const Calibration fresh = calibrate(campaign, h, library, options);
+  int alarms = 0;
+  for (size_t i = 0; i < fresh.nulls; ++i) {
+    bool any = false;
+    for (size_t j = 0; j < library.size(); ++j) any = any || fresh.named[j][i] > thr.named[j];
+    for (size_t g = 0; g < generic_names().size(); ++g) any = any || fresh.generic[g][i] > thr.generic[g];
+    alarms += any;
+  }
+  // 30 expected; 5.2 from these draws, about as much again from the 300 of the calibration: four of both.
+  assert_in_range(alarms, 5, 60);
+}
+
+int main() {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_likelihood_equals_that_of_the_dense_gaussian_with_gaps),
+      cmocka_unit_test(test_whitening_and_colouring_are_inverse),
+      cmocka_unit_test(test_mixtures_reduce_to_the_gaussian),
+      cmocka_unit_test(test_steps_count_seconds_and_not_rows),
+      cmocka_unit_test(test_decomposition_adds_up),
+      cmocka_unit_test(test_panel_gain_is_the_likelihood_gain_of_the_exact_fit),
+      cmocka_unit_test(test_thresholds_hold_their_rate_on_fresh_draws),
+  };
+  return cmocka_run_group_tests_name("diagnose", tests, nullptr, nullptr);
+}
