@@ -9,7 +9,8 @@
 namespace imucal {
 namespace {
 
-constexpr double kSmoothing_s = 40.0; // standard deviation of the Gaussian
+constexpr double kSmoothing_s = 40.0; // standard deviation of the Gaussian for a coarse or noisy thermometer
+constexpr double kNoisy_degc = 0.01;  // thermometer noise that needs all of it
 constexpr double kCoarseFraction =
     0.02; // fewer distinct temperatures than this part of the rows: coarse steps
 constexpr size_t kFewestSeconds = 60;
@@ -108,6 +109,24 @@ std::vector<double> smoothed(std::vector<double> x, size_t half) {
   return x;
 }
 
+// Noise of the thermometer from second differences, robustly.
+double thermometer_noise(const std::vector<double>& temp) {
+  std::vector<double> bends;
+  for (size_t i = 2; i < temp.size(); ++i)
+    bends.push_back(std::fabs(temp[i] - 2 * temp[i - 1] + temp[i - 2]));
+  if (bends.empty()) return 0;
+  std::nth_element(bends.begin(), bends.begin() + static_cast<long>(bends.size() / 2), bends.end());
+  return bends[bends.size() / 2] / 0.6745 / std::sqrt(6.0);
+}
+
+// As much smoothing as the noise of the slope asks for (its variance falls with the cube of the length): a
+// good thermometer keeps its corners.
+double smoothing_s(const std::vector<double>& temp, bool is_coarse) {
+  if (is_coarse) return kSmoothing_s;
+  return std::clamp(kSmoothing_s * std::pow(thermometer_noise(temp) / kNoisy_degc, 2.0 / 3.0), 1.0,
+                    kSmoothing_s);
+}
+
 void derive(CampaignRun* run, bool is_coarse, bool has_temperature) {
   RunInput& in = run->input;
   const size_t n = in.size();
@@ -118,7 +137,8 @@ void derive(CampaignRun* run, bool is_coarse, bool has_temperature) {
     return;
   }
   in.smooth_degc = is_coarse ? dequantised(in.t_s, in.temp_degc) : in.temp_degc;
-  in.smooth_degc = smoothed(in.smooth_degc, static_cast<size_t>(std::lround(kSmoothing_s / in.dt_s)));
+  in.smooth_degc = smoothed(in.smooth_degc,
+                            static_cast<size_t>(std::lround(smoothing_s(in.temp_degc, is_coarse) / in.dt_s)));
   for (size_t i = 0; i < n; ++i) {
     in.tn[i] = in.normalised(in.temp_degc[i]);
     const size_t before = i ? i - 1 : 0, after = i + 1 < n ? i + 1 : i;

@@ -161,6 +161,121 @@ std::vector<std::string> advise(const AxisResult& axis, const Campaign& campaign
   return out;
 }
 
+constexpr double kOwnShare = 0.75;         // of the false-alarm rate: what the axes may use each for itself
+constexpr double kSharedThreshold_nats = 2.5;  // of an axis for a cause that the axes together have shown
+
+struct AxisState {
+  AxisResult result;
+  Campaign campaign, whole;  // as masked by structural effects; as read
+  Thresholds thresholds;
+  SelectOptions select;
+};
+
+bool is_repeatable(const Effect& effect) {
+  const EffectEstimator* e = effect.estimator();
+  return e && (e->form() == Form::kColumns || e->form() == Form::kTemperature);
+}
+
+// A cause that acts on all axes alike may show only in their sum: the strongest such candidate is then looked for again
+// on the axes that said nothing, with a threshold that takes its presence as given.
+void name_shared_causes(std::vector<AxisState>* states, const Hypothesis& nominal,
+                        const std::vector<const Effect*>& library, const std::vector<bool>& active,
+                        const Calibration& calibration, double rate) {
+  const size_t n = states->size(), nulls = calibration.nulls;
+  Calibration pooled = calibration;
+  pooled.generic.assign(generic_names().size(), std::vector<double>(nulls, 0.0));
+  std::vector<bool> repeatable = active;
+  std::vector<double> gain(library.size(), 0.0);
+  for (size_t j = 0; j < library.size(); ++j) {
+    repeatable[j] = active[j] && is_repeatable(*library[j]);
+    for (size_t i = 0; i < nulls; ++i) {
+      double sum = 0;  // different nulls for the axes: their noise is independent
+      for (size_t a = 0; a < n; ++a) sum += calibration.named[j][(i + a * (nulls / n + 1)) % nulls];
+      pooled.named[j][i] = sum;
+    }
+    for (const AxisState& state : *states)
+      if (j < state.result.selection.first_scan.size()) gain[j] += state.result.selection.first_scan[j].gain_nats;
+  }
+  const Thresholds thr = thresholds(pooled, repeatable, rate, 1);
+  int best = -1;
+  for (size_t j = 0; j < library.size(); ++j)
+    if (repeatable[j] && gain[j] > thr.named[j] &&
+        (best < 0 || gain[j] - thr.named[j] > gain[static_cast<size_t>(best)] - thr.named[static_cast<size_t>(best)]))
+      best = static_cast<int>(j);
+  if (best < 0) return;
+  const size_t b = static_cast<size_t>(best);
+  for (AxisState& state : *states) {
+    if (state.result.selection.verdict != Verdict::kNoGap) continue;
+    if (state.result.selection.first_scan[b].gain_nats < kSharedThreshold_nats) continue;
+    Thresholds lower = state.thresholds;
+    lower.named[b] = kSharedThreshold_nats;
+    state.campaign = state.whole;
+    state.result.selection = select_effects(&state.campaign, nominal, library, active, calibration, lower, state.select);
+    std::ostringstream note;
+    note.precision(3);
+    note << library[b]->name() << " is named here because the axes together show it (" << gain[b] << " nats, threshold "
+         << thr.named[b] << ")";
+    state.result.selection.notes.push_back(note.str());
+  }
+}
+
+// Correlation of the innovations of two axes at the same seconds.
+void name_common_mode(std::vector<AxisState>* states, const std::vector<const Effect*>& library,
+                      const std::vector<bool>& active, double rate) {
+  size_t place = library.size();
+  for (size_t j = 0; j < library.size(); ++j)
+    if (library[j]->estimator() && library[j]->estimator()->form() == Form::kAxes) place = j;
+  if (place == library.size() || !active[place]) return;
+  const size_t n = states->size();
+  std::vector<Fit> fits;
+  for (const AxisState& state : *states) fits.push_back(fit_hypothesis(state.campaign, state.result.selection.final));
+  const double threshold = std::log(static_cast<double>(n * (n - 1) / 2) / rate);
+  for (size_t a = 0; a < n; ++a) {
+    double best_gain = 0, best_r = 0, sigma = 0;
+    std::string other;
+    for (size_t b = 0; b < n; ++b) {
+      if (a == b) continue;
+      double cross = 0, first = 0, second = 0, count = 0;
+      for (size_t r = 0; r < fits[a].e.size(); ++r) {
+        const CampaignRun &x = (*states)[a].campaign.runs[r], &y = (*states)[b].campaign.runs[r];
+        for (size_t i = 0, k = 0; i < x.n() && k < y.n();) {
+          if (x.used[i] < y.used[k]) ++i;
+          else if (x.used[i] > y.used[k]) ++k;
+          else {
+            const double u = fits[a].e[r][static_cast<long>(i++)], v = fits[b].e[r][static_cast<long>(k++)];
+            cross += u * v, first += u * u, second += v * v, count += 1;
+          }
+        }
+      }
+      const double correlation = cross / std::sqrt(std::max(1e-300, first * second)), gain = 0.5 * correlation * correlation * count;
+      if (gain > best_gain) {
+        best_gain = gain, best_r = correlation, other = (*states)[b].result.axis;
+        const double s1 = (*states)[a].result.selection.final.noise().white_sigma_dph;
+        const double s2 = (*states)[b].result.selection.final.noise().white_sigma_dph;
+        sigma = std::sqrt(std::fabs(correlation) * s1 * s2);
+      }
+    }
+    if (best_gain <= threshold) continue;
+    SelectedEffect effect;
+    effect.term.effect = library[place];
+    effect.term.estimator = library[place]->estimator();
+    effect.term.fixed_parameters = {{"correlation", best_r > 0 ? 1.0 : -1.0}, {"sigma_dph", sigma}};
+    effect.gain_nats = best_gain;
+    effect.evidence_nats = best_gain - threshold;
+    effect.p_value = rate * std::exp(-effect.evidence_nats);
+    effect.set = {{"common_mode", best_gain, threshold, effect.evidence_nats, std::nan("")}};
+    std::ostringstream note;
+    note.precision(3);
+    note << "innovations correlate with those of " << other << " by " << best_r
+         << "; the held-out figures of single axes do not count this";
+    effect.statement = note.str();
+    Selection& selection = (*states)[a].result.selection;
+    selection.effects.push_back(effect);
+    selection.notes.push_back(note.str());
+    if (selection.verdict == Verdict::kNoGap) selection.verdict = Verdict::kExplained;
+  }
+}
+
 } // namespace
 
 DiagnoseResult diagnose(const DiagnoseOptions& options) {
@@ -179,11 +294,14 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
   double calibration_s = 0;
   Calibration calibration;
   std::ostringstream text;
+  // Several axes have two chances to be wrong: each for itself, and together.
+  const double own_rate = names.size() > 1 ? kOwnShare * options.false_alarm_rate : options.false_alarm_rate;
+  std::vector<AxisState> states;
   for (const std::string& name : names) {
-    AxisResult axis;
-    axis.axis = name;
-    Campaign campaign = make_campaign(logs, name, model);
-    check_scale(campaign, nominal.base_noise, &out.warnings);
+    AxisState state;
+    state.result.axis = name;
+    state.campaign = make_campaign(logs, name, model);
+    check_scale(state.campaign, nominal.base_noise, &out.warnings);
     const double calibrate_from = now_s();
     CalibrationOptions how;
     how.nulls = options.nulls;
@@ -192,16 +310,32 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
     how.cache_folder = options.cache_folder;
     how.quiet = options.quiet;
     const Calibration* known = calibration.named.empty() ? nullptr : &calibration;
-    calibration = calibrate(campaign, nominal, library, how, known);
+    calibration = calibrate(state.campaign, nominal, library, how, known);
     nulls_from_cache += calibration.from_cache;
     const double start = now_s();
     calibration_s += start - calibrate_from;
-    const Thresholds thr = thresholds(calibration, active, options.false_alarm_rate, names.size());
+    const Thresholds thr = thresholds(calibration, active, own_rate, names.size());
     SelectOptions select;
     if (options.model_seconds > 0)
       select.noise_discount =
-          1 / (1 + static_cast<double>(campaign.n()) * campaign.dt_s / options.model_seconds);
-    axis.selection = select_effects(&campaign, nominal, library, active, calibration, thr, select);
+          1 / (1 + static_cast<double>(state.campaign.n()) * state.campaign.dt_s / options.model_seconds);
+    state.whole = state.campaign;
+    state.result.selection =
+        select_effects(&state.campaign, nominal, library, active, calibration, thr, select);
+    state.thresholds = thr;
+    state.select = select;
+    state.result.seconds = now_s() - start;
+    states.push_back(std::move(state));
+  }
+  if (names.size() > 1) {
+    name_shared_causes(&states, nominal, library, active, calibration, options.false_alarm_rate * (1 - kOwnShare));
+    name_common_mode(&states, library, active, options.false_alarm_rate * (1 - kOwnShare));
+  }
+  for (AxisState& state : states) {
+    AxisResult& axis = state.result;
+    Campaign& campaign = state.campaign;
+    const std::string& name = axis.axis;
+    const double start = now_s();
     const Fit nominal_fit = fit_hypothesis(campaign, axis.selection.nominal);
     const Fit final_fit = fit_hypothesis(campaign, axis.selection.final);
     axis.where = locate(campaign, nominal_fit);
@@ -213,7 +347,7 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
       beta.push_back(nominal_fit.beta[static_cast<long>(campaign.runs.size()) + i]);
     axis.identifiability = identify(campaign, axis.selection.nominal, library, active, beta);
     axis.advice = advise(axis, campaign);
-    axis.seconds = now_s() - start;
+    axis.seconds += now_s() - start;
     axes.push_back(axis_json(axis, campaign, nominal_fit, final_fit));
     text << axis_text(axis, campaign);
     for (const SelectedEffect& effect : axis.selection.effects) {
@@ -225,6 +359,17 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
       out.model.effects.push_back(spec);
     }
   }
+  // What the profiles cannot tell, once for all axes and on a line each.
+  std::vector<std::string> said;
+  for (const Json& axis : axes)
+    for (const Json& advice : axis["advice"]) {
+      const std::string sentence = advice.get<std::string>();
+      if (sentence.rfind("Constant offsets", 0) == 0 ||
+          std::find(said.begin(), said.end(), sentence) != said.end())
+        continue;
+      said.push_back(sentence);
+      text << "advice    " << sentence << "\n";
+    }
   for (const std::string& warning : out.warnings) text << "warning: " << warning << "\n";
   out.text = text.str();
   out.json = {{"imucal_diagnosis", 1},

@@ -387,13 +387,27 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
   out.before = (sum(before.deviance) - reference) / out.hours;
   out.after = (sum(after.deviance) - reference) / out.hours;
   out.shrinkage = out.before > 1e-9 ? 1 - out.after / out.before : 0;
-  if (out.delta_deviance < 0 && out.before <= 1e-9)
-    out.shrinkage = -1; // the effects make the prediction worse
+  bool has_steps = false, only_steps = has_effects;
+  for (const Term& term : selection.final.terms) {
+    has_steps = has_steps || term.form() == Form::kSteps;
+    only_steps = only_steps && term.form() == Form::kSteps;
+  }
   out.remainder = better.empty()
                       ? (fires ? "a remainder that the library-free tests see and no reference here predicts"
                                : "nothing detectable on the held-out data")
                       : better + " would still predict " + std::to_string(std::lround(out.after)) +
                             " deviance per hour more";
+
+  if (only_steps) {
+    out.shrinkage = 0;
+    out.remainder = "steps belong to the moment and log they happened in: they predict nothing on other data";
+  } else if (out.before <= 1e-9) {
+    // The nominal model predicts the held-out data best: there is no gap on them to shrink.
+    out.shrinkage = 0;
+    if (has_effects) out.remainder = "the effects found do not show on the held-out data";
+  } else if (has_steps) {
+    out.remainder += "; the steps predict nothing on other data and are left out";
+  }
 
   // Interval of the gain: simulate the held-out units from the final model and score them again.
   if (has_effects) {
@@ -416,7 +430,7 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
     out.gain = out.delta_deviance / out.hours;
     out.gain_lo = (out.delta_deviance - half) / out.hours;
     out.gain_hi = (out.delta_deviance + half) / out.hours;
-    if (out.before > 1e-9) {
+    if (out.before > 1e-9 && !only_steps) {
       out.ci_lo = std::clamp(out.gain_lo / out.before, -1.0, 1.0);
       out.ci_hi = std::clamp(out.gain_hi / out.before, -1.0, 1.0);
     }

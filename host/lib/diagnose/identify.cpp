@@ -72,7 +72,9 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
     if (estimator->form() != Form::kColumns && estimator->form() != Form::kTemperature) continue;
     if (estimator->needs_temperature() && !campaign.has_temperature) continue;
     if (estimator->form() == Form::kTemperature && (estimator->shape_lo().empty() || beta.empty())) continue;
-    const std::vector<Theta> grid = estimator->grid(campaign.lo_degc, campaign.hi_degc);
+    const std::vector<Theta> grid =
+        estimator->grid_on(campaign.runs.front().input, campaign.lo_degc, campaign.hi_degc);
+    if (grid.empty()) continue;
     std::vector<VectorXd> own;
     const size_t middle = grid.size() / 2;
     double middle_energy = 0;
@@ -97,7 +99,7 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
       d.smallest = middle_energy > 0 ? kDetect_d / std::sqrt(middle_energy) : 1e9;
       std::vector<double> amplitudes(estimator->n_columns(), 0.0);
       amplitudes[0] = d.smallest;
-      d.smallest_detectable = estimator->report(s.shape, amplitudes);
+      d.smallest_detectable = estimator->report_on(campaign.runs.front().input, s.shape, amplitudes);
       limit = estimator->notable() * white;
     }
     d.is_notable = d.smallest <= limit;

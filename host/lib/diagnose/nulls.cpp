@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 namespace {
 
 // Changes whenever a score is computed in another way: old calibrations are then not found.
-constexpr int kScoreVersion = 1;
+constexpr int kScoreVersion = 2;
 constexpr double kSmallestThreshold = 0.8;
 
 class Hash {
@@ -65,6 +65,10 @@ std::string cache_key(const Campaign& campaign, const Hypothesis& nominal,
     hash.add(static_cast<double>(run.n()));
     for (int step : run.steps) hash.add(&step, sizeof step);
     for (double temp : run.input.temp_degc) hash.add(std::round(temp * 1e6));
+    for (const auto& [name, column] : run.input.auxiliary) {
+      hash.add(name);
+      for (double value : column) hash.add(std::isfinite(value) ? value : -1e300);
+    }
   }
   return hash.text();
 }

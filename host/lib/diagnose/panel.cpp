@@ -261,7 +261,9 @@ struct Panel::Impl {
     }
   }
   void build_mean(size_t j, const EffectEstimator& estimator) {
-    const std::vector<Theta> grid = estimator.grid(campaign.lo_degc, campaign.hi_degc);
+    const std::vector<Theta> grid =
+        estimator.grid_on(campaign.runs.front().input, campaign.lo_degc, campaign.hi_degc);
+    if (grid.empty()) return;
     std::vector<std::vector<Column>> per_run(campaign.runs.size());
     for (size_t r = 0; r < per_run.size(); ++r)
       for (const Theta& shape : grid)
@@ -279,7 +281,8 @@ struct Panel::Impl {
   // Bases of whole designs with another temperature in the polynomial.
   void build_replacing(size_t j, const EffectEstimator& estimator) {
     if (campaign.order < 1) return;
-    std::vector<Theta> grid = estimator.grid(campaign.lo_degc, campaign.hi_degc);
+    std::vector<Theta> grid =
+        estimator.grid_on(campaign.runs.front().input, campaign.lo_degc, campaign.hi_degc);
     if (library[j]->name() == "temperature_sensor_quantization") {
       if (!(campaign.temp_lsb_degc > 0)) return;
       grid = {{campaign.temp_lsb_degc}};

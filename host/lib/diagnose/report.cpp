@@ -32,7 +32,7 @@ Json effect_parameters(const Term& term, const Campaign& campaign) {
     }
     return term.estimator->report(shape, term.coefficients);
   }
-  return term.estimator->report(term.shape, term.coefficients);
+  return term.estimator->report_on(campaign.runs.front().input, term.shape, term.coefficients);
 }
 
 Json effect_errors(const Term& term) {
@@ -325,7 +325,6 @@ std::string axis_text(const AxisResult& axis, const Campaign& campaign) {
     out += line;
   }
   for (const std::string& note : s.notes) out += "  note    " + note + "\n";
-  for (size_t i = 0; i + 1 < axis.advice.size(); ++i) out += "  advice  " + axis.advice[i] + "\n";
   return out;
 }
 

@@ -467,6 +467,10 @@ private:
       for (const GenericFinding& f : out_.after) left = std::max(left, f.evidence_nats());
       if (outdone) left = std::max(left, most_before - total_named_gain());
       const double named = std::max(0.0, total_named_gain());
+      if (outdone)
+        out_.notes.push_back("a library-free shape explains " + number(most_before) +
+                             " nats beyond its threshold, the named effects " + number(named) +
+                             " in all: the names may be stand-ins for something else");
       const bool mostly = !structural_.empty() || named > kNamedShare * (named + left);
       out_.verdict = mostly ? Verdict::kPartlyExplained : Verdict::kUnexplained;
     }

@@ -78,6 +78,10 @@ public:
   // kColumns, kTemperature: values of the shape parameters to scan, and how far they may be refined.
   // span_degc: coldest and hottest temperature of all runs.
   virtual std::vector<Theta> grid(double /*lo_degc*/, double /*hi_degc*/) const { return {Theta{}}; }
+  // The same where the grid depends on what the log holds (auxiliary columns).
+  virtual std::vector<Theta> grid_on(const RunInput& /*run*/, double lo_degc, double hi_degc) const {
+    return grid(lo_degc, hi_degc);
+  }
   virtual Theta shape_lo() const { return {}; }
   virtual Theta shape_hi() const { return {}; }
   virtual size_t n_columns() const { return 1; }
@@ -106,6 +110,10 @@ public:
   // The parameters by their names of the contract, from shape (or theta) and coefficients; called with
   // standard errors too.
   virtual Json report(const Theta& shape, const std::vector<double>& coefficients) const = 0;
+  virtual Json report_on(const RunInput& /*run*/, const Theta& shape,
+                         const std::vector<double>& coefficients) const {
+    return report(shape, coefficients);
+  }
 };
 
 // Legendre polynomials and the play operator are used by more than one file.
