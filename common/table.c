@@ -226,13 +226,14 @@ imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imuca
     table->degc_at_zero = header.degc_at_zero;
   }
   imucal_table_channel_t channel; /* one at a time: checking needs no whole table */
+  memset(&channel, 0, sizeof channel); /* padding too: equal tables are equal bytes in memory */
   for (uint32_t i = 0; i < header.n_channels; i++) {
     const uint8_t* at = bytes + IMUCAL_TABLE_HEADER_BYTES + IMUCAL_TABLE_CHANNEL_BYTES * i;
     if (at[15] != 0) return refuse(place, (int32_t)i, "reserved", IMUCAL_ERR_RESERVED);
     decode_channel(at, &channel);
     status = validate_channel(&channel, (int32_t)i, place);
     if (status != IMUCAL_OK) return status;
-    if (table != NULL) table->channel[i] = channel;
+    if (table != NULL) memcpy(&table->channel[i], &channel, sizeof channel);
   }
   return IMUCAL_OK;
 }
