@@ -110,7 +110,7 @@ def plain(name):
     return name.replace("_", " ")
 
 
-def where_sentence(where):
+def where_sentence(where, n_logs=0):
     """Where the gap lies, in one sentence; empty if the diagnosis does not say."""
     if not where:
         return ""
@@ -127,7 +127,11 @@ def where_sentence(where):
     if direction:
         parts.append(direction)
     logs = where.get("logs") or []
-    if logs:
+    if logs and len(logs) == n_logs:
+        parts.append("in every log")
+    elif logs and all(isinstance(log, int) for log in logs):
+        parts.append(f"in log{'s' * (len(logs) > 1)} " + joined(str(log + 1) for log in logs))
+    elif logs:
         parts.append("in " + joined(os.path.basename(str(log)) for log in logs[:4])
                      + (f" and {len(logs) - 4} more logs" if len(logs) > 4 else ""))
     return "The gap shows " + ", ".join(parts) + "." if parts else ""
@@ -483,7 +487,7 @@ def findings(axis):
     if found:
         parts += "<details open><summary>Findings</summary>" + rows(
             ("what was seen", "probe", "evidence [nats]", "p"),
-            [(f.get("statement", ""), plain(str(f.get("probe", ""))), number(f.get("evidence_nats")), number(f.get("p_value"), 2))
+            [(f.get("statement", ""), plain(str(f.get("probe", ""))), number(f.get("evidence_nats")), "< 1e-300" if f.get("p_value") == 0 else number(f.get("p_value"), 2))
              for f in found]) + "</details>"
     for key, title in (("by_tau", "averaging time"), ("by_temperature", "temperature"), ("by_phase", "phase"), ("by_log", "log")):
         table = [line for line in where.get(key) or [] if isinstance(line, dict)]
@@ -496,13 +500,13 @@ def findings(axis):
     return parts
 
 
-def section(axis, index):
+def section(axis, index, n_logs):
     title, color, meaning = VERDICTS.get(axis["verdict"], (plain(axis["verdict"]), MUTED, ""))
     hidden = axis.get("not_detectable_here") or []
     if axis["verdict"] == "no_gap" and hidden:
         meaning += f" {many(len(hidden), 'effect')} would stay unseen on these profiles unless larger than listed below."
     gap = axis.get("gap") if axis.get("effects") else {}
-    lead = [meaning, cause_sentence(axis), where_sentence(axis.get("where")), gap_sentence(gap), *(axis.get("notes") or [])]
+    lead = [meaning, cause_sentence(axis), where_sentence(axis.get("where"), n_logs), gap_sentence(gap), *(axis.get("notes") or [])]
     return (f'<section id="axis{index}"><div class="head"><h2>{esc(axis["axis"])}</h2>'
             f'<span class="badge" style="background:{color}">{esc(title)}</span></div>'
             f'<div class="lead">{"".join(f"<p>{esc(s)}</p>" for s in lead if s)}</div>'
@@ -532,7 +536,7 @@ def page(diagnosis, source):
     return (f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
             f"<title>Sim-to-real gap: {esc(os.path.basename(source))}</title><style>{CSS}</style></head><body><main>"
             f'<h1>What the simulation leaves out</h1><p class="sub">{esc(sub)}</p><div class="chips">{chips}</div>{warnings}'
-            + "".join(section(a, i) for i, a in enumerate(axes))
+            + "".join(section(a, i, len(diagnosis.get("logs") or [])) for i, a in enumerate(axes))
             + f"<footer><p>Believed model: <code>{esc(model)}</code>. Seed {esc(diagnosis.get('seed', '–'))}.<br>Logs: {files}.<br>"
               f"Held out: {held_files}.</p><p>Evidence is the gain of log-likelihood (in nats) above a threshold found by simulating "
               "the believed model on the very temperature profiles of these logs. 1 nat is a likelihood ratio of 2.7.</p></footer>"
