@@ -115,7 +115,7 @@ Exit run(const Options& o) {
   std::optional<ErrorModel> nominal, ci_model;
   if (!o.nominal.empty()) nominal = read_model(o.nominal);
   if (!o.ci_model.empty()) ci_model = read_model(o.ci_model);
-  Json json = {{"curves", Json::array()}, {"ratios", Json::array()}};
+  Json json = {{"curves", Json::array()}, {"ratios", Json::array()}, {"quantization", Json::array()}};
   std::vector<DpCurve> first_estimator;
   if (o.stream && (detrend.order > 0 || o.estimators != std::vector<std::string>{"rms"}))
     throw usage_error("--stream gives rms curves with --detrend none or mean only");
@@ -137,6 +137,12 @@ Exit run(const Options& o) {
       }();
       const double usable_s = static_cast<double>(s.size()) * s.dt_s;
       const auto tau_s = parse_tau(o.tau, s.dt_s, std::max(s.dt_s, usable_s / 10));
+      const double quantum = quantum_dph(s);
+      if (quantum > 0)
+        json["quantization"].push_back({{"log", s.log}, {"axis", s.axis}, {"lsb_dph", quantum}, {"sigma_dph", quantum / std::sqrt(12.0)}});
+      if (quantum > 0 && o.common.talks())
+        std::printf("%s %s: values are multiples of %.4g dph: rounding adds %.3g dph of white noise per sample\n", s.log.c_str(),
+                    s.axis.c_str(), quantum, quantum / std::sqrt(12.0));
       remove_trend(detrend, &s);
       const DpRecord record(s, op);
       const auto components = ci_model ? noise_components(*ci_model, s.dt_s) : std::vector<NoiseComponent>();

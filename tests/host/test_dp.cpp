@@ -279,6 +279,16 @@ void test_detrend_removes_polynomials_of_temperature(void**) {
     if (!std::isnan(x)) assert_true(std::fabs(x) < 1e-7);
 }
 
+void test_quantum_is_found_where_there_is_one(void**) {
+  Series s = random_series(5000, 10);
+  assert_near(quantum_dph(s), 0, 0);
+  for (double& x : s.rate_dph) x = std::round((std::round(x / 21.95) * 21.95 + 3) * 1000) / 1000;
+  drop(&s, 100);
+  assert_near(quantum_dph(s), 21.95, 0.01);
+  for (size_t i = 0; i < s.rate_dph.size(); i += 3) s.rate_dph[i] += 8.1;  // two lattices are none
+  assert_near(quantum_dph(s), 0, 0);
+}
+
 void test_load_series_grid_keeps_gaps_and_flags(void**) {
   const std::string path = std::string(getenv("BUILD") ? getenv("BUILD") : "build") + "/test_dp_series.csv";
   std::ofstream(path) << "# imucal-log = 1\nt_s,temp_degc,gx_dph,gx_flags,gy_dps\n"
@@ -312,6 +322,7 @@ int main() {
       cmocka_unit_test(test_quantiles_known_values),
       cmocka_unit_test(test_bad_input_is_refused_with_its_place),
       cmocka_unit_test(test_detrend_removes_polynomials_of_temperature),
+      cmocka_unit_test(test_quantum_is_found_where_there_is_one),
       cmocka_unit_test(test_load_series_grid_keeps_gaps_and_flags),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);

@@ -151,6 +151,30 @@ std::vector<Series> load_series(const std::string& path, const std::vector<std::
   return out;
 }
 
+double quantum_dph(const Series& s) {
+  std::vector<double> values;
+  for (double x : s.rate_dph)
+    if (!std::isnan(x)) values.push_back(x);
+  const size_t n = values.size();
+  std::sort(values.begin(), values.end());
+  // Written digits: the same value twice differs by less than a millionth of the span.
+  const double same = 1e-6 * (values.back() - values.front());
+  std::vector<double> distinct;
+  for (double x : values)
+    if (distinct.empty() || x - distinct.back() > same) distinct.push_back(x);
+  if (distinct.size() < 3 || distinct.size() * 10 > n) return 0;
+  double step = distinct.back() - distinct.front();
+  for (size_t i = 1; i < distinct.size(); ++i) step = std::min(step, distinct[i] - distinct[i - 1]);
+  // Refined over the whole span, then every value must lie on it.
+  const double span = distinct.back() - distinct.front();
+  step = span / std::round(span / step);
+  for (double x : distinct) {
+    const double place = (x - distinct.front()) / step;
+    if (std::fabs(place - std::round(place)) > 0.05) return 0;
+  }
+  return step;
+}
+
 Detrend Detrend::parse(const std::string& text) {
   if (text == "none") return {Kind::kNone, 0};
   if (text == "mean") return {Kind::kMean, 0};

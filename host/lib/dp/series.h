@@ -39,6 +39,12 @@ SeriesHeader scan_series(const std::string& path, const std::vector<std::string>
                          const std::function<void(const SeriesHeader&)>& begin,
                          const std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>& sample);
 
+// The step of the lattice that the rates lie on, in dph; 0 where there is none to see.  Looked for in raw rates, before any
+// detrending: values that repeat (fewer distinct ones than a tenth of the samples) and differ by multiples of the smallest
+// difference, to the last digit written.  Rounding to a step q adds white noise of variance q^2/12 where the other noise is
+// above half a step.
+double quantum_dph(const Series& series);
+
 // How the slow known part is taken out before anything else.
 struct Detrend {
   enum class Kind { kNone, kMean, kPolyTemperature, kPolyTime } kind = Kind::kMean;
