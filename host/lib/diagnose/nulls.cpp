@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 namespace {
 
 // Changes whenever a score is computed in another way: old calibrations are then not found.
-constexpr int kScoreVersion = 2;
+constexpr int kScoreVersion = 3;
 constexpr double kSmallestThreshold = 0.8;
 
 class Hash {

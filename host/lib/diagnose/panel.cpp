@@ -652,7 +652,7 @@ void Panel::Impl::score_noise(const std::vector<VectorXd>& e, const std::vector<
     const double s = 1.0 / (gains.front().inv_sqrt_s.back() * gains.front().inv_sqrt_s.back());
     CandidateScore& score = out->named[j];
     for (double p : {3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1})
-      for (double a : {1.0, 1.7, 3.0, 5.0, 8.0, 14.0, 30.0, 80.0}) {
+      for (double a : {2.6, 3.6, 5.0, 8.0, 14.0, 30.0, 80.0}) {
         const double variance = 1 + a * a, norm = p / std::sqrt(variance), slope = 0.5 * (1 - 1 / variance);
         double gain = 0;
         for (int c = 0; c < kCells; ++c) {

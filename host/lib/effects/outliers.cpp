@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: MIT
 // Rare wrong samples: each 1-s mean is hit with a probability and then gets an additional N(0, sigma^2)
 // (contaminated normal of Tukey 1960).
+#include <algorithm>
+
 #include "effects/estimation.h"
 #include "effects/library.h"
 
 namespace imucal {
 namespace {
+
+// A hit that is hardly larger than the noise is no outlier but more noise: noise_parameters says that better.
+constexpr double kDistinct = 2.5;
 
 class Outliers : public Effect, public EffectEstimator {
 public:
@@ -37,7 +42,7 @@ public:
   NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
     NoiseModel out = base;
     out.hit_probability = theta[0];
-    out.hit_sigma_dph = theta[1];
+    out.hit_sigma_dph = std::max(theta[1], kDistinct * base.white_sigma_dph);
     return out;
   }
   Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
