@@ -146,7 +146,7 @@ def figure_15(tools, log, axis, nominal, detrend):
     ax.plot(r["tau_s"], r["p95_over_rms"], color="#4c72b0", label="95.4th percentile/2")
     ax.plot(r["tau_s"], r["max_limit"], "k:", label="limit of max/3 for a Gaussian error (1 % false alarms)")
     ax.axhspan(0.9, 1.1, color="0.9", label="0.9 ... 1.1 of the paper (for 5000 s)")
-    ax.legend(title=f"verdict: {r['verdict']}")
+    ax.legend(title=f"verdict: {r['verdict']}", loc=(0.3, 0.5), fontsize=8)
     tools.save(fig, 15, f"Fig. 15: {log.name} {axis}: {r['statement']}")
 
 
