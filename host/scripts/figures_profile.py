@@ -174,7 +174,8 @@ def tell_apart(work, folder):
     for column, (title, r) in enumerate(cases):
         ax = grid[0, column]
         ax.plot(*temperature_curve(r["profile"]), color=BLUE)
-        ax.set(title=f"{title}: worst error {r['worst_dph']:.3f} °/h", xlabel="time [min]", ylabel="temperature [°C]")
+        ax.set_title(f"{title}: worst {r['worst_dph']:.3f} °/h", fontsize=11)
+        ax.set(xlabel="time [min]", ylabel="temperature [°C]")
         ax.grid(alpha=0.3)
         ax.spines[["top", "right"]].set_visible(False)
         ax = grid[1, column]

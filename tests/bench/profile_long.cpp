@@ -31,8 +31,8 @@ static OptimizeRequest request_of(const ErrorModel& model, double duration_s, do
   return r;
 }
 
-// Variance ratios at 13 temperatures; standard error sqrt(2/n).  Returns false beyond 4.5 standard errors (false alarm
-// rate of 13 dependent ratios below 1e-4).
+// Variance ratios at 13 temperatures; standard error sqrt(2/n).  Returns false beyond 4.5 standard errors
+// (false alarm rate of 13 dependent ratios below 1e-4).
 static bool monte_carlo(const ErrorModel& filter, const ErrorModel& truth, int n_runs, uint64_t seed) {
   OptimizeRequest r = request_of(truth, 8400, 0.6, 3);
   r.setup.filter = filter;
@@ -52,7 +52,8 @@ static bool monte_carlo(const ErrorModel& filter, const ErrorModel& truth, int n
   std::vector<double> sums(13, 0.0);
   VectorXd noise(static_cast<Index>(n));
   for (int run = 0; run < n_runs; ++run) {
-    Rng white(seed, static_cast<uint64_t>(run), 0, Stream::kWhite), drive(seed, static_cast<uint64_t>(run), 0, Stream::kMarkov);
+    Rng white(seed, static_cast<uint64_t>(run), 0, Stream::kWhite),
+        drive(seed, static_cast<uint64_t>(run), 0, Stream::kMarkov);
     std::vector<double> state;
     for (const Markov& m : truth.markov) state.push_back(m.sigma_dph * drive.normal());
     for (Index k = 0; k < noise.size(); ++k) {
@@ -75,8 +76,9 @@ static bool monte_carlo(const ErrorModel& filter, const ErrorModel& truth, int n
     if (std::abs(ratio - 1) > std::abs(furthest)) furthest = ratio - 1;
   }
   const double error = std::sqrt(2.0 / n_runs);
-  std::printf("  filter (%g, %g s)%s: furthest variance ratio %.4f = %+.1f standard errors\n", filter.markov[0].sigma_dph,
-              filter.markov[0].tau_s, truth.markov.size() > 1 ? ", truth of two terms" : "", 1 + furthest, furthest / error);
+  std::printf("  filter (%g, %g s)%s: furthest variance ratio %.4f = %+.1f standard errors\n",
+              filter.markov[0].sigma_dph, filter.markov[0].tau_s,
+              truth.markov.size() > 1 ? ", truth of two terms" : "", 1 + furthest, furthest / error);
   std::fflush(stdout);
   return std::abs(furthest) < 4.5 * error;
 }
@@ -85,12 +87,15 @@ int main(int argc, char** argv) {
   const uint64_t seed = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 1;
   bool good = true;
   const ErrorModel nominal = model_of(0.6, {{20, 100}});
-  std::printf("truth covariance of the basic profile against 4000 simulated tests each (seed %llu):\n", (unsigned long long)seed);
-  for (const Markov& m : {Markov{20, 100}, Markov{10, 30}, Markov{10, 250}, Markov{5, 100}, Markov{40, 100}, Markov{40, 250}})
+  std::printf("truth covariance of the basic profile against 4000 simulated tests each (seed %llu):\n",
+              (unsigned long long)seed);
+  for (const Markov& m :
+       {Markov{20, 100}, Markov{10, 30}, Markov{10, 250}, Markov{5, 100}, Markov{40, 100}, Markov{40, 250}})
     good &= monte_carlo(model_of(0.6, {m}), nominal, 4000, seed);
   good &= monte_carlo(nominal, model_of(1.1, {{14, 20}, {14, 70}}), 4000, seed);
 
-  std::printf("best profile found over proven bound (must be above 1):\n  order  rate  duration_s  model  ratio  efficiency (slow-ramp)\n");
+  std::printf("best profile found over proven bound (must be above 1):\n  order  rate  duration_s  model  "
+              "ratio  efficiency (slow-ramp)\n");
   const ErrorModel models[] = {nominal, model_of(1.1, {{14, 20}, {14, 70}}), model_of(0.1, {{10, 600}})};
   for (int order = 1; order <= 5; ++order)
     for (double rate : {0.6, 2.0, 6.0, 20.0})
@@ -99,7 +104,8 @@ int main(int argc, char** argv) {
         OptimizeRequest r = request_of(models[i], duration_s, rate, order);
         r.seed = seed;
         const OptimizeResult best = optimize_profile(r);
-        const double ratio = best.error.worst_dph / calibration_bound({models[i], order, duration_s, 60, rate}).proven_dph;
+        const double ratio =
+            best.error.worst_dph / calibration_bound({models[i], order, duration_s, 60, rate}).proven_dph;
         std::printf("  %5d %5.1f %11.0f %6d  %.3f  %.3f\n", order, rate, duration_s, i, ratio,
                     slow_ramp_bound(models[i], order, duration_s) / best.error.worst_dph);
         std::fflush(stdout);

@@ -9,8 +9,7 @@
 using namespace imucal;
 
 // CPU time of one call, the best of `rounds`.
-template <class F>
-static double cpu_ms(int rounds, F&& call) {
+template <class F> static double cpu_ms(int rounds, F&& call) {
   double best = 1e300;
   for (int i = 0; i < rounds; ++i) {
     const std::clock_t start = std::clock();
@@ -34,7 +33,8 @@ static OptimizeRequest request_of(double duration_s, double rate, int order) {
 }
 
 int main() {
-  std::printf("profile error, CPU ms (matched | truth covariance), ramp and soak:\n  duration_s order terms\n");
+  std::printf(
+      "profile error, CPU ms (matched | truth covariance), ramp and soak:\n  duration_s order terms\n");
   for (double duration_s : {8400.0, 28800.0, 86400.0})
     for (int order : {3, 5})
       for (int terms : {1, 3}) {
@@ -49,14 +49,18 @@ int main() {
       }
   std::printf("profile bound with a rate limit, CPU s:\n");
   for (int order : {1, 3, 5})
-    std::printf("  order %d: %.2f\n", order, 1e-3 * cpu_ms(1, [&] { calibration_bound({request_of(1, 1, 3).setup.truth, order, 8400, 60, 1.0}); }));
+    std::printf("  order %d: %.2f\n", order,
+                1e-3 * cpu_ms(1, [&] {
+                  calibration_bound({request_of(1, 1, 3).setup.truth, order, 8400, 60, 1.0});
+                }));
   std::printf("profile optimize, CPU s (accuracy | telling six effects apart):\n");
   for (double duration_s : {8400.0, 14400.0, 28800.0})
     for (int order : {1, 3, 5}) {
       OptimizeRequest r = request_of(duration_s, 2, order);
       const double plain = 1e-3 * cpu_ms(1, [&] { optimize_profile(r); });
       r.tell_apart = standard_effects(order);
-      const double apart = duration_s < 20000 || order == 3 ? 1e-3 * cpu_ms(1, [&] { optimize_profile(r); }) : 0;
+      const double apart =
+          duration_s < 20000 || order == 3 ? 1e-3 * cpu_ms(1, [&] { optimize_profile(r); }) : 0;
       std::printf("  %6.0f s, order %d: %6.2f | %6.2f\n", duration_s, order, plain, apart);
       std::fflush(stdout);
     }

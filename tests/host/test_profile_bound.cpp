@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Bounds: the figures of design 2.3, and that no profile (designed, random, adverse) beats the proven bound.
 #include <cmath>
+#include <csetjmp>
 #include <cstdarg>
 #include <cstddef>
-#include <csetjmp>
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
@@ -38,10 +38,12 @@ static double worst_of(const std::vector<double>& temp_degc, const ErrorModel& m
 static void test_bound_slow_ramp_figure(void**) {
   // sqrt(4 (2 20^2 100 + 36^2) / 8400), by hand.
   assert_float_equal(slow_ramp_bound(model_of(0.6, {{20, 100}}), 3, 8400), 6.2220, 5e-4);
-  assert_float_equal(slow_ramp_bound(model_of(1, {{3, 50}, {4, 200}}), 1, 3600), std::sqrt(2 * (900 + 6400 + 3600) / 3600.0), 1e-9);
+  assert_float_equal(slow_ramp_bound(model_of(1, {{3, 50}, {4, 200}}), 1, 3600),
+                     std::sqrt(2 * (900 + 6400 + 3600) / 3600.0), 1e-9);
 }
 
-// The best profile for one white noise is known exactly (Kiefer-Wolfowitz): the bound must meet it from below.
+// The best profile for one white noise is known exactly (Kiefer-Wolfowitz): the bound must meet it from
+// below.
 static void test_bound_white_noise_unlimited_rate_is_kiefer_wolfowitz(void**) {
   const ErrorModel white = model_of(0.6, {});
   for (int order = 1; order <= 5; ++order) {
@@ -67,19 +69,24 @@ static std::vector<double> random_path(uint64_t seed, size_t n, double rate_degc
   while (path.size() < n) {
     if (stay == 0 && temp_degc == target_degc) {
       const double u = rng.uniform();
-      if (dither_degc > 0 && u < 0.9) target_degc = std::min(60.0, std::max(0.0, temp_degc + dither_degc * (u < 0.45 ? 1 : -1)));
-      else target_degc = u < 0.3 ? 0 : u < 0.6 ? 60 : 60 * rng.uniform();
+      if (dither_degc > 0 && u < 0.9)
+        target_degc = std::min(60.0, std::max(0.0, temp_degc + dither_degc * (u < 0.45 ? 1 : -1)));
+      else
+        target_degc = u < 0.3 ? 0 : u < 0.6 ? 60 : 60 * rng.uniform();
       stay = dither_degc > 0 && u < 0.9 ? 0 : static_cast<size_t>(1500 * rng.uniform());
     }
-    if (temp_degc != target_degc) temp_degc += std::min(step_degc, std::max(-step_degc, target_degc - temp_degc));
-    else if (stay > 0) --stay;
+    if (temp_degc != target_degc)
+      temp_degc += std::min(step_degc, std::max(-step_degc, target_degc - temp_degc));
+    else if (stay > 0)
+      --stay;
     path.push_back(temp_degc);
   }
   return path;
 }
 
 static void test_bound_no_random_profile_beats_it(void**) {
-  const ErrorModel models[] = {model_of(0.6, {{20, 100}}), model_of(1.1, {{14, 20}, {14, 70}}), model_of(0.2, {{10, 1500}})};
+  const ErrorModel models[] = {model_of(0.6, {{20, 100}}), model_of(1.1, {{14, 20}, {14, 70}}),
+                               model_of(0.2, {{10, 1500}})};
   double closest = 1e9;
   for (const ErrorModel& model : models) {
     for (double rate : {0.6, 3.0}) {
@@ -96,7 +103,8 @@ static void test_bound_no_random_profile_beats_it(void**) {
           const double worst = worst_of(random_path(seed, 8400, rate), model, order);
           closest = std::min(closest, worst / bound.proven_dph);
           if (worst < bound.proven_dph)
-            fail_msg("seed %d, rate %g, order %d: %.4f beats the bound %.4f", (int)seed, rate, order, worst, bound.proven_dph);
+            fail_msg("seed %d, rate %g, order %d: %.4f beats the bound %.4f", (int)seed, rate, order, worst,
+                     bound.proven_dph);
         }
       }
     }
@@ -111,7 +119,11 @@ static void test_bound_below_the_best_profiles_known_and_tight_for_slow_chambers
     double duration_s, rate;
     int passes;
     double tightness;
-  } cases[] = {{6000, 0.6, 1, 0.975}, {8400, 0.6, 1, 0.985}, {8400, 5, 7, 0.84}, {28800, 5, 24, 0.8}, {8400, 2, 3, 0.85}};
+  } cases[] = {{6000, 0.6, 1, 0.975},
+               {8400, 0.6, 1, 0.985},
+               {8400, 5, 7, 0.84},
+               {28800, 5, 24, 0.8},
+               {8400, 2, 3, 0.85}};
   for (const auto& c : cases) {
     const ChamberLimits limits = {0, 60, c.rate, c.rate, 0, 0};
     const double worst = worst_of(paper_profile(limits, c.duration_s, c.passes).temperatures(), model, 3);
@@ -124,13 +136,15 @@ static void test_bound_below_the_best_profiles_known_and_tight_for_slow_chambers
 static void test_bound_grows_with_every_restriction(void**) {
   const ErrorModel model = model_of(0.6, {{20, 100}});
   double last = 1e9;
-  for (double rate : {0.5, 1.0, 3.0, 20.0, 0.0}) {  // 0: unlimited
+  for (double rate : {0.5, 1.0, 3.0, 20.0, 0.0}) { // 0: unlimited
     const double proven = calibration_bound({model, 3, 8400, 60, rate}).proven_dph;
-    assert_true(proven <= last * 1.004);  // the proof's own slack is below 0.4 %
+    assert_true(proven <= last * 1.004); // the proof's own slack is below 0.4 %
     last = proven;
   }
-  assert_true(calibration_bound({model, 4, 8400, 60, 1}).proven_dph > calibration_bound({model, 3, 8400, 60, 1}).proven_dph);
-  assert_true(calibration_bound({model, 3, 8000, 60, 1}).proven_dph > calibration_bound({model, 3, 8400, 60, 1}).proven_dph);
+  assert_true(calibration_bound({model, 4, 8400, 60, 1}).proven_dph >
+              calibration_bound({model, 3, 8400, 60, 1}).proven_dph);
+  assert_true(calibration_bound({model, 3, 8000, 60, 1}).proven_dph >
+              calibration_bound({model, 3, 8400, 60, 1}).proven_dph);
 }
 
 static void test_bound_impossible_requests(void**) {
@@ -148,7 +162,8 @@ static void test_bound_impossible_requests(void**) {
     } catch (const Error& e) {
       message = e.what();
     }
-    if (message.find(c.says) == std::string::npos) fail_msg("'%s' does not say '%s'", message.c_str(), c.says);
+    if (message.find(c.says) == std::string::npos)
+      fail_msg("'%s' does not say '%s'", message.c_str(), c.says);
   }
 }
 

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
 // Calibration error: the paper's figures 7-10 (reference values: design 2.3), dense matrices as a second
 // derivation, Monte Carlo of the very estimator.
+#include <Eigen/Dense>
 #include <cmath>
+#include <csetjmp>
 #include <cstdarg>
 #include <cstddef>
-#include <csetjmp>
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
-#include <Eigen/Dense>
 
 #include "base/error.h"
 #include "base/units.h"
@@ -68,8 +68,8 @@ static void test_error_figure_7_ramp_only(void**) {
 static void test_error_figure_8_soaks(void**) {
   const double soak_s[] = {300, 600, 1200, 1800}, reference[] = {10.18, 8.64, 6.93, 6.28};
   for (int i = 0; i < 4; ++i)
-    assert_within(calibration_error(runs_of_profile(ramp_and_soak(soak_s[i])), paper_setup()).worst_dph, reference[i],
-                  0.0012);
+    assert_within(calibration_error(runs_of_profile(ramp_and_soak(soak_s[i])), paper_setup()).worst_dph,
+                  reference[i], 0.0012);
 }
 
 static void test_error_figure_9_cycles(void**) {
@@ -89,7 +89,8 @@ static void test_error_figure_10_truth_covariance(void**) {
     const CalibrationError e = calibration_error(runs_of_profile(ramp_and_soak(1200)), setup);
     assert_within(e.worst_dph, reference[i], 0.001);
     // A filter that is told less noise than there is believes too much, and the other way round.
-    const bool told_less = 2 * assumed[i].sigma_dph * assumed[i].sigma_dph * assumed[i].tau_s < 2 * 400.0 * 100;
+    const bool told_less =
+        2 * assumed[i].sigma_dph * assumed[i].sigma_dph * assumed[i].tau_s < 2 * 400.0 * 100;
     assert_true(told_less == (e.believed_worst_dph < e.worst_dph));
   }
 }
@@ -145,26 +146,30 @@ static void test_error_equals_dense_matrices_with_gaps_turn_on_and_many_terms(vo
       believed * (2 * u.transpose() * dense_noise(setup.truth, runs[0], 40) * u + prior) * believed;
   const CalibrationError e = calibration_error(runs, setup);
   for (Eigen::Index i = 0; i < p * p; ++i) {
-    assert_float_equal(e.believed_covariance[static_cast<size_t>(i)], believed.data()[i], 1e-8 * believed.norm());
+    assert_float_equal(e.believed_covariance[static_cast<size_t>(i)], believed.data()[i],
+                       1e-8 * believed.norm());
     assert_float_equal(e.covariance[static_cast<size_t>(i)], actual.data()[i], 1e-8 * actual.norm());
   }
   // The matched way (forward pass only) agrees with the way that solves for V^-1 X.
   setup.truth = setup.filter;
   const CalibrationError matched = calibration_error(runs, setup);
   for (Eigen::Index i = 0; i < p * p; ++i)
-    assert_float_equal(matched.covariance[static_cast<size_t>(i)], believed.data()[i], 1e-8 * believed.norm());
+    assert_float_equal(matched.covariance[static_cast<size_t>(i)], believed.data()[i],
+                       1e-8 * believed.norm());
 }
 
 // --- Monte Carlo of the estimator --------------------------------------------------------------------------
 
-// Error of B(T) at both ends and the middle for `n_runs` simulated tests against the truth covariance: the sampled
-// variance over the predicted one is chi-square / n; its interval at 1e-4 (two-sided, normal approximation, 3.9 sigma).
-static void check_against_monte_carlo(const ErrorModel& filter, const ErrorModel& truth, int n_runs, uint64_t seed) {
+// Error of B(T) at both ends and the middle for `n_runs` simulated tests against the truth covariance: the
+// sampled variance over the predicted one is chi-square / n; its interval at 1e-4 (two-sided, normal
+// approximation, 3.9 sigma).
+static void check_against_monte_carlo(const ErrorModel& filter, const ErrorModel& truth, int n_runs,
+                                      uint64_t seed) {
   CalibrationSetup setup = paper_setup();
   setup.filter = filter;
   setup.truth = truth;
   Profile profile = ramp_and_soak(150);
-  profile.segments[1].rate_degc_per_min = 3;  // 1500 s
+  profile.segments[1].rate_degc_per_min = 3; // 1500 s
   const std::vector<CalibrationRun> runs = runs_of_profile(profile);
   const CalibrationError predicted = calibration_error(runs, setup);
   const size_t n = runs[0].temp_degc.size(), p = 4;
@@ -179,7 +184,8 @@ static void check_against_monte_carlo(const ErrorModel& filter, const ErrorModel
   const MatrixXd gain = (ut * x).ldlt().solve(ut);
   double sums[3] = {};
   for (int run = 0; run < n_runs; ++run) {
-    Rng white(seed, static_cast<uint64_t>(run), 0, Stream::kWhite), drive(seed, static_cast<uint64_t>(run), 0, Stream::kMarkov);
+    Rng white(seed, static_cast<uint64_t>(run), 0, Stream::kWhite),
+        drive(seed, static_cast<uint64_t>(run), 0, Stream::kMarkov);
     VectorXd noise(static_cast<Eigen::Index>(n));
     std::vector<double> state;
     for (const Markov& m : truth.markov) state.push_back(m.sigma_dph * drive.normal());
@@ -226,7 +232,8 @@ static void test_turn_on_constants_hide_only_the_constant(void**) {
   const CalibrationError shape_without = calibration_error(runs_of_profile(twice), setup);
   // In one run a constant is all in b0: the shape does not feel it.
   assert_within(shape_with.worst_dph, shape_without.worst_dph, 1e-3);
-  // Mean square over the span = that of the shape + that of the mean value (their cross term integrates to zero).
+  // Mean square over the span = that of the shape + that of the mean value (their cross term integrates to
+  // zero).
   assert_true(shape_without.rms_dph < without.rms_dph);
 }
 
@@ -239,13 +246,14 @@ static void test_restart_each_cycle_continues_the_temperatures(void**) {
   assert_int_equal(three.size(), 3);
   assert_int_equal(one[0].temp_degc.size(), 3 * three[0].temp_degc.size());
   for (size_t k = 0; k < one[0].temp_degc.size(); k += 997)
-    assert_float_equal(one[0].temp_degc[k], three[k / three[0].temp_degc.size()].temp_degc[k % three[0].temp_degc.size()],
-                       1e-9);
+    assert_float_equal(one[0].temp_degc[k],
+                       three[k / three[0].temp_degc.size()].temp_degc[k % three[0].temp_degc.size()], 1e-9);
 }
 
 // --- impossible requests -----------------------------------------------------------------------------------
 
-static void assert_refused(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup, const char* remedy) {
+static void assert_refused(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup,
+                           const char* remedy) {
   try {
     calibration_error(runs, setup);
   } catch (const Error& e) {

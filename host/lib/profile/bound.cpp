@@ -23,7 +23,7 @@ double slow_ramp_bound(const ErrorModel& model, int order, double duration_s) {
 
 namespace {
 
-constexpr int kChebyshev = 400;  // N of step (e)
+constexpr int kChebyshev = 400; // N of step (e)
 constexpr int kDesignPoints = 100;
 constexpr int kSaddleSteps = 400;
 
@@ -46,23 +46,22 @@ void legendre(double tn, VectorXd* value, VectorXd* slope) {
 // One noise term of step (b): coefficients of sum x^2, of the two ends, and of sum (dx)^2, and its share L_m.
 struct Term {
   double level, ends, steps;
-  double density, tau_s;  // for the choice of the split
+  double density, tau_s; // for the choice of the split
   VectorXd share;
 };
 
 // Information per second and matrices of the ends at one temperature, as rows of tables (flattened matrices).
 struct Tables {
-  MatrixXd all;    // G: level and rate parts
-  MatrixXd ends;   // E
-  MatrixXd slope;  // d/dTn of the level part: slack of step (c)
+  MatrixXd all;   // G: level and rate parts
+  MatrixXd ends;  // E
+  MatrixXd slope; // d/dTn of the level part: slack of step (c)
 };
 
 class Prover {
- public:
+public:
   Prover(const BoundRequest& request, double corner_rad_s) : request_(request), p_(request.order + 1) {
-    rho_ = request.max_rate_degc_per_min > 0
-               ? request.max_rate_degc_per_min / 60.0 / (request.span_degc / 2)
-               : std::numeric_limits<double>::infinity();
+    rho_ = request.max_rate_degc_per_min > 0 ? request.max_rate_degc_per_min / 60.0 / (request.span_degc / 2)
+                                             : std::numeric_limits<double>::infinity();
     make_terms(corner_rad_s);
     span_ = MatrixXd(101, p_ * p_);
     VectorXd f(p_), slope(p_);
@@ -73,13 +72,13 @@ class Prover {
   }
 
   struct Box {
-    double u0, u1, v0, v1;  // the profile's extremes are -1 + u and 1 - v
+    double u0, u1, v0, v1; // the profile's extremes are -1 + u and 1 - v
     double lower = 0, upper = 0;
-    bool operator<(const Box& other) const { return lower > other.lower; }  // smallest first in the queue
+    bool operator<(const Box& other) const { return lower > other.lower; } // smallest first in the queue
   };
 
-  // Fills lower and upper [dph^2]; stops where lower has reached `enough` (the box then cannot be the one that
-  // decides); false where no profile of the duration has its extremes in the box.
+  // Fills lower and upper [dph^2]; stops where lower has reached `enough` (the box then cannot be the one
+  // that decides); false where no profile of the duration has its extremes in the box.
   bool bound_box(Box* box, double enough) const {
     const double forced_lo = -1 + box->u1, forced_hi = 1 - box->v1;
     const double free_lo = -1 + box->u0, free_hi = 1 - box->v0;
@@ -88,8 +87,8 @@ class Prover {
     const double left_s = request_.duration_s - forced_s;
     if (left_s < 0) return false;
     MatrixXd fixed = MatrixXd::Zero(p_, p_);
-    // The prior's information in Legendre coefficients: C C' / sigma^2 with C the powers of P_0 … P_5, whose squared
-    // norms sum to 188; more information only lowers the bound.
+    // The prior's information in Legendre coefficients: C C' / sigma^2 with C the powers of P_0 … P_5, whose
+    // squared norms sum to 188; more information only lowers the bound.
     fixed.diagonal().setConstant(200 / (request_.prior_sigma_dph * request_.prior_sigma_dph));
     if (forced > 0) fixed += integral(forced_lo, forced_hi) / rho_;
     const Tables coarse = make_tables(free_lo, free_hi, kDesignPoints);
@@ -97,7 +96,7 @@ class Prover {
     return true;
   }
 
- private:
+private:
   void make_terms(double corner_rad_s) {
     const double dt = request_.dt_s;
     for (const Markov& m : request_.model.markov) {
@@ -177,14 +176,15 @@ class Prover {
     VectorXd design, ends, mu;
   };
   struct Gradient {
-    VectorXd design, ends, mu;  // relative to the value
+    VectorXd design, ends, mu; // relative to the value
     double value = 0, worst = 0;
-    MatrixXd b;  // M^-1 A M^-1
+    MatrixXd b; // M^-1 A M^-1
   };
 
   Gradient gradient(const Tables& tables, const MatrixXd& fixed, double left_s, const Point& at) const {
     Gradient g;
-    const VectorXd flat = left_s * (tables.all.transpose() * at.design) + 2 * (tables.ends.transpose() * at.ends);
+    const VectorXd flat =
+        left_s * (tables.all.transpose() * at.design) + 2 * (tables.ends.transpose() * at.ends);
     const MatrixXd m = fixed + Eigen::Map<const MatrixXd>(flat.data(), p_, p_);
     const MatrixXd inverse = m.ldlt().solve(MatrixXd::Identity(p_, p_));
     const Eigen::Map<const VectorXd> inverse_flat(inverse.data(), p_ * p_);
@@ -210,7 +210,8 @@ class Prover {
                   2 * (tables.ends * b_flat).maxCoeff() / cheb;
     // Step (c).  Without a rate limit the samples themselves are the design: no integral is compared with.
     if (std::isfinite(rho_))
-      most += request_.duration_s * rho_ * request_.dt_s / 4 * (tables.slope * b_flat).cwiseAbs().maxCoeff() / cheb;
+      most += request_.duration_s * rho_ * request_.dt_s / 4 * (tables.slope * b_flat).cwiseAbs().maxCoeff() /
+              cheb;
     return g.value * g.value / most;
   }
 
@@ -226,11 +227,12 @@ class Prover {
     return divergence(a.design, b.design) + divergence(a.ends, b.ends) + divergence(a.mu, b.mu);
   }
   static Point moved(const Point& from, const Gradient& g, double step) {
-    return {stepped(from.design, g.design, step), stepped(from.ends, g.ends, step), stepped(from.mu, g.mu, step)};
+    return {stepped(from.design, g.design, step), stepped(from.ends, g.ends, step),
+            stepped(from.mu, g.mu, step)};
   }
 
-  // Mirror-prox (Nemirovski 2004) with entropy as distance and a step that adapts; averages of its steps approach
-  // the saddle point.  Every 50 steps a certificate is drawn from the averages; the best is kept.
+  // Mirror-prox (Nemirovski 2004) with entropy as distance and a step that adapts; averages of its steps
+  // approach the saddle point.  Every 50 steps a certificate is drawn from the averages; the best is kept.
   void saddle(const Tables& tables, const Tables& fine, const MatrixXd& fixed, double left_s, double enough,
               Box* box) const {
     const auto even = [](Index n) { return VectorXd(VectorXd::Constant(n, 1.0 / static_cast<double>(n))); };
@@ -259,21 +261,21 @@ class Prover {
       step = std::min(20.0, 1.2 * step);
       if (k / 50 == renewed) continue;
       renewed = k / 50;
-      const Gradient g = gradient(tables, fixed, left_s, {mean.design / total, mean.ends / total, mean.mu / total});
+      const Gradient g =
+          gradient(tables, fixed, left_s, {mean.design / total, mean.ends / total, mean.mu / total});
       box->lower = std::max(box->lower, certificate(fine, fixed, left_s, g));
       box->upper = std::min(box->upper, g.worst);
       if (box->upper < 1.004 * box->lower || box->lower > enough) break;
-      if (renewed == 1 || renewed == 3) {  // forget the way from the start
+      if (renewed == 1 || renewed == 3) { // forget the way from the start
         mean = {0 * at.design, 0 * at.ends, 0 * at.mu};
         total = 0;
       }
     }
   }
 
-
   BoundRequest request_;
   Index p_;
-  double rho_;  // normalised temperature per second
+  double rho_; // normalised temperature per second
   std::vector<Term> terms_;
   MatrixXd span_;
 };
@@ -312,7 +314,7 @@ Bound prove(const BoundRequest& request, double corner_rad_s, int max_boxes) {
       }
     }
   }
-  if (queue.empty()) return result;  // cannot be: the whole range left out always fits
+  if (queue.empty()) return result; // cannot be: the whole range left out always fits
   result.proven_dph = std::sqrt(queue.top().lower);
   result.relaxation_dph = std::sqrt(queue.top().upper);
   result.inset_low_frac = queue.top().u0 / 2;
@@ -320,15 +322,16 @@ Bound prove(const BoundRequest& request, double corner_rad_s, int max_boxes) {
   return result;
 }
 
-}  // namespace
+} // namespace
 
 static void check_request(const BoundRequest& request) {
   if (request.order < 0 || request.order > kMaxOrder)
-    throw usage_error("--order " + std::to_string(request.order) + ": must be 0 to " + std::to_string(kMaxOrder));
+    throw usage_error("--order " + std::to_string(request.order) + ": must be 0 to " +
+                      std::to_string(kMaxOrder));
   if (!(request.duration_s >= request.dt_s * (request.order + 1)))
-    throw usage_error("--duration-s: an order-" + std::to_string(request.order) + " polynomial needs at least " +
-                      std::to_string(request.order + 1) + " samples; give --duration-s " +
-                      std::to_string(request.order + 1) + " or more");
+    throw usage_error("--duration-s: an order-" + std::to_string(request.order) +
+                      " polynomial needs at least " + std::to_string(request.order + 1) +
+                      " samples; give --duration-s " + std::to_string(request.order + 1) + " or more");
   check_noise(request.model, "model");
 }
 
@@ -340,7 +343,8 @@ Bound calibration_bound(const BoundRequest& request) {
   Bound best;
   const bool has_white = request.model.arw_deg_rt_h > 0;
   if (limited) {
-    // The split's corner: any is valid, the highest bound counts.  Few boxes for the search, the best one in full.
+    // The split's corner: any is valid, the highest bound counts.  Few boxes for the search, the best one in
+    // full.
     double best_corner = 0, best_value = -1;
     double longest_s = 1;
     for (const Markov& m : request.model.markov)
@@ -354,7 +358,7 @@ Bound calibration_bound(const BoundRequest& request) {
     }
     best = prove(request, best_corner, 100);
   }
-  if (has_white) {  // a limited rate is a special case of an unlimited one
+  if (has_white) { // a limited rate is a special case of an unlimited one
     BoundRequest unlimited = request;
     unlimited.max_rate_degc_per_min = 0;
     const Bound other = prove(unlimited, std::numeric_limits<double>::infinity(), 1);
@@ -370,12 +374,13 @@ Bound calibration_bound(const BoundRequest& request) {
   if (constant_dph > best.proven_dph) best.proven_dph = best.relaxation_dph = constant_dph;
 
   best.slow_ramp_dph = slow_ramp_bound(request.model, request.order, request.duration_s);
-  best.assumptions = {"worst one-sigma error over the calibrated range, no knowledge of the coefficients before the test",
-                      "the filter knows the error model",
-                      "ramps slow against every time constant: noise acts as white noise of density S0 = sum 2 sigma^2 "
-                      "tau + (60 arw)^2",
-                      "any division of the time over the temperatures, no time lost on the way between them",
-                      "end effects neglected: duration long against every time constant"};
+  best.assumptions = {
+      "worst one-sigma error over the calibrated range, no knowledge of the coefficients before the test",
+      "the filter knows the error model",
+      "ramps slow against every time constant: noise acts as white noise of density S0 = sum 2 sigma^2 "
+      "tau + (60 arw)^2",
+      "any division of the time over the temperatures, no time lost on the way between them",
+      "end effects neglected: duration long against every time constant"};
   best.proven_assumptions = {
       "worst one-sigma error over the calibrated range, prior sigma of the coefficients as stated",
       "the filter knows the error model; Gaussian or not, every linear unbiased estimate",
@@ -385,4 +390,4 @@ Bound calibration_bound(const BoundRequest& request) {
   return best;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -62,7 +62,8 @@ CalibrationRun run_of_log(const Log& log) {
     last_s = log.t_s[k];
   }
   if (run.temp_degc.empty())
-    throw data_error(log.path + ": no temperature in column temp_degc; the calibration error needs temperatures");
+    throw data_error(log.path +
+                     ": no temperature in column temp_degc; the calibration error needs temperatures");
   if (even) run.step_s.clear();
   return run;
 }
@@ -71,28 +72,29 @@ void check_noise(const ErrorModel& model, const std::string& whose) {
   if (model.arw_deg_rt_h > 0) return;
   for (const Markov& m : model.markov)
     if (m.sigma_dph > 0) return;
-  throw data_error(whose + ": no noise at all, so that every calibration would be perfect; give arw_deg_rt_h > 0 "
-                           "(1e-6 is enough) or a Markov term with sigma_dph > 0");
+  throw data_error(whose +
+                   ": no noise at all, so that every calibration would be perfect; give arw_deg_rt_h > 0 "
+                   "(1e-6 is enough) or a Markov term with sigma_dph > 0");
 }
 
 void check_setup(const CalibrationSetup& setup) {
   if (setup.order < 0 || setup.order > kMaxOrder)
-    throw usage_error("--order " + std::to_string(setup.order) + ": must be 0 to " + std::to_string(kMaxOrder) +
-                      " (the core's limit)");
+    throw usage_error("--order " + std::to_string(setup.order) + ": must be 0 to " +
+                      std::to_string(kMaxOrder) + " (the core's limit)");
   if (!(setup.hi_degc > setup.lo_degc)) {
     const std::string given = shown(setup.lo_degc) + ":" + shown(setup.hi_degc);
-    throw usage_error("range " + given + (setup.hi_degc < setup.lo_degc
-                                              ? " is reversed; write " + shown(setup.hi_degc) + ":" +
-                                                    shown(setup.lo_degc)
-                                              : " has no width; widen it, for example " + shown(setup.lo_degc) +
-                                                    ":" + shown(setup.hi_degc + 1)));
+    throw usage_error("range " + given +
+                      (setup.hi_degc < setup.lo_degc
+                           ? " is reversed; write " + shown(setup.hi_degc) + ":" + shown(setup.lo_degc)
+                           : " has no width; widen it, for example " + shown(setup.lo_degc) + ":" +
+                                 shown(setup.hi_degc + 1)));
   }
   check_noise(setup.filter, "filter model");
   check_noise(setup.truth, "model");
 }
 
 void check_distinct_temperatures(const std::vector<CalibrationRun>& runs, int order) {
-  std::set<long long> distinct;  // in units of 1e-6 degC
+  std::set<long long> distinct; // in units of 1e-6 degC
   double lo = 1e300, hi = -1e300;
   size_t samples = 0;
   for (const CalibrationRun& run : runs) {
@@ -108,8 +110,9 @@ void check_distinct_temperatures(const std::vector<CalibrationRun>& runs, int or
   if (found > order) return;
   throw data_error("order " + std::to_string(order) + " has " + std::to_string(order + 1) +
                    " coefficients and needs as many distinct temperatures, but there are only " +
-                   std::to_string(found) + (found == 1 ? " (" + shown(lo) + ")" : " between " + shown(lo) + " and " +
-                   shown(hi)) + " degC; add soaks at " + std::to_string(order + 1 - found) +
+                   std::to_string(found) +
+                   (found == 1 ? " (" + shown(lo) + ")" : " between " + shown(lo) + " and " + shown(hi)) +
+                   " degC; add soaks at " + std::to_string(order + 1 - found) +
                    " other temperature(s) or a ramp, or use --order " + std::to_string(found - 1));
 }
 
@@ -137,7 +140,8 @@ static MatrixXd gram(size_t width, const std::vector<double>& columns) {
   return out.selfadjointView<Eigen::Lower>();
 }
 
-// X' Vf^-1 X of one run.  A turn-on constant is the extra column 1 with prior information 1/sigma_on^2, eliminated.
+// X' Vf^-1 X of one run.  A turn-on constant is the extra column 1 with prior information 1/sigma_on^2,
+// eliminated.
 static MatrixXd run_information(const CalibrationRun& run, const CalibrationSetup& setup) {
   const Index p = setup.order + 1;
   std::vector<double> columns;
@@ -145,7 +149,7 @@ static MatrixXd run_information(const CalibrationRun& run, const CalibrationSetu
   Whitener(setup.filter, run.dt_s).whiten(static_cast<size_t>(p), &columns, run.step_s);
   MatrixXd m = gram(static_cast<size_t>(p), columns);
   const double on = setup.turn_on_constants ? setup.filter.turn_on_sigma_dph : 0;
-  if (on > 0) {  // the column 1 is the column of b0
+  if (on > 0) { // the column 1 is the column of b0
     const VectorXd cross = m.col(0);
     m -= cross * cross.transpose() / (m(0, 0) + 1 / (on * on));
   }
@@ -164,7 +168,7 @@ static void run_truth(const CalibrationRun& run, const CalibrationSetup& setup, 
   const Index n = static_cast<Index>(run.temp_degc.size());
   Eigen::Map<RowMajor> x_map(x.data(), n, p), u_map(u.data(), n, p);
   const double on = setup.turn_on_constants ? setup.filter.turn_on_sigma_dph : 0;
-  if (on > 0) {  // (V + s^2 1 1')^-1 X = U - w (w'X) / (1/s^2 + 1'w),  w = V^-1 1 = first column of U
+  if (on > 0) { // (V + s^2 1 1')^-1 X = U - w (w'X) / (1/s^2 + 1'w),  w = V^-1 1 = first column of U
     const VectorXd w = u_map.col(0);
     const Eigen::RowVectorXd cross = w.transpose() * x_map;
     u_map -= w * (cross / (1 / (on * on) + w.sum()));
@@ -182,7 +186,8 @@ static bool same_noise(const ErrorModel& a, const ErrorModel& b) {
       a.markov.size() != b.markov.size())
     return false;
   for (size_t i = 0; i < a.markov.size(); ++i)
-    if (a.markov[i].sigma_dph != b.markov[i].sigma_dph || a.markov[i].tau_s != b.markov[i].tau_s) return false;
+    if (a.markov[i].sigma_dph != b.markov[i].sigma_dph || a.markov[i].tau_s != b.markov[i].tau_s)
+      return false;
   return true;
 }
 
@@ -190,7 +195,8 @@ static bool same_noise(const ErrorModel& a, const ErrorModel& b) {
 static VectorXd judged(double tn, const CalibrationSetup& setup) {
   VectorXd f(setup.order + 1);
   double power = 1;
-  for (int i = 0; i <= setup.order; ++i, power *= tn) f(i) = power - (setup.shape_only && i % 2 == 0 ? 1.0 / (i + 1) : 0);
+  for (int i = 0; i <= setup.order; ++i, power *= tn)
+    f(i) = power - (setup.shape_only && i % 2 == 0 ? 1.0 / (i + 1) : 0);
   return f;
 }
 
@@ -217,7 +223,8 @@ static double rms_sigma(const MatrixXd& cov, const CalibrationSetup& setup) {
   return std::sqrt(mean);
 }
 
-std::vector<double> information_matrix(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup) {
+std::vector<double> information_matrix(const std::vector<CalibrationRun>& runs,
+                                       const CalibrationSetup& setup) {
   const Index p = setup.order + 1;
   MatrixXd information = MatrixXd::Zero(p, p);
   for (const CalibrationRun& run : runs) information += run_information(run, setup);
@@ -232,8 +239,10 @@ CalibrationError calibration_error(const std::vector<CalibrationRun>& runs, cons
   MatrixXd information = MatrixXd::Zero(p, p), spread = MatrixXd::Zero(p, p);
   CalibrationError result;
   for (const CalibrationRun& run : runs) {
-    if (matched) information += run_information(run, setup);
-    else run_truth(run, setup, &information, &spread);
+    if (matched)
+      information += run_information(run, setup);
+    else
+      run_truth(run, setup, &information, &spread);
     result.duration_s += run.duration_s();
   }
   const MatrixXd prior = MatrixXd::Identity(p, p) / (setup.prior_sigma_dph * setup.prior_sigma_dph);
@@ -254,4 +263,4 @@ CalibrationError calibration_error(const std::vector<CalibrationRun>& runs, cons
   return result;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -2,19 +2,19 @@
 // Exact calibration error of a temperature profile, in double, without simulation.
 //
 // Purpose: tells the covariance of the polynomial that the calibration filter (design 2.2: states b0 … bM and
-// the Markov errors) holds after a test, and, where the filter's error model is not the true one, the covariance
-// of the error that it actually makes ("truth covariance", Gelb 1974, ch. 7).
+// the Markov errors) holds after a test, and, where the filter's error model is not the true one, the
+// covariance of the error that it actually makes ("truth covariance", Gelb 1974, ch. 7).
 //
 // Equations.  All samples of one run: y = X b + c 1 + n, row k of X being f(T_k) = [1 Tn … Tn^M],
 // Tn = (T - t0)/range.  The Kalman filter with prior P0 = prior_sigma^2 I is generalised least squares:
 //     M = X' Vf^-1 X + P0^-1,   b^ = M^-1 X' Vf^-1 y,        believed covariance M^-1,
 // Vf: the noise covariance that the filter assumes.  With the true Vt the error of the same estimator has
 //     C = M^-1 (U' Vt U + P0^-1) M^-1,   U = Vf^-1 X.
-// Vf^-1 is never formed: one Kalman filter over the Markov states whitens every column (e'e = X' Vf^-1 X), the
-// backward recursion of the disturbance smoother (de Jong 1988; Durbin & Koopman 2012, 4.5) turns innovations
-// into U, and U' Vt U follows from one recursion a_k = phi a_{k-1} + u_k per true Markov term.  Turn-on constants
-// (one per run, sigma_on) are the term sigma_on^2 1 1' of V, by Sherman-Morrison.  Runs are independent: each has
-// its own start of the Markov processes; information adds up.
+// Vf^-1 is never formed: one Kalman filter over the Markov states whitens every column (e'e = X' Vf^-1 X),
+// the backward recursion of the disturbance smoother (de Jong 1988; Durbin & Koopman 2012, 4.5) turns
+// innovations into U, and U' Vt U follows from one recursion a_k = phi a_{k-1} + u_k per true Markov term.
+// Turn-on constants (one per run, sigma_on) are the term sigma_on^2 1 1' of V, by Sherman-Morrison.  Runs are
+// independent: each has its own start of the Markov processes; information adds up.
 //
 // Memory: n (columns + Markov terms + 2) doubles.  Time: O(n).  8400 s, order 3, one Markov term: below 1 ms.
 // Threads: pure functions.
@@ -33,40 +33,43 @@ constexpr int kMaxOrder = 5;
 // Temperatures of one uninterrupted operation of the device.
 struct CalibrationRun {
   std::string name;
-  std::vector<double> temp_degc;  // one per sample, finite
-  double dt_s = 1.0;              // a sample is the mean over this time
-  std::vector<double> step_s;     // empty: every step is dt_s; else step_s[k] from sample k-1 to k (gaps)
+  std::vector<double> temp_degc; // one per sample, finite
+  double dt_s = 1.0;             // a sample is the mean over this time
+  std::vector<double> step_s;    // empty: every step is dt_s; else step_s[k] from sample k-1 to k (gaps)
   double duration_s() const;
 };
 
 // A profile as one run, or as one run per repeat (device switched off in between).
-std::vector<CalibrationRun> runs_of_profile(const Profile& profile, double dt_s = 1.0, bool restart_each_cycle = false);
+std::vector<CalibrationRun> runs_of_profile(const Profile& profile, double dt_s = 1.0,
+                                            bool restart_each_cycle = false);
 // The rows of a log that have a temperature, with the gaps that there are.  data_error: no temperatures.
 CalibrationRun run_of_log(const Log& log);
 
 struct CalibrationSetup {
-  int order = 3;                 // of the polynomial, 0 … kMaxOrder
-  double lo_degc = 0;            // span of the calibration: Tn = -1 at lo, +1 at hi
+  int order = 3;      // of the polynomial, 0 … kMaxOrder
+  double lo_degc = 0; // span of the calibration: Tn = -1 at lo, +1 at hi
   double hi_degc = 0;
-  double prior_sigma_dph = 1e4;  // of each coefficient
-  ErrorModel truth;              // how the sensor behaves
-  ErrorModel filter;             // what the calibration filter assumes
-  bool turn_on_constants = false;  // one constant per run with the models' turn_on_sigma_dph
+  double prior_sigma_dph = 1e4;   // of each coefficient
+  ErrorModel truth;               // how the sensor behaves
+  ErrorModel filter;              // what the calibration filter assumes
+  bool turn_on_constants = false; // one constant per run with the models' turn_on_sigma_dph
   // Judge B(T) less its mean over the span: the day-to-day constant is removed anyhow (paper, III).
   bool shape_only = false;
-  int points = 61;               // temperatures reported, evenly over the span
+  int points = 61; // temperatures reported, evenly over the span
 
-  double normalised(double temp_degc) const { return (2 * temp_degc - lo_degc - hi_degc) / (hi_degc - lo_degc); }
+  double normalised(double temp_degc) const {
+    return (2 * temp_degc - lo_degc - hi_degc) / (hi_degc - lo_degc);
+  }
 };
 
 struct CalibrationError {
   std::vector<double> temp_degc;
-  std::vector<double> sigma_dph;           // one-sigma error that is made
-  std::vector<double> believed_sigma_dph;  // what the filter says it is
-  double worst_dph = 0, rms_dph = 0;       // over the span: highest of 601 temperatures; mean square, exact
+  std::vector<double> sigma_dph;          // one-sigma error that is made
+  std::vector<double> believed_sigma_dph; // what the filter says it is
+  double worst_dph = 0, rms_dph = 0;      // over the span: highest of 601 temperatures; mean square, exact
   double believed_worst_dph = 0;
   double duration_s = 0;
-  std::vector<double> covariance;          // of b0 … bM, row-major [dph^2], in Tn of the setup
+  std::vector<double> covariance; // of b0 … bM, row-major [dph^2], in Tn of the setup
   std::vector<double> believed_covariance;
 };
 
@@ -75,7 +78,8 @@ struct CalibrationError {
 CalibrationError calibration_error(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup);
 
 // The filter's information matrix alone (believed covariance^-1 without the prior), row-major, (order+1)^2.
-std::vector<double> information_matrix(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup);
+std::vector<double> information_matrix(const std::vector<CalibrationRun>& runs,
+                                       const CalibrationSetup& setup);
 
 // Throw as above.  Separate so that programs can refuse before they compute.
 void check_setup(const CalibrationSetup& setup);
@@ -84,7 +88,7 @@ void check_distinct_temperatures(const std::vector<CalibrationRun>& runs, int or
 
 // Whitens columns by the innovations filter of (Markov terms + white noise).
 class Whitener {
- public:
+public:
   // steps as in CalibrationRun; empty for even steps.
   Whitener(const ErrorModel& model, double dt_s);
 
@@ -94,18 +98,20 @@ class Whitener {
   // columns becomes V^-1 columns.
   void solve(size_t width, std::vector<double>* columns, const std::vector<double>& step_s = {}) const;
 
- private:
+private:
   struct Term {
     double variance_dph2, tau_s;
   };
   struct Pass;
-  void forward(size_t width, std::vector<double>* columns, const std::vector<double>& step_s, Pass* pass) const;
+  void forward(size_t width, std::vector<double>* columns, const std::vector<double>& step_s,
+               Pass* pass) const;
   double dt_s_, white_dph2_;
   std::vector<Term> terms_;
 };
 
 // a' V b for all pairs of columns (width x width, row-major), V of the given model without turn-on constant.
 std::vector<double> noise_quadratic(const ErrorModel& model, double dt_s, size_t width,
-                                    const std::vector<double>& columns, const std::vector<double>& step_s = {});
+                                    const std::vector<double>& columns,
+                                    const std::vector<double>& step_s = {});
 
-}  // namespace imucal
+} // namespace imucal

@@ -42,8 +42,10 @@ ErrorModel coarse_model(const ErrorModel& model, double dt_s) {
   double white = white_sigma_dph(model.arw_deg_rt_h);
   double density = white * white;
   for (const Markov& m : model.markov) {
-    if (m.tau_s < 3 * dt_s) density += 2 * m.sigma_dph * m.sigma_dph * m.tau_s;
-    else out.markov.push_back(m);
+    if (m.tau_s < 3 * dt_s)
+      density += 2 * m.sigma_dph * m.sigma_dph * m.tau_s;
+    else
+      out.markov.push_back(m);
   }
   out.arw_deg_rt_h = arw_from_white_sigma(std::sqrt(density));
   return out;
@@ -51,7 +53,7 @@ ErrorModel coarse_model(const ErrorModel& model, double dt_s) {
 
 // One evaluation: variables -> profile -> error (and worst correlation) on a grid of dt_s.
 class Evaluator {
- public:
+public:
   Evaluator(const OptimizeRequest& request, double duration_s, double dt_s)
       : request_(request), duration_s_(duration_s), dt_s_(dt_s), setup_(request.setup) {
     if (dt_s > 1) setup_.filter = setup_.truth = coarse_model(request.setup.truth, dt_s);
@@ -92,9 +94,9 @@ class Evaluator {
 
   double dt_s() const { return dt_s_; }
 
- private:
-  // As calibration_error with fewer temperatures and, beside the worst value, its smooth stand-in: the norm of the
-  // variances with the exponent `sharpness` (0: none asked for).
+private:
+  // As calibration_error with fewer temperatures and, beside the worst value, its smooth stand-in: the norm
+  // of the variances with the exponent `sharpness` (0: none asked for).
   void fast_error(const std::vector<CalibrationRun>& runs, double sharpness, Value* v) const {
     const Index p = setup_.order + 1;
     const std::vector<double> info = information_matrix(runs, setup_);
@@ -136,18 +138,19 @@ struct Candidate {
   ScheduleShape shape;
   std::vector<double> x;
   double value = 1e300;
-  double exact_dph = 1e300;  // of the rounded profile
+  double exact_dph = 1e300; // of the rounded profile
 };
 
-// One use of NLopt.  The function's value is log(error) + a penalty on the correlation; an impossible schedule costs
-// more than any possible one, the more the further off it is.
+// One use of NLopt.  The function's value is log(error) + a penalty on the correlation; an impossible
+// schedule costs more than any possible one, the more the further off it is.
 class Search {
- public:
-  // limit_dph > 0: the signatures are made strong (geometric mean of what separates them), the error only kept
-  // below the limit.
-  Search(const Evaluator& evaluator, bool tell_apart, double max_correlation, double limit_dph, long* evaluations)
-      : evaluator_(evaluator), tell_apart_(tell_apart), max_correlation_(max_correlation), limit_dph_(limit_dph),
-        count_(evaluations) {}
+public:
+  // limit_dph > 0: the signatures are made strong (geometric mean of what separates them), the error only
+  // kept below the limit.
+  Search(const Evaluator& evaluator, bool tell_apart, double max_correlation, double limit_dph,
+         long* evaluations)
+      : evaluator_(evaluator), tell_apart_(tell_apart), max_correlation_(max_correlation),
+        limit_dph_(limit_dph), count_(evaluations) {}
 
   double value(const ScheduleShape& shape, const std::vector<double>& x, double sharpness) const {
     ++*count_;
@@ -160,7 +163,8 @@ class Search {
     return log_error + (tell_apart_ ? 4 * std::max(0.0, v.correlation - max_correlation_) : 0.0);
   }
 
-  void run(nlopt::algorithm algorithm, double sharpness, double step, int max_evaluations, Candidate* c) const {
+  void run(nlopt::algorithm algorithm, double sharpness, double step, int max_evaluations,
+           Candidate* c) const {
     struct Context {
       const Search* search;
       const ScheduleShape* shape;
@@ -183,9 +187,9 @@ class Search {
     double found = 1e300;
     try {
       opt.optimize(x, found);
-    } catch (const nlopt::roundoff_limited&) {  // x holds the best so far
+    } catch (const nlopt::roundoff_limited&) { // x holds the best so far
     } catch (const std::runtime_error&) {
-      return;  // nothing better than the start
+      return; // nothing better than the start
     }
     const double now = value(c->shape, x, sharpness);
     if (now <= value(c->shape, c->x, sharpness)) {
@@ -194,7 +198,7 @@ class Search {
     }
   }
 
- private:
+private:
   const Evaluator& evaluator_;
   bool tell_apart_;
   double max_correlation_, limit_dph_;
@@ -219,7 +223,7 @@ std::vector<ScheduleShape> accuracy_shapes(const OptimizeRequest& r, double dura
   for (int passes : {1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32}) {
     const bool tied = passes > 3;
     for (const bool hot : {false, true}) {
-      if (hot && alike) continue;  // the mirrored profile has the mirrored error
+      if (hot && alike) continue; // the mirrored profile has the mirrored error
       add(passes_shape(passes, 0, 0, hot, slow_ramps, tied));
       if (interior == 0) continue;
       add(passes_shape(passes, interior, 1, hot, slow_ramps, tied));
@@ -229,7 +233,8 @@ std::vector<ScheduleShape> accuracy_shapes(const OptimizeRequest& r, double dura
   return out;
 }
 
-// Chains with reversals inside the run, which alone separate dT/dt, hysteresis, lag and ageing (diagnosis.md, 6).
+// Chains with reversals inside the run, which alone separate dT/dt, hysteresis, lag and ageing (diagnosis.md,
+// 6).
 std::vector<ScheduleShape> diagnosis_shapes(const OptimizeRequest& r, double duration_s) {
   static const struct {
     const char* name;
@@ -253,7 +258,8 @@ std::vector<ScheduleShape> diagnosis_shapes(const OptimizeRequest& r, double dur
       std::vector<double> levels = chain.levels;
       if (mirrored)
         for (double& level : levels) level = 1 - level;
-      const ScheduleShape shape = chain_shape(chain.name + std::string(mirrored ? ", from hot" : ", from cold"), levels, true);
+      const ScheduleShape shape =
+          chain_shape(chain.name + std::string(mirrored ? ", from hot" : ", from cold"), levels, true);
       if (fits(shape, r, duration_s)) out.push_back(shape);
     }
   }
@@ -273,22 +279,26 @@ Candidate untied(const Candidate& c) {
   }
   Candidate out{chain_shape(c.shape.name + ", freed", levels, true), {}, 1e300, 1e300};
   out.x = out.shape.start();
-  std::copy(weights.begin(), weights.end(), out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels()));
-  std::fill(out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels() + weights.size()), out.x.end(), 1.0);
+  std::copy(weights.begin(), weights.end(),
+            out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels()));
+  std::fill(out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels() + weights.size()), out.x.end(),
+            1.0);
   return out;
 }
 
 class Optimizer {
- public:
+public:
   explicit Optimizer(const OptimizeRequest& request) : request_(request) {}
 
-  // The best candidate for a duration; share scales the number of evaluations.  `also` (may be null) joins the starts.
-  // limit_dph > 0: the strongest signatures within that error.
+  // The best candidate for a duration; share scales the number of evaluations.  `also` (may be null) joins
+  // the starts. limit_dph > 0: the strongest signatures within that error.
   Candidate best_for(double duration_s, bool tell_apart, double share, const Candidate* also = nullptr,
                      double limit_dph = 0) {
     const Evaluator coarse(request_, duration_s, coarse_step(duration_s)), exact(request_, duration_s, 1.0);
-    const Search search(coarse, tell_apart, request_.max_correlation - 0.005, 0.999 * limit_dph, &evaluations_);
-    const Search exact_search(exact, tell_apart, request_.max_correlation - 0.001, 0.9995 * limit_dph, &evaluations_);
+    const Search search(coarse, tell_apart, request_.max_correlation - 0.005, 0.999 * limit_dph,
+                        &evaluations_);
+    const Search exact_search(exact, tell_apart, request_.max_correlation - 0.001, 0.9995 * limit_dph,
+                              &evaluations_);
     const double scale = share * request_.effort;
     const auto budget = [&](int n) { return std::max(20, static_cast<int>(scale * n)); };
     const std::vector<ScheduleShape> shapes =
@@ -330,8 +340,8 @@ class Optimizer {
       c.value = exact_search.value(c.shape, c.x, 0);
       exact_search.run(nlopt::LN_SBPLX, 0, 0.01, budget(tell_apart ? 40 : 60), &c);
     }
-    // The coarse grid and the rounding leave the ranking open within a few 1e-4: the rounded, exact figures decide,
-    // the paper's profile among them.
+    // The coarse grid and the rounding leave the ranking open within a few 1e-4: the rounded, exact figures
+    // decide, the paper's profile among them.
     if (!tell_apart)
       for (int passes = 1; passes <= 40; ++passes) {
         const ScheduleShape paper = passes_shape(passes, 0, 0, false, false, true);
@@ -342,7 +352,8 @@ class Optimizer {
     for (Candidate& c : found) {
       const Evaluator::Value v = exact.of_profile(final_profile(c, duration_s), tell_apart);
       ++evaluations_;
-      c.value = v.objective_dph * (tell_apart && v.correlation > request_.max_correlation ? 10 + v.correlation : 1.0);
+      c.value = v.objective_dph *
+                (tell_apart && v.correlation > request_.max_correlation ? 10 + v.correlation : 1.0);
       c.exact_dph = v.objective_dph;
       if (limit_dph > 0)
         c.value = (v.objective_dph > limit_dph || v.correlation > request_.max_correlation ? 1e3 : 1.0) /
@@ -366,11 +377,12 @@ class Optimizer {
     double step_s = duration_s / 500;
     for (const Markov& m : request_.setup.truth.markov)
       if (m.tau_s > 10 && m.sigma_dph > 0) step_s = std::min(step_s, m.tau_s / 5);
-    step_s = std::min({step_s, request_.limits.traverse_s(true) / 72, request_.limits.traverse_s(false) / 72});
+    step_s =
+        std::min({step_s, request_.limits.traverse_s(true) / 72, request_.limits.traverse_s(false) / 72});
     return std::max(2.0, std::max(step_s, duration_s / 4000));
   }
 
- private:
+private:
   static void keep_best(size_t n, std::vector<Candidate>* found) {
     std::stable_sort(found->begin(), found->end(),
                      [](const Candidate& a, const Candidate& b) { return a.value < b.value; });
@@ -386,12 +398,13 @@ class Optimizer {
   double best_seen_ = 1e300;
 };
 
-}  // namespace
+} // namespace
 
 void check_limits(const ChamberLimits& limits, int order, double duration_s) {
   const std::string range = shown(limits.lo_degc) + ":" + shown(limits.hi_degc);
   if (!(limits.heating_degc_per_min > 0 && limits.cooling_degc_per_min > 0))
-    throw usage_error("--max-rate must be above 0 degC/min; a chamber that cannot move cannot calibrate over " + range);
+    throw usage_error(
+        "--max-rate must be above 0 degC/min; a chamber that cannot move cannot calibrate over " + range);
   if (limits.min_soak_s < 0) throw usage_error("--min-soak-s must not be negative");
   if (limits.max_soak_s > 0 && limits.max_soak_s < limits.min_soak_s)
     throw usage_error("--max-soak-s " + shown(limits.max_soak_s) + " is below --min-soak-s " +
@@ -402,10 +415,13 @@ void check_limits(const ChamberLimits& limits, int order, double duration_s) {
   const double rate = heat ? limits.heating_degc_per_min : limits.cooling_degc_per_min;
   const double soaks_s = 2 * limits.min_soak_s;
   if (duration_s < traverse_s + soaks_s - 1e-6) {
-    std::string text = "the range " + range + " takes " + shown(traverse_s) + " s at " + shown(rate) + " degC/min";
-    if (soaks_s > 0) text += " and two soaks of " + shown(limits.min_soak_s) + " s, " + shown(traverse_s + soaks_s) + " s in all";
-    text += ", longer than --duration-s " + shown(duration_s) + "; any one of these makes it possible: --duration-s " +
-            shown_up(traverse_s + soaks_s);
+    std::string text =
+        "the range " + range + " takes " + shown(traverse_s) + " s at " + shown(rate) + " degC/min";
+    if (soaks_s > 0)
+      text += " and two soaks of " + shown(limits.min_soak_s) + " s, " + shown(traverse_s + soaks_s) +
+              " s in all";
+    text += ", longer than --duration-s " + shown(duration_s) +
+            "; any one of these makes it possible: --duration-s " + shown_up(traverse_s + soaks_s);
     if (duration_s > soaks_s) {
       const double time_s = duration_s - soaks_s;
       text += ", --max-rate " + shown_up(60 * limits.span_degc() / time_s) + ", a range of at most " +
@@ -440,8 +456,8 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
   if (duration_s > 0) {
     best = search(duration_s, 1.0);
   } else {
-    // Error falls about as 1/sqrt(duration): secant in logarithms, kept inside a bracket, shapes found anew each time
-    // by the first search and polished from the last ones afterwards.
+    // Error falls about as 1/sqrt(duration): secant in logarithms, kept inside a bracket, shapes found anew
+    // each time by the first search and polished from the last ones afterwards.
     const double shortest_s = std::min(request.limits.traverse_s(true), request.limits.traverse_s(false)) +
                               2 * request.limits.min_soak_s;
     const double p = request.setup.order + 1;
@@ -450,8 +466,9 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
     if (guess_s > 3e7)
       throw usage_error("--required-error " + shown(request.required_dph) + " dph would take about " +
                         shown(guess_s / 86400) + " days; the smallest error within 30 days is about " +
-                        shown(std::sqrt(1.1 * p * request.setup.truth.slow_density_dph2_s() / 2592000)) + " dph");
-    double lo_s = shortest_s, hi_s = 0;  // too short; long enough
+                        shown(std::sqrt(1.1 * p * request.setup.truth.slow_density_dph2_s() / 2592000)) +
+                        " dph");
+    double lo_s = shortest_s, hi_s = 0; // too short; long enough
     for (int round = 0; round < 10; ++round) {
       guess_s = std::ceil(guess_s);
       const Candidate c = search(guess_s, 0.4);
@@ -463,11 +480,15 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
         lo_s = guess_s;
       }
       if (hi_s > 0 && (hi_s - lo_s < 0.003 * hi_s || hi_s <= shortest_s * 1.0011 + 1)) break;
-      double next_s = guess_s * std::pow(error_dph / request.required_dph * (error_dph > request.required_dph ? 1.0005 : 0.9995), 2);
+      double next_s = guess_s * std::pow(error_dph / request.required_dph *
+                                             (error_dph > request.required_dph ? 1.0005 : 0.9995),
+                                         2);
       if (hi_s > 0) next_s = std::clamp(next_s, lo_s + 0.05 * (hi_s - lo_s), hi_s - 0.05 * (hi_s - lo_s));
       guess_s = std::max(next_s, shortest_s * 1.001 + 1);
     }
-    if (hi_s == 0) throw usage_error("--required-error " + shown(request.required_dph) + " dph was not reached within " + shown(guess_s) + " s");
+    if (hi_s == 0)
+      throw usage_error("--required-error " + shown(request.required_dph) + " dph was not reached within " +
+                        shown(guess_s) + " s");
     duration_s = hi_s;
   }
   result.profile = optimizer.final_profile(best, duration_s);
@@ -475,7 +496,8 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
   const auto runs = runs_of_profile(result.profile);
   result.error = calibration_error(runs, request.setup);
   result.objective_dph = objective_of(result.error, request.objective);
-  result.signatures = signature_table(runs, request.setup, tell_apart ? request.tell_apart : standard_effects(request.setup.order));
+  result.signatures = signature_table(
+      runs, request.setup, tell_apart ? request.tell_apart : standard_effects(request.setup.order));
   if (tell_apart) {
     result.meets_correlation = result.signatures.worst <= request.max_correlation;
     result.accuracy_only_dph = accurate.exact_dph;
@@ -485,7 +507,8 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
     const Profile paper = paper_profile(request.limits, duration_s, passes);
     if (paper.duration_s() > duration_s + 1) break;
     const CalibrationError e = calibration_error(runs_of_profile(paper), request.setup);
-    if (passes > 1 && objective_of(e, request.objective) >= objective_of(result.paper_error, request.objective)) {
+    if (passes > 1 &&
+        objective_of(e, request.objective) >= objective_of(result.paper_error, request.objective)) {
       if (passes > result.paper_passes + 3) break;
       continue;
     }
@@ -497,4 +520,4 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
   return result;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -23,11 +23,11 @@ TemperatureRange parse_range(const std::string& option, const std::string& text)
       !std::isfinite(range.lo_degc) || !std::isfinite(range.hi_degc))
     throw usage_error(option + " " + text + ": write two temperatures in degC as A:B, for example 0:60");
   if (range.lo_degc > range.hi_degc)
-    throw usage_error(option + " " + text + " is reversed: write " + option + " " + shown(range.hi_degc) + ":" +
-                      shown(range.lo_degc));
+    throw usage_error(option + " " + text + " is reversed: write " + option + " " + shown(range.hi_degc) +
+                      ":" + shown(range.lo_degc));
   if (range.lo_degc == range.hi_degc)
-    throw usage_error(option + " " + text + " has no width; widen it, for example " + shown(range.lo_degc) + ":" +
-                      shown(range.hi_degc + 1));
+    throw usage_error(option + " " + text + " has no width; widen it, for example " + shown(range.lo_degc) +
+                      ":" + shown(range.hi_degc + 1));
   if (range.lo_degc < -273.15 || range.hi_degc > 2000)
     throw usage_error(option + " " + text + ": temperatures must lie between -273.15 and 2000 degC");
   return range;
@@ -52,8 +52,9 @@ ProfileInput read_profile_input(const std::string& path, bool restart_each_cycle
     input.lo_degc = profile.min_degc();
     input.hi_degc = profile.max_degc();
     for (const ProfileLeg& leg : legs(profile))
-      input.max_rate_degc_per_min = std::max(
-          input.max_rate_degc_per_min, 60 * std::abs(leg.end_degc - leg.start_degc) / (leg.end_s - leg.start_s));
+      input.max_rate_degc_per_min =
+          std::max(input.max_rate_degc_per_min,
+                   60 * std::abs(leg.end_degc - leg.start_degc) / (leg.end_s - leg.start_s));
   } else {
     input.runs.push_back(run_of_log(read_log(path)));
     const auto [lo, hi] = std::minmax_element(input.runs[0].temp_degc.begin(), input.runs[0].temp_degc.end());
@@ -79,10 +80,11 @@ Json to_json(const Bound& bound) {
           {"assumptions", bound.assumptions},
           {"proven_bound_dph", bound.proven_dph},
           {"proven_assumptions", bound.proven_assumptions},
-          {"proof", {{"relaxed_design_dph", bound.relaxation_dph},
-                     {"inset_low_frac", bound.inset_low_frac},
-                     {"inset_high_frac", bound.inset_high_frac},
-                     {"boxes", bound.boxes}}}};
+          {"proof",
+           {{"relaxed_design_dph", bound.relaxation_dph},
+            {"inset_low_frac", bound.inset_low_frac},
+            {"inset_high_frac", bound.inset_high_frac},
+            {"boxes", bound.boxes}}}};
 }
 
 std::string error_text(const CalibrationError& error, bool with_believed, int lines) {
@@ -91,7 +93,8 @@ std::string error_text(const CalibrationError& error, bool with_believed, int li
   const int shown_lines = std::min(lines, n);
   char line[96];
   for (int i = 0; i < shown_lines; ++i) {
-    const auto k = static_cast<size_t>(shown_lines > 1 ? std::lround(double(i) * (n - 1) / (shown_lines - 1)) : 0);
+    const auto k =
+        static_cast<size_t>(shown_lines > 1 ? std::lround(double(i) * (n - 1) / (shown_lines - 1)) : 0);
     if (with_believed)
       std::snprintf(line, sizeof line, "  %9.2f  %10.3f  %12.3f\n", error.temp_degc[k], error.sigma_dph[k],
                     error.believed_sigma_dph[k]);
@@ -102,4 +105,4 @@ std::string error_text(const CalibrationError& error, bool with_believed, int li
   return text;
 }
 
-}  // namespace imucal
+} // namespace imucal

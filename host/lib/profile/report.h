@@ -20,8 +20,8 @@ TemperatureRange parse_range(const std::string& option, const std::string& text)
 struct ProfileInput {
   std::string path;
   std::vector<CalibrationRun> runs;
-  double lo_degc = 0, hi_degc = 0;      // extremes reached
-  double max_rate_degc_per_min = 0;     // of a profile's ramps; 0 for a log
+  double lo_degc = 0, hi_degc = 0;  // extremes reached
+  double max_rate_degc_per_min = 0; // of a profile's ramps; 0 for a log
 };
 ProfileInput read_profile_input(const std::string& path, bool restart_each_cycle);
 
@@ -31,4 +31,4 @@ Json to_json(const Bound& bound);
 // Table of error over temperature at `points` temperatures.
 std::string error_text(const CalibrationError& error, bool with_believed, int lines = 13);
 
-}  // namespace imucal
+} // namespace imucal

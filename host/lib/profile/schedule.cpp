@@ -47,24 +47,30 @@ ScheduleShape chain_shape(const std::string& name, const std::vector<double>& le
   return shape;
 }
 
-// Interior support of the G-optimal design for orders 2 … 5 (zeros of the Legendre derivative, Guest 1958), evenly
-// spread beyond.
+// Interior support of the G-optimal design for orders 2 … 5 (zeros of the Legendre derivative, Guest 1958),
+// evenly spread beyond.
 static std::vector<double> interior_levels(int count) {
   switch (count) {
-    case 0: return {};
-    case 1: return {0.5};
-    case 2: return {0.2763932, 0.7236068};
-    case 3: return {0.1726732, 0.5, 0.8273268};
-    case 4: return {0.1174723, 0.3573842, 0.6426158, 0.8825277};
-    default: break;
+  case 0:
+    return {};
+  case 1:
+    return {0.5};
+  case 2:
+    return {0.2763932, 0.7236068};
+  case 3:
+    return {0.1726732, 0.5, 0.8273268};
+  case 4:
+    return {0.1174723, 0.3573842, 0.6426158, 0.8825277};
+  default:
+    break;
   }
   std::vector<double> out;
   for (int i = 1; i <= count; ++i) out.push_back(static_cast<double>(i) / (count + 1));
   return out;
 }
 
-ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot, bool free_rates,
-                           bool tied) {
+ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot,
+                           bool free_rates, bool tied) {
   ScheduleShape shape;
   shape.free_rates = free_rates;
   const int soaked = std::min(passes, passes_with_interior);
@@ -80,9 +86,12 @@ ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, b
     const std::vector<double> levels = interior_levels(pass < soaked ? interior : 0);
     for (int i = 0; i < static_cast<int>(levels.size()); ++i) {
       const double level = at_hot ? 1 - levels[static_cast<size_t>(i)] : levels[static_cast<size_t>(i)];
-      const int place = at_hot ? interior - 1 - i : i;  // from the cold end: the same soak on the way up and down
-      if (tied) shape.stops.push_back({level, place, false, 2 + place});
-      else shape.stops.push_back({level, n_levels++, false, n_weights++});
+      const int place =
+          at_hot ? interior - 1 - i : i; // from the cold end: the same soak on the way up and down
+      if (tied)
+        shape.stops.push_back({level, place, false, 2 + place});
+      else
+        shape.stops.push_back({level, n_levels++, false, n_weights++});
     }
     at_hot = !at_hot;
     shape.stops.push_back({at_hot ? 1.0 : 0.0, -1, false, tied ? (pass + 1 == passes ? 0 : 1) : n_weights++});
@@ -91,7 +100,8 @@ ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, b
 }
 
 // Shares `total` in proportion to the weights, none above `cap` (0: no cap); returns what is left over.
-static double share_out(double total, double cap, const std::vector<double>& weights, std::vector<double>* out) {
+static double share_out(double total, double cap, const std::vector<double>& weights,
+                        std::vector<double>* out) {
   const size_t n = weights.size();
   std::vector<bool> full(n, false);
   out->assign(n, 0.0);
@@ -120,12 +130,12 @@ static double share_out(double total, double cap, const std::vector<double>& wei
   return left;
 }
 
-bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables, const ChamberLimits& limits,
-                  double duration_s, Profile* profile, double* excess_s) {
+bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables,
+                  const ChamberLimits& limits, double duration_s, Profile* profile, double* excess_s) {
   const size_t n = shape.stops.size();
   std::vector<double> level(n), weight(n), ramp_s(n, 0.0), soak_s;
   const size_t n_levels = shape.n_levels();
-  size_t next = n_levels + shape.n_weights();  // rate fractions
+  size_t next = n_levels + shape.n_weights(); // rate fractions
   for (size_t i = 0; i < n; ++i) {
     level[i] = shape.level_of(shape.stops[i], variables);
     weight[i] = std::max(0.0, variables[n_levels + static_cast<size_t>(shape.stops[i].weight_var)]);
@@ -143,7 +153,7 @@ bool make_profile(const ScheduleShape& shape, const std::vector<double>& variabl
   *excess_s = fastest_s + soaks_min_s - duration_s;
   if (*excess_s > 1e-6) return false;
   double left_s = duration_s - ramps_s - soaks_min_s;
-  if (left_s < 0) {  // slower ramps than the duration allows: all are quickened towards the limit
+  if (left_s < 0) { // slower ramps than the duration allows: all are quickened towards the limit
     const double slack_s = ramps_s - fastest_s, keep = slack_s > 0 ? std::max(0.0, 1 + left_s / slack_s) : 0;
     for (size_t i = 1; i < n; ++i) {
       const double rise = level[i] - level[i - 1];
@@ -177,8 +187,10 @@ bool make_profile(const ScheduleShape& shape, const std::vector<double>& variabl
   if (limits.max_soak_s > 0) {
     double together_s = 0, at_degc = profile->start_degc;
     for (const ProfileSegment& s : profile->segments) {
-      if (s.rate_degc_per_min == 0) together_s += s.duration_s;
-      else if (std::abs(s.to_degc - at_degc) >= 0.05) together_s = 0;
+      if (s.rate_degc_per_min == 0)
+        together_s += s.duration_s;
+      else if (std::abs(s.to_degc - at_degc) >= 0.05)
+        together_s = 0;
       at_degc = s.to_degc;
       *excess_s = std::max(*excess_s, together_s - limits.max_soak_s);
     }
@@ -245,10 +257,11 @@ Profile paper_profile(const ChamberLimits& limits, double duration_s, int passes
   for (int i = 0; i < passes; ++i) {
     const bool up = i % 2 == 0;
     const double to_degc = up ? limits.hi_degc : limits.lo_degc;
-    p.segments.push_back({up ? limits.heating_degc_per_min : -limits.cooling_degc_per_min, limits.traverse_s(up), to_degc});
+    p.segments.push_back(
+        {up ? limits.heating_degc_per_min : -limits.cooling_degc_per_min, limits.traverse_s(up), to_degc});
     if (soak_s > 0) p.segments.push_back({0, soak_s, to_degc});
   }
   return p;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -68,7 +68,7 @@ std::vector<double> signature_of(const EffectSpec& spec, const CalibrationRun& r
   return sim.rate_dph;
 }
 
-}  // namespace
+} // namespace
 
 std::vector<EffectSpec> standard_effects(int order) {
   std::vector<EffectSpec> out;
@@ -83,8 +83,9 @@ std::vector<EffectSpec> effects_by_name(const std::string& names, int order) {
   std::string name;
   while (std::getline(list, name, ',')) {
     const auto& known = known_effects();
-    const auto found = std::find_if(known.begin(), known.end(),
-                                    [&](const KnownEffect& k) { return name == k.name || name == k.short_name; });
+    const auto found = std::find_if(known.begin(), known.end(), [&](const KnownEffect& k) {
+      return name == k.name || name == k.short_name;
+    });
     if (found == known.end()) {
       std::string all;
       for (const KnownEffect& k : known) all += (all.empty() ? "" : ", ") + std::string(k.name);
@@ -129,7 +130,7 @@ SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const Ca
     Whitener(setup.filter, runs[r].dt_s).whiten(width, &columns, runs[r].step_s);
     const Eigen::Map<const MatrixXd> rows(columns.data(), size, static_cast<Index>(n));
     MatrixXd g = rows * rows.transpose();
-    const Eigen::VectorXd ones = g.col(0);  // this run's turn-on constant takes the place of b0
+    const Eigen::VectorXd ones = g.col(0); // this run's turn-on constant takes the place of b0
     g -= ones * ones.transpose() / ones(0);
     gram += g;
   }
@@ -181,7 +182,8 @@ SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const Ca
 
 Json to_json(const SignatureTable& table) {
   const size_t n = table.effects.size();
-  Json json = {{"effects", Json::array()}, {"correlation", Json::array()}, {"worst_correlation", table.worst}};
+  Json json = {
+      {"effects", Json::array()}, {"correlation", Json::array()}, {"worst_correlation", table.worst}};
   for (size_t i = 0; i < n; ++i) {
     json["effects"].push_back({{"name", table.effects[i].name},
                                {"parameters", table.effects[i].parameters},
@@ -189,8 +191,9 @@ Json to_json(const SignatureTable& table) {
                                {"visible_frac", table.visible_frac[i]},
                                {"separable_strength", table.separable[i]},
                                {"needed_to_name", table.needed[i]}});
-    json["correlation"].push_back(std::vector<double>(table.correlation.begin() + static_cast<std::ptrdiff_t>(i * n),
-                                                      table.correlation.begin() + static_cast<std::ptrdiff_t>((i + 1) * n)));
+    json["correlation"].push_back(
+        std::vector<double>(table.correlation.begin() + static_cast<std::ptrdiff_t>(i * n),
+                            table.correlation.begin() + static_cast<std::ptrdiff_t>((i + 1) * n)));
   }
   if (n > 1) json["worst_pair"] = {table.effects[table.worst_a].name, table.effects[table.worst_b].name};
   json["mean_separable_strength"] = table.mean_separable;
@@ -226,4 +229,4 @@ std::string signature_text(const SignatureTable& table) {
   return text;
 }
 
-}  // namespace imucal
+} // namespace imucal

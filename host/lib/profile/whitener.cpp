@@ -6,8 +6,8 @@
 
 namespace imucal {
 
-// What the backward recursion needs of the forward one: per sample the innovation variance, and per sample and
-// term the gain and the transition to the next sample.
+// What the backward recursion needs of the forward one: per sample the innovation variance, and per sample
+// and term the gain and the transition to the next sample.
 struct Whitener::Pass {
   std::vector<double> variance_dph2, gain, phi_next;
 };
@@ -20,8 +20,8 @@ Whitener::Whitener(const ErrorModel& model, double dt_s) : dt_s_(dt_s) {
 }
 
 // Kalman filter with the Markov terms as states, started in their stationary distribution.  The gains do not
-// depend on the columns, so that all columns share one covariance recursion; once the gain has settled on even
-// steps it is kept (settled: every covariance changed by less than 1e-15 of itself).
+// depend on the columns, so that all columns share one covariance recursion; once the gain has settled on
+// even steps it is kept (settled: every covariance changed by less than 1e-15 of itself).
 void Whitener::forward(size_t width, std::vector<double>* columns, const std::vector<double>& step_s,
                        Pass* pass) const {
   const size_t n_terms = terms_.size(), n = columns->size() / width;
@@ -135,4 +135,4 @@ std::vector<double> noise_quadratic(const ErrorModel& model, double dt_s, size_t
   return out;
 }
 
-}  // namespace imucal
+} // namespace imucal
