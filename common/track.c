@@ -5,11 +5,14 @@
 #define HALF_Q16 32768
 /* A mean this far from a whole count comes from samples on both sides of an edge. */
 #define ON_EDGE_Q16 2048
-/* The reading changes when the mean is a quarter of a count beyond the edge: noise must not send it to and fro. */
+/* The reading changes when the mean is a quarter of a count beyond the edge: noise must not send it to and
+ * fro. */
 #define HYSTERESIS_Q16 16384
 #define LARGEST_Q16 ((int64_t)1 << 46)
 
-void imucal_track_init(imucal_track_t* track) { *track = (imucal_track_t){0}; }
+void imucal_track_init(imucal_track_t* track) {
+  *track = (imucal_track_t){0};
+}
 
 void imucal_track_skip(imucal_track_t* track, uint32_t n_s) {
   track->since_s = n_s > UINT32_MAX - track->since_s ? UINT32_MAX : track->since_s + n_s;
@@ -83,11 +86,14 @@ int64_t imucal_track_update(imucal_track_t* track, int64_t mean_q16) {
   bool is_clear = off > HALF_Q16 + HYSTERESIS_Q16 || off < -(HALF_Q16 + HYSTERESIS_Q16);
   if (track->has_level && !is_clear) level = track->level;
   int64_t step = (int64_t)level - track->level;
-  if (!track->has_level || step > 1 || step < -1) { /* first reading, or too fast for steps to tell anything */
+  if (!track->has_level || step > 1 ||
+      step < -1) { /* first reading, or too fast for steps to tell anything */
     *track = (imucal_track_t){.level = level, .has_level = true, .is_sure = true};
     return mean_q16;
   }
-  if (step != 0) pass_edge(track, level);
-  else track->beyond_s = is_beyond ? track->beyond_s + 1 : 0;
+  if (step != 0)
+    pass_edge(track, level);
+  else
+    track->beyond_s = is_beyond ? track->beyond_s + 1 : 0;
   return estimate(track, mean_q16);
 }

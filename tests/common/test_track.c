@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/* The temperature between the steps of a coarse thermometer: ramps followed, soaks in the middle, nothing lost. */
+/* The temperature between the steps of a coarse thermometer: ramps followed, soaks in the middle, nothing
+ * lost. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -13,7 +14,8 @@
 
 #define COUNT 65536
 
-/* A second's mean of 100 readings of a thermometer in whole counts, with noise of 0.02 counts (a fixed pattern). */
+/* A second's mean of 100 readings of a thermometer in whole counts, with noise of 0.02 counts (a fixed
+ * pattern). */
 static int64_t reading(double temp) {
   int64_t sum = 0;
   for (int i = 0; i < 100; i++) {
@@ -27,8 +29,8 @@ static double track_to(imucal_track_t* track, double temp) {
   return (double)imucal_track_update(track, reading(temp)) / COUNT;
 }
 
-/* GIVEN a ramp of 0.01 counts per second, up or down; WHEN two steps were seen; THEN the error is that of the timing:
- * a second of 100, twice, over one step. */
+/* GIVEN a ramp of 0.01 counts per second, up or down; WHEN two steps were seen; THEN the error is that of the
+ * timing: a second of 100, twice, over one step. */
 static void test_track_ramp_is_followed(void** state) {
   (void)state;
   for (int way = -1; way <= 1; way += 2) {
@@ -74,8 +76,8 @@ static void test_track_reversal_forgets_the_rate(void** state) {
   }
 }
 
-/* GIVEN a soak and a ramp; THEN the soak is sure, the bin after the first step is not, the next ones are; a step
- * that stays alone is a soak after a while. */
+/* GIVEN a soak and a ramp; THEN the soak is sure, the bin after the first step is not, the next ones are; a
+ * step that stays alone is a soak after a while. */
 static void test_track_says_when_it_is_sure(void** state) {
   (void)state;
   imucal_track_t track;
@@ -87,8 +89,10 @@ static void test_track_says_when_it_is_sure(void** state) {
   int n_unsure = 0;
   for (int k = 0; k < 550; k++) {
     double temp = 10.0 + 0.01 * k, found = track_to(&track, temp);
-    if (!track.is_sure) n_unsure++;
-    else if (k > 60) assert_true(fabs(found - temp) < 0.06);
+    if (!track.is_sure)
+      n_unsure++;
+    else if (k > 60)
+      assert_true(fabs(found - temp) < 0.06);
   }
   assert_in_range(n_unsure, 80, 102);
   for (int k = 0; k < 400; k++) track_to(&track, 15.49);
@@ -124,10 +128,13 @@ static void test_track_never_leaves_the_reading(void** state) {
   int64_t mean = 0;
   for (int k = 0; k < 1000000; k++) {
     random = random * 6364136223846793005u + 1442695040888963407u;
-    if ((random >> 60) == 0) mean += (int64_t)(random >> 20) % 1000000 - 500000;
-    else mean += (int64_t)(random >> 40) % 4001 - 2000;
+    if ((random >> 60) == 0)
+      mean += (int64_t)(random >> 20) % 1000000 - 500000;
+    else
+      mean += (int64_t)(random >> 40) % 4001 - 2000;
     int64_t found = imucal_track_update(&track, mean);
-    if (found - mean > COUNT * 5 / 4 || mean - found > COUNT * 5 / 4) fail_msg("step %d: %lld for %lld", k, (long long)found, (long long)mean);
+    if (found - mean > COUNT * 5 / 4 || mean - found > COUNT * 5 / 4)
+      fail_msg("step %d: %lld for %lld", k, (long long)found, (long long)mean);
     if ((random >> 50) % 1000 == 0) imucal_track_skip(&track, (uint32_t)random);
   }
 }

@@ -36,12 +36,14 @@ static double learn(float degc_per_count) {
   return (double)imucal_kf_mean_nis(&bench.app.channel[0].kf);
 }
 
-/* As read, the sawtooth of +-50 dph would be most of the innovations: 0.2 and more instead of less than 0.02. */
+/* As read, the sawtooth of +-50 dph would be most of the innovations: 0.2 and more instead of less than 0.02.
+ */
 static void test_coarse_thermometer_steps_are_followed(void** state) {
   (void)state;
   const double fine = learn(0.01f), coarse = learn(1.0f);
   assert_true(fine < 0.02);
-  if (coarse > fine + 0.02) fail_msg("mean NIS %.3f with a coarse thermometer, %.3f with a fine one", coarse, fine);
+  if (coarse > fine + 0.02)
+    fail_msg("mean NIS %.3f with a coarse thermometer, %.3f with a fine one", coarse, fine);
   assert_true(fabs((double)imucal_kf_bias(&bench.app.channel[0].kf, 20.0f) + 1000.0) < 10.0);
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Monte Carlo campaigns: exact sums, the same bits for any threads and shards, statistics that see a wrong filter.
+// Monte Carlo campaigns: exact sums, the same bits for any threads and shards, statistics that see a wrong
+// filter.
 #include <unistd.h>
 
 #include <cmath>
@@ -77,7 +78,8 @@ static void test_exact_sum_does_not_depend_on_order(void**) {
   halves.add(other);
   assert_string_equal(forward.text().c_str(), backward.text().c_str());
   assert_string_equal(forward.text().c_str(), halves.text().c_str());
-  assert_true(std::abs(forward.value() - (3.25 + 1.0 / 3 - 7e7 + 1.001e-9)) < 3e-8);  // double holds 7e7 to 1.5e-8
+  assert_true(std::abs(forward.value() - (3.25 + 1.0 / 3 - 7e7 + 1.001e-9)) <
+              3e-8); // double holds 7e7 to 1.5e-8
   assert_string_equal(ExactSum::from_text(forward.text()).text().c_str(), forward.text().c_str());
 }
 
@@ -145,8 +147,9 @@ static void test_campaign_stops_and_keeps_what_is_done(void**) {
   assert_true(result.is_interrupted);
   assert_int_equal(result.runs_done, 10);
   assert_int_equal(result.tally.counted("runs"), 10);
-  options.runs = 10;  // what is done are the first runs
-  assert_string_equal(result.tally.to_json().dump().c_str(), campaign(options).tally.to_json().dump().c_str());
+  options.runs = 10; // what is done are the first runs
+  assert_string_equal(result.tally.to_json().dump().c_str(),
+                      campaign(options).tally.to_json().dump().c_str());
 }
 
 // 99.99 % intervals of means of chi-square variables: 3.9 standard deviations.
@@ -167,7 +170,8 @@ static void test_campaign_right_filter_is_consistent(void**) {
   assert_chi2_mean(json["nees"]["mean"], 4, 400, "NEES");
   for (size_t i = 0; i < json["ratio"].size(); ++i)
     assert_chi2_mean(std::pow(double(json["ratio"][i]), 2), 1, 400, "ratio squared");
-  for (const auto& [band, expected] : {std::pair<const char*, double>{"one_sigma", 0.6827}, {"two_sigma", 0.9545}})
+  for (const auto& [band, expected] :
+       {std::pair<const char*, double>{"one_sigma", 0.6827}, {"two_sigma", 0.9545}})
     for (const Json& part : json["coverage"][band]["part"])
       assert_true(std::abs(double(part) - expected) < 3.9 * std::sqrt(expected * (1 - expected) / 400));
   assert_true(std::abs(double(json["seconds_missed_per_run"]) - 0.02 * 1600) < 3);
@@ -184,8 +188,11 @@ static void test_campaign_innovations_are_white(void**) {
   assert_chi2_mean(json["nis"]["mean"], 1, json["nis"]["n"], "NIS");
   assert_chi2_mean(json["whiteness"]["mean2"]["mean"], 1, 300, "mean innovation");
   for (size_t i = 0; i < json["whiteness"]["lag_s"].size(); ++i) {
-    const double z = double(json["whiteness"]["correlation"][i]) / double(json["whiteness"]["ci95_half_width"][i]) * 1.96;
-    if (std::abs(z) > 4.2) fail_msg("innovations %d s apart are correlated: %.1f standard errors", int(json["whiteness"]["lag_s"][i]), z);
+    const double z =
+        double(json["whiteness"]["correlation"][i]) / double(json["whiteness"]["ci95_half_width"][i]) * 1.96;
+    if (std::abs(z) > 4.2)
+      fail_msg("innovations %d s apart are correlated: %.1f standard errors",
+               int(json["whiteness"]["lag_s"][i]), z);
   }
 }
 
@@ -198,7 +205,8 @@ static void test_campaign_sees_a_wrong_filter_and_the_truth_covariance_explains_
   assert_true(double(json["nees"]["mean"]) > 2 * double(json["nees"]["ci95"][1]));
   assert_true(double(json["nis"]["mean"]) > double(json["nis"]["ci95"][1]));
   assert_true(double(json["ratio"][6]) > 1.5);
-  for (const Json& ratio : json["ratio_to_truth"]) assert_chi2_mean(std::pow(double(ratio), 2), 1, 400, "ratio to truth");
+  for (const Json& ratio : json["ratio_to_truth"])
+    assert_chi2_mean(std::pow(double(ratio), 2), 1, 400, "ratio to truth");
 }
 
 static void test_residual_curve_is_model_plus_calibration_error(void**) {
@@ -210,8 +218,8 @@ static void test_residual_curve_is_model_plus_calibration_error(void**) {
   assert_int_equal(json["tau_s"].size(), 8);
   for (size_t i = 0; i < json["tau_s"].size(); ++i)
     if (std::abs(double(json["z"][i])) > 3.9)
-      fail_msg("DP2 at %d s: %.3f, expected %.3f (%.1f standard errors)", int(json["tau_s"][i]), double(json["dp_dph"][i]),
-               double(json["expected_dph"][i]), double(json["z"][i]));
+      fail_msg("DP2 at %d s: %.3f, expected %.3f (%.1f standard errors)", int(json["tau_s"][i]),
+               double(json["dp_dph"][i]), double(json["expected_dph"][i]), double(json["z"][i]));
   // The calibration error must matter for the test to mean anything.
   assert_true(double(json["expected_dph"][7]) > 1.02 * double(json["model_dph"][7]));
 }
@@ -260,9 +268,10 @@ static void test_fit_polynomial_is_the_qr_solution(void**) {
 }
 
 static void test_rising_methods_take_what_they_say(void**) {
-  const std::vector<FitPoint> seconds = {{10.0, 1}, {10.3, 2}, {10.5, 3}, {10.4, 9}, {10.6, 4}, {11.1, 5}, {9.0, 7}, {11.2, 6}};
+  const std::vector<FitPoint> seconds = {{10.0, 1}, {10.3, 2}, {10.5, 3}, {10.4, 9},
+                                         {10.6, 4}, {11.1, 5}, {9.0, 7},  {11.2, 6}};
   const auto bins = points_of(Method::kRisingBins, seconds, 0.5);
-  assert_int_equal(bins.size(), 2);  // 10.0 … 10.5 and 10.4 … 11.1; the fall to 9 empties the next
+  assert_int_equal(bins.size(), 2); // 10.0 … 10.5 and 10.4 … 11.1; the fall to 9 empties the next
   assert_true(std::abs(bins[0].rate_dph - 2) < 1e-12 && std::abs(bins[1].rate_dph - 6) < 1e-12);
   const auto rising = points_of(Method::kRisingMaximum, seconds);
   assert_int_equal(rising.size(), 6);

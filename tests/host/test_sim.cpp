@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The simulator itself: noise against closed forms within sampling error, streams independent, flaws as asked for.
-// Thresholds are stated in standard errors; seeds are fixed, so a failure is a change of the product.
+// The simulator itself: noise against closed forms within sampling error, streams independent, flaws as asked
+// for. Thresholds are stated in standard errors; seeds are fixed, so a failure is a change of the product.
 #include <cmath>
 #include <csetjmp>
 #include <cstdarg>
@@ -36,7 +36,8 @@ static Profile soak(double duration_s, double at_degc = 25) {
   return profile;
 }
 
-static std::vector<double> noise(const ErrorModel& model, size_t n, const SimOptions& options, size_t axis = 0) {
+static std::vector<double> noise(const ErrorModel& model, size_t n, const SimOptions& options,
+                                 size_t axis = 0) {
   return simulate({model}, axis + 1, soak(static_cast<double>(n)), {}, options).axes[axis].run.rate_dph;
 }
 
@@ -54,7 +55,8 @@ struct Mean {
 static void assert_within(const Mean& found, double expected, double n_errors, const char* what) {
   const double z = (found.mean() - expected) / found.error();
   if (std::abs(z) > n_errors)
-    fail_msg("%s: %.6g +- %.2g, expected %.6g (%.1f standard errors)", what, found.mean(), found.error(), expected, z);
+    fail_msg("%s: %.6g +- %.2g, expected %.6g (%.1f standard errors)", what, found.mean(), found.error(),
+             expected, z);
 }
 
 static void test_simulate_autocovariance_is_the_closed_form(void**) {
@@ -69,7 +71,7 @@ static void test_simulate_autocovariance_is_the_closed_form(void**) {
     for (size_t i = 0; i < lags.size(); ++i) {
       double sum = 0;
       for (size_t k = 0; k + lags[i] < x.size(); ++k) sum += x[k] * x[k + lags[i]];
-      found[i].add(sum / static_cast<double>(x.size() - lags[i]));  // the mean is known: zero
+      found[i].add(sum / static_cast<double>(x.size() - lags[i])); // the mean is known: zero
     }
   }
   for (size_t i = 0; i < lags.size(); ++i) {
@@ -85,8 +87,10 @@ static void test_simulate_dp2_is_the_closed_form(void**) {
   const ErrorModel model = model_of(1.1, {{14, 20}, {14, 70}});
   const double phi_nominal = std::exp(-1 / 100.0), q = 400 * (1 - phi_nominal * phi_nominal), r = 36.0 * 36.0;
   double p = 400;
-  for (int i = 0; i < 10000; ++i) p = (p * phi_nominal * phi_nominal + q) * r / (p * phi_nominal * phi_nominal + q + r);
-  const double prior = p * phi_nominal * phi_nominal + q, gain = prior / (prior + r), a = phi_nominal * (1 - gain);
+  for (int i = 0; i < 10000; ++i)
+    p = (p * phi_nominal * phi_nominal + q) * r / (p * phi_nominal * phi_nominal + q + r);
+  const double prior = p * phi_nominal * phi_nominal + q, gain = prior / (prior + r),
+               a = phi_nominal * (1 - gain);
   const std::vector<size_t> spans = {2, 10, 50, 100, 200};
   const std::vector<double> design_dph = {34.85, 18.79, 14.33, 13.99, 13.88};
   std::vector<Mean> found(spans.size());
@@ -116,7 +120,8 @@ static void test_simulate_dp2_is_the_closed_form(void**) {
     for (const Markov& m : model.markov) {
       const double phi = m.phi(), s2 = m.sigma_dph * m.sigma_dph;
       double series = n;
-      for (size_t k = 1; k < spans[i]; ++k) series += 2 * (n - static_cast<double>(k)) * std::pow(phi, static_cast<double>(k));
+      for (size_t k = 1; k < spans[i]; ++k)
+        series += 2 * (n - static_cast<double>(k)) * std::pow(phi, static_cast<double>(k));
       closed += s2 / n / n * series + s2 * gain * gain / (1 - a * a) * (1 + a * phi) / (1 - a * phi) -
                 2 * s2 / n * (1 - std::pow(phi, n)) / (1 - phi) * gain * phi / (1 - a * phi);
     }
@@ -136,8 +141,9 @@ static void test_simulate_markov_starts_stationary(void**) {
   assert_within(square, 400, 3.5, "variance of the first second");
 }
 
-// White noise and Markov noise of a time constant so short that it is white: every pair of logs, axes, devices,
-// seeds and both streams must be uncorrelated.  820 pairs; the largest of 820 normal |z| exceeds 4.9 once in 1000.
+// White noise and Markov noise of a time constant so short that it is white: every pair of logs, axes,
+// devices, seeds and both streams must be uncorrelated.  820 pairs; the largest of 820 normal |z| exceeds 4.9
+// once in 1000.
 static void test_simulate_runs_axes_devices_and_seeds_are_uncorrelated(void**) {
   const size_t n = 3000;
   std::vector<std::vector<double>> series;
@@ -207,7 +213,8 @@ static void test_simulate_gap_decorrelates_by_its_length(void**) {
   for (size_t r = 0; r < 6000; ++r) {
     SimOptions options;
     options.log_index = r;
-    const auto x = simulate({model_of(0, {{20, 100}})}, 1, {1, 2, 72}, {25, 25, 25}, {}, options).axes[0].run.rate_dph;
+    const auto x =
+        simulate({model_of(0, {{20, 100}})}, 1, {1, 2, 72}, {25, 25, 25}, {}, options).axes[0].run.rate_dph;
     product.add(x[1] * x[2]);
   }
   assert_within(product, 400 * std::exp(-0.7), 3.5, "covariance over a gap of 70 s");
@@ -237,7 +244,8 @@ static void test_simulate_unknown_effect_or_axis_is_refused(void**) {
     try {
       simulate({model_of(0.6, {})}, 2, soak(10), {effect}, SimOptions{});
     } catch (const Error& error) {
-      if (std::string(error.what()).find(expected) == std::string::npos) fail_msg("message: %s", error.what());
+      if (std::string(error.what()).find(expected) == std::string::npos)
+        fail_msg("message: %s", error.what());
       return;
     }
     fail_msg("%s was taken", effect.name.c_str());
@@ -252,7 +260,8 @@ static void test_simulate_effect_acts_on_its_axis_and_log_alone(void**) {
   SimOptions options;
   for (size_t log = 0; log < 2; ++log) {
     options.log_index = log;
-    const auto without = simulate({model}, 3, soak(100), {}, options), with = simulate({model}, 3, soak(100), {ramp}, options);
+    const auto without = simulate({model}, 3, soak(100), {}, options),
+               with = simulate({model}, 3, soak(100), {ramp}, options);
     assert_true(without.axes[0].run.rate_dph == with.axes[0].run.rate_dph);
     assert_true(without.axes[2].run.rate_dph == with.axes[2].run.rate_dph);
     const auto &a = without.axes[1].run.rate_dph, &b = with.axes[1].run.rate_dph;
@@ -271,7 +280,8 @@ static void test_fast_normal_has_the_normal_distribution(void**) {
   }
   double chi2 = 0;
   for (size_t bin = 0; bin < counts.size(); ++bin) {
-    const double lo = bin == 0 ? -40 : (static_cast<double>(bin) - 41) / 10, hi = bin == 81 ? 40 : (static_cast<double>(bin) - 40) / 10;
+    const double lo = bin == 0 ? -40 : (static_cast<double>(bin) - 41) / 10,
+                 hi = bin == 81 ? 40 : (static_cast<double>(bin) - 40) / 10;
     const double expected = n * 0.5 * (std::erfc(lo / std::sqrt(2.0)) - std::erfc(hi / std::sqrt(2.0)));
     chi2 += (counts[bin] - expected) * (counts[bin] - expected) / expected;
   }

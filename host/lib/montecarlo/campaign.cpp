@@ -19,7 +19,7 @@ namespace imucal {
 static ThermalPolynomial renormalised(const ThermalPolynomial& poly, double t0_degc, double range_degc) {
   const double a = (t0_degc - poly.t0_degc) / poly.range_degc, b = range_degc / poly.range_degc;
   ThermalPolynomial out{t0_degc, range_degc, {0.0}};
-  for (size_t i = poly.coeff_dph.size(); i-- > 0;) {  // Horner on polynomials: out = out (a + b x) + c_i
+  for (size_t i = poly.coeff_dph.size(); i-- > 0;) { // Horner on polynomials: out = out (a + b x) + c_i
     std::vector<double> next(out.coeff_dph.size() + 1, 0.0);
     for (size_t j = 0; j < out.coeff_dph.size(); ++j) {
       next[j] += a * out.coeff_dph[j];
@@ -57,7 +57,8 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   plan.chain.filter = options.filter;
   plan.chain.order = options.order;
   plan.chain.raw = options.raw;
-  plan.chain.is_tracked = !options.no_track && options.raw.temp_lsb_degc > static_cast<double>(IMUCAL_TRACK_COARSE_DEGC);
+  plan.chain.is_tracked =
+      !options.no_track && options.raw.temp_lsb_degc > static_cast<double>(IMUCAL_TRACK_COARSE_DEGC);
   plan.chain.prior_sigma_dph = options.prior_sigma_dph;
   plan.chain.t0_degc = 0.5 * (lo + hi);
   plan.chain.range_degc = 0.5 * (hi - lo);
@@ -68,15 +69,17 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   }
   plan.chain.span_lo_degc = lo;
   plan.chain.span_hi_degc = hi;
-  plan.truth = renormalised(bias ? *bias : ThermalPolynomial{0, 1, {0.0}}, plan.chain.t0_degc, plan.chain.range_degc);
+  plan.truth =
+      renormalised(bias ? *bias : ThermalPolynomial{0, 1, {0.0}}, plan.chain.t0_degc, plan.chain.range_degc);
   plan.chamber_degc = options.profile.temperatures(1.0);
   for (size_t k = 0; k < plan.chamber_degc.size(); ++k) plan.t_s.push_back(static_cast<double>(k + 1));
   plan.chain.white_from_s = plan.t_s.size() / 2;
   for (size_t i = 0; i < options.points; ++i)
-    plan.temp_degc.push_back(lo + (hi - lo) * static_cast<double>(i) / static_cast<double>(options.points - 1));
+    plan.temp_degc.push_back(lo +
+                             (hi - lo) * static_cast<double>(i) / static_cast<double>(options.points - 1));
   for (const long n : {1L, 2L, 5L, 10L, 20L, 50L, 100L, 200L, 400L, 600L})
     if (static_cast<size_t>(n) < plan.t_s.size() / 4) plan.dp_n.push_back(n);
-  filter_config(plan.chain);  // refuses what the filter cannot take, before the first run
+  filter_config(plan.chain); // refuses what the filter cannot take, before the first run
   plan_residual(&plan);
   return plan;
 }
@@ -96,7 +99,7 @@ double wall_seconds() {
 
 // Shared by the threads of a campaign.
 class Workers {
- public:
+public:
   Workers(const CampaignPlan& plan, const RunScore& score, const std::function<bool()>& stop)
       : plan_(plan), score_(score), stop_(stop) {}
 
@@ -130,7 +133,7 @@ class Workers {
     if (failure_) std::rethrow_exception(failure_);
   }
 
- private:
+private:
   void hand_over(Tally* mine) {
     const std::lock_guard<std::mutex> lock(mutex_);
     tally_.merge(*mine);
@@ -148,9 +151,10 @@ class Workers {
   Tally tally_;
 };
 
-}  // namespace
+} // namespace
 
-CampaignResult run_campaign(const CampaignPlan& plan, const std::function<void(const CampaignResult&)>& progress,
+CampaignResult run_campaign(const CampaignPlan& plan,
+                            const std::function<void(const CampaignResult&)>& progress,
                             const std::function<bool()>& stop) {
   return run_campaign(plan, score_run, progress, stop);
 }
@@ -186,4 +190,4 @@ CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
   return result;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -24,7 +24,8 @@ imucal_kf_config_t filter_config(const ChainSetup& setup) {
   const double white = white_sigma_dph(setup.filter.arw_deg_rt_h);
   const double lsb = setup.raw.counts_scale_dph;
   const double r = white * white + lsb * lsb / 12 / setup.raw.rate_hz;
-  if (!(white > 0)) throw data_error("the filter's error model has no white noise: set arw_deg_rt_h above zero");
+  if (!(white > 0))
+    throw data_error("the filter's error model has no white noise: set arw_deg_rt_h above zero");
   imucal_kf_config_t config;
   std::memset(&config, 0, sizeof config);
   config.order = static_cast<uint8_t>(setup.order);
@@ -76,10 +77,12 @@ void CoreChain::take(const imucal_second_t& second) {
   const uint32_t bad = second.flags[0] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT);
   if (second.is_gap || bad || (setup_.is_tracked && !track_.is_sure)) return bridge(1);
   const auto scale = static_cast<float>(setup_.raw.counts_scale_dph);
-  const auto degc = static_cast<float>(setup_.raw.temp_lsb_degc), zero = static_cast<float>(setup_.raw.temp_offset_degc);
+  const auto degc = static_cast<float>(setup_.raw.temp_lsb_degc),
+             zero = static_cast<float>(setup_.raw.temp_offset_degc);
   const float z_dph = imucal_unit_from_q16(imucal_mean_q16_rne(second.sum[0], second.n_samples), scale, 0.0f);
   const float temp_degc = imucal_unit_from_q16(temp_q16, degc, zero);
-  if (imucal_kf_update(&kf_, z_dph, temp_degc) != IMUCAL_OK) return bridge(1);  // refused and counted by the filter
+  if (imucal_kf_update(&kf_, z_dph, temp_degc) != IMUCAL_OK)
+    return bridge(1); // refused and counted by the filter
   seconds_.push_back({z_dph, temp_degc, gap_s_});
   gap_s_ = 0;
   keep_innovation();
@@ -139,7 +142,8 @@ double CoreChain::compensated_bias_dph(double temp_degc) const {
 }
 
 double CoreChain::table_bias_dph(double temp_degc) const {
-  const double tn = (temp_degc - static_cast<double>(table().t0_degc)) / static_cast<double>(table().range_degc);
+  const double tn =
+      (temp_degc - static_cast<double>(table().t0_degc)) / static_cast<double>(table().range_degc);
   double sum = 0;
   for (size_t i = IMUCAL_MAX_COEFF; i-- > 0;) sum = sum * tn + static_cast<double>(table().coeff[i]);
   return sum;
@@ -171,13 +175,15 @@ std::vector<double> CoreChain::coefficient_covariance() const {
   // P = U D U', U unit upper triangular, column j at j(j-1)/2; state 0 is the Markov error.
   const size_t n = static_cast<size_t>(kf_.config.order) + 2, p = n - 1;
   const auto c = powers_in_chebyshev(p);
-  std::vector<double> root(p * n, 0.0);  // C U (rows of b) sqrt(D)
+  std::vector<double> root(p * n, 0.0); // C U (rows of b) sqrt(D)
   for (size_t i = 0; i < p; ++i)
     for (size_t j = 0; j < n; ++j) {
       for (size_t k = 0; k < p; ++k)
         if (k + 1 <= j)
-          root[i * n + j] += c[i * p + k] * (k + 1 == j ? 1.0 : static_cast<double>(kf_.u[j * (j - 1) / 2 + k + 1]));
-      root[i * n + j] *= std::sqrt(std::max(0.0, static_cast<double>(kf_.d[j]) + static_cast<double>(kf_.d_lo[j])));
+          root[i * n + j] +=
+              c[i * p + k] * (k + 1 == j ? 1.0 : static_cast<double>(kf_.u[j * (j - 1) / 2 + k + 1]));
+      root[i * n + j] *=
+          std::sqrt(std::max(0.0, static_cast<double>(kf_.d[j]) + static_cast<double>(kf_.d_lo[j])));
     }
   std::vector<double> cov(p * p, 0.0);
   for (size_t a = 0; a < p; ++a)
@@ -186,4 +192,4 @@ std::vector<double> CoreChain::coefficient_covariance() const {
   return cov;
 }
 
-}  // namespace imucal
+} // namespace imucal

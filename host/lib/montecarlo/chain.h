@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 // The calibration as the MCU does it, run by the C core itself: raw counts -> sum -> kf -> table -> comp.
-// Nothing of the filter is written here a second time; the only arithmetic is the host's own share (phi, q, r of the
-// error model, as `calibrate` sends them) and the reading of results.
+// Nothing of the filter is written here a second time; the only arithmetic is the host's own share (phi, q, r
+// of the error model, as `calibrate` sends them) and the reading of results.
 //
-// Order of calls: construct; push every sample; finish; then read.  One object per run; no sharing between threads.
+// Order of calls: construct; push every sample; finish; then read.  One object per run; no sharing between
+// threads.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -22,25 +23,26 @@ namespace imucal {
 
 // What host and device agree on before a calibration.
 struct ChainSetup {
-  ErrorModel filter;              // what the filter assumes
+  ErrorModel filter; // what the filter assumes
   int order = 3;
   double t0_degc = 0, range_degc = 1;
-  double span_lo_degc = -1, span_hi_degc = 1;  // valid span of the table
+  double span_lo_degc = -1, span_hi_degc = 1; // valid span of the table
   double prior_sigma_dph = 1e4;
-  RawFormat raw;                  // scales of the counts
-  bool is_tracked = false;        // temperature between the steps of a coarse thermometer (common/track.h)
-  size_t white_from_s = 0;        // second from which the innovations' whiteness is judged
+  RawFormat raw;           // scales of the counts
+  bool is_tracked = false; // temperature between the steps of a coarse thermometer (common/track.h)
+  size_t white_from_s = 0; // second from which the innovations' whiteness is judged
 };
 
-// The filter's configuration for an error model.  Several Markov terms become one of the same variance and the same
-// density at low frequency (sigma^2 = sum sigma_i^2, tau = sum sigma_i^2 tau_i / sigma^2); the quantisation of the
-// counts, lsb^2/(12 n), joins the white noise.  data_error where the model has no white noise at all.
+// The filter's configuration for an error model.  Several Markov terms become one of the same variance and
+// the same density at low frequency (sigma^2 = sum sigma_i^2, tau = sum sigma_i^2 tau_i / sigma^2); the
+// quantisation of the counts, lsb^2/(12 n), joins the white noise.  data_error where the model has no white
+// noise at all.
 imucal_kf_config_t filter_config(const ChainSetup& setup);
 
 // A second as the filter saw it.
 struct SecondMean {
   float z_dph, temp_degc;
-  uint32_t gap_s;  // seconds without a measurement just before
+  uint32_t gap_s; // seconds without a measurement just before
 };
 
 // Lags at which the innovations' autocorrelation is kept [s].
@@ -48,13 +50,13 @@ constexpr int kInnovationLags[] = {1, 2, 5, 10, 20, 50, 100};
 constexpr size_t kInnovationLagCount = sizeof kInnovationLags / sizeof kInnovationLags[0];
 
 class CoreChain {
- public:
+public:
   explicit CoreChain(const ChainSetup& setup);
 
   void push(const imucal_sample_t& sample);
   void push(const RawSample& sample);
-  // End of data: last second, table (encoded and decoded again), compensation prepared.  data_error with the core's
-  // own words where it refuses.
+  // End of data: last second, table (encoded and decoded again), compensation prepared.  data_error with the
+  // core's own words where it refuses.
   void finish();
 
   const imucal_kf_t& kf() const { return kf_; }
@@ -71,14 +73,15 @@ class CoreChain {
   std::vector<double> coefficients() const;
   // Covariance of b0 … bM from the filter's factors, in double, row-major [dph^2].
   std::vector<double> coefficient_covariance() const;
-  // Whiteness, over the seconds from `white_from_s` on: before, while the prior is being forgotten, innovations
-  // carry the difference between the true coefficients and the prior and are neither white nor of variance S.
-  // Sums of e(k) e(k-lag), e = innovation over its standard deviation; number of terms; (sum nu/S)^2 / sum 1/S.
+  // Whiteness, over the seconds from `white_from_s` on: before, while the prior is being forgotten,
+  // innovations carry the difference between the true coefficients and the prior and are neither white nor of
+  // variance S. Sums of e(k) e(k-lag), e = innovation over its standard deviation; number of terms; (sum
+  // nu/S)^2 / sum 1/S.
   const double* lag_sums() const { return lag_sums_; }
   const int64_t* lag_counts() const { return lag_counts_; }
   double mean_innovation2() const { return inverse_ > 0 ? weighted_ * weighted_ / inverse_ : 0.0; }
 
- private:
+private:
   void take(const imucal_second_t& second);
   void bridge(uint32_t n_s);
   void keep_innovation();
@@ -99,4 +102,4 @@ class CoreChain {
   double weighted_ = 0, inverse_ = 0;
 };
 
-}  // namespace imucal
+} // namespace imucal

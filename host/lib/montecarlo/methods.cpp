@@ -13,10 +13,14 @@ static constexpr int kMostCoefficients = 6;
 
 std::string to_text(Method method) {
   switch (method) {
-    case Method::kKalman: return "kalman";
-    case Method::kLeastSquares: return "least_squares";
-    case Method::kRisingBins: return "rising_bins";
-    case Method::kRisingMaximum: return "rising_maximum";
+  case Method::kKalman:
+    return "kalman";
+  case Method::kLeastSquares:
+    return "least_squares";
+  case Method::kRisingBins:
+    return "rising_bins";
+  case Method::kRisingMaximum:
+    return "rising_maximum";
   }
   return "";
 }
@@ -43,7 +47,8 @@ std::vector<double> fit_polynomial(const std::vector<FitPoint>& points, int orde
                                    double range_degc) {
   const int p = order + 1;
   if (p > kMostCoefficients) throw usage_error("polynomial order above 5");
-  double gram[kMostCoefficients][kMostCoefficients] = {}, right[kMostCoefficients] = {}, basis[kMostCoefficients];
+  double gram[kMostCoefficients][kMostCoefficients] = {}, right[kMostCoefficients] = {},
+         basis[kMostCoefficients];
   for (const FitPoint& point : points) {
     legendre((point.temp_degc - t0_degc) / range_degc, order, basis);
     for (int i = 0; i < p; ++i) {
@@ -101,12 +106,15 @@ static std::vector<FitPoint> rising_maximum(const std::vector<FitPoint>& seconds
 
 std::vector<FitPoint> points_of(Method method, const std::vector<FitPoint>& seconds, double bin_degc) {
   switch (method) {
-    case Method::kRisingBins: return rising_bins(seconds, bin_degc);
-    case Method::kRisingMaximum: return rising_maximum(seconds);
-    case Method::kKalman:
-    case Method::kLeastSquares: break;
+  case Method::kRisingBins:
+    return rising_bins(seconds, bin_degc);
+  case Method::kRisingMaximum:
+    return rising_maximum(seconds);
+  case Method::kKalman:
+  case Method::kLeastSquares:
+    break;
   }
   return seconds;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -72,12 +72,13 @@ CampaignOptions options_from_identity(const JsonField& identity) {
 }
 
 void write_partial(const std::string& path, const CampaignOptions& options, const CampaignResult& result) {
-  write_json(path, {{"imucal_montecarlo_partial", 1},
-                    {"campaign", campaign_identity(options)},
-                    {"ranges", Json::array({Json::array({result.first_run, result.first_run + result.runs_done})})},
-                    {"elapsed_s", result.elapsed_s},
-                    {"cpu_s", result.cpu_s},
-                    {"tally", result.tally.to_json()}});
+  write_json(path,
+             {{"imucal_montecarlo_partial", 1},
+              {"campaign", campaign_identity(options)},
+              {"ranges", Json::array({Json::array({result.first_run, result.first_run + result.runs_done})})},
+              {"elapsed_s", result.elapsed_s},
+              {"cpu_s", result.cpu_s},
+              {"tally", result.tally.to_json()}});
 }
 
 Partial read_partial(const std::string& path) {
@@ -127,4 +128,4 @@ Partial merge_partials(const std::vector<Partial>& partials) {
   return out;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -9,7 +9,7 @@ namespace imucal {
 ReferenceFilter reference_filter(const ChainSetup& setup, const std::vector<SecondMean>& seconds) {
   // The parameters as the core has them: rounded to float32 once.
   const imucal_kf_config_t config = filter_config(setup);
-  const int p = setup.order + 1, n = p + 1;  // states b0 … bM, e
+  const int p = setup.order + 1, n = p + 1; // states b0 … bM, e
   const double r = static_cast<double>(config.r), q1 = static_cast<double>(config.q);
   const double phi1 = 1.0 - static_cast<double>(config.m);
   Eigen::VectorXd x = Eigen::VectorXd::Zero(n), h(n), gain(n);
@@ -19,7 +19,7 @@ ReferenceFilter reference_filter(const ChainSetup& setup, const std::vector<Seco
   cov(p, p) = static_cast<double>(config.markov_variance);
   for (const SecondMean& s : seconds) {
     double phi = phi1, q = q1;
-    for (uint32_t k = 0; k < s.gap_s; ++k) {  // composed step by step: phi and q of the whole gap
+    for (uint32_t k = 0; k < s.gap_s; ++k) { // composed step by step: phi and q of the whole gap
       q = q1 + phi1 * phi1 * q;
       phi *= phi1;
     }
@@ -62,4 +62,4 @@ double bias_variance_dph2(const std::vector<double>& covariance_dph2, double tn)
   return sum;
 }
 
-}  // namespace imucal
+} // namespace imucal

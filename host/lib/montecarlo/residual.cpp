@@ -27,7 +27,7 @@ ResidualExpectation expect_residual(const CampaignPlan& plan) {
   const std::vector<double> tau_s(plan.dp_n.begin(), plan.dp_n.end());
   out.model_dp_dph = expected_dp_dph(noise, op, tau_s);
   const auto p = static_cast<size_t>(plan.options.order) + 1;
-  std::vector<DpRecord> columns;  // 1, Tn, Tn^2, … over the test
+  std::vector<DpRecord> columns; // 1, Tn, Tn^2, … over the test
   std::vector<double> power(plan.chamber_degc.size(), 1.0);
   for (size_t i = 0; i < p; ++i) {
     columns.emplace_back(series_of(power), op);
@@ -50,8 +50,8 @@ ResidualExpectation expect_residual(const CampaignPlan& plan) {
 }
 
 // The fresh test through the core's compensation; one mean per second, NaN where there is no sample.
-static std::vector<double> compensated(const CampaignPlan& plan, const CoreChain& chain, const SimulatedLog& fresh,
-                                       const SimOptions& sim) {
+static std::vector<double> compensated(const CampaignPlan& plan, const CoreChain& chain,
+                                       const SimulatedLog& fresh, const SimOptions& sim) {
   const SimRun& run = fresh.axes[0].run;
   RawSampler sampler(plan.options.raw, 1, run.seed, stream_run(sim));
   std::vector<RawSample> samples;
@@ -59,10 +59,12 @@ static std::vector<double> compensated(const CampaignPlan& plan, const CoreChain
   for (size_t k = 0; k < run.t_s.size(); ++k) {
     samples.clear();
     if (!fresh.is_missing[k])
-      sampler.second(run.t_s[k], run.thermometer_degc[k], &run.rate_dph[k], &run.white_sigma_dph[k], &samples);
+      sampler.second(run.t_s[k], run.thermometer_degc[k], &run.rate_dph[k], &run.white_sigma_dph[k],
+                     &samples);
     int64_t sum = 0;
     uint32_t flags = 0;
-    for (const RawSample& s : samples) sum += imucal_comp_apply(&chain.comp(), s.temp_counts, s.counts[0], &flags);
+    for (const RawSample& s : samples)
+      sum += imucal_comp_apply(&chain.comp(), s.temp_counts, s.counts[0], &flags);
     out.push_back(samples.empty() ? std::numeric_limits<double>::quiet_NaN()
                                   : static_cast<double>(sum) / static_cast<double>(samples.size()) *
                                         static_cast<double>(chain.comp().unit_per_lsb));
@@ -83,7 +85,7 @@ void score_residual(const CampaignPlan& plan, const CoreChain& chain, const Simu
     square.push_back(d2);
     square2.push_back(d2 * d2);
     double trace = 0;
-    for (size_t j = 0; j < cov.size(); ++j) trace += plan.residual_weight[i][j] * cov[j];  // both symmetric
+    for (size_t j = 0; j < cov.size(); ++j) trace += plan.residual_weight[i][j] * cov[j]; // both symmetric
     extra.push_back(trace);
   }
   tally->count("residual_runs");
@@ -94,13 +96,15 @@ void score_residual(const CampaignPlan& plan, const CoreChain& chain, const Simu
 
 Json residual_json(const CampaignPlan& plan, const Tally& tally) {
   const auto runs = static_cast<double>(tally.counted("residual_runs"));
-  const auto d2 = tally.sums("residual_d2"), d4 = tally.sums("residual_d4"), extra = tally.sums("residual_extra");
+  const auto d2 = tally.sums("residual_d2"), d4 = tally.sums("residual_d4"),
+             extra = tally.sums("residual_extra");
   Json json = {{"runs", tally.counted("residual_runs")}, {"type", "dp2"}};
-  for (const char* name : {"tau_s", "dp_dph", "std_error_dph", "model_dph", "expected_dph", "z"}) json[name] = Json::array();
+  for (const char* name : {"tau_s", "dp_dph", "std_error_dph", "model_dph", "expected_dph", "z"})
+    json[name] = Json::array();
   for (size_t i = 0; i < d2.size(); ++i) {
     const double mean = d2[i] / runs, dp = std::sqrt(mean / 2);
     const double error2 = runs > 1 ? std::max(0.0, d4[i] / runs - mean * mean) / (runs - 1) : 0.0;
-    const double error = std::sqrt(error2) / (4 * dp);  // d sqrt(m/2) = dm / (4 sqrt(m/2))
+    const double error = std::sqrt(error2) / (4 * dp); // d sqrt(m/2) = dm / (4 sqrt(m/2))
     const double model = plan.residual_model_dph[i];
     const double expected = std::sqrt(model * model + extra[i] / runs / 2);
     json["tau_s"].push_back(plan.dp_n[i]);
@@ -113,4 +117,4 @@ Json residual_json(const CampaignPlan& plan, const Tally& tally) {
   return json;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -18,7 +18,7 @@ SimOptions run_options(const CampaignPlan& plan, uint64_t run, size_t log_index)
   sim.seed = plan.options.seed;
   sim.device = run;
   sim.log_index = log_index;
-  sim.n_logs = 2;  // the calibration test and, where asked for, a fresh one
+  sim.n_logs = 2; // the calibration test and, where asked for, a fresh one
   sim.missing_frac = plan.options.missing_frac;
   return sim;
 }
@@ -50,10 +50,11 @@ std::vector<double> true_coefficients(const CampaignPlan& plan, const SimulatedA
     const size_t p = std::max(coeff.size(), mine.coeff_dph.size());
     Eigen::MatrixXd a(p, p);
     Eigen::VectorXd b(p);
-    for (size_t i = 0; i < p; ++i) {  // interpolation on Chebyshev points: exact for polynomials
+    for (size_t i = 0; i < p; ++i) { // interpolation on Chebyshev points: exact for polynomials
       const double tn = std::cos(3.14159265358979 * (static_cast<double>(i) + 0.5) / static_cast<double>(p));
       b(static_cast<long>(i)) = mine.at(plan.chain.t0_degc + plan.chain.range_degc * tn);
-      for (size_t j = 0; j < p; ++j) a(static_cast<long>(i), static_cast<long>(j)) = std::pow(tn, static_cast<double>(j));
+      for (size_t j = 0; j < p; ++j)
+        a(static_cast<long>(i), static_cast<long>(j)) = std::pow(tn, static_cast<double>(j));
     }
     const Eigen::VectorXd x = a.partialPivLu().solve(b);
     coeff.assign(x.data(), x.data() + p);
@@ -88,7 +89,8 @@ void score_calibration(const CampaignPlan& plan, const CoreChain& chain, const s
     variance[i] = static_cast<double>(imucal_kf_bias_variance(&chain.kf(), static_cast<float>(temp_degc)));
     within1[i] = error2[i] <= variance[i];
     within2[i] = error2[i] <= 4 * variance[i];
-    comp_lsb[i] = std::abs(found - chain.table_bias_dph(temp_degc)) / static_cast<double>(chain.comp().unit_per_lsb);
+    comp_lsb[i] =
+        std::abs(found - chain.table_bias_dph(temp_degc)) / static_cast<double>(chain.comp().unit_per_lsb);
     worst = std::max(worst, std::abs(error[i]));
   }
   tally->count("runs");
@@ -115,7 +117,8 @@ void score_innovations(const CoreChain& chain, Tally* tally) {
   tally->add("mean_innovation2", chain.mean_innovation2());
   tally->add("lags", std::vector<double>(chain.lag_sums(), chain.lag_sums() + kInnovationLagCount));
   tally->count("lags", std::vector<int64_t>(chain.lag_counts(), chain.lag_counts() + kInnovationLagCount));
-  tally->count("dropped", static_cast<int64_t>(chain.sum().n_duplicate) + chain.sum().n_backward + chain.sum().n_refused);
+  tally->count("dropped", static_cast<int64_t>(chain.sum().n_duplicate) + chain.sum().n_backward +
+                              chain.sum().n_refused);
 }
 
 void score_least_squares(const CampaignPlan& plan, const CoreChain& chain, const std::vector<double>& truth,
@@ -162,7 +165,7 @@ void score_reference(const CampaignPlan& plan, const CoreChain& chain, Tally* ta
   tally->highest("reference_sigma_rel", sigma_rel_max);
 }
 
-}  // namespace
+} // namespace
 
 CalibrationTest calibrate_run(const CampaignPlan& plan, uint64_t run) {
   const SimOptions sim = run_options(plan, run, 0);
@@ -186,4 +189,4 @@ void score_run(const CampaignPlan& plan, uint64_t run, Tally* tally) {
   }
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -18,7 +18,9 @@ void ExactSum::add(double x) {
   sum_ += static_cast<int64_t>(std::nearbyint((x - high) / kUnit));
 }
 
-double ExactSum::value() const { return static_cast<double>(sum_) * kUnit; }
+double ExactSum::value() const {
+  return static_cast<double>(sum_) * kUnit;
+}
 
 std::string ExactSum::text() const {
   const bool negative = sum_ < 0;
@@ -137,4 +139,4 @@ Tally Tally::from_json(const JsonField& field) {
   return tally;
 }
 
-}  // namespace imucal
+} // namespace imucal

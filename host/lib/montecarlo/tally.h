@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Sums over runs that do not depend on the order of summation: the same campaign gives the same bits on one thread,
-// on ten, or cut into shards on several machines and merged.
+// Sums over runs that do not depend on the order of summation: the same campaign gives the same bits on one
+// thread, on ten, or cut into shards on several machines and merged.
 //
 // A value is rounded once to a multiple of 2^-44 and summed as a 128-bit integer.  Range of a value: +- 2^62
-// (4e18), resolution 6e-14; 2^21 largest values fit.  Ordinary results (errors of 1e-3 … 1e4 dph and their squares)
-// lose nothing of interest.
+// (4e18), resolution 6e-14; 2^21 largest values fit.  Ordinary results (errors of 1e-3 … 1e4 dph and their
+// squares) lose nothing of interest.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -19,20 +19,20 @@ __extension__ using Int128 = __int128;
 __extension__ using Uint128 = unsigned __int128;
 
 class ExactSum {
- public:
-  void add(double x);  // throws std::overflow_error for NaN, infinity and |x| > 2^62: a result nobody can use
+public:
+  void add(double x); // throws std::overflow_error for NaN, infinity and |x| > 2^62: a result nobody can use
   void add(const ExactSum& other) { sum_ += other.sum_; }
   double value() const;
-  std::string text() const;                     // decimal, exact
-  static ExactSum from_text(const std::string& text);  // throws std::invalid_argument
+  std::string text() const;                           // decimal, exact
+  static ExactSum from_text(const std::string& text); // throws std::invalid_argument
 
- private:
+private:
   Int128 sum_ = 0;
 };
 
 // Named lists of sums, counts and maxima.  A list takes its length from the first use.
 class Tally {
- public:
+public:
   void add(const std::string& name, const std::vector<double>& values);
   void add(const std::string& name, double value) { add(name, std::vector<double>{value}); }
   void count(const std::string& name, const std::vector<int64_t>& values);
@@ -42,7 +42,9 @@ class Tally {
 
   void merge(const Tally& other);
 
-  bool has(const std::string& name) const { return sums_.count(name) || counts_.count(name) || highest_.count(name); }
+  bool has(const std::string& name) const {
+    return sums_.count(name) || counts_.count(name) || highest_.count(name);
+  }
   // Zeros (or one zero) where nothing was added.
   std::vector<double> sums(const std::string& name) const;
   double sum(const std::string& name) const;
@@ -52,12 +54,12 @@ class Tally {
   std::vector<double> maxima(const std::string& name) const;
 
   Json to_json() const;
-  static Tally from_json(const JsonField& field);  // data_error names the field
+  static Tally from_json(const JsonField& field); // data_error names the field
 
- private:
+private:
   std::map<std::string, std::vector<ExactSum>> sums_;
   std::map<std::string, std::vector<int64_t>> counts_;
   std::map<std::string, std::vector<double>> highest_;
 };
 
-}  // namespace imucal
+} // namespace imucal

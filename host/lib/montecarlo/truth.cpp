@@ -21,4 +21,4 @@ TruthCovariance truth_covariance(const CampaignPlan& plan) {
   return {error.covariance, error.believed_covariance};
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -9,9 +9,9 @@ namespace imucal {
 
 // Of b0 … bM in the plan's normalisation, row-major [dph^2], without missing seconds and effects.
 struct TruthCovariance {
-  std::vector<double> actual;    // the error this filter makes on the true model
-  std::vector<double> believed;  // what the filter should say of itself
+  std::vector<double> actual;   // the error this filter makes on the true model
+  std::vector<double> believed; // what the filter should say of itself
 };
 TruthCovariance truth_covariance(const CampaignPlan& plan);
 
-}  // namespace imucal
+} // namespace imucal

@@ -9,7 +9,9 @@ namespace imucal {
 static constexpr double kTail = 3.6541528853610088;
 static constexpr double kArea = 0.00492867323399;
 
-static double density(double x) { return std::exp(-0.5 * x * x); }
+static double density(double x) {
+  return std::exp(-0.5 * x * x);
+}
 
 FastNormal::Table::Table() {
   // Layer 0 is the bottom strip with the tail: as wide as its area over its height.
@@ -36,10 +38,11 @@ FastNormal::FastNormal(Rng seeder) {
     word = static_cast<uint64_t>(seeder.bits()) << 32;
     word |= seeder.bits();
   }
-  s_[0] |= 1;  // the all-zero state is the one that must not occur
+  s_[0] |= 1; // the all-zero state is the one that must not occur
 }
 
-// A point outside the surely-inside part of its layer: accept under the curve, draw from the tail, or start again.
+// A point outside the surely-inside part of its layer: accept under the curve, draw from the tail, or start
+// again.
 double FastNormal::rare(unsigned layer, double x) {
   if (layer == 0) {
     double beyond, height;
@@ -53,4 +56,4 @@ double FastNormal::rare(unsigned layer, double x) {
   return normal();
 }
 
-}  // namespace imucal
+} // namespace imucal

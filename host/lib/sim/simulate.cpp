@@ -23,7 +23,8 @@ bool acts_on(const EffectSpec& spec, size_t axis, size_t log) {
   if (spec.log >= 0 && static_cast<size_t>(spec.log) != log) return false;
   if (spec.axis.empty()) return true;
   const std::string name = sim_axis_name(axis);
-  return spec.axis == name || spec.axis == name.substr(0, name.rfind('_')) || spec.axis == std::to_string(axis);
+  return spec.axis == name || spec.axis == name.substr(0, name.rfind('_')) ||
+         spec.axis == std::to_string(axis);
 }
 
 void check_axes(const std::vector<EffectSpec>& effects, size_t n_axes) {
@@ -33,14 +34,15 @@ void check_axes(const std::vector<EffectSpec>& effects, size_t n_axes) {
     any_log.log = -1;
     for (size_t a = 0; a < n_axes; ++a) known = known || acts_on(any_log, a, 0);
     if (!known)
-      throw data_error("effect " + spec.name + ": axis \"" + spec.axis + "\" is not simulated; the axes are " +
-                       sim_axis_name(0) + (n_axes > 1 ? " to " + sim_axis_name(n_axes - 1) : "") +
+      throw data_error("effect " + spec.name + ": axis \"" + spec.axis +
+                       "\" is not simulated; the axes are " + sim_axis_name(0) +
+                       (n_axes > 1 ? " to " + sim_axis_name(n_axes - 1) : "") +
                        " (simulate more with --axes)");
   }
 }
 
 class AxisSimulator {
- public:
+public:
   AxisSimulator(std::vector<ActiveEffect> effects, SimRun* run, uint64_t address)
       : effects_(std::move(effects)), run_(run), address_(address) {
     for (const ActiveEffect& e : effects_)
@@ -66,14 +68,15 @@ class AxisSimulator {
       for (double& r : run.rate_dph) r = quantised(r, options.rate_lsb_dph);
   }
 
- private:
+private:
   std::vector<ActiveEffect> effects_;
   std::vector<Rng> rngs_;
   SimRun* run_;
   uint64_t address_;
 };
 
-SimRun start_run(const ErrorModel& model, const std::vector<double>& t_s, const std::vector<double>& temp_degc) {
+SimRun start_run(const ErrorModel& model, const std::vector<double>& t_s,
+                 const std::vector<double>& temp_degc) {
   SimRun run;
   run.model = &model;
   run.t_s = t_s;
@@ -84,7 +87,8 @@ SimRun start_run(const ErrorModel& model, const std::vector<double>& t_s, const 
   run.rate_dph.assign(t_s.size(), 0.0);
   run.white_sigma_dph.assign(t_s.size(), white_sigma_dph(model.arw_deg_rt_h));
   for (const Markov& m : model.markov)
-    run.markov.push_back({std::vector<double>(t_s.size(), m.sigma_dph), std::vector<double>(t_s.size(), m.tau_s)});
+    run.markov.push_back(
+        {std::vector<double>(t_s.size(), m.sigma_dph), std::vector<double>(t_s.size(), m.tau_s)});
   return run;
 }
 
@@ -114,16 +118,20 @@ void add_recording_flaws(const std::vector<double>& t_s, const SimOptions& optio
   }
 }
 
-}  // namespace
+} // namespace
 
 std::string sim_axis_name(size_t i) {
   static const char* kNames[] = {"gx_dph", "gy_dph", "gz_dph"};
   return i < 3 ? kNames[i] : "g" + std::to_string(i) + "_dph";
 }
 
-uint64_t stream_run(const SimOptions& options) { return (options.device << 16) + options.log_index; }
+uint64_t stream_run(const SimOptions& options) {
+  return (options.device << 16) + options.log_index;
+}
 
-double quantised(double value, double lsb) { return lsb > 0 ? lsb * std::nearbyint(value / lsb) : value; }
+double quantised(double value, double lsb) {
+  return lsb > 0 ? lsb * std::nearbyint(value / lsb) : value;
+}
 
 void add_noise(SimRun* run, uint64_t seed, uint64_t run_address) {
   const size_t n = run->t_s.size();
@@ -131,7 +139,7 @@ void add_noise(SimRun* run, uint64_t seed, uint64_t run_address) {
   for (size_t k = 0; k < n; ++k) run->rate_dph[k] += run->white_sigma_dph[k] * white.normal();
   Rng walk(seed, run_address, static_cast<uint32_t>(run->axis), Stream::kMarkov);
   for (const SimRun::MarkovPath& path : run->markov) {
-    double unit = 0;  // unit-variance process; stationary at the start
+    double unit = 0; // unit-variance process; stationary at the start
     double last_dt_s = -1, last_tau_s = -1, phi = 0, rest = 1;
     for (size_t k = 0; k < n; ++k) {
       const double dt_s = k > 0 ? run->t_s[k] - run->t_s[k - 1] : 0.0;
@@ -185,7 +193,7 @@ SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, cons
         ++place;
       }
     AxisSimulator(active, &axis.run, address).go(options, axis.turn_on_dph);
-    axis.run.model = nullptr;  // the caller's models may go before the result does
+    axis.run.model = nullptr; // the caller's models may go before the result does
     out.axes.push_back(std::move(axis));
   }
   add_recording_flaws(t_s, options, &out);
@@ -207,7 +215,8 @@ Log to_log(const SimulatedLog& simulated, const SimOptions& options) {
   log.metadata["run"] = std::to_string(options.log_index);
   log.metadata["seed"] = std::to_string(options.seed);
   const size_t n = simulated.stamp_s.size();
-  // A device has one thermometer: an effect on it that is restricted to some axes shows in the log all the same.
+  // A device has one thermometer: an effect on it that is restricted to some axes shows in the log all the
+  // same.
   const std::vector<double>* shown = &simulated.axes.front().run.thermometer_degc;
   for (const SimulatedAxis& a : simulated.axes)
     if (a.run.thermometer_degc != a.run.gyro_temp_degc) {
@@ -234,4 +243,4 @@ Log to_log(const SimulatedLog& simulated, const SimOptions& options) {
   return log;
 }
 
-}  // namespace imucal
+} // namespace imucal
