@@ -263,10 +263,39 @@ std::vector<double> dp2(const std::vector<VectorXd>& paths, const NoiseModel& no
   return out;
 }
 
-VectorXd simulated(const Unit& unit, const UnitModel& model, Rng* rng) {
-  NoiseModel noise = model.noise;
-  noise.telegraph_dph = noise.hit_probability = 0;
-  const RunGains gains = compute_gains(unit.campaign.runs[0], noise);
+// The same deviance for many draws of one unit: gains and the whitened own columns are computed once.
+class Scorer {
+public:
+  Scorer(const Unit& unit, const UnitModel& model) : unit_(unit), model_(model) {
+    NoiseModel noise = model.noise;
+    noise.hit_probability = noise.telegraph_dph = 0;
+    gains_ = compute_gains(unit.campaign.runs.front(), noise);
+    z_ = model.own;
+    whiten(gains_, &z_);
+    z_ *= model.sigma.asDiagonal();
+    llt_.compute(z_.transpose() * z_ + MatrixXd::Identity(z_.cols(), z_.cols()));
+    for (long c = 0; c < z_.cols(); ++c) constant_ += 2 * std::log(llt_.matrixLLT()(c, c));
+    constant_ += gains_.sum_log_s;
+  }
+  const RunGains& gains() const { return gains_; }
+  double deviance(const VectorXd& y) const {
+    if (model_.noise.is_mixture()) return score(unit_, model_, y).deviance;
+    VectorXd e = y - model_.mean;
+    whiten(gains_, e.data(), static_cast<size_t>(e.size()));
+    const VectorXd half = llt_.matrixL().solve(z_.transpose() * e);
+    return constant_ + e.squaredNorm() - half.squaredNorm();
+  }
+
+private:
+  const Unit& unit_;
+  const UnitModel& model_;
+  RunGains gains_;
+  MatrixXd z_;
+  Eigen::LLT<MatrixXd> llt_;
+  double constant_ = 0;
+};
+
+VectorXd simulated(const UnitModel& model, const RunGains& gains, Rng* rng) {
   VectorXd y(model.mean.size());
   for (long k = 0; k < y.size(); ++k) y[k] = rng->normal();
   colour(gains, y.data(), static_cast<size_t>(y.size()));
@@ -409,6 +438,11 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
     out.remainder += "; the steps predict nothing on other data and are left out";
   }
 
+  std::vector<Scorer> nominal_scorers, final_scorers;
+  for (size_t u = 0; u < all.size(); ++u) {
+    nominal_scorers.emplace_back(all[u].unit, nominal_models[u]);
+    final_scorers.emplace_back(all[u].unit, final_models[u]);
+  }
   // Interval of the gain: simulate the held-out units from the final model and score them again.
   if (has_effects) {
     std::vector<double> gains;
@@ -417,9 +451,8 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
       for (size_t u = 0; u < all.size(); ++u) {
         Rng rng(seed, static_cast<uint64_t>(b), static_cast<uint32_t>(u),
                 static_cast<uint32_t>(Stream::kTool) + 8);
-        const VectorXd y = simulated(all[u].unit, final_models[u], &rng);
-        gain += score(all[u].unit, nominal_models[u], y).deviance -
-                score(all[u].unit, final_models[u], y).deviance;
+        const VectorXd y = simulated(final_models[u], final_scorers[u].gains(), &rng);
+        gain += nominal_scorers[u].deviance(y) - final_scorers[u].deviance(y);
       }
       gains.push_back(gain);
     }
@@ -445,16 +478,16 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
   for (const Split& s : all) shortest = std::min(shortest, s.unit.seconds());
   for (double tau = 2; tau <= shortest / 4; tau *= 1.6) out.dp2_tau_s.push_back(std::round(tau));
   const NoiseModel& filter = selection.nominal.base_noise;
-  const auto simulated_curve = [&](const std::vector<UnitModel>& truth) {
+  const auto simulated_curve = [&](const std::vector<UnitModel>& truth, const std::vector<Scorer>& scorers) {
     std::vector<double> square(out.dp2_tau_s.size(), 0.0);
-    constexpr int kDraws = 6;
+    constexpr int kDraws = 4;
     for (int d = 0; d < kDraws; ++d) {
       std::vector<VectorXd> paths;
       for (size_t u = 0; u < all.size(); ++u) {
         Rng rng(seed, static_cast<uint64_t>(d), static_cast<uint32_t>(u),
                 static_cast<uint32_t>(Stream::kTool) + 9);
         paths.push_back(
-            score(all[u].unit, nominal_models[u], simulated(all[u].unit, truth[u], &rng)).residual);
+            score(all[u].unit, nominal_models[u], simulated(truth[u], scorers[u].gains(), &rng)).residual);
       }
       const std::vector<double> curve = dp2(paths, filter, campaign.dt_s, out.dp2_tau_s);
       for (size_t i = 0; i < square.size(); ++i) square[i] += curve[i] * curve[i] / kDraws;
@@ -463,8 +496,8 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
     return square;
   };
   out.dp2_data_dph = dp2(before.residuals, filter, campaign.dt_s, out.dp2_tau_s);
-  out.dp2_nominal_dph = simulated_curve(nominal_models);
-  out.dp2_final_dph = has_effects ? simulated_curve(final_models) : out.dp2_nominal_dph;
+  out.dp2_nominal_dph = simulated_curve(nominal_models, nominal_scorers);
+  out.dp2_final_dph = has_effects ? simulated_curve(final_models, final_scorers) : out.dp2_nominal_dph;
   const auto distance = [&](const std::vector<double>& model) {
     double s = 0, n = 0;
     for (size_t i = 0; i < model.size(); ++i)
