@@ -161,12 +161,12 @@ std::vector<std::string> advise(const AxisResult& axis, const Campaign& campaign
   return out;
 }
 
-constexpr double kOwnShare = 0.75;         // of the false-alarm rate: what the axes may use each for itself
-constexpr double kSharedThreshold_nats = 2.5;  // of an axis for a cause that the axes together have shown
+constexpr double kOwnShare = 0.75; // of the false-alarm rate: what the axes may use each for itself
+constexpr double kSharedThreshold_nats = 2.5; // of an axis for a cause that the axes together have shown
 
 struct AxisState {
   AxisResult result;
-  Campaign campaign, whole;  // as masked by structural effects; as read
+  Campaign campaign, whole; // as masked by structural effects; as read
   Thresholds thresholds;
   SelectOptions select;
 };
@@ -176,8 +176,8 @@ bool is_repeatable(const Effect& effect) {
   return e && (e->form() == Form::kColumns || e->form() == Form::kTemperature);
 }
 
-// A cause that acts on all axes alike may show only in their sum: the strongest such candidate is then looked for again
-// on the axes that said nothing, with a threshold that takes its presence as given.
+// A cause that acts on all axes alike may show only in their sum: the strongest such candidate is then looked
+// for again on the axes that said nothing, with a threshold that takes its presence as given.
 void name_shared_causes(std::vector<AxisState>* states, const Hypothesis& nominal,
                         const std::vector<const Effect*>& library, const std::vector<bool>& active,
                         const Calibration& calibration, double rate) {
@@ -189,18 +189,20 @@ void name_shared_causes(std::vector<AxisState>* states, const Hypothesis& nomina
   for (size_t j = 0; j < library.size(); ++j) {
     repeatable[j] = active[j] && is_repeatable(*library[j]);
     for (size_t i = 0; i < nulls; ++i) {
-      double sum = 0;  // different nulls for the axes: their noise is independent
+      double sum = 0; // different nulls for the axes: their noise is independent
       for (size_t a = 0; a < n; ++a) sum += calibration.named[j][(i + a * (nulls / n + 1)) % nulls];
       pooled.named[j][i] = sum;
     }
     for (const AxisState& state : *states)
-      if (j < state.result.selection.first_scan.size()) gain[j] += state.result.selection.first_scan[j].gain_nats;
+      if (j < state.result.selection.first_scan.size())
+        gain[j] += state.result.selection.first_scan[j].gain_nats;
   }
   const Thresholds thr = thresholds(pooled, repeatable, rate, 1);
   int best = -1;
   for (size_t j = 0; j < library.size(); ++j)
     if (repeatable[j] && gain[j] > thr.named[j] &&
-        (best < 0 || gain[j] - thr.named[j] > gain[static_cast<size_t>(best)] - thr.named[static_cast<size_t>(best)]))
+        (best < 0 ||
+         gain[j] - thr.named[j] > gain[static_cast<size_t>(best)] - thr.named[static_cast<size_t>(best)]))
       best = static_cast<int>(j);
   if (best < 0) return;
   const size_t b = static_cast<size_t>(best);
@@ -210,11 +212,12 @@ void name_shared_causes(std::vector<AxisState>* states, const Hypothesis& nomina
     Thresholds lower = state.thresholds;
     lower.named[b] = kSharedThreshold_nats;
     state.campaign = state.whole;
-    state.result.selection = select_effects(&state.campaign, nominal, library, active, calibration, lower, state.select);
+    state.result.selection =
+        select_effects(&state.campaign, nominal, library, active, calibration, lower, state.select);
     std::ostringstream note;
     note.precision(3);
-    note << library[b]->name() << " is named here because the axes together show it (" << gain[b] << " nats, threshold "
-         << thr.named[b] << ")";
+    note << library[b]->name() << " is named here because the axes together show it (" << gain[b]
+         << " nats, threshold " << thr.named[b] << ")";
     state.result.selection.notes.push_back(note.str());
   }
 }
@@ -228,7 +231,8 @@ void name_common_mode(std::vector<AxisState>* states, const std::vector<const Ef
   if (place == library.size() || !active[place]) return;
   const size_t n = states->size();
   std::vector<Fit> fits;
-  for (const AxisState& state : *states) fits.push_back(fit_hypothesis(state.campaign, state.result.selection.final));
+  for (const AxisState& state : *states)
+    fits.push_back(fit_hypothesis(state.campaign, state.result.selection.final));
   const double threshold = std::log(static_cast<double>(n * (n - 1) / 2) / rate);
   for (size_t a = 0; a < n; ++a) {
     double best_gain = 0, best_r = 0, sigma = 0;
@@ -239,15 +243,18 @@ void name_common_mode(std::vector<AxisState>* states, const std::vector<const Ef
       for (size_t r = 0; r < fits[a].e.size(); ++r) {
         const CampaignRun &x = (*states)[a].campaign.runs[r], &y = (*states)[b].campaign.runs[r];
         for (size_t i = 0, k = 0; i < x.n() && k < y.n();) {
-          if (x.used[i] < y.used[k]) ++i;
-          else if (x.used[i] > y.used[k]) ++k;
+          if (x.used[i] < y.used[k])
+            ++i;
+          else if (x.used[i] > y.used[k])
+            ++k;
           else {
             const double u = fits[a].e[r][static_cast<long>(i++)], v = fits[b].e[r][static_cast<long>(k++)];
             cross += u * v, first += u * u, second += v * v, count += 1;
           }
         }
       }
-      const double correlation = cross / std::sqrt(std::max(1e-300, first * second)), gain = 0.5 * correlation * correlation * count;
+      const double correlation = cross / std::sqrt(std::max(1e-300, first * second)),
+                   gain = 0.5 * correlation * correlation * count;
       if (gain > best_gain) {
         best_gain = gain, best_r = correlation, other = (*states)[b].result.axis;
         const double s1 = (*states)[a].result.selection.final.noise().white_sigma_dph;
@@ -328,7 +335,8 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
     states.push_back(std::move(state));
   }
   if (names.size() > 1) {
-    name_shared_causes(&states, nominal, library, active, calibration, options.false_alarm_rate * (1 - kOwnShare));
+    name_shared_causes(&states, nominal, library, active, calibration,
+                       options.false_alarm_rate * (1 - kOwnShare));
     name_common_mode(&states, library, active, options.false_alarm_rate * (1 - kOwnShare));
   }
   for (AxisState& state : states) {

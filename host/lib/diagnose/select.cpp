@@ -301,6 +301,27 @@ private:
     chosen_.push_back(choice);
     rebuild();
     if (choice.effect.term.form() == Form::kSteps) more_steps();
+    if (chosen_.size() > 1) refine_together();
+  }
+  // What was found first was found without the rest: its shape is searched again beside it.
+  void refine_together() {
+    for (Choice& c : chosen_) {
+      Hypothesis others = out_.nominal;
+      for (const Choice& o : chosen_)
+        if (&o != &c) others.terms.push_back(o.effect.term);
+      const Form form = c.effect.term.form();
+      if (form == Form::kNoise) {
+        const NoiseObjective objective(campaign_, others);
+        const NoiseFit best =
+            fit_noise(objective, *c.effect.term.estimator, others.noise(), {c.effect.term.shape}, 25);
+        if (best.theta.size()) c.effect.term.shape = best.theta;
+      } else if (form == Form::kColumns || form == Form::kTemperature) {
+        const Fit fit = fit_hypothesis(campaign_, others);
+        const Panel panel(campaign_, others, {}, false);
+        refine(panel, fit, &c.effect.term);
+      }
+    }
+    rebuild();
   }
   void rebuild() {
     Hypothesis h = out_.nominal;
