@@ -39,8 +39,8 @@ def through_libserialport(imu, tmp_path):
     (tmp_path / "imu0").symlink_to(imu.port)
     shim = BUILD / "tests/tty_shim.so"
     assert shim.exists(), f"{shim} is missing: make {shim}"
-    sanitizer = os.environ.get("LD_PRELOAD", "")
-    return f"/dev/../../..{tmp_path}/imu0", {**os.environ, "LD_PRELOAD": f"{sanitizer} {shim}".strip()}
+    # a sanitized build wants its runtime first, before what is preloaded
+    return f"/dev/../../..{tmp_path}/imu0", {**os.environ, "LD_PRELOAD": str(shim), "ASAN_OPTIONS": "verify_asan_link_order=0"}
 
 
 @pytest.mark.parametrize("kind", ["tcp", "pty", "serial"])
