@@ -181,8 +181,10 @@ static void test_panel_gain_is_the_likelihood_gain_of_the_exact_fit(void**) {
     Hypothesis with = h;
     with.terms.push_back(term);
     const double exact = fit_hypothesis(campaign, with).log_likelihood - fit.log_likelihood;
-    // Block sums lose what changes inside a block: under 1 % and 0.1 nat here.
-    assert_near(panel.gain_at(*term.estimator, term.shape, fit), exact, 0.1 + 0.01 * std::fabs(exact));
+    // Block sums lose what changes inside a block: little of smooth columns; of a slope that jumps at the
+    // turn of the triangle also part of the whitened jump, which settles within about one block.
+    const double part = std::string(name) == "temperature_rate" ? 0.03 : 0.01;
+    assert_near(panel.gain_at(*term.estimator, term.shape, fit), exact, 0.1 + part * std::fabs(exact));
   }
 }
 
