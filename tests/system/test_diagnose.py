@@ -91,6 +91,8 @@ def test_strong_hysteresis_is_named_located_and_shrinks_the_held_out_gap(lab):
     assert written["effects"][0]["name"] == "thermal_hysteresis"
     again = lab.logs("again", [], model=str(model_out), n=3, seed=12)
     assert names(lab.run(again)["axes"][0]) == ["thermal_hysteresis"]
+    # … and with the effect in the model that is believed there is none.
+    assert lab.run(again, model=str(model_out))["axes"][0]["verdict"] == "no_gap"
 
 
 def test_logs_of_the_model_have_no_gap_and_the_calibration_is_kept(lab):

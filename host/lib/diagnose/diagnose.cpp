@@ -99,6 +99,69 @@ Hypothesis nominal_hypothesis(const ErrorModel& model) {
   return h;
 }
 
+bool is_for(const EffectSpec& spec, const std::string& axis) {
+  return spec.axis.empty() || spec.axis == axis || spec.axis == axis.substr(0, axis.rfind('_'));
+}
+
+// Parameters in the order of the library, which is that of theta; the angle random walk as white noise of 1-s
+// means.
+Theta theta_of(const Effect& effect, const Json& parameters) {
+  Theta theta;
+  for (const EffectParameter& p : effect.parameters()) {
+    const double value = effect_number(effect, parameters, p.name);
+    theta.push_back(p.name == "arw_deg_rt_h" ? white_sigma_dph(value) : value);
+  }
+  return theta;
+}
+
+// The noise with the effects that the model itself already holds.
+NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseModel noise) {
+  for (const EffectSpec& spec : model.effects) {
+    const Effect& effect = find_effect(spec.name);
+    if (is_for(spec, axis) && effect.estimator() && effect.estimator()->form() == Form::kNoise)
+      noise = effect.estimator()->noise(noise, theta_of(effect, spec.parameters));
+  }
+  return noise;
+}
+
+// Takes the deterministic effects that the model itself already holds out of the rates, by their own
+// simulator. Returns the names of those that cannot be taken out: they differ from run to run by chance.
+std::vector<std::string> take_out_known(const ErrorModel& model, const std::string& axis,
+                                        Campaign* campaign) {
+  std::vector<std::string> left;
+  for (const EffectSpec& spec : model.effects) {
+    if (!is_for(spec, axis)) continue;
+    const Effect& effect = find_effect(spec.name);
+    const EffectEstimator* estimator = effect.estimator();
+    const bool is_mean =
+        estimator && (estimator->form() == Form::kColumns || estimator->form() == Form::kSteps ||
+                      estimator->form() == Form::kTemperature);
+    if (!is_mean) {
+      if (!estimator || estimator->form() != Form::kNoise) left.push_back(spec.name);
+      continue;
+    }
+    for (CampaignRun& run : campaign->runs) {
+      RunInput& in = run.input;
+      SimRun sim;
+      sim.log = in.log;
+      sim.model = &model;
+      if (model.bias) sim.bias = *model.bias;
+      for (double t : in.t_s) sim.t_s.push_back(t + run.start_s);
+      sim.case_temp_degc = sim.gyro_temp_degc = sim.thermometer_degc = in.smooth_degc;
+      sim.auxiliary = in.auxiliary;
+      sim.rate_dph.assign(in.size(), 0.0);
+      effect.simulate(SimStage::kTemperature, spec.parameters, &sim, nullptr);
+      effect.simulate(SimStage::kBias, spec.parameters, &sim, nullptr);
+      for (size_t i = 0; i < in.size(); ++i) {
+        in.rate_dph[i] -= sim.rate_dph[i];
+        if (estimator->form() == Form::kTemperature && campaign->has_temperature)
+          in.tn[i] = in.normalised(sim.gyro_temp_degc[i]);
+      }
+    }
+  }
+  return left;
+}
+
 std::vector<bool> active_effects(const DiagnoseOptions& options) {
   const auto& library = effect_library();
   for (const auto& name : options.without) find_effect(name);
@@ -166,6 +229,7 @@ constexpr double kSharedThreshold_nats = 2.5; // of an axis for a cause that the
 
 struct AxisState {
   AxisResult result;
+  Hypothesis nominal;
   Campaign campaign, whole; // as masked by structural effects; as read
   Thresholds thresholds;
   SelectOptions select;
@@ -178,9 +242,8 @@ bool is_repeatable(const Effect& effect) {
 
 // A cause that acts on all axes alike may show only in their sum: the strongest such candidate is then looked
 // for again on the axes that said nothing, with a threshold that takes its presence as given.
-void name_shared_causes(std::vector<AxisState>* states, const Hypothesis& nominal,
-                        const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                        const Calibration& calibration, double rate) {
+void name_shared_causes(std::vector<AxisState>* states, const std::vector<const Effect*>& library,
+                        const std::vector<bool>& active, const Calibration& calibration, double rate) {
   const size_t n = states->size(), nulls = calibration.nulls;
   Calibration pooled = calibration;
   pooled.generic.assign(generic_names().size(), std::vector<double>(nulls, 0.0));
@@ -213,7 +276,7 @@ void name_shared_causes(std::vector<AxisState>* states, const Hypothesis& nomina
     lower.named[b] = kSharedThreshold_nats;
     state.campaign = state.whole;
     state.result.selection =
-        select_effects(&state.campaign, nominal, library, active, calibration, lower, state.select);
+        select_effects(&state.campaign, state.nominal, library, active, calibration, lower, state.select);
     std::ostringstream note;
     note.precision(3);
     note << library[b]->name() << " is named here because the axes together show it (" << gain[b]
@@ -293,7 +356,7 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
   const std::vector<std::string> names = axes_of(logs.front(), options.axes);
   const std::vector<const Effect*>& library = effect_library();
   const std::vector<bool> active = active_effects(options);
-  const Hypothesis nominal = nominal_hypothesis(model);
+  const Hypothesis plain = nominal_hypothesis(model);
 
   Json axes = Json::array();
   out.model = model;
@@ -308,6 +371,12 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
     AxisState state;
     state.result.axis = name;
     state.campaign = make_campaign(logs, name, model);
+    for (const std::string& left : take_out_known(model, name, &state.campaign))
+      out.warnings.push_back(options.model_path + ": its effect " + left + " is not taken out of axis " +
+                             name + ": it differs from run to run by chance");
+    Hypothesis nominal = plain;
+    nominal.base_noise = known_noise(model, name, plain.base_noise);
+    state.nominal = nominal;
     check_scale(state.campaign, nominal.base_noise, &out.warnings);
     const double calibrate_from = now_s();
     CalibrationOptions how;
@@ -335,8 +404,7 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
     states.push_back(std::move(state));
   }
   if (names.size() > 1) {
-    name_shared_causes(&states, nominal, library, active, calibration,
-                       options.false_alarm_rate * (1 - kOwnShare));
+    name_shared_causes(&states, library, active, calibration, options.false_alarm_rate * (1 - kOwnShare));
     name_common_mode(&states, library, active, options.false_alarm_rate * (1 - kOwnShare));
   }
   for (AxisState& state : states) {
@@ -348,7 +416,10 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
     const Fit final_fit = fit_hypothesis(campaign, axis.selection.final);
     axis.where = locate(campaign, nominal_fit);
     Campaign unseen;
-    if (!held_out.empty()) unseen = make_campaign(held_out, name, model);
+    if (!held_out.empty()) {
+      unseen = make_campaign(held_out, name, model);
+      take_out_known(model, name, &unseen);
+    }
     axis.gap = measure_gap(campaign, held_out.empty() ? nullptr : &unseen, axis.selection, options.seed);
     std::vector<double> beta;
     for (int i = 0; i < campaign.order; ++i)

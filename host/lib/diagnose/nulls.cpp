@@ -59,7 +59,10 @@ std::string cache_key(const Campaign& campaign, const Hypothesis& nominal,
       hash.add(campaign.range_degc);
   for (double c : campaign.coeff_dph) hash.add(c);
   const NoiseModel noise = nominal.noise();
-  hash.add(noise.white_sigma_dph), hash.add(noise.extra_white_dph2);
+  hash.add(noise.white_sigma_dph), hash.add(noise.extra_white_dph2), hash.add(noise.walk_dph_per_rt_s);
+  hash.add(noise.white_slope), hash.add(noise.markov_slope), hash.add(noise.tau_slope);
+  hash.add(noise.hit_probability), hash.add(noise.hit_sigma_dph);
+  hash.add(noise.telegraph_dph), hash.add(noise.telegraph_tau_s);
   for (const Markov& m : noise.markov) hash.add(m.sigma_dph), hash.add(m.tau_s);
   for (const CampaignRun& run : campaign.runs) {
     hash.add(static_cast<double>(run.n()));

@@ -15,6 +15,7 @@ constexpr int kMostSteps = 6;
 constexpr double kGrave = 0.002; // part of the samples clipped or dead from which the mean is biased
 // A library-free test that explains this much more than the named effects says that the names are wrong.
 constexpr double kUnknownFactor = 1.0, kUnknownMargin_nats = 4;
+constexpr double kAsGood_nats = 1.0;
 constexpr double kNamedShare = 0.9; // named part of what is explained that still counts as an answer
 
 class Selector {
@@ -75,6 +76,7 @@ private:
     for (const Choice& c : chosen_) n += static_cast<int>(c.candidate) != retune_;
     return n;
   }
+  size_t n_parameters(size_t j) const { return library_[j]->parameters().size(); }
   Term term_of(size_t j, const Theta& shape) const {
     Term term;
     term.effect = library_[j];
@@ -225,6 +227,14 @@ private:
             (best < 0 || list[j].evidence_nats > list[static_cast<size_t>(best)].evidence_nats))
           best = static_cast<int>(j);
       if (best < 0) return false;
+      // Of those that explain it as well, the one with fewest parameters (telegraph noise has the spectrum of a Markov
+      // process, which has that of a random walk as its limit).
+      const int strongest = best;
+      for (size_t j = 0; j < list.size(); ++j)
+        if (usable(j) && !excluded[j] && list[j].evidence_nats > 0 &&
+            list[j].evidence_nats > list[static_cast<size_t>(strongest)].evidence_nats - kAsGood_nats &&
+            n_parameters(j) < n_parameters(static_cast<size_t>(best)))
+          best = static_cast<int>(j);
       const size_t b = static_cast<size_t>(best);
       if (is_mean(b) && retune_ >= 0 && list[b].evidence_nats < retune_gain && !h_.noise().is_mixture() &&
           !is_in(static_cast<size_t>(retune_))) {
