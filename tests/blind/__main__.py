@@ -29,6 +29,7 @@ def arguments(argv):
     p.add_argument("--groups", default=None, help="only these campaign groups (comma-separated), for development")
     p.add_argument("--option", action="append", default=[], help="further option for diagnose, e.g. --option=--nulls=100")
     p.add_argument("--no-withheld", action="store_true", help="skip the runs with --without and the 5 %% runs")
+    p.add_argument("--resume", action="store_true", help="keep the diagnoses of an interrupted run of the same program")
     p.add_argument("--minutes", type=float, default=None,
                    help="time for the diagnoses; 70 %% for the blind part; a random sample is left undone and reported")
     p.add_argument("--keep-logs", action="store_true", help="keep the logs after scoring")
@@ -89,8 +90,9 @@ def second_round(sealed, option):
 
 def do_run(args, digest):
     logs, results = os.path.join(args.out, "logs"), os.path.join(args.out, "results")
-    shutil.rmtree(results, ignore_errors=True)
-    os.makedirs(results)
+    if not args.resume:
+        shutil.rmtree(results, ignore_errors=True)
+    os.makedirs(results, exist_ok=True)
     start = time.time()
     until = lambda share: None if args.minutes is None else start + 60 * share * args.minutes
     option = [f"--cache={os.path.abspath(os.path.join(results, 'cache'))}", *args.option]

@@ -51,12 +51,19 @@ def run_job(task):
     if deadline is not None and time.time() > deadline:
         return case + tag, None
     result = os.path.join(out_dir, f"{case}{tag}.json")
+    record = os.path.join(out_dir, f"{case}{tag}.answer")
+    if os.path.exists(record):  # of an earlier, interrupted round
+        with open(record, encoding="utf-8") as f:
+            return case + tag, json.load(f)
     answer = run_one(command(diagnose, case_dir, result, extra), result, out_dir, timeout_s)
     try:
         with open(result, encoding="utf-8") as f:
             answer["diagnosis"] = json.load(f)
     except (OSError, ValueError) as problem:
         answer["error"] = answer["error"] or f"no readable result: {problem}"
+    with open(record + ".part", "w", encoding="utf-8") as f:
+        json.dump(answer, f)
+    os.replace(record + ".part", record)
     return case + tag, answer
 
 
