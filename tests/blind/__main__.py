@@ -31,7 +31,7 @@ def arguments(argv):
     p.add_argument("--no-withheld", action="store_true", help="skip the runs with --without and the 5 %% runs")
     p.add_argument("--resume", action="store_true", help="keep the diagnoses of an interrupted run of the same program")
     p.add_argument("--minutes", type=float, default=None,
-                   help="time for the diagnoses; 70 %% for the blind part; a random sample is left undone and reported")
+                   help="time for the diagnoses; half of it for the blind part; a random sample is left undone and reported")
     p.add_argument("--keep-logs", action="store_true", help="keep the logs after scoring")
     return p.parse_args(argv)
 
@@ -70,22 +70,25 @@ def do_draw(args, seed):
     return digest
 
 
-def second_round(sealed, option):
-    """Runs that need the label: the true effect withheld, 5 %, and fitted noise said to be fitted."""
-    jobs = {}
+def second_round(sealed, option, answers):
+    """Runs that need the label, in two parts: gap-free cases (those the time limit left out, 5 %, fitted noise said to be
+    fitted), then the true effect withheld."""
+    gap_free, withheld = {}, {}
     for part in sealed["groups"]:
-        here = jobs.setdefault(part["group_id"], [])
+        quiet, cut = gap_free.setdefault(part["group_id"], []), withheld.setdefault(part["group_id"], [])
         fitted = [] if all(label["noise_known"] for label in part["labels"]) else [
             f"--model-seconds={4 * sealed['recipe']['seconds']:.0f}"]
         for label in part["labels"]:
             case = label["case"]
             if label["kind"] == "single" and label["target"] >= 10:
-                here.append((case, "@w", option + ["--without", label["effects"][0]["name"]]))
+                cut.append((case, "@w", option + ["--without", label["effects"][0]["name"]]))
             if label["kind"] == "no_gap":
-                here.append((case, "@5", option + ["--false-alarm-rate", "0.05", *fitted]))
+                if case not in answers:
+                    quiet.append((case, "", option))
+                quiet.append((case, "@5", option + ["--false-alarm-rate", "0.05", *fitted]))
                 if fitted:
-                    here.append((case, "@m", option + fitted))
-    return jobs
+                    quiet.append((case, "@m", option + fitted))
+    return gap_free, withheld
 
 
 def do_run(args, digest):
@@ -97,12 +100,13 @@ def do_run(args, digest):
     until = lambda share: None if args.minutes is None else start + 60 * share * args.minutes
     option = [f"--cache={os.path.abspath(os.path.join(results, 'cache'))}", *args.option]
     answers = runner.run_all(args.diagnose, logs, results, runner.blind_jobs(logs, option), args.processes, progress=say,
-                             deadline=until(0.7))
+                             deadline=until(0.5))
     say("blind part done; opening the labels")
     sealed = draw.open_sealed(os.path.join(args.out, "labels"), digest)
     if not args.no_withheld:
-        answers.update(runner.run_all(args.diagnose, logs, results, second_round(sealed, option), args.processes,
-                                      progress=say, deadline=until(1.0)))
+        for jobs, share in zip(second_round(sealed, option, answers), (0.8, 1.0)):
+            answers.update(runner.run_all(args.diagnose, logs, results, jobs, args.processes, progress=say,
+                                          deadline=until(share)))
     with open(os.path.join(args.out, "answers.json"), "w", encoding="utf-8") as out:
         json.dump(answers, out)
 
