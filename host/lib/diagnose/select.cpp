@@ -15,6 +15,8 @@ constexpr int kMostSteps = 6;
 constexpr double kGrave = 0.002; // part of the samples clipped or dead from which the mean is biased
 // A library-free test that explains this much more than the named effects says that the names are wrong.
 constexpr double kUnknownFactor = 1.0, kUnknownMargin_nats = 4;
+constexpr double kUnknownNoiseFactor = 1.05;
+constexpr double kCarries = 0.1; // part of the whole gain that one name at least has to hold
 constexpr double kAsGood_nats = 1.0;
 constexpr double kNamedShare = 0.9; // named part of what is explained that still counts as an answer
 
@@ -227,8 +229,8 @@ private:
             (best < 0 || list[j].evidence_nats > list[static_cast<size_t>(best)].evidence_nats))
           best = static_cast<int>(j);
       if (best < 0) return false;
-      // Of those that explain it as well, the one with fewest parameters (telegraph noise has the spectrum of a Markov
-      // process, which has that of a random walk as its limit).
+      // Of those that explain it as well, the one with fewest parameters (telegraph noise has the spectrum of
+      // a Markov process, which has that of a random walk as its limit).
       const int strongest = best;
       for (size_t j = 0; j < list.size(); ++j)
         if (usable(j) && !excluded[j] && list[j].evidence_nats > 0 &&
@@ -480,17 +482,37 @@ private:
   }
 
   void judge() {
-    double named_gain = 0, cost = 0;
-    for (const Choice& c : chosen_) named_gain += c.effect.gain_nats, cost += thr_.named[c.candidate];
-    double fired = 0, most_before = -1e300;
+    double cost = 0;
+    for (const Choice& c : chosen_) cost += thr_.named[c.candidate];
+    double fired = 0, most_mean = -1e300, most_noise = -1e300;
     for (const GenericFinding& f : out_.after) fired = std::max(fired, f.evidence_nats());
-    for (const GenericFinding& f : out_.before)
-      if (competes(generic_names()[f.test])) most_before = std::max(most_before, f.evidence_nats());
+    for (const GenericFinding& f : out_.before) {
+      const std::string& name = generic_names()[f.test];
+      if (!competes(name)) continue;
+      double& most = name == "spectrum" || name == "variance_over_temperature" ? most_noise : most_mean;
+      most = std::max(most, f.evidence_nats());
+    }
     const bool remains = fired > 0;
+    const double limit = total_named_gain() - cost;
+    // A free mean that explains more than the names (slow noise in the place of an unknown cause, mostly)
+    // takes them back.  A free spectrum is compared with a margin: its gain is that of an approximation.
+    const bool is_stand_in = !chosen_.empty() && most_mean > kUnknownFactor * limit + kUnknownMargin_nats;
     const bool outdone =
-        !chosen_.empty() && most_before > kUnknownFactor * (total_named_gain() - cost) + kUnknownMargin_nats;
+        is_stand_in || (!chosen_.empty() && most_noise > kUnknownNoiseFactor * limit + kUnknownMargin_nats);
+    const double most_before = std::max(most_mean, most_noise);
+    // Several names of which none carries the gain.
+    double strongest = 0;
+    for (const Choice& c : chosen_) strongest = std::max(strongest, c.effect.evidence_nats);
+    const bool is_patchwork = chosen_.size() >= 3 && strongest < kCarries * total_named_gain();
     if (out_.effects.empty()) {
       out_.verdict = remains ? Verdict::kUnexplained : Verdict::kNoGap;
+    } else if (structural_.empty() && (is_stand_in || is_patchwork)) {
+      out_.verdict = Verdict::kUnexplained;
+      out_.notes.push_back(is_stand_in
+                               ? "a library-free mean explains " + number(most_mean) +
+                                     " nats beyond its threshold, the named effects " +
+                                     number(total_named_gain()) + " in all: the names are stand-ins"
+                               : "none of the named effects carries the gain: the names are stand-ins");
     } else if (!remains && !outdone) {
       out_.verdict = Verdict::kExplained;
     } else {
