@@ -78,7 +78,14 @@ private:
     for (const Choice& c : chosen_) n += static_cast<int>(c.candidate) != retune_;
     return n;
   }
-  size_t n_parameters(size_t j) const { return library_[j]->parameters().size(); }
+  // A mixture claims a shape of the distribution besides: one more.
+  size_t n_parameters(size_t j) const {
+    const EffectEstimator& estimator = *library_[j]->estimator();
+    const NoiseModel base = out_.nominal.base_noise;
+    const bool is_mixture =
+        estimator.form() == Form::kNoise && estimator.noise(base, estimator.starts(base).front()).is_mixture();
+    return library_[j]->parameters().size() + (is_mixture ? 1 : 0);
+  }
   Term term_of(size_t j, const Theta& shape) const {
     Term term;
     term.effect = library_[j];
