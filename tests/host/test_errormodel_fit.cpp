@@ -50,10 +50,10 @@ double dense_deviance(const Series& s, const Detrend& detrend, const ErrorModel&
     }
   }
   const Eigen::LLT<Eigen::MatrixXd> cholesky(v);
-  const Eigen::MatrixXd whitened = cholesky.matrixL().solve(x);
   const Eigen::VectorXd e = cholesky.matrixL().solve(y);
   double deviance = 2 * cholesky.matrixLLT().diagonal().array().log().sum() + e.squaredNorm();
-  if (x.cols() > 0) {
+  if (x.cols() > 0) {  // Eigen's triangular solve refers to the first column of its right side
+    const Eigen::MatrixXd whitened = cholesky.matrixL().solve(x);
     const Eigen::MatrixXd gram = whitened.transpose() * whitened;
     const Eigen::VectorXd cross = whitened.transpose() * e;
     deviance += std::log(gram.determinant()) - cross.dot(gram.ldlt().solve(cross));
