@@ -145,7 +145,8 @@ def draw_cases(plan, folder):
         else:
             continue
         path = case.write(os.path.join(folder, group_id))
-        bias = rng.standard_normal(group.nominal.order + 1) * 100  # a wrong polynomial is no gap
+        wrong = rng.standard_normal(group.nominal.order + 1) * 100  # a wrong polynomial is no gap
+        bias = group.cache.setdefault("believed_bias", wrong)  # one model file per group: one calibration
         with open(os.path.join(path, "model.json"), "w", encoding="utf-8") as out:
             json.dump(group.believed.to_json(bias.round(2).tolist()), out)
         labels.append(case.label)
