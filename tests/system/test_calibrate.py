@@ -98,7 +98,7 @@ def test_run_then_power_cut_table_stays_and_compensates(imu, tmp_path):
 
 
 def test_run_ends_when_the_error_asked_for_is_reached(imu):
-    imu.sense(QUICK)
+    imu.sense(QUICK, options=["--speed", "400"])  # paced: see test_run_ends_after_the_duration
     result = imu.run("--profile", "profile.json", "--until-error", "60")
     assert result["ended_by"] == "the predicted error is reached" and result["seconds"] < 720
     assert max(axis["worst_sigma"] for axis in result["axes"]) <= 60.5
