@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/units.h"
+#include "dp/quantile.h"
 
 // The inner loops are compiled for the widest vectors the machine has.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
@@ -226,30 +227,9 @@ void colour(const RunGains& gains, double* column, size_t n) {
 
 namespace {
 
-double normal_cdf(double z) {
-  return 0.5 * std::erfc(-z / std::sqrt(2.0));
-}
-
-// Inverse of the standard normal distribution function (Acklam's rational approximation, 1.2e-9).
-double normal_quantile(double p) {
-  static const double a[] = {-3.969683028665376e+01, 2.209460984245205e+02,  -2.759285104469687e+02,
-                             1.383577518672690e+02,  -3.066479806614716e+01, 2.506628277459239e+00};
-  static const double b[] = {-5.447609879822406e+01, 1.615858368580409e+02, -1.556989798598866e+02,
-                             6.680131188771972e+01, -1.328068155288572e+01};
-  static const double c[] = {-7.784894002430293e-03, -3.223964580411365e-01, -2.400758277161838e+00,
-                             -2.549732539343734e+00, 4.374664141464968e+00,  2.938163982698783e+00};
-  static const double d[] = {7.784695709041462e-03, 3.224671290700398e-01, 2.445134137142996e+00,
-                             3.754408661907416e+00};
-  p = std::clamp(p, 1e-15, 1 - 1e-15);
-  if (p < 0.02425 || p > 1 - 0.02425) {
-    const double q = std::sqrt(-2 * std::log(std::min(p, 1 - p)));
-    const double z = (((((c[0] * q + c[1]) * q + c[2]) * q + c[3]) * q + c[4]) * q + c[5]) /
-                     ((((d[0] * q + d[1]) * q + d[2]) * q + d[3]) * q + 1);
-    return p < 0.5 ? z : -z;
-  }
-  const double q = p - 0.5, r = q * q;
-  return (((((a[0] * r + a[1]) * r + a[2]) * r + a[3]) * r + a[4]) * r + a[5]) * q /
-         (((((b[0] * r + b[1]) * r + b[2]) * r + b[3]) * r + b[4]) * r + 1);
+// Standard normal score of a probability that rounding may have pushed to 0 or 1.
+double normal_score(double p) {
+  return normal_quantile(std::clamp(p, 1e-15, 1 - 1e-15));
 }
 
 // Outliers: each sample is normal or a hit; the state's density is collapsed to one Gaussian after each
@@ -281,8 +261,8 @@ public:
       const double w = d1 / (d0 + d1);
       if (hit) (*hit)[static_cast<long>(k)] = w;
       if (scores)
-        (*scores)[static_cast<long>(k)] = normal_quantile((1 - prob) * normal_cdf(nu / std::sqrt(s0)) +
-                                                          prob * normal_cdf(nu / std::sqrt(s1)));
+        (*scores)[static_cast<long>(k)] = normal_score((1 - prob) * normal_cdf(nu / std::sqrt(s0)) +
+                                                       prob * normal_cdf(nu / std::sqrt(s1)));
       const double g = (1 - w) * nu / s0 + w * nu / s1;
       const double spread = w * (1 - w) * nu * nu * (1 / s0 - 1 / s1) * (1 / s0 - 1 / s1);
       const double c = (1 - w) / s0 + w / s1 - spread;
@@ -340,8 +320,8 @@ public:
       for (int j = 0; j < 2; ++j) d[j] = prob[j] * std::exp(e[j] - top) / std::sqrt(s[j]), sum += d[j];
       log_likelihood += top + std::log(sum);
       if (scores)
-        (*scores)[static_cast<long>(k)] = normal_quantile(prob[0] * normal_cdf(nu[0] / std::sqrt(s[0])) +
-                                                          prob[1] * normal_cdf(nu[1] / std::sqrt(s[1])));
+        (*scores)[static_cast<long>(k)] = normal_score(prob[0] * normal_cdf(nu[0] / std::sqrt(s[0])) +
+                                                       prob[1] * normal_cdf(nu[1] / std::sqrt(s[1])));
       for (int j = 0; j < 2; ++j) {
         for (size_t i = 0; i < n_; ++i) {
           ph[i] = 0;

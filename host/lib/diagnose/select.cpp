@@ -408,8 +408,7 @@ private:
   }
 
   double value(const Hypothesis& h) const {
-    const Fit fit = fit_hypothesis(campaign_, h);
-    return h.noise().is_mixture() ? fit.log_likelihood : fit.log_likelihood;
+    return fit_hypothesis(campaign_, h).log_likelihood;
   }
 
   // Each earlier effect is taken out and the scan repeated: another may now be better, or none needed.
