@@ -24,17 +24,6 @@ struct RunArguments {
   RunOptions run;
 };
 
-// "LOW:HIGH" in degC.
-TemperatureRange range_of(const std::string& text) {
-  TemperatureRange range;
-  char rest = 0;
-  if (std::sscanf(text.c_str(), "%lf:%lf%c", &range.lo_degc, &range.hi_degc, &rest) != 2)
-    throw usage_error("--range '" + text + "': expected LOW:HIGH in degC, for example 0:60");
-  if (!(range.lo_degc < range.hi_degc))
-    throw usage_error("--range '" + text + "': the low end is not below the high end");
-  return range;
-}
-
 void add_port(CLI::App* app, PortOptions* o) {
   app->add_option("-p,--port", o->port,
                   "serial device (/dev/ttyACM0), pseudo-terminal (/dev/pts/3) or tcp:HOST:PORT")
@@ -86,7 +75,7 @@ void add_run(CLI::App* app, RunArguments* o) {
 RunOptions complete(RunArguments arguments, bool quiet) {
   for (const std::string& path : arguments.model_paths) arguments.run.models.push_back(read_model(path));
   if (!arguments.profile_path.empty()) arguments.run.profile = read_profile(arguments.profile_path);
-  if (!arguments.range.empty()) arguments.run.range = range_of(arguments.range);
+  if (!arguments.range.empty()) arguments.run.range = parse_range("--range", arguments.range);
   arguments.run.quiet = quiet;
   return arguments.run;
 }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "calibrate/device.h"
+#include "cli/range.h"
 #include "io/json_file.h"
 #include "io/model.h"
 #include "io/profile.h"
@@ -19,11 +20,6 @@
 namespace imucal {
 
 constexpr double kPriorSigma = 1e4; // of every coefficient, unit of the channel
-
-struct TemperatureRange {
-  double lo_degc = 0, hi_degc = 0;
-  double width() const { return hi_degc - lo_degc; }
-};
 
 struct RunOptions {
   unsigned order = 3;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "cli/range.h"
 #include "io/table_json.h"
 
 namespace imucal {
@@ -12,15 +13,10 @@ namespace {
 
 const char* const kUnknownSerial = "unknown";
 
-// "LOW:HIGH" in degC becomes t0 and range.
 void take_range(const std::string& text, FitOptions* options) {
-  double lo = 0, hi = 0;
-  char rest = 0;
-  if (std::sscanf(text.c_str(), "%lf:%lf%c", &lo, &hi, &rest) != 2)
-    throw usage_error("--range '" + text + "': expected LOW:HIGH in degC, for example 0:60");
-  if (!(lo < hi)) throw usage_error("--range '" + text + "': the low end is not below the high end");
-  options->t0_degc = (lo + hi) / 2;
-  options->range_degc = (hi - lo) / 2;
+  const TemperatureRange range = parse_range("--range", text);
+  options->t0_degc = (range.lo_degc + range.hi_degc) / 2;
+  options->range_degc = range.width() / 2;
 }
 
 void print(const FitResult& result) {

@@ -4,17 +4,12 @@
 #include <string>
 #include <vector>
 
+#include "cli/range.h"
 #include "io/json_file.h"
 #include "profile/bound.h"
 #include "profile/covariance.h"
 
 namespace imucal {
-
-// "A:B" in degC.  usage_error names the option, what was given and, where the ends are reversed, the remedy.
-struct TemperatureRange {
-  double lo_degc = 0, hi_degc = 0;
-};
-TemperatureRange parse_range(const std::string& option, const std::string& text);
 
 // A profile (JSON) or a recorded log (CSV), told apart by their first character.
 struct ProfileInput {
