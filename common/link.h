@@ -148,7 +148,7 @@ extern "C" {
   V(u8, data, 200, "bytes")
 #define IMUCAL_LINK_TABLE_BEGIN(F, A, N, V)                                                                      \
   F(u16, total, "length of the table, bytes")                                                                    \
-  F(u32, crc, "CRC-32 of all its bytes")
+  F(u32, crc, "the last four bytes, the table's own CRC-32 (that of all its bytes, always 0x2144DF1C, is taken too)")
 #define IMUCAL_LINK_TABLE_DATA(F, A, N, V)                                                                       \
   F(u16, offset, "bytes")                                                                                        \
   N(length, "bytes")                                                                                             \

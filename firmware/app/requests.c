@@ -208,10 +208,10 @@ static void serve_cal_state(imucal_app_t* app, const imucal_link_cal_state_t* re
                                           .n_refused = kf->stats.n_refused,
                                           .mean_nis = imucal_kf_mean_nis(kf),
                                           .lag1 = imucal_kf_lag1(kf),
-                                          .weighted_sum = kf->stats.weighted_sum,
-                                          .inverse_sum = kf->stats.inverse_sum,
+                                          .weighted_sum = imucal_kf_sum(kf, IMUCAL_KF_WEIGHTED),
+                                          .inverse_sum = imucal_kf_sum(kf, IMUCAL_KF_INVERSE),
                                           .innovation = kf->stats.innovation,
-                                          .innovation_variance = kf->stats.innovation_variance};
+                                          .innovation_variance = imucal_kf_innovation_variance(kf)};
   answer.worst_sigma = app_worst_sigma(app, request->channel, &answer.worst_temp_degc);
   for (uint32_t i = 0; i < IMUCAL_MAX_COEFF; i++) answer.coeff[i] = imucal_kf_coefficient(kf, i);
   reply(app, IMUCAL_LINK_ID_CAL_STATE_REPLY, &answer);
@@ -412,7 +412,8 @@ static void serve_table_commit(imucal_app_t* app) {
     return;
   }
   const uint8_t* bytes = (const uint8_t*)app->work.words;
-  if (imucal_crc32(bytes, total) != app->upload_crc) {
+  /* The table announced, not just some table: its own CRC, which decode checks. */
+  if (app->upload_crc != imucal_get_u32(bytes + total - 4) && app->upload_crc != imucal_crc32(bytes, total)) {
     done(app, IMUCAL_ERR_CRC, 0);
     return;
   }

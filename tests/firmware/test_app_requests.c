@@ -385,6 +385,29 @@ static void test_upload_whole_table_but_other_crc_announced_is_refused(void** st
   assert_int_equal(info()->table_status, IMUCAL_ERR_NO_TABLE);
 }
 
+/* Two good tables of one length: their CRC over everything is the same number, their own CRC is not. */
+static void test_upload_of_another_table_than_announced_is_refused(void** state) {
+  (void)state;
+  uint8_t announced[IMUCAL_TABLE_MAX_BYTES], sent[IMUCAL_TABLE_MAX_BYTES];
+  const size_t n = bench_table(&bench, 55.0f, announced);
+  assert_int_equal(bench_table(&bench, 56.0f, sent), n);
+  assert_int_equal(imucal_crc32(announced, n), imucal_crc32(sent, n));
+  const uint8_t* candidates[] = {sent, announced};
+  const imucal_link_table_begin_t begin = {.total = (uint16_t)n, .crc = imucal_get_u32(announced + n - 4)};
+  for (int i = 0; i < 2; i++) {
+    assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_BEGIN, &begin), IMUCAL_OK);
+    for (size_t at = 0; at < n; at += 152) {
+      imucal_link_table_data_t data = {.offset = (uint16_t)at, .length = 152};
+      memcpy(data.data, candidates[i] + at, 152);
+      assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_OK);
+    }
+    const imucal_link_table_commit_t commit = {0};
+    assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_COMMIT, &commit),
+                     i == 0 ? IMUCAL_ERR_CRC : IMUCAL_OK);
+  }
+  assert_int_equal(info()->table_status, IMUCAL_OK);
+}
+
 static void test_table_read_refusals(void** state) {
   (void)state;
   imucal_link_table_read_t request = {.slot = 255, .length = 10};
@@ -453,6 +476,7 @@ int main(void) {
       CASE(test_upload_bad_tables_leave_the_last_good_one),
       CASE(test_upload_rules),
       CASE(test_upload_whole_table_but_other_crc_announced_is_refused),
+      CASE(test_upload_of_another_table_than_announced_is_refused),
       CASE(test_table_read_refusals),
       CASE(test_rollback_and_erase),
   };

@@ -7,7 +7,7 @@
 #include <random>
 
 #include "base/error.h"
-#include "crc.h"
+#include "num.h"
 
 namespace imucal {
 
@@ -270,7 +270,7 @@ std::vector<uint8_t> Device::read_table(uint8_t slot) {
 uint32_t Device::write_table(const std::vector<uint8_t>& bytes) {
   imucal_link_table_begin_t begin{};
   begin.total = static_cast<uint16_t>(bytes.size());
-  begin.crc = imucal_crc32(bytes.data(), bytes.size());
+  begin.crc = imucal_get_u32(bytes.data() + bytes.size() - 4);
   command(IMUCAL_LINK_ID_TABLE_BEGIN, &begin, kFlashPatience);
   for (size_t at = 0; at < bytes.size();) {
     imucal_link_table_data_t data{};
