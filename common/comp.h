@@ -3,7 +3,7 @@
  *   out = (counts - B(T)) (1 + M(T)),   in units of 2^-out_frac_bits counts.
  * Data: a table channel once (prepare, float and integer arithmetic, not time critical); then per sample
  * temperature counts and sensor counts in, compensated value out.
- * Memory: sizeof(imucal_comp_t) per channel.  Time per sample: order + scale_order multiplications 32x32->64.
+ * Memory: sizeof(imucal_comp_t) per channel.  Time per sample: order + 2 (4 with scale factor) multiplications 32x32->64.
  *
  * Why fractional bits: a coarse sensor (ADIS16405: 180 dph per count) must not get a bias rounded to its counts.
  * prepare chooses the largest number of fractional bits, 0..8, for which nothing can overflow and the error bound
@@ -28,9 +28,9 @@ typedef struct imucal_comp {
   int32_t temp_lo_counts, temp_hi_counts; /* valid span */
   int32_t temp_mid_counts;                /* Tn is computed from the distance to it */
   int32_t tn_mid_q30;                     /* Tn at temp_mid_counts */
-  int32_t tn_gain;                        /* Tn per count, 31-bit mantissa ... */
-  uint8_t tn_shift;                       /* ... in units of 2^-(30 + tn_shift) */
-  uint8_t order, scale_order;
+  int32_t tn_gain;                        /* Tn per count in units of 2^-(61 - tn_shift) */
+  uint8_t tn_shift;                       /* the distance shifted left so far uses all its 31 bits */
+  uint8_t order;
   uint8_t out_frac_bits;                    /* LSB of the output = 2^-out_frac_bits counts */
   uint8_t scale_shift;                      /* scale coefficients are in units of 2^-scale_shift */
   bool has_scale;                           /* some m_i is not zero */
@@ -48,7 +48,7 @@ IMUCAL_MUST_USE imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imu
 /* Pass-through without a table: B = 0, M = 0. */
 IMUCAL_MUST_USE imucal_status imucal_comp_pass(imucal_comp_t* comp, float unit_per_count, int32_t full_scale_counts);
 
-/* Normalised temperature in units of 2^-30, |Tn| <= 1, of temperature counts clamped to the valid span; adds
+/* Normalised temperature in units of 2^-30, |Tn| <= 1 within a unit, of temperature counts clamped to the valid span; adds
  * IMUCAL_COMP_TEMP_CLAMPED to *flags when clamped. */
 int32_t imucal_comp_tn_q30(const imucal_comp_t* comp, int32_t temp_counts, uint32_t* flags);
 

@@ -208,6 +208,9 @@ void check_cycles(const check_io_t* io) {
   }
   start_table(3, 2);
   report(io, "comp_apply order 3, scale factor order 2", prepare_sample, call_comp);
+  start_table(IMUCAL_MAX_ORDER, 2);
+  report(io, "comp_apply order 5, scale factor order 2", prepare_sample, call_comp);
+  start_table(3, 2);
   report_n(io, "comp_prepare order 3", prepare_nothing, call_comp_prepare, 20);
   start_table(3, 0);
   report_n(io, "table_encode 6 channels", prepare_nothing, call_encode, 20);

@@ -59,7 +59,7 @@ static void drive_comp(const imucal_table_t* table) {
       for (size_t k = 0; k < sizeof edges / sizeof edges[0]; k++) {
         uint32_t flags = 0;
         int32_t tn = imucal_comp_tn_q30(&comp, edges[i], &flags);
-        CHECK(tn >= -(1 << 30) && tn <= 1 << 30);
+        CHECK(tn >= -(1 << 30) - 1 && tn <= (1 << 30) + 1);
         flags = 0;
         (void)imucal_comp_apply(&comp, edges[i], edges[k], &flags);
         int32_t full = table->channel[c].full_scale_counts;
