@@ -83,71 +83,46 @@ static bool cursor_next(cursor_t* c) {
   return true;
 }
 
-static void put_element(uint8_t* wire, const uint8_t* member, size_t size) {
-  if (size == 1) {
-    wire[0] = member[0];
-  } else if (size == 2) {
-    uint16_t value;
-    memcpy(&value, member, 2);
-    imucal_put_u16(wire, value);
-  } else if (size == 4) {
-    uint32_t value;
-    memcpy(&value, member, 4);
-    imucal_put_u32(wire, value);
-  } else {
-    uint64_t value;
-    memcpy(&value, member, 8);
-    imucal_put_u64(wire, value);
-  }
+/* One element between the struct and its little-endian bytes, either way. */
+static void copy_element(uint8_t* to, const uint8_t* from, size_t size) {
+  const uint16_t one = 1;
+  const size_t flip = *(const uint8_t*)&one == 1 ? 0 : size - 1; /* a big-endian machine has them the other way round */
+  for (size_t i = 0; i < size; i++) to[i] = from[i ^ flip];
 }
 
-static void get_element(const uint8_t* wire, uint8_t* member, size_t size) {
-  if (size == 1) {
-    member[0] = wire[0];
-  } else if (size == 2) {
-    uint16_t value = imucal_get_u16(wire);
-    memcpy(member, &value, 2);
-  } else if (size == 4) {
-    uint32_t value = imucal_get_u32(wire);
-    memcpy(member, &value, 4);
-  } else {
-    uint64_t value = imucal_get_u64(wire);
-    memcpy(member, &value, 8);
+/* All fields of a message: a struct to its payload, or back.  *len: bytes of the payload, at most max_payload. */
+static imucal_status copy_fields(uint32_t id, const uint8_t* from, uint8_t* to, bool is_encoding, size_t max_payload,
+                                 size_t* len) {
+  const uint8_t* descriptor = find_message(id);
+  if (descriptor == NULL) return IMUCAL_ERR_UNKNOWN;
+  cursor_t c = cursor_at(descriptor);
+  size_t at = 0;
+  while (cursor_next(&c)) {
+    if (c.used > c.members) return IMUCAL_ERR_RANGE;
+    if (at + c.used * c.size > max_payload) return IMUCAL_ERR_SPACE;
+    for (size_t i = 0; i < c.used; i++, at += c.size) {
+      const size_t member = c.offset + i * c.size;
+      const uint8_t* source = from + (is_encoding ? member : at);
+      copy_element(to + (is_encoding ? at : member), source, c.size);
+      if (c.is_number) c.number = *source;
+    }
   }
+  *len = at;
+  return IMUCAL_OK;
 }
 
 imucal_status imucal_link_encode(uint32_t id, const void* message, uint8_t* payload, size_t max_payload,
                                  size_t* payload_len) {
-  const uint8_t* descriptor = find_message(id);
-  if (descriptor == NULL) return IMUCAL_ERR_UNKNOWN;
-  const uint8_t* from = message;
-  size_t len = 0;
-  cursor_t c = cursor_at(descriptor);
-  while (cursor_next(&c)) {
-    if (c.used > c.members) return IMUCAL_ERR_RANGE;
-    if (len + c.used * c.size > max_payload) return IMUCAL_ERR_SPACE;
-    if (c.is_number) c.number = from[c.offset];
-    for (size_t i = 0; i < c.used; i++, len += c.size) put_element(payload + len, from + c.offset + i * c.size, c.size);
-  }
-  *payload_len = len;
-  return IMUCAL_OK;
+  return copy_fields(id, message, payload, true, max_payload, payload_len);
 }
 
 imucal_status imucal_link_decode(uint32_t id, const uint8_t* payload, size_t payload_len,
                                  imucal_link_any_t* message) {
-  const uint8_t* descriptor = find_message(id);
-  if (descriptor == NULL) return IMUCAL_ERR_UNKNOWN;
   memset(message, 0, sizeof *message);
-  uint8_t* to = (uint8_t*)message;
   size_t len = 0;
-  cursor_t c = cursor_at(descriptor);
-  while (cursor_next(&c)) {
-    if (c.used > c.members) return IMUCAL_ERR_RANGE;
-    if (len + c.used * c.size > payload_len) return IMUCAL_ERR_LENGTH;
-    for (size_t i = 0; i < c.used; i++, len += c.size) get_element(payload + len, to + c.offset + i * c.size, c.size);
-    if (c.is_number) c.number = to[c.offset];
-  }
-  return len == payload_len ? IMUCAL_OK : IMUCAL_ERR_LENGTH;
+  const imucal_status status = copy_fields(id, payload, (uint8_t*)message, false, payload_len, &len);
+  if (status == IMUCAL_ERR_SPACE || (status == IMUCAL_OK && len != payload_len)) return IMUCAL_ERR_LENGTH;
+  return status;
 }
 
 /* ---- sending ---- */

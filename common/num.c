@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "num.h"
 
+bool imucal_is_within(float value, float lo, float hi) {
+  return imucal_is_finite(value) && value >= lo && value <= hi;
+}
+
 /* value = m 2^e with e even and m in [2^24, 2^26).  The root of m 2^24, in [2^24, 2^25), has one bit more than a
  * float.  A tie cannot occur: the square of an odd 25-bit number has about 50 significant bits, no float has.  So
  * rounding by that one bit is rounding to nearest even. */

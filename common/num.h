@@ -33,9 +33,7 @@ static inline bool imucal_is_finite(float value) {
   return (imucal_bits_from_float(value) & 0x7F800000u) != 0x7F800000u;
 }
 /* True when value is finite and inside [lo, hi]. */
-static inline bool imucal_is_within(float value, float lo, float hi) {
-  return imucal_is_finite(value) && value >= lo && value <= hi;
-}
+bool imucal_is_within(float value, float lo, float hi);
 
 /* Square root, correctly rounded (nearest even), by integers only.  Negative or not finite input gives 0. */
 float imucal_sqrtf(float value);

@@ -9,6 +9,7 @@
 #define MAX_ABS_TEMP_DEGC 1000.0f
 #define SPAN_SLACK 1.00001f /* t0 +- range in float32 may round outward; comp clamps |Tn| to 1 */
 #define MAX_SCALE_SUM 0.0625f
+#define MIN_POSITIVE 1e-30f
 #define MAX_POSITIVE 3e38f
 
 /* ---- texts of fixed size ---- */
@@ -47,40 +48,59 @@ bool imucal_text_equal(const char* a, const char* b, size_t size) {
 
 static float absolute(float value) { return value < 0 ? -value : value; }
 
-static bool are_within(const float* value, size_t n, float lo, float hi) {
-  for (size_t i = 0; i < n; i++)
-    if (!imucal_is_within(value[i], lo, hi)) return false;
-  return true;
+/* t0_degc .. unit_per_count: 28 floats, one after another in the struct as on the wire. */
+#define FLOATS_AT offsetof(imucal_table_channel_t, t0_degc)
+#define N_FLOATS 28
+typedef char floats_are_contiguous[offsetof(imucal_table_channel_t, unit_per_count) + 4 == FLOATS_AT + 4 * N_FLOATS
+                                       ? 1
+                                       : -1];
+
+static float float_of(const imucal_table_channel_t* c, size_t i) {
+  float value;
+  memcpy(&value, (const uint8_t*)c + FLOATS_AT + 4 * i, 4);
+  return value;
 }
 
-/* Finite, at most `limit`, and zero from n_used on. */
-static bool are_coefficients(const float* value, size_t n_used, size_t n, float limit) {
-  if (!are_within(value, n, -limit, limit)) return false;
-  for (size_t i = n_used; i < n; i++)
-    if (imucal_bits_from_float(value[i]) << 1 != 0) return false;
-  return true;
+/* What these floats may be, in their order: each of the first `used` in [lo, hi], the rest 0. */
+enum { USED_ALL, USED_ORDER, USED_SCALE, USED_MARKOV };
+typedef struct rule {
+  float lo, hi;
+  const char* field;
+  uint8_t n, used;
+  int8_t refusal;
+} rule_t;
+static const rule_t rules[] = {
+    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "t0_degc", 1, USED_ALL, IMUCAL_ERR_SPAN},
+    {1e-3f, 2 * MAX_ABS_TEMP_DEGC, "range_degc", 1, USED_ALL, IMUCAL_ERR_SPAN},
+    {-IMUCAL_TABLE_MAX_COEFF, IMUCAL_TABLE_MAX_COEFF, "coeff", IMUCAL_MAX_COEFF, USED_ORDER, IMUCAL_ERR_COEFFICIENT},
+    {-MAX_SCALE_SUM, MAX_SCALE_SUM, "scale_coeff", IMUCAL_TABLE_SCALE_N, USED_SCALE, IMUCAL_ERR_COEFFICIENT},
+    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "span_degc", 2, USED_ALL, IMUCAL_ERR_SPAN},
+    {0.0f, MAX_POSITIVE, "sigma", IMUCAL_TABLE_SIGMA_N, USED_ALL, IMUCAL_ERR_SIGMA},
+    {0.0f, MAX_POSITIVE, "model", 1, USED_ALL, IMUCAL_ERR_MODEL},
+    {0.0f, MAX_POSITIVE, "model", IMUCAL_TABLE_MARKOV_N, USED_MARKOV, IMUCAL_ERR_MODEL},
+    {1e-45f, MAX_POSITIVE, "model", IMUCAL_TABLE_MARKOV_N, USED_MARKOV, IMUCAL_ERR_MODEL}, /* tau > 0 */
+    {MIN_POSITIVE, MAX_POSITIVE, "unit_per_count", 1, USED_ALL, IMUCAL_ERR_SCALE}};
+enum { RULE_SPAN = 4, N_RULES = sizeof rules / sizeof rules[0] };
+
+static bool follows(const imucal_table_channel_t* c, const rule_t* rule, size_t at) {
+  const uint8_t used[] = {rule->n, (uint8_t)(c->order == 0 ? 0 : c->order + 1), (uint8_t)(c->scale_order + 1), c->n_markov};
+  float sum = 0.0f;
+  for (size_t i = 0; i < rule->n; i++) {
+    const float value = float_of(c, at + i);
+    const bool is_used = i < used[rule->used];
+    if (!imucal_is_within(value, is_used ? rule->lo : 0.0f, is_used ? rule->hi : 0.0f)) return false;
+    sum += absolute(value);
+  }
+  return rule->used != USED_SCALE || sum <= MAX_SCALE_SUM;
 }
 
 static bool is_span(const imucal_table_channel_t* c) {
-  if (!imucal_is_within(c->span_lo_degc, -MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC)) return false;
-  if (!imucal_is_within(c->span_hi_degc, -MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC)) return false;
-  float reach = c->range_degc * SPAN_SLACK;
+  const float reach = c->range_degc * SPAN_SLACK;
   return c->span_lo_degc < c->span_hi_degc && absolute(c->span_lo_degc - c->t0_degc) <= reach &&
          absolute(c->span_hi_degc - c->t0_degc) <= reach;
 }
 
-static bool is_model(const imucal_table_channel_t* c) {
-  if (!imucal_is_within(c->arw, 0.0f, MAX_POSITIVE)) return false;
-  for (size_t i = 0; i < IMUCAL_TABLE_MARKOV_N; i++) {
-    bool is_used = i < c->n_markov;
-    if (!imucal_is_within(c->markov_sigma[i], 0.0f, is_used ? MAX_POSITIVE : 0.0f)) return false;
-    if (!imucal_is_within(c->markov_tau_s[i], 0.0f, is_used ? MAX_POSITIVE : 0.0f)) return false;
-    if (is_used && c->markov_tau_s[i] <= 0.0f) return false;
-  }
-  return true;
-}
-
-static bool is_positive(float value) { return imucal_is_within(value, 1e-30f, MAX_POSITIVE); }
+static bool is_positive(float value) { return imucal_is_within(value, MIN_POSITIVE, MAX_POSITIVE); }
 
 static imucal_status refuse(imucal_table_place_t* place, int32_t channel, const char* field, imucal_status why) {
   if (place != NULL) *place = (imucal_table_place_t){(int8_t)channel, field};
@@ -92,20 +112,9 @@ static imucal_status validate_channel(const imucal_table_channel_t* c, int32_t i
   if (c->order > IMUCAL_MAX_ORDER) return refuse(place, i, "order", IMUCAL_ERR_ORDER);
   if (c->scale_order >= IMUCAL_TABLE_SCALE_N) return refuse(place, i, "scale_order", IMUCAL_ERR_ORDER);
   if (c->n_markov > IMUCAL_TABLE_MARKOV_N) return refuse(place, i, "markov", IMUCAL_ERR_MODEL);
-  if (!imucal_is_within(c->t0_degc, -MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC))
-    return refuse(place, i, "t0_degc", IMUCAL_ERR_SPAN);
-  if (!imucal_is_within(c->range_degc, 1e-3f, 2 * MAX_ABS_TEMP_DEGC))
-    return refuse(place, i, "range_degc", IMUCAL_ERR_SPAN);
-  if (!are_coefficients(c->coeff, c->order == 0 ? 0u : c->order + 1u, IMUCAL_MAX_COEFF, IMUCAL_TABLE_MAX_COEFF))
-    return refuse(place, i, "coeff", IMUCAL_ERR_COEFFICIENT);
-  if (!are_coefficients(c->scale_coeff, c->scale_order + 1u, IMUCAL_TABLE_SCALE_N, MAX_SCALE_SUM) ||
-      absolute(c->scale_coeff[0]) + absolute(c->scale_coeff[1]) + absolute(c->scale_coeff[2]) > MAX_SCALE_SUM)
-    return refuse(place, i, "scale_coeff", IMUCAL_ERR_COEFFICIENT);
-  if (!is_span(c)) return refuse(place, i, "span_degc", IMUCAL_ERR_SPAN);
-  if (!are_within(c->sigma, IMUCAL_TABLE_SIGMA_N, 0.0f, MAX_POSITIVE))
-    return refuse(place, i, "sigma", IMUCAL_ERR_SIGMA);
-  if (!is_model(c)) return refuse(place, i, "model", IMUCAL_ERR_MODEL);
-  if (!is_positive(c->unit_per_count)) return refuse(place, i, "unit_per_count", IMUCAL_ERR_SCALE);
+  for (size_t k = 0, at = 0; k < N_RULES; at += rules[k++].n)
+    if (!follows(c, &rules[k], at) || (k == RULE_SPAN && !is_span(c)))
+      return refuse(place, i, rules[k].field, (imucal_status)rules[k].refusal);
   if (c->full_scale_counts <= 0) return refuse(place, i, "full_scale_counts", IMUCAL_ERR_SCALE);
   return IMUCAL_OK;
 }
@@ -137,13 +146,6 @@ imucal_status imucal_table_validate(const imucal_table_t* table, imucal_table_pl
 }
 
 /* ---- bytes (table.md) ---- */
-
-/* t0_degc .. unit_per_count: 28 floats, one after another in the struct as on the wire. */
-#define FLOATS_AT offsetof(imucal_table_channel_t, t0_degc)
-#define N_FLOATS 28
-typedef char floats_are_contiguous[offsetof(imucal_table_channel_t, unit_per_count) + 4 == FLOATS_AT + 4 * N_FLOATS
-                                       ? 1
-                                       : -1];
 
 static void encode_channel(const imucal_table_channel_t* c, uint8_t* at) {
   memcpy(at, c->name, IMUCAL_NAME_LEN);

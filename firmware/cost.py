@@ -3,7 +3,8 @@
 """What the firmware costs on its microcontrollers: flash and RAM, worst stack, instructions.
 
 usage: cost.py size|stack|cycles|save|diff --build BUILD [--cross arm-none-eabi-]
-  size    flash of each core object as linked into the image, RAM of the core's structures
+  size    flash of each core object as linked into the image (what nobody calls is left out), the same objects before
+          linking, library functions of the whole image; RAM of the core's structures
   stack   deepest path through the whole program: stack of each function (-fstack-usage) along the call graph;
           and what a painted stack shows of the core's functions in QEMU
   cycles  instructions of the core's functions, counted by QEMU (-icount shift=0) with a timer of the chip
@@ -49,7 +50,7 @@ def linked_bytes(map_file):
     return sizes
 
 
-def flash_table(build, port):
+def flash_table(build, cross, port):
     sizes = linked_bytes(build / "firmware" / port / "imucal.map")
     flash = {}
     for name, kinds in sizes.items():
@@ -57,6 +58,10 @@ def flash_table(build, port):
             flash[Path(name).stem] = kinds.get("text", 0) + kinds.get("rodata", 0) + kinds.get("data", 0)
     flash["whole core"] = sum(flash.values())
     flash["whole core without the texts of status"] = flash["whole core"] - flash.get("status", 0)
+    objects = sorted((build / "obj" / port / "common").glob("*.o"))
+    flash["whole core, objects before linking"] = sum(int(line.split()[0]) for line in
+                                                      run(cross + "size", *objects).splitlines()[1:])
+    flash["libgcc and libc in the image"] = sum(k.get("text", 0) + k.get("rodata", 0) for n, k in sizes.items() if ".a(" in n)
     flash["app"] = sum(k.get("text", 0) + k.get("rodata", 0) for n, k in sizes.items() if "/firmware/app/" in n)
     return flash
 
@@ -76,7 +81,7 @@ def struct_table(cross, port):
 
 
 def size(build, cross):
-    return {port: dict({"flash " + k: v for k, v in flash_table(build, port).items()},
+    return {port: dict({"flash " + k: v for k, v in flash_table(build, cross, port).items()},
                        **{"RAM " + k: v for k, v in struct_table(cross, port).items()}) for port in PORTS}
 
 
