@@ -3,69 +3,77 @@
 
 #include "num.h"
 
-/* A second copy of the update for this number of states (5: order 3), for compilers that unroll its loops
- * when asked to: faster, 1.2 kB larger.  0: none. */
-#ifndef IMUCAL_KF_UNROLLED_STATES
-#define IMUCAL_KF_UNROLLED_STATES 0
-#endif
-#if IMUCAL_KF_UNROLLED_STATES != 0 && (IMUCAL_KF_UNROLLED_STATES < 3 || IMUCAL_KF_UNROLLED_STATES > 7)
-#error "IMUCAL_KF_UNROLLED_STATES: 0, or 3 to 7"
-#endif
-#if defined(__GNUC__)
-#define ALWAYS_INLINE inline __attribute__((always_inline))
-#else
-#define ALWAYS_INLINE inline
-#endif
-
-#define MAX_GAP_ROUNDS 31
 #define MAX_VARIANCE 1e14f
 #define MAX_PRIOR 1e6f
+#define FOLD_N 256u /* measurements between two folds; a power of two */
 
-/* Add `term` to the unevaluated sum hi + lo (fast two-sum; exact while |hi| >= |lo + term|, and otherwise off
- * by one rounding of the smaller number, which then is the whole history). */
-static ALWAYS_INLINE void add_to(float* hi, float* lo, float term) {
-  float small = *lo + term;
-  float sum = *hi + small;
-  *lo = small - (sum - *hi);
-  *hi = sum;
+/* hi + lo -> the same sum with hi as large as can be (fast two-sum).  Between two folds terms are added to lo
+ * alone: lo stays small beside hi and loses nothing, except before the first fold, where it is the whole
+ * history. */
+IMUCAL_COLD static void fold(float* hi, float* lo, uint32_t n) {
+  for (uint32_t i = 0; i < n; i++) {
+    const float sum = hi[i] + lo[i];
+    lo[i] -= sum - hi[i];
+    hi[i] = sum;
+  }
 }
 
-static uint32_t n_states(const imucal_kf_t* kf) {
-  return kf->config.order + 2u;
+/* |value| <= limit, false for NaN: magnitudes of floats are ordered as their bits. */
+static inline bool is_at_most(float value, float limit) {
+  return imucal_bits_from_float(value) << 1 <= imucal_bits_from_float(limit) << 1;
 }
 
-/* Out of line: smaller. */
-IMUCAL_COLD static bool is_inside(float value, float lo, float hi) {
-  return imucal_is_within(value, lo, hi);
+static inline bool is_r_ratio(float value) {
+  const uint32_t least = imucal_bits_from_float(1.0f / IMUCAL_KF_MAX_R_RATIO);
+  return imucal_bits_from_float(value) - least <= imucal_bits_from_float(IMUCAL_KF_MAX_R_RATIO) - least;
 }
+
+/* What the numbers of a configuration may be, in the order of the struct. */
+#define N_NUMBERS 7
+static const struct {
+  float lo, hi;
+} limit[N_NUMBERS] = {{-1000.0f, 1000.0f},    {1e-3f, 2000.0f},     {1e-30f, 1.0f},    {0.0f, MAX_VARIANCE},
+                      {1e-12f, MAX_VARIANCE}, {0.0f, MAX_VARIANCE}, {1e-6f, MAX_PRIOR}};
+static const int8_t refusal[N_NUMBERS] = {IMUCAL_ERR_SPAN,  IMUCAL_ERR_SPAN,  IMUCAL_ERR_MODEL,
+                                          IMUCAL_ERR_MODEL, IMUCAL_ERR_MODEL, IMUCAL_ERR_MODEL,
+                                          IMUCAL_ERR_RANGE};
+typedef char numbers_are_contiguous[sizeof(imucal_kf_config_t) ==
+                                            offsetof(imucal_kf_config_t, t0_degc) + N_NUMBERS * sizeof(float)
+                                        ? 1
+                                        : -1];
 
 IMUCAL_COLD static imucal_status check_config(const imucal_kf_config_t* c) {
   if (c->order < 1 || c->order > IMUCAL_MAX_ORDER) return IMUCAL_ERR_ORDER;
-  if (!is_inside(c->t0_degc, -1000.0f, 1000.0f)) return IMUCAL_ERR_SPAN;
-  if (!is_inside(c->range_degc, 1e-3f, 2000.0f)) return IMUCAL_ERR_SPAN;
-  if (!is_inside(c->m, 1e-30f, 1.0f)) return IMUCAL_ERR_MODEL;
-  if (!is_inside(c->q, 0.0f, MAX_VARIANCE)) return IMUCAL_ERR_MODEL;
-  if (!is_inside(c->r, 1e-12f, MAX_VARIANCE)) return IMUCAL_ERR_MODEL;
-  if (!is_inside(c->markov_variance, 0.0f, MAX_VARIANCE)) return IMUCAL_ERR_MODEL;
-  if (!is_inside(c->prior_sigma, 1e-6f, MAX_PRIOR)) return IMUCAL_ERR_RANGE;
+  const float* number = (const float*)(const void*)((const char*)c + offsetof(imucal_kf_config_t, t0_degc));
+  for (uint32_t i = 0; i < N_NUMBERS; i++)
+    if (!imucal_is_within(number[i], limit[i].lo, limit[i].hi)) return (imucal_status)refusal[i];
   return IMUCAL_OK;
 }
 
-/* Tn^k = sum_i power_in_chebyshev[k][i] T_i / 2^(k-1): the coefficients of a power series in Chebyshev's. */
-static const uint8_t power_in_chebyshev[IMUCAL_MAX_COEFF][IMUCAL_MAX_COEFF] = {
-    {1}, {0, 1}, {1, 0, 1}, {0, 3, 0, 1}, {3, 0, 4, 0, 1}, {0, 10, 0, 5, 0, 1}};
+/* T_k = sum_i t_ki Tn^i; here t_ki/t_ii, i < k, by columns as in kf_t.u, and t_kk = 2^(k-1), t_00 = 1. */
+static const int8_t chebyshev[] = {0, -1, 0, 0, -3, 0, 1, 0, -4, 0, 0, 5, 0, -5, 0};
 
-/* The prior is independent b_k, each of variance p: c = A b with A upper triangular, so that A's columns over
- * their diagonal are U and p over 4^(k-1) is D: exact. */
+static float leading(uint32_t k) {
+  return (float)(((1u << k) + 1u) >> 1);
+}
+
+/* The prior is independent b_i of one variance, b_i = sum_k t_ki c_k: one measurement each, already
+ * triangular. */
 IMUCAL_COLD static void set_prior(imucal_kf_t* kf) {
-  float* column = kf->u; /* of c_k: its first entry belongs to e */
-  float variance = kf->config.prior_sigma * kf->config.prior_sigma;
+  for (uint32_t i = 0; i < sizeof chebyshev; i++) kf->u[IMUCAL_MAX_COEFF + i] = (float)chebyshev[i];
   for (uint32_t k = 0; k <= kf->config.order; k++) {
-    kf->d[k + 1] = variance;
-    for (uint32_t i = 0; i < k; i++) column[i + 1] = (float)power_in_chebyshev[k][i];
-    column += k + 1;
-    if (k > 0) variance *= 0.25f;
+    const float weight = leading(k) / kf->config.prior_sigma;
+    kf->d[k + 1] = weight * weight;
   }
+}
+
+/* e anew: its stationary variance, and no dependence on what was seen (V = 0). */
+IMUCAL_COLD static void forget_markov(imucal_kf_t* kf) {
+  for (uint32_t k = 0; k <= IMUCAL_MAX_ORDER; k++) kf->u[k] = 0.0f;
+  kf->x[0] = 1.0f;
+  kf->x_lo[0] = 0.0f;
+  kf->d[0] = kf->config.markov_variance;
+  kf->stats.innovation = 0.0f; /* no lag-1 product */
 }
 
 IMUCAL_COLD imucal_status imucal_kf_init(imucal_kf_t* kf, const imucal_kf_config_t* config) {
@@ -75,112 +83,93 @@ IMUCAL_COLD imucal_status imucal_kf_init(imucal_kf_t* kf, const imucal_kf_config
   *kf = (imucal_kf_t){0};
   kf->config = *config;
   kf->inv_range = 1.0f / config->range_degc;
-  kf->d[0] = config->markov_variance;
+  kf->forgotten = config->m * (2.0f - config->m);
+  forget_markov(kf);
   set_prior(kf);
-  kf->is_last_missing = true;
   kf->is_ready = true;
   return IMUCAL_OK;
 }
 
-/* h[1 .. n) = T_0(tn), T_1(tn), ..: T_k+1 = 2 tn T_k - T_k-1.  Pre: n >= 3. */
-static ALWAYS_INLINE void chebyshev(float tn, uint32_t n, float* h) {
-  float twice = tn + tn;
-  h[1] = 1.0f;
-  h[2] = tn;
-  for (uint32_t i = 3; i < n; i++) h[i] = twice * h[i - 1] - h[i - 2];
-}
+/* One second of both filters.  Returns the innovation; *weight: the reciprocal of its variance.
+ *
+ * First filter: e alone, as though z held no polynomial.  What of T_k it has not followed is h_k = T_k + V_k,
+ * so that z - e~ = h' c + white noise of variance 1/w.  Second filter: that joins R, D, x by Givens
+ * rotations, each h_k through the rows before it.  V_0 is near -1 and T_0 never changes: 1 + V_0 is kept, and
+ * loses nothing. */
+static inline float learn(imucal_kf_t* kf, float z, float tn, float r, float* weight) {
+  const float m = kf->config.m;
+  const float variance = kf->d[0] + (kf->config.q - kf->forgotten * kf->d[0]);
+  float w = 1.0f / (variance + r);
+  const float gain_e = variance * w;
+  kf->d[0] = r * gain_e;
+  float* v = kf->u;
+  const float e = *v - m * *v;
+  float y = z - e;
+  *v++ = e + gain_e * y;
 
-/* e <- (1 - m) e + w.  With F = diag(1-m, 1 .. 1) and the noise along the first axis, F U D U' F' + q e0 e0'
- * keeps its factors: row 0 of U times 1-m, D0 <- (1-m)^2 D0 + q, because column 0 of U is e0. */
-static ALWAYS_INLINE void predict(imucal_kf_t* kf, uint32_t n, float m, float q) {
-  kf->x[0] -= m * kf->x[0];
-  add_to(&kf->d[0], &kf->d_lo[0], q - m * (2.0f - m) * kf->d[0]);
-  float* row0 = kf->u;
-  for (uint32_t j = 1; j < n; row0 += j, j++) *row0 -= m * *row0;
-}
-
-/* D_j <- D_j alpha_before/alpha with v = D_j f, alpha = alpha_before + v f, gain = v/alpha.  Written as a
- * difference where that keeps all digits (the last million updates), as a quotient where the update takes
- * more than half of D_j (the first few). */
-static ALWAYS_INLINE void shrink(float* d, float* d_lo, float f, float v, float gain, float kept_frac) {
-  if (f * gain <= 0.5f) {
-    add_to(d, d_lo, -v * gain);
-  } else {
-    *d *= kept_frac;
-    *d_lo = 0.0f;
+  float h[2 * IMUCAL_MAX_COEFF]; /* h_0 .. h_M; half-way on the gains of their rows */
+  float* const last = h + kf->config.order;
+  float* at = h;
+  float* u = kf->u + IMUCAL_MAX_COEFF;
+  float step = tn - 1.0f, t_k = tn; /* T_k+1 = T_k + step_k, step_k = step_k-1 + 2 (tn - 1) T_k (Reinsch) */
+  const float slope = step + step;
+  const float v_0 = kf->x[0] + kf->x_lo[0];
+  const float forgotten = m - m * v_0;
+  float h_k = v_0 + forgotten;
+  kf->x_lo[0] += forgotten - gain_e * h_k;
+  for (uint32_t k = 1;; k++) {
+    const float wh = w * h_k;
+    const float d_before = kf->d[k] + kf->d_lo[k];
+    kf->d_lo[k] += wh * h_k;
+    const float inverse = 1.0f / (kf->d[k] + kf->d_lo[k]);
+    const float gain = wh * inverse;
+    w *= d_before * inverse;
+    y -= h_k * (kf->x[k] + kf->x_lo[k]);
+    kf->x_lo[k] += gain * y;
+    if (at == last) break;
+    at[IMUCAL_MAX_COEFF] = gain;
+    *at++ = h_k;
+    const float followed = *v - m * *v;
+    h_k = t_k + followed;
+    *v++ = followed - gain_e * h_k;
+    step += slope * t_k;
+    t_k += step;
+    const float* before = h;
+    do {
+      h_k -= *before * *u;
+      *u++ += before[IMUCAL_MAX_COEFF] * h_k;
+    } while (++before != at);
   }
+  *weight = w;
+  return y;
 }
 
-/* Bierman's update of U and D for z = h'x + v, one column at a time.  gain[] becomes P h = S K; returns 1/S.
- */
-static ALWAYS_INLINE float update_factors(imucal_kf_t* kf, uint32_t n, const float* h, float* gain,
-                                          float* variance) {
-  float alpha = kf->config.r;
-  float inverse = 0.0f;
-  float* column = kf->u;
-  for (uint32_t j = 0; j < n; column += j, j++) {
-    float f = h[j];
-    for (uint32_t i = 0; i < j; i++) f += column[i] * h[i];
-    float v = kf->d[j] * f;
-    float lambda = -f * inverse;
-    float before = alpha;
-    alpha += v * f;
-    inverse = 1.0f / alpha;
-    shrink(&kf->d[j], &kf->d_lo[j], f, v, v * inverse, before * inverse);
-    for (uint32_t i = 0; i < j; i++) {
-      float u = column[i];
-      column[i] = u + gain[i] * lambda;
-      gain[i] += u * v;
-    }
-    gain[j] = v;
-  }
-  *variance = alpha;
-  return inverse;
-}
-
-static void count_innovation(imucal_kf_t* kf, float innovation, float variance, float inverse) {
-  imucal_kf_stats_t* s = &kf->stats;
-  float normalised = innovation * inverse;
-  add_to(&s->nis_sum, &s->nis_lo, innovation * normalised);
-  add_to(&s->weighted_sum, &s->weighted_lo, normalised);
-  add_to(&s->inverse_sum, &s->inverse_lo, inverse);
-  if (!kf->is_last_missing) add_to(&s->lag1_sum, &s->lag1_lo, s->innovation * normalised);
+static inline void count_innovation(imucal_kf_stats_t* s, float innovation, float weight) {
+  const float normalised = innovation * weight;
+  s->sum_lo[IMUCAL_KF_NIS] += innovation * normalised;
+  s->sum_lo[IMUCAL_KF_WEIGHTED] += normalised;
+  s->sum_lo[IMUCAL_KF_INVERSE] += weight;
+  s->sum_lo[IMUCAL_KF_LAG1] += s->innovation * normalised;
   s->innovation = innovation;
-  s->innovation_variance = variance;
-  s->n++;
-  kf->is_last_missing = false;
+  s->innovation_weight = weight;
 }
 
-/* One second.  n = n_states(kf): a constant in the copy whose loops are to be unrolled; same operations, same
- * bits. */
-static ALWAYS_INLINE void measure(imucal_kf_t* kf, uint32_t n, float z, float tn) {
-  predict(kf, n, kf->config.m, kf->config.q);
-  float h[IMUCAL_KF_MAX_STATES];
-  float gain[IMUCAL_KF_MAX_STATES];
-  h[0] = 1.0f;
-  chebyshev(tn, n, h);
-  float innovation = z;
-  for (uint32_t i = 1; i < n; i++) innovation -= h[i] * kf->x[i];
-  innovation -= kf->x[0];
-  float variance;
-  float inverse = update_factors(kf, n, h, gain, &variance);
-  float step = innovation * inverse;
-  for (uint32_t i = 0; i < n; i++) add_to(&kf->x[i], &kf->x_lo[i], gain[i] * step);
-  count_innovation(kf, innovation, variance, inverse);
-}
-
-imucal_status imucal_kf_update(imucal_kf_t* kf, float z, float temp_degc) {
+imucal_status imucal_kf_update_scaled(imucal_kf_t* kf, float z, float temp_degc, float r_ratio) {
   if (!kf->is_ready) return IMUCAL_ERR_STATE;
-  float tn = (temp_degc - kf->config.t0_degc) * kf->inv_range;
-  if (!imucal_is_within(z, -IMUCAL_KF_MAX_RATE, IMUCAL_KF_MAX_RATE) ||
-      !imucal_is_within(tn, -IMUCAL_KF_MAX_TN, IMUCAL_KF_MAX_TN)) {
+  const float tn = (temp_degc - kf->config.t0_degc) * kf->inv_range;
+  if (!is_at_most(z, IMUCAL_KF_MAX_RATE) || !is_at_most(tn, IMUCAL_KF_MAX_TN) || !is_r_ratio(r_ratio)) {
     kf->stats.n_refused++;
-    return imucal_is_finite(z) && imucal_is_finite(temp_degc) ? IMUCAL_ERR_RANGE : IMUCAL_ERR_NOT_FINITE;
+    return imucal_is_finite(z) && imucal_is_finite(temp_degc) && imucal_is_finite(r_ratio)
+               ? IMUCAL_ERR_RANGE
+               : IMUCAL_ERR_NOT_FINITE;
   }
-  if (n_states(kf) == IMUCAL_KF_UNROLLED_STATES)
-    measure(kf, IMUCAL_KF_UNROLLED_STATES, z, tn);
-  else
-    measure(kf, n_states(kf), z, tn);
+  float weight;
+  const float innovation = learn(kf, z, tn, kf->config.r * r_ratio, &weight);
+  count_innovation(&kf->stats, innovation, weight);
+  if (++kf->stats.n % FOLD_N != 0) return IMUCAL_OK;
+  fold(kf->x, kf->x_lo, IMUCAL_KF_MAX_STATES);
+  fold(kf->d, kf->d_lo, IMUCAL_KF_MAX_STATES);
+  fold(kf->stats.sum, kf->stats.sum_lo, IMUCAL_KF_N_SUMS);
   return IMUCAL_OK;
 }
 
@@ -189,79 +178,89 @@ imucal_status imucal_kf_skip(imucal_kf_t* kf, uint32_t n_s) {
   if (n_s > IMUCAL_KF_MAX_GAP_S) return IMUCAL_ERR_PERIOD;
   if (n_s == 0) return IMUCAL_OK;
   kf->stats.n_missed += n_s;
-  kf->is_last_missing = true;
-  /* Steps (m, q) compose: m = m1 + m2 - m1 m2, q = (1 - m2)^2 q1 + q2.  (total) gathers the set bits of n_s,
-   * (power) doubles; both are powers of the same step, so that their order does not matter. */
-  float m = 0.0f, q = 0.0f;
-  float power_m = kf->config.m, power_q = kf->config.q;
-  for (uint32_t round = 0; round < MAX_GAP_ROUNDS && n_s != 0; round++, n_s >>= 1) {
-    if ((n_s & 1u) != 0) {
-      float keep = 1.0f - power_m;
-      q = keep * keep * q + power_q;
-      m = m + power_m - m * power_m;
-    }
-    float keep = 1.0f - power_m;
-    power_q = keep * keep * power_q + power_q;
-    power_m = power_m + power_m - power_m * power_m;
+  kf->stats.innovation = 0.0f; /* no lag-1 product across the gap */
+  /* Steps compose: m = m1 + m2 - m1 m2; q goes with m (2 - m).  `power` doubles, m gathers the set bits of
+   * n_s. */
+  float m = 0.0f, power = kf->config.m;
+  for (; n_s != 0; n_s >>= 1) {
+    if ((n_s & 1u) != 0) m += power - m * power;
+    power += power - power * power;
   }
-  predict(kf, n_states(kf), m, q);
+  const float forgotten = m * (2.0f - m);
+  kf->d[0] += kf->config.q * (forgotten / kf->forgotten) - forgotten * kf->d[0];
+  kf->x_lo[0] += m - m * (kf->x[0] + kf->x_lo[0]);
+  for (uint32_t k = 0; k <= kf->config.order; k++) kf->u[k] -= m * kf->u[k];
   return IMUCAL_OK;
 }
 
 IMUCAL_COLD imucal_status imucal_kf_new_run(imucal_kf_t* kf, float turn_on_sigma) {
   if (!kf->is_ready) return IMUCAL_ERR_STATE;
   if (!imucal_is_within(turn_on_sigma, 0.0f, MAX_PRIOR)) return IMUCAL_ERR_RANGE;
-  /* Forget e: without row and column 0 the factors of the rest remain; e then stands alone. */
-  float* row0 = kf->u;
-  for (uint32_t j = 1; j < n_states(kf); row0 += j, j++) *row0 = 0.0f;
-  kf->x[0] = 0.0f;
-  kf->x_lo[0] = 0.0f;
-  kf->d[0] = kf->config.markov_variance;
-  kf->d_lo[0] = 0.0f;
-  /* b0, now the first of the rest, takes added variance in its own factor. */
-  add_to(&kf->d[1], &kf->d_lo[1], turn_on_sigma * turn_on_sigma);
-  kf->is_last_missing = true;
+  forget_markov(kf);
+  /* Row 0 is c0 given the others, of variance 1/D: it takes the added variance alone. */
+  const float widened = 1.0f + turn_on_sigma * turn_on_sigma * (kf->d[1] + kf->d_lo[1]);
+  kf->d[1] /= widened;
+  kf->d_lo[1] /= widened;
   return IMUCAL_OK;
 }
 
-/* b_i = sum_k c_k (coefficient of Tn^i in T_k).  Row k from rows k-1 and k-2 by the recurrence; all integers.
- */
-IMUCAL_COLD float imucal_kf_coefficient(const imucal_kf_t* kf, uint32_t i) {
-  if (i > kf->config.order) return 0.0f;
-  float before[IMUCAL_MAX_COEFF + 1] = {0.0f};    /* T_k-1, one place up: [p + 1] is of Tn^p */
-  float row[IMUCAL_MAX_COEFF + 1] = {0.0f, 1.0f}; /* T_0 */
-  float sum = 0.0f;
+/* Solve R' y = h in place, h[0 .. order]: then h' c = sum y_j x_j and var(h' c) = sum y_j^2/D_j. */
+static void solve(const imucal_kf_t* kf, float* h) {
+  const float* u = kf->u + IMUCAL_MAX_COEFF;
+  for (uint32_t k = 1; k <= kf->config.order; k++)
+    for (uint32_t j = 0; j < k; j++) h[k] -= *u++ * h[j];
+}
+
+static void solve_at(const imucal_kf_t* kf, float temp_degc, float* h) {
+  const float tn = (temp_degc - kf->config.t0_degc) * kf->inv_range;
+  float before = tn, now = 1.0f;
   for (uint32_t k = 0; k <= kf->config.order; k++) {
-    sum += row[i + 1] * kf->x[k + 1];
-    float factor = k == 0 ? 1.0f : 2.0f;
-    for (uint32_t p = IMUCAL_MAX_COEFF; p > 0; p--) {
-      float next = factor * row[p - 1] - before[p];
-      before[p] = row[p];
-      row[p] = next;
-    }
+    h[k] = now;
+    const float next = 2.0f * tn * now - before;
+    before = now;
+    now = next;
   }
+  solve(kf, h);
+}
+
+static float estimate(const imucal_kf_t* kf, const float* y) {
+  float sum = 0.0f;
+  for (uint32_t k = kf->config.order + 1u; k > 0; k--) sum += y[k - 1] * (kf->x[k] + kf->x_lo[k]);
   return sum;
 }
 
-float imucal_kf_bias(const imucal_kf_t* kf, float temp_degc) {
-  float h[IMUCAL_KF_MAX_STATES];
-  chebyshev((temp_degc - kf->config.t0_degc) * kf->inv_range, n_states(kf), h);
-  float bias = 0.0f;
-  for (uint32_t i = n_states(kf) - 1; i > 0; i--) bias += h[i] * kf->x[i];
-  return bias;
+IMUCAL_COLD float imucal_kf_coefficient(const imucal_kf_t* kf, uint32_t i) {
+  if (i > kf->config.order) return 0.0f;
+  float h[IMUCAL_MAX_COEFF];
+  for (uint32_t k = 0; k <= kf->config.order; k++)
+    h[k] = k < i ? 0.0f : k == i ? 1.0f : (float)chebyshev[k * (k - 1) / 2 + i];
+  solve(kf, h);
+  return leading(i) * estimate(kf, h);
+}
+
+IMUCAL_COLD float imucal_kf_bias(const imucal_kf_t* kf, float temp_degc) {
+  float h[IMUCAL_MAX_COEFF];
+  solve_at(kf, temp_degc, h);
+  return estimate(kf, h);
+}
+
+/* The variances of the rows, 1/D. */
+static void invert(const imucal_kf_t* kf, float* variance) {
+  for (uint32_t k = 0; k <= kf->config.order; k++) variance[k] = 1.0f / (kf->d[k + 1] + kf->d_lo[k + 1]);
+}
+
+static float variance_at(const imucal_kf_t* kf, const float* variance, float temp_degc) {
+  float y[IMUCAL_MAX_COEFF];
+  solve_at(kf, temp_degc, y);
+  float sum = 0.0f;
+  for (uint32_t k = 0; k <= kf->config.order; k++) sum += y[k] * y[k] * variance[k];
+  return sum;
 }
 
 float imucal_kf_bias_variance(const imucal_kf_t* kf, float temp_degc) {
-  float h[IMUCAL_KF_MAX_STATES];
-  chebyshev((temp_degc - kf->config.t0_degc) * kf->inv_range, n_states(kf), h);
-  float variance = 0.0f;
-  const float* column = kf->u;
-  for (uint32_t j = 1; j < n_states(kf); column += j, j++) {
-    float projection = h[j];
-    for (uint32_t i = 1; i < j; i++) projection += column[i] * h[i];
-    variance += kf->d[j] * projection * projection;
-  }
-  return variance;
+  float variance[IMUCAL_MAX_COEFF];
+  invert(kf, variance);
+  return variance_at(kf, variance, temp_degc);
 }
 
 float imucal_kf_bias_sigma(const imucal_kf_t* kf, float temp_degc) {
@@ -270,11 +269,13 @@ float imucal_kf_bias_sigma(const imucal_kf_t* kf, float temp_degc) {
 
 float imucal_kf_worst_sigma(const imucal_kf_t* kf, float lo_degc, float hi_degc, uint32_t n_grid,
                             float* worst_temp_degc) {
+  float row_variance[IMUCAL_MAX_COEFF];
+  invert(kf, row_variance);
   float worst = -1.0f;
   float step = n_grid > 1 ? (hi_degc - lo_degc) / (float)(n_grid - 1) : 0.0f;
   for (uint32_t i = 0; i < n_grid; i++) {
     float temp_degc = lo_degc + (float)i * step;
-    float variance = imucal_kf_bias_variance(kf, temp_degc);
+    float variance = variance_at(kf, row_variance, temp_degc);
     if (variance <= worst) continue;
     worst = variance;
     if (worst_temp_degc != NULL) *worst_temp_degc = temp_degc;
@@ -282,10 +283,19 @@ float imucal_kf_worst_sigma(const imucal_kf_t* kf, float lo_degc, float hi_degc,
   return imucal_sqrtf(worst);
 }
 
+float imucal_kf_sum(const imucal_kf_t* kf, imucal_kf_sum_t which) {
+  return kf->stats.sum[which] + kf->stats.sum_lo[which];
+}
+
 float imucal_kf_mean_nis(const imucal_kf_t* kf) {
-  return kf->stats.n == 0 ? 0.0f : kf->stats.nis_sum / (float)kf->stats.n;
+  return kf->stats.n == 0 ? 0.0f : imucal_kf_sum(kf, IMUCAL_KF_NIS) / (float)kf->stats.n;
 }
 
 float imucal_kf_lag1(const imucal_kf_t* kf) {
-  return kf->stats.nis_sum > 0.0f ? kf->stats.lag1_sum / kf->stats.nis_sum : 0.0f;
+  const float nis = imucal_kf_sum(kf, IMUCAL_KF_NIS);
+  return nis > 0.0f ? imucal_kf_sum(kf, IMUCAL_KF_LAG1) / nis : 0.0f;
+}
+
+float imucal_kf_innovation_variance(const imucal_kf_t* kf) {
+  return kf->stats.n == 0 ? 0.0f : 1.0f / kf->stats.innovation_weight;
 }

@@ -3,8 +3,8 @@
  * Data: once, the normalisation of temperature and the error model from the host; then one 1-s mean and its
  * temperature per second; out, at any time, coefficients, covariance, predicted calibration error.
  * Order: init; then per second update (or skip); read functions any time.  One struct per channel.
- * Memory: sizeof(imucal_kf_t), of it 196 bytes of filter state at order 5; no heap.  Time: n(n+1)/2 inner steps
- * and n divisions per update, n = order + 2.  Thread: one context per struct.
+ * Memory: sizeof(imucal_kf_t), of it 196 bytes of filter state at order 5; no heap.  Time: p(p-1)/2 inner steps
+ * and p + 1 divisions per update, p = order + 1.  Thread: one context per struct.
  *
  * Model.  M = order, e first-order Gauss-Markov, the coefficients constant:
  *   z = e + b0 + b1 Tn + .. + bM Tn^M + v,  Tn = (T - t0)/range,  var v = r = (60 arw)^2/dt,
@@ -12,16 +12,18 @@
  * The host computes m, q, r in double and sends them: no libm here.  m instead of phi = 1 - m, so that long time
  * constants lose nothing in float32.
  *
- * The state is kept in Chebyshev's polynomials, s = [e, c0 .. cM], sum c_k T_k(Tn) = sum b_k Tn^k: they are nearly
- * uncorrelated where powers are not, so that U stays small and its rounding with it (10 days, order 5: predicted sigma
- * off by 6e-6 instead of 1.4e-3 with powers).  The prior is on b_k, exactly; imucal_kf_coefficient gives b_k.
+ * Two filters in a row, together exactly the augmented one (Friedland 1969, "separate bias estimation").  The first,
+ * scalar, follows e as though z held no polynomial: its innovation is (h + V)' c + white noise, with V the response of
+ * its estimate to the coefficients c, V <- (1 - m) V - K (h + V).  The second learns the constants c from it.
  *
- * Numerics.  P = U D U' (U unit upper triangular, packed by columns).  With e as the first state the time update
- * is exact and nearly free: row 0 of U times phi, D0 <- phi^2 D0 + q.  Measurement update: Bierman 1976.
- * D and the state are kept as unevaluated sums hi + lo: over 10 days a single update changes D by one part in a
+ * The polynomial is kept in Chebyshev's, B = sum c_k T_k(Tn) = sum b_k Tn^k: they are nearly uncorrelated where powers
+ * are not, so that R stays small and its rounding with it.  The prior is on b_k, exactly; imucal_kf_coefficient gives b_k.
+ *
+ * Numerics.  The information on c is R' D R, R unit upper triangular, D > 0, R c = x: a measurement joins by
+ * square-root-free Givens rotations (Gentleman 1973), one pass that leaves the innovation and its variance behind.
+ * D only grows: the covariance R^-1 D^-1 R^-T cannot become indefinite.
+ * D and x are kept as unevaluated sums hi + lo, made tidy every 256 measurements: over 10 days a single update changes D by one part in a
  * million, close to the last bit of float32.  Rounding errors then do not add up (measured: tests/common/test_kf.c).
- * Known limit: where the prior is over 1000 times the noise (1e4 over 3 dph), order 5, sigma is off by up to 0.2 % while
- * the span is half explored; at the end by 1e-4.
  *
  * The unit of a channel is generic: dph for gyros, mg for accelerometers. */
 #ifndef IMUCAL_KF_H
@@ -37,6 +39,7 @@ extern "C" {
 #define IMUCAL_KF_MAX_UD (IMUCAL_KF_MAX_STATES * (IMUCAL_KF_MAX_STATES - 1) / 2)
 #define IMUCAL_KF_MAX_RATE 1e7f          /* |z|, unit; beyond it is refused */
 #define IMUCAL_KF_MAX_TN 1.5f            /* |Tn| of a measurement; beyond it is refused */
+#define IMUCAL_KF_MAX_R_RATIO 1024.0f
 #define IMUCAL_KF_MAX_GAP_S 0x7FFFFFFFu
 
 /* What the host decides. */
@@ -52,30 +55,35 @@ typedef struct imucal_kf_config {
 } imucal_kf_config_t;
 
 /* Running statistics of the innovations nu with predicted variance S: a first sign on the device that the model
- * is wrong.  With a right model nis_sum/n -> 1, weighted_sum/sqrt(inverse_sum) ~ N(0,1), lag1_sum/n -> 0.
- * All are compensated sums, good for 1e7 terms. */
+ * is wrong (imucal_kf_sum).  Sums hi + lo, good for 1e7 terms. */
+typedef enum imucal_kf_sum {
+  IMUCAL_KF_NIS,      /* sum nu^2/S;                 with a right model sum/n -> 1 */
+  IMUCAL_KF_WEIGHTED, /* sum nu/S;                   / sqrt(inverse) ~ N(0,1) */
+  IMUCAL_KF_INVERSE,  /* sum 1/S */
+  IMUCAL_KF_LAG1,     /* sum nu(k) nu(k-1)/S(k) over consecutive seconds;  sum/n -> 0 */
+  IMUCAL_KF_N_SUMS
+} imucal_kf_sum_t;
+
 typedef struct imucal_kf_stats {
-  uint32_t n;                            /* measurements taken */
-  uint32_t n_missed;                     /* seconds bridged by the time update alone */
-  uint32_t n_refused;                    /* inputs refused, state unchanged */
-  float nis_sum, nis_lo;                 /* sum nu^2/S */
-  float weighted_sum, weighted_lo;       /* sum nu/S */
-  float inverse_sum, inverse_lo;         /* sum 1/S */
-  float lag1_sum, lag1_lo;               /* sum nu(k) nu(k-1)/S(k) over consecutive seconds */
-  float innovation, innovation_variance; /* the last one; 0 before the first */
+  uint32_t n;         /* measurements taken */
+  uint32_t n_missed;  /* seconds bridged by the time update alone */
+  uint32_t n_refused; /* inputs refused, state unchanged */
+  float sum[IMUCAL_KF_N_SUMS], sum_lo[IMUCAL_KF_N_SUMS];
+  float innovation;        /* the last one; 0 before the first and after a bridged second */
+  float innovation_weight; /* 1/S of the last one */
 } imucal_kf_stats_t;
 
-/* Readable by anybody, written only by the functions below. */
+/* Readable by anybody, written only by the functions below.  Entry 0 of each is the first filter's. */
 typedef struct imucal_kf {
-  float x[IMUCAL_KF_MAX_STATES];    /* e, c0 .. cM: leading part */
+  float x[IMUCAL_KF_MAX_STATES];    /* 1 + V0; then R c: leading part */
   float x_lo[IMUCAL_KF_MAX_STATES]; /* trailing part */
-  float d[IMUCAL_KF_MAX_STATES];    /* D: leading part, > 0 (d[0] >= 0) */
-  float d_lo[IMUCAL_KF_MAX_STATES]; /* trailing part */
-  float u[IMUCAL_KF_MAX_UD];        /* U above its diagonal, column j at j(j-1)/2: U01 U02 U12 U03 U13 U23 .. */
+  float d[IMUCAL_KF_MAX_STATES];    /* variance of e given c, >= 0; then D > 0: leading part */
+  float d_lo[IMUCAL_KF_MAX_STATES]; /* trailing part, [0] is 0 */
+  float u[IMUCAL_KF_MAX_UD];        /* e less V' c, V1 .. V5; R above its diagonal by columns: R01 R02 R12 R03 R13 R23 .. */
   float inv_range;
+  float forgotten; /* m (2 - m) */
   imucal_kf_config_t config;
   imucal_kf_stats_t stats;
-  bool is_last_missing; /* the second before was bridged: the lag-1 product is left out */
   bool is_ready;
 } imucal_kf_t;
 
@@ -84,10 +92,14 @@ typedef struct imucal_kf {
 IMUCAL_MUST_USE imucal_status imucal_kf_init(imucal_kf_t* kf, const imucal_kf_config_t* config);
 
 /* Time update by one second and measurement of it.
- * z: 1-s mean, |z| <= IMUCAL_KF_MAX_RATE; temp_degc: |Tn| <= IMUCAL_KF_MAX_TN.
+ * z: 1-s mean, |z| <= IMUCAL_KF_MAX_RATE; temp_degc: |Tn| <= IMUCAL_KF_MAX_TN; r_ratio: white variance of this mean
+ * over r, 1/IMUCAL_KF_MAX_R_RATIO .. IMUCAL_KF_MAX_R_RATIO; 1 but for a second that lost samples (imucal_sum_noise_ratio).
  * IMUCAL_ERR_NOT_FINITE, IMUCAL_ERR_RANGE: refused, n_refused + 1, state unchanged (then call skip for the
  * second); IMUCAL_ERR_STATE: before init. */
-IMUCAL_MUST_USE imucal_status imucal_kf_update(imucal_kf_t* kf, float z, float temp_degc);
+IMUCAL_MUST_USE imucal_status imucal_kf_update_scaled(imucal_kf_t* kf, float z, float temp_degc, float r_ratio);
+static inline IMUCAL_MUST_USE imucal_status imucal_kf_update(imucal_kf_t* kf, float z, float temp_degc) {
+  return imucal_kf_update_scaled(kf, z, temp_degc, 1.0f);
+}
 
 /* Time update alone over n_s seconds without a usable measurement (gap, saturated, sensor fault): m and q of n_s
  * steps are composed by binary powering, at most 31 rounds.  n_s = 0 does nothing. */
@@ -103,8 +115,8 @@ float imucal_kf_coefficient(const imucal_kf_t* kf, uint32_t i);
 /* B(T) of the estimate. */
 float imucal_kf_bias(const imucal_kf_t* kf, float temp_degc);
 
-/* Predicted variance (unit^2) of the calibration error B(T) at a temperature: sum_j d_j (u_j' h)^2 with
- * h = [0 T_0(Tn) .. T_M(Tn)]: a sum of squares, never negative. */
+/* Predicted variance (unit^2) of the calibration error B(T) at a temperature: sum_j y_j^2/D_j with R' y = h,
+ * h = [T_0(Tn) .. T_M(Tn)]: a sum of squares, never negative. */
 float imucal_kf_bias_variance(const imucal_kf_t* kf, float temp_degc);
 
 /* Its square root: the predicted one-sigma calibration error. */
@@ -115,6 +127,10 @@ float imucal_kf_bias_sigma(const imucal_kf_t* kf, float temp_degc);
 float imucal_kf_worst_sigma(const imucal_kf_t* kf, float lo_degc, float hi_degc, uint32_t n_grid,
                             float* worst_temp_degc);
 
+/* One of the innovations' sums so far. */
+float imucal_kf_sum(const imucal_kf_t* kf, imucal_kf_sum_t which);
+/* S of the last innovation, unit^2; 0 before the first. */
+float imucal_kf_innovation_variance(const imucal_kf_t* kf);
 /* sum nu^2/S over n; 0 before the first.  1 with a right model, standard error sqrt(2/n). */
 float imucal_kf_mean_nis(const imucal_kf_t* kf);
 /* Lag-1 correlation of the innovations; 0 with a right model, standard error 1/sqrt(n). */

@@ -6,7 +6,7 @@
 #define US_PER_S 1000000u
 #define NO_SECOND_YET 0u
 
-imucal_status imucal_sum_init(imucal_sum_t* sum, uint32_t n_channels, uint32_t rate_hz) {
+IMUCAL_COLD imucal_status imucal_sum_init(imucal_sum_t* sum, uint32_t n_channels, uint32_t rate_hz) {
   if (sum == NULL || n_channels < 1 || n_channels > IMUCAL_MAX_CHANNELS) return IMUCAL_ERR_ARGUMENT;
   if (rate_hz < 1 || rate_hz > IMUCAL_SUM_MAX_RATE_HZ) return IMUCAL_ERR_ARGUMENT;
   *sum = (imucal_sum_t){0};
@@ -16,17 +16,16 @@ imucal_status imucal_sum_init(imucal_sum_t* sum, uint32_t n_channels, uint32_t r
   return IMUCAL_OK;
 }
 
-static void mark_missing(imucal_sum_t* sum) {
+IMUCAL_COLD static void mark_missing(imucal_sum_t* sum) {
   for (uint32_t i = 0; i < sum->run.n_channels; i++)
     sum->run.flags[i] = (uint8_t)(sum->run.flags[i] | IMUCAL_FLAG_MISSING);
 }
 
 /* Hand out the running second and leave the sums empty. */
-static void close_second(imucal_sum_t* sum, imucal_second_t* second) {
+IMUCAL_COLD static void close_second(imucal_sum_t* sum, imucal_second_t* second) {
   for (uint32_t i = 0; i < sum->run.n_channels; i++) {
-    uint32_t saturated = ((uint32_t)sum->saturated >> i) & 1u ? IMUCAL_FLAG_SATURATED : 0u;
-    uint32_t fault = ((uint32_t)sum->fault >> i) & 1u ? IMUCAL_FLAG_FAULT : 0u;
-    sum->run.flags[i] = (uint8_t)(sum->run.flags[i] | saturated | fault);
+    if (((uint32_t)sum->saturated >> i) & 1u) sum->run.flags[i] |= IMUCAL_FLAG_SATURATED;
+    if (((uint32_t)sum->fault >> i) & 1u) sum->run.flags[i] |= IMUCAL_FLAG_FAULT;
   }
   sum->run.is_gap = 2 * (uint64_t)sum->run.n_samples < sum->nominal_n;
   *second = sum->run;
@@ -56,6 +55,22 @@ static void open_second(imucal_sum_t* sum, uint64_t t_us) {
   if (sum->run.n_skipped != 0) sum->n_jump++;
 }
 
+/* A sample of a later second came: hand out the running one, if it has samples, and begin the sample's. */
+IMUCAL_COLD static imucal_status turn_second(imucal_sum_t* sum, uint64_t t_us, imucal_second_t* second) {
+  imucal_status status = IMUCAL_OK;
+  const bool is_first = sum->end_us == 0;
+  const bool is_hole = !is_first && t_us - sum->last_us > sum->hole_us;
+  if (sum->run.n_samples != 0) {
+    if (is_hole && is_due_before_end(sum)) mark_missing(sum);
+    close_second(sum, second);
+    status = IMUCAL_SECOND_READY;
+  }
+  open_second(sum, t_us);
+  if (is_first ? t_us - (sum->end_us - US_PER_S) > sum->hole_us : is_hole && is_due_after_start(sum, t_us))
+    mark_missing(sum);
+  return status;
+}
+
 imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, imucal_second_t* second) {
   uint64_t t_us = sample->t_us;
   if (sample->n_channels != sum->run.n_channels || t_us >= (uint64_t)UINT32_MAX * US_PER_S ||
@@ -69,20 +84,10 @@ imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, i
     return IMUCAL_ERR_PERIOD;
   }
   imucal_status status = IMUCAL_OK;
-  if (t_us >= sum->end_us) {
-    bool is_hole = sum->end_us != 0 && t_us - sum->last_us > sum->hole_us;
-    if (sum->run.n_samples != 0) {
-      if (is_hole && is_due_before_end(sum)) mark_missing(sum);
-      close_second(sum, second);
-      status = IMUCAL_SECOND_READY;
-    }
-    bool is_first = sum->end_us == 0;
-    open_second(sum, t_us);
-    if (is_first ? t_us - (sum->end_us - US_PER_S) > sum->hole_us : is_hole && is_due_after_start(sum, t_us))
-      mark_missing(sum);
-  } else if (t_us - sum->last_us > sum->hole_us) {
+  if (t_us >= sum->end_us)
+    status = turn_second(sum, t_us, second);
+  else if (t_us - sum->last_us > sum->hole_us)
     mark_missing(sum);
-  }
   sum->last_us = t_us;
   sum->n_taken++;
   sum->run.n_samples++;
@@ -93,7 +98,7 @@ imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, i
   return status;
 }
 
-imucal_status imucal_sum_flush(imucal_sum_t* sum, imucal_second_t* second) {
+IMUCAL_COLD imucal_status imucal_sum_flush(imucal_sum_t* sum, imucal_second_t* second) {
   if (sum->run.n_samples == 0) return IMUCAL_OK;
   if (sum->end_us - sum->last_us > sum->hole_us) mark_missing(sum);
   close_second(sum, second);
@@ -104,7 +109,7 @@ imucal_status imucal_sum_flush(imucal_sum_t* sum, imucal_second_t* second) {
 /* sum = n floor + rest, 0 <= rest < n <= 2^24: the mean is floor 2^16 + rest 2^16/n.  |floor| <= 2^31, so the first
  * term is below 2^47 and rest 2^16 < 2^40.  floor 2^16 is even, so that rounding the second term to even rounds the
  * sum to even. */
-int64_t imucal_mean_q16_rne(int64_t sum, uint32_t n) {
+IMUCAL_COLD int64_t imucal_mean_q16_rne(int64_t sum, uint32_t n) {
   int64_t floor = sum / (int64_t)n;
   int64_t rest = sum - floor * (int64_t)n;
   if (rest < 0) {
@@ -117,4 +122,9 @@ int64_t imucal_mean_q16_rne(int64_t sum, uint32_t n) {
 float imucal_unit_from_q16(int64_t mean_q16, float scale_unit_per_count, float offset_unit) {
   float counts = (float)mean_q16 * 0x1p-16f;
   return counts * scale_unit_per_count + offset_unit;
+}
+
+IMUCAL_COLD float imucal_sum_noise_ratio(const imucal_sum_t* sum, const imucal_second_t* second, uint32_t i_channel) {
+  if ((second->flags[i_channel] & IMUCAL_FLAG_MISSING) == 0 || second->n_samples >= sum->nominal_n) return 1.0f;
+  return (float)sum->nominal_n / (float)second->n_samples;
 }

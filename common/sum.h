@@ -75,6 +75,10 @@ int64_t imucal_mean_q16_rne(int64_t sum, uint32_t n);
  * scale (one rounding), plus offset (one rounding).  Relative error at most 2^-23 of the product. */
 float imucal_unit_from_q16(int64_t mean_q16, float scale_unit_per_count, float offset_unit);
 
+/* White variance of the second's mean of channel i over that of a whole second: nominal over taken samples, at least 1,
+ * where samples are missing; else 1 (a sample clock off its nominal rate is no loss). */
+float imucal_sum_noise_ratio(const imucal_sum_t* sum, const imucal_second_t* second, uint32_t i_channel);
+
 #if defined(__cplusplus)
 }
 #endif

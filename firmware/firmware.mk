@@ -54,8 +54,6 @@ PORT_nrf51 := firmware/port/nrf51/main.c $(DRIVER_nrf51)
 MCU_OPTIMISE := $(if $(DEBUG),-Og,-Os) -g1 -ffunction-sections -fdata-sections
 FAST_mps2_an386_comp := -O2
 FAST_mps2_an386_sum := -O2
-FAST_mps2_an386_kf := -O2 -DIMUCAL_KF_UNROLLED_STATES=5 -fpeel-loops \
-  --param max-completely-peeled-insns=3000 --param max-completely-peel-times=4
 
 # $1 port
 define mcu_rules

@@ -34,7 +34,7 @@ static void update_filter(imucal_app_t* app, uint32_t i, const imucal_second_t* 
   const bool is_spoilt =
       is_lost || second->is_gap || (second->flags[i] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT));
   imucal_status status = imucal_kf_skip(kf, second->n_skipped);
-  if (status == IMUCAL_OK && !is_spoilt) status = imucal_kf_update(kf, rate, temp_degc);
+  if (status == IMUCAL_OK && !is_spoilt) status = imucal_kf_update_scaled(kf, rate, temp_degc, imucal_sum_noise_ratio(&app->raw_sum, second, i));
   if (is_spoilt ||
       status != IMUCAL_OK) { /* a refusal is counted by the filter and leaves its state unchanged */
     status = imucal_kf_skip(kf, 1);
@@ -45,7 +45,7 @@ static void update_filter(imucal_app_t* app, uint32_t i, const imucal_second_t* 
                                            .t_s = second->t_s,
                                            .channel = (uint8_t)i,
                                            .innovation = kf->stats.innovation,
-                                           .variance = kf->stats.innovation_variance};
+                                           .variance = imucal_kf_innovation_variance(kf)};
   app_stream(app, IMUCAL_STREAM_INNOVATION, IMUCAL_LINK_ID_INNOVATION, &record);
 }
 

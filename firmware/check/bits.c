@@ -59,8 +59,8 @@ static void print_filter(const check_io_t* io, uint32_t t_s, int k, int i) {
                            imucal_kf_worst_sigma(kf, 0, 60, 25, NULL),
                            imucal_kf_bias(kf, 41.5f),
                            imucal_kf_bias_sigma(kf, 41.5f),
-                           kf->stats.weighted_sum,
-                           kf->stats.inverse_sum};
+                           imucal_kf_sum(kf, IMUCAL_KF_WEIGHTED),
+                           imucal_kf_sum(kf, IMUCAL_KF_INVERSE)};
   hex_floats(io, " derived", derived, sizeof derived / sizeof *derived);
   for (uint32_t c = 0; c <= IMUCAL_MAX_ORDER; c++) {
     const float coefficient = imucal_kf_coefficient(kf, c);
@@ -90,7 +90,7 @@ static uint32_t crc_filters(void) {
       crc = crc_floats(crc, kf->d_lo, IMUCAL_KF_MAX_STATES);
       crc = crc_floats(crc, kf->u, IMUCAL_KF_MAX_UD);
       crc = crc_floats(crc, &kf->stats.innovation, 1);
-      crc = crc_floats(crc, &kf->stats.innovation_variance, 1);
+      crc = crc_floats(crc, &kf->stats.innovation_weight, 1);
     }
   return imucal_crc_end(crc);
 }
@@ -111,7 +111,8 @@ static void learn_second(const check_io_t* io, const imucal_second_t* second) {
       imucal_kf_t* kf = &filter[k][i];
       imucal_status status = imucal_kf_skip(kf, second->n_skipped);
       if (status == IMUCAL_OK && is_measurement(second, i))
-        status = imucal_kf_update(kf, mean[i], mean[N_CHANNELS]);
+        status = imucal_kf_update_scaled(kf, mean[i], mean[N_CHANNELS],
+                                         imucal_sum_noise_ratio(&sum, second, (uint32_t)i));
       else if (status == IMUCAL_OK)
         status = imucal_kf_skip(kf, 1);
       if (status != IMUCAL_OK) check_text(io, "error: the filter refuses\n");

@@ -174,6 +174,21 @@ static void test_worst_sigma_soaks_and_cycles_reproduce_figures_8_and_9(void** s
   }
 }
 
+/* R(i, k), i < k (kf.h). */
+static double r_of(const imucal_kf_t* kf, int i, int k) { return (double)kf->u[IMUCAL_MAX_COEFF + k * (k - 1) / 2 + i]; }
+
+/* Estimate and variance of e: x0 + V' c and d0 + V' P V. */
+static void markov_state(const imucal_kf_t* kf, double* e, double* e_variance) {
+  double y[IMUCAL_MAX_COEFF];
+  *e = (double)kf->u[0], *e_variance = (double)kf->d[0];
+  for (int k = 0; k <= kf->config.order; k++) {
+    y[k] = k == 0 ? (double)kf->x[0] + (double)kf->x_lo[0] - 1 : (double)kf->u[k];
+    for (int i = 0; i < k; i++) y[k] -= r_of(kf, i, k) * y[i];
+    *e += y[k] * ((double)kf->x[k + 1] + (double)kf->x_lo[k + 1]);
+    *e_variance += y[k] * y[k] / ((double)kf->d[k + 1] + (double)kf->d_lo[k + 1]);
+  }
+}
+
 static void test_skip_equals_that_many_predictions(void** state) {
   (void)state;
   const uint32_t gaps[] = {1, 2, 3, 7, 64, 100, 1000, 86399};
@@ -190,9 +205,9 @@ static void test_skip_equals_that_many_predictions(void** state) {
     }
     assert_int_equal(imucal_kf_skip(&kf, gaps[i]), IMUCAL_OK);
     for (uint32_t k = 0; k < gaps[i]; k++) reference_predict(&ref);
-    assert_true(fabs((double)kf.x[0] - (double)ref.x[0]) < 1e-4);
-    double e_variance = (double)kf.d[0]; /* P00 = sum_j d_j U0j^2 */
-    for (int j = 1; j < 5; j++) e_variance += (double)kf.d[j] * pow((double)kf.u[j * (j - 1) / 2], 2);
+    double e, e_variance;
+    markov_state(&kf, &e, &e_variance);
+    assert_true(fabs(e - (double)ref.x[0]) < 1e-4);
     assert_true(fabs(e_variance / (double)ref.p[0][0] - 1) < 1e-4);
     assert_int_equal(kf.stats.n_missed, gaps[i]);
     worst_t at;
@@ -208,7 +223,7 @@ static void test_skip_longest_gap_is_the_stationary_process(void** state) {
   assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
   assert_int_equal(imucal_kf_update(&kf, 50.0f, 20.0f), IMUCAL_OK);
   assert_int_equal(imucal_kf_skip(&kf, IMUCAL_KF_MAX_GAP_S), IMUCAL_OK);
-  assert_true(fabs((double)kf.x[0]) < 1e-30);
+  assert_true(fabs((double)kf.u[0]) < 1e-30);
   assert_true(fabs((double)kf.d[0] / 400 - 1) < 1e-5);
   assert_int_equal(imucal_kf_skip(&kf, IMUCAL_KF_MAX_GAP_S + 1u), IMUCAL_ERR_PERIOD);
   assert_int_equal(imucal_kf_skip(&kf, 0), IMUCAL_OK);
@@ -297,6 +312,34 @@ static void test_init_refuses_nonsense_and_changes_nothing(void** state) {
   }
 }
 
+/* Every third second lost half of its samples: twice the white variance. */
+static void test_update_scaled_follows_reference_of_that_noise(void** state) {
+  (void)state;
+  imucal_kf_config_t config = config_of(3, 0.6, 20, 100);
+  imucal_kf_t kf;
+  reference_kf_t ref;
+  unit_rng_t rng = {unit_seed()};
+  assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
+  reference_init(&ref, &config);
+  for (int t = 0; t < 6000; t++) {
+    float temp = (float)t * 0.01f, z = (float)(36 * unit_normal(&rng)), ratio = t % 3 == 0 ? 2.0f : 1.0f;
+    assert_int_equal(imucal_kf_update_scaled(&kf, z, temp, ratio), IMUCAL_OK);
+    ref.r = (long double)config.r * (long double)ratio;
+    reference_update(&ref, z, temp);
+  }
+  worst_t at;
+  compare(&kf, &ref, &at);
+  assert_true(at.bias_error < 0.01 && at.sigma_error < 1e-4);
+  const float bad[] = {0.0f, -1.0f, 1025.0f, 0.9f / 1024, (float)NAN, (float)INFINITY};
+  for (uint32_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+    const imucal_status expected = isfinite(bad[i]) ? IMUCAL_ERR_RANGE : IMUCAL_ERR_NOT_FINITE;
+    assert_int_equal(imucal_kf_update_scaled(&kf, 1.0f, 20.0f, bad[i]), expected);
+    assert_int_equal(kf.stats.n_refused, i + 1);
+  }
+  assert_int_equal(imucal_kf_update_scaled(&kf, 1.0f, 20.0f, 1024.0f), IMUCAL_OK);
+  assert_int_equal(imucal_kf_update_scaled(&kf, 1.0f, 20.0f, 1.0f / 1024), IMUCAL_OK);
+}
+
 static void test_before_init_everything_is_refused(void** state) {
   (void)state;
   imucal_kf_t kf = {0};
@@ -321,7 +364,7 @@ static void test_no_markov_process_is_recursive_least_squares(void** state) {
   worst_t at;
   compare(&kf, &ref, &at);
   assert_true(at.bias_error < 0.01 && at.sigma_error < 1e-4);
-  assert_true(kf.x[0] == 0.0f && kf.d[0] == 0.0f);
+  assert_true(kf.u[0] == 0.0f && kf.d[0] == 0.0f);
 }
 
 /* With the right model the statistics stay inside +-4.4 standard errors (1e-5 false alarms); with one whose Markov
@@ -340,7 +383,7 @@ static void statistics_of(double believed_sigma, double* z_nis, double* z_lag1, 
   }
   *z_nis = ((double)imucal_kf_mean_nis(&kf) - 1) / sqrt(2.0 / n);
   *z_lag1 = (double)imucal_kf_lag1(&kf) * sqrt(n);
-  *z_mean = (double)kf.stats.weighted_sum / sqrt((double)kf.stats.inverse_sum);
+  *z_mean = (double)imucal_kf_sum(&kf, IMUCAL_KF_WEIGHTED) / sqrt((double)imucal_kf_sum(&kf, IMUCAL_KF_INVERSE));
   assert_int_equal(kf.stats.n, n);
 }
 
@@ -361,9 +404,9 @@ static void test_lag1_is_not_taken_across_a_gap(void** state) {
   assert_int_equal(imucal_kf_update(&kf, 100, 20), IMUCAL_OK);
   assert_int_equal(imucal_kf_skip(&kf, 1), IMUCAL_OK);
   assert_int_equal(imucal_kf_update(&kf, 100, 20), IMUCAL_OK);
-  assert_true(kf.stats.lag1_sum == 0.0f);
+  assert_true(imucal_kf_sum(&kf, IMUCAL_KF_LAG1) == 0.0f);
   assert_int_equal(imucal_kf_update(&kf, 100, 20), IMUCAL_OK);
-  assert_true(kf.stats.lag1_sum != 0.0f);
+  assert_true(imucal_kf_sum(&kf, IMUCAL_KF_LAG1) != 0.0f);
 }
 
 static void test_coefficient_is_of_powers_and_bias_agrees(void** state) {
@@ -372,10 +415,16 @@ static void test_coefficient_is_of_powers_and_bias_agrees(void** state) {
     imucal_kf_config_t config = config_of(order, 0.6, 20, 100);
     imucal_kf_t kf;
     assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
-    for (int k = 0; k <= order; k++) kf.x[k + 1] = (float)(7 * k * k - 11 * k + 5);
+    double c[IMUCAL_MAX_COEFF];
+    for (int k = order; k >= 0; k--) { /* R c = x; integers, so exact */
+      c[k] = 7 * k * k - 11 * k + 5;
+      double x = c[k];
+      for (int j = k + 1; j <= order; j++) x += r_of(&kf, k, j) * c[j];
+      kf.x[k + 1] = (float)x;
+    }
     for (double tn = -1; tn <= 1; tn += 0.25) {
       double chebyshev = 0, powers = 0;
-      for (int k = 0; k <= order; k++) chebyshev += (double)kf.x[k + 1] * cos(k * acos(tn)); /* definition of T_k */
+      for (int k = 0; k <= order; k++) chebyshev += c[k] * cos(k * acos(tn)); /* definition of T_k */
       for (int k = order; k >= 0; k--) powers = powers * tn + (double)imucal_kf_coefficient(&kf, (uint32_t)k);
       assert_true(fabs(chebyshev - powers) < 1e-3);
       assert_true(fabs(chebyshev - (double)imucal_kf_bias(&kf, (float)(30 + 30 * tn))) < 1e-3);
@@ -415,6 +464,7 @@ int main(void) {
       cmocka_unit_test(test_new_run_equals_dense_covariance),
       cmocka_unit_test(test_update_bad_input_is_refused_and_changes_nothing),
       cmocka_unit_test(test_init_refuses_nonsense_and_changes_nothing),
+      cmocka_unit_test(test_update_scaled_follows_reference_of_that_noise),
       cmocka_unit_test(test_before_init_everything_is_refused),
       cmocka_unit_test(test_no_markov_process_is_recursive_least_squares),
       cmocka_unit_test(test_statistics_right_model_inside_wrong_model_outside),

@@ -217,6 +217,23 @@ static void test_add_wrong_channels_or_time_beyond_range_refused(void** state) {
   assert_int_equal(sum.n_refused, 2);
 }
 
+/* The white noise of a mean grows with the samples lost, not with a sample clock that is off. */
+static void test_noise_ratio_is_of_lost_samples_only(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  start(&sum);
+  for (int i = 0; i < 100; i++) /* a hole of 20 samples */
+    if (i < 40 || i >= 60) assert_int_equal(add(&sum, 10000u * (unsigned)i, 3, &second), IMUCAL_OK);
+  assert_int_equal(add(&sum, 1000000, 3, &second), IMUCAL_SECOND_READY);
+  assert_int_equal(second.n_samples, 80);
+  assert_true(imucal_sum_noise_ratio(&sum, &second, 0) == 1.25f);
+  for (int i = 1; i < 90; i++) assert_int_equal(add(&sum, 1000000u + 11111u * (unsigned)i, 3, &second), IMUCAL_OK);
+  assert_int_equal(add(&sum, 2000000, 3, &second), IMUCAL_SECOND_READY);
+  assert_int_equal(second.n_samples, 90);
+  assert_true(imucal_sum_noise_ratio(&sum, &second, 0) == 1.0f);
+}
+
 static void test_mean_q16_is_exact_rne_of_the_quotient(void** state) {
   (void)state;
   unit_rng_t rng = {unit_seed()};
@@ -258,6 +275,7 @@ int main(void) {
       cmocka_unit_test(test_flush_second_handed_out_takes_no_more),
       cmocka_unit_test(test_add_flags_of_channels_are_kept_apart),
       cmocka_unit_test(test_add_wrong_channels_or_time_beyond_range_refused),
+      cmocka_unit_test(test_noise_ratio_is_of_lost_samples_only),
       cmocka_unit_test(test_mean_q16_is_exact_rne_of_the_quotient),
       cmocka_unit_test(test_unit_from_q16_within_stated_error),
   };

@@ -50,10 +50,12 @@ FitRun grid_of(const Log& log, const LogAxis& axis, double dt_s) {
     const auto at = static_cast<size_t>(std::llround((log.t_s[k] - log.t_s[0]) / dt_s));
     run.rate_dph.resize(std::max(at + 1, run.rate_dph.size()), kUnused);
     run.temp_degc.resize(run.rate_dph.size(), kUnused);
+    run.noise_ratio.resize(run.rate_dph.size(), 1.0F);
     const bool is_flagged = !axis.flags.empty() && (axis.flags[k] & (kSaturated | kSensorFault)) != 0;
     if (is_flagged || !std::isfinite(axis.rate_dph[k]) || !std::isfinite(log.temp_degc[k])) continue;
     run.rate_dph[at] = axis.rate_dph[k];
     run.temp_degc[at] = log.temp_degc[k];
+    if (!axis.noise_ratio.empty()) run.noise_ratio[at] = axis.noise_ratio[k];
   }
   return run;
 }
@@ -197,7 +199,7 @@ double FitAxis::bias_sigma_dph(double at_degc) const {
 }
 
 imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc, double range_degc, double prior_sigma_dph,
-                             double dt_s) {
+                             double dt_s, double other_white_dph2) {
   double variance = 0, density = 0;
   for (const Markov& m : model.markov) {
     variance += m.sigma_dph * m.sigma_dph;
@@ -211,7 +213,7 @@ imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc,
   config.range_degc = static_cast<float>(range_degc);
   config.m = static_cast<float>(-std::expm1(-dt_s / tau_s));
   config.q = static_cast<float>(-variance * std::expm1(-2 * dt_s / tau_s));
-  config.r = static_cast<float>(white * white);
+  config.r = static_cast<float>(white * white + other_white_dph2);
   config.markov_variance = static_cast<float>(variance);
   config.prior_sigma = static_cast<float>(prior_sigma_dph);
   if (!(white > 0)) throw data_error("model: arw_deg_rt_h is 0: the filter needs white noise; state the sensor's angle random walk");

@@ -70,9 +70,10 @@ FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options);
 
 // The filter's configuration for a model: m, q, r computed in double.  Several Markov terms become one of the same
 // variance and the same density at low frequency (sigma^2 = sum sigma_i^2, tau = sum sigma_i^2 tau_i/sigma^2).
+// other_white_dph2: white variance of a row besides the model's, e.g. from quantisation.
 // data_error: no white noise, or a value the core refuses.
 imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc, double range_degc,
-                             double prior_sigma_dph = 1e4, double dt_s = 1.0);
+                             double prior_sigma_dph = 1e4, double dt_s = 1.0, double other_white_dph2 = 0);
 
 // The contract's result (design 1.1): {"axes": [{axis, order, t0_degc, range_degc, coeff_dph, sigma_dph, temp_degc,
 // residual_rms_dph, …}]}.

@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <vector>
 
+#include "fit/factors.h"
 #include "fit/fit.h"
 
 namespace imucal {
@@ -11,6 +12,7 @@ namespace imucal {
 // One axis of one log on a regular grid of seconds; NaN rate: not used (missing, flagged, no temperature).
 struct FitRun {
   std::vector<double> rate_dph, temp_degc;
+  std::vector<float> noise_ratio;  // white variance over that of a whole second
 };
 
 // What either method finds, in Chebyshev polynomials of Tn: c0 (mean of the logs' constants), c1 .. cM.
@@ -29,10 +31,5 @@ ChebyshevFit fit_kalman(const std::vector<FitRun>& runs, const imucal_kf_config_
 // model null: sigma from the residuals.  dt_s: step of the grid.
 ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, double t0_degc, double range_degc,
                                const ErrorModel* model, double dt_s, bool shared_turn_on);
-
-// T_0 .. T_M at x.
-Eigen::VectorXd chebyshev_row(int order, double x);
-// b = C c: powers from Chebyshev polynomials.
-Eigen::MatrixXd power_from_chebyshev(int order);
 
 }  // namespace imucal

@@ -18,6 +18,7 @@ struct LogAxis {
   bool is_gyro = true;
   std::vector<double> rate_dph;  // one per row; NaN where missing.  mg for accelerometers.
   std::vector<int> flags;        // one per row; empty where the log has no such column
+  std::vector<float> noise_ratio = {};  // one per row of a decimated raw log: imucal_sum_noise_ratio; else empty: 1
 };
 
 // A whole log in memory.  Rows keep the file's order; t_s is strictly increasing; a missing row is a gap

@@ -81,6 +81,7 @@ void RawDecimator::take(const imucal_second_t& second) {
     const float rate = imucal_unit_from_q16(imucal_mean_q16_rne(second.sum[a], second.n_samples), static_cast<float>(axis.to_internal), 0.0F);
     axis.rate_dph.push_back(second.is_gap ? std::numeric_limits<double>::quiet_NaN() : static_cast<double>(rate));
     axis.flags.push_back(second.flags[a]);
+    axis.noise_ratio.push_back(imucal_sum_noise_ratio(&sum_, &second, static_cast<uint32_t>(a)));
   }
 }
 

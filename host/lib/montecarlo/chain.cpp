@@ -6,7 +6,8 @@
 #include <cstring>
 
 #include "base/error.h"
-#include "base/units.h"
+#include "fit/factors.h"
+#include "fit/fit.h"
 
 namespace imucal {
 
@@ -15,28 +16,9 @@ static void must(imucal_status status, const char* doing) {
 }
 
 imucal_kf_config_t filter_config(const ChainSetup& setup) {
-  double variance = 0, weighted_tau = 0;
-  for (const Markov& m : setup.filter.markov) {
-    variance += m.sigma_dph * m.sigma_dph;
-    weighted_tau += m.sigma_dph * m.sigma_dph * m.tau_s;
-  }
-  const Markov joint = variance > 0 ? Markov{std::sqrt(variance), weighted_tau / variance} : Markov{0, 1};
-  const double white = white_sigma_dph(setup.filter.arw_deg_rt_h);
   const double lsb = setup.raw.counts_scale_dph;
-  const double r = white * white + lsb * lsb / 12 / setup.raw.rate_hz;
-  if (!(white > 0))
-    throw data_error("the filter's error model has no white noise: set arw_deg_rt_h above zero");
-  imucal_kf_config_t config;
-  std::memset(&config, 0, sizeof config);
-  config.order = static_cast<uint8_t>(setup.order);
-  config.t0_degc = static_cast<float>(setup.t0_degc);
-  config.range_degc = static_cast<float>(setup.range_degc);
-  config.m = static_cast<float>(-std::expm1(-1.0 / joint.tau_s));
-  config.q = static_cast<float>(joint.q_dph2());
-  config.r = static_cast<float>(r);
-  config.markov_variance = static_cast<float>(variance);
-  config.prior_sigma = static_cast<float>(setup.prior_sigma_dph);
-  return config;
+  return kf_config(setup.filter, setup.order, setup.t0_degc, setup.range_degc, setup.prior_sigma_dph, 1.0,
+                   lsb * lsb / 12 / setup.raw.rate_hz);
 }
 
 CoreChain::CoreChain(const ChainSetup& setup) : setup_(setup) {
@@ -81,16 +63,17 @@ void CoreChain::take(const imucal_second_t& second) {
              zero = static_cast<float>(setup_.raw.temp_offset_degc);
   const float z_dph = imucal_unit_from_q16(imucal_mean_q16_rne(second.sum[0], second.n_samples), scale, 0.0f);
   const float temp_degc = imucal_unit_from_q16(temp_q16, degc, zero);
-  if (imucal_kf_update(&kf_, z_dph, temp_degc) != IMUCAL_OK)
+  const float noise_ratio = imucal_sum_noise_ratio(&sum_, &second, 0);
+  if (imucal_kf_update_scaled(&kf_, z_dph, temp_degc, noise_ratio) != IMUCAL_OK)
     return bridge(1); // refused and counted by the filter
-  seconds_.push_back({z_dph, temp_degc, gap_s_});
+  seconds_.push_back({z_dph, temp_degc, gap_s_, noise_ratio});
   gap_s_ = 0;
   keep_innovation();
 }
 
 void CoreChain::keep_innovation() {
   if (seconds_.size() <= setup_.white_from_s) return;
-  const float inverse = 1.0f / kf_.stats.innovation_variance;
+  const float inverse = kf_.stats.innovation_weight;
   const float e = kf_.stats.innovation * std::sqrt(inverse);
   weighted_ += static_cast<double>(kf_.stats.innovation * inverse);
   inverse_ += static_cast<double>(inverse);
@@ -149,47 +132,15 @@ double CoreChain::table_bias_dph(double temp_degc) const {
   return sum;
 }
 
-// The filter works in Chebyshev polynomials of Tn: b = C c, column k of C holding the powers of Tn in T_k.
-static std::vector<double> powers_in_chebyshev(size_t p) {
-  std::vector<double> c(p * p, 0.0);
-  for (size_t k = 0; k < p; ++k)
-    for (size_t i = 0; i <= k; ++i) {
-      double value = k < 2 ? (i == k ? 1.0 : 0.0) : 0.0;
-      if (k >= 2) value = (i > 0 ? 2 * c[(i - 1) * p + k - 1] : 0.0) - c[i * p + k - 2];
-      c[i * p + k] = value;
-    }
-  return c;
-}
-
 std::vector<double> CoreChain::coefficients() const {
-  const size_t p = static_cast<size_t>(kf_.config.order) + 1;
-  const auto c = powers_in_chebyshev(p);
-  std::vector<double> b(p, 0.0);
-  for (size_t i = 0; i < p; ++i)
-    for (size_t k = 0; k < p; ++k)
-      b[i] += c[i * p + k] * (static_cast<double>(kf_.x[k + 1]) + static_cast<double>(kf_.x_lo[k + 1]));
-  return b;
+  const Eigen::VectorXd b = power_from_chebyshev(kf_.config.order) * factors_of(kf_).coeff();
+  return {b.data(), b.data() + b.size()};
 }
 
 std::vector<double> CoreChain::coefficient_covariance() const {
-  // P = U D U', U unit upper triangular, column j at j(j-1)/2; state 0 is the Markov error.
-  const size_t n = static_cast<size_t>(kf_.config.order) + 2, p = n - 1;
-  const auto c = powers_in_chebyshev(p);
-  std::vector<double> root(p * n, 0.0); // C U (rows of b) sqrt(D)
-  for (size_t i = 0; i < p; ++i)
-    for (size_t j = 0; j < n; ++j) {
-      for (size_t k = 0; k < p; ++k)
-        if (k + 1 <= j)
-          root[i * n + j] +=
-              c[i * p + k] * (k + 1 == j ? 1.0 : static_cast<double>(kf_.u[j * (j - 1) / 2 + k + 1]));
-      root[i * n + j] *=
-          std::sqrt(std::max(0.0, static_cast<double>(kf_.d[j]) + static_cast<double>(kf_.d_lo[j])));
-    }
-  std::vector<double> cov(p * p, 0.0);
-  for (size_t a = 0; a < p; ++a)
-    for (size_t b = 0; b < p; ++b)
-      for (size_t j = 0; j < n; ++j) cov[a * p + b] += root[a * n + j] * root[b * n + j];
-  return cov;
+  const Eigen::MatrixXd to_power = power_from_chebyshev(kf_.config.order);
+  const Eigen::MatrixXd cov = to_power * factors_of(kf_).covariance() * to_power.transpose();
+  return {cov.data(), cov.data() + cov.size()};
 }
 
 } // namespace imucal

@@ -33,16 +33,15 @@ struct ChainSetup {
   size_t white_from_s = 0; // second from which the innovations' whiteness is judged
 };
 
-// The filter's configuration for an error model.  Several Markov terms become one of the same variance and
-// the same density at low frequency (sigma^2 = sum sigma_i^2, tau = sum sigma_i^2 tau_i / sigma^2); the
-// quantisation of the counts, lsb^2/(12 n), joins the white noise.  data_error where the model has no white
-// noise at all.
+// The filter's configuration (fit/fit.h) with the quantisation of the counts, lsb^2/(12 n), in its white
+// noise.
 imucal_kf_config_t filter_config(const ChainSetup& setup);
 
 // A second as the filter saw it.
 struct SecondMean {
   float z_dph, temp_degc;
-  uint32_t gap_s; // seconds without a measurement just before
+  uint32_t gap_s;    // seconds without a measurement just before
+  float noise_ratio; // white variance over that of a whole second
 };
 
 // Lags at which the innovations' autocorrelation is kept [s].

@@ -33,7 +33,7 @@ ReferenceFilter reference_filter(const ChainSetup& setup, const std::vector<Seco
     for (int i = 0; i < p; ++i, power *= tn) h(i) = power;
     h(p) = 1;
     gain.noalias() = cov * h;
-    const double innovation_variance = h.dot(gain) + r;
+    const double innovation_variance = h.dot(gain) + r * static_cast<double>(s.noise_ratio);
     x += gain * ((static_cast<double>(s.z_dph) - h.dot(x)) / innovation_variance);
     cov.noalias() -= gain * gain.transpose() / innovation_variance;
   }

@@ -110,7 +110,7 @@ void score_calibration(const CampaignPlan& plan, const CoreChain& chain, const s
 
 void score_innovations(const CoreChain& chain, Tally* tally) {
   const imucal_kf_stats_t& s = chain.kf().stats;
-  tally->add("nis", static_cast<double>(s.nis_sum) + static_cast<double>(s.nis_lo));
+  tally->add("nis", static_cast<double>(s.sum[IMUCAL_KF_NIS]) + static_cast<double>(s.sum_lo[IMUCAL_KF_NIS]));
   tally->count("seconds", s.n);
   tally->count("missed", s.n_missed);
   tally->count("refused", s.n_refused);
