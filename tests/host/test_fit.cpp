@@ -161,15 +161,17 @@ void test_kalman_three_logs_equal_dense_least_squares(void**) {
   assert_int_equal(axis.n_missing, 30);
 }
 
+// Logs of different length: the plain mean of their constants is worse than one constant.  (Of the same length the two
+// are the same number but for the priors.)
 void test_shared_turn_on_is_one_constant(void**) {
-  const std::vector<Log> logs = {make_log(2000, 0, 1, 0, kBias), make_log(2000, 0, 2, 0, kBias)};
+  const std::vector<Log> logs = {make_log(2000, 0, 1, 0, kBias), make_log(500, 0, 2, 0, kBias)};
   for (const auto method : {FitOptions::Method::kKalman, FitOptions::Method::kPolynomial}) {
     FitOptions options = options_of(method, 3);
     const double free_sigma = fit_logs(logs, options).axes.at(0).bias_sigma_dph(30);
     options.shared_turn_on = true;
     const FitAxis axis = fit_logs(logs, options).axes.at(0);
     assert_true(axis.turn_on_dph.empty());
-    assert_true(axis.bias_sigma_dph(30) < free_sigma);
+    assert_true(axis.bias_sigma_dph(30) < 0.99 * free_sigma);
     for (size_t i = 0; i < 4; ++i) assert_true(std::abs(axis.coeff_dph[i] - kBias[i]) < 0.1);
   }
 }

@@ -178,7 +178,7 @@ def test_run_profile_that_never_moves_is_refused(imu):
 
 
 def test_run_reversed_range_is_a_usage_error(imu):
-    refused(imu, 2, "60:0", "not below", command=["run", "--model", "model.json", "--range", "60:0"])
+    refused(imu, 2, "60:0", "is reversed", command=["run", "--model", "model.json", "--range", "60:0"])
     refused(imu, 2, "LOW:HIGH", command=["run", "--model", "model.json", "--range", "warm"])
 
 

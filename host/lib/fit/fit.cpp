@@ -51,6 +51,8 @@ FitRun grid_of(const Log& log, const LogAxis& axis, double dt_s) {
     run.rate_dph.resize(std::max(at + 1, run.rate_dph.size()), kUnused);
     run.temp_degc.resize(run.rate_dph.size(), kUnused);
     run.noise_ratio.resize(run.rate_dph.size(), 1.0F);
+    run.has_row.resize(run.rate_dph.size(), false);
+    run.has_row[at] = true;
     const bool is_flagged = !axis.flags.empty() && (axis.flags[k] & (kSaturated | kSensorFault)) != 0;
     if (is_flagged || !std::isfinite(axis.rate_dph[k]) || !std::isfinite(log.temp_degc[k])) continue;
     run.rate_dph[at] = axis.rate_dph[k];

@@ -8,16 +8,27 @@ namespace imucal {
 
 namespace {
 
-// Runs one log through the core; the first second needs no prediction gap.
+void bridge(imucal_kf_t* kf, uint32_t n_s) {
+  if (imucal_kf_skip(kf, n_s) != IMUCAL_OK) throw data_error("the filter refused to bridge a gap");
+}
+
+// Runs one log through the core in the device's own steps: the seconds without a row at once, then the row.
 void run_log(const FitRun& run, imucal_kf_t* kf, long* n_refused) {
+  uint32_t gap_s = 0;
   for (size_t k = 0; k < run.rate_dph.size(); ++k) {
+    if (!run.has_row[k]) {
+      ++gap_s;
+      continue;
+    }
+    bridge(kf, gap_s);
+    gap_s = 0;
     if (std::isfinite(run.rate_dph[k])) {
       const imucal_status status = imucal_kf_update_scaled(kf, static_cast<float>(run.rate_dph[k]),
                                                            static_cast<float>(run.temp_degc[k]), run.noise_ratio[k]);
       if (status == IMUCAL_OK) continue;
       ++*n_refused;
     }
-    if (imucal_kf_skip(kf, 1) != IMUCAL_OK) throw data_error("the filter refused to bridge a gap");
+    bridge(kf, 1);
   }
 }
 

@@ -13,6 +13,7 @@ namespace imucal {
 struct FitRun {
   std::vector<double> rate_dph, temp_degc;
   std::vector<float> noise_ratio;  // white variance over that of a whole second
+  std::vector<bool> has_row;       // false: the log has no row for this second
 };
 
 // What either method finds, in Chebyshev polynomials of Tn: c0 (mean of the logs' constants), c1 .. cM.
