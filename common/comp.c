@@ -113,7 +113,9 @@ IMUCAL_COLD static int64_t tn_of_counts(const imucal_table_t* table, const imuca
 
 IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const imucal_table_t* table,
                                                      const imucal_table_channel_t* c) {
-  if (c->range_degc < MIN_RANGE_DEGC) return IMUCAL_ERR_PRECISION;
+  /* A step of more than 4 ranges leaves no two counts in the span; below, all temperatures fit 2^-40 degC. */
+  if (c->range_degc < MIN_RANGE_DEGC || table->degc_per_count > 4.0f * c->range_degc)
+    return IMUCAL_ERR_PRECISION;
   const float at_degc[3] = {c->t0_degc, c->span_lo_degc, c->span_hi_degc};
   int64_t counts[3];
   for (uint32_t i = 0; i < 3; i++) {

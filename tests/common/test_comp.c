@@ -195,6 +195,8 @@ static void test_prepare_refuses_what_it_cannot_hold(void** state) {
   assert_int_equal(imucal_comp_prepare(&comp, &table, 1), IMUCAL_ERR_ARGUMENT);
   table.degc_per_count = 100; /* two counts over the span */
   assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_ERR_PRECISION);
+  table.degc_per_count = 3e38f;
+  assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_ERR_PRECISION);
   table.degc_per_count = 1e-12f; /* counts beyond 2^32 over the range */
   assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_ERR_PRECISION);
   table = table_of(3, coeff, 1e-7f, 32767); /* bias of 6e9 counts */
