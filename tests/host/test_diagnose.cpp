@@ -171,7 +171,8 @@ static void test_panel_gain_is_the_likelihood_gain_of_the_exact_fit(void**) {
   const Campaign campaign = make_campaign({simulated_log(8, 5000, false, 40)}, "gx_dph", nominal_model());
   const Hypothesis h = nominal_hypothesis();
   const Fit fit = fit_hypothesis(campaign, h);
-  const Panel panel(campaign, h, effect_library(), false);
+  ColumnBank bank(campaign, effect_library());
+  const Panel panel(&bank, h, PanelScope::kCandidates);
   for (const char* name : {"thermal_hysteresis", "temperature_rate", "thermal_lag", "rate_ramp"}) {
     Term term;
     term.effect = &find_effect(name);
@@ -212,6 +213,41 @@ static void test_thresholds_hold_their_rate_on_fresh_draws(void**) {
   assert_in_range(alarms, 5, 60);
 }
 
+static void test_gram_of_wide_columns_is_that_of_whitened_ones(void**) {
+  const Campaign campaign = make_campaign({simulated_log(5, 1500, true, 0)}, "gx_dph", nominal_model());
+  const CampaignRun& run = campaign.runs.front();
+  MatrixXd columns(static_cast<long>(run.n()), 11); // two blocks of eight, one of them not full
+  Rng rng(6, 0, 0, Stream::kWhite);
+  for (long i = 0; i < columns.size(); ++i) columns.data()[i] = rng.normal();
+  for (int states = 0; states < 3; ++states) {
+    NoiseModel noise;
+    noise.white_sigma_dph = 36;
+    for (int m = 0; m < states; ++m) noise.markov.push_back({20.0 + m, 30.0 + 200 * m});
+    const RunGains gains = compute_gains(run, noise);
+    MatrixXd white = columns;
+    whiten(gains, &white);
+    VectorXd alone = columns.col(9); // a single column takes another path
+    whiten(gains, alone.data(), run.n());
+    assert_near((white.col(9) - alone).norm(), 0, 1e-12 * alone.norm());
+    const MatrixXd expected = white.transpose() * white, found = WideColumns(columns).whitened_gram(gains);
+    assert_near((found - expected).norm(), 0, 1e-11 * expected.norm());
+  }
+}
+
+static void test_curvature_gives_the_errors_of_a_gaussian(void**) {
+  // Standard deviations 0.3 and 20, correlation 0.8; a step of a tenth of the value is far from either.
+  const auto f = [](const Theta& x) {
+    const double a = (x[0] - 5) / 0.3, b = (x[1] - 100) / 20;
+    return -0.5 * (a * a - 1.6 * a * b + b * b) / (1 - 0.64);
+  };
+  const Theta errors = curvature_errors(f, {5, 100}, {0, 0}, {1000, 1000});
+  assert_near(errors[0], 0.3, 1e-6);
+  assert_near(errors[1], 20, 1e-4);
+  // On a bound, and where the likelihood does not fall off: no error rather than a wrong one.
+  assert_true(std::isnan(curvature_errors(f, {5, 100}, {5, 0}, {1000, 1000})[0]));
+  assert_true(std::isnan(curvature_errors([](const Theta&) { return 1.0; }, {5}, {0}, {9})[0]));
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_likelihood_equals_that_of_the_dense_gaussian_with_gaps),
@@ -221,6 +257,8 @@ int main() {
       cmocka_unit_test(test_decomposition_adds_up),
       cmocka_unit_test(test_panel_gain_is_the_likelihood_gain_of_the_exact_fit),
       cmocka_unit_test(test_thresholds_hold_their_rate_on_fresh_draws),
+      cmocka_unit_test(test_gram_of_wide_columns_is_that_of_whitened_ones),
+      cmocka_unit_test(test_curvature_gives_the_errors_of_a_gaussian),
   };
   return cmocka_run_group_tests_name("diagnose", tests, nullptr, nullptr);
 }

@@ -241,4 +241,22 @@ void mask(Campaign* campaign, const std::vector<std::vector<char>>& unusable) {
   }
 }
 
+Eigen::MatrixXd used_rows(const CampaignRun& run, const std::vector<Column>& columns) {
+  Eigen::MatrixXd m(static_cast<long>(run.n()), static_cast<long>(columns.size()));
+  for (size_t c = 0; c < columns.size(); ++c)
+    for (size_t k = 0; k < run.n(); ++k)
+      m(static_cast<long>(k), static_cast<long>(c)) = columns[c][static_cast<size_t>(run.used[k])];
+  return m;
+}
+
+Eigen::MatrixXd powers(const CampaignRun& run, const Column& temp_degc, int order) {
+  Eigen::MatrixXd out(static_cast<long>(run.n()), order);
+  for (size_t k = 0; k < run.n(); ++k) {
+    const double tn = run.input.normalised(temp_degc[static_cast<size_t>(run.used[k])]);
+    double power = 1;
+    for (int i = 0; i < order; ++i) out(static_cast<long>(k), i) = power *= tn;
+  }
+  return out;
+}
+
 } // namespace imucal

@@ -2,6 +2,7 @@
 // The logs of one call as the engine sees them: runs of one axis with derived inputs, and which of their
 // samples can be used.
 #pragma once
+#include <Eigen/Dense>
 #include <string>
 #include <vector>
 
@@ -39,5 +40,10 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
 
 // Leave further samples out (those a structural effect has spoilt): per run and row.
 void mask(Campaign* campaign, const std::vector<std::vector<char>>& unusable);
+
+// Rows of columns that are used.
+Eigen::MatrixXd used_rows(const CampaignRun& run, const std::vector<Column>& columns);
+// Tn, Tn^2, .. Tn^order of a temperature [degC] at the used rows.
+Eigen::MatrixXd powers(const CampaignRun& run, const Column& temp_degc, int order);
 
 } // namespace imucal

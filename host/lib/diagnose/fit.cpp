@@ -145,15 +145,18 @@ std::vector<VectorXd> rates(const Campaign& campaign) {
 
 namespace {
 
+constexpr double kDependent = 1e-9; // of the scaled columns: below it a column adds nothing
+
 // Least squares by QR, run after run: the triangle of what came before is stacked on the rows of the next
 // run.
 struct Triangle {
-  MatrixXd r;     // upper triangle of [X y]
+  MatrixXd r;     // upper triangle of [X y] or X
   VectorXd scale; // of the columns of X
 };
 
+// prior_precision: one per column of X; xy may have one more, y.
 Triangle triangle(const std::vector<MatrixXd>& xy, const VectorXd& prior_precision) {
-  const long q = xy.front().cols(), p = q - 1;
+  const long q = xy.front().cols(), p = prior_precision.size();
   Triangle out;
   out.scale = VectorXd::Zero(p);
   for (const MatrixXd& m : xy) out.scale += m.leftCols(p).colwise().squaredNorm().transpose();
@@ -173,6 +176,20 @@ Triangle triangle(const std::vector<MatrixXd>& xy, const VectorXd& prior_precisi
   return out;
 }
 
+// X times it has orthonormal columns; dependent ones are left out.
+MatrixXd transform_of(const Triangle& t) {
+  const long p = t.scale.size();
+  const MatrixXd r = t.r.topLeftCorner(p, p);
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(r);
+  qr.setThreshold(kDependent);
+  const long rank = qr.rank();
+  const MatrixXd inverse = qr.matrixQR()
+                               .topLeftCorner(rank, rank)
+                               .triangularView<Eigen::Upper>()
+                               .solve(MatrixXd::Identity(rank, rank));
+  return t.scale.asDiagonal() * (qr.colsPermutation() * MatrixXd::Identity(p, p)).leftCols(rank) * inverse;
+}
+
 struct Solution {
   VectorXd beta, errors;
   double rss = 0, log_det = 0;
@@ -187,7 +204,7 @@ Solution solve(const Triangle& t) {
   out.rss = t.r(p, p) * t.r(p, p);
   if (p == 0) return out;
   Eigen::ColPivHouseholderQR<MatrixXd> qr(r);
-  qr.setThreshold(1e-9);
+  qr.setThreshold(kDependent);
   const VectorXd b = qr.solve(z);
   out.rss += (z - r * b).squaredNorm();
   const long rank = qr.rank();
@@ -216,14 +233,6 @@ std::vector<MatrixXd> with_rates(const Design& design, const std::vector<VectorX
     xy.push_back(std::move(m));
   }
   return xy;
-}
-
-NoiseModel without_mixture(NoiseModel noise) {
-  noise.hit_probability = noise.hit_sigma_dph = 0;
-  if (noise.telegraph_dph > 0)
-    noise.markov.push_back({noise.telegraph_dph, noise.telegraph_tau_s}); // same spectrum
-  noise.telegraph_dph = 0;
-  return noise;
 }
 
 // Expected additional variance of hits, per run; empty without outliers.
@@ -267,7 +276,7 @@ std::vector<VectorXd> residuals(const std::vector<MatrixXd>& xy, const VectorXd&
 } // namespace
 
 Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis) {
-  const NoiseModel noise = hypothesis.noise(), gaussian = without_mixture(noise);
+  const NoiseModel noise = hypothesis.noise(), gaussian = gaussian_equivalent(noise);
   const Design design = make_design(campaign, hypothesis);
   const std::vector<MatrixXd> xy = with_rates(design, rates(campaign));
   GlsPass pass = gls(campaign, xy, design.prior_precision, gaussian, {});
@@ -295,6 +304,10 @@ Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis) {
   return fit;
 }
 
+MatrixXd orthonormaliser(const std::vector<MatrixXd>& columns) {
+  return transform_of(triangle(columns, VectorXd::Zero(columns.front().cols())));
+}
+
 NoiseObjective::NoiseObjective(const Campaign& campaign, const Hypothesis& hypothesis) : campaign_(campaign) {
   const Design design = make_design(campaign, hypothesis);
   prior_ = design.prior_precision;
@@ -306,24 +319,18 @@ NoiseObjective::NoiseObjective(const Campaign& campaign, const Hypothesis& hypot
   // Remove the least-squares mean and make the columns orthonormal: the Gram matrices below are then well
   // conditioned.
   for (MatrixXd& m : xy_) m.rightCols(1) -= m.leftCols(p) * s.beta;
-  if (has_prior) return;
-  const MatrixXd r = t.r.topLeftCorner(p, p);
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(r);
-  qr.setThreshold(1e-9);
-  const long rank = qr.rank();
-  const MatrixXd inverse = qr.matrixQR()
-                               .topLeftCorner(rank, rank)
-                               .triangularView<Eigen::Upper>()
-                               .solve(MatrixXd::Identity(rank, rank));
-  const MatrixXd transform =
-      t.scale.asDiagonal() * (qr.colsPermutation() * MatrixXd::Identity(p, p)).leftCols(rank) * inverse;
-  for (MatrixXd& m : xy_) {
-    MatrixXd next(m.rows(), rank + 1);
-    next.leftCols(rank) = m.leftCols(p) * transform;
-    next.rightCols(1) = m.rightCols(1);
-    m = std::move(next);
+  if (!has_prior) {
+    const MatrixXd transform = transform_of(t);
+    const long rank = transform.cols();
+    for (MatrixXd& m : xy_) {
+      MatrixXd next(m.rows(), rank + 1);
+      next.leftCols(rank) = m.leftCols(p) * transform;
+      next.rightCols(1) = m.rightCols(1);
+      m = std::move(next);
+    }
+    prior_ = VectorXd::Zero(rank);
   }
-  prior_ = VectorXd::Zero(rank);
+  for (const MatrixXd& m : xy_) wide_.emplace_back(m);
 }
 
 double NoiseObjective::reml(const NoiseModel& noise) const {
@@ -333,9 +340,7 @@ double NoiseObjective::reml(const NoiseModel& noise) const {
   double sum_log_s = 0;
   for (size_t r = 0; r < xy_.size(); ++r) {
     const RunGains gains = compute_gains(campaign_.runs[r], noise);
-    MatrixXd white = xy_[r];
-    whiten(gains, &white);
-    gram.noalias() += white.transpose() * white;
+    gram += wide_[r].whitened_gram(gains);
     sum_log_s += gains.sum_log_s;
   }
   const Eigen::LLT<MatrixXd> llt(gram.topLeftCorner(p, p));
@@ -349,7 +354,7 @@ double NoiseObjective::reml(const NoiseModel& noise) const {
 
 double NoiseObjective::mixture(const NoiseModel& noise) const {
   const long p = xy_.front().cols() - 1;
-  const NoiseModel gaussian = without_mixture(noise);
+  const NoiseModel gaussian = gaussian_equivalent(noise);
   std::vector<VectorXd> residual;
   for (const MatrixXd& m : xy_) residual.push_back(m.rightCols(1));
   const GlsPass pass = gls(campaign_, xy_, prior_, gaussian, hit_variance(campaign_, noise, residual));
@@ -427,6 +432,52 @@ double maximise(const std::function<double(const Theta&)>& f, Theta* theta, cons
   std::sort(simplex.begin(), simplex.end(), better);
   for (size_t i = 0; i < n; ++i) (*theta)[i] = outward(i, simplex.front().x[i]);
   return simplex.front().v;
+}
+
+Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,
+                       const Theta& hi) {
+  const long n = static_cast<long>(theta.size());
+  Theta errors(theta.size(), std::nan(""));
+  const double top = f(theta);
+  const auto at = [&](long i, double di, long j, double dj) {
+    Theta x = theta;
+    x[static_cast<size_t>(i)] += di;
+    x[static_cast<size_t>(j)] += dj;
+    return f(x);
+  };
+  VectorXd step(n);
+  MatrixXd hessian(n, n);
+  for (long i = 0; i < n; ++i) {
+    const size_t at_i = static_cast<size_t>(i);
+    // The smaller distance to a bound limits the step; a parameter on its bound has no curvature.
+    const double room = std::min(theta[at_i] - lo[at_i], hi[at_i] - theta[at_i]);
+    double h = std::min(0.5 * room, 0.1 * std::max(std::fabs(theta[at_i]), 0.1 * (hi[at_i] - lo[at_i])));
+    if (!(h > 0)) return errors;
+    double second = 0;
+    for (int round = 0; round < 4; ++round) {
+      second = at(i, h, i, 0) + at(i, -h, i, 0) - 2 * top;
+      if (!(second < 0)) break;
+      const double wanted = h / std::sqrt(-second); // one standard error: the two drops sum to 1
+      if (wanted > 0.6 * h && wanted < 1.7 * h) break;
+      const double next = std::clamp(wanted, 0.1 * h, std::min(10 * h, 0.9 * room));
+      if (std::fabs(next - h) < 0.05 * h) break;
+      h = next;
+    }
+    if (!(second < 0)) return errors;
+    step[i] = h;
+    hessian(i, i) = second / (h * h);
+  }
+  for (long i = 0; i < n; ++i)
+    for (long j = i + 1; j < n; ++j)
+      hessian(i, j) = hessian(j, i) =
+          (at(i, 0.5 * step[i], j, 0.5 * step[j]) - at(i, 0.5 * step[i], j, -0.5 * step[j]) -
+           at(i, -0.5 * step[i], j, 0.5 * step[j]) + at(i, -0.5 * step[i], j, -0.5 * step[j])) /
+          (step[i] * step[j]);
+  const Eigen::LLT<MatrixXd> llt(-hessian);
+  if (llt.info() != Eigen::Success) return errors;
+  const MatrixXd covariance = llt.solve(MatrixXd::Identity(n, n));
+  for (long i = 0; i < n; ++i) errors[static_cast<size_t>(i)] = std::sqrt(covariance(i, i));
+  return errors;
 }
 
 NoiseFit fit_noise(const NoiseObjective& objective, const EffectEstimator& estimator, const NoiseModel& base,

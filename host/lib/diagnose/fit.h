@@ -52,6 +52,9 @@ struct Fit {
 };
 Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis);
 
+// The matrix that makes columns, given run by run, orthonormal over all runs; dependent ones are left out.
+Eigen::MatrixXd orthonormaliser(const std::vector<Eigen::MatrixXd>& columns);
+
 // Restricted likelihood of noise models at profiled coefficients: many noise models for one design.
 class NoiseObjective {
 public:
@@ -62,6 +65,7 @@ public:
 
 private:
   const Campaign& campaign_;
+  std::vector<WideColumns> wide_;   // the same, laid out for the filters
   std::vector<Eigen::MatrixXd> xy_; // orthonormal columns and the least-squares residual, per run
   Eigen::VectorXd prior_;
 };
@@ -75,6 +79,12 @@ struct SearchOptions {
 };
 double maximise(const std::function<double(const Theta&)>& f, Theta* theta, const Theta& lo, const Theta& hi,
                 const SearchOptions& options);
+
+// Standard errors from the curvature of a log-likelihood at its maximum `theta`: roots of the diagonal of the
+// inverse of its negative Hessian, by central differences about one standard error wide.  NaN where a bound
+// is too near or the curvature is not that of a maximum.
+Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,
+                       const Theta& hi);
 
 // The best theta of a noise effect on top of `base`, by restricted likelihood (mixtures: likelihood).
 struct NoiseFit {

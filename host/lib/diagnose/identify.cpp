@@ -22,46 +22,20 @@ struct Signal {
   VectorXd column; // whitened, reduced, free of the design
 };
 
-double bias_at(const std::vector<double>& beta, double x) {
-  double power = 1, sum = 0;
-  for (double b : beta) power *= x, sum += b * power;
-  return sum;
-}
-
-MatrixXd raw_column(const CampaignRun& run, const Column& column) {
-  MatrixXd m(static_cast<long>(run.n()), 1);
-  for (size_t k = 0; k < run.n(); ++k) m(static_cast<long>(k), 0) = column[static_cast<size_t>(run.used[k])];
-  return m;
-}
-
-// The columns of one effect at one shape; a replaced temperature by the change of B(T) it makes.
-std::vector<std::vector<MatrixXd>> signals_of(const Campaign& campaign, const EffectEstimator& estimator,
-                                              const Theta& shape, const std::vector<double>& beta) {
-  const size_t width = estimator.form() == Form::kColumns ? estimator.n_columns() : 1;
-  std::vector<std::vector<MatrixXd>> out(width);
-  for (const CampaignRun& run : campaign.runs) {
-    if (estimator.form() == Form::kColumns) {
-      const auto columns = estimator.columns(run.input, shape);
-      for (size_t c = 0; c < width; ++c) out[c].push_back(raw_column(run, columns[c]));
-    } else {
-      const Column temp = estimator.temperature(run.input, shape);
-      Column change(temp.size());
-      for (size_t i = 0; i < temp.size(); ++i)
-        change[i] = bias_at(beta, run.input.normalised(temp[i])) -
-                    bias_at(beta, run.input.normalised(run.input.smooth_degc[i]));
-      out[0].push_back(raw_column(run, change));
-    }
-  }
-  return out;
-}
-
 } // namespace
 
 Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
                          const std::vector<const Effect*>& library, const std::vector<bool>& active,
                          const std::vector<double>& beta) {
   Identifiability out;
-  const Panel panel(campaign, nominal, {}, false);
+  ColumnBank bank(campaign, library);
+  const Panel panel(&bank, nominal, PanelScope::kDesign);
+  const Eigen::Map<const VectorXd> slope(beta.data(), static_cast<long>(beta.size()));
+  // A replaced temperature acts by the change of B(T) it makes.
+  std::vector<MatrixXd> smooth;
+  for (const CampaignRun& run : campaign.runs)
+    smooth.push_back(powers(run, run.input.smooth_degc, campaign.order));
+  const MatrixXd unchanged = bank.whiten_and_reduce(panel.columns().gains, std::move(smooth));
   const double white = nominal.noise().white_sigma_dph;
   // Per effect: its signal at the middle of its grid, and the signals it could take instead.
   std::vector<Signal> signals;
@@ -72,21 +46,25 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
     if (estimator->form() != Form::kColumns && estimator->form() != Form::kTemperature) continue;
     if (estimator->needs_temperature() && !campaign.has_temperature) continue;
     if (estimator->form() == Form::kTemperature && (estimator->shape_lo().empty() || beta.empty())) continue;
-    const std::vector<Theta> grid =
-        estimator->grid_on(campaign.runs.front().input, campaign.lo_degc, campaign.hi_degc);
+    const std::vector<Theta>& grid = bank.shapes(j);
     if (grid.empty()) continue;
+    const bool is_temperature = estimator->form() == Form::kTemperature;
+    const long width = is_temperature ? campaign.order : static_cast<long>(estimator->n_columns());
+    const auto columns_at = [&](size_t g) -> MatrixXd {
+      const MatrixXd own = panel.columns().candidates[j].middleCols(static_cast<long>(g) * width, width);
+      return panel.project(is_temperature ? MatrixXd((own - unchanged) * slope) : own);
+    };
     std::vector<VectorXd> own;
     const size_t middle = grid.size() / 2;
-    double middle_energy = 0;
     for (size_t g = 0; g < grid.size(); g += std::max<size_t>(1, grid.size() / 30)) {
-      const auto columns = signals_of(campaign, *estimator, grid[g], beta);
-      for (const auto& c : columns) own.push_back(panel.reduce(c).col(0));
+      const MatrixXd columns = columns_at(g);
+      for (long c = 0; c < columns.cols(); ++c) own.push_back(columns.col(c));
     }
     Signal s;
     s.effect = j;
     s.shape = grid[middle];
-    s.column = panel.reduce(signals_of(campaign, *estimator, grid[middle], beta)[0]).col(0);
-    middle_energy = s.column.squaredNorm();
+    s.column = columns_at(middle).col(0);
+    const double middle_energy = s.column.squaredNorm();
     Detectability d;
     d.name = library[j]->name();
     double limit;

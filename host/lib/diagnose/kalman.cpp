@@ -64,10 +64,11 @@ private:
   size_t n_;
 };
 
-// Filters kWide columns, interleaved: in and out [sample][kWide].
+// Filters kWide columns, interleaved: in and out [sample][kWide].  state: [state][kWide], carried on.
 IMUCAL_WIDE void filter_one_state(const double* phi, const double* gain, const double* inv_sqrt_s, size_t n,
-                                  double* x) {
-  double m[kWide] = {};
+                                  double* x, double* state) {
+  double m[kWide];
+  for (size_t c = 0; c < kWide; ++c) m[c] = state[c];
   for (size_t k = 0; k < n; ++k) {
     const double a = phi[k], g = gain[k], w = inv_sqrt_s[k];
     double* row = x + k * kWide;
@@ -77,11 +78,11 @@ IMUCAL_WIDE void filter_one_state(const double* phi, const double* gain, const d
       m[c] = a * (m[c] + g * nu);
     }
   }
+  for (size_t c = 0; c < kWide; ++c) state[c] = m[c];
 }
 
 IMUCAL_WIDE void filter_states(size_t n_states, const double* phi, const double* gain,
                                const double* inv_sqrt_s, size_t n, double* x, double* m) {
-  for (size_t i = 0; i < n_states * kWide; ++i) m[i] = 0;
   for (size_t k = 0; k < n; ++k) {
     const double* a = phi + k * n_states;
     const double* g = gain + k * n_states;
@@ -95,6 +96,26 @@ IMUCAL_WIDE void filter_states(size_t n_states, const double* phi, const double*
     for (size_t i = 0; i < n_states; ++i)
       for (size_t c = 0; c < kWide; ++c) m[i * kWide + c] = a[i] * (m[i * kWide + c] + g[i] * nu[c]);
   }
+}
+
+// Samples first .. first + n.
+void filter(const RunGains& gains, size_t first, size_t n, double* x, double* state) {
+  const size_t m = gains.n_states;
+  if (m == 1)
+    filter_one_state(&gains.phi[first], &gains.gain[first], &gains.inv_sqrt_s[first], n, x, state);
+  else
+    filter_states(m, gains.phi.data() + first * m, gains.gain.data() + first * m, &gains.inv_sqrt_s[first], n,
+                  x, state);
+}
+
+// g[i][j] += sum_k a[k][i] b[k][j], all kWide wide.
+IMUCAL_WIDE void add_products(const double* a, const double* b, size_t n, double* g) {
+  double sum[kWide * kWide];
+  for (size_t i = 0; i < kWide * kWide; ++i) sum[i] = g[i];
+  for (size_t k = 0; k < n; ++k)
+    for (size_t i = 0; i < kWide; ++i)
+      for (size_t j = 0; j < kWide; ++j) sum[i * kWide + j] += a[k * kWide + i] * b[k * kWide + j];
+  for (size_t i = 0; i < kWide * kWide; ++i) g[i] = sum[i];
 }
 
 // One Kalman step of the covariance at sample k: fills gain and inv_sqrt_s, updates and predicts `p`.
@@ -132,6 +153,13 @@ private:
 };
 
 } // namespace
+
+NoiseModel gaussian_equivalent(NoiseModel noise) {
+  noise.hit_probability = noise.hit_sigma_dph = 0;
+  if (noise.telegraph_dph > 0) noise.markov.push_back({noise.telegraph_dph, noise.telegraph_tau_s});
+  noise.telegraph_dph = noise.telegraph_tau_s = 0;
+  return noise;
+}
 
 RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd* extra_dph2) {
   const States states(run, noise, extra_dph2);
@@ -179,27 +207,62 @@ RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Ei
   return out;
 }
 
+namespace {
+
+// Columns side by side: out [sample][kWide], zero beyond `width`.
+void interleave(const double* columns, size_t n, size_t width, double* out) {
+  for (size_t c = 0; c < kWide; ++c)
+    for (size_t k = 0; k < n; ++k) out[k * kWide + c] = c < width ? columns[c * n + k] : 0.0;
+}
+
+} // namespace
+
 void whiten(const RunGains& gains, Eigen::MatrixXd* columns) {
   const size_t n = static_cast<size_t>(columns->rows()), p = static_cast<size_t>(columns->cols());
-  std::vector<double> block(n * kWide), m(std::max<size_t>(1, gains.n_states) * kWide);
+  if (p == 1) return whiten(gains, columns->data(), n);
+  std::vector<double> block(n * kWide), state(std::max<size_t>(1, gains.n_states) * kWide);
   for (size_t first = 0; first < p; first += kWide) {
     const size_t width = std::min(kWide, p - first);
-    for (size_t c = 0; c < width; ++c) {
-      const double* in = columns->data() + (first + c) * n;
-      for (size_t k = 0; k < n; ++k) block[k * kWide + c] = in[k];
-    }
-    for (size_t c = width; c < kWide; ++c)
-      for (size_t k = 0; k < n; ++k) block[k * kWide + c] = 0;
-    if (gains.n_states == 1)
-      filter_one_state(gains.phi.data(), gains.gain.data(), gains.inv_sqrt_s.data(), n, block.data());
-    else
-      filter_states(gains.n_states, gains.phi.data(), gains.gain.data(), gains.inv_sqrt_s.data(), n,
-                    block.data(), m.data());
+    interleave(columns->data() + first * n, n, width, block.data());
+    std::fill(state.begin(), state.end(), 0.0);
+    filter(gains, 0, n, block.data(), state.data());
     for (size_t c = 0; c < width; ++c) {
       double* out = columns->data() + (first + c) * n;
       for (size_t k = 0; k < n; ++k) out[k] = block[k * kWide + c];
     }
   }
+}
+
+WideColumns::WideColumns(const Eigen::MatrixXd& columns)
+    : n_(static_cast<size_t>(columns.rows())), p_(static_cast<size_t>(columns.cols())),
+      data_((p_ + kWide - 1) / kWide * n_ * kWide) {
+  for (size_t first = 0; first < p_; first += kWide)
+    interleave(columns.data() + first * n_, n_, std::min(kWide, p_ - first), &data_[first * n_]);
+}
+
+Eigen::MatrixXd WideColumns::whitened_gram(const RunGains& gains) const {
+  constexpr size_t kChunk = 128; // samples that stay in the first cache
+  const size_t blocks = (p_ + kWide - 1) / kWide, states = std::max<size_t>(1, gains.n_states) * kWide;
+  std::vector<double> chunk(blocks * kChunk * kWide), state(blocks * states, 0.0),
+      sums(blocks * blocks * kWide * kWide, 0.0);
+  for (size_t k = 0; k < n_; k += kChunk) {
+    const size_t n = std::min(kChunk, n_ - k);
+    for (size_t b = 0; b < blocks; ++b) {
+      double* x = &chunk[b * kChunk * kWide];
+      std::copy_n(&data_[b * n_ * kWide + k * kWide], n * kWide, x);
+      filter(gains, k, n, x, &state[b * states]);
+    }
+    for (size_t a = 0; a < blocks; ++a)
+      for (size_t b = a; b < blocks; ++b)
+        add_products(&chunk[a * kChunk * kWide], &chunk[b * kChunk * kWide], n,
+                     &sums[(a * blocks + b) * kWide * kWide]);
+  }
+  Eigen::MatrixXd gram(static_cast<long>(p_), static_cast<long>(p_));
+  for (size_t i = 0; i < p_; ++i)
+    for (size_t j = i; j < p_; ++j)
+      gram(static_cast<long>(i), static_cast<long>(j)) = gram(static_cast<long>(j), static_cast<long>(i)) =
+          sums[((i / kWide) * blocks + j / kWide) * kWide * kWide + (i % kWide) * kWide + j % kWide];
+  return gram;
 }
 
 void whiten(const RunGains& gains, double* column, size_t n) {
@@ -261,8 +324,8 @@ public:
       const double w = d1 / (d0 + d1);
       if (hit) (*hit)[static_cast<long>(k)] = w;
       if (scores)
-        (*scores)[static_cast<long>(k)] = normal_score((1 - prob) * normal_cdf(nu / std::sqrt(s0)) +
-                                                       prob * normal_cdf(nu / std::sqrt(s1)));
+        (*scores)[static_cast<long>(k)] =
+            normal_score((1 - prob) * normal_cdf(nu / std::sqrt(s0)) + prob * normal_cdf(nu / std::sqrt(s1)));
       const double g = (1 - w) * nu / s0 + w * nu / s1;
       const double spread = w * (1 - w) * nu * nu * (1 / s0 - 1 / s1) * (1 / s0 - 1 / s1);
       const double c = (1 - w) / s0 + w / s1 - spread;

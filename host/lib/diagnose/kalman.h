@@ -14,6 +14,9 @@
 
 namespace imucal {
 
+// The Gaussian model with the second moments of a mixture without hits: telegraph noise as a Markov process.
+NoiseModel gaussian_equivalent(NoiseModel noise);
+
 // Gains of one run: per used sample.
 struct RunGains {
   size_t n_states = 0;
@@ -30,6 +33,19 @@ RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise,
 // Whitens columns (one row per used sample) in place: innovation over its standard deviation.
 void whiten(const RunGains& gains, Eigen::MatrixXd* columns);
 void whiten(const RunGains& gains, double* column, size_t n);
+
+// Columns of one run laid out for the filters: many noise models, the same columns.
+class WideColumns {
+public:
+  explicit WideColumns(const Eigen::MatrixXd& columns); // one row per used sample
+  // W'W of the whitened columns W.
+  Eigen::MatrixXd whitened_gram(const RunGains& gains) const;
+
+private:
+  size_t n_, p_;
+  std::vector<double> data_;
+};
+
 // The inverse: the sample path whose whitened innovations are `column`.
 void colour(const RunGains& gains, double* column, size_t n);
 

@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 namespace {
 
 // Changes whenever a score is computed in another way: old calibrations are then not found.
-constexpr int kScoreVersion = 3;
+constexpr int kScoreVersion = 4;
 constexpr double kSmallestThreshold = 0.8;
 
 class Hash {
@@ -184,7 +184,8 @@ Calibration calibrate(const Campaign& campaign, const Hypothesis& nominal,
   const std::string path = options.cache_folder.empty() ? "" : cache_path(options.cache_folder, out.key);
   if (!path.empty() && load(path, &out)) return out;
 
-  const Panel panel(campaign, nominal, library, true);
+  ColumnBank bank(campaign, library);
+  const Panel panel(&bank, nominal, PanelScope::kAll);
   std::vector<PanelScores> scores(options.nulls);
   std::atomic<size_t> next{0};
   Progress progress("calibrating on simulated logs", static_cast<double>(options.nulls), options.quiet);

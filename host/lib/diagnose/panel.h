@@ -2,15 +2,15 @@
 // All candidates and all library-free tests of one hypothesis, scored on its innovations.
 //
 // The innovations e of a true model are independent N(0,1), so a simulation of the nominal model on the very
-// profiles of the logs is a draw of e: the same panel scores data and nulls.  Mean effects are scored in a
-// reduced domain, block sums of e over sqrt(block length), where a whitened column is represented by the same
-// sums: exact for whatever changes little within a block (12 s in logs of usual length).
+// profiles of the logs is a draw of e: the same panel scores data and nulls.  Mean effects are scored in the
+// reduced domain of the bank.
 #pragma once
 #include <Eigen/Dense>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "diagnose/bank.h"
 #include "diagnose/fit.h"
 
 namespace imucal {
@@ -37,17 +37,21 @@ struct SpectrumNull {
   bool empty() const { return mean.empty(); }
 };
 
+enum class PanelScope {
+  kDesign,     // only gains of single candidates on demand
+  kCandidates, // the whole library
+  kAll         // and the library-free tests
+};
+
 class Panel {
 public:
-  // `library`: the effects to score.  `with_generic`: the library-free tests too.
-  Panel(const Campaign& campaign, const Hypothesis& hypothesis, const std::vector<const Effect*>& library,
-        bool with_generic);
+  Panel(ColumnBank* bank, const Hypothesis& hypothesis, PanelScope scope);
   ~Panel();
 
   // Scores of the hypothesis on data.
   PanelScores score(const Fit& fit, const SpectrumNull& spectrum) const;
-  // Scores of a draw of the model itself: e is N(0,1), one vector per run; `signal` is the polynomial of the
-  // nominal model, which the replaced-temperature candidates need.
+  // Scores of a draw of the model itself: e is N(0,1), one vector per run; the replaced-temperature
+  // candidates take the polynomial of the nominal model as the signal.
   PanelScores score_null(std::vector<Eigen::VectorXd> e, const SpectrumNull& spectrum) const;
 
   // The part of the scores that needs only the binned periodogram: stationary noise candidates by Whittle
@@ -56,13 +60,11 @@ public:
 
   // Gain of one candidate (kColumns, kTemperature, kSteps, kTone) at any shape, on data.
   double gain_at(const EffectEstimator& estimator, const Theta& shape, const Fit& fit) const;
+  CandidateScore best_step(const Fit& fit) const;
 
-  size_t n_blocks() const;
-  // ln(energy) projections for identifiability and decomposition: reduced whitened column, projected off the
-  // design.
-  Eigen::MatrixXd reduce(const std::vector<Eigen::MatrixXd>& columns) const;
-  double absorbed(size_t candidate,
-                  const Eigen::VectorXd& reduced) const; // largest energy a candidate explains
+  // Reduced whitened columns, free of the design.
+  Eigen::MatrixXd project(Eigen::MatrixXd reduced) const;
+  const WhitenedColumns& columns() const;
 
 private:
   struct Impl;

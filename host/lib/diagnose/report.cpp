@@ -186,6 +186,26 @@ Json numbers(const std::vector<double>& x) {
   return out;
 }
 
+// The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
+std::string headline(const AxisResult& axis) {
+  switch (axis.selection.verdict) {
+  case Verdict::kNoGap: {
+    std::string hidden;
+    for (const Detectability& d : axis.identifiability.effects)
+      if (!d.is_notable) hidden += (hidden.empty() ? "" : ", ") + d.name;
+    return "no gap that these logs can show" +
+           (hidden.empty() ? "" : "; not detectable on these profiles: " + hidden);
+  }
+  case Verdict::kExplained:
+    return "a gap, explained";
+  case Verdict::kPartlyExplained:
+    return "a gap, partly explained";
+  case Verdict::kUnexplained:
+    return "a gap that no known effect explains";
+  }
+  return "";
+}
+
 } // namespace
 
 Json axis_json(const AxisResult& axis, const Campaign& campaign, const Fit& nominal_fit,
@@ -249,6 +269,7 @@ Json axis_json(const AxisResult& axis, const Campaign& campaign, const Fit& nomi
                 {"tests", tests}};
   Json out = {{"axis", axis.axis},
               {"verdict", to_text(s.verdict)},
+              {"statement", headline(axis)},
               {"where", s.verdict == Verdict::kNoGap ? Json(nullptr) : where_json(axis)},
               {"effects", effects},
               {"not_detectable_here", hidden},
@@ -267,22 +288,8 @@ Json axis_json(const AxisResult& axis, const Campaign& campaign, const Fit& nomi
 
 std::string axis_text(const AxisResult& axis, const Campaign& campaign) {
   const Selection& s = axis.selection;
-  std::string out = axis.axis + ": ";
+  std::string out = axis.axis + ": " + headline(axis) + "\n";
   char line[400];
-  switch (s.verdict) {
-  case Verdict::kNoGap:
-    out += "no gap that these logs could show\n";
-    break;
-  case Verdict::kExplained:
-    out += "a gap, explained\n";
-    break;
-  case Verdict::kPartlyExplained:
-    out += "a gap, partly explained\n";
-    break;
-  case Verdict::kUnexplained:
-    out += "a gap that no known effect explains\n";
-    break;
-  }
   if (s.verdict != Verdict::kNoGap) out += "  where   " + axis.where.sentence + "\n";
   for (const SelectedEffect& e : s.effects) {
     const Json parameters = effect_parameters(e.term, campaign);

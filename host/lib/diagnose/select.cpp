@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 namespace imucal {
 
@@ -14,11 +15,13 @@ constexpr double kStepCost_nats = 9, kStepKept_nats = 12;
 constexpr int kMostSteps = 6;
 constexpr double kGrave = 0.002; // part of the samples clipped or dead from which the mean is biased
 // A library-free test that explains this much more than the named effects says that the names are wrong.
-constexpr double kUnknownFactor = 1.0, kUnknownMargin_nats = 4;
+constexpr double kUnknownFactor = 1.02, kUnknownMargin_nats = 4;
 constexpr double kUnknownNoiseFactor = 1.05;
 constexpr double kCarries = 0.1; // part of the whole gain that one name at least has to hold
 constexpr double kAsGood_nats = 1.0;
-constexpr double kNamedShare = 0.9; // named part of what is explained that still counts as an answer
+constexpr double kNamedShare = 0.9;      // named part of what is explained that still counts as an answer
+constexpr double kPatchworkShare = 0.99; // the same of three names, which could approximate any shape
+constexpr double kCancel = 2; // gain of one name over that of all: from here on the names cancel each other
 
 class Selector {
 public:
@@ -34,23 +37,17 @@ public:
   Selection run() {
     structural();
     out_.nominal.terms = h_.terms;
-    Fit fit = fit_hypothesis(campaign_, h_);
-    {
-      const Panel panel(campaign_, h_, library_, true);
-      const PanelScores scores = panel.score(fit, calibration_.spectrum);
-      out_.before = findings(scores);
-      start_value_ = fit.log_likelihood;
-      for (int round = 0; round < options_.max_effects + 1; ++round) {
-        if (round == 0) {
-          if (!step(panel, scores, fit)) break;
-        } else {
-          if (n_counted() >= options_.max_effects) break;
-          const Fit again = fit_hypothesis(campaign_, h_);
-          const Panel next(campaign_, h_, library_, false);
-          if (!step(next, next.score(again, calibration_.spectrum), again)) break;
-        }
-        if (chosen_.size() >= 2) backward();
-      }
+    bank_.reset(new ColumnBank(campaign_, library_));
+    start_value_ = fit().log_likelihood;
+    start_energy_ = block_energy();
+    for (int round = 0; round < options_.max_effects + 1; ++round) {
+      if (n_counted() >= options_.max_effects) break;
+      const Fit now = fit();
+      const Panel panel(bank_.get(), h_, round == 0 ? PanelScope::kAll : PanelScope::kCandidates);
+      const PanelScores scores = panel.score(now, calibration_.spectrum);
+      if (round == 0) out_.before = findings(scores);
+      if (!step(panel, scores, now)) break;
+      if (chosen_.size() >= 2) backward();
     }
     finish();
     return out_;
@@ -82,8 +79,8 @@ private:
   size_t n_parameters(size_t j) const {
     const EffectEstimator& estimator = *library_[j]->estimator();
     const NoiseModel base = out_.nominal.base_noise;
-    const bool is_mixture =
-        estimator.form() == Form::kNoise && estimator.noise(base, estimator.starts(base).front()).is_mixture();
+    const bool is_mixture = estimator.form() == Form::kNoise &&
+                            estimator.noise(base, estimator.starts(base).front()).is_mixture();
     return library_[j]->parameters().size() + (is_mixture ? 1 : 0);
   }
   Term term_of(size_t j, const Theta& shape) const {
@@ -151,7 +148,7 @@ private:
   }
 
   // Evidence of all candidates over h_; noise candidates near the top by their exact likelihood.
-  std::vector<CandidateEvidence> scan(const Panel&, const PanelScores& scores, std::vector<Theta>* shapes) {
+  std::vector<CandidateEvidence> scan(const PanelScores& scores, std::vector<Theta>* shapes) {
     const size_t n = library_.size();
     std::vector<CandidateEvidence> list(n);
     shapes->assign(n, {});
@@ -209,26 +206,29 @@ private:
     return form == Form::kColumns || form == Form::kTemperature;
   }
 
-  // Gain of candidate j with the noise parameters estimated with and without it.
+  // What re-estimated noise parameters gain over a hypothesis, by restricted likelihood.
+  double retuned(const Hypothesis& h, const std::vector<Theta>& starts) {
+    const NoiseObjective objective(campaign_, h);
+    const NoiseModel base = h.noise();
+    const EffectEstimator& retune = *library_[static_cast<size_t>(retune_)]->estimator();
+    return std::max(0.0, fit_noise(objective, retune, base, starts, 40).value - objective.reml(base));
+  }
+  // Gain of candidate j with the noise parameters estimated with and without it (`retune_gain`).
   double reestimated_gain(size_t j, const Theta& shape, double retune_gain) {
-    const Effect& retune = *library_[static_cast<size_t>(retune_)];
     Hypothesis with = h_;
     with.terms.push_back(term_of(j, shape));
-    const NoiseModel base = h_.noise();
-    const NoiseObjective objective(campaign_, with);
-    const Fit fit_with = fit_hypothesis(campaign_, with), fit_without = fit_hypothesis(campaign_, h_);
-    const NoiseFit tuned = fit_noise(objective, *retune.estimator(), base, {}, 40);
-    const double extra = std::max(0.0, tuned.value - objective.reml(base));
-    return fit_with.log_likelihood - fit_without.log_likelihood + extra - retune_gain;
+    return fit_hypothesis(campaign_, with).log_likelihood - fit().log_likelihood + retuned(with, {}) -
+           retune_gain;
   }
 
   // One addition to h_.  False: nothing holds.
   bool step(const Panel& panel, const PanelScores& scores, const Fit& fit) {
     std::vector<Theta> shapes;
-    std::vector<CandidateEvidence> list = scan(panel, scores, &shapes);
+    std::vector<CandidateEvidence> list = scan(scores, &shapes);
     if (out_.first_scan.empty()) out_.first_scan = list;
     std::vector<bool> excluded(list.size(), false);
-    const double retune_gain = retune_ >= 0 ? scores.named[static_cast<size_t>(retune_)].gain_nats : 0;
+    double retune_gain = retune_ >= 0 ? scores.named[static_cast<size_t>(retune_)].gain_nats : 0;
+    bool is_exact = false; // a periodogram takes a mean that is left for noise, and counts it too high
     while (true) {
       int best = -1;
       for (size_t j = 0; j < list.size(); ++j)
@@ -247,6 +247,11 @@ private:
       const size_t b = static_cast<size_t>(best);
       if (is_mean(b) && retune_ >= 0 && list[b].evidence_nats < retune_gain && !h_.noise().is_mixture() &&
           !is_in(static_cast<size_t>(retune_))) {
+        if (!is_exact) {
+          const Theta& start = scores.named[static_cast<size_t>(retune_)].shape;
+          retune_gain = retuned(h_, start.empty() ? std::vector<Theta>{} : std::vector<Theta>{start});
+          is_exact = true;
+        }
         const double gain = reestimated_gain(b, shapes[b], retune_gain);
         list[b].gain_reestimated_nats = gain;
         if (gain < list[b].threshold_nats) {
@@ -287,9 +292,8 @@ private:
     if (!any) return -1;
     Hypothesis slow = h_;
     slow.terms.push_back(term_of(b, shapes[b]));
-    const Fit fit = fit_hypothesis(campaign_, slow);
-    const Panel panel(campaign_, slow, library_, false);
-    const PanelScores scores = panel.score(fit, {});
+    const Panel panel(bank_.get(), slow, PanelScope::kCandidates);
+    const PanelScores scores = panel.score(fit_hypothesis(campaign_, slow), {});
     int best = -1;
     double best_evidence = 0;
     for (size_t j = 0; j < list.size(); ++j) {
@@ -335,9 +339,8 @@ private:
             fit_noise(objective, *c.effect.term.estimator, others.noise(), {c.effect.term.shape}, 25);
         if (best.theta.size()) c.effect.term.shape = best.theta;
       } else if (form == Form::kColumns || form == Form::kTemperature) {
-        const Fit fit = fit_hypothesis(campaign_, others);
-        const Panel panel(campaign_, others, {}, false);
-        refine(panel, fit, &c.effect.term);
+        const Panel panel(bank_.get(), others, PanelScope::kDesign);
+        refine(panel, fit_hypothesis(campaign_, others), &c.effect.term);
       }
     }
     rebuild();
@@ -346,6 +349,12 @@ private:
     Hypothesis h = out_.nominal;
     for (const Choice& c : chosen_) h.terms.push_back(c.effect.term);
     h_ = h;
+    fit_.reset();
+  }
+  // The fit of h_.
+  const Fit& fit() {
+    if (!fit_) fit_.reset(new Fit(fit_hypothesis(campaign_, h_)));
+    return *fit_;
   }
 
   // Shape parameters off the grid.
@@ -387,17 +396,15 @@ private:
   // Further steps: each has to earn more than its cost.
   void more_steps() {
     SelectedEffect& effect = chosen_.back().effect;
-    const size_t j = chosen_.back().candidate;
     for (int i = 1; i < kMostSteps; ++i) {
-      const Fit fit = fit_hypothesis(campaign_, h_);
-      const Panel panel(campaign_, h_, {library_[j]}, false);
-      const PanelScores scores = panel.score(fit, {});
-      if (scores.named[0].gain_nats < kStepKept_nats || scores.named[0].shape.size() != 2) return;
-      Theta one = scores.named[0].shape;
-      refine_step(panel, fit, *effect.term.estimator, &one, 0);
+      const Panel panel(bank_.get(), h_, PanelScope::kDesign);
+      const CandidateScore next = panel.best_step(fit());
+      if (next.gain_nats < kStepKept_nats || next.shape.size() != 2) return;
+      Theta one = next.shape;
+      refine_step(panel, fit(), *effect.term.estimator, &one, 0);
       effect.term.shape.insert(effect.term.shape.end(), one.begin(), one.end());
-      effect.gain_nats += scores.named[0].gain_nats;
-      effect.evidence_nats += scores.named[0].gain_nats - kStepCost_nats;
+      effect.gain_nats += next.gain_nats;
+      effect.evidence_nats += next.gain_nats - kStepCost_nats;
       rebuild();
     }
   }
@@ -407,22 +414,18 @@ private:
     return t;
   }
 
-  double value(const Hypothesis& h) const {
-    return fit_hypothesis(campaign_, h).log_likelihood;
-  }
-
   // Each earlier effect is taken out and the scan repeated: another may now be better, or none needed.
   void backward() {
     for (size_t c = 0; c + 1 < chosen_.size(); ++c) {
       const std::vector<Choice> before = chosen_;
-      const double total = value(h_);
+      const double total = fit().log_likelihood;
       const Choice removed = chosen_[c];
       chosen_.erase(chosen_.begin() + static_cast<long>(c));
       rebuild();
-      const Fit fit = fit_hypothesis(campaign_, h_);
-      const Panel panel(campaign_, h_, library_, false);
+      const Fit now = fit();
+      const Panel panel(bank_.get(), h_, PanelScope::kCandidates);
       std::vector<Theta> shapes;
-      std::vector<CandidateEvidence> list = scan(panel, panel.score(fit, calibration_.spectrum), &shapes);
+      std::vector<CandidateEvidence> list = scan(panel.score(now, calibration_.spectrum), &shapes);
       size_t best = removed.candidate;
       for (size_t j = 0; j < list.size(); ++j)
         if (usable(j) && list[j].evidence_nats > list[best].evidence_nats + 1.0) best = j;
@@ -430,8 +433,8 @@ private:
         return; // dropped: the later effect explains it all
       }
       if (best != removed.candidate && list[best].evidence_nats > 0) {
-        accept(best, shapes[best], list, panel, fit);
-        if (value(h_) > total + 0.5) return;
+        accept(best, shapes[best], list, panel, now);
+        if (fit().log_likelihood > total + 0.5) return;
       }
       const double evidence = list[removed.candidate].evidence_nats;
       chosen_ = before;
@@ -457,19 +460,54 @@ private:
   }
 
   void finish() {
-    const Fit fit = fit_hypothesis(campaign_, h_);
-    out_.total_gain_nats = fit.log_likelihood - start_value_;
-    if (chosen_.empty()) {
+    const Fit last = fit();
+    out_.total_gain_nats = last.log_likelihood - start_value_;
+    // Comparable only under one and the same noise.
+    block_gain_ = h_.noise().is_mixture() || any_noise_term() ? -1e300 : start_energy_ - block_energy();
+    estimate_shape_errors();
+    if (chosen_.empty())
       out_.after = out_.before;
-    } else {
-      const Panel panel(campaign_, h_, library_, true);
-      out_.after = findings(panel.score(fit, calibration_.spectrum));
-    }
-    fill_coefficients(fit);
+    else
+      out_.after = findings(Panel(bank_.get(), h_, PanelScope::kAll).score(last, calibration_.spectrum));
+    fill_coefficients(last);
     out_.final = h_;
     out_.effects = structural_;
     for (Choice& c : chosen_) out_.effects.push_back(c.effect);
     judge();
+  }
+
+  double block_energy() { return 0.5 * bank_->reduce(fit().e).squaredNorm(); }
+  bool any_noise_term() const {
+    for (const Choice& c : chosen_)
+      if (c.effect.term.form() == Form::kNoise) return true;
+    return false;
+  }
+
+  // Curvature of the likelihood over the shape parameters of one effect, the others as found.
+  void estimate_shape_errors() {
+    for (Choice& c : chosen_) {
+      Term& term = c.effect.term;
+      const EffectEstimator& estimator = *term.estimator;
+      Hypothesis others = out_.nominal;
+      for (const Choice& o : chosen_)
+        if (&o != &c) others.terms.push_back(o.effect.term);
+      if (term.form() == Form::kNoise) {
+        const NoiseObjective objective(campaign_, others);
+        const NoiseModel base = others.noise();
+        const auto f = [&](const Theta& theta) {
+          const NoiseModel noise = estimator.noise(base, theta);
+          return noise.is_mixture() ? objective.mixture(noise) : objective.reml(noise);
+        };
+        term.shape_errors = curvature_errors(f, term.shape, estimator.theta_lo(), estimator.theta_hi());
+      } else if ((term.form() == Form::kColumns || term.form() == Form::kTemperature) &&
+                 !estimator.shape_lo().empty()) {
+        const Panel panel(bank_.get(), others, PanelScope::kDesign);
+        const Fit without = fit_hypothesis(campaign_, others);
+        term.shape_errors =
+            curvature_errors([&](const Theta& shape) { return panel.gain_at(estimator, shape, without); },
+                             term.shape, estimator.shape_lo(), estimator.shape_hi());
+      }
+    }
   }
 
   void fill_coefficients(const Fit& fit) {
@@ -499,26 +537,34 @@ private:
       most = std::max(most, f.evidence_nats());
     }
     const bool remains = fired > 0;
-    const double limit = total_named_gain() - cost;
     // A free mean that explains more than the names (slow noise in the place of an unknown cause, mostly)
-    // takes them back.  A free spectrum is compared with a margin: its gain is that of an approximation.
-    const bool is_stand_in = !chosen_.empty() && most_mean > kUnknownFactor * limit + kUnknownMargin_nats;
-    const bool outdone =
-        is_stand_in || (!chosen_.empty() && most_noise > kUnknownNoiseFactor * limit + kUnknownMargin_nats);
-    const double most_before = std::max(most_mean, most_noise);
+    // takes them back; both gains are those of block sums.  A free spectrum is compared with a margin: its
+    // gain is that of an approximation, which overstates what a mean leaves in the lowest bins; a cause in
+    // the mean is not judged by it.
+    const double in_blocks = block_gain_ - cost, limit = total_named_gain() - cost;
+    const bool is_stand_in =
+        !chosen_.empty() && most_mean > kUnknownFactor * std::max(limit, in_blocks) + kUnknownMargin_nats;
+    const bool outdone = is_stand_in || (!chosen_.empty() && !is_carried_by_mean() &&
+                                         most_noise > kUnknownNoiseFactor * limit + kUnknownMargin_nats);
+    const double most_before = is_stand_in ? most_mean : std::max(most_mean, most_noise);
     // Several names of which none carries the gain.
     double strongest = 0;
     for (const Choice& c : chosen_) strongest = std::max(strongest, c.effect.evidence_nats);
-    const bool is_patchwork = chosen_.size() >= 3 && strongest < kCarries * total_named_gain();
+    const double rest = std::max(0.0, fired), named_all = std::max(1e-9, total_named_gain());
+    const bool is_patchwork =
+        (chosen_.size() >= 3 && (strongest < kCarries * named_all ||
+                                 (remains && named_all < kPatchworkShare * (named_all + rest)))) ||
+        (remains && chosen_.size() >= 2 && strongest > kCancel * named_all);
     if (out_.effects.empty()) {
       out_.verdict = remains ? Verdict::kUnexplained : Verdict::kNoGap;
     } else if (structural_.empty() && (is_stand_in || is_patchwork)) {
       out_.verdict = Verdict::kUnexplained;
-      out_.notes.push_back(is_stand_in
-                               ? "a library-free mean explains " + number(most_mean) +
-                                     " nats beyond its threshold, the named effects " +
-                                     number(total_named_gain()) + " in all: the names are stand-ins"
-                               : "none of the named effects carries the gain: the names are stand-ins");
+      out_.notes.push_back(
+          is_stand_in ? "a library-free mean explains " + number(most_mean) +
+                            " nats beyond its threshold, the named effects " + number(total_named_gain()) +
+                            " in all: the names are stand-ins"
+                      : "the named effects approximate the gap together, none of them carries it: the "
+                        "names are stand-ins");
     } else if (!remains && !outdone) {
       out_.verdict = Verdict::kExplained;
     } else {
@@ -535,6 +581,14 @@ private:
     }
   }
   double total_named_gain() const { return out_.total_gain_nats; }
+  bool is_carried_by_mean() const {
+    double mean = 0, all = 0;
+    for (const Choice& c : chosen_) {
+      all += c.effect.gain_nats;
+      if (is_mean(c.candidate)) mean += c.effect.gain_nats;
+    }
+    return mean > 0.5 * all;
+  }
   static bool competes(const std::string& name) {
     return name == "temperature" || name == "temperature_and_direction" || name == "time_in_log" ||
            name == "temperature_and_time" || name == "delayed_temperature" || name == "spectrum" ||
@@ -548,12 +602,14 @@ private:
   const Thresholds& thr_;
   SelectOptions options_;
   Selection out_;
+  std::unique_ptr<ColumnBank> bank_; // of the campaign as masked
   Hypothesis h_;
+  std::unique_ptr<Fit> fit_; // of h_, when known
   std::vector<Choice> chosen_;
   std::vector<SelectedEffect> structural_;
   bool is_censored_ = false, is_gravely_censored_ = false, is_on_lattice_ = false;
   int retune_ = -1;
-  double start_value_ = 0;
+  double start_value_ = 0, start_energy_ = 0, block_gain_ = 0;
 };
 
 } // namespace
