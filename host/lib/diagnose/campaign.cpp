@@ -40,17 +40,14 @@ double coarse_step(const std::vector<std::vector<double>>& runs) {
   for (const auto& run : runs) all.insert(all.end(), run.begin(), run.end());
   if (all.size() < 200) return 0;
   std::sort(all.begin(), all.end());
-  double step = 1e300;
-  size_t distinct = 1;
-  for (size_t i = 1; i < all.size(); ++i) {
-    const double gap = all[i] - all[i - 1];
-    if (gap <= 1e-6) continue;
-    ++distinct;
-    step = std::min(step, gap);
-  }
-  if (distinct < 3 || static_cast<double>(distinct) > kCoarseFraction * static_cast<double>(all.size()))
-    return 0;
-  return step;
+  std::vector<double> gaps;
+  for (size_t i = 1; i < all.size(); ++i)
+    if (all[i] - all[i - 1] > 1e-6) gaps.push_back(all[i] - all[i - 1]);
+  const double distinct = static_cast<double>(gaps.size()) + 1;
+  if (gaps.size() < 2 || distinct > kCoarseFraction * static_cast<double>(all.size())) return 0;
+  // The median: the end of the range and skipped levels leave odd gaps.
+  std::nth_element(gaps.begin(), gaps.begin() + static_cast<long>(gaps.size() / 2), gaps.end());
+  return gaps[gaps.size() / 2];
 }
 
 // Coarse temperatures: straight lines through the midpoints of the transitions; plateaus between two
