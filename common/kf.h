@@ -21,9 +21,10 @@
  *
  * Numerics.  The information on c is R' D R, R unit upper triangular, D > 0, R c = x: a measurement joins by
  * square-root-free Givens rotations (Gentleman 1973), one pass that leaves the innovation and its variance behind.
- * D only grows: the covariance R^-1 D^-1 R^-T cannot become indefinite.
- * D and x are kept as unevaluated sums hi + lo, made tidy every 256 measurements: over 10 days a single update changes D by one part in a
- * million, close to the last bit of float32.  Rounding errors then do not add up (measured: tests/common/test_kf.c).
+ * Measurements only add to D: the covariance R^-1 D^-1 R^-T cannot become indefinite.
+ * D, x and 1 + V0 are kept as unevaluated sums hi + lo, made tidy every 256 measurements: over 10 days a single
+ * update changes D by one part in a million, close to the last bit of float32.  Rounding errors then do not add up
+ * (measured: tests/common/test_kf.c).
  *
  * The unit of a channel is generic: dph for gyros, mg for accelerometers. */
 #ifndef IMUCAL_KF_H
@@ -36,22 +37,22 @@ extern "C" {
 #endif
 
 #define IMUCAL_KF_MAX_STATES (IMUCAL_MAX_ORDER + 2)
-#define IMUCAL_KF_MAX_UD (IMUCAL_KF_MAX_STATES * (IMUCAL_KF_MAX_STATES - 1) / 2)
+#define IMUCAL_KF_MAX_U (IMUCAL_KF_MAX_STATES * (IMUCAL_KF_MAX_STATES - 1) / 2)
 #define IMUCAL_KF_MAX_RATE 1e7f          /* |z|, unit; beyond it is refused */
 #define IMUCAL_KF_MAX_TN 1.5f            /* |Tn| of a measurement; beyond it is refused */
-#define IMUCAL_KF_MAX_R_RATIO 1024.0f
-#define IMUCAL_KF_MAX_GAP_S 0x7FFFFFFFu
+#define IMUCAL_KF_MAX_R_RATIO 1024.0f    /* of imucal_kf_update_scaled, and its reciprocal the least */
+#define IMUCAL_KF_MAX_GAP_S 0x7FFFFFFFu  /* of one imucal_kf_skip */
 
 /* What the host decides. */
 typedef struct imucal_kf_config {
   uint8_t order;    /* M, 1..IMUCAL_MAX_ORDER */
-  float t0_degc;    /* centre of the temperature normalisation, -273..1000 */
-  float range_degc; /* > 0: Tn = (T - t0)/range; the span of interest should be |Tn| <= 1 */
-  float m;          /* 1 - exp(-dt/tau), (0, 1] */
-  float q;          /* unit^2, >= 0 */
-  float r;          /* unit^2, > 0 */
-  float markov_variance;   /* initial variance of e: its stationary sigma^2, unit^2, >= 0 */
-  float prior_sigma;       /* initial standard deviation of every coefficient, unit, > 0, <= 1e6 (usual: 1e4) */
+  float t0_degc;    /* centre of the temperature normalisation, -1000..1000 */
+  float range_degc; /* 1e-3..2000: Tn = (T - t0)/range; the span of interest should be |Tn| <= 1 */
+  float m;          /* 1 - exp(-dt/tau), 1e-30..1; 1: e is white too */
+  float q;          /* unit^2, 0..1e14 */
+  float r;          /* unit^2, 1e-12..1e14 */
+  float markov_variance;   /* initial variance of e: its stationary sigma^2, unit^2, 0..1e14 */
+  float prior_sigma;       /* initial standard deviation of every coefficient b_i, unit, 1e-6..1e6 (usual: 1e4) */
 } imucal_kf_config_t;
 
 /* Running statistics of the innovations nu with predicted variance S: a first sign on the device that the model
@@ -73,13 +74,14 @@ typedef struct imucal_kf_stats {
   float innovation_weight; /* 1/S of the last one */
 } imucal_kf_stats_t;
 
-/* Readable by anybody, written only by the functions below.  Entry 0 of each is the first filter's. */
+/* Readable by anybody, written only by the functions below.  The first filter's: entry 0 of x and d, and 0 .. 5 of u.
+ * The link carries x to u as they are (CAL_FILTER in link.md): their meaning is part of the protocol. */
 typedef struct imucal_kf {
-  float x[IMUCAL_KF_MAX_STATES];    /* 1 + V0; then R c: leading part */
+  float x[IMUCAL_KF_MAX_STATES];    /* 1 + V0; then R c, row k at k + 1: leading part */
   float x_lo[IMUCAL_KF_MAX_STATES]; /* trailing part */
   float d[IMUCAL_KF_MAX_STATES];    /* variance of e given c, >= 0; then D > 0: leading part */
   float d_lo[IMUCAL_KF_MAX_STATES]; /* trailing part, [0] is 0 */
-  float u[IMUCAL_KF_MAX_UD];        /* e less V' c, V1 .. V5; R above its diagonal by columns: R01 R02 R12 R03 R13 R23 .. */
+  float u[IMUCAL_KF_MAX_U];        /* e less V' c, V1 .. V5; R above its diagonal by columns: R01 R02 R12 R03 R13 R23 .. */
   float inv_range;
   float forgotten; /* m (2 - m) */
   imucal_kf_config_t config;
@@ -87,8 +89,8 @@ typedef struct imucal_kf {
   bool is_ready;
 } imucal_kf_t;
 
-/* Start.  IMUCAL_ERR_ORDER, IMUCAL_ERR_SPAN (t0, range), IMUCAL_ERR_MODEL (m, q, r, variance),
- * IMUCAL_ERR_RANGE (prior): refused, *kf unchanged. */
+/* Start.  IMUCAL_ERR_ARGUMENT (null), IMUCAL_ERR_ORDER, IMUCAL_ERR_SPAN (t0, range), IMUCAL_ERR_MODEL (m, q, r,
+ * variance), IMUCAL_ERR_RANGE (prior): refused, *kf unchanged. */
 IMUCAL_MUST_USE imucal_status imucal_kf_init(imucal_kf_t* kf, const imucal_kf_config_t* config);
 
 /* Time update by one second and measurement of it.
@@ -102,11 +104,13 @@ static inline IMUCAL_MUST_USE imucal_status imucal_kf_update(imucal_kf_t* kf, fl
 }
 
 /* Time update alone over n_s seconds without a usable measurement (gap, saturated, sensor fault): m and q of n_s
- * steps are composed by binary powering, at most 31 rounds.  n_s = 0 does nothing. */
+ * steps are composed by binary powering, at most 31 rounds.  n_s = 0 does nothing.  IMUCAL_ERR_STATE: before init;
+ * IMUCAL_ERR_PERIOD: n_s above IMUCAL_KF_MAX_GAP_S. */
 IMUCAL_MUST_USE imucal_status imucal_kf_skip(imucal_kf_t* kf, uint32_t n_s);
 
 /* The device was switched off and on: e starts anew (variance markov_variance, uncorrelated) and the constant
- * term becomes less certain by turn_on_sigma (>= 0; 0: no turn-on variation).  Exact, no approximation. */
+ * term becomes less certain by turn_on_sigma (0..1e6; 0: no turn-on variation).  Exact, no approximation.
+ * IMUCAL_ERR_STATE: before init; IMUCAL_ERR_RANGE: turn_on_sigma. */
 IMUCAL_MUST_USE imucal_status imucal_kf_new_run(imucal_kf_t* kf, float turn_on_sigma);
 
 /* Coefficient i (0..order) in the channel's unit; 0 above the order. */

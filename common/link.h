@@ -123,15 +123,15 @@ extern "C" {
   F(f32, worst_sigma, "predicted worst one-sigma calibration error over the span, unit")                         \
   F(f32, worst_temp_degc, "degC")                                                                                \
   A(f32, coeff, 6, "unit; 0 above the order")
-#define IMUCAL_LINK_CAL_UD(F, A, N, V) F(u8, channel, "0..n_channels-1")
-#define IMUCAL_LINK_CAL_UD_REPLY(F, A, N, V)                                                                     \
+#define IMUCAL_LINK_CAL_FILTER(F, A, N, V) F(u8, channel, "0..n_channels-1")
+#define IMUCAL_LINK_CAL_FILTER_REPLY(F, A, N, V)                                                                 \
   F(u8, channel, "as in the request")                                                                            \
-  F(u8, n_states, "order + 2")                                                                                   \
-  A(u32, x, 7, "bits of the float32 state, as in imucal_kf_t")                                                   \
-  A(u32, x_lo, 7, "bits")                                                                                        \
-  A(u32, d, 7, "bits")                                                                                           \
-  A(u32, d_lo, 7, "bits")                                                                                        \
-  A(u32, u, 21, "bits")
+  F(u8, n_states, "order + 2: entries of x, x_lo, d, d_lo that mean something")                                  \
+  A(u32, x, 7, "f32 bits: 1 + V0; then R c")                                                                     \
+  A(u32, x_lo, 7, "f32 bits: to be added to x")                                                                  \
+  A(u32, d, 7, "f32 bits: variance of e given c; then D")                                                        \
+  A(u32, d_lo, 7, "f32 bits: to be added to d")                                                                  \
+  A(u32, u, 21, "f32 bits: e less V' c, V1 .. V5; R above its diagonal by columns: R01 R02 R12 R03 ..")
 #define IMUCAL_LINK_CAL_STOP(F, A, N, V) F(u8, action, "0 discard the filters, 1 keep them for TABLE_FROM_CAL")
 #define IMUCAL_LINK_TABLE_FROM_CAL(F, A, N, V)                                                                   \
   F(u32, created_s, "s since 1970-01-01 UTC")                                                                    \
@@ -208,10 +208,10 @@ extern "C" {
   M(0x10, cal_start, CAL_START)                                                                                  \
   M(0x11, cal_state, CAL_STATE)                                                                                  \
   M(0x91, cal_state_reply, CAL_STATE_REPLY)                                                                      \
-  M(0x12, cal_ud, CAL_UD)                                                                                        \
-  M(0x92, cal_ud_reply, CAL_UD_REPLY)                                                                            \
   M(0x13, cal_stop, CAL_STOP)                                                                                    \
   M(0x14, table_from_cal, TABLE_FROM_CAL)                                                                        \
+  M(0x15, cal_filter, CAL_FILTER)                                                                                \
+  M(0x95, cal_filter_reply, CAL_FILTER_REPLY)                                                                    \
   M(0x20, table_read, TABLE_READ)                                                                                \
   M(0xA0, table_read_reply, TABLE_READ_REPLY)                                                                    \
   M(0x21, table_begin, TABLE_BEGIN)                                                                              \

@@ -221,17 +221,17 @@ static void put_bits(uint32_t* bits, const float* values, size_t n) {
   for (size_t i = 0; i < n; i++) bits[i] = imucal_bits_from_float(values[i]);
 }
 
-static void serve_cal_ud(imucal_app_t* app, const imucal_link_cal_ud_t* request) {
+static void serve_cal_filter(imucal_app_t* app, const imucal_link_cal_filter_t* request) {
   const imucal_kf_t* kf = asked_filter(app, request->channel);
   if (!kf) return;
-  imucal_link_cal_ud_reply_t answer = {.channel = request->channel,
+  imucal_link_cal_filter_reply_t answer = {.channel = request->channel,
                                        .n_states = (uint8_t)(kf->config.order + 2)};
   put_bits(answer.x, kf->x, IMUCAL_KF_MAX_STATES);
   put_bits(answer.x_lo, kf->x_lo, IMUCAL_KF_MAX_STATES);
   put_bits(answer.d, kf->d, IMUCAL_KF_MAX_STATES);
   put_bits(answer.d_lo, kf->d_lo, IMUCAL_KF_MAX_STATES);
-  put_bits(answer.u, kf->u, IMUCAL_KF_MAX_UD);
-  reply(app, IMUCAL_LINK_ID_CAL_UD_REPLY, &answer);
+  put_bits(answer.u, kf->u, IMUCAL_KF_MAX_U);
+  reply(app, IMUCAL_LINK_ID_CAL_FILTER_REPLY, &answer);
 }
 
 static void serve_cal_stop(imucal_app_t* app, const imucal_link_cal_stop_t* request) {
@@ -483,8 +483,8 @@ void app_serve(imucal_app_t* app) {
   case IMUCAL_LINK_ID_CAL_STATE:
     serve_cal_state(app, &message.cal_state);
     break;
-  case IMUCAL_LINK_ID_CAL_UD:
-    serve_cal_ud(app, &message.cal_ud);
+  case IMUCAL_LINK_ID_CAL_FILTER:
+    serve_cal_filter(app, &message.cal_filter);
     break;
   case IMUCAL_LINK_ID_CAL_STOP:
     serve_cal_stop(app, &message.cal_stop);

@@ -53,7 +53,7 @@ static void print_filter(const check_io_t* io, uint32_t t_s, int k, int i) {
   hex_floats(io, " x_lo", kf->x_lo, IMUCAL_KF_MAX_STATES);
   hex_floats(io, " d", kf->d, IMUCAL_KF_MAX_STATES);
   hex_floats(io, " d_lo", kf->d_lo, IMUCAL_KF_MAX_STATES);
-  hex_floats(io, " u", kf->u, IMUCAL_KF_MAX_UD);
+  hex_floats(io, " u", kf->u, IMUCAL_KF_MAX_U);
   const float derived[] = {imucal_kf_mean_nis(kf),
                            imucal_kf_lag1(kf),
                            imucal_kf_worst_sigma(kf, 0, 60, 25, NULL),
@@ -88,7 +88,7 @@ static uint32_t crc_filters(void) {
       crc = crc_floats(crc, kf->x_lo, IMUCAL_KF_MAX_STATES);
       crc = crc_floats(crc, kf->d, IMUCAL_KF_MAX_STATES);
       crc = crc_floats(crc, kf->d_lo, IMUCAL_KF_MAX_STATES);
-      crc = crc_floats(crc, kf->u, IMUCAL_KF_MAX_UD);
+      crc = crc_floats(crc, kf->u, IMUCAL_KF_MAX_U);
       crc = crc_floats(crc, &kf->stats.innovation, 1);
       crc = crc_floats(crc, &kf->stats.innovation_weight, 1);
     }

@@ -237,8 +237,8 @@ static void test_session_rules(void** state) {
   assert_int_equal(stop(IMUCAL_STOP_DISCARD), IMUCAL_OK);
   const imucal_link_cal_state_t ask = {.channel = 0};
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_STATE, &ask), IMUCAL_ERR_STATE);
-  const imucal_link_cal_ud_t ask_ud = {.channel = 9};
-  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_UD, &ask_ud), IMUCAL_ERR_UNKNOWN);
+  const imucal_link_cal_filter_t ask_filter = {.channel = 9};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_FILTER, &ask_filter), IMUCAL_ERR_UNKNOWN);
 }
 
 static void test_cal_start_bad_numbers_are_refused(void** state) {
@@ -272,16 +272,51 @@ static void test_cal_start_bad_numbers_are_refused(void** state) {
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &good), IMUCAL_OK);
 }
 
-static void test_cal_ud_gives_the_filters_bits(void** state) {
+static void test_cal_filter_gives_the_filters_bits(void** state) {
   (void)state;
   calibrate(1);
-  const imucal_link_cal_ud_t ask = {.channel = 0};
-  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CAL_UD, &ask), IMUCAL_LINK_ID_CAL_UD_REPLY);
-  assert_int_equal(bench.reply.cal_ud_reply.n_states, 5);
+  const imucal_link_cal_filter_t ask = {.channel = 0};
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CAL_FILTER, &ask), IMUCAL_LINK_ID_CAL_FILTER_REPLY);
+  assert_int_equal(bench.reply.cal_filter_reply.n_states, 5);
   const imucal_kf_t* kf = &bench.app.channel[0].kf;
-  assert_memory_equal(bench.reply.cal_ud_reply.x, kf->x, sizeof kf->x);
-  assert_memory_equal(bench.reply.cal_ud_reply.d, kf->d, sizeof kf->d);
-  assert_memory_equal(bench.reply.cal_ud_reply.u, kf->u, sizeof kf->u);
+  const imucal_link_cal_filter_reply_t* reply = &bench.reply.cal_filter_reply;
+  assert_memory_equal(reply->x, kf->x, sizeof kf->x);
+  assert_memory_equal(reply->x_lo, kf->x_lo, sizeof kf->x_lo);
+  assert_memory_equal(reply->d, kf->d, sizeof kf->d);
+  assert_memory_equal(reply->d_lo, kf->d_lo, sizeof kf->d_lo);
+  assert_memory_equal(reply->u, kf->u, sizeof kf->u);
+}
+
+static double value_of(uint32_t bits) {
+  return (double)imucal_float_from_bits(bits);
+}
+
+/* The reply read as link.md says, at both ends of the range: T_k(1) = 1, T_k(-1) = (-1)^k. */
+static void test_cal_filter_reads_as_documented(void** state) {
+  (void)state;
+  calibrate(1);
+  const imucal_link_cal_filter_t ask = {.channel = 0};
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CAL_FILTER, &ask), IMUCAL_LINK_ID_CAL_FILTER_REPLY);
+  const imucal_link_cal_filter_reply_t* reply = &bench.reply.cal_filter_reply;
+  const imucal_kf_t* kf = &bench.app.channel[0].kf;
+  const int order = reply->n_states - 2;
+  for (int end = -1; end <= 1; end += 2) {
+    double c[6], y[6], bias = 0, variance = 0;
+    for (int k = order; k >= 0; k--) { /* R c = x */
+      c[k] = value_of(reply->x[k + 1]) + value_of(reply->x_lo[k + 1]);
+      for (int j = k + 1; j <= order; j++) c[k] -= value_of(reply->u[6 + j * (j - 1) / 2 + k]) * c[j];
+    }
+    for (int k = 0; k <= order; k++) { /* h' R^-1 D^-1 R^-T h with R' y = h */
+      const double h = k % 2 ? end : 1;
+      y[k] = h;
+      for (int i = 0; i < k; i++) y[k] -= value_of(reply->u[6 + k * (k - 1) / 2 + i]) * y[i];
+      bias += h * c[k];
+      variance += y[k] * y[k] / (value_of(reply->d[k + 1]) + value_of(reply->d_lo[k + 1]));
+    }
+    const float temp_degc = kf->config.t0_degc + (float)end * kf->config.range_degc;
+    assert_float_equal((float)bias, imucal_kf_bias(kf, temp_degc), 0.01f);
+    assert_float_equal((float)variance / imucal_kf_bias_variance(kf, temp_degc), 1.0f, 1e-4f);
+  }
 }
 
 /* ---- tables ---- */
@@ -472,7 +507,8 @@ int main(void) {
       CASE(test_session_one_channel_without_table_leaves_others_uncalibrated),
       CASE(test_session_rules),
       CASE(test_cal_start_bad_numbers_are_refused),
-      CASE(test_cal_ud_gives_the_filters_bits),
+      CASE(test_cal_filter_gives_the_filters_bits),
+      CASE(test_cal_filter_reads_as_documented),
       CASE(test_upload_bad_tables_leave_the_last_good_one),
       CASE(test_upload_rules),
       CASE(test_upload_whole_table_but_other_crc_announced_is_refused),

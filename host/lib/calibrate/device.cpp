@@ -231,9 +231,9 @@ imucal_link_cal_state_reply_t Device::cal_state(uint8_t channel) {
   return request(IMUCAL_LINK_ID_CAL_STATE, &which, IMUCAL_LINK_ID_CAL_STATE_REPLY).cal_state_reply;
 }
 
-imucal_link_cal_ud_reply_t Device::cal_ud(uint8_t channel) {
-  const imucal_link_cal_ud_t which{channel};
-  return request(IMUCAL_LINK_ID_CAL_UD, &which, IMUCAL_LINK_ID_CAL_UD_REPLY).cal_ud_reply;
+imucal_link_cal_filter_reply_t Device::cal_filter(uint8_t channel) {
+  const imucal_link_cal_filter_t which{channel};
+  return request(IMUCAL_LINK_ID_CAL_FILTER, &which, IMUCAL_LINK_ID_CAL_FILTER_REPLY).cal_filter_reply;
 }
 
 void Device::cal_stop(uint8_t action) {

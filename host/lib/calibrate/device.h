@@ -64,7 +64,7 @@ public:
 
   void cal_start(const imucal_link_cal_start_t& start);
   imucal_link_cal_state_reply_t cal_state(uint8_t channel);
-  imucal_link_cal_ud_reply_t cal_ud(uint8_t channel);
+  imucal_link_cal_filter_reply_t cal_filter(uint8_t channel);
   void cal_stop(uint8_t action);
   // The device makes a table of its filters and flashes it; returns the table's sequence number.
   uint32_t table_from_cal(uint32_t created_s);

@@ -368,7 +368,7 @@ void Run::finish() {
     learned.name = device_.channel_name(axis.channel);
     learned.state = device_.cal_state(static_cast<uint8_t>(axis.channel));
     learned.filter =
-        kf_from_device(axis.start, device_.cal_ud(static_cast<uint8_t>(axis.channel)), learned.state);
+        kf_from_device(axis.start, device_.cal_filter(static_cast<uint8_t>(axis.channel)), learned.state);
     ThermalPolynomial polynomial;
     polynomial.t0_degc = static_cast<double>(axis.start.t0_degc);
     polynomial.range_degc = static_cast<double>(axis.start.range_degc);
@@ -452,19 +452,19 @@ imucal_kf_config_t kf_config_of(const imucal_link_cal_start_t& start) {
   return config;
 }
 
-imucal_kf_t kf_from_device(const imucal_link_cal_start_t& start, const imucal_link_cal_ud_reply_t& ud,
+imucal_kf_t kf_from_device(const imucal_link_cal_start_t& start, const imucal_link_cal_filter_reply_t& bits,
                            const imucal_link_cal_state_reply_t& state) {
   const imucal_kf_config_t config = kf_config_of(start);
   imucal_kf_t kf{};
   if (const imucal_status status = imucal_kf_init(&kf, &config); status != IMUCAL_OK)
     throw data_error(std::string("filter of the device: ") + imucal_status_text(status));
-  static_assert(sizeof kf.x == sizeof ud.x && sizeof kf.u == sizeof ud.u,
+  static_assert(sizeof kf.x == sizeof bits.x && sizeof kf.u == sizeof bits.u,
                 "the link carries the whole filter");
-  std::memcpy(kf.x, ud.x, sizeof kf.x);
-  std::memcpy(kf.x_lo, ud.x_lo, sizeof kf.x_lo);
-  std::memcpy(kf.d, ud.d, sizeof kf.d);
-  std::memcpy(kf.d_lo, ud.d_lo, sizeof kf.d_lo);
-  std::memcpy(kf.u, ud.u, sizeof kf.u);
+  std::memcpy(kf.x, bits.x, sizeof kf.x);
+  std::memcpy(kf.x_lo, bits.x_lo, sizeof kf.x_lo);
+  std::memcpy(kf.d, bits.d, sizeof kf.d);
+  std::memcpy(kf.d_lo, bits.d_lo, sizeof kf.d_lo);
+  std::memcpy(kf.u, bits.u, sizeof kf.u);
   kf.stats.n = state.n;
   return kf;
 }

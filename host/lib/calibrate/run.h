@@ -61,8 +61,8 @@ imucal_link_cal_start_t cal_start_of(const ErrorModel& model, unsigned order, do
                                      double range_degc, const TemperatureRange& span, double prior_sigma);
 imucal_kf_config_t kf_config_of(const imucal_link_cal_start_t& start);
 
-// The device's filter on the host, bit for bit.
-imucal_kf_t kf_from_device(const imucal_link_cal_start_t& start, const imucal_link_cal_ud_reply_t& ud,
+// The device's filter on the host, bit for bit; of its statistics only n.
+imucal_kf_t kf_from_device(const imucal_link_cal_start_t& start, const imucal_link_cal_filter_reply_t& bits,
                            const imucal_link_cal_state_reply_t& state);
 
 // Runs it.  usage_error, data_error (a profile that does not move), device_error as the messages say;
