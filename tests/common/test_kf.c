@@ -367,6 +367,56 @@ static void test_no_markov_process_is_recursive_least_squares(void** state) {
   assert_true(kf.u[0] == 0.0f && kf.d[0] == 0.0f);
 }
 
+/* The limits of the model (a white Markov process m = 1, q = 0, no initial variance, no Markov process at all), lowest and
+ * highest order, with everything that can happen to a filter mixed in: gaps, refused seconds, a power cycle just before,
+ * at and after the fold of the 256th measurement. */
+static void test_limits_of_the_model_follow_reference(void** state) {
+  (void)state;
+  const struct {
+    float m, q, markov_variance;
+  } model[] = {{1, 400, 400}, {0.01f, 0, 400}, {0.01f, 8, 0}, {1, 0, 0}, {1e-30f, 0, 400}, {1e-30f, 1e-3f, 0}, {1, 0, 400}};
+  unit_rng_t rng = {unit_seed()};
+  for (size_t i = 0; i < 6 * sizeof model / sizeof model[0]; i++) {
+    imucal_kf_config_t config = config_of(i % 2 ? 5 : 1, 0.6, 20, 100);
+    config.m = model[i / 6].m, config.q = model[i / 6].q, config.markov_variance = model[i / 6].markov_variance;
+    const uint32_t power_cycle_n = 511 + (uint32_t)(i % 6 / 2);
+    imucal_kf_t kf;
+    reference_kf_t ref;
+    assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
+    reference_init(&ref, &config);
+    for (int t = 0; t < 12000; t++) {
+      const float temp = (float)basic_profile_degc(t), z = (float)(100 + 36 * unit_normal(&rng));
+      const int n_gap = t % 100 == 37 ? t / 100 : 0;
+      for (int k = 0; k < n_gap; k++) reference_predict(&ref);
+      assert_int_equal(imucal_kf_skip(&kf, (uint32_t)n_gap), IMUCAL_OK);
+      if (t % 50 == 11) {
+        assert_int_equal(imucal_kf_update(&kf, 2e7f, temp), IMUCAL_ERR_RANGE);
+        assert_int_equal(imucal_kf_skip(&kf, 1), IMUCAL_OK);
+        reference_predict(&ref);
+        continue;
+      }
+      assert_int_equal(imucal_kf_update(&kf, z, temp), IMUCAL_OK);
+      reference_update(&ref, z, temp);
+      if (!(kf.d[0] >= 0)) fail_msg("model %zu: variance %g of e at second %d", i / 6, (double)kf.d[0], t);
+      if (kf.stats.n != power_cycle_n) continue;
+      assert_int_equal(imucal_kf_new_run(&kf, 500.0f), IMUCAL_OK);
+      for (int j = 0; j < ref.n; j++) ref.p[0][j] = ref.p[j][0] = 0;
+      ref.x[0] = 0, ref.p[0][0] = config.markov_variance, ref.p[1][1] += 25e4L;
+    }
+    double e, e_variance;
+    worst_t at;
+    compare(&kf, &ref, &at);
+    markov_state(&kf, &e, &e_variance);
+    if (getenv("IMUCAL_PRINT"))
+      printf("m %g, q %g, initial variance %g, order %d: B(T) off by %.2g dph, sigma by %.2g; e by %.2g dph\n",
+             (double)config.m, (double)config.q, (double)config.markov_variance, config.order, at.bias_error,
+             at.sigma_error, fabs(e - (double)ref.x[0]));
+    assert_true(at.bias_error < 0.1 && at.sigma_error < 1e-3);
+    assert_true(fabs(e - (double)ref.x[0]) < 0.1);
+    assert_true(fabs(e_variance - (double)ref.p[0][0]) <= 2e-3 * (double)ref.p[0][0] + 1e-6);
+  }
+}
+
 /* With the right model the statistics stay inside +-4.4 standard errors (1e-5 false alarms); with one whose Markov
  * sigma is a third of the truth they leave by far. */
 static void statistics_of(double believed_sigma, double* z_nis, double* z_lag1, double* z_mean) {
@@ -467,6 +517,7 @@ int main(void) {
       cmocka_unit_test(test_update_scaled_follows_reference_of_that_noise),
       cmocka_unit_test(test_before_init_everything_is_refused),
       cmocka_unit_test(test_no_markov_process_is_recursive_least_squares),
+      cmocka_unit_test(test_limits_of_the_model_follow_reference),
       cmocka_unit_test(test_statistics_right_model_inside_wrong_model_outside),
       cmocka_unit_test(test_lag1_is_not_taken_across_a_gap),
       cmocka_unit_test(test_coefficient_is_of_powers_and_bias_agrees),
