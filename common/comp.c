@@ -2,26 +2,34 @@
 /* Scaling, overflow and error of the run-time part.  L = one LSB of the output = 2^-out_frac_bits counts.
  *
  * Given by prepare (checked there, else refused):
- *   (a) sum |c_i| <= 2^30, c_i = b_i in units of 2^-6 L, to the integer above (the leading one to the
- * nearest): the bias is at most 2^24 L; (b) (full_scale counts + bias) (1 + sum|m_i|) < 2^31 L: the result
- * fits int32; (c) sum |k_i| <= 2^30, k_i = m_i in units of 2^-scale_shift (rounded as c_i), and > 2^29 unless
- * scale_shift is at its cap of 36;  sum|m_i| times the largest |rate| <= 2^24.5 L; (d) the clamped
- * temperature counts have |Tn| <= 1; their distance from the middle, shifted left, is d' < 2^31. Temperature:
- * tn = floor(d' gain 2^-31) + tn_mid in units of 2^-30.  gain is off by at most a half (by one where it was
- * cut to 2^31 - 1; then d' <= 2^30), so that its product is off by half a unit; the floor takes up to one
- * unit and tn_mid is the integer above, up to one unit more: |tn - 2^30 Tn| <= 1.5 units, |tn| <= 2^30 + 1.
- *   Moves B by at most 1.5 2^-30 sum i|b_i| <= 1.5 2^-30 5 2^24 L                                       =
- * 0.118 L. Horner: |acc| <= sum|c_i| + order + 1 < 2^31, |acc tn| < 2^61.  Each step's floor takes up to one
- * unit, the coefficient it joins is up to one unit too large: together less than one; the leading coefficient
- * half a unit (later errors are multiplied by |tn| <= 1): 5.5 / 64 = 0.086 L. counts 2^frac exact; adding
- * floor((32 - acc)/64) to it rounds the difference to the nearest L. Without scale factor the last rounding
- * is 0.5 L:                                               total <= 0.71 L. Scale factor: correction = rate M.
- * rate is rounded to L before the product: 0.5 |M| <= 1/32        = 0.032 L; M: 2.5 units of 2^-scale_shift
- * (two steps) <= 2.5 2^-29 sum|m|, times the rate <= 2.5 2^-29 2^24.5 L    = 0.111 L (at the cap of
- * scale_shift 2.5 2^-36 2^31 L = 0.079 L); tn in M: 1.5 2^-30 2 sum|m| rate <= 3 2^-30 2^24.5 L = 0.067 L;
- *   product < 2^31 2^30 = 2^61; its floor to 2^-6 L                                                     =
- * 0.016 L; the bias errors grow by 1 + 1/16: 0.013 L.  The last rounding 0.5 L: total <= 0.5 + 0.118 + 0.086
- * + 0.032 + 0.111 + 0.067 + 0.016 + 0.013                                = 0.95 L. */
+ *   (a) sum |c_i| <= 2^30 + 6, c_i = b_i in units of 2^-6 L, to the integer above (the leading one to the nearest):
+ *       the bias is at most 2^24 L;
+ *   (b) (full_scale counts + bias) (1 + sum|m_i|) < 2^31 L: the result fits int32;
+ *   (c) sum |k_i| <= 2^30 + 6, k_i = m_i in units of 2^-scale_shift (rounded as c_i), and > 2^29 unless scale_shift is
+ *       at its cap of 36;  sum|m_i| times the largest |rate| <= 2^24.5 L;
+ *   (d) the clamped temperature counts have 2^30 |Tn| <= 2^30 + 1; their distance from the middle, shifted left, is
+ *       |d'| < 2^31.
+ *
+ * Temperature: tn = floor(d' gain 2^-31) + tn_mid in units of 2^-30.  gain is off by at most a half (by one where it
+ * was cut to 2^31 - 1; then |d'| <= 2^30), so that its product is off by half a unit; the floor takes up to one unit
+ * and tn_mid is the integer above, up to one unit more: |tn - 2^30 Tn| <= 1.5 units, |tn| <= 2^30 + 2.
+ * (The quotients before their rounding are good to 2^-5 unit: in the margin of the totals.)
+ * |d' gain| < 2^62.  Horner: |acc| <= (sum|c_i| + order + 1)(1 + 2^-26) < 2^30.01, |acc tn| < 2^61.
+ *
+ * Error, without scale factor:
+ *   tn: 1.5 2^-30 sum i|b_i| <= 1.5 2^-30 5 2^24 L                                            = 0.118 L
+ *   Horner: each step's floor takes up to one unit, the coefficient it joins is up to one unit too large: together less
+ *     than one; the leading coefficient half a unit (later errors are multiplied by |tn| <= 1): 5.5/64 = 0.086 L
+ *   counts 2^frac is exact; adding floor((32 - acc)/64) to it rounds the difference to the nearest L:     0.5 L
+ *                                                                                      total <= 0.71 L
+ * With scale factor, correction = rate M:
+ *   rate is rounded to L before the product: 0.5 |M| <= 1/32                                  = 0.032 L
+ *   M: 2.5 units of 2^-scale_shift (two steps) <= 2.5 2^-29 sum|m|, times the rate <= 2.5 2^-29 2^24.5 L = 0.111 L
+ *     (at the cap of scale_shift 2.5 2^-36 2^31 L                                              = 0.079 L)
+ *   tn in M: 1.5 2^-30 2 sum|m| rate <= 3 2^-30 2^24.5 L                                      = 0.067 L
+ *   |product| < 2^31 2^30.01 < 2^62; its floor to 2^-6 L                                      = 0.016 L
+ *   the bias errors above grow by 1 + 1/16                                                    = 0.013 L
+ *                                               total <= 0.71 + these five, rounded up = 0.95 L */
 #include "comp.h"
 
 #include "num.h"
@@ -33,8 +41,8 @@
 #define MAX_SCALE_SHIFT 36
 #define MAX_SCALE_EFFECT 23726566       /* 2^24.5 L */
 #define MAX_DISTANCE ((int64_t)1 << 30) /* counts from the middle to an end of the span */
-#define MIN_RANGE_DEGC                                                                                       \
-  0.0625f /* keeps the rounding of the 2^-40 degC arithmetic far below 2^-31 of the range */
+/* Keeps the rounding of the 2^-40 degC arithmetic far below 2^-31 of the range. */
+#define MIN_RANGE_DEGC 0.0625f
 #define ONE_Q30 ((int32_t)1 << 30)
 
 /* The arithmetic right shift of negative numbers, as every compiler in use does it. */
@@ -236,7 +244,7 @@ static inline int32_t step_q30(int32_t acc, int32_t tn_q30, int32_t coeff) {
   return (int32_t)((int64_t)acc * tn_q30 >> 30) + coeff;
 }
 
-/* Pre: sum |coeff| <= 2^30 + 6, |tn| <= 2^30 + 1. */
+/* Pre: sum |coeff| <= 2^30 + 6, |tn| <= 2^30 + 2. */
 static inline int32_t horner_q30(const int32_t* coeff, uint32_t order, int32_t tn_q30) {
   const int32_t* at = coeff + order;
   int32_t acc = *at;

@@ -3,7 +3,8 @@
  *   out = (counts - B(T)) (1 + M(T)),   in units of 2^-out_frac_bits counts.
  * Data: a table channel once (prepare, float and integer arithmetic, not time critical); then per sample
  * temperature counts and sensor counts in, compensated value out.
- * Memory: sizeof(imucal_comp_t) per channel.  Time per sample: order + 2 (4 with scale factor) multiplications 32x32->64.
+ * Memory: sizeof(imucal_comp_t) per channel.  Time per sample: order + 2 multiplications
+ * 32x32->64, three more with a scale factor.
  *
  * Why fractional bits: a coarse sensor (ADIS16405: 180 dph per count) must not get a bias rounded to its counts.
  * prepare chooses the largest number of fractional bits, 0..8, for which nothing can overflow and the error bound
