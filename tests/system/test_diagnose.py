@@ -77,6 +77,8 @@ def test_strong_hysteresis_is_named_located_and_shrinks_the_held_out_gap(lab):
     effect = axis["effects"][0]
     error = effect["std_errors"]["amplitude_dph"]
     assert abs(effect["parameters"]["amplitude_dph"] - 60) < 4 * error + 3
+    assert abs(effect["parameters"]["width_degc"] - 5) < 4 * effect["std_errors"]["width_degc"]
+    assert effect["held_out_gain"] > 20
     assert effect["set"][0]["name"] == "thermal_hysteresis"
     assert axis["gap"]["shrinkage"] > 0.9
     assert axis["gap"]["residual_rms_dph"]["after"] < axis["gap"]["residual_rms_dph"]["before"]
@@ -93,6 +95,24 @@ def test_strong_hysteresis_is_named_located_and_shrinks_the_held_out_gap(lab):
     assert names(lab.run(again)["axes"][0]) == ["thermal_hysteresis"]
     # … and with the effect in the model that is believed there is none.
     assert lab.run(again, model=str(model_out))["axes"][0]["verdict"] == "no_gap"
+
+
+def test_held_out_logs_without_the_effect_speak_against_it(lab):
+    fitted, held_out = lab.logs("with", HYSTERESIS, n=3), lab.logs("lacking", [], n=1, seed=31)
+    axis = lab.run(fitted, "--holdout", held_out[0])["axes"][0]
+    assert names(axis) == ["thermal_hysteresis"]
+    assert axis["effects"][0]["held_out_gain"] < -20 and axis["gap"]["shrinkage"] <= 0
+    assert "the held-out data speak against it" in lab.text
+    assert "further from the held-out rates" in axis["gap"]["remainder"]
+
+
+def test_no_gap_says_what_the_profile_could_not_show(lab):
+    up = lab.write("up_only.json", UP_ONLY)
+    axis = lab.run(lab.logs("up_null", [], n=2, profile=up))["axes"][0]
+    hidden = {entry["name"] for entry in axis["not_detectable_here"]}
+    assert axis["verdict"] == "no_gap" and {"temperature_rate", "thermal_hysteresis"} <= hidden
+    assert all(name in axis["statement"] for name in hidden)
+    assert axis["statement"] in lab.text
 
 
 def test_logs_of_the_model_have_no_gap_and_the_calibration_is_kept(lab):

@@ -18,6 +18,7 @@ namespace {
 constexpr double kConstantSigma_dph = 1e4; // prior of the constant of a held-out unit: integrated out
 constexpr int kBootstrap = 60;
 constexpr double kMean_s = 60;
+constexpr double kFurther = 1.1; // ratio of residual rms from which a prediction is called worse
 
 // Coefficients that a held-out run takes over from the fit: of the polynomial and of the common columns of
 // terms.
@@ -393,6 +394,15 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
   for (size_t u = 0; u < all.size(); ++u) out.delta_by_unit.push_back(before.deviance[u] - after.deviance[u]);
   out.delta_deviance = sum(out.delta_by_unit);
 
+  for (size_t t = 0; has_effects && t < selection.final.terms.size(); ++t) {
+    Hypothesis without = selection.final;
+    without.terms.erase(without.terms.begin() + static_cast<long>(t));
+    const bool is_step = selection.final.terms[t].form() == Form::kSteps;
+    const double value =
+        is_step ? std::nan("") : sum(total(all, campaign, without, nullptr).deviance) - sum(after.deviance);
+    out.gain_by_term.push_back(value / out.hours);
+  }
+
   // Reference: the final model, or it with a free mean where a library-free test still fires.
   double reference = std::min(sum(after.deviance), sum(before.deviance));
   bool fires = false;
@@ -472,6 +482,10 @@ GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const 
   }
   out.rms_before_dph = rms_of_means(before.residuals, campaign.dt_s);
   out.rms_after_dph = rms_of_means(after.residuals, campaign.dt_s);
+  if (out.rms_after_dph > kFurther * out.rms_before_dph)
+    out.remainder +=
+        "; the predicted mean is further from the held-out rates than before: the deviance falls only "
+        "because larger errors are expected";
 
   // DP2 of the residual against that of simulations of either model, treated in the same way.
   double shortest = 1e300;

@@ -18,6 +18,9 @@ struct GapResult {
          gain_hi = 0;        // deviance per hour that the effects remove, with its 95 % interval
   double delta_deviance = 0; // D(nominal) - D(final), all held-out units
   std::vector<double> delta_by_unit;
+  // Per term of the final hypothesis: deviance per hour that the held-out data lose when this term alone is
+  // left out of it; negative: they speak against it.  NaN: a step, which belongs to its log.
+  std::vector<double> gain_by_term;
   double hours = 0;
   double rms_before_dph = 0, rms_after_dph = 0; // 60-s means of rate minus fitted mean
   double dp2_before_dph = 0, dp2_after_dph = 0; // distance of the DP2 curves of data and model

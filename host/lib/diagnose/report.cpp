@@ -10,6 +10,9 @@ namespace imucal {
 
 namespace {
 
+constexpr double kAgainst =
+    6.6; // deviance by which held-out data speak against an effect: 1 % of chi2, one degree
+
 Json number(double x) {
   return std::isfinite(x) ? Json(x) : Json(nullptr);
 }
@@ -186,6 +189,14 @@ Json numbers(const std::vector<double>& x) {
   return out;
 }
 
+// Deviance per hour that the held-out data lose without this effect; NaN: not a term of the final hypothesis.
+double held_out_gain(const AxisResult& axis, const SelectedEffect& effect) {
+  const std::vector<Term>& terms = axis.selection.final.terms;
+  for (size_t t = 0; t < terms.size() && t < axis.gap.gain_by_term.size(); ++t)
+    if (terms[t].effect == effect.term.effect) return axis.gap.gain_by_term[t];
+  return std::nan("");
+}
+
 // The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
 std::string headline(const AxisResult& axis) {
   switch (axis.selection.verdict) {
@@ -223,6 +234,7 @@ Json axis_json(const AxisResult& axis, const Campaign& campaign, const Fit& nomi
                   {"p_value", e.p_value},
                   {"set", set}};
     if (!e.statement.empty()) entry["statement"] = e.statement;
+    entry["held_out_gain"] = number(held_out_gain(axis, e));
     effects.push_back(entry);
   }
   Json hidden = Json::array(), alike = Json::array();
@@ -310,6 +322,14 @@ std::string axis_text(const AxisResult& axis, const Campaign& campaign) {
     std::snprintf(line, sizeof line, "  effect  %s: %s (evidence %.1f nats)\n", e.term.effect->name().c_str(),
                   list.c_str(), e.evidence_nats);
     out += line;
+    if (const double gain = held_out_gain(axis, e); gain * axis.gap.hours < -kAgainst) {
+      std::snprintf(
+          line, sizeof line,
+          "          the held-out data speak against it (deviance %.0f per hour worse with it): slow noise "
+          "or peculiar to these logs\n",
+          -gain);
+      out += line;
+    }
     if (e.set.size() > 1) {
       out += "          cannot be told from:";
       for (size_t i = 1; i < e.set.size(); ++i) out += (i > 1 ? ", " : " ") + e.set[i].name;
@@ -323,14 +343,16 @@ std::string axis_text(const AxisResult& axis, const Campaign& campaign) {
       out += line;
     }
   if (!s.effects.empty()) {
-    std::snprintf(
-        line, sizeof line,
-        "  held out  gap shrinks by %.0f %% (95 %%: %.0f to %.0f; %s); residual rms %.1f -> %.1f dph; "
-        "DP2 distance %.2f -> %.2f dph\n",
-        100 * axis.gap.shrinkage, 100 * axis.gap.ci_lo, 100 * axis.gap.ci_hi, axis.gap.method.c_str(),
-        axis.gap.rms_before_dph, axis.gap.rms_after_dph, axis.gap.dp2_before_dph, axis.gap.dp2_after_dph);
+    std::snprintf(line, sizeof line,
+                  "  held out  deviance gap shrinks by %.0f %% (95 %%: %.0f to %.0f; %s); residual rms %.1f "
+                  "-> %.1f dph; "
+                  "DP2 distance %.2f -> %.2f dph\n",
+                  100 * axis.gap.shrinkage, 100 * axis.gap.ci_lo, 100 * axis.gap.ci_hi,
+                  axis.gap.method.c_str(), axis.gap.rms_before_dph, axis.gap.rms_after_dph,
+                  axis.gap.dp2_before_dph, axis.gap.dp2_after_dph);
     out += line;
   }
+  if (!s.effects.empty()) out += "            left: " + axis.gap.remainder + "\n";
   for (const std::string& note : s.notes) out += "  note    " + note + "\n";
   return out;
 }
