@@ -451,9 +451,12 @@ def effect_table(axis):
         errors = e.get("std_errors") or {}
         body.append((plain(e["name"]), ", ".join(parameter_text(k, v, errors.get(k)) for k, v in (e.get("parameters") or {}).items()),
                      number(e.get("evidence_nats")),
+                     "–" if e.get("held_out_gain") is None else number(e["held_out_gain"]),
                      ", ".join(f"{plain(c['name'])} ({number(c.get('evidence_nats'))})" for c in e.get("set") or []
                                if c["name"] != e["name"]) or "none"))
-    return "<h3>Effects</h3>" + rows(("effect", "parameters ± standard error", "evidence [nats]", "cannot be excluded instead"), body)
+    return "<h3>Effects</h3>" + rows(("effect", "parameters ± standard error", "evidence [nats]",
+                                      "held-out gain [deviance/h]; negative: those logs speak against it",
+                                      "cannot be excluded instead"), body)
 
 
 def limits(axis):

@@ -64,6 +64,9 @@ public:
       const NoiseModel& noise) const; // mixtures: log-likelihood at coefficients fitted with the hits in view
 
 private:
+  // [X y]'V^-1[X y] with the prior's precision, and sum log S.
+  Eigen::MatrixXd gram(const NoiseModel& noise, double* sum_log_s) const;
+
   const Campaign& campaign_;
   std::vector<WideColumns> wide_;   // the same, laid out for the filters
   std::vector<Eigen::MatrixXd> xy_; // orthonormal columns and the least-squares residual, per run
