@@ -181,17 +181,17 @@ RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Ei
         out.phi[k * m + i] = out.phi[(k - 1) * m + i];
       }
       if (k + 1 < n && !next_is_second) { // a gap: the covariance moves again
-        double* gain = &out.gain[k * m];
+        double* gain = out.gain.data() + k * m;
         filter.update(k, gain);
-        filter.predict(k, &out.phi[k * m], false);
+        filter.predict(k, out.phi.data() + k * m, false);
         is_settled = false;
       }
     } else {
-      const double s = filter.update(k, m ? &out.gain[k * m] : nullptr);
+      const double s = filter.update(k, out.gain.data() + k * m);
       out.inv_sqrt_s[k] = 1.0 / std::sqrt(s);
       if (k + 1 < n) {
         const bool same_step = k > 0 && run.steps[k] == run.steps[k + 1] && states.is_constant();
-        filter.predict(k, m ? &out.phi[k * m] : nullptr, same_step);
+        filter.predict(k, out.phi.data() + k * m, same_step);
       }
       if (states.is_constant() && k > 0 && next_is_second && run.steps[k] == 1) {
         bool same = std::fabs(out.inv_sqrt_s[k] - out.inv_sqrt_s[k - 1]) <= kSettled * out.inv_sqrt_s[k];
