@@ -84,9 +84,10 @@ ColumnBank::ColumnBank(const Campaign& campaign, const std::vector<const Effect*
     for (const CampaignRun& run : campaign.runs) {
       std::vector<MatrixXd> parts;
       for (const Theta& shape : shapes_[j])
-        parts.push_back(form == Form::kTemperature
-                            ? powers(run, estimator.temperature(run.input, shape), campaign.order)
-                            : used_rows(run, estimator.columns(run.input, shape)));
+        parts.push_back(
+            form == Form::kTemperature
+                ? powers(run, normalised(run.input, estimator.temperature(run.input, shape)), campaign.order)
+                : used_rows(run, estimator.columns(run.input, shape)));
       raw_[j].push_back(side_by_side(parts, static_cast<long>(run.n())));
     }
   }
@@ -143,7 +144,6 @@ void ColumnBank::evaluate_tests() {
     if (campaign_.has_temperature) {
       MatrixXd& temp = add(kTemp, 22);
       MatrixXd& direction = add(kTempDir, 33);
-      constexpr double delays_s[] = {0., 30., 60., 120., 200., 300., 450., 600., 800., 1000., 1300.};
       MatrixXd& transient = add(kTransient, 11);
       for (long k = 0; k < n; ++k) {
         const size_t i = row(k);
@@ -152,7 +152,7 @@ void ColumnBank::evaluate_tests() {
         const long first = std::fabs(rate) < 0.05 ? 11 : rate > 0 ? 22 : 0;
         for (long c = 0; c < 11; ++c) direction(k, first + c) = hat(at * 10 - static_cast<double>(c));
         for (long c = 0; c < 11; ++c) {
-          const size_t back = static_cast<size_t>(delays_s[c] / in.dt_s);
+          const size_t back = static_cast<size_t>(kDelays_s[c] / in.dt_s);
           if (i >= back) transient(k, c) = in.rate_degc_min[i - back];
         }
       }

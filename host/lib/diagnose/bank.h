@@ -32,6 +32,9 @@ enum Generic {
   kGenerics
 };
 
+// Delays of the temperature rate that a free response to earlier temperatures is made of.
+constexpr double kDelays_s[] = {0., 30., 60., 120., 200., 300., 450., 600., 800., 1000., 1300.};
+
 // Everything under one Gaussian noise model.
 struct WhitenedColumns {
   std::vector<RunGains> gains; // per run

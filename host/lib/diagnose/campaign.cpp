@@ -246,12 +246,17 @@ Eigen::MatrixXd used_rows(const CampaignRun& run, const std::vector<Column>& col
   return m;
 }
 
-Eigen::MatrixXd powers(const CampaignRun& run, const Column& temp_degc, int order) {
+Column normalised(const RunInput& in, Column temp_degc) {
+  for (double& t : temp_degc) t = in.normalised(t);
+  return temp_degc;
+}
+
+Eigen::MatrixXd powers(const CampaignRun& run, const Column& tn, int order) {
   Eigen::MatrixXd out(static_cast<long>(run.n()), order);
   for (size_t k = 0; k < run.n(); ++k) {
-    const double tn = run.input.normalised(temp_degc[static_cast<size_t>(run.used[k])]);
     double power = 1;
-    for (int i = 0; i < order; ++i) out(static_cast<long>(k), i) = power *= tn;
+    for (int i = 0; i < order; ++i)
+      out(static_cast<long>(k), i) = power *= tn[static_cast<size_t>(run.used[k])];
   }
   return out;
 }

@@ -43,7 +43,9 @@ void mask(Campaign* campaign, const std::vector<std::vector<char>>& unusable);
 
 // Rows of columns that are used.
 Eigen::MatrixXd used_rows(const CampaignRun& run, const std::vector<Column>& columns);
-// Tn, Tn^2, .. Tn^order of a temperature [degC] at the used rows.
-Eigen::MatrixXd powers(const CampaignRun& run, const Column& temp_degc, int order);
+// Tn of a temperature, row by row.
+Column normalised(const RunInput& in, Column temp_degc);
+// Tn, Tn^2, .. Tn^order at the used rows.
+Eigen::MatrixXd powers(const CampaignRun& run, const Column& tn, int order);
 
 } // namespace imucal

@@ -199,9 +199,8 @@ std::vector<std::string> axes_of(const Log& log, const std::vector<std::string>&
 
 std::vector<std::string> advise(const AxisResult& axis, const Campaign& campaign) {
   std::vector<std::string> out;
-  std::string hidden, alike;
-  for (const Detectability& d : axis.identifiability.effects)
-    if (!d.is_notable) hidden += (hidden.empty() ? "" : ", ") + d.name;
+  const std::string hidden = axis.identifiability.not_detectable();
+  std::string alike;
   for (const auto& pair : axis.identifiability.indistinguishable)
     alike += (alike.empty() ? "" : "; ") + pair.first + " and " + pair.second;
   if (!hidden.empty())

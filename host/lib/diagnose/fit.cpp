@@ -21,21 +21,12 @@ NoiseModel Hypothesis::noise() const {
 
 namespace {
 
-VectorXd gather(const CampaignRun& run, const Column& column) {
-  VectorXd out(static_cast<long>(run.n()));
-  for (size_t k = 0; k < run.n(); ++k) out[static_cast<long>(k)] = column[static_cast<size_t>(run.used[k])];
-  return out;
-}
-
-// Temperature of the polynomial: that of the last term that replaces it, else the logged one.
+// Tn of the polynomial: that of the last term that replaces the temperature, else the logged one.
 Column polynomial_input(const RunInput& in, const Hypothesis& hypothesis) {
   const Term* replaces = nullptr;
   for (const Term& term : hypothesis.terms)
     if (term.form() == Form::kTemperature) replaces = &term;
-  if (!replaces) return in.tn;
-  Column tn = replaces->estimator->temperature(in, replaces->shape);
-  for (double& t : tn) t = in.normalised(t);
-  return tn;
+  return replaces ? normalised(in, replaces->estimator->temperature(in, replaces->shape)) : in.tn;
 }
 
 // Columns of one term; `local` says that the column belongs to run `r` alone.
@@ -53,8 +44,7 @@ TermColumns term_columns(const Campaign& campaign, const Term& term) {
     out.n = static_cast<int>(term.estimator->n_columns());
     out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
       const auto columns = term.estimator->columns(campaign.runs[r].input, term.shape);
-      for (size_t c = 0; c < columns.size(); ++c)
-        x->col(first + static_cast<int>(c)) = gather(campaign.runs[r], columns[c]);
+      x->middleCols(first, static_cast<long>(columns.size())) = used_rows(campaign.runs[r], columns);
     };
     break;
   case Form::kRunRandom:
@@ -62,8 +52,8 @@ TermColumns term_columns(const Campaign& campaign, const Term& term) {
     out.precision = 1.0 / (term.shape[0] * term.shape[0]);
     out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
       const auto columns = term.estimator->columns(campaign.runs[r].input, term.shape);
-      for (size_t c = 0; c < columns.size(); ++c)
-        x->col(first + static_cast<int>(r * columns.size() + c)) = gather(campaign.runs[r], columns[c]);
+      const long n = static_cast<long>(columns.size());
+      x->middleCols(first + static_cast<long>(r) * n, n) = used_rows(campaign.runs[r], columns);
     };
     break;
   case Form::kTone:
@@ -113,14 +103,9 @@ Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
     const CampaignRun& run = campaign.runs[r];
     MatrixXd x = MatrixXd::Zero(static_cast<long>(run.n()), p);
     x.col(static_cast<long>(r)).setOnes();
-    if (campaign.order > 0) {
-      const VectorXd tn = gather(run, polynomial_input(run.input, hypothesis));
-      VectorXd power = VectorXd::Ones(tn.size());
-      for (int i = 0; i < campaign.order; ++i) {
-        power = power.cwiseProduct(tn);
-        x.col(static_cast<long>(n_runs) + i) = power;
-      }
-    }
+    if (campaign.order > 0)
+      x.middleCols(static_cast<long>(n_runs), campaign.order) =
+          powers(run, polynomial_input(run.input, hypothesis), campaign.order);
     int first = static_cast<int>(n_runs) + campaign.order;
     for (const TermColumns& columns : of_terms) {
       if (columns.n == 0) continue;
@@ -139,7 +124,7 @@ Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
 
 std::vector<VectorXd> rates(const Campaign& campaign) {
   std::vector<VectorXd> out;
-  for (const CampaignRun& run : campaign.runs) out.push_back(gather(run, run.input.rate_dph));
+  for (const CampaignRun& run : campaign.runs) out.push_back(used_rows(run, {run.input.rate_dph}));
   return out;
 }
 

@@ -324,7 +324,6 @@ public:
   size_t n_columns() const override { return kind_ == 0 ? 22 : 11; }
   std::vector<Column> columns(const RunInput& in, const Theta&) const override {
     std::vector<Column> out(n_columns(), Column(in.size(), 0.0));
-    const double delays[] = {0., 30., 60., 120., 200., 300., 450., 600., 800., 1000., 1300.};
     for (size_t i = 0; i < in.size(); ++i) {
       if (kind_ == 0) {
         const double at = (in.smooth_degc[i] - lo_) / span_ * 10;
@@ -333,7 +332,7 @@ public:
           out[first + k][i] = std::max(0.0, 1 - std::fabs(at - static_cast<double>(k)));
       } else {
         for (size_t k = 0; k < 11; ++k) {
-          const size_t back = static_cast<size_t>(delays[k] / in.dt_s);
+          const size_t back = static_cast<size_t>(kDelays_s[k] / in.dt_s);
           out[k][i] = i >= back ? in.rate_degc_min[i - back] : 0.0;
         }
       }

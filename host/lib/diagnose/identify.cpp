@@ -24,6 +24,13 @@ struct Signal {
 
 } // namespace
 
+std::string Identifiability::not_detectable() const {
+  std::string names;
+  for (const Detectability& d : effects)
+    if (!d.is_notable) names += (names.empty() ? "" : ", ") + d.name;
+  return names;
+}
+
 Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
                          const std::vector<const Effect*>& library, const std::vector<bool>& active,
                          const std::vector<double>& beta) {
@@ -34,7 +41,7 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
   // A replaced temperature acts by the change of B(T) it makes.
   std::vector<MatrixXd> smooth;
   for (const CampaignRun& run : campaign.runs)
-    smooth.push_back(powers(run, run.input.smooth_degc, campaign.order));
+    smooth.push_back(powers(run, normalised(run.input, run.input.smooth_degc), campaign.order));
   const MatrixXd unchanged = bank.whiten_and_reduce(panel.columns().gains, std::move(smooth));
   const double white = nominal.noise().white_sigma_dph;
   // Per effect: its signal at the middle of its grid, and the signals it could take instead.

@@ -558,7 +558,8 @@ double Panel::gain_at(const EffectEstimator& estimator, const Theta& shape, cons
   std::vector<MatrixXd> columns;
   if (estimator.form() == Form::kTemperature) {
     for (const CampaignRun& run : m.campaign.runs)
-      columns.push_back(powers(run, estimator.temperature(run.input, shape), m.campaign.order));
+      columns.push_back(
+          powers(run, normalised(run.input, estimator.temperature(run.input, shape)), m.campaign.order));
     MatrixXd z = m.reduced;
     z.middleCols(m.n_runs(), m.campaign.order) = m.bank.whiten_and_reduce(m.white->gains, std::move(columns));
     const MatrixXd basis = orthonormal(z, z.colwise().squaredNorm().transpose());

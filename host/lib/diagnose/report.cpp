@@ -201,9 +201,7 @@ double held_out_gain(const AxisResult& axis, const SelectedEffect& effect) {
 std::string headline(const AxisResult& axis) {
   switch (axis.selection.verdict) {
   case Verdict::kNoGap: {
-    std::string hidden;
-    for (const Detectability& d : axis.identifiability.effects)
-      if (!d.is_notable) hidden += (hidden.empty() ? "" : ", ") + d.name;
+    const std::string hidden = axis.identifiability.not_detectable();
     return "no gap that these logs can show" +
            (hidden.empty() ? "" : "; not detectable on these profiles: " + hidden);
   }

@@ -326,12 +326,16 @@ private:
     if (choice.effect.term.form() == Form::kSteps) more_steps();
     if (chosen_.size() > 1) refine_together();
   }
+  Hypothesis all_but(const Choice& left_out) const {
+    Hypothesis others = out_.nominal;
+    for (const Choice& c : chosen_)
+      if (&c != &left_out) others.terms.push_back(c.effect.term);
+    return others;
+  }
   // What was found first was found without the rest: its shape is searched again beside it.
   void refine_together() {
     for (Choice& c : chosen_) {
-      Hypothesis others = out_.nominal;
-      for (const Choice& o : chosen_)
-        if (&o != &c) others.terms.push_back(o.effect.term);
+      const Hypothesis others = all_but(c);
       const Form form = c.effect.term.form();
       if (form == Form::kNoise) {
         const NoiseObjective objective(campaign_, others);
@@ -488,9 +492,7 @@ private:
     for (Choice& c : chosen_) {
       Term& term = c.effect.term;
       const EffectEstimator& estimator = *term.estimator;
-      Hypothesis others = out_.nominal;
-      for (const Choice& o : chosen_)
-        if (&o != &c) others.terms.push_back(o.effect.term);
+      const Hypothesis others = all_but(c);
       if (term.form() == Form::kNoise) {
         const NoiseObjective objective(campaign_, others);
         const NoiseModel base = others.noise();
