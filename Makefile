@@ -22,7 +22,7 @@ all: host firmware  ## build the host programs and the firmware images (default)
 include host/host.mk
 -include firmware/firmware.mk
 include tests/tests.mk
--include $(wildcard host/*/*.mk host/lib/*/*.mk tests/*/*.mk)
+-include $(wildcard host/*/*.mk host/lib/*/*.mk host/lib/*/*/*.mk host/tools/*/*.mk tests/*/*.mk)
 
 deps:  ## install Debian and Python packages that are missing
 	@.ci/bootstrap $(BUILD)

@@ -1,17 +1,19 @@
-# Host side: common/*.c and host/lib/*/*.cpp go into one archive; every host/tools/NAME.cpp is a program.
+# Host side.  The tiers of host/lib (host/README.md) go into one archive with common/*.c; host/tools/NAME/main.cpp is a
+# program, what stands beside it is its text and JSON.
 
 # A program that needs more than the archive names it here: LIBS_<program>.
 HOST_LIBS ?= -lnlopt -lglpk
 LIBS_calibrate := -lserialport
 
-HOST_CPPFLAGS := -Icommon -Ihost/lib -isystem /usr/include/eigen3 -DIMUCAL_VERSION='"$(VERSION)"' -DEIGEN_MPL2_ONLY
+HOST_CPPFLAGS := -Icommon -Ihost/lib -Ihost/tools -isystem /usr/include/eigen3 -DIMUCAL_VERSION='"$(VERSION)"' -DEIGEN_MPL2_ONLY
 HOST_CXXFLAGS := -std=c++17 -pedantic -ffp-contract=off -pthread $(WARNINGS)
 comma := ,
 SANITIZE_FLAGS := $(if $(SANITIZE),-fsanitize=address$(comma)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
 
 CORE_SOURCES := $(wildcard common/*.c)
-HOST_SOURCES := $(wildcard host/lib/*/*.cpp)
-HOST_PROGRAMS := $(patsubst host/tools/%.cpp,$(BUILD)/bin/%,$(wildcard host/tools/*.cpp))
+HOST_MAINS := $(wildcard host/tools/*/main.cpp)
+HOST_SOURCES := $(filter-out $(HOST_MAINS),$(wildcard host/lib/*/*.cpp host/lib/*/*/*.cpp host/tools/*/*.cpp))
+HOST_PROGRAMS := $(HOST_MAINS:host/tools/%/main.cpp=$(BUILD)/bin/%)
 HOST_ARCHIVE := $(BUILD)/lib/libimucal.a
 HOST_OBJECTS := $(CORE_SOURCES:%.c=$(BUILD)/obj/host/%.o) $(HOST_SOURCES:%.cpp=$(BUILD)/obj/host/%.o)
 
@@ -31,11 +33,11 @@ $(HOST_ARCHIVE): $(HOST_OBJECTS)
 	@mkdir -p $(@D)
 	$(Q)rm -f $@ && $(AR) rcs $@ $^
 
-$(BUILD)/bin/%: $(BUILD)/obj/host/host/tools/%.o $(HOST_ARCHIVE)
+$(BUILD)/bin/%: $(BUILD)/obj/host/host/tools/%/main.o $(HOST_ARCHIVE)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  LINK $@")
 	$(Q)$(CXX) -pthread $(SANITIZE_FLAGS) $< $(HOST_ARCHIVE) $(LDFLAGS) $(LIBS_$*) $(HOST_LIBS) -o $@
 
-.SECONDARY: $(patsubst host/tools/%.cpp,$(BUILD)/obj/host/host/tools/%.o,$(wildcard host/tools/*.cpp))
+.SECONDARY: $(HOST_MAINS:%.cpp=$(BUILD)/obj/host/%.o)
 
 -include $(shell find $(BUILD)/obj/host -name '*.d' 2>/dev/null)

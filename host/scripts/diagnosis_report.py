@@ -5,7 +5,7 @@
     diagnosis_report.py DIAGNOSIS.json -o report.html
 
 Reads the contract's fields (design 1.6) and, where present, the member `plots` of each axis
-(host/lib/diagnose/README.md).  A plot whose data are missing is left out.  Exit status: 0 done, 2 usage,
+(host/lib/analysis/diagnose/README.md).  A plot whose data are missing is left out.  Exit status: 0 done, 2 usage,
 3 the input is not a diagnosis.
 """
 from __future__ import annotations

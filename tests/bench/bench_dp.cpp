@@ -9,9 +9,9 @@
 #include <fstream>
 #include <iostream>
 
-#include "dp/tau_grid.h"
-#include "errormodel/curve_fit.h"
-#include "errormodel/likelihood.h"
+#include "analysis/dp/tau_grid.h"
+#include "analysis/errormodel/curve_fit.h"
+#include "analysis/errormodel/likelihood.h"
 #include "io/json_file.h"
 
 using namespace imucal;

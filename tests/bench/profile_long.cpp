@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "profile/optimize.h"
-#include "sim/rng.h"
+#include "analysis/profile/optimize.h"
+#include "base/rng.h"
 
 using namespace imucal;
 using Eigen::Index;

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <ctime>
 
-#include "profile/optimize.h"
+#include "analysis/profile/optimize.h"
 
 using namespace imucal;
 

@@ -16,7 +16,7 @@ extern "C" {
 #include <string>
 
 #include "base/error.h"
-#include "calibrate/device.h"
+#include "device/device.h"
 #include "num.h"
 
 using namespace imucal;

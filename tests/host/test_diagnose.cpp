@@ -8,8 +8,8 @@
 #include <cstdint>
 
 #include "base/units.h"
-#include "diagnose/diagnose.h"
-#include "sim/rng.h"
+#include "analysis/diagnose/diagnose.h"
+#include "base/rng.h"
 // After the others: it defines a macro `fail`.
 extern "C" {
 #include <cmocka.h>

@@ -9,10 +9,10 @@
 #include <string>
 
 #include "base/error.h"
-#include "dp/dp.h"
-#include "dp/quantile.h"
-#include "dp/stream.h"
-#include "sim/rng.h"
+#include "analysis/dp/dp.h"
+#include "base/quantile.h"
+#include "analysis/dp/stream.h"
+#include "base/rng.h"
 #include "near.h"
 
 using namespace imucal;

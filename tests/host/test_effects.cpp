@@ -8,7 +8,7 @@
 #include <set>
 
 #include "base/error.h"
-#include "effects/effect.h"
+#include "physics/effects/effect.h"
 // After the others: it defines a macro `fail`.
 extern "C" {
 #include <cmocka.h>

@@ -5,9 +5,9 @@
 #include <limits>
 
 #include "base/error.h"
-#include "errormodel/confidence.h"
-#include "errormodel/expect.h"
-#include "errormodel/simulate.h"
+#include "analysis/errormodel/confidence.h"
+#include "analysis/errormodel/expect.h"
+#include "analysis/errormodel/simulate.h"
 #include "near.h"
 
 using namespace imucal;

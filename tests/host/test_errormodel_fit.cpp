@@ -7,13 +7,13 @@
 
 #include "base/error.h"
 #include "base/units.h"
-#include "dp/tau_grid.h"
-#include "errormodel/curve_fit.h"
-#include "errormodel/likelihood.h"
-#include "errormodel/lp.h"
-#include "errormodel/simulate.h"
-#include "errormodel/study.h"
-#include "sim/rng.h"
+#include "analysis/dp/tau_grid.h"
+#include "analysis/errormodel/curve_fit.h"
+#include "analysis/errormodel/likelihood.h"
+#include "analysis/errormodel/lp.h"
+#include "analysis/errormodel/simulate.h"
+#include "analysis/errormodel/study.h"
+#include "base/rng.h"
 
 #include "near.h"
 

@@ -12,8 +12,8 @@
 #include <string>
 
 #include "base/error.h"
-#include "fit/fit.h"
-#include "sim/rng.h"
+#include "analysis/fit/fit.h"
+#include "base/rng.h"
 
 extern "C" {
 #include <cmocka.h>

@@ -19,11 +19,11 @@ extern "C" {
 }
 
 #include "base/error.h"
-#include "montecarlo/campaign.h"
-#include "montecarlo/methods.h"
-#include "montecarlo/reference.h"
+#include "analysis/montecarlo/campaign.h"
+#include "analysis/montecarlo/methods.h"
+#include "analysis/montecarlo/reference.h"
 #include "montecarlo/report.h"
-#include "montecarlo/truth.h"
+#include "analysis/montecarlo/truth.h"
 
 using namespace imucal;
 

@@ -10,10 +10,10 @@
 #include <string>
 
 #include "base/error.h"
-#include "profile/bound.h"
-#include "profile/covariance.h"
-#include "profile/schedule.h"
-#include "sim/rng.h"
+#include "analysis/profile/bound.h"
+#include "analysis/profile/covariance.h"
+#include "analysis/profile/schedule.h"
+#include "base/rng.h"
 extern "C" {
 #include <cmocka.h>
 }

@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "base/units.h"
-#include "profile/covariance.h"
+#include "analysis/profile/covariance.h"
 extern "C" {
 #include "kf.h"
 }

@@ -12,8 +12,8 @@
 
 #include "base/error.h"
 #include "base/units.h"
-#include "profile/covariance.h"
-#include "sim/rng.h"
+#include "analysis/profile/covariance.h"
+#include "base/rng.h"
 // Last: its macros (fail) collide with the standard library.
 extern "C" {
 #include <cmocka.h>

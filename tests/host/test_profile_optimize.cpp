@@ -11,7 +11,7 @@
 #include <string>
 
 #include "base/error.h"
-#include "profile/optimize.h"
+#include "analysis/profile/optimize.h"
 extern "C" {
 #include <cmocka.h>
 }

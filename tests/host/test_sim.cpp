@@ -15,9 +15,9 @@ extern "C" {
 }
 
 #include "base/error.h"
-#include "sim/fast_normal.h"
-#include "sim/raw_samples.h"
-#include "sim/simulate.h"
+#include "base/fast_normal.h"
+#include "physics/sim/raw_samples.h"
+#include "physics/sim/simulate.h"
 
 using namespace imucal;
 

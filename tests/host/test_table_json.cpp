@@ -13,9 +13,9 @@ extern "C" {
 #include <string>
 
 #include "base/error.h"
-#include "calibrate/run.h"
+#include "device/run.h"
 #include "io/table_json.h"
-#include "sim/rng.h"
+#include "base/rng.h"
 
 using namespace imucal;
 

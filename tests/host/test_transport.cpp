@@ -20,7 +20,7 @@ extern "C" {
 #include <string>
 
 #include "base/error.h"
-#include "calibrate/transport.h"
+#include "device/transport.h"
 
 using namespace imucal;
 

@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/campaign.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+
+namespace imucal {
+namespace {
+
+constexpr double kSmoothing_s = 40.0; // standard deviation of the Gaussian for a coarse or noisy thermometer
+constexpr double kNoisy_degc = 0.01;  // thermometer noise that needs all of it
+constexpr double kCoarseFraction =
+    0.02; // fewer distinct temperatures than this part of the rows: coarse steps
+constexpr size_t kFewestSeconds = 60;
+
+// Missing temperatures are interpolated in time; beyond the ends the nearest one holds.
+std::vector<double> filled(const std::vector<double>& t_s, const std::vector<double>& temp) {
+  std::vector<double> out = temp;
+  const size_t n = temp.size();
+  size_t last = n; // last finite row
+  for (size_t i = 0; i < n; ++i) {
+    if (!std::isfinite(temp[i])) continue;
+    if (last == n) {
+      for (size_t k = 0; k < i; ++k) out[k] = temp[i];
+    } else {
+      for (size_t k = last + 1; k < i; ++k)
+        out[k] = temp[last] + (temp[i] - temp[last]) * (t_s[k] - t_s[last]) / (t_s[i] - t_s[last]);
+    }
+    last = i;
+  }
+  for (size_t k = last + 1; last < n && k < n; ++k) out[k] = temp[last];
+  return out;
+}
+
+// Smallest distance of two different temperatures when there are few of them, else 0.
+double coarse_step(const std::vector<std::vector<double>>& runs) {
+  std::vector<double> all;
+  for (const auto& run : runs) all.insert(all.end(), run.begin(), run.end());
+  if (all.size() < 200) return 0;
+  std::sort(all.begin(), all.end());
+  std::vector<double> gaps;
+  for (size_t i = 1; i < all.size(); ++i)
+    if (all[i] - all[i - 1] > 1e-6) gaps.push_back(all[i] - all[i - 1]);
+  const double distinct = static_cast<double>(gaps.size()) + 1;
+  if (gaps.size() < 2 || distinct > kCoarseFraction * static_cast<double>(all.size())) return 0;
+  // The median: the end of the range and skipped levels leave odd gaps.
+  std::nth_element(gaps.begin(), gaps.begin() + static_cast<long>(gaps.size() / 2), gaps.end());
+  return gaps[gaps.size() / 2];
+}
+
+// Coarse temperatures: straight lines through the midpoints of the transitions; plateaus between two
+// transitions in opposite directions are held.
+std::vector<double> dequantised(const std::vector<double>& t_s, const std::vector<double>& temp) {
+  const size_t n = temp.size();
+  std::vector<double> knot_t{t_s[0]}, knot_v{temp[0]};
+  double previous_level = temp[0];
+  bool has_transition = false;
+  double last_sign = 0;
+  for (size_t i = 1; i < n; ++i) {
+    if (std::fabs(temp[i] - temp[i - 1]) <= 1e-9) continue;
+    const double sign = temp[i] > temp[i - 1] ? 1 : -1;
+    const double middle_t = 0.5 * (t_s[i] + t_s[i - 1]), middle_v = 0.5 * (temp[i] + temp[i - 1]);
+    if (!has_transition || sign != last_sign) {
+      // The plateau before this transition is a turning point (or the start): hold its level in the middle.
+      const double from = has_transition ? knot_t.back() : t_s[0];
+      knot_t.push_back(0.5 * (from + middle_t));
+      knot_v.push_back(previous_level);
+    }
+    knot_t.push_back(middle_t);
+    knot_v.push_back(middle_v);
+    has_transition = true;
+    last_sign = sign;
+    previous_level = temp[i];
+  }
+  knot_t.push_back(t_s[n - 1]);
+  knot_v.push_back(temp[n - 1]);
+  std::vector<double> out(n);
+  size_t k = 0;
+  for (size_t i = 0; i < n; ++i) {
+    while (k + 2 < knot_t.size() && knot_t[k + 1] < t_s[i]) ++k;
+    const double width = knot_t[k + 1] - knot_t[k];
+    const double part = width > 0 ? std::clamp((t_s[i] - knot_t[k]) / width, 0.0, 1.0) : 1.0;
+    out[i] = knot_v[k] + part * (knot_v[k + 1] - knot_v[k]);
+  }
+  return out;
+}
+
+// Gaussian smoothing in time, weights renormalised at the ends: three boxes of equal length have a standard
+// deviation of half their length, so three passes of a running mean do.
+std::vector<double> smoothed(std::vector<double> x, size_t half) {
+  const size_t n = x.size();
+  if (n < 3 || half == 0) return x;
+  for (int pass = 0; pass < 3; ++pass) {
+    std::vector<double> sum(n + 1, 0.0);
+    for (size_t i = 0; i < n; ++i) sum[i + 1] = sum[i] + x[i];
+    std::vector<double> y(n);
+    for (size_t i = 0; i < n; ++i) {
+      // Shrink the window symmetrically near the ends: a ramp stays a ramp.
+      const size_t h = std::min({half, i, n - 1 - i});
+      y[i] = (sum[i + h + 1] - sum[i - h]) / static_cast<double>(2 * h + 1);
+    }
+    x = y;
+  }
+  return x;
+}
+
+// Noise of the thermometer from second differences, robustly.
+double thermometer_noise(const std::vector<double>& temp) {
+  std::vector<double> bends;
+  for (size_t i = 2; i < temp.size(); ++i)
+    bends.push_back(std::fabs(temp[i] - 2 * temp[i - 1] + temp[i - 2]));
+  if (bends.empty()) return 0;
+  std::nth_element(bends.begin(), bends.begin() + static_cast<long>(bends.size() / 2), bends.end());
+  return bends[bends.size() / 2] / 0.6745 / std::sqrt(6.0);
+}
+
+// As much smoothing as the noise of the slope asks for (its variance falls with the cube of the length): a
+// good thermometer keeps its corners.
+double smoothing_s(const std::vector<double>& temp, bool is_coarse) {
+  if (is_coarse) return kSmoothing_s;
+  return std::clamp(kSmoothing_s * std::pow(thermometer_noise(temp) / kNoisy_degc, 2.0 / 3.0), 1.0,
+                    kSmoothing_s);
+}
+
+void derive(CampaignRun* run, bool is_coarse, bool has_temperature) {
+  RunInput& in = run->input;
+  const size_t n = in.size();
+  in.tn.assign(n, 0.0);
+  in.rate_degc_min.assign(n, 0.0);
+  if (!has_temperature) {
+    in.smooth_degc = in.temp_degc;
+    return;
+  }
+  in.smooth_degc = is_coarse ? dequantised(in.t_s, in.temp_degc) : in.temp_degc;
+  in.smooth_degc = smoothed(in.smooth_degc,
+                            static_cast<size_t>(std::lround(smoothing_s(in.temp_degc, is_coarse) / in.dt_s)));
+  for (size_t i = 0; i < n; ++i) {
+    in.tn[i] = in.normalised(in.temp_degc[i]);
+    const size_t before = i ? i - 1 : 0, after = i + 1 < n ? i + 1 : i;
+    if (after > before)
+      in.rate_degc_min[i] =
+          60.0 * (in.smooth_degc[after] - in.smooth_degc[before]) / (in.t_s[after] - in.t_s[before]);
+  }
+}
+
+void find_used(CampaignRun* run) {
+  run->used.clear();
+  run->steps.clear();
+  long last = 0;
+  for (size_t i = 0; i < run->input.size(); ++i) {
+    if (!std::isfinite(run->input.rate_dph[i])) continue;
+    run->steps.push_back(run->used.empty() ? 0 : static_cast<int>(run->input.tick[i] - last));
+    run->used.push_back(static_cast<int>(i));
+    last = run->input.tick[i];
+  }
+}
+
+} // namespace
+
+size_t Campaign::n() const {
+  size_t sum = 0;
+  for (const CampaignRun& run : runs) sum += run.n();
+  return sum;
+}
+
+Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
+  Campaign campaign;
+  campaign.axis = axis;
+  std::vector<double> steps;
+  for (const Log& log : logs) {
+    campaign.has_temperature = campaign.has_temperature && log.has_temperature();
+    steps.push_back(log.dt_s());
+  }
+  std::sort(steps.begin(), steps.end());
+  campaign.dt_s = steps[steps.size() / 2];
+  if (std::fabs(campaign.dt_s - 1.0) < 0.05) campaign.dt_s = 1.0;
+  if (model.bias) {
+    campaign.order = static_cast<int>(model.bias->coeff_dph.size()) - 1;
+    campaign.t0_degc = model.bias->t0_degc;
+    campaign.range_degc = model.bias->range_degc;
+    campaign.coeff_dph = model.bias->coeff_dph;
+  }
+  if (!campaign.has_temperature) campaign.order = 0;
+
+  std::vector<std::vector<double>> temperatures;
+  for (size_t r = 0; r < logs.size(); ++r) {
+    const Log& log = logs[r];
+    const LogAxis& column = log.axis(axis);
+    if (!column.is_gyro)
+      throw data_error(log.path + ": axis " + axis +
+                       " is an accelerometer; the model's units are dph: choose a gyro "
+                       "axis with --axis");
+    CampaignRun run;
+    RunInput& in = run.input;
+    in.log = r;
+    in.dt_s = campaign.dt_s;
+    in.t0_degc = campaign.t0_degc;
+    in.range_degc = campaign.range_degc;
+    in.auxiliary = log.auxiliary;
+    run.start_s = log.t_s.front();
+    for (double t : log.t_s) {
+      in.t_s.push_back(t - run.start_s);
+      const long tick = std::lround((t - run.start_s) / campaign.dt_s);
+      in.tick.push_back(in.tick.empty() ? tick : std::max(tick, in.tick.back() + 1));
+    }
+    in.rate_dph = column.rate_dph;
+    for (size_t i = 0; i < column.flags.size(); ++i)
+      if (column.flags[i] & (kSaturated | kSensorFault)) in.rate_dph[i] = std::nan("");
+    in.temp_degc =
+        campaign.has_temperature ? filled(in.t_s, log.temp_degc) : std::vector<double>(in.size(), 0.0);
+    temperatures.push_back(in.temp_degc);
+    campaign.runs.push_back(run);
+  }
+  campaign.temp_lsb_degc = campaign.has_temperature ? coarse_step(temperatures) : 0;
+  campaign.lo_degc = 1e300, campaign.hi_degc = -1e300;
+  for (CampaignRun& run : campaign.runs) {
+    derive(&run, campaign.temp_lsb_degc > 0, campaign.has_temperature);
+    for (double temp : run.input.smooth_degc) {
+      campaign.lo_degc = std::min(campaign.lo_degc, temp);
+      campaign.hi_degc = std::max(campaign.hi_degc, temp);
+    }
+    find_used(&run);
+    if (run.n() < kFewestSeconds)
+      throw data_error(logs[run.input.log].path + ": axis " + axis + " has " + std::to_string(run.n()) +
+                       " usable seconds; at least " + std::to_string(kFewestSeconds) + " are needed");
+  }
+  return campaign;
+}
+
+void mask(Campaign* campaign, const std::vector<std::vector<char>>& unusable) {
+  for (size_t r = 0; r < campaign->runs.size() && r < unusable.size(); ++r) {
+    CampaignRun& run = campaign->runs[r];
+    for (size_t i = 0; i < run.input.size(); ++i)
+      if (unusable[r][i]) run.input.rate_dph[i] = std::nan("");
+    find_used(&run);
+  }
+}
+
+Eigen::MatrixXd used_rows(const CampaignRun& run, const std::vector<Column>& columns) {
+  Eigen::MatrixXd m(static_cast<long>(run.n()), static_cast<long>(columns.size()));
+  for (size_t c = 0; c < columns.size(); ++c)
+    for (size_t k = 0; k < run.n(); ++k)
+      m(static_cast<long>(k), static_cast<long>(c)) = columns[c][static_cast<size_t>(run.used[k])];
+  return m;
+}
+
+Column normalised(const RunInput& in, Column temp_degc) {
+  for (double& t : temp_degc) t = in.normalised(t);
+  return temp_degc;
+}
+
+Eigen::MatrixXd powers(const CampaignRun& run, const Column& tn, int order) {
+  Eigen::MatrixXd out(static_cast<long>(run.n()), order);
+  for (size_t k = 0; k < run.n(); ++k) {
+    double power = 1;
+    for (int i = 0; i < order; ++i)
+      out(static_cast<long>(k), i) = power *= tn[static_cast<size_t>(run.used[k])];
+  }
+  return out;
+}
+
+} // namespace imucal

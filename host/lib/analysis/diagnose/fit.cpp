@@ -1,0 +1,513 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "base/units.h"
+
+namespace imucal {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+NoiseModel Hypothesis::noise() const {
+  NoiseModel out = base_noise;
+  for (const Term& term : terms)
+    if (term.form() == Form::kNoise) out = term.estimator->noise(out, term.shape);
+  return out;
+}
+
+namespace {
+
+// Tn of the polynomial: that of the last term that replaces the temperature, else the logged one.
+Column polynomial_input(const RunInput& in, const Hypothesis& hypothesis) {
+  const Term* replaces = nullptr;
+  for (const Term& term : hypothesis.terms)
+    if (term.form() == Form::kTemperature) replaces = &term;
+  return replaces ? normalised(in, replaces->estimator->temperature(in, replaces->shape)) : in.tn;
+}
+
+// Columns of one term; `local` says that the column belongs to run `r` alone.
+struct TermColumns {
+  int n = 0;
+  std::function<void(size_t run, MatrixXd* x, int first)> fill;
+  double precision = 0;
+};
+
+TermColumns term_columns(const Campaign& campaign, const Term& term) {
+  TermColumns out;
+  const int n_runs = static_cast<int>(campaign.runs.size());
+  switch (term.form()) {
+  case Form::kColumns:
+    out.n = static_cast<int>(term.estimator->n_columns());
+    out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
+      const auto columns = term.estimator->columns(campaign.runs[r].input, term.shape);
+      x->middleCols(first, static_cast<long>(columns.size())) = used_rows(campaign.runs[r], columns);
+    };
+    break;
+  case Form::kRunRandom:
+    out.n = n_runs * static_cast<int>(term.estimator->n_columns());
+    out.precision = 1.0 / (term.shape[0] * term.shape[0]);
+    out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
+      const auto columns = term.estimator->columns(campaign.runs[r].input, term.shape);
+      const long n = static_cast<long>(columns.size());
+      x->middleCols(first + static_cast<long>(r) * n, n) = used_rows(campaign.runs[r], columns);
+    };
+    break;
+  case Form::kTone:
+    out.n = 2 * n_runs;
+    out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
+      const CampaignRun& run = campaign.runs[r];
+      for (size_t k = 0; k < run.n(); ++k) {
+        const double angle = 2 * kPi * term.shape[0] * run.input.t_s[static_cast<size_t>(run.used[k])];
+        (*x)(static_cast<long>(k), first + 2 * static_cast<int>(r)) = std::cos(angle);
+        (*x)(static_cast<long>(k), first + 2 * static_cast<int>(r) + 1) = std::sin(angle);
+      }
+    };
+    break;
+  case Form::kSteps:
+    out.n = static_cast<int>(term.shape.size() / 2);
+    out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
+      const CampaignRun& run = campaign.runs[r];
+      for (size_t s = 0; s < term.shape.size() / 2; ++s) {
+        if (term.shape[2 * s] != static_cast<double>(r)) continue;
+        for (size_t k = 0; k < run.n(); ++k)
+          (*x)(static_cast<long>(k), first + static_cast<int>(s)) =
+              run.input.t_s[static_cast<size_t>(run.used[k])] >= term.shape[2 * s + 1] ? 1.0 : 0.0;
+      }
+    };
+    break;
+  default:
+    break;
+  }
+  return out;
+}
+
+} // namespace
+
+Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
+  Design design;
+  const size_t n_runs = campaign.runs.size();
+  std::vector<TermColumns> of_terms;
+  for (size_t r = 0; r < n_runs; ++r) design.term_of_column.push_back(-2);
+  for (int i = 0; i < campaign.order; ++i) design.term_of_column.push_back(-1);
+  for (size_t t = 0; t < hypothesis.terms.size(); ++t) {
+    of_terms.push_back(term_columns(campaign, hypothesis.terms[t]));
+    for (int i = 0; i < of_terms.back().n; ++i) design.term_of_column.push_back(static_cast<int>(t));
+  }
+  const long p = static_cast<long>(design.cols());
+  design.prior_precision = VectorXd::Zero(p);
+  for (size_t r = 0; r < n_runs; ++r) {
+    const CampaignRun& run = campaign.runs[r];
+    MatrixXd x = MatrixXd::Zero(static_cast<long>(run.n()), p);
+    x.col(static_cast<long>(r)).setOnes();
+    if (campaign.order > 0)
+      x.middleCols(static_cast<long>(n_runs), campaign.order) =
+          powers(run, polynomial_input(run.input, hypothesis), campaign.order);
+    int first = static_cast<int>(n_runs) + campaign.order;
+    for (const TermColumns& columns : of_terms) {
+      if (columns.n == 0) continue;
+      columns.fill(r, &x, first);
+      first += columns.n;
+    }
+    design.x.push_back(std::move(x));
+  }
+  int first = static_cast<int>(n_runs) + campaign.order;
+  for (const TermColumns& columns : of_terms) {
+    for (int i = 0; i < columns.n; ++i) design.prior_precision[first + i] = columns.precision;
+    first += columns.n;
+  }
+  return design;
+}
+
+std::vector<VectorXd> rates(const Campaign& campaign) {
+  std::vector<VectorXd> out;
+  for (const CampaignRun& run : campaign.runs) out.push_back(used_rows(run, {run.input.rate_dph}));
+  return out;
+}
+
+namespace {
+
+constexpr size_t kStartsFollowed = 2; // of a search for noise parameters
+constexpr double kDependent = 1e-9;   // of the scaled columns: below it a column adds nothing
+
+// Least squares by QR, run after run: the triangle of what came before is stacked on the rows of the next
+// run.
+struct Triangle {
+  MatrixXd r;     // upper triangle of [X y] or X
+  VectorXd scale; // of the columns of X
+};
+
+// prior_precision: one per column of X; xy may have one more, y.
+Triangle triangle(const std::vector<MatrixXd>& xy, const VectorXd& prior_precision) {
+  const long q = xy.front().cols(), p = prior_precision.size();
+  Triangle out;
+  out.scale = VectorXd::Zero(p);
+  for (const MatrixXd& m : xy) out.scale += m.leftCols(p).colwise().squaredNorm().transpose();
+  out.scale += prior_precision;
+  for (long c = 0; c < p; ++c) out.scale[c] = out.scale[c] > 0 ? 1.0 / std::sqrt(out.scale[c]) : 0.0;
+  MatrixXd top = MatrixXd::Zero(q, q);
+  for (long c = 0; c < p; ++c) top(c, c) = std::sqrt(prior_precision[c]) * out.scale[c];
+  for (const MatrixXd& m : xy) {
+    MatrixXd stack(q + m.rows(), q);
+    stack.topRows(q) = top;
+    stack.bottomRows(m.rows()) = m;
+    for (long c = 0; c < p; ++c) stack.block(q, c, m.rows(), 1) *= out.scale[c];
+    Eigen::HouseholderQR<Eigen::Ref<MatrixXd>> qr(stack);
+    top = MatrixXd(stack.topRows(q).triangularView<Eigen::Upper>());
+  }
+  out.r = top;
+  return out;
+}
+
+// X times it has orthonormal columns; dependent ones are left out.
+MatrixXd transform_of(const Triangle& t) {
+  const long p = t.scale.size();
+  const MatrixXd r = t.r.topLeftCorner(p, p);
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(r);
+  qr.setThreshold(kDependent);
+  const long rank = qr.rank();
+  const MatrixXd inverse = qr.matrixQR()
+                               .topLeftCorner(rank, rank)
+                               .triangularView<Eigen::Upper>()
+                               .solve(MatrixXd::Identity(rank, rank));
+  return t.scale.asDiagonal() * (qr.colsPermutation() * MatrixXd::Identity(p, p)).leftCols(rank) * inverse;
+}
+
+struct Solution {
+  VectorXd beta, errors;
+  double rss = 0, log_det = 0;
+};
+
+Solution solve(const Triangle& t) {
+  const long p = t.scale.size();
+  Solution out;
+  out.beta = out.errors = VectorXd::Zero(p);
+  const MatrixXd r = t.r.topLeftCorner(p, p);
+  const VectorXd z = t.r.block(0, p, p, 1);
+  out.rss = t.r(p, p) * t.r(p, p);
+  if (p == 0) return out;
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(r);
+  qr.setThreshold(kDependent);
+  const VectorXd b = qr.solve(z);
+  out.rss += (z - r * b).squaredNorm();
+  const long rank = qr.rank();
+  for (long i = 0; i < rank; ++i) out.log_det += std::log(std::fabs(qr.matrixQR()(i, i)));
+  // Covariance (R'R)^-1 on the columns that are determined.
+  const MatrixXd inverse = qr.matrixQR()
+                               .topLeftCorner(rank, rank)
+                               .triangularView<Eigen::Upper>()
+                               .solve(MatrixXd::Identity(rank, rank));
+  VectorXd variance = VectorXd::Zero(p);
+  variance.head(rank) = inverse.rowwise().squaredNorm();
+  variance = qr.colsPermutation() * variance;
+  for (long c = 0; c < p; ++c) {
+    out.beta[c] = b[c] * t.scale[c];
+    out.errors[c] = std::sqrt(variance[c]) * t.scale[c];
+    if (t.scale[c] > 0) out.log_det -= std::log(t.scale[c]);
+  }
+  return out;
+}
+
+std::vector<MatrixXd> with_rates(const Design& design, const std::vector<VectorXd>& y) {
+  std::vector<MatrixXd> xy;
+  for (size_t r = 0; r < y.size(); ++r) {
+    MatrixXd m(design.x[r].rows(), design.x[r].cols() + 1);
+    m << design.x[r], y[r];
+    xy.push_back(std::move(m));
+  }
+  return xy;
+}
+
+// Expected additional variance of hits, per run; empty without outliers.
+std::vector<VectorXd> hit_variance(const Campaign& campaign, const NoiseModel& noise,
+                                   const std::vector<VectorXd>& residual) {
+  std::vector<VectorXd> out;
+  if (!(noise.hit_probability > 0)) return out;
+  for (size_t r = 0; r < campaign.runs.size(); ++r) {
+    VectorXd hit;
+    mixture_log_likelihood(campaign.runs[r], noise, residual[r], nullptr, &hit);
+    out.push_back(hit * noise.hit_sigma_dph * noise.hit_sigma_dph);
+  }
+  return out;
+}
+
+struct GlsPass {
+  Solution solution;
+  std::vector<MatrixXd> white; // whitened [X y]
+  double sum_log_s = 0;
+};
+
+GlsPass gls(const Campaign& campaign, const std::vector<MatrixXd>& xy, const VectorXd& prior,
+            const NoiseModel& noise, const std::vector<VectorXd>& extra) {
+  GlsPass pass;
+  for (size_t r = 0; r < xy.size(); ++r) {
+    const RunGains gains = compute_gains(campaign.runs[r], noise, extra.empty() ? nullptr : &extra[r]);
+    pass.white.push_back(xy[r]);
+    whiten(gains, &pass.white.back());
+    pass.sum_log_s += gains.sum_log_s;
+  }
+  pass.solution = solve(triangle(pass.white, prior));
+  return pass;
+}
+
+std::vector<VectorXd> residuals(const std::vector<MatrixXd>& xy, const VectorXd& beta) {
+  std::vector<VectorXd> out;
+  for (const MatrixXd& m : xy) out.push_back(m.rightCols(1) - m.leftCols(m.cols() - 1) * beta);
+  return out;
+}
+
+} // namespace
+
+Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis) {
+  const NoiseModel noise = hypothesis.noise(), gaussian = gaussian_equivalent(noise);
+  const Design design = make_design(campaign, hypothesis);
+  const std::vector<MatrixXd> xy = with_rates(design, rates(campaign));
+  GlsPass pass = gls(campaign, xy, design.prior_precision, gaussian, {});
+  Fit fit;
+  fit.residual = residuals(xy, pass.solution.beta);
+  if (noise.hit_probability > 0) {
+    for (int i = 0; i < 2; ++i) {
+      pass = gls(campaign, xy, design.prior_precision, gaussian, hit_variance(campaign, noise, fit.residual));
+      fit.residual = residuals(xy, pass.solution.beta);
+    }
+  }
+  fit.beta = pass.solution.beta;
+  fit.beta_errors = pass.solution.errors;
+  fit.log_det_r = pass.solution.log_det;
+  if (noise.is_mixture()) {
+    for (size_t r = 0; r < campaign.runs.size(); ++r) {
+      VectorXd scores;
+      fit.log_likelihood += mixture_log_likelihood(campaign.runs[r], noise, fit.residual[r], &scores);
+      fit.e.push_back(scores);
+    }
+    return fit;
+  }
+  fit.log_likelihood = -0.5 * (pass.sum_log_s + pass.solution.rss);
+  for (const MatrixXd& m : pass.white) fit.e.push_back(m.rightCols(1) - m.leftCols(m.cols() - 1) * fit.beta);
+  return fit;
+}
+
+MatrixXd orthonormaliser(const std::vector<MatrixXd>& columns) {
+  return transform_of(triangle(columns, VectorXd::Zero(columns.front().cols())));
+}
+
+NoiseObjective::NoiseObjective(const Campaign& campaign, const Hypothesis& hypothesis) : campaign_(campaign) {
+  const Design design = make_design(campaign, hypothesis);
+  prior_ = design.prior_precision;
+  xy_ = with_rates(design, rates(campaign));
+  const bool has_prior = prior_.size() > 0 && prior_.maxCoeff() > 0;
+  const Triangle t = triangle(xy_, prior_);
+  const Solution s = solve(t);
+  const long p = static_cast<long>(design.cols());
+  // Remove the least-squares mean and make the columns orthonormal: the Gram matrices below are then well
+  // conditioned.
+  for (MatrixXd& m : xy_) m.rightCols(1) -= m.leftCols(p) * s.beta;
+  if (!has_prior) {
+    const MatrixXd transform = transform_of(t);
+    const long rank = transform.cols();
+    for (MatrixXd& m : xy_) {
+      MatrixXd next(m.rows(), rank + 1);
+      next.leftCols(rank) = m.leftCols(p) * transform;
+      next.rightCols(1) = m.rightCols(1);
+      m = std::move(next);
+    }
+    prior_ = VectorXd::Zero(rank);
+  }
+  for (const MatrixXd& m : xy_) wide_.emplace_back(m);
+}
+
+MatrixXd NoiseObjective::gram(const NoiseModel& noise, double* sum_log_s) const {
+  const long q = xy_.front().cols();
+  MatrixXd out = MatrixXd::Zero(q, q);
+  for (long c = 0; c + 1 < q; ++c) out(c, c) = prior_[c];
+  *sum_log_s = 0;
+  for (size_t r = 0; r < wide_.size(); ++r) {
+    const RunGains gains = compute_gains(campaign_.runs[r], noise);
+    out += wide_[r].whitened_gram(gains);
+    *sum_log_s += gains.sum_log_s;
+  }
+  return out;
+}
+
+double NoiseObjective::reml(const NoiseModel& noise) const {
+  double sum_log_s = 0;
+  const MatrixXd g = gram(noise, &sum_log_s);
+  const long p = g.cols() - 1;
+  const Eigen::LLT<MatrixXd> llt(g.topLeftCorner(p, p));
+  if (llt.info() != Eigen::Success) return -1e300;
+  const VectorXd half = llt.matrixL().solve(g.block(0, p, p, 1));
+  double log_det = 0;
+  for (long c = 0; c < p; ++c) log_det += std::log(llt.matrixLLT()(c, c));
+  const double value = -0.5 * (sum_log_s + g(p, p) - half.squaredNorm()) - log_det;
+  return std::isfinite(value) ? value : -1e300;
+}
+
+double NoiseObjective::mixture(const NoiseModel& noise) const {
+  const long p = xy_.front().cols() - 1;
+  const NoiseModel gaussian = gaussian_equivalent(noise);
+  std::vector<VectorXd> residual;
+  double sum = 0;
+  if (noise.hit_probability > 0) {
+    for (const MatrixXd& m : xy_) residual.push_back(m.rightCols(1));
+    const GlsPass pass = gls(campaign_, xy_, prior_, gaussian, hit_variance(campaign_, noise, residual));
+    residual = residuals(xy_, pass.solution.beta.head(p));
+    sum = -pass.solution.log_det;
+  } else {
+    double sum_log_s = 0;
+    const MatrixXd g = gram(gaussian, &sum_log_s);
+    const Eigen::LLT<MatrixXd> llt(g.topLeftCorner(p, p));
+    if (llt.info() != Eigen::Success) return -1e300;
+    residual = residuals(xy_, llt.solve(g.block(0, p, p, 1)));
+    for (long c = 0; c < p; ++c) sum -= std::log(llt.matrixLLT()(c, c));
+  }
+  for (size_t r = 0; r < xy_.size(); ++r)
+    sum += mixture_log_likelihood(campaign_.runs[r], noise, residual[r]);
+  return std::isfinite(sum) ? sum : -1e300;
+}
+
+double maximise(const std::function<double(const Theta&)>& f, Theta* theta, const Theta& lo, const Theta& hi,
+                const SearchOptions& options) {
+  const size_t n = theta->size();
+  const auto inward = [&](double v) { return options.is_logarithmic ? std::log(v) : v; };
+  const auto outward = [&](size_t i, double v) {
+    return std::clamp(options.is_logarithmic ? std::exp(v) : v, lo[i], hi[i]);
+  };
+  int evaluations = 0;
+  const auto value = [&](const Theta& x) {
+    Theta real(n);
+    for (size_t i = 0; i < n; ++i) real[i] = outward(i, x[i]);
+    ++evaluations;
+    return f(real);
+  };
+  struct Point {
+    Theta x;
+    double v;
+  };
+  std::vector<Point> simplex;
+  Theta start(n);
+  for (size_t i = 0; i < n; ++i) start[i] = inward(std::clamp((*theta)[i], lo[i], hi[i]));
+  simplex.push_back({start, value(start)});
+  for (size_t i = 0; i < n; ++i) {
+    Theta x = start;
+    x[i] += options.step;
+    if (outward(i, x[i]) == outward(i, start[i])) x[i] = start[i] - options.step;
+    simplex.push_back({x, value(x)});
+  }
+  const auto better = [](const Point& a, const Point& b) { return a.v > b.v; };
+  while (evaluations < options.max_evaluations) {
+    std::sort(simplex.begin(), simplex.end(), better);
+    if (simplex.front().v - simplex.back().v < options.tolerance) {
+      double size = 0;
+      for (size_t i = 0; i < n; ++i)
+        size = std::max(size, std::fabs(simplex.front().x[i] - simplex.back().x[i]));
+      if (size < 0.1 * options.step) break;
+    }
+    Theta centre(n, 0.0);
+    for (size_t k = 0; k < n; ++k)
+      for (size_t i = 0; i < n; ++i) centre[i] += simplex[k].x[i] / static_cast<double>(n);
+    const auto along = [&](double factor) {
+      Point point{Theta(n), 0};
+      for (size_t i = 0; i < n; ++i) point.x[i] = centre[i] + factor * (simplex.back().x[i] - centre[i]);
+      point.v = value(point.x);
+      return point;
+    };
+    Point reflected = along(-1.0);
+    if (reflected.v > simplex.front().v) {
+      Point expanded = along(-2.0);
+      simplex.back() = expanded.v > reflected.v ? expanded : reflected;
+    } else if (n > 1 ? reflected.v > simplex[n - 1].v : reflected.v > simplex.back().v) {
+      simplex.back() = reflected;
+    } else {
+      Point contracted = along(reflected.v > simplex.back().v ? -0.5 : 0.5);
+      if (contracted.v > std::max(reflected.v, simplex.back().v)) {
+        simplex.back() = contracted;
+      } else {
+        for (size_t k = 1; k <= n; ++k) {
+          for (size_t i = 0; i < n; ++i) simplex[k].x[i] = 0.5 * (simplex[k].x[i] + simplex[0].x[i]);
+          simplex[k].v = value(simplex[k].x);
+        }
+      }
+    }
+  }
+  std::sort(simplex.begin(), simplex.end(), better);
+  for (size_t i = 0; i < n; ++i) (*theta)[i] = outward(i, simplex.front().x[i]);
+  return simplex.front().v;
+}
+
+Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,
+                       const Theta& hi) {
+  const long n = static_cast<long>(theta.size());
+  Theta errors(theta.size(), std::nan(""));
+  const double top = f(theta);
+  const auto at = [&](long i, double di, long j, double dj) {
+    Theta x = theta;
+    x[static_cast<size_t>(i)] += di;
+    x[static_cast<size_t>(j)] += dj;
+    return f(x);
+  };
+  VectorXd step(n);
+  MatrixXd hessian(n, n);
+  for (long i = 0; i < n; ++i) {
+    const size_t at_i = static_cast<size_t>(i);
+    // The smaller distance to a bound limits the step; a parameter on its bound has no curvature.
+    const double room = std::min(theta[at_i] - lo[at_i], hi[at_i] - theta[at_i]);
+    double h = std::min(0.5 * room, 0.1 * std::max(std::fabs(theta[at_i]), 0.1 * (hi[at_i] - lo[at_i])));
+    if (!(h > 0)) return errors;
+    double second = 0;
+    for (int round = 0; round < 4; ++round) {
+      second = at(i, h, i, 0) + at(i, -h, i, 0) - 2 * top;
+      if (!(second < 0)) break;
+      const double wanted = h / std::sqrt(-second); // one standard error: the two drops sum to 1
+      if (wanted > 0.6 * h && wanted < 1.7 * h) break;
+      const double next = std::clamp(wanted, 0.1 * h, std::min(10 * h, 0.9 * room));
+      if (std::fabs(next - h) < 0.05 * h) break;
+      h = next;
+    }
+    if (!(second < 0)) return errors;
+    step[i] = h;
+    hessian(i, i) = second / (h * h);
+  }
+  for (long i = 0; i < n; ++i)
+    for (long j = i + 1; j < n; ++j)
+      hessian(i, j) = hessian(j, i) =
+          (at(i, 0.5 * step[i], j, 0.5 * step[j]) - at(i, 0.5 * step[i], j, -0.5 * step[j]) -
+           at(i, -0.5 * step[i], j, 0.5 * step[j]) + at(i, -0.5 * step[i], j, -0.5 * step[j])) /
+          (step[i] * step[j]);
+  const Eigen::LLT<MatrixXd> llt(-hessian);
+  if (llt.info() != Eigen::Success) return errors;
+  const MatrixXd covariance = llt.solve(MatrixXd::Identity(n, n));
+  for (long i = 0; i < n; ++i) errors[static_cast<size_t>(i)] = std::sqrt(covariance(i, i));
+  return errors;
+}
+
+NoiseFit fit_noise(const NoiseObjective& objective, const EffectEstimator& estimator, const NoiseModel& base,
+                   const std::vector<Theta>& further_starts, int max_evaluations) {
+  NoiseFit best;
+  std::vector<Theta> starts = further_starts;
+  if (starts.empty()) starts = estimator.starts(base);
+  SearchOptions options;
+  options.is_logarithmic = estimator.is_logarithmic();
+  options.max_evaluations = max_evaluations;
+  const auto f = [&](const Theta& theta) {
+    const NoiseModel noise = estimator.noise(base, theta);
+    return noise.is_mixture() ? objective.mixture(noise) : objective.reml(noise);
+  };
+  // The search goes on from the most promising starts.
+  if (starts.size() > kStartsFollowed) {
+    std::vector<std::pair<double, Theta>> ranked;
+    for (const Theta& theta : starts) ranked.emplace_back(f(theta), theta);
+    std::sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+    starts.clear();
+    for (size_t i = 0; i < kStartsFollowed; ++i) starts.push_back(ranked[i].second);
+  }
+  for (Theta theta : starts) {
+    const double value = maximise(f, &theta, estimator.theta_lo(), estimator.theta_hi(), options);
+    if (value > best.value) best = {theta, value};
+  }
+  return best;
+}
+
+} // namespace imucal

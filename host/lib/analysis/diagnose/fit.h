@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: MIT
+// A hypothesis (nominal model plus effects) and its exact fit to a campaign.
+#pragma once
+#include <Eigen/Dense>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "analysis/diagnose/kalman.h"
+
+namespace imucal {
+
+// One effect inside a hypothesis.
+struct Term {
+  const Effect* effect = nullptr;
+  const EffectEstimator* estimator = nullptr;
+  Theta shape;                      // shape parameters, or theta of a noise effect; steps: run, t_s pairs
+  std::vector<double> coefficients; // of its columns (common ones)
+  std::vector<double> coefficient_errors;
+  Theta shape_errors;
+  Json fixed_parameters; // structural effects: measured, not fitted
+
+  Form form() const { return estimator->form(); }
+};
+
+struct Hypothesis {
+  std::vector<Term> terms;
+  NoiseModel base_noise;    // nominal, or re-estimated
+  NoiseModel noise() const; // with what the noise terms make of it
+};
+
+// Regressors of one hypothesis: per run a constant, then the polynomial, then the columns of the terms.
+struct Design {
+  std::vector<Eigen::MatrixXd> x;  // per run: used samples x columns
+  Eigen::VectorXd prior_precision; // per column: 1/s^2 of a random coefficient, else 0
+  std::vector<int> term_of_column; // -2: constant of a run, -1: polynomial, else the place of the term
+  size_t cols() const { return term_of_column.size(); }
+};
+Design make_design(const Campaign& campaign, const Hypothesis& hypothesis);
+// Rates of the used samples, per run.
+std::vector<Eigen::VectorXd> rates(const Campaign& campaign);
+
+// Generalised least squares by QR of the whitened, scaled columns.
+struct Fit {
+  Eigen::VectorXd beta, beta_errors;
+  std::vector<Eigen::VectorXd> e;        // standardised innovations of the residual (mixtures: normal scores)
+  std::vector<Eigen::VectorXd> residual; // rate minus fitted mean [dph]
+  double log_likelihood = 0;             // profile; without the constant of 2 pi
+  double log_det_r = 0;                  // of the whitened design: REML = log_likelihood - log_det_r
+  double reml() const { return log_likelihood - log_det_r; }
+};
+Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis);
+
+// The matrix that makes columns, given run by run, orthonormal over all runs; dependent ones are left out.
+Eigen::MatrixXd orthonormaliser(const std::vector<Eigen::MatrixXd>& columns);
+
+// Restricted likelihood of noise models at profiled coefficients: many noise models for one design.
+class NoiseObjective {
+public:
+  NoiseObjective(const Campaign& campaign, const Hypothesis& hypothesis);
+  double reml(const NoiseModel& noise) const; // Gaussian models
+  double mixture(
+      const NoiseModel& noise) const; // mixtures: log-likelihood at coefficients fitted with the hits in view
+
+private:
+  // [X y]'V^-1[X y] with the prior's precision, and sum log S.
+  Eigen::MatrixXd gram(const NoiseModel& noise, double* sum_log_s) const;
+
+  const Campaign& campaign_;
+  std::vector<WideColumns> wide_;   // the same, laid out for the filters
+  std::vector<Eigen::MatrixXd> xy_; // orthonormal columns and the least-squares residual, per run
+  Eigen::VectorXd prior_;
+};
+
+// Maximises by Nelder-Mead inside bounds; `theta` is start and result; returns the value reached.
+struct SearchOptions {
+  int max_evaluations = 60;
+  double step = 0.3;       // of the first simplex (in the logarithm where is_logarithmic)
+  double tolerance = 0.01; // in nats
+  bool is_logarithmic = false;
+};
+double maximise(const std::function<double(const Theta&)>& f, Theta* theta, const Theta& lo, const Theta& hi,
+                const SearchOptions& options);
+
+// Standard errors from the curvature of a log-likelihood at its maximum `theta`: roots of the diagonal of the
+// inverse of its negative Hessian, by central differences about one standard error wide.  NaN where a bound
+// is too near or the curvature is not that of a maximum.
+Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,
+                       const Theta& hi);
+
+// The best theta of a noise effect on top of `base`, by restricted likelihood (mixtures: likelihood).
+struct NoiseFit {
+  Theta theta;
+  double value = -1e300; // comparable with NoiseObjective::reml(base) (mixtures: with mixture's reference)
+};
+NoiseFit fit_noise(const NoiseObjective& objective, const EffectEstimator& estimator, const NoiseModel& base,
+                   const std::vector<Theta>& further_starts, int max_evaluations);
+
+} // namespace imucal

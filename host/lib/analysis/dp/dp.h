@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: MIT
+// Allan deviation and Direct Predictor (paper section II, design 2.4).
+//
+// Prediction error of the mean of the next n samples at t0:  d = mean(x[t0 .. t0+n)) - prediction, and
+// DP(tau) = sigma_EST{d over t0} / sqrt(2), tau = n dt.  What is predicted from:
+//   AV    mean of the n samples before t0 (every t0: the overlapping Allan deviation)
+//   DP1   mean of a fixed number of samples before t0
+//   DP2   the nominal model's steady-state Kalman estimate after the sample before t0
+//   DP3   that estimate, optimally predicted over the n samples
+// A window counts when it and what it is estimated from hold no missing sample (min_fill = 1) or at least the
+// part min_fill of their samples, whose mean is then taken; nothing is interpolated.  DP2 and DP3 need
+// warm_up_n() samples before t0 at the start of a record and after a gap; over a missing sample inside (only
+// with min_fill < 1) the filter predicts without measurement.
+//
+// Memory: 8 bytes per sample for the running sums, 8 more per nominal Markov term for DP2 and DP3, 4 more where
+// samples are missing.  Time: one pass over the samples per tau, all taus block by block through the cache.
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "analysis/dp/nominal_filter.h"
+#include "analysis/dp/series.h"
+
+namespace imucal {
+
+enum class DpType { kAv, kDp1, kDp2, kDp3 };
+DpType dp_type_from_text(const std::string& text);  // av dp1 dp2 dp3; usage_error otherwise
+std::string to_text(DpType type);
+
+// sigma_EST: rms; the largest |d| over 3; the 95.4th percentile of |d| over 2.
+enum class DpEstimator { kRms, kMax, kP95 };
+DpEstimator dp_estimator_from_text(const std::string& text);
+std::string to_text(DpEstimator estimator);
+
+struct DpOperator {
+  DpType type = DpType::kAv;
+  double dt_s = 1;
+  long estimation_n = 20;  // DP1
+  NominalFilter filter;    // DP2, DP3
+  double min_fill = 1;     // part of a window's samples that must be present
+
+  // Samples before t0 that a window of n needs.
+  long history_n(long n) const;
+};
+
+// usage_error: DP2 or DP3 without a nominal model, or with one that has nothing to estimate.
+DpOperator make_dp_operator(DpType type, double dt_s, const std::optional<ErrorModel>& nominal,
+                            double estimation_s = 20.0);
+
+// One record made ready for an operator.  The series should be detrended (its mean matters to DP2, DP3 and,
+// numerically, to all).
+class DpRecord {
+ public:
+  // `initial`: the nominal filter's states before the first sample (empty: zero, to be warmed up).
+  DpRecord(const Series& series, const DpOperator& op, const std::vector<double>& initial = {});
+
+  // Windows there would be without gaps; < 1: tau is beyond the record.
+  long possible_windows(long n) const { return size_ - n - op_.history_n(n) + 1; }
+  const DpOperator& op() const { return op_; }
+  long size() const { return size_; }
+
+  // All prediction errors d of one n, with their t0 (index of the first predicted sample).
+  void samples(long n, std::vector<double>* d, std::vector<long>* t0, long first_t0 = 0) const;
+
+  // The transposed operator: sum over k of d[k] times the weights that the window at t0[k] gives the samples.
+  std::vector<double> adjoint(long n, const std::vector<double>& d, const std::vector<long>& t0) const;
+
+  // Sum of squares of d in consecutive blocks of t0, for every n: bounded memory, one streaming pass.
+  struct Moments {
+    std::vector<double> sum_sq;  // per block
+    std::vector<long> count;     // per block
+    long n_windows() const;
+    double mean_square() const;  // 0 without windows
+  };
+  // `first_t0`, one per n: only windows from there on (empty: all).
+  std::vector<Moments> moments(const std::vector<long>& n, const std::vector<long>& first_t0 = {}) const;
+
+ private:
+  double estimate(long n, long t0) const;
+  bool complete(long first, long last) const;
+  double window_sum(long first, long last, long n) const;
+
+  DpOperator op_;
+  long size_ = 0;
+  std::vector<double> sum_;                  // size + 1 running sums
+  std::vector<int> present_;                 // running counts; empty where nothing is missing
+  std::vector<std::vector<double>> states_;  // per nominal term: estimate before sample t0
+};
+
+// sigma_EST{d} of a sample of d; d is reordered.
+double dp_sigma(DpEstimator estimator, std::vector<double>* d);
+
+// A curve of one record.
+struct DpCurve {
+  std::string log, axis;
+  DpType type = DpType::kAv;
+  DpEstimator estimator = DpEstimator::kRms;
+  std::vector<double> tau_s, dp_dph;
+  std::vector<long> n;                      // windows used
+  std::vector<DpRecord::Moments> moments;   // rms only: what confidence intervals by blocks need
+};
+
+// Curve of a record at tau_s (multiples of dt).  data_error where tau is beyond the record or no window is
+// complete, and for a record that is constant.
+DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector<double>& tau_s,
+                 DpEstimator estimator);
+
+}  // namespace imucal

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/dp/ratios.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "base/quantile.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr double kPercentileRatio = 0.99768;  // 95.4th percentile of |N(0,1)| over 2
+constexpr double kPercentileSpread = 0.70;    // times 1/sqrt(dof); simulated: errormodel validate, tests
+constexpr double kLeastDof = 20;
+constexpr size_t kMostOutliers = 20;
+
+// Joins windows that stand out at nearly the same time into events, keeping the most conspicuous.
+void add_events(const Series& s, const std::vector<long>& t0, const std::vector<double>& d, double sigma, double limit,
+                double tau_s, std::vector<DpOutlier>* events) {
+  DpOutlier event;
+  double last_s = -1e300;
+  const auto flush = [&] {
+    if (event.sigmas > 0) events->push_back(event);
+    event = {};
+  };
+  for (size_t k = 0; k < d.size(); ++k) {
+    const double sigmas = std::fabs(d[k]) / sigma;
+    if (sigmas <= limit) continue;
+    const double t_s = s.t_s(t0[k]);
+    if (t_s - last_s > tau_s + s.dt_s) flush();
+    last_s = t_s;
+    if (sigmas <= event.sigmas) continue;
+    event.t_s = t_s;
+    event.temp_degc = s.temp_degc.empty() ? std::numeric_limits<double>::quiet_NaN()
+                                          : s.temp_degc[static_cast<size_t>(std::min(t0[k], s.size() - 1))];
+    event.tau_s = tau_s;
+    event.sigmas = sigmas;
+  }
+  flush();
+}
+
+// Events of different tau at the same time are one.
+std::vector<DpOutlier> merged(std::vector<DpOutlier> events) {
+  std::sort(events.begin(), events.end(), [](const DpOutlier& a, const DpOutlier& b) { return a.sigmas > b.sigmas; });
+  std::vector<DpOutlier> out;
+  for (const DpOutlier& e : events) {
+    const bool known = std::any_of(out.begin(), out.end(), [&](const DpOutlier& o) {
+      return std::fabs(o.t_s - e.t_s) <= o.tau_s + e.tau_s + 1;
+    });
+    if (!known) out.push_back(e);
+  }
+  return out;
+}
+
+// Half of the events (at least two, apart in time) within a tenth of the temperature span: where; else NaN.
+double common_temperature(const Series& s, const std::vector<DpOutlier>& events, double* share) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  if (s.temp_degc.empty() || events.size() < 2) return nan;
+  double lo = 1e300, hi = -1e300;
+  for (double t : s.temp_degc)
+    if (std::isfinite(t)) lo = std::min(lo, t), hi = std::max(hi, t);
+  double best = nan;
+  size_t most = 0;
+  for (const DpOutlier& centre : events) {
+    size_t near = 0;
+    for (const DpOutlier& e : events) near += std::fabs(e.temp_degc - centre.temp_degc) <= 0.05 * (hi - lo);
+    if (near > most) most = near, best = centre.temp_degc;
+  }
+  *share = static_cast<double>(most) / static_cast<double>(events.size());
+  // By chance alone a tenth of the span holds a tenth of the events: two of two or three would still be chance.
+  return most >= 2 && *share >= 0.5 && events.size() >= 3 ? best : nan;
+}
+
+std::string formatted(const char* format, double a, double b = 0, double c = 0) {
+  char text[240];
+  std::snprintf(text, sizeof text, format, a, b, c);
+  return text;
+}
+
+}  // namespace
+
+DpRatios dp_ratios(const Series& s, const DpRecord& record, const std::vector<double>& tau_s,
+                   const std::vector<double>& dof, double false_alarm_rate) {
+  DpRatios out;
+  out.log = s.log, out.axis = s.axis, out.type = record.op().type;
+  out.tau_s = tau_s, out.dof = dof;
+  const double octaves = std::max(1.0, std::log2(tau_s.back() / tau_s.front()) + 1);
+  const double rate = 0.5 * false_alarm_rate / octaves;  // half for the outliers, half for the percentile
+  const double z_percentile = normal_quantile(1 - 0.5 * rate);
+  std::vector<DpOutlier> events;
+  std::vector<double> d, sorted;
+  std::vector<long> t0;
+  double worst = 0, worst_ratio = 1, worst_tau_s = 0;
+  bool any_dof = false;
+  for (size_t i = 0; i < tau_s.size(); ++i) {
+    record.samples(std::lround(tau_s[i] / s.dt_s), &d, &t0);
+    sorted = d;
+    const double rms = dp_sigma(DpEstimator::kRms, &sorted);
+    const double percentile = dp_sigma(DpEstimator::kP95, &sorted);  // leaves |d|
+    const double largest = *std::max_element(sorted.begin(), sorted.end()) / 3;
+    out.max_over_rms.push_back(largest / rms);
+    out.p95_over_rms.push_back(percentile / rms);
+    // The sigma itself is uncertain: widened by its own 3-sigma error.
+    const double limit = normal_quantile(1 - 0.5 * rate / static_cast<double>(d.size()));
+    const double sigma = percentile * (1 + 3 / std::sqrt(2 * dof[i]));
+    out.max_limit.push_back(limit * sigma / (3 * rms));
+    if (dof[i] < kLeastDof) continue;
+    any_dof = true;
+    const double off = (percentile / rms - kPercentileRatio) * std::sqrt(dof[i]) / kPercentileSpread;
+    if (std::fabs(off) > std::fabs(worst)) worst = off, worst_ratio = percentile / rms, worst_tau_s = tau_s[i];
+    if (3 * largest > limit * sigma) add_events(s, t0, d, sigma, limit, tau_s[i], &events);
+  }
+  events = merged(std::move(events));
+  out.n_events = static_cast<long>(events.size());
+  double share = 0;
+  const double at_degc = common_temperature(s, events, &share);
+  if (!any_dof) {
+    out.verdict = "too_short";
+    out.statement = "fewer than 20 degrees of freedom at every tau: no verdict";
+  } else if (std::isfinite(at_degc)) {
+    out.verdict = "singularity";
+    out.statement = formatted("%.0f events, %.0f %% of them near %.1f degC: a thermal singularity",
+                              static_cast<double>(events.size()), 100 * share, at_degc);
+  } else if (!events.empty()) {
+    out.verdict = "outliers";
+    out.statement = formatted("%.0f event(s); the largest at t = %.0f s, %.1f sigma; look there, and use --estimator p95",
+                              static_cast<double>(events.size()), events[0].t_s, events[0].sigmas);
+  } else if (std::fabs(worst) > z_percentile) {
+    out.verdict = worst < 0 ? "heavy_tails" : "light_tails";
+    out.statement = formatted("percentile over rms is %.3f at tau = %.0f s (Gaussian 0.998): ", worst_ratio, worst_tau_s) +
+                    (worst < 0 ? "the noise level changes along the record" : "the error has no tails (a limit, a few values, a drift)");
+  } else {
+    out.verdict = "gaussian";
+    out.statement = "ratios as a Gaussian error has them: rms is the right estimator";
+  }
+  if (events.size() > kMostOutliers) events.resize(kMostOutliers);
+  out.outliers = events;
+  return out;
+}
+
+}  // namespace imucal

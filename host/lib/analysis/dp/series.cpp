@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/dp/series.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <memory>
+
+#include "base/error.h"
+#include "io/log.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
+constexpr size_t kStepProbe = 4096;  // rows whose median step becomes the grid's
+
+// Puts rows on the grid as they come; the first rows wait until the step is known.
+class Gridder {
+ public:
+  // `begin` once with first time stamp and step, then `sample` for every grid place and axis in turn.
+  using Begin = std::function<void(double t0_s, double dt_s)>;
+  using Sample = std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>;
+  Gridder(const std::string& path, std::vector<size_t> columns, Begin begin, Sample sample)
+      : path_(path), columns_(std::move(columns)), begin_(std::move(begin)), sample_(std::move(sample)) {}
+
+  void row(const LogRow& row) {
+    if (dt_s_ > 0) return place(row.t_s, row.temp_degc, row.rate_dph, row.flags);
+    t_s_.push_back(row.t_s);
+    temp_.push_back(row.temp_degc);
+    for (size_t c : columns_) {
+      rate_.push_back(row.rate_dph[c]);
+      flags_.push_back(row.flags ? row.flags[c] : 0);
+    }
+    if (t_s_.size() == kStepProbe) settle();
+  }
+  void finish() {
+    if (dt_s_ == 0) settle();
+  }
+
+ private:
+  void settle() {
+    std::vector<double> steps;
+    for (size_t i = 0; i + 1 < t_s_.size(); ++i) steps.push_back(t_s_[i + 1] - t_s_[i]);
+    if (steps.empty()) steps.push_back(1.0);
+    std::nth_element(steps.begin(), steps.begin() + static_cast<long>(steps.size() / 2), steps.end());
+    dt_s_ = steps[steps.size() / 2];
+    begin_(t_s_.front(), dt_s_);
+    const size_t n = columns_.size();
+    std::vector<size_t> packed(n);
+    for (size_t a = 0; a < n; ++a) packed[a] = a;
+    columns_.swap(packed);
+    for (size_t i = 0; i < t_s_.size(); ++i) place(t_s_[i], temp_[i], &rate_[i * n], &flags_[i * n]);
+    columns_.swap(packed);
+    rate_ = {};
+  }
+
+  void place(double t_s, double temp_degc, const double* rate, const int* flags) {
+    if (n_ > 0) {
+      const double steps = std::round((t_s - last_t_s_) / dt_s_);
+      if (steps < 1) fail_at(t_s, "two rows lie within half a step of " + std::to_string(dt_s_) + " s");
+      if (steps + static_cast<double>(n_) > 1e9) fail_at(t_s, "the gap before this row needs more than 1e9 samples");
+      for (double k = 1; k < steps; ++k) push(kMissing, nullptr, nullptr);
+    }
+    push(temp_degc, rate, flags);
+    last_t_s_ = t_s;
+  }
+  void push(double temp_degc, const double* rate, const int* flags) {
+    for (size_t a = 0; a < columns_.size(); ++a) {
+      const bool flagged = flags && (flags[columns_[a]] & (kSaturated | kSensorFault));
+      sample_(a, rate && !flagged ? rate[columns_[a]] : kMissing, temp_degc, flagged);
+    }
+    ++n_;
+  }
+  [[noreturn]] void fail_at(double t_s, const std::string& problem) const {
+    throw data_error(path_ + ": at t_s = " + std::to_string(t_s) + ": " + problem);
+  }
+
+  std::string path_;
+  std::vector<size_t> columns_;
+  Begin begin_;
+  Sample sample_;
+  std::vector<double> t_s_, temp_, rate_;
+  std::vector<int> flags_;
+  double dt_s_ = 0, last_t_s_ = 0;
+  size_t n_ = 0;
+};
+
+void require_samples(const std::string& path, const std::string& axis, long n) {
+  if (n < 2)
+    throw data_error(path + ": axis " + axis + " has " + std::to_string(n) + " usable sample(s); at least two are needed");
+}
+
+double poly_argument(const Series& s, const Detrend& detrend, long i) {
+  return detrend.kind == Detrend::Kind::kPolyTime ? static_cast<double>(i) : s.temp_degc[static_cast<size_t>(i)];
+}
+
+}  // namespace
+
+SeriesHeader scan_series(const std::string& path, const std::vector<std::string>& axes,
+                         const std::function<void(const SeriesHeader&)>& begin,
+                         const std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>& sample) {
+  SeriesHeader out;
+  out.log = path;
+  std::unique_ptr<Gridder> gridder;
+  scan_log(
+      path,
+      [&](const Log& header) {
+        out.axes = axes;
+        if (axes.empty())
+          for (const LogAxis& a : header.axes) out.axes.push_back(a.name);
+        std::vector<size_t> columns;
+        for (const std::string& name : out.axes) columns.push_back(static_cast<size_t>(&header.axis(name) - header.axes.data()));
+        gridder = std::make_unique<Gridder>(
+            path, columns,
+            [&](double t0_s, double dt_s) {
+              out.t0_s = t0_s, out.dt_s = dt_s;
+              begin(out);
+            },
+            sample);
+      },
+      [&](const LogRow& row) { gridder->row(row); });
+  gridder->finish();
+  return out;
+}
+
+std::vector<Series> load_series(const std::string& path, const std::vector<std::string>& axes, bool with_temp) {
+  std::vector<Series> out;
+  scan_series(
+      path, axes,
+      [&](const SeriesHeader& header) {
+        for (const std::string& name : header.axes) {
+          Series s;
+          s.log = path, s.axis = name, s.t0_s = header.t0_s, s.dt_s = header.dt_s;
+          out.push_back(s);
+        }
+      },
+      [&](size_t axis, double rate, double temp_degc, bool flagged) {
+        Series& s = out[axis];
+        s.n_missing += std::isnan(rate);
+        s.n_flagged += flagged;
+        s.rate_dph.push_back(rate);
+        if (with_temp) s.temp_degc.push_back(temp_degc);
+      });
+  for (Series& s : out) {
+    require_samples(path, s.axis, s.size() - s.n_missing);
+    if (std::none_of(s.temp_degc.begin(), s.temp_degc.end(), [](double t) { return std::isfinite(t); })) s.temp_degc = {};
+  }
+  return out;
+}
+
+double quantum_dph(const Series& s) {
+  std::vector<double> values;
+  for (double x : s.rate_dph)
+    if (!std::isnan(x)) values.push_back(x);
+  const size_t n = values.size();
+  std::sort(values.begin(), values.end());
+  // Written digits: the same value twice differs by less than a millionth of the span.
+  const double same = 1e-6 * (values.back() - values.front());
+  std::vector<double> distinct;
+  for (double x : values)
+    if (distinct.empty() || x - distinct.back() > same) distinct.push_back(x);
+  if (distinct.size() < 3 || distinct.size() * 10 > n) return 0;
+  double step = distinct.back() - distinct.front();
+  for (size_t i = 1; i < distinct.size(); ++i) step = std::min(step, distinct[i] - distinct[i - 1]);
+  // Refined over the whole span, then every value must lie on it.
+  const double span = distinct.back() - distinct.front();
+  step = span / std::round(span / step);
+  for (double x : distinct) {
+    const double place = (x - distinct.front()) / step;
+    if (std::fabs(place - std::round(place)) > 0.05) return 0;
+  }
+  return step;
+}
+
+Detrend Detrend::parse(const std::string& text) {
+  if (text == "none") return {Kind::kNone, 0};
+  if (text == "mean") return {Kind::kMean, 0};
+  const size_t colon = text.find(':');
+  const std::string head = text.substr(0, colon);
+  if ((head == "poly" || head == "time") && colon != std::string::npos) {
+    const std::string digits = text.substr(colon + 1);
+    if (digits.size() == 1 && digits[0] >= '0' && digits[0] <= '9')
+      return {head == "poly" ? Kind::kPolyTemperature : Kind::kPolyTime, digits[0] - '0'};
+  }
+  throw usage_error("--detrend " + text + ": expected none, mean, poly:N (in temperature) or time:N with N = 0 ... 9");
+}
+
+std::string Detrend::text() const {
+  if (kind == Kind::kNone) return "none";
+  if (kind == Kind::kMean) return "mean";
+  return (kind == Kind::kPolyTemperature ? "poly:" : "time:") + std::to_string(order);
+}
+
+std::vector<std::vector<double>> detrend_basis(const Series& s, const Detrend& detrend) {
+  if (detrend.kind == Detrend::Kind::kNone) return {};
+  const auto n = static_cast<size_t>(s.size());
+  const bool is_mean = detrend.kind == Detrend::Kind::kMean || detrend.order == 0;
+  double lo = 1e300, hi = -1e300;
+  if (!is_mean) {
+    if (detrend.kind == Detrend::Kind::kPolyTemperature && s.temp_degc.empty())
+      throw data_error(s.log + ": the log has no temperature, so no polynomial in it; use --detrend time:N or mean");
+    for (long i = 0; i < s.size(); ++i) {
+      if (std::isnan(s.rate_dph[static_cast<size_t>(i)])) continue;
+      const double x = poly_argument(s, detrend, i);
+      if (std::isnan(x))
+        throw data_error(s.log + ": no temperature at t_s = " + std::to_string(s.t_s(i)) +
+                         "; --detrend poly:N needs one for every rate");
+      lo = std::min(lo, x);
+      hi = std::max(hi, x);
+    }
+    if (!(hi > lo))
+      throw data_error(s.log + ": axis " + s.axis + ": the temperature is constant: " + detrend.text() +
+                       " cannot be fitted; use --detrend mean");
+  }
+  // Chebyshev polynomials on the span, made orthonormal by Gram-Schmidt, done twice.
+  std::vector<std::vector<double>> basis;
+  std::vector<double> column(n), previous(n, 0.0), before(n, 0.0);
+  const int order = is_mean ? 0 : detrend.order;
+  for (int p = 0; p <= order; ++p) {
+    for (size_t i = 0; i < n; ++i) {
+      if (std::isnan(s.rate_dph[i])) continue;
+      const double x = is_mean ? 0 : (2 * poly_argument(s, detrend, static_cast<long>(i)) - lo - hi) / (hi - lo);
+      column[i] = p == 0 ? 1 : p == 1 ? x : 2 * x * previous[i] - before[i];
+    }
+    before = previous;
+    previous = column;
+    std::vector<double> q = column;
+    double norm0 = 0;
+    for (double v : q) norm0 += v * v;
+    for (int pass = 0; pass < 2; ++pass)
+      for (const auto& b : basis) {
+        double dot = 0;
+        for (size_t i = 0; i < n; ++i) dot += b[i] * q[i];
+        for (size_t i = 0; i < n; ++i) q[i] -= dot * b[i];
+      }
+    double norm = 0;
+    for (double v : q) norm += v * v;
+    if (norm <= 1e-20 * norm0)
+      throw data_error(s.log + ": axis " + s.axis + ": the record does not determine a polynomial of order " +
+                       std::to_string(order) + " (rank " + std::to_string(p) + "); lower the order");
+    for (double& v : q) v /= std::sqrt(norm);
+    basis.push_back(std::move(q));
+  }
+  return basis;
+}
+
+void remove_trend(const Detrend& detrend, Series* s) {
+  const auto n = static_cast<size_t>(s->size());
+  // The mean first: sums of squares of what is left stay exact.
+  if (detrend.kind == Detrend::Kind::kNone) return;
+  // Sums of differences from a first value, in four chains.
+  const auto first = std::find_if(s->rate_dph.begin(), s->rate_dph.end(), [](double x) { return !std::isnan(x); });
+  if (first == s->rate_dph.end()) return;
+  const double base = *first;
+  double sum[4] = {0, 0, 0, 0};
+  if (s->n_missing == 0) {
+    const double* x = s->rate_dph.data();
+    size_t i = 0;
+    for (; i + 4 <= n; i += 4)
+      for (size_t l = 0; l < 4; ++l) sum[l] += x[i + l] - base;
+    for (; i < n; ++i) sum[0] += x[i] - base;
+  } else {
+    for (size_t i = 0; i < n; ++i)
+      if (!std::isnan(s->rate_dph[i])) sum[i % 4] += s->rate_dph[i] - base;
+  }
+  const double offset = base + (sum[0] + sum[1] + sum[2] + sum[3]) / static_cast<double>(s->size() - s->n_missing);
+  for (double& x : s->rate_dph) x -= offset;
+  if (detrend.kind == Detrend::Kind::kMean || detrend.order == 0) return;
+  for (const auto& q : detrend_basis(*s, detrend)) {
+    double dot = 0;
+    for (size_t i = 0; i < n; ++i)
+      if (!std::isnan(s->rate_dph[i])) dot += q[i] * s->rate_dph[i];
+    for (size_t i = 0; i < n; ++i) s->rate_dph[i] -= dot * q[i];
+  }
+}
+
+}  // namespace imucal

@@ -1,0 +1,441 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/errormodel/likelihood.h"
+
+#include <nlopt.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+
+#include "base/error.h"
+#include "base/units.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr size_t kMostTerms = 6;
+typedef double Lanes __attribute__((vector_size(32)));
+
+// Steady filter over samples [begin, end) of four columns: innovations out, states updated.
+template <size_t N>
+__attribute__((always_inline)) inline void steady_run(const double* in, size_t width, long begin, long end, const double* phi,
+                                                      const double* gain, double* state, double* out) {
+  Lanes x[N];
+  for (size_t i = 0; i < N; ++i) std::memcpy(&x[i], state + 4 * i, sizeof(Lanes));
+  for (long k = begin; k < end; ++k) {
+    Lanes e;
+    std::memcpy(&e, in + static_cast<size_t>(k) * width, sizeof e);
+    for (size_t i = 0; i < N; ++i) {
+      x[i] *= phi[i];
+      e -= x[i];
+    }
+    for (size_t i = 0; i < N; ++i) x[i] += gain[i] * e;
+    std::memcpy(out + 4 * k, &e, sizeof e);
+  }
+  for (size_t i = 0; i < N; ++i) std::memcpy(state + 4 * i, &x[i], sizeof(Lanes));
+}
+
+__attribute__((target_clones("avx2", "default"))) void steady(size_t n, const double* in, size_t width, long begin, long end,
+                                                            const double* phi, const double* gain, double* state, double* out) {
+  switch (n) {
+    case 1: return steady_run<1>(in, width, begin, end, phi, gain, state, out);
+    case 2: return steady_run<2>(in, width, begin, end, phi, gain, state, out);
+    case 3: return steady_run<3>(in, width, begin, end, phi, gain, state, out);
+    case 4: return steady_run<4>(in, width, begin, end, phi, gain, state, out);
+    case 5: return steady_run<5>(in, width, begin, end, phi, gain, state, out);
+    default: return steady_run<6>(in, width, begin, end, phi, gain, state, out);
+  }
+}
+
+// Predicted covariance of the terms, white variance 1.
+struct Covariance {
+  size_t n;
+  double p[kMostTerms][kMostTerms] = {}, phi[kMostTerms], q[kMostTerms];
+
+  Covariance(const std::vector<double>& variance, const std::vector<double>& tau_s, double dt_s) : n(variance.size()) {
+    for (size_t i = 0; i < n; ++i) {
+      phi[i] = std::exp(-dt_s / tau_s[i]);
+      q[i] = -variance[i] * std::expm1(-2 * dt_s / tau_s[i]);
+      p[i][i] = variance[i];
+    }
+  }
+  double innovation_variance(double* gain) const {
+    double s = 1;
+    for (size_t i = 0; i < n; ++i) {
+      gain[i] = 0;
+      for (size_t j = 0; j < n; ++j) gain[i] += p[i][j];
+      s += gain[i];
+    }
+    for (size_t i = 0; i < n; ++i) gain[i] /= s;
+    return s;
+  }
+  void update(const double* gain, double s) {
+    for (size_t i = 0; i < n; ++i)
+      for (size_t j = 0; j < n; ++j) p[i][j] -= gain[i] * gain[j] * s;
+  }
+  void predict() {
+    for (size_t i = 0; i < n; ++i) {
+      for (size_t j = 0; j < n; ++j) p[i][j] *= phi[i] * phi[j];
+      p[i][i] += q[i];
+    }
+  }
+};
+
+}  // namespace
+
+Likelihood::Likelihood(const std::vector<Series>& series, const Detrend& detrend) {
+  for (const Series& s : series) {
+    Record r;
+    r.n = s.size();
+    dt_s_ = s.dt_s;
+    longest_s_ = std::max(longest_s_, static_cast<double>(s.size()) * s.dt_s);
+    const auto basis = detrend_basis(s, detrend);
+    r.n_columns = basis.size() + 1;
+    r.width = (r.n_columns + 3) / 4 * 4;
+    r.lanes.assign(static_cast<size_t>(r.n) * r.width, 0.0);
+    if (s.n_missing > 0) r.missing.assign(static_cast<size_t>(r.n), 0);
+    // A constant near the data is taken off where it is marginalised anyway: digits.
+    double centre = 0;
+    if (!basis.empty())
+      for (double y : s.rate_dph)
+        if (!std::isnan(y)) centre += y / static_cast<double>(s.size() - s.n_missing);
+    bool varies = false;
+    for (size_t k = 0; k < static_cast<size_t>(r.n); ++k) {
+      if (std::isnan(s.rate_dph[k])) {
+        r.missing[k] = 1;
+        continue;
+      }
+      double* lane = &r.lanes[k * r.width];
+      lane[0] = s.rate_dph[k] - centre;
+      varies = varies || std::fabs(lane[0]) > 1e-12 * (1 + std::fabs(centre));
+      for (size_t c = 0; c < basis.size(); ++c) lane[c + 1] = basis[c][k];
+    }
+    if (!varies) throw data_error(s.log + ": axis " + s.axis + " is constant: nothing to fit (is the sensor alive?)");
+    const long left = s.size() - s.n_missing - static_cast<long>(basis.size());
+    if (left < 10)
+      throw data_error(s.log + ": axis " + s.axis + ": " + std::to_string(left) + " samples beyond the " +
+                       std::to_string(basis.size()) + " coefficients marginalised; at least 10 are needed");
+    dof_ += left;
+    records_.push_back(std::move(r));
+  }
+}
+
+Likelihood::Sums Likelihood::sums(const Record& r, const std::vector<double>& variance, const std::vector<double>& tau_s) const {
+  static thread_local std::vector<double> innovations;  // four columns per block, sample after sample
+  const size_t terms = variance.size(), blocks = r.width / 4;
+  const auto n = static_cast<size_t>(r.n);
+  innovations.resize(4 * blocks * n);
+  Covariance cov(variance, tau_s, dt_s_);
+  std::vector<double> state(4 * blocks * std::max<size_t>(terms, 1), 0.0);
+  std::vector<double> weight;           // 1/S of the samples before the gains settle
+  std::vector<long> weighted;
+  double gain[kMostTerms] = {}, s = 1, last_s = 0, log_s = 0;
+  long k = 0, settled_n = 0;
+  int calm = 0;
+  Sums out;
+  while (k < r.n) {
+    const bool missing = !r.missing.empty() && r.missing[static_cast<size_t>(k)];
+    if (calm < 3 || missing) {
+      s = cov.innovation_variance(gain);
+      calm = std::fabs(s - last_s) <= 1e-13 * s ? calm + 1 : 0;
+      last_s = s;
+      for (size_t b = 0; b < blocks; ++b) {
+        const double* in = &r.lanes[static_cast<size_t>(k) * r.width + 4 * b];
+        double* x = &state[4 * b * terms];
+        for (size_t l = 0; l < 4; ++l) {
+          double e = in[l];
+          for (size_t i = 0; i < terms; ++i) e -= x[4 * i + l] *= cov.phi[i];
+          if (!missing)
+            for (size_t i = 0; i < terms; ++i) x[4 * i + l] += gain[i] * e;
+          innovations[4 * (b * n + static_cast<size_t>(k)) + l] = missing ? 0 : e;
+        }
+      }
+      if (missing) {
+        calm = 0;
+      } else {
+        cov.update(gain, s);
+        log_s += std::log(s);
+        weight.push_back(1 / s);
+        weighted.push_back(k);
+      }
+      cov.predict();
+      ++k;
+      continue;
+    }
+    long end = k;
+    while (end < r.n && (r.missing.empty() || !r.missing[static_cast<size_t>(end)])) ++end;
+    if (terms > 0)
+      for (size_t b = 0; b < blocks; ++b)
+        steady(terms, &r.lanes[4 * b], r.width, k, end, cov.phi, gain, &state[4 * b * terms], &innovations[4 * b * n]);
+    else
+      for (size_t b = 0; b < blocks; ++b)
+        for (long i = k; i < end; ++i) std::memcpy(&innovations[4 * (b * n + static_cast<size_t>(i))], &r.lanes[static_cast<size_t>(i) * r.width + 4 * b], sizeof(Lanes));
+    settled_n += end - k;
+    k = end;
+  }
+  log_s += static_cast<double>(settled_n) * std::log(s);
+  // E'E: all at the settled weight, then the difference for those before.
+  const size_t p = r.n_columns;
+  Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(static_cast<long>(p), static_cast<long>(p));
+  const auto at = [&](size_t c, size_t i) { return innovations[4 * (c / 4 * n + i) + c % 4]; };
+  for (size_t a = 0; a < p; ++a)
+    for (size_t c = a / 4 * 4; c < p; c += 4) {  // four products at a time
+      Lanes sum = {0, 0, 0, 0}, term;
+      const double* right = &innovations[4 * (c / 4) * n];
+      const double* left = &innovations[4 * (a / 4) * n + a % 4];
+      for (size_t i = 0; i < n; ++i) {
+        std::memcpy(&term, right + 4 * i, sizeof term);
+        sum += term * left[4 * i];
+      }
+      for (size_t l = 0; l < 4 && c + l < p; ++l) gram(static_cast<long>(a), static_cast<long>(c + l)) = sum[l] / s;
+    }
+  for (size_t a = 0; a < p; ++a)
+    for (size_t c = a; c < p; ++c) {
+      double correction = 0;
+      for (size_t j = 0; j < weight.size(); ++j) {
+        const auto i = static_cast<size_t>(weighted[j]);
+        correction += (weight[j] - 1 / s) * at(a, i) * at(c, i);
+      }
+      gram(static_cast<long>(a), static_cast<long>(c)) += correction;
+      gram(static_cast<long>(c), static_cast<long>(a)) = gram(static_cast<long>(a), static_cast<long>(c));
+    }
+  out.log_s = log_s;
+  out.rss = gram(0, 0);
+  if (p > 1) {
+    const long m = static_cast<long>(p) - 1;
+    const Eigen::LDLT<Eigen::MatrixXd> solver(gram.bottomRightCorner(m, m));
+    const Eigen::VectorXd cross = gram.col(0).tail(m);
+    out.rss -= cross.dot(solver.solve(cross));
+    out.log_det = solver.vectorD().array().log().sum();
+  }
+  return out;
+}
+
+Likelihood::Sums Likelihood::total(const std::vector<double>& variance, const std::vector<double>& tau_s) const {
+  Sums out;
+  for (const Record& r : records_) {
+    const Sums s = sums(r, variance, tau_s);
+    out.log_s += s.log_s, out.rss += s.rss, out.log_det += s.log_det;
+  }
+  return out;
+}
+
+Likelihood::Profile Likelihood::profile(const std::vector<double>& variance, const std::vector<double>& tau_s) const {
+  if (variance.size() > kMostTerms) throw usage_error("more than " + std::to_string(kMostTerms) + " Markov terms");
+  const Sums s = total(variance, tau_s);
+  const auto n = static_cast<double>(dof_);
+  const double scale = s.rss / n;
+  return {s.log_s + s.log_det + n * (std::log(2 * kPi * scale) + 1), scale};
+}
+
+double Likelihood::deviance(const ErrorModel& model) const {
+  const double white = std::pow(white_sigma_dph(model.arw_deg_rt_h, dt_s_), 2);
+  if (!(white > 0)) throw usage_error("the likelihood needs white noise: arw_deg_rt_h > 0");
+  std::vector<double> variance, tau_s;
+  for (const Markov& m : model.markov) variance.push_back(m.sigma_dph * m.sigma_dph / white), tau_s.push_back(m.tau_s);
+  if (variance.size() > kMostTerms) throw usage_error("more than " + std::to_string(kMostTerms) + " Markov terms");
+  const Sums s = total(variance, tau_s);
+  return s.log_s + s.log_det + s.rss / white + static_cast<double>(dof_) * std::log(2 * kPi * white);
+}
+
+namespace {
+
+// Parameters of the search: per term ln g and ln tau, g = variance relative to white * 2 tau/dt: its density at low
+// frequencies over that of the white noise, which the data determine best.
+class MlSearch {
+ public:
+  explicit MlSearch(const Likelihood& likelihood)
+      : likelihood_(likelihood), lo_tau_(std::log(1.5 * likelihood.dt_s())), hi_tau_(std::log(likelihood.longest_s())) {}
+
+  Likelihood::Profile at(const std::vector<double>& x) const {
+    std::vector<double> variance, tau_s;
+    for (size_t k = 0; k + 1 < x.size(); k += 2) {
+      tau_s.push_back(std::exp(x[k + 1]));
+      variance.push_back(std::exp(x[k]) / (2 * tau_s.back() / likelihood_.dt_s()));
+    }
+    ++evaluations;
+    return likelihood_.profile(variance, tau_s);
+  }
+
+  double refine(std::vector<double>* x) const {
+    std::vector<double> lo, hi;
+    for (size_t k = 0; k < x->size(); k += 2) {
+      lo.insert(lo.end(), {kLeastLogDensity, lo_tau_});
+      hi.insert(hi.end(), {kMostLogDensity, hi_tau_});
+    }
+    for (size_t i = 0; i < x->size(); ++i) (*x)[i] = std::clamp((*x)[i], lo[i], hi[i]);
+    nlopt_opt opt = nlopt_create(NLOPT_LN_BOBYQA, static_cast<unsigned>(x->size()));
+    nlopt_set_min_objective(
+        opt,
+        [](unsigned n, const double* point, double*, void* self) {
+          return static_cast<const MlSearch*>(self)->at(std::vector<double>(point, point + n)).deviance;
+        },
+        const_cast<MlSearch*>(this));
+    nlopt_set_lower_bounds(opt, lo.data());
+    nlopt_set_upper_bounds(opt, hi.data());
+    nlopt_set_initial_step1(opt, 0.3);
+    nlopt_set_xtol_abs1(opt, 1e-4);
+    nlopt_set_ftol_abs(opt, 1e-5);
+    nlopt_set_maxeval(opt, static_cast<int>(80 * x->size()));
+    double value = std::numeric_limits<double>::infinity();
+    if (nlopt_optimize(opt, x->data(), &value) < 0 && !std::isfinite(value)) value = at(*x).deviance;
+    nlopt_destroy(opt);
+    return value;
+  }
+
+  // Adds a term to those of `base`: a coarse grid, then the best `n_starts` refined.
+  double add_term(const std::vector<double>& base, size_t n_starts, std::vector<double>* best) const {
+    struct Start {
+      double deviance;
+      std::vector<double> x;
+    };
+    std::vector<Start> starts;
+    const int n_tau = base.empty() ? 7 : 8;
+    for (int i = 0; i < n_tau; ++i)
+      for (double log_g : base.empty() ? std::vector<double>{-1, 1, 3, 6} : std::vector<double>{-1, 2, 5}) {
+        std::vector<double> x = base;
+        x.push_back(log_g);
+        x.push_back(lo_tau_ + 0.5 + (hi_tau_ - 1.2 - lo_tau_) * i / (n_tau - 1));
+        starts.push_back({at(x).deviance, x});
+      }
+    std::sort(starts.begin(), starts.end(), [](const Start& a, const Start& b) { return a.deviance < b.deviance; });
+    double least = std::numeric_limits<double>::infinity();
+    std::vector<std::vector<double>> used;
+    for (Start& s : starts) {
+      if (used.size() == n_starts) break;
+      // Starts of different time constants only.
+      const bool near = std::any_of(used.begin(), used.end(), [&](const auto& u) { return std::fabs(u.back() - s.x.back()) < 0.9; });
+      if (near) continue;
+      // A start so much worse than what was reached already is not refined.
+      if (s.deviance > least + 0.01 * static_cast<double>(likelihood_.dof())) break;
+      used.push_back(s.x);
+      const double value = refine(&s.x);
+      if (value < least) least = value, *best = s.x;
+    }
+    return least;
+  }
+
+  static constexpr double kLeastLogDensity = -12, kMostLogDensity = 25;
+  mutable int evaluations = 0;
+
+ private:
+  const Likelihood& likelihood_;
+  double lo_tau_, hi_tau_;
+};
+
+// ln r, then ln sigma, ln tau per term; the deviance as a function of them for the information matrix.
+std::vector<MlParameter> parameters_with_errors(const Likelihood& likelihood, const ErrorModel& model, int* evaluations) {
+  std::vector<double> x = {std::log(model.arw_deg_rt_h)};
+  std::vector<MlParameter> out = {{"arw_deg_rt_h", model.arw_deg_rt_h, 0, 0, 0}};
+  for (size_t k = 0; k < model.markov.size(); ++k) {
+    const std::string head = "markov[" + std::to_string(k) + "].";
+    out.push_back({head + "sigma_dph", model.markov[k].sigma_dph, 0, 0, 0});
+    out.push_back({head + "tau_s", model.markov[k].tau_s, 0, 0, 0});
+    x.push_back(std::log(model.markov[k].sigma_dph));
+    x.push_back(std::log(model.markov[k].tau_s));
+  }
+  const auto f = [&](const Eigen::VectorXd& at) {
+    ErrorModel m = model;
+    m.arw_deg_rt_h = std::exp(at[0]);
+    for (size_t k = 0; k < m.markov.size(); ++k)
+      m.markov[k] = {std::exp(at[1 + 2 * static_cast<long>(k)]), std::exp(at[2 + 2 * static_cast<long>(k)])};
+    ++*evaluations;
+    return likelihood.deviance(m);
+  };
+  const auto n = static_cast<long>(x.size());
+  const Eigen::VectorXd centre = Eigen::Map<const Eigen::VectorXd>(x.data(), n);
+  const double f0 = f(centre);
+  // Steps that change the deviance by about 0.1: far from rounding, near enough to be quadratic.
+  Eigen::VectorXd step = Eigen::VectorXd::Constant(n, 0.01), plus(n), minus(n);
+  for (long i = 0; i < n; ++i) {
+    for (int attempt = 0; attempt < 3; ++attempt) {
+      Eigen::VectorXd at = centre;
+      at[i] += step[i];
+      plus[i] = f(at);
+      at[i] -= 2 * step[i];
+      minus[i] = f(at);
+      const double bend = plus[i] + minus[i] - 2 * f0;
+      if (bend > 0.02 && bend < 1) break;
+      step[i] = std::clamp(step[i] * (bend > 1e-9 ? std::sqrt(0.2 / bend) : 10.0), 1e-5, 0.3);
+    }
+  }
+  Eigen::MatrixXd information(n, n);
+  for (long i = 0; i < n; ++i) {
+    information(i, i) = 0.5 * (plus[i] + minus[i] - 2 * f0) / (step[i] * step[i]);
+    for (long j = 0; j < i; ++j) {
+      Eigen::VectorXd at = centre;
+      at[i] += step[i], at[j] += step[j];
+      const double both = f(at);
+      at[i] -= 2 * step[i], at[j] -= 2 * step[j];
+      const double neither = f(at);
+      const double mixed = (both + neither - plus[i] - minus[i] - plus[j] - minus[j] + 2 * f0) / (2 * step[i] * step[j]);
+      information(i, j) = information(j, i) = 0.5 * mixed;
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(information);
+  const bool sound = eigen.eigenvalues().minCoeff() > 1e-6 * std::max(1.0, eigen.eigenvalues().maxCoeff() * 1e-6);
+  for (long i = 0; i < n; ++i) {
+    double variance = 0;
+    for (long j = 0; j < n; ++j) {
+      const double value = std::max(eigen.eigenvalues()[j], 1e-8);
+      variance += std::pow(eigen.eigenvectors()(i, j), 2) / value;
+    }
+    MlParameter& p = out[static_cast<size_t>(i)];
+    p.log_std_error = std::sqrt(variance);
+    if (!sound && p.log_std_error > 10) p.log_std_error = std::numeric_limits<double>::infinity();
+    p.ci95_lo = p.value * std::exp(-1.959964 * p.log_std_error);
+    p.ci95_hi = p.value * std::exp(1.959964 * p.log_std_error);
+  }
+  return out;
+}
+
+ErrorModel model_at(const MlSearch& search, const std::vector<double>& x, double dt_s) {
+  ErrorModel m;
+  const double white = search.at(x).white_variance;
+  m.arw_deg_rt_h = arw_from_white_sigma(std::sqrt(white * dt_s));
+  for (size_t k = 0; k + 1 < x.size(); k += 2) {
+    const double tau_s = std::exp(x[k + 1]);
+    m.markov.push_back({std::sqrt(white * std::exp(x[k]) * dt_s / (2 * tau_s)), tau_s});
+  }
+  std::sort(m.markov.begin(), m.markov.end(), [](const Markov& a, const Markov& b) { return a.tau_s < b.tau_s; });
+  return m;
+}
+
+}  // namespace
+
+MlFit fit_maximum_likelihood(const Likelihood& likelihood, int n_markov) {
+  const MlSearch search(likelihood);
+  MlFit best;
+  std::vector<double> x, winner;
+  double best_bic = std::numeric_limits<double>::infinity();
+  const int most = n_markov < 0 ? 3 : n_markov;
+  for (int n = 0; n <= most; ++n) {
+    double deviance;
+    if (n == 0) {
+      deviance = search.at(x).deviance;
+    } else {
+      std::vector<double> next;
+      deviance = search.add_term(x, n == 1 ? 2 : 3, &next);
+      x = next;
+    }
+    best.log_likelihood_by_terms.push_back(-0.5 * deviance);
+    best.bic_by_terms.push_back(deviance + (1 + 2 * n) * std::log(static_cast<double>(likelihood.dof())));
+    const bool chosen = n_markov >= 0 ? n == n_markov : best.bic_by_terms.back() < best_bic;
+    if (!chosen && n_markov < 0 && n > 1) break;
+    if (!chosen) continue;
+    best_bic = best.bic_by_terms.back();
+    best.log_likelihood = -0.5 * deviance;
+    best.bic = best_bic;
+    winner = x;
+  }
+  best.model = model_at(search, winner, likelihood.dt_s());
+  best.evaluations = search.evaluations;
+  best.parameters = parameters_with_errors(likelihood, best.model, &best.evaluations);
+  return best;
+}
+
+}  // namespace imucal

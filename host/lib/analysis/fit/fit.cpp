@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/fit/fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "analysis/fit/parts.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr double kMinSpanDegc = 0.5;
+constexpr size_t kTemperatures = IMUCAL_TABLE_SIGMA_N;
+constexpr double kUnused = std::numeric_limits<double>::quiet_NaN();
+
+std::string stem_of(const std::string& axis) { return axis.substr(0, axis.rfind('_')); }
+
+const LogAxis& find_axis(const Log& log, const std::string& name) {
+  for (const LogAxis& axis : log.axes)
+    if (axis.name == name || stem_of(axis.name) == stem_of(name)) return axis;
+  return log.axis(name);  // throws with the list
+}
+
+std::vector<std::string> axes_of(const Log& log, const std::vector<std::string>& asked) {
+  if (!asked.empty()) return asked;
+  const bool has_gyro = std::any_of(log.axes.begin(), log.axes.end(), [](const LogAxis& a) { return a.is_gyro; });
+  std::vector<std::string> names;
+  for (const LogAxis& axis : log.axes)
+    if (axis.is_gyro || !has_gyro) names.push_back(axis.name);
+  return names;
+}
+
+struct Span {
+  double lo = std::numeric_limits<double>::infinity(), hi = -std::numeric_limits<double>::infinity();
+  void take(double value) {
+    if (!std::isfinite(value)) return;
+    lo = std::min(lo, value);
+    hi = std::max(hi, value);
+  }
+};
+
+// The log's rows on a regular grid of its own steps.
+FitRun grid_of(const Log& log, const LogAxis& axis, double dt_s) {
+  FitRun run;
+  for (size_t k = 0; k < log.size(); ++k) {
+    const auto at = static_cast<size_t>(std::llround((log.t_s[k] - log.t_s[0]) / dt_s));
+    run.rate_dph.resize(std::max(at + 1, run.rate_dph.size()), kUnused);
+    run.temp_degc.resize(run.rate_dph.size(), kUnused);
+    run.noise_ratio.resize(run.rate_dph.size(), 1.0F);
+    run.has_row.resize(run.rate_dph.size(), false);
+    run.has_row[at] = true;
+    const bool is_flagged = !axis.flags.empty() && (axis.flags[k] & (kSaturated | kSensorFault)) != 0;
+    if (is_flagged || !std::isfinite(axis.rate_dph[k]) || !std::isfinite(log.temp_degc[k])) continue;
+    run.rate_dph[at] = axis.rate_dph[k];
+    run.temp_degc[at] = log.temp_degc[k];
+    if (!axis.noise_ratio.empty()) run.noise_ratio[at] = axis.noise_ratio[k];
+  }
+  return run;
+}
+
+void check_logs(const std::vector<Log>& logs) {
+  if (logs.empty()) throw usage_error("no log given");
+  for (const Log& log : logs) {
+    if (!log.has_temperature())
+      throw data_error(log.path + ": column temp_degc is empty: a thermal calibration needs the temperature");
+    if (std::abs(log.dt_s() / logs[0].dt_s() - 1) > 0.01)
+      throw data_error(log.path + ": rows are " + std::to_string(log.dt_s()) + " s apart, those of " + logs[0].path + " " +
+                       std::to_string(logs[0].dt_s()) + " s: decimate them to the same interval");
+  }
+}
+
+// Normalisation of temperature: asked for, the model's, or the logs' own span.
+void normalise(const FitOptions& options, const Span& seen, FitAxis* axis) {
+  const bool from_model = options.model && options.model->bias;
+  axis->t0_degc = options.t0_degc.value_or(from_model ? options.model->bias->t0_degc : (seen.lo + seen.hi) / 2);
+  axis->range_degc = options.range_degc.value_or(from_model ? options.model->bias->range_degc : (seen.hi - seen.lo) / 2);
+  if (!(axis->range_degc > 0)) throw usage_error("the temperature range must be positive");
+}
+
+void judge_span(const std::string& path, const Span& seen, FitAxis* axis, FitResult* result) {
+  if (!(seen.hi - seen.lo >= kMinSpanDegc)) {
+    const double span = std::isfinite(seen.hi - seen.lo) ? std::max(0.0, seen.hi - seen.lo) : 0.0;
+    throw data_error(path + ": the temperature never moves (" + std::to_string(span) +
+                     " degC in all): a thermal calibration needs a profile that does");
+  }
+  const double lo = axis->t0_degc - axis->range_degc, hi = axis->t0_degc + axis->range_degc;
+  axis->span_lo_degc = std::max(seen.lo, lo);
+  axis->span_hi_degc = std::min(seen.hi, hi);
+  if (!(axis->span_hi_degc - axis->span_lo_degc >= kMinSpanDegc))
+    throw data_error(path + ": temperatures " + std::to_string(seen.lo) + ".." + std::to_string(seen.hi) +
+                     " degC lie outside t0 +- range = " + std::to_string(lo) + ".." + std::to_string(hi) + " degC");
+  if (seen.lo < lo - 0.1 || seen.hi > hi + 0.1)
+    result->warnings.push_back(axis->axis + ": temperatures reach beyond t0 +- range; the table is valid inside it only");
+}
+
+void take_fit(const ChebyshevFit& fit, FitAxis* axis) {
+  const Eigen::MatrixXd to_power = power_from_chebyshev(axis->order);
+  const Eigen::VectorXd b = to_power * fit.coeff;
+  const Eigen::MatrixXd covariance = to_power * fit.covariance * to_power.transpose();
+  axis->coeff_dph.assign(b.data(), b.data() + b.size());
+  if (!fit.core_coeff.empty()) axis->coeff_dph = fit.core_coeff;
+  axis->covariance_dph2.assign(covariance.data(), covariance.data() + covariance.size());
+  axis->sigma_basis = fit.sigma_basis;
+  axis->mean_nis = fit.mean_nis;
+  axis->lag1 = fit.lag1;
+  if (fit.constant.size() > 1)
+    for (const double c : fit.constant) axis->turn_on_dph.push_back(c - fit.coeff[0]);
+  for (size_t i = 0; i < kTemperatures; ++i) {
+    const double part = static_cast<double>(i) / (kTemperatures - 1);
+    const double temp = axis->span_lo_degc + part * (axis->span_hi_degc - axis->span_lo_degc);
+    // In Chebyshev's polynomials: there the covariance has no large cancelling entries.
+    const Eigen::VectorXd row = chebyshev_row(axis->order, (temp - axis->t0_degc) / axis->range_degc);
+    axis->temp_degc.push_back(temp);
+    axis->sigma_dph.push_back(std::sqrt(std::max(0.0, row.dot(fit.covariance * row))));
+  }
+}
+
+void take_residuals(const std::vector<FitRun>& runs, FitAxis* axis) {
+  double sum = 0;
+  for (size_t l = 0; l < runs.size(); ++l)
+    for (size_t k = 0; k < runs[l].rate_dph.size(); ++k) {
+      if (!std::isfinite(runs[l].rate_dph[k])) {
+        ++axis->n_missing;
+        continue;
+      }
+      const double turn_on = axis->turn_on_dph.empty() ? 0.0 : axis->turn_on_dph[l];
+      const double residual = runs[l].rate_dph[k] - axis->bias_dph(runs[l].temp_degc[k]) - turn_on;
+      sum += residual * residual;
+      ++axis->n_used;
+    }
+  axis->residual_rms_dph = axis->n_used > 0 ? std::sqrt(sum / static_cast<double>(axis->n_used)) : 0;
+}
+
+FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const FitOptions& options, FitResult* result) {
+  const double dt_s = logs[0].dt_s();
+  FitAxis axis;
+  const LogAxis& first = find_axis(logs[0], name);
+  axis.axis = stem_of(first.name) + (first.is_gyro ? "_dph" : "_mg");
+  axis.order = options.order;
+  std::vector<FitRun> runs;
+  Span seen;
+  size_t n_used = 0;
+  for (const Log& log : logs) {
+    runs.push_back(grid_of(log, find_axis(log, name), dt_s));
+    size_t n_here = 0;
+    for (size_t k = 0; k < runs.back().rate_dph.size(); ++k) {
+      if (!std::isfinite(runs.back().rate_dph[k])) continue;
+      seen.take(runs.back().temp_degc[k]);
+      ++n_here;
+    }
+    if (n_here == 0) throw data_error(log.path + ": axis " + name + " has no usable second (empty, flagged, or without temperature)");
+    n_used += n_here;
+  }
+  if (n_used < static_cast<size_t>(options.order) + logs.size() + 1)
+    throw data_error(logs[0].path + ": " + std::to_string(n_used) + " usable seconds are too few for order " +
+                     std::to_string(options.order));
+  normalise(options, seen, &axis);
+  judge_span(logs[0].path, seen, &axis, result);
+  // Beyond |Tn| = 1.5 the core refuses and a polynomial has no meaning: leave out for both methods.
+  for (FitRun& run : runs)
+    for (size_t k = 0; k < run.rate_dph.size(); ++k)
+      if (std::abs((run.temp_degc[k] - axis.t0_degc) / axis.range_degc) > static_cast<double>(IMUCAL_KF_MAX_TN)) run.rate_dph[k] = kUnused;
+  const ChebyshevFit fit =
+      options.method == FitOptions::Method::kKalman
+          ? fit_kalman(runs, kf_config(*options.model, options.order, axis.t0_degc, axis.range_degc, options.prior_sigma_dph, dt_s),
+                       options.shared_turn_on)
+          : fit_polynomial_qr(runs, options.order, axis.t0_degc, axis.range_degc, options.model ? &*options.model : nullptr, dt_s,
+                              options.shared_turn_on);
+  take_fit(fit, &axis);
+  take_residuals(runs, &axis);
+  if (fit.n_refused > 0)
+    result->warnings.push_back(axis.axis + ": the filter refused " + std::to_string(fit.n_refused) + " seconds as out of range");
+  const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
+  if (options.method == FitOptions::Method::kKalman && worst > 0.1 * options.prior_sigma_dph)
+    throw data_error(logs[0].path + ": axis " + name + ": the logs do not determine order " + std::to_string(options.order) +
+                     " (predicted error " + std::to_string(worst) + " dph): record a wider span or lower --order");
+  return axis;
+}
+
+}  // namespace
+
+double FitAxis::bias_dph(double at_degc) const {
+  const double tn = (at_degc - t0_degc) / range_degc;
+  double sum = 0;
+  for (size_t i = coeff_dph.size(); i-- > 0;) sum = sum * tn + coeff_dph[i];
+  return sum;
+}
+
+double FitAxis::bias_sigma_dph(double at_degc) const {
+  const double tn = (at_degc - t0_degc) / range_degc;
+  const size_t n = coeff_dph.size();
+  double sum = 0;
+  for (size_t i = 0; i < n; ++i)
+    for (size_t j = 0; j < n; ++j)
+      sum += covariance_dph2[i * n + j] * std::pow(tn, static_cast<double>(i)) * std::pow(tn, static_cast<double>(j));
+  return std::sqrt(std::max(0.0, sum));
+}
+
+imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc, double range_degc, double prior_sigma_dph,
+                             double dt_s, double other_white_dph2) {
+  double variance = 0, density = 0;
+  for (const Markov& m : model.markov) {
+    variance += m.sigma_dph * m.sigma_dph;
+    density += m.sigma_dph * m.sigma_dph * m.tau_s;
+  }
+  const double tau_s = variance > 0 ? density / variance : 1.0;
+  const double white = white_sigma_dph(model.arw_deg_rt_h, dt_s);
+  imucal_kf_config_t config{};
+  config.order = static_cast<uint8_t>(order);
+  config.t0_degc = static_cast<float>(t0_degc);
+  config.range_degc = static_cast<float>(range_degc);
+  config.m = static_cast<float>(-std::expm1(-dt_s / tau_s));
+  config.q = static_cast<float>(-variance * std::expm1(-2 * dt_s / tau_s));
+  config.r = static_cast<float>(white * white + other_white_dph2);
+  config.markov_variance = static_cast<float>(variance);
+  config.prior_sigma = static_cast<float>(prior_sigma_dph);
+  if (!(white > 0)) throw data_error("model: arw_deg_rt_h is 0: the filter needs white noise; state the sensor's angle random walk");
+  imucal_kf_t trial;
+  const imucal_status status = imucal_kf_init(&trial, &config);
+  if (status != IMUCAL_OK) throw data_error(std::string("the filter refuses the model: ") + imucal_status_text(status));
+  return config;
+}
+
+FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options) {
+  if (options.order < 1 || options.order > IMUCAL_MAX_ORDER)
+    throw usage_error("order " + std::to_string(options.order) + " is not in 1.." + std::to_string(IMUCAL_MAX_ORDER));
+  if (options.method == FitOptions::Method::kKalman && !options.model)
+    throw usage_error("the Kalman filter needs an error model: give --model, or use --method poly");
+  check_logs(logs);
+  FitResult result;
+  result.method = options.method;
+  result.model = options.model;
+  result.metadata = logs[0].metadata;
+  for (const Log& log : logs) result.logs.push_back(log.path);
+  if (options.method == FitOptions::Method::kKalman && options.model->markov.size() > 1)
+    result.warnings.push_back("the filter has one Markov state: the model's " + std::to_string(options.model->markov.size()) +
+                              " terms were merged into one of the same variance and low-frequency density");
+  for (const std::string& name : axes_of(logs[0], options.axes)) result.axes.push_back(fit_axis(logs, name, options, &result));
+  return result;
+}
+
+}  // namespace imucal

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+// Between fit.cpp and the two methods: one axis of all logs, ready to be filtered or solved.
+#pragma once
+#include <Eigen/Dense>
+#include <vector>
+
+#include "analysis/fit/factors.h"
+#include "analysis/fit/fit.h"
+
+namespace imucal {
+
+// One axis of one log on a regular grid of seconds; NaN rate: not used (missing, flagged, no temperature).
+struct FitRun {
+  std::vector<double> rate_dph, temp_degc;
+  std::vector<float> noise_ratio;  // white variance over that of a whole second
+  std::vector<bool> has_row;       // false: the log has no row for this second
+};
+
+// What either method finds, in Chebyshev polynomials of Tn: c0 (mean of the logs' constants), c1 .. cM.
+struct ChebyshevFit {
+  Eigen::VectorXd coeff;       // M + 1
+  Eigen::MatrixXd covariance;  // of these
+  std::vector<double> constant;  // c0 of each log (one where shared)
+  std::string sigma_basis;
+  double mean_nis = 0, lag1 = 0;
+  long n_refused = 0;
+  std::vector<double> core_coeff;  // kKalman, one log: b_i as the core gives them
+};
+
+ChebyshevFit fit_kalman(const std::vector<FitRun>& runs, const imucal_kf_config_t& config, bool shared_turn_on);
+
+// model null: sigma from the residuals.  dt_s: step of the grid.
+ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, double t0_degc, double range_degc,
+                               const ErrorModel* model, double dt_s, bool shared_turn_on);
+
+}  // namespace imucal

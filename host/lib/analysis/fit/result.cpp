@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: MIT
+// The fit's result as JSON and as a table.
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <ctime>
+
+#include "base/error.h"
+#include "analysis/fit/fit.h"
+
+namespace imucal {
+
+namespace {
+
+double metadata_number(const FitResult& result, const std::string& key, double fallback) {
+  const auto it = result.metadata.find(key);
+  if (it == result.metadata.end() || it->second.empty()) return fallback;
+  double value = 0;
+  const char* end = it->second.data() + it->second.size();
+  const auto parsed = std::from_chars(it->second.data(), end, value);
+  if (parsed.ec != std::errc() || parsed.ptr != end || !std::isfinite(value))
+    throw data_error(result.logs[0] + ": # " + key + ": expected a number, found \"" + it->second + "\"");
+  return value;
+}
+
+imucal_table_channel_t channel_of(const FitResult& result, const FitAxis& axis, const TableInfo& info) {
+  imucal_table_channel_t channel{};
+  if (imucal_text_set(channel.name, sizeof channel.name, axis.axis.c_str()) != IMUCAL_OK)
+    throw data_error("axis \"" + axis.axis + "\": a table holds names of 1 to 12 printable characters");
+  const std::string stem = axis.axis.substr(0, axis.axis.rfind('_')), unit = axis.axis.substr(axis.axis.rfind('_'));
+  channel.order = static_cast<uint8_t>(axis.order);
+  channel.t0_degc = static_cast<float>(axis.t0_degc);
+  channel.range_degc = static_cast<float>(axis.range_degc);
+  for (size_t i = 0; i < axis.coeff_dph.size(); ++i) channel.coeff[i] = static_cast<float>(axis.coeff_dph[i]);
+  channel.span_lo_degc = static_cast<float>(axis.span_lo_degc);
+  channel.span_hi_degc = static_cast<float>(axis.span_hi_degc);
+  for (size_t i = 0; i < axis.sigma_dph.size(); ++i) channel.sigma[i] = static_cast<float>(axis.sigma_dph[i]);
+  if (result.model) {
+    channel.arw = static_cast<float>(result.model->arw_deg_rt_h);
+    channel.n_markov = static_cast<uint8_t>(std::min<size_t>(result.model->markov.size(), IMUCAL_TABLE_MARKOV_N));
+    for (size_t i = 0; i < channel.n_markov; ++i) {
+      channel.markov_sigma[i] = static_cast<float>(result.model->markov[i].sigma_dph);
+      channel.markov_tau_s[i] = static_cast<float>(result.model->markov[i].tau_s);
+    }
+  }
+  const double scale = unit == "_mg" ? 1.0 : 18.0;
+  channel.unit_per_count =
+      static_cast<float>(info.unit_per_count.value_or(metadata_number(result, stem + "_counts_scale" + unit, scale)));
+  channel.full_scale_counts = static_cast<int32_t>(
+      static_cast<double>(info.full_scale_counts.value_or(static_cast<long>(metadata_number(result, stem + "_full_scale_counts", 32767)))));
+  channel.n_seconds = static_cast<uint32_t>(axis.n_used);
+  return channel;
+}
+
+}  // namespace
+
+Json to_json(const FitResult& result) {
+  Json json;
+  json["method"] = result.method == FitOptions::Method::kKalman ? "kf" : "poly";
+  json["logs"] = result.logs;
+  json["axes"] = Json::array();
+  for (const FitAxis& axis : result.axes) {
+    Json a;
+    a["axis"] = axis.axis;
+    a["order"] = axis.order;
+    a["t0_degc"] = axis.t0_degc;
+    a["range_degc"] = axis.range_degc;
+    a["coeff_dph"] = axis.coeff_dph;
+    Json sigma = Json::array();
+    const size_t n = axis.coeff_dph.size();
+    for (size_t i = 0; i < n; ++i) sigma.push_back(std::sqrt(std::max(0.0, axis.covariance_dph2[i * n + i])));
+    a["coeff_sigma_dph"] = sigma;
+    a["temp_degc"] = axis.temp_degc;
+    a["sigma_dph"] = axis.sigma_dph;
+    a["sigma_basis"] = axis.sigma_basis;
+    a["residual_rms_dph"] = axis.residual_rms_dph;
+    a["span_degc"] = {axis.span_lo_degc, axis.span_hi_degc};
+    a["n_used"] = axis.n_used;
+    a["n_missing"] = axis.n_missing;
+    if (!axis.turn_on_dph.empty()) a["turn_on_dph"] = axis.turn_on_dph;
+    if (result.method == FitOptions::Method::kKalman) {
+      a["mean_nis"] = axis.mean_nis;
+      a["lag1"] = axis.lag1;
+    }
+    json["axes"].push_back(a);
+  }
+  if (!result.warnings.empty()) json["warnings"] = result.warnings;
+  return json;
+}
+
+imucal_table_t make_table(const FitResult& result, const TableInfo& info) {
+  imucal_table_t table{};
+  std::string serial = info.serial;
+  if (serial.empty() && result.metadata.count("serial")) serial = result.metadata.at("serial");
+  if (serial.empty()) throw data_error(result.logs.at(0) + ": no device serial: give --serial, or \"# serial = …\" in the log");
+  if (imucal_text_set(table.serial, sizeof table.serial, serial.c_str()) != IMUCAL_OK)
+    throw data_error("serial \"" + serial + "\": a table holds 1 to 16 printable characters without blanks");
+  if (result.axes.empty() || result.axes.size() > IMUCAL_MAX_CHANNELS)
+    throw data_error("a table holds 1 to " + std::to_string(IMUCAL_MAX_CHANNELS) + " channels, the fit has " + std::to_string(result.axes.size()));
+  table.sequence = 1;
+  table.created_s = info.created_s != 0 ? info.created_s : static_cast<uint32_t>(std::time(nullptr));
+  table.n_channels = static_cast<uint8_t>(result.axes.size());
+  table.degc_per_count = static_cast<float>(info.degc_per_count.value_or(metadata_number(result, "temp_counts_scale_degc", 0.01)));
+  table.degc_at_zero = static_cast<float>(info.degc_at_zero.value_or(metadata_number(result, "temp_counts_offset_degc", 25)));
+  for (size_t i = 0; i < result.axes.size(); ++i) table.channel[i] = channel_of(result, result.axes[i], info);
+  imucal_table_place_t place{};
+  const imucal_status status = imucal_table_validate(&table, &place);
+  if (status != IMUCAL_OK)
+    throw data_error("the table would not be valid: " + (place.channel >= 0 ? result.axes[static_cast<size_t>(place.channel)].axis + " " : std::string()) +
+                     place.field + ": " + imucal_status_text(status));
+  return table;
+}
+
+}  // namespace imucal

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/montecarlo/campaign.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <ctime>
+#include <exception>
+#include <mutex>
+#include <thread>
+
+#include "base/error.h"
+#include "analysis/montecarlo/residual.h"
+
+namespace imucal {
+
+// The same polynomial in another normalisation: Tn_old = a + b Tn_new.
+static ThermalPolynomial renormalised(const ThermalPolynomial& poly, double t0_degc, double range_degc) {
+  const double a = (t0_degc - poly.t0_degc) / poly.range_degc, b = range_degc / poly.range_degc;
+  ThermalPolynomial out{t0_degc, range_degc, {0.0}};
+  for (size_t i = poly.coeff_dph.size(); i-- > 0;) { // Horner on polynomials: out = out (a + b x) + c_i
+    std::vector<double> next(out.coeff_dph.size() + 1, 0.0);
+    for (size_t j = 0; j < out.coeff_dph.size(); ++j) {
+      next[j] += a * out.coeff_dph[j];
+      next[j + 1] += b * out.coeff_dph[j];
+    }
+    next[0] += poly.coeff_dph[i];
+    out.coeff_dph = next;
+  }
+  while (out.coeff_dph.size() > 1 && out.coeff_dph.back() == 0) out.coeff_dph.pop_back();
+  return out;
+}
+
+// The residual's DP type 2 needs something to predict.
+static void plan_residual(CampaignPlan* plan) {
+  bool has_markov = false;
+  for (const Markov& m : plan->options.model.markov) has_markov = has_markov || m.sigma_dph > 0;
+  if (!has_markov) plan->options.residual_every = 0;
+  if (plan->options.residual_every == 0) plan->dp_n.clear();
+  if (plan->dp_n.empty()) return;
+  ResidualExpectation expected = expect_residual(*plan);
+  plan->residual_weight = std::move(expected.weight);
+  plan->residual_model_dph = std::move(expected.model_dp_dph);
+}
+
+CampaignPlan plan_campaign(const CampaignOptions& options) {
+  if (options.order < 1 || options.order > IMUCAL_MAX_ORDER)
+    throw usage_error("--order must be from 1 to " + std::to_string(IMUCAL_MAX_ORDER));
+  if (options.points < 2) throw usage_error("--points must be at least 2");
+  CampaignPlan plan;
+  plan.options = options;
+  const double lo = options.profile.min_degc(), hi = options.profile.max_degc();
+  if (!(hi - lo > 0.1))
+    throw data_error("the profile does not move (" + std::to_string(lo) + " to " + std::to_string(hi) +
+                     " degC): nothing can be learnt about temperature; add a ramp");
+  plan.chain.filter = options.filter;
+  plan.chain.order = options.order;
+  plan.chain.raw = options.raw;
+  plan.chain.is_tracked =
+      !options.no_track && options.raw.temp_lsb_degc > static_cast<double>(IMUCAL_TRACK_COARSE_DEGC);
+  plan.chain.prior_sigma_dph = options.prior_sigma_dph;
+  plan.chain.t0_degc = 0.5 * (lo + hi);
+  plan.chain.range_degc = 0.5 * (hi - lo);
+  const auto& bias = options.model.bias;
+  if (bias && lo >= bias->t0_degc - bias->range_degc && hi <= bias->t0_degc + bias->range_degc) {
+    plan.chain.t0_degc = bias->t0_degc;
+    plan.chain.range_degc = bias->range_degc;
+  }
+  plan.chain.span_lo_degc = lo;
+  plan.chain.span_hi_degc = hi;
+  plan.truth =
+      renormalised(bias ? *bias : ThermalPolynomial{0, 1, {0.0}}, plan.chain.t0_degc, plan.chain.range_degc);
+  plan.chamber_degc = options.profile.temperatures(1.0);
+  for (size_t k = 0; k < plan.chamber_degc.size(); ++k) plan.t_s.push_back(static_cast<double>(k + 1));
+  plan.chain.white_from_s = plan.t_s.size() / 2;
+  for (size_t i = 0; i < options.points; ++i)
+    plan.temp_degc.push_back(lo +
+                             (hi - lo) * static_cast<double>(i) / static_cast<double>(options.points - 1));
+  for (const long n : {1L, 2L, 5L, 10L, 20L, 50L, 100L, 200L, 400L, 600L})
+    if (static_cast<size_t>(n) < plan.t_s.size() / 4) plan.dp_n.push_back(n);
+  filter_config(plan.chain); // refuses what the filter cannot take, before the first run
+  plan_residual(&plan);
+  return plan;
+}
+
+namespace {
+
+double cpu_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+double wall_seconds() {
+  using namespace std::chrono;
+  return duration<double>(steady_clock::now().time_since_epoch()).count();
+}
+
+// Shared by the threads of a campaign.
+class Workers {
+public:
+  Workers(const CampaignPlan& plan, const RunScore& score, const std::function<bool()>& stop)
+      : plan_(plan), score_(score), stop_(stop) {}
+
+  void work() {
+    Tally mine;
+    try {
+      for (;;) {
+        if (stop_ && stop_()) stopped_ = true;
+        if (stopped_ || failure_seen_) break;
+        const uint64_t i = next_++;
+        if (i >= plan_.options.runs) break;
+        score_(plan_, plan_.options.first_run + i, &mine);
+        ++done_;
+        if (++unmerged_ % 32 == 0) hand_over(&mine);
+      }
+    } catch (...) {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (!failure_) failure_ = std::current_exception();
+      failure_seen_ = true;
+    }
+    hand_over(&mine);
+  }
+
+  uint64_t done() const { return done_; }
+  bool stopped() const { return stopped_; }
+  void snapshot(CampaignResult* result) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    result->tally = tally_;
+  }
+  void rethrow() {
+    if (failure_) std::rethrow_exception(failure_);
+  }
+
+private:
+  void hand_over(Tally* mine) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    tally_.merge(*mine);
+    *mine = Tally();
+  }
+
+  const CampaignPlan& plan_;
+  const RunScore& score_;
+  const std::function<bool()>& stop_;
+  // Every number taken is finished: after a stop, too, the runs done are the first ones without a hole.
+  std::atomic<uint64_t> next_{0}, done_{0}, unmerged_{0};
+  std::atomic<bool> stopped_{false}, failure_seen_{false};
+  std::mutex mutex_;
+  std::exception_ptr failure_;
+  Tally tally_;
+};
+
+} // namespace
+
+CampaignResult run_campaign(const CampaignPlan& plan,
+                            const std::function<void(const CampaignResult&)>& progress,
+                            const std::function<bool()>& stop) {
+  return run_campaign(plan, score_run, progress, stop);
+}
+
+CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
+                            const std::function<void(const CampaignResult&)>& progress,
+                            const std::function<bool()>& stop) {
+  CampaignResult result;
+  result.first_run = plan.options.first_run;
+  const double start_s = wall_seconds(), cpu_start_s = cpu_seconds();
+  Workers workers(plan, score, stop);
+  std::atomic<int> busy{std::max(1, plan.options.threads)};
+  std::vector<std::thread> threads;
+  for (int i = 0, n = busy; i < n; ++i)
+    threads.emplace_back([&] {
+      workers.work();
+      --busy;
+    });
+  while (busy > 0) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(progress ? 50 : 5));
+    if (!progress) continue;
+    workers.snapshot(&result);
+    result.runs_done = workers.done();
+    progress(result);
+  }
+  for (std::thread& thread : threads) thread.join();
+  workers.rethrow();
+  workers.snapshot(&result);
+  result.runs_done = workers.done();
+  result.is_interrupted = workers.stopped() && result.runs_done < plan.options.runs;
+  result.elapsed_s = wall_seconds() - start_s;
+  result.cpu_s = cpu_seconds() - cpu_start_s;
+  return result;
+}
+
+} // namespace imucal

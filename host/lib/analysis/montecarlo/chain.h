@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: MIT
+// The calibration as the MCU does it, run by the C core itself: raw counts -> sum -> kf -> table -> comp.
+// Nothing of the filter is written here a second time; the only arithmetic is the host's own share (phi, q, r
+// of the error model, as `calibrate` sends them) and the reading of results.
+//
+// Order of calls: construct; push every sample; finish; then read.  One object per run; no sharing between
+// threads.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "comp.h"
+#include "io/model.h"
+#include "kf.h"
+#include "sample.h"
+#include "physics/sim/raw_samples.h"
+#include "sum.h"
+#include "table.h"
+#include "track.h"
+
+namespace imucal {
+
+// What host and device agree on before a calibration.
+struct ChainSetup {
+  ErrorModel filter; // what the filter assumes
+  int order = 3;
+  double t0_degc = 0, range_degc = 1;
+  double span_lo_degc = -1, span_hi_degc = 1; // valid span of the table
+  double prior_sigma_dph = 1e4;
+  RawFormat raw;           // scales of the counts
+  bool is_tracked = false; // temperature between the steps of a coarse thermometer (common/track.h)
+  size_t white_from_s = 0; // second from which the innovations' whiteness is judged
+};
+
+// The filter's configuration (fit/fit.h) with the quantisation of the counts, lsb^2/(12 n), in its white
+// noise.
+imucal_kf_config_t filter_config(const ChainSetup& setup);
+
+// A second as the filter saw it.
+struct SecondMean {
+  float z_dph, temp_degc;
+  uint32_t gap_s;    // seconds without a measurement just before
+  float noise_ratio; // white variance over that of a whole second
+};
+
+// Lags at which the innovations' autocorrelation is kept [s].
+constexpr int kInnovationLags[] = {1, 2, 5, 10, 20, 50, 100};
+constexpr size_t kInnovationLagCount = sizeof kInnovationLags / sizeof kInnovationLags[0];
+
+class CoreChain {
+public:
+  explicit CoreChain(const ChainSetup& setup);
+
+  void push(const imucal_sample_t& sample);
+  void push(const RawSample& sample);
+  // End of data: last second, table (encoded and decoded again), compensation prepared.  data_error with the
+  // core's own words where it refuses.
+  void finish();
+
+  const imucal_kf_t& kf() const { return kf_; }
+  const imucal_sum_t& sum() const { return sum_; }
+  const imucal_comp_t& comp() const { return comp_; }
+  const imucal_table_channel_t& table() const { return table_.channel[0]; }
+  const std::vector<SecondMean>& seconds() const { return seconds_; }
+
+  // B(T) that the compensation takes out of a sample, by running a zero sample through it.
+  double compensated_bias_dph(double temp_degc) const;
+  // B(T) of the table's float32 coefficients, in double.
+  double table_bias_dph(double temp_degc) const;
+  // b0 … bM of the filter's state in double, before rounding to the table's float32.
+  std::vector<double> coefficients() const;
+  // Covariance of b0 … bM from the filter's factors, in double, row-major [dph^2].
+  std::vector<double> coefficient_covariance() const;
+  // Whiteness, over the seconds from `white_from_s` on: before, while the prior is being forgotten,
+  // innovations carry the difference between the true coefficients and the prior and are neither white nor of
+  // variance S. Sums of e(k) e(k-lag), e = innovation over its standard deviation; number of terms; (sum
+  // nu/S)^2 / sum 1/S.
+  const double* lag_sums() const { return lag_sums_; }
+  const int64_t* lag_counts() const { return lag_counts_; }
+  double mean_innovation2() const { return inverse_ > 0 ? weighted_ * weighted_ / inverse_ : 0.0; }
+
+private:
+  void take(const imucal_second_t& second);
+  void bridge(uint32_t n_s);
+  void keep_innovation();
+
+  ChainSetup setup_;
+  imucal_sum_t sum_;
+  imucal_track_t track_;
+  imucal_kf_t kf_;
+  imucal_table_t table_;
+  imucal_comp_t comp_;
+  std::vector<SecondMean> seconds_;
+  uint32_t gap_s_ = 0;
+  static constexpr size_t kRing = 128;
+  float ring_[kRing] = {};
+  uint64_t n_innovations_ = 0;
+  double lag_sums_[kInnovationLagCount] = {};
+  int64_t lag_counts_[kInnovationLagCount] = {};
+  double weighted_ = 0, inverse_ = 0;
+};
+
+} // namespace imucal

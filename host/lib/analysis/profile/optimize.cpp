@@ -1,0 +1,523 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/profile/optimize.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlopt.hpp>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "base/rng.h"
+
+namespace imucal {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+std::string shown(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+// Rounded up to a figure that people would type and that is enough.
+std::string shown_up(double value) {
+  const double unit = std::pow(10.0, std::floor(std::log10(value)) - 3);
+  return shown(std::ceil(value / unit - 1e-9) * unit);
+}
+
+double objective_of(const CalibrationError& e, Objective objective) {
+  return objective == Objective::kWorst ? e.worst_dph : e.rms_dph;
+}
+
+// Noise on a coarse grid: terms too fast for it become white noise of the same density.
+ErrorModel coarse_model(const ErrorModel& model, double dt_s) {
+  ErrorModel out = model;
+  out.markov.clear();
+  double white = white_sigma_dph(model.arw_deg_rt_h);
+  double density = white * white;
+  for (const Markov& m : model.markov) {
+    if (m.tau_s < 3 * dt_s)
+      density += 2 * m.sigma_dph * m.sigma_dph * m.tau_s;
+    else
+      out.markov.push_back(m);
+  }
+  out.arw_deg_rt_h = arw_from_white_sigma(std::sqrt(density));
+  return out;
+}
+
+// One evaluation: variables -> profile -> error (and worst correlation) on a grid of dt_s.
+class Evaluator {
+public:
+  Evaluator(const OptimizeRequest& request, double duration_s, double dt_s)
+      : request_(request), duration_s_(duration_s), dt_s_(dt_s), setup_(request.setup) {
+    if (dt_s > 1) setup_.filter = setup_.truth = coarse_model(request.setup.truth, dt_s);
+    setup_.points = 41;
+  }
+
+  struct Value {
+    double smooth_dph = 0, objective_dph = 0, correlation = 0, strength = 0, excess_s = 0;
+    bool possible = false;
+  };
+
+  Value operator()(const ScheduleShape& shape, const std::vector<double>& x, bool with_correlation,
+                   double sharpness) const {
+    Value v;
+    Profile profile;
+    v.possible = make_profile(shape, x, request_.limits, duration_s_, &profile, &v.excess_s);
+    if (!v.possible) return v;
+    return of_profile(profile, with_correlation, sharpness);
+  }
+
+  Value of_profile(const Profile& profile, bool with_correlation, double sharpness = 0) const {
+    Value v;
+    v.possible = true;
+    const std::vector<CalibrationRun> runs = {{"", profile.temperatures(dt_s_), dt_s_, {}}};
+    if (dt_s_ > 1) {
+      fast_error(runs, sharpness, &v);
+    } else {
+      const CalibrationError e = calibration_error(runs, setup_);
+      v.objective_dph = v.smooth_dph = objective_of(e, request_.objective);
+    }
+    if (with_correlation) {
+      const SignatureTable table = signature_table(runs, setup_, request_.tell_apart);
+      v.correlation = table.worst;
+      v.strength = table.mean_separable;
+    }
+    return v;
+  }
+
+  double dt_s() const { return dt_s_; }
+
+private:
+  // As calibration_error with fewer temperatures and, beside the worst value, its smooth stand-in: the norm
+  // of the variances with the exponent `sharpness` (0: none asked for).
+  void fast_error(const std::vector<CalibrationRun>& runs, double sharpness, Value* v) const {
+    const Index p = setup_.order + 1;
+    const std::vector<double> info = information_matrix(runs, setup_);
+    const MatrixXd m = Eigen::Map<const MatrixXd>(info.data(), p, p) +
+                       MatrixXd::Identity(p, p) / (setup_.prior_sigma_dph * setup_.prior_sigma_dph);
+    const Eigen::LLT<MatrixXd> factor(m);
+    double worst = 0, mean = 0;
+    std::vector<double> var(static_cast<size_t>(setup_.points));
+    VectorXd f(p);
+    for (int i = 0; i < setup_.points; ++i) {
+      const double tn = -1 + 2.0 * i / (setup_.points - 1);
+      double power = 1;
+      for (Index j = 0; j < p; ++j, power *= tn)
+        f(j) = power - (setup_.shape_only && j % 2 == 0 ? 1.0 / static_cast<double>(j + 1) : 0.0);
+      var[static_cast<size_t>(i)] = factor.matrixL().solve(f).squaredNorm();
+      worst = std::max(worst, var[static_cast<size_t>(i)]);
+      mean += var[static_cast<size_t>(i)] / setup_.points * (i == 0 || i == setup_.points - 1 ? 0.5 : 1.0);
+    }
+    if (request_.objective == Objective::kRms) {
+      v->objective_dph = v->smooth_dph = std::sqrt(mean);
+      return;
+    }
+    v->objective_dph = v->smooth_dph = std::sqrt(worst);
+    if (sharpness <= 0) return;
+    double sum = 0;
+    for (double x : var) sum += std::pow(x / worst, sharpness);
+    v->smooth_dph = std::sqrt(worst * std::pow(sum, 1.0 / sharpness));
+  }
+
+  const OptimizeRequest& request_;
+  double duration_s_, dt_s_;
+  CalibrationSetup setup_;
+};
+
+// Exponents of the smooth stand-in for the maximum.
+constexpr double kBlunt = 20, kSharp = 100;
+
+struct Candidate {
+  ScheduleShape shape;
+  std::vector<double> x;
+  double value = 1e300;
+  double exact_dph = 1e300; // of the rounded profile
+};
+
+// One use of NLopt.  The function's value is log(error) + a penalty on the correlation; an impossible
+// schedule costs more than any possible one, the more the further off it is.
+class Search {
+public:
+  // limit_dph > 0: the signatures are made strong (geometric mean of what separates them), the error only
+  // kept below the limit.
+  Search(const Evaluator& evaluator, bool tell_apart, double max_correlation, double limit_dph,
+         long* evaluations)
+      : evaluator_(evaluator), tell_apart_(tell_apart), max_correlation_(max_correlation),
+        limit_dph_(limit_dph), count_(evaluations) {}
+
+  double value(const ScheduleShape& shape, const std::vector<double>& x, double sharpness) const {
+    ++*count_;
+    const Evaluator::Value v = evaluator_(shape, x, tell_apart_, sharpness);
+    if (!v.possible) return 20 + v.excess_s / 1000;
+    const double log_error = std::log(v.smooth_dph);
+    if (limit_dph_ > 0)
+      return -std::log(v.strength) + 50 * std::max(0.0, log_error - std::log(limit_dph_)) +
+             4 * std::max(0.0, v.correlation - max_correlation_);
+    return log_error + (tell_apart_ ? 4 * std::max(0.0, v.correlation - max_correlation_) : 0.0);
+  }
+
+  void run(nlopt::algorithm algorithm, double sharpness, double step, int max_evaluations,
+           Candidate* c) const {
+    struct Context {
+      const Search* search;
+      const ScheduleShape* shape;
+      double sharpness;
+    } context{this, &c->shape, sharpness};
+    nlopt::opt opt(algorithm, static_cast<unsigned>(c->x.size()));
+    opt.set_lower_bounds(0.0);
+    opt.set_upper_bounds(1.0);
+    opt.set_min_objective(
+        [](const std::vector<double>& x, std::vector<double>&, void* data) {
+          const auto* ctx = static_cast<const Context*>(data);
+          return ctx->search->value(*ctx->shape, x, ctx->sharpness);
+        },
+        &context);
+    opt.set_initial_step(step);
+    opt.set_ftol_abs(1e-7);
+    opt.set_xtol_abs(1e-6);
+    opt.set_maxeval(max_evaluations);
+    std::vector<double> x = c->x;
+    double found = 1e300;
+    try {
+      opt.optimize(x, found);
+    } catch (const nlopt::roundoff_limited&) { // x holds the best so far
+    } catch (const std::runtime_error&) {
+      return; // nothing better than the start
+    }
+    const double now = value(c->shape, x, sharpness);
+    if (now <= value(c->shape, c->x, sharpness)) {
+      c->x = x;
+      c->value = now;
+    }
+  }
+
+private:
+  const Evaluator& evaluator_;
+  bool tell_apart_;
+  double max_correlation_, limit_dph_;
+  long* count_;
+};
+
+bool fits(const ScheduleShape& shape, const OptimizeRequest& r, double duration_s) {
+  Profile unused;
+  double excess_s = 0;
+  return make_profile(shape, shape.start(), r.limits, duration_s, &unused, &excess_s);
+}
+
+// Up to three passes every soak is free; more passes (fast chambers) share their soaks.
+std::vector<ScheduleShape> accuracy_shapes(const OptimizeRequest& r, double duration_s) {
+  std::vector<ScheduleShape> out;
+  const int interior = std::max(0, r.setup.order - 1);
+  const bool slow_ramps = r.limits.max_soak_s > 0;
+  const bool alike = r.limits.heating_degc_per_min == r.limits.cooling_degc_per_min;
+  const auto add = [&](const ScheduleShape& shape) {
+    if (fits(shape, r, duration_s)) out.push_back(shape);
+  };
+  for (int passes : {1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32}) {
+    const bool tied = passes > 3;
+    for (const bool hot : {false, true}) {
+      if (hot && alike) continue; // the mirrored profile has the mirrored error
+      add(passes_shape(passes, 0, 0, hot, slow_ramps, tied));
+      if (interior == 0) continue;
+      add(passes_shape(passes, interior, 1, hot, slow_ramps, tied));
+      if (passes > 1) add(passes_shape(passes, interior, passes, hot, slow_ramps, true));
+    }
+  }
+  return out;
+}
+
+// Chains with reversals inside the run, which alone separate dT/dt, hysteresis, lag and ageing (diagnosis.md,
+// 6).
+std::vector<ScheduleShape> diagnosis_shapes(const OptimizeRequest& r, double duration_s) {
+  static const struct {
+    const char* name;
+    std::vector<double> levels;
+  } chains[] = {
+      {"one pass", {0, 0.28, 0.72, 1}},
+      {"loop at the first soak", {0, 0.3, 0.15, 0.72, 1}},
+      {"loop at the second soak", {0, 0.28, 0.8, 0.65, 1}},
+      {"loop at the far end", {0, 0.28, 0.72, 1, 0.85, 0.95}},
+      {"loop at the near end", {0.15, 0, 0.28, 0.72, 1}},
+      {"loops at both ends", {0.15, 0, 0.28, 0.72, 1, 0.85}},
+      {"up, back by half, up", {0, 0.7, 0.3, 1}},
+      {"from the middle", {0.4, 0, 0.3, 0.7, 1, 0.6}},
+      {"up and down", {0, 0.28, 0.72, 1, 0.72, 0.28, 0.01}},
+      {"two partial loops", {0, 0.6, 0.25, 1, 0.4, 0.75}},
+      {"three passes", {0, 0.5, 1, 0.5, 0, 0.5, 1}},
+  };
+  std::vector<ScheduleShape> out;
+  for (const auto& chain : chains) {
+    for (const bool mirrored : {false, true}) {
+      std::vector<double> levels = chain.levels;
+      if (mirrored)
+        for (double& level : levels) level = 1 - level;
+      const ScheduleShape shape =
+          chain_shape(chain.name + std::string(mirrored ? ", from hot" : ", from cold"), levels, true);
+      if (fits(shape, r, duration_s)) out.push_back(shape);
+    }
+  }
+  return out;
+}
+
+void randomise(Rng* rng, std::vector<double>* x) {
+  for (double& v : *x) v = std::clamp(v + 0.5 * (rng->uniform() - 0.5), 0.02, 0.98);
+}
+
+// The same profile with every level, soak and rate on its own.
+Candidate untied(const Candidate& c) {
+  std::vector<double> levels, weights;
+  for (const ScheduleShape::Stop& stop : c.shape.stops) {
+    levels.push_back(c.shape.level_of(stop, c.x));
+    weights.push_back(c.x[c.shape.n_levels() + static_cast<size_t>(stop.weight_var)]);
+  }
+  Candidate out{chain_shape(c.shape.name + ", freed", levels, true), {}, 1e300, 1e300};
+  out.x = out.shape.start();
+  std::copy(weights.begin(), weights.end(),
+            out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels()));
+  std::fill(out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels() + weights.size()), out.x.end(),
+            1.0);
+  return out;
+}
+
+class Optimizer {
+public:
+  explicit Optimizer(const OptimizeRequest& request) : request_(request) {}
+
+  // The best candidate for a duration; share scales the number of evaluations.  `also` (may be null) joins
+  // the starts. limit_dph > 0: the strongest signatures within that error.
+  Candidate best_for(double duration_s, bool tell_apart, double share, const Candidate* also = nullptr,
+                     double limit_dph = 0) {
+    const Evaluator coarse(request_, duration_s, coarse_step(duration_s)), exact(request_, duration_s, 1.0);
+    const Search search(coarse, tell_apart, request_.max_correlation - 0.005, 0.999 * limit_dph,
+                        &evaluations_);
+    const Search exact_search(exact, tell_apart, request_.max_correlation - 0.001, 0.9995 * limit_dph,
+                              &evaluations_);
+    const double scale = share * request_.effort;
+    const auto budget = [&](int n) { return std::max(20, static_cast<int>(scale * n)); };
+    const std::vector<ScheduleShape> shapes =
+        tell_apart ? diagnosis_shapes(request_, duration_s) : accuracy_shapes(request_, duration_s);
+    std::vector<Candidate> found;
+    Rng rng(request_.seed, 0, 0, Stream::kTool);
+    const int starts = tell_apart ? 2 : 3;
+    // A fixed number of evaluations is shared by the shapes that fit.
+    const int n_first = static_cast<int>(shapes.size()) * starts;
+    const int first = std::clamp((tell_apart ? 10000 : 9000) / std::max(1, n_first), 150, 800);
+    const auto begin = [&](Candidate c) {
+      c.value = search.value(c.shape, c.x, kBlunt);
+      search.run(tell_apart ? nlopt::LN_SBPLX : nlopt::LN_BOBYQA, kBlunt, 0.2, budget(first), &c);
+      found.push_back(c);
+      report(c);
+    };
+    for (const ScheduleShape& shape : shapes) {
+      for (int start = 0; start < starts; ++start) {
+        Candidate c{shape, shape.start(), 1e300, 1e300};
+        if (start > 0) randomise(&rng, &c.x);
+        begin(c);
+      }
+    }
+    if (also) begin(*also);
+    keep_best(tell_apart ? 5 : 4, &found);
+    for (Candidate& c : found) {
+      if (!tell_apart) {
+        search.run(nlopt::LN_BOBYQA, kSharp, 0.03, budget(500), &c);
+        search.run(nlopt::LN_BOBYQA, 10 * kSharp, 0.005, budget(300), &c);
+      }
+      // Subplex may stop on a ridge of the maximum: begun again, twice.
+      for (double step : {0.1, 0.03, 0.01})
+        search.run(nlopt::LN_SBPLX, 0, step, budget(tell_apart ? 600 : 300), &c);
+      c.value = search.value(c.shape, c.x, 0);
+      report(c);
+    }
+    keep_best(3, &found);
+    for (Candidate& c : found) {
+      c.value = exact_search.value(c.shape, c.x, 0);
+      exact_search.run(nlopt::LN_SBPLX, 0, 0.01, budget(tell_apart ? 40 : 60), &c);
+    }
+    // The coarse grid and the rounding leave the ranking open within a few 1e-4: the rounded, exact figures
+    // decide, the paper's profile among them.
+    if (!tell_apart)
+      for (int passes = 1; passes <= 40; ++passes) {
+        const ScheduleShape paper = passes_shape(passes, 0, 0, false, false, true);
+        if (!fits(paper, request_, duration_s)) break;
+        found.push_back({paper, paper.start(), 1e300, 1e300});
+      }
+    Candidate best;
+    for (Candidate& c : found) {
+      const Evaluator::Value v = exact.of_profile(final_profile(c, duration_s), tell_apart);
+      ++evaluations_;
+      c.value = v.objective_dph *
+                (tell_apart && v.correlation > request_.max_correlation ? 10 + v.correlation : 1.0);
+      c.exact_dph = v.objective_dph;
+      if (limit_dph > 0)
+        c.value = (v.objective_dph > limit_dph || v.correlation > request_.max_correlation ? 1e3 : 1.0) /
+                  v.strength;
+      if (c.value < best.value) best = c;
+    }
+    return best;
+  }
+
+  Profile final_profile(const Candidate& c, double duration_s) const {
+    Profile raw;
+    double excess_s = 0;
+    make_profile(c.shape, c.x, request_.limits, duration_s, &raw, &excess_s);
+    return rounded(raw, duration_s, request_.limits.max_soak_s);
+  }
+
+  long evaluations() const { return evaluations_; }
+
+  // Steps of the coarse grid: fine enough for the fastest Markov term that matters and for the ramps.
+  double coarse_step(double duration_s) const {
+    double step_s = duration_s / 500;
+    for (const Markov& m : request_.setup.truth.markov)
+      if (m.tau_s > 10 && m.sigma_dph > 0) step_s = std::min(step_s, m.tau_s / 5);
+    step_s =
+        std::min({step_s, request_.limits.traverse_s(true) / 72, request_.limits.traverse_s(false) / 72});
+    return std::max(2.0, std::max(step_s, duration_s / 4000));
+  }
+
+private:
+  static void keep_best(size_t n, std::vector<Candidate>* found) {
+    std::stable_sort(found->begin(), found->end(),
+                     [](const Candidate& a, const Candidate& b) { return a.value < b.value; });
+    if (found->size() > n) found->resize(n);
+  }
+  void report(const Candidate& c) {
+    best_seen_ = std::min(best_seen_, c.value);
+    if (request_.progress) request_.progress(0.5, std::exp(best_seen_));
+  }
+
+  const OptimizeRequest& request_;
+  long evaluations_ = 0;
+  double best_seen_ = 1e300;
+};
+
+} // namespace
+
+void check_limits(const ChamberLimits& limits, int order, double duration_s) {
+  const std::string range = shown(limits.lo_degc) + ":" + shown(limits.hi_degc);
+  if (!(limits.heating_degc_per_min > 0 && limits.cooling_degc_per_min > 0))
+    throw usage_error(
+        "--max-rate must be above 0 degC/min; a chamber that cannot move cannot calibrate over " + range);
+  if (limits.min_soak_s < 0) throw usage_error("--min-soak-s must not be negative");
+  if (limits.max_soak_s > 0 && limits.max_soak_s < limits.min_soak_s)
+    throw usage_error("--max-soak-s " + shown(limits.max_soak_s) + " is below --min-soak-s " +
+                      shown(limits.min_soak_s) + "; raise it to " + shown(limits.min_soak_s));
+  if (duration_s <= 0) return;
+  const bool heat = limits.traverse_s(true) <= limits.traverse_s(false);
+  const double traverse_s = std::min(limits.traverse_s(true), limits.traverse_s(false));
+  const double rate = heat ? limits.heating_degc_per_min : limits.cooling_degc_per_min;
+  const double soaks_s = 2 * limits.min_soak_s;
+  if (duration_s < traverse_s + soaks_s - 1e-6) {
+    std::string text =
+        "the range " + range + " takes " + shown(traverse_s) + " s at " + shown(rate) + " degC/min";
+    if (soaks_s > 0)
+      text += " and two soaks of " + shown(limits.min_soak_s) + " s, " + shown(traverse_s + soaks_s) +
+              " s in all";
+    text += ", longer than --duration-s " + shown(duration_s) +
+            "; any one of these makes it possible: --duration-s " + shown_up(traverse_s + soaks_s);
+    if (duration_s > soaks_s) {
+      const double time_s = duration_s - soaks_s;
+      text += ", --max-rate " + shown_up(60 * limits.span_degc() / time_s) + ", a range of at most " +
+              shown(std::floor(rate * time_s / 60 * 100) / 100) + " degC";
+    } else {
+      text += ", --min-soak-s 0";
+    }
+    throw usage_error(text);
+  }
+  if (duration_s < order + 1)
+    throw usage_error("--duration-s " + shown(duration_s) + ": an order-" + std::to_string(order) +
+                      " polynomial needs at least " + std::to_string(order + 1) + " s");
+}
+
+OptimizeResult optimize_profile(const OptimizeRequest& request) {
+  check_setup(request.setup);
+  check_limits(request.limits, request.setup.order, request.duration_s);
+  Optimizer optimizer(request);
+  const bool tell_apart = !request.tell_apart.empty();
+  OptimizeResult result;
+  double duration_s = request.duration_s;
+  Candidate best;
+  Candidate accurate;
+  const auto search = [&](double for_s, double share) {
+    if (!tell_apart) return optimizer.best_for(for_s, false, share);
+    accurate = optimizer.best_for(for_s, false, 0.7 * share);
+    const Candidate freed = untied(accurate);
+    const Candidate least = optimizer.best_for(for_s, true, share, freed.x.size() <= 45 ? &freed : nullptr);
+    if (request.spend_frac <= 0) return least;
+    return optimizer.best_for(for_s, true, share, &least, (1 + request.spend_frac) * accurate.exact_dph);
+  };
+  if (duration_s > 0) {
+    best = search(duration_s, 1.0);
+  } else {
+    // Error falls about as 1/sqrt(duration): secant in logarithms, kept inside a bracket, shapes found anew
+    // each time by the first search and polished from the last ones afterwards.
+    const double shortest_s = std::min(request.limits.traverse_s(true), request.limits.traverse_s(false)) +
+                              2 * request.limits.min_soak_s;
+    const double p = request.setup.order + 1;
+    double guess_s = std::max(shortest_s * 1.001 + 1, 1.1 * p * request.setup.truth.slow_density_dph2_s() /
+                                                          (request.required_dph * request.required_dph));
+    if (guess_s > 3e7)
+      throw usage_error("--required-error " + shown(request.required_dph) + " dph would take about " +
+                        shown(guess_s / 86400) + " days; the smallest error within 30 days is about " +
+                        shown(std::sqrt(1.1 * p * request.setup.truth.slow_density_dph2_s() / 2592000)) +
+                        " dph");
+    double lo_s = shortest_s, hi_s = 0; // too short; long enough
+    for (int round = 0; round < 10; ++round) {
+      guess_s = std::ceil(guess_s);
+      const Candidate c = search(guess_s, 0.4);
+      const double error_dph = c.exact_dph;
+      if (error_dph <= request.required_dph) {
+        hi_s = guess_s;
+        best = c;
+      } else {
+        lo_s = guess_s;
+      }
+      if (hi_s > 0 && (hi_s - lo_s < 0.003 * hi_s || hi_s <= shortest_s * 1.0011 + 1)) break;
+      double next_s = guess_s * std::pow(error_dph / request.required_dph *
+                                             (error_dph > request.required_dph ? 1.0005 : 0.9995),
+                                         2);
+      if (hi_s > 0) next_s = std::clamp(next_s, lo_s + 0.05 * (hi_s - lo_s), hi_s - 0.05 * (hi_s - lo_s));
+      guess_s = std::max(next_s, shortest_s * 1.001 + 1);
+    }
+    if (hi_s == 0)
+      throw usage_error("--required-error " + shown(request.required_dph) + " dph was not reached within " +
+                        shown(guess_s) + " s");
+    duration_s = hi_s;
+  }
+  result.profile = optimizer.final_profile(best, duration_s);
+  result.shape = best.shape.name;
+  const auto runs = runs_of_profile(result.profile);
+  result.error = calibration_error(runs, request.setup);
+  result.objective_dph = objective_of(result.error, request.objective);
+  result.signatures = signature_table(
+      runs, request.setup, tell_apart ? request.tell_apart : standard_effects(request.setup.order));
+  if (tell_apart) {
+    result.meets_correlation = result.signatures.worst <= request.max_correlation;
+    result.accuracy_only_dph = accurate.exact_dph;
+  }
+  if (request.required_dph > 0) result.meets_error = result.objective_dph <= request.required_dph;
+  for (int passes = 1; passes <= 100; ++passes) {
+    const Profile paper = paper_profile(request.limits, duration_s, passes);
+    if (paper.duration_s() > duration_s + 1) break;
+    const CalibrationError e = calibration_error(runs_of_profile(paper), request.setup);
+    if (passes > 1 &&
+        objective_of(e, request.objective) >= objective_of(result.paper_error, request.objective)) {
+      if (passes > result.paper_passes + 3) break;
+      continue;
+    }
+    result.paper = paper;
+    result.paper_passes = passes;
+    result.paper_error = e;
+  }
+  result.evaluations = optimizer.evaluations();
+  return result;
+}
+
+} // namespace imucal

@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/profile/schedule.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace imucal {
+
+size_t ScheduleShape::n_levels() const {
+  int n = 0;
+  for (const Stop& s : stops) n = std::max(n, s.level_var + 1);
+  return static_cast<size_t>(n);
+}
+
+size_t ScheduleShape::n_weights() const {
+  int n = 0;
+  for (const Stop& s : stops) n = std::max(n, s.weight_var + 1);
+  return static_cast<size_t>(n);
+}
+
+size_t ScheduleShape::n_variables() const {
+  return n_levels() + n_weights() + (free_rates ? stops.size() - 1 : 0);
+}
+
+std::vector<double> ScheduleShape::start() const {
+  std::vector<double> x(n_levels() + n_weights(), 0.5);
+  for (size_t i = stops.size(); i-- > 0;)
+    if (stops[i].level_var >= 0)
+      x[static_cast<size_t>(stops[i].level_var)] = stops[i].mirrored ? 1 - stops[i].level : stops[i].level;
+  if (free_rates) x.resize(x.size() + stops.size() - 1, 0.9);
+  return x;
+}
+
+double ScheduleShape::level_of(const Stop& stop, const std::vector<double>& variables) const {
+  if (stop.level_var < 0) return stop.level;
+  const double level = std::clamp(variables[static_cast<size_t>(stop.level_var)], 0.0, 1.0);
+  return stop.mirrored ? 1 - level : level;
+}
+
+ScheduleShape chain_shape(const std::string& name, const std::vector<double>& levels, bool free_rates) {
+  ScheduleShape shape;
+  shape.name = name;
+  shape.free_rates = free_rates;
+  int n_levels = 0, n_weights = 0;
+  for (double level : levels)
+    shape.stops.push_back({level, level > 0 && level < 1 ? n_levels++ : -1, false, n_weights++});
+  return shape;
+}
+
+// Interior support of the G-optimal design for orders 2 … 5 (zeros of the Legendre derivative, Guest 1958),
+// evenly spread beyond.
+static std::vector<double> interior_levels(int count) {
+  switch (count) {
+  case 0:
+    return {};
+  case 1:
+    return {0.5};
+  case 2:
+    return {0.2763932, 0.7236068};
+  case 3:
+    return {0.1726732, 0.5, 0.8273268};
+  case 4:
+    return {0.1174723, 0.3573842, 0.6426158, 0.8825277};
+  default:
+    break;
+  }
+  std::vector<double> out;
+  for (int i = 1; i <= count; ++i) out.push_back(static_cast<double>(i) / (count + 1));
+  return out;
+}
+
+ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot,
+                           bool free_rates, bool tied) {
+  ScheduleShape shape;
+  shape.free_rates = free_rates;
+  const int soaked = std::min(passes, passes_with_interior);
+  shape.name = std::to_string(passes) + (passes == 1 ? " pass" : " passes");
+  if (interior > 0 && soaked > 0)
+    shape.name += ", " + std::to_string(interior) + " interior soak" + (interior == 1 ? "" : "s") +
+                  (passes > 1 ? " on " + std::to_string(soaked) : "");
+  shape.name += starts_hot ? ", from hot" : ", from cold";
+  bool at_hot = starts_hot;
+  int n_levels = tied ? interior : 0, n_weights = tied ? 2 + interior : 0;
+  shape.stops.push_back({at_hot ? 1.0 : 0.0, -1, false, tied ? 0 : n_weights++});
+  for (int pass = 0; pass < passes; ++pass) {
+    const std::vector<double> levels = interior_levels(pass < soaked ? interior : 0);
+    for (int i = 0; i < static_cast<int>(levels.size()); ++i) {
+      const double level = at_hot ? 1 - levels[static_cast<size_t>(i)] : levels[static_cast<size_t>(i)];
+      const int place =
+          at_hot ? interior - 1 - i : i; // from the cold end: the same soak on the way up and down
+      if (tied)
+        shape.stops.push_back({level, place, false, 2 + place});
+      else
+        shape.stops.push_back({level, n_levels++, false, n_weights++});
+    }
+    at_hot = !at_hot;
+    shape.stops.push_back({at_hot ? 1.0 : 0.0, -1, false, tied ? (pass + 1 == passes ? 0 : 1) : n_weights++});
+  }
+  return shape;
+}
+
+// Shares `total` in proportion to the weights, none above `cap` (0: no cap); returns what is left over.
+static double share_out(double total, double cap, const std::vector<double>& weights,
+                        std::vector<double>* out) {
+  const size_t n = weights.size();
+  std::vector<bool> full(n, false);
+  out->assign(n, 0.0);
+  double left = total;
+  for (size_t round = 0; round <= n; ++round) {
+    double sum = 0;
+    for (size_t i = 0; i < n; ++i)
+      if (!full[i]) sum += weights[i] + 1e-6;
+    if (sum == 0) return left;
+    bool overflow = false;
+    for (size_t i = 0; i < n; ++i)
+      if (!full[i] && cap > 0 && left * (weights[i] + 1e-6) / sum > cap) {
+        (*out)[i] = cap;
+        full[i] = overflow = true;
+      }
+    if (!overflow) {
+      for (size_t i = 0; i < n; ++i)
+        if (!full[i]) (*out)[i] = left * (weights[i] + 1e-6) / sum;
+      return 0;
+    }
+    left = total;
+    for (size_t i = 0; i < n; ++i)
+      if (full[i]) left -= cap;
+    if (left < 0) left = 0;
+  }
+  return left;
+}
+
+bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables,
+                  const ChamberLimits& limits, double duration_s, Profile* profile, double* excess_s) {
+  const size_t n = shape.stops.size();
+  std::vector<double> level(n), weight(n), ramp_s(n, 0.0), soak_s;
+  const size_t n_levels = shape.n_levels();
+  size_t next = n_levels + shape.n_weights(); // rate fractions
+  for (size_t i = 0; i < n; ++i) {
+    level[i] = shape.level_of(shape.stops[i], variables);
+    weight[i] = std::max(0.0, variables[n_levels + static_cast<size_t>(shape.stops[i].weight_var)]);
+  }
+  double ramps_s = 0, fastest_s = 0;
+  for (size_t i = 1; i < n; ++i) {
+    const double rise = level[i] - level[i - 1];
+    const double shortest_s = std::abs(rise) * limits.traverse_s(rise > 0);
+    const double frac = shape.free_rates ? std::clamp(variables[next++], 0.02, 1.0) : 1.0;
+    ramp_s[i] = shortest_s / frac;
+    ramps_s += ramp_s[i];
+    fastest_s += shortest_s;
+  }
+  const double soaks_min_s = limits.min_soak_s * static_cast<double>(n);
+  *excess_s = fastest_s + soaks_min_s - duration_s;
+  if (*excess_s > 1e-6) return false;
+  double left_s = duration_s - ramps_s - soaks_min_s;
+  if (left_s < 0) { // slower ramps than the duration allows: all are quickened towards the limit
+    const double slack_s = ramps_s - fastest_s, keep = slack_s > 0 ? std::max(0.0, 1 + left_s / slack_s) : 0;
+    for (size_t i = 1; i < n; ++i) {
+      const double rise = level[i] - level[i - 1];
+      const double shortest_s = std::abs(rise) * limits.traverse_s(rise > 0);
+      ramp_s[i] = shortest_s + keep * (ramp_s[i] - shortest_s);
+    }
+    left_s = 0;
+  }
+  const double cap = limits.max_soak_s > 0 ? limits.max_soak_s - limits.min_soak_s : 0;
+  const bool no_room = limits.max_soak_s > 0 && cap <= 0;
+  double over_s = left_s;
+  soak_s.assign(n, 0.0);
+  if (!no_room) over_s = share_out(left_s, cap, weight, &soak_s);
+  for (double& s : soak_s) s += limits.min_soak_s;
+  if (over_s > 0) {
+    double total = 0;
+    for (double r : ramp_s) total += r;
+    for (double& r : ramp_s) r *= (total + over_s) / total;
+  }
+  *profile = Profile{};
+  profile->start_degc = limits.lo_degc + level[0] * limits.span_degc();
+  double temp_degc = profile->start_degc;
+  for (size_t i = 0; i < n; ++i) {
+    const double to_degc = limits.lo_degc + level[i] * limits.span_degc();
+    if (i > 0 && ramp_s[i] > 0 && to_degc != temp_degc)
+      profile->segments.push_back({60 * (to_degc - temp_degc) / ramp_s[i], ramp_s[i], to_degc});
+    temp_degc = to_degc;
+    if (soak_s[i] > 0) profile->segments.push_back({0, soak_s[i], temp_degc});
+  }
+  // Stops at one temperature make one soak; together they must not exceed the longest allowed.
+  if (limits.max_soak_s > 0) {
+    double together_s = 0, at_degc = profile->start_degc;
+    for (const ProfileSegment& s : profile->segments) {
+      if (s.rate_degc_per_min == 0)
+        together_s += s.duration_s;
+      else if (std::abs(s.to_degc - at_degc) >= 0.05)
+        together_s = 0;
+      at_degc = s.to_degc;
+      *excess_s = std::max(*excess_s, together_s - limits.max_soak_s);
+    }
+    if (*excess_s > 1e-6) return false;
+  }
+  return true;
+}
+
+// Soaks that follow each other become one, a stop without a soak vanishes from a ramp of one rate.
+static void append_merged(const ProfileSegment& s, std::vector<ProfileSegment>* out) {
+  if (!out->empty()) {
+    ProfileSegment& last = out->back();
+    if (s.rate_degc_per_min == last.rate_degc_per_min) {
+      last.duration_s += s.duration_s;
+      last.to_degc = s.to_degc;
+      return;
+    }
+  }
+  out->push_back(s);
+}
+
+Profile rounded(const Profile& profile, double duration_s, double max_soak_s) {
+  Profile out;
+  out.start_degc = std::round(profile.start_degc * 100) / 100;
+  double temp_degc = out.start_degc;
+  for (ProfileSegment s : profile.segments) {
+    if (s.rate_degc_per_min == 0) {
+      if (s.duration_s < 1) continue;
+      s.to_degc = temp_degc;
+    } else {
+      s.to_degc = std::round(s.to_degc * 100) / 100;
+      if (s.to_degc == temp_degc) continue;
+      // Rates down to 1e-6 degC/min: never above the limit they came from.
+      const double rate = std::floor(std::abs(s.rate_degc_per_min) * 1e6 + 1e-3) / 1e6;
+      s.rate_degc_per_min = std::copysign(rate, s.to_degc - temp_degc);
+      s.duration_s = std::abs(s.to_degc - temp_degc) / rate * 60;
+    }
+    temp_degc = s.to_degc;
+    append_merged(s, &out.segments);
+  }
+  double total_s = 0;
+  ProfileSegment* longest = nullptr;
+  for (ProfileSegment& s : out.segments) {
+    if (s.rate_degc_per_min == 0) {
+      s.duration_s = std::floor(s.duration_s + 1e-6);
+      if (!longest || s.duration_s > longest->duration_s) longest = &s;
+    }
+    total_s += s.duration_s;
+  }
+  if (longest) {
+    const double with_rest_s = std::floor((longest->duration_s + duration_s - total_s) * 10 + 1e-6) / 10;
+    longest->duration_s = std::max(1.0, max_soak_s > 0 ? std::min(with_rest_s, max_soak_s) : with_rest_s);
+  }
+  return out;
+}
+
+Profile paper_profile(const ChamberLimits& limits, double duration_s, int passes) {
+  Profile p;
+  p.start_degc = limits.lo_degc;
+  double ramps_s = 0;
+  for (int i = 0; i < passes; ++i) ramps_s += limits.traverse_s(i % 2 == 0);
+  const double soak_s = std::max(0.0, (duration_s - ramps_s) / (passes + 1));
+  if (soak_s > 0) p.segments.push_back({0, soak_s, limits.lo_degc});
+  for (int i = 0; i < passes; ++i) {
+    const bool up = i % 2 == 0;
+    const double to_degc = up ? limits.hi_degc : limits.lo_degc;
+    p.segments.push_back(
+        {up ? limits.heating_degc_per_min : -limits.cooling_degc_per_min, limits.traverse_s(up), to_degc});
+    if (soak_s > 0) p.segments.push_back({0, soak_s, to_degc});
+  }
+  return p;
+}
+
+} // namespace imucal

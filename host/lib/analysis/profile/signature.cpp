@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/profile/signature.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <sstream>
+
+#include "base/error.h"
+#include "physics/effects/effect.h"
+
+namespace imucal {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+namespace {
+
+struct KnownEffect {
+  const char* name;
+  const char* short_name;
+  Json parameters;
+};
+
+const std::vector<KnownEffect>& known_effects() {
+  static const std::vector<KnownEffect> known = {
+      {"thermal_lag", "lag", {{"tau_s", 60.0}}},
+      {"temperature_rate", "rate", {{"k_dph_per_degc_min", 10.0}}},
+      {"thermal_hysteresis", "hyst", {{"amplitude_dph", 10.0}, {"width_degc", 5.0}}},
+      {"warm_up", "warmup", {{"amplitude_dph", 30.0}, {"tau_s", 300.0}}},
+      {"rate_ramp", "ramp", {{"ramp_dph_per_h", 10.0}}},
+      {"higher_order_polynomial", "poly", {{"p4_dph", 10.0}, {"p5_dph", 0.0}}},
+      {"thermal_anomaly", "bump", {{"amplitude_dph", 20.0}, {"center_degc", 30.0}, {"width_degc", 2.5}}},
+  };
+  return known;
+}
+
+EffectSpec spec_of(const KnownEffect& known, int order) {
+  EffectSpec spec{known.name, known.parameters};
+  // Of an order-4 fit the first term left out is the fifth.
+  if (spec.name == "higher_order_polynomial" && order >= 4)
+    spec.parameters = {{"p4_dph", 0.0}, {"p5_dph", 10.0}};
+  return spec;
+}
+
+// The record of a noise-free sensor with the effect, less the nominal polynomial of its thermometer.
+std::vector<double> signature_of(const EffectSpec& spec, const CalibrationRun& run, const ErrorModel& model,
+                                 size_t i_run, size_t n_runs) {
+  const size_t n = run.temp_degc.size();
+  SimRun sim;
+  sim.log = i_run;
+  sim.n_logs = n_runs;
+  sim.model = &model;
+  sim.t_s.resize(n);
+  for (size_t k = 0; k < n; ++k)
+    sim.t_s[k] = k == 0 ? run.dt_s : sim.t_s[k - 1] + (run.step_s.empty() ? run.dt_s : run.step_s[k]);
+  sim.case_temp_degc = sim.gyro_temp_degc = sim.thermometer_degc = run.temp_degc;
+  sim.bias = *model.bias;
+  sim.rate_dph.assign(n, 0.0);
+  sim.white_sigma_dph.assign(n, 0.0);
+  const Effect& effect = find_effect(spec.name);
+  Rng rng(1, i_run, 0, Stream::kTool);
+  effect.simulate(SimStage::kTemperature, spec.parameters, &sim, &rng);
+  effect.simulate(SimStage::kBias, spec.parameters, &sim, &rng);
+  for (size_t k = 0; k < n; ++k)
+    sim.rate_dph[k] += sim.bias.at(sim.gyro_temp_degc[k]) - model.bias->at(sim.thermometer_degc[k]);
+  return sim.rate_dph;
+}
+
+} // namespace
+
+std::vector<EffectSpec> standard_effects(int order) {
+  std::vector<EffectSpec> out;
+  for (const KnownEffect& known : known_effects())
+    if (std::string(known.name) != "thermal_anomaly") out.push_back(spec_of(known, order));
+  return out;
+}
+
+std::vector<EffectSpec> effects_by_name(const std::string& names, int order) {
+  std::vector<EffectSpec> out;
+  std::stringstream list(names);
+  std::string name;
+  while (std::getline(list, name, ',')) {
+    const auto& known = known_effects();
+    const auto found = std::find_if(known.begin(), known.end(), [&](const KnownEffect& k) {
+      return name == k.name || name == k.short_name;
+    });
+    if (found == known.end()) {
+      std::string all;
+      for (const KnownEffect& k : known) all += (all.empty() ? "" : ", ") + std::string(k.name);
+      throw usage_error("--tell-apart: '" + name + "' has no signature in the mean; choose from " + all);
+    }
+    out.push_back(spec_of(*found, order));
+  }
+  if (out.size() < 2) throw usage_error("--tell-apart needs at least two effects, separated by commas");
+  return out;
+}
+
+ThermalPolynomial standard_polynomial(const CalibrationSetup& setup) {
+  return {(setup.lo_degc + setup.hi_degc) / 2, (setup.hi_degc - setup.lo_degc) / 2, {80, 300, 150, -100}};
+}
+
+// The first parameter that is not 0: all amplitudes come first.
+static std::string amplitude_parameter(const EffectSpec& spec) {
+  for (const auto& item : spec.parameters.items())
+    if (item.value().is_number() && item.value().get<double>() != 0) return item.key();
+  return "";
+}
+
+SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup,
+                               const std::vector<EffectSpec>& effects) {
+  ErrorModel model = setup.truth;
+  if (!model.bias) model.bias = standard_polynomial(setup);
+  const size_t p = static_cast<size_t>(setup.order) + 1, n_effects = effects.size(), width = p + n_effects;
+  const auto size = static_cast<Index>(width);
+  MatrixXd gram = MatrixXd::Zero(size, size);
+  for (size_t r = 0; r < runs.size(); ++r) {
+    const size_t n = runs[r].temp_degc.size();
+    std::vector<double> columns(n * width);
+    for (size_t k = 0; k < n; ++k) {
+      const double tn = setup.normalised(runs[r].temp_degc[k]);
+      double power = 1;
+      for (size_t i = 0; i < p; ++i, power *= tn) columns[k * width + i] = power;
+    }
+    for (size_t e = 0; e < n_effects; ++e) {
+      const std::vector<double> signature = signature_of(effects[e], runs[r], model, r, runs.size());
+      for (size_t k = 0; k < n; ++k) columns[k * width + p + e] = signature[k];
+    }
+    Whitener(setup.filter, runs[r].dt_s).whiten(width, &columns, runs[r].step_s);
+    const Eigen::Map<const MatrixXd> rows(columns.data(), size, static_cast<Index>(n));
+    MatrixXd g = rows * rows.transpose();
+    const Eigen::VectorXd ones = g.col(0); // this run's turn-on constant takes the place of b0
+    g -= ones * ones.transpose() / ones(0);
+    gram += g;
+  }
+  const Index m = static_cast<Index>(p) - 1, ne = static_cast<Index>(n_effects);
+  const MatrixXd effect_gram = gram.bottomRightCorner(ne, ne);
+  MatrixXd left = effect_gram;
+  if (m > 0) {
+    const MatrixXd nuisance = gram.block(1, 1, m, m), cross = gram.block(1, m + 1, m, ne);
+    left -= cross.transpose() * nuisance.completeOrthogonalDecomposition().solve(cross);
+  }
+  SignatureTable table;
+  table.effects = effects;
+  table.correlation.assign(n_effects * n_effects, 0.0);
+  for (Index i = 0; i < ne; ++i) {
+    const double energy = std::max(0.0, left(i, i));
+    table.strength.push_back(std::sqrt(energy));
+    table.visible_frac.push_back(effect_gram(i, i) > 0 ? energy / effect_gram(i, i) : 0.0);
+    if (table.visible_frac.back() < 1e-6) table.invisible.push_back(effects[static_cast<size_t>(i)].name);
+  }
+  for (size_t i = 0; i < n_effects; ++i) {
+    for (size_t j = 0; j <= i; ++j) {
+      if (table.visible_frac[i] < 1e-6 || table.visible_frac[j] < 1e-6) continue;
+      const double r = i == j ? 1.0
+                              : left(static_cast<Index>(i), static_cast<Index>(j)) /
+                                    (table.strength[i] * table.strength[j]);
+      table.correlation[i * n_effects + j] = table.correlation[j * n_effects + i] = r;
+      if (i != j && std::abs(r) > table.worst) {
+        table.worst = std::abs(r);
+        table.worst_a = j;
+        table.worst_b = i;
+      }
+    }
+  }
+  for (size_t i = 0; i < n_effects; ++i) {
+    double like = 0;
+    for (size_t j = 0; j < n_effects; ++j)
+      if (j != i) like = std::max(like, std::abs(table.correlation[i * n_effects + j]));
+    const bool visible = table.visible_frac[i] >= 1e-6;
+    table.separable.push_back(visible ? table.strength[i] * std::sqrt(std::max(0.0, 1 - like * like)) : 0.0);
+    const std::string name = amplitude_parameter(effects[i]);
+    const double amplitude = name.empty() ? 0 : std::abs(effects[i].parameters.at(name).get<double>());
+    table.needed.push_back(table.separable[i] > 0 ? amplitude * 4 / table.separable[i] : 0.0);
+  }
+  double sum = 0;
+  for (double s : table.separable) sum += std::log(std::max(1e-6, s));
+  table.mean_separable = std::exp(sum / static_cast<double>(n_effects));
+  return table;
+}
+
+Json to_json(const SignatureTable& table) {
+  const size_t n = table.effects.size();
+  Json json = {
+      {"effects", Json::array()}, {"correlation", Json::array()}, {"worst_correlation", table.worst}};
+  for (size_t i = 0; i < n; ++i) {
+    json["effects"].push_back({{"name", table.effects[i].name},
+                               {"parameters", table.effects[i].parameters},
+                               {"strength", table.strength[i]},
+                               {"visible_frac", table.visible_frac[i]},
+                               {"separable_strength", table.separable[i]},
+                               {"needed_to_name", table.needed[i]}});
+    json["correlation"].push_back(
+        std::vector<double>(table.correlation.begin() + static_cast<std::ptrdiff_t>(i * n),
+                            table.correlation.begin() + static_cast<std::ptrdiff_t>((i + 1) * n)));
+  }
+  if (n > 1) json["worst_pair"] = {table.effects[table.worst_a].name, table.effects[table.worst_b].name};
+  json["mean_separable_strength"] = table.mean_separable;
+  json["not_visible"] = table.invisible;
+  return json;
+}
+
+std::string signature_text(const SignatureTable& table) {
+  std::string text = "  correlation of whitened signatures (polynomial and turn-on constant projected off)\n";
+  char cell[128];
+  const size_t n = table.effects.size();
+  for (size_t i = 0; i < n; ++i) {
+    std::snprintf(cell, sizeof cell, "  %-24s", table.effects[i].name.c_str());
+    text += cell;
+    for (size_t j = 0; j <= i; ++j) {
+      std::snprintf(cell, sizeof cell, " %6.2f", table.correlation[i * n + j]);
+      text += cell;
+    }
+    std::snprintf(cell, sizeof cell, "%*s", static_cast<int>(7 * (n - 1 - i)), "");
+    text += cell;
+    const std::string parameter = amplitude_parameter(table.effects[i]);
+    if (table.needed[i] > 0)
+      std::snprintf(cell, sizeof cell, "  can be named from %.3g %s\n", table.needed[i], parameter.c_str());
+    else
+      std::snprintf(cell, sizeof cell, "  not visible\n");
+    text += cell;
+  }
+  if (n > 1 && table.worst > 0) {
+    std::snprintf(cell, sizeof cell, "  worst %.3f: ", table.worst);
+    text += cell + table.effects[table.worst_a].name + " and " + table.effects[table.worst_b].name + "\n";
+  }
+  for (const std::string& name : table.invisible) text += "  " + name + ": not visible on this profile\n";
+  return text;
+}
+
+} // namespace imucal

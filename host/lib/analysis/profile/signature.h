@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+// Which effects a profile can tell apart.
+//
+// Signature of an effect: what it adds to the record of a noise-free sensor, less what the polynomial of the
+// thermometer explains nominally; computed by the very simulation of the effect (effects/effect.h).  After
+// whitening by the noise model and projecting off what every calibration estimates anew (polynomial, one
+// turn-on constant per run) two effects whose signatures have correlation 1 are the same curve for every
+// statistical test; the expected log-likelihood margin between them is d^2/2 (1 - correlation^2), d the
+// whitened signature's norm (diagnosis.md, 6).  The projection is by Schur complement of the Gram matrix.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "io/json_file.h"
+#include "analysis/profile/covariance.h"
+
+namespace imucal {
+
+struct SignatureTable {
+  std::vector<EffectSpec> effects;
+  std::vector<double> correlation; // of the signatures, row-major; rows of invisible effects are 0
+  std::vector<double> strength;    // d: norm of the projected whitened signature at the given parameters
+  std::vector<double>
+      visible_frac; // part of the signature's energy (less its constant) that the projection leaves
+  // d sqrt(1 - largest correlation^2): what is left of the signature beside the effect most like it.  4 is
+  // about what naming an effect takes (diagnosis.md, 6).
+  std::vector<double> separable;
+  std::vector<double> needed; // value of the effect's first parameter at which separable is 4; 0: invisible
+  double mean_separable = 0;  // geometric mean of separable (an invisible effect counts as 1e-6)
+  double worst = 0;           // largest |correlation| of two visible effects
+  size_t worst_a = 0, worst_b = 0;
+  std::vector<std::string>
+      invisible; // effects with visible_frac below 1e-6: no test can see them on this profile
+};
+
+// The effects and parameters that are judged when none are given: thermal lag (60 s), dT/dt, hysteresis
+// (width 5 degC), turn-on transient (300 s), ageing (ramp in time), 4th order (5th for order 4).
+std::vector<EffectSpec> standard_effects(int order);
+// Effects by name ("thermal_lag,warm_up", short names of diagnosis.md too) with the standard parameters.
+// usage_error lists the names there are.
+std::vector<EffectSpec> effects_by_name(const std::string& names, int order);
+
+// The polynomial used where the model has none: the thermal lag acts through it.
+ThermalPolynomial standard_polynomial(const CalibrationSetup& setup);
+
+SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup,
+                               const std::vector<EffectSpec>& effects);
+
+Json to_json(const SignatureTable& table);
+std::string signature_text(const SignatureTable& table);
+
+} // namespace imucal

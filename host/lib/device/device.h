@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: MIT
+// A device at the other end of a transport: requests with sequence numbers and repetition, streamed records
+// with their losses counted.  The frames are made and read by common/link.c, the very code the device runs.
+//
+// A request is repeated when no reply comes in time; the device answers a repetition from the reply it kept,
+// so that nothing is done twice.  A device that stays silent through all repetitions ends in device_error,
+// never in a hang. Noise on the line costs the frames it touches: those of requests are repeated, those of
+// streams are counted lost.
+#pragma once
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "device/transport.h"
+#include "link.h"
+#include "table.h"
+
+namespace imucal {
+
+struct DeviceOptions {
+  double reply_timeout_s = 1.0; // of one try
+  int tries = 6;                // of one request, the first included
+};
+
+// What happened on the line since it was opened.
+struct LinkStatistics {
+  uint64_t bytes = 0, frames = 0; // received
+  uint64_t spoilt = 0;            // frames dropped: wrong CRC, malformed, too long, of unknown type
+  uint64_t repeated_requests = 0; // tries beyond the first
+  uint64_t stale_replies = 0;     // replies to an earlier try or an earlier program
+  uint64_t lost_records = 0;      // streamed records that never came, by their counters
+  uint64_t doubled_records = 0;   // records received twice
+};
+
+// One finished second, as streamed.
+using SecondRecord = imucal_link_second_t;
+
+class Device {
+public:
+  // Called for every streamed record while a request or `poll` waits: id is IMUCAL_LINK_ID_SECOND, …
+  // It must not send requests itself.
+  using StreamHandler = std::function<void(uint8_t id, const imucal_link_any_t& record)>;
+
+  explicit Device(std::unique_ptr<Transport> transport, DeviceOptions options = {});
+
+  // Greets the device, stops streams a former program left running, reads name, serial, channels.
+  // device_error: silent, or of another protocol version.
+  void connect();
+
+  const imucal_link_hello_reply_t& hello() const { return hello_; }
+  const std::vector<imucal_link_channel_info_reply_t>& channels() const { return channels_; }
+  std::string serial() const;
+  std::string channel_name(size_t i) const;
+  const std::string& port() const { return transport_->name(); }
+  const char* port_kind() const { return transport_->kind(); }
+  const LinkStatistics& statistics() const { return statistics_; }
+
+  void on_stream(StreamHandler handler) { handler_ = std::move(handler); }
+
+  imucal_link_info_reply_t info();
+  imucal_link_counters_reply_t counters();
+  void stream(unsigned what, unsigned innovation_channels, uint16_t progress_period_s);
+
+  void cal_start(const imucal_link_cal_start_t& start);
+  imucal_link_cal_state_reply_t cal_state(uint8_t channel);
+  imucal_link_cal_filter_reply_t cal_filter(uint8_t channel);
+  void cal_stop(uint8_t action);
+  // The device makes a table of its filters and flashes it; returns the table's sequence number.
+  uint32_t table_from_cal(uint32_t created_s);
+
+  // Bytes of the table in a slot (IMUCAL_LINK_SLOT_RULING: the ruling one); device_error: none there.
+  std::vector<uint8_t> read_table(uint8_t slot = IMUCAL_LINK_SLOT_RULING);
+  // Sends, flashes, and returns the sequence number.  The device checks the table before it touches its
+  // flash.
+  uint32_t write_table(const std::vector<uint8_t>& bytes);
+  void rollback();
+  void erase();
+  void reboot();
+
+  // Receives for up to timeout_s, or until at least one frame came; false: nothing came.
+  bool poll(double timeout_s);
+
+  // One request and its reply.  A DONE with a negative status becomes device_error, unless `status` is given:
+  // then it is left there and the reply is not to be used.
+  imucal_link_any_t request(uint8_t id, const void* message, uint8_t reply_id, double patience = 1.0,
+                            imucal_status* status = nullptr);
+
+private:
+  imucal_link_any_t command(uint8_t id, const void* message, double patience = 1.0);
+  bool receive(double timeout_s, const std::function<bool()>& on_frame);
+  void take_stream(uint8_t id, const imucal_link_any_t& record);
+  // Type of the reply that came (reply_id, or DONE with a refusal); 0: none in time.
+  uint8_t await_reply(uint8_t request_id, uint8_t sequence, uint8_t reply_id, double timeout_s,
+                      imucal_link_any_t* reply);
+
+  std::unique_ptr<Transport> transport_;
+  DeviceOptions options_;
+  imucal_link_rx_t rx_;
+  std::vector<uint8_t> pending_; // received, not yet looked at
+  size_t pending_at_ = 0;
+  uint8_t sequence_;
+  imucal_link_hello_reply_t hello_{};
+  std::vector<imucal_link_channel_info_reply_t> channels_;
+  int last_counter_[4] = {-1, -1, -1, -1}; // per stream
+  LinkStatistics statistics_;
+  StreamHandler handler_;
+};
+
+// Text of a fixed-size field.
+template <size_t N> std::string fixed_text(const char (&field)[N]) {
+  size_t n = 0;
+  while (n < N && field[n]) ++n;
+  return std::string(field, n);
+}
+
+} // namespace imucal

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: MIT
+#include "device/recorder.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+
+#include "base/error.h"
+#include "io/table_json.h"
+
+namespace imucal {
+
+LogRecorder::LogRecorder(const std::string& path, const Device& device, What what)
+    : path_(path), what_(what) {
+  if (path_.empty()) return;
+  out_.open(path_ + ".part", std::ios::trunc);
+  if (!out_) throw data_error(path_ + ": cannot be written: " + std::strerror(errno));
+  out_.precision(9); // every float32
+  out_ << "# imucal-log = 1\n# device = " << fixed_text(device.hello().device)
+       << "\n# serial = " << device.serial()
+       << "\n# content = " << (what_ == What::kRaw ? "raw" : "compensated") << "\n";
+  write_scales(device);
+  out_ << "t_s,temp_degc";
+  for (size_t i = 0; i < device.channels().size(); ++i) out_ << "," << device.channel_name(i);
+  for (size_t i = 0; i < device.channels().size(); ++i) {
+    const std::string name = device.channel_name(i);
+    out_ << "," << name.substr(0, name.rfind('_')) << "_flags";
+  }
+  out_ << "\n";
+}
+
+// What a count means on this device: `calibrate fit` makes a table of the log that fits the device.
+void LogRecorder::write_scales(const Device& device) {
+  for (size_t i = 0; i < device.channels().size(); ++i) {
+    const imucal_link_channel_info_reply_t& channel = device.channels()[i];
+    const std::string name = device.channel_name(i), stem = name.substr(0, name.rfind('_'));
+    if (i == 0)
+      out_ << "# temp_counts_scale_degc = " << shortest(channel.degc_per_count)
+           << "\n# temp_counts_offset_degc = " << shortest(channel.degc_at_zero) << "\n";
+    out_ << "# " << stem << "_counts_scale" << name.substr(name.rfind('_')) << " = "
+         << shortest(channel.unit_per_count) << "\n# " << stem
+         << "_full_scale_counts = " << channel.full_scale_counts << "\n";
+  }
+}
+
+LogRecorder::~LogRecorder() {
+  if (!out_.is_open()) return;
+  out_.close();
+  rename();
+}
+
+void LogRecorder::add(const SecondRecord& second) {
+  if (!out_.is_open() || second.is_gap) return;
+  if (rows_ > 0 && second.t_s <= last_t_s_) return; // the device started its clock anew: a log has one clock
+  last_t_s_ = second.t_s;
+  ++rows_;
+  const float* values = what_ == What::kRaw ? second.raw : second.out;
+  char text[64];
+  out_ << second.t_s;
+  std::snprintf(text, sizeof text, ",%.9g", static_cast<double>(second.temp_degc));
+  out_ << text;
+  for (size_t i = 0; i < second.n_channels; ++i) {
+    std::snprintf(text, sizeof text, ",%.9g", static_cast<double>(values[i]));
+    out_ << text;
+  }
+  for (size_t i = 0; i < second.n_channels; ++i) out_ << "," << static_cast<int>(second.flags[i]);
+  out_ << "\n";
+}
+
+void LogRecorder::rename() {
+  std::rename((path_ + ".part").c_str(), path_.c_str());
+}
+
+void LogRecorder::close() {
+  if (!out_.is_open()) return;
+  out_.flush();
+  const bool is_whole = out_.good();
+  out_.close();
+  rename();
+  if (!is_whole) throw data_error(path_ + ": not everything could be written; is the disk full?");
+}
+
+} // namespace imucal

@@ -1,0 +1,489 @@
+// SPDX-License-Identifier: MIT
+#include "device/run.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <ctime>
+#include <limits>
+#include <memory>
+
+#include "base/error.h"
+#include "device/recorder.h"
+#include "base/progress.h"
+#include "analysis/fit/fit.h"
+#include "io/log.h"
+#include "io/table_json.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr double kSilence_s = 2.0;           // without any record: ask the device whether it is alive
+constexpr double kTravelPerOrder_degc = 1.0; // least movement of the temperature per order of the polynomial
+constexpr double kTravelOfRange = 0.25;      // and least part of the range asked for
+constexpr double kRangeSlack = 0.02;         // part of the range that need not be reached at either end
+constexpr TemperatureRange kWidestRange{-40.0, 85.0}; // where nothing says what range is meant
+constexpr double kManyGaps = 0.1;                     // part of the seconds
+constexpr double kNisAlarm = 3.89;                    // normal deviate of a false-alarm rate of 1e-4
+
+double now_s() {
+  using namespace std::chrono;
+  return duration<double>(steady_clock::now().time_since_epoch()).count();
+}
+
+std::string text_of(double value, int digits = 1) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*f", digits, value);
+  return text;
+}
+
+std::string text_of(const TemperatureRange& range) {
+  return text_of(range.lo_degc) + " to " + text_of(range.hi_degc) + " degC";
+}
+
+bool is_gyro(const std::string& name) {
+  return name.size() > 4 && name.compare(name.size() - 4, 4, "_dph") == 0;
+}
+
+// The channels to calibrate.
+std::vector<size_t> chosen_channels(const Device& device, const RunOptions& options) {
+  std::vector<size_t> chosen;
+  const size_t n = device.channels().size();
+  for (const std::string& axis : options.axes) {
+    size_t i = 0;
+    while (i < n && device.channel_name(i) != axis) ++i;
+    if (i == n) {
+      std::string known;
+      for (size_t k = 0; k < n; ++k) known += (k ? " " : "") + device.channel_name(k);
+      throw usage_error("axis '" + axis + "': the device has " + known);
+    }
+    chosen.push_back(i);
+  }
+  if (options.axes.empty())
+    for (size_t i = 0; i < n; ++i)
+      if (options.models.size() == n || is_gyro(device.channel_name(i))) chosen.push_back(i);
+  if (chosen.empty()) throw usage_error("the device has no gyro; name the axes to calibrate with --axis");
+  if (options.models.size() != 1 && options.models.size() != chosen.size())
+    throw usage_error(std::to_string(options.models.size()) + " models for " + std::to_string(chosen.size()) +
+                      " axes: give one for all, or one per axis");
+  return chosen;
+}
+
+// The range to learn over; false: nobody said, so the widest is taken and the table made of what was seen.
+bool find_range(const RunOptions& options, TemperatureRange* range) {
+  if (options.range) {
+    *range = *options.range;
+  } else if (options.profile) {
+    *range = {options.profile->min_degc(), options.profile->max_degc()};
+  } else if (const auto& bias = options.models.front().bias) {
+    *range = {bias->t0_degc - bias->range_degc, bias->t0_degc + bias->range_degc};
+  } else {
+    *range = kWidestRange;
+    return false;
+  }
+  return true;
+}
+
+void refuse_small_travel(const TemperatureRange& moved, unsigned order,
+                         const std::optional<TemperatureRange>& wanted, const std::string& whose) {
+  double needed = kTravelPerOrder_degc * order;
+  if (wanted) needed = std::max(needed, kTravelOfRange * wanted->width());
+  if (moved.width() >= needed) return;
+  throw data_error(whose + " moved only from " + text_of(moved.lo_degc, 2) + " to " +
+                   text_of(moved.hi_degc, 2) + " degC: a polynomial of order " + std::to_string(order) +
+                   (wanted ? " over " + text_of(*wanted) : std::string()) + " needs at least " +
+                   text_of(needed) + " degC of travel; use a profile that covers the range" +
+                   (wanted ? ", or name a smaller one with --range" : ""));
+}
+
+// Everything of one run.
+class Run {
+public:
+  Run(Device* device, const RunOptions& options) : device_(*device), options_(options) {}
+  RunResult go();
+
+private:
+  struct Axis {
+    size_t channel;
+    imucal_link_cal_start_t start;
+    std::vector<float> rate; // usable seconds
+    std::vector<float> temp_degc;
+  };
+
+  void prepare();
+  void listen();
+  void take(uint8_t id, const imucal_link_any_t& record);
+  void take(const SecondRecord& second);
+  bool is_at_end();
+  void check_alive();
+  void show(bool is_last);
+  void finish();
+  imucal_table_t table_made_here();
+  void check_read_back();
+  void note_innovations(const AxisResult& axis);
+  TemperatureRange table_span() const;
+
+  Device& device_;
+  const RunOptions& options_;
+  RunResult result_;
+  std::vector<Axis> axes_;
+  TemperatureRange range_;
+  bool is_range_known_ = false;
+  double total_s_ = 0; // 0: unknown
+  std::unique_ptr<LogRecorder> raw_log_, compensated_log_;
+
+  // the state of listening
+  double start_s_ = 0, last_record_s_ = 0, last_second_s_ = 0, last_shown_s_ = 0;
+  uint32_t first_t_s_ = 0, t_s_ = 0;
+  double temp_degc_ = 0, worst_sigma_ = std::numeric_limits<double>::infinity();
+  bool has_sensor_ended_ = false;
+};
+
+void Run::prepare() {
+  if (options_.profile)
+    refuse_small_travel({options_.profile->min_degc(), options_.profile->max_degc()}, options_.order,
+                        options_.range, "the profile");
+  is_range_known_ = find_range(options_, &range_);
+  if (range_.width() <= 0)
+    throw usage_error("temperature range " + text_of(range_) +
+                      " is reversed or empty; give --range LOW:HIGH");
+  if (!is_range_known_ && options_.until_error > 0)
+    throw usage_error(
+        "--until-error needs to know over which temperatures: give --range LOW:HIGH or --profile");
+  total_s_ = options_.duration_s > 0 ? options_.duration_s
+             : options_.profile      ? options_.profile->duration_s()
+                                     : 0;
+  const std::vector<size_t> channels = chosen_channels(device_, options_);
+  for (size_t i = 0; i < channels.size(); ++i) {
+    const ErrorModel& model = options_.models.size() > 1 ? options_.models[i] : options_.models.front();
+    Axis axis{channels[i],
+              cal_start_of(model, options_.order, (range_.lo_degc + range_.hi_degc) / 2, range_.width() / 2,
+                           range_, options_.prior_sigma),
+              {},
+              {}};
+    axis.start.channel = static_cast<uint8_t>(channels[i]);
+    axes_.push_back(axis);
+  }
+  raw_log_ = std::make_unique<LogRecorder>(options_.record_path, device_, LogRecorder::What::kRaw);
+  compensated_log_ = std::make_unique<LogRecorder>(options_.record_compensated_path, device_,
+                                                   LogRecorder::What::kCompensated);
+}
+
+void Run::take(const SecondRecord& second) {
+  if (result_.seconds == 0) {
+    first_t_s_ = second.t_s - 1;
+    result_.seen = {second.temp_degc, second.temp_degc};
+  }
+  ++result_.seconds;
+  last_second_s_ = now_s();
+  t_s_ = second.t_s;
+  temp_degc_ = static_cast<double>(second.temp_degc);
+  raw_log_->add(second);
+  compensated_log_->add(second);
+  if (second.is_gap) {
+    ++result_.gaps;
+    return;
+  }
+  result_.seen.lo_degc = std::min(result_.seen.lo_degc, temp_degc_);
+  result_.seen.hi_degc = std::max(result_.seen.hi_degc, temp_degc_);
+  for (Axis& axis : axes_) {
+    if (second.flags[axis.channel] & (kSaturated | kSensorFault)) continue;
+    axis.rate.push_back(second.raw[axis.channel]);
+    axis.temp_degc.push_back(second.temp_degc);
+  }
+}
+
+void Run::take(uint8_t id, const imucal_link_any_t& record) {
+  last_record_s_ = now_s();
+  if (id == IMUCAL_LINK_ID_SECOND) {
+    take(record.second);
+  } else if (id == IMUCAL_LINK_ID_PROGRESS) {
+    worst_sigma_ = 0;
+    for (const Axis& axis : axes_)
+      worst_sigma_ = std::max(worst_sigma_, static_cast<double>(record.progress.worst_sigma[axis.channel]));
+    has_sensor_ended_ = has_sensor_ended_ || record.progress.session == IMUCAL_SESSION_SENSOR_ENDED;
+  } else if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_ENDED) {
+    has_sensor_ended_ = true;
+  } else if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_FAULT) {
+    result_.notes.push_back("at " + std::to_string(t_s_) + " s the sensor reported a fault (channel bits " +
+                            std::to_string(record.event.detail) + ")");
+  } else if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_BOOT) {
+    throw device_error(device_.port() + ": the device restarted after " + std::to_string(t_s_ - first_t_s_) +
+                       " s of calibration; check its supply and start again. It keeps its last good table");
+  }
+}
+
+bool Run::is_at_end() {
+  if (interrupted()) {
+    result_.end = RunResult::End::kInterrupted;
+  } else if (options_.until_error > 0 && worst_sigma_ > 0 && worst_sigma_ <= options_.until_error) {
+    result_.end = RunResult::End::kErrorReached;
+  } else if (has_sensor_ended_) {
+    result_.end = RunResult::End::kSensorEnded;
+  } else if (total_s_ > 0 && result_.seconds > 0 && t_s_ - first_t_s_ >= total_s_) {
+    result_.end = RunResult::End::kDuration;
+  } else {
+    return false;
+  }
+  return true;
+}
+
+// Nothing came for a while: is the device there, does it still calibrate, does its sensor deliver?
+void Run::check_alive() {
+  const imucal_link_info_reply_t info = device_.info();
+  last_record_s_ = now_s();
+  if (info.session == IMUCAL_SESSION_SENSOR_ENDED) has_sensor_ended_ = true;
+  if (info.session == IMUCAL_SESSION_IDLE)
+    throw device_error(device_.port() + ": the device has left the calibration (restarted?) after " +
+                       std::to_string(t_s_ - first_t_s_) + " s; check its supply and start again");
+  if (!has_sensor_ended_ && now_s() - last_second_s_ > options_.stall_s)
+    throw device_error(device_.port() + ": the device answers, but its sensor has delivered nothing for " +
+                       text_of(options_.stall_s, 0) + " s; check the sensor (or start its feed)");
+}
+
+void Run::show(bool is_last) {
+  if (options_.quiet || !::isatty(STDERR_FILENO)) return;
+  const double now = now_s();
+  if (!is_last && now - last_shown_s_ < 0.1) return;
+  last_shown_s_ = now;
+  const double done_s = result_.seconds > 0 ? t_s_ - first_t_s_ : 0;
+  std::string line = "\r\033[K" + text_of(done_s, 0) + " s";
+  if (total_s_ > 0) line += " of " + text_of(total_s_, 0) + " s";
+  line += "  " + text_of(temp_degc_, 2) + " degC";
+  if (is_range_known_ && std::isfinite(worst_sigma_))
+    line += "  predicted worst error " + text_of(worst_sigma_, 2) +
+            (is_gyro(device_.channel_name(axes_.front().channel)) ? " dph" : "");
+  if (device_.statistics().lost_records > 0)
+    line += "  " + std::to_string(device_.statistics().lost_records) + " records lost";
+  if (total_s_ > 0 && done_s > 0)
+    line += "  " + text_of((now - start_s_) * std::max(0.0, total_s_ - done_s) / done_s, 0) + " s left";
+  std::fprintf(stderr, "%s%s", line.c_str(), is_last ? "\n" : "");
+  std::fflush(stderr);
+}
+
+void Run::listen() {
+  device_.on_stream([this](uint8_t id, const imucal_link_any_t& record) { take(id, record); });
+  for (const Axis& axis : axes_) device_.cal_start(axis.start);
+  start_s_ = last_record_s_ = last_second_s_ = now_s();
+  device_.stream(IMUCAL_STREAM_SECOND | IMUCAL_STREAM_PROGRESS | IMUCAL_STREAM_EVENT, 0, 20);
+  while (!is_at_end()) {
+    device_.poll(0.2);
+    show(false);
+    if (now_s() - last_record_s_ > kSilence_s) check_alive();
+  }
+  show(true);
+  device_.cal_stop(IMUCAL_STOP_KEEP);
+  device_.stream(0, 0, 1);
+  device_.on_stream({});
+}
+
+TemperatureRange Run::table_span() const {
+  const double slack = is_range_known_ ? kRangeSlack * range_.width() : 0;
+  TemperatureRange span = range_;
+  if (result_.seen.lo_degc > range_.lo_degc + slack) span.lo_degc = result_.seen.lo_degc;
+  if (result_.seen.hi_degc < range_.hi_degc - slack) span.hi_degc = result_.seen.hi_degc;
+  return span;
+}
+
+// Of the device's filters, read bit for bit, but valid only where the temperature has been.
+imucal_table_t Run::table_made_here() {
+  const TemperatureRange span = table_span();
+  imucal_table_t table{};
+  std::copy_n(device_.hello().serial, sizeof table.serial, table.serial);
+  table.sequence = 1; // the device gives the next one
+  table.created_s = static_cast<uint32_t>(std::time(nullptr));
+  table.n_channels = device_.hello().n_channels;
+  table.degc_per_count = device_.channels().front().degc_per_count;
+  table.degc_at_zero = device_.channels().front().degc_at_zero;
+  for (size_t i = 0; i < table.n_channels; ++i) {
+    imucal_table_channel_t& channel = table.channel[i];
+    std::copy_n(device_.channels()[i].name, sizeof channel.name, channel.name);
+    channel.unit_per_count = device_.channels()[i].unit_per_count;
+    channel.full_scale_counts = device_.channels()[i].full_scale_counts;
+    channel.t0_degc = static_cast<float>((span.lo_degc + span.hi_degc) / 2);
+    channel.range_degc = static_cast<float>(span.width() / 2 * 1.0001);
+    channel.span_lo_degc = static_cast<float>(span.lo_degc);
+    channel.span_hi_degc = static_cast<float>(span.hi_degc);
+  }
+  for (size_t k = 0; k < axes_.size(); ++k) {
+    const Axis& axis = axes_[k];
+    imucal_table_channel_t& channel = table.channel[axis.channel];
+    const imucal_status status =
+        imucal_table_from_kf(&channel, &result_.axes[k].filter, static_cast<float>(span.lo_degc),
+                             static_cast<float>(span.hi_degc));
+    if (status != IMUCAL_OK)
+      throw data_error(result_.axes[k].name + ": no table: " + imucal_status_text(status));
+    channel.arw = axis.start.arw;
+    channel.n_markov = axis.start.n_markov;
+    std::copy_n(axis.start.markov_sigma, IMUCAL_TABLE_MARKOV_N, channel.markov_sigma);
+    std::copy_n(axis.start.markov_tau_s, IMUCAL_TABLE_MARKOV_N, channel.markov_tau_s);
+  }
+  return table;
+}
+
+void Run::check_read_back() {
+  result_.table = table_from_bytes(device_.read_table(), device_.port());
+  for (const AxisResult& axis : result_.axes) {
+    const imucal_table_channel_t& channel = result_.table.channel[axis.channel];
+    bool is_same = channel.order == axis.state.order;
+    for (size_t i = 0; i < IMUCAL_MAX_COEFF; ++i)
+      is_same = is_same && channel.coeff[i] == axis.state.coeff[i];
+    if (!is_same)
+      throw device_error(device_.port() + ": " + axis.name +
+                         ": the table read back from flash is not what the filter "
+                         "learned; do not use it (calibrate rollback returns to the one before)");
+  }
+}
+
+void Run::note_innovations(const AxisResult& axis) {
+  const double n = axis.state.n;
+  const double deviate = (static_cast<double>(axis.state.mean_nis) - 1) / std::sqrt(2 / n);
+  if (std::abs(deviate) <= kNisAlarm) return;
+  result_.notes.push_back(
+      axis.name + ": the innovations are " + text_of(std::sqrt(static_cast<double>(axis.state.mean_nis)), 2) +
+      " times as large as the model predicts (false-alarm rate 1e-4): the predicted error is " +
+      (deviate > 0 ? "too small" : "too large") + "; fit a model with `errormodel fit`");
+}
+
+void Run::finish() {
+  if (result_.seconds == 0)
+    throw device_error(device_.port() + ": no second came from the device; nothing to learn from");
+  if (result_.gaps > kManyGaps * result_.seconds)
+    result_.notes.push_back(text_of(result_.gaps, 0) + " of " + text_of(result_.seconds, 0) +
+                            " seconds held fewer than half of the samples the device expects (" +
+                            text_of(static_cast<double>(device_.hello().rate_hz), 0) +
+                            " per second) and were not used; check the sensor or its nominal rate");
+  if (result_.gaps == result_.seconds) throw device_error(device_.port() + ": " + result_.notes.back());
+  refuse_small_travel(result_.seen, options_.order,
+                      is_range_known_ ? std::optional<TemperatureRange>(range_) : std::nullopt,
+                      "the temperature");
+  for (const Axis& axis : axes_) {
+    AxisResult learned;
+    learned.channel = axis.channel;
+    learned.name = device_.channel_name(axis.channel);
+    learned.state = device_.cal_state(static_cast<uint8_t>(axis.channel));
+    learned.filter =
+        kf_from_device(axis.start, device_.cal_filter(static_cast<uint8_t>(axis.channel)), learned.state);
+    ThermalPolynomial polynomial;
+    polynomial.t0_degc = static_cast<double>(axis.start.t0_degc);
+    polynomial.range_degc = static_cast<double>(axis.start.range_degc);
+    polynomial.coeff_dph.assign(learned.state.coeff, learned.state.coeff + axis.start.order + 1);
+    double sum = 0;
+    for (size_t k = 0; k < axis.rate.size(); ++k) {
+      const double residual =
+          static_cast<double>(axis.rate[k]) - polynomial.at(static_cast<double>(axis.temp_degc[k]));
+      sum += residual * residual;
+    }
+    learned.residual_rms = axis.rate.empty() ? 0 : std::sqrt(sum / static_cast<double>(axis.rate.size()));
+    note_innovations(learned);
+    result_.axes.push_back(learned);
+  }
+  const TemperatureRange span = table_span();
+  result_.is_device_made = span.lo_degc == range_.lo_degc && span.hi_degc == range_.hi_degc;
+  if (result_.is_device_made) {
+    device_.table_from_cal(static_cast<uint32_t>(std::time(nullptr)));
+  } else {
+    if (is_range_known_)
+      result_.notes.push_back("the temperature covered " + text_of(result_.seen) + " of " + text_of(range_) +
+                              ": the table is valid from " + text_of(span));
+    device_.write_table(table_bytes(table_made_here(), device_.port()));
+  }
+  check_read_back();
+  device_.cal_stop(IMUCAL_STOP_DISCARD);
+}
+
+RunResult Run::go() {
+  (void)interrupted();  // from here on Ctrl-C ends the run in order
+  prepare();
+  try {
+    listen();
+    raw_log_->close();
+    compensated_log_->close();
+    finish();
+  } catch (const Error& e) {
+    if (e.exit() != Exit::kDevice) device_.cal_stop(IMUCAL_STOP_DISCARD); // the device is fine: leave it idle
+    throw;
+  }
+  if (options_.until_error > 0) result_.is_error_reached = result_.end == RunResult::End::kErrorReached;
+  return result_;
+}
+
+} // namespace
+
+imucal_link_cal_start_t cal_start_of(const ErrorModel& model, unsigned order, double t0_degc,
+                                     double range_degc, const TemperatureRange& span, double prior_sigma) {
+  const imucal_kf_config_t config =
+      kf_config(model, static_cast<int>(order), t0_degc, range_degc, prior_sigma);
+  imucal_link_cal_start_t start{};
+  start.order = config.order;
+  start.t0_degc = config.t0_degc;
+  start.range_degc = config.range_degc;
+  start.m = config.m;
+  start.q = config.q;
+  start.r = config.r;
+  start.markov_variance = config.markov_variance;
+  start.prior_sigma = config.prior_sigma;
+  start.span_lo_degc = static_cast<float>(span.lo_degc);
+  start.span_hi_degc = static_cast<float>(span.hi_degc);
+  start.arw = static_cast<float>(model.arw_deg_rt_h);
+  start.n_markov = static_cast<uint8_t>(std::min<size_t>(model.markov.size(), IMUCAL_TABLE_MARKOV_N));
+  for (size_t i = 0; i < start.n_markov; ++i) {
+    start.markov_sigma[i] = static_cast<float>(model.markov[i].sigma_dph);
+    start.markov_tau_s[i] = static_cast<float>(model.markov[i].tau_s);
+  }
+  return start;
+}
+
+imucal_kf_config_t kf_config_of(const imucal_link_cal_start_t& start) {
+  imucal_kf_config_t config{};
+  config.order = start.order;
+  config.t0_degc = start.t0_degc;
+  config.range_degc = start.range_degc;
+  config.m = start.m;
+  config.q = start.q;
+  config.r = start.r;
+  config.markov_variance = start.markov_variance;
+  config.prior_sigma = start.prior_sigma;
+  return config;
+}
+
+imucal_kf_t kf_from_device(const imucal_link_cal_start_t& start, const imucal_link_cal_filter_reply_t& bits,
+                           const imucal_link_cal_state_reply_t& state) {
+  const imucal_kf_config_t config = kf_config_of(start);
+  imucal_kf_t kf{};
+  if (const imucal_status status = imucal_kf_init(&kf, &config); status != IMUCAL_OK)
+    throw data_error(std::string("filter of the device: ") + imucal_status_text(status));
+  static_assert(sizeof kf.x == sizeof bits.x && sizeof kf.u == sizeof bits.u,
+                "the link carries the whole filter");
+  std::memcpy(kf.x, bits.x, sizeof kf.x);
+  std::memcpy(kf.x_lo, bits.x_lo, sizeof kf.x_lo);
+  std::memcpy(kf.d, bits.d, sizeof kf.d);
+  std::memcpy(kf.d_lo, bits.d_lo, sizeof kf.d_lo);
+  std::memcpy(kf.u, bits.u, sizeof kf.u);
+  kf.stats.n = state.n;
+  return kf;
+}
+
+const char* end_text(RunResult::End end) {
+  switch (end) {
+  case RunResult::End::kSensorEnded:
+    return "the sensor's data ended";
+  case RunResult::End::kDuration:
+    return "the duration is over";
+  case RunResult::End::kErrorReached:
+    return "the predicted error is reached";
+  default:
+    return "interrupted";
+  }
+}
+
+RunResult run_calibration(Device* device, const RunOptions& options) {
+  return Run(device, options).go();
+}
+
+} // namespace imucal

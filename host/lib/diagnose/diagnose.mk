@@ -1,7 +1,0 @@
-# Time and memory of diagnose, and how they grow with runs and seconds (calibration of the nulls apart).
-BENCH_DIAGNOSE = $(PYTHON) host/lib/diagnose/bench.py --bin $(BUILD)/bin
-
-bench:: $(BUILD)/bin/diagnose $(BUILD)/bin/gyrosim
-	$(Q)$(BENCH_DIAGNOSE)
-
-.PHONY: bench

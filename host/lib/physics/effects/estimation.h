@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: MIT
+// The estimation side of an effect: what `diagnose` needs to look for it in logs.  An effect that can be
+// estimated returns one of these from Effect::estimator(); the engine (host/lib/analysis/diagnose) knows forms, never
+// names.
+#pragma once
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "physics/effects/effect.h"
+
+namespace imucal {
+
+using Theta = std::vector<double>;
+using Column = std::vector<double>;
+
+// One log of one axis as the engine sees it, row by row.
+struct RunInput {
+  size_t log = 0;
+  double dt_s = 1;
+  std::vector<double> t_s;           // from the start of the log
+  std::vector<long> tick;            // t_s in steps of dt_s, whole and increasing: a jump is a gap
+  std::vector<double> temp_degc;     // as logged; where empty, interpolated in time
+  std::vector<double> smooth_degc;   // de-quantised and smoothed over 40 s
+  std::vector<double> rate_degc_min; // slope of smooth_degc
+  std::vector<double> tn;            // normalised logged temperature
+  std::vector<double> rate_dph;      // NaN where missing
+  std::map<std::string, std::vector<double>> auxiliary;
+  double t0_degc = 0, range_degc = 1; // normalisation
+
+  size_t size() const { return t_s.size(); }
+  double normalised(double temp) const { return (temp - t0_degc) / range_degc; }
+};
+
+// The noise of a hypothesis: white noise of 1-s means and Gauss-Markov processes, with what effects make of
+// them.
+struct NoiseModel {
+  double white_sigma_dph = 0;
+  std::vector<Markov> markov;
+  double walk_dph_per_rt_s = 0;                            // rate random walk
+  double white_slope = 0, markov_slope = 0, tau_slope = 0; // log-variances and log-tau per unit of Tn
+  double extra_white_dph2 = 0;                             // quantisation and the like
+  double hit_probability = 0, hit_sigma_dph = 0;           // outliers
+  double telegraph_dph = 0, telegraph_tau_s = 0;
+
+  bool is_mixture() const { return hit_probability > 0 || telegraph_dph > 0; }
+  bool is_stationary() const { return white_slope == 0 && markov_slope == 0 && tau_slope == 0; }
+};
+
+// How an effect enters the likelihood.
+enum class Form {
+  kColumns,     // mean: columns with free coefficients common to all runs, shape parameters on a grid
+  kTemperature, // mean: another temperature in the polynomial
+  kRunRandom,   // mean: columns with random coefficients of every run
+  kTone,        // mean: a frequency with free amplitude and phase in every run
+  kSteps,       // mean: a step at a free time of one run, several of them
+  kNoise,       // covariance: another NoiseModel
+  kStructural,  // deterministic signature in the samples
+  kAxes,        // shared between axes
+};
+
+// What a structural detector found in one axis.
+struct Signature {
+  Json parameters;
+  std::string statement;
+  double evidence_nats = 0;
+  double extra_white_dph2 = 0;             // variance it adds everywhere
+  std::vector<std::vector<char>> unusable; // per run and row: samples that carry no rate
+};
+
+class EffectEstimator {
+public:
+  virtual ~EffectEstimator() = default;
+  virtual Form form() const = 0;
+  virtual bool needs_temperature() const { return true; }
+
+  // kColumns, kTemperature: values of the shape parameters to scan, and how far they may be refined.
+  // span_degc: coldest and hottest temperature of all runs.
+  virtual std::vector<Theta> grid(double /*lo_degc*/, double /*hi_degc*/) const { return {Theta{}}; }
+  // The same where the grid depends on what the log holds (auxiliary columns).
+  virtual std::vector<Theta> grid_on(const RunInput& /*run*/, double lo_degc, double hi_degc) const {
+    return grid(lo_degc, hi_degc);
+  }
+  virtual Theta shape_lo() const { return {}; }
+  virtual Theta shape_hi() const { return {}; }
+  virtual size_t n_columns() const { return 1; }
+  // kColumns, kRunRandom: one value per row of the run, for each column.
+  virtual std::vector<Column> columns(const RunInput&, const Theta&) const { return {}; }
+  // kTemperature: the temperature at which B is taken.
+  virtual Column temperature(const RunInput&, const Theta&) const { return {}; }
+
+  // kNoise: parameters (all positive ones are searched in their logarithm), starting points from a base
+  // model, and the model that results.
+  virtual std::vector<Theta> starts(const NoiseModel& /*base*/) const { return {}; }
+  virtual Theta theta_lo() const { return {}; }
+  virtual Theta theta_hi() const { return {}; }
+  virtual bool is_logarithmic() const { return true; }
+  virtual NoiseModel noise(const NoiseModel& base, const Theta&) const { return base; }
+  // Slow noise can absorb any smooth effect of one run; white or output noise cannot.
+  virtual bool is_slow_noise() const { return false; }
+
+  // Before any data: the size of the effect that an engineer would want to see, in units of the white noise
+  // of 1-s means (kTemperature: in units of its shape).  A profile that cannot show it is said to be unfit.
+  virtual double notable() const { return 1.7; }
+
+  // kStructural.
+  virtual std::optional<Signature> detect(const std::vector<RunInput>&) const { return std::nullopt; }
+
+  // The parameters by their names of the contract, from shape (or theta) and coefficients; called with
+  // standard errors too.
+  virtual Json report(const Theta& shape, const std::vector<double>& coefficients) const = 0;
+  virtual Json report_on(const RunInput& /*run*/, const Theta& shape,
+                         const std::vector<double>& coefficients) const {
+    return report(shape, coefficients);
+  }
+};
+
+// Legendre polynomials and the play operator are used by more than one file.
+double legendre(int degree, double x);
+
+} // namespace imucal

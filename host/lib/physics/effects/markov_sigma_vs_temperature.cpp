@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+// The strength of the (first) Markov process depends on temperature: variance times exp(slope x), x the
+// normalised temperature.
+#include <cmath>
+
+#include "physics/effects/estimation.h"
+#include "physics/effects/library.h"
+
+namespace imucal {
+namespace {
+
+class MarkovSigmaVsTemperature : public Effect, public EffectEstimator {
+public:
+  std::string name() const override { return "markov_sigma_vs_temperature"; }
+  std::string description() const override {
+    return "The strength of the bias instability depends on temperature: log-linear variance of the "
+           "Markov process.";
+  }
+  std::vector<EffectParameter> parameters() const override {
+    return {{"slope", -20, 20, "change of the log-variance per unit of normalised temperature"}};
+  }
+
+  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+    if (stage != SimStage::kNoise) return;
+    const double slope = effect_number(*this, parameters, "slope");
+    if (run->markov.empty()) return;
+    std::vector<double>& sigma = run->markov[0].sigma_dph;
+    for (size_t i = 0; i < sigma.size(); ++i)
+      sigma[i] *= std::exp(0.5 * slope * run->bias.normalised(run->gyro_temp_degc[i]));
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kNoise; }
+  bool is_logarithmic() const override { return false; }
+  std::vector<Theta> starts(const NoiseModel&) const override { return {{0.0}}; }
+  Theta theta_lo() const override { return {-5}; }
+  Theta theta_hi() const override { return {5}; }
+  NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
+    NoiseModel out = base;
+    out.markov_slope = theta[0];
+    return out;
+  }
+  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
+    return {{"slope", theta[0]}};
+  }
+};
+
+} // namespace
+
+const Effect* markov_sigma_vs_temperature_effect() {
+  static const MarkovSigmaVsTemperature effect;
+  return &effect;
+}
+
+} // namespace imucal

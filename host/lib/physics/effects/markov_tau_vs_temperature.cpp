@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+// The time constant of the (first) Markov process depends on temperature: tau times exp(slope x), x the
+// normalised temperature; its variance stays.
+#include <cmath>
+
+#include "physics/effects/estimation.h"
+#include "physics/effects/library.h"
+
+namespace imucal {
+namespace {
+
+class MarkovTauVsTemperature : public Effect, public EffectEstimator {
+public:
+  std::string name() const override { return "markov_tau_vs_temperature"; }
+  std::string description() const override {
+    return "The time constant of the bias instability depends on temperature: log-linear.";
+  }
+  std::vector<EffectParameter> parameters() const override {
+    return {{"slope", -20, 20,
+             "change of the logarithm of the time constant per unit of normalised temperature"}};
+  }
+
+  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+    if (stage != SimStage::kNoise) return;
+    const double slope = effect_number(*this, parameters, "slope");
+    if (run->markov.empty()) return;
+    std::vector<double>& tau = run->markov[0].tau_s;
+    for (size_t i = 0; i < tau.size(); ++i)
+      tau[i] *= std::exp(slope * run->bias.normalised(run->gyro_temp_degc[i]));
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kNoise; }
+  bool is_logarithmic() const override { return false; }
+  std::vector<Theta> starts(const NoiseModel&) const override { return {{0.0}}; }
+  Theta theta_lo() const override { return {-3}; }
+  Theta theta_hi() const override { return {3}; }
+  NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
+    NoiseModel out = base;
+    out.tau_slope = theta[0];
+    return out;
+  }
+  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
+    return {{"slope", theta[0]}};
+  }
+};
+
+} // namespace
+
+const Effect* markov_tau_vs_temperature_effect() {
+  static const MarkovTauVsTemperature effect;
+  return &effect;
+}
+
+} // namespace imucal

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: MIT
+// The nominal noise is mis-tuned: white noise and the (first) Markov process have other parameters than
+// believed.
+#include "base/units.h"
+#include "physics/effects/estimation.h"
+#include "physics/effects/library.h"
+
+namespace imucal {
+namespace {
+
+class NoiseParameters : public Effect, public EffectEstimator {
+public:
+  std::string name() const override { return "noise_parameters"; }
+  std::string description() const override {
+    return "The noise parameters of the model are wrong: other angle random walk, Markov sigma and time "
+           "constant.";
+  }
+  std::vector<EffectParameter> parameters() const override {
+    return {{"arw_deg_rt_h", 0, 1e4, "angle random walk"},
+            {"sigma_dph", 0, 1e6, "standard deviation of the Markov process"},
+            {"tau_s", 0.1, 1e6, "time constant of the Markov process"}};
+  }
+
+  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+    if (stage != SimStage::kNoise) return;
+    const double white = white_sigma_dph(effect_number(*this, parameters, "arw_deg_rt_h"));
+    const double sigma = effect_number(*this, parameters, "sigma_dph");
+    const double tau = effect_number(*this, parameters, "tau_s");
+    const size_t n = run->t_s.size();
+    run->white_sigma_dph.assign(n, white);
+    if (run->markov.empty()) run->markov.emplace_back();
+    run->markov[0].sigma_dph.assign(n, sigma);
+    run->markov[0].tau_s.assign(n, tau);
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kNoise; }
+  bool needs_temperature() const override { return false; }
+  bool is_slow_noise() const override { return true; }
+  std::vector<Theta> starts(const NoiseModel& base) const override {
+    const Markov term = base.markov.empty() ? Markov{base.white_sigma_dph / 2, 100} : base.markov[0];
+    return {{base.white_sigma_dph, term.sigma_dph, term.tau_s}};
+  }
+  Theta theta_lo() const override { return {1e-3, 1e-3, 2}; }
+  Theta theta_hi() const override { return {1e6, 1e6, 2e4}; }
+  NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
+    NoiseModel out = base;
+    out.white_sigma_dph = theta[0];
+    if (out.markov.empty()) out.markov.emplace_back();
+    out.markov[0] = {theta[1], theta[2]};
+    return out;
+  }
+  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
+    return {{"arw_deg_rt_h", arw_from_white_sigma(theta[0])}, {"sigma_dph", theta[1]}, {"tau_s", theta[2]}};
+  }
+};
+
+} // namespace
+
+const Effect* noise_parameters_effect() {
+  static const NoiseParameters effect;
+  return &effect;
+}
+
+} // namespace imucal

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: MIT
+// The rate is rounded to a lattice: lsb round(rate / lsb).
+#include <algorithm>
+#include <cmath>
+
+#include "physics/effects/estimation.h"
+#include "physics/effects/library.h"
+
+namespace imucal {
+namespace {
+
+class Quantization : public Effect, public EffectEstimator {
+public:
+  std::string name() const override { return "quantization"; }
+  std::string description() const override { return "The rate is rounded to a coarse lattice."; }
+  std::vector<EffectParameter> parameters() const override {
+    return {{"lsb_dph", 1e-9, 1e7, "step of the output"}};
+  }
+
+  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+    if (stage != SimStage::kOutput) return;
+    const double lsb = effect_number(*this, parameters, "lsb_dph");
+    for (double& rate : run->rate_dph) rate = lsb * std::round(rate / lsb);
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kStructural; }
+  bool needs_temperature() const override { return false; }
+  // Few distinct values, all on a lattice.
+  std::optional<Signature> detect(const std::vector<RunInput>& runs) const override {
+    std::vector<double> values;
+    for (const RunInput& run : runs)
+      for (double y : run.rate_dph)
+        if (std::isfinite(y)) values.push_back(y);
+    const size_t n = values.size();
+    std::sort(values.begin(), values.end());
+    // Values that differ by less than the digits of the file are the same.
+    std::vector<double> distinct;
+    for (double v : values)
+      if (distinct.empty() || v - distinct.back() > 1e-6 * (1 + std::fabs(v))) distinct.push_back(v);
+    if (n < 200 || distinct.size() < 3 || static_cast<double>(distinct.size()) > 0.5 * static_cast<double>(n))
+      return std::nullopt;
+    double lsb = 1e300;
+    for (size_t i = 1; i < distinct.size(); ++i) lsb = std::min(lsb, distinct[i] - distinct[i - 1]);
+    // Files with few digits are a lattice too, a fine one: only a step that matters beside the noise is an
+    // effect.
+    std::vector<double> jumps;
+    for (const RunInput& run : runs)
+      for (size_t i = 1; i < run.rate_dph.size(); ++i)
+        if (std::isfinite(run.rate_dph[i] - run.rate_dph[i - 1]))
+          jumps.push_back(std::fabs(run.rate_dph[i] - run.rate_dph[i - 1]));
+    std::nth_element(jumps.begin(), jumps.begin() + static_cast<long>(jumps.size() / 2), jumps.end());
+    const double noise = jumps[jumps.size() / 2] / 0.954; // median of |N(0, 2 sigma^2)| = 0.954 sigma
+    if (lsb<0.2 * noise&& static_cast<double>(distinct.size())> 0.02 * static_cast<double>(n))
+      return std::nullopt;
+    size_t off = 0;
+    for (size_t i = 1; i < distinct.size(); ++i) {
+      const double steps = (distinct[i] - distinct[i - 1]) / lsb;
+      off += std::fabs(steps - std::round(steps)) > 0.02 * std::max(1.0, steps);
+    }
+    if (off * 50 > distinct.size()) return std::nullopt;
+    Signature found;
+    found.parameters = {{"lsb_dph", lsb}};
+    found.evidence_nats = 0.5 * static_cast<double>(n) * std::log(2.0);
+    found.extra_white_dph2 = lsb * lsb / 12.0;
+    found.statement = "all rates lie on a lattice";
+    return found;
+  }
+  Json report(const Theta& shape, const std::vector<double>& /*coefficients*/) const override {
+    return {{"lsb_dph", shape[0]}};
+  }
+};
+
+} // namespace
+
+const Effect* quantization_effect() {
+  static const Quantization effect;
+  return &effect;
+}
+
+} // namespace imucal

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+// The thermal coefficients are not quite the same in every run (day-to-day repeatability): each run adds
+// s1 x + s2 (x^2 - 1/3)/2 with s1, s2 ~ N(0, sigma^2), x the normalised temperature.
+#include "physics/effects/estimation.h"
+#include "physics/effects/library.h"
+
+namespace imucal {
+namespace {
+
+class RunToRun : public Effect, public EffectEstimator {
+public:
+  std::string name() const override { return "run_to_run"; }
+  std::string description() const override {
+    return "The thermal coefficients change from run to run: random linear and quadratic terms of the "
+           "normalised temperature.";
+  }
+  std::vector<EffectParameter> parameters() const override {
+    return {{"sigma_dph", 0, 1e6, "standard deviation of the change, at the end of the temperature range"}};
+  }
+
+  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* rng) const override {
+    if (stage != SimStage::kBias) return;
+    const double sigma = effect_number(*this, parameters, "sigma_dph");
+    if (!rng) return;
+    const double linear = sigma * rng->normal(), quadratic = sigma * rng->normal();
+    for (size_t i = 0; i < run->rate_dph.size(); ++i) {
+      const double x = run->bias.normalised(run->gyro_temp_degc[i]);
+      run->rate_dph[i] += linear * x + quadratic * (x * x - 1.0 / 3.0) / 2.0;
+    }
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kRunRandom; }
+  size_t n_columns() const override { return 2; }
+  std::vector<Column> columns(const RunInput& run, const Theta&) const override {
+    Column linear = run.tn, quadratic = run.tn;
+    for (double& x : quadratic) x = (x * x - 1.0 / 3.0) / 2.0;
+    return {linear, quadratic};
+  }
+  Json report(const Theta& shape, const std::vector<double>& /*coefficients*/) const override {
+    return {{"sigma_dph", shape[0]}};
+  }
+};
+
+} // namespace
+
+const Effect* run_to_run_effect() {
+  static const RunToRun effect;
+  return &effect;
+}
+
+} // namespace imucal

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+// Bias proportional to the rate of temperature change: rate += k dT/dt.  Source: thermal gradients over the
+// sensor (Shupe 1980 for fibre gyros; the usual T-dot term of MEMS thermal models).
+#include "physics/effects/estimation.h"
+#include "physics/effects/library.h"
+
+namespace imucal {
+namespace {
+
+class TemperatureRate : public Effect, public EffectEstimator {
+public:
+  std::string name() const override { return "temperature_rate"; }
+  std::string description() const override {
+    return "Bias proportional to the rate of change of temperature (Shupe-like gradient term): k dT/dt.";
+  }
+  std::vector<EffectParameter> parameters() const override {
+    return {{"k_dph_per_degc_min", -1e5, 1e5, "bias per rate of change of temperature, dph per (degC/min)"}};
+  }
+
+  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+    if (stage != SimStage::kBias) return;
+    const double k = effect_number(*this, parameters, "k_dph_per_degc_min");
+    const std::vector<double>& temp = run->case_temp();
+    const size_t n = run->t_s.size();
+    for (size_t i = 0; i < n && n > 1; ++i) {
+      const size_t before = i ? i - 1 : 0, after = i + 1 < n ? i + 1 : i;
+      const double minutes = (run->t_s[after] - run->t_s[before]) / 60.0;
+      run->rate_dph[i] += k * (temp[after] - temp[before]) / minutes;
+    }
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kColumns; }
+  std::vector<Column> columns(const RunInput& run, const Theta&) const override {
+    return {run.rate_degc_min};
+  }
+  double notable() const override { return 0.5; }
+  Json report(const Theta& /*shape*/, const std::vector<double>& coefficients) const override {
+    return {{"k_dph_per_degc_min", coefficients[0]}};
+  }
+};
+
+} // namespace
+
+const Effect* temperature_rate_effect() {
+  static const TemperatureRate effect;
+  return &effect;
+}
+
+} // namespace imucal

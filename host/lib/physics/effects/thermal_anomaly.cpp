@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: MIT
+// A local bump in the bias over temperature, A exp(-(T - T0)^2 / (2 w^2)): what a mode crossing or a package
+// resonance leaves, and no polynomial of low order follows.
+#include <cmath>
+
+#include "physics/effects/estimation.h"
+#include "physics/effects/library.h"
+
+namespace imucal {
+namespace {
+
+class ThermalAnomaly : public Effect, public EffectEstimator {
+public:
+  std::string name() const override { return "thermal_anomaly"; }
+  std::string description() const override {
+    return "A local bump of the bias over temperature (mode crossing, package stress): Gaussian in "
+           "temperature.";
+  }
+  std::vector<EffectParameter> parameters() const override {
+    return {{"amplitude_dph", -1e6, 1e6, "height of the bump"},
+            {"center_degc", -300, 2000, "temperature of the bump"},
+            {"width_degc", 0.05, 200, "standard deviation of the Gaussian"}};
+  }
+
+  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+    if (stage != SimStage::kBias) return;
+    const double amplitude = effect_number(*this, parameters, "amplitude_dph");
+    const double center = effect_number(*this, parameters, "center_degc");
+    const double width = effect_number(*this, parameters, "width_degc");
+    for (size_t i = 0; i < run->rate_dph.size(); ++i) {
+      const double z = (run->gyro_temp_degc[i] - center) / width;
+      run->rate_dph[i] += amplitude * std::exp(-0.5 * z * z);
+    }
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kColumns; }
+  // Wider than 6 degC it would imitate a polynomial.
+  std::vector<Theta> grid(double lo, double hi) const override {
+    std::vector<Theta> points;
+    for (double width : {0.8, 1.6, 3.0, 5.5})
+      for (double center = lo + 0.5; center < hi; center += 1.3 * width) points.push_back({center, width});
+    return points;
+  }
+  Theta shape_lo() const override { return {-250, 0.4}; }
+  Theta shape_hi() const override { return {2000, 6.0}; }
+  std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
+    Column column(run.size());
+    for (size_t i = 0; i < column.size(); ++i) {
+      const double z = (run.smooth_degc[i] - shape[0]) / shape[1];
+      column[i] = std::fabs(z) > 6 ? 0.0 : std::exp(-0.5 * z * z);
+    }
+    return {column};
+  }
+  Json report(const Theta& shape, const std::vector<double>& coefficients) const override {
+    return {{"amplitude_dph", coefficients[0]}, {"center_degc", shape[0]}, {"width_degc", shape[1]}};
+  }
+};
+
+} // namespace
+
+const Effect* thermal_anomaly_effect() {
+  static const ThermalAnomaly effect;
+  return &effect;
+}
+
+} // namespace imucal

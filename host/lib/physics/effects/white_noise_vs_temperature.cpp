@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT
+// The white noise depends on temperature: variance times exp(slope x), x the normalised temperature.
+#include <cmath>
+
+#include "physics/effects/estimation.h"
+#include "physics/effects/library.h"
+
+namespace imucal {
+namespace {
+
+class WhiteNoiseVsTemperature : public Effect, public EffectEstimator {
+public:
+  std::string name() const override { return "white_noise_vs_temperature"; }
+  std::string description() const override {
+    return "The white noise (angle random walk) depends on temperature: log-linear variance.";
+  }
+  std::vector<EffectParameter> parameters() const override {
+    return {{"slope", -20, 20, "change of the log-variance per unit of normalised temperature"}};
+  }
+
+  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+    if (stage != SimStage::kNoise) return;
+    const double slope = effect_number(*this, parameters, "slope");
+    for (size_t i = 0; i < run->white_sigma_dph.size(); ++i)
+      run->white_sigma_dph[i] *= std::exp(0.5 * slope * run->bias.normalised(run->gyro_temp_degc[i]));
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kNoise; }
+  bool is_logarithmic() const override { return false; }
+  std::vector<Theta> starts(const NoiseModel&) const override { return {{0.0}}; }
+  Theta theta_lo() const override { return {-4}; }
+  Theta theta_hi() const override { return {4}; }
+  NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
+    NoiseModel out = base;
+    out.white_slope = theta[0];
+    return out;
+  }
+  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
+    return {{"slope", theta[0]}};
+  }
+};
+
+} // namespace
+
+const Effect* white_noise_vs_temperature_effect() {
+  static const WhiteNoiseVsTemperature effect;
+  return &effect;
+}
+
+} // namespace imucal

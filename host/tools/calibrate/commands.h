@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+// What each subcommand of `calibrate` does with a connected device, and what it says.
+#pragma once
+#include <string>
+
+#include "base/error.h"
+#include "device/device.h"
+#include "device/run.h"
+#include "cli/program.h"
+
+namespace imucal {
+
+Exit list_ports(const CommonOptions& common);
+Exit show_info(Device* device, const CommonOptions& common);
+
+struct MonitorOptions {
+  double duration_s = 0;                  // of sensor time; 0: until the sensor ends or Ctrl-C
+  std::string raw_path, compensated_path; // logs to write (record); both empty: print (monitor)
+};
+Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions& common);
+
+Exit calibrate_device(Device* device, const RunOptions& options, const std::string& table_path,
+                      const CommonOptions& common);
+
+// data_error where the table is of another device or another sensor.
+Exit flash_table(Device* device, const std::string& path, const CommonOptions& common);
+Exit verify_table(Device* device, const std::string& path, const CommonOptions& common);
+Exit dump_table(Device* device, const std::string& path, const CommonOptions& common);
+Exit roll_back(Device* device, const CommonOptions& common);
+Exit erase_tables(Device* device, const CommonOptions& common);
+
+// Results of `run` and `fit` (design 1.1): {"axes": [...]} of a table.
+Json axes_json(const imucal_table_t& table);
+
+} // namespace imucal

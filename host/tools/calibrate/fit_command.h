@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: MIT
+// `calibrate fit`: logs in, table and result out.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "cli/program.h"
+#include "analysis/fit/fit.h"
+
+namespace imucal {
+
+struct FitArguments {
+  std::vector<std::string> log_paths;
+  std::string method = "kf", model_path, table_path, range;
+  FitOptions options;
+  TableInfo table;
+};
+
+// Adds the subcommand's options.
+void add_fit_options(CLI::App* app, FitArguments* arguments);
+
+Exit fit_command(const FitArguments& arguments, const CommonOptions& common);
+
+}  // namespace imucal

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+// Habits shared by all programs (design 1.1): --json --quiet --seed --threads --version, exit status, errors.
+#pragma once
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "base/error.h"
+#include "base/progress.h"
+#include "io/json_file.h"
+
+namespace imucal {
+
+struct CommonOptions {
+  std::string json_path;  // empty: none; "-": standard output
+  bool quiet = false;
+  uint64_t seed = 1;
+  int threads = 0;        // 0: one per core
+
+  bool wants_json() const { return !json_path.empty(); }
+  // Text for people goes to standard output unless --quiet or the JSON goes there.
+  bool talks() const { return !quiet && json_path != "-"; }
+  int thread_count() const;
+};
+
+enum CommonFlag : unsigned { kWithSeed = 1, kWithThreads = 2 };
+
+// Adds the options to a program (or a subcommand).
+void add_common_options(CLI::App* app, CommonOptions* options, unsigned flags = 0);
+
+// Parses, runs `run`, prints errors as "<program>: <message>" to standard error; returns the exit status.
+// `run` is called after parsing; it returns kDone or kNegative and throws Error otherwise.
+int run_program(CLI::App* app, int argc, char** argv, const std::function<Exit()>& run);
+
+}  // namespace imucal

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: MIT
+// dp: Allan deviation and Direct Predictor curves and distribution ratios of logs.
+#include <cmath>
+#include <cstdio>
+
+#include "cli/program.h"
+#include "analysis/dp/dp.h"
+#include "analysis/dp/ratios.h"
+#include "analysis/dp/stream.h"
+#include "analysis/dp/tau_grid.h"
+#include "analysis/errormodel/confidence.h"
+
+using namespace imucal;
+
+namespace {
+
+struct Options {
+  CommonOptions common;
+  std::vector<std::string> logs, axes, estimators = {"rms"};
+  std::string type = "dp2", tau, nominal, detrend = "mean", ci_model;
+  double estimation_s = 20, min_fill = 1, false_alarm_rate = 0.01;
+  bool no_ratios = false, stream = false;
+};
+
+Json curve_json(const DpCurve& c, const std::vector<Interval>& ci) {
+  Json json = {{"log", c.log},       {"axis", c.axis},     {"type", to_text(c.type)}, {"estimator", to_text(c.estimator)},
+               {"tau_s", c.tau_s}, {"dp_dph", c.dp_dph}, {"ci95_dph", Json::array()}, {"n", c.n}};
+  for (const Interval& i : ci) json["ci95_dph"].push_back({i.lo, i.hi});
+  return json;
+}
+
+Json ratios_json(const DpRatios& r) {
+  Json json = {{"log", r.log},     {"axis", r.axis},       {"type", to_text(r.type)},
+               {"tau_s", r.tau_s}, {"max_over_rms", r.max_over_rms}, {"p95_over_rms", r.p95_over_rms}, {"max_limit", r.max_limit},
+               {"dof", r.dof},     {"verdict", r.verdict}, {"statement", r.statement}, {"n_events", r.n_events},
+               {"outliers", Json::array()}};
+  for (const DpOutlier& o : r.outliers)
+    json["outliers"].push_back({{"t_s", o.t_s},
+                                {"temp_degc", std::isnan(o.temp_degc) ? Json() : Json(o.temp_degc)},
+                                {"tau_s", o.tau_s},
+                                {"sigmas", o.sigmas}});
+  return json;
+}
+
+// rms and max over records, where all have the same tau.
+Json across_json(const std::vector<DpCurve>& curves) {
+  Json json = {{"tau_s", curves[0].tau_s}, {"n_curves", curves.size()}, {"rms_dph", Json::array()}, {"max_dph", Json::array()}};
+  for (size_t i = 0; i < curves[0].tau_s.size(); ++i) {
+    double sum = 0, largest = 0;
+    for (const DpCurve& c : curves) {
+      if (c.tau_s != curves[0].tau_s) return nullptr;
+      sum += c.dp_dph[i] * c.dp_dph[i] / static_cast<double>(curves.size());
+      largest = std::max(largest, c.dp_dph[i]);
+    }
+    json["rms_dph"].push_back(std::sqrt(sum));
+    json["max_dph"].push_back(largest);
+  }
+  return json;
+}
+
+void print_curve(const DpCurve& c, const std::vector<Interval>& ci) {
+  std::printf("%s %s %s %s\n%10s %12s %25s %9s\n", c.log.c_str(), c.axis.c_str(), to_text(c.type).c_str(),
+              to_text(c.estimator).c_str(), "tau_s", "dp_dph", "95 %", "windows");
+  const size_t step = std::max<size_t>(1, c.tau_s.size() / 24);
+  for (size_t i = 0; i < c.tau_s.size(); i += step)
+    std::printf("%10g %12.4f %12.4f %12.4f %9ld\n", c.tau_s[i], c.dp_dph[i], ci[i].lo, ci[i].hi, c.n[i]);
+}
+
+// Curves of one log in bounded memory: once through for lengths and means, once for the curves.
+void stream_log(const Options& o, const std::string& log, const Detrend& detrend, const std::optional<ErrorModel>& nominal,
+                const std::function<void(const DpCurve&, const DpOperator&)>& done) {
+  std::vector<double> sum, base;
+  std::vector<long> count;
+  std::vector<char> varies;
+  long size = 0;
+  const SeriesHeader header = scan_series(
+      log, o.axes,
+      [&](const SeriesHeader& h) {
+        sum.assign(h.axes.size(), 0), base.assign(h.axes.size(), NAN), count.assign(h.axes.size(), 0), varies.assign(h.axes.size(), 0);
+      },
+      [&](size_t a, double rate, double, bool) {
+        size += a == 0;
+        if (std::isnan(rate)) return;
+        if (count[a]++ == 0) base[a] = rate;
+        sum[a] += rate - base[a];
+        varies[a] = varies[a] || rate != base[a];
+      });
+  DpOperator op = make_dp_operator(dp_type_from_text(o.type), header.dt_s, nominal, o.estimation_s);
+  op.min_fill = o.min_fill;
+  const auto tau_s = parse_tau(o.tau, header.dt_s, std::max(header.dt_s, static_cast<double>(size) * header.dt_s / 10));
+  std::vector<long> n;
+  for (double t : tau_s) n.push_back(std::lround(t / header.dt_s));
+  for (size_t a = 0; a < header.axes.size(); ++a) {
+    if (!varies[a]) throw data_error(log + ": axis " + header.axes[a] + " is constant: nothing to analyse (is the sensor alive?)");
+    base[a] = detrend.kind == Detrend::Kind::kMean ? base[a] + sum[a] / static_cast<double>(count[a]) : 0;
+  }
+  if (n.back() + op.history_n(n.back()) > size)
+    throw data_error(log + ": tau " + std::to_string(tau_s.back()) + " s is beyond the record of " + std::to_string(size) + " samples");
+  std::vector<DpStream> streams(header.axes.size(), DpStream(op, n));
+  scan_series(log, o.axes, [](const SeriesHeader&) {}, [&](size_t a, double rate, double, bool) { streams[a].push(rate - base[a]); });
+  for (size_t a = 0; a < streams.size(); ++a) {
+    DpCurve c;
+    c.log = log, c.axis = header.axes[a], c.type = op.type, c.tau_s = tau_s;
+    c.moments = streams[a].finish();
+    for (const auto& m : c.moments) {
+      if (m.n_windows() == 0) throw data_error(log + ": axis " + c.axis + ": no window free of missing samples at some tau; see --min-fill");
+      c.dp_dph.push_back(std::sqrt(0.5 * m.mean_square())), c.n.push_back(m.n_windows());
+    }
+    done(c, op);
+  }
+}
+
+Exit run(const Options& o) {
+  const Detrend detrend = Detrend::parse(o.detrend);
+  std::optional<ErrorModel> nominal, ci_model;
+  if (!o.nominal.empty()) nominal = read_model(o.nominal);
+  if (!o.ci_model.empty()) ci_model = read_model(o.ci_model);
+  Json json = {{"curves", Json::array()}, {"ratios", Json::array()}, {"quantization", Json::array()}};
+  std::vector<DpCurve> first_estimator;
+  if (o.stream && (detrend.order > 0 || o.estimators != std::vector<std::string>{"rms"}))
+    throw usage_error("--stream gives rms curves with --detrend none or mean only");
+  for (const std::string& log : o.logs) {
+    if (o.stream) {
+      stream_log(o, log, detrend, nominal, [&](const DpCurve& c, const DpOperator& op) {
+        const auto ci = curve_intervals(c, op, ci_model ? noise_components(*ci_model, op.dt_s) : std::vector<NoiseComponent>());
+        json["curves"].push_back(curve_json(c, ci));
+        first_estimator.push_back(c);
+        if (o.common.talks()) print_curve(c, ci);
+      });
+      continue;
+    }
+    for (Series& s : load_series(log, o.axes, true)) {
+      const DpOperator op = [&] {
+        DpOperator made = make_dp_operator(dp_type_from_text(o.type), s.dt_s, nominal, o.estimation_s);
+        made.min_fill = o.min_fill;
+        return made;
+      }();
+      const double usable_s = static_cast<double>(s.size()) * s.dt_s;
+      const auto tau_s = parse_tau(o.tau, s.dt_s, std::max(s.dt_s, usable_s / 10));
+      const double quantum = quantum_dph(s);
+      if (quantum > 0)
+        json["quantization"].push_back({{"log", s.log}, {"axis", s.axis}, {"lsb_dph", quantum}, {"sigma_dph", quantum / std::sqrt(12.0)}});
+      if (quantum > 0 && o.common.talks())
+        std::printf("%s %s: values are multiples of %.4g dph: rounding adds %.3g dph of white noise per sample\n", s.log.c_str(),
+                    s.axis.c_str(), quantum, quantum / std::sqrt(12.0));
+      remove_trend(detrend, &s);
+      const DpRecord record(s, op);
+      const auto components = ci_model ? noise_components(*ci_model, s.dt_s) : std::vector<NoiseComponent>();
+      for (const std::string& estimator : o.estimators) {
+        const DpCurve c = dp_curve(s, record, tau_s, dp_estimator_from_text(estimator));
+        const auto ci = curve_intervals(c, op, components);
+        json["curves"].push_back(curve_json(c, ci));
+        if (estimator == o.estimators[0]) first_estimator.push_back(c);
+        if (o.common.talks()) print_curve(c, ci);
+      }
+      if (o.no_ratios) continue;
+      std::vector<double> dof;
+      for (size_t i = 0; i < tau_s.size(); ++i)
+        dof.push_back(model_dof(components.empty() ? std::vector<NoiseComponent>{white_component(1)} : components, op,
+                                std::lround(tau_s[i] / s.dt_s), first_estimator.back().n[i]));
+      const DpRatios r = dp_ratios(s, record, tau_s, dof, o.false_alarm_rate);
+      json["ratios"].push_back(ratios_json(r));
+      if (o.common.talks()) std::printf("distribution: %s: %s\n\n", r.verdict.c_str(), r.statement.c_str());
+    }
+  }
+  json["across"] = across_json(first_estimator);
+  json["ci_method"] = ci_model ? "model" : "blocks (white-noise model where fewer than six blocks)";
+  json["detrend"] = detrend.text();
+  json["false_alarm_rate"] = o.false_alarm_rate;
+  if (o.common.wants_json()) write_json(o.common.json_path, json);
+  return Exit::kDone;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options o;
+  CLI::App app("Allan deviation and Direct Predictor of logs: curves, intervals, distribution ratios", "dp");
+  app.add_option("logs", o.logs, "logs (CSV)")->required()->type_name("LOG");
+  app.add_option("--type", o.type, "av, dp1, dp2 or dp3")->capture_default_str();
+  app.add_option("--axis", o.axes, "axis (column name), repeatable; default all")->type_name("NAME")->allow_extra_args(false);
+  app.add_option("--tau", o.tau, "FIRST:LAST[:STEP], log:FIRST:LAST[:PER_DECADE], octave or a list; default log to a tenth of the record");
+  app.add_option("--estimator", o.estimators, "rms, max or p95, repeatable")->capture_default_str()->allow_extra_args(false);
+  app.add_option("--nominal", o.nominal, "model whose filter predicts (dp2, dp3)")->type_name("MODEL.json");
+  app.add_option("--estimation-s", o.estimation_s, "estimation time of dp1")->capture_default_str();
+  app.add_option("--detrend", o.detrend, "none, mean, poly:N (in temperature) or time:N")->capture_default_str();
+  app.add_option("--min-fill", o.min_fill, "part of a window's samples that must be present")->check(CLI::Range(0.01, 1.0))->capture_default_str();
+  app.add_option("--ci-model", o.ci_model, "model for the confidence intervals; default: blocks of the data")->type_name("MODEL.json");
+  app.add_option("--false-alarm-rate", o.false_alarm_rate, "of the distribution's verdict")->check(CLI::Range(1e-9, 0.5))->capture_default_str();
+  app.add_flag("--stream", o.stream, "read the log twice instead of holding it: memory bounded by the longest tau; rms curves only");
+  app.add_flag("--no-ratios", o.no_ratios, "curves only");
+  add_common_options(&app, &o.common);
+  return run_program(&app, argc, argv, [&] { return run(o); });
+}

@@ -1,0 +1,394 @@
+// SPDX-License-Identifier: MIT
+// errormodel: closed-form curves, fits from logs, checks of bounds, and studies of the methods themselves.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "cli/program.h"
+#include "analysis/dp/tau_grid.h"
+#include "analysis/errormodel/study.h"
+
+using namespace imucal;
+
+namespace {
+
+struct Options {
+  CommonOptions common;
+  std::vector<std::string> logs, axes, types;
+  std::string model, versus, nominal, type, tau, detrend = "mean", criterion = "bound", across = "rms", output;
+  double estimation_s = 20, duration_s = 0, dt_s = 1, confidence = 0;
+  int markov = -1, bootstrap = 40, runs = 5, draws = 200;
+};
+
+// DP2 with a nominal model, else the Allan deviation: which needs none.
+DpOperator operator_of(const Options& o, double dt_s, const std::string& type = "") {
+  std::optional<ErrorModel> nominal;
+  if (!o.nominal.empty()) nominal = read_model(o.nominal);
+  const std::string wanted = !type.empty() ? type : !o.type.empty() ? o.type : nominal ? "dp2" : "av";
+  return make_dp_operator(dp_type_from_text(wanted), dt_s, nominal, o.estimation_s);
+}
+
+// All logs and axes, detrended unless raw is wanted; one sampling time.
+std::vector<Series> load_all(const Options& o, bool raw) {
+  const Detrend detrend = Detrend::parse(o.detrend);
+  std::vector<Series> all;
+  for (const std::string& log : o.logs)
+    for (Series& s : load_series(log, o.axes, detrend.kind == Detrend::Kind::kPolyTemperature)) {
+      if (!all.empty() && std::fabs(s.dt_s / all[0].dt_s - 1) > 1e-3)
+        throw data_error(log + ": sampling time " + std::to_string(s.dt_s) + " s, but " + all[0].log + " has " +
+                         std::to_string(all[0].dt_s) + " s: fit them apart");
+      if (!raw) remove_trend(detrend, &s);
+      all.push_back(std::move(s));
+    }
+  return all;
+}
+
+// Default: from two samples to a tenth of the shortest record, 40 per decade.
+std::vector<double> taus_for(const Options& o, const std::vector<Series>& all) {
+  double shortest = 1e300;
+  for (const Series& s : all) shortest = std::min(shortest, static_cast<double>(s.size()) * s.dt_s);
+  const double dt_s = all[0].dt_s;
+  char text[80];
+  std::snprintf(text, sizeof text, "log:%.9g:%.9g:40", 2 * dt_s, std::max(3 * dt_s, shortest / 10));
+  return parse_tau(o.tau.empty() ? text : o.tau, dt_s, shortest / 10);
+}
+
+Across across_of(const Options& o) {
+  if (o.across == "rms") return Across::kRms;
+  if (o.across == "max") return Across::kMax;
+  throw usage_error("--across " + o.across + ": expected rms or max");
+}
+
+Json excess_json(const Excess& e) { return {{"worst", e.worst}, {"mean", e.mean}}; }
+
+Json spread_json(const Spread& s) {
+  return {{"mean", s.mean}, {"sd", s.sd}, {"q05", s.q05}, {"median", s.median}, {"q95", s.q95}};
+}
+
+Json number_or_null(double x) { return std::isfinite(x) ? Json(x) : Json(); }
+
+std::vector<double> tau_of(const CurveData& d) {
+  std::vector<double> out;
+  for (long n : d.n) out.push_back(static_cast<double>(n) * d.op.dt_s);
+  return out;
+}
+
+std::vector<double> dp_of(const std::vector<double>& square) {
+  std::vector<double> out;
+  for (double s : square) out.push_back(std::sqrt(0.5 * s));
+  return out;
+}
+
+void print_model(const ErrorModel& m) {
+  std::printf("white noise %.4g deg/sqrt(h)\n", m.arw_deg_rt_h);
+  for (const Markov& t : m.markov) std::printf("Markov      %.4g dph, %.4g s\n", t.sigma_dph, t.tau_s);
+}
+
+void finish(const Options& o, const Json& json) {
+  if (o.common.wants_json()) write_json(o.common.json_path, json);
+}
+
+Exit expect(const Options& o) {
+  const ErrorModel model = read_model(o.model);
+  std::vector<Series> like;
+  if (!o.logs.empty()) like = load_series(o.logs[0], o.axes, true);
+  const DpOperator op = operator_of(o, like.empty() ? o.dt_s : like[0].dt_s);
+  const Detrend detrend = Detrend::parse(o.detrend);
+  const auto tau_s = parse_tau(o.tau.empty() ? "2:600" : o.tau, op.dt_s, 600);
+  std::vector<double> dp;
+  if (o.duration_s > 0) {
+    if (detrend.kind == Detrend::Kind::kPolyTemperature && detrend.order > 0 && o.logs.empty())
+      throw usage_error("--detrend " + o.detrend + " needs temperatures: give a log with --like");
+    const auto n = static_cast<long>(std::lround(o.duration_s / o.dt_s));
+    dp = expected_record_dp_dph(model, op, empty_record(n, o.dt_s), detrend, tau_s);
+  } else if (!like.empty()) {
+    dp = expected_record_dp_dph(model, op, like[0], detrend, tau_s);
+  } else {
+    dp = expected_dp_dph(model, op, tau_s);
+  }
+  if (o.common.talks())
+    for (size_t i = 0; i < tau_s.size(); i += std::max<size_t>(1, tau_s.size() / 30))
+      std::printf("%10g s %12.4f dph\n", tau_s[i], dp[i]);
+  finish(o, {{"type", to_text(op.type)}, {"tau_s", tau_s}, {"dp_dph", dp},
+             {"record", o.duration_s > 0 || !o.logs.empty() ? Json{{"detrend", detrend.text()}} : Json()}});
+  return Exit::kDone;
+}
+
+Json errors_json(const std::vector<ParameterError>& errors, Json* std_errors, Json* identifiable) {
+  Json detail = Json::array();
+  for (const ParameterError& e : errors) {
+    (*std_errors)[e.name] = number_or_null(e.std_error);
+    (*identifiable)[e.name] = {{"verdict", e.verdict}, {"reason", e.reason}};
+    detail.push_back({{"name", e.name}, {"value", e.value}, {"std_error", number_or_null(e.std_error)},
+                      {"ci95", {number_or_null(e.ci95_lo), number_or_null(e.ci95_hi)}}, {"vanished_frac", e.vanished_frac},
+                      {"verdict", e.verdict}, {"reason", e.reason}});
+  }
+  return detail;
+}
+
+Exit fit(const Options& o) {
+  if (o.criterion != "bound" && o.criterion != "ls" && o.criterion != "ml")
+    throw usage_error("--criterion " + o.criterion + ": expected bound, ls or ml");
+  if (o.markov > 4) throw usage_error("--markov " + std::to_string(o.markov) + ": at most 4 terms");
+  const std::vector<Series> raw = load_all(o, true);
+  std::vector<Series> all = raw;
+  const Detrend detrend = Detrend::parse(o.detrend);
+  for (Series& s : all) remove_trend(detrend, &s);
+  const DpOperator op = operator_of(o, all[0].dt_s);
+  FitSettings settings{o.criterion, o.markov, across_of(o), detrend, taus_for(o, all), o.confidence};
+  const CurveData data = make_curve_data(all, op, detrend, settings.tau_s, settings.across);
+  const CurveBasis basis(data);
+  ErrorModel model;
+  std::vector<ParameterError> errors;
+  Json by_terms = Json::array(), json;
+  double log_likelihood = std::nan("");
+  if (o.criterion == "ml") {
+    const MlFit ml = fit_maximum_likelihood(Likelihood(raw, detrend), o.markov);
+    model = ml.model;
+    errors = likelihood_errors(ml);
+    log_likelihood = ml.log_likelihood;
+    for (size_t k = 0; k < ml.bic_by_terms.size(); ++k)
+      by_terms.push_back({{"markov", k}, {"log_likelihood", ml.log_likelihood_by_terms[k]}, {"bic", ml.bic_by_terms[k]}});
+  } else {
+    const CurveFit curve = o.criterion == "ls" ? fit_least_squares(data, o.markov) : fit_bound(raised_to_confidence(data, o.confidence), o.markov);
+    model = curve.model;
+    for (size_t k = 0; k < curve.objective_by_terms.size(); ++k)
+      if (std::isfinite(curve.objective_by_terms[k]))
+        by_terms.push_back({{"markov", k}, {"objective", curve.objective_by_terms[k]}, {"mean_excess", curve.mean_excess_by_terms[k]}});
+    if (o.criterion == "bound")
+      json["grid"] = {{"objective", curve.grid_objective}, {"model", to_json(curve.grid_model)}};
+    if (o.bootstrap > 0)
+      errors = bootstrap_errors(all, op, settings, model, o.bootstrap, o.common.seed, o.common.thread_count());
+  }
+  judge_parameters(data.record_s, op.dt_s, &errors);
+  const auto square = basis.model(model);
+  const Excess excess = excess_of(data, square);
+  const bool bounded = excess.worst_ratio >= 1 - 1e-9;
+  Json std_errors = Json::object(), identifiable = Json::object();
+  const Json detail = errors_json(errors, &std_errors, &identifiable);
+  Json information = Json::array();
+  for (const Information& i : curve_information(data, model))
+    information.push_back({{"parameter", i.parameter}, {"tau_s", {i.tau_lo_s, i.tau_hi_s}}, {"largest", i.largest}});
+  json.update({{"model", to_json(model)}, {"criterion", o.criterion}, {"bounded", bounded}, {"excess", excess_json(excess)},
+               {"worst_ratio", excess.worst_ratio}, {"at_tau_s", excess.at_tau_s}, {"active_tau_s", excess.active_tau_s},
+               {"std_errors", std_errors}, {"identifiable", identifiable}, {"parameters", detail},
+               {"error_method", o.criterion == "ml" ? "observed information" : "parametric bootstrap, " + std::to_string(o.bootstrap) + " refits"},
+               {"log_likelihood", number_or_null(log_likelihood)}, {"by_terms", by_terms}, {"information", information},
+               {"type", to_text(op.type)}, {"detrend", detrend.text()}, {"across", o.across}, {"confidence", o.confidence}, {"n_records", all.size()},
+               {"tau_s", tau_of(data)}, {"data_dp_dph", dp_of(data.mean_square_dph2)}, {"model_dp_dph", dp_of(square)},
+               {"seed", o.common.seed}});
+  if (o.common.talks()) {
+    print_model(model);
+    std::printf("%s the %s curve over %g ... %g s: excess %.2f %% at most, %.2f %% on average", bounded ? "bounds" : "does not bound",
+                to_text(op.type).c_str(), tau_of(data).front(), tau_of(data).back(), 100 * excess.worst, 100 * excess.mean);
+    if (!bounded) std::printf("; smallest ratio %.4f at %g s", excess.worst_ratio, excess.at_tau_s);
+    std::printf("\n");
+    for (const ParameterError& e : errors)
+      std::printf("%-20s %10.4g +- %-9.3g identifiable: %-4s (%s)\n", e.name.c_str(), e.value, e.std_error, e.verdict.c_str(), e.reason.c_str());
+  }
+  if (!o.output.empty()) write_json(o.output, to_json(model));
+  finish(o, json);
+  return o.criterion == "bound" && !bounded ? Exit::kNegative : Exit::kDone;
+}
+
+Exit check(const Options& o) {
+  const std::vector<Series> all = load_all(o, false);
+  const ErrorModel model = read_model(o.model);
+  const DpOperator op = operator_of(o, all[0].dt_s);
+  const Detrend detrend = Detrend::parse(o.detrend);
+  const auto tau_s = taus_for(o, all);
+  Json each = Json::array();
+  const auto judge = [&](const CurveData& data) {
+    const auto squares = CurveBasis(data).model(model);
+    return std::make_pair(excess_of(data, squares), squares);
+  };
+  for (const Series& s : all) {
+    const auto [e, unused] = judge(make_curve_data({s}, op, detrend, tau_s, Across::kRms));
+    (void)unused;
+    each.push_back({{"log", s.log}, {"axis", s.axis}, {"bounded", e.worst_ratio >= 1 - 1e-9}, {"worst_ratio", e.worst_ratio},
+                    {"at_tau_s", e.at_tau_s}, {"excess", excess_json(e)}});
+  }
+  const CurveData data = make_curve_data(all, op, detrend, tau_s, across_of(o));
+  const auto [e, square] = judge(data);
+  const bool bounded = e.worst_ratio >= 1 - 1e-9;
+  Json fails = Json::array();
+  for (size_t i = 0; i < data.n.size(); ++i) {
+    const double ratio = std::sqrt(square[i] / data.mean_square_dph2[i]);
+    if (ratio < 1 - 1e-9) fails.push_back({{"tau_s", tau_of(data)[i]}, {"ratio", ratio}});
+  }
+  if (o.common.talks())
+    std::printf("%s: smallest ratio of model to data %.4f at %g s; excess %.2f %% at most, %.2f %% on average\n",
+                bounded ? "bounded" : "not bounded", e.worst_ratio, e.at_tau_s, 100 * e.worst, 100 * e.mean);
+  finish(o, {{"bounded", bounded}, {"worst_ratio", e.worst_ratio}, {"at_tau_s", e.at_tau_s}, {"excess", excess_json(e)},
+             {"fails", fails}, {"type", to_text(op.type)}, {"across", o.across}, {"detrend", detrend.text()},
+             {"tau_s", tau_of(data)}, {"data_dp_dph", dp_of(data.mean_square_dph2)}, {"model_dp_dph", dp_of(square)}, {"curves", each}});
+  return bounded ? Exit::kDone : Exit::kNegative;
+}
+
+std::vector<std::string> types_of(const Options& o) {
+  return o.types.empty() ? std::vector<std::string>{"av", "dp2", "dp3"} : o.types;
+}
+
+Exit sensitivity(const Options& o) {
+  const ErrorModel model = read_model(o.model), versus = read_model(o.versus);
+  const auto tau_s = parse_tau(o.tau.empty() ? "10:200" : o.tau, o.dt_s, 600);
+  Json json = {{"tau_s", tau_s}, {"sensitivity", Json::object()}, {"model_dp_dph", Json::object()}, {"versus_dp_dph", Json::object()}};
+  for (const std::string& type : types_of(o)) {
+    const DpOperator op = operator_of(o, o.dt_s, type);
+    const auto a = expected_dp_dph(model, op, tau_s), b = expected_dp_dph(versus, op, tau_s);
+    std::vector<double> relative;
+    double square = 0;
+    for (size_t i = 0; i < a.size(); ++i) {
+      relative.push_back(std::fabs(b[i] - a[i]) / a[i]);
+      square += relative[i] * relative[i] / static_cast<double>(a.size());
+    }
+    json["sensitivity"][type] = relative;
+    json["model_dp_dph"][type] = a;
+    json["versus_dp_dph"][type] = b;
+    json["rms"][type] = std::sqrt(square);
+    if (o.common.talks()) {
+      std::printf("%s (rms %.4f)\n", type.c_str(), std::sqrt(square));
+      for (size_t i = 0; i < tau_s.size(); i += std::max<size_t>(1, tau_s.size() / 10)) std::printf("%10g s %8.4f\n", tau_s[i], relative[i]);
+    }
+  }
+  finish(o, json);
+  return Exit::kDone;
+}
+
+Exit separate(const Options& o) {
+  SeparationSettings s;
+  s.model = read_model(o.model), s.versus = read_model(o.versus);
+  s.duration_s = o.duration_s > 0 ? o.duration_s : 6000;
+  s.dt_s = o.dt_s, s.runs = o.runs, s.draws = o.draws, s.seed = o.common.seed, s.threads = o.common.thread_count();
+  s.tau_s = parse_tau(o.tau.empty() ? "2:600" : o.tau, o.dt_s, 600);
+  Json json = {{"seed", s.seed}, {"draws", s.draws}, {"runs", s.runs}, {"duration_s", s.duration_s}, {"tau_s", s.tau_s}, {"types", Json::object()}};
+  for (const std::string& type : types_of(o)) {
+    const Separation r = separation(s, operator_of(o, o.dt_s, type));
+    json["types"][type] = {{"longest_s", r.longest_s}, {"spread", spread_json(r.spread)}, {"separated_frac", r.separated_frac},
+                           {"model_curves", r.model_curves}, {"versus_curves", r.versus_curves}};
+    if (o.common.talks())
+      std::printf("%-4s longest separated stretch: mean %.1f s, sd %.1f, 5 %% %.0f, median %.0f, 95 %% %.0f (%d draws of %d+%d runs)\n",
+                  type.c_str(), r.spread.mean, r.spread.sd, r.spread.q05, r.spread.median, r.spread.q95, s.draws, s.runs, s.runs);
+  }
+  finish(o, json);
+  return Exit::kDone;
+}
+
+Exit validate_fit(const Options& o) {
+  ValidateSettings v;
+  v.truth = read_model(o.model);
+  v.duration_s = o.duration_s > 0 ? o.duration_s : 6000;
+  v.dt_s = o.dt_s, v.runs = o.runs, v.seed = o.common.seed, v.threads = o.common.thread_count();
+  v.fit = {o.criterion, o.markov, Across::kRms, Detrend::parse(o.detrend), parse_tau(o.tau.empty() ? "2:600" : o.tau, o.dt_s, 600), o.confidence};
+  const DpOperator op = operator_of(o, o.dt_s);
+  const Validation r = validate(v, op);
+  Json parameters = Json::array();
+  for (size_t p = 0; p < r.names.size(); ++p)
+    parameters.push_back({{"name", r.names[p]}, {"log_error", spread_json(r.parameters[p])}, {"rms_log_error", r.rms_log_error[p]},
+                          {"coverage95", number_or_null(r.coverage[p])}});
+  finish(o, {{"runs", r.runs}, {"seed", v.seed}, {"criterion", o.criterion}, {"type", to_text(op.type)}, {"duration_s", v.duration_s},
+             {"bounded_frac", r.bounded_frac}, {"bounds_truth_frac", r.bounds_truth_frac}, {"bounds_new_frac", r.bounds_new_frac},
+             {"new_worst_ratio", spread_json(r.new_worst_ratio)}, {"excess_mean", spread_json(r.excess_mean)},
+             {"excess_worst", spread_json(r.excess_worst)}, {"objective_over_grid", spread_json(r.objective_over_grid)},
+             {"fit_ms", spread_json(r.fit_ms)}, {"terms_frac", r.terms_frac}, {"parameters", parameters}});
+  if (!o.common.talks()) return Exit::kDone;
+  std::printf("%d tests of %g s, criterion %s, %s\n", r.runs, v.duration_s, o.criterion.c_str(), to_text(op.type).c_str());
+  std::printf("bounds its own test %.1f %%, the truth's curve %.1f %%, a new test %.1f %% (smallest ratio: median %.3f, 5 %% %.3f)\n",
+              100 * r.bounded_frac, 100 * r.bounds_truth_frac, 100 * r.bounds_new_frac, r.new_worst_ratio.median, r.new_worst_ratio.q05);
+  std::printf("mean excess: median %.2f %% (5 ... 95 %%: %.2f ... %.2f); worst excess: median %.2f %% (%.2f ... %.2f)\n",
+              100 * r.excess_mean.median, 100 * r.excess_mean.q05, 100 * r.excess_mean.q95, 100 * r.excess_worst.median,
+              100 * r.excess_worst.q05, 100 * r.excess_worst.q95);
+  std::printf("fit %.1f ms (median)\n", r.fit_ms.median);
+  for (size_t p = 0; p < r.names.size(); ++p)
+    std::printf("%-20s ln(estimate/truth): mean %+.3f, rms %.3f%s\n", r.names[p].c_str(), r.parameters[p].mean, r.rms_log_error[p],
+                std::isfinite(r.coverage[p]) ? (", 95 % interval covers " + std::to_string(100 * r.coverage[p]).substr(0, 5) + " %").c_str() : "");
+  return Exit::kDone;
+}
+
+void add_operator_options(CLI::App* app, Options* o) {
+  app->add_option("--type", o->type, "av, dp1, dp2 or dp3; default dp2 with --nominal, else av");
+  app->add_option("--nominal", o->nominal, "model whose filter predicts (dp2, dp3)")->type_name("MODEL.json");
+  app->add_option("--estimation-s", o->estimation_s, "estimation time of dp1")->capture_default_str();
+  app->add_option("--tau", o->tau, "FIRST:LAST[:STEP], log:FIRST:LAST[:PER_DECADE], octave:FIRST:LAST or a list");
+}
+
+void add_log_options(CLI::App* app, Options* o) {
+  app->add_option("logs", o->logs, "logs (CSV)")->required()->type_name("LOG");
+  app->add_option("--axis", o->axes, "axis (column name), repeatable; default all")->type_name("NAME")->allow_extra_args(false);
+  app->add_option("--detrend", o->detrend, "none, mean, poly:N (in temperature) or time:N; expectations allow for it, ml marginalises it")->capture_default_str();
+  app->add_option("--across", o->across, "several logs and axes: rms or max of their curves")->capture_default_str();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options o;
+  CLI::App app("Error models: expected curves, fits, checks, and what the methods can tell", "errormodel");
+  app.require_subcommand(1);
+  const auto model_option = [&](CLI::App* s, bool positional) {
+    s->add_option(positional ? "model" : "--model", o.model, "error model")->required()->type_name("MODEL.json");
+  };
+  CLI::App* s = app.add_subcommand("expect", "closed-form curve of a model");
+  model_option(s, true);
+  add_operator_options(s, &o);
+  s->add_option("--duration-s", o.duration_s, "expect a record of this length, detrended (needed for random walk and ramp under dp2, dp3)")->check(CLI::PositiveNumber);
+  s->add_option("--like", o.logs, "expect a record like this log: its length, gaps and temperatures")->type_name("LOG")->expected(1);
+  s->add_option("--axis", o.axes, "with --like: the axis whose gaps count; default the first")->type_name("NAME")->expected(1);
+  s->add_option("--detrend", o.detrend, "with --duration-s or --like: none, mean, poly:N or time:N")->capture_default_str();
+  s->add_option("--dt-s", o.dt_s, "sampling time")->check(CLI::PositiveNumber)->capture_default_str();
+  add_common_options(s, &o.common);
+
+  s = app.add_subcommand("fit", "error model from logs");
+  add_log_options(s, &o);
+  add_operator_options(s, &o);
+  s->add_option("--criterion", o.criterion, "bound (tightest bound), ls (least squares) or ml (maximum likelihood)")->capture_default_str();
+  s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(CLI::Range(0, 99));
+  s->add_option("--confidence", o.confidence, "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the data themselves)")->check(CLI::Range(0.0, 0.9999))->capture_default_str();
+  s->add_option("--bootstrap", o.bootstrap, "refits of simulated records for the errors of bound and ls (0: none)")->check(CLI::Range(0, 100000))->capture_default_str();
+  s->add_option("-o,--output", o.output, "model to write")->type_name("MODEL.json");
+  add_common_options(s, &o.common, kWithSeed | kWithThreads);
+
+  s = app.add_subcommand("check", "does a model bound these logs, and how tightly");
+  add_log_options(s, &o);
+  model_option(s, false);
+  add_operator_options(s, &o);
+  add_common_options(s, &o.common);
+
+  const auto add_study = [&](CLI::App* sub, bool versus) {
+    model_option(sub, false);
+    if (versus) sub->add_option("--versus", o.versus, "the other model")->required()->type_name("MODEL.json");
+    add_operator_options(sub, &o);
+    if (versus) sub->add_option("--types", o.types, "operators to compare; default av dp2 dp3");
+    sub->add_option("--dt-s", o.dt_s, "sampling time")->check(CLI::PositiveNumber)->capture_default_str();
+  };
+  s = app.add_subcommand("sensitivity", "relative difference of the expected curves of two models, by operator");
+  add_study(s, true);
+  add_common_options(s, &o.common);
+
+  s = app.add_subcommand("separation", "over what stretch of tau do simulated tests of two models stand apart");
+  add_study(s, true);
+  s->add_option("--duration-s", o.duration_s, "of a test; default 6000")->check(CLI::PositiveNumber);
+  s->add_option("--runs", o.runs, "tests of each model per draw")->check(CLI::Range(1, 1000))->capture_default_str();
+  s->add_option("--draws", o.draws, "draws")->check(CLI::Range(1, 100000))->capture_default_str();
+  add_common_options(s, &o.common, kWithSeed | kWithThreads);
+
+  s = app.add_subcommand("validate", "fits many simulated tests of a known model: bounds, errors, coverage");
+  add_study(s, false);
+  s->add_option("--duration-s", o.duration_s, "of a test; default 6000")->check(CLI::PositiveNumber);
+  s->add_option("--runs", o.runs, "tests")->check(CLI::Range(1, 1000000))->capture_default_str();
+  s->add_option("--criterion", o.criterion, "bound, ls or ml")->capture_default_str();
+  s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(CLI::Range(0, 4));
+  s->add_option("--detrend", o.detrend, "none, mean or time:N")->capture_default_str();
+  s->add_option("--confidence", o.confidence, "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the data themselves)")->check(CLI::Range(0.0, 0.9999))->capture_default_str();
+  add_common_options(s, &o.common, kWithSeed | kWithThreads);
+
+  return run_program(&app, argc, argv, [&] {
+    const std::string name = app.get_subcommands().front()->get_name();
+    if (name == "expect") return expect(o);
+    if (name == "fit") return fit(o);
+    if (name == "check") return check(o);
+    if (name == "sensitivity") return sensitivity(o);
+    if (name == "separation") return separate(o);
+    return validate_fit(o);
+  });
+}

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: MIT
+// montecarlo: does the C core keep its promise?  Simulated calibration tests through sum -> kf -> table ->
+// comp, scored against the truth.
+#include <cstdio>
+#include <iostream>
+
+#include "cli/program.h"
+#include "analysis/montecarlo/campaign.h"
+#include "analysis/montecarlo/compare.h"
+#include "montecarlo/report.h"
+
+using namespace imucal;
+
+namespace {
+
+struct Options {
+  CommonOptions common;
+  std::string model_path, profile_path, filter_path, effects_path, partial_path;
+  CampaignOptions campaign;
+  bool core_only = false, strict = false;
+  std::vector<std::string> merge_paths;
+};
+
+void add_raw_options(CLI::App* app, RawFormat* raw) {
+  const std::string group = "The simulated sensor";
+  app->add_option("--rate-hz", raw->rate_hz, "raw samples per second")->capture_default_str()->group(group);
+  app->add_option("--counts-scale-dph", raw->counts_scale_dph, "one count of the gyro")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber)
+      ->group(group);
+  app->add_option("--temp-lsb-degc", raw->temp_lsb_degc, "one count of the thermometer")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber)
+      ->group(group);
+  app->add_option("--temp-noise-degc", raw->temp_noise_degc, "thermometer noise of a sample")
+      ->check(CLI::NonNegativeNumber)
+      ->group(group);
+  app->add_option("--jitter-s", raw->jitter_s, "standard deviation of the time stamps")
+      ->check(CLI::NonNegativeNumber)
+      ->group(group);
+  app->add_option("--missing-samples", raw->missing_frac, "part of the samples that never arrive")
+      ->check(CLI::Range(0.0, 0.99))
+      ->group(group);
+}
+
+void add_options(CLI::App* app, Options* o) {
+  CampaignOptions& c = o->campaign;
+  app->add_option("--model", o->model_path, "true error model with thermal polynomial and effects")
+      ->type_name("MODEL.json");
+  app->add_option("--profile", o->profile_path, "temperature profile of the test")->type_name("PROFILE.json");
+  app->add_option("--order", c.order, "order of the polynomial the filter learns")->check(CLI::Range(1, 5));
+  app->add_option("--runs", c.runs, "simulated tests")
+      ->check(CLI::Range(1, 100000000))
+      ->capture_default_str();
+  app->add_option("--first-run", c.first_run, "number of the first run of this shard")->capture_default_str();
+  app->add_option("--filter-model", o->filter_path, "error model the filter assumes (default: the true one)")
+      ->type_name("MODEL.json");
+  app->add_option("--effects", o->effects_path, "further effects on the sensor")->type_name("EFFECTS.json");
+  app->add_option("--partial", o->partial_path, "write a partial result for `montecarlo merge`")
+      ->type_name("FILE");
+  app->add_option("--points", c.points, "temperatures scored")
+      ->check(CLI::Range(2, 1000))
+      ->capture_default_str();
+  app->add_option("--missing-seconds", c.missing_frac, "part of the seconds without any sample")
+      ->check(CLI::Range(0.0, 0.99));
+  app->add_flag("--core-only", o->core_only,
+                "the chain and its score only: no least squares, double reference, DP");
+  app->add_option("--residual-every", c.residual_every,
+                  "DP curve of the residual in every n-th run (0: none)")
+      ->capture_default_str();
+  app->add_flag("--no-track", c.no_track, "take a coarse thermometer's reading as it is (common/track.h)");
+  app->add_flag("--strict", o->strict, "exit with 1 where NEES or NIS are outside their intervals");
+  add_raw_options(app, &c.raw);
+  add_common_options(app, &o->common, kWithSeed | kWithThreads);
+}
+
+Exit publish(const Options& o, const CampaignPlan& plan, const CampaignResult& result) {
+  const Json json = campaign_json(plan, result);
+  if (o.common.wants_json()) write_json(o.common.json_path, json);
+  if (o.common.talks()) std::cout << campaign_text(json);
+  if (!o.strict || result.runs_done == 0) return Exit::kDone;
+  const auto outside = [](const Json& x) {
+    return !x.is_null() && (x["mean"] < x["ci95"][0] || x["mean"] > x["ci95"][1]);
+  };
+  return outside(json["nees"]) || outside(json["nis"]) ? Exit::kNegative : Exit::kDone;
+}
+
+Exit run_merge(const Options& o) {
+  std::vector<Partial> partials;
+  for (const std::string& path : o.merge_paths) partials.push_back(read_partial(path));
+  const Partial whole = merge_partials(partials);
+  return publish(o, plan_campaign(whole.options), whole.result);
+}
+
+Exit run_compare(Options o) {
+  CampaignOptions& c = o.campaign;
+  if (o.model_path.empty()) throw usage_error("compare: --model is required");
+  c.model = c.filter = read_model(o.model_path);
+  c.seed = o.common.seed;
+  c.threads = o.common.thread_count();
+  const auto scenarios = standard_scenarios();
+  Progress bar("compare", static_cast<double>(scenarios.size()), o.common.quiet);
+  std::vector<Comparison> all;
+  for (const Scenario& scenario : scenarios) {
+    bar.update(static_cast<double>(all.size()), scenario.name);
+    Comparison one = compare_methods(c, scenario, interrupted);
+    if (interrupted()) break;
+    all.push_back(std::move(one));
+  }
+  bar.finish();
+  if (o.common.wants_json()) write_json(o.common.json_path, to_json(all, c));
+  if (o.common.talks()) std::cout << to_text(all, c);
+  return Exit::kDone;
+}
+
+Exit run_campaign_command(Options o) {
+  CampaignOptions& c = o.campaign;
+  if (o.model_path.empty() || o.profile_path.empty())
+    throw usage_error("--model and --profile are required (try montecarlo --help)");
+  c.model = read_model(o.model_path);
+  c.filter = o.filter_path.empty() ? c.model : read_model(o.filter_path);
+  if (!o.effects_path.empty()) c.effects = read_effects(o.effects_path);
+  c.profile = read_profile(o.profile_path);
+  c.seed = o.common.seed;
+  c.threads = o.common.thread_count();
+  if (o.core_only) c.least_squares_every = c.reference_every = c.residual_every = 0;
+  const CampaignPlan plan = plan_campaign(c);
+  Progress bar("montecarlo", static_cast<double>(c.runs), o.common.quiet);
+  const auto progress = [&](const CampaignResult& so_far) {
+    char note[80] = "";
+    if (const auto n = so_far.tally.counted("nees_runs"); n > 0)
+      std::snprintf(note, sizeof note, "%llu of %llu runs, NEES %.3f of %d",
+                    static_cast<unsigned long long>(so_far.runs_done),
+                    static_cast<unsigned long long>(c.runs),
+                    so_far.tally.sum("nees") / static_cast<double>(n), c.order + 1);
+    bar.update(static_cast<double>(so_far.runs_done), note);
+  };
+  const CampaignResult result = run_campaign(plan, progress, interrupted);
+  bar.finish();
+  if (!o.partial_path.empty()) write_partial(o.partial_path, c, result);
+  return publish(o, plan, result);
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("simulated calibration tests through the C core, scored against the truth", "montecarlo");
+  Options run, merged;
+  add_options(&app, &run);
+  run.campaign.raw.rate_hz = 10;
+  run.campaign.raw.counts_scale_dph = 1;
+  CLI::App* merge =
+      app.add_subcommand("merge", "merge partial results of shards into the result of the whole");
+  merge->add_option("FILES", merged.merge_paths, "partial results")->required();
+  merge->add_flag("--strict", merged.strict, "exit with 1 where NEES or NIS are outside their intervals");
+  add_common_options(merge, &merged.common);
+  Options compared;
+  compared.campaign.raw = run.campaign.raw;
+  compared.campaign.runs = 500;
+  CLI::App* compare =
+      app.add_subcommand("compare", "the core's filter against other methods on several profiles");
+  compare->add_option("--model", compared.model_path, "true error model with thermal polynomial")->required();
+  compare->add_option("--order", compared.campaign.order, "order of the polynomial")->check(CLI::Range(1, 5));
+  compare->add_option("--runs", compared.campaign.runs, "simulated tests per profile")
+      ->check(CLI::Range(1, 1000000));
+  add_common_options(compare, &compared.common, kWithSeed | kWithThreads);
+  return run_program(&app, argc, argv, [&] {
+    if (merge->parsed()) return run_merge(merged);
+    return compare->parsed() ? run_compare(compared) : run_campaign_command(run);
+  });
+}

@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: MIT
+// profile: calibration error of temperature profiles, what none can beat, and the best one for a chamber.
+#include <cstdio>
+
+#include "cli/program.h"
+#include "analysis/profile/bound.h"
+#include "analysis/profile/covariance.h"
+#include "analysis/profile/optimize.h"
+#include "profile/report.h"
+#include "analysis/profile/signature.h"
+
+using namespace imucal;
+
+namespace {
+
+struct ErrorOptions {
+  CommonOptions common;
+  std::vector<std::string> inputs;
+  std::string model, filter_model, range;
+  int order = 3, points = 61;
+  double prior_sigma_dph = 1e4;
+  bool turn_on = false, restart_each_cycle = false, shape_only = false, proven = false;
+  std::string tell_apart;
+};
+
+// A yardstick that a fast profile, or noise slower than the test, may beat: then it says so.
+void print_yardstick(double bound_dph, double worst_dph) {
+  std::printf("slow-ramp bound %.3f dph: efficiency %.1f %%\n", bound_dph, 100 * bound_dph / worst_dph);
+  if (worst_dph < bound_dph)
+    std::printf("  (beaten: ramps are not slow against the noise here, or the noise is slower than the test; "
+                "the proven "
+                "bound holds)\n");
+}
+
+Exit run_error(const ErrorOptions& o) {
+  CalibrationSetup setup;
+  setup.truth = read_model(o.model);
+  setup.filter = o.filter_model.empty() ? setup.truth : read_model(o.filter_model);
+  setup.order = o.order;
+  setup.points = o.points;
+  setup.prior_sigma_dph = o.prior_sigma_dph;
+  setup.turn_on_constants = o.turn_on;
+  setup.shape_only = o.shape_only;
+  std::vector<CalibrationRun> runs;
+  double lo = 1e300, hi = -1e300, max_rate = 0;
+  for (const std::string& path : o.inputs) {
+    ProfileInput input = read_profile_input(path, o.restart_each_cycle);
+    lo = std::min(lo, input.lo_degc);
+    hi = std::max(hi, input.hi_degc);
+    max_rate = std::max(max_rate, input.max_rate_degc_per_min);
+    for (CalibrationRun& run : input.runs) runs.push_back(std::move(run));
+  }
+  check_distinct_temperatures(runs, o.order);
+  const TemperatureRange range = o.range.empty() ? TemperatureRange{lo, hi} : parse_range("--range", o.range);
+  setup.lo_degc = range.lo_degc;
+  setup.hi_degc = range.hi_degc;
+  const CalibrationError error = calibration_error(runs, setup);
+  const double bound_dph = slow_ramp_bound(setup.truth, o.order, error.duration_s);
+
+  Json json = to_json(error);
+  json["bound_dph"] = bound_dph;
+  json["efficiency"] = bound_dph / error.worst_dph;
+  json["order"] = o.order;
+  json["range_degc"] = {range.lo_degc, range.hi_degc};
+  json["runs"] = runs.size();
+  const SignatureTable signatures = signature_table(
+      runs, setup, o.tell_apart.empty() ? standard_effects(o.order) : effects_by_name(o.tell_apart, o.order));
+  json["tell_apart"] = to_json(signatures);
+  json["worst_correlation"] = signatures.worst;
+  Bound bound;
+  if (o.proven && runs.size() == 1 && max_rate > 0) {
+    bound = calibration_bound({setup.truth, o.order, error.duration_s, range.hi_degc - range.lo_degc,
+                               max_rate, o.prior_sigma_dph, 1.0});
+    json["proven_bound_dph"] = bound.proven_dph;
+    json["proven_efficiency"] = bound.proven_dph / error.worst_dph;
+  }
+  if (o.common.talks()) {
+    std::fputs(error_text(error, !o.filter_model.empty()).c_str(), stdout);
+    std::printf("worst %.3f dph, rms %.3f dph over %g..%g degC after %.0f s (%zu run%s)\n", error.worst_dph,
+                error.rms_dph, range.lo_degc, range.hi_degc, error.duration_s, runs.size(),
+                runs.size() == 1 ? "" : "s");
+    print_yardstick(bound_dph, error.worst_dph);
+    if (bound.proven_dph > 0)
+      std::printf("proven bound at up to %g degC/min %.3f dph: efficiency %.1f %%\n", max_rate,
+                  bound.proven_dph, 100 * bound.proven_dph / error.worst_dph);
+    std::fputs(signature_text(signatures).c_str(), stdout);
+    if (lo > range.lo_degc + 1e-9 || hi < range.hi_degc - 1e-9)
+      std::printf("note: the temperatures reach %g..%g degC only; beyond them the polynomial extrapolates\n",
+                  lo, hi);
+    if (!o.turn_on && setup.truth.turn_on_sigma_dph > 0)
+      std::printf(
+          "note: the turn-on constant (%g dph) is taken as part of b0; --turn-on counts it as an error\n",
+          setup.truth.turn_on_sigma_dph);
+  }
+  if (o.common.wants_json()) write_json(o.common.json_path, json);
+  return Exit::kDone;
+}
+
+struct BoundOptions {
+  CommonOptions common;
+  std::string model, range;
+  int order = 3;
+  double duration_s = 0, max_rate = 0, max_cooling_rate = 0, prior_sigma_dph = 1e4;
+};
+
+Exit run_bound(const BoundOptions& o) {
+  BoundRequest request;
+  request.model = read_model(o.model);
+  request.order = o.order;
+  request.duration_s = o.duration_s;
+  // Unlimited heating with a limit on cooling is unlimited for the bound.
+  request.max_rate_degc_per_min = o.max_rate > 0 ? std::max(o.max_rate, o.max_cooling_rate) : 0;
+  request.prior_sigma_dph = o.prior_sigma_dph;
+  if (o.max_rate > 0 && o.range.empty())
+    throw usage_error("--max-rate needs --range A:B: how far the chamber has to go");
+  if (!o.range.empty()) {
+    const TemperatureRange range = parse_range("--range", o.range);
+    request.span_degc = range.hi_degc - range.lo_degc;
+  }
+  const Bound bound = calibration_bound(request);
+  if (o.common.talks()) {
+    std::printf("slow-ramp bound    %8.3f dph\n", bound.slow_ramp_dph);
+    for (const std::string& a : bound.assumptions) std::printf("    - %s\n", a.c_str());
+    std::printf("proven bound       %8.3f dph\n", bound.proven_dph);
+    for (const std::string& a : bound.proven_assumptions) std::printf("    - %s\n", a.c_str());
+  }
+  if (o.common.wants_json()) write_json(o.common.json_path, to_json(bound));
+  return Exit::kDone;
+}
+
+struct OptimizeOptions {
+  CommonOptions common;
+  std::string model, range, profile_path, objective = "worst", tell_apart;
+  int order = 3, effort = 1;
+  double max_rate = 0, max_cooling_rate = 0, duration_s = 0, required_error_dph = 0, min_soak_s = 0,
+         max_soak_s = 0, max_correlation = 0.75, prior_sigma_dph = 1e4, spend_percent = 0;
+  bool no_proof = false;
+};
+
+Exit run_optimize(const OptimizeOptions& o) {
+  OptimizeRequest request;
+  request.setup.truth = request.setup.filter = read_model(o.model);
+  request.setup.order = o.order;
+  request.setup.prior_sigma_dph = o.prior_sigma_dph;
+  const TemperatureRange range = parse_range("--range", o.range);
+  request.setup.lo_degc = range.lo_degc;
+  request.setup.hi_degc = range.hi_degc;
+  request.limits = {range.lo_degc, range.hi_degc,
+                    o.max_rate,    o.max_cooling_rate > 0 ? o.max_cooling_rate : o.max_rate,
+                    o.min_soak_s,  o.max_soak_s};
+  if ((o.duration_s > 0) == (o.required_error_dph > 0))
+    throw usage_error("give either --duration-s or --required-error (the shortest duration that reaches it)");
+  request.duration_s = o.duration_s;
+  request.required_dph = o.required_error_dph;
+  request.objective = o.objective == "rms" ? Objective::kRms : Objective::kWorst;
+  if (!o.tell_apart.empty())
+    request.tell_apart =
+        o.tell_apart == "all" ? standard_effects(o.order) : effects_by_name(o.tell_apart, o.order);
+  request.max_correlation = o.max_correlation;
+  request.spend_frac = o.spend_percent / 100;
+  if (o.spend_percent > 0 && o.tell_apart.empty())
+    throw usage_error("--spend needs --tell-apart: what to spend it on");
+  request.seed = o.common.seed;
+  request.effort = o.effort;
+  Progress progress("optimising", 1, o.common.quiet);
+  request.progress = [&](double done_frac, double best_dph) {
+    char note[48];
+    std::snprintf(note, sizeof note, "best %.3f dph", best_dph);
+    progress.update(done_frac, note);
+  };
+  const OptimizeResult r = optimize_profile(request);
+  progress.finish();
+  if (!o.profile_path.empty()) write_json(o.profile_path, to_json(r.profile));
+
+  const double duration_s = r.error.duration_s;
+  Bound bound;
+  bound.slow_ramp_dph = slow_ramp_bound(request.setup.truth, o.order, duration_s);
+  if (!o.no_proof)
+    bound =
+        calibration_bound({request.setup.truth, o.order, duration_s, range.hi_degc - range.lo_degc,
+                           std::max(request.limits.heating_degc_per_min, request.limits.cooling_degc_per_min),
+                           o.prior_sigma_dph, 1.0});
+  Json json = to_json(r.error);
+  json["bound_dph"] = bound.slow_ramp_dph;
+  json["efficiency"] = bound.slow_ramp_dph / r.error.worst_dph;
+  if (!o.no_proof) {
+    json["proven_bound_dph"] = bound.proven_dph;
+    json["proven_efficiency"] = bound.proven_dph / r.error.worst_dph;
+  }
+  json["objective"] = o.objective;
+  json["worst_correlation"] = r.signatures.worst;
+  json["tell_apart"] = to_json(r.signatures);
+  if (!request.tell_apart.empty()) {
+    json["max_correlation"] = o.max_correlation;
+    json["meets_correlation"] = r.meets_correlation;
+    json["accuracy_only_dph"] = r.accuracy_only_dph;
+  }
+  if (r.paper_passes > 0)
+    json["paper"] = {{"passes", r.paper_passes},
+                     {"worst_dph", r.paper_error.worst_dph},
+                     {"rms_dph", r.paper_error.rms_dph},
+                     {"efficiency", bound.slow_ramp_dph / r.paper_error.worst_dph},
+                     {"profile", to_json(r.paper)}};
+  json["shape"] = r.shape;
+  json["profile"] = to_json(r.profile);
+  json["seed"] = o.common.seed;
+  json["evaluations"] = r.evaluations;
+  if (o.common.talks()) {
+    std::printf("worst %.3f dph, rms %.3f dph after %.0f s (%s)\n", r.error.worst_dph, r.error.rms_dph,
+                duration_s, r.shape.c_str());
+    for (const ProfileLeg& leg : legs(r.profile)) {
+      if (leg.start_degc == leg.end_degc)
+        std::printf("  soak %8.1f s at %7.2f degC\n", leg.end_s - leg.start_s, leg.start_degc);
+      else
+        std::printf("  ramp %8.1f s to %7.2f degC (%+.3f degC/min)\n", leg.end_s - leg.start_s, leg.end_degc,
+                    60 * (leg.end_degc - leg.start_degc) / (leg.end_s - leg.start_s));
+    }
+    print_yardstick(bound.slow_ramp_dph, r.error.worst_dph);
+    if (!o.no_proof)
+      std::printf("proven bound under the rate limit %.3f dph: efficiency %.1f %%\n", bound.proven_dph,
+                  100 * bound.proven_dph / r.error.worst_dph);
+    if (r.paper_passes > 0)
+      std::printf("ramps with equal soaks at both ends (%d pass%s): %.3f dph, efficiency %.1f %%\n",
+                  r.paper_passes, r.paper_passes == 1 ? "" : "es", r.paper_error.worst_dph,
+                  100 * bound.slow_ramp_dph / r.paper_error.worst_dph);
+    std::fputs(signature_text(r.signatures).c_str(), stdout);
+    if (!request.tell_apart.empty())
+      std::printf("cost of telling apart: %.1f %% (%.3f dph for accuracy alone)\n",
+                  100 * (r.objective_dph / r.accuracy_only_dph - 1), r.accuracy_only_dph);
+  }
+  if (o.common.wants_json()) write_json(o.common.json_path, json);
+  if (!r.meets_correlation) {
+    std::fprintf(
+        stderr,
+        "profile: no profile found whose worst correlation is at most %g; the best has %.3f (%s, %s).  More "
+        "time, a faster chamber or --max-correlation %.3f makes it possible\n",
+        o.max_correlation, r.signatures.worst, r.signatures.effects[r.signatures.worst_a].name.c_str(),
+        r.signatures.effects[r.signatures.worst_b].name.c_str(), r.signatures.worst + 0.0005);
+    return Exit::kNegative;
+  }
+  return r.meets_error ? Exit::kDone : Exit::kNegative;
+}
+
+void add_error(CLI::App* app, ErrorOptions* o) {
+  app->add_option("input", o->inputs, "profiles (JSON) or recorded logs (CSV); each is a run")
+      ->required()
+      ->type_name("FILE");
+  app->add_option("--model", o->model, "true error model (JSON)")->required()->type_name("FILE");
+  app->add_option("--filter-model", o->filter_model,
+                  "error model that the filter assumes (default: the true one)")
+      ->type_name("FILE");
+  app->add_option("--order", o->order, "order of the polynomial")->required();
+  app->add_option("--range", o->range, "span A:B in degC that is judged (default: what the profile reaches)")
+      ->type_name("A:B");
+  app->add_option("--points", o->points, "temperatures reported")
+      ->check(CLI::Range(2, 10001))
+      ->capture_default_str();
+  app->add_option("--prior-sigma-dph", o->prior_sigma_dph, "sigma of each coefficient before the test")
+      ->check(CLI::Range(1e-3, 1e9))
+      ->capture_default_str();
+  app->add_flag("--turn-on", o->turn_on, "count the model's turn-on constant, one per run");
+  app->add_flag("--restart-each-cycle", o->restart_each_cycle,
+                "the device is switched off between the profile's repeats");
+  app->add_flag("--shape-only", o->shape_only, "judge B(T) less its mean over the span");
+  app->add_option(
+         "--tell-apart", o->tell_apart,
+         "effects whose signatures are compared (default: lag, rate, hysteresis, turn-on, ageing, 4th order)")
+      ->type_name("EFFECT,EFFECT");
+  app->add_flag("--proven", o->proven, "also the proven bound at the profile's fastest ramp");
+  add_common_options(app, &o->common);
+}
+
+void add_bound(CLI::App* app, BoundOptions* o) {
+  app->add_option("--model", o->model, "error model (JSON)")->required()->type_name("FILE");
+  app->add_option("--order", o->order, "order of the polynomial")->required();
+  app->add_option("--duration-s", o->duration_s, "duration of the test")->required();
+  app->add_option("--range", o->range, "calibrated span A:B in degC")->type_name("A:B");
+  app->add_option("--max-rate", o->max_rate, "highest |dT/dt| of heating in degC/min (0: unlimited)")
+      ->check(CLI::Range(0.0, 1e4));
+  app->add_option("--max-cooling-rate", o->max_cooling_rate, "the same for cooling (default: as heating)")
+      ->check(CLI::Range(0.0, 1e4));
+  app->add_option("--prior-sigma-dph", o->prior_sigma_dph, "sigma of each coefficient before the test")
+      ->check(CLI::Range(1e-3, 1e9))
+      ->capture_default_str();
+  add_common_options(app, &o->common);
+}
+
+void add_optimize(CLI::App* app, OptimizeOptions* o) {
+  app->add_option("--model", o->model, "error model (JSON)")->required()->type_name("FILE");
+  app->add_option("--order", o->order, "order of the polynomial")->required();
+  app->add_option("--range", o->range, "span A:B in degC to calibrate")->required()->type_name("A:B");
+  app->add_option("--max-rate", o->max_rate,
+                  "highest rate of the chamber, degC/min (heating; cooling too if not given)")
+      ->required();
+  app->add_option("--max-cooling-rate", o->max_cooling_rate, "highest cooling rate, degC/min")
+      ->check(CLI::PositiveNumber);
+  app->add_option("--duration-s", o->duration_s, "duration of the test")->check(CLI::PositiveNumber);
+  app->add_option("--required-error", o->required_error_dph,
+                  "instead of a duration: the shortest that reaches this objective, dph")
+      ->check(CLI::PositiveNumber);
+  app->add_option("--objective", o->objective, "worst or rms error over the span")
+      ->check(CLI::IsMember({"worst", "rms"}))
+      ->capture_default_str();
+  app->add_option("--min-soak-s", o->min_soak_s, "shortest soak")->check(CLI::NonNegativeNumber);
+  app->add_option("--max-soak-s", o->max_soak_s, "longest soak (0: unlimited)")
+      ->check(CLI::NonNegativeNumber);
+  app->add_option("--tell-apart", o->tell_apart,
+                  "keep these effects apart: names, or all for the standard six")
+      ->type_name("EFFECT,EFFECT");
+  app->add_option("--max-correlation", o->max_correlation,
+                  "largest correlation allowed between their signatures")
+      ->check(CLI::Range(0.05, 1.0))
+      ->capture_default_str();
+  app->add_option("--spend", o->spend_percent,
+                  "with --tell-apart: accuracy that may be given up, percent, to make the signatures strong")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->type_name("PERCENT");
+  app->add_option("--effort", o->effort, "multiplies the number of evaluations")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  app->add_option("--prior-sigma-dph", o->prior_sigma_dph, "sigma of each coefficient before the test")
+      ->check(CLI::Range(1e-3, 1e9))
+      ->capture_default_str();
+  app->add_flag("--no-proof", o->no_proof, "skip the proven bound (about half a second)");
+  app->add_option("-o,--output", o->profile_path, "write the profile (JSON)")->type_name("FILE");
+  add_common_options(app, &o->common, kWithSeed);
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Temperature profiles: calibration error, bounds, optimisation.", "profile");
+  app.require_subcommand(1);
+  ErrorOptions error;
+  BoundOptions bound;
+  OptimizeOptions optimize;
+  CLI::App* error_app =
+      app.add_subcommand("error", "calibration error over temperature that a profile or log leaves");
+  CLI::App* bound_app = app.add_subcommand("bound", "what no profile of a duration can beat");
+  CLI::App* optimize_app = app.add_subcommand("optimize", "the best profile under the limits of a chamber");
+  add_error(error_app, &error);
+  add_bound(bound_app, &bound);
+  add_optimize(optimize_app, &optimize);
+  return run_program(&app, argc, argv, [&] {
+    if (error_app->parsed()) return run_error(error);
+    if (bound_app->parsed()) return run_bound(bound);
+    return run_optimize(optimize);
+  });
+}
