@@ -5,6 +5,7 @@
 #include "check.h"
 #include "comp.h"
 #include "crc.h"
+#include "health.h"
 #include "kf.h"
 #include "link.h"
 #include "num.h"
@@ -16,6 +17,7 @@ enum { N_CALLS = 500 };
 /* What every measured call works on. */
 static struct {
   imucal_kf_t kf;
+  imucal_health_t health;
   imucal_comp_t comp;
   imucal_sum_t sum;
   imucal_table_t table;
@@ -58,6 +60,20 @@ static void call_nothing(void) {
 }
 static void call_kf_update(void) {
   work.sink = imucal_kf_update(&work.kf, next_rate, next_degc);
+}
+static void call_health(void) {
+  work.sink = imucal_health_second(&work.health, next_rate, next_degc, 0, true, 0) &&
+              imucal_health_gate(&work.health, next_rate - 80.0f, 0.0007f);
+}
+static void call_health_judge(void) {
+  imucal_health_verdict_t verdict;
+  imucal_health_judge(&work.health, &verdict);
+  work.sink = (int32_t)verdict.bits;
+}
+static void call_kf_copy(void) {
+  static imucal_kf_t copy;
+  copy = work.kf;
+  __asm volatile("" ::"r"(&copy) : "memory");
 }
 static void call_kf_skip(void) {
   work.sink = imucal_kf_skip(&work.kf, 1);
@@ -190,6 +206,11 @@ void check_cycles(const check_io_t* io) {
   start_filter(3);
   report(io, "kf_skip order 3", prepare_nothing, call_kf_skip);
   report(io, "kf_bias_sigma order 3", prepare_second, call_kf_sigma);
+  const imucal_health_config_t expected = {.r = 1296.0f, .markov_variance = 400.0f, .hi_degc = 60.0f};
+  work.sink = imucal_health_init(&work.health, &expected);
+  report(io, "health second and gate", prepare_second, call_health);
+  report_n(io, "health_judge", prepare_nothing, call_health_judge, 20);
+  report(io, "copy of a filter (the gate's way back)", prepare_nothing, call_kf_copy);
   report_n(io, "kf_worst_sigma order 3, 25 points", prepare_nothing, call_kf_worst, 20);
   static const uint32_t channels[] = {1, 3, 6};
   for (int i = 0; i < 3; i++) {

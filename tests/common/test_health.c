@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: MIT
+/* Healthy runs pass at the stated rate; every sickness is found by its own rule; one bad second changes nothing. */
+#include "health.h"
+
+#include "kf.h"
+#include "sum.h"
+#include "unit.h"
+
+enum { N_S = 8400 };
+
+/* A run of the paper's gyro (0.6 deg/sqrt(h); 20 dph, 100 s) on 20-min soaks and a ramp of 0..60 degC. */
+typedef struct {
+  double sigma_dph, tau_s, white_dph; /* of the truth; the filter always has the paper's */
+  float temp_degc[N_S], rate_dph[N_S];
+  uint8_t flags[N_S];
+} run_t;
+
+static run_t run;
+static const imucal_health_config_t kConfig = {.r = 1296, .markov_variance = 400, .lo_degc = 0, .hi_degc = 60};
+
+static double bias_dph(double temp_degc) {
+  const double tn = (temp_degc - 30) / 30;
+  return 80 + tn * (300 + tn * (150 - 100 * tn));
+}
+
+static double profile_degc(int k) {
+  return k < 1200 ? 0 : k < 7200 ? 0.01 * (k - 1200) : 60;
+}
+
+/* noise_degc: of the thermometer. */
+static void simulate(unit_rng_t* rng, double sigma_dph, double tau_s, double white_dph, double noise_degc) {
+  const double phi = exp(-1 / tau_s);
+  double markov = sigma_dph * unit_normal(rng);
+  for (int k = 0; k < N_S; k++) {
+    const double temp = profile_degc(k);
+    markov = phi * markov + sigma_dph * sqrt(1 - phi * phi) * unit_normal(rng);
+    run.temp_degc[k] = (float)(temp + noise_degc * unit_normal(rng));
+    run.rate_dph[k] = (float)(bias_dph(temp) + markov + white_dph * unit_normal(rng));
+    run.flags[k] = 0;
+  }
+}
+
+static void healthy(unit_rng_t* rng) {
+  simulate(rng, 20, 100, 36, 0.005);
+}
+
+static imucal_kf_t kf;
+static imucal_health_t health;
+
+/* The run through filter and health, as the device does it. */
+static imucal_health_verdict_t judge_run(const imucal_health_config_t* config) {
+  const imucal_kf_config_t filter = {.order = 3, .t0_degc = 30, .range_degc = 30, .m = 0.00995016625f,
+                                     .q = 7.92053068f, .r = 1296, .markov_variance = 400, .prior_sigma = 1e4f};
+  assert_int_equal(imucal_kf_init(&kf, &filter), IMUCAL_OK);
+  assert_int_equal(imucal_health_init(&health, config), IMUCAL_OK);
+  for (int k = 0; k < N_S; k++) {
+    const imucal_kf_t before = kf;
+    bool is_taken = imucal_health_second(&health, run.rate_dph[k], run.temp_degc[k], run.flags[k], true, 0) &&
+                    imucal_kf_update(&kf, run.rate_dph[k], run.temp_degc[k]) == IMUCAL_OK;
+    if (is_taken && !imucal_health_gate(&health, kf.stats.innovation, kf.stats.innovation_weight)) {
+      kf = before;
+      is_taken = false;
+    }
+    if (!is_taken) assert_int_equal(imucal_kf_skip(&kf, 1), IMUCAL_OK);
+  }
+  imucal_health_verdict_t verdict;
+  imucal_health_judge(&health, &verdict);
+  return verdict;
+}
+
+static double worst_error_dph(void) {
+  double worst = 0;
+  for (int t = 0; t <= 60; t += 5) worst = fmax(worst, fabs((double)imucal_kf_bias(&kf, (float)t) - bias_dph(t)));
+  return worst;
+}
+
+static void assert_found(const imucal_health_verdict_t* v, uint32_t rule) {
+  if (v->bits & 1u << rule) return;
+  fail_msg("%s not found: %g, limit %g (bits %x)", imucal_health_rule_name(rule), (double)v->value[rule],
+           (double)v->limit[rule], (unsigned)v->bits);
+}
+
+/* GIVEN 1000 healthy runs; WHEN they are judged; THEN at most 1 % are refused (stated: 4 sigma a rule and beyond
+ * tolerances, far less), and next to no second is left out. */
+static void test_health_1000_healthy_runs_at_most_one_percent_refused(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  int n_refused = 0;
+  uint32_t n_rejected = 0;
+  for (int i = 0; i < 1000; i++) {
+    healthy(&rng);
+    const imucal_health_verdict_t v = judge_run(&kConfig);
+    assert_int_equal(v.judged, (1u << IMUCAL_HEALTH_N_RULES) - 1);
+    n_refused += v.bits != 0;
+    n_rejected += health.n_rejected;
+  }
+  print_message("health: %d of 1000 healthy runs refused, %u of 8.4e6 seconds left out\n", n_refused, (unsigned)n_rejected);
+  assert_true(n_refused <= 10);
+  assert_true(n_rejected <= 10);
+}
+
+/* Coarse output (a count of twice the noise), coarse thermometer in whole degrees, standing thermometer in soaks. */
+static void test_health_coarse_sensors_pass(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  imucal_health_config_t config = kConfig;
+  config.temp_step_degc = 1;
+  for (int i = 0; i < 20; i++) {
+    simulate(&rng, 20, 100, 36, 0);
+    for (int k = 0; k < N_S; k++) run.temp_degc[k] = (float)floor((double)run.temp_degc[k] + 0.5);
+    for (int k = 0; k < N_S; k++) run.rate_dph[k] = 72 * (float)floor((double)run.rate_dph[k] / 72 + 0.5);
+    const imucal_health_verdict_t v = judge_run(&config);
+    const uint32_t own = 1u << IMUCAL_HEALTH_REPEATED | 1u << IMUCAL_HEALTH_NO_NOISE | 1u << IMUCAL_HEALTH_TEMP_JUMP |
+                         1u << IMUCAL_HEALTH_TEMP_SPIKES | 1u << IMUCAL_HEALTH_TEMP_RAMP;
+    assert_int_equal(v.bits & own, 0);
+  }
+}
+
+static void freeze_rate(int from, int to, float value) {
+  for (int k = from; k < to; k++) run.rate_dph[k] = value;
+}
+
+static void test_health_axis_always_zero_found(void** state) {
+  (void)state;
+  freeze_rate(0, N_S, 0);
+  for (int k = 0; k < N_S; k++) run.temp_degc[k] = (float)profile_degc(k);
+  const imucal_health_verdict_t v = judge_run(&kConfig);
+  assert_found(&v, IMUCAL_HEALTH_NO_NOISE);
+  assert_found(&v, IMUCAL_HEALTH_REPEATED);
+}
+
+static void test_health_axis_frozen_for_a_minute_found(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  healthy(&rng);
+  freeze_rate(4000, 4060, run.rate_dph[4000]);
+  const imucal_health_verdict_t v = judge_run(&kConfig);
+  assert_found(&v, IMUCAL_HEALTH_REPEATED);
+}
+
+static void test_health_noise_nearly_gone_found(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  simulate(&rng, 20, 100, 3, 0.005);
+  const imucal_health_verdict_t v = judge_run(&kConfig);
+  assert_found(&v, IMUCAL_HEALTH_NO_NOISE);
+}
+
+static void test_health_rail_and_faults_found(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  healthy(&rng);
+  for (int k = 0; k < 6300; k++) run.flags[k] = IMUCAL_FLAG_SATURATED;
+  imucal_health_verdict_t v = judge_run(&kConfig);
+  assert_found(&v, IMUCAL_HEALTH_SATURATED);
+  assert_true(v.value[IMUCAL_HEALTH_SATURATED] == 0.75f);
+  healthy(&rng);
+  for (int k = 0; k < N_S; k += 50) run.flags[k] = IMUCAL_FLAG_FAULT;
+  v = judge_run(&kConfig);
+  assert_found(&v, IMUCAL_HEALTH_FAULTY);
+}
+
+/* The thermometer stands from 20 degC on, the rate does not. */
+static void test_health_stuck_thermometer_found(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  healthy(&rng);
+  for (int k = 3200; k < N_S; k++) run.temp_degc[k] = run.temp_degc[3199];
+  const imucal_health_verdict_t v = judge_run(&kConfig);
+  assert_found(&v, IMUCAL_HEALTH_TEMP_STUCK);
+  assert_found(&v, IMUCAL_HEALTH_SPAN);
+}
+
+static void test_health_temperature_jump_found(void** state) {
+  (void)state;
+  static const float jump_degc[] = {-20, -2, 3, 25};
+  for (int i = 0; i < 4; i++) {
+    unit_rng_t rng = {unit_seed()};
+    healthy(&rng);
+    for (int k = 4000; k < 5000; k++) run.temp_degc[k] += jump_degc[i];
+    const imucal_health_verdict_t v = judge_run(&kConfig);
+    assert_found(&v, IMUCAL_HEALTH_TEMP_JUMP);
+    assert_true(health.n_jumps == 2);
+  }
+}
+
+/* One bad second of the thermometer, at the start, inside, at the end: left out, nothing is refused, the span is what
+ * was seen and the polynomial as good as without. */
+static void test_health_one_bad_temperature_changes_nothing(void** state) {
+  (void)state;
+  static const int at[] = {0, 4000, N_S - 1};
+  for (int i = 0; i < 3; i++) {
+    unit_rng_t rng = {unit_seed()};
+    healthy(&rng);
+    run.temp_degc[at[i]] = at[i] == 4000 ? -40 : 85;
+    const imucal_health_verdict_t v = judge_run(&kConfig);
+    assert_int_equal(v.bits, 0);
+    float lo = 0, hi = 0;
+    assert_true(imucal_health_span(&health, &lo, &hi));
+    assert_true(fabsf(lo) < 0.05f && fabsf(hi - 60) < 0.05f);
+    assert_true(worst_error_dph() < 30);
+  }
+}
+
+static void test_health_ramp_too_fast_found(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  healthy(&rng);
+  for (int k = 0; k < N_S; k++) run.temp_degc[k] = k < 4000 ? 0 : k < 4200 ? 0.3f * (float)(k - 4000) : 60;
+  for (int k = 0; k < N_S; k++) run.rate_dph[k] = (float)bias_dph((double)run.temp_degc[k]) + 36 * (float)unit_normal(&rng);
+  const imucal_health_verdict_t v = judge_run(&kConfig);
+  assert_found(&v, IMUCAL_HEALTH_TEMP_RAMP);
+}
+
+/* A bump of 20 s in the middle is left out second by second; the polynomial does not learn it. */
+static void test_health_bump_is_left_out(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  healthy(&rng);
+  for (int k = 4000; k < 4020; k++) run.rate_dph[k] += 50000;
+  const imucal_health_verdict_t v = judge_run(&kConfig);
+  assert_int_equal(v.bits, 0);
+  assert_int_equal(health.n_rejected, 20);
+  assert_true(worst_error_dph() < 30);
+}
+
+/* At the very start the filter cannot know; then what follows contradicts it, and the run is refused. */
+static void test_health_bump_at_the_start_or_a_lasting_step_refused(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  healthy(&rng);
+  for (int k = 0; k < 20; k++) run.rate_dph[k] += 50000;
+  imucal_health_verdict_t v = judge_run(&kConfig);
+  assert_true(v.bits != 0);
+  healthy(&rng);
+  for (int k = 4000; k < N_S; k++) run.rate_dph[k] += 1000;
+  v = judge_run(&kConfig);
+  assert_found(&v, IMUCAL_HEALTH_REJECTS);
+}
+
+/* Noise of twice the model's; slow noise the model knows nothing of; quantisation noise (differences). */
+static void test_health_contradicted_model_found(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  simulate(&rng, 20, 100, 72, 0.005);
+  imucal_health_verdict_t v = judge_run(&kConfig);
+  assert_found(&v, IMUCAL_HEALTH_NIS);
+  simulate(&rng, 60, 300, 36, 0.005);
+  v = judge_run(&kConfig);
+  assert_found(&v, IMUCAL_HEALTH_SLOW);
+  /* Densities at low frequency 2.16e6 and 8.1e4 dph^2 s: 5.2 in sigma; blocks of 256 s see less of a noise with 300 s. */
+  const float factor = imucal_health_error_factor(&health);
+  if (!(factor > 1.7f && factor < 5.2f)) fail_msg("factor %g", (double)factor);
+  simulate(&rng, 20, 100, 0, 0.005);
+  double last = 0;
+  for (int k = 0; k < N_S; k++) {
+    const double next = 30 * unit_normal(&rng);
+    run.rate_dph[k] += (float)(next - last);
+    last = next;
+  }
+  v = judge_run(&kConfig);
+  assert_found(&v, IMUCAL_HEALTH_LAG1);
+  assert_true(v.value[IMUCAL_HEALTH_LAG1] < 0);
+}
+
+static void test_health_few_seconds_are_not_judged(void** state) {
+  (void)state;
+  imucal_health_verdict_t v;
+  assert_int_equal(imucal_health_init(&health, &kConfig), IMUCAL_OK);
+  imucal_health_judge(&health, &v);
+  assert_int_equal(v.bits, 0);
+  for (int k = 0; k < 30; k++) assert_true(imucal_health_second(&health, (float)k, 20, 0, true, 0));
+  imucal_health_judge(&health, &v);
+  assert_int_equal(v.judged & (1u << IMUCAL_HEALTH_NIS | 1u << IMUCAL_HEALTH_SATURATED | 1u << IMUCAL_HEALTH_NO_NOISE), 0);
+}
+
+static void test_health_bad_input_refused(void** state) {
+  (void)state;
+  imucal_health_config_t config = kConfig;
+  config.r = NAN;
+  assert_int_equal(imucal_health_init(&health, &config), IMUCAL_ERR_MODEL);
+  config = kConfig;
+  config.temp_step_degc = -1;
+  assert_int_equal(imucal_health_init(&health, &config), IMUCAL_ERR_SPAN);
+  assert_int_equal(imucal_health_init(NULL, &kConfig), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(imucal_health_init(&health, &kConfig), IMUCAL_OK);
+  assert_false(imucal_health_second(&health, NAN, 20, 0, true, 0));
+  assert_false(imucal_health_second(&health, 1, NAN, 0, true, 0));
+  assert_false(imucal_health_second(&health, 1, 20, 0, false, 0));
+  assert_true(imucal_health_second(&health, 1, 20, IMUCAL_FLAG_MISSING, true, 0));
+  assert_string_equal(imucal_health_rule_name(IMUCAL_HEALTH_N_RULES), "unknown");
+  assert_string_equal(imucal_health_rule_name(IMUCAL_HEALTH_SLOW), "slow");
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_health_1000_healthy_runs_at_most_one_percent_refused),
+      cmocka_unit_test(test_health_coarse_sensors_pass),
+      cmocka_unit_test(test_health_axis_always_zero_found),
+      cmocka_unit_test(test_health_axis_frozen_for_a_minute_found),
+      cmocka_unit_test(test_health_noise_nearly_gone_found),
+      cmocka_unit_test(test_health_rail_and_faults_found),
+      cmocka_unit_test(test_health_stuck_thermometer_found),
+      cmocka_unit_test(test_health_temperature_jump_found),
+      cmocka_unit_test(test_health_one_bad_temperature_changes_nothing),
+      cmocka_unit_test(test_health_ramp_too_fast_found),
+      cmocka_unit_test(test_health_bump_is_left_out),
+      cmocka_unit_test(test_health_bump_at_the_start_or_a_lasting_step_refused),
+      cmocka_unit_test(test_health_contradicted_model_found),
+      cmocka_unit_test(test_health_few_seconds_are_not_judged),
+      cmocka_unit_test(test_health_bad_input_refused),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
