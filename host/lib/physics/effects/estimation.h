@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "noise/noise_model.h"
 #include "physics/effects/effect.h"
 
 namespace imucal {
@@ -31,21 +32,6 @@ struct RunInput {
 
   size_t size() const { return t_s.size(); }
   double normalised(double temp) const { return (temp - t0_degc) / range_degc; }
-};
-
-// The noise of a hypothesis: white noise of 1-s means and Gauss-Markov processes, with what effects make of
-// them.
-struct NoiseModel {
-  double white_sigma_dph = 0;
-  std::vector<Markov> markov;
-  double walk_dph_per_rt_s = 0;                            // rate random walk
-  double white_slope = 0, markov_slope = 0, tau_slope = 0; // log-variances and log-tau per unit of Tn
-  double extra_white_dph2 = 0;                             // quantisation and the like
-  double hit_probability = 0, hit_sigma_dph = 0;           // outliers
-  double telegraph_dph = 0, telegraph_tau_s = 0;
-
-  bool is_mixture() const { return hit_probability > 0 || telegraph_dph > 0; }
-  bool is_stationary() const { return white_slope == 0 && markov_slope == 0 && tau_slope == 0; }
 };
 
 // How an effect enters the likelihood.
