@@ -2,20 +2,19 @@
 /* Purpose: the life of a device: boot, load the table, take samples, compensate them at full rate, sum them
  * to seconds, calibrate, stream, and serve every request of common/link.h.  A pure function of the callbacks
  * in port.h: no globals, no heap, no waiting. Data:  sample_read -> comp -> sample_out;  raw and compensated
- * -> sum -> SECOND;  raw seconds -> kf per channel; filters -> table -> store -> comp. Order: imucal_app_init
+ * -> sum -> SECOND;  raw seconds -> learn per channel; filters -> table -> store -> comp. Order: imucal_app_init
  * once per start, then imucal_app_step for ever. Memory: sizeof(imucal_app_t), all of it the caller's.
  * Thread/ISR: one context. */
 #ifndef IMUCAL_APP_H
 #define IMUCAL_APP_H
 #include "board.h"
 #include "comp.h"
-#include "kf.h"
+#include "learn.h"
 #include "link.h"
 #include "port.h"
 #include "store.h"
 #include "sum.h"
 #include "table.h"
-#include "track.h"
 
 #define IMUCAL_FIRMWARE_VERSION "0.1.0"
 
@@ -33,7 +32,7 @@
 
 /* What the host asked of one channel's calibration, beside the filter's own configuration. */
 typedef struct imucal_app_channel {
-  imucal_kf_t kf;
+  imucal_learn_t learn;
   imucal_comp_t comp;
   float span_lo_degc, span_hi_degc;
   float arw, markov_sigma[IMUCAL_TABLE_MARKOV_N], markov_tau_s[IMUCAL_TABLE_MARKOV_N];
@@ -47,7 +46,7 @@ typedef struct imucal_app {
   imucal_app_channel_t channel[IMUCAL_MAX_CHANNELS];
 
   imucal_sum_t raw_sum, out_sum;
-  imucal_track_t track;  /* temperature between the steps of a coarse thermometer */
+  imucal_thermometer_t thermometer;
   uint8_t clamped;       /* channels outside their valid span in the running second */
   uint8_t fault;         /* channels that reported a fault in the last second */
   bool has_sensor_ended; /* until samples are wanted again */

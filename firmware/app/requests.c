@@ -84,7 +84,7 @@ static void serve_counters(imucal_app_t* app) {
                                          .gaps = app->n_gaps,
                                          .watchdog_resets = app->port->n_watchdog_resets};
   for (uint32_t i = 0; i < app->board->n_channels; i++)
-    if (app->calibrating & BIT(i)) answer.filter_refused += app->channel[i].kf.stats.n_refused;
+    if (app->calibrating & BIT(i)) answer.filter_refused += app->channel[i].learn.kf.stats.n_refused;
   reply(app, IMUCAL_LINK_ID_COUNTERS_REPLY, &answer);
 }
 
@@ -173,7 +173,7 @@ static void serve_cal_start(imucal_app_t* app, const imucal_link_cal_start_t* re
                                      .r = request->r,
                                      .markov_variance = request->markov_variance,
                                      .prior_sigma = request->prior_sigma};
-  if (status == IMUCAL_OK) status = imucal_kf_init(&app->channel[request->channel].kf, &config);
+  if (status == IMUCAL_OK) status = imucal_learn_init(&app->channel[request->channel].learn, &config);
   if (status != IMUCAL_OK) {
     done(app, status, 0);
     return;
@@ -192,7 +192,7 @@ static void serve_cal_start(imucal_app_t* app, const imucal_link_cal_start_t* re
 
 /* The filter asked for, or null and the refusal is the reply. */
 static const imucal_kf_t* asked_filter(imucal_app_t* app, uint8_t channel) {
-  if (channel < app->board->n_channels && (app->calibrating & BIT(channel))) return &app->channel[channel].kf;
+  if (channel < app->board->n_channels && (app->calibrating & BIT(channel))) return &app->channel[channel].learn.kf;
   done(app, channel < app->board->n_channels ? IMUCAL_ERR_STATE : IMUCAL_ERR_UNKNOWN, 0);
   return NULL;
 }
@@ -291,7 +291,7 @@ static imucal_status channel_from_filter(const imucal_app_t* app, uint32_t i,
     channel->markov_sigma[k] = learnt->markov_sigma[k];
     channel->markov_tau_s[k] = learnt->markov_tau_s[k];
   }
-  return imucal_table_from_kf(channel, &learnt->kf, learnt->span_lo_degc, learnt->span_hi_degc);
+  return imucal_table_from_kf(channel, &learnt->learn.kf, learnt->span_lo_degc, learnt->span_hi_degc);
 }
 
 static void serve_table_from_cal(imucal_app_t* app, const imucal_link_table_from_cal_t* request) {

@@ -9,13 +9,14 @@ imucal_status app_restart_out_sum(imucal_app_t* app) {
 
 imucal_status app_restart_sums(imucal_app_t* app) {
   app->clamped = 0;
+  imucal_thermometer_init(&app->thermometer, app->board->degc_per_count, app->board->degc_at_zero);
   const imucal_status status = imucal_sum_init(&app->raw_sum, app->board->n_channels, app->board->rate_hz);
   return status != IMUCAL_OK ? status : app_restart_out_sum(app);
 }
 
 float app_worst_sigma(const imucal_app_t* app, uint32_t i, float* worst_temp_degc) {
   const imucal_app_channel_t* channel = &app->channel[i];
-  return imucal_kf_worst_sigma(&channel->kf, channel->span_lo_degc, channel->span_hi_degc, IMUCAL_APP_GRID,
+  return imucal_kf_worst_sigma(&channel->learn.kf, channel->span_lo_degc, channel->span_hi_degc, IMUCAL_APP_GRID,
                                worst_temp_degc);
 }
 
@@ -25,27 +26,15 @@ static float mean_unit(int64_t sum, uint32_t n, float scale, float offset) {
   return imucal_unit_from_q16(imucal_mean_q16_rne(sum, n), scale, offset);
 }
 
-/* A second's mean is a measurement unless too few samples, the rail or a fault spoil it; then the filter's
- * time goes on without it. */
-static void update_filter(imucal_app_t* app, uint32_t i, const imucal_second_t* second, float rate,
-                          float temp_degc) {
-  imucal_kf_t* kf = &app->channel[i].kf;
-  const bool is_lost = app->board->degc_per_count > IMUCAL_TRACK_COARSE_DEGC && !app->track.is_sure; /* temperature */
-  const bool is_spoilt =
-      is_lost || second->is_gap || (second->flags[i] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT));
-  imucal_status status = imucal_kf_skip(kf, second->n_skipped);
-  if (status == IMUCAL_OK && !is_spoilt) status = imucal_kf_update_scaled(kf, rate, temp_degc, imucal_sum_noise_ratio(&app->raw_sum, second, i));
-  if (is_spoilt ||
-      status != IMUCAL_OK) { /* a refusal is counted by the filter and leaves its state unchanged */
-    status = imucal_kf_skip(kf, 1);
-    return;
-  }
+static void learn_channel(imucal_app_t* app, uint32_t i, const imucal_second_t* second, float rate) {
+  imucal_learn_t* learn = &app->channel[i].learn;
+  if (imucal_learn_second(learn, &app->thermometer, &app->raw_sum, second, i, rate) != IMUCAL_LEARN_USED) return;
   if (!(app->stream_channels & (1u << i)) || !(app->stream_what & IMUCAL_STREAM_INNOVATION)) return;
   const imucal_link_innovation_t record = {.counter = app_stream_count(app, IMUCAL_STREAM_INNOVATION),
                                            .t_s = second->t_s,
                                            .channel = (uint8_t)i,
-                                           .innovation = kf->stats.innovation,
-                                           .variance = imucal_kf_innovation_variance(kf)};
+                                           .innovation = learn->kf.stats.innovation,
+                                           .variance = imucal_kf_innovation_variance(&learn->kf)};
   app_stream(app, IMUCAL_STREAM_INNOVATION, IMUCAL_LINK_ID_INNOVATION, &record);
 }
 
@@ -75,7 +64,7 @@ static void stream_progress(imucal_app_t* app, float temp_degc) {
   for (uint32_t i = 0; i < app->board->n_channels; i++) {
     if (!(app->calibrating & (1u << i))) continue;
     record.worst_sigma[i] = app_worst_sigma(app, i, NULL);
-    record.mean_nis[i] = imucal_kf_mean_nis(&app->channel[i].kf);
+    record.mean_nis[i] = imucal_kf_mean_nis(&app->channel[i].learn.kf);
   }
   app_stream(app, IMUCAL_STREAM_PROGRESS, IMUCAL_LINK_ID_PROGRESS, &record);
 }
@@ -88,16 +77,6 @@ static void tell_new_faults(imucal_app_t* app, const imucal_second_t* second) {
   app->fault = fault;
 }
 
-/* What the filters learn with: the second's mean temperature, or with a coarse thermometer the tracked one.
- */
-static float filter_temperature(imucal_app_t* app, const imucal_second_t* second) {
-  const imucal_board_t* board = app->board;
-  int64_t mean_q16 = imucal_mean_q16_rne(second->temp_sum, second->n_samples);
-  imucal_track_skip(&app->track, second->n_skipped);
-  if (board->degc_per_count > IMUCAL_TRACK_COARSE_DEGC) mean_q16 = imucal_track_update(&app->track, mean_q16);
-  return imucal_unit_from_q16(mean_q16, board->degc_per_count, board->degc_at_zero);
-}
-
 /* out: the same second compensated; null where the table changed in it and no sample came since. */
 static void finish_second(imucal_app_t* app, const imucal_second_t* raw, const imucal_second_t* out) {
   const imucal_board_t* board = app->board;
@@ -107,7 +86,7 @@ static void finish_second(imucal_app_t* app, const imucal_second_t* raw, const i
                                  .compensated = out ? compensated_channels(app) : 0,
                                  .n_channels = board->n_channels};
   record.temp_degc = mean_unit(raw->temp_sum, raw->n_samples, board->degc_per_count, board->degc_at_zero);
-  const float filter_temp_degc = filter_temperature(app, raw);
+  imucal_thermometer_read(&app->thermometer, raw);
   app->t_s = raw->t_s;
   app->n_seconds++;
   app->n_gaps += raw->is_gap ? 1u : 0u;
@@ -117,7 +96,7 @@ static void finish_second(imucal_app_t* app, const imucal_second_t* raw, const i
     record.out[i] =
         out ? mean_unit(out->sum[i], out->n_samples, app->channel[i].comp.unit_per_lsb, 0.0f) : record.raw[i];
     if (app->session == IMUCAL_SESSION_CALIBRATING && (app->calibrating & (1u << i)))
-      update_filter(app, i, raw, record.raw[i], filter_temp_degc);
+      learn_channel(app, i, raw, record.raw[i]);
   }
   stream_second(app, &record);
   tell_new_faults(app, raw);

@@ -5,7 +5,7 @@
 #include "check.h"
 #include "comp.h"
 #include "crc.h"
-#include "kf.h"
+#include "learn.h"
 #include "num.h"
 #include "sum.h"
 #include "table.h"
@@ -17,7 +17,8 @@ enum { N_CHANNELS = 3, N_ORDERS = 2, RATE_HZ = 20, PRINT_EVERY_S = 97 };
 static const uint8_t kOrder[N_ORDERS] = {3, 5};
 static const float kUnitPerCount[N_CHANNELS] = {1.0f, 36.0f, 0.37f};
 
-static imucal_kf_t filter[N_ORDERS][N_CHANNELS];
+static imucal_learn_t filter[N_ORDERS][N_CHANNELS];
+static imucal_thermometer_t thermometer;
 static imucal_comp_t comp[N_ORDERS][N_CHANNELS];
 static imucal_table_t table;
 static imucal_sum_t sum;
@@ -34,7 +35,7 @@ static void start_filters(void) {
                                          .r = i < 2 ? 1296.0f : 4356.0f,
                                          .markov_variance = i < 2 ? 400.0f : 196.0f,
                                          .prior_sigma = 1e4f};
-      if (imucal_kf_init(&filter[k][i], &config) != IMUCAL_OK) filter[k][i].is_ready = false;
+      if (imucal_learn_init(&filter[k][i], &config) != IMUCAL_OK) filter[k][i].kf.is_ready = false;
     }
 }
 
@@ -44,7 +45,7 @@ static void hex_floats(const check_io_t* io, const char* name, const float* valu
 }
 
 static void print_filter(const check_io_t* io, uint32_t t_s, int k, int i) {
-  const imucal_kf_t* kf = &filter[k][i];
+  const imucal_kf_t* kf = &filter[k][i].kf;
   check_text(io, "filter");
   check_number(io, kOrder[k]);
   check_number(io, (uint32_t)i);
@@ -83,7 +84,7 @@ static uint32_t crc_filters(void) {
   uint32_t crc = IMUCAL_CRC_INIT;
   for (int k = 0; k < N_ORDERS; k++)
     for (int i = 0; i < N_CHANNELS; i++) {
-      const imucal_kf_t* kf = &filter[k][i];
+      const imucal_kf_t* kf = &filter[k][i].kf;
       crc = crc_floats(crc, kf->x, IMUCAL_KF_MAX_STATES);
       crc = crc_floats(crc, kf->x_lo, IMUCAL_KF_MAX_STATES);
       crc = crc_floats(crc, kf->d, IMUCAL_KF_MAX_STATES);
@@ -95,28 +96,17 @@ static uint32_t crc_filters(void) {
   return imucal_crc_end(crc);
 }
 
-static bool is_measurement(const imucal_second_t* second, int i) {
-  return !second->is_gap && !(second->flags[i] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT));
-}
-
 static void learn_second(const check_io_t* io, const imucal_second_t* second) {
   float mean[N_CHANNELS + 1];
   for (int i = 0; i < N_CHANNELS; i++)
     mean[i] =
         imucal_unit_from_q16(imucal_mean_q16_rne(second->sum[i], second->n_samples), kUnitPerCount[i], 0.0f);
-  mean[N_CHANNELS] = imucal_unit_from_q16(imucal_mean_q16_rne(second->temp_sum, second->n_samples),
-                                          DEGC_PER_COUNT, DEGC_AT_ZERO);
+  imucal_thermometer_read(&thermometer, second);
+  mean[N_CHANNELS] = thermometer.temp_degc;
   for (int k = 0; k < N_ORDERS; k++)
-    for (int i = 0; i < N_CHANNELS; i++) {
-      imucal_kf_t* kf = &filter[k][i];
-      imucal_status status = imucal_kf_skip(kf, second->n_skipped);
-      if (status == IMUCAL_OK && is_measurement(second, i))
-        status = imucal_kf_update_scaled(kf, mean[i], mean[N_CHANNELS],
-                                         imucal_sum_noise_ratio(&sum, second, (uint32_t)i));
-      else if (status == IMUCAL_OK)
-        status = imucal_kf_skip(kf, 1);
-      if (status != IMUCAL_OK) check_text(io, "error: the filter refuses\n");
-    }
+    for (int i = 0; i < N_CHANNELS; i++)
+      if (imucal_learn_second(&filter[k][i], &thermometer, &sum, second, (uint32_t)i, mean[i]) == IMUCAL_LEARN_REFUSED)
+        check_text(io, "error: the filter refuses\n");
   check_text(io, "second");
   check_number(io, second->t_s);
   check_number(io, second->n_samples);
@@ -134,13 +124,14 @@ static void learn(const check_io_t* io) {
   imucal_second_t second;
   imucal_sample_t sample;
   start_filters();
+  imucal_thermometer_init(&thermometer, DEGC_PER_COUNT, DEGC_AT_ZERO);
   if (imucal_sum_init(&sum, N_CHANNELS, RATE_HZ) != IMUCAL_OK) check_text(io, "error: sum\n");
   for (bool is_first = true; io->sample(io->ctx, is_first, &sample); is_first = false)
     if (imucal_sum_add(&sum, &sample, &second) == IMUCAL_SECOND_READY) learn_second(io, &second);
   if (imucal_sum_flush(&sum, &second) == IMUCAL_SECOND_READY) learn_second(io, &second);
   for (int k = 0; k < N_ORDERS; k++)
     for (int i = 0; i < N_CHANNELS; i++)
-      if (imucal_kf_new_run(&filter[k][i], 12.5f) != IMUCAL_OK) check_text(io, "error: new run\n");
+      if (imucal_kf_new_run(&filter[k][i].kf, 12.5f) != IMUCAL_OK) check_text(io, "error: new run\n");
   print_filter(io, sum.last_t_s, 0, 0);
   print_filter(io, sum.last_t_s, 1, 2);
 }
@@ -172,7 +163,7 @@ static void make_table(const check_io_t* io, int k) {
   table.degc_at_zero = DEGC_AT_ZERO;
   for (int i = 0; i < N_CHANNELS; i++) {
     fill_channel(&table.channel[i], i);
-    if (imucal_table_from_kf(&table.channel[i], &filter[k][i], 2.0f, 58.5f) != IMUCAL_OK)
+    if (imucal_table_from_kf(&table.channel[i], &filter[k][i].kf, 2.0f, 58.5f) != IMUCAL_OK)
       check_text(io, "error: table\n");
     if (imucal_comp_prepare(&comp[k][i], &table, (uint32_t)i) != IMUCAL_OK) check_text(io, "error: comp\n");
   }

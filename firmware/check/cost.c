@@ -6,7 +6,7 @@
 #include "comp.h"
 #include "crc.h"
 #include "health.h"
-#include "kf.h"
+#include "learn.h"
 #include "link.h"
 #include "num.h"
 #include "sum.h"
@@ -16,7 +16,8 @@ enum { N_CALLS = 500 };
 
 /* What every measured call works on. */
 static struct {
-  imucal_kf_t kf;
+  imucal_learn_t learn;
+  imucal_thermometer_t thermometer;
   imucal_health_t health;
   imucal_comp_t comp;
   imucal_sum_t sum;
@@ -59,7 +60,7 @@ static void call_nothing(void) {
   __asm volatile("" ::: "memory");
 }
 static void call_kf_update(void) {
-  work.sink = imucal_kf_update(&work.kf, next_rate, next_degc);
+  work.sink = imucal_kf_update(&work.learn.kf, next_rate, next_degc);
 }
 static void call_health(void) {
   work.sink = imucal_health_second(&work.health, next_rate, next_degc, 0, true, 0) &&
@@ -72,17 +73,23 @@ static void call_health_judge(void) {
 }
 static void call_kf_copy(void) {
   static imucal_kf_t copy;
-  copy = work.kf;
+  copy = work.learn.kf;
   __asm volatile("" ::"r"(&copy) : "memory");
 }
 static void call_kf_skip(void) {
-  work.sink = imucal_kf_skip(&work.kf, 1);
+  work.sink = imucal_kf_skip(&work.learn.kf, 1);
 }
 static void call_kf_sigma(void) {
-  work.sink = imucal_kf_bias_sigma(&work.kf, next_degc) > 1.0f;
+  work.sink = imucal_kf_bias_sigma(&work.learn.kf, next_degc) > 1.0f;
 }
 static void call_kf_worst(void) {
-  work.sink = imucal_kf_worst_sigma(&work.kf, 0.0f, 60.0f, 25, NULL) > 1.0f;
+  work.sink = imucal_kf_worst_sigma(&work.learn.kf, 0.0f, 60.0f, 25, NULL) > 1.0f;
+}
+static void call_thermometer(void) {
+  imucal_thermometer_read(&work.thermometer, &work.second);
+}
+static void call_learn(void) {
+  work.sink = (int32_t)imucal_learn_second(&work.learn, &work.thermometer, &work.sum, &work.second, 0, next_rate);
 }
 static void call_sum_add(void) {
   work.sink = imucal_sum_add(&work.sum, &work.sample, &work.second);
@@ -150,7 +157,7 @@ static void start_filter(uint8_t order) {
                                      .r = 1296.0f,
                                      .markov_variance = 400.0f,
                                      .prior_sigma = 1e4f};
-  work.sink = imucal_kf_init(&work.kf, &config);
+  work.sink = imucal_kf_init(&work.learn.kf, &config);
   for (int i = 0; i < 600; i++) {
     prepare_second();
     call_kf_update();
@@ -222,6 +229,11 @@ void check_cycles(const check_io_t* io) {
   work.second.sum[0] = 123456789;
   work.second.n_samples = 99;
   report(io, "mean_q16 + unit_from_q16", prepare_nothing, call_mean);
+  imucal_thermometer_init(&work.thermometer, 0.01f, 25.0f);
+  report(io, "learn: thermometer_read", prepare_nothing, call_thermometer);
+  report(io, "learn: learn_second order 3, kf_update included", prepare_second, call_learn);
+  imucal_thermometer_init(&work.thermometer, 1.0f, 25.0f);
+  report(io, "learn: thermometer_read, coarse", prepare_nothing, call_thermometer);
   start_sum(6);
   for (uint8_t order = 1; order <= IMUCAL_MAX_ORDER; order++) {
     start_table(order, 0);

@@ -172,7 +172,7 @@ static void test_session_learns_stores_and_compensates(void** state) {
   assert_true(bench.progress.worst_sigma[1] > 5 && bench.progress.worst_sigma[1] < 30);
   assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_OK);
   assert_int_equal(bench.reply.done.detail, 1);
-  assert_true(bench_ruling_b0(&bench) == imucal_kf_coefficient(&bench.app.channel[0].kf, 0));
+  assert_true(bench_ruling_b0(&bench) == imucal_kf_coefficient(&bench.app.channel[0].learn.kf, 0));
   bench_power_cycle(&bench);
   assert_int_equal(info()->table_status, IMUCAL_OK);
   assert_int_equal(bench_events(&bench, IMUCAL_EVENT_TABLE_LOADED), 1);
@@ -198,7 +198,7 @@ static void test_session_one_channel_keeps_others_of_ruling_table(void** state) 
   calibrate(2);
   assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_OK);
   assert_true(bench_ruling_b0(&bench) == 55.0f);
-  assert_true(bench.app.table.channel[1].coeff[0] == imucal_kf_coefficient(&bench.app.channel[1].kf, 0));
+  assert_true(bench.app.table.channel[1].coeff[0] == imucal_kf_coefficient(&bench.app.channel[1].learn.kf, 0));
 }
 
 static void test_session_one_channel_without_table_leaves_others_uncalibrated(void** state) {
@@ -278,7 +278,7 @@ static void test_cal_filter_gives_the_filters_bits(void** state) {
   const imucal_link_cal_filter_t ask = {.channel = 0};
   assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CAL_FILTER, &ask), IMUCAL_LINK_ID_CAL_FILTER_REPLY);
   assert_int_equal(bench.reply.cal_filter_reply.n_states, 5);
-  const imucal_kf_t* kf = &bench.app.channel[0].kf;
+  const imucal_kf_t* kf = &bench.app.channel[0].learn.kf;
   const imucal_link_cal_filter_reply_t* reply = &bench.reply.cal_filter_reply;
   assert_memory_equal(reply->x, kf->x, sizeof kf->x);
   assert_memory_equal(reply->x_lo, kf->x_lo, sizeof kf->x_lo);
@@ -298,7 +298,7 @@ static void test_cal_filter_reads_as_documented(void** state) {
   const imucal_link_cal_filter_t ask = {.channel = 0};
   assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CAL_FILTER, &ask), IMUCAL_LINK_ID_CAL_FILTER_REPLY);
   const imucal_link_cal_filter_reply_t* reply = &bench.reply.cal_filter_reply;
-  const imucal_kf_t* kf = &bench.app.channel[0].kf;
+  const imucal_kf_t* kf = &bench.app.channel[0].learn.kf;
   const int order = reply->n_states - 2;
   for (int end = -1; end <= 1; end += 2) {
     double c[6], y[6], bias = 0, variance = 0;

@@ -32,8 +32,8 @@ static double learn(float degc_per_count) {
   assert_int_equal(bench_cal_start(&bench, 0, 1), IMUCAL_OK);
   assert_int_equal(bench_stream(&bench, IMUCAL_STREAM_SECOND), IMUCAL_OK); /* samples flow from now on */
   bench_feed(&bench, 2300);
-  assert_true(bench.app.channel[0].kf.stats.n > 2000);
-  return (double)imucal_kf_mean_nis(&bench.app.channel[0].kf);
+  assert_true(bench.app.channel[0].learn.kf.stats.n > 2000);
+  return (double)imucal_kf_mean_nis(&bench.app.channel[0].learn.kf);
 }
 
 /* As read, the sawtooth of +-50 dph would be most of the innovations: 0.2 and more instead of less than 0.02.
@@ -44,7 +44,7 @@ static void test_coarse_thermometer_steps_are_followed(void** state) {
   assert_true(fine < 0.02);
   if (coarse > fine + 0.02)
     fail_msg("mean NIS %.3f with a coarse thermometer, %.3f with a fine one", coarse, fine);
-  assert_true(fabs((double)imucal_kf_bias(&bench.app.channel[0].kf, 20.0f) + 1000.0) < 10.0);
+  assert_true(fabs((double)imucal_kf_bias(&bench.app.channel[0].learn.kf, 20.0f) + 1000.0) < 10.0);
 }
 
 int main(void) {

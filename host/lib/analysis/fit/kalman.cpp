@@ -3,50 +3,45 @@
 
 #include "base/error.h"
 #include "analysis/fit/parts.h"
+#include "learn.h"
 
 namespace imucal {
 
 namespace {
 
-void bridge(imucal_kf_t* kf, uint32_t n_s) {
-  if (imucal_kf_skip(kf, n_s) != IMUCAL_OK) throw data_error("the filter refused to bridge a gap");
-}
-
-// Runs one log through the core in the device's own steps: the seconds without a row at once, then the row.
-void run_log(const FitRun& run, imucal_kf_t* kf, long* n_refused) {
+// Runs one log through the core as the device would: the seconds without a row are a gap before the next row.
+void run_log(const FitRun& run, imucal_learn_t* learn) {
   uint32_t gap_s = 0;
   for (size_t k = 0; k < run.rate_dph.size(); ++k) {
     if (!run.has_row[k]) {
       ++gap_s;
       continue;
     }
-    bridge(kf, gap_s);
+    const imucal_learn_input_t input = {static_cast<float>(run.rate_dph[k]), static_cast<float>(run.temp_degc[k]),
+                                        run.noise_ratio[k], gap_s,
+                                        std::isfinite(run.rate_dph[k]) ? IMUCAL_LEARN_USED : IMUCAL_LEARN_MISSING};
+    imucal_learn_take(learn, &input);
     gap_s = 0;
-    if (std::isfinite(run.rate_dph[k])) {
-      const imucal_status status = imucal_kf_update_scaled(kf, static_cast<float>(run.rate_dph[k]),
-                                                           static_cast<float>(run.temp_degc[k]), run.noise_ratio[k]);
-      if (status == IMUCAL_OK) continue;
-      ++*n_refused;
-    }
-    bridge(kf, 1);
   }
 }
 
 }  // namespace
 
 ChebyshevFit fit_kalman(const std::vector<FitRun>& runs, const imucal_kf_config_t& config, bool shared_turn_on) {
-  imucal_kf_t kf;
-  const imucal_status status = imucal_kf_init(&kf, &config);
+  imucal_learn_t learn;
+  const imucal_kf_t& kf = learn.kf;
+  const imucal_status status = imucal_learn_init(&learn, &config);
   if (status != IMUCAL_OK) throw data_error(std::string("the filter refuses its configuration: ") + imucal_status_text(status));
   ChebyshevFit fit;
   fit.sigma_basis = "filter";
   std::vector<Factors> ends;  // row 0 of each: the log's constant given the other coefficients
   for (size_t l = 0; l < runs.size(); ++l) {
-    if (l > 0 && imucal_kf_new_run(&kf, shared_turn_on ? 0.0F : config.prior_sigma) != IMUCAL_OK)
+    if (l > 0 && imucal_kf_new_run(&learn.kf, shared_turn_on ? 0.0F : config.prior_sigma) != IMUCAL_OK)
       throw data_error("the filter refuses a new run");
-    run_log(runs[l], &kf, &fit.n_refused);
+    run_log(runs[l], &learn);
     if (!shared_turn_on || l + 1 == runs.size()) ends.push_back(factors_of(kf));
   }
+  fit.n_refused = static_cast<long>(learn.n[IMUCAL_LEARN_REFUSED]);
   const Factors last = factors_of(kf).without_constant();
   const Eigen::VectorXd rest = last.coeff();
   const Eigen::MatrixXd cov_rest = last.covariance();

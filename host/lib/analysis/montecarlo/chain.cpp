@@ -24,8 +24,10 @@ imucal_kf_config_t filter_config(const ChainSetup& setup) {
 CoreChain::CoreChain(const ChainSetup& setup) : setup_(setup) {
   must(imucal_sum_init(&sum_, 1, static_cast<uint32_t>(setup.raw.rate_hz)), "1-s sums");
   const imucal_kf_config_t config = filter_config(setup);
-  must(imucal_kf_init(&kf_, &config), "filter");
-  imucal_track_init(&track_);
+  must(imucal_learn_init(&learn_, &config), "filter");
+  imucal_thermometer_init(&thermometer_, static_cast<float>(setup.raw.temp_lsb_degc),
+                          static_cast<float>(setup.raw.temp_offset_degc));
+  thermometer_.is_tracked = setup.is_tracked;
   std::memset(&table_, 0, sizeof table_);
   std::memset(&comp_, 0, sizeof comp_);
 }
@@ -46,36 +48,22 @@ void CoreChain::push(const RawSample& raw) {
   push(sample);
 }
 
-void CoreChain::bridge(uint32_t n_s) {
-  must(imucal_kf_skip(&kf_, n_s), "filter, gap");
-  gap_s_ += n_s;
-}
-
 void CoreChain::take(const imucal_second_t& second) {
-  bridge(second.n_skipped);
-  imucal_track_skip(&track_, second.n_skipped);
-  int64_t temp_q16 = imucal_mean_q16_rne(second.temp_sum, second.n_samples);
-  if (setup_.is_tracked) temp_q16 = imucal_track_update(&track_, temp_q16);
-  const uint32_t bad = second.flags[0] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT);
-  if (second.is_gap || bad || (setup_.is_tracked && !track_.is_sure)) return bridge(1);
-  const auto scale = static_cast<float>(setup_.raw.counts_scale_dph);
-  const auto degc = static_cast<float>(setup_.raw.temp_lsb_degc),
-             zero = static_cast<float>(setup_.raw.temp_offset_degc);
-  const float z_dph = imucal_unit_from_q16(imucal_mean_q16_rne(second.sum[0], second.n_samples), scale, 0.0f);
-  const float temp_degc = imucal_unit_from_q16(temp_q16, degc, zero);
-  const float noise_ratio = imucal_sum_noise_ratio(&sum_, &second, 0);
-  if (imucal_kf_update_scaled(&kf_, z_dph, temp_degc, noise_ratio) != IMUCAL_OK)
-    return bridge(1); // refused and counted by the filter
-  seconds_.push_back({z_dph, temp_degc, gap_s_, noise_ratio});
-  gap_s_ = 0;
+  const int64_t mean_q16 = imucal_mean_q16_rne(second.sum[0], second.n_samples);
+  const float z_dph = imucal_unit_from_q16(mean_q16, static_cast<float>(setup_.raw.counts_scale_dph), 0.0f);
+  imucal_thermometer_read(&thermometer_, &second);
+  if (imucal_learn_second(&learn_, &thermometer_, &sum_, &second, 0, z_dph) != IMUCAL_LEARN_USED) return;
+  const uint32_t n_bridged = learn_.kf.stats.n_missed;
+  seconds_.push_back({z_dph, thermometer_.temp_degc, n_bridged - n_bridged_, imucal_sum_noise_ratio(&sum_, &second, 0)});
+  n_bridged_ = n_bridged;
   keep_innovation();
 }
 
 void CoreChain::keep_innovation() {
   if (seconds_.size() <= setup_.white_from_s) return;
-  const float inverse = kf_.stats.innovation_weight;
-  const float e = kf_.stats.innovation * std::sqrt(inverse);
-  weighted_ += static_cast<double>(kf_.stats.innovation * inverse);
+  const float inverse = learn_.kf.stats.innovation_weight;
+  const float e = learn_.kf.stats.innovation * std::sqrt(inverse);
+  weighted_ += static_cast<double>(learn_.kf.stats.innovation * inverse);
   inverse_ += static_cast<double>(inverse);
   for (size_t i = 0; i < kInnovationLagCount; ++i) {
     const auto lag = static_cast<uint64_t>(kInnovationLags[i]);
@@ -97,7 +85,7 @@ void CoreChain::finish() {
   made.degc_per_count = static_cast<float>(setup_.raw.temp_lsb_degc);
   made.degc_at_zero = static_cast<float>(setup_.raw.temp_offset_degc);
   imucal_table_channel_t& channel = made.channel[0];
-  must(imucal_table_from_kf(&channel, &kf_, static_cast<float>(setup_.span_lo_degc),
+  must(imucal_table_from_kf(&channel, &learn_.kf, static_cast<float>(setup_.span_lo_degc),
                             static_cast<float>(setup_.span_hi_degc)),
        "table");
   must(imucal_text_set(channel.name, sizeof channel.name, "gx_dph"), "table");
@@ -133,13 +121,13 @@ double CoreChain::table_bias_dph(double temp_degc) const {
 }
 
 std::vector<double> CoreChain::coefficients() const {
-  const Eigen::VectorXd b = power_from_chebyshev(kf_.config.order) * factors_of(kf_).coeff();
+  const Eigen::VectorXd b = power_from_chebyshev(learn_.kf.config.order) * factors_of(learn_.kf).coeff();
   return {b.data(), b.data() + b.size()};
 }
 
 std::vector<double> CoreChain::coefficient_covariance() const {
-  const Eigen::MatrixXd to_power = power_from_chebyshev(kf_.config.order);
-  const Eigen::MatrixXd cov = to_power * factors_of(kf_).covariance() * to_power.transpose();
+  const Eigen::MatrixXd to_power = power_from_chebyshev(learn_.kf.config.order);
+  const Eigen::MatrixXd cov = to_power * factors_of(learn_.kf).covariance() * to_power.transpose();
   return {cov.data(), cov.data() + cov.size()};
 }
 

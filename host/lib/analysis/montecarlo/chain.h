@@ -12,12 +12,11 @@
 
 #include "comp.h"
 #include "io/model.h"
-#include "kf.h"
+#include "learn.h"
 #include "sample.h"
 #include "physics/sim/raw_samples.h"
 #include "sum.h"
 #include "table.h"
-#include "track.h"
 
 namespace imucal {
 
@@ -58,7 +57,7 @@ public:
   // core's own words where it refuses.
   void finish();
 
-  const imucal_kf_t& kf() const { return kf_; }
+  const imucal_kf_t& kf() const { return learn_.kf; }
   const imucal_sum_t& sum() const { return sum_; }
   const imucal_comp_t& comp() const { return comp_; }
   const imucal_table_channel_t& table() const { return table_.channel[0]; }
@@ -82,17 +81,16 @@ public:
 
 private:
   void take(const imucal_second_t& second);
-  void bridge(uint32_t n_s);
   void keep_innovation();
 
   ChainSetup setup_;
   imucal_sum_t sum_;
-  imucal_track_t track_;
-  imucal_kf_t kf_;
+  imucal_thermometer_t thermometer_;
+  imucal_learn_t learn_;
   imucal_table_t table_;
   imucal_comp_t comp_;
   std::vector<SecondMean> seconds_;
-  uint32_t gap_s_ = 0;
+  uint32_t n_bridged_ = 0;  // seconds bridged before the newest one used
   static constexpr size_t kRing = 128;
   float ring_[kRing] = {};
   uint64_t n_innovations_ = 0;
