@@ -36,7 +36,7 @@ unit-test: unit-programs  ## run the CMocka tests of the core and the host libra
 	$(Q)BUILD=$(BUILD) tests/run_unit $(SELECTED_UNIT_TESTS)
 
 system-test:  ## run the pytest tests of the built programs
-	$(Q)BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider $(if $(T),-k $(T)) tests/system; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
+	$(Q)BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider $(if $(T),-k $(T)) tests/system tests/python; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
 
 # The host side again under AddressSanitizer and UndefinedBehaviorSanitizer, in its own build folder.
 sanitize:  ## unit tests and quick system tests under ASan and UBSan

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: MIT
+"""``python -m imucal SUBCOMMAND``: what `imucal SUBCOMMAND` starts."""
+import importlib
+import sys
+
+COMMANDS = {"import": "import_command", "export": "export_command", "look": "look", "check": "check", "example": "example", "report": "report"}
+
+
+def main(arguments=None):
+    """Run one subcommand; returns the exit status."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if not arguments or arguments[0] not in COMMANDS:
+        print(f"imucal: expected one of {', '.join(COMMANDS)} (try imucal --help)", file=sys.stderr)
+        return 2
+    from .errors import ImucalError
+    try:
+        return importlib.import_module(f".{COMMANDS[arguments[0]]}", __package__).run(arguments[1:])
+    except ImucalError as error:
+        print(f"imucal {arguments[0]}: {error}", file=sys.stderr)
+        return error.exit_status
+    except BrokenPipeError:
+        return 0
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

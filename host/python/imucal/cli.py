@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: MIT
+"""Habits shared by the package's subcommands: --json, --quiet, --version, errors and exit status."""
+import argparse
+import json
+import math
+
+from .ingest import VERSION
+from .log import write_text
+
+
+def parser_of(name, description):
+    """An argument parser that answers as the C++ programs do (usage errors: 2)."""
+    parser = argparse.ArgumentParser(prog=f"imucal {name}", description=description)
+    parser.add_argument("--version", action="version", version=f"imucal {name} (imucal) {VERSION}")
+    return parser
+
+
+def common_options(parser):
+    """--json and --quiet."""
+    parser.add_argument("--json", metavar="FILE", help="write the result as JSON to FILE (- for standard output)")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no text but errors")
+
+
+def _plain(value):
+    """JSON knows no NaN, and no numpy."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def finish_json(path, result):
+    """Write the result where --json asks for it."""
+    if path:
+        write_text(path, json.dumps(_plain(result), indent=2, ensure_ascii=False) + "\n")

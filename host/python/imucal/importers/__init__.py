@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: MIT
+"""Logs of other programs, known by their content.
+
+Each importer is a module with ``streams(path, options) -> list of Stream``; heavy libraries are imported only there.
+"""
+import hashlib
+import importlib
+import os
+from dataclasses import dataclass
+
+from ..errors import DataError
+from ..ingest import VERSION, Imported, describe, to_log
+
+#: first bytes -> (format, module)
+MAGICS = [
+    (b"ULog\x01\x12\x35", "px4-ulog", "ulog"),
+    (b"\xa3\x95\x80", "ardupilot", "ardupilot"),
+    (b"#ROSBAG V", "rosbag1", "ros"),
+    (b"SQLite format 3\0", "rosbag2", "ros"),
+    (b"\x89MCAP0\r\n", "rosbag2", "ros"),
+    (b"MATLAB ", "matlab", "matlab"),
+    (b"\x89HDF\r\n\x1a\n", "matlab", "matlab"),
+    (b"PAR1", "parquet", "columns"),
+]
+FORMATS = "PX4 ULog, ArduPilot .bin, ROS 1 and ROS 2 bags, MATLAB .mat, Parquet, CSV, CXD5602PWBIMU hex text, imucal logs"
+
+
+@dataclass
+class Options:
+    """What the user said of the file; None: find out."""
+
+    instance: int = None
+    time: str = None
+    gyro: str = None
+    accel: str = None
+    unit: str = None
+    scale: float = None
+    temp: str = None
+    rate_hz: float = None
+    topic: str = None
+    with_accel: bool = False
+    keep_moving: bool = False
+    temperature: bool = True
+
+
+def detect(path):
+    """(format, module) of a file by its content; DataError names what was found."""
+    path = os.fspath(path)
+    if os.path.isdir(path):
+        if os.path.exists(os.path.join(path, "metadata.yaml")):
+            return "rosbag2", "ros"
+        raise DataError(f"{path}: a folder without metadata.yaml: no ROS 2 bag")
+    try:
+        with open(path, "rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise DataError(f"{path}: cannot open: {error.strerror}") from None
+    if not head:
+        raise DataError(f"{path}: the file is empty")
+    for magic, name, module in MAGICS:
+        if head.startswith(magic):
+            return name, module
+    if head.startswith(b"BBL") or head.startswith(b"H Product:Blackbox"):
+        raise DataError(f"{path}: a Betaflight/INAV blackbox in its own coding; decode it first: "
+                        f"blackbox_decode --unit-rotation deg/s {path}   then   imucal import …01.csv -o LOG.csv")
+    if head.startswith(b"\xfd") or head[:1] == b"\xfe":
+        raise DataError(f"{path}: looks like MAVLink telemetry (.tlog), which carries too few samples; take the .bin log of the vehicle")
+    return _detect_text(path, head)
+
+
+def _detect_text(path, head):
+    try:
+        text = head[:4000].decode("utf-8-sig", errors="strict" if len(head) < 4000 else "ignore")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text or sum(c < " " and c not in "\r\n\t" for c in text) > 0:
+        raise DataError(f"{path}: begins with the bytes {head[:8].hex(' ')}: none of the formats known here ({FORMATS})")
+    first = text.splitlines()[0]
+    fields = first.split(",")
+    if len(fields) == 8 and all(len(f.strip()) == 8 and set(f.strip().lower()) <= set("0123456789abcdef") for f in fields):
+        return "cxd5602-hex", "hextext"
+    if first.lstrip().startswith(("{", "[")):
+        raise DataError(f"{path}: a JSON file, not a log; imucal check {path} tells which")
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if lines and lines[0].replace(" ", "").startswith("t_s,temp_degc,"):
+        return "imucal-log", "own"
+    return "csv", "columns"
+
+
+def need(module, package, path, what):
+    """Import an optional library; DataError with the command that installs it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise DataError(f"{path}: {what} is read with the Python library {package}, which is not installed: pip install {package}") from None
+
+
+def file_sha256(path):
+    """SHA-256 of a file, or of the files of a bag's folder in order of their names."""
+    digest = hashlib.sha256()
+    paths = [os.path.join(path, n) for n in sorted(os.listdir(path))] if os.path.isdir(path) else [path]
+    for name in paths:
+        with open(name, "rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def _choose(path, streams, instance):
+    names = "; ".join(f"{s.instance}: {s.name}" for s in streams)
+    if instance is None:
+        if len(streams) == 1:
+            return streams[0]
+        raise DataError(f"{path}: {len(streams)} sensors and none chosen ({names}); one log is of one sensor: "
+                        f"imucal import {path} -o LOG.csv --instance {streams[0].instance}")
+    for stream in streams:
+        if stream.instance == instance:
+            return stream
+    raise DataError(f"{path}: no sensor {instance} (there are: {names})")
+
+
+def open_file(path, options):
+    """(format, streams) of a file."""
+    name, module = detect(path)
+    streams = importlib.import_module(f"{__name__}.{module}").streams(os.fspath(path), options)
+    if not streams:
+        raise DataError(f"{path}: {name}: no gyro found")
+    return name, streams
+
+
+def import_log(path, options=None, **settings):
+    """Import a log of another program.
+
+    Parameters
+    ----------
+    path : str
+    options : Options, or its fields as keywords: instance, time, gyro, unit, temp, rate_hz, …
+
+    Returns
+    -------
+    Imported : the log in dph and degC, and what was found, chosen and left out
+
+    Raises
+    ------
+    DataError : what was found, what is missing, the command that helps
+    """
+    options = options or Options(**settings)
+    name, streams = open_file(path, options)
+    sensors = [describe(s) for s in streams]
+    stream = _choose(path, streams, options.instance)
+    log, counts = to_log(os.fspath(path), stream, options.rate_hz, options.temperature, options.keep_moving)
+    sha256 = file_sha256(path)
+    log.metadata = {"source": os.path.basename(os.path.normpath(path)), "source_format": name, "source_sha256": sha256,
+                    "imported_by": f"imucal {VERSION}", "sensor": f"{stream.instance} {stream.name}", **log.metadata,
+                    "seconds_moving_left_out": counts["moving_seconds"], "seconds_missing": counts["gap_seconds"]}
+    return Imported(log, name, sensors, stream.instance, source_sha256=sha256, notes=stream.notes, **counts)

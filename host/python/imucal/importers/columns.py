@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: MIT
+"""CSV and Parquet of evaluation boards, blackboxes and scripts, by polars."""
+import csv
+import io
+import re
+
+import numpy as np
+
+from ..errors import DataError
+from . import need
+from .named import Columns, stream_of
+
+
+def _to_numpy(frame):
+    return {name: frame[name].to_numpy() for name in frame.columns}
+
+
+def _header_line(path):
+    """(place of the header line, its delimiter, preface lines): the first line most of whose fields are words and whose
+    next line has as many fields, mostly numbers."""
+    with open(path, encoding="utf-8-sig", errors="replace") as file:
+        lines = [line for _, line in zip(range(400), file)]
+    for i, line in enumerate(lines[:-1]):
+        if line.startswith("#") or not line.strip():
+            continue
+        delimiter = max(",;\t", key=line.count)
+        if line.count(delimiter) == 0:
+            continue
+        names, values = (next(csv.reader([text], delimiter=delimiter)) for text in (line, lines[i + 1]))
+        words = [n for n in names if not _is_number(n)]
+        numbers = [v for v in values if _is_number(v) or not v.strip()]
+        if len(names) >= 2 and len(values) == len(names) and len(words) > len(names) / 2 and len(numbers) >= len(names) / 2:
+            return i, delimiter, lines[:i]
+    return None, ",", lines
+
+
+def _is_number(text):
+    try:
+        float(text)
+        return True
+    except ValueError:
+        return False
+
+
+def _read_csv(path):
+    polars = need("polars", "polars", path, "a CSV table")
+    at, delimiter, preface = _header_line(path)
+    if at is None:
+        first = next((line.strip() for line in preface if line.strip()), "")
+        raise DataError(f"{path}: text, but no table: no line of column names over lines of numbers (first line: \"{first[:60]}\")")
+    with open(path, "rb") as file:
+        body = file.read().split(b"\n", at)[-1] if at else file.seek(0) or file.read()
+    options = dict(separator=delimiter, has_header=True, infer_schema_length=2000, null_values=["", "NaN", "nan", "null", "NA"])
+    if body.startswith(b"\xef\xbb\xbf"):
+        body = body[3:]
+    try:
+        frame = polars.read_csv(io.BytesIO(body), comment_prefix="#", **options)
+    except Exception as error:
+        raise DataError(_place(path, body, at, delimiter, error)) from None
+    columns = Columns({name.strip(): values for name, values in _to_numpy(frame).items()})
+    columns.first_line = at + 2
+    return columns, preface
+
+
+def _place(path, body, at, delimiter, error):
+    """The line a table breaks at; polars' own words where it cannot be found."""
+    rows = csv.reader(io.StringIO(body.decode("utf-8", "replace")), delimiter=delimiter)
+    names = next(rows)
+    kinds = None
+    for number, row in enumerate(rows, at + 2):
+        if not row or row[0].startswith("#"):
+            continue
+        if len(row) != len(names):
+            return f"{path}:{number}: expected {len(names)} fields, found {len(row)}"
+        kinds = kinds or [_is_number(v) for v in row]
+        for name, value, numeric in zip(names, row, kinds):
+            if numeric and value.strip() and not _is_number(value):
+                return f"{path}:{number}: column {name}: expected a number, found \"{value}\""
+    return f"{path}: a table that cannot be read: {str(error).splitlines()[0]}"
+
+
+def _blackbox_scale(preface, columns):
+    """Betaflight and INAV log the gyro in deg/s; with blackbox_high_resolution in tenths."""
+    high = any(re.search(r'"?blackbox_high_resolution"?\s*,\s*"?1', line) for line in preface)
+    return 0.1 if high else 1.0
+
+
+def streams(path, options):
+    """One stream of the table's columns."""
+    with open(path, "rb") as file:
+        is_parquet = file.read(4) == b"PAR1"
+    if is_parquet:
+        polars = need("polars", "polars", path, "a Parquet table")
+        try:
+            columns, preface = _to_numpy(polars.read_parquet(path)), []
+        except Exception as error:
+            raise DataError(f"{path}: a Parquet table that cannot be read ({str(error).splitlines()[0]}); it may be cut short") from None
+    else:
+        columns, preface = _read_csv(path)
+    is_blackbox = any(n.startswith("gyroADC") or n.startswith("gyroUnfilt") for n in columns)
+    if not is_blackbox:
+        return [stream_of(path, columns, options, "parquet" if is_parquet else "csv")]
+    columns = {re.sub(r"^(gyro\w+)\[", r"\1[", n): v for n, v in columns.items()}
+    if "IMUTemperature" in columns:  # INAV: tenths of a degree
+        columns["IMUTemperature"] = np.asarray(columns["IMUTemperature"], float) / 10
+    if "time" in columns and not options.time:
+        columns["time_us"] = columns.pop("time")
+    stream = stream_of(path, columns, options, "blackbox", "dps", {"device": "Betaflight/INAV blackbox"})
+    if options.unit is None:
+        stream.to_internal = stream.to_internal * _blackbox_scale(preface, columns)
+    stream.notes.append("blackbox rates are less the flight controller's own offset, measured at every start: the constant is not the sensor's")
+    return [stream]

@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: MIT
+"""From named columns (CSV, Parquet, MATLAB) to a Stream: which column is what, and in which unit.
+
+A name the user gives rules.  Otherwise names are matched as evaluation boards and blackboxes write them; what stays
+unclear is an error that names the option.
+"""
+import re
+
+import numpy as np
+
+from ..errors import DataError
+from ..stream import Motion, Stream
+from ..units import ACCEL_UNITS, RATE_UNITS, unit_in_name
+
+_TIME = [r"t_s", r"t", r"time[_ ]?stamp(_?sample)?", r"time", r"timeus", r"sample[_ ]?time[_ ]?fine", r"packetcounter", r"datetime", r"date", r"sec(onds)?"]
+_TEMP = [r"temp(erature)?(_?degc)?", r"t(emp)?_?c", r"imu_?temp(erature)?", r"gyro_?temp(erature)?", r"(die|chip|sensor)_?temp(erature)?", r"temp_?out",
+         r"sens0temp"]
+_GYRO = ["gyro", "gyr", "gyroscope", "gyrounfilt", "gyroraw", "gyroadc", "g", "w", "omega", "angular_velocity", "angularvelocity", "rate", "gyrodata",
+         "gyro_rad", "rotation_rate"]
+_ACCEL = ["accel", "acc", "accelerometer", "a", "linear_acceleration", "acceleration", "accsmooth"]
+_TIME_UNITS = {"s": 1e6, "ms": 1e3, "us": 1.0, "ns": 1e-3}
+
+
+class Columns(dict):
+    """Named columns of a text table; first_line: the file's line of the first row, for messages."""
+
+    first_line = None
+
+
+def _plain(name):
+    """A name without its unit in brackets, in lower case."""
+    return re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", name.strip()) .strip().lower()
+
+
+def _find(names, patterns):
+    for pattern in patterns:
+        for name in names:
+            plain = re.sub(r"_(s|ms|us|ns|degc|c)$", "", _plain(name))
+            if re.fullmatch(pattern, plain) or re.fullmatch(pattern, _plain(name)):
+                return name
+    return None
+
+
+def _axis_columns(names, stems):
+    """Three columns x, y, z of the first stem that has them; [] where none has."""
+    keyed = {}
+    for name in names:
+        plain = re.sub(r"_(dph|mdps|dps|radps|deg_s|rad_s|mg|ms2|g)$", "", _plain(name))
+        keyed.setdefault(re.sub(r"[ ._\-]", "", plain), name)
+        bracket = re.fullmatch(r"\s*(\w+)\[([012])\].*", name)
+        if bracket:
+            keyed.setdefault(f"{bracket.group(1).lower()}{'xyz'[int(bracket.group(2))]}", name)
+    order = ["gyrounfilt"] + stems if "gyro" in stems else stems  # the unfiltered gyro is nearer to the sensor
+    for stem in order:
+        flat = stem.replace("_", "")
+        for form in ("{s}{a}", "{a}{s}", "{s}{a}out", "{a}{s}out"):
+            columns = [keyed.get(form.format(s=flat, a=a)) for a in "xyz"]
+            if all(columns):
+                return columns
+    return []
+
+
+def _given(path, names, text, what):
+    columns = [c.strip() for c in text.split(",")]
+    for column in columns:
+        if column not in names:
+            raise DataError(f"{path}: no column \"{column}\" for {what} (there are: {', '.join(names)})")
+    return columns
+
+
+def _time_scale(path, name, values, unit):
+    """us per unit of the time column."""
+    if unit:
+        return _TIME_UNITS[unit]
+    stated = re.search(r"(?:[\[(]\s*|_)(us|ms|ns|s|sec|µs|seconds|milliseconds|microseconds)\s*[\])]?$", name.strip(), re.I)
+    if stated:
+        word = stated.group(1).lower().replace("µs", "us")
+        return _TIME_UNITS[{"sec": "s", "seconds": "s", "milliseconds": "ms", "microseconds": "us"}.get(word, word)]
+    if re.fullmatch("timeus", name.strip(), re.I):
+        return 1.0
+    step = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
+    likely = [u for u, f in _TIME_UNITS.items() if step > 0 and 0.9 <= 1e6 / (step * f) <= 10000]
+    if len(likely) == 1:
+        return _TIME_UNITS[likely[0]]
+    raise DataError(f"{path}: the unit of the time column \"{name}\" is not clear (median step {step:g}): give it as --time \"{name}:s\" "
+                    "(s, ms, us or ns)")
+
+
+def _times(path, columns, options):
+    """(int64 us, name of the column or None)."""
+    n = len(next(iter(columns.values())))
+    text, _, unit = (options.time or "").partition(":")
+    if text and text not in columns and (options.time or "") in columns:
+        text, unit = options.time, ""
+    if unit and unit not in _TIME_UNITS:
+        raise DataError(f"{path}: --time {options.time}: unit {unit} is none of s, ms, us, ns")
+    name = _given(path, columns, text, "--time")[0] if text else _find(columns, _TIME)
+    if name is None:
+        if options.rate_hz:
+            return np.rint(np.arange(n) * (1e6 / options.rate_hz)).astype(np.int64), None
+        raise DataError(f"{path}: no time column found among {', '.join(columns)}; name it: --time COLUMN, or give the sample rate: --rate HZ")
+    values = columns[name]
+    if np.issubdtype(values.dtype, np.datetime64):
+        return values.astype("datetime64[us]").astype(np.int64), name
+    if values.dtype.kind not in "iuf":
+        raise DataError(f"{path}: the time column \"{name}\" holds no numbers (first: {values[0]!r}); name another: --time COLUMN")
+    fine = values[np.isfinite(values.astype(float))]
+    scale = _time_scale(path, name, fine.astype(float), unit)
+    if values.dtype.kind in "iu":
+        from ..seconds import unwrap
+        whole = values.astype(np.int64)
+        if whole.max() < 2 ** 32 and len(whole) > 1 and np.diff(whole).min() < -(2 ** 31):
+            whole = unwrap(whole, 32)
+        return np.rint(whole * scale).astype(np.int64) if scale < 1 else whole * np.int64(scale), name
+    return np.rint(np.where(np.isfinite(values), values, -1) * scale).astype(np.int64), name
+
+
+def _unit_of(path, gyro, options, default):
+    """(unit, factor to dph, note)."""
+    if options.unit == "counts":
+        if not options.scale:
+            raise DataError(f"{path}: counts need their scale: --unit counts --scale DPH_PER_COUNT (16.4 counts per deg/s: --scale 219.512)")
+        return "counts", options.scale
+    stated = {unit_in_name(name) for name in gyro} - {None}
+    unit = options.unit or (stated.pop() if len(stated) == 1 else default)
+    if unit not in RATE_UNITS:
+        raise DataError(f"{path}: the unit of {', '.join(gyro)} is not stated: give --unit dph, dps, radps or counts")
+    return unit, RATE_UNITS[unit]
+
+
+def _numbers(path, columns, name):
+    values = columns[name]
+    if values.dtype.kind in "iufb":
+        return values
+    bad = next((i for i, v in enumerate(values) if not _is_number(v)), 0)
+    first_line = getattr(columns, "first_line", None)
+    place = f"{path}:{first_line + bad}" if first_line else f"{path}, row {bad + 1}"
+    raise DataError(f"{place}: column {name}: expected a number, found \"{values[bad]}\"")
+
+
+def _is_number(value):
+    try:
+        float(value)
+        return True
+    except (TypeError, ValueError):
+        return value is None
+
+
+def _accel(path, columns, options):
+    """(names, values, factors, unit), or None where there is none or its unit is unknown and not needed."""
+    names = _given(path, columns, options.accel, "--accel") if options.accel else _axis_columns(columns, _ACCEL)
+    if len(names) != 3:
+        return None
+    unit = unit_in_name(names[0])
+    values = np.stack([_numbers(path, columns, n).astype(float) for n in names], axis=1)
+    if unit not in ACCEL_UNITS:
+        # At rest an accelerometer reads one g: its own size tells the unit.
+        size = float(np.nanmedian(np.linalg.norm(values, axis=1)))
+        unit = next((u for u, g in (("g", 1.0), ("ms2", 9.80665), ("mg", 1000.0)) if 0.8 < size / g < 1.2), None)
+        if unit is None:
+            return (names, values, 1000.0 / size, None) if size > 0 else None
+    return names, values, ACCEL_UNITS[unit], unit
+
+
+def _axis_stems(names):
+    if len(names) == 3:
+        return ["gx", "gy", "gz"]
+    stems = [re.sub(r"_(dph|mdps|dps|radps|counts)$", "", re.sub(r"\W+", "_", _plain(n)).strip("_")) for n in names]
+    return [s if s and not s.startswith("a") else f"g{i}" for i, s in enumerate(stems)]
+
+
+def stream_of(path, columns, options, name, default_unit=None, metadata=None):
+    """One stream from named columns of equal length."""
+    if not columns or len(next(iter(columns.values()))) == 0:
+        raise DataError(f"{path}: a header and no rows")
+    if options.gyro is None and "gyro" in columns and columns["gyro"].ndim == 2:
+        raise DataError(f"{path}: column gyro is a matrix")
+    gyro = _given(path, columns, options.gyro, "--gyro") if options.gyro else _axis_columns(columns, _GYRO)
+    if not gyro:
+        raise DataError(f"{path}: no gyro columns found among {', '.join(list(columns)[:40])}; name them: --gyro X,Y,Z --unit dps")
+    unit, factor = _unit_of(path, gyro, options, default_unit)
+    t_us, time_name = _times(path, columns, options)
+    parts = [_numbers(path, columns, n) for n in gyro]
+    whole = options.unit == "counts" and all(p.dtype.kind in "iu" for p in parts)
+    values = np.stack([p.astype(np.int64 if whole else np.float64) for p in parts], axis=1)
+    stream = Stream(options.instance or 0, name, _axis_stems(gyro), t_us, values, np.full(len(gyro), factor), unit,
+                    metadata={"columns": " ".join(f"{a}={n}" for a, n in zip(_axis_stems(gyro), gyro)), **(metadata or {})})
+    temp = _given(path, columns, options.temp, "--temp")[0] if options.temp else _find([n for n in columns if n not in gyro + [time_name]], _TEMP)
+    if temp:
+        stream.temp_t_us, stream.temp_degc = t_us, _numbers(path, columns, temp).astype(float)
+        stream.metadata["columns"] += f" temp={temp}"
+    accel = _accel(path, columns, options)
+    if accel and set(accel[0]).isdisjoint(gyro):
+        _attach_accel(path, stream, accel, options, whole)
+    if options.with_accel and "ax" not in stream.axes:
+        raise DataError(f"{path}: no accelerometer columns found; name them: --accel-columns X,Y,Z")
+    _take_seconds(stream)
+    return stream
+
+
+def _attach_accel(path, stream, accel, options, whole):
+    names, values, factor, unit = accel
+    if not options.with_accel:
+        stream.motion.append(Motion("accel", stream.t_us, values * factor))
+        return
+    if unit is None:
+        raise DataError(f"{path}: the unit of {', '.join(names)} is not clear: write it behind the names, as in \"acc_x [g]\"")
+    stream.values = np.hstack([stream.values * (stream.to_internal if whole else 1), values])
+    stream.to_internal = np.concatenate([np.ones(stream.values.shape[1] - 3) if whole else stream.to_internal, np.full(3, factor)])
+    stream.axes, stream.unit = stream.axes + ["ax", "ay", "az"], f"{stream.unit}, {unit}"
+
+
+def _take_seconds(stream):
+    """Rows that come once a second, on the second, are 1-s means as they stand."""
+    steps = np.diff(stream.t_us)
+    if len(steps) and abs(float(np.median(steps)) - 1e6) < 2e4 and np.mean(np.abs(steps - np.rint(steps / 1e6) * 1e6) < 2e5) > 0.9:
+        stream.is_seconds, stream.rate_hz = True, 1.0
+        stream.notes.append("one row a second: taken as 1-s means as they stand; single samples would carry their full noise")

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: MIT
+"""From the samples of a Stream to a log of 1-s means at rest."""
+import os
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .errors import DataError
+from .log import Log
+from .seconds import FLAG_MISSING, cut_seconds, keep_in_order, nominal_rate_hz
+from .still import accel_moves, gyro_moves, widen
+
+#: a temperature is interpolated between readings no further apart than this
+MAX_TEMP_GAP_S = 120.0
+#: a boot-relative clock stays below this; larger ones are epochs, and the log then counts from its first second
+MAX_BOOT_S = 1e8
+VERSION = "0.1.0"
+
+
+@dataclass
+class Imported:
+    """A log and what happened on the way to it."""
+
+    log: Log
+    format: str
+    sensors: list
+    chosen: int
+    gaps: int
+    gap_seconds: int
+    moving_seconds: int
+    n_duplicate: int
+    n_backward: int
+    source_sha256: str
+    notes: list = field(default_factory=list)
+
+    def to_json(self):
+        """The fields of the contract and more."""
+        return {"format": self.format, "sensors": self.sensors, "chosen": self.chosen, "seconds": len(self.log.t_s),
+                "gaps": self.gaps, "gap_seconds": self.gap_seconds, "moving_seconds": self.moving_seconds,
+                "duplicates": self.n_duplicate, "steps_back": self.n_backward, "source_sha256": self.source_sha256,
+                "has_temperature": self.log.has_temperature, "axes": self.log.axes, "notes": self.notes}
+
+
+def usable_temperature(temp_degc):
+    """Reason why these readings are no measurement, or None."""
+    finite = temp_degc[np.isfinite(temp_degc)]
+    if len(finite) == 0:
+        return "its temperature is not a number (NaN) throughout"
+    if np.all(finite == 0):
+        return "its temperature is exactly 0 throughout, which no thermometer reads: a simulation or a driver without one"
+    if np.all((finite < -100) | (finite > 300)):
+        return f"its temperature reads {finite[0]:g} throughout, which is no temperature in degC"
+    return None
+
+
+def describe(stream):
+    """One entry of "sensors" in the JSON of import."""
+    has = stream.temp_degc is not None and usable_temperature(stream.temp_degc) is None
+    rate = stream.rate_hz or (nominal_rate_hz(np.unique(stream.t_us)) if len(stream.t_us) > 1 else 0.0)
+    return {"instance": stream.instance, "name": stream.name, "axes": list(stream.axes), "rate_hz": round(rate, 4),
+            "has_temperature": bool(has)}
+
+
+def _seconds_temperature(stream, seconds, keep, t_us):
+    """Mean temperature of each second; between slower readings, interpolated."""
+    temp_t, temp = stream.temp_t_us, stream.temp_degc
+    if temp_t is stream.t_us:
+        temp_t, temp = t_us, temp[keep]
+        mean = seconds.nanmean(temp)
+        if np.isfinite(mean).all():
+            return mean
+    fine = np.isfinite(temp)
+    temp_t, temp = temp_t[fine], temp[fine]
+    in_order, _, _ = keep_in_order(temp_t)
+    temp_t, temp = temp_t[in_order], temp[in_order]
+    temp_t = temp_t / 1e6
+    edges = np.searchsorted(temp_t, np.stack([seconds.end_s - 1, seconds.end_s]))
+    inside = edges[1] > edges[0]
+    total = np.concatenate([[0.0], np.cumsum(temp)])
+    mean = np.divide(total[edges[1]] - total[edges[0]], edges[1] - edges[0], out=np.full(len(inside), np.nan), where=inside)
+    middle = seconds.end_s - 0.5
+    nearest = np.clip(np.searchsorted(temp_t, middle), 1, max(len(temp_t) - 1, 1))
+    before, after = temp_t[nearest - 1], temp_t[min(len(temp_t) - 1, 1) if len(temp_t) < 2 else nearest]
+    near = (middle >= before - 2) & (middle <= after + 2) & (after - before <= MAX_TEMP_GAP_S)
+    return np.where(inside, mean, np.where(near, np.interp(middle, temp_t, temp), np.nan))
+
+
+def _motion_of(stream, seconds, t_us, values, is_gyro):
+    """Moving seconds, by the sensor itself and by what else the file tells."""
+    internal = values * stream.to_internal
+    moves = np.zeros(len(seconds.n), bool)
+    if is_gyro.any():
+        moves |= gyro_moves(seconds, internal[:, is_gyro])
+    if (~is_gyro).sum() == 3:
+        moves |= accel_moves(seconds, internal[:, ~is_gyro])
+    for other in stream.motion:
+        keep, _, _ = keep_in_order(other.t_us)
+        t, v = other.t_us[keep], np.asarray(other.values, float)[keep]
+        fine = np.isfinite(v).all(axis=1) & (t >= 0)
+        if fine.sum() < 2:
+            continue
+        cut = cut_seconds(t[fine], nominal_rate_hz(t[fine]))
+        found = (gyro_moves if other.kind == "gyro" else accel_moves)(cut, v[fine])
+        moves |= np.isin(seconds.end_s, cut.end_s[found])
+    return widen(moves, seconds.end_s)
+
+
+def _gaps(t_s):
+    steps = np.rint(np.diff(t_s)).astype(int)
+    return int(np.count_nonzero(steps > 1)), int(np.sum(steps[steps > 1] - 1))
+
+
+def _axis_names(stream):
+    is_gyro = np.array([not a.startswith("a") for a in stream.axes])
+    return is_gyro, [f"{a}_{'dph' if g else 'mg'}" for a, g in zip(stream.axes, is_gyro)]
+
+
+def _offset_s(t_us):
+    """Whole seconds taken off the clock: a negative one, or an epoch."""
+    first = int(t_us.min())
+    return first // 1_000_000 if first < 0 or first / 1e6 > MAX_BOOT_S else 0
+
+
+def _refuse_moving(path, n_moving, n_all):
+    raise DataError(f"{path}: the device moves throughout: {n_moving} of {n_all} s show motion, and a static calibration needs rest; "
+                    f"record it lying still, or, if this is no motion, run: imucal import {path} -o LOG.csv --keep-moving")
+
+
+def _check_temperature(path, stream, wanted):
+    """Readings to use or None; DataError where a temperature is wanted and there is none."""
+    reason = "it has no temperature" if stream.temp_degc is None else usable_temperature(np.asarray(stream.temp_degc, float))
+    if reason is None:
+        return True
+    if wanted:
+        raise DataError(f"{path}: sensor {stream.instance} ({stream.name}): {reason}. A thermal calibration needs one. "
+                        f"Without (Allan deviation, noise): imucal import {path} -o LOG.csv --instance {stream.instance} --without-temp")
+    stream.notes.append(f"no temperature: {reason}; temp_degc is left empty")
+    return False
+
+
+def _as_seconds(stream, keep_t, values):
+    """Rows that are 1-s means already."""
+    n = np.ones(len(keep_t), np.int64)
+    from .seconds import Seconds
+    none = np.zeros(len(keep_t), bool)
+    return Seconds(keep_t // 1_000_000, np.arange(len(keep_t)), n, none, none)
+
+
+def to_log(path, stream, rate_hz=None, temperature=True, keep_moving=False):
+    """1-s means of a stream at rest.
+
+    Returns
+    -------
+    log : Log
+    counts : dict    gaps, gap_seconds, moving_seconds, n_duplicate, n_backward
+    """
+    if len(stream.t_us) == 0:
+        raise DataError(f"{path}: sensor {stream.instance} ({stream.name}) has no samples")
+    has_temperature = _check_temperature(path, stream, temperature)
+    offset_s = 0 if stream.is_seconds else _offset_s(stream.t_us)
+    shifted = stream.t_us - offset_s * 1_000_000
+    if has_temperature:
+        own_times = stream.temp_t_us is stream.t_us
+        stream.temp_t_us = shifted if own_times else stream.temp_t_us - offset_s * 1_000_000
+        stream.temp_degc = np.asarray(stream.temp_degc, float)
+    for other in stream.motion:
+        other.t_us = other.t_us - offset_s * 1_000_000
+    stream.t_us = shifted
+    keep, n_duplicate, n_backward = keep_in_order(shifted)
+    if n_backward > 0.01 * len(keep) + 5:
+        stream.notes.append(f"{n_backward} samples lie before newer ones and are left out: if the clock was set back, cut the file there")
+    if not np.issubdtype(stream.values.dtype, np.integer):
+        finite = np.isfinite(stream.values)  # a row of 1-s means may miss an axis, a sample may not
+        keep &= finite.any(axis=1) if stream.is_seconds else finite.all(axis=1)
+    t_us, values = shifted[keep], stream.values[keep]
+    if len(t_us) == 0:
+        raise DataError(f"{path}: sensor {stream.instance} ({stream.name}) has no finite samples")
+    rate = rate_hz or stream.rate_hz or nominal_rate_hz(t_us)
+    seconds = _as_seconds(stream, t_us, values) if stream.is_seconds else cut_seconds(t_us, rate)
+    is_gyro, names = _axis_names(stream)
+    moves = _motion_of(stream, seconds, t_us, values, is_gyro) if not keep_moving else np.zeros(len(seconds.n), bool)
+    if moves.all() or (~moves).sum() < min(3, len(moves)):
+        _refuse_moving(path, int(moves.sum()), len(moves))
+    still = ~moves
+    if np.issubdtype(values.dtype, np.integer):
+        mean = np.stack([seconds.mean_of_counts(values[:, i], f) for i, f in enumerate(stream.to_internal)], axis=1)
+    else:
+        mean = seconds.mean(values) * stream.to_internal
+    mean[seconds.is_gap] = np.nan
+    temp = _seconds_temperature(stream, seconds, keep, t_us) if has_temperature else np.full(len(seconds.n), np.nan)
+    t_s = t_us / 1e6 if stream.is_seconds else seconds.end_s.astype(float)
+    flags = np.where(seconds.is_missing, FLAG_MISSING, 0)[still]
+    log = Log(t_s[still], temp[still], {n: mean[still, i] for i, n in enumerate(names)}, {n: flags for n in names}, dict(stream.metadata),
+              os.fspath(path))
+    if offset_s:
+        log.metadata["t_s_origin_s"] = offset_s
+    gaps, gap_seconds = _gaps(log.t_s)
+    log.metadata.update(source_unit=stream.unit, source_rate_hz=f"{rate:g}")
+    return log, {"gaps": gaps, "gap_seconds": gap_seconds, "moving_seconds": int(moves.sum()), "n_duplicate": n_duplicate,
+                 "n_backward": n_backward}

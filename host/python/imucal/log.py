@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: MIT
+"""Logs in imucal's own format (CSV, one row per second): reading and writing."""
+import math
+import os
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .errors import DataError
+from .units import DPH_PER_DPS, DPH_PER_RADPS, MG_PER_MS2
+
+_UNITS = {"dph": DPH_PER_DPS / 3600, "dps": DPH_PER_DPS, "radps": DPH_PER_RADPS, "mg": 1.0, "ms2": MG_PER_MS2}
+
+
+@dataclass
+class Log:
+    """A log: 1-s means at rest.
+
+    Attributes
+    ----------
+    t_s : float array (n,)       end of each second, increasing; a jump is a gap
+    temp_degc : float array (n,) NaN where missing
+    rates : dict                 axis name -> array (n,) in dph (names ending in _dph) or mg (_mg); NaN where missing
+    flags : dict                 axis name -> int array (n,): 1 saturated, 2 samples missing, 4 sensor fault
+    metadata : dict of str
+    path : str
+    """
+
+    t_s: np.ndarray
+    temp_degc: np.ndarray
+    rates: dict
+    flags: dict = field(default_factory=dict)
+    metadata: dict = field(default_factory=dict)
+    path: str = ""
+
+    @property
+    def axes(self):
+        """Names of the axes."""
+        return list(self.rates)
+
+    @property
+    def has_temperature(self):
+        """At least one finite temperature."""
+        return bool(np.isfinite(self.temp_degc).any())
+
+
+def _metadata(line, into):
+    for part in re.split(r"  +(?=[^=]*=)", line[1:].strip()):
+        key, equals, value = part.partition("=")
+        if equals:
+            into[key.strip()] = value.strip()
+
+
+def _number(text, path, line, column):
+    text = text.strip()
+    if not text:
+        return math.nan
+    try:
+        value = float(text)
+    except ValueError:
+        raise DataError(f"{path}:{line}: column {column}: expected a number, found \"{text}\"") from None
+    if not math.isfinite(value):
+        raise DataError(f"{path}:{line}: column {column}: is not a finite number; leave a missing value empty")
+    return value
+
+
+def _rows(path, lines, columns):
+    """Parse the rows: fast where every field is a number, line by line where one is not."""
+    try:
+        return np.loadtxt([text for _, text in lines], delimiter=",", ndmin=2, usecols=range(len(columns)))
+    except ValueError:
+        pass
+    rows = []
+    for number, text in lines:
+        fields = text.split(",")
+        if len(fields) < len(columns):
+            raise DataError(f"{path}:{number}: expected {len(columns)} fields, found {len(fields)}")
+        rows.append([_number(f, path, number, c) for f, c in zip(fields, columns)])
+    return np.array(rows)
+
+
+def _axis_of_flags(name, axes):
+    stem = name[: -len("flags")]
+    return next((a for a in axes if a.startswith(stem)), None)
+
+
+def read_log(path):
+    """Read an imucal log (CSV).
+
+    Parameters
+    ----------
+    path : str
+
+    Returns
+    -------
+    Log : rates in dph, accelerations in mg, whatever unit the file uses
+
+    Raises
+    ------
+    DataError : names file and line
+    """
+    path = os.fspath(path)
+    metadata, columns, lines = {}, None, []
+    try:
+        with open(path, encoding="utf-8") as file:
+            for number, line in enumerate(file, 1):
+                line = line.rstrip("\r\n")
+                if line.startswith("#"):
+                    _metadata(line, metadata)
+                elif not line.strip():
+                    continue
+                elif columns is None:
+                    columns = [c.strip() for c in line.split(",")]
+                else:
+                    lines.append((number, line))
+    except OSError as error:
+        raise DataError(f"{path}: cannot open: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise DataError(f"{path}: not text: not an imucal log; imucal import {path} -o LOG.csv reads other formats") from None
+    if columns is None:
+        raise DataError(f"{path}: empty log: no header line (t_s,temp_degc,…)")
+    if columns[:2] != ["t_s", "temp_degc"]:
+        raise DataError(f"{path}: the header begins with t_s,temp_degc, found \"{','.join(columns[:2])}\"; "
+                        f"imucal import {path} -o LOG.csv reads other tables")
+    if any(c.endswith("_counts") for c in columns):
+        return _decimate_raw(path, metadata, columns, lines)
+    if not lines:
+        raise DataError(f"{path}: empty log: a header and no rows")
+    return _log_of(path, metadata, columns, _rows(path, lines, columns), lines)
+
+
+def _check_times(path, t_s, lines):
+    if np.isnan(t_s).any():
+        raise DataError(f"{path}:{lines[int(np.flatnonzero(np.isnan(t_s))[0])][0]}: t_s is empty")
+    back = np.flatnonzero(np.diff(t_s) <= 0)
+    if len(back):
+        raise DataError(f"{path}:{lines[int(back[0]) + 1][0]}: t_s does not increase; sort the log or cut it where the clock was set back")
+
+
+def _log_of(path, metadata, columns, table, lines):
+    _check_times(path, table[:, 0], lines)
+    log = Log(table[:, 0].copy(), table[:, 1].copy(), {}, {}, metadata, path)
+    for i, name in enumerate(columns[2:], 2):
+        stem, _, unit = name.rpartition("_")
+        if unit in _UNITS:
+            internal = f"{stem}_{'mg' if unit in ('mg', 'ms2') else 'dph'}"
+            log.rates[internal] = table[:, i] * _UNITS[unit]
+    for i, name in enumerate(columns[2:], 2):
+        if name.endswith("_flags"):
+            axis = _axis_of_flags(name, log.rates)
+            if axis is None:
+                raise DataError(f"{path}: column \"{name}\" belongs to no axis")
+            log.flags[axis] = np.nan_to_num(table[:, i]).astype(int)
+    if not log.rates:
+        raise DataError(f"{path}: no axis column; names end in their unit: _dph, _dps, _radps, _mg or _ms2")
+    return log
+
+
+def _decimate_raw(path, metadata, columns, lines):
+    """A raw log of counts, by the core's rules and rounding."""
+    from .seconds import FLAG_MISSING, cut_seconds, keep_in_order
+
+    if not lines:
+        raise DataError(f"{path}: empty log: a header and no rows")
+    try:
+        rate_hz = float(metadata["rate_hz"])
+    except (KeyError, ValueError):
+        raise DataError(f"{path}: a raw log needs its sample rate: \"# rate_hz = 100\"") from None
+    table = _rows(path, lines, columns)
+    counts = [i for i, c in enumerate(columns) if c.endswith("_counts")]
+    table = table[np.isfinite(table[:, counts]).all(axis=1)]
+    t_us = np.rint(table[:, 0] * 1e6).astype(np.int64)
+    keep, _, _ = keep_in_order(t_us)
+    table, t_us = table[keep], t_us[keep]
+    seconds = cut_seconds(t_us, rate_hz)
+    temp = seconds.mean_of_counts(np.rint(np.nan_to_num(table[:, 1]) * 65536), 1.0)
+    temp = np.where(np.isfinite(seconds.mean(table[:, 1])), temp / 65536, np.nan)
+    log = Log(seconds.end_s.astype(float), temp, {}, {}, metadata, path)
+    for i in counts:
+        stem = columns[i][: -len("_counts")]
+        scale = next(((u, float(metadata[f"{columns[i]}_scale_{u}"])) for u in _UNITS if f"{columns[i]}_scale_{u}" in metadata), None)
+        if scale is None:
+            raise DataError(f"{path}: column {columns[i]} needs its scale: \"# {columns[i]}_scale_dph = …\"")
+        name = f"{stem}_{'mg' if scale[0] in ('mg', 'ms2') else 'dph'}"
+        mean = seconds.mean_of_counts(table[:, i], scale[1] * _UNITS[scale[0]])
+        log.rates[name] = np.where(seconds.is_gap, np.nan, mean)
+        log.flags[name] = np.where(seconds.is_missing, FLAG_MISSING, 0)
+    return log
+
+
+def _text(values, digits):
+    """Shortest text of each value rounded to `digits` decimals; empty for NaN."""
+    return ["" if v != v else repr(v)[:-2] if v == int(v) and abs(v) < 1e15 else repr(v) for v in np.round(values, digits).tolist()]
+
+
+def write_text(path, text):
+    """Write a whole file or nothing: to a temporary name in the same folder, then renamed.  "-" is standard output."""
+    if path == "-":
+        print(text, end="")
+        return
+    path = os.fspath(path)
+    temporary = f"{path}.tmp{os.getpid()}"
+    try:
+        with open(temporary, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        os.replace(temporary, path)
+    except OSError as error:
+        if os.path.exists(temporary):
+            os.unlink(temporary)
+        raise DataError(f"{path}: cannot write: {error.strerror}") from None
+
+
+def write_log(path, log):
+    """Write a log; rates with 1e-6 dph (or mg), times and temperatures with 1e-6.
+
+    Parameters
+    ----------
+    path : str ("-": standard output)
+    log : Log
+    """
+    header, columns = ["t_s", "temp_degc"], [_text(log.t_s, 6), _text(log.temp_degc, 6)]
+    for name, values in log.rates.items():
+        header.append(name)
+        columns.append(_text(values, 6))
+        if name in log.flags and np.any(log.flags[name]):
+            header.append(name.rpartition("_")[0] + "_flags")
+            columns.append([str(int(f)) for f in log.flags[name]])
+    lines = ["# imucal-log = 1"]
+    lines += [f"# {key} = {' '.join(str(value).split())}" for key, value in log.metadata.items() if key != "imucal-log"]
+    lines.append(",".join(header))
+    lines += map(",".join, zip(*columns))
+    write_text(path, "\n".join(lines) + "\n")

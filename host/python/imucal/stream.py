@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: MIT
+"""What an importer finds in a file: one Stream per sensor, and what else tells motion."""
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Motion:
+    """Samples that show whether the device moved: kind "gyro" (dph), "accel" (mg)."""
+
+    kind: str
+    t_us: np.ndarray
+    values: np.ndarray
+
+
+@dataclass
+class Stream:
+    """Raw samples of one sensor, in the file's own units.
+
+    Attributes
+    ----------
+    instance : int
+    name : str                   as the file calls it
+    axes : list of str           stems: gx, gy, gz (and ax, ay, az)
+    t_us : int64 array (n,)      sample times, any order
+    values : array (n, k)
+    to_internal : float array (k,)   dph (gyros) or mg (accelerometers) per unit of `values`
+    unit : str                   of `values`, for the metadata
+    temp_t_us, temp_degc : arrays; None: the file has no temperature of this sensor
+    motion : list of Motion      besides the sensor's own samples
+    metadata : dict              goes into the log
+    notes : list of str          what the user should know
+    """
+
+    instance: int
+    name: str
+    axes: list
+    t_us: np.ndarray
+    values: np.ndarray
+    to_internal: np.ndarray
+    unit: str
+    temp_t_us: np.ndarray = None
+    temp_degc: np.ndarray = None
+    motion: list = field(default_factory=list)
+    metadata: dict = field(default_factory=dict)
+    notes: list = field(default_factory=list)
+    rate_hz: float = 0.0
+    is_seconds: bool = False  # rows are 1-s means already, t is the second's end
