@@ -10,7 +10,7 @@ from .ingest import VERSION as __version__
 
 _HOMES = {
     "DataError": "errors", "ImucalError": "errors", "UsageError": "errors", "Log": "log", "read_log": "log", "write_log": "log",
-    "import_log": "importers",
+    "import_log": "importers", "read_table": "table",
 }
 __all__ = [*_HOMES, "__version__"]
 

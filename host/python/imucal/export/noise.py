@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: MIT
+"""An error model as other programs state noise.
+
+White rate noise of `a` deg/sqrt(h) has the density 60 a dph/sqrt(Hz).  A first-order Gauss-Markov bias (sigma, tau) moves, on
+times short against tau, like a random walk of density K = sigma sqrt(2/tau) per sqrt(s); it is bounded, a random walk is
+not.  Several terms add in power.
+"""
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import DataError
+from ..table import read_json
+from ..units import DPH_PER_RADPS
+
+_FLAT = math.sqrt(2 * math.log(2) / math.pi)  # Allan deviation of flicker noise over its B: 0.664 (IEEE 952, C.1)
+
+
+@dataclass
+class Noise:
+    """An error model's noise: arw_deg_rt_h, markov [(sigma_dph, tau_s)], turn_on_sigma_dph."""
+
+    arw_deg_rt_h: float
+    markov: list
+    turn_on_sigma_dph: float
+    bias: dict
+    effects: list
+    path: str
+
+    @property
+    def density(self):
+        """rad/s/sqrt(Hz)."""
+        return 60 * self.arw_deg_rt_h / DPH_PER_RADPS
+
+    @property
+    def walk_dph(self):
+        """Short-term random walk in dph per sqrt(s)."""
+        return math.sqrt(sum(2 * s * s / tau for s, tau in self.markov))
+
+    @property
+    def walk(self):
+        """rad/s^2/sqrt(Hz)."""
+        return self.walk_dph / DPH_PER_RADPS
+
+    def allan_dph(self, tau_s):
+        """Allan deviation: white noise and Gauss-Markov terms (IEEE 952-1997, annex C: angle random walk, Markov noise)."""
+        tau = np.asarray(tau_s, float)
+        variance = (60 * self.arw_deg_rt_h) ** 2 / tau
+        for sigma, corr in self.markov:
+            x = tau / corr
+            variance = variance + 2 * sigma ** 2 / x * (1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * x))
+        return np.sqrt(variance)
+
+
+def read_noise(path):
+    """Noise of a model file."""
+    data = read_json(path)
+    if not isinstance(data, dict) or data.get("imucal_model") != 1:
+        raise DataError(f"{path}: not an error model (no \"imucal_model\": 1); imucal check {path} tells what it is")
+    try:
+        markov = [(float(m["sigma_dph"]), float(m["tau_s"])) for m in data.get("markov", [])]
+        return Noise(float(data["arw_deg_rt_h"]), markov, float(data.get("turn_on_sigma_dph", 0)), data.get("bias"), data.get("effects", []), str(path))
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{path}: {error}; imucal check {path} tells more") from None
+
+
+def _not_held(noise, target):
+    notes = []
+    if noise.markov:
+        terms = ", ".join(f"{s:g} dph with {t:g} s" for s, t in noise.markov)
+        notes.append(f"{target} knows a random walk only: the bounded instability ({terms}) is its short-term growth, too large beyond {max(t for _, t in noise.markov):g} s")
+    if noise.effects:
+        notes.append(f"effects are left out: {', '.join(e.get('name', '?') for e in noise.effects)}")
+    if noise.bias:
+        notes.append("the thermal polynomial is left out: export the table")
+    return notes
+
+
+def kalibr(noise, options):
+    """Kalibr imu.yaml (kalibr wiki, "IMU Noise Model" and "YAML formats")."""
+    rate = options.rate_hz or 200.0
+    lines = ["# Kalibr imu.yaml from " + noise.path.rsplit("/", 1)[-1], "# accelerometer: fill in its own figures; they are not in this model",
+             "#accelerometer_noise_density:   # m/s^2/sqrt(Hz)", "#accelerometer_random_walk:     # m/s^3/sqrt(Hz)",
+             f"gyroscope_noise_density: {noise.density:.9g}   # rad/s/sqrt(Hz)", f"gyroscope_random_walk: {noise.walk:.9g}   # rad/s^2/sqrt(Hz)",
+             "rostopic: /imu/data_raw", f"update_rate: {rate:g}   # Hz"]
+    return "\n".join(lines) + "\n", _not_held(noise, "Kalibr") + ["accelerometer figures are not in a gyro's model: Kalibr wants them filled in"]
+
+
+def ros(noise, options):
+    """Densities and covariances as ROS drivers, robot_localization and GTSAM take them."""
+    rate = options.rate_hz or 100.0
+    variance = noise.density ** 2 * rate
+    lines = [f"# noise of {noise.path.rsplit('/', 1)[-1]} for ROS (sensor_msgs/Imu, robot_localization) and GTSAM", f"rate_hz: {rate:g}",
+             f"gyro_noise_density: {noise.density:.9g}        # rad/s/sqrt(Hz)", f"gyro_bias_random_walk: {noise.walk:.9g}     # rad/s^2/sqrt(Hz)",
+             f"angular_velocity_covariance: [{variance:.9g}, 0, 0, 0, {variance:.9g}, 0, 0, 0, {variance:.9g}]   # (rad/s)^2 per sample at rate_hz",
+             f"gtsam_gyroscopeCovariance: {noise.density ** 2:.9g}   # (rad/s)^2/Hz, continuous", f"gtsam_biasOmegaCovariance: {noise.walk ** 2:.9g}   # (rad/s^2)^2/Hz"]
+    for i, (sigma, tau) in enumerate(noise.markov):
+        lines.append(f"gyro_bias_markov_{i}: {{sigma_radps: {sigma / DPH_PER_RADPS:.9g}, tau_s: {tau:g}}}   # for filters with a first-order bias")
+    return "\n".join(lines) + "\n", _not_held(noise, "a ROS or GTSAM density")
+
+
+def matlab(noise, options):
+    """A script that makes gyroparams (Navigation, Sensor Fusion and UAV Toolboxes)."""
+    rate = options.rate_hz or 100.0
+    sigma = math.sqrt(sum(s * s for s, _ in noise.markov))
+    tau = max((t for _, t in noise.markov), default=1.0)
+    phi = math.exp(-1 / (rate * tau))
+    lines = [f"% gyroparams of {noise.path.rsplit('/', 1)[-1]}; SI units.  fs: sample rate of the imuSensor that takes it.", f"fs = {rate:g};",
+             "p = gyroparams;", f"p.NoiseDensity = {noise.density:.9g};        % rad/s/sqrt(Hz)", f"p.BiasInstability = {sigma / DPH_PER_RADPS:.9g};     % rad/s, stationary",
+             "if isprop(p, 'BiasInstabilityCoefficients')   % first-order Gauss-Markov instead of flicker noise",
+             f"  phi = exp(-1/(fs*{tau:g}));                 % {phi:.9g} at {rate:g} Hz",
+             "  p.BiasInstabilityCoefficients = struct('Numerator', sqrt(1 - phi^2), 'Denominator', [1, -phi]);", "end", "p.RandomWalk = 0;                           % the instability is bounded"]
+    notes = [f"effects are left out: {', '.join(e.get('name', '?') for e in noise.effects)}"] if noise.effects else []
+    if len(noise.markov) > 1:
+        notes.append(f"gyroparams has one instability: the terms are joined to one of their common variance with {tau:g} s")
+    if noise.bias:
+        slope = np.polynomial.polynomial.polyval((25 - noise.bias["t0_degc"]) / noise.bias["range_degc"],
+                                                 np.polynomial.polynomial.polyder(noise.bias["coeff_dph"])) / noise.bias["range_degc"]
+        constant = np.polynomial.polynomial.polyval((25 - noise.bias["t0_degc"]) / noise.bias["range_degc"], noise.bias["coeff_dph"])
+        lines += [f"p.ConstantBias = {constant / DPH_PER_RADPS:.9g};        % rad/s at 25 degC", f"p.TemperatureBias = {slope / DPH_PER_RADPS:.9g};     % rad/s per degC, slope at 25 degC"]
+        notes.append("gyroparams is linear in temperature: TemperatureBias is the slope at 25 degC, the curvature is lost")
+    return "\n".join(lines) + "\n", notes
+
+
+def datasheet_figures(noise):
+    """IEEE 952: angle random walk N, bias instability B (flat part over 0.664) with its tau, rate random walk K."""
+    tau = np.geomspace(1, 1e5, 4001)
+    adev = noise.allan_dph(tau)
+    inner = np.flatnonzero((adev[1:-1] < adev[:-2]) & (adev[1:-1] <= adev[2:])) + 1
+    at = int(inner[0]) if len(inner) else None
+    return {"arw_deg_rt_h": noise.arw_deg_rt_h, "bias_instability_dph": float(adev[at] / _FLAT) if at is not None else None,
+            "bias_instability_tau_s": float(tau[at]) if at is not None else None, "rate_random_walk_dph_rt_h": 60 * noise.walk_dph}
+
+
+def datasheet(noise, options):
+    """One line a data sheet can carry."""
+    f = datasheet_figures(noise)
+    parts = [f"ARW {f['arw_deg_rt_h']:.3g} deg/sqrt(h)"]
+    if f["bias_instability_dph"] is not None:
+        parts.append(f"bias instability {f['bias_instability_dph']:.3g} deg/h (Allan minimum / 0.664, at {f['bias_instability_tau_s']:.0f} s)")
+    if noise.markov:
+        parts.append(f"rate random walk {f['rate_random_walk_dph_rt_h']:.3g} deg/h/sqrt(h) (short-term, of a bounded instability)")
+    if noise.turn_on_sigma_dph:
+        parts.append(f"turn-on repeatability {noise.turn_on_sigma_dph:.3g} deg/h, 1 sigma")
+    notes = _not_held(noise, "a data sheet's rate random walk")
+    if f["bias_instability_dph"] is None:
+        notes.append("the Allan deviation has no minimum between 1 s and 1e5 s: no bias instability is stated")
+    return ", ".join(parts) + " (IEEE Std 952)\n", notes
+
+
+TARGETS = {"kalibr": kalibr, "ros": ros, "matlab": matlab, "datasheet": datasheet}
+

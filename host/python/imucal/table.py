@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: MIT
+"""Calibration tables and error models as their JSON files hold them."""
+import json
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import DataError
+
+
+@dataclass
+class Channel:
+    """One axis of a table: B(T) = sum coeff[i] Tn^i with Tn = (T - t0)/range, valid inside the span.
+
+    Attributes
+    ----------
+    axis, unit : str             "gx_dph", "dph" ("ax_mg", "mg")
+    coeff : float array (order + 1,)   in `unit`
+    scale_coeff : float array    rate = (raw - B(T)) (1 + M(T)), M(T) = sum scale_coeff[i] Tn^i
+    sigma : float array (9,)     one-sigma calibration error at temp_degc
+    """
+
+    axis: str
+    unit: str
+    t0_degc: float
+    range_degc: float
+    coeff: np.ndarray
+    scale_coeff: np.ndarray
+    span_degc: tuple
+    temp_degc: np.ndarray
+    sigma: np.ndarray
+    unit_per_count: float
+
+    @property
+    def order(self):
+        """Degree of B(T)."""
+        return len(self.coeff) - 1
+
+    @property
+    def stem(self):
+        """The axis' name without its unit."""
+        return self.axis.rpartition("_")[0]
+
+    def bias(self, temp_degc):
+        """B(T) in `unit`; the temperature is clamped to the span, as the core does."""
+        tn = (np.clip(temp_degc, *self.span_degc) - self.t0_degc) / self.range_degc
+        return np.polynomial.polynomial.polyval(tn, self.coeff)
+
+    def scale(self, temp_degc):
+        """1 + M(T)."""
+        tn = (np.clip(temp_degc, *self.span_degc) - self.t0_degc) / self.range_degc
+        return 1 + np.polynomial.polynomial.polyval(tn, self.scale_coeff)
+
+    def powers(self, t_ref_degc, per_unit=1.0):
+        """Coefficients of B in powers of (T - t_ref), times per_unit."""
+        shift = np.polynomial.Polynomial([(t_ref_degc - self.t0_degc) / self.range_degc, 1 / self.range_degc])
+        result = np.polynomial.Polynomial(self.coeff)(shift).coef * per_unit
+        return np.pad(result, (0, len(self.coeff) - len(result)))
+
+
+@dataclass
+class Table:
+    """A calibration table."""
+
+    serial: str
+    sequence: int
+    created: str
+    degc_per_count: float
+    degc_at_zero: float
+    channels: list
+    path: str = ""
+
+
+def read_json(path):
+    """A JSON file as a dict; DataError names file, line and column."""
+    path = os.fspath(path)
+    try:
+        with open(path, encoding="utf-8") as file:
+            return json.load(file)
+    except OSError as error:
+        raise DataError(f"{path}: cannot open: {error.strerror}") from None
+    except json.JSONDecodeError as error:
+        raise DataError(f"{path}:{error.lineno}:{error.colno}: not JSON: {error.msg}") from None
+    except UnicodeDecodeError:
+        raise DataError(f"{path}: not a JSON file (no text)") from None
+
+
+def _channel(path, i, axis):
+    place = f"{path}: axes[{i}]"
+    try:
+        name = axis["axis"]
+        unit = name.rpartition("_")[2] or "dph"
+        return Channel(name, unit, float(axis["t0_degc"]), float(axis["range_degc"]), np.array(axis[f"coeff_{unit}"], float),
+                       np.array(axis.get("scale_coeff", [0]), float), tuple(map(float, axis["span_degc"])), np.array(axis.get("temp_degc", []), float),
+                       np.array(axis.get(f"sigma_{unit}", []), float), float(axis.get(f"{unit}_per_count", 0)))
+    except KeyError as error:
+        raise DataError(f"{place}: {error.args[0]} is missing; imucal check {path} tells more") from None
+    except (TypeError, ValueError) as error:
+        raise DataError(f"{place}: {error}; imucal check {path} tells more") from None
+
+
+def read_table(path):
+    """Read a table (JSON).
+
+    Parameters
+    ----------
+    path : str
+
+    Returns
+    -------
+    Table
+
+    Raises
+    ------
+    DataError : names file and field
+    """
+    data = read_json(path)
+    if not isinstance(data, dict) or data.get("imucal_table") != 1:
+        raise DataError(f"{path}: not a calibration table (no \"imucal_table\": 1); imucal check {path} tells what it is")
+    channels = [_channel(path, i, a) for i, a in enumerate(data.get("axes", []))]
+    if not channels:
+        raise DataError(f"{path}: axes is empty")
+    return Table(data.get("serial", ""), data.get("sequence", 0), data.get("created", ""), float(data.get("degc_per_count", 0)),
+                 float(data.get("degc_at_zero", 0)), channels, os.fspath(path))

@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: MIT
+"""Exports, evaluated with the targets' own formulas in their own precision, against the table."""
+import json
+import re
+import subprocess
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from imucal.__main__ import main
+from imucal.export import ardupilot, c_header, noise, plain_json, px4
+from imucal.export.cubic import single
+from imucal.table import read_table
+from imucal.units import DPH_PER_RADPS
+
+F = np.float32
+NOTHING = SimpleNamespace(instance=None, device_id=None, prefix=None, rate_hz=None)
+
+
+def table_json(order=3, seed=1, names=("gx_dph", "gy_dph", "gz_dph"), span=(-20.0, 70.0), scale=(0.0,)):
+    rng = np.random.default_rng(seed)
+    return {"imucal_table": 1, "serial": "DEMO-1", "sequence": 3, "created": "2026-11-21T06:22:00Z", "degc_per_count": 0.01, "degc_at_zero": 25,
+            "axes": [{"axis": n, "order": order, "t0_degc": 25.0, "range_degc": 50.0,
+                      f"coeff_{n[-3:] if n.endswith('dph') else 'mg'}": [float(F(v)) for v in rng.normal(0, 500, order + 1)],
+                      "scale_coeff": list(scale), "span_degc": list(span), "temp_degc": np.linspace(*span, 9).tolist(),
+                      f"sigma_{'dph' if n.endswith('dph') else 'mg'}": [5.0] * 9, "model": {"arw_deg_rt_h": 0.6, "markov": []},
+                      f"{'dph' if n.endswith('dph') else 'mg'}_per_count": 18.0, "full_scale_counts": 32767, "n_seconds": 8400} for n in names]}
+
+
+@pytest.fixture
+def table(tmp_path):
+    def make(**kwargs):
+        (tmp_path / "table.json").write_text(json.dumps(table_json(**kwargs)))
+        return read_table(tmp_path / "table.json")
+    return make
+
+
+def rounding(terms):
+    """One rounding of float32 in each coefficient and in each sum: what their arithmetic cannot avoid."""
+    return 8 * 2.0 ** -24 * np.abs(terms).sum(axis=0)
+
+
+TEMPS = np.linspace(-40, 90, 2001)
+
+
+def px4_offset(params, i, temp):
+    """calc_thermal_offsets_3D of PX4's TemperatureCompensation.cpp, in float32."""
+    g = {k: F(v) for k, v in params.items()}
+    d = np.clip(temp.astype(F), g["TC_G0_TMIN"], g["TC_G0_TMAX"]) - g["TC_G0_TREF"]
+    d2 = d * d
+    d3 = d2 * d
+    x = [g[f"TC_G0_X{k}_{i}"] for k in range(4)]
+    return x[0] + x[1] * d + x[2] * d2 + x[3] * d3, np.stack([np.full_like(d, x[0]), x[1] * d, x[2] * d2, x[3] * d3]).astype(float)
+
+
+@pytest.mark.parametrize("seed, order", [(1, 3), (2, 2), (3, 1), (4, 0)])
+def test_px4_parameters_give_the_table_in_px4_s_own_formula(table, seed, order):
+    t = table(seed=seed, order=order)
+    text, notes = px4.export(t, SimpleNamespace(instance=0, device_id=2424842, prefix=None, rate_hz=None))
+    rows = [line.split("\t") for line in text.splitlines() if not line.startswith("#")]
+    assert all(len(r) == 5 and r[:2] == ["1", "1"] and len(r[2]) <= 16 for r in rows)
+    params = {r[2]: r[3] for r in rows}
+    assert params["TC_G0_ID"] == "2424842" and params["TC_G_ENABLE"] == "1" and not notes
+    for i, channel in enumerate(t.channels):
+        offset, terms = px4_offset(params, i, TEMPS)
+        assert np.all(np.abs(offset.astype(float) - channel.bias(TEMPS) / DPH_PER_RADPS) <= rounding(terms))
+
+
+def test_px4_says_what_a_cubic_cannot_hold(table):
+    t = table(order=5, scale=(0.0, 0.01))
+    text, notes = px4.export(t, NOTHING)
+    params = {r[2]: r[3] for r in (line.split("\t") for line in text.splitlines() if not line.startswith("#"))}
+    stated = [float(re.search(r"up to ([0-9.e+]+) dph", n).group(1)) for n in notes if "order 5" in n]
+    assert len(stated) == 3 and any("scale factor" in n for n in notes) and any("TC_G0_ID is 0" in n for n in notes)
+    inside = np.linspace(-20, 70, 1001)
+    for i, channel in enumerate(t.channels):
+        found = np.abs(px4_offset(params, i, inside)[0] * DPH_PER_RADPS - channel.bias(inside)).max()
+        assert found == pytest.approx(stated[i], rel=0.02)
+
+
+def ap_correct(params, axis, temp, imu=1):
+    """correct_sensor of ArduPilot's AP_InertialSensor_tempcal.cpp on v = 0, then INS_GYROFFS, in float32."""
+    p = {k: F(v) for k, v in params.items()}
+    c = [p[f"INS_TCAL{imu}_GYR{k}_{axis}"] for k in (1, 2, 3)]
+
+    def evaluate(d):
+        return (c[0] + (c[1] + c[2] * d) * d) * d * F(1e-6)
+    lo, hi = p[f"INS_TCAL{imu}_TMIN"], p[f"INS_TCAL{imu}_TMAX"]
+    at = np.clip(temp.astype(F), lo, hi) - F(35)
+    cal = np.clip(p[f"INS_GYR{imu}_CALTEMP"], lo, hi) - F(35)
+    v = F(0) - evaluate(at)
+    v = v + evaluate(cal)
+    offset = p["INS_GYR{}OFFS_{}".format("" if imu == 1 else imu, axis)]
+    terms = [(c[k] * at.astype(float) ** (k + 1)) * 1e-6 for k in range(3)] + [(c[k] * np.full(at.shape, float(cal)) ** (k + 1)) * 1e-6 for k in range(3)]
+    return v - offset, np.stack(terms + [np.full(at.shape, float(offset))])
+
+
+@pytest.mark.parametrize("span", [(-20.0, 70.0), (-10.0, 25.0)])
+def test_ardupilot_parameters_give_the_table_in_ardupilot_s_own_formula(table, span):
+    t = table(span=span)
+    text, _ = ardupilot.export(t, SimpleNamespace(instance=1, device_id=None, prefix=None, rate_hz=None))
+    params = dict(line.split() for line in text.splitlines() if not line.startswith("#"))
+    assert params["INS_TCAL2_ENABLE"] == "1" and all(len(n) <= 16 for n in params)
+    for axis, channel in zip("XYZ", t.channels):
+        corrected, terms = ap_correct(params, axis, TEMPS, imu=2)
+        assert np.all(np.abs(corrected.astype(float) + channel.bias(TEMPS) / DPH_PER_RADPS) <= 2 * rounding(terms))
+
+
+def test_accelerometer_goes_out_in_ms2(table):
+    t = table(names=("gx_dph", "gy_dph", "gz_dph", "ax_mg", "ay_mg", "az_mg"))
+    text, notes = px4.export(t, NOTHING)
+    params = {r[2]: float(r[3]) for r in (line.split("\t") for line in text.splitlines() if not line.startswith("#"))}
+    assert params["TC_A0_X0_1"] == pytest.approx(t.channels[4].bias(25.0) * 9.80665e-3, rel=1e-6)
+    assert any("gravity" in n for n in notes)
+    params = dict(line.split() for line in ardupilot.export(t, NOTHING)[0].splitlines() if not line.startswith("#"))
+    assert float(params["INS_TCAL1_ACC1_Z"]) == pytest.approx(t.channels[5].powers(35.0)[1] * 9.80665e-3 * 1e6, rel=1e-6)
+
+
+HARNESS = """
+#include <stdio.h>
+#include "table.h"
+int main(void) {{
+  for (int mdegc = -40000; mdegc <= 90000; mdegc += 65) {{
+    float degc = (float)mdegc / 1000.0f;
+    printf("%d", mdegc);
+{calls}
+    printf("\\n");
+  }}
+  return 0;
+}}
+"""
+
+
+@pytest.mark.parametrize("order", [0, 3, 5])
+def test_c_header_compiles_cleanly_and_computes_the_table(table, tmp_path, order):
+    t = table(order=order, scale=(0.002, -0.001))
+    text, notes = c_header.export(t, SimpleNamespace(prefix="cal"))
+    (tmp_path / "table.h").write_text(text)
+    calls = "\n".join(f'    printf(" %.9g %.9g %ld %d", (double)cal_{n}_bias(degc), (double)cal_{n}_compensate(1000.0f, degc), '
+                      f'(long)cal_{n}_bias_fixed(mdegc), CAL_{n.upper()}_FRAC_BITS);' for n in ("gx", "gy", "gz"))
+    (tmp_path / "main.c").write_text(HARNESS.format(calls=calls))
+    subprocess.run(["cc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror", "-ffp-contract=off",
+                    "-fsanitize=undefined", "-fno-sanitize-recover=all", str(tmp_path / "main.c"), "-o", str(tmp_path / "main")], check=True)
+    rows = np.array([line.split() for line in subprocess.run([str(tmp_path / "main")], capture_output=True, text=True, check=True).stdout.splitlines()], float)
+    temp = rows[:, 0] / 1000
+    assert len(notes) == 3
+    for i, channel in enumerate(t.channels):
+        bias, compensated, fixed, bits = rows[:, 1 + 4 * i:5 + 4 * i].T
+        size = np.abs(channel.coeff).sum()
+        assert np.abs(bias - channel.bias(temp)).max() <= 12 * 2.0 ** -24 * size
+        want = (1000 - channel.bias(temp)) * channel.scale(temp)
+        assert np.abs(compensated - want).max() <= 16 * 2.0 ** -24 * (size + 1000)
+        slope = np.abs(channel.coeff * np.arange(order + 1)).sum() * 2.0 ** -29  # of Tn's rounding
+        assert np.abs(fixed / 2.0 ** bits - channel.bias(temp)).max() <= (order + 1) * 2.0 ** -bits[0] + slope
+
+
+def test_json_holds_the_curve_three_ways(table):
+    data = json.loads(plain_json.export(table(order=4), NOTHING)[0])
+    for axis in data["axes"]:
+        temp = np.array(axis["temp_degc"])
+        np.testing.assert_allclose(np.polyval(axis["matlab_polyval"], temp - axis["t_ref_degc"]), axis["bias"], rtol=1e-12, atol=1e-9)
+
+
+# --- models ---
+
+MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}], "turn_on_sigma_dph": 50,
+         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
+
+
+@pytest.fixture
+def model(tmp_path):
+    (tmp_path / "model.json").write_text(json.dumps(MODEL))
+    return noise.read_noise(tmp_path / "model.json")
+
+
+def values_of(yaml_text):
+    return {k.strip(): v.split("#")[0].strip() for k, v in (line.split(":", 1) for line in yaml_text.splitlines() if ":" in line and not line.startswith("#"))}
+
+
+def test_kalibr_densities_reproduce_the_noise_by_kalibr_s_own_discretisation(model):
+    """sigma_d = density / sqrt(dt), bias step = walk sqrt(dt) (Kalibr, IMU noise model): 1-s means and the growth of the bias."""
+    text, notes = noise.kalibr(model, NOTHING)
+    v = values_of(text)
+    rate = float(v["update_rate"])
+    white_1s = float(v["gyroscope_noise_density"]) * np.sqrt(rate) / np.sqrt(rate)
+    assert white_1s * DPH_PER_RADPS == pytest.approx(36.0, rel=1e-6)
+    growth_10s = float(v["gyroscope_random_walk"]) * np.sqrt(10) * DPH_PER_RADPS
+    exact = 20 * np.sqrt(2 * (1 - np.exp(-10 / 100)))  # rms change of the Markov term in 10 s
+    assert growth_10s == pytest.approx(exact, rel=0.03)
+    assert any("random walk only" in n for n in notes)
+
+
+def test_ros_covariance_is_of_one_sample(model):
+    v = values_of(noise.ros(model, SimpleNamespace(rate_hz=100))[0])
+    variance = float(v["angular_velocity_covariance"].strip("[]").split(",")[0])
+    assert np.sqrt(variance / 100) * DPH_PER_RADPS == pytest.approx(36.0, rel=1e-6)  # a hundred samples make a 1-s mean
+    assert float(v["gtsam_gyroscopeCovariance"]) == pytest.approx(float(v["gyro_noise_density"]) ** 2, rel=1e-6)
+
+
+def test_matlab_filter_has_the_instability_s_spread_and_memory(model):
+    text = noise.matlab(model, SimpleNamespace(rate_hz=10))[0]
+    sigma = float(re.search(r"BiasInstability = ([0-9.e+-]+)", text).group(1))
+    phi = float(re.search(r"% ([0-9.]+) at 10 Hz", text).group(1))
+    response = np.sqrt(1 - phi ** 2) * phi ** np.arange(20000)
+    assert sigma * np.sqrt(np.sum(response ** 2)) * DPH_PER_RADPS == pytest.approx(20, rel=1e-5)
+    assert -1 / (10 * np.log(phi)) == pytest.approx(100, rel=1e-5)
+    slope = float(re.search(r"TemperatureBias = ([0-9.e+-]+)", text).group(1)) * DPH_PER_RADPS
+    tn = (25 - 30) / 30
+    assert slope == pytest.approx((300 + 300 * tn - 300 * tn ** 2) / 30, rel=1e-6)
+
+
+def test_datasheet_figures_follow_ieee_952(model):
+    figures = noise.datasheet_figures(model)
+    assert figures["arw_deg_rt_h"] == 0.6
+    assert figures["rate_random_walk_dph_rt_h"] == pytest.approx(20 * np.sqrt(2 / 100) * 60)
+    flicker = noise.Noise(0.6, [], 0, None, [], "x")
+    assert noise.datasheet_figures(flicker)["bias_instability_dph"] is None
+    slow = noise.Noise(0.6, [(20, 5000)], 0, None, [], "x")  # white until the walk takes over: N^2/tau + K^2 tau/3
+    walk = 20 * np.sqrt(2 / 5000)
+    found = noise.datasheet_figures(slow)
+    assert found["bias_instability_tau_s"] == pytest.approx(36 * np.sqrt(3) / walk, rel=0.03)
+    assert found["bias_instability_dph"] == pytest.approx(np.sqrt(2 * 36 * walk / np.sqrt(3)) / 0.664, rel=0.03)
+
+
+def test_allan_of_a_model_tends_to_its_asymptotes():
+    n = noise.Noise(0.6, [(20, 100)], 0, None, [], "x")
+    assert n.allan_dph(0.01) == pytest.approx(36 / np.sqrt(0.01), rel=1e-3)
+    only = noise.Noise(0.0, [(20, 100)], 0, None, [], "x")
+    assert only.allan_dph(1.0) == pytest.approx(20 * np.sqrt(2 / 100) * np.sqrt(1 / 3), rel=0.01)    # K sqrt(tau/3)
+    assert only.allan_dph(189.0) == pytest.approx(0.437 * np.sqrt(2 / 100) * 20 * np.sqrt(100), rel=0.01)  # IEEE 952, C.1.5: maximum at 1.89 Tc
+
+
+@pytest.mark.parametrize("content, to, words", [
+    (MODEL, "px4", "not a calibration table"), (table_json(), "kalibr", "needs an error model"),
+    (table_json(names=("gx_dph", "gy_dph")), "px4", "no axis gz"), (table_json(names=("temp_dph",)), "ardupilot", "no axes gx, gy, gz"),
+    ({"imucal_table": 1, "axes": [{"axis": "gx_dph"}]}, "px4", "t0_degc is missing")])
+def test_export_of_the_wrong_file_says_so_and_writes_nothing(tmp_path, capsys, content, to, words):
+    (tmp_path / "f.json").write_text(json.dumps(content))
+    assert main(["export", str(tmp_path / "f.json"), "--to", to, "-o", str(tmp_path / "out")]) == 3
+    assert words in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_single_is_the_nearest_float32():
+    assert single(0.1) == float(np.float32(0.1))
