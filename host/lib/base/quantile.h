@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: MIT
-// Quantiles the confidence intervals and thresholds need.
+// Distributions and quantiles that confidence intervals and thresholds need, by Boost.Math.
+// p in (0, 1), dof and shapes > 0, not necessarily whole; relative error below 1e-12.
 #pragma once
 
 namespace imucal {
 
 double normal_cdf(double z);
-double normal_quantile(double p);              // p in (0, 1); relative error below 1e-12
-double chi2_cdf(double x, double dof);         // regularised incomplete gamma P(dof/2, x/2)
-double chi2_quantile(double p, double dof);    // dof > 0, not necessarily whole
+double normal_quantile(double p);
+double chi2_cdf(double x, double dof);
+double chi2_quantile(double p, double dof);
+// Clopper and Pearson's interval of a proportion is made of these: k of n, beta_quantile(p, k, n - k + 1).
+double beta_quantile(double p, double a, double b);
 
 // Interval for a true rms from a measured rms with `dof` equivalent degrees of freedom:
 // rms * [sqrt(dof / chi2(hi)), sqrt(dof / chi2(lo))].
@@ -16,4 +19,4 @@ struct Interval {
 };
 Interval rms_interval(double rms, double dof, double confidence = 0.95);
 
-}  // namespace imucal
+} // namespace imucal

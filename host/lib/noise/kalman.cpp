@@ -4,15 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/units.h"
 #include "base/quantile.h"
-
-// The inner loops are compiled for the widest vectors the machine has.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
-#define IMUCAL_WIDE __attribute__((target_clones("avx512f", "avx2", "default"), optimize("O3")))
-#else
-#define IMUCAL_WIDE
-#endif
+#include "base/simd.h"
 
 namespace imucal {
 namespace {

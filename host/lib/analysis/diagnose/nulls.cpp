@@ -8,9 +8,9 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <thread>
 
 #include "base/error.h"
+#include "base/parallel.h"
 #include "base/progress.h"
 #include "io/json_file.h"
 
@@ -187,37 +187,27 @@ Calibration calibrate(const Campaign& campaign, const Hypothesis& nominal,
   ColumnBank bank(campaign, library);
   const Panel panel(&bank, nominal, PanelScope::kAll);
   std::vector<PanelScores> scores(options.nulls);
-  std::atomic<size_t> next{0};
+  std::atomic<size_t> done{0};
   Progress progress("calibrating on simulated logs", static_cast<double>(options.nulls), options.quiet);
-  const auto work = [&](bool reports) {
-    for (size_t i = next++; i < options.nulls; i = next++) {
-      std::vector<VectorXd> e;
-      for (size_t r = 0; r < campaign.runs.size(); ++r) {
-        Rng rng(options.seed, (static_cast<uint64_t>(i) << 16) + r, 0,
-                static_cast<uint32_t>(Stream::kTool) + 7);
-        VectorXd er(static_cast<long>(campaign.runs[r].n()));
-        for (long k = 0; k < er.size(); ++k) er[k] = rng.normal();
-        e.push_back(std::move(er));
-      }
-      scores[i] = panel.score_null(std::move(e), {});
-      if (reports) progress.update(static_cast<double>(i));
+  const auto draw = [&](long i) {
+    std::vector<VectorXd> e;
+    for (size_t r = 0; r < campaign.runs.size(); ++r) {
+      Rng rng(options.seed, (static_cast<uint64_t>(i) << 16) + r, 0,
+              static_cast<uint32_t>(Stream::kTool) + 7);
+      VectorXd er(static_cast<long>(campaign.runs[r].n()));
+      for (long k = 0; k < er.size(); ++k) er[k] = rng.normal();
+      e.push_back(std::move(er));
     }
+    scores[static_cast<size_t>(i)] = panel.score_null(std::move(e), {});
+    ++done;
   };
-  std::vector<std::thread> pool;
-  for (int t = 1; t < options.threads; ++t) pool.emplace_back(work, false);
-  work(true);
-  for (std::thread& thread : pool) thread.join();
+  const auto nulls = static_cast<long>(options.nulls);
+  parallel_for(nulls, options.threads, draw, [&] { progress.update(static_cast<double>(done)); });
   progress.finish();
 
   out.spectrum = spectrum_of(scores);
-  next = 0;
-  const auto spectra = [&] {
-    for (size_t i = next++; i < options.nulls; i = next++) panel.score_whittle(out.spectrum, &scores[i]);
-  };
-  pool.clear();
-  for (int t = 1; t < options.threads; ++t) pool.emplace_back(spectra);
-  spectra();
-  for (std::thread& thread : pool) thread.join();
+  parallel_for(nulls, options.threads,
+               [&](long i) { panel.score_whittle(out.spectrum, &scores[static_cast<size_t>(i)]); });
 
   out.named.assign(library.size(), {});
   out.generic.assign(generic_names().size(), {});

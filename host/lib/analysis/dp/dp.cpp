@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "base/error.h"
+#include "base/simd.h"
 
 namespace imucal {
 
@@ -14,21 +14,16 @@ namespace {
 constexpr long kBlock = 16384;     // t0 per block at most: three streams of it stay in the second-level cache
 constexpr long kBlocksPerRecord = 64;
 
-typedef double Lanes __attribute__((vector_size(32)));
-
-inline void load(Lanes* v, const double* from) { std::memcpy(v, from, sizeof *v); }
-
 // Sum over t0 in [b, e) of (p[t+n] - 2 p[t] + p[t-n])^2.  Four lanes, two chains: the order of the additions is
 // the same on every machine.
-__attribute__((target_clones("avx2", "default"))) double second_difference_sum_sq(const double* p, long b, long e,
-                                                                                  long n) {
+IMUCAL_WIDE double second_difference_sum_sq(const double* p, long b, long e, long n) {
   Lanes s0 = {0, 0, 0, 0}, s1 = {0, 0, 0, 0};
   long t = b;
   for (; t + 8 <= e; t += 8) {
     Lanes lo, mid, hi;
-    load(&lo, p + t - n), load(&mid, p + t), load(&hi, p + t + n);
+    load_lanes(&lo, p + t - n), load_lanes(&mid, p + t), load_lanes(&hi, p + t + n);
     const Lanes d0 = (hi - mid) - (mid - lo);
-    load(&lo, p + t + 4 - n), load(&mid, p + t + 4), load(&hi, p + t + 4 + n);
+    load_lanes(&lo, p + t + 4 - n), load_lanes(&mid, p + t + 4), load_lanes(&hi, p + t + 4 + n);
     const Lanes d1 = (hi - mid) - (mid - lo);
     s0 += d0 * d0;
     s1 += d1 * d1;
@@ -43,16 +38,15 @@ __attribute__((target_clones("avx2", "default"))) double second_difference_sum_s
 }
 
 // Sum over t0 in [b, e) of ((p[t+n] - p[t]) / n - factor x[t])^2.
-__attribute__((target_clones("avx2", "default"))) double prediction_sum_sq(const double* p, const double* x, long b,
-                                                                           long e, long n, double factor) {
+IMUCAL_WIDE double prediction_sum_sq(const double* p, const double* x, long b, long e, long n, double factor) {
   const double inv_n = 1.0 / static_cast<double>(n);
   Lanes s0 = {0, 0, 0, 0}, s1 = {0, 0, 0, 0};
   long t = b;
   for (; t + 8 <= e; t += 8) {
     Lanes mid, hi, est;
-    load(&mid, p + t), load(&hi, p + t + n), load(&est, x + t);
+    load_lanes(&mid, p + t), load_lanes(&hi, p + t + n), load_lanes(&est, x + t);
     const Lanes d0 = (hi - mid) * inv_n - est * factor;
-    load(&mid, p + t + 4), load(&hi, p + t + 4 + n), load(&est, x + t + 4);
+    load_lanes(&mid, p + t + 4), load_lanes(&hi, p + t + 4 + n), load_lanes(&est, x + t + 4);
     const Lanes d1 = (hi - mid) * inv_n - est * factor;
     s0 += d0 * d0;
     s1 += d1 * d1;

@@ -11,6 +11,7 @@
 #include <limits>
 
 #include "base/error.h"
+#include "base/simd.h"
 #include "base/units.h"
 
 namespace imucal {
@@ -18,12 +19,11 @@ namespace imucal {
 namespace {
 
 constexpr size_t kMostTerms = 6;
-typedef double Lanes __attribute__((vector_size(32)));
 
 // Steady filter over samples [begin, end) of four columns: innovations out, states updated.
 template <size_t N>
-__attribute__((always_inline)) inline void steady_run(const double* in, size_t width, long begin, long end, const double* phi,
-                                                      const double* gain, double* state, double* out) {
+IMUCAL_WIDE_PART void steady_run(const double* in, size_t width, long begin, long end, const double* phi, const double* gain,
+                                 double* state, double* out) {
   Lanes x[N];
   for (size_t i = 0; i < N; ++i) std::memcpy(&x[i], state + 4 * i, sizeof(Lanes));
   for (long k = begin; k < end; ++k) {
@@ -39,8 +39,8 @@ __attribute__((always_inline)) inline void steady_run(const double* in, size_t w
   for (size_t i = 0; i < N; ++i) std::memcpy(state + 4 * i, &x[i], sizeof(Lanes));
 }
 
-__attribute__((target_clones("avx2", "default"))) void steady(size_t n, const double* in, size_t width, long begin, long end,
-                                                            const double* phi, const double* gain, double* state, double* out) {
+IMUCAL_WIDE void steady(size_t n, const double* in, size_t width, long begin, long end, const double* phi, const double* gain,
+                        double* state, double* out) {
   switch (n) {
     case 1: return steady_run<1>(in, width, begin, end, phi, gain, state, out);
     case 2: return steady_run<2>(in, width, begin, end, phi, gain, state, out);

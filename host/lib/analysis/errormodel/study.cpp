@@ -2,41 +2,17 @@
 #include "analysis/errormodel/study.h"
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 #include <limits>
 #include <mutex>
-#include <thread>
 
 #include "base/error.h"
+#include "base/parallel.h"
 #include "analysis/errormodel/simulate.h"
 
 namespace imucal {
-
-void parallel_for(long n, int threads, const std::function<void(long)>& f) {
-  std::atomic<long> next{0};
-  std::exception_ptr problem;
-  std::mutex guard;
-  const auto work = [&] {
-    for (long i = next++; i < n; i = next++) {
-      try {
-        f(i);
-      } catch (...) {
-        const std::lock_guard<std::mutex> hold(guard);
-        problem = std::current_exception();
-        next = n;
-      }
-    }
-  };
-  std::vector<std::thread> pool;
-  for (int k = 1; k < std::min<long>(threads, n); ++k) pool.emplace_back(work);
-  work();
-  for (auto& t : pool) t.join();
-  if (problem) std::rethrow_exception(problem);
-}
 
 Spread spread_of(std::vector<double> v) {
   Spread s;

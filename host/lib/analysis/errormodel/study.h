@@ -12,9 +12,6 @@
 
 namespace imucal {
 
-// Runs f(0) … f(n-1) on some threads.
-void parallel_for(long n, int threads, const std::function<void(long)>& f);
-
 struct Spread {
   double mean = 0, sd = 0, q05 = 0, median = 0, q95 = 0;
 };

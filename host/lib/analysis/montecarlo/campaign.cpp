@@ -6,11 +6,10 @@
 #include <chrono>
 #include <cmath>
 #include <ctime>
-#include <exception>
 #include <mutex>
-#include <thread>
 
 #include "base/error.h"
+#include "base/parallel.h"
 #include "analysis/montecarlo/residual.h"
 
 namespace imucal {
@@ -105,20 +104,14 @@ public:
 
   void work() {
     Tally mine;
-    try {
-      for (;;) {
-        if (stop_ && stop_()) stopped_ = true;
-        if (stopped_ || failure_seen_) break;
-        const uint64_t i = next_++;
-        if (i >= plan_.options.runs) break;
-        score_(plan_, plan_.options.first_run + i, &mine);
-        ++done_;
-        if (++unmerged_ % 32 == 0) hand_over(&mine);
-      }
-    } catch (...) {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      if (!failure_) failure_ = std::current_exception();
-      failure_seen_ = true;
+    for (;;) {
+      if (stop_ && stop_()) stopped_ = true;
+      if (stopped_) break;
+      const uint64_t i = next_++;
+      if (i >= plan_.options.runs) break;
+      score_or_stop(i, &mine);
+      ++done_;
+      if (++unmerged_ % 32 == 0) hand_over(&mine);
     }
     hand_over(&mine);
   }
@@ -129,11 +122,17 @@ public:
     const std::lock_guard<std::mutex> lock(mutex_);
     result->tally = tally_;
   }
-  void rethrow() {
-    if (failure_) std::rethrow_exception(failure_);
-  }
 
 private:
+  // One run that fails stops the others.
+  void score_or_stop(uint64_t i, Tally* mine) {
+    try {
+      score_(plan_, plan_.options.first_run + i, mine);
+    } catch (...) {
+      stopped_ = true;
+      throw;
+    }
+  }
   void hand_over(Tally* mine) {
     const std::lock_guard<std::mutex> lock(mutex_);
     tally_.merge(*mine);
@@ -145,9 +144,8 @@ private:
   const std::function<bool()>& stop_;
   // Every number taken is finished: after a stop, too, the runs done are the first ones without a hole.
   std::atomic<uint64_t> next_{0}, done_{0}, unmerged_{0};
-  std::atomic<bool> stopped_{false}, failure_seen_{false};
+  std::atomic<bool> stopped_{false};
   std::mutex mutex_;
-  std::exception_ptr failure_;
   Tally tally_;
 };
 
@@ -166,22 +164,14 @@ CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
   result.first_run = plan.options.first_run;
   const double start_s = wall_seconds(), cpu_start_s = cpu_seconds();
   Workers workers(plan, score, stop);
-  std::atomic<int> busy{std::max(1, plan.options.threads)};
-  std::vector<std::thread> threads;
-  for (int i = 0, n = busy; i < n; ++i)
-    threads.emplace_back([&] {
-      workers.work();
-      --busy;
-    });
-  while (busy > 0) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(progress ? 50 : 5));
-    if (!progress) continue;
+  const auto watch = [&] {
+    if (!progress) return;
     workers.snapshot(&result);
     result.runs_done = workers.done();
     progress(result);
-  }
-  for (std::thread& thread : threads) thread.join();
-  workers.rethrow();
+  };
+  const int threads = std::max(1, plan.options.threads);
+  parallel_for(threads, threads, [&](long) { workers.work(); }, watch);
   workers.snapshot(&result);
   result.runs_done = workers.done();
   result.is_interrupted = workers.stopped() && result.runs_done < plan.options.runs;

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: MIT
+// The base: the parallel loop, quantiles.
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <csetjmp>
+#include <cstdarg>
+#include <cstddef>
+#include <cstdint>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "base/parallel.h"
+#include "base/quantile.h"
+// After the others: it defines a macro `fail`.
+extern "C" {
+#include <cmocka.h>
+}
+
+using namespace imucal;
+
+static void test_parallel_for_every_item_once(void**) {
+  for (const int threads : {-1, 0, 1, 2, 7}) {
+    std::vector<std::atomic<int>> seen(100);
+    parallel_for(100, threads, [&](long i) { ++seen[static_cast<size_t>(i)]; });
+    for (const auto& n : seen) assert_int_equal(n, 1);
+    parallel_for(100, threads, [&](long i) { ++seen[static_cast<size_t>(i)]; }, [] {});
+    for (const auto& n : seen) assert_int_equal(n, 2);
+  }
+  parallel_for(0, 4, [](long) { fail_msg("no items"); });
+  parallel_for(0, 4, [](long) { fail_msg("no items"); }, [] {});
+}
+
+// The text of what a loop over 1000 items throws, and how many items were begun.
+template <class Loop>
+static std::string thrown_by(const Loop& loop, int* begun) {
+  std::atomic<int> n{0};
+  std::string text = "nothing";
+  try {
+    loop([&](long i) {
+      ++n;
+      if (i == 3) throw std::runtime_error("item 3");
+      std::this_thread::sleep_for(std::chrono::microseconds(200));
+    });
+  } catch (const std::runtime_error& e) {
+    text = e.what();
+  }
+  *begun = n;
+  return text;
+}
+
+static void test_parallel_for_exception_reaches_the_caller_and_ends_the_loop(void**) {
+  for (const int threads : {1, 4}) {
+    int begun = 0;
+    assert_string_equal(thrown_by([&](const auto& f) { parallel_for(1000, threads, f); }, &begun).c_str(), "item 3");
+    assert_in_range(begun, 4, 200);
+    assert_string_equal(thrown_by([&](const auto& f) { parallel_for(1000, threads, f, [] {}); }, &begun).c_str(), "item 3");
+    assert_in_range(begun, 4, 200);
+  }
+}
+
+static void test_parallel_for_watch_runs_in_the_caller(void**) {
+  std::set<std::thread::id> watchers;
+  std::atomic<bool> was_watched{false};
+  const auto wait = [&](long) {
+    for (int k = 0; k < 5000 && !was_watched; ++k) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  };
+  parallel_for(2, 2, wait, [&] { watchers.insert(std::this_thread::get_id()), was_watched = true; });
+  assert_int_equal(watchers.size(), 1);
+  assert_true(*watchers.begin() == std::this_thread::get_id());
+  was_watched = false;
+  std::string text;
+  try {
+    parallel_for(2, 2, wait, [&] { was_watched = true, throw std::runtime_error("watch"); });
+  } catch (const std::runtime_error& e) {
+    text = e.what();
+  }
+  assert_string_equal(text.c_str(), "watch");
+}
+
+static void assert_relative(double found, double expected, double tolerance) {
+  if (!(std::fabs(found / expected - 1) <= tolerance)) fail_msg("%.17g, expected %.17g", found, expected);
+}
+
+// Abramowitz and Stegun, tables 26.1 and 26.8; digits beyond theirs by scipy.stats.
+static void test_quantiles_are_those_of_the_tables(void**) {
+  assert_relative(normal_quantile(0.975), 1.959963984540054, 1e-14);
+  assert_relative(normal_quantile(1e-10), -6.361340902404056, 1e-14);
+  assert_relative(normal_cdf(-1.0), 0.15865525393145705, 1e-14);
+  assert_relative(chi2_quantile(0.95, 10), 18.307038053275146, 1e-13);
+  assert_relative(chi2_quantile(0.025, 1), 9.820691171752581e-04, 1e-12);
+  assert_relative(chi2_cdf(3.841458820694124, 1), 0.95, 1e-13);
+  // Hardly any degree of freedom, and very many: quantile and distribution are inverse.
+  for (const double dof : {0.3, 2.5, 40.0, 3000.0, 2e6})
+    for (const double p : {1e-4, 0.025, 0.5, 0.975, 0.9999}) assert_relative(chi2_cdf(chi2_quantile(p, dof), dof), p, 1e-9);
+  // 3 of 10: Clopper and Pearson 1934, 95 %.
+  assert_relative(beta_quantile(0.025, 3, 8), 0.0667395111777345, 1e-12);
+  assert_relative(beta_quantile(0.975, 4, 7), 0.6524528500599972, 1e-12);
+  const Interval interval = rms_interval(2, 10);
+  assert_relative(interval.lo, 2 * std::sqrt(10 / 20.483177350807388), 1e-12);
+  assert_relative(interval.hi, 2 * std::sqrt(10 / 3.246972780236842), 1e-12);
+}
+
+int main() {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_parallel_for_every_item_once),
+      cmocka_unit_test(test_parallel_for_exception_reaches_the_caller_and_ends_the_loop),
+      cmocka_unit_test(test_parallel_for_watch_runs_in_the_caller),
+      cmocka_unit_test(test_quantiles_are_those_of_the_tables),
+  };
+  return cmocka_run_group_tests_name("base", tests, nullptr, nullptr);
+}
