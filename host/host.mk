@@ -2,7 +2,7 @@
 # program, what stands beside it is its text and JSON.
 
 # A program that needs more than the archive names it here: LIBS_<program>.
-HOST_LIBS ?= -lnlopt -lglpk
+HOST_LIBS ?= -lnlopt -lClp
 LIBS_calibrate := -lserialport
 
 HOST_CPPFLAGS := -Icommon -Ihost/lib -Ihost/tools -isystem /usr/include/eigen3 -DIMUCAL_VERSION='"$(VERSION)"' -DEIGEN_MPL2_ONLY

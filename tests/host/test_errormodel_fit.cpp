@@ -95,7 +95,7 @@ void test_likelihood_profile_is_the_best_scale(void**) {
   }
 }
 
-// Random programs: GLPK and the small simplex agree, every row holds, and no random feasible point is better.
+// Random programs: Clp and the small simplex agree, every row holds, and no random feasible point is better.
 void test_bounding_programs_agree_and_are_optimal(void**) {
   Rng rng(5, 0, 0, Stream::kTool);
   for (int trial = 0; trial < 40; ++trial) {

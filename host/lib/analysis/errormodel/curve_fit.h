@@ -3,7 +3,7 @@
 //
 // E d^2 is linear in the white variance and in each Markov variance for fixed time constants.  So over a grid of time
 // constants the tightest bound, minimise sum over tau of model^2/data^2 - 1 subject to model >= data at every tau and
-// variances >= 0, is a linear program (GLPK's simplex; rows are added where violated until none is): globally optimal.
+// variances >= 0, is a linear program (Clp's simplex; rows are added where violated until none is): globally optimal.
 // Then the asked number of Markov terms is searched: the same program with that many columns inside, their time
 // constants outside (all combinations of a coarse grid, then Nelder-Mead from the best).
 //

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/errormodel/lp.h"
 
-#include <glpk.h>
+#include <coin/Clp_C_Interface.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <stdexcept>
 
 namespace imucal {
@@ -14,10 +15,6 @@ namespace imucal {
 namespace {
 
 constexpr double kFeasible = 1e-9;
-
-struct DeleteProgram {
-  void operator()(glp_prob* p) const { glp_delete_prob(p); }
-};
 
 // Values A x per row.
 void evaluate(const std::vector<const double*>& columns, const std::vector<double>& x, size_t n_rows, std::vector<double>* out) {
@@ -61,53 +58,76 @@ std::vector<size_t> violated_rows(const std::vector<double>& value, double limit
 }
 
 // minimise c'x, A x >= 1, x >= 0 over the given rows, as its dual: maximise sum y, A'y <= c, y >= 0.  c > 0 makes y = 0
-// feasible, so a tableau simplex starts at once; the x are the dual prices.  Bland's rule.
-bool small_simplex(const std::vector<const double*>& columns, const std::vector<double>& cost, const std::vector<size_t>& rows,
-                   std::vector<double>* x) {
-  const size_t m = columns.size(), k = rows.size(), width = k + m + 1;
-  std::vector<double> table((m + 1) * width, 0.0);
-  const auto at = [&](size_t r, size_t c) -> double& { return table[r * width + c]; };
-  std::vector<size_t> basic(m);
-  for (size_t j = 0; j < m; ++j) {
-    for (size_t i = 0; i < k; ++i) at(j, i) = columns[j][rows[i]] / cost[j];
-    at(j, k + j) = 1;
-    at(j, width - 1) = 1;
-    basic[j] = k + j;
+// feasible, so a tableau simplex starts at once; the x are the dual prices.
+class SmallSimplex {
+public:
+  SmallSimplex(const std::vector<const double*>& columns, const std::vector<double>& cost, const std::vector<size_t>& rows)
+      : cost_(cost), m_(columns.size()), k_(rows.size()), width_(k_ + m_ + 1), table_((m_ + 1) * width_, 0.0), basic_(m_) {
+    for (size_t j = 0; j < m_; ++j) {
+      for (size_t i = 0; i < k_; ++i) at(j, i) = columns[j][rows[i]] / cost[j];
+      at(j, k_ + j) = 1;
+      at(j, width_ - 1) = 1;
+      basic_[j] = k_ + j;
+    }
+    for (size_t i = 0; i < k_; ++i) at(m_, i) = -1;
   }
-  for (size_t i = 0; i < k; ++i) at(m, i) = -1;
-  for (int step = 0; step < 2000; ++step) {
-    size_t enter = width;
+  // False: some row has no component, or no end after 2000 steps.
+  bool solve(std::vector<double>* x) {
+    for (int step = 0; step < 2000; ++step) {
+      const size_t enter = entering(step > kStepsBeforeBland);
+      if (enter == width_) {
+        for (size_t j = 0; j < m_; ++j) (*x)[j] = std::max(0.0, at(m_, k_ + j) / cost_[j]);
+        return true;
+      }
+      const size_t leave = leaving(enter);
+      if (leave == m_) return false;
+      pivot(leave, enter);
+    }
+    return false;
+  }
+
+private:
+  static constexpr int kStepsBeforeBland = 200;  // then cycling could be at hand
+
+  double& at(size_t row, size_t column) { return table_[row * width_ + column]; }
+  // The column of the steepest gain; by Bland's rule the first that gains; width_: none does.
+  size_t entering(bool by_bland) {
+    size_t enter = width_;
     double best = -1e-12;
-    for (size_t c = 0; c + 1 < width; ++c)
-      if (at(m, c) < best) {
+    for (size_t c = 0; c + 1 < width_; ++c)
+      if (at(m_, c) < best) {
         enter = c;
-        if (step > 200) break;  // Bland once cycling could be at hand
-        best = at(m, c);
+        if (by_bland) break;
+        best = at(m_, c);
       }
-    if (enter == width) {
-      for (size_t j = 0; j < m; ++j) (*x)[j] = std::max(0.0, at(m, k + j) / cost[j]);
-      return true;
-    }
-    size_t leave = m;
-    double least = std::numeric_limits<double>::infinity();
-    for (size_t j = 0; j < m; ++j)
-      if (at(j, enter) > 1e-13) {
-        const double ratio = at(j, width - 1) / at(j, enter);
-        if (ratio < least - 1e-15 || (ratio <= least + 1e-15 && leave < m && basic[j] < basic[leave])) least = ratio, leave = j;
-      }
-    if (leave == m) return false;  // unbounded dual: some row has no component
-    const double pivot = at(leave, enter);
-    for (size_t c = 0; c < width; ++c) at(leave, c) /= pivot;
-    for (size_t j = 0; j <= m; ++j) {
-      if (j == leave) continue;
-      const double factor = at(j, enter);
-      if (factor == 0) continue;
-      for (size_t c = 0; c < width; ++c) at(j, c) -= factor * at(leave, c);
-    }
-    basic[leave] = enter;
+    return enter;
   }
-  return false;
-}
+  size_t leaving(size_t enter) {
+    size_t leave = m_;
+    double least = std::numeric_limits<double>::infinity();
+    for (size_t j = 0; j < m_; ++j)
+      if (at(j, enter) > 1e-13) {
+        const double ratio = at(j, width_ - 1) / at(j, enter);
+        if (ratio < least - 1e-15 || (ratio <= least + 1e-15 && leave < m_ && basic_[j] < basic_[leave])) least = ratio, leave = j;
+      }
+    return leave;
+  }
+  void pivot(size_t leave, size_t enter) {
+    const double value = at(leave, enter);
+    for (size_t c = 0; c < width_; ++c) at(leave, c) /= value;
+    for (size_t j = 0; j <= m_; ++j) {
+      const double factor = at(j, enter);
+      if (j == leave || factor == 0) continue;
+      for (size_t c = 0; c < width_; ++c) at(j, c) -= factor * at(leave, c);
+    }
+    basic_[leave] = enter;
+  }
+
+  const std::vector<double>& cost_;
+  size_t m_, k_, width_;
+  std::vector<double> table_;
+  std::vector<size_t> basic_;
+};
 
 }  // namespace
 
@@ -119,7 +139,7 @@ BoundingSolution solve_bounding_small(const std::vector<const double*>& columns,
   for (size_t k = 0; k <= 6; ++k) rows.push_back(k * (n_rows - 1) / 6);
   rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
   for (int round = 0; round < 60; ++round) {
-    if (!small_simplex(columns, cost, rows, &x)) break;
+    if (!SmallSimplex(columns, cost, rows).solve(&x)) break;
     evaluate(columns, x, n_rows, &value);
     const auto more = violated_rows(value, kFeasible);
     if (more.empty()) break;
@@ -128,43 +148,66 @@ BoundingSolution solve_bounding_small(const std::vector<const double*>& columns,
   return finish(columns, x, n_rows);
 }
 
+namespace {
+
+// A linear program in Clp that grows by rows: minimise sum x, rows >= 1, x >= 0.
+class GrowingProgram {
+public:
+  explicit GrowingProgram(size_t n_columns) : lp_(Clp_newModel()), index_(n_columns) {
+    for (size_t j = 0; j < n_columns; ++j) index_[j] = static_cast<int>(j);
+    const std::vector<CoinBigIndex> starts(n_columns + 1, 0);
+    const std::vector<double> cost(n_columns, 1.0);
+    Clp_setLogLevel(lp_.get(), 0);
+    Clp_loadProblem(lp_.get(), static_cast<int>(n_columns), 0, starts.data(), nullptr, nullptr, nullptr, nullptr, cost.data(),
+                    nullptr, nullptr);
+    Clp_setPrimalTolerance(lp_.get(), kFeasible);
+    Clp_setDualTolerance(lp_.get(), kFeasible);
+  }
+  void add(const std::vector<double>& row) {
+    const double lower = 1, upper = std::numeric_limits<double>::max();
+    const CoinBigIndex starts[2] = {0, static_cast<CoinBigIndex>(row.size())};
+    Clp_addRows(lp_.get(), 1, &lower, &upper, starts, index_.data(), row.data());
+  }
+  // Valid until the next call.  The dual method goes on from the last optimum: a new row keeps it dual feasible.
+  const double* solve() {
+    if (Clp_dual(lp_.get(), 0) != 0) throw std::runtime_error("the bounding program has no solution");
+    return Clp_primalColumnSolution(lp_.get());
+  }
+
+private:
+  struct Delete {
+    void operator()(Clp_Simplex* lp) const { Clp_deleteModel(lp); }
+  };
+  std::unique_ptr<Clp_Simplex, Delete> lp_;
+  std::vector<int> index_;
+};
+
+// Columns scaled to a mean of one: variances of very different size.
+std::vector<double> scales(const BoundingProgram& program) {
+  std::vector<double> out;
+  for (const auto& column : program.columns)
+    out.push_back(static_cast<double>(column.size()) / std::accumulate(column.begin(), column.end(), 0.0));
+  return out;
+}
+
+}  // namespace
+
 BoundingSolution solve_bounding(const BoundingProgram& program) {
   const size_t n_columns = program.columns.size(), n_rows = program.columns.at(0).size();
+  const std::vector<double> scale = scales(program);
   std::vector<const double*> columns;
   for (const auto& c : program.columns) columns.push_back(c.data());
-  const std::unique_ptr<glp_prob, DeleteProgram> lp(glp_create_prob());
-  glp_set_obj_dir(lp.get(), GLP_MIN);
-  glp_add_cols(lp.get(), static_cast<int>(n_columns));
-  // Columns scaled to a mean of one: variances of very different size.
-  std::vector<double> scale(n_columns);
-  for (size_t j = 0; j < n_columns; ++j) {
-    double sum = 0;
-    for (double v : program.columns[j]) sum += v;
-    scale[j] = static_cast<double>(n_rows) / sum;
-    glp_set_col_bnds(lp.get(), static_cast<int>(j) + 1, GLP_LO, 0, 0);
-    glp_set_obj_coef(lp.get(), static_cast<int>(j) + 1, 1);
-  }
-  std::vector<int> index(n_columns + 1);
-  std::vector<double> row(n_columns + 1), x(n_columns, 0.0), value;
-  for (size_t j = 0; j < n_columns; ++j) index[j + 1] = static_cast<int>(j) + 1;
+  std::vector<double> row(n_columns), x(n_columns, 0.0), value;
+  GrowingProgram lp(n_columns);
   const auto add = [&](size_t i) {
-    for (size_t j = 0; j < n_columns; ++j) row[j + 1] = program.columns[j][i] * scale[j];
-    const int r = glp_add_rows(lp.get(), 1);
-    glp_set_row_bnds(lp.get(), r, GLP_LO, 1, 0);
-    glp_set_mat_row(lp.get(), r, static_cast<int>(n_columns), index.data(), row.data());
+    for (size_t j = 0; j < n_columns; ++j) row[j] = columns[j][i] * scale[j];
+    lp.add(row);
   };
   const size_t first = std::min<size_t>(n_rows, 12);
   for (size_t k = 0; k < first; ++k) add(first > 1 ? k * (n_rows - 1) / (first - 1) : 0);
-  glp_smcp options;
-  glp_init_smcp(&options);
-  options.msg_lev = GLP_MSG_OFF;
-  options.meth = GLP_DUALP;
-  options.tol_bnd = 1e-9, options.tol_dj = 1e-9;
   for (int round = 0; round < 200; ++round) {
-    if (glp_simplex(lp.get(), &options) != 0 || glp_get_status(lp.get()) != GLP_OPT)
-      throw std::runtime_error("the bounding program has no solution");
-    for (size_t j = 0; j < n_columns; ++j)
-      x[j] = std::max(0.0, glp_get_col_prim(lp.get(), static_cast<int>(j) + 1)) * scale[j];
+    const double* solution = lp.solve();
+    for (size_t j = 0; j < n_columns; ++j) x[j] = std::max(0.0, solution[j]) * scale[j];
     evaluate(columns, x, n_rows, &value);
     const auto more = violated_rows(value, 1e-8);
     if (more.empty()) break;

@@ -15,7 +15,7 @@ struct BoundingSolution {
   double objective = 0;  // sum over tau of (A x - 1); infinite when no component reaches some tau
 };
 
-// By GLPK's simplex on the rows that matter: rows are added where violated until every row holds to 1e-9 (the result
+// By Clp's simplex on the rows that matter: rows are added where violated until every row holds to 1e-9 (the result
 // is then scaled up by that last part so that it holds exactly).
 BoundingSolution solve_bounding(const BoundingProgram& program);
 
