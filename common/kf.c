@@ -7,15 +7,26 @@
 #define MAX_PRIOR 1e6f
 #define FOLD_N 256u /* measurements between two folds; a power of two */
 
+static inline float sum_of(imucal_kf_pair_t pair) {
+  return pair.hi + pair.lo;
+}
+
 /* hi + lo -> the same sum with hi as large as can be (fast two-sum).  Between two folds terms are added to lo
  * alone: lo stays small beside hi and loses nothing, except before the first fold, where it is the whole
  * history. */
-IMUCAL_COLD static void fold(float* hi, float* lo, uint32_t n) {
-  for (uint32_t i = 0; i < n; i++) {
-    const float sum = hi[i] + lo[i];
-    lo[i] -= sum - hi[i];
-    hi[i] = sum;
+IMUCAL_COLD static void fold(float* hi, float* lo) {
+  const float sum = *hi + *lo;
+  *lo -= sum - *hi;
+  *hi = sum;
+}
+
+IMUCAL_COLD static void fold_all(imucal_kf_t* kf) {
+  fold(&kf->one_plus_v0.hi, &kf->one_plus_v0.lo);
+  for (uint32_t k = 0; k <= kf->config.order; k++) {
+    fold(&kf->row[k].d.hi, &kf->row[k].d.lo);
+    fold(&kf->row[k].x.hi, &kf->row[k].x.lo);
   }
+  for (uint32_t i = 0; i < IMUCAL_KF_N_SUMS; i++) fold(&kf->stats.sum[i], &kf->stats.sum_lo[i]);
 }
 
 /* |value| <= limit, false for NaN: magnitudes of floats are ordered as their bits. */
@@ -28,30 +39,25 @@ static inline bool is_r_ratio(float value) {
   return imucal_bits_from_float(value) - least <= imucal_bits_from_float(IMUCAL_KF_MAX_R_RATIO) - least;
 }
 
-/* What the numbers of a configuration may be, in the order of the struct. */
-#define N_NUMBERS 7
-static const struct {
-  float lo, hi;
-} limit[N_NUMBERS] = {{-1000.0f, 1000.0f},    {1e-3f, 2000.0f},     {1e-30f, 1.0f},    {0.0f, MAX_VARIANCE},
-                      {1e-12f, MAX_VARIANCE}, {0.0f, MAX_VARIANCE}, {1e-6f, MAX_PRIOR}};
-static const int8_t refusal[N_NUMBERS] = {IMUCAL_ERR_SPAN,  IMUCAL_ERR_SPAN,  IMUCAL_ERR_MODEL,
-                                          IMUCAL_ERR_MODEL, IMUCAL_ERR_MODEL, IMUCAL_ERR_MODEL,
-                                          IMUCAL_ERR_RANGE};
-typedef char numbers_are_contiguous[sizeof(imucal_kf_config_t) ==
-                                            offsetof(imucal_kf_config_t, t0_degc) + N_NUMBERS * sizeof(float)
-                                        ? 1
-                                        : -1];
-
 IMUCAL_COLD static imucal_status check_config(const imucal_kf_config_t* c) {
   if (c->order < 1 || c->order > IMUCAL_MAX_ORDER) return IMUCAL_ERR_ORDER;
-  const float* number = (const float*)(const void*)((const char*)c + offsetof(imucal_kf_config_t, t0_degc));
-  for (uint32_t i = 0; i < N_NUMBERS; i++)
-    if (!imucal_is_within(number[i], limit[i].lo, limit[i].hi)) return (imucal_status)refusal[i];
+  if (!imucal_is_within(c->t0_degc, -1000.0f, 1000.0f)) return IMUCAL_ERR_SPAN;
+  if (!imucal_is_within(c->range_degc, 1e-3f, 2000.0f)) return IMUCAL_ERR_SPAN;
+  if (!imucal_is_within(c->m, 1e-30f, 1.0f)) return IMUCAL_ERR_MODEL;
+  if (!imucal_is_within(c->q, 0.0f, MAX_VARIANCE)) return IMUCAL_ERR_MODEL;
+  if (!imucal_is_within(c->r, 1e-12f, MAX_VARIANCE)) return IMUCAL_ERR_MODEL;
+  if (!imucal_is_within(c->markov_variance, 0.0f, MAX_VARIANCE)) return IMUCAL_ERR_MODEL;
+  if (!imucal_is_within(c->prior_sigma, 1e-6f, MAX_PRIOR)) return IMUCAL_ERR_RANGE;
   return IMUCAL_OK;
 }
 
-/* T_k = sum_i t_ki Tn^i; here t_ki/t_ii, i < k, by columns as in kf_t.u, and t_kk = 2^(k-1), t_00 = 1. */
-static const int8_t chebyshev[] = {0, -1, 0, 0, -3, 0, 1, 0, -4, 0, 0, 5, 0, -5, 0};
+/* T_k = sum_i t_ki Tn^i; here t_ki/t_ii, i < k, in the order of kf_t.r, and t_kk = 2^(k-1), t_00 = 1. */
+static const int8_t chebyshev[IMUCAL_KF_MAX_R] = {0, -1, 0, 1, 0, 0, -3, 0, 5, 0, -4, 0, 0, -5, 0};
+
+/* Where R_ik stands in kf_t.r, i < k: after i rows of 5, 4, .. entries. */
+static uint32_t place_of(uint32_t i, uint32_t k) {
+  return i * IMUCAL_MAX_ORDER - i * (i + 1) / 2 + k - 1;
+}
 
 static float leading(uint32_t k) {
   return (float)(((1u << k) + 1u) >> 1);
@@ -60,19 +66,19 @@ static float leading(uint32_t k) {
 /* The prior is independent b_i of one variance, b_i = sum_k t_ki c_k: one measurement each, already
  * triangular. */
 IMUCAL_COLD static void set_prior(imucal_kf_t* kf) {
-  for (uint32_t i = 0; i < sizeof chebyshev; i++) kf->u[IMUCAL_MAX_COEFF + i] = (float)chebyshev[i];
+  for (uint32_t i = 0; i < IMUCAL_KF_MAX_R; i++) kf->r[i] = (float)chebyshev[i];
   for (uint32_t k = 0; k <= kf->config.order; k++) {
     const float weight = leading(k) / kf->config.prior_sigma;
-    kf->d[k + 1] = weight * weight;
+    kf->row[k].d.hi = weight * weight;
   }
 }
 
 /* e anew: its stationary variance, and no dependence on what was seen (V = 0). */
 IMUCAL_COLD static void forget_markov(imucal_kf_t* kf) {
-  for (uint32_t k = 0; k <= IMUCAL_MAX_ORDER; k++) kf->u[k] = 0.0f;
-  kf->x[0] = 1.0f;
-  kf->x_lo[0] = 0.0f;
-  kf->d[0] = kf->config.markov_variance;
+  kf->e = 0.0f;
+  kf->e_variance = kf->config.markov_variance;
+  kf->one_plus_v0 = (imucal_kf_pair_t){1.0f, 0.0f};
+  for (uint32_t k = 0; k < IMUCAL_MAX_ORDER; k++) kf->v[k] = 0.0f;
   kf->stats.innovation = 0.0f; /* no lag-1 product */
 }
 
@@ -90,58 +96,88 @@ IMUCAL_COLD imucal_status imucal_kf_init(imucal_kf_t* kf, const imucal_kf_config
   return IMUCAL_OK;
 }
 
-/* One second of both filters.  Returns the innovation; *weight: the reciprocal of its variance.
+/* ---- one second ----
  *
- * First filter: e alone, as though z held no polynomial.  What of T_k it has not followed is h_k = T_k + V_k,
- * so that z - e~ = h' c + white noise of variance 1/w.  Second filter: that joins R, D, x by Givens
- * rotations, each h_k through the rows before it.  V_0 is near -1 and T_0 never changes: 1 + V_0 is kept, and
- * loses nothing. */
-static inline float learn(imucal_kf_t* kf, float z, float tn, float r, float* weight) {
-  const float m = kf->config.m;
-  const float variance = kf->d[0] + (kf->config.q - kf->forgotten * kf->d[0]);
-  float w = 1.0f / (variance + r);
-  const float gain_e = variance * w;
-  kf->d[0] = r * gain_e;
-  float* v = kf->u;
-  const float e = *v - m * *v;
-  float y = z - e;
-  *v++ = e + gain_e * y;
+ * From the paper's filter to this one.  Section III has the state [b_0 .. b_M  e]' and the measurement
+ *   z = b_0 + b_1 Tn + .. + b_M Tn^M + e + v,   var v = r,
+ *   e <- (1 - m) e + w, var w = q,   b_i constant.
+ * With c_k of Chebyshev's T_k in place of b_i of Tn^i, z = T' c + e + v, T = [T_0(Tn) .. T_M(Tn)]'.  That is a filter
+ * for e alone, disturbed by constants c; Friedland (1969) takes the two apart without approximation:
+ *   first filter   Kalman's for e, as though z were e + v.  Its estimate depends on the c that it does not know of as
+ *                  e(c) = e + V' c, so that its innovation is
+ *                    z - e = (T + V)' c + white noise of variance S.                               [F]
+ *   second filter  [F] is a linear regression of the constants c with white noise: recursive least squares, here by
+ *                  rotations (Gentleman 1973).
+ * With order 3 these are the paper's five states: e, and c_0 .. c_3. */
 
-  float h[2 * IMUCAL_MAX_COEFF]; /* h_0 .. h_M; half-way on the gains of their rows */
-  float* const last = h + kf->config.order;
-  float* at = h;
-  float* u = kf->u + IMUCAL_MAX_COEFF;
-  float step = tn - 1.0f, t_k = tn; /* T_k+1 = T_k + step_k, step_k = step_k-1 + 2 (tn - 1) T_k (Reinsch) */
+/* First filter.  Takes z; gives h = T + V of [F], and 1/S.  Returns the left-hand side of [F]. */
+static inline float follow_markov(imucal_kf_t* kf, float z, float tn, float r, float* h, float* weight) {
+  const float m = kf->config.m;
+  /* Time update: e <- (1 - m) e,  P <- (1 - m)^2 P + q. */
+  const float e = kf->e - m * kf->e;
+  const float variance = kf->e_variance + (kf->config.q - kf->forgotten * kf->e_variance);
+  /* Measurement update: S = P + r,  K = P/S,  e <- e + K (z - e),  P <- (1 - K) P = r K. */
+  const float w = 1.0f / (variance + r);
+  const float gain = variance * w;
+  const float innovation = z - e;
+  kf->e = e + gain * innovation;
+  kf->e_variance = r * gain;
+  /* V goes with e, for z less T' c: time update V <- (1 - m) V, then h = T + V, measurement update V <- V - K h.
+   * For k = 0, T_0 = 1: h_0 = 1 + V_0 <- 1 + (1 - m) V_0 = (1 + V_0) + m - m (1 + V_0). */
+  const float h_0 = sum_of(kf->one_plus_v0);
+  const float forgotten = m - m * h_0;
+  h[0] = h_0 + forgotten;
+  kf->one_plus_v0.lo += forgotten - gain * h[0];
+  /* T_k+1 = T_k + step_k,  step_k = step_k-1 + 2 (Tn - 1) T_k (Reinsch's form of T_k+1 = 2 Tn T_k - T_k-1). */
+  float step = tn - 1.0f, t_k = tn;
   const float slope = step + step;
-  const float v_0 = kf->x[0] + kf->x_lo[0];
-  const float forgotten = m - m * v_0;
-  float h_k = v_0 + forgotten;
-  kf->x_lo[0] += forgotten - gain_e * h_k;
-  for (uint32_t k = 1;; k++) {
-    const float wh = w * h_k;
-    const float d_before = kf->d[k] + kf->d_lo[k];
-    kf->d_lo[k] += wh * h_k;
-    const float inverse = 1.0f / (kf->d[k] + kf->d_lo[k]);
-    const float gain = wh * inverse;
-    w *= d_before * inverse;
-    y -= h_k * (kf->x[k] + kf->x_lo[k]);
-    kf->x_lo[k] += gain * y;
-    if (at == last) break;
-    at[IMUCAL_MAX_COEFF] = gain;
-    *at++ = h_k;
-    const float followed = *v - m * *v;
-    h_k = t_k + followed;
-    *v++ = followed - gain_e * h_k;
+  for (uint32_t k = 1; k <= kf->config.order; k++) {
+    float* v_k = &kf->v[k - 1];
+    const float followed = *v_k - m * *v_k;
+    h[k] = t_k + followed;
+    *v_k = followed - gain * h[k];
     step += slope * t_k;
     t_k += step;
-    const float* before = h;
-    do {
-      h_k -= *before * *u;
-      *u++ += before[IMUCAL_MAX_COEFF] * h_k;
-    } while (++before != at);
+  }
+  *weight = w;
+  return innovation;
+}
+
+/* Second filter: the equation h' c = y, of weight w = 1/variance, joins R c = x, of weights D.  Row after row takes its
+ * part (Gentleman 1973, eqs. for the square-root-free rotation of row k with the new row):
+ *   D_k <- D_k + w h_k^2 =: D',   gain = w h_k/D',   w <- w D_k/D',
+ *   y <- y - h_k x_k,  x_k <- x_k + gain y,          h_j <- h_j - h_k R_kj,  R_kj <- R_kj + gain h_j   (j > k).
+ * What is left of y is the innovation of both filters, what is left of w the reciprocal of its variance. */
+static inline float join(imucal_kf_t* kf, float* h, float y, float* weight) {
+  const uint32_t order = kf->config.order;
+  float w = *weight;
+  float* r_kj = kf->r;
+  for (uint32_t k = 0; k <= order; k++) {
+    imucal_kf_row_t* row = &kf->row[k];
+    const float h_k = h[k];
+    const float wh = w * h_k;
+    const float d_before = sum_of(row->d);
+    row->d.lo += wh * h_k;
+    const float inverse = 1.0f / sum_of(row->d);
+    const float gain = wh * inverse;
+    w *= d_before * inverse;
+    y -= h_k * sum_of(row->x);
+    row->x.lo += gain * y;
+    for (uint32_t j = k + 1; j <= order; j++) {
+      h[j] -= h_k * *r_kj;
+      *r_kj++ += gain * h[j];
+    }
+    r_kj += IMUCAL_MAX_ORDER - order;
   }
   *weight = w;
   return y;
+}
+
+/* Both filters.  Returns the innovation; *weight: the reciprocal of its variance. */
+static inline float learn(imucal_kf_t* kf, float z, float tn, float r, float* weight) {
+  float h[IMUCAL_MAX_COEFF];
+  const float y = follow_markov(kf, z, tn, r, h, weight);
+  return join(kf, h, y, weight);
 }
 
 static inline void count_innovation(imucal_kf_stats_t* s, float innovation, float weight) {
@@ -166,10 +202,7 @@ imucal_status imucal_kf_update_scaled(imucal_kf_t* kf, float z, float temp_degc,
   float weight;
   const float innovation = learn(kf, z, tn, kf->config.r * r_ratio, &weight);
   count_innovation(&kf->stats, innovation, weight);
-  if (++kf->stats.n % FOLD_N != 0) return IMUCAL_OK;
-  fold(kf->x, kf->x_lo, IMUCAL_KF_MAX_STATES);
-  fold(kf->d, kf->d_lo, IMUCAL_KF_MAX_STATES);
-  fold(kf->stats.sum, kf->stats.sum_lo, IMUCAL_KF_N_SUMS);
+  if (++kf->stats.n % FOLD_N == 0) fold_all(kf);
   return IMUCAL_OK;
 }
 
@@ -187,9 +220,10 @@ imucal_status imucal_kf_skip(imucal_kf_t* kf, uint32_t n_s) {
     power += power - power * power;
   }
   const float forgotten = m * (2.0f - m);
-  kf->d[0] += kf->config.q * (forgotten / kf->forgotten) - forgotten * kf->d[0];
-  kf->x_lo[0] += m - m * (kf->x[0] + kf->x_lo[0]);
-  for (uint32_t k = 0; k <= kf->config.order; k++) kf->u[k] -= m * kf->u[k];
+  kf->e -= m * kf->e;
+  kf->e_variance += kf->config.q * (forgotten / kf->forgotten) - forgotten * kf->e_variance;
+  kf->one_plus_v0.lo += m - m * sum_of(kf->one_plus_v0);
+  for (uint32_t k = 0; k < kf->config.order; k++) kf->v[k] -= m * kf->v[k];
   return IMUCAL_OK;
 }
 
@@ -198,17 +232,20 @@ IMUCAL_COLD imucal_status imucal_kf_new_run(imucal_kf_t* kf, float turn_on_sigma
   if (!imucal_is_within(turn_on_sigma, 0.0f, MAX_PRIOR)) return IMUCAL_ERR_RANGE;
   forget_markov(kf);
   /* Row 0 is c0 given the others, of variance 1/D: it takes the added variance alone. */
-  const float widened = 1.0f + turn_on_sigma * turn_on_sigma * (kf->d[1] + kf->d_lo[1]);
-  kf->d[1] /= widened;
-  kf->d_lo[1] /= widened;
+  const float widened = 1.0f + turn_on_sigma * turn_on_sigma * sum_of(kf->row[0].d);
+  kf->row[0].d.hi /= widened;
+  kf->row[0].d.lo /= widened;
   return IMUCAL_OK;
 }
 
 /* Solve R' y = h in place, h[0 .. order]: then h' c = sum y_j x_j and var(h' c) = sum y_j^2/D_j. */
 static void solve(const imucal_kf_t* kf, float* h) {
-  const float* u = kf->u + IMUCAL_MAX_COEFF;
-  for (uint32_t k = 1; k <= kf->config.order; k++)
-    for (uint32_t j = 0; j < k; j++) h[k] -= *u++ * h[j];
+  const uint32_t order = kf->config.order;
+  const float* r_jk = kf->r;
+  for (uint32_t j = 0; j < order; j++, r_jk += IMUCAL_MAX_ORDER - order) {
+    const float h_j = h[j];
+    for (uint32_t k = j + 1; k <= order; k++) h[k] -= *r_jk++ * h_j;
+  }
 }
 
 static void solve_at(const imucal_kf_t* kf, float temp_degc, float* h) {
@@ -225,7 +262,7 @@ static void solve_at(const imucal_kf_t* kf, float temp_degc, float* h) {
 
 static float estimate(const imucal_kf_t* kf, const float* y) {
   float sum = 0.0f;
-  for (uint32_t k = kf->config.order + 1u; k > 0; k--) sum += y[k - 1] * (kf->x[k] + kf->x_lo[k]);
+  for (uint32_t k = kf->config.order + 1u; k-- > 0;) sum += y[k] * sum_of(kf->row[k].x);
   return sum;
 }
 
@@ -233,7 +270,7 @@ IMUCAL_COLD float imucal_kf_coefficient(const imucal_kf_t* kf, uint32_t i) {
   if (i > kf->config.order) return 0.0f;
   float h[IMUCAL_MAX_COEFF];
   for (uint32_t k = 0; k <= kf->config.order; k++)
-    h[k] = k < i ? 0.0f : k == i ? 1.0f : (float)chebyshev[k * (k - 1) / 2 + i];
+    h[k] = k < i ? 0.0f : k == i ? 1.0f : (float)chebyshev[place_of(i, k)];
   solve(kf, h);
   return leading(i) * estimate(kf, h);
 }
@@ -246,7 +283,7 @@ IMUCAL_COLD float imucal_kf_bias(const imucal_kf_t* kf, float temp_degc) {
 
 /* The variances of the rows, 1/D. */
 static void invert(const imucal_kf_t* kf, float* variance) {
-  for (uint32_t k = 0; k <= kf->config.order; k++) variance[k] = 1.0f / (kf->d[k + 1] + kf->d_lo[k + 1]);
+  for (uint32_t k = 0; k <= kf->config.order; k++) variance[k] = 1.0f / sum_of(kf->row[k].d);
 }
 
 static float variance_at(const imucal_kf_t* kf, const float* variance, float temp_degc) {
@@ -281,6 +318,42 @@ float imucal_kf_worst_sigma(const imucal_kf_t* kf, float lo_degc, float hi_degc,
     if (worst_temp_degc != NULL) *worst_temp_degc = temp_degc;
   }
   return imucal_sqrtf(worst);
+}
+
+/* ---- the filter's numbers as the link carries them ---- */
+
+IMUCAL_COLD float imucal_kf_r(const imucal_kf_t* kf, uint32_t i, uint32_t k) {
+  return kf->r[place_of(i, k)];
+}
+
+IMUCAL_COLD void imucal_kf_get_state(const imucal_kf_t* kf, imucal_kf_state_t* state) {
+  float* u = state->u;
+  state->x[0] = kf->one_plus_v0.hi;
+  state->x_lo[0] = kf->one_plus_v0.lo;
+  state->d[0] = kf->e_variance;
+  state->d_lo[0] = 0.0f;
+  *u++ = kf->e;
+  for (uint32_t k = 0; k < IMUCAL_MAX_ORDER; k++) *u++ = kf->v[k];
+  for (uint32_t k = 0; k <= IMUCAL_MAX_ORDER; k++) {
+    state->x[k + 1] = kf->row[k].x.hi;
+    state->x_lo[k + 1] = kf->row[k].x.lo;
+    state->d[k + 1] = kf->row[k].d.hi;
+    state->d_lo[k + 1] = kf->row[k].d.lo;
+    for (uint32_t i = 0; i < k; i++) *u++ = kf->r[place_of(i, k)];
+  }
+}
+
+IMUCAL_COLD void imucal_kf_set_state(imucal_kf_t* kf, const imucal_kf_state_t* state) {
+  const float* u = state->u;
+  kf->one_plus_v0 = (imucal_kf_pair_t){state->x[0], state->x_lo[0]};
+  kf->e_variance = state->d[0];
+  kf->e = *u++;
+  for (uint32_t k = 0; k < IMUCAL_MAX_ORDER; k++) kf->v[k] = *u++;
+  for (uint32_t k = 0; k <= IMUCAL_MAX_ORDER; k++) {
+    kf->row[k].x = (imucal_kf_pair_t){state->x[k + 1], state->x_lo[k + 1]};
+    kf->row[k].d = (imucal_kf_pair_t){state->d[k + 1], state->d_lo[k + 1]};
+    for (uint32_t i = 0; i < k; i++) kf->r[place_of(i, k)] = *u++;
+  }
 }
 
 float imucal_kf_sum(const imucal_kf_t* kf, imucal_kf_sum_t which) {

@@ -3,7 +3,7 @@
  * Data: once, the normalisation of temperature and the error model from the host; then one 1-s mean and its
  * temperature per second; out, at any time, coefficients, covariance, predicted calibration error.
  * Order: init; then per second update (or skip); read functions any time.  One struct per channel.
- * Memory: sizeof(imucal_kf_t), of it 196 bytes of filter state at order 5; no heap.  Time: p(p-1)/2 inner steps
+ * Memory: sizeof(imucal_kf_t), of it 192 bytes of filter state at order 5; no heap.  Time: p(p-1)/2 inner steps
  * and p + 1 divisions per update, p = order + 1.  Thread: one context per struct.
  *
  * Model.  M = order, e first-order Gauss-Markov, the coefficients constant:
@@ -37,7 +37,8 @@ extern "C" {
 #endif
 
 #define IMUCAL_KF_MAX_STATES (IMUCAL_MAX_ORDER + 2)
-#define IMUCAL_KF_MAX_U (IMUCAL_KF_MAX_STATES * (IMUCAL_KF_MAX_STATES - 1) / 2)
+#define IMUCAL_KF_MAX_R (IMUCAL_MAX_COEFF * IMUCAL_MAX_ORDER / 2) /* above R's diagonal */
+#define IMUCAL_KF_MAX_U (IMUCAL_MAX_COEFF + IMUCAL_KF_MAX_R)
 #define IMUCAL_KF_MAX_RATE 1e7f          /* |z|, unit; beyond it is refused */
 #define IMUCAL_KF_MAX_TN 1.5f            /* |Tn| of a measurement; beyond it is refused */
 #define IMUCAL_KF_MAX_R_RATIO 1024.0f    /* of imucal_kf_update_scaled, and its reciprocal the least */
@@ -74,20 +75,42 @@ typedef struct imucal_kf_stats {
   float innovation_weight; /* 1/S of the last one */
 } imucal_kf_stats_t;
 
-/* Readable by anybody, written only by the functions below.  The first filter's: entry 0 of x and d, and 0 .. 5 of u.
- * The link carries x to u as they are (CAL_FILTER in link.md): their meaning is part of the protocol. */
+/* A number as an unevaluated sum of two floats. */
+typedef struct imucal_kf_pair {
+  float hi, lo;
+} imucal_kf_pair_t;
+
+/* Row k of the second filter's R c = x, and its weight: 1/D is the variance of c_k once c_k+1 .. c_M are known. */
+typedef struct imucal_kf_row {
+  imucal_kf_pair_t d; /* D_k > 0 */
+  imucal_kf_pair_t x; /* x_k */
+} imucal_kf_row_t;
+
+/* Readable by anybody, written only by the functions below. */
 typedef struct imucal_kf {
-  float x[IMUCAL_KF_MAX_STATES];    /* 1 + V0; then R c, row k at k + 1: leading part */
-  float x_lo[IMUCAL_KF_MAX_STATES]; /* trailing part */
-  float d[IMUCAL_KF_MAX_STATES];    /* variance of e given c, >= 0; then D > 0: leading part */
-  float d_lo[IMUCAL_KF_MAX_STATES]; /* trailing part, [0] is 0 */
-  float u[IMUCAL_KF_MAX_U];        /* e less V' c, V1 .. V5; R above its diagonal by columns: R01 R02 R12 R03 R13 R23 .. */
+  /* first filter: e, as though z held no polynomial */
+  float e;                      /* its estimate; the augmented filter's is e + V' c */
+  float e_variance;             /* its variance, >= 0: that of e given c */
+  imucal_kf_pair_t one_plus_v0; /* 1 + V_0 and not V_0, which is near -1: what matters is the difference */
+  float v[IMUCAL_MAX_ORDER];    /* V_1 .. V_M */
+  /* second filter: c */
+  imucal_kf_row_t row[IMUCAL_MAX_COEFF];
+  float r[IMUCAL_KF_MAX_R]; /* R above its diagonal by rows, each to IMUCAL_MAX_ORDER: R01 .. R05 R12 .. R15 R23 .. */
   float inv_range;
   float forgotten; /* m (2 - m) */
   imucal_kf_config_t config;
   imucal_kf_stats_t stats;
   bool is_ready;
 } imucal_kf_t;
+
+/* Both filters' numbers in the order in which the link carries them (CAL_FILTER in link.md): part of the protocol. */
+typedef struct imucal_kf_state {
+  float x[IMUCAL_KF_MAX_STATES];    /* 1 + V0, x_0 .. x_5: leading parts */
+  float x_lo[IMUCAL_KF_MAX_STATES]; /* their trailing parts */
+  float d[IMUCAL_KF_MAX_STATES];    /* variance of e given c, D_0 .. D_5: leading parts */
+  float d_lo[IMUCAL_KF_MAX_STATES]; /* trailing parts; [0] is 0 */
+  float u[IMUCAL_KF_MAX_U];         /* e, V1 .. V5, then R above its diagonal by columns: R01 R02 R12 R03 R13 R23 .. */
+} imucal_kf_state_t;
 
 /* Start.  IMUCAL_ERR_ARGUMENT (null), IMUCAL_ERR_ORDER, IMUCAL_ERR_SPAN (t0, range), IMUCAL_ERR_MODEL (m, q, r,
  * variance), IMUCAL_ERR_RANGE (prior): refused, *kf unchanged. */
@@ -130,6 +153,12 @@ float imucal_kf_bias_sigma(const imucal_kf_t* kf, float temp_degc);
  * where it is, if worst_temp_degc is not null. */
 float imucal_kf_worst_sigma(const imucal_kf_t* kf, float lo_degc, float hi_degc, uint32_t n_grid,
                             float* worst_temp_degc);
+
+/* Copy the filter's numbers out, and into an initialised filter of the same configuration (its statistics stay). */
+void imucal_kf_get_state(const imucal_kf_t* kf, imucal_kf_state_t* state);
+void imucal_kf_set_state(imucal_kf_t* kf, const imucal_kf_state_t* state);
+/* R_ik, i < k <= IMUCAL_MAX_ORDER. */
+float imucal_kf_r(const imucal_kf_t* kf, uint32_t i, uint32_t k);
 
 /* One of the innovations' sums so far. */
 float imucal_kf_sum(const imucal_kf_t* kf, imucal_kf_sum_t which);

@@ -48,48 +48,44 @@ bool imucal_text_equal(const char* a, const char* b, size_t size) {
 
 static float absolute(float value) { return value < 0 ? -value : value; }
 
-/* t0_degc .. unit_per_count: 28 floats, one after another in the struct as on the wire. */
-#define FLOATS_AT offsetof(imucal_table_channel_t, t0_degc)
-#define N_FLOATS 28
-typedef char floats_are_contiguous[offsetof(imucal_table_channel_t, unit_per_count) + 4 == FLOATS_AT + 4 * N_FLOATS
-                                       ? 1
-                                       : -1];
-
-static float float_of(const imucal_table_channel_t* c, size_t i) {
-  float value;
-  memcpy(&value, (const uint8_t*)c + FLOATS_AT + 4 * i, 4);
-  return value;
-}
-
-/* What these floats may be, in their order: each of the first `used` in [lo, hi], the rest 0. */
+/* The floats of a channel in the order of their bytes (table.md), with what they may be: each of the first `used` in
+ * [lo, hi], the rest 0. */
 enum { USED_ALL, USED_ORDER, USED_SCALE, USED_MARKOV };
 typedef struct rule {
   float lo, hi;
   const char* field;
-  uint8_t n, used;
+  uint8_t offset; /* of the member in the struct */
+  uint8_t n;      /* 1, or the member's length */
+  uint8_t used;
   int8_t refusal;
 } rule_t;
+#define MEMBER(name, n) offsetof(imucal_table_channel_t, name), n
 static const rule_t rules[] = {
-    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "t0_degc", 1, USED_ALL, IMUCAL_ERR_SPAN},
-    {1e-3f, 2 * MAX_ABS_TEMP_DEGC, "range_degc", 1, USED_ALL, IMUCAL_ERR_SPAN},
-    {-IMUCAL_TABLE_MAX_COEFF, IMUCAL_TABLE_MAX_COEFF, "coeff", IMUCAL_MAX_COEFF, USED_ORDER, IMUCAL_ERR_COEFFICIENT},
-    {-MAX_SCALE_SUM, MAX_SCALE_SUM, "scale_coeff", IMUCAL_TABLE_SCALE_N, USED_SCALE, IMUCAL_ERR_COEFFICIENT},
-    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "span_degc", 2, USED_ALL, IMUCAL_ERR_SPAN},
-    {0.0f, MAX_POSITIVE, "sigma", IMUCAL_TABLE_SIGMA_N, USED_ALL, IMUCAL_ERR_SIGMA},
-    {0.0f, MAX_POSITIVE, "model", 1, USED_ALL, IMUCAL_ERR_MODEL},
-    {0.0f, MAX_POSITIVE, "model", IMUCAL_TABLE_MARKOV_N, USED_MARKOV, IMUCAL_ERR_MODEL},
-    {1e-45f, MAX_POSITIVE, "model", IMUCAL_TABLE_MARKOV_N, USED_MARKOV, IMUCAL_ERR_MODEL}, /* tau > 0 */
-    {MIN_POSITIVE, MAX_POSITIVE, "unit_per_count", 1, USED_ALL, IMUCAL_ERR_SCALE}};
-enum { RULE_SPAN = 4, N_RULES = sizeof rules / sizeof rules[0] };
+    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "t0_degc", MEMBER(t0_degc, 1), USED_ALL, IMUCAL_ERR_SPAN},
+    {1e-3f, 2 * MAX_ABS_TEMP_DEGC, "range_degc", MEMBER(range_degc, 1), USED_ALL, IMUCAL_ERR_SPAN},
+    {-IMUCAL_TABLE_MAX_COEFF, IMUCAL_TABLE_MAX_COEFF, "coeff", MEMBER(coeff, IMUCAL_MAX_COEFF), USED_ORDER,
+     IMUCAL_ERR_COEFFICIENT},
+    {-MAX_SCALE_SUM, MAX_SCALE_SUM, "scale_coeff", MEMBER(scale_coeff, IMUCAL_TABLE_SCALE_N), USED_SCALE,
+     IMUCAL_ERR_COEFFICIENT},
+    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "span_degc", MEMBER(span_lo_degc, 1), USED_ALL, IMUCAL_ERR_SPAN},
+    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "span_degc", MEMBER(span_hi_degc, 1), USED_ALL, IMUCAL_ERR_SPAN},
+    {0.0f, MAX_POSITIVE, "sigma", MEMBER(sigma, IMUCAL_TABLE_SIGMA_N), USED_ALL, IMUCAL_ERR_SIGMA},
+    {0.0f, MAX_POSITIVE, "model", MEMBER(arw, 1), USED_ALL, IMUCAL_ERR_MODEL},
+    {0.0f, MAX_POSITIVE, "model", MEMBER(markov_sigma, IMUCAL_TABLE_MARKOV_N), USED_MARKOV, IMUCAL_ERR_MODEL},
+    {1e-45f, MAX_POSITIVE, "model", MEMBER(markov_tau_s, IMUCAL_TABLE_MARKOV_N), USED_MARKOV,
+     IMUCAL_ERR_MODEL}, /* tau > 0 */
+    {MIN_POSITIVE, MAX_POSITIVE, "unit_per_count", MEMBER(unit_per_count, 1), USED_ALL, IMUCAL_ERR_SCALE}};
+enum { RULE_SPAN_HI = 5, N_RULES = sizeof rules / sizeof rules[0] };
 
-static bool follows(const imucal_table_channel_t* c, const rule_t* rule, size_t at) {
-  const uint8_t used[] = {rule->n, (uint8_t)(c->order == 0 ? 0 : c->order + 1), (uint8_t)(c->scale_order + 1), c->n_markov};
-  float sum = 0.0f;
+static bool follows(const imucal_table_channel_t* c, const rule_t* rule) {
+  const uint8_t used[] = {rule->n, (uint8_t)(c->order == 0 ? 0 : c->order + 1), (uint8_t)(c->scale_order + 1),
+                          c->n_markov};
+  float values[IMUCAL_TABLE_SIGMA_N], sum = 0.0f; /* the longest member */
+  memcpy(values, (const uint8_t*)c + rule->offset, sizeof(float) * rule->n);
   for (size_t i = 0; i < rule->n; i++) {
-    const float value = float_of(c, at + i);
     const bool is_used = i < used[rule->used];
-    if (!imucal_is_within(value, is_used ? rule->lo : 0.0f, is_used ? rule->hi : 0.0f)) return false;
-    sum += absolute(value);
+    if (!imucal_is_within(values[i], is_used ? rule->lo : 0.0f, is_used ? rule->hi : 0.0f)) return false;
+    sum += absolute(values[i]);
   }
   return rule->used != USED_SCALE || sum <= MAX_SCALE_SUM;
 }
@@ -112,8 +108,8 @@ static imucal_status validate_channel(const imucal_table_channel_t* c, int32_t i
   if (c->order > IMUCAL_MAX_ORDER) return refuse(place, i, "order", IMUCAL_ERR_ORDER);
   if (c->scale_order >= IMUCAL_TABLE_SCALE_N) return refuse(place, i, "scale_order", IMUCAL_ERR_ORDER);
   if (c->n_markov > IMUCAL_TABLE_MARKOV_N) return refuse(place, i, "markov", IMUCAL_ERR_MODEL);
-  for (size_t k = 0, at = 0; k < N_RULES; at += rules[k++].n)
-    if (!follows(c, &rules[k], at) || (k == RULE_SPAN && !is_span(c)))
+  for (size_t k = 0; k < N_RULES; k++)
+    if (!follows(c, &rules[k]) || (k == RULE_SPAN_HI && !is_span(c)))
       return refuse(place, i, rules[k].field, (imucal_status)rules[k].refusal);
   if (c->full_scale_counts <= 0) return refuse(place, i, "full_scale_counts", IMUCAL_ERR_SCALE);
   return IMUCAL_OK;
@@ -147,16 +143,20 @@ imucal_status imucal_table_validate(const imucal_table_t* table, imucal_table_pl
 
 /* ---- bytes (table.md) ---- */
 
+enum { FLOATS_AT = 16, FULL_SCALE_AT = 128, N_SECONDS_AT = 132 }; /* from the start of a channel */
+
 static void encode_channel(const imucal_table_channel_t* c, uint8_t* at) {
   memcpy(at, c->name, IMUCAL_NAME_LEN);
   imucal_put_u32(at + 12, c->order | (uint32_t)c->scale_order << 8 | (uint32_t)c->n_markov << 16);
-  for (size_t i = 0; i < N_FLOATS; i++) {
-    uint32_t bits;
-    memcpy(&bits, (const uint8_t*)c + FLOATS_AT + 4 * i, 4);
-    imucal_put_u32(at + 16 + 4 * i, bits);
-  }
-  imucal_put_u32(at + 128, (uint32_t)c->full_scale_counts);
-  imucal_put_u32(at + 132, c->n_seconds);
+  uint8_t* to = at + FLOATS_AT;
+  for (size_t k = 0; k < N_RULES; k++)
+    for (size_t i = 0; i < rules[k].n; i++, to += 4) {
+      uint32_t bits;
+      memcpy(&bits, (const uint8_t*)c + rules[k].offset + 4 * i, 4);
+      imucal_put_u32(to, bits);
+    }
+  imucal_put_u32(at + FULL_SCALE_AT, (uint32_t)c->full_scale_counts);
+  imucal_put_u32(at + N_SECONDS_AT, c->n_seconds);
 }
 
 static void decode_channel(const uint8_t* at, imucal_table_channel_t* c) {
@@ -164,12 +164,14 @@ static void decode_channel(const uint8_t* at, imucal_table_channel_t* c) {
   c->order = at[12];
   c->scale_order = at[13];
   c->n_markov = at[14];
-  for (size_t i = 0; i < N_FLOATS; i++) {
-    uint32_t bits = imucal_get_u32(at + 16 + 4 * i);
-    memcpy((uint8_t*)c + FLOATS_AT + 4 * i, &bits, 4);
-  }
-  c->full_scale_counts = (int32_t)imucal_get_u32(at + 128);
-  c->n_seconds = imucal_get_u32(at + 132);
+  const uint8_t* from = at + FLOATS_AT;
+  for (size_t k = 0; k < N_RULES; k++)
+    for (size_t i = 0; i < rules[k].n; i++, from += 4) {
+      const uint32_t bits = imucal_get_u32(from);
+      memcpy((uint8_t*)c + rules[k].offset + 4 * i, &bits, 4);
+    }
+  c->full_scale_counts = (int32_t)imucal_get_u32(at + FULL_SCALE_AT);
+  c->n_seconds = imucal_get_u32(at + N_SECONDS_AT);
 }
 
 imucal_status imucal_table_encode(const imucal_table_t* table, uint8_t* bytes, size_t max_bytes,

@@ -23,8 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 BASELINE = ROOT / "firmware/cost_baseline.json"
 PORTS = {"mps2_an386": ("mps2-an386", "Cortex-M4F", "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16"),
          "nrf51": ("microbit", "Cortex-M0", "-mcpu=cortex-m0 -mthumb")}
-STRUCTS = {"kf state: x, d and their low parts, u": "((imucal_kf_t*)0)->x, ((imucal_kf_t*)0)->x_lo, ((imucal_kf_t*)0)->d, "
-           "((imucal_kf_t*)0)->d_lo, ((imucal_kf_t*)0)->u",
+STRUCTS = {"kf state: both filters' numbers": "((imucal_kf_t*)0)->e, ((imucal_kf_t*)0)->e_variance, "
+           "((imucal_kf_t*)0)->one_plus_v0, ((imucal_kf_t*)0)->v, ((imucal_kf_t*)0)->row, ((imucal_kf_t*)0)->r",
            "imucal_kf_t (with configuration and statistics)": "imucal_kf_t", "imucal_learn_t (kf and counts)": "imucal_learn_t", "imucal_comp_t": "imucal_comp_t",
            "imucal_app_channel_t (learn + comp + session)": "imucal_app_channel_t",
            "imucal_sum_t (all channels)": "imucal_sum_t", "imucal_table_t (all channels)": "imucal_table_t",

@@ -226,11 +226,13 @@ static void serve_cal_filter(imucal_app_t* app, const imucal_link_cal_filter_t* 
   if (!kf) return;
   imucal_link_cal_filter_reply_t answer = {.channel = request->channel,
                                        .n_states = (uint8_t)(kf->config.order + 2)};
-  put_bits(answer.x, kf->x, IMUCAL_KF_MAX_STATES);
-  put_bits(answer.x_lo, kf->x_lo, IMUCAL_KF_MAX_STATES);
-  put_bits(answer.d, kf->d, IMUCAL_KF_MAX_STATES);
-  put_bits(answer.d_lo, kf->d_lo, IMUCAL_KF_MAX_STATES);
-  put_bits(answer.u, kf->u, IMUCAL_KF_MAX_U);
+  imucal_kf_state_t state;
+  imucal_kf_get_state(kf, &state);
+  put_bits(answer.x, state.x, IMUCAL_KF_MAX_STATES);
+  put_bits(answer.x_lo, state.x_lo, IMUCAL_KF_MAX_STATES);
+  put_bits(answer.d, state.d, IMUCAL_KF_MAX_STATES);
+  put_bits(answer.d_lo, state.d_lo, IMUCAL_KF_MAX_STATES);
+  put_bits(answer.u, state.u, IMUCAL_KF_MAX_U);
   reply(app, IMUCAL_LINK_ID_CAL_FILTER_REPLY, &answer);
 }
 

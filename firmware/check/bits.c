@@ -50,11 +50,13 @@ static void print_filter(const check_io_t* io, uint32_t t_s, int k, int i) {
   check_number(io, kOrder[k]);
   check_number(io, (uint32_t)i);
   check_number(io, t_s);
-  hex_floats(io, " x", kf->x, IMUCAL_KF_MAX_STATES);
-  hex_floats(io, " x_lo", kf->x_lo, IMUCAL_KF_MAX_STATES);
-  hex_floats(io, " d", kf->d, IMUCAL_KF_MAX_STATES);
-  hex_floats(io, " d_lo", kf->d_lo, IMUCAL_KF_MAX_STATES);
-  hex_floats(io, " u", kf->u, IMUCAL_KF_MAX_U);
+  imucal_kf_state_t state;
+  imucal_kf_get_state(kf, &state);
+  hex_floats(io, " x", state.x, IMUCAL_KF_MAX_STATES);
+  hex_floats(io, " x_lo", state.x_lo, IMUCAL_KF_MAX_STATES);
+  hex_floats(io, " d", state.d, IMUCAL_KF_MAX_STATES);
+  hex_floats(io, " d_lo", state.d_lo, IMUCAL_KF_MAX_STATES);
+  hex_floats(io, " u", state.u, IMUCAL_KF_MAX_U);
   const float derived[] = {imucal_kf_mean_nis(kf),
                            imucal_kf_lag1(kf),
                            imucal_kf_worst_sigma(kf, 0, 60, 25, NULL),
@@ -85,11 +87,13 @@ static uint32_t crc_filters(void) {
   for (int k = 0; k < N_ORDERS; k++)
     for (int i = 0; i < N_CHANNELS; i++) {
       const imucal_kf_t* kf = &filter[k][i].kf;
-      crc = crc_floats(crc, kf->x, IMUCAL_KF_MAX_STATES);
-      crc = crc_floats(crc, kf->x_lo, IMUCAL_KF_MAX_STATES);
-      crc = crc_floats(crc, kf->d, IMUCAL_KF_MAX_STATES);
-      crc = crc_floats(crc, kf->d_lo, IMUCAL_KF_MAX_STATES);
-      crc = crc_floats(crc, kf->u, IMUCAL_KF_MAX_U);
+      imucal_kf_state_t state;
+      imucal_kf_get_state(kf, &state);
+      crc = crc_floats(crc, state.x, IMUCAL_KF_MAX_STATES);
+      crc = crc_floats(crc, state.x_lo, IMUCAL_KF_MAX_STATES);
+      crc = crc_floats(crc, state.d, IMUCAL_KF_MAX_STATES);
+      crc = crc_floats(crc, state.d_lo, IMUCAL_KF_MAX_STATES);
+      crc = crc_floats(crc, state.u, IMUCAL_KF_MAX_U);
       crc = crc_floats(crc, &kf->stats.innovation, 1);
       crc = crc_floats(crc, &kf->stats.innovation_weight, 1);
     }

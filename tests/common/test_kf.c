@@ -75,8 +75,9 @@ static void run_and_judge(const run_t* run, int is_judged_on_the_way) {
     float z = (float)(bias + markov + 60 * run->arw * unit_normal(&rng));
     assert_int_equal(imucal_kf_update(&kf, z, temp), IMUCAL_OK);
     reference_update(&ref, z, temp);
-    for (int j = 0; j < run->order + 2; j++)
-      if (!(kf.d[j] > 0)) fail_msg("D[%d] = %g at second %ld", j, (double)kf.d[j], t);
+    if (!(kf.e_variance > 0)) fail_msg("variance %g of e at second %ld", (double)kf.e_variance, t);
+    for (int k = 0; k <= run->order; k++)
+      if (!(kf.row[k].d.hi > 0)) fail_msg("D[%d] = %g at second %ld", k, (double)kf.row[k].d.hi, t);
     if (t % 997 != 996) continue;
     compare_where(&kf, &ref, SEEN_SIGMA_DPH, &at);
     if (at.sigma_error > worst_sigma) worst_sigma = at.sigma_error;
@@ -175,17 +176,19 @@ static void test_worst_sigma_soaks_and_cycles_reproduce_figures_8_and_9(void** s
 }
 
 /* R(i, k), i < k (kf.h). */
-static double r_of(const imucal_kf_t* kf, int i, int k) { return (double)kf->u[IMUCAL_MAX_COEFF + k * (k - 1) / 2 + i]; }
+static double r_of(const imucal_kf_t* kf, int i, int k) { return (double)imucal_kf_r(kf, (uint32_t)i, (uint32_t)k); }
+
+static double value_of(imucal_kf_pair_t pair) { return (double)pair.hi + (double)pair.lo; }
 
 /* Estimate and variance of e: x0 + V' c and d0 + V' P V. */
 static void markov_state(const imucal_kf_t* kf, double* e, double* e_variance) {
   double y[IMUCAL_MAX_COEFF];
-  *e = (double)kf->u[0], *e_variance = (double)kf->d[0];
+  *e = (double)kf->e, *e_variance = (double)kf->e_variance;
   for (int k = 0; k <= kf->config.order; k++) {
-    y[k] = k == 0 ? (double)kf->x[0] + (double)kf->x_lo[0] - 1 : (double)kf->u[k];
+    y[k] = k == 0 ? value_of(kf->one_plus_v0) - 1 : (double)kf->v[k - 1];
     for (int i = 0; i < k; i++) y[k] -= r_of(kf, i, k) * y[i];
-    *e += y[k] * ((double)kf->x[k + 1] + (double)kf->x_lo[k + 1]);
-    *e_variance += y[k] * y[k] / ((double)kf->d[k + 1] + (double)kf->d_lo[k + 1]);
+    *e += y[k] * value_of(kf->row[k].x);
+    *e_variance += y[k] * y[k] / value_of(kf->row[k].d);
   }
 }
 
@@ -223,8 +226,8 @@ static void test_skip_longest_gap_is_the_stationary_process(void** state) {
   assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
   assert_int_equal(imucal_kf_update(&kf, 50.0f, 20.0f), IMUCAL_OK);
   assert_int_equal(imucal_kf_skip(&kf, IMUCAL_KF_MAX_GAP_S), IMUCAL_OK);
-  assert_true(fabs((double)kf.u[0]) < 1e-30);
-  assert_true(fabs((double)kf.d[0] / 400 - 1) < 1e-5);
+  assert_true(fabs((double)kf.e) < 1e-30);
+  assert_true(fabs((double)kf.e_variance / 400 - 1) < 1e-5);
   assert_int_equal(imucal_kf_skip(&kf, IMUCAL_KF_MAX_GAP_S + 1u), IMUCAL_ERR_PERIOD);
   assert_int_equal(imucal_kf_skip(&kf, 0), IMUCAL_OK);
 }
@@ -364,7 +367,7 @@ static void test_no_markov_process_is_recursive_least_squares(void** state) {
   worst_t at;
   compare(&kf, &ref, &at);
   assert_true(at.bias_error < 0.01 && at.sigma_error < 1e-4);
-  assert_true(kf.u[0] == 0.0f && kf.d[0] == 0.0f);
+  assert_true(kf.e == 0.0f && kf.e_variance == 0.0f);
 }
 
 /* The limits of the model (a white Markov process m = 1, q = 0, no initial variance, no Markov process at all), lowest and
@@ -397,7 +400,7 @@ static void test_limits_of_the_model_follow_reference(void** state) {
       }
       assert_int_equal(imucal_kf_update(&kf, z, temp), IMUCAL_OK);
       reference_update(&ref, z, temp);
-      if (!(kf.d[0] >= 0)) fail_msg("model %zu: variance %g of e at second %d", i / 6, (double)kf.d[0], t);
+      if (!(kf.e_variance >= 0)) fail_msg("model %zu: variance %g of e at second %d", i / 6, (double)kf.e_variance, t);
       if (kf.stats.n != power_cycle_n) continue;
       assert_int_equal(imucal_kf_new_run(&kf, 500.0f), IMUCAL_OK);
       for (int j = 0; j < ref.n; j++) ref.p[0][j] = ref.p[j][0] = 0;
@@ -470,7 +473,7 @@ static void test_coefficient_is_of_powers_and_bias_agrees(void** state) {
       c[k] = 7 * k * k - 11 * k + 5;
       double x = c[k];
       for (int j = k + 1; j <= order; j++) x += r_of(&kf, k, j) * c[j];
-      kf.x[k + 1] = (float)x;
+      kf.row[k].x.hi = (float)x;
     }
     for (double tn = -1; tn <= 1; tn += 0.25) {
       double chebyshev = 0, powers = 0;
@@ -494,10 +497,35 @@ static void test_bias_sigma_before_data_is_the_prior(void** state) {
   }
 }
 
+/* The order that link.md documents, and back again. */
+static void test_state_out_and_in_is_the_same_filter(void** state) {
+  (void)state;
+  imucal_kf_config_t config = config_of(5, 0.6, 20, 100);
+  imucal_kf_t kf, back;
+  imucal_kf_state_t numbers;
+  assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
+  assert_int_equal(imucal_kf_init(&back, &config), IMUCAL_OK);
+  for (int t = 0; t < 700; t++) assert_int_equal(imucal_kf_update(&kf, (float)(t % 31), (float)t * 0.08f), IMUCAL_OK);
+  imucal_kf_get_state(&kf, &numbers);
+  assert_true(numbers.x[0] == kf.one_plus_v0.hi && numbers.x_lo[0] == kf.one_plus_v0.lo);
+  assert_true(numbers.d[0] == kf.e_variance && numbers.d_lo[0] == 0.0f && numbers.u[0] == kf.e);
+  size_t at = IMUCAL_MAX_COEFF;
+  for (uint32_t k = 0; k <= 5; k++) {
+    if (k > 0) assert_true(numbers.u[k] == kf.v[k - 1]);
+    assert_true(numbers.x[k + 1] == kf.row[k].x.hi && numbers.x_lo[k + 1] == kf.row[k].x.lo);
+    assert_true(numbers.d[k + 1] == kf.row[k].d.hi && numbers.d_lo[k + 1] == kf.row[k].d.lo);
+    for (uint32_t i = 0; i < k; i++) assert_true(numbers.u[at++] == imucal_kf_r(&kf, i, k));
+  }
+  assert_int_equal(at, IMUCAL_KF_MAX_U);
+  imucal_kf_set_state(&back, &numbers);
+  back.stats = kf.stats;
+  assert_memory_equal(&back, &kf, sizeof kf);
+}
+
 static void test_filter_state_fits_200_bytes(void** state) {
   (void)state;
   imucal_kf_t kf;
-  size_t bytes = sizeof kf.x + sizeof kf.x_lo + sizeof kf.d + sizeof kf.d_lo + sizeof kf.u;
+  size_t bytes = sizeof kf.e + sizeof kf.e_variance + sizeof kf.one_plus_v0 + sizeof kf.v + sizeof kf.row + sizeof kf.r;
   assert_true(bytes < 200);
 }
 
@@ -522,6 +550,7 @@ int main(void) {
       cmocka_unit_test(test_lag1_is_not_taken_across_a_gap),
       cmocka_unit_test(test_coefficient_is_of_powers_and_bias_agrees),
       cmocka_unit_test(test_bias_sigma_before_data_is_the_prior),
+      cmocka_unit_test(test_state_out_and_in_is_the_same_filter),
       cmocka_unit_test(test_filter_state_fits_200_bytes),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);

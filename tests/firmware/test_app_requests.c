@@ -280,11 +280,13 @@ static void test_cal_filter_gives_the_filters_bits(void** state) {
   assert_int_equal(bench.reply.cal_filter_reply.n_states, 5);
   const imucal_kf_t* kf = &bench.app.channel[0].learn.kf;
   const imucal_link_cal_filter_reply_t* reply = &bench.reply.cal_filter_reply;
-  assert_memory_equal(reply->x, kf->x, sizeof kf->x);
-  assert_memory_equal(reply->x_lo, kf->x_lo, sizeof kf->x_lo);
-  assert_memory_equal(reply->d, kf->d, sizeof kf->d);
-  assert_memory_equal(reply->d_lo, kf->d_lo, sizeof kf->d_lo);
-  assert_memory_equal(reply->u, kf->u, sizeof kf->u);
+  imucal_kf_state_t numbers;
+  imucal_kf_get_state(kf, &numbers);
+  assert_memory_equal(reply->x, numbers.x, sizeof numbers.x);
+  assert_memory_equal(reply->x_lo, numbers.x_lo, sizeof numbers.x_lo);
+  assert_memory_equal(reply->d, numbers.d, sizeof numbers.d);
+  assert_memory_equal(reply->d_lo, numbers.d_lo, sizeof numbers.d_lo);
+  assert_memory_equal(reply->u, numbers.u, sizeof numbers.u);
 }
 
 static double value_of(uint32_t bits) {

@@ -458,13 +458,15 @@ imucal_kf_t kf_from_device(const imucal_link_cal_start_t& start, const imucal_li
   imucal_kf_t kf{};
   if (const imucal_status status = imucal_kf_init(&kf, &config); status != IMUCAL_OK)
     throw data_error(std::string("filter of the device: ") + imucal_status_text(status));
-  static_assert(sizeof kf.x == sizeof bits.x && sizeof kf.u == sizeof bits.u,
+  imucal_kf_state_t numbers;
+  static_assert(sizeof numbers.x == sizeof bits.x && sizeof numbers.u == sizeof bits.u,
                 "the link carries the whole filter");
-  std::memcpy(kf.x, bits.x, sizeof kf.x);
-  std::memcpy(kf.x_lo, bits.x_lo, sizeof kf.x_lo);
-  std::memcpy(kf.d, bits.d, sizeof kf.d);
-  std::memcpy(kf.d_lo, bits.d_lo, sizeof kf.d_lo);
-  std::memcpy(kf.u, bits.u, sizeof kf.u);
+  std::memcpy(numbers.x, bits.x, sizeof numbers.x);
+  std::memcpy(numbers.x_lo, bits.x_lo, sizeof numbers.x_lo);
+  std::memcpy(numbers.d, bits.d, sizeof numbers.d);
+  std::memcpy(numbers.d_lo, bits.d_lo, sizeof numbers.d_lo);
+  std::memcpy(numbers.u, bits.u, sizeof numbers.u);
+  imucal_kf_set_state(&kf, &numbers);
   kf.stats.n = state.n;
   return kf;
 }

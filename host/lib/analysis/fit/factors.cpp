@@ -22,9 +22,11 @@ Factors factors_of(const imucal_kf_t& kf) {
   const int p = kf.config.order + 1;
   Factors f{Eigen::VectorXd(p), Eigen::VectorXd(p), Eigen::MatrixXd::Identity(p, p)};
   for (int k = 0; k < p; ++k) {
-    f.x[k] = static_cast<double>(kf.x[k + 1]) + static_cast<double>(kf.x_lo[k + 1]);
-    f.d[k] = static_cast<double>(kf.d[k + 1]) + static_cast<double>(kf.d_lo[k + 1]);
-    for (int i = 0; i < k; ++i) f.r(i, k) = static_cast<double>(kf.u[IMUCAL_MAX_COEFF + k * (k - 1) / 2 + i]);
+    const imucal_kf_row_t& row = kf.row[k];
+    f.x[k] = static_cast<double>(row.x.hi) + static_cast<double>(row.x.lo);
+    f.d[k] = static_cast<double>(row.d.hi) + static_cast<double>(row.d.lo);
+    for (int i = 0; i < k; ++i)
+      f.r(i, k) = static_cast<double>(imucal_kf_r(&kf, static_cast<uint32_t>(i), static_cast<uint32_t>(k)));
   }
   return f;
 }
