@@ -43,6 +43,7 @@ const char* imucal_status_text(imucal_status status) {
   case IMUCAL_ERR_VERIFY: return "flash does not hold what was programmed";
   case IMUCAL_ERR_COMMIT: return "write was cut before its commit";
   case IMUCAL_ERR_SEQUENCE: return "sequence number too small or used up";
+  case IMUCAL_ERR_NO_MARK: return "the older table was rolled back to too often; flash it instead";
   }
   return "unknown status";
 }

@@ -8,25 +8,93 @@
 #define ERASED 0xFFFFFFFFu
 #define NONE (-1)
 
-static uint32_t commit_offset(const imucal_flash_t* flash) { return flash->slot_bytes - 8; }
-static uint32_t revoke_offset(const imucal_flash_t* flash) { return flash->slot_bytes - 4; }
+/* ---- where things are ---- */
+
+static uint32_t round_up(uint32_t n, uint32_t unit) { return (n + unit - 1) & ~(unit - 1); } /* unit: a power of two */
+
+/* Marks of a slot, counted from its end: commits, revoke, endorsements.  As many as there is room for behind the longest
+ * table: 8 + 1 + 8, or in a small slot 3 + 1 + at least 1. */
+static uint32_t n_marks(const imucal_flash_t* flash) {
+  const uint32_t room = flash->slot_bytes - round_up(IMUCAL_TABLE_MAX_BYTES, flash->program_bytes);
+  const uint32_t n = room / IMUCAL_STORE_MARK_BYTES(flash->program_bytes);
+  return n < IMUCAL_STORE_MAX_MARKS ? n : IMUCAL_STORE_MAX_MARKS;
+}
+static uint32_t n_commits(const imucal_flash_t* flash) {
+  return n_marks(flash) == IMUCAL_STORE_MAX_MARKS ? IMUCAL_STORE_MAX_COMMITS : IMUCAL_STORE_MIN_COMMITS;
+}
+static uint32_t revoke_mark(const imucal_flash_t* flash) { return n_commits(flash); }
+static uint32_t n_endorse(const imucal_flash_t* flash) { return n_marks(flash) - n_commits(flash) - 1; }
+
+static uint32_t mark_offset(const imucal_flash_t* flash, uint32_t mark) {
+  return flash->slot_bytes - (mark + 1) * IMUCAL_STORE_MARK_BYTES(flash->program_bytes);
+}
 
 static bool is_usable(const imucal_flash_t* flash) {
-  return flash->slot_bytes >= IMUCAL_STORE_MIN_SLOT_BYTES && flash->slot_bytes % 4 == 0;
+  const uint32_t unit = flash->program_bytes, page = flash->erase_bytes;
+  const bool is_unit = unit >= 1 && unit <= IMUCAL_STORE_MAX_PROGRAM && (unit & (unit - 1)) == 0;
+  return is_unit && page >= 8 && page % 8 == 0 && page % unit == 0 && flash->slot_bytes % page == 0 &&
+         flash->slot_bytes >= IMUCAL_STORE_MIN_SLOT_BYTES(unit);
 }
 
-/* One word through an aligned buffer, little-endian like everything in flash. */
-static imucal_status read_word(const imucal_flash_t* flash, uint32_t slot, uint32_t offset, uint32_t* word) {
-  uint32_t buffer = 0;
-  imucal_status status = flash->read(flash->ctx, slot, offset, (uint8_t*)&buffer, 4);
-  *word = imucal_get_u32((const uint8_t*)&buffer);
+/* ---- marks ---- */
+
+typedef enum mark_state { MARK_ERASED, MARK_BEGUN, MARK_EXACT } mark_state_t;
+
+/* A mark that cannot be read (ECC) was begun.  *noted: the sequence number in it (in a mark
+ * caught by a cut less, in one programmed over such a mark possibly more). */
+static mark_state_t read_mark(const imucal_flash_t* flash, uint32_t slot, uint32_t mark, uint32_t* noted) {
+  uint32_t words[IMUCAL_STORE_MAX_PROGRAM / 4];
+  const uint32_t len = IMUCAL_STORE_MARK_BYTES(flash->program_bytes);
+  if (noted != NULL) *noted = 0;
+  if (flash->read(flash->ctx, slot, mark_offset(flash, mark), (uint8_t*)words, len) != IMUCAL_OK) return MARK_BEGUN;
+  const uint32_t number = ~imucal_get_u32((const uint8_t*)(words + 1));
+  if (imucal_get_u32((const uint8_t*)words) == IMUCAL_STORE_COMMIT && number != UINT32_MAX) {
+    if (noted != NULL) *noted = number;
+    return MARK_EXACT;
+  }
+  uint32_t all = ERASED;
+  for (uint32_t i = 0; i < len / 4; i++) all &= words[i];
+  return all == ERASED ? MARK_ERASED : MARK_BEGUN;
+}
+
+static bool is_begun(const imucal_flash_t* flash, uint32_t slot, uint32_t mark) {
+  return read_mark(flash, slot, mark, NULL) != MARK_ERASED;
+}
+
+/* Does a mark revoke?  Four bits do, so that up to three that flipped at rest do not. */
+static bool is_revoking(const imucal_flash_t* flash, uint32_t slot, uint32_t mark) {
+  uint32_t words[2], n_zeros = 0;
+  if (flash->read(flash->ctx, slot, mark_offset(flash, mark), (uint8_t*)words, sizeof words) != IMUCAL_OK) return true;
+  for (uint32_t bits = ~words[0], i = 0; i < 32; i++) n_zeros += bits >> i & 1u;
+  return n_zeros >= 4;
+}
+
+/* Program a mark and read it back. */
+static imucal_status set_mark(const imucal_flash_t* flash, uint32_t slot, uint32_t mark, uint32_t number) {
+  uint32_t unit[IMUCAL_STORE_MAX_PROGRAM / 4], noted = 0;
+  memset(unit, 0xFF, sizeof unit);
+  imucal_put_u32((uint8_t*)unit, IMUCAL_STORE_COMMIT);
+  imucal_put_u32((uint8_t*)(unit + 1), ~number);
+  const imucal_status status = flash->program(flash->ctx, slot, mark_offset(flash, mark), (const uint8_t*)unit,
+                                              IMUCAL_STORE_MARK_BYTES(flash->program_bytes));
+  if (status != IMUCAL_OK) return status;
+  return read_mark(flash, slot, mark, &noted) == MARK_EXACT && noted >= number ? IMUCAL_OK : IMUCAL_ERR_VERIFY;
+}
+
+/* One more commit mark for the slot that must stand while the other is erased (store.h, 3); it notes the newest number,
+ * which is lost with the other slot.  IMUCAL_ERR_NO_MARK: all are begun. */
+static imucal_status add_commit(const imucal_flash_t* flash, uint32_t slot, uint32_t newest) {
+  imucal_status status = IMUCAL_ERR_NO_MARK;
+  for (uint32_t mark = 0; mark < n_commits(flash); mark++) {
+    if (is_begun(flash, slot, mark)) continue;
+    const imucal_status set = set_mark(flash, slot, mark, newest);
+    if (set == IMUCAL_OK) return IMUCAL_OK;
+    if (!is_begun(flash, slot, mark)) status = set;
+  }
   return status;
 }
-static imucal_status program_word(const imucal_flash_t* flash, uint32_t slot, uint32_t offset, uint32_t word) {
-  uint32_t buffer = 0;
-  imucal_put_u32((uint8_t*)&buffer, word);
-  return flash->program(flash->ctx, slot, offset, (const uint8_t*)&buffer, 4);
-}
+
+/* ---- judging ---- */
 
 /* Whose device is the table for? */
 static imucal_status check_owner(const char* table_serial, uint32_t table_channels, const char* serial,
@@ -36,89 +104,138 @@ static imucal_status check_owner(const char* table_serial, uint32_t table_channe
   return IMUCAL_OK;
 }
 
-/* Judge one slot; its bytes stay in work.  *sequence: as stored when the bytes are intact, whether it may rule or
- * not. */
-static imucal_status load_slot(const imucal_flash_t* flash, uint32_t slot, const char* serial, uint32_t n_channels,
-                               imucal_store_work_t* work, uint32_t* sequence) {
-  *sequence = 0;
-  uint32_t commit = 0, revoke = 0;
-  imucal_status status = read_word(flash, slot, commit_offset(flash), &commit);
-  if (status == IMUCAL_OK) status = read_word(flash, slot, revoke_offset(flash), &revoke);
-  if (status == IMUCAL_OK)
-    status = flash->read(flash->ctx, slot, 0, (uint8_t*)work->words, IMUCAL_TABLE_MAX_BYTES);
-  if (status != IMUCAL_OK) return status;
-  const uint8_t* bytes = (const uint8_t*)work->words;
-  if (commit == ERASED && revoke == ERASED && imucal_get_u32(bytes) == ERASED) return IMUCAL_SLOT_EMPTY;
-  if (commit != IMUCAL_STORE_COMMIT) return IMUCAL_ERR_COMMIT;
-  status = imucal_table_decode(bytes, IMUCAL_TABLE_MAX_BYTES, NULL, NULL);
-  if (status != IMUCAL_OK) return status;
-  *sequence = imucal_get_u32(bytes + 24);
-  if (revoke != ERASED) return IMUCAL_SLOT_REVOKED;
-  return check_owner((const char*)bytes + 8, bytes[32], serial, n_channels);
-}
-
-/* Judge both slots and name the ruling one; work holds nothing certain afterwards. */
-static void survey(const imucal_flash_t* flash, const char* serial, uint32_t n_channels, imucal_store_work_t* work,
-                   imucal_store_report_t* report) {
-  report->ruling = NONE;
-  for (uint32_t slot = 0; slot < IMUCAL_STORE_SLOTS; slot++) {
-    report->slot_status[slot] = load_slot(flash, slot, serial, n_channels, work, &report->sequence[slot]);
-    if (report->slot_status[slot] != IMUCAL_OK) continue;
-    if (report->ruling == NONE || report->sequence[slot] > report->sequence[0]) report->ruling = (int8_t)slot;
+/* Is it committed?  IMUCAL_SLOT_EMPTY: no commit mark begun.  *noted: the largest number in any of its marks. */
+static imucal_status check_commit(const imucal_flash_t* flash, uint32_t slot, uint32_t* noted) {
+  imucal_status status = IMUCAL_SLOT_EMPTY;
+  *noted = 0;
+  for (uint32_t mark = 0; mark < n_marks(flash); mark++) {
+    uint32_t number = 0;
+    const mark_state_t state = read_mark(flash, slot, mark, &number);
+    if (number > *noted) *noted = number;
+    if (mark >= n_commits(flash)) continue;
+    if (state == MARK_EXACT) status = IMUCAL_OK;
+    if (state == MARK_BEGUN && status == IMUCAL_SLOT_EMPTY) status = IMUCAL_ERR_COMMIT;
   }
-}
-
-imucal_status imucal_store_load(const imucal_flash_t* flash, const char* serial, uint32_t n_channels,
-                                imucal_store_work_t* work, imucal_table_t* table, imucal_store_report_t* report) {
-  if (!is_usable(flash)) return IMUCAL_ERR_ARGUMENT;
-  survey(flash, serial, n_channels, work, report);
-  if (report->ruling == NONE) return IMUCAL_ERR_NO_TABLE;
-  uint32_t sequence = 0;
-  imucal_status status = load_slot(flash, (uint32_t)report->ruling, serial, n_channels, work, &sequence);
-  if (status != IMUCAL_OK) return status;
-  return imucal_table_decode((const uint8_t*)work->words, IMUCAL_TABLE_MAX_BYTES, table, NULL);
-}
-
-/* To 0 where it still has its valid value: so a word is written twice at most between erases, cut or not. */
-static imucal_status clear_word(const imucal_flash_t* flash, uint32_t slot, uint32_t offset, uint32_t valid) {
-  uint32_t word = 0;
-  imucal_status status = read_word(flash, slot, offset, &word);
-  return status == IMUCAL_OK && word == valid ? program_word(flash, slot, offset, 0) : status;
-}
-
-/* Make a slot worthless before its erase: an erase that is cut may bring back the erased state of the revoke word
- * while the table is still whole, and a revoked table must not return. */
-static imucal_status clear_slot(const imucal_flash_t* flash, uint32_t slot) {
-  imucal_status status = clear_word(flash, slot, commit_offset(flash), IMUCAL_STORE_COMMIT);
-  if (status == IMUCAL_OK) status = clear_word(flash, slot, 0, IMUCAL_TABLE_MAGIC);
-  if (status == IMUCAL_OK) status = flash->erase(flash->ctx, slot);
   return status;
 }
 
-/* Compare the slot's first len bytes with what was to be there, a few words at a time. */
+/* Judge one slot by itself; its bytes stay in work.  *sequence: as stored when the bytes are intact, whether it may
+ * rule or not.  *noted: the largest number in its marks. */
+static imucal_status load_slot(const imucal_flash_t* flash, uint32_t slot, const char* serial, uint32_t n_channels,
+                               imucal_store_work_t* work, uint32_t* sequence, uint32_t* noted) {
+  const uint8_t* bytes = (const uint8_t*)work->words;
+  *sequence = 0;
+  const imucal_status commit = check_commit(flash, slot, noted);
+  imucal_status status = flash->read(flash->ctx, slot, 0, (uint8_t*)work->words, IMUCAL_TABLE_MAX_BYTES);
+  if (status != IMUCAL_OK) return status;
+  status = imucal_table_decode(bytes, IMUCAL_TABLE_MAX_BYTES, NULL, NULL);
+  if (status == IMUCAL_OK) *sequence = imucal_get_u32(bytes + IMUCAL_TABLE_AT_SEQUENCE);
+  if (commit == IMUCAL_SLOT_EMPTY && imucal_get_u32(bytes + IMUCAL_TABLE_AT_MAGIC) != ERASED) return IMUCAL_ERR_COMMIT;
+  if (commit != IMUCAL_OK) return commit;
+  if (status != IMUCAL_OK) return status;
+  if (is_revoking(flash, slot, revoke_mark(flash))) return IMUCAL_SLOT_REVOKED;
+  return check_owner((const char*)bytes + IMUCAL_TABLE_AT_SERIAL, bytes[IMUCAL_TABLE_AT_CHANNELS], serial, n_channels);
+}
+
+/* The endorse mark in slot `older` by which it outranks a table of number `newer` in the other; n_marks: there is none. */
+static uint32_t endorse_mark(const imucal_flash_t* flash, const imucal_store_report_t* report, uint32_t older,
+                             uint32_t newer) {
+  const uint32_t step = newer - report->sequence[older] - 1;
+  return step < n_endorse(flash) ? revoke_mark(flash) + 1 + step : n_marks(flash);
+}
+static bool is_outranked(const imucal_flash_t* flash, const imucal_store_report_t* report, uint32_t older,
+                         uint32_t newer) {
+  const uint32_t mark = endorse_mark(flash, report, older, newer);
+  return mark < n_marks(flash) && is_revoking(flash, older, mark);
+}
+
+/* Name the ruling slot of the valid ones. */
+static void judge(const imucal_flash_t* flash, imucal_store_report_t* report) {
+  const bool is_ok[] = {report->slot_status[0] == IMUCAL_OK, report->slot_status[1] == IMUCAL_OK};
+  report->ruling = is_ok[0] ? 0 : is_ok[1] ? 1 : NONE;
+  if (!is_ok[0] || !is_ok[1]) return;
+  const uint32_t newer = report->sequence[1] > report->sequence[0] ? 1u : 0u, older = 1 - newer;
+  const bool is_revoked = is_outranked(flash, report, older, report->sequence[newer]);
+  if (is_revoked) report->slot_status[newer] = IMUCAL_SLOT_REVOKED;
+  report->ruling = (int8_t)(is_revoked ? older : newer);
+}
+
+/* Judge both slots and name the ruling one; work holds nothing certain afterwards.  Returns the newest sequence number
+ * there is any trace of. */
+static uint32_t survey(const imucal_flash_t* flash, const char* serial, uint32_t n_channels, imucal_store_work_t* work,
+                       imucal_store_report_t* report) {
+  uint32_t newest = 0;
+  for (uint32_t slot = 0; slot < IMUCAL_STORE_SLOTS; slot++) {
+    uint32_t noted = 0;
+    report->slot_status[slot] = load_slot(flash, slot, serial, n_channels, work, &report->sequence[slot], &noted);
+    if (report->sequence[slot] > newest) newest = report->sequence[slot];
+    if (noted > newest && report->slot_status[slot] == IMUCAL_OK) newest = noted;
+  }
+  judge(flash, report);
+  return newest;
+}
+
+/* What was read to judge may read differently when it is loaded (cells caught by a cut): then the other slot. */
+imucal_status imucal_store_load(const imucal_flash_t* flash, const char* serial, uint32_t n_channels,
+                                imucal_store_work_t* work, imucal_table_t* table, imucal_store_report_t* report) {
+  if (!is_usable(flash)) return IMUCAL_ERR_ARGUMENT;
+  (void)survey(flash, serial, n_channels, work, report);
+  for (uint32_t attempt = 0; attempt < IMUCAL_STORE_SLOTS && report->ruling != NONE; attempt++) {
+    const uint32_t slot = (uint32_t)report->ruling;
+    uint32_t noted = 0;
+    imucal_status status = load_slot(flash, slot, serial, n_channels, work, &report->sequence[slot], &noted);
+    if (status == IMUCAL_OK)
+      status = imucal_table_decode((const uint8_t*)work->words, IMUCAL_TABLE_MAX_BYTES, table, NULL);
+    if (status == IMUCAL_OK) return IMUCAL_OK;
+    report->slot_status[slot] = status;
+    judge(flash, report);
+  }
+  return IMUCAL_ERR_NO_TABLE;
+}
+
+/* ---- writing ---- */
+
+/* Compare the slot's first len bytes with what was to be there (null: erased), a few words at a time. */
 static imucal_status verify_slot(const imucal_flash_t* flash, uint32_t slot, const uint8_t* bytes, uint32_t len) {
-  uint32_t back[8];
+  uint32_t back[8], erased[8];
+  memset(erased, 0xFF, sizeof erased);
   for (uint32_t at = 0; at < len; at += sizeof back) {
-    uint32_t n = len - at < sizeof back ? len - at : (uint32_t)sizeof back;
-    imucal_status status = flash->read(flash->ctx, slot, at, (uint8_t*)back, n);
+    const uint32_t n = len - at < sizeof back ? len - at : (uint32_t)sizeof back;
+    const imucal_status status = flash->read(flash->ctx, slot, at, (uint8_t*)back, n);
     if (status != IMUCAL_OK) return status;
-    if (memcmp(back, bytes + at, n) != 0) return IMUCAL_ERR_VERIFY;
+    if (memcmp(back, bytes != NULL ? bytes + at : (const uint8_t*)erased, n) != 0) return IMUCAL_ERR_VERIFY;
   }
   return IMUCAL_OK;
 }
 
-/* Erase, program, read back, commit. */
-static imucal_status write_slot(const imucal_flash_t* flash, uint32_t slot, const uint8_t* bytes, uint32_t len) {
-  imucal_status status = clear_slot(flash, slot);
+static imucal_status erase_slot(const imucal_flash_t* flash, uint32_t slot) {
+  const imucal_status status = flash->erase(flash->ctx, slot);
+  return status == IMUCAL_OK ? verify_slot(flash, slot, NULL, flash->slot_bytes) : status;
+}
+
+/* Erase, program, read back, commit.  len: whole units. */
+static imucal_status write_slot(const imucal_flash_t* flash, uint32_t slot, const uint8_t* bytes, uint32_t len,
+                                uint32_t sequence) {
+  imucal_status status = erase_slot(flash, slot);
   if (status == IMUCAL_OK) status = flash->program(flash->ctx, slot, 0, bytes, len);
   if (status == IMUCAL_OK) status = verify_slot(flash, slot, bytes, len);
-  uint32_t commit = 0, revoke = 0;
-  if (status == IMUCAL_OK) status = read_word(flash, slot, commit_offset(flash), &commit);
-  if (status == IMUCAL_OK) status = read_word(flash, slot, revoke_offset(flash), &revoke);
-  if (status == IMUCAL_OK && (commit != ERASED || revoke != ERASED)) status = IMUCAL_ERR_VERIFY;
-  if (status == IMUCAL_OK) status = program_word(flash, slot, commit_offset(flash), IMUCAL_STORE_COMMIT);
-  if (status == IMUCAL_OK) status = read_word(flash, slot, commit_offset(flash), &commit);
-  return status == IMUCAL_OK && commit != IMUCAL_STORE_COMMIT ? IMUCAL_ERR_VERIFY : status;
+  return status == IMUCAL_OK ? set_mark(flash, slot, 0, sequence) : status;
+}
+
+/* Make ready to overwrite slot `loser`: what must not be lost with it stands in the other slot.  *sequence: the number of
+ * the next table, in: the newest one. */
+static imucal_status secure(const imucal_flash_t* flash, const imucal_store_report_t* report, uint32_t loser,
+                            uint32_t* sequence) {
+  const uint32_t newest = *sequence, winner = 1 - loser;
+  *sequence = newest + 1;
+  if (report->ruling == NONE) return erase_slot(flash, winner);
+  for (uint32_t i = 0; i < IMUCAL_STORE_MAX_MARKS && is_outranked(flash, report, winner, *sequence); i++) ++*sequence;
+  const imucal_status status = add_commit(flash, winner, newest);
+  if (status != IMUCAL_ERR_NO_MARK) return status;
+  /* No mark left to note the number: one that no endorse mark stands for. */
+  const uint32_t beyond = report->sequence[winner] + n_endorse(flash) + 1;
+  if (beyond > *sequence) *sequence = beyond;
+  return IMUCAL_OK;
 }
 
 imucal_status imucal_store_write(const imucal_flash_t* flash, const char* serial, uint32_t n_channels,
@@ -126,17 +243,23 @@ imucal_status imucal_store_write(const imucal_flash_t* flash, const char* serial
   if (!is_usable(flash)) return IMUCAL_ERR_ARGUMENT;
   imucal_status status = check_owner(table->serial, table->n_channels, serial, n_channels);
   if (status != IMUCAL_OK) return status;
-  survey(flash, serial, n_channels, work, report);
-  uint32_t newest = report->sequence[0] > report->sequence[1] ? report->sequence[0] : report->sequence[1];
-  if (newest >= UINT32_MAX - 1) return IMUCAL_ERR_SEQUENCE;
-  table->sequence = newest + 1;
+  table->sequence = 1; /* any that is valid */
+  status = imucal_table_validate(table, NULL);
+  if (status != IMUCAL_OK) return status;
+  uint32_t sequence = survey(flash, serial, n_channels, work, report);
+  if (sequence >= IMUCAL_STORE_MAX_SEQUENCE) return IMUCAL_ERR_SEQUENCE;
+  const uint32_t loser = report->ruling == 0 ? 1u : 0u;
+  status = secure(flash, report, loser, &sequence);
+  if (status != IMUCAL_OK) return status;
   size_t len = 0;
+  table->sequence = sequence;
+  memset(work->words, 0xFF, sizeof work->words); /* what fills up the last unit */
   status = imucal_table_encode(table, (uint8_t*)work->words, sizeof work->words, &len);
   if (status != IMUCAL_OK) return status;
-  uint32_t loser = report->ruling == 0 ? 1u : 0u;
-  status = write_slot(flash, loser, (const uint8_t*)work->words, (uint32_t)len);
+  const uint32_t unit = flash->program_bytes < 4 ? 4 : flash->program_bytes;
+  status = write_slot(flash, loser, (const uint8_t*)work->words, round_up((uint32_t)len, unit), sequence);
   report->slot_status[loser] = status;
-  report->sequence[loser] = status == IMUCAL_OK ? table->sequence : 0;
+  report->sequence[loser] = status == IMUCAL_OK ? sequence : 0;
   if (status == IMUCAL_OK) report->ruling = (int8_t)loser;
   return status;
 }
@@ -146,19 +269,25 @@ imucal_status imucal_store_rollback(const imucal_flash_t* flash, const char* ser
                                     imucal_store_report_t* report) {
   imucal_status status = imucal_store_load(flash, serial, n_channels, work, table, report);
   if (status != IMUCAL_OK) return status;
-  if (report->slot_status[1 - report->ruling] != IMUCAL_OK) return IMUCAL_ERR_NO_OTHER;
-  status = program_word(flash, (uint32_t)report->ruling, revoke_offset(flash), 0);
+  const uint32_t newer = (uint32_t)report->ruling, older = 1 - newer;
+  if (report->slot_status[older] != IMUCAL_OK) return IMUCAL_ERR_NO_OTHER;
+  const uint32_t mark = endorse_mark(flash, report, older, report->sequence[newer]);
+  if (mark == n_marks(flash)) return IMUCAL_ERR_NO_MARK;
+  status = set_mark(flash, older, mark, report->sequence[newer]);
+  if (status == IMUCAL_OK) status = set_mark(flash, newer, revoke_mark(flash), report->sequence[newer]);
   if (status != IMUCAL_OK) return status;
-  return imucal_store_load(flash, serial, n_channels, work, table, report);
+  status = imucal_store_load(flash, serial, n_channels, work, table, report);
+  return status == IMUCAL_OK && report->ruling != (int8_t)older ? IMUCAL_ERR_VERIFY : status;
 }
 
 imucal_status imucal_store_erase(const imucal_flash_t* flash, imucal_store_work_t* work,
                                  imucal_store_report_t* report) {
   if (!is_usable(flash)) return IMUCAL_ERR_ARGUMENT;
-  survey(flash, NULL, 0, work, report);
-  uint32_t first = report->ruling == 0 ? 1u : 0u;
-  imucal_status status = clear_slot(flash, first);
-  if (status == IMUCAL_OK) status = clear_slot(flash, 1u - first);
-  survey(flash, NULL, 0, work, report);
+  const uint32_t newest = survey(flash, NULL, 0, work, report);
+  const uint32_t first = report->ruling == 0 ? 1u : 0u;
+  imucal_status status = report->ruling == NONE ? IMUCAL_OK : add_commit(flash, 1 - first, newest);
+  if (status == IMUCAL_OK || status == IMUCAL_ERR_NO_MARK) status = erase_slot(flash, first);
+  if (status == IMUCAL_OK) status = erase_slot(flash, 1 - first);
+  (void)survey(flash, NULL, 0, work, report);
   return status;
 }

@@ -1,16 +1,47 @@
 // SPDX-License-Identifier: MIT
-/* Purpose: keep two tables in flash so that a power cut at any moment leaves the old or the new one ruling.
+/* Purpose: keep two tables in flash so that a power cut at any moment leaves the old or the new one ruling, also where
+ * the cells that the cut caught read differently from read to read or from start to start.
  * Data: bytes of a valid table in (table.h); at boot the newest valid one out, and why others were refused.
  * Memory: no state of its own; the caller gives work memory.  Thread: one context.
  *
- * Slot:  [table bytes .. erased ..][commit word][revoke word]   (last 8 bytes of the slot)
- *  - write: invalidate the loser (commit word and magic to 0), erase it, program the table, read back, then program the
- *    commit word.  The ruling slot is not touched.
- *  - rollback: program the ruling slot's revoke word to 0; the other slot rules.
- *  - A commit word that is not exact is no commit.  A revoke word that is not erased revokes.
- * NOR rules assumed: erase sets all bits of the slot, program only clears bits, a word may be programmed a second
- * time to 0 (nRF51: two writes per word and erase; so used).  One 4-byte word is the largest unit needed to be
- * programmed at once; a cut inside a word is covered. */
+ * Slot:  [table .. erased .. endorse n-1 .. endorse 0 | revoke | commit m-1 .. commit 1 | commit 0]
+ * m = 8, n = 8, or m = 3 and n = 1..12 in a slot without room for that many.  A mark has program units of its own:
+ * max(8, program_bytes) bytes, of which the first 8 count: u32 0x3AC5965A, u32 NOT sequence number.
+ * A unit is programmed once between two erases, so units with ECC that may be written once will do.
+ *  - write: give the ruling slot one more commit mark, which notes the newest sequence number; erase the other slot and
+ *    check that it is erased; program the table, read it back; program commit 0, read it back.
+ *  - rollback: program an endorse mark in the older slot, read it back; then the revoke mark in the ruling one.
+ *  - A slot is valid with any commit mark exact and a table that passes every check.  Of two valid slots the one with
+ *    the higher sequence number rules, unless it is revoked: by its own revoke mark, or in the older slot by the endorse
+ *    mark of this pair (which one: difference of the sequence numbers - 1).  Four bits of such a mark revoke.
+ *
+ * Why a cut at any unit leaves old or new.  A unit or page is "whole" when its last program or erase was not cut; whole
+ * cells read the same for ever.  "Ruling slot" R, other slot O.
+ *  (1) Table: commit 0 is begun only after the table was read back with the power on: a slot that shows any sign of a
+ *      commit mark has a whole table.  A cut in the table's units leaves all commit marks erased: not valid.
+ *  (2) Cut in commit 0 of the new slot: it is valid or not, from read to read.  The old slot is whole: old or new.
+ *  (3) O is erased only after R got a commit mark that was programmed and read back since this start, or where all m
+ *      commit marks of R are begun.  So R has a whole table and a whole commit mark while O is in pieces, unless m cuts
+ *      caught the m marks of R.  R is valid at every read; it rules because
+ *      - what may come back out of a half-erased O is O as it was (or bytes whose CRC is wrong): an older table, whose
+ *        sequence number is lower; or
+ *      - O was rolled back: the endorse mark that outranks it is in R, where the erase of O cannot reach it.
+ *        (A revoke mark alone could be erased first, and a table rolled back would return.)
+ *      The next table must not get the number that an endorse mark in R stands for, though O can no longer be read:
+ *      R's marks note it; with no commit mark left the number is chosen beyond all endorse marks.
+ *  (4) Cut in a commit mark added to R: R is as valid as before, O untouched.  Next time another mark is taken; a mark that
+ *      was caught and reads erased is programmed again, to the same value: whole then.
+ *  (5) Cut in endorse: either table rules, both are whole, the rollback was not reported as done.  Revoke is begun only
+ *      when endorse was read back: it says the same and stays when the older table rots.
+ *  (6) Nothing rules: both slots are erased before the write, so that nothing half erased comes back over the new
+ *      table later.
+ *  (7) Erase: a commit mark for R, then O, then R; a cut leaves R or nothing, as asked for.
+ * So cuts never matter, however often they come, unless m (3 or 8) of them hit the m commit marks of one slot.
+ * `make torn` cuts every unit of every state to depth two and samples depth three.
+ *
+ * Bits that flip at rest: a table that fails its CRC is refused, the other slot rules; a slot that has been written
+ * after has two commit marks.
+ * Silent failures of the driver: erase, table and marks are read back before the next step. */
 #ifndef IMUCAL_STORE_H
 #define IMUCAL_STORE_H
 
@@ -23,16 +54,28 @@ extern "C" {
 
 #define IMUCAL_STORE_SLOTS 2
 #define IMUCAL_STORE_COMMIT 0x3AC5965Au
-#define IMUCAL_STORE_MIN_SLOT_BYTES (IMUCAL_TABLE_MAX_BYTES + 8)
+#define IMUCAL_STORE_MIN_COMMITS 3u  /* commit marks of a small slot */
+#define IMUCAL_STORE_MAX_COMMITS 8u  /* and of one with room for IMUCAL_STORE_MAX_MARKS */
+#define IMUCAL_STORE_MAX_MARKS 17u   /* 8 commit, 1 revoke, 8 endorse */
+#define IMUCAL_STORE_MAX_PROGRAM 32u /* bytes of a program unit */
+#define IMUCAL_STORE_MAX_SEQUENCE 0xFFFFFF00u /* no further writes: room for the steps of a write */
+#define IMUCAL_STORE_MARK_BYTES(program_bytes) ((program_bytes) < 8u ? 8u : (uint32_t)(program_bytes))
+/* Room for the longest table, three commit marks, revoke and one endorse: 904 bytes up to units of 8, 1024 with 32. */
+#define IMUCAL_STORE_MIN_SLOT_BYTES(program_bytes)                                                               \
+  ((IMUCAL_TABLE_MAX_BYTES + (program_bytes)-1u) / (program_bytes) * (program_bytes) +                           \
+   (IMUCAL_STORE_MIN_COMMITS + 2u) * IMUCAL_STORE_MARK_BYTES(program_bytes))
 
-/* The flash, as the port offers it.  slot: 0 or 1; offset and len are multiples of 4; data is aligned to 4.
- * Each returns IMUCAL_OK or IMUCAL_ERR_FLASH. */
+/* The flash, as the port offers it.  slot: 0 or 1; offset and len are multiples of 4 and, for program, of program_bytes;
+ * data is aligned to 4.  Each returns IMUCAL_OK or IMUCAL_ERR_FLASH (read: where ECC cannot correct, for example).
+ * erase: the whole slot to ones.  program: units that are erased, each once. */
 typedef struct imucal_flash {
   imucal_status (*erase)(void* ctx, uint32_t slot);
   imucal_status (*program)(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len);
   imucal_status (*read)(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len);
   void* ctx;
-  uint32_t slot_bytes; /* multiple of 4, >= IMUCAL_STORE_MIN_SLOT_BYTES */
+  uint32_t slot_bytes;    /* multiple of erase_bytes, >= IMUCAL_STORE_MIN_SLOT_BYTES(program_bytes) */
+  uint32_t erase_bytes;   /* smallest unit of erasing (a page); multiple of program_bytes and of 8 */
+  uint32_t program_bytes; /* smallest unit of programming: 1, 2, 4, 8, 16 or 32 */
 } imucal_flash_t;
 
 /* What is in the slots. */
@@ -48,26 +91,33 @@ typedef struct imucal_store_work {
 } imucal_store_work_t;
 
 /* Find the ruling table for the device `serial` (IMUCAL_SERIAL_LEN characters, 0-padded; null: any) with n_channels
- * (0: any).  IMUCAL_OK: *table is it; IMUCAL_ERR_NO_TABLE: none, see report.  report may not be null. */
+ * (0: any).  IMUCAL_OK: *table is it; IMUCAL_ERR_NO_TABLE: none, see report; IMUCAL_ERR_ARGUMENT: sizes of flash out
+ * of range.  report may not be null.  At most 80 reads; writes nothing. */
 IMUCAL_MUST_USE imucal_status imucal_store_load(const imucal_flash_t* flash, const char* serial, uint32_t n_channels,
                                                 imucal_store_work_t* work, imucal_table_t* table,
                                                 imucal_store_report_t* report);
 
-/* Write `table` into the loser with the next sequence number (set in *table) and commit.  On IMUCAL_OK it rules and
- * the report says so.  Any error: the old table still rules (IMUCAL_ERR_SERIAL, IMUCAL_ERR_CHANNELS: table of another
- * device, flash untouched; status of table_validate: flash untouched; IMUCAL_ERR_FLASH, IMUCAL_ERR_VERIFY).
- * work must not overlap table. */
+/* Write `table` into the slot that does not rule, with the next sequence number (set in *table), and commit.  On
+ * IMUCAL_OK it rules and the report says so.  Errors that leave the flash untouched: IMUCAL_ERR_SERIAL,
+ * IMUCAL_ERR_CHANNELS (table of another device), the status of table_validate, IMUCAL_ERR_SEQUENCE.  After
+ * IMUCAL_ERR_FLASH and IMUCAL_ERR_VERIFY the old table rules, or the new one where only the last mark's read-back
+ * failed: load tells.  work must not overlap table.
+ * IMUCAL_ERR_SEQUENCE: the newest number is 2^32 - 256.  Numbers grow by 1 a write (by at most 13 after writes cut again and
+ * again); flash that stands 100,000 erases a slot is worn out after 200,000 writes, long before.  imucal_store_erase starts
+ * the numbers anew. */
 IMUCAL_MUST_USE imucal_status imucal_store_write(const imucal_flash_t* flash, const char* serial, uint32_t n_channels,
                                                  imucal_store_work_t* work, imucal_table_t* table,
                                                  imucal_store_report_t* report);
 
 /* Revoke the ruling table; the other valid one rules (loaded into *table).  IMUCAL_ERR_NO_OTHER: nothing to go back
- * to, nothing changed; IMUCAL_ERR_NO_TABLE. */
+ * to, nothing changed; IMUCAL_ERR_NO_TABLE; IMUCAL_ERR_NO_MARK: the older slot has no room to note one more (after 7
+ * rollbacks to the same table; 1 in the smallest slot; fewer where writes were cut and each took a mark), nothing changed; IMUCAL_ERR_FLASH, IMUCAL_ERR_VERIFY: it
+ * did not take, load tells which rules. */
 IMUCAL_MUST_USE imucal_status imucal_store_rollback(const imucal_flash_t* flash, const char* serial,
                                                     uint32_t n_channels, imucal_store_work_t* work,
                                                     imucal_table_t* table, imucal_store_report_t* report);
 
-/* Erase both slots, the ruling one last. */
+/* Erase both slots, the ruling one last, and check it. */
 IMUCAL_MUST_USE imucal_status imucal_store_erase(const imucal_flash_t* flash, imucal_store_work_t* work,
                                                  imucal_store_report_t* report);
 

@@ -26,6 +26,9 @@ extern "C" {
 #define IMUCAL_TABLE_MAX_BYTES IMUCAL_TABLE_BYTES(IMUCAL_MAX_CHANNELS) /* 864 */
 #define IMUCAL_TABLE_MAX_COEFF 1e7f /* |coefficient|, unit */
 
+/* Where the header's fields stand in the bytes (table.md), for who reads bytes without decoding them. */
+enum { IMUCAL_TABLE_AT_MAGIC = 0, IMUCAL_TABLE_AT_SERIAL = 8, IMUCAL_TABLE_AT_SEQUENCE = 24, IMUCAL_TABLE_AT_CHANNELS = 32 };
+
 /* One channel.  unit: dph or mg, from the name's ending (gx_dph, ax_mg). */
 typedef struct imucal_table_channel {
   char name[IMUCAL_NAME_LEN]; /* printable ASCII, padded with 0 */

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// store: power cut at every byte of every operation of write, rollback and erase, then again from the cut state, twice;
-// a driver that fails at any call; foreign, torn and damaged slots.  Always the old or the new table rules.
+// store: what each operation does; foreign and damaged slots; sizes of flash; and the short form of `make torn`: power cut
+// at every unit of every operation, a driver that fails at any call.  Always the old or the new table rules.
 #include "unit.h"
 
 #include "num.h"
@@ -8,6 +8,10 @@
 #include "table_example.h"
 
 #include "emu/nor.h"
+#include "torn/torn.h"
+
+#define SLOT_BYTES 1024u
+static const nor_geometry_t small_pages = {SLOT_BYTES, SLOT_BYTES, 4};
 
 static imucal_store_work_t work;
 static imucal_store_report_t report;
@@ -45,7 +49,7 @@ static imucal_status erase_all(nor_t* nor) {
 static void test_empty_flash_has_no_table(void** state) {
   (void)state;
   nor_t nor;
-  nor_init(&nor);
+  nor_init(&nor, small_pages);
   assert_int_equal(ruling_mark(&nor), -1);
   assert_int_equal(report.slot_status[0], IMUCAL_SLOT_EMPTY);
   assert_int_equal(report.slot_status[1], IMUCAL_SLOT_EMPTY);
@@ -56,7 +60,7 @@ static void test_empty_flash_has_no_table(void** state) {
 static void test_write_alternates_slots_and_counts_up(void** state) {
   (void)state;
   nor_t nor;
-  nor_init(&nor);
+  nor_init(&nor, small_pages);
   for (int mark = 1; mark <= 20; mark++) {
     assert_int_equal(write_mark(&nor, mark), IMUCAL_OK);
     assert_int_equal(report.ruling, (mark + 1) % 2);
@@ -64,14 +68,14 @@ static void test_write_alternates_slots_and_counts_up(void** state) {
     assert_int_equal(report.sequence[report.ruling], mark);
   }
   assert_int_equal(nor.n_erase[0], 10);
-  assert_int_equal(nor.n_erase[1], 10); /* wear is shared */
+  assert_int_equal(nor.n_erase[1], 11); /* wear is shared; the first write erases both */
   assert_int_equal(nor.n_violations, 0);
 }
 
 static void test_rollback_goes_back_once_and_a_new_write_rules_again(void** state) {
   (void)state;
   nor_t nor;
-  nor_init(&nor);
+  nor_init(&nor, small_pages);
   assert_int_equal(write_mark(&nor, 1), IMUCAL_OK);
   assert_int_equal(roll_back(&nor), IMUCAL_ERR_NO_OTHER);
   assert_int_equal(ruling_mark(&nor), 1);
@@ -89,7 +93,7 @@ static void test_rollback_goes_back_once_and_a_new_write_rules_again(void** stat
 static void test_erase_leaves_nothing(void** state) {
   (void)state;
   nor_t nor;
-  nor_init(&nor);
+  nor_init(&nor, small_pages);
   assert_int_equal(write_mark(&nor, 1), IMUCAL_OK);
   assert_int_equal(write_mark(&nor, 2), IMUCAL_OK);
   assert_int_equal(erase_all(&nor), IMUCAL_OK);
@@ -98,138 +102,39 @@ static void test_erase_leaves_nothing(void** state) {
   assert_int_equal(report.slot_status[1], IMUCAL_SLOT_EMPTY);
 }
 
-/* GIVEN: marks 1 and 2 written, 2 rules; or 2 rolled back (1 rules); or nothing. */
-static void prepare(nor_t* nor, int given) {
-  nor_init(nor);
-  if (given == 0) return;
+/* Marks 1 and 2 written: 2 rules in slot 1. */
+static void prepare(nor_t* nor) {
+  nor_init(nor, small_pages);
   assert_int_equal(write_mark(nor, 1), IMUCAL_OK);
   assert_int_equal(write_mark(nor, 2), IMUCAL_OK);
-  if (given == 2) assert_int_equal(roll_back(nor), IMUCAL_OK);
-}
-
-static imucal_status act(nor_t* nor, int action, int mark) {
-  return action == 0 ? write_mark(nor, mark) : action == 1 ? roll_back(nor) : erase_all(nor);
-}
-
-/* Rules after a cut: what ruled before, or what the finished action leaves. */
-static void expect_old_or_new(nor_t* nor, int old, int new, const char* what, long step) {
-  nor_power_on(nor);
-  int mark = ruling_mark(nor);
-  if (mark != old && mark != new)
-    fail_msg("%s cut at byte %ld (order %d, torn 0x%02x): table %d rules, not %d or %d", what, step, nor->order,
-             nor->torn_bits, mark, old, new);
-}
-
-static void test_power_cut_at_every_byte_old_or_new_table_rules(void** state) {
-  (void)state;
-  static const char* const names[] = {"write", "rollback", "erase"};
-  const uint8_t torn[] = {0x00, 0x5A, 0xFF};
-  for (int given = 0; given <= 2; given++)
-    for (int action = 0; action <= 2; action++) {
-      if (action == 1 && given != 1) continue; /* nothing to go back to */
-      nor_t whole, nor;
-      prepare(&whole, given);
-      int old = ruling_mark(&whole);
-      nor_power_on(&whole);
-      assert_int_equal(act(&whole, action, 9), IMUCAL_OK);
-      long n_steps = whole.steps_used;
-      int new = ruling_mark(&whole);
-      assert_int_equal(new, action == 0 ? 9 : action == 1 ? 1 : -1);
-      for (int order = 0; order <= 2; order++)
-        for (int k = 0; k < 3; k++)
-          for (long step = 0; step < n_steps; step++) {
-            prepare(&nor, given);
-            nor.order = order;
-            nor.torn_bits = torn[k];
-            nor_power_on(&nor);
-            nor.steps_left = step;
-            assert_int_not_equal(act(&nor, action, 9), IMUCAL_OK);
-            /* erasing the ruling slot is the one action that may leave neither */
-            expect_old_or_new(&nor, old, new, names[action], step);
-            /* and a write from the cut state succeeds */
-            if (step % 37 == 0) {
-              assert_int_equal(write_mark(&nor, 7), IMUCAL_OK);
-              assert_int_equal(ruling_mark(&nor), 7);
-            }
-            if (nor.n_violations) fail_msg("%s at %ld: %s", names[action], step, nor.violation);
-          }
-    }
-}
-
-/* Cut, try again and cut again, and once more: still old or new; then a write to the end succeeds. */
-static void test_power_cut_three_times_in_a_row_old_or_new_table_rules(void** state) {
-  (void)state;
-  unit_rng_t rng = {unit_seed()};
-  for (int run = 0; run < 4000; run++) {
-    nor_t nor;
-    int given = (int)unit_integer(&rng, 0, 2);
-    prepare(&nor, given);
-    int rules = ruling_mark(&nor);
-    for (int cut = 0; cut < 3; cut++) {
-      nor_power_on(&nor);
-      nor.order = (int)unit_integer(&rng, 0, 2);
-      nor.torn_bits = (uint8_t)unit_bits(&rng);
-      nor.steps_left = unit_integer(&rng, 0, 2600);
-      int is_rollback = rules > 0 && unit_integer(&rng, 0, 3) == 0;
-      int mark = 10 + cut;
-      imucal_status status = is_rollback ? roll_back(&nor) : write_mark(&nor, mark);
-      int before = rules;
-      nor_power_on(&nor);
-      rules = ruling_mark(&nor);
-      if (is_rollback) {
-        if (status == IMUCAL_ERR_NO_OTHER) assert_int_equal(rules, before);
-        assert_true(rules > 0); /* never a rollback into nothing */
-      } else if (rules != before && rules != mark) {
-        fail_msg("run %d cut %d: %d rules after %d, writing %d", run, cut, rules, before, mark);
-      }
-      if (!is_rollback && status == IMUCAL_OK) assert_int_equal(rules, mark);
-    }
-    nor_power_on(&nor);
-    assert_int_equal(write_mark(&nor, 99), IMUCAL_OK);
-    assert_int_equal(ruling_mark(&nor), 99);
-    if (nor.n_violations) fail_msg("%s", nor.violation);
-  }
-}
-
-static void test_driver_fails_at_any_call_old_or_new_table_rules(void** state) {
-  (void)state;
-  for (int action = 0; action <= 2; action++)
-    for (int call = 1; call < 100; call++) {
-      nor_t nor;
-      prepare(&nor, 1);
-      nor.n_calls = 0;
-      nor.fail_at_call = call;
-      imucal_status status = act(&nor, action, 9);
-      int was_reached = nor.n_calls >= call;
-      nor.fail_at_call = 0;
-      int mark = ruling_mark(&nor);
-      if (status == IMUCAL_OK) assert_int_equal(mark, action == 0 ? 9 : action == 1 ? 1 : -1);
-      else if (action != 2) assert_true(mark == 2 || mark == (action == 0 ? 9 : 1));
-      if (!was_reached) break;
-    }
 }
 
 static void test_load_tells_why_slots_are_refused(void** state) {
   (void)state;
   nor_t nor;
   imucal_table_t table;
-  prepare(&nor, 1);
+  prepare(&nor);
   imucal_flash_t flash = nor_flash(&nor);
   assert_int_equal(imucal_store_load(&flash, "SN-18", 3, &work, &table, &report), IMUCAL_ERR_NO_TABLE);
   assert_int_equal(report.slot_status[0], IMUCAL_ERR_SERIAL);
   assert_int_equal(imucal_store_load(&flash, "SN-17", 6, &work, &table, &report), IMUCAL_ERR_NO_TABLE);
   assert_int_equal(report.slot_status[1], IMUCAL_ERR_CHANNELS);
   assert_int_equal(imucal_store_load(&flash, NULL, 0, &work, &table, &report), IMUCAL_OK);
-  for (int bit = 0; bit < 32; bit++) { /* a revoke word cut after its first bit revokes, and stays so */
+  for (int n_bits = 1; n_bits <= 8; n_bits++) { /* four bits of a revoke mark revoke, three that flipped do not */
     nor_t torn = nor;
-    torn.bytes[1][NOR_SLOT_BYTES - 4 + bit / 8] &= (uint8_t)~(1 << bit % 8);
-    assert_int_equal(ruling_mark(&torn), 1);
-    assert_int_equal(report.slot_status[1], IMUCAL_SLOT_REVOKED);
+    torn.bytes[1][SLOT_BYTES - 9 * 8] = (uint8_t)(0xFF << n_bits);
+    assert_int_equal(ruling_mark(&torn), n_bits < 4 ? 2 : 1);
+    assert_int_equal(report.slot_status[1], n_bits < 4 ? IMUCAL_OK : IMUCAL_SLOT_REVOKED);
+  }
+  for (int n_bits = 1; n_bits <= 8; n_bits++) { /* and of the endorse mark in the older slot */
+    nor_t torn = nor;
+    torn.bytes[0][SLOT_BYTES - 10 * 8] = (uint8_t)(0xFF << n_bits);
+    assert_int_equal(ruling_mark(&torn), n_bits < 4 ? 2 : 1);
   }
   nor.bytes[1][200] ^= 4; /* the newer one rots: the older rules */
   assert_int_equal(ruling_mark(&nor), 1);
   assert_int_equal(report.slot_status[1], IMUCAL_ERR_CRC);
-  nor.bytes[1][NOR_SLOT_BYTES - 8] ^= 1;
+  nor.bytes[1][SLOT_BYTES - 8] ^= 1;
   assert_int_equal(ruling_mark(&nor), 1);
   assert_int_equal(report.slot_status[1], IMUCAL_ERR_COMMIT);
   nor.bytes[0][4] = 7;
@@ -240,7 +145,7 @@ static void test_load_tells_why_slots_are_refused(void** state) {
 static void test_write_refuses_bad_tables_and_leaves_flash_alone(void** state) {
   (void)state;
   nor_t nor, before;
-  prepare(&nor, 1);
+  prepare(&nor);
   before = nor;
   imucal_flash_t flash = nor_flash(&nor);
   imucal_table_t table = example_table(3, 9);
@@ -252,9 +157,173 @@ static void test_write_refuses_bad_tables_and_leaves_flash_alone(void** state) {
   table.channel[1].coeff[0] = (float)NAN;
   assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_COEFFICIENT);
   assert_memory_equal(nor.bytes, before.bytes, sizeof nor.bytes);
-  flash.slot_bytes = IMUCAL_STORE_MIN_SLOT_BYTES - 4;
-  table = example_table(3, 9);
-  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_ARGUMENT);
+}
+
+static imucal_status load_with(nor_t* nor, uint32_t slot_bytes, uint32_t erase_bytes, uint32_t program_bytes) {
+  imucal_flash_t flash = nor_flash(nor);
+  flash.slot_bytes = slot_bytes, flash.erase_bytes = erase_bytes, flash.program_bytes = program_bytes;
+  imucal_table_t table;
+  const imucal_status status = imucal_store_load(&flash, "SN-17", 3, &work, &table, &report);
+  if (status != IMUCAL_ERR_ARGUMENT) return status;
+  table = example_table(3, 1);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), status);
+  assert_int_equal(imucal_store_rollback(&flash, "SN-17", 3, &work, &table, &report), status);
+  assert_int_equal(imucal_store_erase(&flash, &work, &report), status);
+  return status;
+}
+static void test_sizes_of_flash_out_of_range_are_refused(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  assert_int_equal(load_with(&nor, 904, 8, 8), IMUCAL_ERR_NO_TABLE); /* 864 + 5 marks of 8 */
+  assert_int_equal(load_with(&nor, 896, 8, 8), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(load_with(&nor, 1024, 1024, 32), IMUCAL_ERR_NO_TABLE);
+  assert_int_equal(load_with(&nor, 992, 32, 32), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(load_with(&nor, 1024, 1024, 64), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(load_with(&nor, 1024, 1024, 3), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(load_with(&nor, 1024, 1024, 0), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(load_with(&nor, 1024, 0, 4), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(load_with(&nor, 1024, 300, 4), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(load_with(&nor, 1024, 16, 32), IMUCAL_ERR_ARGUMENT);
+}
+
+/* The newest number there is any trace of is used up: refused, flash untouched; erasing starts anew. */
+static void test_sequence_numbers_used_up_are_refused(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  imucal_table_t table = example_table(3, 5);
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES] = {0};
+  size_t len = 0;
+  table.sequence = IMUCAL_STORE_MAX_SEQUENCE - 1;
+  assert_int_equal(imucal_table_encode(&table, bytes, sizeof bytes, &len), IMUCAL_OK);
+  memcpy(nor.bytes[0], bytes, len);
+  imucal_put_u32(nor.bytes[0] + SLOT_BYTES - 8, IMUCAL_STORE_COMMIT);
+  imucal_put_u32(nor.bytes[0] + SLOT_BYTES - 4, ~table.sequence);
+  assert_int_equal(write_mark(&nor, 6), IMUCAL_OK); /* the last one */
+  assert_int_equal(report.sequence[1], IMUCAL_STORE_MAX_SEQUENCE);
+  assert_int_equal(write_mark(&nor, 7), IMUCAL_ERR_SEQUENCE);
+  assert_int_equal(ruling_mark(&nor), 6);
+  assert_int_equal(erase_all(&nor), IMUCAL_OK);
+  assert_int_equal(write_mark(&nor, 7), IMUCAL_OK);
+  assert_int_equal(report.sequence[report.ruling], 1);
+}
+
+/* Each rollback to the same table takes a mark of its slot; then it is refused and says so. */
+static void test_rollback_without_a_mark_left_is_refused(void** state) {
+  (void)state;
+  nor_t nor;
+  prepare(&nor);
+  for (int round = 0; round < 7; round++) {
+    assert_int_equal(roll_back(&nor), IMUCAL_OK);
+    assert_int_equal(ruling_mark(&nor), 1);
+    assert_int_equal(write_mark(&nor, 3 + round), IMUCAL_OK);
+    assert_int_equal(ruling_mark(&nor), 3 + round);
+  }
+  assert_int_equal(roll_back(&nor), IMUCAL_ERR_NO_MARK);
+  assert_int_equal(ruling_mark(&nor), 9);
+  assert_int_equal(write_mark(&nor, 11), IMUCAL_OK); /* goes over table 1: the marks are fresh again */
+  assert_int_equal(roll_back(&nor), IMUCAL_OK);
+  assert_int_equal(ruling_mark(&nor), 9);
+  assert_int_equal(nor.n_violations, 0);
+}
+
+/* A revoke or endorse mark that does not take: rollback must not say done. */
+static void test_rollback_that_did_not_take_says_so(void** state) {
+  (void)state;
+  for (int call = 1; call <= 2; call++) {
+    nor_t nor;
+    prepare(&nor);
+    nor.fail_how = NOR_DOES_NOTHING, nor.fail_at_call = call, nor.n_calls = 0;
+    assert_int_equal(roll_back(&nor), IMUCAL_ERR_VERIFY);
+    nor.fail_at_call = 0;
+    assert_int_equal(ruling_mark(&nor), call == 1 ? 2 : 1);
+  }
+}
+
+/* The slot to write does not take its erase: nothing is programmed over it. */
+static void test_write_erase_that_did_nothing_is_found(void** state) {
+  (void)state;
+  nor_t nor;
+  prepare(&nor);
+  nor.fail_how = NOR_DOES_NOTHING, nor.fail_at_call = 2, nor.n_calls = 0; /* mark, erase */
+  assert_int_equal(write_mark(&nor, 3), IMUCAL_ERR_VERIFY);
+  assert_int_equal(nor.n_violations, 0);
+  assert_int_equal(ruling_mark(&nor), 2);
+}
+
+/* A commit mark that did not take: not done. */
+static void test_write_commit_that_did_nothing_is_found(void** state) {
+  (void)state;
+  nor_t nor;
+  prepare(&nor);
+  nor.fail_how = NOR_DOES_NOTHING, nor.fail_at_call = 4, nor.n_calls = 0; /* mark, erase, table, mark */
+  assert_int_equal(write_mark(&nor, 3), IMUCAL_ERR_VERIFY);
+  nor.fail_at_call = 0;
+  assert_int_equal(ruling_mark(&nor), 2);
+}
+
+/* What was read to judge reads differently when loaded: the other table then. */
+static int n_reads_left;
+static imucal_status fading_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
+  const imucal_status status = nor_read(ctx, slot, offset, data, len);
+  if (slot == 1 && offset == 0 && len == IMUCAL_TABLE_MAX_BYTES && n_reads_left-- <= 0) data[100] ^= 1;
+  return status;
+}
+static void test_load_falls_back_when_the_ruling_slot_fades(void** state) {
+  (void)state;
+  nor_t nor;
+  prepare(&nor);
+  imucal_flash_t flash = nor_flash(&nor);
+  flash.read = fading_read;
+  n_reads_left = 1;
+  imucal_table_t table;
+  assert_int_equal(imucal_store_load(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_OK);
+  assert_int_equal(table.sequence, 1);
+  assert_int_equal(report.ruling, 0);
+  assert_int_equal(report.slot_status[1], IMUCAL_ERR_CRC);
+}
+
+/* ---- the short form of make torn ---- */
+
+static void test_cut_at_every_unit_old_or_new_table_rules(void** state) {
+  (void)state;
+  static torn_state_t start;
+  static const int patterns[] = {NOR_ALL_WAVER, NOR_MIXED};
+  torn_counts_t counts = {0};
+  for (int g = 0; g < TORN_GEOMETRIES; g++)
+    for (int mode = 0; mode < NOR_MODES; mode++)
+      for (int s = 0; s < TORN_STARTS; s++) {
+        torn_path_t path = {.seed = unit_seed(), .geometry = g, .mode = mode, .channels = 1, .start = s};
+        torn_start(&start, &path);
+        torn_everywhere(&start, &path, 1, patterns, 2, &counts);
+      }
+  assert_true(torn_n_cuts(&counts, 0) > 10000);
+  assert_int_equal(torn_n_failures(&counts), 0);
+}
+
+static void test_cut_three_times_in_a_row_old_or_new_table_rules(void** state) {
+  (void)state;
+  torn_counts_t counts = {0};
+  torn_sample(unit_seed(), 3000, 1, &counts);
+  assert_int_equal(torn_n_cuts(&counts, 2), 3000);
+  assert_int_equal(torn_n_failures(&counts), 0);
+}
+
+static void test_bits_flipped_at_rest_never_make_a_table(void** state) {
+  (void)state;
+  torn_counts_t counts = {0};
+  torn_flips(unit_seed(), 2, &counts);
+  assert_int_equal(torn_n_failures(&counts), 0);
+}
+
+static void test_driver_fails_at_any_call_done_only_where_it_is(void** state) {
+  (void)state;
+  torn_counts_t counts = {0};
+  uint64_t n_failed_calls = 0;
+  torn_failures(unit_seed(), &counts, &n_failed_calls);
+  assert_true(n_failed_calls > 5000);
+  assert_int_equal(torn_n_failures(&counts), 0);
 }
 
 /* A worn cell that does not take the new value must not be committed. */
@@ -266,7 +335,7 @@ static imucal_status stuck_program(void* ctx, uint32_t slot, uint32_t offset, co
 static void test_write_stuck_cell_is_found_and_old_table_rules(void** state) {
   (void)state;
   nor_t nor;
-  prepare(&nor, 1);
+  prepare(&nor);
   imucal_flash_t flash = nor_flash(&nor);
   flash.program = stuck_program;
   imucal_table_t table = example_table(3, 9);
@@ -280,12 +349,20 @@ int main(void) {
       cmocka_unit_test(test_write_alternates_slots_and_counts_up),
       cmocka_unit_test(test_rollback_goes_back_once_and_a_new_write_rules_again),
       cmocka_unit_test(test_erase_leaves_nothing),
-      cmocka_unit_test(test_power_cut_at_every_byte_old_or_new_table_rules),
-      cmocka_unit_test(test_power_cut_three_times_in_a_row_old_or_new_table_rules),
-      cmocka_unit_test(test_driver_fails_at_any_call_old_or_new_table_rules),
       cmocka_unit_test(test_load_tells_why_slots_are_refused),
       cmocka_unit_test(test_write_refuses_bad_tables_and_leaves_flash_alone),
       cmocka_unit_test(test_write_stuck_cell_is_found_and_old_table_rules),
+      cmocka_unit_test(test_sizes_of_flash_out_of_range_are_refused),
+      cmocka_unit_test(test_sequence_numbers_used_up_are_refused),
+      cmocka_unit_test(test_rollback_without_a_mark_left_is_refused),
+      cmocka_unit_test(test_rollback_that_did_not_take_says_so),
+      cmocka_unit_test(test_write_erase_that_did_nothing_is_found),
+      cmocka_unit_test(test_write_commit_that_did_nothing_is_found),
+      cmocka_unit_test(test_load_falls_back_when_the_ruling_slot_fades),
+      cmocka_unit_test(test_cut_at_every_unit_old_or_new_table_rules),
+      cmocka_unit_test(test_cut_three_times_in_a_row_old_or_new_table_rules),
+      cmocka_unit_test(test_bits_flipped_at_rest_never_make_a_table),
+      cmocka_unit_test(test_driver_fails_at_any_call_done_only_where_it_is),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

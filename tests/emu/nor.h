@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-// A NOR flash in memory, stricter than a chip: alignment, bounds, program only clears bits, at most two programs of a
-// word between erases (nRF51), wear counted.  Power can be cut inside any operation, at any byte of it: an erase has
-// then reached only part of the slot (from the front, the back, or scattered), a program stops after some bytes, the
-// last of them with only some of its bits cleared.  After the cut every call fails until nor_power_on.
+// A NOR flash in memory, stricter than a chip: alignment, bounds, program only of erased units and only once between
+// erases (as units with ECC have it), wear counted.  Power can be cut inside any unit of a program and inside the erase
+// of any page.  What the cut caught is torn: some of its bits took the new value, some kept the old one, some read
+// differently from read to read or from start to start; or the unit cannot be read at all (ECC).  After the cut every
+// call fails until nor_power_on.
 #ifndef TESTS_EMU_NOR_H
 #define TESTS_EMU_NOR_H
 #include <stdint.h>
@@ -10,95 +11,184 @@
 
 #include "store.h"
 
-#define NOR_SLOT_BYTES 1024u
+#define NOR_MAX_SLOT_BYTES 4096u
 
 typedef struct {
-  uint8_t bytes[2][NOR_SLOT_BYTES];
-  uint8_t writes[2][NOR_SLOT_BYTES / 4];
+  uint32_t slot_bytes, page_bytes, unit_bytes;
+} nor_geometry_t;
+
+// What torn cells do.
+enum { NOR_STABLE, NOR_PER_READ, NOR_PER_BOOT, NOR_UNREADABLE, NOR_MODES };
+// How much of the unit or page the cut lets happen; from NOR_MIXED on at random.
+enum { NOR_NOTHING_TOOK, NOR_ALL_TOOK, NOR_ALL_WAVER, NOR_FRONT_TOOK, NOR_FEW_WAVER, NOR_MIXED, NOR_PATTERNS };
+enum { NOR_NEVER = -1 };
+// Silent failures: the driver reports success.
+enum { NOR_DOES_NOTHING, NOR_DOES_HALF, NOR_REPORTS_FAILURE };
+
+typedef struct {
+  nor_geometry_t geometry;
+  uint8_t bytes[2][NOR_MAX_SLOT_BYTES];  // of a wavering bit: nothing
+  uint8_t wavers[2][NOR_MAX_SLOT_BYTES]; // bits torn
+  uint8_t is_torn[2][NOR_MAX_SLOT_BYTES], is_used[2][NOR_MAX_SLOT_BYTES]; // per unit, at its first byte
   uint32_t n_erase[2];
-  int n_violations;      /* of the rules above: a test demands 0 */
-  const char* violation; /* the last one */
-  long steps_left;       /* bytes of erase or program until the power goes; < 0: never */
-  long steps_used;
+  int mode, pattern;
+  long steps_left, steps_used; // units programmed and pages erased until the cut; NOR_NEVER
   int is_off;
-  int order;             /* 0 front to back, 1 back to front, 2 scattered */
-  uint8_t torn_bits;     /* of the byte being programmed at the cut, those not yet cleared */
-  int fail_at_call, n_calls; /* the driver reports failure at this call (1 ..); 0: never */
+  uint32_t boot;
+  uint64_t random;
+  int fail_at_call, fail_how, n_calls; // erase, program and, with NOR_REPORTS_FAILURE, read calls; 0: none fails
+  uint32_t n_reads, n_programs, n_erases; // calls since power on
+  int n_violations;
+  const char* violation;
 } nor_t;
 
-static inline void nor_init(nor_t* nor) {
+static inline uint64_t nor_mix(uint64_t x) {
+  x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9ULL;
+  x = (x ^ (x >> 27)) * 0x94D049BB133111EBULL;
+  return x ^ (x >> 31);
+}
+static inline uint64_t nor_random(nor_t* nor) { return nor_mix(nor->random += 0x9E3779B97F4A7C15ULL); }
+
+static inline void nor_init(nor_t* nor, nor_geometry_t geometry) {
   memset(nor, 0, sizeof *nor);
   memset(nor->bytes, 0xFF, sizeof nor->bytes);
-  nor->steps_left = -1;
+  nor->geometry = geometry;
+  nor->steps_left = NOR_NEVER;
 }
 static inline void nor_power_on(nor_t* nor) {
   nor->is_off = 0;
-  nor->steps_left = -1;
+  nor->steps_left = NOR_NEVER;
   nor->steps_used = 0;
+  nor->boot++;
+  nor->n_reads = nor->n_programs = nor->n_erases = 0;
 }
 static inline void nor_violate(nor_t* nor, const char* what) {
   nor->n_violations++;
   nor->violation = what;
 }
-/* One byte of work; 0: the power is gone. */
+// One unit or page of work; 0: the power goes inside it.
 static inline int nor_step(nor_t* nor) {
   nor->steps_used++;
-  if (nor->steps_left < 0) return 1;
-  if (nor->steps_left == 0) {
-    nor->is_off = 1;
-    return 0;
-  }
-  nor->steps_left--;
-  return 1;
+  if (nor->steps_left == NOR_NEVER) return 1;
+  if (nor->steps_left-- > 0) return 1;
+  nor->is_off = 1;
+  return 0;
 }
-static inline int nor_fails(nor_t* nor) { return nor->is_off || ++nor->n_calls == nor->fail_at_call; }
+// Is this call the one that fails?
+static inline int nor_fails(nor_t* nor, int is_read) {
+  if (is_read && nor->fail_how != NOR_REPORTS_FAILURE) return 0;
+  return nor->fail_at_call != 0 && ++nor->n_calls == nor->fail_at_call;
+}
+
+static inline uint8_t nor_get(nor_t* nor, uint32_t slot, uint32_t at) {
+  const uint8_t wavers = nor->wavers[slot][at];
+  if (wavers == 0) return nor->bytes[slot][at];
+  const uint64_t noise = nor->mode == NOR_PER_READ ? nor_random(nor) : nor_mix((uint64_t)nor->boot << 32 ^ slot << 16 ^ at);
+  return (uint8_t)((nor->bytes[slot][at] & ~wavers) | ((noise >> 20) & wavers));
+}
+
+// A byte on its way from old to new when the power goes: bits that differ took, stay or waver.
+static inline void nor_tear_byte(nor_t* nor, uint32_t slot, uint32_t at, uint8_t to, uint32_t place, uint32_t n) {
+  const uint8_t old = nor->bytes[slot][at];
+  const uint8_t moving = (uint8_t)((old ^ to) | nor->wavers[slot][at]);
+  const uint8_t random = (uint8_t)nor_random(nor), wavering = (uint8_t)nor_random(nor), rare = (uint8_t)(wavering & nor_random(nor) & nor_random(nor));
+  uint8_t took = 0, wavers = 0;
+  switch (nor->pattern) {
+  case NOR_NOTHING_TOOK: break;
+  case NOR_ALL_TOOK: took = moving; break;
+  case NOR_ALL_WAVER: wavers = moving; break;
+  case NOR_FRONT_TOOK: took = place < n / 2 ? moving : 0; break;
+  case NOR_FEW_WAVER: took = moving & random, wavers = moving & rare; break;
+  default: took = moving & random, wavers = moving & wavering; break;
+  }
+  if (nor->mode == NOR_STABLE || nor->mode == NOR_UNREADABLE) took = (uint8_t)(took | (wavers & random)), wavers = 0;
+  nor->bytes[slot][at] = (uint8_t)((old & ~took) | (to & took));
+  nor->wavers[slot][at] = wavers;
+}
+static inline void nor_tear(nor_t* nor, uint32_t slot, uint32_t from, const uint8_t* to, uint32_t n) {
+  for (uint32_t i = 0; i < n; i++) nor_tear_byte(nor, slot, from + i, to ? to[i] : 0xFF, i, n);
+  for (uint32_t i = 0; i < n; i += nor->geometry.unit_bytes) nor->is_torn[slot][from + i] = 1;
+}
 
 static inline imucal_status nor_erase(void* ctx, uint32_t slot) {
   nor_t* nor = (nor_t*)ctx;
-  if (nor_fails(nor)) return IMUCAL_ERR_FLASH;
+  if (nor->is_off) return IMUCAL_ERR_FLASH;
+  nor->n_erases++;
+  const int fails = nor_fails(nor, 0);
+  if (fails && nor->fail_how == NOR_REPORTS_FAILURE) return IMUCAL_ERR_FLASH;
+  if (fails && nor->fail_how == NOR_DOES_NOTHING) return IMUCAL_OK;
   nor->n_erase[slot]++;
-  for (uint32_t i = 0; i < NOR_SLOT_BYTES; i++) {
-    uint32_t at = nor->order == 0 ? i : nor->order == 1 ? NOR_SLOT_BYTES - 1 - i : (i * 389u + 7u) % NOR_SLOT_BYTES;
+  const uint32_t end = fails ? nor->geometry.slot_bytes / 2 : nor->geometry.slot_bytes; // silently only half of it
+  for (uint32_t page = 0; page < end; page += nor->geometry.page_bytes) {
+    const uint32_t n = page + nor->geometry.page_bytes < end ? nor->geometry.page_bytes : end - page;
     if (!nor_step(nor)) {
-      nor->bytes[slot][at] |= nor->torn_bits; /* half erased */
+      nor_tear(nor, slot, page, NULL, n);
       return IMUCAL_ERR_FLASH;
     }
-    nor->bytes[slot][at] = 0xFF;
+    memset(nor->bytes[slot] + page, 0xFF, n);
+    memset(nor->wavers[slot] + page, 0, n);
+    memset(nor->is_torn[slot] + page, 0, n);
+    memset(nor->is_used[slot] + page, 0, n);
   }
-  memset(nor->writes[slot], 0, sizeof nor->writes[slot]);
+  return IMUCAL_OK;
+}
+
+// As the controller of a chip with ECC: a unit that does not read erased is refused.
+static inline imucal_status nor_program_unit(nor_t* nor, uint32_t slot, uint32_t at, const uint8_t* data) {
+  const uint32_t n = nor->geometry.unit_bytes;
+  int is_erased = !(nor->mode == NOR_UNREADABLE && nor->is_torn[slot][at]);
+  for (uint32_t i = 0; i < n; i++) is_erased = is_erased && nor_get(nor, slot, at + i) == 0xFF;
+  if (!is_erased && !nor->is_torn[slot][at]) nor_violate(nor, "program of a unit that is not erased");
+  if (nor->is_used[slot][at] && !nor->is_torn[slot][at]) nor_violate(nor, "unit programmed twice");
+  if (!is_erased) return IMUCAL_ERR_FLASH;
+  nor->is_used[slot][at] = 1;
+  if (!nor_step(nor)) {
+    nor_tear(nor, slot, at, data, n);
+    return IMUCAL_ERR_FLASH;
+  }
+  int wavers = 0;
+  for (uint32_t i = 0; i < n; i++) {
+    nor->bytes[slot][at + i] &= data[i];
+    nor->wavers[slot][at + i] &= data[i]; // a wavering bit programmed to 0 is 0; one that should be 1 goes on wavering
+    wavers |= nor->wavers[slot][at + i];
+  }
+  nor->is_torn[slot][at] = wavers != 0;
   return IMUCAL_OK;
 }
 
 static inline imucal_status nor_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
   nor_t* nor = (nor_t*)ctx;
-  if (nor_fails(nor)) return IMUCAL_ERR_FLASH;
-  if (slot > 1 || offset % 4 || len % 4 || len == 0 || offset + len > NOR_SLOT_BYTES) nor_violate(nor, "bounds");
+  const uint32_t unit = nor->geometry.unit_bytes;
+  if (nor->is_off) return IMUCAL_ERR_FLASH;
+  nor->n_programs++;
+  if (slot > 1 || offset % unit || len % unit || len == 0 || offset + len > nor->geometry.slot_bytes) nor_violate(nor, "program bounds");
   if ((uintptr_t)data % 4) nor_violate(nor, "data not aligned");
-  for (uint32_t i = 0; i < len; i++) {
-    uint8_t* cell = &nor->bytes[slot][offset + i];
-    if (data[i] & (uint8_t)~*cell) nor_violate(nor, "program sets a bit");
-    int has_power = nor_step(nor);
-    uint8_t to = has_power ? data[i] : (uint8_t)(data[i] | nor->torn_bits);
-    int is_counted = has_power ? i % 4 == 0 : i % 4 == 0 && (*cell & to) != *cell;
-    if (is_counted && ++nor->writes[slot][(offset + i) / 4] > 2) nor_violate(nor, "word written three times");
-    if (!has_power) {
-      *cell &= to;
-      return IMUCAL_ERR_FLASH;
-    }
-    *cell &= data[i];
+  const int fails = nor_fails(nor, 0);
+  if (fails && nor->fail_how == NOR_REPORTS_FAILURE) return IMUCAL_ERR_FLASH;
+  if (fails && nor->fail_how == NOR_DOES_NOTHING) return IMUCAL_OK;
+  const uint32_t n = fails ? len / 2 / unit * unit : len;
+  for (uint32_t i = 0; i < n; i += unit) {
+    const imucal_status status = nor_program_unit(nor, slot, offset + i, data + i);
+    if (status != IMUCAL_OK) return status;
   }
   return IMUCAL_OK;
 }
 
 static inline imucal_status nor_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
   nor_t* nor = (nor_t*)ctx;
-  if (nor_fails(nor)) return IMUCAL_ERR_FLASH;
-  if (slot > 1 || offset % 4 || len % 4 || offset + len > NOR_SLOT_BYTES) nor_violate(nor, "read bounds");
-  memcpy(data, nor->bytes[slot] + offset, len);
+  if (nor->is_off) return IMUCAL_ERR_FLASH;
+  nor->n_reads++;
+  if (nor_fails(nor, 1)) return IMUCAL_ERR_FLASH;
+  if (slot > 1 || offset % 4 || len % 4 || offset + len > nor->geometry.slot_bytes) nor_violate(nor, "read bounds");
+  const uint32_t unit = nor->geometry.unit_bytes;
+  for (uint32_t at = offset / unit * unit; nor->mode == NOR_UNREADABLE && at < offset + len; at += unit)
+    if (nor->is_torn[slot][at]) return IMUCAL_ERR_FLASH;
+  for (uint32_t i = 0; i < len; i++) data[i] = nor_get(nor, slot, offset + i);
   return IMUCAL_OK;
 }
 
 static inline imucal_flash_t nor_flash(nor_t* nor) {
-  return (imucal_flash_t){nor_erase, nor_program, nor_read, nor, NOR_SLOT_BYTES};
+  return (imucal_flash_t){nor_erase, nor_program, nor_read, nor,
+                          nor->geometry.slot_bytes, nor->geometry.page_bytes, nor->geometry.unit_bytes};
 }
 #endif

@@ -165,7 +165,7 @@ void bench_start(bench_t* bench) {
                                 .sample_read = sample_read,
                                 .sample_enable = sample_enable,
                                 .sample_out = sample_out,
-                                .flash = {flash_erase, flash_program, flash_read, bench, BENCH_SLOT_BYTES},
+                                .flash = {flash_erase, flash_program, flash_read, bench, BENCH_SLOT_BYTES, BENCH_SLOT_BYTES, 4},
                                 .time_us = time_us,
                                 .watchdog = watchdog,
                                 .reboot = reboot,

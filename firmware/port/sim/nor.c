@@ -58,14 +58,14 @@ nor_result_t nor_erase(nor_t* nor, uint32_t offset_bytes, size_t length) {
   return cut(nor);
 }
 
-/* Every byte to program is erased, or becomes zero. */
-static nor_result_t check_erased(nor_t* nor, uint32_t offset_bytes, const uint8_t* data, size_t length) {
+/* Every byte to program is erased. */
+static nor_result_t check_erased(nor_t* nor, uint32_t offset_bytes, size_t length) {
   uint8_t old[CHUNK_BYTES];
   for (size_t done = 0; done < length; done += CHUNK_BYTES) {
     const size_t n = length - done < CHUNK_BYTES ? length - done : CHUNK_BYTES;
     if (!nor->load(nor->ctx, offset_bytes + (uint32_t)done, old, n)) return NOR_ERR_BACKING;
     for (size_t i = 0; i < n; i++)
-      if (old[i] != 0xFF && data[done + i] != 0) return NOR_ERR_NOT_ERASED;
+      if (old[i] != 0xFF) return NOR_ERR_NOT_ERASED;
   }
   return NOR_OK;
 }
@@ -74,7 +74,7 @@ nor_result_t nor_program(nor_t* nor, uint32_t offset_bytes, const uint8_t* data,
   if (!nor->has_power) return NOR_ERR_NO_POWER;
   if (is_outside(nor, offset_bytes, length)) return NOR_ERR_BOUNDS;
   if (offset_bytes % nor->word_bytes || length % nor->word_bytes) return NOR_ERR_ALIGNMENT;
-  const nor_result_t erased = check_erased(nor, offset_bytes, data, length);
+  const nor_result_t erased = check_erased(nor, offset_bytes, length);
   if (erased != NOR_OK) return erased;
   const size_t wanted = length;
   const bool is_cut = is_cut_here(nor, &length);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 /* Purpose: emulated NOR flash, stricter than a chip: erase sets whole pages to ones, programming only clears
- * bits, is aligned to words and refuses a word that is not erased (but to program it to zero); the power can
- * be cut at any operation and at any byte inside it. Data: the bytes live where `load` and `save` say
+ * bits, is aligned to words and refuses a word that is not erased; the power can be cut at any operation and at any byte inside it. Data: the bytes live where `load` and `save` say
  * (memory, a file of the emulator's host); every word programmed and every part of a page erased is saved at
  * once, so that killing the process is a power cut too. Memory: this struct.  Time: linear in the bytes
  * touched. */
@@ -17,7 +16,7 @@ typedef enum {
   NOR_OK = 0,
   NOR_ERR_BOUNDS = -1,     /* outside the flash */
   NOR_ERR_ALIGNMENT = -2,  /* erase not on pages, or program not on words */
-  NOR_ERR_NOT_ERASED = -3, /* a word to program is neither all ones nor now to be zero */
+  NOR_ERR_NOT_ERASED = -3, /* a word to program is not all ones */
   NOR_ERR_BACKING = -4,    /* load or save failed */
   NOR_ERR_NO_POWER = -5    /* after a cut, where power_off returns (unit tests) */
 } nor_result_t;
@@ -29,7 +28,7 @@ typedef struct {
   void (*power_off)(void* ctx); /* at the cut; need not return; may be NULL */
   uint32_t size_bytes;
   uint32_t page_bytes;
-  uint32_t word_bytes; /* 1, 2, 4 or 8: smallest unit of programming */
+  uint32_t word_bytes; /* 1 to 32: smallest unit of programming */
 
   uint32_t
       cut_operation; /* the power fails in this erase or program (0 is the first), NOR_NEVER: not at all */
