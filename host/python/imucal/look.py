@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: MIT
+"""``imucal look``: one page and ten lines about a log of any format, raw first."""
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+
+import numpy as np
+
+from .cli import common_options, finish_json, parser_of
+from .errors import DataError
+from .firstlook import lattice_of, look_at_axis
+from .importers import Options, detect, import_log
+from .log import read_log, write_log
+
+
+#: above this share of the smoothed residual's variance a loop is suspected
+LOOP_SHARE = 0.5
+
+
+def _parser():
+    parser = parser_of("look", "The first thing to do with a log: one page (PNG, or HTML with the text) and ten lines.")
+    parser.add_argument("file", metavar="FILE", help="a log of any format imucal import knows")
+    parser.add_argument("-o", "--output", metavar="PAGE.png|PAGE.html", help="page to write (default: FILE's name with .look.png, in this folder)")
+    parser.add_argument("--order", type=int, default=3, choices=range(0, 6), metavar="N", help="of the polynomial (default 3)")
+    parser.add_argument("--axis", action="append", metavar="NAME", help="axis, repeatable; default all, up to six")
+    parser.add_argument("--instance", type=int, metavar="N")
+    parser.add_argument("--time", metavar="COL[:UNIT]")
+    parser.add_argument("--gyro", metavar="X,Y,Z")
+    parser.add_argument("--unit", choices=["dph", "dps", "mdps", "radps", "counts"])
+    parser.add_argument("--scale", type=float, metavar="DPH")
+    parser.add_argument("--temp", metavar="COL")
+    parser.add_argument("--rate", type=float, metavar="HZ")
+    parser.add_argument("--accel", action="store_true", help="the accelerometer's axes too")
+    parser.add_argument("--no-ml", action="store_true", help="no maximum-likelihood noise beside what is read off")
+    common_options(parser)
+    return parser
+
+
+def _load(given):
+    """(log, what the import said or None)."""
+    if detect(given.file)[0] == "imucal-log":
+        return read_log(given.file), None
+    options = Options(given.instance, given.time, given.gyro, None, given.unit, given.scale, given.temp, given.rate, with_accel=given.accel,
+                      temperature=False)
+    result = import_log(given.file, options)
+    return result.log, result
+
+
+def _axes(log, wanted):
+    for name in wanted or ():
+        if name not in log.rates:
+            raise DataError(f"{log.path}: no axis \"{name}\" (there are: {', '.join(log.axes)})")
+    return (wanted or log.axes)[:6]
+
+
+class Likelihood:
+    """Maximum-likelihood noise of each axis by `errormodel fit`, in the background."""
+
+    def __init__(self, path, log, axes, order, imported):
+        program = os.path.join(os.environ.get("IMUCAL_BIN", ""), "errormodel")
+        program = program if os.access(program, os.X_OK) else shutil.which("errormodel")
+        self.folder, self.runs = tempfile.TemporaryDirectory(), {}
+        if not program:
+            return
+        if imported:
+            path = os.path.join(self.folder.name, "log.csv")
+            write_log(path, log)
+        for axis in axes:
+            detrend = f"poly:{order}" if log.has_temperature and np.nanmax(log.temp_degc) - np.nanmin(log.temp_degc) >= 1 else "mean"
+            command = [program, "fit", os.fspath(path), "--axis", axis, "--markov", "1", "--criterion", "ml", "--detrend", detrend, "--bootstrap", "0",
+                       "--threads", "1", "-o", os.path.join(self.folder.name, f"{axis}.json"), "--json", "-"]
+            self.runs[axis] = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+
+    def read(self, axis):
+        """{"arw", "sigma", "tau" and their errors}; empty where it could not be had."""
+        if axis not in self.runs:
+            return {}
+        out, _ = self.runs[axis].communicate()
+        if self.runs[axis].returncode not in (0, 1):
+            return {}
+        result = json.loads(out)
+        markov, errors = (result["model"]["markov"] or [{}])[0], result.get("std_errors", {})
+        return {"arw_deg_rt_h": result["model"]["arw_deg_rt_h"], "arw_error": errors.get("arw_deg_rt_h"), "sigma_dph": markov.get("sigma_dph"),
+                "sigma_error": errors.get("markov[0].sigma_dph"), "tau_s": markov.get("tau_s"), "tau_error": errors.get("markov[0].tau_s")}
+
+    def close(self):
+        """End what still runs and remove what was written."""
+        for run in self.runs.values():
+            if run.poll() is None:
+                run.kill()
+                run.communicate()
+        self.folder.cleanup()
+
+
+def _pm(value, error):
+    return "-" if value is None else f"{value:.3g}" + (f"±{error:.2g}" if error else "")
+
+
+def _noise_line(look):
+    white = f"ARW {look.arw_deg_rt_h:.3g} deg/√h" if look.unit == "dph" else f"noise of a 1-s mean {look.white:.3g} {look.unit}"
+    ml = look.ml
+    beside = f" | likelihood: ARW {_pm(ml['arw_deg_rt_h'], ml['arw_error'])}, {_pm(ml['sigma_dph'], ml['sigma_error'])} dph with " \
+             f"{_pm(ml['tau_s'], ml['tau_error'])} s" if ml else ""
+    return f"{look.axis}: read off: {white}, instability {look.slow_sigma:.3g} {look.unit} with {look.slow_tau_s:.0f} s{beside}"
+
+
+def _suspicion_line(looks):
+    found = []
+    for look in looks:
+        if look.loop_share > LOOP_SHARE:
+            found.append(f"{look.axis} a loop of {look.loop:.3g} {look.unit} rms: {100 * look.loop_share:.0f} % of the smoothed residual goes with "
+                         "rising and falling (or slow noise that happens to: diagnose weighs them)")
+        if abs(look.warm_up_z) > 3:
+            found.append(f"{look.axis} a warm-up: the start is {look.warm_up:+.3g} {look.unit} off ({abs(look.warm_up_z):.1f} sigma)")
+        if look.n_outliers > 0.001 * len(look.t_s) + 2:
+            found.append(f"{look.axis} {look.n_outliers} outliers beyond 6 sigma")
+    both = bool(np.any(looks[0].direction > 0) and np.any(looks[0].direction < 0))
+    nothing = "no loop, no warm-up, no outliers stand out" if both else "no warm-up, no outliers stand out; a loop cannot be seen: the temperature goes one way only"
+    return "suspected: " + ("; ".join(found) if found else nothing)
+
+
+def _next_line(given, log, looks, imported):
+    name = given.file
+    if imported:
+        name = os.path.splitext(os.path.basename(given.file))[0] + ".csv"
+        first = f"imucal import {given.file}" + (f" --instance {imported.chosen}" if len(imported.sensors) > 1 else "") + f" -o {name}; "
+    else:
+        first = ""
+    if not log.has_temperature or len(looks[0].poly) == 1:
+        return f"next: {first}imucal errormodel fit {name} --markov 1 --criterion ml -o model.json   (no thermal calibration: the temperature hardly moves)"
+    if any(look.loop_share > LOOP_SHARE or abs(look.warm_up_z) > 3 for look in looks):
+        return f"next: {first}imucal diagnose --log {name} ...   (names the effect; then imucal calibrate fit {name} --method kf --order {given.order} -o table.json)"
+    return f"next: {first}imucal calibrate fit {name} --method kf --order {given.order} -o table.json"
+
+
+def _gap_line(log, imported):
+    steps = np.rint(np.diff(log.t_s))
+    text = f"gaps: {int((steps > 1).sum())} of {int((steps[steps > 1] - 1).sum())} s in all"
+    empty = int(sum(np.isnan(v).any() for v in np.stack(list(log.rates.values()), axis=1)))
+    if empty:
+        text += f", {empty} s without a rate"
+    if imported:
+        text += f"; moving: {imported.moving_seconds} s left out; {imported.n_duplicate} duplicate, {imported.n_backward} late samples"
+    return text
+
+
+def _lattice_line(log, looks):
+    parts = [f"{look.axis} steps of {look.lattice:.3g} {look.unit}" for look in looks if look.lattice]
+    temp = lattice_of(log.temp_degc) if log.has_temperature else 0.0
+    if temp:
+        parts.append(f"thermometer steps of {temp:.3g} degC")
+    return "lattice: " + ("; ".join(parts) if parts else "none seen")
+
+
+def text_lines(given, log, looks, imported):
+    """The lines for people."""
+    span = f"{np.nanmin(log.temp_degc):.2f} to {np.nanmax(log.temp_degc):.2f} degC" if log.has_temperature else "no temperature"
+    sensor = f"{imported.format}, sensor {log.metadata.get('sensor', '')}" if imported else "imucal log"
+    lines = [f"{given.file}: {sensor}: {np.ptp(log.t_s) + 1:.0f} s ({(np.ptp(log.t_s) + 1) / 60:.0f} min), {span}, {len(log.axes)} axes",
+             _gap_line(log, imported), _lattice_line(log, looks)]
+    for look in looks:
+        fine = np.isfinite(look.rate)
+        travel = np.ptp(look.rate[fine] - look.residual[fine]) if len(look.poly) > 1 else 0.0
+        lines.append(f"{look.axis}: mean {np.nanmean(look.rate):.5g} {look.unit}, bias travel {travel:.4g} (order {len(look.poly) - 1}), smoothed residual rms "
+                     f"{np.sqrt(np.nanmean(look.smooth ** 2)):.3g}, Allan minimum {look.allan.min():.3g} at {look.allan_tau_s[look.allan.argmin()]:.0f} s")
+    lines += [_noise_line(look) for look in looks]
+    lines += [_suspicion_line(looks), _next_line(given, log, looks, imported)]
+    return lines
+
+
+def _result(lines, looks, log, imported):
+    axes = [{"axis": k.axis, "coeff": k.poly, "t0_degc": k.t0_degc, "range_degc": k.range_degc, "arw_deg_rt_h": k.arw_deg_rt_h if k.unit == "dph" else None,
+             "white_1s": k.white, "instability": k.slow_sigma, "instability_tau_s": k.slow_tau_s, "likelihood": k.ml, "lattice": k.lattice,
+             "n_outliers": k.n_outliers, "loop": k.loop, "loop_share": k.loop_share, "warm_up": k.warm_up, "warm_up_z": k.warm_up_z,
+             "allan": {"tau_s": k.allan_tau_s, "adev": k.allan}} for k in looks]
+    return {"text": lines, "axes": axes, "seconds": len(log.t_s), "import": imported.to_json() if imported else None}
+
+
+def run(arguments):
+    """Run the command; returns the exit status."""
+    given = _parser().parse_args(arguments)
+    log, imported = _load(given)
+    axes = _axes(log, given.axis)
+    if len(log.t_s) < 100:
+        raise DataError(f"{given.file}: {len(log.t_s)} s at rest are too short to look at; record at least some minutes (a calibration: an hour or more)")
+    output = given.output or os.path.splitext(os.path.basename(given.file))[0] + ".look.png"
+    likelihood = Likelihood(given.file, log, [] if given.no_ml else [a for a in axes if a.endswith("_dph")], given.order, imported)
+    try:
+        looks = [look_at_axis(log, axis, given.order) for axis in axes]
+        from .plot import look_page
+        figure = look_page(log, looks)
+        for look in looks:
+            look.ml = likelihood.read(look.axis)
+    finally:
+        likelihood.close()
+    lines = text_lines(given, log, looks, imported)
+    from .plot import add_likelihood, save_page
+    add_likelihood(figure, looks)
+    save_page(figure, output, os.path.basename(given.file), lines)
+    if not given.quiet and given.json != "-":
+        print("\n".join(lines + [f"page: {output}"]))
+    finish_json(given.json, _result(lines, looks, log, imported))
+    return 0

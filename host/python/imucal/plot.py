@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: MIT
+"""Plots of logs, curves and calibrations (matplotlib without pyplot: no window system, little to load)."""
+import base64
+import html
+import io
+import os
+
+import numpy as np
+
+from .errors import DataError
+
+INK, MUTED, GRID = "#1d2733", "#66727f", "#dfe4ea"
+RISING, FALLING, SOAK, LINE = "#c8502d", "#2b6cb0", "#7a8794", "#1d3557"
+_MAX_POINTS = 1500
+
+
+def new_figure(width_in, height_in, dpi=80):
+    """A figure that draws without a screen."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    figure = Figure(figsize=(width_in, height_in), dpi=dpi, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def tidy(ax, x, y, title=None):
+    """Labels and a light grid."""
+    ax.set_xlabel(x, fontsize=8, color=INK)
+    ax.set_ylabel(y, fontsize=8, color=INK)
+    ax.tick_params(labelsize=7, colors=INK)
+    ax.grid(True, color=GRID, lw=0.6)
+    ax.set_axisbelow(True)
+    ax.minorticks_off()
+    ax.locator_params(nbins=5) if ax.get_xscale() == "linear" else None
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    if title:
+        ax.set_title(title, fontsize=9, color=INK, loc="left")
+
+
+def _thinned(n):
+    return slice(None, None, max(1, n // _MAX_POINTS))
+
+
+def rate_against_time(ax, log, axis, unit="dph"):
+    """Rate (left) and temperature (right) against time."""
+    every = _thinned(len(log.t_s))
+    hours = (log.t_s - log.t_s[0])[every] / 60
+    ax.plot(hours, log.rates[axis][every], ".", ms=1.2, color=MUTED)
+    tidy(ax, "time, min", f"{axis.rpartition('_')[0]}, {unit}", f"{axis}: raw")
+    if log.has_temperature:
+        other = ax.twinx()
+        other.plot(hours, log.temp_degc[every], color=RISING, lw=1)
+        other.tick_params(labelsize=7, colors=RISING)
+        other.set_ylabel("degC", fontsize=8, color=RISING)
+
+
+def _by_direction(ax, x, y, direction, size=2.0):
+    for value, colour in ((0, SOAK), (1, RISING), (-1, FALLING)):
+        these = direction == value
+        ax.plot(x[these], y[these], ".", ms=size, color=colour)
+
+
+def rate_against_temperature(ax, look):
+    """Rate against temperature, rising red, falling blue, with the polynomial; smoothed over half a minute."""
+    every = _thinned(len(look.t_s))
+    _by_direction(ax, look.temp_degc[every], look.rate[every], look.direction[every], 1.5)
+    if len(look.poly) > 1:
+        tn = np.linspace(-1, 1, 100)
+        ax.plot(look.t0_degc + look.range_degc * tn, np.polynomial.polynomial.polyval(tn, look.poly), color=LINE, lw=1.3)
+    tidy(ax, "temperature, degC", look.unit, f"order {len(look.poly) - 1}; red rising, blue falling")
+
+
+def residual_plot(ax, look, against_time):
+    """The smoothed residual."""
+    every = _thinned(len(look.t_s))
+    if against_time:
+        ax.plot((look.t_s - look.t_s[0])[every] / 60, look.smooth[every], color=LINE, lw=0.9)
+    else:
+        _by_direction(ax, look.temp_degc[every], look.smooth[every], look.direction[every])
+    ax.axhline(0, color=INK, lw=0.5)
+    tidy(ax, "time, min" if against_time else "temperature, degC", look.unit, "residual, 61-s mean")
+
+
+def allan_plot(ax, tau_s, adev, unit="dph", label=None, white=None):
+    """Allan deviation, and the line of the white noise that was read off."""
+    ax.loglog(tau_s, adev, "o-", ms=2.5, lw=1, color=LINE, label=label)
+    if white:
+        ax.loglog(tau_s, white / np.sqrt(tau_s), "--", lw=0.8, color=MUTED)
+    tidy(ax, "tau, s", unit, "Allan deviation of the residual")
+
+
+def look_page(log, looks):
+    """The page of `imucal look`: a row per axis."""
+    has_temp = log.has_temperature
+    figure = new_figure(17 if has_temp else 11, 2.7 * len(looks))
+    columns = 5 if has_temp else 3
+    figure.subplots_adjust(left=0.045, right=0.985, bottom=0.16 / len(looks) ** 0.8, top=1 - 0.1 / len(looks), wspace=0.45, hspace=0.5)
+    for row, look in enumerate(looks):
+        places = [figure.add_subplot(len(looks), columns, row * columns + i + 1) for i in range(columns)]
+        rate_against_time(places[0], log, look.axis, look.unit)
+        if has_temp:
+            rate_against_temperature(places[1], look)
+            residual_plot(places[2], look, False)
+        residual_plot(places[-2], look, True)
+        allan_plot(places[-1], look.allan_tau_s, look.allan, look.unit, white=look.white)
+    figure.allan_places = [ax for ax in figure.axes if ax.get_title(loc="left").startswith("Allan")]
+    return figure
+
+
+def add_likelihood(figure, looks):
+    """The Allan deviation the maximum-likelihood noise expects, over the measured one."""
+    from .export.noise import Noise
+    for ax, look in zip(figure.allan_places, looks):
+        if look.ml.get("arw_deg_rt_h") is None:
+            continue
+        markov = [(look.ml["sigma_dph"], look.ml["tau_s"])] if look.ml.get("sigma_dph") else []
+        ax.loglog(look.allan_tau_s, Noise(look.ml["arw_deg_rt_h"], markov, 0, None, [], "").allan_dph(look.allan_tau_s), color=RISING, lw=1)
+
+
+def save_page(figure, path, title, lines):
+    """PNG, or one HTML file with the picture and the text."""
+    folder = os.path.dirname(path) or "."
+    if not os.path.isdir(folder):
+        raise DataError(f"{path}: there is no folder {folder}")
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png")
+    data = picture.getvalue()
+    if path.endswith((".html", ".htm")):
+        text = "\n".join(html.escape(line) for line in lines)
+        data = (f"<!doctype html><meta charset=utf-8><title>{html.escape(title)}</title><style>body{{font:14px/1.5 sans-serif;color:{INK};margin:2em}}"
+                f"pre{{white-space:pre-wrap}}img{{max-width:100%}}</style><h1>{html.escape(title)}</h1><pre>{text}</pre>"
+                f"<img alt='plots of {html.escape(title)}' src='data:image/png;base64,{base64.b64encode(data).decode()}'>\n").encode()
+    temporary = f"{path}.tmp{os.getpid()}"
+    try:
+        with open(temporary, "wb") as file:
+            file.write(data)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise DataError(f"{path}: cannot write: {error.strerror}") from None

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: MIT
+"""`imucal look`: figures against simulated truth, the page, and what it says of sick logs."""
+import json
+import struct
+from pathlib import Path
+
+import foreign
+import numpy as np
+import pytest
+
+from imucal.__main__ import main
+from imucal.firstlook import allan_deviation_of, lattice_of, look_at_axis
+from imucal.log import Log, write_log
+
+DATA = Path(__file__).resolve().parents[3] / "shared/data"
+
+
+def simulated(seed=1, n=8400, up_and_down=True, loop_dph=0.0, arw=0.6, sigma=20.0, tau_s=100.0):
+    rng = np.random.default_rng(seed)
+    t = np.arange(1, n + 1.0)
+    phase = np.abs((2 * t / n) % 2 - 1) if up_and_down else 1 - t / n
+    temp = 60 * (1 - phase)
+    tn = (temp - 30) / 30
+    phi = np.exp(-1 / tau_s)
+    slow = np.zeros(n)
+    drive = rng.standard_normal(n)
+    slow[0] = sigma * drive[0]
+    for k in range(1, n):
+        slow[k] = phi * slow[k - 1] + sigma * np.sqrt(1 - phi ** 2) * drive[k]
+    rate = 80 + 300 * tn + 150 * tn ** 2 - 100 * tn ** 3 + slow + 60 * arw * rng.standard_normal(n)
+    rate += loop_dph * np.sign(np.gradient(temp)) * (1 - tn ** 2)
+    return Log(t, temp, {"gx_dph": rate}, {}, {}, "simulated")
+
+
+def test_noise_read_off_lies_near_the_truth():
+    looks = [look_at_axis(simulated(seed), "gx_dph") for seed in range(8)]
+    assert np.mean([k.arw_deg_rt_h for k in looks]) == pytest.approx(0.6, rel=0.02)
+    assert np.mean([k.slow_sigma for k in looks]) == pytest.approx(18, rel=0.15)  # 61-s smoothing takes some of 20 dph
+    assert 60 < np.mean([k.slow_tau_s for k in looks]) < 160
+
+
+def test_allan_deviation_of_white_noise_falls_with_the_root_of_tau_and_leaves_gaps_out():
+    rng = np.random.default_rng(3)
+    grid = 10 * rng.standard_normal(20000)
+    grid[5000:5300] = np.nan
+    tau, adev = allan_deviation_of(grid)
+    np.testing.assert_allclose(adev[:7], 10 / np.sqrt(tau[:7]), rtol=0.06)
+    brute = np.sqrt(0.5 * np.nanmean((grid[1:] - grid[:-1]) ** 2))
+    assert adev[0] == pytest.approx(brute, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_loop_is_suspected_where_there_is_one_and_only_there(seed):
+    assert look_at_axis(simulated(seed, loop_dph=60), "gx_dph").loop_share > 0.5
+    assert look_at_axis(simulated(seed), "gx_dph").loop_share < 0.5
+    assert look_at_axis(simulated(seed, up_and_down=False, loop_dph=60), "gx_dph").loop_share == 0
+
+
+def test_lattice_is_the_step_of_a_coarse_value():
+    rng = np.random.default_rng(1)
+    assert lattice_of(0.25 * np.round(rng.normal(0, 3, 5000))) == pytest.approx(0.25)
+    assert lattice_of(rng.normal(0, 3, 5000)) == 0
+
+
+def test_page_is_a_png_and_the_text_has_the_lines(tmp_path, capsys):
+    write_log(tmp_path / "run.csv", simulated())
+    assert main(["look", str(tmp_path / "run.csv"), "-o", str(tmp_path / "page.png"), "--no-ml", "--json", str(tmp_path / "j")]) == 0
+    text = capsys.readouterr().out
+    head = (tmp_path / "page.png").read_bytes()[:24]
+    assert head[:8] == b"\x89PNG\r\n\x1a\n" and struct.unpack(">II", head[16:24])[0] > 1000
+    for word in ("140 min", "0.00 to 60.00 degC", "ARW 0.6", "gaps: 0", "lattice", "suspected", "next: imucal calibrate fit"):
+        assert word in text
+    result = json.loads((tmp_path / "j").read_text())
+    assert len(result["axes"][0]["coeff"]) == 4 and result["axes"][0]["arw_deg_rt_h"] == pytest.approx(0.6, rel=0.05)
+
+
+def test_look_at_a_foreign_log_without_temperature_leaves_the_thermal_panels_out(tmp_path, capsys):
+    foreign.write_ulog(tmp_path / "f.ulg", [foreign.recording(duration_s=200)], temperature=False)
+    assert main(["look", str(tmp_path / "f.ulg"), "-o", str(tmp_path / "p.html"), "--no-ml"]) == 0
+    text = capsys.readouterr().out
+    assert "px4-ulog" in text and "no temperature" in text and "moving: 5 s left out" in text and "imucal import" in text
+    assert b"data:image/png;base64," in (tmp_path / "p.html").read_bytes()
+
+
+def test_too_short_a_log_and_a_folder_that_is_not_there_are_refused(tmp_path, capsys):
+    foreign.write_ulog(tmp_path / "f.ulg", [foreign.recording(duration_s=35)])
+    assert main(["look", str(tmp_path / "f.ulg"), "-o", str(tmp_path / "p.png")]) == 3
+    assert "too short" in capsys.readouterr().err
+    write_log(tmp_path / "run.csv", simulated(n=400))
+    assert main(["look", str(tmp_path / "run.csv"), "--no-ml", "-o", str(tmp_path / "none/p.png")]) == 3
+    assert "there is no folder" in capsys.readouterr().err
+
+
+def test_recorded_loop_of_the_chamber_log_is_suspected(tmp_path, capsys):
+    path = DATA / "chamber.csv"
+    if not path.exists():
+        pytest.skip("chamber.csv is not beside the project (../shared/data)")
+    main(["look", str(path), "-o", str(tmp_path / "p.png"), "--no-ml", "--axis", "gx_dph"])
+    text = capsys.readouterr().out
+    assert "gx_dph a loop" in text and "imucal diagnose" in text
