@@ -9,7 +9,8 @@ PYTHON ?= $(BUILD)/venv/bin/python
 SEED ?= 1
 T ?=
 
-VERSION := 0.1.0
+# The one home of the version is common/version.h.
+VERSION := $(shell sed -n 's,^#define IMUCAL_VERSION "\(.*\)",\1,p' common/version.h)
 WARNINGS := -Wall -Wextra -Wconversion -Wshadow -Wundef -Werror
 OPTIMISE := $(if $(DEBUG),-Og -g3,-O2 -g1)
 # The core's arithmetic is the same on every machine: no contraction into fused operations.

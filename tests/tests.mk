@@ -12,15 +12,15 @@ $(BUILD)/obj/host/tests/%.o: tests/%.c
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CC   $<")
 	$(Q)$(CCACHE) $(CC) -std=c99 -ffp-contract=off $(WARNINGS) -Wno-conversion $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP -Icommon -Ifirmware -Itests $(CFLAGS) -c $< -o $@
-$(BUILD)/obj/host/tests/%.o: tests/%.cpp
+$(BUILD)/obj/host/tests/%.o: tests/%.cpp | $(call NEEDS_PCH,$(PCH_lib))
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CXX  $<")
-	$(Q)$(CCACHE) $(CXX) $(HOST_CXXFLAGS) -Wno-conversion $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP $(HOST_CPPFLAGS) -Itests $(CXXFLAGS) -c $< -o $@
+	$(Q)$(CCACHE) $(COMPILE_CXX) $(call USE_PCH,$(PCH_lib)) -Wno-conversion -MMD -MP -Itests -c $< -o $@
 
 $(BUILD)/tests/%: $(BUILD)/obj/host/tests/%.o $(HOST_ARCHIVE)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  LINK $@")
-	$(Q)$(CXX) -pthread $(SANITIZE_FLAGS) $(filter %.o,$^) $(filter %.a,$^) $(LDFLAGS) $(LIBS_$(notdir $*)) $(HOST_LIBS) -lcmocka -lm -o $@
+	$(Q)$(CXX) -pthread $(SANITIZE_FLAGS) $(filter %.o,$^) $(filter %.a,$^) $(LDFLAGS) $(HOST_LIBS) -lcmocka -lm -o $@
 
 .SECONDARY: $(patsubst $(BUILD)/tests/%,$(BUILD)/obj/host/tests/%.o,$(UNIT_TESTS))
 

@@ -15,8 +15,9 @@
 #include "store.h"
 #include "sum.h"
 #include "table.h"
+#include "version.h"
 
-#define IMUCAL_FIRMWARE_VERSION "0.1.0"
+#define IMUCAL_FIRMWARE_VERSION IMUCAL_VERSION
 
 /* Bytes waiting for the line.  One second's records of six channels take at most IMUCAL_APP_BURST_BYTES. */
 #ifndef IMUCAL_APP_TX_BYTES

@@ -19,7 +19,7 @@ def includes(path):
 def test_top_level_holds_the_agreed_entries_only():
     top = {name.split("/")[0] for name in tracked()}
     assert {name for name in top if not name.startswith(".")} == {
-        "firmware", "host", "common", "tests", "Makefile", "README.md"}
+        "firmware", "host", "common", "tests", "Makefile", "README.md", "LICENSE"}
 
 
 def test_common_is_freestanding():

@@ -1,7 +1,4 @@
 # `calibrate`: the device client and its tests' helpers.
-LIBS_test_transport := -lserialport
-LIBS_test_device := -lserialport
-LIBS_test_table_json := -lserialport
 
 $(BUILD)/tests/tty_shim.so: tests/emu/tty_shim.c
 	@mkdir -p $(@D)

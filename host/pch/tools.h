@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: MIT
+// What the programs' sources read from outside, compiled once.
+#include <CLI/CLI.hpp>
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>

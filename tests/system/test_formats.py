@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: MIT
+"""Every example of host/formats.md is read by a program, and a field that is taken out of one is missed by name."""
+import json
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+BIN = ROOT / os.environ.get("BUILD", "build") / "bin"
+TEXT = (ROOT / "host" / "formats.md").read_text()
+EXAMPLES = dict(re.findall(r"<!-- example: (\S+) -->\n```\w*\n(.*?)```", TEXT, re.S))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name, text in EXAMPLES.items():
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def run(folder, *words):
+    return subprocess.run([BIN / words[0], *words[1:]], cwd=folder, capture_output=True, text=True, timeout=60)
+
+
+READERS = {
+    "run.csv": ("gyrosim", "replay", "run.csv", "--to", "feed.bin"),
+    "raw.csv": ("gyrosim", "replay", "raw.csv", "--to", "feed.bin"),
+    "model.json": ("profile", "bound", "--model", "model.json", "--order", "3", "--duration-s", "8400"),
+    "chamber.json": ("profile", "error", "chamber.json", "--model", "model.json", "--order", "3"),
+    "table.json": ("calibrate", "--port", "tcp:127.0.0.1:1", "flash", "table.json"),
+}
+
+
+def test_every_format_has_an_example():
+    assert set(EXAMPLES) == set(READERS)
+
+
+@pytest.mark.parametrize("name", sorted(READERS))
+def test_example_is_read(folder, name):
+    result = run(folder, *READERS[name])
+    if name == "table.json":  # read and checked before the port is tried, which is not there
+        assert result.returncode == 4 and "127.0.0.1" in result.stderr, result.stderr
+    else:
+        assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize("name, field", [("model.json", "arw_deg_rt_h"), ("chamber.json", "segments"),
+                                         ("table.json", "axes")])
+def test_missing_field_is_named(folder, name, field):
+    content = json.loads(EXAMPLES[name])
+    del content[field]
+    (folder / name).write_text(json.dumps(content))
+    result = run(folder, *READERS[name])
+    assert result.returncode == 3
+    assert name in result.stderr and field in result.stderr, result.stderr
+
+
+def test_result_example_has_the_verdicts_fields():
+    example = json.loads(re.search(r"<!-- result: diagnosis.json -->\n```json\n(.*?)```", TEXT, re.S).group(1))
+    assert example["imucal_diagnosis"] == 1 and example["axes"][0]["effects"][0]["family"] == "thermal_memory"
