@@ -1,14 +1,20 @@
 # Blind check of `diagnose` (tests/blind/README.md).  Default: fresh cases from operating-system entropy.
 #   make blind                          about 400 cases with an effect, 300 without
 #   make blind CASES=100 GAP_FREE=60    fewer
-#   make blind BLIND_SEED=123           repeat a draw
+#   make blind BLIND_SEED=123456        repeat a draw
+#   make blind BLIND_ARGS=--resume      go on with an interrupted one
+#   make blind-dev SEED=7 CASES=30      development cases with open labels in build/blind-dev (seeds 0 to 999)
 CASES ?= 400
 GAP_FREE ?= 300
 BLIND_SEED ?=
 BLIND_ARGS ?=
+BLIND = PYTHONPATH=tests OMP_NUM_THREADS=1 nice -n 5 $(PYTHON) -m blind
 
 blind:: host  ## score diagnose on fresh cases whose labels it cannot see (CASES= GAP_FREE= BLIND_SEED=)
-	$(Q)PYTHONPATH=tests OMP_NUM_THREADS=1 nice -n 5 $(PYTHON) -m blind --diagnose $(BUILD)/bin/diagnose --out $(BUILD)/blind \
+	$(Q)$(BLIND) check --diagnose $(BUILD)/bin/diagnose --errormodel $(BUILD)/bin/errormodel --out $(BUILD)/blind \
 	  --cases $(CASES) --gap-free $(GAP_FREE) $(if $(BLIND_SEED),--seed $(BLIND_SEED)) $(BLIND_ARGS)
 
-.PHONY: blind
+blind-dev: host  ## write cases with open labels for work on diagnose (SEED= CASES=)
+	$(Q)$(BLIND) dev --errormodel $(BUILD)/bin/errormodel --out $(BUILD)/blind-dev --cases $(CASES) --seed $(or $(SEED),1) $(BLIND_ARGS)
+
+.PHONY: blind blind-dev

@@ -1,295 +1,345 @@
 # SPDX-License-Identifier: MIT
-"""Draws the cases of one group: effects at wanted strengths, two effects, unknown ones, gap-free ones."""
+"""One case: device, cause, strength, axes, logs.  Drawn from (seed, index) alone, so that it can be drawn again."""
 from __future__ import annotations
 
+import json
 import os
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from . import oracle, simulate, strength, unknown
-from .campaign import draw_bias
-from .strength import Unreachable
+from . import causes, gauge, noise, outside, sensor
+from .gauge import Gauge, Unreachable
 
-STRENGTHS = (5, 10, 20, 40)
-SINGLES = ("temperature_rate", "thermal_hysteresis", "thermal_lag", "thermal_anomaly", "higher_order_polynomial",
-           "rate_ramp", "warm_up", "sinusoid", "bias_step", "run_to_run", "noise_parameters", "second_markov",
-           "rate_random_walk", "flicker_noise", "white_noise_vs_temperature", "markov_sigma_vs_temperature",
-           "markov_tau_vs_temperature", "outliers", "telegraph_noise")
-PHYSICAL = {  # diagnosis.md section 6, "same physical effect everywhere"
-    "temperature_rate": {"k_dph_per_degc_min": 15.0},
-    "thermal_hysteresis": {"amplitude_dph": 20.0, "width_degc": 5.0},
-    "thermal_lag": {"tau_s": 150.0},
-}
+AXES = ("gx_dph", "gy_dph", "gz_dph", "hx_dph", "hy_dph", "hz_dph")
+LARGEST = {"temperature_rate": 800, "thermal_hysteresis": 1500, "thermal_lag": 1500, "thermal_creep": 300, "thermal_anomaly": 1500,
+           "thermal_step": 1500, "higher_order_polynomial": 1500, "rate_ramp": 4000, "warm_up": 4000, "sinusoid": 400,
+           "bias_step": 1500, "run_to_run": 600, "auxiliary_channel": 8000, "second_markov": 600, "telegraph_noise": 600,
+           "rate_random_walk": 40, "flicker_noise": 300, "white_noise_vs_temperature": 3, "markov_sigma_vs_temperature": 4,
+           "markov_tau_vs_temperature": 2.5, "outliers": 8000}
+NUISANCE_D = 1.0  # what a coarse or displaced thermometer may add to a case that is about something else
+REGIMES = ("exact", "times_3", "over_3", "fitted", "absent", "data_sheet")
 
 
-def log_uniform(rng, a, b):
-    return float(np.exp(rng.uniform(np.log(a), np.log(b))))
-
-
-def draw_effect(name, rng, group):
-    """An effect of random shape and unit size; sign at random where a sign makes sense."""
-    sign = float(rng.choice([-1.0, 1.0]))
-    lo = group.nominal.t0_degc - group.nominal.range_degc
-    hi = group.nominal.t0_degc + group.nominal.range_degc
-    n_runs = len(group.train) + len(group.hold)
-    if name == "temperature_rate":
-        p = {"k_dph_per_degc_min": sign}
-    elif name == "thermal_hysteresis":
-        p = {"amplitude_dph": sign, "width_degc": float(rng.uniform(1.5, 12))}
-        if rng.random() < 0.5:  # a sensor need not have one single width
-            p["_mixture"] = [[0.6, 0.8], [0.4, 1.3]]
-    elif name == "thermal_lag":
-        p = {"tau_s": 1.0}
-    elif name == "thermal_anomaly":
-        p = {"amplitude_dph": sign, "center_degc": float(rng.uniform(lo + 5, hi - 5)),
-             "width_degc": log_uniform(rng, 1.0, 5.0)}
-    elif name == "higher_order_polynomial":
-        angle = rng.uniform(0, 2 * np.pi)
-        p = {"p4_dph": float(np.cos(angle)), "p5_dph": float(np.sin(angle))}
-    elif name == "rate_ramp":
-        p = {"ramp_dph_per_h": sign}
-    elif name == "warm_up":
-        p = {"amplitude_dph": sign, "tau_s": log_uniform(rng, 100, 1200)}
-    elif name == "sinusoid":
-        p = {"amplitude_dph": 1.0, "frequency_hz": log_uniform(rng, 0.004, 0.45),
-             "_phase": rng.uniform(0, 2 * np.pi, n_runs).tolist()}
-    elif name == "bias_step":
-        steps = []
-        for _ in range(int(rng.integers(1, 3))):
-            run = int(rng.integers(len(group.train)))
-            t = float(int(rng.uniform(0.15, 0.85) * group.train[run].n))
-            steps.append({"log": run, "t_s": t, "amplitude_dph": float(rng.choice([-1.0, 1.0]))})
-        p = {"steps": steps}
-    elif name == "run_to_run":
-        p = {"sigma_dph": 1.0, "_draws": rng.standard_normal((n_runs, 2)).tolist()}
-    elif name == "auxiliary_channel":
-        p = {"channel": "supply_v", "gain": sign}
-    elif name == "noise_parameters":
-        direction = rng.standard_normal(3) * [0.4, 1.0, 1.0]
-        p = simulate.mistuned({"_size": 0.5, "_direction": (direction / np.linalg.norm(direction)).tolist()}, group)
-    elif name in ("second_markov", "telegraph_noise"):
-        while True:  # a time constant of its own: at the nominal one it is the same model
-            tau = log_uniform(rng, 4, 2000)
-            if all(abs(np.log(tau / t)) > np.log(3) for _, t in group.nominal.markov):
-                break
-        p = {"sigma_dph" if name == "second_markov" else "amplitude_dph": 1.0, "tau_s": tau}
-    elif name == "rate_random_walk":
-        p = {"k_dph_per_rt_s": 1.0}
-    elif name == "flicker_noise":
-        p = {"b_dph": 1.0}
-    elif name in ("white_noise_vs_temperature", "markov_sigma_vs_temperature", "markov_tau_vs_temperature"):
-        p = {"slope": 0.5 * sign}
-    elif name == "outliers":
-        p = {"probability": log_uniform(rng, 5e-4, 0.02), "sigma_dph": 1.0}
-    elif name == "unknown_function":
-        p = {"_amplitude_dph": 1.0, **unknown.draw_function(rng)}
-    elif name == "unknown_spectrum":
-        p = {"_amplitude": 1.0, **unknown.draw_spectrum(rng)}
-    elif name == "unknown_modulation":
-        p = {"_amplitude": 0.5, "_of": str(rng.choice(["white", "markov"])), **unknown.draw_function(rng)}
-    else:
-        raise ValueError(name)
-    return {"name": name, "parameters": p}
-
-
-def draw_structural(name, rng, group, bias):
-    """Deterministic marks of the output stage, sized so that they are there but do not rule the record."""
-    white = group.nominal.white_dph
-    if name == "quantization":
-        return {"name": name, "parameters": {"lsb_dph": float(f"{rng.uniform(0.5, 3.0) * white:.3g}")}}
-    if name == "held_samples":
-        return {"name": name, "parameters": {"probability": log_uniform(rng, 0.005, 0.1)}}
-    curve = np.concatenate([simulate.polynomial(bias, group.x(r.temp_degc)) for r in group.train])
-    if name == "saturation":
-        return {"name": name, "parameters": {"limit_dph": float(f"{np.quantile(np.abs(curve), rng.uniform(.9, .98)):.4g}")}}
-    if name == "dead_band":
-        return {"name": name, "parameters": {"width_dph": float(f"{rng.uniform(0.7, 2.5) * white:.3g}")}}
-    raise ValueError(name)
-
-
+@dataclass
 class Case:
-    """What is written (logs and model) and what is hidden (label)."""
+    """Everything of one case; `label` is what is hidden."""
 
-    def __init__(self, group, case_id, kind, axes, label):
-        self.group, self.case_id, self.kind, self.axes = group, case_id, kind, axes
-        self.label = {"case": case_id, "kind": kind, "group": group.name, "family": group.family,
-                      "noise_known": group.noise_known, **label}
-
-    def write(self, folder):
-        path = os.path.join(folder, self.case_id)
-        os.makedirs(path, exist_ok=True)
-        names = list(self.axes)
-        for i, run in enumerate(self.group.train + self.group.hold):
-            part = "train" if i < len(self.group.train) else "hold"
-            aux = run.aux is not None
-            columns = [run.t_s, run.shown_degc] + [self.axes[a][i] for a in names] + ([run.aux] if aux else [])
-            table = np.stack(columns, 1)[run.keep]
-            row = "%d,%.3f" + ",%.4f" * (table.shape[1] - 2)
-            header = "t_s,temp_degc," + ",".join(names) + (",supply_v" if aux else "")
-            with open(os.path.join(path, f"{part}{i}.csv"), "w", encoding="utf-8") as out:
-                out.write(f"# imucal-log = 1\n# device = blind  serial = {self.case_id}  run = {part}{i}\n{header}\n")
-                out.write("\n".join(row % tuple(v) for v in table.tolist()))
-                out.write("\n")
-        return path
+    spec: dict
+    device: sensor.Device
+    base: noise.Noise
+    bias: dict  # axis -> coefficients
+    found: dict  # axis -> list of causes
+    series: dict = field(default_factory=dict)  # axis -> list of runs
+    label: dict = field(default_factory=dict)
+    cross: float = 0.0
 
 
-def single(group, rng, name, target, case_id, kind="single"):
-    """One effect at strength `target` on one axis; a few fresh shapes before it is called unreachable."""
-    for _ in range(6):
-        bias = draw_bias(rng, group)
-        effect = draw_effect(name, rng, group)
-        try:
-            effect, d = strength.to_strength(group, effect, target, bias, int(rng.integers(2**31)))
-            break
-        except Unreachable:
-            continue
+# ---- strength of any cause -------------------------------------------------------------------------------
+
+def signature(cause, device, r, bias):
+    if cause["name"] in outside.SIGNALS:
+        return outside.signature(cause, device, r)
+    return causes.signature(cause, device, r, bias)
+
+
+def is_signal(cause):
+    return cause["name"] in causes.MEAN or cause["name"] in outside.SIGNALS
+
+
+def training_signals(cause, device, bias):
+    return [signature(cause, device, r, bias) for r in range(len(device.train))]
+
+
+def seconds(device):
+    return [r.n for r in device.train]
+
+
+def strength(cause, device, base, bias, meter):
+    """d of a cause; `meter` is the Gauge of the true noise."""
+    name, p, total = cause["name"], cause["p"], float(sum(seconds(device)))
+    if name == "sinusoid":
+        return gauge.of_tone(p["amplitude_dph"], p["frequency_hz"], base, total)
+    if name == "drifting_tone":
+        return gauge.of_tone(p["_size"], abs(p["_f_hz"]), base, total)
+    if name == "run_to_run":
+        return gauge.of_run_to_run(meter, p["sigma_dph"])
+    if name == "outliers":
+        return gauge.of_outliers(p, base.white_dph, total)
+    if name == "bursts":
+        return gauge.of_bursts(p, base.white_dph, total)
+    if is_signal(cause):
+        return float(np.linalg.norm(meter.signature(training_signals(cause, device, bias))))
+    f, weight = noise.grid(seconds(device))
+    truth = (base.density(f) + outside.density(cause)(f))[None] if name in outside.NOISES else gauge.local_density(cause, device, base, f)
+    return float(np.sqrt(2 * noise.divergence(truth, base.density(f)[None], weight[None] / truth.shape[0])))
+
+
+def to_strength(cause, target, device, base, bias, meter):
+    """The cause at the size whose strength is `target`."""
+    name = cause["name"]
+    linear = is_signal(cause) and name not in ("thermal_lag", "run_to_run")
+    if linear:
+        now = strength(cause, device, base, bias, meter)
+        if now < 1e-6:
+            raise Unreachable(f"{name} leaves no mark here")
+        factor = target / now
     else:
-        raise Unreachable(f"{name} at d={target} on {group.name}")
-    label = {"effects": [effect], "d": [d], "target": target}
-    if name in simulate.MEAN and name not in ("run_to_run", "sinusoid", "bias_step"):
-        rival, rho2 = strength.most_confusable(group, effect, bias)
-        label.update(rival=rival, rho2=rho2, separable=bool(d * np.sqrt(1 - rho2) >= 4))
-    return finish(group, rng, {"gx_dph": (bias, [effect])}, case_id, kind, label)
+        of = lambda size: strength(causes.scaled(cause, size), device, base, bias, meter)
+        low = {"thermal_lag": 2.0, "outliers": 0.5 * base.white_dph}.get(name, 1e-3)
+        factor = gauge.solve_size(of, target, low, LARGEST.get(name, 100 * base.white_dph))
+    if factor > LARGEST.get(name, np.inf):
+        raise Unreachable(f"{name} would have size {factor:g}")
+    return causes.scaled(cause, factor)
 
 
-def finish(group, rng, axes, case_id, kind, label, rotated=None):
-    """Simulates, and works out what the true model is worth on the held-out runs."""
-    series, gains = {}, {}
-    for axis, (bias, effects) in axes.items():
-        series[axis] = simulate.simulate_axis(group, bias, effects, rng, rotated=rotated and rotated[axis])
-        gains[axis] = oracle.held_out_gain(group, effects, bias, series[axis])
-    label = {**label, "bias_dph": {a: list(map(float, b)) for a, (b, _) in axes.items()}, "oracle": gains}
-    return Case(group, case_id, kind, series, label)
+def told_apart(cause, d, device, base, bias, meter):
+    """What of the cause no other explanation takes: label entries rho2_*, d_noise, can_tell_*."""
+    name = cause["name"]
+    out = {"rho2_sibling": 0.0, "sibling": "none", "rho2_other": 0.0, "other": "none", "d_noise": d}
+    if name in causes.REPEATABLE or name in outside.SIGNALS and name != "drifting_tone":
+        signals = training_signals(cause, device, bias)
+        near = gauge.nearest(meter, meter.signature(signals), bias, name)
+        for kind in ("sibling", "other"):
+            out[kind], out["rho2_" + kind] = near[kind]
+        out["d_noise"] = min(d, gauge.left_by_noise(device, base, signals))
+    elif name in causes.SLOW + ("white_noise_vs_temperature",) or name in outside.NOISES and name != "bursts":
+        told_apart_noise(cause, d, device, base, out)
+    out["can_tell_member"] = bool(d * np.sqrt(1 - max(out["rho2_sibling"], out["rho2_other"])) >= gauge.TELL)
+    taken = d if name in causes.SLOW else out["d_noise"]  # re-tuned noise is of the family of slow noise itself
+    out["can_tell_family"] = bool(d * np.sqrt(1 - out["rho2_other"]) >= gauge.TELL and taken >= gauge.TELL)
+    return out
 
 
-def structural(group, rng, name, case_id):
-    """Quantised, clipped, dead or held readings; dead bands need a reading that passes through zero."""
-    bias = draw_bias(rng, group)
-    if name == "dead_band":
-        bias[0] = 0.0
-    effect = draw_structural(name, rng, group, bias)
-    series = simulate.simulate_axis(group, bias, [effect], rng, 20.0)
-    label = {"effects": [effect], "d": [None], "target": None, "bias_dph": {"gx_dph": list(map(float, bias))},
-             "oracle": {"gx_dph": None}}
-    return Case(group, case_id, "structural", {"gx_dph": series}, label)
+def told_apart_noise(cause, d, device, base, out):
+    """The same for noise: nearest other noise of the library, re-tuned nominal noise among them."""
+    name = cause["name"]
+    f, weight = noise.grid(seconds(device))
+    extra = outside.density(cause) if name in outside.NOISES else None
+    truth = (base.density(f) + extra(f))[None] if extra else gauge.local_density(cause, device, base, f)
+    out["d_noise"] = min(d, gauge.of_density(truth, f, weight, base))
+    if name == "white_noise_vs_temperature":
+        return
+    left = {"noise_parameters": out["d_noise"]}
+    left.update({k: gauge.of_density(truth, f, weight, base, k) for k in noise.FAMILY_FITS if k not in ("nominal", name)})
+    if name == "telegraph_noise":
+        left["second_markov"] = 0.0  # the same spectrum
+    out["sibling"] = min(left, key=left.get)
+    out["rho2_sibling"] = float(1 - min(left[out["sibling"]] / d, 1) ** 2)
 
 
-def pair(group, rng, names, target, case_id):
-    """Two effects, each of strength `target` given the other."""
-    for _ in range(6):
-        bias = draw_bias(rng, group)
-        first, second = (draw_effect(n, rng, group) for n in names)
-        try:
-            result = _pair_strengths(group, rng, first, second, target, bias)
-        except Unreachable:
-            continue
-        if min(result[1]) < 0.8 * target:
-            continue
-        label = {"effects": result[0], "d": result[1], "target": target}
-        return finish(group, rng, {"gx_dph": (bias, result[0])}, case_id, "pair", label)
-    raise Unreachable(f"{names} at d={target} on {group.name}")
+# ---- building --------------------------------------------------------------------------------------------
+
+def draw_bias(rng, device, meter):
+    """Thermal polynomial; made flatter where the thermometer would otherwise be the gap."""
+    bias = rng.standard_normal(4) * [100.0, 300.0, 150.0, 100.0]
+    if device.profile == "constant":
+        return bias * [1, 0, 0, 0]
+    error = [causes.polynomial(bias, device.x(r.temp_degc)) - causes.polynomial(bias, device.x(r.shown_degc)) for r in device.train]
+    fine = [e - np.mean(e) for e in error]
+    d = float(np.linalg.norm(meter.signature(fine)))
+    d = max(d, float(np.sqrt(sum(np.sum(np.square(e)) for e in fine))) / np.sqrt(meter.factor[0, 0] ** 2 * gauge.BLOCK_S) / 4)
+    bias[1:] *= min(1.0, NUISANCE_D / max(d, 1e-9))
+    return bias
 
 
-def _pair_strengths(group, rng, first, second, target, bias):
-    mean = [e["name"] in simulate.MEAN for e in (first, second)]
-    seed = int(rng.integers(2**31))
-    if all(mean):
-        for _ in range(3):  # thermal lag is not linear in its size: repeat
-            first, d1 = strength.to_strength(group, first, target, bias, seed, against=[second])
-            second, d2 = strength.to_strength(group, second, target, bias, seed, against=[first])
-        d1 = strength.mean_strength(group, first, bias, against=[second])
-        return [first, second], [d1, d2]
-    if any(mean):
-        noisy, steady = (second, first) if mean[0] else (first, second)
-        noisy, d_noisy = strength.to_strength(group, noisy, target, bias, seed)
-        from .whiten import Whitener
-
-        model = strength.noise_model(group, group.train, [noisy])
-        if noisy["name"] == "outliers":
-            model.r = model.r + noisy["parameters"]["probability"] * min(noisy["parameters"]["sigma_dph"],
-                                                                         3 * group.nominal.white_dph) ** 2
-        whitener = Whitener(group, group.train, model)
-        if steady["name"] == "run_to_run":
-            raise Unreachable("run_to_run is drawn alone")
-        steady, d_steady = strength.to_strength(group, steady, target, bias, seed, whitener)
-        return ([steady, noisy], [d_steady, d_noisy]) if mean[0] else ([noisy, steady], [d_noisy, d_steady])
-    first, _ = strength.to_strength(group, first, target, bias, seed)
-    second, d2 = strength.to_strength(group, second, target, bias, seed, others=[first])
-    d1 = float(strength.noise_strengths(group, first, [1.0], seed, 3, others=[second])[0])
-    return [first, second], [d1, d2]
+def draw_counts(rng, name, spec):
+    """Numbers of training and held-out runs."""
+    n = int(rng.choice([1, 2, 3, 4, 5, 6], p=[0.12, 0.13, 0.2, 0.35, 0.1, 0.1]))
+    if name == "run_to_run":
+        n = max(n, 4)
+    if spec["kind"] == "memory":
+        n = int(rng.choice([1, 2, 3, 4, 6], p=[0.1, 0.2, 0.2, 0.4, 0.1]))
+    if spec["kind"] == "constant":
+        n = 2
+    hold = 2 if rng.random() < 0.65 else 0
+    return n, hold
 
 
-def unknown_case(group, rng, name, target, case_id):
-    """An effect outside the library, with how much of it the nearest library effect leaves over."""
-    case = single(group, rng, name, target, case_id, "unknown")
-    label = case.label
-    if name == "unknown_function":
-        label["d_left"] = label["d"][0] * float(np.sqrt(1 - label["rho2"]))
-    else:
-        left = strength.library_noise_left(group, label["effects"][0])
-        label["d_left"] = left * label["d"][0] if name == "unknown_modulation" else left
-        label["rival"], label["separable"] = "library noise", bool(label["d_left"] >= 4)
+def cause_of(name, rng, device):
+    return outside.draw(name, rng, device) if name in outside.KINDS else causes.draw(name, rng, device)
+
+
+def place(spec, rng):
+    """Device, noise, sick axes and their causes; strengths go into the label."""
+    names = spec.get("names", [])
+    n_train, n_hold = draw_counts(rng, names[0] if names else "", spec)
+    n_axes = spec.get("axes", 1)
+    if n_axes > 1:  # six axes of six long runs would cost minutes
+        n_train, n_hold = min(n_train, 3), min(n_hold, 1)
+    device = sensor.draw_device(rng, n_train, n_hold, spec.get("profile"), spec.get("seconds"), spec["kind"] == "constant")
+    base = noise.draw_noise(rng)
+    meter = Gauge(device, base.density)
+    case = Case(spec, device, base, {}, {})
+    for axis in AXES[:n_axes]:
+        case.bias[axis], case.found[axis] = draw_bias(rng, device, meter), []
+    order = [AXES[i] for i in rng.permutation(n_axes)]
+    sick = order if spec["kind"] == "pooled" else order[:1]
+    shape, ds, told = None, {}, {}
+    for axis in sick if names else []:
+        found, d, apart = sick_axis(spec, names, case, axis, shape, rng, meter)
+        case.found[axis], ds[axis], told[axis] = found, d, apart
+        shape = shape or found[0]
+    case.label = {"d": ds, "told": told, "sick": [a for a in sick if names], "n_train": n_train, "n_hold": n_hold,
+                  "n_axes": n_axes, "profile": device.profile, "lsb_degc": device.lsb_degc, **device.note}
     return case
 
 
-def gap_free(group, rng, case_id):
-    bias = draw_bias(rng, group)
-    axes = {"gx_dph": simulate.simulate_axis(group, bias, [], rng)}
-    return Case(group, case_id, "no_gap", axes, {"effects": [], "d": [], "target": 0,
-                                                "bias_dph": {"gx_dph": list(map(float, bias))}, "oracle": None})
+def sick_axis(spec, names, case, axis, shape, rng, meter):
+    """Causes of one axis at their strengths; in pooled cases all axes share the first one's shape."""
+    device, base, bias, target = case.device, case.base, case.bias[axis], spec["target"]
+    if shape is not None:
+        first = {**shape, "p": dict(shape["p"])}
+    else:
+        first = cause_of(names[0], rng, device)
+    if names[0] == "thermal_lag" and not np.any(bias[1:]):
+        raise Unreachable("a flat polynomial shows no lag")
+    first = to_strength(first, target, device, base, bias, meter) if shape is None or names[0] != "thermal_lag" else first
+    if len(names) == 1:
+        d = strength(first, device, base, bias, meter)
+        return [first], [d], [told_apart(first, d, device, base, bias, meter)]
+    second = cause_of(names[1], rng, device)
+    second = to_strength(second, target, device, base, bias, meter)
+    found, d = given_each_other([first, second], target, device, base, bias, meter)
+    case.cross = float(rng.uniform(-0.12, 0.12)) if all(map(is_signal, found)) else 0.0
+    return found, d, [{}, {}]
 
 
-def physical(group, rng, name, case_id, kind):
-    """The same physical effect on any profile (diagnosis.md section 6)."""
-    bias = np.array([80.0, 300.0, 150.0, -100.0])
-    effect = {"name": name, "parameters": dict(PHYSICAL[name])}
-    d = strength.mean_strength(group, effect, bias)
-    rival, rho2 = strength.most_confusable(group, effect, bias)
-    label = {"effects": [effect], "d": [d], "target": None, "rival": rival, "rho2": rho2,
-             "separable": bool(d * np.sqrt(1 - rho2) >= 4)}
-    return finish(group, rng, {"gx_dph": (bias, [effect])}, case_id, kind, label)
+def given_each_other(found, target, device, base, bias, meter):
+    """Two causes, each at least `target` strong with the other one known -> (causes, strengths)."""
+    if not all(c["name"] in causes.REPEATABLE for c in found):
+        return found, [float(target)] * 2  # noise and signature hardly share anything
+    for _ in range(2):  # a lag does not grow in proportion
+        z = [meter.signature(training_signals(c, device, bias)) for c in found]
+        overlap = (z[0] @ z[1]) ** 2 / ((z[0] @ z[0]) * (z[1] @ z[1]))
+        if overlap > 0.6:
+            raise Unreachable("these two look alike on this profile")
+        d = [float(np.linalg.norm(v) * np.sqrt(1 - overlap)) for v in z]
+        if min(d) >= 0.95 * target:
+            break
+        found = [causes.scaled(c, max(target / v, 1.0)) for c, v in zip(found, d)]
+    return found, d
 
 
-def multi_axis(group, rng, name, target, case_id, n_axes=3):
-    """The same cause on every axis, each with its own polynomial, sign and noise."""
-    shape, axes, strengths = None, {}, []
-    for axis in ("gx_dph", "gy_dph", "gz_dph")[:n_axes]:
-        bias = draw_bias(rng, group)
-        fresh = draw_effect(name, rng, group)
-        if shape is not None:  # time constants and widths are of the sensor, not of the axis
-            keys = simulate.AMPLITUDE[name]
-            fresh["parameters"] = {**shape, **{k: fresh["parameters"][k] for k in keys}}
-        shape = dict(fresh["parameters"])
-        effect, d = strength.to_strength(group, fresh, target, bias, int(rng.integers(2**31)))
-        axes[axis] = (bias, [effect])
-        strengths.append(d)
-    label = {"effects": axes["gx_dph"][1], "d": [float(np.mean(strengths))], "target": target,
-             "effects_by_axis": {a: e for a, (_, e) in axes.items()}}
-    return finish(group, rng, axes, case_id, "multi_axis", label)
+def clean_signal(case, axis, r, without=()):
+    """Noise-free B(T) of a run, and the part that the causes (but for those named in `without`) add."""
+    device, bias = case.device, case.bias[axis]
+    parts = [signature(c, device, r, bias) for c in case.found[axis] if is_signal(c) and c["name"] not in without]
+    extra = np.sum(parts, axis=0) if parts else np.zeros(device.runs[r].n)
+    if len(parts) == 2 and case.cross:
+        size = max(np.sqrt(np.std(parts[0]) * np.std(parts[1])), 1e-9)
+        extra = extra + case.cross * parts[0] * parts[1] / size
+    return causes.polynomial(bias, device.x(device.runs[r].temp_degc)), extra
 
 
-def common_mode(group, rng, case_id):
-    """Noise that two axes share while each alone is nominal: correlation rho of everything."""
-    rho = float(rng.choice([-1, 1]) * rng.uniform(0.06, 0.3))
-    names = ("gx_dph", "gy_dph")
-    base = [[simulate.nominal_series(group, r, rng) for r in group.train + group.hold] for _ in range(2)]
-    mixed = [rho * a + np.sqrt(1 - rho**2) * b for a, b in zip(base[0], base[1])]
-    series = {}
-    for name, noise in zip(names, (base[0], mixed)):
-        series[name] = simulate.simulate_axis(group, draw_bias(rng, group), [], rng, rotated=noise)
-    n = sum(r.n for r in group.train)
-    effect = {"name": "common_mode", "parameters": {"correlation": rho, "sigma_dph": group.nominal.white_dph}}
-    return Case(group, case_id, "between_axes", series,
-                {"effects": [effect], "d": [float(np.sqrt(-n * np.log(1 - rho**2)))], "target": None,
-                 "bias_dph": {}, "oracle": None})
+def read_out(case, rng):
+    """Readings of every axis and run."""
+    device = case.device
+    for axis, found in case.found.items():
+        noisy = [c for c in found if c["name"] in causes.NOISY + ("noise_parameters",)]
+        marks = [c for c in found if c["name"] in causes.OUTPUT]
+        case.series[axis] = []
+        for r, run in enumerate(device.runs):
+            curve, extra = clean_signal(case, axis, r)
+            rate = curve + extra + rng.normal(0, 100) + causes.noise_path(noisy, device, run, case.base, rng)
+            for cause in found:
+                if cause["name"] in outside.NOISES:
+                    rate = rate + outside.path(cause, run.n, rng)
+            for mark in marks:
+                rate = causes.output_stage(mark, rate, rng)
+            case.series[axis].append(rate)
+        beside(case, axis, rng)
 
 
-def thermometer(group, rng, target, case_id):
-    """Coarse thermometer: its step is the group's, the slope of B(T) sets the strength."""
-    effect = {"name": "temperature_sensor_quantization", "parameters": {"lsb_degc": group.lsb_degc}}
-    bias = draw_bias(rng, group)
-    bias[1:] *= target / strength.mean_strength(group, effect, bias)
-    rival, rho2 = strength.most_confusable(group, effect, bias)
-    label = {"effects": [effect], "d": [float(target)], "target": target, "rival": rival, "rho2": rho2,
-             "separable": bool(target * np.sqrt(1 - rho2) >= 4)}
-    return finish(group, rng, {"gx_dph": (bias, [effect])}, case_id, "single", label)
+def beside(case, axis, rng):
+    """A finding of the output stage beside a cause: drop-outs to zero, or 2 % clipped."""
+    mark = case.spec.get("beside")
+    if not mark or axis not in case.label["sick"]:
+        return
+    every = np.concatenate(case.series[axis])
+    limit = np.quantile(np.abs(every), 0.98)
+    for r, rate in enumerate(case.series[axis]):
+        case.series[axis][r] = np.where(rng.random(rate.size) < 0.003, 0.0, rate) if mark == "drop_outs" else np.clip(rate, -limit, limit)
+
+
+def add_marks(case, rng):
+    """Structural causes of the spec."""
+    for name in case.spec.get("structural", []):
+        axis = AXES[0]
+        curve = np.concatenate([causes.polynomial(case.bias[axis], case.device.x(r.temp_degc)) for r in case.device.train])
+        case.found[axis].append(causes.draw_output(name, rng, case.base.white_dph, curve))
+        case.label["sick"] = [axis]
+        case.label["d"], case.label["told"] = {axis: [None]}, {axis: [{"can_tell_member": True, "can_tell_family": True}]}
+
+
+def build(seed, index, spec):
+    """Case `index` of a draw.  What no device can show at the wanted strength is drawn again, with another cause at last."""
+    rng = np.random.default_rng([seed % 2**63, index])
+    planned, spec = dict(spec), dict(spec)
+    for attempt in range(40):
+        try:
+            case = place(spec, rng)
+            break
+        except Unreachable:
+            if attempt % 8 == 7:
+                spec["names"] = [str(n) for n in rng.permutation(spec["pool"])[: len(spec["names"])]]
+    else:
+        raise Unreachable(f"case {index}: nothing of {spec['pool']} reaches d = {spec['target']}")
+    add_marks(case, rng)
+    case.spec = spec
+    read_out(case, rng)
+    case.label.update({
+        "kind": spec["kind"], "target": spec.get("target"), "regimes": spec["regimes"], "beside": spec.get("beside"),
+        "truth": {a: [c["name"] for c in f] for a, f in case.found.items()}, "causes": case.found, "cross": case.cross,
+        "families": {a: [c.get("families", [causes.FAMILY_OF.get(c["name"])]) for c in f] for a, f in case.found.items()},
+        "bias_dph": {a: list(map(float, b)) for a, b in case.bias.items()},
+        "noise": {"white_dph": case.base.white_dph, "markov": case.base.markov}, "seed": seed, "index": index, "planned": planned})
+    return case
+
+
+# ---- writing ---------------------------------------------------------------------------------------------
+
+def write_log(path, case, r):
+    run, keep = case.device.runs[r], case.device.runs[r].keep
+    aux = any(c["name"] == "auxiliary_channel" for f in case.found.values() for c in f)
+    names = ["t_s", "temp_degc", *case.series, *(["supply_v"] if aux else [])]
+    columns = [run.t_s, run.shown_degc, *(s[r] for s in case.series.values()), *([run.aux] if aux else [])]
+    forms = ["%d", "%.4f", *["%.3f"] * len(case.series), *(["%.4f"] if aux else [])]
+    with open(path, "w", encoding="utf-8") as out:
+        out.write(f"# imucal-log = 1\n# device = blind  run = {r}\n" + ",".join(names) + "\n")
+        np.savetxt(out, np.stack(columns, 1)[keep], fmt=forms, delimiter=",")
+
+
+def believed(case, regime, rng):
+    """Model JSON and options of a regime; None as a model: none is given; "fit": the runner fits one to the logs."""
+    device, base = case.device, case.base
+    bias = rng.normal(0, 100, 4).round(2).tolist()  # a wrong polynomial is no gap
+    to_json = lambda n: n.to_json(device.t0_degc, device.range_degc, bias)
+    if regime == "exact":
+        return to_json(base), []
+    if regime in ("times_3", "over_3"):
+        return to_json(base.wrong(3.0 if regime == "times_3" else 1 / 3)), []
+    if regime == "data_sheet":
+        sigma = base.markov[0][0] * sensor.log_uniform(rng, 0.5, 2)
+        return None, ["--arw", f"{base.white_dph / 60 * rng.uniform(0.8, 1.3):.2g}", "--instability", f"{sigma:.2g}:100"]
+    return ("fit" if regime == "fitted" else None), []
+
+
+def write(case, folder, name):
+    """Logs and what is believed, without any label: folder/name/{train*,hold*}.csv, ask<k>.json, model<k>.json."""
+    path = os.path.join(folder, name)
+    os.makedirs(path, exist_ok=True)
+    n_train = len(case.device.train)
+    for r in range(len(case.device.runs)):
+        write_log(os.path.join(path, f"{'train' if r < n_train else 'hold'}{r}.csv"), case, r)
+    rng = np.random.default_rng([case.label["seed"] % 2**63, case.label["index"], 1])
+    for k, regime in enumerate(case.spec["regimes"]):
+        model, options = believed(case, regime, rng)
+        ask = {"options": options, "fit": model == "fit", "t0_degc": case.device.t0_degc, "range_degc": case.device.range_degc,
+               "model": f"model{k}.json" if model else None}
+        with open(os.path.join(path, f"ask{k}.json"), "w", encoding="utf-8") as out:
+            json.dump(ask, out)
+        if isinstance(model, dict):
+            with open(os.path.join(path, f"model{k}.json"), "w", encoding="utf-8") as out:
+                json.dump(model, out)
+    return path

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""The score as a markdown page."""
+"""The score as a markdown page: first the lines that must hold, then the tables behind them."""
 from __future__ import annotations
 
 from .intervals import text
+
+REST = ("family_though_tellable", "sibling", "other_first", "wrong", "no_gap", "noise_alone", "abstains", "failed")
+OUTSIDE = ("abstains", "family_only", "partly", "names_wrong_but_says_more", "misnamed", "noise_alone", "no_gap", "failed")
 
 
 def table(header, rows):
@@ -10,87 +13,106 @@ def table(header, rows):
     return lines + ["| " + " | ".join(str(v) for v in row) + " |" for row in rows] + [""]
 
 
-def outcome_rows(entries, label=str):
-    return [[label(k), v["n"], text(v["top1"]), text(v["set"]), v["no_gap"], v["abstains"], v["wrong"], v["failed"]]
-            for k, v in entries.items() if v["n"]]
+def line(what, entry, aim, at_least=True):
+    if entry is None or not entry["n"]:
+        return [what, "no case", aim, "-"]
+    met = entry["rate"] >= aim if at_least else entry["ci95"][0] <= aim
+    return [what, text(entry), f"{'≥' if at_least else '≤'} {aim}", "met" if met else "**short**"]
 
 
-HEAD = ("cases", "n", "named first", "truth not excluded", "no gap", "abstains", "wrong", "failed")
+def must_show(score):
+    """Rows of the summary: what, figure with interval, aim, met."""
+    single, outside = score["single"], score["outside"]["by_strength"]
+    pick = lambda tables, key, field: tables[key][field] if key in tables else None
+    rows = [line("one cause, d ≥ 20, named first (member, or family where the profile cannot tell)", pick(single["d20_up"], "all", "first"), 0.95),
+            line("the same, causes the profile can tell from other families and from slow noise",
+                 pick(single["d20_up_decidable"], "decidable", "first"), 0.95),
+            line("one cause, d ≥ 20, truth in the set", pick(single["d20_up"], "all", "set"), 0.98),
+            line("one cause, d = 10, named first", pick(single["by_strength"], "10", "first"), 0.90),
+            line("pairs, both named (members)", score["pair"]["all"]["both"], 0.80),
+            line("pairs, both named (member or family)", score["pair"]["all"]["both_or_family"], 0.80)]
+    for regime, entry in score["false_names"]["table"].items():
+        rows.append(line(f"false names, no gap: {regime}", entry["names"], 0.01, False))
+    for d, aim in (("20", 0.85), ("40", 0.95)):
+        rows.append(line(f"outside causes, d = {d}: abstains or right family only", pick(outside, d, "good"), aim))
+    if score["shrinkage"]:
+        tables = score["shrinkage"]["tables"]
+        rows.append(line("claimed shrinkage's interval holds the true reduction, all verdicts", tables["all verdicts"]["all"], 0.90))
+        rows.append(line("the same, verdicts that claim one", tables["all verdicts"]["claiming"], 0.90))
+        rows.append(line("the same, outside causes", tables.get("kind: outside", {}).get("all"), 0.90))
+    rows.append(line("invariance: same cause named under four believed noises", score["invariance"]["same"], 0.95))
+    rows.append(line("healthy axes beside a sick one: false names", score["axes"]["healthy_false"], 0.01, False))
+    for regime, entry in score["memory"]["by_regime"].items():
+        rows.append(line(f"hysteresis and lag, random starts, noise {regime}: first (member or family)", entry["family"], 0.90))
+    return rows
+
+
+def outcome_rows(entries):
+    return [[k, v["n"], text(v["first"]), text(v["member"]), text(v["set"]), *(v.get(o, 0) for o in REST)] for k, v in entries.items()]
+
+
+HEAD = ("cases", "n", "named first", "as a member", "truth in the set", *(o.replace("_", " ") for o in REST))
+
+
+def single_pages(score):
+    out = ["## One cause", ""]
+    for title, key in (("By strength", "by_strength"), ("By strength, only what the profile can tell from other families and slow noise",
+                       "by_strength_decidable"), ("By cause, d ≥ 10", "by_cause"), ("By believed noise, d ≥ 10", "by_regime"),
+                       ("By profile, d ≥ 10", "by_profile"), ("By number of logs, d ≥ 10", "by_logs")):
+        out += [f"{title}:", ""] + table(HEAD, outcome_rows(score["single"][key]))
+    out += [f"Marks of the output stage named: {text(score['single']['structural'])}", "", "## Hysteresis and lag, random starts", ""]
+    for title, key in (("By believed noise", "by_regime"), ("By cause", "by_cause"), ("By mechanism", "by_mechanism"),
+                       ("With drop-outs or 2 % clipping beside it", "beside_structure")):
+        out += [f"{title}:", ""] + table(HEAD, outcome_rows(score["memory"][key]))
+    return out
+
+
+def other_pages(score):
+    inv = score["invariance"]
+    out = ["## Same logs, four believed noises", "", f"Same cause named: {text(inv['same'])}; same family: {text(inv['same_family'])}; "
+           f"same and right: {text(inv['same_and_right'])}", ""]
+    out += table(("truth", "d", "first name under each believed noise"),
+                 [[r["truth"], r["d"], ", ".join(f"{k}: {v}" for k, v in r["first_names"].items())] for r in inv["detail"]])
+    out += ["## Two causes", ""] + table(("cases", "both as members", "both, members or families", "exactly those two", "at least one"), [
+        [k, text(v["both"]), text(v["both_or_family"]), text(v["exactly"]), text(v["one"])] for k, v in score["pair"].items()])
+    out += ["## No gap", ""] + table(("believed noise", "false names", "any gap said", "failed"), [
+        [k, text(v["names"]), text(v["gap"]), v["failed"]] for k, v in score["false_names"]["table"].items()])
+    out += [f"Names given falsely: {dict(score['false_names']['named']) or 'none'}", "", "## Outside causes", ""]
+    for title, key in (("By strength", "by_strength"), ("By strength, only those no library member of another kind comes near", "by_strength_tellable"),
+                       ("By cause, d ≥ 20", "by_cause")):
+        out += [f"{title}:", ""] + table(("cases", "n", "abstains or right family only", *(o.replace("_", " ") for o in OUTSIDE)), [
+            [k, v["n"], text(v["good"]), *(v.get(o, 0) for o in OUTSIDE)] for k, v in score["outside"][key].items()])
+    out += table(("cause", "names given"), [[k, ", ".join(f"{n} {c}" for n, c in v.items()) or "none"] for k, v in score["outside"]["named"].items()])
+    a = score["axes"]
+    return out + ["## Several axes", "", f"False names on healthy axes: {text(a['healthy_false'])} {dict(a['healthy_named'])}; the sick axis right: "
+                  f"{text(a['sick_first'])}; a cause of d 7 to 12 on each of three axes, right per axis: {text(a['pooled_first'])}", ""]
+
+
+def shrinkage_pages(score):
+    if not score["shrinkage"]:
+        return []
+    show = lambda v: "-" if v is None else f"{v:.2f}"
+    rows = [[k, text(v["all"]), text(v["claiming"]), text(v["over_claimed"]), text(v["explained_but_grew"]), show(v["median_said"]), show(v["median_true"])]
+            for k, v in score["shrinkage"]["tables"].items()]
+    return ["## Claimed shrinkage against the true held-out reduction", "", "True value from the noise-free truth (`truth.py`); a verdict without a "
+            "figure claims nothing and counts as covered in the first column.", ""] + table(
+        ("verdicts", "interval holds the truth", "of those that claim", "over-claimed by more than .3", "explained, residual grew", "median said",
+         "median true"), rows) + [f"Not scored: {dict(score['shrinkage']['skipped']) or 'none'}", ""]
 
 
 def markdown(meta, score):
-    out = ["# Blind check of `diagnose`", "",
-           f"{meta['n_cases']} cases ({meta['n_effect']} with an effect, {meta['n_gap_free']} gap-free), "
-           f"{meta['n_runs']} diagnoses, " + (f"{meta['n_not_reached']} further cases drawn but not reached in the time given "
-           "(a random sample), " if meta["n_not_reached"] else "") + f"seed `{meta['seed']}`, labels sealed as sha256 `{meta['labels_sha256']}` before "
-           "the first diagnosis.  Intervals are 95 % Clopper-Pearson.  Strength d: sqrt(2 x expected log-likelihood gain "
-           "of the true effect over the fitted nominal model, training runs), worked out by the check's own whitening.  "
-           "Cases come in groups that share chamber profiles and believed noise, as on a production line, so that one "
-           "calibration of the evidence serves a group.", ""]
-    single = score["single"]
-    out += ["## One effect", "", "By strength, all profiles:", ""] + table(HEAD, outcome_rows(single["by_strength"], "d = {}".format))
-    out += ["Only cases whose repeatable effect the profile can tell from every other repeatable library effect, "
-            "d sqrt(1 - rho2) >= 4 (noise effects count as separable):", ""]
-    out += table(HEAD, outcome_rows(single["by_strength_separable"], "d = {}".format))
-    out += ["By family of profiles, d >= 10:", ""] + table(HEAD, outcome_rows(single["by_family"]))
-    out += ["By effect, d >= 10:", ""] + table(HEAD, outcome_rows(single["by_effect"]))
-    out += ["Structural effects:", ""] + table(HEAD, outcome_rows({"structural": single["structural"]}))
-    out += [f"A further name beside the first one (d >= 10): {text(single['with_a_further_name'])}", ""]
-    out += ["## Confusion of single effects", ""]
-    out += table(("truth", "answers"), [[k, ", ".join(f"{n} {c}" for n, c in v.items())] for k, v in score["confusion"].items()])
-    out += ["## Two effects", ""] + table(
-        ("each at d =", "both named", "exactly both", "only one", "both not excluded"),
-        [[k, text(v["both"]), text(v["exactly_both"]), text(v["only_one"]), text(v["both_in_sets"])]
-         for k, v in score["pair"].items()])
-    out += ["## No gap", ""]
-    out += ["Fitted noise: the model's noise parameters come from four other runs and `--model-seconds` says so, except in the "
-            "last table.", ""]
-    for stated in ("0.01", "0.05", "0.01, fitted noise taken for known"):
-        entries = score["gap_free"][stated]
-        if not entries["all"]["any_gap"]["n"]:
-            continue
-        out += [f"Stated false-alarm rate {stated}:", ""] + table(
-            ("cases", "false names", "of these not only noise parameters", "any gap"),
-            [[k, text(v["false_names"]), text(v["false_names_besides_noise_parameters"]), text(v["any_gap"])]
-             for k, v in entries.items()])
-    out += [f"Names given falsely at 0.01: {score['gap_free']['named'] or 'none'}", ""]
-    out += ["## Withheld effects", ""]
-    head = ("cases", "n", "abstains", "names and says that more remains", "abstains or says so", "misnamed", "no gap", "failed")
-    for key, title in (("library", "Library effects taken out with `--without`"),
-                       ("library_by_effect", "The same by effect, d >= 20"),
-                       ("unknown", "Random functions and random noise shapes"),
-                       ("unknown_by_kind", "The same by kind, d >= 20")):
-        rows = [[k, v["n"], text(v["abstains"]), text(v["partly"]), text(v["abstains_or_partly"]), text(v["misnamed"]),
-                 text(v["no_gap"]), v["failed"]] for k, v in score["withheld"][key].items() if v["n"]]
-        if rows:
-            out += [f"{title}:", ""] + table(head, rows)
-    out += ["*separable*: no library effect comes within 8 nats of it on that profile (d_left >= 4).", ""]
-    if score["up_only"]:
-        out += ["## Rate, hysteresis and lag of fixed size (15 per degC/min; 20 dph, 5 degC; 150 s)", ""]
-        out += table(HEAD, outcome_rows(score["up_only"]))
-        for kind in ("up_only", "advised"):
-            if kind in score["up_only"]:
-                out += [f"{kind}: the truth is named, in the set, or listed as not detectable or not distinguishable: "
-                        f"{text(score['up_only'][kind]['named_or_warned'])}", ""]
-    m = score["multi_axis"]
-    out += ["## Several axes", "", f"Named per axis where all axes share the cause: {text(m['top1'])}; common mode between two "
-            f"axes found: {text(m['common_mode'])}", ""]
-    out += ["## How far the held-out gap shrinks, as a share of the oracle's gain", ""] + table(
-        ("cases", "n", "median", "quartiles"),
-        [[k, v["n"], f"{v['median']:.3f}", "{:.3f} … {:.3f}".format(*v["quartiles"])] for k, v in score["closure"].items()])
-    if score.get("interval"):
-        out += ["## Coverage of the 95 % interval of the shrinkage", "",
-                "Truth: mean over fresh held-out runs that neither the fit nor the report saw.", ""]
-        out += table(("cases", "covered", "median width"),
-                     [[k, text(v["covered"]), f"{v['median_width']:.3f}"] for k, v in score["interval"].items()])
-    out += ["## Coverage of the parameters (1.96 standard errors)", ""] + table(
-        ("parameter", "covered"), [[k, text(v)] for k, v in score["parameter_coverage"].items()])
-    c = score["cost"]
-    show = lambda v, unit: "-" if v is None else f"{v:.2f} {unit}"
-    out += ["## Cost", "", f"CPU per axis: median {show(c['cpu_s_per_axis_median'], 's')}, 95 % below "
-            f"{show(c['cpu_s_per_axis_p95'], 's')}; with calibration of the evidence ({c['calls_with_calibration']} calls): median "
-            f"{show(c['calibration_cpu_s_median'], 's')}; memory {show(c['rss_mb_median'], 'MB')}.", ""]
-    out += ["## Failures and departures from the contract", ""]
+    out = ["# Blind check of `diagnose`", "", f"{meta['n_cases']} cases, {meta['n_asked']} questions, {meta['n_answered']} answered"
+           + "".join(f"; {n} skipped: the program has no option for noise '{k}'" for k, n in meta["skipped"].items())
+           + f"; seed `{meta['seed']}`, labels sealed as sha256 `{meta['labels_sha256']}` before the first diagnosis. "
+           "Intervals: 95 % Clopper-Pearson. \"met\": the figure reaches the aim; for false names, the interval reaches down to it.", ""]
+    out += table(("what it must show", "figure", "aim", ""), must_show(score))
+    out += single_pages(score) + other_pages(score) + shrinkage_pages(score)
+    out += ["## First names of single causes, d ≥ 10", ""] + table(("truth", "first names"), [
+        [k, ", ".join(f"{n} {c}" for n, c in v.items())] for k, v in score["confusion"].items()])
+    c, show = score["cost"], lambda v: "-" if v is None else f"{v:.2f} s"
+    out += ["## Cost (CPU per axis, noise calibrations included)", ""] + table(("answers", "n", "median", "95 % below"), [
+        [k.replace("_", " "), c[k]["n"], show(c[k]["median_s"]), show(c[k]["p95_s"])] for k in ("without_names", "with_names")])
+    out += [f"Memory at most {c['rss_mb_max']:.0f} MB.", "", "## Failures and departures from the contract", ""]
     out += [f"- {f['case']}: exit {f['status']}: {f['error'].strip()[:200]}" for f in score["failures"][:20]] or ["No run failed."]
     out += [f"- {k}: {v} times" for k, v in score["shape_problems"].items()]
     return "\n".join(out) + "\n"

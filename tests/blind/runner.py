@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Runs the built `diagnose` on logs alone and measures its time."""
+"""Runs the built `diagnose` on logs alone and measures its time; fits the believed noise as a user does.
+
+Every answer is kept in a file of its own: an interrupted draw goes on where it stopped.
+"""
 from __future__ import annotations
 
 import json
@@ -10,90 +13,134 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 
-def command(diagnose, case_dir, result, extra=()):
-    """Command line for one case: everything it gives away is in the log files and the believed model."""
-    files = sorted(os.listdir(case_dir))
-    line = [diagnose, "--model", os.path.join(case_dir, "model.json")]
-    for name in files:
-        if name.endswith(".csv"):
-            line += ["--log" if name.startswith("train") else "--holdout", os.path.join(case_dir, name)]
-    return line + ["--json", result, "--quiet", "--threads", "1", *extra]
+def abilities(diagnose):
+    """What the program's --help offers: {"absent": no model needed, "data_sheet": --arw}."""
+    text = subprocess.run([diagnose, "--help"], capture_output=True, text=True, check=False).stdout
+    return {"absent": "--arw" in text, "data_sheet": "--arw" in text}
+
+
+def logs_of(case_dir, role):
+    return [os.path.join(case_dir, n) for n in sorted(os.listdir(case_dir)) if n.startswith(role) and n.endswith(".csv")]
+
+
+def asks_of(case_dir):
+    """{k: ask}: what the program is told each time."""
+    out = {}
+    for name in sorted(os.listdir(case_dir)):
+        if name.startswith("ask"):
+            with open(os.path.join(case_dir, name), encoding="utf-8") as f:
+                out[int(name[3:-5])] = json.load(f)
+    return out
+
+
+def fit_line(errormodel, case_dir, ask, output):
+    return [errormodel, "fit", *logs_of(case_dir, "train"), "--criterion", "ml", "--markov", "1", "--detrend", "poly:3",
+            "-o", output, "--quiet", "--threads", "1"]
+
+
+def fit_model(errormodel, case_dir, ask):
+    """Model fitted to the very logs that hold the cause, with the normalisation of temperature added."""
+    path = os.path.join(case_dir, ask["model"])
+    if os.path.exists(path):
+        return
+    child = subprocess.run(fit_line(errormodel, case_dir, ask, path + ".part"), capture_output=True, text=True, check=False)
+    if child.returncode not in (0, 1):
+        raise RuntimeError(f"errormodel fit {case_dir}: {child.stderr.strip()[-300:]}")
+    with open(path + ".part", encoding="utf-8") as f:
+        model = json.load(f)
+    model["bias"] = {"t0_degc": ask["t0_degc"], "range_degc": ask["range_degc"], "coeff_dph": [0, 0, 0, 0]}
+    with open(path + ".part", "w", encoding="utf-8") as out:
+        json.dump(model, out)
+    os.replace(path + ".part", path)
+
+
+def command(diagnose, case_dir, ask, result, extra=()):
+    """Command line of one question: all it gives away is in the logs and the believed noise."""
+    line = [diagnose, *(["--model", os.path.join(case_dir, ask["model"])] if ask["model"] else []), *ask["options"]]
+    for role, option in (("train", "--log"), ("hold", "--holdout")):
+        for path in logs_of(case_dir, role):
+            line += [option, path]
+    return [*line, "--json", result, "--quiet", "--threads", "1", *extra]
 
 
 def run_one(line, result, cwd, timeout_s):
-    """-> {"status", "cpu_s", "wall_s", "error"}; status is the exit code, -1 on time-out."""
+    """-> {"status", "cpu_s", "wall_s", "rss_mb", "error"}; status is the exit code, -1 on time-out."""
     start = time.monotonic()
     with open(result + ".err", "wb") as err:
         child = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=err, cwd=cwd)
-    deadline = start + timeout_s
     while True:
         pid, status, usage = os.wait4(child.pid, os.WNOHANG)
         if pid:
             break
-        if time.monotonic() > deadline:
+        if time.monotonic() - start > timeout_s:
             child.kill()
             pid, status, usage = os.wait4(child.pid, 0)
             child.returncode = -9
-            return {"status": -1, "cpu_s": usage.ru_utime + usage.ru_stime, "wall_s": time.monotonic() - start,
+            return {"status": -1, "cpu_s": usage.ru_utime + usage.ru_stime, "wall_s": time.monotonic() - start, "rss_mb": None,
                     "error": f"no answer within {timeout_s:.0f} s"}
         time.sleep(0.005)
     child.returncode = os.waitstatus_to_exitcode(status)
     with open(result + ".err", encoding="utf-8", errors="replace") as f:
         text = f.read()
-    return {"status": child.returncode, "cpu_s": usage.ru_utime + usage.ru_stime,
-            "wall_s": time.monotonic() - start, "rss_mb": usage.ru_maxrss / 1024.0,
-            "error": text[-500:] if child.returncode not in (0, 1) else ""}
+    return {"status": child.returncode, "cpu_s": usage.ru_utime + usage.ru_stime, "wall_s": time.monotonic() - start,
+            "rss_mb": usage.ru_maxrss / 1024.0, "error": text[-500:] if child.returncode not in (0, 1) else ""}
 
 
-def run_job(task):
-    """One diagnosis; None when the time for the round is over."""
-    diagnose, case_dir, out_dir, case, tag, extra, timeout_s, deadline = task
-    if deadline is not None and time.time() > deadline:
-        return case + tag, None
-    result = os.path.join(out_dir, f"{case}{tag}.json")
-    record = os.path.join(out_dir, f"{case}{tag}.answer")
-    if os.path.exists(record):  # of an earlier, interrupted round
-        with open(record, encoding="utf-8") as f:
-            return case + tag, json.load(f)
-    answer = run_one(command(diagnose, case_dir, result, extra), result, out_dir, timeout_s)
+def ask_once(tools, case_dir, out_dir, ask, result, extra, timeout_s):
+    """Fits the believed noise where it is to be fitted, then diagnoses."""
+    failed = {"status": -2, "cpu_s": None, "wall_s": None, "rss_mb": None}
+    try:
+        if ask["fit"]:
+            fit_model(tools["errormodel"], case_dir, ask)
+    except (OSError, ValueError, RuntimeError) as problem:
+        return {**failed, "error": f"no fitted model: {problem}"}
+    answer = run_one(command(tools["diagnose"], case_dir, ask, result, extra), result, out_dir, timeout_s)
     try:
         with open(result, encoding="utf-8") as f:
             answer["diagnosis"] = json.load(f)
     except (OSError, ValueError) as problem:
         answer["error"] = answer["error"] or f"no readable result: {problem}"
+    return answer
+
+
+def run_job(task):
+    """One diagnosis; None when the time for the round is over."""
+    tools, case_dir, out_dir, key, ask, extra, timeout_s, deadline = task
+    if deadline is not None and time.time() > deadline:
+        return key, None
+    result, record = os.path.join(out_dir, f"{key}.json"), os.path.join(out_dir, f"{key}.answer")
+    if os.path.exists(record):  # of an earlier, interrupted round
+        with open(record, encoding="utf-8") as f:
+            return key, json.load(f)
+    answer = ask_once(tools, case_dir, out_dir, ask, result, extra, timeout_s)
     with open(record + ".part", "w", encoding="utf-8") as f:
         json.dump(answer, f)
     os.replace(record + ".part", record)
-    return case + tag, answer
+    return key, answer
 
 
-def run_all(diagnose, logs, out_dir, jobs_by_group, processes=2, timeout_s=900.0, progress=None, deadline=None):
-    """jobs_by_group: {group id: [(case id, tag, [extra options]), …]} -> {case id + tag: answer}.
+def needs(ask):
+    """The ability an ask needs of the program, or None."""
+    return None if ask["model"] else "data_sheet" if ask["options"] else "absent"
 
-    One call per group goes first, so that its calibration is in the cache for the rest; the rest goes in random
-    order, so that what a deadline (time.time()) leaves undone is a random sample and not the hard cases.
-    """
+
+def run_all(tools, logs, out_dir, extra=(), processes=2, timeout_s=300.0, say=None, deadline=None):
+    """All questions of all cases in random order -> ({key: answer}, {ability: questions skipped})."""
     os.makedirs(out_dir, exist_ok=True)
-    diagnose, out_dir = os.path.abspath(diagnose), os.path.abspath(out_dir)
-    first, rest = [], []
-    for group, jobs in jobs_by_group.items():
-        tasks = [(diagnose, os.path.abspath(os.path.join(logs, group, case)), out_dir, case, tag, extra, timeout_s, deadline)
-                 for case, tag, extra in jobs]
-        first += tasks[:1]
-        rest += tasks[1:]
-    random.SystemRandom().shuffle(rest)
+    able, skipped, tasks = abilities(tools["diagnose"]), {}, []
+    for case in sorted(os.listdir(logs)):
+        case_dir = os.path.abspath(os.path.join(logs, case))
+        for k, ask in asks_of(case_dir).items():
+            if needs(ask) and not able[needs(ask)]:
+                skipped[needs(ask)] = skipped.get(needs(ask), 0) + 1
+                continue
+            tasks.append((tools, case_dir, os.path.abspath(out_dir), f"{case}_{k}", ask, list(extra), timeout_s, deadline))
+    random.SystemRandom().shuffle(tasks)
     answers = {}
     with ThreadPoolExecutor(processes) as pool:
-        for tasks in (first, rest):
-            for i, (name, answer) in enumerate(pool.map(run_job, tasks)):
-                if answer is not None:
-                    answers[name] = answer
-                if progress and i % 50 == 49:
-                    progress(f"{len(answers)} diagnoses done")
-    return answers
-
-
-def blind_jobs(logs, extra=()):
-    """Every case of the log folder, known by its name only."""
-    return {g: [(c, "", list(extra)) for c in sorted(os.listdir(os.path.join(logs, g)))]
-            for g in sorted(os.listdir(logs))}
+        for i, (key, answer) in enumerate(pool.map(run_job, tasks)):
+            if answer is not None:
+                answers[key] = answer
+            if say and i % 50 == 49:
+                say(f"{i + 1} of {len(tasks)} diagnoses done")
+    return answers, skipped

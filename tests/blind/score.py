@@ -1,333 +1,398 @@
 # SPDX-License-Identifier: MIT
-"""Opens nothing itself: takes labels and answers, counts, and says how sure the counts are."""
+"""Labels against answers: every line of what the program must show, with exact intervals.
+
+A name is right as a *member*; where the profile cannot tell the member (label `can_tell_member`), also as its family, or
+as another member of that family whose set holds the truth.  `noise_parameters` is a true remark wherever the believed noise
+is not the true one, so it is not counted as a name there.
+"""
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
+from . import causes, truth
+from . import outside as outside_causes
 from .intervals import rate
-from .simulate import OUTPUT
 
-OUTCOMES = ("named", "in_set", "no_gap", "abstains", "wrong", "failed")
+KNOWN = ("exact",)
+SLACK = 0.02  # of the true reduction: polynomial of the shown temperature, start states, block means
+UNIT_TO_MEASURE = (("deviance", "deviance"), ("rms", "rms"), ("dph", "power"))
 
 
-def reading(answer, axis="gx_dph"):
-    """What the diagnosis says of one axis: verdict, names in order, every name that is not excluded."""
-    diagnosis = answer.get("diagnosis")
-    if not diagnosis or answer["status"] not in (0, 1):
-        return {"verdict": "failed", "names": [], "candidates": set(), "entry": None}
-    for entry in diagnosis.get("axes", []):
+# ---- reading ----------------------------------------------------------------------------------------------
+
+def entry_of(answer, axis):
+    for entry in (answer.get("diagnosis") or {}).get("axes", []):
         if entry.get("axis") == axis:
-            effects = entry.get("effects") or []
-            names = [e["name"] for e in effects]
-            possible = set(names) | {c["name"] for e in effects for c in e.get("set") or []}
-            return {"verdict": entry["verdict"], "names": names, "candidates": possible, "entry": entry}
-    return {"verdict": "failed", "names": [], "candidates": set(), "entry": None}
+            return entry
+    return None
 
 
-def outcome(read, truth):
-    """One of OUTCOMES for a case whose causes are `truth` (a list of names; empty: outside the library)."""
+def is_family(name):
+    return name in causes.FAMILIES and name not in causes.FAMILY_OF
+
+
+def family_of(name):
+    return name if name in causes.FAMILIES else causes.FAMILY_OF.get(name)
+
+
+def reading(answer, axis, regime, keep_tuning=False):
+    """{"entry", "verdict", "effects", "names"}: re-tuned noise is left out where believed noise is not exact."""
+    entry = entry_of(answer, axis)
+    if answer["status"] not in (0, 1) or entry is None:
+        return {"entry": None, "verdict": "failed", "effects": [], "names": [], "first": None, "tuned": False}
+    effects = entry.get("effects") or []
+    kept = effects if keep_tuning or regime in KNOWN else [e for e in effects if e["name"] != "noise_parameters"]
+    names = [e["name"] for e in kept]
+    return {"entry": entry, "verdict": entry.get("verdict"), "effects": kept, "names": names, "first": kept[0] if kept else None,
+            "tuned": len(kept) < len(effects)}
+
+
+def set_of(effect):
+    return [s["name"] for s in effect.get("set") or []] + [effect["name"]]
+
+
+def holds(effect, name):
+    """The effect's set (or its family) does not exclude a cause."""
+    return name in set_of(effect) or is_family(effect["name"]) and not effect.get("set") and family_of(name) == effect["name"]
+
+
+def match(effect, name):
+    """member, family (said as such), sibling (another member), or None."""
+    if effect["name"] == name or is_family(effect["name"]) and causes.FAMILIES[effect["name"]] == (name,):
+        return "member"
+    if family_of(effect["name"]) != causes.FAMILY_OF.get(name):
+        return None
+    return "family" if is_family(effect["name"]) else "sibling"
+
+
+def outcome(read, name, told):
+    """What one question about a single cause brought."""
     if read["verdict"] == "failed":
         return "failed"
-    if read["verdict"] == "no_gap":
-        return "no_gap"
-    if read["verdict"] == "unexplained" or not read["names"]:
-        return "abstains"  # even where it lists re-tuned noise beside the gap that it cannot explain
-    if read["names"][0] in truth:
-        return "named"
-    return "in_set" if read["candidates"] & set(truth) else "wrong"
+    if read["first"] is None:
+        return "no_gap" if read["verdict"] == "no_gap" else "noise_alone" if read["verdict"] == "explained" else "abstains"
+    kind = match(read["first"], name)
+    if kind == "member":
+        return "member"
+    if kind and not told.get("can_tell_member", True) and (kind == "family" or holds(read["first"], name)):
+        return "family_right"
+    if kind:
+        return "family_though_tellable" if kind == "family" else "sibling"
+    return "other_first" if any(holds(e, name) for e in read["effects"]) else "wrong"
 
 
-def names_of(label):
-    return [e["name"] for e in label["effects"] if not e["name"].startswith("unknown")]
+RIGHT = ("member", "family_right")
+SAME_FAMILY = RIGHT + ("family_though_tellable", "sibling")
 
 
-def tally(cases, labels, answers, tag="", axis="gx_dph"):
-    """Outcome counts of some cases."""
-    counts = Counter(outcome(reading(answers[c + tag], axis), names_of(labels[c])) for c in cases)
-    n = len(cases)
-    out = {"n": n, **{o: counts[o] for o in OUTCOMES}}
-    out["top1"] = rate(counts["named"], n)
-    out["set"] = rate(counts["named"] + counts["in_set"], n)
-    out["abstention"] = rate(counts["abstains"], n)
+def in_set(read, name):
+    return any(holds(e, name) for e in read["effects"])
+
+
+def questions(labels, answers, kinds):
+    """(label, axis, k, regime, answer) of all answered questions of some kinds; one axis: the sick one or the only one."""
+    for case, label in labels.items():
+        if label["kind"] in kinds:
+            for k, regime in enumerate(label["regimes"]):
+                if f"{case}_{k}" in answers:
+                    axis = (label["sick"] or list(label["truth"]))[0]
+                    yield label, axis, k, regime, answers[f"{case}_{k}"]
+
+
+# ---- tables -----------------------------------------------------------------------------------------------
+
+def tally(rows):
+    """rows: (outcome, in set) -> counts and rates."""
+    n, c = len(rows), Counter(o for o, _ in rows)
+    return {"n": n, "first": rate(sum(c[o] for o in RIGHT), n), "member": rate(c["member"], n),
+            "family": rate(sum(c[o] for o in SAME_FAMILY), n), "set": rate(sum(s for _, s in rows), n), **c}
+
+
+def group_by(items, key):
+    out = {}
+    for item in items:
+        out.setdefault(str(key(item)), []).append(item)
+    return dict(sorted(out.items()))
+
+
+def single_rows(labels, answers, kinds=("single",)):
+    out = []
+    for label, axis, _, regime, answer in questions(labels, answers, kinds):
+        name, told, read = label["truth"][axis][0], label["told"][axis][0], reading(answer, axis, regime)
+        if name in causes.SLOW and not read["names"]:  # re-tuned noise is of that family
+            read = reading(answer, axis, regime, keep_tuning=True)
+        out.append({"label": label, "name": name, "d": label["target"], "regime": regime, "told": told, "read": read,
+                    "outcome": outcome(read, name, told), "set": in_set(read, name)})
     return out
 
 
+def tallies(rows, key):
+    return {k: tally([(r["outcome"], r["set"]) for r in v]) for k, v in group_by(rows, key).items()}
+
+
 def singles(labels, answers):
-    """Tables over strength, family, effect; and only where the profile can tell the effect from its rivals."""
-    chosen = [c for c, l in labels.items() if l["kind"] == "single"]
-    table = {"by_strength": {}, "by_strength_separable": {}, "by_family": {}, "by_effect": {}, "structural": None}
-    for d in sorted({labels[c]["target"] for c in chosen}):
-        here = [c for c in chosen if labels[c]["target"] == d]
-        table["by_strength"][str(d)] = tally(here, labels, answers)
-        clear = [c for c in here if labels[c].get("separable", True)]
-        table["by_strength_separable"][str(d)] = tally(clear, labels, answers)
-    strong = [c for c in chosen if labels[c]["target"] >= 10]
-    for key, field in (("by_family", lambda c: labels[c]["family"]), ("by_effect", lambda c: names_of(labels[c])[0])):
-        groups = defaultdict(list)
-        for c in strong:
-            groups[field(c)].append(c)
-        table[key] = {k: tally(v, labels, answers) for k, v in sorted(groups.items())}
-    table["structural"] = tally([c for c, l in labels.items() if l["kind"] == "structural"], labels, answers)
-    extra = [c for c in strong if len(reading(answers[c])["names"]) > 1]
-    table["with_a_further_name"] = rate(len(extra), len(strong))
-    return table
+    rows = single_rows(labels, answers)
+    strong = [r for r in rows if r["d"] >= 10]
+    decidable = [r for r in rows if r["told"].get("can_tell_family", True)]
+    return {"by_strength": tallies(rows, lambda r: f"{r['d']:02.0f}"), "by_strength_decidable": tallies(decidable, lambda r: f"{r['d']:02.0f}"),
+            "d20_up": tallies([r for r in rows if r["d"] >= 20], lambda r: "all"),
+            "d20_up_decidable": tallies([r for r in decidable if r["d"] >= 20], lambda r: "decidable"),
+            "by_cause": tallies(strong, lambda r: r["name"]), "by_regime": tallies(strong, lambda r: r["regime"]),
+            "by_profile": tallies(strong, lambda r: r["label"]["profile"]), "by_logs": tallies(strong, lambda r: r["label"]["n_train"]),
+            "structural": structural(labels, answers)}
 
 
-def confusion(labels, answers):
-    """Truth -> first name (or verdict) of single effects."""
-    table = defaultdict(Counter)
-    for c, label in labels.items():
-        if label["kind"] in ("single", "structural"):
-            read = reading(answers[c])
-            said = read["names"][0] if read["names"] else {"no_gap": "(no gap)", "failed": "(failed)"}.get(
-                read["verdict"], "(unknown)")
-            table[names_of(label)[0]][said] += 1
-    return {k: dict(v.most_common()) for k, v in sorted(table.items())}
+def structural(labels, answers):
+    hits = [any(e["name"] == label["truth"][axis][0] for e in reading(a, axis, regime)["effects"])
+            for label, axis, _, regime, a in questions(labels, answers, ("structural",))]
+    return rate(sum(hits), len(hits))
+
+
+def memory(labels, answers):
+    """Hysteresis and lag with random starts in each regime of believed noise."""
+    rows = single_rows(labels, answers, ("memory",))
+    return {"by_regime": tallies(rows, lambda r: r["regime"]), "by_cause": tallies(rows, lambda r: r["name"]),
+            "by_mechanism": tallies(rows, lambda r: mechanism(r["label"])),
+            "beside_structure": tallies(single_rows(labels, answers, ("beside",)), lambda r: r["label"]["beside"])}
+
+
+def mechanism(label):
+    for found in label["causes"].values():
+        for cause in found:
+            return cause["p"].get("_kind", cause["name"])
+    return "none"
+
+
+def invariance(labels, answers):
+    """Same logs, four believed noises: is the same repeatable cause named?"""
+    same = right = family = n = 0
+    detail = []
+    rows = single_rows(labels, answers, ("memory", "invariance"))
+    for case, group in group_by(rows, lambda r: r["label"]["case"]).items():
+        group = [r for r in group if r["regime"] in ("exact", "times_3", "over_3", "fitted")]
+        if len(group) < 4:
+            continue
+        names = [r["read"]["first"]["name"] if r["read"]["first"] else r["read"]["verdict"] for r in group]
+        families = [family_of(x) or x for x in names]
+        n, told = n + 1, group[0]["told"].get("can_tell_member", True)
+        is_same = len(set(names)) == 1 or not told and len(set(families)) == 1
+        same, family = same + is_same, family + (len(set(families)) == 1)
+        right += is_same and all(r["outcome"] in RIGHT for r in group)
+        detail.append({"case": case, "truth": group[0]["name"], "d": group[0]["d"], "first_names": dict(zip((r["regime"] for r in group), names))})
+    return {"same": rate(same, n), "same_family": rate(family, n), "same_and_right": rate(right, n), "detail": detail}
 
 
 def pairs(labels, answers):
     out = {}
-    chosen = [c for c, l in labels.items() if l["kind"] == "pair"]
-    for d in sorted({labels[c]["target"] for c in chosen}):
-        here = [c for c in chosen if labels[c]["target"] == d]
-        out[str(d)] = pair_counts(here, labels, answers)
-    out["all"] = pair_counts(chosen, labels, answers)
+    rows = []
+    for label, axis, _, regime, answer in questions(labels, answers, ("pair",)):
+        want, read = label["truth"][axis], reading(answer, axis, regime)
+        strict = set(want) <= set(read["names"])
+        kinds = [[match(e, w) if match(e, w) in ("member", "family") or match(e, w) and holds(e, w) else None for e in read["effects"]]
+                 for w in want]
+        loose = any(kinds[0][i] and kinds[1][j] for i in range(len(kinds[0])) for j in range(len(kinds[0])) if i != j)
+        one = any(w in read["names"] for w in want)
+        repeatable = all(w in causes.REPEATABLE for w in want)
+        rows.append((label["target"], repeatable, strict, strict or loose, strict and len(read["names"]) == 2, one))
+    for name, keep in {"all": lambda r: True, "repeatable + repeatable": lambda r: r[1], "repeatable + noise": lambda r: not r[1],
+                       "d = 25": lambda r: r[0] == 25, "d = 40": lambda r: r[0] == 40}.items():
+        part = [r for r in rows if keep(r)]
+        out[name] = {key: rate(sum(r[i] for r in part), len(part)) for key, i in
+                     (("both", 2), ("both_or_family", 3), ("exactly", 4), ("one", 5))}
     return out
 
 
-def pair_counts(chosen, labels, answers):
-    both = exactly = one = in_set = 0
-    for c in chosen:
-        truth, read = set(names_of(labels[c])), reading(answers[c])
-        both += truth <= set(read["names"])
-        exactly += truth == set(read["names"])
-        one += len(truth & set(read["names"])) == 1
-        in_set += truth <= read["candidates"]
-    n = len(chosen)
-    return {"both": rate(both, n), "exactly_both": rate(exactly, n), "only_one": rate(one, n),
-            "both_in_sets": rate(in_set, n)}
+def false_names(labels, answers):
+    """Names and gaps where there is none; per regime."""
+    rows = []
+    for label, axis, _, regime, answer in questions(labels, answers, ("no_gap", "constant")):
+        read = reading(answer, axis, regime)
+        rows.append({"regime": regime, "kind": label["kind"], "name": bool(read["names"]), "names": read["names"],
+                     "gap": read["verdict"] not in ("no_gap", "failed") and not (read["tuned"] and read["verdict"] == "explained" and not read["names"]),
+                     "failed": read["verdict"] == "failed"})
+    table = lambda part: {"names": rate(sum(r["name"] for r in part), len(part)), "gap": rate(sum(r["gap"] for r in part), len(part)),
+                          "failed": sum(r["failed"] for r in part)}
+    out = {"all": table([r for r in rows if r["kind"] == "no_gap"])}
+    out.update({k: table(v) for k, v in group_by([r for r in rows if r["kind"] == "no_gap"], lambda r: r["regime"]).items()})
+    out["constant temperature"] = table([r for r in rows if r["kind"] == "constant"])
+    return {"table": out, "named": Counter(n for r in rows for n in r["names"])}
 
 
-def gap_free(labels, answers):
-    """False names and false gaps per stated rate, profiles and knowledge of the noise."""
-    out = {}
-    chosen = [c for c, l in labels.items() if l["kind"] == "no_gap"]
-    for stated, choose in (("0.01", lambda c: c + ("@m" if c + "@m" in answers else "")), ("0.05", lambda c: c + "@5"),
-                           ("0.01, fitted noise taken for known", lambda c: c)):
-        present = [c for c in chosen if choose(c) in answers]
-        if "taken" in stated:
-            present = [c for c in present if not labels[c]["noise_known"]]
-        groups = {"all": present}
-        for known in (True, False):
-            groups["noise known" if known else "noise fitted"] = [c for c in present if labels[c]["noise_known"] == known]
-        for c in present:
-            groups.setdefault(f"{labels[c]['family']}, {'known' if labels[c]['noise_known'] else 'fitted'}", []).append(c)
-        out[stated] = {}
-        for name, members in groups.items():
-            reads = [reading(answers[choose(c)]) for c in members]
-            false_names = sum(bool(r["names"]) for r in reads)
-            any_gap = sum(r["verdict"] not in ("no_gap",) for r in reads)
-            physical = sum(any(x != "noise_parameters" for x in r["names"]) for r in reads)
-            out[stated][name] = {"false_names": rate(false_names, len(members)), "any_gap": rate(any_gap, len(members)),
-                                 "false_names_besides_noise_parameters": rate(physical, len(members))}
-    out["named"] = dict(Counter(n for c in chosen if c in answers for n in reading(answers[c])["names"]).most_common())
-    return out
+def outside_outcome(read, families, cause):
+    names = read["names"]
+    if read["verdict"] in ("failed", "no_gap"):
+        return read["verdict"]
+    if not names:
+        return "noise_alone" if read["verdict"] == "explained" else "abstains"
+    allowed = lambda n: is_family(n) and n in families or causes.FAMILIES.get(families[0] if families else "") == (n,)
+    if all(allowed(n) for n in names):
+        return "family_only"
+    if read["verdict"] in ("partly_explained", "unexplained"):
+        return "partly" if all(family_of(n) in families for n in names) else "names_wrong_but_says_more"
+    return "misnamed"
 
 
-def withheld(labels, answers):
-    """(a) library effects taken out with --without, (b) effects no library has."""
-    out = {"library": {}, "unknown": {}}
-    cut = [c for c in labels if c + "@w" in answers]
-    for d in sorted({labels[c]["target"] for c in cut}):
-        here = [c for c in cut if labels[c]["target"] == d]
-        out["library"][str(d)] = outside(here, labels, answers, "@w")
-        clear = [c for c in here if labels[c].get("separable", True)]
-        out["library"][f"{d} separable"] = outside(clear, labels, answers, "@w")
-    by = defaultdict(list)
-    for c in cut:
-        if labels[c]["target"] >= 20:
-            by[names_of(labels[c])[0]].append(c)
-    out["library_by_effect"] = {k: outside(v, labels, answers, "@w") for k, v in sorted(by.items())}
-    new = [c for c, l in labels.items() if l["kind"] == "unknown"]
-    for d in sorted({labels[c]["target"] for c in new}):
-        here = [c for c in new if labels[c]["target"] == d]
-        out["unknown"][str(d)] = outside(here, labels, answers)
-        clear = [c for c in here if labels[c]["d_left"] >= 4]
-        out["unknown"][f"{d} separable"] = outside(clear, labels, answers)
-    by = defaultdict(list)
-    for c in new:
-        if labels[c]["target"] >= 20:
-            by[labels[c]["effects"][0]["name"]].append(c)
-    out["unknown_by_kind"] = {k: outside(v, labels, answers) for k, v in sorted(by.items())}
-    return out
+def outside(labels, answers):
+    rows = []
+    for label, axis, _, regime, answer in questions(labels, answers, ("outside",)):
+        cause, families = label["truth"][axis][0], [f for f in label["families"][axis][0] if f]
+        read = reading(answer, axis, regime)
+        rows.append({"d": label["target"], "cause": cause, "regime": regime, "outcome": outside_outcome(read, families, cause),
+                     "names": read["names"], "tell": label["told"][axis][0].get("can_tell_family", True)})
+
+    def table(part):
+        c = Counter(r["outcome"] for r in part)
+        return {"n": len(part), "good": rate(c["abstains"] + c["family_only"], len(part)), **c}
+
+    return {"by_strength": {k: table(v) for k, v in group_by(rows, lambda r: f"{r['d']:02.0f}").items()},
+            "by_strength_tellable": {k: table(v) for k, v in group_by([r for r in rows if r["tell"]], lambda r: f"{r['d']:02.0f}").items()},
+            "by_cause": {k: table(v) for k, v in group_by([r for r in rows if r["d"] >= 20], lambda r: r["cause"]).items()},
+            "named": {k: Counter(n for r in v for n in r["names"]) for k, v in group_by(rows, lambda r: r["cause"]).items()}}
 
 
-def outside(chosen, labels, answers, tag=""):
-    """unexplained: abstains.  partly: names something and says that more remains.  named: names and is content."""
-    verdicts = Counter()
-    for c in chosen:
-        read = reading(answers[c + tag])
-        verdict = read["verdict"]
-        if verdict in ("explained", "partly_explained") and not read["names"]:
-            verdict = "unexplained"
-        verdicts[verdict] += 1
-    n = len(chosen)
-    return {"n": n, "abstains": rate(verdicts["unexplained"], n), "partly": rate(verdicts["partly_explained"], n),
-            "misnamed": rate(verdicts["explained"], n), "no_gap": rate(verdicts["no_gap"], n),
-            "abstains_or_partly": rate(verdicts["unexplained"] + verdicts["partly_explained"], n),
-            "failed": verdicts["failed"]}
-
-
-def up_only(labels, answers):
-    """Rate, hysteresis and lag of fixed size: told apart on the advised profile, honest on up-only ones."""
-    out = {}
-    for kind in ("up_only", "advised"):
-        chosen = [c for c, l in labels.items() if l["kind"] == kind]
-        if not chosen:
-            continue
-        honest = 0
-        for c in chosen:
-            read, truth = reading(answers[c]), names_of(labels[c])[0]
-            entry = read["entry"] or {}
-            listed = {n["name"] for n in entry.get("not_detectable_here") or []}
-            listed |= {n for pair in entry.get("indistinguishable") or [] for n in pair}
-            honest += truth in listed or truth in read["candidates"]
-        out[kind] = {**tally(chosen, labels, answers), "named_or_warned": rate(honest, len(chosen))}
-        for name in sorted({names_of(labels[c])[0] for c in chosen}):
-            out[f"{kind} {name}"] = tally([c for c in chosen if names_of(labels[c])[0] == name], labels, answers)
-    return out
-
-
-def multi_axis(labels, answers):
-    out = {"axes": 0, "named": 0, "false_common_mode": 0}
-    for c, label in labels.items():
-        if label["kind"] != "multi_axis":
-            continue
-        for axis, effects in label["effects_by_axis"].items():
-            read = reading(answers[c], axis)
-            out["axes"] += 1
-            out["named"] += bool(read["names"]) and read["names"][0] == effects[0]["name"]
-            out["false_common_mode"] += "common_mode" in read["names"]
-    out["top1"] = rate(out.pop("named"), out["axes"])
-    shared = [c for c, l in labels.items() if l["kind"] == "between_axes"]
-    hits = sum(any("common_mode" in reading(answers[c], a)["candidates"] for a in ("gx_dph", "gy_dph")) for c in shared)
-    out["common_mode"] = rate(hits, len(shared))
-    return out
-
-
-# ---- how far ----------------------------------------------------------------------------------------------
-
-def closure(labels, answers):
-    """Reported held-out gain over the oracle's (true effect, true parameters), per strength."""
-    values = defaultdict(list)
-    detail = {}
-    for c, label in labels.items():
-        gains = (label.get("oracle") or {}).get("gx_dph")
-        if label["kind"] not in ("single", "pair") or not gains or names_of(label)[0] == "bias_step":
-            continue
-        entry = reading(answers[c])["entry"]
-        gap = (entry or {}).get("gap") or {}
-        best = sum(gains["nominal"]) - sum(gains["true"])
-        if gap.get("before") is None or gap.get("after") is None or best < 10:
-            continue
-        value = (gap["before"] - gap["after"]) * gains["hours"] / best
-        values[(label["kind"], label["target"])].append(value)
-        detail[c] = value
-    table = {}
-    for (kind, d), v in sorted(values.items()):
-        v = np.array(v)
-        table[f"{kind} d={d:g}"] = {"n": v.size, "median": float(np.median(v)),
-                                    "quartiles": [float(q) for q in np.quantile(v, [0.25, 0.75])]}
-    return table, detail
-
-
-def parameter_coverage(labels, answers, level=1.96):
-    """Share of named single effects whose true parameters lie within 1.96 stated standard errors."""
-    counts = defaultdict(lambda: [0, 0])
-    for c, label in labels.items():
-        if label["kind"] != "single" or label["effects"][0]["name"] in OUTPUT + ("bias_step",):
-            continue
-        effect = label["effects"][0]
-        if "_mixture" in effect["parameters"]:
-            continue  # two widths: no single true value
-        entry = reading(answers[c])["entry"]
-        for said in (entry or {}).get("effects") or []:
-            if said["name"] != effect["name"]:
+def axes(labels, answers):
+    """Several axes: healthy ones beside a sick one, and a cause that all share."""
+    healthy, sick, shared, names = [], [], [], Counter()
+    for label, _, _, regime, answer in questions(labels, answers, ("healthy", "pooled")):
+        for axis, causes_here in label["truth"].items():
+            read = reading(answer, axis, regime)
+            if not causes_here:
+                healthy.append(bool(read["names"]))
+                names.update(read["names"])
                 continue
-            for key, error in (said.get("std_errors") or {}).items():
-                truth = effect["parameters"].get(key)
-                if isinstance(error, (int, float)) and error > 0 and isinstance(truth, (int, float)):
-                    off = abs(said["parameters"][key] - truth) / error
-                    if key.startswith("amplitude") and effect["name"] in ("sinusoid", "telegraph_noise"):
-                        off = abs(abs(said["parameters"][key]) - abs(truth)) / error
-                    for name in ("all", f"{effect['name']}.{key}"):
-                        counts[name][0] += off <= level
-                        counts[name][1] += 1
-    return {k: rate(*v) for k, v in sorted(counts.items())}
+            good = outcome(read, causes_here[0], label["told"][axis][0]) in RIGHT
+            (sick if label["kind"] == "healthy" else shared).append(good)
+    return {"healthy_false": rate(sum(healthy), len(healthy)), "healthy_named": names, "sick_first": rate(sum(sick), len(sick)),
+            "pooled_first": rate(sum(shared), len(shared))}
 
 
-def cost(answers, labels):
-    """CPU seconds per axis once the nulls are in the cache, and of the first call of each group."""
-    per_axis, first, rss, seen = [], [], [], set()
-    for c, label in labels.items():
-        answer = answers.get(c)
-        if not answer or answer["status"] not in (0, 1):
-            continue
-        rss.append(answer.get("rss_mb", 0.0))
-        n_axes = max(len(answer["diagnosis"].get("axes", [])), 1)
-        per_axis.append((answer["cpu_s"] / n_axes, label["group"], n_axes))
-    quick = []
-    for group in {g for _, g, _ in per_axis}:
-        times = [t for t, g, _ in per_axis if g == group]
-        typical = np.median(times)
-        quick += [t for t in times if t <= 10 * typical + 1]
-        first += [t for t in times if t > 10 * typical + 1]
-        seen.add(group)
-    q = lambda v, p: float(np.quantile(v, p)) if len(v) else None
-    return {"cpu_s_per_axis_median": q(quick, 0.5), "cpu_s_per_axis_p95": q(quick, 0.95),
-            "calls_with_calibration": len(first), "calibration_cpu_s_median": q(first, 0.5),
-            "rss_mb_median": q(rss, 0.5), "groups": len(seen)}
+def confusion(labels, answers):
+    out = {}
+    for r in single_rows(labels, answers, ("single", "memory", "invariance", "beside")):
+        if r["d"] >= 10:
+            said = r["read"]["first"]["name"] if r["read"]["first"] else f"({r['outcome']})"
+            out.setdefault(r["name"], Counter())[said] += 1
+    return {k: dict(v.most_common()) for k, v in sorted(out.items())}
+
+
+# ---- shrinkage --------------------------------------------------------------------------------------------
+
+def claims_of(labels, answers):
+    """[(label, [(key, axis, effects)])] of everything with an answer whose truth can be worked out."""
+    out = []
+    for case, label in labels.items():
+        claims = []
+        for k, _ in enumerate(label["regimes"]):
+            for axis in label["truth"]:
+                entry = entry_of(answers.get(f"{case}_{k}", {}), axis)
+                noise_only = label["truth"][axis] and not any(n in causes.MEAN or n in outside_causes.SIGNALS for n in label["truth"][axis])
+                if noise_only and label["regimes"][k] not in KNOWN:
+                    continue  # what the gap of a noise is before, hangs on the noise that is believed
+                if entry is not None and label["kind"] not in ("structural", "beside", "constant"):
+                    claims.append((f"{case}_{k}", axis, entry.get("effects") or []))
+        if claims:
+            out.append((label, claims))
+    return out
+
+
+def measure_of(unit):
+    return next((m for word, m in UNIT_TO_MEASURE if word in (unit or "deviance")), "deviance")
+
+
+def covered(gap, true):
+    """(claims something, covered, claimed value, true value) of one verdict."""
+    said, ci = gap.get("shrinkage"), gap.get("ci95")
+    value = 0.0 if true.get("no_gap") else float(np.clip(true[measure_of(gap.get("unit"))], -1, 1))
+    if said is None:
+        return False, True, None, value
+    lo, hi = ci if ci and None not in ci else (said, said)
+    return True, lo - SLACK <= value <= hi + SLACK, said, value
+
+
+def shrinkage(labels, answers, processes):
+    trues = {}
+    tasks = claims_of(labels, answers)
+    with ProcessPoolExecutor(processes) as pool:
+        for part in pool.map(truth.judge, tasks, chunksize=2):
+            trues.update(part)
+    rows, skipped = [], Counter()
+    for label, claims in tasks:
+        for key, axis, _ in claims:
+            true, entry = trues[f"{key}/{axis}"], entry_of(answers[key], axis)
+            if "unscorable" in true:
+                skipped[true["unscorable"].split(":")[0]] += 1
+                continue
+            gap = entry.get("gap") or {}
+            claims_it, ok, said, value = covered(gap, true)
+            grew = true["rms_after_dph"] > 1.02 * true["rms_before_dph"] + 0.1
+            rows.append({"kind": label["kind"], "verdict": entry.get("verdict"), "claims": claims_it, "ok": ok, "said": said, "true": value,
+                         "regime": label["regimes"][int(key.rsplit("_", 1)[1])], "names": [e["name"] for e in entry.get("effects") or []],
+                         "over": said is not None and said - value > 0.3, "grew": bool(grew), "key": key, "axis": axis, **true})
+    return {"tables": shrinkage_tables(rows), "skipped": skipped, "rows": rows}
+
+
+def shrinkage_tables(rows):
+    def table(part):
+        claiming = [r for r in part if r["claims"]]
+        said = [r["said"] for r in claiming]
+        return {"all": rate(sum(r["ok"] for r in part), len(part)), "claiming": rate(sum(r["ok"] for r in claiming), len(claiming)),
+                "over_claimed": rate(sum(r["over"] for r in claiming), len(claiming)),
+                "explained_but_grew": rate(sum(r["grew"] and r["verdict"] == "explained" for r in part), sum(r["verdict"] == "explained" for r in part)),
+                "median_said": float(np.median(said)) if said else None,
+                "median_true": float(np.median([r["true"] for r in claiming])) if claiming else None}
+    return {"all verdicts": table(rows), **{f"kind: {k}": table(v) for k, v in group_by(rows, lambda r: r["kind"]).items()},
+            **{f"verdict: {k}": table(v) for k, v in group_by(rows, lambda r: r["verdict"]).items()},
+            **{f"believed noise: {k}": table(v) for k, v in group_by(rows, lambda r: r["regime"]).items()}}
+
+
+# ---- cost, failures ---------------------------------------------------------------------------------------
+
+def cost(labels, answers):
+    quiet, gap, memory_mb = [], [], []
+    for case, label in labels.items():
+        for k, _ in enumerate(label["regimes"]):
+            answer = answers.get(f"{case}_{k}")
+            if not answer or answer.get("cpu_s") is None or answer["status"] not in (0, 1):
+                continue
+            found = any(e.get("effects") for e in (answer.get("diagnosis") or {}).get("axes", []))
+            (gap if found else quiet).append(answer["cpu_s"] / label["n_axes"])
+            memory_mb.append(answer.get("rss_mb") or 0)
+    figures = lambda v: {"n": len(v), "median_s": float(np.median(v)) if v else None, "p95_s": float(np.quantile(v, 0.95)) if v else None}
+    return {"without_names": figures(quiet), "with_names": figures(gap), "rss_mb_max": max(memory_mb, default=0)}
 
 
 def failures(answers):
-    return [{"case": c, "status": a["status"], "error": a.get("error", "")} for c, a in answers.items()
+    return [{"case": k, "status": a["status"], "error": a.get("error", "")} for k, a in answers.items()
             if a["status"] not in (0, 1) or "diagnosis" not in a]
 
 
 def shape_problems(answers):
-    """Where an answer does not have the shape of design 1.6."""
+    """Departures from the contract of the JSON (old and new form)."""
     problems = Counter()
     for answer in answers.values():
-        d = answer.get("diagnosis")
-        if not d:
-            continue
-        for key in ("imucal_diagnosis", "model", "logs", "false_alarm_rate", "seed", "axes"):
-            problems[f"top level: no {key}"] += key not in d
-        for entry in d.get("axes", []):
-            for key in ("axis", "verdict", "effects", "not_detectable_here", "indistinguishable", "advice", "gap"):
-                problems[f"axis: no {key}"] += key not in entry
-            problems["verdict outside the contract"] += entry.get("verdict") not in (
-                "no_gap", "explained", "partly_explained", "unexplained")
-            if entry.get("verdict") == "no_gap":
-                problems["no_gap with effects"] += bool(entry.get("effects"))
+        for entry in (answer.get("diagnosis") or {}).get("axes", []):
+            for key in ("axis", "verdict", "where", "effects", "gap", "advice"):
+                problems[f"axis entry: no {key}"] += key not in entry
+            problems["verdict outside the contract"] += entry.get("verdict") not in ("no_gap", "explained", "partly_explained", "unexplained")
+            problems["no_gap with effects"] += entry.get("verdict") == "no_gap" and bool(entry.get("effects"))
             for effect in entry.get("effects") or []:
+                problems["effect: unknown name"] += family_of(effect.get("name")) is None
                 for key in ("name", "parameters", "evidence_nats", "set"):
                     problems[f"effect: no {key}"] += key not in effect
-                first = (effect.get("set") or [{}])[0].get("name")
-                problems["winner is not first in its set"] += first != effect.get("name")
+                problems["effect: another family than the contract's"] += "family" in effect and effect["family"] != family_of(effect["name"])
             gap = entry.get("gap") or {}
-            if gap.get("shrinkage") is not None and gap.get("ci95"):
-                lo, hi = gap["ci95"]
-                problems["shrinkage outside its own interval"] += not lo <= gap["shrinkage"] <= hi
+            if gap.get("shrinkage") is not None and gap.get("ci95") and None not in gap["ci95"]:
+                problems["shrinkage outside its own interval"] += not gap["ci95"][0] - 1e-9 <= gap["shrinkage"] <= gap["ci95"][1] + 1e-9
+            problems["unexplained with a shrinkage"] += entry.get("verdict") == "unexplained" and gap.get("shrinkage") is not None
     return {k: v for k, v in problems.items() if v}
 
 
-def everything(labels, answers):
-    closures, detail = closure(labels, answers)
-    return {"single": singles(labels, answers), "confusion": confusion(labels, answers), "pair": pairs(labels, answers),
-            "gap_free": gap_free(labels, answers), "withheld": withheld(labels, answers),
-            "up_only": up_only(labels, answers), "multi_axis": multi_axis(labels, answers), "closure": closures,
-            "closure_by_case": detail, "parameter_coverage": parameter_coverage(labels, answers),
-            "cost": cost(answers, labels), "failures": failures(answers), "shape_problems": shape_problems(answers)}
+def everything(labels, answers, processes=1, redraw=True):
+    return {"single": singles(labels, answers), "memory": memory(labels, answers), "invariance": invariance(labels, answers),
+            "pair": pairs(labels, answers), "false_names": false_names(labels, answers), "outside": outside(labels, answers),
+            "axes": axes(labels, answers), "confusion": confusion(labels, answers),
+            "shrinkage": shrinkage(labels, answers, processes) if redraw else None, "cost": cost(labels, answers),
+            "failures": failures(answers), "shape_problems": shape_problems(answers)}
