@@ -130,16 +130,16 @@ def told_apart_noise(cause, d, device, base, out):
 
 # ---- building --------------------------------------------------------------------------------------------
 
-def draw_bias(rng, device, meter):
+def draw_bias(rng, device, meter, white_dph):
     """Thermal polynomial; made flatter where the thermometer would otherwise be the gap."""
     bias = rng.standard_normal(4) * [100.0, 300.0, 150.0, 100.0]
     if device.profile == "constant":
         return bias * [1, 0, 0, 0]
     error = [causes.polynomial(bias, device.x(r.temp_degc)) - causes.polynomial(bias, device.x(r.shown_degc)) for r in device.train]
-    fine = [e - np.mean(e) for e in error]
-    d = float(np.linalg.norm(meter.signature(fine)))
-    d = max(d, float(np.sqrt(sum(np.sum(np.square(e)) for e in fine))) / np.sqrt(meter.factor[0, 0] ** 2 * gauge.BLOCK_S) / 4)
-    bias[1:] *= min(1.0, NUISANCE_D / max(d, 1e-9))
+    slow = float(np.linalg.norm(meter.signature(error)))
+    fast = np.concatenate([e - sensor.low_pass(e, gauge.BLOCK_S) for e in error])
+    inflation = np.sqrt(fast.size / 2) * np.mean(fast**2) / white_dph**2  # d of a white variance that grew by this
+    bias[1:] *= min(1.0, NUISANCE_D / max(slow, 1e-9), np.sqrt(NUISANCE_D / max(inflation, 1e-9)))
     return bias
 
 
@@ -172,7 +172,7 @@ def place(spec, rng):
     meter = Gauge(device, base.density)
     case = Case(spec, device, base, {}, {})
     for axis in AXES[:n_axes]:
-        case.bias[axis], case.found[axis] = draw_bias(rng, device, meter), []
+        case.bias[axis], case.found[axis] = draw_bias(rng, device, meter, base.white_dph), []
     order = [AXES[i] for i in rng.permutation(n_axes)]
     sick = order if spec["kind"] == "pooled" else order[:1]
     shape, ds, told = None, {}, {}

@@ -66,6 +66,8 @@ def judge(args, digest):
             "n_answered": len(kept["answers"]), "skipped": kept["skipped"], "unreachable": sealed["unreachable"], "options": args.option}
     with open(os.path.join(args.out, "blind.json"), "w", encoding="utf-8") as out:
         json.dump({**meta, "score": result, "labels": labels}, out, indent=1, default=float)
+    with open(os.path.join(args.out, "questions.txt"), "w", encoding="utf-8") as out:
+        out.write("\n".join(score.every_question(labels, kept["answers"])) + "\n")
     page = report.markdown(meta, result)
     with open(os.path.join(args.out, "blind.md"), "w", encoding="utf-8") as out:
         out.write(page)

@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 import os
 import random
+import resource
+import signal
 import subprocess
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -63,30 +65,37 @@ def command(diagnose, case_dir, ask, result, extra=()):
     return [*line, "--json", result, "--quiet", "--threads", "1", *extra]
 
 
-def run_one(line, result, cwd, timeout_s):
-    """-> {"status", "cpu_s", "wall_s", "rss_mb", "error"}; status is the exit code, -1 on time-out."""
+PATIENCE = 20  # wall time per CPU second allowed: the machine may be shared
+
+
+def run_one(line, result, cwd, cpu_limit_s):
+    """-> {"status", "cpu_s", "wall_s", "rss_mb", "error"}; status is the exit code, -1 on time-out (CPU time)."""
     start = time.monotonic()
     with open(result + ".err", "wb") as err:
         child = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=err, cwd=cwd)
+    resource.prlimit(child.pid, resource.RLIMIT_CPU, (int(cpu_limit_s), int(cpu_limit_s) + 5))
     while True:
         pid, status, usage = os.wait4(child.pid, os.WNOHANG)
         if pid:
             break
-        if time.monotonic() - start > timeout_s:
+        if time.monotonic() - start > PATIENCE * cpu_limit_s:
             child.kill()
             pid, status, usage = os.wait4(child.pid, 0)
             child.returncode = -9
             return {"status": -1, "cpu_s": usage.ru_utime + usage.ru_stime, "wall_s": time.monotonic() - start, "rss_mb": None,
-                    "error": f"no answer within {timeout_s:.0f} s"}
+                    "error": f"no answer within {PATIENCE * cpu_limit_s:.0f} s"}
         time.sleep(0.005)
     child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode == -signal.SIGXCPU:
+        return {"status": -1, "cpu_s": usage.ru_utime + usage.ru_stime, "wall_s": time.monotonic() - start, "rss_mb": None,
+                "error": f"no answer within {cpu_limit_s:.0f} s of CPU time"}
     with open(result + ".err", encoding="utf-8", errors="replace") as f:
         text = f.read()
     return {"status": child.returncode, "cpu_s": usage.ru_utime + usage.ru_stime, "wall_s": time.monotonic() - start,
             "rss_mb": usage.ru_maxrss / 1024.0, "error": text[-500:] if child.returncode not in (0, 1) else ""}
 
 
-def ask_once(tools, case_dir, out_dir, ask, result, extra, timeout_s):
+def ask_once(tools, case_dir, out_dir, ask, result, extra, cpu_limit_s):
     """Fits the believed noise where it is to be fitted, then diagnoses."""
     failed = {"status": -2, "cpu_s": None, "wall_s": None, "rss_mb": None}
     try:
@@ -94,7 +103,7 @@ def ask_once(tools, case_dir, out_dir, ask, result, extra, timeout_s):
             fit_model(tools["errormodel"], case_dir, ask)
     except (OSError, ValueError, RuntimeError) as problem:
         return {**failed, "error": f"no fitted model: {problem}"}
-    answer = run_one(command(tools["diagnose"], case_dir, ask, result, extra), result, out_dir, timeout_s)
+    answer = run_one(command(tools["diagnose"], case_dir, ask, result, extra), result, out_dir, cpu_limit_s)
     try:
         with open(result, encoding="utf-8") as f:
             answer["diagnosis"] = json.load(f)
@@ -105,14 +114,14 @@ def ask_once(tools, case_dir, out_dir, ask, result, extra, timeout_s):
 
 def run_job(task):
     """One diagnosis; None when the time for the round is over."""
-    tools, case_dir, out_dir, key, ask, extra, timeout_s, deadline = task
+    tools, case_dir, out_dir, key, ask, extra, cpu_limit_s, deadline = task
     if deadline is not None and time.time() > deadline:
         return key, None
     result, record = os.path.join(out_dir, f"{key}.json"), os.path.join(out_dir, f"{key}.answer")
     if os.path.exists(record):  # of an earlier, interrupted round
         with open(record, encoding="utf-8") as f:
             return key, json.load(f)
-    answer = ask_once(tools, case_dir, out_dir, ask, result, extra, timeout_s)
+    answer = ask_once(tools, case_dir, out_dir, ask, result, extra, cpu_limit_s)
     with open(record + ".part", "w", encoding="utf-8") as f:
         json.dump(answer, f)
     os.replace(record + ".part", record)
@@ -124,7 +133,7 @@ def needs(ask):
     return None if ask["model"] else "data_sheet" if ask["options"] else "absent"
 
 
-def run_all(tools, logs, out_dir, extra=(), processes=2, timeout_s=300.0, say=None, deadline=None):
+def run_all(tools, logs, out_dir, extra=(), processes=2, cpu_limit_s=300.0, say=None, deadline=None):
     """All questions of all cases in random order -> ({key: answer}, {ability: questions skipped})."""
     os.makedirs(out_dir, exist_ok=True)
     able, skipped, tasks = abilities(tools["diagnose"]), {}, []
@@ -134,7 +143,7 @@ def run_all(tools, logs, out_dir, extra=(), processes=2, timeout_s=300.0, say=No
             if needs(ask) and not able[needs(ask)]:
                 skipped[needs(ask)] = skipped.get(needs(ask), 0) + 1
                 continue
-            tasks.append((tools, case_dir, os.path.abspath(out_dir), f"{case}_{k}", ask, list(extra), timeout_s, deadline))
+            tasks.append((tools, case_dir, os.path.abspath(out_dir), f"{case}_{k}", ask, list(extra), cpu_limit_s, deadline))
     random.SystemRandom().shuffle(tasks)
     answers = {}
     with ThreadPoolExecutor(processes) as pool:

@@ -390,6 +390,18 @@ def shape_problems(answers):
     return {k: v for k, v in problems.items() if v}
 
 
+def every_question(labels, answers):
+    """One line for each question and sick (or only) axis: what was there, what was said."""
+    lines = []
+    for label, axis, k, regime, answer in questions(labels, answers, {label["kind"] for label in labels.values()}):
+        read = reading(answer, axis, regime, keep_tuning=True)
+        strengths = "/".join("-" if d is None else f"{d:.0f}" for d in label["d"].get(axis, []))
+        sets = "; ".join(f"{e['name']} [{', '.join(s['name'] for s in e.get('set') or [])}]" for e in read["effects"]) or "no name"
+        lines.append(f"{label['case']}_{k} {label['kind']} {'+'.join(label['truth'][axis]) or 'no gap'} d={strengths or '-'} {label['profile']} "
+                     f"{label['n_train']} logs, {regime}: {read['verdict']}: {sets}")
+    return sorted(lines, key=lambda x: x.split(" ", 1)[1])
+
+
 def everything(labels, answers, processes=1, redraw=True):
     return {"single": singles(labels, answers), "memory": memory(labels, answers), "invariance": invariance(labels, answers),
             "pair": pairs(labels, answers), "false_names": false_names(labels, answers), "outside": outside(labels, answers),

@@ -212,6 +212,8 @@ def judge(task):
     """Redraws a case and scores claims: task = (label, [(key, axis, effects)]) -> {key + axis: reduction or reason}."""
     label, claims = task
     case = cases.build(label["seed"], label["index"], label["planned"])
+    if any(not np.allclose(case.bias[a], b) for a, b in label["bias_dph"].items()):
+        return {f"{key}/{axis}": {"unscorable": "drawn by another version of the check"} for key, axis, _ in claims}
     out = {}
     for key, axis, effects in claims:
         try:

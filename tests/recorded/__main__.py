@@ -83,7 +83,7 @@ def answers_of(args, logs):
         line += ["--json", result, "--quiet", "--threads", "1", f"--cache={os.path.abspath(os.path.join(args.out, 'cache'))}"]
         if os.path.exists(result):
             os.remove(result)
-        answer = runner.run_one(line, result, folder, args.timeout_s)
+        answer = runner.run_one(line, result, folder, args.cpu_limit_s)
         if os.path.exists(result):
             with open(result, encoding="utf-8") as f:
                 answer["diagnosis"] = json.load(f)
@@ -110,7 +110,7 @@ def arguments(argv):
     p.add_argument("--out", default="build/recorded")
     p.add_argument("--rows", default=None, help="only rows that begin with this")
     p.add_argument("--processes", type=int, default=2)
-    p.add_argument("--timeout-s", type=float, default=600)
+    p.add_argument("--cpu-limit-s", type=float, default=600)
     return p.parse_args(argv)
 
 

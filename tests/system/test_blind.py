@@ -46,7 +46,7 @@ def result(tmp_path_factory):
     drawn = [plan.draw_one((SEED, i, s, str(logs))) for i, s in enumerate(specs())]
     assert all(drawn)
     digest = seal.seal({"seed": SEED, "labels": drawn}, str(folder / "labels"))
-    answers, skipped = runner.run_all(TOOLS, str(logs), str(folder / "results"), [f"--cache={folder}/cache"], processes=2, timeout_s=120)
+    answers, skipped = runner.run_all(TOOLS, str(logs), str(folder / "results"), [f"--cache={folder}/cache"], processes=2, cpu_limit_s=60)
     labels = {label["case"]: label for label in seal.unseal(str(folder / "labels"), digest)["labels"]}
     return labels, answers, skipped, score.everything(labels, answers, processes=1)
 

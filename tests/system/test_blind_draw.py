@@ -255,6 +255,11 @@ def test_true_reduction_is_near_one_for_the_truth_none_for_nothing_and_negative_
         assert wrong["deviance"] < -1 and wrong["rms_after_dph"] > 1.5 * wrong["rms_before_dph"]
 
 
+def test_a_program_that_never_answers_is_stopped_by_its_cpu_time(tmp_path):
+    answer = runner.run_one([sys.executable, "-c", "while True: pass"], str(tmp_path / "x"), str(tmp_path), 1)
+    assert answer["status"] == -1 and "CPU" in answer["error"]
+
+
 def test_intervals_are_the_exact_ones():
     lo, hi = intervals.clopper_pearson(0, 300)
     assert lo == 0 and np.isclose(hi, 1 - 0.025 ** (1 / 300))
