@@ -5,12 +5,22 @@ Rates are in degrees per hour (dph), accelerations in mg, temperatures in degree
 the unit.  Heavy parts are loaded when first used.
 """
 import importlib
+import os
+import pathlib
 
 from .ingest import VERSION as __version__
 
+# In a source tree the compiled part lies in the build folder.
+_tree = pathlib.Path(__file__).resolve().parents[3]
+for _build in (os.environ.get("IMUCAL_BIN", ""), _tree / "build/bin"):
+    if _build and (pathlib.Path(_build).parent / "python/_core.so").exists():
+        __path__.append(str(pathlib.Path(_build).parent / "python"))
+
 _HOMES = {
     "DataError": "errors", "ImucalError": "errors", "UsageError": "errors", "Log": "log", "read_log": "log", "write_log": "log",
-    "import_log": "importers", "read_table": "table",
+    "import_log": "importers", "read_table": "table", "ThermalCalibrator": "calibrator",
+    **dict.fromkeys(["allan_deviation", "direct_predictor", "expect", "fit_error_model", "check_bound", "calibrate", "compensate", "calibration_error",
+                     "optimize_profile", "simulate", "diagnose", "as_log"], "analysis"),
 }
 __all__ = [*_HOMES, "__version__"]
 

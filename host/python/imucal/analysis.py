@@ -1,0 +1,357 @@
+# SPDX-License-Identifier: MIT
+"""Analyses on arrays.  Arrays have shape (n,), rates are in dph, times in s; results are small dataclasses.
+
+allan_deviation and direct_predictor run in the compiled part; the others run the programs of the tool-chain through their
+JSON contracts (imucal/programs.py), in a process of their own.
+"""
+import json
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .errors import DataError
+from .log import Log, read_log
+from .native import core
+from .programs import Folder, run
+
+
+@dataclass
+class AllanDeviation:
+    """tau_s, adev_dph: shape (m,); ci95_dph: shape (m, 2); n_windows: shape (m,)."""
+
+    tau_s: np.ndarray
+    adev_dph: np.ndarray
+    ci95_dph: np.ndarray
+    n_windows: np.ndarray
+
+
+@dataclass
+class DirectPredictor:
+    """tau_s, dp_dph: shape (m,); ci95_dph: shape (m, 2); n_windows: shape (m,)."""
+
+    tau_s: np.ndarray
+    dp_dph: np.ndarray
+    ci95_dph: np.ndarray
+    n_windows: np.ndarray
+
+
+@dataclass
+class ErrorModelFit:
+    """model: dict as in a model file; std_errors: dict; bounded, worst_excess, mean_excess; log_likelihood or None."""
+
+    model: dict
+    std_errors: dict
+    bounded: bool
+    worst_excess: float
+    mean_excess: float
+    log_likelihood: float = None
+    details: dict = field(default_factory=dict)
+
+
+@dataclass
+class BoundCheck:
+    """bounded: does the model bound the logs; worst_ratio: of model over data, at_tau_s."""
+
+    bounded: bool
+    worst_ratio: float
+    at_tau_s: float
+    details: dict = field(default_factory=dict)
+
+
+@dataclass
+class AxisCalibration:
+    """B(T) = sum coeff_dph[i] Tn^i, Tn = (T - t0)/range, |Tn| <= 1; sigma_dph at temp_degc."""
+
+    axis: str
+    order: int
+    t0_degc: float
+    range_degc: float
+    coeff_dph: np.ndarray
+    temp_degc: np.ndarray
+    sigma_dph: np.ndarray
+    residual_rms_dph: float
+
+    def bias_dph(self, at_degc):
+        """B(T)."""
+        return np.polynomial.polynomial.polyval((np.asarray(at_degc, float) - self.t0_degc) / self.range_degc, self.coeff_dph)
+
+
+@dataclass
+class Calibration:
+    """axes: dict name -> AxisCalibration; table: dict as in a table file; details: the program's JSON."""
+
+    axes: dict
+    table: dict
+    details: dict = field(default_factory=dict)
+
+
+@dataclass
+class CalibrationError:
+    """sigma_dph (truth) and believed_sigma_dph at temp_degc; worst, rms, the bound and the efficiency."""
+
+    temp_degc: np.ndarray
+    sigma_dph: np.ndarray
+    believed_sigma_dph: np.ndarray
+    worst_dph: float
+    rms_dph: float
+    bound_dph: float
+    efficiency: float
+
+
+@dataclass
+class OptimizedProfile:
+    """profile: dict as in a profile file; worst_dph, bound_dph, efficiency, duration_s."""
+
+    profile: dict
+    worst_dph: float
+    bound_dph: float
+    efficiency: float
+    duration_s: float
+
+
+def _array(rate_dph, name="rate_dph"):
+    values = np.ascontiguousarray(rate_dph, np.float64)
+    if values.ndim != 1:
+        raise DataError(f"{name}: expected an array of shape (n,), found {values.shape}")
+    return values
+
+
+def _tau_text(tau_s):
+    return tau_s if isinstance(tau_s, str) else ",".join(f"{t:.15g}" for t in np.atleast_1d(tau_s))
+
+
+def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=None, estimation_s=20.0, estimator="rms", detrend="mean", min_fill=1.0):
+    """Direct Predictor curve: rms error of predicting the mean of the next tau seconds, over sqrt(2).
+
+    Parameters
+    ----------
+    rate_dph : array (n,)        NaN where missing
+    dt_s : float
+    tau_s : array, or text       "octave", "2:600:2", "log:2:600" …
+    type : str                   "av", "dp1", "dp2" or "dp3"
+    nominal : dict               model whose filter predicts (dp2, dp3)
+    estimation_s : float         estimation time of dp1
+    estimator : str              "rms", "max" or "p95"
+    detrend : str                "none", "mean" or "time:N"
+    min_fill : float             part of a window's samples that must be present
+
+    Returns
+    -------
+    DirectPredictor
+
+    Raises
+    ------
+    DataError : what is wrong with the arguments or the record
+
+    References
+    ----------
+    Z. Berman, "Inertial Sensors: Further Developments in Low-Cost Calibration and Testing", section II.
+    """
+    try:
+        curve = core().direct_predictor(_array(rate_dph), float(dt_s), type, _tau_text(tau_s), estimator, None if nominal is None else json.dumps(nominal),
+                                        float(estimation_s), detrend, float(min_fill))
+    except ValueError as error:
+        raise DataError(str(error)) from None
+    ci = np.column_stack([curve.lo_dph, curve.hi_dph])
+    return DirectPredictor(np.array(curve.tau_s), np.array(curve.dp_dph), ci, np.array(curve.n_windows))
+
+
+def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave"):
+    """Overlapping Allan deviation with 95 % intervals.
+
+    Parameters
+    ----------
+    rate_dph : array (n,)        NaN where missing: windows with a missing sample are left out
+    dt_s : float
+    tau_s : array, or text       "octave", "2:600:2", "log:2:600" …
+
+    Returns
+    -------
+    AllanDeviation
+
+    Raises
+    ------
+    DataError : a constant or too short record
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> a = allan_deviation(np.random.default_rng(1).normal(0, 36, 100_000))
+    >>> abs(a.adev_dph[0] - 36) < 1
+    True
+    """
+    c = direct_predictor(rate_dph, dt_s, tau_s, type="av")
+    return AllanDeviation(c.tau_s, c.dp_dph, c.ci95_dph, c.n_windows)
+
+
+def expect(model, tau_s, type="dp2", nominal=None):
+    """Closed-form curve of a model (dict or path); nominal for dp2 and dp3 (default: the model itself).
+
+    Returns
+    -------
+    DirectPredictor : without intervals (NaN) and windows (0)
+    """
+    with Folder() as folder:
+        options = ["--nominal", folder.json(nominal if nominal is not None else model)] if type in ("dp2", "dp3") else []
+        result = run("errormodel", "expect", folder.json(model), "--type", type, "--tau", _tau_text(tau_s), *options)
+    n = len(result["tau_s"])
+    return DirectPredictor(np.array(result["tau_s"]), np.array(result["dp_dph"]), np.full((n, 2), np.nan), np.zeros(n, int))
+
+
+def _logs(folder, logs):
+    many = logs if isinstance(logs, (list, tuple)) else [logs]
+    return [folder.log(as_log(log)) for log in many]
+
+
+def as_log(value, temp_degc=None, dt_s=1.0, axis="gx_dph"):
+    """A Log from an array of shape (n,), with temperatures or without; a path and a Log stay what they are."""
+    if isinstance(value, (str, Log)) or hasattr(value, "__fspath__"):
+        return value
+    rate = _array(value)
+    temp = np.full(len(rate), np.nan) if temp_degc is None else _array(temp_degc, "temp_degc")
+    if len(temp) != len(rate):
+        raise DataError(f"rate_dph has {len(rate)} samples, temp_degc {len(temp)}")
+    return Log(dt_s * np.arange(1, len(rate) + 1), temp, {axis: rate}, {}, {}, "array")
+
+
+def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau_s=None, type=None, nominal=None):
+    """Error model from logs: "ml" (maximum likelihood), "bound" (tightest bounding) or "ls" (least squares).
+
+    Parameters
+    ----------
+    logs : path, Log or array (n,), or a list of them
+    markov : int                 number of Gauss-Markov terms
+    detrend : str                "mean", "poly:3" (in temperature) …
+
+    Returns
+    -------
+    ErrorModelFit
+    """
+    with Folder() as folder:
+        options = ["--tau", _tau_text(tau_s)] if tau_s is not None else []
+        options += ["--type", type] if type else []
+        options += ["--nominal", folder.json(nominal)] if nominal is not None else []
+        options += [word for axis in axes for word in ("--axis", axis)]
+        r = run("errormodel", "fit", *_logs(folder, logs), "--markov", markov, "--criterion", criterion, "--detrend", detrend, "-o", folder.new(".json"),
+                *options)
+    return ErrorModelFit(r["model"], r.get("std_errors", {}), r["bounded"], r["excess"]["worst"], r["excess"]["mean"], r.get("log_likelihood"), r)
+
+
+def check_bound(logs, model, axes=(), detrend="mean", tau_s=None, type=None, nominal=None):
+    """Does a model bound these logs, and how tightly?
+
+    Returns
+    -------
+    BoundCheck
+    """
+    with Folder() as folder:
+        options = ["--tau", _tau_text(tau_s)] if tau_s is not None else []
+        options += ["--type", type] if type else []
+        options += ["--nominal", folder.json(nominal)] if nominal is not None else []
+        options += [word for axis in axes for word in ("--axis", axis)]
+        r = run("errormodel", "check", *_logs(folder, logs), "--model", folder.json(model), "--detrend", detrend, *options, negative_is_answer=True)
+    return BoundCheck(r["bounded"], r["worst_ratio"], r["at_tau_s"], r)
+
+
+def calibrate(logs, order=3, model=None, method=None, axes=()):
+    """Thermal calibration of recorded logs: the C core's filter ("kf", needs a model) or least squares ("poly").
+
+    Returns
+    -------
+    Calibration
+    """
+    with Folder() as folder:
+        table = folder.new(".json")
+        options = ["--model", folder.json(model)] if model is not None else []
+        options += [word for axis in axes for word in ("--axis", axis)]
+        r = run("calibrate", "fit", *_logs(folder, logs), "--method", method or ("kf" if model is not None else "poly"), "--order", order, "-o", table,
+                *options)
+        with open(table, encoding="utf-8") as file:
+            table = json.load(file)
+    found = {}
+    for a in r["axes"]:
+        unit = a["axis"].rpartition("_")[2]
+        found[a["axis"]] = AxisCalibration(a["axis"], a["order"], a["t0_degc"], a["range_degc"], np.array(a.get("coeff_dph", a.get(f"coeff_{unit}"))),
+                                           np.array(a["temp_degc"]), np.array(a.get("sigma_dph", a.get(f"sigma_{unit}"))),
+                                           a.get("residual_rms_dph", a.get(f"residual_rms_{unit}")))
+    return Calibration(found, table, r)
+
+
+def compensate(rate, temp_degc, channel):
+    """Rates less B(T), with the scale factor over temperature where the channel has one.
+
+    Parameters
+    ----------
+    rate : array (n,)            in the channel's unit
+    temp_degc : array (n,)       clamped to the channel's span
+    channel : table.Channel (of read_table) or AxisCalibration
+
+    Returns
+    -------
+    array (n,)
+    """
+    rate, temp = _array(rate, "rate"), _array(temp_degc, "temp_degc")
+    if isinstance(channel, AxisCalibration):
+        return rate - channel.bias_dph(np.clip(temp, channel.t0_degc - channel.range_degc, channel.t0_degc + channel.range_degc))
+    return (rate - channel.bias(temp)) * channel.scale(temp)
+
+
+def calibration_error(profile, model, order=3, filter_model=None):
+    """Predicted calibration error of a temperature profile over temperature (exact covariance).
+
+    Returns
+    -------
+    CalibrationError
+    """
+    with Folder() as folder:
+        options = ["--filter-model", folder.json(filter_model)] if filter_model is not None else []
+        r = run("profile", "error", folder.json(profile), "--model", folder.json(model), "--order", order, *options)
+    return CalibrationError(np.array(r["temp_degc"]), np.array(r["sigma_dph"]), np.array(r["believed_sigma_dph"]), r["worst_dph"], r["rms_dph"],
+                            r["bound_dph"], r["efficiency"])
+
+
+def optimize_profile(model, range_degc, max_rate_degc_per_min, duration_s, order=3, seed=1):
+    """The chamber profile with the smallest worst calibration error.
+
+    Returns
+    -------
+    OptimizedProfile
+    """
+    with Folder() as folder:
+        path = folder.new(".json")
+        r = run("profile", "optimize", "--model", folder.json(model), "--order", order, "--range", f"{range_degc[0]:g}:{range_degc[1]:g}",
+                "--max-rate", max_rate_degc_per_min, "--duration-s", duration_s, "--seed", seed, "-o", path)
+        with open(path, encoding="utf-8") as file:
+            profile = json.load(file)
+    return OptimizedProfile(profile, r["worst_dph"], r["bound_dph"], r["efficiency"], r["duration_s"])
+
+
+def simulate(model, profile, n_axes=1, seed=1, effects=None, log_index=0, n_logs=1):
+    """A simulated test: chamber, gyros, noise, effects.
+
+    Returns
+    -------
+    Log
+    """
+    with Folder() as folder:
+        path = folder.new(".csv")
+        options = ["--effects", folder.json(effects)] if effects is not None else []
+        run("gyrosim", "log", "--model", folder.json(model), "--profile", folder.json(profile), "--axes", n_axes, "--seed", seed, "--log-index", log_index,
+            "--n-logs", n_logs, "-o", path, *options)
+        return read_log(path)
+
+
+def diagnose(logs, model, holdout=(), axes=(), without=(), only=(), false_alarm_rate=0.01, seed=1, threads=0):
+    """What the error model leaves out: where, which effect, how far the gap shrinks on held-out logs.
+
+    Returns
+    -------
+    dict : as `diagnose --json` writes it (one entry of "axes" per axis)
+    """
+    with Folder() as folder:
+        options = [word for log in _logs(folder, list(holdout)) for word in ("--holdout", log)]
+        options += [word for axis in axes for word in ("--axis", axis)]
+        options += [word for name in without for word in ("--without", name)] + [word for name in only for word in ("--only", name)]
+        logged = [word for log in _logs(folder, logs) for word in ("--log", log)]
+        return run("diagnose", "--model", folder.json(model), *logged, "--false-alarm-rate", false_alarm_rate, "--seed", seed, "--threads", threads,
+                   "--quiet", *options, negative_is_answer=True)

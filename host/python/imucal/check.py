@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: MIT
+"""``imucal check``: is a file one of ours, and valid?  Messages name file and line."""
+import json
+import json.decoder
+import os
+from pathlib import Path
+
+from .cli import common_options, finish_json, parser_of
+from .errors import DataError
+from .log import read_log
+
+KINDS = {"imucal_model": "model", "imucal_profile": "profile", "imucal_table": "table", "imucal_diagnosis": "diagnosis"}
+_SCHEMAS = Path(__file__).with_name("schema")
+
+
+def _skip(text, at):
+    while at < len(text) and text[at] in " \t\r\n,:":
+        at += 1
+    return at
+
+
+def positions(text):
+    """{path: index in the text} of every value of a JSON text that parses; a path is a tuple of keys and places."""
+    found, decoder = {}, json.decoder.JSONDecoder()
+
+    def walk(at, path):
+        at = _skip(text, at)
+        found[path] = at
+        if text[at] == "{":
+            at = _skip(text, at + 1)
+            while text[at] != "}":
+                key, at = json.decoder.scanstring(text, at + 1)
+                at = _skip(text, walk(at, (*path, key)))
+            return at + 1
+        if text[at] == "[":
+            at, i = _skip(text, at + 1), 0
+            while text[at] != "]":
+                at, i = _skip(text, walk(at, (*path, i))), i + 1
+            return at + 1
+        return decoder.raw_decode(text, at)[1]
+
+    walk(0, ())
+    return found
+
+
+def _dotted(path):
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def _words(error):
+    """The schema library's words, shorter where they repeat the file."""
+    if error.validator == "anyOf":
+        return "coeff_dph (or coeff_mg) is missing"
+    if error.validator == "const":
+        return f"expected {error.validator_value}, found {json.dumps(error.instance)}"
+    return error.message if len(error.message) < 200 else error.message[:200] + " …"
+
+
+def check_json(path, text):
+    """(kind, list of messages) of a JSON file."""
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        return "json", [f"{path}:{error.lineno}: column {error.colno}: {error.msg}"]
+    kind = next((k for tag, k in KINDS.items() if isinstance(data, dict) and tag in data), None)
+    if kind is None:
+        return "json", [f"{path}:1: a JSON file, but none of ours: it has none of the members {', '.join(KINDS)}"]
+    try:
+        from jsonschema import Draft202012Validator
+    except ImportError:
+        raise DataError(f"{path}: checking needs the Python library jsonschema: pip install jsonschema") from None
+    validator = Draft202012Validator(json.loads((_SCHEMAS / f"{kind}.json").read_text(encoding="utf-8")))
+    places, messages = positions(text), []
+    for error in sorted(validator.iter_errors(data), key=lambda e: places.get(tuple(e.absolute_path), 0)):
+        at = tuple(error.absolute_path)
+        line = text.count("\n", 0, places.get(at, 0)) + 1
+        messages.append(f"{path}:{line}: {_dotted(at) + ': ' if at else ''}{_words(error)}")
+    return kind, messages + _beyond_schema(path, kind, data, places, text, messages)
+
+
+def _beyond_schema(path, kind, data, places, text, messages):
+    """What a schema cannot say: numbers of coefficients, order of a span."""
+    found = []
+    if kind != "table" or messages:
+        return found
+    for i, axis in enumerate(data["axes"]):
+        coeff = axis.get("coeff_dph", axis.get("coeff_mg"))
+        key = "coeff_dph" if "coeff_dph" in axis else "coeff_mg"
+        if len(coeff) != axis["order"] + 1:
+            line = text.count("\n", 0, places[("axes", i, key)]) + 1
+            found.append(f"{path}:{line}: axes[{i}].{key}: {len(coeff)} coefficients for order {axis['order']}: {axis['order'] + 1} are expected")
+        if not axis["span_degc"][0] < axis["span_degc"][1]:
+            line = text.count("\n", 0, places[("axes", i, "span_degc")]) + 1
+            found.append(f"{path}:{line}: axes[{i}].span_degc: the lower temperature comes first")
+    return found
+
+
+def check_file(path):
+    """(kind, list of messages); an empty list: valid."""
+    path = os.fspath(path)
+    try:
+        with open(path, "rb") as file:
+            raw = file.read()
+    except OSError as error:
+        raise DataError(f"{path}: cannot open: {error.strerror}") from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        from .importers import detect
+        return detect(path)[0], [f"{path}: not one of imucal's own files: imucal import {path} -o LOG.csv reads it"]
+    if text.lstrip().startswith(("{", "[")):
+        return check_json(path, text)
+    try:
+        read_log(path)
+    except DataError as error:
+        return "log", [str(error)]
+    return "log", []
+
+
+def run(arguments):
+    """Run the command: 0 valid, 3 not."""
+    parser = parser_of("check", "Is this file one of ours (log, model, profile, table, diagnosis), and valid?")
+    parser.add_argument("files", nargs="+", metavar="FILE")
+    common_options(parser)
+    given = parser.parse_args(arguments)
+    results = []
+    for path in given.files:
+        kind, messages = check_file(path)
+        results.append({"file": path, "kind": kind, "valid": not messages, "messages": messages})
+        if not messages and not given.quiet and given.json != "-":
+            print(f"{path}: a valid {kind}")
+    finish_json(given.json, {"files": results})
+    bad = [m for r in results for m in r["messages"]]
+    if bad:
+        raise DataError("\n".join(bad))
+    return 0

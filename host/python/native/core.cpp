@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: MIT
+// The compiled part of the Python package: the C core's filter, and the Direct Predictor on arrays.  What is thin text
+// and units around it is Python (imucal/calibrator.py, imucal/analysis.py).  Long work runs without the GIL; it is done in
+// pieces between which Ctrl-C is seen.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "analysis/dp/dp.h"
+#include "analysis/dp/tau_grid.h"
+#include "analysis/errormodel/confidence.h"
+#include "base/error.h"
+#include "io/model.h"
+#include "kf.h"
+
+namespace nb = nanobind;
+using namespace imucal;
+using Array = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+namespace {
+
+std::optional<ErrorModel> model_of(const std::optional<std::string>& text) {
+  if (!text) return std::nullopt;
+  return model_from_json(JsonField(Json::parse(*text), "nominal"));
+}
+
+struct Curve {
+  std::vector<double> tau_s, dp_dph, lo_dph, hi_dph;
+  std::vector<long> n_windows;
+};
+
+// Ctrl-C between two pieces of work.
+void check_signals() {
+  nb::gil_scoped_acquire held;
+  if (PyErr_CheckSignals() != 0) throw nb::python_error();
+}
+
+Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& type, const std::string& tau, const std::string& estimator,
+                       const std::optional<std::string>& nominal, double estimation_s, const std::string& detrend, double min_fill) {
+  Series series;
+  series.log = "array", series.axis = "rate_dph", series.dt_s = dt_s;
+  Curve result;
+  try {
+    nb::gil_scoped_release free;
+    series.rate_dph.assign(rate_dph.data(), rate_dph.data() + rate_dph.shape(0));
+    for (const double rate : series.rate_dph) series.n_missing += std::isnan(rate);
+    remove_trend(Detrend::parse(detrend), &series);
+    DpOperator op = make_dp_operator(dp_type_from_text(type), dt_s, model_of(nominal), estimation_s);
+    op.min_fill = min_fill;
+    const auto tau_s = parse_tau(tau, dt_s, std::max(dt_s, static_cast<double>(series.size()) * dt_s / 10));
+    const DpRecord record(series, op);
+    check_signals();
+    const DpCurve curve = dp_curve(series, record, tau_s, dp_estimator_from_text(estimator));
+    check_signals();
+    result.tau_s = curve.tau_s, result.dp_dph = curve.dp_dph, result.n_windows = curve.n;
+    for (const Interval& i : curve_intervals(curve, op, {})) result.lo_dph.push_back(i.lo), result.hi_dph.push_back(i.hi);
+  } catch (const Error& e) {
+    throw nb::value_error(e.what());
+  } catch (const Json::exception& e) {
+    throw nb::value_error(e.what());
+  }
+  return result;
+}
+
+// imucal_kf_t with exceptions for refused configurations.
+class Filter {
+ public:
+  Filter(int order, double t0_degc, double range_degc, double m, double q, double r, double markov_variance, double prior_sigma) {
+    imucal_kf_config_t config{};
+    config.order = static_cast<uint8_t>(order);
+    config.t0_degc = static_cast<float>(t0_degc), config.range_degc = static_cast<float>(range_degc);
+    config.m = static_cast<float>(m), config.q = static_cast<float>(q), config.r = static_cast<float>(r);
+    config.markov_variance = static_cast<float>(markov_variance), config.prior_sigma = static_cast<float>(prior_sigma);
+    if (const imucal_status status = order < 0 || order > 255 ? IMUCAL_ERR_ORDER : imucal_kf_init(&kf_, &config); status != IMUCAL_OK)
+      throw nb::value_error(imucal_status_text(status));
+  }
+
+  bool update(double rate, double temp_degc) {
+    if (std::isnan(rate) || std::isnan(temp_degc)) return skip(1);
+    return imucal_kf_update(&kf_, static_cast<float>(rate), static_cast<float>(temp_degc)) == IMUCAL_OK;
+  }
+  bool skip(uint32_t n_s) { return imucal_kf_skip(&kf_, n_s) == IMUCAL_OK; }
+  void new_run(double turn_on_sigma) {
+    if (const imucal_status status = imucal_kf_new_run(&kf_, static_cast<float>(turn_on_sigma)); status != IMUCAL_OK)
+      throw nb::value_error(imucal_status_text(status));
+  }
+
+  // All seconds of an array; NaN is a missing second.  Returns how many were refused.
+  long run(const Array& rate, const Array& temp_degc) {
+    if (rate.shape(0) != temp_degc.shape(0)) throw nb::value_error("rate and temp_degc differ in length");
+    const double* z = rate.data();
+    const double* t = temp_degc.data();
+    const size_t n = rate.shape(0);
+    const uint32_t before = kf_.stats.n_refused;
+    nb::gil_scoped_release free;
+    for (size_t k = 0; k < n; ++k) {
+      update(z[k], t[k]);
+      if (k % 262144 == 262143) check_signals();
+    }
+    return static_cast<long>(kf_.stats.n_refused - before);
+  }
+
+  std::vector<double> coefficients() const {
+    std::vector<double> values;
+    for (uint32_t i = 0; i <= kf_.config.order; ++i) values.push_back(static_cast<double>(imucal_kf_coefficient(&kf_, i)));
+    return values;
+  }
+  double bias(double temp_degc) const { return static_cast<double>(imucal_kf_bias(&kf_, static_cast<float>(temp_degc))); }
+  double sigma(double temp_degc) const { return static_cast<double>(imucal_kf_bias_sigma(&kf_, static_cast<float>(temp_degc))); }
+  double innovation() const { return static_cast<double>(kf_.stats.innovation); }
+  double innovation_variance() const { return static_cast<double>(imucal_kf_innovation_variance(&kf_)); }
+  double mean_nis() const { return static_cast<double>(imucal_kf_mean_nis(&kf_)); }
+  double lag1() const { return static_cast<double>(imucal_kf_lag1(&kf_)); }
+  long n() const { return static_cast<long>(kf_.stats.n); }
+  long n_missed() const { return static_cast<long>(kf_.stats.n_missed); }
+  long n_refused() const { return static_cast<long>(kf_.stats.n_refused); }
+
+ private:
+  imucal_kf_t kf_{};
+};
+
+}  // namespace
+
+NB_MODULE(_core, m) {
+  m.doc() = "The compiled part of imucal.";
+  nb::class_<Curve>(m, "Curve")
+      .def_ro("tau_s", &Curve::tau_s)
+      .def_ro("dp_dph", &Curve::dp_dph)
+      .def_ro("lo_dph", &Curve::lo_dph)
+      .def_ro("hi_dph", &Curve::hi_dph)
+      .def_ro("n_windows", &Curve::n_windows);
+  m.def("direct_predictor", &direct_predictor, nb::arg("rate_dph"), nb::arg("dt_s"), nb::arg("type"), nb::arg("tau"), nb::arg("estimator"),
+        nb::arg("nominal").none(), nb::arg("estimation_s"), nb::arg("detrend"), nb::arg("min_fill"));
+  nb::class_<Filter>(m, "Filter")
+      .def(nb::init<int, double, double, double, double, double, double, double>())
+      .def("update", &Filter::update)
+      .def("skip", &Filter::skip)
+      .def("new_run", &Filter::new_run)
+      .def("run", &Filter::run)
+      .def("coefficients", &Filter::coefficients)
+      .def("bias", &Filter::bias)
+      .def("sigma", &Filter::sigma)
+      .def_prop_ro("innovation", &Filter::innovation)
+      .def_prop_ro("innovation_variance", &Filter::innovation_variance)
+      .def_prop_ro("mean_nis", &Filter::mean_nis)
+      .def_prop_ro("lag1", &Filter::lag1)
+      .def_prop_ro("n", &Filter::n)
+      .def_prop_ro("n_missed", &Filter::n_missed)
+      .def_prop_ro("n_refused", &Filter::n_refused);
+}

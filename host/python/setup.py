@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: MIT
+"""Builds the compiled part with the project's own make rule, so that its flags have one home."""
+import os
+import shutil
+import subprocess
+import sys
+
+from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+
+
+class MakeCore(build_ext):
+    """make build/python/_core.so, then copy it to where setuptools wants the extension."""
+
+    def build_extension(self, ext):
+        top = os.path.dirname(os.path.dirname(HERE))
+        build = os.environ.get("IMUCAL_BUILD", os.path.join(top, "build"))
+        subprocess.run(["make", "--no-print-directory", "-C", top, f"BUILD={build}", f"PYTHON={sys.executable}", "python-core"], check=True)
+        target = self.get_ext_fullpath(ext.name)
+        os.makedirs(os.path.dirname(target), exist_ok=True)
+        shutil.copy(os.path.join(build, "python/_core.so"), target)
+
+
+setup(ext_modules=[Extension("imucal._core", [])], cmdclass={"build_ext": MakeCore})

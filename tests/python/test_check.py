@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: MIT
+"""`imucal check` names the line, and `imucal example` makes files that are valid."""
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from imucal.__main__ import main
+from imucal.check import check_file, positions
+
+BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+MODEL = '{\n "imucal_model": 1,\n "arw_deg_rt_h": 0.6,\n "markov": [\n  {"sigma_dph": 20, "tau_s": 100},\n  {"sigma_dph": 3,\n   "tau_s": 10}\n ]\n}\n'
+TABLE = json.dumps({"imucal_table": 1, "serial": "x", "sequence": 1, "created": "2026-11-21T06:22:00Z", "degc_per_count": 0.01, "degc_at_zero": 25,
+                    "axes": [{"axis": "gx_dph", "order": 3, "t0_degc": 25, "range_degc": 50, "coeff_dph": [1, 2, 3, 4], "span_degc": [-20, 70]}]}, indent=1)
+
+
+@pytest.mark.parametrize("text, line, words", [
+    (MODEL.replace("100", "-100"), 5, "markov[0].tau_s"), (MODEL.replace('"tau_s": 10}', '"tau_s": "ten"}'), 7, "markov[1].tau_s: 'ten'"),
+    (MODEL.replace('"sigma_dph": 3,', '"sigma": 3,'), 6, "markov[1]"), (MODEL.replace("0.6,", "0.6"), 4, "delimiter"), ("{}", 1, "none of ours"),
+    (MODEL.replace('l": 1', 'l": 2'), 2, "expected 1, found 2"), (TABLE.replace('"order": 3', '"order": 2'), 14, "4 coefficients for order 2"),
+    (TABLE.replace('"gx_dph"', '"gx"'), 10, "axes[0].axis"), (TABLE.replace('"coeff_dph"', '"coeff"'), 9, "coeff_dph (or coeff_mg) is missing"),
+    ("t_s,temp_degc,gx_dph\n1,20,5\n2,20,x\n", 3, "expected a number, found \"x\""), ("t_s,temp_degc,gx_dph\n2,20,5\n1,20,5\n", 3, "does not increase"),
+    ("t_s,temp_degc,gx_dph\n1,20,5\n2,20\n", 3, "expected 3 fields"), ("t_s,temp_degc,pressure\n1,20,5\n", None, "no axis column")])
+def test_message_names_the_line_and_the_fault(tmp_path, text, line, words):
+    (tmp_path / "f").write_text(text)
+    _, messages = check_file(tmp_path / "f")
+    assert messages and words in messages[0], messages
+    assert line is None or messages[0].startswith(f"{tmp_path / 'f'}:{line}:"), messages
+
+
+@pytest.mark.parametrize("text, kind", [(MODEL, "model"), (TABLE, "table"), ("t_s,temp_degc,gx_dph\n1,20,5\n2,,\n", "log")])
+def test_valid_files_pass(tmp_path, text, kind):
+    (tmp_path / "f").write_text(text)
+    assert check_file(tmp_path / "f") == (kind, [])
+
+
+def test_positions_find_every_value():
+    text = '{"a": [1, {"b": "x, ]}"}, null], "c": {}, "d": []}'
+    found = positions(text)
+    assert {p: text[i] for p, i in found.items()} == {(): "{", ("a",): "[", ("a", 0): "1", ("a", 1): "{", ("a", 1, "b"): '"', ("a", 2): "n", ("c",): "{", ("d",): "["}
+
+
+def test_example_is_valid_and_its_script_is_what_is_documented(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("IMUCAL_BIN", str(BIN))
+    assert main(["example", str(tmp_path / "ex")]) == 0
+    for name in ("model.json", "profile.json", "run1.csv", "run2.csv", "run3.csv"):
+        assert check_file(tmp_path / "ex" / name)[1] == []
+    assert (tmp_path / "ex/run1.csv").read_text() != (tmp_path / "ex/run2.csv").read_text()
+    assert main(["example", str(tmp_path / "ex")]) == 3
+    assert "not empty" in capsys.readouterr().err
+
+
+def test_example_script_leads_to_a_table_that_names_no_missing_step(tmp_path, monkeypatch):
+    """All of run.sh but the diagnosis, whose minutes belong to its own tests."""
+    monkeypatch.setenv("IMUCAL_BIN", str(BIN))
+    main(["example", str(tmp_path / "ex"), "-q"])
+    script = (tmp_path / "ex/run.sh").read_text()
+    assert "diagnose --model model.json" in script
+    short = "\n".join(line for line in script.splitlines() if not any(w in line for w in ("diagnose", "report", "look")))
+    done = subprocess.run(["sh", "-c", short.replace('cd "$(dirname "$0")"', f"cd {tmp_path / 'ex'}")], capture_output=True, text=True,
+                          env={**os.environ, "IMUCAL": str(BIN / "imucal")})
+    assert done.returncode == 0, done.stderr
+    assert check_file(tmp_path / "ex/table.json") == ("table", []) and "bias_fixed" in (tmp_path / "ex/table.h").read_text()

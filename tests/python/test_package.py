@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: MIT
+"""The package's names against known answers and against the programs."""
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import imucal
+
+BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+os.environ.setdefault("IMUCAL_BIN", str(BIN))
+MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
+         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
+BASIC = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 0, "duration_s": 1200}, {"rate_degc_per_min": 0.6, "to_degc": 60},
+                                                            {"rate_degc_per_min": 0, "duration_s": 1200}]}
+
+
+@pytest.fixture(scope="module")
+def log():
+    return imucal.simulate(MODEL, BASIC, n_axes=1, seed=7)
+
+
+def test_allan_deviation_is_its_definition():
+    rate = np.random.default_rng(1).normal(5, 36, 3000)
+    a = imucal.allan_deviation(rate, tau_s=[1, 10, 100])
+    for tau, adev in zip((1, 10, 100), a.adev_dph):
+        mean = np.convolve(rate, np.ones(tau) / tau, "valid")
+        assert adev == pytest.approx(np.sqrt(0.5 * np.mean((mean[tau:] - mean[:-tau]) ** 2)), rel=1e-12)
+    assert np.all((a.ci95_dph[:, 0] < a.adev_dph) & (a.adev_dph < a.ci95_dph[:, 1]))
+    assert a.n_windows.tolist() == [2999, 2981, 2801]
+
+
+def test_allan_deviation_equals_the_program_s(log, tmp_path):
+    imucal.write_log(tmp_path / "log.csv", log)
+    subprocess.run([str(BIN / "dp"), str(tmp_path / "log.csv"), "--type", "av", "--tau", "2,20,200", "--json", str(tmp_path / "j"), "-q"], check=True)
+    curve = json.loads((tmp_path / "j").read_text())["curves"][0]
+    a = imucal.allan_deviation(imucal.read_log(tmp_path / "log.csv").rates["gx_dph"], tau_s=[2, 20, 200])
+    np.testing.assert_allclose(a.adev_dph, curve["dp_dph"], rtol=1e-12)
+    np.testing.assert_allclose(a.ci95_dph, curve["ci95_dph"], rtol=1e-9)
+
+
+def test_missing_samples_leave_their_windows_out():
+    rate = np.random.default_rng(2).normal(0, 36, 2000)
+    rate[500:700] = np.nan
+    a = imucal.allan_deviation(rate, tau_s=[1, 50])
+    assert a.n_windows[0] == 1999 - 201 and a.adev_dph[0] == pytest.approx(36, rel=0.05)
+
+
+@pytest.mark.parametrize("call, words", [
+    (lambda: imucal.allan_deviation(np.zeros((3, 2))), "shape (n,)"), (lambda: imucal.allan_deviation(np.zeros(100)), "constant"),
+    (lambda: imucal.allan_deviation(np.random.rand(50), tau_s=[100]), "beyond"), (lambda: imucal.direct_predictor(np.random.rand(50), type="dp9"), "dp9"),
+    (lambda: imucal.ThermalCalibrator(order=9), "order"), (lambda: imucal.ThermalCalibrator(tau_s=0), "tau_s"),
+    (lambda: imucal.expect({"imucal_model": 1}, [1, 2]), "no Markov term"), (lambda: imucal.read_log("no such file"), "cannot open")])
+def test_wrong_arguments_are_errors_with_their_reason(call, words):
+    with pytest.raises(imucal.ImucalError, match=words.replace("(", r"\(").replace(")", r"\)")):
+        call()
+
+
+def test_direct_predictor_of_simulated_noise_follows_its_expectation():
+    rng = np.random.default_rng(3)
+    n, phi = 100_000, np.exp(-1 / 100)
+    from scipy.signal import lfilter
+    slow = lfilter([20 * np.sqrt(1 - phi ** 2)], [1, -phi], rng.standard_normal(n))
+    rate = slow + 36 * rng.standard_normal(n)
+    found = imucal.direct_predictor(rate, tau_s=[2, 10, 50, 200], type="dp2", nominal=MODEL)
+    wanted = imucal.expect(MODEL, [2, 10, 50, 200], type="dp2", nominal=MODEL)
+    np.testing.assert_allclose(found.dp_dph, wanted.dp_dph, rtol=0.05)
+    assert np.all((found.ci95_dph[:, 0] < wanted.dp_dph) & (wanted.dp_dph < found.ci95_dph[:, 1]))
+
+
+def test_calibrator_gives_the_bits_of_calibrate_fit(log):
+    c = imucal.ThermalCalibrator(order=3, t0_degc=30, range_degc=30, arw_deg_rt_h=0.6, sigma_dph=20, tau_s=100)
+    assert c.run(log.rates["gx_dph"], log.temp_degc) == 0 and c.n == 8400
+    fit = imucal.calibrate(log, order=3, model=MODEL)
+    assert c.coeff_dph.tolist() == [float(np.float32(v)) for v in fit.axes["gx_dph"].coeff_dph]
+    assert fit.axes["gx_dph"].sigma_dph.max() == pytest.approx(6.93, abs=0.02)  # design figure of this profile
+    assert abs(c.mean_nis - 1) < 4 * np.sqrt(2 / 8400)
+    one = imucal.ThermalCalibrator(order=3, t0_degc=30, range_degc=30, arw_deg_rt_h=0.6, sigma_dph=20, tau_s=100)
+    for rate, temp in zip(log.rates["gx_dph"], log.temp_degc):
+        assert one.update(rate, temp)
+    assert one.coeff_dph.tolist() == c.coeff_dph.tolist()
+
+
+def test_missing_second_is_bridged_and_a_wild_one_refused():
+    c = imucal.ThermalCalibrator()
+    assert c.run(np.array([1.0, np.nan, 2.0, 1e9]), np.array([20.0, 20.0, np.nan, 20.0])) == 1
+    assert (c.n, c.n_missed, c.n_refused) == (1, 2, 1)
+
+
+def test_compensate_takes_the_polynomial_out(log):
+    fit = imucal.calibrate(log, order=3, model=MODEL)
+    left = imucal.compensate(log.rates["gx_dph"], log.temp_degc, fit.axes["gx_dph"])
+    assert np.std(log.rates["gx_dph"]) > 150 and np.std(left) < 45 and abs(np.mean(left)) < 3
+
+
+def test_fit_error_model_finds_the_noise_and_check_bound_answers(log):
+    fit = imucal.fit_error_model(log, markov=1, criterion="ml", detrend="poly:3")
+    assert fit.model["arw_deg_rt_h"] == pytest.approx(0.6, abs=3 * fit.std_errors["arw_deg_rt_h"])
+    small = {**MODEL, "arw_deg_rt_h": 0.1, "markov": [{"sigma_dph": 5, "tau_s": 100}]}
+    large = {**MODEL, "arw_deg_rt_h": 1.2, "markov": [{"sigma_dph": 60, "tau_s": 100}]}
+    answers = [imucal.check_bound(log, m, detrend="poly:3", tau_s="2:400:20") for m in (small, large)]
+    assert [a.bounded for a in answers] == [False, True] and answers[0].worst_ratio < 1 < answers[1].worst_ratio
+
+
+def test_calibration_error_is_the_design_s():
+    e = imucal.calibration_error(BASIC, MODEL, order=3)
+    assert e.worst_dph == pytest.approx(6.93, abs=0.01) and e.bound_dph == pytest.approx(6.22, abs=0.05)
+
+
+def test_other_threads_run_while_the_compiled_part_works():
+    rate = np.random.default_rng(1).normal(size=1_000_000)
+    ticks, done = [0], threading.Event()
+
+    def count():
+        while not done.is_set():
+            ticks[0] += 1
+            time.sleep(0.001)
+    thread = threading.Thread(target=count)
+    thread.start()
+    imucal.allan_deviation(rate, tau_s="log:1:100000:10")
+    done.set()
+    thread.join()
+    assert ticks[0] > 20
+
+
+def test_interrupt_ends_a_program_s_work(tmp_path):
+    code = f"import sys; sys.path[:0] = {sys.path!r}\nimport imucal\nprint('go', flush=True)\n" \
+           f"imucal.optimize_profile({MODEL!r}, (0, 60), 0.6, 14400)\n"
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process.stdout.readline()
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert "KeyboardInterrupt" in err and process.returncode != 0
+
+
+def test_names_of_the_contract_are_there_and_stated():
+    names = ["allan_deviation", "direct_predictor", "expect", "fit_error_model", "check_bound", "ThermalCalibrator", "calibrate", "compensate",
+             "calibration_error", "optimize_profile", "simulate", "diagnose", "read_log", "read_table", "import_log"]
+    for name in names:
+        assert getattr(imucal, name).__doc__ and name in dir(imucal)
+    assert callable(imucal.plot.allan_plot)
