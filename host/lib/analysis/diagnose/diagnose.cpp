@@ -105,10 +105,11 @@ bool is_for(const EffectSpec& spec, const std::string& axis) {
 
 // Parameters in the order of the library, which is that of theta; the angle random walk as white noise of 1-s
 // means.
-Theta theta_of(const Effect& effect, const Json& parameters) {
+Theta theta_of(const Effect& effect, const Parameters& parameters) {
   Theta theta;
   for (const EffectParameter& p : effect.parameters()) {
-    const double value = effect_number(effect, parameters, p.name);
+    if (p.is_optional || p.kind != EffectParameter::kNumber) continue;
+    const double value = parameters.number(p.name);
     theta.push_back(p.name == "arw_deg_rt_h" ? white_sigma_dph(value) : value);
   }
   return theta;
@@ -119,7 +120,7 @@ NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseMo
   for (const EffectSpec& spec : model.effects) {
     const Effect& effect = find_effect(spec.name);
     if (is_for(spec, axis) && effect.estimator() && effect.estimator()->form() == Form::kNoise)
-      noise = effect.estimator()->noise(noise, theta_of(effect, spec.parameters));
+      noise = effect.estimator()->noise(noise, theta_of(effect, read_parameters(effect, spec.parameters)));
   }
   return noise;
 }
@@ -140,6 +141,7 @@ std::vector<std::string> take_out_known(const ErrorModel& model, const std::stri
       if (!estimator || estimator->form() != Form::kNoise) left.push_back(spec.name);
       continue;
     }
+    const Parameters parameters = read_parameters(effect, spec.parameters);
     for (CampaignRun& run : campaign->runs) {
       RunInput& in = run.input;
       SimRun sim;
@@ -150,8 +152,8 @@ std::vector<std::string> take_out_known(const ErrorModel& model, const std::stri
       sim.case_temp_degc = sim.gyro_temp_degc = sim.thermometer_degc = in.smooth_degc;
       sim.auxiliary = in.auxiliary;
       sim.rate_dph.assign(in.size(), 0.0);
-      effect.simulate(SimStage::kTemperature, spec.parameters, &sim, nullptr);
-      effect.simulate(SimStage::kBias, spec.parameters, &sim, nullptr);
+      effect.simulate(SimStage::kTemperature, parameters, &sim, nullptr);
+      effect.simulate(SimStage::kBias, parameters, &sim, nullptr);
       for (size_t i = 0; i < in.size(); ++i) {
         in.rate_dph[i] -= sim.rate_dph[i];
         if (estimator->form() == Form::kTemperature && campaign->has_temperature)
@@ -235,8 +237,7 @@ struct AxisState {
 };
 
 bool is_repeatable(const Effect& effect) {
-  const EffectEstimator* e = effect.estimator();
-  return e && (e->form() == Form::kColumns || e->form() == Form::kTemperature);
+  return effect.estimator() && effect.estimator()->is_repeatable();
 }
 
 // A cause that acts on all axes alike may show only in their sum: the strongest such candidate is then looked
@@ -328,11 +329,12 @@ void name_common_mode(std::vector<AxisState>* states, const std::vector<const Ef
     SelectedEffect effect;
     effect.term.effect = library[place];
     effect.term.estimator = library[place]->estimator();
-    effect.term.fixed_parameters = {{"correlation", best_r > 0 ? 1.0 : -1.0}, {"sigma_dph", sigma}};
+    effect.term.fixed_parameters =
+        effect.term.estimator->values({{best_r > 0 ? 1.0 : -1.0, sigma}, {}, {}, {}});
     effect.gain_nats = best_gain;
     effect.evidence_nats = best_gain - threshold;
     effect.p_value = rate * std::exp(-effect.evidence_nats);
-    effect.set = {{"common_mode", best_gain, threshold, effect.evidence_nats, std::nan("")}};
+    effect.set = {{library[place]->name(), best_gain, threshold, effect.evidence_nats, std::nan("")}};
     std::ostringstream note;
     note.precision(3);
     note << "innovations correlate with those of " << other << " by " << best_r
@@ -466,21 +468,45 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
   return out;
 }
 
+static Json properties_json(const EffectEstimator* e) {
+  if (!e) return Json::object();
+  return {{"is_slow_noise", e->is_slow_noise()},
+          {"is_nominal_noise", e->is_nominal_noise()},
+          {"is_repeatable", e->is_repeatable()},
+          {"is_structural", e->is_structural()},
+          {"is_censoring", e->is_censoring()},
+          {"needs_temperature", e->needs_temperature()},
+          {"concerns_coarse_thermometer", e->concerns_coarse_thermometer()},
+          {"has_markov_spectrum", e->has_markov_spectrum()}};
+}
+
 Json library_json() {
   Json list = Json::array();
   for (const Effect* effect : effect_library()) {
     Json parameters = Json::array();
     for (const EffectParameter& p : effect->parameters()) {
-      Json entry = {{"name", p.name}, {"meaning", p.meaning}};
+      Json entry = {{"name", p.name}, {"meaning", p.meaning}, {"unit", p.unit()}};
       if (p.kind == EffectParameter::kNumber) entry["min"] = p.lo, entry["max"] = p.hi;
+      if (p.is_optional) entry["optional"] = true;
+      if (!p.words.empty()) entry["words"] = p.words;
       parameters.push_back(entry);
     }
+    Json causes = Json::array();
+    for (const HardwareCause& cause : effect->hardware_causes())
+      causes.push_back({{"what", cause.what}, {"source", cause.source}});
     list.push_back({{"name", effect->name()},
+                    {"label", effect->label()},
                     {"description", effect->description()},
+                    {"family", family_name(effect->family())},
                     {"parameters", parameters},
+                    {"hardware_causes", causes},
+                    {"properties", properties_json(effect->estimator())},
                     {"can_be_diagnosed", effect->estimator() != nullptr}});
   }
-  return {{"imucal_effects", 1}, {"effects", list}};
+  Json families = Json::array();
+  for (Family family : all_families())
+    families.push_back({{"name", family_name(family)}, {"label", family_label(family)}});
+  return {{"imucal_effects", 1}, {"effects", list}, {"families", families}};
 }
 
 } // namespace imucal

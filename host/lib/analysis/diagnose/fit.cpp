@@ -59,12 +59,8 @@ TermColumns term_columns(const Campaign& campaign, const Term& term) {
   case Form::kTone:
     out.n = 2 * n_runs;
     out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
-      const CampaignRun& run = campaign.runs[r];
-      for (size_t k = 0; k < run.n(); ++k) {
-        const double angle = 2 * kPi * term.shape[0] * run.input.t_s[static_cast<size_t>(run.used[k])];
-        (*x)(static_cast<long>(k), first + 2 * static_cast<int>(r)) = std::cos(angle);
-        (*x)(static_cast<long>(k), first + 2 * static_cast<int>(r) + 1) = std::sin(angle);
-      }
+      x->middleCols(first + 2 * static_cast<int>(r), 2) =
+          used_rows(campaign.runs[r], term.estimator->columns(campaign.runs[r].input, term.shape));
     };
     break;
   case Form::kSteps:

@@ -19,7 +19,9 @@ struct Term {
   std::vector<double> coefficients; // of its columns (common ones)
   std::vector<double> coefficient_errors;
   Theta shape_errors;
-  Json fixed_parameters; // structural effects: measured, not fitted
+  Parameters fixed_parameters; // structural effects: measured, not fitted
+
+  Estimate estimate() const { return {shape, coefficients, shape_errors, coefficient_errors}; }
 
   Form form() const { return estimator->form(); }
 };

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <memory>
 
-#include "base/units.h"
 #include "base/rng.h"
+#include "base/units.h"
 
 namespace imucal {
 
@@ -339,7 +339,7 @@ public:
     }
     return out;
   }
-  Json report(const Theta&, const std::vector<double>&) const override { return {}; }
+  Parameters values(const Estimate&) const override { return {}; }
 
 private:
   double lo_, span_;

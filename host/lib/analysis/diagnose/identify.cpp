@@ -78,13 +78,14 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
     if (estimator->form() == Form::kTemperature) {
       s.unit = s.shape[0];
       d.smallest = middle_energy > 0 ? kDetect_d / std::sqrt(middle_energy) * std::fabs(s.unit) : 1e9;
-      d.smallest_detectable = estimator->report({d.smallest}, {});
+      d.smallest_detectable = estimator->values({{d.smallest}, {}, {}, {}});
       limit = estimator->notable();
     } else {
       d.smallest = middle_energy > 0 ? kDetect_d / std::sqrt(middle_energy) : 1e9;
       std::vector<double> amplitudes(estimator->n_columns(), 0.0);
       amplitudes[0] = d.smallest;
-      d.smallest_detectable = estimator->report_on(campaign.runs.front().input, s.shape, amplitudes);
+      d.smallest_detectable =
+          estimator->values_on(campaign.runs.front().input, {s.shape, amplitudes, {}, {}});
       limit = estimator->notable() * white;
     }
     d.is_notable = d.smallest <= limit;

@@ -13,9 +13,9 @@ namespace imucal {
 
 struct Detectability {
   std::string name;
-  Json smallest_detectable; // parameters of the effect at detection strength d = 5
-  double smallest = 0;      // its amplitude (thermal_lag: tau)
-  bool is_notable = true;   // small enough: an effect worth seeing would be seen
+  Parameters smallest_detectable; // parameters of the effect at detection strength d = 5
+  double smallest = 0;            // its amplitude (thermal_lag: tau)
+  bool is_notable = true;         // small enough: an effect worth seeing would be seen
 };
 
 struct Identifiability {

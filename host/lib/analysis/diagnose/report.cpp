@@ -17,48 +17,18 @@ Json number(double x) {
   return std::isfinite(x) ? Json(x) : Json(nullptr);
 }
 
-Json effect_parameters(const Term& term, const Campaign& campaign) {
-  if (!term.fixed_parameters.is_null()) return term.fixed_parameters;
-  if (term.form() == Form::kTone) {
-    double square = 0;
-    for (double b : term.coefficients) square += b * b;
-    const double runs = static_cast<double>(term.coefficients.size()) / 2;
-    return term.estimator->report(term.shape, {std::sqrt(square / std::max(1.0, runs))});
-  }
-  if (term.form() == Form::kSteps) {
+// The parameters of a term with their standard errors, by the names of the contract.
+Parameters effect_values(const Term& term, const Campaign& campaign) {
+  if (!term.fixed_parameters.empty()) return term.fixed_parameters;
+  Estimate estimate = term.estimate();
+  if (term.form() == Form::kSteps)
     // Times as in the log, logs by their place in the call.
-    Theta shape = term.shape;
-    for (size_t s = 0; s + 1 < shape.size(); s += 2) {
+    for (size_t s = 0; s + 1 < estimate.shape.size(); s += 2) {
       const CampaignRun& run = campaign.runs[static_cast<size_t>(term.shape[s])];
-      shape[s] = static_cast<double>(run.input.log);
-      shape[s + 1] += run.start_s;
+      estimate.shape[s] = static_cast<double>(run.input.log);
+      estimate.shape[s + 1] += run.start_s;
     }
-    return term.estimator->report(shape, term.coefficients);
-  }
-  return term.estimator->report_on(campaign.runs.front().input, term.shape, term.coefficients);
-}
-
-Json effect_errors(const Term& term) {
-  if (!term.fixed_parameters.is_null()) return Json::object();
-  if (term.form() == Form::kTone) {
-    double square = 0;
-    for (double s : term.coefficient_errors) square += s * s;
-    const double n = static_cast<double>(term.coefficient_errors.size());
-    return {{"amplitude_dph", n > 0 ? std::sqrt(square / n / std::max(1.0, n / 2)) : 0.0}};
-  }
-  if (term.form() == Form::kSteps) {
-    Json list = Json::array();
-    for (double s : term.coefficient_errors) list.push_back({{"amplitude_dph", s}});
-    return {{"steps", list}};
-  }
-  if (term.shape_errors.empty() && term.shape.size() && term.form() == Form::kNoise) return Json::object();
-  Theta shape = term.shape_errors;
-  shape.resize(term.shape.size(), std::nan(""));
-  Json errors = term.estimator->report(shape, term.coefficient_errors);
-  Json out = Json::object();
-  for (const auto& item : errors.items())
-    if (item.value().is_number() && std::isfinite(item.value().get<double>())) out[item.key()] = item.value();
-  return out;
+  return term.estimator->values_on(campaign.runs.front().input, estimate);
 }
 
 Json evidence_json(const CandidateEvidence& c) {
@@ -224,9 +194,11 @@ Json axis_json(const AxisResult& axis, const Campaign& campaign, const Fit& nomi
   for (const SelectedEffect& e : s.effects) {
     Json set = Json::array();
     for (const CandidateEvidence& c : e.set) set.push_back(evidence_json(c));
+    const Parameters values = effect_values(e.term, campaign);
     Json entry = {{"name", e.term.effect->name()},
-                  {"parameters", effect_parameters(e.term, campaign)},
-                  {"std_errors", effect_errors(e.term)},
+                  {"family", family_name(e.term.effect->family())},
+                  {"parameters", parameters_json(values)},
+                  {"std_errors", std_errors_json(values)},
                   {"evidence_nats", e.evidence_nats},
                   {"gain_nats", e.gain_nats},
                   {"p_value", e.p_value},
@@ -237,10 +209,11 @@ Json axis_json(const AxisResult& axis, const Campaign& campaign, const Fit& nomi
   }
   Json hidden = Json::array(), alike = Json::array();
   for (const Detectability& d : axis.identifiability.effects)
-    if (!d.is_notable) hidden.push_back({{"name", d.name}, {"smallest_detectable", d.smallest_detectable}});
+    if (!d.is_notable)
+      hidden.push_back({{"name", d.name}, {"smallest_detectable", parameters_json(d.smallest_detectable)}});
   Json detectable = Json::array();
   for (const Detectability& d : axis.identifiability.effects)
-    detectable.push_back({{"name", d.name}, {"smallest_detectable", d.smallest_detectable}});
+    detectable.push_back({{"name", d.name}, {"smallest_detectable", parameters_json(d.smallest_detectable)}});
   for (const auto& pair : axis.identifiability.indistinguishable) alike.push_back({pair.first, pair.second});
   Json candidates = Json::array();
   for (const CandidateEvidence& c : s.first_scan) candidates.push_back(evidence_json(c));
@@ -296,27 +269,28 @@ Json axis_json(const AxisResult& axis, const Campaign& campaign, const Fit& nomi
   return out;
 }
 
+static std::string text_of(const ParameterValue& p) {
+  char line[120];
+  if (p.kind == EffectParameter::kSteps) return std::to_string(p.steps.size()) + " " + p.name;
+  if (p.kind == EffectParameter::kText) return p.name + " " + p.text;
+  std::snprintf(line, sizeof line, "%s %.4g", p.name.c_str(), p.number.value);
+  std::string out = line;
+  if (std::isfinite(p.number.std_error)) {
+    std::snprintf(line, sizeof line, " +- %.2g", p.number.std_error);
+    out += line;
+  }
+  return out;
+}
+
 std::string axis_text(const AxisResult& axis, const Campaign& campaign) {
   const Selection& s = axis.selection;
   std::string out = axis.axis + ": " + headline(axis) + "\n";
   char line[400];
   if (s.verdict != Verdict::kNoGap) out += "  where   " + axis.where.sentence + "\n";
   for (const SelectedEffect& e : s.effects) {
-    const Json parameters = effect_parameters(e.term, campaign);
-    const Json errors = effect_errors(e.term);
     std::string list;
-    for (const auto& item : parameters.items()) {
-      if (item.value().is_number()) {
-        std::snprintf(line, sizeof line, "%s %.4g", item.key().c_str(), item.value().get<double>());
-        list += (list.empty() ? "" : ", ") + std::string(line);
-        if (errors.contains(item.key())) {
-          std::snprintf(line, sizeof line, " +- %.2g", errors[item.key()].get<double>());
-          list += line;
-        }
-      } else {
-        list += (list.empty() ? "" : ", ") + std::to_string(item.value().size()) + " " + item.key();
-      }
-    }
+    for (const ParameterValue& p : effect_values(e.term, campaign))
+      list += (list.empty() ? "" : ", ") + text_of(p);
     std::snprintf(line, sizeof line, "  effect  %s: %s (evidence %.1f nats)\n", e.term.effect->name().c_str(),
                   list.c_str(), e.evidence_nats);
     out += line;

@@ -52,6 +52,7 @@ std::vector<double> signature_of(const EffectSpec& spec, const CalibrationRun& r
   sim.log = i_run;
   sim.n_logs = n_runs;
   sim.model = &model;
+  sim.start = StartState::kCold; // a design has no history
   sim.t_s.resize(n);
   for (size_t k = 0; k < n; ++k)
     sim.t_s[k] = k == 0 ? run.dt_s : sim.t_s[k - 1] + (run.step_s.empty() ? run.dt_s : run.step_s[k]);
@@ -61,8 +62,9 @@ std::vector<double> signature_of(const EffectSpec& spec, const CalibrationRun& r
   sim.white_sigma_dph.assign(n, 0.0);
   const Effect& effect = find_effect(spec.name);
   Rng rng(1, i_run, 0, Stream::kTool);
-  effect.simulate(SimStage::kTemperature, spec.parameters, &sim, &rng);
-  effect.simulate(SimStage::kBias, spec.parameters, &sim, &rng);
+  const Parameters parameters = read_parameters(effect, spec.parameters);
+  effect.simulate(SimStage::kTemperature, parameters, &sim, &rng);
+  effect.simulate(SimStage::kBias, parameters, &sim, &rng);
   for (size_t k = 0; k < n; ++k)
     sim.rate_dph[k] += sim.bias.at(sim.gyro_temp_degc[k]) - model.bias->at(sim.thermometer_degc[k]);
   return sim.rate_dph;

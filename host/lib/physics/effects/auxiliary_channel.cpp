@@ -8,7 +8,6 @@
 
 #include "base/units.h"
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -31,19 +30,23 @@ std::vector<double> made_up_column(const SimRun& run, bool random) {
 class AuxiliaryChannel : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "auxiliary_channel"; }
+  std::string label() const override { return "sensitivity to another recorded channel"; }
   std::string description() const override {
     return "The bias follows an auxiliary column of the log (supply, vibration, acceleration).";
+  }
+  Family family() const override { return Family::kExternal; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"supply, vibration or acceleration acts on the bias", "IEEE Std 1431-2004, sensitivities"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"channel", 0, 0, "name of the column, e.g. supply_v", EffectParameter::kText},
             {"gain", -1e9, 1e9, "dph per unit of the column"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* rng) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
     if (stage != SimStage::kBias) return;
-    check_parameters(*this, parameters);
-    const std::string channel = parameters.at("channel").get<std::string>();
-    const double gain = effect_number(*this, parameters, "gain");
+    const std::string channel = parameters.text_or("channel", "");
+    const double gain = parameters.number("gain");
     std::vector<double>& column = run->auxiliary[channel];
     if (column.empty()) column = made_up_column(*run, rng != nullptr);
     for (size_t i = 0; i < run->rate_dph.size(); ++i) run->rate_dph[i] += gain * column[i];
@@ -59,6 +62,7 @@ public:
     return places;
   }
   std::vector<Theta> grid(double, double) const override { return {}; }
+  PriorScale prior() const override { return {1, true, 1}; }
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
     Column column(run.size(), 0.0);
     if (shape.empty() || shape[0] >= static_cast<double>(run.auxiliary.size())) return {column};
@@ -77,22 +81,16 @@ public:
     }
     return {column};
   }
-  Json report(const Theta&, const std::vector<double>& coefficients) const override {
-    return {{"gain", coefficients.empty() ? 0.0 : coefficients[0]}};
-  }
-  Json report_on(const RunInput& run, const Theta& shape,
-                 const std::vector<double>& coefficients) const override {
+  Parameters values(const Estimate& e) const override { return {{"gain", e.coefficient(0)}}; }
+  Parameters values_on(const RunInput& run, const Estimate& e) const override {
     auto it = run.auxiliary.begin();
-    if (!shape.empty()) std::advance(it, static_cast<long>(shape[0]));
-    return {{"channel", it->first}, {"gain", coefficients.empty() ? 0.0 : coefficients[0]}};
+    if (!e.shape.empty()) std::advance(it, static_cast<long>(e.shape[0]));
+    return {{"channel", it->first}, {"gain", e.coefficient(0)}};
   }
 };
 
 } // namespace
 
-const Effect* auxiliary_channel_effect() {
-  static const AuxiliaryChannel effect;
-  return &effect;
-}
+IMUCAL_EFFECT(AuxiliaryChannel)
 
 } // namespace imucal

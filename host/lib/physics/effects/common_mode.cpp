@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -15,16 +14,23 @@ constexpr uint32_t kCommonStream = 900; // purpose of the stream shared by the a
 class CommonMode : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "common_mode"; }
+  std::string label() const override { return "noise that the axes share"; }
   std::string description() const override { return "Additional white noise that the axes share."; }
+  Family family() const override { return Family::kExternal; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {
+        {"shared supply, voltage reference or clock", "IEEE Std 1431-2004, supply sensitivity"},
+        {"real motion of the table or building", "cover and isolate the table, compare with another device"}};
+  }
   std::vector<EffectParameter> parameters() const override {
     return {{"correlation", -1, 1, "correlation of the additional noise between axes"},
             {"sigma_dph", 0, 1e6, "standard deviation of the additional noise"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* rng) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
     if (stage != SimStage::kNoise) return;
-    const double correlation = effect_number(*this, parameters, "correlation");
-    const double sigma = effect_number(*this, parameters, "sigma_dph");
+    const double correlation = parameters.number("correlation");
+    const double sigma = parameters.number("sigma_dph");
     if (!rng) return;
     // The common part comes from a stream that does not depend on the axis.
     Rng common(run->seed, run->log, 0xffffffffu, kCommonStream);
@@ -37,16 +43,13 @@ public:
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kAxes; }
   bool needs_temperature() const override { return false; }
-  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
-    return {{"correlation", theta[0]}, {"sigma_dph", theta[1]}};
+  Parameters values(const Estimate& e) const override {
+    return {{"correlation", e.shape_at(0)}, {"sigma_dph", e.shape_at(1)}};
   }
 };
 
 } // namespace
 
-const Effect* common_mode_effect() {
-  static const CommonMode effect;
-  return &effect;
-}
+IMUCAL_EFFECT(CommonMode)
 
 } // namespace imucal

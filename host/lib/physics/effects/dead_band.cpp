@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -11,14 +10,20 @@ namespace {
 class DeadBand : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "dead_band"; }
+  std::string label() const override { return "a dead band: small rates read as zero"; }
   std::string description() const override { return "Small rates read as zero."; }
+  Family family() const override { return Family::kStructural; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"a threshold in firmware (\"zero-rate\" filter) or stiction of a loop",
+             "IEEE Std 1431-2004, threshold and dead band"}};
+  }
   std::vector<EffectParameter> parameters() const override {
     return {{"width_dph", 0, 1e7, "rates between minus and plus this read as zero"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kOutput) return;
-    const double width = effect_number(*this, parameters, "width_dph");
+    const double width = parameters.number("width_dph");
     for (double& rate : run->rate_dph)
       if (std::fabs(rate) < width) rate = 0.0;
   }
@@ -55,16 +60,13 @@ public:
     }
     return found;
   }
-  Json report(const Theta& shape, const std::vector<double>& /*coefficients*/) const override {
-    return {{"width_dph", shape[0]}};
-  }
+  bool is_censoring() const override { return true; }
+  int detection_order() const override { return 1; }
+  Parameters values(const Estimate& e) const override { return {{"width_dph", e.shape_at(0)}}; }
 };
 
 } // namespace
 
-const Effect* dead_band_effect() {
-  static const DeadBand effect;
-  return &effect;
-}
+IMUCAL_EFFECT(DeadBand)
 
 } // namespace imucal

@@ -1,15 +1,25 @@
 // SPDX-License-Identifier: MIT
 // An unmodelled effect: what a real sensor does and the nominal model leaves out.  This header is the door to
-// the simulation side, used by `gyrosim --effects`; the estimation side is in effects/estimation.h.
+// the simulation side, used by `gyrosim --effects`, and to the words for people; the estimation side is in
+// effects/estimation.h.
 #pragma once
 #include <map>
 #include <string>
 #include <vector>
 
-#include "io/model.h"
 #include "base/rng.h"
+#include "io/model.h"
+#include "physics/effects/parameters.h"
 
 namespace imucal {
+
+// In which state an effect with a memory begins a run.  Real devices are never thermally reset: the state is
+// what their history left.
+enum class StartState {
+  kRandom, // drawn anew in every run, the same for all axes of the run (they share the history)
+  kCold,   // hysteresis came from the far side, lag and creep in equilibrium, warm-up from switched off
+  kSettled // everything in equilibrium, nothing left of warm-up, play in the middle
+};
 
 // One simulated run of one axis, second by second.  The simulator goes through the stages in order and calls
 // every effect at each; an effect changes what belongs to its stage and leaves the rest.
@@ -17,6 +27,8 @@ struct SimRun {
   size_t axis = 0, n_axes = 1, log = 0, n_logs = 1; // which of them this is (logs count from 0)
   uint64_t seed = 0;                                // for random draws shared by axes or logs
   const ErrorModel* model = nullptr;                // the nominal model with its polynomial
+  StartState start = StartState::kRandom;           // an effect's own parameter `start` goes before it
+  std::map<std::string, double> start_state;        // what effects with a memory began with, for the record
 
   std::vector<double> t_s;              // end of each second
   std::vector<double> case_temp_degc;   // the true temperature of the case (the chamber's); effects do not
@@ -48,11 +60,25 @@ enum class SimStage {
   kOutput       // the complete rate_dph: quantisation, saturation, held samples, …
 };
 
-struct EffectParameter {
-  std::string name; // carries its unit
-  double lo, hi;    // bounds of what makes sense
-  std::string meaning;
-  enum Kind { kNumber, kText, kSteps } kind = kNumber; // kSteps: list of {log, t_s, amplitude_dph}
+// Effects that leave the same kind of trace and that one profile may fail to tell apart.
+enum class Family {
+  kThermalMemory,         // the bias depends on the temperatures before
+  kFunctionOfTemperature, // a fixed curve over temperature
+  kFunctionOfTime,        // a fixed curve over the time since the start
+  kSlowNoise,
+  kFastNoise,
+  kTone,
+  kStructural, // what the converter or the recorder did to the samples
+  kExternal,   // a cause outside the axis
+  kRunToRun
+};
+std::string family_name(Family family);  // of the contract: "thermal_memory"
+std::string family_label(Family family); // for people: "a memory of earlier temperatures"
+const std::vector<Family>& all_families();
+
+// What an effect usually is in the hardware, and where that is written.
+struct HardwareCause {
+  std::string what, source;
 };
 
 class EffectEstimator;
@@ -61,27 +87,35 @@ class Effect {
 public:
   virtual ~Effect() = default;
   virtual std::string name() const = 0;        // contract: diagnosis.md
+  virtual std::string label() const = 0;       // a few plain words: "thermal hysteresis: …"
   virtual std::string description() const = 0; // one sentence with its source
+  virtual Family family() const = 0;
+  virtual std::vector<HardwareCause> hardware_causes() const = 0;
   virtual std::vector<EffectParameter> parameters() const = 0;
 
   // Adds the effect to a run at one stage.  `rng` is the effect's own stream for this run and axis; nullptr
-  // asks for the expected, noise-free run: random effects then add nothing (or their mean), phases are zero.
-  // Throws data_error for parameters that are missing, unknown or out of bounds.
-  virtual void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* rng) const = 0;
+  // asks for the expected, noise-free run: random effects then add nothing (or their mean), phases are zero,
+  // a random start state is the cold one.  `parameters`: from read_parameters of this effect.
+  // Throws data_error for values that do not go together.
+  virtual void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const = 0;
 
   // The form for estimation (effects/estimation.h).
   virtual const EffectEstimator* estimator() const { return nullptr; }
 };
 
-// All effects of the library, in a fixed order.  find_effect: data_error lists the known names.
+// All effects of the library in a fixed order: by family, then by name.  find_effect: data_error lists the
+// known names.
 const std::vector<const Effect*>& effect_library();
 const Effect& find_effect(const std::string& name);
 
-// Throws data_error, naming the place, for parameters that the effect does not take.  For programs that want
-// to say so before they start.
-void check_parameters(const Effect& effect, const Json& parameters, const std::string& place = "effects");
+// Adds an effect from outside the folder (a test's, a user's) to the library; before anything asks for it.
+void add_effect(const Effect& effect);
 
-// One checked number of an effect's parameters.
-double effect_number(const Effect& effect, const Json& parameters, const std::string& name);
+// The last line of an effect's file: the list of the library is made from these lines.
+#define IMUCAL_EFFECT(Type)                                                                                  \
+  const Effect* library_entry_##Type() {                                                                     \
+    static const Type effect;                                                                                \
+    return &effect;                                                                                          \
+  }
 
 } // namespace imucal

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The estimation side of an effect: what `diagnose` needs to look for it in logs.  An effect that can be
-// estimated returns one of these from Effect::estimator(); the engine (host/lib/analysis/diagnose) knows forms, never
-// names.
+// estimated returns one of these from Effect::estimator(); the engine (host/lib/analysis/diagnose) knows
+// forms, never names.
 #pragma once
 #include <map>
 #include <optional>
@@ -20,13 +20,14 @@ using Column = std::vector<double>;
 struct RunInput {
   size_t log = 0;
   double dt_s = 1;
-  std::vector<double> t_s;           // from the start of the log
-  std::vector<long> tick;            // t_s in steps of dt_s, whole and increasing: a jump is a gap
-  std::vector<double> temp_degc;     // as logged; where empty, interpolated in time
-  std::vector<double> smooth_degc;   // de-quantised and smoothed over 40 s
-  std::vector<double> rate_degc_min; // slope of smooth_degc
-  std::vector<double> tn;            // normalised logged temperature
-  std::vector<double> rate_dph;      // NaN where missing
+  std::vector<double> t_s;                // from the start of the log
+  std::vector<long> tick;                 // t_s in steps of dt_s, whole and increasing: a jump is a gap
+  std::vector<double> temp_degc;          // as logged; where empty, interpolated in time
+  std::vector<double> smooth_degc;        // de-quantised and smoothed over 40 s
+  std::vector<double> rate_degc_min;      // slope of smooth_degc
+  std::vector<double> tn;                 // normalised logged temperature
+  std::vector<double> rate_dph;           // NaN where missing
+  std::vector<double> slope_dph_per_degc; // dB/dT of the believed or fitted polynomial; empty: not known
   std::map<std::string, std::vector<double>> auxiliary;
   double t0_degc = 0, range_degc = 1; // normalisation
 
@@ -39,16 +40,40 @@ enum class Form {
   kColumns,     // mean: columns with free coefficients common to all runs, shape parameters on a grid
   kTemperature, // mean: another temperature in the polynomial
   kRunRandom,   // mean: columns with random coefficients of every run
-  kTone,        // mean: a frequency with free amplitude and phase in every run
+  kTone,        // mean: two columns (cosine, sine) with free coefficients in every run
   kSteps,       // mean: a step at a free time of one run, several of them
   kNoise,       // covariance: another NoiseModel
   kStructural,  // deterministic signature in the samples
   kAxes,        // shared between axes
 };
 
+// The size that a coefficient may have before any data: a normal distribution of this standard deviation, in
+// units of G, the rms of the 60-s means of what the polynomial alone leaves (diagnosis.md, 13.2).
+struct PriorScale {
+  double column = 3;   // of the common columns
+  bool by_rms = false; // the columns have units of their own: divide by their rms
+  double start = 1;    // of the start columns of every run
+};
+
+// What was estimated of one effect.  The errors may be shorter or empty: not known then.
+struct Estimate {
+  Theta shape;                      // or theta of a noise effect
+  std::vector<double> coefficients; // of its common columns; kTone: cosine, sine of every run
+  Theta shape_errors;
+  std::vector<double> coefficient_errors;
+
+  Measured shape_at(size_t i) const { return measured(shape, shape_errors, i); }
+  Measured coefficient(size_t i) const { return measured(coefficients, coefficient_errors, i); }
+
+private:
+  static Measured measured(const std::vector<double>& values, const std::vector<double>& errors, size_t i) {
+    return {i < values.size() ? values[i] : 0.0, i < errors.size() ? errors[i] : kUnknown};
+  }
+};
+
 // What a structural detector found in one axis.
 struct Signature {
-  Json parameters;
+  Parameters parameters;
   std::string statement;
   double evidence_nats = 0;
   double extra_white_dph2 = 0;             // variance it adds everywhere
@@ -71,8 +96,14 @@ public:
   virtual Theta shape_lo() const { return {}; }
   virtual Theta shape_hi() const { return {}; }
   virtual size_t n_columns() const { return 1; }
-  // kColumns, kRunRandom: one value per row of the run, for each column.
+  // kColumns, kRunRandom, kTone: one value per row of the run, for each column.
   virtual std::vector<Column> columns(const RunInput&, const Theta&) const { return {}; }
+  // The state in which an effect with a memory began the run is free: columns with coefficients of this run
+  // alone, of size about one, that add what another start makes.  Empty: no memory, or none that this run
+  // could show.  Their number may differ from shape to shape and from run to run.  For kTemperature they are
+  // about the fit with the temperature in equilibrium at the start; other columns start in the middle state.
+  virtual std::vector<Column> start_columns(const RunInput&, const Theta&) const { return {}; }
+  virtual PriorScale prior() const { return {}; }
   // kTemperature: the temperature at which B is taken.
   virtual Column temperature(const RunInput&, const Theta&) const { return {}; }
 
@@ -83,8 +114,22 @@ public:
   virtual Theta theta_hi() const { return {}; }
   virtual bool is_logarithmic() const { return true; }
   virtual NoiseModel noise(const NoiseModel& base, const Theta&) const { return base; }
-  // Slow noise can absorb any smooth effect of one run; white or output noise cannot.
+
+  // Properties.  Slow noise can absorb any smooth effect of one run; white or output noise cannot.
   virtual bool is_slow_noise() const { return false; }
+  // It says that the nominal noise itself has other parameters: a finding of its own beside all others.
+  virtual bool is_nominal_noise() const { return false; }
+  // Its spectrum is that of a Markov process: only the distribution tells them apart.
+  virtual bool has_markov_spectrum() const { return false; }
+  // The same in every run, so that it predicts runs that were not fitted.
+  virtual bool is_repeatable() const { return form() == Form::kColumns || form() == Form::kTemperature; }
+  virtual bool is_structural() const { return form() == Form::kStructural; }
+  // It is about the steps of the thermometer: there is nothing to look for where they are fine.
+  virtual bool concerns_coarse_thermometer() const { return false; }
+  // kStructural: what it spoils is missing by its value, so that the spread of the rest is distorted.
+  virtual bool is_censoring() const { return false; }
+  // kStructural: detectors are asked in this order, each on what those before left usable.
+  virtual int detection_order() const { return 0; }
 
   // Before any data: the size of the effect that an engineer would want to see, in units of the white noise
   // of 1-s means (kTemperature: in units of its shape).  A profile that cannot show it is said to be unfit.
@@ -93,16 +138,16 @@ public:
   // kStructural.
   virtual std::optional<Signature> detect(const std::vector<RunInput>&) const { return std::nullopt; }
 
-  // The parameters by their names of the contract, from shape (or theta) and coefficients; called with
-  // standard errors too.
-  virtual Json report(const Theta& shape, const std::vector<double>& coefficients) const = 0;
-  virtual Json report_on(const RunInput& /*run*/, const Theta& shape,
-                         const std::vector<double>& coefficients) const {
-    return report(shape, coefficients);
+  // The parameters by their names of the contract, with standard errors.  kSteps: shape holds the log and
+  // the time since the start of its file of every step.
+  virtual Parameters values(const Estimate&) const = 0;
+  // The same where the names depend on what the log holds (auxiliary columns).
+  virtual Parameters values_on(const RunInput& /*run*/, const Estimate& estimate) const {
+    return values(estimate);
   }
 };
 
-// Legendre polynomials and the play operator are used by more than one file.
+// Legendre polynomial by its recursion.
 double legendre(int degree, double x);
 
 } // namespace imucal

@@ -7,7 +7,6 @@
 
 #include "base/units.h"
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -15,17 +14,23 @@ namespace {
 class FlickerNoise : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "flicker_noise"; }
+  std::string label() const override { return "flicker (1/f) noise"; }
   std::string description() const override {
     return "Flicker (1/f) noise of bias instability B (IEEE 952): sum of Gauss-Markov processes with "
            "time constants two apart.";
+  }
+  Family family() const override { return Family::kSlowNoise; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"1/f noise of the front-end electronics",
+             "IEEE Std 952-1997, annex C, bias instability; Keshner, Proc. IEEE 70 (1982)"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"b_dph", 0, 1e6, "bias instability B; the Allan deviation is flat at 0.664 B"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kNoise) return;
-    const double variance = std::pow(effect_number(*this, parameters, "b_dph"), 2) * std::log(2.0) / kPi;
+    const double variance = std::pow(parameters.number("b_dph"), 2) * std::log(2.0) / kPi;
     for (int k = 0; k <= 16; ++k) {
       SimRun::MarkovPath path;
       path.sigma_dph.assign(run->t_s.size(), std::sqrt(variance));
@@ -48,16 +53,11 @@ public:
       out.markov.push_back({theta[0] * std::sqrt(std::log(4.0) / kPi), 2.0 * std::pow(4.0, k)});
     return out;
   }
-  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
-    return {{"b_dph", theta[0]}};
-  }
+  Parameters values(const Estimate& e) const override { return {{"b_dph", e.shape_at(0)}}; }
 };
 
 } // namespace
 
-const Effect* flicker_noise_effect() {
-  static const FlickerNoise effect;
-  return &effect;
-}
+IMUCAL_EFFECT(FlickerNoise)
 
 } // namespace imucal

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The output is sometimes not refreshed: with a probability a second repeats the value before it.
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -9,16 +8,22 @@ namespace {
 class HeldSamples : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "held_samples"; }
+  std::string label() const override { return "readings that were not refreshed"; }
   std::string description() const override {
     return "The output sometimes repeats the value before it (missed update).";
+  }
+  Family family() const override { return Family::kStructural; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"reader and sensor run on different clocks, or a read failed",
+             "look at data-ready and the flags of the recorder"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"probability", 0, 1, "probability that a second repeats the one before"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* rng) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
     if (stage != SimStage::kOutput) return;
-    const double probability = effect_number(*this, parameters, "probability");
+    const double probability = parameters.number("probability");
     for (size_t i = 1; rng && i < run->rate_dph.size(); ++i)
       if (rng->uniform() < probability) run->rate_dph[i] = run->rate_dph[i - 1];
   }
@@ -48,16 +53,12 @@ public:
     }
     return found;
   }
-  Json report(const Theta& shape, const std::vector<double>& /*coefficients*/) const override {
-    return {{"probability", shape[0]}};
-  }
+  int detection_order() const override { return 3; }
+  Parameters values(const Estimate& e) const override { return {{"probability", e.shape_at(0)}}; }
 };
 
 } // namespace
 
-const Effect* held_samples_effect() {
-  static const HeldSamples effect;
-  return &effect;
-}
+IMUCAL_EFFECT(HeldSamples)
 
 } // namespace imucal

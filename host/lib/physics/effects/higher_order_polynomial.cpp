@@ -3,7 +3,6 @@
 // (nearly orthogonal to the cubic that is estimated): P4 = (35x^4 - 30x^2 + 3)/8, P5 = (63x^5 - 70x^3 +
 // 15x)/8.
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 
@@ -23,19 +22,26 @@ namespace {
 class HigherOrderPolynomial : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "higher_order_polynomial"; }
+  std::string label() const override { return "the bias curve is more curved than the polynomial allows"; }
   std::string description() const override {
     return "The bias over temperature has fourth and fifth order terms (Legendre polynomials of the "
            "normalised temperature).";
+  }
+  Family family() const override { return Family::kFunctionOfTemperature; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"stress, quadrature and gain each follow temperature by a curve of their own",
+             "Weinberg and Kourepenis, J. MEMS 15 (2006)"},
+            {"a model of too low an order for this range of temperature", "compare fits of several orders"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"p4_dph", -1e6, 1e6, "coefficient of the Legendre polynomial P4"},
             {"p5_dph", -1e6, 1e6, "coefficient of the Legendre polynomial P5"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kBias) return;
-    const double p4 = effect_number(*this, parameters, "p4_dph");
-    const double p5 = effect_number(*this, parameters, "p5_dph");
+    const double p4 = parameters.number("p4_dph");
+    const double p5 = parameters.number("p5_dph");
     for (size_t i = 0; i < run->rate_dph.size(); ++i) {
       const double x = run->bias.normalised(run->gyro_temp_degc[i]);
       run->rate_dph[i] += p4 * legendre(4, x) + p5 * legendre(5, x);
@@ -54,16 +60,14 @@ public:
     }
     return {p4, p5};
   }
-  Json report(const Theta& /*shape*/, const std::vector<double>& coefficients) const override {
-    return {{"p4_dph", coefficients[0]}, {"p5_dph", coefficients[1]}};
+  PriorScale prior() const override { return {2, false, 1}; }
+  Parameters values(const Estimate& e) const override {
+    return {{"p4_dph", e.coefficient(0)}, {"p5_dph", e.coefficient(1)}};
   }
 };
 
 } // namespace
 
-const Effect* higher_order_polynomial_effect() {
-  static const HigherOrderPolynomial effect;
-  return &effect;
-}
+IMUCAL_EFFECT(HigherOrderPolynomial)
 
 } // namespace imucal

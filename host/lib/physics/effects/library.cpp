@@ -1,42 +1,95 @@
 // SPDX-License-Identifier: MIT
-// The list of effects.  To add one: write host/lib/physics/effects/<name>.cpp, declare its accessor in library.h and
-// add it to the list here (see README.md in this folder).
-#include "physics/effects/library.h"
+// The library: what effect_list.sh finds in this folder, in a fixed order.
+#include <algorithm>
+#include <stdexcept>
 
 #include "base/error.h"
+#include "physics/effects/effect.h"
+#include "physics/effects/estimation.h"
 
 namespace imucal {
 
-const std::vector<const Effect*>& effect_library() {
-  static const std::vector<const Effect*> library = {
-      temperature_rate_effect(),
-      thermal_hysteresis_effect(),
-      thermal_lag_effect(),
-      thermal_anomaly_effect(),
-      higher_order_polynomial_effect(),
-      rate_ramp_effect(),
-      warm_up_effect(),
-      sinusoid_effect(),
-      bias_step_effect(),
-      run_to_run_effect(),
-      temperature_sensor_quantization_effect(),
-      noise_parameters_effect(),
-      second_markov_effect(),
-      rate_random_walk_effect(),
-      flicker_noise_effect(),
-      white_noise_vs_temperature_effect(),
-      markov_sigma_vs_temperature_effect(),
-      markov_tau_vs_temperature_effect(),
-      outliers_effect(),
-      telegraph_noise_effect(),
-      quantization_effect(),
-      saturation_effect(),
-      dead_band_effect(),
-      held_samples_effect(),
-      common_mode_effect(),
-      auxiliary_channel_effect(),
-  };
+#define ENTRY(Type) const Effect* library_entry_##Type();
+#include "effect_list.inc"
+#undef ENTRY
+
+namespace {
+
+struct FamilyWords {
+  Family family;
+  const char *name, *label;
+};
+
+constexpr FamilyWords kFamilies[] = {
+    {Family::kThermalMemory, "thermal_memory", "a memory of earlier temperatures"},
+    {Family::kFunctionOfTemperature, "function_of_temperature",
+     "a curve over temperature that the polynomial does not follow"},
+    {Family::kFunctionOfTime, "function_of_time", "a drift with the time since the start"},
+    {Family::kRunToRun, "run_to_run", "a change from run to run"},
+    {Family::kTone, "tone", "a periodic disturbance"},
+    {Family::kSlowNoise, "slow_noise", "slow random wander of the bias"},
+    {Family::kFastNoise, "fast_noise", "noise of single seconds"},
+    {Family::kStructural, "structural", "what the converter or the recorder did to the samples"},
+    {Family::kExternal, "external", "a cause outside this axis"}};
+
+const FamilyWords& words_of(Family family) {
+  for (const FamilyWords& words : kFamilies)
+    if (words.family == family) return words;
+  throw std::logic_error("a family without words");
+}
+
+long place_of(Family family) {
+  return &words_of(family) - kFamilies;
+}
+
+void sort_library(std::vector<const Effect*>* library) {
+  std::sort(library->begin(), library->end(), [](const Effect* a, const Effect* b) {
+    const long x = place_of(a->family()), y = place_of(b->family());
+    return x != y ? x < y : a->name() < b->name();
+  });
+}
+
+std::vector<const Effect*>& mutable_library() {
+  static std::vector<const Effect*> library = [] {
+    std::vector<const Effect*> all = {
+#define ENTRY(Type) library_entry_##Type(),
+#include "effect_list.inc"
+#undef ENTRY
+    };
+    sort_library(&all);
+    return all;
+  }();
   return library;
+}
+
+} // namespace
+
+std::string family_name(Family family) {
+  return words_of(family).name;
+}
+
+std::string family_label(Family family) {
+  return words_of(family).label;
+}
+
+const std::vector<Family>& all_families() {
+  static const std::vector<Family> all = [] {
+    std::vector<Family> list;
+    for (const FamilyWords& words : kFamilies) list.push_back(words.family);
+    return list;
+  }();
+  return all;
+}
+
+const std::vector<const Effect*>& effect_library() {
+  return mutable_library();
+}
+
+void add_effect(const Effect& effect) {
+  for (const Effect* known : effect_library())
+    if (known->name() == effect.name()) throw data_error("effect \"" + effect.name() + "\" is there already");
+  mutable_library().push_back(&effect);
+  sort_library(&mutable_library());
 }
 
 const Effect& find_effect(const std::string& name) {
@@ -46,52 +99,6 @@ const Effect& find_effect(const std::string& name) {
     known += (known.empty() ? "" : ", ") + effect->name();
   }
   throw data_error("effect \"" + name + "\" is not in the library (known: " + known + ")");
-}
-
-static const EffectParameter* find_parameter(const std::vector<EffectParameter>& list,
-                                             const std::string& name) {
-  for (const EffectParameter& parameter : list)
-    if (parameter.name == name) return &parameter;
-  return nullptr;
-}
-
-static void check_value(const EffectParameter& parameter, const JsonField& field) {
-  switch (parameter.kind) {
-  case EffectParameter::kNumber:
-    field.number(parameter.lo, parameter.hi);
-    break;
-  case EffectParameter::kText:
-    field.text();
-    break;
-  case EffectParameter::kSteps:
-    for (const JsonField& step : field.elements()) {
-      step.only({"log", "t_s", "amplitude_dph"});
-      step.at("log").integer(0, 1000000);
-      step.at("t_s").number(0.0, 1e9);
-      step.at("amplitude_dph").number(parameter.lo, parameter.hi);
-    }
-    break;
-  }
-}
-
-void check_parameters(const Effect& effect, const Json& parameters, const std::string& place) {
-  const JsonField root(parameters, place + ": " + effect.name());
-  const std::vector<EffectParameter> list = effect.parameters();
-  if (!parameters.is_object()) root.refuse("expected an object {...}");
-  for (const auto& item : parameters.items()) {
-    if (find_parameter(list, item.key())) continue;
-    std::string known;
-    for (const EffectParameter& parameter : list) known += (known.empty() ? "" : ", ") + parameter.name;
-    root.refuse("unknown parameter \"" + item.key() + "\" (known: " + known + ")");
-  }
-  for (const EffectParameter& parameter : list) check_value(parameter, root.at(parameter.name));
-}
-
-double effect_number(const Effect& effect, const Json& parameters, const std::string& name) {
-  const JsonField root(parameters, "effects: " + effect.name());
-  const std::vector<EffectParameter> list = effect.parameters();
-  const EffectParameter* parameter = find_parameter(list, name);
-  return root.at(name).number(parameter ? parameter->lo : -1e300, parameter ? parameter->hi : 1e300);
 }
 
 } // namespace imucal

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -12,17 +11,23 @@ namespace {
 class MarkovSigmaVsTemperature : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "markov_sigma_vs_temperature"; }
+  std::string label() const override { return "slow noise whose size depends on temperature"; }
   std::string description() const override {
     return "The strength of the bias instability depends on temperature: log-linear variance of the "
            "Markov process.";
+  }
+  Family family() const override { return Family::kSlowNoise; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"defects of the electronics whose activity follows temperature",
+             "Kirton and Uren, Advances in Physics 38 (1989)"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"slope", -20, 20, "change of the log-variance per unit of normalised temperature"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kNoise) return;
-    const double slope = effect_number(*this, parameters, "slope");
+    const double slope = parameters.number("slope");
     if (run->markov.empty()) return;
     std::vector<double>& sigma = run->markov[0].sigma_dph;
     for (size_t i = 0; i < sigma.size(); ++i)
@@ -40,16 +45,12 @@ public:
     out.markov_slope = theta[0];
     return out;
   }
-  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
-    return {{"slope", theta[0]}};
-  }
+  bool is_slow_noise() const override { return true; }
+  Parameters values(const Estimate& e) const override { return {{"slope", e.shape_at(0)}}; }
 };
 
 } // namespace
 
-const Effect* markov_sigma_vs_temperature_effect() {
-  static const MarkovSigmaVsTemperature effect;
-  return &effect;
-}
+IMUCAL_EFFECT(MarkovSigmaVsTemperature)
 
 } // namespace imucal

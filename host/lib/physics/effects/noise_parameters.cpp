@@ -3,7 +3,6 @@
 // believed.
 #include "base/units.h"
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -11,9 +10,17 @@ namespace {
 class NoiseParameters : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "noise_parameters"; }
+  std::string label() const override { return "the believed noise parameters are off"; }
   std::string description() const override {
     return "The noise parameters of the model are wrong: other angle random walk, Markov sigma and time "
            "constant.";
+  }
+  Family family() const override { return Family::kSlowNoise; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"the data sheet shows typical values, this device has its own",
+             "IEEE Std 1431-2004; fit with errormodel"},
+            {"the values were estimated from other data or another bandwidth",
+             "El-Sheimy, Hou and Niu, IEEE Trans. Instrum. Meas. 57 (2008)"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"arw_deg_rt_h", 0, 1e4, "angle random walk"},
@@ -21,11 +28,11 @@ public:
             {"tau_s", 0.1, 1e6, "time constant of the Markov process"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kNoise) return;
-    const double white = white_sigma_dph(effect_number(*this, parameters, "arw_deg_rt_h"));
-    const double sigma = effect_number(*this, parameters, "sigma_dph");
-    const double tau = effect_number(*this, parameters, "tau_s");
+    const double white = white_sigma_dph(parameters.number("arw_deg_rt_h"));
+    const double sigma = parameters.number("sigma_dph");
+    const double tau = parameters.number("tau_s");
     const size_t n = run->t_s.size();
     run->white_sigma_dph.assign(n, white);
     if (run->markov.empty()) run->markov.emplace_back();
@@ -50,16 +57,16 @@ public:
     out.markov[0] = {theta[1], theta[2]};
     return out;
   }
-  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
-    return {{"arw_deg_rt_h", arw_from_white_sigma(theta[0])}, {"sigma_dph", theta[1]}, {"tau_s", theta[2]}};
+  bool is_nominal_noise() const override { return true; }
+  Parameters values(const Estimate& e) const override {
+    const Measured white = e.shape_at(0); // dph in 1-s means
+    const Measured arw = {arw_from_white_sigma(white.value), arw_from_white_sigma(white.std_error)};
+    return {{"arw_deg_rt_h", arw}, {"sigma_dph", e.shape_at(1)}, {"tau_s", e.shape_at(2)}};
   }
 };
 
 } // namespace
 
-const Effect* noise_parameters_effect() {
-  static const NoiseParameters effect;
-  return &effect;
-}
+IMUCAL_EFFECT(NoiseParameters)
 
 } // namespace imucal

@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -15,18 +14,25 @@ constexpr double kDistinct = 2.5;
 class Outliers : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "outliers"; }
+  std::string label() const override { return "single wrong seconds"; }
   std::string description() const override {
     return "Rare wrong samples: contaminated normal noise (Tukey).";
+  }
+  Family family() const override { return Family::kFastNoise; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"bit errors on the bus, resets, electrostatic or radio interference",
+             "look at the flags of the recorder"},
+            {"knocks on the table", "IEEE Std 1431-2004, shock"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"probability", 0, 1, "probability that a second is hit"},
             {"sigma_dph", 0, 1e7, "standard deviation of the hit"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* rng) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
     if (stage != SimStage::kNoise) return;
-    const double probability = effect_number(*this, parameters, "probability");
-    const double sigma = effect_number(*this, parameters, "sigma_dph");
+    const double probability = parameters.number("probability");
+    const double sigma = parameters.number("sigma_dph");
     for (size_t i = 0; rng && i < run->rate_dph.size(); ++i)
       if (rng->uniform() < probability) run->rate_dph[i] += sigma * rng->normal();
   }
@@ -45,16 +51,13 @@ public:
     out.hit_sigma_dph = std::max(theta[1], kDistinct * base.white_sigma_dph);
     return out;
   }
-  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
-    return {{"probability", theta[0]}, {"sigma_dph", theta[1]}};
+  Parameters values(const Estimate& e) const override {
+    return {{"probability", e.shape_at(0)}, {"sigma_dph", e.shape_at(1)}};
   }
 };
 
 } // namespace
 
-const Effect* outliers_effect() {
-  static const Outliers effect;
-  return &effect;
-}
+IMUCAL_EFFECT(Outliers)
 
 } // namespace imucal

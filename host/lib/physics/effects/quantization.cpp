@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -12,14 +11,20 @@ namespace {
 class Quantization : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "quantization"; }
+  std::string label() const override { return "readings rounded to coarse steps"; }
   std::string description() const override { return "The rate is rounded to a coarse lattice."; }
+  Family family() const override { return Family::kStructural; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"few bits of the converter, or rounding in driver or log",
+             "Widrow and Kollar, Quantization Noise (2008)"}};
+  }
   std::vector<EffectParameter> parameters() const override {
     return {{"lsb_dph", 1e-9, 1e7, "step of the output"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kOutput) return;
-    const double lsb = effect_number(*this, parameters, "lsb_dph");
+    const double lsb = parameters.number("lsb_dph");
     for (double& rate : run->rate_dph) rate = lsb * std::round(rate / lsb);
   }
 
@@ -66,16 +71,12 @@ public:
     found.statement = "all rates lie on a lattice";
     return found;
   }
-  Json report(const Theta& shape, const std::vector<double>& /*coefficients*/) const override {
-    return {{"lsb_dph", shape[0]}};
-  }
+  int detection_order() const override { return 2; }
+  Parameters values(const Estimate& e) const override { return {{"lsb_dph", e.shape_at(0)}}; }
 };
 
 } // namespace
 
-const Effect* quantization_effect() {
-  static const Quantization effect;
-  return &effect;
-}
+IMUCAL_EFFECT(Quantization)
 
 } // namespace imucal

@@ -2,7 +2,6 @@
 // The bias drifts linearly in time, the same way in every run: rate += R t, t from the start of the run.
 // Source: rate ramp of IEEE Std 952-1997, annex C.
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -10,16 +9,23 @@ namespace {
 class RateRamp : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "rate_ramp"; }
+  std::string label() const override { return "steady drift with the time since the start"; }
   std::string description() const override {
     return "The bias drifts linearly in time from the start of every run (rate ramp of IEEE 952).";
+  }
+  Family family() const override { return Family::kFunctionOfTime; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"slow warming of electronics after power-on, longer than the run",
+             "IEEE Std 952-1997, annex C, rate ramp"},
+            {"ageing or slow stress relaxation", "Lakes, Viscoelastic Materials (2009)"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"ramp_dph_per_h", -1e6, 1e6, "drift per hour"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kBias) return;
-    const double ramp = effect_number(*this, parameters, "ramp_dph_per_h");
+    const double ramp = parameters.number("ramp_dph_per_h");
     for (size_t i = 0; i < run->rate_dph.size(); ++i)
       run->rate_dph[i] += ramp * (run->t_s[i] - run->t_s[0]) / 3600.0;
   }
@@ -33,16 +39,12 @@ public:
     return {hours};
   }
   double notable() const override { return 0.8; }
-  Json report(const Theta& /*shape*/, const std::vector<double>& coefficients) const override {
-    return {{"ramp_dph_per_h", coefficients[0]}};
-  }
+  PriorScale prior() const override { return {1, true, 1}; }
+  Parameters values(const Estimate& e) const override { return {{"ramp_dph_per_h", e.coefficient(0)}}; }
 };
 
 } // namespace
 
-const Effect* rate_ramp_effect() {
-  static const RateRamp effect;
-  return &effect;
-}
+IMUCAL_EFFECT(RateRamp)
 
 } // namespace imucal

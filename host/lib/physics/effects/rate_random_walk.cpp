@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -12,16 +11,22 @@ namespace {
 class RateRandomWalk : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "rate_random_walk"; }
+  std::string label() const override { return "rate random walk"; }
   std::string description() const override {
     return "The bias performs a random walk from the start of every run (rate random walk of IEEE 952).";
+  }
+  Family family() const override { return Family::kSlowNoise; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"slow random change of stress, charge or alignment without a centre",
+             "IEEE Std 952-1997, annex C, rate random walk"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"k_dph_per_rt_s", 0, 1e5, "growth: standard deviation after one second"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* rng) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
     if (stage != SimStage::kNoise) return;
-    const double k = effect_number(*this, parameters, "k_dph_per_rt_s");
+    const double k = parameters.number("k_dph_per_rt_s");
     if (!rng) return;
     double walk = 0;
     for (size_t i = 1; i < run->rate_dph.size(); ++i) {
@@ -42,16 +47,11 @@ public:
     out.walk_dph_per_rt_s = theta[0];
     return out;
   }
-  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
-    return {{"k_dph_per_rt_s", theta[0]}};
-  }
+  Parameters values(const Estimate& e) const override { return {{"k_dph_per_rt_s", e.shape_at(0)}}; }
 };
 
 } // namespace
 
-const Effect* rate_random_walk_effect() {
-  static const RateRandomWalk effect;
-  return &effect;
-}
+IMUCAL_EFFECT(RateRandomWalk)
 
 } // namespace imucal

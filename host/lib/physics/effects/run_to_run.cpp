@@ -2,7 +2,6 @@
 // The thermal coefficients are not quite the same in every run (day-to-day repeatability): each run adds
 // s1 x + s2 (x^2 - 1/3)/2 with s1, s2 ~ N(0, sigma^2), x the normalised temperature.
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -10,17 +9,24 @@ namespace {
 class RunToRun : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "run_to_run"; }
+  std::string label() const override { return "the bias curve changes from run to run"; }
   std::string description() const override {
     return "The thermal coefficients change from run to run: random linear and quadratic terms of the "
            "normalised temperature.";
+  }
+  Family family() const override { return Family::kRunToRun; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"power-on repeatability: stress and loop state differ after every start",
+             "IEEE Std 1431-2004, bias repeatability"},
+            {"mounting taken off and put on between runs", "repeat runs without touching the device"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"sigma_dph", 0, 1e6, "standard deviation of the change, at the end of the temperature range"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* rng) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
     if (stage != SimStage::kBias) return;
-    const double sigma = effect_number(*this, parameters, "sigma_dph");
+    const double sigma = parameters.number("sigma_dph");
     if (!rng) return;
     const double linear = sigma * rng->normal(), quadratic = sigma * rng->normal();
     for (size_t i = 0; i < run->rate_dph.size(); ++i) {
@@ -37,16 +43,12 @@ public:
     for (double& x : quadratic) x = (x * x - 1.0 / 3.0) / 2.0;
     return {linear, quadratic};
   }
-  Json report(const Theta& shape, const std::vector<double>& /*coefficients*/) const override {
-    return {{"sigma_dph", shape[0]}};
-  }
+  PriorScale prior() const override { return {1, false, 1}; }
+  Parameters values(const Estimate& e) const override { return {{"sigma_dph", e.shape_at(0)}}; }
 };
 
 } // namespace
 
-const Effect* run_to_run_effect() {
-  static const RunToRun effect;
-  return &effect;
-}
+IMUCAL_EFFECT(RunToRun)
 
 } // namespace imucal

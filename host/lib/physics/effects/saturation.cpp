@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -11,14 +10,20 @@ namespace {
 class Saturation : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "saturation"; }
+  std::string label() const override { return "readings clipped at a limit"; }
   std::string description() const override { return "The rate is clipped at a limit of the output."; }
+  Family family() const override { return Family::kStructural; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"range of sensor or converter too small for rate and bias together",
+             "IEEE Std 1431-2004, input limits"}};
+  }
   std::vector<EffectParameter> parameters() const override {
     return {{"limit_dph", 1e-9, 1e9, "largest rate the output shows, both signs"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kOutput) return;
-    const double limit = effect_number(*this, parameters, "limit_dph");
+    const double limit = parameters.number("limit_dph");
     for (double& rate : run->rate_dph) rate = std::clamp(rate, -limit, limit);
   }
 
@@ -70,16 +75,13 @@ public:
     }
     return found;
   }
-  Json report(const Theta& shape, const std::vector<double>& /*coefficients*/) const override {
-    return {{"limit_dph", shape[0]}};
-  }
+  bool is_censoring() const override { return true; }
+  int detection_order() const override { return 0; }
+  Parameters values(const Estimate& e) const override { return {{"limit_dph", e.shape_at(0)}}; }
 };
 
 } // namespace
 
-const Effect* saturation_effect() {
-  static const Saturation effect;
-  return &effect;
-}
+IMUCAL_EFFECT(Saturation)
 
 } // namespace imucal

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // A second first-order Gauss-Markov process beside the nominal one (Berman's model with two instabilities).
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -9,18 +8,26 @@ namespace {
 class SecondMarkov : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "second_markov"; }
+  std::string label() const override { return "a second slow (Markov) noise process"; }
   std::string description() const override {
     return "A second first-order Gauss-Markov process beside the nominal one.";
+  }
+  Family family() const override { return Family::kSlowNoise; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"bias instability with two time scales: electronics and mechanics",
+             "IEEE Std 952-1997, annex C, correlated noise"},
+            {"slow air currents or temperature wander that the thermometer does not see",
+             "compare runs with the device covered"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"sigma_dph", 0, 1e6, "standard deviation"}, {"tau_s", 0.1, 1e6, "time constant"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kNoise) return;
     SimRun::MarkovPath path;
-    path.sigma_dph.assign(run->t_s.size(), effect_number(*this, parameters, "sigma_dph"));
-    path.tau_s.assign(run->t_s.size(), effect_number(*this, parameters, "tau_s"));
+    path.sigma_dph.assign(run->t_s.size(), parameters.number("sigma_dph"));
+    path.tau_s.assign(run->t_s.size(), parameters.number("tau_s"));
     run->markov.push_back(path);
   }
 
@@ -38,16 +45,14 @@ public:
     out.markov.push_back({theta[0], theta[1]});
     return out;
   }
-  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
-    return {{"sigma_dph", theta[0]}, {"tau_s", theta[1]}};
+  bool has_markov_spectrum() const override { return true; }
+  Parameters values(const Estimate& e) const override {
+    return {{"sigma_dph", e.shape_at(0)}, {"tau_s", e.shape_at(1)}};
   }
 };
 
 } // namespace
 
-const Effect* second_markov_effect() {
-  static const SecondMarkov effect;
-  return &effect;
-}
+IMUCAL_EFFECT(SecondMarkov)
 
 } // namespace imucal

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -13,18 +12,25 @@ namespace {
 class TelegraphNoise : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "telegraph_noise"; }
+  std::string label() const override { return "telegraph noise: jumps between two levels"; }
   std::string description() const override {
     return "Random telegraph (popcorn) noise: the bias jumps between two levels.";
+  }
+  Family family() const override { return Family::kSlowNoise; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"one defect in a transistor or dielectric that captures and frees a charge",
+             "Kirton and Uren, Advances in Physics 38 (1989)"},
+            {"a loop that hunts between two codes", "look at the raw samples"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"amplitude_dph", 0, 1e6, "half the distance of the two levels"},
             {"tau_s", 0.1, 1e6, "correlation time"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* rng) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
     if (stage != SimStage::kNoise) return;
-    const double amplitude = effect_number(*this, parameters, "amplitude_dph");
-    const double tau = effect_number(*this, parameters, "tau_s");
+    const double amplitude = parameters.number("amplitude_dph");
+    const double tau = parameters.number("tau_s");
     if (!rng) return;
     double level = rng->uniform() < 0.5 ? -amplitude : amplitude;
     for (size_t i = 0; i < run->rate_dph.size(); ++i) {
@@ -52,16 +58,14 @@ public:
     out.telegraph_tau_s = theta[1];
     return out;
   }
-  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
-    return {{"amplitude_dph", theta[0]}, {"tau_s", theta[1]}};
+  bool has_markov_spectrum() const override { return true; }
+  Parameters values(const Estimate& e) const override {
+    return {{"amplitude_dph", e.shape_at(0)}, {"tau_s", e.shape_at(1)}};
   }
 };
 
 } // namespace
 
-const Effect* telegraph_noise_effect() {
-  static const TelegraphNoise effect;
-  return &effect;
-}
+IMUCAL_EFFECT(TelegraphNoise)
 
 } // namespace imucal

@@ -2,7 +2,6 @@
 // Bias proportional to the rate of temperature change: rate += k dT/dt.  Source: thermal gradients over the
 // sensor (Shupe 1980 for fibre gyros; the usual T-dot term of MEMS thermal models).
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -10,16 +9,24 @@ namespace {
 class TemperatureRate : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "temperature_rate"; }
+  std::string label() const override { return "bias proportional to how fast the temperature changes"; }
   std::string description() const override {
     return "Bias proportional to the rate of change of temperature (Shupe-like gradient term): k dT/dt.";
+  }
+  Family family() const override { return Family::kThermalMemory; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"temperature gradients across die, package or coil while the temperature moves",
+             "Shupe, Applied Optics 19 (1980); Weinberg and Kourepenis, J. MEMS 15 (2006)"},
+            {"a thermometer at some distance from the sensing element",
+             "Prikhodko et al., Sensors and Actuators A 201 (2013)"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"k_dph_per_degc_min", -1e5, 1e5, "bias per rate of change of temperature, dph per (degC/min)"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kBias) return;
-    const double k = effect_number(*this, parameters, "k_dph_per_degc_min");
+    const double k = parameters.number("k_dph_per_degc_min");
     const std::vector<double>& temp = run->case_temp();
     const size_t n = run->t_s.size();
     for (size_t i = 0; i < n && n > 1; ++i) {
@@ -35,16 +42,12 @@ public:
     return {run.rate_degc_min};
   }
   double notable() const override { return 0.5; }
-  Json report(const Theta& /*shape*/, const std::vector<double>& coefficients) const override {
-    return {{"k_dph_per_degc_min", coefficients[0]}};
-  }
+  PriorScale prior() const override { return {1, true, 1}; }
+  Parameters values(const Estimate& e) const override { return {{"k_dph_per_degc_min", e.coefficient(0)}}; }
 };
 
 } // namespace
 
-const Effect* temperature_rate_effect() {
-  static const TemperatureRate effect;
-  return &effect;
-}
+IMUCAL_EFFECT(TemperatureRate)
 
 } // namespace imucal

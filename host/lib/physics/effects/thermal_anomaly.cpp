@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -12,9 +11,16 @@ namespace {
 class ThermalAnomaly : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "thermal_anomaly"; }
+  std::string label() const override { return "a local bump of the bias at one temperature"; }
   std::string description() const override {
     return "A local bump of the bias over temperature (mode crossing, package stress): Gaussian in "
            "temperature.";
+  }
+  Family family() const override { return Family::kFunctionOfTemperature; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"drive or sense mode crosses a resonance of package, board or another mode",
+             "Weinberg and Kourepenis, J. MEMS 15 (2006)"},
+            {"glass transition of an adhesive or moulding compound", "Lakes, Viscoelastic Materials (2009)"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"amplitude_dph", -1e6, 1e6, "height of the bump"},
@@ -22,11 +28,11 @@ public:
             {"width_degc", 0.05, 200, "standard deviation of the Gaussian"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kBias) return;
-    const double amplitude = effect_number(*this, parameters, "amplitude_dph");
-    const double center = effect_number(*this, parameters, "center_degc");
-    const double width = effect_number(*this, parameters, "width_degc");
+    const double amplitude = parameters.number("amplitude_dph");
+    const double center = parameters.number("center_degc");
+    const double width = parameters.number("width_degc");
     for (size_t i = 0; i < run->rate_dph.size(); ++i) {
       const double z = (run->gyro_temp_degc[i] - center) / width;
       run->rate_dph[i] += amplitude * std::exp(-0.5 * z * z);
@@ -52,16 +58,14 @@ public:
     }
     return {column};
   }
-  Json report(const Theta& shape, const std::vector<double>& coefficients) const override {
-    return {{"amplitude_dph", coefficients[0]}, {"center_degc", shape[0]}, {"width_degc", shape[1]}};
+  Parameters values(const Estimate& e) const override {
+    return {
+        {"amplitude_dph", e.coefficient(0)}, {"center_degc", e.shape_at(0)}, {"width_degc", e.shape_at(1)}};
   }
 };
 
 } // namespace
 
-const Effect* thermal_anomaly_effect() {
-  static const ThermalAnomaly effect;
-  return &effect;
-}
+IMUCAL_EFFECT(ThermalAnomaly)
 
 } // namespace imucal

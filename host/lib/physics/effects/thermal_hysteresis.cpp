@@ -2,22 +2,22 @@
 // Bias that depends on the direction from which a temperature was reached: rate += A (P[T] - T)/r, where P is
 // the play (backlash) operator of half-width r, P_k = clip(P_{k-1}, T_k - r, T_k + r).  After 2r of travel
 // the term is -A going up and +A going down: A is half the opening of the loop.  Source: Prandtl-Ishlinskii
-// model of hysteresis (Visintin, Differential Models of Hysteresis, 1994). Start: a run that begins in the
-// lower half of its temperatures has come down to them (P = T + r), else P = T - r.
+// model of hysteresis (Visintin, Differential Models of Hysteresis, 1994).
+// Start: the play is where the history before the run left it, P = T + u r, u from -1 (came up) to +1 (came
+// down), uniform.  The cold start has come from the far side: u = +1 in the lower half of the temperatures of
+// the run, else -1.
 #include <algorithm>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
+#include "physics/effects/start_state.h"
 
 namespace imucal {
 namespace {
 
-// (P[T] - T)/r of the play operator, row by row.
-Column play_column(const std::vector<double>& temp, double width) {
+// (P[T] - T)/r of the play operator, row by row, started at P = T + start r.
+Column play_column(const std::vector<double>& temp, double width, double start) {
   Column column(temp.size());
-  if (temp.empty()) return column;
-  const auto [lo, hi] = std::minmax_element(temp.begin(), temp.end());
-  double play = temp[0] < 0.5 * (*lo + *hi) ? temp[0] + width : temp[0] - width;
+  double play = temp.empty() ? 0 : temp[0] + start * width;
   for (size_t i = 0; i < temp.size(); ++i) {
     play = std::clamp(play, temp[i] - width, temp[i] + width);
     column[i] = (play - temp[i]) / width;
@@ -25,25 +25,44 @@ Column play_column(const std::vector<double>& temp, double width) {
   return column;
 }
 
+double cold_start(const std::vector<double>& temp) {
+  if (temp.empty()) return 0;
+  const auto [lo, hi] = std::minmax_element(temp.begin(), temp.end());
+  return temp[0] < 0.5 * (*lo + *hi) ? 1 : -1;
+}
+
 class ThermalHysteresis : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "thermal_hysteresis"; }
+  std::string label() const override {
+    return "thermal hysteresis: the bias depends on where the temperature came from";
+  }
   std::string description() const override {
     return "Bias that depends on the direction from which a temperature was reached: play (backlash) "
            "operator of the Prandtl-Ishlinskii hysteresis model.";
+  }
+  Family family() const override { return Family::kThermalMemory; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"stress of die attach, solder or package that does not return on the same path",
+             "Acar and Shkel, MEMS Vibratory Gyroscopes (2009), packaging"},
+            {"friction or settling of the mounting, screws and board under thermal strain",
+             "Visintin, Differential Models of Hysteresis (1994), play"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"amplitude_dph", -1e6, 1e6,
              "half the opening of the loop (negative: the loop is run the other way round)"},
             {"width_degc", 0.05, 200,
-             "travel of temperature until half of the loop is crossed (play half-width)"}};
+             "travel of temperature until half of the loop is crossed (play half-width)"},
+            start_parameter()};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
     if (stage != SimStage::kBias) return;
-    const double amplitude = effect_number(*this, parameters, "amplitude_dph");
-    const double width = effect_number(*this, parameters, "width_degc");
-    const Column column = play_column(run->case_temp(), width);
+    const double amplitude = parameters.number("amplitude_dph");
+    const double width = parameters.number("width_degc");
+    const double start = drawn_start(parameters, *run, rng);
+    run->start_state[name() + ".play_frac"] = start;
+    const Column column = play_column(run->case_temp(), width, start);
     for (size_t i = 0; i < column.size(); ++i) run->rate_dph[i] += amplitude * column[i];
   }
 
@@ -58,19 +77,37 @@ public:
   Theta shape_lo() const override { return {0.4}; }
   Theta shape_hi() const override { return {60}; }
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
-    return {play_column(run.smooth_degc, shape[0])};
+    return {play_column(run.smooth_degc, shape[0], 0)};
+  }
+  // What a start at one end of the play adds to one at the other, on a scale of its half-width.
+  std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
+    Column difference = play_column(run.smooth_degc, shape[0], 1);
+    const Column low = play_column(run.smooth_degc, shape[0], -1);
+    for (size_t i = 0; i < difference.size(); ++i) difference[i] = 0.5 * (difference[i] - low[i]);
+    return {difference};
   }
   double notable() const override { return 0.8; }
-  Json report(const Theta& shape, const std::vector<double>& coefficients) const override {
-    return {{"amplitude_dph", coefficients[0]}, {"width_degc", shape[0]}};
+  PriorScale prior() const override { return {1.5, false, 1}; }
+  Parameters values(const Estimate& e) const override {
+    return {{"amplitude_dph", e.coefficient(0)}, {"width_degc", e.shape_at(0)}};
+  }
+
+private:
+  double drawn_start(const Parameters& parameters, const SimRun& run, const Rng* rng) const {
+    switch (start_of(parameters, run, rng)) {
+    case StartState::kSettled:
+      return 0;
+    case StartState::kCold:
+      return cold_start(run.case_temp());
+    case StartState::kRandom:
+      break;
+    }
+    return 2 * history_of(*this, run).uniform() - 1;
   }
 };
 
 } // namespace
 
-const Effect* thermal_hysteresis_effect() {
-  static const ThermalHysteresis effect;
-  return &effect;
-}
+IMUCAL_EFFECT(ThermalHysteresis)
 
 } // namespace imucal

@@ -1,30 +1,39 @@
 // SPDX-License-Identifier: MIT
 // The gyro is not at the temperature of its thermometer: B(T) is evaluated at a low-passed temperature,
-// tau dTg/dt = T - Tg (lumped thermal capacity, Newton's law of cooling), in equilibrium at the start.  A
-// negative tau means that the thermometer lags: the gyro is then ahead by |tau| dT/dt.
+// tau dTg/dt = T - Tg (lumped thermal capacity, Newton's law of cooling).  A negative tau means that the
+// thermometer lags: the gyro is then ahead by |tau| dT/dt, which has no memory.
+// Start: the gyro is off its equilibrium by delta, which decays as exp(-t/tau).  Drawn: delta is what a ramp
+// as steep as the steepest minutes of this run would have left, times a uniform number from -1 to 1, at most
+// half of the temperatures of the run.  Cold and settled: delta = 0.
+#include <algorithm>
 #include <cmath>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
+#include "physics/effects/start_state.h"
 
 namespace imucal {
 namespace {
 
-// The gyro's temperature behind (tau > 0) or ahead (tau < 0) of `temp`.
-Column lagged(const std::vector<double>& t_s, const std::vector<double>& temp, double tau) {
-  const size_t n = temp.size();
+// The gyro's temperature ahead of `temp` by `lead` seconds of its slope.
+Column ahead(const std::vector<double>& t_s, const std::vector<double>& temp, double lead_s) {
   Column out = temp;
-  if (n < 2) return out;
-  if (tau < 0) {
-    for (size_t i = 0; i < n; ++i) {
-      const size_t before = i ? i - 1 : 0, after = i + 1 < n ? i + 1 : i;
-      out[i] -= tau * (temp[after] - temp[before]) / (t_s[after] - t_s[before]);
-    }
-    return out;
+  const size_t n = temp.size();
+  for (size_t i = 0; i < n && n > 1; ++i) {
+    const size_t before = i ? i - 1 : 0, after = i + 1 < n ? i + 1 : i;
+    out[i] += lead_s * (temp[after] - temp[before]) / (t_s[after] - t_s[before]);
   }
-  // Exact for a temperature that is linear between the seconds (Tg follows a ramp at a distance tau dT/dt).
+  return out;
+}
+
+// The gyro's temperature behind (tau > 0) or ahead (tau < 0) of `temp`, from `offset_degc` off at the start.
+// Exact for a temperature that is linear between the seconds (Tg follows a ramp at a distance tau dT/dt).
+Column lagged(const std::vector<double>& t_s, const std::vector<double>& temp, double tau,
+              double offset_degc) {
+  if (tau <= 0) return ahead(t_s, temp, -tau);
+  Column out = temp;
+  if (!out.empty()) out[0] += offset_degc;
   double last_dt = -1, a = 0;
-  for (size_t i = 1; i < n && tau > 0; ++i) {
+  for (size_t i = 1; i < temp.size(); ++i) {
     const double dt = t_s[i] - t_s[i - 1];
     if (dt != last_dt) a = std::exp(-dt / tau), last_dt = dt;
     const double distance = tau * (temp[i] - temp[i - 1]) / dt;
@@ -33,21 +42,46 @@ Column lagged(const std::vector<double>& t_s, const std::vector<double>& temp, d
   return out;
 }
 
+// The distance at which the gyro follows the steepest minute of the run, at most half of its temperatures.
+double largest_offset_degc(const std::vector<double>& t_s, const std::vector<double>& temp, double tau) {
+  constexpr double kMinute_s = 60;
+  double steepest = 0;
+  for (size_t i = 0, k = 0; i < temp.size(); ++i) {
+    while (k < i && t_s[i] - t_s[k] > kMinute_s) ++k;
+    if (k > 0) steepest = std::max(steepest, std::fabs(temp[i] - temp[k]) / (t_s[i] - t_s[k]));
+  }
+  const auto [lo, hi] = std::minmax_element(temp.begin(), temp.end());
+  return std::min(tau * steepest, 0.5 * (*hi - *lo));
+}
+
 class ThermalLag : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "thermal_lag"; }
+  std::string label() const override { return "the gyro's temperature lags its thermometer"; }
   std::string description() const override {
     return "The gyro lags its thermometer thermally: B is taken at a first-order low-pass of the "
            "temperature (Newton cooling of a lumped capacity).";
   }
+  Family family() const override { return Family::kThermalMemory; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"the thermometer sits on another part (housing, other chip) than the sensing element",
+             "Prikhodko et al., Sensors and Actuators A 201 (2013)"},
+            {"a large thermal mass or poor contact between the two", "Newton cooling of a lumped capacity"}};
+  }
   std::vector<EffectParameter> parameters() const override {
-    return {{"tau_s", -3000, 30000, "time constant; negative: the thermometer lags the gyro"}};
+    return {{"tau_s", -3000, 30000, "time constant; negative: the thermometer lags the gyro"},
+            start_parameter()};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
     if (stage != SimStage::kTemperature) return;
-    const double tau = effect_number(*this, parameters, "tau_s");
-    run->gyro_temp_degc = lagged(run->t_s, run->gyro_temp_degc, tau);
+    const double tau = parameters.number("tau_s");
+    double offset = 0;
+    if (tau > 0 && !run->t_s.empty() && start_of(parameters, *run, rng) == StartState::kRandom)
+      offset = largest_offset_degc(run->t_s, run->gyro_temp_degc, tau) *
+               (2 * history_of(*this, *run).uniform() - 1);
+    run->start_state[name() + ".offset_degc"] = offset;
+    run->gyro_temp_degc = lagged(run->t_s, run->gyro_temp_degc, tau, offset);
   }
 
   const EffectEstimator* estimator() const override { return this; }
@@ -61,19 +95,26 @@ public:
   Theta shape_lo() const override { return {-400}; }
   Theta shape_hi() const override { return {2500}; }
   Column temperature(const RunInput& run, const Theta& shape) const override {
-    return lagged(run.t_s, run.smooth_degc, shape[0]);
+    return lagged(run.t_s, run.smooth_degc, shape[0], 0);
+  }
+  // dB/dT exp(-t/tau): with the slope of B over its own rms where it is known, else with a constant one.
+  std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
+    if (shape[0] <= 0) return {};
+    Column column(run.size());
+    double square = 0;
+    for (double s : run.slope_dph_per_degc) square += s * s;
+    const double rms = std::sqrt(square / static_cast<double>(std::max<size_t>(1, run.size())));
+    for (size_t i = 0; i < column.size(); ++i)
+      column[i] = std::exp(-run.t_s[i] / shape[0]) * (rms > 0 ? run.slope_dph_per_degc[i] / rms : 1.0);
+    return {column};
   }
   double notable() const override { return 150; }
-  Json report(const Theta& shape, const std::vector<double>& /*coefficients*/) const override {
-    return {{"tau_s", shape[0]}};
-  }
+  PriorScale prior() const override { return {1, false, 2}; }
+  Parameters values(const Estimate& e) const override { return {{"tau_s", e.shape_at(0)}}; }
 };
 
 } // namespace
 
-const Effect* thermal_lag_effect() {
-  static const ThermalLag effect;
-  return &effect;
-}
+IMUCAL_EFFECT(ThermalLag)
 
 } // namespace imucal

@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
-#include "physics/effects/library.h"
 
 namespace imucal {
 namespace {
@@ -11,16 +10,24 @@ namespace {
 class WhiteNoiseVsTemperature : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "white_noise_vs_temperature"; }
+  std::string label() const override { return "white noise that depends on temperature"; }
   std::string description() const override {
     return "The white noise (angle random walk) depends on temperature: log-linear variance.";
+  }
+  Family family() const override { return Family::kFastNoise; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"thermal noise of front end and damping grow with temperature",
+             "Leland, Mechanical-thermal noise in MEMS gyroscopes, IEEE Sensors J. 5 (2005)"},
+            {"quality factor and drive amplitude change with temperature",
+             "Acar and Shkel, MEMS Vibratory Gyroscopes (2009)"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"slope", -20, 20, "change of the log-variance per unit of normalised temperature"}};
   }
 
-  void simulate(SimStage stage, const Json& parameters, SimRun* run, Rng* /*rng*/) const override {
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kNoise) return;
-    const double slope = effect_number(*this, parameters, "slope");
+    const double slope = parameters.number("slope");
     for (size_t i = 0; i < run->white_sigma_dph.size(); ++i)
       run->white_sigma_dph[i] *= std::exp(0.5 * slope * run->bias.normalised(run->gyro_temp_degc[i]));
   }
@@ -36,16 +43,11 @@ public:
     out.white_slope = theta[0];
     return out;
   }
-  Json report(const Theta& theta, const std::vector<double>& /*coefficients*/) const override {
-    return {{"slope", theta[0]}};
-  }
+  Parameters values(const Estimate& e) const override { return {{"slope", e.shape_at(0)}}; }
 };
 
 } // namespace
 
-const Effect* white_noise_vs_temperature_effect() {
-  static const WhiteNoiseVsTemperature effect;
-  return &effect;
-}
+IMUCAL_EFFECT(WhiteNoiseVsTemperature)
 
 } // namespace imucal

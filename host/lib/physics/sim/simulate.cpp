@@ -3,10 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "base/error.h"
-#include "base/units.h"
 #include "base/rng.h"
+#include "base/units.h"
 
 namespace imucal {
 
@@ -15,7 +16,7 @@ namespace {
 // An effect that acts on one axis of one log, with its place in the list (it addresses its random stream).
 struct ActiveEffect {
   const Effect* effect;
-  const Json* parameters;
+  Parameters parameters;
   uint32_t place;
 };
 
@@ -51,7 +52,7 @@ public:
   }
   void stage(SimStage stage) {
     for (size_t i = 0; i < effects_.size(); ++i)
-      effects_[i].effect->simulate(stage, *effects_[i].parameters, run_, &rngs_[i]);
+      effects_[i].effect->simulate(stage, effects_[i].parameters, run_, &rngs_[i]);
   }
   void go(const SimOptions& options, double turn_on_dph) {
     SimRun& run = *run_;
@@ -179,6 +180,7 @@ SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, cons
     axis.run.n_axes = n_axes;
     axis.run.log = options.log_index;
     axis.run.n_logs = options.n_logs;
+    axis.run.start = options.start;
     // Draws that all logs of a device share come from this seed: each device needs its own.
     axis.run.seed = options.seed + 0x9E3779B97F4A7C15u * options.device;
     if (model.turn_on_sigma_dph > 0)
@@ -189,7 +191,8 @@ SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, cons
     for (const std::vector<EffectSpec>* list : {&model.effects, &effects})
       for (const EffectSpec& spec : *list) {
         if (acts_on(spec, a, options.log_index))
-          active.push_back({&find_effect(spec.name), &spec.parameters, place});
+          active.push_back(
+              {&find_effect(spec.name), read_parameters(find_effect(spec.name), spec.parameters), place});
         ++place;
       }
     AxisSimulator(active, &axis.run, address).go(options, axis.turn_on_dph);
@@ -208,12 +211,21 @@ SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, cons
   return simulate(models, n_axes, t_s, temp_degc, effects, options);
 }
 
+static std::string digits(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
 Log to_log(const SimulatedLog& simulated, const SimOptions& options) {
   Log log;
   log.metadata["device"] = "simulated";
   log.metadata["serial"] = std::to_string(options.seed) + "." + std::to_string(options.device);
   log.metadata["run"] = std::to_string(options.log_index);
   log.metadata["seed"] = std::to_string(options.seed);
+  for (const SimulatedAxis& a : simulated.axes)
+    for (const auto& [what, value] : a.run.start_state)
+      log.metadata["start." + a.name + "." + what] = digits(value);
   const size_t n = simulated.stamp_s.size();
   // A device has one thermometer: an effect on it that is restricted to some axes shows in the log all the
   // same.

@@ -14,10 +14,10 @@
 #include <string>
 #include <vector>
 
-#include "physics/effects/effect.h"
 #include "io/log.h"
 #include "io/model.h"
 #include "io/profile.h"
+#include "physics/effects/effect.h"
 
 namespace imucal {
 
@@ -26,6 +26,10 @@ struct SimOptions {
   size_t log_index = 0; // which run of the device: turn-on, noise, run_to_run, bias_step differ by it
   size_t n_logs = 1;    // how many runs there are in all
   uint64_t device = 0;  // another device of the same seed: independent of device 0 in everything
+
+  // How effects with a memory begin every run (one's own parameter `start` goes before).  Markov processes
+  // always begin stationary.
+  StartState start = StartState::kRandom;
 
   double temp_noise_degc = 0; // white noise of the thermometer per second
   double temp_lsb_degc = 0;   // quantum of the thermometer; 0: none
