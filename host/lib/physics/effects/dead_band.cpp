@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Small rates read as zero: |rate| < width becomes 0.
+// Small rates read as zero: |rate| < width becomes 0.  Source: dead band of IEEE Std 1431-2004.
+#include <algorithm>
 #include <cmath>
 
 #include "physics/effects/estimation.h"
+#include "physics/effects/sample_shape.h"
 
 namespace imucal {
 namespace {
@@ -31,38 +33,55 @@ public:
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kStructural; }
   bool needs_temperature() const override { return false; }
-  // Many exact zeros and nothing between them and the edge of the band.
+  // A dead band has a shape of its own: no value between zero and an edge, and at zero about as many samples
+  // as noise around the local level would put inside.  Zeros far from the level are drop-outs; where all
+  // small values are multiples of the edge, zero is one step of a lattice.
   std::optional<Signature> detect(const std::vector<RunInput>& runs) const override {
-    size_t zeros = 0;
-    double edge = 1e300, largest = 0;
-    for (const RunInput& run : runs)
-      for (double y : run.rate_dph) {
-        if (!std::isfinite(y)) continue;
-        if (y == 0)
-          ++zeros;
-        else
-          edge = std::min(edge, std::fabs(y)), largest = std::max(largest, std::fabs(y));
-      }
-    if (zeros < 8 || !(largest > 0)) return std::nullopt;
-    // On a lattice zero is a value like its neighbours: then the band would be one step wide.
-    size_t next = 0;
-    for (const RunInput& run : runs)
-      for (double y : run.rate_dph) next += y != 0 && std::fabs(y) <= edge * (1 + 1e-6);
-    if (3 * next > zeros) return std::nullopt;
+    const Zeros zeros = count_zeros(runs);
+    if (zeros.n < kFewest || !(zeros.edge_dph > 0)) return std::nullopt;
+    if (2 * zeros.n_multiples > zeros.n_near) return std::nullopt;
+    const double expected = expected_between(local_levels(runs), -zeros.edge_dph, zeros.edge_dph);
+    const double n = static_cast<double>(zeros.n);
+    if (expected < n / kAlike || n < expected / kAlike) return std::nullopt;
     Signature found;
-    found.parameters = {{"width_dph", edge}};
-    found.evidence_nats = 5.0 * static_cast<double>(zeros);
-    found.statement = "exact zeros, and no rate between them and the edge of a band";
-    for (const RunInput& run : runs) {
-      std::vector<char> bad(run.size(), 0);
-      for (size_t i = 0; i < bad.size(); ++i) bad[i] = run.rate_dph[i] == 0;
-      found.unusable.push_back(bad);
-    }
+    found.parameters = {{"width_dph", zeros.edge_dph}};
+    found.evidence_nats = 5.0 * n;
+    found.statement = "rates pile up at zero, and none lies between zero and the edge of a band";
+    found.unusable = samples_at(runs, 0.0);
     return found;
   }
   bool is_censoring() const override { return true; }
   int detection_order() const override { return 1; }
   Parameters values(const Estimate& e) const override { return {{"width_dph", e.shape_at(0)}}; }
+
+private:
+  static constexpr size_t kFewest = 8;
+  static constexpr double kAlike = 3; // how far the pile may be from what noise would put inside
+  struct Zeros {
+    size_t n = 0;           // samples at zero
+    double edge_dph = 0;    // smallest other rate
+    size_t n_near = 0;      // other rates within six times the edge
+    size_t n_multiples = 0; // those of them that are whole multiples of it
+  };
+
+  static Zeros count_zeros(const std::vector<RunInput>& runs) {
+    Zeros out;
+    double edge = 1e300;
+    for (const RunInput& run : runs)
+      for (const double y : run.rate_dph) {
+        out.n += y == 0;
+        if (std::isfinite(y) && y != 0) edge = std::min(edge, std::fabs(y));
+      }
+    out.edge_dph = edge < 1e300 ? edge : 0;
+    for (const RunInput& run : runs)
+      for (const double y : run.rate_dph) {
+        if (!(std::fabs(y) <= 6.5 * edge) || y == 0) continue;
+        const double steps = std::fabs(y) / edge;
+        ++out.n_near;
+        out.n_multiples += std::fabs(steps - std::round(steps)) < 1e-3;
+      }
+    return out;
+  }
 };
 
 } // namespace

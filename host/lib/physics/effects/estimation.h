@@ -20,14 +20,13 @@ using Column = std::vector<double>;
 struct RunInput {
   size_t log = 0;
   double dt_s = 1;
-  std::vector<double> t_s;                // from the start of the log
-  std::vector<long> tick;                 // t_s in steps of dt_s, whole and increasing: a jump is a gap
-  std::vector<double> temp_degc;          // as logged; where empty, interpolated in time
-  std::vector<double> smooth_degc;        // de-quantised and smoothed over 40 s
-  std::vector<double> rate_degc_min;      // slope of smooth_degc
-  std::vector<double> tn;                 // normalised logged temperature
-  std::vector<double> rate_dph;           // NaN where missing
-  std::vector<double> slope_dph_per_degc; // dB/dT of the believed or fitted polynomial; empty: not known
+  std::vector<double> t_s;           // from the start of the log
+  std::vector<long> tick;            // t_s in steps of dt_s, whole and increasing: a jump is a gap
+  std::vector<double> temp_degc;     // as logged; where empty, interpolated in time
+  std::vector<double> smooth_degc;   // de-quantised and smoothed over 40 s
+  std::vector<double> rate_degc_min; // slope of smooth_degc
+  std::vector<double> tn;            // normalised logged temperature
+  std::vector<double> rate_dph;      // NaN where missing
   std::map<std::string, std::vector<double>> auxiliary;
   double t0_degc = 0, range_degc = 1; // normalisation
 

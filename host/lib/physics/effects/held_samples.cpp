@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: MIT
-// The output is sometimes not refreshed: with a probability a second repeats the value before it.
+// The output is sometimes not refreshed: with a probability a second repeats the value before it or, where
+// `reads_dph` is given, reads that fixed value (a drop-out: most often zero).
+#include <algorithm>
+#include <cmath>
+
 #include "physics/effects/estimation.h"
+#include "physics/effects/sample_shape.h"
 
 namespace imucal {
 namespace {
@@ -10,7 +15,8 @@ public:
   std::string name() const override { return "held_samples"; }
   std::string label() const override { return "readings that were not refreshed"; }
   std::string description() const override {
-    return "The output sometimes repeats the value before it (missed update).";
+    return "The output is sometimes not refreshed: it repeats the value before it or reads a fixed one "
+           "(drop-out).";
   }
   Family family() const override { return Family::kStructural; }
   std::vector<HardwareCause> hardware_causes() const override {
@@ -18,33 +24,82 @@ public:
              "look at data-ready and the flags of the recorder"}};
   }
   std::vector<EffectParameter> parameters() const override {
-    return {{"probability", 0, 1, "probability that a second repeats the one before"}};
+    return {{"probability", 0, 1, "probability that a second is not refreshed"},
+            {"reads_dph", -1e9, 1e9, "what it reads then (left out: the value before it)",
+             EffectParameter::kNumber, true}};
   }
 
   void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
     if (stage != SimStage::kOutput) return;
     const double probability = parameters.number("probability");
-    for (size_t i = 1; rng && i < run->rate_dph.size(); ++i)
-      if (rng->uniform() < probability) run->rate_dph[i] = run->rate_dph[i - 1];
+    const ParameterValue* fixed = parameters.find("reads_dph");
+    for (size_t i = fixed ? 0 : 1; rng && i < run->rate_dph.size(); ++i)
+      if (rng->uniform() < probability) run->rate_dph[i] = fixed ? fixed->number.value : run->rate_dph[i - 1];
   }
 
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kStructural; }
   bool needs_temperature() const override { return false; }
-  // Exact repeats of the value before, more than a lattice of values would give.
+  // Drop-outs first: consecutive ones are no repeats.
   std::optional<Signature> detect(const std::vector<RunInput>& runs) const override {
-    size_t repeats = 0, pairs = 0, equal_two_apart = 0;
+    const std::optional<Signature> dropped = drop_outs(runs);
+    return dropped ? dropped : repeats(runs);
+  }
+  int detection_order() const override { return 3; }
+  Parameters values(const Estimate& e) const override { return {{"probability", e.shape_at(0)}}; }
+
+private:
+  static constexpr size_t kFewestDropped = 8, kFewestRepeats = 6;
+  static constexpr size_t kMoreOften = 5; // than any other value, than equal values two apart
+  static constexpr double kFarShare = 0.8;
+
+  static size_t n_samples(const std::vector<RunInput>& runs) {
+    size_t n = 0;
+    for (const RunInput& run : runs)
+      for (const double y : run.rate_dph) n += std::isfinite(y);
+    return n;
+  }
+
+  // A value that comes back again and again as no other does: zero wherever the level is, an extreme one
+  // where it lies far from the samples around it (near them it would be a limit).
+  static std::optional<Signature> drop_outs(const std::vector<RunInput>& runs) {
+    double lo = 1e300, hi = -1e300;
+    for (const RunInput& run : runs)
+      for (const double y : run.rate_dph)
+        if (std::isfinite(y)) lo = std::min(lo, y), hi = std::max(hi, y);
+    if (!(hi > lo)) return std::nullopt;
+    const LocalLevels levels = local_levels(runs);
+    for (const double value : {0.0, lo, hi}) {
+      const Pile pile = pile_at(runs, levels, value);
+      if (pile.n < kFewestDropped || pile.n < kMoreOften * most_common_other(runs, value)) continue;
+      if (value != 0 && static_cast<double>(pile.n_far) < kFarShare * static_cast<double>(pile.n)) continue;
+      Signature found;
+      const double n = static_cast<double>(pile.n);
+      found.parameters = {{"probability", n / static_cast<double>(n_samples(runs))}, {"reads_dph", value}};
+      found.evidence_nats = 5.0 * n;
+      found.statement =
+          std::to_string(pile.n) + " samples read exactly the same value among others that differ: drop-outs";
+      found.unusable = samples_at(runs, value);
+      return found;
+    }
+    return std::nullopt;
+  }
+
+  // Exact repeats of the value before, more than a lattice of values would give.
+  static std::optional<Signature> repeats(const std::vector<RunInput>& runs) {
+    size_t n = 0, pairs = 0, equal_two_apart = 0;
     for (const RunInput& run : runs)
       for (size_t i = 2; i < run.size(); ++i) {
-        if (!std::isfinite(run.rate_dph[i]) || !std::isfinite(run.rate_dph[i - 1])) continue;
+        const double now = run.rate_dph[i], before = run.rate_dph[i - 1];
+        if (!std::isfinite(now) || !std::isfinite(before)) continue;
         ++pairs;
-        repeats += run.rate_dph[i] == run.rate_dph[i - 1];
-        equal_two_apart += run.rate_dph[i] == run.rate_dph[i - 2] && run.rate_dph[i] != run.rate_dph[i - 1];
+        n += now == before;
+        equal_two_apart += now == run.rate_dph[i - 2] && now != before;
       }
-    if (repeats < 6 || repeats < 5 * equal_two_apart) return std::nullopt;
+    if (n < kFewestRepeats || n < kMoreOften * equal_two_apart) return std::nullopt;
     Signature found;
-    found.parameters = {{"probability", static_cast<double>(repeats) / static_cast<double>(pairs)}};
-    found.evidence_nats = 5.0 * static_cast<double>(repeats);
+    found.parameters = {{"probability", static_cast<double>(n) / static_cast<double>(pairs)}};
+    found.evidence_nats = 5.0 * static_cast<double>(n);
     found.statement = "samples repeat the one before exactly";
     for (const RunInput& run : runs) {
       std::vector<char> bad(run.size(), 0);
@@ -53,8 +108,6 @@ public:
     }
     return found;
   }
-  int detection_order() const override { return 3; }
-  Parameters values(const Estimate& e) const override { return {{"probability", e.shape_at(0)}}; }
 };
 
 } // namespace

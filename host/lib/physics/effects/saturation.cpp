@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 // The rate is clipped at plus and minus a limit.
 #include <algorithm>
+#include <cmath>
 
 #include "physics/effects/estimation.h"
+#include "physics/effects/sample_shape.h"
 
 namespace imucal {
 namespace {
@@ -30,54 +32,63 @@ public:
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kStructural; }
   bool needs_temperature() const override { return false; }
-  // Many samples exactly at the extreme value.
+  // Many samples exactly at the extreme value, where noise around the local level reaches beyond it.  A pile
+  // far from the level is wrong readings, not a limit; so is one at zero.
   std::optional<Signature> detect(const std::vector<RunInput>& runs) const override {
     double lo = 1e300, hi = -1e300;
     for (const RunInput& run : runs)
-      for (double y : run.rate_dph)
+      for (const double y : run.rate_dph)
         if (std::isfinite(y)) lo = std::min(lo, y), hi = std::max(hi, y);
-    size_t at_lo = 0, at_hi = 0;
-    for (const RunInput& run : runs)
-      for (double y : run.rate_dph) {
-        at_lo += std::isfinite(y) && y - lo <= 1e-6 * (1 + std::fabs(lo));
-        at_hi += std::isfinite(y) && hi - y <= 1e-6 * (1 + std::fabs(hi));
-      }
-    // On a lattice the extreme repeats too, but less often than the value beside it.
-    constexpr size_t kFewest = 8;
-    double next_lo = 1e300, next_hi = -1e300;
-    for (const RunInput& run : runs)
-      for (double y : run.rate_dph) {
-        if (!std::isfinite(y)) continue;
-        if (y - lo > 1e-6 * (1 + std::fabs(lo))) next_lo = std::min(next_lo, y);
-        if (hi - y > 1e-6 * (1 + std::fabs(hi))) next_hi = std::max(next_hi, y);
-      }
-    size_t beside_lo = 0, beside_hi = 0;
-    for (const RunInput& run : runs)
-      for (double y : run.rate_dph) {
-        beside_lo += std::isfinite(y) && std::fabs(y - next_lo) <= 1e-6 * (1 + std::fabs(next_lo));
-        beside_hi += std::isfinite(y) && std::fabs(y - next_hi) <= 1e-6 * (1 + std::fabs(next_hi));
-      }
-    const bool is_lo = at_lo >= kFewest && at_lo > 2 * beside_lo,
-               is_hi = at_hi >= kFewest && at_hi > 2 * beside_hi;
-    if (!(hi > lo) || (!is_lo && !is_hi)) return std::nullopt;
+    if (!(hi > lo)) return std::nullopt;
+    const LocalLevels levels = local_levels(runs);
+    const size_t n_lo = limited(runs, levels, lo, 1), n_hi = limited(runs, levels, hi, -1);
+    if (n_lo + n_hi == 0) return std::nullopt;
     Signature found;
-    found.parameters = {{"limit_dph", is_hi ? std::fabs(hi) : std::fabs(lo)}};
-    found.evidence_nats = 5.0 * static_cast<double>((is_lo ? at_lo : 0) + (is_hi ? at_hi : 0));
+    found.parameters = {{"limit_dph", std::fabs(n_hi > 0 ? hi : lo)}};
+    found.evidence_nats = 5.0 * static_cast<double>(n_lo + n_hi);
     found.statement = "samples pile up at the extreme value";
-    for (const RunInput& run : runs) {
-      std::vector<char> bad(run.size(), 0);
-      for (size_t i = 0; i < bad.size(); ++i) {
-        const double y = run.rate_dph[i];
-        bad[i] = (is_lo && y - lo <= 1e-6 * (1 + std::fabs(lo))) ||
-                 (is_hi && hi - y <= 1e-6 * (1 + std::fabs(hi)));
-      }
-      found.unusable.push_back(bad);
-    }
+    found.unusable.resize(runs.size());
+    for (size_t r = 0; r < runs.size(); ++r) found.unusable[r].assign(runs[r].size(), 0);
+    if (n_lo > 0) add(samples_at(runs, lo), &found.unusable);
+    if (n_hi > 0) add(samples_at(runs, hi), &found.unusable);
     return found;
   }
   bool is_censoring() const override { return true; }
   int detection_order() const override { return 0; }
   Parameters values(const Estimate& e) const override { return {{"limit_dph", e.shape_at(0)}}; }
+
+private:
+  static constexpr size_t kFewest = 8;
+  static constexpr double kBeyond = 4; // how many times more than the noise explains may be piled up
+
+  static void add(const std::vector<std::vector<char>>& more, std::vector<std::vector<char>>* all) {
+    for (size_t r = 0; r < more.size(); ++r)
+      for (size_t i = 0; i < more[r].size(); ++i) (*all)[r][i] = (*all)[r][i] || more[r][i];
+  }
+
+  // Samples at the value beside the extreme one; `inward`: +1 from the lowest, -1 from the highest.
+  static size_t n_beside(const std::vector<RunInput>& runs, double extreme, double inward) {
+    double next = 1e300;
+    for (const RunInput& run : runs)
+      for (const double y : run.rate_dph)
+        if (std::isfinite(y) && !is_same_rate(y, extreme)) next = std::min(next, inward * y);
+    size_t n = 0;
+    for (const RunInput& run : runs)
+      for (const double y : run.rate_dph) n += is_same_rate(y, inward * next);
+    return n;
+  }
+
+  // How many samples lie at this extreme because a limit holds them there; else 0.
+  static size_t limited(const std::vector<RunInput>& runs, const LocalLevels& levels, double extreme,
+                        double inward) {
+    const size_t n = pile_at(runs, levels, extreme).n;
+    if (n < kFewest || extreme == 0) return 0;
+    // On a lattice the extreme repeats too, but less often than the value beside it.
+    if (n <= 2 * n_beside(runs, extreme, inward)) return 0;
+    const double beyond =
+        inward > 0 ? expected_between(levels, -1e300, extreme) : expected_between(levels, extreme, 1e300);
+    return kBeyond * beyond >= static_cast<double>(n) ? n : 0;
+  }
 };
 
 } // namespace

@@ -79,12 +79,19 @@ public:
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
     return {play_column(run.smooth_degc, shape[0], 0)};
   }
-  // What a start at one end of the play adds to one at the other, on a scale of its half-width.
+  // Half of what separates a start at the upper end of the play from one at the lower end, and half of what
+  // the two together have beyond twice the middle.  A start in between is a curve between these, not on their
+  // line: with the first column alone up to 0.8 % of a loop's energy stays out, with both less than 0.1 %
+  // (width up to 8 degC on a run of 60 degC).
   std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
-    Column difference = play_column(run.smooth_degc, shape[0], 1);
-    const Column low = play_column(run.smooth_degc, shape[0], -1);
-    for (size_t i = 0; i < difference.size(); ++i) difference[i] = 0.5 * (difference[i] - low[i]);
-    return {difference};
+    const Column high = play_column(run.smooth_degc, shape[0], 1),
+                 low = play_column(run.smooth_degc, shape[0], -1);
+    Column difference = play_column(run.smooth_degc, shape[0], 0), bend = difference;
+    for (size_t i = 0; i < difference.size(); ++i) {
+      bend[i] = 0.5 * (high[i] + low[i]) - bend[i];
+      difference[i] = 0.5 * (high[i] - low[i]);
+    }
+    return {difference, bend};
   }
   double notable() const override { return 0.8; }
   PriorScale prior() const override { return {1.5, false, 1}; }

@@ -97,16 +97,16 @@ public:
   Column temperature(const RunInput& run, const Theta& shape) const override {
     return lagged(run.t_s, run.smooth_degc, shape[0], 0);
   }
-  // dB/dT exp(-t/tau): with the slope of B over its own rms where it is known, else with a constant one.
+  // B(Tg + delta exp(-t/tau)) to second order: exp(-t/tau) alone takes 0.99 of the change, worst where the
+  // slope of B turns while it decays; with its square 0.999.
   std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
     if (shape[0] <= 0) return {};
-    Column column(run.size());
-    double square = 0;
-    for (double s : run.slope_dph_per_degc) square += s * s;
-    const double rms = std::sqrt(square / static_cast<double>(std::max<size_t>(1, run.size())));
-    for (size_t i = 0; i < column.size(); ++i)
-      column[i] = std::exp(-run.t_s[i] / shape[0]) * (rms > 0 ? run.slope_dph_per_degc[i] / rms : 1.0);
-    return {column};
+    Column first(run.size()), second(run.size());
+    for (size_t i = 0; i < first.size(); ++i) {
+      first[i] = std::exp(-run.t_s[i] / shape[0]);
+      second[i] = first[i] * first[i];
+    }
+    return {first, second};
   }
   double notable() const override { return 150; }
   PriorScale prior() const override { return {1, false, 2}; }

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: MIT
+#include "physics/effects/sample_shape.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace imucal {
+
+namespace {
+
+constexpr size_t kHalfWindow = 20;     // rows on either side
+constexpr double kFar_sigma = 5;       // once in 1.7 million normal samples
+constexpr double kSameRate = 1e-6;     // relative; logs carry six digits and more
+constexpr double kMedianJump = 0.9539; // median of |N(0, 2 sigma^2)| over sigma
+
+// Medians of the finite values within kHalfWindow rows; NaN where `x` is NaN.
+std::vector<double> running_median(const std::vector<double>& x) {
+  std::vector<double> sorted, out(x.size(), std::nan(""));
+  const auto place = [&](double v) { return std::lower_bound(sorted.begin(), sorted.end(), v); };
+  for (size_t i = 0, next = 0; i < x.size(); ++i) {
+    for (; next < x.size() && next <= i + kHalfWindow; ++next)
+      if (std::isfinite(x[next])) sorted.insert(place(x[next]), x[next]);
+    if (i > kHalfWindow && std::isfinite(x[i - kHalfWindow - 1])) sorted.erase(place(x[i - kHalfWindow - 1]));
+    if (std::isfinite(x[i])) out[i] = sorted[sorted.size() / 2];
+  }
+  return out;
+}
+
+// From the jumps between successive samples that differ: repeats say nothing about noise.
+double robust_sigma(const std::vector<RunInput>& runs) {
+  std::vector<double> jumps;
+  for (const RunInput& run : runs)
+    for (size_t i = 1; i < run.rate_dph.size(); ++i) {
+      const double jump = std::fabs(run.rate_dph[i] - run.rate_dph[i - 1]);
+      if (std::isfinite(jump) && jump > 0) jumps.push_back(jump);
+    }
+  if (jumps.empty()) return 0;
+  const auto middle = jumps.begin() + static_cast<long>(jumps.size() / 2);
+  std::nth_element(jumps.begin(), middle, jumps.end());
+  return *middle / kMedianJump;
+}
+
+double normal_below(double z) {
+  return 0.5 * std::erfc(-z / std::sqrt(2.0));
+}
+
+} // namespace
+
+LocalLevels local_levels(const std::vector<RunInput>& runs) {
+  LocalLevels out;
+  for (const RunInput& run : runs) out.level_dph.push_back(running_median(run.rate_dph));
+  out.sigma_dph = robust_sigma(runs);
+  return out;
+}
+
+double expected_between(const LocalLevels& levels, double lo, double hi) {
+  if (!(levels.sigma_dph > 0)) return 0;
+  double sum = 0;
+  for (const auto& run : levels.level_dph)
+    for (const double level : run)
+      if (std::isfinite(level))
+        sum += normal_below((hi - level) / levels.sigma_dph) - normal_below((lo - level) / levels.sigma_dph);
+  return sum;
+}
+
+bool is_same_rate(double a, double b) {
+  return std::fabs(a - b) <= kSameRate * (1 + std::fabs(b));
+}
+
+Pile pile_at(const std::vector<RunInput>& runs, const LocalLevels& levels, double value) {
+  Pile pile;
+  for (size_t r = 0; r < runs.size(); ++r)
+    for (size_t i = 0; i < runs[r].rate_dph.size(); ++i) {
+      if (!is_same_rate(runs[r].rate_dph[i], value)) continue;
+      ++pile.n;
+      pile.n_far += std::fabs(levels.level_dph[r][i] - value) > kFar_sigma * levels.sigma_dph;
+    }
+  return pile;
+}
+
+size_t most_common_other(const std::vector<RunInput>& runs, double value) {
+  std::vector<double> all;
+  for (const RunInput& run : runs)
+    for (const double y : run.rate_dph)
+      if (std::isfinite(y) && !is_same_rate(y, value)) all.push_back(y);
+  std::sort(all.begin(), all.end());
+  size_t most = 0;
+  for (size_t i = 0, first = 0; i < all.size(); ++i) {
+    if (!is_same_rate(all[i], all[first])) first = i;
+    most = std::max(most, i - first + 1);
+  }
+  return most;
+}
+
+std::vector<std::vector<char>> samples_at(const std::vector<RunInput>& runs, double value) {
+  std::vector<std::vector<char>> out;
+  for (const RunInput& run : runs) {
+    std::vector<char> is_at(run.size(), 0);
+    for (size_t i = 0; i < is_at.size(); ++i) is_at[i] = is_same_rate(run.rate_dph[i], value);
+    out.push_back(is_at);
+  }
+  return out;
+}
+
+} // namespace imucal

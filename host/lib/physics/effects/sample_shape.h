@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+// How samples lie around their local level: what tells a clipped or emptied range from a wrong reading.
+#pragma once
+#include <vector>
+
+#include "physics/effects/estimation.h"
+
+namespace imucal {
+
+// Running medians over 41 rows and the noise from second to second about them.
+struct LocalLevels {
+  std::vector<std::vector<double>> level_dph; // per run and row; NaN where the rate is
+  double sigma_dph = 0;                       // robust; 0: the samples do not move
+};
+LocalLevels local_levels(const std::vector<RunInput>& runs);
+
+// How many samples normal noise about the local levels would put between lo and hi.
+double expected_between(const LocalLevels& levels, double lo, double hi);
+
+// Are two rates the same but for the digits of a file?
+bool is_same_rate(double a, double b);
+
+// Samples at one value: how many, and how many of them lie more than five sigma from their local level.
+struct Pile {
+  size_t n = 0, n_far = 0;
+};
+Pile pile_at(const std::vector<RunInput>& runs, const LocalLevels& levels, double value);
+
+// How often the value that is found most often, other than `value`, is found.
+size_t most_common_other(const std::vector<RunInput>& runs, double value);
+
+// Per run and row: which samples are at `value`.
+std::vector<std::vector<char>> samples_at(const std::vector<RunInput>& runs, double value);
+
+} // namespace imucal

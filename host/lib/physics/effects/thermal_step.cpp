@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: MIT
+// The bias jumps where the temperature crosses a threshold, and jumps back when it returns: rate += A s, s =
+// 1 from the moment the temperature rises above temp, 0 from the moment it falls below temp - width; in
+// between s stays what it was.  Source: the relay (hysteron) from which the Preisach model is built
+// (Visintin, Differential Models of Hysteresis, 1994); in gyros a part that snaps between two seats, or a
+// loop that changes over at a temperature.  It repeats in every run. Start: where a run begins inside the
+// band, s is what the history left.  Drawn: 0 or 1 with equal odds; cold and settled: 0.
+#include <cmath>
+
+#include "physics/effects/estimation.h"
+#include "physics/effects/start_state.h"
+
+namespace imucal {
+namespace {
+
+// s of the relay, row by row; `start`: its state before the first row.
+Column relay_column(const std::vector<double>& temp, double up_degc, double width_degc, bool start) {
+  Column column(temp.size());
+  bool is_on = start;
+  for (size_t i = 0; i < temp.size(); ++i) {
+    if (temp[i] > up_degc) is_on = true;
+    if (temp[i] < up_degc - width_degc) is_on = false;
+    if (width_degc <= 0) is_on = temp[i] > up_degc;
+    column[i] = is_on ? 1.0 : 0.0;
+  }
+  return column;
+}
+
+class ThermalStep : public Effect, public EffectEstimator {
+public:
+  std::string name() const override { return "thermal_step"; }
+  std::string label() const override {
+    return "a jump of the bias at one temperature, repeated in every run";
+  }
+  std::string description() const override {
+    return "The bias jumps where the temperature crosses a threshold and jumps back where it returns: relay "
+           "(hysteron) of the Preisach model.";
+  }
+  Family family() const override { return Family::kFunctionOfTemperature; }
+  std::vector<HardwareCause> hardware_causes() const override {
+    return {{"a part of package or mounting that snaps between two seats under thermal strain",
+             "Visintin, Differential Models of Hysteresis (1994), relay"},
+            {"a loop, range or table that changes over at a temperature",
+             "look for thresholds in the device's own compensation"}};
+  }
+  std::vector<EffectParameter> parameters() const override {
+    return {{"amplitude_dph", -1e6, 1e6, "height of the jump"},
+            {"temp_degc", -300, 2000, "temperature at which it jumps when it gets warmer"},
+            {"width_degc", 0, 200, "how much colder it has to get to jump back (0: no hysteresis)"},
+            start_parameter()};
+  }
+
+  void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
+    if (stage != SimStage::kBias) return;
+    const double amplitude = parameters.number("amplitude_dph");
+    const bool is_on =
+        start_of(parameters, *run, rng) == StartState::kRandom && history_of(*this, *run).uniform() < 0.5;
+    const Column column = relay_column(run->case_temp(), parameters.number("temp_degc"),
+                                       parameters.number("width_degc"), is_on);
+    run->start_state[name() + ".on"] = column.empty() ? 0 : column[0];
+    for (size_t i = 0; i < column.size(); ++i) run->rate_dph[i] += amplitude * column[i];
+  }
+
+  const EffectEstimator* estimator() const override { return this; }
+  Form form() const override { return Form::kColumns; }
+  // Thresholds a fortieth of the range apart: refinement finds a jump between two of them.
+  std::vector<Theta> grid(double lo, double hi) const override {
+    std::vector<Theta> points;
+    const double span = hi - lo;
+    for (double width : {0.0, 2.0, 6.0})
+      for (int k = 1; k < kThresholds && width < 0.5 * span; ++k) {
+        const double up = lo + span * k / kThresholds;
+        if (up - width > lo) points.push_back({up, width});
+      }
+    return points;
+  }
+  Theta shape_lo() const override { return {-250, 0}; }
+  Theta shape_hi() const override { return {2000, 60}; }
+  std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
+    return {relay_column(run.smooth_degc, shape[0], shape[1], false)};
+  }
+  // Where the run begins inside the band: until it first leaves it, s may be 1 as well.
+  std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
+    Column difference = relay_column(run.smooth_degc, shape[0], shape[1], true);
+    const Column off = relay_column(run.smooth_degc, shape[0], shape[1], false);
+    if (difference.empty() || difference[0] == off[0]) return {};
+    for (size_t i = 0; i < difference.size(); ++i) difference[i] -= off[i];
+    return {difference};
+  }
+  PriorScale prior() const override { return {3, false, 3}; }
+  Parameters values(const Estimate& e) const override {
+    return {{"amplitude_dph", e.coefficient(0)}, {"temp_degc", e.shape_at(0)}, {"width_degc", e.shape_at(1)}};
+  }
+
+private:
+  static constexpr int kThresholds = 40;
+};
+
+} // namespace
+
+IMUCAL_EFFECT(ThermalStep)
+
+} // namespace imucal
