@@ -73,6 +73,8 @@ static void test_library_has_the_names_of_the_contract(void**) {
   const std::set<std::string> contract = {"temperature_rate",
                                           "thermal_hysteresis",
                                           "thermal_lag",
+                                          "thermal_step",
+                                          "thermal_creep",
                                           "thermal_anomaly",
                                           "higher_order_polynomial",
                                           "rate_ramp",

@@ -8,6 +8,6 @@ $(EFFECT_LIST): FORCE_EFFECT_LIST
 	@$(EFFECT_FOLDER)/effect_list.sh $(EFFECT_FOLDER) > $@.new && { cmp -s $@.new $@ && rm -f $@.new || mv $@.new $@; }
 
 $(BUILD)/obj/host/$(EFFECT_FOLDER)/library.o: $(EFFECT_LIST)
-$(BUILD)/obj/host/$(EFFECT_FOLDER)/library.o: HOST_CPPFLAGS += -I$(BUILD)/gen
+$(BUILD)/obj/host/$(EFFECT_FOLDER)/library.o: private HOST_CPPFLAGS += -I$(BUILD)/gen
 
 .PHONY: FORCE_EFFECT_LIST
