@@ -212,8 +212,8 @@ def false_names(labels, answers):
         read = reading(answer, axis, regime)
         rows.append({"regime": regime, "kind": label["kind"], "name": bool(read["names"]), "names": read["names"],
                      "gap": read["verdict"] not in ("no_gap", "failed") and not (read["tuned"] and read["verdict"] == "explained" and not read["names"]),
-                     "failed": read["verdict"] == "failed"})
-    table = lambda part: {"names": rate(sum(r["name"] for r in part), len(part)), "gap": rate(sum(r["gap"] for r in part), len(part)),
+                     "failed": read["verdict"] == "failed", "tuned": read["tuned"]})
+    table = lambda part: {"tuned": rate(sum(r["tuned"] for r in part), len(part)), "names": rate(sum(r["name"] for r in part), len(part)), "gap": rate(sum(r["gap"] for r in part), len(part)),
                           "failed": sum(r["failed"] for r in part)}
     out = {"all": table([r for r in rows if r["kind"] == "no_gap"])}
     out.update({k: table(v) for k, v in group_by([r for r in rows if r["kind"] == "no_gap"], lambda r: r["regime"]).items()})
