@@ -16,7 +16,7 @@ LARGEST = {"temperature_rate": 800, "thermal_hysteresis": 1500, "thermal_lag": 1
            "thermal_step": 1500, "higher_order_polynomial": 1500, "rate_ramp": 4000, "warm_up": 4000, "sinusoid": 400,
            "bias_step": 1500, "run_to_run": 600, "auxiliary_channel": 8000, "second_markov": 600, "telegraph_noise": 600,
            "rate_random_walk": 40, "flicker_noise": 300, "white_noise_vs_temperature": 3, "markov_sigma_vs_temperature": 4,
-           "markov_tau_vs_temperature": 2.5, "outliers": 8000}
+           "markov_tau_vs_temperature": 2.5, "outliers": 8000, "noise_parameters": 1.6}
 NUISANCE_D = 1.0  # what a coarse or displaced thermometer may add to a case that is about something else
 REGIMES = ("exact", "times_3", "over_3", "fitted", "absent", "data_sheet")
 
@@ -103,10 +103,10 @@ def told_apart(cause, d, device, base, bias, meter):
         for kind in ("sibling", "other"):
             out[kind], out["rho2_" + kind] = near[kind]
         out["d_noise"] = min(d, gauge.left_by_noise(device, base, signals))
-    elif name in causes.SLOW + ("white_noise_vs_temperature",) or name in outside.NOISES and name != "bursts":
+    elif name in causes.SLOW + ("white_noise_vs_temperature", "noise_parameters") or name in outside.NOISES and name != "bursts":
         told_apart_noise(cause, d, device, base, out)
     out["can_tell_member"] = bool(d * np.sqrt(1 - max(out["rho2_sibling"], out["rho2_other"])) >= gauge.TELL)
-    taken = d if name in causes.SLOW else out["d_noise"]  # re-tuned noise is of the family of slow noise itself
+    taken = d if name in causes.SLOW + ("noise_parameters",) else out["d_noise"]  # re-tuned noise is of the family of slow noise itself
     out["can_tell_family"] = bool(d * np.sqrt(1 - out["rho2_other"]) >= gauge.TELL and taken >= gauge.TELL)
     return out
 
@@ -120,6 +120,8 @@ def told_apart_noise(cause, d, device, base, out):
     out["d_noise"] = min(d, gauge.of_density(truth, f, weight, base))
     if name == "white_noise_vs_temperature":
         return
+    if name == "noise_parameters":  # contained in every richer noise: the simplest name is right
+        return
     left = {"noise_parameters": out["d_noise"]}
     left.update({k: gauge.of_density(truth, f, weight, base, k) for k in noise.FAMILY_FITS if k not in ("nominal", name)})
     if name == "telegraph_noise":
@@ -130,12 +132,33 @@ def told_apart_noise(cause, d, device, base, out):
 
 # ---- building --------------------------------------------------------------------------------------------
 
+def thermometer_error(bias, device):
+    """What the shown temperature misses of B(T) [dph], per training run."""
+    return [causes.polynomial(bias, device.x(r.temp_degc)) - causes.polynomial(bias, device.x(r.shown_degc)) for r in device.train]
+
+
+def coarse_thermometer(spec, case, axis, rng, meter):
+    """The thermometer's step as the cause: the slope of B(T) gives it the wanted strength."""
+    bias = rng.standard_normal(4) * [100.0, 300.0, 150.0, 100.0]
+    d = float(np.linalg.norm(meter.signature(thermometer_error(bias, case.device))))
+    bias[1:] *= spec["target"] / max(d, 1e-9)
+    if np.abs(bias).max() > 20000:
+        raise Unreachable("the thermometer is too fine")
+    case.bias[axis] = bias
+    found = {"name": "temperature_sensor_quantization", "p": {"lsb_degc": case.device.lsb_degc}}
+    near = gauge.nearest(meter, meter.signature(thermometer_error(bias, case.device)), bias, found["name"])
+    told = {k: v for kind in near for k, v in ((kind, near[kind][0]), ("rho2_" + kind, near[kind][1]))}
+    can = lambda rho2: bool(spec["target"] * np.sqrt(1 - rho2) >= gauge.TELL)
+    told.update(d_noise=spec["target"], can_tell_member=can(max(told["rho2_sibling"], told["rho2_other"])), can_tell_family=can(told["rho2_other"]))
+    return [found], [float(spec["target"])], [told]
+
+
 def draw_bias(rng, device, meter, white_dph):
     """Thermal polynomial; made flatter where the thermometer would otherwise be the gap."""
     bias = rng.standard_normal(4) * [100.0, 300.0, 150.0, 100.0]
     if device.profile == "constant":
         return bias * [1, 0, 0, 0]
-    error = [causes.polynomial(bias, device.x(r.temp_degc)) - causes.polynomial(bias, device.x(r.shown_degc)) for r in device.train]
+    error = thermometer_error(bias, device)
     slow = float(np.linalg.norm(meter.signature(error)))
     fast = np.concatenate([e - sensor.low_pass(e, gauge.BLOCK_S) for e in error])
     inflation = np.sqrt(fast.size / 2) * np.mean(fast**2) / white_dph**2  # d of a white variance that grew by this
@@ -167,7 +190,8 @@ def place(spec, rng):
     n_axes = spec.get("axes", 1)
     if n_axes > 1:  # six axes of six long runs would cost minutes
         n_train, n_hold = min(n_train, 3), min(n_hold, 1)
-    device = sensor.draw_device(rng, n_train, n_hold, spec.get("profile"), spec.get("seconds"), spec["kind"] == "constant")
+    lsb = float(rng.uniform(0.4, 1.5)) if names == ["temperature_sensor_quantization"] else None
+    device = sensor.draw_device(rng, n_train, n_hold, spec.get("profile"), spec.get("seconds"), spec["kind"] == "constant", lsb)
     base = noise.draw_noise(rng)
     meter = Gauge(device, base.density)
     case = Case(spec, device, base, {}, {})
@@ -188,6 +212,8 @@ def place(spec, rng):
 def sick_axis(spec, names, case, axis, shape, rng, meter):
     """Causes of one axis at their strengths; in pooled cases all axes share the first one's shape."""
     device, base, bias, target = case.device, case.base, case.bias[axis], spec["target"]
+    if names == ["temperature_sensor_quantization"]:
+        return coarse_thermometer(spec, case, axis, rng, meter)
     if shape is not None:
         first = {**shape, "p": dict(shape["p"])}
     else:
@@ -236,7 +262,7 @@ def read_out(case, rng):
     """Readings of every axis and run."""
     device = case.device
     for axis, found in case.found.items():
-        noisy = [c for c in found if c["name"] in causes.NOISY + ("noise_parameters",)]
+        noisy = [c for c in found if c["name"] in causes.NOISY]
         marks = [c for c in found if c["name"] in causes.OUTPUT]
         case.series[axis] = []
         for r, run in enumerate(device.runs):

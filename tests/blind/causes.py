@@ -27,10 +27,10 @@ FAMILY_OF = {name: family for family, names in FAMILIES.items() for name in name
 MEMORY = ("thermal_hysteresis", "thermal_lag")
 REPEATABLE = ("temperature_rate", "thermal_hysteresis", "thermal_lag", "thermal_creep", "thermal_anomaly", "thermal_step",
               "higher_order_polynomial", "rate_ramp", "warm_up")
-MEAN = REPEATABLE + ("sinusoid", "bias_step", "run_to_run", "auxiliary_channel")
+MEAN = REPEATABLE + ("sinusoid", "bias_step", "run_to_run", "auxiliary_channel", "temperature_sensor_quantization")
 SLOW = ("second_markov", "rate_random_walk", "flicker_noise", "markov_sigma_vs_temperature", "markov_tau_vs_temperature",
         "telegraph_noise")
-NOISY = SLOW + ("white_noise_vs_temperature", "outliers")
+NOISY = SLOW + ("white_noise_vs_temperature", "outliers", "noise_parameters")
 OUTPUT = ("quantization", "saturation", "dead_band", "held_samples")
 MECHANISMS = ("play", "two_plays", "preisach", "bouc_wen", "relaxing_play")
 
@@ -103,6 +103,11 @@ def draw_mechanism(rng):
 
 
 def draw_noise_cause(name, rng, sign):
+    if name == "temperature_sensor_quantization":  # the device's own step; the slope of B(T) gives it its strength
+        return {"lsb_degc": 0.0}
+    if name == "noise_parameters":
+        direction = rng.standard_normal(3) * [0.4, 1.0, 1.0]
+        return {"_size": 1.0, "_direction": (direction / np.linalg.norm(direction)).tolist()}
     if name in ("second_markov", "telegraph_noise"):
         key = "sigma_dph" if name == "second_markov" else "amplitude_dph"
         return {key: 1.0, "tau_s": log_uniform(rng, 4, 15) if rng.random() < 0.5 else log_uniform(rng, 700, 2500)}
@@ -243,6 +248,8 @@ def signature(cause, device, r, bias):
         return p["sigma_dph"] * (a * x + b * (x**2 - 1 / 3) / 2)
     if name == "auxiliary_channel":
         return p["gain"] * (run.aux - 5.0)
+    if name == "temperature_sensor_quantization":
+        return np.zeros(run.n)  # the temperature column of the log carries it
     raise ValueError(f"{name} has no signature")
 
 
@@ -267,13 +274,21 @@ def scaled(cause, factor):
 
 # ---- noise ------------------------------------------------------------------------------------------------
 
+def mistuned(p, white, markov):
+    """Noise off the believed one: by contract parameters, or by a drawn direction in the logarithms."""
+    if "_size" not in p:
+        return 60 * p["arw_deg_rt_h"], [(p["sigma_dph"], p["tau_s"])]
+    off = np.exp(p["_size"] * np.asarray(p["_direction"]))
+    return white * off[0], [(s * off[1], t * off[2]) for s, t in markov]
+
+
 def levels(noises, device, run, base):
     """White standard deviation and Markov terms; per second where a cause makes them vary."""
     white, markov, x = base.white_dph, [tuple(m) for m in base.markov], device.x(run.temp_degc)
     for cause in noises:
         name, p = cause["name"], cause["p"]
         if name == "noise_parameters":
-            white, markov = 60 * p["arw_deg_rt_h"], [(p["sigma_dph"], p["tau_s"])]
+            white, markov = mistuned(p, white, markov)
         elif name == "white_noise_vs_temperature":
             white = white * np.exp(0.5 * p["slope"] * x)
         elif name == "markov_sigma_vs_temperature":

@@ -168,6 +168,8 @@ def temperatures(device, count=40):
 def local_density(cause, device, base, f):
     """Density of the whole noise at 40 temperatures: (40, f) (stationary noise: (1, f))."""
     name, p = cause["name"], cause["p"]
+    if name == "noise_parameters":
+        return noise.Noise(*causes.mistuned(p, base.white_dph, base.markov)).density(f)[None, :]
     if name not in ("white_noise_vs_temperature", "markov_sigma_vs_temperature", "markov_tau_vs_temperature"):
         extra = causes.added_density(cause)
         return (base.density(f) + extra(f))[None, :]

@@ -190,7 +190,7 @@ def draw_meter(rng):
     return {"lsb_degc": float(rng.choice([0.001, 0.01, 0.0625])), "noise_degc": log_uniform(rng, 0.002, 0.04)}
 
 
-def draw_device(rng, n_train, n_hold, profile=None, seconds=None, constant=False):
+def draw_device(rng, n_train, n_hold, profile=None, seconds=None, constant=False, lsb_degc=None):
     """A device's campaign; all is drawn, nothing is shared between cases."""
     profile = profile or str(rng.choice(PROFILES, p=[0.25, 0.2, 0.2, 0.2, 0.08, 0.07]))
     lo, hi = float(rng.uniform(-25, 5)), float(rng.uniform(45, 75))
@@ -198,6 +198,8 @@ def draw_device(rng, n_train, n_hold, profile=None, seconds=None, constant=False
         lo = hi = float(np.round(rng.uniform(15, 45), 2))
     seconds = seconds or float(rng.uniform(5000, 9000))
     room, meter, gaps = draw_room(rng), draw_meter(rng), rng.random() < 0.25
+    if lsb_degc:
+        meter = {"lsb_degc": float(f"{lsb_degc:.2f}"), "noise_degc": 0.01}
     runs = [draw_run(profile, lo, hi, seconds, rng, i if i < n_train else i - n_train, room, meter, gaps, constant)
             for i in range(n_train + n_hold)]
     low = min(r.shown_degc.min() for r in runs) - 0.5

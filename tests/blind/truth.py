@@ -44,6 +44,8 @@ def delays_of(claims):
 def slopes_of(device, run, claims):
     """Columns whose coefficients are common to the runs."""
     shown = run.shown_degc if not delays_of(claims) else low_pass(low_pass(run.shown_degc, 5.0), delays_of(claims)[0])
+    if any(c["name"] == "temperature_sensor_quantization" for c in claims):
+        shown = run.temp_degc  # the best a model of the step could do
     x = device.x(shown)
     return blocks(np.stack([x, x**2, x**3], 1))
 
@@ -122,7 +124,7 @@ def true_density(case, axis, f):
     """(m, f) density of the whole noise of an axis, and what is not Gaussian of it as strength d."""
     total, extra = case.base.density(f)[None, :], 0.0
     for cause in case.found[axis]:
-        if cause["name"] in causes.SLOW + ("white_noise_vs_temperature",):
+        if cause["name"] in causes.SLOW + ("white_noise_vs_temperature", "noise_parameters"):
             total = gauge.local_density(cause, case.device, case.base, f)
         elif cause["name"] in outside.NOISES and cause["name"] != "bursts":
             total = total + outside.density(cause)(f)[None]
