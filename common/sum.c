@@ -106,17 +106,13 @@ IMUCAL_COLD imucal_status imucal_sum_flush(imucal_sum_t* sum, imucal_second_t* s
   return IMUCAL_SECOND_READY;
 }
 
-/* sum = n floor + rest, 0 <= rest < n <= 2^24: the mean is floor 2^16 + rest 2^16/n.  |floor| <= 2^31, so the first
- * term is below 2^47 and rest 2^16 < 2^40.  floor 2^16 is even, so that rounding the second term to even rounds the
+/* sum = n whole + rest, |rest| < n <= 2^24: the mean is whole 2^16 + rest 2^16/n.  |whole| <= 2^31, so the first
+ * term is at most 2^47, and |rest 2^16| < 2^40.  whole 2^16 is even, so that rounding the second term to even rounds the
  * sum to even. */
 IMUCAL_COLD int64_t imucal_mean_q16_rne(int64_t sum, uint32_t n) {
-  int64_t floor = sum / (int64_t)n;
-  int64_t rest = sum - floor * (int64_t)n;
-  if (rest < 0) {
-    rest += (int64_t)n;
-    floor -= 1;
-  }
-  return floor * 65536 + imucal_divide_rne(rest * 65536, (int64_t)n);
+  const int64_t whole = sum / (int64_t)n;
+  const int64_t rest = sum - whole * (int64_t)n;
+  return whole * 65536 + imucal_divide_rne(rest * 65536, (int64_t)n);
 }
 
 float imucal_unit_from_q16(int64_t mean_q16, float scale_unit_per_count, float offset_unit) {

@@ -152,7 +152,7 @@ static void encode_channel(const imucal_table_channel_t* c, uint8_t* at) {
   for (size_t k = 0; k < N_RULES; k++)
     for (size_t i = 0; i < rules[k].n; i++, to += 4) {
       uint32_t bits;
-      memcpy(&bits, (const uint8_t*)c + rules[k].offset + 4 * i, 4);
+      memcpy(&bits, (const uint8_t*)c + rules[k].offset + sizeof bits * i, sizeof bits);
       imucal_put_u32(to, bits);
     }
   imucal_put_u32(at + FULL_SCALE_AT, (uint32_t)c->full_scale_counts);
@@ -168,7 +168,7 @@ static void decode_channel(const uint8_t* at, imucal_table_channel_t* c) {
   for (size_t k = 0; k < N_RULES; k++)
     for (size_t i = 0; i < rules[k].n; i++, from += 4) {
       const uint32_t bits = imucal_get_u32(from);
-      memcpy((uint8_t*)c + rules[k].offset + 4 * i, &bits, 4);
+      memcpy((uint8_t*)c + rules[k].offset + sizeof bits * i, &bits, sizeof bits);
     }
   c->full_scale_counts = (int32_t)imucal_get_u32(at + FULL_SCALE_AT);
   c->n_seconds = imucal_get_u32(at + N_SECONDS_AT);

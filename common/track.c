@@ -37,9 +37,9 @@ static void pass_edge(imucal_track_t* track, int32_t level) {
   /* Twice the time of the step before: it held a soak, and tells nothing of the rate now. */
   bool is_steady = track->interval_s == 0 || taken_s / 2 <= track->interval_s;
   track->edge_q16 = ((int64_t)track->level + level) * HALF_Q16;
-  if (is_same_way && taken_s > 0 && is_steady) {
-    track->interval_s = taken_s;
-    track->rate_q16 = taken_s <= ONE_Q16 ? direction * (int32_t)(ONE_Q16 / taken_s) : 0;
+  if (is_same_way && is_steady) {
+    track->interval_s = taken_s; /* at least 1: every second counts in since_s, and in beyond_s from the next one on */
+    track->rate_q16 = direction * (int32_t)(ONE_Q16 / taken_s);
     track->is_rate_awaited = false;
   } else {
     forget_rate(track);

@@ -24,6 +24,19 @@ static void test_crc_in_pieces_equals_whole(void** state) {
   }
 }
 
+/* The definition, bit by bit: every entry of the table is met. */
+static void test_crc_of_every_byte_is_the_polynomial_s(void** state) {
+  (void)state;
+  uint8_t data[256];
+  uint32_t expected = 0xFFFFFFFFu;
+  for (uint32_t i = 0; i < 256; i++) {
+    data[i] = (uint8_t)i;
+    expected ^= i;
+    for (int bit = 0; bit < 8; bit++) expected = expected >> 1 ^ (expected & 1u ? 0xEDB88320u : 0u);
+    assert_int_equal(imucal_crc32(data, i + 1), (uint32_t)~expected);
+  }
+}
+
 /* sqrt in double rounded to float is the correctly rounded float root (53 >= 2*24 + 2: Figueroa 1995). */
 static void expect_root(uint32_t bits) {
   float value = imucal_float_from_bits(bits);
@@ -38,7 +51,7 @@ static void test_sqrtf_is_correctly_rounded(void** state) {
   for (int i = 0; i < 2000000; i++) expect_root((uint32_t)unit_bits(&rng) % 0x7F800000u);
   for (uint32_t exponent = 0; exponent < 255; exponent++) {
     for (uint32_t i = 0; i < 64; i++) expect_root(exponent << 23 | i);              /* just above a power of two */
-    for (uint32_t i = 1; i < 64; i++) expect_root((exponent << 23) + 0x7FFFFFu - i); /* just below the next */
+    for (uint32_t i = 0; i < 64; i++) expect_root((exponent << 23) + 0x7FFFFFu - i); /* just below the next */
   }
   for (uint32_t i = 0; i < 4096; i++) { /* squares and their neighbours */
     uint32_t bits = imucal_bits_from_float((float)(i * i));
@@ -62,6 +75,20 @@ static void test_is_finite_is_decided_by_bits(void** state) {
   assert_false(imucal_is_finite(imucal_float_from_bits(0x7F800000u)));
   assert_false(imucal_is_finite(imucal_float_from_bits(0xFF800000u)));
   assert_false(imucal_is_finite(imucal_float_from_bits(0x7F800001u)));
+}
+
+static void test_is_within_takes_both_ends_and_finite_values_only(void** state) {
+  (void)state;
+  const float infinite = imucal_float_from_bits(0x7F800000u), nan_value = imucal_float_from_bits(0x7FC00000u);
+  const float below = imucal_float_from_bits(imucal_bits_from_float(1.0f) - 1u), above = imucal_float_from_bits(imucal_bits_from_float(2.0f) + 1u);
+  assert_true(imucal_is_within(1.0f, 1.0f, 2.0f));
+  assert_true(imucal_is_within(1.5f, 1.0f, 2.0f));
+  assert_true(imucal_is_within(2.0f, 1.0f, 2.0f));
+  assert_false(imucal_is_within(below, 1.0f, 2.0f));
+  assert_false(imucal_is_within(above, 1.0f, 2.0f));
+  assert_false(imucal_is_within(nan_value, 1.0f, 2.0f));
+  assert_false(imucal_is_within(infinite, 1.0f, infinite));
+  assert_false(imucal_is_within(-infinite, -infinite, 2.0f));
 }
 
 static void test_divide_rne_rounds_ties_to_even(void** state) {
@@ -102,6 +129,20 @@ static void test_sample_record_golden_bytes(void** state) {
   assert_int_equal(back.fault, 1);
 }
 
+static void test_sample_record_of_all_channels_and_not_a_byte_more(void** state) {
+  (void)state;
+  imucal_sample_t sample = {.n_channels = IMUCAL_MAX_CHANNELS}, back;
+  for (int i = 0; i < IMUCAL_MAX_CHANNELS; i++) sample.counts[i] = 1000 + i;
+  uint8_t record[IMUCAL_SAMPLE_RECORD_BYTES + 8];
+  memset(record, 0xEE, sizeof record);
+  memset(&back, 0x5A, sizeof back);
+  imucal_sample_encode(&sample, record);
+  for (size_t i = IMUCAL_SAMPLE_RECORD_BYTES; i < sizeof record; i++) assert_int_equal(record[i], 0xEE);
+  assert_int_equal(imucal_sample_decode(record, &back), IMUCAL_OK);
+  assert_int_equal(back.n_channels, IMUCAL_MAX_CHANNELS);
+  for (int i = 0; i < IMUCAL_MAX_CHANNELS; i++) assert_int_equal(back.counts[i], 1000 + i);
+}
+
 static void test_sample_record_malformed_is_refused(void** state) {
   (void)state;
   uint8_t record[IMUCAL_SAMPLE_RECORD_BYTES] = {IMUCAL_SAMPLE_MARKER, 7};
@@ -137,6 +178,9 @@ int main(void) {
       cmocka_unit_test(test_divide_rne_rounds_ties_to_even),
       cmocka_unit_test(test_little_endian_round_trip_and_order),
       cmocka_unit_test(test_sample_record_golden_bytes),
+      cmocka_unit_test(test_crc_of_every_byte_is_the_polynomial_s),
+      cmocka_unit_test(test_is_within_takes_both_ends_and_finite_values_only),
+      cmocka_unit_test(test_sample_record_of_all_channels_and_not_a_byte_more),
       cmocka_unit_test(test_sample_record_malformed_is_refused),
       cmocka_unit_test(test_status_every_value_has_its_own_text),
   };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// sum: exactness against 128-bit integers, the cut by time stamps, and everything odd that time can do.
+// sum: exactness against integers wide enough, the cut by time stamps, and everything odd that time can do.
 #include "unit.h"
 
 #include "sum.h"
@@ -51,7 +51,7 @@ static void test_add_extreme_counts_sum_is_exact(void** state) {
   unit_rng_t rng = {unit_seed()};
   assert_int_equal(imucal_sum_init(&sum, 6, 10000), IMUCAL_OK);
   for (int run = 0; run < 50; run++) {
-    __int128 expected[6] = {0}, temp = 0;
+    int64_t expected[6] = {0}, temp = 0; /* 10^4 times 2^31 */
     for (int i = 0; i < 10000; i++) {
       imucal_sample_t s = {.t_us = (uint64_t)run * 1000000u + 100u * (uint64_t)i, .n_channels = 6};
       s.temp_counts = run == 0 ? INT32_MAX : (int32_t)unit_bits(&rng);
@@ -65,8 +65,8 @@ static void test_add_extreme_counts_sum_is_exact(void** state) {
     }
     imucal_sum_t copy = sum;
     assert_int_equal(imucal_sum_flush(&copy, &second), IMUCAL_SECOND_READY);
-    for (int c = 0; c < 6; c++) assert_true((__int128)second.sum[c] == expected[c]);
-    assert_true((__int128)second.temp_sum == temp);
+    for (int c = 0; c < 6; c++) assert_true(second.sum[c] == expected[c]);
+    assert_true(second.temp_sum == temp);
   }
 }
 
@@ -242,11 +242,12 @@ static void test_mean_q16_is_exact_rne_of_the_quotient(void** state) {
     int64_t limit = ((int64_t)1 << 31) * n;
     int64_t sum = i < 8 ? (i % 2 ? limit : -limit) : unit_integer(&rng, -limit, limit);
     if (i % 3 == 0) sum >>= 40; /* small sums: ties are frequent */
-    /* |mean n - sum 2^16| <= n/2, and even where equal: the definition, in 128 bits */
+    /* |mean n - sum 2^16| <= n/2, and even where equal: the definition; modulo 2^64, and roughly, which leaves one number */
     int64_t mean = imucal_mean_q16_rne(sum, n);
-    __int128 twice_error = 2 * ((__int128)mean * n - (__int128)sum * 65536);
-    assert_true(twice_error <= n && twice_error >= -(__int128)n);
-    if (twice_error == n || twice_error == -(__int128)n) assert_true((mean & 1) == 0);
+    int64_t twice_error = (int64_t)(2u * ((uint64_t)mean * n - (uint64_t)sum * 65536u));
+    assert_true(fabs((double)mean - (double)sum * 65536 / n) <= 1 + fabs((double)mean) * 1e-15);
+    assert_true(twice_error <= (int64_t)n && twice_error >= -(int64_t)n);
+    if (twice_error == (int64_t)n || twice_error == -(int64_t)n) assert_true((mean & 1) == 0);
   }
 }
 
@@ -259,6 +260,152 @@ static void test_unit_from_q16_within_stated_error(void** state) {
     double exact = (double)mean * 0x1p-16 * (double)scale;
     assert_true(fabs((double)imucal_unit_from_q16(mean, scale, 0.0f) - exact) <= fabs(exact) * 0x1p-23);
   }
+}
+
+static void test_init_takes_the_limits(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  assert_int_equal(imucal_sum_init(&sum, 1, 1), IMUCAL_OK);
+  assert_int_equal(imucal_sum_init(&sum, IMUCAL_MAX_CHANNELS, IMUCAL_SUM_MAX_RATE_HZ), IMUCAL_OK);
+}
+
+/* Nothing of a channel that the device does not have is touched. */
+static void test_flags_and_sums_are_of_all_channels_and_no_more(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  start(&sum);
+  for (unsigned i = 0; i < 100; i++) {
+    imucal_sample_t s = sample_at(10000u * i, 7);
+    for (int c = 2; c < IMUCAL_MAX_CHANNELS; c++) s.counts[c] = 99;
+    s.saturated = 0xFE;
+    s.fault = 0xFD;
+    if (i != 50) assert_int_equal(imucal_sum_add(&sum, &s, &second), IMUCAL_OK);
+  }
+  assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_SECOND_READY);
+  assert_int_equal(second.flags[0], IMUCAL_FLAG_MISSING | IMUCAL_FLAG_FAULT);
+  assert_int_equal(second.flags[1], IMUCAL_FLAG_MISSING | IMUCAL_FLAG_SATURATED);
+  for (int c = 2; c < IMUCAL_MAX_CHANNELS; c++) assert_true(second.flags[c] == 0 && second.sum[c] == 0);
+  for (unsigned i = 100; i < 200; i++) assert_int_equal(add(&sum, 10000u * i, 7, &second), IMUCAL_OK);
+  assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_SECOND_READY);
+  assert_int_equal(second.flags[0] | second.flags[1], 0); /* neither fault nor rail is carried over */
+}
+
+/* The rules of sum.h once more, from nothing but the list of time stamps. */
+typedef struct {
+  uint64_t t_us[4000];
+  int n, first; /* stamps so far; first one of the running second */
+  uint32_t rate_hz, last_t_s, n_jump;
+} stamps_t;
+
+/* The second that holds stamps first .. n-1 is over; next_us: the stamp after it, 0: flushed. */
+static void expect_second(stamps_t* m, const imucal_second_t* second, uint64_t next_us) {
+  const uint64_t hole_us = 1000000 / m->rate_hz + 1000000 / (2 * m->rate_hz), period_us = hole_us - hole_us / 3;
+  const uint64_t* t = m->t_us;
+  const int last = m->n - 1;
+  const uint64_t begin_us = t[m->first] / 1000000 * 1000000, end_us = begin_us + 1000000;
+  bool is_missing = m->first == 0 && t[0] - begin_us > hole_us;
+  if (m->first > 0 && t[m->first] - t[m->first - 1] > hole_us && t[m->first] - period_us >= begin_us) is_missing = true;
+  for (int i = m->first + 1; i <= last; i++) is_missing = is_missing || t[i] - t[i - 1] > hole_us;
+  if (next_us != 0 && next_us - t[last] > hole_us && t[last] + period_us < end_us) is_missing = true;
+  if (next_us == 0 && end_us - t[last] > hole_us) is_missing = true;
+  const uint32_t n = (uint32_t)(m->n - m->first), t_s = (uint32_t)(end_us / 1000000);
+  const uint32_t n_skipped = m->last_t_s == 0 ? 0 : t_s - m->last_t_s - 1;
+  if (second->flags[0] != (is_missing ? IMUCAL_FLAG_MISSING : 0))
+    fail_msg("second ending at %u s, %u Hz: flags %u", t_s, m->rate_hz, second->flags[0]);
+  assert_int_equal(second->n_samples, n);
+  assert_int_equal(second->t_s, t_s);
+  assert_int_equal(second->n_skipped, n_skipped);
+  assert_int_equal(second->is_gap, 2 * n < m->rate_hz);
+  assert_true(second->sum[0] == (int64_t)n * 3 && second->temp_sum == (int64_t)n);
+  m->n_jump += n_skipped != 0;
+  m->last_t_s = t_s;
+  m->first = m->n;
+}
+
+static void test_add_seconds_follow_the_rule_of_time_at_every_limit(void** state) {
+  (void)state;
+  static stamps_t m;
+  unit_rng_t rng = {unit_seed()};
+  const uint32_t rates_hz[] = {1, 7, 10, 100};
+  for (int run = 0; run < 1000; run++) {
+    m.n = m.first = 0;
+    m.last_t_s = m.n_jump = 0;
+    m.rate_hz = rates_hz[run % 4];
+    imucal_sum_t sum;
+    imucal_second_t second;
+    assert_int_equal(imucal_sum_init(&sum, 2, m.rate_hz), IMUCAL_OK);
+    const uint64_t hole_us = sum.hole_us, period_us = hole_us - hole_us / 3;
+    uint64_t t_us = (uint64_t)unit_integer(&rng, 0, 2) * 1000000;
+    t_us += (uint64_t)(run % 8 == 0 ? 0 : unit_integer(&rng, -1, 1) + (int64_t)(unit_bits(&rng) % 2 ? hole_us : period_us));
+    for (int i = 0; i < 300; i++) {
+      assert_int_equal(add(&sum, t_us, 3, &second), m.n > m.first && t_us / 1000000 != m.t_us[m.n - 1] / 1000000
+                                                       ? IMUCAL_SECOND_READY : IMUCAL_OK);
+      if (m.n > m.first && t_us / 1000000 != m.t_us[m.n - 1] / 1000000) expect_second(&m, &second, t_us);
+      m.t_us[m.n++] = t_us;
+      if (unit_bits(&rng) % 64 == 0 && imucal_sum_flush(&sum, &second) == IMUCAL_SECOND_READY) {
+        expect_second(&m, &second, 0);
+        const uint64_t end_us = (t_us / 1000000 + 1) * 1000000;
+        m.t_us[m.n - 1] = end_us - 1; /* the next hole is counted from the end of what was handed out */
+        t_us = end_us - 1;
+      }
+      const uint64_t left_us = 1000000 - t_us % 1000000; /* to the next second */
+      const uint64_t steps[] = {period_us, period_us, period_us, hole_us, hole_us + 1, hole_us - 1, 2 * period_us, left_us,
+                                left_us + 1, left_us + period_us, left_us + period_us - 1, left_us + period_us + 1,
+                                left_us + hole_us, left_us + 2000000};
+      uint64_t step = steps[unit_bits(&rng) % (sizeof steps / sizeof steps[0])];
+      if (unit_bits(&rng) % 8 == 0 && left_us > period_us) step = left_us - period_us + unit_bits(&rng) % 3 - 1;
+      t_us += step > 0 ? step : 1;
+    }
+    assert_int_equal(sum.n_jump, m.n_jump + (sum.run.n_skipped != 0));
+    assert_int_equal(sum.n_taken, 300);
+  }
+}
+
+/* Distinct microseconds allow a million samples a second; the guard is for a clock that is not what it says. */
+static void test_add_more_samples_than_a_sum_holds_are_refused(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  start(&sum);
+  assert_int_equal(add(&sum, 100, 1, &second), IMUCAL_OK);
+  sum.run.n_samples = IMUCAL_SUM_MAX_SAMPLES - 1;
+  assert_int_equal(add(&sum, 200, 1, &second), IMUCAL_OK);
+  assert_int_equal(add(&sum, 300, 1, &second), IMUCAL_ERR_RANGE);
+  assert_int_equal(sum.run.n_samples, IMUCAL_SUM_MAX_SAMPLES);
+  assert_int_equal(sum.n_refused, 1);
+  assert_int_equal(add(&sum, 1000000, 1, &second), IMUCAL_SECOND_READY); /* the next second is taken */
+}
+
+static void test_add_duplicates_and_backward_have_a_count_each(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  imucal_second_t second;
+  start(&sum);
+  assert_int_equal(add(&sum, 20000, 5, &second), IMUCAL_OK);
+  for (int i = 0; i < 3; i++) assert_int_equal(add(&sum, 20000, 5, &second), IMUCAL_ERR_PERIOD);
+  assert_int_equal(add(&sum, 19999, 5, &second), IMUCAL_ERR_PERIOD);
+  assert_int_equal(sum.n_duplicate, 3);
+  assert_int_equal(sum.n_backward, 1);
+}
+
+static void test_unit_from_q16_adds_the_offset(void** state) {
+  (void)state;
+  assert_true(imucal_unit_from_q16(3 * 65536, 0.5f, 25.0f) == 26.5f);
+  assert_true(imucal_unit_from_q16(-32768, 1.0f, -7.0f) == -7.5f);
+}
+
+/* As many samples as nominal, though some are missing by their times: no better than a whole second. */
+static void test_noise_ratio_is_at_least_one(void** state) {
+  (void)state;
+  imucal_sum_t sum;
+  start(&sum);
+  imucal_second_t second = {.n_channels = 2, .flags = {IMUCAL_FLAG_MISSING, IMUCAL_FLAG_SATURATED}};
+  second.n_samples = 101;
+  assert_true(imucal_sum_noise_ratio(&sum, &second, 0) == 1.0f);
+  second.n_samples = 50;
+  assert_true(imucal_sum_noise_ratio(&sum, &second, 0) == 2.0f);
+  assert_true(imucal_sum_noise_ratio(&sum, &second, 1) == 1.0f);
 }
 
 int main(void) {
@@ -278,6 +425,13 @@ int main(void) {
       cmocka_unit_test(test_noise_ratio_is_of_lost_samples_only),
       cmocka_unit_test(test_mean_q16_is_exact_rne_of_the_quotient),
       cmocka_unit_test(test_unit_from_q16_within_stated_error),
+      cmocka_unit_test(test_init_takes_the_limits),
+      cmocka_unit_test(test_flags_and_sums_are_of_all_channels_and_no_more),
+      cmocka_unit_test(test_add_seconds_follow_the_rule_of_time_at_every_limit),
+      cmocka_unit_test(test_add_more_samples_than_a_sum_holds_are_refused),
+      cmocka_unit_test(test_add_duplicates_and_backward_have_a_count_each),
+      cmocka_unit_test(test_unit_from_q16_adds_the_offset),
+      cmocka_unit_test(test_noise_ratio_is_at_least_one),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

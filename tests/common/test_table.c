@@ -194,6 +194,152 @@ static void test_from_kf_takes_what_the_filter_learnt(void** state) {
   assert_true(table.channel[0].sigma[8] == imucal_kf_bias_sigma(&kf, 45));
 }
 
+static float next_after(float value, int steps) {
+  const uint32_t bits = imucal_bits_from_float(value);
+  return imucal_float_from_bits(bits + (uint32_t)steps); /* away from 0 where steps > 0 */
+}
+
+/* Every bound itself is taken; the next float beyond it is not. */
+#define BOUND(member, bound, status, where)                                        \
+  t = example_table(1, 0);                                                         \
+  t.channel[0].range_degc = 2000, t.channel[0].span_lo_degc = -1, t.channel[0].span_hi_degc = 1; \
+  t.channel[0].t0_degc = 0, t.channel[0].n_markov = 2, t.channel[0].markov_tau_s[1] = 1;          \
+  t.member = bound;                                                                \
+  if (imucal_table_validate(&t, &place) != IMUCAL_OK) fail_msg("%s = %s: %s", #member, #bound, place.field);             \
+  t.member = next_after(bound, beyond);                                            \
+  assert_int_equal(imucal_table_validate(&t, &place), status);                     \
+  assert_string_equal(place.field, where);                                         \
+  assert_int_equal(place.channel, is_header ? -1 : 0)
+
+static void test_validate_takes_each_bound_and_not_the_next_number(void** state) {
+  (void)state;
+  imucal_table_t t;
+  imucal_table_place_t place;
+  int beyond = 1, is_header = 1; /* away from 0 */
+  BOUND(degc_at_zero, 1e6f, IMUCAL_ERR_SCALE, "degc_at_zero");
+  BOUND(degc_at_zero, -1e6f, IMUCAL_ERR_SCALE, "degc_at_zero");
+  BOUND(degc_per_count, 3e38f, IMUCAL_ERR_SCALE, "degc_per_count");
+  is_header = 0;
+  BOUND(channel[0].t0_degc, 1000.0f, IMUCAL_ERR_SPAN, "t0_degc");
+  BOUND(channel[0].t0_degc, -1000.0f, IMUCAL_ERR_SPAN, "t0_degc");
+  BOUND(channel[0].range_degc, 2000.0f, IMUCAL_ERR_SPAN, "range_degc");
+  BOUND(channel[0].coeff[3], 1e7f, IMUCAL_ERR_COEFFICIENT, "coeff");
+  BOUND(channel[0].coeff[3], -1e7f, IMUCAL_ERR_COEFFICIENT, "coeff");
+  BOUND(channel[0].span_hi_degc, 1000.0f, IMUCAL_ERR_SPAN, "span_degc");
+  BOUND(channel[0].span_lo_degc, -1000.0f, IMUCAL_ERR_SPAN, "span_degc");
+  BOUND(channel[0].sigma[8], 3e38f, IMUCAL_ERR_SIGMA, "sigma");
+  BOUND(channel[0].arw, 3e38f, IMUCAL_ERR_MODEL, "model");
+  BOUND(channel[0].markov_sigma[1], 3e38f, IMUCAL_ERR_MODEL, "model");
+  BOUND(channel[0].markov_tau_s[1], 3e38f, IMUCAL_ERR_MODEL, "model");
+  BOUND(channel[0].unit_per_count, 3e38f, IMUCAL_ERR_SCALE, "unit_per_count");
+  beyond = -1; /* towards 0 */
+  BOUND(channel[0].unit_per_count, 1e-30f, IMUCAL_ERR_SCALE, "unit_per_count");
+  BOUND(channel[0].markov_tau_s[0], 1e-45f, IMUCAL_ERR_MODEL, "model");
+  is_header = 1;
+  BOUND(degc_per_count, 1e-30f, IMUCAL_ERR_SCALE, "degc_per_count");
+}
+
+static void test_validate_takes_what_is_allowed_to_be_zero_or_largest(void** state) {
+  (void)state;
+  imucal_table_t t = example_table(1, 0);
+  imucal_table_channel_t* c = &t.channel[0];
+  memset(c->sigma, 0, sizeof c->sigma);
+  c->arw = c->markov_sigma[0] = 0.0f;
+  c->order = IMUCAL_MAX_ORDER;
+  c->coeff[5] = 1.0f;
+  c->n_markov = 2;
+  c->markov_tau_s[1] = 1.0f;
+  c->scale_order = 2;
+  c->scale_coeff[0] = -0.03125f, c->scale_coeff[1] = 0.015625f, c->scale_coeff[2] = 0.015625f; /* 1/16 together */
+  c->full_scale_counts = 1;
+  memcpy(c->name, "~!gx_dph_12~", IMUCAL_NAME_LEN); /* fills its field */
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
+  memset(c->name, 0, sizeof c->name);
+  c->name[0] = '~';
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
+  c->name[0] = 127;
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_ERR_NAME);
+  t = example_table(1, 0);
+  c->order = 1;
+  c->coeff[2] = c->coeff[3] = 0.0f;
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
+  c->order = 0;
+  c->coeff[1] = 0.0f;
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_ERR_COEFFICIENT); /* b0 is left */
+  c->coeff[0] = 0.0f;
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
+  t = example_table(1, 0); /* the smallest range; its span may reach a rounding beyond it */
+  c->t0_degc = 0.0f;
+  c->range_degc = 1e-3f;
+  c->span_lo_degc = -1e-3f * 1.00001f, c->span_hi_degc = 1e-3f * 1.00001f;
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
+  c->span_lo_degc = next_after(c->span_lo_degc, 1);
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_ERR_SPAN);
+  c->span_lo_degc = 0.0f, c->span_hi_degc = next_after(c->span_hi_degc, 1);
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_ERR_SPAN);
+  c->span_hi_degc = 1e-4f, c->range_degc = next_after(1e-3f, -1);
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_ERR_SPAN);
+}
+
+/* Two wrong fields: the first in the order of the bytes is named. */
+static void test_validate_names_the_first_field(void** state) {
+  (void)state;
+  imucal_table_place_t place;
+  imucal_table_t t = example_table(2, 0);
+  t.channel[0].span_hi_degc = 100.0f; /* outside t0 +- range */
+  t.channel[0].sigma[0] = -1.0f;
+  t.channel[1].arw = -1.0f;
+  assert_int_equal(imucal_table_validate(&t, &place), IMUCAL_ERR_SPAN);
+  assert_string_equal(place.field, "span_degc");
+  assert_int_equal(place.channel, 0);
+  t.channel[0].span_lo_degc = (float)NAN;
+  t.channel[0].span_hi_degc = 2000.0f;
+  assert_int_equal(imucal_table_validate(&t, &place), IMUCAL_ERR_SPAN);
+  assert_string_equal(place.field, "span_degc");
+}
+
+static void test_decode_header_refusals_are_of_the_header(void** state) {
+  (void)state;
+  imucal_table_t t = example_table(1, 0);
+  imucal_table_place_t place;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  size_t len = 0;
+  assert_int_equal(imucal_table_encode(&t, bytes, sizeof bytes, &len), IMUCAL_OK);
+  size_t claimed = 0;
+  assert_int_equal(imucal_table_peek(bytes, IMUCAL_TABLE_HEADER_BYTES, &claimed), IMUCAL_OK);
+  assert_int_equal(claimed, len);
+  assert_int_equal(imucal_table_peek(bytes, IMUCAL_TABLE_HEADER_BYTES - 1, &claimed), IMUCAL_ERR_LENGTH);
+  const struct {
+    size_t at, have;
+    uint8_t value;
+    const char* field;
+  } wrong[] = {{0, sizeof bytes, 'i', "header"},
+               {4, sizeof bytes, 2, "version"},
+               {6, sizeof bytes, IMUCAL_TABLE_BYTES(0), "header"},
+               {0, 100, 'I', "length"},
+               {50, sizeof bytes, 77, "crc"}};
+  for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+    uint8_t copy[sizeof bytes];
+    memcpy(copy, bytes, sizeof copy);
+    copy[wrong[i].at] = wrong[i].value;
+    assert_int_not_equal(imucal_table_decode(copy, wrong[i].have, &t, &place), IMUCAL_OK);
+    assert_string_equal(place.field, wrong[i].field);
+    assert_int_equal(place.channel, -1);
+  }
+}
+
+static void test_text_first_and_last_character_count(void** state) {
+  (void)state;
+  char text[12];
+  assert_int_equal(imucal_text_set(text, 12, " b"), IMUCAL_ERR_NAME);
+  assert_int_equal(imucal_text_set(text, 12, "\x7F"), IMUCAL_ERR_NAME);
+  assert_int_equal(imucal_text_set(text, 12, "~"), IMUCAL_OK);
+  assert_memory_equal(text, "~\0\0\0\0\0\0\0\0\0\0\0", 12);
+  assert_false(imucal_text_equal("ab", "bb", 3));
+  assert_true(imucal_text_equal("abX", "abY", 2));
+  assert_false(imucal_text_equal("abX", "abY", 3));
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_encode_decode_gives_the_same_table),
@@ -202,6 +348,11 @@ int main(void) {
       cmocka_unit_test(test_decode_any_flipped_bit_is_refused),
       cmocka_unit_test(test_decode_header_nonsense_has_its_own_status),
       cmocka_unit_test(test_validate_field_nonsense_has_its_own_status_and_place),
+      cmocka_unit_test(test_validate_takes_each_bound_and_not_the_next_number),
+      cmocka_unit_test(test_validate_takes_what_is_allowed_to_be_zero_or_largest),
+      cmocka_unit_test(test_validate_names_the_first_field),
+      cmocka_unit_test(test_decode_header_refusals_are_of_the_header),
+      cmocka_unit_test(test_text_first_and_last_character_count),
       cmocka_unit_test(test_text_set_refuses_what_does_not_fit),
       cmocka_unit_test(test_from_kf_takes_what_the_filter_learnt),
   };
