@@ -92,6 +92,45 @@ def test_log_run_to_run_adds_another_curve_to_each_log(files):
     assert len({round(s, 3) for s in slopes}) == 3 and 0.1 < max(map(abs, slopes)) < 150
 
 
+def metadata(path):
+    lines = [line[1:].split("=", 1) for line in path.read_text().splitlines() if line.startswith("#")]
+    return {key.strip(): value.strip() for key, value in lines}
+
+
+MEMORY = [{"name": "thermal_hysteresis", "parameters": {"amplitude_dph": 40, "width_degc": 5}},
+          {"name": "warm_up", "parameters": {"amplitude_dph": 30, "tau_s": 200}}]
+
+
+def test_log_start_is_drawn_in_every_run_and_told_in_the_log(files):
+    (files / "effects.json").write_text(json.dumps(MEMORY))
+    starts = []
+    for i in range(4):
+        gyrosim(files, "--axes", 2, "--log-index", i, "-o", "plain.csv")
+        gyrosim(files, "--axes", 2, "--log-index", i, "--effects", "effects.json", "-o", "a.csv")
+        told = metadata(files / "a.csv")
+        play, left = (float(told[f"start.gx_dph.{key}"]) for key in ("thermal_hysteresis.play_frac", "warm_up.left_frac"))
+        assert told["start.gy_dph.thermal_hysteresis.play_frac"] == told["start.gx_dph.thermal_hysteresis.play_frac"]
+        added = (rows(files / "a.csv")[1] - rows(files / "plain.csv")[1])[0, 2:]
+        assert np.allclose(added, 40 * play + 30 * left, atol=1e-3)  # the first second shows both starts
+        starts.append((play, left))
+    assert len(set(starts)) == 4
+
+
+def test_log_start_cold_or_settled_is_the_same_in_every_run(files):
+    (files / "effects.json").write_text(json.dumps(MEMORY))
+    for word, expected in (("cold", 70), ("settled", 0)):
+        for i in range(2):
+            gyrosim(files, "--log-index", i, "-o", "plain.csv")
+            gyrosim(files, "--log-index", i, "--effects", "effects.json", "--start", word, "-o", "a.csv")
+            added = rows(files / "a.csv")[1] - rows(files / "plain.csv")[1]
+            assert abs(added[0, 2] - expected) < 1e-3
+    own = [{**effect, "parameters": {**effect["parameters"], "start": "settled"}} for effect in MEMORY]
+    (files / "effects.json").write_text(json.dumps(own))
+    gyrosim(files, "--log-index", 1, "--effects", "effects.json", "--start", "cold", "-o", "a.csv")
+    assert abs((rows(files / "a.csv")[1] - rows(files / "plain.csv")[1])[0, 2]) < 1e-3
+    assert "--start" in gyrosim(files, "--start", "hot", "-o", "b.csv", code=2).stderr
+
+
 def test_log_flaws_of_recording(files):
     gyrosim(files, "--missing", 0.2, "--jitter-s", 0.01, "--temp-lsb-degc", 1, "--rate-lsb-dph", 180, "-o", "a.csv")
     _, data = rows(files / "a.csv")

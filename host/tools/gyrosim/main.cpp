@@ -5,6 +5,7 @@
 
 #include "cli/program.h"
 #include "device/feed.h"
+#include "physics/effects/start_state.h"
 #include "physics/sim/simulate.h"
 
 using namespace imucal;
@@ -18,6 +19,16 @@ struct LogOptions {
   size_t n_axes = 0; // 0: as many as models
   SimOptions sim;
 };
+
+// How effects with a memory (hysteresis, lag, creep, warm-up, jumps at a temperature) begin the run.
+void add_start(CLI::App* app, SimOptions* sim) {
+  app->add_option_function<std::string>(
+         "--start", [sim](const std::string& word) { sim->start = start_state_from(word); },
+         "state of effects with a memory at the start of the run: drawn in every run (random), the same each "
+         "time (cold), or without any rest of the past (settled); default random")
+      ->check(CLI::IsMember({"random", "cold", "settled"}))
+      ->type_name("STATE");
+}
 
 void add_log(CLI::App* app, LogOptions* o) {
   app->add_option("--model", o->model_paths,
@@ -42,6 +53,7 @@ void add_log(CLI::App* app, LogOptions* o) {
       ->capture_default_str();
   app->add_option("--n-logs", o->sim.n_logs, "logs of the device in all")->check(CLI::Range(1, 65536));
   app->add_option("--device", o->sim.device, "another device of the same seed")->capture_default_str();
+  add_start(app, &o->sim);
   app->add_option("--temp-noise-degc", o->sim.temp_noise_degc, "thermometer noise per second")
       ->check(CLI::NonNegativeNumber);
   app->add_option("--temp-lsb-degc", o->sim.temp_lsb_degc, "thermometer quantum")
@@ -64,6 +76,7 @@ Json report(const LogOptions& o, const SimulatedLog& simulated, size_t n_rows) {
   for (const SimulatedAxis& a : simulated.axes)
     json["axes"].push_back({{"axis", a.name},
                             {"turn_on_dph", a.turn_on_dph},
+                            {"start", a.run.start_state},
                             {"bias",
                              {{"t0_degc", a.run.bias.t0_degc},
                               {"range_degc", a.run.bias.range_degc},
@@ -156,6 +169,7 @@ void add_serve(CLI::App* app, ServeOptions* o) {
   app->add_option("--log-index", o->sim.log_index, "which run of the device this is, from 0")
       ->check(CLI::Range(0, 65535));
   app->add_option("--device", o->sim.device, "another device of the same seed");
+  add_start(app, &o->sim);
   app->add_option("--temp-noise-degc", o->feed.format.temp_noise_degc, "thermometer noise per sample")
       ->check(CLI::NonNegativeNumber);
   app->add_option("--missing-seconds", o->sim.missing_frac, "part of the seconds that is missing altogether")

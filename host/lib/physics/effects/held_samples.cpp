@@ -18,7 +18,7 @@ public:
     return "The output is sometimes not refreshed: it repeats the value before it or reads a fixed one "
            "(drop-out).";
   }
-  Family family() const override { return Family::kStructural; }
+  Family family() const override { return Family::kFastNoise; }
   std::vector<HardwareCause> hardware_causes() const override {
     return {{"reader and sensor run on different clocks, or a read failed",
              "look at data-ready and the flags of the recorder"}};

@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace imucal {
 
 namespace {
 
 constexpr size_t kHalfWindow = 20;     // rows on either side
+constexpr size_t kMoreOften = 5;       // than any other value: no step of a lattice
 constexpr double kFar_sigma = 5;       // once in 1.7 million normal samples
 constexpr double kSameRate = 1e-6;     // relative; logs carry six digits and more
 constexpr double kMedianJump = 0.9539; // median of |N(0, 2 sigma^2)| over sigma
@@ -26,13 +28,31 @@ std::vector<double> running_median(const std::vector<double>& x) {
   return out;
 }
 
-// From the jumps between successive samples that differ: repeats say nothing about noise.
+// The value that is found most often, and how often.
+std::pair<double, size_t> most_common(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  std::pair<double, size_t> most = {0, 0};
+  for (size_t i = 0, first = 0; i < values.size(); ++i) {
+    if (!is_same_rate(values[i], values[first])) first = i;
+    if (i - first + 1 > most.second) most = {values[first], i - first + 1};
+  }
+  return most;
+}
+
+// From the jumps between successive samples that differ: repeats say nothing about noise, and neither do
+// jumps to a value that many samples share, which may be far away.
 double robust_sigma(const std::vector<RunInput>& runs) {
-  std::vector<double> jumps;
+  std::vector<double> all, jumps;
+  for (const RunInput& run : runs)
+    for (const double y : run.rate_dph)
+      if (std::isfinite(y)) all.push_back(y);
+  const auto [shared, n_shared] = most_common(all);
+  const bool is_lattice = n_shared < kMoreOften * most_common_other(runs, shared);
+  const auto is_left_out = [&, value = shared](double y) { return !is_lattice && is_same_rate(y, value); };
   for (const RunInput& run : runs)
     for (size_t i = 1; i < run.rate_dph.size(); ++i) {
-      const double jump = std::fabs(run.rate_dph[i] - run.rate_dph[i - 1]);
-      if (std::isfinite(jump) && jump > 0) jumps.push_back(jump);
+      const double now = run.rate_dph[i], before = run.rate_dph[i - 1], jump = std::fabs(now - before);
+      if (std::isfinite(jump) && jump > 0 && !is_left_out(now) && !is_left_out(before)) jumps.push_back(jump);
     }
   if (jumps.empty()) return 0;
   const auto middle = jumps.begin() + static_cast<long>(jumps.size() / 2);
@@ -79,17 +99,11 @@ Pile pile_at(const std::vector<RunInput>& runs, const LocalLevels& levels, doubl
 }
 
 size_t most_common_other(const std::vector<RunInput>& runs, double value) {
-  std::vector<double> all;
+  std::vector<double> others;
   for (const RunInput& run : runs)
     for (const double y : run.rate_dph)
-      if (std::isfinite(y) && !is_same_rate(y, value)) all.push_back(y);
-  std::sort(all.begin(), all.end());
-  size_t most = 0;
-  for (size_t i = 0, first = 0; i < all.size(); ++i) {
-    if (!is_same_rate(all[i], all[first])) first = i;
-    most = std::max(most, i - first + 1);
-  }
-  return most;
+      if (std::isfinite(y) && !is_same_rate(y, value)) others.push_back(y);
+  return most_common(std::move(others)).second;
 }
 
 std::vector<std::vector<char>> samples_at(const std::vector<RunInput>& runs, double value) {

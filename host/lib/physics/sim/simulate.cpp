@@ -139,6 +139,7 @@ void add_noise(SimRun* run, uint64_t seed, uint64_t run_address) {
   Rng white(seed, run_address, static_cast<uint32_t>(run->axis), Stream::kWhite);
   for (size_t k = 0; k < n; ++k) run->rate_dph[k] += run->white_sigma_dph[k] * white.normal();
   Rng walk(seed, run_address, static_cast<uint32_t>(run->axis), Stream::kMarkov);
+  double first_dph = 0;
   for (const SimRun::MarkovPath& path : run->markov) {
     double unit = 0; // unit-variance process; stationary at the start
     double last_dt_s = -1, last_tau_s = -1, phi = 0, rest = 1;
@@ -155,9 +156,11 @@ void add_noise(SimRun* run, uint64_t seed, uint64_t run_address) {
         }
         unit = phi * unit + rest * walk.normal();
       }
+      if (k == 0) first_dph += path.sigma_dph[0] * unit;
       run->rate_dph[k] += path.sigma_dph[k] * unit;
     }
   }
+  if (!run->markov.empty()) run->start_state["markov_dph"] = first_dph;
 }
 
 SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, const std::vector<double>& t_s,

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: MIT
+// What the converter or the recorder did to the samples: which finding each defect gets, and which it must
+// not.
+#include <cmath>
+#include <csetjmp>
+#include <cstdarg>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "physics/effects/estimation.h"
+// After the others: it defines a macro `fail`.
+extern "C" {
+#include <cmocka.h>
+}
+
+using namespace imucal;
+
+// Rates that move slowly by `swing` around `mean`, with white noise.
+static std::vector<RunInput> rates(double mean, double swing, double sigma, uint64_t seed = 1) {
+  std::vector<RunInput> runs(2);
+  for (size_t r = 0; r < runs.size(); ++r) {
+    Rng rng(seed, r, 0, Stream::kWhite);
+    for (int k = 0; k < 6000; ++k) {
+      runs[r].t_s.push_back(k);
+      runs[r].rate_dph.push_back(mean + swing * std::sin(k / 900.0) + sigma * rng.normal());
+    }
+  }
+  return runs;
+}
+
+template <typename Change> static std::vector<RunInput> changed(std::vector<RunInput> runs, Change change) {
+  Rng rng(9, 0, 0, Stream::kWhite);
+  for (RunInput& run : runs)
+    for (double& y : run.rate_dph) y = change(y, rng.uniform());
+  return runs;
+}
+
+// The findings in the order of detection, each on what those before left: "dead_band 30" and the like.
+static std::string findings(std::vector<RunInput> runs) {
+  std::string out;
+  for (int order = 0; order < 4; ++order)
+    for (const Effect* effect : effect_library()) {
+      const EffectEstimator& estimator = *effect->estimator();
+      if (!estimator.is_structural() || estimator.detection_order() != order) continue;
+      const auto found = estimator.detect(runs);
+      if (!found) continue;
+      out += (out.empty() ? "" : ", ") + effect->name();
+      for (size_t r = 0; r < found->unusable.size(); ++r)
+        for (size_t i = 0; i < runs[r].size(); ++i)
+          if (found->unusable[r][i]) runs[r].rate_dph[i] = std::nan("");
+    }
+  return out;
+}
+
+static void assert_findings(const std::vector<RunInput>& runs, const char* expected, const char* what) {
+  const std::string found = findings(runs);
+  if (found != expected) fail_msg("%s: found \"%s\", expected \"%s\"", what, found.c_str(), expected);
+}
+
+static void test_sound_samples_have_no_finding(void**) {
+  assert_findings(rates(0, 0, 36), "", "noise around zero");
+  assert_findings(rates(1000, 200, 36), "", "a swing on a bias");
+  auto few = rates(0, 100, 36);
+  for (size_t i = 0; i < 7; ++i) few[0].rate_dph[100 + 700 * i] = 0;
+  assert_findings(few, "", "seven zeros");
+}
+
+static void test_dead_band_is_found_by_its_shape(void**) {
+  const auto dead = [](double width) {
+    return [width](double y, double) { return std::fabs(y) < width ? 0.0 : y; };
+  };
+  assert_findings(changed(rates(0, 0, 36), dead(3)), "dead_band", "narrow, around zero");
+  assert_findings(changed(rates(0, 200, 36), dead(60)), "dead_band", "wide, crossed by a swing");
+  assert_findings(changed(rates(50, 0, 36), dead(20)), "dead_band", "on a bias");
+}
+
+static void test_dead_band_has_the_width_of_the_band(void**) {
+  const auto runs = changed(rates(0, 200, 36), [](double y, double) { return std::fabs(y) < 60 ? 0.0 : y; });
+  const auto found = find_effect("dead_band").estimator()->detect(runs);
+  assert_true(found.has_value());
+  const double width = found->parameters.number("width_dph");
+  assert_true(width >= 60 && width < 61);
+}
+
+static void test_zeros_far_from_the_rate_are_drop_outs(void**) {
+  const auto drop = [](double y, double u) { return u < 0.003 ? 0.0 : y; };
+  assert_findings(changed(rates(1000, 200, 36), drop), "held_samples", "on a bias");
+  assert_findings(changed(rates(-400, 0, 36), drop), "held_samples", "on a negative bias");
+  assert_findings(changed(rates(0, 100, 36), drop), "held_samples", "across zero");
+  const auto many = [](double y, double u) { return u < 0.3 ? 0.0 : y; };
+  assert_findings(changed(rates(500, 0, 36), many), "held_samples", "three in ten");
+}
+
+static void test_drop_outs_are_told_with_what_they_read(void**) {
+  const auto runs = changed(rates(300, 50, 20), [](double y, double u) { return u < 0.01 ? -32768.0 : y; });
+  const auto found = find_effect("held_samples").estimator()->detect(runs);
+  assert_true(found.has_value());
+  assert_true(found->parameters.number("reads_dph") == -32768.0);
+  assert_true(std::fabs(found->parameters.number("probability") - 0.01) < 0.004); // four standard errors
+  assert_null(find_effect("saturation").estimator()->detect(runs) ? "saturation" : nullptr);
+}
+
+static void test_a_lattice_around_zero_is_no_dead_band(void**) {
+  for (double lsb : {10.0, 36.0, 80.0, 150.0}) {
+    const auto on_lattice = [lsb](double y, double) { return lsb * std::round(y / lsb); };
+    const auto runs = changed(rates(0, 100, 36), on_lattice);
+    assert_null(find_effect("dead_band").estimator()->detect(runs) ? "dead band" : nullptr);
+    assert_findings(runs, "quantization", "lattice around zero");
+  }
+}
+
+static void test_saturation_is_a_pile_within_reach_of_the_noise(void**) {
+  const auto clip = [](double y, double) { return std::min(y, 1180.0); };
+  assert_findings(changed(rates(1000, 200, 36), clip), "saturation", "the top of a swing");
+  assert_findings(
+      changed(rates(0, 0, 36), [](double y, double) { return std::max(-70.0, std::min(70.0, y)); }),
+      "saturation", "both tails");
+}
+
+static void test_repeats_are_held_samples(void**) {
+  auto runs = rates(200, 50, 36);
+  for (size_t i = 50; i < 5900; i += 97) runs[0].rate_dph[i] = runs[0].rate_dph[i - 1];
+  assert_findings(runs, "held_samples", "repeats");
+}
+
+// A drop-out that was diagnosed can be simulated.
+static void test_drop_outs_are_simulated_by_the_value_they_read(void**) {
+  const Effect& effect = find_effect("held_samples");
+  SimRun run;
+  run.rate_dph.assign(10000, 250.0);
+  run.t_s.assign(10000, 1.0);
+  Rng rng(3, 0, 0, Stream::kEffect);
+  const Json json = {{"probability", 0.02}, {"reads_dph", 0}};
+  effect.simulate(SimStage::kOutput, read_parameters(effect, json), &run, &rng);
+  size_t n = 0;
+  for (double y : run.rate_dph) n += y == 0;
+  assert_in_range(n, 144, 256); // four standard errors
+}
+
+int main() {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_sound_samples_have_no_finding),
+      cmocka_unit_test(test_dead_band_is_found_by_its_shape),
+      cmocka_unit_test(test_dead_band_has_the_width_of_the_band),
+      cmocka_unit_test(test_zeros_far_from_the_rate_are_drop_outs),
+      cmocka_unit_test(test_drop_outs_are_told_with_what_they_read),
+      cmocka_unit_test(test_a_lattice_around_zero_is_no_dead_band),
+      cmocka_unit_test(test_saturation_is_a_pile_within_reach_of_the_noise),
+      cmocka_unit_test(test_repeats_are_held_samples),
+      cmocka_unit_test(test_drop_outs_are_simulated_by_the_value_they_read),
+  };
+  return cmocka_run_group_tests_name("sample findings", tests, nullptr, nullptr);
+}
