@@ -127,7 +127,7 @@ imucal_status imucal_link_decode(uint32_t id, const uint8_t* payload, size_t pay
 
 /* ---- sending ---- */
 
-/* buffer[1 .. 1+raw_len) holds the raw bytes; becomes one COBS block chain with its delimiter.  raw_len < 254, so
+/* buffer[1 .. 1+raw_len] holds the raw bytes; becomes one COBS block chain with its delimiter.  raw_len < 254, so
  * that no block is full and encoding is in place: every zero becomes the distance to the next one. */
 static size_t cobs_in_place(uint8_t* buffer, size_t raw_len) {
   size_t code_at = 0;
@@ -141,21 +141,23 @@ static size_t cobs_in_place(uint8_t* buffer, size_t raw_len) {
   return raw_len + 2;
 }
 
-/* Header is to be put, payload is in place at out + 3. */
-static size_t finish_frame(uint8_t type, uint8_t sequence, size_t payload_len, uint8_t* out) {
-  out[1] = type;
-  out[2] = sequence;
-  imucal_put_u32(out + 3 + payload_len, imucal_crc32(out + 1, payload_len + 2));
-  return cobs_in_place(out, payload_len + 6);
-}
+/* Around a payload: delimiter, code, type, sequence before; CRC and delimiter after. */
+#define FRAME_OVERHEAD 9u
+#define PAYLOAD_AT 4u
 
-/* Around a payload: code, type, sequence before; CRC and delimiter after. */
-#define FRAME_OVERHEAD 8u
+/* Header is to be put, payload is in place at out + PAYLOAD_AT. */
+static size_t finish_frame(uint8_t type, uint8_t sequence, size_t payload_len, uint8_t* out) {
+  out[0] = 0;
+  out[2] = type;
+  out[3] = sequence;
+  imucal_put_u32(out + PAYLOAD_AT + payload_len, imucal_crc32(out + 2, payload_len + 2));
+  return 1 + cobs_in_place(out + 1, payload_len + 6);
+}
 
 imucal_status imucal_link_frame(uint8_t type, uint8_t sequence, const uint8_t* payload, size_t payload_len,
                                 uint8_t* out, size_t max_out, size_t* out_len) {
   if (payload_len > IMUCAL_LINK_MAX_PAYLOAD || payload_len + FRAME_OVERHEAD > max_out) return IMUCAL_ERR_SPACE;
-  if (payload_len != 0) memcpy(out + 3, payload, payload_len);
+  if (payload_len != 0) memcpy(out + PAYLOAD_AT, payload, payload_len);
   *out_len = finish_frame(type, sequence, payload_len, out);
   return IMUCAL_OK;
 }
@@ -166,7 +168,7 @@ imucal_status imucal_link_pack(uint32_t id, uint8_t sequence, const void* messag
   size_t room = max_out - FRAME_OVERHEAD;
   size_t payload_len = 0;
   imucal_status status = imucal_link_encode(
-      id, message, out + 3, room < IMUCAL_LINK_MAX_PAYLOAD ? room : IMUCAL_LINK_MAX_PAYLOAD, &payload_len);
+      id, message, out + PAYLOAD_AT, room < IMUCAL_LINK_MAX_PAYLOAD ? room : IMUCAL_LINK_MAX_PAYLOAD, &payload_len);
   if (status != IMUCAL_OK) return status;
   *out_len = finish_frame((uint8_t)id, sequence, payload_len, out);
   return IMUCAL_OK;

@@ -3,12 +3,15 @@
  *
  * Frame on the wire:  COBS( type u8 | sequence u8 | payload | CRC-32 of all before, little-endian )  0x00
  * Before COBS at most IMUCAL_LINK_MAX_RAW bytes, so that COBS adds one byte; 0x00 occurs only as the
- * delimiter: after noise the receiver is in step again at the next one.  A sender may put a 0x00 before a frame.
+ * delimiter: after noise the receiver is in step again at the next one.  Frames are sent with a 0x00 before them too, so
+ * that a hit delimiter costs the frame it ends and not the next one: frames lost <= frames touched.
  *
  * Types: 0x01..0x3F requests of the host; 0x80 + request: the reply, with the same sequence number; 0x40..0x7F
  * streamed records of the device, each stream with its own running counter.  A request that fails, or that has
  * nothing to tell, is answered by DONE.  A request repeated with the same sequence and the same bytes is answered
  * again from the kept reply and not done again (imucal_link_server_*): the host may repeat after a time-out.
+ * A request that changes anything (imucal_link_is_guarded) goes inside COMMAND, with a token that UNLOCK gave and a
+ * number that grows: what is old, doubled or meant for another device is not executed.
  * A released message never changes; new ones are added.  Documentation: link.md, checked against this table. */
 #ifndef IMUCAL_LINK_H
 #define IMUCAL_LINK_H
@@ -19,7 +22,7 @@
 extern "C" {
 #endif
 
-#define IMUCAL_LINK_PROTOCOL 1
+#define IMUCAL_LINK_PROTOCOL 2
 #define IMUCAL_LINK_MAX_PAYLOAD 240
 #define IMUCAL_LINK_MAX_RAW (2 + IMUCAL_LINK_MAX_PAYLOAD + 4)
 #define IMUCAL_LINK_MAX_FRAME (IMUCAL_LINK_MAX_RAW + 3) /* COBS adds at most 1, delimiter before and after */
@@ -90,8 +93,37 @@ extern "C" {
   F(u8, what, "bits: 1 SECOND, 2 INNOVATION, 4 PROGRESS, 8 EVENT; 0 stops")                                      \
   F(u8, channels, "bit i: INNOVATION of channel i; SECOND always carries all")                                   \
   F(u16, period_s, "PROGRESS every so many seconds of sensor time, >= 1")
+#define IMUCAL_LINK_STATE(F, A, N, V) F(u8, reserved, "0")
+#define IMUCAL_LINK_STATE_REPLY(F, A, N, V)                                                                      \
+  F(u32, challenge, "to be given back in UNLOCK; another one after each UNLOCK and each start")                  \
+  F(u16, unlocked_s, "seconds until the unlock ends; 0: locked")                                                 \
+  F(u32, table_crc, "CRC-32 at the end of the ruling table; 0: none")                                            \
+  F(u32, table_created_s, "s since 1970-01-01 UTC, of the ruling table")                                         \
+  F(u8, table_origin, "0 none, 1 in flash at the start, 2 of the filters of this device, 3 of a host, 4 rolled back to") \
+  F(u32, silence_s, "a calibration that hears nothing from a host for so long stops and keeps its filters")      \
+  F(u32, refused_locked, "requests refused because they need COMMAND and an unlock")                             \
+  F(u32, refused_stale, "commands and unlocks refused: old token, number or challenge")                          \
+  F(u32, refused_unlock, "unlocks refused: serial number of another device, or time out of range")               \
+  F(u32, refused_busy, "requests refused because a calibration runs")                                            \
+  F(u32, refused_reserved, "requests refused because a reserved field is not 0")                                 \
+  F(u32, refused_table, "tables refused: serial, CRC, a field out of its limits, another board")                 \
+  F(u32, flash_failed, "writes, rollbacks and erases that the flash did not take")                               \
+  F(u32, sessions_silent, "calibrations stopped because no host was heard")
+#define IMUCAL_LINK_UNLOCK(F, A, N, V)                                                                           \
+  F(u32, challenge, "of the newest STATE_REPLY")                                                                 \
+  A(chr, serial, 16, "must be this device's")                                                                    \
+  F(u16, seconds, "1..600: the token is good for so long")
+#define IMUCAL_LINK_UNLOCK_REPLY(F, A, N, V)                                                                     \
+  F(u32, token, "for COMMAND, until the time is over, the next UNLOCK or the next start")                        \
+  F(u16, seconds, "as in the request")
+#define IMUCAL_LINK_COMMAND(F, A, N, V)                                                                          \
+  F(u32, token, "of UNLOCK_REPLY")                                                                               \
+  F(u32, number, "above that of every command of this token so far")                                             \
+  F(u8, request, "type of the request inside")                                                                   \
+  N(length, "bytes")                                                                                             \
+  V(u8, payload, 206, "of the request inside; the answer is that of the request")
 #define IMUCAL_LINK_CAL_START(F, A, N, V)                                                                        \
-  F(u8, channel, "0..n_channels-1; a running filter of it starts anew")                                          \
+  F(u8, channel, "0..n_channels-1; refused while its filter runs")                                               \
   F(u8, order, "1..5")                                                                                           \
   F(f32, t0_degc, "degC")                                                                                        \
   F(f32, range_degc, "degC")                                                                                     \
@@ -205,6 +237,11 @@ extern "C" {
   M(0x84, channel_info_reply, CHANNEL_INFO_REPLY)                                                                \
   M(0x05, stream, STREAM)                                                                                        \
   M(0x06, reboot, REBOOT)                                                                                        \
+  M(0x07, state, STATE)                                                                                          \
+  M(0x87, state_reply, STATE_REPLY)                                                                              \
+  M(0x08, unlock, UNLOCK)                                                                                        \
+  M(0x88, unlock_reply, UNLOCK_REPLY)                                                                            \
+  M(0x09, command, COMMAND)                                                                                      \
   M(0x10, cal_start, CAL_START)                                                                                  \
   M(0x11, cal_state, CAL_STATE)                                                                                  \
   M(0x91, cal_state_reply, CAL_STATE_REPLY)                                                                      \
@@ -227,6 +264,7 @@ extern "C" {
 
 #define IMUCAL_LINK_ERASE_CONFIRM 0x45524153u
 #define IMUCAL_LINK_SLOT_RULING 255u
+#define IMUCAL_LINK_MAX_UNLOCK_S 600u
 enum { IMUCAL_STREAM_SECOND = 1, IMUCAL_STREAM_INNOVATION = 2, IMUCAL_STREAM_PROGRESS = 4, IMUCAL_STREAM_EVENT = 8 };
 enum {
   IMUCAL_SESSION_IDLE = 0,
@@ -235,6 +273,13 @@ enum {
   IMUCAL_SESSION_SENSOR_ENDED = 3
 };
 enum { IMUCAL_STOP_DISCARD = 0, IMUCAL_STOP_KEEP = 1 };
+enum {
+  IMUCAL_ORIGIN_NONE = 0,
+  IMUCAL_ORIGIN_FLASH = 1,
+  IMUCAL_ORIGIN_FILTERS = 2,
+  IMUCAL_ORIGIN_HOST = 3,
+  IMUCAL_ORIGIN_ROLLBACK = 4
+};
 
 /* Codes of EVENT. */
 typedef enum imucal_link_event_code {
@@ -244,7 +289,8 @@ typedef enum imucal_link_event_code {
   IMUCAL_EVENT_TABLE_REFUSED = 4, /* detail: slot; status: why */
   IMUCAL_EVENT_SENSOR_ENDED = 5,  /* the sample feed is at its end; detail: t_s */
   IMUCAL_EVENT_SENSOR_FAULT = 6,  /* detail: channel bits */
-  IMUCAL_EVENT_WATCHDOG = 7       /* the last restart was the watchdog's */
+  IMUCAL_EVENT_WATCHDOG = 7,      /* the last restart was the watchdog's */
+  IMUCAL_EVENT_HOST_SILENT = 8    /* the calibration was stopped, its filters are kept; detail: s of silence */
 } imucal_link_event_code;
 
 /* ids:      IMUCAL_LINK_ID_HELLO = 0x01, …
@@ -280,7 +326,24 @@ typedef union imucal_link_any {
 
 /* ---- sending ---- */
 
-/* Build a whole frame (delimiter at its end) from a message struct of type id into out[max_out].
+/* Does a request change anything?  Then it is taken only inside COMMAND. */
+static inline bool imucal_link_is_guarded(uint32_t id) {
+  switch (id) {
+  case IMUCAL_LINK_ID_STREAM:
+  case IMUCAL_LINK_ID_REBOOT:
+  case IMUCAL_LINK_ID_CAL_START:
+  case IMUCAL_LINK_ID_CAL_STOP:
+  case IMUCAL_LINK_ID_TABLE_FROM_CAL:
+  case IMUCAL_LINK_ID_TABLE_BEGIN:
+  case IMUCAL_LINK_ID_TABLE_DATA:
+  case IMUCAL_LINK_ID_TABLE_COMMIT:
+  case IMUCAL_LINK_ID_ROLLBACK:
+  case IMUCAL_LINK_ID_ERASE: return true;
+  default: return false;
+  }
+}
+
+/* Build a whole frame (delimiters before and after it) from a message struct of type id into out[max_out].
  * IMUCAL_ERR_UNKNOWN: no such id; IMUCAL_ERR_RANGE: a V count above its maximum; IMUCAL_ERR_SPACE. */
 IMUCAL_MUST_USE imucal_status imucal_link_pack(uint32_t id, uint8_t sequence, const void* message, uint8_t* out,
                                                size_t max_out, size_t* out_len);

@@ -14,6 +14,8 @@ const char* imucal_status_text(imucal_status status) {
   case IMUCAL_ERR_SPACE: return "too long for its buffer";
   case IMUCAL_ERR_UNKNOWN: return "unknown message, channel or action";
   case IMUCAL_ERR_BUSY: return "busy: a calibration runs";
+  case IMUCAL_ERR_LOCKED: return "locked: unlock the device first";
+  case IMUCAL_ERR_STALE: return "old or foreign request: its token or number is not the newest";
   case IMUCAL_ERR_RANGE: return "value out of range";
   case IMUCAL_ERR_NOT_FINITE: return "value is not finite";
   case IMUCAL_ERR_MAGIC: return "not a table";

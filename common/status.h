@@ -39,6 +39,8 @@ typedef enum imucal_status {
   IMUCAL_ERR_SPACE = -3,    /* the buffer given is too small */
   IMUCAL_ERR_UNKNOWN = -4,  /* unknown message, channel or action */
   IMUCAL_ERR_BUSY = -5,     /* a session runs; stop it first */
+  IMUCAL_ERR_LOCKED = -6,   /* changes something: needs UNLOCK and COMMAND */
+  IMUCAL_ERR_STALE = -7,    /* an old challenge, token or command number */
   /* the data's fault */
   IMUCAL_ERR_RANGE = -16,       /* a value outside its documented range; input refused, state unchanged */
   IMUCAL_ERR_NOT_FINITE = -17,  /* NaN or infinity */

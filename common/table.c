@@ -9,8 +9,14 @@
 #define MAX_ABS_TEMP_DEGC 1000.0f
 #define SPAN_SLACK 1.00001f /* t0 +- range in float32 may round outward; comp clamps |Tn| to 1 */
 #define MAX_SCALE_SUM 0.0625f
-#define MIN_POSITIVE 1e-30f
-#define MAX_POSITIVE 3e38f
+/* No sensor is outside these; a table that is was not made by a calibration (units: dph or mg). */
+#define MIN_SIGMA 1e-9f
+#define MAX_SIGMA 1e6f
+#define MAX_ARW 1e4f
+#define MIN_TAU_S 1e-3f
+#define MAX_TAU_S 1e9f
+#define MIN_SCALE 1e-12f
+#define MAX_SCALE 1e9f
 
 /* ---- texts of fixed size ---- */
 
@@ -50,7 +56,7 @@ static float absolute(float value) { return value < 0 ? -value : value; }
 
 /* The floats of a channel in the order of their bytes (table.md), with what they may be: each of the first `used` in
  * [lo, hi], the rest 0. */
-enum { USED_ALL, USED_ORDER, USED_SCALE, USED_MARKOV };
+enum { USED_ALL, USED_ORDER, USED_SCALE, USED_MARKOV, USED_CALIBRATED };
 typedef struct rule {
   float lo, hi;
   const char* field;
@@ -69,17 +75,17 @@ static const rule_t rules[] = {
      IMUCAL_ERR_COEFFICIENT},
     {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "span_degc", MEMBER(span_lo_degc, 1), USED_ALL, IMUCAL_ERR_SPAN},
     {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "span_degc", MEMBER(span_hi_degc, 1), USED_ALL, IMUCAL_ERR_SPAN},
-    {0.0f, MAX_POSITIVE, "sigma", MEMBER(sigma, IMUCAL_TABLE_SIGMA_N), USED_ALL, IMUCAL_ERR_SIGMA},
-    {0.0f, MAX_POSITIVE, "model", MEMBER(arw, 1), USED_ALL, IMUCAL_ERR_MODEL},
-    {0.0f, MAX_POSITIVE, "model", MEMBER(markov_sigma, IMUCAL_TABLE_MARKOV_N), USED_MARKOV, IMUCAL_ERR_MODEL},
-    {1e-45f, MAX_POSITIVE, "model", MEMBER(markov_tau_s, IMUCAL_TABLE_MARKOV_N), USED_MARKOV,
-     IMUCAL_ERR_MODEL}, /* tau > 0 */
-    {MIN_POSITIVE, MAX_POSITIVE, "unit_per_count", MEMBER(unit_per_count, 1), USED_ALL, IMUCAL_ERR_SCALE}};
+    {MIN_SIGMA, MAX_SIGMA, "sigma", MEMBER(sigma, IMUCAL_TABLE_SIGMA_N), USED_CALIBRATED, IMUCAL_ERR_SIGMA},
+    {0.0f, MAX_ARW, "model", MEMBER(arw, 1), USED_ALL, IMUCAL_ERR_MODEL},
+    {0.0f, MAX_SIGMA, "model", MEMBER(markov_sigma, IMUCAL_TABLE_MARKOV_N), USED_MARKOV, IMUCAL_ERR_MODEL},
+    {MIN_TAU_S, MAX_TAU_S, "model", MEMBER(markov_tau_s, IMUCAL_TABLE_MARKOV_N), USED_MARKOV,
+     IMUCAL_ERR_MODEL},
+    {MIN_SCALE, MAX_SCALE, "unit_per_count", MEMBER(unit_per_count, 1), USED_ALL, IMUCAL_ERR_SCALE}};
 enum { RULE_SPAN_HI = 5, N_RULES = sizeof rules / sizeof rules[0] };
 
 static bool follows(const imucal_table_channel_t* c, const rule_t* rule) {
   const uint8_t used[] = {rule->n, (uint8_t)(c->order == 0 ? 0 : c->order + 1), (uint8_t)(c->scale_order + 1),
-                          c->n_markov};
+                          c->n_markov, (uint8_t)(c->order == 0 ? 0 : rule->n)};
   float values[IMUCAL_TABLE_SIGMA_N], sum = 0.0f; /* the longest member */
   memcpy(values, (const uint8_t*)c + rule->offset, sizeof(float) * rule->n);
   for (size_t i = 0; i < rule->n; i++) {
@@ -96,7 +102,7 @@ static bool is_span(const imucal_table_channel_t* c) {
          absolute(c->span_hi_degc - c->t0_degc) <= reach;
 }
 
-static bool is_positive(float value) { return imucal_is_within(value, MIN_POSITIVE, MAX_POSITIVE); }
+static bool is_scale(float value) { return imucal_is_within(value, MIN_SCALE, MAX_SCALE); }
 
 static imucal_status refuse(imucal_table_place_t* place, int32_t channel, const char* field, imucal_status why) {
   if (place != NULL) *place = (imucal_table_place_t){(int8_t)channel, field};
@@ -127,7 +133,7 @@ static imucal_status validate_header(const header_t* header, imucal_table_place_
     return refuse(place, -1, "sequence", IMUCAL_ERR_SEQUENCE);
   if (header->n_channels == 0 || header->n_channels > IMUCAL_MAX_CHANNELS)
     return refuse(place, -1, "channels", IMUCAL_ERR_CHANNELS);
-  if (!is_positive(header->degc_per_count)) return refuse(place, -1, "degc_per_count", IMUCAL_ERR_SCALE);
+  if (!is_scale(header->degc_per_count)) return refuse(place, -1, "degc_per_count", IMUCAL_ERR_SCALE);
   if (!imucal_is_within(header->degc_at_zero, -1e6f, 1e6f))
     return refuse(place, -1, "degc_at_zero", IMUCAL_ERR_SCALE);
   return IMUCAL_OK;

@@ -39,7 +39,7 @@ typedef struct imucal_table_channel {
   float coeff[IMUCAL_MAX_COEFF];           /* b0.., unit; 0 above the order */
   float scale_coeff[IMUCAL_TABLE_SCALE_N]; /* m0..: rate = (raw - B(T)) (1 + M(T)); sum |m_i| <= 1/16 */
   float span_lo_degc, span_hi_degc;        /* valid span, inside t0 +- range, lo < hi */
-  float sigma[IMUCAL_TABLE_SIGMA_N];       /* one-sigma calibration error at lo + i (hi - lo)/8, unit, >= 0 */
+  float sigma[IMUCAL_TABLE_SIGMA_N];       /* one-sigma calibration error at lo + i (hi - lo)/8, unit, > 0 */
   float arw;                               /* error model: (60 arw)^2 = white variance of 1-s means; deg/rt(h) */
   float markov_sigma[IMUCAL_TABLE_MARKOV_N], markov_tau_s[IMUCAL_TABLE_MARKOV_N]; /* unit, s; 0 above n_markov */
   float unit_per_count;        /* > 0 */

@@ -142,8 +142,11 @@ imucal_status imucal_app_init(imucal_app_t* app, const imucal_port_t* port, cons
   app->progress_period_s = 1;
   imucal_link_rx_init(&app->rx);
   imucal_link_server_init(&app->server);
+  app->heard_us = port->time_us(port->ctx);
+  app_guard_init(&app->guard, port->boot_id, app->heard_us);
   app_event(app, IMUCAL_EVENT_BOOT, IMUCAL_OK, port->boot_id);
   if (port->is_watchdog_reset) app_event(app, IMUCAL_EVENT_WATCHDOG, IMUCAL_OK, port->n_watchdog_resets);
+  app->table_origin = IMUCAL_ORIGIN_FLASH;
   (void)app_load_table(app); /* without a table the device runs on, uncompensated, and has said so */
   return app_restart_sums(app);
 }
@@ -164,6 +167,7 @@ static void take_request(imucal_app_t* app) {
     app->n_rx_unknown++;
     return;
   }
+  app->heard_us = app->port->time_us(app->port->ctx);
   if (imucal_link_server_request(&app->server, &app->rx) != IMUCAL_FRAME_REPEATED) app_serve(app);
   app->is_reply_due = app->server.reply_len > 0;
 }
@@ -210,6 +214,17 @@ static bool take_samples(imucal_app_t* app) {
   return is_busy;
 }
 
+/* A host that died does not leave the device calibrating, and refusing, for ever. */
+static void stop_when_silent(imucal_app_t* app) {
+  if (app->session != IMUCAL_SESSION_CALIBRATING) return;
+  const uint64_t silence_us = app->port->time_us(app->port->ctx) - app->heard_us;
+  if (silence_us < (uint64_t)IMUCAL_APP_SILENCE_S * 1000000u) return;
+  app->session = IMUCAL_SESSION_KEPT;
+  app->stream_what = IMUCAL_STREAM_EVENT;
+  app->n_silent++;
+  app_event(app, IMUCAL_EVENT_HOST_SILENT, IMUCAL_OK, IMUCAL_APP_SILENCE_S);
+}
+
 static void reboot_when_sent(imucal_app_t* app) {
   const bool is_sent = app->tx_at == app->tx_end && !app->is_reply_due;
   if (!app->is_reboot_due || (!is_sent && app->port->time_us(app->port->ctx) < app->reboot_us)) return;
@@ -223,6 +238,7 @@ bool imucal_app_step(imucal_app_t* app) {
   is_busy |= send_reply(app);
   is_busy |= take_bytes(app);
   is_busy |= take_samples(app);
+  stop_when_silent(app);
   is_busy |= tx_flush(app);
   if (app->is_reboot_due && app->reboot_us == 0)
     app->reboot_us = app->port->time_us(app->port->ctx) + REBOOT_PATIENCE_US;

@@ -9,6 +9,7 @@
 #define IMUCAL_APP_H
 #include "board.h"
 #include "comp.h"
+#include "guard.h"
 #include "learn.h"
 #include "link.h"
 #include "port.h"
@@ -26,6 +27,11 @@
 #define IMUCAL_APP_BURST_BYTES 400
 #if IMUCAL_APP_TX_BYTES < 700
 #error "IMUCAL_APP_TX_BYTES must hold a burst of records and a reply: at least 700"
+#endif
+
+/* A calibration that hears nothing from a host for so long stops and keeps its filters; the device is free again. */
+#ifndef IMUCAL_APP_SILENCE_S
+#define IMUCAL_APP_SILENCE_S 21600u
 #endif
 
 /* Samples taken at most per step, so that a request waits no longer than that. */
@@ -77,6 +83,12 @@ typedef struct imucal_app {
   uint8_t rx_at, rx_end;
   uint16_t tx_at, tx_end;
   uint8_t tx[IMUCAL_APP_TX_BYTES];
+
+  imucal_app_guard_t guard;
+  uint8_t request;       /* type of the request being served, inside COMMAND or bare */
+  uint8_t table_origin;  /* IMUCAL_ORIGIN_* */
+  uint64_t heard_us;     /* when the last valid frame came */
+  uint32_t n_locked, n_stale, n_unlock_refused, n_busy, n_reserved, n_table_refused, n_flash_failed, n_silent;
 
   uint32_t n_samples, n_bad_samples, n_seconds, n_gaps, n_tx_dropped, n_rx_unknown;
 } imucal_app_t;

@@ -18,7 +18,7 @@ static void reply(imucal_app_t* app, uint32_t id, const void* message) {
 
 static void done(imucal_app_t* app, imucal_status status, uint32_t detail) {
   const imucal_link_done_t message = {
-      .request = imucal_link_rx_type(&app->rx), .status = (int16_t)status, .detail = detail};
+      .request = app->request, .status = (int16_t)status, .detail = detail};
   reply(app, IMUCAL_LINK_ID_DONE, &message);
 }
 
@@ -65,6 +65,48 @@ static void serve_info(imucal_app_t* app) {
     answer.slot_sequence[slot] = app->report.sequence[slot];
   }
   reply(app, IMUCAL_LINK_ID_INFO_REPLY, &answer);
+}
+
+static uint32_t table_crc(const imucal_app_t* app) {
+  uint32_t word = 0;
+  const uint32_t at = (uint32_t)IMUCAL_TABLE_BYTES(app->table.n_channels) - 4;
+  if (app->table_status != IMUCAL_OK) return 0;
+  const imucal_status status =
+      app->port->flash.read(app->port->flash.ctx, (uint32_t)app->report.ruling, at, (uint8_t*)&word, 4);
+  return status == IMUCAL_OK ? imucal_get_u32((const uint8_t*)&word) : 0;
+}
+
+static void serve_state(imucal_app_t* app) {
+  const bool has_table = app->table_status == IMUCAL_OK;
+  const imucal_link_state_reply_t answer = {
+      .challenge = app->guard.challenge,
+      .unlocked_s = app_guard_left_s(&app->guard, app->port->time_us(app->port->ctx)),
+      .table_crc = table_crc(app),
+      .table_created_s = has_table ? app->table.created_s : 0,
+      .table_origin = (uint8_t)(has_table ? app->table_origin : IMUCAL_ORIGIN_NONE),
+      .silence_s = IMUCAL_APP_SILENCE_S,
+      .refused_locked = app->n_locked,
+      .refused_stale = app->n_stale,
+      .refused_unlock = app->n_unlock_refused,
+      .refused_busy = app->n_busy,
+      .refused_reserved = app->n_reserved,
+      .refused_table = app->n_table_refused,
+      .flash_failed = app->n_flash_failed,
+      .sessions_silent = app->n_silent};
+  reply(app, IMUCAL_LINK_ID_STATE_REPLY, &answer);
+}
+
+static void serve_unlock(imucal_app_t* app, const imucal_link_unlock_t* request) {
+  imucal_link_unlock_reply_t answer;
+  const imucal_status status =
+      app_guard_unlock(&app->guard, request, app->board->serial, app->port->time_us(app->port->ctx), &answer);
+  if (status == IMUCAL_OK) {
+    reply(app, IMUCAL_LINK_ID_UNLOCK_REPLY, &answer);
+    return;
+  }
+  app->n_stale += status == IMUCAL_ERR_STALE;
+  app->n_unlock_refused += status != IMUCAL_ERR_STALE;
+  done(app, status, 0);
 }
 
 static void serve_counters(imucal_app_t* app) {
@@ -165,6 +207,9 @@ static void begin_session(imucal_app_t* app) {
 
 static void serve_cal_start(imucal_app_t* app, const imucal_link_cal_start_t* request) {
   imucal_status status = check_cal_start(app, request);
+  if (status == IMUCAL_OK && app->session == IMUCAL_SESSION_CALIBRATING && (app->calibrating & BIT(request->channel)))
+    status = IMUCAL_ERR_BUSY; /* what it has learnt is not thrown away */
+  app->n_busy += status == IMUCAL_ERR_BUSY;
   const imucal_kf_config_t config = {.order = request->order,
                                      .t0_degc = request->t0_degc,
                                      .range_degc = request->range_degc,
@@ -252,20 +297,28 @@ static void serve_cal_stop(imucal_app_t* app, const imucal_link_cal_stop_t* requ
 /* The flash holds the processor for milliseconds: not while a filter learns from every sample. */
 static bool is_refused_busy(imucal_app_t* app) {
   if (app->session != IMUCAL_SESSION_CALIBRATING) return false;
+  app->n_busy++;
   done(app, IMUCAL_ERR_BUSY, 0);
   return true;
 }
 
+static void count_flash(imucal_app_t* app, imucal_status status) {
+  app->n_flash_failed += status == IMUCAL_ERR_FLASH || status == IMUCAL_ERR_VERIFY;
+}
+
 /* app->table holds a candidate: check it against this board and write it. Whatever comes of it, what the
  * flash holds afterwards is loaded again and rules. */
-static void commit_candidate(imucal_app_t* app) {
+static void commit_candidate(imucal_app_t* app, uint8_t origin) {
   uint32_t detail = 0;
   imucal_status status = app_check_table(app, &detail);
+  app->n_table_refused += status != IMUCAL_OK;
   if (status == IMUCAL_OK)
     status = imucal_store_write(&app->port->flash, app->board->serial, app->board->n_channels, &app->work,
                                 &app->table, &app->report);
+  count_flash(app, status);
   const imucal_status ruling = app_load_table(app);
   if (status == IMUCAL_OK) status = ruling;
+  if (status == IMUCAL_OK) app->table_origin = origin;
   done(app, status, status == IMUCAL_OK ? app->table.sequence : detail);
 }
 
@@ -327,7 +380,7 @@ static void serve_table_from_cal(imucal_app_t* app, const imucal_link_table_from
     describe_channel(app, i, &table->channel[i]);
   }
   app->upload_total = 0;
-  commit_candidate(app);
+  commit_candidate(app, IMUCAL_ORIGIN_FILTERS);
 }
 
 /* The slot asked for, or IMUCAL_STORE_SLOTS and the refusal is the reply. */
@@ -422,9 +475,10 @@ static void serve_table_commit(imucal_app_t* app) {
   imucal_table_place_t place = {.channel = -1, .field = ""};
   const imucal_status status = imucal_table_decode(bytes, total, &app->table, &place);
   if (status == IMUCAL_OK) {
-    commit_candidate(app);
+    commit_candidate(app, IMUCAL_ORIGIN_HOST);
     return;
   }
+  app->n_table_refused++;
   (void)app_load_table(app);
   done(app, status, (uint32_t)(place.channel + 1));
 }
@@ -434,6 +488,8 @@ static void serve_rollback(imucal_app_t* app) {
   app->upload_total = 0;
   imucal_status status = imucal_store_rollback(&app->port->flash, app->board->serial, app->board->n_channels,
                                                &app->work, &app->table, &app->report);
+  count_flash(app, status);
+  if (status == IMUCAL_OK) app->table_origin = IMUCAL_ORIGIN_ROLLBACK;
   const imucal_status ruling = app_load_table(app);
   if (status == IMUCAL_OK) status = ruling;
   done(app, status, status == IMUCAL_OK ? app->table.sequence : 0);
@@ -447,73 +503,78 @@ static void serve_erase(imucal_app_t* app, const imucal_link_erase_t* request) {
   }
   app->upload_total = 0;
   const imucal_status status = imucal_store_erase(&app->port->flash, &app->work, &app->report);
+  count_flash(app, status);
   (void)app_load_table(app);
   done(app, status, 0);
 }
 
 /* ---- all of them ---- */
 
+/* A request that may be done: alone, or out of its COMMAND. */
+static void dispatch(imucal_app_t* app, const imucal_link_any_t* message) {
+  switch (app->request) {
+  case IMUCAL_LINK_ID_HELLO: serve_hello(app, &message->hello); break;
+  case IMUCAL_LINK_ID_INFO: serve_info(app); break;
+  case IMUCAL_LINK_ID_STATE: serve_state(app); break;
+  case IMUCAL_LINK_ID_UNLOCK: serve_unlock(app, &message->unlock); break;
+  case IMUCAL_LINK_ID_COUNTERS: serve_counters(app); break;
+  case IMUCAL_LINK_ID_CHANNEL_INFO: serve_channel_info(app, &message->channel_info); break;
+  case IMUCAL_LINK_ID_STREAM: serve_stream(app, &message->stream); break;
+  case IMUCAL_LINK_ID_REBOOT: serve_reboot(app); break;
+  case IMUCAL_LINK_ID_CAL_START: serve_cal_start(app, &message->cal_start); break;
+  case IMUCAL_LINK_ID_CAL_STATE: serve_cal_state(app, &message->cal_state); break;
+  case IMUCAL_LINK_ID_CAL_FILTER: serve_cal_filter(app, &message->cal_filter); break;
+  case IMUCAL_LINK_ID_CAL_STOP: serve_cal_stop(app, &message->cal_stop); break;
+  case IMUCAL_LINK_ID_TABLE_FROM_CAL: serve_table_from_cal(app, &message->table_from_cal); break;
+  case IMUCAL_LINK_ID_TABLE_READ: serve_table_read(app, &message->table_read); break;
+  case IMUCAL_LINK_ID_TABLE_BEGIN: serve_table_begin(app, &message->table_begin); break;
+  case IMUCAL_LINK_ID_TABLE_DATA: serve_table_data(app, &message->table_data); break;
+  case IMUCAL_LINK_ID_TABLE_COMMIT: serve_table_commit(app); break;
+  case IMUCAL_LINK_ID_ROLLBACK: serve_rollback(app); break;
+  case IMUCAL_LINK_ID_ERASE: serve_erase(app, &message->erase); break;
+  default: done(app, IMUCAL_ERR_UNKNOWN, 0); break;
+  }
+}
+
+/* Requests of one reserved byte: another value may mean something one day. */
+static bool is_reserved_set(uint8_t request, const imucal_link_any_t* message) {
+  switch (request) {
+  case IMUCAL_LINK_ID_INFO:
+  case IMUCAL_LINK_ID_STATE:
+  case IMUCAL_LINK_ID_COUNTERS:
+  case IMUCAL_LINK_ID_REBOOT:
+  case IMUCAL_LINK_ID_TABLE_COMMIT:
+  case IMUCAL_LINK_ID_ROLLBACK: return message->info.reserved != 0;
+  default: return false;
+  }
+}
+
+/* Opens a COMMAND: what is inside takes its place in *message. */
+static imucal_status open_command(imucal_app_t* app, imucal_link_any_t* message) {
+  const uint32_t token = message->command.token, number = message->command.number;
+  const size_t length = message->command.length;
+  app->request = message->command.request;
+  if (!imucal_link_is_guarded(app->request)) return IMUCAL_ERR_UNKNOWN;
+  const uint8_t* inside = imucal_link_rx_payload(&app->rx) + imucal_link_rx_payload_len(&app->rx) - length;
+  const imucal_status status = imucal_link_decode(app->request, inside, length, message);
+  if (status != IMUCAL_OK) return status;
+  return app_guard_take(&app->guard, token, number, app->port->time_us(app->port->ctx));
+}
+
 void app_serve(imucal_app_t* app) {
   imucal_link_any_t message;
-  const imucal_status status = imucal_link_rx_message(&app->rx, &message);
-  if (status != IMUCAL_OK) {
+  app->request = imucal_link_rx_type(&app->rx);
+  imucal_status status = imucal_link_rx_message(&app->rx, &message);
+  if (status == IMUCAL_OK && app->request == IMUCAL_LINK_ID_COMMAND)
+    status = open_command(app, &message);
+  else if (status == IMUCAL_OK && imucal_link_is_guarded(app->request))
+    status = IMUCAL_ERR_LOCKED;
+  if (status == IMUCAL_OK && is_reserved_set(app->request, &message)) status = IMUCAL_ERR_RESERVED;
+  app->n_locked += status == IMUCAL_ERR_LOCKED;
+  app->n_stale += status == IMUCAL_ERR_STALE;
+  app->n_reserved += status == IMUCAL_ERR_RESERVED;
+  if (status == IMUCAL_OK)
+    dispatch(app, &message);
+  else
     done(app, status, 0);
-    return;
-  }
-  switch (imucal_link_rx_type(&app->rx)) {
-  case IMUCAL_LINK_ID_HELLO:
-    serve_hello(app, &message.hello);
-    break;
-  case IMUCAL_LINK_ID_INFO:
-    serve_info(app);
-    break;
-  case IMUCAL_LINK_ID_COUNTERS:
-    serve_counters(app);
-    break;
-  case IMUCAL_LINK_ID_CHANNEL_INFO:
-    serve_channel_info(app, &message.channel_info);
-    break;
-  case IMUCAL_LINK_ID_STREAM:
-    serve_stream(app, &message.stream);
-    break;
-  case IMUCAL_LINK_ID_REBOOT:
-    serve_reboot(app);
-    break;
-  case IMUCAL_LINK_ID_CAL_START:
-    serve_cal_start(app, &message.cal_start);
-    break;
-  case IMUCAL_LINK_ID_CAL_STATE:
-    serve_cal_state(app, &message.cal_state);
-    break;
-  case IMUCAL_LINK_ID_CAL_FILTER:
-    serve_cal_filter(app, &message.cal_filter);
-    break;
-  case IMUCAL_LINK_ID_CAL_STOP:
-    serve_cal_stop(app, &message.cal_stop);
-    break;
-  case IMUCAL_LINK_ID_TABLE_FROM_CAL:
-    serve_table_from_cal(app, &message.table_from_cal);
-    break;
-  case IMUCAL_LINK_ID_TABLE_READ:
-    serve_table_read(app, &message.table_read);
-    break;
-  case IMUCAL_LINK_ID_TABLE_BEGIN:
-    serve_table_begin(app, &message.table_begin);
-    break;
-  case IMUCAL_LINK_ID_TABLE_DATA:
-    serve_table_data(app, &message.table_data);
-    break;
-  case IMUCAL_LINK_ID_TABLE_COMMIT:
-    serve_table_commit(app);
-    break;
-  case IMUCAL_LINK_ID_ROLLBACK:
-    serve_rollback(app);
-    break;
-  case IMUCAL_LINK_ID_ERASE:
-    serve_erase(app, &message.erase);
-    break;
-  default:
-    done(app, IMUCAL_ERR_UNKNOWN, 0);
-    break;
-  }
 }

@@ -83,6 +83,7 @@ static void test_apply_random_tables_within_the_proof(void** state) {
       for (int i = 0; i <= table.channel[0].scale_order; i++)
         table.channel[0].scale_coeff[i] = (float)(pow(10, unit_between(&rng, -6, -1.7)) * unit_between(&rng, -1, 1));
     }
+    for (int i = 0; i < IMUCAL_TABLE_SIGMA_N; i++) table.channel[0].sigma[i] = 1.0f;
     assert_int_equal(imucal_table_validate(&table, NULL), IMUCAL_OK);
     imucal_comp_t comp;
     imucal_status status = imucal_comp_prepare(&comp, &table, 0);

@@ -144,6 +144,7 @@ static void power_on(bench_t* bench) {
   bench->n_counter_jumps = 0;
   imucal_link_rx_init(&bench->host_rx);
   bench->port.boot_id++;
+  bench->token = 0;
   assert_int_equal(imucal_app_init(&bench->app, &bench->port, &bench->board), IMUCAL_OK);
   bench_run(bench);
 }
@@ -194,7 +195,7 @@ void bench_send(bench_t* bench, const uint8_t* bytes, size_t n) {
   assert_true(bench->to_at == n || bench->line_room == 0);
 }
 
-uint8_t bench_ask(bench_t* bench, uint32_t id, const void* message) {
+static uint8_t ask_bare(bench_t* bench, uint32_t id, const void* message) {
   uint8_t frame[IMUCAL_LINK_MAX_FRAME];
   size_t n = 0;
   bench->has_reply = false;
@@ -202,6 +203,31 @@ uint8_t bench_ask(bench_t* bench, uint32_t id, const void* message) {
   bench_send(bench, frame, n);
   assert_true(bench->has_reply);
   return bench->reply_id;
+}
+
+void bench_unlock(bench_t* bench) {
+  const imucal_link_state_t nothing = {0};
+  assert_int_equal(ask_bare(bench, IMUCAL_LINK_ID_STATE, &nothing), IMUCAL_LINK_ID_STATE_REPLY);
+  imucal_link_unlock_t unlock = {.challenge = bench->reply.state_reply.challenge, .seconds = IMUCAL_LINK_MAX_UNLOCK_S};
+  memcpy(unlock.serial, bench->board.serial, sizeof unlock.serial);
+  assert_int_equal(ask_bare(bench, IMUCAL_LINK_ID_UNLOCK, &unlock), IMUCAL_LINK_ID_UNLOCK_REPLY);
+  bench->token = bench->reply.unlock_reply.token;
+  bench->number = 0;
+}
+
+imucal_link_command_t bench_command(bench_t* bench, uint32_t id, const void* message) {
+  imucal_link_command_t command = {.token = bench->token, .number = ++bench->number, .request = (uint8_t)id};
+  size_t n = 0;
+  assert_int_equal(imucal_link_encode(id, message, command.payload, sizeof command.payload, &n), IMUCAL_OK);
+  command.length = (uint8_t)n;
+  return command;
+}
+
+uint8_t bench_ask(bench_t* bench, uint32_t id, const void* message) {
+  if (!imucal_link_is_guarded(id)) return ask_bare(bench, id, message);
+  if (!bench->token) bench_unlock(bench);
+  const imucal_link_command_t command = bench_command(bench, id, message);
+  return ask_bare(bench, IMUCAL_LINK_ID_COMMAND, &command);
 }
 
 int bench_done(bench_t* bench, uint32_t id, const void* message) {
@@ -263,6 +289,7 @@ size_t bench_table(const bench_t* bench, float b0, uint8_t* bytes) {
     channel->t0_degc = channel->range_degc = 30.0f;
     channel->coeff[0] = b0;
     channel->span_hi_degc = 60.0f;
+    for (int k = 0; k < IMUCAL_TABLE_SIGMA_N; k++) channel->sigma[k] = 5.0f;
     channel->arw = 0.6f;
     channel->unit_per_count = bench->board.channel[i].unit_per_count;
     channel->full_scale_counts = bench->board.channel[i].full_scale_counts;

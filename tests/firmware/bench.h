@@ -31,6 +31,7 @@ typedef struct {
 
   imucal_link_rx_t host_rx;
   uint8_t sequence;
+  uint32_t token, number; /* of the running unlock; 0: none */
   uint8_t reply_id;
   imucal_link_any_t reply;
   bool has_reply;
@@ -70,7 +71,14 @@ void bench_run(bench_t* bench);
 /* Raw bytes to the device. */
 void bench_send(bench_t* bench, const uint8_t* bytes, size_t n);
 
-/* A request; returns the id of the reply, which is in bench->reply. Fails the test where none comes. */
+/* Unlocks the device; bench_ask does it where needed. */
+void bench_unlock(bench_t* bench);
+
+/* A request that changes something, in its envelope with the next number. */
+imucal_link_command_t bench_command(bench_t* bench, uint32_t id, const void* message);
+
+/* A request, in a COMMAND where it changes something; returns the id of the reply, which is in bench->reply. Fails the
+ * test where none comes. */
 uint8_t bench_ask(bench_t* bench, uint32_t id, const void* message);
 
 /* A request that DONE answers: its status; bench->reply.done.detail besides. */

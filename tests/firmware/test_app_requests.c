@@ -52,13 +52,13 @@ static void test_init_bad_board_is_refused(void** state) {
 
 static void test_hello_tells_who_and_refuses_old_protocol(void** state) {
   (void)state;
-  imucal_link_hello_t request = {.protocol = 1, .nonce = 77};
+  imucal_link_hello_t request = {.protocol = IMUCAL_LINK_PROTOCOL, .nonce = 77};
   assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_HELLO, &request), IMUCAL_LINK_ID_HELLO_REPLY);
   assert_int_equal(bench.reply.hello_reply.nonce, 77);
   assert_string_equal(bench.reply.hello_reply.device, "bench");
   assert_string_equal(bench.reply.hello_reply.serial, BENCH_SERIAL);
   assert_int_equal(bench.reply.hello_reply.n_channels, 3);
-  request.protocol = 0;
+  request.protocol = 1;
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_HELLO, &request), IMUCAL_ERR_VERSION);
 }
 
@@ -120,14 +120,211 @@ static void test_reboot_stuck_line_reboots_all_the_same(void** state) {
   (void)state;
   uint8_t frame[IMUCAL_LINK_MAX_FRAME];
   size_t n = 0;
-  const imucal_link_reboot_t request = {0};
-  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_REBOOT, 9, &request, frame, sizeof frame, &n), IMUCAL_OK);
+  const imucal_link_reboot_t reboot = {0};
+  bench_unlock(&bench);
+  const imucal_link_command_t request = bench_command(&bench, IMUCAL_LINK_ID_REBOOT, &reboot);
+  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_COMMAND, 9, &request, frame, sizeof frame, &n), IMUCAL_OK);
   bench.line_room = 0;
   bench_send(&bench, frame, n);
   assert_int_equal(bench.n_reboots, 0);
   bench.time_us += 600000;
   bench_run(&bench);
   assert_int_equal(bench.n_reboots, 1);
+}
+
+/* ---- who may change anything ---- */
+
+static uint8_t frame[IMUCAL_LINK_MAX_FRAME];
+static size_t frame_len;
+
+static int send_frame(uint32_t id, const void* message) {
+  assert_int_equal(imucal_link_pack(id, ++bench.sequence, message, frame, sizeof frame, &frame_len), IMUCAL_OK);
+  bench.has_reply = false;
+  bench_send(&bench, frame, frame_len);
+  assert_true(bench.has_reply);
+  return bench.reply_id == IMUCAL_LINK_ID_DONE ? bench.reply.done.status : IMUCAL_OK;
+}
+
+static const imucal_link_state_reply_t* device_state(void) {
+  const imucal_link_state_t request = {0};
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_STATE, &request), IMUCAL_LINK_ID_STATE_REPLY);
+  return &bench.reply.state_reply;
+}
+
+static imucal_link_unlock_t unlock_for(const char* serial) {
+  imucal_link_unlock_t request = {.challenge = device_state()->challenge, .seconds = 10};
+  strncpy(request.serial, serial, sizeof request.serial);
+  return request;
+}
+
+static void test_bare_requests_that_change_something_are_locked(void** state) {
+  (void)state;
+  uint32_t n = 0;
+  for (uint32_t id = 1; id < 0x40; id++) {
+    if (!imucal_link_is_guarded(id)) continue;
+    imucal_link_any_t zeros;
+    memset(&zeros, 0, sizeof zeros);
+    assert_int_equal(send_frame(id, &zeros), IMUCAL_ERR_LOCKED);
+    assert_int_equal(bench.reply.done.request, id);
+    n++;
+  }
+  assert_int_equal(n, 10);
+  assert_int_equal(device_state()->refused_locked, 10);
+  assert_int_equal(bench.n_reboots, 0);
+}
+
+static void test_unlock_names_the_serial_and_the_newest_challenge(void** state) {
+  (void)state;
+  imucal_link_unlock_t request = unlock_for("bench-2");
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_UNLOCK, &request), IMUCAL_ERR_SERIAL);
+  request = unlock_for(BENCH_SERIAL);
+  request.seconds = 0;
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_UNLOCK, &request), IMUCAL_ERR_RANGE);
+  request.seconds = IMUCAL_LINK_MAX_UNLOCK_S + 1;
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_UNLOCK, &request), IMUCAL_ERR_RANGE);
+  assert_int_equal(device_state()->unlocked_s, 0);
+  request.seconds = 10;
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_UNLOCK, &request), IMUCAL_OK);
+  assert_int_equal(device_state()->unlocked_s, 10);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_UNLOCK, &request), IMUCAL_ERR_STALE); /* replayed under another sequence */
+  assert_int_equal(device_state()->refused_unlock, 3);
+  assert_int_equal(device_state()->refused_stale, 1);
+}
+
+static void test_commands_late_doubled_or_of_another_token_do_nothing(void** state) {
+  (void)state;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 55.0f, bytes)), IMUCAL_OK);
+  const imucal_link_erase_t erase = {.confirm = IMUCAL_LINK_ERASE_CONFIRM};
+  imucal_link_command_t command = bench_command(&bench, IMUCAL_LINK_ID_ERASE, &erase);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_OK);
+  assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 55.0f, bytes)), IMUCAL_OK);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_STALE); /* the late ERASE */
+  command.number = bench.number + 1;
+  command.token ^= 1;
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_STALE);
+  command.token ^= 1;
+  const uint32_t old_token = command.token;
+  bench_unlock(&bench); /* another host, or the same later */
+  assert_true(bench.token != old_token);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_STALE);
+  assert_int_equal(device_state()->refused_stale, 3);
+  bench_power_cycle(&bench);
+  command.token = old_token;
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_LOCKED);
+  bench_unlock(&bench);
+  assert_true(bench.token != old_token);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_STALE);
+  assert_true(bench_ruling_b0(&bench) == 55.0f);
+}
+
+static void test_unlock_expires(void** state) {
+  (void)state;
+  const imucal_link_stream_t stream = {.what = 8, .period_s = 1};
+  bench_unlock(&bench);
+  imucal_link_command_t command = bench_command(&bench, IMUCAL_LINK_ID_STREAM, &stream);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_OK);
+  bench.time_us += (uint64_t)IMUCAL_LINK_MAX_UNLOCK_S * 1000000u;
+  command = bench_command(&bench, IMUCAL_LINK_ID_STREAM, &stream);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_LOCKED);
+  assert_int_equal(device_state()->unlocked_s, 0);
+}
+
+static void test_command_of_wrong_content_is_refused(void** state) {
+  (void)state;
+  bench_unlock(&bench);
+  imucal_link_command_t command = {.token = bench.token, .number = 1, .request = IMUCAL_LINK_ID_INFO, .length = 1};
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_UNKNOWN); /* needs no COMMAND */
+  command.request = IMUCAL_LINK_ID_COMMAND;
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_UNKNOWN);
+  command.request = IMUCAL_LINK_ID_ERASE;
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_LENGTH);
+  assert_int_equal(bench.reply.done.request, IMUCAL_LINK_ID_ERASE);
+}
+
+static void test_reserved_fields_are_checked(void** state) {
+  (void)state;
+  const imucal_link_info_t request = {.reserved = 1};
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_INFO, &request), IMUCAL_ERR_RESERVED);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COUNTERS, &request), IMUCAL_ERR_RESERVED);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_STATE, &request), IMUCAL_ERR_RESERVED);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_ROLLBACK, &request), IMUCAL_ERR_RESERVED);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_COMMIT, &request), IMUCAL_ERR_RESERVED);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_REBOOT, &request), IMUCAL_ERR_RESERVED);
+  assert_int_equal(bench.n_reboots, 0);
+  assert_int_equal(device_state()->refused_reserved, 6);
+}
+
+static void test_state_tells_crc_time_and_origin_of_the_ruling_table(void** state) {
+  (void)state;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  assert_int_equal(device_state()->table_origin, IMUCAL_ORIGIN_NONE);
+  assert_int_equal(device_state()->table_crc, 0);
+  const size_t n = bench_table(&bench, 55.0f, bytes);
+  imucal_put_u32(bytes + 28, 1234);
+  imucal_put_u32(bytes + n - 4, imucal_crc32(bytes, n - 4));
+  assert_int_equal(bench_upload(&bench, bytes, n), IMUCAL_OK);
+  assert_int_equal(device_state()->table_origin, IMUCAL_ORIGIN_HOST);
+  assert_int_equal(device_state()->table_created_s, 1234);
+  assert_int_equal(device_state()->table_crc, imucal_get_u32(bytes + n - 4)); /* sequence 1 in both */
+  assert_int_equal(bench_upload(&bench, bytes, n), IMUCAL_OK);
+  const imucal_link_rollback_t nothing = {0};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_ROLLBACK, &nothing), IMUCAL_OK);
+  assert_int_equal(device_state()->table_origin, IMUCAL_ORIGIN_ROLLBACK);
+  bench_power_cycle(&bench);
+  assert_int_equal(device_state()->table_origin, IMUCAL_ORIGIN_FLASH);
+}
+
+static void test_table_out_of_physical_limits_is_refused(void** state) {
+  (void)state;
+  static const struct {
+    size_t at; /* in the bytes of channel 0 (table.md) */
+    float value;
+    int status;
+  } cases[] = {{68, 0.0f, IMUCAL_ERR_SIGMA},  {68, 1e30f, IMUCAL_ERR_SIGMA}, {100, -1.0f, IMUCAL_ERR_SIGMA},
+               {104, 1e5f, IMUCAL_ERR_MODEL}, {24, 2e7f, IMUCAL_ERR_COEFFICIENT}, {16, 2000.0f, IMUCAL_ERR_SPAN},
+               {124, 1e-20f, IMUCAL_ERR_SCALE}};
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    const size_t n = bench_table(&bench, 55.0f, bytes);
+    imucal_put_f32(bytes + IMUCAL_TABLE_HEADER_BYTES + cases[i].at, cases[i].value);
+    imucal_put_u32(bytes + n - 4, imucal_crc32(bytes, n - 4));
+    assert_int_equal(bench_upload(&bench, bytes, n), cases[i].status);
+  }
+  assert_int_equal(device_state()->refused_table, sizeof cases / sizeof cases[0]);
+  assert_int_equal(info()->table_status, IMUCAL_ERR_NO_TABLE);
+}
+
+static void test_session_refuses_to_start_a_running_channel_again(void** state) {
+  (void)state;
+  assert_int_equal(bench_cal_start(&bench, 0, 3), IMUCAL_OK);
+  assert_int_equal(bench_cal_start(&bench, 1, 3), IMUCAL_OK); /* another channel joins */
+  assert_int_equal(bench_stream(&bench, 15), IMUCAL_OK);
+  bench_feed(&bench, 50);
+  assert_int_equal(bench_cal_start(&bench, 0, 2), IMUCAL_ERR_BUSY);
+  const imucal_link_cal_state_t ask = {.channel = 0};
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CAL_STATE, &ask), IMUCAL_LINK_ID_CAL_STATE_REPLY);
+  assert_true(bench.reply.cal_state_reply.n >= 49 && bench.reply.cal_state_reply.order == 3);
+  const imucal_link_cal_stop_t stop_request = {.action = IMUCAL_STOP_DISCARD};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_STOP, &stop_request), IMUCAL_OK);
+  assert_int_equal(bench_cal_start(&bench, 0, 2), IMUCAL_OK);
+  assert_int_equal(device_state()->refused_busy, 1);
+}
+
+static void test_host_that_died_does_not_leave_the_device_busy(void** state) {
+  (void)state;
+  assert_int_equal(bench_cal_start(&bench, 0, 3), IMUCAL_OK);
+  bench.time_us += (uint64_t)(IMUCAL_APP_SILENCE_S - 1) * 1000000u;
+  bench_run(&bench);
+  assert_int_equal(bench.app.session, IMUCAL_SESSION_CALIBRATING);
+  bench.time_us += 2000000u;
+  bench_run(&bench);
+  assert_int_equal(bench.app.session, IMUCAL_SESSION_KEPT);
+  assert_int_equal(bench_events(&bench, IMUCAL_EVENT_HOST_SILENT), 1);
+  assert_int_equal(device_state()->sessions_silent, 1);
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  bench_unlock(&bench);
+  assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 55.0f, bytes)), IMUCAL_OK); /* not busy */
 }
 
 /* ---- calibration ---- */
@@ -502,6 +699,16 @@ int main(void) {
       CASE(test_channel_info_known_and_unknown_channel),
       CASE(test_unknown_request_and_wrong_payload_are_refused),
       CASE(test_stream_unknown_bits_are_refused),
+      CASE(test_bare_requests_that_change_something_are_locked),
+      CASE(test_unlock_names_the_serial_and_the_newest_challenge),
+      CASE(test_commands_late_doubled_or_of_another_token_do_nothing),
+      CASE(test_unlock_expires),
+      CASE(test_command_of_wrong_content_is_refused),
+      CASE(test_reserved_fields_are_checked),
+      CASE(test_state_tells_crc_time_and_origin_of_the_ruling_table),
+      CASE(test_table_out_of_physical_limits_is_refused),
+      CASE(test_session_refuses_to_start_a_running_channel_again),
+      CASE(test_host_that_died_does_not_leave_the_device_busy),
       CASE(test_reboot_answers_first),
       CASE(test_reboot_stuck_line_reboots_all_the_same),
       CASE(test_session_learns_stores_and_compensates),

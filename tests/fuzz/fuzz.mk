@@ -18,3 +18,24 @@ fuzz-clang:: $(BUILD)/tests/fuzz/libfuzzer_core  ## the same by libFuzzer (needs
 	$(Q)mkdir -p $(BUILD)/fuzz_corpus && $< -max_total_time=$(FUZZ_SECONDS) -seed=$(SEED) -max_len=2048 -print_final_stats=1 $(BUILD)/fuzz_corpus
 
 .PHONY: fuzz fuzz-clang
+
+# The whole app: operations chosen by libFuzzer's coverage where clang is there (FUZZ_CLANG), else drawn at random.
+FUZZ_INPUTS ?= 20000
+FUZZ_DEVICE_SOURCES := $(wildcard firmware/app/*.c)
+FUZZ_DEVICE_NEEDS := tests/fuzz/fuzz_device.c tests/fuzz/fuzz_device.h tests/emu/nor.h $(FUZZ_DEVICE_SOURCES) $(CORE_SOURCES) \
+                     $(wildcard common/*.h firmware/app/*.h)
+$(BUILD)/tests/fuzz/fuzz_device: $(FUZZ_DEVICE_NEEDS)
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(FUZZ_FLAGS) -Ifirmware -DFUZZ_DEVICE_MAIN $< $(FUZZ_DEVICE_SOURCES) $(CORE_SOURCES) -o $@
+$(BUILD)/tests/fuzz/libfuzzer_device: $(FUZZ_DEVICE_NEEDS)
+	@mkdir -p $(@D)
+	$(Q)$(FUZZ_CLANG) $(FUZZ_FLAGS) -Ifirmware -fsanitize=fuzzer $< $(FUZZ_DEVICE_SOURCES) $(CORE_SOURCES) -o $@
+
+fuzz-device: $(BUILD)/tests/fuzz/fuzz_device  ## random operations on the whole app, then by libFuzzer (FUZZ_INPUTS, FUZZ_SECONDS, SEED)
+	$(Q)$< $(FUZZ_INPUTS) $(SEED) 2>$(BUILD)/tests/fuzz/fuzz_device.log || { tail -3 $(BUILD)/tests/fuzz/fuzz_device.log; exit 1; }
+	$(Q)command -v $(FUZZ_CLANG) >/dev/null || { echo "fuzz-device: SKIP: no $(FUZZ_CLANG) for libFuzzer (apt-get install clang-14)"; exit 0; }; \
+	$(MAKE) --no-print-directory $(BUILD)/tests/fuzz/libfuzzer_device && mkdir -p $(BUILD)/fuzz_device_corpus && \
+	$(BUILD)/tests/fuzz/libfuzzer_device -max_total_time=$(FUZZ_SECONDS) -seed=$(SEED) -max_len=1000 -print_final_stats=1 -verbosity=0 \
+	  -artifact_prefix=$(BUILD)/tests/fuzz/ $(BUILD)/fuzz_device_corpus
+
+.PHONY: fuzz-device

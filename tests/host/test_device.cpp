@@ -73,8 +73,7 @@ public:
       if (imucal_link_rx_put(&rx_, bytes[i]) != IMUCAL_FRAME_READY) continue;
       imucal_link_any_t message;
       assert_int_equal(imucal_link_rx_message(&rx_, &message), IMUCAL_OK);
-      ++n_requests;
-      send(script_(imucal_link_rx_type(&rx_), imucal_link_rx_sequence(&rx_), message));
+      answer(imucal_link_rx_type(&rx_), imucal_link_rx_sequence(&rx_), message);
     }
   }
   void send(const Bytes& bytes) { waiting_.insert(waiting_.end(), bytes.begin(), bytes.end()); }
@@ -82,6 +81,30 @@ public:
   int n_requests = 0;
 
 private:
+  // Unlocks by itself; what comes in a COMMAND is given to the script as though it came alone.
+  void answer(uint8_t id, uint8_t sequence, const imucal_link_any_t& message) {
+    if (id == IMUCAL_LINK_ID_STATE) {
+      imucal_link_state_reply_t state{};
+      state.challenge = challenge;
+      return send(frame(IMUCAL_LINK_ID_STATE_REPLY, sequence, state));
+    }
+    if (id == IMUCAL_LINK_ID_UNLOCK) {
+      assert_int_equal(message.unlock.challenge, challenge++);
+      return send(frame(IMUCAL_LINK_ID_UNLOCK_REPLY, sequence, imucal_link_unlock_reply_t{++token, message.unlock.seconds}));
+    }
+    ++n_requests;
+    if (id != IMUCAL_LINK_ID_COMMAND) {
+      assert_false(imucal_link_is_guarded(id));
+      return send(script_(id, sequence, message));
+    }
+    imucal_link_any_t inside;
+    const imucal_link_command_t& command = message.command;
+    assert_int_equal(command.token, token);
+    assert_int_equal(imucal_link_decode(command.request, command.payload, command.length, &inside), IMUCAL_OK);
+    send(script_(command.request, sequence, inside));
+  }
+
+  uint32_t challenge = 77, token = 0;
   Script script_;
   imucal_link_rx_t rx_;
   std::deque<uint8_t> waiting_;

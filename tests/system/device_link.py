@@ -29,6 +29,8 @@ def read_message_table():
 
 
 MESSAGES = read_message_table()
+GUARDED = {"stream", "reboot", "cal_start", "cal_stop", "table_from_cal", "table_begin", "table_data", "table_commit",
+           "rollback", "erase"}
 NAMES = {number: name for name, (number, _) in MESSAGES.items()}
 
 
@@ -123,11 +125,11 @@ class Line:
         else:
             self.fd = os.open(name, os.O_RDWR | os.O_NOCTTY)
         self.sequence, self.held, self.streamed = random.randrange(256), b"", []
-        self.hello = None
+        self.hello, self.token, self.number = None, None, 0
 
     def greet(self):
         """A host begins with HELLO: its nonce makes it unlike the host before."""
-        name, self.hello = self.ask("hello", protocol=1, nonce=random.getrandbits(32))
+        name, self.hello = self.ask("hello", protocol=2, nonce=random.getrandbits(32))
         assert name == "hello_reply"
         return self
 
@@ -154,10 +156,30 @@ class Line:
             self.held += data
 
     def ask(self, name, timeout_s=5.0, **values):
-        """Sends a request and returns (name, values) of its reply; streamed records are kept in .streamed."""
+        """Sends a request, in a COMMAND where it changes something, and returns (name, values) of its reply; streamed
+        records are kept in .streamed."""
+        if name in GUARDED and self.token is None:
+            self.unlock()
         self.sequence = (self.sequence + 1) & 0xFF
-        self.send_bytes(frame(MESSAGES[name][0], self.sequence, encode(name, values)))
+        self.send_bytes(self.command(name, self.sequence, **values) if name in GUARDED else
+                        frame(MESSAGES[name][0], self.sequence, encode(name, values)))
+        if name == "reboot":
+            self.token = None
         return self.reply(timeout_s)
+
+    def unlock(self, seconds=600):
+        challenge = self.ask("state", reserved=0)[1]["challenge"]
+        name, reply = self.ask("unlock", challenge=challenge, serial=self.hello["serial"], seconds=seconds)
+        assert name == "unlock_reply", reply
+        self.token, self.number = reply["token"], 0
+
+    def command(self, name, sequence, **values):
+        """The frame of a request that changes something; the device is unlocked."""
+        self.number += 1
+        payload = encode(name, values)
+        return frame(MESSAGES["command"][0], sequence,
+                     encode("command", dict(token=self.token, number=self.number, request=MESSAGES[name][0],
+                                            length=len(payload), payload=payload)))
 
     def reply(self, timeout_s=5.0):
         while True:

@@ -176,7 +176,7 @@ def begin_commit(line, table):
     for at in range(0, len(table), 200):
         data = table[at:at + 200]
         assert line.done("table_data", offset=at, length=len(data), data=data) == 0
-    line.send_bytes(frame(MESSAGES["table_commit"][0], 77, b"\0"))
+    line.send_bytes(line.command("table_commit", 77, reserved=0))
 
 
 @pytest.mark.parametrize("port", ["posix", "mps2_an386"])

@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -63,17 +64,31 @@ bool serial_open(serial_t* serial, const char* where, char* error, size_t capaci
   return false;
 }
 
-static void accept_client(serial_t* serial) {
-  if (serial->line_fd >= 0 || serial->listen_fd < 0) return;
-  serial->line_fd = accept4(serial->listen_fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
-  const int yes = 1;
-  if (serial->line_fd >= 0) setsockopt(serial->line_fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
-}
-
 static void drop_client(serial_t* serial) {
   if (serial->listen_fd < 0) return;
   close(serial->line_fd);
   serial->line_fd = -1;
+}
+
+/* Has the host at the line gone? */
+static bool is_host_gone(const serial_t* serial) {
+  struct pollfd line = {.fd = serial->line_fd, .events = POLLRDHUP};
+  return poll(&line, 1, 0) > 0 && (line.revents & (POLLRDHUP | POLLHUP | POLLERR));
+}
+
+/* The line is for one host: another one is turned away at once, so that it can tell its user. */
+static void accept_client(serial_t* serial) {
+  if (serial->listen_fd < 0) return;
+  const int fd = accept4(serial->listen_fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+  if (fd < 0) return;
+  if (serial->line_fd >= 0 && is_host_gone(serial)) drop_client(serial);
+  if (serial->line_fd >= 0) {
+    close(fd);
+    return;
+  }
+  const int yes = 1;
+  serial->line_fd = fd;
+  setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
 }
 
 static bool is_transient(void) {

@@ -34,7 +34,11 @@ const char* request_name(uint8_t id) {
 std::string remedy(imucal_status status) {
   switch (status) {
   case IMUCAL_ERR_BUSY:
-    return "; a calibration runs: stop it first (calibrate run, Ctrl-C) or restart the device";
+    return "; a calibration runs: end the program that runs it, or stop it with calibrate stop";
+  case IMUCAL_ERR_STALE:
+    return "; another program has unlocked the device in the meantime: the port is in use, end that program";
+  case IMUCAL_ERR_NO_MARK:
+    return "; flash the older table from a file";
   case IMUCAL_ERR_NO_TABLE:
     return "; calibrate the device or flash a table";
   case IMUCAL_ERR_NO_OTHER:
@@ -53,6 +57,7 @@ std::string remedy(imucal_status status) {
   }
 }
 
+constexpr uint16_t kUnlock_s = 120;
 constexpr double kFlashPatience = 5.0; // erase and program take longer than an answer
 
 } // namespace
@@ -153,34 +158,69 @@ uint8_t Device::await_reply(uint8_t request_id, uint8_t sequence, uint8_t reply_
   return got;
 }
 
-imucal_link_any_t Device::request(uint8_t id, const void* message, uint8_t reply_id, double patience,
-                                  imucal_status* status) {
+imucal_link_any_t Device::exchange(uint8_t id, const void* message, uint8_t request_id, uint8_t reply_id,
+                                   double patience, imucal_status* status) {
   const uint8_t sequence = ++sequence_;
-  uint8_t frame[IMUCAL_LINK_MAX_FRAME + 1];
+  uint8_t frame[IMUCAL_LINK_MAX_FRAME];
   size_t length = 0;
-  frame[0] = 0; // ends whatever noise stands in the device's receiver
-  if (const imucal_status packed =
-          imucal_link_pack(id, sequence, message, frame + 1, sizeof frame - 1, &length);
+  if (const imucal_status packed = imucal_link_pack(id, sequence, message, frame, sizeof frame, &length);
       packed != IMUCAL_OK)
-    throw device_error(port() + ": " + request_name(id) + ": " + imucal_status_text(packed));
+    throw device_error(port() + ": " + request_name(request_id) + ": " + imucal_status_text(packed));
   imucal_link_any_t reply;
   for (int attempt = 0; attempt < options_.tries; ++attempt) {
     statistics_.repeated_requests += attempt > 0;
-    transport_->write(frame, length + 1, options_.reply_timeout_s * patience);
-    const uint8_t type = await_reply(id, sequence, reply_id, options_.reply_timeout_s * patience, &reply);
+    transport_->write(frame, length, options_.reply_timeout_s * patience);
+    const uint8_t type = await_reply(request_id, sequence, reply_id, options_.reply_timeout_s * patience, &reply);
     if (type == 0) continue;
     const bool failed = type == IMUCAL_LINK_ID_DONE && reply.done.status < 0;
-    const auto outcome = failed ? static_cast<imucal_status>(reply.done.status) : IMUCAL_OK;
-    if (status) *status = outcome;
-    if (!failed || status) return reply;
-    throw device_error(
-        port() + ": the device refuses " + request_name(id) + ": " + imucal_status_text(outcome) +
-        (reply.done.detail ? " (detail " + std::to_string(reply.done.detail) + ")" : "") + remedy(outcome));
+    *status = failed ? static_cast<imucal_status>(reply.done.status) : IMUCAL_OK;
+    return reply;
   }
-  throw device_error(port() + ": the device does not answer (" + request_name(id) + " sent " +
+  throw device_error(port() + ": the device does not answer (" + request_name(request_id) + " sent " +
                      std::to_string(options_.tries) +
-                     " times); check cable, port and baud rate, restart the device "
-                     "and repeat the command. Its flash still holds the last good table");
+                     " times); check cable, port and baud rate" +
+                     (statistics_.bytes == 0 ? ", and that no other program uses the port" : "") +
+                     "; restart the device and repeat the command. Its flash still holds the last good table");
+}
+
+// STATE brings the challenge, UNLOCK the token; nobody else's is touched unless this succeeds.
+void Device::unlock() {
+  imucal_link_unlock_t unlock{};
+  unlock.challenge = state().challenge;
+  std::memcpy(unlock.serial, hello_.serial, sizeof unlock.serial);
+  unlock.seconds = kUnlock_s;
+  token_ = request(IMUCAL_LINK_ID_UNLOCK, &unlock, IMUCAL_LINK_ID_UNLOCK_REPLY).unlock_reply.token;
+  number_ = 0;
+}
+
+imucal_link_any_t Device::request(uint8_t id, const void* message, uint8_t reply_id, double patience,
+                                  imucal_status* status) {
+  imucal_status outcome = IMUCAL_OK;
+  imucal_link_any_t reply;
+  if (!imucal_link_is_guarded(id)) {
+    reply = exchange(id, message, id, reply_id, patience, &outcome);
+  } else {
+    if (token_ == 0) unlock();
+    for (int attempt = 0; attempt < 2; ++attempt) {
+      imucal_link_command_t command{};
+      size_t length = 0;
+      command.token = token_;
+      command.number = ++number_;
+      command.request = id;
+      if (const imucal_status packed = imucal_link_encode(id, message, command.payload, sizeof command.payload, &length);
+          packed != IMUCAL_OK)
+        throw device_error(port() + ": " + request_name(id) + ": " + imucal_status_text(packed));
+      command.length = static_cast<uint8_t>(length);
+      reply = exchange(IMUCAL_LINK_ID_COMMAND, &command, id, reply_id, patience, &outcome);
+      if (outcome != IMUCAL_ERR_LOCKED) break;
+      unlock(); // its time was over: nothing was done, so once more
+    }
+  }
+  if (status) *status = outcome;
+  if (outcome == IMUCAL_OK || status) return reply;
+  throw device_error(port() + ": the device refuses " + request_name(id) + ": " + imucal_status_text(outcome) +
+                     (reply.done.detail ? " (detail " + std::to_string(reply.done.detail) + ")" : "") +
+                     remedy(outcome));
 }
 
 imucal_link_any_t Device::command(uint8_t id, const void* message, double patience) {
@@ -195,7 +235,6 @@ void Device::connect() {
   if (hello_.protocol != IMUCAL_LINK_PROTOCOL)
     throw device_error(port() + ": the device speaks protocol version " + std::to_string(hello_.protocol) +
                        ", this program " + std::to_string(IMUCAL_LINK_PROTOCOL) + "; update the older one");
-  stream(0, 0, 1);
   channels_.clear();
   for (uint8_t i = 0; i < hello_.n_channels; ++i) {
     const imucal_link_channel_info_t which{i};
@@ -207,6 +246,11 @@ void Device::connect() {
 imucal_link_info_reply_t Device::info() {
   const imucal_link_info_t none{};
   return request(IMUCAL_LINK_ID_INFO, &none, IMUCAL_LINK_ID_INFO_REPLY).info_reply;
+}
+
+imucal_link_state_reply_t Device::state() {
+  const imucal_link_state_t none{};
+  return request(IMUCAL_LINK_ID_STATE, &none, IMUCAL_LINK_ID_STATE_REPLY).state_reply;
 }
 
 imucal_link_counters_reply_t Device::counters() {

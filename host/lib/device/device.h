@@ -6,6 +6,9 @@
 // so that nothing is done twice.  A device that stays silent through all repetitions ends in device_error,
 // never in a hang. Noise on the line costs the frames it touches: those of requests are repeated, those of
 // streams are counted lost.
+//
+// A request that changes anything goes out inside COMMAND.  The device is unlocked for it when first needed, by the serial
+// number it told, and again when the time is over; where another program unlocked it since, that is an error, not a race.
 #pragma once
 #include <functional>
 #include <memory>
@@ -44,7 +47,7 @@ public:
 
   explicit Device(std::unique_ptr<Transport> transport, DeviceOptions options = {});
 
-  // Greets the device, stops streams a former program left running, reads name, serial, channels.
+  // Greets the device, reads name, serial, channels; changes nothing.
   // device_error: silent, or of another protocol version.
   void connect();
 
@@ -60,6 +63,7 @@ public:
 
   imucal_link_info_reply_t info();
   imucal_link_counters_reply_t counters();
+  imucal_link_state_reply_t state();
   void stream(unsigned what, unsigned innovation_channels, uint16_t progress_period_s);
 
   void cal_start(const imucal_link_cal_start_t& start);
@@ -88,6 +92,9 @@ public:
 
 private:
   imucal_link_any_t command(uint8_t id, const void* message, double patience = 1.0);
+  void unlock();
+  imucal_link_any_t exchange(uint8_t id, const void* message, uint8_t request_id, uint8_t reply_id, double patience,
+                             imucal_status* status);
   bool receive(double timeout_s, const std::function<bool()>& on_frame);
   void take_stream(uint8_t id, const imucal_link_any_t& record);
   // Type of the reply that came (reply_id, or DONE with a refusal); 0: none in time.
@@ -100,6 +107,7 @@ private:
   std::vector<uint8_t> pending_; // received, not yet looked at
   size_t pending_at_ = 0;
   uint8_t sequence_;
+  uint32_t token_ = 0, number_ = 0; // of the running unlock; 0: none yet
   imucal_link_hello_reply_t hello_{};
   std::vector<imucal_link_channel_info_reply_t> channels_;
   int last_counter_[4] = {-1, -1, -1, -1}; // per stream

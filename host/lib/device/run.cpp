@@ -241,9 +241,11 @@ void Run::check_alive() {
   if (info.session == IMUCAL_SESSION_IDLE)
     throw device_error(device_.port() + ": the device has left the calibration (restarted?) after " +
                        std::to_string(t_s_ - first_t_s_) + " s; check its supply and start again");
-  if (!has_sensor_ended_ && now_s() - last_second_s_ > options_.stall_s)
+  if (!has_sensor_ended_ && now_s() - last_second_s_ > options_.stall_s) {
+    device_.cal_stop(IMUCAL_STOP_DISCARD); // it answers: leave it idle
     throw device_error(device_.port() + ": the device answers, but its sensor has delivered nothing for " +
                        text_of(options_.stall_s, 0) + " s; check the sensor (or start its feed)");
+  }
 }
 
 void Run::show(bool is_last) {
@@ -267,6 +269,7 @@ void Run::show(bool is_last) {
 }
 
 void Run::listen() {
+  device_.stream(0, 0, 1); // what a former program left running
   device_.on_stream([this](uint8_t id, const imucal_link_any_t& record) { take(id, record); });
   for (const Axis& axis : axes_) device_.cal_start(axis.start);
   start_s_ = last_record_s_ = last_second_s_ = now_s();

@@ -71,9 +71,12 @@ public:
   size_t read(uint8_t* bytes, size_t max, double timeout_s) override {
     if (!wait(POLLIN, timeout_s)) return 0;
     const ssize_t n = ::read(fd_, bytes, max);
-    if (n > 0) return static_cast<size_t>(n);
+    if (n > 0) {
+      has_read_ = true;
+      return static_cast<size_t>(n);
+    }
     if (n < 0 && (errno == EAGAIN || errno == EINTR)) return 0;
-    throw gone(name());
+    throw lost();
   }
 
   void write(const uint8_t* bytes, size_t n, double timeout_s) override {
@@ -84,7 +87,7 @@ public:
       const ssize_t sent = ::write(fd_, bytes, n);
       if (sent < 0) {
         if (errno == EAGAIN || errno == EINTR) continue;
-        throw gone(name());
+        throw lost();
       }
       bytes += sent;
       n -= static_cast<size_t>(sent);
@@ -92,6 +95,13 @@ public:
   }
 
 private:
+  // A connection that is closed before a byte came was turned away: a device serves one host at a time.
+  Error lost() const {
+    if (has_read_ || std::strcmp(kind_, "tcp") != 0) return gone(name());
+    return device_error(name() + ": the connection was closed at once: the port is in use by another program; end that "
+                                 "program first");
+  }
+
   // False: nothing within the time (or a signal came, which the caller looks at between reads).
   bool wait(short events, double timeout_s) {
     pollfd entry{fd_, events, 0};
@@ -102,6 +112,7 @@ private:
 
   const char* kind_;
   int fd_;
+  bool has_read_ = false;
 };
 
 // Closes unless released: the steps of opening may throw.

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 
 #include "device/recorder.h"
 #include "io/table_json.h"
@@ -35,6 +36,46 @@ const char* session_text(unsigned session) {
   default:
     return "unknown";
   }
+}
+
+const char* origin_text(unsigned origin) {
+  switch (origin) {
+  case IMUCAL_ORIGIN_NONE:
+    return "none";
+  case IMUCAL_ORIGIN_FLASH:
+    return "in flash at the start";
+  case IMUCAL_ORIGIN_FILTERS:
+    return "of the device's filters";
+  case IMUCAL_ORIGIN_HOST:
+    return "flashed by a host";
+  case IMUCAL_ORIGIN_ROLLBACK:
+    return "rolled back to";
+  default:
+    return "unknown";
+  }
+}
+
+std::string hex(uint32_t value) {
+  char text[12];
+  std::snprintf(text, sizeof text, "%08X", value);
+  return text;
+}
+
+std::string utc_text(uint32_t time_s) {
+  const std::time_t time = time_s;
+  std::tm fields{};
+  char text[32];
+  ::gmtime_r(&time, &fields);
+  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S UTC", &fields);
+  return text;
+}
+
+// What the device did not do, by reason.
+Json refused_json(const imucal_link_state_reply_t& state) {
+  return {{"locked", state.refused_locked},     {"stale", state.refused_stale},
+          {"unlock", state.refused_unlock},     {"busy", state.refused_busy},
+          {"reserved", state.refused_reserved}, {"table", state.refused_table},
+          {"flash_failed", state.flash_failed}, {"sessions_silent", state.sessions_silent}};
 }
 
 Json link_json(const Device& device) {
@@ -158,6 +199,7 @@ Exit list_ports(const CommonOptions& common) {
 Exit show_info(Device* device, const CommonOptions& common) {
   const imucal_link_info_reply_t info = device->info();
   const imucal_link_counters_reply_t counters = device->counters();
+  const imucal_link_state_reply_t state = device->state();
   const bool has_table = info.table_status == IMUCAL_OK;
   Json json = device_json(*device);
   json["session"] = session_text(info.session);
@@ -166,6 +208,11 @@ Exit show_info(Device* device, const CommonOptions& common) {
   json["has_table"] = has_table;
   json["table_status"] = status_text(info.table_status);
   json["sequence"] = info.sequence;
+  json["table_crc"] = has_table ? Json(hex(state.table_crc)) : Json(nullptr);
+  json["table_origin"] = origin_text(state.table_origin);
+  json["table_created_s"] = state.table_created_s;
+  json["unlocked_s"] = state.unlocked_s;
+  json["refused"] = refused_json(state);
   json["ruling_slot"] = has_table ? Json(info.ruling_slot) : Json(nullptr);
   json["slots"] = Json::array();
   for (int i = 0; i < 2; ++i)
@@ -190,8 +237,9 @@ Exit show_info(Device* device, const CommonOptions& common) {
               device->channels().size(), static_cast<double>(device->hello().rate_hz),
               session_text(info.session));
   if (has_table)
-    std::printf("table: sequence %u rules (slot %u, %u bytes)\n", info.sequence, info.ruling_slot,
-                info.table_bytes);
+    std::printf("table: sequence %u rules (slot %u, %u bytes, CRC %s), made %s, %s\n", info.sequence,
+                info.ruling_slot, info.table_bytes, hex(state.table_crc).c_str(), utc_text(state.table_created_s).c_str(),
+                origin_text(state.table_origin));
   else
     std::printf("table: none, the device runs uncompensated (%s)\n", status_text(info.table_status));
   for (int i = 0; i < 2; ++i)
@@ -206,6 +254,10 @@ Exit show_info(Device* device, const CommonOptions& common) {
               "dropped\n",
               counters.samples, counters.seconds, counters.gaps, counters.feed_errors, counters.rx_frames,
               counters.rx_crc + counters.rx_resync + counters.rx_overflow, counters.tx_dropped);
+  std::printf("refused: %u locked, %u old or foreign, %u unlocks, %u busy, %u reserved fields, %u tables; flash failed %u "
+              "times; %u calibrations stopped without a host\n",
+              state.refused_locked, state.refused_stale, state.refused_unlock, state.refused_busy,
+              state.refused_reserved, state.refused_table, state.flash_failed, state.sessions_silent);
   return Exit::kDone;
 }
 
@@ -225,6 +277,7 @@ Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions&
       std::printf("  %12s  compensated", device->channel_name(i).c_str());
     std::printf("\n");
   }
+  device->stream(0, 0, 1); // what a former program left running
   device->on_stream([&](uint8_t id, const imucal_link_any_t& record) {
     last_s = now_s();
     if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_ENDED) has_ended = true;
@@ -383,6 +436,15 @@ Exit roll_back(Device* device, const CommonOptions& common) {
   const imucal_link_info_reply_t info = device->info();
   if (common.wants_json()) write_json(common.json_path, {{"before", before}, {"sequence", info.sequence}});
   if (common.talks()) std::printf("table %u rules again (was %u)\n", info.sequence, before);
+  return Exit::kDone;
+}
+
+Exit stop_session(Device* device, const CommonOptions& common) {
+  const unsigned session = device->info().session;
+  device->cal_stop(IMUCAL_STOP_DISCARD);
+  device->stream(0, 0, 1);
+  if (common.wants_json()) write_json(common.json_path, {{"was", session_text(session)}});
+  if (common.talks()) std::printf("%s: was %s, is idle\n", device->serial().c_str(), session_text(session));
   return Exit::kDone;
 }
 

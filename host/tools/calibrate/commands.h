@@ -27,6 +27,8 @@ Exit flash_table(Device* device, const std::string& path, const CommonOptions& c
 Exit verify_table(Device* device, const std::string& path, const CommonOptions& common);
 Exit dump_table(Device* device, const std::string& path, const CommonOptions& common);
 Exit roll_back(Device* device, const CommonOptions& common);
+// Ends a calibration, also one that another program left running; its filters are gone.
+Exit stop_session(Device* device, const CommonOptions& common);
 Exit erase_tables(Device* device, const CommonOptions& common);
 
 // Results of `run` and `fit` (design 1.1): {"axes": [...]} of a table.

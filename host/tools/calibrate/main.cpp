@@ -123,6 +123,7 @@ int main(int argc, char** argv) {
   FitArguments fit;
   CLI::App* fit_app = app.add_subcommand("fit", "learn the polynomials from recorded logs, no device needed");
   add_fit_options(fit_app, &fit);
+  CLI::App* stop = app.add_subcommand("stop", "end a calibration that a program left running on the device");
   app.add_subcommand("erase", "erase both tables: the device runs uncompensated");
 
   return run_program(&app, argc, argv, [&]() -> Exit {
@@ -139,6 +140,7 @@ int main(int argc, char** argv) {
     if (*flash) return flash_table(&device, table_path, common);
     if (*verify) return verify_table(&device, table_path, common);
     if (*dump) return dump_table(&device, table_path, common);
+    if (*stop) return stop_session(&device, common);
     if (*rollback) return roll_back(&device, common);
     return erase_tables(&device, common);
   });
