@@ -2,7 +2,6 @@
 """``imucal look``: one page and ten lines about a log of any format, raw first."""
 import json
 import os
-import shutil
 import subprocess
 import tempfile
 
@@ -13,6 +12,7 @@ from .errors import DataError
 from .firstlook import lattice_of, look_at_axis
 from .importers import Options, detect, import_log
 from .log import read_log, write_log
+from .programs import find
 
 
 #: above this share of the smoothed residual's variance a loop is suspected
@@ -59,10 +59,10 @@ class Likelihood:
     """Maximum-likelihood noise of each axis by `errormodel fit`, in the background."""
 
     def __init__(self, path, log, axes, order, imported):
-        program = os.path.join(os.environ.get("IMUCAL_BIN", ""), "errormodel")
-        program = program if os.access(program, os.X_OK) else shutil.which("errormodel")
         self.folder, self.runs = tempfile.TemporaryDirectory(), {}
-        if not program:
+        try:
+            program = find("errormodel")
+        except DataError:  # the likelihood is an extra; what is read off stands without
             return
         if imported:
             path = os.path.join(self.folder.name, "log.csv")

@@ -14,8 +14,9 @@ from .errors import DataError, ImucalError, UsageError
 def find(name):
     """Path of a program: $IMUCAL_BIN, the build folder beside a source tree, libexec, PATH."""
     here = Path(__file__).resolve()
-    folders = [os.environ.get("IMUCAL_BIN"), here.parents[3] / "build/bin" if len(here.parents) > 3 else None,
-               here.parents[3] / "libexec/imucal" if len(here.parents) > 3 else None]
+    given = os.environ.get("IMUCAL_BIN")
+    folders = [given, given and Path(given).parent / "libexec/imucal", here.parents[3] / "build/bin"]
+    folders += [here.parents[4] / "libexec/imucal"] if len(here.parents) > 4 else []
     for folder in filter(None, folders):
         if os.access(Path(folder) / name, os.X_OK):
             return str(Path(folder) / name)

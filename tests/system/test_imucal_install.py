@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: MIT
+"""What `make install` puts under a prefix works from there, and `make uninstall` takes it away."""
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
+
+USER = """#include <kf.h>
+#include <stdio.h>
+int main(void) {
+  static const imucal_kf_config_t config = {3, 30.0f, 30.0f, 0.00995f, 7.92f, 1296.0f, 400.0f, 1e4f};
+  imucal_kf_t kf;
+  if (imucal_kf_init(&kf, &config) != IMUCAL_OK || imucal_kf_update(&kf, 412.0f, 24.8f) != IMUCAL_OK) return 1;
+  printf("%.1f\\n", (double)imucal_kf_bias(&kf, 24.8f));
+  return 0;
+}
+"""
+PROJECT = """cmake_minimum_required(VERSION 3.13)
+project(user C)
+find_package(imucal 0.1 REQUIRED)
+add_executable(user main.c)
+target_link_libraries(user imucal::imucal)
+"""
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    """The files of an installation under PREFIX=/opt/imucal in a folder of its own."""
+    destination = tmp_path_factory.mktemp("root")
+    env = {**os.environ, "PREFIX": "/opt/imucal", "DESTDIR": str(destination), "BUILD": str(BUILD), "VERSION": "0.1.0"}
+    subprocess.run([ROOT / "host/packaging/install.sh"], cwd=ROOT, env=env, check=True)
+    return destination / "opt/imucal"
+
+
+def clean(**more):
+    return {"PATH": "/usr/bin:/bin", "IMUCAL_PYTHON": sys.executable, "HOME": "/nonexistent", **more}
+
+
+def test_only_the_one_command_is_on_the_path(root):
+    assert [p.name for p in (root / "bin").iterdir()] == ["imucal"]
+    assert {"dp", "calibrate", "profile", "diagnose"} <= {p.name for p in (root / "libexec/imucal").iterdir()}
+
+
+def test_installed_command_runs_programs_and_package_outside_the_source_tree(root, tmp_path):
+    def imucal(*arguments):
+        return subprocess.run([root / "bin/imucal", *arguments], capture_output=True, text=True, cwd=tmp_path, env=clean(), check=True).stdout
+    assert imucal("dp", "--version").startswith("dp ")
+    imucal("example", "play", "-q")
+    assert "valid log" in imucal("check", "play/run1.csv")
+    imucal("calibrate", "fit", "play/run1.csv", "--method", "kf", "--order", "3", "--model", "play/model.json", "-o", "table.json", "-q")
+    assert "bias_fixed" in imucal("export", "table.json", "--to", "c-header")
+
+
+def test_installed_package_finds_its_compiled_part_and_the_programs(root, tmp_path):
+    code = "import imucal, numpy; assert 'opt/imucal' in imucal.__file__; print(len(imucal.allan_deviation(numpy.random.rand(500)).tau_s), " \
+           "imucal.expect({'imucal_model': 1, 'arw_deg_rt_h': 0.6}, [4], type='av').dp_dph[0])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path,
+                         env=clean(PYTHONPATH=str(root / "lib/imucal/python"))).stdout.split()
+    assert int(out[0]) > 4 and float(out[1]) == pytest.approx(18.0)  # 36 dph / sqrt(4)
+
+
+def test_man_pages_format_without_complaint(root):
+    pages = sorted((root / "share/man/man1").glob("*.1"))
+    assert len(pages) == 14
+    for page in pages[:3] + pages[-2:]:
+        done = subprocess.run(["man", "--warnings", "-E", "UTF-8", "-l", page], capture_output=True, text=True, env=clean(MANPAGER="cat", MANWIDTH="100", LC_ALL="C.UTF-8"))
+        assert done.returncode == 0 and not done.stderr, f"{page}: {done.stderr}"
+        assert "NAME" in done.stdout and page.name[:-2] in done.stdout
+    text = subprocess.run(["man", "-l", root / "share/man/man1/imucal-errormodel.1"], capture_output=True, text=True, env=clean(MANPAGER="cat", MANWIDTH="200")).stdout
+    assert "--criterion" in text and "--markov" in text
+
+
+def test_bash_completes_subcommands_and_options(root):
+    def complete(*words):
+        script = f"source {root}/share/bash-completion/completions/imucal; COMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}; _imucal; echo ${{COMPREPLY[@]}}"
+        return subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True, cwd="/").stdout.split()
+    assert complete("imucal", "dia") == ["diagnose"]
+    assert "--criterion" in complete("imucal", "errormodel", "--cr")
+    assert "optimize" in complete("imucal", "profile", "opt")
+
+
+def test_pkg_config_and_cmake_lead_to_a_program_that_runs(root, tmp_path):
+    (tmp_path / "main.c").write_text(USER)
+    (tmp_path / "CMakeLists.txt").write_text(PROJECT)
+    destination = str(root)[:-len("/opt/imucal")]
+    flags = subprocess.run(["pkg-config", "--cflags", "--libs", "imucal"], capture_output=True, text=True, check=True,
+                           env=clean(PKG_CONFIG_PATH=str(root / "lib/pkgconfig"), PKG_CONFIG_SYSROOT_DIR=destination)).stdout.split()
+    subprocess.run(["cc", "main.c", "-o", "one", *flags], cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "one"], capture_output=True, text=True, check=True).stdout == "412.0\n"
+    for command in (["cmake", "-S", ".", "-B", "b", f"-DCMAKE_PREFIX_PATH={root}"], ["cmake", "--build", "b"]):
+        subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    assert subprocess.run([tmp_path / "b/user"], capture_output=True, text=True, check=True).stdout == "412.0\n"
+
+
+def test_uninstall_takes_everything_away_and_leaves_strangers(root):
+    """Last: the module's installation goes."""
+    (root / "bin/stranger").write_text("not ours")
+    subprocess.run(["make", "-s", "uninstall", "PREFIX=/opt/imucal", f"DESTDIR={str(root)[:-len('/opt/imucal')]}"], cwd=ROOT, check=True, capture_output=True)
+    assert [p.name for p in root.rglob("*") if p.is_file()] == ["stranger"]
+
+
+def test_a_library_archive_compiles_and_its_manifest_holds(tmp_path):
+    done = subprocess.run([sys.executable, ROOT / "host/packaging/dist.py", "--version", "0.1.0", "-o", tmp_path, "--only", "platformio", "--check"],
+                          capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "1 archives, 1 checked, 0 faults" in done.stdout
