@@ -11,6 +11,7 @@ done | sort -u | while read -r library; do
   [ -n "$owner" ] || owner=$(dpkg -S "$(readlink -f "$library" | sed 's|^/usr||')" 2>/dev/null | head -1 | cut -d: -f1)
   echo "$owner"
 done | sort -u | grep . | sed ':a;N;$!ba;s/\n/, /g')
+strip --strip-unneeded "$root"/usr/bin/* "$root"/usr/libexec/imucal/* "$root/usr/lib/imucal/python/imucal/_core.so"
 mkdir -p "$root/DEBIAN" "$root/usr/share/doc/imucal"
 gzip -9nf "$root"/usr/share/man/man1/*.1
 sed -i 's|^\(share/man/man1/.*\.1\)$|\1.gz|' "$root/usr/lib/imucal/manifest"
@@ -37,5 +38,5 @@ set -e
 [ ! -d /usr/lib/imucal ] || find /usr/lib/imucal -name __pycache__ -prune -exec rm -rf {} +
 PRERM
 chmod 755 "$root/DEBIAN/prerm"
-dpkg-deb --root-owner-group --build "$root" "$BUILD/imucal_${VERSION}_$architecture.deb" > /dev/null
+dpkg-deb --root-owner-group -Zgzip --build "$root" "$BUILD/imucal_${VERSION}_$architecture.deb" > /dev/null
 echo "imucal: $BUILD/imucal_${VERSION}_$architecture.deb ($(du -k "$BUILD/imucal_${VERSION}_$architecture.deb" | cut -f1) kB)"
