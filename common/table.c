@@ -55,7 +55,7 @@ bool imucal_text_equal(const char* a, const char* b, size_t size) {
 static float absolute(float value) { return value < 0 ? -value : value; }
 
 /* The floats of a channel in the order of their bytes (table.md), with what they may be: each of the first `used` in
- * [lo, hi], the rest 0. */
+ * [lo, hi] (with order 0 a sigma may be 0), the rest 0. */
 enum { USED_ALL, USED_ORDER, USED_SCALE, USED_MARKOV, USED_CALIBRATED };
 typedef struct rule {
   float lo, hi;
@@ -85,12 +85,13 @@ enum { RULE_SPAN_HI = 5, N_RULES = sizeof rules / sizeof rules[0] };
 
 static bool follows(const imucal_table_channel_t* c, const rule_t* rule) {
   const uint8_t used[] = {rule->n, (uint8_t)(c->order == 0 ? 0 : c->order + 1), (uint8_t)(c->scale_order + 1),
-                          c->n_markov, (uint8_t)(c->order == 0 ? 0 : rule->n)};
+                          c->n_markov, rule->n};
+  const float lo = rule->used == USED_CALIBRATED && c->order == 0 ? 0.0f : rule->lo;
   float values[IMUCAL_TABLE_SIGMA_N], sum = 0.0f; /* the longest member */
   memcpy(values, (const uint8_t*)c + rule->offset, sizeof(float) * rule->n);
   for (size_t i = 0; i < rule->n; i++) {
     const bool is_used = i < used[rule->used];
-    if (!imucal_is_within(values[i], is_used ? rule->lo : 0.0f, is_used ? rule->hi : 0.0f)) return false;
+    if (!imucal_is_within(values[i], is_used ? lo : 0.0f, is_used ? rule->hi : 0.0f)) return false;
     sum += absolute(values[i]);
   }
   return rule->used != USED_SCALE || sum <= MAX_SCALE_SUM;

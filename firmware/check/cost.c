@@ -182,6 +182,7 @@ static void start_table(uint8_t order, uint8_t scale_order) {
     for (int k = 0; k <= scale_order && scale_order > 0; k++)
       channel->scale_coeff[k] = 0.001f + (float)k * 0.002f;
     channel->span_hi_degc = 60.0f;
+    for (int k = 0; k < IMUCAL_TABLE_SIGMA_N; k++) channel->sigma[k] = 5.0f;
     channel->arw = 0.6f;
     channel->unit_per_count = 1.0f;
     channel->full_scale_counts = 8388607;
