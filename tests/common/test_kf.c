@@ -529,6 +529,132 @@ static void test_filter_state_fits_200_bytes(void** state) {
   assert_true(bytes < 200);
 }
 
+static float next_after(float value, int steps) { /* away from 0 where steps > 0 */
+  return imucal_float_from_bits(imucal_bits_from_float(value) + (uint32_t)steps);
+}
+
+/* Every bound of a configuration is taken; the next float beyond it is not. */
+static void test_init_takes_each_bound_and_not_the_next_number(void** state) {
+  (void)state;
+  imucal_kf_t kf;
+  imucal_kf_config_t c;
+#define BOUND(member, bound, beyond, status)                          \
+  c = config_of(3, 0.6, 20, 100);                                     \
+  c.member = bound;                                                   \
+  assert_int_equal(imucal_kf_init(&kf, &c), IMUCAL_OK);               \
+  c.member = next_after(bound, beyond);                               \
+  assert_int_equal(imucal_kf_init(&kf, &c), status)
+  BOUND(t0_degc, 1000.0f, 1, IMUCAL_ERR_SPAN);
+  BOUND(t0_degc, -1000.0f, 1, IMUCAL_ERR_SPAN);
+  BOUND(range_degc, 1e-3f, -1, IMUCAL_ERR_SPAN);
+  BOUND(range_degc, 2000.0f, 1, IMUCAL_ERR_SPAN);
+  BOUND(m, 1e-30f, -1, IMUCAL_ERR_MODEL);
+  BOUND(m, 1.0f, 1, IMUCAL_ERR_MODEL);
+  BOUND(q, 1e14f, 1, IMUCAL_ERR_MODEL);
+  BOUND(r, 1e-12f, -1, IMUCAL_ERR_MODEL);
+  BOUND(r, 1e14f, 1, IMUCAL_ERR_MODEL);
+  BOUND(markov_variance, 1e14f, 1, IMUCAL_ERR_MODEL);
+  BOUND(prior_sigma, 1e-6f, -1, IMUCAL_ERR_RANGE);
+  BOUND(prior_sigma, 1e6f, 1, IMUCAL_ERR_RANGE);
+  c = config_of(5, 0.6, 20, 100);
+  c.q = c.markov_variance = 0.0f;
+  assert_int_equal(imucal_kf_init(&kf, &c), IMUCAL_OK);
+  c.order = 1;
+  assert_int_equal(imucal_kf_init(&kf, &c), IMUCAL_OK);
+  c.markov_variance = -1e-45f;
+  assert_int_equal(imucal_kf_init(&kf, &c), IMUCAL_ERR_MODEL);
+  assert_int_equal(imucal_kf_init(NULL, &c), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(imucal_kf_init(&kf, NULL), IMUCAL_ERR_ARGUMENT);
+}
+
+/* The same for a measurement and a power cycle. */
+static void test_update_takes_each_bound_and_not_the_next_number(void** state) {
+  (void)state;
+  imucal_kf_t kf;
+  imucal_kf_config_t c = config_of(3, 0.6, 20, 100);
+  c.t0_degc = 0, c.range_degc = 1; /* Tn is the temperature */
+  assert_int_equal(imucal_kf_init(&kf, &c), IMUCAL_OK);
+  for (int sign = -1; sign <= 1; sign += 2) {
+    const float z = (float)sign * IMUCAL_KF_MAX_RATE, tn = (float)sign * IMUCAL_KF_MAX_TN;
+    assert_int_equal(imucal_kf_update(&kf, z, tn), IMUCAL_OK);
+    assert_int_equal(imucal_kf_update(&kf, next_after(z, 1), tn), IMUCAL_ERR_RANGE);
+    assert_int_equal(imucal_kf_update(&kf, z, next_after(tn, 1)), IMUCAL_ERR_RANGE);
+  }
+  assert_int_equal(imucal_kf_update_scaled(&kf, 0, 0, IMUCAL_KF_MAX_R_RATIO), IMUCAL_OK);
+  assert_int_equal(imucal_kf_update_scaled(&kf, 0, 0, next_after(IMUCAL_KF_MAX_R_RATIO, 1)), IMUCAL_ERR_RANGE);
+  assert_int_equal(imucal_kf_update_scaled(&kf, 0, 0, 1 / IMUCAL_KF_MAX_R_RATIO), IMUCAL_OK);
+  assert_int_equal(imucal_kf_update_scaled(&kf, 0, 0, next_after(1 / IMUCAL_KF_MAX_R_RATIO, -1)), IMUCAL_ERR_RANGE);
+  assert_int_equal(imucal_kf_update_scaled(&kf, 0, 0, -1.0f), IMUCAL_ERR_RANGE);
+  assert_int_equal(imucal_kf_update_scaled(&kf, (float)NAN, 0, 1), IMUCAL_ERR_NOT_FINITE);
+  assert_int_equal(imucal_kf_update_scaled(&kf, 0, (float)INFINITY, 1), IMUCAL_ERR_NOT_FINITE);
+  assert_int_equal(imucal_kf_update_scaled(&kf, 0, 0, (float)INFINITY), IMUCAL_ERR_NOT_FINITE);
+  assert_int_equal(kf.stats.n, 4);
+  assert_int_equal(kf.stats.n_refused, 10);
+  assert_int_equal(imucal_kf_new_run(&kf, 1e6f), IMUCAL_OK);
+  assert_int_equal(imucal_kf_new_run(&kf, next_after(1e6f, 1)), IMUCAL_ERR_RANGE);
+  assert_int_equal(imucal_kf_new_run(&kf, 0.0f), IMUCAL_OK);
+}
+
+/* What is read before the first measurement, and after one whose figures are known: prior of one coefficient 1, noise 1. */
+static void test_statistics_of_one_and_two_measurements(void** state) {
+  (void)state;
+  const imucal_kf_config_t c = {.order = 1, .range_degc = 1, .m = 1, .r = 1, .prior_sigma = 1};
+  imucal_kf_t kf;
+  assert_int_equal(imucal_kf_init(&kf, &c), IMUCAL_OK);
+  assert_true(imucal_kf_mean_nis(&kf) == 0 && imucal_kf_lag1(&kf) == 0 && imucal_kf_innovation_variance(&kf) == 0);
+  assert_int_equal(imucal_kf_update(&kf, 3, 0), IMUCAL_OK); /* S = 1 + 1, nu = 3 */
+  assert_true(kf.stats.innovation == 3 && imucal_kf_innovation_variance(&kf) == 2);
+  assert_true(imucal_kf_mean_nis(&kf) == 4.5f && imucal_kf_lag1(&kf) == 0);
+  assert_true(imucal_kf_sum(&kf, IMUCAL_KF_WEIGHTED) == 1.5f && imucal_kf_sum(&kf, IMUCAL_KF_INVERSE) == 0.5f);
+  assert_int_equal(imucal_kf_update(&kf, 4.5f, 0), IMUCAL_OK); /* estimate 1.5 of variance 1/2: nu = 3, S = 3/2 */
+  assert_true(fabs((double)kf.stats.innovation - 3) < 1e-6 && fabs((double)imucal_kf_innovation_variance(&kf) - 1.5) < 1e-6);
+  assert_true(fabs((double)imucal_kf_mean_nis(&kf) - (4.5 + 6) / 2) < 1e-5);
+  assert_true(fabs((double)imucal_kf_sum(&kf, IMUCAL_KF_LAG1) - 6) < 1e-5);
+  assert_true(fabs((double)imucal_kf_lag1(&kf) - 6 / 10.5) < 1e-6);
+  assert_int_equal(imucal_kf_skip(&kf, 5), IMUCAL_OK);
+  assert_int_equal(imucal_kf_skip(&kf, 2), IMUCAL_OK);
+  assert_int_equal(kf.stats.n_missed, 7);
+  assert_int_equal(kf.stats.n, 2);
+}
+
+/* The worst of a grid, and where: of equal ones the first; a grid of one is its lower end. */
+static void test_worst_sigma_is_of_the_grid(void** state) {
+  (void)state;
+  imucal_kf_config_t c = config_of(2, 0.6, 20, 100);
+  imucal_kf_t kf;
+  float where = -99;
+  assert_int_equal(imucal_kf_init(&kf, &c), IMUCAL_OK);
+  assert_true(imucal_kf_worst_sigma(&kf, 0, 60, 5, &where) == imucal_kf_bias_sigma(&kf, 0));
+  assert_true(where == 0.0f);
+  assert_true(imucal_kf_worst_sigma(&kf, 15, 60, 4, &where) == imucal_kf_bias_sigma(&kf, 60));
+  assert_true(where == 60.0f);
+  assert_true(imucal_kf_worst_sigma(&kf, 45, 60, 1, &where) == imucal_kf_bias_sigma(&kf, 45));
+  assert_true(where == 45.0f);
+  assert_true(imucal_kf_worst_sigma(&kf, 30, 60, 2, NULL) == imucal_kf_bias_sigma(&kf, 60));
+  float sigma = 0; /* by hand over the grid */
+  for (int i = 0; i < 7; i++) sigma = fmaxf(sigma, imucal_kf_bias_sigma(&kf, 10.0f + 5.0f * (float)i));
+  assert_true(imucal_kf_worst_sigma(&kf, 10, 40, 7, NULL) == sigma);
+}
+
+/* The figures after the 256th measurement are made tidy: leading parts hold what they can, and the sums are the same. */
+static void test_fold_keeps_every_sum(void** state) {
+  (void)state;
+  imucal_kf_config_t c = config_of(3, 0.6, 20, 100);
+  imucal_kf_t kf;
+  assert_int_equal(imucal_kf_init(&kf, &c), IMUCAL_OK);
+  for (int t = 0; t < 255; t++) assert_int_equal(imucal_kf_update(&kf, (float)(t % 13), (float)t * 0.2f), IMUCAL_OK);
+  assert_true(kf.stats.sum[IMUCAL_KF_NIS] == 0 && kf.stats.sum_lo[IMUCAL_KF_NIS] != 0);
+  assert_int_equal(imucal_kf_update(&kf, 5, 51.0f), IMUCAL_OK);
+  for (int i = 0; i < IMUCAL_KF_N_SUMS; i++)
+    assert_true(fabs((double)kf.stats.sum_lo[i]) <= fabs((double)kf.stats.sum[i]) * 0x1p-23 && kf.stats.sum[i] != 0);
+  for (int k = 0; k <= 3; k++) {
+    assert_true(fabs((double)kf.row[k].d.lo) <= fabs((double)kf.row[k].d.hi) * 0x1p-23);
+    assert_true(fabs((double)kf.row[k].x.lo) <= fabs((double)kf.row[k].x.hi) * 0x1p-23 && kf.row[k].x.hi != 0);
+  }
+  assert_true(fabs((double)kf.one_plus_v0.lo) <= fabs((double)kf.one_plus_v0.hi) * 0x1p-23);
+  for (int k = 4; k <= 5; k++) assert_true(kf.row[k].x.hi == 0 && kf.row[k].d.hi == 0);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_update_140_minutes_follows_reference),
@@ -551,6 +677,11 @@ int main(void) {
       cmocka_unit_test(test_coefficient_is_of_powers_and_bias_agrees),
       cmocka_unit_test(test_bias_sigma_before_data_is_the_prior),
       cmocka_unit_test(test_state_out_and_in_is_the_same_filter),
+      cmocka_unit_test(test_init_takes_each_bound_and_not_the_next_number),
+      cmocka_unit_test(test_update_takes_each_bound_and_not_the_next_number),
+      cmocka_unit_test(test_statistics_of_one_and_two_measurements),
+      cmocka_unit_test(test_worst_sigma_is_of_the_grid),
+      cmocka_unit_test(test_fold_keeps_every_sum),
       cmocka_unit_test(test_filter_state_fits_200_bytes),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
