@@ -218,7 +218,7 @@ static void test_validate_takes_each_bound_and_not_the_next_number(void** state)
   int beyond = 1, is_header = 1; /* away from 0 */
   BOUND(degc_at_zero, 1e6f, IMUCAL_ERR_SCALE, "degc_at_zero");
   BOUND(degc_at_zero, -1e6f, IMUCAL_ERR_SCALE, "degc_at_zero");
-  BOUND(degc_per_count, 3e38f, IMUCAL_ERR_SCALE, "degc_per_count");
+  BOUND(degc_per_count, 1e9f, IMUCAL_ERR_SCALE, "degc_per_count");
   is_header = 0;
   BOUND(channel[0].t0_degc, 1000.0f, IMUCAL_ERR_SPAN, "t0_degc");
   BOUND(channel[0].t0_degc, -1000.0f, IMUCAL_ERR_SPAN, "t0_degc");
@@ -227,23 +227,23 @@ static void test_validate_takes_each_bound_and_not_the_next_number(void** state)
   BOUND(channel[0].coeff[3], -1e7f, IMUCAL_ERR_COEFFICIENT, "coeff");
   BOUND(channel[0].span_hi_degc, 1000.0f, IMUCAL_ERR_SPAN, "span_degc");
   BOUND(channel[0].span_lo_degc, -1000.0f, IMUCAL_ERR_SPAN, "span_degc");
-  BOUND(channel[0].sigma[8], 3e38f, IMUCAL_ERR_SIGMA, "sigma");
-  BOUND(channel[0].arw, 3e38f, IMUCAL_ERR_MODEL, "model");
-  BOUND(channel[0].markov_sigma[1], 3e38f, IMUCAL_ERR_MODEL, "model");
-  BOUND(channel[0].markov_tau_s[1], 3e38f, IMUCAL_ERR_MODEL, "model");
-  BOUND(channel[0].unit_per_count, 3e38f, IMUCAL_ERR_SCALE, "unit_per_count");
+  BOUND(channel[0].sigma[8], 1e6f, IMUCAL_ERR_SIGMA, "sigma");
+  BOUND(channel[0].arw, 1e4f, IMUCAL_ERR_MODEL, "model");
+  BOUND(channel[0].markov_sigma[1], 1e6f, IMUCAL_ERR_MODEL, "model");
+  BOUND(channel[0].markov_tau_s[1], 1e9f, IMUCAL_ERR_MODEL, "model");
+  BOUND(channel[0].unit_per_count, 1e9f, IMUCAL_ERR_SCALE, "unit_per_count");
   beyond = -1; /* towards 0 */
-  BOUND(channel[0].unit_per_count, 1e-30f, IMUCAL_ERR_SCALE, "unit_per_count");
-  BOUND(channel[0].markov_tau_s[0], 1e-45f, IMUCAL_ERR_MODEL, "model");
+  BOUND(channel[0].sigma[0], 1e-9f, IMUCAL_ERR_SIGMA, "sigma");
+  BOUND(channel[0].unit_per_count, 1e-12f, IMUCAL_ERR_SCALE, "unit_per_count");
+  BOUND(channel[0].markov_tau_s[0], 1e-3f, IMUCAL_ERR_MODEL, "model");
   is_header = 1;
-  BOUND(degc_per_count, 1e-30f, IMUCAL_ERR_SCALE, "degc_per_count");
+  BOUND(degc_per_count, 1e-12f, IMUCAL_ERR_SCALE, "degc_per_count");
 }
 
 static void test_validate_takes_what_is_allowed_to_be_zero_or_largest(void** state) {
   (void)state;
   imucal_table_t t = example_table(1, 0);
   imucal_table_channel_t* c = &t.channel[0];
-  memset(c->sigma, 0, sizeof c->sigma);
   c->arw = c->markov_sigma[0] = 0.0f;
   c->order = IMUCAL_MAX_ORDER;
   c->coeff[5] = 1.0f;
@@ -259,6 +259,12 @@ static void test_validate_takes_what_is_allowed_to_be_zero_or_largest(void** sta
   assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
   c->name[0] = 127;
   assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_ERR_NAME);
+  t = example_table(1, 0); /* a channel that is not calibrated has no error to state */
+  memset(c->sigma, 0, sizeof c->sigma);
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_ERR_SIGMA);
+  c->order = 0;
+  memset(c->coeff, 0, sizeof c->coeff);
+  assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
   t = example_table(1, 0);
   c->order = 1;
   c->coeff[2] = c->coeff[3] = 0.0f;
