@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "noise/whiten.h"
 #include "analysis/profile/optimize.h"
 #include "base/rng.h"
 
@@ -46,7 +47,7 @@ static bool monte_carlo(const ErrorModel& filter, const ErrorModel& truth, int n
     for (size_t i = 0; i < p; ++i)
       u[k * p + i] = x(static_cast<Index>(k), static_cast<Index>(i)) =
           std::pow(r.setup.normalised(runs[0].temp_degc[k]), static_cast<double>(i));
-  Whitener(filter, 1.0).solve(p, &u);
+  solve_rows(compute_gains(sample_times(runs[0]), noise_of(filter)), p, u.data());
   const Eigen::Map<const MatrixXd> ut(u.data(), 4, static_cast<Index>(n));
   const MatrixXd gain = (ut * x).ldlt().solve(ut);
   std::vector<double> sums(13, 0.0);

@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "noise/whiten.h"
 #include "analysis/profile/covariance.h"
 #include "base/rng.h"
 // Last: its macros (fail) collide with the standard library.
@@ -179,7 +180,7 @@ static void check_against_monte_carlo(const ErrorModel& filter, const ErrorModel
     for (size_t i = 0; i < p; ++i)
       u[k * p + i] = x(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) =
           std::pow(setup.normalised(runs[0].temp_degc[k]), static_cast<double>(i));
-  Whitener(filter, 1.0).solve(p, &u);
+  solve_rows(compute_gains(sample_times(runs[0]), noise_of(filter)), p, u.data());
   const Eigen::Map<const MatrixXd> ut(u.data(), 4, static_cast<Eigen::Index>(n));
   const MatrixXd gain = (ut * x).ldlt().solve(ut);
   double sums[3] = {};

@@ -23,6 +23,9 @@ struct NoiseModel {
   bool is_stationary() const { return white_slope == 0 && markov_slope == 0 && tau_slope == 0; }
 };
 
+// White noise and Gauss-Markov processes of an error model; what its effects say is not read.
+NoiseModel noise_of(const ErrorModel& model);
+
 // The Gaussian model with the second moments of a mixture without hits: telegraph noise as a Markov process.
 NoiseModel gaussian_equivalent(NoiseModel noise);
 

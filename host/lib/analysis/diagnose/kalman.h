@@ -2,7 +2,9 @@
 // The filters of the noise room for a run of a campaign.
 #pragma once
 #include "analysis/diagnose/campaign.h"
-#include "noise/kalman.h"
+#include "noise/gains.h"
+#include "noise/mixture.h"
+#include "noise/whiten.h"
 
 namespace imucal {
 

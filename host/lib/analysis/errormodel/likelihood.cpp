@@ -6,207 +6,56 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <functional>
 #include <limits>
 
 #include "base/error.h"
-#include "base/simd.h"
 #include "base/units.h"
+#include "noise/gains.h"
 
 namespace imucal {
 
-namespace {
-
-constexpr size_t kMostTerms = 6;
-
-// Steady filter over samples [begin, end) of four columns: innovations out, states updated.
-template <size_t N>
-IMUCAL_WIDE_PART void steady_run(const double* in, size_t width, long begin, long end, const double* phi, const double* gain,
-                                 double* state, double* out) {
-  Lanes x[N];
-  for (size_t i = 0; i < N; ++i) std::memcpy(&x[i], state + 4 * i, sizeof(Lanes));
-  for (long k = begin; k < end; ++k) {
-    Lanes e;
-    std::memcpy(&e, in + static_cast<size_t>(k) * width, sizeof e);
-    for (size_t i = 0; i < N; ++i) {
-      x[i] *= phi[i];
-      e -= x[i];
-    }
-    for (size_t i = 0; i < N; ++i) x[i] += gain[i] * e;
-    std::memcpy(out + 4 * k, &e, sizeof e);
+// The rates that are there and the columns to marginalise, one row each; a constant near the data is taken off where
+// it is marginalised anyway: digits.  data_error: a constant rate, hardly more rates than columns.
+static Eigen::MatrixXd present_rows(const Series& s, const std::vector<std::vector<double>>& basis, std::vector<int>* steps) {
+  const long present = s.size() - s.n_missing, p = static_cast<long>(basis.size());
+  if (present - p < 10)
+    throw data_error(s.log + ": axis " + s.axis + ": " + std::to_string(present - p) + " samples beyond the " +
+                     std::to_string(p) + " coefficients marginalised; at least 10 are needed");
+  Eigen::MatrixXd rows(present, p + 1);
+  long row = 0;
+  int step = 1;
+  for (size_t k = 0; k < s.rate_dph.size(); ++k, ++step) {
+    if (std::isnan(s.rate_dph[k])) continue;
+    rows(row, 0) = s.rate_dph[k];
+    for (long c = 0; c < p; ++c) rows(row, c + 1) = basis[static_cast<size_t>(c)][k];
+    steps->push_back(step);
+    step = 0;
+    ++row;
   }
-  for (size_t i = 0; i < N; ++i) std::memcpy(state + 4 * i, &x[i], sizeof(Lanes));
+  const double centre = basis.empty() ? 0 : rows.col(0).mean();
+  rows.col(0).array() -= centre;
+  if (rows.col(0).cwiseAbs().maxCoeff() <= 1e-12 * (1 + std::fabs(centre)))
+    throw data_error(s.log + ": axis " + s.axis + " is constant: nothing to fit (is the sensor alive?)");
+  return rows;
 }
-
-IMUCAL_WIDE void steady(size_t n, const double* in, size_t width, long begin, long end, const double* phi, const double* gain,
-                        double* state, double* out) {
-  switch (n) {
-    case 1: return steady_run<1>(in, width, begin, end, phi, gain, state, out);
-    case 2: return steady_run<2>(in, width, begin, end, phi, gain, state, out);
-    case 3: return steady_run<3>(in, width, begin, end, phi, gain, state, out);
-    case 4: return steady_run<4>(in, width, begin, end, phi, gain, state, out);
-    case 5: return steady_run<5>(in, width, begin, end, phi, gain, state, out);
-    default: return steady_run<6>(in, width, begin, end, phi, gain, state, out);
-  }
-}
-
-// Predicted covariance of the terms, white variance 1.
-struct Covariance {
-  size_t n;
-  double p[kMostTerms][kMostTerms] = {}, phi[kMostTerms], q[kMostTerms];
-
-  Covariance(const std::vector<double>& variance, const std::vector<double>& tau_s, double dt_s) : n(variance.size()) {
-    for (size_t i = 0; i < n; ++i) {
-      phi[i] = std::exp(-dt_s / tau_s[i]);
-      q[i] = -variance[i] * std::expm1(-2 * dt_s / tau_s[i]);
-      p[i][i] = variance[i];
-    }
-  }
-  double innovation_variance(double* gain) const {
-    double s = 1;
-    for (size_t i = 0; i < n; ++i) {
-      gain[i] = 0;
-      for (size_t j = 0; j < n; ++j) gain[i] += p[i][j];
-      s += gain[i];
-    }
-    for (size_t i = 0; i < n; ++i) gain[i] /= s;
-    return s;
-  }
-  void update(const double* gain, double s) {
-    for (size_t i = 0; i < n; ++i)
-      for (size_t j = 0; j < n; ++j) p[i][j] -= gain[i] * gain[j] * s;
-  }
-  void predict() {
-    for (size_t i = 0; i < n; ++i) {
-      for (size_t j = 0; j < n; ++j) p[i][j] *= phi[i] * phi[j];
-      p[i][i] += q[i];
-    }
-  }
-};
-
-}  // namespace
 
 Likelihood::Likelihood(const std::vector<Series>& series, const Detrend& detrend) {
   for (const Series& s : series) {
-    Record r;
-    r.n = s.size();
     dt_s_ = s.dt_s;
     longest_s_ = std::max(longest_s_, static_cast<double>(s.size()) * s.dt_s);
-    const auto basis = detrend_basis(s, detrend);
-    r.n_columns = basis.size() + 1;
-    r.width = (r.n_columns + 3) / 4 * 4;
-    r.lanes.assign(static_cast<size_t>(r.n) * r.width, 0.0);
-    if (s.n_missing > 0) r.missing.assign(static_cast<size_t>(r.n), 0);
-    // A constant near the data is taken off where it is marginalised anyway: digits.
-    double centre = 0;
-    if (!basis.empty())
-      for (double y : s.rate_dph)
-        if (!std::isnan(y)) centre += y / static_cast<double>(s.size() - s.n_missing);
-    bool varies = false;
-    for (size_t k = 0; k < static_cast<size_t>(r.n); ++k) {
-      if (std::isnan(s.rate_dph[k])) {
-        r.missing[k] = 1;
-        continue;
-      }
-      double* lane = &r.lanes[k * r.width];
-      lane[0] = s.rate_dph[k] - centre;
-      varies = varies || std::fabs(lane[0]) > 1e-12 * (1 + std::fabs(centre));
-      for (size_t c = 0; c < basis.size(); ++c) lane[c + 1] = basis[c][k];
-    }
-    if (!varies) throw data_error(s.log + ": axis " + s.axis + " is constant: nothing to fit (is the sensor alive?)");
-    const long left = s.size() - s.n_missing - static_cast<long>(basis.size());
-    if (left < 10)
-      throw data_error(s.log + ": axis " + s.axis + ": " + std::to_string(left) + " samples beyond the " +
-                       std::to_string(basis.size()) + " coefficients marginalised; at least 10 are needed");
-    dof_ += left;
-    records_.push_back(std::move(r));
+    std::vector<int> steps;
+    const Eigen::MatrixXd rows = present_rows(s, detrend_basis(s, detrend), &steps);
+    dof_ += rows.rows() - (rows.cols() - 1);
+    records_.push_back({WideColumns(rows), std::move(steps)});
   }
 }
 
-Likelihood::Sums Likelihood::sums(const Record& r, const std::vector<double>& variance, const std::vector<double>& tau_s) const {
-  static thread_local std::vector<double> innovations;  // four columns per block, sample after sample
-  const size_t terms = variance.size(), blocks = r.width / 4;
-  const auto n = static_cast<size_t>(r.n);
-  innovations.resize(4 * blocks * n);
-  Covariance cov(variance, tau_s, dt_s_);
-  std::vector<double> state(4 * blocks * std::max<size_t>(terms, 1), 0.0);
-  std::vector<double> weight;           // 1/S of the samples before the gains settle
-  std::vector<long> weighted;
-  double gain[kMostTerms] = {}, s = 1, last_s = 0, log_s = 0;
-  long k = 0, settled_n = 0;
-  int calm = 0;
-  Sums out;
-  while (k < r.n) {
-    const bool missing = !r.missing.empty() && r.missing[static_cast<size_t>(k)];
-    if (calm < 3 || missing) {
-      s = cov.innovation_variance(gain);
-      calm = std::fabs(s - last_s) <= 1e-13 * s ? calm + 1 : 0;
-      last_s = s;
-      for (size_t b = 0; b < blocks; ++b) {
-        const double* in = &r.lanes[static_cast<size_t>(k) * r.width + 4 * b];
-        double* x = &state[4 * b * terms];
-        for (size_t l = 0; l < 4; ++l) {
-          double e = in[l];
-          for (size_t i = 0; i < terms; ++i) e -= x[4 * i + l] *= cov.phi[i];
-          if (!missing)
-            for (size_t i = 0; i < terms; ++i) x[4 * i + l] += gain[i] * e;
-          innovations[4 * (b * n + static_cast<size_t>(k)) + l] = missing ? 0 : e;
-        }
-      }
-      if (missing) {
-        calm = 0;
-      } else {
-        cov.update(gain, s);
-        log_s += std::log(s);
-        weight.push_back(1 / s);
-        weighted.push_back(k);
-      }
-      cov.predict();
-      ++k;
-      continue;
-    }
-    long end = k;
-    while (end < r.n && (r.missing.empty() || !r.missing[static_cast<size_t>(end)])) ++end;
-    if (terms > 0)
-      for (size_t b = 0; b < blocks; ++b)
-        steady(terms, &r.lanes[4 * b], r.width, k, end, cov.phi, gain, &state[4 * b * terms], &innovations[4 * b * n]);
-    else
-      for (size_t b = 0; b < blocks; ++b)
-        for (long i = k; i < end; ++i) std::memcpy(&innovations[4 * (b * n + static_cast<size_t>(i))], &r.lanes[static_cast<size_t>(i) * r.width + 4 * b], sizeof(Lanes));
-    settled_n += end - k;
-    k = end;
-  }
-  log_s += static_cast<double>(settled_n) * std::log(s);
-  // E'E: all at the settled weight, then the difference for those before.
-  const size_t p = r.n_columns;
-  Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(static_cast<long>(p), static_cast<long>(p));
-  const auto at = [&](size_t c, size_t i) { return innovations[4 * (c / 4 * n + i) + c % 4]; };
-  for (size_t a = 0; a < p; ++a)
-    for (size_t c = a / 4 * 4; c < p; c += 4) {  // four products at a time
-      Lanes sum = {0, 0, 0, 0}, term;
-      const double* right = &innovations[4 * (c / 4) * n];
-      const double* left = &innovations[4 * (a / 4) * n + a % 4];
-      for (size_t i = 0; i < n; ++i) {
-        std::memcpy(&term, right + 4 * i, sizeof term);
-        sum += term * left[4 * i];
-      }
-      for (size_t l = 0; l < 4 && c + l < p; ++l) gram(static_cast<long>(a), static_cast<long>(c + l)) = sum[l] / s;
-    }
-  for (size_t a = 0; a < p; ++a)
-    for (size_t c = a; c < p; ++c) {
-      double correction = 0;
-      for (size_t j = 0; j < weight.size(); ++j) {
-        const auto i = static_cast<size_t>(weighted[j]);
-        correction += (weight[j] - 1 / s) * at(a, i) * at(c, i);
-      }
-      gram(static_cast<long>(a), static_cast<long>(c)) += correction;
-      gram(static_cast<long>(c), static_cast<long>(a)) = gram(static_cast<long>(a), static_cast<long>(c));
-    }
-  out.log_s = log_s;
-  out.rss = gram(0, 0);
-  if (p > 1) {
-    const long m = static_cast<long>(p) - 1;
+Likelihood::Sums Likelihood::sums(const Record& record, const NoiseModel& noise) const {
+  const RunGains gains = compute_gains({record.steps.size(), record.steps.data(), dt_s_}, noise);
+  const Eigen::MatrixXd gram = record.columns.whitened_gram(gains);
+  Sums out{gains.sum_log_s, gram(0, 0), 0};
+  if (const long m = gram.rows() - 1; m > 0) {
     const Eigen::LDLT<Eigen::MatrixXd> solver(gram.bottomRightCorner(m, m));
     const Eigen::VectorXd cross = gram.col(0).tail(m);
     out.rss -= cross.dot(solver.solve(cross));
@@ -216,16 +65,18 @@ Likelihood::Sums Likelihood::sums(const Record& r, const std::vector<double>& va
 }
 
 Likelihood::Sums Likelihood::total(const std::vector<double>& variance, const std::vector<double>& tau_s) const {
+  NoiseModel noise;
+  noise.white_sigma_dph = std::sqrt(dt_s_); // variance 1 of a sample
+  for (size_t i = 0; i < variance.size(); ++i) noise.markov.push_back({std::sqrt(variance[i]), tau_s[i]});
   Sums out;
   for (const Record& r : records_) {
-    const Sums s = sums(r, variance, tau_s);
+    const Sums s = sums(r, noise);
     out.log_s += s.log_s, out.rss += s.rss, out.log_det += s.log_det;
   }
   return out;
 }
 
 Likelihood::Profile Likelihood::profile(const std::vector<double>& variance, const std::vector<double>& tau_s) const {
-  if (variance.size() > kMostTerms) throw usage_error("more than " + std::to_string(kMostTerms) + " Markov terms");
   const Sums s = total(variance, tau_s);
   const auto n = static_cast<double>(dof_);
   const double scale = s.rss / n;
@@ -237,7 +88,6 @@ double Likelihood::deviance(const ErrorModel& model) const {
   if (!(white > 0)) throw usage_error("the likelihood needs white noise: arw_deg_rt_h > 0");
   std::vector<double> variance, tau_s;
   for (const Markov& m : model.markov) variance.push_back(m.sigma_dph * m.sigma_dph / white), tau_s.push_back(m.tau_s);
-  if (variance.size() > kMostTerms) throw usage_error("more than " + std::to_string(kMostTerms) + " Markov terms");
   const Sums s = total(variance, tau_s);
   return s.log_s + s.log_det + s.rss / white + static_cast<double>(dof_) * std::log(2 * kPi * white);
 }

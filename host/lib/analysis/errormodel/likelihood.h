@@ -3,17 +3,16 @@
 //
 // y_k = b' X_k + sum_i s_i(k) + v_k: the columns X are the thermal polynomial and the turn-on constant of the record
 // (the basis that `detrend` names), their coefficients b are given a flat prior and integrated out (REML), not subtracted.
-// One Kalman filter (stationary start, exact gains until they settle, time update only over missing samples) whitens y
-// and every column alike (de Jong 1991).  With innovations e_y, E of unit variance,
+// One Kalman filter (noise/gains.h) whitens y and every column alike (de Jong 1991).  With innovations e_y, E of unit variance,
 //   -2 ln L = sum ln S_k + e_y'e_y - e_y'E (E'E)^-1 E'e_y + ln |E'E| + (n - p) ln 2 pi,
 // summed over records, which share the noise parameters but nothing else.  The overall scale is maximised in closed form.
-// Cost: about 10 ns per sample, term and four columns.
 #pragma once
 #include <string>
 #include <vector>
 
 #include "analysis/dp/series.h"
 #include "io/model.h"
+#include "noise/whiten.h"
 
 namespace imucal {
 
@@ -37,15 +36,13 @@ class Likelihood {
 
  private:
   struct Record {
-    std::vector<double> lanes;  // per sample: y, then columns, padded to a multiple of four
-    size_t width = 0, n_columns = 0;
-    std::vector<char> missing;  // empty where none is
-    long n = 0;
+    WideColumns columns;     // y, then what is marginalised, of the samples present
+    std::vector<int> steps;  // noise/gains.h
   };
   struct Sums {
     double log_s = 0, rss = 0, log_det = 0;
   };
-  Sums sums(const Record& record, const std::vector<double>& relative_variance, const std::vector<double>& tau_s) const;
+  Sums sums(const Record& record, const NoiseModel& noise) const;
   Sums total(const std::vector<double>& relative_variance, const std::vector<double>& tau_s) const;
 
   std::vector<Record> records_;

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "base/units.h"
+#include "noise/covariance.h"
 #include "analysis/fit/parts.h"
 
 namespace imucal {
@@ -27,26 +27,10 @@ Eigen::MatrixXd power_from_chebyshev(int order) {
 
 namespace {
 
-// y = C q over one log, C the covariance of the model's noise at the seconds used (index = second on the grid):
-// white r on the diagonal, sigma^2 phi^|i-k| per Markov term.  Forward and backward recursion, no matrix.
-void add_noise_covariance(const std::vector<long>& second, const Eigen::Ref<const Eigen::VectorXd>& q,
-                          const ErrorModel& model, double dt_s, Eigen::Ref<Eigen::VectorXd> y) {
-  const double sigma_white = white_sigma_dph(model.arw_deg_rt_h, dt_s);
-  y += sigma_white * sigma_white * q;
-  const Eigen::Index n = q.size();
-  for (const Markov& markov : model.markov) {
-    const double variance = markov.sigma_dph * markov.sigma_dph;
-    y += variance * q;
-    for (const bool forward : {true, false}) {
-      double carried = 0;
-      for (Eigen::Index k = 1; k < n; ++k) {
-        const Eigen::Index from = forward ? k - 1 : n - k, to = forward ? k : n - 1 - k;
-        const auto gap = static_cast<double>(std::abs(second[static_cast<size_t>(to)] - second[static_cast<size_t>(from)]));
-        carried = std::exp(-gap * dt_s / markov.tau_s) * (carried + q[from]);
-        y[to] += variance * carried;
-      }
-    }
-  }
+std::vector<int> steps_of(const std::vector<long>& second) {
+  std::vector<int> steps(second.size(), 1);
+  for (size_t k = 1; k < second.size(); ++k) steps[k] = static_cast<int>(second[k] - second[k - 1]);
+  return steps;
 }
 
 // Density of the residuals at low frequency per second: length of a batch times the variance of batch means.
@@ -104,8 +88,9 @@ ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, doubl
     Eigen::Index at = 0;
     for (const auto& list : seconds) {
       const auto len = static_cast<Eigen::Index>(list.size());
+      const std::vector<int> steps = steps_of(list);
       for (Eigen::Index c = 0; c < p; ++c)
-        add_noise_covariance(list, q.col(c).segment(at, len), *model, dt_s, cq.col(c).segment(at, len));
+        cq.col(c).segment(at, len) = covariance_times({steps.size(), steps.data(), dt_s}, noise_of(*model), q.col(c).segment(at, len));
       at += len;
     }
     middle = q.transpose() * cq;

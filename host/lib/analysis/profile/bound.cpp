@@ -8,6 +8,7 @@
 #include <queue>
 
 #include "base/error.h"
+#include "noise/whiten.h"
 #include "base/units.h"
 #include "analysis/profile/covariance.h"
 
@@ -367,7 +368,7 @@ Bound calibration_bound(const BoundRequest& request) {
   // Whatever the profile does, the constant is known no better than from the whole record:
   // max_T f' M^-1 f >= (c' e0)^2 / (e0' M e0) with c = int f dmu, c_0 = 1, and e0' M e0 = 1' V^-1 1.
   std::vector<double> ones(static_cast<size_t>(request.duration_s / request.dt_s), 1.0);
-  Whitener(request.model, request.dt_s).whiten(1, &ones);
+  whiten(compute_gains({ones.size(), nullptr, request.dt_s}, noise_of(request.model)), ones.data(), ones.size());
   double information = 1 / (request.prior_sigma_dph * request.prior_sigma_dph);
   for (double e : ones) information += e * e;
   const double constant_dph = 1 / std::sqrt(information);

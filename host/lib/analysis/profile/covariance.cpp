@@ -8,6 +8,8 @@
 #include <set>
 
 #include "base/error.h"
+#include "noise/covariance.h"
+#include "noise/whiten.h"
 
 namespace imucal {
 
@@ -28,6 +30,12 @@ double CalibrationRun::duration_s() const {
   double sum = dt_s;
   for (size_t k = 1; k < step_s.size(); ++k) sum += step_s[k];
   return sum;
+}
+
+SampleTimes sample_times(const CalibrationRun& run) {
+  SampleTimes times{run.temp_degc.size(), nullptr, run.dt_s};
+  if (!run.step_s.empty()) times.step_s = run.step_s.data();
+  return times;
 }
 
 std::vector<CalibrationRun> runs_of_profile(const Profile& profile, double dt_s, bool restart_each_cycle) {
@@ -146,7 +154,7 @@ static MatrixXd run_information(const CalibrationRun& run, const CalibrationSetu
   const Index p = setup.order + 1;
   std::vector<double> columns;
   append_powers(run, setup, static_cast<size_t>(p), &columns);
-  Whitener(setup.filter, run.dt_s).whiten(static_cast<size_t>(p), &columns, run.step_s);
+  whiten_rows(compute_gains(sample_times(run), noise_of(setup.filter)), static_cast<size_t>(p), columns.data());
   MatrixXd m = gram(static_cast<size_t>(p), columns);
   const double on = setup.turn_on_constants ? setup.filter.turn_on_sigma_dph : 0;
   if (on > 0) { // the column 1 is the column of b0
@@ -164,7 +172,8 @@ static void run_truth(const CalibrationRun& run, const CalibrationSetup& setup, 
   std::vector<double> x, u;
   append_powers(run, setup, width, &x);
   u = x;
-  Whitener(setup.filter, run.dt_s).solve(width, &u, run.step_s);
+  const SampleTimes times = sample_times(run);
+  solve_rows(compute_gains(times, noise_of(setup.filter)), width, u.data());
   const Index n = static_cast<Index>(run.temp_degc.size());
   Eigen::Map<RowMajor> x_map(x.data(), n, p), u_map(u.data(), n, p);
   const double on = setup.turn_on_constants ? setup.filter.turn_on_sigma_dph : 0;
@@ -174,8 +183,8 @@ static void run_truth(const CalibrationRun& run, const CalibrationSetup& setup, 
     u_map -= w * (cross / (1 / (on * on) + w.sum()));
   }
   *information += x_map.transpose() * u_map;
-  const std::vector<double> noise = noise_quadratic(setup.truth, run.dt_s, width, u, run.step_s);
-  *spread += Eigen::Map<const RowMajor>(noise.data(), p, p);
+  const NoiseModel truth = noise_of(setup.truth);
+  for (Index c = 0; c < p; ++c) spread->col(c) += u_map.transpose() * covariance_times(times, truth, u_map.col(c));
   const double true_on = setup.turn_on_constants ? setup.truth.turn_on_sigma_dph : 0;
   const Eigen::RowVectorXd sums = u_map.colwise().sum();
   *spread += true_on * true_on * sums.transpose() * sums;

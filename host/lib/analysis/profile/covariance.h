@@ -10,9 +10,7 @@
 //     M = X' Vf^-1 X + P0^-1,   b^ = M^-1 X' Vf^-1 y,        believed covariance M^-1,
 // Vf: the noise covariance that the filter assumes.  With the true Vt the error of the same estimator has
 //     C = M^-1 (U' Vt U + P0^-1) M^-1,   U = Vf^-1 X.
-// Vf^-1 is never formed: one Kalman filter over the Markov states whitens every column (e'e = X' Vf^-1 X),
-// the backward recursion of the disturbance smoother (de Jong 1988; Durbin & Koopman 2012, 4.5) turns
-// innovations into U, and U' Vt U follows from one recursion a_k = phi a_{k-1} + u_k per true Markov term.
+// Vf^-1 is never formed: the noise room whitens every column (e'e = X' Vf^-1 X), solves for U and applies Vt.
 // Turn-on constants (one per run, sigma_on) are the term sigma_on^2 1 1' of V, by Sherman-Morrison.  Runs are
 // independent: each has its own start of the Markov processes; information adds up.
 //
@@ -25,6 +23,7 @@
 #include "io/log.h"
 #include "io/model.h"
 #include "io/profile.h"
+#include "noise/gains.h"
 
 namespace imucal {
 
@@ -81,37 +80,12 @@ CalibrationError calibration_error(const std::vector<CalibrationRun>& runs, cons
 std::vector<double> information_matrix(const std::vector<CalibrationRun>& runs,
                                        const CalibrationSetup& setup);
 
+// The samples of a run as the noise room takes them: a view of the run.
+SampleTimes sample_times(const CalibrationRun& run);
+
 // Throw as above.  Separate so that programs can refuse before they compute.
 void check_setup(const CalibrationSetup& setup);
 void check_noise(const ErrorModel& model, const std::string& whose);
 void check_distinct_temperatures(const std::vector<CalibrationRun>& runs, int order);
-
-// Whitens columns by the innovations filter of (Markov terms + white noise).
-class Whitener {
-public:
-  // steps as in CalibrationRun; empty for even steps.
-  Whitener(const ErrorModel& model, double dt_s);
-
-  // columns: n rows of `width` values; becomes innovations over their standard deviation, so that
-  // (whitened a)'(whitened b) = a' V^-1 b.
-  void whiten(size_t width, std::vector<double>* columns, const std::vector<double>& step_s = {}) const;
-  // columns becomes V^-1 columns.
-  void solve(size_t width, std::vector<double>* columns, const std::vector<double>& step_s = {}) const;
-
-private:
-  struct Term {
-    double variance_dph2, tau_s;
-  };
-  struct Pass;
-  void forward(size_t width, std::vector<double>* columns, const std::vector<double>& step_s,
-               Pass* pass) const;
-  double dt_s_, white_dph2_;
-  std::vector<Term> terms_;
-};
-
-// a' V b for all pairs of columns (width x width, row-major), V of the given model without turn-on constant.
-std::vector<double> noise_quadratic(const ErrorModel& model, double dt_s, size_t width,
-                                    const std::vector<double>& columns,
-                                    const std::vector<double>& step_s = {});
 
 } // namespace imucal

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "base/error.h"
+#include "noise/whiten.h"
 #include "physics/effects/effect.h"
 
 namespace imucal {
@@ -129,7 +130,7 @@ SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const Ca
       const std::vector<double> signature = signature_of(effects[e], runs[r], model, r, runs.size());
       for (size_t k = 0; k < n; ++k) columns[k * width + p + e] = signature[k];
     }
-    Whitener(setup.filter, runs[r].dt_s).whiten(width, &columns, runs[r].step_s);
+    whiten_rows(compute_gains(sample_times(runs[r]), noise_of(setup.filter)), width, columns.data());
     const Eigen::Map<const MatrixXd> rows(columns.data(), size, static_cast<Index>(n));
     MatrixXd g = rows * rows.transpose();
     const Eigen::VectorXd ones = g.col(0); // this run's turn-on constant takes the place of b0

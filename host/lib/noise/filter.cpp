@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: MIT
+#include "noise/filter.h"
+
+#include <cstring>
+
+#include "base/simd.h"
+#include "noise/gains.h"
+
+namespace imucal {
+namespace {
+
+typedef double Lanes8 __attribute__((vector_size(64)));
+
+template <class V>
+IMUCAL_WIDE_PART void load(V* v, const double* from) {
+  std::memcpy(v, from, sizeof *v);
+}
+template <class V>
+IMUCAL_WIDE_PART void store(const V& v, double* to) {
+  std::memcpy(to, &v, sizeof v);
+}
+
+// M: number of states where the compiler may know it, else 0.
+template <class V, size_t M>
+IMUCAL_WIDE_PART void run(const FilterGains& g, double* rows, size_t stride, double* state) {
+  constexpr size_t width = sizeof(V) / sizeof(double);
+  const size_t n_states = M ? M : g.n_states, next = g.is_settled ? 0 : 1;
+  V m[M ? M : kMostStates];
+  for (size_t i = 0; i < n_states; ++i) load(&m[i], state + i * width);
+  const double *phi = g.phi, *gain = g.gain, *w = g.inv_sqrt_s;
+  for (size_t k = 0; k < g.n; ++k) {
+    V nu;
+    load(&nu, rows + k * stride);
+    for (size_t i = 0; i < n_states; ++i) nu -= m[i];
+    store(V(nu * *w), rows + k * stride);
+    for (size_t i = 0; i < n_states; ++i) m[i] = phi[i] * (m[i] + gain[i] * nu);
+    phi += next * n_states, gain += next * n_states, w += next;
+  }
+  for (size_t i = 0; i < n_states; ++i) store(m[i], state + i * width);
+}
+
+template <class V>
+IMUCAL_WIDE_PART void run_states(const FilterGains& g, double* rows, size_t stride, double* state) {
+  switch (g.n_states) {
+  case 1: return run<V, 1>(g, rows, stride, state);
+  case 2: return run<V, 2>(g, rows, stride, state);
+  case 3: return run<V, 3>(g, rows, stride, state);
+  default: return run<V, 0>(g, rows, stride, state);
+  }
+}
+
+IMUCAL_WIDE void run_8(const FilterGains& g, double* rows, size_t stride, double* state) {
+  run_states<Lanes8>(g, rows, stride, state);
+}
+IMUCAL_WIDE void run_4(const FilterGains& g, double* rows, size_t stride, double* state) {
+  run_states<Lanes>(g, rows, stride, state);
+}
+
+// Four rows of the sum at a time: they stay in registers.
+template <class V>
+IMUCAL_WIDE_PART void products(const double* a, const double* b, size_t n, double* sum) {
+  constexpr size_t width = sizeof(V) / sizeof(double);
+  for (size_t i = 0; i < width; i += 4) {
+    V s[4], right;
+    for (size_t l = 0; l < 4; ++l) load(&s[l], sum + (i + l) * width);
+    for (size_t k = 0; k < n; ++k) {
+      load(&right, b + k * width);
+      for (size_t l = 0; l < 4; ++l) s[l] += a[k * width + i + l] * right;
+    }
+    for (size_t l = 0; l < 4; ++l) store(s[l], sum + (i + l) * width);
+  }
+}
+
+IMUCAL_WIDE void products_8(const double* a, const double* b, size_t n, double* sum) {
+  products<Lanes8>(a, b, n, sum);
+}
+IMUCAL_WIDE void products_4(const double* a, const double* b, size_t n, double* sum) {
+  products<Lanes>(a, b, n, sum);
+}
+
+} // namespace
+
+void filter_lanes(const FilterGains& gains, size_t lanes, double* rows, size_t stride, double* state) {
+  if (lanes == 8) return run_8(gains, rows, stride, state);
+  if (lanes == 4) return run_4(gains, rows, stride, state);
+  run_states<double>(gains, rows, stride, state);
+}
+
+void add_products(size_t lanes, const double* a, const double* b, size_t n, double* sum) {
+  (lanes == 8 ? products_8 : products_4)(a, b, n, sum);
+}
+
+} // namespace imucal

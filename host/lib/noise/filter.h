@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: MIT
+// Inside the noise room: the inner loops, for the widest vectors of the machine (base/simd.h).
+#pragma once
+#include <cstddef>
+
+namespace imucal {
+
+// Gains of n samples: row k * (is_settled ? 0 : 1) belongs to sample k.
+struct FilterGains {
+  size_t n, n_states;
+  const double *phi, *gain, *inv_sqrt_s;
+  bool is_settled;
+};
+
+// Filters `lanes` (1, 4 or 8) neighbouring columns of rows that are `stride` apart, in place: innovations over
+// their standard deviation.  state: [state][lanes], carried on.
+void filter_lanes(const FilterGains& gains, size_t lanes, double* rows, size_t stride, double* state);
+
+// sum[i][j] += sum_k a[k][i] b[k][j] over n samples; a, b, sum `lanes` (4 or 8) wide and dense.
+void add_products(size_t lanes, const double* a, const double* b, size_t n, double* sum);
+
+} // namespace imucal

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: MIT
+#include "noise/gains.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "base/error.h"
+#include "noise/states.h"
+#include "noise/steady_filter.h"
+
+namespace imucal {
+namespace {
+
+// What is left of the way to the steady gains (gains.h).
+class Settling {
+public:
+  Settling(const SampleTimes& times, const NoiseModel& noise) : times_(times), noise_(noise) {}
+  // With the row just computed and the one before it, both `step_s` after their forerunners.
+  bool is_settled(const RunGains& g, size_t row, double step_s) {
+    const double change = change_of(g, row);
+    if (change > kNear) return false;
+    if (change <= kRounding) return true;
+    const double rate = rate_on(step_s);
+    return change * rate <= kSettled * (1 - rate);
+  }
+
+private:
+  static constexpr double kNear = 1e-9; // far from the end nothing need be known exactly
+  static constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
+
+  // Largest relative change of the row before; beyond kNear the first one will do.
+  static double change_of(const RunGains& g, size_t row) {
+    double change = std::fabs(g.inv_sqrt_s[row] - g.inv_sqrt_s[row - 1]) / g.inv_sqrt_s[row];
+    if (change > kNear) return change;
+    const double* now = g.gain.data() + row * g.n_states;
+    const double* before = now - g.n_states;
+    for (size_t i = 0; i < g.n_states; ++i)
+      if (now[i] != before[i]) change = std::max(change, std::fabs((now[i] - before[i]) / now[i]));
+    return change;
+  }
+  double rate_on(double step_s) {
+    if (step_s != step_s_) rate_ = std::pow(slowest_pole(noise_, step_s, times_.dt_s), 2);
+    step_s_ = step_s;
+    return rate_;
+  }
+
+  const SampleTimes& times_;
+  const NoiseModel& noise_;
+  double step_s_ = -1, rate_ = 0;
+};
+
+// Sum of logarithms by logarithms of products: fewer of them.
+class LogSum {
+public:
+  void add(double factor) {
+    product_ *= factor;
+    if (product_ < 1e-250 || product_ > 1e250) sum_ += std::log(product_), product_ = 1;
+  }
+  void add(double factor, size_t times) { sum_ += static_cast<double>(times) * std::log(factor); }
+  double value() const { return sum_ + std::log(product_); }
+
+private:
+  double sum_ = 0, product_ = 1;
+};
+
+class GainRun {
+public:
+  GainRun(const SampleTimes& times, const NoiseModel& noise, const NoiseStates& states)
+      : times_(times), states_(states), belief_(states), phi_(states.size(), 0.0), q_(states.size(), 0.0),
+        settling_(times, noise) {
+    out_.n = times.n;
+    out_.n_states = states.size();
+  }
+
+  RunGains run() {
+    for (size_t k = 0; k < times_.n;) k = is_settled_ ? settled_stretch(k) : one_sample(k);
+    out_.sum_log_s = -2 * log_w_.value();
+    return std::move(out_);
+  }
+
+private:
+  bool has_step(size_t k, double step_s) const { return k + 1 == times_.n || times_.seconds(k + 1) == step_s; }
+
+  size_t settled_stretch(size_t begin) {
+    size_t end = begin;
+    while (end < times_.n && has_step(end, step_s_)) ++end;
+    const size_t row = out_.inv_sqrt_s.size() - 1;
+    if (end > begin) out_.stretches.push_back({begin, end, row, true});
+    log_w_.add(out_.inv_sqrt_s[row], end - begin);
+    is_settled_ = false; // a gap: the covariance moves again
+    return end;
+  }
+
+  size_t one_sample(size_t k) {
+    const size_t row = out_.inv_sqrt_s.size();
+    append_row(k, row);
+    const bool is_even = k > 0 && k + 1 < times_.n && times_.seconds(k) == times_.seconds(k + 1);
+    predict(k);
+    out_.phi.insert(out_.phi.end(), phi_.begin(), phi_.end());
+    is_settled_ = states_.is_constant() && is_even && settling_.is_settled(out_, row, step_s_);
+    return k + 1;
+  }
+
+  void append_row(size_t k, size_t row) {
+    if (out_.stretches.empty() || out_.stretches.back().is_settled) out_.stretches.push_back({k, k, row, false});
+    ++out_.stretches.back().end;
+    const double s = states_.white_dph2(k) + belief_.spread();
+    for (const double c : belief_.cross()) out_.gain.push_back(c / s);
+    out_.inv_sqrt_s.push_back(1.0 / std::sqrt(s));
+    log_w_.add(out_.inv_sqrt_s.back());
+    belief_.update(0, 1 / s);
+  }
+
+  void predict(size_t k) {
+    if (k + 1 == times_.n) return;
+    const double step_s = times_.seconds(k + 1);
+    if (step_s != step_s_ || !states_.is_constant()) states_.transition(k, phi_.data(), q_.data());
+    step_s_ = step_s;
+    belief_.predict(phi_.data(), q_.data());
+  }
+
+  const SampleTimes& times_;
+  const NoiseStates& states_;
+  Belief belief_;
+  std::vector<double> phi_, q_;
+  double step_s_ = -1; // that phi_ and q_ are for
+  bool is_settled_ = false;
+  Settling settling_;
+  LogSum log_w_;
+  RunGains out_;
+};
+
+} // namespace
+
+RunGains compute_gains(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd* extra_dph2) {
+  const NoiseStates states(times, noise, extra_dph2);
+  if (states.size() > kMostStates)
+    throw usage_error(std::to_string(states.size()) + " Markov terms: more than the " + std::to_string(kMostStates) +
+                      " that are followed; merge terms of neighbouring time constants");
+  return GainRun(times, noise, states).run();
+}
+
+} // namespace imucal

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: MIT
+#include "noise/mixture.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "base/quantile.h"
+#include "noise/states.h"
+
+namespace imucal {
+namespace {
+
+// Standard normal score of a probability that rounding may have pushed to 0 or 1.
+double normal_score(double p) {
+  return normal_quantile(std::clamp(p, 1e-15, 1 - 1e-15));
+}
+
+// One innovation under two normal densities with prior probabilities.
+struct Pair {
+  double nu[2], s[2], prior[2];
+  double posterior[2] = {0, 0}; // of the two, given the innovation
+
+  // Logarithm of the density, without 1/2 ln 2 pi; relative to the larger exponent: no underflow.
+  double log_density() {
+    const double e[2] = {-0.5 * nu[0] * nu[0] / s[0], -0.5 * nu[1] * nu[1] / s[1]}, top = std::max(e[0], e[1]);
+    double sum = 0;
+    for (int j = 0; j < 2; ++j) sum += posterior[j] = prior[j] * std::exp(e[j] - top) / std::sqrt(s[j]);
+    for (double& d : posterior) d /= sum;
+    return top + std::log(sum);
+  }
+  double score() const {
+    return normal_score(prior[0] * normal_cdf(nu[0] / std::sqrt(s[0])) + prior[1] * normal_cdf(nu[1] / std::sqrt(s[1])));
+  }
+};
+
+// Outliers: each sample is normal or a hit; the state's density is collapsed to one Gaussian after each sample.
+double hit_log_likelihood(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& y,
+                          Eigen::VectorXd* scores, Eigen::VectorXd* hit) {
+  const NoiseStates states(times, noise);
+  Belief belief(states);
+  std::vector<double> phi(states.size()), q(states.size());
+  const double extra = noise.hit_sigma_dph * noise.hit_sigma_dph, p = noise.hit_probability;
+  double log_likelihood = 0;
+  for (size_t k = 0; k < times.n; ++k) {
+    const auto at = static_cast<long>(k);
+    const double s = states.white_dph2(k) + belief.spread(), nu = y[at] - belief.mean();
+    Pair pair{{nu, nu}, {s, s + extra}, {1 - p, p}};
+    log_likelihood += pair.log_density();
+    const double w = pair.posterior[1], is = 1 / s, ih = 1 / (s + extra);
+    if (hit) (*hit)[at] = w;
+    if (scores) (*scores)[at] = pair.score();
+    // First and second derivative of the log-density by nu (Masreliez 1975).
+    belief.update(((1 - w) * is + w * ih) * nu, (1 - w) * is + w * ih - w * (1 - w) * nu * nu * (is - ih) * (is - ih));
+    if (k + 1 == times.n) break;
+    states.transition(k, phi.data(), q.data());
+    belief.predict(phi.data(), q.data());
+  }
+  return log_likelihood;
+}
+
+// Telegraph noise: two modes (+a, -a), each with a Kalman filter of its own, mixed before every prediction.
+class TelegraphFilter {
+public:
+  TelegraphFilter(const SampleTimes& times, const NoiseModel& noise)
+      : times_(times), noise_(noise), states_(times, noise), mode_{Belief(states_), Belief(states_)}, mixed_{Belief(states_), Belief(states_)},
+        phi_(states_.size()), q_(states_.size()) {}
+
+  double run(const Eigen::VectorXd& y, Eigen::VectorXd* scores) {
+    double log_likelihood = 0;
+    for (size_t k = 0; k < times_.n; ++k) {
+      const auto at = static_cast<long>(k);
+      Pair pair = innovations(k, y[at]);
+      log_likelihood += pair.log_density();
+      if (scores) (*scores)[at] = pair.score();
+      for (int j = 0; j < 2; ++j) {
+        mode_[j].update(pair.nu[j] / pair.s[j], 1 / pair.s[j]);
+        probability_[j] = pair.posterior[j];
+      }
+      if (k + 1 < times_.n) predict(k);
+    }
+    return log_likelihood;
+  }
+
+private:
+  Pair innovations(size_t k, double y) {
+    const double white = states_.white_dph2(k), level[2] = {noise_.telegraph_dph, -noise_.telegraph_dph};
+    Pair pair{{0, 0}, {0, 0}, {probability_[0], probability_[1]}};
+    for (int j = 0; j < 2; ++j) {
+      pair.nu[j] = y - level[j] - mode_[j].mean();
+      pair.s[j] = white + mode_[j].spread();
+    }
+    return pair;
+  }
+
+  void predict(size_t k) {
+    const double switching = -0.5 * std::expm1(-times_.seconds(k + 1) / noise_.telegraph_tau_s);
+    const double next[2] = {(1 - switching) * probability_[0] + switching * probability_[1],
+                            switching * probability_[0] + (1 - switching) * probability_[1]};
+    const auto from_other = [&](int j) { return switching * probability_[1 - j] / std::max(next[j], 1e-300); };
+    for (int j = 0; j < 2; ++j) mixed_[j].set_mixture(mode_[j], mode_[1 - j], from_other(j));
+    states_.transition(k, phi_.data(), q_.data());
+    for (int j = 0; j < 2; ++j) {
+      std::swap(mode_[j], mixed_[j]);
+      mode_[j].predict(phi_.data(), q_.data());
+      probability_[j] = next[j];
+    }
+  }
+
+  const SampleTimes& times_;
+  const NoiseModel& noise_;
+  NoiseStates states_;
+  Belief mode_[2], mixed_[2];
+  double probability_[2] = {0.5, 0.5};
+  std::vector<double> phi_, q_;
+};
+
+} // namespace
+
+double mixture_log_likelihood(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& residual,
+                              Eigen::VectorXd* scores, Eigen::VectorXd* hit) {
+  const auto n = static_cast<long>(times.n);
+  if (scores) scores->resize(n);
+  if (hit) hit->setZero(n);
+  if (noise.hit_probability > 0) return hit_log_likelihood(times, noise, residual, scores, hit);
+  return TelegraphFilter(times, noise).run(residual, scores);
+}
+
+} // namespace imucal

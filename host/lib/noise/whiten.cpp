@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: MIT
+#include "noise/whiten.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "noise/filter.h"
+
+namespace imucal {
+namespace {
+
+constexpr size_t kMostLanes = 8;
+
+// f(gains of a part, its first sample) for the samples first .. first + n, stretch by stretch.
+template <class F>
+void for_stretches(const RunGains& g, size_t first, size_t n, const F& f) {
+  const auto ends_before = [](const RunGains::Stretch& s, size_t sample) { return s.end <= sample; };
+  auto stretch = std::lower_bound(g.stretches.begin(), g.stretches.end(), first, ends_before);
+  for (size_t k = first; k < first + n; k = stretch++->end) {
+    const size_t end = std::min(stretch->end, first + n), row = g.row_of(*stretch, k);
+    f(FilterGains{end - k, g.n_states, g.phi.data() + row * g.n_states, g.gain.data() + row * g.n_states,
+                  &g.inv_sqrt_s[row], stretch->is_settled},
+      k);
+  }
+}
+
+// Samples first .. first + n of `lanes` columns; `rows` points to the first of them.
+void filter(const RunGains& g, size_t first, size_t n, size_t lanes, double* rows, size_t stride, double* state) {
+  for_stretches(g, first, n, [&](const FilterGains& part, size_t k) {
+    filter_lanes(part, lanes, rows + (k - first) * stride, stride, state);
+  });
+}
+
+// Columns side by side: out [sample][lanes], zero beyond `width`.
+void interleave(const double* columns, size_t n, size_t width, size_t lanes, double* out) {
+  for (size_t c = 0; c < lanes; ++c)
+    for (size_t k = 0; k < n; ++k) out[k * lanes + c] = c < width ? columns[c * n + k] : 0.0;
+}
+
+// f(sample, gain, phi, inv_sqrt_s), from the first sample to the last.
+template <class F>
+void for_samples(const RunGains& g, const F& f) {
+  for (const RunGains::Stretch& s : g.stretches)
+    for (size_t k = s.begin; k < s.end; ++k) {
+      const size_t row = g.row_of(s, k);
+      f(k, g.gain.data() + row * g.n_states, g.phi.data() + row * g.n_states, g.inv_sqrt_s[row]);
+    }
+}
+
+} // namespace
+
+void whiten(const RunGains& gains, Eigen::MatrixXd* columns) {
+  const size_t n = static_cast<size_t>(columns->rows()), p = static_cast<size_t>(columns->cols());
+  if (p == 1) return whiten(gains, columns->data(), n);
+  std::vector<double> block(n * kMostLanes), state(std::max<size_t>(1, gains.n_states) * kMostLanes);
+  for (size_t first = 0; first < p; first += kMostLanes) {
+    const size_t width = std::min(kMostLanes, p - first);
+    interleave(columns->data() + first * n, n, width, kMostLanes, block.data());
+    std::fill(state.begin(), state.end(), 0.0);
+    filter(gains, 0, n, kMostLanes, block.data(), kMostLanes, state.data());
+    for (size_t c = 0; c < width; ++c) {
+      double* out = columns->data() + (first + c) * n;
+      for (size_t k = 0; k < n; ++k) out[k] = block[k * kMostLanes + c];
+    }
+  }
+}
+
+void whiten(const RunGains& gains, double* column, size_t n) {
+  std::vector<double> state(std::max<size_t>(1, gains.n_states), 0.0);
+  filter(gains, 0, n, 1, column, 1, state.data());
+}
+
+void whiten_rows(const RunGains& gains, size_t width, double* rows) {
+  std::vector<double> state;
+  for (size_t first = 0; first < width;) {
+    const size_t left = width - first, lanes = left >= 8 ? 8 : left >= 4 ? 4 : 1;
+    state.assign(std::max<size_t>(1, gains.n_states) * lanes, 0.0);
+    filter(gains, 0, gains.n, lanes, rows + first, width, state.data());
+    first += lanes;
+  }
+}
+
+// u_k = v_k / s_k - K_k' r_k,  r_{k-1} = 1 u_k + Phi' r_k,  K = Phi gain.
+void solve_rows(const RunGains& gains, size_t width, double* rows) {
+  whiten_rows(gains, width, rows);
+  const size_t m = gains.n_states;
+  std::vector<double> r(m * width, 0.0);
+  for (auto s = gains.stretches.rbegin(); s != gains.stretches.rend(); ++s)
+    for (size_t k = s->end; k-- > s->begin;) {
+      const size_t at = gains.row_of(*s, k);
+      const double *gain = gains.gain.data() + at * m, *phi = gains.phi.data() + at * m;
+      double* row = rows + k * width;
+      for (size_t c = 0; c < width; ++c) {
+        double u = row[c] * gains.inv_sqrt_s[at];
+        for (size_t i = 0; i < m; ++i) u -= phi[i] * gain[i] * r[i * width + c];
+        for (size_t i = 0; i < m; ++i) r[i * width + c] = u + phi[i] * r[i * width + c];
+        row[c] = u;
+      }
+    }
+}
+
+void colour(const RunGains& gains, double* column, size_t) {
+  std::vector<double> m(gains.n_states, 0.0);
+  for_samples(gains, [&](size_t k, const double* gain, const double* phi, double inv_sqrt_s) {
+    const double nu = column[k] / inv_sqrt_s;
+    double prediction = 0;
+    for (const double state : m) prediction += state;
+    column[k] = prediction + nu;
+    for (size_t i = 0; i < m.size(); ++i) m[i] = phi[i] * (m[i] + gain[i] * nu);
+  });
+}
+
+WideColumns::WideColumns(const Eigen::MatrixXd& columns)
+    : n_(static_cast<size_t>(columns.rows())), p_(static_cast<size_t>(columns.cols())),
+      data_((p_ + lanes() - 1) / lanes() * n_ * lanes()) {
+  for (size_t first = 0; first < p_; first += lanes())
+    interleave(columns.data() + first * n_, n_, std::min(lanes(), p_ - first), lanes(), &data_[first * n_]);
+}
+
+Eigen::MatrixXd WideColumns::whitened_gram(const RunGains& gains) const {
+  constexpr size_t kChunk = 128; // samples that stay in the first cache
+  const size_t w = lanes(), blocks = (p_ + w - 1) / w, states = std::max<size_t>(1, gains.n_states) * w;
+  std::vector<double> chunk(blocks * kChunk * w), state(blocks * states, 0.0), sums(blocks * blocks * w * w, 0.0);
+  for (size_t k = 0; k < n_; k += kChunk) {
+    const size_t n = std::min(kChunk, n_ - k);
+    for (size_t b = 0; b < blocks; ++b) {
+      double* x = &chunk[b * kChunk * w];
+      std::copy_n(&data_[b * n_ * w + k * w], n * w, x);
+      filter(gains, k, n, w, x, w, &state[b * states]);
+    }
+    for (size_t a = 0; a < blocks; ++a)
+      for (size_t b = a; b < blocks; ++b)
+        add_products(w, &chunk[a * kChunk * w], &chunk[b * kChunk * w], n, &sums[(a * blocks + b) * w * w]);
+  }
+  const auto p = static_cast<long>(p_);
+  Eigen::MatrixXd gram(p, p);
+  for (size_t i = 0; i < p_; ++i)
+    for (size_t j = i; j < p_; ++j)
+      gram(static_cast<long>(i), static_cast<long>(j)) = gram(static_cast<long>(j), static_cast<long>(i)) =
+          sums[((i / w) * blocks + j / w) * w * w + (i % w) * w + j % w];
+  return gram;
+}
+
+} // namespace imucal

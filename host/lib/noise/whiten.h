@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT
+// Whitening by the innovations filter: with V the covariance of the noise at the samples,
+// (whitened a)'(whitened b) = a' V^-1 b.
+//
+// Columns of one run, one row per sample.  Cost: about 2 ns per sample, column and state.  Threads: pure functions.
+#pragma once
+#include <Eigen/Dense>
+#include <vector>
+
+#include "noise/gains.h"
+
+namespace imucal {
+
+// In place: each innovation over its standard deviation.
+void whiten(const RunGains& gains, Eigen::MatrixXd* columns);
+void whiten(const RunGains& gains, double* column, size_t n);
+// The same for n rows of `width` values, row after row.
+void whiten_rows(const RunGains& gains, size_t width, double* rows);
+// Rows become V^-1 rows: the backward recursion of the disturbance smoother (de Jong 1988; Durbin and Koopman 2012,
+// 4.5) after whitening.
+void solve_rows(const RunGains& gains, size_t width, double* rows);
+// The inverse of whitening: the sample path whose whitened innovations are `column`.
+void colour(const RunGains& gains, double* column, size_t n);
+
+// Columns of one run laid out for the filters: many noise models, the same columns.
+class WideColumns {
+public:
+  explicit WideColumns(const Eigen::MatrixXd& columns); // one row per sample
+  // W'W of the whitened columns W.
+  Eigen::MatrixXd whitened_gram(const RunGains& gains) const;
+  size_t n() const { return n_; }
+
+private:
+  size_t lanes() const { return p_ <= 4 ? 4 : 8; }
+
+  size_t n_, p_;
+  std::vector<double> data_; // blocks of lanes() columns, sample after sample, zero beyond the last
+};
+
+} // namespace imucal

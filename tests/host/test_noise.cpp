@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: MIT
+// The noise room against dense linear algebra and against itself.
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <csetjmp>
+#include <cstdarg>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "base/error.h"
+#include "base/rng.h"
+#include "noise/covariance.h"
+#include "noise/gains.h"
+#include "noise/mixture.h"
+#include "noise/steady_filter.h"
+#include "noise/whiten.h"
+// After the others: it defines a macro `fail`.
+extern "C" {
+#include <cmocka.h>
+}
+
+using namespace imucal;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+static void assert_near(double found, double expected, double tolerance) {
+  if (!(std::fabs(found - expected) <= tolerance)) fail_msg("%.15g, expected %.15g", found, expected);
+}
+
+// Samples with gaps of one, of a few and of many ticks.
+struct Case {
+  std::vector<int> steps;
+  std::vector<double> tn;
+  NoiseModel noise;
+  double dt_s = 1;
+
+  explicit Case(size_t n, NoiseModel model) : noise(std::move(model)) {
+    for (size_t k = 0; k < n; ++k) {
+      steps.push_back(k % 97 == 5 ? 2 : k % 211 == 60 ? 7 : k == n / 2 ? 400 : 1);
+      tn.push_back(std::sin(0.01 * static_cast<double>(k)));
+    }
+  }
+  SampleTimes times() const { return {steps.size(), steps.data(), dt_s, tn.data()}; }
+};
+
+static NoiseModel model_of(double white, std::vector<Markov> markov, double walk = 0) {
+  NoiseModel m;
+  m.white_sigma_dph = white;
+  m.markov = std::move(markov);
+  m.walk_dph_per_rt_s = walk;
+  return m;
+}
+
+static std::vector<NoiseModel> models() {
+  NoiseModel slopes = model_of(30, {{20, 100}, {7, 700}});
+  slopes.white_slope = 0.4, slopes.markov_slope = -0.6, slopes.tau_slope = 0.3;
+  return {model_of(36, {}),
+          model_of(36, {{20, 100}}),
+          model_of(36, {{20, 100}, {7, 700}}),
+          model_of(36, {{20, 100}, {7, 700}, {15, 3}}, 0.3),
+          model_of(0, {{20, 30}, {7, 700}}),
+          model_of(0.5, {{20, 30}, {19, 31}, {3, 5000}}, 0.01),
+          slopes};
+}
+
+// The covariance written out; the first Markov term and the white noise follow temperature.  Of a term whose time
+// constant follows it: the product of the transitions in between.
+static MatrixXd dense(const Case& c) {
+  const auto n = static_cast<long>(c.steps.size());
+  std::vector<double> t(c.steps.size(), 0.0);
+  for (size_t k = 1; k < t.size(); ++k) t[k] = t[k - 1] + c.steps[k] * c.dt_s;
+  MatrixXd v = MatrixXd::Zero(n, n);
+  for (long i = 0; i < n; ++i) {
+    const auto at = static_cast<size_t>(i);
+    v(i, i) += c.noise.white_sigma_dph * c.noise.white_sigma_dph / c.dt_s * std::exp(c.noise.white_slope * c.tn[at]);
+    for (size_t m = 0; m < c.noise.markov.size(); ++m) {
+      double exponent = 0;
+      for (long j = i; j < n; ++j) {
+        const auto to = static_cast<size_t>(j);
+        if (j > i)
+          exponent -= (t[to] - t[to - 1]) / c.noise.markov[m].tau_s / (m == 0 ? std::exp(c.noise.tau_slope * c.tn[to - 1]) : 1);
+        const double scale = m == 0 ? std::exp(0.5 * c.noise.markov_slope * (c.tn[at] + c.tn[to])) : 1;
+        const double value = c.noise.markov[m].sigma_dph * c.noise.markov[m].sigma_dph * scale * std::exp(exponent);
+        v(i, j) += value;
+        if (j > i) v(j, i) += value;
+      }
+    }
+    for (long j = 0; j < n; ++j)
+      v(i, j) += c.noise.walk_dph_per_rt_s * c.noise.walk_dph_per_rt_s * std::min(t[at], t[static_cast<size_t>(j)]);
+  }
+  return v;
+}
+
+static MatrixXd random_columns(size_t n, long p, uint64_t seed) {
+  MatrixXd out(static_cast<long>(n), p);
+  Rng rng(seed, 0, 0, Stream::kWhite);
+  for (long i = 0; i < out.size(); ++i) out.data()[i] = rng.normal();
+  return out;
+}
+
+static void test_whitening_equals_the_dense_factor_with_gaps(void**) {
+  for (const NoiseModel& model : models()) {
+    const Case c(700, model);
+    const MatrixXd v = dense(c), x = random_columns(700, 11, 3);
+    const Eigen::LLT<MatrixXd> llt(v);
+    const RunGains gains = compute_gains(c.times(), c.noise);
+    MatrixXd white = x;
+    whiten(gains, &white);
+    const MatrixXd expected = llt.matrixL().solve(x);
+    assert_near((white - expected).norm(), 0, 1e-9 * expected.norm());
+    double log_det = 0;
+    for (long i = 0; i < v.rows(); ++i) log_det += 2 * std::log(llt.matrixLLT()(i, i));
+    assert_near(gains.sum_log_s, log_det, 1e-9 * std::fabs(log_det));
+  }
+}
+
+static void test_solve_equals_the_dense_inverse(void**) {
+  for (const NoiseModel& model : models()) {
+    const Case c(500, model);
+    for (const long width : {1L, 3L, 6L, 13L}) {
+      const MatrixXd x = random_columns(500, width, 4);
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = x;
+      const RunGains gains = compute_gains(c.times(), c.noise);
+      solve_rows(gains, static_cast<size_t>(width), rows.data());
+      const MatrixXd expected = dense(c).llt().solve(x);
+      assert_near((rows - expected).norm(), 0, 1e-8 * expected.norm());
+    }
+  }
+}
+
+static void test_covariance_times_equals_the_dense_product(void**) {
+  for (const NoiseModel& model : models()) {
+    if (!model.is_stationary()) continue;
+    const Case c(500, model);
+    const VectorXd x = random_columns(500, 1, 5);
+    const VectorXd expected = dense(c) * x;
+    assert_near((covariance_times(c.times(), c.noise, x) - expected).norm(), 0, 1e-12 * expected.norm());
+  }
+}
+
+static void test_paths_of_whitening_agree_and_colour_inverts_them(void**) {
+  for (const NoiseModel& model : models()) {
+    const Case c(3000, model);
+    const RunGains gains = compute_gains(c.times(), c.noise);
+    for (const long p : {2L, 4L, 5L, 11L}) {
+      const MatrixXd x = random_columns(3000, p, 6);
+      MatrixXd white = x;
+      whiten(gains, &white);
+      VectorXd alone = x.col(p - 1);
+      whiten(gains, alone.data(), 3000);
+      assert_near((white.col(p - 1) - alone).norm(), 0, 1e-12 * alone.norm());
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = x;
+      whiten_rows(gains, static_cast<size_t>(p), rows.data());
+      assert_near((white - rows).norm(), 0, 1e-12 * white.norm());
+      const MatrixXd gram = white.transpose() * white;
+      assert_near((WideColumns(x).whitened_gram(gains) - gram).norm(), 0, 1e-11 * gram.norm());
+      colour(gains, alone.data(), 3000);
+      assert_near((alone - x.col(p - 1)).norm(), 0, 1e-9 * alone.norm());
+    }
+  }
+}
+
+// The one settling rule: no gain is further from the one that never settles than gains.h says.
+static void check_settling(const NoiseModel& model, size_t n) {
+  const VectorXd none = VectorXd::Zero(static_cast<long>(n));
+  const SampleTimes even{n};
+  const RunGains kept = compute_gains(even, model), exact = compute_gains(even, model, &none);
+  assert_int_equal(exact.inv_sqrt_s.size(), n);
+  assert_true(kept.inv_sqrt_s.size() < n / 2); // it did settle
+  const double rate = std::pow(slowest_pole(model, 1, 1), 2), error = 1e-12 + 1.8e-15 / (1 - rate);
+  const size_t last = kept.inv_sqrt_s.size() - 1;
+  for (size_t k = last; k < n; k += 997) {
+    assert_near(kept.inv_sqrt_s[last] / exact.inv_sqrt_s[k], 1, error);
+    for (size_t i = 0; i < kept.n_states; ++i)
+      assert_near(kept.gain[last * kept.n_states + i] / exact.gain[k * kept.n_states + i], 1, error);
+  }
+  assert_near(kept.sum_log_s, exact.sum_log_s, 1e-11 * std::fabs(exact.sum_log_s));
+}
+
+static void test_settled_gains_are_within_the_stated_error(void**) {
+  check_settling(model_of(36, {{20, 100}}), 10000);
+  check_settling(model_of(36, {{20, 100}, {7, 700}, {15, 3}}), 30000);
+  check_settling(model_of(36, {{1, 10}, {5, 3000}}), 30000);
+  check_settling(model_of(36, {{30, 2}, {1, 20000}}), 200000);
+  check_settling(model_of(36, {{5, 50}}, 0.01), 200000);
+  check_settling(model_of(3, {{20, 100}, {20, 101}}), 10000);
+  check_settling(model_of(0, {{20, 30}, {7, 700}}), 30000);
+  check_settling(model_of(100, {{1, 300}}), 30000);
+  check_settling(model_of(36, {}), 100);
+}
+
+// The recursion of the gains and the closed form: two derivations of the same filter.
+static void test_gains_end_at_the_closed_form(void**) {
+  for (const NoiseModel& model : {model_of(36, {{20, 100}}), model_of(36, {{7, 700}, {20, 100}, {15, 3}}),
+                                  model_of(36, {{5, 50}}, 0.3), model_of(3, {{20, 30}, {9, 400}}, 1)}) {
+    const RunGains gains = compute_gains(SampleTimes{30000}, model);
+    const SteadyFilter steady = steady_filter(model, 1, 1);
+    const size_t last = gains.inv_sqrt_s.size() - 1, m = gains.n_states;
+    assert_near(std::pow(gains.inv_sqrt_s[last], -2) / steady.innovation_variance_dph2, 1, 1e-10);
+    std::vector<double> found, expected;
+    for (size_t i = 0; i < m; ++i) found.push_back(gains.gain[last * m + i]), expected.push_back(steady.gain[i]);
+    std::sort(found.begin(), found.end()), std::sort(expected.begin(), expected.end());
+    for (size_t i = 0; i < m; ++i) assert_near(found[i] / expected[i], 1, 1e-9);
+    assert_near((1 - slowest_pole(model, 1, 1)) / (1 - *std::max_element(steady.pole.begin(), steady.pole.end())), 1, 1e-3);
+  }
+}
+
+static void test_steps_in_seconds_are_steps_in_ticks(void**) {
+  Case c(900, model_of(36, {{20, 100}, {7, 700}}));
+  c.dt_s = 0.5;
+  std::vector<double> step_s;
+  for (const int step : c.steps) step_s.push_back(0.5 * step);
+  SampleTimes in_seconds{step_s.size(), nullptr, 0.5};
+  in_seconds.step_s = step_s.data();
+  MatrixXd a = random_columns(900, 3, 7), b = a;
+  whiten(compute_gains(c.times(), c.noise), &a);
+  whiten(compute_gains(in_seconds, c.noise), &b);
+  assert_true(a == b);
+  const Eigen::LLT<MatrixXd> llt(dense(c));
+  const MatrixXd expected = llt.matrixL().solve(random_columns(900, 3, 7));
+  assert_near((a - expected).norm(), 0, 1e-10 * expected.norm());
+}
+
+static void test_mixtures_reduce_to_the_gaussian_they_contain(void**) {
+  Case c(1200, model_of(36, {{20, 100}, {7, 700}}));
+  const VectorXd y = 40 * random_columns(1200, 1, 8);
+  const RunGains gains = compute_gains(c.times(), c.noise);
+  VectorXd e = y, scores;
+  whiten(gains, e.data(), 1200);
+  const double gaussian = -0.5 * (gains.sum_log_s + e.squaredNorm());
+  NoiseModel rare = c.noise, still = c.noise;
+  rare.hit_probability = 1e-12, rare.hit_sigma_dph = 100;
+  still.telegraph_dph = 1e-9, still.telegraph_tau_s = 50;
+  assert_near(mixture_log_likelihood(c.times(), rare, y, &scores), gaussian, 1e-6);
+  assert_near((scores - e).norm(), 0, 1e-6 * e.norm());
+  assert_near(mixture_log_likelihood(c.times(), still, y), gaussian, 1e-6);
+}
+
+// White noise alone: samples are independent and the density of the mixture is known in closed form.
+static void test_mixtures_of_white_noise_are_exact(void**) {
+  Case c(300, model_of(36, {}));
+  const VectorXd y = 60 * random_columns(300, 1, 9);
+  const auto density = [](double x, double variance) { return std::exp(-0.5 * x * x / variance) / std::sqrt(variance); };
+  NoiseModel hits = c.noise;
+  hits.hit_probability = 0.1, hits.hit_sigma_dph = 150;
+  double expected = 0;
+  VectorXd hit;
+  const double found = mixture_log_likelihood(c.times(), hits, y, nullptr, &hit);
+  for (long k = 0; k < y.size(); ++k) {
+    const double quiet = 0.9 * density(y[k], 36 * 36), loud = 0.1 * density(y[k], 36 * 36 + 150 * 150);
+    expected += std::log(quiet + loud);
+    assert_near(hit[k], loud / (quiet + loud), 1e-12);
+  }
+  assert_near(found, expected, 1e-9 * std::fabs(expected));
+  // A telegraph that switches at every step without memory: half and half, independent.
+  NoiseModel telegraph = c.noise;
+  telegraph.telegraph_dph = 50, telegraph.telegraph_tau_s = 1e-6;
+  expected = 0;
+  for (long k = 0; k < y.size(); ++k) expected += std::log(0.5 * density(y[k] - 50, 36 * 36) + 0.5 * density(y[k] + 50, 36 * 36));
+  assert_near(mixture_log_likelihood(c.times(), telegraph, y), expected, 1e-9 * std::fabs(expected));
+}
+
+static void test_too_many_states_are_refused(void**) {
+  NoiseModel m = model_of(1, {});
+  for (size_t k = 0; k <= kMostStates; ++k) m.markov.push_back({1, 1.0 + static_cast<double>(k)});
+  bool is_refused = false;
+  try {
+    compute_gains(SampleTimes{10}, m);
+  } catch (const Error&) {
+    is_refused = true;
+  }
+  assert_true(is_refused);
+  m.markov.pop_back();
+  compute_gains(SampleTimes{10}, m);
+}
+
+int main() {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_whitening_equals_the_dense_factor_with_gaps),
+      cmocka_unit_test(test_solve_equals_the_dense_inverse),
+      cmocka_unit_test(test_covariance_times_equals_the_dense_product),
+      cmocka_unit_test(test_paths_of_whitening_agree_and_colour_inverts_them),
+      cmocka_unit_test(test_settled_gains_are_within_the_stated_error),
+      cmocka_unit_test(test_gains_end_at_the_closed_form),
+      cmocka_unit_test(test_steps_in_seconds_are_steps_in_ticks),
+      cmocka_unit_test(test_mixtures_reduce_to_the_gaussian_they_contain),
+      cmocka_unit_test(test_mixtures_of_white_noise_are_exact),
+      cmocka_unit_test(test_too_many_states_are_refused),
+  };
+  return cmocka_run_group_tests_name("noise", tests, nullptr, nullptr);
+}
