@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: MIT
 """The shape of the project: what stands at the top, and that dependencies point one way."""
+import json
 import re
+import shutil
 import subprocess
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -32,7 +36,7 @@ def test_common_is_freestanding():
 
 
 def test_host_and_firmware_do_not_know_each_other():
-    host_rooms = ("io/", "sim/", "base/", "cli/", "effects/", "dp/", "errormodel/", "diagnose/", "fit/")
+    host_rooms = ("base/", "io/", "noise/", "physics/", "analysis/", "device/", "cli/")
     for name in tracked():
         if not name.endswith((".c", ".h", ".cpp")):
             continue
@@ -41,6 +45,118 @@ def test_host_and_firmware_do_not_know_each_other():
                 assert "firmware" not in include and not include.startswith(("app/", "port/")), f"{name}: {include}"
             if name.startswith("firmware/"):
                 assert not include.startswith(host_rooms), f"{name}: {include}"
+
+
+# The host's rooms from the lowest tier to the highest (host/README.md): a room may use those of its own tier and of
+# the tiers below, without a cycle.
+TIERS = [
+    ["lib/base"],
+    ["lib/io"],
+    ["lib/noise"],
+    ["lib/physics/effects", "lib/physics/sim"],
+    ["lib/analysis/dp", "lib/analysis/errormodel", "lib/analysis/fit", "lib/analysis/profile",
+     "lib/analysis/montecarlo", "lib/analysis/diagnose"],
+    ["lib/device"],
+    ["tools/cli"],
+    ["tools/calibrate", "tools/diagnose", "tools/dp", "tools/errormodel", "tools/gyrosim", "tools/imucal",
+     "tools/montecarlo", "tools/profile"],
+]
+TIER_OF = {room: number for number, tier in enumerate(TIERS) for room in tier}
+
+
+def host_sources():
+    return [name for name in tracked() if re.match(r"host/(lib|tools)/.*\.(h|cpp)$", name)]
+
+
+def room_of(path):
+    return str(Path(path).parent.relative_to("host"))
+
+
+def host_arrows():
+    """(room, room it uses, where) of every #include between rooms of the host."""
+    rooms = {room_of(name) for name in host_sources()}
+    arrows = []
+    for name in host_sources():
+        for include in includes(name):
+            folder = str(Path(include).parent)
+            for room in (f"lib/{folder}", f"tools/{folder}"):
+                if room in rooms and room != room_of(name):
+                    arrows.append((room_of(name), room, f"{name}: {include}"))
+    return arrows
+
+
+def test_every_room_of_the_host_has_its_tier():
+    assert {room_of(name) for name in host_sources()} == set(TIER_OF), "name the room in TIERS and in host/README.md"
+
+
+def test_arrows_between_rooms_go_down():
+    arrows = host_arrows()
+    assert len(arrows) > 100  # they were found at all
+    assert not [where for room, used, where in arrows if TIER_OF[used] > TIER_OF[room]]
+
+
+def test_programs_do_not_use_each_other():
+    programs = set(TIERS[-1])
+    assert not [where for room, used, where in host_arrows() if room in programs and used in programs]
+
+
+def test_rooms_have_no_cycle():
+    uses = {}
+    for room, used, _ in host_arrows():
+        uses.setdefault(room, set()).add(used)
+    left = set(TIER_OF)
+    while free := {room for room in left if not uses.get(room, set()) & left}:
+        left -= free
+    assert not left, f"these rooms use each other: {sorted(left)}"
+
+
+# ---- size of functions ----
+MOST_LINES = 60
+# Functions that are longer, each with the reason why; a line here goes when its function is cut.
+LONGER = {
+    "host/lib/analysis/diagnose/campaign.cpp: make_campaign": "not yet cut",
+    "host/lib/analysis/diagnose/diagnose.cpp: diagnose": "not yet cut",
+    "host/lib/analysis/diagnose/fit.cpp: maximise": "not yet cut",
+    "host/lib/analysis/diagnose/gap.cpp: measure_gap": "not yet cut",
+    "host/lib/analysis/diagnose/identify.cpp: identify": "not yet cut",
+    "host/lib/analysis/diagnose/panel.cpp: score_generic": "not yet cut",
+    "host/lib/analysis/diagnose/report.cpp: axis_json": "not yet cut",
+    "host/lib/analysis/diagnose/where.cpp: locate": "not yet cut",
+    "host/lib/analysis/errormodel/confidence.cpp: add_filtered": "not yet cut",
+    "host/lib/analysis/errormodel/likelihood.cpp: parameters_with_errors": "not yet cut",
+    "host/lib/analysis/fit/polynomial.cpp: fit_polynomial_qr": "not yet cut",
+    "host/lib/analysis/profile/optimize.cpp: best_for": "not yet cut",
+    "host/lib/analysis/profile/optimize.cpp: optimize_profile": "not yet cut",
+    "host/lib/analysis/profile/schedule.cpp: make_profile": "not yet cut",
+    "host/lib/analysis/profile/signature.cpp: signature_table": "not yet cut",
+    "host/tools/calibrate/main.cpp: main": "not yet cut",
+    "host/tools/errormodel/main.cpp: fit": "not yet cut",
+    "host/tools/errormodel/main.cpp: main": "not yet cut",
+    "host/tools/profile/main.cpp: run_error": "not yet cut",
+    "host/tools/profile/main.cpp: run_optimize": "not yet cut",
+}
+
+
+def host_functions():
+    """(lines, name, path) of every function of the host by universal-ctags."""
+    ctags = shutil.which("ctags-universal") or shutil.which("ctags")
+    if not ctags:
+        pytest.fail("ctags is missing: apt-get install universal-ctags")
+    found = subprocess.run(
+        [ctags, "--output-format=json", "--fields=+ne", "--languages=C++", "--langmap=C++:.cpp.h", "--kinds-C++=f",
+         "-f", "-", "-L", "-"], cwd=ROOT, input="\n".join(host_sources()), check=True, capture_output=True, text=True)
+    tags = [json.loads(line) for line in found.stdout.splitlines()]
+    return [(tag["end"] - tag["line"] + 1, tag["name"], tag["path"]) for tag in tags if "end" in tag]
+
+
+def test_functions_of_the_host_are_short():
+    functions = host_functions()
+    assert len(functions) > 1000  # they were found at all
+    longer = {f"{path}: {name}": lines for lines, name, path in functions if lines > MOST_LINES}
+    assert set(longer) <= set(LONGER), "cut them where they have joints"
+    lengths = sorted(lines for lines, _, _ in functions)
+    assert lengths[len(lengths) // 2] <= 10
+    assert lengths[len(lengths) * 9 // 10] <= 30
 
 
 def test_sources_carry_a_licence_tag():

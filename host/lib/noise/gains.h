@@ -9,8 +9,9 @@
 // Settling, the one rule of the host: on even steps of a stationary model the gains approach their steady values
 // like pole^(2k), pole being the filter's slowest (steady_filter.h).  They are kept as soon as what is left of this
 // series is below kSettled of every gain and of the innovation's standard deviation, or the change of one step below
-// rounding: 4 eps.  So the gains kept differ from those that never settle by kSettled + 8 eps / (1 - pole^2) of
-// themselves at most, the second part being the rounding of the recursion; test_noise.cpp holds this.
+// rounding: 4 eps.  So the gains kept differ from those that never settle by kSettled + 16 eps / (1 - pole^2) of
+// themselves at most: a step of the recursion rounds about a dozen times, the change that is seen four times more.
+// test_noise.cpp holds this.
 #pragma once
 #include <Eigen/Dense>
 #include <vector>

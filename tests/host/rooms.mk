@@ -1,0 +1,24 @@
+# A unit test that names its rooms here is linked with those alone, so that it can be built without the rest of the
+# library; the others take the whole (tests/tests.mk).
+
+ROOMS_physics := physics/sim physics/effects noise io base
+ROOMS_test_base := base
+ROOMS_test_noise := noise io base
+ROOMS_test_dp := analysis/errormodel analysis/dp $(ROOMS_physics)
+ROOMS_test_errormodel_expect := $(ROOMS_test_dp)
+ROOMS_test_errormodel_fit := $(ROOMS_test_dp)
+ROOMS_test_profile_bound := analysis/profile $(ROOMS_physics)
+ROOMS_test_profile_core := $(ROOMS_test_profile_bound)
+ROOMS_test_profile_covariance := $(ROOMS_test_profile_bound)
+ROOMS_test_profile_optimize := $(ROOMS_test_profile_bound)
+
+TESTS_WITH_ROOMS := $(foreach t,$(UNIT_TESTS),$(if $(ROOMS_$(notdir $t)),$t))
+define test_rooms
+$1: $(patsubst %,$(BUILD)/lib/%.a,$(ROOMS_$(notdir $1)) common)
+endef
+$(foreach t,$(TESTS_WITH_ROOMS),$(eval $(call test_rooms,$t)))
+
+$(TESTS_WITH_ROOMS): $(BUILD)/tests/%: $(BUILD)/obj/host/tests/%.o
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  LINK $@")
+	$(Q)$(CXX) -pthread $(SANITIZE_FLAGS) $(filter %.o,$^) $(filter %.a,$^) $(LDFLAGS) $(HOST_LIBS) -lcmocka -lm -o $@
