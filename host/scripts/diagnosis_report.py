@@ -35,31 +35,6 @@ VERDICTS = {
     "partly_explained": ("Gap partly explained", "#b7791f", "There is a gap; the effects below account for part of it, and something remains."),
     "unexplained": ("Gap, cause unknown", "#c53030", "There is a gap that no known effect accounts for."),
 }
-WORDS = {
-    "temperature_rate": "bias proportional to how fast the temperature changes",
-    "thermal_hysteresis": "thermal hysteresis: bias depends on where the temperature came from",
-    "thermal_lag": "the gyro's temperature lags its thermometer",
-    "thermal_anomaly": "a local bump of the bias at one temperature",
-    "higher_order_polynomial": "the bias curve is more curved than the polynomial allows",
-    "rate_ramp": "steady drift with time",
-    "warm_up": "warm-up after switch-on",
-    "sinusoid": "a sinusoidal disturbance",
-    "bias_step": "sudden steps of the bias",
-    "run_to_run": "the bias curve changes from run to run",
-    "temperature_sensor_quantization": "the thermometer's steps are too coarse",
-    "noise_parameters": "the believed noise parameters are off",
-    "second_markov": "a second slow (Markov) noise process",
-    "rate_random_walk": "rate random walk",
-    "flicker_noise": "flicker (1/f) noise",
-    "white_noise_vs_temperature": "white noise that depends on temperature",
-    "markov_sigma_vs_temperature": "slow noise whose size depends on temperature",
-    "markov_tau_vs_temperature": "slow noise whose time constant depends on temperature",
-    "outliers": "outliers",
-    "telegraph_noise": "telegraph noise: jumps between two levels",
-    "quantization": "quantised readings", "saturation": "saturated readings", "dead_band": "a dead band around zero",
-    "held_samples": "repeated (held) samples", "common_mode": "noise shared between axes",
-    "auxiliary_channel": "sensitivity to another recorded channel",
-}
 UNITS = [("_dph_per_degc_min", "dph per °C/min"), ("_dph_per_rt_s", "dph/√s"), ("_dph_per_h", "dph/h"),
          ("_deg_rt_h", "°/√h"), ("_dph", "dph"), ("_degc", "°C"), ("_hz", "Hz"), ("_s", "s")]
 
@@ -104,6 +79,11 @@ def joined(items):
 
 def many(n, noun):
     return f"{n} {noun}{'' if n == 1 else 's'}"
+
+
+def labels_of(diagnosis):
+    """Plain words for every effect, as `diagnose --list-effects --json` gives them, from the diagnosis itself."""
+    return {effect["name"]: effect["label"] for effect in (diagnosis.get("library") or {}).get("effects", [])}
 
 
 def plain(name):
@@ -152,11 +132,11 @@ def gap_sentence(gap):
     return text
 
 
-def cause_sentence(axis):
+def cause_sentence(axis, labels):
     effects = axis.get("effects") or []
     if not effects:
         return ""
-    names = [WORDS.get(e["name"], plain(e["name"])) for e in effects]
+    names = [labels.get(e["name"], plain(e["name"])) for e in effects]
     text = "Most likely cause: " + names[0] + "." if len(names) == 1 else "Most likely causes: " + "; ".join(names) + "."
     rivals = [c["name"] for c in effects[0].get("set") or [] if c["name"] != effects[0]["name"]]
     if rivals:
@@ -503,13 +483,13 @@ def findings(axis):
     return parts
 
 
-def section(axis, index, n_logs):
+def section(axis, index, n_logs, labels):
     title, color, meaning = VERDICTS.get(axis["verdict"], (plain(axis["verdict"]), MUTED, ""))
     hidden = axis.get("not_detectable_here") or []
     if axis["verdict"] == "no_gap" and hidden:
         meaning += f" {many(len(hidden), 'effect')} would stay unseen on these profiles unless larger than listed below."
     gap = axis.get("gap") if axis.get("effects") else {}
-    lead = [meaning, cause_sentence(axis), where_sentence(axis.get("where"), n_logs), gap_sentence(gap), *(axis.get("notes") or [])]
+    lead = [meaning, cause_sentence(axis, labels), where_sentence(axis.get("where"), n_logs), gap_sentence(gap), *(axis.get("notes") or [])]
     return (f'<section id="axis{index}"><div class="head"><h2>{esc(axis["axis"])}</h2>'
             f'<span class="badge" style="background:{color}">{esc(title)}</span></div>'
             f'<div class="lead">{"".join(f"<p>{esc(s)}</p>" for s in lead if s)}</div>'
@@ -539,7 +519,7 @@ def page(diagnosis, source):
     return (f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
             f"<title>Sim-to-real gap: {esc(os.path.basename(source))}</title><style>{CSS}</style></head><body><main>"
             f'<h1>What the simulation leaves out</h1><p class="sub">{esc(sub)}</p><div class="chips">{chips}</div>{warnings}'
-            + "".join(section(a, i, len(diagnosis.get("logs") or [])) for i, a in enumerate(axes))
+            + "".join(section(a, i, len(diagnosis.get("logs") or []), labels_of(diagnosis)) for i, a in enumerate(axes))
             + f"<footer><p>Believed model: <code>{esc(model)}</code>. Seed {esc(diagnosis.get('seed', '–'))}.<br>Logs: {files}.<br>"
               f"Held out: {held_files}.</p><p>Evidence is the gain of log-likelihood (in nats) above a threshold found by simulating "
               "the believed model on the very temperature profiles of these logs. 1 nat is a likelihood ratio of 2.7.</p></footer>"

@@ -199,7 +199,13 @@ def test_list_of_effects(lab):
     out = lab.folder / "effects.json"
     subprocess.run([BIN / "diagnose", "--list-effects", "-q", "--json", str(out)], check=True)
     effects = {effect["name"]: effect for effect in json.loads(out.read_text())["effects"]}
-    assert len(effects) == 26
+    assert len(effects) == 28
+    families = {family["name"]: family["label"] for family in json.loads(out.read_text())["families"]}
+    for effect in effects.values():
+        assert effect["family"] in families and effect["label"] and effect["properties"]
+        assert all(cause["what"] and cause["source"] for cause in effect["hardware_causes"])
+    assert effects["thermal_hysteresis"]["parameters"][0]["unit"] == "dph"
+    assert effects["noise_parameters"]["properties"]["is_nominal_noise"] and len(families) == 9
     assert effects["thermal_hysteresis"]["parameters"][0]["name"] == "amplitude_dph"
 
 

@@ -74,7 +74,7 @@ ColumnBank::ColumnBank(const Campaign& campaign, const std::vector<const Effect*
       shapes_[j] = estimator.grid_on(first, campaign.lo_degc, campaign.hi_degc);
     if (form == Form::kTemperature) {
       if (campaign.order < 1) shapes_[j].clear();
-      if (library[j]->name() == "temperature_sensor_quantization") {
+      if (estimator.concerns_coarse_thermometer()) {
         shapes_[j].clear();
         if (campaign.order > 0 && campaign.temp_lsb_degc > 0) shapes_[j] = {{campaign.temp_lsb_degc}};
       }

@@ -125,6 +125,28 @@ NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseMo
   return noise;
 }
 
+// The state in which an effect that the model holds began this run is not known: takes what it adds out of
+// the rates, by least squares beside a constant and the polynomial.
+void take_out_start(const Effect& effect, const Parameters& parameters, int order, CampaignRun* run) {
+  const EffectEstimator& estimator = *effect.estimator();
+  Theta shape = theta_of(effect, parameters);
+  if (estimator.form() == Form::kColumns) // coefficients come first
+    shape.erase(shape.begin(),
+                shape.begin() + static_cast<long>(std::min(shape.size(), estimator.n_columns())));
+  const std::vector<Column> starts = estimator.start_columns(run->input, shape);
+  if (starts.empty()) return;
+  const long n = static_cast<long>(run->n()), n_starts = static_cast<long>(starts.size());
+  Eigen::MatrixXd x(n, 1 + order + n_starts);
+  x.col(0).setOnes();
+  x.middleCols(1, order) = powers(*run, run->input.tn, order);
+  x.rightCols(n_starts) = used_rows(*run, starts);
+  const Eigen::VectorXd y = used_rows(*run, {run->input.rate_dph}).col(0);
+  const Eigen::VectorXd size = x.colPivHouseholderQr().solve(y).tail(n_starts);
+  for (size_t c = 0; c < starts.size(); ++c)
+    for (size_t i = 0; i < run->input.size(); ++i)
+      run->input.rate_dph[i] -= size[static_cast<long>(c)] * starts[c][i];
+}
+
 // Takes the deterministic effects that the model itself already holds out of the rates, by their own
 // simulator. Returns the names of those that cannot be taken out: they differ from run to run by chance.
 std::vector<std::string> take_out_known(const ErrorModel& model, const std::string& axis,
@@ -147,6 +169,7 @@ std::vector<std::string> take_out_known(const ErrorModel& model, const std::stri
       SimRun sim;
       sim.log = in.log;
       sim.model = &model;
+      sim.start = StartState::kSettled;
       if (model.bias) sim.bias = *model.bias;
       for (double t : in.t_s) sim.t_s.push_back(t + run.start_s);
       sim.case_temp_degc = sim.gyro_temp_degc = sim.thermometer_degc = in.smooth_degc;
@@ -159,6 +182,7 @@ std::vector<std::string> take_out_known(const ErrorModel& model, const std::stri
         if (estimator->form() == Form::kTemperature && campaign->has_temperature)
           in.tn[i] = in.normalised(sim.gyro_temp_degc[i]);
       }
+      take_out_start(effect, parameters, campaign->order, &run);
     }
   }
   return left;
@@ -464,6 +488,7 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
                 {"seconds", calibration_s},
                 {"key", calibration.key}}},
               {"warnings", out.warnings},
+              {"library", library_json()},
               {"axes", axes}};
   return out;
 }

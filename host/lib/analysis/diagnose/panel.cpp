@@ -7,8 +7,8 @@
 #include <mutex>
 #include <unsupported/Eigen/FFT>
 
-#include "base/units.h"
 #include "analysis/diagnose/spectrum.h"
+#include "base/units.h"
 
 namespace imucal {
 
@@ -351,7 +351,7 @@ void Panel::Impl::score_whittle(const SpectrumNull& null, PanelScores* out) cons
       return gain;
     };
     if (estimator.noise(noise, estimator.starts(noise).front()).hit_probability > 0) continue;
-    if (library[j]->name() == "telegraph_noise" && second) { // the same spectrum
+    if (estimator.has_markov_spectrum() && second) { // the same spectrum
       out->named[j] = out->named[second_at];
       continue;
     }
@@ -365,7 +365,7 @@ void Panel::Impl::score_whittle(const SpectrumNull& null, PanelScores* out) cons
       if (gain > out->named[j].gain_nats || out->named[j].shape.empty())
         out->named[j] = {std::max(gain, 0.0), theta};
     }
-    if (library[j]->name() == "second_markov") second = library[j], second_at = j;
+    if (estimator.has_markov_spectrum()) second = library[j], second_at = j;
   }
 }
 

@@ -31,7 +31,9 @@ public:
       : campaign_(*campaign), library_(library), active_(active), calibration_(calibration), thr_(thresholds),
         options_(options) {
     out_.nominal = nominal;
-    retune_ = place("noise_parameters");
+    for (size_t j = 0; j < library.size(); ++j)
+      if (library[j]->estimator() && library[j]->estimator()->is_nominal_noise())
+        retune_ = static_cast<int>(j);
   }
 
   Selection run() {
@@ -59,10 +61,16 @@ private:
     SelectedEffect effect;
   };
 
-  int place(const std::string& name) const {
+  // The structural effects that may be named, in the order of their detection.
+  std::vector<size_t> structural_effects() const {
+    std::vector<size_t> places;
     for (size_t j = 0; j < library_.size(); ++j)
-      if (library_[j]->name() == name) return static_cast<int>(j);
-    return -1;
+      if (active_[j] && library_[j]->estimator() && library_[j]->estimator()->is_structural())
+        places.push_back(j);
+    std::sort(places.begin(), places.end(), [&](size_t a, size_t b) {
+      return library_[a]->estimator()->detection_order() < library_[b]->estimator()->detection_order();
+    });
+    return places;
   }
   bool is_in(size_t j) const {
     for (const Choice& c : chosen_)
@@ -94,29 +102,27 @@ private:
   // Deterministic signatures first: what they spoil is left out of all that follows.
   void structural() {
     h_ = out_.nominal;
-    for (const char* name : {"saturation", "dead_band", "quantization", "held_samples"}) {
-      const int j = place(name);
-      if (j < 0 || !active_[static_cast<size_t>(j)]) continue;
-      const EffectEstimator* estimator = library_[static_cast<size_t>(j)]->estimator();
+    for (const size_t j : structural_effects()) {
+      const EffectEstimator* estimator = library_[j]->estimator();
       std::vector<RunInput> inputs;
       for (const CampaignRun& run : campaign_.runs) inputs.push_back(run.input);
       const auto signature = estimator->detect(inputs);
       if (!signature) continue;
       SelectedEffect effect;
-      effect.term = term_of(static_cast<size_t>(j), {});
+      effect.term = term_of(j, {});
       effect.term.fixed_parameters = signature->parameters;
       effect.is_structural = true;
       effect.statement = signature->statement;
       effect.gain_nats = effect.evidence_nats = signature->evidence_nats;
       effect.p_value = 0;
-      effect.set = {{name, signature->evidence_nats, 0, signature->evidence_nats,
+      effect.set = {{library_[j]->name(), signature->evidence_nats, 0, signature->evidence_nats,
                      std::numeric_limits<double>::quiet_NaN()}};
       structural_.push_back(effect);
       h_.base_noise.extra_white_dph2 += signature->extra_white_dph2;
       const double samples = static_cast<double>(campaign_.n());
       is_on_lattice_ = is_on_lattice_ || signature->extra_white_dph2 > 0;
       if (!signature->unusable.empty()) mask(&campaign_, signature->unusable);
-      if (std::string(name) == "saturation" || std::string(name) == "dead_band") {
+      if (estimator->is_censoring()) {
         is_censored_ = true;
         is_gravely_censored_ = static_cast<double>(campaign_.n()) < (1 - kGrave) * samples;
       }
@@ -185,7 +191,8 @@ private:
                   const Theta& start) const {
     std::vector<Theta> starts;
     if (!start.empty()) starts.push_back(start);
-    if (library_[j]->name() == "telegraph_noise")
+    if (library_[j]->estimator()->noise(base, library_[j]->estimator()->starts(base).front()).is_mixture() &&
+        library_[j]->estimator()->has_markov_spectrum())
       for (Theta other : library_[j]->estimator()->starts(base)) starts.push_back(other);
     return fit_noise(objective, *library_[j]->estimator(), base, starts, 40);
   }
