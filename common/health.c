@@ -9,7 +9,7 @@
 #define STAND_BLOCK_N 128u /* seconds per mean of the rate while the temperature stands */
 #define SEEN_BLOCK_N 8u
 #define RAMP_BLOCK_S 64u
-#define LONG_GAP_S 60u     /* after it any temperature may follow */
+#define LONG_GAP_S 60u /* after it any temperature may follow */
 
 #define MAX_RUN 40.0f
 #define MIN_NOISE 0.05f
@@ -29,9 +29,11 @@ static float magnitude(float value) {
 
 IMUCAL_COLD imucal_status imucal_health_init(imucal_health_t* health, const imucal_health_config_t* config) {
   if (health == NULL || config == NULL) return IMUCAL_ERR_ARGUMENT;
-  if (!imucal_is_within(config->r, 0.0f, MAX_VARIANCE) || !imucal_is_within(config->markov_variance, 0.0f, MAX_VARIANCE))
+  if (!imucal_is_within(config->r, 0.0f, MAX_VARIANCE) ||
+      !imucal_is_within(config->markov_variance, 0.0f, MAX_VARIANCE))
     return IMUCAL_ERR_MODEL;
-  if (!imucal_is_within(config->lo_degc, -3000.0f, 3000.0f) || !imucal_is_within(config->hi_degc, -3000.0f, 3000.0f) ||
+  if (!imucal_is_within(config->lo_degc, -3000.0f, 3000.0f) ||
+      !imucal_is_within(config->hi_degc, -3000.0f, 3000.0f) ||
       !imucal_is_within(config->temp_step_degc, 0.0f, 100.0f))
     return IMUCAL_ERR_SPAN;
   *health = (imucal_health_t){0};
@@ -59,8 +61,8 @@ static void follow_ramp(imucal_health_t* h, float temp_degc, uint32_t elapsed_s)
   h->ramp_s = 0;
 }
 
-/* True where the reading may follow the last good one.  Readings that may not, but agree with each other, become the
- * new level; that counts as a jump where the old level was one. */
+/* True where the reading may follow the last good one.  Readings that may not, but agree with each other,
+ * become the new level; that counts as a jump where the old level was one. */
 static bool is_plausible(imucal_health_t* h, float temp_degc) {
   const float step = IMUCAL_HEALTH_TEMP_STEP_DEGC + h->config.temp_step_degc;
   const float reach = step + IMUCAL_HEALTH_TEMP_RATE_DEGC_PER_S * (float)h->since_s;
@@ -118,7 +120,8 @@ static void compare_with_last(imucal_health_t* h, float rate) {
   h->step2_block = 0.0f;
 }
 
-/* Means of 128 s against the first of them since the temperature stands. */
+/* Means of 128 s against the first of them since the temperature stands; of seconds that the gate let
+ * through. */
 static void watch_standing(imucal_health_t* h, float rate, float temp_degc) {
   if (h->n_stand + h->n_stand_blocks == 0 || temp_degc != h->stand_temp) {
     h->stand_temp = temp_degc;
@@ -138,7 +141,8 @@ static void watch_standing(imucal_health_t* h, float rate, float temp_degc) {
 bool imucal_health_second(imucal_health_t* h, float rate, float temp_degc, uint32_t flags, bool is_measured,
                           uint32_t n_skipped) {
   h->n++;
-  h->since_s = h->since_s > LONG_GAP_S || n_skipped > LONG_GAP_S ? LONG_GAP_S + 1u : h->since_s + n_skipped + 1u;
+  h->since_s =
+      h->since_s > LONG_GAP_S || n_skipped > LONG_GAP_S ? LONG_GAP_S + 1u : h->since_s + n_skipped + 1u;
   if (flags & IMUCAL_FLAG_SATURATED) h->n_saturated++;
   if (flags & IMUCAL_FLAG_FAULT) h->n_faulty++;
   if (n_skipped > 0) h->has_last = false;
@@ -150,7 +154,6 @@ bool imucal_health_second(imucal_health_t* h, float rate, float temp_degc, uint3
   }
   h->n_used++;
   compare_with_last(h, rate);
-  watch_standing(h, rate, temp_degc);
   take_seen(h, temp_degc);
   return true;
 }
@@ -170,13 +173,18 @@ static void finish_block(imucal_health_t* h) {
 bool imucal_health_gate(imucal_health_t* h, float innovation, float weight) {
   const float normalised = innovation * weight;
   const float nis = innovation * normalised;
-  if (++h->n_gated > IMUCAL_HEALTH_UNGATED_N && !(nis <= IMUCAL_HEALTH_GATE) && h->reject_run < IMUCAL_HEALTH_MAX_REJECT_RUN) {
+  const bool fits = ++h->n_gated <= IMUCAL_HEALTH_UNGATED_N || nis <= IMUCAL_HEALTH_GATE;
+  const bool is_open = h->reject_run >= IMUCAL_HEALTH_MAX_REJECT_RUN;
+  if (!fits && !is_open) {
     h->n_rejected++;
-    h->last_innovation = 0.0f;
     if (++h->reject_run == IMUCAL_HEALTH_MAX_REJECT_RUN) h->has_opened = true;
-    return false;
+    if (!h->config.is_ungated) {
+      h->last_innovation = 0.0f;
+      return false;
+    }
   }
-  if (nis <= IMUCAL_HEALTH_GATE) h->reject_run = 0; /* while it stands open it closes behind the first that fits */
+  if (fits) h->reject_run = 0; /* while it stands open it closes behind the first that fits */
+  watch_standing(h, h->last_rate, h->temp);
   h->nis_block += nis;
   h->lag1_block += h->last_innovation * normalised;
   h->weighted_block += normalised;
@@ -206,8 +214,8 @@ static void judge(imucal_health_verdict_t* v, uint32_t rule, float value, float 
   if (!holds) v->bits |= 1u << rule;
 }
 
-/* Quantile of chi-square over its n degrees of freedom at IMUCAL_HEALTH_Z (Wilson and Hilferty 1931); at 4 degrees and
- * more within 3 % of the exact one. */
+/* Quantile of chi-square over its n degrees of freedom at IMUCAL_HEALTH_Z (Wilson and Hilferty 1931); at 4
+ * degrees and more within 3 % of the exact one. */
 static float chi2_ratio(float n) {
   const float spread = 2.0f / (9.0f * n);
   const float root = 1.0f - spread + IMUCAL_HEALTH_Z * imucal_sqrtf(spread);
@@ -251,7 +259,7 @@ static void judge_temperature(const imucal_health_t* h, imucal_health_verdict_t*
 
 static void judge_innovations(const imucal_health_t* h, imucal_health_verdict_t* v) {
   if (h->n_gated == 0) return;
-  const uint32_t seen = h->n_innovations + h->n_rejected;
+  const uint32_t seen = h->n_innovations + (h->config.is_ungated ? 0u : h->n_rejected);
   if (seen >= IMUCAL_HEALTH_MIN_N)
     judge(v, IMUCAL_HEALTH_REJECTS, h->has_opened ? 1.0f : share(h->n_rejected, seen), MAX_SHARE, ABOVE);
   if (h->n_innovations < IMUCAL_HEALTH_MIN_N) return;
@@ -289,7 +297,8 @@ IMUCAL_COLD float imucal_health_error_factor(const imucal_health_t* h) {
 
 IMUCAL_COLD bool imucal_health_span(const imucal_health_t* health, float* lo_degc, float* hi_degc) {
   if (!health->has_seen) return false;
-  const bool is_ordered = health->seen_lo <= health->seen_hi; /* a ramp of one block is seen the wrong way round */
+  const bool is_ordered =
+      health->seen_lo <= health->seen_hi; /* a ramp of one block is seen the wrong way round */
   *lo_degc = is_ordered ? health->seen_lo : health->seen_hi;
   *hi_degc = is_ordered ? health->seen_hi : health->seen_lo;
   return true;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "learn.h"
 
+#include "num.h"
+
 void imucal_thermometer_init(imucal_thermometer_t* thermometer, float degc_per_count, float degc_at_zero) {
   *thermometer = (imucal_thermometer_t){.degc_per_count = degc_per_count,
                                         .degc_at_zero = degc_at_zero,
@@ -29,8 +31,8 @@ imucal_status imucal_learn_init(imucal_learn_t* learn, const imucal_kf_config_t*
   return IMUCAL_OK;
 }
 
-/* A gap longer than the filter takes at once leaves nothing of the Markov state either way.  The filter refuses before
- * init only, and then there is nothing to bridge. */
+/* A gap longer than the filter takes at once leaves nothing of the Markov state either way.  The filter
+ * refuses before init only, and then there is nothing to bridge. */
 static void bridge(imucal_kf_t* kf, uint32_t n_s) {
   const imucal_status status = imucal_kf_skip(kf, n_s < IMUCAL_KF_MAX_GAP_S ? n_s : IMUCAL_KF_MAX_GAP_S);
   (void)status;
@@ -46,6 +48,26 @@ imucal_learn_outcome_t imucal_learn_take(imucal_learn_t* learn, const imucal_lea
   if (outcome != IMUCAL_LEARN_USED) bridge(&learn->kf, 1);
   learn->n[outcome]++;
   return outcome;
+}
+
+imucal_learn_outcome_t imucal_learn_checked(imucal_learn_t* learn, imucal_health_t* health,
+                                            const imucal_learn_input_t* input, uint32_t flags) {
+  const bool is_measured = input->verdict == IMUCAL_LEARN_USED && imucal_is_finite(input->value);
+  imucal_learn_input_t checked = *input;
+  if (!imucal_health_second(health, input->value, input->temp_degc, flags, is_measured, input->gap_s) &&
+      is_measured)
+    checked.verdict = IMUCAL_LEARN_TEMPERATURE;
+  const imucal_kf_t before = learn->kf;
+  const imucal_learn_outcome_t outcome = imucal_learn_take(learn, &checked);
+  const imucal_kf_stats_t* last = &learn->kf.stats;
+  if (outcome != IMUCAL_LEARN_USED || imucal_health_gate(health, last->innovation, last->innovation_weight))
+    return outcome;
+  learn->kf = before;
+  bridge(&learn->kf, input->gap_s);
+  bridge(&learn->kf, 1);
+  learn->n[IMUCAL_LEARN_USED]--;
+  learn->n[IMUCAL_LEARN_KNOCK]++;
+  return IMUCAL_LEARN_KNOCK;
 }
 
 /* Is the second a measurement of this channel?  The first reason against it. */

@@ -20,6 +20,7 @@
 #ifndef IMUCAL_LEARN_H
 #define IMUCAL_LEARN_H
 
+#include "health.h"
 #include "kf.h"
 #include "status.h"
 #include "sum.h"
@@ -57,6 +58,7 @@ typedef enum imucal_learn_outcome {
   IMUCAL_LEARN_SATURATED,   /* a sample was at its rail */
   IMUCAL_LEARN_TEMPERATURE, /* the temperature is not known well enough (track.h) */
   IMUCAL_LEARN_REFUSED,     /* the filter refused it: not finite or out of range */
+  IMUCAL_LEARN_KNOCK,       /* the gate left it out: its innovation is beyond what noise makes (health.h) */
   IMUCAL_LEARN_N_OUTCOMES
 } imucal_learn_outcome_t;
 
@@ -82,6 +84,12 @@ IMUCAL_MUST_USE imucal_status imucal_learn_init(imucal_learn_t* learn, const imu
 /* Bridge, update, count.  Returns what became of the second, and counts it; after IMUCAL_LEARN_USED the
  * innovation and its weight stand in learn->kf.stats.  Before imucal_learn_init: IMUCAL_LEARN_REFUSED. */
 imucal_learn_outcome_t imucal_learn_take(imucal_learn_t* learn, const imucal_learn_input_t* input);
+
+/* The same through the rules of health.h: a temperature out of reach is IMUCAL_LEARN_TEMPERATURE, an
+ * innovation that the gate leaves out IMUCAL_LEARN_KNOCK; the filter then is as though the second had been
+ * bridged.  flags: IMUCAL_FLAG_*. Stack: a copy of the filter. */
+imucal_learn_outcome_t imucal_learn_checked(imucal_learn_t* learn, imucal_health_t* health,
+                                            const imucal_learn_input_t* input, uint32_t flags);
 
 /* The same for channel i_channel of a finished second of `sum`, with the temperature that `thermometer` has
  * read of it. value: the channel's mean of this second, unit (imucal_unit_from_q16).  Pre: i_channel <

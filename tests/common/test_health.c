@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-/* Healthy runs pass at the stated rate; every sickness is found by its own rule; one bad second changes nothing. */
+/* Healthy runs pass at the stated rate; every sickness is found by its own rule; one bad second changes
+ * nothing. */
 #include "health.h"
 
-#include "kf.h"
+#include "learn.h"
 #include "sum.h"
 #include "unit.h"
 
@@ -16,7 +17,8 @@ typedef struct {
 } run_t;
 
 static run_t run;
-static const imucal_health_config_t kConfig = {.r = 1296, .markov_variance = 400, .lo_degc = 0, .hi_degc = 60};
+static const imucal_health_config_t kConfig = {
+    .r = 1296, .markov_variance = 400, .lo_degc = 0, .hi_degc = 60};
 
 static double bias_dph(double temp_degc) {
   const double tn = (temp_degc - 30) / 30;
@@ -44,24 +46,26 @@ static void healthy(unit_rng_t* rng) {
   simulate(rng, 20, 100, 36, 0.005);
 }
 
-static imucal_kf_t kf;
+static imucal_learn_t learn;
 static imucal_health_t health;
+static const imucal_kf_config_t kFilter = {.order = 3,
+                                           .t0_degc = 30,
+                                           .range_degc = 30,
+                                           .m = 0.00995016625f,
+                                           .q = 7.92053068f,
+                                           .r = 1296,
+                                           .markov_variance = 400,
+                                           .prior_sigma = 1e4f};
 
 /* The run through filter and health, as the device does it. */
 static imucal_health_verdict_t judge_run(const imucal_health_config_t* config) {
-  const imucal_kf_config_t filter = {.order = 3, .t0_degc = 30, .range_degc = 30, .m = 0.00995016625f,
-                                     .q = 7.92053068f, .r = 1296, .markov_variance = 400, .prior_sigma = 1e4f};
-  assert_int_equal(imucal_kf_init(&kf, &filter), IMUCAL_OK);
+  assert_int_equal(imucal_learn_init(&learn, &kFilter), IMUCAL_OK);
   assert_int_equal(imucal_health_init(&health, config), IMUCAL_OK);
   for (int k = 0; k < N_S; k++) {
-    const imucal_kf_t before = kf;
-    bool is_taken = imucal_health_second(&health, run.rate_dph[k], run.temp_degc[k], run.flags[k], true, 0) &&
-                    imucal_kf_update(&kf, run.rate_dph[k], run.temp_degc[k]) == IMUCAL_OK;
-    if (is_taken && !imucal_health_gate(&health, kf.stats.innovation, kf.stats.innovation_weight)) {
-      kf = before;
-      is_taken = false;
-    }
-    if (!is_taken) assert_int_equal(imucal_kf_skip(&kf, 1), IMUCAL_OK);
+    const bool is_spoilt = (run.flags[k] & (IMUCAL_FLAG_SATURATED | IMUCAL_FLAG_FAULT)) != 0;
+    const imucal_learn_input_t input = {run.rate_dph[k], run.temp_degc[k], 1, 0,
+                                        is_spoilt ? IMUCAL_LEARN_SATURATED : IMUCAL_LEARN_USED};
+    imucal_learn_checked(&learn, &health, &input, run.flags[k]);
   }
   imucal_health_verdict_t verdict;
   imucal_health_judge(&health, &verdict);
@@ -70,7 +74,8 @@ static imucal_health_verdict_t judge_run(const imucal_health_config_t* config) {
 
 static double worst_error_dph(void) {
   double worst = 0;
-  for (int t = 0; t <= 60; t += 5) worst = fmax(worst, fabs((double)imucal_kf_bias(&kf, (float)t) - bias_dph(t)));
+  for (int t = 0; t <= 60; t += 5)
+    worst = fmax(worst, fabs((double)imucal_kf_bias(&learn.kf, (float)t) - bias_dph(t)));
   return worst;
 }
 
@@ -80,8 +85,8 @@ static void assert_found(const imucal_health_verdict_t* v, uint32_t rule) {
            (double)v->limit[rule], (unsigned)v->bits);
 }
 
-/* GIVEN 1000 healthy runs; WHEN they are judged; THEN at most 1 % are refused (stated: 4 sigma a rule and beyond
- * tolerances, far less), and next to no second is left out. */
+/* GIVEN 1000 healthy runs; WHEN they are judged; THEN at most 1 % are refused (stated: 4 sigma a rule and
+ * beyond tolerances, far less), and next to no second is left out. */
 static void test_health_1000_healthy_runs_at_most_one_percent_refused(void** state) {
   (void)state;
   unit_rng_t rng = {unit_seed()};
@@ -94,12 +99,14 @@ static void test_health_1000_healthy_runs_at_most_one_percent_refused(void** sta
     n_refused += v.bits != 0;
     n_rejected += health.n_rejected;
   }
-  print_message("health: %d of 1000 healthy runs refused, %u of 8.4e6 seconds left out\n", n_refused, (unsigned)n_rejected);
+  print_message("health: %d of 1000 healthy runs refused, %u of 8.4e6 seconds left out\n", n_refused,
+                (unsigned)n_rejected);
   assert_true(n_refused <= 10);
   assert_true(n_rejected <= 10);
 }
 
-/* Coarse output (a count of twice the noise), coarse thermometer in whole degrees, standing thermometer in soaks. */
+/* Coarse output (a count of twice the noise), coarse thermometer in whole degrees, standing thermometer in
+ * soaks. */
 static void test_health_coarse_sensors_pass(void** state) {
   (void)state;
   unit_rng_t rng = {unit_seed()};
@@ -110,8 +117,9 @@ static void test_health_coarse_sensors_pass(void** state) {
     for (int k = 0; k < N_S; k++) run.temp_degc[k] = (float)floor((double)run.temp_degc[k] + 0.5);
     for (int k = 0; k < N_S; k++) run.rate_dph[k] = 72 * (float)floor((double)run.rate_dph[k] / 72 + 0.5);
     const imucal_health_verdict_t v = judge_run(&config);
-    const uint32_t own = 1u << IMUCAL_HEALTH_REPEATED | 1u << IMUCAL_HEALTH_NO_NOISE | 1u << IMUCAL_HEALTH_TEMP_JUMP |
-                         1u << IMUCAL_HEALTH_TEMP_SPIKES | 1u << IMUCAL_HEALTH_TEMP_RAMP;
+    const uint32_t own = 1u << IMUCAL_HEALTH_REPEATED | 1u << IMUCAL_HEALTH_NO_NOISE |
+                         1u << IMUCAL_HEALTH_TEMP_JUMP | 1u << IMUCAL_HEALTH_TEMP_SPIKES |
+                         1u << IMUCAL_HEALTH_TEMP_RAMP;
     assert_int_equal(v.bits & own, 0);
   }
 }
@@ -184,8 +192,8 @@ static void test_health_temperature_jump_found(void** state) {
   }
 }
 
-/* One bad second of the thermometer, at the start, inside, at the end: left out, nothing is refused, the span is what
- * was seen and the polynomial as good as without. */
+/* One bad second of the thermometer, at the start, inside, at the end: left out, nothing is refused, the span
+ * is what was seen and the polynomial as good as without. */
 static void test_health_one_bad_temperature_changes_nothing(void** state) {
   (void)state;
   static const int at[] = {0, 4000, N_S - 1};
@@ -207,7 +215,8 @@ static void test_health_ramp_too_fast_found(void** state) {
   unit_rng_t rng = {unit_seed()};
   healthy(&rng);
   for (int k = 0; k < N_S; k++) run.temp_degc[k] = k < 4000 ? 0 : k < 4200 ? 0.3f * (float)(k - 4000) : 60;
-  for (int k = 0; k < N_S; k++) run.rate_dph[k] = (float)bias_dph((double)run.temp_degc[k]) + 36 * (float)unit_normal(&rng);
+  for (int k = 0; k < N_S; k++)
+    run.rate_dph[k] = (float)bias_dph((double)run.temp_degc[k]) + 36 * (float)unit_normal(&rng);
   const imucal_health_verdict_t v = judge_run(&kConfig);
   assert_found(&v, IMUCAL_HEALTH_TEMP_RAMP);
 }
@@ -221,7 +230,24 @@ static void test_health_bump_is_left_out(void** state) {
   const imucal_health_verdict_t v = judge_run(&kConfig);
   assert_int_equal(v.bits, 0);
   assert_int_equal(health.n_rejected, 20);
+  assert_int_equal(learn.n[IMUCAL_LEARN_KNOCK], 20);
+  assert_int_equal(learn.n[IMUCAL_LEARN_USED], N_S - 20);
   assert_true(worst_error_dph() < 30);
+}
+
+/* A second that the gate leaves out leaves the filter as a bridged one, bit for bit, with its gap before it.
+ */
+static void test_health_knock_is_bridged_bit_for_bit(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  healthy(&rng);
+  judge_run(&kConfig);
+  imucal_kf_t bridged = learn.kf;
+  const imucal_learn_input_t knock = {1e5f, 60, 1, 7, IMUCAL_LEARN_USED};
+  assert_int_equal(imucal_learn_checked(&learn, &health, &knock, 0), IMUCAL_LEARN_KNOCK);
+  assert_int_equal(imucal_kf_skip(&bridged, 7), IMUCAL_OK);
+  assert_int_equal(imucal_kf_skip(&bridged, 1), IMUCAL_OK);
+  assert_memory_equal(&learn.kf, &bridged, sizeof bridged);
 }
 
 /* At the very start the filter cannot know; then what follows contradicts it, and the run is refused. */
@@ -248,7 +274,8 @@ static void test_health_contradicted_model_found(void** state) {
   simulate(&rng, 60, 300, 36, 0.005);
   v = judge_run(&kConfig);
   assert_found(&v, IMUCAL_HEALTH_SLOW);
-  /* Densities at low frequency 2.16e6 and 8.1e4 dph^2 s: 5.2 in sigma; blocks of 256 s see less of a noise with 300 s. */
+  /* Densities at low frequency 2.16e6 and 8.1e4 dph^2 s: 5.2 in sigma; blocks of 256 s see less of a noise
+   * with 300 s. */
   const float factor = imucal_health_error_factor(&health);
   if (!(factor > 1.7f && factor < 5.2f)) fail_msg("factor %g", (double)factor);
   simulate(&rng, 20, 100, 0, 0.005);
@@ -263,6 +290,20 @@ static void test_health_contradicted_model_found(void** state) {
   assert_true(v.value[IMUCAL_HEALTH_LAG1] < 0);
 }
 
+/* The same lasting step with an open gate: nothing is left out, the rule speaks all the same. */
+static void test_health_ungated_takes_all_and_counts(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  healthy(&rng);
+  for (int k = 4000; k < N_S; k++) run.rate_dph[k] += 1000;
+  imucal_health_config_t config = kConfig;
+  config.is_ungated = true;
+  const imucal_health_verdict_t v = judge_run(&config);
+  assert_int_equal(health.n_innovations, N_S);
+  assert_true(health.n_rejected > 0);
+  assert_true(v.bits != 0);
+}
+
 static void test_health_few_seconds_are_not_judged(void** state) {
   (void)state;
   imucal_health_verdict_t v;
@@ -271,7 +312,8 @@ static void test_health_few_seconds_are_not_judged(void** state) {
   assert_int_equal(v.bits, 0);
   for (int k = 0; k < 30; k++) assert_true(imucal_health_second(&health, (float)k, 20, 0, true, 0));
   imucal_health_judge(&health, &v);
-  assert_int_equal(v.judged & (1u << IMUCAL_HEALTH_NIS | 1u << IMUCAL_HEALTH_SATURATED | 1u << IMUCAL_HEALTH_NO_NOISE), 0);
+  assert_int_equal(
+      v.judged & (1u << IMUCAL_HEALTH_NIS | 1u << IMUCAL_HEALTH_SATURATED | 1u << IMUCAL_HEALTH_NO_NOISE), 0);
 }
 
 static void test_health_bad_input_refused(void** state) {
@@ -305,8 +347,10 @@ int main(void) {
       cmocka_unit_test(test_health_one_bad_temperature_changes_nothing),
       cmocka_unit_test(test_health_ramp_too_fast_found),
       cmocka_unit_test(test_health_bump_is_left_out),
+      cmocka_unit_test(test_health_knock_is_bridged_bit_for_bit),
       cmocka_unit_test(test_health_bump_at_the_start_or_a_lasting_step_refused),
       cmocka_unit_test(test_health_contradicted_model_found),
+      cmocka_unit_test(test_health_ungated_takes_all_and_counts),
       cmocka_unit_test(test_health_few_seconds_are_not_judged),
       cmocka_unit_test(test_health_bad_input_refused),
   };
