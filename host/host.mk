@@ -13,7 +13,7 @@ ROOMS_errormodel := $(ROOMS_dp)
 ROOMS_imucal := base
 
 # Libraries of each program: LIBS_<program>.  Linked as needed.
-HOST_LIBS ?= -Wl,--as-needed -lserialport -lnlopt -lClp
+HOST_LIBS ?= -Wl,--as-needed -lserialport -lnlopt -lClp -lz
 
 HOST_CPPFLAGS := -Icommon -Ihost/lib -Ihost/tools -isystem /usr/include/eigen3 -DIMUCAL_VERSION='"$(VERSION)"' -DEIGEN_MPL2_ONLY
 HOST_CXXFLAGS := -std=c++17 -pedantic -ffp-contract=off -pthread $(WARNINGS)

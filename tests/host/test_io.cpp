@@ -15,6 +15,7 @@ extern "C" {
 }
 
 #include "base/error.h"
+#include "base/suggest.h"
 #include "base/units.h"
 #include "io/log.h"
 #include "io/model.h"
@@ -180,10 +181,21 @@ static void test_model_malformed_names_the_field(void**) {
   assert_says(model_refusal(R"({"imucal_model":2})"), "version not known");
   assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":-1})"), "arw_deg_rt_h");
   assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":"x"})"), "expected a number");
-  assert_says(model_refusal(R"({"imucal_model":1,"markov":[{"sigma_dph":20}]})"), "markov[0]: field \"tau_s\"");
-  assert_says(model_refusal(R"({"imucal_model":1,"markov":[{"sigma_dph":20,"tau_s":0}]})"), "markov[0].tau_s");
-  assert_says(model_refusal(R"({"imucal_model":1,"bias":{"t0_degc":1,"range_degc":0,"coeff_dph":[1]}})"),
+  assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":1,"markov":[{"sigma_dph":20}]})"), "markov[0]: field \"tau_s\"");
+  assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":1,"markov":[{"sigma_dph":20,"tau_s":0}]})"), "markov[0].tau_s");
+  assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":1,"bias":{"t0_degc":1,"range_degc":0,"coeff_dph":[1]}})"),
               "range_degc");
+  assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":1,"markow":[]})"), "did you mean \"markov\"?");
+  assert_says(model_refusal("{\"imucal_model\":1,\n\"arw_deg_rt_h\":1,\n\"arw_deg_rt_h\":2}"), ":3: field \"arw_deg_rt_h\" is given twice");
+  assert_says(model_refusal(R"({"imucal_model":1})"), "\"arw_deg_rt_h\" is missing");
+  assert_says(model_refusal("{\"imucal_model\":1,\n\"arw_deg_rt_h\":1e999}"), ":2: the number 1e999 is too large");
+}
+
+static void test_text_of_unknown_origin_is_made_printable(void**) {
+  assert_string_equal(printable("a\x1b[31m\x07 \xc3\xa9\n\xc2\x9b\xff\x7f").c_str(), "a\\x1b[31m\\x07 \xc3\xa9\n\\xc2\\x9b\\xff\\x7f");
+  assert_string_equal(shortened("abcdef", 3).c_str(), "abc...");
+  assert_string_equal(nearest_name("gx_dhp", {"gy_dph", "gx_dph"}).c_str(), "gx_dph");
+  assert_string_equal(nearest_name("zebra", {"gy_dph", "gx_dph"}).c_str(), "");
 }
 
 static void test_profile_basic_lasts_140_min(void**) {
@@ -253,6 +265,7 @@ int main() {
       cmocka_unit_test(test_log_scan_gives_what_read_gives),
       cmocka_unit_test(test_model_round_trip),
       cmocka_unit_test(test_model_malformed_names_the_field),
+      cmocka_unit_test(test_text_of_unknown_origin_is_made_printable),
       cmocka_unit_test(test_profile_basic_lasts_140_min),
       cmocka_unit_test(test_profile_repeat_continues_where_it_ended),
       cmocka_unit_test(test_profile_malformed_is_refused),

@@ -57,7 +57,7 @@ def test_missing_samples_leave_their_windows_out():
     (lambda: imucal.allan_deviation(np.zeros((3, 2))), "shape (n,)"), (lambda: imucal.allan_deviation(np.zeros(100)), "constant"),
     (lambda: imucal.allan_deviation(np.random.rand(50), tau_s=[100]), "beyond"), (lambda: imucal.direct_predictor(np.random.rand(50), type="dp9"), "dp9"),
     (lambda: imucal.ThermalCalibrator(order=9), "order"), (lambda: imucal.ThermalCalibrator(tau_s=0), "tau_s"),
-    (lambda: imucal.expect({"imucal_model": 1}, [1, 2]), "no Markov term"), (lambda: imucal.read_log("no such file"), "cannot open")])
+    (lambda: imucal.expect({"imucal_model": 1, "arw_deg_rt_h": 0}, [1, 2]), "no Markov term"), (lambda: imucal.read_log("no such file"), "cannot open")])
 def test_wrong_arguments_are_errors_with_their_reason(call, words):
     with pytest.raises(imucal.ImucalError, match=words.replace("(", r"\(").replace(")", r"\)")):
         call()

@@ -28,7 +28,7 @@ def files(tmp_path):
         return path
 
     write("model.json", {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]})
-    write("silent.json", {"imucal_model": 1})
+    write("silent.json", {"imucal_model": 1, "arw_deg_rt_h": 0})
     write("basic.json", {"imucal_profile": 1, "start_degc": 0, "segments": [
         {"rate_degc_per_min": 0, "duration_s": 1200}, {"rate_degc_per_min": 0.6, "to_degc": 60},
         {"rate_degc_per_min": 0, "duration_s": 1200}], "repeat": 1})

@@ -18,6 +18,12 @@ class Error : public std::runtime_error {
   Exit exit_;
 };
 
+// Text of unknown origin as it may be shown on a terminal: control characters (but newline and tab) and bytes that are no
+// UTF-8 become \xNN.
+std::string printable(const std::string& text);
+// At most so many bytes, then "...".
+std::string shortened(const std::string& text, size_t longest = 60);
+
 inline Error usage_error(const std::string& message) { return {Exit::kUsage, message}; }
 inline Error data_error(const std::string& message) { return {Exit::kData, message}; }
 inline Error device_error(const std::string& message) { return {Exit::kDevice, message}; }

@@ -8,13 +8,58 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <map>
+#include <set>
 #include <sstream>
 
 #include "base/error.h"
+#include "base/suggest.h"
+#include "io/input.h"
 
 namespace imucal {
+
+namespace {
+
+std::string shown(const Json& value) { return shortened(value.dump(-1, ' ', false, Json::error_handler_t::replace)); }
+
+// Line of the n-th (from 1) member "key" of the text.
+long line_of_member(const std::string& text, const std::string& key, int n) {
+  const std::string quoted = "\"" + key + "\"";
+  size_t at = 0;
+  for (size_t found = text.find(quoted); found != std::string::npos; found = text.find(quoted, found + 1)) {
+    const size_t after = text.find_first_not_of(" \t\r\n", found + quoted.size());
+    if (after == std::string::npos || text[after] != ':') continue;
+    at = found;
+    if (--n == 0) break;
+  }
+  return 1 + std::count(text.begin(), text.begin() + static_cast<long>(at), '\n');
+}
+
+// Looks at every member while the text is parsed; a name given twice in one object is refused with its line.
+class TwiceGiven {
+ public:
+  TwiceGiven(const std::string& path, const std::string& text) : path_(path), text_(text) {}
+  bool see(Json::parse_event_t event, const Json& parsed) {
+    if (event == Json::parse_event_t::object_start) open_.emplace_back();
+    if (event == Json::parse_event_t::object_end) open_.pop_back();
+    if (event != Json::parse_event_t::key) return true;
+    const std::string key = parsed.get<std::string>();
+    const int n = ++seen_[key];
+    if (!open_.back().insert(key).second)
+      throw data_error(input_name(path_) + ":" + std::to_string(line_of_member(text_, key, n)) + ": field \"" + key + "\" is given twice");
+    return true;
+  }
+
+ private:
+  const std::string &path_, &text_;
+  std::vector<std::set<std::string>> open_;
+  std::map<std::string, int> seen_;
+};
+
+}  // namespace
 
 void JsonField::refuse(const std::string& problem) const { throw data_error(place_ + ": " + problem); }
 
@@ -40,7 +85,7 @@ std::vector<JsonField> JsonField::elements() const {
 }
 
 double JsonField::number(double lo, double hi) const {
-  if (!value_.is_number()) refuse("expected a number, found " + value_.dump());
+  if (!value_.is_number()) refuse("expected a number, found " + shown(value_));
   const double x = value_.get<double>();
   if (!std::isfinite(x)) refuse("is not a finite number");
   if (x < lo || x > hi) {
@@ -58,12 +103,12 @@ double JsonField::number_or(const std::string& key, double fallback, double lo, 
 
 long JsonField::integer(long lo, long hi) const {
   const double x = number(static_cast<double>(lo), static_cast<double>(hi));
-  if (x != std::floor(x)) refuse("expected a whole number, found " + value_.dump());
+  if (x != std::floor(x)) refuse("expected a whole number, found " + shown(value_));
   return static_cast<long>(x);
 }
 
 std::string JsonField::text() const {
-  if (!value_.is_string()) refuse("expected a text, found " + value_.dump());
+  if (!value_.is_string()) refuse("expected a text, found " + shown(value_));
   return value_.get<std::string>();
 }
 
@@ -75,62 +120,94 @@ std::vector<double> JsonField::numbers() const {
 
 void JsonField::only(std::initializer_list<const char*> known) const {
   if (!value_.is_object()) refuse("expected an object {...}");
+  const std::vector<std::string> names(known.begin(), known.end());
   for (const auto& item : value_.items()) {
-    bool found = false;
-    for (const char* name : known) found = found || item.key() == name;
-    if (found) continue;
+    const std::string& key = item.key();
+    if (key == "comment" || key.compare(0, 1, "_") == 0 || std::find(names.begin(), names.end(), key) != names.end()) continue;
     std::string list;
-    for (const char* name : known) list += (list.empty() ? "" : ", ") + std::string(name);
-    refuse("unknown field \"" + item.key() + "\" (known: " + list + ")");
+    for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+    refuse("unknown field \"" + shortened(key) + "\"" + did_you_mean(key, names) + " (known: " + list + ")");
   }
 }
 
 JsonField read_json(const std::string& path) {
-  std::ifstream in(path);
-  if (!in) throw data_error(path + ": cannot open: " + std::strerror(errno));
-  std::stringstream text;
-  text << in.rdbuf();
-  const std::string content = text.str();
+  const std::string content = read_text(path), name = input_name(path);
+  const auto line_at = [&](size_t byte) {
+    return std::to_string(1 + std::count(content.begin(), content.begin() + static_cast<long>(std::min(content.size(), byte)), '\n'));
+  };
+  TwiceGiven twice(path, content);
   try {
-    return {Json::parse(content), path};
+    return {Json::parse(content, [&](int, Json::parse_event_t event, Json& parsed) { return twice.see(event, parsed); }), name};
   } catch (const nlohmann::json::parse_error& error) {
-    const size_t upto = std::min(content.size(), error.byte);
-    const long line = 1 + std::count(content.begin(), content.begin() + static_cast<long>(upto), '\n');
-    throw data_error(path + ":" + std::to_string(line) + ": not valid JSON: " + error.what());
+    throw data_error(name + ":" + line_at(error.byte) + ": not valid JSON: " + error.what());
+  } catch (const nlohmann::json::out_of_range& error) {
+    // "... number overflow parsing '1e999'": the number stands between the quotes
+    const std::string text = error.what();
+    const size_t first = text.find('\''), last = text.rfind('\'');
+    const std::string number = first < last && last != std::string::npos ? text.substr(first + 1, last - first - 1) : "";
+    const size_t at = number.empty() ? std::string::npos : content.find(number);
+    throw data_error(name + (at == std::string::npos ? "" : ":" + line_at(at)) + ": the number " + shortened(number) + " is too large");
   }
 }
 
-void write_stream(const std::string& path, const std::function<void(std::ostream&)>& write) {
-  if (path == "-") {
-    write(std::cout);
-    std::cout.flush();
-    return;
-  }
-  // A device or pipe cannot be renamed onto; anything else is written aside and moved into place.
-  struct stat existing {};
-  const bool special = ::stat(path.c_str(), &existing) == 0 && !S_ISREG(existing.st_mode);
-  const std::string target = special ? path : path + ".part" + std::to_string(::getpid());
-  std::ofstream out(target, std::ios::binary);
-  if (!out) throw data_error(path + ": cannot write: " + std::strerror(errno) + "; does the folder exist?");
+namespace {
+
+[[noreturn]] void cannot_write(const std::string& path, const std::string& reason) {
+  throw data_error(path + ": cannot write: " + reason);
+}
+
+void write_to_standard_output(const std::function<void(std::ostream&)>& write) {
+  errno = 0;
+  write(std::cout);
+  std::cout.flush();
+  if (!std::cout) cannot_write("standard output", errno != 0 ? std::strerror(errno) : "the stream failed");
+}
+
+// A device or pipe cannot be renamed onto.
+void write_in_place(const std::string& path, const std::function<void(std::ostream&)>& write) {
+  errno = 0;
+  std::ofstream out(path, std::ios::binary);
+  if (out) write(out);
+  out.close();
+  if (!out) cannot_write(path, errno != 0 ? std::strerror(errno) : "the device failed");
+}
+
+void write_aside(const std::string& path, const std::function<void(std::ostream&)>& write) {
+  const std::string part = path + ".part" + std::to_string(::getpid());
+  errno = 0;
+  std::ofstream out(part, std::ios::binary);
+  if (!out) cannot_write(path, std::string(std::strerror(errno)) + "; does the folder exist?");
   try {
     write(out);
   } catch (...) {
     out.close();
-    if (!special) std::remove(target.c_str());
+    std::remove(part.c_str());
     throw;
   }
   out.close();
-  if (!out || (!special && std::rename(target.c_str(), path.c_str()) != 0)) {
-    const std::string reason = std::strerror(errno);
-    if (!special) std::remove(target.c_str());
-    throw data_error(path + ": cannot write: " + reason);
-  }
+  if (out && std::rename(part.c_str(), path.c_str()) == 0) return;
+  const std::string reason = errno != 0 ? std::strerror(errno) : "the file system failed";
+  std::remove(part.c_str());
+  cannot_write(path, reason);
+}
+
+}  // namespace
+
+void write_stream(const std::string& path, const std::function<void(std::ostream&)>& write) {
+  if (path == "-") return write_to_standard_output(write);
+  struct stat existing {};
+  if (::stat(path.c_str(), &existing) != 0) return write_aside(path, write);
+  if (S_ISDIR(existing.st_mode)) cannot_write(path, "it is a folder");
+  if (!S_ISREG(existing.st_mode)) return write_in_place(path, write);
+  std::error_code unresolved;
+  const std::filesystem::path target = std::filesystem::canonical(path, unresolved);
+  write_aside(unresolved ? path : target.string(), write);
 }
 
 void write_text(const std::string& path, const std::string& text) {
   write_stream(path, [&](std::ostream& out) { out << text; });
 }
 
-void write_json(const std::string& path, const Json& json) { write_text(path, json.dump(1) + "\n"); }
+void write_json(const std::string& path, const Json& json) { write_text(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"); }
 
 }  // namespace imucal

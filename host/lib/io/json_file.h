@@ -32,7 +32,8 @@ class JsonField {
   std::string text() const;
   std::vector<double> numbers() const;
 
-  // Refuse members other than these: a typing error must not pass in silence.
+  // Refuse members other than these, with the nearest known name: a typing error must not pass in silence.  Taken anywhere:
+  // "comment", and names that begin with "_".
   void only(std::initializer_list<const char*> known) const;
   [[noreturn]] void refuse(const std::string& problem) const;  // data_error: "<place>: <problem>"
 
@@ -41,10 +42,12 @@ class JsonField {
   std::string place_;
 };
 
-// Parse a file; data_error names the file and, for a syntax error, line and column.
+// Parse a file ("-": standard input; gzip is unpacked); data_error names the file and, for a syntax error, a member given
+// twice or a number beyond double, the line.
 JsonField read_json(const std::string& path);
 
-// Write to a temporary name in the same folder, then rename.  "-" is standard output.
+// Write to a temporary name in the same folder, then rename; through a symbolic link its target.  A device or pipe is
+// written to as it is, "-" is standard output.  data_error (cannot be created, full, a folder): what was there is untouched.
 void write_text(const std::string& path, const std::string& text);
 void write_json(const std::string& path, const Json& json);
 // The same for writers that stream: `write` gets a FILE-like sink through a callback taking text pieces.

@@ -12,7 +12,9 @@
 #include <ostream>
 
 #include "base/error.h"
+#include "base/suggest.h"
 #include "base/units.h"
+#include "io/input.h"
 #include "io/json_file.h"
 #include "io/raw_log.h"
 
@@ -21,6 +23,12 @@ namespace imucal {
 namespace {
 
 constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMaxJumpS = 7 * 86400.0;     // a longer step of the time is a clock that was set
+constexpr double kMaxSpanS = 366 * 86400.0;   // a year of seconds still fits into memory
+constexpr double kMinTempDegc = -273.15, kMaxTempDegc = 2000;
+constexpr double kMaxValue = 1e12;            // of a rate or another column
+constexpr double kMaxIrregularPart = 0.1;     // of the steps that are no multiples of the median one
+constexpr double kMaxStepError = 0.25;        // of the median step
 
 struct UnitSuffix {
   const char* text;
@@ -57,14 +65,12 @@ bool is_raw(const std::vector<Column>& columns) {
 // Lines of a file with their numbers; fgets-free so that long lines are whole.
 class LineReader {
  public:
-  explicit LineReader(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "rb"), &std::fclose) {
-    if (!file_) throw data_error(path + ": cannot open: " + std::strerror(errno));
-  }
+  explicit LineReader(const std::string& path) : path_(path), file_(path) {}
   bool next() {
     line_.clear();
     for (;;) {
       if (at_ == filled_) {
-        filled_ = std::fread(buffer_.data(), 1, buffer_.size(), file_.get());
+        filled_ = file_.read(buffer_.data(), buffer_.size());
         at_ = 0;
         if (filled_ == 0) {
           if (line_.empty()) return false;
@@ -82,18 +88,19 @@ class LineReader {
       line_.append(begin, filled_ - at_);
       at_ = filled_;
     }
-    ++number_;
+    if (++number_ == 1) strip_byte_order_mark(path_, &line_);
     if (!line_.empty() && line_.back() == '\r') line_.pop_back();
     return true;
   }
+  long number() const { return number_; }
   const std::string& line() const { return line_; }
   [[noreturn]] void fail(const std::string& problem) const {
-    throw data_error(path_ + ":" + std::to_string(number_) + ": " + problem);
+    throw data_error(input_name(path_) + ":" + std::to_string(std::max(1L, number_)) + ": " + problem);
   }
 
  private:
   std::string path_;
-  std::unique_ptr<FILE, int (*)(FILE*)> file_;
+  Input file_;
   std::vector<char> buffer_ = std::vector<char>(1 << 16);
   size_t at_ = 0, filled_ = 0;
   std::string line_;
@@ -123,7 +130,7 @@ void read_metadata(const std::string& line, std::map<std::string, std::string>* 
     value = start == std::string::npos ? "" : value.substr(start);
     const size_t gap = value.find("  ");
     const bool more = gap != std::string::npos && value.find('=', gap) != std::string::npos;
-    (*metadata)[key] = trimmed(more ? value.substr(0, gap) : value);
+    (*metadata)[printable(key)] = printable(trimmed(more ? value.substr(0, gap) : value));
     rest = more ? trimmed(value.substr(gap)) : "";
   }
 }
@@ -151,10 +158,11 @@ LogAxis raw_axis(const LineReader& in, const std::string& name, const std::map<s
 std::vector<Column> read_header(const LineReader& in, Log* log) {
   const std::vector<std::string> names = split(in.line());
   if (names.size() < 3 || names[0] != "t_s" || names[1] != "temp_degc")
-    in.fail("the header must be t_s,temp_degc,<axis>_dph,… ; found \"" + in.line() + "\"");
+    in.fail("the header must be t_s,temp_degc,<axis>_dph,… ; found \"" + shortened(in.line()) + "\"");
   std::vector<Column> columns;
   for (size_t i = 2; i < names.size(); ++i) {
     const std::string& name = names[i];
+    if (name.empty() || printable(name) != name) in.fail("column " + std::to_string(i + 1) + " has no printable name");
     if (std::count(names.begin(), names.end(), name) > 1) in.fail("column \"" + name + "\" is given twice");
     if (ends_with(name, "_flags")) {
       columns.push_back({Column::kFlags, 0, name});
@@ -200,9 +208,15 @@ double parse_number(const LineReader& in, const char* first, const char* last, c
   double value = 0;
   const auto result = std::from_chars(*first == '+' ? first + 1 : first, last, value);
   if (result.ec != std::errc() || result.ptr != last)
-    in.fail("column " + column + ": expected a number, found \"" + std::string(first, last) + "\"");
+    in.fail("column " + column + ": expected a number, found \"" + shortened(std::string(first, last)) + "\"");
   if (!std::isfinite(value)) in.fail("column " + column + ": is not a finite number; leave a missing value empty");
   return value;
+}
+
+void check_value(const LineReader& in, const Column& column, double value) {
+  if (std::abs(value) > kMaxValue) in.fail("column " + column.name + ": is beyond +-1e12");
+  const bool is_bits = std::isnan(value) || (value >= 0 && value <= 255 && value == std::floor(value));
+  if (column.kind == Column::kFlags && !is_bits) in.fail("column " + column.name + ": expected whole bits 0..255");
 }
 
 // Walks the file; `values` has one entry per column after t_s and temp_degc.
@@ -215,6 +229,7 @@ void walk(const std::string& path, OnHeader on_header, OnRow on_row) {
   bool has_header = false;
   std::vector<double> values;
   double last_t_s = -std::numeric_limits<double>::infinity();
+  double first_t_s = 0;
   size_t n_rows = 0;
   while (in.next()) {
     const std::string& line = in.line();
@@ -245,13 +260,20 @@ void walk(const std::string& path, OnHeader on_header, OnRow on_row) {
       at = comma + 1;
     }
     if (std::isnan(t_s)) in.fail("t_s is empty");
+    if (temp_degc < kMinTempDegc || temp_degc > kMaxTempDegc) in.fail("temp_degc is no temperature in degrees Celsius");
+    for (size_t c = 0; c < values.size(); ++c)
+      check_value(in, columns[c], values[c]);
+    if (t_s - last_t_s > kMaxJumpS && std::isfinite(last_t_s))
+      in.fail("t_s jumps by " + std::to_string((t_s - last_t_s) / 86400) + " days; cut the log where its clock was set");
     if (t_s <= last_t_s) in.fail("t_s does not increase; sort the log or cut it where the clock was set back");
+    if (n_rows == 0) first_t_s = t_s;
+    if (t_s - first_t_s > kMaxSpanS) in.fail("the log spans more than 366 days; cut it");
     last_t_s = t_s;
     ++n_rows;
-    on_row(t_s, temp_degc, values);
+    on_row(in, t_s, temp_degc, values);
   }
-  if (!has_header) throw data_error(path + ": empty log: no header line (t_s,temp_degc,…)");
-  if (n_rows == 0) throw data_error(path + ": empty log: a header and no rows");
+  if (!has_header) in.fail("empty log: no header line (t_s,temp_degc,…)");
+  if (n_rows == 0) in.fail("empty log: a header and no rows");
 }
 
 }  // namespace
@@ -262,11 +284,32 @@ bool Log::has_temperature() const {
 
 const LogAxis& Log::axis(const std::string& name) const {
   std::string list;
+  std::vector<std::string> names;
   for (const LogAxis& a : axes) {
     if (a.name == name) return a;
     list += (list.empty() ? "" : ", ") + a.name;
+    names.push_back(a.name);
   }
-  throw data_error(path + ": no axis \"" + name + "\" (there are: " + list + ")");
+  throw data_error(path + ": no axis \"" + name + "\"" + did_you_mean(name, names) + " (there are: " + list + ")");
+}
+
+std::string Log::place(size_t row) const {
+  if (row < line.size()) return path + ":" + std::to_string(line[row]);
+  return path + ": row at t_s = " + std::to_string(t_s[row]);
+}
+
+// Steps must be multiples of the median one, as well as a clock can keep them.
+static void check_steps(const Log& log) {
+  const double dt_s = log.dt_s();
+  size_t n_irregular = 0, first = 0;
+  for (size_t i = 1; i < log.size(); ++i) {
+    const double steps = (log.t_s[i] - log.t_s[i - 1]) / dt_s;
+    if (steps >= 0.5 && std::abs(steps - std::round(steps)) <= kMaxStepError) continue;
+    if (n_irregular++ == 0) first = i;
+  }
+  if (static_cast<double>(n_irregular) <= kMaxIrregularPart * static_cast<double>(log.size() - 1)) return;
+  throw data_error(log.place(first) + ": the rows are irregular: " + std::to_string(n_irregular) + " of " + std::to_string(log.size() - 1) +
+                   " steps are no multiple of the usual " + std::to_string(dt_s) + " s; average the log to even seconds");
 }
 
 double Log::dt_s() const {
@@ -294,9 +337,9 @@ Log read_log(const std::string& path) {
         for (const Column& c : columns)
           auxiliary.push_back(c.kind == Column::kAuxiliary ? &log.auxiliary[c.name] : nullptr);
       },
-      [&](double t_s, double temp_degc, const std::vector<double>& values) {
+      [&](const LineReader& in, double t_s, double temp_degc, const std::vector<double>& values) {
         if (decimator) {
-          decimator->begin(t_s, temp_degc);
+          decimator->begin(t_s, temp_degc, in.number());
           for (size_t c = 0; c < columns.size(); ++c) {
             if (columns[c].kind == Column::kCounts) decimator->counts(columns[c].index, values[c]);
             if (columns[c].kind == Column::kFlags)
@@ -306,6 +349,7 @@ Log read_log(const std::string& path) {
           return;
         }
         log.t_s.push_back(t_s);
+        log.line.push_back(static_cast<uint32_t>(in.number()));
         log.temp_degc.push_back(temp_degc);
         for (size_t c = 0; c < columns.size(); ++c) {
           LogAxis* axis = columns[c].kind == Column::kAuxiliary ? nullptr : &log.axes[columns[c].index];
@@ -315,7 +359,9 @@ Log read_log(const std::string& path) {
           if (auxiliary[c]) auxiliary[c]->push_back(values[c]);
         }
       });
-  return decimator ? decimator->finish() : log;
+  if (decimator) log = decimator->finish();
+  check_steps(log);
+  return log;
 }
 
 // A raw log has too few seconds to need bounded memory: a hundredth of its rows.
@@ -330,7 +376,7 @@ static void scan_decimated(const std::string& path, const std::function<void(con
   std::vector<double> rate_dph(log.axes.size());
   std::vector<int> flags(log.axes.size());
   for (size_t k = 0; k < log.size(); ++k) {
-    for (size_t a = 0; a < log.axes.size(); ++a) rate_dph[a] = log.axes[a].rate_dph[k], flags[a] = log.axes[a].flags[k];
+    for (size_t a = 0; a < log.axes.size(); ++a) rate_dph[a] = log.axes[a].rate_dph[k], flags[a] = log.axes[a].flags.empty() ? 0 : log.axes[a].flags[k];
     row({log.t_s[k], log.temp_degc[k], rate_dph.data(), flags.data()});
   }
 }
@@ -346,7 +392,8 @@ static bool is_raw_log(const std::string& path) {
 
 void scan_log(const std::string& path, const std::function<void(const Log& header)>& header,
               const std::function<void(const LogRow&)>& row) {
-  if (is_raw_log(path)) return scan_decimated(path, header, row);
+  // Standard input cannot be read twice.
+  if (path == "-" || is_raw_log(path)) return scan_decimated(path, header, row);
   std::vector<Column> columns;
   std::vector<double> rate_dph, to_internal;
   std::vector<int> flags;
@@ -359,7 +406,7 @@ void scan_log(const std::string& path, const std::function<void(const Log& heade
         for (const LogAxis& a : log.axes) to_internal.push_back(a.to_internal);
         header(log);
       },
-      [&](double t_s, double temp_degc, const std::vector<double>& values) {
+      [&](const LineReader&, double t_s, double temp_degc, const std::vector<double>& values) {
         for (size_t c = 0; c < columns.size(); ++c)
           if (columns[c].kind == Column::kAxis)
             rate_dph[columns[c].index] = values[c] * to_internal[columns[c].index];

@@ -27,6 +27,7 @@ struct Log {
   std::string path;
   std::map<std::string, std::string> metadata;  // "# key = value" lines
   std::vector<double> t_s;
+  std::vector<uint32_t> line;     // of the file, one per row; empty for logs that were not read
   std::vector<double> temp_degc;  // NaN where empty
   std::vector<LogAxis> axes;
   std::map<std::string, std::vector<double>> auxiliary;  // columns of other units (supply_v, …)
@@ -35,10 +36,13 @@ struct Log {
   bool has_temperature() const;                    // at least one finite temperature
   const LogAxis& axis(const std::string& name) const;  // data_error lists the axes there are
   double dt_s() const;                             // median step
+  std::string place(size_t row) const;             // "log.csv:17" for messages
 };
 
-// data_error names file and line: no header, text where a number belongs, NaN/inf, too few fields,
-// time that does not increase, no rows.
+// path "-": standard input.  gzip is unpacked, a UTF-8 byte-order mark and CR LF are read.
+// data_error names file and line: no header, text where a number belongs, NaN/inf, a rate or temperature that none can be,
+// too few or too many fields, time that does not increase or jumps by more than a week, steps that are no multiples of the
+// usual one in more than a tenth of the rows, no rows.
 Log read_log(const std::string& path);
 
 // The same row by row in bounded memory: `header` once (axes without data), then `row` for every line with

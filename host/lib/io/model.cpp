@@ -27,6 +27,7 @@ double ErrorModel::slow_density_dph2_s() const {
 static std::vector<EffectSpec> effects_from_json(const JsonField& list) {
   std::vector<EffectSpec> effects;
   for (const JsonField& field : list.elements()) {
+    field.only({"name", "parameters", "axis", "log"});
     EffectSpec effect;
     effect.name = field.at("name").text();
     if (const auto parameters = field.find("parameters")) {
@@ -41,24 +42,32 @@ static std::vector<EffectSpec> effects_from_json(const JsonField& list) {
   return effects;
 }
 
+static Markov markov_from_json(const JsonField& term) {
+  term.only({"sigma_dph", "tau_s"});
+  return {term.at("sigma_dph").number(0.0, 1e9), term.at("tau_s").number(1e-3, 1e9)};
+}
+
+static ThermalPolynomial bias_from_json(const JsonField& bias) {
+  bias.only({"t0_degc", "range_degc", "coeff_dph"});
+  ThermalPolynomial poly;
+  poly.t0_degc = bias.at("t0_degc").number(-300.0, 2000.0);
+  poly.range_degc = bias.at("range_degc").number(1e-6, 2000.0);
+  for (const JsonField& coefficient : bias.at("coeff_dph").elements()) poly.coeff_dph.push_back(coefficient.number(-1e12, 1e12));
+  if (poly.coeff_dph.empty()) bias.at("coeff_dph").refuse("needs at least one coefficient");
+  return poly;
+}
+
 ErrorModel model_from_json(const JsonField& field) {
   if (field.at("imucal_model").integer(0, 1000000) != 1)
     field.at("imucal_model").refuse("version not known to this program (it knows 1)");
+  field.only({"imucal_model", "arw_deg_rt_h", "markov", "turn_on_sigma_dph", "bias", "effects"});
   ErrorModel model;
-  model.arw_deg_rt_h = field.number_or("arw_deg_rt_h", 0.0, 0.0, 1e6);
+  model.arw_deg_rt_h = field.at("arw_deg_rt_h").number(0.0, 1e6);
   if (const auto list = field.find("markov")) {
-    for (const JsonField& term : list->elements())
-      model.markov.push_back({term.at("sigma_dph").number(0.0, 1e9), term.at("tau_s").number(1e-3, 1e9)});
+    for (const JsonField& term : list->elements()) model.markov.push_back(markov_from_json(term));
   }
   model.turn_on_sigma_dph = field.number_or("turn_on_sigma_dph", 0.0, 0.0, 1e9);
-  if (const auto bias = field.find("bias")) {
-    ThermalPolynomial poly;
-    poly.t0_degc = bias->at("t0_degc").number(-300.0, 2000.0);
-    poly.range_degc = bias->at("range_degc").number(1e-6, 2000.0);
-    poly.coeff_dph = bias->at("coeff_dph").numbers();
-    if (poly.coeff_dph.empty()) bias->at("coeff_dph").refuse("needs at least one coefficient");
-    model.bias = poly;
-  }
+  if (const auto bias = field.find("bias")) model.bias = bias_from_json(*bias);
   if (const auto effects = field.find("effects")) model.effects = effects_from_json(*effects);
   return model;
 }

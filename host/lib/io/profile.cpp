@@ -6,6 +6,8 @@
 
 namespace imucal {
 
+static constexpr double kMaxDurationS = 366 * 86400.0;  // what it is for takes hours; a year still fits into memory
+
 std::vector<ProfileLeg> legs(const Profile& profile) {
   std::vector<ProfileLeg> out;
   double t_s = 0, temp_degc = profile.start_degc;
@@ -71,10 +73,12 @@ std::vector<double> Profile::temperatures(double dt_s) const {
 Profile profile_from_json(const JsonField& field) {
   if (field.at("imucal_profile").integer(0, 1000000) != 1)
     field.at("imucal_profile").refuse("version not known to this program (it knows 1)");
+  field.only({"imucal_profile", "start_degc", "segments", "repeat"});
   Profile profile;
   profile.start_degc = field.at("start_degc").number(-273.15, 2000.0);
   double temp_degc = profile.start_degc;
   for (const JsonField& f : field.at("segments").elements()) {
+    f.only({"rate_degc_per_min", "duration_s", "to_degc"});
     ProfileSegment s;
     s.rate_degc_per_min = f.at("rate_degc_per_min").number(-1e4, 1e4);
     if (s.rate_degc_per_min == 0) {
@@ -92,6 +96,8 @@ Profile profile_from_json(const JsonField& field) {
     profile.segments.push_back(s);
   }
   profile.repeat = field.find("repeat") ? static_cast<int>(field.at("repeat").integer(1, 10000)) : 1;
+  if (profile.duration_s() > kMaxDurationS)
+    field.at("segments").refuse("the profile lasts " + std::to_string(profile.duration_s() / 86400) + " days; at most 366 are possible");
   if (profile.duration_s() < 1.0) field.at("segments").refuse("the profile lasts less than one second; add a soak or a ramp");
   return profile;
 }

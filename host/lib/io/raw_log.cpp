@@ -30,11 +30,12 @@ RawDecimator::RawDecimator(const Log& header) : log_(header) {
 }
 
 void RawDecimator::refuse(const std::string& problem) const {
-  throw data_error(log_.path + ": sample at t_s = " + std::to_string(t_s_) + ": " + problem);
+  throw data_error(log_.path + ":" + std::to_string(line_) + ": sample at t_s = " + std::to_string(t_s_) + ": " + problem);
 }
 
-void RawDecimator::begin(double t_s, double temp_degc) {
+void RawDecimator::begin(double t_s, double temp_degc, long line) {
   t_s_ = t_s;
+  line_ = line;
   if (!(t_s >= 0) || t_s >= 4294967295.0) refuse("the time must be in 0..4294967295 s");
   sample_ = {};
   sample_.t_us = static_cast<uint64_t>(std::llround(t_s * 1e6));
@@ -73,6 +74,7 @@ void RawDecimator::end() {
 
 void RawDecimator::take(const imucal_second_t& second) {
   log_.t_s.push_back(second.t_s);
+  log_.line.push_back(static_cast<uint32_t>(line_));
   const double temp_counts = static_cast<double>(imucal_mean_q16_rne(second.temp_sum, second.n_samples)) / 65536;
   log_.temp_degc.push_back(run_has_temperature_ ? temp_counts / kTempCountsPerDegc : std::numeric_limits<double>::quiet_NaN());
   run_has_temperature_ = true;

@@ -22,7 +22,7 @@ class RawDecimator {
 
   // One sample: begin, counts and flags of the axes, end.  data_error names file, time and column: a count that is no
   // whole number of 32 bits, negative time.
-  void begin(double t_s, double temp_degc);
+  void begin(double t_s, double temp_degc, long line);  // line of the file, for messages
   void counts(size_t axis, double value);
   void flags(size_t axis, int bits);
   void end();
@@ -36,6 +36,7 @@ class RawDecimator {
   imucal_sum_t sum_{};
   imucal_sample_t sample_{};
   double t_s_ = 0;
+  long line_ = 0;
   bool is_whole_ = true, has_temperature_ = true;  // of the sample
   bool run_has_temperature_ = true;                // of every sample of the running second
 };

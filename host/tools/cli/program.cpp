@@ -1,10 +1,36 @@
 // SPDX-License-Identifier: MIT
 #include "cli/program.h"
 
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
 #include <iostream>
 #include <thread>
 
 namespace imucal {
+
+const CLI::Validator FinitePositive(
+    [](std::string& text) -> std::string {
+      double value = 0;
+      const char* end = text.data() + text.size();
+      const auto parsed = std::from_chars(text.data(), end, value);
+      const bool is_good = parsed.ec == std::errc() && parsed.ptr == end && std::isfinite(value) && value > 0;
+      return is_good ? "" : "expected a finite number above 0, found \"" + text + "\"";
+    },
+    "POSITIVE");
+
+// CLI11 lets "-1" wrap around.
+static const CLI::Validator WholeNumber(
+    [](std::string& text) -> std::string {
+      uint64_t value = 0;
+      const char* end = text.data() + text.size();
+      const auto parsed = std::from_chars(text.data(), end, value);
+      return parsed.ec == std::errc() && parsed.ptr == end ? "" : "expected a whole number 0 .. 2^64 - 1, found \"" + text + "\"";
+    },
+    "UINT");
 
 int CommonOptions::thread_count() const {
   if (threads > 0) return threads;
@@ -18,17 +44,63 @@ void add_common_options(CLI::App* app, CommonOptions* options, unsigned flags) {
   app->add_flag("--quiet,-q", options->quiet, "no text but errors");
   if (flags & kWithSeed)
     app->add_option("--seed", options->seed, "seed of the random numbers (reported in the result)")
+        ->check(WholeNumber)
         ->capture_default_str();
   if (flags & kWithThreads)
     app->add_option("--threads", options->threads, "threads to use (0: one per core)")->check(CLI::Range(0, 1024));
 }
 
+namespace {
+
+// An option common to all programs at argv[i]; its number of words (2 where the value stands apart), 0: another word.
+int common_words(const std::string& word) {
+  for (const char* name : {"--json", "--seed", "--threads"}) {
+    if (word == name) return 2;
+    if (word.rfind(std::string(name) + "=", 0) == 0) return 1;
+  }
+  return word == "-q" || word == "--quiet" ? 1 : 0;
+}
+
+// "errormodel --json - expect M" -> "errormodel expect --json - M": what stands before the subcommand goes behind it.
+std::vector<std::string> common_behind(const CLI::App& app, int argc, char** argv) {
+  std::vector<std::string> words(argv + 1, argv + argc), moved;
+  if (app.get_subcommands([](const CLI::App*) { return true; }).empty()) return words;
+  size_t at = 0;
+  while (at < words.size()) {
+    const int n = common_words(words[at]);
+    if (n == 0 || at + static_cast<size_t>(n) > words.size()) break;
+    moved.insert(moved.end(), words.begin() + static_cast<long>(at), words.begin() + static_cast<long>(at) + n);
+    at += static_cast<size_t>(n);
+  }
+  if (at == words.size() || words[at].empty() || words[at][0] == '-') return words;
+  words.erase(words.begin(), words.begin() + static_cast<long>(at));
+  words.insert(words.begin() + 1, moved.begin(), moved.end());
+  return words;
+}
+
+void complain(const std::string& name, const std::string& message) {
+  std::cerr << printable(name + ": " + message) << "\n";
+}
+
+// What was printed must have arrived.
+Exit checked_output(const std::string& name, Exit exit) {
+  errno = 0;
+  std::cout.flush();
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout) return exit;
+  complain(name, std::string("standard output: cannot write: ") + (errno != 0 ? std::strerror(errno) : "the stream failed"));
+  return Exit::kData;
+}
+
+}  // namespace
+
 int run_program(CLI::App* app, int argc, char** argv, const std::function<Exit()>& run) {
   const std::string name = app->get_name();
   app->set_version_flag("--version", name + " (imucal) " IMUCAL_VERSION);
   try {
-    app->parse(argc, argv);
-    return static_cast<int>(run());
+    std::vector<std::string> words = common_behind(*app, argc, argv);
+    std::reverse(words.begin(), words.end());  // CLI11 takes them from the back
+    app->parse(words);
+    return static_cast<int>(checked_output(name, run()));
   } catch (const CLI::CallForHelp& e) {
     return app->exit(e);
   } catch (const CLI::CallForAllHelp& e) {
@@ -36,16 +108,16 @@ int run_program(CLI::App* app, int argc, char** argv, const std::function<Exit()
   } catch (const CLI::CallForVersion& e) {
     return app->exit(e);
   } catch (const CLI::ParseError& e) {
-    std::cerr << name << ": " << e.what() << " (try " << name << " --help)\n";
+    complain(name, std::string(e.what()) + " (try " + name + " --help)");
     return static_cast<int>(Exit::kUsage);
   } catch (const Error& e) {
-    std::cerr << name << ": " << e.what() << "\n";
+    complain(name, e.what());
     return static_cast<int>(e.exit());
   } catch (const std::bad_alloc&) {
-    std::cerr << name << ": out of memory\n";
+    complain(name, "out of memory");
     return static_cast<int>(Exit::kData);
   } catch (const std::exception& e) {
-    std::cerr << name << ": internal error: " << e.what() << "\n";
+    complain(name, std::string("internal error: ") + e.what());
     return static_cast<int>(Exit::kData);
   }
 }

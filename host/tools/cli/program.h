@@ -26,6 +26,9 @@ struct CommonOptions {
 
 enum CommonFlag : unsigned { kWithSeed = 1, kWithThreads = 2 };
 
+// A finite number above 0 (CLI::PositiveNumber takes inf).
+extern const CLI::Validator FinitePositive;
+
 // Adds the options to a program (or a subcommand).
 void add_common_options(CLI::App* app, CommonOptions* options, unsigned flags = 0);
 

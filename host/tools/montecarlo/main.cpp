@@ -26,11 +26,11 @@ void add_raw_options(CLI::App* app, RawFormat* raw) {
   app->add_option("--rate-hz", raw->rate_hz, "raw samples per second")->capture_default_str()->group(group);
   app->add_option("--counts-scale-dph", raw->counts_scale_dph, "one count of the gyro")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber)
+      ->check(FinitePositive)
       ->group(group);
   app->add_option("--temp-lsb-degc", raw->temp_lsb_degc, "one count of the thermometer")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber)
+      ->check(FinitePositive)
       ->group(group);
   app->add_option("--temp-noise-degc", raw->temp_noise_degc, "thermometer noise of a sample")
       ->check(CLI::NonNegativeNumber)

@@ -273,7 +273,7 @@ void add_error(CLI::App* app, ErrorOptions* o) {
 void add_bound(CLI::App* app, BoundOptions* o) {
   app->add_option("--model", o->model, "error model (JSON)")->required()->type_name("FILE");
   app->add_option("--order", o->order, "order of the polynomial")->required();
-  app->add_option("--duration-s", o->duration_s, "duration of the test")->required();
+  app->add_option("--duration-s", o->duration_s, "duration of the test")->required()->check(FinitePositive);
   app->add_option("--range", o->range, "calibrated span A:B in degC")->type_name("A:B");
   app->add_option("--max-rate", o->max_rate, "highest |dT/dt| of heating in degC/min (0: unlimited)")
       ->check(CLI::Range(0.0, 1e4));
@@ -293,11 +293,11 @@ void add_optimize(CLI::App* app, OptimizeOptions* o) {
                   "highest rate of the chamber, degC/min (heating; cooling too if not given)")
       ->required();
   app->add_option("--max-cooling-rate", o->max_cooling_rate, "highest cooling rate, degC/min")
-      ->check(CLI::PositiveNumber);
-  app->add_option("--duration-s", o->duration_s, "duration of the test")->check(CLI::PositiveNumber);
+      ->check(FinitePositive);
+  app->add_option("--duration-s", o->duration_s, "duration of the test")->check(FinitePositive);
   app->add_option("--required-error", o->required_error_dph,
                   "instead of a duration: the shortest that reaches this objective, dph")
-      ->check(CLI::PositiveNumber);
+      ->check(FinitePositive);
   app->add_option("--objective", o->objective, "worst or rms error over the span")
       ->check(CLI::IsMember({"worst", "rms"}))
       ->capture_default_str();
