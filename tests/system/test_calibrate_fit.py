@@ -36,9 +36,9 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("fit")
     (path / "model.json").write_text(json.dumps(MODEL))
     (path / "profile.json").write_text(json.dumps(PROFILE))
-    for seed in (1, 2):
+    for i in (1, 2):  # two runs of one device
         result = run(BIN / "gyrosim", "log", "--model", path / "model.json", "--profile", path / "profile.json",
-                     "--axes", 2, "--seed", seed, "-o", path / f"log{seed}.csv")
+                     "--axes", 2, "--seed", 1, "--log-index", i, "-o", path / f"log{i}.csv")
         assert result.returncode == 0, result.stderr
     return path
 
@@ -138,3 +138,104 @@ def test_raw_log_is_decimated(folder):
     axis = json.loads(result.stdout)["axes"][0]
     assert axis["axis"] == "gx_dph" and axis["n_used"] == 600
     assert axis["coeff_dph"] == pytest.approx([400, 300], abs=1)
+
+
+# ---- the judgement ----
+
+def fit(folder, *arguments):
+    result = run(BIN / "calibrate", "fit", *arguments, "--json", folder / "j.json", "-q")
+    return result, json.loads((folder / "j.json").read_text()) if result.returncode in (0, 1) else None
+
+
+def test_a_healthy_log_is_accepted_and_a_contradicted_model_is_not(folder):
+    model = ["--model", folder / "model.json"]
+    result, out = fit(folder, folder / "log1.csv", *model)
+    assert result.returncode == 0 and out["judgement"] == {"accepted": True, "reasons": []}
+    (folder / "small.json").write_text(json.dumps(dict(MODEL, arw_deg_rt_h=0.06, markov=[{"sigma_dph": 2, "tau_s": 100}])))
+    table = folder / "contradicted.json"
+    arguments = [folder / "log1.csv", "--model", folder / "small.json", "-o", table]
+    result, out = fit(folder, *arguments)
+    assert result.returncode == 1 and not table.exists()
+    found = {(r["axis"], r["rule"]): r for r in out["judgement"]["reasons"]}
+    nis = found["gx_dph", "nis"]
+    assert 80 < nis["value"] < 120 and nis["limit"] < 1.4 and "times too small" in nis["text"]
+    assert ("gy_dph", "slow") in found and ("gx_dph", "residual") in found
+    # a tenth of the noise: the claimed error is ten times too small, the rescaled one is right
+    axis = out["axes"][0]
+    assert max(axis["rescaled_sigma_dph"]) == pytest.approx(6.93, rel=0.35)
+    assert "--accept" in result.stderr and "gx_dph" in result.stderr
+    rules = sorted({r["rule"] for r in out["judgement"]["reasons"]})
+    result, out = fit(folder, *arguments, *[a for rule in rules for a in ("--accept", rule)])
+    assert result.returncode == 0 and table.exists() and out["judgement"]["accepted"] is True
+    assert {r["rule"] for r in out["judgement"]["reasons"]} == set(rules)
+
+
+def test_an_unknown_rule_is_refused_with_the_nearest(folder):
+    result = run(BIN / "calibrate", "fit", folder / "log1.csv", "--model", folder / "model.json", "--accept", "nsi")
+    assert result.returncode == 2 and '"nis"' in result.stderr
+
+
+def test_logs_of_different_devices_make_no_table(folder):
+    other = edited(folder, "other.csv", lambda lines, header: [line.replace("serial = 1.0", "serial = 9") for line in lines])
+    arguments = [folder / "log1.csv", other, "--model", folder / "model.json"]
+    result, _ = fit(folder, *arguments)
+    assert result.returncode == 3 and "other.csv" in result.stderr and "serial = 9" in result.stderr and "--ignore-metadata" in result.stderr
+    assert fit(folder, *arguments, "--ignore-metadata")[0].returncode == 0
+
+
+def rows_changed(folder, name, change):
+    """The log with every row's fields through change(i, fields)."""
+    def edit(lines, header):
+        rows = [change(i, line.split(",")) for i, line in enumerate(lines[header + 1:])]
+        return lines[:header + 1] + [",".join(str(f) for f in row) for row in rows]
+    return edited(folder, name, edit)
+
+
+def bump(i, fields):
+    return fields[:2] + [float(fields[2]) + 50000] + fields[3:] if 4000 <= i < 4020 else fields
+
+
+def test_a_bump_is_left_out_and_counted(folder):
+    result, out = fit(folder, rows_changed(folder, "bump.csv", bump), "--model", folder / "model.json")
+    assert result.returncode == 0, result.stderr
+    assert out["axes"][0]["n_rejected"] == 20 and out["axes"][1]["n_rejected"] == 0
+    _, clean = fit(folder, folder / "log1.csv", "--model", folder / "model.json")
+    assert out["axes"][0]["coeff_dph"] == pytest.approx(clean["axes"][0]["coeff_dph"], abs=6)
+
+
+def test_one_bad_temperature_widens_nothing(folder):
+    for at in (0, 4000, 8399):
+        path = rows_changed(folder, "hot.csv", lambda i, f, at=at: [f[0], -40 if at == 4000 else 85, *f[2:]] if i == at else f)
+        result, out = fit(folder, path, "--model", folder / "model.json")
+        assert result.returncode == 0, result.stderr
+        assert out["axes"][0]["span_degc"] == pytest.approx([0, 60], abs=0.1) and out["axes"][0]["n_bad_temperature"] <= 10
+        assert max(out["axes"][0]["sigma_dph"]) == pytest.approx(6.93, rel=0.03)
+
+
+@pytest.mark.parametrize("rule, change", [
+    ("no-noise", lambda i, f: [f[0], f[1], 0, f[3]]),
+    ("repeated", lambda i, f: [f[0], f[1], 100 if 3000 <= i < 3100 else f[2], f[3]]),
+    ("temp-stuck", lambda i, f: [f[0], 20 if i >= 3200 else f[1], f[2], f[3]]),
+    ("temp-jump", lambda i, f: [f[0], float(f[1]) + (8 if 4000 <= i < 5000 else 0), f[2], f[3]]),
+    ("temp-spikes", lambda i, f: [f[0], 85 if i % 50 == 9 else f[1], f[2], f[3]]),
+    ("measurements", lambda i, f: [f[0], f[1], "" if i > 5000 else f[2], f[3]]),
+    ("residual", lambda i, f: [f[0], f[1], float(f[2]) + (300 if i % 2000 < 1000 else 0), f[3]]),
+    ("rejects", lambda i, f: [f[0], f[1], float(f[2]) + (3000 if i > 5000 else 0), f[3]]),
+])
+def test_a_sick_axis_makes_no_table(folder, rule, change):
+    table = folder / f"sick_{rule}.json"
+    result, out = fit(folder, rows_changed(folder, "sick.csv", change), "--model", folder / "model.json", "-o", table)
+    assert result.returncode == 1 and not table.exists(), result.stderr
+    assert rule in {r["rule"] for r in out["judgement"]["reasons"]}, result.stderr
+    if rule != "temp-stuck" and not rule.startswith("temp"):
+        assert {r["axis"] for r in out["judgement"]["reasons"]} == {"gx_dph"}
+
+
+def test_a_ramp_too_fast_or_a_span_hardly_seen_makes_no_table(folder):
+    for profile, rule in (([{"rate_degc_per_min": 0, "duration_s": 1200}, {"rate_degc_per_min": 20, "to_degc": 60},
+                            {"rate_degc_per_min": 0, "duration_s": 1200}], "temp-ramp"),
+                          ([{"rate_degc_per_min": 0.3, "to_degc": 20}], "span")):
+        (folder / "p.json").write_text(json.dumps({"imucal_profile": 1, "start_degc": 0, "segments": profile}))
+        run(BIN / "gyrosim", "log", "--model", folder / "model.json", "--profile", folder / "p.json", "-o", folder / "p.csv")
+        result, out = fit(folder, folder / "p.csv", "--model", folder / "model.json", "--method", "poly")
+        assert result.returncode == 1 and rule in {r["rule"] for r in out["judgement"]["reasons"]}, result.stderr

@@ -1,18 +1,45 @@
 // SPDX-License-Identifier: MIT
 #include "device/recorder.h"
 
+#include <sys/stat.h>
+
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 
 #include "base/error.h"
+#include "io/input.h"
+#include "io/log.h"
 #include "io/table_json.h"
 
 namespace imucal {
 
-LogRecorder::LogRecorder(const std::string& path, const Device& device, What what)
+namespace {
+
+bool is_there(const std::string& path) {
+  struct stat info {};
+  return ::stat(path.c_str(), &info) == 0;
+}
+
+// A recording is hours of work: nothing is written over it unasked.
+void refuse_existing(const std::string& path) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) return;
+  if (S_ISDIR(info.st_mode)) throw data_error(path + ": is a folder");
+  throw data_error(path + ": is there already; choose another name, or --force to write over it");
+}
+
+} // namespace
+
+LogRecorder::LogRecorder(const std::string& path, const Device& device, What what, bool may_overwrite)
     : path_(path), what_(what) {
   if (path_.empty()) return;
+  if (!may_overwrite) {
+    refuse_existing(path_);
+    if (is_there(path_ + ".part"))
+      throw data_error(path_ + ".part: a recording was cut off; \"calibrate recover " + path_ +
+                       ".part\" keeps it, --force writes over it");
+  }
   out_.open(path_ + ".part", std::ios::trunc);
   if (!out_) throw data_error(path_ + ": cannot be written: " + std::strerror(errno));
   out_.precision(9); // every float32
@@ -46,7 +73,7 @@ void LogRecorder::write_scales(const Device& device) {
 LogRecorder::~LogRecorder() {
   if (!out_.is_open()) return;
   out_.close();
-  rename();
+  (void)rename(); // where it fails the .part stays
 }
 
 void LogRecorder::add(const SecondRecord& second) {
@@ -65,10 +92,11 @@ void LogRecorder::add(const SecondRecord& second) {
   }
   for (size_t i = 0; i < second.n_channels; ++i) out_ << "," << static_cast<int>(second.flags[i]);
   out_ << "\n";
+  out_.flush();
 }
 
-void LogRecorder::rename() {
-  std::rename((path_ + ".part").c_str(), path_.c_str());
+bool LogRecorder::rename() {
+  return std::rename((path_ + ".part").c_str(), path_.c_str()) == 0;
 }
 
 void LogRecorder::close() {
@@ -76,8 +104,26 @@ void LogRecorder::close() {
   out_.flush();
   const bool is_whole = out_.good();
   out_.close();
-  rename();
+  errno = 0;
+  if (!rename())
+    throw data_error(path_ + ": cannot write: " + std::strerror(errno) + "; what was recorded is in " + path_ + ".part");
   if (!is_whole) throw data_error(path_ + ": not everything could be written; is the disk full?");
+}
+
+size_t recover_log(const std::string& part_path, const std::string& output, bool may_overwrite) {
+  if (!is_there(part_path)) throw data_error(part_path + ": cannot open: " + std::strerror(errno));
+  if (!may_overwrite) refuse_existing(output);
+  std::string text = read_text(part_path);
+  const size_t last = text.rfind('\n');
+  text.erase(last == std::string::npos ? 0 : last + 1); // a row cut off in the middle
+  const size_t header = text.find("t_s,");
+  const size_t rows_at = header == std::string::npos ? header : text.find('\n', header);
+  if (rows_at == std::string::npos || rows_at + 1 == text.size())
+    throw data_error(part_path + ": holds no whole row: nothing to recover");
+  write_text(output, text);
+  const size_t rows = read_log(output).size();
+  std::remove(part_path.c_str());
+  return rows;
 }
 
 } // namespace imucal

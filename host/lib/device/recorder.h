@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Writes the seconds a device streams as logs (design 1.2), row by row, so that nothing but the last row is
-// lost whatever happens.  The file gets its name when it is closed; until then it is NAME.part. A second with
+// Writes the seconds a device streams as logs (design 1.2), row by row: every row is handed to the system at once, so that
+// a killed program loses none that it had taken.  The file gets its name when it is closed; until then it is NAME.part,
+// which recover_log takes up. A second with
 // fewer than half of its samples, or one that was lost on the line, is a gap: it has no row.
 #pragma once
 #include <fstream>
@@ -13,19 +14,20 @@ namespace imucal {
 class LogRecorder {
 public:
   enum class What { kRaw, kCompensated };
-  // path empty: records nothing.  data_error: the file cannot be written.
-  LogRecorder(const std::string& path, const Device& device, What what);
+  // path empty: records nothing.  data_error: the file cannot be written; it, or a .part of it, is there and
+  // may_overwrite is false.
+  LogRecorder(const std::string& path, const Device& device, What what, bool may_overwrite = false);
   ~LogRecorder(); // keeps what was recorded
   LogRecorder(const LogRecorder&) = delete;
   LogRecorder& operator=(const LogRecorder&) = delete;
 
   void add(const SecondRecord& second);
-  void close(); // gives the file its name; data_error: disk full
+  void close(); // gives the file its name; data_error: disk full, no renaming (then the .part stays)
   size_t rows() const { return rows_; }
 
 private:
   void write_scales(const Device& device);
-  void rename();
+  bool rename();
 
   std::string path_;
   What what_;
@@ -33,5 +35,9 @@ private:
   uint32_t last_t_s_ = 0;
   size_t rows_ = 0;
 };
+
+// A recording that was cut off (NAME.part) as a log: the whole rows of it, under `output`.  Returns how many; data_error:
+// no .part, not one whole row, `output` is there and may_overwrite is false.  The .part is removed when all is written.
+size_t recover_log(const std::string& part_path, const std::string& output, bool may_overwrite);
 
 } // namespace imucal

@@ -169,9 +169,9 @@ void Run::prepare() {
     axis.start.channel = static_cast<uint8_t>(channels[i]);
     axes_.push_back(axis);
   }
-  raw_log_ = std::make_unique<LogRecorder>(options_.record_path, device_, LogRecorder::What::kRaw);
+  raw_log_ = std::make_unique<LogRecorder>(options_.record_path, device_, LogRecorder::What::kRaw, options_.may_overwrite);
   compensated_log_ = std::make_unique<LogRecorder>(options_.record_compensated_path, device_,
-                                                   LogRecorder::What::kCompensated);
+                                                   LogRecorder::What::kCompensated, options_.may_overwrite);
 }
 
 void Run::take(const SecondRecord& second) {

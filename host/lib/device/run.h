@@ -32,6 +32,7 @@ struct RunOptions {
   double stall_s = 30;                   // the device answers but no second comes for so long: error
   double prior_sigma = kPriorSigma;
   std::string record_path, record_compensated_path;
+  bool may_overwrite = false; // of these
   bool quiet = false;
 };
 

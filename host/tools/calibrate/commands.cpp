@@ -263,8 +263,9 @@ Exit show_info(Device* device, const CommonOptions& common) {
 
 Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions& common) {
   (void)interrupted(); // from here on Ctrl-C ends the recording in order
-  LogRecorder raw(options.raw_path, *device, LogRecorder::What::kRaw);
-  LogRecorder compensated(options.compensated_path, *device, LogRecorder::What::kCompensated);
+  LogRecorder raw(options.raw_path, *device, LogRecorder::What::kRaw, options.may_overwrite);
+  LogRecorder compensated(options.compensated_path, *device, LogRecorder::What::kCompensated,
+                          options.may_overwrite);
   const bool prints = options.raw_path.empty() && options.compensated_path.empty() && common.talks();
   bool has_ended = false;
   uint32_t first_t_s = 0, t_s = 0;

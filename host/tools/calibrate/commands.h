@@ -16,6 +16,7 @@ Exit show_info(Device* device, const CommonOptions& common);
 struct MonitorOptions {
   double duration_s = 0;                  // of sensor time; 0: until the sensor ends or Ctrl-C
   std::string raw_path, compensated_path; // logs to write (record); both empty: print (monitor)
+  bool may_overwrite = false;
 };
 Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions& common);
 

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "base/range.h"
+#include "device/recorder.h"
 #include "io/table_json.h"
 
 namespace imucal {
@@ -31,12 +32,28 @@ void print(const FitResult& result) {
     std::printf(" %s\n  predicted one-sigma error:", unit);
     for (size_t i = 0; i < axis.temp_degc.size(); i += 2) std::printf("  %.4g at %.4g", axis.sigma_dph[i], axis.temp_degc[i]);
     std::printf(" degC\n");
+    if (axis.n_rejected + axis.n_bad_temperature > 0)
+      std::printf("  left out: %ld seconds with a knock, %ld with a temperature out of reach\n", axis.n_rejected, axis.n_bad_temperature);
     if (!axis.turn_on_dph.empty()) {
       std::printf("  turn-on constants:");
       for (const double a : axis.turn_on_dph) std::printf(" %.4g", a);
       std::printf(" %s\n", unit);
     }
   }
+}
+
+std::string join(const std::vector<std::string>& names) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  return list;
+}
+
+// Why there is no table, also with --quiet: it is the answer.
+void tell_reasons(const FitResult& result, bool wants_table) {
+  for (const FitReason& reason : result.reasons)
+    std::fprintf(stderr, "calibrate: %s%s: %s\n", reason.is_accepted ? "accepted: " : "", reason.axis.c_str(), reason.text.c_str());
+  if (!result.is_accepted())
+    std::fprintf(stderr, "calibrate: not accepted%s; to insist: --accept RULE\n", wants_table ? ", no table written" : "");
 }
 
 }  // namespace
@@ -55,6 +72,14 @@ void add_fit_options(CLI::App* app, FitArguments* a) {
   app->add_option("--prior-sigma", a->options.prior_sigma_dph, "kf: what is known of a coefficient beforehand")
       ->check(CLI::Range(1e-3, 1e6))
       ->capture_default_str();
+  app->add_option("--accept", a->options.accept, "make a table although this rule speaks against it (repeat): " + join(fit_rules()))
+      ->allow_extra_args(false)
+      ->type_name("RULE");
+  app->add_option("--max-error", a->options.max_error_dph, "largest predicted one-sigma error to accept")
+      ->check(FinitePositive)
+      ->capture_default_str()
+      ->type_name("DPH");
+  app->add_flag("--ignore-metadata", a->options.ignore_metadata, "fit logs of different devices or serial numbers together");
   app->add_option("--serial", a->table.serial, "device serial for the table (default: the first log's)");
   app->add_option("-o,--output", a->table_path, "write the table")->type_name("TABLE.json");
 }
@@ -63,11 +88,13 @@ Exit fit_command(const FitArguments& arguments, const CommonOptions& common) {
   FitOptions options = arguments.options;
   options.method = arguments.method == "poly" ? FitOptions::Method::kPolynomial : FitOptions::Method::kKalman;
   if (!arguments.model_path.empty()) options.model = read_model(arguments.model_path);
+  if (options.model && options.method == FitOptions::Method::kKalman && !(options.model->arw_deg_rt_h > 0))
+    throw data_error(arguments.model_path + ": arw_deg_rt_h is 0: the filter needs white noise; state the sensor's angle random walk");
   if (!arguments.range.empty()) take_range(arguments.range, &options);
   std::vector<Log> logs;
   for (const std::string& path : arguments.log_paths) logs.push_back(read_log(path));
   FitResult result = fit_logs(logs, options);
-  if (!arguments.table_path.empty()) {
+  if (result.is_accepted() && !arguments.table_path.empty()) {
     TableInfo info = arguments.table;
     if (info.serial.empty() && result.metadata.count("serial") == 0) {
       info.serial = kUnknownSerial;
@@ -78,6 +105,22 @@ Exit fit_command(const FitArguments& arguments, const CommonOptions& common) {
   for (const std::string& warning : result.warnings) std::fprintf(stderr, "calibrate: note: %s\n", warning.c_str());
   if (common.wants_json()) write_json(common.json_path, to_json(result));
   if (common.talks()) print(result);
+  tell_reasons(result, !arguments.table_path.empty());
+  return result.is_accepted() ? Exit::kDone : Exit::kNegative;
+}
+
+Exit recover_command(const RecoverArguments& arguments, const CommonOptions& common) {
+  const std::string& part = arguments.part_path;
+  const std::string suffix = ".part";
+  std::string output = arguments.output_path;
+  if (output.empty()) {
+    if (part.size() <= suffix.size() || part.compare(part.size() - suffix.size(), suffix.size(), suffix) != 0)
+      throw usage_error(part + ": does not end in .part; name the log to write with -o");
+    output = part.substr(0, part.size() - suffix.size());
+  }
+  const size_t rows = recover_log(part, output, arguments.may_overwrite);
+  if (common.wants_json()) write_json(common.json_path, {{"log", output}, {"seconds", rows}});
+  if (common.talks()) std::printf("%s: %zu seconds recovered\n", output.c_str(), rows);
   return Exit::kDone;
 }
 

@@ -17,6 +17,12 @@ struct FitArguments {
   TableInfo table;
 };
 
+struct RecoverArguments {
+  std::string part_path, output_path;
+  bool may_overwrite = false;
+};
+Exit recover_command(const RecoverArguments& arguments, const CommonOptions& common);
+
 // Adds the subcommand's options.
 void add_fit_options(CLI::App* app, FitArguments* arguments);
 

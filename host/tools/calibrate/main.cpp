@@ -55,12 +55,12 @@ void add_run(CLI::App* app, RunArguments* o) {
       ->type_name("PROFILE.json");
   app->add_option("--until-error", o->run.until_error,
                   "end when the predicted worst one-sigma error is below this")
-      ->check(CLI::PositiveNumber)
+      ->check(FinitePositive)
       ->type_name("DPH");
   app->add_option("--duration-s", o->run.duration_s, "end after so much sensor time")
-      ->check(CLI::PositiveNumber);
+      ->check(FinitePositive);
   app->add_option("--stall-s", o->run.stall_s, "give up when the sensor delivers nothing for so long")
-      ->check(CLI::PositiveNumber)
+      ->check(FinitePositive)
       ->capture_default_str();
   app->add_option("--prior-sigma", o->run.prior_sigma, "what is known of a coefficient beforehand")
       ->check(CLI::Range(1e-3, 1e6))
@@ -69,6 +69,7 @@ void add_run(CLI::App* app, RunArguments* o) {
   app->add_option("--record-compensated", o->run.record_compensated_path,
                   "write the compensated 1-s means as a log")
       ->type_name("LOG.csv");
+  app->add_flag("--force", o->run.may_overwrite, "write over logs that are there");
   app->add_option("-o,--output", o->table_path, "write the table as flashed")->type_name("TABLE.json");
 }
 
@@ -99,12 +100,19 @@ int main(int argc, char** argv) {
   for (CLI::App* sub : {monitor_app, record_app})
     sub->add_option("--duration-s", watch.duration_s,
                     "end after so much sensor time (default: when the sensor ends)")
-        ->check(CLI::PositiveNumber);
+        ->check(FinitePositive);
   record_app->add_option("-o,--output", watch.raw_path, "log of the raw means")
       ->required()
       ->type_name("LOG.csv");
   record_app->add_option("--compensated", watch.compensated_path, "log of the compensated means")
       ->type_name("LOG.csv");
+  record_app->add_flag("--force", watch.may_overwrite, "write over logs that are there");
+  RecoverArguments recover;
+  CLI::App* recover_app = app.add_subcommand("recover", "make a log of a recording that was cut off (LOG.csv.part)");
+  recover_app->add_option("PART", recover.part_path, "what was left behind")->required()->type_name("LOG.csv.part");
+  recover_app->add_option("-o,--output", recover.output_path, "log to write (default: the name without .part)")
+      ->type_name("LOG.csv");
+  recover_app->add_flag("--force", recover.may_overwrite, "write over a log that is there");
   RunArguments run;
   CLI::App* run_app = app.add_subcommand("run", "learn the polynomials, flash the table, read it back");
   add_run(run_app, &run);
@@ -129,6 +137,7 @@ int main(int argc, char** argv) {
   return run_program(&app, argc, argv, [&]() -> Exit {
     if (*list) return list_ports(common);
     if (*fit_app) return fit_command(fit, common);
+    if (*recover_app) return recover_command(recover, common);
     RunOptions run_options;
     if (*run_app) run_options = complete(run, common.quiet); // bad files show before the device is asked
     if (*flash || *verify) (void)read_table(table_path);

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "base/error.h"
+#include "base/suggest.h"
 #include "base/units.h"
 #include "analysis/fit/parts.h"
 
@@ -52,18 +53,31 @@ FitRun grid_of(const Log& log, const LogAxis& axis, double dt_s) {
     run.temp_degc.resize(run.rate_dph.size(), kUnused);
     run.noise_ratio.resize(run.rate_dph.size(), 1.0F);
     run.has_row.resize(run.rate_dph.size(), false);
+    run.flags.resize(run.rate_dph.size(), 0);
     run.has_row[at] = true;
-    const bool is_flagged = !axis.flags.empty() && (axis.flags[k] & (kSaturated | kSensorFault)) != 0;
-    if (is_flagged || !std::isfinite(axis.rate_dph[k]) || !std::isfinite(log.temp_degc[k])) continue;
-    run.rate_dph[at] = axis.rate_dph[k];
     run.temp_degc[at] = log.temp_degc[k];
+    if (!axis.flags.empty()) run.flags[at] = static_cast<uint32_t>(axis.flags[k]);
+    if ((run.flags[at] & (kSaturated | kSensorFault)) != 0 || !std::isfinite(log.temp_degc[k])) continue;
+    run.rate_dph[at] = axis.rate_dph[k];
     if (!axis.noise_ratio.empty()) run.noise_ratio[at] = axis.noise_ratio[k];
   }
   return run;
 }
 
-void check_logs(const std::vector<Log>& logs) {
+// Logs of two devices make no table.
+void check_same_device(const std::vector<Log>& logs) {
+  for (const char* key : {"device", "serial"})
+    for (const Log& log : logs) {
+      const auto first = logs[0].metadata.find(key), here = log.metadata.find(key);
+      if (first == logs[0].metadata.end() || here == log.metadata.end() || first->second == here->second) continue;
+      throw data_error(log.path + ": # " + key + " = " + here->second + ", but " + logs[0].path + " has " + first->second +
+                       ": logs of different devices make no table; fit them apart, or insist with --ignore-metadata");
+    }
+}
+
+void check_logs(const std::vector<Log>& logs, bool ignore_metadata) {
   if (logs.empty()) throw usage_error("no log given");
+  if (!ignore_metadata) check_same_device(logs);
   for (const Log& log : logs) {
     if (!log.has_temperature())
       throw data_error(log.path + ": column temp_degc is empty: a thermal calibration needs the temperature");
@@ -135,39 +149,93 @@ void take_residuals(const std::vector<FitRun>& runs, FitAxis* axis) {
   axis->residual_rms_dph = axis->n_used > 0 ? std::sqrt(sum / static_cast<double>(axis->n_used)) : 0;
 }
 
+// One axis of every log; data_error where a log has nothing of it.
+std::vector<FitRun> runs_of(const std::vector<Log>& logs, const std::string& name, const FitOptions& options, double dt_s) {
+  std::vector<FitRun> runs;
+  size_t n_used = 0;
+  for (const Log& log : logs) {
+    runs.push_back(grid_of(log, find_axis(log, name), dt_s));
+    const std::vector<double>& rate = runs.back().rate_dph;
+    const auto n_here = std::count_if(rate.begin(), rate.end(), [](double r) { return std::isfinite(r); });
+    if (n_here == 0) throw data_error(log.path + ": axis " + name + " has no usable second (empty, flagged, or without temperature)");
+    n_used += static_cast<size_t>(n_here);
+  }
+  if (n_used < static_cast<size_t>(options.order) + logs.size() + 1)
+    throw data_error(logs[0].path + ": " + std::to_string(n_used) + " usable seconds are too few for order " +
+                     std::to_string(options.order));
+  return runs;
+}
+
+// Temperatures seen: by the core's robust rule; all of them where a log is too short for it.
+Span span_of(std::vector<FitRun> runs, const imucal_health_config_t& expected) {
+  Span seen;
+  const Checked checked = check_runs(expected, nullptr, false, &runs);
+  if (checked.has_span) {
+    seen.take(static_cast<double>(checked.lo_degc));
+    seen.take(static_cast<double>(checked.hi_degc));
+    return seen;
+  }
+  for (const FitRun& run : runs)
+    for (size_t k = 0; k < run.rate_dph.size(); ++k)
+      if (std::isfinite(run.rate_dph[k])) seen.take(run.temp_degc[k]);
+  return seen;
+}
+
+void take_health(const imucal_health_t& health, FitAxis* axis) {
+  imucal_health_judge(&health, &axis->health);
+  axis->n_rejected = health.config.is_ungated ? 0 : health.n_rejected;
+  axis->n_bad_temperature = health.n_spikes;
+  axis->error_factor = static_cast<double>(imucal_health_error_factor(&health));
+}
+
+// Where the gate would leave out more than bumps, the model is wrong and not the seconds: then all of them are learnt, and
+// judged.
+imucal_health_t check_through_gate(imucal_health_config_t* expected, const std::optional<imucal_kf_config_t>& config,
+                                   bool shared_turn_on, std::vector<FitRun>* runs) {
+  std::vector<FitRun> gated = *runs;
+  imucal_health_t health = check_runs(*expected, config ? &*config : nullptr, shared_turn_on, &gated).health;
+  imucal_health_verdict_t verdict;
+  imucal_health_judge(&health, &verdict);
+  expected->is_ungated = (verdict.bits >> IMUCAL_HEALTH_REJECTS & 1U) != 0;
+  if (!expected->is_ungated) {
+    *runs = gated;
+    return health;
+  }
+  imucal_health_t all = check_runs(*expected, &*config, shared_turn_on, runs).health;
+  all.n_rejected = health.n_rejected;  // a filter that learns the step contradicts itself less
+  all.has_opened = health.has_opened;
+  return all;
+}
+
 FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const FitOptions& options, FitResult* result) {
   const double dt_s = logs[0].dt_s();
   FitAxis axis;
   const LogAxis& first = find_axis(logs[0], name);
   axis.axis = stem_of(first.name) + (first.is_gyro ? "_dph" : "_mg");
   axis.order = options.order;
-  std::vector<FitRun> runs;
-  Span seen;
-  size_t n_used = 0;
-  for (const Log& log : logs) {
-    runs.push_back(grid_of(log, find_axis(log, name), dt_s));
-    size_t n_here = 0;
-    for (size_t k = 0; k < runs.back().rate_dph.size(); ++k) {
-      if (!std::isfinite(runs.back().rate_dph[k])) continue;
-      seen.take(runs.back().temp_degc[k]);
-      ++n_here;
-    }
-    if (n_here == 0) throw data_error(log.path + ": axis " + name + " has no usable second (empty, flagged, or without temperature)");
-    n_used += n_here;
-  }
-  if (n_used < static_cast<size_t>(options.order) + logs.size() + 1)
-    throw data_error(logs[0].path + ": " + std::to_string(n_used) + " usable seconds are too few for order " +
-                     std::to_string(options.order));
+  std::vector<FitRun> runs = runs_of(logs, name, options, dt_s);
+  imucal_health_config_t expected{};
+  // Rows further apart than a second may lie further apart in temperature.
+  expected.temp_step_degc = static_cast<float>(std::min(100.0, std::max(temperature_step(runs), dt_s > 1.01 ? 0.2 * dt_s : 0)));
+  const Span seen = span_of(runs, expected);
   normalise(options, seen, &axis);
   judge_span(logs[0].path, seen, &axis, result);
+  expected.lo_degc = static_cast<float>(axis.t0_degc - axis.range_degc);
+  expected.hi_degc = static_cast<float>(axis.t0_degc + axis.range_degc);
+  std::optional<imucal_kf_config_t> config;
+  if (options.model) {
+    config = kf_config(*options.model, options.order, axis.t0_degc, axis.range_degc, options.prior_sigma_dph, dt_s);
+    expected.r = config->r;
+    expected.markov_variance = config->markov_variance;
+  }
+  take_health(check_through_gate(&expected, config, options.shared_turn_on, &runs), &axis);
   // Beyond |Tn| = 1.5 the core refuses and a polynomial has no meaning: leave out for both methods.
   for (FitRun& run : runs)
     for (size_t k = 0; k < run.rate_dph.size(); ++k)
       if (std::abs((run.temp_degc[k] - axis.t0_degc) / axis.range_degc) > static_cast<double>(IMUCAL_KF_MAX_TN)) run.rate_dph[k] = kUnused;
   const ChebyshevFit fit =
       options.method == FitOptions::Method::kKalman
-          ? fit_kalman(runs, kf_config(*options.model, options.order, axis.t0_degc, axis.range_degc, options.prior_sigma_dph, dt_s),
-                       options.shared_turn_on)
+          ? fit_kalman(runs, *config, options.shared_turn_on)
           : fit_polynomial_qr(runs, options.order, axis.t0_degc, axis.range_degc, options.model ? &*options.model : nullptr, dt_s,
                               options.shared_turn_on);
   take_fit(fit, &axis);
@@ -228,9 +296,13 @@ imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc,
 FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options) {
   if (options.order < 1 || options.order > IMUCAL_MAX_ORDER)
     throw usage_error("order " + std::to_string(options.order) + " is not in 1.." + std::to_string(IMUCAL_MAX_ORDER));
+  const std::vector<std::string> rules = fit_rules();
+  for (const std::string& rule : options.accept)
+    if (std::find(rules.begin(), rules.end(), rule) == rules.end())
+      throw usage_error("--accept " + rule + ": there is no such rule" + did_you_mean(rule, rules));
   if (options.method == FitOptions::Method::kKalman && !options.model)
     throw usage_error("the Kalman filter needs an error model: give --model, or use --method poly");
-  check_logs(logs);
+  check_logs(logs, options.ignore_metadata);
   FitResult result;
   result.method = options.method;
   result.model = options.model;
@@ -240,6 +312,7 @@ FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options) {
     result.warnings.push_back("the filter has one Markov state: the model's " + std::to_string(options.model->markov.size()) +
                               " terms were merged into one of the same variance and low-frequency density");
   for (const std::string& name : axes_of(logs[0], options.axes)) result.axes.push_back(fit_axis(logs, name, options, &result));
+  judge_fit(options, logs[0].dt_s(), &result);
   return result;
 }
 

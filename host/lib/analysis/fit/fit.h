@@ -21,6 +21,7 @@
 #include "io/json_file.h"
 #include "io/log.h"
 #include "io/model.h"
+#include "health.h"
 #include "kf.h"
 #include "table.h"
 
@@ -35,6 +36,17 @@ struct FitOptions {
   double prior_sigma_dph = 1e4;                // kKalman: of every coefficient
   bool shared_turn_on = false;                 // all logs have one constant
   std::vector<std::string> axes;               // empty: every gyro of the first log (every axis where it has none)
+  bool ignore_metadata = false;                // logs of different devices or serial numbers
+  std::vector<std::string> accept;             // rules (fit_rules) that shall not refuse
+  double max_error_dph = 100;                  // largest predicted error that is accepted without asking
+};
+
+// Something that speaks against an axis: a rule of the core (common/health.h) or one of a whole log (see fit_rules).
+struct FitReason {
+  std::string axis, rule;
+  double value = 0, limit = 0;
+  std::string text;         // one sentence with the figures and what to do
+  bool is_accepted = false; // named in FitOptions::accept
 };
 
 struct FitAxis {
@@ -50,6 +62,9 @@ struct FitAxis {
   double residual_rms_dph = 0;         // rate - B(T) - a_l over all seconds used
   long n_used = 0, n_missing = 0;      // seconds used; flagged, empty, refused or missing between the first and last
   double mean_nis = 0, lag1 = 0;       // kKalman: innovation statistics (1 and 0 with a right model)
+  imucal_health_verdict_t health{};    // the core's rules; those on innovations only where a model was given
+  long n_rejected = 0, n_bad_temperature = 0;  // seconds left out: knocks, readings that no thermometer reaches
+  double error_factor = 1;             // how many times sigma_dph is too small by what the innovations say
   double bias_dph(double temp_degc) const;
   double bias_sigma_dph(double temp_degc) const;
 };
@@ -61,11 +76,20 @@ struct FitResult {
   std::vector<std::string> warnings;   // e.g. several Markov terms merged for the filter
   std::optional<ErrorModel> model;
   std::map<std::string, std::string> metadata;  // of the first log
+  std::vector<FitReason> reasons;      // empty: nothing speaks against it
+  bool is_accepted() const;            // every reason was accepted beforehand
 };
+
+// Names of all rules: those of the core, and over a whole log
+//   residual      rate - B(T), rms over what the model predicts: 4 standard deviations beyond 1.5 in variance
+//   measurements  an axis with less than 90 % of the seconds of the best one
+//   error         worst predicted error above max_error_dph
+std::vector<std::string> fit_rules();
 
 // usage_error: kKalman without model, order outside 1..5.  data_error names the log and what is wrong: axis missing,
 // no temperature, temperature that never moves (span below 0.5 degC), fewer seconds than coefficients, other sample
-// interval, span outside t0 +- range, coefficients not determined.
+// interval, span outside t0 +- range, coefficients not determined, logs of different devices (the key, both values).
+// Every second goes through the core's health rules and its gate first: what they leave out is counted and not learnt.
 FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options);
 
 // The filter's configuration for a model: m, q, r computed in double.  Several Markov terms become one of the same

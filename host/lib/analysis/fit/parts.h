@@ -14,6 +14,7 @@ struct FitRun {
   std::vector<double> rate_dph, temp_degc;
   std::vector<float> noise_ratio;  // white variance over that of a whole second
   std::vector<bool> has_row;       // false: the log has no row for this second
+  std::vector<uint32_t> flags;     // IMUCAL_FLAG_* (sum.h; a log's bits are the same)
 };
 
 // What either method finds, in Chebyshev polynomials of Tn: c0 (mean of the logs' constants), c1 .. cM.
@@ -26,6 +27,23 @@ struct ChebyshevFit {
   long n_refused = 0;
   std::vector<double> core_coeff;  // kKalman, one log: b_i as the core gives them
 };
+
+// What the core's rules say of the runs of one axis, the same way as on the device: every second through
+// imucal_health_second and, with a filter, through imucal_kf_update and imucal_health_gate.  What they leave out becomes
+// unused in `runs`.  config null: no innovations.
+struct Checked {
+  imucal_health_t health{};
+  float lo_degc = 0, hi_degc = 0;  // seen, robustly
+  bool has_span = false;
+};
+Checked check_runs(const imucal_health_config_t& expected, const imucal_kf_config_t* config, bool shared_turn_on,
+                   std::vector<FitRun>* runs);
+
+// Smallest step between neighbouring readings: the thermometer's quantum or finer.
+double temperature_step(const std::vector<FitRun>& runs);
+
+// Turns verdicts into reasons: the core's rules of each axis, then those over whole logs.
+void judge_fit(const FitOptions& options, double dt_s, FitResult* result);
 
 ChebyshevFit fit_kalman(const std::vector<FitRun>& runs, const imucal_kf_config_t& config, bool shared_turn_on);
 

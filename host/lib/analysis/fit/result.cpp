@@ -52,6 +52,26 @@ imucal_table_channel_t channel_of(const FitResult& result, const FitAxis& axis, 
   return channel;
 }
 
+std::vector<double> scaled(std::vector<double> values, double factor) {
+  for (double& value : values) value *= factor;
+  return values;
+}
+
+Json health_json(const imucal_health_verdict_t& verdict) {
+  Json json = Json::object();
+  for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule)
+    if (verdict.judged >> rule & 1U)
+      json[imucal_health_rule_name(rule)] = {{"value", verdict.value[rule]}, {"limit", verdict.limit[rule]}};
+  return json;
+}
+
+Json judgement_json(const FitResult& result) {
+  Json reasons = Json::array();
+  for (const FitReason& r : result.reasons)
+    reasons.push_back({{"axis", r.axis}, {"rule", r.rule}, {"value", r.value}, {"limit", r.limit}, {"text", r.text}, {"accepted", r.is_accepted}});
+  return {{"accepted", result.is_accepted()}, {"reasons", reasons}};
+}
+
 }  // namespace
 
 Json to_json(const FitResult& result) {
@@ -82,8 +102,14 @@ Json to_json(const FitResult& result) {
       a["mean_nis"] = axis.mean_nis;
       a["lag1"] = axis.lag1;
     }
+    a["n_rejected"] = axis.n_rejected;
+    a["n_bad_temperature"] = axis.n_bad_temperature;
+    a["error_factor"] = axis.error_factor;
+    if (axis.error_factor > 1) a["rescaled_sigma_dph"] = scaled(axis.sigma_dph, axis.error_factor);
+    a["health"] = health_json(axis.health);
     json["axes"].push_back(a);
   }
+  json["judgement"] = judgement_json(result);
   if (!result.warnings.empty()) json["warnings"] = result.warnings;
   return json;
 }

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: MIT
+// Is what was learnt to be trusted: the core's rules over the logs of one axis, and what only a whole log shows.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "analysis/fit/parts.h"
+#include "base/error.h"
+#include "base/suggest.h"
+#include "base/units.h"
+#include "learn.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr double kMaxResidualVariance = 1.5;  // of what the model predicts, beyond its own scatter
+constexpr double kMinMeasurements = 0.9;      // of the best axis' seconds
+
+// A second that the filter refuses stays: fit_kalman counts it.
+bool is_left_out_by(imucal_learn_outcome_t outcome) {
+  return outcome == IMUCAL_LEARN_TEMPERATURE || outcome == IMUCAL_LEARN_KNOCK;
+}
+
+// One run through the rules, with the filter where there is one (learn->kf is ready).
+void check_run(imucal_health_t* health, imucal_learn_t* learn, FitRun* run) {
+  uint32_t gap_s = 0;
+  for (size_t k = 0; k < run->rate_dph.size(); ++k) {
+    if (!run->has_row[k]) {
+      ++gap_s;
+      continue;
+    }
+    const bool is_measured = std::isfinite(run->rate_dph[k]);
+    const imucal_learn_input_t input = {static_cast<float>(run->rate_dph[k]), static_cast<float>(run->temp_degc[k]), run->noise_ratio[k],
+                                        gap_s, is_measured ? IMUCAL_LEARN_USED : IMUCAL_LEARN_MISSING};
+    const bool is_left_out =
+        learn == nullptr ? !imucal_health_second(health, input.value, input.temp_degc, run->flags[k], is_measured, gap_s)
+                         : is_left_out_by(imucal_learn_checked(learn, health, &input, run->flags[k]));
+    if (is_left_out) run->rate_dph[k] = std::numeric_limits<double>::quiet_NaN();
+    gap_s = 0;
+  }
+}
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+// What a rule of the core means, with its figure.
+std::string text_of(uint32_t rule, const FitAxis& axis) {
+  const std::string value = number(static_cast<double>(axis.health.value[rule]));
+  const std::string percent = number(100 * static_cast<double>(axis.health.value[rule])) + " %";
+  const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
+  const std::string honest = ": the predicted error is at least " + number(axis.error_factor) + " times too small (" +
+                             number(worst) + " claimed, " + number(worst * axis.error_factor) + " by what was seen); identify the model anew";
+  switch (rule) {
+    case IMUCAL_HEALTH_NO_NOISE: return "no noise: steps between seconds have " + value + " of the variance expected; is the sensor alive?";
+    case IMUCAL_HEALTH_REPEATED: return value + " seconds in a row have the same value: the output is frozen, or far coarser than its noise";
+    case IMUCAL_HEALTH_SATURATED: return "at its rail in " + percent + " of the seconds: what is left of them is no bias";
+    case IMUCAL_HEALTH_FAULTY: return "the sensor reports a fault in " + percent + " of the seconds";
+    case IMUCAL_HEALTH_TEMP_STUCK: return "while the temperature stands the rate moves by " + value + " standard deviations: is the thermometer stuck?";
+    case IMUCAL_HEALTH_TEMP_JUMP: return "the temperature jumps to another level " + value + " times: no sensor does that";
+    case IMUCAL_HEALTH_TEMP_SPIKES: return percent + " of the temperatures are out of reach of their neighbours: is the thermometer's line good?";
+    case IMUCAL_HEALTH_TEMP_RAMP: return "the temperature crosses " + percent + " of the range in 64 s: sensor and thermometer do not follow; ramp more slowly";
+    case IMUCAL_HEALTH_SPAN: return "only " + percent + " of the range asked for was seen: the rest is a guess; widen the profile or narrow --range";
+    case IMUCAL_HEALTH_NIS: return "innovations have " + value + " times the variance that the model predicts" + (axis.health.value[rule] > 1 ? honest : "");
+    case IMUCAL_HEALTH_LAG1: return "innovations are correlated from one second to the next by " + value + ": the model's noise is not the sensor's";
+    case IMUCAL_HEALTH_SLOW: return "slow noise (blocks of 256 s) has " + value + " times the variance that the model predicts" + honest;
+    case IMUCAL_HEALTH_REJECTS: return "knocks" + (axis.health.value[rule] >= 1 ? std::string(" of a minute and more") : " in " + percent + " of the seconds") +
+                                      " (innovations beyond 6 sigma): the model is wrong, or the device was moved";
+    default: return "rule " + std::to_string(rule);
+  }
+}
+
+// rms of rate - B(T) over what the model predicts.  Scatter of the variance: white r sqrt(2/n), Markov sigma^2 sqrt(2 tau/T).
+void judge_residual(const ErrorModel& model, double dt_s, const FitAxis& axis, std::vector<FitReason>* reasons) {
+  const double white = white_sigma_dph(model.arw_deg_rt_h, dt_s), n = static_cast<double>(axis.n_used);
+  double variance = white * white, scatter2 = 2 * std::pow(white, 4) / n;
+  for (const Markov& m : model.markov) {
+    variance += m.sigma_dph * m.sigma_dph;
+    scatter2 += std::pow(m.sigma_dph, 4) * 2 * m.tau_s / (n * dt_s);
+  }
+  const double limit = std::sqrt(kMaxResidualVariance * (variance + static_cast<double>(IMUCAL_HEALTH_Z) * std::sqrt(scatter2)));
+  if (axis.residual_rms_dph <= limit) return;
+  reasons->push_back({axis.axis, "residual", axis.residual_rms_dph, limit,
+                      "residual " + number(axis.residual_rms_dph) + " rms, but noise of the model makes " + number(std::sqrt(variance)) +
+                          " (limit " + number(limit) + "): the polynomial misses something, or the model does"});
+}
+
+void judge_axis(const FitOptions& options, double dt_s, const FitAxis& axis, long best_n, std::vector<FitReason>* reasons) {
+  for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule) {
+    // "in 64 s" means 64 rows: of rows further apart it says nothing
+    if (rule == IMUCAL_HEALTH_TEMP_RAMP && dt_s > 1.5) continue;
+    if (axis.health.bits >> rule & 1U)
+      reasons->push_back({axis.axis, imucal_health_rule_name(rule), static_cast<double>(axis.health.value[rule]),
+                          static_cast<double>(axis.health.limit[rule]), text_of(rule, axis)});
+  }
+  if (options.model) judge_residual(*options.model, dt_s, axis, reasons);
+  const double part = static_cast<double>(axis.n_used) / static_cast<double>(best_n);
+  if (part < kMinMeasurements)
+    reasons->push_back({axis.axis, "measurements", part, kMinMeasurements,
+                        "only " + number(100 * part) + " % of the seconds that the best axis has: what became of the others?"});
+  const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
+  if (worst > options.max_error_dph)
+    reasons->push_back({axis.axis, "error", worst, options.max_error_dph,
+                        "predicted error " + number(worst) + ", above --max-error " + number(options.max_error_dph) +
+                            ": record longer or over a wider span, or lower --order"});
+}
+
+}  // namespace
+
+Checked check_runs(const imucal_health_config_t& expected, const imucal_kf_config_t* config, bool shared_turn_on,
+                   std::vector<FitRun>* runs) {
+  Checked checked;
+  imucal_learn_t learn;
+  if (config != nullptr && imucal_learn_init(&learn, config) != IMUCAL_OK) throw data_error("the filter refuses its configuration");
+  const imucal_status status = imucal_health_init(&checked.health, &expected);
+  if (status != IMUCAL_OK) throw data_error(std::string("the rules refuse what is expected: ") + imucal_status_text(status));
+  for (size_t l = 0; l < runs->size(); ++l) {
+    if (l > 0) imucal_health_new_run(&checked.health);
+    if (l > 0 && config != nullptr && imucal_kf_new_run(&learn.kf, shared_turn_on ? 0.0F : config->prior_sigma) != IMUCAL_OK)
+      throw data_error("the filter refuses a new run");
+    check_run(&checked.health, config != nullptr ? &learn : nullptr, &(*runs)[l]);
+  }
+  checked.has_span = imucal_health_span(&checked.health, &checked.lo_degc, &checked.hi_degc);
+  return checked;
+}
+
+double temperature_step(const std::vector<FitRun>& runs) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const FitRun& run : runs)
+    for (size_t k = 1; k < run.temp_degc.size(); ++k) {
+      const double step = std::abs(run.temp_degc[k] - run.temp_degc[k - 1]);
+      if (step > 0) least = std::min(least, step);
+    }
+  return std::isfinite(least) ? least : 0;
+}
+
+std::vector<std::string> fit_rules() {
+  std::vector<std::string> names;
+  for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule) names.emplace_back(imucal_health_rule_name(rule));
+  names.insert(names.end(), {"residual", "measurements", "error"});
+  return names;
+}
+
+bool FitResult::is_accepted() const {
+  return std::all_of(reasons.begin(), reasons.end(), [](const FitReason& r) { return r.is_accepted; });
+}
+
+void judge_fit(const FitOptions& options, double dt_s, FitResult* result) {
+  long best_n = 1;
+  for (const FitAxis& axis : result->axes) best_n = std::max(best_n, axis.n_used);
+  for (const FitAxis& axis : result->axes) judge_axis(options, dt_s, axis, best_n, &result->reasons);
+  for (FitReason& reason : result->reasons)
+    reason.is_accepted = std::find(options.accept.begin(), options.accept.end(), reason.rule) != options.accept.end();
+}
+
+}  // namespace imucal
