@@ -17,7 +17,7 @@ namespace {
 struct Options {
   CommonOptions common;
   std::vector<std::string> logs, axes, estimators = {"rms"};
-  std::string type = "dp2", tau, nominal, detrend = "mean", ci_model;
+  std::string type, tau, nominal, detrend = "mean", ci_model;
   double estimation_s = 20, min_fill = 1, false_alarm_rate = 0.01;
   bool no_ratios = false, stream = false;
 };
@@ -110,7 +110,9 @@ void stream_log(const Options& o, const std::string& log, const Detrend& detrend
   }
 }
 
-Exit run(const Options& o) {
+// Without --type: DP2 where a nominal model predicts, else the Allan deviation, which needs none.
+Exit run(Options o) {
+  if (o.type.empty()) o.type = o.nominal.empty() ? "av" : "dp2";
   const Detrend detrend = Detrend::parse(o.detrend);
   std::optional<ErrorModel> nominal, ci_model;
   if (!o.nominal.empty()) nominal = read_model(o.nominal);
@@ -177,7 +179,7 @@ int main(int argc, char** argv) {
   Options o;
   CLI::App app("Allan deviation and Direct Predictor of logs: curves, intervals, distribution ratios", "dp");
   app.add_option("logs", o.logs, "logs (CSV)")->required()->type_name("LOG");
-  app.add_option("--type", o.type, "av, dp1, dp2 or dp3")->capture_default_str();
+  app.add_option("--type", o.type, "av, dp1, dp2 or dp3; default dp2 with --nominal, else av, the Allan deviation");
   app.add_option("--axis", o.axes, "axis (column name), repeatable; default all")->type_name("NAME")->allow_extra_args(false);
   app.add_option("--tau", o.tau, "FIRST:LAST[:STEP], log:FIRST:LAST[:PER_DECADE], octave or a list; default log to a tenth of the record");
   app.add_option("--estimator", o.estimators, "rms, max or p95, repeatable")->capture_default_str()->allow_extra_args(false);

@@ -7,6 +7,7 @@
 #include "cli/program.h"
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/study.h"
+#include "errormodel/trend.h"
 
 using namespace imucal;
 
@@ -15,7 +16,7 @@ namespace {
 struct Options {
   CommonOptions common;
   std::vector<std::string> logs, axes, types;
-  std::string model, versus, nominal, type, tau, detrend = "mean", criterion = "bound", across = "rms", output;
+  std::string model, versus, nominal, type, tau, detrend, criterion = "bound", across = "rms", output;
   double estimation_s = 20, duration_s = 0, dt_s = 1, confidence = 0;
   int markov = -1, bootstrap = 40, runs = 5, draws = 200;
 };
@@ -88,7 +89,8 @@ void finish(const Options& o, const Json& json) {
   if (o.common.wants_json()) write_json(o.common.json_path, json);
 }
 
-Exit expect(const Options& o) {
+Exit expect(Options o) {
+  if (o.detrend.empty()) o.detrend = "mean";
   const ErrorModel model = read_model(o.model);
   std::vector<Series> like;
   if (!o.logs.empty()) like = load_series(o.logs[0], o.axes, true);
@@ -126,7 +128,8 @@ Json errors_json(const std::vector<ParameterError>& errors, Json* std_errors, Js
   return detail;
 }
 
-Exit fit(const Options& o) {
+Exit fit(Options o) {
+  choose_detrend(o.logs, o.axes, &o.detrend);
   if (o.criterion != "bound" && o.criterion != "ls" && o.criterion != "ml")
     throw usage_error("--criterion " + o.criterion + ": expected bound, ls or ml");
   if (o.markov > 4) throw usage_error("--markov " + std::to_string(o.markov) + ": at most 4 terms");
@@ -191,7 +194,8 @@ Exit fit(const Options& o) {
   return o.criterion == "bound" && !bounded ? Exit::kNegative : Exit::kDone;
 }
 
-Exit check(const Options& o) {
+Exit check(Options o) {
+  choose_detrend(o.logs, o.axes, &o.detrend);
   const std::vector<Series> all = load_all(o, false);
   const ErrorModel model = read_model(o.model);
   const DpOperator op = operator_of(o, all[0].dt_s);
@@ -274,7 +278,8 @@ Exit separate(const Options& o) {
   return Exit::kDone;
 }
 
-Exit validate_fit(const Options& o) {
+Exit validate_fit(Options o) {
+  if (o.detrend.empty()) o.detrend = "mean";
   ValidateSettings v;
   v.truth = read_model(o.model);
   v.duration_s = o.duration_s > 0 ? o.duration_s : 6000;
@@ -315,7 +320,7 @@ void add_operator_options(CLI::App* app, Options* o) {
 void add_log_options(CLI::App* app, Options* o) {
   app->add_option("logs", o->logs, "logs (CSV)")->required()->type_name("LOG");
   app->add_option("--axis", o->axes, "axis (column name), repeatable; default all")->type_name("NAME")->allow_extra_args(false);
-  app->add_option("--detrend", o->detrend, "none, mean, poly:N (in temperature) or time:N; expectations allow for it, ml marginalises it")->capture_default_str();
+  app->add_option("--detrend", o->detrend, "none, mean, poly:N (in temperature) or time:N; expectations allow for it, ml marginalises it; default mean, or poly:3 where the rate follows the temperature");
   app->add_option("--across", o->across, "several logs and axes: rms or max of their curves")->capture_default_str();
 }
 
@@ -331,11 +336,11 @@ int main(int argc, char** argv) {
   CLI::App* s = app.add_subcommand("expect", "closed-form curve of a model");
   model_option(s, true);
   add_operator_options(s, &o);
-  s->add_option("--duration-s", o.duration_s, "expect a record of this length, detrended (needed for random walk and ramp under dp2, dp3)")->check(CLI::PositiveNumber);
+  s->add_option("--duration-s", o.duration_s, "expect a record of this length, detrended (needed for random walk and ramp under dp2, dp3)")->check(FinitePositive);
   s->add_option("--like", o.logs, "expect a record like this log: its length, gaps and temperatures")->type_name("LOG")->expected(1);
   s->add_option("--axis", o.axes, "with --like: the axis whose gaps count; default the first")->type_name("NAME")->expected(1);
-  s->add_option("--detrend", o.detrend, "with --duration-s or --like: none, mean, poly:N or time:N")->capture_default_str();
-  s->add_option("--dt-s", o.dt_s, "sampling time")->check(CLI::PositiveNumber)->capture_default_str();
+  s->add_option("--detrend", o.detrend, "with --duration-s or --like: none, mean (default), poly:N or time:N");
+  s->add_option("--dt-s", o.dt_s, "sampling time")->check(FinitePositive)->capture_default_str();
   add_common_options(s, &o.common);
 
   s = app.add_subcommand("fit", "error model from logs");
@@ -359,7 +364,7 @@ int main(int argc, char** argv) {
     if (versus) sub->add_option("--versus", o.versus, "the other model")->required()->type_name("MODEL.json");
     add_operator_options(sub, &o);
     if (versus) sub->add_option("--types", o.types, "operators to compare; default av dp2 dp3");
-    sub->add_option("--dt-s", o.dt_s, "sampling time")->check(CLI::PositiveNumber)->capture_default_str();
+    sub->add_option("--dt-s", o.dt_s, "sampling time")->check(FinitePositive)->capture_default_str();
   };
   s = app.add_subcommand("sensitivity", "relative difference of the expected curves of two models, by operator");
   add_study(s, true);
@@ -367,18 +372,18 @@ int main(int argc, char** argv) {
 
   s = app.add_subcommand("separation", "over what stretch of tau do simulated tests of two models stand apart");
   add_study(s, true);
-  s->add_option("--duration-s", o.duration_s, "of a test; default 6000")->check(CLI::PositiveNumber);
+  s->add_option("--duration-s", o.duration_s, "of a test; default 6000")->check(FinitePositive);
   s->add_option("--runs", o.runs, "tests of each model per draw")->check(CLI::Range(1, 1000))->capture_default_str();
   s->add_option("--draws", o.draws, "draws")->check(CLI::Range(1, 100000))->capture_default_str();
   add_common_options(s, &o.common, kWithSeed | kWithThreads);
 
   s = app.add_subcommand("validate", "fits many simulated tests of a known model: bounds, errors, coverage");
   add_study(s, false);
-  s->add_option("--duration-s", o.duration_s, "of a test; default 6000")->check(CLI::PositiveNumber);
+  s->add_option("--duration-s", o.duration_s, "of a test; default 6000")->check(FinitePositive);
   s->add_option("--runs", o.runs, "tests")->check(CLI::Range(1, 1000000))->capture_default_str();
   s->add_option("--criterion", o.criterion, "bound, ls or ml")->capture_default_str();
   s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(CLI::Range(0, 4));
-  s->add_option("--detrend", o.detrend, "none, mean or time:N")->capture_default_str();
+  s->add_option("--detrend", o.detrend, "none, mean (default) or time:N");
   s->add_option("--confidence", o.confidence, "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the data themselves)")->check(CLI::Range(0.0, 0.9999))->capture_default_str();
   add_common_options(s, &o.common, kWithSeed | kWithThreads);
 
