@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: MIT
+"""A table of injected faults: found by what, with which message and exit status, and was a table flashed or written?
+
+usage: python -m sick --programs build/bin [--healthy 1000] [--out build/sick] [--only TEXT]
+
+Exit status 0: every fault found by its rule, none flashed with status 0, at most 1 % of the healthy runs refused."""
+import argparse
+import sys
+from collections import Counter
+
+from sick import healthy, offline
+from sick.case import Bench
+
+MAX_REFUSED = 0.01
+
+
+def run_faults(bench, faults):
+    """Runs and prints them; the faults that were missed or flashed."""
+    print(f"{'area':<12} {'fault':<48} {'found by':<13} {'status':>6} {'flashed':>8}  message")
+    lost = []
+    for fault in faults:
+        outcome = fault.inject(bench)
+        is_good = fault.is_found(outcome) and fault.is_safe(outcome)
+        found_by = fault.found_by if is_good else "MISSED"
+        print(f"{fault.area:<12} {fault.name:<48} {found_by:<13} {outcome.status:>6} {'yes' if outcome.is_flashed else 'no':>8}  "
+              f"{outcome.message[:110] or ('%d seconds left out' % outcome.left_out)}", flush=True)
+        if not is_good:
+            print(f"{'':12}   wanted {fault.found_by}, found {', '.join(outcome.rules) or 'nothing'}")
+            lost.append((fault, outcome))
+    return lost
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--programs", default="build/bin")
+    parser.add_argument("--healthy", type=int, default=1000)
+    parser.add_argument("--out", default="build/sick")
+    parser.add_argument("--only", default="")
+    options = parser.parse_args()
+    from pathlib import Path
+    bench = Bench(options.out, Path(options.programs).resolve())
+    faults = [f for f in offline.FAULTS if options.only in f.area + " " + f.name]
+    lost = run_faults(bench, faults)
+    flashed = sum(1 for fault, outcome in lost if not fault.is_safe(outcome) and outcome.status == 0)
+    runs = healthy.campaign(bench, options.healthy)
+    refused = [(kind, rules) for kind, rules in runs if rules]
+    for kind in sorted({kind for kind, _ in refused}):
+        rules = Counter(rule for k, found in refused if k == kind for rule in set(found))
+        print(f"healthy runs refused, {healthy.KINDS[kind][0]} {healthy.KINDS[kind][2:]}: {dict(rules)}")
+    print(f"sick: {len(faults)} faults, {len(faults) - len(lost)} found as they must be, {flashed} flashed with status 0; "
+          f"healthy: {len(refused)} of {len(runs)} refused")
+    return 0 if not lost and len(refused) <= MAX_REFUSED * len(runs) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

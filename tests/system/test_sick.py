@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: MIT
+"""The short form of `make sick`: every fault, and healthy runs of every kind."""
+import os
+import pathlib
+import sys
+
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+BIN = (ROOT / os.environ.get("BUILD", "build") / "bin").resolve()
+
+from sick import healthy, offline  # noqa: E402
+from sick.case import Bench  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    return Bench(tmp_path_factory.mktemp("sick"), BIN)
+
+
+def test_there_are_at_least_60_faults():
+    assert len(offline.FAULTS) >= 60 and len({f.name for f in offline.FAULTS}) == len(offline.FAULTS)
+
+
+@pytest.mark.parametrize("fault", offline.FAULTS, ids=lambda f: f"{f.area}: {f.name}")
+def test_fault_is_found_and_makes_no_table(bench, fault):
+    outcome = fault.inject(bench)
+    assert fault.is_safe(outcome) and fault.is_found(outcome), (fault.found_by, outcome)
+    assert "internal error" not in outcome.message and "out of memory" not in outcome.message
+
+
+def test_healthy_runs_of_every_kind_pass(bench):
+    runs = healthy.campaign(bench, 2 * len(healthy.KINDS))
+    assert [run for run in runs if run[1]] == []
