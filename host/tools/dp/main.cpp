@@ -110,9 +110,7 @@ void stream_log(const Options& o, const std::string& log, const Detrend& detrend
   }
 }
 
-// Without --type: DP2 where a nominal model predicts, else the Allan deviation, which needs none.
-Exit run(Options o) {
-  if (o.type.empty()) o.type = o.nominal.empty() ? "av" : "dp2";
+Exit run(const Options& o) {
   const Detrend detrend = Detrend::parse(o.detrend);
   std::optional<ErrorModel> nominal, ci_model;
   if (!o.nominal.empty()) nominal = read_model(o.nominal);
@@ -192,5 +190,9 @@ int main(int argc, char** argv) {
   app.add_flag("--stream", o.stream, "read the log twice instead of holding it: memory bounded by the longest tau; rms curves only");
   app.add_flag("--no-ratios", o.no_ratios, "curves only");
   add_common_options(&app, &o.common);
-  return run_program(&app, argc, argv, [&] { return run(o); });
+  return run_program(&app, argc, argv, [&] {
+    // DP2 where a nominal model predicts, else the Allan deviation, which needs none.
+    if (o.type.empty()) o.type = o.nominal.empty() ? "av" : "dp2";
+    return run(o);
+  });
 }
