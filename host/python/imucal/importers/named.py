@@ -79,7 +79,7 @@ def _time_scale(path, name, values, unit):
     if re.fullmatch("timeus", name.strip(), re.I):
         return 1.0
     step = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
-    likely = [u for u, f in _TIME_UNITS.items() if step > 0 and 0.9 <= 1e6 / (step * f) <= 10000]
+    likely = [u for u, f in _TIME_UNITS.items() if step > 0 and 0.9 <= 1e6 / (step * f) <= 8500]
     if len(likely) == 1:
         return _TIME_UNITS[likely[0]]
     raise DataError(f"{path}: the unit of the time column \"{name}\" is not clear (median step {step:g}): give it as --time \"{name}:s\" "
