@@ -133,8 +133,8 @@ def run(command, **options):
 class Bench:
     """Objects of the core and of the tests, compiled once."""
 
-    def __init__(self, folder):
-        self.folder = folder
+    def __init__(self, folder, tests):
+        self.folder, self.tests = folder, tests
         self.cpu_s = {}
         self.original = {}
         self.is_quick = {}
@@ -151,9 +151,9 @@ class Bench:
             if not self.compile(source, self.folder / "base" / (source.stem + ".o"), ["-O1"] + CFLAGS):
                 sys.exit("mutate: %s does not compile" % source)
         for test in {TEST_OF.get(room, room) for room in rooms}:
-            if not self.compile(ROOT / "tests/common/test_{}.c".format(test), self.folder / "base" / ("test_%s.o" % test),
+            if not self.compile(self.tests / "test_{}.c".format(test), self.folder / "base" / ("test_%s.o" % test),
                                 ["-O2"] + TEST_CFLAGS):
-                sys.exit("mutate: tests/common/test_%s.c does not compile" % test)
+                sys.exit("mutate: %s/test_%s.c does not compile" % (self.tests, test))
 
     def link(self, room, object_file, program, linker=CC):
         objects = [path for path in sorted((self.folder / "base").glob("*.o"))
@@ -283,6 +283,7 @@ def main():
     parser.add_argument("--at-least", type=float, default=0.95, help="share to be killed (0.95)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--build", type=Path, default=ROOT / "build")
+    parser.add_argument("--tests", type=Path, default=ROOT / "tests/common", help="folder of test_ROOM.c")
     parser.add_argument("--list", action="store_true", help="print the mutants, run nothing")
     parser.add_argument("--line", type=int, help="only this line")
     parser.add_argument("--verbose", action="store_true")
@@ -299,7 +300,7 @@ def main():
         print("\n".join(map(str, mutants)))
         return 0
     begin = time.monotonic()
-    bench = Bench(args.build.resolve() / "mutate" / str(os.getpid()))
+    bench = Bench(args.build.resolve() / "mutate" / str(os.getpid()), args.tests.resolve())
     rooms = sorted({m.source.stem for m in mutants})
     bench.prepare(rooms)
     for room in rooms:
