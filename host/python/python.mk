@@ -34,7 +34,7 @@ $(BUILD)/obj/pic/nanobind.o:
 $(PY_CORE): $(BUILD)/obj/pic/nanobind.o $(BUILD)/obj/pic/host/python/native/core.o $(PY_CORE_OBJECTS)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  LINK $@")
-	$(Q)$(CXX) -shared -pthread $^ -o $@ -Wl,--gc-sections -Wl,-z,defs -Wl,--unresolved-symbols=ignore-in-object-files
+	$(Q)$(CXX) -shared -pthread $^ -o $@ -Wl,--gc-sections -Wl,-z,defs -Wl,--unresolved-symbols=ignore-in-object-files -lz
 
 python-core: $(PY_CORE)  ## build the compiled part of the Python package
 
