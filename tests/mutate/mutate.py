@@ -190,13 +190,15 @@ class Bench:
         self.original[room] = self.code_of(source, room)
 
     def quick(self, source, room, program):
-        object_file = program.with_suffix(".quick.o")
-        if run([QUICK, "-I" + str(ROOT / "common"), "-c", source, "-o", object_file]).returncode != 0:
-            return "no code"
-        if not self.link(room, object_file, program, QUICK):
-            return "no code"
-        object_file.unlink()
-        return self.execute(program, int(3 * self.cpu_s[room]) + 2)
+        object_file = self.folder / "mutants" / (program.name + ".quick.o")
+        try:
+            if run([QUICK, "-I" + str(ROOT / "common"), "-c", source, "-o", object_file]).returncode != 0:
+                return "no code"
+            if not self.link(room, object_file, program, QUICK):
+                return "no code"
+            return self.execute(program, int(3 * self.cpu_s[room]) + 2)
+        finally:
+            object_file.unlink(missing_ok=True)
 
     def code_of(self, source, room):
         """The machine code at -O2, to see that nothing has changed."""
