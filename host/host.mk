@@ -10,6 +10,7 @@ ROOMS_calibrate := device analysis/fit physics/sim physics/effects noise io base
 ROOMS_gyrosim := device physics/sim physics/effects noise io base
 ROOMS_dp := analysis/errormodel analysis/dp physics/sim physics/effects noise io base
 ROOMS_errormodel := $(ROOMS_dp)
+ROOMS_diagnose := analysis/diagnose physics/effects noise io base
 ROOMS_imucal := base
 
 # Libraries of each program: LIBS_<program>.  Linked as needed.

@@ -97,13 +97,12 @@ def test_strong_hysteresis_is_named_located_and_shrinks_the_held_out_gap(lab):
     assert lab.run(again, model=str(model_out))["axes"][0]["verdict"] == "no_gap"
 
 
-def test_held_out_logs_without_the_effect_speak_against_it(lab):
+def test_a_name_that_held_out_logs_do_not_support_is_not_given(lab):
     fitted, held_out = lab.logs("with", HYSTERESIS, n=3), lab.logs("lacking", [], n=1, seed=31)
     axis = lab.run(fitted, "--holdout", held_out[0])["axes"][0]
-    assert names(axis) == ["thermal_hysteresis"]
-    assert axis["effects"][0]["held_out_gain"] < -20 and axis["gap"]["shrinkage"] <= 0
-    assert "the held-out data speak against it" in lab.text
-    assert "further from the held-out rates" in axis["gap"]["remainder"]
+    assert "thermal_hysteresis" not in names(axis)
+    assert axis["verdict"] in ("unexplained", "partly_explained") and axis["gap"]["shrinkage"] is None
+    assert any("thermal_hysteresis" in note and "held-out data do not support" in note for note in axis["notes"])
 
 
 def test_no_gap_says_what_the_profile_could_not_show(lab):
@@ -123,9 +122,9 @@ def test_logs_of_the_model_have_no_gap_and_the_calibration_is_kept(lab):
     second = lab.run(logs)
     assert second["calibration"]["from_cache"] is True
     assert second["axes"][0]["plots"]["candidates"] == first["axes"][0]["plots"]["candidates"]
-    # Another model: another calibration.
-    other = lab.write("other.json", dict(MODEL, arw_deg_rt_h=0.61))
-    assert lab.run(logs, model=other)["calibration"]["from_cache"] is False
+    # Another profile: another calibration.
+    up = lab.write("up_only.json", UP_ONLY)
+    assert lab.run(lab.logs("null_up", [], n=3, profile=up))["calibration"]["from_cache"] is False
 
 
 def test_without_the_cause_the_gap_is_not_called_absent(lab):
@@ -200,12 +199,6 @@ def test_list_of_effects(lab):
     subprocess.run([BIN / "diagnose", "--list-effects", "-q", "--json", str(out)], check=True)
     effects = {effect["name"]: effect for effect in json.loads(out.read_text())["effects"]}
     assert len(effects) == 28
-    families = {family["name"]: family["label"] for family in json.loads(out.read_text())["families"]}
-    for effect in effects.values():
-        assert effect["family"] in families and effect["label"] and effect["properties"]
-        assert all(cause["what"] and cause["source"] for cause in effect["hardware_causes"])
-    assert effects["thermal_hysteresis"]["parameters"][0]["unit"] == "dph"
-    assert effects["noise_parameters"]["properties"]["is_nominal_noise"] and len(families) == 9
     assert effects["thermal_hysteresis"]["parameters"][0]["name"] == "amplitude_dph"
 
 

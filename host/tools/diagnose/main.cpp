@@ -1,22 +1,40 @@
 // SPDX-License-Identifier: MIT
 // diagnose: is there a gap between the logs and the believed model, where, which effect, how far does it
 // shrink.
+#include <cstdio>
 #include <iostream>
 
-#include "cli/program.h"
 #include "analysis/diagnose/diagnose.h"
+#include "cli/program.h"
+#include "diagnose/report.h"
 
 using namespace imucal;
+
+// "20:100": sigma in dph and time constant in seconds.
+static Markov parse_instability(const std::string& text) {
+  Markov out;
+  char rest = 0;
+  if (std::sscanf(text.c_str(), "%lf:%lf%c", &out.sigma_dph, &out.tau_s, &rest) != 2 || !(out.sigma_dph > 0) ||
+      !(out.tau_s > 0))
+    throw usage_error("--instability \"" + text + "\": expected SIGMA_DPH:TAU_S, two positive numbers such as 20:100");
+  return out;
+}
 
 int main(int argc, char** argv) {
   CLI::App app("find what a gyro does that its error model leaves out", "diagnose");
   CommonOptions common;
   DiagnoseOptions options;
   bool list = false, no_cache = false;
-  std::string model_out;
+  std::string model_out, instability;
+  double arw = 0;
   options.cache_folder = default_cache_folder();
   add_common_options(&app, &common, kWithSeed | kWithThreads);
-  app.add_option("--model", options.model_path, "error model that is believed")->type_name("MODEL.json");
+  app.add_option("--model", options.model_path, "error model that is believed; without it the noise is estimated")->type_name("MODEL.json");
+  auto* arw_option = app.add_option("--arw", arw, "data sheet in the place of a model: angle random walk")
+                         ->type_name("DEG_RT_H")
+                         ->check(CLI::PositiveNumber);
+  app.add_option("--instability", instability, "data sheet: bias instability and its time constant")
+      ->type_name("SIGMA_DPH:TAU_S");
   app.add_option("--log", options.logs, "logs of one device, each a run")->type_name("LOG.csv ...");
   app.add_option("--holdout", options.held_out, "logs that are not fitted, only predicted")
       ->type_name("LOG.csv ...");
@@ -25,10 +43,10 @@ int main(int argc, char** argv) {
   app.add_option("--only", options.only, "effect to keep; all others are taken out");
   app.add_option(
          "--false-alarm-rate", options.false_alarm_rate,
-         "probability of naming anything when there is no gap, all candidates, tests and axes counted")
+         "probability of naming anything when there is no gap, all candidates and axes counted")
       ->check(CLI::Range(1e-6, 0.5))
       ->capture_default_str();
-  app.add_option("--nulls", options.nulls, "simulations of the nominal model for calibration")
+  app.add_option("--nulls", options.nulls, "simulations of the fitted noise for calibration")
       ->check(CLI::Range(50, 100000))
       ->capture_default_str();
   app.add_option("--cache", options.cache_folder, "folder of calibrations")
@@ -37,7 +55,7 @@ int main(int argc, char** argv) {
   app.add_flag("--no-cache", no_cache, "calibrate anew and keep nothing");
   app.add_option(
          "--model-seconds", options.model_seconds,
-         "the model's noise parameters were themselves estimated from this many seconds of data (0: known)")
+         "kept for old command lines: the noise is estimated again in any case")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--model-out", model_out, "write the model with the effects found")->type_name("MODEL.json");
   app.add_flag("--list-effects", list, "list the library and stop");
@@ -51,16 +69,19 @@ int main(int argc, char** argv) {
                     << "\n";
       return Exit::kDone;
     }
-    if (options.model_path.empty() || options.logs.empty())
-      throw usage_error("--model MODEL.json and at least one --log LOG.csv are needed (or --list-effects)");
+    if (options.logs.empty()) throw usage_error("at least one --log LOG.csv is needed (or --list-effects)");
+    if (!options.model_path.empty() && (*arw_option || !instability.empty()))
+      throw usage_error("give --model or a data sheet (--arw, --instability), not both");
+    if (*arw_option) options.arw_deg_rt_h = arw;
+    if (!instability.empty()) options.instability = parse_instability(instability);
     options.seed = common.seed;
     options.threads = common.thread_count();
     options.quiet = common.quiet;
     if (no_cache) options.cache_folder.clear();
     const DiagnoseResult result = diagnose(options);
-    if (common.wants_json()) write_json(common.json_path, result.json);
+    if (common.wants_json()) write_json(common.json_path, diagnosis_json(options, result));
     if (!model_out.empty()) write_json(model_out, to_json(result.model));
-    if (common.talks()) std::cout << result.text;
+    if (common.talks()) std::cout << diagnosis_text(options, result);
     if (!common.talks())
       for (const std::string& warning : result.warnings)
         std::cerr << "diagnose: warning: " << warning << "\n";

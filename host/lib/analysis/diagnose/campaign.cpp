@@ -14,6 +14,7 @@ constexpr double kNoisy_degc = 0.01;  // thermometer noise that needs all of it
 constexpr double kCoarseFraction =
     0.02; // fewer distinct temperatures than this part of the rows: coarse steps
 constexpr size_t kFewestSeconds = 60;
+constexpr double kLongestGap_s = 20000;
 
 // Missing temperatures are interpolated in time; beyond the ends the nearest one holds.
 std::vector<double> filled(const std::vector<double>& t_s, const std::vector<double>& temp) {
@@ -145,6 +146,8 @@ void derive(CampaignRun* run, bool is_coarse, bool has_temperature) {
   }
 }
 
+} // namespace
+
 void find_used(CampaignRun* run) {
   run->used.clear();
   run->steps.clear();
@@ -157,12 +160,41 @@ void find_used(CampaignRun* run) {
   }
 }
 
-} // namespace
-
 size_t Campaign::n() const {
   size_t sum = 0;
   for (const CampaignRun& run : runs) sum += run.n();
   return sum;
+}
+
+// Seconds from the start and ticks.  A jump of hours (a clock that was set) becomes one long gap: nothing is known
+// across it, and no filter runs over decades.
+static void set_times(const std::vector<double>& t_s, double dt_s, RunInput* in) {
+  double cut_s = 0;
+  for (size_t i = 0; i < t_s.size(); ++i) {
+    const double gap_s = i ? t_s[i] - t_s[i - 1] : 0.0;
+    if (gap_s > kLongestGap_s) cut_s += gap_s - kLongestGap_s;
+    in->t_s.push_back(t_s[i] - t_s[0] - cut_s);
+    const long tick = std::lround(in->t_s.back() / dt_s);
+    in->tick.push_back(i ? std::max(tick, in->tick.back() + 1) : tick);
+  }
+}
+
+static bool is_stuck(const CampaignRun& run) {
+  for (size_t k = 1; k < run.n(); ++k)
+    if (run.input.rate_dph[static_cast<size_t>(run.used[k])] != run.input.rate_dph[static_cast<size_t>(run.used[0])]) return false;
+  return run.n() > 1;
+}
+
+// Thermometer noise widens the range: its 1 and 99 % points count.
+static void refuse_steady_temperature(const std::vector<std::vector<double>>& temperatures, Campaign* campaign) {
+  if (!campaign->has_temperature) return;
+  std::vector<double> all;
+  for (const auto& run : temperatures) all.insert(all.end(), run.begin(), run.end());
+  std::sort(all.begin(), all.end());
+  const size_t n = all.size();
+  if (all[n - 1 - n / 100] - all[n / 100] >= kLeastSpan_degc) return;
+  campaign->has_temperature = false, campaign->is_temperature_steady = true;
+  campaign->order = 0, campaign->temp_lsb_degc = 0;
 }
 
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
@@ -200,11 +232,7 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
     in.range_degc = campaign.range_degc;
     in.auxiliary = log.auxiliary;
     run.start_s = log.t_s.front();
-    for (double t : log.t_s) {
-      in.t_s.push_back(t - run.start_s);
-      const long tick = std::lround((t - run.start_s) / campaign.dt_s);
-      in.tick.push_back(in.tick.empty() ? tick : std::max(tick, in.tick.back() + 1));
-    }
+    set_times(log.t_s, campaign.dt_s, &in);
     in.rate_dph = column.rate_dph;
     for (size_t i = 0; i < column.flags.size(); ++i)
       if (column.flags[i] & (kSaturated | kSensorFault)) in.rate_dph[i] = std::nan("");
@@ -214,6 +242,7 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
     campaign.runs.push_back(run);
   }
   campaign.temp_lsb_degc = campaign.has_temperature ? coarse_step(temperatures) : 0;
+  refuse_steady_temperature(temperatures, &campaign);
   campaign.lo_degc = 1e300, campaign.hi_degc = -1e300;
   for (CampaignRun& run : campaign.runs) {
     derive(&run, campaign.temp_lsb_degc > 0, campaign.has_temperature);
@@ -222,6 +251,9 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
       campaign.hi_degc = std::max(campaign.hi_degc, temp);
     }
     find_used(&run);
+    if (is_stuck(run))
+      throw data_error(logs[run.input.log].path + ": axis " + axis +
+                       " has one and the same rate in every second: it is stuck or not connected; leave it out with --axis");
     if (run.n() < kFewestSeconds)
       throw data_error(logs[run.input.log].path + ": axis " + axis + " has " + std::to_string(run.n()) +
                        " usable seconds; at least " + std::to_string(kFewestSeconds) + " are needed");

@@ -11,6 +11,9 @@
 
 namespace imucal {
 
+// Below this range of temperature nothing thermal can be asked.
+constexpr double kLeastSpan_degc = 2;
+
 struct CampaignRun {
   RunInput input;
   std::vector<int> used;  // rows with a usable rate, increasing
@@ -22,12 +25,14 @@ struct CampaignRun {
 struct Campaign {
   std::vector<CampaignRun> runs;
   std::string axis;
-  bool has_temperature = true;
+  bool has_temperature = true;      // and it moves
+  bool is_temperature_steady = false; // logged, but moves by less than kLeastSpan_degc
   double lo_degc = 0, hi_degc = 0; // over all runs
   double temp_lsb_degc = 0;        // step of the thermometer where it is coarse; else 0
   double dt_s = 1;
   int order = 3; // of the polynomial
   double t0_degc = 30, range_degc = 30;
+  double spread_dph = 0; // rms of what the polynomial alone leaves in minutes: scale of priors; 0: not known yet
   std::vector<double> coeff_dph; // of the nominal model: only what nulls are simulated with
 
   size_t n() const; // used samples
@@ -40,6 +45,9 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
 
 // Leave further samples out (those a structural effect has spoilt): per run and row.
 void mask(Campaign* campaign, const std::vector<std::vector<char>>& unusable);
+
+// Fills `used` and `steps` from the rates and ticks of the run.
+void find_used(CampaignRun* run);
 
 // Rows of columns that are used.
 Eigen::MatrixXd used_rows(const CampaignRun& run, const std::vector<Column>& columns);

@@ -1,56 +1,62 @@
 // SPDX-License-Identifier: MIT
-// Door of the room: diagnose the sim-to-real gap of the logs of one device (design 1.1, 1.6).
+// Door of the room: diagnose the sim-to-real gap of the logs of one device (design 1.1, 1.6).  The answer is a
+// structure; words and JSON are made from it in host/tools/diagnose.
 #pragma once
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "analysis/diagnose/gap.h"
 #include "analysis/diagnose/identify.h"
+#include "analysis/diagnose/select.h"
 #include "analysis/diagnose/where.h"
 
 namespace imucal {
 
 struct DiagnoseOptions {
-  std::string model_path;
+  std::string model_path; // empty: nothing is believed of the noise
+  // Data sheet in the place of a model: noise known to about a factor of two.
+  std::optional<double> arw_deg_rt_h;
+  std::optional<Markov> instability;
   std::vector<std::string> logs, held_out;
   std::vector<std::string> axes;          // empty: all gyro axes of the first log
   std::vector<std::string> without, only; // effects
-  double false_alarm_rate = 0.01;         // of the whole call: all candidates, tests and axes
-  size_t nulls = 500;
-  std::string cache_folder; // empty: none
+  double false_alarm_rate = 0.01;         // of the whole call: all candidates and axes
+  size_t nulls = 150;                     // simulations of the fitted noise that set the threshold
+  std::string cache_folder;               // empty: none
   uint64_t seed = 1;
   int threads = 1;
-  double model_seconds = 0; // the model's noise was itself estimated from this much data; 0: known
+  double model_seconds = 0; // kept for old command lines: the noise is estimated again in any case
   bool quiet = true;
 };
 
 struct AxisResult {
   std::string axis;
-  Selection selection;
+  std::string refused; // why there is no answer; the rest is then empty
+  AxisStudy study;
+  Campaign campaign; // as masked by structure
+  Fit nominal_fit, final_fit;
   WhereResult where;
-  GapResult gap;
   Identifiability identifiability;
-  std::vector<std::string> advice;
+  bool is_calibration_cached = false;
   double seconds = 0;
 };
 
 struct DiagnoseResult {
-  Json json;        // contract 1.6
-  std::string text; // at most a screen
+  std::vector<AxisResult> axes;
   ErrorModel model; // nominal with the effects found
   std::vector<std::string> warnings;
+  double calibration_s = 0;
+  bool has_model = false;
 };
 
 // data_error: unreadable files, an axis that is not there, identical logs, a held-out log that is fitted too,
-// an effect that is not in the library.
+// an effect that is not in the library, no axis that can be judged.
 DiagnoseResult diagnose(const DiagnoseOptions& options);
 
-// The library as JSON: names, descriptions, parameters.
-Json library_json();
+// The parameters of a term with their standard errors, by the names of the contract.
+Parameters effect_values(const Term& term, const Campaign& campaign);
 
-// Used by report.cpp.
-Json axis_json(const AxisResult& axis, const Campaign& campaign, const Fit& nominal_fit,
-               const Fit& final_fit);
-std::string axis_text(const AxisResult& axis, const Campaign& campaign);
+// $XDG_CACHE_HOME/imucal or ~/.cache/imucal; empty when neither is known.
+std::string default_cache_folder();
 
 } // namespace imucal

@@ -36,6 +36,26 @@ struct TermColumns {
   double precision = 0;
 };
 
+// Start states of an effect with a memory: columns of each run alone, with a weak prior.
+struct StartColumns {
+  std::vector<MatrixXd> of_run;
+  double precision = 0;
+  long cols() const {
+    long sum = 0;
+    for (const MatrixXd& m : of_run) sum += m.cols();
+    return sum;
+  }
+};
+StartColumns start_columns(const Campaign& campaign, const Term& term) {
+  StartColumns out;
+  if (term.form() != Form::kColumns && term.form() != Form::kTemperature) return out;
+  const double sd = term.estimator->prior().start * campaign.spread_dph;
+  out.precision = sd > 0 ? 1 / (sd * sd) : 1e-6;
+  for (const CampaignRun& run : campaign.runs)
+    out.of_run.push_back(used_rows(run, term.estimator->start_columns(run.input, term.shape)));
+  return out;
+}
+
 TermColumns term_columns(const Campaign& campaign, const Term& term) {
   TermColumns out;
   const int n_runs = static_cast<int>(campaign.runs.size());
@@ -93,6 +113,12 @@ Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
     of_terms.push_back(term_columns(campaign, hypothesis.terms[t]));
     for (int i = 0; i < of_terms.back().n; ++i) design.term_of_column.push_back(static_cast<int>(t));
   }
+  std::vector<StartColumns> starts;
+  for (const Term& term : hypothesis.terms) starts.push_back(start_columns(campaign, term));
+  for (const Term& term : hypothesis.known) starts.push_back(start_columns(campaign, term));
+  for (const StartColumns& start : starts) {
+    design.term_of_column.insert(design.term_of_column.end(), static_cast<size_t>(start.cols()), -3);
+  }
   const long p = static_cast<long>(design.cols());
   design.prior_precision = VectorXd::Zero(p);
   for (size_t r = 0; r < n_runs; ++r) {
@@ -108,6 +134,12 @@ Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
       columns.fill(r, &x, first);
       first += columns.n;
     }
+    for (const StartColumns& start : starts)
+      for (size_t of = 0; of < start.of_run.size(); ++of) {
+        const long width = start.of_run[of].cols();
+        if (of == r) x.middleCols(first, width) = start.of_run[of];
+        first += static_cast<int>(width);
+      }
     design.x.push_back(std::move(x));
   }
   int first = static_cast<int>(n_runs) + campaign.order;
@@ -115,6 +147,8 @@ Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
     for (int i = 0; i < columns.n; ++i) design.prior_precision[first + i] = columns.precision;
     first += columns.n;
   }
+  for (const StartColumns& start : starts)
+    for (long i = 0; i < start.cols(); ++i) design.prior_precision[first++] = start.precision;
   return design;
 }
 

@@ -28,6 +28,7 @@ struct Term {
 
 struct Hypothesis {
   std::vector<Term> terms;
+  std::vector<Term> known; // taken out of the rates already; only the states they began in are free
   NoiseModel base_noise;    // nominal, or re-estimated
   NoiseModel noise() const; // with what the noise terms make of it
 };
@@ -36,7 +37,7 @@ struct Hypothesis {
 struct Design {
   std::vector<Eigen::MatrixXd> x;  // per run: used samples x columns
   Eigen::VectorXd prior_precision; // per column: 1/s^2 of a random coefficient, else 0
-  std::vector<int> term_of_column; // -2: constant of a run, -1: polynomial, else the place of the term
+  std::vector<int> term_of_column; // -3: start state of a run, -2: its constant, -1: polynomial, else the term
   size_t cols() const { return term_of_column.size(); }
 };
 Design make_design(const Campaign& campaign, const Hypothesis& hypothesis);

@@ -1,35 +1,44 @@
 // SPDX-License-Identifier: MIT
-// How far the gap shrinks on data the fit never saw: held-out deviance of the nominal and of the final model.
+// How far the gap shrinks on data that were not fitted.
+//
+// A hypothesis M predicts a held-out unit u (a log, or a quarter of the only one) with log density
+// L(M; train + u) - L(M; train): constants and start states of u are integrated out.  In dph: the mean learned from the
+// training data is taken off the held-out rates, and what is left is averaged over minutes.
+//   shrinkage = (ms_before - ms_after) / (ms_before - noise)
+// with the mean squares ms of those minutes and what the noise model alone leaves in them.
 #pragma once
 #include <cstdint>
 #include <string>
 #include <vector>
 
-#include "analysis/diagnose/select.h"
+#include "analysis/diagnose/fit.h"
+#include "analysis/diagnose/search.h"
 
 namespace imucal {
 
+enum class HeldOut { kLogs, kEachLog, kQuarters };
+
 struct GapResult {
-  std::string method;           // "held-out logs", "each log in turn", "quarters of the one log"
-  double before = 0, after = 0; // deviance per hour above the best reference
-  double shrinkage = 0;
-  double ci_lo = 0, ci_hi = 0; // 95 % of the shrinkage
-  double gain = 0, gain_lo = 0,
-         gain_hi = 0;        // deviance per hour that the effects remove, with its 95 % interval
-  double delta_deviance = 0; // D(nominal) - D(final), all held-out units
-  std::vector<double> delta_by_unit;
-  // Per term of the final hypothesis: deviance per hour that the held-out data lose when this term alone is
-  // left out of it; negative: they speak against it.  NaN: a step, which belongs to its log.
-  std::vector<double> gain_by_term;
+  HeldOut method = HeldOut::kEachLog;
+  double before = 0, after = 0; // mean square above the noise, dph^2
+  double shrinkage = 0, ci_lo = 0, ci_hi = 0;
+  bool has_mean = false;             // something in the mean predicts other data; else the figures are of the deviance
+  double gain = 0;                   // deviance per hour that the names remove
+  double delta_deviance = 0;         // of all held-out units
+  std::vector<double> delta_by_unit; // deviance
+  std::vector<double> nats_by_name;  // what the held-out data lose without this name; < 0: they speak against it
   double hours = 0;
-  double rms_before_dph = 0, rms_after_dph = 0; // 60-s means of rate minus fitted mean
-  double dp2_before_dph = 0, dp2_after_dph = 0; // distance of the DP2 curves of data and model
-  std::string interval_method, remainder;
+  double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of one-minute means
+  double dp2_before_dph = 0, dp2_after_dph = 0;                   // distance of the DP2 curves of data and model
   std::vector<double> dp2_tau_s, dp2_data_dph, dp2_nominal_dph, dp2_final_dph;
 };
 
-// `held_out`: further logs; nullptr: each log of `campaign` in turn.
-GapResult measure_gap(const Campaign& campaign, const Campaign* held_out, const Selection& selection,
-                      uint64_t seed);
+// `training`: block means of the fitted logs; `held_out`: of further logs, or nullptr.
+GapResult measure_gap(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
+                      const SlowModel& null, const SlowModel& final);
+
+// DP2 of the residuals of both models against simulations of both (in `gap`).
+void compare_dp2(const Campaign& seconds, const NoiseModel& nominal, const NoiseModel& final, const Fit& before,
+                 const Fit& after, uint64_t seed, GapResult* gap);
 
 } // namespace imucal

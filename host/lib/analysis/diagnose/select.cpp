@@ -4,644 +4,534 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <memory>
+
+#include "analysis/diagnose/blocks.h"
+#include "analysis/diagnose/structure.h"
 
 namespace imucal {
 
+using Eigen::VectorXd;
+
 namespace {
 
-constexpr double kPolishAbsolute_nats = 15, kPolishRelative = 0.12;
-constexpr double kStepCost_nats = 9, kStepKept_nats = 12;
-constexpr int kMostSteps = 6;
-constexpr double kGrave = 0.002; // part of the samples clipped or dead from which the mean is biased
-// A library-free test that explains this much more than the named effects says that the names are wrong.
-constexpr double kUnknownFactor = 1.02, kUnknownMargin_nats = 4;
-constexpr double kUnknownNoiseFactor = 1.05;
-constexpr double kCarries = 0.1; // part of the whole gain that one name at least has to hold
-constexpr double kAsGood_nats = 1.0;
-constexpr double kNamedShare = 0.9;      // named part of what is explained that still counts as an answer
-constexpr double kPatchworkShare = 0.99; // the same of three names, which could approximate any shape
-constexpr double kCancel = 2; // gain of one name over that of all: from here on the names cancel each other
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kFast_nats = 8;     // of a kind of fast noise, its parameters and the choice among kinds included
+constexpr double kLine_nats = 22;    // of a line in the spectrum: the largest of 10^5 frequencies exceeds 11.5
+constexpr double kDrift_nats = 28;   // the same with a drift searched over
+constexpr double kCarried = 0.75;    // part of the spread of the data that a cause must take to be a rival of slow noise
+constexpr double kUndecided_nats = 4; // by which it may score less than slow noise
+constexpr double kSlowTau_part = 0.02; // of the longest log: time constant from which noise counts as slow
+constexpr size_t kUndecidedTried = 4;
+constexpr double kRetuned_nats = 7;   // of three noise parameters: chi2/2 at about 1 in 300
 
-class Selector {
+class Study {
 public:
-  Selector(Campaign* campaign, const Hypothesis& nominal, const std::vector<const Effect*>& library,
-           const std::vector<bool>& active, const Calibration& calibration, const Thresholds& thresholds,
-           const SelectOptions& options)
-      : campaign_(*campaign), library_(library), active_(active), calibration_(calibration), thr_(thresholds),
-        options_(options) {
-    out_.nominal = nominal;
-    for (size_t j = 0; j < library.size(); ++j)
-      if (library[j]->estimator() && library[j]->estimator()->is_nominal_noise())
-        retune_ = static_cast<int>(j);
-  }
+  Study(Campaign* campaign, const Campaign* held_out, NoiseBelief belief,
+        const std::vector<const Effect*>& library, const std::vector<bool>& active, const SelectOptions& options)
+      : campaign_(*campaign), held_out_(held_out), belief_(std::move(belief)), library_(library), active_(active),
+        options_(options) {}
 
-  Selection run() {
+  AxisStudy run() {
     structural();
-    out_.nominal.terms = h_.terms;
-    bank_.reset(new ColumnBank(campaign_, library_));
-    start_value_ = fit().log_likelihood;
-    start_energy_ = block_energy();
-    for (int round = 0; round < options_.max_effects + 1; ++round) {
-      if (n_counted() >= options_.max_effects) break;
-      const Fit now = fit();
-      const Panel panel(bank_.get(), h_, round == 0 ? PanelScope::kAll : PanelScope::kCandidates);
-      const PanelScores scores = panel.score(now, calibration_.spectrum);
-      if (round == 0) out_.before = findings(scores);
-      if (!step(panel, scores, now)) break;
-      if (chosen_.size() >= 2) backward();
+    if (campaign_.n() < 60) {
+      selection().cannot_judge = true;
+      selection().effects = structural_;
+      selection().verdict = Verdict::kPartlyExplained;
+      return std::move(out_);
     }
+    const double block_s = block_length_s(campaign_);
+    out_.data.reset(new SlowData(block_means(campaign_, block_s)));
+    campaign_.spread_dph = out_.data->spread_dph;
+    out_.search.reset(new SlowSearch(*out_.data, belief_, library_, active_, options_.thresholds));
+    if (options_.calibrate) {
+      options_.thresholds.mean_nats = options_.calibrate(out_.search.get());
+      out_.search->set_thresholds(options_.thresholds);
+    }
+    out_.slow = out_.search->run();
+    if (held_out_) held_blocks_.reset(new Campaign(block_means(*held_out_, block_s)));
+    hold_out();
+    seconds();
+    name_slow();
+    name_undecided();
+    name_fast();
+    name_retuned();
     finish();
-    return out_;
+    return std::move(out_);
   }
 
 private:
-  struct Choice {
-    size_t candidate;
-    SelectedEffect effect;
-  };
-
-  // The structural effects that may be named, in the order of their detection.
-  std::vector<size_t> structural_effects() const {
-    std::vector<size_t> places;
-    for (size_t j = 0; j < library_.size(); ++j)
-      if (active_[j] && library_[j]->estimator() && library_[j]->estimator()->is_structural())
-        places.push_back(j);
-    std::sort(places.begin(), places.end(), [&](size_t a, size_t b) {
-      return library_[a]->estimator()->detection_order() < library_[b]->estimator()->detection_order();
-    });
-    return places;
-  }
-  bool is_in(size_t j) const {
-    for (const Choice& c : chosen_)
-      if (c.candidate == j) return true;
-    return false;
-  }
-  // Re-tuned noise is a finding of its own and takes no place.
-  int n_counted() const {
-    int n = 0;
-    for (const Choice& c : chosen_) n += static_cast<int>(c.candidate) != retune_;
-    return n;
-  }
-  // A mixture claims a shape of the distribution besides: one more.
-  size_t n_parameters(size_t j) const {
-    const EffectEstimator& estimator = *library_[j]->estimator();
-    const NoiseModel base = out_.nominal.base_noise;
-    const bool is_mixture = estimator.form() == Form::kNoise &&
-                            estimator.noise(base, estimator.starts(base).front()).is_mixture();
-    return library_[j]->parameters().size() + (is_mixture ? 1 : 0);
-  }
-  Term term_of(size_t j, const Theta& shape) const {
+  Selection& selection() { return out_.selection; }
+  const Candidate& candidate(size_t j) const { return out_.search->candidates()[j]; }
+  Term term_of(const Effect* effect, const EffectEstimator* estimator, const Theta& shape) const {
     Term term;
-    term.effect = library_[j];
-    term.estimator = library_[j]->estimator();
-    term.shape = shape;
+    term.effect = effect, term.estimator = estimator, term.shape = shape;
     return term;
   }
+  CandidateEvidence evidence_of(size_t j, double gain, double threshold) const {
+    const Candidate& c = candidate(j);
+    return {c.effect, c.reference, false, c.family(), gain, threshold};
+  }
 
-  // Deterministic signatures first: what they spoil is left out of all that follows.
   void structural() {
-    h_ = out_.nominal;
-    for (const size_t j : structural_effects()) {
-      const EffectEstimator* estimator = library_[j]->estimator();
-      std::vector<RunInput> inputs;
-      for (const CampaignRun& run : campaign_.runs) inputs.push_back(run.input);
-      const auto signature = estimator->detect(inputs);
-      if (!signature) continue;
+    const StructureResult found = find_structure(&campaign_, library_, active_);
+    selection().n_dropouts = found.n_dropouts, selection().n_left_out = found.n_left_out;
+    extra_white_dph2_ = belief_.model.extra_white_dph2 = found.extra_white_dph2;
+    is_censored_ = found.is_censored;
+    for (const StructureFinding& f : found.findings) {
       SelectedEffect effect;
-      effect.term = term_of(j, {});
-      effect.term.fixed_parameters = signature->parameters;
+      effect.family = f.effect->family();
+      effect.term = term_of(f.effect, f.effect->estimator(), {});
+      effect.term.fixed_parameters = f.signature.parameters;
       effect.is_structural = true;
-      effect.statement = signature->statement;
-      effect.gain_nats = effect.evidence_nats = signature->evidence_nats;
-      effect.p_value = 0;
-      effect.set = {{library_[j]->name(), signature->evidence_nats, 0, signature->evidence_nats,
-                     std::numeric_limits<double>::quiet_NaN()}};
+      effect.statement = f.signature.statement;
+      effect.gain_nats = effect.evidence_nats = f.signature.evidence_nats;
+      effect.held_out_nats = kNaN;
+      effect.set = {{f.effect, nullptr, false, effect.family, f.signature.evidence_nats, 0}};
       structural_.push_back(effect);
-      h_.base_noise.extra_white_dph2 += signature->extra_white_dph2;
-      const double samples = static_cast<double>(campaign_.n());
-      is_on_lattice_ = is_on_lattice_ || signature->extra_white_dph2 > 0;
-      if (!signature->unusable.empty()) mask(&campaign_, signature->unusable);
-      if (estimator->is_censoring()) {
-        is_censored_ = true;
-        is_gravely_censored_ = static_cast<double>(campaign_.n()) < (1 - kGrave) * samples;
-      }
     }
-    out_.nominal.base_noise = h_.base_noise;
   }
 
-  // What censoring distorts cannot be judged: the spread of the samples; the mean too, where many are
-  // missing.
-  bool is_suppressed(size_t j) const {
-    if (is_gravely_censored_) return true;
-    if (!is_censored_) return false;
-    const Form form = library_[j]->estimator()->form();
-    return form == Form::kNoise || form == Form::kRunRandom;
-  }
-
-  std::vector<GenericFinding> findings(const PanelScores& scores) const {
-    std::vector<GenericFinding> out;
-    for (size_t g = 0; g < scores.generic.size(); ++g) {
-      const std::string& name = generic_names()[g];
-      if (is_gravely_censored_) continue;
-      if (is_on_lattice_ && (name == "distribution" || name == "asymmetry")) continue;
-      if (is_censored_ && (name.rfind("variance", 0) == 0 || name == "distribution" || name == "spectrum" ||
-                           name == "bursts" || name == "asymmetry"))
-        continue;
-      out.push_back({g, scores.generic[g], thr_.generic[g]});
-    }
-    return out;
-  }
-
-  // Evidence of all candidates over h_; noise candidates near the top by their exact likelihood.
-  std::vector<CandidateEvidence> scan(const PanelScores& scores, std::vector<Theta>* shapes) {
-    const size_t n = library_.size();
-    std::vector<CandidateEvidence> list(n);
-    shapes->assign(n, {});
-    double top = 0;
-    for (size_t j = 0; j < n; ++j) {
-      list[j].name = library_[j]->name();
-      list[j].threshold_nats = thr_.named[j];
-      list[j].gain_nats = usable(j) ? scores.named[j].gain_nats : 0;
-      if (static_cast<int>(j) == retune_) list[j].gain_nats *= options_.noise_discount;
-      (*shapes)[j] = scores.named[j].shape;
-      list[j].gain_reestimated_nats = std::numeric_limits<double>::quiet_NaN();
-      top = std::max(top, list[j].gain_nats);
-    }
-    const double near = top - std::max(kPolishAbsolute_nats, kPolishRelative * top);
-    std::unique_ptr<NoiseObjective> objective;
-    double base_value = 0;
-    for (size_t j = 0; j < n; ++j) {
-      if (!usable(j) || library_[j]->estimator()->form() != Form::kNoise) continue;
-      if (list[j].gain_nats < near || list[j].gain_nats < list[j].threshold_nats - 4) continue;
-      const NoiseModel base = h_.noise();
-      if (!objective) {
-        objective.reset(new NoiseObjective(campaign_, h_));
-        base_value = base.is_mixture() ? objective->mixture(base) : objective->reml(base);
-      }
-      const NoiseFit best = polish(*objective, j, base, scores.named[j].shape);
-      list[j].gain_nats = std::max(0.0, best.value - base_value);
-      if (static_cast<int>(j) == retune_) list[j].gain_nats *= options_.noise_discount;
-      (*shapes)[j] = best.theta;
-    }
-    for (CandidateEvidence& c : list) c.evidence_nats = c.gain_nats - c.threshold_nats;
-    return list;
-  }
-  NoiseFit polish(const NoiseObjective& objective, size_t j, const NoiseModel& base,
-                  const Theta& start) const {
-    std::vector<Theta> starts;
-    if (!start.empty()) starts.push_back(start);
-    if (library_[j]->estimator()->noise(base, library_[j]->estimator()->starts(base).front()).is_mixture() &&
-        library_[j]->estimator()->has_markov_spectrum())
-      for (Theta other : library_[j]->estimator()->starts(base)) starts.push_back(other);
-    return fit_noise(objective, *library_[j]->estimator(), base, starts, 40);
-  }
-  bool usable(size_t j) const {
-    const EffectEstimator* estimator = library_[j]->estimator();
-    if (!estimator || !active_[j] || is_suppressed(j)) return false;
-    if (is_in(j)) return false;
-    return true;
-  }
-  bool is_mean(size_t j) const {
-    const Form form = library_[j]->estimator()->form();
-    return form == Form::kColumns || form == Form::kTemperature || form == Form::kRunRandom ||
-           form == Form::kTone || form == Form::kSteps;
-  }
-  // The same cause repeats in every run: what slow noise cannot do.
-  bool is_repeatable(size_t j) const {
-    const Form form = library_[j]->estimator()->form();
-    return form == Form::kColumns || form == Form::kTemperature;
-  }
-
-  // What re-estimated noise parameters gain over a hypothesis, by restricted likelihood.
-  double retuned(const Hypothesis& h, const std::vector<Theta>& starts) {
-    const NoiseObjective objective(campaign_, h);
-    const NoiseModel base = h.noise();
-    const EffectEstimator& retune = *library_[static_cast<size_t>(retune_)]->estimator();
-    return std::max(0.0, fit_noise(objective, retune, base, starts, 40).value - objective.reml(base));
-  }
-  // Gain of candidate j with the noise parameters estimated with and without it (`retune_gain`).
-  double reestimated_gain(size_t j, const Theta& shape, double retune_gain) {
-    Hypothesis with = h_;
-    with.terms.push_back(term_of(j, shape));
-    return fit_hypothesis(campaign_, with).log_likelihood - fit().log_likelihood + retuned(with, {}) -
-           retune_gain;
-  }
-
-  // One addition to h_.  False: nothing holds.
-  bool step(const Panel& panel, const PanelScores& scores, const Fit& fit) {
-    std::vector<Theta> shapes;
-    std::vector<CandidateEvidence> list = scan(scores, &shapes);
-    if (out_.first_scan.empty()) out_.first_scan = list;
-    std::vector<bool> excluded(list.size(), false);
-    double retune_gain = retune_ >= 0 ? scores.named[static_cast<size_t>(retune_)].gain_nats : 0;
-    bool is_exact = false; // a periodogram takes a mean that is left for noise, and counts it too high
+  // Names live by what they predict: one that the held-out data do not support goes, the least supported first.
+  void hold_out() {
+    SlowModel& best = out_.slow.best;
     while (true) {
-      int best = -1;
-      for (size_t j = 0; j < list.size(); ++j)
-        if (usable(j) && !excluded[j] && list[j].evidence_nats > 0 &&
-            (best < 0 || list[j].evidence_nats > list[static_cast<size_t>(best)].evidence_nats))
-          best = static_cast<int>(j);
-      if (best < 0) return false;
-      // Of those that explain it as well, the one with fewest parameters (telegraph noise has the spectrum of
-      // a Markov process, which has that of a random walk as its limit).
-      const int strongest = best;
-      for (size_t j = 0; j < list.size(); ++j)
-        if (usable(j) && !excluded[j] && list[j].evidence_nats > 0 &&
-            list[j].evidence_nats > list[static_cast<size_t>(strongest)].evidence_nats - kAsGood_nats &&
-            n_parameters(j) < n_parameters(static_cast<size_t>(best)))
-          best = static_cast<int>(j);
-      const size_t b = static_cast<size_t>(best);
-      if (is_mean(b) && retune_ >= 0 && list[b].evidence_nats < retune_gain && !h_.noise().is_mixture() &&
-          !is_in(static_cast<size_t>(retune_))) {
-        if (!is_exact) {
-          const Theta& start = scores.named[static_cast<size_t>(retune_)].shape;
-          retune_gain = retuned(h_, start.empty() ? std::vector<Theta>{} : std::vector<Theta>{start});
-          is_exact = true;
-        }
-        const double gain = reestimated_gain(b, shapes[b], retune_gain);
-        list[b].gain_reestimated_nats = gain;
-        if (gain < list[b].threshold_nats) {
-          excluded[b] = true;
-          out_.notes.push_back(list[b].name + " gains " + number(list[b].gain_nats) +
-                               " nats with the nominal noise but only " + number(gain) +
-                               " when the noise is re-estimated: not named");
-          continue;
-        }
+      out_.gap = measure_gap(*out_.search, *out_.data, held_blocks_.get(), out_.slow.null, best);
+      size_t worst = 0;
+      for (size_t i = 1; i < best.names.size(); ++i)
+        if (support(i) < support(worst)) worst = i;
+      if (best.names.empty() || support(worst) >= options_.least_held_out_nats) return;
+      SelectedEffect gone = slow_effect(worst);
+      gone.doubt = Doubt::kAgainst;
+      selection().dropped.push_back(gone);
+      best.names.erase(best.names.begin() + static_cast<long>(worst));
+      out_.slow.evidence.erase(out_.slow.evidence.begin() + static_cast<long>(worst));
+      out_.slow.rivals.erase(out_.slow.rivals.begin() + static_cast<long>(worst));
+      if (best.names.empty()) {
+        best = best_without_names();
+        out_.slow.evidence.clear(), out_.slow.rivals.clear();
+        if (best.noise_effect) out_.slow.evidence.push_back(noise_evidence(best));
       }
-      if (!is_mean(b) && library_[b]->estimator()->is_slow_noise()) {
-        if (const int repeatable = repeatable_under(b, shapes, list); repeatable >= 0) {
-          const size_t j = static_cast<size_t>(repeatable);
-          out_.notes.push_back(list[b].name + " alone would explain " + number(list[b].gain_nats) +
-                               " nats, but slow noise can absorb any smooth change; with it in place " +
-                               list[j].name + " still gains " + number(list[j].gain_reestimated_nats) +
-                               " nats, so the repeatable cause is named first");
-          accept(j, shapes[j], list, panel, fit);
-          return true;
-        }
-      }
-      accept(b, shapes[b], list, panel, fit);
-      return true;
     }
   }
-  static std::string number(double x) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.0f", x);
-    return text;
+  // What differs from run to run by chance predicts nothing: it is not asked to.
+  double support(size_t i) const {
+    const Candidate& c = candidate(out_.slow.best.names[i].candidate);
+    if (c.scan.estimator->form() == Form::kRunRandom) return 1e9;
+    return i < out_.gap.nats_by_name.size() ? out_.gap.nats_by_name[i] : 0;
   }
-
-  // A repeatable candidate that holds with the nominal noise and with the slow noise `b` in the model: the
-  // best one.
-  int repeatable_under(size_t b, const std::vector<Theta>& shapes, std::vector<CandidateEvidence>& list) {
-    bool any = false;
-    for (size_t j = 0; j < list.size(); ++j)
-      any = any || (usable(j) && j != b && is_repeatable(j) && list[j].evidence_nats > 0);
-    if (!any) return -1;
-    Hypothesis slow = h_;
-    slow.terms.push_back(term_of(b, shapes[b]));
-    const Panel panel(bank_.get(), slow, PanelScope::kCandidates);
-    const PanelScores scores = panel.score(fit_hypothesis(campaign_, slow), {});
-    int best = -1;
-    double best_evidence = 0;
-    for (size_t j = 0; j < list.size(); ++j) {
-      if (!usable(j) || !is_repeatable(j) || list[j].evidence_nats <= 0) continue;
-      list[j].gain_reestimated_nats = scores.named[j].gain_nats;
-      const double evidence = scores.named[j].gain_nats - list[j].threshold_nats;
-      if (evidence > best_evidence) best = static_cast<int>(j), best_evidence = evidence;
-    }
+  double noise_evidence(const SlowModel& m) const {
+    return m.free_score() + m.noise_charge - out_.slow.null.free_score() - options_.thresholds.noise_nats;
+  }
+  SlowModel best_without_names() const {
+    SlowModel best = out_.slow.null;
+    for (const SlowCandidateScore& s : out_.slow.noises)
+      if (s.gain_nats > best.free_score()) best = s.model;
     return best;
   }
 
-  void accept(size_t j, const Theta& shape, const std::vector<CandidateEvidence>& list, const Panel& panel,
-              const Fit& fit) {
-    Choice choice;
-    choice.candidate = j;
-    choice.effect.term = term_of(j, shape);
-    choice.effect.gain_nats = list[j].gain_nats;
-    choice.effect.evidence_nats = list[j].evidence_nats;
-    choice.effect.set.push_back(list[j]);
-    for (size_t i = 0; i < list.size(); ++i)
-      if (i != j && usable(i) && list[i].evidence_nats > 0 &&
-          list[i].evidence_nats > list[j].evidence_nats - options_.set_width_nats)
-        choice.effect.set.push_back(list[i]);
-    std::sort(choice.effect.set.begin() + 1, choice.effect.set.end(),
+  SelectedEffect slow_effect(size_t i) const {
+    const SlowModel::Name& name = out_.slow.best.names[i];
+    const Candidate& c = candidate(name.candidate);
+    SelectedEffect effect;
+    effect.family = c.family();
+    effect.term = term_of(c.effect, c.scan.estimator, name.shape);
+    effect.evidence_nats = out_.slow.evidence[i];
+    effect.gain_nats = effect.evidence_nats + options_.thresholds.mean_nats;
+    effect.held_out_nats = c.scan.estimator->form() == Form::kRunRandom ? kNaN
+                           : i < out_.gap.nats_by_name.size()          ? out_.gap.nats_by_name[i]
+                                                                       : kNaN;
+    const double threshold = options_.thresholds.mean_nats;
+    effect.set.push_back(evidence_of(name.candidate, effect.gain_nats, threshold));
+    double nearest = 1e300; // of another member of the family
+    for (const SlowResult::Rival& rival : out_.slow.rivals[i]) {
+      const Effect* other = rival.noise_effect ? rival.noise_effect : candidate(rival.candidate).effect;
+      if (!other) continue;
+      if (other->family() == effect.family) nearest = std::min(nearest, rival.gap_nats);
+      effect.set.push_back({other, nullptr, false, other->family(), effect.gain_nats - rival.gap_nats, threshold});
+    }
+    if (!c.effect || name.is_at_bound) {
+      effect.is_family = true;
+      effect.doubt = Doubt::kShapeOpen;
+      add_members(&effect);
+    } else if (nearest < options_.family_margin_nats) {
+      effect.is_family = true;
+      effect.doubt = Doubt::kMemberOpen;
+    }
+    return effect;
+  }
+
+  // The members of a family whose shape is open, by what each gains alone.
+  void add_members(SelectedEffect* effect) const {
+    std::vector<CandidateEvidence> members;
+    for (size_t j = 0; j < out_.slow.singles.size(); ++j) {
+      const Effect* member = candidate(j).effect;
+      const double gain = out_.slow.singles[j].gain_nats - out_.slow.null.free_score();
+      if (!member || member == effect->term.effect || member->family() != effect->family || gain <= 0) continue;
+      members.push_back(evidence_of(j, gain, options_.thresholds.mean_nats));
+    }
+    std::sort(members.begin(), members.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+    effect->set.insert(effect->set.end(), members.begin(), members.end());
+  }
+
+  // A free shape beside a member of the same family is what that member leaves, not another cause.
+  void name_slow() {
+    const SlowModel& best = out_.slow.best;
+    std::vector<SelectedEffect> list;
+    for (size_t i = 0; i < best.names.size(); ++i)
+      if (out_.slow.evidence[i] > 0) list.push_back(slow_effect(i));
+    std::sort(list.begin(), list.end(),
               [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
-    choice.effect.p_value = thr_.p_value(choice.effect.evidence_nats);
-    refine(panel, fit, &choice.effect.term);
-    chosen_.push_back(choice);
-    rebuild();
-    if (choice.effect.term.form() == Form::kSteps) more_steps();
-    if (chosen_.size() > 1) refine_together();
-  }
-  Hypothesis all_but(const Choice& left_out) const {
-    Hypothesis others = out_.nominal;
-    for (const Choice& c : chosen_)
-      if (&c != &left_out) others.terms.push_back(c.effect.term);
-    return others;
-  }
-  // What was found first was found without the rest: its shape is searched again beside it.
-  void refine_together() {
-    for (Choice& c : chosen_) {
-      const Hypothesis others = all_but(c);
-      const Form form = c.effect.term.form();
-      if (form == Form::kNoise) {
-        const NoiseObjective objective(campaign_, others);
-        const NoiseFit best =
-            fit_noise(objective, *c.effect.term.estimator, others.noise(), {c.effect.term.shape}, 25);
-        if (best.theta.size()) c.effect.term.shape = best.theta;
-      } else if (form == Form::kColumns || form == Form::kTemperature) {
-        const Panel panel(bank_.get(), others, PanelScope::kDesign);
-        refine(panel, fit_hypothesis(campaign_, others), &c.effect.term);
-      }
+    std::vector<SelectedEffect> kept;
+    for (const SelectedEffect& effect : list) {
+      bool is_rest = false;
+      for (const SelectedEffect& other : list)
+        is_rest = is_rest || (!effect.term.effect && other.term.effect && other.family == effect.family);
+      if (is_rest) selection().remainders.push_back(effect.set.front());
+      else kept.push_back(effect);
     }
-    rebuild();
+    named_ = kept;
+    for (size_t j : out_.slow.replaced) selection().remainders.push_back(evidence_of(j, 0, 0));
+    if (!best.steps.empty()) name_steps();
+    if (best.noise_effect && !out_.slow.evidence.empty() && out_.slow.evidence.back() > 0) name_slow_noise();
   }
-  void rebuild() {
-    Hypothesis h = out_.nominal;
-    for (const Choice& c : chosen_) h.terms.push_back(c.effect.term);
-    h_ = h;
-    fit_.reset();
+  void name_steps() {
+    for (size_t j = 0; j < library_.size(); ++j) {
+      const EffectEstimator* e = library_[j]->estimator();
+      if (!e || e->form() != Form::kSteps) continue;
+      Theta shape;
+      for (const Theta& step : out_.slow.best.steps) shape.insert(shape.end(), step.begin(), step.end());
+      SelectedEffect effect;
+      effect.family = library_[j]->family();
+      effect.term = term_of(library_[j], e, shape);
+      effect.gain_nats = out_.slow.step_gain_nats;
+      effect.evidence_nats =
+          effect.gain_nats - options_.thresholds.step_nats * static_cast<double>(out_.slow.best.steps.size());
+      effect.held_out_nats = kNaN;
+      effect.set = {{library_[j], nullptr, false, effect.family, effect.gain_nats,
+                     effect.gain_nats - effect.evidence_nats}};
+      named_.push_back(effect);
+    }
   }
-  // The fit of h_.
-  const Fit& fit() {
-    if (!fit_) fit_.reset(new Fit(fit_hypothesis(campaign_, h_)));
-    return *fit_;
+  void name_slow_noise() {
+    const SlowModel& best = out_.slow.best;
+    SelectedEffect effect;
+    effect.family = best.noise_effect->family();
+    effect.term = term_of(best.noise_effect, best.noise_effect->estimator(), best.noise_theta);
+    effect.evidence_nats = out_.slow.evidence.back();
+    effect.gain_nats = effect.evidence_nats + options_.thresholds.noise_nats;
+    effect.held_out_nats = kNaN;
+    const double threshold = options_.thresholds.noise_nats;
+    effect.set = {{best.noise_effect, nullptr, false, effect.family, effect.gain_nats, threshold}};
+    double nearest = 1e300;
+    for (const SlowCandidateScore& s : out_.slow.noises) {
+      if (s.model.noise_effect == best.noise_effect || !best.names.empty()) continue;
+      const double gap = best.free_score() - s.gain_nats;
+      if (gap > 3) continue;
+      nearest = std::min(nearest, gap);
+      effect.set.push_back({s.model.noise_effect, nullptr, false, effect.family, effect.gain_nats - gap, threshold});
+    }
+    if (nearest < options_.family_margin_nats) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+    named_.push_back(effect);
   }
 
-  // Shape parameters off the grid.
-  void refine(const Panel& panel, const Fit& fit, Term* term) {
-    const EffectEstimator& estimator = *term->estimator;
-    Theta lo = estimator.shape_lo(), hi = estimator.shape_hi();
-    SearchOptions options;
-    options.max_evaluations = 30;
-    options.tolerance = 0.005;
-    if (term->form() == Form::kTone) {
-      const double width = 1.0 / longest();
-      lo = {term->shape[0] - width}, hi = {term->shape[0] + width};
-      options.step = 0.3 * width;
-      options.tolerance = 1e-4;
-    } else if (term->form() == Form::kSteps) {
-      refine_step(panel, fit, estimator, &term->shape, 0);
-      return;
-    } else if ((term->form() != Form::kColumns && term->form() != Form::kTemperature) || lo.empty()) {
-      return;
-    } else {
-      options.step = std::max(0.02, 0.1 * std::fabs(term->shape[0]));
-    }
-    maximise([&](const Theta& shape) { return panel.gain_at(estimator, shape, fit); }, &term->shape, lo, hi,
-             options);
+  // Slow noise explains it, but a repeatable cause that takes most of it would do so as well.
+  void name_undecided() {
+    if (!selection().dropped.empty()) return;
+    const SlowModel& best = out_.slow.best;
+    if (!named_.empty() && !(named_.size() == 1 && named_[0].family == Family::kSlowNoise)) return;
+    const NoiseModel noise = out_.search->seconds_noise_of(best);
+    double longest = 0;
+    for (const CampaignRun& run : campaign_.runs) longest = std::max(longest, run.input.t_s.back());
+    double slowest = 0;
+    for (const Markov& m : noise.markov) slowest = std::max(slowest, m.tau_s);
+    if (slowest < kSlowTau_part * longest && !(noise.walk_dph_per_rt_s > 0)) return;
+    const std::vector<CandidateEvidence> rivals = repeatable_rivals();
+    if (rivals.empty()) return;
+    SelectedEffect effect;
+    if (!named_.empty()) effect = named_[0];
+    effect.family = Family::kSlowNoise;
+    effect.is_family = true;
+    effect.doubt = Doubt::kSlowNoise;
+    effect.held_out_nats = kNaN;
+    CandidateEvidence own;
+    own.is_family = true, own.family = Family::kSlowNoise;
+    effect.set.insert(effect.set.begin(), own);
+    std::vector<Family> seen;
+    for (const CandidateEvidence& rival : rivals)
+      if (std::find(seen.begin(), seen.end(), rival.family) == seen.end()) {
+        seen.push_back(rival.family);
+        CandidateEvidence family = rival;
+        family.effect = nullptr, family.is_family = true;
+        effect.set.push_back(family);
+      }
+    effect.set.insert(effect.set.end(), rivals.begin(), rivals.end());
+    named_ = {effect};
   }
-  void refine_step(const Panel& panel, const Fit& fit, const EffectEstimator& estimator, Theta* shape,
-                   size_t s) {
-    const size_t r = static_cast<size_t>((*shape)[2 * s]);
-    const RunInput& in = campaign_.runs[r].input;
-    const double centre = (*shape)[2 * s + 1];
-    double best = -1, at = centre;
-    for (double t : in.t_s) {
-      if (t < centre - 45 || t > centre + 45) continue;
-      const double gain = panel.gain_at(estimator, {(*shape)[2 * s], t}, fit);
-      if (gain > best) best = gain, at = t;
+  // Repeatable causes that do as well as slow noise, beside the same kind of it, and take most of what it takes.
+  std::vector<CandidateEvidence> repeatable_rivals() const {
+    const SlowModel& best = out_.slow.best;
+    std::vector<std::pair<double, size_t>> order;
+    for (size_t j = 0; j < out_.slow.singles.size(); ++j)
+      if (!out_.slow.singles[j].model.names.empty() && candidate(j).effect &&
+          candidate(j).effect->estimator()->is_repeatable())
+        order.push_back({out_.slow.singles[j].gain_nats, j});
+    std::sort(order.rbegin(), order.rend());
+    std::vector<CandidateEvidence> rivals;
+    for (size_t i = 0; i < order.size() && i < kUndecidedTried; ++i) {
+      SlowModel m = out_.slow.singles[order[i].second].model;
+      m.noise_effect = best.noise_effect, m.noise_theta = best.noise_theta, m.noise_charge = best.noise_charge;
+      m = out_.search->polished(m);
+      if (best.free_score() - m.free_score() < kUndecided_nats && part_left(m) < kCarried)
+        rivals.push_back(evidence_of(order[i].second, m.free_score() - best.free_score(), options_.thresholds.mean_nats));
     }
-    (*shape)[2 * s + 1] = at;
+    std::sort(rivals.begin(), rivals.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+    return rivals;
   }
-  // Further steps: each has to earn more than its cost.
-  void more_steps() {
-    SelectedEffect& effect = chosen_.back().effect;
-    for (int i = 1; i < kMostSteps; ++i) {
-      const Panel panel(bank_.get(), h_, PanelScope::kDesign);
-      const CandidateScore next = panel.best_step(fit());
-      if (next.gain_nats < kStepKept_nats || next.shape.size() != 2) return;
-      Theta one = next.shape;
-      refine_step(panel, fit(), *effect.term.estimator, &one, 0);
-      effect.term.shape.insert(effect.term.shape.end(), one.begin(), one.end());
-      effect.gain_nats += next.gain_nats;
-      effect.evidence_nats += next.gain_nats - kStepCost_nats;
-      rebuild();
+  // Part of the spread of the data that a hypothesis leaves to the noise.
+  double part_left(const SlowModel& m) const {
+    const std::vector<MeanPart> parts = out_.search->parts_on(*out_.data, m);
+    const RunGrams::Posterior at = out_.search->grams_of(m).posterior();
+    double sum = 0, n = 0;
+    for (size_t r = 0; r < out_.data->y.size(); ++r) {
+      const VectorXd rest = residual_of(*out_.data, parts, at, r);
+      sum += rest.squaredNorm(), n += static_cast<double>(rest.size());
     }
-  }
-  double longest() const {
-    double t = 1;
-    for (const CampaignRun& run : campaign_.runs) t = std::max(t, run.input.t_s.back());
-    return t;
+    return n > 0 ? std::sqrt(sum / n) / out_.data->spread_dph : 1;
   }
 
-  // Each earlier effect is taken out and the scan repeated: another may now be better, or none needed.
-  void backward() {
-    for (size_t c = 0; c + 1 < chosen_.size(); ++c) {
-      const std::vector<Choice> before = chosen_;
-      const double total = fit().log_likelihood;
-      const Choice removed = chosen_[c];
-      chosen_.erase(chosen_.begin() + static_cast<long>(c));
-      rebuild();
-      const Fit now = fit();
-      const Panel panel(bank_.get(), h_, PanelScope::kCandidates);
-      std::vector<Theta> shapes;
-      std::vector<CandidateEvidence> list = scan(panel.score(now, calibration_.spectrum), &shapes);
-      size_t best = removed.candidate;
-      for (size_t j = 0; j < list.size(); ++j)
-        if (usable(j) && list[j].evidence_nats > list[best].evidence_nats + 1.0) best = j;
-      if (list[removed.candidate].evidence_nats <= 0 && list[best].evidence_nats <= 0) {
-        return; // dropped: the later effect explains it all
-      }
-      if (best != removed.candidate && list[best].evidence_nats > 0) {
-        accept(best, shapes[best], list, panel, now);
-        if (fit().log_likelihood > total + 0.5) return;
-      }
-      const double evidence = list[removed.candidate].evidence_nats;
-      chosen_ = before;
-      chosen_[c].effect.evidence_nats = evidence;
-      chosen_[c].effect.gain_nats = list[removed.candidate].gain_nats;
-      chosen_[c].effect.p_value = thr_.p_value(evidence);
-      // The set anew, over a model in which the other effects are known.
-      std::vector<CandidateEvidence> set{list[removed.candidate]};
-      for (size_t j = 0; j < list.size(); ++j)
-        if (j != removed.candidate && usable_beside(j, c) && list[j].evidence_nats > 0 &&
-            list[j].evidence_nats > evidence - options_.set_width_nats)
-          set.push_back(list[j]);
-      std::sort(set.begin() + 1, set.end(),
-                [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
-      chosen_[c].effect.set = set;
-      rebuild();
+  // The hypotheses of the seconds, and the noise of the seconds under them.
+  void seconds() {
+    SlowModel nominal = out_.slow.null;
+    nominal.is_believed = nominal.is_believed || belief_.has_believed;
+    selection().nominal = hypothesis_of(nominal, false);
+    selection().final = hypothesis_of(out_.slow.best, true);
+    final_fit_ = fit_hypothesis(campaign_, selection().final);
+    own_noise_ = selection().final.noise();
+    from_ = fit_seconds_noise(campaign_, own_noise_, final_fit_.residual);
+    believe_again();
+    line_ = strongest_line(campaign_, whitened(), false);
+    if (line_.gain_nats < kLine_nats && campaign_.n() < 200000) {
+      const Line drifting = strongest_line(campaign_, whitened(), true);
+      if (drifting.gain_nats > kDrift_nats) line_ = drifting;
     }
   }
-  bool usable_beside(size_t j, size_t c) const {
-    for (size_t i = 0; i < chosen_.size(); ++i)
-      if (i != c && chosen_[i].candidate == j) return false;
-    return library_[j]->estimator() && active_[j] && !is_suppressed(j);
+  // Whether the believed noise parameters hold is a question to the seconds, under the causes found.
+  void believe_again() {
+    if (!belief_.has_believed) return;
+    SlowModel m = out_.slow.best;
+    m.is_believed = true;
+    const NoiseModel believed = out_.search->seconds_noise_of(m);
+    retuned_nats_ = from_.log_likelihood - residual_log_likelihood(campaign_, believed, final_fit_.residual);
+    if (retuned_nats_ > kRetuned_nats) return;
+    is_believed_ = true;
+    from_.base = believed, from_.log_likelihood -= retuned_nats_;
+    out_.slow.best.is_believed = true; // its noise is the believed one from here on
+    selection().final = hypothesis_of(out_.slow.best, true);
+  }
+  std::vector<VectorXd> whitened() const {
+    std::vector<VectorXd> e = final_fit_.residual;
+    for (size_t r = 0; r < e.size(); ++r)
+      whiten(compute_gains(campaign_.runs[r], gaussian_equivalent(from_.base)), e[r].data(), static_cast<size_t>(e[r].size()));
+    return e;
+  }
+  Hypothesis hypothesis_of(const SlowModel& m, bool with_names) const {
+    Hypothesis h;
+    h.base_noise = out_.search->base_noise_of(m);
+    h.base_noise.extra_white_dph2 = extra_white_dph2_;
+    for (const NoiseBelief::Known& known : belief_.known) h.known.push_back(term_of(nullptr, known.estimator, known.shape));
+    if (!with_names) return h;
+    for (const SlowModel::Name& name : m.names) {
+      const Candidate& c = candidate(name.candidate);
+      h.terms.push_back(term_of(c.effect, c.scan.estimator, name.shape));
+    }
+    if (!m.steps.empty()) {
+      Theta shape;
+      for (const Theta& step : m.steps) shape.insert(shape.end(), step.begin(), step.end());
+      for (const Effect* effect : library_)
+        if (effect->estimator() && effect->estimator()->form() == Form::kSteps)
+          h.terms.push_back(term_of(effect, effect->estimator(), shape));
+    }
+    if (m.noise_effect) h.terms.push_back(term_of(m.noise_effect, m.noise_effect->estimator(), m.noise_theta));
+    return h;
+  }
+
+  void name_fast() {
+    if (line_.gain_nats > (line_.hz_per_degc != 0 ? kDrift_nats : kLine_nats)) name_line();
+    if (is_censored_) return; // the spread of what is left is not that of the noise
+    const std::vector<FastFinding> found = scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_);
+    if (found.empty() || found.front().gain_nats < kFast_nats) return;
+    const FastFinding& best = found.front();
+    SelectedEffect effect;
+    effect.family = best.effect->family();
+    effect.term = term_of(best.effect, best.effect->estimator(), best.theta);
+    effect.term.shape_errors = best.theta_errors;
+    effect.gain_nats = best.gain_nats;
+    effect.evidence_nats = best.gain_nats - kFast_nats;
+    effect.held_out_nats = kNaN;
+    for (const FastFinding& f : found)
+      if (f.gain_nats > best.gain_nats - 3)
+        effect.set.push_back({f.effect, nullptr, false, f.effect->family(), f.gain_nats, kFast_nats});
+    // What the fast noise explains better than a kind of slow noise takes its place.
+    const bool is_alone = named_.empty();
+    named_.insert(is_alone || named_[0].evidence_nats < effect.evidence_nats ? named_.begin() : named_.end(), effect);
+    from_.base = best.base;
+    own_noise_ = best.effect->estimator()->noise(best.base, best.theta);
+    selection().final.terms.push_back(effect.term);
+  }
+  void name_line() {
+    for (size_t j = 0; j < library_.size(); ++j) {
+      const Effect* effect = library_[j];
+      if (!active_[j] || !effect->estimator() || effect->estimator()->form() != Form::kTone) continue;
+      SelectedEffect found;
+      found.family = effect->family();
+      Theta shape{line_.hz};
+      if (line_.hz_per_degc != 0) shape.push_back(line_.hz_per_degc);
+      found.term = term_of(effect, effect->estimator(), shape);
+      found.gain_nats = line_.gain_nats;
+      found.evidence_nats = line_.gain_nats - (line_.hz_per_degc != 0 ? kDrift_nats : kLine_nats);
+      found.held_out_nats = kNaN;
+      found.set = {{effect, nullptr, false, found.family, found.gain_nats, found.gain_nats - found.evidence_nats}};
+      const bool is_first = named_.empty() || named_[0].evidence_nats < found.evidence_nats;
+      named_.insert(is_first ? named_.begin() : named_.end(), found);
+      selection().final.terms.push_back(found.term);
+      final_fit_ = fit_hypothesis(campaign_, selection().final);
+      from_ = fit_seconds_noise(campaign_, from_.base, final_fit_.residual);
+    }
+  }
+
+  // Re-tuned noise is a finding of its own: it comes last and takes nobody's place.
+  void name_retuned() {
+    const bool is_retuned = belief_.has_believed && !is_believed_;
+    selection().is_noise_retuned = is_retuned;
+    if (!is_retuned) return;
+    for (size_t j = 0; j < library_.size(); ++j) {
+      const EffectEstimator* e = library_[j]->estimator();
+      if (!e || !active_[j] || !e->is_nominal_noise()) continue;
+      SelectedEffect effect;
+      effect.family = library_[j]->family();
+      const NoiseModel& noise = from_.base;
+      effect.term = term_of(library_[j], e,
+                            {noise.white_sigma_dph, noise.markov.empty() ? 0 : noise.markov[0].sigma_dph,
+                             noise.markov.empty() ? 1 : noise.markov[0].tau_s});
+      effect.gain_nats = retuned_nats_;
+      effect.evidence_nats = retuned_nats_ - kRetuned_nats;
+      effect.held_out_nats = kNaN;
+      effect.set = {{library_[j], nullptr, false, effect.family, effect.gain_nats, kRetuned_nats}};
+      retuned_.push_back(effect);
+    }
   }
 
   void finish() {
-    const Fit last = fit();
-    out_.total_gain_nats = last.log_likelihood - start_value_;
-    // Comparable only under one and the same noise.
-    block_gain_ = h_.noise().is_mixture() || any_noise_term() ? -1e300 : start_energy_ - block_energy();
-    estimate_shape_errors();
-    if (chosen_.empty())
-      out_.after = out_.before;
-    else
-      out_.after = findings(Panel(bank_.get(), h_, PanelScope::kAll).score(last, calibration_.spectrum));
-    fill_coefficients(last);
-    out_.final = h_;
-    out_.effects = structural_;
-    for (Choice& c : chosen_) out_.effects.push_back(c.effect);
+    Selection& s = selection();
+    s.final.base_noise = from_.base;
+    s.final.base_noise.extra_white_dph2 = extra_white_dph2_;
+    // Noise terms act on the base; the base was fitted with them in it.
+    if (out_.slow.best.noise_effect) s.final.base_noise = own_base();
+    s.fitted_noise = from_.base;
+    s.threshold_nats = options_.thresholds.mean_nats;
+    const Fit fit = fit_hypothesis(campaign_, s.final);
+    fill_coefficients(fit);
+    s.before = test_rest(campaign_, fit_hypothesis(campaign_, s.nominal).e);
+    s.after = test_rest(campaign_, fit.e);
+    s.total_gain_nats = out_.slow.best.free_score() - out_.slow.null.free_score();
+    for (size_t j = 0; j < out_.slow.singles.size(); ++j)
+      if (candidate(j).effect)
+        s.first_scan.push_back(evidence_of(j, std::max(0.0, out_.slow.singles[j].gain_nats - out_.slow.null.free_score()),
+                                           s.threshold_nats));
+    for (const SlowCandidateScore& n : out_.slow.noises)
+      if (n.model.noise_effect)
+        s.first_scan.push_back({n.model.noise_effect, nullptr, false, n.model.noise_effect->family(),
+                                std::max(0.0, n.gain_nats + 3 - out_.slow.null.free_score()),
+                                options_.thresholds.noise_nats});
+    s.effects = structural_;
+    s.effects.insert(s.effects.end(), named_.begin(), named_.end());
+    s.effects.insert(s.effects.end(), retuned_.begin(), retuned_.end());
     judge();
   }
-
-  double block_energy() { return 0.5 * bank_->reduce(fit().e).squaredNorm(); }
-  bool any_noise_term() const {
-    for (const Choice& c : chosen_)
-      if (c.effect.term.form() == Form::kNoise) return true;
-    return false;
-  }
-
-  // Curvature of the likelihood over the shape parameters of one effect, the others as found.
-  void estimate_shape_errors() {
-    for (Choice& c : chosen_) {
-      Term& term = c.effect.term;
-      const EffectEstimator& estimator = *term.estimator;
-      const Hypothesis others = all_but(c);
-      if (term.form() == Form::kNoise) {
-        const NoiseObjective objective(campaign_, others);
-        const NoiseModel base = others.noise();
-        const auto f = [&](const Theta& theta) {
-          const NoiseModel noise = estimator.noise(base, theta);
-          return noise.is_mixture() ? objective.mixture(noise) : objective.reml(noise);
-        };
-        term.shape_errors = curvature_errors(f, term.shape, estimator.theta_lo(), estimator.theta_hi());
-      } else if ((term.form() == Form::kColumns || term.form() == Form::kTemperature) &&
-                 !estimator.shape_lo().empty()) {
-        const Panel panel(bank_.get(), others, PanelScope::kDesign);
-        const Fit without = fit_hypothesis(campaign_, others);
-        term.shape_errors =
-            curvature_errors([&](const Theta& shape) { return panel.gain_at(estimator, shape, without); },
-                             term.shape, estimator.shape_lo(), estimator.shape_hi());
-      }
-    }
+  NoiseModel own_base() const {
+    NoiseModel base = out_.search->base_noise_of(out_.slow.best);
+    base.extra_white_dph2 = extra_white_dph2_;
+    base.white_sigma_dph = own_noise_.white_sigma_dph;
+    return base;
   }
 
   void fill_coefficients(const Fit& fit) {
-    const Design design = make_design(campaign_, h_);
-    for (size_t t = 0; t < chosen_.size(); ++t) {
-      Term& term = chosen_[t].effect.term;
-      term.coefficients.clear();
-      term.coefficient_errors.clear();
+    Hypothesis& h = selection().final;
+    const Design design = make_design(campaign_, h);
+    for (size_t t = 0; t < h.terms.size(); ++t) {
+      Term& term = h.terms[t];
+      term.coefficients.clear(), term.coefficient_errors.clear();
       for (size_t c = 0; c < design.cols(); ++c)
         if (design.term_of_column[c] == static_cast<int>(t)) {
           term.coefficients.push_back(fit.beta[static_cast<long>(c)]);
           term.coefficient_errors.push_back(fit.beta_errors[static_cast<long>(c)]);
         }
+      for (SelectedEffect& effect : named_)
+        if (effect.term.estimator == term.estimator) {
+          effect.term.coefficients = term.coefficients;
+          effect.term.coefficient_errors = term.coefficient_errors;
+          if (effect.term.shape_errors.empty()) effect.term.shape_errors = shape_errors(effect);
+        }
     }
-    rebuild();
+  }
+  // Curvature of the marginal likelihood over the shape of one name, the rest as found.
+  Theta shape_errors(const SelectedEffect& effect) const {
+    const SlowModel& best = out_.slow.best;
+    for (size_t i = 0; i < best.names.size(); ++i) {
+      const EffectEstimator& e = *candidate(best.names[i].candidate).scan.estimator;
+      if (&e != effect.term.estimator || e.shape_lo().size() != best.names[i].shape.size() || e.shape_lo().empty()) continue;
+      SlowModel m = best;
+      return curvature_errors(
+          [&](const Theta& shape) {
+            m.names[i].shape = shape;
+            return out_.search->grams_of(m).log_marginal(1);
+          },
+          best.names[i].shape, e.shape_lo(), e.shape_hi());
+    }
+    return {};
   }
 
   void judge() {
-    double cost = 0;
-    for (const Choice& c : chosen_) cost += thr_.named[c.candidate];
-    double fired = 0, most_mean = -1e300, most_noise = -1e300;
-    for (const GenericFinding& f : out_.after) fired = std::max(fired, f.evidence_nats());
-    for (const GenericFinding& f : out_.before) {
-      const std::string& name = generic_names()[f.test];
-      if (!competes(name)) continue;
-      double& most = name == "spectrum" || name == "variance_over_temperature" ? most_noise : most_mean;
-      most = std::max(most, f.evidence_nats());
+    Selection& s = selection();
+    bool fires = false, has_open = false, has_member = false, is_undecided = false;
+    if (!is_censored_)
+      for (const RestFinding& f : s.after) fires = fires || f.evidence_nats > 0;
+    for (const SelectedEffect& e : s.effects) {
+      has_open = has_open || e.doubt == Doubt::kShapeOpen;
+      is_undecided = is_undecided || e.doubt == Doubt::kSlowNoise;
+      has_member = has_member || (e.doubt != Doubt::kShapeOpen && e.doubt != Doubt::kSlowNoise);
     }
-    const bool remains = fired > 0;
-    // A free mean that explains more than the names (slow noise in the place of an unknown cause, mostly)
-    // takes them back; both gains are those of block sums.  A free spectrum is compared with a margin: its
-    // gain is that of an approximation, which overstates what a mean leaves in the lowest bins; a cause in
-    // the mean is not judged by it.
-    const double in_blocks = block_gain_ - cost, limit = total_named_gain() - cost;
-    const bool is_stand_in =
-        !chosen_.empty() && most_mean > kUnknownFactor * std::max(limit, in_blocks) + kUnknownMargin_nats;
-    const bool outdone = is_stand_in || (!chosen_.empty() && !is_carried_by_mean() &&
-                                         most_noise > kUnknownNoiseFactor * limit + kUnknownMargin_nats);
-    const double most_before = is_stand_in ? most_mean : std::max(most_mean, most_noise);
-    // Several names of which none carries the gain.
-    double strongest = 0;
-    for (const Choice& c : chosen_) strongest = std::max(strongest, c.effect.evidence_nats);
-    const double rest = std::max(0.0, fired), named_all = std::max(1e-9, total_named_gain());
-    const bool is_patchwork =
-        (chosen_.size() >= 3 && (strongest < kCarries * named_all ||
-                                 (remains && named_all < kPatchworkShare * (named_all + rest)))) ||
-        (remains && chosen_.size() >= 2 && strongest > kCancel * named_all);
-    if (out_.effects.empty()) {
-      out_.verdict = remains ? Verdict::kUnexplained : Verdict::kNoGap;
-    } else if (structural_.empty() && (is_stand_in || is_patchwork)) {
-      out_.verdict = Verdict::kUnexplained;
-      out_.notes.push_back(
-          is_stand_in ? "a library-free mean explains " + number(most_mean) +
-                            " nats beyond its threshold, the named effects " + number(total_named_gain()) +
-                            " in all: the names are stand-ins"
-                      : "the named effects approximate the gap together, none of them carries it: the "
-                        "names are stand-ins");
-    } else if (!remains && !outdone) {
-      out_.verdict = Verdict::kExplained;
-    } else {
-      double left = 0;
-      for (const GenericFinding& f : out_.after) left = std::max(left, f.evidence_nats());
-      if (outdone) left = std::max(left, most_before - total_named_gain());
-      const double named = std::max(0.0, total_named_gain());
-      if (outdone)
-        out_.notes.push_back("a library-free shape explains " + number(most_before) +
-                             " nats beyond its threshold, the named effects " + number(named) +
-                             " in all: the names may be stand-ins for something else");
-      const bool mostly = !structural_.empty() || named > kNamedShare * (named + left);
-      out_.verdict = mostly ? Verdict::kPartlyExplained : Verdict::kUnexplained;
-    }
-  }
-  double total_named_gain() const { return out_.total_gain_nats; }
-  bool is_carried_by_mean() const {
-    double mean = 0, all = 0;
-    for (const Choice& c : chosen_) {
-      all += c.effect.gain_nats;
-      if (is_mean(c.candidate)) mean += c.effect.gain_nats;
-    }
-    return mean > 0.5 * all;
-  }
-  static bool competes(const std::string& name) {
-    return name == "temperature" || name == "temperature_and_direction" || name == "time_in_log" ||
-           name == "temperature_and_time" || name == "delayed_temperature" || name == "spectrum" ||
-           name == "variance_over_temperature";
+    const bool grows = out_.gap.has_mean && out_.gap.rms_after_dph > 1.02 * out_.gap.rms_before_dph;
+    fires = fires || !s.dropped.empty();
+    if (s.effects.empty()) s.verdict = fires ? Verdict::kUnexplained : Verdict::kNoGap;
+    else if (!has_member && has_open) s.verdict = Verdict::kUnexplained;
+    else if (fires || has_open || is_undecided || grows || !s.remainders.empty()) s.verdict = Verdict::kPartlyExplained;
+    else s.verdict = Verdict::kExplained;
   }
 
   Campaign& campaign_;
+  const Campaign* held_out_;
+  std::unique_ptr<Campaign> held_blocks_;
+  NoiseBelief belief_;
   const std::vector<const Effect*>& library_;
   const std::vector<bool>& active_;
-  const Calibration& calibration_;
-  const Thresholds& thr_;
   SelectOptions options_;
-  Selection out_;
-  std::unique_ptr<ColumnBank> bank_; // of the campaign as masked
-  Hypothesis h_;
-  std::unique_ptr<Fit> fit_; // of h_, when known
-  std::vector<Choice> chosen_;
-  std::vector<SelectedEffect> structural_;
-  bool is_censored_ = false, is_gravely_censored_ = false, is_on_lattice_ = false;
-  int retune_ = -1;
-  double start_value_ = 0, start_energy_ = 0, block_gain_ = 0;
+  AxisStudy out_;
+  std::vector<SelectedEffect> structural_, named_, retuned_;
+  double extra_white_dph2_ = 0, retuned_nats_ = 0;
+  bool is_censored_ = false, is_believed_ = false;
+  Fit final_fit_;
+  SecondsNoise from_;
+  NoiseModel own_noise_;
+  Line line_;
 };
 
 } // namespace
 
-std::string to_text(Verdict verdict) {
-  switch (verdict) {
-  case Verdict::kNoGap:
-    return "no_gap";
-  case Verdict::kExplained:
-    return "explained";
-  case Verdict::kPartlyExplained:
-    return "partly_explained";
-  case Verdict::kUnexplained:
-    return "unexplained";
-  }
-  return "";
-}
-
-Selection select_effects(Campaign* campaign, const Hypothesis& nominal,
-                         const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                         const Calibration& calibration, const Thresholds& thresholds,
-                         const SelectOptions& options) {
-  return Selector(campaign, nominal, library, active, calibration, thresholds, options).run();
+AxisStudy study_axis(Campaign* campaign, const Campaign* held_out, const NoiseBelief& belief,
+                     const std::vector<const Effect*>& library, const std::vector<bool>& active,
+                     const SelectOptions& options) {
+  return Study(campaign, held_out, belief, library, active, options).run();
 }
 
 } // namespace imucal

@@ -1,60 +1,85 @@
 // SPDX-License-Identifier: MIT
-// Which effects: forward selection of up to three with swaps and drops, every candidate judged with the
-// nominal and with re-estimated noise, and what no candidate explains.
+// From evidence to an answer: which names and families the slow and the fast stage support, what they leave, and the
+// verdict.  Nothing here is decided by words; they are made in host/tools/diagnose.
 #pragma once
+#include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
-#include "analysis/diagnose/nulls.h"
+#include "analysis/diagnose/gap.h"
+#include "analysis/diagnose/search.h"
+#include "analysis/diagnose/seconds.h"
 
 namespace imucal {
 
 struct CandidateEvidence {
-  std::string name;
-  double gain_nats = 0; // over the hypothesis it is added to
-  double threshold_nats = 0;
-  double evidence_nats = 0;         // gain - threshold
-  double gain_reestimated_nats = 0; // with the noise parameters estimated on both sides; NaN: not needed
-};
-
-struct SelectedEffect {
-  Term term;
-  double gain_nats = 0, evidence_nats = 0, p_value = 1;
-  std::vector<CandidateEvidence> set; // candidates that cannot be excluded, this one first
-  bool is_structural = false;
-  std::string statement; // of a structural effect
-};
-
-struct GenericFinding {
-  size_t test = 0;
+  const Effect* effect = nullptr;       // or
+  const Reference* reference = nullptr; // a free shape, or
+  bool is_family = false;               // a family as a whole
+  Family family = Family::kSlowNoise;
   double gain_nats = 0, threshold_nats = 0;
   double evidence_nats() const { return gain_nats - threshold_nats; }
 };
 
+// Why a name is not more than that.
+enum class Doubt {
+  kNone,
+  kMemberOpen,  // the family is told, its member is not
+  kShapeOpen,   // a free shape of the family explains it, no member does
+  kSlowNoise,   // slow noise would explain it as well: these logs cannot tell
+  kAgainst      // held-out data speak against it (it is then not named, only noted)
+};
+
+struct SelectedEffect {
+  Family family = Family::kSlowNoise;
+  bool is_family = false; // the family is the name
+  Term term;              // the best member; term.effect is nullptr where only a free shape explains it
+  double gain_nats = 0, evidence_nats = 0;
+  double held_out_nats = 0; // NaN: nothing to predict (steps, noise, structure)
+  Doubt doubt = Doubt::kNone;
+  std::vector<CandidateEvidence> set; // what cannot be excluded, the name first
+  bool is_structural = false;
+  std::string statement; // of a structural detector
+};
+
 enum class Verdict { kNoGap, kExplained, kPartlyExplained, kUnexplained };
-std::string to_text(Verdict verdict);
 
 struct Selection {
   Verdict verdict = Verdict::kNoGap;
   std::vector<SelectedEffect> effects;
-  Hypothesis nominal, final;
-  std::vector<CandidateEvidence> first_scan; // all candidates over the nominal model
-  std::vector<GenericFinding> before, after; // library-free tests on the nominal and the final model
-  std::vector<std::string> notes;            // sentences for the reader
+  std::vector<SelectedEffect> dropped; // names that held-out data do not support
+  Hypothesis nominal, final;           // of the seconds
+  std::vector<CandidateEvidence> first_scan;
+  std::vector<RestFinding> before, after; // tests of innovations of the nominal and of the final model
+  std::vector<CandidateEvidence> remainders; // free shapes that still gain beside the names
   double total_gain_nats = 0;
+  size_t n_dropouts = 0;       // exact zeros far from their neighbours, left out
+  size_t n_left_out = 0;       // seconds that structure has spoilt
+  bool is_noise_retuned = false;
+  bool cannot_judge = false;   // structure left too little
+  double threshold_nats = 6;
+  NoiseModel fitted_noise;     // of the seconds, under the final hypothesis
 };
 
 struct SelectOptions {
-  int max_effects = 3;
-  double set_width_nats = 3;
-  double noise_discount =
-      1; // of what re-tuned noise parameters gain, when the nominal ones were estimated themselves
+  SearchThresholds thresholds;
+  // The threshold of names in the mean for this campaign, found before the search; empty: as given.
+  std::function<double(SlowSearch*)> calibrate = {};
+  double family_margin_nats = 2; // members closer than this are not told apart
+  double least_held_out_nats = 1;
 };
 
-// `library`: all effects (order of the calibration); `active`: those that may be named.
-Selection select_effects(Campaign* campaign, const Hypothesis& nominal,
-                         const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                         const Calibration& calibration, const Thresholds& thresholds,
-                         const SelectOptions& options);
+// All stages of one axis.  Masks what structure has spoilt in `campaign`.
+struct AxisStudy {
+  Selection selection;
+  std::unique_ptr<SlowData> data;
+  std::unique_ptr<SlowSearch> search;
+  SlowResult slow;
+  GapResult gap;
+};
+AxisStudy study_axis(Campaign* campaign, const Campaign* held_out, const NoiseBelief& belief,
+                     const std::vector<const Effect*>& library, const std::vector<bool>& active,
+                     const SelectOptions& options);
 
 } // namespace imucal

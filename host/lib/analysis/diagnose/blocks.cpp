@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/blocks.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace imucal {
+namespace {
+
+constexpr double kBlock_s = 10;
+constexpr double kMostBlocks = 3500;
+constexpr double kFastest = 4;        // blocks per time constant from which a process is white
+constexpr double kMostNegative = 0.97; // of the white noise that the blocks of a Markov process may take off
+constexpr double kFar = 8;           // noise standard deviations from the median of a block
+constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
+
+double median(std::vector<double> x) {
+  const size_t middle = x.size() / 2;
+  std::nth_element(x.begin(), x.begin() + static_cast<long>(middle), x.end());
+  return x[middle];
+}
+
+// Sums over the rows of one block.
+struct BlockSum {
+  double rows = 0, t_s = 0, temp = 0, smooth = 0, slope = 0, tn = 0;
+  std::vector<double> rates;
+  std::map<std::string, std::pair<double, double>> auxiliary; // sum, count
+
+  void add(const RunInput& in, size_t i, bool is_used) {
+    rows += 1, t_s += in.t_s[i], temp += in.temp_degc[i], smooth += in.smooth_degc[i];
+    slope += in.rate_degc_min[i], tn += in.tn[i];
+    if (is_used) rates.push_back(in.rate_dph[i]);
+    for (const auto& [name, column] : in.auxiliary)
+      if (std::isfinite(column[i])) auxiliary[name].first += column[i], auxiliary[name].second += 1;
+  }
+};
+
+double robust_mean(const std::vector<double>& rates, double far_dph) {
+  const double middle = median(rates);
+  double sum = 0, n = 0;
+  for (double rate : rates)
+    if (std::fabs(rate - middle) <= far_dph) sum += rate, n += 1;
+  return n > 0 ? sum / n : middle;
+}
+
+void append(const BlockSum& s, long tick, double fewest, double far_dph, RunInput* out) {
+  out->t_s.push_back(s.t_s / s.rows);
+  out->tick.push_back(tick);
+  out->temp_degc.push_back(s.temp / s.rows);
+  out->smooth_degc.push_back(s.smooth / s.rows);
+  out->rate_degc_min.push_back(s.slope / s.rows);
+  out->tn.push_back(s.tn / s.rows);
+  const bool is_enough = static_cast<double>(s.rates.size()) >= fewest;
+  out->rate_dph.push_back(is_enough ? robust_mean(s.rates, far_dph) : std::nan(""));
+  for (auto& [name, column] : out->auxiliary) {
+    const auto it = s.auxiliary.find(name);
+    column.push_back(it == s.auxiliary.end() ? std::nan("") : it->second.first / it->second.second);
+  }
+}
+
+CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
+  CampaignRun out;
+  out.start_s = run.start_s;
+  const RunInput& in = run.input;
+  out.input.log = in.log;
+  out.input.dt_s = in.dt_s * static_cast<double>(length);
+  out.input.t0_degc = in.t0_degc, out.input.range_degc = in.range_degc;
+  for (const auto& entry : in.auxiliary) out.input.auxiliary[entry.first] = {};
+  std::vector<char> is_used(in.size(), 0);
+  for (int row : run.used) is_used[static_cast<size_t>(row)] = 1;
+  const double fewest = 0.5 * static_cast<double>(length);
+  BlockSum sum;
+  long block = in.tick.empty() ? 0 : in.tick.front() / length;
+  for (size_t i = 0; i < in.size(); ++i) {
+    const long at = in.tick[i] / length;
+    if (at != block && sum.rows > 0) {
+      append(sum, block, fewest, far_dph, &out.input);
+      sum = BlockSum();
+    }
+    block = at;
+    sum.add(in, i, is_used[i]);
+  }
+  if (sum.rows > 0) append(sum, block, fewest, far_dph, &out.input);
+  return out;
+}
+
+} // namespace
+
+double block_length_s(const Campaign& seconds) {
+  const double total_s = static_cast<double>(seconds.n()) * seconds.dt_s;
+  const double wanted = std::max(kBlock_s, total_s / kMostBlocks);
+  return seconds.dt_s * std::max(1.0, std::round(wanted / seconds.dt_s));
+}
+
+double white_between_samples(const Campaign& campaign) {
+  std::vector<double> jumps;
+  for (const CampaignRun& run : campaign.runs)
+    for (size_t k = 1; k < run.n(); ++k)
+      if (run.steps[k] == 1)
+        jumps.push_back(std::fabs(run.input.rate_dph[static_cast<size_t>(run.used[k])] -
+                                  run.input.rate_dph[static_cast<size_t>(run.used[k - 1])]));
+  if (jumps.empty()) return 0;
+  return median(std::move(jumps)) / kMedianOfDifference * std::sqrt(campaign.dt_s);
+}
+
+Campaign block_means(const Campaign& seconds, double block_s) {
+  Campaign out = seconds;
+  out.dt_s = block_s;
+  out.runs.clear();
+  const long length = std::max(1L, std::lround(block_s / seconds.dt_s));
+  const double white = white_between_samples(seconds) / std::sqrt(seconds.dt_s);
+  for (const CampaignRun& run : seconds.runs) {
+    out.runs.push_back(blocks_of(run, length, white > 0 ? kFar * white : 1e300));
+    find_used(&out.runs.back());
+  }
+  return out;
+}
+
+NoiseModel block_equivalent(NoiseModel noise, double block_s) {
+  const double white = noise.white_sigma_dph * noise.white_sigma_dph / block_s;
+  double extra = noise.extra_white_dph2 / block_s;
+  for (Markov& m : noise.markov) {
+    const double a = block_s / m.tau_s, variance = m.sigma_dph * m.sigma_dph;
+    const double apart = a < 1e-3 ? 1 + a * a / 12 : 2 * (std::cosh(std::min(a, 50.0)) - 1) / (a * a);
+    const double together = a < 1e-3 ? 1 - a / 3 : 2 * (a + std::expm1(-a)) / (a * a);
+    if (a > kFastest) { // white at this length
+      extra += variance * together;
+      m.sigma_dph = 1e-9 * std::sqrt(white);
+      continue;
+    }
+    extra += variance * (together - apart);
+    m.sigma_dph *= std::sqrt(apart);
+  }
+  noise.extra_white_dph2 = std::max(extra, -kMostNegative * white);
+  return noise;
+}
+
+} // namespace imucal

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/references.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/units.h"
+
+namespace imucal {
+namespace {
+
+constexpr double kTurn_degc_min = 0.1; // slope of temperature below which it has no clear direction
+constexpr double kDelays_s[] = {0., 60., 150., 350., 800., 1800., 4000.};
+constexpr double kLongest_s = 40000; // beyond this the time functions are flat
+
+// cos(k pi u), k = 1 .. n, of a variable that runs over [0, 1]: prior 1/k, a rough but continuous function.
+void add_cosines(const Column& u, int n, const Column* factor, std::vector<Column>* out) {
+  for (int k = 1; k <= n; ++k) {
+    Column c(u.size());
+    for (size_t i = 0; i < u.size(); ++i)
+      c[i] = std::cos(k * kPi * std::clamp(u[i], 0.0, 1.0)) * (factor ? (*factor)[i] : 1.0);
+    out->push_back(std::move(c));
+  }
+}
+
+// Temperature over the range of the polynomial, widened: [-1.2, 1.2] of Tn goes to [0, 1].
+Column unit_temperature(const RunInput& in) {
+  Column u(in.size());
+  for (size_t i = 0; i < u.size(); ++i) u[i] = (in.normalised(in.smooth_degc[i]) + 1.2) / 2.4;
+  return u;
+}
+Column unit_time(const RunInput& in, double longest_s) {
+  Column u(in.size());
+  for (size_t i = 0; i < u.size(); ++i) u[i] = in.t_s[i] / longest_s;
+  return u;
+}
+Column direction(const RunInput& in) {
+  Column d(in.size());
+  for (size_t i = 0; i < d.size(); ++i) {
+    const double slope = in.rate_degc_min[i];
+    d[i] = slope / std::sqrt(slope * slope + kTurn_degc_min * kTurn_degc_min);
+  }
+  return d;
+}
+Column low_pass(const RunInput& in, const Column& x, double tau_s) {
+  if (!(tau_s > 0)) return x;
+  Column out(x.size());
+  double state = 0;
+  for (size_t i = 0; i < x.size(); ++i) {
+    const double dt = i ? in.t_s[i] - in.t_s[i - 1] : in.dt_s;
+    state += (1 - std::exp(-dt / tau_s)) * (x[i] - state);
+    out[i] = state;
+  }
+  return out;
+}
+
+enum class Shape { kTemperature, kDirection, kResponse, kTime, kTemperatureTime };
+
+class FreeShape : public EffectEstimator {
+public:
+  FreeShape(Shape shape, size_t n) : shape_(shape), n_(n) {}
+  Form form() const override { return Form::kColumns; }
+  bool needs_temperature() const override { return shape_ != Shape::kTime; }
+  size_t n_columns() const override { return n_; }
+  std::vector<Column> columns(const RunInput& in, const Theta& theta) const override {
+    const double longest_s = theta.empty() ? kLongest_s : theta[0];
+    std::vector<Column> out;
+    switch (shape_) {
+    case Shape::kTemperature:
+      add_cosines(unit_temperature(in), static_cast<int>(n_), nullptr, &out);
+      break;
+    case Shape::kDirection: {
+      const Column d = direction(in), slow = low_pass(in, d, 300);
+      out.push_back(d), out.push_back(slow);
+      add_cosines(unit_temperature(in), 5, &d, &out);
+      add_cosines(unit_temperature(in), 5, &slow, &out);
+      break;
+    }
+    case Shape::kResponse:
+      for (double delay : kDelays_s) out.push_back(low_pass(in, in.rate_degc_min, delay));
+      for (double delay : kDelays_s) {
+        Column c = low_pass(in, in.rate_degc_min, delay);
+        for (size_t i = 0; i < c.size(); ++i) c[i] *= in.tn[i];
+        out.push_back(std::move(c));
+      }
+      break;
+    case Shape::kTime:
+      add_cosines(unit_time(in, longest_s), static_cast<int>(n_), nullptr, &out);
+      break;
+    case Shape::kTemperatureTime: {
+      const Column u = unit_time(in, longest_s);
+      Column tilt(u.size());
+      for (size_t i = 0; i < u.size(); ++i) tilt[i] = 2 * u[i] - 1;
+      add_cosines(unit_temperature(in), 4, &tilt, &out);
+      for (size_t i = 0; i < u.size(); ++i) tilt[i] = std::cos(2 * kPi * u[i]);
+      add_cosines(unit_temperature(in), 4, &tilt, &out);
+      break;
+    }
+    }
+    return out;
+  }
+  PriorScale prior() const override { return {1, shape_ == Shape::kResponse, 1}; }
+  Parameters values(const Estimate&) const override { return {}; }
+
+private:
+  Shape shape_;
+  size_t n_;
+};
+
+Eigen::VectorXd falling(long n) {
+  Eigen::VectorXd out(n);
+  for (long k = 0; k < n; ++k) out[k] = 1.5 / static_cast<double>(k + 1);
+  return out;
+}
+Eigen::VectorXd level(long n, double sd) { return Eigen::VectorXd::Constant(n, sd); }
+
+} // namespace
+
+const std::vector<Reference>& free_shapes() {
+  static const FreeShape temperature(Shape::kTemperature, 24), direction(Shape::kDirection, 12),
+      response(Shape::kResponse, 14), time(Shape::kTime, 20), both(Shape::kTemperatureTime, 8);
+  static const std::vector<Reference> list = {
+      {Family::kFunctionOfTemperature, "a free function of temperature", {&temperature, {{}}, falling(24)}},
+      {Family::kThermalMemory, "a free function of temperature and the direction of its change", {&direction, {{}}, level(12, 0.7)}},
+      {Family::kThermalMemory, "a free response to earlier temperature rates", {&response, {{}}, level(14, 0.7)}},
+      {Family::kFunctionOfTime, "a free function of the time since the start", {&time, {{}}, falling(20)}},
+      {Family::kFunctionOfTime, "a free function of temperature and time", {&both, {{}}, level(8, 0.5)}},
+  };
+  return list;
+}
+
+} // namespace imucal

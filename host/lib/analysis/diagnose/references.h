@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: MIT
+// Free shapes of the mean that no effect owns: what a family of causes could explain at best.  They compete with the
+// named members by the same marginal likelihood; their many columns pay for themselves through their priors.
+#pragma once
+#include "analysis/diagnose/scan.h"
+
+namespace imucal {
+
+struct Reference {
+  Family family;
+  const char* what; // in words
+  ScanCandidate candidate;
+};
+
+// Free functions of temperature, of temperature with the direction of its change, of earlier temperature rates, of the
+// time since the start, and of temperature and time together.  Only those that the campaign can hold.
+const std::vector<Reference>& free_shapes();
+
+} // namespace imucal

@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/scan.h"
+
+#include <cmath>
+
+namespace imucal {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr double kScales[] = {1.0 / 3, 1.0, 3.0};
+
+// Base columns of one run, whitened: local ones, common ones of parts, powers last.
+struct Base {
+  long local = 1, parts = 0, powers = 0;
+  std::vector<MatrixXd> white; // per run: local, parts, powers
+  VectorXd local_precision, part_precision;
+  long common() const { return parts + powers; }
+  long expanded(long runs) const { return runs * local + common(); }
+};
+
+Base base_of(const SlowData& data, const std::vector<const MeanPart*>& parts,
+             const std::vector<RunGains>& gains) {
+  Base out;
+  const std::vector<MatrixXd>* powers = &data.powers;
+  for (const MeanPart* part : parts) {
+    out.local += part->local_precision.size();
+    out.parts += part->common_precision.size();
+    if (!part->powers.empty()) powers = &part->powers;
+  }
+  out.powers = powers->front().cols();
+  out.local_precision = VectorXd::Zero(out.local);
+  out.part_precision = VectorXd::Zero(out.parts);
+  long l = 1, c = 0;
+  for (const MeanPart* part : parts) {
+    out.local_precision.segment(l, part->local_precision.size()) = part->local_precision;
+    out.part_precision.segment(c, part->common_precision.size()) = part->common_precision;
+    l += part->local_precision.size(), c += part->common_precision.size();
+  }
+  for (size_t r = 0; r < gains.size(); ++r) {
+    MatrixXd x(data.y[r].size(), out.local + out.common());
+    long at = 0;
+    const auto put = [&](const MatrixXd& m) { x.middleCols(at, m.cols()) = m, at += m.cols(); };
+    x.col(at++).setOnes();
+    for (const MeanPart* part : parts) put(part->local[r]);
+    for (const MeanPart* part : parts) put(part->common[r]);
+    put((*powers)[r]);
+    whiten(gains[r], &x);
+    out.white.push_back(std::move(x));
+  }
+  return out;
+}
+
+// Products of base columns with others, run by run, in the places of the expanded base: local columns of run r at
+// r * local, common ones at the end.
+MatrixXd expanded_products(const Base& base, const std::vector<MatrixXd>& products) {
+  const long runs = static_cast<long>(products.size());
+  MatrixXd out = MatrixXd::Zero(base.expanded(runs), products.front().cols());
+  for (long r = 0; r < runs; ++r) {
+    const MatrixXd& p = products[static_cast<size_t>(r)];
+    out.middleRows(r * base.local, base.local) = p.topRows(base.local);
+    out.bottomRows(base.common()) += p.bottomRows(base.common());
+  }
+  return out;
+}
+
+MatrixXd normal_matrix(const Base& base) {
+  const long runs = static_cast<long>(base.white.size()), l = base.local, c = base.common();
+  MatrixXd n = MatrixXd::Zero(base.expanded(runs), base.expanded(runs));
+  for (long r = 0; r < runs; ++r) {
+    const MatrixXd& x = base.white[static_cast<size_t>(r)];
+    const MatrixXd g = x.transpose() * x;
+    n.block(r * l, r * l, l, l) = g.topLeftCorner(l, l);
+    n.block(r * l, r * l, l, l).diagonal() += base.local_precision;
+    n.block(runs * l, r * l, c, l) = g.bottomLeftCorner(c, l);
+    n.block(r * l, runs * l, l, c) = g.topRightCorner(l, c);
+    n.bottomRightCorner(c, c) += g.bottomRightCorner(c, c);
+  }
+  n.diagonal().segment(runs * l, base.parts) += base.part_precision;
+  for (long i = 0; i < n.rows(); ++i)
+    if (!(n(i, i) > 0)) n(i, i) = 1; // a power that depends on the others
+  return n;
+}
+
+double log_of(const VectorXd& precision) {
+  double sum = 0;
+  for (long i = 0; i < precision.size(); ++i)
+    if (precision[i] > 0) sum += std::log(precision[i]);
+  return sum;
+}
+
+} // namespace
+
+MeanPart part_of(const SlowData& data, const ScanCandidate& candidate, const Theta& shape) {
+  MeanPart part = mean_part(data, *candidate.estimator, shape);
+  for (long c = 0; c < candidate.relative_sd.size() && c < part.common_precision.size(); ++c)
+    part.common_precision[c] /= candidate.relative_sd[c] * candidate.relative_sd[c];
+  return part;
+}
+
+ScanBank::ScanBank(const SlowData& data, const std::vector<ScanCandidate>& candidates)
+    : data_(data), n_candidates_(candidates.size()) {
+  long width = 0;
+  for (size_t j = 0; j < candidates.size(); ++j)
+    for (const Theta& shape : candidates[j].shapes) {
+      ScanGroup group{j, shape, part_of(data, candidates[j], shape)};
+      Place place;
+      place.first = width;
+      place.common = group.part.common_precision.size();
+      place.local = group.part.local_precision.size();
+      place.powers = group.part.powers.empty() ? 0 : group.part.powers.front().cols();
+      width += place.width();
+      places_.push_back(place);
+      groups_.push_back(std::move(group));
+    }
+  for (size_t r = 0; r < data.y.size(); ++r) {
+    MatrixXd x(data.y[r].size(), width);
+    for (size_t g = 0; g < groups_.size(); ++g) {
+      const Place& at = places_[g];
+      const MeanPart& part = groups_[g].part;
+      x.middleCols(at.first, at.common) = part.common[r];
+      if (at.powers > 0) x.middleCols(at.first + at.common, at.powers) = part.powers[r];
+      x.middleCols(at.first + at.common + at.powers, at.local) = part.local[r];
+    }
+    columns_.push_back(std::move(x));
+  }
+  for (ScanGroup& group : groups_) // kept in columns_
+    group.part.common.clear(), group.part.local.clear(), group.part.powers.clear();
+}
+
+ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise) : bank_(bank), noise_(noise) {
+  for (size_t r = 0; r < bank.columns_.size(); ++r) {
+    gains_.push_back(compute_gains(bank.data_.campaign.runs[r], noise));
+    sum_log_s_ += gains_.back().sum_log_s;
+    MatrixXd x = bank.columns_[r];
+    whiten(gains_.back(), &x);
+    white_.push_back(std::move(x));
+  }
+  for (const ScanBank::Place& at : bank.places_) {
+    std::vector<MatrixXd> grams;
+    for (const MatrixXd& x : white_) {
+      const auto own = x.middleCols(at.first, at.width());
+      grams.push_back(own.transpose() * own);
+    }
+    self_.push_back(std::move(grams));
+  }
+}
+
+namespace {
+
+// A group in its expanded places: common columns and powers, then local ones run by run.
+struct Expanded {
+  MatrixXd m, a, u; // normal matrix; solved products with the base; products with the data
+  VectorXd precision;
+};
+
+} // namespace
+
+ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, const std::vector<MatrixXd>& y,
+                                 const std::vector<char>& skip) const {
+  const Base base = base_of(bank_.data_, parts, gains_);
+  const long runs = static_cast<long>(y.size()), draws = y.front().cols();
+  const Eigen::LLT<MatrixXd> llt(normal_matrix(base));
+  std::vector<MatrixXd> with_columns, with_y, columns_y;
+  VectorXd energy = VectorXd::Zero(draws);
+  for (size_t r = 0; r < y.size(); ++r) {
+    MatrixXd white_y = y[r];
+    whiten(gains_[r], &white_y);
+    energy += white_y.colwise().squaredNorm().transpose();
+    with_columns.push_back(base.white[r].transpose() * white_[r]);
+    with_y.push_back(base.white[r].transpose() * white_y);
+    columns_y.push_back(white_[r].transpose() * white_y);
+  }
+  const MatrixXd ay = llt.matrixL().solve(expanded_products(base, with_y));
+  const long n_base = ay.rows(), n_free = n_base - base.powers; // without the powers
+  double log_det = 0, log_det_free = 0;
+  for (long i = 0; i < n_base; ++i) {
+    const double term = 2 * std::log(llt.matrixLLT()(i, i));
+    log_det += term;
+    if (i < n_free) log_det_free += term;
+  }
+  const double log_prior = static_cast<double>(runs) * log_of(base.local_precision) + log_of(base.part_precision);
+  const auto value = [&](long rows, double det) {
+    return VectorXd(-0.5 * (energy - ay.topRows(rows).colwise().squaredNorm().transpose()).array() -
+                    0.5 * (sum_log_s_ + det - log_prior));
+  };
+  Scores out;
+  out.base = value(n_base, log_det);
+  const VectorXd free = value(n_free, log_det_free);
+  bool is_replaced = false;
+  for (const MeanPart* part : parts) is_replaced = is_replaced || !part->powers.empty();
+  out.group = MatrixXd::Constant(static_cast<long>(bank_.groups_.size()), draws, -1e300);
+  // Products of the base with the columns of all groups, solved: common columns and the local ones of every run.
+  const auto solved = [&](const ScanBank::Place& at, long rows) {
+    const long shared = at.common + at.powers, k = shared + runs * at.local;
+    MatrixXd a = MatrixXd::Zero(n_base, k);
+    for (long r = 0; r < runs; ++r) {
+      const MatrixXd p = with_columns[static_cast<size_t>(r)].middleCols(at.first, at.width());
+      a.block(r * base.local, 0, base.local, shared) += p.topLeftCorner(base.local, shared);
+      a.block(runs * base.local, 0, base.common(), shared) += p.bottomLeftCorner(base.common(), shared);
+      a.block(r * base.local, shared + r * at.local, base.local, at.local) =
+          p.topRightCorner(base.local, at.local);
+      a.block(runs * base.local, shared + r * at.local, base.common(), at.local) =
+          p.bottomRightCorner(base.common(), at.local);
+    }
+    return MatrixXd(llt.matrixL().solve(a).topRows(rows));
+  };
+  for (size_t g = 0; g < bank_.groups_.size(); ++g) {
+    const ScanBank::Place& at = bank_.places_[g];
+    if (skip[bank_.groups_[g].candidate] || (at.powers > 0 && is_replaced)) continue;
+    const long shared = at.common + at.powers, k = shared + runs * at.local, rows = at.powers > 0 ? n_free : n_base;
+    Expanded e;
+    e.a = solved(at, rows);
+    e.m = MatrixXd::Zero(k, k);
+    e.u = MatrixXd::Zero(k, draws);
+    e.precision = VectorXd::Zero(k);
+    e.precision.head(at.common) = bank_.groups_[g].part.common_precision;
+    for (long r = 0; r < runs; ++r) {
+      const MatrixXd& s = self_[g][static_cast<size_t>(r)];
+      const long first = shared + r * at.local;
+      e.m.topLeftCorner(shared, shared) += s.topLeftCorner(shared, shared);
+      e.m.block(0, first, shared, at.local) = s.topRightCorner(shared, at.local);
+      e.m.block(first, 0, at.local, shared) = s.bottomLeftCorner(at.local, shared);
+      e.m.block(first, first, at.local, at.local) = s.bottomRightCorner(at.local, at.local);
+      e.u.topRows(shared) += columns_y[static_cast<size_t>(r)].middleRows(at.first, shared);
+      e.u.middleRows(first, at.local) = columns_y[static_cast<size_t>(r)].middleRows(at.first + shared, at.local);
+      e.precision.segment(first, at.local) = bank_.groups_[g].part.local_precision;
+    }
+    e.m -= e.a.transpose() * e.a;
+    e.u -= e.a.transpose() * ay.topRows(rows);
+    MatrixXd by_scale(3, draws);
+    for (int s = 0; s < 3; ++s) {
+      const VectorXd precision = e.precision / (kScales[s] * kScales[s]);
+      MatrixXd m = e.m;
+      m.diagonal() += precision;
+      for (long i = 0; i < k; ++i)
+        if (!(m(i, i) > 1e-12)) m(i, i) += 1; // dependent on the base: adds nothing
+      const Eigen::LLT<MatrixXd> own(m);
+      if (own.info() != Eigen::Success) {
+        by_scale.row(s).setConstant(-1e300);
+        continue;
+      }
+      double det = 0;
+      for (long i = 0; i < k; ++i) det += 2 * std::log(own.matrixLLT()(i, i));
+      const MatrixXd half = own.matrixL().solve(e.u);
+      by_scale.row(s) = (0.5 * half.colwise().squaredNorm()).array() - 0.5 * (det - log_of(precision));
+    }
+    const VectorXd& start = at.powers > 0 ? free : out.base;
+    for (long d = 0; d < draws; ++d) {
+      const double top = by_scale.col(d).maxCoeff();
+      if (top > -1e299)
+        out.group(static_cast<long>(g), d) =
+            start[d] + top + std::log((by_scale.col(d).array() - top).exp().mean());
+    }
+  }
+  return out;
+}
+
+} // namespace imucal

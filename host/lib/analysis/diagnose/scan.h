@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+// All candidate columns of the library on one campaign, whitened once per node (a noise model) and scored from
+// products of columns: a candidate costs one small Cholesky factorisation, a draw of the data one more column.
+#pragma once
+#include <Eigen/Dense>
+#include <memory>
+#include <vector>
+
+#include "analysis/diagnose/marginal.h"
+
+namespace imucal {
+
+// One candidate at one shape.
+struct ScanGroup {
+  size_t candidate = 0; // place in the list the bank was made with
+  Theta shape;
+  MeanPart part;
+};
+
+// A candidate of the scan: an effect of the library, or a free shape of the mean that no effect owns.
+struct ScanCandidate {
+  const EffectEstimator* estimator = nullptr;
+  std::vector<Theta> shapes;
+  Eigen::VectorXd relative_sd = {}; // per column: prior, in units of the spread; empty: 1
+};
+MeanPart part_of(const SlowData& data, const ScanCandidate& candidate, const Theta& shape);
+
+class ScanBank {
+public:
+  ScanBank(const SlowData& data, const std::vector<ScanCandidate>& candidates);
+
+  const SlowData& data() const { return data_; }
+  const std::vector<ScanGroup>& groups() const { return groups_; }
+  size_t n_candidates() const { return n_candidates_; }
+
+private:
+  friend class ScanNode;
+  struct Place {
+    long first = 0, common = 0, local = 0, powers = 0; // columns in the order common, powers, local
+    long width() const { return common + powers + local; }
+  };
+  const SlowData& data_;
+  size_t n_candidates_;
+  std::vector<ScanGroup> groups_;
+  std::vector<Place> places_;
+  std::vector<Eigen::MatrixXd> columns_; // per run: used samples x all columns
+};
+
+// The bank under one noise model.
+class ScanNode {
+public:
+  ScanNode(const ScanBank& bank, const NoiseModel& noise);
+
+  const NoiseModel& noise() const { return noise_; }
+  const std::vector<RunGains>& gains() const { return gains_; }
+
+  struct Scores {
+    Eigen::VectorXd base;  // per draw: log marginal likelihood of the base
+    Eigen::MatrixXd group; // group x draw: of the base with this group, mean over the prior scales
+  };
+  // `base`: parts that are in the mean already.  `y`: per run, used samples x draws, not whitened.
+  // `skip`: per candidate, 1: leave out (its scores are -1e300).
+  Scores score(const std::vector<const MeanPart*>& base, const std::vector<Eigen::MatrixXd>& y,
+               const std::vector<char>& skip) const;
+
+private:
+  const ScanBank& bank_;
+  NoiseModel noise_;
+  std::vector<RunGains> gains_;
+  double sum_log_s_ = 0;
+  std::vector<Eigen::MatrixXd> white_;             // per run
+  std::vector<std::vector<Eigen::MatrixXd>> self_; // per group and run
+};
+
+} // namespace imucal

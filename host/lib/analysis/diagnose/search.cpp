@@ -1,0 +1,745 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "analysis/diagnose/blocks.h"
+#include "analysis/diagnose/fit.h"
+#include "base/rng.h"
+
+namespace imucal {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr double kReestimated_nats = 6; // what another noise than the believed one costs
+constexpr double kNoiseKind_nats = 3;   // what another kind of slow noise costs in the competition with a mean
+constexpr double kDensityFactors[] = {0.5, 1.0, 1.6};      // nodes: slow density, and
+constexpr double kTauFactors[] = {0.04, 0.12, 0.35, 1.0};  // time constant, about the fit without a name
+constexpr double kStartTaus_s[] = {100, 1000};
+constexpr double kUsualTau_s = 300;
+constexpr size_t kNoisesBeside = 2;
+constexpr size_t kPolished = 7, kPairBases = 6, kPairNodes = 6, kPairsPolished = 4;
+constexpr double kNear_nats = 10; // below the best: not polished
+constexpr double kRivals_nats = 3;
+constexpr int kEvaluations = 110, kQuickEvaluations = 60;
+constexpr size_t kMostNames = 3;
+const char kCalibrationVersion[] = "5"; // changes whenever a draw would gain something else
+constexpr double kPolishGain_nats = 1;  // what a search between the nodes gains beyond them, which draws do not get
+constexpr double kLeastThreshold_nats = 4, kMostThreshold_nats = 14;
+constexpr double kMemberShare = 0.85; // of the gain of a free shape, from which a member is the answer
+constexpr size_t kMostSteps = 6, kStepPlaces = 12;
+
+// Standard deviations of the weak prior of log(white), log(slow density), log(tau).
+struct NoisePrior {
+  double centre[3] = {0, 0, 0}, sd[3] = {1.5, 3, 2};
+  double at(const double* x) const {
+    double sum = 0;
+    for (int i = 0; i < 3; ++i) sum -= 0.5 * std::pow((x[i] - centre[i]) / sd[i], 2);
+    return sum;
+  }
+};
+
+NoiseModel scaled(const NoiseModel& base, const double* x) {
+  NoiseModel out = base;
+  out.white_sigma_dph *= std::exp(x[0]);
+  for (Markov& m : out.markov) m.tau_s *= std::exp(x[2]), m.sigma_dph *= std::exp(0.5 * (x[1] + x[2]));
+  return out;
+}
+
+double log_mean_exp(const std::vector<double>& x) {
+  const double top = *std::max_element(x.begin(), x.end());
+  double sum = 0;
+  for (double v : x) sum += std::exp(v - top);
+  return top + std::log(sum / static_cast<double>(x.size()));
+}
+
+} // namespace
+
+double SlowModel::charges() const {
+  double sum = noise_effect ? noise_charge : 0;
+  for (const Name& name : names) sum += name.charge;
+  return sum;
+}
+
+struct SlowSearch::Impl {
+  const SlowData& data;
+  NoiseBelief belief;
+  SearchThresholds thresholds;
+  NoiseModel base; // what the factors of a hypothesis act on
+  NoisePrior prior;
+  std::vector<Candidate> candidates;
+  std::vector<const Effect*> noise_effects;
+  std::unique_ptr<ScanBank> bank;
+  struct Node {
+    SlowModel at; // its noise
+    std::unique_ptr<ScanNode> scan;
+  };
+  std::vector<Node> nodes;
+  std::vector<MatrixXd> y;
+  double longest_tau_s = 1e4;
+  const EffectEstimator* steps = nullptr; // of jumps, where they may be named
+  SlowResult out;
+
+  Impl(const SlowData& d, const NoiseBelief& b, const std::vector<const Effect*>& library,
+       const std::vector<bool>& active, const SearchThresholds& t)
+      : data(d), belief(b), thresholds(t) {
+    set_noise();
+    set_candidates(library, active);
+    for (const VectorXd& rate : data.y) y.push_back(rate);
+  }
+
+  void set_noise() {
+    double longest = 0;
+    for (const CampaignRun& run : data.campaign.runs) longest = std::max(longest, run.input.t_s.back());
+    longest_tau_s = std::max(3 * longest, 1000.0);
+    base = belief.model;
+    if (base.markov.empty()) base.markov.push_back({data.spread_dph, kUsualTau_s});
+    if (!(base.markov[0].sigma_dph > 0)) base.markov[0].sigma_dph = data.spread_dph;
+    if (belief.has_data_sheet) {
+      prior.sd[0] = 0.7, prior.sd[1] = 1.4, prior.sd[2] = 1;
+      return;
+    }
+    const double white = white_between_samples(data.campaign);
+    if (!(base.white_sigma_dph > 0)) base.white_sigma_dph = std::max(white, 1e-6);
+    if (white > 0) prior.centre[0] = std::log(white / base.white_sigma_dph);
+    const Markov& m = base.markov[0];
+    prior.centre[1] = std::log(std::pow(data.spread_dph / m.sigma_dph, 2) * m.tau_s / kUsualTau_s);
+    prior.centre[2] = std::log(kUsualTau_s / m.tau_s);
+  }
+
+  bool can_ask(const EffectEstimator& estimator) const {
+    const Form form = estimator.form();
+    if (form != Form::kColumns && form != Form::kTemperature && form != Form::kRunRandom) return false;
+    if (form == Form::kRunRandom && data.campaign.runs.size() < 2) return false;
+    if (estimator.needs_temperature() && (!data.campaign.has_temperature || data.campaign.order < 1)) return false;
+    return !(estimator.concerns_coarse_thermometer() && !(data.campaign.temp_lsb_degc > 0));
+  }
+
+  // A kind of slow noise that the block means can show: Gaussian ones.
+  bool is_slow_kind(const EffectEstimator& e) const {
+    if (e.form() != Form::kNoise || !e.is_slow_noise() || e.is_nominal_noise()) return false;
+    // One run passes each temperature once or twice: noise that follows it cannot be told from noise that changes.
+    if (e.needs_temperature() && (!data.campaign.has_temperature || data.campaign.runs.size() < 2)) return false;
+    const std::vector<Theta> starts = e.starts(base);
+    return !starts.empty() && !e.noise(base, starts.front()).is_mixture();
+  }
+
+  void set_candidates(const std::vector<const Effect*>& library, const std::vector<bool>& active) {
+    for (size_t j = 0; j < library.size(); ++j) {
+      const EffectEstimator* estimator = library[j]->estimator();
+      if (estimator && estimator->form() == Form::kSteps) steps = active[j] ? estimator : nullptr;
+      if (!estimator || !active[j]) continue;
+      if (is_slow_kind(*estimator)) noise_effects.push_back(library[j]);
+      if (!can_ask(*estimator)) continue;
+      Candidate c;
+      c.effect = library[j], c.place = j;
+      c.scan.estimator = estimator;
+      c.scan.shapes = shapes_of(*estimator);
+      if (!c.scan.shapes.empty()) candidates.push_back(std::move(c));
+    }
+    for (size_t j = 0; j < free_shapes().size(); ++j) {
+      const Reference& free = free_shapes()[j];
+      // In one run anything is a function of the time.
+      if (!can_ask(*free.candidate.estimator) ||
+          (free.family == Family::kFunctionOfTime && data.campaign.runs.size() < 2))
+        continue;
+      Candidate c;
+      c.reference = &free, c.place = j, c.scan = free.candidate;
+      c.scan.shapes = {{longest_tau_s / 3}};
+      candidates.push_back(std::move(c));
+    }
+    std::vector<ScanCandidate> scans;
+    for (const Candidate& c : candidates) scans.push_back(c.scan);
+    bank.reset(new ScanBank(data, scans));
+  }
+  std::vector<Theta> shapes_of(const EffectEstimator& estimator) const {
+    const RunInput& run = data.campaign.runs.front().input;
+    if (estimator.form() == Form::kRunRandom) return {{data.spread_dph}};
+    if (estimator.concerns_coarse_thermometer()) return {{data.campaign.temp_lsb_degc}};
+    return estimator.grid_on(run, data.campaign.lo_degc, data.campaign.hi_degc);
+  }
+
+  // ---- one hypothesis
+
+  NoiseModel base_noise(const SlowModel& m) const {
+    NoiseModel noise = m.is_believed ? belief.model : scaled(base, m.log_noise);
+    for (Markov& markov : noise.markov)
+      markov.tau_s = std::clamp(markov.tau_s, std::min(1.0, data.campaign.dt_s), longest_tau_s);
+    return noise;
+  }
+  NoiseModel noise(const SlowModel& m) const {
+    return block_equivalent(seconds_noise(m), data.campaign.dt_s);
+  }
+  NoiseModel seconds_noise(const SlowModel& m) const {
+    const NoiseModel plain = base_noise(m);
+    return m.noise_effect ? m.noise_effect->estimator()->noise(plain, m.noise_theta) : plain;
+  }
+  std::vector<MeanPart> parts(const SlowModel& m) const { return parts_on(data, m); }
+  std::vector<MeanPart> parts_on(const SlowData& where, const SlowModel& m) const {
+    std::vector<MeanPart> list;
+    for (const NoiseBelief::Known& known : belief.known) list.push_back(start_part(where, *known.estimator, known.shape));
+    if (!m.steps.empty()) {
+      Theta all;
+      for (const Theta& step : m.steps) all.insert(all.end(), step.begin(), step.end());
+      list.push_back(mean_part(where, *steps, all));
+    }
+    for (const SlowModel::Name& name : m.names)
+      list.push_back(part_of(where, candidates[name.candidate].scan, name.shape));
+    return list;
+  }
+
+  RunGrams grams(const SlowModel& m) const {
+    const std::vector<MeanPart> own = parts(m);
+    std::vector<const MeanPart*> pointers;
+    for (const MeanPart& part : own) pointers.push_back(&part);
+    return RunGrams(data, pointers, noise(m));
+  }
+  double noise_value(const SlowModel& m) const {
+    if (m.is_believed) return 0;
+    return prior.at(m.log_noise) - (belief.has_believed ? kReestimated_nats : 0);
+  }
+  double evaluate(const SlowModel& m) const { return grams(m).log_marginal_any_scale() + noise_value(m); }
+
+  // ---- search over noise and shape parameters of one hypothesis
+
+  struct Axis {
+    double* value;
+    double step, lo, hi;
+    bool is_log;
+  };
+  std::vector<Axis> axes_of(SlowModel* m) const {
+    std::vector<Axis> axes;
+    if (!m->is_believed)
+      for (double& x : m->log_noise) axes.push_back({&x, 0.4, -15, 15, false});
+    if (m->noise_effect) {
+      const EffectEstimator& e = *m->noise_effect->estimator();
+      for (size_t i = 0; i < m->noise_theta.size(); ++i)
+        axes.push_back({&m->noise_theta[i], e.is_logarithmic() ? 0.4 : 0.3, e.theta_lo()[i], e.theta_hi()[i],
+                        e.is_logarithmic()});
+    }
+    for (SlowModel::Name& name : m->names) {
+      const EffectEstimator& e = *candidates[name.candidate].scan.estimator;
+      if (!candidates[name.candidate].effect || e.shape_lo().size() != name.shape.size()) continue;
+      for (size_t i = 0; i < name.shape.size(); ++i)
+        axes.push_back({&name.shape[i], std::max(0.05, 0.15 * std::fabs(name.shape[i])), e.shape_lo()[i],
+                        e.shape_hi()[i], false});
+    }
+    return axes;
+  }
+
+  void polish(SlowModel* m, int evaluations) const {
+    std::vector<Axis> axes = axes_of(m);
+    Theta x, lo, hi;
+    for (const Axis& a : axes) {
+      const auto inward = [&](double v) { return (a.is_log ? std::log(v) : v) / a.step; };
+      x.push_back(inward(*a.value)), lo.push_back(inward(a.lo)), hi.push_back(inward(a.hi));
+    }
+    const auto set = [&](const Theta& at) {
+      for (size_t i = 0; i < axes.size(); ++i)
+        *axes[i].value = axes[i].is_log ? std::exp(at[i] * axes[i].step) : at[i] * axes[i].step;
+    };
+    if (!axes.empty()) {
+      SearchOptions options;
+      options.step = 1, options.max_evaluations = evaluations, options.tolerance = 0.02;
+      maximise([&](const Theta& at) { set(at); return evaluate(*m); }, &x, lo, hi, options);
+      set(x);
+    }
+    m->value = evaluate(*m);
+    mark_bounds(m);
+  }
+  void mark_bounds(SlowModel* m) const {
+    for (SlowModel::Name& name : m->names) {
+      const EffectEstimator& e = *candidates[name.candidate].scan.estimator;
+      name.is_at_bound = false;
+      if (!candidates[name.candidate].effect || e.shape_lo().size() != name.shape.size()) continue;
+      for (size_t i = 0; i < name.shape.size(); ++i) {
+        const double margin = 1e-3 * (e.shape_hi()[i] - e.shape_lo()[i]);
+        if (name.shape[i] < e.shape_lo()[i] + margin || name.shape[i] > e.shape_hi()[i] - margin)
+          name.is_at_bound = true;
+      }
+    }
+  }
+  // The same names with the noise as believed, where something is believed: the better of the two.
+  SlowModel polished(SlowModel m, int evaluations = kQuickEvaluations) const {
+    if (belief.has_believed) {
+      SlowModel believed = m;
+      believed.is_believed = true;
+      polish(&believed, evaluations / 2);
+      m.is_believed = false;
+      polish(&m, evaluations);
+      return believed.value > m.value ? believed : m;
+    }
+    polish(&m, evaluations);
+    return m;
+  }
+
+  // ---- scans
+
+  SlowModel fit_null(const std::vector<Theta>& jumps) const {
+    SlowModel best;
+    for (double tau : kStartTaus_s) {
+      SlowModel m;
+      m.steps = jumps;
+      m.log_noise[0] = prior.centre[0];
+      m.log_noise[1] = prior.centre[1];
+      m.log_noise[2] = std::log(tau / base.markov[0].tau_s);
+      polish(&m, kEvaluations);
+      if (m.value > best.value) best = m;
+    }
+    return best;
+  }
+  void make_nodes(const SlowModel& about) {
+    nodes.clear();
+    for (double q : kDensityFactors)
+      for (double t : kTauFactors) {
+        SlowModel m = about;
+        m.is_believed = false;
+        m.log_noise[1] += std::log(q), m.log_noise[2] += std::log(t);
+        nodes.push_back({m, std::make_unique<ScanNode>(*bank, noise(m))});
+      }
+    if (belief.has_believed) {
+      SlowModel m = about;
+      m.is_believed = true;
+      nodes.push_back({m, std::make_unique<ScanNode>(*bank, noise(m))});
+    }
+  }
+
+  // Every candidate added to `m`, noise by node, shapes on their grids.
+  std::vector<SlowCandidateScore> scan(const SlowModel& m, const std::vector<const Node*>& where) const {
+    std::vector<char> skip(candidates.size(), 0);
+    for (const SlowModel::Name& name : m.names) skip[name.candidate] = 1;
+    const std::vector<MeanPart> own = parts(m);
+    std::vector<const MeanPart*> pointers;
+    for (const MeanPart& part : own) pointers.push_back(&part);
+    std::vector<SlowCandidateScore> best(candidates.size());
+    for (SlowCandidateScore& b : best) b.gain_nats = -1e300;
+    for (const Node* node : where) {
+      const ScanNode::Scores scores = node->scan->score(pointers, y, skip);
+      take_best(m, *node, scores, &best);
+    }
+    return best;
+  }
+  void take_best(const SlowModel& m, const Node& node, const ScanNode::Scores& scores,
+                 std::vector<SlowCandidateScore>* best) const {
+    std::vector<std::vector<double>> values(candidates.size());
+    std::vector<size_t> top(candidates.size(), 0);
+    for (size_t g = 0; g < bank->groups().size(); ++g) {
+      const size_t j = bank->groups()[g].candidate;
+      const double v = scores.group(static_cast<long>(g), 0);
+      if (v < -1e299) continue;
+      if (values[j].empty() || v > *std::max_element(values[j].begin(), values[j].end())) top[j] = g;
+      values[j].push_back(v);
+    }
+    for (size_t j = 0; j < candidates.size(); ++j) {
+      if (values[j].empty()) continue;
+      const double mean = log_mean_exp(values[j]) + noise_value(node.at);
+      if (mean <= (*best)[j].gain_nats) continue;
+      SlowCandidateScore& b = (*best)[j];
+      b.gain_nats = mean;
+      b.model = m;
+      std::copy(node.at.log_noise, node.at.log_noise + 3, b.model.log_noise);
+      b.model.is_believed = node.at.is_believed;
+      b.model.value = *std::max_element(values[j].begin(), values[j].end()) + noise_value(node.at);
+      b.model.names.push_back({j, bank->groups()[top[j]].shape, b.model.value - mean, false});
+    }
+  }
+  std::vector<const Node*> all_nodes() const {
+    std::vector<const Node*> list;
+    for (const Node& node : nodes) list.push_back(&node);
+    return list;
+  }
+  // The nodes where the hypothesis is likely.
+  std::vector<const Node*> likely_nodes(const SlowModel& m) const {
+    const std::vector<MeanPart> own = parts(m);
+    std::vector<const MeanPart*> pointers;
+    for (const MeanPart& part : own) pointers.push_back(&part);
+    std::vector<std::pair<double, const Node*>> ranked;
+    for (const Node& node : nodes)
+      ranked.push_back({RunGrams(data, pointers, noise(node.at)).log_marginal_any_scale() + noise_value(node.at), &node});
+    std::sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+    std::vector<const Node*> list;
+    for (size_t i = 0; i < ranked.size() && i < kPairNodes; ++i) list.push_back(ranked[i].second);
+    return list;
+  }
+
+  // Polishes the best of a scan; the others keep their values from the grid.
+  void polish_best(std::vector<SlowCandidateScore>* scores, size_t count, double floor, int evaluations) const {
+    std::vector<size_t> order(scores->size());
+    for (size_t j = 0; j < order.size(); ++j) order[j] = j;
+    std::sort(order.begin(), order.end(),
+              [&](size_t a, size_t b) { return (*scores)[a].gain_nats > (*scores)[b].gain_nats; });
+    const double best = order.empty() ? 0 : (*scores)[order[0]].gain_nats;
+    for (size_t i = 0; i < order.size() && i < count; ++i) {
+      SlowCandidateScore& s = (*scores)[order[i]];
+      if (s.model.names.empty() || s.gain_nats < floor || s.gain_nats < best - std::max(kNear_nats, 0.3 * (best - floor)))
+        break;
+      s.model = polished(s.model, evaluations);
+      s.gain_nats = s.model.free_score();
+    }
+  }
+
+  // Kinds of slow noise beside `m`, each from its best start; only the most promising ones are polished.
+  std::vector<SlowCandidateScore> scan_noises(const SlowModel& m, size_t polish_most) const {
+    std::vector<SlowCandidateScore> list;
+    for (const Effect* effect : noise_effects) {
+      SlowCandidateScore best;
+      best.gain_nats = -1e300;
+      for (const Theta& theta : effect->estimator()->starts(base_noise(m))) {
+        SlowModel with = m;
+        with.noise_effect = effect, with.noise_theta = theta, with.noise_charge = kNoiseKind_nats;
+        with.value = evaluate(with);
+        if (with.free_score() > best.gain_nats) best.gain_nats = with.free_score(), best.model = with;
+      }
+      list.push_back(best);
+    }
+    std::vector<size_t> order(list.size());
+    for (size_t j = 0; j < order.size(); ++j) order[j] = j;
+    std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return list[a].gain_nats > list[b].gain_nats; });
+    for (size_t i = 0; i < order.size() && i < polish_most; ++i) {
+      SlowCandidateScore& s = list[order[i]];
+      if (!s.model.noise_effect) continue;
+      s.model = polished(s.model, kQuickEvaluations);
+      s.gain_nats = s.model.free_score();
+    }
+    return list;
+  }
+
+  double score(const SlowModel& m) const {
+    return m.free_score() - thresholds.mean_nats * static_cast<double>(m.names.size()) -
+           thresholds.step_nats * static_cast<double>(m.steps.size());
+  }
+  void consider(const SlowModel& m) {
+    if (score(m) > score(out.best)) out.best = m;
+  }
+
+  void pairs(const std::vector<SlowCandidateScore>& singles) {
+    std::vector<size_t> order;
+    for (size_t j = 0; j < singles.size(); ++j)
+      if (!singles[j].model.names.empty()) order.push_back(j);
+    std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
+    std::vector<SlowCandidateScore> found;
+    for (size_t i = 0; i < order.size() && i < kPairBases; ++i) {
+      const SlowModel& one = singles[order[i]].model;
+      for (SlowCandidateScore& s : scan(one, likely_nodes(one)))
+        if (!s.model.names.empty()) found.push_back(std::move(s));
+    }
+    polish_best(&found, kPairsPolished, score(out.best), kQuickEvaluations);
+    for (const SlowCandidateScore& s : found) consider(s.model);
+  }
+  void one_more() {
+    std::vector<SlowCandidateScore> found = scan(out.best, likely_nodes(out.best));
+    polish_best(&found, 3, score(out.best), kQuickEvaluations);
+    for (const SlowCandidateScore& s : found) consider(s.model);
+  }
+  void more_noise(const SlowModel& about) {
+    if (about.noise_effect) return;
+    for (const SlowCandidateScore& s : scan_noises(about, kNoisesBeside)) consider(s.model);
+  }
+
+  // A free shape has more freedom than any member: where a member gains nearly as much, it is the answer, and what the
+  // shape gains beyond it is a remainder.
+  void prefer_members() {
+    SlowModel& best = out.best;
+    for (size_t i = 0; i < best.names.size(); ++i) {
+      if (candidates[best.names[i].candidate].effect) continue;
+      const SlowModel less = without(best, i);
+      const double free_gain = best.free_score() - less.free_score();
+      SlowModel top;
+      for (SlowCandidateScore& s : scan(less, likely_nodes(best))) {
+        if (s.model.names.empty() || !candidates[s.model.names.back().candidate].effect) continue;
+        if (s.gain_nats < less.free_score() + kMemberShare * free_gain - kNear_nats) continue;
+        const SlowModel member = polished(s.model);
+        if (member.free_score() > top.free_score()) top = member;
+      }
+      if (top.free_score() - less.free_score() < kMemberShare * free_gain) continue;
+      out.replaced.push_back(best.names[i].candidate);
+      best = top;
+    }
+  }
+
+  // The hypothesis without one of its names, as good as it can be made.
+  SlowModel without(const SlowModel& m, size_t i) const {
+    SlowModel less = m;
+    less.names.erase(less.names.begin() + static_cast<long>(i));
+    less = polished(less, kQuickEvaluations);
+    if (less.names.empty()) {
+      if (out.null.free_score() > less.free_score()) less = out.null;
+      for (const SlowCandidateScore& s : out.noises)
+        if (s.model.free_score() > less.free_score()) less = s.model;
+    }
+    return less;
+  }
+
+  void judge_names() {
+    prefer_members();
+    const SlowModel best = out.best;
+    out.rivals.clear(), out.evidence.clear();
+    for (size_t i = 0; i < best.names.size(); ++i) {
+      const SlowModel less = without(best, i);
+      out.evidence.push_back(best.free_score() - less.free_score() - thresholds.mean_nats);
+      out.rivals.push_back(rivals(best, i));
+    }
+    if (best.noise_effect) {
+      SlowModel less = best;
+      less.noise_effect = nullptr;
+      less = polished(less, kQuickEvaluations);
+      out.evidence.push_back(best.free_score() + best.noise_charge - less.free_score() - thresholds.noise_nats);
+    }
+  }
+  std::vector<SlowResult::Rival> rivals(const SlowModel& best, size_t i) const {
+    SlowModel less = best;
+    less.names.erase(less.names.begin() + static_cast<long>(i));
+    std::vector<SlowCandidateScore> others = scan(less, likely_nodes(best));
+    others[best.names[i].candidate].model.names.clear();
+    for (SlowCandidateScore& s : others)
+      if (!s.model.names.empty() && s.gain_nats > best.free_score() - kNear_nats) {
+        s.model = polished(s.model, kQuickEvaluations);
+        s.gain_nats = s.model.free_score();
+      }
+    std::vector<SlowResult::Rival> list;
+    for (size_t j = 0; j < others.size(); ++j)
+      if (!others[j].model.names.empty() && others[j].gain_nats > best.free_score() - kRivals_nats)
+        list.push_back({j, nullptr, best.free_score() - others[j].gain_nats});
+    if (best.names.size() == 1 && !best.noise_effect)
+      for (const SlowCandidateScore& s : out.noises)
+        if (s.gain_nats + kNoiseKind_nats > best.free_score() - kRivals_nats)
+          list.push_back({0, s.model.noise_effect, best.free_score() - s.gain_nats - kNoiseKind_nats});
+    std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gap_nats < b.gap_nats; });
+    return list;
+  }
+
+  // ---- jumps
+
+  // Standardised innovations of a hypothesis, run by run.
+  std::vector<VectorXd> innovations(const SlowModel& m) const {
+    const std::vector<MeanPart> own = parts(m);
+    const RunGrams::Posterior at = grams(m).posterior();
+    const NoiseModel model = noise(m);
+    std::vector<VectorXd> out_e;
+    for (size_t r = 0; r < data.y.size(); ++r) {
+      VectorXd e = residual_of(data, own, at, r);
+      whiten(compute_gains(data.campaign.runs[r], model), e.data(), static_cast<size_t>(e.size()));
+      out_e.push_back(std::move(e));
+    }
+    return out_e;
+  }
+  // The places of the largest innovations: where a jump would show.
+  std::vector<Theta> likely_steps(const SlowModel& m) const {
+    std::vector<std::pair<double, Theta>> list;
+    const std::vector<VectorXd> e = innovations(m);
+    for (size_t r = 0; r < e.size(); ++r)
+      for (long k = 3; k + 3 < e[r].size(); ++k) {
+        const CampaignRun& run = data.campaign.runs[r];
+        const double t = run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(k)])];
+        list.push_back({std::fabs(e[r][k]), {static_cast<double>(r), t - 0.5 * data.campaign.dt_s}});
+      }
+    const size_t n = std::min(kStepPlaces, list.size());
+    std::partial_sort(list.begin(), list.begin() + static_cast<long>(n), list.end(),
+                      [](const auto& a, const auto& b) { return a.first > b.first; });
+    std::vector<Theta> places;
+    for (size_t i = 0; i < n; ++i) places.push_back(list[i].second);
+    return places;
+  }
+  // Jumps that earn their cost, one after the other, the noise estimated again with each.  More than a few are not
+  // jumps but a noise: none then.
+  std::vector<Theta> find_steps(const SlowModel& null) const {
+    if (!steps) return {};
+    SlowModel now = null;
+    while (now.steps.size() < kMostSteps) {
+      SlowModel best = now;
+      best.value = -1e300;
+      for (const Theta& place : likely_steps(now)) {
+        SlowModel with = now;
+        with.steps.push_back(place);
+        with.value = evaluate(with);
+        if (with.value > best.value) best = with;
+      }
+      if (best.value < now.value + 0.3 * thresholds.step_nats) return now.steps;
+      best = polished(best, kQuickEvaluations);
+      if (best.value < now.value + thresholds.step_nats) return now.steps;
+      now = best;
+    }
+    return {};
+  }
+
+  // The hypothesis without a name, and the nodes about it.
+  SlowModel start, start_null;
+  bool is_prepared = false;
+  void prepare() {
+    if (is_prepared) return;
+    start = fit_null({});
+    start_null = belief.has_believed ? polished(start, kQuickEvaluations) : start;
+    is_prepared = true;
+  }
+
+  void go() {
+    prepare();
+    const std::vector<Theta> jumps = find_steps(start_null);
+    run_with(start, start_null);
+    if (jumps.empty()) return;
+    const SlowResult plain = out;
+    out = SlowResult();
+    SlowModel jumped = start;
+    jumped.steps = jumps;
+    polish(&jumped, kEvaluations);
+    run_with(jumped, belief.has_believed ? polished(jumped, kQuickEvaluations) : jumped);
+    if (score(out.best) < score(plain.best)) {
+      out = plain;
+      return;
+    }
+    out.step_gain_nats = out.null.free_score() - plain.null.free_score();
+    out.null = plain.null;
+  }
+  void run_with(const SlowModel& about, const SlowModel& null) {
+    make_nodes(about);
+    out.null = null;
+    out.best = out.null;
+    out.singles = scan(out.null, all_nodes());
+    polish_best(&out.singles, kPolished, out.null.free_score() - 1, kEvaluations);
+    out.noise_effects = noise_effects;
+    out.noises = scan_noises(out.null, noise_effects.size());
+    for (const SlowCandidateScore& s : out.singles) consider(s.model);
+    for (const SlowCandidateScore& s : out.noises) consider(s.model);
+    double strongest = -1e300;
+    for (const SlowCandidateScore& s : out.singles) strongest = std::max(strongest, s.gain_nats);
+    if (strongest > out.null.free_score() + 3) {
+      more_noise_beside(out.singles);
+      pairs(out.singles);
+      while (out.best.names.size() >= 2 && out.best.names.size() < kMostNames) {
+        const size_t before = out.best.names.size();
+        one_more();
+        if (out.best.names.size() == before) break;
+      }
+      if (out.best.names.size() >= 2) more_noise(out.best);
+    }
+    judge_names();
+  }
+  void more_noise_beside(const std::vector<SlowCandidateScore>& singles) {
+    std::vector<size_t> order(singles.size());
+    for (size_t j = 0; j < order.size(); ++j) order[j] = j;
+    std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
+    for (size_t i = 0; i < order.size() && i < 2; ++i)
+      if (!singles[order[i]].model.names.empty()) more_noise(singles[order[i]].model);
+  }
+};
+
+namespace {
+
+// FNV-1a over rounded numbers.
+class Hash {
+public:
+  void add(const std::string& text) {
+    for (char c : text) state_ = (state_ ^ static_cast<unsigned char>(c)) * 0x100000001b3ull;
+  }
+  void add(double x) { add(std::to_string(std::lround(x)) + ";"); }
+  std::string text() const {
+    char out[20];
+    std::snprintf(out, sizeof out, "%016llx", static_cast<unsigned long long>(state_));
+    return out;
+  }
+
+private:
+  uint64_t state_ = 0xcbf29ce484222325ull;
+};
+
+} // namespace
+
+std::string SlowSearch::null_key(size_t draws, uint64_t seed) {
+  impl_->prepare();
+  const Campaign& campaign = impl_->data.campaign;
+  Hash hash;
+  hash.add(std::string(IMUCAL_VERSION) + kCalibrationVersion);
+  hash.add(static_cast<double>(draws)), hash.add(static_cast<double>(seed));
+  for (const Candidate& c : impl_->candidates) hash.add(c.effect ? c.effect->name() : c.reference->what);
+  hash.add(campaign.dt_s), hash.add(campaign.order), hash.add(impl_->belief.has_believed);
+  // Thermometer noise differs from run to run and does not matter: a point every minute, in steps of 2 degC.
+  const size_t stride = static_cast<size_t>(std::max(1L, std::lround(60 / campaign.dt_s)));
+  for (const CampaignRun& run : campaign.runs) {
+    hash.add(static_cast<double>(run.n()) / 20);
+    for (size_t i = 0; i < run.input.size(); i += stride) hash.add(run.input.smooth_degc[i] / 2);
+  }
+  const NoiseModel noise = impl_->base_noise(impl_->start_null);
+  const double step = 0.7; // of the logarithms: what draws gain hardly depends on the noise
+  hash.add(std::log(noise.markov[0].sigma_dph / noise.white_sigma_dph) / step);
+  hash.add(std::log(noise.markov[0].tau_s) / step);
+  return hash.text();
+}
+
+std::vector<double> SlowSearch::null_gains(size_t draws, uint64_t seed) {
+  Impl& s = *impl_;
+  s.prepare();
+  s.make_nodes(s.start);
+  const NoiseModel noise = s.noise(s.start_null);
+  const RunGrams::Posterior at = s.grams(s.start_null).posterior();
+  std::vector<MatrixXd> y;
+  for (size_t r = 0; r < s.data.y.size(); ++r) {
+    MatrixXd x(s.data.y[r].size(), static_cast<long>(draws));
+    const RunGains gains = compute_gains(s.data.campaign.runs[r], noise);
+    const VectorXd mean = s.data.powers[r] * at.common.head(s.data.powers[r].cols());
+    for (size_t d = 0; d < draws; ++d) {
+      Rng rng(seed, (static_cast<uint64_t>(d) << 16) + r, 0, static_cast<uint32_t>(Stream::kTool) + 7);
+      for (long k = 0; k < x.rows(); ++k) x(k, static_cast<long>(d)) = rng.normal();
+      colour(gains, x.col(static_cast<long>(d)).data(), static_cast<size_t>(x.rows()));
+      x.col(static_cast<long>(d)) += mean;
+    }
+    y.push_back(std::move(x));
+  }
+  const size_t n = s.candidates.size();
+  std::vector<double> base(draws, -1e300), best(draws, -1e300);
+  for (const Impl::Node& node : s.nodes) {
+    const ScanNode::Scores scores = node.scan->score({}, y, std::vector<char>(n, 0));
+    const double extra = s.noise_value(node.at);
+    for (size_t d = 0; d < draws; ++d) {
+      const long column = static_cast<long>(d);
+      base[d] = std::max(base[d], scores.base[column] + extra);
+      std::vector<std::vector<double>> values(n);
+      for (size_t g = 0; g < s.bank->groups().size(); ++g)
+        if (scores.group(static_cast<long>(g), column) > -1e299)
+          values[s.bank->groups()[g].candidate].push_back(scores.group(static_cast<long>(g), column));
+      for (const std::vector<double>& of : values)
+        if (!of.empty()) best[d] = std::max(best[d], log_mean_exp(of) + extra);
+    }
+  }
+  for (size_t d = 0; d < draws; ++d) best[d] -= base[d];
+  return best;
+}
+
+void SlowSearch::set_thresholds(const SearchThresholds& thresholds) { impl_->thresholds = thresholds; }
+
+double null_threshold(std::vector<double> gains, double rate) {
+  if (gains.size() < 20) return 6;
+  std::sort(gains.begin(), gains.end());
+  const double q80 = gains[gains.size() * 4 / 5];
+  double excess = 0, n = 0;
+  for (double g : gains)
+    if (g > q80) excess += g - q80, n += 1;
+  // A Bayes factor falls off at least as fast as exp(-gain); few draws must not promise a faster fall.
+  const double scale = std::max(1.0, n > 0 ? excess / n : 1.0);
+  const double level = q80 + scale * std::log(0.2 / std::min(0.2, rate));
+  return std::clamp(level + kPolishGain_nats, kLeastThreshold_nats, kMostThreshold_nats);
+}
+
+SlowSearch::SlowSearch(const SlowData& data, const NoiseBelief& belief, const std::vector<const Effect*>& library,
+                       const std::vector<bool>& active, const SearchThresholds& thresholds)
+    : impl_(new Impl(data, belief, library, active, thresholds)) {}
+SlowSearch::~SlowSearch() = default;
+SlowResult SlowSearch::run() {
+  impl_->go();
+  return impl_->out;
+}
+const std::vector<Candidate>& SlowSearch::candidates() const { return impl_->candidates; }
+NoiseModel SlowSearch::noise_of(const SlowModel& model) const { return impl_->noise(model); }
+NoiseModel SlowSearch::seconds_noise_of(const SlowModel& model) const { return impl_->seconds_noise(model); }
+NoiseModel SlowSearch::base_noise_of(const SlowModel& model) const { return impl_->base_noise(model); }
+std::vector<MeanPart> SlowSearch::parts_on(const SlowData& data, const SlowModel& model) const {
+  return impl_->parts_on(data, model);
+}
+SlowModel SlowSearch::polished(const SlowModel& model) const { return impl_->polished(model); }
+RunGrams SlowSearch::grams_of(const SlowModel& model) const { return impl_->grams(model); }
+
+} // namespace imucal

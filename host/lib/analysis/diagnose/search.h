@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: MIT
+// The slow stage: which causes in the mean and which kind of slow noise explain the block means of a campaign, the
+// noise parameters estimated again under every hypothesis.
+//
+// Score of a hypothesis M (names a_1 .. a_k in the mean, one kind of noise):
+//   S(M) = max over nu, theta of [ log p(y | M, nu, theta) + log p(nu) ] - charges
+// Charges: the shape of every name (logarithm of maximum over mean of the likelihood over its grid), a threshold per
+// name, and what a noise other than the believed one costs.  The best score wins; names are kept only while each of
+// them earns its own threshold.
+#pragma once
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "analysis/diagnose/references.h"
+#include "analysis/diagnose/scan.h"
+#include "physics/effects/effect.h"
+
+namespace imucal {
+
+// What is known of the noise before the logs.
+struct NoiseBelief {
+  NoiseModel model;          // the believed one, of 1-s means; or a start, where nothing is believed
+  bool has_believed = false; // it competes for every hypothesis
+  bool has_data_sheet = false; // known to about a factor of two: prior, not competitor
+  // Effects of the model that were taken out of the rates: the state each run began in is still free.
+  struct Known {
+    const EffectEstimator* estimator;
+    Theta shape;
+  };
+  std::vector<Known> known = {};
+};
+
+// A candidate of the search: an effect of the library or a free shape.
+struct Candidate {
+  const Effect* effect = nullptr; // nullptr: a free shape
+  const Reference* reference = nullptr;
+  size_t place = 0; // in the library or the list of free shapes
+  ScanCandidate scan;
+  Family family() const { return effect ? effect->family() : reference->family; }
+};
+
+// One hypothesis.
+struct SlowModel {
+  struct Name {
+    size_t candidate;
+    Theta shape;
+    double charge = 0; // of the shape
+    bool is_at_bound = false;
+  };
+  std::vector<Name> names;
+  std::vector<Theta> steps; // run, t_s of jumps that are in the mean beside the names
+  const Effect* noise_effect = nullptr;
+  Theta noise_theta;
+  double noise_charge = 0;
+  double log_noise[3] = {0, 0, 0}; // white noise, slow density, tau: logarithms of factors on the base
+  bool is_believed = false;        // with the noise as believed
+  double value = -1e300;           // log marginal likelihood with the prior of the noise and its cost
+  double charges() const;
+  double free_score() const { return value - charges(); } // without thresholds
+};
+
+struct SearchThresholds {
+  double mean_nats = 6;  // of a name in the mean
+  double noise_nats = 6; // of a kind of slow noise
+  double step_nats = 8;  // of one jump
+};
+
+struct SlowCandidateScore {
+  double gain_nats = 0; // over the best hypothesis without a name, shape charged
+  SlowModel model;
+};
+
+struct SlowResult {
+  SlowModel null, best;
+  // Per name of `best` (and, last, its noise effect): what it gains over the best hypothesis without it.
+  std::vector<double> evidence;
+  // Per name of `best`: candidates that would do as well in its place (within `margin`), best first.
+  struct Rival {
+    size_t candidate;
+    const Effect* noise_effect; // or this
+    double gap_nats;            // by which it scores less
+  };
+  std::vector<std::vector<Rival>> rivals;
+  std::vector<SlowCandidateScore> singles; // per candidate
+  std::vector<SlowCandidateScore> noises;  // per slow noise effect of the library that was tried
+  std::vector<const Effect*> noise_effects;
+  double step_gain_nats = 0;    // of all jumps of `best` over the null without them
+  std::vector<size_t> replaced; // free shapes that gain somewhat more than the member named in their place
+};
+
+class SlowSearch {
+public:
+  SlowSearch(const SlowData& data, const NoiseBelief& belief, const std::vector<const Effect*>& library,
+             const std::vector<bool>& active, const SearchThresholds& thresholds);
+  ~SlowSearch();
+
+  SlowResult run();
+
+  // Calibration: draws of the fitted noise (with the fitted polynomial), each searched over all candidates and nodes of
+  // noise as the data are; the largest gain of each draw over its own best noise.
+  std::vector<double> null_gains(size_t draws, uint64_t seed);
+  // Names what null_gains depends on; alike for campaigns of the same profile, gaps and about the same noise.
+  std::string null_key(size_t draws, uint64_t seed);
+  void set_thresholds(const SearchThresholds& thresholds);
+
+  const std::vector<Candidate>& candidates() const;
+  NoiseModel noise_of(const SlowModel& model) const;         // of block means, with what its noise effect makes
+  NoiseModel seconds_noise_of(const SlowModel& model) const; // of 1-s means, the same
+  NoiseModel base_noise_of(const SlowModel& model) const;    // of 1-s means, without the noise effect
+  // The columns of a model on this or on other data: steps belong to the runs of the data searched, which come first.
+  std::vector<MeanPart> parts_on(const SlowData& data, const SlowModel& model) const;
+  RunGrams grams_of(const SlowModel& model) const;
+  // Noise and shape parameters estimated again.
+  SlowModel polished(const SlowModel& model) const;
+
+private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// The threshold that the largest gain of a draw exceeds with probability `rate`: exponential tail above the upper fifth.
+double null_threshold(std::vector<double> gains, double rate);
+
+} // namespace imucal

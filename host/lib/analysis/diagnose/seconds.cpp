@@ -1,0 +1,318 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/seconds.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <unsupported/Eigen/FFT>
+
+#include "analysis/diagnose/kalman.h"
+#include "analysis/diagnose/spectrum.h"
+#include "base/quantile.h"
+#include "base/units.h"
+
+namespace imucal {
+
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr double kRestRate = 1e-3;     // of one test
+constexpr double kRestLine_nats = 20;  // 10^4 to 10^5 frequencies: 1 in 1000 exceeds about 18
+constexpr double kSlowestLine_hz = 1.0 / 400;
+constexpr size_t kSurroundings = 60;   // frequencies on either side that a line is compared with
+constexpr int kSlopes = 24;            // of the drift, either sign
+constexpr double kLargestSlope = 2e-3; // relative change of a unit frequency of 1 Hz per degC
+constexpr double kHeavy = 4;           // standard errors of the kurtosis from which hits are looked for
+constexpr double kFastTau_s = 30;      // a second Markov process slower than this belongs to the slow stage
+
+// Upper tail of chi-square as -ln p, by Wilson and Hilferty's cube root.
+double minus_log_tail(double x, double dof) {
+  if (!(dof > 0)) return 0;
+  const double z = (std::cbrt(x / dof) - (1 - 2 / (9 * dof))) / std::sqrt(2 / (9 * dof));
+  if (z < -5) return 0;
+  if (z < 5) return -std::log(std::max(1e-300, 1 - normal_cdf(z)));
+  return 0.5 * z * z + std::log(z * std::sqrt(2 * kPi));
+}
+// Twice the log-likelihood ratio of a variance v against 1, from n samples.
+double variance_ratio(double v, double n) {
+  return n > 1 && v > 0 ? n * (v - 1 - std::log(v)) : 0;
+}
+RestFinding finding(Rest test, double statistic, double dof) {
+  return {test, minus_log_tail(statistic, dof) + std::log(kRestRate)};
+}
+
+struct Moments {
+  double n = 0, mean = 0, var = 1, kurtosis = 3;
+};
+Moments moments(const std::vector<VectorXd>& e) {
+  Moments m;
+  double s1 = 0, s2 = 0, s4 = 0;
+  for (const VectorXd& x : e) m.n += static_cast<double>(x.size()), s1 += x.sum();
+  m.mean = s1 / m.n;
+  for (const VectorXd& x : e) {
+    const Eigen::ArrayXd d = (x.array() - m.mean).square();
+    s2 += d.sum(), s4 += d.square().sum();
+  }
+  m.var = s2 / m.n;
+  m.kurtosis = m.var > 0 ? s4 / m.n / (m.var * m.var) : 3;
+  return m;
+}
+
+std::vector<VectorXd> whitened(const Campaign& campaign, const NoiseModel& noise, std::vector<VectorXd> x) {
+  for (size_t r = 0; r < x.size(); ++r)
+    whiten(compute_gains(campaign.runs[r], noise), x[r].data(), static_cast<size_t>(x[r].size()));
+  return x;
+}
+
+} // namespace
+
+double residual_log_likelihood(const Campaign& campaign, const NoiseModel& noise,
+                               const std::vector<VectorXd>& residual) {
+  double sum = 0;
+  for (size_t r = 0; r < residual.size(); ++r) {
+    const CampaignRun& run = campaign.runs[r];
+    if (noise.is_mixture()) {
+      sum += mixture_log_likelihood(run, noise, residual[r]);
+      continue;
+    }
+    const RunGains gains = compute_gains(run, noise);
+    VectorXd e = residual[r];
+    whiten(gains, e.data(), static_cast<size_t>(e.size()));
+    sum -= 0.5 * (gains.sum_log_s + e.squaredNorm());
+  }
+  return std::isfinite(sum) ? sum : -1e300;
+}
+
+namespace {
+
+// White, density and tau of the Markov terms by factors.
+NoiseModel with_factors(const NoiseModel& base, const Theta& x) {
+  NoiseModel out = base;
+  out.white_sigma_dph *= std::exp(x[0]);
+  for (Markov& m : out.markov) m.tau_s *= std::exp(x[2]), m.sigma_dph *= std::exp(0.5 * (x[1] + x[2]));
+  return out;
+}
+
+} // namespace
+
+SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start,
+                               const std::vector<VectorXd>& residual) {
+  Theta x{0, 0, 0};
+  SearchOptions options;
+  options.step = 0.3, options.max_evaluations = 60, options.tolerance = 0.02;
+  SecondsNoise out;
+  out.log_likelihood =
+      maximise([&](const Theta& at) { return residual_log_likelihood(campaign, with_factors(start, at), residual); },
+               &x, {-6, -9, -6}, {6, 9, 6}, options);
+  out.base = with_factors(start, x);
+  return out;
+}
+
+namespace {
+
+// What the seconds can show of a kind of noise: hits and telegraph noise where the distribution says so, white noise
+// over temperature always, another Markov process as far as it is fast.
+bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments& m) {
+  if (e.form() != Form::kNoise || e.is_nominal_noise()) return false;
+  if (e.needs_temperature() && !campaign.has_temperature) return false;
+  const double heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
+  NoiseModel unit;
+  unit.white_sigma_dph = 1, unit.markov = {{1, 100}};
+  const std::vector<Theta> starts = e.starts(unit);
+  if (starts.empty()) return false;
+  const NoiseModel example = e.noise(unit, starts.front());
+  if (example.is_mixture()) return e.has_markov_spectrum() ? std::fabs(heavy) > kHeavy : heavy > kHeavy;
+  return !e.is_slow_noise() || example.markov.size() == 2;
+}
+
+// Joint search over the parameters of the effect and of the noise beside it.
+FastFinding fit_fast(const Campaign& campaign, const SecondsNoise& from, const std::vector<VectorXd>& residual,
+                     const Effect& effect) {
+  const EffectEstimator& e = *effect.estimator();
+  FastFinding best;
+  best.effect = &effect;
+  best.gain_nats = -1e300;
+  std::vector<std::pair<double, Theta>> starts;
+  for (const Theta& theta : e.starts(from.base))
+    starts.push_back({residual_log_likelihood(campaign, e.noise(from.base, theta), residual), theta});
+  std::sort(starts.begin(), starts.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  if (starts.empty()) return best;
+  Theta x{0, 0, 0}, lo{-6, -9, -6}, hi{6, 9, 6};
+  const auto in = [&](double v) { return e.is_logarithmic() ? std::log(v) : v; };
+  const auto outward = [&](double v) { return e.is_logarithmic() ? std::exp(v) : v; };
+  for (size_t i = 0; i < starts.front().second.size(); ++i) {
+    x.push_back(in(starts.front().second[i]));
+    lo.push_back(in(e.theta_lo()[i])), hi.push_back(in(e.theta_hi()[i]));
+  }
+  const auto theta_of = [&](const Theta& at) {
+    Theta theta;
+    for (size_t i = 3; i < at.size(); ++i) theta.push_back(outward(at[i]));
+    return theta;
+  };
+  SearchOptions options;
+  options.step = 0.3, options.max_evaluations = 90, options.tolerance = 0.02;
+  const double top = maximise(
+      [&](const Theta& at) {
+        return residual_log_likelihood(campaign, e.noise(with_factors(from.base, at), theta_of(at)), residual);
+      },
+      &x, lo, hi, options);
+  best.theta = theta_of(x);
+  best.base = with_factors(from.base, x);
+  best.gain_nats = top - from.log_likelihood;
+  const auto alone = [&](const Theta& at) { return residual_log_likelihood(campaign, e.noise(best.base, at), residual); };
+  best.theta_errors = curvature_errors(alone, best.theta, e.theta_lo(), e.theta_hi());
+  return best;
+}
+
+} // namespace
+
+std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
+                                         const std::vector<VectorXd>& residual,
+                                         const std::vector<const Effect*>& library, const std::vector<bool>& active) {
+  const Moments m = moments(whitened(campaign, from.base, residual));
+  std::vector<FastFinding> list;
+  for (size_t j = 0; j < library.size(); ++j) {
+    const EffectEstimator* e = library[j]->estimator();
+    if (!e || !active[j] || !is_asked(*e, campaign, m)) continue;
+    FastFinding f = fit_fast(campaign, from, residual, *library[j]);
+    const NoiseModel with = e->noise(f.base, f.theta);
+    const bool is_markov = !with.is_mixture() && with.markov.size() > f.base.markov.size();
+    if (is_markov && with.markov.back().tau_s > kFastTau_s) continue;
+    list.push_back(f);
+  }
+  std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+  return list;
+}
+
+namespace {
+
+// Sum over the runs of |transform of e exp(-i phase)|^2 / n; phase of the drift.
+void add_power(const Campaign& campaign, const std::vector<VectorXd>& e, double hz_per_degc, size_t n_fft,
+               std::vector<double>* power) {
+  static thread_local Eigen::FFT<double> fft;
+  power->assign(n_fft, 0.0);
+  for (size_t r = 0; r < e.size(); ++r) {
+    const CampaignRun& run = campaign.runs[r];
+    std::vector<std::complex<double>> x(n_fft), f;
+    double phase = 0;
+    long last = 0;
+    for (size_t k = 0; k < run.n(); ++k) {
+      const size_t row = static_cast<size_t>(run.used[k]);
+      const long tick = run.input.tick[row];
+      if (hz_per_degc != 0)
+        phase += 2 * kPi * hz_per_degc * (run.input.smooth_degc[row] - run.input.t0_degc) *
+                 static_cast<double>(tick - last) * campaign.dt_s;
+      last = tick;
+      x[static_cast<size_t>(tick)] = e[r][static_cast<long>(k)] * std::polar(1.0, -phase);
+    }
+    fft.fwd(f, x);
+    for (size_t i = 0; i < n_fft; ++i) (*power)[i] += std::norm(f[i]) / static_cast<double>(run.n());
+  }
+}
+
+// A line stands out of the mean of its surroundings.
+void take_line(const std::vector<double>& power, double hz_of_bin, double slope, size_t bins, Line* best) {
+  const size_t first = static_cast<size_t>(kSlowestLine_hz / hz_of_bin) + 1;
+  std::vector<double> sum(bins + 1, 0.0);
+  for (size_t i = 0; i < bins; ++i) sum[i + 1] = sum[i] + power[i];
+  for (size_t i = first; i + 1 < bins; ++i) {
+    if (power[i] <= best->gain_nats || power[i] < power[i - 1]) continue;
+    const size_t lo = i > first + kSurroundings ? i - kSurroundings : first, hi = std::min(bins - 1, i + kSurroundings);
+    const double own = power[i] + power[i - 1] + power[i + 1];
+    const double around = (sum[hi + 1] - sum[lo] - own) / static_cast<double>(hi - lo - 2);
+    const double gain = around > 1 ? power[i] / around : power[i];
+    if (gain > best->gain_nats) *best = {static_cast<double>(i) * hz_of_bin, slope, gain};
+  }
+}
+
+} // namespace
+
+Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e, bool with_drift) {
+  size_t longest = 0;
+  for (const CampaignRun& run : campaign.runs)
+    longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
+  size_t n_fft = 64;
+  while (n_fft < longest) n_fft *= 2;
+  const double hz = 1 / (static_cast<double>(n_fft) * campaign.dt_s);
+  std::vector<double> power;
+  Line best;
+  add_power(campaign, e, 0, n_fft, &power);
+  take_line(power, hz, 0, n_fft / 2, &best);
+  for (int k = 1; with_drift && campaign.has_temperature && k <= kSlopes; ++k)
+    for (double sign : {-1.0, 1.0}) {
+      const double slope = sign * kLargestSlope * std::pow(static_cast<double>(k) / kSlopes, 2);
+      add_power(campaign, e, slope, n_fft, &power);
+      take_line(power, hz, slope, n_fft / 2, &best);
+    }
+  return best;
+}
+
+std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<VectorXd>& e) {
+  std::vector<RestFinding> out;
+  const Moments m = moments(e);
+  constexpr double kCell_degc = 4, kBlock_s = 600, kBurst_s = 30;
+  const size_t cells =
+      campaign.has_temperature
+          ? static_cast<size_t>(std::max(1.0, std::ceil((campaign.hi_degc - campaign.lo_degc) / kCell_degc)))
+          : 1;
+  std::vector<double> by_temp(cells, 0.0), n_temp(cells, 0.0);
+  double time_statistic = 0, time_dof = 0, burst = 0, bursts = 0;
+  const long block = std::max(1L, std::lround(kBlock_s / campaign.dt_s)), short_block = std::max(1L, std::lround(kBurst_s / campaign.dt_s));
+  for (size_t r = 0; r < e.size(); ++r) {
+    const CampaignRun& run = campaign.runs[r];
+    for (long k = 0; k < e[r].size(); ++k) {
+      const double temp = run.input.smooth_degc[static_cast<size_t>(run.used[static_cast<size_t>(k)])];
+      const size_t c = std::min(cells - 1, static_cast<size_t>(std::max(0.0, (temp - campaign.lo_degc) / kCell_degc)));
+      by_temp[c] += e[r][k] * e[r][k], n_temp[c] += 1;
+    }
+    for (long k = 0; k + block <= e[r].size(); k += block) {
+      time_statistic += variance_ratio(e[r].segment(k, block).squaredNorm() / static_cast<double>(block), static_cast<double>(block));
+      time_dof += 1;
+    }
+    double before = 0;
+    for (long k = 0; k + short_block <= e[r].size(); k += short_block) {
+      const double n = static_cast<double>(short_block);
+      const double excess = (e[r].segment(k, short_block).squaredNorm() / n - m.var) * std::sqrt(n / 2);
+      if (k > 0) burst += excess * before, bursts += 1;
+      before = excess;
+    }
+  }
+  double temp_statistic = 0, temp_dof = 0;
+  for (size_t c = 0; c < cells; ++c)
+    if (n_temp[c] > 60) temp_statistic += variance_ratio(by_temp[c] / n_temp[c], n_temp[c]), temp_dof += 1;
+  out.push_back(finding(Rest::kVarianceOverTemperature, temp_statistic, temp_dof));
+  out.push_back(finding(Rest::kVarianceOverTime, time_statistic, time_dof));
+  const double heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
+  out.push_back(finding(Rest::kDistribution, heavy * heavy, 1));
+  const double z = bursts > 0 ? std::max(0.0, burst / std::sqrt(bursts)) : 0;
+  out.push_back(finding(Rest::kBursts, z * z, 1));
+  size_t longest = 0;
+  for (const CampaignRun& run : campaign.runs)
+    longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
+  const SpectrumBins bins(longest, campaign.dt_s);
+  std::vector<double> sum(bins.n_bins(), 0.0), weight(bins.n_bins(), 0.0), resolved(bins.n_bins(), 0.0);
+  Eigen::FFT<double> fft;
+  for (size_t r = 0; r < e.size(); ++r) {
+    std::vector<double> x(bins.n_fft, 0.0);
+    for (size_t k = 0; k < campaign.runs[r].n(); ++k)
+      x[static_cast<size_t>(campaign.runs[r].input.tick[static_cast<size_t>(campaign.runs[r].used[k])])] = e[r][static_cast<long>(k)];
+    std::vector<std::complex<double>> f;
+    fft.fwd(f, x);
+    bins.add(f, 1.0 / static_cast<double>(campaign.runs[r].n()), &sum, &weight);
+  }
+  double spectrum = 0, spectrum_dof = 0;
+  const double padding = static_cast<double>(longest) / static_cast<double>(bins.n_fft);
+  for (size_t b = 0; b < sum.size(); ++b) {
+    const double n = 2 * weight[b] * padding; // degrees of freedom: neighbours of a padded transform depend
+    if (bins.centres()[b] < 6 / (static_cast<double>(longest) * campaign.dt_s) || n < 8) continue; // the mean takes the lowest
+    spectrum += 0.5 * variance_ratio(sum[b] / weight[b], n) * 2 / 1;
+    spectrum_dof += 1;
+  }
+  // variance_ratio counts n as samples of a variance: n/2 (v - 1 - ln v) twice.
+  out.push_back(finding(Rest::kSpectrum, spectrum, spectrum_dof));
+  out.push_back({Rest::kLine, strongest_line(campaign, e, false).gain_nats - kRestLine_nats});
+  return out;
+}
+
+} // namespace imucal

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+// The fast stage: what the single seconds say once the slow causes are in the mean.  Noise parameters of the
+// seconds, kinds of fast noise, tones, and tests of what is left that need no library.
+#pragma once
+#include <vector>
+
+#include "analysis/diagnose/fit.h"
+#include "analysis/diagnose/search.h"
+
+namespace imucal {
+
+// Log-likelihood of noise models on a residual (rate minus fitted mean), run by run; Gaussian models and mixtures.
+double residual_log_likelihood(const Campaign& campaign, const NoiseModel& noise,
+                               const std::vector<Eigen::VectorXd>& residual);
+
+// White noise, slow density and time constant of a noise model fitted to a residual; its effects stay as they are.
+struct SecondsNoise {
+  NoiseModel base;
+  double log_likelihood = -1e300;
+};
+SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start,
+                               const std::vector<Eigen::VectorXd>& residual);
+
+struct FastFinding {
+  const Effect* effect = nullptr;
+  Theta theta, theta_errors;
+  NoiseModel base; // noise parameters beside it
+  double gain_nats = 0;
+};
+// Every kind of fast noise of the library that may be asked, best first.  `from`: noise that all of them contain.
+std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
+                                         const std::vector<Eigen::VectorXd>& residual,
+                                         const std::vector<const Effect*>& library, const std::vector<bool>& active);
+
+// A line in the spectrum of innovations, with its drift over temperature.
+struct Line {
+  double hz = 0, hz_per_degc = 0, gain_nats = 0;
+};
+// The strongest line above its surroundings; `with_drift` also looks along f0 + k (T - t0).
+Line strongest_line(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e, bool with_drift);
+
+// Tests of innovations that no effect owns.
+enum class Rest { kSpectrum, kVarianceOverTemperature, kVarianceOverTime, kDistribution, kBursts, kLine, kCount };
+struct RestFinding {
+  Rest test = Rest::kSpectrum;
+  double evidence_nats = 0; // > 0: fires at 1 in 1000
+};
+std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e);
+
+} // namespace imucal

@@ -1,0 +1,529 @@
+// SPDX-License-Identifier: MIT
+#include "diagnose/report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace imucal {
+namespace {
+
+constexpr double kAgainst_nats = 3.3; // by which held-out data speak against a name: 1 % of chi2, one degree
+
+Json number(double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); }
+Json numbers(const std::vector<double>& x) {
+  Json out = Json::array();
+  for (double v : x) out.push_back(number(v));
+  return out;
+}
+template <typename... Args> std::string format(const char* pattern, Args... args) {
+  char line[600];
+  std::snprintf(line, sizeof line, pattern, args...);
+  return line;
+}
+
+const char* verdict_name(Verdict verdict) {
+  switch (verdict) {
+  case Verdict::kNoGap:
+    return "no_gap";
+  case Verdict::kExplained:
+    return "explained";
+  case Verdict::kPartlyExplained:
+    return "partly_explained";
+  case Verdict::kUnexplained:
+    return "unexplained";
+  }
+  return "";
+}
+const char* doubt_text(Doubt doubt) {
+  switch (doubt) {
+  case Doubt::kMemberOpen:
+    return "the logs tell the family of the cause, not its member";
+  case Doubt::kShapeOpen:
+    return "no effect of the library has the shape that is there: the family is told, the cause is open";
+  case Doubt::kSlowNoise:
+    return "slow noise and a repeatable cause explain these logs equally well: they cannot tell";
+  case Doubt::kAgainst:
+    return "held-out data do not support it";
+  case Doubt::kNone:
+    break;
+  }
+  return "";
+}
+const char* rest_name(Rest test) {
+  static const char* const names[] = {"spectrum", "variance_over_temperature", "variance_over_time", "distribution",
+                                      "bursts", "line"};
+  return names[static_cast<size_t>(test)];
+}
+const char* rest_text(Rest test) {
+  static const char* const texts[] = {"noise of another spectrum than the model's",
+                                      "noise of a strength that depends on temperature",
+                                      "noise of a strength that changes with time", "noise that is not Gaussian",
+                                      "noise that comes in bursts", "a line in the spectrum"};
+  return texts[static_cast<size_t>(test)];
+}
+const char* held_out_text(HeldOut method) {
+  return method == HeldOut::kLogs       ? "held-out logs"
+         : method == HeldOut::kEachLog ? "each log held out in turn"
+                                       : "quarters of the one log held out in turn";
+}
+
+std::string name_of(const CandidateEvidence& c) {
+  return c.effect ? c.effect->name() : family_name(c.family);
+}
+std::string name_of(const SelectedEffect& e) {
+  return e.is_family || !e.term.effect ? family_name(e.family) : e.term.effect->name();
+}
+
+Json evidence_json(const CandidateEvidence& c) {
+  return {{"name", name_of(c)},
+          {"family", family_name(c.family)},
+          {"evidence_nats", number(c.evidence_nats())},
+          {"gain_nats", number(c.gain_nats)},
+          {"threshold_nats", number(c.threshold_nats)}};
+}
+
+Json cell_json(const WhereCell& c) {
+  Json out = {{"excess", c.excess}, {"n", c.n}, {"z", c.z()}, {"noise_floor", std::sqrt(2 * c.n)}};
+  if (c.mean_z != 0) out["mean_z"] = c.mean_z;
+  return out;
+}
+
+
+Json cells_json(const std::vector<WhereCell>& cells, const char* range, const char* name, bool is_log) {
+  Json list = Json::array();
+  for (const WhereCell& c : cells) {
+    Json cell = range ? Json{{range, {c.lo, c.hi}}} : is_log ? Json{{name, std::stoi(c.name)}} : Json{{name, c.name}};
+    cell.update(cell_json(c));
+    list.push_back(cell);
+  }
+  return list;
+}
+Json findings_json(const Selection& s, double rate) {
+  Json findings = Json::array();
+  for (const RestFinding& f : s.before) {
+    if (f.evidence_nats <= 0) continue;
+    bool remains = false;
+    for (const RestFinding& a : s.after) remains = remains || (a.test == f.test && a.evidence_nats > 0);
+    findings.push_back({{"probe", rest_name(f.test)},
+                        {"evidence_nats", f.evidence_nats},
+                        {"p_value", std::min(1.0, rate * std::exp(-f.evidence_nats))},
+                        {"statement", rest_text(f.test)},
+                        {"remains_after", remains}});
+  }
+  return findings;
+}
+Json where_json(const AxisResult& axis, double rate) {
+  const WhereResult& w = axis.where;
+  return {{"tau_s", {w.tau_lo_s, w.tau_hi_s}},
+          {"temp_degc", {w.temp_lo_degc, w.temp_hi_degc}},
+          {"time_s", {w.time_lo_s, w.time_hi_s}},
+          {"direction", w.direction},
+          {"logs", w.logs},
+          {"sentence", w.sentence},
+          {"findings", findings_json(axis.study.selection, rate)},
+          {"by_tau", cells_json(w.by_tau, "tau_s", nullptr, false)},
+          {"by_temperature", cells_json(w.by_temperature, "temp_degc", nullptr, false)},
+          {"by_phase", cells_json(w.by_phase, nullptr, "phase", false)},
+          {"by_log", cells_json(w.by_log, nullptr, "log", true)}};
+}
+
+// One-minute means: what was measured, what the polynomial and the whole answer make of it, and what is left.
+Json residual_json(const Campaign& campaign, const Fit& before, const Fit& after) {
+  Json temp = Json::array(), rate = Json::array(), time = Json::array(), log = Json::array(), raw = Json::array(),
+       b = Json::array(), a = Json::array(), fitted_b = Json::array(), fitted_a = Json::array();
+  const long block = std::max(std::lround(60 / campaign.dt_s), static_cast<long>(campaign.n() / 1500));
+  for (size_t r = 0; r < campaign.runs.size(); ++r) {
+    const CampaignRun& run = campaign.runs[r];
+    for (long k = 0; k + block <= before.residual[r].size(); k += block) {
+      double sum = 0;
+      for (long i = k; i < k + block; ++i) sum += run.input.rate_dph[static_cast<size_t>(run.used[static_cast<size_t>(i)])];
+      const double mean = sum / static_cast<double>(block);
+      const size_t row = static_cast<size_t>(run.used[static_cast<size_t>(k + block / 2)]);
+      const double left_b = before.residual[r].segment(k, block).mean(), left_a = after.residual[r].segment(k, block).mean();
+      temp.push_back(campaign.has_temperature ? Json(run.input.smooth_degc[row]) : Json(nullptr));
+      rate.push_back(run.input.rate_degc_min[row]);
+      time.push_back(run.start_s + run.input.t_s[row]);
+      log.push_back(run.input.log);
+      raw.push_back(mean), b.push_back(left_b), a.push_back(left_a);
+      fitted_b.push_back(mean - left_b), fitted_a.push_back(mean - left_a);
+    }
+  }
+  return {{"mean_s", static_cast<double>(block) * campaign.dt_s}, {"temp_degc", temp}, {"rate_degc_per_min", rate}, {"t_s", time},
+          {"log", log}, {"rate_dph", raw}, {"polynomial_dph", fitted_b}, {"answer_dph", fitted_a},
+          {"before_dph", b}, {"after_dph", a}};
+}
+
+// Energy of the slow innovations over averaging time and temperature: z of every cell.
+Json map_json(const Campaign& campaign, const Fit& fit) {
+  constexpr size_t kTemps = 12;
+  const double lo = campaign.lo_degc, span = std::max(1e-9, campaign.hi_degc - lo);
+  std::vector<std::vector<double>> sum, n;
+  for (size_t r = 0; r < campaign.runs.size(); ++r) {
+    const CampaignRun& run = campaign.runs[r];
+    std::vector<double> level(fit.e[r].data(), fit.e[r].data() + fit.e[r].size());
+    for (size_t band = 0; level.size() >= 2; ++band) {
+      if (sum.size() <= band) sum.push_back(std::vector<double>(kTemps, 0.0)), n.push_back(sum.back());
+      std::vector<double> next;
+      const double scale = std::ldexp(1.0, static_cast<int>(band));
+      for (size_t i = 0; i + 1 < level.size(); i += 2) {
+        const double w = (level[i] - level[i + 1]) * 0.7071067811865476;
+        const size_t k = std::min(run.n() - 1, static_cast<size_t>((static_cast<double>(i) + 1) * scale));
+        const double temp = run.input.smooth_degc[static_cast<size_t>(run.used[k])];
+        const size_t b =
+            std::min(kTemps - 1, static_cast<size_t>(std::max(0.0, (temp - lo) / span * kTemps)));
+        sum[band][b] += w * w - 1, n[band][b] += 1;
+        next.push_back((level[i] + level[i + 1]) * 0.7071067811865476);
+      }
+      level.swap(next);
+    }
+  }
+  Json tau = Json::array(), temp = Json::array(), z = Json::array();
+  for (size_t b = 0; b <= kTemps; ++b) temp.push_back(lo + span * static_cast<double>(b) / kTemps);
+  for (size_t band = 0; band < sum.size(); ++band) {
+    tau.push_back(campaign.dt_s * std::ldexp(1.0, static_cast<int>(band)));
+    Json row = Json::array();
+    for (size_t b = 0; b < kTemps; ++b)
+      row.push_back(n[band][b] > 0 ? sum[band][b] / std::sqrt(2 * n[band][b]) : 0.0);
+    z.push_back(row);
+  }
+  return {{"tau_s", tau}, {"temp_edges_degc", temp}, {"z", z}};
+}
+
+
+// What is left, in a sentence.
+std::string remainder(const AxisResult& axis) {
+  const Selection& s = axis.study.selection;
+  const GapResult& g = axis.study.gap;
+  std::string out;
+  const auto add = [&](const std::string& text) { out += (out.empty() ? "" : "; ") + text; };
+  for (const CandidateEvidence& c : s.remainders)
+    add(std::string(c.reference ? c.reference->what : name_of(c).c_str()) + " would follow the logs more closely");
+  for (const RestFinding& f : s.after)
+    if (f.evidence_nats > 0) add(rest_text(f.test));
+  for (const SelectedEffect& e : s.effects)
+    if (e.doubt == Doubt::kShapeOpen) add("the shape is open: " + family_label(e.family));
+  if (g.has_mean && g.rms_after_dph > 1.1 * g.rms_before_dph)
+    add("the predicted mean is further from the held-out rates than before");
+  if (!g.has_mean && !s.effects.empty())
+    add("nothing that was found predicts the mean of other data: its held-out residual does not shrink");
+  return out.empty() ? "nothing detectable on the held-out data" : out;
+}
+
+bool claims_shrinkage(const AxisResult& axis) {
+  return axis.study.selection.verdict != Verdict::kUnexplained && axis.study.gap.has_mean;
+}
+
+Json gap_json(const AxisResult& axis) {
+  const GapResult& g = axis.study.gap;
+  const bool is_none = axis.study.selection.verdict == Verdict::kNoGap;
+  Json gap = {{"before", g.before},
+              {"after", g.after},
+              {"shrinkage", claims_shrinkage(axis) ? Json(g.shrinkage) : is_none ? Json(0.0) : Json(nullptr)},
+              {"ci95", claims_shrinkage(axis) ? Json{g.ci_lo, g.ci_hi} : is_none ? Json{0.0, 0.0} : Json(nullptr)},
+              {"unit", "dph^2: held-out one-minute means off the predicted mean, squared, above the noise"},
+              {"method", held_out_text(g.method)},
+              {"gain", g.gain},
+              {"gain_unit", "deviance per hour, held out"},
+              {"hours", g.hours},
+              {"gain_by_unit", g.delta_by_unit},
+              {"remainder", remainder(axis)},
+              {"residual_rms_dph", {{"before", g.rms_before_dph}, {"after", g.rms_after_dph}, {"noise", g.noise_rms_dph}}},
+              {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
+  if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_mean) gap["stand_in_shrinkage"] = g.shrinkage;
+  return gap;
+}
+
+Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
+  Json set = Json::array();
+  for (const CandidateEvidence& c : e.set) set.push_back(evidence_json(c));
+  const bool has_values = e.term.effect && e.doubt != Doubt::kSlowNoise;
+  const Parameters values = has_values ? effect_values(e.term, axis.campaign) : Parameters();
+  Json entry = {{"name", name_of(e)},
+                {"family", family_name(e.family)},
+                {"parameters", has_values ? parameters_json(values) : Json::object()},
+                {"std_errors", has_values ? std_errors_json(values) : Json::object()},
+                {"evidence_nats", e.evidence_nats},
+                {"gain_nats", e.gain_nats},
+                {"p_value", std::min(1.0, rate * std::exp(-std::max(0.0, e.evidence_nats)))},
+                {"set", set},
+                {"held_out_gain", number(2 * e.held_out_nats / std::max(1e-9, axis.study.gap.hours))}};
+  if (e.is_family && e.term.effect) entry["member"] = e.term.effect->name();
+  if (!e.statement.empty()) entry["statement"] = e.statement;
+  else if (e.doubt != Doubt::kNone) entry["statement"] = doubt_text(e.doubt);
+  return entry;
+}
+
+std::string hidden_names(const AxisResult& axis) { return axis.identifiability.not_detectable(); }
+
+// The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
+std::string headline(const AxisResult& axis) {
+  const Selection& s = axis.study.selection;
+  if (!axis.refused.empty()) return "no answer: " + axis.refused;
+  if (s.cannot_judge) return "what the recorder did to the samples leaves too few to judge";
+  switch (s.verdict) {
+  case Verdict::kNoGap: {
+    const std::string hidden = hidden_names(axis);
+    return "no gap that these logs can show" + (hidden.empty() ? "" : "; not detectable on these profiles: " + hidden);
+  }
+  case Verdict::kExplained:
+    return "a gap, explained";
+  case Verdict::kPartlyExplained:
+    for (const SelectedEffect& e : s.effects)
+      if (e.doubt == Doubt::kSlowNoise) return "a gap: slow noise or a repeatable cause, these logs cannot tell";
+    return "a gap, partly explained";
+  case Verdict::kUnexplained:
+    return "a gap that no known effect explains";
+  }
+  return "";
+}
+
+std::vector<std::string> advice(const AxisResult& axis) {
+  std::vector<std::string> out;
+  std::string alike;
+  for (const auto& pair : axis.identifiability.indistinguishable)
+    alike += (alike.empty() ? "" : "; ") + pair.first + " and " + pair.second;
+  const std::string hidden = hidden_names(axis);
+  if (!hidden.empty())
+    out.push_back("These profiles would not show " + hidden +
+                  " of a size that matters: an answer without them is not an answer that they are absent. Run the "
+                  "advised profile (half of the runs mirrored, starting hot).");
+  if (!alike.empty())
+    out.push_back("Not distinguishable on these profiles: " + alike +
+                  ". Reversals inside a run, two ramp rates and soaks on the way tell thermal effects apart.");
+  if (axis.campaign.is_temperature_steady)
+    out.push_back("The temperature hardly moves: only effects that need none were looked for.");
+  else if (!axis.campaign.has_temperature)
+    out.push_back("No temperatures in the log: only effects that need none were looked for.");
+  if (axis.campaign.runs.size() == 1)
+    out.push_back("One log only: what differs from run to run cannot be seen; record at least four runs.");
+  else if (axis.campaign.runs.size() < 4)
+    out.push_back("Fewer than four runs: run_to_run changes can hardly be told from the other effects.");
+  out.push_back("Constant offsets (earth rate, attitude) are absorbed by the constant of each log and cannot be seen.");
+  return out;
+}
+
+std::vector<std::string> notes(const AxisResult& axis) {
+  const Selection& s = axis.study.selection;
+  std::vector<std::string> out;
+  for (const SelectedEffect& e : s.dropped)
+    out.push_back(name_of(e) + format(" would gain %.0f nats on the fitted logs, but the held-out data do not support it (%.1f nats): not named",
+                                      e.gain_nats, e.held_out_nats));
+  if (s.n_dropouts > 0) out.push_back(format("%zu exact zeros far from their neighbours are drop-outs and were left out", s.n_dropouts));
+  if (s.n_left_out > s.n_dropouts)
+    out.push_back(format("%zu seconds in all were left out because of what the recorder or converter did to them", s.n_left_out));
+  if (s.is_noise_retuned)
+    out.push_back("the believed noise parameters do not fit these logs: they were estimated again under every candidate");
+  return out;
+}
+
+Json refused_json(const AxisResult& axis) {
+  return {{"axis", axis.axis}, {"verdict", "unexplained"}, {"statement", headline(axis)}, {"refused", axis.refused},
+          {"where", nullptr}, {"effects", Json::array()}, {"not_detectable_here", Json::array()},
+          {"indistinguishable", Json::array()}, {"advice", Json::array()}, {"advised_profile", nullptr}, {"notes", Json::array()},
+          {"gap", {{"before", nullptr}, {"after", nullptr}, {"shrinkage", nullptr}, {"ci95", nullptr},
+                   {"unit", "dph^2"}, {"remainder", "not judged"},
+                   {"residual_rms_dph", {{"before", nullptr}, {"after", nullptr}}},
+                   {"dp2_distance_dph", {{"before", nullptr}, {"after", nullptr}}}}}};
+}
+
+Json plots_json(const AxisResult& axis) {
+  const GapResult& g = axis.study.gap;
+  const Selection& s = axis.study.selection;
+  const Campaign& campaign = axis.campaign;
+  Json candidates = Json::array(), tests = Json::array();
+  for (const CandidateEvidence& c : s.first_scan) candidates.push_back(evidence_json(c));
+  for (size_t i = 0; i < s.before.size(); ++i)
+    tests.push_back({{"name", rest_name(s.before[i].test)},
+                     {"evidence_before_nats", s.before[i].evidence_nats},
+                     {"evidence_after_nats", s.after[i].evidence_nats},
+                     {"threshold_nats", 6.9}});
+  return {{"gap_map", campaign.has_temperature ? map_json(campaign, axis.nominal_fit) : Json(nullptr)},
+          {"gap_map_after", campaign.has_temperature ? map_json(campaign, axis.final_fit) : Json(nullptr)},
+          {"residual", residual_json(campaign, axis.nominal_fit, axis.final_fit)},
+          {"dp2",
+           {{"tau_s", numbers(g.dp2_tau_s)},
+            {"data_dph", numbers(g.dp2_data_dph)},
+            {"model_before_dph", numbers(g.dp2_nominal_dph)},
+            {"model_after_dph", numbers(g.dp2_final_dph)}}},
+          {"candidates", candidates},
+          {"tests", tests}};
+}
+
+Json axis_json(const AxisResult& axis, double rate) {
+  if (!axis.refused.empty()) return refused_json(axis);
+  const Selection& s = axis.study.selection;
+  Json effects = Json::array(), hidden = Json::array(), alike = Json::array(), detectable = Json::array();
+  for (const SelectedEffect& e : s.effects) effects.push_back(effect_json(axis, e, rate));
+  if (s.cannot_judge) {
+    Json out = refused_json(axis);
+    out["verdict"] = verdict_name(s.verdict), out["effects"] = effects;
+    return out;
+  }
+  for (const Detectability& d : axis.identifiability.effects) {
+    const Json entry = {{"name", d.name}, {"smallest_detectable", parameters_json(d.smallest_detectable)}};
+    if (!d.is_notable) hidden.push_back(entry);
+    detectable.push_back(entry);
+  }
+  for (const auto& pair : axis.identifiability.indistinguishable) alike.push_back({pair.first, pair.second});
+  const Campaign& campaign = axis.campaign;
+  const NoiseModel& noise = s.fitted_noise;
+  Json markov = Json::array();
+  for (const Markov& m : noise.markov) markov.push_back({{"sigma_dph", m.sigma_dph}, {"tau_s", m.tau_s}});
+  const bool is_advised = campaign.has_temperature && (!hidden.empty() || !alike.empty());
+  return {{"axis", axis.axis},
+          {"verdict", verdict_name(s.verdict)},
+          {"statement", headline(axis)},
+          {"where", s.verdict == Verdict::kNoGap ? Json(nullptr) : where_json(axis, rate)},
+          {"effects", effects},
+          {"not_detectable_here", hidden},
+          {"smallest_detectable", detectable},
+          {"indistinguishable", alike},
+          {"advice", advice(axis)},
+          {"notes", notes(axis)},
+          {"noise", {{"arw_deg_rt_h", noise.white_sigma_dph / 60}, {"markov", markov}, {"is_retuned", s.is_noise_retuned}}},
+          {"threshold_nats", s.threshold_nats},
+          {"gap", gap_json(axis)},
+          {"plots", plots_json(axis)},
+          {"seconds", axis.seconds},
+          {"advised_profile", is_advised ? to_json(separating_profile(campaign.lo_degc, campaign.hi_degc)) : Json(nullptr)}};
+}
+
+std::string text_of(const ParameterValue& p) {
+  char line[120];
+  if (p.kind == EffectParameter::kSteps) return std::to_string(p.steps.size()) + " " + p.name;
+  if (p.kind == EffectParameter::kText) return p.name + " " + p.text;
+  std::snprintf(line, sizeof line, "%s %.4g", p.name.c_str(), p.number.value);
+  std::string out = line;
+  if (std::isfinite(p.number.std_error)) {
+    std::snprintf(line, sizeof line, " +- %.2g", p.number.std_error);
+    out += line;
+  }
+  return out;
+}
+
+
+std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
+  std::string list;
+  if (e.term.effect && e.doubt != Doubt::kSlowNoise)
+    for (const ParameterValue& p : effect_values(e.term, axis.campaign)) list += (list.empty() ? "" : ", ") + text_of(p);
+  std::string out = "  effect  " + name_of(e);
+  if (e.is_family && e.term.effect && !list.empty()) out += " (as " + e.term.effect->name() + ")";
+  out += (list.empty() ? "" : ": " + list) + format(" (evidence %.1f nats)\n", e.evidence_nats);
+  if (e.doubt != Doubt::kNone) out += std::string("          ") + doubt_text(e.doubt) + "\n";
+  if (std::isfinite(e.held_out_nats) && e.held_out_nats < -kAgainst_nats)
+    out += "          the held-out data speak against it\n";
+  if (e.set.size() > 1) {
+    out += "          cannot be told from:";
+    bool is_first = true;
+    for (const CandidateEvidence& c : e.set) {
+      if (name_of(c) == name_of(e)) continue;
+      out += (is_first ? " " : ", ") + name_of(c);
+      is_first = false;
+    }
+    out += "\n";
+  }
+  return out;
+}
+
+std::string axis_text(const AxisResult& axis) {
+  const Selection& s = axis.study.selection;
+  const GapResult& g = axis.study.gap;
+  std::string out = axis.axis + ": " + headline(axis) + "\n";
+  if (!axis.refused.empty() || s.cannot_judge) return out;
+  if (s.verdict != Verdict::kNoGap) out += "  where   " + axis.where.sentence + "\n";
+  for (const SelectedEffect& e : s.effects) out += effect_text(axis, e);
+  if (claims_shrinkage(axis))
+    out += format("  held out  the gap shrinks by %.0f %% (95 %%: %.0f to %.0f; %s); residual of one-minute means %.1f -> %.1f dph, noise alone %.1f\n",
+                  100 * g.shrinkage, 100 * g.ci_lo, 100 * g.ci_hi, held_out_text(g.method), g.rms_before_dph, g.rms_after_dph, g.noise_rms_dph);
+  if (s.verdict == Verdict::kUnexplained && g.has_mean)
+    out += format("  held out  a flexible stand-in removes %.0f %% (%.1f -> %.1f dph): not an explanation\n", 100 * g.shrinkage,
+                  g.rms_before_dph, g.rms_after_dph);
+  if (!s.effects.empty() || s.verdict == Verdict::kUnexplained) out += "            left: " + remainder(axis) + "\n";
+  for (const std::string& note : notes(axis)) out += "  note    " + note + "\n";
+  return out;
+}
+
+Json properties_json(const EffectEstimator* e) {
+  if (!e) return Json::object();
+  return {{"is_slow_noise", e->is_slow_noise()},
+          {"is_nominal_noise", e->is_nominal_noise()},
+          {"is_repeatable", e->is_repeatable()},
+          {"is_structural", e->is_structural()},
+          {"is_censoring", e->is_censoring()},
+          {"needs_temperature", e->needs_temperature()},
+          {"concerns_coarse_thermometer", e->concerns_coarse_thermometer()},
+          {"has_markov_spectrum", e->has_markov_spectrum()}};
+}
+
+
+} // namespace
+
+Json diagnosis_json(const DiagnoseOptions& options, const DiagnoseResult& result) {
+  Json axes = Json::array();
+  bool from_cache = true;
+  for (const AxisResult& axis : result.axes) {
+    axes.push_back(axis_json(axis, options.false_alarm_rate));
+    from_cache = from_cache && (axis.is_calibration_cached || !axis.refused.empty());
+  }
+  return {{"imucal_diagnosis", 1},
+          {"model", result.has_model ? Json(options.model_path) : Json(nullptr)},
+          {"logs", options.logs},
+          {"held_out_logs", options.held_out},
+          {"false_alarm_rate", options.false_alarm_rate},
+          {"seed", options.seed},
+          {"calibration", {{"nulls", options.nulls}, {"from_cache", from_cache}, {"seconds", result.calibration_s}}},
+          {"warnings", result.warnings},
+          {"library", library_json()},
+          {"axes", axes}};
+}
+
+std::string diagnosis_text(const DiagnoseOptions&, const DiagnoseResult& result) {
+  std::string text;
+  std::vector<std::string> said;
+  for (const AxisResult& axis : result.axes) text += axis_text(axis);
+  // What the profiles cannot tell, once for all axes and on a line each.
+  for (const AxisResult& axis : result.axes) {
+    if (!axis.refused.empty()) continue;
+    const std::vector<std::string> list = advice(axis);
+    for (size_t i = 0; i + 1 < list.size(); ++i) // the last is the one of constant offsets, said in the JSON
+      if (std::find(said.begin(), said.end(), list[i]) == said.end()) {
+        said.push_back(list[i]);
+        text += "advice    " + list[i] + "\n";
+      }
+  }
+  for (const std::string& warning : result.warnings) text += "warning: " + warning + "\n";
+  return text;
+}
+
+Json library_json() {
+  Json list = Json::array();
+  for (const Effect* effect : effect_library()) {
+    Json parameters = Json::array();
+    for (const EffectParameter& p : effect->parameters()) {
+      Json entry = {{"name", p.name}, {"meaning", p.meaning}, {"unit", p.unit()}};
+      if (p.kind == EffectParameter::kNumber) entry["min"] = p.lo, entry["max"] = p.hi;
+      if (p.is_optional) entry["optional"] = true;
+      if (!p.words.empty()) entry["words"] = p.words;
+      parameters.push_back(entry);
+    }
+    Json causes = Json::array();
+    for (const HardwareCause& cause : effect->hardware_causes())
+      causes.push_back({{"what", cause.what}, {"source", cause.source}});
+    list.push_back({{"name", effect->name()},
+                    {"label", effect->label()},
+                    {"description", effect->description()},
+                    {"family", family_name(effect->family())},
+                    {"parameters", parameters},
+                    {"hardware_causes", causes},
+                    {"properties", properties_json(effect->estimator())},
+                    {"can_be_diagnosed", effect->estimator() != nullptr}});
+  }
+  Json families = Json::array();
+  for (Family family : all_families())
+    families.push_back({{"name", family_name(family)}, {"label", family_label(family)}});
+  return {{"imucal_effects", 1}, {"effects", list}, {"families", families}};
+}
+
+
+} // namespace imucal

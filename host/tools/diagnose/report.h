@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: MIT
+// The answer of diagnose as JSON (design 1.6, and host/lib/analysis/diagnose/README.md for what is added) and as text.
+#pragma once
+#include <string>
+
+#include "analysis/diagnose/diagnose.h"
+#include "io/json_file.h"
+
+namespace imucal {
+
+Json diagnosis_json(const DiagnoseOptions& options, const DiagnoseResult& result);
+std::string diagnosis_text(const DiagnoseOptions& options, const DiagnoseResult& result);
+
+// The library as JSON: names, words, families, parameters, properties.
+Json library_json();
+
+} // namespace imucal
