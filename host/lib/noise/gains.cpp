@@ -23,7 +23,7 @@ public:
     if (change > kNear) return false;
     if (change <= kRounding) return true;
     const double rate = rate_on(step_s);
-    return change * rate <= kSettled * (1 - rate);
+    return change * rate <= kSettledChange * (1 - rate);
   }
 
 private:

@@ -8,8 +8,8 @@
 //
 // Settling, the one rule of the host: on even steps of a stationary model the gains approach their steady values
 // like pole^(2k), pole being the filter's slowest (steady_filter.h).  They are kept as soon as what is left of this
-// series is below kSettled of every gain and of the innovation's standard deviation, or the change of one step below
-// rounding: 4 eps.  So the gains kept differ from those that never settle by kSettled + 16 eps / (1 - pole^2) of
+// series is below kSettledChange of every gain and of the innovation's standard deviation, or the change of one step below
+// rounding: 4 eps.  So the gains kept differ from those that never settle by kSettledChange + 16 eps / (1 - pole^2) of
 // themselves at most: a step of the recursion rounds about a dozen times, the change that is seen four times more.
 // test_noise.cpp holds this.
 #pragma once
@@ -20,7 +20,7 @@
 
 namespace imucal {
 
-constexpr double kSettled = 1e-12;
+constexpr double kSettledChange = 1e-12;
 constexpr size_t kMostStates = 32;
 
 // When the samples of one run were taken.  A view: the arrays belong to the caller and must outlive the call.
