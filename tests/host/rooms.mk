@@ -4,6 +4,11 @@
 ROOMS_physics := physics/sim physics/effects noise io base
 ROOMS_test_base := base
 ROOMS_test_noise := noise io base
+ROOMS_test_sim := $(ROOMS_physics)
+ROOMS_test_effects := $(ROOMS_physics)
+ROOMS_test_effect_memory := $(ROOMS_physics)
+ROOMS_test_effect_added := $(ROOMS_physics)
+ROOMS_test_sample_findings := $(ROOMS_physics)
 ROOMS_test_dp := analysis/errormodel analysis/dp $(ROOMS_physics)
 ROOMS_test_errormodel_expect := $(ROOMS_test_dp)
 ROOMS_test_errormodel_fit := $(ROOMS_test_dp)

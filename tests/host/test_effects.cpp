@@ -182,6 +182,33 @@ static void test_random_effects_have_their_moments(void**) {
   assert_int_equal(flicker.markov.size(), 1 + 17);
 }
 
+// One-sided density of the Markov processes that stand for flicker, against B^2/(pi f) of IEEE 952.
+static void test_flicker_has_the_density_of_the_standard(void**) {
+  const SimRun run = simulated("flicker_noise", R"({"b_dph": 10})");
+  for (double hz : {1e-4, 3e-4, 1e-3, 3e-3, 1e-2}) {
+    double density = 0;
+    for (size_t i = 1; i < run.markov.size(); ++i) { // the first is the nominal one
+      const double sigma = run.markov[i].sigma_dph[0], tau = run.markov[i].tau_s[0];
+      density += 4 * sigma * sigma * tau / (1 + std::pow(2 * M_PI * hz * tau, 2));
+    }
+    assert_double_equal(density / (100 / (M_PI * hz)), 1.0, 0.03);
+  }
+}
+
+// s1 x + s2 (x^2 - 1/3)/2: variance s^2 (1 + 1/9) at the ends, s^2/36 in the middle; one curve in each run.
+static void test_run_to_run_has_its_variance_over_temperature(void**) {
+  double end = 0, middle = 0;
+  for (uint64_t r = 0; r < 1000; ++r) {
+    Rng rng(3, r, 0, Stream::kEffect);
+    const SimRun run = simulated("run_to_run", R"({"sigma_dph": 30})", &rng);
+    end += run.rate_dph[3600] * run.rate_dph[3600] / 1000;
+    middle += run.rate_dph[1800] * run.rate_dph[1800] / 1000;
+  }
+  const double errors = 4 * std::sqrt(2.0 / 1000); // four standard errors of a variance
+  assert_double_equal(end / (900 * 10.0 / 9), 1.0, errors);
+  assert_double_equal(middle / (900 / 36.0), 1.0, errors);
+}
+
 static void test_noise_levels_follow_temperature(void**) {
   const SimRun white = simulated("white_noise_vs_temperature", R"({"slope": 1.5})");
   assert_double_equal(white.white_sigma_dph[3600], 36.0 * std::exp(0.75), 1e-9);
@@ -293,6 +320,8 @@ int main() {
       cmocka_unit_test(test_functions_of_temperature_and_time),
       cmocka_unit_test(test_step_acts_in_its_log_from_its_time_on),
       cmocka_unit_test(test_random_effects_have_their_moments),
+      cmocka_unit_test(test_flicker_has_the_density_of_the_standard),
+      cmocka_unit_test(test_run_to_run_has_its_variance_over_temperature),
       cmocka_unit_test(test_noise_levels_follow_temperature),
       cmocka_unit_test(test_outputs_are_quantised_clipped_dead_or_held),
       cmocka_unit_test(test_common_mode_is_shared_between_axes),
