@@ -21,7 +21,7 @@ extern "C" {
 #define IMUCAL_SUM_MAX_SAMPLES (1u << 24) /* per second; further ones are counted and left out */
 #define IMUCAL_SUM_MAX_RATE_HZ 100000u
 
-/* Bits of the flags of a second (design 1.2, columns *_flags). */
+/* Bits of the flags of a second (host/formats.md, Log, columns *_flags). */
 enum { IMUCAL_FLAG_SATURATED = 1, IMUCAL_FLAG_MISSING = 2, IMUCAL_FLAG_FAULT = 4 };
 
 /* A finished second. */

@@ -4,7 +4,7 @@
 
     diagnosis_report.py DIAGNOSIS.json -o report.html
 
-Reads the contract's fields (design 1.6) and, where present, the member `plots` of each axis
+Reads the contract's fields (host/formats.md, Diagnosis) and, where present, the member `plots` of each axis
 (host/lib/analysis/diagnose/README.md).  A plot whose data are missing is left out.  Exit status: 0 done, 2 usage,
 3 the input is not a diagnosis.
 """

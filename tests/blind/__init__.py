@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
 """Blind check of `diagnose`: draws labelled cases, hides the labels, runs the binary, scores it.
 
-Written from the contract alone (design 1.1, 1.6, diagnosis.md): nothing here shares code with the engine.
+Written from the contract alone (host/formats.md): nothing here shares code with the engine.
 """

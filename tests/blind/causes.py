@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Causes that the contract names (diagnosis.md), each with physics of its own and a start state drawn in every run.
+"""Causes that `diagnose --list-effects` names, each with physics of its own and a start state drawn in every run.
 
 A cause is {"name", "p"}; keys of p that begin with "_" are drawn shapes that the contract leaves open.
 Sources: play and Prandtl-Ishlinskii, Preisach relays: Mayergoyz, Mathematical Models of Hysteresis; Bouc-Wen: Ismail et

@@ -16,7 +16,7 @@ from . import causes, noise
 from .sensor import low_pass
 
 BLOCK_S = 20
-TELL = 4.0  # d sqrt(1 - rho2) above which two causes can be told apart (8 nats; diagnosis.md, section 6)
+TELL = 4.0  # d sqrt(1 - rho2) above which two causes can be told apart (8 nats)
 
 
 class Unreachable(Exception):

@@ -133,7 +133,7 @@ static void test_update_10_days_follows_reference(void** state) {
   for (size_t i = 0; i < n; i++) run_and_compare(&runs[i]);
 }
 
-/* Design 2.3, paper Fig. 7: ramp of 100 min without soaks.  Covariance does not depend on the data. */
+/* Reference figures A (tests/README.md), paper Fig. 7: ramp of 100 min without soaks.  Covariance does not depend on the data. */
 static void test_bias_sigma_ramp_reproduces_figure_7(void** state) {
   (void)state;
   const double published[] = {13.09, 7.47, 6.20, 6.45, 6.29, 5.75, 5.43, 5.75, 6.29, 6.45, 6.20, 7.47, 13.09};
@@ -159,7 +159,7 @@ static double worst_after(int soak_s, int n_cycles) {
   return (double)imucal_kf_worst_sigma(&kf, 0.0f, 60.0f, 61, NULL);
 }
 
-/* Design 2.3, paper Figs. 8 and 9. */
+/* Reference figures A (tests/README.md), paper Figs. 8 and 9. */
 static void test_worst_sigma_soaks_and_cycles_reproduce_figures_8_and_9(void** state) {
   (void)state;
   const int soak_min[] = {5, 10, 20, 30};

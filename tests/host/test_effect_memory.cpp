@@ -341,7 +341,7 @@ static void test_prior_and_words_are_there_for_every_effect(void**) {
   }
 }
 
-// The families of the contract, member by member (design 1.6).
+// The families of the contract, member by member (host/formats.md, Diagnosis).
 static void test_families_are_those_of_the_contract(void**) {
   const std::map<std::string, std::set<std::string>> contract = {
       {"thermal_memory", {"temperature_rate", "thermal_hysteresis", "thermal_lag", "thermal_creep"}},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Closed forms: the figures of design 2.4, brute force over covariance matrices, and a Monte Carlo as the check.
+// Closed forms: the figures of reference figures C, tests/README.md, brute force over covariance matrices, and a Monte Carlo as the check.
 #include <Eigen/Dense>
 #include <cmath>
 #include <limits>

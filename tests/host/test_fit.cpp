@@ -95,7 +95,7 @@ void test_kalman_one_log_is_the_core_bit_for_bit(void**) {
   }
 }
 
-// Design 2.3, Fig. 8: soaks of 20 min at both ends.
+// Reference figures A (tests/README.md), Fig. 8: soaks of 20 min at both ends.
 void test_kalman_sigma_of_the_basic_profile_is_the_papers(void**) {
   Log log = make_log(8400, 0, 1, 1, kBias);
   for (size_t k = 0; k < log.size(); ++k)

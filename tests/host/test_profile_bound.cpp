@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Bounds: the figures of design 2.3, and that no profile (designed, random, adverse) beats the proven bound.
+// Bounds: the figures of reference figures A, tests/README.md, and that no profile (designed, random, adverse) beats the proven bound.
 #include <cmath>
 #include <csetjmp>
 #include <cstdarg>

@@ -46,7 +46,7 @@ static void check_order(int order) {
     assert_int_equal(imucal_kf_update(&kf, 0, static_cast<float>(t)), IMUCAL_OK);
   for (size_t i = 0; i < exact.temp_degc.size(); ++i) {
     const double core_dph = imucal_kf_bias_sigma(&kf, static_cast<float>(exact.temp_degc[i]));
-    // 2e-4: what float32 keeps (design 2.2: calibration sigma within 1e-4).
+    // 2e-4: what float32 keeps (tests/README.md, reference figures D).
     if (std::abs(core_dph / exact.sigma_dph[i] - 1) > 2e-4)
       fail_msg("order %d, %g degC: core %.6f, exact %.6f dph", order, exact.temp_degc[i], core_dph,
                exact.sigma_dph[i]);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Calibration error: the paper's figures 7-10 (reference values: design 2.3), dense matrices as a second
+// Calibration error: the paper's figures 7-10 (reference values: reference figures A, tests/README.md), dense matrices as a second
 // derivation, Monte Carlo of the very estimator.
 #include <Eigen/Dense>
 #include <cmath>

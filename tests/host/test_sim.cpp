@@ -82,7 +82,7 @@ static void test_simulate_autocovariance_is_the_closed_form(void**) {
   }
 }
 
-// DP type 2 of simulated noise against the closed form (design 2.4), both written out here a second time.
+// DP type 2 of simulated noise against the closed form (reference figures C, tests/README.md), both written out here a second time.
 static void test_simulate_dp2_is_the_closed_form(void**) {
   const ErrorModel model = model_of(1.1, {{14, 20}, {14, 70}});
   const double phi_nominal = std::exp(-1 / 100.0), q = 400 * (1 - phi_nominal * phi_nominal), r = 36.0 * 36.0;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The long profiles of design 2.3 on an emulated Cortex-M4F (the short ones: tests/system/test_calibrate_figures.py)."""
+"""The long profiles of reference figures A, tests/README.md on an emulated Cortex-M4F (the short ones: tests/system/test_calibrate_figures.py)."""
 import pytest
 from test_calibrate_figures import alternating, m4f, predicted  # noqa: F401  (m4f is a fixture)
 

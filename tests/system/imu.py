@@ -13,7 +13,7 @@ BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
 CALIBRATE, GYROSIM = BUILD / "bin/calibrate", BUILD / "bin/gyrosim"
 FIRMWARE = BUILD / "firmware/posix/imucal"
 
-# What the documentation of the figures uses (design 2.3): 140 min, 0 to 60 degC at 0.6 degC/min, 20-min soaks.
+# What the documentation of the figures uses (reference figures A, tests/README.md): 140 min, 0 to 60 degC at 0.6 degC/min, 20-min soaks.
 COEFF_DPH = [80, 300, 150, -100]
 NOISE = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}
 MODEL = {**NOISE, "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": COEFF_DPH}}

@@ -35,7 +35,7 @@ def column(path, name):
 # ---- the whole run, over every kind of port ----
 
 def through_libserialport(imu, tmp_path):
-    """Port name and environment under which libserialport opens a pseudo-terminal (design 1.1)."""
+    """Port name and environment under which libserialport opens a pseudo-terminal (host/README.md)."""
     (tmp_path / "imu0").symlink_to(imu.port)
     shim = BUILD / "tests/tty_shim.so"
     assert shim.exists(), f"{shim} is missing: make {shim}"
@@ -53,7 +53,7 @@ def test_run_learns_flashes_and_verifies_over_each_kind_of_port(tmp_path, kind):
 
         assert [axis["axis"] for axis in result["axes"]] == ["gx_dph", "gy_dph", "gz_dph"]
         for axis in result["axes"]:
-            # design 2.3: worst 6.93 dph, at the ends; within 1 %
+            # reference figures A, tests/README.md: worst 6.93 dph, at the ends; within 1 %
             assert max(axis["sigma_dph"]) == pytest.approx(6.93, rel=0.01)
             assert 0.9 < axis["mean_nis"] < 1.1
             temp = np.array(axis["temp_degc"])

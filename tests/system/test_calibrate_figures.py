@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The predicted calibration error of design 2.3 (paper, Figs. 7-9), learned by the filter on an emulated Cortex-M4F
+"""The predicted calibration error of reference figures A, tests/README.md (paper, Figs. 7-9), learned by the filter on an emulated Cortex-M4F
 and reported by `calibrate run`: within 1 %.  The figures come from an exact covariance in double, not from this code."""
 import pytest
 from imu import BASIC, Imu, QemuImu

@@ -60,7 +60,7 @@ def test_fit_gives_contract_fields_and_predicted_error(folder, method, logs):
     for axis in axes:
         assert (axis["order"], axis["t0_degc"], axis["range_degc"]) == (3, 30, 30)
         assert len(axis["coeff_dph"]) == 4 and len(axis["sigma_dph"]) == len(axis["temp_degc"])
-        # design 2.3: 6.93 dph for one log; with a constant of its own per log the mean over two is 1/sqrt(2) of it
+        # reference figures A, tests/README.md: 6.93 dph for one log; with a constant of its own per log the mean over two is 1/sqrt(2) of it
         assert max(axis["sigma_dph"]) == pytest.approx(6.93 / len(logs) ** 0.5, rel=0.03)
         assert axis["residual_rms_dph"] == pytest.approx(41.2, rel=0.06)
     written = json.loads(table.read_text())

@@ -105,7 +105,7 @@ def test_contraction_would_change_the_bits(bits, tmp_path):
     assert fused != bits["host"]
 
 
-# Design 2.3 (the paper's Figures 7 to 9): one-sigma calibration error in dph; order 3, 0.6 deg/sqrt(h), 20 dph, 100 s.
+# Reference figures A (tests/README.md) (the paper's Figures 7 to 9): one-sigma calibration error in dph; order 3, 0.6 deg/sqrt(h), 20 dph, 100 s.
 RAMP_ONLY_DPH = [13.09, 7.47, 6.20, 6.45, 6.29, 5.75, 5.43, 5.75, 6.29, 6.45, 6.20, 7.47, 13.09]
 WORST_DPH = {(5, 1): 10.18, (10, 1): 8.64, (20, 1): 6.93, (30, 1): 6.28, (20, 2): 5.03, (20, 4): 3.56, (20, 8): 2.52}
 

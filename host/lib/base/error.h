@@ -6,7 +6,7 @@
 
 namespace imucal {
 
-// Exit status of every program (design 1.1).
+// Exit status of every program (host/README.md).
 enum class Exit { kDone = 0, kNegative = 1, kUsage = 2, kData = 3, kDevice = 4 };
 
 class Error : public std::runtime_error {

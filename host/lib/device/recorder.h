@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Writes the seconds a device streams as logs (design 1.2), row by row: every row is handed to the system at once, so that
+// Writes the seconds a device streams as logs (host/formats.md, Log), row by row: every row is handed to the system at once, so that
 // a killed program loses none that it had taken.  The file gets its name when it is closed; until then it is NAME.part,
 // which recover_log takes up. A second with
 // fewer than half of its samples, or one that was lost on the line, is a gap: it has no row.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The byte stream to a device: a serial device, a pseudo-terminal or a TCP connection behind one interface.
 //
-// PORT names (design 1.1):
+// PORT names (host/README.md):
 //   /dev/ttyACM0, COM5      a serial device, through libserialport
 //   /dev/pts/3, ./link      a pseudo-terminal (or a link that leads to one), through termios
 //   tcp:HOST:PORT           an emulator or a serial device server

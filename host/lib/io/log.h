@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Logs (design 1.2): one row per second, rates are means over the second that ends at t_s.
+// Logs (host/formats.md, Log): one row per second, rates are means over the second that ends at t_s.
 #pragma once
 #include <cstdint>
 #include <functional>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The error model of a sensor (design 1.3; paper eq. 1): angle random walk, first-order Gauss-Markov
+// The error model of a sensor (host/formats.md, Model; paper eq. 1): angle random walk, first-order Gauss-Markov
 // instabilities, turn-on constant and, optionally, the thermal polynomial B(T) and further effects.
 #pragma once
 #include <optional>
@@ -27,7 +27,7 @@ struct ThermalPolynomial {
   double at(double temp_degc) const;
 };
 
-// An effect by name, with its parameters as written in the file (names and units: diagnosis.md).  In a file:
+// An effect by name, with its parameters as written in the file (names and units: diagnose --list-effects).  In a file:
 // {"name": "warm_up", "parameters": {…}, "axis": "gx", "log": 2}; the last two restrict where it is simulated.
 struct EffectSpec {
   std::string name;
@@ -43,7 +43,7 @@ struct ErrorModel {
   std::optional<ThermalPolynomial> bias;
   std::vector<EffectSpec> effects;
 
-  // White-noise density seen by slow signals: sum 2 sigma^2 tau + (60 arw)^2 [dph^2 s] (design 2.3).
+  // White-noise density seen by slow signals: sum 2 sigma^2 tau + (60 arw)^2 [dph^2 s] (reference figures A, tests/README.md).
   double slow_density_dph2_s() const;
 };
 

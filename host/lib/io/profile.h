@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Temperature profile of a chamber (design 1.4): soaks and ramps from a start temperature, repeated.
+// Temperature profile of a chamber (host/formats.md, Profile): soaks and ramps from a start temperature, repeated.
 #pragma once
 #include <optional>
 #include <string>

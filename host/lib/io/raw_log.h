@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Raw logs (design 1.2) to 1-s means, by the C core's own summation (common/sum.h): the seconds, flags and rounding are
+// Raw logs (host/formats.md, Log) to 1-s means, by the C core's own summation (common/sum.h): the seconds, flags and rounding are
 // those of the device.
 //
 //   # rate_hz = 100

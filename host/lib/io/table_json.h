@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The calibration table as JSON (design 1.5), field for field the binary of common/table.h:
+// The calibration table as JSON (host/formats.md, Table), field for field the binary of common/table.h:
 //   { "imucal_table": 1, "serial": "…", "sequence": 3, "created": "2026-11-21T06:22:00Z",
 //     "degc_per_count": …, "degc_at_zero": …,
 //     "axes": [ { "axis": "gx_dph", "order": 3, "t0_degc": …, "range_degc": …, "coeff_dph": [b0 … bM],

@@ -32,7 +32,7 @@ Exit roll_back(Device* device, const CommonOptions& common);
 Exit stop_session(Device* device, const CommonOptions& common);
 Exit erase_tables(Device* device, const CommonOptions& common);
 
-// Results of `run` and `fit` (design 1.1): {"axes": [...]} of a table.
+// Results of `run` and `fit` (host/README.md): {"axes": [...]} of a table.
 Json axes_json(const imucal_table_t& table);
 
 } // namespace imucal

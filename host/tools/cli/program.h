@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Habits shared by all programs (design 1.1): --json --quiet --seed --threads --version, exit status, errors.
+// Habits shared by all programs (host/README.md): --json --quiet --seed --threads --version, exit status, errors.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <cstdint>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a campaign says: JSON (design 1.1) and a text table.
+// What a campaign says: JSON (host/README.md) and a text table.
 #pragma once
 #include <string>
 

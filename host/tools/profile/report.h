@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the program `profile` does, apart from parsing its options: inputs, JSON results (design 1.1), text.
+// What the program `profile` does, apart from parsing its options: inputs, JSON results (host/README.md), text.
 #pragma once
 #include <string>
 #include <vector>

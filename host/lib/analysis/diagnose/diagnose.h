@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Door of the room: diagnose the sim-to-real gap of the logs of one device (design 1.1, 1.6).  The answer is a
+// Door of the room: diagnose the sim-to-real gap of the logs of one device (host/formats.md, Diagnosis).  The answer is a
 // structure; words and JSON are made from it in host/tools/diagnose.
 #pragma once
 #include <optional>

@@ -29,7 +29,7 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
                          const std::vector<const Effect*>& library, const std::vector<bool>& active,
                          const std::vector<double>& beta);
 
-// The separating staircase of diagnosis.md for a temperature range: up fast with soaks, down slowly with
+// The separating staircase for a temperature range: up fast with soaks, down slowly with
 // soaks.
 Profile separating_profile(double lo_degc, double hi_degc);
 

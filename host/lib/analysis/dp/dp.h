@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Allan deviation and Direct Predictor (paper section II, design 2.4).
+// Allan deviation and Direct Predictor (paper section II, reference figures C, tests/README.md).
 //
 // Prediction error of the mean of the next n samples at t0:  d = mean(x[t0 .. t0+n)) - prediction, and
 // DP(tau) = sigma_EST{d over t0} / sqrt(2), tau = n dt.  What is predicted from:

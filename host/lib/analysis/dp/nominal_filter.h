@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Steady-state Kalman filter of a nominal error model (white noise + Markov terms): the estimator of DP2, DP3.
-// Its gains, poles and responses: noise/steady_filter.h   (design 2.4).
+// Its gains, poles and responses: noise/steady_filter.h   (reference figures C, tests/README.md).
 #pragma once
 #include "io/model.h"
 #include "noise/steady_filter.h"

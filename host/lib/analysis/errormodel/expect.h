@@ -8,7 +8,7 @@
 // and a Markov term of unit variance gives
 //   [n + 2 sum_k (n-k) phi^k]/n^2 + sum_mm' c_m c_m' [1/(1 - pole_m phi) + 1/(1 - pole_m' phi) - 1]/(1 - pole_m pole_m')
 //   - 2/n (1 - phi^n)/(1 - phi) sum_m c_m phi/(1 - pole_m phi),
-// which for one nominal term is the formula of design 2.4.  Sinusoids: half the amplitude squared times the
+// which for one nominal term is the formula of reference figures C, tests/README.md.  Sinusoids: half the amplitude squared times the
 // squared gain of the operator.  DP = sqrt(E d^2 / 2).
 //
 // Where the expectation depends on the record (random walk and ramp under DP2 or DP3, every detrended record),

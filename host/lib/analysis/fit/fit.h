@@ -99,7 +99,7 @@ FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options);
 imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc, double range_degc,
                              double prior_sigma_dph = 1e4, double dt_s = 1.0, double other_white_dph2 = 0);
 
-// The contract's result (design 1.1): {"axes": [{axis, order, t0_degc, range_degc, coeff_dph, sigma_dph, temp_degc,
+// The contract's result (host/README.md): {"axes": [{axis, order, t0_degc, range_degc, coeff_dph, sigma_dph, temp_degc,
 // residual_rms_dph, …}]}.
 Json to_json(const FitResult& result);
 

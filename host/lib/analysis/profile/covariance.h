@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Exact calibration error of a temperature profile, in double, without simulation.
 //
-// Purpose: tells the covariance of the polynomial that the calibration filter (design 2.2: states b0 … bM and
+// Purpose: tells the covariance of the polynomial that the calibration filter (common/README.md: states b0 … bM and
 // the Markov errors) holds after a test, and, where the filter's error model is not the true one, the
 // covariance of the error that it actually makes ("truth covariance", Gelb 1974, ch. 7).
 //

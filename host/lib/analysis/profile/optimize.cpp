@@ -233,8 +233,7 @@ std::vector<ScheduleShape> accuracy_shapes(const OptimizeRequest& r, double dura
   return out;
 }
 
-// Chains with reversals inside the run, which alone separate dT/dt, hysteresis, lag and ageing (diagnosis.md,
-// 6).
+// Chains with reversals inside the run, which alone separate dT/dt, hysteresis, lag and ageing.
 std::vector<ScheduleShape> diagnosis_shapes(const OptimizeRequest& r, double duration_s) {
   static const struct {
     const char* name;

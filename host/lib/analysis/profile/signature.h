@@ -6,7 +6,7 @@
 // whitening by the noise model and projecting off what every calibration estimates anew (polynomial, one
 // turn-on constant per run) two effects whose signatures have correlation 1 are the same curve for every
 // statistical test; the expected log-likelihood margin between them is d^2/2 (1 - correlation^2), d the
-// whitened signature's norm (diagnosis.md, 6).  The projection is by Schur complement of the Gram matrix.
+// whitened signature's norm.  The projection is by Schur complement of the Gram matrix.
 #pragma once
 #include <string>
 #include <vector>
@@ -23,7 +23,7 @@ struct SignatureTable {
   std::vector<double>
       visible_frac; // part of the signature's energy (less its constant) that the projection leaves
   // d sqrt(1 - largest correlation^2): what is left of the signature beside the effect most like it.  4 is
-  // about what naming an effect takes (diagnosis.md, 6).
+  // about what naming an effect takes.
   std::vector<double> separable;
   std::vector<double> needed; // value of the effect's first parameter at which separable is 4; 0: invisible
   double mean_separable = 0;  // geometric mean of separable (an invisible effect counts as 1e-6)
@@ -36,7 +36,7 @@ struct SignatureTable {
 // The effects and parameters that are judged when none are given: thermal lag (60 s), dT/dt, hysteresis
 // (width 5 degC), turn-on transient (300 s), ageing (ramp in time), 4th order (5th for order 4).
 std::vector<EffectSpec> standard_effects(int order);
-// Effects by name ("thermal_lag,warm_up", short names of diagnosis.md too) with the standard parameters.
+// Effects by name ("thermal_lag,warm_up", short names too) with the standard parameters.
 // usage_error lists the names there are.
 std::vector<EffectSpec> effects_by_name(const std::string& names, int order);
 

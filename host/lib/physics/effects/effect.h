@@ -86,7 +86,7 @@ class EffectEstimator;
 class Effect {
 public:
   virtual ~Effect() = default;
-  virtual std::string name() const = 0;        // contract: diagnosis.md
+  virtual std::string name() const = 0;        // never changed once released
   virtual std::string label() const = 0;       // a few plain words: "thermal hysteresis: …"
   virtual std::string description() const = 0; // one sentence with its source
   virtual Family family() const = 0;

@@ -47,7 +47,7 @@ enum class Form {
 };
 
 // The size that a coefficient may have before any data: a normal distribution of this standard deviation, in
-// units of G, the rms of the 60-s means of what the polynomial alone leaves (diagnosis.md, 13.2).
+// units of G, the rms of the 60-s means of what the polynomial alone leaves.
 struct PriorScale {
   double column = 3;   // of the common columns
   bool by_rms = false; // the columns have units of their own: divide by their rms

@@ -65,7 +65,7 @@ SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, cons
 SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, const Profile& profile,
                       const std::vector<EffectSpec>& effects, const SimOptions& options);
 
-// As a log (design 1.2), missing seconds left out, with the seed and run in its metadata.
+// As a log (host/formats.md, Log), missing seconds left out, with the seed and run in its metadata.
 Log to_log(const SimulatedLog& simulated, const SimOptions& options);
 
 // Building blocks, used by the raw-sample generator too.
