@@ -85,8 +85,7 @@ IMUCAL_COLD static int64_t quotient(int64_t numerator, int32_t exponent, float d
 }
 
 /* A float times 2^fraction_bits over a denominator. */
-IMUCAL_COLD static int64_t float_quotient(float numerator, int32_t fraction_bits, float denominator,
-                                          int32_t halves) {
+IMUCAL_COLD static int64_t float_quotient(float numerator, int32_t fraction_bits, float denominator, int32_t halves) {
   int32_t exponent = 0;
   int64_t mantissa = split(numerator, &exponent);
   return quotient(mantissa, exponent + fraction_bits, denominator, halves);
@@ -122,8 +121,7 @@ IMUCAL_COLD static int64_t tn_of_counts(const imucal_table_t* table, const imuca
 IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const imucal_table_t* table,
                                                      const imucal_table_channel_t* c) {
   /* A step of more than 4 ranges leaves no two counts in the span; below, all temperatures fit 2^-40 degC. */
-  if (c->range_degc < MIN_RANGE_DEGC || table->degc_per_count > 4.0f * c->range_degc)
-    return IMUCAL_ERR_PRECISION;
+  if (c->range_degc < MIN_RANGE_DEGC || table->degc_per_count > 4.0f * c->range_degc) return IMUCAL_ERR_PRECISION;
   const float at_degc[3] = {c->t0_degc, c->span_lo_degc, c->span_hi_degc};
   int64_t counts[3];
   for (uint32_t i = 0; i < 3; i++) {
@@ -139,8 +137,7 @@ IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const 
     if (i == 2) return IMUCAL_ERR_PRECISION;
   const int64_t reach = mid - lo > hi - mid ? mid - lo : hi - mid;
   if (lo >= hi || reach > MAX_DISTANCE) return IMUCAL_ERR_PRECISION;
-  while (reach << (comp->tn_shift + 1) <= INT32_MAX)
-    comp->tn_shift++; /* at most 30 rounds: lo < hi, so reach >= 1 */
+  while (reach << (comp->tn_shift + 1) <= INT32_MAX) comp->tn_shift++; /* at most 30 rounds: lo < hi, so reach >= 1 */
   const int64_t gain = float_quotient(table->degc_per_count, 61 - comp->tn_shift, c->range_degc, TO_NEAREST);
   if (gain > (int64_t)INT32_MAX + 1) return IMUCAL_ERR_PRECISION;
   comp->tn_gain = gain > INT32_MAX ? INT32_MAX : (int32_t)gain;
@@ -188,8 +185,7 @@ IMUCAL_COLD static bool fits(const imucal_comp_t* comp, int64_t bias_sum, int32_
   return effect <= MAX_SCALE_EFFECT && rate + effect <= INT32_MAX;
 }
 
-IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* table,
-                                              uint32_t i_channel) {
+IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* table, uint32_t i_channel) {
   if (comp == NULL || table == NULL || i_channel >= table->n_channels) return IMUCAL_ERR_ARGUMENT;
   const imucal_table_channel_t* c = &table->channel[i_channel];
   imucal_comp_t made = {0};
@@ -199,8 +195,7 @@ IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_
   made.order = c->order;
   for (uint32_t lost = 0; lost <= MAX_OUT_FRAC_BITS; lost++) {
     made.out_frac_bits = (uint8_t)(MAX_OUT_FRAC_BITS - lost);
-    int64_t sum =
-        quantise(c->coeff, c->order, made.out_frac_bits + GUARD_BITS, c->unit_per_count, made.coeff);
+    int64_t sum = quantise(c->coeff, c->order, made.out_frac_bits + GUARD_BITS, c->unit_per_count, made.coeff);
     if (sum == TOO_LARGE || !fits(&made, sum, c->full_scale_counts)) continue;
     made.unit_per_lsb = c->unit_per_count / (float)(1u << made.out_frac_bits);
     *comp = made;
@@ -209,11 +204,9 @@ IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_
   return IMUCAL_ERR_PRECISION;
 }
 
-IMUCAL_COLD imucal_status imucal_comp_pass(imucal_comp_t* comp, float unit_per_count,
-                                           int32_t full_scale_counts) {
+IMUCAL_COLD imucal_status imucal_comp_pass(imucal_comp_t* comp, float unit_per_count, int32_t full_scale_counts) {
   if (comp == NULL || full_scale_counts <= 0) return IMUCAL_ERR_ARGUMENT;
-  *comp = (imucal_comp_t){
-      .temp_lo_counts = INT32_MIN, .temp_hi_counts = INT32_MAX, .scale_shift = MIN_SCALE_SHIFT};
+  *comp = (imucal_comp_t){.temp_lo_counts = INT32_MIN, .temp_hi_counts = INT32_MAX, .scale_shift = MIN_SCALE_SHIFT};
   comp->out_frac_bits = MAX_OUT_FRAC_BITS;
   while (comp->out_frac_bits > 0 && !fits(comp, 0, full_scale_counts)) comp->out_frac_bits--;
   comp->unit_per_lsb = unit_per_count / (float)(1u << comp->out_frac_bits);

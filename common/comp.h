@@ -32,12 +32,12 @@ typedef struct imucal_comp {
   int32_t tn_gain;                        /* Tn per count in units of 2^-(61 - tn_shift) */
   uint8_t tn_shift;                       /* the distance shifted left so far uses all its 31 bits */
   uint8_t order;
-  uint8_t out_frac_bits;                    /* LSB of the output = 2^-out_frac_bits counts */
-  uint8_t scale_shift;                      /* scale coefficients are in units of 2^-scale_shift */
-  bool has_scale;                           /* some m_i is not zero */
-  int32_t coeff[IMUCAL_MAX_COEFF];          /* b_i in units of 2^-(out_frac_bits + 6) counts */
+  uint8_t out_frac_bits;                     /* LSB of the output = 2^-out_frac_bits counts */
+  uint8_t scale_shift;                       /* scale coefficients are in units of 2^-scale_shift */
+  bool has_scale;                            /* some m_i is not zero */
+  int32_t coeff[IMUCAL_MAX_COEFF];           /* b_i in units of 2^-(out_frac_bits + 6) counts */
   int32_t scale_coeff[IMUCAL_TABLE_SCALE_N]; /* m_i */
-  float unit_per_lsb;                       /* unit of the channel per LSB of the output */
+  float unit_per_lsb;                        /* unit of the channel per LSB of the output */
 } imucal_comp_t;
 
 /* Prepare channel i of a valid table.  IMUCAL_ERR_PRECISION: no fixed-point form within the bound (the sum of

@@ -16,7 +16,9 @@ uint32_t imucal_crc32(const uint8_t* data, size_t len);
 /* The same in pieces: start with IMUCAL_CRC_INIT, add, then invert with imucal_crc_end. */
 #define IMUCAL_CRC_INIT 0xFFFFFFFFu
 uint32_t imucal_crc_add(uint32_t running, const uint8_t* data, size_t len);
-static inline uint32_t imucal_crc_end(uint32_t running) { return ~running; }
+static inline uint32_t imucal_crc_end(uint32_t running) {
+  return ~running;
+}
 
 #if defined(__cplusplus)
 }

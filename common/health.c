@@ -32,8 +32,7 @@ IMUCAL_COLD imucal_status imucal_health_init(imucal_health_t* health, const imuc
   if (!imucal_is_within(config->r, 0.0f, MAX_VARIANCE) ||
       !imucal_is_within(config->markov_variance, 0.0f, MAX_VARIANCE))
     return IMUCAL_ERR_MODEL;
-  if (!imucal_is_within(config->lo_degc, -3000.0f, 3000.0f) ||
-      !imucal_is_within(config->hi_degc, -3000.0f, 3000.0f) ||
+  if (!imucal_is_within(config->lo_degc, -3000.0f, 3000.0f) || !imucal_is_within(config->hi_degc, -3000.0f, 3000.0f) ||
       !imucal_is_within(config->temp_step_degc, 0.0f, 100.0f))
     return IMUCAL_ERR_SPAN;
   *health = (imucal_health_t){0};
@@ -141,8 +140,7 @@ static void watch_standing(imucal_health_t* h, float rate, float temp_degc) {
 bool imucal_health_second(imucal_health_t* h, float rate, float temp_degc, uint32_t flags, bool is_measured,
                           uint32_t n_skipped) {
   h->n++;
-  h->since_s =
-      h->since_s > LONG_GAP_S || n_skipped > LONG_GAP_S ? LONG_GAP_S + 1u : h->since_s + n_skipped + 1u;
+  h->since_s = h->since_s > LONG_GAP_S || n_skipped > LONG_GAP_S ? LONG_GAP_S + 1u : h->since_s + n_skipped + 1u;
   if (flags & IMUCAL_FLAG_SATURATED) h->n_saturated++;
   if (flags & IMUCAL_FLAG_FAULT) h->n_faulty++;
   if (n_skipped > 0) h->has_last = false;
@@ -243,8 +241,7 @@ static void judge_rate(const imucal_health_t* h, imucal_health_verdict_t* v) {
 
 static void judge_temperature(const imucal_health_t* h, imucal_health_verdict_t* v) {
   judge(v, IMUCAL_HEALTH_TEMP_JUMP, (float)h->n_jumps, 0.0f, ABOVE);
-  if (h->n >= IMUCAL_HEALTH_MIN_N)
-    judge(v, IMUCAL_HEALTH_TEMP_SPIKES, share(h->n_spikes, h->n), MAX_SHARE, ABOVE);
+  if (h->n >= IMUCAL_HEALTH_MIN_N) judge(v, IMUCAL_HEALTH_TEMP_SPIKES, share(h->n_spikes, h->n), MAX_SHARE, ABOVE);
   const float variance = 2.0f * (h->config.markov_variance + h->config.r / (float)STAND_BLOCK_N);
   if (h->config.r > 0.0f && h->config.temp_step_degc <= IMUCAL_HEALTH_COARSE_DEGC)
     judge(v, IMUCAL_HEALTH_TEMP_STUCK, h->worst_move / imucal_sqrtf(variance), MAX_MOVE, ABOVE);
@@ -297,8 +294,7 @@ IMUCAL_COLD float imucal_health_error_factor(const imucal_health_t* h) {
 
 IMUCAL_COLD bool imucal_health_span(const imucal_health_t* health, float* lo_degc, float* hi_degc) {
   if (!health->has_seen) return false;
-  const bool is_ordered =
-      health->seen_lo <= health->seen_hi; /* a ramp of one block is seen the wrong way round */
+  const bool is_ordered = health->seen_lo <= health->seen_hi; /* a ramp of one block is seen the wrong way round */
   *lo_degc = is_ordered ? health->seen_lo : health->seen_hi;
   *hi_degc = is_ordered ? health->seen_hi : health->seen_lo;
   return true;

@@ -51,7 +51,7 @@ extern "C" {
 #define IMUCAL_HEALTH_MAX_REJECT_RUN 60u
 #define IMUCAL_HEALTH_TEMP_STEP_DEGC 1.0f
 #define IMUCAL_HEALTH_TEMP_RATE_DEGC_PER_S 0.2f /* 12 degC a minute */
-#define IMUCAL_HEALTH_COARSE_DEGC                                                                            \
+#define IMUCAL_HEALTH_COARSE_DEGC                                                                                      \
   0.1f /* a thermometer of larger quantum stands on a slow ramp too: temp-stuck is not judged */
 #define IMUCAL_HEALTH_LEVEL_N 10u /* readings that make a level */
 #define IMUCAL_HEALTH_MIN_N 120u  /* seconds before shares and statistics are judged */
@@ -130,14 +130,13 @@ typedef struct imucal_health_verdict {
 
 /* Start.  IMUCAL_ERR_ARGUMENT (null), IMUCAL_ERR_MODEL (r, variance), IMUCAL_ERR_SPAN (lo, hi, step):
  * refused, *health unchanged. */
-IMUCAL_MUST_USE imucal_status imucal_health_init(imucal_health_t* health,
-                                                 const imucal_health_config_t* config);
+IMUCAL_MUST_USE imucal_status imucal_health_init(imucal_health_t* health, const imucal_health_config_t* config);
 
 /* One second.  rate, temp_degc: its means; flags: IMUCAL_FLAG_* (sum.h); is_measured: false where there is no
  * usable mean (gap, missing value); n_skipped: whole seconds without any sample before it. Returns true where
  * a filter may learn from it: measured, finite, not saturated, no fault, temperature plausible. */
-bool imucal_health_second(imucal_health_t* health, float rate, float temp_degc, uint32_t flags,
-                          bool is_measured, uint32_t n_skipped);
+bool imucal_health_second(imucal_health_t* health, float rate, float temp_degc, uint32_t flags, bool is_measured,
+                          uint32_t n_skipped);
 
 /* The filter's innovation of the second just given, and 1/S.  Returns true where it may be learnt; false:
  * leave it out (the filter as it was before, imucal_kf_skip). */

@@ -195,9 +195,8 @@ imucal_status imucal_kf_update_scaled(imucal_kf_t* kf, float z, float temp_degc,
   const float tn = (temp_degc - kf->config.t0_degc) * kf->inv_range;
   if (!is_at_most(z, IMUCAL_KF_MAX_RATE) || !is_at_most(tn, IMUCAL_KF_MAX_TN) || !is_r_ratio(r_ratio)) {
     kf->stats.n_refused++;
-    return imucal_is_finite(z) && imucal_is_finite(temp_degc) && imucal_is_finite(r_ratio)
-               ? IMUCAL_ERR_RANGE
-               : IMUCAL_ERR_NOT_FINITE;
+    return imucal_is_finite(z) && imucal_is_finite(temp_degc) && imucal_is_finite(r_ratio) ? IMUCAL_ERR_RANGE
+                                                                                           : IMUCAL_ERR_NOT_FINITE;
   }
   float weight;
   const float innovation = learn(kf, z, tn, kf->config.r * r_ratio, &weight);

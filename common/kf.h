@@ -39,21 +39,21 @@ extern "C" {
 #define IMUCAL_KF_MAX_STATES (IMUCAL_MAX_ORDER + 2)
 #define IMUCAL_KF_MAX_R (IMUCAL_MAX_COEFF * IMUCAL_MAX_ORDER / 2) /* above R's diagonal */
 #define IMUCAL_KF_MAX_U (IMUCAL_MAX_COEFF + IMUCAL_KF_MAX_R)
-#define IMUCAL_KF_MAX_RATE 1e7f          /* |z|, unit; beyond it is refused */
-#define IMUCAL_KF_MAX_TN 1.5f            /* |Tn| of a measurement; beyond it is refused */
-#define IMUCAL_KF_MAX_R_RATIO 1024.0f    /* of imucal_kf_update_scaled, and its reciprocal the least */
-#define IMUCAL_KF_MAX_GAP_S 0x7FFFFFFFu  /* of one imucal_kf_skip */
+#define IMUCAL_KF_MAX_RATE 1e7f         /* |z|, unit; beyond it is refused */
+#define IMUCAL_KF_MAX_TN 1.5f           /* |Tn| of a measurement; beyond it is refused */
+#define IMUCAL_KF_MAX_R_RATIO 1024.0f   /* of imucal_kf_update_scaled, and its reciprocal the least */
+#define IMUCAL_KF_MAX_GAP_S 0x7FFFFFFFu /* of one imucal_kf_skip */
 
 /* What the host decides. */
 typedef struct imucal_kf_config {
-  uint8_t order;    /* M, 1..IMUCAL_MAX_ORDER */
-  float t0_degc;    /* centre of the temperature normalisation, -1000..1000 */
-  float range_degc; /* 1e-3..2000: Tn = (T - t0)/range; the span of interest should be |Tn| <= 1 */
-  float m;          /* 1 - exp(-dt/tau), 1e-30..1; 1: e is white too */
-  float q;          /* unit^2, 0..1e14 */
-  float r;          /* unit^2, 1e-12..1e14 */
-  float markov_variance;   /* initial variance of e: its stationary sigma^2, unit^2, 0..1e14 */
-  float prior_sigma;       /* initial standard deviation of every coefficient b_i, unit, 1e-6..1e6 (usual: 1e4) */
+  uint8_t order;         /* M, 1..IMUCAL_MAX_ORDER */
+  float t0_degc;         /* centre of the temperature normalisation, -1000..1000 */
+  float range_degc;      /* 1e-3..2000: Tn = (T - t0)/range; the span of interest should be |Tn| <= 1 */
+  float m;               /* 1 - exp(-dt/tau), 1e-30..1; 1: e is white too */
+  float q;               /* unit^2, 0..1e14 */
+  float r;               /* unit^2, 1e-12..1e14 */
+  float markov_variance; /* initial variance of e: its stationary sigma^2, unit^2, 0..1e14 */
+  float prior_sigma;     /* initial standard deviation of every coefficient b_i, unit, 1e-6..1e6 (usual: 1e4) */
 } imucal_kf_config_t;
 
 /* Running statistics of the innovations nu with predicted variance S: a first sign on the device that the model

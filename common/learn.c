@@ -18,8 +18,7 @@ void imucal_thermometer_read(imucal_thermometer_t* thermometer, const imucal_sec
     mean_q16 = imucal_track_update(&thermometer->track, mean_q16);
     thermometer->is_sure = thermometer->track.is_sure;
   }
-  thermometer->temp_degc =
-      imucal_unit_from_q16(mean_q16, thermometer->degc_per_count, thermometer->degc_at_zero);
+  thermometer->temp_degc = imucal_unit_from_q16(mean_q16, thermometer->degc_per_count, thermometer->degc_at_zero);
 }
 
 imucal_status imucal_learn_init(imucal_learn_t* learn, const imucal_kf_config_t* config) {
@@ -54,8 +53,7 @@ imucal_learn_outcome_t imucal_learn_checked(imucal_learn_t* learn, imucal_health
                                             const imucal_learn_input_t* input, uint32_t flags) {
   const bool is_measured = input->verdict == IMUCAL_LEARN_USED && imucal_is_finite(input->value);
   imucal_learn_input_t checked = *input;
-  if (!imucal_health_second(health, input->value, input->temp_degc, flags, is_measured, input->gap_s) &&
-      is_measured)
+  if (!imucal_health_second(health, input->value, input->temp_degc, flags, is_measured, input->gap_s) && is_measured)
     checked.verdict = IMUCAL_LEARN_TEMPERATURE;
   const imucal_kf_t before = learn->kf;
   const imucal_learn_outcome_t outcome = imucal_learn_take(learn, &checked);
@@ -81,8 +79,8 @@ static imucal_learn_outcome_t judge(const imucal_thermometer_t* thermometer, con
 }
 
 imucal_learn_outcome_t imucal_learn_second(imucal_learn_t* learn, const imucal_thermometer_t* thermometer,
-                                           const imucal_sum_t* sum, const imucal_second_t* second,
-                                           uint32_t i_channel, float value) {
+                                           const imucal_sum_t* sum, const imucal_second_t* second, uint32_t i_channel,
+                                           float value) {
   const imucal_learn_input_t input = {.value = value,
                                       .temp_degc = thermometer->temp_degc,
                                       .noise_ratio = imucal_sum_noise_ratio(sum, second, i_channel),

@@ -74,7 +74,7 @@ typedef struct imucal_learn_input {
   float value; /* 1-s mean, unit */
   float temp_degc;
   float noise_ratio; /* white variance of this mean over that of a whole second (imucal_kf_update_scaled) */
-  uint32_t gap_s; /* whole seconds without data just before it; more than IMUCAL_KF_MAX_GAP_S are as many */
+  uint32_t gap_s;    /* whole seconds without data just before it; more than IMUCAL_KF_MAX_GAP_S are as many */
   imucal_learn_outcome_t verdict; /* IMUCAL_LEARN_USED: a measurement; else why it is none */
 } imucal_learn_input_t;
 
@@ -95,8 +95,8 @@ imucal_learn_outcome_t imucal_learn_checked(imucal_learn_t* learn, imucal_health
  * read of it. value: the channel's mean of this second, unit (imucal_unit_from_q16).  Pre: i_channel <
  * second->n_channels. */
 imucal_learn_outcome_t imucal_learn_second(imucal_learn_t* learn, const imucal_thermometer_t* thermometer,
-                                           const imucal_sum_t* sum, const imucal_second_t* second,
-                                           uint32_t i_channel, float value);
+                                           const imucal_sum_t* sum, const imucal_second_t* second, uint32_t i_channel,
+                                           float value);
 
 #if defined(__cplusplus)
 }

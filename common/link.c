@@ -19,7 +19,7 @@ static const uint8_t type_size[] = {1, 1, 2, 2, 4, 4, 4, 8};
 #define FIELD_A(type, name, n, unit) n, KIND_FIXED + TYPE_##type,
 #define FIELD_N(name, unit) 1, KIND_NUMBER + TYPE_u8,
 #define FIELD_V(type, name, n, unit) n, KIND_VARIABLE + TYPE_##type,
-#define MESSAGE(id, name, NAME)                                                                                  \
+#define MESSAGE(id, name, NAME)                                                                                        \
   id, 0 IMUCAL_LINK_##NAME(ONE_F, ONE_A, ONE_N, ONE_A), IMUCAL_LINK_##NAME(FIELD_F, FIELD_A, FIELD_N, FIELD_V)
 static const uint8_t message_table[] = {IMUCAL_LINK_MESSAGES(MESSAGE) 0};
 
@@ -33,13 +33,12 @@ static const uint8_t message_table[] = {IMUCAL_LINK_MESSAGES(MESSAGE) 0};
 #define SIZE_f32 4
 #define SIZE_u64 8
 #define BYTES_F(type, name, unit) +SIZE_##type
-#define BYTES_A(type, name, n, unit) +SIZE_##type * n
+#define BYTES_A(type, name, n, unit) +SIZE_##type* n
 #define BYTES_N(name, unit) +1
-#define FITS(id, name, NAME)                                                                                     \
-  typedef char name##_fits_payload[(0 IMUCAL_LINK_##NAME(BYTES_F, BYTES_A, BYTES_N, BYTES_A)) <=                 \
-                                           IMUCAL_LINK_MAX_PAYLOAD                                               \
-                                       ? 1                                                                       \
-                                       : -1];
+#define FITS(id, name, NAME)                                                                                           \
+  typedef char                                                                                                         \
+      name##_fits_payload[(0 IMUCAL_LINK_##NAME(BYTES_F, BYTES_A, BYTES_N, BYTES_A)) <= IMUCAL_LINK_MAX_PAYLOAD ? 1    \
+                                                                                                                : -1];
 IMUCAL_LINK_MESSAGES(FITS)
 
 /* Descriptor of a message: its fields start at the result + 2.  Null: no such id. */
@@ -116,8 +115,7 @@ imucal_status imucal_link_encode(uint32_t id, const void* message, uint8_t* payl
   return copy_fields(id, message, payload, true, max_payload, payload_len);
 }
 
-imucal_status imucal_link_decode(uint32_t id, const uint8_t* payload, size_t payload_len,
-                                 imucal_link_any_t* message) {
+imucal_status imucal_link_decode(uint32_t id, const uint8_t* payload, size_t payload_len, imucal_link_any_t* message) {
   memset(message, 0, sizeof *message);
   size_t len = 0;
   const imucal_status status = copy_fields(id, payload, (uint8_t*)message, false, payload_len, &len);
@@ -176,7 +174,9 @@ imucal_status imucal_link_pack(uint32_t id, uint8_t sequence, const void* messag
 
 /* ---- receiving ---- */
 
-void imucal_link_rx_init(imucal_link_rx_t* rx) { memset(rx, 0, sizeof *rx); }
+void imucal_link_rx_init(imucal_link_rx_t* rx) {
+  memset(rx, 0, sizeof *rx);
+}
 
 /* The delimiter came: judge the frame. */
 static imucal_status end_of_frame(imucal_link_rx_t* rx) {
@@ -228,20 +228,21 @@ imucal_status imucal_link_rx_put(imucal_link_rx_t* rx, uint8_t byte) {
 }
 
 imucal_status imucal_link_rx_message(imucal_link_rx_t* rx, imucal_link_any_t* message) {
-  imucal_status status = imucal_link_decode(imucal_link_rx_type(rx), imucal_link_rx_payload(rx),
-                                            imucal_link_rx_payload_len(rx), message);
+  imucal_status status =
+      imucal_link_decode(imucal_link_rx_type(rx), imucal_link_rx_payload(rx), imucal_link_rx_payload_len(rx), message);
   if (status != IMUCAL_OK) rx->n_unknown++;
   return status;
 }
 
 /* ---- the device's end ---- */
 
-void imucal_link_server_init(imucal_link_server_t* server) { memset(server, 0, sizeof *server); }
+void imucal_link_server_init(imucal_link_server_t* server) {
+  memset(server, 0, sizeof *server);
+}
 
 imucal_status imucal_link_server_request(imucal_link_server_t* server, const imucal_link_rx_t* rx) {
   uint32_t crc = imucal_get_u32(rx->buffer + rx->len - 4);
-  if (server->reply_len != 0 && server->request_crc == crc &&
-      server->request_sequence == imucal_link_rx_sequence(rx)) {
+  if (server->reply_len != 0 && server->request_crc == crc && server->request_sequence == imucal_link_rx_sequence(rx)) {
     server->n_repeated++;
     return IMUCAL_FRAME_REPEATED;
   }

@@ -55,7 +55,9 @@ static inline void imucal_put_u64(uint8_t* at, uint64_t value) {
   imucal_put_u32(at, (uint32_t)value);
   imucal_put_u32(at + 4, (uint32_t)(value >> 32));
 }
-static inline void imucal_put_f32(uint8_t* at, float value) { imucal_put_u32(at, imucal_bits_from_float(value)); }
+static inline void imucal_put_f32(uint8_t* at, float value) {
+  imucal_put_u32(at, imucal_bits_from_float(value));
+}
 static inline uint16_t imucal_get_u16(const uint8_t* at) {
   return (uint16_t)((uint32_t)at[0] | ((uint32_t)at[1] << 8));
 }
@@ -65,7 +67,9 @@ static inline uint32_t imucal_get_u32(const uint8_t* at) {
 static inline uint64_t imucal_get_u64(const uint8_t* at) {
   return (uint64_t)imucal_get_u32(at) | ((uint64_t)imucal_get_u32(at + 4) << 32);
 }
-static inline float imucal_get_f32(const uint8_t* at) { return imucal_float_from_bits(imucal_get_u32(at)); }
+static inline float imucal_get_f32(const uint8_t* at) {
+  return imucal_float_from_bits(imucal_get_u32(at));
+}
 
 #if defined(__cplusplus)
 }

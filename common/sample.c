@@ -22,7 +22,6 @@ imucal_status imucal_sample_decode(const uint8_t record[IMUCAL_SAMPLE_RECORD_BYT
   sample->fault = record[3];
   sample->temp_counts = (int32_t)imucal_get_u32(record + 4);
   sample->t_us = imucal_get_u64(record + 8);
-  for (uint32_t i = 0; i < IMUCAL_MAX_CHANNELS; i++)
-    sample->counts[i] = (int32_t)imucal_get_u32(record + 16 + 4 * i);
+  for (uint32_t i = 0; i < IMUCAL_MAX_CHANNELS; i++) sample->counts[i] = (int32_t)imucal_get_u32(record + 16 + 4 * i);
   return IMUCAL_OK;
 }

@@ -70,9 +70,9 @@ typedef enum imucal_status {
   IMUCAL_ERR_FRAME = -64, /* frame malformed (COBS, too short) */
   IMUCAL_ERR_LOST = -65,  /* streamed records were dropped */
   /* storage's fault */
-  IMUCAL_ERR_FLASH = -80,   /* the driver reports failure */
-  IMUCAL_ERR_VERIFY = -81,  /* what was read back is not what was programmed */
-  IMUCAL_ERR_COMMIT = -82,  /* slot without a (whole) commit word: a write was cut */
+  IMUCAL_ERR_FLASH = -80,    /* the driver reports failure */
+  IMUCAL_ERR_VERIFY = -81,   /* what was read back is not what was programmed */
+  IMUCAL_ERR_COMMIT = -82,   /* slot without a (whole) commit word: a write was cut */
   IMUCAL_ERR_SEQUENCE = -83, /* sequence number not above the ruling one */
   IMUCAL_ERR_NO_MARK = -84   /* rollback: the older slot has no room left to note one more */
 } imucal_status;

@@ -10,7 +10,9 @@
 
 /* ---- where things are ---- */
 
-static uint32_t round_up(uint32_t n, uint32_t unit) { return (n + unit - 1) & ~(unit - 1); } /* unit: a power of two */
+static uint32_t round_up(uint32_t n, uint32_t unit) {
+  return (n + unit - 1) & ~(unit - 1);
+} /* unit: a power of two */
 
 /* Marks of a slot, counted from its end: commits, revoke, endorsements.  As many as there is room for behind the longest
  * table: 8 + 1 + 8, or in a small slot 3 + 1 + at least 1. */
@@ -22,8 +24,12 @@ static uint32_t n_marks(const imucal_flash_t* flash) {
 static uint32_t n_commits(const imucal_flash_t* flash) {
   return n_marks(flash) == IMUCAL_STORE_MAX_MARKS ? IMUCAL_STORE_MAX_COMMITS : IMUCAL_STORE_MIN_COMMITS;
 }
-static uint32_t revoke_mark(const imucal_flash_t* flash) { return n_commits(flash); }
-static uint32_t n_endorse(const imucal_flash_t* flash) { return n_marks(flash) - n_commits(flash) - 1; }
+static uint32_t revoke_mark(const imucal_flash_t* flash) {
+  return n_commits(flash);
+}
+static uint32_t n_endorse(const imucal_flash_t* flash) {
+  return n_marks(flash) - n_commits(flash) - 1;
+}
 
 static uint32_t mark_offset(const imucal_flash_t* flash, uint32_t mark) {
   return flash->slot_bytes - (mark + 1) * IMUCAL_STORE_MARK_BYTES(flash->program_bytes);
@@ -265,8 +271,7 @@ imucal_status imucal_store_write(const imucal_flash_t* flash, const char* serial
 }
 
 imucal_status imucal_store_rollback(const imucal_flash_t* flash, const char* serial, uint32_t n_channels,
-                                    imucal_store_work_t* work, imucal_table_t* table,
-                                    imucal_store_report_t* report) {
+                                    imucal_store_work_t* work, imucal_table_t* table, imucal_store_report_t* report) {
   imucal_status status = imucal_store_load(flash, serial, n_channels, work, table, report);
   if (status != IMUCAL_OK) return status;
   const uint32_t newer = (uint32_t)report->ruling, older = 1 - newer;

@@ -54,15 +54,15 @@ extern "C" {
 
 #define IMUCAL_STORE_SLOTS 2
 #define IMUCAL_STORE_COMMIT 0x3AC5965Au
-#define IMUCAL_STORE_MIN_COMMITS 3u  /* commit marks of a small slot */
-#define IMUCAL_STORE_MAX_COMMITS 8u  /* and of one with room for IMUCAL_STORE_MAX_MARKS */
-#define IMUCAL_STORE_MAX_MARKS 17u   /* 8 commit, 1 revoke, 8 endorse */
-#define IMUCAL_STORE_MAX_PROGRAM 32u /* bytes of a program unit */
+#define IMUCAL_STORE_MIN_COMMITS 3u           /* commit marks of a small slot */
+#define IMUCAL_STORE_MAX_COMMITS 8u           /* and of one with room for IMUCAL_STORE_MAX_MARKS */
+#define IMUCAL_STORE_MAX_MARKS 17u            /* 8 commit, 1 revoke, 8 endorse */
+#define IMUCAL_STORE_MAX_PROGRAM 32u          /* bytes of a program unit */
 #define IMUCAL_STORE_MAX_SEQUENCE 0xFFFFFF00u /* no further writes: room for the steps of a write */
 #define IMUCAL_STORE_MARK_BYTES(program_bytes) ((program_bytes) < 8u ? 8u : (uint32_t)(program_bytes))
 /* Room for the longest table, three commit marks, revoke and one endorse: 904 bytes up to units of 8, 1024 with 32. */
-#define IMUCAL_STORE_MIN_SLOT_BYTES(program_bytes)                                                               \
-  ((IMUCAL_TABLE_MAX_BYTES + (program_bytes)-1u) / (program_bytes) * (program_bytes) +                           \
+#define IMUCAL_STORE_MIN_SLOT_BYTES(program_bytes)                                                                     \
+  ((IMUCAL_TABLE_MAX_BYTES + (program_bytes)-1u) / (program_bytes) * (program_bytes) +                                 \
    (IMUCAL_STORE_MIN_COMMITS + 2u) * IMUCAL_STORE_MARK_BYTES(program_bytes))
 
 /* The flash, as the port offers it.  slot: 0 or 1; offset and len are multiples of 4 and, for program, of program_bytes;

@@ -79,8 +79,10 @@ imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, i
     return IMUCAL_ERR_RANGE;
   }
   if (sum->end_us != 0 && t_us <= sum->last_us) {
-    if (t_us == sum->last_us) sum->n_duplicate++;
-    else sum->n_backward++;
+    if (t_us == sum->last_us)
+      sum->n_duplicate++;
+    else
+      sum->n_backward++;
     return IMUCAL_ERR_PERIOD;
   }
   imucal_status status = IMUCAL_OK;

@@ -52,7 +52,9 @@ bool imucal_text_equal(const char* a, const char* b, size_t size) {
 
 /* ---- validation: the first field that fails, in the order of the bytes ---- */
 
-static float absolute(float value) { return value < 0 ? -value : value; }
+static float absolute(float value) {
+  return value < 0 ? -value : value;
+}
 
 /* The floats of a channel in the order of their bytes (table.md), with what they may be: each of the first `used` in
  * [lo, hi] (with order 0 a sigma may be 0), the rest 0. */
@@ -78,8 +80,7 @@ static const rule_t rules[] = {
     {MIN_SIGMA, MAX_SIGMA, "sigma", MEMBER(sigma, IMUCAL_TABLE_SIGMA_N), USED_CALIBRATED, IMUCAL_ERR_SIGMA},
     {0.0f, MAX_ARW, "model", MEMBER(arw, 1), USED_ALL, IMUCAL_ERR_MODEL},
     {0.0f, MAX_SIGMA, "model", MEMBER(markov_sigma, IMUCAL_TABLE_MARKOV_N), USED_MARKOV, IMUCAL_ERR_MODEL},
-    {MIN_TAU_S, MAX_TAU_S, "model", MEMBER(markov_tau_s, IMUCAL_TABLE_MARKOV_N), USED_MARKOV,
-     IMUCAL_ERR_MODEL},
+    {MIN_TAU_S, MAX_TAU_S, "model", MEMBER(markov_tau_s, IMUCAL_TABLE_MARKOV_N), USED_MARKOV, IMUCAL_ERR_MODEL},
     {MIN_SCALE, MAX_SCALE, "unit_per_count", MEMBER(unit_per_count, 1), USED_ALL, IMUCAL_ERR_SCALE}};
 enum { RULE_SPAN_HI = 5, N_RULES = sizeof rules / sizeof rules[0] };
 
@@ -103,7 +104,9 @@ static bool is_span(const imucal_table_channel_t* c) {
          absolute(c->span_hi_degc - c->t0_degc) <= reach;
 }
 
-static bool is_scale(float value) { return imucal_is_within(value, MIN_SCALE, MAX_SCALE); }
+static bool is_scale(float value) {
+  return imucal_is_within(value, MIN_SCALE, MAX_SCALE);
+}
 
 static imucal_status refuse(imucal_table_place_t* place, int32_t channel, const char* field, imucal_status why) {
   if (place != NULL) *place = (imucal_table_place_t){(int8_t)channel, field};
@@ -135,8 +138,7 @@ static imucal_status validate_header(const header_t* header, imucal_table_place_
   if (header->n_channels == 0 || header->n_channels > IMUCAL_MAX_CHANNELS)
     return refuse(place, -1, "channels", IMUCAL_ERR_CHANNELS);
   if (!is_scale(header->degc_per_count)) return refuse(place, -1, "degc_per_count", IMUCAL_ERR_SCALE);
-  if (!imucal_is_within(header->degc_at_zero, -1e6f, 1e6f))
-    return refuse(place, -1, "degc_at_zero", IMUCAL_ERR_SCALE);
+  if (!imucal_is_within(header->degc_at_zero, -1e6f, 1e6f)) return refuse(place, -1, "degc_at_zero", IMUCAL_ERR_SCALE);
   return IMUCAL_OK;
 }
 
@@ -181,8 +183,7 @@ static void decode_channel(const uint8_t* at, imucal_table_channel_t* c) {
   c->n_seconds = imucal_get_u32(at + N_SECONDS_AT);
 }
 
-imucal_status imucal_table_encode(const imucal_table_t* table, uint8_t* bytes, size_t max_bytes,
-                                  size_t* len_bytes) {
+imucal_status imucal_table_encode(const imucal_table_t* table, uint8_t* bytes, size_t max_bytes, size_t* len_bytes) {
   imucal_status status = imucal_table_validate(table, NULL);
   if (status != IMUCAL_OK) return status;
   size_t len = IMUCAL_TABLE_BYTES((size_t)table->n_channels);
@@ -219,8 +220,7 @@ imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imuca
   imucal_status status = imucal_table_peek(bytes, have_bytes, &len);
   if (status != IMUCAL_OK) return refuse(place, -1, status == IMUCAL_ERR_VERSION ? "version" : "header", status);
   if (len > have_bytes) return refuse(place, -1, "length", IMUCAL_ERR_LENGTH);
-  if (imucal_crc32(bytes, len - 4) != imucal_get_u32(bytes + len - 4))
-    return refuse(place, -1, "crc", IMUCAL_ERR_CRC);
+  if (imucal_crc32(bytes, len - 4) != imucal_get_u32(bytes + len - 4)) return refuse(place, -1, "crc", IMUCAL_ERR_CRC);
   if (len != IMUCAL_TABLE_BYTES((size_t)bytes[32])) return refuse(place, -1, "length", IMUCAL_ERR_LENGTH);
   if (imucal_get_u32(bytes + 32) >> 8 != 0) return refuse(place, -1, "reserved", IMUCAL_ERR_RESERVED);
   header_t header = {(const char*)bytes + 8, imucal_get_u32(bytes + 24), bytes[32], imucal_get_f32(bytes + 36),
@@ -236,7 +236,7 @@ imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imuca
     table->degc_per_count = header.degc_per_count;
     table->degc_at_zero = header.degc_at_zero;
   }
-  imucal_table_channel_t channel; /* one at a time: checking needs no whole table */
+  imucal_table_channel_t channel;      /* one at a time: checking needs no whole table */
   memset(&channel, 0, sizeof channel); /* padding too: equal tables are equal bytes in memory */
   for (uint32_t i = 0; i < header.n_channels; i++) {
     const uint8_t* at = bytes + IMUCAL_TABLE_HEADER_BYTES + IMUCAL_TABLE_CHANNEL_BYTES * i;

@@ -17,41 +17,46 @@ extern "C" {
 #define IMUCAL_TABLE_VERSION 1
 #define IMUCAL_SERIAL_LEN 16 /* characters; shorter ones are padded with 0 */
 #define IMUCAL_NAME_LEN 12
-#define IMUCAL_TABLE_SIGMA_N 9  /* evenly spaced temperatures of the valid span, ends included */
-#define IMUCAL_TABLE_SCALE_N 3  /* scale-factor coefficients m0 m1 m2 */
+#define IMUCAL_TABLE_SIGMA_N 9 /* evenly spaced temperatures of the valid span, ends included */
+#define IMUCAL_TABLE_SCALE_N 3 /* scale-factor coefficients m0 m1 m2 */
 #define IMUCAL_TABLE_MARKOV_N 2
 #define IMUCAL_TABLE_HEADER_BYTES 44
 #define IMUCAL_TABLE_CHANNEL_BYTES 136
 #define IMUCAL_TABLE_BYTES(n_channels) (IMUCAL_TABLE_HEADER_BYTES + IMUCAL_TABLE_CHANNEL_BYTES * (n_channels) + 4)
 #define IMUCAL_TABLE_MAX_BYTES IMUCAL_TABLE_BYTES(IMUCAL_MAX_CHANNELS) /* 864 */
-#define IMUCAL_TABLE_MAX_COEFF 1e7f /* |coefficient|, unit */
+#define IMUCAL_TABLE_MAX_COEFF 1e7f                                    /* |coefficient|, unit */
 
 /* Where the header's fields stand in the bytes (table.md), for who reads bytes without decoding them. */
-enum { IMUCAL_TABLE_AT_MAGIC = 0, IMUCAL_TABLE_AT_SERIAL = 8, IMUCAL_TABLE_AT_SEQUENCE = 24, IMUCAL_TABLE_AT_CHANNELS = 32 };
+enum {
+  IMUCAL_TABLE_AT_MAGIC = 0,
+  IMUCAL_TABLE_AT_SERIAL = 8,
+  IMUCAL_TABLE_AT_SEQUENCE = 24,
+  IMUCAL_TABLE_AT_CHANNELS = 32
+};
 
 /* One channel.  unit: dph or mg, from the name's ending (gx_dph, ax_mg). */
 typedef struct imucal_table_channel {
-  char name[IMUCAL_NAME_LEN]; /* printable ASCII, padded with 0 */
-  uint8_t order;              /* 1..IMUCAL_MAX_ORDER; 0: this channel is not calibrated (coefficients all 0) */
-  uint8_t scale_order;        /* 0..2, order of the scale-factor polynomial M(T) */
-  uint8_t n_markov;           /* 0..IMUCAL_TABLE_MARKOV_N */
-  float t0_degc, range_degc;  /* Tn = (T - t0)/range, range > 0 */
-  float coeff[IMUCAL_MAX_COEFF];           /* b0.., unit; 0 above the order */
+  char name[IMUCAL_NAME_LEN];    /* printable ASCII, padded with 0 */
+  uint8_t order;                 /* 1..IMUCAL_MAX_ORDER; 0: this channel is not calibrated (coefficients all 0) */
+  uint8_t scale_order;           /* 0..2, order of the scale-factor polynomial M(T) */
+  uint8_t n_markov;              /* 0..IMUCAL_TABLE_MARKOV_N */
+  float t0_degc, range_degc;     /* Tn = (T - t0)/range, range > 0 */
+  float coeff[IMUCAL_MAX_COEFF]; /* b0.., unit; 0 above the order */
   float scale_coeff[IMUCAL_TABLE_SCALE_N]; /* m0..: rate = (raw - B(T)) (1 + M(T)); sum |m_i| <= 1/16 */
   float span_lo_degc, span_hi_degc;        /* valid span, inside t0 +- range, lo < hi */
   float sigma[IMUCAL_TABLE_SIGMA_N];       /* one-sigma calibration error at lo + i (hi - lo)/8, unit, > 0 */
   float arw;                               /* error model: (60 arw)^2 = white variance of 1-s means; deg/rt(h) */
   float markov_sigma[IMUCAL_TABLE_MARKOV_N], markov_tau_s[IMUCAL_TABLE_MARKOV_N]; /* unit, s; 0 above n_markov */
-  float unit_per_count;        /* > 0 */
-  int32_t full_scale_counts;   /* > 0: |counts| the sensor can deliver */
-  uint32_t n_seconds;          /* measurements behind the estimate */
+  float unit_per_count;                                                           /* > 0 */
+  int32_t full_scale_counts; /* > 0: |counts| the sensor can deliver */
+  uint32_t n_seconds;        /* measurements behind the estimate */
 } imucal_table_channel_t;
 
 typedef struct imucal_table {
-  char serial[IMUCAL_SERIAL_LEN]; /* device's serial, printable ASCII without blanks, padded with 0 */
-  uint32_t sequence;              /* grows with every table written; >= 1, < 2^32 - 1 */
-  uint32_t created_s;             /* seconds since 1970-01-01 UTC */
-  uint8_t n_channels;             /* 1..IMUCAL_MAX_CHANNELS */
+  char serial[IMUCAL_SERIAL_LEN];     /* device's serial, printable ASCII without blanks, padded with 0 */
+  uint32_t sequence;                  /* grows with every table written; >= 1, < 2^32 - 1 */
+  uint32_t created_s;                 /* seconds since 1970-01-01 UTC */
+  uint8_t n_channels;                 /* 1..IMUCAL_MAX_CHANNELS */
   float degc_per_count, degc_at_zero; /* temperature = counts * degc_per_count + degc_at_zero; scale > 0 */
   imucal_table_channel_t channel[IMUCAL_MAX_CHANNELS];
 } imucal_table_t;

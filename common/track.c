@@ -86,8 +86,7 @@ int64_t imucal_track_update(imucal_track_t* track, int64_t mean_q16) {
   bool is_clear = off > HALF_Q16 + HYSTERESIS_Q16 || off < -(HALF_Q16 + HYSTERESIS_Q16);
   if (track->has_level && !is_clear) level = track->level;
   int64_t step = (int64_t)level - track->level;
-  if (!track->has_level || step > 1 ||
-      step < -1) { /* first reading, or too fast for steps to tell anything */
+  if (!track->has_level || step > 1 || step < -1) { /* first reading, or too fast for steps to tell anything */
     *track = (imucal_track_t){.level = level, .has_level = true, .is_sure = true};
     return mean_q16;
   }

@@ -27,8 +27,7 @@ static void tx_compact(imucal_app_t* app) {
 /* True where some bytes went out. */
 static bool tx_flush(imucal_app_t* app) {
   if (app->tx_at == app->tx_end) return false;
-  const size_t n =
-      app->port->serial_write(app->port->ctx, app->tx + app->tx_at, (size_t)(app->tx_end - app->tx_at));
+  const size_t n = app->port->serial_write(app->port->ctx, app->tx + app->tx_at, (size_t)(app->tx_end - app->tx_at));
   app->tx_at = (uint16_t)(app->tx_at + n);
   if (app->tx_at == app->tx_end) app->tx_at = app->tx_end = 0;
   return n > 0;
@@ -51,8 +50,7 @@ void app_stream(imucal_app_t* app, uint8_t what, uint32_t id, const void* messag
   tx_compact(app);
   size_t n = 0;
   const uint8_t sequence = (uint8_t)(app->stream_counter[stream_index(what)] - 1);
-  if (imucal_link_pack(id, sequence, message, app->tx + app->tx_end, sizeof app->tx - app->tx_end, &n) ==
-      IMUCAL_OK)
+  if (imucal_link_pack(id, sequence, message, app->tx + app->tx_end, sizeof app->tx - app->tx_end, &n) == IMUCAL_OK)
     app->tx_end = (uint16_t)(app->tx_end + n);
   else
     app->n_tx_dropped++;
@@ -60,10 +58,8 @@ void app_stream(imucal_app_t* app, uint8_t what, uint32_t id, const void* messag
 
 void app_event(imucal_app_t* app, uint8_t code, imucal_status status, uint32_t detail) {
   if (!(app->stream_what & IMUCAL_STREAM_EVENT)) return;
-  const imucal_link_event_t event = {.counter = app_stream_count(app, IMUCAL_STREAM_EVENT),
-                                     .code = code,
-                                     .status = (int16_t)status,
-                                     .detail = detail};
+  const imucal_link_event_t event = {
+      .counter = app_stream_count(app, IMUCAL_STREAM_EVENT), .code = code, .status = (int16_t)status, .detail = detail};
   app_stream(app, IMUCAL_STREAM_EVENT, IMUCAL_LINK_ID_EVENT, &event);
 }
 
@@ -84,8 +80,7 @@ imucal_status app_check_table(imucal_app_t* app, uint32_t* detail) {
     const imucal_table_channel_t* channel = &table->channel[i];
     *detail = i + 1;
     if (!imucal_text_equal(channel->name, board->channel[i].name, IMUCAL_NAME_LEN)) return IMUCAL_ERR_NAME;
-    if (imucal_bits_from_float(channel->unit_per_count) !=
-        imucal_bits_from_float(board->channel[i].unit_per_count))
+    if (imucal_bits_from_float(channel->unit_per_count) != imucal_bits_from_float(board->channel[i].unit_per_count))
       return IMUCAL_ERR_SCALE;
     imucal_comp_t trial;
     const imucal_status status = imucal_comp_prepare(&trial, table, i);
@@ -100,8 +95,8 @@ static void prepare_compensation(imucal_app_t* app) {
   for (uint32_t i = 0; i < app->board->n_channels; i++) {
     imucal_comp_t* comp = &app->channel[i].comp;
     if (app->table_status == IMUCAL_OK && imucal_comp_prepare(comp, &app->table, i) == IMUCAL_OK) continue;
-    const imucal_status passed = imucal_comp_pass(comp, app->board->channel[i].unit_per_count,
-                                                  app->board->channel[i].full_scale_counts);
+    const imucal_status passed =
+        imucal_comp_pass(comp, app->board->channel[i].unit_per_count, app->board->channel[i].full_scale_counts);
     if (passed != IMUCAL_OK) memset(comp, 0, sizeof *comp);
   }
 }
@@ -120,8 +115,8 @@ static void tell_table(imucal_app_t* app, uint32_t detail) {
 /* Loads what the slots hold. The compensated samples may change their unit: their running sum starts anew. */
 imucal_status app_load_table(imucal_app_t* app) {
   uint32_t detail = 0;
-  app->table_status = imucal_store_load(&app->port->flash, app->board->serial, app->board->n_channels,
-                                        &app->work, &app->table, &app->report);
+  app->table_status = imucal_store_load(&app->port->flash, app->board->serial, app->board->n_channels, &app->work,
+                                        &app->table, &app->report);
   if (app->table_status == IMUCAL_OK) app->table_status = app_check_table(app, &detail);
   prepare_compensation(app);
   tell_table(app, detail);

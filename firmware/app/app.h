@@ -85,9 +85,9 @@ typedef struct imucal_app {
   uint8_t tx[IMUCAL_APP_TX_BYTES];
 
   imucal_app_guard_t guard;
-  uint8_t request;       /* type of the request being served, inside COMMAND or bare */
-  uint8_t table_origin;  /* IMUCAL_ORIGIN_* */
-  uint64_t heard_us;     /* when the last valid frame came */
+  uint8_t request;      /* type of the request being served, inside COMMAND or bare */
+  uint8_t table_origin; /* IMUCAL_ORIGIN_* */
+  uint64_t heard_us;    /* when the last valid frame came */
   uint32_t n_locked, n_stale, n_unlock_refused, n_busy, n_reserved, n_table_refused, n_flash_failed, n_silent;
 
   uint32_t n_samples, n_bad_samples, n_seconds, n_gaps, n_tx_dropped, n_rx_unknown;

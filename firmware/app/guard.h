@@ -9,9 +9,9 @@
 #include "link.h"
 
 typedef struct imucal_app_guard {
-  uint32_t challenge;      /* next UNLOCK must bring it */
-  uint32_t token, number;  /* of the running unlock; number of its newest command */
-  uint64_t until_us;       /* end of the unlock */
+  uint32_t challenge;     /* next UNLOCK must bring it */
+  uint32_t token, number; /* of the running unlock; number of its newest command */
+  uint64_t until_us;      /* end of the unlock */
   bool is_open;
 } imucal_app_guard_t;
 
@@ -24,8 +24,7 @@ uint16_t app_guard_left_s(imucal_app_guard_t* guard, uint64_t now_us);
 /* IMUCAL_OK: *reply holds the token; IMUCAL_ERR_STALE: another challenge; IMUCAL_ERR_SERIAL; IMUCAL_ERR_RANGE: seconds.
  * A refusal changes nothing. */
 IMUCAL_MUST_USE imucal_status app_guard_unlock(imucal_app_guard_t* guard, const imucal_link_unlock_t* request,
-                                               const char* serial, uint64_t now_us,
-                                               imucal_link_unlock_reply_t* reply);
+                                               const char* serial, uint64_t now_us, imucal_link_unlock_reply_t* reply);
 
 /* May a command with this token and number be done?  IMUCAL_ERR_LOCKED: no unlock, or its time is over;
  * IMUCAL_ERR_STALE: another token, or the number came before. */

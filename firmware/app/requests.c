@@ -17,8 +17,7 @@ static void reply(imucal_app_t* app, uint32_t id, const void* message) {
 }
 
 static void done(imucal_app_t* app, imucal_status status, uint32_t detail) {
-  const imucal_link_done_t message = {
-      .request = app->request, .status = (int16_t)status, .detail = detail};
+  const imucal_link_done_t message = {.request = app->request, .status = (int16_t)status, .detail = detail};
   reply(app, IMUCAL_LINK_ID_DONE, &message);
 }
 
@@ -49,17 +48,17 @@ static void serve_hello(imucal_app_t* app, const imucal_link_hello_t* request) {
 
 static void serve_info(imucal_app_t* app) {
   const bool has_table = app->table_status == IMUCAL_OK;
-  imucal_link_info_reply_t answer = {
-      .uptime_us = app->port->time_us(app->port->ctx),
-      .table_status = (int16_t)app->table_status,
-      .ruling_slot = (uint8_t)(has_table ? app->report.ruling : 255),
-      .sequence = has_table ? app->table.sequence : 0,
-      .table_bytes = (uint16_t)(has_table ? IMUCAL_TABLE_BYTES(app->table.n_channels) : 0),
-      .session = app->session,
-      .calibrating = app->calibrating,
-      .t_s = app->t_s,
-      .stream_what = app->stream_what,
-      .stream_channels = app->stream_channels};
+  imucal_link_info_reply_t answer = {.uptime_us = app->port->time_us(app->port->ctx),
+                                     .table_status = (int16_t)app->table_status,
+                                     .ruling_slot = (uint8_t)(has_table ? app->report.ruling : 255),
+                                     .sequence = has_table ? app->table.sequence : 0,
+                                     .table_bytes =
+                                         (uint16_t)(has_table ? IMUCAL_TABLE_BYTES(app->table.n_channels) : 0),
+                                     .session = app->session,
+                                     .calibrating = app->calibrating,
+                                     .t_s = app->t_s,
+                                     .stream_what = app->stream_what,
+                                     .stream_channels = app->stream_channels};
   for (uint32_t slot = 0; slot < IMUCAL_STORE_SLOTS; slot++) {
     answer.slot_status[slot] = (int16_t)app->report.slot_status[slot];
     answer.slot_sequence[slot] = app->report.sequence[slot];
@@ -149,15 +148,13 @@ static void serve_channel_info(imucal_app_t* app, const imucal_link_channel_info
 }
 
 static void serve_stream(imucal_app_t* app, const imucal_link_stream_t* request) {
-  const uint8_t known =
-      IMUCAL_STREAM_SECOND | IMUCAL_STREAM_INNOVATION | IMUCAL_STREAM_PROGRESS | IMUCAL_STREAM_EVENT;
+  const uint8_t known = IMUCAL_STREAM_SECOND | IMUCAL_STREAM_INNOVATION | IMUCAL_STREAM_PROGRESS | IMUCAL_STREAM_EVENT;
   const uint8_t channels = (uint8_t)(BIT(app->board->n_channels) - 1u);
   if ((request->what & ~known) || (request->channels & ~channels) || request->period_s < 1) {
     done(app, IMUCAL_ERR_RANGE, 0);
     return;
   }
-  if (app->has_sensor_ended &&
-      app_restart_sums(app) == IMUCAL_OK) { /* a replay asked for again starts anew */
+  if (app->has_sensor_ended && app_restart_sums(app) == IMUCAL_OK) { /* a replay asked for again starts anew */
     app->has_sensor_ended = false;
     app->t_s = 0;
   }
@@ -186,8 +183,7 @@ static imucal_status check_cal_start(const imucal_app_t* app, const imucal_link_
       !imucal_is_finite(request->span_lo_degc) || !imucal_is_finite(request->span_hi_degc))
     return IMUCAL_ERR_NOT_FINITE;
   const float reach_degc = request->range_degc * SPAN_SLACK;
-  if (!(request->span_lo_degc < request->span_hi_degc) ||
-      request->t0_degc - request->span_lo_degc > reach_degc ||
+  if (!(request->span_lo_degc < request->span_hi_degc) || request->t0_degc - request->span_lo_degc > reach_degc ||
       request->span_hi_degc - request->t0_degc > reach_degc)
     return IMUCAL_ERR_SPAN;
   if (!is_model_number(request->arw)) return IMUCAL_ERR_MODEL;
@@ -269,8 +265,7 @@ static void put_bits(uint32_t* bits, const float* values, size_t n) {
 static void serve_cal_filter(imucal_app_t* app, const imucal_link_cal_filter_t* request) {
   const imucal_kf_t* kf = asked_filter(app, request->channel);
   if (!kf) return;
-  imucal_link_cal_filter_reply_t answer = {.channel = request->channel,
-                                       .n_states = (uint8_t)(kf->config.order + 2)};
+  imucal_link_cal_filter_reply_t answer = {.channel = request->channel, .n_states = (uint8_t)(kf->config.order + 2)};
   imucal_kf_state_t state;
   imucal_kf_get_state(kf, &state);
   put_bits(answer.x, state.x, IMUCAL_KF_MAX_STATES);
@@ -313,8 +308,8 @@ static void commit_candidate(imucal_app_t* app, uint8_t origin) {
   imucal_status status = app_check_table(app, &detail);
   app->n_table_refused += status != IMUCAL_OK;
   if (status == IMUCAL_OK)
-    status = imucal_store_write(&app->port->flash, app->board->serial, app->board->n_channels, &app->work,
-                                &app->table, &app->report);
+    status = imucal_store_write(&app->port->flash, app->board->serial, app->board->n_channels, &app->work, &app->table,
+                                &app->report);
   count_flash(app, status);
   const imucal_status ruling = app_load_table(app);
   if (status == IMUCAL_OK) status = ruling;
@@ -336,8 +331,7 @@ static void clear_channel(imucal_table_channel_t* channel) {
   channel->span_hi_degc = 1.0f;
 }
 
-static imucal_status channel_from_filter(const imucal_app_t* app, uint32_t i,
-                                         imucal_table_channel_t* channel) {
+static imucal_status channel_from_filter(const imucal_app_t* app, uint32_t i, imucal_table_channel_t* channel) {
   const imucal_app_channel_t* learnt = &app->channel[i];
   clear_channel(channel);
   channel->arw = learnt->arw;
@@ -396,8 +390,7 @@ static uint32_t asked_slot(imucal_app_t* app, uint8_t slot) {
 }
 
 /* Reads by whole words into an aligned copy, then hands out the bytes asked for. */
-static imucal_status read_slot(const imucal_flash_t* flash, uint32_t slot,
-                               const imucal_link_table_read_t* request,
+static imucal_status read_slot(const imucal_flash_t* flash, uint32_t slot, const imucal_link_table_read_t* request,
                                imucal_link_table_read_reply_t* answer) {
   uint32_t words[IMUCAL_LINK_MAX_DATA / 4 + 2];
   uint8_t* bytes = (uint8_t*)words;
@@ -435,13 +428,11 @@ static void serve_table_read(imucal_app_t* app, const imucal_link_table_read_t* 
 
 static void serve_table_begin(imucal_app_t* app, const imucal_link_table_begin_t* request) {
   if (is_refused_busy(app)) return;
-  const bool is_possible =
-      request->total >= IMUCAL_TABLE_BYTES(1) && request->total <= IMUCAL_TABLE_MAX_BYTES;
+  const bool is_possible = request->total >= IMUCAL_TABLE_BYTES(1) && request->total <= IMUCAL_TABLE_MAX_BYTES;
   app->upload_total = is_possible ? request->total : 0;
   app->upload_at = 0;
   app->upload_crc = request->crc;
-  done(app, is_possible ? IMUCAL_OK : IMUCAL_ERR_LENGTH,
-       (uint32_t)IMUCAL_TABLE_BYTES(app->board->n_channels));
+  done(app, is_possible ? IMUCAL_OK : IMUCAL_ERR_LENGTH, (uint32_t)IMUCAL_TABLE_BYTES(app->board->n_channels));
 }
 
 static void serve_table_data(imucal_app_t* app, const imucal_link_table_data_t* request) {
@@ -513,26 +504,66 @@ static void serve_erase(imucal_app_t* app, const imucal_link_erase_t* request) {
 /* A request that may be done: alone, or out of its COMMAND. */
 static void dispatch(imucal_app_t* app, const imucal_link_any_t* message) {
   switch (app->request) {
-  case IMUCAL_LINK_ID_HELLO: serve_hello(app, &message->hello); break;
-  case IMUCAL_LINK_ID_INFO: serve_info(app); break;
-  case IMUCAL_LINK_ID_STATE: serve_state(app); break;
-  case IMUCAL_LINK_ID_UNLOCK: serve_unlock(app, &message->unlock); break;
-  case IMUCAL_LINK_ID_COUNTERS: serve_counters(app); break;
-  case IMUCAL_LINK_ID_CHANNEL_INFO: serve_channel_info(app, &message->channel_info); break;
-  case IMUCAL_LINK_ID_STREAM: serve_stream(app, &message->stream); break;
-  case IMUCAL_LINK_ID_REBOOT: serve_reboot(app); break;
-  case IMUCAL_LINK_ID_CAL_START: serve_cal_start(app, &message->cal_start); break;
-  case IMUCAL_LINK_ID_CAL_STATE: serve_cal_state(app, &message->cal_state); break;
-  case IMUCAL_LINK_ID_CAL_FILTER: serve_cal_filter(app, &message->cal_filter); break;
-  case IMUCAL_LINK_ID_CAL_STOP: serve_cal_stop(app, &message->cal_stop); break;
-  case IMUCAL_LINK_ID_TABLE_FROM_CAL: serve_table_from_cal(app, &message->table_from_cal); break;
-  case IMUCAL_LINK_ID_TABLE_READ: serve_table_read(app, &message->table_read); break;
-  case IMUCAL_LINK_ID_TABLE_BEGIN: serve_table_begin(app, &message->table_begin); break;
-  case IMUCAL_LINK_ID_TABLE_DATA: serve_table_data(app, &message->table_data); break;
-  case IMUCAL_LINK_ID_TABLE_COMMIT: serve_table_commit(app); break;
-  case IMUCAL_LINK_ID_ROLLBACK: serve_rollback(app); break;
-  case IMUCAL_LINK_ID_ERASE: serve_erase(app, &message->erase); break;
-  default: done(app, IMUCAL_ERR_UNKNOWN, 0); break;
+  case IMUCAL_LINK_ID_HELLO:
+    serve_hello(app, &message->hello);
+    break;
+  case IMUCAL_LINK_ID_INFO:
+    serve_info(app);
+    break;
+  case IMUCAL_LINK_ID_STATE:
+    serve_state(app);
+    break;
+  case IMUCAL_LINK_ID_UNLOCK:
+    serve_unlock(app, &message->unlock);
+    break;
+  case IMUCAL_LINK_ID_COUNTERS:
+    serve_counters(app);
+    break;
+  case IMUCAL_LINK_ID_CHANNEL_INFO:
+    serve_channel_info(app, &message->channel_info);
+    break;
+  case IMUCAL_LINK_ID_STREAM:
+    serve_stream(app, &message->stream);
+    break;
+  case IMUCAL_LINK_ID_REBOOT:
+    serve_reboot(app);
+    break;
+  case IMUCAL_LINK_ID_CAL_START:
+    serve_cal_start(app, &message->cal_start);
+    break;
+  case IMUCAL_LINK_ID_CAL_STATE:
+    serve_cal_state(app, &message->cal_state);
+    break;
+  case IMUCAL_LINK_ID_CAL_FILTER:
+    serve_cal_filter(app, &message->cal_filter);
+    break;
+  case IMUCAL_LINK_ID_CAL_STOP:
+    serve_cal_stop(app, &message->cal_stop);
+    break;
+  case IMUCAL_LINK_ID_TABLE_FROM_CAL:
+    serve_table_from_cal(app, &message->table_from_cal);
+    break;
+  case IMUCAL_LINK_ID_TABLE_READ:
+    serve_table_read(app, &message->table_read);
+    break;
+  case IMUCAL_LINK_ID_TABLE_BEGIN:
+    serve_table_begin(app, &message->table_begin);
+    break;
+  case IMUCAL_LINK_ID_TABLE_DATA:
+    serve_table_data(app, &message->table_data);
+    break;
+  case IMUCAL_LINK_ID_TABLE_COMMIT:
+    serve_table_commit(app);
+    break;
+  case IMUCAL_LINK_ID_ROLLBACK:
+    serve_rollback(app);
+    break;
+  case IMUCAL_LINK_ID_ERASE:
+    serve_erase(app, &message->erase);
+    break;
+  default:
+    done(app, IMUCAL_ERR_UNKNOWN, 0);
+    break;
   }
 }
 
@@ -544,8 +575,10 @@ static bool is_reserved_set(uint8_t request, const imucal_link_any_t* message) {
   case IMUCAL_LINK_ID_COUNTERS:
   case IMUCAL_LINK_ID_REBOOT:
   case IMUCAL_LINK_ID_TABLE_COMMIT:
-  case IMUCAL_LINK_ID_ROLLBACK: return message->info.reserved != 0;
-  default: return false;
+  case IMUCAL_LINK_ID_ROLLBACK:
+    return message->info.reserved != 0;
+  default:
+    return false;
   }
 }
 

@@ -106,8 +106,7 @@ static void finish_second(imucal_app_t* app, const imucal_second_t* raw, const i
 /* ---- a sample ---- */
 
 /* Compensates; returns the channels whose temperature was outside their span. */
-static uint8_t compensate(imucal_app_t* app, const imucal_sample_t* raw, imucal_sample_t* out,
-                          uint8_t* frac_bits) {
+static uint8_t compensate(imucal_app_t* app, const imucal_sample_t* raw, imucal_sample_t* out, uint8_t* frac_bits) {
   uint8_t clamped = 0;
   for (uint32_t i = 0; i < app->board->n_channels; i++) {
     uint32_t flags = 0;
@@ -129,8 +128,7 @@ static void mark_rail(const imucal_app_t* app, imucal_sample_t* sample) {
 
 void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample) {
   app->n_samples++;
-  if (sample->n_channels !=
-      app->board->n_channels) { /* the sensor is not this board's: nothing of it is right */
+  if (sample->n_channels != app->board->n_channels) { /* the sensor is not this board's: nothing of it is right */
     app->n_bad_samples++;
     return;
   }
@@ -141,8 +139,7 @@ void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample) {
   const uint8_t clamped = compensate(app, &raw, &out, frac_bits);
   if (app->port->sample_out) app->port->sample_out(app->port->ctx, &raw, out.counts, frac_bits, clamped);
 
-  imucal_second_t raw_second,
-      out_second; /* both sums see the same time stamps, so both end a second at once */
+  imucal_second_t raw_second, out_second; /* both sums see the same time stamps, so both end a second at once */
   const imucal_status status = imucal_sum_add(&app->raw_sum, &raw, &raw_second);
   const imucal_status out_status = imucal_sum_add(&app->out_sum, &out, &out_second);
   if (status == IMUCAL_SECOND_READY) {

@@ -103,8 +103,7 @@ static uint32_t crc_filters(void) {
 static void learn_second(const check_io_t* io, const imucal_second_t* second) {
   float mean[N_CHANNELS + 1];
   for (int i = 0; i < N_CHANNELS; i++)
-    mean[i] =
-        imucal_unit_from_q16(imucal_mean_q16_rne(second->sum[i], second->n_samples), kUnitPerCount[i], 0.0f);
+    mean[i] = imucal_unit_from_q16(imucal_mean_q16_rne(second->sum[i], second->n_samples), kUnitPerCount[i], 0.0f);
   imucal_thermometer_read(&thermometer, second);
   mean[N_CHANNELS] = thermometer.temp_degc;
   for (int k = 0; k < N_ORDERS; k++)
@@ -200,8 +199,7 @@ static void compensate(const check_io_t* io) {
     uint8_t bytes[4];
     for (int k = 0; k < N_ORDERS; k++)
       for (int i = 0; i < N_CHANNELS; i++) {
-        imucal_put_u32(
-            bytes, (uint32_t)imucal_comp_apply(&comp[k][i], sample.temp_counts, sample.counts[i], &flags));
+        imucal_put_u32(bytes, (uint32_t)imucal_comp_apply(&comp[k][i], sample.temp_counts, sample.counts[i], &flags));
         crc = imucal_crc_add(crc, bytes, 4);
       }
     if (++n % RATE_HZ != 0) continue;

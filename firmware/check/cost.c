@@ -114,8 +114,7 @@ static void call_crc(void) {
   work.sink = (int32_t)imucal_crc32(work.bytes, 100);
 }
 static void call_pack(void) {
-  work.sink =
-      imucal_link_pack(IMUCAL_LINK_ID_SECOND, 1, &work.record, work.bytes, sizeof work.bytes, &work.n_bytes);
+  work.sink = imucal_link_pack(IMUCAL_LINK_ID_SECOND, 1, &work.record, work.bytes, sizeof work.bytes, &work.n_bytes);
 }
 static void call_receive(void) {
   for (size_t i = 0; i < work.n_bytes; i++) work.sink = imucal_link_rx_put(&work.rx, work.bytes[i]);
@@ -179,8 +178,7 @@ static void start_table(uint8_t order, uint8_t scale_order) {
     channel->t0_degc = channel->range_degc = 30.0f;
     for (int k = 0; k <= order; k++) channel->coeff[k] = 300.0f - (float)k * 77.0f;
     channel->scale_order = scale_order;
-    for (int k = 0; k <= scale_order && scale_order > 0; k++)
-      channel->scale_coeff[k] = 0.001f + (float)k * 0.002f;
+    for (int k = 0; k <= scale_order && scale_order > 0; k++) channel->scale_coeff[k] = 0.001f + (float)k * 0.002f;
     channel->span_hi_degc = 60.0f;
     for (int k = 0; k < IMUCAL_TABLE_SIGMA_N; k++) channel->sigma[k] = 5.0f;
     channel->arw = 0.6f;

@@ -83,8 +83,7 @@ int main(void) {
   host.feed = -1;
   if (!semihost_command_line(command_line, sizeof command_line) ||
       !semihost_option(command_line, "mode", mode, sizeof mode) ||
-      !semihost_option(command_line, "out", path, sizeof path) ||
-      (host.out = semihost_open(path, SEMIHOST_CREATE)) < 0)
+      !semihost_option(command_line, "out", path, sizeof path) || (host.out = semihost_open(path, SEMIHOST_CREATE)) < 0)
     semihost_exit(2);
   if (!semihost_option(command_line, "feed", host.feed_path, sizeof host.feed_path)) host.feed_path[0] = '\0';
   if (!strcmp(mode, "bits"))

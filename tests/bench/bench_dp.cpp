@@ -32,8 +32,7 @@ Series read_record(const char* path) {
 
 // Least processor time of some repeats: what the work costs when nothing else disturbs.  One thread, so this is the time
 // on an idle machine.  `prepare` is not counted.
-template <typename P, typename F>
-double best_s(int repeats, P prepare, F f) {
+template <typename P, typename F> double best_s(int repeats, P prepare, F f) {
   double best = 1e300;
   for (int k = 0; k < repeats; ++k) {
     prepare();
@@ -43,9 +42,9 @@ double best_s(int repeats, P prepare, F f) {
   }
   return best;
 }
-template <typename F>
-double best_s(int repeats, F f) {
-  return best_s(repeats, [] {}, f);
+template <typename F> double best_s(int repeats, F f) {
+  return best_s(
+      repeats, [] {}, f);
 }
 
 // Mean removal, running sums and the curve: everything from rates to result.
@@ -53,14 +52,16 @@ Json time_curve(const Series& series, DpType type, const std::vector<double>& ta
   const DpOperator op = make_dp_operator(type, 1, kNominal);
   DpCurve curve;
   Series s;
-  const double seconds = best_s(repeats, [&] { s = series; }, [&] {
-    remove_trend(Detrend{}, &s);
-    curve = dp_curve(s, DpRecord(s, op), tau_s, DpEstimator::kRms);
-  });
+  const double seconds = best_s(
+      repeats, [&] { s = series; },
+      [&] {
+        remove_trend(Detrend{}, &s);
+        curve = dp_curve(s, DpRecord(s, op), tau_s, DpEstimator::kRms);
+      });
   return {{"seconds", seconds}, {"tau_s", curve.tau_s}, {"dp_dph", curve.dp_dph}};
 }
 
-}  // namespace
+} // namespace
 
 int main(int argc, char** argv) {
   if (argc < 3) {
@@ -79,10 +80,13 @@ int main(int argc, char** argv) {
   const CurveData data = make_curve_data(all, op, Detrend{}, parse_tau("2:600", 1, 0), Across::kRms);
   json["bound_2_terms_599_taus"] = {{"seconds", best_s(4 * repeats, [&] { fit_bound(data, 2); })}};
   json["ls_2_terms_599_taus"] = {{"seconds", best_s(repeats, [&] { fit_least_squares(data, 2); })}};
-  json["ml_1_term_6000"] = {{"seconds", best_s(4 * repeats, [&] { fit_maximum_likelihood(Likelihood({record}, Detrend{}), 1); })}};
+  json["ml_1_term_6000"] = {
+      {"seconds", best_s(4 * repeats, [&] { fit_maximum_likelihood(Likelihood({record}, Detrend{}), 1); })}};
   Series million = extended;
   million.rate_dph.resize(std::min<size_t>(million.rate_dph.size(), 1000000));
-  json["av_octave_1e6"] = time_curve(million, DpType::kAv, parse_tau("octave", 1, static_cast<double>(million.size()) / 2), repeats);
-  json["av_octave_1e7"] = time_curve(extended, DpType::kAv, parse_tau("octave", 1, static_cast<double>(extended.size()) / 2), repeats);
+  json["av_octave_1e6"] =
+      time_curve(million, DpType::kAv, parse_tau("octave", 1, static_cast<double>(million.size()) / 2), repeats);
+  json["av_octave_1e7"] =
+      time_curve(extended, DpType::kAv, parse_tau("octave", 1, static_cast<double>(extended.size()) / 2), repeats);
   std::cout << json.dump() << "\n";
 }

@@ -6,9 +6,9 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "noise/whiten.h"
 #include "analysis/profile/optimize.h"
 #include "base/rng.h"
+#include "noise/whiten.h"
 
 using namespace imucal;
 using Eigen::Index;
@@ -78,8 +78,8 @@ static bool monte_carlo(const ErrorModel& filter, const ErrorModel& truth, int n
   }
   const double error = std::sqrt(2.0 / n_runs);
   std::printf("  filter (%g, %g s)%s: furthest variance ratio %.4f = %+.1f standard errors\n",
-              filter.markov[0].sigma_dph, filter.markov[0].tau_s,
-              truth.markov.size() > 1 ? ", truth of two terms" : "", 1 + furthest, furthest / error);
+              filter.markov[0].sigma_dph, filter.markov[0].tau_s, truth.markov.size() > 1 ? ", truth of two terms" : "",
+              1 + furthest, furthest / error);
   std::fflush(stdout);
   return std::abs(furthest) < 4.5 * error;
 }

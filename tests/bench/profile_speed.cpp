@@ -33,8 +33,7 @@ static OptimizeRequest request_of(double duration_s, double rate, int order) {
 }
 
 int main() {
-  std::printf(
-      "profile error, CPU ms (matched | truth covariance), ramp and soak:\n  duration_s order terms\n");
+  std::printf("profile error, CPU ms (matched | truth covariance), ramp and soak:\n  duration_s order terms\n");
   for (double duration_s : {8400.0, 28800.0, 86400.0})
     for (int order : {3, 5})
       for (int terms : {1, 3}) {
@@ -59,8 +58,7 @@ int main() {
       OptimizeRequest r = request_of(duration_s, 2, order);
       const double plain = 1e-3 * cpu_ms(1, [&] { optimize_profile(r); });
       r.tell_apart = standard_effects(order);
-      const double apart =
-          duration_s < 20000 || order == 3 ? 1e-3 * cpu_ms(1, [&] { optimize_profile(r); }) : 0;
+      const double apart = duration_s < 20000 || order == 3 ? 1e-3 * cpu_ms(1, [&] { optimize_profile(r); }) : 0;
       std::printf("  %6.0f s, order %d: %6.2f | %6.2f\n", duration_s, order, plain, apart);
       std::fflush(stdout);
     }

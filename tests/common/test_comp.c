@@ -10,8 +10,8 @@
 #define TEMP_ZERO 25.0f
 
 static imucal_table_t table_of(int order, const float* coeff, float unit_per_count, int32_t full_scale) {
-  imucal_table_t table = {.serial = "T1", .sequence = 1, .n_channels = 1, .degc_per_count = TEMP_SCALE,
-                          .degc_at_zero = TEMP_ZERO};
+  imucal_table_t table = {
+      .serial = "T1", .sequence = 1, .n_channels = 1, .degc_per_count = TEMP_SCALE, .degc_at_zero = TEMP_ZERO};
   imucal_table_channel_t* c = &table.channel[0];
   strcpy(c->name, "gx_dph");
   c->order = (uint8_t)order;
@@ -38,13 +38,16 @@ static long double exact(const imucal_table_t* table, const imucal_comp_t* comp,
 }
 
 /* What comp.c proves: LSB of the output. */
-static double bound_of(const imucal_comp_t* comp) { return comp->has_scale ? 0.95 : 0.71; }
+static double bound_of(const imucal_comp_t* comp) {
+  return comp->has_scale ? 0.95 : 0.71;
+}
 
 static double worst_error(const imucal_table_t* table, const imucal_comp_t* comp, unit_rng_t* rng, int n) {
   int32_t full_scale = table->channel[0].full_scale_counts;
   double worst = 0;
   for (int i = 0; i < n; i++) {
-    int32_t temp_counts = (int32_t)unit_integer(rng, (int64_t)comp->temp_lo_counts - 50, (int64_t)comp->temp_hi_counts + 50);
+    int32_t temp_counts =
+        (int32_t)unit_integer(rng, (int64_t)comp->temp_lo_counts - 50, (int64_t)comp->temp_hi_counts + 50);
     if (i % 16 == 0) temp_counts = comp->temp_lo_counts;
     if (i % 16 == 1) temp_counts = comp->temp_hi_counts;
     if (i % 16 == 2) temp_counts = comp->temp_mid_counts;
@@ -92,7 +95,9 @@ static void test_apply_random_tables_within_the_proof(void** state) {
     n_prepared++;
     double error = worst_error(&table, &comp, &rng, 500);
     if (error > worst) worst = error;
-    if (error > bound_of(&comp)) fail_msg("run %d: error %.3f LSB (order %d, unit %g, frac %d)", run, error, order, (double)unit, comp.out_frac_bits);
+    if (error > bound_of(&comp))
+      fail_msg("run %d: error %.3f LSB (order %d, unit %g, frac %d)", run, error, order, (double)unit,
+               comp.out_frac_bits);
   }
   assert_true(n_prepared > 2000);
   if (getenv("IMUCAL_PRINT")) printf("comp: %d random tables, worst error %.3f LSB of the output\n", n_prepared, worst);
@@ -113,7 +118,8 @@ static void test_apply_at_the_bound_of_the_bias_within_the_proof_beyond_refused(
       assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_OK);
       assert_int_equal(comp.out_frac_bits, 0);
       assert_true(worst_error(&table, &comp, &rng, 400) <= 0.71);
-      table.channel[0].coeff[order] = (signs >> order & 1) ? -each - 8.0f * (float)(order + 1) : each + 8.0f * (float)(order + 1);
+      table.channel[0].coeff[order] =
+          (signs >> order & 1) ? -each - 8.0f * (float)(order + 1) : each + 8.0f * (float)(order + 1);
       assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_ERR_PRECISION);
     }
   }
@@ -128,11 +134,13 @@ static void test_apply_around_the_bound_of_the_scale_factor_within_the_proof(voi
     float each = (float)(5592405 * unit_between(&rng, 0.9, 1)) / 2;
     float coeff[6];
     for (int i = 0; i < 6; i++) coeff[i] = unit_bits(&rng) & 1 ? each : -each;
-    imucal_table_t table = table_of(5, coeff, 1.0f, (int32_t)unit_integer(&rng, 1080000000, 2000000000)); /* no fractional bit fits */
-    double room = 23726566.0 / ((double)table.channel[0].full_scale_counts + 1.7e7); /* 2^24.5 LSB of effect */
+    imucal_table_t table =
+        table_of(5, coeff, 1.0f, (int32_t)unit_integer(&rng, 1080000000, 2000000000)); /* no fractional bit fits */
+    double room = 23726566.0 / ((double)table.channel[0].full_scale_counts + 1.7e7);   /* 2^24.5 LSB of effect */
     table.channel[0].scale_order = 2;
     const double factor = unit_between(&rng, 0.97, 1.02);
-    for (int i = 0; i < 3; i++) table.channel[0].scale_coeff[i] = (float)(room / 3 * factor * (unit_bits(&rng) & 1 ? 1 : -1));
+    for (int i = 0; i < 3; i++)
+      table.channel[0].scale_coeff[i] = (float)(room / 3 * factor * (unit_bits(&rng) & 1 ? 1 : -1));
     imucal_comp_t comp;
     if (imucal_comp_prepare(&comp, &table, 0) != IMUCAL_OK) {
       n_refused++;
@@ -250,7 +258,8 @@ static void test_prepare_bound_of_the_result_is_exact(void** state) {
   assert_int_equal(prepare_scaled(&comp, -0.0f, INT32_MAX - 1), IMUCAL_OK);
   assert_false(comp.has_scale);
   assert_int_equal(prepare_scaled(&comp, 0.0f, INT32_MAX), IMUCAL_ERR_PRECISION);
-  assert_int_equal(prepare_scaled(&comp, 0.0f, (INT32_MAX >> 1) + 1), IMUCAL_OK); /* 2^31 with a fractional bit: none then */
+  assert_int_equal(prepare_scaled(&comp, 0.0f, (INT32_MAX >> 1) + 1),
+                   IMUCAL_OK); /* 2^31 with a fractional bit: none then */
   assert_int_equal(comp.out_frac_bits, 0);
   assert_int_equal(prepare_scaled(&comp, 0.0f, INT32_MAX >> 1), IMUCAL_OK);
   assert_int_equal(comp.out_frac_bits, 1);

@@ -17,8 +17,7 @@ typedef struct {
 } run_t;
 
 static run_t run;
-static const imucal_health_config_t kConfig = {
-    .r = 1296, .markov_variance = 400, .lo_degc = 0, .hi_degc = 60};
+static const imucal_health_config_t kConfig = {.r = 1296, .markov_variance = 400, .lo_degc = 0, .hi_degc = 60};
 
 static double bias_dph(double temp_degc) {
   const double tn = (temp_degc - 30) / 30;
@@ -74,8 +73,7 @@ static imucal_health_verdict_t judge_run(const imucal_health_config_t* config) {
 
 static double worst_error_dph(void) {
   double worst = 0;
-  for (int t = 0; t <= 60; t += 5)
-    worst = fmax(worst, fabs((double)imucal_kf_bias(&learn.kf, (float)t) - bias_dph(t)));
+  for (int t = 0; t <= 60; t += 5) worst = fmax(worst, fabs((double)imucal_kf_bias(&learn.kf, (float)t) - bias_dph(t)));
   return worst;
 }
 
@@ -117,9 +115,8 @@ static void test_health_coarse_sensors_pass(void** state) {
     for (int k = 0; k < N_S; k++) run.temp_degc[k] = (float)floor((double)run.temp_degc[k] + 0.5);
     for (int k = 0; k < N_S; k++) run.rate_dph[k] = 72 * (float)floor((double)run.rate_dph[k] / 72 + 0.5);
     const imucal_health_verdict_t v = judge_run(&config);
-    const uint32_t own = 1u << IMUCAL_HEALTH_REPEATED | 1u << IMUCAL_HEALTH_NO_NOISE |
-                         1u << IMUCAL_HEALTH_TEMP_JUMP | 1u << IMUCAL_HEALTH_TEMP_SPIKES |
-                         1u << IMUCAL_HEALTH_TEMP_RAMP;
+    const uint32_t own = 1u << IMUCAL_HEALTH_REPEATED | 1u << IMUCAL_HEALTH_NO_NOISE | 1u << IMUCAL_HEALTH_TEMP_JUMP |
+                         1u << IMUCAL_HEALTH_TEMP_SPIKES | 1u << IMUCAL_HEALTH_TEMP_RAMP;
     assert_int_equal(v.bits & own, 0);
   }
 }
@@ -312,8 +309,8 @@ static void test_health_few_seconds_are_not_judged(void** state) {
   assert_int_equal(v.bits, 0);
   for (int k = 0; k < 30; k++) assert_true(imucal_health_second(&health, (float)k, 20, 0, true, 0));
   imucal_health_judge(&health, &v);
-  assert_int_equal(
-      v.judged & (1u << IMUCAL_HEALTH_NIS | 1u << IMUCAL_HEALTH_SATURATED | 1u << IMUCAL_HEALTH_NO_NOISE), 0);
+  assert_int_equal(v.judged & (1u << IMUCAL_HEALTH_NIS | 1u << IMUCAL_HEALTH_SATURATED | 1u << IMUCAL_HEALTH_NO_NOISE),
+                   0);
 }
 
 static void test_health_bad_input_refused(void** state) {

@@ -32,8 +32,8 @@ static void start(device_t* device, float degc_per_count) {
 }
 
 /* A second of n samples, all of them `counts` and `temp_counts`; `flags` are those of channel 1. */
-static imucal_learn_outcome_t second_of(device_t* device, uint32_t n, int32_t temp_counts, float value,
-                                        uint8_t flags, uint32_t n_skipped) {
+static imucal_learn_outcome_t second_of(device_t* device, uint32_t n, int32_t temp_counts, float value, uint8_t flags,
+                                        uint32_t n_skipped) {
   device->second = (imucal_second_t){.temp_sum = (int64_t)temp_counts * n,
                                      .n_samples = n,
                                      .n_skipped = n_skipped,
@@ -102,8 +102,7 @@ static void test_each_reason_bridges_and_has_its_count(void** state) {
     device_t device;
     start(&device, 0.01f);
     assert_int_equal(second_of(&device, RATE_HZ, 2000, 50.0f, 0, 0), IMUCAL_LEARN_USED);
-    assert_int_equal(second_of(&device, cases[i].n, 2000, cases[i].value, cases[i].flags, 3),
-                     cases[i].outcome);
+    assert_int_equal(second_of(&device, cases[i].n, 2000, cases[i].value, cases[i].flags, 3), cases[i].outcome);
     assert_int_equal(imucal_kf_update(&device.kf, 50.0f, 30.0f), IMUCAL_OK);
     assert_int_equal(imucal_kf_skip(&device.kf, 3), IMUCAL_OK);
     if (cases[i].outcome == IMUCAL_LEARN_REFUSED) device.kf.stats.n_refused = 1;
@@ -163,8 +162,7 @@ static void test_thermometer_is_tracked_above_the_coarse_quantum_only(void** sta
 /* The longest gaps that can be said: e is its stationary self again, and nothing is refused. */
 static void test_take_gap_of_any_length_is_bridged(void** state) {
   (void)state;
-  const uint32_t gaps[] = {IMUCAL_KF_MAX_GAP_S - 1u, IMUCAL_KF_MAX_GAP_S, IMUCAL_KF_MAX_GAP_S + 1u,
-                           UINT32_MAX};
+  const uint32_t gaps[] = {IMUCAL_KF_MAX_GAP_S - 1u, IMUCAL_KF_MAX_GAP_S, IMUCAL_KF_MAX_GAP_S + 1u, UINT32_MAX};
   for (int i = 0; i < 4; i++) {
     device_t device;
     start(&device, 0.01f);

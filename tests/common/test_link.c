@@ -28,16 +28,16 @@ static void test_pack_hello_golden_frame(void** state) {
 static void test_layout_members_are_at_their_natural_alignment(void** state) {
   (void)state;
 #define AT_F(type, name, unit) AT_A(type, name, 1, unit)
-#define AT_A(type, name, n, unit)                                                                                \
-  at = (at + sizeof(IMUCAL_LINK_C_##type) - 1) / sizeof(IMUCAL_LINK_C_##type) * sizeof(IMUCAL_LINK_C_##type);   \
-  assert_int_equal(at, offsetof(message_t, name));                                                               \
+#define AT_A(type, name, n, unit)                                                                                      \
+  at = (at + sizeof(IMUCAL_LINK_C_##type) - 1) / sizeof(IMUCAL_LINK_C_##type) * sizeof(IMUCAL_LINK_C_##type);          \
+  assert_int_equal(at, offsetof(message_t, name));                                                                     \
   at += n * sizeof(IMUCAL_LINK_C_##type);
 #define AT_N(name, unit) AT_A(u8, name, 1, unit)
-#define CHECK(id, name, NAME)                                                                                    \
-  {                                                                                                              \
-    typedef imucal_link_##name##_t message_t;                                                                    \
-    size_t at = 0;                                                                                               \
-    IMUCAL_LINK_##NAME(AT_F, AT_A, AT_N, AT_A) assert_true(at <= sizeof(message_t));                             \
+#define CHECK(id, name, NAME)                                                                                          \
+  {                                                                                                                    \
+    typedef imucal_link_##name##_t message_t;                                                                          \
+    size_t at = 0;                                                                                                     \
+    IMUCAL_LINK_##NAME(AT_F, AT_A, AT_N, AT_A) assert_true(at <= sizeof(message_t));                                   \
   }
   IMUCAL_LINK_MESSAGES(CHECK)
 }
@@ -87,8 +87,14 @@ static void test_every_message_there_and_back_same_payload(void** state) {
 
 static void test_decode_fields_arrive_in_their_members(void** state) {
   (void)state;
-  imucal_link_second_t sent = {.counter = 65535, .t_s = 0xDEADBEEF, .n_samples = 100, .temp_degc = -12.5f, .is_gap = 1,
-                               .compensated = 5, .temp_clamped = 2, .n_channels = 2};
+  imucal_link_second_t sent = {.counter = 65535,
+                               .t_s = 0xDEADBEEF,
+                               .n_samples = 100,
+                               .temp_degc = -12.5f,
+                               .is_gap = 1,
+                               .compensated = 5,
+                               .temp_clamped = 2,
+                               .n_channels = 2};
   sent.flags[1] = 4;
   sent.raw[0] = 1.25f;
   sent.out[1] = -3e4f;
@@ -123,7 +129,8 @@ static void test_decode_wrong_length_or_count_is_refused(void** state) {
   message.table_data.length = 201;
   uint8_t payload[IMUCAL_LINK_MAX_PAYLOAD];
   size_t len = 0;
-  assert_int_equal(imucal_link_encode(IMUCAL_LINK_ID_TABLE_DATA, &message, payload, sizeof payload, &len), IMUCAL_ERR_RANGE);
+  assert_int_equal(imucal_link_encode(IMUCAL_LINK_ID_TABLE_DATA, &message, payload, sizeof payload, &len),
+                   IMUCAL_ERR_RANGE);
   memset(payload, 255, sizeof payload);
   assert_int_equal(imucal_link_decode(IMUCAL_LINK_ID_TABLE_DATA, payload, 203, &got), IMUCAL_ERR_RANGE);
   assert_int_equal(imucal_link_decode(0x3E, payload, 1, &got), IMUCAL_ERR_UNKNOWN);
@@ -135,7 +142,8 @@ static size_t big_frame(uint8_t sequence, uint8_t fill, uint8_t* frame) {
   uint8_t payload[IMUCAL_LINK_MAX_PAYLOAD];
   memset(payload, fill, sizeof payload);
   size_t len = 0;
-  assert_int_equal(imucal_link_frame(0x3F, sequence, payload, sizeof payload, frame, IMUCAL_LINK_MAX_FRAME, &len), IMUCAL_OK);
+  assert_int_equal(imucal_link_frame(0x3F, sequence, payload, sizeof payload, frame, IMUCAL_LINK_MAX_FRAME, &len),
+                   IMUCAL_OK);
   return len;
 }
 
@@ -152,7 +160,8 @@ static void test_frame_longest_payload_of_any_byte_survives(void** state) {
   }
   uint8_t frame[IMUCAL_LINK_MAX_FRAME], payload[IMUCAL_LINK_MAX_PAYLOAD + 1] = {0};
   size_t len;
-  assert_int_equal(imucal_link_frame(1, 1, payload, IMUCAL_LINK_MAX_PAYLOAD + 1, frame, sizeof frame, &len), IMUCAL_ERR_SPACE);
+  assert_int_equal(imucal_link_frame(1, 1, payload, IMUCAL_LINK_MAX_PAYLOAD + 1, frame, sizeof frame, &len),
+                   IMUCAL_ERR_SPACE);
   assert_int_equal(imucal_link_frame(1, 1, payload, 10, frame, 18, &len), IMUCAL_ERR_SPACE);
   assert_int_equal(imucal_link_frame(1, 1, payload, 10, frame, 19, &len), IMUCAL_OK);
 }
@@ -249,7 +258,8 @@ static void test_rx_frames_lost_are_at_most_the_frames_touched(void** state) {
       uint8_t frame[IMUCAL_LINK_MAX_FRAME];
       imucal_link_event_t event = {.counter = (uint16_t)k, .detail = (uint32_t)unit_bits(&rng)};
       size_t len = 0;
-      assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_EVENT, (uint8_t)k, &event, frame, sizeof frame, &len), IMUCAL_OK);
+      assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_EVENT, (uint8_t)k, &event, frame, sizeof frame, &len),
+                       IMUCAL_OK);
       details[k % 2] = event.detail;
       for (size_t i = 0; i < len; i++) {
         const int64_t dice = unit_integer(&rng, 0, rate - 1);
@@ -261,7 +271,8 @@ static void test_rx_frames_lost_are_at_most_the_frames_touched(void** state) {
           if (imucal_link_rx_put(&rx, bytes[b]) != IMUCAL_FRAME_READY) continue;
           imucal_link_any_t got;
           assert_int_equal(imucal_link_rx_message(&rx, &got), IMUCAL_OK);
-          assert_true(got.event.counter == k || got.event.counter + 1u == k); /* or the one before, ended by this one's start */
+          assert_true(got.event.counter == k ||
+                      got.event.counter + 1u == k); /* or the one before, ended by this one's start */
           assert_int_equal(got.event.detail, details[got.event.counter % 2]);
           n_got[got.event.counter]++;
         }
@@ -369,14 +380,15 @@ static void test_manual_lists_every_message_and_field(void** state) {
     skip();
   }
   char line[300];
-#define DOC_F(type, name, unit) snprintf(line, sizeof line, "| `%s` | %s | %s |", #name, #type, unit), expect_line(line);
-#define DOC_A(type, name, n, unit) \
+#define DOC_F(type, name, unit)                                                                                        \
+  snprintf(line, sizeof line, "| `%s` | %s | %s |", #name, #type, unit), expect_line(line);
+#define DOC_A(type, name, n, unit)                                                                                     \
   snprintf(line, sizeof line, "| `%s` | %s[%d] | %s |", #name, #type, n, unit), expect_line(line);
 #define DOC_N(name, unit) snprintf(line, sizeof line, "| `%s` | u8, count | %s |", #name, unit), expect_line(line);
-#define DOC_V(type, name, n, unit) \
+#define DOC_V(type, name, n, unit)                                                                                     \
   snprintf(line, sizeof line, "| `%s` | %s[count <= %d] | %s |", #name, #type, n, unit), expect_line(line);
-#define DOC(id, name, NAME) \
-  snprintf(line, sizeof line, "### 0x%02X %s", id, #NAME), expect_line(line); \
+#define DOC(id, name, NAME)                                                                                            \
+  snprintf(line, sizeof line, "### 0x%02X %s", id, #NAME), expect_line(line);                                          \
   IMUCAL_LINK_##NAME(DOC_F, DOC_A, DOC_N, DOC_V)
   IMUCAL_LINK_MESSAGES(DOC)
   int surplus = 0; /* headings of messages that the table has not */

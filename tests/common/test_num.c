@@ -50,7 +50,7 @@ static void test_sqrtf_is_correctly_rounded(void** state) {
   unit_rng_t rng = {unit_seed()};
   for (int i = 0; i < 2000000; i++) expect_root((uint32_t)unit_bits(&rng) % 0x7F800000u);
   for (uint32_t exponent = 0; exponent < 255; exponent++) {
-    for (uint32_t i = 0; i < 64; i++) expect_root(exponent << 23 | i);              /* just above a power of two */
+    for (uint32_t i = 0; i < 64; i++) expect_root(exponent << 23 | i);               /* just above a power of two */
     for (uint32_t i = 0; i < 64; i++) expect_root((exponent << 23) + 0x7FFFFFu - i); /* just below the next */
   }
   for (uint32_t i = 0; i < 4096; i++) { /* squares and their neighbours */
@@ -80,7 +80,8 @@ static void test_is_finite_is_decided_by_bits(void** state) {
 static void test_is_within_takes_both_ends_and_finite_values_only(void** state) {
   (void)state;
   const float infinite = imucal_float_from_bits(0x7F800000u), nan_value = imucal_float_from_bits(0x7FC00000u);
-  const float below = imucal_float_from_bits(imucal_bits_from_float(1.0f) - 1u), above = imucal_float_from_bits(imucal_bits_from_float(2.0f) + 1u);
+  const float below = imucal_float_from_bits(imucal_bits_from_float(1.0f) - 1u),
+              above = imucal_float_from_bits(imucal_bits_from_float(2.0f) + 1u);
   assert_true(imucal_is_within(1.0f, 1.0f, 2.0f));
   assert_true(imucal_is_within(1.5f, 1.0f, 2.0f));
   assert_true(imucal_is_within(2.0f, 1.0f, 2.0f));
@@ -93,9 +94,8 @@ static void test_is_within_takes_both_ends_and_finite_values_only(void** state) 
 
 static void test_divide_rne_rounds_ties_to_even(void** state) {
   (void)state;
-  const int64_t cases[][3] = {{5, 2, 2},   {7, 2, 4},   {-5, 2, -2}, {-7, 2, -4}, {1, 3, 0},  {2, 3, 1},
-                              {-1, 3, 0},  {-2, 3, -1}, {0, 9, 0},   {9, 9, 1},   {-9, 9, -1}, {10, 4, 2},
-                              {14, 4, 4},  {-10, 4, -2}};
+  const int64_t cases[][3] = {{5, 2, 2},   {7, 2, 4}, {-5, 2, -2}, {-7, 2, -4}, {1, 3, 0},  {2, 3, 1},  {-1, 3, 0},
+                              {-2, 3, -1}, {0, 9, 0}, {9, 9, 1},   {-9, 9, -1}, {10, 4, 2}, {14, 4, 4}, {-10, 4, -2}};
   for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++)
     assert_int_equal(imucal_divide_rne(cases[i][0], cases[i][1]), cases[i][2]);
 }
@@ -114,13 +114,17 @@ static void test_little_endian_round_trip_and_order(void** state) {
 
 static void test_sample_record_golden_bytes(void** state) {
   (void)state;
-  imucal_sample_t sample = {.t_us = 0x1122334455667788ULL, .temp_counts = -2, .counts = {1, -1, INT32_MIN, 7, 8, 9},
-                            .n_channels = 3, .saturated = 4, .fault = 1};
+  imucal_sample_t sample = {.t_us = 0x1122334455667788ULL,
+                            .temp_counts = -2,
+                            .counts = {1, -1, INT32_MIN, 7, 8, 9},
+                            .n_channels = 3,
+                            .saturated = 4,
+                            .fault = 1};
   uint8_t record[IMUCAL_SAMPLE_RECORD_BYTES];
   imucal_sample_encode(&sample, record);
   const uint8_t expected[IMUCAL_SAMPLE_RECORD_BYTES] = {
-      0xA5, 3, 4, 1, 0xFE, 0xFF, 0xFF, 0xFF, 0x88, 0x77, 0x66, 0x55, 0x44, 0x33, 0x22, 0x11,
-      1, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 0, 0x80, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+      0xA5, 3,    4,    1,    0xFE, 0xFF, 0xFF, 0xFF, 0x88, 0x77, 0x66, 0x55, 0x44, 0x33, 0x22, 0x11, 1, 0, 0, 0,
+      0xFF, 0xFF, 0xFF, 0xFF, 0,    0,    0,    0x80, 0,    0,    0,    0,    0,    0,    0,    0,    0, 0, 0, 0};
   assert_memory_equal(record, expected, sizeof expected);
   imucal_sample_t back;
   assert_int_equal(imucal_sample_decode(record, &back), IMUCAL_OK);

@@ -16,7 +16,9 @@ static imucal_status add(imucal_sum_t* sum, uint64_t t_us, int32_t counts, imuca
   return imucal_sum_add(sum, &s, second);
 }
 
-static void start(imucal_sum_t* sum) { assert_int_equal(imucal_sum_init(sum, 2, 100), IMUCAL_OK); }
+static void start(imucal_sum_t* sum) {
+  assert_int_equal(imucal_sum_init(sum, 2, 100), IMUCAL_OK);
+}
 
 static void test_init_refuses_nonsense(void** state) {
   (void)state;
@@ -337,10 +339,11 @@ static void test_add_seconds_follow_the_rule_of_time_at_every_limit(void** state
     assert_int_equal(imucal_sum_init(&sum, 2, m.rate_hz), IMUCAL_OK);
     const uint64_t hole_us = sum.hole_us, period_us = hole_us - hole_us / 3;
     uint64_t t_us = (uint64_t)unit_integer(&rng, 0, 2) * 1000000;
-    t_us += (uint64_t)(run % 8 == 0 ? 0 : unit_integer(&rng, -1, 1) + (int64_t)(unit_bits(&rng) % 2 ? hole_us : period_us));
+    t_us +=
+        (uint64_t)(run % 8 == 0 ? 0 : unit_integer(&rng, -1, 1) + (int64_t)(unit_bits(&rng) % 2 ? hole_us : period_us));
     for (int i = 0; i < 300; i++) {
-      assert_int_equal(add(&sum, t_us, 3, &second), m.n > m.first && t_us / 1000000 != m.t_us[m.n - 1] / 1000000
-                                                       ? IMUCAL_SECOND_READY : IMUCAL_OK);
+      assert_int_equal(add(&sum, t_us, 3, &second),
+                       m.n > m.first && t_us / 1000000 != m.t_us[m.n - 1] / 1000000 ? IMUCAL_SECOND_READY : IMUCAL_OK);
       if (m.n > m.first && t_us / 1000000 != m.t_us[m.n - 1] / 1000000) expect_second(&m, &second, t_us);
       m.t_us[m.n++] = t_us;
       if (unit_bits(&rng) % 64 == 0 && imucal_sum_flush(&sum, &second) == IMUCAL_SECOND_READY) {
@@ -350,9 +353,20 @@ static void test_add_seconds_follow_the_rule_of_time_at_every_limit(void** state
         t_us = end_us - 1;
       }
       const uint64_t left_us = 1000000 - t_us % 1000000; /* to the next second */
-      const uint64_t steps[] = {period_us, period_us, period_us, hole_us, hole_us + 1, hole_us - 1, 2 * period_us, left_us,
-                                left_us + 1, left_us + period_us, left_us + period_us - 1, left_us + period_us + 1,
-                                left_us + hole_us, left_us + 2000000};
+      const uint64_t steps[] = {period_us,
+                                period_us,
+                                period_us,
+                                hole_us,
+                                hole_us + 1,
+                                hole_us - 1,
+                                2 * period_us,
+                                left_us,
+                                left_us + 1,
+                                left_us + period_us,
+                                left_us + period_us - 1,
+                                left_us + period_us + 1,
+                                left_us + hole_us,
+                                left_us + 2000000};
       uint64_t step = steps[unit_bits(&rng) % (sizeof steps / sizeof steps[0])];
       if (unit_bits(&rng) % 8 == 0 && left_us > period_us) step = left_us - period_us + unit_bits(&rng) % 3 - 1;
       t_us += step > 0 ? step : 1;

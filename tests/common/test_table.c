@@ -38,19 +38,19 @@ static void test_encode_golden_offsets(void** state) {
   uint8_t b[IMUCAL_TABLE_MAX_BYTES];
   size_t len = 0;
   assert_int_equal(imucal_table_encode(&table, b, sizeof b, &len), IMUCAL_OK);
-  const uint8_t head[] = {'I', 'M', 'C', 'L', 1, 0, 320 & 255, 320 >> 8, 'S', 'N', '-', '1', '7', 0, 0, 0, 0, 0, 0, 0,
-                          0, 0, 0, 0, 4, 3, 2, 1, 0, 0xB9, 0x55, 0x69, 2, 0, 0, 0};
+  const uint8_t head[] = {'I', 'M', 'C', 'L', 1, 0, 320 & 255, 320 >> 8, 'S', 'N', '-', '1',  '7',  0,    0, 0, 0, 0,
+                          0,   0,   0,   0,   0, 0, 4,         3,        2,   1,   0,   0xB9, 0x55, 0x69, 2, 0, 0, 0};
   assert_memory_equal(b, head, sizeof head);
   assert_true(imucal_get_f32(b + 36) == 0.01f && imucal_get_f32(b + 40) == 25.0f);
   const uint8_t* c = b + 44 + 136; /* the second channel */
   assert_memory_equal(c, "gy_dph\0\0\0\0\0\0\3\1\1\0", 16);
-  assert_true(imucal_get_f32(c + 16) == 30.0f && imucal_get_f32(c + 20) == 30.0f);      /* t0, range */
-  assert_true(imucal_get_f32(c + 24) == 10.25f && imucal_get_f32(c + 36) == 13.25f);    /* b0, b3 */
-  assert_true(imucal_get_f32(c + 48 + 4) == 0.001f);                                    /* m1 */
-  assert_true(imucal_get_f32(c + 60) == 0.0f && imucal_get_f32(c + 64) == 60.0f);       /* span */
-  assert_true(imucal_get_f32(c + 68) == 5.0f && imucal_get_f32(c + 100) == 13.0f);      /* sigma */
-  assert_true(imucal_get_f32(c + 104) == 0.6f && imucal_get_f32(c + 108) == 20.0f);     /* arw, Markov sigma */
-  assert_true(imucal_get_f32(c + 116) == 100.0f && imucal_get_f32(c + 124) == 18.0f);   /* tau, unit per count */
+  assert_true(imucal_get_f32(c + 16) == 30.0f && imucal_get_f32(c + 20) == 30.0f);    /* t0, range */
+  assert_true(imucal_get_f32(c + 24) == 10.25f && imucal_get_f32(c + 36) == 13.25f);  /* b0, b3 */
+  assert_true(imucal_get_f32(c + 48 + 4) == 0.001f);                                  /* m1 */
+  assert_true(imucal_get_f32(c + 60) == 0.0f && imucal_get_f32(c + 64) == 60.0f);     /* span */
+  assert_true(imucal_get_f32(c + 68) == 5.0f && imucal_get_f32(c + 100) == 13.0f);    /* sigma */
+  assert_true(imucal_get_f32(c + 104) == 0.6f && imucal_get_f32(c + 108) == 20.0f);   /* arw, Markov sigma */
+  assert_true(imucal_get_f32(c + 116) == 100.0f && imucal_get_f32(c + 124) == 18.0f); /* tau, unit per count */
   assert_int_equal(imucal_get_u32(c + 128), 32767);
   assert_int_equal(imucal_get_u32(c + 132), 8400);
   assert_int_equal(imucal_get_u32(b + 316), imucal_crc32(b, 316));
@@ -70,7 +70,9 @@ static void test_decode_any_flipped_bit_is_refused(void** state) {
   assert_int_equal(imucal_table_decode(bytes, len, &back, NULL), IMUCAL_OK);
 }
 
-static void seal(uint8_t* bytes, size_t len) { imucal_put_u32(bytes + len - 4, imucal_crc32(bytes, len - 4)); }
+static void seal(uint8_t* bytes, size_t len) {
+  imucal_put_u32(bytes + len - 4, imucal_crc32(bytes, len - 4));
+}
 
 static void test_decode_header_nonsense_has_its_own_status(void** state) {
   (void)state;
@@ -83,11 +85,11 @@ static void test_decode_header_nonsense_has_its_own_status(void** state) {
     uint8_t value;
     imucal_status status;
     const char* field;
-  } bad[] = {{0, 'X', IMUCAL_ERR_MAGIC, "header"},    {4, 2, IMUCAL_ERR_VERSION, "version"},
-             {6, 47, IMUCAL_ERR_LENGTH, "length"},    {7, 9, IMUCAL_ERR_LENGTH, "header"},
-             {32, 2, IMUCAL_ERR_LENGTH, "length"},    {33, 1, IMUCAL_ERR_RESERVED, "reserved"},
-             {8, 0, IMUCAL_ERR_NAME, "serial"},       {9, ' ', IMUCAL_ERR_NAME, "serial"},
-             {20, 'x', IMUCAL_ERR_NAME, "serial"},    {44 + 136 + 15, 9, IMUCAL_ERR_RESERVED, "reserved"}};
+  } bad[] = {{0, 'X', IMUCAL_ERR_MAGIC, "header"}, {4, 2, IMUCAL_ERR_VERSION, "version"},
+             {6, 47, IMUCAL_ERR_LENGTH, "length"}, {7, 9, IMUCAL_ERR_LENGTH, "header"},
+             {32, 2, IMUCAL_ERR_LENGTH, "length"}, {33, 1, IMUCAL_ERR_RESERVED, "reserved"},
+             {8, 0, IMUCAL_ERR_NAME, "serial"},    {9, ' ', IMUCAL_ERR_NAME, "serial"},
+             {20, 'x', IMUCAL_ERR_NAME, "serial"}, {44 + 136 + 15, 9, IMUCAL_ERR_RESERVED, "reserved"}};
   for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
     memcpy(b, good, len);
     b[bad[i].at] = bad[i].value;
@@ -110,13 +112,13 @@ static void test_validate_field_nonsense_has_its_own_status_and_place(void** sta
   imucal_table_t t;
   imucal_table_place_t place;
   int n = 0;
-#define REFUSED(change, expected, name)                                                                          \
-  t = example_table(6, 2);                                                                                       \
-  change;                                                                                                        \
-  place = (imucal_table_place_t){99, ""};                                                                        \
-  assert_int_equal(imucal_table_validate(&t, &place), expected);                                                 \
-  assert_string_equal(place.field, name);                                                                        \
-  assert_int_equal(place.channel, strstr(#change, "channel[4]") ? 4 : -1);                                       \
+#define REFUSED(change, expected, name)                                                                                \
+  t = example_table(6, 2);                                                                                             \
+  change;                                                                                                              \
+  place = (imucal_table_place_t){99, ""};                                                                              \
+  assert_int_equal(imucal_table_validate(&t, &place), expected);                                                       \
+  assert_string_equal(place.field, name);                                                                              \
+  assert_int_equal(place.channel, strstr(#change, "channel[4]") ? 4 : -1);                                             \
   n++
 #define C t.channel[4]
   REFUSED(t.channel[4].coeff[2] = nan_value, IMUCAL_ERR_COEFFICIENT, "coeff");
@@ -175,13 +177,20 @@ static void test_text_set_refuses_what_does_not_fit(void** state) {
 
 static void test_from_kf_takes_what_the_filter_learnt(void** state) {
   (void)state;
-  imucal_kf_config_t config = {.order = 2, .t0_degc = 20, .range_degc = 25, .m = 0.01f, .q = 8, .r = 1296,
-                               .markov_variance = 400, .prior_sigma = 1e4f};
+  imucal_kf_config_t config = {.order = 2,
+                               .t0_degc = 20,
+                               .range_degc = 25,
+                               .m = 0.01f,
+                               .q = 8,
+                               .r = 1296,
+                               .markov_variance = 400,
+                               .prior_sigma = 1e4f};
   imucal_kf_t kf;
   imucal_table_t table = example_table(1, 0);
   assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
   assert_int_equal(imucal_table_from_kf(&table.channel[0], &kf, 0, 45), IMUCAL_ERR_NOT_LEARNT);
-  for (int i = 0; i < 5000; i++) assert_int_equal(imucal_kf_update(&kf, 100.0f + (float)i * 0.01f, (float)i * 0.009f), IMUCAL_OK);
+  for (int i = 0; i < 5000; i++)
+    assert_int_equal(imucal_kf_update(&kf, 100.0f + (float)i * 0.01f, (float)i * 0.009f), IMUCAL_OK);
   assert_int_equal(imucal_table_from_kf(&table.channel[0], &kf, 45, 0), IMUCAL_ERR_SPAN);
   assert_int_equal(imucal_table_from_kf(&table.channel[0], &kf, 0, 46), IMUCAL_ERR_SPAN);
   assert_int_equal(imucal_table_from_kf(&table.channel[0], &kf, 0, 45), IMUCAL_OK);
@@ -200,15 +209,15 @@ static float next_after(float value, int steps) {
 }
 
 /* Every bound itself is taken; the next float beyond it is not. */
-#define BOUND(member, bound, status, where)                                        \
-  t = example_table(1, 0);                                                         \
-  t.channel[0].range_degc = 2000, t.channel[0].span_lo_degc = -1, t.channel[0].span_hi_degc = 1; \
-  t.channel[0].t0_degc = 0, t.channel[0].n_markov = 2, t.channel[0].markov_tau_s[1] = 1;          \
-  t.member = bound;                                                                \
-  if (imucal_table_validate(&t, &place) != IMUCAL_OK) fail_msg("%s = %s: %s", #member, #bound, place.field);             \
-  t.member = next_after(bound, beyond);                                            \
-  assert_int_equal(imucal_table_validate(&t, &place), status);                     \
-  assert_string_equal(place.field, where);                                         \
+#define BOUND(member, bound, status, where)                                                                            \
+  t = example_table(1, 0);                                                                                             \
+  t.channel[0].range_degc = 2000, t.channel[0].span_lo_degc = -1, t.channel[0].span_hi_degc = 1;                       \
+  t.channel[0].t0_degc = 0, t.channel[0].n_markov = 2, t.channel[0].markov_tau_s[1] = 1;                               \
+  t.member = bound;                                                                                                    \
+  if (imucal_table_validate(&t, &place) != IMUCAL_OK) fail_msg("%s = %s: %s", #member, #bound, place.field);           \
+  t.member = next_after(bound, beyond);                                                                                \
+  assert_int_equal(imucal_table_validate(&t, &place), status);                                                         \
+  assert_string_equal(place.field, where);                                                                             \
   assert_int_equal(place.channel, is_header ? -1 : 0)
 
 static void test_validate_takes_each_bound_and_not_the_next_number(void** state) {

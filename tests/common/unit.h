@@ -23,8 +23,12 @@ static inline uint64_t unit_bits(unit_rng_t* rng) {
   rng->state ^= rng->state >> 27;
   return rng->state * 0x2545F4914F6CDD1DULL;
 }
-static inline double unit_uniform(unit_rng_t* rng) { return (double)(unit_bits(rng) >> 11) * 0x1p-53; }
-static inline double unit_between(unit_rng_t* rng, double lo, double hi) { return lo + (hi - lo) * unit_uniform(rng); }
+static inline double unit_uniform(unit_rng_t* rng) {
+  return (double)(unit_bits(rng) >> 11) * 0x1p-53;
+}
+static inline double unit_between(unit_rng_t* rng, double lo, double hi) {
+  return lo + (hi - lo) * unit_uniform(rng);
+}
 static inline int64_t unit_integer(unit_rng_t* rng, int64_t lo, int64_t hi) {
   return lo + (int64_t)(unit_bits(rng) % (uint64_t)(hi - lo + 1));
 }

@@ -27,8 +27,8 @@ enum { NOR_DOES_NOTHING, NOR_DOES_HALF, NOR_REPORTS_FAILURE };
 
 typedef struct {
   nor_geometry_t geometry;
-  uint8_t bytes[2][NOR_MAX_SLOT_BYTES];  // of a wavering bit: nothing
-  uint8_t wavers[2][NOR_MAX_SLOT_BYTES]; // bits torn
+  uint8_t bytes[2][NOR_MAX_SLOT_BYTES];                                   // of a wavering bit: nothing
+  uint8_t wavers[2][NOR_MAX_SLOT_BYTES];                                  // bits torn
   uint8_t is_torn[2][NOR_MAX_SLOT_BYTES], is_used[2][NOR_MAX_SLOT_BYTES]; // per unit, at its first byte
   uint32_t n_erase[2];
   int mode, pattern;
@@ -36,7 +36,7 @@ typedef struct {
   int is_off;
   uint32_t boot;
   uint64_t random;
-  int fail_at_call, fail_how, n_calls; // erase, program and, with NOR_REPORTS_FAILURE, read calls; 0: none fails
+  int fail_at_call, fail_how, n_calls;    // erase, program and, with NOR_REPORTS_FAILURE, read calls; 0: none fails
   uint32_t n_reads, n_programs, n_erases; // calls since power on
   int n_violations;
   const char* violation;
@@ -47,7 +47,9 @@ static inline uint64_t nor_mix(uint64_t x) {
   x = (x ^ (x >> 27)) * 0x94D049BB133111EBULL;
   return x ^ (x >> 31);
 }
-static inline uint64_t nor_random(nor_t* nor) { return nor_mix(nor->random += 0x9E3779B97F4A7C15ULL); }
+static inline uint64_t nor_random(nor_t* nor) {
+  return nor_mix(nor->random += 0x9E3779B97F4A7C15ULL);
+}
 
 static inline void nor_init(nor_t* nor, nor_geometry_t geometry) {
   memset(nor, 0, sizeof *nor);
@@ -83,7 +85,8 @@ static inline int nor_fails(nor_t* nor, int is_read) {
 static inline uint8_t nor_get(nor_t* nor, uint32_t slot, uint32_t at) {
   const uint8_t wavers = nor->wavers[slot][at];
   if (wavers == 0) return nor->bytes[slot][at];
-  const uint64_t noise = nor->mode == NOR_PER_READ ? nor_random(nor) : nor_mix((uint64_t)nor->boot << 32 ^ slot << 16 ^ at);
+  const uint64_t noise =
+      nor->mode == NOR_PER_READ ? nor_random(nor) : nor_mix((uint64_t)nor->boot << 32 ^ slot << 16 ^ at);
   return (uint8_t)((nor->bytes[slot][at] & ~wavers) | ((noise >> 20) & wavers));
 }
 
@@ -91,15 +94,27 @@ static inline uint8_t nor_get(nor_t* nor, uint32_t slot, uint32_t at) {
 static inline void nor_tear_byte(nor_t* nor, uint32_t slot, uint32_t at, uint8_t to, uint32_t place, uint32_t n) {
   const uint8_t old = nor->bytes[slot][at];
   const uint8_t moving = (uint8_t)((old ^ to) | nor->wavers[slot][at]);
-  const uint8_t random = (uint8_t)nor_random(nor), wavering = (uint8_t)nor_random(nor), rare = (uint8_t)(wavering & nor_random(nor) & nor_random(nor));
+  const uint8_t random = (uint8_t)nor_random(nor), wavering = (uint8_t)nor_random(nor),
+                rare = (uint8_t)(wavering & nor_random(nor) & nor_random(nor));
   uint8_t took = 0, wavers = 0;
   switch (nor->pattern) {
-  case NOR_NOTHING_TOOK: break;
-  case NOR_ALL_TOOK: took = moving; break;
-  case NOR_ALL_WAVER: wavers = moving; break;
-  case NOR_FRONT_TOOK: took = place < n / 2 ? moving : 0; break;
-  case NOR_FEW_WAVER: took = moving & random, wavers = moving & rare; break;
-  default: took = moving & random, wavers = moving & wavering; break;
+  case NOR_NOTHING_TOOK:
+    break;
+  case NOR_ALL_TOOK:
+    took = moving;
+    break;
+  case NOR_ALL_WAVER:
+    wavers = moving;
+    break;
+  case NOR_FRONT_TOOK:
+    took = place < n / 2 ? moving : 0;
+    break;
+  case NOR_FEW_WAVER:
+    took = moving & random, wavers = moving & rare;
+    break;
+  default:
+    took = moving & random, wavers = moving & wavering;
+    break;
   }
   if (nor->mode == NOR_STABLE || nor->mode == NOR_UNREADABLE) took = (uint8_t)(took | (wavers & random)), wavers = 0;
   nor->bytes[slot][at] = (uint8_t)((old & ~took) | (to & took));
@@ -161,7 +176,8 @@ static inline imucal_status nor_program(void* ctx, uint32_t slot, uint32_t offse
   const uint32_t unit = nor->geometry.unit_bytes;
   if (nor->is_off) return IMUCAL_ERR_FLASH;
   nor->n_programs++;
-  if (slot > 1 || offset % unit || len % unit || len == 0 || offset + len > nor->geometry.slot_bytes) nor_violate(nor, "program bounds");
+  if (slot > 1 || offset % unit || len % unit || len == 0 || offset + len > nor->geometry.slot_bytes)
+    nor_violate(nor, "program bounds");
   if ((uintptr_t)data % 4) nor_violate(nor, "data not aligned");
   const int fails = nor_fails(nor, 0);
   if (fails && nor->fail_how == NOR_REPORTS_FAILURE) return IMUCAL_ERR_FLASH;
@@ -188,7 +204,12 @@ static inline imucal_status nor_read(void* ctx, uint32_t slot, uint32_t offset, 
 }
 
 static inline imucal_flash_t nor_flash(nor_t* nor) {
-  return (imucal_flash_t){nor_erase, nor_program, nor_read, nor,
-                          nor->geometry.slot_bytes, nor->geometry.page_bytes, nor->geometry.unit_bytes};
+  return (imucal_flash_t){nor_erase,
+                          nor_program,
+                          nor_read,
+                          nor,
+                          nor->geometry.slot_bytes,
+                          nor->geometry.page_bytes,
+                          nor->geometry.unit_bytes};
 }
 #endif

@@ -17,8 +17,7 @@ static size_t serial_read(void* ctx, uint8_t* data, size_t capacity) {
 static void keep_record(bench_t* bench, const imucal_link_any_t* message) {
   switch (imucal_link_rx_type(&bench->host_rx)) {
   case IMUCAL_LINK_ID_SECOND:
-    if (bench->n_second && (uint16_t)(bench->second.counter + 1) != message->second.counter)
-      bench->n_counter_jumps++;
+    if (bench->n_second && (uint16_t)(bench->second.counter + 1) != message->second.counter) bench->n_counter_jumps++;
     bench->second = message->second;
     bench->n_second++;
     break;
@@ -97,8 +96,7 @@ static imucal_status flash_erase(void* ctx, uint32_t slot) {
   return flash_status(nor_erase(&((bench_t*)ctx)->nor, slot * BENCH_SLOT_BYTES, BENCH_SLOT_BYTES));
 }
 
-static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data,
-                                   uint32_t len) {
+static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
   return flash_status(nor_program(&((bench_t*)ctx)->nor, slot * BENCH_SLOT_BYTES + offset, data, len));
 }
 
@@ -160,18 +158,19 @@ void bench_start(bench_t* bench) {
                        .size_bytes = sizeof bench->flash,
                        .page_bytes = BENCH_SLOT_BYTES,
                        .word_bytes = 4};
-  bench->port = (imucal_port_t){.ctx = bench,
-                                .serial_read = serial_read,
-                                .serial_write = serial_write,
-                                .sample_read = sample_read,
-                                .sample_enable = sample_enable,
-                                .sample_out = sample_out,
-                                .flash = {flash_erase, flash_program, flash_read, bench, BENCH_SLOT_BYTES, BENCH_SLOT_BYTES, 4},
-                                .time_us = time_us,
-                                .watchdog = watchdog,
-                                .reboot = reboot,
-                                .is_replay = true,
-                                .device = "bench"};
+  bench->port =
+      (imucal_port_t){.ctx = bench,
+                      .serial_read = serial_read,
+                      .serial_write = serial_write,
+                      .sample_read = sample_read,
+                      .sample_enable = sample_enable,
+                      .sample_out = sample_out,
+                      .flash = {flash_erase, flash_program, flash_read, bench, BENCH_SLOT_BYTES, BENCH_SLOT_BYTES, 4},
+                      .time_us = time_us,
+                      .watchdog = watchdog,
+                      .reboot = reboot,
+                      .is_replay = true,
+                      .device = "bench"};
   power_on(bench);
 }
 
@@ -304,8 +303,7 @@ float bench_ruling_b0(bench_t* bench) {
   uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
   size_t total = 1;
   for (size_t at = 0; at < total; at += bench->reply.table_read_reply.length) {
-    const imucal_link_table_read_t request = {
-        .slot = IMUCAL_LINK_SLOT_RULING, .offset = (uint16_t)at, .length = 97};
+    const imucal_link_table_read_t request = {.slot = IMUCAL_LINK_SLOT_RULING, .offset = (uint16_t)at, .length = 97};
     assert_int_equal(bench_ask(bench, IMUCAL_LINK_ID_TABLE_READ, &request), IMUCAL_LINK_ID_TABLE_READ_REPLY);
     const imucal_link_table_read_reply_t* part = &bench->reply.table_read_reply;
     assert_int_equal(part->offset, at);

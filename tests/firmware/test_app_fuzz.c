@@ -15,10 +15,11 @@ static void test_random_operations_are_answered_and_write_only_where_meant(void*
   uint8_t data[400];
   for (int k = 0; k < 600; k++) {
     for (size_t i = 0; i < sizeof data; i++) data[i] = (uint8_t)unit_bits(&rng);
-    data[0] |= 0x80; /* unlocked at the start */
+    data[0] |= 0x80;                /* unlocked at the start */
     fuzz_device(data, sizeof data); /* aborts where something does not hold */
   }
-  assert_true(fuzz_counts.n_replies > 30000 && fuzz_counts.n_replays > 1000 && fuzz_counts.n_flash_commands > 1000 && fuzz_counts.n_cuts > 50);
+  assert_true(fuzz_counts.n_replies > 30000 && fuzz_counts.n_replays > 1000 && fuzz_counts.n_flash_commands > 1000 &&
+              fuzz_counts.n_cuts > 50);
 }
 
 int main(void) {

@@ -65,8 +65,7 @@ static void test_hello_tells_who_and_refuses_old_protocol(void** state) {
 static void test_channel_info_known_and_unknown_channel(void** state) {
   (void)state;
   imucal_link_channel_info_t request = {.channel = 2};
-  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CHANNEL_INFO, &request),
-                   IMUCAL_LINK_ID_CHANNEL_INFO_REPLY);
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CHANNEL_INFO, &request), IMUCAL_LINK_ID_CHANNEL_INFO_REPLY);
   assert_string_equal(bench.reply.channel_info_reply.name, "gz_dph");
   assert_int_equal(bench.reply.channel_info_reply.full_scale_counts, 1000000);
   assert_int_equal(bench.reply.channel_info_reply.is_compensated, 0);
@@ -84,13 +83,11 @@ static void test_unknown_request_and_wrong_payload_are_refused(void** state) {
   assert_true(bench.has_reply && bench.reply_id == IMUCAL_LINK_ID_DONE);
   assert_int_equal(bench.reply.done.status, IMUCAL_ERR_UNKNOWN);
   const uint8_t payload[3] = {0};
-  assert_int_equal(imucal_link_frame(IMUCAL_LINK_ID_INFO, 201, payload, 3, frame, sizeof frame, &n),
-                   IMUCAL_OK);
+  assert_int_equal(imucal_link_frame(IMUCAL_LINK_ID_INFO, 201, payload, 3, frame, sizeof frame, &n), IMUCAL_OK);
   bench_send(&bench, frame, n);
   assert_int_equal(bench.reply.done.status, IMUCAL_ERR_LENGTH);
   const uint32_t n_replies = bench.n_replies; /* replies and records are no requests: not answered */
-  assert_int_equal(imucal_link_frame(IMUCAL_LINK_ID_DONE, 202, payload, 3, frame, sizeof frame, &n),
-                   IMUCAL_OK);
+  assert_int_equal(imucal_link_frame(IMUCAL_LINK_ID_DONE, 202, payload, 3, frame, sizeof frame, &n), IMUCAL_OK);
   bench_send(&bench, frame, n);
   assert_int_equal(bench.n_replies, n_replies);
   const imucal_link_counters_t counters = {0};
@@ -281,8 +278,8 @@ static void test_table_out_of_physical_limits_is_refused(void** state) {
     size_t at; /* in the bytes of channel 0 (table.md) */
     float value;
     int status;
-  } cases[] = {{68, 0.0f, IMUCAL_ERR_SIGMA},  {68, 1e30f, IMUCAL_ERR_SIGMA}, {100, -1.0f, IMUCAL_ERR_SIGMA},
-               {104, 1e5f, IMUCAL_ERR_MODEL}, {24, 2e7f, IMUCAL_ERR_COEFFICIENT}, {16, 2000.0f, IMUCAL_ERR_SPAN},
+  } cases[] = {{68, 0.0f, IMUCAL_ERR_SIGMA},   {68, 1e30f, IMUCAL_ERR_SIGMA},      {100, -1.0f, IMUCAL_ERR_SIGMA},
+               {104, 1e5f, IMUCAL_ERR_MODEL},  {24, 2e7f, IMUCAL_ERR_COEFFICIENT}, {16, 2000.0f, IMUCAL_ERR_SPAN},
                {124, 1e-20f, IMUCAL_ERR_SCALE}};
   uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
   for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -364,8 +361,7 @@ static void test_session_learns_stores_and_compensates(void** state) {
   assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CAL_STATE, &ask), IMUCAL_LINK_ID_CAL_STATE_REPLY);
   const imucal_link_cal_state_reply_t learnt = bench.reply.cal_state_reply;
   assert_int_equal(learnt.n, 600);
-  assert_true(learnt.coeff[0] > 40 && learnt.coeff[0] < 120 && learnt.coeff[1] > 240 &&
-              learnt.coeff[1] < 360);
+  assert_true(learnt.coeff[0] > 40 && learnt.coeff[0] < 120 && learnt.coeff[1] > 240 && learnt.coeff[1] < 360);
   assert_true(bench.progress.worst_sigma[1] > 5 && bench.progress.worst_sigma[1] < 30);
   assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_OK);
   assert_int_equal(bench.reply.done.detail, 1);
@@ -592,8 +588,7 @@ static void test_upload_rules(void** state) {
   assert_int_equal(bench.reply.done.detail, 10);
   data.offset = 10, data.length = 0;
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_ERR_LENGTH);
-  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_COMMIT, &commit),
-                   IMUCAL_ERR_STATE); /* too early */
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_COMMIT, &commit), IMUCAL_ERR_STATE); /* too early */
   begin.total = 456;
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_BEGIN, &begin), IMUCAL_OK);
   data.length = 200;
@@ -636,8 +631,7 @@ static void test_upload_of_another_table_than_announced_is_refused(void** state)
       assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_OK);
     }
     const imucal_link_table_commit_t commit = {0};
-    assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_COMMIT, &commit),
-                     i == 0 ? IMUCAL_ERR_CRC : IMUCAL_OK);
+    assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_COMMIT, &commit), i == 0 ? IMUCAL_ERR_CRC : IMUCAL_OK);
   }
   assert_int_equal(info()->table_status, IMUCAL_OK);
 }

@@ -28,7 +28,8 @@ static void send_quietly(uint32_t id, const void* message) {
   size_t n = 0;
   if (!bench.token) bench_unlock(&bench);
   const imucal_link_command_t command = bench_command(&bench, id, message);
-  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_COMMAND, ++bench.sequence, &command, frame, sizeof frame, &n), IMUCAL_OK);
+  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_COMMAND, ++bench.sequence, &command, frame, sizeof frame, &n),
+                   IMUCAL_OK);
   bench_send(&bench, frame, n); /* whether it is answered is not asked: the power may be off */
 }
 
@@ -218,8 +219,7 @@ static void test_random_bytes_never_stop_the_device(void** state) {
   uint32_t seed = 99;
   for (int round = 0; round < 500; round++) {
     uint8_t noise[997];
-    for (size_t i = 0; i < sizeof noise; i++)
-      noise[i] = (uint8_t)((seed = seed * 1664525u + 1013904223u) >> 24);
+    for (size_t i = 0; i < sizeof noise; i++) noise[i] = (uint8_t)((seed = seed * 1664525u + 1013904223u) >> 24);
     bench_send(&bench, noise, sizeof noise);
   }
   const uint8_t zero = 0;
@@ -235,8 +235,7 @@ static void test_random_payloads_are_answered(void** state) {
     uint8_t payload[IMUCAL_LINK_MAX_PAYLOAD], frame[IMUCAL_LINK_MAX_FRAME];
     size_t n = 0, len = 0;
     imucal_link_any_t any;
-    for (size_t i = 0; i < sizeof payload; i++)
-      payload[i] = (uint8_t)((seed = seed * 1664525u + 1013904223u) >> 24);
+    for (size_t i = 0; i < sizeof payload; i++) payload[i] = (uint8_t)((seed = seed * 1664525u + 1013904223u) >> 24);
     const uint8_t type = (uint8_t)(1 + k % 0x3F);
     for (len = 0; len < 60; len++) /* the length that fits the message, if there is one */
       if (imucal_link_decode(type, payload, len, &any) == IMUCAL_OK) break;

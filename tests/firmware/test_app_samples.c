@@ -36,8 +36,7 @@ static void test_replay_waits_for_the_host(void** state) {
   (void)state;
   bench_feed(&bench, 5);
   assert_int_equal(bench.n_read, 0);
-  assert_int_equal(bench_cal_start(&bench, 0, 3),
-                   IMUCAL_OK); /* the other channels follow: nothing is read yet */
+  assert_int_equal(bench_cal_start(&bench, 0, 3), IMUCAL_OK); /* the other channels follow: nothing is read yet */
   assert_int_equal(bench.n_read, 0);
   assert_int_equal(bench_stream(&bench, IMUCAL_STREAM_EVENT), IMUCAL_OK);
   assert_int_equal(bench.n_read, 0);
@@ -195,8 +194,7 @@ static void test_table_changed_in_a_second_compensates_the_rest(void** state) {
   assert_true(bench.second.raw[0] == 100.0f && bench.second.out[0] == 60.0f);
   assert_int_equal(bench.second.compensated, 7);
   assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 30.0f, bytes)), IMUCAL_OK);
-  bench_feed(&bench,
-             1); /* the table changed with the second's last sample: nothing compensated is left of it */
+  bench_feed(&bench, 1); /* the table changed with the second's last sample: nothing compensated is left of it */
   assert_int_equal(bench.second.t_s, 4);
   assert_int_equal(bench.second.compensated, 0);
   assert_true(bench.second.out[0] == 100.0f);

@@ -42,8 +42,7 @@ static void test_coarse_thermometer_steps_are_followed(void** state) {
   (void)state;
   const double fine = learn(0.01f), coarse = learn(1.0f);
   assert_true(fine < 0.02);
-  if (coarse > fine + 0.02)
-    fail_msg("mean NIS %.3f with a coarse thermometer, %.3f with a fine one", coarse, fine);
+  if (coarse > fine + 0.02) fail_msg("mean NIS %.3f with a coarse thermometer, %.3f with a fine one", coarse, fine);
   assert_true(fabs((double)imucal_kf_bias(&bench.app.channel[0].learn.kf, 20.0f) + 1000.0) < 10.0);
 }
 

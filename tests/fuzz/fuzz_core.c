@@ -18,12 +18,12 @@
 
 #include "common/table_example.h"
 
-#define CHECK(condition)                                                                                         \
-  do {                                                                                                           \
-    if (!(condition)) {                                                                                          \
-      fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #condition);                                            \
-      abort();                                                                                                   \
-    }                                                                                                            \
+#define CHECK(condition)                                                                                               \
+  do {                                                                                                                 \
+    if (!(condition)) {                                                                                                \
+      fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #condition);                                                  \
+      abort();                                                                                                         \
+    }                                                                                                                  \
   } while (0)
 
 static void into_link(const uint8_t* data, size_t len) {
@@ -103,10 +103,18 @@ int LLVMFuzzerTestOneInput(const uint8_t* data, size_t len);
 int LLVMFuzzerTestOneInput(const uint8_t* data, size_t len) {
   if (len == 0) return 0;
   switch (data[0] & 3) {
-  case 0: into_link(data + 1, len - 1); break;
-  case 1: into_table(data + 1, len - 1, 0); break;
-  case 2: into_table(data + 1, len - 1, 1); break;
-  default: into_sample(data + 1, len - 1); break;
+  case 0:
+    into_link(data + 1, len - 1);
+    break;
+  case 1:
+    into_table(data + 1, len - 1, 0);
+    break;
+  case 2:
+    into_table(data + 1, len - 1, 1);
+    break;
+  default:
+    into_sample(data + 1, len - 1);
+    break;
   }
   return 0;
 }

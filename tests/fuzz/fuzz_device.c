@@ -17,14 +17,18 @@ int main(int argc, char** argv) {
     uint64_t random = nor_mix(seed + k);
     for (size_t i = 0; i < sizeof data; i++) data[i] = (uint8_t)(random = nor_mix(random + 1));
     data[0] |= 0x80;
-    fprintf(stderr, k % 1000 == 0 ? "input %llu of seed %llu\n" : "", (unsigned long long)(seed + k), (unsigned long long)seed);
+    fprintf(stderr, k % 1000 == 0 ? "input %llu of seed %llu\n" : "", (unsigned long long)(seed + k),
+            (unsigned long long)seed);
     fuzz_device(data, sizeof data);
   }
-  printf("fuzz-device: seed %llu, %llu inputs, %llu operations, %llu frames, %llu replies, %llu replays, %llu commands that may write, "
+  printf("fuzz-device: seed %llu, %llu inputs, %llu operations, %llu frames, %llu replies, %llu replays, %llu commands "
+         "that may write, "
          "%llu starts, %llu of them after a cut; flash touched otherwise 0, not answered 0, done and lost 0\n",
-         (unsigned long long)seed, (unsigned long long)fuzz_counts.n_inputs, (unsigned long long)fuzz_counts.n_operations,
-         (unsigned long long)fuzz_counts.n_frames, (unsigned long long)fuzz_counts.n_replies, (unsigned long long)fuzz_counts.n_replays,
-         (unsigned long long)fuzz_counts.n_flash_commands, (unsigned long long)fuzz_counts.n_power_cycles, (unsigned long long)fuzz_counts.n_cuts);
+         (unsigned long long)seed, (unsigned long long)fuzz_counts.n_inputs,
+         (unsigned long long)fuzz_counts.n_operations, (unsigned long long)fuzz_counts.n_frames,
+         (unsigned long long)fuzz_counts.n_replies, (unsigned long long)fuzz_counts.n_replays,
+         (unsigned long long)fuzz_counts.n_flash_commands, (unsigned long long)fuzz_counts.n_power_cycles,
+         (unsigned long long)fuzz_counts.n_cuts);
   return 0;
 }
 #endif

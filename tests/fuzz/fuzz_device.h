@@ -17,12 +17,12 @@
 #include "emu/nor.h"
 #include "num.h"
 
-#define FUZZ_CHECK(condition)                                                                                    \
-  do {                                                                                                           \
-    if (!(condition)) {                                                                                          \
-      fprintf(stderr, "fuzz_device: %s:%d: %s\n", __FILE__, __LINE__, #condition);                               \
-      abort();                                                                                                   \
-    }                                                                                                            \
+#define FUZZ_CHECK(condition)                                                                                          \
+  do {                                                                                                                 \
+    if (!(condition)) {                                                                                                \
+      fprintf(stderr, "fuzz_device: %s:%d: %s\n", __FILE__, __LINE__, #condition);                                     \
+      abort();                                                                                                         \
+    }                                                                                                                  \
   } while (0)
 
 enum { FUZZ_KEPT_FRAMES = 16, FUZZ_MARKS = 64, FUZZ_MAX_STEPS = 200000 };
@@ -52,9 +52,9 @@ typedef struct {
   uint32_t token, number; // newest unlock as the host knows it, newest number that reached the device with it
   uint32_t next_number;
   uint8_t sequence;
-  bool is_meant;          // a command that may write is among the bytes on the line
-  uint32_t n_marks;       // tables ever sent or learnt: created_s 1 .. n_marks
-  uint32_t must_rule;     // mark that was reported as done and not touched since; 0: nothing is sure
+  bool is_meant;      // a command that may write is among the bytes on the line
+  uint32_t n_marks;   // tables ever sent or learnt: created_s 1 .. n_marks
+  uint32_t must_rule; // mark that was reported as done and not touched since; 0: nothing is sure
 
   uint64_t time_us, t_us;
   uint32_t n_samples_left;
@@ -69,7 +69,9 @@ typedef struct {
 static fuzz_t fuzz;
 static fuzz_counts_t fuzz_counts;
 
-static uint8_t fuzz_byte(void) { return fuzz.left ? fuzz.left--, *fuzz.data++ : 0; }
+static uint8_t fuzz_byte(void) {
+  return fuzz.left ? fuzz.left--, *fuzz.data++ : 0;
+}
 static uint32_t fuzz_u32(void) {
   uint32_t value = 0;
   for (int i = 0; i < 4; i++) value = value << 8 | fuzz_byte();
@@ -111,18 +113,23 @@ static imucal_port_sample_t fuzz_sample_read(void* ctx, imucal_sample_t* sample)
   if (kind % 16 == 2 && n == 1) return IMUCAL_PORT_ENDED;
   if (kind % 16 == 3 && n == 1) return IMUCAL_PORT_FAILED;
   fuzz.t_us += kind % 16 == 4 ? 3000000u : kind % 16 == 5 ? 0u : 100000u;
-  *sample = (imucal_sample_t){.t_us = kind % 16 == 6 ? fuzz.t_us - 5000000u : kind % 16 == 7 ? UINT64_MAX - fuzz.t_us : fuzz.t_us,
+  *sample = (imucal_sample_t){.t_us = kind % 16 == 6   ? fuzz.t_us - 5000000u
+                                      : kind % 16 == 7 ? UINT64_MAX - fuzz.t_us
+                                                       : fuzz.t_us,
                               .n_channels = kind % 16 == 8 ? 6 : 3,
                               .temp_counts = kind % 16 == 9 ? INT32_MAX : (int32_t)(fuzz.t_us / 100000u),
                               .saturated = kind >> 6};
-  for (int i = 0; i < 3; i++) sample->counts[i] = kind % 16 == 10 ? INT32_MIN : (int32_t)(nor_mix(fuzz.t_us + (uint64_t)i) % 200);
+  for (int i = 0; i < 3; i++)
+    sample->counts[i] = kind % 16 == 10 ? INT32_MIN : (int32_t)(nor_mix(fuzz.t_us + (uint64_t)i) % 200);
   return IMUCAL_PORT_SAMPLE;
 }
 static uint64_t fuzz_time_us(void* ctx) {
   (void)ctx;
   return fuzz.time_us += 10;
 }
-static void fuzz_watchdog(void* ctx) { (void)ctx; }
+static void fuzz_watchdog(void* ctx) {
+  (void)ctx;
+}
 static void fuzz_reboot(void* ctx) {
   (void)ctx;
   fuzz.is_rebooting = true;
@@ -173,15 +180,19 @@ static void fuzz_run(void) {
 static bool fuzz_may_write(const imucal_link_rx_t* rx) {
   imucal_link_any_t message;
   if (imucal_link_rx_type(rx) != IMUCAL_LINK_ID_COMMAND) return false;
-  if (imucal_link_decode(IMUCAL_LINK_ID_COMMAND, imucal_link_rx_payload(rx), imucal_link_rx_payload_len(rx), &message) != IMUCAL_OK)
+  if (imucal_link_decode(IMUCAL_LINK_ID_COMMAND, imucal_link_rx_payload(rx), imucal_link_rx_payload_len(rx),
+                         &message) != IMUCAL_OK)
     return false;
   if (fuzz.token == 0 || message.command.token != fuzz.token || message.command.number <= fuzz.number) return false;
   imucal_link_any_t inside;
-  if (imucal_link_decode(message.command.request, message.command.payload, message.command.length, &inside) != IMUCAL_OK) return false;
+  if (imucal_link_decode(message.command.request, message.command.payload, message.command.length, &inside) !=
+      IMUCAL_OK)
+    return false;
   if (!imucal_link_is_guarded(message.command.request)) return false;
   fuzz.number = message.command.number;
   const uint8_t id = message.command.request;
-  return id == IMUCAL_LINK_ID_TABLE_COMMIT || id == IMUCAL_LINK_ID_ROLLBACK || id == IMUCAL_LINK_ID_ERASE || id == IMUCAL_LINK_ID_TABLE_FROM_CAL;
+  return id == IMUCAL_LINK_ID_TABLE_COMMIT || id == IMUCAL_LINK_ID_ROLLBACK || id == IMUCAL_LINK_ID_ERASE ||
+         id == IMUCAL_LINK_ID_TABLE_FROM_CAL;
 }
 
 static void fuzz_give(void) {
@@ -203,8 +214,10 @@ static void fuzz_send(const uint8_t* bytes, size_t n) {
       fuzz_counts.n_flash_commands += fuzz.is_meant;
       if (fuzz.is_meant) fuzz.must_rule = 0;
     }
-    if (fuzz.line_end && bytes[i] == 0) fuzz_give();
-    else fuzz_run();
+    if (fuzz.line_end && bytes[i] == 0)
+      fuzz_give();
+    else
+      fuzz_run();
   }
   fuzz.is_meant = false;
 }
@@ -240,7 +253,8 @@ static void fuzz_unlock(uint8_t twist) {
   const imucal_link_state_t state = {.reserved = twist == 1};
   fuzz_ask(IMUCAL_LINK_ID_STATE, &state);
   if (fuzz.reply_type != IMUCAL_LINK_ID_STATE_REPLY) return;
-  imucal_link_unlock_t unlock = {.challenge = fuzz.reply.state_reply.challenge ^ (twist == 2), .seconds = twist == 3 ? fuzz_byte() * 257u : 60};
+  imucal_link_unlock_t unlock = {.challenge = fuzz.reply.state_reply.challenge ^ (twist == 2),
+                                 .seconds = twist == 3 ? fuzz_byte() * 257u : 60};
   memcpy(unlock.serial, fuzz.board.serial, sizeof unlock.serial);
   unlock.serial[1] ^= twist == 4;
   fuzz_ask(IMUCAL_LINK_ID_UNLOCK, &unlock);
@@ -265,7 +279,8 @@ static size_t fuzz_table(uint32_t mark, uint8_t* bytes) {
 }
 
 static bool fuzz_is_done(uint32_t request) {
-  return fuzz.reply_type == IMUCAL_LINK_ID_DONE && fuzz.reply.done.request == request && fuzz.reply.done.status == IMUCAL_OK;
+  return fuzz.reply_type == IMUCAL_LINK_ID_DONE && fuzz.reply.done.request == request &&
+         fuzz.reply.done.status == IMUCAL_OK;
 }
 
 static void fuzz_upload(uint8_t twist) {
@@ -274,7 +289,9 @@ static void fuzz_upload(uint8_t twist) {
   const uint32_t mark = ++fuzz.n_marks;
   const size_t n = fuzz_table(mark, bytes);
   if (twist == 1) bytes[fuzz_byte() % n] ^= 1;
-  if (twist == 2) imucal_put_f32(bytes + 44 + 16 + fuzz_byte() % 29 * 4, imucal_float_from_bits(fuzz_u32())), imucal_put_u32(bytes + n - 4, imucal_crc32(bytes, n - 4));
+  if (twist == 2)
+    imucal_put_f32(bytes + 44 + 16 + fuzz_byte() % 29 * 4, imucal_float_from_bits(fuzz_u32())),
+        imucal_put_u32(bytes + n - 4, imucal_crc32(bytes, n - 4));
   const imucal_link_table_begin_t begin = {.total = (uint16_t)n, .crc = imucal_get_u32(bytes + n - 4)};
   fuzz_command(IMUCAL_LINK_ID_TABLE_BEGIN, &begin, 0);
   for (size_t at = 0; at < n; at += 200) {
@@ -289,19 +306,44 @@ static void fuzz_upload(uint8_t twist) {
 }
 
 static void fuzz_cal_start(uint8_t which) {
-  imucal_link_cal_start_t start = {.channel = which & 3, .order = (uint8_t)(1 + (which >> 2 & 7)), .t0_degc = 30, .range_degc = 30,
-                                   .m = 0.01f, .q = 8, .r = 1296, .markov_variance = 400, .prior_sigma = 1e4f, .span_hi_degc = 60,
-                                   .arw = 0.6f, .n_markov = 1, .markov_sigma = {20}, .markov_tau_s = {100}};
-  float* const fields[] = {&start.t0_degc, &start.range_degc, &start.m, &start.q, &start.r, &start.markov_variance, &start.prior_sigma,
-                           &start.span_lo_degc, &start.span_hi_degc, &start.arw, &start.markov_sigma[0], &start.markov_tau_s[0]};
+  imucal_link_cal_start_t start = {.channel = which & 3,
+                                   .order = (uint8_t)(1 + (which >> 2 & 7)),
+                                   .t0_degc = 30,
+                                   .range_degc = 30,
+                                   .m = 0.01f,
+                                   .q = 8,
+                                   .r = 1296,
+                                   .markov_variance = 400,
+                                   .prior_sigma = 1e4f,
+                                   .span_hi_degc = 60,
+                                   .arw = 0.6f,
+                                   .n_markov = 1,
+                                   .markov_sigma = {20},
+                                   .markov_tau_s = {100}};
+  float* const fields[] = {&start.t0_degc,
+                           &start.range_degc,
+                           &start.m,
+                           &start.q,
+                           &start.r,
+                           &start.markov_variance,
+                           &start.prior_sigma,
+                           &start.span_lo_degc,
+                           &start.span_hi_degc,
+                           &start.arw,
+                           &start.markov_sigma[0],
+                           &start.markov_tau_s[0]};
   if (which & 0x80) *fields[fuzz_byte() % 12] = imucal_float_from_bits(fuzz_u32());
   fuzz_command(IMUCAL_LINK_ID_CAL_START, &start, 0);
 }
 
 static void fuzz_any_request(void) {
-  static const uint8_t ids[] = {IMUCAL_LINK_ID_HELLO, IMUCAL_LINK_ID_INFO, IMUCAL_LINK_ID_COUNTERS, IMUCAL_LINK_ID_CHANNEL_INFO, IMUCAL_LINK_ID_CAL_STATE,
-                                IMUCAL_LINK_ID_CAL_FILTER, IMUCAL_LINK_ID_TABLE_READ, IMUCAL_LINK_ID_STATE, IMUCAL_LINK_ID_UNLOCK, IMUCAL_LINK_ID_ERASE,
-                                IMUCAL_LINK_ID_ROLLBACK, IMUCAL_LINK_ID_CAL_START, IMUCAL_LINK_ID_REBOOT, 0x3F};
+  static const uint8_t ids[] = {IMUCAL_LINK_ID_HELLO,      IMUCAL_LINK_ID_INFO,
+                                IMUCAL_LINK_ID_COUNTERS,   IMUCAL_LINK_ID_CHANNEL_INFO,
+                                IMUCAL_LINK_ID_CAL_STATE,  IMUCAL_LINK_ID_CAL_FILTER,
+                                IMUCAL_LINK_ID_TABLE_READ, IMUCAL_LINK_ID_STATE,
+                                IMUCAL_LINK_ID_UNLOCK,     IMUCAL_LINK_ID_ERASE,
+                                IMUCAL_LINK_ID_ROLLBACK,   IMUCAL_LINK_ID_CAL_START,
+                                IMUCAL_LINK_ID_REBOOT,     0x3F};
   uint8_t frame[IMUCAL_LINK_MAX_FRAME], payload[64];
   const uint8_t id = ids[fuzz_byte() % sizeof ids];
   const size_t len = fuzz_byte() % sizeof payload;
@@ -341,24 +383,53 @@ static void fuzz_operate(void) {
   const imucal_link_cal_stop_t stop = {.action = how % 3};
   const imucal_link_rollback_t nothing = {.reserved = how == 15};
   switch (op & 15) {
-  case 0: fuzz_unlock(how < 5 ? how : 0); break;
-  case 1: fuzz_upload(how < 9 ? how : 0); break;
-  case 2: fuzz_command(IMUCAL_LINK_ID_ROLLBACK, &nothing, how & 7); break;
-  case 3: fuzz_command(IMUCAL_LINK_ID_ERASE, &erase, how & 7); break;
-  case 4: fuzz_from_cal(); break;
-  case 5: fuzz_cal_start(fuzz_byte()); break;
-  case 6: fuzz_command(IMUCAL_LINK_ID_CAL_STOP, &stop, 0); break;
-  case 7: fuzz_command(IMUCAL_LINK_ID_STREAM, &stream, 0); break;
-  case 8: fuzz_any_request(); break;
-  case 9: fuzz_replay(how % 3); break;
+  case 0:
+    fuzz_unlock(how < 5 ? how : 0);
+    break;
+  case 1:
+    fuzz_upload(how < 9 ? how : 0);
+    break;
+  case 2:
+    fuzz_command(IMUCAL_LINK_ID_ROLLBACK, &nothing, how & 7);
+    break;
+  case 3:
+    fuzz_command(IMUCAL_LINK_ID_ERASE, &erase, how & 7);
+    break;
+  case 4:
+    fuzz_from_cal();
+    break;
+  case 5:
+    fuzz_cal_start(fuzz_byte());
+    break;
+  case 6:
+    fuzz_command(IMUCAL_LINK_ID_CAL_STOP, &stop, 0);
+    break;
+  case 7:
+    fuzz_command(IMUCAL_LINK_ID_STREAM, &stream, 0);
+    break;
+  case 8:
+    fuzz_any_request();
+    break;
+  case 9:
+    fuzz_replay(how % 3);
+    break;
   case 10: // samples
     fuzz.sample_kind = fuzz_byte(), fuzz.n_samples_left = 1u + fuzz_byte();
     fuzz_give();
     break;
-  case 11: fuzz.time_us += how == 15 ? (uint64_t)IMUCAL_APP_SILENCE_S * 1000000u : (uint64_t)how * 10000000u; fuzz_give(); break;
-  case 12: fuzz_power_cycle(); break;
-  case 13: fuzz.nor.steps_left = fuzz_byte() % 160, fuzz.nor.pattern = how % NOR_PATTERNS; break;
-  case 14: fuzz.nor.fail_how = how % 3, fuzz.nor.fail_at_call = 1 + fuzz_byte() % 16, fuzz.nor.n_calls = 0; break;
+  case 11:
+    fuzz.time_us += how == 15 ? (uint64_t)IMUCAL_APP_SILENCE_S * 1000000u : (uint64_t)how * 10000000u;
+    fuzz_give();
+    break;
+  case 12:
+    fuzz_power_cycle();
+    break;
+  case 13:
+    fuzz.nor.steps_left = fuzz_byte() % 160, fuzz.nor.pattern = how % NOR_PATTERNS;
+    break;
+  case 14:
+    fuzz.nor.fail_how = how % 3, fuzz.nor.fail_at_call = 1 + fuzz_byte() % 16, fuzz.nor.n_calls = 0;
+    break;
   default: // raw bytes
     for (int i = 0; i < how; i++) {
       const uint8_t byte = fuzz_byte();
@@ -383,9 +454,16 @@ static void fuzz_device(const uint8_t* data, size_t size) {
   nor_init(&fuzz.nor, geometries[first % 3]);
   fuzz.nor.mode = first >> 2 & 3;
   fuzz.nor.random = first;
-  fuzz.port = (imucal_port_t){.ctx = &fuzz, .serial_read = fuzz_serial_read, .serial_write = fuzz_serial_write, .sample_read = fuzz_sample_read,
-                              .time_us = fuzz_time_us, .watchdog = fuzz_watchdog, .reboot = fuzz_reboot, .is_replay = first >> 4 & 1,
-                              .boot_id = first, .device = "fuzz"};
+  fuzz.port = (imucal_port_t){.ctx = &fuzz,
+                              .serial_read = fuzz_serial_read,
+                              .serial_write = fuzz_serial_write,
+                              .sample_read = fuzz_sample_read,
+                              .time_us = fuzz_time_us,
+                              .watchdog = fuzz_watchdog,
+                              .reboot = fuzz_reboot,
+                              .is_replay = first >> 4 & 1,
+                              .boot_id = first,
+                              .device = "fuzz"};
   fuzz.port.flash = nor_flash(&fuzz.nor);
   fuzz.port.flash.erase = fuzz_erase, fuzz.port.flash.program = fuzz_program;
   fuzz_start();

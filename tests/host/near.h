@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // CMocka for C++ and a comparison of doubles (CMocka 1.1 compares floats only).  Include after the project's headers.
 #pragma once
+#include <csetjmp>
 #include <cstdarg>
 #include <cstddef>
-#include <csetjmp>
 #include <cstdint>
 extern "C" {
 #include <cmocka.h>

@@ -27,16 +27,17 @@ static void test_parallel_for_every_item_once(void**) {
     std::vector<std::atomic<int>> seen(100);
     parallel_for(100, threads, [&](long i) { ++seen[static_cast<size_t>(i)]; });
     for (const auto& n : seen) assert_int_equal(n, 1);
-    parallel_for(100, threads, [&](long i) { ++seen[static_cast<size_t>(i)]; }, [] {});
+    parallel_for(
+        100, threads, [&](long i) { ++seen[static_cast<size_t>(i)]; }, [] {});
     for (const auto& n : seen) assert_int_equal(n, 2);
   }
   parallel_for(0, 4, [](long) { fail_msg("no items"); });
-  parallel_for(0, 4, [](long) { fail_msg("no items"); }, [] {});
+  parallel_for(
+      0, 4, [](long) { fail_msg("no items"); }, [] {});
 }
 
 // The text of what a loop over 1000 items throws, and how many items were begun.
-template <class Loop>
-static std::string thrown_by(const Loop& loop, int* begun) {
+template <class Loop> static std::string thrown_by(const Loop& loop, int* begun) {
   std::atomic<int> n{0};
   std::string text = "nothing";
   try {
@@ -57,7 +58,8 @@ static void test_parallel_for_exception_reaches_the_caller_and_ends_the_loop(voi
     int begun = 0;
     assert_string_equal(thrown_by([&](const auto& f) { parallel_for(1000, threads, f); }, &begun).c_str(), "item 3");
     assert_in_range(begun, 4, 200);
-    assert_string_equal(thrown_by([&](const auto& f) { parallel_for(1000, threads, f, [] {}); }, &begun).c_str(), "item 3");
+    assert_string_equal(thrown_by([&](const auto& f) { parallel_for(1000, threads, f, [] {}); }, &begun).c_str(),
+                        "item 3");
     assert_in_range(begun, 4, 200);
   }
 }
@@ -95,7 +97,8 @@ static void test_quantiles_are_those_of_the_tables(void**) {
   assert_relative(chi2_cdf(3.841458820694124, 1), 0.95, 1e-13);
   // Hardly any degree of freedom, and very many: quantile and distribution are inverse.
   for (const double dof : {0.3, 2.5, 40.0, 3000.0, 2e6})
-    for (const double p : {1e-4, 0.025, 0.5, 0.975, 0.9999}) assert_relative(chi2_cdf(chi2_quantile(p, dof), dof), p, 1e-9);
+    for (const double p : {1e-4, 0.025, 0.5, 0.975, 0.9999})
+      assert_relative(chi2_cdf(chi2_quantile(p, dof), dof), p, 1e-9);
   // 3 of 10: Clopper and Pearson 1934, 95 %.
   assert_relative(beta_quantile(0.025, 3, 8), 0.0667395111777345, 1e-12);
   assert_relative(beta_quantile(0.975, 4, 7), 0.6524528500599972, 1e-12);

@@ -34,8 +34,7 @@ template <typename Message> Bytes frame(uint8_t id, uint8_t sequence, const Mess
 }
 
 Bytes done(uint8_t request, uint8_t sequence, imucal_status status = IMUCAL_OK, uint32_t detail = 0) {
-  return frame(IMUCAL_LINK_ID_DONE, sequence,
-               imucal_link_done_t{request, static_cast<int16_t>(status), detail});
+  return frame(IMUCAL_LINK_ID_DONE, sequence, imucal_link_done_t{request, static_cast<int16_t>(status), detail});
 }
 
 Bytes info(uint8_t sequence, uint32_t t_s) {
@@ -55,9 +54,7 @@ Bytes event(uint16_t counter) {
 class ScriptedLine : public Transport {
 public:
   using Script = std::function<Bytes(uint8_t id, uint8_t sequence, const imucal_link_any_t& request)>;
-  explicit ScriptedLine(Script script) : Transport("script"), script_(std::move(script)) {
-    imucal_link_rx_init(&rx_);
-  }
+  explicit ScriptedLine(Script script) : Transport("script"), script_(std::move(script)) { imucal_link_rx_init(&rx_); }
   const char* kind() const override { return "script"; }
 
   size_t read(uint8_t* bytes, size_t max, double) override {
@@ -90,7 +87,8 @@ private:
     }
     if (id == IMUCAL_LINK_ID_UNLOCK) {
       assert_int_equal(message.unlock.challenge, challenge++);
-      return send(frame(IMUCAL_LINK_ID_UNLOCK_REPLY, sequence, imucal_link_unlock_reply_t{++token, message.unlock.seconds}));
+      return send(
+          frame(IMUCAL_LINK_ID_UNLOCK_REPLY, sequence, imucal_link_unlock_reply_t{++token, message.unlock.seconds}));
     }
     ++n_requests;
     if (id != IMUCAL_LINK_ID_COMMAND) {
@@ -118,8 +116,7 @@ struct Bench {
   explicit Bench(ScriptedLine::Script script) : Bench(std::make_unique<ScriptedLine>(std::move(script))) {}
 
 private:
-  explicit Bench(std::unique_ptr<ScriptedLine> made)
-      : line(made.get()), device(std::move(made), kImpatient) {}
+  explicit Bench(std::unique_ptr<ScriptedLine> made) : line(made.get()), device(std::move(made), kImpatient) {}
 };
 
 Bytes joined(std::initializer_list<Bytes> parts) {
@@ -153,8 +150,8 @@ void test_next_request_has_another_sequence(void**) {
 
 void test_reply_to_an_earlier_request_is_not_taken(void**) {
   Bench bench([&](uint8_t, uint8_t sequence, const imucal_link_any_t&) {
-    return joined({info(static_cast<uint8_t>(sequence - 1), 1), done(IMUCAL_LINK_ID_STREAM, sequence),
-                   info(sequence, 2)});
+    return joined(
+        {info(static_cast<uint8_t>(sequence - 1), 1), done(IMUCAL_LINK_ID_STREAM, sequence), info(sequence, 2)});
   });
   assert_int_equal(bench.device.info().t_s, 2);
   assert_int_equal(bench.device.statistics().stale_replies, 2);
@@ -184,9 +181,8 @@ void test_silent_device_ends_in_an_error_after_the_tries(void**) {
 }
 
 void test_refusal_is_an_error_with_its_reason_and_is_not_repeated(void**) {
-  Bench bench([](uint8_t id, uint8_t sequence, const imucal_link_any_t&) {
-    return done(id, sequence, IMUCAL_ERR_NO_OTHER);
-  });
+  Bench bench(
+      [](uint8_t id, uint8_t sequence, const imucal_link_any_t&) { return done(id, sequence, IMUCAL_ERR_NO_OTHER); });
   try {
     bench.device.rollback();
     fail_msg("a refusal was taken for success");
@@ -234,8 +230,7 @@ void test_tables_go_in_parts_both_ways(void**) {
       return done(id, sequence);
     case IMUCAL_LINK_ID_TABLE_DATA:
       assert_int_equal(request.table_data.offset, flashed.size());
-      flashed.insert(flashed.end(), request.table_data.data,
-                     request.table_data.data + request.table_data.length);
+      flashed.insert(flashed.end(), request.table_data.data, request.table_data.data + request.table_data.length);
       return done(id, sequence);
     case IMUCAL_LINK_ID_TABLE_COMMIT:
       return done(id, sequence, IMUCAL_OK, 12);
@@ -245,8 +240,7 @@ void test_tables_go_in_parts_both_ways(void**) {
     imucal_link_table_read_reply_t reply{};
     reply.offset = request.table_read.offset;
     reply.total = static_cast<uint16_t>(flashed.size());
-    reply.length =
-        static_cast<uint8_t>(std::min<size_t>(request.table_read.length, flashed.size() - reply.offset));
+    reply.length = static_cast<uint8_t>(std::min<size_t>(request.table_read.length, flashed.size() - reply.offset));
     std::copy_n(flashed.begin() + reply.offset, reply.length, reply.data);
     return frame(IMUCAL_LINK_ID_TABLE_READ_REPLY, sequence, reply);
   });

@@ -7,11 +7,11 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "base/units.h"
 #include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/diagnose.h"
 #include "analysis/diagnose/panel.h"
 #include "base/rng.h"
+#include "base/units.h"
 // After the others: it defines a macro `fail`.
 extern "C" {
 #include <cmocka.h>
@@ -21,11 +21,10 @@ using namespace imucal;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-#define assert_near(a, b, tolerance)                                                                         \
-  do {                                                                                                       \
-    const double left_ = (a), right_ = (b);                                                                  \
-    if (!(std::fabs(left_ - right_) <= (tolerance)))                                                         \
-      fail_msg("%s = %.12g, expected %.12g", #a, left_, right_);                                             \
+#define assert_near(a, b, tolerance)                                                                                   \
+  do {                                                                                                                 \
+    const double left_ = (a), right_ = (b);                                                                            \
+    if (!(std::fabs(left_ - right_) <= (tolerance))) fail_msg("%s = %.12g, expected %.12g", #a, left_, right_);        \
   } while (0)
 
 // A log of one axis over a triangle in temperature, noise from the model, with seconds missing.
@@ -46,8 +45,8 @@ static Log simulated_log(uint64_t seed, size_t seconds, bool has_gaps, double hy
     if (has_gaps && (k % 97 == 5 || (k > 500 && k < 620))) continue;
     log.t_s.push_back(t + 1);
     log.temp_degc.push_back(temp);
-    axis.rate_dph.push_back(100 + 300 * x + 150 * x * x - 100 * x * x * x +
-                            hysteresis_dph * (play - temp) / 5 + markov + white);
+    axis.rate_dph.push_back(100 + 300 * x + 150 * x * x - 100 * x * x * x + hysteresis_dph * (play - temp) / 5 +
+                            markov + white);
   }
   log.axes.push_back(axis);
   return log;
@@ -74,10 +73,8 @@ static MatrixXd dense_covariance(const CampaignRun& run, const NoiseModel& noise
   MatrixXd c(n, n);
   for (long i = 0; i < n; ++i)
     for (long j = 0; j < n; ++j) {
-      const double ti =
-          static_cast<double>(run.input.tick[static_cast<size_t>(run.used[static_cast<size_t>(i)])]);
-      const double tj =
-          static_cast<double>(run.input.tick[static_cast<size_t>(run.used[static_cast<size_t>(j)])]);
+      const double ti = static_cast<double>(run.input.tick[static_cast<size_t>(run.used[static_cast<size_t>(i)])]);
+      const double tj = static_cast<double>(run.input.tick[static_cast<size_t>(run.used[static_cast<size_t>(j)])]);
       const double t0 = static_cast<double>(run.input.tick[static_cast<size_t>(run.used[0])]);
       c(i, j) = i == j ? noise.white_sigma_dph * noise.white_sigma_dph : 0;
       for (const Markov& m : noise.markov)
@@ -192,7 +189,9 @@ static const std::vector<bool>& all_active() {
   static const std::vector<bool> active(effect_library().size(), true);
   return active;
 }
-static NoiseBelief nothing_believed() { return {}; }
+static NoiseBelief nothing_believed() {
+  return {};
+}
 
 static void test_marginal_likelihood_equals_that_of_the_dense_gaussian(void**) {
   const Campaign campaign =
@@ -294,8 +293,7 @@ static void test_block_noise_has_the_covariance_of_block_means(void**) {
   for (int apart = 0; apart < 3; ++apart) {
     double expected = 0;
     for (int i = 0; i < 1000; ++i)
-      for (int j = 0; j < 1000; ++j)
-        expected += 400 * std::exp(-std::fabs(0.01 * (i - j) + 10.0 * apart) / 100) / 1e6;
+      for (int j = 0; j < 1000; ++j) expected += 400 * std::exp(-std::fabs(0.01 * (i - j) + 10.0 * apart) / 100) / 1e6;
     if (apart == 0) expected += 36.0 * 36 / 10;
     double found = blocks.markov[0].sigma_dph * blocks.markov[0].sigma_dph * std::exp(-10.0 * apart / 100);
     if (apart == 0) found += 36.0 * 36 / 10 + blocks.extra_white_dph2;

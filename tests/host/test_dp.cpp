@@ -8,10 +8,10 @@
 #include <limits>
 #include <string>
 
-#include "base/error.h"
 #include "analysis/dp/dp.h"
-#include "base/quantile.h"
 #include "analysis/dp/stream.h"
+#include "base/error.h"
+#include "base/quantile.h"
 #include "base/rng.h"
 #include "near.h"
 
@@ -64,14 +64,14 @@ std::vector<double> riccati_gain(const ErrorModel& m, double* innovation_varianc
 }
 
 void test_nominal_filter_secular_roots_equal_riccati(void**) {
-  const ErrorModel models[] = {kNominal, kTwoTerms, {0.01, {{40, 2}, {5, 30}, {9, 4000}}, 0, {}, {}},
-                               {3.0, {{0.5, 10}, {0.7, 11}}, 0, {}, {}}};
+  const ErrorModel models[] = {
+      kNominal, kTwoTerms, {0.01, {{40, 2}, {5, 30}, {9, 4000}}, 0, {}, {}}, {3.0, {{0.5, 10}, {0.7, 11}}, 0, {}, {}}};
   for (const ErrorModel& m : models) {
     double s = 0;
     const auto expected = riccati_gain(m, &s);
     const NominalFilter f = make_nominal_filter(m);
     assert_int_equal(f.size(), m.markov.size());
-    for (size_t i = 0; i < f.size(); ++i)  // the filter sorts by time constant, longest first
+    for (size_t i = 0; i < f.size(); ++i) // the filter sorts by time constant, longest first
       for (size_t j = 0; j < f.size(); ++j)
         if (std::fabs(m.markov[j].phi() - f.phi[i]) < 1e-14) assert_near(f.gain[i], expected[j], 1e-9);
     assert_near(f.innovation_variance_dph2 / s, 1, 1e-9);
@@ -121,7 +121,8 @@ std::vector<double> naive_samples(const Series& s, const DpOperator& op, long n,
   for (long t0 = op.history_n(n); t0 + n <= s.size(); ++t0) {
     bool whole = true;
     double mean = 0;
-    for (long i = t0 - op.history_n(n); i < t0 + n; ++i) whole = whole && !std::isnan(s.rate_dph[static_cast<size_t>(i)]);
+    for (long i = t0 - op.history_n(n); i < t0 + n; ++i)
+      whole = whole && !std::isnan(s.rate_dph[static_cast<size_t>(i)]);
     if (!whole) continue;
     for (long i = t0; i < t0 + n; ++i) mean += s.rate_dph[static_cast<size_t>(i)] / static_cast<double>(n);
     out.push_back(mean - naive_prediction(s, op, n, t0));
@@ -224,7 +225,7 @@ void test_estimators_follow_their_definition(void**) {
   std::vector<double> copy = d;
   assert_near(dp_sigma(DpEstimator::kMax, &copy), 1001.0 / 3, 1e-12);
   copy = d;
-  assert_near(dp_sigma(DpEstimator::kP95, &copy), 0.5 * (1 + 0.954 * 1000), 1e-9);  // rank 954 of 0 … 1000
+  assert_near(dp_sigma(DpEstimator::kP95, &copy), 0.5 * (1 + 0.954 * 1000), 1e-9); // rank 954 of 0 … 1000
   assert_near(dp_sigma(DpEstimator::kRms, &d), std::sqrt(1002.0 * 2003.0 / 6), 1e-9);
 }
 
@@ -263,7 +264,13 @@ void test_bad_input_is_refused_with_its_place(void**) {
   assert_int_equal(exit_of([&] { make_dp_operator(DpType::kDp2, 1, {}); }, &message), 2);
   assert_int_equal(exit_of([&] { make_dp_operator(DpType::kDp2, 1, ErrorModel{0.6, {}, 0, {}, {}}); }, &message), 2);
   assert_int_equal(exit_of([&] { Detrend::parse("poly:x"); }, &message), 2);
-  assert_int_equal(exit_of([&] { Series t = s; remove_trend(Detrend::parse("poly:2"), &t); }, &message), 3);
+  assert_int_equal(exit_of(
+                       [&] {
+                         Series t = s;
+                         remove_trend(Detrend::parse("poly:2"), &t);
+                       },
+                       &message),
+                   3);
 }
 
 void test_detrend_removes_polynomials_of_temperature(void**) {
@@ -285,7 +292,7 @@ void test_quantum_is_found_where_there_is_one(void**) {
   for (double& x : s.rate_dph) x = std::round((std::round(x / 21.95) * 21.95 + 3) * 1000) / 1000;
   drop(&s, 100);
   assert_near(quantum_dph(s), 21.95, 0.01);
-  for (size_t i = 0; i < s.rate_dph.size(); i += 3) s.rate_dph[i] += 8.1;  // two lattices are none
+  for (size_t i = 0; i < s.rate_dph.size(); i += 3) s.rate_dph[i] += 8.1; // two lattices are none
   assert_near(quantum_dph(s), 0, 0);
 }
 
@@ -295,10 +302,10 @@ void test_load_series_grid_keeps_gaps_and_flags(void**) {
                          "10,20,1,0,0.001\n11,20.5,2,1,0.002\n12.001,21,,0,0.003\n15.002,21.5,4,2,0.004\n16,22,5,0,\n";
   const auto all = load_series(path, {}, true);
   assert_int_equal(all.size(), 2);
-  assert_int_equal(all[0].size(), 7);   // 10, 11, 12, two missing rows, 15, 16
-  assert_int_equal(all[0].n_missing, 4);  // saturated 11, empty 12, rows 13 and 14
+  assert_int_equal(all[0].size(), 7);    // 10, 11, 12, two missing rows, 15, 16
+  assert_int_equal(all[0].n_missing, 4); // saturated 11, empty 12, rows 13 and 14
   assert_int_equal(all[0].n_flagged, 1);
-  assert_near(all[0].rate_dph[5], 4, 0);  // "samples missing" alone is kept
+  assert_near(all[0].rate_dph[5], 4, 0); // "samples missing" alone is kept
   assert_near(all[1].rate_dph[1], 7.2, 1e-12);
   assert_near(all[0].temp_degc[5], 21.5, 0);
   std::string message;
@@ -307,7 +314,7 @@ void test_load_series_grid_keeps_gaps_and_flags(void**) {
   std::remove(path.c_str());
 }
 
-}  // namespace
+} // namespace
 
 int main() {
   const CMUnitTest tests[] = {

@@ -120,8 +120,7 @@ static void test_creep_after_a_step_is_the_box_spectrum(void**) {
   const SimRun run = simulated("thermal_creep", parameters, empty_run(temp), false);
   assert_near(run.rate_dph[999], 0, 1e-12, "before the step");
   for (size_t t : {10, 60, 300, 1000, 5000, 15000}) // the step takes from second 999 to 1000
-    assert_near(run.rate_dph[999 + t], 30 * box_relaxation(static_cast<double>(t) - 0.5, 60, 20000), 0.08,
-                "creep");
+    assert_near(run.rate_dph[999 + t], 30 * box_relaxation(static_cast<double>(t) - 0.5, 60, 20000), 0.08, "creep");
 }
 
 static void test_creep_begins_with_what_an_earlier_change_left(void**) {
@@ -135,8 +134,7 @@ static void test_creep_begins_with_what_an_earlier_change_left(void**) {
     assert_true(std::fabs(offset) <= 30 && since >= 60 && since <= 20000);
     for (size_t k = 0; k < temp.size(); k += 500)
       assert_near(run.rate_dph[k] - cold.rate_dph[k],
-                  3 * offset * box_relaxation(since + static_cast<double>(k), 60, 20000), 0.3,
-                  "creep from before");
+                  3 * offset * box_relaxation(since + static_cast<double>(k), 60, 20000), 0.3, "creep from before");
   }
 }
 
@@ -165,8 +163,8 @@ static void test_step_that_begins_inside_its_band_is_on_in_half_of_the_runs(void
 static void test_warm_restarts_have_less_of_the_warm_up(void**) {
   size_t n_below = 0;
   for (size_t log = 0; log < 400; ++log) {
-    const SimRun run = simulated("warm_up", R"({"amplitude_dph": 10, "tau_s": 50})",
-                                 empty_run(std::vector<double>(51, 0.0), log));
+    const SimRun run =
+        simulated("warm_up", R"({"amplitude_dph": 10, "tau_s": 50})", empty_run(std::vector<double>(51, 0.0), log));
     const double left = run.rate_dph[0] / 10;
     assert_true(left > 0.095 && left <= 1);
     assert_near(run.rate_dph[50], run.rate_dph[0] * std::exp(-1.0), 1e-12, "decay");
@@ -179,13 +177,11 @@ static void test_warm_restarts_have_less_of_the_warm_up(void**) {
 static void test_tone_drifts_by_the_integral_of_temperature(void**) {
   std::vector<double> temp;
   for (int k = 0; k < 3600; ++k) temp.push_back(5 + k / 60.0);
-  const SimRun run =
-      simulated("sinusoid", R"({"amplitude_dph": 8, "frequency_hz": 0.01, "drift_hz_per_degc": 1e-4})",
-                empty_run(temp), false);
+  const SimRun run = simulated("sinusoid", R"({"amplitude_dph": 8, "frequency_hz": 0.01, "drift_hz_per_degc": 1e-4})",
+                               empty_run(temp), false);
   for (int k = 0; k < 3600; k += 37) {
     const double cycles = 0.01 * (k + 1) + 1e-4 * (5.0 * k + 0.5 * k * k / 60.0);
-    assert_near(run.rate_dph[static_cast<size_t>(k)], 8 * std::sin(2 * 3.14159265358979323846 * cycles), 1e-6,
-                "tone");
+    assert_near(run.rate_dph[static_cast<size_t>(k)], 8 * std::sin(2 * 3.14159265358979323846 * cycles), 1e-6, "tone");
   }
 }
 
@@ -243,8 +239,7 @@ static RunInput input_of(const SimRun& run) {
 static Eigen::MatrixXd matrix_of(const std::vector<Column>& columns, size_t rows) {
   Eigen::MatrixXd m(static_cast<long>(rows), static_cast<long>(columns.size()));
   for (size_t c = 0; c < columns.size(); ++c)
-    m.col(static_cast<long>(c)) =
-        Eigen::Map<const Eigen::VectorXd>(columns[c].data(), static_cast<long>(rows));
+    m.col(static_cast<long>(c)) = Eigen::Map<const Eigen::VectorXd>(columns[c].data(), static_cast<long>(rows));
   return m;
 }
 
@@ -294,12 +289,8 @@ static void test_columns_span_what_is_simulated_from_any_start(void**) {
       {"thermal_lag", R"({"tau_s": 120})", {120}},
       {"thermal_lag", R"({"tau_s": 600})", {600}},
       {"thermal_lag", R"({"tau_s": -120})", {-120}},
-      {"thermal_creep",
-       R"({"amplitude_dph_per_degc": 3, "tau_first_s": 30, "tau_last_s": 3000})",
-       {30, 3000}},
-      {"thermal_creep",
-       R"({"amplitude_dph_per_degc": 3, "tau_first_s": 100, "tau_last_s": 50000})",
-       {100, 50000}},
+      {"thermal_creep", R"({"amplitude_dph_per_degc": 3, "tau_first_s": 30, "tau_last_s": 3000})", {30, 3000}},
+      {"thermal_creep", R"({"amplitude_dph_per_degc": 3, "tau_first_s": 100, "tau_last_s": 50000})", {100, 50000}},
       {"thermal_step", R"({"amplitude_dph": 30, "temp_degc": 3, "width_degc": 6})", {3, 6}},
       {"thermal_anomaly", R"({"amplitude_dph": 9, "center_degc": 20, "width_degc": 2})", {20, 2}},
       {"higher_order_polynomial", R"({"p4_dph": 3, "p5_dph": 5})", {}},
@@ -308,9 +299,7 @@ static void test_columns_span_what_is_simulated_from_any_start(void**) {
       {"run_to_run", R"({"sigma_dph": 30})", {}},
       {"auxiliary_channel", R"({"channel": "supply_v", "gain": 4})", {0}},
       {"sinusoid", R"({"amplitude_dph": 4, "frequency_hz": 0.013})", {0.013}},
-      {"sinusoid",
-       R"({"amplitude_dph": 4, "frequency_hz": 0.013, "drift_hz_per_degc": 2e-5})",
-       {0.013, 2e-5}},
+      {"sinusoid", R"({"amplitude_dph": 4, "frequency_hz": 0.013, "drift_hz_per_degc": 2e-5})", {0.013, 2e-5}},
   };
   for (const Spanned& c : cases)
     for (size_t log = 0; log < 8; ++log) {
@@ -323,8 +312,7 @@ static void test_columns_span_what_is_simulated_from_any_start(void**) {
 static void test_start_columns_are_needed(void**) {
   const std::vector<double> temp = triangle_degc();
   const EffectEstimator& estimator = *find_effect("thermal_hysteresis").estimator();
-  const SimRun run =
-      simulated("thermal_hysteresis", R"({"amplitude_dph": 40, "width_degc": 8})", empty_run(temp, 2));
+  const SimRun run = simulated("thermal_hysteresis", R"({"amplitude_dph": 40, "width_degc": 8})", empty_run(temp, 2));
   const RunInput in = input_of(run);
   const Eigen::VectorXd y = matrix_of({run.rate_dph}, in.size());
   const double left = left_norm(matrix_of(estimator.columns(in, {8}), in.size()), y);
@@ -349,8 +337,8 @@ static void test_families_are_those_of_the_contract(void**) {
        {"thermal_anomaly", "thermal_step", "higher_order_polynomial", "temperature_sensor_quantization"}},
       {"function_of_time", {"rate_ramp", "warm_up", "bias_step"}},
       {"slow_noise",
-       {"noise_parameters", "second_markov", "rate_random_walk", "flicker_noise",
-        "markov_sigma_vs_temperature", "markov_tau_vs_temperature", "telegraph_noise"}},
+       {"noise_parameters", "second_markov", "rate_random_walk", "flicker_noise", "markov_sigma_vs_temperature",
+        "markov_tau_vs_temperature", "telegraph_noise"}},
       {"fast_noise", {"white_noise_vs_temperature", "outliers", "held_samples"}},
       {"tone", {"sinusoid"}},
       {"structural", {"quantization", "saturation", "dead_band"}},

@@ -17,11 +17,10 @@ extern "C" {
 using namespace imucal;
 
 // CMocka 1.1.5 compares floats only.
-#define assert_double_equal(a, b, tolerance)                                                                 \
-  do {                                                                                                       \
-    const double left_ = (a), right_ = (b);                                                                  \
-    if (!(std::fabs(left_ - right_) <= (tolerance)))                                                         \
-      fail_msg("%s = %.12g, expected %.12g", #a, left_, right_);                                             \
+#define assert_double_equal(a, b, tolerance)                                                                           \
+  do {                                                                                                                 \
+    const double left_ = (a), right_ = (b);                                                                            \
+    if (!(std::fabs(left_ - right_) <= (tolerance))) fail_msg("%s = %.12g, expected %.12g", #a, left_, right_);        \
   } while (0)
 
 // A triangle in temperature: 0 -> 60 -> 0 degC at 1 degC/min, flat 20 dph of white noise, one Markov process.
@@ -36,8 +35,7 @@ static SimRun triangle_run(const ErrorModel& model) {
   run.thermometer_degc = run.gyro_temp_degc = run.case_temp_degc;
   run.rate_dph.assign(run.t_s.size(), 0.0);
   run.white_sigma_dph.assign(run.t_s.size(), 36.0);
-  run.markov.push_back(
-      {std::vector<double>(run.t_s.size(), 20.0), std::vector<double>(run.t_s.size(), 100.0)});
+  run.markov.push_back({std::vector<double>(run.t_s.size(), 20.0), std::vector<double>(run.t_s.size(), 100.0)});
   return run;
 }
 
@@ -135,8 +133,7 @@ static void test_lag_follows_a_ramp_at_the_distance_tau_times_slope(void**) {
 }
 
 static void test_functions_of_temperature_and_time(void**) {
-  const SimRun bump =
-      simulated("thermal_anomaly", R"({"amplitude_dph": -9, "center_degc": 20, "width_degc": 2})");
+  const SimRun bump = simulated("thermal_anomaly", R"({"amplitude_dph": -9, "center_degc": 20, "width_degc": 2})");
   assert_double_equal(bump.rate_dph[20 * 60], -9.0, 1e-9);
   assert_double_equal(bump.rate_dph[22 * 60], -9.0 * std::exp(-0.5), 1e-9);
   const SimRun poly = simulated("higher_order_polynomial", R"({"p4_dph": 3, "p5_dph": 5})");
@@ -167,8 +164,7 @@ static void test_random_effects_have_their_moments(void**) {
   assert_double_equal(standard_deviation(hits.rate_dph), std::sqrt(0.1) * 100, 3.0);
   const SimRun telegraph = simulated("telegraph_noise", R"({"amplitude_dph": 30, "tau_s": 5})", &rng);
   double lag5 = 0;
-  for (size_t i = 5; i < telegraph.rate_dph.size(); ++i)
-    lag5 += telegraph.rate_dph[i] * telegraph.rate_dph[i - 5];
+  for (size_t i = 5; i < telegraph.rate_dph.size(); ++i) lag5 += telegraph.rate_dph[i] * telegraph.rate_dph[i - 5];
   assert_double_equal(std::fabs(telegraph.rate_dph[77]), 30.0, 0.0);
   assert_double_equal(lag5 / 7196 / 900, std::exp(-1.0), 0.06);
   double ends = 0;
@@ -226,8 +222,7 @@ static void test_noise_levels_follow_temperature(void**) {
 static void test_outputs_are_quantised_clipped_dead_or_held(void**) {
   static const ErrorModel model = test_model();
   SimRun run = triangle_run(model);
-  for (size_t i = 0; i < run.rate_dph.size(); ++i)
-    run.rate_dph[i] = std::sin(0.1 * static_cast<double>(i)) * 100;
+  for (size_t i = 0; i < run.rate_dph.size(); ++i) run.rate_dph[i] = std::sin(0.1 * static_cast<double>(i)) * 100;
   SimRun rounded = run, clipped = run, dead = run, held = run;
   simulate("quantization", R"({"lsb_dph": 8})", &rounded, nullptr);
   simulate("saturation", R"({"limit_dph": 70})", &clipped, nullptr);
@@ -300,8 +295,7 @@ static void expect_refused(const char* name, const char* parameters, const char*
   } catch (const Error& error) {
     message = error.what();
   }
-  if (message.find(words) == std::string::npos)
-    fail_msg("\"%s\" does not say \"%s\"", message.c_str(), words);
+  if (message.find(words) == std::string::npos) fail_msg("\"%s\" does not say \"%s\"", message.c_str(), words);
 }
 
 static void test_wrong_parameters_are_refused_by_name(void**) {

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <limits>
 
-#include "base/error.h"
 #include "analysis/errormodel/confidence.h"
 #include "analysis/errormodel/expect.h"
 #include "analysis/errormodel/simulate.h"
+#include "base/error.h"
 #include "near.h"
 
 using namespace imucal;
@@ -69,12 +69,18 @@ double covariance(const NoiseComponent& c, long i, long j, long n) {
   const double lag = std::fabs(static_cast<double>(i - j));
   const double mid = 0.5 * static_cast<double>(n - 1);
   switch (c.kind) {
-    case Kind::kWhite: return i == j ? c.power_dph2 : 0;
-    case Kind::kMarkov: return c.power_dph2 * std::exp(-c.alpha * lag);
-    case Kind::kAngleQuantization: return c.power_dph2 * (i == j ? 2 : lag == 1 ? -1 : 0);
-    case Kind::kRandomWalk: return c.power_dph2 * static_cast<double>(1 + std::min(i, j));
-    case Kind::kRamp: return c.power_dph2 * (static_cast<double>(i) - mid) * (static_cast<double>(j) - mid);
-    default: return 0.5 * c.power_dph2 * std::cos(c.omega_rad * lag);
+  case Kind::kWhite:
+    return i == j ? c.power_dph2 : 0;
+  case Kind::kMarkov:
+    return c.power_dph2 * std::exp(-c.alpha * lag);
+  case Kind::kAngleQuantization:
+    return c.power_dph2 * (i == j ? 2 : lag == 1 ? -1 : 0);
+  case Kind::kRandomWalk:
+    return c.power_dph2 * static_cast<double>(1 + std::min(i, j));
+  case Kind::kRamp:
+    return c.power_dph2 * (static_cast<double>(i) - mid) * (static_cast<double>(j) - mid);
+  default:
+    return 0.5 * c.power_dph2 * std::cos(c.omega_rad * lag);
   }
 }
 
@@ -89,17 +95,20 @@ std::vector<std::vector<double>> operator_rows(const Series& shape, const DpOper
     std::vector<double> d;
     DpRecord(unit, op).samples(n_tau, &d, nullptr);
     rows.resize(d.size());
-    for (size_t k = 0; k < d.size(); ++k) rows[k].push_back(std::isnan(shape.rate_dph[static_cast<size_t>(i)]) ? 0 : d[k]);
+    for (size_t k = 0; k < d.size(); ++k)
+      rows[k].push_back(std::isnan(shape.rate_dph[static_cast<size_t>(i)]) ? 0 : d[k]);
   }
   return rows;
 }
 
 // Mean of g' C g over the rows g of the operator after detrending, with dense matrices.
-double brute_force(const NoiseComponent& c, const Series& shape, const DpOperator& op, const Detrend& detrend, long n_tau) {
+double brute_force(const NoiseComponent& c, const Series& shape, const DpOperator& op, const Detrend& detrend,
+                   long n_tau) {
   const auto rows = operator_rows(shape, op, n_tau);
   const long n = shape.size();
   Eigen::MatrixXd g(rows.size(), n), cov(n, n);
-  for (long k = 0; k < g.rows(); ++k) g.row(k) = Eigen::Map<const Eigen::RowVectorXd>(rows[static_cast<size_t>(k)].data(), n);
+  for (long k = 0; k < g.rows(); ++k)
+    g.row(k) = Eigen::Map<const Eigen::RowVectorXd>(rows[static_cast<size_t>(k)].data(), n);
   for (const auto& column : detrend_basis(shape, detrend)) {
     const Eigen::Map<const Eigen::VectorXd> q(column.data(), n);
     g -= (g * q).eval() * q.transpose();
@@ -111,7 +120,8 @@ double brute_force(const NoiseComponent& c, const Series& shape, const DpOperato
 
 Series shape_with_temperature(long n, bool with_gap) {
   Series s = empty_record(n, 1);
-  for (long i = 0; i < n; ++i) s.temp_degc.push_back(20 + 0.2 * static_cast<double>(i) + 5 * std::sin(0.04 * static_cast<double>(i)));
+  for (long i = 0; i < n; ++i)
+    s.temp_degc.push_back(20 + 0.2 * static_cast<double>(i) + 5 * std::sin(0.04 * static_cast<double>(i)));
   for (long i = 40; with_gap && i < 46; ++i) {
     s.rate_dph[static_cast<size_t>(i)] = std::numeric_limits<double>::quiet_NaN();
     ++s.n_missing;
@@ -126,7 +136,7 @@ void test_record_expectation_equals_dense_matrices(void**) {
     for (const char* text : {"mean", "poly:2"})
       for (DpType type : kTypes)
         for (const ErrorModel& nominal : {quick, quick2}) {
-          if (type == DpType::kAv && nominal.markov.size() > 1) continue;  // AV and DP1 use no nominal model
+          if (type == DpType::kAv && nominal.markov.size() > 1) continue; // AV and DP1 use no nominal model
           const Series shape = shape_with_temperature(340, with_gap);
           const DpOperator op = make_dp_operator(type, 1, nominal, 12);
           const Detrend detrend = Detrend::parse(text);
@@ -229,7 +239,7 @@ void test_model_dof_predicts_the_spread_of_records(void**) {
     for (size_t i = 0; i < 2; ++i) {
       const double dof = model_dof(components, op, i ? 300 : 10, windows[i]);
       const double spread = 2 * sum[i] * sum[i] / (square[i] - sum[i] * sum[i]);
-      assert_near(spread / dof, 1, 0.3);  // the spread of a variance of 300 runs is 8 %, heavier-tailed at 300 s
+      assert_near(spread / dof, 1, 0.3); // the spread of a variance of 300 runs is 8 %, heavier-tailed at 300 s
     }
   }
 }
@@ -271,7 +281,7 @@ void test_record_dependent_expectation_without_record_is_refused(void**) {
   _fail(__FILE__, __LINE__);
 }
 
-}  // namespace
+} // namespace
 
 int main() {
   const CMUnitTest tests[] = {

@@ -5,15 +5,15 @@
 #include <cmath>
 #include <limits>
 
-#include "base/error.h"
-#include "base/units.h"
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/curve_fit.h"
 #include "analysis/errormodel/likelihood.h"
 #include "analysis/errormodel/lp.h"
 #include "analysis/errormodel/simulate.h"
 #include "analysis/errormodel/study.h"
+#include "base/error.h"
 #include "base/rng.h"
+#include "base/units.h"
 
 #include "near.h"
 
@@ -46,13 +46,14 @@ double dense_deviance(const Series& s, const Detrend& detrend, const ErrorModel&
     for (long b = 0; b < n; ++b) {
       v(a, b) = a == b ? std::pow(60 * m.arw_deg_rt_h, 2) : 0;
       for (const Markov& t : m.markov)
-        v(a, b) += t.sigma_dph * t.sigma_dph * std::exp(-std::fabs(static_cast<double>(present[a] - present[b])) / t.tau_s);
+        v(a, b) +=
+            t.sigma_dph * t.sigma_dph * std::exp(-std::fabs(static_cast<double>(present[a] - present[b])) / t.tau_s);
     }
   }
   const Eigen::LLT<Eigen::MatrixXd> cholesky(v);
   const Eigen::VectorXd e = cholesky.matrixL().solve(y);
   double deviance = 2 * cholesky.matrixLLT().diagonal().array().log().sum() + e.squaredNorm();
-  if (x.cols() > 0) {  // Eigen's triangular solve refers to the first column of its right side
+  if (x.cols() > 0) { // Eigen's triangular solve refers to the first column of its right side
     const Eigen::MatrixXd whitened = cholesky.matrixL().solve(x);
     const Eigen::MatrixXd gram = whitened.transpose() * whitened;
     const Eigen::VectorXd cross = whitened.transpose() * e;
@@ -103,7 +104,8 @@ void test_bounding_programs_agree_and_are_optimal(void**) {
     BoundingProgram program;
     for (size_t j = 0; j < n_columns; ++j) {
       std::vector<double> column;
-      for (size_t i = 0; i < n_rows; ++i) column.push_back(std::pow(10, static_cast<double>(j)) * (0.05 + rng.uniform()));
+      for (size_t i = 0; i < n_rows; ++i)
+        column.push_back(std::pow(10, static_cast<double>(j)) * (0.05 + rng.uniform()));
       program.columns.push_back(column);
     }
     std::vector<const double*> columns;
@@ -219,7 +221,7 @@ void test_maximum_likelihood_recovers_models(void**) {
     square += std::pow(std::log(fit.model.markov[0].tau_s / 100), 2) / 20;
     covered += fit.parameters[2].ci95_lo < 100 && 100 < fit.parameters[2].ci95_hi;
   }
-  assert_true(std::sqrt(square) < 0.35);  // 0.245 over 300 runs; chi-squared with 20 degrees of freedom: 99.9 %
+  assert_true(std::sqrt(square) < 0.35); // 0.245 over 300 runs; chi-squared with 20 degrees of freedom: 99.9 %
   assert_true(covered >= 15);
   const MlFit chosen = fit_maximum_likelihood(Likelihood({test_record(kTwoTerms, 40000, 3)}, Detrend{}), -1);
   assert_int_equal(chosen.model.markov.size(), 2);
@@ -261,7 +263,7 @@ void test_tau_grids(void**) {
   }
 }
 
-}  // namespace
+} // namespace
 
 int main() {
   const CMUnitTest tests[] = {

@@ -11,8 +11,8 @@
 #include <csetjmp>
 #include <string>
 
-#include "base/error.h"
 #include "analysis/fit/fit.h"
+#include "base/error.h"
 #include "base/rng.h"
 
 extern "C" {
@@ -76,7 +76,9 @@ std::string message_of(const std::vector<Log>& logs, const FitOptions& options) 
   return "";
 }
 
-bool says(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+bool says(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
 
 void test_kalman_one_log_is_the_core_bit_for_bit(void**) {
   const Log log = make_log(3000, 0, 1, 1, kBias);
@@ -85,11 +87,17 @@ void test_kalman_one_log_is_the_core_bit_for_bit(void**) {
     const imucal_kf_config_t config = kf_config(paper_model(), order, 30, 30);
     assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
     for (size_t k = 0; k < log.size(); ++k)
-      assert_int_equal(imucal_kf_update(&kf, static_cast<float>(log.axes[0].rate_dph[k]), static_cast<float>(log.temp_degc[k])), IMUCAL_OK);
+      assert_int_equal(
+          imucal_kf_update(&kf, static_cast<float>(log.axes[0].rate_dph[k]), static_cast<float>(log.temp_degc[k])),
+          IMUCAL_OK);
     const FitAxis axis = fit_logs({log}, options_of(FitOptions::Method::kKalman, order)).axes.at(0);
-    for (int i = 0; i <= order; ++i) assert_true(static_cast<float>(axis.coeff_dph[static_cast<size_t>(i)]) == imucal_kf_coefficient(&kf, static_cast<uint32_t>(i)));
+    for (int i = 0; i <= order; ++i)
+      assert_true(static_cast<float>(axis.coeff_dph[static_cast<size_t>(i)]) ==
+                  imucal_kf_coefficient(&kf, static_cast<uint32_t>(i)));
     for (size_t i = 0; i < axis.temp_degc.size(); ++i)
-      assert_true(std::abs(axis.sigma_dph[i] / static_cast<double>(imucal_kf_bias_sigma(&kf, static_cast<float>(axis.temp_degc[i]))) - 1) < 1e-5);
+      assert_true(std::abs(axis.sigma_dph[i] /
+                               static_cast<double>(imucal_kf_bias_sigma(&kf, static_cast<float>(axis.temp_degc[i]))) -
+                           1) < 1e-5);
     assert_true(std::abs(axis.bias_sigma_dph(12.0) / static_cast<double>(imucal_kf_bias_sigma(&kf, 12.0F)) - 1) < 1e-4);
     assert_int_equal(axis.n_used, 3000);
   }
@@ -124,7 +132,8 @@ void dense_reference(const std::vector<Log>& logs, int order, Eigen::VectorXd* x
     for (Eigen::Index i = 0; i < n; ++i) {
       const size_t k = used[static_cast<size_t>(i)];
       for (Eigen::Index j = 0; j < n; ++j)
-        c(i, j) = 400 * std::exp(-std::abs(log.t_s[k] - log.t_s[used[static_cast<size_t>(j)]]) / 100) + (i == j ? 1296 : 0);
+        c(i, j) =
+            400 * std::exp(-std::abs(log.t_s[k] - log.t_s[used[static_cast<size_t>(j)]]) / 100) + (i == j ? 1296 : 0);
       h(i, l) = 1;
       for (int m = 1; m <= order; ++m) h(i, n_logs + m - 1) = std::pow((log.temp_degc[k] - 30) / 30, m);
       z[i] = log.axes[0].rate_dph[k];
@@ -138,8 +147,9 @@ void dense_reference(const std::vector<Log>& logs, int order, Eigen::VectorXd* x
 }
 
 void test_kalman_three_logs_equal_dense_least_squares(void**) {
-  std::vector<Log> logs = {make_log(400, 0, 1, 1, kBias), make_log(350, 500, 2, 1, kBias), make_log(450, -300, 3, 1, kBias)};
-  for (size_t k = 100; k < 130; ++k) logs[1].axes[0].rate_dph[k] = kNan;  // a gap in one
+  std::vector<Log> logs = {make_log(400, 0, 1, 1, kBias), make_log(350, 500, 2, 1, kBias),
+                           make_log(450, -300, 3, 1, kBias)};
+  for (size_t k = 100; k < 130; ++k) logs[1].axes[0].rate_dph[k] = kNan; // a gap in one
   Eigen::VectorXd x;
   Eigen::MatrixXd covariance;
   dense_reference(logs, 3, &x, &covariance);
@@ -148,7 +158,8 @@ void test_kalman_three_logs_equal_dense_least_squares(void**) {
   assert_int_equal(axis.turn_on_dph.size(), 3);
   // float32 in the core, and a prior of 1e4 that sits on other constants here and there: far inside one sigma (10 dph)
   assert_true(std::abs(axis.coeff_dph[0] - mean) < 0.1);
-  for (size_t l = 0; l < 3; ++l) assert_true(std::abs(axis.turn_on_dph[l] - (x[static_cast<Eigen::Index>(l)] - mean)) < 0.1);
+  for (size_t l = 0; l < 3; ++l)
+    assert_true(std::abs(axis.turn_on_dph[l] - (x[static_cast<Eigen::Index>(l)] - mean)) < 0.1);
   for (int i = 1; i <= 3; ++i) assert_true(std::abs(axis.coeff_dph[static_cast<size_t>(i)] - x[2 + i]) < 0.1);
   Eigen::MatrixXd to_mean = Eigen::MatrixXd::Zero(4, 6);
   to_mean.row(0).head(3).setConstant(1.0 / 3);
@@ -208,7 +219,8 @@ void test_polynomial_nist_wampler1(void**) {
   options.t0_degc = 0;
   options.range_degc = 20;
   const FitAxis fit = fit_logs({log}, options).axes.at(0);
-  for (int i = 0; i <= 5; ++i) assert_true(std::abs(fit.coeff_dph[static_cast<size_t>(i)] / std::pow(20, i) - 1) < 1e-9);
+  for (int i = 0; i <= 5; ++i)
+    assert_true(std::abs(fit.coeff_dph[static_cast<size_t>(i)] / std::pow(20, i) - 1) < 1e-9);
 }
 
 void test_polynomial_sigma_with_model_is_the_dense_sandwich(void**) {
@@ -226,7 +238,8 @@ void test_polynomial_sigma_with_model_is_the_dense_sandwich(void**) {
   }
   for (Eigen::Index i = 0; i < 660; ++i)
     for (Eigen::Index j = 0; j < 660; ++j)
-      c(i, j) = 400 * std::exp(-std::abs(t[static_cast<size_t>(i)] - t[static_cast<size_t>(j)]) / 100) + (i == j ? 1296 : 0);
+      c(i, j) =
+          400 * std::exp(-std::abs(t[static_cast<size_t>(i)] - t[static_cast<size_t>(j)]) / 100) + (i == j ? 1296 : 0);
   const Eigen::MatrixXd inverse = (a.transpose() * a).inverse();
   const Eigen::MatrixXd expected = inverse * a.transpose() * c * a * inverse;
   for (int i = 0; i < 3; ++i)
@@ -270,7 +283,7 @@ void test_flagged_seconds_are_not_used(void**) {
     log.axes[0].rate_dph[k] = 50000;
     log.axes[0].flags[k] = k % 2 ? kSaturated : kSensorFault | kSamplesMissing;
   }
-  log.axes[0].flags[2000] = kSamplesMissing;  // is still a mean
+  log.axes[0].flags[2000] = kSamplesMissing; // is still a mean
   for (const auto method : {FitOptions::Method::kKalman, FitOptions::Method::kPolynomial}) {
     const FitAxis axis = fit_logs({log}, options_of(method, 3)).axes.at(0);
     assert_int_equal(axis.n_missing, 100);
@@ -332,7 +345,8 @@ void test_table_holds_the_fit_and_is_valid(void**) {
   const imucal_table_t table = make_table(result, info);
   assert_string_equal(table.serial, "17");
   assert_string_equal(table.channel[0].name, "gx_dph");
-  for (size_t i = 0; i < 4; ++i) assert_true(table.channel[0].coeff[i] == static_cast<float>(result.axes[0].coeff_dph[i]));
+  for (size_t i = 0; i < 4; ++i)
+    assert_true(table.channel[0].coeff[i] == static_cast<float>(result.axes[0].coeff_dph[i]));
   assert_true(table.channel[0].sigma[8] == static_cast<float>(result.axes[0].sigma_dph[8]));
   assert_true(table.channel[0].arw == 0.6F && table.channel[0].markov_tau_s[0] == 100.0F);
   info.serial = "a serial with blanks";
@@ -344,7 +358,7 @@ void test_table_holds_the_fit_and_is_valid(void**) {
   }
 }
 
-}  // namespace
+} // namespace
 
 int main() {
   const CMUnitTest tests[] = {

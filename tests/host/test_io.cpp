@@ -34,8 +34,7 @@ static std::string file_with(const std::string& name, const std::string& text) {
 }
 
 // The message of the data error that `action` throws; fails the test when it throws none.
-template <typename Action>
-static std::string refusal(Action action) {
+template <typename Action> static std::string refusal(Action action) {
   try {
     action();
   } catch (const Error& error) {
@@ -157,9 +156,9 @@ static std::string model_refusal(const std::string& text) {
 }
 
 static void test_model_round_trip(void**) {
-  const std::string path = file_with(
-      "good.json",
-      R"({"imucal_model":1,"arw_deg_rt_h":0.6,"markov":[{"sigma_dph":20,"tau_s":100}],"turn_on_sigma_dph":5,
+  const std::string path =
+      file_with("good.json",
+                R"({"imucal_model":1,"arw_deg_rt_h":0.6,"markov":[{"sigma_dph":20,"tau_s":100}],"turn_on_sigma_dph":5,
           "bias":{"t0_degc":30,"range_degc":30,"coeff_dph":[80,300,150,-100]},
           "effects":[{"name":"rate_ramp","parameters":{"ramp_dph_per_h":3}}]})");
   const ErrorModel model = read_model(path);
@@ -181,18 +180,23 @@ static void test_model_malformed_names_the_field(void**) {
   assert_says(model_refusal(R"({"imucal_model":2})"), "version not known");
   assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":-1})"), "arw_deg_rt_h");
   assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":"x"})"), "expected a number");
-  assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":1,"markov":[{"sigma_dph":20}]})"), "markov[0]: field \"tau_s\"");
-  assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":1,"markov":[{"sigma_dph":20,"tau_s":0}]})"), "markov[0].tau_s");
-  assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":1,"bias":{"t0_degc":1,"range_degc":0,"coeff_dph":[1]}})"),
-              "range_degc");
+  assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":1,"markov":[{"sigma_dph":20}]})"),
+              "markov[0]: field \"tau_s\"");
+  assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":1,"markov":[{"sigma_dph":20,"tau_s":0}]})"),
+              "markov[0].tau_s");
+  assert_says(
+      model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":1,"bias":{"t0_degc":1,"range_degc":0,"coeff_dph":[1]}})"),
+      "range_degc");
   assert_says(model_refusal(R"({"imucal_model":1,"arw_deg_rt_h":1,"markow":[]})"), "did you mean \"markov\"?");
-  assert_says(model_refusal("{\"imucal_model\":1,\n\"arw_deg_rt_h\":1,\n\"arw_deg_rt_h\":2}"), ":3: field \"arw_deg_rt_h\" is given twice");
+  assert_says(model_refusal("{\"imucal_model\":1,\n\"arw_deg_rt_h\":1,\n\"arw_deg_rt_h\":2}"),
+              ":3: field \"arw_deg_rt_h\" is given twice");
   assert_says(model_refusal(R"({"imucal_model":1})"), "\"arw_deg_rt_h\" is missing");
   assert_says(model_refusal("{\"imucal_model\":1,\n\"arw_deg_rt_h\":1e999}"), ":2: the number 1e999 is too large");
 }
 
 static void test_text_of_unknown_origin_is_made_printable(void**) {
-  assert_string_equal(printable("a\x1b[31m\x07 \xc3\xa9\n\xc2\x9b\xff\x7f").c_str(), "a\\x1b[31m\\x07 \xc3\xa9\n\\xc2\\x9b\\xff\\x7f");
+  assert_string_equal(printable("a\x1b[31m\x07 \xc3\xa9\n\xc2\x9b\xff\x7f").c_str(),
+                      "a\\x1b[31m\\x07 \xc3\xa9\n\\xc2\\x9b\\xff\\x7f");
   assert_string_equal(shortened("abcdef", 3).c_str(), "abc...");
   assert_string_equal(nearest_name("gx_dhp", {"gy_dph", "gx_dph"}).c_str(), "gx_dph");
   assert_string_equal(nearest_name("zebra", {"gy_dph", "gx_dph"}).c_str(), "");
@@ -211,7 +215,7 @@ static void test_profile_basic_lasts_140_min(void**) {
   const auto temp_degc = profile.temperatures();
   assert_int_equal(temp_degc.size(), 8400);
   assert_true(temp_degc.front() == 0 && temp_degc.back() == 60);
-  assert_true(std::abs(temp_degc[1200] - 0.005) < 1e-9);  // middle of the first second of the ramp
+  assert_true(std::abs(temp_degc[1200] - 0.005) < 1e-9); // middle of the first second of the ramp
 }
 
 static void test_profile_repeat_continues_where_it_ended(void**) {

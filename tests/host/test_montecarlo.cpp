@@ -18,12 +18,12 @@ extern "C" {
 #include <cmocka.h>
 }
 
-#include "base/error.h"
 #include "analysis/montecarlo/campaign.h"
 #include "analysis/montecarlo/methods.h"
 #include "analysis/montecarlo/reference.h"
-#include "montecarlo/report.h"
 #include "analysis/montecarlo/truth.h"
+#include "base/error.h"
+#include "montecarlo/report.h"
 
 using namespace imucal;
 
@@ -78,8 +78,7 @@ static void test_exact_sum_does_not_depend_on_order(void**) {
   halves.add(other);
   assert_string_equal(forward.text().c_str(), backward.text().c_str());
   assert_string_equal(forward.text().c_str(), halves.text().c_str());
-  assert_true(std::abs(forward.value() - (3.25 + 1.0 / 3 - 7e7 + 1.001e-9)) <
-              3e-8); // double holds 7e7 to 1.5e-8
+  assert_true(std::abs(forward.value() - (3.25 + 1.0 / 3 - 7e7 + 1.001e-9)) < 3e-8); // double holds 7e7 to 1.5e-8
   assert_string_equal(ExactSum::from_text(forward.text()).text().c_str(), forward.text().c_str());
 }
 
@@ -148,8 +147,7 @@ static void test_campaign_stops_and_keeps_what_is_done(void**) {
   assert_int_equal(result.runs_done, 10);
   assert_int_equal(result.tally.counted("runs"), 10);
   options.runs = 10; // what is done are the first runs
-  assert_string_equal(result.tally.to_json().dump().c_str(),
-                      campaign(options).tally.to_json().dump().c_str());
+  assert_string_equal(result.tally.to_json().dump().c_str(), campaign(options).tally.to_json().dump().c_str());
 }
 
 // 99.99 % intervals of means of chi-square variables: 3.9 standard deviations.
@@ -170,8 +168,7 @@ static void test_campaign_right_filter_is_consistent(void**) {
   assert_chi2_mean(json["nees"]["mean"], 4, 400, "NEES");
   for (size_t i = 0; i < json["ratio"].size(); ++i)
     assert_chi2_mean(std::pow(double(json["ratio"][i]), 2), 1, 400, "ratio squared");
-  for (const auto& [band, expected] :
-       {std::pair<const char*, double>{"one_sigma", 0.6827}, {"two_sigma", 0.9545}})
+  for (const auto& [band, expected] : {std::pair<const char*, double>{"one_sigma", 0.6827}, {"two_sigma", 0.9545}})
     for (const Json& part : json["coverage"][band]["part"])
       assert_true(std::abs(double(part) - expected) < 3.9 * std::sqrt(expected * (1 - expected) / 400));
   assert_true(std::abs(double(json["seconds_missed_per_run"]) - 0.02 * 1600) < 3);
@@ -191,8 +188,7 @@ static void test_campaign_innovations_are_white(void**) {
     const double z =
         double(json["whiteness"]["correlation"][i]) / double(json["whiteness"]["ci95_half_width"][i]) * 1.96;
     if (std::abs(z) > 4.2)
-      fail_msg("innovations %d s apart are correlated: %.1f standard errors",
-               int(json["whiteness"]["lag_s"][i]), z);
+      fail_msg("innovations %d s apart are correlated: %.1f standard errors", int(json["whiteness"]["lag_s"][i]), z);
   }
 }
 

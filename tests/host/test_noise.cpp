@@ -80,7 +80,8 @@ static MatrixXd dense(const Case& c) {
       for (long j = i; j < n; ++j) {
         const auto to = static_cast<size_t>(j);
         if (j > i)
-          exponent -= (t[to] - t[to - 1]) / c.noise.markov[m].tau_s / (m == 0 ? std::exp(c.noise.tau_slope * c.tn[to - 1]) : 1);
+          exponent -=
+              (t[to] - t[to - 1]) / c.noise.markov[m].tau_s / (m == 0 ? std::exp(c.noise.tau_slope * c.tn[to - 1]) : 1);
         const double scale = m == 0 ? std::exp(0.5 * c.noise.markov_slope * (c.tn[at] + c.tn[to])) : 1;
         const double value = c.noise.markov[m].sigma_dph * c.noise.markov[m].sigma_dph * scale * std::exp(exponent);
         v(i, j) += value;
@@ -203,7 +204,8 @@ static void test_gains_end_at_the_closed_form(void**) {
     for (size_t i = 0; i < m; ++i) found.push_back(gains.gain[last * m + i]), expected.push_back(steady.gain[i]);
     std::sort(found.begin(), found.end()), std::sort(expected.begin(), expected.end());
     for (size_t i = 0; i < m; ++i) assert_near(found[i] / expected[i], 1, 1e-9);
-    assert_near((1 - slowest_pole(model, 1, 1)) / (1 - *std::max_element(steady.pole.begin(), steady.pole.end())), 1, 1e-3);
+    assert_near((1 - slowest_pole(model, 1, 1)) / (1 - *std::max_element(steady.pole.begin(), steady.pole.end())), 1,
+                1e-3);
   }
 }
 
@@ -242,7 +244,9 @@ static void test_mixtures_reduce_to_the_gaussian_they_contain(void**) {
 static void test_mixtures_of_white_noise_are_exact(void**) {
   Case c(300, model_of(36, {}));
   const VectorXd y = 60 * random_columns(300, 1, 9);
-  const auto density = [](double x, double variance) { return std::exp(-0.5 * x * x / variance) / std::sqrt(variance); };
+  const auto density = [](double x, double variance) {
+    return std::exp(-0.5 * x * x / variance) / std::sqrt(variance);
+  };
   NoiseModel hits = c.noise;
   hits.hit_probability = 0.1, hits.hit_sigma_dph = 150;
   double expected = 0;
@@ -258,7 +262,8 @@ static void test_mixtures_of_white_noise_are_exact(void**) {
   NoiseModel telegraph = c.noise;
   telegraph.telegraph_dph = 50, telegraph.telegraph_tau_s = 1e-6;
   expected = 0;
-  for (long k = 0; k < y.size(); ++k) expected += std::log(0.5 * density(y[k] - 50, 36 * 36) + 0.5 * density(y[k] + 50, 36 * 36));
+  for (long k = 0; k < y.size(); ++k)
+    expected += std::log(0.5 * density(y[k] - 50, 36 * 36) + 0.5 * density(y[k] + 50, 36 * 36));
   assert_near(mixture_log_likelihood(c.times(), telegraph, y), expected, 1e-9 * std::fabs(expected));
 }
 

@@ -9,10 +9,10 @@
 #include <cstring>
 #include <string>
 
-#include "base/error.h"
 #include "analysis/profile/bound.h"
 #include "analysis/profile/covariance.h"
 #include "analysis/profile/schedule.h"
+#include "base/error.h"
 #include "base/rng.h"
 extern "C" {
 #include <cmocka.h>
@@ -119,11 +119,8 @@ static void test_bound_below_the_best_profiles_known_and_tight_for_slow_chambers
     double duration_s, rate;
     int passes;
     double tightness;
-  } cases[] = {{6000, 0.6, 1, 0.975},
-               {8400, 0.6, 1, 0.985},
-               {8400, 5, 7, 0.84},
-               {28800, 5, 24, 0.8},
-               {8400, 2, 3, 0.85}};
+  } cases[] = {
+      {6000, 0.6, 1, 0.975}, {8400, 0.6, 1, 0.985}, {8400, 5, 7, 0.84}, {28800, 5, 24, 0.8}, {8400, 2, 3, 0.85}};
   for (const auto& c : cases) {
     const ChamberLimits limits = {0, 60, c.rate, c.rate, 0, 0};
     const double worst = worst_of(paper_profile(limits, c.duration_s, c.passes).temperatures(), model, 3);
@@ -162,8 +159,7 @@ static void test_bound_impossible_requests(void**) {
     } catch (const Error& e) {
       message = e.what();
     }
-    if (message.find(c.says) == std::string::npos)
-      fail_msg("'%s' does not say '%s'", message.c_str(), c.says);
+    if (message.find(c.says) == std::string::npos) fail_msg("'%s' does not say '%s'", message.c_str(), c.says);
   }
 }
 

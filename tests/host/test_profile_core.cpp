@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "base/units.h"
 #include "analysis/profile/covariance.h"
+#include "base/units.h"
 extern "C" {
 #include "kf.h"
 }
@@ -42,14 +42,12 @@ static void check_order(int order) {
   config.prior_sigma = 1e4f;
   imucal_kf_t kf;
   assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
-  for (double t : runs[0].temp_degc)
-    assert_int_equal(imucal_kf_update(&kf, 0, static_cast<float>(t)), IMUCAL_OK);
+  for (double t : runs[0].temp_degc) assert_int_equal(imucal_kf_update(&kf, 0, static_cast<float>(t)), IMUCAL_OK);
   for (size_t i = 0; i < exact.temp_degc.size(); ++i) {
     const double core_dph = imucal_kf_bias_sigma(&kf, static_cast<float>(exact.temp_degc[i]));
     // 2e-4: what float32 keeps (tests/README.md, reference figures D).
     if (std::abs(core_dph / exact.sigma_dph[i] - 1) > 2e-4)
-      fail_msg("order %d, %g degC: core %.6f, exact %.6f dph", order, exact.temp_degc[i], core_dph,
-               exact.sigma_dph[i]);
+      fail_msg("order %d, %g degC: core %.6f, exact %.6f dph", order, exact.temp_degc[i], core_dph, exact.sigma_dph[i]);
   }
 }
 

@@ -10,11 +10,11 @@
 #include <cstdio>
 #include <cstring>
 
+#include "analysis/profile/covariance.h"
 #include "base/error.h"
+#include "base/rng.h"
 #include "base/units.h"
 #include "noise/whiten.h"
-#include "analysis/profile/covariance.h"
-#include "base/rng.h"
 // Last: its macros (fail) collide with the standard library.
 extern "C" {
 #include <cmocka.h>
@@ -69,8 +69,8 @@ static void test_error_figure_7_ramp_only(void**) {
 static void test_error_figure_8_soaks(void**) {
   const double soak_s[] = {300, 600, 1200, 1800}, reference[] = {10.18, 8.64, 6.93, 6.28};
   for (int i = 0; i < 4; ++i)
-    assert_within(calibration_error(runs_of_profile(ramp_and_soak(soak_s[i])), paper_setup()).worst_dph,
-                  reference[i], 0.0012);
+    assert_within(calibration_error(runs_of_profile(ramp_and_soak(soak_s[i])), paper_setup()).worst_dph, reference[i],
+                  0.0012);
 }
 
 static void test_error_figure_9_cycles(void**) {
@@ -90,8 +90,7 @@ static void test_error_figure_10_truth_covariance(void**) {
     const CalibrationError e = calibration_error(runs_of_profile(ramp_and_soak(1200)), setup);
     assert_within(e.worst_dph, reference[i], 0.001);
     // A filter that is told less noise than there is believes too much, and the other way round.
-    const bool told_less =
-        2 * assumed[i].sigma_dph * assumed[i].sigma_dph * assumed[i].tau_s < 2 * 400.0 * 100;
+    const bool told_less = 2 * assumed[i].sigma_dph * assumed[i].sigma_dph * assumed[i].tau_s < 2 * 400.0 * 100;
     assert_true(told_less == (e.believed_worst_dph < e.worst_dph));
   }
 }
@@ -143,20 +142,17 @@ static void test_error_equals_dense_matrices_with_gaps_turn_on_and_many_terms(vo
   const MatrixXd u = dense_noise(setup.filter, runs[0], 25).ldlt().solve(x);
   const MatrixXd prior = MatrixXd::Identity(p, p) / 9e4;
   const MatrixXd believed = (2 * x.transpose() * u + prior).inverse();
-  const MatrixXd actual =
-      believed * (2 * u.transpose() * dense_noise(setup.truth, runs[0], 40) * u + prior) * believed;
+  const MatrixXd actual = believed * (2 * u.transpose() * dense_noise(setup.truth, runs[0], 40) * u + prior) * believed;
   const CalibrationError e = calibration_error(runs, setup);
   for (Eigen::Index i = 0; i < p * p; ++i) {
-    assert_float_equal(e.believed_covariance[static_cast<size_t>(i)], believed.data()[i],
-                       1e-8 * believed.norm());
+    assert_float_equal(e.believed_covariance[static_cast<size_t>(i)], believed.data()[i], 1e-8 * believed.norm());
     assert_float_equal(e.covariance[static_cast<size_t>(i)], actual.data()[i], 1e-8 * actual.norm());
   }
   // The matched way (forward pass only) agrees with the way that solves for V^-1 X.
   setup.truth = setup.filter;
   const CalibrationError matched = calibration_error(runs, setup);
   for (Eigen::Index i = 0; i < p * p; ++i)
-    assert_float_equal(matched.covariance[static_cast<size_t>(i)], believed.data()[i],
-                       1e-8 * believed.norm());
+    assert_float_equal(matched.covariance[static_cast<size_t>(i)], believed.data()[i], 1e-8 * believed.norm());
 }
 
 // --- Monte Carlo of the estimator --------------------------------------------------------------------------
@@ -164,8 +160,7 @@ static void test_error_equals_dense_matrices_with_gaps_turn_on_and_many_terms(vo
 // Error of B(T) at both ends and the middle for `n_runs` simulated tests against the truth covariance: the
 // sampled variance over the predicted one is chi-square / n; its interval at 1e-4 (two-sided, normal
 // approximation, 3.9 sigma).
-static void check_against_monte_carlo(const ErrorModel& filter, const ErrorModel& truth, int n_runs,
-                                      uint64_t seed) {
+static void check_against_monte_carlo(const ErrorModel& filter, const ErrorModel& truth, int n_runs, uint64_t seed) {
   CalibrationSetup setup = paper_setup();
   setup.filter = filter;
   setup.truth = truth;
@@ -253,8 +248,7 @@ static void test_restart_each_cycle_continues_the_temperatures(void**) {
 
 // --- impossible requests -----------------------------------------------------------------------------------
 
-static void assert_refused(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup,
-                           const char* remedy) {
+static void assert_refused(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup, const char* remedy) {
   try {
     calibration_error(runs, setup);
   } catch (const Error& e) {

@@ -10,8 +10,8 @@
 #include <cstdio>
 #include <string>
 
-#include "base/error.h"
 #include "analysis/profile/optimize.h"
+#include "base/error.h"
 extern "C" {
 #include <cmocka.h>
 }
@@ -46,8 +46,7 @@ static void assert_keeps_limits(const OptimizeResult& result, const OptimizeRequ
     assert_true(-rate <= request.limits.cooling_degc_per_min * (1 + 1e-9));
     if (rate == 0) {
       assert_true(leg.end_s - leg.start_s >= request.limits.min_soak_s - 1);
-      if (request.limits.max_soak_s > 0)
-        assert_true(leg.end_s - leg.start_s <= request.limits.max_soak_s + 1);
+      if (request.limits.max_soak_s > 0) assert_true(leg.end_s - leg.start_s <= request.limits.max_soak_s + 1);
     }
   }
 }
@@ -57,8 +56,7 @@ static void assert_keeps_limits(const OptimizeResult& result, const OptimizeRequ
 static void test_optimize_reaches_known_figures_and_the_bound(void**) {
   const struct {
     double duration_s, rate, at_most_dph, of_proven;
-  } cases[] = {
-      {8400, 0.6, 6.94, 0.985}, {8400, 2, 6.23, 0.92}, {14400, 0.6, 4.90, 0.985}, {6000, 0.6, 13.10, 0.975}};
+  } cases[] = {{8400, 0.6, 6.94, 0.985}, {8400, 2, 6.23, 0.92}, {14400, 0.6, 4.90, 0.985}, {6000, 0.6, 13.10, 0.975}};
   for (const auto& c : cases) {
     const OptimizeRequest request = request_of(c.duration_s, c.rate);
     const OptimizeResult result = optimize_profile(request);
@@ -66,8 +64,7 @@ static void test_optimize_reaches_known_figures_and_the_bound(void**) {
     const double proven = calibration_bound({request.setup.truth, 3, c.duration_s, 60, c.rate}).proven_dph;
     if (!(result.error.worst_dph < c.at_most_dph && proven < result.error.worst_dph &&
           proven > c.of_proven * result.error.worst_dph))
-      fail_msg("%g s at %g degC/min: %.4f dph, bound %.4f", c.duration_s, c.rate, result.error.worst_dph,
-               proven);
+      fail_msg("%g s at %g degC/min: %.4f dph, bound %.4f", c.duration_s, c.rate, result.error.worst_dph, proven);
     assert_true(result.error.worst_dph <= result.paper_error.worst_dph + 1e-9);
   }
 }

@@ -48,7 +48,9 @@ std::string message_of(const std::string& text) {
   return message;
 }
 
-bool says(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+bool says(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
 
 // Two seconds of 10 Hz: counts k and -2k, temperature 20 + k/100; a flag, a lost sample.
 std::string samples(int lost = -1, int saturated = -1) {
@@ -114,7 +116,8 @@ void test_raw_bad_input_names_what_is_wrong(void**) {
   assert_true(says(message_of("# rate_hz = ten\n# gx_counts_scale_dph = 18\nt_s,temp_degc,gx_counts\n" + row), "ten"));
   assert_true(says(message_of("# rate_hz = 10\nt_s,temp_degc,gx_counts\n" + row), "gx_counts_scale_dph"));
   assert_true(says(message_of("# rate_hz = 10\n# gx_counts_scale_dph = -1\nt_s,temp_degc,gx_counts\n" + row), "-1"));
-  assert_true(says(message_of(std::string(kHead) + "t_s,temp_degc,gx_counts,gy_dph\n0,20,1,1\n"), "raw counts and rates"));
+  assert_true(
+      says(message_of(std::string(kHead) + "t_s,temp_degc,gx_counts,gy_dph\n0,20,1,1\n"), "raw counts and rates"));
   assert_true(says(message_of(std::string(kHead) + "t_s,temp_degc,gx_counts\n0.0,20,1.5\n"), "whole numbers"));
   assert_true(says(message_of(std::string(kHead) + "t_s,temp_degc,gx_counts\n0.0,20,3000000000\n"), "whole numbers"));
   assert_true(says(message_of(std::string(kHead) + "t_s,temp_degc,gx_counts\n-1,20,3\n"), "time"));
@@ -122,7 +125,7 @@ void test_raw_bad_input_names_what_is_wrong(void**) {
   assert_true(says(message_of(std::string(kHead) + "t_s,temp_degc,gx_counts\n0,20,abc\n"), ":5:"));
 }
 
-}  // namespace
+} // namespace
 
 int main() {
   const CMUnitTest tests[] = {

@@ -67,9 +67,7 @@ static void test_sound_samples_have_no_finding(void**) {
 }
 
 static void test_dead_band_is_found_by_its_shape(void**) {
-  const auto dead = [](double width) {
-    return [width](double y, double) { return std::fabs(y) < width ? 0.0 : y; };
-  };
+  const auto dead = [](double width) { return [width](double y, double) { return std::fabs(y) < width ? 0.0 : y; }; };
   assert_findings(changed(rates(0, 0, 36), dead(3)), "dead_band", "narrow, around zero");
   assert_findings(changed(rates(0, 200, 36), dead(60)), "dead_band", "wide, crossed by a swing");
   assert_findings(changed(rates(50, 0, 36), dead(20)), "dead_band", "on a bias");
@@ -113,9 +111,8 @@ static void test_a_lattice_around_zero_is_no_dead_band(void**) {
 static void test_saturation_is_a_pile_within_reach_of_the_noise(void**) {
   const auto clip = [](double y, double) { return std::min(y, 1180.0); };
   assert_findings(changed(rates(1000, 200, 36), clip), "saturation", "the top of a swing");
-  assert_findings(
-      changed(rates(0, 0, 36), [](double y, double) { return std::max(-70.0, std::min(70.0, y)); }),
-      "saturation", "both tails");
+  assert_findings(changed(rates(0, 0, 36), [](double y, double) { return std::max(-70.0, std::min(70.0, y)); }),
+                  "saturation", "both tails");
 }
 
 static void test_repeats_are_held_samples(void**) {

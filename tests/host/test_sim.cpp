@@ -36,8 +36,7 @@ static Profile soak(double duration_s, double at_degc = 25) {
   return profile;
 }
 
-static std::vector<double> noise(const ErrorModel& model, size_t n, const SimOptions& options,
-                                 size_t axis = 0) {
+static std::vector<double> noise(const ErrorModel& model, size_t n, const SimOptions& options, size_t axis = 0) {
   return simulate({model}, axis + 1, soak(static_cast<double>(n)), {}, options).axes[axis].run.rate_dph;
 }
 
@@ -55,8 +54,7 @@ struct Mean {
 static void assert_within(const Mean& found, double expected, double n_errors, const char* what) {
   const double z = (found.mean() - expected) / found.error();
   if (std::abs(z) > n_errors)
-    fail_msg("%s: %.6g +- %.2g, expected %.6g (%.1f standard errors)", what, found.mean(), found.error(),
-             expected, z);
+    fail_msg("%s: %.6g +- %.2g, expected %.6g (%.1f standard errors)", what, found.mean(), found.error(), expected, z);
 }
 
 static void test_simulate_autocovariance_is_the_closed_form(void**) {
@@ -76,8 +74,7 @@ static void test_simulate_autocovariance_is_the_closed_form(void**) {
   }
   for (size_t i = 0; i < lags.size(); ++i) {
     const auto lag = static_cast<double>(lags[i]);
-    const double expected =
-        (lag == 0 ? 36.0 * 36.0 : 0.0) + 400 * std::exp(-lag / 100) + 196 * std::exp(-lag / 8);
+    const double expected = (lag == 0 ? 36.0 * 36.0 : 0.0) + 400 * std::exp(-lag / 100) + 196 * std::exp(-lag / 8);
     assert_within(found[i], expected, 3.5, ("autocovariance at lag " + std::to_string(lags[i])).c_str());
   }
 }
@@ -87,10 +84,8 @@ static void test_simulate_dp2_is_the_closed_form(void**) {
   const ErrorModel model = model_of(1.1, {{14, 20}, {14, 70}});
   const double phi_nominal = std::exp(-1 / 100.0), q = 400 * (1 - phi_nominal * phi_nominal), r = 36.0 * 36.0;
   double p = 400;
-  for (int i = 0; i < 10000; ++i)
-    p = (p * phi_nominal * phi_nominal + q) * r / (p * phi_nominal * phi_nominal + q + r);
-  const double prior = p * phi_nominal * phi_nominal + q, gain = prior / (prior + r),
-               a = phi_nominal * (1 - gain);
+  for (int i = 0; i < 10000; ++i) p = (p * phi_nominal * phi_nominal + q) * r / (p * phi_nominal * phi_nominal + q + r);
+  const double prior = p * phi_nominal * phi_nominal + q, gain = prior / (prior + r), a = phi_nominal * (1 - gain);
   const std::vector<size_t> spans = {2, 10, 50, 100, 200};
   const std::vector<double> design_dph = {34.85, 18.79, 14.33, 13.99, 13.88};
   std::vector<Mean> found(spans.size());
@@ -213,8 +208,7 @@ static void test_simulate_gap_decorrelates_by_its_length(void**) {
   for (size_t r = 0; r < 6000; ++r) {
     SimOptions options;
     options.log_index = r;
-    const auto x =
-        simulate({model_of(0, {{20, 100}})}, 1, {1, 2, 72}, {25, 25, 25}, {}, options).axes[0].run.rate_dph;
+    const auto x = simulate({model_of(0, {{20, 100}})}, 1, {1, 2, 72}, {25, 25, 25}, {}, options).axes[0].run.rate_dph;
     product.add(x[1] * x[2]);
   }
   assert_within(product, 400 * std::exp(-0.7), 3.5, "covariance over a gap of 70 s");
@@ -244,8 +238,7 @@ static void test_simulate_unknown_effect_or_axis_is_refused(void**) {
     try {
       simulate({model_of(0.6, {})}, 2, soak(10), {effect}, SimOptions{});
     } catch (const Error& error) {
-      if (std::string(error.what()).find(expected) == std::string::npos)
-        fail_msg("message: %s", error.what());
+      if (std::string(error.what()).find(expected) == std::string::npos) fail_msg("message: %s", error.what());
       return;
     }
     fail_msg("%s was taken", effect.name.c_str());

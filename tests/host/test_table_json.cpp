@@ -13,9 +13,9 @@ extern "C" {
 #include <string>
 
 #include "base/error.h"
+#include "base/rng.h"
 #include "device/run.h"
 #include "io/table_json.h"
-#include "base/rng.h"
 
 using namespace imucal;
 

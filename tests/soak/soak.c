@@ -37,13 +37,18 @@ static int soak_store(uint64_t seed, long n_commits) {
     if (!is_rollback && !was_cut) is_good = status == IMUCAL_OK && now == mark, n_stuck += status != IMUCAL_OK;
     if (!is_rollback && was_cut) is_good = now == before || now == mark;
     if (is_rollback && !was_cut && status != IMUCAL_OK) is_good = now == before;
-    if (!is_good && n_lost++ < 5) fprintf(stderr, "soak: commit %ld of seed %llu: table %d rules after %d, status %d\n", k, (unsigned long long)seed, now, before, status);
+    if (!is_good && n_lost++ < 5)
+      fprintf(stderr, "soak: commit %ld of seed %llu: table %d rules after %d, status %d\n", k,
+              (unsigned long long)seed, now, before, status);
     n_done += !is_rollback && status == IMUCAL_OK;
     rules = was_cut ? -1 : now; /* after a cut either may rule from start to start until the next write */
   }
-  printf("soak: seed %llu, %ld commits, %llu done, %llu cut, %llu rollbacks, %u + %u erases; lost or wrong %llu, stuck %llu, rules of the "
-         "flash broken %d\n", (unsigned long long)seed, n_commits, (unsigned long long)n_done, (unsigned long long)n_cuts,
-         (unsigned long long)n_rollbacks, nor.n_erase[0], nor.n_erase[1], (unsigned long long)n_lost, (unsigned long long)n_stuck, nor.n_violations);
+  printf("soak: seed %llu, %ld commits, %llu done, %llu cut, %llu rollbacks, %u + %u erases; lost or wrong %llu, stuck "
+         "%llu, rules of the "
+         "flash broken %d\n",
+         (unsigned long long)seed, n_commits, (unsigned long long)n_done, (unsigned long long)n_cuts,
+         (unsigned long long)n_rollbacks, nor.n_erase[0], nor.n_erase[1], (unsigned long long)n_lost,
+         (unsigned long long)n_stuck, nor.n_violations);
   return n_lost || n_stuck || nor.n_violations;
 }
 
@@ -51,7 +56,8 @@ static int soak_store(uint64_t seed, long n_commits) {
 static int soak_line(uint64_t seed, long n_frames) {
   imucal_link_rx_t rx;
   imucal_link_rx_init(&rx);
-  uint64_t random = nor_mix(seed ^ 0x6C696E65u), n_touched = 0, n_lost = 0, n_wrong = 0, n_untouched_lost = 0, n_got = 0;
+  uint64_t random = nor_mix(seed ^ 0x6C696E65u), n_touched = 0, n_lost = 0, n_wrong = 0, n_untouched_lost = 0,
+           n_got = 0;
   uint32_t details[2] = {0, 0};
   int was_got[2] = {1, 1}, was_touched[2] = {0, 0};
   for (long k = 0; k < n_frames; k++) {
@@ -68,23 +74,30 @@ static int soak_line(uint64_t seed, long n_frames) {
     for (size_t i = 0; i < len; i++) {
       random = nor_mix(random + 1);
       const uint32_t dice = (uint32_t)random % rate;
-      const uint8_t noise = (uint8_t)(random >> 32), bytes[2] = {dice == 0 ? noise : frame[i], dice == 2 ? frame[i] : noise};
+      const uint8_t noise = (uint8_t)(random >> 32),
+                    bytes[2] = {dice == 0 ? noise : frame[i], dice == 2 ? frame[i] : noise};
       was_touched[at] |= dice <= 3;
       const int n = dice == 1 ? 0 : dice == 2 || dice == 3 ? 2 : 1;
       for (int b = 0; b < n; b++) {
         if (imucal_link_rx_put(&rx, bytes[b]) != IMUCAL_FRAME_READY) continue;
         imucal_link_any_t got;
-        const int is_event = imucal_link_rx_message(&rx, &got) == IMUCAL_OK && imucal_link_rx_type(&rx) == IMUCAL_LINK_ID_EVENT;
+        const int is_event =
+            imucal_link_rx_message(&rx, &got) == IMUCAL_OK && imucal_link_rx_type(&rx) == IMUCAL_LINK_ID_EVENT;
         const int of = is_event ? got.event.counter & 1 : 0;
-        if (!is_event || got.event.detail != details[of] || was_got[of]) n_wrong++;
-        else was_got[of] = 1, n_got++;
+        if (!is_event || got.event.detail != details[of] || was_got[of])
+          n_wrong++;
+        else
+          was_got[of] = 1, n_got++;
       }
     }
     n_touched += (uint64_t)was_touched[at];
   }
-  printf("soak: seed %llu, %ld frames, %llu touched, %llu arrived, %llu lost; untouched and lost %llu, wrong bytes accepted %llu, lost more "
-         "than touched %d\n", (unsigned long long)seed, n_frames, (unsigned long long)n_touched, (unsigned long long)n_got,
-         (unsigned long long)n_lost, (unsigned long long)n_untouched_lost, (unsigned long long)n_wrong, n_lost > n_touched);
+  printf("soak: seed %llu, %ld frames, %llu touched, %llu arrived, %llu lost; untouched and lost %llu, wrong bytes "
+         "accepted %llu, lost more "
+         "than touched %d\n",
+         (unsigned long long)seed, n_frames, (unsigned long long)n_touched, (unsigned long long)n_got,
+         (unsigned long long)n_lost, (unsigned long long)n_untouched_lost, (unsigned long long)n_wrong,
+         n_lost > n_touched);
   return n_untouched_lost || n_wrong || n_lost > n_touched;
 }
 
@@ -97,7 +110,8 @@ int main(int argc, char** argv) {
     if (!strcmp(argv[i], "--frames")) n_frames = atol(argv[i + 1]);
   }
   int failed = 0;
-  for (int g = 0; g < TORN_GEOMETRIES; g++) failed |= soak_store(seed * TORN_GEOMETRIES + (uint64_t)g, n_commits / TORN_GEOMETRIES);
+  for (int g = 0; g < TORN_GEOMETRIES; g++)
+    failed |= soak_store(seed * TORN_GEOMETRIES + (uint64_t)g, n_commits / TORN_GEOMETRIES);
   failed |= soak_line(seed, n_frames);
   return failed;
 }

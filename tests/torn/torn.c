@@ -16,22 +16,23 @@ static int replay(int argc, char** argv) {
   const int n = argc < (int)(sizeof numbers / sizeof *numbers) ? argc : (int)(sizeof numbers / sizeof *numbers);
   for (int i = 0; i < n; i++) numbers[i] = atol(argv[i]);
   path.seed = (uint64_t)strtoull(argv[0], NULL, 10);
-  path.geometry = (int)numbers[1], path.mode = (int)numbers[2], path.channels = (int)numbers[3], path.start = (int)numbers[4];
+  path.geometry = (int)numbers[1], path.mode = (int)numbers[2], path.channels = (int)numbers[3],
+  path.start = (int)numbers[4];
   torn_start(&state, &path);
   for (int i = 5; i + 2 < n; i += 3) {
-    path.cut[path.n_cuts++] = (torn_cut_t){.action = (int)numbers[i], .step = numbers[i + 1], .pattern = (int)numbers[i + 2]};
+    path.cut[path.n_cuts++] =
+        (torn_cut_t){.action = (int)numbers[i], .step = numbers[i + 1], .pattern = (int)numbers[i + 2]};
     const int was_cut = torn_cut(&state, &path, &counts);
-    printf("%s cut in step %ld, pattern %d: %s; ruling slot %d, slots %d %d\n", torn_action_names[numbers[i]], numbers[i + 1],
-           (int)numbers[i + 2], was_cut ? "cut" : "ended before", torn_report.ruling, torn_report.slot_status[0],
-           torn_report.slot_status[1]);
+    printf("%s cut in step %ld, pattern %d: %s; ruling slot %d, slots %d %d\n", torn_action_names[numbers[i]],
+           numbers[i + 1], (int)numbers[i + 2], was_cut ? "cut" : "ended before", torn_report.ruling,
+           torn_report.slot_status[0], torn_report.slot_status[1]);
   }
   return torn_n_failures(&counts) != 0;
 }
 
 static void report(const char* what, torn_counts_t* total, const torn_counts_t* c, clock_t begin) {
   printf("%-44s", what);
-  for (int depth = 0; depth < TORN_MAX_CUTS; depth++)
-    printf(" %9llu", (unsigned long long)torn_n_cuts(c, depth));
+  for (int depth = 0; depth < TORN_MAX_CUTS; depth++) printf(" %9llu", (unsigned long long)torn_n_cuts(c, depth));
   printf(" %10llu starts %6.1f s\n", (unsigned long long)c->n_starts, (double)(clock() - begin) / CLOCKS_PER_SEC);
   uint64_t* to = (uint64_t*)total;
   for (size_t i = 0; i < sizeof *c / sizeof *to; i++) to[i] += ((const uint64_t*)c)[i];
@@ -91,12 +92,13 @@ int main(int argc, char** argv) {
   torn_failures(seed, &counts, &n_failed_calls);
   report("driver fails, loudly and silently", &total, &counts, begin);
   const uint64_t n_cuts = torn_n_cuts(&total, 0) + torn_n_cuts(&total, 1) + torn_n_cuts(&total, 2);
-  printf("torn: seed %llu, %llu cuts (%llu once, %llu twice, %llu three times), %llu failed calls, %llu starts, %llu next commits; "
+  printf("torn: seed %llu, %llu cuts (%llu once, %llu twice, %llu three times), %llu failed calls, %llu starts, %llu "
+         "next commits; "
          "no table %llu, wrong table %llu, stuck %llu, too many reads %llu, rules of the flash broken %llu\n",
          (unsigned long long)seed, (unsigned long long)n_cuts, (unsigned long long)torn_n_cuts(&total, 0),
-         (unsigned long long)torn_n_cuts(&total, 1), (unsigned long long)torn_n_cuts(&total, 2), (unsigned long long)n_failed_calls,
-         (unsigned long long)total.n_starts, (unsigned long long)total.n_commits, (unsigned long long)total.n_none,
-         (unsigned long long)total.n_wrong, (unsigned long long)total.n_stuck, (unsigned long long)total.n_slow,
-         (unsigned long long)total.n_violations);
+         (unsigned long long)torn_n_cuts(&total, 1), (unsigned long long)torn_n_cuts(&total, 2),
+         (unsigned long long)n_failed_calls, (unsigned long long)total.n_starts, (unsigned long long)total.n_commits,
+         (unsigned long long)total.n_none, (unsigned long long)total.n_wrong, (unsigned long long)total.n_stuck,
+         (unsigned long long)total.n_slow, (unsigned long long)total.n_violations);
   return torn_n_failures(&total) != 0;
 }

@@ -67,14 +67,18 @@ static imucal_status torn_act(nor_t* nor, int action, int channels, int mark) {
   const imucal_flash_t flash = nor_flash(nor);
   imucal_table_t table = example_table(channels, mark);
   switch (action) {
-  case TORN_WRITE: return imucal_store_write(&flash, "SN-17", (uint32_t)channels, &torn_work, &table, &torn_report);
-  case TORN_ROLLBACK: return imucal_store_rollback(&flash, "SN-17", (uint32_t)channels, &torn_work, &table, &torn_report);
-  default: return imucal_store_erase(&flash, &torn_work, &torn_report);
+  case TORN_WRITE:
+    return imucal_store_write(&flash, "SN-17", (uint32_t)channels, &torn_work, &table, &torn_report);
+  case TORN_ROLLBACK:
+    return imucal_store_rollback(&flash, "SN-17", (uint32_t)channels, &torn_work, &table, &torn_report);
+  default:
+    return imucal_store_erase(&flash, &torn_work, &torn_report);
   }
 }
 
 static inline void torn_print(FILE* out, const torn_path_t* path) {
-  fprintf(out, "%llu %d %d %d %d", (unsigned long long)path->seed, path->geometry, path->mode, path->channels, path->start);
+  fprintf(out, "%llu %d %d %d %d", (unsigned long long)path->seed, path->geometry, path->mode, path->channels,
+          path->start);
   for (int i = 0; i < path->n_cuts; i++)
     fprintf(out, " %d %ld %d", path->cut[i].action, path->cut[i].step, path->cut[i].pattern);
   fprintf(out, "\n");
@@ -90,7 +94,8 @@ static uint64_t torn_hash(const torn_path_t* path) {
   const int head[] = {path->geometry, path->mode, path->channels, path->start};
   for (int i = 0; i < 4; i++) hash = nor_mix(hash * 31 + (uint64_t)head[i]);
   for (int i = 0; i < path->n_cuts; i++)
-    hash = nor_mix(hash * 31 + (uint64_t)path->cut[i].step * 64 + (uint64_t)(path->cut[i].action * 8 + path->cut[i].pattern));
+    hash = nor_mix(hash * 31 + (uint64_t)path->cut[i].step * 64 +
+                   (uint64_t)(path->cut[i].action * 8 + path->cut[i].pattern));
   return hash;
 }
 
@@ -126,8 +131,11 @@ static int torn_check(torn_state_t* s, const torn_path_t* path, torn_counts_t* c
       counts->n_starts++;
       const int mark = torn_ruling(&s->nor, path->channels);
       const int is_allowed = mark >= 0 && (s->allowed >> mark & 1);
-      if (!is_allowed) is_good = 0, torn_fail(mark == 0 ? &counts->n_none : &counts->n_wrong, path, "not allowed to rule: table", mark);
-      if (s->nor.n_reads > TORN_MAX_READS) is_good = 0, torn_fail(&counts->n_slow, path, "reads to load", (long)s->nor.n_reads);
+      if (!is_allowed)
+        is_good = 0,
+        torn_fail(mark == 0 ? &counts->n_none : &counts->n_wrong, path, "not allowed to rule: table", mark);
+      if (s->nor.n_reads > TORN_MAX_READS)
+        is_good = 0, torn_fail(&counts->n_slow, path, "reads to load", (long)s->nor.n_reads);
     }
   }
   if (s->nor.n_violations) is_good = 0, torn_fail(&counts->n_violations, path, s->nor.violation, s->nor.n_violations);
@@ -167,7 +175,8 @@ static int torn_cut(torn_state_t* s, const torn_path_t* path, torn_counts_t* cou
   s->nor.steps_used = 0;
   const imucal_status status = torn_act(&s->nor, cut->action, path->channels, target);
   if (!s->nor.is_off) {
-    if (status != IMUCAL_OK && cut->action != TORN_ROLLBACK) torn_fail(&counts->n_stuck, path, "an action fails with the power on", status);
+    if (status != IMUCAL_OK && cut->action != TORN_ROLLBACK)
+      torn_fail(&counts->n_stuck, path, "an action fails with the power on", status);
     return 0;
   }
   counts->n_cuts[path->n_cuts - 1][cut->action]++;
@@ -179,8 +188,8 @@ static int torn_cut(torn_state_t* s, const torn_path_t* path, torn_counts_t* cou
 }
 
 // Cuts of every action at every step with every pattern; then from each state again, to depth max_cuts.
-static inline void torn_everywhere(const torn_state_t* from, torn_path_t* path, int max_cuts, const int* patterns, int n_patterns,
-                                   torn_counts_t* counts) {
+static inline void torn_everywhere(const torn_state_t* from, torn_path_t* path, int max_cuts, const int* patterns,
+                                   int n_patterns, torn_counts_t* counts) {
   torn_state_t* s = (torn_state_t*)malloc(sizeof *s);
   torn_cut_t* cut = &path->cut[path->n_cuts++];
   for (cut->action = 0; cut->action < TORN_ACTIONS; cut->action++)
@@ -219,8 +228,12 @@ static inline void torn_sample(uint64_t seed, long n, int channels, torn_counts_
       random = nor_mix(random + 0x9E3779B97F4A7C15ULL);
       const long n_units = IMUCAL_TABLE_BYTES(channels) / (long)s->nor.geometry.unit_bytes + 6;
       // Half of the cuts where it matters most: in the first and the last few steps, marks and pages.
-      const long far = (long)(random >> 8) & 0xFFFF, step = random & 64 ? far % n_units : random & 128 ? far % 6 : n_units - far % 8;
-      path.cut[path.n_cuts++] = (torn_cut_t){.action = (random & 7) < 5 ? TORN_WRITE : (random & 7) < 7 ? TORN_ROLLBACK : TORN_ERASE,
+      const long far = (long)(random >> 8) & 0xFFFF, step = random & 64    ? far % n_units
+                                                            : random & 128 ? far % 6
+                                                                           : n_units - far % 8;
+      path.cut[path.n_cuts++] = (torn_cut_t){.action = (random & 7) < 5   ? TORN_WRITE
+                                                       : (random & 7) < 7 ? TORN_ROLLBACK
+                                                                          : TORN_ERASE,
                                              .pattern = (int)(random >> 32) % NOR_PATTERNS,
                                              .step = step < 0 ? 0 : step};
       if (path.cut[depth].pattern < 0) path.cut[depth].pattern += NOR_PATTERNS;
@@ -239,13 +252,15 @@ static inline void torn_flips(uint64_t seed, int n_rounds, torn_counts_t* counts
   for (int round = 0; round < n_rounds; round++)
     for (int g = 0; g < TORN_GEOMETRIES; g++)
       for (int start = 2; start < 6; start++) {
-        torn_path_t path = {.seed = seed + (uint64_t)round, .geometry = g, .mode = NOR_STABLE, .channels = 1, .start = start};
+        torn_path_t path = {
+            .seed = seed + (uint64_t)round, .geometry = g, .mode = NOR_STABLE, .channels = 1, .start = start};
         torn_start(from, &path);
         uint64_t random = torn_hash(&path);
         const uint32_t slot = (uint32_t)random & 1;
         const int n_flips = 1 + (int)(random >> 1) % 3;
         const int was = torn_ruling(&from->nor, 1);
-        const int is_hit = torn_report.ruling == (int8_t)slot, has_other = torn_report.slot_status[1 - slot] == IMUCAL_OK;
+        const int is_hit = torn_report.ruling == (int8_t)slot,
+                  has_other = torn_report.slot_status[1 - slot] == IMUCAL_OK;
         for (int i = 0; i < n_flips; i++) {
           random = nor_mix(random + 1);
           from->nor.bytes[slot][(random >> 8) % from->nor.geometry.slot_bytes] ^= (uint8_t)(1 << (random & 7));

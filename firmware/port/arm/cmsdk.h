@@ -10,9 +10,8 @@
 #define CMSDK_UART0_RX_IRQ 0u /* interrupt number; pending on every byte received */
 
 void cmsdk_uart_init(void);
-size_t cmsdk_uart_read(uint8_t* data, size_t capacity); /* bytes taken, 0 where none waits */
-size_t cmsdk_uart_write(const uint8_t* data,
-                        size_t length); /* bytes accepted, 0 where the register is full */
+size_t cmsdk_uart_read(uint8_t* data, size_t capacity);      /* bytes taken, 0 where none waits */
+size_t cmsdk_uart_write(const uint8_t* data, size_t length); /* bytes accepted, 0 where the register is full */
 
 #define CMSDK_TIMER0_IRQ 8u /* pending whenever the timer wraps */
 

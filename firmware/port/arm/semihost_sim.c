@@ -62,8 +62,7 @@ void semihost_board(imucal_board_t* board, const char* command_line) {
     if (is_option) {
       memcpy(name, at, n);
       name[n] = '\0';
-      if (!is_other_option(name) && !board_options_set(board, name, at + n + 1))
-        refuse("cannot use argument ", at);
+      if (!is_other_option(name) && !board_options_set(board, name, at + n + 1)) refuse("cannot use argument ", at);
     } else if (at != command_line) {
       refuse("argument without '=': ", at);
     }
@@ -80,8 +79,7 @@ uint32_t semihost_boot_id(void) {
 
 static bool load(void* ctx, uint32_t offset_bytes, uint8_t* data, size_t length) {
   const semihost_flash_t* flash = ctx;
-  return semihost_seek(flash->file, offset_bytes) &&
-         semihost_read(flash->file, data, length) == (int32_t)length;
+  return semihost_seek(flash->file, offset_bytes) && semihost_read(flash->file, data, length) == (int32_t)length;
 }
 
 static bool save(void* ctx, uint32_t offset_bytes, const uint8_t* data, size_t length) {

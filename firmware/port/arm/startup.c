@@ -60,8 +60,7 @@ __attribute__((noreturn)) void reset_handler(void) {
   __asm volatile("dsb\n\tisb" ::: "memory");
 #endif
   const uint32_t* from = link_data_load;
-  for (uint32_t at = address_of(link_data_start); at < address_of(link_data_end); at += 4)
-    REG32(at) = *from++;
+  for (uint32_t at = address_of(link_data_start); at < address_of(link_data_end); at += 4) REG32(at) = *from++;
   for (uint32_t at = address_of(link_bss_start); at < address_of(link_bss_end); at += 4) REG32(at) = 0;
   cortexm_stack_paint();
   (void)main();
@@ -76,10 +75,8 @@ typedef union {
 
 /* Interrupts are never taken (PRIMASK stays set), so the table ends after the system exceptions. */
 __attribute__((section(".vectors"), used)) const vector_entry_t vector_table[16] = {
-    {.stack_top = link_stack_top}, {.handler = reset_handler}, {.handler = fault_handler},
-    {.handler = fault_handler},    {.handler = fault_handler}, {.handler = fault_handler},
-    {.handler = fault_handler},    {.handler = fault_handler}, {.handler = fault_handler},
-    {.handler = fault_handler},    {.handler = fault_handler}, {.handler = fault_handler},
-    {.handler = fault_handler},    {.handler = fault_handler}, {.handler = fault_handler},
-    {.handler = fault_handler},
+    {.stack_top = link_stack_top}, {.handler = reset_handler}, {.handler = fault_handler}, {.handler = fault_handler},
+    {.handler = fault_handler},    {.handler = fault_handler}, {.handler = fault_handler}, {.handler = fault_handler},
+    {.handler = fault_handler},    {.handler = fault_handler}, {.handler = fault_handler}, {.handler = fault_handler},
+    {.handler = fault_handler},    {.handler = fault_handler}, {.handler = fault_handler}, {.handler = fault_handler},
 };

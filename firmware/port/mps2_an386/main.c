@@ -81,8 +81,7 @@ static imucal_status port_flash_erase(void* ctx, uint32_t slot) {
 }
 
 /* Word by word, as a chip does: killing the emulator in between is a power cut. */
-static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data,
-                                        uint32_t len) {
+static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
   device_t* self = ctx;
   for (uint32_t at = 0; at < len; at += self->nor.word_bytes) {
     flash_delay(self);
@@ -132,8 +131,7 @@ static void read_arguments(void) {
   board_options_default(&board);
   semihost_board(&board, command_line);
   device.feed.file = -1;
-  if (!semihost_option(command_line, "feed", device.feed.path, sizeof device.feed.path))
-    device.feed.path[0] = '\0';
+  if (!semihost_option(command_line, "feed", device.feed.path, sizeof device.feed.path)) device.feed.path[0] = '\0';
   device.samples.ctx = &device.feed;
   device.samples.refill = semihost_feed_refill;
   device.samples.buffer = device.sample_bytes;
@@ -156,8 +154,8 @@ int main(void) {
                                         .read = port_flash_read,
                                         .ctx = &device,
                                         .slot_bytes = SLOT_BYTES,
-                                    .erase_bytes = PAGE_BYTES,
-                                    .program_bytes = 4},
+                                        .erase_bytes = PAGE_BYTES,
+                                        .program_bytes = 4},
                               .time_us = port_time_us,
                               .watchdog = port_watchdog,
                               .reboot = port_reboot,

@@ -69,8 +69,7 @@ static imucal_status port_flash_erase(void* ctx, uint32_t slot) {
   return IMUCAL_OK; /* the controller reports nothing: the store reads back */
 }
 
-static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data,
-                                        uint32_t len) {
+static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
   (void)ctx;
   nrf51_flash_program(SLOT_ADDRESS(slot) + offset, data, len);
   return IMUCAL_OK;
@@ -99,8 +98,7 @@ static void read_arguments(void) {
   board_options_default(&board);
   semihost_board(&board, command_line);
   device.feed.file = -1;
-  if (!semihost_option(command_line, "feed", device.feed.path, sizeof device.feed.path))
-    device.feed.path[0] = '\0';
+  if (!semihost_option(command_line, "feed", device.feed.path, sizeof device.feed.path)) device.feed.path[0] = '\0';
   device.samples.ctx = &device.feed;
   device.samples.refill = semihost_feed_refill;
   device.samples.buffer = device.sample_bytes;

@@ -99,8 +99,8 @@ void nrf51_flash_program(uint32_t address, const uint8_t* data, size_t length) {
   NVMC_CONFIG = NVMC_WRITE;
   wait_flash();
   for (size_t i = 0; i + 4 <= length; i += 4) {
-    REG32(address + i) = (uint32_t)data[i] | (uint32_t)data[i + 1] << 8 | (uint32_t)data[i + 2] << 16 |
-                         (uint32_t)data[i + 3] << 24;
+    REG32(address + i) =
+        (uint32_t)data[i] | (uint32_t)data[i + 1] << 8 | (uint32_t)data[i + 2] << 16 | (uint32_t)data[i + 3] << 24;
     wait_flash();
   }
   NVMC_CONFIG = NVMC_READ_ONLY;

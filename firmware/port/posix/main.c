@@ -110,11 +110,9 @@ static imucal_status port_flash_erase(void* ctx, uint32_t slot) {
   return flash_status(nor_erase(&self->nor, flash_offset(slot, 0), SLOT_BYTES));
 }
 
-static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data,
-                                        uint32_t len) {
+static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
   device_t* self = ctx;
-  if (!self->flash_delay_us)
-    return flash_status(nor_program(&self->nor, flash_offset(slot, offset), data, len));
+  if (!self->flash_delay_us) return flash_status(nor_program(&self->nor, flash_offset(slot, offset), data, len));
   for (uint32_t at = 0; at < len; at += 4) { /* word by word, so that a kill finds it half done */
     flash_delay(self, 1);
     const nor_result_t result = nor_program(&self->nor, flash_offset(slot, offset + at), data + at, 4);
@@ -292,9 +290,8 @@ static void fill_port(imucal_port_t* port, bool is_live) {
 /* Until a byte comes; where samples are wanted, no longer than a moment: the feed may be a pipe without a
  * writer, which cannot be waited for. */
 static void wait_for_work(bool is_sampling) {
-  struct pollfd fds[2] = {
-      {.fd = serial_poll_fd(&device.serial), .events = POLLIN},
-      {.fd = is_sampling && device.feed.has_delivered ? device.feed.fd : -1, .events = POLLIN}};
+  struct pollfd fds[2] = {{.fd = serial_poll_fd(&device.serial), .events = POLLIN},
+                          {.fd = is_sampling && device.feed.has_delivered ? device.feed.fd : -1, .events = POLLIN}};
   if (app.tx_at != app.tx_end && device.serial.line_fd >= 0) {
     fds[0].events |= POLLOUT;
     if (is_sampling) fds[1].fd = -1; /* waiting for room, not for samples */

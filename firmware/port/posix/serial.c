@@ -107,8 +107,8 @@ size_t serial_read(serial_t* serial, uint8_t* data, size_t capacity) {
 size_t serial_write(serial_t* serial, const uint8_t* data, size_t length) {
   accept_client(serial);
   if (serial->line_fd < 0 || length == 0) return 0;
-  const ssize_t n = serial->listen_fd < 0 ? write(serial->line_fd, data, length)
-                                          : send(serial->line_fd, data, length, MSG_NOSIGNAL);
+  const ssize_t n =
+      serial->listen_fd < 0 ? write(serial->line_fd, data, length) : send(serial->line_fd, data, length, MSG_NOSIGNAL);
   if (n >= 0) return (size_t)n;
   if (!is_transient()) drop_client(serial);
   return 0;

@@ -47,8 +47,7 @@ bool board_options_number(const char* text, float* value, const char** end) {
   if (n_digits == 0) return false;
   at = read_exponent(at, &exponent);
   if (exponent < -22 || exponent > 22) return false;
-  digits =
-      exponent < 0 ? digits / power_of_ten((uint32_t)-exponent) : digits * power_of_ten((uint32_t)exponent);
+  digits = exponent < 0 ? digits / power_of_ten((uint32_t)-exponent) : digits * power_of_ten((uint32_t)exponent);
   *value = (float)(is_negative ? -digits : digits);
   *end = at;
   return true;
@@ -88,8 +87,7 @@ static bool set_names(imucal_board_t* board, const char* value) {
 }
 
 /* A list of numbers, the last of which holds for the channels left. */
-static bool set_numbers(imucal_board_t* board, const char* value,
-                        void (*set)(imucal_board_t*, uint32_t, float)) {
+static bool set_numbers(imucal_board_t* board, const char* value, void (*set)(imucal_board_t*, uint32_t, float)) {
   float number = 0.0f;
   for (uint32_t i = 0; i < IMUCAL_MAX_CHANNELS; i++) {
     if (*value != '\0' && *value != ' ') {
@@ -114,8 +112,7 @@ static void set_full_scale(imucal_board_t* board, uint32_t i, float number) {
 
 bool board_options_set(imucal_board_t* board, const char* name, const char* value) {
   uint32_t whole;
-  if (is_option(name, "serial"))
-    return set_text(board->serial, sizeof board->serial, &value) && is_end(*value);
+  if (is_option(name, "serial")) return set_text(board->serial, sizeof board->serial, &value) && is_end(*value);
   if (is_option(name, "names")) return set_names(board, value);
   if (is_option(name, "scale")) return set_numbers(board, value, set_scale);
   if (is_option(name, "full-scale")) return set_numbers(board, value, set_full_scale);

@@ -30,9 +30,8 @@ typedef struct {
   uint32_t page_bytes;
   uint32_t word_bytes; /* 1 to 32: smallest unit of programming */
 
-  uint32_t
-      cut_operation; /* the power fails in this erase or program (0 is the first), NOR_NEVER: not at all */
-  uint32_t cut_byte; /* after this many bytes of it; the torn word keeps half its bits */
+  uint32_t cut_operation; /* the power fails in this erase or program (0 is the first), NOR_NEVER: not at all */
+  uint32_t cut_byte;      /* after this many bytes of it; the torn word keeps half its bits */
 
   uint32_t n_operations; /* erases and programs begun since start */
   bool has_power;

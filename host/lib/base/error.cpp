@@ -11,14 +11,19 @@ namespace {
 size_t character_bytes(const std::string& text, size_t at) {
   const auto byte = [&](size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0U; };
   const unsigned first = byte(at);
-  const size_t n = first < 0x80 ? 1 : first >= 0xC2 && first < 0xE0 ? 2 : first >= 0xE0 && first < 0xF0 ? 3 : first >= 0xF0 && first < 0xF5 ? 4 : 0;
+  const size_t n = first < 0x80                    ? 1
+                   : first >= 0xC2 && first < 0xE0 ? 2
+                   : first >= 0xE0 && first < 0xF0 ? 3
+                   : first >= 0xF0 && first < 0xF5 ? 4
+                                                   : 0;
   for (size_t i = 1; i < n; ++i)
     if ((byte(at + i) & 0xC0U) != 0x80U) return 0;
-  const bool is_control = (n == 1 && (first < 0x20 || first == 0x7F) && first != '\n' && first != '\t') || (first == 0xC2 && byte(at + 1) < 0xA0);
+  const bool is_control = (n == 1 && (first < 0x20 || first == 0x7F) && first != '\n' && first != '\t') ||
+                          (first == 0xC2 && byte(at + 1) < 0xA0);
   return is_control ? 0 : n;
 }
 
-}  // namespace
+} // namespace
 
 std::string printable(const std::string& text) {
   std::string out;
@@ -40,4 +45,4 @@ std::string shortened(const std::string& text, size_t longest) {
   return text.size() <= longest ? text : text.substr(0, longest) + "...";
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -10,11 +10,11 @@ namespace imucal {
 enum class Exit { kDone = 0, kNegative = 1, kUsage = 2, kData = 3, kDevice = 4 };
 
 class Error : public std::runtime_error {
- public:
+public:
   Error(Exit exit, const std::string& message) : std::runtime_error(message), exit_(exit) {}
   Exit exit() const { return exit_; }
 
- private:
+private:
   Exit exit_;
 };
 
@@ -24,8 +24,14 @@ std::string printable(const std::string& text);
 // At most so many bytes, then "...".
 std::string shortened(const std::string& text, size_t longest = 60);
 
-inline Error usage_error(const std::string& message) { return {Exit::kUsage, message}; }
-inline Error data_error(const std::string& message) { return {Exit::kData, message}; }
-inline Error device_error(const std::string& message) { return {Exit::kDevice, message}; }
+inline Error usage_error(const std::string& message) {
+  return {Exit::kUsage, message};
+}
+inline Error data_error(const std::string& message) {
+  return {Exit::kData, message};
+}
+inline Error device_error(const std::string& message) {
+  return {Exit::kDevice, message};
+}
 
-}  // namespace imucal
+} // namespace imucal

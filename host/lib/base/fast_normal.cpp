@@ -17,8 +17,7 @@ FastNormal::Table::Table() {
   // Layer 0 is the bottom strip with the tail: as wide as its area over its height.
   x_edge[0] = kArea / density(kTail);
   x_edge[1] = kTail;
-  for (int i = 2; i < 256; ++i)
-    x_edge[i] = std::sqrt(-2.0 * std::log(kArea / x_edge[i - 1] + density(x_edge[i - 1])));
+  for (int i = 2; i < 256; ++i) x_edge[i] = std::sqrt(-2.0 * std::log(kArea / x_edge[i - 1] + density(x_edge[i - 1])));
   x_edge[256] = 0;
   y[0] = 0;
   for (int i = 1; i < 257; ++i) y[i] = density(x_edge[i]);

@@ -41,8 +41,7 @@ public:
   }
 
 private:
-  template <class Task>
-  void run(const Task& task) {
+  template <class Task> void run(const Task& task) {
     try {
       task();
     } catch (...) {
@@ -67,10 +66,7 @@ public:
   ~Pool() {
     for (std::thread& t : threads_) t.join();
   }
-  template <class Task>
-  void add(const Task& task) {
-    threads_.emplace_back(task);
-  }
+  template <class Task> void add(const Task& task) { threads_.emplace_back(task); }
 
 private:
   std::vector<std::thread> threads_;

@@ -19,7 +19,9 @@ static double now_s() {
 Progress::Progress(std::string what, double total, bool quiet)
     : what_(std::move(what)), total_(total), shown_(!quiet && ::isatty(STDERR_FILENO)), start_s_(now_s()) {}
 
-Progress::~Progress() { finish(); }
+Progress::~Progress() {
+  finish();
+}
 
 void Progress::update(double done, const std::string& note) {
   if (!shown_) return;
@@ -31,7 +33,7 @@ void Progress::update(double done, const std::string& note) {
   const double left_s = fraction > 0.001 ? (t - start_s_) * (1 - fraction) / fraction : 0.0;
   if (total_ > 0)
     std::fprintf(stderr, "\r\033[K%s %3.0f %%  %s  %.0f s left", what_.c_str(), 100 * fraction, note.c_str(), left_s);
-  else  // nobody knows how much there is to do
+  else // nobody knows how much there is to do
     std::fprintf(stderr, "\r\033[K%s  %s", what_.c_str(), note.c_str());
   std::fflush(stderr);
 }

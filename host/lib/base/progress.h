@@ -7,13 +7,13 @@ namespace imucal {
 
 // Progress on standard error, on a terminal only and at most ten times a second.
 class Progress {
- public:
+public:
   Progress(std::string what, double total, bool quiet);
   ~Progress();
   void update(double done, const std::string& note = "");
   void finish();
 
- private:
+private:
   std::string what_;
   double total_;
   bool shown_;

@@ -34,4 +34,4 @@ double Rng::normal() {
   return radius * std::cos(angle);
 }
 
-}  // namespace imucal
+} // namespace imucal

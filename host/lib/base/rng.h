@@ -9,22 +9,31 @@
 namespace imucal {
 
 // What a stream of random numbers is for; streams of different purpose never overlap.
-enum class Stream : uint32_t { kWhite = 1, kMarkov = 2, kTurnOn = 3, kBias = 4, kJitter = 5, kThermometer = 6,
-                               kMissing = 7, kEffect = 100 /* + place of the effect in the list */, kTool = 1000 };
+enum class Stream : uint32_t {
+  kWhite = 1,
+  kMarkov = 2,
+  kTurnOn = 3,
+  kBias = 4,
+  kJitter = 5,
+  kThermometer = 6,
+  kMissing = 7,
+  kEffect = 100 /* + place of the effect in the list */,
+  kTool = 1000
+};
 
 class Rng {
- public:
+public:
   Rng(uint64_t seed, uint64_t run, uint32_t axis, uint32_t purpose)
       : key_{{static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32)}},
         counter_{{0, static_cast<uint32_t>(run), axis, purpose ^ (static_cast<uint32_t>(run >> 32) * 0x9E3779B9u)}} {}
   Rng(uint64_t seed, uint64_t run, uint32_t axis, Stream purpose)
       : Rng(seed, run, axis, static_cast<uint32_t>(purpose)) {}
 
-  uint32_t bits();    // 32 random bits; a stream holds 2^34 of them
-  double uniform();   // in (0, 1), 53 bits
-  double normal();    // mean 0, variance 1
+  uint32_t bits();  // 32 random bits; a stream holds 2^34 of them
+  double uniform(); // in (0, 1), 53 bits
+  double normal();  // mean 0, variance 1
 
- private:
+private:
   r123::Philox4x32::key_type key_;
   r123::Philox4x32::ctr_type counter_;
   r123::Philox4x32::ctr_type block_{};
@@ -33,4 +42,4 @@ class Rng {
   bool has_spare_ = false;
 };
 
-}  // namespace imucal
+} // namespace imucal

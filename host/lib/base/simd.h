@@ -10,7 +10,7 @@
 
 // Dispatch needs the loader's indirect functions (glibc) and GCC: clang has no `optimize`.  The address
 // sanitizer's run time is not yet up when the loader chooses.
-#if defined(__GNUC__) && !defined(__clang__) && defined(__gnu_linux__) && defined(__x86_64__) && \
+#if defined(__GNUC__) && !defined(__clang__) && defined(__gnu_linux__) && defined(__x86_64__) &&                       \
     !defined(__SANITIZE_ADDRESS__)
 #define IMUCAL_WIDE __attribute__((target_clones("avx512f", "avx2", "default"), optimize("O3")))
 #else
@@ -25,7 +25,11 @@ namespace imucal {
 typedef double Lanes __attribute__((vector_size(32)));
 
 // No alignment asked of the memory.
-IMUCAL_WIDE_PART void load_lanes(Lanes* v, const double* from) { std::memcpy(v, from, sizeof *v); }
-IMUCAL_WIDE_PART void store_lanes(const Lanes& v, double* to) { std::memcpy(to, &v, sizeof v); }
+IMUCAL_WIDE_PART void load_lanes(Lanes* v, const double* from) {
+  std::memcpy(v, from, sizeof *v);
+}
+IMUCAL_WIDE_PART void store_lanes(const Lanes& v, double* to) {
+  std::memcpy(to, &v, sizeof v);
+}
 
 } // namespace imucal

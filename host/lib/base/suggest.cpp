@@ -21,14 +21,15 @@ size_t edits(const std::string& a, const std::string& b) {
   for (size_t i = 1; i <= a.size(); ++i)
     for (size_t j = 1; j <= b.size(); ++j) {
       d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1)});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
     }
   return d[a.size()][b.size()];
 }
 
-constexpr size_t kLongest = 64;  // no name of ours is longer
+constexpr size_t kLongest = 64; // no name of ours is longer
 
-}  // namespace
+} // namespace
 
 std::string nearest_name(const std::string& name, const std::vector<std::string>& known) {
   if (name.size() > kLongest) return "";
@@ -49,4 +50,4 @@ std::string did_you_mean(const std::string& name, const std::vector<std::string>
   return near.empty() ? "" : "; did you mean \"" + near + "\"?";
 }
 
-}  // namespace imucal
+} // namespace imucal

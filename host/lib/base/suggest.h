@@ -13,4 +13,4 @@ std::string nearest_name(const std::string& name, const std::vector<std::string>
 // "; did you mean \"markov\"?" or "".
 std::string did_you_mean(const std::string& name, const std::vector<std::string>& known);
 
-}  // namespace imucal
+} // namespace imucal

@@ -15,6 +15,8 @@ constexpr double kMgPerMs2 = 1000.0 / 9.80665;
 // 60 arw / sqrt(dt).
 double white_sigma_dph(double arw_deg_rt_h, double dt_s = 1.0);
 // The inverse for 1-s means.
-constexpr double arw_from_white_sigma(double sigma_dph) { return sigma_dph / 60.0; }
+constexpr double arw_from_white_sigma(double sigma_dph) {
+  return sigma_dph / 60.0;
+}
 
-}  // namespace imucal
+} // namespace imucal

@@ -20,8 +20,8 @@ double now_s() {
 
 const char* request_name(uint8_t id) {
   switch (id) {
-#define NAME_OF(number, name, NAME)                                                                          \
-  case number:                                                                                               \
+#define NAME_OF(number, name, NAME)                                                                                    \
+  case number:                                                                                                         \
     return #NAME;
     IMUCAL_LINK_MESSAGES(NAME_OF)
 #undef NAME_OF
@@ -63,8 +63,7 @@ constexpr double kFlashPatience = 5.0; // erase and program take longer than an 
 } // namespace
 
 Device::Device(std::unique_ptr<Transport> transport, DeviceOptions options)
-    : transport_(std::move(transport)), options_(options),
-      sequence_(static_cast<uint8_t>(std::random_device{}())) {
+    : transport_(std::move(transport)), options_(options), sequence_(static_cast<uint8_t>(std::random_device{}())) {
   imucal_link_rx_init(&rx_);
 }
 
@@ -177,8 +176,7 @@ imucal_link_any_t Device::exchange(uint8_t id, const void* message, uint8_t requ
     return reply;
   }
   throw device_error(port() + ": the device does not answer (" + request_name(request_id) + " sent " +
-                     std::to_string(options_.tries) +
-                     " times); check cable, port and baud rate" +
+                     std::to_string(options_.tries) + " times); check cable, port and baud rate" +
                      (statistics_.bytes == 0 ? ", and that no other program uses the port" : "") +
                      "; restart the device and repeat the command. Its flash still holds the last good table");
 }
@@ -207,7 +205,8 @@ imucal_link_any_t Device::request(uint8_t id, const void* message, uint8_t reply
       command.token = token_;
       command.number = ++number_;
       command.request = id;
-      if (const imucal_status packed = imucal_link_encode(id, message, command.payload, sizeof command.payload, &length);
+      if (const imucal_status packed =
+              imucal_link_encode(id, message, command.payload, sizeof command.payload, &length);
           packed != IMUCAL_OK)
         throw device_error(port() + ": " + request_name(id) + ": " + imucal_status_text(packed));
       command.length = static_cast<uint8_t>(length);
@@ -301,8 +300,7 @@ std::vector<uint8_t> Device::read_table(uint8_t slot) {
     part.offset = static_cast<uint16_t>(bytes.size());
     part.length = static_cast<uint8_t>(
         std::min<size_t>(IMUCAL_LINK_MAX_DATA, bytes.empty() ? IMUCAL_LINK_MAX_DATA : total - bytes.size()));
-    const auto reply =
-        request(IMUCAL_LINK_ID_TABLE_READ, &part, IMUCAL_LINK_ID_TABLE_READ_REPLY).table_read_reply;
+    const auto reply = request(IMUCAL_LINK_ID_TABLE_READ, &part, IMUCAL_LINK_ID_TABLE_READ_REPLY).table_read_reply;
     total = reply.total;
     if (reply.offset != part.offset || reply.length == 0 || total > IMUCAL_TABLE_MAX_BYTES)
       throw device_error(port() + ": the device sent another part of its table than asked for; restart it");

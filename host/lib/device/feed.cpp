@@ -74,8 +74,7 @@ int connect_patiently(const std::string& to, const std::string& where) {
 int accept_one(const std::string& to, const std::string& service) {
   char* end = nullptr;
   const long port = std::strtol(service.c_str(), &end, 10);
-  if (service.empty() || *end || port < 1 || port > 65535)
-    throw usage_error("'" + to + "': expected tcp-listen:PORT");
+  if (service.empty() || *end || port < 1 || port > 65535) throw usage_error("'" + to + "': expected tcp-listen:PORT");
   const int listener = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const int on = 1;
   ::setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
@@ -83,8 +82,8 @@ int accept_one(const std::string& to, const std::string& service) {
   address.sin_family = AF_INET;
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   address.sin_port = htons(static_cast<uint16_t>(port));
-  const bool listens = ::bind(listener, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0 &&
-                       ::listen(listener, 1) == 0;
+  const bool listens =
+      ::bind(listener, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0 && ::listen(listener, 1) == 0;
   const int fd = listens ? ::accept4(listener, nullptr, nullptr, SOCK_CLOEXEC) : -1;
   const int error = errno;
   ::close(listener);
@@ -180,19 +179,16 @@ std::vector<FeedSecond> replay_seconds(const Log& log) {
   if (log.axes.size() > kMaxRawAxes)
     throw data_error(log.path + ": " + std::to_string(log.axes.size()) + " axes, a device has at most " +
                      std::to_string(kMaxRawAxes) + "; remove columns");
-  if (!log.has_temperature())
-    throw data_error(log.path + ": no temperature: a thermal calibration needs temp_degc");
+  if (!log.has_temperature()) throw data_error(log.path + ": no temperature: a thermal calibration needs temp_degc");
   if (log.size() > 1 && std::abs(log.dt_s() - 1.0) > 0.05)
-    throw data_error(log.path + ": rows are " + std::to_string(log.dt_s()) +
-                     " s apart; replay needs one per second");
+    throw data_error(log.path + ": rows are " + std::to_string(log.dt_s()) + " s apart; replay needs one per second");
   std::vector<FeedSecond> seconds;
   const double first_s = std::floor(log.t_s.front() + 0.5);
   for (size_t k = 0; k < log.size(); ++k) {
     if (!std::isfinite(log.temp_degc[k])) continue;
     FeedSecond second;
-    second.t_s = std::floor(log.t_s[k] + 0.5) - first_s + 1; // the device's clock starts with the log
-    if (!seconds.empty() && second.t_s <= seconds.back().t_s)
-      continue; // two rows in one second: keep the first
+    second.t_s = std::floor(log.t_s[k] + 0.5) - first_s + 1;            // the device's clock starts with the log
+    if (!seconds.empty() && second.t_s <= seconds.back().t_s) continue; // two rows in one second: keep the first
     second.temp_degc = log.temp_degc[k];
     for (const LogAxis& axis : log.axes) {
       const bool is_fault = !axis.flags.empty() && (axis.flags[k] & kSensorFault);

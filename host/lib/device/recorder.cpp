@@ -43,8 +43,7 @@ LogRecorder::LogRecorder(const std::string& path, const Device& device, What wha
   out_.open(path_ + ".part", std::ios::trunc);
   if (!out_) throw data_error(path_ + ": cannot be written: " + std::strerror(errno));
   out_.precision(9); // every float32
-  out_ << "# imucal-log = 1\n# device = " << fixed_text(device.hello().device)
-       << "\n# serial = " << device.serial()
+  out_ << "# imucal-log = 1\n# device = " << fixed_text(device.hello().device) << "\n# serial = " << device.serial()
        << "\n# content = " << (what_ == What::kRaw ? "raw" : "compensated") << "\n";
   write_scales(device);
   out_ << "t_s,temp_degc";
@@ -64,9 +63,8 @@ void LogRecorder::write_scales(const Device& device) {
     if (i == 0)
       out_ << "# temp_counts_scale_degc = " << shortest(channel.degc_per_count)
            << "\n# temp_counts_offset_degc = " << shortest(channel.degc_at_zero) << "\n";
-    out_ << "# " << stem << "_counts_scale" << name.substr(name.rfind('_')) << " = "
-         << shortest(channel.unit_per_count) << "\n# " << stem
-         << "_full_scale_counts = " << channel.full_scale_counts << "\n";
+    out_ << "# " << stem << "_counts_scale" << name.substr(name.rfind('_')) << " = " << shortest(channel.unit_per_count)
+         << "\n# " << stem << "_full_scale_counts = " << channel.full_scale_counts << "\n";
   }
 }
 
@@ -106,7 +104,8 @@ void LogRecorder::close() {
   out_.close();
   errno = 0;
   if (!rename())
-    throw data_error(path_ + ": cannot write: " + std::strerror(errno) + "; what was recorded is in " + path_ + ".part");
+    throw data_error(path_ + ": cannot write: " + std::strerror(errno) + "; what was recorded is in " + path_ +
+                     ".part");
   if (!is_whole) throw data_error(path_ + ": not everything could be written; is the disk full?");
 }
 

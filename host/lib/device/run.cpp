@@ -12,10 +12,10 @@
 #include <limits>
 #include <memory>
 
-#include "base/error.h"
-#include "device/recorder.h"
-#include "base/progress.h"
 #include "analysis/fit/fit.h"
+#include "base/error.h"
+#include "base/progress.h"
+#include "device/recorder.h"
 #include "io/log.h"
 #include "io/table_json.h"
 
@@ -23,10 +23,10 @@ namespace imucal {
 
 namespace {
 
-constexpr double kSilence_s = 2.0;           // without any record: ask the device whether it is alive
-constexpr double kTravelPerOrder_degc = 1.0; // least movement of the temperature per order of the polynomial
-constexpr double kTravelOfRange = 0.25;      // and least part of the range asked for
-constexpr double kRangeSlack = 0.02;         // part of the range that need not be reached at either end
+constexpr double kSilence_s = 2.0;                    // without any record: ask the device whether it is alive
+constexpr double kTravelPerOrder_degc = 1.0;          // least movement of the temperature per order of the polynomial
+constexpr double kTravelOfRange = 0.25;               // and least part of the range asked for
+constexpr double kRangeSlack = 0.02;                  // part of the range that need not be reached at either end
 constexpr TemperatureRange kWidestRange{-40.0, 85.0}; // where nothing says what range is meant
 constexpr double kManyGaps = 0.1;                     // part of the seconds
 constexpr double kNisAlarm = 3.89;                    // normal deviate of a false-alarm rate of 1e-4
@@ -89,15 +89,15 @@ bool find_range(const RunOptions& options, TemperatureRange* range) {
   return true;
 }
 
-void refuse_small_travel(const TemperatureRange& moved, unsigned order,
-                         const std::optional<TemperatureRange>& wanted, const std::string& whose) {
+void refuse_small_travel(const TemperatureRange& moved, unsigned order, const std::optional<TemperatureRange>& wanted,
+                         const std::string& whose) {
   double needed = kTravelPerOrder_degc * order;
   if (wanted) needed = std::max(needed, kTravelOfRange * wanted->width());
   if (moved.width() >= needed) return;
-  throw data_error(whose + " moved only from " + text_of(moved.lo_degc, 2) + " to " +
-                   text_of(moved.hi_degc, 2) + " degC: a polynomial of order " + std::to_string(order) +
-                   (wanted ? " over " + text_of(*wanted) : std::string()) + " needs at least " +
-                   text_of(needed) + " degC of travel; use a profile that covers the range" +
+  throw data_error(whose + " moved only from " + text_of(moved.lo_degc, 2) + " to " + text_of(moved.hi_degc, 2) +
+                   " degC: a polynomial of order " + std::to_string(order) +
+                   (wanted ? " over " + text_of(*wanted) : std::string()) + " needs at least " + text_of(needed) +
+                   " degC of travel; use a profile that covers the range" +
                    (wanted ? ", or name a smaller one with --range" : ""));
 }
 
@@ -146,30 +146,27 @@ private:
 
 void Run::prepare() {
   if (options_.profile)
-    refuse_small_travel({options_.profile->min_degc(), options_.profile->max_degc()}, options_.order,
-                        options_.range, "the profile");
+    refuse_small_travel({options_.profile->min_degc(), options_.profile->max_degc()}, options_.order, options_.range,
+                        "the profile");
   is_range_known_ = find_range(options_, &range_);
   if (range_.width() <= 0)
-    throw usage_error("temperature range " + text_of(range_) +
-                      " is reversed or empty; give --range LOW:HIGH");
+    throw usage_error("temperature range " + text_of(range_) + " is reversed or empty; give --range LOW:HIGH");
   if (!is_range_known_ && options_.until_error > 0)
-    throw usage_error(
-        "--until-error needs to know over which temperatures: give --range LOW:HIGH or --profile");
-  total_s_ = options_.duration_s > 0 ? options_.duration_s
-             : options_.profile      ? options_.profile->duration_s()
-                                     : 0;
+    throw usage_error("--until-error needs to know over which temperatures: give --range LOW:HIGH or --profile");
+  total_s_ = options_.duration_s > 0 ? options_.duration_s : options_.profile ? options_.profile->duration_s() : 0;
   const std::vector<size_t> channels = chosen_channels(device_, options_);
   for (size_t i = 0; i < channels.size(); ++i) {
     const ErrorModel& model = options_.models.size() > 1 ? options_.models[i] : options_.models.front();
     Axis axis{channels[i],
-              cal_start_of(model, options_.order, (range_.lo_degc + range_.hi_degc) / 2, range_.width() / 2,
-                           range_, options_.prior_sigma),
+              cal_start_of(model, options_.order, (range_.lo_degc + range_.hi_degc) / 2, range_.width() / 2, range_,
+                           options_.prior_sigma),
               {},
               {}};
     axis.start.channel = static_cast<uint8_t>(channels[i]);
     axes_.push_back(axis);
   }
-  raw_log_ = std::make_unique<LogRecorder>(options_.record_path, device_, LogRecorder::What::kRaw, options_.may_overwrite);
+  raw_log_ =
+      std::make_unique<LogRecorder>(options_.record_path, device_, LogRecorder::What::kRaw, options_.may_overwrite);
   compensated_log_ = std::make_unique<LogRecorder>(options_.record_compensated_path, device_,
                                                    LogRecorder::What::kCompensated, options_.may_overwrite);
 }
@@ -316,11 +313,9 @@ imucal_table_t Run::table_made_here() {
   for (size_t k = 0; k < axes_.size(); ++k) {
     const Axis& axis = axes_[k];
     imucal_table_channel_t& channel = table.channel[axis.channel];
-    const imucal_status status =
-        imucal_table_from_kf(&channel, &result_.axes[k].filter, static_cast<float>(span.lo_degc),
-                             static_cast<float>(span.hi_degc));
-    if (status != IMUCAL_OK)
-      throw data_error(result_.axes[k].name + ": no table: " + imucal_status_text(status));
+    const imucal_status status = imucal_table_from_kf(
+        &channel, &result_.axes[k].filter, static_cast<float>(span.lo_degc), static_cast<float>(span.hi_degc));
+    if (status != IMUCAL_OK) throw data_error(result_.axes[k].name + ": no table: " + imucal_status_text(status));
     channel.arw = axis.start.arw;
     channel.n_markov = axis.start.n_markov;
     std::copy_n(axis.start.markov_sigma, IMUCAL_TABLE_MARKOV_N, channel.markov_sigma);
@@ -334,8 +329,7 @@ void Run::check_read_back() {
   for (const AxisResult& axis : result_.axes) {
     const imucal_table_channel_t& channel = result_.table.channel[axis.channel];
     bool is_same = channel.order == axis.state.order;
-    for (size_t i = 0; i < IMUCAL_MAX_COEFF; ++i)
-      is_same = is_same && channel.coeff[i] == axis.state.coeff[i];
+    for (size_t i = 0; i < IMUCAL_MAX_COEFF; ++i) is_same = is_same && channel.coeff[i] == axis.state.coeff[i];
     if (!is_same)
       throw device_error(device_.port() + ": " + axis.name +
                          ": the table read back from flash is not what the filter "
@@ -347,10 +341,10 @@ void Run::note_innovations(const AxisResult& axis) {
   const double n = axis.state.n;
   const double deviate = (static_cast<double>(axis.state.mean_nis) - 1) / std::sqrt(2 / n);
   if (std::abs(deviate) <= kNisAlarm) return;
-  result_.notes.push_back(
-      axis.name + ": the innovations are " + text_of(std::sqrt(static_cast<double>(axis.state.mean_nis)), 2) +
-      " times as large as the model predicts (false-alarm rate 1e-4): the predicted error is " +
-      (deviate > 0 ? "too small" : "too large") + "; fit a model with `errormodel fit`");
+  result_.notes.push_back(axis.name + ": the innovations are " +
+                          text_of(std::sqrt(static_cast<double>(axis.state.mean_nis)), 2) +
+                          " times as large as the model predicts (false-alarm rate 1e-4): the predicted error is " +
+                          (deviate > 0 ? "too small" : "too large") + "; fit a model with `errormodel fit`");
 }
 
 void Run::finish() {
@@ -363,23 +357,20 @@ void Run::finish() {
                             " per second) and were not used; check the sensor or its nominal rate");
   if (result_.gaps == result_.seconds) throw device_error(device_.port() + ": " + result_.notes.back());
   refuse_small_travel(result_.seen, options_.order,
-                      is_range_known_ ? std::optional<TemperatureRange>(range_) : std::nullopt,
-                      "the temperature");
+                      is_range_known_ ? std::optional<TemperatureRange>(range_) : std::nullopt, "the temperature");
   for (const Axis& axis : axes_) {
     AxisResult learned;
     learned.channel = axis.channel;
     learned.name = device_.channel_name(axis.channel);
     learned.state = device_.cal_state(static_cast<uint8_t>(axis.channel));
-    learned.filter =
-        kf_from_device(axis.start, device_.cal_filter(static_cast<uint8_t>(axis.channel)), learned.state);
+    learned.filter = kf_from_device(axis.start, device_.cal_filter(static_cast<uint8_t>(axis.channel)), learned.state);
     ThermalPolynomial polynomial;
     polynomial.t0_degc = static_cast<double>(axis.start.t0_degc);
     polynomial.range_degc = static_cast<double>(axis.start.range_degc);
     polynomial.coeff_dph.assign(learned.state.coeff, learned.state.coeff + axis.start.order + 1);
     double sum = 0;
     for (size_t k = 0; k < axis.rate.size(); ++k) {
-      const double residual =
-          static_cast<double>(axis.rate[k]) - polynomial.at(static_cast<double>(axis.temp_degc[k]));
+      const double residual = static_cast<double>(axis.rate[k]) - polynomial.at(static_cast<double>(axis.temp_degc[k]));
       sum += residual * residual;
     }
     learned.residual_rms = axis.rate.empty() ? 0 : std::sqrt(sum / static_cast<double>(axis.rate.size()));
@@ -401,7 +392,7 @@ void Run::finish() {
 }
 
 RunResult Run::go() {
-  (void)interrupted();  // from here on Ctrl-C ends the run in order
+  (void)interrupted(); // from here on Ctrl-C ends the run in order
   prepare();
   try {
     listen();
@@ -418,10 +409,9 @@ RunResult Run::go() {
 
 } // namespace
 
-imucal_link_cal_start_t cal_start_of(const ErrorModel& model, unsigned order, double t0_degc,
-                                     double range_degc, const TemperatureRange& span, double prior_sigma) {
-  const imucal_kf_config_t config =
-      kf_config(model, static_cast<int>(order), t0_degc, range_degc, prior_sigma);
+imucal_link_cal_start_t cal_start_of(const ErrorModel& model, unsigned order, double t0_degc, double range_degc,
+                                     const TemperatureRange& span, double prior_sigma) {
+  const imucal_kf_config_t config = kf_config(model, static_cast<int>(order), t0_degc, range_degc, prior_sigma);
   imucal_link_cal_start_t start{};
   start.order = config.order;
   start.t0_degc = config.t0_degc;

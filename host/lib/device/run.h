@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "device/device.h"
 #include "base/range.h"
+#include "device/device.h"
 #include "io/json_file.h"
 #include "io/model.h"
 #include "io/profile.h"
@@ -23,8 +23,8 @@ constexpr double kPriorSigma = 1e4; // of every coefficient, unit of the channel
 
 struct RunOptions {
   unsigned order = 3;
-  std::vector<ErrorModel> models; // one for all axes, or one per axis
-  std::vector<std::string> axes;  // names; empty: all gyros (or, with one model per channel, all channels)
+  std::vector<ErrorModel> models;        // one for all axes, or one per axis
+  std::vector<std::string> axes;         // names; empty: all gyros (or, with one model per channel, all channels)
   std::optional<TemperatureRange> range; // where the table shall be valid
   std::optional<Profile> profile;        // gives range and duration where they are not given
   double until_error = 0;                // end when the predicted worst one-sigma error is below; 0: not
@@ -40,7 +40,7 @@ struct AxisResult {
   size_t channel = 0;
   std::string name;
   imucal_link_cal_state_reply_t state{};
-  imucal_kf_t filter{};     // the device's, bit for bit: predicts the error at any temperature
+  imucal_kf_t filter{};    // the device's, bit for bit: predicts the error at any temperature
   double residual_rms = 0; // of the seconds seen against the polynomial learned
 };
 
@@ -58,8 +58,8 @@ struct RunResult {
 };
 
 // The filter parameters of a channel.  data_error: a model the filter cannot work with.
-imucal_link_cal_start_t cal_start_of(const ErrorModel& model, unsigned order, double t0_degc,
-                                     double range_degc, const TemperatureRange& span, double prior_sigma);
+imucal_link_cal_start_t cal_start_of(const ErrorModel& model, unsigned order, double t0_degc, double range_degc,
+                                     const TemperatureRange& span, double prior_sigma);
 imucal_kf_config_t kf_config_of(const imucal_link_cal_start_t& start);
 
 // The device's filter on the host, bit for bit; of its statistics only n.

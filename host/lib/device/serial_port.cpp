@@ -90,8 +90,8 @@ std::vector<SerialPortInfo> list_serial_ports() {
   if (sp_list_ports(&ports) != SP_OK) return found;
   const auto text = [](const char* value) { return std::string(value ? value : ""); };
   for (sp_port** port = ports; *port; ++port)
-    found.push_back({text(sp_get_port_name(*port)), text(sp_get_port_description(*port)),
-                     text(sp_get_port_usb_serial(*port))});
+    found.push_back(
+        {text(sp_get_port_name(*port)), text(sp_get_port_description(*port)), text(sp_get_port_usb_serial(*port))});
   sp_free_port_list(ports);
   return found;
 }

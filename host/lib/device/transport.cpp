@@ -43,9 +43,8 @@ Error open_failed(const std::string& port, int error) {
     return device_error(port + ": no such port; `calibrate list` shows the serial devices of this machine");
   case EACCES:
   case EPERM:
-    return device_error(
-        port +
-        ": no permission to open the port; add yourself to its group (often dialout) and log in again");
+    return device_error(port +
+                        ": no permission to open the port; add yourself to its group (often dialout) and log in again");
   case EBUSY:
   case EWOULDBLOCK:
     return device_error(port + ": the port is in use by another program; end that program first");
@@ -55,16 +54,14 @@ Error open_failed(const std::string& port, int error) {
 }
 
 Error gone(const std::string& port) {
-  return device_error(port +
-                      ": the device is gone (unplugged, or its program ended); nothing was lost on it: "
-                      "connect it again and repeat the command");
+  return device_error(port + ": the device is gone (unplugged, or its program ended); nothing was lost on it: "
+                             "connect it again and repeat the command");
 }
 
 // A byte stream over a file descriptor: what a pseudo-terminal and a socket have in common.
 class DescriptorTransport : public Transport {
 public:
-  DescriptorTransport(std::string name, const char* kind, int fd)
-      : Transport(std::move(name)), kind_(kind), fd_(fd) {}
+  DescriptorTransport(std::string name, const char* kind, int fd) : Transport(std::move(name)), kind_(kind), fd_(fd) {}
   ~DescriptorTransport() override { ::close(fd_); }
   const char* kind() const override { return kind_; }
 
@@ -131,14 +128,12 @@ struct OpenDescriptor {
 // Raw mode, like a serial line without handshake.
 void make_raw(const std::string& port, int fd) {
   termios settings{};
-  if (::tcgetattr(fd, &settings) != 0)
-    throw device_error(port + ": not a terminal or serial device: " + reason(errno));
+  if (::tcgetattr(fd, &settings) != 0) throw device_error(port + ": not a terminal or serial device: " + reason(errno));
   ::cfmakeraw(&settings);
   settings.c_cflag |= CLOCAL | CREAD;
   settings.c_cc[VMIN] = 1;
   settings.c_cc[VTIME] = 0;
-  if (::tcsetattr(fd, TCSANOW, &settings) != 0)
-    throw device_error(port + ": cannot set raw mode: " + reason(errno));
+  if (::tcsetattr(fd, TCSANOW, &settings) != 0) throw device_error(port + ": cannot set raw mode: " + reason(errno));
 }
 
 std::unique_ptr<Transport> open_pty(const std::string& port, const std::string& path) {
@@ -178,15 +173,13 @@ std::unique_ptr<Transport> open_tcp(const std::string& port, const std::string& 
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> addresses(found, ::freeaddrinfo);
   int error = 0;
   for (const addrinfo* address = addresses.get(); address; address = address->ai_next) {
-    OpenDescriptor file{
-        ::socket(address->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, address->ai_protocol)};
+    OpenDescriptor file{::socket(address->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, address->ai_protocol)};
     if (file.fd < 0 || !connect_within(file.fd, *address, kConnectTimeout_s, &error)) continue;
     const int on = 1;
     ::setsockopt(file.fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     return std::make_unique<DescriptorTransport>(port, "tcp", file.release());
   }
-  throw device_error(port + ": cannot connect: " + reason(error) +
-                     "; is the emulator or the device server running?");
+  throw device_error(port + ": cannot connect: " + reason(error) + "; is the emulator or the device server running?");
 }
 
 // A link (as socat or a test makes one) that leads to a pseudo-terminal.

@@ -19,7 +19,9 @@ struct Input::Handle {
   }
 };
 
-std::string input_name(const std::string& path) { return path == "-" ? "standard input" : path; }
+std::string input_name(const std::string& path) {
+  return path == "-" ? "standard input" : path;
+}
 
 Input::Input(const std::string& path) : path_(path), handle_(std::make_unique<Handle>()) {
   struct stat info {};
@@ -39,7 +41,9 @@ size_t Input::read(char* to, size_t size) {
   int code = Z_OK;
   const char* text = gzerror(handle_->file, &code);
   if (n < 0 || code == Z_BUF_ERROR) {
-    const std::string reason = code == Z_ERRNO ? std::strerror(errno) : code == Z_BUF_ERROR ? "the gzip data end too early" : text;
+    const std::string reason = code == Z_ERRNO       ? std::strerror(errno)
+                               : code == Z_BUF_ERROR ? "the gzip data end too early"
+                                                     : text;
     throw data_error(input_name(path_) + ": cannot be read: " + reason);
   }
   return static_cast<size_t>(n);
@@ -60,4 +64,4 @@ std::string read_text(const std::string& path) {
   return text;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -8,7 +8,7 @@
 namespace imucal {
 
 class Input {
- public:
+public:
   // data_error: cannot be opened (with the reason), is a folder.
   explicit Input(const std::string& path);
   ~Input();
@@ -18,7 +18,7 @@ class Input {
   // Up to `size` bytes; 0 at the end.  data_error: read failure, damaged or cut gzip.
   size_t read(char* to, size_t size);
 
- private:
+private:
   struct Handle;
   std::string path_;
   std::unique_ptr<Handle> handle_;
@@ -33,4 +33,4 @@ std::string read_text(const std::string& path);
 // Takes a UTF-8 byte-order mark off the first bytes; data_error for the mark of UTF-16.
 void strip_byte_order_mark(const std::string& path, std::string* first);
 
-}  // namespace imucal
+} // namespace imucal

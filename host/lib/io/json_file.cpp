@@ -23,7 +23,9 @@ namespace imucal {
 
 namespace {
 
-std::string shown(const Json& value) { return shortened(value.dump(-1, ' ', false, Json::error_handler_t::replace)); }
+std::string shown(const Json& value) {
+  return shortened(value.dump(-1, ' ', false, Json::error_handler_t::replace));
+}
 
 // Line of the n-th (from 1) member "key" of the text.
 long line_of_member(const std::string& text, const std::string& key, int n) {
@@ -40,7 +42,7 @@ long line_of_member(const std::string& text, const std::string& key, int n) {
 
 // Looks at every member while the text is parsed; a name given twice in one object is refused with its line.
 class TwiceGiven {
- public:
+public:
   TwiceGiven(const std::string& path, const std::string& text) : path_(path), text_(text) {}
   bool see(Json::parse_event_t event, const Json& parsed) {
     if (event == Json::parse_event_t::object_start) open_.emplace_back();
@@ -49,19 +51,22 @@ class TwiceGiven {
     const std::string key = parsed.get<std::string>();
     const int n = ++seen_[key];
     if (!open_.back().insert(key).second)
-      throw data_error(input_name(path_) + ":" + std::to_string(line_of_member(text_, key, n)) + ": field \"" + key + "\" is given twice");
+      throw data_error(input_name(path_) + ":" + std::to_string(line_of_member(text_, key, n)) + ": field \"" + key +
+                       "\" is given twice");
     return true;
   }
 
- private:
+private:
   const std::string &path_, &text_;
   std::vector<std::set<std::string>> open_;
   std::map<std::string, int> seen_;
 };
 
-}  // namespace
+} // namespace
 
-void JsonField::refuse(const std::string& problem) const { throw data_error(place_ + ": " + problem); }
+void JsonField::refuse(const std::string& problem) const {
+  throw data_error(place_ + ": " + problem);
+}
 
 JsonField JsonField::at(const std::string& key) const {
   if (!value_.is_object()) refuse("expected an object {...}");
@@ -123,7 +128,8 @@ void JsonField::only(std::initializer_list<const char*> known) const {
   const std::vector<std::string> names(known.begin(), known.end());
   for (const auto& item : value_.items()) {
     const std::string& key = item.key();
-    if (key == "comment" || key.compare(0, 1, "_") == 0 || std::find(names.begin(), names.end(), key) != names.end()) continue;
+    if (key == "comment" || key.compare(0, 1, "_") == 0 || std::find(names.begin(), names.end(), key) != names.end())
+      continue;
     std::string list;
     for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
     refuse("unknown field \"" + shortened(key) + "\"" + did_you_mean(key, names) + " (known: " + list + ")");
@@ -133,20 +139,25 @@ void JsonField::only(std::initializer_list<const char*> known) const {
 JsonField read_json(const std::string& path) {
   const std::string content = read_text(path), name = input_name(path);
   const auto line_at = [&](size_t byte) {
-    return std::to_string(1 + std::count(content.begin(), content.begin() + static_cast<long>(std::min(content.size(), byte)), '\n'));
+    return std::to_string(
+        1 + std::count(content.begin(), content.begin() + static_cast<long>(std::min(content.size(), byte)), '\n'));
   };
   TwiceGiven twice(path, content);
   try {
-    return {Json::parse(content, [&](int, Json::parse_event_t event, Json& parsed) { return twice.see(event, parsed); }), name};
+    return {
+        Json::parse(content, [&](int, Json::parse_event_t event, Json& parsed) { return twice.see(event, parsed); }),
+        name};
   } catch (const nlohmann::json::parse_error& error) {
     throw data_error(name + ":" + line_at(error.byte) + ": not valid JSON: " + error.what());
   } catch (const nlohmann::json::out_of_range& error) {
     // "... number overflow parsing '1e999'": the number stands between the quotes
     const std::string text = error.what();
     const size_t first = text.find('\''), last = text.rfind('\'');
-    const std::string number = first < last && last != std::string::npos ? text.substr(first + 1, last - first - 1) : "";
+    const std::string number =
+        first < last && last != std::string::npos ? text.substr(first + 1, last - first - 1) : "";
     const size_t at = number.empty() ? std::string::npos : content.find(number);
-    throw data_error(name + (at == std::string::npos ? "" : ":" + line_at(at)) + ": the number " + shortened(number) + " is too large");
+    throw data_error(name + (at == std::string::npos ? "" : ":" + line_at(at)) + ": the number " + shortened(number) +
+                     " is too large");
   }
 }
 
@@ -191,7 +202,7 @@ void write_aside(const std::string& path, const std::function<void(std::ostream&
   cannot_write(path, reason);
 }
 
-}  // namespace
+} // namespace
 
 void write_stream(const std::string& path, const std::function<void(std::ostream&)>& write) {
   if (path == "-") return write_to_standard_output(write);
@@ -208,6 +219,8 @@ void write_text(const std::string& path, const std::string& text) {
   write_stream(path, [&](std::ostream& out) { out << text; });
 }
 
-void write_json(const std::string& path, const Json& json) { write_text(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"); }
+void write_json(const std::string& path, const Json& json) {
+  write_text(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+}
 
-}  // namespace imucal
+} // namespace imucal

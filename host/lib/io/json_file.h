@@ -14,7 +14,7 @@ using Json = nlohmann::ordered_json;
 
 // A value inside a JSON file that knows its place ("model.json: markov[1].tau_s") for messages.
 class JsonField {
- public:
+public:
   JsonField(const Json& value, std::string place) : value_(value), place_(std::move(place)) {}
 
   const Json& json() const { return value_; }
@@ -23,7 +23,7 @@ class JsonField {
   // Required member / element.  Throws data_error when it is missing or of another kind.
   JsonField at(const std::string& key) const;
   std::vector<JsonField> elements() const;
-  std::optional<JsonField> find(const std::string& key) const;  // absent or null: empty
+  std::optional<JsonField> find(const std::string& key) const; // absent or null: empty
 
   // Typed values; a number must be finite and inside [lo, hi].
   double number(double lo = -1e300, double hi = 1e300) const;
@@ -35,9 +35,9 @@ class JsonField {
   // Refuse members other than these, with the nearest known name: a typing error must not pass in silence.  Taken anywhere:
   // "comment", and names that begin with "_".
   void only(std::initializer_list<const char*> known) const;
-  [[noreturn]] void refuse(const std::string& problem) const;  // data_error: "<place>: <problem>"
+  [[noreturn]] void refuse(const std::string& problem) const; // data_error: "<place>: <problem>"
 
- private:
+private:
   Json value_;
   std::string place_;
 };
@@ -53,4 +53,4 @@ void write_json(const std::string& path, const Json& json);
 // The same for writers that stream: `write` gets a FILE-like sink through a callback taking text pieces.
 void write_stream(const std::string& path, const std::function<void(std::ostream&)>& write);
 
-}  // namespace imucal
+} // namespace imucal

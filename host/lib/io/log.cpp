@@ -23,12 +23,12 @@ namespace imucal {
 namespace {
 
 constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
-constexpr double kMaxJumpS = 7 * 86400.0;     // a longer step of the time is a clock that was set
-constexpr double kMaxSpanS = 366 * 86400.0;   // a year of seconds still fits into memory
+constexpr double kMaxJumpS = 7 * 86400.0;   // a longer step of the time is a clock that was set
+constexpr double kMaxSpanS = 366 * 86400.0; // a year of seconds still fits into memory
 constexpr double kMinTempDegc = -273.15, kMaxTempDegc = 2000;
-constexpr double kMaxValue = 1e12;            // of a rate or another column
-constexpr double kMaxIrregularPart = 0.1;     // of the steps that are no multiples of the median one
-constexpr double kMaxStepError = 0.25;        // of the median step
+constexpr double kMaxValue = 1e12;        // of a rate or another column
+constexpr double kMaxIrregularPart = 0.1; // of the steps that are no multiples of the median one
+constexpr double kMaxStepError = 0.25;    // of the median step
 
 struct UnitSuffix {
   const char* text;
@@ -54,7 +54,7 @@ std::string trimmed(const std::string& text) {
 // What a column after t_s and temp_degc means.
 struct Column {
   enum Kind { kAxis, kFlags, kAuxiliary, kCounts } kind = kAxis;
-  size_t index = 0;  // axis the column belongs to
+  size_t index = 0; // axis the column belongs to
   std::string name;
 };
 
@@ -64,7 +64,7 @@ bool is_raw(const std::vector<Column>& columns) {
 
 // Lines of a file with their numbers; fgets-free so that long lines are whole.
 class LineReader {
- public:
+public:
   explicit LineReader(const std::string& path) : path_(path), file_(path) {}
   bool next() {
     line_.clear();
@@ -98,7 +98,7 @@ class LineReader {
     throw data_error(input_name(path_) + ":" + std::to_string(std::max(1L, number_)) + ": " + problem);
   }
 
- private:
+private:
   std::string path_;
   Input file_;
   std::vector<char> buffer_ = std::vector<char>(1 << 16);
@@ -123,7 +123,7 @@ void read_metadata(const std::string& line, std::map<std::string, std::string>* 
   std::string rest = trimmed(line.substr(1));
   while (!rest.empty()) {
     const size_t equals = rest.find('=');
-    if (equals == std::string::npos) return;  // a plain comment
+    if (equals == std::string::npos) return; // a plain comment
     const std::string key = trimmed(rest.substr(0, equals));
     std::string value = rest.substr(equals + 1);
     const size_t start = value.find_first_not_of(' ');
@@ -196,7 +196,8 @@ std::vector<Column> read_header(const LineReader& in, Log* log) {
     if (column.index == log->axes.size()) in.fail("column \"" + column.name + "\" belongs to no axis");
   }
   if (log->axes.empty()) in.fail("no axis column; names end in their unit: _dph, _dps, _radps, _mg or _ms2");
-  if (is_raw(columns) && std::any_of(columns.begin(), columns.end(), [](const Column& c) { return c.kind == Column::kAxis; }))
+  if (is_raw(columns) &&
+      std::any_of(columns.begin(), columns.end(), [](const Column& c) { return c.kind == Column::kAxis; }))
     in.fail("raw counts and rates in one log: a log has samples or 1-s means");
   return columns;
 }
@@ -220,8 +221,7 @@ void check_value(const LineReader& in, const Column& column, double value) {
 }
 
 // Walks the file; `values` has one entry per column after t_s and temp_degc.
-template <typename OnHeader, typename OnRow>
-void walk(const std::string& path, OnHeader on_header, OnRow on_row) {
+template <typename OnHeader, typename OnRow> void walk(const std::string& path, OnHeader on_header, OnRow on_row) {
   LineReader in(path);
   Log header;
   header.path = path;
@@ -252,7 +252,8 @@ void walk(const std::string& path, OnHeader on_header, OnRow on_row) {
     double t_s = 0, temp_degc = 0;
     const size_t n_fields = columns.size() + 2;
     for (size_t f = 0; f < n_fields; ++f) {
-      const char* comma = f + 1 < n_fields ? static_cast<const char*>(std::memchr(at, ',', static_cast<size_t>(end - at))) : end;
+      const char* comma =
+          f + 1 < n_fields ? static_cast<const char*>(std::memchr(at, ',', static_cast<size_t>(end - at))) : end;
       if (!comma) in.fail("expected " + std::to_string(n_fields) + " fields, found " + std::to_string(f + 1));
       static const std::string kTime = "t_s", kTemp = "temp_degc";
       const double value = parse_number(in, at, comma, f == 0 ? kTime : f == 1 ? kTemp : columns[f - 2].name);
@@ -261,10 +262,10 @@ void walk(const std::string& path, OnHeader on_header, OnRow on_row) {
     }
     if (std::isnan(t_s)) in.fail("t_s is empty");
     if (temp_degc < kMinTempDegc || temp_degc > kMaxTempDegc) in.fail("temp_degc is no temperature in degrees Celsius");
-    for (size_t c = 0; c < values.size(); ++c)
-      check_value(in, columns[c], values[c]);
+    for (size_t c = 0; c < values.size(); ++c) check_value(in, columns[c], values[c]);
     if (t_s - last_t_s > kMaxJumpS && std::isfinite(last_t_s))
-      in.fail("t_s jumps by " + std::to_string((t_s - last_t_s) / 86400) + " days; cut the log where its clock was set");
+      in.fail("t_s jumps by " + std::to_string((t_s - last_t_s) / 86400) +
+              " days; cut the log where its clock was set");
     if (t_s <= last_t_s) in.fail("t_s does not increase; sort the log or cut it where the clock was set back");
     if (n_rows == 0) first_t_s = t_s;
     if (t_s - first_t_s > kMaxSpanS) in.fail("the log spans more than 366 days; cut it");
@@ -276,7 +277,7 @@ void walk(const std::string& path, OnHeader on_header, OnRow on_row) {
   if (n_rows == 0) in.fail("empty log: a header and no rows");
 }
 
-}  // namespace
+} // namespace
 
 bool Log::has_temperature() const {
   return std::any_of(temp_degc.begin(), temp_degc.end(), [](double t) { return std::isfinite(t); });
@@ -308,8 +309,9 @@ static void check_steps(const Log& log) {
     if (n_irregular++ == 0) first = i;
   }
   if (static_cast<double>(n_irregular) <= kMaxIrregularPart * static_cast<double>(log.size() - 1)) return;
-  throw data_error(log.place(first) + ": the rows are irregular: " + std::to_string(n_irregular) + " of " + std::to_string(log.size() - 1) +
-                   " steps are no multiple of the usual " + std::to_string(dt_s) + " s; average the log to even seconds");
+  throw data_error(log.place(first) + ": the rows are irregular: " + std::to_string(n_irregular) + " of " +
+                   std::to_string(log.size() - 1) + " steps are no multiple of the usual " + std::to_string(dt_s) +
+                   " s; average the log to even seconds");
 }
 
 double Log::dt_s() const {
@@ -376,7 +378,8 @@ static void scan_decimated(const std::string& path, const std::function<void(con
   std::vector<double> rate_dph(log.axes.size());
   std::vector<int> flags(log.axes.size());
   for (size_t k = 0; k < log.size(); ++k) {
-    for (size_t a = 0; a < log.axes.size(); ++a) rate_dph[a] = log.axes[a].rate_dph[k], flags[a] = log.axes[a].flags.empty() ? 0 : log.axes[a].flags[k];
+    for (size_t a = 0; a < log.axes.size(); ++a)
+      rate_dph[a] = log.axes[a].rate_dph[k], flags[a] = log.axes[a].flags.empty() ? 0 : log.axes[a].flags[k];
     row({log.t_s[k], log.temp_degc[k], rate_dph.data(), flags.data()});
   }
 }
@@ -455,4 +458,4 @@ void write_log(const std::string& path, const Log& log) {
   });
 }
 
-}  // namespace imucal
+} // namespace imucal

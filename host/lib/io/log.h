@@ -13,30 +13,30 @@ namespace imucal {
 enum LogFlag : int { kSaturated = 1, kSamplesMissing = 2, kSensorFault = 4 };
 
 struct LogAxis {
-  std::string name;             // column name as in the file, e.g. "gx_dph" or "gx_dps"
-  double to_internal = 1.0;     // file unit -> dph (gyros) or mg (accelerometers)
+  std::string name;         // column name as in the file, e.g. "gx_dph" or "gx_dps"
+  double to_internal = 1.0; // file unit -> dph (gyros) or mg (accelerometers)
   bool is_gyro = true;
-  std::vector<double> rate_dph;  // one per row; NaN where missing.  mg for accelerometers.
-  std::vector<int> flags;        // one per row; empty where the log has no such column
-  std::vector<float> noise_ratio = {};  // one per row of a decimated raw log: imucal_sum_noise_ratio; else empty: 1
+  std::vector<double> rate_dph;        // one per row; NaN where missing.  mg for accelerometers.
+  std::vector<int> flags;              // one per row; empty where the log has no such column
+  std::vector<float> noise_ratio = {}; // one per row of a decimated raw log: imucal_sum_noise_ratio; else empty: 1
 };
 
 // A whole log in memory.  Rows keep the file's order; t_s is strictly increasing; a missing row is a gap
 // (t_s jumps), never filled in.
 struct Log {
   std::string path;
-  std::map<std::string, std::string> metadata;  // "# key = value" lines
+  std::map<std::string, std::string> metadata; // "# key = value" lines
   std::vector<double> t_s;
-  std::vector<uint32_t> line;     // of the file, one per row; empty for logs that were not read
-  std::vector<double> temp_degc;  // NaN where empty
+  std::vector<uint32_t> line;    // of the file, one per row; empty for logs that were not read
+  std::vector<double> temp_degc; // NaN where empty
   std::vector<LogAxis> axes;
-  std::map<std::string, std::vector<double>> auxiliary;  // columns of other units (supply_v, …)
+  std::map<std::string, std::vector<double>> auxiliary; // columns of other units (supply_v, …)
 
   size_t size() const { return t_s.size(); }
-  bool has_temperature() const;                    // at least one finite temperature
-  const LogAxis& axis(const std::string& name) const;  // data_error lists the axes there are
-  double dt_s() const;                             // median step
-  std::string place(size_t row) const;             // "log.csv:17" for messages
+  bool has_temperature() const;                       // at least one finite temperature
+  const LogAxis& axis(const std::string& name) const; // data_error lists the axes there are
+  double dt_s() const;                                // median step
+  std::string place(size_t row) const;                // "log.csv:17" for messages
 };
 
 // path "-": standard input.  gzip is unpacked, a UTF-8 byte-order mark and CR LF are read.
@@ -49,8 +49,8 @@ Log read_log(const std::string& path);
 // t_s, temp_degc and one value per axis (dph or mg; NaN: missing).
 struct LogRow {
   double t_s, temp_degc;
-  const double* rate_dph;  // header.axes.size() values
-  const int* flags = nullptr;  // as many; 0 where the log has no flags column for the axis
+  const double* rate_dph;     // header.axes.size() values
+  const int* flags = nullptr; // as many; 0 where the log has no flags column for the axis
 };
 void scan_log(const std::string& path, const std::function<void(const Log& header)>& header,
               const std::function<void(const LogRow&)>& row);
@@ -58,4 +58,4 @@ void scan_log(const std::string& path, const std::function<void(const Log& heade
 // Writes metadata, header and rows; rates with enough digits to read back within 1e-6 dph.
 void write_log(const std::string& path, const Log& log);
 
-}  // namespace imucal
+} // namespace imucal

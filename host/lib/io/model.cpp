@@ -7,8 +7,12 @@
 
 namespace imucal {
 
-double Markov::phi(double dt_s) const { return std::exp(-dt_s / tau_s); }
-double Markov::q_dph2(double dt_s) const { return -sigma_dph * sigma_dph * std::expm1(-2.0 * dt_s / tau_s); }
+double Markov::phi(double dt_s) const {
+  return std::exp(-dt_s / tau_s);
+}
+double Markov::q_dph2(double dt_s) const {
+  return -sigma_dph * sigma_dph * std::expm1(-2.0 * dt_s / tau_s);
+}
 
 double ThermalPolynomial::at(double temp_degc) const {
   const double tn = normalised(temp_degc);
@@ -52,7 +56,8 @@ static ThermalPolynomial bias_from_json(const JsonField& bias) {
   ThermalPolynomial poly;
   poly.t0_degc = bias.at("t0_degc").number(-300.0, 2000.0);
   poly.range_degc = bias.at("range_degc").number(1e-6, 2000.0);
-  for (const JsonField& coefficient : bias.at("coeff_dph").elements()) poly.coeff_dph.push_back(coefficient.number(-1e12, 1e12));
+  for (const JsonField& coefficient : bias.at("coeff_dph").elements())
+    poly.coeff_dph.push_back(coefficient.number(-1e12, 1e12));
   if (poly.coeff_dph.empty()) bias.at("coeff_dph").refuse("needs at least one coefficient");
   return poly;
 }
@@ -72,7 +77,9 @@ ErrorModel model_from_json(const JsonField& field) {
   return model;
 }
 
-ErrorModel read_model(const std::string& path) { return model_from_json(read_json(path)); }
+ErrorModel read_model(const std::string& path) {
+  return model_from_json(read_json(path));
+}
 
 std::vector<EffectSpec> read_effects(const std::string& path) {
   const JsonField file = read_json(path);
@@ -84,9 +91,8 @@ Json to_json(const ErrorModel& model) {
   for (const Markov& m : model.markov) json["markov"].push_back({{"sigma_dph", m.sigma_dph}, {"tau_s", m.tau_s}});
   json["turn_on_sigma_dph"] = model.turn_on_sigma_dph;
   if (model.bias)
-    json["bias"] = {{"t0_degc", model.bias->t0_degc},
-                    {"range_degc", model.bias->range_degc},
-                    {"coeff_dph", model.bias->coeff_dph}};
+    json["bias"] = {
+        {"t0_degc", model.bias->t0_degc}, {"range_degc", model.bias->range_degc}, {"coeff_dph", model.bias->coeff_dph}};
   if (!model.effects.empty()) {
     json["effects"] = Json::array();
     for (const EffectSpec& e : model.effects) {
@@ -99,4 +105,4 @@ Json to_json(const ErrorModel& model) {
   return json;
 }
 
-}  // namespace imucal
+} // namespace imucal

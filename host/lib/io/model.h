@@ -14,8 +14,8 @@ namespace imucal {
 struct Markov {
   double sigma_dph = 0;
   double tau_s = 0;
-  double phi(double dt_s = 1.0) const;       // exp(-dt/tau)
-  double q_dph2(double dt_s = 1.0) const;    // sigma^2 (1 - phi^2), without cancellation
+  double phi(double dt_s = 1.0) const;    // exp(-dt/tau)
+  double q_dph2(double dt_s = 1.0) const; // sigma^2 (1 - phi^2), without cancellation
 };
 
 // B(T) = sum b_i Tn^i [dph], Tn = (T - t0)/range.
@@ -32,8 +32,8 @@ struct ThermalPolynomial {
 struct EffectSpec {
   std::string name;
   Json parameters = Json::object();
-  std::string axis = {};  // simulated on this axis only ("gx_dph", "gx" or the place "0"); empty: on all
-  long log = -1;          // simulated in the log of this index only; -1: in all
+  std::string axis = {}; // simulated on this axis only ("gx_dph", "gx" or the place "0"); empty: on all
+  long log = -1;         // simulated in the log of this index only; -1: in all
 };
 
 struct ErrorModel {
@@ -47,11 +47,11 @@ struct ErrorModel {
   double slow_density_dph2_s() const;
 };
 
-ErrorModel read_model(const std::string& path);                // data_error names the field
+ErrorModel read_model(const std::string& path); // data_error names the field
 ErrorModel model_from_json(const JsonField& field);
 Json to_json(const ErrorModel& model);
 
 // Effects file of `gyrosim --effects`: a list, {"effects": [...]}, or a whole model.
 std::vector<EffectSpec> read_effects(const std::string& path);
 
-}  // namespace imucal
+} // namespace imucal

@@ -6,7 +6,7 @@
 
 namespace imucal {
 
-static constexpr double kMaxDurationS = 366 * 86400.0;  // what it is for takes hours; a year still fits into memory
+static constexpr double kMaxDurationS = 366 * 86400.0; // what it is for takes hours; a year still fits into memory
 
 std::vector<ProfileLeg> legs(const Profile& profile) {
   std::vector<ProfileLeg> out;
@@ -97,12 +97,17 @@ Profile profile_from_json(const JsonField& field) {
   }
   profile.repeat = field.find("repeat") ? static_cast<int>(field.at("repeat").integer(1, 10000)) : 1;
   if (profile.duration_s() > kMaxDurationS)
-    field.at("segments").refuse("the profile lasts " + std::to_string(profile.duration_s() / 86400) + " days; at most 366 are possible");
-  if (profile.duration_s() < 1.0) field.at("segments").refuse("the profile lasts less than one second; add a soak or a ramp");
+    field.at("segments")
+        .refuse("the profile lasts " + std::to_string(profile.duration_s() / 86400) +
+                " days; at most 366 are possible");
+  if (profile.duration_s() < 1.0)
+    field.at("segments").refuse("the profile lasts less than one second; add a soak or a ramp");
   return profile;
 }
 
-Profile read_profile(const std::string& path) { return profile_from_json(read_json(path)); }
+Profile read_profile(const std::string& path) {
+  return profile_from_json(read_json(path));
+}
 
 Json to_json(const Profile& profile) {
   Json json = {{"imucal_profile", 1}, {"start_degc", profile.start_degc}, {"segments", Json::array()}};
@@ -116,4 +121,4 @@ Json to_json(const Profile& profile) {
   return json;
 }
 
-}  // namespace imucal
+} // namespace imucal

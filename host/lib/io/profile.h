@@ -10,15 +10,15 @@
 namespace imucal {
 
 struct ProfileSegment {
-  double rate_degc_per_min = 0;  // 0: soak of duration_s; otherwise a ramp to to_degc (sign follows to_degc)
-  double duration_s = 0;         // given for a soak, derived for a ramp
-  double to_degc = 0;            // given for a ramp, derived for a soak
+  double rate_degc_per_min = 0; // 0: soak of duration_s; otherwise a ramp to to_degc (sign follows to_degc)
+  double duration_s = 0;        // given for a soak, derived for a ramp
+  double to_degc = 0;           // given for a ramp, derived for a soak
 };
 
 struct Profile {
   double start_degc = 0;
   std::vector<ProfileSegment> segments;
-  int repeat = 1;  // the segments are run this many times; from the second on they start where the last ended
+  int repeat = 1; // the segments are run this many times; from the second on they start where the last ended
 
   double duration_s() const;
   double min_degc() const;
@@ -35,8 +35,8 @@ struct ProfileLeg {
 };
 std::vector<ProfileLeg> legs(const Profile& profile);
 
-Profile read_profile(const std::string& path);  // data_error: missing fields, a ramp that goes nowhere, no time
+Profile read_profile(const std::string& path); // data_error: missing fields, a ramp that goes nowhere, no time
 Profile profile_from_json(const JsonField& field);
 Json to_json(const Profile& profile);
 
-}  // namespace imucal
+} // namespace imucal

@@ -12,16 +12,18 @@ namespace imucal {
 namespace {
 constexpr double kTempCountsPerDegc = 65536;
 constexpr double kMaxTempDegc = 10000;
-}  // namespace
+} // namespace
 
 RawDecimator::RawDecimator(const Log& header) : log_(header) {
   const auto rate = log_.metadata.find("rate_hz");
-  if (rate == log_.metadata.end()) throw data_error(log_.path + ": a raw log needs its sample rate: \"# rate_hz = 100\"");
+  if (rate == log_.metadata.end())
+    throw data_error(log_.path + ": a raw log needs its sample rate: \"# rate_hz = 100\"");
   double rate_hz = 0;
   const char* last = rate->second.data() + rate->second.size();
   const auto parsed = std::from_chars(rate->second.data(), last, rate_hz);
   if (parsed.ec != std::errc() || parsed.ptr != last || !(rate_hz >= 1) || rate_hz > IMUCAL_SUM_MAX_RATE_HZ)
-    throw data_error(log_.path + ": # rate_hz: expected 1.." + std::to_string(IMUCAL_SUM_MAX_RATE_HZ) + ", found \"" + rate->second + "\"");
+    throw data_error(log_.path + ": # rate_hz: expected 1.." + std::to_string(IMUCAL_SUM_MAX_RATE_HZ) + ", found \"" +
+                     rate->second + "\"");
   if (log_.axes.size() > IMUCAL_MAX_CHANNELS)
     throw data_error(log_.path + ": a raw log has at most " + std::to_string(IMUCAL_MAX_CHANNELS) + " axes");
   const imucal_status status =
@@ -30,7 +32,8 @@ RawDecimator::RawDecimator(const Log& header) : log_(header) {
 }
 
 void RawDecimator::refuse(const std::string& problem) const {
-  throw data_error(log_.path + ":" + std::to_string(line_) + ": sample at t_s = " + std::to_string(t_s_) + ": " + problem);
+  throw data_error(log_.path + ":" + std::to_string(line_) + ": sample at t_s = " + std::to_string(t_s_) + ": " +
+                   problem);
 }
 
 void RawDecimator::begin(double t_s, double temp_degc, long line) {
@@ -76,11 +79,13 @@ void RawDecimator::take(const imucal_second_t& second) {
   log_.t_s.push_back(second.t_s);
   log_.line.push_back(static_cast<uint32_t>(line_));
   const double temp_counts = static_cast<double>(imucal_mean_q16_rne(second.temp_sum, second.n_samples)) / 65536;
-  log_.temp_degc.push_back(run_has_temperature_ ? temp_counts / kTempCountsPerDegc : std::numeric_limits<double>::quiet_NaN());
+  log_.temp_degc.push_back(run_has_temperature_ ? temp_counts / kTempCountsPerDegc
+                                                : std::numeric_limits<double>::quiet_NaN());
   run_has_temperature_ = true;
   for (size_t a = 0; a < log_.axes.size(); ++a) {
     LogAxis& axis = log_.axes[a];
-    const float rate = imucal_unit_from_q16(imucal_mean_q16_rne(second.sum[a], second.n_samples), static_cast<float>(axis.to_internal), 0.0F);
+    const float rate = imucal_unit_from_q16(imucal_mean_q16_rne(second.sum[a], second.n_samples),
+                                            static_cast<float>(axis.to_internal), 0.0F);
     axis.rate_dph.push_back(second.is_gap ? std::numeric_limits<double>::quiet_NaN() : static_cast<double>(rate));
     axis.flags.push_back(second.flags[a]);
     axis.noise_ratio.push_back(imucal_sum_noise_ratio(&sum_, &second, static_cast<uint32_t>(a)));
@@ -95,4 +100,4 @@ Log RawDecimator::finish() {
   return std::move(log_);
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -16,19 +16,19 @@
 namespace imucal {
 
 class RawDecimator {
- public:
+public:
   // header: axes named in internal units, to_internal = unit per count; metadata with rate_hz.  data_error otherwise.
   explicit RawDecimator(const Log& header);
 
   // One sample: begin, counts and flags of the axes, end.  data_error names file, time and column: a count that is no
   // whole number of 32 bits, negative time.
-  void begin(double t_s, double temp_degc, long line);  // line of the file, for messages
+  void begin(double t_s, double temp_degc, long line); // line of the file, for messages
   void counts(size_t axis, double value);
   void flags(size_t axis, int bits);
   void end();
   Log finish();
 
- private:
+private:
   [[noreturn]] void refuse(const std::string& problem) const;
   void take(const imucal_second_t& second);
 
@@ -37,8 +37,8 @@ class RawDecimator {
   imucal_sample_t sample_{};
   double t_s_ = 0;
   long line_ = 0;
-  bool is_whole_ = true, has_temperature_ = true;  // of the sample
-  bool run_has_temperature_ = true;                // of every sample of the running second
+  bool is_whole_ = true, has_temperature_ = true; // of the sample
+  bool run_has_temperature_ = true;               // of every sample of the running second
 };
 
-}  // namespace imucal
+} // namespace imucal

@@ -51,8 +51,8 @@ uint32_t utc_seconds(const JsonField& field) {
 }
 
 double evenly(float lo, float hi, size_t i, size_t n) {
-  return static_cast<double>(lo) + (static_cast<double>(hi) - static_cast<double>(lo)) *
-                                       static_cast<double>(i) / static_cast<double>(n - 1);
+  return static_cast<double>(lo) +
+         (static_cast<double>(hi) - static_cast<double>(lo)) * static_cast<double>(i) / static_cast<double>(n - 1);
 }
 
 Json temperatures(const imucal_table_channel_t& channel) {
@@ -110,8 +110,7 @@ void fill_model(const JsonField& field, const std::string& unit, imucal_table_ch
   if (!markov) return;
   const std::vector<JsonField> terms = markov->elements();
   if (terms.size() > IMUCAL_TABLE_MARKOV_N)
-    markov->refuse(std::to_string(terms.size()) + " terms, a table holds " +
-                   std::to_string(IMUCAL_TABLE_MARKOV_N));
+    markov->refuse(std::to_string(terms.size()) + " terms, a table holds " + std::to_string(IMUCAL_TABLE_MARKOV_N));
   channel->n_markov = static_cast<uint8_t>(terms.size());
   for (size_t i = 0; i < terms.size(); ++i) {
     channel->markov_sigma[i] = single(terms[i].at("sigma_" + unit));
@@ -121,9 +120,9 @@ void fill_model(const JsonField& field, const std::string& unit, imucal_table_ch
 
 void refuse_unknown(const JsonField& field, const std::string& unit) {
   const std::string coeff = "coeff_" + unit, sigma = "sigma_" + unit, scale = unit + "_per_count";
-  field.only({"axis", "order", "t0_degc", "range_degc", coeff.c_str(), "scale_coeff", "span_degc",
-              "temp_degc", sigma.c_str(), "model", scale.c_str(), "full_scale_counts", "n_seconds",
-              "residual_rms_dph", "residual_rms_mg"});
+  field.only({"axis", "order", "t0_degc", "range_degc", coeff.c_str(), "scale_coeff", "span_degc", "temp_degc",
+              sigma.c_str(), "model", scale.c_str(), "full_scale_counts", "n_seconds", "residual_rms_dph",
+              "residual_rms_mg"});
 }
 
 imucal_table_channel_t channel_from_json(const JsonField& field) {
@@ -153,8 +152,8 @@ imucal_table_channel_t channel_from_json(const JsonField& field) {
 
 std::string described(const imucal_table_t& table, imucal_table_place_t place) {
   if (place.channel < 0) return place.field;
-  return "axes[" + std::to_string(place.channel) + "] (" + fixed_text(table.channel[place.channel].name) +
-         ") " + place.field;
+  return "axes[" + std::to_string(place.channel) + "] (" + fixed_text(table.channel[place.channel].name) + ") " +
+         place.field;
 }
 
 std::string text_of(float value) {
@@ -239,8 +238,8 @@ Json to_json(const imucal_table_t& table) {
 imucal_table_t table_from_json(const JsonField& field) {
   const JsonField version = field.at("imucal_table");
   if (version.integer(0, 1000000) != IMUCAL_TABLE_VERSION)
-    version.refuse("table version not known to this program (it knows " +
-                   std::to_string(IMUCAL_TABLE_VERSION) + "); update imucal or calibrate again");
+    version.refuse("table version not known to this program (it knows " + std::to_string(IMUCAL_TABLE_VERSION) +
+                   "); update imucal or calibrate again");
   field.only({"imucal_table", "serial", "sequence", "created", "degc_per_count", "degc_at_zero", "axes"});
   imucal_table_t table{};
   set_text(table.serial, sizeof table.serial, field.at("serial"));
@@ -273,8 +272,7 @@ std::vector<uint8_t> table_bytes(const imucal_table_t& table, const std::string&
   std::vector<uint8_t> bytes(IMUCAL_TABLE_MAX_BYTES);
   size_t length = 0;
   if (status == IMUCAL_OK) status = imucal_table_encode(&table, bytes.data(), bytes.size(), &length);
-  if (status != IMUCAL_OK)
-    throw data_error(place + ": " + described(table, where) + ": " + imucal_status_text(status));
+  if (status != IMUCAL_OK) throw data_error(place + ": " + described(table, where) + ": " + imucal_status_text(status));
   bytes.resize(length);
   return bytes;
 }
@@ -282,12 +280,10 @@ std::vector<uint8_t> table_bytes(const imucal_table_t& table, const std::string&
 imucal_table_t table_from_bytes(const std::vector<uint8_t>& bytes, const std::string& place) {
   imucal_table_t table{};
   imucal_table_place_t where{-1, "table"};
-  if (const imucal_status status = imucal_table_decode(bytes.data(), bytes.size(), &table, &where);
-      status != IMUCAL_OK)
-    throw data_error(
-        place + ": " +
-        (where.channel >= 0 ? "axes[" + std::to_string(where.channel) + "] " + where.field : where.field) +
-        ": " + imucal_status_text(status));
+  if (const imucal_status status = imucal_table_decode(bytes.data(), bytes.size(), &table, &where); status != IMUCAL_OK)
+    throw data_error(place + ": " +
+                     (where.channel >= 0 ? "axes[" + std::to_string(where.channel) + "] " + where.field : where.field) +
+                     ": " + imucal_status_text(status));
   return table;
 }
 

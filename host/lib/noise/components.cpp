@@ -32,7 +32,8 @@ NoiseComponent effect_component(const EffectSpec& effect, double dt_s) {
   const JsonField field(effect.parameters, "effect " + effect.name);
   NoiseComponent c;
   if (effect.name == "second_markov")
-    return markov_component(std::pow(field.at("sigma_dph").number(0, 1e9), 2), field.at("tau_s").number(1e-3, 1e9), dt_s);
+    return markov_component(std::pow(field.at("sigma_dph").number(0, 1e9), 2), field.at("tau_s").number(1e-3, 1e9),
+                            dt_s);
   if (effect.name == "quantization") {
     const double lsb = field.at("lsb_dph").number(0, 1e9);
     return white_component(lsb * lsb / 12);
@@ -51,13 +52,15 @@ NoiseComponent effect_component(const EffectSpec& effect, double dt_s) {
     c.power_dph2 = std::pow(field.at("amplitude_dph").number(-1e9, 1e9), 2);
     c.omega_rad = 2 * kPi * field.at("frequency_hz").number(1e-12, 1e6) * dt_s;
   } else {
-    throw data_error("effect \"" + effect.name + "\" has no closed form; known here: second_markov, quantization, "
-                     "angle_quantization, rate_random_walk, rate_ramp, sinusoid (simulate the others: gyrosim log, then dp)");
+    throw data_error(
+        "effect \"" + effect.name +
+        "\" has no closed form; known here: second_markov, quantization, "
+        "angle_quantization, rate_random_walk, rate_ramp, sinusoid (simulate the others: gyrosim log, then dp)");
   }
   return c;
 }
 
-}  // namespace
+} // namespace
 
 std::vector<NoiseComponent> noise_components(const ErrorModel& model, double dt_s) {
   std::vector<NoiseComponent> out;
@@ -86,11 +89,16 @@ static double markov_lost_sum(double k, double alpha) {
 double sum_variance(const NoiseComponent& c, double k) {
   if (k <= 0) return 0;
   switch (c.kind) {
-    case Kind::kWhite: return c.power_dph2 * k;
-    case Kind::kMarkov: return -2 * c.power_dph2 * markov_lost_sum(k, c.alpha);
-    case Kind::kAngleQuantization: return 2 * c.power_dph2;
-    case Kind::kRandomWalk: return -c.power_dph2 * k * (k * k - 1) / 6;
-    default: throw std::logic_error("a deterministic component has no variance of sums");
+  case Kind::kWhite:
+    return c.power_dph2 * k;
+  case Kind::kMarkov:
+    return -2 * c.power_dph2 * markov_lost_sum(k, c.alpha);
+  case Kind::kAngleQuantization:
+    return 2 * c.power_dph2;
+  case Kind::kRandomWalk:
+    return -c.power_dph2 * k * (k * k - 1) / 6;
+  default:
+    throw std::logic_error("a deterministic component has no variance of sums");
   }
 }
 
@@ -113,7 +121,7 @@ std::vector<double> covariance_times(const NoiseComponent& c, const std::vector<
       sum += v[i];
     }
   } else if (c.kind == Kind::kRandomWalk) {
-    double total = 0, moment = 0;  // sum_j |i-j| v_j grows by (sum before) - (sum from here on)
+    double total = 0, moment = 0; // sum_j |i-j| v_j grows by (sum before) - (sum from here on)
     for (size_t j = 0; j < n; ++j) total += v[j], moment += static_cast<double>(j) * v[j];
     double before = 0;
     for (size_t i = 0; i < n; ++i) {
@@ -127,4 +135,4 @@ std::vector<double> covariance_times(const NoiseComponent& c, const std::vector<
   return out;
 }
 
-}  // namespace imucal
+} // namespace imucal

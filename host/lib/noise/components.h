@@ -21,8 +21,8 @@ struct NoiseComponent {
   // White, Markov: variance of a sample [dph^2].  Angle quantisation: variance of one of the two angle errors,
   // as rate.  Random walk: variance of a step.  Ramp: (slope per sample)^2.  Sinusoid: amplitude^2.
   double power_dph2 = 0;
-  double alpha = 0;             // Markov: dt/tau
-  double omega_rad = 0;         // sinusoid: phase per sample
+  double alpha = 0;     // Markov: dt/tau
+  double omega_rad = 0; // sinusoid: phase per sample
 
   bool is_stationary() const { return kind != Kind::kRandomWalk && kind != Kind::kRamp; }
 };
@@ -43,4 +43,4 @@ double sum_variance(const NoiseComponent& component, double k);
 // right wherever constants are projected out).  Not for ramp and sinusoid.
 std::vector<double> covariance_times(const NoiseComponent& component, const std::vector<double>& v);
 
-}  // namespace imucal
+} // namespace imucal

@@ -11,12 +11,10 @@ namespace {
 
 typedef double Lanes8 __attribute__((vector_size(64)));
 
-template <class V>
-IMUCAL_WIDE_PART void load(V* v, const double* from) {
+template <class V> IMUCAL_WIDE_PART void load(V* v, const double* from) {
   std::memcpy(v, from, sizeof *v);
 }
-template <class V>
-IMUCAL_WIDE_PART void store(const V& v, double* to) {
+template <class V> IMUCAL_WIDE_PART void store(const V& v, double* to) {
   std::memcpy(to, &v, sizeof v);
 }
 
@@ -39,13 +37,16 @@ IMUCAL_WIDE_PART void run(const FilterGains& g, double* rows, size_t stride, dou
   for (size_t i = 0; i < n_states; ++i) store(m[i], state + i * width);
 }
 
-template <class V>
-IMUCAL_WIDE_PART void run_states(const FilterGains& g, double* rows, size_t stride, double* state) {
+template <class V> IMUCAL_WIDE_PART void run_states(const FilterGains& g, double* rows, size_t stride, double* state) {
   switch (g.n_states) {
-  case 1: return run<V, 1>(g, rows, stride, state);
-  case 2: return run<V, 2>(g, rows, stride, state);
-  case 3: return run<V, 3>(g, rows, stride, state);
-  default: return run<V, 0>(g, rows, stride, state);
+  case 1:
+    return run<V, 1>(g, rows, stride, state);
+  case 2:
+    return run<V, 2>(g, rows, stride, state);
+  case 3:
+    return run<V, 3>(g, rows, stride, state);
+  default:
+    return run<V, 0>(g, rows, stride, state);
   }
 }
 
@@ -57,8 +58,7 @@ IMUCAL_WIDE void run_4(const FilterGains& g, double* rows, size_t stride, double
 }
 
 // Four rows of the sum at a time: they stay in registers.
-template <class V>
-IMUCAL_WIDE_PART void products(const double* a, const double* b, size_t n, double* sum) {
+template <class V> IMUCAL_WIDE_PART void products(const double* a, const double* b, size_t n, double* sum) {
   constexpr size_t width = sizeof(V) / sizeof(double);
   for (size_t i = 0; i < width; i += 4) {
     V s[4], right;

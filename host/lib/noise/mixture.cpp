@@ -30,7 +30,8 @@ struct Pair {
     return top + std::log(sum);
   }
   double score() const {
-    return normal_score(prior[0] * normal_cdf(nu[0] / std::sqrt(s[0])) + prior[1] * normal_cdf(nu[1] / std::sqrt(s[1])));
+    return normal_score(prior[0] * normal_cdf(nu[0] / std::sqrt(s[0])) +
+                        prior[1] * normal_cdf(nu[1] / std::sqrt(s[1])));
   }
 };
 
@@ -63,7 +64,8 @@ double hit_log_likelihood(const SampleTimes& times, const NoiseModel& noise, con
 class TelegraphFilter {
 public:
   TelegraphFilter(const SampleTimes& times, const NoiseModel& noise)
-      : times_(times), noise_(noise), states_(times, noise), mode_{Belief(states_), Belief(states_)}, mixed_{Belief(states_), Belief(states_)},
+      : times_(times), noise_(noise),
+        states_(times, noise), mode_{Belief(states_), Belief(states_)}, mixed_{Belief(states_), Belief(states_)},
         phi_(states_.size()), q_(states_.size()) {}
 
   double run(const Eigen::VectorXd& y, Eigen::VectorXd* scores) {

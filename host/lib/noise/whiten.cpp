@@ -12,8 +12,7 @@ namespace {
 constexpr size_t kMostLanes = 8;
 
 // f(gains of a part, its first sample) for the samples first .. first + n, stretch by stretch.
-template <class F>
-void for_stretches(const RunGains& g, size_t first, size_t n, const F& f) {
+template <class F> void for_stretches(const RunGains& g, size_t first, size_t n, const F& f) {
   const auto ends_before = [](const RunGains::Stretch& s, size_t sample) { return s.end <= sample; };
   auto stretch = std::lower_bound(g.stretches.begin(), g.stretches.end(), first, ends_before);
   for (size_t k = first; k < first + n; k = stretch++->end) {
@@ -38,8 +37,7 @@ void interleave(const double* columns, size_t n, size_t width, size_t lanes, dou
 }
 
 // f(sample, gain, phi, inv_sqrt_s), from the first sample to the last.
-template <class F>
-void for_samples(const RunGains& g, const F& f) {
+template <class F> void for_samples(const RunGains& g, const F& f) {
   for (const RunGains::Stretch& s : g.stretches)
     for (size_t k = s.begin; k < s.end; ++k) {
       const size_t row = g.row_of(s, k);

@@ -37,8 +37,9 @@ void check_signals() {
   if (PyErr_CheckSignals() != 0) throw nb::python_error();
 }
 
-Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& type, const std::string& tau, const std::string& estimator,
-                       const std::optional<std::string>& nominal, double estimation_s, const std::string& detrend, double min_fill) {
+Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& type, const std::string& tau,
+                       const std::string& estimator, const std::optional<std::string>& nominal, double estimation_s,
+                       const std::string& detrend, double min_fill) {
   Series series;
   series.log = "array", series.axis = "rate_dph", series.dt_s = dt_s;
   Curve result;
@@ -55,7 +56,8 @@ Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& ty
     const DpCurve curve = dp_curve(series, record, tau_s, dp_estimator_from_text(estimator));
     check_signals();
     result.tau_s = curve.tau_s, result.dp_dph = curve.dp_dph, result.n_windows = curve.n;
-    for (const Interval& i : curve_intervals(curve, op, {})) result.lo_dph.push_back(i.lo), result.hi_dph.push_back(i.hi);
+    for (const Interval& i : curve_intervals(curve, op, {}))
+      result.lo_dph.push_back(i.lo), result.hi_dph.push_back(i.hi);
   } catch (const Error& e) {
     throw nb::value_error(e.what());
   } catch (const Json::exception& e) {
@@ -66,14 +68,16 @@ Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& ty
 
 // imucal_kf_t with exceptions for refused configurations.
 class Filter {
- public:
-  Filter(int order, double t0_degc, double range_degc, double m, double q, double r, double markov_variance, double prior_sigma) {
+public:
+  Filter(int order, double t0_degc, double range_degc, double m, double q, double r, double markov_variance,
+         double prior_sigma) {
     imucal_kf_config_t config{};
     config.order = static_cast<uint8_t>(order);
     config.t0_degc = static_cast<float>(t0_degc), config.range_degc = static_cast<float>(range_degc);
     config.m = static_cast<float>(m), config.q = static_cast<float>(q), config.r = static_cast<float>(r);
     config.markov_variance = static_cast<float>(markov_variance), config.prior_sigma = static_cast<float>(prior_sigma);
-    if (const imucal_status status = order < 0 || order > 255 ? IMUCAL_ERR_ORDER : imucal_kf_init(&kf_, &config); status != IMUCAL_OK)
+    if (const imucal_status status = order < 0 || order > 255 ? IMUCAL_ERR_ORDER : imucal_kf_init(&kf_, &config);
+        status != IMUCAL_OK)
       throw nb::value_error(imucal_status_text(status));
   }
 
@@ -104,11 +108,16 @@ class Filter {
 
   std::vector<double> coefficients() const {
     std::vector<double> values;
-    for (uint32_t i = 0; i <= kf_.config.order; ++i) values.push_back(static_cast<double>(imucal_kf_coefficient(&kf_, i)));
+    for (uint32_t i = 0; i <= kf_.config.order; ++i)
+      values.push_back(static_cast<double>(imucal_kf_coefficient(&kf_, i)));
     return values;
   }
-  double bias(double temp_degc) const { return static_cast<double>(imucal_kf_bias(&kf_, static_cast<float>(temp_degc))); }
-  double sigma(double temp_degc) const { return static_cast<double>(imucal_kf_bias_sigma(&kf_, static_cast<float>(temp_degc))); }
+  double bias(double temp_degc) const {
+    return static_cast<double>(imucal_kf_bias(&kf_, static_cast<float>(temp_degc)));
+  }
+  double sigma(double temp_degc) const {
+    return static_cast<double>(imucal_kf_bias_sigma(&kf_, static_cast<float>(temp_degc)));
+  }
   double innovation() const { return static_cast<double>(kf_.stats.innovation); }
   double innovation_variance() const { return static_cast<double>(imucal_kf_innovation_variance(&kf_)); }
   double mean_nis() const { return static_cast<double>(imucal_kf_mean_nis(&kf_)); }
@@ -117,11 +126,11 @@ class Filter {
   long n_missed() const { return static_cast<long>(kf_.stats.n_missed); }
   long n_refused() const { return static_cast<long>(kf_.stats.n_refused); }
 
- private:
+private:
   imucal_kf_t kf_{};
 };
 
-}  // namespace
+} // namespace
 
 NB_MODULE(_core, m) {
   m.doc() = "The compiled part of imucal.";
@@ -131,8 +140,9 @@ NB_MODULE(_core, m) {
       .def_ro("lo_dph", &Curve::lo_dph)
       .def_ro("hi_dph", &Curve::hi_dph)
       .def_ro("n_windows", &Curve::n_windows);
-  m.def("direct_predictor", &direct_predictor, nb::arg("rate_dph"), nb::arg("dt_s"), nb::arg("type"), nb::arg("tau"), nb::arg("estimator"),
-        nb::arg("nominal").none(), nb::arg("estimation_s"), nb::arg("detrend"), nb::arg("min_fill"));
+  m.def("direct_predictor", &direct_predictor, nb::arg("rate_dph"), nb::arg("dt_s"), nb::arg("type"), nb::arg("tau"),
+        nb::arg("estimator"), nb::arg("nominal").none(), nb::arg("estimation_s"), nb::arg("detrend"),
+        nb::arg("min_fill"));
   nb::class_<Filter>(m, "Filter")
       .def(nb::init<int, double, double, double, double, double, double, double>())
       .def("update", &Filter::update)

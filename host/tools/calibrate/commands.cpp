@@ -134,10 +134,9 @@ void print_axes(const imucal_table_t& table) {
       continue;
     }
     const float worst = *std::max_element(c.sigma, c.sigma + IMUCAL_TABLE_SIGMA_N);
-    std::printf(
-        "  %-10s order %u, %.1f to %.1f degC, worst predicted error %.2f %s (one sigma), coefficients",
-        fixed_text(c.name).c_str(), c.order, static_cast<double>(c.span_lo_degc),
-        static_cast<double>(c.span_hi_degc), static_cast<double>(worst), channel_unit(c).c_str());
+    std::printf("  %-10s order %u, %.1f to %.1f degC, worst predicted error %.2f %s (one sigma), coefficients",
+                fixed_text(c.name).c_str(), c.order, static_cast<double>(c.span_lo_degc),
+                static_cast<double>(c.span_hi_degc), static_cast<double>(worst), channel_unit(c).c_str());
     for (unsigned k = 0; k <= c.order; ++k) std::printf(" %.2f", static_cast<double>(c.coeff[k]));
     std::printf("\n");
   }
@@ -160,21 +159,19 @@ Json curve_json(const AxisResult& axis, const imucal_table_channel_t& channel) {
 void require_table_of(const imucal_table_t& table, const Device& device, const std::string& path) {
   const std::string serial = fixed_text(table.serial);
   if (serial != device.serial())
-    throw data_error(path + ": serial: the table is of device '" + serial + "', on " + device.port() +
-                     " is '" + device.serial() + "'; use the table of this device");
+    throw data_error(path + ": serial: the table is of device '" + serial + "', on " + device.port() + " is '" +
+                     device.serial() + "'; use the table of this device");
   if (table.n_channels != device.channels().size())
     throw data_error(path + ": axes: " + std::to_string(table.n_channels) + " in the table, the device has " +
                      std::to_string(device.channels().size()));
   for (size_t i = 0; i < table.n_channels; ++i) {
     if (fixed_text(table.channel[i].name) != device.channel_name(i))
-      throw data_error(path + ": axes[" + std::to_string(i) + "].axis: '" +
-                       fixed_text(table.channel[i].name) + "', the device's channel is '" +
-                       device.channel_name(i) + "'");
+      throw data_error(path + ": axes[" + std::to_string(i) + "].axis: '" + fixed_text(table.channel[i].name) +
+                       "', the device's channel is '" + device.channel_name(i) + "'");
     if (table.channel[i].unit_per_count != device.channels()[i].unit_per_count)
       throw data_error(path + ": axes[" + std::to_string(i) + "] (" + device.channel_name(i) +
-                       "): the value of a count is " +
-                       std::to_string(shortest(table.channel[i].unit_per_count)) + ", the device's is " +
-                       std::to_string(shortest(device.channels()[i].unit_per_count)));
+                       "): the value of a count is " + std::to_string(shortest(table.channel[i].unit_per_count)) +
+                       ", the device's is " + std::to_string(shortest(device.channels()[i].unit_per_count)));
   }
 }
 
@@ -184,13 +181,12 @@ Exit list_ports(const CommonOptions& common) {
   const std::vector<SerialPortInfo> ports = list_serial_ports();
   Json json = {{"ports", Json::array()}};
   for (const SerialPortInfo& port : ports)
-    json["ports"].push_back(
-        {{"port", port.name}, {"description", port.description}, {"usb_serial", port.usb_serial}});
+    json["ports"].push_back({{"port", port.name}, {"description", port.description}, {"usb_serial", port.usb_serial}});
   if (common.wants_json()) write_json(common.json_path, json);
   if (!common.talks()) return Exit::kDone;
   for (const SerialPortInfo& port : ports)
-    std::printf("%s  %s%s%s\n", port.name.c_str(), port.description.c_str(),
-                port.usb_serial.empty() ? "" : "  serial ", port.usb_serial.c_str());
+    std::printf("%s  %s%s%s\n", port.name.c_str(), port.description.c_str(), port.usb_serial.empty() ? "" : "  serial ",
+                port.usb_serial.c_str());
   if (ports.empty())
     std::printf("no serial devices on this machine (pseudo-terminals and tcp:HOST:PORT are not listed)\n");
   return Exit::kDone;
@@ -216,8 +212,7 @@ Exit show_info(Device* device, const CommonOptions& common) {
   json["ruling_slot"] = has_table ? Json(info.ruling_slot) : Json(nullptr);
   json["slots"] = Json::array();
   for (int i = 0; i < 2; ++i)
-    json["slots"].push_back(
-        {{"status", status_text(info.slot_status[i])}, {"sequence", info.slot_sequence[i]}});
+    json["slots"].push_back({{"status", status_text(info.slot_status[i])}, {"sequence", info.slot_sequence[i]}});
   json["channels"] = Json::array();
   for (size_t i = 0; i < device->channels().size(); ++i) {
     const imucal_link_channel_info_reply_t& c = device->channels()[i];
@@ -233,12 +228,11 @@ Exit show_info(Device* device, const CommonOptions& common) {
   if (!common.talks()) return Exit::kDone;
   std::printf("%s on %s: firmware %s, serial %s, %zu channels at %.0f Hz, %s\n",
               fixed_text(device->hello().device).c_str(), device->port().c_str(),
-              fixed_text(device->hello().firmware).c_str(), device->serial().c_str(),
-              device->channels().size(), static_cast<double>(device->hello().rate_hz),
-              session_text(info.session));
+              fixed_text(device->hello().firmware).c_str(), device->serial().c_str(), device->channels().size(),
+              static_cast<double>(device->hello().rate_hz), session_text(info.session));
   if (has_table)
-    std::printf("table: sequence %u rules (slot %u, %u bytes, CRC %s), made %s, %s\n", info.sequence,
-                info.ruling_slot, info.table_bytes, hex(state.table_crc).c_str(), utc_text(state.table_created_s).c_str(),
+    std::printf("table: sequence %u rules (slot %u, %u bytes, CRC %s), made %s, %s\n", info.sequence, info.ruling_slot,
+                info.table_bytes, hex(state.table_crc).c_str(), utc_text(state.table_created_s).c_str(),
                 origin_text(state.table_origin));
   else
     std::printf("table: none, the device runs uncompensated (%s)\n", status_text(info.table_status));
@@ -247,25 +241,24 @@ Exit show_info(Device* device, const CommonOptions& common) {
                 info.slot_sequence[i] ? (", sequence " + std::to_string(info.slot_sequence[i])).c_str() : "");
   for (size_t i = 0; i < device->channels().size(); ++i)
     std::printf("  %-10s %.6g per count, full scale %d counts, %s\n", device->channel_name(i).c_str(),
-                static_cast<double>(device->channels()[i].unit_per_count),
-                device->channels()[i].full_scale_counts,
+                static_cast<double>(device->channels()[i].unit_per_count), device->channels()[i].full_scale_counts,
                 device->channels()[i].is_compensated ? "compensated" : "raw");
   std::printf("since start: %u samples, %u seconds, %u gaps, %u bad records; line: %u frames, %u spoilt, %u "
               "dropped\n",
               counters.samples, counters.seconds, counters.gaps, counters.feed_errors, counters.rx_frames,
               counters.rx_crc + counters.rx_resync + counters.rx_overflow, counters.tx_dropped);
-  std::printf("refused: %u locked, %u old or foreign, %u unlocks, %u busy, %u reserved fields, %u tables; flash failed %u "
-              "times; %u calibrations stopped without a host\n",
-              state.refused_locked, state.refused_stale, state.refused_unlock, state.refused_busy,
-              state.refused_reserved, state.refused_table, state.flash_failed, state.sessions_silent);
+  std::printf(
+      "refused: %u locked, %u old or foreign, %u unlocks, %u busy, %u reserved fields, %u tables; flash failed %u "
+      "times; %u calibrations stopped without a host\n",
+      state.refused_locked, state.refused_stale, state.refused_unlock, state.refused_busy, state.refused_reserved,
+      state.refused_table, state.flash_failed, state.sessions_silent);
   return Exit::kDone;
 }
 
 Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions& common) {
   (void)interrupted(); // from here on Ctrl-C ends the recording in order
   LogRecorder raw(options.raw_path, *device, LogRecorder::What::kRaw, options.may_overwrite);
-  LogRecorder compensated(options.compensated_path, *device, LogRecorder::What::kCompensated,
-                          options.may_overwrite);
+  LogRecorder compensated(options.compensated_path, *device, LogRecorder::What::kCompensated, options.may_overwrite);
   const bool prints = options.raw_path.empty() && options.compensated_path.empty() && common.talks();
   bool has_ended = false;
   uint32_t first_t_s = 0, t_s = 0;
@@ -297,8 +290,7 @@ Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions&
     std::fflush(stdout);
   });
   device->stream(IMUCAL_STREAM_SECOND | IMUCAL_STREAM_EVENT, 0, 1);
-  while (!interrupted() && !has_ended &&
-         !(options.duration_s > 0 && n > 0 && t_s - first_t_s >= options.duration_s)) {
+  while (!interrupted() && !has_ended && !(options.duration_s > 0 && n > 0 && t_s - first_t_s >= options.duration_s)) {
     device->poll(0.2);
     if (now_s() - last_s > 2.0) {
       device->info(); // device_error when it is gone
@@ -335,8 +327,8 @@ Exit calibrate_device(Device* device, const RunOptions& options, const std::stri
   Json json = {{"axes", Json::array()}};
   const Json in_table = axes_json(result.table);
   for (const AxisResult& axis : result.axes) {
-    const auto found = std::find_if(in_table.begin(), in_table.end(),
-                                    [&](const Json& entry) { return entry["axis"] == axis.name; });
+    const auto found =
+        std::find_if(in_table.begin(), in_table.end(), [&](const Json& entry) { return entry["axis"] == axis.name; });
     Json entry = *found;
     entry["residual_rms_" + channel_unit(result.table.channel[axis.channel])] = axis.residual_rms;
     entry["measurements"] = axis.state.n;
@@ -363,13 +355,12 @@ Exit calibrate_device(Device* device, const RunOptions& options, const std::stri
   if (common.talks()) {
     std::printf("%.0f s of sensor time in %.1f s, %.2f to %.2f degC; %s\n", result.seconds, now_s() - start_s,
                 result.seen.lo_degc, result.seen.hi_degc, end_text(result.end));
-    std::printf("table %u flashed on %s, read back and verified%s%s\n", result.table.sequence,
-                device->serial().c_str(), table_path.empty() ? "" : "; written to ", table_path.c_str());
+    std::printf("table %u flashed on %s, read back and verified%s%s\n", result.table.sequence, device->serial().c_str(),
+                table_path.empty() ? "" : "; written to ", table_path.c_str());
     print_axes(result.table);
     for (const std::string& note : result.notes) std::printf("note: %s\n", note.c_str());
     tell_losses(*device);
-    if (!result.is_error_reached)
-      std::printf("the error of %.2f asked for was not reached\n", options.until_error);
+    if (!result.is_error_reached) std::printf("the error of %.2f asked for was not reached\n", options.until_error);
   }
   return result.is_error_reached ? Exit::kDone : Exit::kNegative;
 }
@@ -384,11 +375,9 @@ Exit flash_table(Device* device, const std::string& path, const CommonOptions& c
     throw device_error(device->port() + ": what was read back from flash differs: " + differences.front() +
                        "; do not use it (calibrate rollback returns to the table before)");
   if (common.wants_json())
-    write_json(common.json_path,
-               {{"sequence", flashed.sequence}, {"serial", device->serial()}, {"verified", true}});
+    write_json(common.json_path, {{"sequence", flashed.sequence}, {"serial", device->serial()}, {"verified", true}});
   if (common.talks()) {
-    std::printf("table %u flashed on %s, read back and verified\n", flashed.sequence,
-                device->serial().c_str());
+    std::printf("table %u flashed on %s, read back and verified\n", flashed.sequence, device->serial().c_str());
     print_axes(flashed);
   }
   return Exit::kDone;
@@ -422,8 +411,7 @@ Exit dump_table(Device* device, const std::string& path, const CommonOptions& co
                        "; calibrate the device or flash a table");
   const imucal_table_t table = table_from_bytes(device->read_table(), device->port());
   write_table(path, table);
-  if (common.wants_json())
-    write_json(common.json_path, {{"axes", axes_json(table)}, {"sequence", table.sequence}});
+  if (common.wants_json()) write_json(common.json_path, {{"axes", axes_json(table)}, {"sequence", table.sequence}});
   if (common.talks() && path != "-") {
     std::printf("table %u of %s written to %s\n", table.sequence, device->serial().c_str(), path.c_str());
     print_axes(table);

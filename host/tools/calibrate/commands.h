@@ -4,9 +4,9 @@
 #include <string>
 
 #include "base/error.h"
+#include "cli/program.h"
 #include "device/device.h"
 #include "device/run.h"
-#include "cli/program.h"
 
 namespace imucal {
 

@@ -30,10 +30,12 @@ void print(const FitResult& result) {
     std::printf("  B(T) = sum b_i ((T - %.6g)/%.6g)^i, b =", axis.t0_degc, axis.range_degc);
     for (const double b : axis.coeff_dph) std::printf(" %.6g", b);
     std::printf(" %s\n  predicted one-sigma error:", unit);
-    for (size_t i = 0; i < axis.temp_degc.size(); i += 2) std::printf("  %.4g at %.4g", axis.sigma_dph[i], axis.temp_degc[i]);
+    for (size_t i = 0; i < axis.temp_degc.size(); i += 2)
+      std::printf("  %.4g at %.4g", axis.sigma_dph[i], axis.temp_degc[i]);
     std::printf(" degC\n");
     if (axis.n_rejected + axis.n_bad_temperature > 0)
-      std::printf("  left out: %ld seconds with a knock, %ld with a temperature out of reach\n", axis.n_rejected, axis.n_bad_temperature);
+      std::printf("  left out: %ld seconds with a knock, %ld with a temperature out of reach\n", axis.n_rejected,
+                  axis.n_bad_temperature);
     if (!axis.turn_on_dph.empty()) {
       std::printf("  turn-on constants:");
       for (const double a : axis.turn_on_dph) std::printf(" %.4g", a);
@@ -51,35 +53,45 @@ std::string join(const std::vector<std::string>& names) {
 // Why there is no table, also with --quiet: it is the answer.
 void tell_reasons(const FitResult& result, bool wants_table) {
   for (const FitReason& reason : result.reasons)
-    std::fprintf(stderr, "calibrate: %s%s: %s\n", reason.is_accepted ? "accepted: " : "", reason.axis.c_str(), reason.text.c_str());
+    std::fprintf(stderr, "calibrate: %s%s: %s\n", reason.is_accepted ? "accepted: " : "", reason.axis.c_str(),
+                 reason.text.c_str());
   if (!result.is_accepted())
-    std::fprintf(stderr, "calibrate: not accepted%s; to insist: --accept RULE\n", wants_table ? ", no table written" : "");
+    std::fprintf(stderr, "calibrate: not accepted%s; to insist: --accept RULE\n",
+                 wants_table ? ", no table written" : "");
 }
 
-}  // namespace
+} // namespace
 
 void add_fit_options(CLI::App* app, FitArguments* a) {
-  app->add_option("LOG", a->log_paths, "logs of one device, each with its own turn-on constant")->required()->type_name("LOG.csv");
+  app->add_option("LOG", a->log_paths, "logs of one device, each with its own turn-on constant")
+      ->required()
+      ->type_name("LOG.csv");
   app->add_option("--method", a->method, "kf: the device's Kalman filter; poly: least squares by QR")
       ->check(CLI::IsMember({"kf", "poly"}))
       ->capture_default_str();
-  app->add_option("--order", a->options.order, "order of the polynomial")->check(CLI::Range(1, IMUCAL_MAX_ORDER))->capture_default_str();
-  app->add_option("--model", a->model_path, "error model (kf: required; poly: makes the predicted error honest)")->type_name("MODEL.json");
+  app->add_option("--order", a->options.order, "order of the polynomial")
+      ->check(CLI::Range(1, IMUCAL_MAX_ORDER))
+      ->capture_default_str();
+  app->add_option("--model", a->model_path, "error model (kf: required; poly: makes the predicted error honest)")
+      ->type_name("MODEL.json");
   app->add_option("--axis", a->options.axes, "axis to fit (repeat; default: all gyros)")->allow_extra_args(false);
-  app->add_option("--range", a->range, "normalisation of temperature, degC (default: the model's, else what the logs span)")
+  app->add_option("--range", a->range,
+                  "normalisation of temperature, degC (default: the model's, else what the logs span)")
       ->type_name("LOW:HIGH");
   app->add_flag("--shared-turn-on", a->options.shared_turn_on, "no power cycle between the logs: one constant for all");
   app->add_option("--prior-sigma", a->options.prior_sigma_dph, "kf: what is known of a coefficient beforehand")
       ->check(CLI::Range(1e-3, 1e6))
       ->capture_default_str();
-  app->add_option("--accept", a->options.accept, "make a table although this rule speaks against it (repeat): " + join(fit_rules()))
+  app->add_option("--accept", a->options.accept,
+                  "make a table although this rule speaks against it (repeat): " + join(fit_rules()))
       ->allow_extra_args(false)
       ->type_name("RULE");
   app->add_option("--max-error", a->options.max_error_dph, "largest predicted one-sigma error to accept")
       ->check(FinitePositive)
       ->capture_default_str()
       ->type_name("DPH");
-  app->add_flag("--ignore-metadata", a->options.ignore_metadata, "fit logs of different devices or serial numbers together");
+  app->add_flag("--ignore-metadata", a->options.ignore_metadata,
+                "fit logs of different devices or serial numbers together");
   app->add_option("--serial", a->table.serial, "device serial for the table (default: the first log's)");
   app->add_option("-o,--output", a->table_path, "write the table")->type_name("TABLE.json");
 }
@@ -89,7 +101,8 @@ Exit fit_command(const FitArguments& arguments, const CommonOptions& common) {
   options.method = arguments.method == "poly" ? FitOptions::Method::kPolynomial : FitOptions::Method::kKalman;
   if (!arguments.model_path.empty()) options.model = read_model(arguments.model_path);
   if (options.model && options.method == FitOptions::Method::kKalman && !(options.model->arw_deg_rt_h > 0))
-    throw data_error(arguments.model_path + ": arw_deg_rt_h is 0: the filter needs white noise; state the sensor's angle random walk");
+    throw data_error(arguments.model_path +
+                     ": arw_deg_rt_h is 0: the filter needs white noise; state the sensor's angle random walk");
   if (!arguments.range.empty()) take_range(arguments.range, &options);
   std::vector<Log> logs;
   for (const std::string& path : arguments.log_paths) logs.push_back(read_log(path));
@@ -98,7 +111,8 @@ Exit fit_command(const FitArguments& arguments, const CommonOptions& common) {
     TableInfo info = arguments.table;
     if (info.serial.empty() && result.metadata.count("serial") == 0) {
       info.serial = kUnknownSerial;
-      result.warnings.push_back("no serial in the log: the table is for serial \"unknown\" and no device takes it; give --serial");
+      result.warnings.push_back(
+          "no serial in the log: the table is for serial \"unknown\" and no device takes it; give --serial");
     }
     write_table(arguments.table_path, make_table(result, info));
   }
@@ -124,4 +138,4 @@ Exit recover_command(const RecoverArguments& arguments, const CommonOptions& com
   return Exit::kDone;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "analysis/fit/fit.h"
 #include "base/error.h"
 #include "cli/program.h"
-#include "analysis/fit/fit.h"
 
 namespace imucal {
 
@@ -28,4 +28,4 @@ void add_fit_options(CLI::App* app, FitArguments* arguments);
 
 Exit fit_command(const FitArguments& arguments, const CommonOptions& common);
 
-}  // namespace imucal
+} // namespace imucal

@@ -25,12 +25,10 @@ struct RunArguments {
 };
 
 void add_port(CLI::App* app, PortOptions* o) {
-  app->add_option("-p,--port", o->port,
-                  "serial device (/dev/ttyACM0), pseudo-terminal (/dev/pts/3) or tcp:HOST:PORT")
+  app->add_option("-p,--port", o->port, "serial device (/dev/ttyACM0), pseudo-terminal (/dev/pts/3) or tcp:HOST:PORT")
       ->type_name("PORT");
   app->add_option("--baud", o->baud, "of a serial device")->capture_default_str();
-  app->add_option("--timeout-s", o->device.reply_timeout_s,
-                  "how long to wait for a reply before asking again")
+  app->add_option("--timeout-s", o->device.reply_timeout_s, "how long to wait for a reply before asking again")
       ->check(CLI::Range(0.01, 60.0))
       ->capture_default_str();
   app->add_option("--tries", o->device.tries, "how often to ask before giving the device up")
@@ -46,19 +44,15 @@ void add_run(CLI::App* app, RunArguments* o) {
       ->required()
       ->allow_extra_args(false)
       ->type_name("MODEL.json");
-  app->add_option("--axis", o->run.axes, "axis to calibrate (repeat; default: all gyros)")
-      ->allow_extra_args(false);
-  app->add_option("--range", o->range,
-                  "temperatures the table is for, degC (default: of the profile or the model)")
+  app->add_option("--axis", o->run.axes, "axis to calibrate (repeat; default: all gyros)")->allow_extra_args(false);
+  app->add_option("--range", o->range, "temperatures the table is for, degC (default: of the profile or the model)")
       ->type_name("LOW:HIGH");
   app->add_option("--profile", o->profile_path, "what the chamber does: gives range and duration")
       ->type_name("PROFILE.json");
-  app->add_option("--until-error", o->run.until_error,
-                  "end when the predicted worst one-sigma error is below this")
+  app->add_option("--until-error", o->run.until_error, "end when the predicted worst one-sigma error is below this")
       ->check(FinitePositive)
       ->type_name("DPH");
-  app->add_option("--duration-s", o->run.duration_s, "end after so much sensor time")
-      ->check(FinitePositive);
+  app->add_option("--duration-s", o->run.duration_s, "end after so much sensor time")->check(FinitePositive);
   app->add_option("--stall-s", o->run.stall_s, "give up when the sensor delivers nothing for so long")
       ->check(FinitePositive)
       ->capture_default_str();
@@ -66,8 +60,7 @@ void add_run(CLI::App* app, RunArguments* o) {
       ->check(CLI::Range(1e-3, 1e6))
       ->capture_default_str();
   app->add_option("--record", o->run.record_path, "write the raw 1-s means as a log")->type_name("LOG.csv");
-  app->add_option("--record-compensated", o->run.record_compensated_path,
-                  "write the compensated 1-s means as a log")
+  app->add_option("--record-compensated", o->run.record_compensated_path, "write the compensated 1-s means as a log")
       ->type_name("LOG.csv");
   app->add_flag("--force", o->run.may_overwrite, "write over logs that are there");
   app->add_option("-o,--output", o->table_path, "write the table as flashed")->type_name("TABLE.json");
@@ -98,14 +91,10 @@ int main(int argc, char** argv) {
   CLI::App* monitor_app = app.add_subcommand("monitor", "print the 1-s means, raw and compensated");
   CLI::App* record_app = app.add_subcommand("record", "write the 1-s means as a log");
   for (CLI::App* sub : {monitor_app, record_app})
-    sub->add_option("--duration-s", watch.duration_s,
-                    "end after so much sensor time (default: when the sensor ends)")
+    sub->add_option("--duration-s", watch.duration_s, "end after so much sensor time (default: when the sensor ends)")
         ->check(FinitePositive);
-  record_app->add_option("-o,--output", watch.raw_path, "log of the raw means")
-      ->required()
-      ->type_name("LOG.csv");
-  record_app->add_option("--compensated", watch.compensated_path, "log of the compensated means")
-      ->type_name("LOG.csv");
+  record_app->add_option("-o,--output", watch.raw_path, "log of the raw means")->required()->type_name("LOG.csv");
+  record_app->add_option("--compensated", watch.compensated_path, "log of the compensated means")->type_name("LOG.csv");
   record_app->add_flag("--force", watch.may_overwrite, "write over logs that are there");
   RecoverArguments recover;
   CLI::App* recover_app = app.add_subcommand("recover", "make a log of a recording that was cut off (LOG.csv.part)");
@@ -124,9 +113,7 @@ int main(int argc, char** argv) {
     sub->add_option("TABLE", table_path, "table (.json, or .bin: the bytes as flashed)")
         ->required()
         ->type_name("TABLE.json");
-  dump->add_option("-o,--output", table_path, "table to write (.json or .bin)")
-      ->required()
-      ->type_name("TABLE.json");
+  dump->add_option("-o,--output", table_path, "table to write (.json or .bin)")->required()->type_name("TABLE.json");
   CLI::App* rollback = app.add_subcommand("rollback", "return to the table before");
   FitArguments fit;
   CLI::App* fit_app = app.add_subcommand("fit", "learn the polynomials from recorded logs, no device needed");

@@ -2,9 +2,9 @@
 #include "cli/program.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <iostream>
@@ -28,7 +28,9 @@ static const CLI::Validator WholeNumber(
       uint64_t value = 0;
       const char* end = text.data() + text.size();
       const auto parsed = std::from_chars(text.data(), end, value);
-      return parsed.ec == std::errc() && parsed.ptr == end ? "" : "expected a whole number 0 .. 2^64 - 1, found \"" + text + "\"";
+      return parsed.ec == std::errc() && parsed.ptr == end
+                 ? ""
+                 : "expected a whole number 0 .. 2^64 - 1, found \"" + text + "\"";
     },
     "UINT");
 
@@ -87,18 +89,19 @@ Exit checked_output(const std::string& name, Exit exit) {
   errno = 0;
   std::cout.flush();
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout) return exit;
-  complain(name, std::string("standard output: cannot write: ") + (errno != 0 ? std::strerror(errno) : "the stream failed"));
+  complain(name,
+           std::string("standard output: cannot write: ") + (errno != 0 ? std::strerror(errno) : "the stream failed"));
   return Exit::kData;
 }
 
-}  // namespace
+} // namespace
 
 int run_program(CLI::App* app, int argc, char** argv, const std::function<Exit()>& run) {
   const std::string name = app->get_name();
   app->set_version_flag("--version", name + " (imucal) " IMUCAL_VERSION);
   try {
     std::vector<std::string> words = common_behind(*app, argc, argv);
-    std::reverse(words.begin(), words.end());  // CLI11 takes them from the back
+    std::reverse(words.begin(), words.end()); // CLI11 takes them from the back
     app->parse(words);
     return static_cast<int>(checked_output(name, run()));
   } catch (const CLI::CallForHelp& e) {
@@ -122,4 +125,4 @@ int run_program(CLI::App* app, int argc, char** argv, const std::function<Exit()
   }
 }
 
-}  // namespace imucal
+} // namespace imucal

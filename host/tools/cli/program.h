@@ -13,10 +13,10 @@
 namespace imucal {
 
 struct CommonOptions {
-  std::string json_path;  // empty: none; "-": standard output
+  std::string json_path; // empty: none; "-": standard output
   bool quiet = false;
   uint64_t seed = 1;
-  int threads = 0;        // 0: one per core
+  int threads = 0; // 0: one per core
 
   bool wants_json() const { return !json_path.empty(); }
   // Text for people goes to standard output unless --quiet or the JSON goes there.
@@ -36,4 +36,4 @@ void add_common_options(CLI::App* app, CommonOptions* options, unsigned flags = 
 // `run` is called after parsing; it returns kDone or kNegative and throws Error otherwise.
 int run_program(CLI::App* app, int argc, char** argv, const std::function<Exit()>& run);
 
-}  // namespace imucal
+} // namespace imucal

@@ -29,33 +29,29 @@ int main(int argc, char** argv) {
   double arw = 0;
   options.cache_folder = default_cache_folder();
   add_common_options(&app, &common, kWithSeed | kWithThreads);
-  app.add_option("--model", options.model_path, "error model that is believed; without it the noise is estimated")->type_name("MODEL.json");
+  app.add_option("--model", options.model_path, "error model that is believed; without it the noise is estimated")
+      ->type_name("MODEL.json");
   auto* arw_option = app.add_option("--arw", arw, "data sheet in the place of a model: angle random walk")
                          ->type_name("DEG_RT_H")
                          ->check(CLI::PositiveNumber);
   app.add_option("--instability", instability, "data sheet: bias instability and its time constant")
       ->type_name("SIGMA_DPH:TAU_S");
   app.add_option("--log", options.logs, "logs of one device, each a run")->type_name("LOG.csv ...");
-  app.add_option("--holdout", options.held_out, "logs that are not fitted, only predicted")
-      ->type_name("LOG.csv ...");
+  app.add_option("--holdout", options.held_out, "logs that are not fitted, only predicted")->type_name("LOG.csv ...");
   app.add_option("--axis", options.axes, "axes to diagnose (default: all gyro axes)");
   app.add_option("--without", options.without, "effect to take out of the library");
   app.add_option("--only", options.only, "effect to keep; all others are taken out");
-  app.add_option(
-         "--false-alarm-rate", options.false_alarm_rate,
-         "probability of naming anything when there is no gap, all candidates and axes counted")
+  app.add_option("--false-alarm-rate", options.false_alarm_rate,
+                 "probability of naming anything when there is no gap, all candidates and axes counted")
       ->check(CLI::Range(1e-6, 0.5))
       ->capture_default_str();
   app.add_option("--nulls", options.nulls, "simulations of the fitted noise for calibration")
       ->check(CLI::Range(50, 100000))
       ->capture_default_str();
-  app.add_option("--cache", options.cache_folder, "folder of calibrations")
-      ->type_name("DIR")
-      ->capture_default_str();
+  app.add_option("--cache", options.cache_folder, "folder of calibrations")->type_name("DIR")->capture_default_str();
   app.add_flag("--no-cache", no_cache, "calibrate anew and keep nothing");
-  app.add_option(
-         "--model-seconds", options.model_seconds,
-         "kept for old command lines: the noise is estimated again in any case")
+  app.add_option("--model-seconds", options.model_seconds,
+                 "kept for old command lines: the noise is estimated again in any case")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--model-out", model_out, "write the model with the effects found")->type_name("MODEL.json");
   app.add_flag("--list-effects", list, "list the library and stop");
@@ -65,8 +61,7 @@ int main(int argc, char** argv) {
       if (common.wants_json()) write_json(common.json_path, library);
       if (common.talks())
         for (const Json& effect : library["effects"])
-          std::cout << effect["name"].get<std::string>() << ": " << effect["description"].get<std::string>()
-                    << "\n";
+          std::cout << effect["name"].get<std::string>() << ": " << effect["description"].get<std::string>() << "\n";
       return Exit::kDone;
     }
     if (options.logs.empty()) throw usage_error("at least one --log LOG.csv is needed (or --list-effects)");
@@ -83,8 +78,7 @@ int main(int argc, char** argv) {
     if (!model_out.empty()) write_json(model_out, to_json(result.model));
     if (common.talks()) std::cout << diagnosis_text(options, result);
     if (!common.talks())
-      for (const std::string& warning : result.warnings)
-        std::cerr << "diagnose: warning: " << warning << "\n";
+      for (const std::string& warning : result.warnings) std::cerr << "diagnose: warning: " << warning << "\n";
     return Exit::kDone;
   });
 }

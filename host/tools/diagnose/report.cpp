@@ -10,7 +10,9 @@ namespace {
 
 constexpr double kAgainst_nats = 3.3; // by which held-out data speak against a name: 1 % of chi2, one degree
 
-Json number(double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); }
+Json number(double x) {
+  return std::isfinite(x) ? Json(x) : Json(nullptr);
+}
 Json numbers(const std::vector<double>& x) {
   Json out = Json::array();
   for (double v : x) out.push_back(number(v));
@@ -51,19 +53,21 @@ const char* doubt_text(Doubt doubt) {
   return "";
 }
 const char* rest_name(Rest test) {
-  static const char* const names[] = {"spectrum", "variance_over_temperature", "variance_over_time", "distribution",
-                                      "bursts", "line"};
+  static const char* const names[] = {
+      "spectrum", "variance_over_temperature", "variance_over_time", "distribution", "bursts", "line"};
   return names[static_cast<size_t>(test)];
 }
 const char* rest_text(Rest test) {
   static const char* const texts[] = {"noise of another spectrum than the model's",
                                       "noise of a strength that depends on temperature",
-                                      "noise of a strength that changes with time", "noise that is not Gaussian",
-                                      "noise that comes in bursts", "a line in the spectrum"};
+                                      "noise of a strength that changes with time",
+                                      "noise that is not Gaussian",
+                                      "noise that comes in bursts",
+                                      "a line in the spectrum"};
   return texts[static_cast<size_t>(test)];
 }
 const char* held_out_text(HeldOut method) {
-  return method == HeldOut::kLogs       ? "held-out logs"
+  return method == HeldOut::kLogs      ? "held-out logs"
          : method == HeldOut::kEachLog ? "each log held out in turn"
                                        : "quarters of the one log held out in turn";
 }
@@ -88,7 +92,6 @@ Json cell_json(const WhereCell& c) {
   if (c.mean_z != 0) out["mean_z"] = c.mean_z;
   return out;
 }
-
 
 Json cells_json(const std::vector<WhereCell>& cells, const char* range, const char* name, bool is_log) {
   Json list = Json::array();
@@ -137,10 +140,12 @@ Json residual_json(const Campaign& campaign, const Fit& before, const Fit& after
     const CampaignRun& run = campaign.runs[r];
     for (long k = 0; k + block <= before.residual[r].size(); k += block) {
       double sum = 0;
-      for (long i = k; i < k + block; ++i) sum += run.input.rate_dph[static_cast<size_t>(run.used[static_cast<size_t>(i)])];
+      for (long i = k; i < k + block; ++i)
+        sum += run.input.rate_dph[static_cast<size_t>(run.used[static_cast<size_t>(i)])];
       const double mean = sum / static_cast<double>(block);
       const size_t row = static_cast<size_t>(run.used[static_cast<size_t>(k + block / 2)]);
-      const double left_b = before.residual[r].segment(k, block).mean(), left_a = after.residual[r].segment(k, block).mean();
+      const double left_b = before.residual[r].segment(k, block).mean(),
+                   left_a = after.residual[r].segment(k, block).mean();
       temp.push_back(campaign.has_temperature ? Json(run.input.smooth_degc[row]) : Json(nullptr));
       rate.push_back(run.input.rate_degc_min[row]);
       time.push_back(run.start_s + run.input.t_s[row]);
@@ -149,9 +154,16 @@ Json residual_json(const Campaign& campaign, const Fit& before, const Fit& after
       fitted_b.push_back(mean - left_b), fitted_a.push_back(mean - left_a);
     }
   }
-  return {{"mean_s", static_cast<double>(block) * campaign.dt_s}, {"temp_degc", temp}, {"rate_degc_per_min", rate}, {"t_s", time},
-          {"log", log}, {"rate_dph", raw}, {"polynomial_dph", fitted_b}, {"answer_dph", fitted_a},
-          {"before_dph", b}, {"after_dph", a}};
+  return {{"mean_s", static_cast<double>(block) * campaign.dt_s},
+          {"temp_degc", temp},
+          {"rate_degc_per_min", rate},
+          {"t_s", time},
+          {"log", log},
+          {"rate_dph", raw},
+          {"polynomial_dph", fitted_b},
+          {"answer_dph", fitted_a},
+          {"before_dph", b},
+          {"after_dph", a}};
 }
 
 // Energy of the slow innovations over averaging time and temperature: z of every cell.
@@ -170,8 +182,7 @@ Json map_json(const Campaign& campaign, const Fit& fit) {
         const double w = (level[i] - level[i + 1]) * 0.7071067811865476;
         const size_t k = std::min(run.n() - 1, static_cast<size_t>((static_cast<double>(i) + 1) * scale));
         const double temp = run.input.smooth_degc[static_cast<size_t>(run.used[k])];
-        const size_t b =
-            std::min(kTemps - 1, static_cast<size_t>(std::max(0.0, (temp - lo) / span * kTemps)));
+        const size_t b = std::min(kTemps - 1, static_cast<size_t>(std::max(0.0, (temp - lo) / span * kTemps)));
         sum[band][b] += w * w - 1, n[band][b] += 1;
         next.push_back((level[i] + level[i + 1]) * 0.7071067811865476);
       }
@@ -183,13 +194,11 @@ Json map_json(const Campaign& campaign, const Fit& fit) {
   for (size_t band = 0; band < sum.size(); ++band) {
     tau.push_back(campaign.dt_s * std::ldexp(1.0, static_cast<int>(band)));
     Json row = Json::array();
-    for (size_t b = 0; b < kTemps; ++b)
-      row.push_back(n[band][b] > 0 ? sum[band][b] / std::sqrt(2 * n[band][b]) : 0.0);
+    for (size_t b = 0; b < kTemps; ++b) row.push_back(n[band][b] > 0 ? sum[band][b] / std::sqrt(2 * n[band][b]) : 0.0);
     z.push_back(row);
   }
   return {{"tau_s", tau}, {"temp_edges_degc", temp}, {"z", z}};
 }
-
 
 // What is left, in a sentence.
 std::string remainder(const AxisResult& axis) {
@@ -217,19 +226,24 @@ bool claims_shrinkage(const AxisResult& axis) {
 Json gap_json(const AxisResult& axis) {
   const GapResult& g = axis.study.gap;
   const bool is_none = axis.study.selection.verdict == Verdict::kNoGap;
-  Json gap = {{"before", g.before},
-              {"after", g.after},
-              {"shrinkage", claims_shrinkage(axis) ? Json(g.shrinkage) : is_none ? Json(0.0) : Json(nullptr)},
-              {"ci95", claims_shrinkage(axis) ? Json{g.ci_lo, g.ci_hi} : is_none ? Json{0.0, 0.0} : Json(nullptr)},
-              {"unit", "dph^2: held-out one-minute means off the predicted mean, squared, above the noise"},
-              {"method", held_out_text(g.method)},
-              {"gain", g.gain},
-              {"gain_unit", "deviance per hour, held out"},
-              {"hours", g.hours},
-              {"gain_by_unit", g.delta_by_unit},
-              {"remainder", remainder(axis)},
-              {"residual_rms_dph", {{"before", g.rms_before_dph}, {"after", g.rms_after_dph}, {"noise", g.noise_rms_dph}}},
-              {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
+  Json gap = {
+      {"before", g.before},
+      {"after", g.after},
+      {"shrinkage", claims_shrinkage(axis) ? Json(g.shrinkage)
+                    : is_none              ? Json(0.0)
+                                           : Json(nullptr)},
+      {"ci95", claims_shrinkage(axis) ? Json{g.ci_lo, g.ci_hi}
+               : is_none              ? Json{0.0, 0.0}
+                                      : Json(nullptr)},
+      {"unit", "dph^2: held-out one-minute means off the predicted mean, squared, above the noise"},
+      {"method", held_out_text(g.method)},
+      {"gain", g.gain},
+      {"gain_unit", "deviance per hour, held out"},
+      {"hours", g.hours},
+      {"gain_by_unit", g.delta_by_unit},
+      {"remainder", remainder(axis)},
+      {"residual_rms_dph", {{"before", g.rms_before_dph}, {"after", g.rms_after_dph}, {"noise", g.noise_rms_dph}}},
+      {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
   if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_mean) gap["stand_in_shrinkage"] = g.shrinkage;
   return gap;
 }
@@ -249,12 +263,16 @@ Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
                 {"set", set},
                 {"held_out_gain", number(2 * e.held_out_nats / std::max(1e-9, axis.study.gap.hours))}};
   if (e.is_family && e.term.effect) entry["member"] = e.term.effect->name();
-  if (!e.statement.empty()) entry["statement"] = e.statement;
-  else if (e.doubt != Doubt::kNone) entry["statement"] = doubt_text(e.doubt);
+  if (!e.statement.empty())
+    entry["statement"] = e.statement;
+  else if (e.doubt != Doubt::kNone)
+    entry["statement"] = doubt_text(e.doubt);
   return entry;
 }
 
-std::string hidden_names(const AxisResult& axis) { return axis.identifiability.not_detectable(); }
+std::string hidden_names(const AxisResult& axis) {
+  return axis.identifiability.not_detectable();
+}
 
 // The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
 std::string headline(const AxisResult& axis) {
@@ -307,24 +325,43 @@ std::vector<std::string> notes(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   std::vector<std::string> out;
   for (const SelectedEffect& e : s.dropped)
-    out.push_back(name_of(e) + format(" would gain %.0f nats on the fitted logs, but the held-out data do not support it (%.1f nats): not named",
-                                      e.gain_nats, e.held_out_nats));
-  if (s.n_dropouts > 0) out.push_back(format("%zu exact zeros far from their neighbours are drop-outs and were left out", s.n_dropouts));
+    out.push_back(
+        name_of(e) +
+        format(
+            " would gain %.0f nats on the fitted logs, but the held-out data do not support it (%.1f nats): not named",
+            e.gain_nats, e.held_out_nats));
+  if (s.n_dropouts > 0)
+    out.push_back(format("%zu exact zeros far from their neighbours are drop-outs and were left out", s.n_dropouts));
   if (s.n_left_out > s.n_dropouts)
-    out.push_back(format("%zu seconds in all were left out because of what the recorder or converter did to them", s.n_left_out));
+    out.push_back(
+        format("%zu seconds in all were left out because of what the recorder or converter did to them", s.n_left_out));
   if (s.is_noise_retuned)
-    out.push_back("the believed noise parameters do not fit these logs: they were estimated again under every candidate");
+    out.push_back(
+        "the believed noise parameters do not fit these logs: they were estimated again under every candidate");
   return out;
 }
 
 Json refused_json(const AxisResult& axis) {
-  return {{"axis", axis.axis}, {"verdict", "unexplained"}, {"statement", headline(axis)}, {"refused", axis.refused},
-          {"where", nullptr}, {"effects", Json::array()}, {"not_detectable_here", Json::array()},
-          {"indistinguishable", Json::array()}, {"advice", Json::array()}, {"advised_profile", nullptr}, {"notes", Json::array()},
-          {"gap", {{"before", nullptr}, {"after", nullptr}, {"shrinkage", nullptr}, {"ci95", nullptr},
-                   {"unit", "dph^2"}, {"remainder", "not judged"},
-                   {"residual_rms_dph", {{"before", nullptr}, {"after", nullptr}}},
-                   {"dp2_distance_dph", {{"before", nullptr}, {"after", nullptr}}}}}};
+  return {{"axis", axis.axis},
+          {"verdict", "unexplained"},
+          {"statement", headline(axis)},
+          {"refused", axis.refused},
+          {"where", nullptr},
+          {"effects", Json::array()},
+          {"not_detectable_here", Json::array()},
+          {"indistinguishable", Json::array()},
+          {"advice", Json::array()},
+          {"advised_profile", nullptr},
+          {"notes", Json::array()},
+          {"gap",
+           {{"before", nullptr},
+            {"after", nullptr},
+            {"shrinkage", nullptr},
+            {"ci95", nullptr},
+            {"unit", "dph^2"},
+            {"remainder", "not judged"},
+            {"residual_rms_dph", {{"before", nullptr}, {"after", nullptr}}},
+            {"dp2_distance_dph", {{"before", nullptr}, {"after", nullptr}}}}}};
 }
 
 Json plots_json(const AxisResult& axis) {
@@ -371,22 +408,24 @@ Json axis_json(const AxisResult& axis, double rate) {
   Json markov = Json::array();
   for (const Markov& m : noise.markov) markov.push_back({{"sigma_dph", m.sigma_dph}, {"tau_s", m.tau_s}});
   const bool is_advised = campaign.has_temperature && (!hidden.empty() || !alike.empty());
-  return {{"axis", axis.axis},
-          {"verdict", verdict_name(s.verdict)},
-          {"statement", headline(axis)},
-          {"where", s.verdict == Verdict::kNoGap ? Json(nullptr) : where_json(axis, rate)},
-          {"effects", effects},
-          {"not_detectable_here", hidden},
-          {"smallest_detectable", detectable},
-          {"indistinguishable", alike},
-          {"advice", advice(axis)},
-          {"notes", notes(axis)},
-          {"noise", {{"arw_deg_rt_h", noise.white_sigma_dph / 60}, {"markov", markov}, {"is_retuned", s.is_noise_retuned}}},
-          {"threshold_nats", s.threshold_nats},
-          {"gap", gap_json(axis)},
-          {"plots", plots_json(axis)},
-          {"seconds", axis.seconds},
-          {"advised_profile", is_advised ? to_json(separating_profile(campaign.lo_degc, campaign.hi_degc)) : Json(nullptr)}};
+  return {
+      {"axis", axis.axis},
+      {"verdict", verdict_name(s.verdict)},
+      {"statement", headline(axis)},
+      {"where", s.verdict == Verdict::kNoGap ? Json(nullptr) : where_json(axis, rate)},
+      {"effects", effects},
+      {"not_detectable_here", hidden},
+      {"smallest_detectable", detectable},
+      {"indistinguishable", alike},
+      {"advice", advice(axis)},
+      {"notes", notes(axis)},
+      {"noise", {{"arw_deg_rt_h", noise.white_sigma_dph / 60}, {"markov", markov}, {"is_retuned", s.is_noise_retuned}}},
+      {"threshold_nats", s.threshold_nats},
+      {"gap", gap_json(axis)},
+      {"plots", plots_json(axis)},
+      {"seconds", axis.seconds},
+      {"advised_profile",
+       is_advised ? to_json(separating_profile(campaign.lo_degc, campaign.hi_degc)) : Json(nullptr)}};
 }
 
 std::string text_of(const ParameterValue& p) {
@@ -402,11 +441,11 @@ std::string text_of(const ParameterValue& p) {
   return out;
 }
 
-
 std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
   std::string list;
   if (e.term.effect && e.doubt != Doubt::kSlowNoise)
-    for (const ParameterValue& p : effect_values(e.term, axis.campaign)) list += (list.empty() ? "" : ", ") + text_of(p);
+    for (const ParameterValue& p : effect_values(e.term, axis.campaign))
+      list += (list.empty() ? "" : ", ") + text_of(p);
   std::string out = "  effect  " + name_of(e);
   if (e.is_family && e.term.effect && !list.empty()) out += " (as " + e.term.effect->name() + ")";
   out += (list.empty() ? "" : ": " + list) + format(" (evidence %.1f nats)\n", e.evidence_nats);
@@ -434,11 +473,13 @@ std::string axis_text(const AxisResult& axis) {
   if (s.verdict != Verdict::kNoGap) out += "  where   " + axis.where.sentence + "\n";
   for (const SelectedEffect& e : s.effects) out += effect_text(axis, e);
   if (claims_shrinkage(axis))
-    out += format("  held out  the gap shrinks by %.0f %% (95 %%: %.0f to %.0f; %s); residual of one-minute means %.1f -> %.1f dph, noise alone %.1f\n",
-                  100 * g.shrinkage, 100 * g.ci_lo, 100 * g.ci_hi, held_out_text(g.method), g.rms_before_dph, g.rms_after_dph, g.noise_rms_dph);
+    out += format("  held out  the gap shrinks by %.0f %% (95 %%: %.0f to %.0f; %s); residual of one-minute means %.1f "
+                  "-> %.1f dph, noise alone %.1f\n",
+                  100 * g.shrinkage, 100 * g.ci_lo, 100 * g.ci_hi, held_out_text(g.method), g.rms_before_dph,
+                  g.rms_after_dph, g.noise_rms_dph);
   if (s.verdict == Verdict::kUnexplained && g.has_mean)
-    out += format("  held out  a flexible stand-in removes %.0f %% (%.1f -> %.1f dph): not an explanation\n", 100 * g.shrinkage,
-                  g.rms_before_dph, g.rms_after_dph);
+    out += format("  held out  a flexible stand-in removes %.0f %% (%.1f -> %.1f dph): not an explanation\n",
+                  100 * g.shrinkage, g.rms_before_dph, g.rms_after_dph);
   if (!s.effects.empty() || s.verdict == Verdict::kUnexplained) out += "            left: " + remainder(axis) + "\n";
   for (const std::string& note : notes(axis)) out += "  note    " + note + "\n";
   return out;
@@ -455,7 +496,6 @@ Json properties_json(const EffectEstimator* e) {
           {"concerns_coarse_thermometer", e->concerns_coarse_thermometer()},
           {"has_markov_spectrum", e->has_markov_spectrum()}};
 }
-
 
 } // namespace
 
@@ -524,6 +564,5 @@ Json library_json() {
     families.push_back({{"name", family_name(family)}, {"label", family_label(family)}});
   return {{"imucal_effects", 1}, {"effects", list}, {"families", families}};
 }
-
 
 } // namespace imucal

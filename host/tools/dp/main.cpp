@@ -3,12 +3,12 @@
 #include <cmath>
 #include <cstdio>
 
-#include "cli/program.h"
 #include "analysis/dp/dp.h"
 #include "analysis/dp/ratios.h"
 #include "analysis/dp/stream.h"
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/confidence.h"
+#include "cli/program.h"
 
 using namespace imucal;
 
@@ -23,16 +23,25 @@ struct Options {
 };
 
 Json curve_json(const DpCurve& c, const std::vector<Interval>& ci) {
-  Json json = {{"log", c.log},       {"axis", c.axis},     {"type", to_text(c.type)}, {"estimator", to_text(c.estimator)},
-               {"tau_s", c.tau_s}, {"dp_dph", c.dp_dph}, {"ci95_dph", Json::array()}, {"n", c.n}};
+  Json json = {
+      {"log", c.log},     {"axis", c.axis},     {"type", to_text(c.type)},   {"estimator", to_text(c.estimator)},
+      {"tau_s", c.tau_s}, {"dp_dph", c.dp_dph}, {"ci95_dph", Json::array()}, {"n", c.n}};
   for (const Interval& i : ci) json["ci95_dph"].push_back({i.lo, i.hi});
   return json;
 }
 
 Json ratios_json(const DpRatios& r) {
-  Json json = {{"log", r.log},     {"axis", r.axis},       {"type", to_text(r.type)},
-               {"tau_s", r.tau_s}, {"max_over_rms", r.max_over_rms}, {"p95_over_rms", r.p95_over_rms}, {"max_limit", r.max_limit},
-               {"dof", r.dof},     {"verdict", r.verdict}, {"statement", r.statement}, {"n_events", r.n_events},
+  Json json = {{"log", r.log},
+               {"axis", r.axis},
+               {"type", to_text(r.type)},
+               {"tau_s", r.tau_s},
+               {"max_over_rms", r.max_over_rms},
+               {"p95_over_rms", r.p95_over_rms},
+               {"max_limit", r.max_limit},
+               {"dof", r.dof},
+               {"verdict", r.verdict},
+               {"statement", r.statement},
+               {"n_events", r.n_events},
                {"outliers", Json::array()}};
   for (const DpOutlier& o : r.outliers)
     json["outliers"].push_back({{"t_s", o.t_s},
@@ -44,7 +53,8 @@ Json ratios_json(const DpRatios& r) {
 
 // rms and max over records, where all have the same tau.
 Json across_json(const std::vector<DpCurve>& curves) {
-  Json json = {{"tau_s", curves[0].tau_s}, {"n_curves", curves.size()}, {"rms_dph", Json::array()}, {"max_dph", Json::array()}};
+  Json json = {
+      {"tau_s", curves[0].tau_s}, {"n_curves", curves.size()}, {"rms_dph", Json::array()}, {"max_dph", Json::array()}};
   for (size_t i = 0; i < curves[0].tau_s.size(); ++i) {
     double sum = 0, largest = 0;
     for (const DpCurve& c : curves) {
@@ -67,7 +77,8 @@ void print_curve(const DpCurve& c, const std::vector<Interval>& ci) {
 }
 
 // Curves of one log in bounded memory: once through for lengths and means, once for the curves.
-void stream_log(const Options& o, const std::string& log, const Detrend& detrend, const std::optional<ErrorModel>& nominal,
+void stream_log(const Options& o, const std::string& log, const Detrend& detrend,
+                const std::optional<ErrorModel>& nominal,
                 const std::function<void(const DpCurve&, const DpOperator&)>& done) {
   std::vector<double> sum, base;
   std::vector<long> count;
@@ -76,7 +87,8 @@ void stream_log(const Options& o, const std::string& log, const Detrend& detrend
   const SeriesHeader header = scan_series(
       log, o.axes,
       [&](const SeriesHeader& h) {
-        sum.assign(h.axes.size(), 0), base.assign(h.axes.size(), NAN), count.assign(h.axes.size(), 0), varies.assign(h.axes.size(), 0);
+        sum.assign(h.axes.size(), 0), base.assign(h.axes.size(), NAN), count.assign(h.axes.size(), 0),
+            varies.assign(h.axes.size(), 0);
       },
       [&](size_t a, double rate, double, bool) {
         size += a == 0;
@@ -91,19 +103,24 @@ void stream_log(const Options& o, const std::string& log, const Detrend& detrend
   std::vector<long> n;
   for (double t : tau_s) n.push_back(std::lround(t / header.dt_s));
   for (size_t a = 0; a < header.axes.size(); ++a) {
-    if (!varies[a]) throw data_error(log + ": axis " + header.axes[a] + " is constant: nothing to analyse (is the sensor alive?)");
+    if (!varies[a])
+      throw data_error(log + ": axis " + header.axes[a] + " is constant: nothing to analyse (is the sensor alive?)");
     base[a] = detrend.kind == Detrend::Kind::kMean ? base[a] + sum[a] / static_cast<double>(count[a]) : 0;
   }
   if (n.back() + op.history_n(n.back()) > size)
-    throw data_error(log + ": tau " + std::to_string(tau_s.back()) + " s is beyond the record of " + std::to_string(size) + " samples");
+    throw data_error(log + ": tau " + std::to_string(tau_s.back()) + " s is beyond the record of " +
+                     std::to_string(size) + " samples");
   std::vector<DpStream> streams(header.axes.size(), DpStream(op, n));
-  scan_series(log, o.axes, [](const SeriesHeader&) {}, [&](size_t a, double rate, double, bool) { streams[a].push(rate - base[a]); });
+  scan_series(
+      log, o.axes, [](const SeriesHeader&) {},
+      [&](size_t a, double rate, double, bool) { streams[a].push(rate - base[a]); });
   for (size_t a = 0; a < streams.size(); ++a) {
     DpCurve c;
     c.log = log, c.axis = header.axes[a], c.type = op.type, c.tau_s = tau_s;
     c.moments = streams[a].finish();
     for (const auto& m : c.moments) {
-      if (m.n_windows() == 0) throw data_error(log + ": axis " + c.axis + ": no window free of missing samples at some tau; see --min-fill");
+      if (m.n_windows() == 0)
+        throw data_error(log + ": axis " + c.axis + ": no window free of missing samples at some tau; see --min-fill");
       c.dp_dph.push_back(std::sqrt(0.5 * m.mean_square())), c.n.push_back(m.n_windows());
     }
     done(c, op);
@@ -122,7 +139,8 @@ Exit run(const Options& o) {
   for (const std::string& log : o.logs) {
     if (o.stream) {
       stream_log(o, log, detrend, nominal, [&](const DpCurve& c, const DpOperator& op) {
-        const auto ci = curve_intervals(c, op, ci_model ? noise_components(*ci_model, op.dt_s) : std::vector<NoiseComponent>());
+        const auto ci =
+            curve_intervals(c, op, ci_model ? noise_components(*ci_model, op.dt_s) : std::vector<NoiseComponent>());
         json["curves"].push_back(curve_json(c, ci));
         first_estimator.push_back(c);
         if (o.common.talks()) print_curve(c, ci);
@@ -139,10 +157,11 @@ Exit run(const Options& o) {
       const auto tau_s = parse_tau(o.tau, s.dt_s, std::max(s.dt_s, usable_s / 10));
       const double quantum = quantum_dph(s);
       if (quantum > 0)
-        json["quantization"].push_back({{"log", s.log}, {"axis", s.axis}, {"lsb_dph", quantum}, {"sigma_dph", quantum / std::sqrt(12.0)}});
+        json["quantization"].push_back(
+            {{"log", s.log}, {"axis", s.axis}, {"lsb_dph", quantum}, {"sigma_dph", quantum / std::sqrt(12.0)}});
       if (quantum > 0 && o.common.talks())
-        std::printf("%s %s: values are multiples of %.4g dph: rounding adds %.3g dph of white noise per sample\n", s.log.c_str(),
-                    s.axis.c_str(), quantum, quantum / std::sqrt(12.0));
+        std::printf("%s %s: values are multiples of %.4g dph: rounding adds %.3g dph of white noise per sample\n",
+                    s.log.c_str(), s.axis.c_str(), quantum, quantum / std::sqrt(12.0));
       remove_trend(detrend, &s);
       const DpRecord record(s, op);
       const auto components = ci_model ? noise_components(*ci_model, s.dt_s) : std::vector<NoiseComponent>();
@@ -171,23 +190,35 @@ Exit run(const Options& o) {
   return Exit::kDone;
 }
 
-}  // namespace
+} // namespace
 
 int main(int argc, char** argv) {
   Options o;
   CLI::App app("Allan deviation and Direct Predictor of logs: curves, intervals, distribution ratios", "dp");
   app.add_option("logs", o.logs, "logs (CSV)")->required()->type_name("LOG");
   app.add_option("--type", o.type, "av, dp1, dp2 or dp3; default dp2 with --nominal, else av, the Allan deviation");
-  app.add_option("--axis", o.axes, "axis (column name), repeatable; default all")->type_name("NAME")->allow_extra_args(false);
-  app.add_option("--tau", o.tau, "FIRST:LAST[:STEP], log:FIRST:LAST[:PER_DECADE], octave or a list; default log to a tenth of the record");
-  app.add_option("--estimator", o.estimators, "rms, max or p95, repeatable")->capture_default_str()->allow_extra_args(false);
+  app.add_option("--axis", o.axes, "axis (column name), repeatable; default all")
+      ->type_name("NAME")
+      ->allow_extra_args(false);
+  app.add_option(
+      "--tau", o.tau,
+      "FIRST:LAST[:STEP], log:FIRST:LAST[:PER_DECADE], octave or a list; default log to a tenth of the record");
+  app.add_option("--estimator", o.estimators, "rms, max or p95, repeatable")
+      ->capture_default_str()
+      ->allow_extra_args(false);
   app.add_option("--nominal", o.nominal, "model whose filter predicts (dp2, dp3)")->type_name("MODEL.json");
   app.add_option("--estimation-s", o.estimation_s, "estimation time of dp1")->capture_default_str();
   app.add_option("--detrend", o.detrend, "none, mean, poly:N (in temperature) or time:N")->capture_default_str();
-  app.add_option("--min-fill", o.min_fill, "part of a window's samples that must be present")->check(CLI::Range(0.01, 1.0))->capture_default_str();
-  app.add_option("--ci-model", o.ci_model, "model for the confidence intervals; default: blocks of the data")->type_name("MODEL.json");
-  app.add_option("--false-alarm-rate", o.false_alarm_rate, "of the distribution's verdict")->check(CLI::Range(1e-9, 0.5))->capture_default_str();
-  app.add_flag("--stream", o.stream, "read the log twice instead of holding it: memory bounded by the longest tau; rms curves only");
+  app.add_option("--min-fill", o.min_fill, "part of a window's samples that must be present")
+      ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
+  app.add_option("--ci-model", o.ci_model, "model for the confidence intervals; default: blocks of the data")
+      ->type_name("MODEL.json");
+  app.add_option("--false-alarm-rate", o.false_alarm_rate, "of the distribution's verdict")
+      ->check(CLI::Range(1e-9, 0.5))
+      ->capture_default_str();
+  app.add_flag("--stream", o.stream,
+               "read the log twice instead of holding it: memory bounded by the longest tau; rms curves only");
   app.add_flag("--no-ratios", o.no_ratios, "curves only");
   add_common_options(&app, &o.common);
   return run_program(&app, argc, argv, [&] {

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstdio>
 
-#include "cli/program.h"
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/study.h"
+#include "cli/program.h"
 #include "errormodel/trend.h"
 
 using namespace imucal;
@@ -60,13 +60,17 @@ Across across_of(const Options& o) {
   throw usage_error("--across " + o.across + ": expected rms or max");
 }
 
-Json excess_json(const Excess& e) { return {{"worst", e.worst}, {"mean", e.mean}}; }
+Json excess_json(const Excess& e) {
+  return {{"worst", e.worst}, {"mean", e.mean}};
+}
 
 Json spread_json(const Spread& s) {
   return {{"mean", s.mean}, {"sd", s.sd}, {"q05", s.q05}, {"median", s.median}, {"q95", s.q95}};
 }
 
-Json number_or_null(double x) { return std::isfinite(x) ? Json(x) : Json(); }
+Json number_or_null(double x) {
+  return std::isfinite(x) ? Json(x) : Json();
+}
 
 std::vector<double> tau_of(const CurveData& d) {
   std::vector<double> out;
@@ -111,7 +115,9 @@ Exit expect(Options o) {
   if (o.common.talks())
     for (size_t i = 0; i < tau_s.size(); i += std::max<size_t>(1, tau_s.size() / 30))
       std::printf("%10g s %12.4f dph\n", tau_s[i], dp[i]);
-  finish(o, {{"type", to_text(op.type)}, {"tau_s", tau_s}, {"dp_dph", dp},
+  finish(o, {{"type", to_text(op.type)},
+             {"tau_s", tau_s},
+             {"dp_dph", dp},
              {"record", o.duration_s > 0 || !o.logs.empty() ? Json{{"detrend", detrend.text()}} : Json()}});
   return Exit::kDone;
 }
@@ -121,9 +127,13 @@ Json errors_json(const std::vector<ParameterError>& errors, Json* std_errors, Js
   for (const ParameterError& e : errors) {
     (*std_errors)[e.name] = number_or_null(e.std_error);
     (*identifiable)[e.name] = {{"verdict", e.verdict}, {"reason", e.reason}};
-    detail.push_back({{"name", e.name}, {"value", e.value}, {"std_error", number_or_null(e.std_error)},
-                      {"ci95", {number_or_null(e.ci95_lo), number_or_null(e.ci95_hi)}}, {"vanished_frac", e.vanished_frac},
-                      {"verdict", e.verdict}, {"reason", e.reason}});
+    detail.push_back({{"name", e.name},
+                      {"value", e.value},
+                      {"std_error", number_or_null(e.std_error)},
+                      {"ci95", {number_or_null(e.ci95_lo), number_or_null(e.ci95_hi)}},
+                      {"vanished_frac", e.vanished_frac},
+                      {"verdict", e.verdict},
+                      {"reason", e.reason}});
   }
   return detail;
 }
@@ -151,13 +161,17 @@ Exit fit(Options o) {
     errors = likelihood_errors(ml);
     log_likelihood = ml.log_likelihood;
     for (size_t k = 0; k < ml.bic_by_terms.size(); ++k)
-      by_terms.push_back({{"markov", k}, {"log_likelihood", ml.log_likelihood_by_terms[k]}, {"bic", ml.bic_by_terms[k]}});
+      by_terms.push_back(
+          {{"markov", k}, {"log_likelihood", ml.log_likelihood_by_terms[k]}, {"bic", ml.bic_by_terms[k]}});
   } else {
-    const CurveFit curve = o.criterion == "ls" ? fit_least_squares(data, o.markov) : fit_bound(raised_to_confidence(data, o.confidence), o.markov);
+    const CurveFit curve = o.criterion == "ls" ? fit_least_squares(data, o.markov)
+                                               : fit_bound(raised_to_confidence(data, o.confidence), o.markov);
     model = curve.model;
     for (size_t k = 0; k < curve.objective_by_terms.size(); ++k)
       if (std::isfinite(curve.objective_by_terms[k]))
-        by_terms.push_back({{"markov", k}, {"objective", curve.objective_by_terms[k]}, {"mean_excess", curve.mean_excess_by_terms[k]}});
+        by_terms.push_back({{"markov", k},
+                            {"objective", curve.objective_by_terms[k]},
+                            {"mean_excess", curve.mean_excess_by_terms[k]}});
     if (o.criterion == "bound")
       json["grid"] = {{"objective", curve.grid_objective}, {"model", to_json(curve.grid_model)}};
     if (o.bootstrap > 0)
@@ -172,22 +186,41 @@ Exit fit(Options o) {
   Json information = Json::array();
   for (const Information& i : curve_information(data, model))
     information.push_back({{"parameter", i.parameter}, {"tau_s", {i.tau_lo_s, i.tau_hi_s}}, {"largest", i.largest}});
-  json.update({{"model", to_json(model)}, {"criterion", o.criterion}, {"bounded", bounded}, {"excess", excess_json(excess)},
-               {"worst_ratio", excess.worst_ratio}, {"at_tau_s", excess.at_tau_s}, {"active_tau_s", excess.active_tau_s},
-               {"std_errors", std_errors}, {"identifiable", identifiable}, {"parameters", detail},
-               {"error_method", o.criterion == "ml" ? "observed information" : "parametric bootstrap, " + std::to_string(o.bootstrap) + " refits"},
-               {"log_likelihood", number_or_null(log_likelihood)}, {"by_terms", by_terms}, {"information", information},
-               {"type", to_text(op.type)}, {"detrend", detrend.text()}, {"across", o.across}, {"confidence", o.confidence}, {"n_records", all.size()},
-               {"tau_s", tau_of(data)}, {"data_dp_dph", dp_of(data.mean_square_dph2)}, {"model_dp_dph", dp_of(square)},
-               {"seed", o.common.seed}});
+  json.update(
+      {{"model", to_json(model)},
+       {"criterion", o.criterion},
+       {"bounded", bounded},
+       {"excess", excess_json(excess)},
+       {"worst_ratio", excess.worst_ratio},
+       {"at_tau_s", excess.at_tau_s},
+       {"active_tau_s", excess.active_tau_s},
+       {"std_errors", std_errors},
+       {"identifiable", identifiable},
+       {"parameters", detail},
+       {"error_method", o.criterion == "ml" ? "observed information"
+                                            : "parametric bootstrap, " + std::to_string(o.bootstrap) + " refits"},
+       {"log_likelihood", number_or_null(log_likelihood)},
+       {"by_terms", by_terms},
+       {"information", information},
+       {"type", to_text(op.type)},
+       {"detrend", detrend.text()},
+       {"across", o.across},
+       {"confidence", o.confidence},
+       {"n_records", all.size()},
+       {"tau_s", tau_of(data)},
+       {"data_dp_dph", dp_of(data.mean_square_dph2)},
+       {"model_dp_dph", dp_of(square)},
+       {"seed", o.common.seed}});
   if (o.common.talks()) {
     print_model(model);
-    std::printf("%s the %s curve over %g ... %g s: excess %.2f %% at most, %.2f %% on average", bounded ? "bounds" : "does not bound",
-                to_text(op.type).c_str(), tau_of(data).front(), tau_of(data).back(), 100 * excess.worst, 100 * excess.mean);
+    std::printf("%s the %s curve over %g ... %g s: excess %.2f %% at most, %.2f %% on average",
+                bounded ? "bounds" : "does not bound", to_text(op.type).c_str(), tau_of(data).front(),
+                tau_of(data).back(), 100 * excess.worst, 100 * excess.mean);
     if (!bounded) std::printf("; smallest ratio %.4f at %g s", excess.worst_ratio, excess.at_tau_s);
     std::printf("\n");
     for (const ParameterError& e : errors)
-      std::printf("%-20s %10.4g +- %-9.3g identifiable: %-4s (%s)\n", e.name.c_str(), e.value, e.std_error, e.verdict.c_str(), e.reason.c_str());
+      std::printf("%-20s %10.4g +- %-9.3g identifiable: %-4s (%s)\n", e.name.c_str(), e.value, e.std_error,
+                  e.verdict.c_str(), e.reason.c_str());
   }
   if (!o.output.empty()) write_json(o.output, to_json(model));
   finish(o, json);
@@ -209,8 +242,12 @@ Exit check(Options o) {
   for (const Series& s : all) {
     const auto [e, unused] = judge(make_curve_data({s}, op, detrend, tau_s, Across::kRms));
     (void)unused;
-    each.push_back({{"log", s.log}, {"axis", s.axis}, {"bounded", e.worst_ratio >= 1 - 1e-9}, {"worst_ratio", e.worst_ratio},
-                    {"at_tau_s", e.at_tau_s}, {"excess", excess_json(e)}});
+    each.push_back({{"log", s.log},
+                    {"axis", s.axis},
+                    {"bounded", e.worst_ratio >= 1 - 1e-9},
+                    {"worst_ratio", e.worst_ratio},
+                    {"at_tau_s", e.at_tau_s},
+                    {"excess", excess_json(e)}});
   }
   const CurveData data = make_curve_data(all, op, detrend, tau_s, across_of(o));
   const auto [e, square] = judge(data);
@@ -223,9 +260,18 @@ Exit check(Options o) {
   if (o.common.talks())
     std::printf("%s: smallest ratio of model to data %.4f at %g s; excess %.2f %% at most, %.2f %% on average\n",
                 bounded ? "bounded" : "not bounded", e.worst_ratio, e.at_tau_s, 100 * e.worst, 100 * e.mean);
-  finish(o, {{"bounded", bounded}, {"worst_ratio", e.worst_ratio}, {"at_tau_s", e.at_tau_s}, {"excess", excess_json(e)},
-             {"fails", fails}, {"type", to_text(op.type)}, {"across", o.across}, {"detrend", detrend.text()},
-             {"tau_s", tau_of(data)}, {"data_dp_dph", dp_of(data.mean_square_dph2)}, {"model_dp_dph", dp_of(square)}, {"curves", each}});
+  finish(o, {{"bounded", bounded},
+             {"worst_ratio", e.worst_ratio},
+             {"at_tau_s", e.at_tau_s},
+             {"excess", excess_json(e)},
+             {"fails", fails},
+             {"type", to_text(op.type)},
+             {"across", o.across},
+             {"detrend", detrend.text()},
+             {"tau_s", tau_of(data)},
+             {"data_dp_dph", dp_of(data.mean_square_dph2)},
+             {"model_dp_dph", dp_of(square)},
+             {"curves", each}});
   return bounded ? Exit::kDone : Exit::kNegative;
 }
 
@@ -236,7 +282,10 @@ std::vector<std::string> types_of(const Options& o) {
 Exit sensitivity(const Options& o) {
   const ErrorModel model = read_model(o.model), versus = read_model(o.versus);
   const auto tau_s = parse_tau(o.tau.empty() ? "10:200" : o.tau, o.dt_s, 600);
-  Json json = {{"tau_s", tau_s}, {"sensitivity", Json::object()}, {"model_dp_dph", Json::object()}, {"versus_dp_dph", Json::object()}};
+  Json json = {{"tau_s", tau_s},
+               {"sensitivity", Json::object()},
+               {"model_dp_dph", Json::object()},
+               {"versus_dp_dph", Json::object()}};
   for (const std::string& type : types_of(o)) {
     const DpOperator op = operator_of(o, o.dt_s, type);
     const auto a = expected_dp_dph(model, op, tau_s), b = expected_dp_dph(versus, op, tau_s);
@@ -252,7 +301,8 @@ Exit sensitivity(const Options& o) {
     json["rms"][type] = std::sqrt(square);
     if (o.common.talks()) {
       std::printf("%s (rms %.4f)\n", type.c_str(), std::sqrt(square));
-      for (size_t i = 0; i < tau_s.size(); i += std::max<size_t>(1, tau_s.size() / 10)) std::printf("%10g s %8.4f\n", tau_s[i], relative[i]);
+      for (size_t i = 0; i < tau_s.size(); i += std::max<size_t>(1, tau_s.size() / 10))
+        std::printf("%10g s %8.4f\n", tau_s[i], relative[i]);
     }
   }
   finish(o, json);
@@ -265,14 +315,20 @@ Exit separate(const Options& o) {
   s.duration_s = o.duration_s > 0 ? o.duration_s : 6000;
   s.dt_s = o.dt_s, s.runs = o.runs, s.draws = o.draws, s.seed = o.common.seed, s.threads = o.common.thread_count();
   s.tau_s = parse_tau(o.tau.empty() ? "2:600" : o.tau, o.dt_s, 600);
-  Json json = {{"seed", s.seed}, {"draws", s.draws}, {"runs", s.runs}, {"duration_s", s.duration_s}, {"tau_s", s.tau_s}, {"types", Json::object()}};
+  Json json = {{"seed", s.seed},   {"draws", s.draws},       {"runs", s.runs}, {"duration_s", s.duration_s},
+               {"tau_s", s.tau_s}, {"types", Json::object()}};
   for (const std::string& type : types_of(o)) {
     const Separation r = separation(s, operator_of(o, o.dt_s, type));
-    json["types"][type] = {{"longest_s", r.longest_s}, {"spread", spread_json(r.spread)}, {"separated_frac", r.separated_frac},
-                           {"model_curves", r.model_curves}, {"versus_curves", r.versus_curves}};
+    json["types"][type] = {{"longest_s", r.longest_s},
+                           {"spread", spread_json(r.spread)},
+                           {"separated_frac", r.separated_frac},
+                           {"model_curves", r.model_curves},
+                           {"versus_curves", r.versus_curves}};
     if (o.common.talks())
-      std::printf("%-4s longest separated stretch: mean %.1f s, sd %.1f, 5 %% %.0f, median %.0f, 95 %% %.0f (%d draws of %d+%d runs)\n",
-                  type.c_str(), r.spread.mean, r.spread.sd, r.spread.q05, r.spread.median, r.spread.q95, s.draws, s.runs, s.runs);
+      std::printf("%-4s longest separated stretch: mean %.1f s, sd %.1f, 5 %% %.0f, median %.0f, 95 %% %.0f (%d draws "
+                  "of %d+%d runs)\n",
+                  type.c_str(), r.spread.mean, r.spread.sd, r.spread.q05, r.spread.median, r.spread.q95, s.draws,
+                  s.runs, s.runs);
   }
   finish(o, json);
   return Exit::kDone;
@@ -284,29 +340,53 @@ Exit validate_fit(Options o) {
   v.truth = read_model(o.model);
   v.duration_s = o.duration_s > 0 ? o.duration_s : 6000;
   v.dt_s = o.dt_s, v.runs = o.runs, v.seed = o.common.seed, v.threads = o.common.thread_count();
-  v.fit = {o.criterion, o.markov, Across::kRms, Detrend::parse(o.detrend), parse_tau(o.tau.empty() ? "2:600" : o.tau, o.dt_s, 600), o.confidence};
+  v.fit = {o.criterion,
+           o.markov,
+           Across::kRms,
+           Detrend::parse(o.detrend),
+           parse_tau(o.tau.empty() ? "2:600" : o.tau, o.dt_s, 600),
+           o.confidence};
   const DpOperator op = operator_of(o, o.dt_s);
   const Validation r = validate(v, op);
   Json parameters = Json::array();
   for (size_t p = 0; p < r.names.size(); ++p)
-    parameters.push_back({{"name", r.names[p]}, {"log_error", spread_json(r.parameters[p])}, {"rms_log_error", r.rms_log_error[p]},
+    parameters.push_back({{"name", r.names[p]},
+                          {"log_error", spread_json(r.parameters[p])},
+                          {"rms_log_error", r.rms_log_error[p]},
                           {"coverage95", number_or_null(r.coverage[p])}});
-  finish(o, {{"runs", r.runs}, {"seed", v.seed}, {"criterion", o.criterion}, {"type", to_text(op.type)}, {"duration_s", v.duration_s},
-             {"bounded_frac", r.bounded_frac}, {"bounds_truth_frac", r.bounds_truth_frac}, {"bounds_new_frac", r.bounds_new_frac},
-             {"new_worst_ratio", spread_json(r.new_worst_ratio)}, {"excess_mean", spread_json(r.excess_mean)},
-             {"excess_worst", spread_json(r.excess_worst)}, {"objective_over_grid", spread_json(r.objective_over_grid)},
-             {"fit_ms", spread_json(r.fit_ms)}, {"terms_frac", r.terms_frac}, {"parameters", parameters}});
+  finish(o, {{"runs", r.runs},
+             {"seed", v.seed},
+             {"criterion", o.criterion},
+             {"type", to_text(op.type)},
+             {"duration_s", v.duration_s},
+             {"bounded_frac", r.bounded_frac},
+             {"bounds_truth_frac", r.bounds_truth_frac},
+             {"bounds_new_frac", r.bounds_new_frac},
+             {"new_worst_ratio", spread_json(r.new_worst_ratio)},
+             {"excess_mean", spread_json(r.excess_mean)},
+             {"excess_worst", spread_json(r.excess_worst)},
+             {"objective_over_grid", spread_json(r.objective_over_grid)},
+             {"fit_ms", spread_json(r.fit_ms)},
+             {"terms_frac", r.terms_frac},
+             {"parameters", parameters}});
   if (!o.common.talks()) return Exit::kDone;
-  std::printf("%d tests of %g s, criterion %s, %s\n", r.runs, v.duration_s, o.criterion.c_str(), to_text(op.type).c_str());
-  std::printf("bounds its own test %.1f %%, the truth's curve %.1f %%, a new test %.1f %% (smallest ratio: median %.3f, 5 %% %.3f)\n",
-              100 * r.bounded_frac, 100 * r.bounds_truth_frac, 100 * r.bounds_new_frac, r.new_worst_ratio.median, r.new_worst_ratio.q05);
-  std::printf("mean excess: median %.2f %% (5 ... 95 %%: %.2f ... %.2f); worst excess: median %.2f %% (%.2f ... %.2f)\n",
-              100 * r.excess_mean.median, 100 * r.excess_mean.q05, 100 * r.excess_mean.q95, 100 * r.excess_worst.median,
-              100 * r.excess_worst.q05, 100 * r.excess_worst.q95);
+  std::printf("%d tests of %g s, criterion %s, %s\n", r.runs, v.duration_s, o.criterion.c_str(),
+              to_text(op.type).c_str());
+  std::printf("bounds its own test %.1f %%, the truth's curve %.1f %%, a new test %.1f %% (smallest ratio: median "
+              "%.3f, 5 %% %.3f)\n",
+              100 * r.bounded_frac, 100 * r.bounds_truth_frac, 100 * r.bounds_new_frac, r.new_worst_ratio.median,
+              r.new_worst_ratio.q05);
+  std::printf(
+      "mean excess: median %.2f %% (5 ... 95 %%: %.2f ... %.2f); worst excess: median %.2f %% (%.2f ... %.2f)\n",
+      100 * r.excess_mean.median, 100 * r.excess_mean.q05, 100 * r.excess_mean.q95, 100 * r.excess_worst.median,
+      100 * r.excess_worst.q05, 100 * r.excess_worst.q95);
   std::printf("fit %.1f ms (median)\n", r.fit_ms.median);
   for (size_t p = 0; p < r.names.size(); ++p)
-    std::printf("%-20s ln(estimate/truth): mean %+.3f, rms %.3f%s\n", r.names[p].c_str(), r.parameters[p].mean, r.rms_log_error[p],
-                std::isfinite(r.coverage[p]) ? (", 95 % interval covers " + std::to_string(100 * r.coverage[p]).substr(0, 5) + " %").c_str() : "");
+    std::printf("%-20s ln(estimate/truth): mean %+.3f, rms %.3f%s\n", r.names[p].c_str(), r.parameters[p].mean,
+                r.rms_log_error[p],
+                std::isfinite(r.coverage[p])
+                    ? (", 95 % interval covers " + std::to_string(100 * r.coverage[p]).substr(0, 5) + " %").c_str()
+                    : "");
   return Exit::kDone;
 }
 
@@ -319,12 +399,16 @@ void add_operator_options(CLI::App* app, Options* o) {
 
 void add_log_options(CLI::App* app, Options* o) {
   app->add_option("logs", o->logs, "logs (CSV)")->required()->type_name("LOG");
-  app->add_option("--axis", o->axes, "axis (column name), repeatable; default all")->type_name("NAME")->allow_extra_args(false);
-  app->add_option("--detrend", o->detrend, "none, mean, poly:N (in temperature) or time:N; expectations allow for it, ml marginalises it; default mean, or poly:3 where the rate follows the temperature");
+  app->add_option("--axis", o->axes, "axis (column name), repeatable; default all")
+      ->type_name("NAME")
+      ->allow_extra_args(false);
+  app->add_option("--detrend", o->detrend,
+                  "none, mean, poly:N (in temperature) or time:N; expectations allow for it, ml marginalises it; "
+                  "default mean, or poly:3 where the rate follows the temperature");
   app->add_option("--across", o->across, "several logs and axes: rms or max of their curves")->capture_default_str();
 }
 
-}  // namespace
+} // namespace
 
 int main(int argc, char** argv) {
   Options o;
@@ -336,9 +420,15 @@ int main(int argc, char** argv) {
   CLI::App* s = app.add_subcommand("expect", "closed-form curve of a model");
   model_option(s, true);
   add_operator_options(s, &o);
-  s->add_option("--duration-s", o.duration_s, "expect a record of this length, detrended (needed for random walk and ramp under dp2, dp3)")->check(FinitePositive);
-  s->add_option("--like", o.logs, "expect a record like this log: its length, gaps and temperatures")->type_name("LOG")->expected(1);
-  s->add_option("--axis", o.axes, "with --like: the axis whose gaps count; default the first")->type_name("NAME")->expected(1);
+  s->add_option("--duration-s", o.duration_s,
+                "expect a record of this length, detrended (needed for random walk and ramp under dp2, dp3)")
+      ->check(FinitePositive);
+  s->add_option("--like", o.logs, "expect a record like this log: its length, gaps and temperatures")
+      ->type_name("LOG")
+      ->expected(1);
+  s->add_option("--axis", o.axes, "with --like: the axis whose gaps count; default the first")
+      ->type_name("NAME")
+      ->expected(1);
   s->add_option("--detrend", o.detrend, "with --duration-s or --like: none, mean (default), poly:N or time:N");
   s->add_option("--dt-s", o.dt_s, "sampling time")->check(FinitePositive)->capture_default_str();
   add_common_options(s, &o.common);
@@ -346,10 +436,17 @@ int main(int argc, char** argv) {
   s = app.add_subcommand("fit", "error model from logs");
   add_log_options(s, &o);
   add_operator_options(s, &o);
-  s->add_option("--criterion", o.criterion, "bound (tightest bound), ls (least squares) or ml (maximum likelihood)")->capture_default_str();
+  s->add_option("--criterion", o.criterion, "bound (tightest bound), ls (least squares) or ml (maximum likelihood)")
+      ->capture_default_str();
   s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(CLI::Range(0, 99));
-  s->add_option("--confidence", o.confidence, "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the data themselves)")->check(CLI::Range(0.0, 0.9999))->capture_default_str();
-  s->add_option("--bootstrap", o.bootstrap, "refits of simulated records for the errors of bound and ls (0: none)")->check(CLI::Range(0, 100000))->capture_default_str();
+  s->add_option("--confidence", o.confidence,
+                "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the "
+                "data themselves)")
+      ->check(CLI::Range(0.0, 0.9999))
+      ->capture_default_str();
+  s->add_option("--bootstrap", o.bootstrap, "refits of simulated records for the errors of bound and ls (0: none)")
+      ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
   s->add_option("-o,--output", o.output, "model to write")->type_name("MODEL.json");
   add_common_options(s, &o.common, kWithSeed | kWithThreads);
 
@@ -384,7 +481,11 @@ int main(int argc, char** argv) {
   s->add_option("--criterion", o.criterion, "bound, ls or ml")->capture_default_str();
   s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(CLI::Range(0, 4));
   s->add_option("--detrend", o.detrend, "none, mean (default) or time:N");
-  s->add_option("--confidence", o.confidence, "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the data themselves)")->check(CLI::Range(0.0, 0.9999))->capture_default_str();
+  s->add_option("--confidence", o.confidence,
+                "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the "
+                "data themselves)")
+      ->check(CLI::Range(0.0, 0.9999))
+      ->capture_default_str();
   add_common_options(s, &o.common, kWithSeed | kWithThreads);
 
   return run_program(&app, argc, argv, [&] {

@@ -39,14 +39,15 @@ std::vector<Block> blocks_of(const Series& s) {
   return blocks;
 }
 
-}  // namespace
+} // namespace
 
 double temperature_f(const Series& series) {
   if (series.temp_degc.empty()) return 0;
   const std::vector<Block> blocks = blocks_of(series);
   const auto n = static_cast<Eigen::Index>(blocks.size());
   if (n < kMinBlocks) return 0;
-  const auto [lo, hi] = std::minmax_element(blocks.begin(), blocks.end(), [](const Block& a, const Block& b) { return a.temp_degc < b.temp_degc; });
+  const auto [lo, hi] = std::minmax_element(blocks.begin(), blocks.end(),
+                                            [](const Block& a, const Block& b) { return a.temp_degc < b.temp_degc; });
   const double middle = (lo->temp_degc + hi->temp_degc) / 2, half = (hi->temp_degc - lo->temp_degc) / 2;
   if (2 * half < kMinSpanDegc) return 0;
   Eigen::MatrixXd a(n, 4);
@@ -65,12 +66,12 @@ void choose_detrend(const std::vector<std::string>& logs, const std::vector<std:
   const bool is_chosen = !detrend->empty();
   if (is_chosen && *detrend != "mean" && *detrend != "none") return;
   for (const std::string& log : logs) {
-    if (log == "-") continue;  // standard input cannot be read twice
+    if (log == "-") continue; // standard input cannot be read twice
     for (const Series& s : load_series(log, axes, true)) {
       const double f = temperature_f(s);
       if (f <= kTemperatureF) continue;
-      std::fprintf(stderr, "errormodel: note: %s %s: the rate follows the temperature (F = %.3g, limit %.3g): %s\n", printable(log).c_str(),
-                   s.axis.c_str(), f, kTemperatureF,
+      std::fprintf(stderr, "errormodel: note: %s %s: the rate follows the temperature (F = %.3g, limit %.3g): %s\n",
+                   printable(log).c_str(), s.axis.c_str(), f, kTemperatureF,
                    is_chosen ? ("with --detrend " + *detrend + " that counts as noise").c_str()
                              : "a cubic is taken out (--detrend poly:3); to choose: --detrend");
       if (!is_chosen) *detrend = "poly:3";
@@ -80,4 +81,4 @@ void choose_detrend(const std::vector<std::string>& logs, const std::vector<std:
   if (!is_chosen) *detrend = "mean";
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -20,4 +20,4 @@ constexpr double kTemperatureF = 10.0;
 // error.  Where the caller chose none or mean all the same, it is warned.
 void choose_detrend(const std::vector<std::string>& logs, const std::vector<std::string>& axes, std::string* detrend);
 
-}  // namespace imucal
+} // namespace imucal

@@ -31,8 +31,7 @@ void add_start(CLI::App* app, SimOptions* sim) {
 }
 
 void add_log(CLI::App* app, LogOptions* o) {
-  app->add_option("--model", o->model_paths,
-                  "error model with thermal polynomial and effects; one, or one per axis")
+  app->add_option("--model", o->model_paths, "error model with thermal polynomial and effects; one, or one per axis")
       ->required()
       ->allow_extra_args(false)
       ->type_name("MODEL.json");
@@ -40,8 +39,7 @@ void add_log(CLI::App* app, LogOptions* o) {
       ->required()
       ->type_name("PROFILE.json");
   app->add_option("--axes", o->n_axes, "number of axes (default: one per model)")->check(CLI::Range(1, 64));
-  app->add_option("--effects", o->effects_path,
-                  "further effects: a list of {name, parameters, [axis], [log]}")
+  app->add_option("--effects", o->effects_path, "further effects: a list of {name, parameters, [axis], [log]}")
       ->type_name("EFFECTS.json");
   app->add_option("-o,--output", o->output_path, "log to write (- for standard output)")
       ->required()
@@ -56,10 +54,8 @@ void add_log(CLI::App* app, LogOptions* o) {
   add_start(app, &o->sim);
   app->add_option("--temp-noise-degc", o->sim.temp_noise_degc, "thermometer noise per second")
       ->check(CLI::NonNegativeNumber);
-  app->add_option("--temp-lsb-degc", o->sim.temp_lsb_degc, "thermometer quantum")
-      ->check(CLI::NonNegativeNumber);
-  app->add_option("--rate-lsb-dph", o->sim.rate_lsb_dph, "quantum of the 1-s means")
-      ->check(CLI::NonNegativeNumber);
+  app->add_option("--temp-lsb-degc", o->sim.temp_lsb_degc, "thermometer quantum")->check(CLI::NonNegativeNumber);
+  app->add_option("--rate-lsb-dph", o->sim.rate_lsb_dph, "quantum of the 1-s means")->check(CLI::NonNegativeNumber);
   app->add_option("--jitter-s", o->sim.jitter_s, "standard deviation of the time stamps")
       ->check(CLI::NonNegativeNumber);
   app->add_option("--missing", o->sim.missing_frac, "part of the seconds missing from the log")
@@ -106,19 +102,15 @@ Exit run_log(LogOptions o) {
 
 // What the raw samples of serve and replay look like; the device must be told the same scales.
 void add_feed(CLI::App* app, FeedOptions* o, CommonOptions* common) {
-  app->add_option("--to", o->to,
-                  "where the sample records go: a file, a named pipe, tcp:HOST:PORT or tcp-listen:PORT")
+  app->add_option("--to", o->to, "where the sample records go: a file, a named pipe, tcp:HOST:PORT or tcp-listen:PORT")
       ->required()
       ->type_name("SINK");
   app->add_option("--rate-hz", o->format.rate_hz, "raw samples per second")->capture_default_str();
-  app->add_option("--counts-scale-dph", o->format.counts_scale_dph, "value of one count")
-      ->capture_default_str();
-  app->add_option("--full-scale-counts", o->format.max_counts, "the sensor saturates here")
-      ->capture_default_str();
+  app->add_option("--counts-scale-dph", o->format.counts_scale_dph, "value of one count")->capture_default_str();
+  app->add_option("--full-scale-counts", o->format.max_counts, "the sensor saturates here")->capture_default_str();
   app->add_option("--temp-lsb-degc", o->format.temp_lsb_degc, "value of one count of the thermometer")
       ->capture_default_str();
-  app->add_option("--temp-offset-degc", o->format.temp_offset_degc, "temperature at count zero")
-      ->capture_default_str();
+  app->add_option("--temp-offset-degc", o->format.temp_offset_degc, "temperature at count zero")->capture_default_str();
   app->add_option("--jitter-s", o->format.jitter_s, "standard deviation of the sample instants")
       ->check(CLI::NonNegativeNumber);
   app->add_option("--missing", o->format.missing_frac, "part of the samples that never arrives")
@@ -147,8 +139,7 @@ struct ServeOptions {
 };
 
 void add_serve(CLI::App* app, ServeOptions* o) {
-  app->add_option("--model", o->model_paths,
-                  "error model with thermal polynomial and effects; one, or one per gyro")
+  app->add_option("--model", o->model_paths, "error model with thermal polynomial and effects; one, or one per gyro")
       ->required()
       ->allow_extra_args(false)
       ->type_name("MODEL.json");
@@ -159,13 +150,11 @@ void add_serve(CLI::App* app, ServeOptions* o) {
       ->required()
       ->type_name("PROFILE.json");
   app->add_option("--axes", o->n_axes, "number of gyros (default: one per model)")->check(CLI::Range(1, 6));
-  app->add_option("--effects", o->effects_path,
-                  "further effects: a list of {name, parameters, [axis], [log]}")
+  app->add_option("--effects", o->effects_path, "further effects: a list of {name, parameters, [axis], [log]}")
       ->type_name("EFFECTS.json");
   app->add_option("--accel-scale-mg", o->accel_scale_mg, "value of one count of an accelerometer")
       ->capture_default_str();
-  app->add_option("-o,--output", o->log_path, "also write the run as a log of 1-s means")
-      ->type_name("LOG.csv");
+  app->add_option("-o,--output", o->log_path, "also write the run as a log of 1-s means")->type_name("LOG.csv");
   app->add_option("--log-index", o->sim.log_index, "which run of the device this is, from 0")
       ->check(CLI::Range(0, 65535));
   app->add_option("--device", o->sim.device, "another device of the same seed");
@@ -189,8 +178,7 @@ Exit tell_fed(const CommonOptions& common, const FeedOptions& options, const Fee
   if (common.talks())
     std::printf("%s: %llu samples, %.0f s of sensor time, %llu saturated, seed %llu%s\n", options.to.c_str(),
                 static_cast<unsigned long long>(result.n_samples), result.sensor_s,
-                static_cast<unsigned long long>(result.n_saturated),
-                static_cast<unsigned long long>(common.seed),
+                static_cast<unsigned long long>(result.n_saturated), static_cast<unsigned long long>(common.seed),
                 result.is_complete ? "" : "; the device ended before the data did");
   return result.is_complete ? Exit::kDone : Exit::kNegative;
 }
@@ -213,8 +201,7 @@ Exit run_serve(ServeOptions o) {
   o.sim.seed = o.feed.seed = o.common.seed;
   o.sim.n_logs = o.sim.log_index + 1;
   o.feed.quiet = o.common.quiet;
-  SimulatedDevice device =
-      simulate_device(models, models.size(), read_profile(o.profile_path), effects, o.sim);
+  SimulatedDevice device = simulate_device(models, models.size(), read_profile(o.profile_path), effects, o.sim);
   for (size_t a = n_gyros; a < models.size(); ++a) {
     device.log.axes[a].name = std::string("a") + "xyz"[(a - n_gyros) % 3] + "_mg";
     device.log.axes[a].is_gyro = false;

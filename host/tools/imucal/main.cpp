@@ -28,11 +28,9 @@ struct Subcommand {
 constexpr Subcommand kSubcommands[] = {
     {"look", Kind::kPython, false, "one page and ten lines about any log: the first thing to do with it"},
     {"import", Kind::kPython, false, "a log of PX4, ArduPilot, ROS, MATLAB, CSV … into an imucal log"},
-    {"export", Kind::kPython, false,
-     "a table or model for PX4, ArduPilot, C, Kalibr, ROS, MATLAB, a datasheet"},
+    {"export", Kind::kPython, false, "a table or model for PX4, ArduPilot, C, Kalibr, ROS, MATLAB, a datasheet"},
     {"check", Kind::kPython, false, "is this file one of ours, and valid?"},
-    {"example", Kind::kPython, false,
-     "a folder with a model, a profile, logs of a faulty sensor and a script"},
+    {"example", Kind::kPython, false, "a folder with a model, a profile, logs of a faulty sensor and a script"},
     {"report", Kind::kPython, false, "the result of diagnose as one HTML page"},
     {"calibrate", Kind::kProgram, true, "talk to the IMU: run, record, flash, verify …; offline: fit"},
     {"dp", Kind::kProgram, true, "Allan deviation and Direct Predictor of logs"},
@@ -46,11 +44,10 @@ constexpr Subcommand kSubcommands[] = {
 void print_help() {
   std::puts("imucal: static thermal calibration of inertial sensors\n\nusage: imucal SUBCOMMAND ...\n");
   for (const Subcommand& s : kSubcommands) std::printf("  %-11s %s\n", s.name, s.help);
-  std::puts(
-      "\n'imucal SUBCOMMAND --help' tells more.  Logs of PX4, ArduPilot, ROS, MATLAB and Parquet may stand "
-      "where a log is\n"
-      "expected; they are imported on the way.\n"
-      "Exit status: 0 done; 1 done, the answer is negative; 2 usage; 3 bad input data; 4 device or link.");
+  std::puts("\n'imucal SUBCOMMAND --help' tells more.  Logs of PX4, ArduPilot, ROS, MATLAB and Parquet may stand "
+            "where a log is\n"
+            "expected; they are imported on the way.\n"
+            "Exit status: 0 done; 1 done, the answer is negative; 2 usage; 3 bad input data; 4 device or link.");
 }
 
 const Subcommand* find_subcommand(const std::string& name) {
@@ -94,8 +91,7 @@ class Scratch {
 public:
   Scratch() {
     std::string name = (fs::temp_directory_path() / "imucal-XXXXXX").string();
-    if (!::mkdtemp(name.data()))
-      throw usage_error("cannot make a folder in " + fs::temp_directory_path().string());
+    if (!::mkdtemp(name.data())) throw usage_error("cannot make a folder in " + fs::temp_directory_path().string());
     path_ = name;
   }
   ~Scratch() {
@@ -139,9 +135,8 @@ int dispatch(const Places& places, const Subcommand& subcommand, std::vector<std
   }
   const auto program = find_program(places, subcommand.name);
   if (!program)
-    throw usage_error(std::string("the program ") + subcommand.name + " is neither in " +
-                      places.programs[0].string() + " nor in " + places.programs[1].string() +
-                      "; run make (or install imucal again)");
+    throw usage_error(std::string("the program ") + subcommand.name + " is neither in " + places.programs[0].string() +
+                      " nor in " + places.programs[1].string() + "; run make (or install imucal again)");
   if (subcommand.reads_logs)
     for (const std::string& argument : arguments)
       if (!foreign_format(argument).empty()) return run_on_imported(places, program->string(), arguments);

@@ -4,9 +4,9 @@
 #include <cstdio>
 #include <iostream>
 
-#include "cli/program.h"
 #include "analysis/montecarlo/campaign.h"
 #include "analysis/montecarlo/compare.h"
+#include "cli/program.h"
 #include "montecarlo/report.h"
 
 using namespace imucal;
@@ -49,24 +49,17 @@ void add_options(CLI::App* app, Options* o) {
       ->type_name("MODEL.json");
   app->add_option("--profile", o->profile_path, "temperature profile of the test")->type_name("PROFILE.json");
   app->add_option("--order", c.order, "order of the polynomial the filter learns")->check(CLI::Range(1, 5));
-  app->add_option("--runs", c.runs, "simulated tests")
-      ->check(CLI::Range(1, 100000000))
-      ->capture_default_str();
+  app->add_option("--runs", c.runs, "simulated tests")->check(CLI::Range(1, 100000000))->capture_default_str();
   app->add_option("--first-run", c.first_run, "number of the first run of this shard")->capture_default_str();
   app->add_option("--filter-model", o->filter_path, "error model the filter assumes (default: the true one)")
       ->type_name("MODEL.json");
   app->add_option("--effects", o->effects_path, "further effects on the sensor")->type_name("EFFECTS.json");
-  app->add_option("--partial", o->partial_path, "write a partial result for `montecarlo merge`")
-      ->type_name("FILE");
-  app->add_option("--points", c.points, "temperatures scored")
-      ->check(CLI::Range(2, 1000))
-      ->capture_default_str();
+  app->add_option("--partial", o->partial_path, "write a partial result for `montecarlo merge`")->type_name("FILE");
+  app->add_option("--points", c.points, "temperatures scored")->check(CLI::Range(2, 1000))->capture_default_str();
   app->add_option("--missing-seconds", c.missing_frac, "part of the seconds without any sample")
       ->check(CLI::Range(0.0, 0.99));
-  app->add_flag("--core-only", o->core_only,
-                "the chain and its score only: no least squares, double reference, DP");
-  app->add_option("--residual-every", c.residual_every,
-                  "DP curve of the residual in every n-th run (0: none)")
+  app->add_flag("--core-only", o->core_only, "the chain and its score only: no least squares, double reference, DP");
+  app->add_option("--residual-every", c.residual_every, "DP curve of the residual in every n-th run (0: none)")
       ->capture_default_str();
   app->add_flag("--no-track", c.no_track, "take a coarse thermometer's reading as it is (common/track.h)");
   app->add_flag("--strict", o->strict, "exit with 1 where NEES or NIS are outside their intervals");
@@ -130,8 +123,7 @@ Exit run_campaign_command(Options o) {
     char note[80] = "";
     if (const auto n = so_far.tally.counted("nees_runs"); n > 0)
       std::snprintf(note, sizeof note, "%llu of %llu runs, NEES %.3f of %d",
-                    static_cast<unsigned long long>(so_far.runs_done),
-                    static_cast<unsigned long long>(c.runs),
+                    static_cast<unsigned long long>(so_far.runs_done), static_cast<unsigned long long>(c.runs),
                     so_far.tally.sum("nees") / static_cast<double>(n), c.order + 1);
     bar.update(static_cast<double>(so_far.runs_done), note);
   };
@@ -149,20 +141,17 @@ int main(int argc, char** argv) {
   add_options(&app, &run);
   run.campaign.raw.rate_hz = 10;
   run.campaign.raw.counts_scale_dph = 1;
-  CLI::App* merge =
-      app.add_subcommand("merge", "merge partial results of shards into the result of the whole");
+  CLI::App* merge = app.add_subcommand("merge", "merge partial results of shards into the result of the whole");
   merge->add_option("FILES", merged.merge_paths, "partial results")->required();
   merge->add_flag("--strict", merged.strict, "exit with 1 where NEES or NIS are outside their intervals");
   add_common_options(merge, &merged.common);
   Options compared;
   compared.campaign.raw = run.campaign.raw;
   compared.campaign.runs = 500;
-  CLI::App* compare =
-      app.add_subcommand("compare", "the core's filter against other methods on several profiles");
+  CLI::App* compare = app.add_subcommand("compare", "the core's filter against other methods on several profiles");
   compare->add_option("--model", compared.model_path, "true error model with thermal polynomial")->required();
   compare->add_option("--order", compared.campaign.order, "order of the polynomial")->check(CLI::Range(1, 5));
-  compare->add_option("--runs", compared.campaign.runs, "simulated tests per profile")
-      ->check(CLI::Range(1, 1000000));
+  compare->add_option("--runs", compared.campaign.runs, "simulated tests per profile")->check(CLI::Range(1, 1000000));
   add_common_options(compare, &compared.common, kWithSeed | kWithThreads);
   return run_program(&app, argc, argv, [&] {
     if (merge->parsed()) return run_merge(merged);

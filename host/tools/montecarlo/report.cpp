@@ -5,10 +5,10 @@
 #include <cmath>
 #include <cstdio>
 
-#include "base/quantile.h"
 #include "analysis/montecarlo/reference.h"
 #include "analysis/montecarlo/residual.h"
 #include "analysis/montecarlo/truth.h"
+#include "base/quantile.h"
 
 namespace imucal {
 
@@ -39,8 +39,7 @@ Json accuracy(const Tally& t, Json* json) {
   for (size_t i = 0; i < predicted.size(); ++i) {
     const double r = empirical[i] / predicted[i];
     ratio.push_back(r);
-    ci.push_back(
-        {r * std::sqrt(runs / chi2_quantile(0.975, runs)), r * std::sqrt(runs / chi2_quantile(0.025, runs))});
+    ci.push_back({r * std::sqrt(runs / chi2_quantile(0.975, runs)), r * std::sqrt(runs / chi2_quantile(0.025, runs))});
     mean.push_back(t.sums("error")[i] / runs);
     lowest = std::min(lowest, r);
     highest = std::max(highest, r);
@@ -85,8 +84,7 @@ Json whiteness(const CampaignPlan& plan, const Tally& t) {
 
 Json least_squares(const CampaignPlan& plan, const Tally& t) {
   const auto runs = static_cast<double>(t.counted("ls_runs"));
-  const auto sigma = root_mean(t.sums("ls_error2"), runs),
-             difference = root_mean(t.sums("ls_difference2"), runs);
+  const auto sigma = root_mean(t.sums("ls_error2"), runs), difference = root_mean(t.sums("ls_difference2"), runs);
   return {{"runs", t.counted("ls_runs")},
           {"every", plan.options.least_squares_every},
           {"empirical_sigma_dph", sigma},
@@ -126,8 +124,7 @@ Json campaign_json(const CampaignPlan& plan, const CampaignResult& result) {
                {"order", plan.options.order},   {"duration_s", plan.t_s.size()},
                {"temp_degc", plan.temp_degc}};
   if (t.counted("runs") == 0) return json;
-  const auto runs = static_cast<double>(t.counted("runs")),
-             seconds = static_cast<double>(t.counted("seconds"));
+  const auto runs = static_cast<double>(t.counted("runs")), seconds = static_cast<double>(t.counted("seconds"));
   accuracy(t, &json);
   add_truth(plan, &json);
   json["coverage"] = coverage(t);
@@ -141,8 +138,7 @@ Json campaign_json(const CampaignPlan& plan, const CampaignResult& result) {
   // of squares is that of the seconds less the coefficients (exactly: N - p + |b|^2/prior^2 +
   // trace(P)/prior^2).
   const double dof = seconds - runs * (plan.options.order + 1);
-  json["nis"] = {
-      {"mean", t.sum("nis") / dof}, {"expected", 1.0}, {"n", dof}, {"ci95", chi2_mean_interval(1, dof)}};
+  json["nis"] = {{"mean", t.sum("nis") / dof}, {"expected", 1.0}, {"n", dof}, {"ci95", chi2_mean_interval(1, dof)}};
   json["whiteness"] = whiteness(plan, t);
   if (t.counted("ls_runs")) json["least_squares"] = least_squares(plan, t);
   if (t.counted("reference_runs"))
@@ -185,8 +181,8 @@ void put_accuracy(std::string* out, const Json& json) {
       has_ls ? "   least sq.  Kalman-LS" : "");
   for (size_t i = 0; i < json["temp_degc"].size(); ++i) {
     put(out, "%7.1f %9.2f %10.2f  %7.4f  [%.3f, %.3f]  %7.4f  %7.4f", double(json["temp_degc"][i]),
-        double(json["predicted_sigma_dph"][i]), double(json["empirical_sigma_dph"][i]),
-        double(json["ratio"][i]), double(json["ratio_ci95"][i][0]), double(json["ratio_ci95"][i][1]),
+        double(json["predicted_sigma_dph"][i]), double(json["empirical_sigma_dph"][i]), double(json["ratio"][i]),
+        double(json["ratio_ci95"][i][0]), double(json["ratio_ci95"][i][1]),
         double(json["coverage"]["one_sigma"]["part"][i]), double(json["coverage"]["two_sigma"]["part"][i]));
     if (has_ls)
       put(out, "  %9.2f  %9.2f", double(json["least_squares"]["empirical_sigma_dph"][i]),
@@ -196,8 +192,7 @@ void put_accuracy(std::string* out, const Json& json) {
 }
 
 void put_residual(std::string* out, const Json& json) {
-  put(out, "residual after compensation, a fresh test of the same device (DP2, dph; %ld tests):\n",
-      long(json["runs"]));
+  put(out, "residual after compensation, a fresh test of the same device (DP2, dph; %ld tests):\n", long(json["runs"]));
   put(out, "   tau s      found   standard error   model alone   model + calibration error\n");
   for (size_t i = 0; i < json["tau_s"].size(); ++i)
     put(out, "%8.0f  %9.3f  %15.3f  %12.3f  %26.3f\n", double(json["tau_s"][i]), double(json["dp_dph"][i]),
@@ -214,8 +209,7 @@ std::string campaign_text(const Json& json) {
   if (long(json["runs"]) == 0) return out;
   put(&out, "one-sigma calibration error, dph\n");
   put_accuracy(&out, json);
-  put(&out, "empirical / predicted    %.4f … %.4f\n", double(json["ratio_range"][0]),
-      double(json["ratio_range"][1]));
+  put(&out, "empirical / predicted    %.4f … %.4f\n", double(json["ratio_range"][0]), double(json["ratio_range"][1]));
   put(&out, "empirical / exact        %.4f … %.4f   (truth covariance of this filter on the true model)\n",
       double(json["ratio_to_truth_range"][0]), double(json["ratio_to_truth_range"][1]));
   put(&out, "core's sigma - exact     %.2g relative\n", double(json["predicted_to_exact_rel"]));
@@ -227,20 +221,18 @@ std::string campaign_text(const Json& json) {
     put(&out, " %+.5f @%ds", double(json["whiteness"]["correlation"][i]), int(json["whiteness"]["lag_s"][i]));
   put(&out, "   (95%% within %.5f)\n", double(json["whiteness"]["ci95_half_width"][0]));
   if (json.contains("least_squares"))
-    put(&out,
-        "Kalman - least squares   %.2f dph at most, on average over tests; %.2f dph in the worst test\n",
+    put(&out, "Kalman - least squares   %.2f dph at most, on average over tests; %.2f dph in the worst test\n",
         double(json["least_squares"]["mean_largest_difference_dph"]),
         double(json["least_squares"]["largest_difference_dph"]));
   if (json.contains("double_reference"))
     put(&out, "float32 core - double    B(T) %.2g dph, sigma %.2g relative (largest of %ld tests)\n",
         double(json["double_reference"]["largest_bias_difference_dph"]),
-        double(json["double_reference"]["largest_sigma_difference_rel"]),
-        long(json["double_reference"]["runs"]));
+        double(json["double_reference"]["largest_sigma_difference_rel"]), long(json["double_reference"]["runs"]));
   put(&out, "compensation             %.3f LSB of its output at most from the table\n",
       double(json["compensation"]["largest_error_lsb"]));
   if (json.contains("residual_dp")) put_residual(&out, json["residual_dp"]);
-  put(&out, "%.3g simulated seconds per second, %.3g per core (%g raw samples each)\n",
-      double(json["samples_per_s"]), double(json["samples_per_s_per_core"]), double(json["raw_rate_hz"]));
+  put(&out, "%.3g simulated seconds per second, %.3g per core (%g raw samples each)\n", double(json["samples_per_s"]),
+      double(json["samples_per_s_per_core"]), double(json["raw_rate_hz"]));
   return out;
 }
 

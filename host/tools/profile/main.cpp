@@ -2,12 +2,12 @@
 // profile: calibration error of temperature profiles, what none can beat, and the best one for a chamber.
 #include <cstdio>
 
-#include "cli/program.h"
 #include "analysis/profile/bound.h"
 #include "analysis/profile/covariance.h"
 #include "analysis/profile/optimize.h"
-#include "profile/report.h"
 #include "analysis/profile/signature.h"
+#include "cli/program.h"
+#include "profile/report.h"
 
 using namespace imucal;
 
@@ -69,8 +69,8 @@ Exit run_error(const ErrorOptions& o) {
   json["worst_correlation"] = signatures.worst;
   Bound bound;
   if (o.proven && runs.size() == 1 && max_rate > 0) {
-    bound = calibration_bound({setup.truth, o.order, error.duration_s, range.hi_degc - range.lo_degc,
-                               max_rate, o.prior_sigma_dph, 1.0});
+    bound = calibration_bound(
+        {setup.truth, o.order, error.duration_s, range.hi_degc - range.lo_degc, max_rate, o.prior_sigma_dph, 1.0});
     json["proven_bound_dph"] = bound.proven_dph;
     json["proven_efficiency"] = bound.proven_dph / error.worst_dph;
   }
@@ -81,16 +81,14 @@ Exit run_error(const ErrorOptions& o) {
                 runs.size() == 1 ? "" : "s");
     print_yardstick(bound_dph, error.worst_dph);
     if (bound.proven_dph > 0)
-      std::printf("proven bound at up to %g degC/min %.3f dph: efficiency %.1f %%\n", max_rate,
-                  bound.proven_dph, 100 * bound.proven_dph / error.worst_dph);
+      std::printf("proven bound at up to %g degC/min %.3f dph: efficiency %.1f %%\n", max_rate, bound.proven_dph,
+                  100 * bound.proven_dph / error.worst_dph);
     std::fputs(signature_text(signatures).c_str(), stdout);
     if (lo > range.lo_degc + 1e-9 || hi < range.hi_degc - 1e-9)
-      std::printf("note: the temperatures reach %g..%g degC only; beyond them the polynomial extrapolates\n",
-                  lo, hi);
+      std::printf("note: the temperatures reach %g..%g degC only; beyond them the polynomial extrapolates\n", lo, hi);
     if (!o.turn_on && setup.truth.turn_on_sigma_dph > 0)
-      std::printf(
-          "note: the turn-on constant (%g dph) is taken as part of b0; --turn-on counts it as an error\n",
-          setup.truth.turn_on_sigma_dph);
+      std::printf("note: the turn-on constant (%g dph) is taken as part of b0; --turn-on counts it as an error\n",
+                  setup.truth.turn_on_sigma_dph);
   }
   if (o.common.wants_json()) write_json(o.common.json_path, json);
   return Exit::kDone;
@@ -132,8 +130,8 @@ struct OptimizeOptions {
   CommonOptions common;
   std::string model, range, profile_path, objective = "worst", tell_apart;
   int order = 3, effort = 1;
-  double max_rate = 0, max_cooling_rate = 0, duration_s = 0, required_error_dph = 0, min_soak_s = 0,
-         max_soak_s = 0, max_correlation = 0.75, prior_sigma_dph = 1e4, spend_percent = 0;
+  double max_rate = 0, max_cooling_rate = 0, duration_s = 0, required_error_dph = 0, min_soak_s = 0, max_soak_s = 0,
+         max_correlation = 0.75, prior_sigma_dph = 1e4, spend_percent = 0;
   bool no_proof = false;
 };
 
@@ -145,8 +143,7 @@ Exit run_optimize(const OptimizeOptions& o) {
   const TemperatureRange range = parse_range("--range", o.range);
   request.setup.lo_degc = range.lo_degc;
   request.setup.hi_degc = range.hi_degc;
-  request.limits = {range.lo_degc, range.hi_degc,
-                    o.max_rate,    o.max_cooling_rate > 0 ? o.max_cooling_rate : o.max_rate,
+  request.limits = {range.lo_degc, range.hi_degc, o.max_rate, o.max_cooling_rate > 0 ? o.max_cooling_rate : o.max_rate,
                     o.min_soak_s,  o.max_soak_s};
   if ((o.duration_s > 0) == (o.required_error_dph > 0))
     throw usage_error("give either --duration-s or --required-error (the shortest duration that reaches it)");
@@ -154,12 +151,10 @@ Exit run_optimize(const OptimizeOptions& o) {
   request.required_dph = o.required_error_dph;
   request.objective = o.objective == "rms" ? Objective::kRms : Objective::kWorst;
   if (!o.tell_apart.empty())
-    request.tell_apart =
-        o.tell_apart == "all" ? standard_effects(o.order) : effects_by_name(o.tell_apart, o.order);
+    request.tell_apart = o.tell_apart == "all" ? standard_effects(o.order) : effects_by_name(o.tell_apart, o.order);
   request.max_correlation = o.max_correlation;
   request.spend_frac = o.spend_percent / 100;
-  if (o.spend_percent > 0 && o.tell_apart.empty())
-    throw usage_error("--spend needs --tell-apart: what to spend it on");
+  if (o.spend_percent > 0 && o.tell_apart.empty()) throw usage_error("--spend needs --tell-apart: what to spend it on");
   request.seed = o.common.seed;
   request.effort = o.effort;
   Progress progress("optimising", 1, o.common.quiet);
@@ -176,10 +171,9 @@ Exit run_optimize(const OptimizeOptions& o) {
   Bound bound;
   bound.slow_ramp_dph = slow_ramp_bound(request.setup.truth, o.order, duration_s);
   if (!o.no_proof)
-    bound =
-        calibration_bound({request.setup.truth, o.order, duration_s, range.hi_degc - range.lo_degc,
-                           std::max(request.limits.heating_degc_per_min, request.limits.cooling_degc_per_min),
-                           o.prior_sigma_dph, 1.0});
+    bound = calibration_bound({request.setup.truth, o.order, duration_s, range.hi_degc - range.lo_degc,
+                               std::max(request.limits.heating_degc_per_min, request.limits.cooling_degc_per_min),
+                               o.prior_sigma_dph, 1.0});
   Json json = to_json(r.error);
   json["bound_dph"] = bound.slow_ramp_dph;
   json["efficiency"] = bound.slow_ramp_dph / r.error.worst_dph;
@@ -206,8 +200,8 @@ Exit run_optimize(const OptimizeOptions& o) {
   json["seed"] = o.common.seed;
   json["evaluations"] = r.evaluations;
   if (o.common.talks()) {
-    std::printf("worst %.3f dph, rms %.3f dph after %.0f s (%s)\n", r.error.worst_dph, r.error.rms_dph,
-                duration_s, r.shape.c_str());
+    std::printf("worst %.3f dph, rms %.3f dph after %.0f s (%s)\n", r.error.worst_dph, r.error.rms_dph, duration_s,
+                r.shape.c_str());
     for (const ProfileLeg& leg : legs(r.profile)) {
       if (leg.start_degc == leg.end_degc)
         std::printf("  soak %8.1f s at %7.2f degC\n", leg.end_s - leg.start_s, leg.start_degc);
@@ -220,8 +214,8 @@ Exit run_optimize(const OptimizeOptions& o) {
       std::printf("proven bound under the rate limit %.3f dph: efficiency %.1f %%\n", bound.proven_dph,
                   100 * bound.proven_dph / r.error.worst_dph);
     if (r.paper_passes > 0)
-      std::printf("ramps with equal soaks at both ends (%d pass%s): %.3f dph, efficiency %.1f %%\n",
-                  r.paper_passes, r.paper_passes == 1 ? "" : "es", r.paper_error.worst_dph,
+      std::printf("ramps with equal soaks at both ends (%d pass%s): %.3f dph, efficiency %.1f %%\n", r.paper_passes,
+                  r.paper_passes == 1 ? "" : "es", r.paper_error.worst_dph,
                   100 * bound.slow_ramp_dph / r.paper_error.worst_dph);
     std::fputs(signature_text(r.signatures).c_str(), stdout);
     if (!request.tell_apart.empty())
@@ -230,12 +224,11 @@ Exit run_optimize(const OptimizeOptions& o) {
   }
   if (o.common.wants_json()) write_json(o.common.json_path, json);
   if (!r.meets_correlation) {
-    std::fprintf(
-        stderr,
-        "profile: no profile found whose worst correlation is at most %g; the best has %.3f (%s, %s).  More "
-        "time, a faster chamber or --max-correlation %.3f makes it possible\n",
-        o.max_correlation, r.signatures.worst, r.signatures.effects[r.signatures.worst_a].name.c_str(),
-        r.signatures.effects[r.signatures.worst_b].name.c_str(), r.signatures.worst + 0.0005);
+    std::fprintf(stderr,
+                 "profile: no profile found whose worst correlation is at most %g; the best has %.3f (%s, %s).  More "
+                 "time, a faster chamber or --max-correlation %.3f makes it possible\n",
+                 o.max_correlation, r.signatures.worst, r.signatures.effects[r.signatures.worst_a].name.c_str(),
+                 r.signatures.effects[r.signatures.worst_b].name.c_str(), r.signatures.worst + 0.0005);
     return Exit::kNegative;
   }
   return r.meets_error ? Exit::kDone : Exit::kNegative;
@@ -246,15 +239,12 @@ void add_error(CLI::App* app, ErrorOptions* o) {
       ->required()
       ->type_name("FILE");
   app->add_option("--model", o->model, "true error model (JSON)")->required()->type_name("FILE");
-  app->add_option("--filter-model", o->filter_model,
-                  "error model that the filter assumes (default: the true one)")
+  app->add_option("--filter-model", o->filter_model, "error model that the filter assumes (default: the true one)")
       ->type_name("FILE");
   app->add_option("--order", o->order, "order of the polynomial")->required();
   app->add_option("--range", o->range, "span A:B in degC that is judged (default: what the profile reaches)")
       ->type_name("A:B");
-  app->add_option("--points", o->points, "temperatures reported")
-      ->check(CLI::Range(2, 10001))
-      ->capture_default_str();
+  app->add_option("--points", o->points, "temperatures reported")->check(CLI::Range(2, 10001))->capture_default_str();
   app->add_option("--prior-sigma-dph", o->prior_sigma_dph, "sigma of each coefficient before the test")
       ->check(CLI::Range(1e-3, 1e9))
       ->capture_default_str();
@@ -262,9 +252,8 @@ void add_error(CLI::App* app, ErrorOptions* o) {
   app->add_flag("--restart-each-cycle", o->restart_each_cycle,
                 "the device is switched off between the profile's repeats");
   app->add_flag("--shape-only", o->shape_only, "judge B(T) less its mean over the span");
-  app->add_option(
-         "--tell-apart", o->tell_apart,
-         "effects whose signatures are compared (default: lag, rate, hysteresis, turn-on, ageing, 4th order)")
+  app->add_option("--tell-apart", o->tell_apart,
+                  "effects whose signatures are compared (default: lag, rate, hysteresis, turn-on, ageing, 4th order)")
       ->type_name("EFFECT,EFFECT");
   app->add_flag("--proven", o->proven, "also the proven bound at the profile's fastest ramp");
   add_common_options(app, &o->common);
@@ -292,8 +281,7 @@ void add_optimize(CLI::App* app, OptimizeOptions* o) {
   app->add_option("--max-rate", o->max_rate,
                   "highest rate of the chamber, degC/min (heating; cooling too if not given)")
       ->required();
-  app->add_option("--max-cooling-rate", o->max_cooling_rate, "highest cooling rate, degC/min")
-      ->check(FinitePositive);
+  app->add_option("--max-cooling-rate", o->max_cooling_rate, "highest cooling rate, degC/min")->check(FinitePositive);
   app->add_option("--duration-s", o->duration_s, "duration of the test")->check(FinitePositive);
   app->add_option("--required-error", o->required_error_dph,
                   "instead of a duration: the shortest that reaches this objective, dph")
@@ -302,13 +290,10 @@ void add_optimize(CLI::App* app, OptimizeOptions* o) {
       ->check(CLI::IsMember({"worst", "rms"}))
       ->capture_default_str();
   app->add_option("--min-soak-s", o->min_soak_s, "shortest soak")->check(CLI::NonNegativeNumber);
-  app->add_option("--max-soak-s", o->max_soak_s, "longest soak (0: unlimited)")
-      ->check(CLI::NonNegativeNumber);
-  app->add_option("--tell-apart", o->tell_apart,
-                  "keep these effects apart: names, or all for the standard six")
+  app->add_option("--max-soak-s", o->max_soak_s, "longest soak (0: unlimited)")->check(CLI::NonNegativeNumber);
+  app->add_option("--tell-apart", o->tell_apart, "keep these effects apart: names, or all for the standard six")
       ->type_name("EFFECT,EFFECT");
-  app->add_option("--max-correlation", o->max_correlation,
-                  "largest correlation allowed between their signatures")
+  app->add_option("--max-correlation", o->max_correlation, "largest correlation allowed between their signatures")
       ->check(CLI::Range(0.05, 1.0))
       ->capture_default_str();
   app->add_option("--spend", o->spend_percent,
@@ -334,8 +319,7 @@ int main(int argc, char** argv) {
   ErrorOptions error;
   BoundOptions bound;
   OptimizeOptions optimize;
-  CLI::App* error_app =
-      app.add_subcommand("error", "calibration error over temperature that a profile or log leaves");
+  CLI::App* error_app = app.add_subcommand("error", "calibration error over temperature that a profile or log leaves");
   CLI::App* bound_app = app.add_subcommand("bound", "what no profile of a duration can beat");
   CLI::App* optimize_app = app.add_subcommand("optimize", "the best profile under the limits of a chamber");
   add_error(error_app, &error);

@@ -29,9 +29,8 @@ ProfileInput read_profile_input(const std::string& path, bool restart_each_cycle
     input.lo_degc = profile.min_degc();
     input.hi_degc = profile.max_degc();
     for (const ProfileLeg& leg : legs(profile))
-      input.max_rate_degc_per_min =
-          std::max(input.max_rate_degc_per_min,
-                   60 * std::abs(leg.end_degc - leg.start_degc) / (leg.end_s - leg.start_s));
+      input.max_rate_degc_per_min = std::max(input.max_rate_degc_per_min,
+                                             60 * std::abs(leg.end_degc - leg.start_degc) / (leg.end_s - leg.start_s));
   } else {
     input.runs.push_back(run_of_log(read_log(path)));
     const auto [lo, hi] = std::minmax_element(input.runs[0].temp_degc.begin(), input.runs[0].temp_degc.end());
@@ -70,8 +69,7 @@ std::string error_text(const CalibrationError& error, bool with_believed, int li
   const int shown_lines = std::min(lines, n);
   char line[96];
   for (int i = 0; i < shown_lines; ++i) {
-    const auto k =
-        static_cast<size_t>(shown_lines > 1 ? std::lround(double(i) * (n - 1) / (shown_lines - 1)) : 0);
+    const auto k = static_cast<size_t>(shown_lines > 1 ? std::lround(double(i) * (n - 1) / (shown_lines - 1)) : 0);
     if (with_believed)
       std::snprintf(line, sizeof line, "  %9.2f  %10.3f  %12.3f\n", error.temp_degc[k], error.sigma_dph[k],
                     error.believed_sigma_dph[k]);

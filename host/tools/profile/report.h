@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "base/range.h"
-#include "io/json_file.h"
 #include "analysis/profile/bound.h"
 #include "analysis/profile/covariance.h"
+#include "base/range.h"
+#include "io/json_file.h"
 
 namespace imucal {
 

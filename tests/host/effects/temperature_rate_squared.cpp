@@ -9,9 +9,7 @@ namespace {
 class TemperatureRateSquared : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "temperature_rate_squared"; }
-  std::string label() const override {
-    return "bias that grows with the square of how fast the temperature changes";
-  }
+  std::string label() const override { return "bias that grows with the square of how fast the temperature changes"; }
   std::string description() const override {
     return "Bias proportional to the square of the rate of change of temperature (second-order gradient "
            "term).";

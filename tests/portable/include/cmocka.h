@@ -12,7 +12,8 @@ struct CMUnitTest {
   const char* name;
   void (*function)(void** state);
 };
-#define cmocka_unit_test(f) {#f, f}
+#define cmocka_unit_test(f)                                                                                            \
+  { #f, f }
 #define cmocka_run_group_tests(tests, setup, teardown) portable_run(tests, sizeof(tests) / sizeof((tests)[0]))
 
 static jmp_buf portable_end; /* of the running test: 1 failed, 2 skipped */
@@ -31,14 +32,14 @@ static inline int portable_run(const struct CMUnitTest* tests, size_t n) {
   return n_failed == 0 ? 0 : 1;
 }
 
-#define portable_check(is_true, ...)                                                                                  \
-  do {                                                                                                                \
-    if (!(is_true)) {                                                                                                 \
-      fprintf(stderr, "%s:%d: ", __FILE__, __LINE__);                                                                 \
-      fprintf(stderr, __VA_ARGS__);                                                                                   \
-      fputc('\n', stderr);                                                                                            \
-      longjmp(portable_end, 1);                                                                                       \
-    }                                                                                                                 \
+#define portable_check(is_true, ...)                                                                                   \
+  do {                                                                                                                 \
+    if (!(is_true)) {                                                                                                  \
+      fprintf(stderr, "%s:%d: ", __FILE__, __LINE__);                                                                  \
+      fprintf(stderr, __VA_ARGS__);                                                                                    \
+      fputc('\n', stderr);                                                                                             \
+      longjmp(portable_end, 1);                                                                                        \
+    }                                                                                                                  \
   } while (0)
 #define fail_msg(...) portable_check(0, __VA_ARGS__)
 #define skip() longjmp(portable_end, 2)
@@ -46,9 +47,15 @@ static inline int portable_run(const struct CMUnitTest* tests, size_t n) {
 #define assert_true(a) portable_check(a, "%s", #a)
 #define assert_false(a) portable_check(!(a), "not %s", #a)
 #define assert_non_null(a) portable_check((a) != NULL, "%s is null", #a)
-#define assert_int_equal(a, b) portable_check((unsigned long long)(a) == (unsigned long long)(b), "%s == %s: %lld, %lld", #a, #b, (long long)(a), (long long)(b))
-#define assert_int_not_equal(a, b) portable_check((unsigned long long)(a) != (unsigned long long)(b), "%s != %s", #a, #b)
-#define assert_in_range(a, lo, hi) portable_check((unsigned long long)(a) >= (unsigned long long)(lo) && (unsigned long long)(a) <= (unsigned long long)(hi), "%s: %lld", #a, (long long)(a))
+#define assert_int_equal(a, b)                                                                                         \
+  portable_check((unsigned long long)(a) == (unsigned long long)(b), "%s == %s: %lld, %lld", #a, #b, (long long)(a),   \
+                 (long long)(b))
+#define assert_int_not_equal(a, b)                                                                                     \
+  portable_check((unsigned long long)(a) != (unsigned long long)(b), "%s != %s", #a, #b)
+#define assert_in_range(a, lo, hi)                                                                                     \
+  portable_check((unsigned long long)(a) >= (unsigned long long)(lo) &&                                                \
+                     (unsigned long long)(a) <= (unsigned long long)(hi),                                              \
+                 "%s: %lld", #a, (long long)(a))
 #define assert_memory_equal(a, b, n) portable_check(memcmp(a, b, n) == 0, "memory of %s and %s", #a, #b)
 #define assert_string_equal(a, b) portable_check(strcmp(a, b) == 0, "\"%s\", \"%s\"", a, b)
 #define assert_string_not_equal(a, b) portable_check(strcmp(a, b) != 0, "\"%s\" twice", a)

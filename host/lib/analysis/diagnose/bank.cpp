@@ -34,15 +34,12 @@ void chebyshev(double x, int degree, double* t) {
 
 bool is_same(const NoiseModel& a, const NoiseModel& b) {
   const auto values = [](const NoiseModel& n) {
-    return std::array<double, 9>{n.white_sigma_dph, n.walk_dph_per_rt_s, n.white_slope,
-                                 n.markov_slope,    n.tau_slope,         n.extra_white_dph2,
-                                 n.hit_probability, n.hit_sigma_dph,     n.telegraph_dph};
+    return std::array<double, 9>{n.white_sigma_dph,  n.walk_dph_per_rt_s, n.white_slope,   n.markov_slope, n.tau_slope,
+                                 n.extra_white_dph2, n.hit_probability,   n.hit_sigma_dph, n.telegraph_dph};
   };
   return values(a) == values(b) && a.telegraph_tau_s == b.telegraph_tau_s &&
          std::equal(a.markov.begin(), a.markov.end(), b.markov.begin(), b.markov.end(),
-                    [](const Markov& x, const Markov& y) {
-                      return x.sigma_dph == y.sigma_dph && x.tau_s == y.tau_s;
-                    });
+                    [](const Markov& x, const Markov& y) { return x.sigma_dph == y.sigma_dph && x.tau_s == y.tau_s; });
 }
 
 MatrixXd side_by_side(const std::vector<MatrixXd>& parts, long rows) {
@@ -117,8 +114,7 @@ VectorXd ColumnBank::reduce(const std::vector<VectorXd>& e) const {
   return out;
 }
 
-MatrixXd ColumnBank::whiten_and_reduce(const std::vector<RunGains>& gains,
-                                       std::vector<MatrixXd> columns) const {
+MatrixXd ColumnBank::whiten_and_reduce(const std::vector<RunGains>& gains, std::vector<MatrixXd> columns) const {
   MatrixXd out = MatrixXd::Zero(n_blocks(), columns.front().cols());
   for (size_t r = 0; r < columns.size(); ++r) {
     whiten(gains[r], &columns[r]);
@@ -188,8 +184,7 @@ void ColumnBank::whiten_tests(WhitenedColumns* out) const {
     MatrixXd c(n, kCosinesPerRun);
     for (long k = 0; k < kCosinesPerRun; ++k)
       for (long i = 0; i < n; ++i)
-        c(i, k) = std::cos(kPi * static_cast<double>(k + 1) * (static_cast<double>(i) + 0.5) /
-                           static_cast<double>(n));
+        c(i, k) = std::cos(kPi * static_cast<double>(k + 1) * (static_cast<double>(i) + 0.5) / static_cast<double>(n));
     whiten(out->gains[r], &c);
     MatrixXd one = MatrixXd::Zero(n_blocks(), kCosinesPerRun);
     reduce_run(r, c, &one);
@@ -256,8 +251,7 @@ std::shared_ptr<WhitenedColumns> ColumnBank::whiten_all(const NoiseModel& gaussi
 }
 
 std::shared_ptr<const WhitenedColumns> ColumnBank::under(const NoiseModel& gaussian, bool with_tests) {
-  auto at =
-      std::find_if(kept_.begin(), kept_.end(), [&](const Kept& k) { return is_same(k.noise, gaussian); });
+  auto at = std::find_if(kept_.begin(), kept_.end(), [&](const Kept& k) { return is_same(k.noise, gaussian); });
   if (at == kept_.end()) {
     if (kept_.size() == kModelsKept) kept_.erase(kept_.begin());
     kept_.push_back({gaussian, whiten_all(gaussian)});

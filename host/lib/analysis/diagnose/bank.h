@@ -73,8 +73,7 @@ public:
   // Block sums over sqrt(length) of columns of one run into its rows of `out`.
   void reduce_run(size_t run, const Eigen::MatrixXd& white, Eigen::MatrixXd* out) const;
   Eigen::VectorXd reduce(const std::vector<Eigen::VectorXd>& e) const;
-  Eigen::MatrixXd whiten_and_reduce(const std::vector<RunGains>& gains,
-                                    std::vector<Eigen::MatrixXd> columns) const;
+  Eigen::MatrixXd whiten_and_reduce(const std::vector<RunGains>& gains, std::vector<Eigen::MatrixXd> columns) const;
 
 private:
   void evaluate_tests();

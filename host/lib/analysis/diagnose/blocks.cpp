@@ -9,9 +9,9 @@ namespace {
 
 constexpr double kBlock_s = 10;
 constexpr double kMostBlocks = 3500;
-constexpr double kFastest = 4;        // blocks per time constant from which a process is white
-constexpr double kMostNegative = 0.97; // of the white noise that the blocks of a Markov process may take off
-constexpr double kFar = 8;           // noise standard deviations from the median of a block
+constexpr double kFastest = 4;                // blocks per time constant from which a process is white
+constexpr double kMostNegative = 0.97;        // of the white noise that the blocks of a Markov process may take off
+constexpr double kFar = 8;                    // noise standard deviations from the median of a block
 constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
 
 double median(std::vector<double> x) {

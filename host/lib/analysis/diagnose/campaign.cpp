@@ -9,10 +9,9 @@
 namespace imucal {
 namespace {
 
-constexpr double kSmoothing_s = 40.0; // standard deviation of the Gaussian for a coarse or noisy thermometer
-constexpr double kNoisy_degc = 0.01;  // thermometer noise that needs all of it
-constexpr double kCoarseFraction =
-    0.02; // fewer distinct temperatures than this part of the rows: coarse steps
+constexpr double kSmoothing_s = 40.0;    // standard deviation of the Gaussian for a coarse or noisy thermometer
+constexpr double kNoisy_degc = 0.01;     // thermometer noise that needs all of it
+constexpr double kCoarseFraction = 0.02; // fewer distinct temperatures than this part of the rows: coarse steps
 constexpr size_t kFewestSeconds = 60;
 constexpr double kLongestGap_s = 20000;
 
@@ -110,8 +109,7 @@ std::vector<double> smoothed(std::vector<double> x, size_t half) {
 // Noise of the thermometer from second differences, robustly.
 double thermometer_noise(const std::vector<double>& temp) {
   std::vector<double> bends;
-  for (size_t i = 2; i < temp.size(); ++i)
-    bends.push_back(std::fabs(temp[i] - 2 * temp[i - 1] + temp[i - 2]));
+  for (size_t i = 2; i < temp.size(); ++i) bends.push_back(std::fabs(temp[i] - 2 * temp[i - 1] + temp[i - 2]));
   if (bends.empty()) return 0;
   std::nth_element(bends.begin(), bends.begin() + static_cast<long>(bends.size() / 2), bends.end());
   return bends[bends.size() / 2] / 0.6745 / std::sqrt(6.0);
@@ -121,8 +119,7 @@ double thermometer_noise(const std::vector<double>& temp) {
 // good thermometer keeps its corners.
 double smoothing_s(const std::vector<double>& temp, bool is_coarse) {
   if (is_coarse) return kSmoothing_s;
-  return std::clamp(kSmoothing_s * std::pow(thermometer_noise(temp) / kNoisy_degc, 2.0 / 3.0), 1.0,
-                    kSmoothing_s);
+  return std::clamp(kSmoothing_s * std::pow(thermometer_noise(temp) / kNoisy_degc, 2.0 / 3.0), 1.0, kSmoothing_s);
 }
 
 void derive(CampaignRun* run, bool is_coarse, bool has_temperature) {
@@ -135,14 +132,13 @@ void derive(CampaignRun* run, bool is_coarse, bool has_temperature) {
     return;
   }
   in.smooth_degc = is_coarse ? dequantised(in.t_s, in.temp_degc) : in.temp_degc;
-  in.smooth_degc = smoothed(in.smooth_degc,
-                            static_cast<size_t>(std::lround(smoothing_s(in.temp_degc, is_coarse) / in.dt_s)));
+  in.smooth_degc =
+      smoothed(in.smooth_degc, static_cast<size_t>(std::lround(smoothing_s(in.temp_degc, is_coarse) / in.dt_s)));
   for (size_t i = 0; i < n; ++i) {
     in.tn[i] = in.normalised(in.temp_degc[i]);
     const size_t before = i ? i - 1 : 0, after = i + 1 < n ? i + 1 : i;
     if (after > before)
-      in.rate_degc_min[i] =
-          60.0 * (in.smooth_degc[after] - in.smooth_degc[before]) / (in.t_s[after] - in.t_s[before]);
+      in.rate_degc_min[i] = 60.0 * (in.smooth_degc[after] - in.smooth_degc[before]) / (in.t_s[after] - in.t_s[before]);
   }
 }
 
@@ -181,7 +177,8 @@ static void set_times(const std::vector<double>& t_s, double dt_s, RunInput* in)
 
 static bool is_stuck(const CampaignRun& run) {
   for (size_t k = 1; k < run.n(); ++k)
-    if (run.input.rate_dph[static_cast<size_t>(run.used[k])] != run.input.rate_dph[static_cast<size_t>(run.used[0])]) return false;
+    if (run.input.rate_dph[static_cast<size_t>(run.used[k])] != run.input.rate_dph[static_cast<size_t>(run.used[0])])
+      return false;
   return run.n() > 1;
 }
 
@@ -236,8 +233,7 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
     in.rate_dph = column.rate_dph;
     for (size_t i = 0; i < column.flags.size(); ++i)
       if (column.flags[i] & (kSaturated | kSensorFault)) in.rate_dph[i] = std::nan("");
-    in.temp_degc =
-        campaign.has_temperature ? filled(in.t_s, log.temp_degc) : std::vector<double>(in.size(), 0.0);
+    in.temp_degc = campaign.has_temperature ? filled(in.t_s, log.temp_degc) : std::vector<double>(in.size(), 0.0);
     temperatures.push_back(in.temp_degc);
     campaign.runs.push_back(run);
   }
@@ -252,8 +248,9 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
     }
     find_used(&run);
     if (is_stuck(run))
-      throw data_error(logs[run.input.log].path + ": axis " + axis +
-                       " has one and the same rate in every second: it is stuck or not connected; leave it out with --axis");
+      throw data_error(
+          logs[run.input.log].path + ": axis " + axis +
+          " has one and the same rate in every second: it is stuck or not connected; leave it out with --axis");
     if (run.n() < kFewestSeconds)
       throw data_error(logs[run.input.log].path + ": axis " + axis + " has " + std::to_string(run.n()) +
                        " usable seconds; at least " + std::to_string(kFewestSeconds) + " are needed");
@@ -287,8 +284,7 @@ Eigen::MatrixXd powers(const CampaignRun& run, const Column& tn, int order) {
   Eigen::MatrixXd out(static_cast<long>(run.n()), order);
   for (size_t k = 0; k < run.n(); ++k) {
     double power = 1;
-    for (int i = 0; i < order; ++i)
-      out(static_cast<long>(k), i) = power *= tn[static_cast<size_t>(run.used[k])];
+    for (int i = 0; i < order; ++i) out(static_cast<long>(k), i) = power *= tn[static_cast<size_t>(run.used[k])];
   }
   return out;
 }

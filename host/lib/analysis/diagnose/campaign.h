@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "physics/effects/estimation.h"
 #include "io/log.h"
+#include "physics/effects/estimation.h"
 
 namespace imucal {
 
@@ -25,10 +25,10 @@ struct CampaignRun {
 struct Campaign {
   std::vector<CampaignRun> runs;
   std::string axis;
-  bool has_temperature = true;      // and it moves
+  bool has_temperature = true;        // and it moves
   bool is_temperature_steady = false; // logged, but moves by less than kLeastSpan_degc
-  double lo_degc = 0, hi_degc = 0; // over all runs
-  double temp_lsb_degc = 0;        // step of the thermometer where it is coarse; else 0
+  double lo_degc = 0, hi_degc = 0;    // over all runs
+  double temp_lsb_degc = 0;           // step of the thermometer where it is coarse; else 0
   double dt_s = 1;
   int order = 3; // of the polynomial
   double t0_degc = 30, range_degc = 30;

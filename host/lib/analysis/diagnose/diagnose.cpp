@@ -11,8 +11,8 @@
 
 #include "analysis/diagnose/blocks.h"
 #include "base/error.h"
-#include "io/json_file.h"
 #include "base/units.h"
+#include "io/json_file.h"
 
 namespace imucal {
 
@@ -56,10 +56,9 @@ void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, 
   for (const Log& log : held_out) all.push_back(&log);
   for (const Log* log : all)
     if (identity(*log) != identity(*all.front())) {
-      warnings->push_back(
-          log->path + " and " + all.front()->path +
-          " name different devices or serial numbers in their metadata: all logs of one call have to "
-          "be runs of one device");
+      warnings->push_back(log->path + " and " + all.front()->path +
+                          " name different devices or serial numbers in their metadata: all logs of one call have to "
+                          "be runs of one device");
       break;
     }
   double longest = 0;
@@ -89,8 +88,8 @@ void check_scale(const Campaign& campaign, const NoiseModel& noise, std::vector<
   if (sigma > 0 && (sigma > 100 * noise.white_sigma_dph || sigma < 0.01 * noise.white_sigma_dph)) {
     std::ostringstream text;
     text.precision(3);
-    text << "axis " << campaign.axis << ": its noise from second to second is " << sigma
-         << " dph, the model's " << noise.white_sigma_dph
+    text << "axis " << campaign.axis << ": its noise from second to second is " << sigma << " dph, the model's "
+         << noise.white_sigma_dph
          << " dph: are the units of the model (deg/sqrt(h), dph) and of the log's column right?";
     warnings->push_back(text.str());
   }
@@ -151,16 +150,14 @@ NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseMo
 
 // Takes the deterministic effects that the model itself already holds out of the rates, by their own
 // simulator. Returns the names of those that cannot be taken out: they differ from run to run by chance.
-std::vector<std::string> take_out_known(const ErrorModel& model, const std::string& axis,
-                                        Campaign* campaign) {
+std::vector<std::string> take_out_known(const ErrorModel& model, const std::string& axis, Campaign* campaign) {
   std::vector<std::string> left;
   for (const EffectSpec& spec : model.effects) {
     if (!is_for(spec, axis)) continue;
     const Effect& effect = find_effect(spec.name);
     const EffectEstimator* estimator = effect.estimator();
-    const bool is_mean =
-        estimator && (estimator->form() == Form::kColumns || estimator->form() == Form::kSteps ||
-                      estimator->form() == Form::kTemperature);
+    const bool is_mean = estimator && (estimator->form() == Form::kColumns || estimator->form() == Form::kSteps ||
+                                       estimator->form() == Form::kTemperature);
     if (!is_mean) {
       if (!estimator || estimator->form() != Form::kNoise) left.push_back(spec.name);
       continue;
@@ -219,8 +216,7 @@ std::vector<std::string> axes_of(const Log& log, const std::vector<std::string>&
   for (const LogAxis& axis : log.axes)
     if (axis.is_gyro) names.push_back(axis.name);
   if (names.empty())
-    throw data_error(log.path +
-                     ": no gyro axis (columns ending in _dph, _dps or _radps); the model is one of a gyro");
+    throw data_error(log.path + ": no gyro axis (columns ending in _dph, _dps or _radps); the model is one of a gyro");
   return names;
 }
 

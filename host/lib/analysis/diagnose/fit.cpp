@@ -199,10 +199,8 @@ MatrixXd transform_of(const Triangle& t) {
   Eigen::ColPivHouseholderQR<MatrixXd> qr(r);
   qr.setThreshold(kDependent);
   const long rank = qr.rank();
-  const MatrixXd inverse = qr.matrixQR()
-                               .topLeftCorner(rank, rank)
-                               .triangularView<Eigen::Upper>()
-                               .solve(MatrixXd::Identity(rank, rank));
+  const MatrixXd inverse =
+      qr.matrixQR().topLeftCorner(rank, rank).triangularView<Eigen::Upper>().solve(MatrixXd::Identity(rank, rank));
   return t.scale.asDiagonal() * (qr.colsPermutation() * MatrixXd::Identity(p, p)).leftCols(rank) * inverse;
 }
 
@@ -226,10 +224,8 @@ Solution solve(const Triangle& t) {
   const long rank = qr.rank();
   for (long i = 0; i < rank; ++i) out.log_det += std::log(std::fabs(qr.matrixQR()(i, i)));
   // Covariance (R'R)^-1 on the columns that are determined.
-  const MatrixXd inverse = qr.matrixQR()
-                               .topLeftCorner(rank, rank)
-                               .triangularView<Eigen::Upper>()
-                               .solve(MatrixXd::Identity(rank, rank));
+  const MatrixXd inverse =
+      qr.matrixQR().topLeftCorner(rank, rank).triangularView<Eigen::Upper>().solve(MatrixXd::Identity(rank, rank));
   VectorXd variance = VectorXd::Zero(p);
   variance.head(rank) = inverse.rowwise().squaredNorm();
   variance = qr.colsPermutation() * variance;
@@ -270,8 +266,8 @@ struct GlsPass {
   double sum_log_s = 0;
 };
 
-GlsPass gls(const Campaign& campaign, const std::vector<MatrixXd>& xy, const VectorXd& prior,
-            const NoiseModel& noise, const std::vector<VectorXd>& extra) {
+GlsPass gls(const Campaign& campaign, const std::vector<MatrixXd>& xy, const VectorXd& prior, const NoiseModel& noise,
+            const std::vector<VectorXd>& extra) {
   GlsPass pass;
   for (size_t r = 0; r < xy.size(); ++r) {
     const RunGains gains = compute_gains(campaign.runs[r], noise, extra.empty() ? nullptr : &extra[r]);
@@ -393,8 +389,7 @@ double NoiseObjective::mixture(const NoiseModel& noise) const {
     residual = residuals(xy_, llt.solve(g.block(0, p, p, 1)));
     for (long c = 0; c < p; ++c) sum -= std::log(llt.matrixLLT()(c, c));
   }
-  for (size_t r = 0; r < xy_.size(); ++r)
-    sum += mixture_log_likelihood(campaign_.runs[r], noise, residual[r]);
+  for (size_t r = 0; r < xy_.size(); ++r) sum += mixture_log_likelihood(campaign_.runs[r], noise, residual[r]);
   return std::isfinite(sum) ? sum : -1e300;
 }
 
@@ -431,8 +426,7 @@ double maximise(const std::function<double(const Theta&)>& f, Theta* theta, cons
     std::sort(simplex.begin(), simplex.end(), better);
     if (simplex.front().v - simplex.back().v < options.tolerance) {
       double size = 0;
-      for (size_t i = 0; i < n; ++i)
-        size = std::max(size, std::fabs(simplex.front().x[i] - simplex.back().x[i]));
+      for (size_t i = 0; i < n; ++i) size = std::max(size, std::fabs(simplex.front().x[i] - simplex.back().x[i]));
       if (size < 0.1 * options.step) break;
     }
     Theta centre(n, 0.0);

@@ -28,7 +28,7 @@ struct Term {
 
 struct Hypothesis {
   std::vector<Term> terms;
-  std::vector<Term> known; // taken out of the rates already; only the states they began in are free
+  std::vector<Term> known;  // taken out of the rates already; only the states they began in are free
   NoiseModel base_noise;    // nominal, or re-estimated
   NoiseModel noise() const; // with what the noise terms make of it
 };
@@ -63,8 +63,8 @@ class NoiseObjective {
 public:
   NoiseObjective(const Campaign& campaign, const Hypothesis& hypothesis);
   double reml(const NoiseModel& noise) const; // Gaussian models
-  double mixture(
-      const NoiseModel& noise) const; // mixtures: log-likelihood at coefficients fitted with the hits in view
+  double
+  mixture(const NoiseModel& noise) const; // mixtures: log-likelihood at coefficients fitted with the hits in view
 
 private:
   // [X y]'V^-1[X y] with the prior's precision, and sum log S.

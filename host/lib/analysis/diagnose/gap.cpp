@@ -73,8 +73,8 @@ Minutes minutes_of(const CampaignRun& run, VectorXd rest, double dt_s) {
 
 // What one hypothesis makes of the held-out units of a split.
 struct Prediction {
-  std::vector<double> nats;    // per unit
-  std::vector<Minutes> rest;   // per unit
+  std::vector<double> nats;  // per unit
+  std::vector<Minutes> rest; // per unit
 };
 Prediction predict(const SlowSearch& search, const Split& split, const SlowModel& model) {
   Prediction out;
@@ -88,8 +88,8 @@ Prediction predict(const SlowSearch& search, const Split& split, const SlowModel
     std::vector<char> with = split.train;
     with[unit] = 1;
     out.nats.push_back(grams.log_marginal(1, with) - trained);
-    out.rest.push_back(minutes_of(split.data.campaign.runs[unit], residual_of(split.data, parts, at, unit),
-                                  split.data.campaign.dt_s));
+    out.rest.push_back(
+        minutes_of(split.data.campaign.runs[unit], residual_of(split.data, parts, at, unit), split.data.campaign.dt_s));
   }
   return out;
 }
@@ -220,8 +220,10 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   GapResult out;
   const bool is_single = !held_out && training.campaign.runs.size() == 1;
   std::vector<Split> splits;
-  if (is_single) out.method = HeldOut::kQuarters;
-  else splits = splits_of(training, held_out, &out.method);
+  if (is_single)
+    out.method = HeldOut::kQuarters;
+  else
+    splits = splits_of(training, held_out, &out.method);
   const Prediction before = predict_all(search, training, splits, null);
   const Prediction after = predict_all(search, training, splits, final);
   for (size_t u = 0; u < before.nats.size(); ++u) out.delta_by_unit.push_back(2 * (after.nats[u] - before.nats[u]));

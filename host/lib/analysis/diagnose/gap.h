@@ -29,7 +29,7 @@ struct GapResult {
   std::vector<double> nats_by_name;  // what the held-out data lose without this name; < 0: they speak against it
   double hours = 0;
   double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of one-minute means
-  double dp2_before_dph = 0, dp2_after_dph = 0;                   // distance of the DP2 curves of data and model
+  double dp2_before_dph = 0, dp2_after_dph = 0;                    // distance of the DP2 curves of data and model
   std::vector<double> dp2_tau_s, dp2_data_dph, dp2_nominal_dph, dp2_final_dph;
 };
 

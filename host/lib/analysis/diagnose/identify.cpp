@@ -31,9 +31,8 @@ std::string Identifiability::not_detectable() const {
   return names;
 }
 
-Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
-                         const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                         const std::vector<double>& beta) {
+Identifiability identify(const Campaign& campaign, const Hypothesis& nominal, const std::vector<const Effect*>& library,
+                         const std::vector<bool>& active, const std::vector<double>& beta) {
   Identifiability out;
   ColumnBank bank(campaign, library);
   const Panel panel(&bank, nominal, PanelScope::kDesign);
@@ -84,8 +83,7 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
       d.smallest = middle_energy > 0 ? kDetect_d / std::sqrt(middle_energy) : 1e9;
       std::vector<double> amplitudes(estimator->n_columns(), 0.0);
       amplitudes[0] = d.smallest;
-      d.smallest_detectable =
-          estimator->values_on(campaign.runs.front().input, {s.shape, amplitudes, {}, {}});
+      d.smallest_detectable = estimator->values_on(campaign.runs.front().input, {s.shape, amplitudes, {}, {}});
       limit = estimator->notable() * white;
     }
     d.is_notable = d.smallest <= limit;
@@ -108,8 +106,7 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
       const double rho2 =
           std::max(absorbed(signals[i].column, repertoire[j]), absorbed(signals[j].column, repertoire[i]));
       if (kUsual_d * std::sqrt(std::max(0.0, 1 - rho2)) < kSeparate_d)
-        out.indistinguishable.push_back(
-            {library[signals[i].effect]->name(), library[signals[j].effect]->name()});
+        out.indistinguishable.push_back({library[signals[i].effect]->name(), library[signals[j].effect]->name()});
     }
   return out;
 }

@@ -25,9 +25,8 @@ struct Identifiability {
 };
 
 // `beta`: coefficients of the polynomial x, x^2, … [dph]: a lag shows only where B(T) has a slope.
-Identifiability identify(const Campaign& campaign, const Hypothesis& nominal,
-                         const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                         const std::vector<double>& beta);
+Identifiability identify(const Campaign& campaign, const Hypothesis& nominal, const std::vector<const Effect*>& library,
+                         const std::vector<bool>& active, const std::vector<double>& beta);
 
 // The separating staircase for a temperature range: up fast with soaks, down slowly with
 // soaks.

@@ -26,9 +26,8 @@ RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Ei
   return compute_gains(RunTimes(run, noise).times(), noise, extra_dph2);
 }
 
-double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise,
-                              const Eigen::VectorXd& residual, Eigen::VectorXd* scores,
-                              Eigen::VectorXd* hit) {
+double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual,
+                              Eigen::VectorXd* scores, Eigen::VectorXd* hit) {
   return mixture_log_likelihood(RunTimes(run, noise).times(), noise, residual, scores, hit);
 }
 

@@ -8,10 +8,8 @@
 
 namespace imucal {
 
-RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise,
-                       const Eigen::VectorXd* extra_dph2 = nullptr);
-double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise,
-                              const Eigen::VectorXd& residual, Eigen::VectorXd* scores = nullptr,
-                              Eigen::VectorXd* hit = nullptr);
+RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd* extra_dph2 = nullptr);
+double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual,
+                              Eigen::VectorXd* scores = nullptr, Eigen::VectorXd* hit = nullptr);
 
 } // namespace imucal

@@ -101,8 +101,7 @@ SlowData::SlowData(Campaign blocks) : campaign(std::move(blocks)) {
   double sum = 0, n = 0;
   for (size_t r = 0; r < y.size(); ++r) {
     const VectorXd rest = p > 0 ? VectorXd(y[r] - powers[r] * beta) : y[r];
-    for (long k = 0; k + minute <= rest.size(); k += minute)
-      sum += std::pow(rest.segment(k, minute).mean(), 2), n += 1;
+    for (long k = 0; k + minute <= rest.size(); k += minute) sum += std::pow(rest.segment(k, minute).mean(), 2), n += 1;
   }
   spread_dph = n > 0 ? std::sqrt(sum / n) : 1;
   if (!(spread_dph > 0)) spread_dph = 1e-6;
@@ -125,7 +124,9 @@ SlowData::SlowData(Campaign blocks, const SlowData& like) : campaign(std::move(b
   }
 }
 
-size_t SlowData::rows() const { return campaign.n(); }
+size_t SlowData::rows() const {
+  return campaign.n();
+}
 
 std::vector<MatrixXd> polynomial_columns(const Campaign& campaign, const std::vector<Column>& tn) {
   std::vector<MatrixXd> out;
@@ -144,8 +145,7 @@ std::vector<MatrixXd> polynomial_columns(const Campaign& campaign, const std::ve
   for (long c = 0; c < p; ++c) {
     const double before = all.col(c).norm();
     for (int pass = 0; pass < 2; ++pass)
-      for (long k = 0; k < c; ++k)
-        all.col(c) -= all.col(k) * (all.col(k).dot(all.col(c)) / static_cast<double>(rows));
+      for (long k = 0; k < c; ++k) all.col(c) -= all.col(k) * (all.col(k).dot(all.col(c)) / static_cast<double>(rows));
     const double after = all.col(c).norm();
     all.col(c) *= after > kDependent * before ? std::sqrt(static_cast<double>(rows)) / after : 0.0;
   }
@@ -209,10 +209,10 @@ RunGrams::RunGrams(const SlowData& data, const std::vector<const MeanPart*>& par
   }
   for (long c = 0; c < powers->front().cols(); ++c)
     // A power that depends on the others is zero; a precision keeps its place harmless.
-    common_precision.push_back(powers->front().col(c).squaredNorm() + powers->back().col(c).squaredNorm() > 0 ? 0.0 : 1.0);
+    common_precision.push_back(powers->front().col(c).squaredNorm() + powers->back().col(c).squaredNorm() > 0 ? 0.0
+                                                                                                              : 1.0);
   for (const MeanPart* part : parts)
-    for (long c = 0; c < part->common_precision.size(); ++c)
-      common_precision.push_back(part->common_precision[c]);
+    for (long c = 0; c < part->common_precision.size(); ++c) common_precision.push_back(part->common_precision[c]);
   n_local_ = static_cast<long>(local_precision.size());
   n_common_ = static_cast<long>(common_precision.size());
   local_precision_ = Eigen::Map<VectorXd>(local_precision.data(), n_local_);
@@ -306,8 +306,7 @@ RunGrams::Posterior RunGrams::posterior(const std::vector<char>& runs) const {
     const Eigen::LDLT<MatrixXd> ldlt(a);
     const MatrixXd inverse = ldlt.solve(MatrixXd::Identity(l, l)), cross = inverse * g.block(0, l, l, c);
     out.local.push_back(inverse * g.block(0, l + c, l, 1) - cross * out.common);
-    out.local_sd.push_back(
-        (inverse + cross * covariance * cross.transpose()).diagonal().cwiseMax(0).cwiseSqrt());
+    out.local_sd.push_back((inverse + cross * covariance * cross.transpose()).diagonal().cwiseMax(0).cwiseSqrt());
   }
   return out;
 }

@@ -17,9 +17,9 @@ namespace imucal {
 
 // One part of the mean: columns with a coefficient common to all runs, and columns with one of every run.
 struct MeanPart {
-  std::vector<Eigen::MatrixXd> common, local; // per run: used samples x columns
+  std::vector<Eigen::MatrixXd> common, local;        // per run: used samples x columns
   Eigen::VectorXd common_precision, local_precision; // 1/dph^2; 0: flat
-  std::vector<Eigen::MatrixXd> powers; // per run, or empty: replaces the powers of temperature
+  std::vector<Eigen::MatrixXd> powers;               // per run, or empty: replaces the powers of temperature
 };
 
 // What all hypotheses on a campaign share.
@@ -28,8 +28,8 @@ struct SlowData {
   // Fewer rows of the same runs, with the columns of `like`: one polynomial, one scale of priors.
   SlowData(Campaign blocks, const SlowData& like);
   Campaign campaign;
-  std::vector<Eigen::VectorXd> y;      // per run, its mean taken off
-  std::vector<Eigen::MatrixXd> powers; // per run: polynomial of temperature, centred by run, unit rms, orthogonal
+  std::vector<Eigen::VectorXd> y;          // per run, its mean taken off
+  std::vector<Eigen::MatrixXd> powers;     // per run: polynomial of temperature, centred by run, unit rms, orthogonal
   std::vector<std::vector<int>> rows_used; // per run
   double spread_dph = 0; // rms of what least squares with the polynomial leaves, in one-minute means: scale of priors
   size_t rows() const;
@@ -72,7 +72,7 @@ private:
 };
 
 // What a run's rates are off the mean at a posterior: its constant and start states as estimated with it.
-Eigen::VectorXd residual_of(const SlowData& data, const std::vector<MeanPart>& parts,
-                            const RunGrams::Posterior& at, size_t run);
+Eigen::VectorXd residual_of(const SlowData& data, const std::vector<MeanPart>& parts, const RunGrams::Posterior& at,
+                            size_t run);
 
 } // namespace imucal

@@ -38,8 +38,7 @@ MatrixXd orthonormal(const MatrixXd& columns, const VectorXd& energy) {
   for (long c = 0; c < scaled.cols(); ++c) scaled.col(c) *= energy[c] > 0 ? 1.0 / std::sqrt(energy[c]) : 0.0;
   Eigen::ColPivHouseholderQR<MatrixXd> qr(scaled);
   long rank = 0;
-  while (rank < std::min(scaled.rows(), scaled.cols()) && std::pow(qr.matrixQR()(rank, rank), 2) > kAbsorbed)
-    ++rank;
+  while (rank < std::min(scaled.rows(), scaled.cols()) && std::pow(qr.matrixQR()(rank, rank), 2) > kAbsorbed) ++rank;
   MatrixXd basis = MatrixXd::Identity(scaled.rows(), rank);
   basis.applyOnTheLeft(qr.householderQ().setLength(std::min(scaled.rows(), scaled.cols())));
   return basis;
@@ -64,19 +63,18 @@ const std::vector<std::string>& generic_names() {
 }
 
 std::string generic_statement(size_t generic) {
-  static const char* const texts[kGenerics] = {
-      "a mean that follows temperature and that the polynomial does not",
-      "a mean that depends on temperature and on the direction of its change",
-      "a mean that follows the time since the start of the log",
-      "a mean that depends on temperature and time together",
-      "slow changes of the mean that differ from log to log",
-      "a mean that follows earlier changes of temperature",
-      "noise of another spectrum than the model's",
-      "noise of a strength that depends on temperature",
-      "noise of a strength that changes with time",
-      "noise that is not Gaussian",
-      "noise that comes in bursts",
-      "noise that is not symmetric"};
+  static const char* const texts[kGenerics] = {"a mean that follows temperature and that the polynomial does not",
+                                               "a mean that depends on temperature and on the direction of its change",
+                                               "a mean that follows the time since the start of the log",
+                                               "a mean that depends on temperature and time together",
+                                               "slow changes of the mean that differ from log to log",
+                                               "a mean that follows earlier changes of temperature",
+                                               "noise of another spectrum than the model's",
+                                               "noise of a strength that depends on temperature",
+                                               "noise of a strength that changes with time",
+                                               "noise that is not Gaussian",
+                                               "noise that comes in bursts",
+                                               "noise that is not symmetric"};
   return texts[generic];
 }
 
@@ -119,8 +117,7 @@ struct Panel::Impl {
   }
   static size_t longest(const Campaign& c) {
     size_t longest = 0;
-    for (const CampaignRun& run : c.runs)
-      longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
+    for (const CampaignRun& run : c.runs) longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
     return longest;
   }
 
@@ -172,8 +169,7 @@ struct Panel::Impl {
       const long width = static_cast<long>(estimator.n_columns());
       for (size_t g = 0; g < shapes.size(); ++g) {
         const long first = static_cast<long>(g) * width;
-        groups[j].push_back(
-            {orthonormal(z.middleCols(first, width), energy.segment(first, width)), shapes[g]});
+        groups[j].push_back({orthonormal(z.middleCols(first, width), energy.segment(first, width)), shapes[g]});
       }
     }
   }
@@ -249,13 +245,12 @@ struct Panel::Impl {
     return sum;
   }
 
-  PanelScores evaluate(const std::vector<VectorXd>& e, const std::vector<VectorXd>& residual,
-                       const VectorXd& signal, const SpectrumNull& null) const;
+  PanelScores evaluate(const std::vector<VectorXd>& e, const std::vector<VectorXd>& residual, const VectorXd& signal,
+                       const SpectrumNull& null) const;
   void score_means(const VectorXd& eb, const VectorXd& signal, PanelScores* out) const;
   void score_spectrum(const std::vector<VectorXd>& e, const SpectrumNull& null, PanelScores* out) const;
   void score_whittle(const SpectrumNull& null, PanelScores* out) const;
-  void score_noise(const std::vector<VectorXd>& e, const std::vector<VectorXd>& residual,
-                   PanelScores* out) const;
+  void score_noise(const std::vector<VectorXd>& e, const std::vector<VectorXd>& residual, PanelScores* out) const;
   void score_generic(const std::vector<VectorXd>& e, const VectorXd& eb, PanelScores* out) const;
 };
 
@@ -280,16 +275,14 @@ void Panel::Impl::score_means(const VectorXd& eb, const VectorXd& signal, PanelS
       for (double s : {0.2, 0.4, 0.8, 1.5, 3., 5., 8., 12., 18., 27., 40., 60., 120., 250., 500., 1000.}) {
         double gain = 0;
         for (long i = 0; i < u.size(); ++i)
-          gain +=
-              -0.5 * std::log1p(s * s * r.values[i]) + 0.5 * s * s * u[i] * u[i] / (1 + s * s * r.values[i]);
+          gain += -0.5 * std::log1p(s * s * r.values[i]) + 0.5 * s * s * u[i] * u[i] / (1 + s * s * r.values[i]);
         if (gain > score.gain_nats) score = {gain, {s}};
       }
     }
   }
 }
 
-void Panel::Impl::score_spectrum(const std::vector<VectorXd>& e, const SpectrumNull& null,
-                                 PanelScores* out) const {
+void Panel::Impl::score_spectrum(const std::vector<VectorXd>& e, const SpectrumNull& null, PanelScores* out) const {
   static thread_local Eigen::FFT<double> fft;
   fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
   const double dt = campaign.dt_s;
@@ -362,8 +355,7 @@ void Panel::Impl::score_whittle(const SpectrumNull& null, PanelScores* out) cons
     options.step = 0.5;
     for (Theta theta : estimator.starts(noise)) {
       const double gain = maximise(f, &theta, estimator.theta_lo(), estimator.theta_hi(), options);
-      if (gain > out->named[j].gain_nats || out->named[j].shape.empty())
-        out->named[j] = {std::max(gain, 0.0), theta};
+      if (gain > out->named[j].gain_nats || out->named[j].shape.empty()) out->named[j] = {std::max(gain, 0.0), theta};
     }
     if (estimator.has_markov_spectrum()) second = library[j], second_at = j;
   }
@@ -376,8 +368,7 @@ void Panel::Impl::score_noise(const std::vector<VectorXd>& e, const std::vector<
     double middle = -0.5 * white->sum_log_s;
     for (const VectorXd& er : e) middle -= 0.5 * er.squaredNorm();
     // Parabola through the three values.
-    const double first = (plus - minus) / (2 * slope.h),
-                 second = (plus + minus - 2 * middle) / (slope.h * slope.h);
+    const double first = (plus - minus) / (2 * slope.h), second = (plus + minus - 2 * middle) / (slope.h * slope.h);
     const double at = second < 0 ? std::clamp(-first / second, -3.0, 3.0) : std::copysign(1.0, first);
     const double gain = second < 0 ? -0.5 * first * first / second : std::max(plus, minus) - middle;
     out->named[slope.candidate] = {std::max(0.0, gain), {at}};
@@ -443,19 +434,17 @@ void Panel::Impl::score_generic(const std::vector<VectorXd>& e, const VectorXd& 
       const double z = e[r][k], z2 = z * z;
       if (campaign.has_temperature) {
         const double temp = run.input.smooth_degc[static_cast<size_t>(run.used[static_cast<size_t>(k)])];
-        const long b =
-            std::clamp<long>(static_cast<long>((temp - campaign.lo_degc) /
-                                               std::max(1e-9, campaign.hi_degc - campaign.lo_degc) *
-                                               static_cast<double>(n_bins)),
-                             0, n_bins - 1);
+        const long b = std::clamp<long>(
+            static_cast<long>((temp - campaign.lo_degc) / std::max(1e-9, campaign.hi_degc - campaign.lo_degc) *
+                              static_cast<double>(n_bins)),
+            0, n_bins - 1);
         by_temp[static_cast<size_t>(b)] += z2;
         n_temp[static_cast<size_t>(b)] += 1;
       }
       sum += z2, n += 1;
       if (n >= 600 || k + 1 == length) by_run += kl(sum, n), sum = n = 0;
       third += z2 * z, fourth += z2 * z2, n_all += 1;
-      histogram[static_cast<size_t>(
-          std::clamp(0.5 * std::erfc(-z * 0.70710678) * kCells, 0.0, kCells - 0.5))] += 1;
+      histogram[static_cast<size_t>(std::clamp(0.5 * std::erfc(-z * 0.70710678) * kCells, 0.0, kCells - 0.5))] += 1;
       block_square += z2 - 1;
       if (k % 8 == 7) squares.push_back(block_square / 4.0), block_square = 0; // variance 2 * 8 = 16
     }
@@ -489,8 +478,7 @@ void Panel::Impl::score_generic(const std::vector<VectorXd>& e, const VectorXd& 
   const double excess = fourth / n_all - 3;
   out->generic[kDist] = dist + excess * excess * n_all / 48; // var of the fourth moment's excess: 24/n
   out->generic[kVol] = volatility;
-  out->generic[kAsym] =
-      third * third / n_all / 30 + (skew_norm > 0 ? skew_blocks * skew_blocks / skew_norm / 2 : 0);
+  out->generic[kAsym] = third * third / n_all / 30 + (skew_norm > 0 ? skew_blocks * skew_blocks / skew_norm / 2 : 0);
 }
 
 PanelScores Panel::Impl::evaluate(const std::vector<VectorXd>& e, const std::vector<VectorXd>& residual,
@@ -558,16 +546,14 @@ double Panel::gain_at(const EffectEstimator& estimator, const Theta& shape, cons
   std::vector<MatrixXd> columns;
   if (estimator.form() == Form::kTemperature) {
     for (const CampaignRun& run : m.campaign.runs)
-      columns.push_back(
-          powers(run, normalised(run.input, estimator.temperature(run.input, shape)), m.campaign.order));
+      columns.push_back(powers(run, normalised(run.input, estimator.temperature(run.input, shape)), m.campaign.order));
     MatrixXd z = m.reduced;
     z.middleCols(m.n_runs(), m.campaign.order) = m.bank.whiten_and_reduce(m.white->gains, std::move(columns));
     const MatrixXd basis = orthonormal(z, z.colwise().squaredNorm().transpose());
     const VectorXd y = m.design * (m.design.transpose() * (m.reduced * fit.beta)) + eb;
     return half_energy(basis, y) - 0.5 * (m.design.transpose() * y).squaredNorm();
   }
-  for (const CampaignRun& run : m.campaign.runs)
-    columns.push_back(used_rows(run, estimator.columns(run.input, shape)));
+  for (const CampaignRun& run : m.campaign.runs) columns.push_back(used_rows(run, estimator.columns(run.input, shape)));
   MatrixXd z = m.bank.whiten_and_reduce(m.white->gains, std::move(columns));
   const VectorXd energy = z.colwise().squaredNorm().transpose();
   m.project(&z);

@@ -112,7 +112,9 @@ Eigen::VectorXd falling(long n) {
   for (long k = 0; k < n; ++k) out[k] = 1.5 / static_cast<double>(k + 1);
   return out;
 }
-Eigen::VectorXd level(long n, double sd) { return Eigen::VectorXd::Constant(n, sd); }
+Eigen::VectorXd level(long n, double sd) {
+  return Eigen::VectorXd::Constant(n, sd);
+}
 
 } // namespace
 
@@ -121,7 +123,9 @@ const std::vector<Reference>& free_shapes() {
       response(Shape::kResponse, 14), time(Shape::kTime, 20), both(Shape::kTemperatureTime, 8);
   static const std::vector<Reference> list = {
       {Family::kFunctionOfTemperature, "a free function of temperature", {&temperature, {{}}, falling(24)}},
-      {Family::kThermalMemory, "a free function of temperature and the direction of its change", {&direction, {{}}, level(12, 0.7)}},
+      {Family::kThermalMemory,
+       "a free function of temperature and the direction of its change",
+       {&direction, {{}}, level(12, 0.7)}},
       {Family::kThermalMemory, "a free response to earlier temperature rates", {&response, {{}}, level(14, 0.7)}},
       {Family::kFunctionOfTime, "a free function of the time since the start", {&time, {{}}, falling(20)}},
       {Family::kFunctionOfTime, "a free function of temperature and time", {&both, {{}}, level(8, 0.5)}},

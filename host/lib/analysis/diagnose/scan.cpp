@@ -21,8 +21,7 @@ struct Base {
   long expanded(long runs) const { return runs * local + common(); }
 };
 
-Base base_of(const SlowData& data, const std::vector<const MeanPart*>& parts,
-             const std::vector<RunGains>& gains) {
+Base base_of(const SlowData& data, const std::vector<const MeanPart*>& parts, const std::vector<RunGains>& gains) {
   Base out;
   const std::vector<MatrixXd>* powers = &data.powers;
   for (const MeanPart* part : parts) {
@@ -200,8 +199,7 @@ ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, cons
       const MatrixXd p = with_columns[static_cast<size_t>(r)].middleCols(at.first, at.width());
       a.block(r * base.local, 0, base.local, shared) += p.topLeftCorner(base.local, shared);
       a.block(runs * base.local, 0, base.common(), shared) += p.bottomLeftCorner(base.common(), shared);
-      a.block(r * base.local, shared + r * at.local, base.local, at.local) =
-          p.topRightCorner(base.local, at.local);
+      a.block(r * base.local, shared + r * at.local, base.local, at.local) = p.topRightCorner(base.local, at.local);
       a.block(runs * base.local, shared + r * at.local, base.common(), at.local) =
           p.bottomRightCorner(base.common(), at.local);
     }
@@ -251,8 +249,7 @@ ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, cons
     for (long d = 0; d < draws; ++d) {
       const double top = by_scale.col(d).maxCoeff();
       if (top > -1e299)
-        out.group(static_cast<long>(g), d) =
-            start[d] + top + std::log((by_scale.col(d).array() - top).exp().mean());
+        out.group(static_cast<long>(g), d) = start[d] + top + std::log((by_scale.col(d).array() - top).exp().mean());
     }
   }
   return out;

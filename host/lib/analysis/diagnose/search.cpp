@@ -18,8 +18,8 @@ namespace {
 
 constexpr double kReestimated_nats = 6; // what another noise than the believed one costs
 constexpr double kNoiseKind_nats = 3;   // what another kind of slow noise costs in the competition with a mean
-constexpr double kDensityFactors[] = {0.5, 1.0, 1.6};      // nodes: slow density, and
-constexpr double kTauFactors[] = {0.04, 0.12, 0.35, 1.0};  // time constant, about the fit without a name
+constexpr double kDensityFactors[] = {0.5, 1.0, 1.6};     // nodes: slow density, and
+constexpr double kTauFactors[] = {0.04, 0.12, 0.35, 1.0}; // time constant, about the fit without a name
 constexpr double kStartTaus_s[] = {100, 1000};
 constexpr double kUsualTau_s = 300;
 constexpr size_t kNoisesBeside = 2;
@@ -172,9 +172,7 @@ struct SlowSearch::Impl {
       markov.tau_s = std::clamp(markov.tau_s, std::min(1.0, data.campaign.dt_s), longest_tau_s);
     return noise;
   }
-  NoiseModel noise(const SlowModel& m) const {
-    return block_equivalent(seconds_noise(m), data.campaign.dt_s);
-  }
+  NoiseModel noise(const SlowModel& m) const { return block_equivalent(seconds_noise(m), data.campaign.dt_s); }
   NoiseModel seconds_noise(const SlowModel& m) const {
     const NoiseModel plain = base_noise(m);
     return m.noise_effect ? m.noise_effect->estimator()->noise(plain, m.noise_theta) : plain;
@@ -182,7 +180,8 @@ struct SlowSearch::Impl {
   std::vector<MeanPart> parts(const SlowModel& m) const { return parts_on(data, m); }
   std::vector<MeanPart> parts_on(const SlowData& where, const SlowModel& m) const {
     std::vector<MeanPart> list;
-    for (const NoiseBelief::Known& known : belief.known) list.push_back(start_part(where, *known.estimator, known.shape));
+    for (const NoiseBelief::Known& known : belief.known)
+      list.push_back(start_part(where, *known.estimator, known.shape));
     if (!m.steps.empty()) {
       Theta all;
       for (const Theta& step : m.steps) all.insert(all.end(), step.begin(), step.end());
@@ -219,15 +218,15 @@ struct SlowSearch::Impl {
     if (m->noise_effect) {
       const EffectEstimator& e = *m->noise_effect->estimator();
       for (size_t i = 0; i < m->noise_theta.size(); ++i)
-        axes.push_back({&m->noise_theta[i], e.is_logarithmic() ? 0.4 : 0.3, e.theta_lo()[i], e.theta_hi()[i],
-                        e.is_logarithmic()});
+        axes.push_back(
+            {&m->noise_theta[i], e.is_logarithmic() ? 0.4 : 0.3, e.theta_lo()[i], e.theta_hi()[i], e.is_logarithmic()});
     }
     for (SlowModel::Name& name : m->names) {
       const EffectEstimator& e = *candidates[name.candidate].scan.estimator;
       if (!candidates[name.candidate].effect || e.shape_lo().size() != name.shape.size()) continue;
       for (size_t i = 0; i < name.shape.size(); ++i)
-        axes.push_back({&name.shape[i], std::max(0.05, 0.15 * std::fabs(name.shape[i])), e.shape_lo()[i],
-                        e.shape_hi()[i], false});
+        axes.push_back(
+            {&name.shape[i], std::max(0.05, 0.15 * std::fabs(name.shape[i])), e.shape_lo()[i], e.shape_hi()[i], false});
     }
     return axes;
   }
@@ -246,7 +245,12 @@ struct SlowSearch::Impl {
     if (!axes.empty()) {
       SearchOptions options;
       options.step = 1, options.max_evaluations = evaluations, options.tolerance = 0.02;
-      maximise([&](const Theta& at) { set(at); return evaluate(*m); }, &x, lo, hi, options);
+      maximise(
+          [&](const Theta& at) {
+            set(at);
+            return evaluate(*m);
+          },
+          &x, lo, hi, options);
       set(x);
     }
     m->value = evaluate(*m);
@@ -360,7 +364,8 @@ struct SlowSearch::Impl {
     for (const MeanPart& part : own) pointers.push_back(&part);
     std::vector<std::pair<double, const Node*>> ranked;
     for (const Node& node : nodes)
-      ranked.push_back({RunGrams(data, pointers, noise(node.at)).log_marginal_any_scale() + noise_value(node.at), &node});
+      ranked.push_back(
+          {RunGrams(data, pointers, noise(node.at)).log_marginal_any_scale() + noise_value(node.at), &node});
     std::sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     std::vector<const Node*> list;
     for (size_t i = 0; i < ranked.size() && i < kPairNodes; ++i) list.push_back(ranked[i].second);
@@ -376,7 +381,8 @@ struct SlowSearch::Impl {
     const double best = order.empty() ? 0 : (*scores)[order[0]].gain_nats;
     for (size_t i = 0; i < order.size() && i < count; ++i) {
       SlowCandidateScore& s = (*scores)[order[i]];
-      if (s.model.names.empty() || s.gain_nats < floor || s.gain_nats < best - std::max(kNear_nats, 0.3 * (best - floor)))
+      if (s.model.names.empty() || s.gain_nats < floor ||
+          s.gain_nats < best - std::max(kNear_nats, 0.3 * (best - floor)))
         break;
       s.model = polished(s.model, evaluations);
       s.gain_nats = s.model.free_score();
@@ -421,7 +427,8 @@ struct SlowSearch::Impl {
     std::vector<size_t> order;
     for (size_t j = 0; j < singles.size(); ++j)
       if (!singles[j].model.names.empty()) order.push_back(j);
-    std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
+    std::sort(order.begin(), order.end(),
+              [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
     std::vector<SlowCandidateScore> found;
     for (size_t i = 0; i < order.size() && i < kPairBases; ++i) {
       const SlowModel& one = singles[order[i]].model;
@@ -622,7 +629,8 @@ struct SlowSearch::Impl {
   void more_noise_beside(const std::vector<SlowCandidateScore>& singles) {
     std::vector<size_t> order(singles.size());
     for (size_t j = 0; j < order.size(); ++j) order[j] = j;
-    std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
+    std::sort(order.begin(), order.end(),
+              [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
     for (size_t i = 0; i < order.size() && i < 2; ++i)
       if (!singles[order[i]].model.names.empty()) more_noise(singles[order[i]].model);
   }
@@ -709,7 +717,9 @@ std::vector<double> SlowSearch::null_gains(size_t draws, uint64_t seed) {
   return best;
 }
 
-void SlowSearch::set_thresholds(const SearchThresholds& thresholds) { impl_->thresholds = thresholds; }
+void SlowSearch::set_thresholds(const SearchThresholds& thresholds) {
+  impl_->thresholds = thresholds;
+}
 
 double null_threshold(std::vector<double> gains, double rate) {
   if (gains.size() < 20) return 6;
@@ -732,14 +742,26 @@ SlowResult SlowSearch::run() {
   impl_->go();
   return impl_->out;
 }
-const std::vector<Candidate>& SlowSearch::candidates() const { return impl_->candidates; }
-NoiseModel SlowSearch::noise_of(const SlowModel& model) const { return impl_->noise(model); }
-NoiseModel SlowSearch::seconds_noise_of(const SlowModel& model) const { return impl_->seconds_noise(model); }
-NoiseModel SlowSearch::base_noise_of(const SlowModel& model) const { return impl_->base_noise(model); }
+const std::vector<Candidate>& SlowSearch::candidates() const {
+  return impl_->candidates;
+}
+NoiseModel SlowSearch::noise_of(const SlowModel& model) const {
+  return impl_->noise(model);
+}
+NoiseModel SlowSearch::seconds_noise_of(const SlowModel& model) const {
+  return impl_->seconds_noise(model);
+}
+NoiseModel SlowSearch::base_noise_of(const SlowModel& model) const {
+  return impl_->base_noise(model);
+}
 std::vector<MeanPart> SlowSearch::parts_on(const SlowData& data, const SlowModel& model) const {
   return impl_->parts_on(data, model);
 }
-SlowModel SlowSearch::polished(const SlowModel& model) const { return impl_->polished(model); }
-RunGrams SlowSearch::grams_of(const SlowModel& model) const { return impl_->grams(model); }
+SlowModel SlowSearch::polished(const SlowModel& model) const {
+  return impl_->polished(model);
+}
+RunGrams SlowSearch::grams_of(const SlowModel& model) const {
+  return impl_->grams(model);
+}
 
 } // namespace imucal

@@ -20,8 +20,8 @@ namespace imucal {
 
 // What is known of the noise before the logs.
 struct NoiseBelief {
-  NoiseModel model;          // the believed one, of 1-s means; or a start, where nothing is believed
-  bool has_believed = false; // it competes for every hypothesis
+  NoiseModel model;            // the believed one, of 1-s means; or a start, where nothing is believed
+  bool has_believed = false;   // it competes for every hypothesis
   bool has_data_sheet = false; // known to about a factor of two: prior, not competitor
   // Effects of the model that were taken out of the rates: the state each run began in is still free.
   struct Known {

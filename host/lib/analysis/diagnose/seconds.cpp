@@ -17,8 +17,8 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kRestRate = 1e-3;     // of one test
-constexpr double kRestLine_nats = 20;  // 10^4 to 10^5 frequencies: 1 in 1000 exceeds about 18
+constexpr double kRestRate = 1e-3;    // of one test
+constexpr double kRestLine_nats = 20; // 10^4 to 10^5 frequencies: 1 in 1000 exceeds about 18
 constexpr double kSlowestLine_hz = 1.0 / 400;
 constexpr size_t kSurroundings = 60;   // frequencies on either side that a line is compared with
 constexpr int kSlopes = 24;            // of the drift, either sign
@@ -160,7 +160,9 @@ FastFinding fit_fast(const Campaign& campaign, const SecondsNoise& from, const s
   best.theta = theta_of(x);
   best.base = with_factors(from.base, x);
   best.gain_nats = top - from.log_likelihood;
-  const auto alone = [&](const Theta& at) { return residual_log_likelihood(campaign, e.noise(best.base, at), residual); };
+  const auto alone = [&](const Theta& at) {
+    return residual_log_likelihood(campaign, e.noise(best.base, at), residual);
+  };
   best.theta_errors = curvature_errors(alone, best.theta, e.theta_lo(), e.theta_hi());
   return best;
 }
@@ -258,7 +260,8 @@ std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<V
           : 1;
   std::vector<double> by_temp(cells, 0.0), n_temp(cells, 0.0);
   double time_statistic = 0, time_dof = 0, burst = 0, bursts = 0;
-  const long block = std::max(1L, std::lround(kBlock_s / campaign.dt_s)), short_block = std::max(1L, std::lround(kBurst_s / campaign.dt_s));
+  const long block = std::max(1L, std::lround(kBlock_s / campaign.dt_s)),
+             short_block = std::max(1L, std::lround(kBurst_s / campaign.dt_s));
   for (size_t r = 0; r < e.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
     for (long k = 0; k < e[r].size(); ++k) {
@@ -267,7 +270,8 @@ std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<V
       by_temp[c] += e[r][k] * e[r][k], n_temp[c] += 1;
     }
     for (long k = 0; k + block <= e[r].size(); k += block) {
-      time_statistic += variance_ratio(e[r].segment(k, block).squaredNorm() / static_cast<double>(block), static_cast<double>(block));
+      time_statistic +=
+          variance_ratio(e[r].segment(k, block).squaredNorm() / static_cast<double>(block), static_cast<double>(block));
       time_dof += 1;
     }
     double before = 0;
@@ -296,7 +300,8 @@ std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<V
   for (size_t r = 0; r < e.size(); ++r) {
     std::vector<double> x(bins.n_fft, 0.0);
     for (size_t k = 0; k < campaign.runs[r].n(); ++k)
-      x[static_cast<size_t>(campaign.runs[r].input.tick[static_cast<size_t>(campaign.runs[r].used[k])])] = e[r][static_cast<long>(k)];
+      x[static_cast<size_t>(campaign.runs[r].input.tick[static_cast<size_t>(campaign.runs[r].used[k])])] =
+          e[r][static_cast<long>(k)];
     std::vector<std::complex<double>> f;
     fft.fwd(f, x);
     bins.add(f, 1.0 / static_cast<double>(campaign.runs[r].n()), &sum, &weight);
@@ -305,7 +310,8 @@ std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<V
   const double padding = static_cast<double>(longest) / static_cast<double>(bins.n_fft);
   for (size_t b = 0; b < sum.size(); ++b) {
     const double n = 2 * weight[b] * padding; // degrees of freedom: neighbours of a padded transform depend
-    if (bins.centres()[b] < 6 / (static_cast<double>(longest) * campaign.dt_s) || n < 8) continue; // the mean takes the lowest
+    if (bins.centres()[b] < 6 / (static_cast<double>(longest) * campaign.dt_s) || n < 8)
+      continue; // the mean takes the lowest
     spectrum += 0.5 * variance_ratio(sum[b] / weight[b], n) * 2 / 1;
     spectrum_dof += 1;
   }

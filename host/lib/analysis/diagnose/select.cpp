@@ -15,19 +15,19 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kFast_nats = 8;     // of a kind of fast noise, its parameters and the choice among kinds included
-constexpr double kLine_nats = 22;    // of a line in the spectrum: the largest of 10^5 frequencies exceeds 11.5
-constexpr double kDrift_nats = 28;   // the same with a drift searched over
-constexpr double kCarried = 0.75;    // part of the spread of the data that a cause must take to be a rival of slow noise
-constexpr double kUndecided_nats = 4; // by which it may score less than slow noise
+constexpr double kFast_nats = 8;   // of a kind of fast noise, its parameters and the choice among kinds included
+constexpr double kLine_nats = 22;  // of a line in the spectrum: the largest of 10^5 frequencies exceeds 11.5
+constexpr double kDrift_nats = 28; // the same with a drift searched over
+constexpr double kCarried = 0.75;  // part of the spread of the data that a cause must take to be a rival of slow noise
+constexpr double kUndecided_nats = 4;  // by which it may score less than slow noise
 constexpr double kSlowTau_part = 0.02; // of the longest log: time constant from which noise counts as slow
 constexpr size_t kUndecidedTried = 4;
-constexpr double kRetuned_nats = 7;   // of three noise parameters: chi2/2 at about 1 in 300
+constexpr double kRetuned_nats = 7; // of three noise parameters: chi2/2 at about 1 in 300
 
 class Study {
 public:
-  Study(Campaign* campaign, const Campaign* held_out, NoiseBelief belief,
-        const std::vector<const Effect*>& library, const std::vector<bool>& active, const SelectOptions& options)
+  Study(Campaign* campaign, const Campaign* held_out, NoiseBelief belief, const std::vector<const Effect*>& library,
+        const std::vector<bool>& active, const SelectOptions& options)
       : campaign_(*campaign), held_out_(held_out), belief_(std::move(belief)), library_(library), active_(active),
         options_(options) {}
 
@@ -138,8 +138,8 @@ private:
     effect.evidence_nats = out_.slow.evidence[i];
     effect.gain_nats = effect.evidence_nats + options_.thresholds.mean_nats;
     effect.held_out_nats = c.scan.estimator->form() == Form::kRunRandom ? kNaN
-                           : i < out_.gap.nats_by_name.size()          ? out_.gap.nats_by_name[i]
-                                                                       : kNaN;
+                           : i < out_.gap.nats_by_name.size()           ? out_.gap.nats_by_name[i]
+                                                                        : kNaN;
     const double threshold = options_.thresholds.mean_nats;
     effect.set.push_back(evidence_of(name.candidate, effect.gain_nats, threshold));
     double nearest = 1e300; // of another member of the family
@@ -179,15 +179,16 @@ private:
     std::vector<SelectedEffect> list;
     for (size_t i = 0; i < best.names.size(); ++i)
       if (out_.slow.evidence[i] > 0) list.push_back(slow_effect(i));
-    std::sort(list.begin(), list.end(),
-              [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
+    std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
     std::vector<SelectedEffect> kept;
     for (const SelectedEffect& effect : list) {
       bool is_rest = false;
       for (const SelectedEffect& other : list)
         is_rest = is_rest || (!effect.term.effect && other.term.effect && other.family == effect.family);
-      if (is_rest) selection().remainders.push_back(effect.set.front());
-      else kept.push_back(effect);
+      if (is_rest)
+        selection().remainders.push_back(effect.set.front());
+      else
+        kept.push_back(effect);
     }
     named_ = kept;
     for (size_t j : out_.slow.replaced) selection().remainders.push_back(evidence_of(j, 0, 0));
@@ -207,8 +208,8 @@ private:
       effect.evidence_nats =
           effect.gain_nats - options_.thresholds.step_nats * static_cast<double>(out_.slow.best.steps.size());
       effect.held_out_nats = kNaN;
-      effect.set = {{library_[j], nullptr, false, effect.family, effect.gain_nats,
-                     effect.gain_nats - effect.evidence_nats}};
+      effect.set = {
+          {library_[j], nullptr, false, effect.family, effect.gain_nats, effect.gain_nats - effect.evidence_nats}};
       named_.push_back(effect);
     }
   }
@@ -282,7 +283,8 @@ private:
       m.noise_effect = best.noise_effect, m.noise_theta = best.noise_theta, m.noise_charge = best.noise_charge;
       m = out_.search->polished(m);
       if (best.free_score() - m.free_score() < kUndecided_nats && part_left(m) < kCarried)
-        rivals.push_back(evidence_of(order[i].second, m.free_score() - best.free_score(), options_.thresholds.mean_nats));
+        rivals.push_back(
+            evidence_of(order[i].second, m.free_score() - best.free_score(), options_.thresholds.mean_nats));
     }
     std::sort(rivals.begin(), rivals.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
     return rivals;
@@ -331,14 +333,16 @@ private:
   std::vector<VectorXd> whitened() const {
     std::vector<VectorXd> e = final_fit_.residual;
     for (size_t r = 0; r < e.size(); ++r)
-      whiten(compute_gains(campaign_.runs[r], gaussian_equivalent(from_.base)), e[r].data(), static_cast<size_t>(e[r].size()));
+      whiten(compute_gains(campaign_.runs[r], gaussian_equivalent(from_.base)), e[r].data(),
+             static_cast<size_t>(e[r].size()));
     return e;
   }
   Hypothesis hypothesis_of(const SlowModel& m, bool with_names) const {
     Hypothesis h;
     h.base_noise = out_.search->base_noise_of(m);
     h.base_noise.extra_white_dph2 = extra_white_dph2_;
-    for (const NoiseBelief::Known& known : belief_.known) h.known.push_back(term_of(nullptr, known.estimator, known.shape));
+    for (const NoiseBelief::Known& known : belief_.known)
+      h.known.push_back(term_of(nullptr, known.estimator, known.shape));
     if (!with_names) return h;
     for (const SlowModel::Name& name : m.names) {
       const Candidate& c = candidate(name.candidate);
@@ -436,8 +440,8 @@ private:
     s.total_gain_nats = out_.slow.best.free_score() - out_.slow.null.free_score();
     for (size_t j = 0; j < out_.slow.singles.size(); ++j)
       if (candidate(j).effect)
-        s.first_scan.push_back(evidence_of(j, std::max(0.0, out_.slow.singles[j].gain_nats - out_.slow.null.free_score()),
-                                           s.threshold_nats));
+        s.first_scan.push_back(evidence_of(
+            j, std::max(0.0, out_.slow.singles[j].gain_nats - out_.slow.null.free_score()), s.threshold_nats));
     for (const SlowCandidateScore& n : out_.slow.noises)
       if (n.model.noise_effect)
         s.first_scan.push_back({n.model.noise_effect, nullptr, false, n.model.noise_effect->family(),
@@ -479,7 +483,8 @@ private:
     const SlowModel& best = out_.slow.best;
     for (size_t i = 0; i < best.names.size(); ++i) {
       const EffectEstimator& e = *candidate(best.names[i].candidate).scan.estimator;
-      if (&e != effect.term.estimator || e.shape_lo().size() != best.names[i].shape.size() || e.shape_lo().empty()) continue;
+      if (&e != effect.term.estimator || e.shape_lo().size() != best.names[i].shape.size() || e.shape_lo().empty())
+        continue;
       SlowModel m = best;
       return curvature_errors(
           [&](const Theta& shape) {
@@ -503,10 +508,14 @@ private:
     }
     const bool grows = out_.gap.has_mean && out_.gap.rms_after_dph > 1.02 * out_.gap.rms_before_dph;
     fires = fires || !s.dropped.empty();
-    if (s.effects.empty()) s.verdict = fires ? Verdict::kUnexplained : Verdict::kNoGap;
-    else if (!has_member && has_open) s.verdict = Verdict::kUnexplained;
-    else if (fires || has_open || is_undecided || grows || !s.remainders.empty()) s.verdict = Verdict::kPartlyExplained;
-    else s.verdict = Verdict::kExplained;
+    if (s.effects.empty())
+      s.verdict = fires ? Verdict::kUnexplained : Verdict::kNoGap;
+    else if (!has_member && has_open)
+      s.verdict = Verdict::kUnexplained;
+    else if (fires || has_open || is_undecided || grows || !s.remainders.empty())
+      s.verdict = Verdict::kPartlyExplained;
+    else
+      s.verdict = Verdict::kExplained;
   }
 
   Campaign& campaign_;

@@ -25,10 +25,10 @@ struct CandidateEvidence {
 // Why a name is not more than that.
 enum class Doubt {
   kNone,
-  kMemberOpen,  // the family is told, its member is not
-  kShapeOpen,   // a free shape of the family explains it, no member does
-  kSlowNoise,   // slow noise would explain it as well: these logs cannot tell
-  kAgainst      // held-out data speak against it (it is then not named, only noted)
+  kMemberOpen, // the family is told, its member is not
+  kShapeOpen,  // a free shape of the family explains it, no member does
+  kSlowNoise,  // slow noise would explain it as well: these logs cannot tell
+  kAgainst     // held-out data speak against it (it is then not named, only noted)
 };
 
 struct SelectedEffect {
@@ -51,15 +51,15 @@ struct Selection {
   std::vector<SelectedEffect> dropped; // names that held-out data do not support
   Hypothesis nominal, final;           // of the seconds
   std::vector<CandidateEvidence> first_scan;
-  std::vector<RestFinding> before, after; // tests of innovations of the nominal and of the final model
+  std::vector<RestFinding> before, after;    // tests of innovations of the nominal and of the final model
   std::vector<CandidateEvidence> remainders; // free shapes that still gain beside the names
   double total_gain_nats = 0;
-  size_t n_dropouts = 0;       // exact zeros far from their neighbours, left out
-  size_t n_left_out = 0;       // seconds that structure has spoilt
+  size_t n_dropouts = 0; // exact zeros far from their neighbours, left out
+  size_t n_left_out = 0; // seconds that structure has spoilt
   bool is_noise_retuned = false;
-  bool cannot_judge = false;   // structure left too little
+  bool cannot_judge = false; // structure left too little
   double threshold_nats = 6;
-  NoiseModel fitted_noise;     // of the seconds, under the final hypothesis
+  NoiseModel fitted_noise; // of the seconds, under the final hypothesis
 };
 
 struct SelectOptions {

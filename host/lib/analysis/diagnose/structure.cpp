@@ -34,7 +34,8 @@ size_t mask_dropouts(Campaign* campaign) {
         continue;
       }
       const double before = std::isfinite(last) ? last : next[k], after = std::isfinite(next[k]) ? next[k] : last;
-      if (std::isfinite(before) && before * after > 0 && std::min(std::fabs(before), std::fabs(after)) > kFarZero * noise)
+      if (std::isfinite(before) && before * after > 0 &&
+          std::min(std::fabs(before), std::fabs(after)) > kFarZero * noise)
         bad[row] = 1, ++count;
     }
     unusable.push_back(std::move(bad));

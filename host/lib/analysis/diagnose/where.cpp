@@ -44,8 +44,7 @@ WhereResult locate(const Campaign& campaign, const Fit& fit) {
   }
   std::vector<double> temp_sum(n_temp, 0.0), temp_n(n_temp, 0.0), phase_sum(3, 0.0), phase_n(3, 0.0);
   std::vector<double> section_excess;
-  std::vector<double> slow_by_temp(n_temp, 0.0), slow_by_phase(3, 0.0), slow_n_temp(n_temp, 0.0),
-      slow_n_phase(3, 0.0);
+  std::vector<double> slow_by_temp(n_temp, 0.0), slow_by_phase(3, 0.0), slow_n_temp(n_temp, 0.0), slow_n_phase(3, 0.0);
   const double dt = campaign.dt_s;
   struct Spot {
     size_t run;
@@ -73,8 +72,8 @@ WhereResult locate(const Campaign& campaign, const Fit& fit) {
       log_cell.n += 1, log_cell.excess += excess;
       if (n_temp) {
         const double temp = run.input.smooth_degc[row];
-        const size_t b = std::min(
-            n_temp - 1, static_cast<size_t>(std::max(0.0, (temp - lo) / span * static_cast<double>(n_temp))));
+        const size_t b =
+            std::min(n_temp - 1, static_cast<size_t>(std::max(0.0, (temp - lo) / span * static_cast<double>(n_temp))));
         out.by_temperature[b].n += 1, out.by_temperature[b].excess += excess;
         WhereCell& phase = out.by_phase[static_cast<size_t>(phase_of(run.input.rate_degc_min[row]))];
         phase.n += 1, phase.excess += excess;
@@ -102,9 +101,9 @@ WhereResult locate(const Campaign& campaign, const Fit& fit) {
       const double s = e.segment(k, block).sum() / std::sqrt(static_cast<double>(block));
       const size_t row = static_cast<size_t>(run.used[static_cast<size_t>(k + block / 2)]);
       if (n_temp) {
-        const size_t b =
-            std::min(n_temp - 1, static_cast<size_t>(std::max(0.0, (run.input.smooth_degc[row] - lo) / span *
-                                                                       static_cast<double>(n_temp))));
+        const size_t b = std::min(
+            n_temp - 1,
+            static_cast<size_t>(std::max(0.0, (run.input.smooth_degc[row] - lo) / span * static_cast<double>(n_temp))));
         temp_sum[b] += s, temp_n[b] += 1;
         const size_t phase = static_cast<size_t>(phase_of(run.input.rate_degc_min[row]));
         phase_sum[phase] += s, phase_n[phase] += 1;
@@ -149,8 +148,7 @@ WhereResult locate(const Campaign& campaign, const Fit& fit) {
   }
   if (clear_phases == 1) out.direction = out.by_phase[top].name;
   for (size_t r = 0; r < out.by_log.size(); ++r)
-    if (std::fabs(out.by_log[r].z()) > kClear)
-      out.logs.push_back(static_cast<int>(campaign.runs[r].input.log));
+    if (std::fabs(out.by_log[r].z()) > kClear) out.logs.push_back(static_cast<int>(campaign.runs[r].input.log));
   if (out.logs.empty())
     for (const CampaignRun& run : campaign.runs) out.logs.push_back(static_cast<int>(run.input.log));
   double last = 0;
@@ -164,17 +162,16 @@ WhereResult locate(const Campaign& campaign, const Fit& fit) {
       any_section = true;
     }
   char text[300];
-  std::snprintf(text, sizeof text,
-                "strongest at averaging times of %.0f to %.0f s (%+.1f standard deviations)", out.tau_lo_s,
-                out.tau_hi_s, out.by_tau[strongest].z());
+  std::snprintf(text, sizeof text, "strongest at averaging times of %.0f to %.0f s (%+.1f standard deviations)",
+                out.tau_lo_s, out.tau_hi_s, out.by_tau[strongest].z());
   out.sentence = text;
   if (any) {
     std::snprintf(text, sizeof text, ", between %.0f and %.0f degC", out.temp_lo_degc, out.temp_hi_degc);
     out.sentence += text;
   }
   if (out.direction != "any")
-    out.sentence += out.direction == "soak" ? ", while the temperature rests"
-                                            : ", while the temperature goes " + out.direction;
+    out.sentence +=
+        out.direction == "soak" ? ", while the temperature rests" : ", while the temperature goes " + out.direction;
   return out;
 }
 

@@ -11,7 +11,7 @@ namespace imucal {
 
 namespace {
 
-constexpr long kBlock = 16384;     // t0 per block at most: three streams of it stay in the second-level cache
+constexpr long kBlock = 16384; // t0 per block at most: three streams of it stay in the second-level cache
 constexpr long kBlocksPerRecord = 64;
 
 // Sum over t0 in [b, e) of (p[t+n] - 2 p[t] + p[t-n])^2.  Four lanes, two chains: the order of the additions is
@@ -60,9 +60,11 @@ IMUCAL_WIDE double prediction_sum_sq(const double* p, const double* x, long b, l
   return sum;
 }
 
-long steps_of(double tau_s, double dt_s) { return std::lround(tau_s / dt_s); }
+long steps_of(double tau_s, double dt_s) {
+  return std::lround(tau_s / dt_s);
+}
 
-}  // namespace
+} // namespace
 
 DpType dp_type_from_text(const std::string& text) {
   if (text == "av") return DpType::kAv;
@@ -95,8 +97,7 @@ long DpOperator::history_n(long n) const {
   return filter.warm_up_n();
 }
 
-DpOperator make_dp_operator(DpType type, double dt_s, const std::optional<ErrorModel>& nominal,
-                            double estimation_s) {
+DpOperator make_dp_operator(DpType type, double dt_s, const std::optional<ErrorModel>& nominal, double estimation_s) {
   DpOperator op;
   op.type = type;
   op.dt_s = dt_s;
@@ -111,7 +112,8 @@ DpOperator make_dp_operator(DpType type, double dt_s, const std::optional<ErrorM
   return op;
 }
 
-DpRecord::DpRecord(const Series& series, const DpOperator& op, const std::vector<double>& initial) : op_(op), size_(series.size()) {
+DpRecord::DpRecord(const Series& series, const DpOperator& op, const std::vector<double>& initial)
+    : op_(op), size_(series.size()) {
   const auto size = static_cast<size_t>(size_);
   sum_.resize(size + 1);
   double sum = 0;
@@ -171,8 +173,7 @@ void DpRecord::samples(long n, std::vector<double>* d, std::vector<long>* t0, lo
   if (t0) t0->clear();
   const long history = op_.history_n(n);
   std::vector<double> factor(states_.size());
-  for (size_t k = 0; k < factor.size(); ++k)
-    factor[k] = op_.filter.prediction_factor(k, n, op_.type == DpType::kDp3);
+  for (size_t k = 0; k < factor.size(); ++k) factor[k] = op_.filter.prediction_factor(k, n, op_.type == DpType::kDp3);
   for (long t = std::max(history, first_t0); t + n <= size_; ++t) {
     if (!present_.empty() && !(complete(t, t + n) && complete(t - history, t))) continue;
     double predicted = 0;
@@ -187,7 +188,7 @@ void DpRecord::samples(long n, std::vector<double>* d, std::vector<long>* t0, lo
 
 std::vector<double> DpRecord::adjoint(long n, const std::vector<double>& d, const std::vector<long>& t0) const {
   const auto size = static_cast<size_t>(size_);
-  std::vector<double> slope(size + 1, 0.0);  // differences of the weights given by windows
+  std::vector<double> slope(size + 1, 0.0); // differences of the weights given by windows
   const auto add_mean = [&](long first, long last, double value) {
     const auto a = static_cast<size_t>(first), b = static_cast<size_t>(last);
     const double share = value / (present_.empty() ? static_cast<double>(last - first) : present_[b] - present_[a]);
@@ -206,7 +207,7 @@ std::vector<double> DpRecord::adjoint(long n, const std::vector<double>& d, cons
   std::vector<double> out(size);
   double sum = 0;
   for (size_t i = 0; i < size; ++i) out[i] = sum += slope[i];
-  if (filtered) {  // the filter's recursion backwards
+  if (filtered) { // the filter's recursion backwards
     const NominalFilter& f = op_.filter;
     std::vector<double> state(f.size(), 0.0), factor(f.size());
     for (size_t k = 0; k < f.size(); ++k) factor[k] = f.prediction_factor(k, n, op_.type == DpType::kDp3);
@@ -275,7 +276,8 @@ std::vector<DpRecord::Moments> DpRecord::moments(const std::vector<long>& n, con
   const double* x = op_.type == DpType::kDp1 ? mean_before.data() : states_.empty() ? nullptr : states_[0].data();
   for (long b = 0; b < size_; b += block)
     for (size_t i = 0; i < n.size(); ++i) {
-      const long first = std::max({b, op_.history_n(n[i]), first_t0.empty() ? 0L : first_t0[i]}), last = std::min(b + block, size_ - n[i] + 1);
+      const long first = std::max({b, op_.history_n(n[i]), first_t0.empty() ? 0L : first_t0[i]}),
+                 last = std::min(b + block, size_ - n[i] + 1);
       if (first >= last) continue;
       const double sum = op_.type == DpType::kAv ? second_difference_sum_sq(sum_.data(), first, last, n[i])
                                                  : prediction_sum_sq(sum_.data(), x, first, last, n[i], factor[i]);
@@ -310,17 +312,19 @@ DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector
   curve.axis = series.axis;
   curve.type = record.op().type;
   curve.estimator = estimator;
-  const auto first = std::find_if(series.rate_dph.begin(), series.rate_dph.end(), [](double x) { return !std::isnan(x); });
+  const auto first =
+      std::find_if(series.rate_dph.begin(), series.rate_dph.end(), [](double x) { return !std::isnan(x); });
   if (std::all_of(first, series.rate_dph.end(), [&](double x) { return std::isnan(x) || x == *first; }))
     throw data_error(series.log + ": axis " + series.axis + " is constant: nothing to analyse (is the sensor alive?)");
   std::vector<long> steps;
   for (double tau : tau_s) {
     const long n = steps_of(tau, series.dt_s);
     if (n < 1)
-      throw usage_error("tau " + std::to_string(tau) + " s is less than one sample of " + std::to_string(series.dt_s) + " s");
+      throw usage_error("tau " + std::to_string(tau) + " s is less than one sample of " + std::to_string(series.dt_s) +
+                        " s");
     if (record.possible_windows(n) < 1)
-      throw data_error(series.log + ": tau " + std::to_string(tau) + " s is beyond the record: " +
-                       to_text(curve.type) + " needs " + std::to_string(record.op().history_n(n)) + " samples before and " +
+      throw data_error(series.log + ": tau " + std::to_string(tau) + " s is beyond the record: " + to_text(curve.type) +
+                       " needs " + std::to_string(record.op().history_n(n)) + " samples before and " +
                        std::to_string(n) + " after, the record has " + std::to_string(record.size()));
     steps.push_back(n);
     curve.tau_s.push_back(static_cast<double>(n) * series.dt_s);
@@ -346,4 +350,4 @@ DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector
   return curve;
 }
 
-}  // namespace imucal
+} // namespace imucal

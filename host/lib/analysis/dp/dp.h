@@ -25,7 +25,7 @@
 namespace imucal {
 
 enum class DpType { kAv, kDp1, kDp2, kDp3 };
-DpType dp_type_from_text(const std::string& text);  // av dp1 dp2 dp3; usage_error otherwise
+DpType dp_type_from_text(const std::string& text); // av dp1 dp2 dp3; usage_error otherwise
 std::string to_text(DpType type);
 
 // sigma_EST: rms; the largest |d| over 3; the 95.4th percentile of |d| over 2.
@@ -36,9 +36,9 @@ std::string to_text(DpEstimator estimator);
 struct DpOperator {
   DpType type = DpType::kAv;
   double dt_s = 1;
-  long estimation_n = 20;  // DP1
-  NominalFilter filter;    // DP2, DP3
-  double min_fill = 1;     // part of a window's samples that must be present
+  long estimation_n = 20; // DP1
+  NominalFilter filter;   // DP2, DP3
+  double min_fill = 1;    // part of a window's samples that must be present
 
   // Samples before t0 that a window of n needs.
   long history_n(long n) const;
@@ -51,7 +51,7 @@ DpOperator make_dp_operator(DpType type, double dt_s, const std::optional<ErrorM
 // One record made ready for an operator.  The series should be detrended (its mean matters to DP2, DP3 and,
 // numerically, to all).
 class DpRecord {
- public:
+public:
   // `initial`: the nominal filter's states before the first sample (empty: zero, to be warmed up).
   DpRecord(const Series& series, const DpOperator& op, const std::vector<double>& initial = {});
 
@@ -68,24 +68,24 @@ class DpRecord {
 
   // Sum of squares of d in consecutive blocks of t0, for every n: bounded memory, one streaming pass.
   struct Moments {
-    std::vector<double> sum_sq;  // per block
-    std::vector<long> count;     // per block
+    std::vector<double> sum_sq; // per block
+    std::vector<long> count;    // per block
     long n_windows() const;
-    double mean_square() const;  // 0 without windows
+    double mean_square() const; // 0 without windows
   };
   // `first_t0`, one per n: only windows from there on (empty: all).
   std::vector<Moments> moments(const std::vector<long>& n, const std::vector<long>& first_t0 = {}) const;
 
- private:
+private:
   double estimate(long n, long t0) const;
   bool complete(long first, long last) const;
   double window_sum(long first, long last, long n) const;
 
   DpOperator op_;
   long size_ = 0;
-  std::vector<double> sum_;                  // size + 1 running sums
-  std::vector<int> present_;                 // running counts; empty where nothing is missing
-  std::vector<std::vector<double>> states_;  // per nominal term: estimate before sample t0
+  std::vector<double> sum_;                 // size + 1 running sums
+  std::vector<int> present_;                // running counts; empty where nothing is missing
+  std::vector<std::vector<double>> states_; // per nominal term: estimate before sample t0
 };
 
 // sigma_EST{d} of a sample of d; d is reordered.
@@ -97,13 +97,12 @@ struct DpCurve {
   DpType type = DpType::kAv;
   DpEstimator estimator = DpEstimator::kRms;
   std::vector<double> tau_s, dp_dph;
-  std::vector<long> n;                      // windows used
-  std::vector<DpRecord::Moments> moments;   // rms only: what confidence intervals by blocks need
+  std::vector<long> n;                    // windows used
+  std::vector<DpRecord::Moments> moments; // rms only: what confidence intervals by blocks need
 };
 
 // Curve of a record at tau_s (multiples of dt).  data_error where tau is beyond the record or no window is
 // complete, and for a record that is constant.
-DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector<double>& tau_s,
-                 DpEstimator estimator);
+DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector<double>& tau_s, DpEstimator estimator);
 
-}  // namespace imucal
+} // namespace imucal

@@ -33,4 +33,4 @@ double NominalFilter::prediction_factor(size_t i, long n, bool optimal) const {
   return phi[i] * std::expm1(-alpha * static_cast<double>(n)) / (static_cast<double>(n) * std::expm1(-alpha));
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -23,4 +23,4 @@ struct NominalFilter : SteadyFilter {
 // A model without white noise is given 1e-9 of the Markov variance.
 NominalFilter make_nominal_filter(const ErrorModel& nominal, double dt_s = 1.0);
 
-}  // namespace imucal
+} // namespace imucal

@@ -12,8 +12,8 @@ namespace imucal {
 
 namespace {
 
-constexpr double kPercentileRatio = 0.99768;  // 95.4th percentile of |N(0,1)| over 2
-constexpr double kPercentileSpread = 0.70;    // times 1/sqrt(dof); simulated: errormodel validate, tests
+constexpr double kPercentileRatio = 0.99768; // 95.4th percentile of |N(0,1)| over 2
+constexpr double kPercentileSpread = 0.70;   // times 1/sqrt(dof); simulated: errormodel validate, tests
 constexpr double kLeastDof = 20;
 constexpr size_t kMostOutliers = 20;
 
@@ -47,9 +47,8 @@ std::vector<DpOutlier> merged(std::vector<DpOutlier> events) {
   std::sort(events.begin(), events.end(), [](const DpOutlier& a, const DpOutlier& b) { return a.sigmas > b.sigmas; });
   std::vector<DpOutlier> out;
   for (const DpOutlier& e : events) {
-    const bool known = std::any_of(out.begin(), out.end(), [&](const DpOutlier& o) {
-      return std::fabs(o.t_s - e.t_s) <= o.tau_s + e.tau_s + 1;
-    });
+    const bool known = std::any_of(
+        out.begin(), out.end(), [&](const DpOutlier& o) { return std::fabs(o.t_s - e.t_s) <= o.tau_s + e.tau_s + 1; });
     if (!known) out.push_back(e);
   }
   return out;
@@ -80,7 +79,7 @@ std::string formatted(const char* format, double a, double b = 0, double c = 0) 
   return text;
 }
 
-}  // namespace
+} // namespace
 
 DpRatios dp_ratios(const Series& s, const DpRecord& record, const std::vector<double>& tau_s,
                    const std::vector<double>& dof, double false_alarm_rate) {
@@ -88,7 +87,7 @@ DpRatios dp_ratios(const Series& s, const DpRecord& record, const std::vector<do
   out.log = s.log, out.axis = s.axis, out.type = record.op().type;
   out.tau_s = tau_s, out.dof = dof;
   const double octaves = std::max(1.0, std::log2(tau_s.back() / tau_s.front()) + 1);
-  const double rate = 0.5 * false_alarm_rate / octaves;  // half for the outliers, half for the percentile
+  const double rate = 0.5 * false_alarm_rate / octaves; // half for the outliers, half for the percentile
   const double z_percentile = normal_quantile(1 - 0.5 * rate);
   std::vector<DpOutlier> events;
   std::vector<double> d, sorted;
@@ -99,7 +98,7 @@ DpRatios dp_ratios(const Series& s, const DpRecord& record, const std::vector<do
     record.samples(std::lround(tau_s[i] / s.dt_s), &d, &t0);
     sorted = d;
     const double rms = dp_sigma(DpEstimator::kRms, &sorted);
-    const double percentile = dp_sigma(DpEstimator::kP95, &sorted);  // leaves |d|
+    const double percentile = dp_sigma(DpEstimator::kP95, &sorted); // leaves |d|
     const double largest = *std::max_element(sorted.begin(), sorted.end()) / 3;
     out.max_over_rms.push_back(largest / rms);
     out.p95_over_rms.push_back(percentile / rms);
@@ -126,12 +125,15 @@ DpRatios dp_ratios(const Series& s, const DpRecord& record, const std::vector<do
                               static_cast<double>(events.size()), 100 * share, at_degc);
   } else if (!events.empty()) {
     out.verdict = "outliers";
-    out.statement = formatted("%.0f event(s); the largest at t = %.0f s, %.1f sigma; look there, and use --estimator p95",
-                              static_cast<double>(events.size()), events[0].t_s, events[0].sigmas);
+    out.statement =
+        formatted("%.0f event(s); the largest at t = %.0f s, %.1f sigma; look there, and use --estimator p95",
+                  static_cast<double>(events.size()), events[0].t_s, events[0].sigmas);
   } else if (std::fabs(worst) > z_percentile) {
     out.verdict = worst < 0 ? "heavy_tails" : "light_tails";
-    out.statement = formatted("percentile over rms is %.3f at tau = %.0f s (Gaussian 0.998): ", worst_ratio, worst_tau_s) +
-                    (worst < 0 ? "the noise level changes along the record" : "the error has no tails (a limit, a few values, a drift)");
+    out.statement =
+        formatted("percentile over rms is %.3f at tau = %.0f s (Gaussian 0.998): ", worst_ratio, worst_tau_s) +
+        (worst < 0 ? "the noise level changes along the record"
+                   : "the error has no tails (a limit, a few values, a drift)");
   } else {
     out.verdict = "gaussian";
     out.statement = "ratios as a Gaussian error has them: rms is the right estimator";
@@ -141,4 +143,4 @@ DpRatios dp_ratios(const Series& s, const DpRecord& record, const std::vector<do
   return out;
 }
 
-}  // namespace imucal
+} // namespace imucal

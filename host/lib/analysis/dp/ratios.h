@@ -18,19 +18,19 @@
 namespace imucal {
 
 struct DpOutlier {
-  double t_s = 0;          // of the prediction's start
-  double temp_degc = 0;    // NaN without temperature
-  double tau_s = 0;        // where it stands out most
-  double sigmas = 0;       // |d| over the sigma of the percentile
+  double t_s = 0;       // of the prediction's start
+  double temp_degc = 0; // NaN without temperature
+  double tau_s = 0;     // where it stands out most
+  double sigmas = 0;    // |d| over the sigma of the percentile
 };
 
 struct DpRatios {
   std::string log, axis;
   DpType type = DpType::kAv;
   std::vector<double> tau_s, max_over_rms, p95_over_rms, dof;
-  std::vector<double> max_limit;  // max/3 over rms that a Gaussian record stays below (at the false-alarm rate)
+  std::vector<double> max_limit; // max/3 over rms that a Gaussian record stays below (at the false-alarm rate)
   std::string verdict, statement;
-  std::vector<DpOutlier> outliers;  // events, at most 20, largest first
+  std::vector<DpOutlier> outliers; // events, at most 20, largest first
   long n_events = 0;
 };
 
@@ -38,4 +38,4 @@ struct DpRatios {
 DpRatios dp_ratios(const Series& series, const DpRecord& record, const std::vector<double>& tau_s,
                    const std::vector<double>& dof, double false_alarm_rate = 0.01);
 
-}  // namespace imucal
+} // namespace imucal

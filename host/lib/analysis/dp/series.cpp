@@ -15,11 +15,11 @@ namespace imucal {
 namespace {
 
 constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
-constexpr size_t kStepProbe = 4096;  // rows whose median step becomes the grid's
+constexpr size_t kStepProbe = 4096; // rows whose median step becomes the grid's
 
 // Puts rows on the grid as they come; the first rows wait until the step is known.
 class Gridder {
- public:
+public:
   // `begin` once with first time stamp and step, then `sample` for every grid place and axis in turn.
   using Begin = std::function<void(double t0_s, double dt_s)>;
   using Sample = std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>;
@@ -40,7 +40,7 @@ class Gridder {
     if (dt_s_ == 0) settle();
   }
 
- private:
+private:
   void settle() {
     std::vector<double> steps;
     for (size_t i = 0; i + 1 < t_s_.size(); ++i) steps.push_back(t_s_[i + 1] - t_s_[i]);
@@ -90,14 +90,15 @@ class Gridder {
 
 void require_samples(const std::string& path, const std::string& axis, long n) {
   if (n < 2)
-    throw data_error(path + ": axis " + axis + " has " + std::to_string(n) + " usable sample(s); at least two are needed");
+    throw data_error(path + ": axis " + axis + " has " + std::to_string(n) +
+                     " usable sample(s); at least two are needed");
 }
 
 double poly_argument(const Series& s, const Detrend& detrend, long i) {
   return detrend.kind == Detrend::Kind::kPolyTime ? static_cast<double>(i) : s.temp_degc[static_cast<size_t>(i)];
 }
 
-}  // namespace
+} // namespace
 
 SeriesHeader scan_series(const std::string& path, const std::vector<std::string>& axes,
                          const std::function<void(const SeriesHeader&)>& begin,
@@ -112,7 +113,8 @@ SeriesHeader scan_series(const std::string& path, const std::vector<std::string>
         if (axes.empty())
           for (const LogAxis& a : header.axes) out.axes.push_back(a.name);
         std::vector<size_t> columns;
-        for (const std::string& name : out.axes) columns.push_back(static_cast<size_t>(&header.axis(name) - header.axes.data()));
+        for (const std::string& name : out.axes)
+          columns.push_back(static_cast<size_t>(&header.axis(name) - header.axes.data()));
         gridder = std::make_unique<Gridder>(
             path, columns,
             [&](double t0_s, double dt_s) {
@@ -146,7 +148,8 @@ std::vector<Series> load_series(const std::string& path, const std::vector<std::
       });
   for (Series& s : out) {
     require_samples(path, s.axis, s.size() - s.n_missing);
-    if (std::none_of(s.temp_degc.begin(), s.temp_degc.end(), [](double t) { return std::isfinite(t); })) s.temp_degc = {};
+    if (std::none_of(s.temp_degc.begin(), s.temp_degc.end(), [](double t) { return std::isfinite(t); }))
+      s.temp_degc = {};
   }
   return out;
 }
@@ -277,4 +280,4 @@ void remove_trend(const Detrend& detrend, Series* s) {
   }
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -13,12 +13,12 @@ namespace imucal {
 
 struct Series {
   std::string log, axis;
-  double t0_s = 0;  // time stamp of sample 0
+  double t0_s = 0; // time stamp of sample 0
   double dt_s = 1;
-  std::vector<double> rate_dph;   // NaN where missing (mg for accelerometers)
-  std::vector<double> temp_degc;  // empty where the log has none or it was not asked for; NaN where missing
-  long n_missing = 0;             // of rate_dph
-  long n_flagged = 0;             // of these: seconds the log flags as saturated or faulty
+  std::vector<double> rate_dph;  // NaN where missing (mg for accelerometers)
+  std::vector<double> temp_degc; // empty where the log has none or it was not asked for; NaN where missing
+  long n_missing = 0;            // of rate_dph
+  long n_flagged = 0;            // of these: seconds the log flags as saturated or faulty
 
   long size() const { return static_cast<long>(rate_dph.size()); }
   double t_s(long i) const { return t0_s + static_cast<double>(i) * dt_s; }
@@ -62,4 +62,4 @@ std::vector<std::vector<double>> detrend_basis(const Series& series, const Detre
 // Removes it, missing samples left missing.
 void remove_trend(const Detrend& detrend, Series* series);
 
-}  // namespace imucal
+} // namespace imucal

@@ -61,4 +61,4 @@ std::vector<DpRecord::Moments> DpStream::finish() {
   return std::move(moments_);
 }
 
-}  // namespace imucal
+} // namespace imucal

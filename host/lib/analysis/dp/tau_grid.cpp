@@ -20,17 +20,20 @@ std::vector<double> numbers(const std::string& text, char separator, const std::
     char* stop = nullptr;
     const double value = std::strtod(field.c_str(), &stop);
     if (field.empty() || *stop != 0 || !(value > 0) || !std::isfinite(value))
-      throw usage_error("--tau " + whole + ": expected FIRST:LAST[:STEP], log:FIRST:LAST[:PER_DECADE], octave or a list; \"" +
-                        field + "\" is not a positive number");
+      throw usage_error("--tau " + whole +
+                        ": expected FIRST:LAST[:STEP], log:FIRST:LAST[:PER_DECADE], octave or a list; \"" + field +
+                        "\" is not a positive number");
     out.push_back(value);
     at = end + 1;
   }
   return out;
 }
 
-bool starts_with(const std::string& text, const std::string& head) { return text.rfind(head, 0) == 0; }
+bool starts_with(const std::string& text, const std::string& head) {
+  return text.rfind(head, 0) == 0;
+}
 
-}  // namespace
+} // namespace
 
 std::vector<double> parse_tau(const std::string& text, double dt_s, double longest_s) {
   std::vector<double> tau;
@@ -78,4 +81,4 @@ std::vector<double> parse_tau(const std::string& text, double dt_s, double longe
   return tau;
 }
 
-}  // namespace imucal
+} // namespace imucal

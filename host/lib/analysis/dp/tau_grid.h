@@ -12,4 +12,4 @@ namespace imucal {
 // sample to it, 20 per decade).  usage_error names what is wrong.
 std::vector<double> parse_tau(const std::string& text, double dt_s, double longest_s);
 
-}  // namespace imucal
+} // namespace imucal

@@ -42,14 +42,14 @@ void add_filtered(const NoiseComponent& comp, const DpOperator& op, long n, std:
   // s(j) = E d(0) x(j), x(j) being j samples after t0 (j = 0: the first predicted), for j > -1 - horizon.
   // Window part: sums of gamma; estimate part: E estimate x(j) = sum_m c_m sum_i pole^i gamma(j + 1 + i).
   const long reach = size + n;
-  std::vector<double> cumulative(static_cast<size_t>(reach + n) + 2);  // sum_{l<k} gamma(l)
+  std::vector<double> cumulative(static_cast<size_t>(reach + n) + 2); // sum_{l<k} gamma(l)
   for (size_t k = 1; k < cumulative.size(); ++k) cumulative[k] = cumulative[k - 1] + gamma(static_cast<long>(k) - 1);
-  const auto window_with = [&](long j) {  // (1/n) sum_{i<n} gamma(j - i), j >= 0
+  const auto window_with = [&](long j) { // (1/n) sum_{i<n} gamma(j - i), j >= 0
     const auto at = [&](long k) { return cumulative[static_cast<size_t>(k)]; };
     const double sum = j < n ? at(j + 1) + at(n - j) - gamma(0) : at(j + 1) - at(j + 1 - n);
     return sum / static_cast<double>(n);
   };
-  const auto estimate_with = [&](long j) {  // j >= 0
+  const auto estimate_with = [&](long j) { // j >= 0
     double sum = 0;
     for (size_t m = 0; m < order; ++m) {
       if (comp.kind == Kind::kMarkov) sum += c[m] * gamma(j + 1) / (1 - f.pole[m] * phi);
@@ -76,7 +76,7 @@ void add_filtered(const NoiseComponent& comp, const DpOperator& op, long n, std:
     }
     state[m] = window - estimate;
   }
-  double window = 0;  // E d(0) mean(x[k .. k+n))
+  double window = 0; // E d(0) mean(x[k .. k+n))
   for (long j = 0; j < n; ++j) window += with[static_cast<size_t>(j)] / static_cast<double>(n);
   for (long k = 0; k < size; ++k) {
     double estimate = 0;
@@ -89,7 +89,7 @@ void add_filtered(const NoiseComponent& comp, const DpOperator& op, long n, std:
   }
 }
 
-}  // namespace
+} // namespace
 
 std::vector<double> error_autocovariance(const std::vector<NoiseComponent>& components, const DpOperator& op, long n,
                                          long n_lags) {
@@ -151,4 +151,4 @@ std::vector<Interval> curve_intervals(const DpCurve& curve, const DpOperator& op
   return out;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -28,4 +28,4 @@ double block_dof(const DpRecord::Moments& moments, const DpOperator& op, long n)
 std::vector<Interval> curve_intervals(const DpCurve& curve, const DpOperator& op,
                                       const std::vector<NoiseComponent>& components);
 
-}  // namespace imucal
+} // namespace imucal

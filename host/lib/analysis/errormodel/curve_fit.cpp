@@ -9,11 +9,11 @@
 #include <functional>
 #include <limits>
 
-#include "base/error.h"
-#include "base/units.h"
-#include "base/quantile.h"
 #include "analysis/errormodel/confidence.h"
 #include "analysis/errormodel/lp.h"
+#include "base/error.h"
+#include "base/quantile.h"
+#include "base/units.h"
 
 namespace imucal {
 
@@ -22,8 +22,8 @@ namespace {
 constexpr double kGridPerDecade = 10;
 
 // Minimise f over a box by Nelder-Mead from x; returns the value.
-double nelder_mead(std::vector<double>* x, const std::vector<double>& lo, const std::vector<double>& hi, double step, double tol,
-                   int max_evaluations, const std::function<double(const std::vector<double>&)>& f) {
+double nelder_mead(std::vector<double>* x, const std::vector<double>& lo, const std::vector<double>& hi, double step,
+                   double tol, int max_evaluations, const std::function<double(const std::vector<double>&)>& f) {
   using Fn = std::function<double(const std::vector<double>&)>;
   nlopt_opt opt = nlopt_create(NLOPT_LN_NELDERMEAD, static_cast<unsigned>(x->size()));
   nlopt_set_min_objective(
@@ -59,7 +59,7 @@ std::vector<double> divided(std::vector<double> a, const std::vector<double>& b)
   return a;
 }
 
-}  // namespace
+} // namespace
 
 CurveData make_curve_data(const std::vector<Series>& series, const DpOperator& op, const Detrend& detrend,
                           const std::vector<double>& tau_s, Across across) {
@@ -89,11 +89,12 @@ CurveData make_curve_data(const std::vector<Series>& series, const DpOperator& o
 
 // Expectations of a detrended record at every n.  After a polynomial they cost much; what it takes away is a smooth function
 // of ln n, so many n are served by 40 of them and cubic interpolation of the ratio to the closed form (to about 1e-5).
-static std::vector<std::vector<double>> record_squares(const std::vector<NoiseComponent>& components, const CurveData& data,
-                                                       const Series& shape) {
+static std::vector<std::vector<double>> record_squares(const std::vector<NoiseComponent>& components,
+                                                       const CurveData& data, const Series& shape) {
   constexpr size_t kNodes = 40;
   const bool polynomial = data.detrend.order > 0;
-  if (!polynomial || data.n.size() <= kNodes + 8) return expected_record_squares(components, data.op, shape, data.detrend, data.n);
+  if (!polynomial || data.n.size() <= kNodes + 8)
+    return expected_record_squares(components, data.op, shape, data.detrend, data.n);
   std::vector<long> nodes;
   for (size_t k = 0; k < kNodes; ++k) {
     const double place = static_cast<double>(k) / (kNodes - 1.0);
@@ -110,7 +111,7 @@ static std::vector<std::vector<double>> record_squares(const std::vector<NoiseCo
       const double at = std::log(static_cast<double>(n));
       const auto above = static_cast<size_t>(std::lower_bound(nodes.begin(), nodes.end(), n) - nodes.begin());
       const size_t first = std::min(above < 2 ? 0 : above - 2, nodes.size() - 4);
-      double sum = 0;  // Lagrange on four nodes
+      double sum = 0; // Lagrange on four nodes
       for (size_t a = first; a < first + 4; ++a) {
         double weight = 1;
         for (size_t b = first; b < first + 4; ++b)
@@ -153,7 +154,8 @@ CurveBasis::CurveBasis(const CurveData& data) : data_(&data) {
       for (size_t i = 0; i < data.n.size(); ++i) columns_[c][i] += share * squares[c][i];
   }
   if (data.detrend.kind == Detrend::Kind::kNone) return;
-  for (size_t g = 0; g < grid_tau_s_.size(); ++g) ratio_.push_back(divided(columns_[g + 1], closed_markov(grid_tau_s_[g])));
+  for (size_t g = 0; g < grid_tau_s_.size(); ++g)
+    ratio_.push_back(divided(columns_[g + 1], closed_markov(grid_tau_s_[g])));
 }
 
 std::vector<double> CurveBasis::closed_markov(double tau_s) const {
@@ -171,7 +173,7 @@ std::vector<double> CurveBasis::markov(double tau_s) const {
   const auto k = static_cast<size_t>(std::min(place, last - 1));
   const double x = place - static_cast<double>(k);
   const size_t before = k > 0 ? k - 1 : k, after = k + 2 < ratio_.size() ? k + 2 : k + 1;
-  for (size_t i = 0; i < out.size(); ++i) {  // cubic Hermite (Catmull-Rom)
+  for (size_t i = 0; i < out.size(); ++i) { // cubic Hermite (Catmull-Rom)
     const double a = ratio_[before][i], b = ratio_[k][i], c = ratio_[k + 1][i], d = ratio_[after][i];
     out[i] *= b + 0.5 * x * (c - a + x * (2 * a - 5 * b + 4 * c - d + x * (3 * (b - c) + d - a)));
   }
@@ -207,7 +209,7 @@ namespace {
 
 // Searches the time constants of n terms for the least objective of a function of them.
 struct TimeConstantSearch {
-  double lo, hi;  // logarithms
+  double lo, hi; // logarithms
   std::function<double(const std::vector<double>&)> objective;
 
   double refine(std::vector<double>* log_tau) const {
@@ -219,10 +221,11 @@ struct TimeConstantSearch {
 
 // Bound with a given number of terms: everything about the columns is relative to the data.
 class BoundSearch {
- public:
+public:
   BoundSearch(const CurveData& data, const CurveBasis& basis) : data_(data), basis_(basis) {
     white_ = divided(basis.white(), data.mean_square_dph2);
-    for (size_t g = 0; g < basis.grid_tau_s().size(); ++g) grid_.push_back(divided(basis.grid_column(g), data.mean_square_dph2));
+    for (size_t g = 0; g < basis.grid_tau_s().size(); ++g)
+      grid_.push_back(divided(basis.grid_column(g), data.mean_square_dph2));
   }
 
   BoundingSolution at_grid(const std::vector<size_t>& terms) const {
@@ -262,7 +265,7 @@ class BoundSearch {
     if (n == 2)
       for (size_t a = 0; a < points; a += 2)
         for (size_t b = a + 2; b < points; b += 2) consider({a, b});
-    if (n >= 3)  // one more beside those of before
+    if (n >= 3) // one more beside those of before
       for (size_t a = 0; a < points; a += 2) {
         Start s{0, previous};
         s.log_tau.push_back(std::log(basis_.grid_tau_s()[a]));
@@ -297,14 +300,14 @@ class BoundSearch {
     return fit;
   }
 
- private:
+private:
   const CurveData& data_;
   const CurveBasis& basis_;
   std::vector<double> white_;
   std::vector<std::vector<double>> grid_;
 };
 
-}  // namespace
+} // namespace
 
 CurveFit fit_bound(const CurveData& data, int n_markov, double enough) {
   const CurveBasis basis(data);
@@ -344,7 +347,7 @@ namespace {
 
 // Levenberg-Marquardt on ln DP^2 in the logarithms of variances and time constants.
 class LeastSquares {
- public:
+public:
   LeastSquares(const CurveData& data, const CurveBasis& basis) : data_(data), basis_(basis) {
     for (double w : data.dof) weight_.push_back(std::sqrt(0.5 * w / static_cast<double>(data.n.size())));
   }
@@ -368,7 +371,8 @@ class LeastSquares {
         damped.diagonal() += damping * normal.diagonal() + Eigen::VectorXd::Constant(n, 1e-12);
         const Eigen::VectorXd delta = -damped.ldlt().solve(gradient);
         std::vector<double> tried = *x;
-        for (long j = 0; j < n; ++j) tried[static_cast<size_t>(j)] = bounded(j, (*x)[static_cast<size_t>(j)] + std::clamp(delta[j], -1.0, 1.0));
+        for (long j = 0; j < n; ++j)
+          tried[static_cast<size_t>(j)] = bounded(j, (*x)[static_cast<size_t>(j)] + std::clamp(delta[j], -1.0, 1.0));
         const Eigen::VectorXd next = residual(tried);
         if (next.squaredNorm() < cost) {
           better = true;
@@ -386,11 +390,12 @@ class LeastSquares {
   // x: ln white variance, then ln variance and ln tau per term.
   ErrorModel model(const std::vector<double>& x) const {
     std::vector<double> variance = {std::exp(x[0])}, tau_s;
-    for (size_t k = 1; k + 1 < x.size(); k += 2) variance.push_back(std::exp(x[k])), tau_s.push_back(std::exp(x[k + 1]));
+    for (size_t k = 1; k + 1 < x.size(); k += 2)
+      variance.push_back(std::exp(x[k])), tau_s.push_back(std::exp(x[k + 1]));
     return make_model(variance, tau_s, data_.op.dt_s);
   }
 
- private:
+private:
   double bounded(long j, double value) const {
     if (j == 0 || j % 2 == 1) return std::clamp(value, -60.0, 60.0);
     return std::clamp(value, std::log(basis_.grid_tau_s().front()), std::log(basis_.grid_tau_s().back()));
@@ -408,7 +413,7 @@ class LeastSquares {
   std::vector<double> weight_;
 };
 
-}  // namespace
+} // namespace
 
 CurveFit fit_least_squares(const CurveData& data, int n_markov) {
   const CurveBasis basis(data);
@@ -452,7 +457,8 @@ CurveFit fit_least_squares(const CurveData& data, int n_markov) {
     means.push_back(fit.excess.mean);
     // Two more parameters must earn the 95 % point of chi-squared with two degrees of freedom (of the weighted sum, times
     // the effective number of independent tau: about two per octave).
-    const double points = 2 * std::max(1.0, std::log2(static_cast<double>(data.n.back()) / static_cast<double>(data.n.front())) + 1);
+    const double points =
+        2 * std::max(1.0, std::log2(static_cast<double>(data.n.back()) / static_cast<double>(data.n.front())) + 1);
     const bool earned = !std::isfinite(before) || points * (before - least) > 5.99;
     if (n_markov >= 0 || earned) best = fit, before = least;
     if (n_markov < 0 && !earned) break;
@@ -499,4 +505,4 @@ std::vector<Information> curve_information(const CurveData& data, const ErrorMod
   return out;
 }
 
-}  // namespace imucal
+} // namespace imucal

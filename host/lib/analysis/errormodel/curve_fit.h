@@ -38,27 +38,27 @@ CurveData make_curve_data(const std::vector<Series>& series, const DpOperator& o
 
 // Expected mean squares per unit variance of a component.
 class CurveBasis {
- public:
+public:
   explicit CurveBasis(const CurveData& data);
   std::vector<double> white() const { return columns_[0]; }
-  std::vector<double> markov(double tau_s) const;  // any time constant: closed form times an interpolated correction
+  std::vector<double> markov(double tau_s) const; // any time constant: closed form times an interpolated correction
   const std::vector<double>& grid_tau_s() const { return grid_tau_s_; }
   const std::vector<double>& grid_column(size_t i) const { return columns_[i + 1]; }
-  std::vector<double> model(const ErrorModel& m) const;  // white and Markov terms only
+  std::vector<double> model(const ErrorModel& m) const; // white and Markov terms only
 
- private:
+private:
   std::vector<double> closed_markov(double tau_s) const;
   const CurveData* data_;
   std::vector<double> grid_tau_s_;
-  std::vector<std::vector<double>> columns_;  // white, then the grid
-  std::vector<std::vector<double>> ratio_;    // record over stationary, per grid point; empty: 1
+  std::vector<std::vector<double>> columns_; // white, then the grid
+  std::vector<std::vector<double>> ratio_;   // record over stationary, per grid point; empty: 1
 };
 
 struct Excess {
-  double worst = 0, mean = 0;         // of model over data, relative, in DP
-  double worst_ratio = 0;             // smallest model over data
-  double at_tau_s = 0;                // where it is smallest
-  std::vector<double> active_tau_s;   // bound touched there (within 1e-6)
+  double worst = 0, mean = 0;       // of model over data, relative, in DP
+  double worst_ratio = 0;           // smallest model over data
+  double at_tau_s = 0;              // where it is smallest
+  std::vector<double> active_tau_s; // bound touched there (within 1e-6)
 };
 Excess excess_of(const CurveData& data, const std::vector<double>& model_square);
 
@@ -66,11 +66,11 @@ struct CurveFit {
   ErrorModel model;
   bool bounded = false;
   Excess excess;
-  double objective = 0;               // bound: sum of relative excess of the squares; ls: chi^2 per point
+  double objective = 0; // bound: sum of relative excess of the squares; ls: chi^2 per point
   // Bound: what any number of Markov terms of the grid could reach, and what each number reached.
   double grid_objective = 0;
   ErrorModel grid_model;
-  std::vector<double> objective_by_terms;  // index: number of Markov terms
+  std::vector<double> objective_by_terms; // index: number of Markov terms
   std::vector<double> mean_excess_by_terms;
 };
 
@@ -86,10 +86,10 @@ CurveFit fit_least_squares(const CurveData& data, int n_markov);
 
 // Which tau tell about a parameter: d ln DP / d ln parameter times sqrt(2 dof), in standard deviations.
 struct Information {
-  std::string parameter;          // "arw_deg_rt_h", "markov[0].sigma_dph", …
-  double tau_lo_s = 0, tau_hi_s = 0;  // where at least half of the largest
-  double largest = 0;             // 1: a change by e is one standard deviation
+  std::string parameter;             // "arw_deg_rt_h", "markov[0].sigma_dph", …
+  double tau_lo_s = 0, tau_hi_s = 0; // where at least half of the largest
+  double largest = 0;                // 1: a change by e is one standard deviation
 };
 std::vector<Information> curve_information(const CurveData& data, const ErrorModel& model);
 
-}  // namespace imucal
+} // namespace imucal

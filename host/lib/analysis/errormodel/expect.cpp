@@ -26,7 +26,7 @@ std::vector<double> weight_factors(const DpOperator& op, long n) {
 // |gain|^2 of the operator at a phase of omega per sample.
 double squared_gain(const DpOperator& op, long n, double omega) {
   using C = std::complex<double>;
-  const auto mean = [&](long k) {  // (1/k) sum_{j<k} e^{i omega j}
+  const auto mean = [&](long k) { // (1/k) sum_{j<k} e^{i omega j}
     const double half = 0.5 * omega, s = std::sin(half);
     const auto steps = static_cast<double>(k);
     const double size = std::fabs(s) < 1e-300 ? 1 : std::sin(half * steps) / (steps * s);
@@ -49,22 +49,35 @@ double filtered_square(const NoiseComponent& comp, const DpOperator& op, long n)
   const std::vector<double>& pole = op.filter.pole;
   const auto steps = static_cast<double>(n);
   const double phi = std::exp(-comp.alpha);
-  double window = 0, cross = 0, estimate = 0;  // <mean, mean>, <mean, estimate>, <estimate, estimate>
+  double window = 0, cross = 0, estimate = 0; // <mean, mean>, <mean, estimate>, <estimate, estimate>
   switch (comp.kind) {
-    case Kind::kWhite: window = 1 / steps; break;
-    case Kind::kMarkov: window = 1 + sum_variance(markov_component(1, 1 / comp.alpha), steps) / (steps * steps); break;
-    case Kind::kAngleQuantization: window = 2 / (steps * steps); break;
-    default: window = -(steps * steps - 1) / (6 * steps); break;
+  case Kind::kWhite:
+    window = 1 / steps;
+    break;
+  case Kind::kMarkov:
+    window = 1 + sum_variance(markov_component(1, 1 / comp.alpha), steps) / (steps * steps);
+    break;
+  case Kind::kAngleQuantization:
+    window = 2 / (steps * steps);
+    break;
+  default:
+    window = -(steps * steps - 1) / (6 * steps);
+    break;
   }
   for (size_t m = 0; m < c.size(); ++m) {
     const double p = pole[m], left = 1 - p;
     switch (comp.kind) {
-      case Kind::kWhite: break;
-      case Kind::kMarkov:
-        cross += c[m] * phi / (1 - p * phi) * std::expm1(-comp.alpha * steps) / std::expm1(-comp.alpha) / steps;
-        break;
-      case Kind::kAngleQuantization: cross -= c[m] / steps; break;
-      default: cross -= 0.5 * c[m] * (0.5 * (steps + 1) / left + p / (left * left)); break;
+    case Kind::kWhite:
+      break;
+    case Kind::kMarkov:
+      cross += c[m] * phi / (1 - p * phi) * std::expm1(-comp.alpha * steps) / std::expm1(-comp.alpha) / steps;
+      break;
+    case Kind::kAngleQuantization:
+      cross -= c[m] / steps;
+      break;
+    default:
+      cross -= 0.5 * c[m] * (0.5 * (steps + 1) / left + p / (left * left));
+      break;
     }
     for (size_t k = 0; k < c.size(); ++k) {
       const double q = pole[k];
@@ -137,7 +150,7 @@ void subtract_mean_effect(const NoiseComponent& comp, const DpOperator& op, long
   const auto cq = covariance_times(comp, std::vector<double>(static_cast<size_t>(size), q));
   const NominalFilter& f = op.filter;
   const auto samples = static_cast<size_t>(size);
-  std::vector<double> sum2(samples + 2, 0.0), state(f.size(), 0.0);  // sum2[k]: sum of the running sums before k
+  std::vector<double> sum2(samples + 2, 0.0), state(f.size(), 0.0); // sum2[k]: sum of the running sums before k
   std::vector<std::vector<double>> states2(f.size(), std::vector<double>(samples + 2, 0.0));
   double sum = 0, qcq = 0;
   for (size_t i = 0; i <= samples; ++i) {
@@ -153,7 +166,7 @@ void subtract_mean_effect(const NoiseComponent& comp, const DpOperator& op, long
   for (size_t j = 0; j < n.size(); ++j) {
     const auto h = static_cast<size_t>(op.history_n(n[j])), steps = static_cast<size_t>(n[j]);
     if (h + steps > samples) continue;
-    const size_t end = samples - steps + 1;  // windows t0 = h … end - 1
+    const size_t end = samples - steps + 1; // windows t0 = h … end - 1
     double answers = (sum2[end + steps] - sum2[h + steps] - sum2[end] + sum2[h]) / static_cast<double>(n[j]);
     double gain = 1;
     const std::vector<double> c = weight_factors(op, n[j]);
@@ -166,12 +179,13 @@ void subtract_mean_effect(const NoiseComponent& comp, const DpOperator& op, long
   }
 }
 
-}  // namespace
+} // namespace
 
 double expected_square(const NoiseComponent& comp, const DpOperator& op, long n) {
   const bool filtered = op.type == DpType::kDp2 || op.type == DpType::kDp3;
   if (filtered && !comp.is_stationary())
-    throw usage_error("the expected " + to_text(op.type) + " of a random walk or ramp depends on the record's length: "
+    throw usage_error("the expected " + to_text(op.type) +
+                      " of a random walk or ramp depends on the record's length: "
                       "give --duration-s (and --detrend)");
   return general_square(comp, op, n);
 }
@@ -180,7 +194,8 @@ static std::vector<long> steps_of(const std::vector<double>& tau_s, double dt_s)
   std::vector<long> n;
   for (double tau : tau_s) {
     n.push_back(std::lround(tau / dt_s));
-    if (n.back() < 1) throw usage_error("tau " + std::to_string(tau) + " s is less than one sample of " + std::to_string(dt_s) + " s");
+    if (n.back() < 1)
+      throw usage_error("tau " + std::to_string(tau) + " s is less than one sample of " + std::to_string(dt_s) + " s");
   }
   return n;
 }
@@ -212,21 +227,22 @@ std::vector<std::vector<double>> expected_record_squares(const std::vector<Noise
       continue;
     }
     if (basis.empty() && filtered && !comp.is_stationary())
-      throw usage_error("the expected " + to_text(op.type) + " of a random walk without detrending depends on where "
+      throw usage_error("the expected " + to_text(op.type) +
+                        " of a random walk without detrending depends on where "
                         "it starts; use --detrend mean or poly:N");
     for (size_t k = 0; k < n.size(); ++k) out[c][k] = general_square(comp, op, n[k]);
     if (!nothing_removed) stochastic.push_back(c);
   }
   if (stochastic.empty()) return out;
 
-  if (basis.size() == 1 && shape.n_missing == 0) {  // the mean alone: sums of windows are differences of running sums
+  if (basis.size() == 1 && shape.n_missing == 0) { // the mean alone: sums of windows are differences of running sums
     for (size_t c : stochastic) subtract_mean_effect(components[c], op, shape.size(), n, &out[c]);
     return out;
   }
   const size_t p = basis.size();
   std::vector<DpRecord> basis_records;
   for (const auto& q : basis) basis_records.emplace_back(with_rates(shape, q), op);
-  std::vector<std::vector<std::vector<double>>> cq(components.size());   // [component][column] = C Q
+  std::vector<std::vector<std::vector<double>>> cq(components.size()); // [component][column] = C Q
   std::vector<std::vector<double>> qcq(components.size());
   for (size_t c : stochastic) {
     for (size_t a = 0; a < p; ++a) cq[c].push_back(covariance_times(components[c], basis[a]));
@@ -236,7 +252,7 @@ std::vector<std::vector<double>> expected_record_squares(const std::vector<Noise
   std::vector<double> d, z_sum;
   std::vector<long> t0;
   for (size_t k = 0; k < n.size(); ++k) {
-    std::vector<std::vector<double>> z;  // G'G Q
+    std::vector<std::vector<double>> z; // G'G Q
     for (size_t a = 0; a < p; ++a) {
       basis_records[a].samples(n[k], &d, &t0);
       z.push_back(basis_records[a].adjoint(n[k], d, t0));
@@ -261,7 +277,8 @@ std::vector<double> expected_record_square(const NoiseComponent& component, cons
 
 std::vector<double> expected_record_dp_dph(const ErrorModel& model, const DpOperator& op, const Series& shape,
                                            const Detrend& detrend, const std::vector<double>& tau_s) {
-  const auto squares = expected_record_squares(noise_components(model, op.dt_s), op, shape, detrend, steps_of(tau_s, op.dt_s));
+  const auto squares =
+      expected_record_squares(noise_components(model, op.dt_s), op, shape, detrend, steps_of(tau_s, op.dt_s));
   std::vector<double> out(tau_s.size(), 0.0);
   for (size_t k = 0; k < out.size(); ++k) {
     for (const auto& s : squares) out[k] += s[k];
@@ -277,4 +294,4 @@ Series empty_record(long n, double dt_s) {
   return s;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -45,4 +45,4 @@ std::vector<double> expected_record_dp_dph(const ErrorModel& model, const DpOper
 // A record of `n` samples of nothing, for expectations that depend on its length only.
 Series empty_record(long n, double dt_s);
 
-}  // namespace imucal
+} // namespace imucal

@@ -17,7 +17,8 @@ namespace imucal {
 
 // The rates that are there and the columns to marginalise, one row each; a constant near the data is taken off where
 // it is marginalised anyway: digits.  data_error: a constant rate, hardly more rates than columns.
-static Eigen::MatrixXd present_rows(const Series& s, const std::vector<std::vector<double>>& basis, std::vector<int>* steps) {
+static Eigen::MatrixXd present_rows(const Series& s, const std::vector<std::vector<double>>& basis,
+                                    std::vector<int>* steps) {
   const long present = s.size() - s.n_missing, p = static_cast<long>(basis.size());
   if (present - p < 10)
     throw data_error(s.log + ": axis " + s.axis + ": " + std::to_string(present - p) + " samples beyond the " +
@@ -97,9 +98,10 @@ namespace {
 // Parameters of the search: per term ln g and ln tau, g = variance relative to white * 2 tau/dt: its density at low
 // frequencies over that of the white noise, which the data determine best.
 class MlSearch {
- public:
+public:
   explicit MlSearch(const Likelihood& likelihood)
-      : likelihood_(likelihood), lo_tau_(std::log(1.5 * likelihood.dt_s())), hi_tau_(std::log(likelihood.longest_s())) {}
+      : likelihood_(likelihood), lo_tau_(std::log(1.5 * likelihood.dt_s())), hi_tau_(std::log(likelihood.longest_s())) {
+  }
 
   Likelihood::Profile at(const std::vector<double>& x) const {
     std::vector<double> variance, tau_s;
@@ -158,7 +160,8 @@ class MlSearch {
     for (Start& s : starts) {
       if (used.size() == n_starts) break;
       // Starts of different time constants only.
-      const bool near = std::any_of(used.begin(), used.end(), [&](const auto& u) { return std::fabs(u.back() - s.x.back()) < 0.9; });
+      const bool near =
+          std::any_of(used.begin(), used.end(), [&](const auto& u) { return std::fabs(u.back() - s.x.back()) < 0.9; });
       if (near) continue;
       // A start so much worse than what was reached already is not refined.
       if (s.deviance > least + 0.01 * static_cast<double>(likelihood_.dof())) break;
@@ -172,13 +175,14 @@ class MlSearch {
   static constexpr double kLeastLogDensity = -12, kMostLogDensity = 25;
   mutable int evaluations = 0;
 
- private:
+private:
   const Likelihood& likelihood_;
   double lo_tau_, hi_tau_;
 };
 
 // ln r, then ln sigma, ln tau per term; the deviance as a function of them for the information matrix.
-std::vector<MlParameter> parameters_with_errors(const Likelihood& likelihood, const ErrorModel& model, int* evaluations) {
+std::vector<MlParameter> parameters_with_errors(const Likelihood& likelihood, const ErrorModel& model,
+                                                int* evaluations) {
   std::vector<double> x = {std::log(model.arw_deg_rt_h)};
   std::vector<MlParameter> out = {{"arw_deg_rt_h", model.arw_deg_rt_h, 0, 0, 0}};
   for (size_t k = 0; k < model.markov.size(); ++k) {
@@ -222,7 +226,8 @@ std::vector<MlParameter> parameters_with_errors(const Likelihood& likelihood, co
       const double both = f(at);
       at[i] -= 2 * step[i], at[j] -= 2 * step[j];
       const double neither = f(at);
-      const double mixed = (both + neither - plus[i] - minus[i] - plus[j] - minus[j] + 2 * f0) / (2 * step[i] * step[j]);
+      const double mixed =
+          (both + neither - plus[i] - minus[i] - plus[j] - minus[j] + 2 * f0) / (2 * step[i] * step[j]);
       information(i, j) = information(j, i) = 0.5 * mixed;
     }
   }
@@ -255,7 +260,7 @@ ErrorModel model_at(const MlSearch& search, const std::vector<double>& x, double
   return m;
 }
 
-}  // namespace
+} // namespace
 
 MlFit fit_maximum_likelihood(const Likelihood& likelihood, int n_markov) {
   const MlSearch search(likelihood);
@@ -288,4 +293,4 @@ MlFit fit_maximum_likelihood(const Likelihood& likelihood, int n_markov) {
   return best;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -17,7 +17,7 @@
 namespace imucal {
 
 class Likelihood {
- public:
+public:
   // Rates need no detrending (do not remove what is to be marginalised).  data_error as detrend_basis.
   Likelihood(const std::vector<Series>& series, const Detrend& detrend);
 
@@ -30,14 +30,14 @@ class Likelihood {
   };
   Profile profile(const std::vector<double>& relative_variance, const std::vector<double>& tau_s) const;
 
-  long dof() const { return dof_; }  // samples present less columns
+  long dof() const { return dof_; } // samples present less columns
   double dt_s() const { return dt_s_; }
   double longest_s() const { return longest_s_; }
 
- private:
+private:
   struct Record {
-    WideColumns columns;     // y, then what is marginalised, of the samples present
-    std::vector<int> steps;  // noise/gains.h
+    WideColumns columns;    // y, then what is marginalised, of the samples present
+    std::vector<int> steps; // noise/gains.h
   };
   struct Sums {
     double log_s = 0, rss = 0, log_det = 0;
@@ -51,9 +51,9 @@ class Likelihood {
 };
 
 struct MlParameter {
-  std::string name;        // arw_deg_rt_h, markov[0].sigma_dph, markov[0].tau_s …
+  std::string name; // arw_deg_rt_h, markov[0].sigma_dph, markov[0].tau_s …
   double value = 0;
-  double log_std_error = 0;  // of ln value; infinite where the likelihood does not bound it
+  double log_std_error = 0; // of ln value; infinite where the likelihood does not bound it
   double ci95_lo = 0, ci95_hi = 0;
 };
 
@@ -61,7 +61,7 @@ struct MlFit {
   ErrorModel model;
   double log_likelihood = 0, bic = 0;
   std::vector<MlParameter> parameters;
-  std::vector<double> bic_by_terms, log_likelihood_by_terms;  // index: number of Markov terms tried
+  std::vector<double> bic_by_terms, log_likelihood_by_terms; // index: number of Markov terms tried
   int evaluations = 0;
 };
 
@@ -70,4 +70,4 @@ struct MlFit {
 // Time constants are sought between two samples and the longest record.
 MlFit fit_maximum_likelihood(const Likelihood& likelihood, int n_markov);
 
-}  // namespace imucal
+} // namespace imucal

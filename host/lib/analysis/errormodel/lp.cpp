@@ -17,7 +17,8 @@ namespace {
 constexpr double kFeasible = 1e-9;
 
 // Values A x per row.
-void evaluate(const std::vector<const double*>& columns, const std::vector<double>& x, size_t n_rows, std::vector<double>* out) {
+void evaluate(const std::vector<const double*>& columns, const std::vector<double>& x, size_t n_rows,
+              std::vector<double>* out) {
   out->assign(n_rows, 0.0);
   for (size_t j = 0; j < columns.size(); ++j)
     if (x[j] != 0)
@@ -61,8 +62,10 @@ std::vector<size_t> violated_rows(const std::vector<double>& value, double limit
 // feasible, so a tableau simplex starts at once; the x are the dual prices.
 class SmallSimplex {
 public:
-  SmallSimplex(const std::vector<const double*>& columns, const std::vector<double>& cost, const std::vector<size_t>& rows)
-      : cost_(cost), m_(columns.size()), k_(rows.size()), width_(k_ + m_ + 1), table_((m_ + 1) * width_, 0.0), basic_(m_) {
+  SmallSimplex(const std::vector<const double*>& columns, const std::vector<double>& cost,
+               const std::vector<size_t>& rows)
+      : cost_(cost), m_(columns.size()), k_(rows.size()), width_(k_ + m_ + 1), table_((m_ + 1) * width_, 0.0),
+        basic_(m_) {
     for (size_t j = 0; j < m_; ++j) {
       for (size_t i = 0; i < k_; ++i) at(j, i) = columns[j][rows[i]] / cost[j];
       at(j, k_ + j) = 1;
@@ -87,7 +90,7 @@ public:
   }
 
 private:
-  static constexpr int kStepsBeforeBland = 200;  // then cycling could be at hand
+  static constexpr int kStepsBeforeBland = 200; // then cycling could be at hand
 
   double& at(size_t row, size_t column) { return table_[row * width_ + column]; }
   // The column of the steepest gain; by Bland's rule the first that gains; width_: none does.
@@ -108,7 +111,8 @@ private:
     for (size_t j = 0; j < m_; ++j)
       if (at(j, enter) > 1e-13) {
         const double ratio = at(j, width_ - 1) / at(j, enter);
-        if (ratio < least - 1e-15 || (ratio <= least + 1e-15 && leave < m_ && basic_[j] < basic_[leave])) least = ratio, leave = j;
+        if (ratio < least - 1e-15 || (ratio <= least + 1e-15 && leave < m_ && basic_[j] < basic_[leave]))
+          least = ratio, leave = j;
       }
     return leave;
   }
@@ -129,7 +133,7 @@ private:
   std::vector<size_t> basic_;
 };
 
-}  // namespace
+} // namespace
 
 BoundingSolution solve_bounding_small(const std::vector<const double*>& columns, size_t n_rows) {
   std::vector<double> cost(columns.size(), 0.0), x(columns.size(), 0.0), value;
@@ -158,8 +162,8 @@ public:
     const std::vector<CoinBigIndex> starts(n_columns + 1, 0);
     const std::vector<double> cost(n_columns, 1.0);
     Clp_setLogLevel(lp_.get(), 0);
-    Clp_loadProblem(lp_.get(), static_cast<int>(n_columns), 0, starts.data(), nullptr, nullptr, nullptr, nullptr, cost.data(),
-                    nullptr, nullptr);
+    Clp_loadProblem(lp_.get(), static_cast<int>(n_columns), 0, starts.data(), nullptr, nullptr, nullptr, nullptr,
+                    cost.data(), nullptr, nullptr);
     Clp_setPrimalTolerance(lp_.get(), kFeasible);
     Clp_setDualTolerance(lp_.get(), kFeasible);
   }
@@ -190,7 +194,7 @@ std::vector<double> scales(const BoundingProgram& program) {
   return out;
 }
 
-}  // namespace
+} // namespace
 
 BoundingSolution solve_bounding(const BoundingProgram& program) {
   const size_t n_columns = program.columns.size(), n_rows = program.columns.at(0).size();
@@ -216,4 +220,4 @@ BoundingSolution solve_bounding(const BoundingProgram& program) {
   return finish(columns, x, n_rows);
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -7,12 +7,12 @@
 namespace imucal {
 
 struct BoundingProgram {
-  std::vector<std::vector<double>> columns;  // [component][tau], >= 0
+  std::vector<std::vector<double>> columns; // [component][tau], >= 0
   // Cost of a component: sum of its column, i.e. the objective is the sum over tau of A x.
 };
 struct BoundingSolution {
   std::vector<double> x;
-  double objective = 0;  // sum over tau of (A x - 1); infinite when no component reaches some tau
+  double objective = 0; // sum over tau of (A x - 1); infinite when no component reaches some tau
 };
 
 // By Clp's simplex on the rows that matter: rows are added where violated until every row holds to 1e-9 (the result
@@ -22,4 +22,4 @@ BoundingSolution solve_bounding(const BoundingProgram& program);
 // The same for a few columns (at most 6), by walking the vertices directly: microseconds, for searches.
 BoundingSolution solve_bounding_small(const std::vector<const double*>& columns, size_t n_rows);
 
-}  // namespace imucal
+} // namespace imucal

@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "base/units.h"
 #include "base/fast_normal.h"
+#include "base/units.h"
 
 namespace imucal {
 
@@ -22,24 +22,32 @@ std::vector<double> simulate_noise(const std::vector<NoiseComponent>& components
     for (size_t i = 0; i < x.size(); ++i) {
       const auto k = static_cast<double>(i);
       switch (c.kind) {
-        case Kind::kWhite: x[i] += sigma * rng.normal(); break;
-        case Kind::kMarkov:
-          x[i] += state;
-          state = phi * state + drive * rng.normal();
-          break;
-        case Kind::kAngleQuantization: {
-          const double next = sigma * rng.normal();
-          x[i] += next - state;
-          state = next;
-          break;
-        }
-        case Kind::kRandomWalk: x[i] += state += sigma * rng.normal(); break;
-        case Kind::kRamp: x[i] += sigma * (k - 0.5 * static_cast<double>(n - 1)); break;
-        case Kind::kSinusoid: x[i] += sigma * std::cos(c.omega_rad * k + phase); break;
+      case Kind::kWhite:
+        x[i] += sigma * rng.normal();
+        break;
+      case Kind::kMarkov:
+        x[i] += state;
+        state = phi * state + drive * rng.normal();
+        break;
+      case Kind::kAngleQuantization: {
+        const double next = sigma * rng.normal();
+        x[i] += next - state;
+        state = next;
+        break;
+      }
+      case Kind::kRandomWalk:
+        x[i] += state += sigma * rng.normal();
+        break;
+      case Kind::kRamp:
+        x[i] += sigma * (k - 0.5 * static_cast<double>(n - 1));
+        break;
+      case Kind::kSinusoid:
+        x[i] += sigma * std::cos(c.omega_rad * k + phase);
+        break;
       }
     }
   }
   return x;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -14,4 +14,4 @@ namespace imucal {
 std::vector<double> simulate_noise(const std::vector<NoiseComponent>& components, long n, uint64_t seed, uint64_t run,
                                    uint32_t axis = 0);
 
-}  // namespace imucal
+} // namespace imucal

@@ -8,9 +8,9 @@
 #include <limits>
 #include <mutex>
 
+#include "analysis/errormodel/simulate.h"
 #include "base/error.h"
 #include "base/parallel.h"
-#include "analysis/errormodel/simulate.h"
 
 namespace imucal {
 
@@ -39,10 +39,11 @@ Series simulated(const std::vector<NoiseComponent>& components, long n, double d
   return s;
 }
 
-}  // namespace
+} // namespace
 
 Separation separation(const SeparationSettings& o, const DpOperator& op) {
-  const std::vector<NoiseComponent> components[2] = {noise_components(o.model, o.dt_s), noise_components(o.versus, o.dt_s)};
+  const std::vector<NoiseComponent> components[2] = {noise_components(o.model, o.dt_s),
+                                                     noise_components(o.versus, o.dt_s)};
   const auto n = static_cast<long>(std::lround(o.duration_s / o.dt_s));
   Separation out;
   out.longest_s.resize(static_cast<size_t>(o.draws));
@@ -52,8 +53,8 @@ Separation separation(const SeparationSettings& o, const DpOperator& op) {
     std::vector<double> lo[2], hi[2];
     for (uint32_t which = 0; which < 2; ++which)
       for (int run = 0; run < o.runs; ++run) {
-        const Series s = simulated(components[which], n, o.dt_s, o.seed, static_cast<uint64_t>(draw * o.runs + run), which,
-                                   Detrend{});
+        const Series s = simulated(components[which], n, o.dt_s, o.seed, static_cast<uint64_t>(draw * o.runs + run),
+                                   which, Detrend{});
         const auto dp = dp_curve(s, DpRecord(s, op), o.tau_s, DpEstimator::kRms).dp_dph;
         if (run == 0) lo[which] = hi[which] = dp;
         for (size_t i = 0; i < dp.size(); ++i)
@@ -65,8 +66,10 @@ Separation separation(const SeparationSettings& o, const DpOperator& op) {
     size_t start = 0;
     for (size_t i = 0; i < o.tau_s.size(); ++i) {
       flags.push_back(lo[0][i] > hi[1][i] || lo[1][i] > hi[0][i]);
-      if (!flags[i]) start = i + 1;
-      else longest = std::max(longest, o.tau_s[i] - o.tau_s[start]);
+      if (!flags[i])
+        start = i + 1;
+      else
+        longest = std::max(longest, o.tau_s[i] - o.tau_s[start]);
     }
     out.longest_s[static_cast<size_t>(draw)] = longest;
   });
@@ -81,7 +84,9 @@ Separation separation(const SeparationSettings& o, const DpOperator& op) {
 ErrorModel fit_model(const std::vector<Series>& series, const DpOperator& op, const FitSettings& o) {
   if (o.criterion == "ml") return fit_maximum_likelihood(Likelihood(series, o.detrend), o.n_markov).model;
   const CurveData data = make_curve_data(series, op, o.detrend, o.tau_s, o.across);
-  return (o.criterion == "ls" ? fit_least_squares(data, o.n_markov) : fit_bound(raised_to_confidence(data, o.confidence), o.n_markov)).model;
+  return (o.criterion == "ls" ? fit_least_squares(data, o.n_markov)
+                              : fit_bound(raised_to_confidence(data, o.confidence), o.n_markov))
+      .model;
 }
 
 namespace {
@@ -108,10 +113,11 @@ double quantile(std::vector<double> v, double p) {
   return v[k] + (place - static_cast<double>(k)) * (v[std::min(k + 1, v.size() - 1)] - v[k]);
 }
 
-}  // namespace
+} // namespace
 
-std::vector<ParameterError> bootstrap_errors(const std::vector<Series>& series, const DpOperator& op, const FitSettings& o,
-                                             const ErrorModel& fitted, int runs, uint64_t seed, int threads) {
+std::vector<ParameterError> bootstrap_errors(const std::vector<Series>& series, const DpOperator& op,
+                                             const FitSettings& o, const ErrorModel& fitted, int runs, uint64_t seed,
+                                             int threads) {
   const auto names = named_parameters(fitted);
   const auto components = noise_components(fitted, op.dt_s);
   FitSettings settings = o;
@@ -123,7 +129,8 @@ std::vector<ParameterError> bootstrap_errors(const std::vector<Series>& series, 
   parallel_for(runs, threads, [&](long run) {
     std::vector<Series> again = series;
     for (size_t a = 0; a < again.size(); ++a) {
-      const auto x = simulate_noise(components, again[a].size(), seed, static_cast<uint64_t>(run), static_cast<uint32_t>(a));
+      const auto x =
+          simulate_noise(components, again[a].size(), seed, static_cast<uint64_t>(run), static_cast<uint32_t>(a));
       for (size_t i = 0; i < x.size(); ++i)
         if (!std::isnan(again[a].rate_dph[i])) again[a].rate_dph[i] = x[i];
       if (o.criterion != "ml") remove_trend(o.detrend, &again[a]);
@@ -182,7 +189,8 @@ void judge_parameters(double record_s, double dt_s, std::vector<ParameterError>*
     } else if (is_tau && p.value < 3 * dt_s) {
       refuse(&p, "as fast as the sampling: cannot be told from white noise");
     } else if (p.vanished_frac > 0.1) {
-      std::snprintf(text, sizeof text, "the term is absent from %.0f %% of refits of simulated records", 100 * p.vanished_frac);
+      std::snprintf(text, sizeof text, "the term is absent from %.0f %% of refits of simulated records",
+                    100 * p.vanished_frac);
       refuse(&p, text);
     } else {
       std::snprintf(text, sizeof text, "relative standard error %.0f %%", 100 * p.log_std_error);
@@ -205,11 +213,14 @@ double elapsed_ms(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - since).count();
 }
 
-OneRun validate_once(const ValidateSettings& o, const DpOperator& op, const std::vector<NoiseComponent>& components, long run) {
+OneRun validate_once(const ValidateSettings& o, const DpOperator& op, const std::vector<NoiseComponent>& components,
+                     long run) {
   const auto n = static_cast<long>(std::lround(o.duration_s / o.dt_s));
   OneRun out;
-  const std::vector<Series> own = {simulated(components, n, o.dt_s, o.seed, static_cast<uint64_t>(run), 0, o.fit.detrend)};
-  const std::vector<Series> other = {simulated(components, n, o.dt_s, o.seed, static_cast<uint64_t>(run), 1, o.fit.detrend)};
+  const std::vector<Series> own = {
+      simulated(components, n, o.dt_s, o.seed, static_cast<uint64_t>(run), 0, o.fit.detrend)};
+  const std::vector<Series> other = {
+      simulated(components, n, o.dt_s, o.seed, static_cast<uint64_t>(run), 1, o.fit.detrend)};
   if (o.fit.criterion == "ml") {
     const auto start = std::chrono::steady_clock::now();
     const MlFit fit = fit_maximum_likelihood(Likelihood(own, o.fit.detrend), o.fit.n_markov);
@@ -221,8 +232,9 @@ OneRun validate_once(const ValidateSettings& o, const DpOperator& op, const std:
   const CurveData fresh = make_curve_data(other, op, o.fit.detrend, o.fit.tau_s, Across::kRms);
   if (o.fit.criterion != "ml") {
     const auto start = std::chrono::steady_clock::now();
-    const CurveFit fit = o.fit.criterion == "ls" ? fit_least_squares(data, o.fit.n_markov)
-                                                    : fit_bound(raised_to_confidence(data, o.fit.confidence), o.fit.n_markov);
+    const CurveFit fit = o.fit.criterion == "ls"
+                             ? fit_least_squares(data, o.fit.n_markov)
+                             : fit_bound(raised_to_confidence(data, o.fit.confidence), o.fit.n_markov);
     out.ms = elapsed_ms(start);
     out.model = fit.model;
     out.over_grid = fit.objective / fit.grid_objective;
@@ -239,12 +251,13 @@ OneRun validate_once(const ValidateSettings& o, const DpOperator& op, const std:
   return out;
 }
 
-}  // namespace
+} // namespace
 
 Validation validate(const ValidateSettings& o, const DpOperator& op) {
   const auto components = noise_components(o.truth, o.dt_s);
   std::vector<OneRun> runs(static_cast<size_t>(o.runs));
-  parallel_for(o.runs, o.threads, [&](long run) { runs[static_cast<size_t>(run)] = validate_once(o, op, components, run); });
+  parallel_for(o.runs, o.threads,
+               [&](long run) { runs[static_cast<size_t>(run)] = validate_once(o, op, components, run); });
   Validation v;
   v.runs = o.runs;
   const double each = 1.0 / o.runs;
@@ -253,7 +266,8 @@ Validation validate(const ValidateSettings& o, const DpOperator& op) {
   std::vector<std::vector<double>> errors(truth.size());
   std::vector<double> covered(truth.size(), 0.0);
   for (const OneRun& r : runs) {
-    v.bounded_frac += r.bounded * each, v.bounds_new_frac += r.bounds_new * each, v.bounds_truth_frac += r.bounds_truth * each;
+    v.bounded_frac += r.bounded * each, v.bounds_new_frac += r.bounds_new * each,
+        v.bounds_truth_frac += r.bounds_truth * each;
     worst.push_back(r.new_worst), mean.push_back(r.excess_mean), largest.push_back(r.excess_worst);
     over.push_back(r.over_grid), ms.push_back(r.ms);
     v.terms_frac.resize(std::max(v.terms_frac.size(), r.model.markov.size() + 1), 0.0);
@@ -274,9 +288,11 @@ Validation validate(const ValidateSettings& o, const DpOperator& op) {
     double square = 0;
     for (double e : errors[p]) square += e * e / static_cast<double>(errors[p].size());
     v.rms_log_error.push_back(std::sqrt(square));
-    v.coverage.push_back(o.fit.criterion == "ml" && !errors[p].empty() ? covered[p] / static_cast<double>(errors[p].size()) : std::nan(""));
+    v.coverage.push_back(o.fit.criterion == "ml" && !errors[p].empty()
+                             ? covered[p] / static_cast<double>(errors[p].size())
+                             : std::nan(""));
   }
   return v;
 }
 
-}  // namespace imucal
+} // namespace imucal

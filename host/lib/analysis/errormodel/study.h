@@ -20,28 +20,29 @@ Spread spread_of(std::vector<double> values);
 struct SeparationSettings {
   ErrorModel model, versus;
   double duration_s = 6000, dt_s = 1;
-  int runs = 5;     // of each model per draw
+  int runs = 5; // of each model per draw
   int draws = 200;
   std::vector<double> tau_s;
   uint64_t seed = 1;
   int threads = 1;
 };
 struct Separation {
-  std::vector<double> longest_s;  // per draw: longest stretch of tau where all runs of one model lie above all of the other
+  std::vector<double>
+      longest_s; // per draw: longest stretch of tau where all runs of one model lie above all of the other
   Spread spread;
-  std::vector<double> separated_frac;  // per tau: part of the draws that separate there
-  std::vector<std::vector<double>> model_curves, versus_curves;  // of the first draw
+  std::vector<double> separated_frac;                           // per tau: part of the draws that separate there
+  std::vector<std::vector<double>> model_curves, versus_curves; // of the first draw
 };
 Separation separation(const SeparationSettings& settings, const DpOperator& op);
 
 // What to fit and how.
 struct FitSettings {
-  std::string criterion = "bound";  // bound, ls, ml
+  std::string criterion = "bound"; // bound, ls, ml
   int n_markov = -1;
   Across across = Across::kRms;
   Detrend detrend;
-  std::vector<double> tau_s;        // bound, ls
-  double confidence = 0;            // bound: of the data's upper limit at each tau; 0: the data themselves
+  std::vector<double> tau_s; // bound, ls
+  double confidence = 0;     // bound: of the data's upper limit at each tau; 0: the data themselves
 };
 // Fit of detrended (bound, ls) or raw (ml) series.
 ErrorModel fit_model(const std::vector<Series>& series, const DpOperator& op, const FitSettings& settings);
@@ -49,8 +50,8 @@ ErrorModel fit_model(const std::vector<Series>& series, const DpOperator& op, co
 struct ParameterError {
   std::string name;
   double value = 0, std_error = 0, log_std_error = 0, ci95_lo = 0, ci95_hi = 0;
-  double vanished_frac = 0;  // of refits that had no such term
-  std::string verdict;       // "yes", "weak", "no"
+  double vanished_frac = 0; // of refits that had no such term
+  std::string verdict;      // "yes", "weak", "no"
   std::string reason;
 };
 // Refits simulated records of the fitted model, of the same shape and detrended alike.
@@ -73,16 +74,16 @@ struct ValidateSettings {
 };
 struct Validation {
   int runs = 0;
-  double bounded_frac = 0;           // fits that bound the test they were made from, at every tau
-  double bounds_truth_frac = 0;      // and the expected curve of the truth
-  double bounds_new_frac = 0;        // and a new test of the same truth, at every tau
-  Spread new_worst_ratio;            // smallest model over data of the new test
+  double bounded_frac = 0;      // fits that bound the test they were made from, at every tau
+  double bounds_truth_frac = 0; // and the expected curve of the truth
+  double bounds_new_frac = 0;   // and a new test of the same truth, at every tau
+  Spread new_worst_ratio;       // smallest model over data of the new test
   Spread excess_mean, excess_worst, objective_over_grid, fit_ms;
-  std::vector<Spread> parameters;    // ln(estimate/truth), where the number of terms is right
-  std::vector<double> rms_log_error, coverage;  // per parameter (coverage: ml only)
+  std::vector<Spread> parameters;              // ln(estimate/truth), where the number of terms is right
+  std::vector<double> rms_log_error, coverage; // per parameter (coverage: ml only)
   std::vector<std::string> names;
-  std::vector<double> terms_frac;    // part of the fits with 0, 1, 2 … Markov terms
+  std::vector<double> terms_frac; // part of the fits with 0, 1, 2 … Markov terms
 };
 Validation validate(const ValidateSettings& settings, const DpOperator& op);
 
-}  // namespace imucal
+} // namespace imucal

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <limits>
 
+#include "analysis/fit/parts.h"
 #include "base/error.h"
 #include "base/suggest.h"
 #include "base/units.h"
-#include "analysis/fit/parts.h"
 
 namespace imucal {
 
@@ -18,12 +18,14 @@ constexpr double kMinSpanDegc = 0.5;
 constexpr size_t kTemperatures = IMUCAL_TABLE_SIGMA_N;
 constexpr double kUnused = std::numeric_limits<double>::quiet_NaN();
 
-std::string stem_of(const std::string& axis) { return axis.substr(0, axis.rfind('_')); }
+std::string stem_of(const std::string& axis) {
+  return axis.substr(0, axis.rfind('_'));
+}
 
 const LogAxis& find_axis(const Log& log, const std::string& name) {
   for (const LogAxis& axis : log.axes)
     if (axis.name == name || stem_of(axis.name) == stem_of(name)) return axis;
-  return log.axis(name);  // throws with the list
+  return log.axis(name); // throws with the list
 }
 
 std::vector<std::string> axes_of(const Log& log, const std::vector<std::string>& asked) {
@@ -70,7 +72,8 @@ void check_same_device(const std::vector<Log>& logs) {
     for (const Log& log : logs) {
       const auto first = logs[0].metadata.find(key), here = log.metadata.find(key);
       if (first == logs[0].metadata.end() || here == log.metadata.end() || first->second == here->second) continue;
-      throw data_error(log.path + ": # " + key + " = " + here->second + ", but " + logs[0].path + " has " + first->second +
+      throw data_error(log.path + ": # " + key + " = " + here->second + ", but " + logs[0].path + " has " +
+                       first->second +
                        ": logs of different devices make no table; fit them apart, or insist with --ignore-metadata");
     }
 }
@@ -82,8 +85,8 @@ void check_logs(const std::vector<Log>& logs, bool ignore_metadata) {
     if (!log.has_temperature())
       throw data_error(log.path + ": column temp_degc is empty: a thermal calibration needs the temperature");
     if (std::abs(log.dt_s() / logs[0].dt_s() - 1) > 0.01)
-      throw data_error(log.path + ": rows are " + std::to_string(log.dt_s()) + " s apart, those of " + logs[0].path + " " +
-                       std::to_string(logs[0].dt_s()) + " s: decimate them to the same interval");
+      throw data_error(log.path + ": rows are " + std::to_string(log.dt_s()) + " s apart, those of " + logs[0].path +
+                       " " + std::to_string(logs[0].dt_s()) + " s: decimate them to the same interval");
   }
 }
 
@@ -91,7 +94,8 @@ void check_logs(const std::vector<Log>& logs, bool ignore_metadata) {
 void normalise(const FitOptions& options, const Span& seen, FitAxis* axis) {
   const bool from_model = options.model && options.model->bias;
   axis->t0_degc = options.t0_degc.value_or(from_model ? options.model->bias->t0_degc : (seen.lo + seen.hi) / 2);
-  axis->range_degc = options.range_degc.value_or(from_model ? options.model->bias->range_degc : (seen.hi - seen.lo) / 2);
+  axis->range_degc =
+      options.range_degc.value_or(from_model ? options.model->bias->range_degc : (seen.hi - seen.lo) / 2);
   if (!(axis->range_degc > 0)) throw usage_error("the temperature range must be positive");
 }
 
@@ -108,7 +112,8 @@ void judge_span(const std::string& path, const Span& seen, FitAxis* axis, FitRes
     throw data_error(path + ": temperatures " + std::to_string(seen.lo) + ".." + std::to_string(seen.hi) +
                      " degC lie outside t0 +- range = " + std::to_string(lo) + ".." + std::to_string(hi) + " degC");
   if (seen.lo < lo - 0.1 || seen.hi > hi + 0.1)
-    result->warnings.push_back(axis->axis + ": temperatures reach beyond t0 +- range; the table is valid inside it only");
+    result->warnings.push_back(axis->axis +
+                               ": temperatures reach beyond t0 +- range; the table is valid inside it only");
 }
 
 void take_fit(const ChebyshevFit& fit, FitAxis* axis) {
@@ -150,14 +155,16 @@ void take_residuals(const std::vector<FitRun>& runs, FitAxis* axis) {
 }
 
 // One axis of every log; data_error where a log has nothing of it.
-std::vector<FitRun> runs_of(const std::vector<Log>& logs, const std::string& name, const FitOptions& options, double dt_s) {
+std::vector<FitRun> runs_of(const std::vector<Log>& logs, const std::string& name, const FitOptions& options,
+                            double dt_s) {
   std::vector<FitRun> runs;
   size_t n_used = 0;
   for (const Log& log : logs) {
     runs.push_back(grid_of(log, find_axis(log, name), dt_s));
     const std::vector<double>& rate = runs.back().rate_dph;
     const auto n_here = std::count_if(rate.begin(), rate.end(), [](double r) { return std::isfinite(r); });
-    if (n_here == 0) throw data_error(log.path + ": axis " + name + " has no usable second (empty, flagged, or without temperature)");
+    if (n_here == 0)
+      throw data_error(log.path + ": axis " + name + " has no usable second (empty, flagged, or without temperature)");
     n_used += static_cast<size_t>(n_here);
   }
   if (n_used < static_cast<size_t>(options.order) + logs.size() + 1)
@@ -202,7 +209,7 @@ imucal_health_t check_through_gate(imucal_health_config_t* expected, const std::
     return health;
   }
   imucal_health_t all = check_runs(*expected, &*config, shared_turn_on, runs).health;
-  all.n_rejected = health.n_rejected;  // a filter that learns the step contradicts itself less
+  all.n_rejected = health.n_rejected; // a filter that learns the step contradicts itself less
   all.has_opened = health.has_opened;
   return all;
 }
@@ -216,7 +223,8 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   std::vector<FitRun> runs = runs_of(logs, name, options, dt_s);
   imucal_health_config_t expected{};
   // Rows further apart than a second may lie further apart in temperature.
-  expected.temp_step_degc = static_cast<float>(std::min(100.0, std::max(temperature_step(runs), dt_s > 1.01 ? 0.2 * dt_s : 0)));
+  expected.temp_step_degc =
+      static_cast<float>(std::min(100.0, std::max(temperature_step(runs), dt_s > 1.01 ? 0.2 * dt_s : 0)));
   const Span seen = span_of(runs, expected);
   normalise(options, seen, &axis);
   judge_span(logs[0].path, seen, &axis, result);
@@ -232,24 +240,27 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   // Beyond |Tn| = 1.5 the core refuses and a polynomial has no meaning: leave out for both methods.
   for (FitRun& run : runs)
     for (size_t k = 0; k < run.rate_dph.size(); ++k)
-      if (std::abs((run.temp_degc[k] - axis.t0_degc) / axis.range_degc) > static_cast<double>(IMUCAL_KF_MAX_TN)) run.rate_dph[k] = kUnused;
+      if (std::abs((run.temp_degc[k] - axis.t0_degc) / axis.range_degc) > static_cast<double>(IMUCAL_KF_MAX_TN))
+        run.rate_dph[k] = kUnused;
   const ChebyshevFit fit =
       options.method == FitOptions::Method::kKalman
           ? fit_kalman(runs, *config, options.shared_turn_on)
-          : fit_polynomial_qr(runs, options.order, axis.t0_degc, axis.range_degc, options.model ? &*options.model : nullptr, dt_s,
-                              options.shared_turn_on);
+          : fit_polynomial_qr(runs, options.order, axis.t0_degc, axis.range_degc,
+                              options.model ? &*options.model : nullptr, dt_s, options.shared_turn_on);
   take_fit(fit, &axis);
   take_residuals(runs, &axis);
   if (fit.n_refused > 0)
-    result->warnings.push_back(axis.axis + ": the filter refused " + std::to_string(fit.n_refused) + " seconds as out of range");
+    result->warnings.push_back(axis.axis + ": the filter refused " + std::to_string(fit.n_refused) +
+                               " seconds as out of range");
   const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
   if (options.method == FitOptions::Method::kKalman && worst > 0.1 * options.prior_sigma_dph)
-    throw data_error(logs[0].path + ": axis " + name + ": the logs do not determine order " + std::to_string(options.order) +
-                     " (predicted error " + std::to_string(worst) + " dph): record a wider span or lower --order");
+    throw data_error(logs[0].path + ": axis " + name + ": the logs do not determine order " +
+                     std::to_string(options.order) + " (predicted error " + std::to_string(worst) +
+                     " dph): record a wider span or lower --order");
   return axis;
 }
 
-}  // namespace
+} // namespace
 
 double FitAxis::bias_dph(double at_degc) const {
   const double tn = (at_degc - t0_degc) / range_degc;
@@ -268,8 +279,8 @@ double FitAxis::bias_sigma_dph(double at_degc) const {
   return std::sqrt(std::max(0.0, sum));
 }
 
-imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc, double range_degc, double prior_sigma_dph,
-                             double dt_s, double other_white_dph2) {
+imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc, double range_degc,
+                             double prior_sigma_dph, double dt_s, double other_white_dph2) {
   double variance = 0, density = 0;
   for (const Markov& m : model.markov) {
     variance += m.sigma_dph * m.sigma_dph;
@@ -286,7 +297,8 @@ imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc,
   config.r = static_cast<float>(white * white + other_white_dph2);
   config.markov_variance = static_cast<float>(variance);
   config.prior_sigma = static_cast<float>(prior_sigma_dph);
-  if (!(white > 0)) throw data_error("model: arw_deg_rt_h is 0: the filter needs white noise; state the sensor's angle random walk");
+  if (!(white > 0))
+    throw data_error("model: arw_deg_rt_h is 0: the filter needs white noise; state the sensor's angle random walk");
   imucal_kf_t trial;
   const imucal_status status = imucal_kf_init(&trial, &config);
   if (status != IMUCAL_OK) throw data_error(std::string("the filter refuses the model: ") + imucal_status_text(status));
@@ -309,11 +321,13 @@ FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options) {
   result.metadata = logs[0].metadata;
   for (const Log& log : logs) result.logs.push_back(log.path);
   if (options.method == FitOptions::Method::kKalman && options.model->markov.size() > 1)
-    result.warnings.push_back("the filter has one Markov state: the model's " + std::to_string(options.model->markov.size()) +
+    result.warnings.push_back("the filter has one Markov state: the model's " +
+                              std::to_string(options.model->markov.size()) +
                               " terms were merged into one of the same variance and low-frequency density");
-  for (const std::string& name : axes_of(logs[0], options.axes)) result.axes.push_back(fit_axis(logs, name, options, &result));
+  for (const std::string& name : axes_of(logs[0], options.axes))
+    result.axes.push_back(fit_axis(logs, name, options, &result));
   judge_fit(options, logs[0].dt_s(), &result);
   return result;
 }
 
-}  // namespace imucal
+} // namespace imucal

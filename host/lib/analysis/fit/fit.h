@@ -18,10 +18,10 @@
 #include <string>
 #include <vector>
 
+#include "health.h"
 #include "io/json_file.h"
 #include "io/log.h"
 #include "io/model.h"
-#include "health.h"
 #include "kf.h"
 #include "table.h"
 
@@ -30,15 +30,15 @@ namespace imucal {
 struct FitOptions {
   enum class Method { kKalman, kPolynomial };
   Method method = Method::kKalman;
-  int order = 3;                               // 1..5
-  std::optional<ErrorModel> model;             // kKalman: required; kPolynomial: makes sigma honest (see FitAxis)
-  std::optional<double> t0_degc, range_degc;   // else the model's bias, else middle and half width of the logs' span
-  double prior_sigma_dph = 1e4;                // kKalman: of every coefficient
-  bool shared_turn_on = false;                 // all logs have one constant
-  std::vector<std::string> axes;               // empty: every gyro of the first log (every axis where it has none)
-  bool ignore_metadata = false;                // logs of different devices or serial numbers
-  std::vector<std::string> accept;             // rules (fit_rules) that shall not refuse
-  double max_error_dph = 100;                  // largest predicted error that is accepted without asking
+  int order = 3;                             // 1..5
+  std::optional<ErrorModel> model;           // kKalman: required; kPolynomial: makes sigma honest (see FitAxis)
+  std::optional<double> t0_degc, range_degc; // else the model's bias, else middle and half width of the logs' span
+  double prior_sigma_dph = 1e4;              // kKalman: of every coefficient
+  bool shared_turn_on = false;               // all logs have one constant
+  std::vector<std::string> axes;             // empty: every gyro of the first log (every axis where it has none)
+  bool ignore_metadata = false;              // logs of different devices or serial numbers
+  std::vector<std::string> accept;           // rules (fit_rules) that shall not refuse
+  double max_error_dph = 100;                // largest predicted error that is accepted without asking
 };
 
 // Something that speaks against an axis: a rule of the core (common/health.h) or one of a whole log (see fit_rules).
@@ -50,21 +50,21 @@ struct FitReason {
 };
 
 struct FitAxis {
-  std::string axis;                    // column name in internal units: gx_dph, ax_mg
+  std::string axis; // column name in internal units: gx_dph, ax_mg
   int order = 0;
   double t0_degc = 0, range_degc = 1;
-  std::vector<double> coeff_dph;       // b0 .. bM (mg for accelerometers)
-  std::vector<double> covariance_dph2; // of the coefficients, row-major (M+1) x (M+1)
-  double span_lo_degc = 0, span_hi_degc = 0;  // temperatures seen, inside t0 +- range: the table's valid span
-  std::vector<double> temp_degc, sigma_dph;   // predicted one-sigma error of B(T) at 9 temperatures of the span
-  std::string sigma_basis;             // "filter", "model" or "residuals" (batch means: no model was given)
-  std::vector<double> turn_on_dph;     // a_l, one per log, mean 0; empty for one log or shared_turn_on
-  double residual_rms_dph = 0;         // rate - B(T) - a_l over all seconds used
-  long n_used = 0, n_missing = 0;      // seconds used; flagged, empty, refused or missing between the first and last
-  double mean_nis = 0, lag1 = 0;       // kKalman: innovation statistics (1 and 0 with a right model)
-  imucal_health_verdict_t health{};    // the core's rules; those on innovations only where a model was given
-  long n_rejected = 0, n_bad_temperature = 0;  // seconds left out: knocks, readings that no thermometer reaches
-  double error_factor = 1;             // how many times sigma_dph is too small by what the innovations say
+  std::vector<double> coeff_dph;             // b0 .. bM (mg for accelerometers)
+  std::vector<double> covariance_dph2;       // of the coefficients, row-major (M+1) x (M+1)
+  double span_lo_degc = 0, span_hi_degc = 0; // temperatures seen, inside t0 +- range: the table's valid span
+  std::vector<double> temp_degc, sigma_dph;  // predicted one-sigma error of B(T) at 9 temperatures of the span
+  std::string sigma_basis;                   // "filter", "model" or "residuals" (batch means: no model was given)
+  std::vector<double> turn_on_dph;           // a_l, one per log, mean 0; empty for one log or shared_turn_on
+  double residual_rms_dph = 0;               // rate - B(T) - a_l over all seconds used
+  long n_used = 0, n_missing = 0;   // seconds used; flagged, empty, refused or missing between the first and last
+  double mean_nis = 0, lag1 = 0;    // kKalman: innovation statistics (1 and 0 with a right model)
+  imucal_health_verdict_t health{}; // the core's rules; those on innovations only where a model was given
+  long n_rejected = 0, n_bad_temperature = 0; // seconds left out: knocks, readings that no thermometer reaches
+  double error_factor = 1;                    // how many times sigma_dph is too small by what the innovations say
   double bias_dph(double temp_degc) const;
   double bias_sigma_dph(double temp_degc) const;
 };
@@ -72,12 +72,12 @@ struct FitAxis {
 struct FitResult {
   FitOptions::Method method = FitOptions::Method::kKalman;
   std::vector<std::string> logs;
-  std::vector<FitAxis> axes;           // empty: never ran
-  std::vector<std::string> warnings;   // e.g. several Markov terms merged for the filter
+  std::vector<FitAxis> axes;         // empty: never ran
+  std::vector<std::string> warnings; // e.g. several Markov terms merged for the filter
   std::optional<ErrorModel> model;
-  std::map<std::string, std::string> metadata;  // of the first log
-  std::vector<FitReason> reasons;      // empty: nothing speaks against it
-  bool is_accepted() const;            // every reason was accepted beforehand
+  std::map<std::string, std::string> metadata; // of the first log
+  std::vector<FitReason> reasons;              // empty: nothing speaks against it
+  bool is_accepted() const;                    // every reason was accepted beforehand
 };
 
 // Names of all rules: those of the core, and over a whole log
@@ -108,11 +108,11 @@ Json to_json(const FitResult& result);
 // from the defaults named.  data_error: no serial anywhere, text where a number belongs, a table the core refuses.
 struct TableInfo {
   std::string serial;
-  uint32_t created_s = 0;                               // 0: now
-  std::optional<double> degc_per_count, degc_at_zero;   // 0.01, 25
-  std::optional<double> unit_per_count;                 // 18 dph (1 mg) per count
-  std::optional<long> full_scale_counts;                // 32767
+  uint32_t created_s = 0;                             // 0: now
+  std::optional<double> degc_per_count, degc_at_zero; // 0.01, 25
+  std::optional<double> unit_per_count;               // 18 dph (1 mg) per count
+  std::optional<long> full_scale_counts;              // 32767
 };
 imucal_table_t make_table(const FitResult& result, const TableInfo& info);
 
-}  // namespace imucal
+} // namespace imucal

@@ -15,8 +15,8 @@ namespace imucal {
 
 namespace {
 
-constexpr double kMaxResidualVariance = 1.5;  // of what the model predicts, beyond its own scatter
-constexpr double kMinMeasurements = 0.9;      // of the best axis' seconds
+constexpr double kMaxResidualVariance = 1.5; // of what the model predicts, beyond its own scatter
+constexpr double kMinMeasurements = 0.9;     // of the best axis' seconds
 
 // A second that the filter refuses stays: fit_kalman counts it.
 bool is_left_out_by(imucal_learn_outcome_t outcome) {
@@ -32,11 +32,13 @@ void check_run(imucal_health_t* health, imucal_learn_t* learn, FitRun* run) {
       continue;
     }
     const bool is_measured = std::isfinite(run->rate_dph[k]);
-    const imucal_learn_input_t input = {static_cast<float>(run->rate_dph[k]), static_cast<float>(run->temp_degc[k]), run->noise_ratio[k],
-                                        gap_s, is_measured ? IMUCAL_LEARN_USED : IMUCAL_LEARN_MISSING};
+    const imucal_learn_input_t input = {static_cast<float>(run->rate_dph[k]), static_cast<float>(run->temp_degc[k]),
+                                        run->noise_ratio[k], gap_s,
+                                        is_measured ? IMUCAL_LEARN_USED : IMUCAL_LEARN_MISSING};
     const bool is_left_out =
-        learn == nullptr ? !imucal_health_second(health, input.value, input.temp_degc, run->flags[k], is_measured, gap_s)
-                         : is_left_out_by(imucal_learn_checked(learn, health, &input, run->flags[k]));
+        learn == nullptr
+            ? !imucal_health_second(health, input.value, input.temp_degc, run->flags[k], is_measured, gap_s)
+            : is_left_out_by(imucal_learn_checked(learn, health, &input, run->flags[k]));
     if (is_left_out) run->rate_dph[k] = std::numeric_limits<double>::quiet_NaN();
     gap_s = 0;
   }
@@ -54,23 +56,45 @@ std::string text_of(uint32_t rule, const FitAxis& axis) {
   const std::string percent = number(100 * static_cast<double>(axis.health.value[rule])) + " %";
   const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
   const std::string honest = ": the predicted error is at least " + number(axis.error_factor) + " times too small (" +
-                             number(worst) + " claimed, " + number(worst * axis.error_factor) + " by what was seen); identify the model anew";
+                             number(worst) + " claimed, " + number(worst * axis.error_factor) +
+                             " by what was seen); identify the model anew";
   switch (rule) {
-    case IMUCAL_HEALTH_NO_NOISE: return "no noise: steps between seconds have " + value + " of the variance expected; is the sensor alive?";
-    case IMUCAL_HEALTH_REPEATED: return value + " seconds in a row have the same value: the output is frozen, or far coarser than its noise";
-    case IMUCAL_HEALTH_SATURATED: return "at its rail in " + percent + " of the seconds: what is left of them is no bias";
-    case IMUCAL_HEALTH_FAULTY: return "the sensor reports a fault in " + percent + " of the seconds";
-    case IMUCAL_HEALTH_TEMP_STUCK: return "while the temperature stands the rate moves by " + value + " standard deviations: is the thermometer stuck?";
-    case IMUCAL_HEALTH_TEMP_JUMP: return "the temperature jumps to another level " + value + " times: no sensor does that";
-    case IMUCAL_HEALTH_TEMP_SPIKES: return percent + " of the temperatures are out of reach of their neighbours: is the thermometer's line good?";
-    case IMUCAL_HEALTH_TEMP_RAMP: return "the temperature crosses " + percent + " of the range in 64 s: sensor and thermometer do not follow; ramp more slowly";
-    case IMUCAL_HEALTH_SPAN: return "only " + percent + " of the range asked for was seen: the rest is a guess; widen the profile or narrow --range";
-    case IMUCAL_HEALTH_NIS: return "innovations have " + value + " times the variance that the model predicts" + (axis.health.value[rule] > 1 ? honest : "");
-    case IMUCAL_HEALTH_LAG1: return "innovations are correlated from one second to the next by " + value + ": the model's noise is not the sensor's";
-    case IMUCAL_HEALTH_SLOW: return "slow noise (blocks of 256 s) has " + value + " times the variance that the model predicts" + honest;
-    case IMUCAL_HEALTH_REJECTS: return "knocks" + (axis.health.value[rule] >= 1 ? std::string(" of a minute and more") : " in " + percent + " of the seconds") +
-                                      " (innovations beyond 6 sigma): the model is wrong, or the device was moved";
-    default: return "rule " + std::to_string(rule);
+  case IMUCAL_HEALTH_NO_NOISE:
+    return "no noise: steps between seconds have " + value + " of the variance expected; is the sensor alive?";
+  case IMUCAL_HEALTH_REPEATED:
+    return value + " seconds in a row have the same value: the output is frozen, or far coarser than its noise";
+  case IMUCAL_HEALTH_SATURATED:
+    return "at its rail in " + percent + " of the seconds: what is left of them is no bias";
+  case IMUCAL_HEALTH_FAULTY:
+    return "the sensor reports a fault in " + percent + " of the seconds";
+  case IMUCAL_HEALTH_TEMP_STUCK:
+    return "while the temperature stands the rate moves by " + value +
+           " standard deviations: is the thermometer stuck?";
+  case IMUCAL_HEALTH_TEMP_JUMP:
+    return "the temperature jumps to another level " + value + " times: no sensor does that";
+  case IMUCAL_HEALTH_TEMP_SPIKES:
+    return percent + " of the temperatures are out of reach of their neighbours: is the thermometer's line good?";
+  case IMUCAL_HEALTH_TEMP_RAMP:
+    return "the temperature crosses " + percent +
+           " of the range in 64 s: sensor and thermometer do not follow; ramp more slowly";
+  case IMUCAL_HEALTH_SPAN:
+    return "only " + percent +
+           " of the range asked for was seen: the rest is a guess; widen the profile or narrow --range";
+  case IMUCAL_HEALTH_NIS:
+    return "innovations have " + value + " times the variance that the model predicts" +
+           (axis.health.value[rule] > 1 ? honest : "");
+  case IMUCAL_HEALTH_LAG1:
+    return "innovations are correlated from one second to the next by " + value +
+           ": the model's noise is not the sensor's";
+  case IMUCAL_HEALTH_SLOW:
+    return "slow noise (blocks of 256 s) has " + value + " times the variance that the model predicts" + honest;
+  case IMUCAL_HEALTH_REJECTS:
+    return "knocks" +
+           (axis.health.value[rule] >= 1 ? std::string(" of a minute and more")
+                                         : " in " + percent + " of the seconds") +
+           " (innovations beyond 6 sigma): the model is wrong, or the device was moved";
+  default:
+    return "rule " + std::to_string(rule);
   }
 }
 
@@ -82,14 +106,17 @@ void judge_residual(const ErrorModel& model, double dt_s, const FitAxis& axis, s
     variance += m.sigma_dph * m.sigma_dph;
     scatter2 += std::pow(m.sigma_dph, 4) * 2 * m.tau_s / (n * dt_s);
   }
-  const double limit = std::sqrt(kMaxResidualVariance * (variance + static_cast<double>(IMUCAL_HEALTH_Z) * std::sqrt(scatter2)));
+  const double limit =
+      std::sqrt(kMaxResidualVariance * (variance + static_cast<double>(IMUCAL_HEALTH_Z) * std::sqrt(scatter2)));
   if (axis.residual_rms_dph <= limit) return;
   reasons->push_back({axis.axis, "residual", axis.residual_rms_dph, limit,
-                      "residual " + number(axis.residual_rms_dph) + " rms, but noise of the model makes " + number(std::sqrt(variance)) +
-                          " (limit " + number(limit) + "): the polynomial misses something, or the model does"});
+                      "residual " + number(axis.residual_rms_dph) + " rms, but noise of the model makes " +
+                          number(std::sqrt(variance)) + " (limit " + number(limit) +
+                          "): the polynomial misses something, or the model does"});
 }
 
-void judge_axis(const FitOptions& options, double dt_s, const FitAxis& axis, long best_n, std::vector<FitReason>* reasons) {
+void judge_axis(const FitOptions& options, double dt_s, const FitAxis& axis, long best_n,
+                std::vector<FitReason>* reasons) {
   for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule) {
     // "in 64 s" means 64 rows: of rows further apart it says nothing
     if (rule == IMUCAL_HEALTH_TEMP_RAMP && dt_s > 1.5) continue;
@@ -100,8 +127,9 @@ void judge_axis(const FitOptions& options, double dt_s, const FitAxis& axis, lon
   if (options.model) judge_residual(*options.model, dt_s, axis, reasons);
   const double part = static_cast<double>(axis.n_used) / static_cast<double>(best_n);
   if (part < kMinMeasurements)
-    reasons->push_back({axis.axis, "measurements", part, kMinMeasurements,
-                        "only " + number(100 * part) + " % of the seconds that the best axis has: what became of the others?"});
+    reasons->push_back(
+        {axis.axis, "measurements", part, kMinMeasurements,
+         "only " + number(100 * part) + " % of the seconds that the best axis has: what became of the others?"});
   const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
   if (worst > options.max_error_dph)
     reasons->push_back({axis.axis, "error", worst, options.max_error_dph,
@@ -109,18 +137,21 @@ void judge_axis(const FitOptions& options, double dt_s, const FitAxis& axis, lon
                             ": record longer or over a wider span, or lower --order"});
 }
 
-}  // namespace
+} // namespace
 
 Checked check_runs(const imucal_health_config_t& expected, const imucal_kf_config_t* config, bool shared_turn_on,
                    std::vector<FitRun>* runs) {
   Checked checked;
   imucal_learn_t learn;
-  if (config != nullptr && imucal_learn_init(&learn, config) != IMUCAL_OK) throw data_error("the filter refuses its configuration");
+  if (config != nullptr && imucal_learn_init(&learn, config) != IMUCAL_OK)
+    throw data_error("the filter refuses its configuration");
   const imucal_status status = imucal_health_init(&checked.health, &expected);
-  if (status != IMUCAL_OK) throw data_error(std::string("the rules refuse what is expected: ") + imucal_status_text(status));
+  if (status != IMUCAL_OK)
+    throw data_error(std::string("the rules refuse what is expected: ") + imucal_status_text(status));
   for (size_t l = 0; l < runs->size(); ++l) {
     if (l > 0) imucal_health_new_run(&checked.health);
-    if (l > 0 && config != nullptr && imucal_kf_new_run(&learn.kf, shared_turn_on ? 0.0F : config->prior_sigma) != IMUCAL_OK)
+    if (l > 0 && config != nullptr &&
+        imucal_kf_new_run(&learn.kf, shared_turn_on ? 0.0F : config->prior_sigma) != IMUCAL_OK)
       throw data_error("the filter refuses a new run");
     check_run(&checked.health, config != nullptr ? &learn : nullptr, &(*runs)[l]);
   }
@@ -157,4 +188,4 @@ void judge_fit(const FitOptions& options, double dt_s, FitResult* result) {
     reason.is_accepted = std::find(options.accept.begin(), options.accept.end(), reason.rule) != options.accept.end();
 }
 
-}  // namespace imucal
+} // namespace imucal

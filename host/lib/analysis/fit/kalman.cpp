@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 
-#include "base/error.h"
 #include "analysis/fit/parts.h"
+#include "base/error.h"
 #include "learn.h"
 
 namespace imucal {
@@ -25,16 +25,17 @@ void run_log(const FitRun& run, imucal_learn_t* learn) {
   }
 }
 
-}  // namespace
+} // namespace
 
 ChebyshevFit fit_kalman(const std::vector<FitRun>& runs, const imucal_kf_config_t& config, bool shared_turn_on) {
   imucal_learn_t learn;
   const imucal_kf_t& kf = learn.kf;
   const imucal_status status = imucal_learn_init(&learn, &config);
-  if (status != IMUCAL_OK) throw data_error(std::string("the filter refuses its configuration: ") + imucal_status_text(status));
+  if (status != IMUCAL_OK)
+    throw data_error(std::string("the filter refuses its configuration: ") + imucal_status_text(status));
   ChebyshevFit fit;
   fit.sigma_basis = "filter";
-  std::vector<Factors> ends;  // row 0 of each: the log's constant given the other coefficients
+  std::vector<Factors> ends; // row 0 of each: the log's constant given the other coefficients
   for (size_t l = 0; l < runs.size(); ++l) {
     if (l > 0 && imucal_kf_new_run(&learn.kf, shared_turn_on ? 0.0F : config.prior_sigma) != IMUCAL_OK)
       throw data_error("the filter refuses a new run");
@@ -71,4 +72,4 @@ ChebyshevFit fit_kalman(const std::vector<FitRun>& runs, const imucal_kf_config_
   return fit;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -12,20 +12,20 @@ namespace imucal {
 // One axis of one log on a regular grid of seconds; NaN rate: not used (missing, flagged, no temperature).
 struct FitRun {
   std::vector<double> rate_dph, temp_degc;
-  std::vector<float> noise_ratio;  // white variance over that of a whole second
-  std::vector<bool> has_row;       // false: the log has no row for this second
-  std::vector<uint32_t> flags;     // IMUCAL_FLAG_* (sum.h; a log's bits are the same)
+  std::vector<float> noise_ratio; // white variance over that of a whole second
+  std::vector<bool> has_row;      // false: the log has no row for this second
+  std::vector<uint32_t> flags;    // IMUCAL_FLAG_* (sum.h; a log's bits are the same)
 };
 
 // What either method finds, in Chebyshev polynomials of Tn: c0 (mean of the logs' constants), c1 .. cM.
 struct ChebyshevFit {
-  Eigen::VectorXd coeff;       // M + 1
-  Eigen::MatrixXd covariance;  // of these
-  std::vector<double> constant;  // c0 of each log (one where shared)
+  Eigen::VectorXd coeff;        // M + 1
+  Eigen::MatrixXd covariance;   // of these
+  std::vector<double> constant; // c0 of each log (one where shared)
   std::string sigma_basis;
   double mean_nis = 0, lag1 = 0;
   long n_refused = 0;
-  std::vector<double> core_coeff;  // kKalman, one log: b_i as the core gives them
+  std::vector<double> core_coeff; // kKalman, one log: b_i as the core gives them
 };
 
 // What the core's rules say of the runs of one axis, the same way as on the device: every second through
@@ -33,7 +33,7 @@ struct ChebyshevFit {
 // unused in `runs`.  config null: no innovations.
 struct Checked {
   imucal_health_t health{};
-  float lo_degc = 0, hi_degc = 0;  // seen, robustly
+  float lo_degc = 0, hi_degc = 0; // seen, robustly
   bool has_span = false;
 };
 Checked check_runs(const imucal_health_config_t& expected, const imucal_kf_config_t* config, bool shared_turn_on,
@@ -51,4 +51,4 @@ ChebyshevFit fit_kalman(const std::vector<FitRun>& runs, const imucal_kf_config_
 ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, double t0_degc, double range_degc,
                                const ErrorModel* model, double dt_s, bool shared_turn_on);
 
-}  // namespace imucal
+} // namespace imucal

@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "analysis/fit/parts.h"
 #include "base/error.h"
 #include "noise/covariance.h"
-#include "analysis/fit/parts.h"
 
 namespace imucal {
 
@@ -47,7 +47,7 @@ double batch_variance(const std::vector<Eigen::VectorXd>& residuals) {
   return n_batches > 0 ? sum / static_cast<double>(n_batches) : 0;
 }
 
-}  // namespace
+} // namespace
 
 ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, double t0_degc, double range_degc,
                                const ErrorModel* model, double dt_s, bool shared_turn_on) {
@@ -72,7 +72,7 @@ ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, doubl
       z[row++] = runs[l].rate_dph[at];
     }
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(a);
-  qr.setThreshold(1e-9);  // columns are of size 1: below this the logs do not tell them apart
+  qr.setThreshold(1e-9); // columns are of size 1: below this the logs do not tell them apart
   if (n < p || qr.rank() < p)
     throw data_error("the logs do not determine " + std::to_string(p) + " coefficients (rank " +
                      std::to_string(qr.rank()) + "): record a wider temperature span or lower --order");
@@ -90,7 +90,8 @@ ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, doubl
       const auto len = static_cast<Eigen::Index>(list.size());
       const std::vector<int> steps = steps_of(list);
       for (Eigen::Index c = 0; c < p; ++c)
-        cq.col(c).segment(at, len) = covariance_times({steps.size(), steps.data(), dt_s}, noise_of(*model), q.col(c).segment(at, len));
+        cq.col(c).segment(at, len) =
+            covariance_times({steps.size(), steps.data(), dt_s}, noise_of(*model), q.col(c).segment(at, len));
       at += len;
     }
     middle = q.transpose() * cq;
@@ -119,4 +120,4 @@ ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, doubl
   return fit;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -5,8 +5,8 @@
 #include <cstring>
 #include <ctime>
 
-#include "base/error.h"
 #include "analysis/fit/fit.h"
+#include "base/error.h"
 
 namespace imucal {
 
@@ -46,8 +46,8 @@ imucal_table_channel_t channel_of(const FitResult& result, const FitAxis& axis, 
   const double scale = unit == "_mg" ? 1.0 : 18.0;
   channel.unit_per_count =
       static_cast<float>(info.unit_per_count.value_or(metadata_number(result, stem + "_counts_scale" + unit, scale)));
-  channel.full_scale_counts = static_cast<int32_t>(
-      static_cast<double>(info.full_scale_counts.value_or(static_cast<long>(metadata_number(result, stem + "_full_scale_counts", 32767)))));
+  channel.full_scale_counts = static_cast<int32_t>(static_cast<double>(
+      info.full_scale_counts.value_or(static_cast<long>(metadata_number(result, stem + "_full_scale_counts", 32767)))));
   channel.n_seconds = static_cast<uint32_t>(axis.n_used);
   return channel;
 }
@@ -68,11 +68,16 @@ Json health_json(const imucal_health_verdict_t& verdict) {
 Json judgement_json(const FitResult& result) {
   Json reasons = Json::array();
   for (const FitReason& r : result.reasons)
-    reasons.push_back({{"axis", r.axis}, {"rule", r.rule}, {"value", r.value}, {"limit", r.limit}, {"text", r.text}, {"accepted", r.is_accepted}});
+    reasons.push_back({{"axis", r.axis},
+                       {"rule", r.rule},
+                       {"value", r.value},
+                       {"limit", r.limit},
+                       {"text", r.text},
+                       {"accepted", r.is_accepted}});
   return {{"accepted", result.is_accepted()}, {"reasons", reasons}};
 }
 
-}  // namespace
+} // namespace
 
 Json to_json(const FitResult& result) {
   Json json;
@@ -118,23 +123,28 @@ imucal_table_t make_table(const FitResult& result, const TableInfo& info) {
   imucal_table_t table{};
   std::string serial = info.serial;
   if (serial.empty() && result.metadata.count("serial")) serial = result.metadata.at("serial");
-  if (serial.empty()) throw data_error(result.logs.at(0) + ": no device serial: give --serial, or \"# serial = …\" in the log");
+  if (serial.empty())
+    throw data_error(result.logs.at(0) + ": no device serial: give --serial, or \"# serial = …\" in the log");
   if (imucal_text_set(table.serial, sizeof table.serial, serial.c_str()) != IMUCAL_OK)
     throw data_error("serial \"" + serial + "\": a table holds 1 to 16 printable characters without blanks");
   if (result.axes.empty() || result.axes.size() > IMUCAL_MAX_CHANNELS)
-    throw data_error("a table holds 1 to " + std::to_string(IMUCAL_MAX_CHANNELS) + " channels, the fit has " + std::to_string(result.axes.size()));
+    throw data_error("a table holds 1 to " + std::to_string(IMUCAL_MAX_CHANNELS) + " channels, the fit has " +
+                     std::to_string(result.axes.size()));
   table.sequence = 1;
   table.created_s = info.created_s != 0 ? info.created_s : static_cast<uint32_t>(std::time(nullptr));
   table.n_channels = static_cast<uint8_t>(result.axes.size());
-  table.degc_per_count = static_cast<float>(info.degc_per_count.value_or(metadata_number(result, "temp_counts_scale_degc", 0.01)));
-  table.degc_at_zero = static_cast<float>(info.degc_at_zero.value_or(metadata_number(result, "temp_counts_offset_degc", 25)));
+  table.degc_per_count =
+      static_cast<float>(info.degc_per_count.value_or(metadata_number(result, "temp_counts_scale_degc", 0.01)));
+  table.degc_at_zero =
+      static_cast<float>(info.degc_at_zero.value_or(metadata_number(result, "temp_counts_offset_degc", 25)));
   for (size_t i = 0; i < result.axes.size(); ++i) table.channel[i] = channel_of(result, result.axes[i], info);
   imucal_table_place_t place{};
   const imucal_status status = imucal_table_validate(&table, &place);
   if (status != IMUCAL_OK)
-    throw data_error("the table would not be valid: " + (place.channel >= 0 ? result.axes[static_cast<size_t>(place.channel)].axis + " " : std::string()) +
+    throw data_error("the table would not be valid: " +
+                     (place.channel >= 0 ? result.axes[static_cast<size_t>(place.channel)].axis + " " : std::string()) +
                      place.field + ": " + imucal_status_text(status));
   return table;
 }
 
-}  // namespace imucal
+} // namespace imucal

@@ -8,9 +8,9 @@
 #include <ctime>
 #include <mutex>
 
+#include "analysis/montecarlo/residual.h"
 #include "base/error.h"
 #include "base/parallel.h"
-#include "analysis/montecarlo/residual.h"
 
 namespace imucal {
 
@@ -68,14 +68,12 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   }
   plan.chain.span_lo_degc = lo;
   plan.chain.span_hi_degc = hi;
-  plan.truth =
-      renormalised(bias ? *bias : ThermalPolynomial{0, 1, {0.0}}, plan.chain.t0_degc, plan.chain.range_degc);
+  plan.truth = renormalised(bias ? *bias : ThermalPolynomial{0, 1, {0.0}}, plan.chain.t0_degc, plan.chain.range_degc);
   plan.chamber_degc = options.profile.temperatures(1.0);
   for (size_t k = 0; k < plan.chamber_degc.size(); ++k) plan.t_s.push_back(static_cast<double>(k + 1));
   plan.chain.white_from_s = plan.t_s.size() / 2;
   for (size_t i = 0; i < options.points; ++i)
-    plan.temp_degc.push_back(lo +
-                             (hi - lo) * static_cast<double>(i) / static_cast<double>(options.points - 1));
+    plan.temp_degc.push_back(lo + (hi - lo) * static_cast<double>(i) / static_cast<double>(options.points - 1));
   for (const long n : {1L, 2L, 5L, 10L, 20L, 50L, 100L, 200L, 400L, 600L})
     if (static_cast<size_t>(n) < plan.t_s.size() / 4) plan.dp_n.push_back(n);
   filter_config(plan.chain); // refuses what the filter cannot take, before the first run
@@ -151,8 +149,7 @@ private:
 
 } // namespace
 
-CampaignResult run_campaign(const CampaignPlan& plan,
-                            const std::function<void(const CampaignResult&)>& progress,
+CampaignResult run_campaign(const CampaignPlan& plan, const std::function<void(const CampaignResult&)>& progress,
                             const std::function<bool()>& stop) {
   return run_campaign(plan, score_run, progress, stop);
 }
@@ -171,7 +168,8 @@ CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
     progress(result);
   };
   const int threads = std::max(1, plan.options.threads);
-  parallel_for(threads, threads, [&](long) { workers.work(); }, watch);
+  parallel_for(
+      threads, threads, [&](long) { workers.work(); }, watch);
   workers.snapshot(&result);
   result.runs_done = workers.done();
   result.is_interrupted = workers.stopped() && result.runs_done < plan.options.runs;

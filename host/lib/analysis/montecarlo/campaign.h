@@ -74,8 +74,7 @@ struct CampaignResult {
 
 // Runs on options.threads threads.  `progress` is called now and then with a snapshot; `stop` is asked
 // between runs.
-CampaignResult run_campaign(const CampaignPlan& plan,
-                            const std::function<void(const CampaignResult&)>& progress,
+CampaignResult run_campaign(const CampaignPlan& plan, const std::function<void(const CampaignResult&)>& progress,
                             const std::function<bool()>& stop);
 // The same with another score than score_run.
 using RunScore = std::function<void(const CampaignPlan&, uint64_t run, Tally*)>;

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <cstring>
 
-#include "base/error.h"
 #include "analysis/fit/factors.h"
 #include "analysis/fit/fit.h"
+#include "base/error.h"
 
 namespace imucal {
 
@@ -54,7 +54,8 @@ void CoreChain::take(const imucal_second_t& second) {
   imucal_thermometer_read(&thermometer_, &second);
   if (imucal_learn_second(&learn_, &thermometer_, &sum_, &second, 0, z_dph) != IMUCAL_LEARN_USED) return;
   const uint32_t n_bridged = learn_.kf.stats.n_missed;
-  seconds_.push_back({z_dph, thermometer_.temp_degc, n_bridged - n_bridged_, imucal_sum_noise_ratio(&sum_, &second, 0)});
+  seconds_.push_back(
+      {z_dph, thermometer_.temp_degc, n_bridged - n_bridged_, imucal_sum_noise_ratio(&sum_, &second, 0)});
   n_bridged_ = n_bridged;
   keep_innovation();
 }
@@ -113,8 +114,7 @@ double CoreChain::compensated_bias_dph(double temp_degc) const {
 }
 
 double CoreChain::table_bias_dph(double temp_degc) const {
-  const double tn =
-      (temp_degc - static_cast<double>(table().t0_degc)) / static_cast<double>(table().range_degc);
+  const double tn = (temp_degc - static_cast<double>(table().t0_degc)) / static_cast<double>(table().range_degc);
   double sum = 0;
   for (size_t i = IMUCAL_MAX_COEFF; i-- > 0;) sum = sum * tn + static_cast<double>(table().coeff[i]);
   return sum;

@@ -13,8 +13,8 @@
 #include "comp.h"
 #include "io/model.h"
 #include "learn.h"
-#include "sample.h"
 #include "physics/sim/raw_samples.h"
+#include "sample.h"
 #include "sum.h"
 #include "table.h"
 
@@ -90,7 +90,7 @@ private:
   imucal_table_t table_;
   imucal_comp_t comp_;
   std::vector<SecondMean> seconds_;
-  uint32_t n_bridged_ = 0;  // seconds bridged before the newest one used
+  uint32_t n_bridged_ = 0; // seconds bridged before the newest one used
   static constexpr size_t kRing = 128;
   float ring_[kRing] = {};
   uint64_t n_innovations_ = 0;

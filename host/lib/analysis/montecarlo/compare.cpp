@@ -31,11 +31,10 @@ Profile freezer_warm_up() {
   return profile;
 }
 
-constexpr Method kMethods[] = {Method::kKalman, Method::kLeastSquares, Method::kRisingBins,
-                               Method::kRisingMaximum};
+constexpr Method kMethods[] = {Method::kKalman, Method::kLeastSquares, Method::kRisingBins, Method::kRisingMaximum};
 
-void score_method(const CampaignPlan& plan, const std::vector<double>& coeff,
-                  const std::vector<double>& truth, Method method, Tally* tally) {
+void score_method(const CampaignPlan& plan, const std::vector<double>& coeff, const std::vector<double>& truth,
+                  Method method, Tally* tally) {
   const std::string name = to_text(method);
   tally->count(name + " runs");
   if (coeff.empty()) return;
@@ -62,10 +61,10 @@ void score_all(const CampaignPlan& plan, const CampaignPlan& reading, uint64_t r
     seconds.push_back({static_cast<double>(s.temp_degc), static_cast<double>(s.z_dph)});
   for (const Method method : kMethods)
     if (method != Method::kKalman)
-      score_method(plan,
-                   fit_polynomial(points_of(method, seconds), plan.options.order, plan.chain.t0_degc,
-                                  plan.chain.range_degc),
-                   test.truth, method, tally);
+      score_method(
+          plan,
+          fit_polynomial(points_of(method, seconds), plan.options.order, plan.chain.t0_degc, plan.chain.range_degc),
+          test.truth, method, tally);
 }
 
 MethodScore summary(const Tally& tally, Method method, bool is_tracked) {
@@ -105,8 +104,7 @@ std::vector<Scenario> standard_scenarios() {
   return all;
 }
 
-Comparison compare_methods(const CampaignOptions& base, const Scenario& scenario,
-                           const std::function<bool()>& stop) {
+Comparison compare_methods(const CampaignOptions& base, const Scenario& scenario, const std::function<bool()>& stop) {
   CampaignOptions options = base;
   options.profile = scenario.profile;
   options.raw.temp_lsb_degc = scenario.temp_lsb_degc;
@@ -116,15 +114,14 @@ Comparison compare_methods(const CampaignOptions& base, const Scenario& scenario
   CampaignPlan reading = plan;
   reading.chain.is_tracked = false;
   const CampaignResult result = run_campaign(
-      plan, [&](const CampaignPlan& p, uint64_t run, Tally* tally) { score_all(p, reading, run, tally); },
-      nullptr, stop);
+      plan, [&](const CampaignPlan& p, uint64_t run, Tally* tally) { score_all(p, reading, run, tally); }, nullptr,
+      stop);
   Comparison out;
   out.scenario = scenario.name;
   out.temp_lsb_degc = scenario.temp_lsb_degc;
   out.duration_s = plan.t_s.size();
   out.temp_degc = plan.temp_degc;
-  for (const Method method : kMethods)
-    out.methods.push_back(summary(result.tally, method, plan.chain.is_tracked));
+  for (const Method method : kMethods) out.methods.push_back(summary(result.tally, method, plan.chain.is_tracked));
   return out;
 }
 
@@ -151,10 +148,9 @@ Json to_json(const std::vector<Comparison>& all, const CampaignOptions& base) {
 
 std::string to_text(const std::vector<Comparison>& all, const CampaignOptions& base) {
   char line[300];
-  std::snprintf(
-      line, sizeof line,
-      "calibration error, dph: worst over temperature / rms (order %d, %llu tests each, seed %llu)\n",
-      base.order, static_cast<unsigned long long>(base.runs), static_cast<unsigned long long>(base.seed));
+  std::snprintf(line, sizeof line,
+                "calibration error, dph: worst over temperature / rms (order %d, %llu tests each, seed %llu)\n",
+                base.order, static_cast<unsigned long long>(base.runs), static_cast<unsigned long long>(base.seed));
   std::string out = line;
   std::snprintf(line, sizeof line, "%-44s", "");
   out += line;

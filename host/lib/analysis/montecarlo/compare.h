@@ -40,8 +40,7 @@ struct Comparison {
 };
 
 // base: model, order, seed, runs, threads, raw rate; its profile and thermometer are the scenario's.
-Comparison compare_methods(const CampaignOptions& base, const Scenario& scenario,
-                           const std::function<bool()>& stop);
+Comparison compare_methods(const CampaignOptions& base, const Scenario& scenario, const std::function<bool()>& stop);
 
 Json to_json(const std::vector<Comparison>& all, const CampaignOptions& base);
 std::string to_text(const std::vector<Comparison>& all, const CampaignOptions& base);

@@ -43,12 +43,10 @@ static Eigen::MatrixXd legendre_powers(int order) {
   return powers;
 }
 
-std::vector<double> fit_polynomial(const std::vector<FitPoint>& points, int order, double t0_degc,
-                                   double range_degc) {
+std::vector<double> fit_polynomial(const std::vector<FitPoint>& points, int order, double t0_degc, double range_degc) {
   const int p = order + 1;
   if (p > kMostCoefficients) throw usage_error("polynomial order above 5");
-  double gram[kMostCoefficients][kMostCoefficients] = {}, right[kMostCoefficients] = {},
-         basis[kMostCoefficients];
+  double gram[kMostCoefficients][kMostCoefficients] = {}, right[kMostCoefficients] = {}, basis[kMostCoefficients];
   for (const FitPoint& point : points) {
     legendre((point.temp_degc - t0_degc) / range_degc, order, basis);
     for (int i = 0; i < p; ++i) {

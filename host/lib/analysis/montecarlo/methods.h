@@ -25,8 +25,7 @@ struct FitPoint {
 // Coefficients b0 … bM of sum b_i Tn^i by least squares, computed in Legendre polynomials of Tn (orthogonal
 // over the span, so that the Gram matrix is well conditioned) and a Cholesky solution.  Empty where the
 // points do not determine the polynomial (fewer than order + 1 points, or a condition number above 1e10).
-std::vector<double> fit_polynomial(const std::vector<FitPoint>& points, int order, double t0_degc,
-                                   double range_degc);
+std::vector<double> fit_polynomial(const std::vector<FitPoint>& points, int order, double t0_degc, double range_degc);
 
 // The points a method takes from the seconds of a test.
 std::vector<FitPoint> points_of(Method method, const std::vector<FitPoint>& seconds, double bin_degc = 0.5);

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "base/error.h"
 #include "analysis/montecarlo/campaign.h"
+#include "base/error.h"
 
 namespace imucal {
 
@@ -51,9 +51,7 @@ Json campaign_identity(const CampaignOptions& o) {
 }
 
 CampaignOptions options_from_identity(const JsonField& identity) {
-  const auto whole = [&](const char* name) {
-    return static_cast<uint64_t>(identity.at(name).integer(0, 1L << 53));
-  };
+  const auto whole = [&](const char* name) { return static_cast<uint64_t>(identity.at(name).integer(0, 1L << 53)); };
   CampaignOptions o;
   o.seed = whole("seed");
   o.model = model_from_json(identity.at("model"));
@@ -72,13 +70,12 @@ CampaignOptions options_from_identity(const JsonField& identity) {
 }
 
 void write_partial(const std::string& path, const CampaignOptions& options, const CampaignResult& result) {
-  write_json(path,
-             {{"imucal_montecarlo_partial", 1},
-              {"campaign", campaign_identity(options)},
-              {"ranges", Json::array({Json::array({result.first_run, result.first_run + result.runs_done})})},
-              {"elapsed_s", result.elapsed_s},
-              {"cpu_s", result.cpu_s},
-              {"tally", result.tally.to_json()}});
+  write_json(path, {{"imucal_montecarlo_partial", 1},
+                    {"campaign", campaign_identity(options)},
+                    {"ranges", Json::array({Json::array({result.first_run, result.first_run + result.runs_done})})},
+                    {"elapsed_s", result.elapsed_s},
+                    {"cpu_s", result.cpu_s},
+                    {"tally", result.tally.to_json()}});
 }
 
 Partial read_partial(const std::string& path) {

@@ -50,8 +50,8 @@ ResidualExpectation expect_residual(const CampaignPlan& plan) {
 }
 
 // The fresh test through the core's compensation; one mean per second, NaN where there is no sample.
-static std::vector<double> compensated(const CampaignPlan& plan, const CoreChain& chain,
-                                       const SimulatedLog& fresh, const SimOptions& sim) {
+static std::vector<double> compensated(const CampaignPlan& plan, const CoreChain& chain, const SimulatedLog& fresh,
+                                       const SimOptions& sim) {
   const SimRun& run = fresh.axes[0].run;
   RawSampler sampler(plan.options.raw, 1, run.seed, stream_run(sim));
   std::vector<RawSample> samples;
@@ -59,12 +59,10 @@ static std::vector<double> compensated(const CampaignPlan& plan, const CoreChain
   for (size_t k = 0; k < run.t_s.size(); ++k) {
     samples.clear();
     if (!fresh.is_missing[k])
-      sampler.second(run.t_s[k], run.thermometer_degc[k], &run.rate_dph[k], &run.white_sigma_dph[k],
-                     &samples);
+      sampler.second(run.t_s[k], run.thermometer_degc[k], &run.rate_dph[k], &run.white_sigma_dph[k], &samples);
     int64_t sum = 0;
     uint32_t flags = 0;
-    for (const RawSample& s : samples)
-      sum += imucal_comp_apply(&chain.comp(), s.temp_counts, s.counts[0], &flags);
+    for (const RawSample& s : samples) sum += imucal_comp_apply(&chain.comp(), s.temp_counts, s.counts[0], &flags);
     out.push_back(samples.empty() ? std::numeric_limits<double>::quiet_NaN()
                                   : static_cast<double>(sum) / static_cast<double>(samples.size()) *
                                         static_cast<double>(chain.comp().unit_per_lsb));
@@ -72,8 +70,8 @@ static std::vector<double> compensated(const CampaignPlan& plan, const CoreChain
   return out;
 }
 
-void score_residual(const CampaignPlan& plan, const CoreChain& chain, const SimulatedLog& fresh,
-                    const SimOptions& sim, double turn_on_dph, Tally* tally) {
+void score_residual(const CampaignPlan& plan, const CoreChain& chain, const SimulatedLog& fresh, const SimOptions& sim,
+                    double turn_on_dph, Tally* tally) {
   std::vector<double> residual = compensated(plan, chain, fresh, sim);
   for (double& r : residual) r += turn_on_dph;
   const DpRecord record(series_of(std::move(residual)), dp2(plan));
@@ -96,8 +94,7 @@ void score_residual(const CampaignPlan& plan, const CoreChain& chain, const Simu
 
 Json residual_json(const CampaignPlan& plan, const Tally& tally) {
   const auto runs = static_cast<double>(tally.counted("residual_runs"));
-  const auto d2 = tally.sums("residual_d2"), d4 = tally.sums("residual_d4"),
-             extra = tally.sums("residual_extra");
+  const auto d2 = tally.sums("residual_d2"), d4 = tally.sums("residual_d4"), extra = tally.sums("residual_extra");
   Json json = {{"runs", tally.counted("residual_runs")}, {"type", "dp2"}};
   for (const char* name : {"tau_s", "dp_dph", "std_error_dph", "model_dph", "expected_dph", "z"})
     json[name] = Json::array();

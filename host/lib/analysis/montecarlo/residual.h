@@ -22,8 +22,8 @@ ResidualExpectation expect_residual(const CampaignPlan& plan);
 
 // Adds the mean squares of one device.  turn_on_dph: the constant of the calibration test less that of the
 // fresh one.
-void score_residual(const CampaignPlan& plan, const CoreChain& chain, const SimulatedLog& fresh,
-                    const SimOptions& sim, double turn_on_dph, Tally* tally);
+void score_residual(const CampaignPlan& plan, const CoreChain& chain, const SimulatedLog& fresh, const SimOptions& sim,
+                    double turn_on_dph, Tally* tally);
 Json residual_json(const CampaignPlan& plan, const Tally& tally);
 
 } // namespace imucal

@@ -89,8 +89,7 @@ void score_calibration(const CampaignPlan& plan, const CoreChain& chain, const s
     variance[i] = static_cast<double>(imucal_kf_bias_variance(&chain.kf(), static_cast<float>(temp_degc)));
     within1[i] = error2[i] <= variance[i];
     within2[i] = error2[i] <= 4 * variance[i];
-    comp_lsb[i] =
-        std::abs(found - chain.table_bias_dph(temp_degc)) / static_cast<double>(chain.comp().unit_per_lsb);
+    comp_lsb[i] = std::abs(found - chain.table_bias_dph(temp_degc)) / static_cast<double>(chain.comp().unit_per_lsb);
     worst = std::max(worst, std::abs(error[i]));
   }
   tally->count("runs");
@@ -117,8 +116,8 @@ void score_innovations(const CoreChain& chain, Tally* tally) {
   tally->add("mean_innovation2", chain.mean_innovation2());
   tally->add("lags", std::vector<double>(chain.lag_sums(), chain.lag_sums() + kInnovationLagCount));
   tally->count("lags", std::vector<int64_t>(chain.lag_counts(), chain.lag_counts() + kInnovationLagCount));
-  tally->count("dropped", static_cast<int64_t>(chain.sum().n_duplicate) + chain.sum().n_backward +
-                              chain.sum().n_refused);
+  tally->count("dropped",
+               static_cast<int64_t>(chain.sum().n_duplicate) + chain.sum().n_backward + chain.sum().n_refused);
 }
 
 void score_least_squares(const CampaignPlan& plan, const CoreChain& chain, const std::vector<double>& truth,
@@ -157,8 +156,8 @@ void score_reference(const CampaignPlan& plan, const CoreChain& chain, Tally* ta
     const double sigma = std::sqrt(bias_variance_dph2(reference.covariance_dph2, tn));
     bias_dph_max = std::max(bias_dph_max, std::abs(static_cast<double>(imucal_kf_bias(&chain.kf(), t)) -
                                                    bias_dph(reference.coeff_dph, tn)));
-    sigma_rel_max = std::max(sigma_rel_max,
-                             std::abs(static_cast<double>(imucal_kf_bias_sigma(&chain.kf(), t)) / sigma - 1));
+    sigma_rel_max =
+        std::max(sigma_rel_max, std::abs(static_cast<double>(imucal_kf_bias_sigma(&chain.kf(), t)) / sigma - 1));
   }
   tally->count("reference_runs");
   tally->highest("reference_bias_dph", bias_dph_max);

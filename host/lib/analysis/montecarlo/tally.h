@@ -42,9 +42,7 @@ public:
 
   void merge(const Tally& other);
 
-  bool has(const std::string& name) const {
-    return sums_.count(name) || counts_.count(name) || highest_.count(name);
-  }
+  bool has(const std::string& name) const { return sums_.count(name) || counts_.count(name) || highest_.count(name); }
   // Zeros (or one zero) where nothing was added.
   std::vector<double> sums(const std::string& name) const;
   double sum(const std::string& name) const;

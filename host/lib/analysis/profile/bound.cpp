@@ -7,10 +7,10 @@
 #include <cstdio>
 #include <queue>
 
-#include "base/error.h"
-#include "noise/whiten.h"
-#include "base/units.h"
 #include "analysis/profile/covariance.h"
+#include "base/error.h"
+#include "base/units.h"
+#include "noise/whiten.h"
 
 namespace imucal {
 
@@ -184,8 +184,7 @@ private:
 
   Gradient gradient(const Tables& tables, const MatrixXd& fixed, double left_s, const Point& at) const {
     Gradient g;
-    const VectorXd flat =
-        left_s * (tables.all.transpose() * at.design) + 2 * (tables.ends.transpose() * at.ends);
+    const VectorXd flat = left_s * (tables.all.transpose() * at.design) + 2 * (tables.ends.transpose() * at.ends);
     const MatrixXd m = fixed + Eigen::Map<const MatrixXd>(flat.data(), p_, p_);
     const MatrixXd inverse = m.ldlt().solve(MatrixXd::Identity(p_, p_));
     const Eigen::Map<const VectorXd> inverse_flat(inverse.data(), p_ * p_);
@@ -211,8 +210,7 @@ private:
                   2 * (tables.ends * b_flat).maxCoeff() / cheb;
     // Step (c).  Without a rate limit the samples themselves are the design: no integral is compared with.
     if (std::isfinite(rho_))
-      most += request_.duration_s * rho_ * request_.dt_s / 4 * (tables.slope * b_flat).cwiseAbs().maxCoeff() /
-              cheb;
+      most += request_.duration_s * rho_ * request_.dt_s / 4 * (tables.slope * b_flat).cwiseAbs().maxCoeff() / cheb;
     return g.value * g.value / most;
   }
 
@@ -228,8 +226,7 @@ private:
     return divergence(a.design, b.design) + divergence(a.ends, b.ends) + divergence(a.mu, b.mu);
   }
   static Point moved(const Point& from, const Gradient& g, double step) {
-    return {stepped(from.design, g.design, step), stepped(from.ends, g.ends, step),
-            stepped(from.mu, g.mu, step)};
+    return {stepped(from.design, g.design, step), stepped(from.ends, g.ends, step), stepped(from.mu, g.mu, step)};
   }
 
   // Mirror-prox (Nemirovski 2004) with entropy as distance and a step that adapts; averages of its steps
@@ -247,9 +244,9 @@ private:
       const Point half = moved(at, here, step);
       const Gradient there = gradient(tables, fixed, left_s, half);
       Point next = moved(at, there, step);
-      const double drift = step * ((here.design - there.design).dot(half.design - next.design) +
-                                   (here.ends - there.ends).dot(half.ends - next.ends) +
-                                   (here.mu - there.mu).dot(half.mu - next.mu));
+      const double drift =
+          step * ((here.design - there.design).dot(half.design - next.design) +
+                  (here.ends - there.ends).dot(half.ends - next.ends) + (here.mu - there.mu).dot(half.mu - next.mu));
       if (drift > divergence(half, at) + divergence(next, half)) {
         step *= 0.5;
         continue;
@@ -262,8 +259,7 @@ private:
       step = std::min(20.0, 1.2 * step);
       if (k / 50 == renewed) continue;
       renewed = k / 50;
-      const Gradient g =
-          gradient(tables, fixed, left_s, {mean.design / total, mean.ends / total, mean.mu / total});
+      const Gradient g = gradient(tables, fixed, left_s, {mean.design / total, mean.ends / total, mean.mu / total});
       box->lower = std::max(box->lower, certificate(fine, fixed, left_s, g));
       box->upper = std::min(box->upper, g.worst);
       if (box->upper < 1.004 * box->lower || box->lower > enough) break;
@@ -327,20 +323,18 @@ Bound prove(const BoundRequest& request, double corner_rad_s, int max_boxes) {
 
 static void check_request(const BoundRequest& request) {
   if (request.order < 0 || request.order > kMaxOrder)
-    throw usage_error("--order " + std::to_string(request.order) + ": must be 0 to " +
-                      std::to_string(kMaxOrder));
+    throw usage_error("--order " + std::to_string(request.order) + ": must be 0 to " + std::to_string(kMaxOrder));
   if (!(request.duration_s >= request.dt_s * (request.order + 1)))
-    throw usage_error("--duration-s: an order-" + std::to_string(request.order) +
-                      " polynomial needs at least " + std::to_string(request.order + 1) +
-                      " samples; give --duration-s " + std::to_string(request.order + 1) + " or more");
+    throw usage_error("--duration-s: an order-" + std::to_string(request.order) + " polynomial needs at least " +
+                      std::to_string(request.order + 1) + " samples; give --duration-s " +
+                      std::to_string(request.order + 1) + " or more");
   check_noise(request.model, "model");
 }
 
 Bound calibration_bound(const BoundRequest& request) {
   check_request(request);
   const bool limited = request.max_rate_degc_per_min > 0;
-  if (limited && !(request.span_degc > 0))
-    throw usage_error("--max-rate needs --range A:B with A < B for the bound");
+  if (limited && !(request.span_degc > 0)) throw usage_error("--max-rate needs --range A:B with A < B for the bound");
   Bound best;
   const bool has_white = request.model.arw_deg_rt_h > 0;
   if (limited) {

@@ -60,8 +60,7 @@ struct BoundRequest {
 struct Bound {
   double slow_ramp_dph = 0; // the contract's bound_dph
   double proven_dph = 0;
-  double relaxation_dph =
-      0; // error of the relaxed design that the proof compares with: how tight the proof is
+  double relaxation_dph = 0; // error of the relaxed design that the proof compares with: how tight the proof is
   double inset_low_frac = 0, inset_high_frac = 0; // part of the range left out by the box that gave the bound
   int boxes = 0;
   std::vector<std::string> assumptions;

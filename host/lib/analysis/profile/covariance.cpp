@@ -70,8 +70,7 @@ CalibrationRun run_of_log(const Log& log) {
     last_s = log.t_s[k];
   }
   if (run.temp_degc.empty())
-    throw data_error(log.path +
-                     ": no temperature in column temp_degc; the calibration error needs temperatures");
+    throw data_error(log.path + ": no temperature in column temp_degc; the calibration error needs temperatures");
   if (even) run.step_s.clear();
   return run;
 }
@@ -80,22 +79,21 @@ void check_noise(const ErrorModel& model, const std::string& whose) {
   if (model.arw_deg_rt_h > 0) return;
   for (const Markov& m : model.markov)
     if (m.sigma_dph > 0) return;
-  throw data_error(whose +
-                   ": no noise at all, so that every calibration would be perfect; give arw_deg_rt_h > 0 "
-                   "(1e-6 is enough) or a Markov term with sigma_dph > 0");
+  throw data_error(whose + ": no noise at all, so that every calibration would be perfect; give arw_deg_rt_h > 0 "
+                           "(1e-6 is enough) or a Markov term with sigma_dph > 0");
 }
 
 void check_setup(const CalibrationSetup& setup) {
   if (setup.order < 0 || setup.order > kMaxOrder)
-    throw usage_error("--order " + std::to_string(setup.order) + ": must be 0 to " +
-                      std::to_string(kMaxOrder) + " (the core's limit)");
+    throw usage_error("--order " + std::to_string(setup.order) + ": must be 0 to " + std::to_string(kMaxOrder) +
+                      " (the core's limit)");
   if (!(setup.hi_degc > setup.lo_degc)) {
     const std::string given = shown(setup.lo_degc) + ":" + shown(setup.hi_degc);
-    throw usage_error("range " + given +
-                      (setup.hi_degc < setup.lo_degc
-                           ? " is reversed; write " + shown(setup.hi_degc) + ":" + shown(setup.lo_degc)
-                           : " has no width; widen it, for example " + shown(setup.lo_degc) + ":" +
-                                 shown(setup.hi_degc + 1)));
+    throw usage_error(
+        "range " + given +
+        (setup.hi_degc < setup.lo_degc
+             ? " is reversed; write " + shown(setup.hi_degc) + ":" + shown(setup.lo_degc)
+             : " has no width; widen it, for example " + shown(setup.lo_degc) + ":" + shown(setup.hi_degc + 1)));
   }
   check_noise(setup.filter, "filter model");
   check_noise(setup.truth, "model");
@@ -195,8 +193,7 @@ static bool same_noise(const ErrorModel& a, const ErrorModel& b) {
       a.markov.size() != b.markov.size())
     return false;
   for (size_t i = 0; i < a.markov.size(); ++i)
-    if (a.markov[i].sigma_dph != b.markov[i].sigma_dph || a.markov[i].tau_s != b.markov[i].tau_s)
-      return false;
+    if (a.markov[i].sigma_dph != b.markov[i].sigma_dph || a.markov[i].tau_s != b.markov[i].tau_s) return false;
   return true;
 }
 
@@ -232,8 +229,7 @@ static double rms_sigma(const MatrixXd& cov, const CalibrationSetup& setup) {
   return std::sqrt(mean);
 }
 
-std::vector<double> information_matrix(const std::vector<CalibrationRun>& runs,
-                                       const CalibrationSetup& setup) {
+std::vector<double> information_matrix(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup) {
   const Index p = setup.order + 1;
   MatrixXd information = MatrixXd::Zero(p, p);
   for (const CalibrationRun& run : runs) information += run_information(run, setup);

@@ -39,8 +39,7 @@ struct CalibrationRun {
 };
 
 // A profile as one run, or as one run per repeat (device switched off in between).
-std::vector<CalibrationRun> runs_of_profile(const Profile& profile, double dt_s = 1.0,
-                                            bool restart_each_cycle = false);
+std::vector<CalibrationRun> runs_of_profile(const Profile& profile, double dt_s = 1.0, bool restart_each_cycle = false);
 // The rows of a log that have a temperature, with the gaps that there are.  data_error: no temperatures.
 CalibrationRun run_of_log(const Log& log);
 
@@ -56,9 +55,7 @@ struct CalibrationSetup {
   bool shape_only = false;
   int points = 61; // temperatures reported, evenly over the span
 
-  double normalised(double temp_degc) const {
-    return (2 * temp_degc - lo_degc - hi_degc) / (hi_degc - lo_degc);
-  }
+  double normalised(double temp_degc) const { return (2 * temp_degc - lo_degc - hi_degc) / (hi_degc - lo_degc); }
 };
 
 struct CalibrationError {
@@ -77,8 +74,7 @@ struct CalibrationError {
 CalibrationError calibration_error(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup);
 
 // The filter's information matrix alone (believed covariance^-1 without the prior), row-major, (order+1)^2.
-std::vector<double> information_matrix(const std::vector<CalibrationRun>& runs,
-                                       const CalibrationSetup& setup);
+std::vector<double> information_matrix(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup);
 
 // The samples of a run as the noise room takes them: a view of the run.
 SampleTimes sample_times(const CalibrationRun& run);

@@ -8,8 +8,8 @@
 #include <nlopt.hpp>
 
 #include "base/error.h"
-#include "base/units.h"
 #include "base/rng.h"
+#include "base/units.h"
 
 namespace imucal {
 
@@ -147,10 +147,9 @@ class Search {
 public:
   // limit_dph > 0: the signatures are made strong (geometric mean of what separates them), the error only
   // kept below the limit.
-  Search(const Evaluator& evaluator, bool tell_apart, double max_correlation, double limit_dph,
-         long* evaluations)
-      : evaluator_(evaluator), tell_apart_(tell_apart), max_correlation_(max_correlation),
-        limit_dph_(limit_dph), count_(evaluations) {}
+  Search(const Evaluator& evaluator, bool tell_apart, double max_correlation, double limit_dph, long* evaluations)
+      : evaluator_(evaluator), tell_apart_(tell_apart), max_correlation_(max_correlation), limit_dph_(limit_dph),
+        count_(evaluations) {}
 
   double value(const ScheduleShape& shape, const std::vector<double>& x, double sharpness) const {
     ++*count_;
@@ -163,8 +162,7 @@ public:
     return log_error + (tell_apart_ ? 4 * std::max(0.0, v.correlation - max_correlation_) : 0.0);
   }
 
-  void run(nlopt::algorithm algorithm, double sharpness, double step, int max_evaluations,
-           Candidate* c) const {
+  void run(nlopt::algorithm algorithm, double sharpness, double step, int max_evaluations, Candidate* c) const {
     struct Context {
       const Search* search;
       const ScheduleShape* shape;
@@ -278,10 +276,8 @@ Candidate untied(const Candidate& c) {
   }
   Candidate out{chain_shape(c.shape.name + ", freed", levels, true), {}, 1e300, 1e300};
   out.x = out.shape.start();
-  std::copy(weights.begin(), weights.end(),
-            out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels()));
-  std::fill(out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels() + weights.size()), out.x.end(),
-            1.0);
+  std::copy(weights.begin(), weights.end(), out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels()));
+  std::fill(out.x.begin() + static_cast<std::ptrdiff_t>(out.shape.n_levels() + weights.size()), out.x.end(), 1.0);
   return out;
 }
 
@@ -294,10 +290,8 @@ public:
   Candidate best_for(double duration_s, bool tell_apart, double share, const Candidate* also = nullptr,
                      double limit_dph = 0) {
     const Evaluator coarse(request_, duration_s, coarse_step(duration_s)), exact(request_, duration_s, 1.0);
-    const Search search(coarse, tell_apart, request_.max_correlation - 0.005, 0.999 * limit_dph,
-                        &evaluations_);
-    const Search exact_search(exact, tell_apart, request_.max_correlation - 0.001, 0.9995 * limit_dph,
-                              &evaluations_);
+    const Search search(coarse, tell_apart, request_.max_correlation - 0.005, 0.999 * limit_dph, &evaluations_);
+    const Search exact_search(exact, tell_apart, request_.max_correlation - 0.001, 0.9995 * limit_dph, &evaluations_);
     const double scale = share * request_.effort;
     const auto budget = [&](int n) { return std::max(20, static_cast<int>(scale * n)); };
     const std::vector<ScheduleShape> shapes =
@@ -329,8 +323,7 @@ public:
         search.run(nlopt::LN_BOBYQA, 10 * kSharp, 0.005, budget(300), &c);
       }
       // Subplex may stop on a ridge of the maximum: begun again, twice.
-      for (double step : {0.1, 0.03, 0.01})
-        search.run(nlopt::LN_SBPLX, 0, step, budget(tell_apart ? 600 : 300), &c);
+      for (double step : {0.1, 0.03, 0.01}) search.run(nlopt::LN_SBPLX, 0, step, budget(tell_apart ? 600 : 300), &c);
       c.value = search.value(c.shape, c.x, 0);
       report(c);
     }
@@ -351,12 +344,10 @@ public:
     for (Candidate& c : found) {
       const Evaluator::Value v = exact.of_profile(final_profile(c, duration_s), tell_apart);
       ++evaluations_;
-      c.value = v.objective_dph *
-                (tell_apart && v.correlation > request_.max_correlation ? 10 + v.correlation : 1.0);
+      c.value = v.objective_dph * (tell_apart && v.correlation > request_.max_correlation ? 10 + v.correlation : 1.0);
       c.exact_dph = v.objective_dph;
       if (limit_dph > 0)
-        c.value = (v.objective_dph > limit_dph || v.correlation > request_.max_correlation ? 1e3 : 1.0) /
-                  v.strength;
+        c.value = (v.objective_dph > limit_dph || v.correlation > request_.max_correlation ? 1e3 : 1.0) / v.strength;
       if (c.value < best.value) best = c;
     }
     return best;
@@ -376,8 +367,7 @@ public:
     double step_s = duration_s / 500;
     for (const Markov& m : request_.setup.truth.markov)
       if (m.tau_s > 10 && m.sigma_dph > 0) step_s = std::min(step_s, m.tau_s / 5);
-    step_s =
-        std::min({step_s, request_.limits.traverse_s(true) / 72, request_.limits.traverse_s(false) / 72});
+    step_s = std::min({step_s, request_.limits.traverse_s(true) / 72, request_.limits.traverse_s(false) / 72});
     return std::max(2.0, std::max(step_s, duration_s / 4000));
   }
 
@@ -402,8 +392,7 @@ private:
 void check_limits(const ChamberLimits& limits, int order, double duration_s) {
   const std::string range = shown(limits.lo_degc) + ":" + shown(limits.hi_degc);
   if (!(limits.heating_degc_per_min > 0 && limits.cooling_degc_per_min > 0))
-    throw usage_error(
-        "--max-rate must be above 0 degC/min; a chamber that cannot move cannot calibrate over " + range);
+    throw usage_error("--max-rate must be above 0 degC/min; a chamber that cannot move cannot calibrate over " + range);
   if (limits.min_soak_s < 0) throw usage_error("--min-soak-s must not be negative");
   if (limits.max_soak_s > 0 && limits.max_soak_s < limits.min_soak_s)
     throw usage_error("--max-soak-s " + shown(limits.max_soak_s) + " is below --min-soak-s " +
@@ -414,13 +403,11 @@ void check_limits(const ChamberLimits& limits, int order, double duration_s) {
   const double rate = heat ? limits.heating_degc_per_min : limits.cooling_degc_per_min;
   const double soaks_s = 2 * limits.min_soak_s;
   if (duration_s < traverse_s + soaks_s - 1e-6) {
-    std::string text =
-        "the range " + range + " takes " + shown(traverse_s) + " s at " + shown(rate) + " degC/min";
+    std::string text = "the range " + range + " takes " + shown(traverse_s) + " s at " + shown(rate) + " degC/min";
     if (soaks_s > 0)
-      text += " and two soaks of " + shown(limits.min_soak_s) + " s, " + shown(traverse_s + soaks_s) +
-              " s in all";
-    text += ", longer than --duration-s " + shown(duration_s) +
-            "; any one of these makes it possible: --duration-s " + shown_up(traverse_s + soaks_s);
+      text += " and two soaks of " + shown(limits.min_soak_s) + " s, " + shown(traverse_s + soaks_s) + " s in all";
+    text += ", longer than --duration-s " + shown(duration_s) + "; any one of these makes it possible: --duration-s " +
+            shown_up(traverse_s + soaks_s);
     if (duration_s > soaks_s) {
       const double time_s = duration_s - soaks_s;
       text += ", --max-rate " + shown_up(60 * limits.span_degc() / time_s) + ", a range of at most " +
@@ -457,16 +444,15 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
   } else {
     // Error falls about as 1/sqrt(duration): secant in logarithms, kept inside a bracket, shapes found anew
     // each time by the first search and polished from the last ones afterwards.
-    const double shortest_s = std::min(request.limits.traverse_s(true), request.limits.traverse_s(false)) +
-                              2 * request.limits.min_soak_s;
+    const double shortest_s =
+        std::min(request.limits.traverse_s(true), request.limits.traverse_s(false)) + 2 * request.limits.min_soak_s;
     const double p = request.setup.order + 1;
     double guess_s = std::max(shortest_s * 1.001 + 1, 1.1 * p * request.setup.truth.slow_density_dph2_s() /
                                                           (request.required_dph * request.required_dph));
     if (guess_s > 3e7)
       throw usage_error("--required-error " + shown(request.required_dph) + " dph would take about " +
                         shown(guess_s / 86400) + " days; the smallest error within 30 days is about " +
-                        shown(std::sqrt(1.1 * p * request.setup.truth.slow_density_dph2_s() / 2592000)) +
-                        " dph");
+                        shown(std::sqrt(1.1 * p * request.setup.truth.slow_density_dph2_s() / 2592000)) + " dph");
     double lo_s = shortest_s, hi_s = 0; // too short; long enough
     for (int round = 0; round < 10; ++round) {
       guess_s = std::ceil(guess_s);
@@ -479,9 +465,9 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
         lo_s = guess_s;
       }
       if (hi_s > 0 && (hi_s - lo_s < 0.003 * hi_s || hi_s <= shortest_s * 1.0011 + 1)) break;
-      double next_s = guess_s * std::pow(error_dph / request.required_dph *
-                                             (error_dph > request.required_dph ? 1.0005 : 0.9995),
-                                         2);
+      double next_s =
+          guess_s *
+          std::pow(error_dph / request.required_dph * (error_dph > request.required_dph ? 1.0005 : 0.9995), 2);
       if (hi_s > 0) next_s = std::clamp(next_s, lo_s + 0.05 * (hi_s - lo_s), hi_s - 0.05 * (hi_s - lo_s));
       guess_s = std::max(next_s, shortest_s * 1.001 + 1);
     }
@@ -495,8 +481,8 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
   const auto runs = runs_of_profile(result.profile);
   result.error = calibration_error(runs, request.setup);
   result.objective_dph = objective_of(result.error, request.objective);
-  result.signatures = signature_table(
-      runs, request.setup, tell_apart ? request.tell_apart : standard_effects(request.setup.order));
+  result.signatures =
+      signature_table(runs, request.setup, tell_apart ? request.tell_apart : standard_effects(request.setup.order));
   if (tell_apart) {
     result.meets_correlation = result.signatures.worst <= request.max_correlation;
     result.accuracy_only_dph = accurate.exact_dph;
@@ -506,8 +492,7 @@ OptimizeResult optimize_profile(const OptimizeRequest& request) {
     const Profile paper = paper_profile(request.limits, duration_s, passes);
     if (paper.duration_s() > duration_s + 1) break;
     const CalibrationError e = calibration_error(runs_of_profile(paper), request.setup);
-    if (passes > 1 &&
-        objective_of(e, request.objective) >= objective_of(result.paper_error, request.objective)) {
+    if (passes > 1 && objective_of(e, request.objective) >= objective_of(result.paper_error, request.objective)) {
       if (passes > result.paper_passes + 3) break;
       continue;
     }

@@ -69,8 +69,8 @@ static std::vector<double> interior_levels(int count) {
   return out;
 }
 
-ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot,
-                           bool free_rates, bool tied) {
+ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot, bool free_rates,
+                           bool tied) {
   ScheduleShape shape;
   shape.free_rates = free_rates;
   const int soaked = std::min(passes, passes_with_interior);
@@ -86,8 +86,7 @@ ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, b
     const std::vector<double> levels = interior_levels(pass < soaked ? interior : 0);
     for (int i = 0; i < static_cast<int>(levels.size()); ++i) {
       const double level = at_hot ? 1 - levels[static_cast<size_t>(i)] : levels[static_cast<size_t>(i)];
-      const int place =
-          at_hot ? interior - 1 - i : i; // from the cold end: the same soak on the way up and down
+      const int place = at_hot ? interior - 1 - i : i; // from the cold end: the same soak on the way up and down
       if (tied)
         shape.stops.push_back({level, place, false, 2 + place});
       else
@@ -100,8 +99,7 @@ ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, b
 }
 
 // Shares `total` in proportion to the weights, none above `cap` (0: no cap); returns what is left over.
-static double share_out(double total, double cap, const std::vector<double>& weights,
-                        std::vector<double>* out) {
+static double share_out(double total, double cap, const std::vector<double>& weights, std::vector<double>* out) {
   const size_t n = weights.size();
   std::vector<bool> full(n, false);
   out->assign(n, 0.0);
@@ -130,8 +128,8 @@ static double share_out(double total, double cap, const std::vector<double>& wei
   return left;
 }
 
-bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables,
-                  const ChamberLimits& limits, double duration_s, Profile* profile, double* excess_s) {
+bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables, const ChamberLimits& limits,
+                  double duration_s, Profile* profile, double* excess_s) {
   const size_t n = shape.stops.size();
   std::vector<double> level(n), weight(n), ramp_s(n, 0.0), soak_s;
   const size_t n_levels = shape.n_levels();

@@ -46,15 +46,15 @@ ScheduleShape chain_shape(const std::string& name, const std::vector<double>& le
 // Passes between the ends of the range with `interior` soaks on the first `passes_with_interior` of them.
 // tied: all passes share the interior levels and weights (mirrored about the middle), inner ends share one
 // weight.
-ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot,
-                           bool free_rates, bool tied);
+ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot, bool free_rates,
+                           bool tied);
 
 // Turns variables into a profile that lasts duration_s.  Soaks share what the ramps leave over in proportion
 // to their weights, within the limits on soaks; where all soaks are at their maximum the ramps are slowed.
 // Returns false where the ramps alone (with the shortest soaks) last longer, or where stops that coincide
 // soak longer than allowed; *excess_s says by how much.
-bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables,
-                  const ChamberLimits& limits, double duration_s, Profile* profile, double* excess_s);
+bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables, const ChamberLimits& limits,
+                  double duration_s, Profile* profile, double* excess_s);
 
 // Rounded for people and chamber controllers: temperatures to 0.01 degC, soaks to seconds (the longest takes
 // the remainder so that the duration is kept), soaks below a second dropped unless min_soak_s asks for them.

@@ -40,8 +40,7 @@ const std::vector<KnownEffect>& known_effects() {
 EffectSpec spec_of(const KnownEffect& known, int order) {
   EffectSpec spec{known.name, known.parameters};
   // Of an order-4 fit the first term left out is the fifth.
-  if (spec.name == "higher_order_polynomial" && order >= 4)
-    spec.parameters = {{"p4_dph", 0.0}, {"p5_dph", 10.0}};
+  if (spec.name == "higher_order_polynomial" && order >= 4) spec.parameters = {{"p4_dph", 0.0}, {"p5_dph", 10.0}};
   return spec;
 }
 
@@ -86,9 +85,8 @@ std::vector<EffectSpec> effects_by_name(const std::string& names, int order) {
   std::string name;
   while (std::getline(list, name, ',')) {
     const auto& known = known_effects();
-    const auto found = std::find_if(known.begin(), known.end(), [&](const KnownEffect& k) {
-      return name == k.name || name == k.short_name;
-    });
+    const auto found = std::find_if(known.begin(), known.end(),
+                                    [&](const KnownEffect& k) { return name == k.name || name == k.short_name; });
     if (found == known.end()) {
       std::string all;
       for (const KnownEffect& k : known) all += (all.empty() ? "" : ", ") + std::string(k.name);
@@ -156,9 +154,8 @@ SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const Ca
   for (size_t i = 0; i < n_effects; ++i) {
     for (size_t j = 0; j <= i; ++j) {
       if (table.visible_frac[i] < 1e-6 || table.visible_frac[j] < 1e-6) continue;
-      const double r = i == j ? 1.0
-                              : left(static_cast<Index>(i), static_cast<Index>(j)) /
-                                    (table.strength[i] * table.strength[j]);
+      const double r =
+          i == j ? 1.0 : left(static_cast<Index>(i), static_cast<Index>(j)) / (table.strength[i] * table.strength[j]);
       table.correlation[i * n_effects + j] = table.correlation[j * n_effects + i] = r;
       if (i != j && std::abs(r) > table.worst) {
         table.worst = std::abs(r);
@@ -185,8 +182,7 @@ SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const Ca
 
 Json to_json(const SignatureTable& table) {
   const size_t n = table.effects.size();
-  Json json = {
-      {"effects", Json::array()}, {"correlation", Json::array()}, {"worst_correlation", table.worst}};
+  Json json = {{"effects", Json::array()}, {"correlation", Json::array()}, {"worst_correlation", table.worst}};
   for (size_t i = 0; i < n; ++i) {
     json["effects"].push_back({{"name", table.effects[i].name},
                                {"parameters", table.effects[i].parameters},

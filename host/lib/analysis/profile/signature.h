@@ -11,17 +11,16 @@
 #include <string>
 #include <vector>
 
-#include "io/json_file.h"
 #include "analysis/profile/covariance.h"
+#include "io/json_file.h"
 
 namespace imucal {
 
 struct SignatureTable {
   std::vector<EffectSpec> effects;
-  std::vector<double> correlation; // of the signatures, row-major; rows of invisible effects are 0
-  std::vector<double> strength;    // d: norm of the projected whitened signature at the given parameters
-  std::vector<double>
-      visible_frac; // part of the signature's energy (less its constant) that the projection leaves
+  std::vector<double> correlation;  // of the signatures, row-major; rows of invisible effects are 0
+  std::vector<double> strength;     // d: norm of the projected whitened signature at the given parameters
+  std::vector<double> visible_frac; // part of the signature's energy (less its constant) that the projection leaves
   // d sqrt(1 - largest correlation^2): what is left of the signature beside the effect most like it.  4 is
   // about what naming an effect takes.
   std::vector<double> separable;
@@ -29,8 +28,7 @@ struct SignatureTable {
   double mean_separable = 0;  // geometric mean of separable (an invisible effect counts as 1e-6)
   double worst = 0;           // largest |correlation| of two visible effects
   size_t worst_a = 0, worst_b = 0;
-  std::vector<std::string>
-      invisible; // effects with visible_frac below 1e-6: no test can see them on this profile
+  std::vector<std::string> invisible; // effects with visible_frac below 1e-6: no test can see them on this profile
 };
 
 // The effects and parameters that are judged when none are given: thermal lag (60 s), dT/dt, hysteresis

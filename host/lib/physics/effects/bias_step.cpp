@@ -15,9 +15,8 @@ public:
   }
   Family family() const override { return Family::kFunctionOfTime; }
   std::vector<HardwareCause> hardware_causes() const override {
-    return {
-        {"release of mechanical stress, a shock, a bump of the chamber", "IEEE Std 1431-2004, shock"},
-        {"a control loop that locked anew or changed its range", "look at the status words of the device"}};
+    return {{"release of mechanical stress, a shock, a bump of the chamber", "IEEE Std 1431-2004, shock"},
+            {"a control loop that locked anew or changed its range", "look at the status words of the device"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"steps", -1e6, 1e6, "list of {log (from 0), t_s, amplitude_dph}", EffectParameter::kSteps}};

@@ -18,9 +18,8 @@ public:
   std::string description() const override { return "Additional white noise that the axes share."; }
   Family family() const override { return Family::kExternal; }
   std::vector<HardwareCause> hardware_causes() const override {
-    return {
-        {"shared supply, voltage reference or clock", "IEEE Std 1431-2004, supply sensitivity"},
-        {"real motion of the table or building", "cover and isolate the table, compare with another device"}};
+    return {{"shared supply, voltage reference or clock", "IEEE Std 1431-2004, supply sensitivity"},
+            {"real motion of the table or building", "cover and isolate the table, compare with another device"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"correlation", -1, 1, "correlation of the additional noise between axes"},

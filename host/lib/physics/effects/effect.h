@@ -48,9 +48,7 @@ struct SimRun {
   // makes one (the same for all axes of a run); the simulator writes what is here into the log.
   std::map<std::string, std::vector<double>> auxiliary;
 
-  const std::vector<double>& case_temp() const {
-    return case_temp_degc.empty() ? gyro_temp_degc : case_temp_degc;
-  }
+  const std::vector<double>& case_temp() const { return case_temp_degc.empty() ? gyro_temp_degc : case_temp_degc; }
 };
 
 enum class SimStage {
@@ -112,10 +110,10 @@ const Effect& find_effect(const std::string& name);
 void add_effect(const Effect& effect);
 
 // The last line of an effect's file: the list of the library is made from these lines.
-#define IMUCAL_EFFECT(Type)                                                                                  \
-  const Effect* library_entry_##Type() {                                                                     \
-    static const Type effect;                                                                                \
-    return &effect;                                                                                          \
+#define IMUCAL_EFFECT(Type)                                                                                            \
+  const Effect* library_entry_##Type() {                                                                               \
+    static const Type effect;                                                                                          \
+    return &effect;                                                                                                    \
   }
 
 } // namespace imucal

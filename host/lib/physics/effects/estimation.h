@@ -141,9 +141,7 @@ public:
   // the time since the start of its file of every step.
   virtual Parameters values(const Estimate&) const = 0;
   // The same where the names depend on what the log holds (auxiliary columns).
-  virtual Parameters values_on(const RunInput& /*run*/, const Estimate& estimate) const {
-    return values(estimate);
-  }
+  virtual Parameters values_on(const RunInput& /*run*/, const Estimate& estimate) const { return values(estimate); }
 };
 
 // Legendre polynomial by its recursion.

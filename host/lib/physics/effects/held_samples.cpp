@@ -24,9 +24,9 @@ public:
              "look at data-ready and the flags of the recorder"}};
   }
   std::vector<EffectParameter> parameters() const override {
-    return {{"probability", 0, 1, "probability that a second is not refreshed"},
-            {"reads_dph", -1e9, 1e9, "what it reads then (left out: the value before it)",
-             EffectParameter::kNumber, true}};
+    return {
+        {"probability", 0, 1, "probability that a second is not refreshed"},
+        {"reads_dph", -1e9, 1e9, "what it reads then (left out: the value before it)", EffectParameter::kNumber, true}};
   }
 
   void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {

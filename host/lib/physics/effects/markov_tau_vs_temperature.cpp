@@ -21,8 +21,7 @@ public:
              "Kirton and Uren, Advances in Physics 38 (1989)"}};
   }
   std::vector<EffectParameter> parameters() const override {
-    return {{"slope", -20, 20,
-             "change of the logarithm of the time constant per unit of normalised temperature"}};
+    return {{"slope", -20, 20, "change of the logarithm of the time constant per unit of normalised temperature"}};
   }
 
   void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
@@ -30,8 +29,7 @@ public:
     const double slope = parameters.number("slope");
     if (run->markov.empty()) return;
     std::vector<double>& tau = run->markov[0].tau_s;
-    for (size_t i = 0; i < tau.size(); ++i)
-      tau[i] *= std::exp(slope * run->bias.normalised(run->gyro_temp_degc[i]));
+    for (size_t i = 0; i < tau.size(); ++i) tau[i] *= std::exp(slope * run->bias.normalised(run->gyro_temp_degc[i]));
   }
 
   const EffectEstimator* estimator() const override { return this; }

@@ -17,8 +17,7 @@ public:
   }
   Family family() const override { return Family::kSlowNoise; }
   std::vector<HardwareCause> hardware_causes() const override {
-    return {{"the data sheet shows typical values, this device has its own",
-             "IEEE Std 1431-2004; fit with errormodel"},
+    return {{"the data sheet shows typical values, this device has its own", "IEEE Std 1431-2004; fit with errormodel"},
             {"the values were estimated from other data or another bandwidth",
              "El-Sheimy, Hou and Niu, IEEE Trans. Instrum. Meas. 57 (2008)"}};
   }

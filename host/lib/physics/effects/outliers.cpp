@@ -15,13 +15,10 @@ class Outliers : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "outliers"; }
   std::string label() const override { return "single wrong seconds"; }
-  std::string description() const override {
-    return "Rare wrong samples: contaminated normal noise (Tukey).";
-  }
+  std::string description() const override { return "Rare wrong samples: contaminated normal noise (Tukey)."; }
   Family family() const override { return Family::kFastNoise; }
   std::vector<HardwareCause> hardware_causes() const override {
-    return {{"bit errors on the bus, resets, electrostatic or radio interference",
-             "look at the flags of the recorder"},
+    return {{"bit errors on the bus, resets, electrostatic or radio interference", "look at the flags of the recorder"},
             {"knocks on the table", "IEEE Std 1431-2004, shock"}};
   }
   std::vector<EffectParameter> parameters() const override {

@@ -154,8 +154,8 @@ Json std_errors_json(const Parameters& parameters) {
     Json steps = Json::array();
     for (const StepValue& step : value.steps)
       steps.push_back(
-          {{"amplitude_dph", std::isfinite(step.amplitude_dph.std_error) ? Json(step.amplitude_dph.std_error)
-                                                                         : Json(nullptr)}});
+          {{"amplitude_dph",
+            std::isfinite(step.amplitude_dph.std_error) ? Json(step.amplitude_dph.std_error) : Json(nullptr)}});
     out[value.name] = steps;
   }
   return out;

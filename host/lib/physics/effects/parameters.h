@@ -47,8 +47,7 @@ struct StepValue {
 struct ParameterValue {
   ParameterValue(std::string n, Measured m) : name(std::move(n)), number(m) {}
   ParameterValue(std::string n, double v) : name(std::move(n)), number{v, kUnknown} {}
-  ParameterValue(std::string n, std::string t)
-      : name(std::move(n)), kind(EffectParameter::kText), text(std::move(t)) {}
+  ParameterValue(std::string n, std::string t) : name(std::move(n)), kind(EffectParameter::kText), text(std::move(t)) {}
   ParameterValue(std::string n, std::vector<StepValue> s)
       : name(std::move(n)), kind(EffectParameter::kSteps), steps(std::move(s)) {}
 

@@ -15,12 +15,10 @@ public:
   std::string description() const override { return "The rate is rounded to a coarse lattice."; }
   Family family() const override { return Family::kStructural; }
   std::vector<HardwareCause> hardware_causes() const override {
-    return {{"few bits of the converter, or rounding in driver or log",
-             "Widrow and Kollar, Quantization Noise (2008)"}};
+    return {
+        {"few bits of the converter, or rounding in driver or log", "Widrow and Kollar, Quantization Noise (2008)"}};
   }
-  std::vector<EffectParameter> parameters() const override {
-    return {{"lsb_dph", 1e-9, 1e7, "step of the output"}};
-  }
+  std::vector<EffectParameter> parameters() const override { return {{"lsb_dph", 1e-9, 1e7, "step of the output"}}; }
 
   void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kOutput) return;
@@ -56,8 +54,7 @@ public:
           jumps.push_back(std::fabs(run.rate_dph[i] - run.rate_dph[i - 1]));
     std::nth_element(jumps.begin(), jumps.begin() + static_cast<long>(jumps.size() / 2), jumps.end());
     const double noise = jumps[jumps.size() / 2] / 0.954; // median of |N(0, 2 sigma^2)| = 0.954 sigma
-    if (lsb<0.2 * noise&& static_cast<double>(distinct.size())> 0.02 * static_cast<double>(n))
-      return std::nullopt;
+    if (lsb<0.2 * noise&& static_cast<double>(distinct.size())> 0.02 * static_cast<double>(n)) return std::nullopt;
     size_t off = 0;
     for (size_t i = 1; i < distinct.size(); ++i) {
       const double steps = (distinct[i] - distinct[i - 1]) / lsb;

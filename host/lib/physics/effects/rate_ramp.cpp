@@ -15,19 +15,16 @@ public:
   }
   Family family() const override { return Family::kFunctionOfTime; }
   std::vector<HardwareCause> hardware_causes() const override {
-    return {{"slow warming of electronics after power-on, longer than the run",
-             "IEEE Std 952-1997, annex C, rate ramp"},
-            {"ageing or slow stress relaxation", "Lakes, Viscoelastic Materials (2009)"}};
+    return {
+        {"slow warming of electronics after power-on, longer than the run", "IEEE Std 952-1997, annex C, rate ramp"},
+        {"ageing or slow stress relaxation", "Lakes, Viscoelastic Materials (2009)"}};
   }
-  std::vector<EffectParameter> parameters() const override {
-    return {{"ramp_dph_per_h", -1e6, 1e6, "drift per hour"}};
-  }
+  std::vector<EffectParameter> parameters() const override { return {{"ramp_dph_per_h", -1e6, 1e6, "drift per hour"}}; }
 
   void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kBias) return;
     const double ramp = parameters.number("ramp_dph_per_h");
-    for (size_t i = 0; i < run->rate_dph.size(); ++i)
-      run->rate_dph[i] += ramp * (run->t_s[i] - run->t_s[0]) / 3600.0;
+    for (size_t i = 0; i < run->rate_dph.size(); ++i) run->rate_dph[i] += ramp * (run->t_s[i] - run->t_s[0]) / 3600.0;
   }
 
   const EffectEstimator* estimator() const override { return this; }

@@ -16,8 +16,7 @@ public:
   std::string description() const override { return "The rate is clipped at a limit of the output."; }
   Family family() const override { return Family::kStructural; }
   std::vector<HardwareCause> hardware_causes() const override {
-    return {{"range of sensor or converter too small for rate and bias together",
-             "IEEE Std 1431-2004, input limits"}};
+    return {{"range of sensor or converter too small for rate and bias together", "IEEE Std 1431-2004, input limits"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"limit_dph", 1e-9, 1e9, "largest rate the output shows, both signs"}};
@@ -79,8 +78,7 @@ private:
   }
 
   // How many samples lie at this extreme because a limit holds them there; else 0.
-  static size_t limited(const std::vector<RunInput>& runs, const LocalLevels& levels, double extreme,
-                        double inward) {
+  static size_t limited(const std::vector<RunInput>& runs, const LocalLevels& levels, double extreme, double inward) {
     const size_t n = pile_at(runs, levels, extreme).n;
     if (n < kFewest || extreme == 0) return 0;
     // On a lattice the extreme repeats too, but less often than the value beside it.

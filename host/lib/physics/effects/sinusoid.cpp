@@ -30,10 +30,8 @@ public:
   }
   Family family() const override { return Family::kTone; }
   std::vector<HardwareCause> hardware_causes() const override {
-    return {
-        {"ripple of supply or clock, or its alias after sampling",
-         "IEEE Std 952-1997, annex C, sinusoidal noise"},
-        {"vibration of fan, pump or chamber compressor near a resonance", "IEEE Std 1431-2004, vibration"}};
+    return {{"ripple of supply or clock, or its alias after sampling", "IEEE Std 952-1997, annex C, sinusoidal noise"},
+            {"vibration of fan, pump or chamber compressor near a resonance", "IEEE Std 1431-2004, vibration"}};
   }
   std::vector<EffectParameter> parameters() const override {
     return {{"amplitude_dph", 0, 1e6, "amplitude in the 1-s means"},

@@ -19,8 +19,7 @@ constexpr uint32_t kHistories = 0x50000000u; // purposes of the streams of histo
 
 EffectParameter start_parameter() {
   EffectParameter start{
-      "start", 0, 0, "state at the start of every run (random where it is left out)", EffectParameter::kText,
-      true};
+      "start", 0, 0, "state at the start of every run (random where it is left out)", EffectParameter::kText, true};
   for (const auto& [word, state] : kWords) start.words.push_back(word);
   return start;
 }

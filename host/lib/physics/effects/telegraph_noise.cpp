@@ -23,8 +23,7 @@ public:
             {"a loop that hunts between two codes", "look at the raw samples"}};
   }
   std::vector<EffectParameter> parameters() const override {
-    return {{"amplitude_dph", 0, 1e6, "half the distance of the two levels"},
-            {"tau_s", 0.1, 1e6, "correlation time"}};
+    return {{"amplitude_dph", 0, 1e6, "half the distance of the two levels"}, {"tau_s", 0.1, 1e6, "correlation time"}};
   }
 
   void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
@@ -46,9 +45,7 @@ public:
   bool is_slow_noise() const override { return true; }
   // The second-order twin of a Markov process of the same sigma and tau: started where that one starts.
   std::vector<Theta> starts(const NoiseModel& base) const override {
-    return {{0.3 * base.white_sigma_dph, 15},
-            {0.3 * base.white_sigma_dph, 120},
-            {0.2 * base.white_sigma_dph, 700}};
+    return {{0.3 * base.white_sigma_dph, 15}, {0.3 * base.white_sigma_dph, 120}, {0.2 * base.white_sigma_dph, 700}};
   }
   Theta theta_lo() const override { return {1e-3, 2}; }
   Theta theta_hi() const override { return {1e6, 2e4}; }

@@ -38,9 +38,7 @@ public:
 
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
-  std::vector<Column> columns(const RunInput& run, const Theta&) const override {
-    return {run.rate_degc_min};
-  }
+  std::vector<Column> columns(const RunInput& run, const Theta&) const override { return {run.rate_degc_min}; }
   double notable() const override { return 0.5; }
   PriorScale prior() const override { return {1, true, 1}; }
   Parameters values(const Estimate& e) const override { return {{"k_dph_per_degc_min", e.coefficient(0)}}; }

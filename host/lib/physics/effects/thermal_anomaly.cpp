@@ -59,8 +59,7 @@ public:
     return {column};
   }
   Parameters values(const Estimate& e) const override {
-    return {
-        {"amplitude_dph", e.coefficient(0)}, {"center_degc", e.shape_at(0)}, {"width_degc", e.shape_at(1)}};
+    return {{"amplitude_dph", e.coefficient(0)}, {"center_degc", e.shape_at(0)}, {"width_degc", e.shape_at(1)}};
   }
 };
 

@@ -29,8 +29,8 @@ std::vector<double> time_constants(double first_s, double last_s, double step) {
 
 // T - x of one time constant, exact for a temperature that is linear between the seconds; `offset_degc`: T -
 // x at the start.
-void add_behind(const std::vector<double>& t_s, const std::vector<double>& temp, double tau,
-                double offset_degc, double weight, Column* sum) {
+void add_behind(const std::vector<double>& t_s, const std::vector<double>& temp, double tau, double offset_degc,
+                double weight, Column* sum) {
   double behind = offset_degc, last_dt = -1, a = 0;
   for (size_t i = 0; i < temp.size(); ++i) {
     if (i > 0) {
@@ -113,9 +113,8 @@ public:
   }
   PriorScale prior() const override { return {1.5, true, 1}; }
   Parameters values(const Estimate& e) const override {
-    return {{"amplitude_dph_per_degc", e.coefficient(0)},
-            {"tau_first_s", e.shape_at(0)},
-            {"tau_last_s", e.shape_at(1)}};
+    return {
+        {"amplitude_dph_per_degc", e.coefficient(0)}, {"tau_first_s", e.shape_at(0)}, {"tau_last_s", e.shape_at(1)}};
   }
 
 private:

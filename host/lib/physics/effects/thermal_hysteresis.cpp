@@ -49,11 +49,10 @@ public:
              "Visintin, Differential Models of Hysteresis (1994), play"}};
   }
   std::vector<EffectParameter> parameters() const override {
-    return {{"amplitude_dph", -1e6, 1e6,
-             "half the opening of the loop (negative: the loop is run the other way round)"},
-            {"width_degc", 0.05, 200,
-             "travel of temperature until half of the loop is crossed (play half-width)"},
-            start_parameter()};
+    return {
+        {"amplitude_dph", -1e6, 1e6, "half the opening of the loop (negative: the loop is run the other way round)"},
+        {"width_degc", 0.05, 200, "travel of temperature until half of the loop is crossed (play half-width)"},
+        start_parameter()};
   }
 
   void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
@@ -84,8 +83,7 @@ public:
   // line: with the first column alone up to 0.8 % of a loop's energy stays out, with both less than 0.1 %
   // (width up to 8 degC on a run of 60 degC).
   std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
-    const Column high = play_column(run.smooth_degc, shape[0], 1),
-                 low = play_column(run.smooth_degc, shape[0], -1);
+    const Column high = play_column(run.smooth_degc, shape[0], 1), low = play_column(run.smooth_degc, shape[0], -1);
     Column difference = play_column(run.smooth_degc, shape[0], 0), bend = difference;
     for (size_t i = 0; i < difference.size(); ++i) {
       bend[i] = 0.5 * (high[i] + low[i]) - bend[i];

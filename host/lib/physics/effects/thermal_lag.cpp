@@ -27,8 +27,7 @@ Column ahead(const std::vector<double>& t_s, const std::vector<double>& temp, do
 
 // The gyro's temperature behind (tau > 0) or ahead (tau < 0) of `temp`, from `offset_degc` off at the start.
 // Exact for a temperature that is linear between the seconds (Tg follows a ramp at a distance tau dT/dt).
-Column lagged(const std::vector<double>& t_s, const std::vector<double>& temp, double tau,
-              double offset_degc) {
+Column lagged(const std::vector<double>& t_s, const std::vector<double>& temp, double tau, double offset_degc) {
   if (tau <= 0) return ahead(t_s, temp, -tau);
   Column out = temp;
   if (!out.empty()) out[0] += offset_degc;
@@ -69,8 +68,7 @@ public:
             {"a large thermal mass or poor contact between the two", "Newton cooling of a lumped capacity"}};
   }
   std::vector<EffectParameter> parameters() const override {
-    return {{"tau_s", -3000, 30000, "time constant; negative: the thermometer lags the gyro"},
-            start_parameter()};
+    return {{"tau_s", -3000, 30000, "time constant; negative: the thermometer lags the gyro"}, start_parameter()};
   }
 
   void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
@@ -78,8 +76,7 @@ public:
     const double tau = parameters.number("tau_s");
     double offset = 0;
     if (tau > 0 && !run->t_s.empty() && start_of(parameters, *run, rng) == StartState::kRandom)
-      offset = largest_offset_degc(run->t_s, run->gyro_temp_degc, tau) *
-               (2 * history_of(*this, *run).uniform() - 1);
+      offset = largest_offset_degc(run->t_s, run->gyro_temp_degc, tau) * (2 * history_of(*this, *run).uniform() - 1);
     run->start_state[name() + ".offset_degc"] = offset;
     run->gyro_temp_degc = lagged(run->t_s, run->gyro_temp_degc, tau, offset);
   }

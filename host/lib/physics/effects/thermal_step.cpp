@@ -29,9 +29,7 @@ Column relay_column(const std::vector<double>& temp, double up_degc, double widt
 class ThermalStep : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "thermal_step"; }
-  std::string label() const override {
-    return "a jump of the bias at one temperature, repeated in every run";
-  }
+  std::string label() const override { return "a jump of the bias at one temperature, repeated in every run"; }
   std::string description() const override {
     return "The bias jumps where the temperature crosses a threshold and jumps back where it returns: relay "
            "(hysteron) of the Preisach model.";
@@ -55,8 +53,8 @@ public:
     const double amplitude = parameters.number("amplitude_dph");
     const bool is_on =
         start_of(parameters, *run, rng) == StartState::kRandom && history_of(*this, *run).uniform() < 0.5;
-    const Column column = relay_column(run->case_temp(), parameters.number("temp_degc"),
-                                       parameters.number("width_degc"), is_on);
+    const Column column =
+        relay_column(run->case_temp(), parameters.number("temp_degc"), parameters.number("width_degc"), is_on);
     run->start_state[name() + ".on"] = column.empty() ? 0 : column[0];
     for (size_t i = 0; i < column.size(); ++i) run->rate_dph[i] += amplitude * column[i];
   }

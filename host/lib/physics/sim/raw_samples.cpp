@@ -26,11 +26,10 @@ static int32_t rounded(double exact, double* carried) {
 
 RawSampler::RawSampler(const RawFormat& format, size_t n_axes, uint64_t seed, uint64_t run)
     : format_(format), n_axes_(n_axes), n_(static_cast<size_t>(std::lround(format.rate_hz))),
-      thermometer_(stream(seed, run, 0, Stream::kThermometer)),
-      jitter_(stream(seed, run, 0, Stream::kJitter)), missing_(stream(seed, run, 0, Stream::kMissing)) {
+      thermometer_(stream(seed, run, 0, Stream::kThermometer)), jitter_(stream(seed, run, 0, Stream::kJitter)),
+      missing_(stream(seed, run, 0, Stream::kMissing)) {
   if (n_axes == 0 || n_axes > kMaxRawAxes)
-    throw usage_error("raw samples: 1 to " + std::to_string(kMaxRawAxes) + " axes, not " +
-                      std::to_string(n_axes));
+    throw usage_error("raw samples: 1 to " + std::to_string(kMaxRawAxes) + " axes, not " + std::to_string(n_axes));
   if (n_ < 1 || std::abs(format.rate_hz - static_cast<double>(n_)) > 1e-9 || n_ > 20000)
     throw usage_error("raw samples: the rate must be a whole number of Hz from 1 to 20000");
   if (!(format.counts_scale_dph > 0) || !(format.temp_lsb_degc > 0))
@@ -42,16 +41,15 @@ RawSampler::RawSampler(const RawFormat& format, size_t n_axes, uint64_t seed, ui
   carried_counts_.assign(n_axes + 1, 0.0);
 }
 
-void RawSampler::second(double t_end_s, double temp_degc, const double* mean_dph,
-                        const double* white_sigma_dph, std::vector<RawSample>* out) {
+void RawSampler::second(double t_end_s, double temp_degc, const double* mean_dph, const double* white_sigma_dph,
+                        std::vector<RawSample>* out) {
   const size_t first = out->size();
   out->resize(first + n_);
   RawSample* const samples = out->data() + first;
   const double step_s = 1.0 / static_cast<double>(n_);
   for (size_t i = 0; i < n_; ++i) {
     double t_s = t_end_s - 1.0 + (static_cast<double>(i) + 0.5) * step_s;
-    if (format_.jitter_s > 0)
-      t_s += std::clamp(format_.jitter_s * jitter_.normal(), -0.4 * step_s, 0.4 * step_s);
+    if (format_.jitter_s > 0) t_s += std::clamp(format_.jitter_s * jitter_.normal(), -0.4 * step_s, 0.4 * step_s);
     samples[i] = RawSample{};
     samples[i].t_us = static_cast<uint64_t>(std::llrint(t_s * 1e6));
     double shown_degc = temp_degc - format_.temp_offset_degc;
@@ -78,9 +76,8 @@ void RawSampler::second(double t_end_s, double temp_degc, const double* mean_dph
     }
   }
   if (format_.missing_frac > 0) {
-    const auto gone =
-        std::remove_if(out->begin() + static_cast<long>(first), out->end(),
-                       [&](const RawSample&) { return missing_.uniform() < format_.missing_frac; });
+    const auto gone = std::remove_if(out->begin() + static_cast<long>(first), out->end(),
+                                     [&](const RawSample&) { return missing_.uniform() < format_.missing_frac; });
     out->erase(gone, out->end());
   }
 }

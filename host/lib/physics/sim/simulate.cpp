@@ -24,8 +24,7 @@ bool acts_on(const EffectSpec& spec, size_t axis, size_t log) {
   if (spec.log >= 0 && static_cast<size_t>(spec.log) != log) return false;
   if (spec.axis.empty()) return true;
   const std::string name = sim_axis_name(axis);
-  return spec.axis == name || spec.axis == name.substr(0, name.rfind('_')) ||
-         spec.axis == std::to_string(axis);
+  return spec.axis == name || spec.axis == name.substr(0, name.rfind('_')) || spec.axis == std::to_string(axis);
 }
 
 void check_axes(const std::vector<EffectSpec>& effects, size_t n_axes) {
@@ -35,9 +34,8 @@ void check_axes(const std::vector<EffectSpec>& effects, size_t n_axes) {
     any_log.log = -1;
     for (size_t a = 0; a < n_axes; ++a) known = known || acts_on(any_log, a, 0);
     if (!known)
-      throw data_error("effect " + spec.name + ": axis \"" + spec.axis +
-                       "\" is not simulated; the axes are " + sim_axis_name(0) +
-                       (n_axes > 1 ? " to " + sim_axis_name(n_axes - 1) : "") +
+      throw data_error("effect " + spec.name + ": axis \"" + spec.axis + "\" is not simulated; the axes are " +
+                       sim_axis_name(0) + (n_axes > 1 ? " to " + sim_axis_name(n_axes - 1) : "") +
                        " (simulate more with --axes)");
   }
 }
@@ -76,8 +74,7 @@ private:
   uint64_t address_;
 };
 
-SimRun start_run(const ErrorModel& model, const std::vector<double>& t_s,
-                 const std::vector<double>& temp_degc) {
+SimRun start_run(const ErrorModel& model, const std::vector<double>& t_s, const std::vector<double>& temp_degc) {
   SimRun run;
   run.model = &model;
   run.t_s = t_s;
@@ -88,8 +85,7 @@ SimRun start_run(const ErrorModel& model, const std::vector<double>& t_s,
   run.rate_dph.assign(t_s.size(), 0.0);
   run.white_sigma_dph.assign(t_s.size(), white_sigma_dph(model.arw_deg_rt_h));
   for (const Markov& m : model.markov)
-    run.markov.push_back(
-        {std::vector<double>(t_s.size(), m.sigma_dph), std::vector<double>(t_s.size(), m.tau_s)});
+    run.markov.push_back({std::vector<double>(t_s.size(), m.sigma_dph), std::vector<double>(t_s.size(), m.tau_s)});
   return run;
 }
 
@@ -187,15 +183,14 @@ SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, cons
     // Draws that all logs of a device share come from this seed: each device needs its own.
     axis.run.seed = options.seed + 0x9E3779B97F4A7C15u * options.device;
     if (model.turn_on_sigma_dph > 0)
-      axis.turn_on_dph = model.turn_on_sigma_dph *
-                         Rng(axis.run.seed, address, static_cast<uint32_t>(a), Stream::kTurnOn).normal();
+      axis.turn_on_dph =
+          model.turn_on_sigma_dph * Rng(axis.run.seed, address, static_cast<uint32_t>(a), Stream::kTurnOn).normal();
     std::vector<ActiveEffect> active;
     uint32_t place = 0;
     for (const std::vector<EffectSpec>* list : {&model.effects, &effects})
       for (const EffectSpec& spec : *list) {
         if (acts_on(spec, a, options.log_index))
-          active.push_back(
-              {&find_effect(spec.name), read_parameters(find_effect(spec.name), spec.parameters), place});
+          active.push_back({&find_effect(spec.name), read_parameters(find_effect(spec.name), spec.parameters), place});
         ++place;
       }
     AxisSimulator(active, &axis.run, address).go(options, axis.turn_on_dph);
@@ -227,8 +222,7 @@ Log to_log(const SimulatedLog& simulated, const SimOptions& options) {
   log.metadata["run"] = std::to_string(options.log_index);
   log.metadata["seed"] = std::to_string(options.seed);
   for (const SimulatedAxis& a : simulated.axes)
-    for (const auto& [what, value] : a.run.start_state)
-      log.metadata["start." + a.name + "." + what] = digits(value);
+    for (const auto& [what, value] : a.run.start_state) log.metadata["start." + a.name + "." + what] = digits(value);
   const size_t n = simulated.stamp_s.size();
   // A device has one thermometer: an effect on it that is restricted to some axes shows in the log all the
   // same.
