@@ -10,3 +10,13 @@ soak: $(BUILD)/tests/soak/soak  ## a million commits with power cuts, ten millio
 	$(Q)$< --seed $(SEED) --commits $(SOAK_COMMITS) --frames $(SOAK_FRAMES)
 
 .PHONY: soak
+
+MONTH_DAYS ?= 30
+$(BUILD)/tests/soak/month: tests/soak/month.c tests/emu/nor.h $(wildcard firmware/app/*.c) $(CORE_SOURCES) $(wildcard common/*.h firmware/app/*.h)
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(TORN_FLAGS) -Ifirmware $< $(wildcard firmware/app/*.c) $(CORE_SOURCES) -lm -o $@
+
+month: $(BUILD)/tests/soak/month  ## the app calibrates six axes for 30 simulated days, with faults (MONTH_DAYS, SEED)
+	$(Q)$< $(MONTH_DAYS) $(SEED)
+
+.PHONY: month
