@@ -33,8 +33,12 @@ static struct {
   double markov[N_AXES];
 } sim;
 
-static double uniform(void) { return (double)(nor_mix(sim.random += 0x9E3779B97F4A7C15ULL) >> 11) * 0x1p-53; }
-static double normal(void) { return sqrt(-2 * log(uniform() + 1e-18)) * cos(6.283185307179586 * uniform()); }
+static double uniform(void) {
+  return (double)(nor_mix(sim.random += 0x9E3779B97F4A7C15ULL) >> 11) * 0x1p-53;
+}
+static double normal(void) {
+  return sqrt(-2 * log(uniform() + 1e-18)) * cos(6.283185307179586 * uniform());
+}
 
 static size_t serial_read(void* ctx, uint8_t* data, size_t capacity) {
   (void)ctx;
@@ -61,7 +65,9 @@ static uint64_t time_us(void* ctx) {
   (void)ctx;
   return sim.t_us;
 }
-static void nothing(void* ctx) { (void)ctx; }
+static void nothing(void* ctx) {
+  (void)ctx;
+}
 
 static void run(void) {
   while (imucal_app_step(&app)) continue;
@@ -96,22 +102,39 @@ static void start(void) {
     board.channel[i].unit_per_count = 1, board.channel[i].full_scale_counts = 30000;
   }
   nor_init(&nor, (nor_geometry_t){2048, 2048, 8});
-  port = (imucal_port_t){.serial_read = serial_read, .serial_write = serial_write, .sample_read = sample_read, .flash = nor_flash(&nor),
-                         .time_us = time_us, .watchdog = nothing, .reboot = nothing, .device = "month"};
+  port = (imucal_port_t){.serial_read = serial_read,
+                         .serial_write = serial_write,
+                         .sample_read = sample_read,
+                         .flash = nor_flash(&nor),
+                         .time_us = time_us,
+                         .watchdog = nothing,
+                         .reboot = nothing,
+                         .device = "month"};
   imucal_link_rx_init(&sim.rx);
   if (imucal_app_init(&app, &port, &board) != IMUCAL_OK) abort();
   unlock();
   for (uint8_t i = 0; i < N_AXES; i++) {
-    const imucal_link_cal_start_t request = {.channel = i, .order = 3, .t0_degc = 30, .range_degc = 30, .m = 0.00995016625f,
-                                             .q = 7.92053068f, .r = 1296, .markov_variance = 400, .prior_sigma = 1e4f,
-                                             .span_hi_degc = 60, .arw = 0.6f, .n_markov = 1, .markov_sigma = {20}, .markov_tau_s = {100}};
+    const imucal_link_cal_start_t request = {.channel = i,
+                                             .order = 3,
+                                             .t0_degc = 30,
+                                             .range_degc = 30,
+                                             .m = 0.00995016625f,
+                                             .q = 7.92053068f,
+                                             .r = 1296,
+                                             .markov_variance = 400,
+                                             .prior_sigma = 1e4f,
+                                             .span_hi_degc = 60,
+                                             .arw = 0.6f,
+                                             .n_markov = 1,
+                                             .markov_sigma = {20},
+                                             .markov_tau_s = {100}};
     ask(IMUCAL_LINK_ID_CAL_START, &request);
     if (sim.reply.done.status != IMUCAL_OK) abort();
   }
 }
 
 static double bias(int axis, double temp_degc) {
-  static const double truth[N_AXES][4] = {{80, 300, 150, -100}, {-400, 50, 20, 10}, {20, -90, 5, 40},
+  static const double truth[N_AXES][4] = {{80, 300, 150, -100}, {-400, 50, 20, 10},  {20, -90, 5, 40},
                                           {5, 10, 2, -1},       {1000, -800, 30, 3}, {0, 0, 0, 60}};
   const double tn = (temp_degc - 30) / 30, *b = truth[axis];
   return b[0] + tn * (b[1] + tn * (b[2] + tn * b[3]));
@@ -119,14 +142,17 @@ static double bias(int axis, double temp_degc) {
 
 // What goes wrong in this second: one fault at a time, every 50 min; an axis at its rail for up to an hour, the rest to 2 min.
 static void draw_faults(void) {
-  if (sim.fault_s > 0) sim.fault_s--;
+  if (sim.fault_s > 0)
+    sim.fault_s--;
   else if (uniform() < 1.0 / 3000) {
     sim.kind = (int)(uniform() * N_KINDS), sim.axis = (int)(uniform() * N_AXES);
     sim.fault_s = 1 + (long)(uniform() * (sim.kind == KIND_RAIL ? 3600 : 120));
     sim.n_faults[sim.kind]++;
   }
-  if (sim.away_s > 0) sim.away_s--;
-  else if (uniform() < 1.0 / 20000) sim.away_s = (long)(uniform() * 18000), sim.n_away++; // up to 5 h
+  if (sim.away_s > 0)
+    sim.away_s--;
+  else if (uniform() < 1.0 / 20000)
+    sim.away_s = (long)(uniform() * 18000), sim.n_away++; // up to 5 h
 }
 
 static void take_sample(double temp_degc, int may_be_lost) {
@@ -137,7 +163,8 @@ static void take_sample(double temp_degc, int may_be_lost) {
     sim.n_lost_samples++;
     return;
   }
-  sim.sample = (imucal_sample_t){.t_us = t_us, .n_channels = N_AXES, .temp_counts = (int32_t)lrint((temp_degc - 25) * 100)};
+  sim.sample =
+      (imucal_sample_t){.t_us = t_us, .n_channels = N_AXES, .temp_counts = (int32_t)lrint((temp_degc - 25) * 100)};
   for (int i = 0; i < N_AXES; i++)
     sim.sample.counts[i] = (int32_t)lrint(bias(i, temp_degc) + sim.markov[i] + 36 * sqrt(RATE_HZ) * normal());
   if (kind == KIND_RAIL) sim.sample.counts[sim.axis] = 30000;
@@ -179,15 +206,20 @@ int main(int argc, char** argv) {
       fprintf(stderr, "month: axis %d: %llu of %ld seconds\n", i, (unsigned long long)sum, n_s);
     }
     for (int t = 0; t <= 60; t += 5)
-      worst = fmax(worst, fabs((double)imucal_kf_bias(&learn->kf, (float)t) - bias(i, t)) / (double)imucal_kf_bias_sigma(&learn->kf, (float)t));
+      worst = fmax(worst, fabs((double)imucal_kf_bias(&learn->kf, (float)t) - bias(i, t)) /
+                              (double)imucal_kf_bias_sigma(&learn->kf, (float)t));
   }
   failed |= !(worst <= 3);
-  printf("month: seed %llu, %ld s of 6 axes: %llu used, %llu missing, %llu fault, %llu saturated, %llu temperature, %llu refused, %llu without a "
-         "sample: %llu axis-seconds; faults %ld %ld %ld %ld %ld, host away %ld times, samples lost %ld, wraps of 32 bits %llu; largest error "
+  printf("month: seed %llu, %ld s of 6 axes: %llu used, %llu missing, %llu fault, %llu saturated, %llu temperature, "
+         "%llu refused, %llu without a "
+         "sample: %llu axis-seconds; faults %ld %ld %ld %ld %ld, host away %ld times, samples lost %ld, wraps of 32 "
+         "bits %llu; largest error "
          "%.2f sigma; unaccounted or wrong %d\n",
-         (unsigned long long)seed, n_s, (unsigned long long)n[IMUCAL_LEARN_USED], (unsigned long long)n[IMUCAL_LEARN_MISSING],
-         (unsigned long long)n[IMUCAL_LEARN_FAULT], (unsigned long long)n[IMUCAL_LEARN_SATURATED], (unsigned long long)n[IMUCAL_LEARN_TEMPERATURE],
-         (unsigned long long)n[IMUCAL_LEARN_REFUSED], (unsigned long long)n_gap_s, (unsigned long long)n_all, sim.n_faults[0], sim.n_faults[1],
-         sim.n_faults[2], sim.n_faults[3], sim.n_faults[4], sim.n_away, sim.n_lost_samples, (unsigned long long)(sim.t_us >> 32), worst, failed);
+         (unsigned long long)seed, n_s, (unsigned long long)n[IMUCAL_LEARN_USED],
+         (unsigned long long)n[IMUCAL_LEARN_MISSING], (unsigned long long)n[IMUCAL_LEARN_FAULT],
+         (unsigned long long)n[IMUCAL_LEARN_SATURATED], (unsigned long long)n[IMUCAL_LEARN_TEMPERATURE],
+         (unsigned long long)n[IMUCAL_LEARN_REFUSED], (unsigned long long)n_gap_s, (unsigned long long)n_all,
+         sim.n_faults[0], sim.n_faults[1], sim.n_faults[2], sim.n_faults[3], sim.n_faults[4], sim.n_away,
+         sim.n_lost_samples, (unsigned long long)(sim.t_us >> 32), worst, failed);
   return failed;
 }
