@@ -92,11 +92,13 @@ public:
   }
 
 private:
-  // A connection that is closed before a byte came was turned away: a device serves one host at a time.
+  // A connection that is closed before a byte came: the device ended, or it turned us away, for it serves one host at a
+  // time.
   Error lost() const {
     if (has_read_ || std::strcmp(kind_, "tcp") != 0) return gone(name());
-    return device_error(name() + ": the connection was closed at once: the port is in use by another program; end that "
-                                 "program first");
+    return device_error(name() +
+                        ": the connection was closed before a byte came: the port is in use by another program "
+                        "(end that program first), or the device is gone (start it and try again)");
   }
 
   // False: nothing within the time (or a signal came, which the caller looks at between reads).

@@ -299,8 +299,11 @@ std::string Log::place(size_t row) const {
   return path + ": row at t_s = " + std::to_string(t_s[row]);
 }
 
-// Steps must be multiples of the median one, as well as a clock can keep them.
+// Steps must be multiples of the median one, as well as a clock can keep them.  Of a few rows nobody can say which step
+// is the usual one.
 static void check_steps(const Log& log) {
+  constexpr size_t kFewRows = 10;
+  if (log.size() < kFewRows) return;
   const double dt_s = log.dt_s();
   size_t n_irregular = 0, first = 0;
   for (size_t i = 1; i < log.size(); ++i) {
