@@ -52,7 +52,8 @@ def test_installed_command_runs_programs_and_package_outside_the_source_tree(roo
     assert imucal("dp", "--version").startswith("dp ")
     imucal("example", "play", "-q")
     assert "valid log" in imucal("check", "play/run1.csv")
-    imucal("calibrate", "fit", "play/run1.csv", "--method", "kf", "--order", "3", "--model", "play/model.json", "-o", "table.json", "-q")
+    imucal("calibrate", "fit", "play/run1.csv", "--method", "kf", "--order", "3", "--model", "play/model.json",
+           "--accept", "slow", "--accept", "residual", "-o", "table.json", "-q")
     assert "bias_fixed" in imucal("export", "table.json", "--to", "c-header")
 
 
