@@ -131,8 +131,8 @@ def _next_line(given, log, looks, imported):
     if not log.has_temperature or len(looks[0].poly) == 1:
         return f"next: {first}imucal errormodel fit {name} --markov 1 --criterion ml -o model.json   (no thermal calibration: the temperature hardly moves)"
     if any(look.loop_share > LOOP_SHARE or abs(look.warm_up_z) > 3 for look in looks):
-        return f"next: {first}imucal diagnose --log {name} ...   (names the effect; then imucal calibrate fit {name} --method kf --order {given.order} -o table.json)"
-    return f"next: {first}imucal calibrate fit {name} --method kf --order {given.order} -o table.json"
+        return f"next: {first}imucal diagnose --log {name} ...   (names the effect; then imucal calibrate fit {name} --method poly --order {given.order} -o table.json)"
+    return f"next: {first}imucal calibrate fit {name} --method poly --order {given.order} -o table.json"
 
 
 def _gap_line(log, imported):
