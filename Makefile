@@ -5,7 +5,9 @@
 BUILD ?= build
 CROSS ?= arm-none-eabi-
 CCACHE ?= $(shell command -v ccache)
-PYTHON ?= $(BUILD)/venv/bin/python
+# A build in a folder of its own (sanitize, portable) takes the venv that is there.
+VENV ?= $(BUILD)/venv
+PYTHON ?= $(VENV)/bin/python
 SEED ?= 1
 T ?=
 
@@ -26,7 +28,7 @@ include tests/tests.mk
 -include $(wildcard host/*/*.mk host/lib/*/*.mk host/lib/*/*/*.mk host/tools/*/*.mk tests/*/*.mk)
 
 deps:  ## install Debian and Python packages that are missing
-	@.ci/bootstrap $(BUILD)
+	@.ci/bootstrap $(VENV)
 
 clean:  ## remove what was built, keep the Python venv
 	$(Q)find $(BUILD) -mindepth 1 -maxdepth 1 ! -name venv -exec rm -rf {} +

@@ -20,7 +20,9 @@ HOST_CPPFLAGS := -Icommon -Ihost/lib -Ihost/tools -isystem /usr/include/eigen3 -
 HOST_CXXFLAGS := -std=c++17 -pedantic -ffp-contract=off -pthread $(WARNINGS)
 comma := ,
 SANITIZE_FLAGS := $(if $(SANITIZE),-fsanitize=address$(comma)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
-COMPILE_CXX = $(CXX) $(HOST_CXXFLAGS) $(OPTIMISE) $(SANITIZE_FLAGS) $(HOST_CPPFLAGS) $(CXXFLAGS)
+# Position independent once for all: the same objects serve the programs and the Python package.
+PIC := -fPIC -fvisibility=hidden
+COMPILE_CXX = $(CXX) $(HOST_CXXFLAGS) $(PIC) $(OPTIMISE) $(SANITIZE_FLAGS) $(HOST_CPPFLAGS) $(CXXFLAGS)
 
 CORE_SOURCES := $(wildcard common/*.c)
 HOST_MAINS := $(wildcard host/tools/*/main.cpp)
@@ -53,7 +55,7 @@ $(PCH_lib).gch $(PCH_tools).gch: $(BUILD)/pch/%.h.gch: host/pch/%.h
 $(BUILD)/obj/host/%.o: %.c
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CC   $<")
-	$(Q)$(CCACHE) $(CC) $(CORE_CFLAGS) $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP -Icommon $(CFLAGS) -c $< -o $@
+	$(Q)$(CCACHE) $(CC) $(CORE_CFLAGS) $(PIC) $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP -Icommon $(CFLAGS) -c $< -o $@
 
 $(BUILD)/obj/host/host/tools/%.o: host/tools/%.cpp | $(call NEEDS_PCH,$(PCH_tools))
 	@mkdir -p $(@D)

@@ -27,7 +27,7 @@ $(BUILD)/tests/%: $(BUILD)/obj/host/tests/%.o $(HOST_ARCHIVE)
 # `make test` on a bare machine installs first; the recursive call sees what was installed.
 test:  ## install what is missing, build, and run all tests (T=<filter> for some)
 	@$(MAKE) --no-print-directory deps
-	@$(MAKE) --no-print-directory -j2 all unit-programs
+	@$(MAKE) --no-print-directory -j2 all unit-programs python-core
 	@$(MAKE) --no-print-directory unit-test system-test
 
 unit-programs: $(SELECTED_UNIT_TESTS)
@@ -40,7 +40,7 @@ system-test:  ## run the pytest tests of the built programs
 
 # The host side again under AddressSanitizer and UndefinedBehaviorSanitizer, in its own build folder.
 sanitize:  ## unit tests and quick system tests under ASan and UBSan
-	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize SANITIZE=1 -j2 host unit-programs
-	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize SANITIZE=1 unit-test
+	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize VENV=$(VENV) SANITIZE=1 -j2 host unit-programs
+	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize VENV=$(VENV) SANITIZE=1 unit-test
 
 .PHONY: test unit-programs unit-test system-test sanitize

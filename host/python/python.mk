@@ -1,21 +1,10 @@
 # The compiled part of the Python package: build/python/_core.so, found there by the package in host/python; and the
-# package installed into the venv.  Objects are compiled once more, as position-independent code.
+# package installed into the venv.
 PY_NANOBIND = $(shell $(PYTHON) -c 'import nanobind; print(nanobind.include_dir())' 2>/dev/null)
 PY_INCLUDE = $(shell $(PYTHON) -c 'import sysconfig; print(sysconfig.get_path("include"))')
-PY_CORE_SOURCES := $(wildcard common/*.c host/lib/base/*.cpp host/lib/io/*.cpp host/lib/noise/*.cpp host/lib/analysis/dp/*.cpp) \
-                   host/lib/analysis/errormodel/expect.cpp host/lib/analysis/errormodel/confidence.cpp
-PY_CORE_OBJECTS := $(patsubst %,$(BUILD)/obj/pic/%.o,$(basename $(PY_CORE_SOURCES)))
 PY_CORE := $(BUILD)/python/_core.so
-
-$(BUILD)/obj/pic/%.o: %.c
-	@mkdir -p $(@D)
-	$(if $(V),,@echo "  CC   $< (pic)")
-	$(Q)$(CCACHE) $(CC) $(CORE_CFLAGS) $(OPTIMISE) -fPIC -MMD -MP -Icommon $(CFLAGS) -c $< -o $@
-
-$(BUILD)/obj/pic/%.o: %.cpp
-	@mkdir -p $(@D)
-	$(if $(V),,@echo "  CXX  $< (pic)")
-	$(Q)$(CCACHE) $(CXX) $(HOST_CXXFLAGS) $(OPTIMISE) -fPIC -MMD -MP $(HOST_CPPFLAGS) $(CXXFLAGS) -c $< -o $@
+# The rooms that it takes: the objects of the host programs, position independent as they are.
+PY_CORE_ROOMS := $(patsubst %,$(BUILD)/lib/%.a,analysis/errormodel analysis/dp physics/sim physics/effects noise io base common)
 
 # nanobind's own source, and what includes it: not held to our warnings.
 $(BUILD)/obj/pic/host/python/native/%.o: host/python/native/%.cpp
@@ -31,10 +20,10 @@ $(BUILD)/obj/pic/nanobind.o:
 	$(Q)$(CCACHE) $(CXX) -std=c++17 -O2 -fPIC -fvisibility=hidden -fno-strict-aliasing -DNDEBUG -DNB_COMPACT_ASSERTIONS -isystem $(PY_INCLUDE) -I$(PY_NANOBIND) \
 	  -I$(PY_NANOBIND)/../ext/robin_map/include -c $(PY_NANOBIND)/../src/nb_combined.cpp -o $@
 
-$(PY_CORE): $(BUILD)/obj/pic/nanobind.o $(BUILD)/obj/pic/host/python/native/core.o $(PY_CORE_OBJECTS)
+$(PY_CORE): $(BUILD)/obj/pic/nanobind.o $(BUILD)/obj/pic/host/python/native/core.o $(PY_CORE_ROOMS)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  LINK $@")
-	$(Q)$(CXX) -shared -pthread $^ -o $@ -Wl,--gc-sections -Wl,-z,defs -Wl,--unresolved-symbols=ignore-in-object-files -lz
+	$(Q)$(CXX) -shared -pthread $^ -o $@ -Wl,--gc-sections $(HOST_LIBS)
 
 python-core: $(PY_CORE)  ## build the compiled part of the Python package
 
@@ -43,7 +32,7 @@ python:  ## install the Python package imucal into build/venv
 	$(Q)$(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation ./host/python
 	@$(PYTHON) -I -c 'import imucal, numpy; c = imucal.allan_deviation(numpy.random.default_rng(1).normal(size=1000)); print("imucal", imucal.__version__, "installed:", len(c.tau_s), "points of an Allan deviation")'
 
-unit-programs system-test: $(PY_CORE)
+system-test: $(PY_CORE)
 
 -include $(shell find $(BUILD)/obj/pic -name '*.d' 2>/dev/null)
 
