@@ -6,22 +6,45 @@
 #include "crc.h"
 #include "num.h"
 
-/* ---- the message table as bytes: id, number of fields, then per field elements and kind*16 + type ---- */
+/* ---- the fields of a message, by their names in link.h: offsetof asks the compiler where each lies ---- */
 
 enum { TYPE_u8, TYPE_chr, TYPE_u16, TYPE_i16, TYPE_u32, TYPE_i32, TYPE_f32, TYPE_u64 };
-enum { KIND_FIXED = 0, KIND_NUMBER = 16, KIND_VARIABLE = 32 };
 static const uint8_t type_size[] = {1, 1, 2, 2, 4, 4, 4, 8};
+enum { KIND_FIXED, KIND_NUMBER, KIND_VARIABLE, KIND_END }; /* F and A, N, V of link.h */
+typedef struct field {
+  uint8_t kind_type; /* 8 kind + type */
+  uint8_t members;   /* elements in the struct */
+  uint8_t offset;    /* of the first in the struct; they fit: below */
+} field_t;
 
-#define ONE_F(type, name, unit) +1
-#define ONE_A(type, name, n, unit) +1
-#define ONE_N(name, unit) +1
-#define FIELD_F(type, name, unit) 1, KIND_FIXED + TYPE_##type,
-#define FIELD_A(type, name, n, unit) n, KIND_FIXED + TYPE_##type,
-#define FIELD_N(name, unit) 1, KIND_NUMBER + TYPE_u8,
-#define FIELD_V(type, name, n, unit) n, KIND_VARIABLE + TYPE_##type,
-#define MESSAGE(id, name, NAME)                                                                                        \
-  id, 0 IMUCAL_LINK_##NAME(ONE_F, ONE_A, ONE_N, ONE_A), IMUCAL_LINK_##NAME(FIELD_F, FIELD_A, FIELD_N, FIELD_V)
-static const uint8_t message_table[] = {IMUCAL_LINK_MESSAGES(MESSAGE) 0};
+#define FIELD_F(type, name, unit) {8 * KIND_FIXED + TYPE_##type, 1, offsetof(message_t, name)},
+#define FIELD_A(type, name, n, unit) {8 * KIND_FIXED + TYPE_##type, n, offsetof(message_t, name)},
+#define FIELD_N(name, unit) {8 * KIND_NUMBER + TYPE_u8, 1, offsetof(message_t, name)},
+#define FIELD_V(type, name, n, unit) {8 * KIND_VARIABLE + TYPE_##type, n, offsetof(message_t, name)},
+#define PLACE(id, name, NAME) PLACE_##name,
+enum { IMUCAL_LINK_MESSAGES(PLACE) };
+#define ID(id, name, NAME) id,
+static const uint8_t ids[] = {IMUCAL_LINK_MESSAGES(ID)};
+#define RETURN_FIELDS(id, name, NAME)                                                                                  \
+  case PLACE_##name: {                                                                                                 \
+    typedef imucal_link_##name##_t message_t;                                                                          \
+    static const field_t fields[] = {IMUCAL_LINK_##NAME(FIELD_F, FIELD_A, FIELD_N, FIELD_V){8 * KIND_END, 0, 0}};      \
+    return fields;                                                                                                     \
+  }
+
+/* In the order of the wire, KIND_END behind the last.  Null: no such id. */
+static const field_t* find_fields(uint32_t id) {
+  size_t place = 0;
+  while (place < sizeof ids && ids[place] != id) place++;
+  switch (place) {
+    IMUCAL_LINK_MESSAGES(RETURN_FIELDS)
+  default:
+    return NULL;
+  }
+}
+
+/* Every offset fits a byte. */
+typedef char offsets_fit[sizeof(imucal_link_any_t) <= 256 ? 1 : -1];
 
 /* The longest message must fit a payload: checked at compile time on the packed size. */
 #define SIZE_u8 1
@@ -41,47 +64,6 @@ static const uint8_t message_table[] = {IMUCAL_LINK_MESSAGES(MESSAGE) 0};
                                                                                                                 : -1];
 IMUCAL_LINK_MESSAGES(FITS)
 
-/* Descriptor of a message: its fields start at the result + 2.  Null: no such id. */
-static const uint8_t* find_message(uint32_t id) {
-  const uint8_t* at = message_table;
-  while (*at != 0) {
-    if (*at == id) return at;
-    at += 2 + 2 * (size_t)at[1];
-  }
-  return NULL;
-}
-
-/* Walks the fields of a message struct; members lie at the next multiple of their own size (natural alignment, as
- * every ABI used here has it; tests/common/test_link.c compares with offsetof). */
-typedef struct cursor {
-  const uint8_t* field;
-  size_t n_fields_left;
-  size_t offset;  /* of the member in the struct */
-  size_t members; /* elements in the struct */
-  size_t used;    /* elements on the wire */
-  size_t size;    /* of one element */
-  uint8_t number; /* value of the last N field */
-  bool is_number;
-} cursor_t;
-
-static cursor_t cursor_at(const uint8_t* message) {
-  return (cursor_t){.field = message + 2, .n_fields_left = message[1]};
-}
-
-/* Step to the next field; false at the end. */
-static bool cursor_next(cursor_t* c) {
-  if (c->n_fields_left == 0) return false;
-  c->n_fields_left--;
-  c->offset += c->members * c->size;
-  c->members = c->field[0];
-  c->size = type_size[c->field[1] & 15u];
-  c->offset = (c->offset + c->size - 1) & ~(c->size - 1);
-  c->is_number = (c->field[1] & 0xF0u) == KIND_NUMBER;
-  c->used = (c->field[1] & 0xF0u) == KIND_VARIABLE ? c->number : c->members;
-  c->field += 2;
-  return true;
-}
-
 /* One element between the struct and its little-endian bytes, either way. */
 static void copy_element(uint8_t* to, const uint8_t* from, size_t size) {
   const uint16_t one = 1;
@@ -92,18 +74,19 @@ static void copy_element(uint8_t* to, const uint8_t* from, size_t size) {
 /* All fields of a message: a struct to its payload, or back.  *len: bytes of the payload, at most max_payload. */
 static imucal_status copy_fields(uint32_t id, const uint8_t* from, uint8_t* to, bool is_encoding, size_t max_payload,
                                  size_t* len) {
-  const uint8_t* descriptor = find_message(id);
-  if (descriptor == NULL) return IMUCAL_ERR_UNKNOWN;
-  cursor_t c = cursor_at(descriptor);
-  size_t at = 0;
-  while (cursor_next(&c)) {
-    if (c.used > c.members) return IMUCAL_ERR_RANGE;
-    if (at + c.used * c.size > max_payload) return IMUCAL_ERR_SPACE;
-    for (size_t i = 0; i < c.used; i++, at += c.size) {
-      const size_t member = c.offset + i * c.size;
+  const field_t* field = find_fields(id);
+  if (field == NULL) return IMUCAL_ERR_UNKNOWN;
+  size_t at = 0, number = 0; /* number: value of the last N field */
+  for (; field->kind_type != 8 * KIND_END; field++) {
+    const size_t size = type_size[field->kind_type & 7u], kind = field->kind_type >> 3;
+    const size_t n = kind == KIND_VARIABLE ? number : field->members;
+    if (n > field->members) return IMUCAL_ERR_RANGE;
+    if (at + n * size > max_payload) return IMUCAL_ERR_SPACE;
+    for (size_t i = 0; i < n; i++, at += size) {
+      const size_t member = field->offset + i * size;
       const uint8_t* source = from + (is_encoding ? member : at);
-      copy_element(to + (is_encoding ? at : member), source, c.size);
-      if (c.is_number) c.number = *source;
+      copy_element(to + (is_encoding ? at : member), source, size);
+      if (kind == KIND_NUMBER) number = *source;
     }
   }
   *len = at;
