@@ -3,6 +3,7 @@
 
 FIRMWARE_SIM := firmware/port/sim/nor.c firmware/port/sim/sample_stream.c firmware/port/sim/board_options.c
 FIRMWARE_APP := $(wildcard firmware/app/*.c)
+FIRMWARE_SENSORS := $(wildcard firmware/sensors/*.c)
 FIRMWARE_CPPFLAGS := -Icommon -Ifirmware
 FIRMWARE_CFLAGS := -std=c99 -pedantic -ffp-contract=off -fno-common $(WARNINGS) -Wstrict-prototypes -Wdouble-promotion
 
@@ -36,7 +37,7 @@ $(BUILD)/firmware/posix/check: $(patsubst %.c,$(BUILD)/obj/host/%.o,$(FIRMWARE_C
 
 # Unit tests of the firmware (tests/tests.mk links every .o it finds among the prerequisites).
 $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/firmware/test_*.c)): $(FIRMWARE_APP_HOST) \
-  $(BUILD)/obj/host/tests/firmware/bench.o
+  $(FIRMWARE_SENSORS:%.c=$(BUILD)/obj/host/%.o) $(BUILD)/obj/host/tests/firmware/bench.o
 
 # ---- microcontrollers ----
 
