@@ -78,13 +78,18 @@ static imucal_learn_outcome_t judge(const imucal_thermometer_t* thermometer, con
   return IMUCAL_LEARN_USED;
 }
 
+imucal_learn_input_t imucal_learn_input(const imucal_thermometer_t* thermometer, const imucal_sum_t* sum,
+                                        const imucal_second_t* second, uint32_t i_channel, float value) {
+  return (imucal_learn_input_t){.value = value,
+                                .temp_degc = thermometer->temp_degc,
+                                .noise_ratio = imucal_sum_noise_ratio(sum, second, i_channel),
+                                .gap_s = second->n_skipped,
+                                .verdict = judge(thermometer, second, second->flags[i_channel])};
+}
+
 imucal_learn_outcome_t imucal_learn_second(imucal_learn_t* learn, const imucal_thermometer_t* thermometer,
                                            const imucal_sum_t* sum, const imucal_second_t* second, uint32_t i_channel,
                                            float value) {
-  const imucal_learn_input_t input = {.value = value,
-                                      .temp_degc = thermometer->temp_degc,
-                                      .noise_ratio = imucal_sum_noise_ratio(sum, second, i_channel),
-                                      .gap_s = second->n_skipped,
-                                      .verdict = judge(thermometer, second, second->flags[i_channel])};
+  const imucal_learn_input_t input = imucal_learn_input(thermometer, sum, second, i_channel, value);
   return imucal_learn_take(learn, &input);
 }

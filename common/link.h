@@ -110,6 +110,20 @@ extern "C" {
   F(u32, refused_table, "tables refused: serial, CRC, a field out of its limits, another board")                       \
   F(u32, flash_failed, "writes, rollbacks and erases that the flash did not take")                                     \
   F(u32, sessions_silent, "calibrations stopped because no host was heard")
+#define IMUCAL_LINK_SAMPLES(F, A, N, V) F(u8, reserved, "0")
+#define IMUCAL_LINK_SAMPLES_REPLY(F, A, N, V)                                                                          \
+  F(u32, samples, "delivered by the sensor since the start; never set back, as all of these")                          \
+  F(u32, summed, "of them in a second")                                                                                \
+  F(u32, duplicates, "left out: time stamp of the one before")                                                         \
+  F(u32, behind, "left out: time stamp older than the newest")                                                         \
+  F(u32, ahead, "left out: time stamp far ahead of the one before, and the next did not agree")                        \
+  F(u32, refused, "left out: other channels than the board's, time out of range, too many in a second")                \
+  F(u32, unreadable, "records of the sensor that could not be read; not in samples")                                   \
+  F(u32, clock_set, "times the sensor's clock was set back and followed")                                              \
+  F(u32, clock_wrapped, "times it began anew at 0 by its width of 32 bits")                                            \
+  F(u32, jumps, "times at least one whole second was missing")                                                         \
+  F(u32, seconds, "seconds finished")                                                                                  \
+  F(u32, gaps, "of them with fewer than half of their samples")
 #define IMUCAL_LINK_UNLOCK(F, A, N, V)                                                                                 \
   F(u32, challenge, "of the newest STATE_REPLY")                                                                       \
   A(chr, serial, 16, "must be this device's")                                                                          \
@@ -165,6 +179,25 @@ extern "C" {
   A(u32, d, 7, "f32 bits: variance of e given c; then D")                                                              \
   A(u32, d_lo, 7, "f32 bits: to be added to d")                                                                        \
   A(u32, u, 21, "f32 bits: e less V' c, V1 .. V5; R above its diagonal by columns: R01 R02 R12 R03 ..")
+#define IMUCAL_LINK_HEALTH(F, A, N, V) F(u8, channel, "0..n_channels-1")
+#define IMUCAL_LINK_HEALTH_REPLY(F, A, N, V)                                                                           \
+  F(u8, channel, "as in the request")                                                                                  \
+  F(u32, t_s, "end of the newest second")                                                                              \
+  F(u32, bits, "bit i: rule i of health.h speaks against the channel")                                                 \
+  F(u32, judged, "bit i: rule i could be judged")                                                                      \
+  F(u32, n, "seconds since CAL_START")                                                                                 \
+  F(u32, n_used, "of them fit to learn from")                                                                          \
+  F(u32, n_rejected, "left out: innovation beyond 6 sigma")                                                            \
+  F(u32, n_spikes, "left out: temperature out of reach")                                                               \
+  F(u32, n_saturated, "with a sample at the rail")                                                                     \
+  F(u32, n_faulty, "with a fault of the sensor")                                                                       \
+  F(f32, error_factor, "how many times the predicted error is too small by the innovations, >= 1")                     \
+  F(u8, has_span, "1: temperatures were seen")                                                                         \
+  F(f32, span_lo_degc, "degC, seen for 8 seconds and more")                                                            \
+  F(f32, span_hi_degc, "degC")                                                                                         \
+  N(n_rules, "rules this device knows")                                                                                \
+  V(f32, value, 16, "figure of rule i")                                                                                \
+  V(f32, limit, 16, "what it was compared with")
 #define IMUCAL_LINK_CAL_STOP(F, A, N, V) F(u8, action, "0 discard the filters, 1 keep them for TABLE_FROM_CAL")
 #define IMUCAL_LINK_TABLE_FROM_CAL(F, A, N, V)                                                                         \
   F(u32, created_s, "s since 1970-01-01 UTC")                                                                          \
@@ -243,6 +276,8 @@ extern "C" {
   M(0x08, unlock, UNLOCK)                                                                                              \
   M(0x88, unlock_reply, UNLOCK_REPLY)                                                                                  \
   M(0x09, command, COMMAND)                                                                                            \
+  M(0x0A, samples, SAMPLES)                                                                                            \
+  M(0x8A, samples_reply, SAMPLES_REPLY)                                                                                \
   M(0x10, cal_start, CAL_START)                                                                                        \
   M(0x11, cal_state, CAL_STATE)                                                                                        \
   M(0x91, cal_state_reply, CAL_STATE_REPLY)                                                                            \
@@ -250,6 +285,8 @@ extern "C" {
   M(0x14, table_from_cal, TABLE_FROM_CAL)                                                                              \
   M(0x15, cal_filter, CAL_FILTER)                                                                                      \
   M(0x95, cal_filter_reply, CAL_FILTER_REPLY)                                                                          \
+  M(0x16, health, HEALTH)                                                                                              \
+  M(0x96, health_reply, HEALTH_REPLY)                                                                                  \
   M(0x20, table_read, TABLE_READ)                                                                                      \
   M(0xA0, table_read_reply, TABLE_READ_REPLY)                                                                          \
   M(0x21, table_begin, TABLE_BEGIN)                                                                                    \

@@ -25,9 +25,9 @@ PORTS = {"mps2_an386": ("mps2-an386", "Cortex-M4F", "-mcpu=cortex-m4 -mthumb -mf
          "nrf51": ("microbit", "Cortex-M0", "-mcpu=cortex-m0 -mthumb")}
 STRUCTS = {"kf state: both filters' numbers": "((imucal_kf_t*)0)->e, ((imucal_kf_t*)0)->e_variance, "
            "((imucal_kf_t*)0)->one_plus_v0, ((imucal_kf_t*)0)->v, ((imucal_kf_t*)0)->row, ((imucal_kf_t*)0)->r",
-           "imucal_kf_t (with configuration and statistics)": "imucal_kf_t", "imucal_learn_t (kf and counts)": "imucal_learn_t", "imucal_comp_t": "imucal_comp_t",
-           "imucal_app_channel_t (learn + comp + session)": "imucal_app_channel_t",
-           "imucal_sum_t (all channels)": "imucal_sum_t", "imucal_table_t (all channels)": "imucal_table_t",
+           "imucal_kf_t (with configuration and statistics)": "imucal_kf_t", "imucal_learn_t (kf and counts)": "imucal_learn_t", "imucal_health_t": "imucal_health_t", "imucal_comp_t": "imucal_comp_t",
+           "imucal_app_channel_t (learn + health + comp + session)": "imucal_app_channel_t",
+           "imucal_clock_t": "imucal_clock_t", "imucal_sum_t (all channels)": "imucal_sum_t", "imucal_table_t (all channels)": "imucal_table_t",
            "imucal_app_t (everything, six channels)": "imucal_app_t"}
 RATE_HZ = 100
 

@@ -2,14 +2,16 @@
 /* Purpose: the life of a device: boot, load the table, take samples, compensate them at full rate, sum them
  * to seconds, calibrate, stream, and serve every request of common/link.h.  A pure function of the callbacks
  * in port.h: no globals, no heap, no waiting. Data:  sample_read -> comp -> sample_out;  raw and compensated
- * -> sum -> SECOND;  raw seconds -> learn per channel; filters -> table -> store -> comp. Order: imucal_app_init
+ * -> clock -> sum -> SECOND;  raw seconds -> health, learn per channel; filters -> table -> store -> comp. Order: imucal_app_init
  * once per start, then imucal_app_step for ever. Memory: sizeof(imucal_app_t), all of it the caller's.
  * Thread/ISR: one context. */
 #ifndef IMUCAL_APP_H
 #define IMUCAL_APP_H
 #include "board.h"
+#include "clock.h"
 #include "comp.h"
 #include "guard.h"
+#include "health.h"
 #include "learn.h"
 #include "link.h"
 #include "port.h"
@@ -40,6 +42,7 @@
 /* What the host asked of one channel's calibration, beside the filter's own configuration. */
 typedef struct imucal_app_channel {
   imucal_learn_t learn;
+  imucal_health_t health; /* of what learn was given */
   imucal_comp_t comp;
   float span_lo_degc, span_hi_degc;
   float arw, markov_sigma[IMUCAL_TABLE_MARKOV_N], markov_tau_s[IMUCAL_TABLE_MARKOV_N];
@@ -52,6 +55,7 @@ typedef struct imucal_app {
   const imucal_board_t* board;
   imucal_app_channel_t channel[IMUCAL_MAX_CHANNELS];
 
+  imucal_clock_t clock;
   imucal_sum_t raw_sum, out_sum;
   imucal_thermometer_t thermometer;
   uint8_t clamped;       /* channels outside their valid span in the running second */
@@ -90,6 +94,7 @@ typedef struct imucal_app {
   uint64_t heard_us;    /* when the last valid frame came */
   uint32_t n_locked, n_stale, n_unlock_refused, n_busy, n_reserved, n_table_refused, n_flash_failed, n_silent;
 
+  uint32_t n_foreign; /* samples of another number of channels, in n_bad_samples too */
   uint32_t n_samples, n_bad_samples, n_seconds, n_gaps, n_tx_dropped, n_rx_unknown;
 } imucal_app_t;
 

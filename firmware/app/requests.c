@@ -118,7 +118,7 @@ static void serve_counters(imucal_app_t* app) {
                                          .tx_dropped = app->n_tx_dropped,
                                          .samples = app->n_samples,
                                          .duplicates = app->raw_sum.n_duplicate,
-                                         .backward = app->raw_sum.n_backward,
+                                         .backward = app->raw_sum.n_backward + app->clock.n_behind,
                                          .jumps = app->raw_sum.n_jump,
                                          .feed_errors = app->n_bad_samples + app->raw_sum.n_refused,
                                          .seconds = app->n_seconds,
@@ -127,6 +127,22 @@ static void serve_counters(imucal_app_t* app) {
   for (uint32_t i = 0; i < app->board->n_channels; i++)
     if (app->calibrating & BIT(i)) answer.filter_refused += app->channel[i].learn.kf.stats.n_refused;
   reply(app, IMUCAL_LINK_ID_COUNTERS_REPLY, &answer);
+}
+
+static void serve_samples(imucal_app_t* app) {
+  const imucal_link_samples_reply_t answer = {.samples = app->n_samples,
+                                              .summed = app->raw_sum.n_taken,
+                                              .duplicates = app->raw_sum.n_duplicate,
+                                              .behind = app->raw_sum.n_backward + app->clock.n_behind,
+                                              .ahead = app->clock.n_ahead,
+                                              .refused = app->raw_sum.n_refused + app->n_foreign,
+                                              .unreadable = app->n_bad_samples - app->n_foreign,
+                                              .clock_set = app->clock.n_set,
+                                              .clock_wrapped = app->clock.n_wrapped,
+                                              .jumps = app->raw_sum.n_jump,
+                                              .seconds = app->n_seconds,
+                                              .gaps = app->n_gaps};
+  reply(app, IMUCAL_LINK_ID_SAMPLES_REPLY, &answer);
 }
 
 static void serve_channel_info(imucal_app_t* app, const imucal_link_channel_info_t* request) {
@@ -201,6 +217,21 @@ static void begin_session(imucal_app_t* app) {
   app->progress_t_s = 0;
 }
 
+/* The filter, and the rules with what it expects; refused: the channel is as it was. */
+static imucal_status start_channel(imucal_app_t* app, const imucal_link_cal_start_t* request,
+                                   const imucal_kf_config_t* config) {
+  const imucal_health_config_t expected = {.r = request->r,
+                                           .markov_variance = request->markov_variance,
+                                           .lo_degc = request->span_lo_degc,
+                                           .hi_degc = request->span_hi_degc,
+                                           .temp_step_degc = app->board->degc_per_count};
+  imucal_health_t health;
+  imucal_status status = imucal_health_init(&health, &expected);
+  if (status == IMUCAL_OK) status = imucal_learn_init(&app->channel[request->channel].learn, config);
+  if (status == IMUCAL_OK) app->channel[request->channel].health = health;
+  return status;
+}
+
 static void serve_cal_start(imucal_app_t* app, const imucal_link_cal_start_t* request) {
   imucal_status status = check_cal_start(app, request);
   if (status == IMUCAL_OK && app->session == IMUCAL_SESSION_CALIBRATING && (app->calibrating & BIT(request->channel)))
@@ -214,7 +245,7 @@ static void serve_cal_start(imucal_app_t* app, const imucal_link_cal_start_t* re
                                      .r = request->r,
                                      .markov_variance = request->markov_variance,
                                      .prior_sigma = request->prior_sigma};
-  if (status == IMUCAL_OK) status = imucal_learn_init(&app->channel[request->channel].learn, &config);
+  if (status == IMUCAL_OK) status = start_channel(app, request, &config);
   if (status != IMUCAL_OK) {
     done(app, status, 0);
     return;
@@ -274,6 +305,29 @@ static void serve_cal_filter(imucal_app_t* app, const imucal_link_cal_filter_t* 
   put_bits(answer.d_lo, state.d_lo, IMUCAL_KF_MAX_STATES);
   put_bits(answer.u, state.u, IMUCAL_KF_MAX_U);
   reply(app, IMUCAL_LINK_ID_CAL_FILTER_REPLY, &answer);
+}
+
+static void serve_health(imucal_app_t* app, const imucal_link_health_t* request) {
+  if (!asked_filter(app, request->channel)) return;
+  const imucal_health_t* health = &app->channel[request->channel].health;
+  imucal_health_verdict_t verdict;
+  imucal_health_judge(health, &verdict);
+  imucal_link_health_reply_t answer = {.channel = request->channel,
+                                       .t_s = app->t_s,
+                                       .bits = verdict.bits,
+                                       .judged = verdict.judged,
+                                       .n = health->n,
+                                       .n_used = health->n_used,
+                                       .n_rejected = health->n_rejected,
+                                       .n_spikes = health->n_spikes,
+                                       .n_saturated = health->n_saturated,
+                                       .n_faulty = health->n_faulty,
+                                       .error_factor = imucal_health_error_factor(health),
+                                       .n_rules = IMUCAL_HEALTH_N_RULES};
+  answer.has_span = imucal_health_span(health, &answer.span_lo_degc, &answer.span_hi_degc);
+  memcpy(answer.value, verdict.value, sizeof verdict.value);
+  memcpy(answer.limit, verdict.limit, sizeof verdict.limit);
+  reply(app, IMUCAL_LINK_ID_HEALTH_REPLY, &answer);
 }
 
 static void serve_cal_stop(imucal_app_t* app, const imucal_link_cal_stop_t* request) {
@@ -519,6 +573,9 @@ static void dispatch(imucal_app_t* app, const imucal_link_any_t* message) {
   case IMUCAL_LINK_ID_COUNTERS:
     serve_counters(app);
     break;
+  case IMUCAL_LINK_ID_SAMPLES:
+    serve_samples(app);
+    break;
   case IMUCAL_LINK_ID_CHANNEL_INFO:
     serve_channel_info(app, &message->channel_info);
     break;
@@ -536,6 +593,9 @@ static void dispatch(imucal_app_t* app, const imucal_link_any_t* message) {
     break;
   case IMUCAL_LINK_ID_CAL_FILTER:
     serve_cal_filter(app, &message->cal_filter);
+    break;
+  case IMUCAL_LINK_ID_HEALTH:
+    serve_health(app, &message->health);
     break;
   case IMUCAL_LINK_ID_CAL_STOP:
     serve_cal_stop(app, &message->cal_stop);
@@ -573,6 +633,7 @@ static bool is_reserved_set(uint8_t request, const imucal_link_any_t* message) {
   case IMUCAL_LINK_ID_INFO:
   case IMUCAL_LINK_ID_STATE:
   case IMUCAL_LINK_ID_COUNTERS:
+  case IMUCAL_LINK_ID_SAMPLES:
   case IMUCAL_LINK_ID_REBOOT:
   case IMUCAL_LINK_ID_TABLE_COMMIT:
   case IMUCAL_LINK_ID_ROLLBACK:

@@ -7,10 +7,25 @@ imucal_status app_restart_out_sum(imucal_app_t* app) {
   return imucal_sum_init(&app->out_sum, app->board->n_channels, app->board->rate_hz);
 }
 
+/* A stream anew, but what was dropped stays counted. */
+static imucal_status restart_raw_sum(imucal_app_t* app) {
+  imucal_sum_t* sum = &app->raw_sum;
+  const uint32_t n_taken = sum->n_taken, n_duplicate = sum->n_duplicate, n_backward = sum->n_backward;
+  const uint32_t n_jump = sum->n_jump, n_refused = sum->n_refused;
+  const imucal_status status = imucal_sum_init(sum, app->board->n_channels, app->board->rate_hz);
+  sum->n_taken = n_taken;
+  sum->n_duplicate = n_duplicate;
+  sum->n_backward = n_backward;
+  sum->n_jump = n_jump;
+  sum->n_refused = n_refused;
+  return status;
+}
+
 imucal_status app_restart_sums(imucal_app_t* app) {
   app->clamped = 0;
+  imucal_clock_restart(&app->clock);
   imucal_thermometer_init(&app->thermometer, app->board->degc_per_count, app->board->degc_at_zero);
-  const imucal_status status = imucal_sum_init(&app->raw_sum, app->board->n_channels, app->board->rate_hz);
+  const imucal_status status = restart_raw_sum(app);
   return status != IMUCAL_OK ? status : app_restart_out_sum(app);
 }
 
@@ -28,7 +43,8 @@ static float mean_unit(int64_t sum, uint32_t n, float scale, float offset) {
 
 static void learn_channel(imucal_app_t* app, uint32_t i, const imucal_second_t* second, float rate) {
   imucal_learn_t* learn = &app->channel[i].learn;
-  if (imucal_learn_second(learn, &app->thermometer, &app->raw_sum, second, i, rate) != IMUCAL_LEARN_USED) return;
+  const imucal_learn_input_t input = imucal_learn_input(&app->thermometer, &app->raw_sum, second, i, rate);
+  if (imucal_learn_checked(learn, &app->channel[i].health, &input, second->flags[i]) != IMUCAL_LEARN_USED) return;
   if (!(app->stream_channels & (1u << i)) || !(app->stream_what & IMUCAL_STREAM_INNOVATION)) return;
   const imucal_link_innovation_t record = {.counter = app_stream_count(app, IMUCAL_STREAM_INNOVATION),
                                            .t_s = second->t_s,
@@ -130,6 +146,7 @@ void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample) {
   app->n_samples++;
   if (sample->n_channels != app->board->n_channels) { /* the sensor is not this board's: nothing of it is right */
     app->n_bad_samples++;
+    app->n_foreign++;
     return;
   }
   imucal_sample_t raw = *sample;
@@ -138,6 +155,8 @@ void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample) {
   uint8_t frac_bits[IMUCAL_MAX_CHANNELS];
   const uint8_t clamped = compensate(app, &raw, &out, frac_bits);
   if (app->port->sample_out) app->port->sample_out(app->port->ctx, &raw, out.counts, frac_bits, clamped);
+  if (!imucal_clock_take(&app->clock, sample->t_us, &raw.t_us)) return; /* compensated it is all the same */
+  out.t_us = raw.t_us;
 
   imucal_second_t raw_second, out_second; /* both sums see the same time stamps, so both end a second at once */
   const imucal_status status = imucal_sum_add(&app->raw_sum, &raw, &raw_second);

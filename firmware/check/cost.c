@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "check.h"
+#include "clock.h"
 #include "comp.h"
 #include "crc.h"
 #include "health.h"
@@ -20,6 +21,7 @@ static struct {
   imucal_thermometer_t thermometer;
   imucal_health_t health;
   imucal_comp_t comp;
+  imucal_clock_t clock;
   imucal_sum_t sum;
   imucal_table_t table;
   imucal_sample_t sample;
@@ -90,6 +92,14 @@ static void call_thermometer(void) {
 }
 static void call_learn(void) {
   work.sink = (int32_t)imucal_learn_second(&work.learn, &work.thermometer, &work.sum, &work.second, 0, next_rate);
+}
+static void call_learn_checked(void) {
+  const imucal_learn_input_t input = imucal_learn_input(&work.thermometer, &work.sum, &work.second, 0, next_rate);
+  work.sink = (int32_t)imucal_learn_checked(&work.learn, &work.health, &input, 0);
+}
+static void call_clock(void) {
+  uint64_t t_us;
+  work.sink = imucal_clock_take(&work.clock, work.sample.t_us, &t_us);
 }
 static void call_sum_add(void) {
   work.sink = imucal_sum_add(&work.sum, &work.sample, &work.second);
@@ -231,9 +241,13 @@ void check_cycles(const check_io_t* io) {
   imucal_thermometer_init(&work.thermometer, 0.01f, 25.0f);
   report(io, "learn: thermometer_read", prepare_nothing, call_thermometer);
   report(io, "learn: learn_second order 3, kf_update included", prepare_second, call_learn);
+  work.sink = imucal_health_init(&work.health, &expected);
+  report(io, "learn: learn_checked order 3, kf_update and health included", prepare_second, call_learn_checked);
   imucal_thermometer_init(&work.thermometer, 1.0f, 25.0f);
   report(io, "learn: thermometer_read, coarse", prepare_nothing, call_thermometer);
   start_sum(6);
+  imucal_clock_init(&work.clock);
+  report(io, "clock_take", prepare_sample, call_clock);
   for (uint8_t order = 1; order <= IMUCAL_MAX_ORDER; order++) {
     start_table(order, 0);
     report_order(io, "comp_apply order ", order, prepare_sample, call_comp);

@@ -35,6 +35,7 @@ static void bound_counts(uint8_t id, imucal_link_any_t* m) {
   if (id == IMUCAL_LINK_ID_TABLE_DATA) m->table_data.length %= 201;
   if (id == IMUCAL_LINK_ID_SECOND) m->second.n_channels %= 7;
   if (id == IMUCAL_LINK_ID_COMMAND) m->command.length %= 207;
+  if (id == IMUCAL_LINK_ID_HEALTH_REPLY) m->health_reply.n_rules %= 17;
   if (id == IMUCAL_LINK_ID_PROGRESS) m->progress.n_channels %= 7;
 }
 

@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: MIT
+// clock: one wrong stamp, a clock that is set, a clock that wraps; what each costs and that it is counted.
+#include "unit.h"
+
+#include "clock.h"
+
+#define PERIOD_US 10000u
+#define HOUR_US 3600000000u
+
+static imucal_clock_t timing;
+static uint64_t newest_us; /* continuous, of the last sample taken */
+static uint32_t n_taken, n_lost;
+
+static int start(void** state) {
+  (void)state;
+  imucal_clock_init(&timing);
+  newest_us = n_taken = n_lost = 0;
+  return 0;
+}
+
+/* One stamp; the continuous time must never run backwards. */
+static bool put(uint64_t stamp_us) {
+  uint64_t t_us = UINT64_MAX;
+  if (!imucal_clock_take(&timing, stamp_us, &t_us)) {
+    assert_true(t_us == UINT64_MAX);
+    n_lost++;
+    return false;
+  }
+  assert_true(n_taken == 0 || t_us >= newest_us);
+  newest_us = t_us;
+  n_taken++;
+  return true;
+}
+
+/* n samples from `from_us` on, 100 a second; the stamp behind the last. */
+static uint64_t put_run(uint64_t from_us, uint32_t n) {
+  for (uint32_t i = 0; i < n; i++, from_us += PERIOD_US) (void)put(from_us);
+  return from_us;
+}
+
+static void test_take_good_stamps_pass_unchanged(void** state) {
+  (void)state;
+  put_run(123456789, 1000);
+  assert_int_equal(n_lost, 0);
+  assert_true(newest_us == 123456789 + 999u * PERIOD_US);
+  assert_int_equal(timing.n_ahead + timing.n_behind + timing.n_set + timing.n_wrapped, 0);
+}
+
+static void test_take_equal_stamp_passes_for_sum_to_count(void** state) {
+  (void)state;
+  assert_true(put(5000000) && put(5000000) && put(5010000));
+}
+
+static void test_take_one_stamp_an_hour_ahead_costs_that_sample(void** state) {
+  (void)state;
+  const uint64_t next_us = put_run(1000000, 500);
+  assert_false(put(next_us + HOUR_US));
+  put_run(next_us + PERIOD_US, 500);
+  assert_int_equal(n_lost, 1);
+  assert_int_equal(timing.n_ahead, 1);
+  assert_true(newest_us == next_us + 500u * PERIOD_US);
+}
+
+static void test_take_one_stamp_behind_costs_that_sample(void** state) {
+  (void)state;
+  const uint64_t next_us = put_run(HOUR_US, 500);
+  assert_false(put(17));
+  put_run(next_us + PERIOD_US, 500);
+  assert_int_equal(n_lost, 1);
+  assert_int_equal(timing.n_behind, 1);
+}
+
+static void test_take_one_stamp_a_little_ahead_costs_at_most_a_second(void** state) {
+  (void)state;
+  for (uint64_t ahead_us = PERIOD_US; ahead_us <= IMUCAL_CLOCK_MAX_STEP_US; ahead_us += 90000) {
+    start(state);
+    const uint64_t next_us = put_run(1000000, 500);
+    assert_true(put(next_us + ahead_us - PERIOD_US));
+    put_run(next_us + PERIOD_US, 1000);
+    assert_in_range(n_lost, 0, 101);
+    assert_int_equal(timing.n_behind + timing.n_ahead, n_lost);
+    /* and the time is off by no more than that */
+    assert_true(newest_us <= next_us + 1000u * PERIOD_US + IMUCAL_CLOCK_MAX_STEP_US + 2 * IMUCAL_CLOCK_AGREEMENT_US);
+  }
+}
+
+static void test_take_every_hundredth_stamp_wrong_costs_these(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  uint64_t t_us = 2u * (uint64_t)HOUR_US;
+  for (uint32_t i = 0; i < 10000; i++, t_us += PERIOD_US) {
+    const bool is_wrong = i % 100 == 50;
+    put(is_wrong ? unit_bits(&rng) % HOUR_US : t_us);
+  }
+  assert_int_equal(n_lost, 100);
+  assert_true(newest_us == t_us - PERIOD_US);
+}
+
+static void test_take_gap_is_followed_by_its_second_sample(void** state) {
+  (void)state;
+  const uint64_t next_us = put_run(1000000, 500);
+  put_run(next_us + 60000000, 500);
+  assert_int_equal(n_lost, 1);
+  assert_true(newest_us == next_us + 60000000 + 499u * PERIOD_US);
+}
+
+static void test_take_clock_set_forward_is_followed(void** state) {
+  (void)state;
+  put_run(1000000, 500);
+  put_run(1700000000000000u, 500);
+  assert_int_equal(n_lost, 1);
+  assert_true(newest_us == 1700000000000000u + 499u * PERIOD_US);
+}
+
+static void test_take_clock_set_back_goes_on_with_a_gap_of_a_second(void** state) {
+  (void)state;
+  const uint64_t last_us = put_run(2u * (uint64_t)HOUR_US, 500) - PERIOD_US;
+  put_run(3000000, 600);
+  assert_int_equal(timing.n_set, 1);
+  assert_int_equal(n_lost, 100); /* the second that made it sure */
+  assert_int_equal(timing.n_behind, 100);
+  assert_true(newest_us == last_us + 599u * PERIOD_US); /* no time is lost, and none is invented */
+}
+
+static void test_take_late_burst_shorter_than_a_second_is_left_out(void** state) {
+  (void)state;
+  const uint64_t next_us = put_run(1000000, 500);
+  put_run(1000000, 90);
+  put_run(next_us, 500);
+  assert_int_equal(n_lost, 90);
+  assert_int_equal(timing.n_set, 0);
+  assert_true(newest_us == next_us + 499u * PERIOD_US);
+}
+
+static void test_take_32_bit_clocks_wrap_without_loss(void** state) {
+  (void)state;
+  const uint64_t width_us[2] = {1ull << 32, 1000ull << 32};
+  for (int k = 0; k < 2; k++) {
+    start(state);
+    uint64_t t_us = width_us[k] - 123u * PERIOD_US - 77;
+    const uint64_t first_us = t_us;
+    for (uint32_t i = 0; i < 1000; i++, t_us += PERIOD_US) put(t_us % width_us[k]);
+    assert_int_equal(n_lost, 0);
+    assert_int_equal(timing.n_wrapped, 1);
+    assert_true(newest_us == first_us + 999u * PERIOD_US);
+  }
+}
+
+static void test_take_wraps_again_and_again(void** state) {
+  (void)state;
+  const uint32_t n = 20000; /* 1 s apart: 4.6 wraps */
+  for (uint64_t i = 1; i <= n; i++) put(i * 1000000u % (1ull << 32));
+  assert_int_equal(n_lost, 0);
+  assert_int_equal(timing.n_wrapped, 4);
+  assert_true(newest_us == n * 1000000ull);
+}
+
+static void test_take_extreme_stamps_do_no_harm(void** state) {
+  (void)state;
+  const uint64_t stamps[] = {0, UINT64_MAX, 0, UINT64_MAX - 1, UINT64_MAX, 1, 1ull << 63, (1ull << 63) + 5, 2, 3};
+  uint64_t t_us;
+  for (size_t i = 0; i < sizeof stamps / sizeof *stamps; i++) (void)imucal_clock_take(&timing, stamps[i], &t_us);
+  assert_true(timing.n_ahead + timing.n_behind <= 9);
+}
+
+#define TEST(name) cmocka_unit_test_setup(name, start)
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      TEST(test_take_good_stamps_pass_unchanged),
+      TEST(test_take_equal_stamp_passes_for_sum_to_count),
+      TEST(test_take_one_stamp_an_hour_ahead_costs_that_sample),
+      TEST(test_take_one_stamp_behind_costs_that_sample),
+      TEST(test_take_one_stamp_a_little_ahead_costs_at_most_a_second),
+      TEST(test_take_every_hundredth_stamp_wrong_costs_these),
+      TEST(test_take_gap_is_followed_by_its_second_sample),
+      TEST(test_take_clock_set_forward_is_followed),
+      TEST(test_take_clock_set_back_goes_on_with_a_gap_of_a_second),
+      TEST(test_take_late_burst_shorter_than_a_second_is_left_out),
+      TEST(test_take_32_bit_clocks_wrap_without_loss),
+      TEST(test_take_wraps_again_and_again),
+      TEST(test_take_extreme_stamps_do_no_harm),
+  };
+  return cmocka_run_group_tests_name("clock", tests, NULL, NULL);
+}
