@@ -78,8 +78,8 @@ static imucal_learn_outcome_t judge(const imucal_thermometer_t* thermometer, con
   return IMUCAL_LEARN_USED;
 }
 
-imucal_learn_input_t imucal_learn_input(const imucal_thermometer_t* thermometer, const imucal_sum_t* sum,
-                                        const imucal_second_t* second, uint32_t i_channel, float value) {
+imucal_learn_input_t imucal_learn_input_of(const imucal_thermometer_t* thermometer, const imucal_sum_t* sum,
+                                           const imucal_second_t* second, uint32_t i_channel, float value) {
   return (imucal_learn_input_t){.value = value,
                                 .temp_degc = thermometer->temp_degc,
                                 .noise_ratio = imucal_sum_noise_ratio(sum, second, i_channel),
@@ -90,6 +90,6 @@ imucal_learn_input_t imucal_learn_input(const imucal_thermometer_t* thermometer,
 imucal_learn_outcome_t imucal_learn_second(imucal_learn_t* learn, const imucal_thermometer_t* thermometer,
                                            const imucal_sum_t* sum, const imucal_second_t* second, uint32_t i_channel,
                                            float value) {
-  const imucal_learn_input_t input = imucal_learn_input(thermometer, sum, second, i_channel, value);
+  const imucal_learn_input_t input = imucal_learn_input_of(thermometer, sum, second, i_channel, value);
   return imucal_learn_take(learn, &input);
 }

@@ -3,7 +3,7 @@
  * the filter or say why not, count.  Every program that learns (firmware, offline fit, Monte Carlo, checks)
  * does it here. Data: a finished second of sum.h in; the filter's state and one count per outcome out. Order:
  * imucal_thermometer_init and imucal_learn_init; then for every second imucal_thermometer_read once, and
- * imucal_learn_second (or imucal_learn_checked of imucal_learn_input) for every channel that learns.
+ * imucal_learn_second (or imucal_learn_checked of imucal_learn_input_of) for every channel that learns.
  * Memory: sizeof(imucal_learn_t) per channel, sizeof(imucal_thermometer_t) per device; no heap.  Time: that
  * of imucal_track_update once, of imucal_kf_skip and imucal_kf_update_scaled per channel.  Thread: one
  * context per struct.
@@ -93,8 +93,8 @@ imucal_learn_outcome_t imucal_learn_checked(imucal_learn_t* learn, imucal_health
 
 /* Channel i_channel of a finished second of `sum` as an input, with the temperature that `thermometer` has read of it.
  * value: the channel's mean of this second, unit (imucal_unit_from_q16).  Pre: i_channel < second->n_channels. */
-imucal_learn_input_t imucal_learn_input(const imucal_thermometer_t* thermometer, const imucal_sum_t* sum,
-                                        const imucal_second_t* second, uint32_t i_channel, float value);
+imucal_learn_input_t imucal_learn_input_of(const imucal_thermometer_t* thermometer, const imucal_sum_t* sum,
+                                           const imucal_second_t* second, uint32_t i_channel, float value);
 
 /* imucal_learn_take of that input: without rules. */
 imucal_learn_outcome_t imucal_learn_second(imucal_learn_t* learn, const imucal_thermometer_t* thermometer,

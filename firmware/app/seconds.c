@@ -43,7 +43,7 @@ static float mean_unit(int64_t sum, uint32_t n, float scale, float offset) {
 
 static void learn_channel(imucal_app_t* app, uint32_t i, const imucal_second_t* second, float rate) {
   imucal_learn_t* learn = &app->channel[i].learn;
-  const imucal_learn_input_t input = imucal_learn_input(&app->thermometer, &app->raw_sum, second, i, rate);
+  const imucal_learn_input_t input = imucal_learn_input_of(&app->thermometer, &app->raw_sum, second, i, rate);
   if (imucal_learn_checked(learn, &app->channel[i].health, &input, second->flags[i]) != IMUCAL_LEARN_USED) return;
   if (!(app->stream_channels & (1u << i)) || !(app->stream_what & IMUCAL_STREAM_INNOVATION)) return;
   const imucal_link_innovation_t record = {.counter = app_stream_count(app, IMUCAL_STREAM_INNOVATION),

@@ -94,7 +94,7 @@ static void call_learn(void) {
   work.sink = (int32_t)imucal_learn_second(&work.learn, &work.thermometer, &work.sum, &work.second, 0, next_rate);
 }
 static void call_learn_checked(void) {
-  const imucal_learn_input_t input = imucal_learn_input(&work.thermometer, &work.sum, &work.second, 0, next_rate);
+  const imucal_learn_input_t input = imucal_learn_input_of(&work.thermometer, &work.sum, &work.second, 0, next_rate);
   work.sink = (int32_t)imucal_learn_checked(&work.learn, &work.health, &input, 0);
 }
 static void call_clock(void) {
