@@ -73,17 +73,17 @@ static uint8_t odr_code(uint32_t rate_hz) {
   return 0;
 }
 
-imucal_icm42688p_units_t imucal_icm42688p_units(const imucal_icm42688p_config_t* config) {
+imucal_sensor_units_t imucal_icm42688p_units(const imucal_icm42688p_config_t* config) {
   const uint32_t gyro_fs = config->is_high_resolution ? 0u : config->gyro_fs_sel;
   const uint32_t accel_fs = config->is_high_resolution ? 0u : config->accel_fs_sel;
   const int32_t gyro_fine = config->is_high_resolution ? 8 : 1;  /* 19 bits: 131 LSB/dps at 2000 dps, table 1 */
   const int32_t accel_fine = config->is_high_resolution ? 4 : 1; /* 18 bits: 8192 LSB/g at 16 g, table 2 */
-  return (imucal_icm42688p_units_t){.dps_per_count = 2000.0f / (float)(32768 * gyro_fine) / (float)(1u << gyro_fs),
-                                    .g_per_count = 16.0f / (float)(32768 * accel_fine) / (float)(1u << accel_fs),
-                                    .degc_per_count = 1.0f / 132.48f, /* section 4.13 */
-                                    .degc_at_zero = 25.0f,
-                                    .gyro_rail_counts = RAIL_16 * gyro_fine,
-                                    .accel_rail_counts = RAIL_16 * accel_fine};
+  return (imucal_sensor_units_t){.dps_per_count = 2000.0f / (float)(32768 * gyro_fine) / (float)(1u << gyro_fs),
+                                 .g_per_count = 16.0f / (float)(32768 * accel_fine) / (float)(1u << accel_fs),
+                                 .degc_per_count = 1.0f / 132.48f, /* section 4.13 */
+                                 .degc_at_zero = 25.0f,
+                                 .gyro_rail_counts = RAIL_16 * gyro_fine,
+                                 .accel_rail_counts = RAIL_16 * accel_fine};
 }
 
 #define N_SETTINGS 9
@@ -181,16 +181,6 @@ static bool take_words(const imucal_icm42688p_t* sensor, const uint8_t* packet, 
   return true;
 }
 
-static void mark_rails(imucal_icm42688p_t* sensor, imucal_sample_t* sample) {
-  const imucal_icm42688p_units_t units = imucal_icm42688p_units(&sensor->config);
-  for (uint32_t i = 0; i < 6; i++) {
-    const int32_t rail = i < 3 ? units.gyro_rail_counts : units.accel_rail_counts;
-    if (sample->counts[i] >= rail || sample->counts[i] <= -rail)
-      sample->saturated = (uint8_t)(sample->saturated | 1u << i);
-  }
-  if (sample->saturated) sensor->counts.n_saturated++;
-}
-
 /* Neighbouring packets are one period apart in the sensor's own ticks; further apart: packets between them are lost.
  * A tick is 1 us by the register, 32/30 us without an external clock: both stay below one and a half periods. */
 static void check_ticks(imucal_icm42688p_t* sensor, uint16_t ticks) {
@@ -215,7 +205,8 @@ static bool take_packet(imucal_icm42688p_t* sensor, const uint8_t* packet, imuca
   const uint8_t* stamp = packet + (is_hires ? 15 : 14);
   check_ticks(sensor, (uint16_t)(stamp[0] << 8 | stamp[1]));
   sample->temp_counts = sensor->temp_counts;
-  mark_rails(sensor, sample);
+  const imucal_sensor_units_t units = imucal_icm42688p_units(&sensor->config);
+  imucal_sensor_mark_rails(&units, &sensor->counts, sample);
   imucal_sensor_watch(&sensor->watch, &sensor->counts, sample);
   return true;
 }
@@ -242,7 +233,7 @@ static imucal_status look_after(imucal_icm42688p_t* sensor, uint64_t now_us, boo
 }
 
 static bool is_silent(const imucal_icm42688p_t* sensor, uint64_t now_us) {
-  return now_us - sensor->alive_us > 20000u + 50u * 1000000u / sensor->config.rate_hz;
+  return imucal_sensor_is_silent(sensor->alive_us, now_us, sensor->config.rate_hz);
 }
 
 /* Level of the FIFO in packets; *is_full: it overran since the last look.  The three registers follow each other. */

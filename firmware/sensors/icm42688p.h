@@ -33,13 +33,8 @@ typedef struct imucal_icm42688p {
   bool has_ticks;
 } imucal_icm42688p_t;
 
-/* What the counts of this configuration mean, for imucal_board_t. */
-typedef struct imucal_icm42688p_units {
-  float dps_per_count, g_per_count;
-  float degc_per_count, degc_at_zero;
-  int32_t gyro_rail_counts, accel_rail_counts;
-} imucal_icm42688p_units_t;
-imucal_icm42688p_units_t imucal_icm42688p_units(const imucal_icm42688p_config_t* config);
+/* What the counts of this configuration mean. */
+imucal_sensor_units_t imucal_icm42688p_units(const imucal_icm42688p_config_t* config);
 
 /* Resets and configures; takes 60 ms by bus->delay_us.  IMUCAL_ERR_ARGUMENT: a setting the chip does not have;
  * IMUCAL_ERR_SENSOR: another chip, a stuck bus, or registers that do not hold what was written (sensor->identity and

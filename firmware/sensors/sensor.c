@@ -99,6 +99,20 @@ void imucal_sensor_watch(imucal_sensor_watch_t* watch, imucal_sensor_counts_t* c
   if (is_temp_stuck || is_stuck) sample->fault = (uint8_t)((1u << sample->n_channels) - 1);
 }
 
+void imucal_sensor_mark_rails(const imucal_sensor_units_t* units, imucal_sensor_counts_t* counts,
+                              imucal_sample_t* sample) {
+  for (uint32_t i = 0; i < sample->n_channels; i++) {
+    const int32_t rail = i < 3 ? units->gyro_rail_counts : units->accel_rail_counts;
+    if (sample->counts[i] >= rail || sample->counts[i] <= -rail)
+      sample->saturated = (uint8_t)(sample->saturated | 1u << i);
+  }
+  if (sample->saturated) counts->n_saturated++;
+}
+
+bool imucal_sensor_is_silent(uint64_t alive_us, uint64_t now_us, uint32_t rate_hz) {
+  return now_us - alive_us > 20000u + 50u * 1000000u / rate_hz;
+}
+
 /* ---- registers ---- */
 
 imucal_status imucal_sensor_read_regs(const imucal_sensor_bus_t* bus, imucal_sensor_counts_t* counts, uint8_t device,

@@ -91,6 +91,20 @@ typedef struct imucal_sensor_watch {
 /* Looks at a sample, counts, and sets all fault bits of a sample whose words stand still. */
 void imucal_sensor_watch(imucal_sensor_watch_t* watch, imucal_sensor_counts_t* counts, imucal_sample_t* sample);
 
+/* What a driver's counts mean in its configuration, for imucal_board_t. */
+typedef struct imucal_sensor_units {
+  float dps_per_count, g_per_count;
+  float degc_per_count, degc_at_zero; /* degC = counts * degc_per_count + degc_at_zero */
+  int32_t gyro_rail_counts, accel_rail_counts;
+} imucal_sensor_units_t;
+
+/* Sets the saturated bits of a sample of six channels, and counts. */
+void imucal_sensor_mark_rails(const imucal_sensor_units_t* units, imucal_sensor_counts_t* counts,
+                              imucal_sample_t* sample);
+
+/* No sample for 20 ms and 50 periods: something is wrong. */
+bool imucal_sensor_is_silent(uint64_t alive_us, uint64_t now_us, uint32_t rate_hz);
+
 /* ---- registers ---- */
 
 /* Both count failures in *counts and pass the bus's status on.  n <= IMUCAL_SENSOR_BURST_BYTES. */

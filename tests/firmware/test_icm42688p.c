@@ -81,7 +81,7 @@ static void test_read_20_bit_words_carry_the_finest_bits(void** state) {
   assert_true(run(0.2, 5000, &last) > 150);
   const int32_t expected[6] = {13107, -196641, 2, -126976, 1, 8192};
   assert_memory_equal(last.counts, expected, sizeof expected);
-  const imucal_icm42688p_units_t units = imucal_icm42688p_units(&fine);
+  const imucal_sensor_units_t units = imucal_icm42688p_units(&fine);
   assert_true(fabs((double)(units.dps_per_count * 13107) - 100.0) < 0.004);
   assert_true(fabs((double)((float)last.temp_counts * units.degc_per_count + units.degc_at_zero) - 60.0) < 0.1);
   assert_int_equal(last.saturated | last.fault, 0);
@@ -94,7 +94,7 @@ static void test_read_16_bit_ranges_and_temperature_register(void** state) {
   icm.bus.feel = turn;
   assert_int_equal(start(&coarse), IMUCAL_OK);
   assert_true(run(0.5, 20000, &last) > 80);
-  const imucal_icm42688p_units_t units = imucal_icm42688p_units(&coarse);
+  const imucal_sensor_units_t units = imucal_icm42688p_units(&coarse);
   assert_int_equal(last.counts[0], 26214); /* 100 dps at 125 */
   assert_true(fabs((double)units.dps_per_count - 125.0 / 32768.0) < 1e-9);
   assert_true(fabs((double)((float)last.temp_counts * units.degc_per_count + units.degc_at_zero) - 60.0) < 0.1);
