@@ -31,7 +31,9 @@ rm -f "$list.file"
   put 644 "host/python/$file" "lib/imucal/python/$file"
 done
 put 755 "$BUILD/python/_core.so" lib/imucal/python/imucal/_core.so
-put 644 host/scripts/diagnosis_report.py lib/imucal/python/scripts/diagnosis_report.py
+for file in diagnosis_report.py diagnosis_figures.py diagnosis_words.py templates/diagnosis.html.j2 templates/diagnosis.css; do
+  put 644 "host/scripts/$file" "lib/imucal/python/scripts/$file"
+done
 
 for page in "$BUILD"/shell/man1/*.1; do put 644 "$page" "share/man/man1/$(basename "$page")"; done
 put 644 "$BUILD/shell/bash/imucal" share/bash-completion/completions/imucal

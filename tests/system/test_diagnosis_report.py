@@ -2,6 +2,7 @@
 """The HTML page of a diagnosis, from outside: what it says, what it draws, what it refuses."""
 import base64
 import copy
+import hashlib
 import json
 import os
 import re
@@ -15,6 +16,11 @@ SCRIPT = os.path.join(os.path.dirname(__file__), "..", "..", "host", "scripts", 
 DIAGNOSIS = {
     "imucal_diagnosis": 1, "model": "model.json", "logs": ["runs/a.csv", "runs/<b>.csv"], "held_out_logs": [],
     "false_alarm_rate": 0.01, "seed": 7, "warnings": ["device names differ"],
+    "library": {"effects": [
+        {"name": "thermal_hysteresis", "label": "thermal hysteresis: a loop over temperature", "family": "thermal_memory",
+         "parameters": [{"name": "amplitude_dph", "unit": "dph"}, {"name": "width_degc", "unit": "degC"}],
+         "hardware_causes": [{"what": "stress of the package <glue>", "source": "a paper"}]},
+        {"name": "rate_ramp", "label": "a drift", "parameters": [{"name": "ramp_dph_per_h", "unit": "dph/h"}]}], "families": []},
     "axes": [
         {"axis": "gx_dph", "verdict": "explained",
          "where": {"tau_s": [512, 4096], "temp_degc": [10, 50], "time_s": None, "direction": "up", "logs": ["runs/a.csv"],
@@ -28,7 +34,7 @@ DIAGNOSIS = {
          "advised_profile": {"imucal_profile": 1, "start_degc": 0, "repeat": 1, "segments": [
              {"rate_degc_per_min": 0, "duration_s": 600}, {"rate_degc_per_min": 2, "to_degc": 60}]},
          "gap": {"before": 142.0, "after": 9.1, "shrinkage": 0.936, "ci95": [0.88, 0.98], "unit": "deviance per hour, held out",
-                 "remainder": "6 % above 1000 s", "residual_rms_dph": {"before": 26.0, "after": 18.3},
+                 "remainder": "6 % above 1000 s", "residual_rms_dph": {"before": 26.0, "after": 18.3, "noise": 17.9},
                  "dp2_distance_dph": {"before": 0.56, "after": 0.21}},
          "plots": {
              "gap_map": {"tau_s": [2, 4, 8], "temp_edges_degc": [0, 20, 40], "z": [[0, 3.5], [9, None], [1, -4]]},
@@ -36,6 +42,8 @@ DIAGNOSIS = {
              "residual": {"mean_s": 60, "temp_degc": [k % 60 for k in range(240)], "t_s": list(range(240)),
                           "rate_degc_per_min": [1 if k % 120 < 60 else -1 for k in range(240)],
                           "log": [k // 120 for k in range(240)],
+                          "rate_dph": [3 * (k % 60) + 100 * (k // 120) + (5 if k % 120 < 60 else -5) + k % 7 for k in range(240)],
+                          "polynomial_dph": [3 * (k % 60) + 100 * (k // 120) for k in range(240)],
                           "before_dph": [(5 if k % 120 < 60 else -5) + k % 7 for k in range(240)],
                           "after_dph": [k % 7 for k in range(240)]},
              "dp2": {"tau_s": [2, 10, 100], "data_dph": [30, 20, 15], "model_before_dph": [30, 19, 12],
@@ -65,7 +73,7 @@ def page(tmp_path_factory):
 def test_page_needs_nothing_from_outside(page):
     assert not re.search(r"""(src|href)=["'](?!data:image/svg|#)""", page)
     images = re.findall(r"data:image/svg\+xml;base64,([^\"]+)", page)
-    assert len(images) == 5  # four plots and the advised profile
+    assert len(images) == 8  # four of the record, three of the evidence, the advised profile
     assert all(b"<svg" in base64.b64decode(i) for i in images)
 
 
@@ -73,8 +81,11 @@ def test_page_needs_nothing_from_outside(page):
     "Gap explained", "No gap found", "removes 94 % of the gap on held-out data (95 % interval 88 to 98 %)",
     "amplitude 19.8 ± 0.9 dph, width 5.2 ± 0.31 °C", "at averaging times of 512 to 4096 s, between 10 and 50 °C",
     "while the temperature rises", "cannot exclude thermal lag instead", "rate ramp and warm up", "Run the staircase.",
-    "142 → 9.1", "each held out in turn", "false-alarm rate 1 %", "up and down differ", "device names differ", "Slow noise would take 12 %",
-    "1 effect would stay unseen on these profiles"])
+    "142 → 9.1", "each held out in turn", "Gap explained: thermal hysteresis: a loop over temperature.",
+    "one-minute means lie 26 dph rms off the polynomial", "noise alone would leave 18 dph, with what was found 18 dph remain",
+    "Rising and falling temperature differ by up to 12 dph", "stress of the package &lt;glue&gt; [a paper]",
+    "Command: diagnose --model model.json --log runs/a.csv", "false-alarm rate 1 %", "up and down differ", "device names differ", "Slow noise would take 12 %",
+    "No gap found; 1 effect would stay unseen on these profiles."])
 def test_page_says_what_the_diagnosis_says(page, words):
     assert words in page
 
@@ -89,7 +100,7 @@ def test_missing_and_malformed_plots_do_not_stop_the_page(tmp_path):
     diagnosis["axes"][0]["plots"]["candidates"] = [{"gain_nats": 3, "threshold_nats": 2}]
     done, text = run(tmp_path, diagnosis)
     assert done.returncode == 0
-    assert len(re.findall("data:image/svg", text)) == 3
+    assert len(re.findall("data:image/svg", text)) == 6
     assert "plots.candidates is not as documented" in text
 
 
@@ -98,6 +109,41 @@ def test_missing_and_malformed_plots_do_not_stop_the_page(tmp_path):
 def test_what_is_no_diagnosis_is_refused(tmp_path, text, words):
     done, page_text = run(tmp_path, text)
     assert done.returncode == 3 and words in done.stderr and not page_text
+
+
+def test_the_record_comes_before_its_likelihoods(page):
+    places = [page.index(w) for w in ("rate and temperature against time", "Rate against temperature", "The same less the polynomial",
+                                      "The same after what was found", "What to do next", "Likelihoods and tests")]
+    assert places == sorted(places)
+    assert page.rindex("<details>", 0, places[-1]) > places[-2]  # likelihoods are folded away
+
+
+def test_logs_lie_on_one_curve_without_their_constants():
+    """Two logs 100 dph apart: rate less its constant is the polynomial, the gap and nothing of the 100 dph."""
+    sys.path.insert(0, os.path.dirname(SCRIPT))
+    import diagnosis_figures
+    import numpy as np
+
+    record = diagnosis_figures.Record(DIAGNOSIS["axes"][0]["plots"]["residual"])
+    free = record.rate_dph - record.offset_dph - record.before_dph
+    assert np.ptp(free - 3 * record.temp_degc) < 1e-6
+    dph, degc = diagnosis_figures.loop_dph(DIAGNOSIS["axes"][0]["plots"]["residual"])
+    assert abs(dph - 10) < 3 and 0 <= degc <= 60
+
+
+def test_a_stand_in_is_not_called_an_explanation(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    axis = diagnosis["axes"][0]
+    axis.update(verdict="unexplained", gap={"shrinkage": None, "ci95": None, "stand_in_shrinkage": 0.7})
+    text = run(tmp_path, diagnosis)[1]
+    assert "A flexible stand-in removes 70 % of the gap on held-out data: that is not an explanation." in text
+    assert "Adding what was found removes" not in text
+
+
+def test_hash_of_a_log_beside_the_diagnosis(tmp_path):
+    (tmp_path / "a.csv").write_bytes(b"# device: unit <7>\nt_s\n")
+    text = run(tmp_path, DIAGNOSIS)[1]
+    assert hashlib.sha256(b"# device: unit <7>\nt_s\n").hexdigest()[:16] in text and "unit &lt;7&gt;" in text
 
 
 def test_branches_are_the_means_by_direction():
