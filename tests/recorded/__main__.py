@@ -70,7 +70,7 @@ def answers_of(args, logs):
     folder = os.path.join(args.out, "+".join(os.path.splitext(n)[0] for n in logs))
     os.makedirs(folder, exist_ok=True)
     paths = [os.path.abspath(os.path.join(args.data, n)) for n in logs]
-    models = believed_models(paths, folder, os.path.abspath(args.errormodel))
+    models = {} if args.quick else believed_models(paths, folder, os.path.abspath(args.errormodel))
     if runner.abilities(args.diagnose)["absent"]:
         models["none"] = None
 
@@ -109,6 +109,7 @@ def arguments(argv):
     p.add_argument("--data", default=os.environ.get("IMUCAL_DATA", "../shared/data"), help="folder of the recorded logs")
     p.add_argument("--out", default="build/recorded")
     p.add_argument("--rows", default=None, help="only rows that begin with this")
+    p.add_argument("--quick", action="store_true", help="only without any believed noise")
     p.add_argument("--processes", type=int, default=2)
     p.add_argument("--cpu-limit-s", type=float, default=600)
     return p.parse_args(argv)
@@ -135,6 +136,7 @@ def main(argv=None):
         if not os.access(tool, os.X_OK):
             print(f"recorded: {tool}: no such program: build it with `make`", file=sys.stderr)
             return 2
+    args.out = os.path.abspath(args.out)  # the programs run in folders of their own
     os.makedirs(args.out, exist_ok=True)
     results, seconds = run(args)
     for result in results:

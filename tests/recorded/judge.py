@@ -64,6 +64,8 @@ def one(row, answer):
         out.append("names " + ", ".join(wrong))
     if row.open_between and not any(set(row.open_between) <= families for families in families_left_open(entry)):
         out.append("does not leave open " + " or ".join(row.open_between))
+    if row.first and names and first_cause(entry) not in row.first:
+        out.append(f"first is {first_cause(entry)}")
     if row.honest and honest(entry):
         out.append(honest(entry))
     return out

@@ -33,6 +33,7 @@ class Row:
     must: tuple = ()
     must_not: tuple = ()
     open_between: tuple = ()
+    first: tuple = ()  # the first name given, but for re-tuned noise, is one of these
     invariant: bool = False
     gap: bool = False  # no_gap is wrong
     honest: bool = False  # no shrinkage claimed beside a residual that does not shrink by it
@@ -52,7 +53,7 @@ ROWS = (
     Row("gx-invariant", CHAMBER, "gx_dph", "the same cause whatever noise is believed", invariant=True, gap=True),
     Row("gx-honest", CHAMBER, "gx_dph", "no shrinkage beyond what the held-out residual shows", honest=True),
     Row("gy-open", CHAMBER, "gy_dph", "a loop of 200 to 570 dph, or slow noise of 350 dph: this log cannot tell",
-        open_between=("thermal_memory", "slow_noise"), gap=True),
+        first=("slow_noise", "thermal_memory"), open_between=("thermal_memory", "slow_noise"), gap=True),
     Row("gy-not", CHAMBER, "gy_dph", "no ground for one slow-noise member, for noise that follows temperature, or for telegraph noise",
         must_not=("markov_tau_vs_temperature", "markov_sigma_vs_temperature", "telegraph_noise", "flicker_noise", "rate_random_walk",
                   "second_markov", "bias_step", "thermal_anomaly", "sinusoid")),
@@ -69,4 +70,4 @@ ROWS = (
 
 # Rows that stand as a regression: tests/system/test_recorded.py asserts these where IMUCAL_RECORDED=1 is set.  Add a row when the engine
 # passes it; never take one out.
-MUST_HOLD = ()
+MUST_HOLD = ("gx-loop", "gx-jumps", "gx-noise", "gx-invariant", "gx-honest", "gy-open", "gy-not", "gy-invariant", "gy-honest")

@@ -61,13 +61,12 @@ struct Split {
 struct Minutes {
   double sum = 0, n = 0;
 };
-Minutes minutes_of(const CampaignRun& run, VectorXd rest, double dt_s) {
+Minutes minutes_of(VectorXd rest, double dt_s) {
   Minutes out;
   const long minute = std::max(1L, std::lround(kMinute_s / dt_s));
   if (rest.size() > 0) rest.array() -= rest.mean();
   for (long k = 0; k + minute <= rest.size(); k += minute)
     out.sum += std::pow(rest.segment(k, minute).mean(), 2), out.n += 1;
-  (void)run;
   return out;
 }
 
@@ -89,7 +88,7 @@ Prediction predict(const SlowSearch& search, const Split& split, const SlowModel
     with[unit] = 1;
     out.nats.push_back(grams.log_marginal(1, with) - trained);
     out.rest.push_back(
-        minutes_of(split.data.campaign.runs[unit], residual_of(split.data, parts, at, unit), split.data.campaign.dt_s));
+        minutes_of(residual_of(split.data, parts, at, unit), split.data.campaign.dt_s));
   }
   return out;
 }
@@ -146,7 +145,7 @@ Prediction predict_quarters(const SlowSearch& search, const SlowData& training, 
     out.nats.push_back(whole - grams.log_marginal(1));
     VectorXd left = residual_of(training, parts, grams.posterior(), 0);
     const long n = left.size(), first = static_cast<long>(q) * n / 4, last = static_cast<long>(q + 1) * n / 4;
-    out.rest.push_back(minutes_of(rest.runs[0], left.segment(first, last - first), training.campaign.dt_s));
+    out.rest.push_back(minutes_of(left.segment(first, last - first), training.campaign.dt_s));
   }
   return out;
 }
@@ -174,14 +173,26 @@ double mean_square(const std::vector<Minutes>& rest) {
   return n > 0 ? sum / n : 0;
 }
 
-// Mean square of one-minute means of the noise itself.
-double noise_of_minutes(const NoiseModel& noise) {
-  double sum = noise.white_sigma_dph * noise.white_sigma_dph / kMinute_s;
-  for (const Markov& m : noise.markov) {
-    const double a = kMinute_s / m.tau_s;
-    sum += m.sigma_dph * m.sigma_dph * 2 / (a * a) * (a + std::expm1(-a));
-  }
-  return sum;
+// Variance of the mean of a Markov process of unit variance over a time of t/tau: its covariance exp(-|u|/tau), integrated
+// over the square of that time.
+double mean_of_markov(double t_over_tau) {
+  const double a = t_over_tau;
+  return a < 1e-4 ? 1 - a / 3 : 2 / (a * a) * (a + std::expm1(-a));
+}
+// Mean square of one-minute means of the noise itself about their mean over a unit of `length_s`.
+double noise_of_minutes(const NoiseModel& noise, double length_s) {
+  const double length = std::max(length_s, 2 * kMinute_s);
+  double sum = noise.white_sigma_dph * noise.white_sigma_dph * (1 / kMinute_s - 1 / length);
+  for (const Markov& m : noise.markov)
+    sum += m.sigma_dph * m.sigma_dph * (mean_of_markov(kMinute_s / m.tau_s) - mean_of_markov(length / m.tau_s));
+  const double walk = noise.walk_dph_per_rt_s;
+  return sum + walk * walk * (length - kMinute_s) / 6;
+}
+// The same over units of different lengths, weighted by their minutes.
+double noise_of_units(const NoiseModel& noise, const std::vector<Minutes>& rest) {
+  double sum = 0, n = 0;
+  for (const Minutes& m : rest) sum += m.n * noise_of_minutes(noise, m.n * kMinute_s), n += m.n;
+  return n > 0 ? sum / n : 0;
 }
 
 // 95 % factor of Student's t for few units.
@@ -239,7 +250,7 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   out.hours = std::max(kOverlap, seconds / 3600);
   out.gain = out.delta_deviance / out.hours;
   out.rms_before_dph = std::sqrt(mean_square(before.rest)), out.rms_after_dph = std::sqrt(mean_square(after.rest));
-  out.noise_rms_dph = std::sqrt(noise_of_minutes(search.seconds_noise_of(final)));
+  out.noise_rms_dph = std::sqrt(noise_of_units(search.seconds_noise_of(final), after.rest));
   out.has_mean = !final.names.empty();
   if (out.has_mean) set_shrinkage(before, after, &out);
   return out;

@@ -238,7 +238,7 @@ private:
   // Slow noise explains it, but a repeatable cause that takes most of it would do so as well.
   void name_undecided() {
     if (!selection().dropped.empty()) return;
-    const SlowModel& best = out_.slow.best;
+    const SlowModel& best = slow_answer();
     if (!named_.empty() && !(named_.size() == 1 && named_[0].family == Family::kSlowNoise)) return;
     const NoiseModel noise = out_.search->seconds_noise_of(best);
     double longest = 0;
@@ -268,9 +268,11 @@ private:
     effect.set.insert(effect.set.end(), rivals.begin(), rivals.end());
     named_ = {effect};
   }
+  // A kind of slow noise that is not worth its name is not what stands against a repeatable cause: the plain noise is.
+  const SlowModel& slow_answer() const { return named_.empty() ? out_.slow.null : out_.slow.best; }
   // Repeatable causes that do as well as slow noise, beside the same kind of it, and take most of what it takes.
   std::vector<CandidateEvidence> repeatable_rivals() const {
-    const SlowModel& best = out_.slow.best;
+    const SlowModel& best = slow_answer();
     std::vector<std::pair<double, size_t>> order;
     for (size_t j = 0; j < out_.slow.singles.size(); ++j)
       if (!out_.slow.singles[j].model.names.empty() && candidate(j).effect &&
@@ -376,11 +378,16 @@ private:
       if (f.gain_nats > best.gain_nats - 3)
         effect.set.push_back({f.effect, nullptr, false, f.effect->family(), f.gain_nats, kFast_nats});
     // What the fast noise explains better than a kind of slow noise takes its place.
-    const bool is_alone = named_.empty();
-    named_.insert(is_alone || named_[0].evidence_nats < effect.evidence_nats ? named_.begin() : named_.end(), effect);
+    insert_by_evidence(effect);
     from_.base = best.base;
     own_noise_ = best.effect->estimator()->noise(best.base, best.theta);
     selection().final.terms.push_back(effect.term);
+  }
+  // The strongest first; but what these logs leave open stands before what is beside it.
+  void insert_by_evidence(const SelectedEffect& effect) {
+    const bool is_first = named_.empty() || (named_[0].doubt != Doubt::kSlowNoise &&
+                                             named_[0].evidence_nats < effect.evidence_nats);
+    named_.insert(is_first ? named_.begin() : named_.end(), effect);
   }
   void name_line() {
     for (size_t j = 0; j < library_.size(); ++j) {
@@ -395,8 +402,7 @@ private:
       found.evidence_nats = line_.gain_nats - (line_.hz_per_degc != 0 ? kDrift_nats : kLine_nats);
       found.held_out_nats = kNaN;
       found.set = {{effect, nullptr, false, found.family, found.gain_nats, found.gain_nats - found.evidence_nats}};
-      const bool is_first = named_.empty() || named_[0].evidence_nats < found.evidence_nats;
-      named_.insert(is_first ? named_.begin() : named_.end(), found);
+      insert_by_evidence(found);
       selection().final.terms.push_back(found.term);
       final_fit_ = fit_hypothesis(campaign_, selection().final);
       from_ = fit_seconds_noise(campaign_, from_.base, final_fit_.residual);
