@@ -4,6 +4,7 @@
 #include "unit.h"
 
 #include "comp.h"
+#include "crc.h"
 #include "num.h"
 
 #define TEMP_SCALE 0.01f
@@ -274,17 +275,259 @@ static void test_prepare_bound_of_the_result_is_exact(void** state) {
   assert_int_equal(prepare_scaled(&comp, 0x1p-10f, rate), IMUCAL_ERR_PRECISION);
 }
 
+/* A gyro without bias whose thermometer counts `per` from `zero`. */
+static imucal_status prepare_temperature_of(imucal_comp_t* comp, float t0, float range, float lo, float hi, float per,
+                                            float zero) {
+  const float coeff[2] = {0, 0};
+  imucal_table_t table = table_of(1, coeff, 1.0f, 1000);
+  table.degc_per_count = per;
+  table.degc_at_zero = zero;
+  table.channel[0].t0_degc = t0;
+  table.channel[0].range_degc = range;
+  table.channel[0].span_lo_degc = lo;
+  table.channel[0].span_hi_degc = hi;
+  return imucal_comp_prepare(comp, &table, 0);
+}
+
+/* (a) of comp.c: sum |c_i| = 2^30 + 6, five of them one above their values. */
+static void test_prepare_bound_of_the_coefficients_is_exact(void** state) {
+  (void)state;
+  imucal_comp_t comp;
+  const float at[6] = {0x1p24f, 0, 0, 0, 0, 0x1p-6f}, beyond[6] = {0x1p24f, 0, 0, 0, 0, 0x1p-5f};
+  imucal_table_t table = table_of(5, at, 1.0f, 1000000000);
+  assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_OK);
+  assert_int_equal(comp.coeff[0], ((int32_t)1 << 30) + 1);
+  assert_int_equal(comp.coeff[1] + comp.coeff[2] + comp.coeff[3] + comp.coeff[4] + comp.coeff[5], 5);
+  table = table_of(5, beyond, 1.0f, 1000000000);
+  assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_ERR_PRECISION);
+}
+
+/* (d) of comp.c: 2^30 counts from the middle to an end; |2^30 Tn| <= 2^30 + 1 there. */
+static void test_prepare_bound_of_the_span_is_exact(void** state) {
+  (void)state;
+  imucal_comp_t comp;
+  assert_int_equal(prepare_temperature_of(&comp, 0, 1024, -1024, 1024, 0x1p-20f, 0), IMUCAL_OK);
+  assert_int_equal(comp.temp_lo_counts, -((int32_t)1 << 30));
+  assert_int_equal(comp.temp_hi_counts, (int32_t)1 << 30);
+  assert_int_equal(comp.temp_mid_counts, 0);
+  assert_int_equal(comp.tn_mid_q30, 1);
+  assert_int_equal(comp.tn_shift, 0);
+  assert_int_equal(comp.tn_gain, INT32_MAX); /* 2^31, cut */
+  assert_int_equal(prepare_temperature_of(&comp, 0x1p-20f, 1025, -1024, 1024, 0x1p-20f, 0), IMUCAL_ERR_PRECISION);
+  assert_int_equal(prepare_temperature_of(&comp, 0x1p-20f, 1024, -1024, 1000, 0x1p-20f, 0), IMUCAL_ERR_PRECISION);
+  assert_int_equal(prepare_temperature_of(&comp, -0x1p-20f, 1024, -1024, 1024, 0x1p-20f, 0), IMUCAL_OK);
+  assert_int_equal(comp.temp_hi_counts, ((int32_t)1 << 30) - 1); /* one count beyond the range, taken back */
+  /* counts fit int32 */
+  assert_int_equal(prepare_temperature_of(&comp, -512, 1024, -1000, -0x1p-20f, 0x1p-20f, -2048), IMUCAL_OK);
+  assert_int_equal(comp.temp_hi_counts, INT32_MAX);
+  assert_int_equal(prepare_temperature_of(&comp, -512, 1024, -1000, 0, 0x1p-20f, -2048), IMUCAL_ERR_PRECISION);
+  /* a range below one count from a middle between two: the gain would be above 2^31 */
+  assert_int_equal(prepare_temperature_of(&comp, 0.5f, 1.0f, -0.5f, 1.5f, 1, 0), IMUCAL_OK);
+  assert_int_equal(prepare_temperature_of(&comp, 0.5f, 0.75f, -0.25f, 1.25f, 1, 0), IMUCAL_ERR_PRECISION);
+}
+
+static void test_prepare_ends_outside_the_range_by_two_counts_at_most(void** state) {
+  (void)state;
+  imucal_comp_t comp;
+  const float count = 0x1p-10f;
+  for (int n = 0; n <= 2; n++) {
+    const float end = 512 + (float)n * count;
+    assert_int_equal(prepare_temperature_of(&comp, 0, 512, -end, end, count, 0), IMUCAL_OK);
+    assert_int_equal(comp.temp_lo_counts, -((int32_t)1 << 19));
+    assert_int_equal(comp.temp_hi_counts, (int32_t)1 << 19);
+  }
+  assert_int_equal(prepare_temperature_of(&comp, 0, 512, -512 - 3 * count, 512, count, 0), IMUCAL_ERR_PRECISION);
+  assert_int_equal(prepare_temperature_of(&comp, 0, 512, -512, 512 + 3 * count, count, 0), IMUCAL_ERR_PRECISION);
+}
+
+/* The least range, and the finest thermometer: temperatures are rounded to 2^-40 degC, a 64th of a unit of Tn there. */
+static void test_prepare_least_range_temperatures_are_rounded_to_nearest(void** state) {
+  (void)state;
+  imucal_comp_t comp;
+  const float range = 0x1p-4f, per = 0x1p-34f, unit = 0x1p-40f;
+  const float below = imucal_float_from_bits(imucal_bits_from_float(range) - 1);
+  assert_int_equal(prepare_temperature_of(&comp, 0, range, -range, range, per, 0), IMUCAL_OK);
+  assert_int_equal(prepare_temperature_of(&comp, 0, below, -below, below, per, 0), IMUCAL_ERR_PRECISION);
+  /* t0, the thermometer's zero, and the middle count's Tn in units of 2^-30, to the integer above */
+  const struct {
+    float t0, zero;
+    int32_t tn;
+  } at[] = {{0, 32 * unit, 1},           {1.5f * unit, 2 * unit, 1},  {1.5f * unit, unit, 0},
+            {1.25f * unit, unit, 1},     {0.75f * unit, unit, 1},     {0.75f * unit, 0, 0},
+            {0.25f * unit, 0, 1},        {0.5f * unit, 0, 0},         {unit, 1.5f * unit, 1},
+            {2 * unit, 1.5f * unit, 1},  {2 * unit, 1.25f * unit, 0}, {-1.5f * unit, -unit, 1},
+            {-1.5f * unit, -2 * unit, 0}};
+  for (size_t i = 0; i < sizeof at / sizeof at[0]; i++) {
+    assert_int_equal(prepare_temperature_of(&comp, at[i].t0, range, -range / 2, range / 2, per, at[i].zero), IMUCAL_OK);
+    if (comp.temp_mid_counts == 0) assert_int_equal(comp.tn_mid_q30, at[i].tn);
+  }
+}
+
+/* Floats below 2^-126 have no leading one. */
+static void test_prepare_subnormal_coefficients_are_exact(void** state) {
+  (void)state;
+  const float coeff[2] = {0x1p-127f, 0x1p-149f};
+  imucal_table_t table = table_of(1, coeff, 0x1p-126f, 1000);
+  imucal_comp_t comp;
+  assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_OK);
+  assert_int_equal(comp.out_frac_bits, 8);
+  assert_int_equal(comp.coeff[0], (1 << 13) + 1);
+  assert_int_equal(comp.coeff[1], 0);
+}
+
+static void test_prepare_wrong_arguments_are_refused(void** state) {
+  (void)state;
+  const float coeff[2] = {0, 0};
+  imucal_table_t table = table_of(1, coeff, 1.0f, 1000);
+  imucal_comp_t comp;
+  assert_int_equal(imucal_comp_prepare(NULL, &table, 0), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(imucal_comp_prepare(&comp, NULL, 0), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(imucal_comp_pass(NULL, 1.0f, 1000), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(imucal_comp_pass(&comp, 3.0f, 1), IMUCAL_OK);
+  assert_true(comp.out_frac_bits == 8 && comp.unit_per_lsb == 3.0f / 256);
+}
+
+/* ---- what prepare makes ---- */
+
+/* A float of random bits, its magnitude in [2^lo, 2^hi): the same on every machine. */
+static float float_of(unit_rng_t* rng, int lo, int hi) {
+  const uint32_t exponent = (uint32_t)(unit_integer(rng, lo, hi - 1) + 127);
+  const uint64_t bits = unit_bits(rng);
+  return imucal_float_from_bits((uint32_t)(bits >> 32 & 0x80000000u) | exponent << 23 | (uint32_t)(bits & 0x7FFFFFu));
+}
+
+/* Any table that might be prepared: sizes from nothing to the limits of every float. */
+static imucal_table_t random_table(unit_rng_t* rng) {
+  const int32_t full_scales[] = {1, 511, 32767, 8388607, INT32_MAX};
+  const int order = (int)unit_integer(rng, 0, 5);
+  const int unit = (int)unit_integer(rng, -20, 10), size = unit + (int)unit_integer(rng, -8, 27);
+  float coeff[6];
+  for (int i = 0; i <= order; i++) coeff[i] = float_of(rng, size - 6, size);
+  imucal_table_t table =
+      table_of(order, coeff, fabsf(float_of(rng, unit, unit + 1)), full_scales[unit_integer(rng, 0, 4)]);
+  imucal_table_channel_t* c = &table.channel[0];
+  c->range_degc = fabsf(float_of(rng, -4, 10));
+  c->t0_degc = float_of(rng, unit_bits(rng) & 1 ? -44 : 0, 9);
+  c->span_lo_degc = c->t0_degc - c->range_degc * (float)unit_integer(rng, 1, 4) / 4;
+  c->span_hi_degc = c->t0_degc + c->range_degc * (float)unit_integer(rng, 1, 4) / 4;
+  table.degc_per_count = fabsf(float_of(rng, -36, 3)) * c->range_degc;
+  table.degc_at_zero = float_of(rng, unit_bits(rng) & 1 ? -44 : 0, 11);
+  c->scale_order = (uint8_t)unit_integer(rng, 0, 2);
+  for (int i = 0; i <= c->scale_order; i++) c->scale_coeff[i] = unit_bits(rng) & 1 ? 0 : float_of(rng, -38, -5);
+  return table;
+}
+
+/* Rounding of quotients that are good to 2^-5 unit (comp.c): what is lost lies in [lo, hi]. */
+static void expect_rounded(int64_t made, long double exact_value, double lo, double hi) {
+  const double off = (double)(made - exact_value);
+  if (off < lo - 0x1p-5 || off > hi + 0x1p-5) fail_msg("%lld for %.3f", (long long)made, (double)exact_value);
+}
+
+static double sum_of_exact(const float* value, int order, double unit) {
+  double sum = 0;
+  for (int i = 0; i <= order; i++) sum += fabs((double)value[i]) / unit;
+  return sum;
+}
+
+static void expect_temperature(const imucal_comp_t* comp, const imucal_table_t* table) {
+  const imucal_table_channel_t* c = &table->channel[0];
+  const long double per = table->degc_per_count, zero = table->degc_at_zero, t0 = c->t0_degc, range = c->range_degc;
+  const int64_t mid = comp->temp_mid_counts, lo = comp->temp_lo_counts, hi = comp->temp_hi_counts;
+  expect_rounded(mid, (t0 - zero) / per, -0.5, 0.5);
+  expect_rounded(lo, (c->span_lo_degc - zero) / per, -0.5, 2.5);
+  expect_rounded(hi, (c->span_hi_degc - zero) / per, -2.5, 0.5);
+  expect_rounded(comp->tn_mid_q30, 0x1p30L * (mid * per + zero - t0) / range, 0, 1);
+  const int is_cut = comp->tn_gain == INT32_MAX;
+  expect_rounded(comp->tn_gain, ldexpl(per / range, 61 - comp->tn_shift), is_cut ? -1.5 : -0.5, 0.5);
+  const int64_t reach = mid - lo > hi - mid ? mid - lo : hi - mid;
+  assert_true(lo < hi && reach <= (int64_t)1 << 30);
+  assert_true(reach << comp->tn_shift <= INT32_MAX && reach << (comp->tn_shift + 1) > INT32_MAX);
+}
+
+static void expect_coefficients(const int32_t* made, const float* value, int order, int n, double unit) {
+  for (int i = 0; i < n; i++) {
+    if (i < order) expect_rounded(made[i], value[i] / unit, 0, 1);
+    if (i == order) expect_rounded(made[i], value[i] / unit, -0.5, 0.5);
+    if (i > order) assert_int_equal(made[i], 0);
+  }
+}
+
+/* As many fractional bits, and as fine a scale factor, as the limits (a), (b) and (c) of comp.c leave. */
+static void expect_finest(const imucal_comp_t* comp, const imucal_table_channel_t* c) {
+  const double m = sum_of_exact(c->scale_coeff, c->scale_order, 1);
+  assert_true(comp->scale_shift == 36 || ldexp(m, comp->scale_shift + 1) > 0x1p30 - 4);
+  if (comp->out_frac_bits == 8) return;
+  const double finer = ldexp(1, comp->out_frac_bits + 1);
+  const double bias = sum_of_exact(c->coeff, c->order, (double)c->unit_per_count) * finer;
+  const double rate = c->full_scale_counts * finer + bias;
+  assert_true(bias > 0x1p24 - 1 || rate * (1 + m) > 0x1p31 - 6 || m * rate > 23726566 - 4);
+}
+
+/* CRC-32 over what was prepared, little-endian. */
+static uint32_t digest(uint32_t crc, const imucal_comp_t* comp) {
+  uint8_t bytes[4 + 17 * 4];
+  int32_t words[17] = {comp->temp_lo_counts,
+                       comp->temp_hi_counts,
+                       comp->temp_mid_counts,
+                       comp->tn_mid_q30,
+                       comp->tn_gain,
+                       comp->tn_shift | comp->order << 8 | comp->out_frac_bits << 16,
+                       comp->scale_shift | comp->has_scale << 8,
+                       (int32_t)imucal_bits_from_float(comp->unit_per_lsb)};
+  for (int i = 0; i < 6; i++) words[8 + i] = comp->coeff[i];
+  for (int i = 0; i < 3; i++) words[14 + i] = comp->scale_coeff[i];
+  imucal_put_u32(bytes, crc);
+  for (size_t i = 0; i < 17; i++) imucal_put_u32(bytes + 4 + 4 * i, (uint32_t)words[i]);
+  return imucal_crc32(bytes, sizeof bytes);
+}
+
+/* The same integers on every machine.  The two figures at the end are of this very test: a change of prepare that gives
+ * other integers inside the bounds above changes them. */
+static void test_prepare_makes_the_exact_values_rounded_as_the_proof_says(void** state) {
+  (void)state;
+  unit_rng_t rng = {0x9E3779B97F4A7C15ULL};
+  uint32_t n_prepared = 0, crc = 0;
+  for (int run = 0; run < 20000; run++) {
+    const imucal_table_t table = random_table(&rng);
+    const imucal_table_channel_t* c = &table.channel[0];
+    imucal_comp_t comp = {0};
+    const imucal_status status = imucal_comp_prepare(&comp, &table, 0);
+    if (status != IMUCAL_OK) {
+      assert_int_equal(status, IMUCAL_ERR_PRECISION);
+      continue;
+    }
+    n_prepared++;
+    expect_temperature(&comp, &table);
+    expect_coefficients(comp.coeff, c->coeff, c->order, 6, ldexp((double)c->unit_per_count, -comp.out_frac_bits - 6));
+    expect_coefficients(comp.scale_coeff, c->scale_coeff, c->scale_order, 3, ldexp(1, -comp.scale_shift));
+    expect_finest(&comp, c);
+    assert_true(comp.unit_per_lsb == ldexpf(c->unit_per_count, -comp.out_frac_bits));
+    assert_int_equal(comp.order, c->order);
+    assert_int_equal(comp.has_scale, sum_of_exact(c->scale_coeff, c->scale_order, 1) > 0);
+    crc = digest(crc, &comp);
+  }
+  assert_int_equal(n_prepared, 10360);
+  assert_int_equal(crc, 0x050A9D5D);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(test_apply_random_tables_within_the_proof),
-      cmocka_unit_test(test_apply_at_the_bound_of_the_bias_within_the_proof_beyond_refused),
-      cmocka_unit_test(test_apply_around_the_bound_of_the_scale_factor_within_the_proof),
       cmocka_unit_test(test_apply_coarse_sensor_mean_is_not_rounded_to_counts),
       cmocka_unit_test(test_apply_beyond_full_scale_saturates_and_is_flagged),
       cmocka_unit_test(test_pass_gives_counts_back),
       cmocka_unit_test(test_prepare_refuses_what_it_cannot_hold),
       cmocka_unit_test(test_prepare_bound_of_the_scale_effect_is_exact),
       cmocka_unit_test(test_prepare_bound_of_the_result_is_exact),
+      cmocka_unit_test(test_prepare_bound_of_the_coefficients_is_exact),
+      cmocka_unit_test(test_prepare_bound_of_the_span_is_exact),
+      cmocka_unit_test(test_prepare_ends_outside_the_range_by_two_counts_at_most),
+      cmocka_unit_test(test_prepare_least_range_temperatures_are_rounded_to_nearest),
+      cmocka_unit_test(test_prepare_subnormal_coefficients_are_exact),
+      cmocka_unit_test(test_prepare_wrong_arguments_are_refused),
+      cmocka_unit_test(test_prepare_makes_the_exact_values_rounded_as_the_proof_says),
+      cmocka_unit_test(test_apply_random_tables_within_the_proof),
+      cmocka_unit_test(test_apply_at_the_bound_of_the_bias_within_the_proof_beyond_refused),
+      cmocka_unit_test(test_apply_around_the_bound_of_the_scale_factor_within_the_proof),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
