@@ -213,8 +213,81 @@ static void test_take_before_init_is_refused(void** state) {
   assert_int_equal(learn.kf.stats.n_missed, 0);
 }
 
+/* ---- with the gate and the temperature's own ---- */
+
+enum { N_WARM = IMUCAL_HEALTH_UNGATED_N + 4 }; /* the gate has closed */
+
+/* A filter that knows 50 dph at 30 degC, and its health. */
+static void start_checked(device_t* device, imucal_health_t* health) {
+  const imucal_health_config_t config = {.r = 1296, .markov_variance = 400, .lo_degc = 0, .hi_degc = 60};
+  start(device, 0.01f);
+  assert_int_equal(imucal_health_init(health, &config), IMUCAL_OK);
+  for (int k = 0; k < N_WARM; k++) {
+    const imucal_learn_input_t input = {.value = 50.0f, .temp_degc = 30.0f, .noise_ratio = 1.0f};
+    assert_int_equal(imucal_learn_checked(&device->learn, health, &input, 0), IMUCAL_LEARN_USED);
+    assert_int_equal(imucal_kf_update(&device->kf, 50.0f, 30.0f), IMUCAL_OK);
+  }
+  expect_filter(device);
+  assert_int_equal(device->learn.n[IMUCAL_LEARN_USED], N_WARM);
+  assert_int_equal(health->n_used, N_WARM);
+  assert_int_equal(health->n_innovations, N_WARM);
+}
+
+static void test_checked_knock_is_bridged_and_counted(void** state) {
+  (void)state;
+  device_t device;
+  imucal_health_t health;
+  start_checked(&device, &health);
+  const imucal_learn_input_t knock = {.value = 1e5f, .temp_degc = 30.0f, .noise_ratio = 1.0f, .gap_s = 7};
+  assert_int_equal(imucal_learn_checked(&device.learn, &health, &knock, 0), IMUCAL_LEARN_KNOCK);
+  assert_int_equal(imucal_kf_skip(&device.kf, 7), IMUCAL_OK);
+  assert_int_equal(imucal_kf_skip(&device.kf, 1), IMUCAL_OK);
+  expect_filter(&device);
+  assert_int_equal(device.learn.n[IMUCAL_LEARN_USED], N_WARM);
+  assert_int_equal(device.learn.n[IMUCAL_LEARN_KNOCK], 1);
+  assert_int_equal(device.learn.n_gap_s, 7);
+  assert_int_equal(health.n_rejected, 1);
+}
+
+static void test_checked_implausible_temperature_is_bridged(void** state) {
+  (void)state;
+  device_t device;
+  imucal_health_t health;
+  start_checked(&device, &health);
+  const imucal_learn_input_t jump = {.value = 50.0f, .temp_degc = 45.0f, .noise_ratio = 1.0f};
+  assert_int_equal(imucal_learn_checked(&device.learn, &health, &jump, 0), IMUCAL_LEARN_TEMPERATURE);
+  assert_int_equal(imucal_kf_skip(&device.kf, 1), IMUCAL_OK);
+  expect_filter(&device);
+  assert_int_equal(device.learn.n[IMUCAL_LEARN_TEMPERATURE], 1);
+  assert_int_equal(device.learn.n[IMUCAL_LEARN_USED], N_WARM);
+  assert_int_equal(health.n_innovations, N_WARM);
+}
+
+/* What is no measurement keeps its own reason, however odd its temperature, and the gate is not asked. */
+static void test_checked_no_measurement_keeps_its_reason(void** state) {
+  (void)state;
+  device_t device;
+  imucal_health_t health;
+  start_checked(&device, &health);
+  imucal_learn_input_t input = {
+      .value = 1e5f, .temp_degc = 45.0f, .noise_ratio = 1.0f, .verdict = IMUCAL_LEARN_SATURATED};
+  assert_int_equal(imucal_learn_checked(&device.learn, &health, &input, IMUCAL_FLAG_SATURATED), IMUCAL_LEARN_SATURATED);
+  assert_int_equal(imucal_kf_skip(&device.kf, 1), IMUCAL_OK);
+  input = (imucal_learn_input_t){.value = NAN, .temp_degc = 30.0f, .noise_ratio = 1.0f};
+  assert_int_equal(imucal_learn_checked(&device.learn, &health, &input, 0), IMUCAL_LEARN_REFUSED);
+  assert_int_equal(device.learn.n[IMUCAL_LEARN_SATURATED], 1);
+  assert_int_equal(device.learn.n[IMUCAL_LEARN_REFUSED], 1);
+  assert_int_equal(device.learn.n[IMUCAL_LEARN_KNOCK], 0);
+  assert_int_equal(health.n_saturated, 1);
+  assert_int_equal(health.n_used, N_WARM);
+  assert_int_equal(health.n_gated, N_WARM);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_checked_knock_is_bridged_and_counted),
+      cmocka_unit_test(test_checked_implausible_temperature_is_bridged),
+      cmocka_unit_test(test_checked_no_measurement_keeps_its_reason),
       cmocka_unit_test(test_whole_second_is_one_update),
       cmocka_unit_test(test_skipped_seconds_are_bridged_before_the_update),
       cmocka_unit_test(test_lost_samples_raise_the_noise),

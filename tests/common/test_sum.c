@@ -422,8 +422,29 @@ static void test_noise_ratio_is_at_least_one(void** state) {
   assert_true(imucal_sum_noise_ratio(&sum, &second, 1) == 1.0f);
 }
 
+/* A period and a half at 100 Hz is 15,000 us: a first sample later than that in its second, or a last one earlier than
+ * that before its end, leaves samples missing; 1.2 periods do not. */
+static void test_first_and_last_sample_at_the_limit_of_a_hole(void** state) {
+  (void)state;
+  const struct {
+    uint64_t first_us, last_us;
+    int is_missing;
+  } at[] = {{5012000, 5985001, 0}, {5015000, 5985000, 0}, {5015001, 5985000, 1}, {5000000, 5984999, 1}};
+  for (size_t i = 0; i < sizeof at / sizeof at[0]; i++) {
+    imucal_sum_t sum;
+    imucal_second_t second;
+    start(&sum);
+    for (uint64_t t_us = at[i].first_us; t_us < at[i].last_us; t_us += 10000)
+      assert_int_equal(add(&sum, t_us, 1, &second), IMUCAL_OK);
+    assert_int_equal(add(&sum, at[i].last_us, 1, &second), IMUCAL_OK);
+    assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_SECOND_READY);
+    assert_int_equal((second.flags[0] & IMUCAL_FLAG_MISSING) != 0, at[i].is_missing);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_first_and_last_sample_at_the_limit_of_a_hole),
       cmocka_unit_test(test_init_refuses_nonsense),
       cmocka_unit_test(test_add_second_is_cut_by_time_stamps),
       cmocka_unit_test(test_add_extreme_counts_sum_is_exact),

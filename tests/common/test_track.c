@@ -283,8 +283,18 @@ static void test_track_slowest_rate(void** state) {
   }
 }
 
+static void test_init_forgets_everything(void** state) {
+  (void)state;
+  imucal_track_t track = {7, 7, 7, 7, 7, 7, 1, true, true, true};
+  imucal_track_init(&track);
+  assert_true(track.level == 0 && track.rate_q16 == 0 && track.edge_q16 == 0 && track.since_s == 0);
+  assert_true(track.beyond_s == 0 && track.interval_s == 0 && track.direction == 0);
+  assert_false(track.has_level || track.is_rate_awaited || track.is_sure);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_init_forgets_everything),
       cmocka_unit_test(test_track_ramp_is_followed),
       cmocka_unit_test(test_track_soak_gives_the_middle),
       cmocka_unit_test(test_track_reversal_forgets_the_rate),
