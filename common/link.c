@@ -197,17 +197,15 @@ imucal_status imucal_link_rx_put(imucal_link_rx_t* rx, uint8_t byte) {
     rx->is_started = true;
     rx->len = 0;
     rx->block_left = (uint8_t)(byte - 1);
-    rx->is_zero_due = byte != 0xFF;
     return IMUCAL_OK;
   }
   if (rx->block_left != 0) {
     rx->block_left--;
     return append(rx, byte);
   }
-  imucal_status status = rx->is_zero_due ? append(rx, 0) : IMUCAL_OK;
+  /* A zero stood here.  Only a block of 254 bytes ends without one, and no frame is so long. */
   rx->block_left = (uint8_t)(byte - 1);
-  rx->is_zero_due = byte != 0xFF;
-  return status;
+  return append(rx, 0);
 }
 
 imucal_status imucal_link_rx_message(imucal_link_rx_t* rx, imucal_link_any_t* message) {

@@ -408,7 +408,7 @@ typedef struct imucal_link_rx {
   uint8_t buffer[IMUCAL_LINK_MAX_RAW]; /* decoded bytes */
   uint16_t len;                        /* of buffer */
   uint8_t block_left;                  /* COBS: bytes left in this block; 0: next byte is a code */
-  bool is_zero_due, is_skipping, is_started;
+  bool is_skipping, is_started;
   /* what was received, readable by anybody */
   uint32_t n_frames, n_crc, n_resync, n_overflow, n_unknown;
 } imucal_link_rx_t;

@@ -400,11 +400,12 @@ static float float_of(unit_rng_t* rng, int lo, int hi) {
 static imucal_table_t random_table(unit_rng_t* rng) {
   const int32_t full_scales[] = {1, 511, 32767, 8388607, INT32_MAX};
   const int order = (int)unit_integer(rng, 0, 5);
-  const int unit = (int)unit_integer(rng, -20, 10), size = unit + (int)unit_integer(rng, -8, 27);
+  const int unit = (int)unit_integer(rng, -20, 10);
+  const int size = unit + (int)unit_integer(rng, -8, 27);
   float coeff[6];
   for (int i = 0; i <= order; i++) coeff[i] = float_of(rng, size - 6, size);
-  imucal_table_t table =
-      table_of(order, coeff, fabsf(float_of(rng, unit, unit + 1)), full_scales[unit_integer(rng, 0, 4)]);
+  const int32_t full_scale = full_scales[unit_integer(rng, 0, 4)];
+  imucal_table_t table = table_of(order, coeff, fabsf(float_of(rng, unit, unit + 1)), full_scale);
   imucal_table_channel_t* c = &table.channel[0];
   c->range_degc = fabsf(float_of(rng, -4, 10));
   c->t0_degc = float_of(rng, unit_bits(rng) & 1 ? -44 : 0, 9);

@@ -663,24 +663,46 @@ static void test_fold_keeps_every_sum(void** state) {
   for (int k = 4; k <= 5; k++) assert_true(kf.row[k].x.hi == 0 && kf.row[k].d.hi == 0);
 }
 
+/* A new run of no turn-on change: the polynomial keeps what it knows, and no innovation is compared across it. */
+static void test_new_run_without_turn_on_keeps_the_polynomial(void** state) {
+  (void)state;
+  const imucal_kf_config_t c = config_of(3, 0.6, 20, 100);
+  imucal_kf_t kf;
+  assert_int_equal(imucal_kf_init(&kf, &c), IMUCAL_OK);
+  for (int t = 0; t < 20; t++) assert_int_equal(imucal_kf_update(&kf, (float)(t % 7), (float)t * 3), IMUCAL_OK);
+  const imucal_kf_t before = kf;
+  assert_int_equal(imucal_kf_new_run(&kf, 0.0f), IMUCAL_OK);
+  assert_memory_equal(kf.row, before.row, sizeof kf.row);
+  assert_memory_equal(kf.r, before.r, sizeof kf.r);
+  assert_int_equal(imucal_kf_update(&kf, 100, 30), IMUCAL_OK);
+  assert_true(imucal_kf_sum(&kf, IMUCAL_KF_LAG1) == imucal_kf_sum(&before, IMUCAL_KF_LAG1));
+}
+
+/* Figures below 1 are figures too. */
+static void test_small_figures_are_told(void** state) {
+  (void)state;
+  imucal_kf_config_t c = {.order = 1, .range_degc = 1, .m = 1, .r = 1, .prior_sigma = 1};
+  imucal_kf_t kf;
+  assert_int_equal(imucal_kf_init(&kf, &c), IMUCAL_OK);
+  assert_int_equal(imucal_kf_update(&kf, 0.3f, 0), IMUCAL_OK); /* S = 2; then nu = 0.3, S = 3/2 */
+  assert_int_equal(imucal_kf_update(&kf, 0.45f, 0), IMUCAL_OK);
+  assert_true(fabs((double)imucal_kf_lag1(&kf) - 6 / 10.5) < 1e-5);
+  c.prior_sigma = 0.125f;
+  assert_int_equal(imucal_kf_init(&kf, &c), IMUCAL_OK);
+  assert_true(imucal_kf_worst_sigma(&kf, 0, 0, 3, NULL) == 0.125f);
+  assert_true(imucal_kf_worst_sigma(&kf, 0, 0, 0, NULL) == 0.0f);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(test_update_140_minutes_follows_reference),
-      cmocka_unit_test(test_update_140_minutes_other_models_follow_reference),
-      cmocka_unit_test(test_update_24_hours_follows_reference),
-      cmocka_unit_test(test_update_10_days_follows_reference),
-      cmocka_unit_test(test_bias_sigma_ramp_reproduces_figure_7),
-      cmocka_unit_test(test_worst_sigma_soaks_and_cycles_reproduce_figures_8_and_9),
+      /* the quick ones first: a mutant dies sooner */
       cmocka_unit_test(test_skip_equals_that_many_predictions),
       cmocka_unit_test(test_skip_longest_gap_is_the_stationary_process),
       cmocka_unit_test(test_new_run_equals_dense_covariance),
       cmocka_unit_test(test_update_bad_input_is_refused_and_changes_nothing),
       cmocka_unit_test(test_init_refuses_nonsense_and_changes_nothing),
-      cmocka_unit_test(test_update_scaled_follows_reference_of_that_noise),
       cmocka_unit_test(test_before_init_everything_is_refused),
       cmocka_unit_test(test_no_markov_process_is_recursive_least_squares),
-      cmocka_unit_test(test_limits_of_the_model_follow_reference),
-      cmocka_unit_test(test_statistics_right_model_inside_wrong_model_outside),
       cmocka_unit_test(test_lag1_is_not_taken_across_a_gap),
       cmocka_unit_test(test_coefficient_is_of_powers_and_bias_agrees),
       cmocka_unit_test(test_bias_sigma_before_data_is_the_prior),
@@ -689,8 +711,19 @@ int main(void) {
       cmocka_unit_test(test_update_takes_each_bound_and_not_the_next_number),
       cmocka_unit_test(test_statistics_of_one_and_two_measurements),
       cmocka_unit_test(test_worst_sigma_is_of_the_grid),
+      cmocka_unit_test(test_new_run_without_turn_on_keeps_the_polynomial),
+      cmocka_unit_test(test_small_figures_are_told),
       cmocka_unit_test(test_fold_keeps_every_sum),
       cmocka_unit_test(test_filter_state_fits_200_bytes),
+      cmocka_unit_test(test_update_140_minutes_follows_reference),
+      cmocka_unit_test(test_update_140_minutes_other_models_follow_reference),
+      cmocka_unit_test(test_limits_of_the_model_follow_reference),
+      cmocka_unit_test(test_update_scaled_follows_reference_of_that_noise),
+      cmocka_unit_test(test_bias_sigma_ramp_reproduces_figure_7),
+      cmocka_unit_test(test_worst_sigma_soaks_and_cycles_reproduce_figures_8_and_9),
+      cmocka_unit_test(test_statistics_right_model_inside_wrong_model_outside),
+      cmocka_unit_test(test_update_24_hours_follows_reference),
+      cmocka_unit_test(test_update_10_days_follows_reference),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -436,6 +436,105 @@ static void test_manual_lists_every_message_and_field(void** state) {
   free(manual);
 }
 
+/* Room for exactly the message, guarded by a byte behind it: enough, and one byte less is not. */
+static void test_pack_and_encode_stay_inside_their_room(void** state) {
+  (void)state;
+  enum { GUARD = 0xA5 };
+  unit_rng_t rng = {unit_seed()};
+  for (size_t i = 0; i < N_IDS; i++) {
+    imucal_link_any_t message;
+    uint8_t *bytes = (uint8_t*)&message, room[IMUCAL_LINK_MAX_FRAME + 1];
+    for (size_t k = 0; k < sizeof message; k++) bytes[k] = (uint8_t)unit_bits(&rng);
+    bound_counts(all_ids[i], &message);
+    size_t len = 0, again = 0;
+    assert_int_equal(imucal_link_encode(all_ids[i], &message, room, sizeof room, &len), IMUCAL_OK);
+    memset(room, GUARD, sizeof room);
+    assert_int_equal(imucal_link_encode(all_ids[i], &message, room, len, &again), IMUCAL_OK);
+    assert_int_equal(room[len], GUARD);
+    assert_int_equal(imucal_link_encode(all_ids[i], &message, room, len - 1, &again), IMUCAL_ERR_SPACE);
+    len += 9;
+    memset(room, GUARD, sizeof room);
+    assert_int_equal(imucal_link_pack(all_ids[i], 1, &message, room, len, &again), IMUCAL_OK);
+    assert_int_equal(again, len);
+    assert_int_equal(room[len], GUARD);
+    assert_int_equal(imucal_link_pack(all_ids[i], 1, &message, room, len - 1, &again), IMUCAL_ERR_SPACE);
+    assert_int_equal(imucal_link_pack(all_ids[i], 1, &message, room, 8, &again), IMUCAL_ERR_SPACE);
+  }
+}
+
+/* Decoding writes the members and nothing else: what is behind them in the union stays zero. */
+static void test_decode_writes_the_members_only(void** state) {
+  (void)state;
+  const uint8_t payload[4] = {0xFF, 0xFF, 0xFF, 0xFF};
+  imucal_link_any_t got;
+  assert_int_equal(imucal_link_decode(IMUCAL_LINK_ID_ERASE, payload, 4, &got), IMUCAL_OK);
+  for (size_t i = 4; i < sizeof got; i++) assert_int_equal(((const uint8_t*)&got)[i], 0);
+  assert_int_equal(imucal_link_decode(IMUCAL_LINK_ID_CAL_STOP, payload, 1, &got), IMUCAL_OK);
+  for (size_t i = 1; i < sizeof got; i++) assert_int_equal(((const uint8_t*)&got)[i], 0);
+}
+
+/* Any type, and payloads of no byte and of one, pass through. */
+static void test_frame_of_any_type_and_shortest_payload_passes(void** state) {
+  (void)state;
+  const uint8_t payload[1] = {0};
+  for (size_t n = 0; n <= 1; n++) {
+    for (int type = 0; type < 256; type++) {
+      uint8_t frame[IMUCAL_LINK_MAX_FRAME];
+      size_t len = 0;
+      imucal_link_rx_t rx;
+      imucal_link_rx_init(&rx);
+      assert_int_equal(imucal_link_frame((uint8_t)type, 0, n == 0 ? NULL : payload, n, frame, 9 + n, &len), IMUCAL_OK);
+      assert_int_equal(feed(&rx, frame, len), IMUCAL_FRAME_READY);
+      assert_int_equal(imucal_link_rx_type(&rx), type);
+      assert_int_equal(imucal_link_rx_payload_len(&rx), n);
+      if (n == 1) assert_int_equal(*imucal_link_rx_payload(&rx), 0);
+    }
+  }
+}
+
+/* One byte and its right CRC: no frame, for it has no sequence number. */
+static void test_rx_frame_without_sequence_is_refused_and_counted(void** state) {
+  (void)state;
+  const uint8_t raw[1] = {0x11};
+  uint8_t frame[] = {6, 0x11, 0, 0, 0, 0, 0};
+  imucal_put_u32(frame + 2, imucal_crc32(raw, 1));
+  for (size_t i = 2; i < 6; i++) assert_int_not_equal(frame[i], 0);
+  imucal_link_rx_t rx;
+  imucal_link_rx_init(&rx);
+  assert_int_equal(feed(&rx, frame, sizeof frame), IMUCAL_ERR_FRAME);
+  assert_true(rx.n_resync == 1 && rx.n_crc == 0 && rx.n_frames == 0);
+  const uint8_t wrong[] = {7, 0x11, 1, 1, 1, 1, 1, 0};
+  assert_int_equal(feed(&rx, wrong, sizeof wrong), IMUCAL_ERR_CRC);
+  assert_true(rx.n_resync == 1 && rx.n_crc == 1 && rx.n_frames == 0);
+}
+
+/* Two requests whose CRCs (by Python zlib.crc32: 0x261ee472, 0x251ee472) and last payload bytes differ in one byte only;
+ * and what is left in the buffer behind a frame is no part of it. */
+static void test_server_every_byte_of_the_crc_counts_and_none_behind(void** state) {
+  (void)state;
+  const imucal_link_hello_t a = {.protocol = 0, .nonce = 0}, b = {.protocol = 0xAB, .nonce = 0x0001CC26};
+  const imucal_link_hello_reply_t reply = {.protocol = 1};
+  uint8_t frame[IMUCAL_LINK_MAX_FRAME], longer[IMUCAL_LINK_MAX_FRAME];
+  size_t len = 0;
+  imucal_link_rx_t rx;
+  imucal_link_server_t server;
+  imucal_link_rx_init(&rx);
+  imucal_link_server_init(&server);
+  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_HELLO, 7, &a, frame, sizeof frame, &len), IMUCAL_OK);
+  assert_int_equal(feed(&rx, frame, len), IMUCAL_FRAME_READY);
+  assert_int_equal(imucal_link_server_request(&server, &rx), IMUCAL_OK);
+  assert_int_equal(imucal_link_server_reply(&server, IMUCAL_LINK_ID_HELLO_REPLY, &reply), IMUCAL_OK);
+  (void)feed(&rx, longer, big_frame(3, 0x11, longer));
+  assert_int_equal(feed(&rx, frame, len), IMUCAL_FRAME_READY);
+  assert_int_equal(imucal_link_server_request(&server, &rx), IMUCAL_FRAME_REPEATED);
+  assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_HELLO, 7, &b, frame, sizeof frame, &len), IMUCAL_OK);
+  assert_int_equal(feed(&rx, frame, len), IMUCAL_FRAME_READY);
+  assert_int_equal(imucal_link_server_request(&server, &rx), IMUCAL_OK);
+  /* a reply that cannot be built is not kept */
+  assert_int_equal(imucal_link_server_reply(&server, 0x7E, &reply), IMUCAL_ERR_UNKNOWN);
+  assert_int_equal(server.reply_len, 0);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_pack_hello_golden_frame),
@@ -446,13 +545,18 @@ int main(void) {
       cmocka_unit_test(test_frame_longest_payload_of_any_byte_survives),
       cmocka_unit_test(test_rx_one_flipped_bit_anywhere_next_frame_survives),
       cmocka_unit_test(test_rx_truncated_anywhere_next_frame_survives),
-      cmocka_unit_test(test_rx_endless_bytes_are_bounded_and_counted_once),
-      cmocka_unit_test(test_rx_noise_costs_at_most_the_frame_it_touches),
-      cmocka_unit_test(test_rx_frames_lost_are_at_most_the_frames_touched),
       cmocka_unit_test(test_rx_first_frame_after_junk_arrives),
       cmocka_unit_test(test_rx_unknown_type_is_counted),
       cmocka_unit_test(test_server_repeated_request_is_answered_again_not_done_again),
       cmocka_unit_test(test_manual_lists_every_message_and_field),
+      cmocka_unit_test(test_pack_and_encode_stay_inside_their_room),
+      cmocka_unit_test(test_decode_writes_the_members_only),
+      cmocka_unit_test(test_frame_of_any_type_and_shortest_payload_passes),
+      cmocka_unit_test(test_rx_frame_without_sequence_is_refused_and_counted),
+      cmocka_unit_test(test_server_every_byte_of_the_crc_counts_and_none_behind),
+      cmocka_unit_test(test_rx_frames_lost_are_at_most_the_frames_touched),
+      cmocka_unit_test(test_rx_noise_costs_at_most_the_frame_it_touches),
+      cmocka_unit_test(test_rx_endless_bytes_are_bounded_and_counted_once),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -235,7 +235,7 @@ def read_equivalents(path):
     """{(file, old line, new line): reason}; four lines each: file, old, -> new, because."""
     table, entry = {}, []
     for number, line in enumerate(path.read_text().splitlines(), 1):
-        if not line.strip() or line.startswith("#"):
+        if not line.strip() or line.startswith("# "):
             continue
         entry.append(line.strip())
         if len(entry) < 4:
@@ -249,15 +249,13 @@ def read_equivalents(path):
     return table
 
 
-def report(mutants, seconds, at_least, verbose):
-    equivalents = read_equivalents(HERE / "equivalent.txt")
-    used = set()
+def report(mutants, equivalents, seconds, at_least, verbose):
+    key_of = lambda m: (m.source.name, m.old, m.new)
+    alive = {key_of(m) for m in mutants if m.result == "survived"}
     for mutant in mutants:
-        key = (mutant.source.name, mutant.old, mutant.new)
-        if mutant.result == "survived" and key in equivalents:
+        if mutant.result == "survived" and key_of(mutant) in equivalents:
             mutant.result = "equivalent"
-            used.add(key)
-        elif mutant.result == "killed" and key in equivalents:
+        elif mutant.result == "killed" and key_of(mutant) in equivalents and key_of(mutant) not in alive:
             print("mutate: killed, though listed as equivalent: %s" % mutant)
     print("%-10s %8s %8s %9s %11s %10s %8s" % ("file", "mutants", "killed", "survived", "equivalent", "same code", "killed %"))
     survivors = [m for m in mutants if m.result == "survived"]
@@ -301,6 +299,7 @@ def main():
     if args.list:
         print("\n".join(map(str, mutants)))
         return 0
+    equivalents = read_equivalents(HERE / "equivalent.txt")
     begin = time.monotonic()
     bench = Bench(args.build.resolve() / "mutate" / str(os.getpid()), args.tests.resolve())
     rooms = sorted({m.source.stem for m in mutants})
@@ -315,7 +314,7 @@ def main():
                 print(mutant, flush=True)
     shutil.rmtree(bench.folder)
     judged = [m for m in mutants if m.result != "no code"]
-    return 0 if report(judged, time.monotonic() - begin, args.at_least, args.verbose) else 1
+    return 0 if report(judged, equivalents, time.monotonic() - begin, args.at_least, args.verbose) else 1
 
 
 if __name__ == "__main__":

@@ -13,8 +13,8 @@ PORTABLE_RUN_i686 := qemu-i386
 PORTABLE_FLAGS_i686 := -msse2 -mfpmath=sse
 
 # Tests of rooms of the core; what a test needs beside the core it includes.
-PORTABLE_TESTS := $(patsubst tests/common/%.c,%,$(wildcard tests/common/test_*.c))
-PORTABLE_TEST_FLAGS := -std=c99 -ffp-contract=off -Wall -Wextra -Werror -D_GNU_SOURCE -O2 -Itests/portable/include -Icommon -Ifirmware -Itests
+PORTABLE_CORE_TESTS := $(patsubst tests/common/%.c,%,$(wildcard tests/common/test_*.c))
+PORTABLE_CORE_FLAGS := -std=c99 -ffp-contract=off -Wall -Wextra -Werror -D_GNU_SOURCE -O2 -Itests/portable/include -Icommon -Ifirmware -Itests
 
 # $1 machine
 define portable_core_rules
@@ -26,7 +26,7 @@ $(BUILD)/portable/$1/common/%.o: common/%.c
 $(BUILD)/portable/$1/test_%: tests/common/test_%.c tests/portable/include/cmocka.h $$(CORE_SOURCES:%.c=$(BUILD)/portable/$1/%.o)
 	@mkdir -p $$(@D)
 	$$(if $$(V),,@echo "  LINK $$@")
-	$$(Q)$$(PORTABLE_CC_$1) $$(PORTABLE_TEST_FLAGS) $$(PORTABLE_FLAGS_$1) -static $$(filter %.c %.o,$$^) -lm -o $$@
+	$$(Q)$$(PORTABLE_CC_$1) $$(PORTABLE_CORE_FLAGS) $$(PORTABLE_FLAGS_$1) -static $$(filter %.c %.o,$$^) -lm -o $$@
 
 $(BUILD)/portable/$1/check: $(FIRMWARE_CHECK) firmware/check/main_posix.c $$(CORE_SOURCES:%.c=$(BUILD)/portable/$1/%.o)
 	@mkdir -p $$(@D)
@@ -34,8 +34,8 @@ $(BUILD)/portable/$1/check: $(FIRMWARE_CHECK) firmware/check/main_posix.c $$(COR
 	$$(Q)$$(PORTABLE_CC_$1) $(FIRMWARE_CFLAGS) -D_GNU_SOURCE -O2 $$(PORTABLE_FLAGS_$1) $(FIRMWARE_CPPFLAGS) -static $$(filter %.c %.o,$$^) -o $$@
 
 portable-core-$1: portable-tools-$1
-	$$(Q)$$(MAKE) --no-print-directory $$(PORTABLE_TESTS:%=$(BUILD)/portable/$1/%) $(BUILD)/portable/$1/check $(BUILD)/firmware/posix/check
-	$$(Q)tests/portable/run_core "$1" "$$(PORTABLE_RUN_$1)" "$(BUILD)" $$(PORTABLE_TESTS)
+	$$(Q)$$(MAKE) --no-print-directory $$(PORTABLE_CORE_TESTS:%=$(BUILD)/portable/$1/%) $(BUILD)/portable/$1/check $(BUILD)/firmware/posix/check
+	$$(Q)tests/portable/run_core "$1" "$$(PORTABLE_RUN_$1)" "$(BUILD)" $$(PORTABLE_CORE_TESTS)
 
 portable-tools-$1:
 	@command -v $$(PORTABLE_CC_$1) >/dev/null && command -v $$(PORTABLE_RUN_$1) >/dev/null || \
