@@ -59,6 +59,7 @@ static void test_both_chips_are_told_apart_and_read(void** state) {
     imucal_sample_t last;
     assert_int_equal(imucal_mpu6050_start(&sensor, &bus, &usual), IMUCAL_OK);
     assert_int_equal(sensor.is_6500, is_6500);
+    assert_true(mpu.reset_until_us > 0); /* it was reset first */
     assert_int_equal(mpu.bus.n_violations, 0);
     assert_true(run(1.0, 20000, &last) > 185);
     assert_int_equal(last.counts[0], 1638);
