@@ -7,7 +7,7 @@ ROOMS := device analysis/diagnose analysis/montecarlo analysis/profile analysis/
          physics/sim physics/effects noise io base
 
 ROOMS_calibrate := device analysis/fit physics/sim physics/effects noise io base
-ROOMS_gyrosim := device physics/sim physics/effects noise io base
+ROOMS_gyrosim := device analysis/fit physics/sim physics/effects noise io base
 ROOMS_dp := analysis/errormodel analysis/dp physics/sim physics/effects noise io base
 ROOMS_errormodel := $(ROOMS_dp)
 ROOMS_diagnose := analysis/diagnose physics/effects noise io base
@@ -32,13 +32,36 @@ host_objects = $(patsubst %.cpp,$(BUILD)/obj/host/%.o,$(filter-out $(HOST_MAINS)
 CORE_OBJECTS := $(CORE_SOURCES:%.c=$(BUILD)/obj/host/%.o)
 # The whole library in one archive, for tests, benchmarks and strangers.
 HOST_ARCHIVE := $(BUILD)/lib/libimucal.a
-HOST_OBJECTS := $(CORE_OBJECTS) $(call host_objects,host/lib/*/*.cpp host/lib/*/*/*.cpp host/tools/*/*.cpp)
+
+# ---- one compilation a room ----
+# Nine tenths of the compile time would go to reading and instantiating Eigen and JSON again for every file.  So a room is
+# compiled in one piece: build/gen/<room>/room.cpp names its sources one after the other.  BY_FILE=1 compiles every source
+# by itself: quicker after a small change in a large room, and it shows a missing include (`make sanitize` builds so).
+BY_FILE ?=
+# A source that is read from another one would pass for a header, whose types must not be of one file only.
+IN_ONE_PIECE := -iquote . -Wno-subobject-linkage
+# $1: a folder.  Its objects, program mains apart.
+folder_objects = $(if $(BY_FILE),$(call host_objects,$1/*.cpp),$(if $(call host_objects,$1/*.cpp),$(BUILD)/obj/host/$1/room.o))
+
+# A piece is written again when a source is added or taken away.
+$(BUILD)/gen/%/room.cpp: %
+	@mkdir -p $(@D)
+	@printf '#include "%s"\n' $(filter-out %/main.cpp,$(sort $(wildcard $*/*.cpp))) > $@.new
+	@if cmp -s $@.new $@; then rm -f $@.new; else mv $@.new $@; fi
+# A program: its main and what stands beside it, in one piece.
+$(BUILD)/gen/%/program.cpp: %
+	@mkdir -p $(@D)
+	@printf '#include "%s"\n' $(sort $(wildcard $*/*.cpp)) > $@.new
+	@if cmp -s $@.new $@; then rm -f $@.new; else mv $@.new $@; fi
+
+TOOLS := $(notdir $(patsubst %/,%,$(wildcard host/tools/*/)))
+HOST_OBJECTS := $(CORE_OBJECTS) $(foreach f,$(ROOMS:%=host/lib/%) $(TOOLS:%=host/tools/%),$(call folder_objects,$f))
 
 host: $(HOST_PROGRAMS)  ## build the host programs into build/bin
 
 # ---- precompiled headers ----
-# Half of the compile time would go to reading Eigen and JSON again for every file.  PCH= (empty) builds without, and so
-# shows a missing include; sources compiled with flags of their own read the headers as usual.
+# For sources that are compiled by themselves: tests, and the library with BY_FILE=1.  PCH= (empty) builds without;
+# sources compiled with flags of their own read the headers as usual.
 PCH ?= 1
 PCH_lib := $(BUILD)/pch/lib.h
 PCH_tools := $(BUILD)/pch/tools.h
@@ -67,14 +90,23 @@ $(BUILD)/obj/host/%.o: %.cpp | $(call NEEDS_PCH,$(PCH_lib))
 	$(if $(V),,@echo "  CXX  $<")
 	$(Q)$(CCACHE) $(COMPILE_CXX) $(call USE_PCH,$(PCH_lib)) -MMD -MP -c $< -o $@
 
+$(BUILD)/obj/host/%/room.o: $(BUILD)/gen/%/room.cpp
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  CXX  $*")
+	$(Q)$(CCACHE) $(COMPILE_CXX) $(IN_ONE_PIECE) -MMD -MP -c $< -o $@
+
+$(BUILD)/obj/host/%/program.o: $(BUILD)/gen/%/program.cpp
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  CXX  $*")
+	$(Q)$(CCACHE) $(COMPILE_CXX) $(IN_ONE_PIECE) -MMD -MP -c $< -o $@
+
 # ---- archives ----
 define room_archive
-$(BUILD)/lib/$1.a: $(call host_objects,host/lib/$1/*.cpp)
+$(BUILD)/lib/$1.a: $(call folder_objects,host/lib/$1)
 endef
 define tool_archive
-$(BUILD)/lib/tools/$1.a: $(call host_objects,host/tools/$1/*.cpp)
+$(BUILD)/lib/tools/$1.a: $(call folder_objects,host/tools/$1)
 endef
-TOOLS := $(notdir $(patsubst %/,%,$(wildcard host/tools/*/)))
 $(foreach room,$(ROOMS),$(eval $(call room_archive,$(room))))
 $(foreach tool,$(TOOLS),$(eval $(call tool_archive,$(tool))))
 $(BUILD)/lib/common.a: $(CORE_OBJECTS)
@@ -86,7 +118,8 @@ $(BUILD)/lib/%.a:
 
 # ---- programs ----
 define program_links
-$(BUILD)/bin/$1: $(BUILD)/obj/host/host/tools/$1/main.o $(BUILD)/lib/tools/$1.a $(BUILD)/lib/tools/cli.a \
+$(BUILD)/bin/$1: $(if $(BY_FILE),$(BUILD)/obj/host/host/tools/$1/main.o $(BUILD)/lib/tools/$1.a,$(BUILD)/obj/host/host/tools/$1/program.o) \
+                 $(BUILD)/lib/tools/cli.a \
                  $(patsubst %,$(BUILD)/lib/%.a,$(or $(ROOMS_$1),$(ROOMS)) common)
 endef
 $(foreach tool,$(notdir $(HOST_PROGRAMS)),$(eval $(call program_links,$(tool))))
@@ -96,6 +129,7 @@ $(BUILD)/bin/%:
 	$(if $(V),,@echo "  LINK $@")
 	$(Q)$(CXX) -pthread $(SANITIZE_FLAGS) $^ $(LDFLAGS) $(HOST_LIBS) -o $@
 
-.SECONDARY: $(HOST_MAINS:%.cpp=$(BUILD)/obj/host/%.o)
+.SECONDARY: $(HOST_MAINS:%.cpp=$(BUILD)/obj/host/%.o) $(HOST_MAINS:%/main.cpp=$(BUILD)/gen/%/program.cpp) \
+            $(patsubst %,$(BUILD)/gen/host/%/room.cpp,$(ROOMS:%=lib/%) $(TOOLS:%=tools/%))
 
 -include $(shell find $(BUILD)/obj/host -name '*.d' 2>/dev/null)

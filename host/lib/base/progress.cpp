@@ -5,16 +5,12 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <csignal>
 #include <cstdio>
 
-namespace imucal {
+#include "base/clock.h"
 
-static double now_s() {
-  using namespace std::chrono;
-  return duration<double>(steady_clock::now().time_since_epoch()).count();
-}
+namespace imucal {
 
 Progress::Progress(std::string what, double total, bool quiet)
     : what_(std::move(what)), total_(total), shown_(!quiet && ::isatty(STDERR_FILENO)), start_s_(now_s()) {}

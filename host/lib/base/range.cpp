@@ -5,14 +5,9 @@
 #include <cstdio>
 
 #include "base/error.h"
+#include "base/units.h"
 
 namespace imucal {
-
-static std::string shown(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", value);
-  return text;
-}
 
 TemperatureRange parse_range(const std::string& option, const std::string& text) {
   TemperatureRange range;

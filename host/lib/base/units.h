@@ -2,6 +2,7 @@
 // The one home of unit conversions.  Rates inside the programs are in degrees per hour (dph), times in
 // seconds, temperatures in degrees Celsius.
 #pragma once
+#include <string>
 
 namespace imucal {
 
@@ -18,5 +19,8 @@ double white_sigma_dph(double arw_deg_rt_h, double dt_s = 1.0);
 constexpr double arw_from_white_sigma(double sigma_dph) {
   return sigma_dph / 60.0;
 }
+
+// A number in a message: six digits at most.
+std::string shown(double value);
 
 } // namespace imucal

@@ -2,21 +2,16 @@
 #include "device/device.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstring>
 #include <random>
 
+#include "base/clock.h"
 #include "base/error.h"
 #include "num.h"
 
 namespace imucal {
 
 namespace {
-
-double now_s() {
-  using namespace std::chrono;
-  return duration<double>(steady_clock::now().time_since_epoch()).count();
-}
 
 const char* request_name(uint8_t id) {
   switch (id) {

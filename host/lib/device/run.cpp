@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -13,6 +12,7 @@
 #include <memory>
 
 #include "analysis/fit/fit.h"
+#include "base/clock.h"
 #include "base/error.h"
 #include "base/progress.h"
 #include "device/recorder.h"
@@ -30,11 +30,6 @@ constexpr double kRangeSlack = 0.02;                  // part of the range that 
 constexpr TemperatureRange kWidestRange{-40.0, 85.0}; // where nothing says what range is meant
 constexpr double kManyGaps = 0.1;                     // part of the seconds
 constexpr double kNisAlarm = 3.89;                    // normal deviate of a false-alarm rate of 1e-4
-
-double now_s() {
-  using namespace std::chrono;
-  return duration<double>(steady_clock::now().time_since_epoch()).count();
-}
 
 std::string text_of(double value, int digits = 1) {
   char text[40];

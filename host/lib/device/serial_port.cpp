@@ -12,7 +12,7 @@ namespace imucal {
 
 namespace {
 
-unsigned milliseconds(double timeout_s) {
+unsigned blocking_ms(double timeout_s) {
   // 0 means "for ever" to libserialport's blocking calls.
   return std::max(1u, static_cast<unsigned>(std::lround(std::max(0.0, timeout_s) * 1000.0)));
 }
@@ -35,18 +35,18 @@ public:
   const char* kind() const override { return "serial"; }
 
   size_t read(uint8_t* bytes, size_t max, double timeout_s) override {
-    const int n = sp_blocking_read_next(port_, bytes, max, milliseconds(timeout_s));
+    const int n = sp_blocking_read_next(port_, bytes, max, blocking_ms(timeout_s));
     if (n >= 0) return static_cast<size_t>(n);
     if (sp_last_error_code() == EINTR) return 0;
     throw serial_gone(name());
   }
 
   void write(const uint8_t* bytes, size_t n, double timeout_s) override {
-    const int sent = sp_blocking_write(port_, bytes, n, milliseconds(timeout_s));
+    const int sent = sp_blocking_write(port_, bytes, n, blocking_ms(timeout_s));
     if (sent < 0) throw serial_gone(name());
     if (static_cast<size_t>(sent) < n)
-      throw device_error(name() + ": the device takes no more bytes (waited " +
-                         std::to_string(milliseconds(timeout_s)) + " ms); reset it and try again");
+      throw device_error(name() + ": the device takes no more bytes (waited " + std::to_string(blocking_ms(timeout_s)) +
+                         " ms); reset it and try again");
   }
 
 private:

@@ -11,7 +11,7 @@ namespace imucal {
 
 namespace {
 constexpr double kTempCountsPerDegc = 65536;
-constexpr double kMaxTempDegc = 10000;
+constexpr double kMaxRawTempDegc = 10000;
 } // namespace
 
 RawDecimator::RawDecimator(const Log& header) : log_(header) {
@@ -45,7 +45,7 @@ void RawDecimator::begin(double t_s, double temp_degc, long line) {
   sample_.n_channels = static_cast<uint8_t>(log_.axes.size());
   is_whole_ = true;
   has_temperature_ = std::isfinite(temp_degc);
-  if (has_temperature_ && std::abs(temp_degc) > kMaxTempDegc) refuse("temp_degc is out of range");
+  if (has_temperature_ && std::abs(temp_degc) > kMaxRawTempDegc) refuse("temp_degc is out of range");
   if (has_temperature_) sample_.temp_counts = static_cast<int32_t>(std::lround(temp_degc * kTempCountsPerDegc));
 }
 

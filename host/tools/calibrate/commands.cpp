@@ -2,22 +2,17 @@
 #include "calibrate/commands.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
 
+#include "base/clock.h"
 #include "device/recorder.h"
 #include "io/table_json.h"
 
 namespace imucal {
 
 namespace {
-
-double now_s() {
-  using namespace std::chrono;
-  return duration<double>(steady_clock::now().time_since_epoch()).count();
-}
 
 const char* status_text(int status) {
   return imucal_status_text(static_cast<imucal_status>(status));

@@ -4,12 +4,12 @@
 #include <sys/stat.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <sstream>
 
 #include "analysis/diagnose/blocks.h"
+#include "base/clock.h"
 #include "base/error.h"
 #include "base/units.h"
 #include "io/json_file.h"
@@ -17,10 +17,6 @@
 namespace imucal {
 
 namespace {
-
-double now_s() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 bool same_rows(const Log& a, const Log& b) {
   if (a.size() != b.size() || a.axes.empty() || b.axes.empty()) return false;

@@ -12,8 +12,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kScales[] = {1.0 / 3, 1.0, 3.0};
-constexpr double kDependent = 1e-9;
+constexpr double kDependentColumn = 1e-9; // of its norm: what is left of a column that the others give
 
 void centre(MatrixXd* m) {
   if (m->rows() > 0) m->rowwise() -= m->colwise().mean().eval();
@@ -147,7 +146,7 @@ std::vector<MatrixXd> polynomial_columns(const Campaign& campaign, const std::ve
     for (int pass = 0; pass < 2; ++pass)
       for (long k = 0; k < c; ++k) all.col(c) -= all.col(k) * (all.col(k).dot(all.col(c)) / static_cast<double>(rows));
     const double after = all.col(c).norm();
-    all.col(c) *= after > kDependent * before ? std::sqrt(static_cast<double>(rows)) / after : 0.0;
+    all.col(c) *= after > kDependentColumn * before ? std::sqrt(static_cast<double>(rows)) / after : 0.0;
   }
   at = 0;
   for (MatrixXd& x : out) x = all.middleRows(at, x.rows()), at += x.rows();
@@ -281,7 +280,7 @@ double RunGrams::log_marginal_any_scale(const std::vector<char>& runs) const {
   for (long i = 0; i < n_common_; ++i) has_prior = has_prior || common_precision_[i] > 0;
   if (!has_prior) return log_marginal(1, runs);
   double values[3], top = -1e300, sum = 0;
-  for (int i = 0; i < 3; ++i) values[i] = log_marginal(kScales[i], runs), top = std::max(top, values[i]);
+  for (int i = 0; i < 3; ++i) values[i] = log_marginal(kPriorScales[i], runs), top = std::max(top, values[i]);
   for (double v : values) sum += std::exp(v - top) / 3;
   return top + std::log(sum);
 }

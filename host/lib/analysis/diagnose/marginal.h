@@ -15,6 +15,9 @@
 
 namespace imucal {
 
+// A prior in dph is tried at these multiples of its scale, each as likely as the others.
+constexpr double kPriorScales[] = {1.0 / 3, 1.0, 3.0};
+
 // One part of the mean: columns with a coefficient common to all runs, and columns with one of every run.
 struct MeanPart {
   std::vector<Eigen::MatrixXd> common, local;        // per run: used samples x columns

@@ -10,8 +10,6 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kScales[] = {1.0 / 3, 1.0, 3.0};
-
 // Base columns of one run, whitened: local ones, common ones of parts, powers last.
 struct Base {
   long local = 1, parts = 0, powers = 0;
@@ -230,7 +228,7 @@ ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, cons
     e.u -= e.a.transpose() * ay.topRows(rows);
     MatrixXd by_scale(3, draws);
     for (int s = 0; s < 3; ++s) {
-      const VectorXd precision = e.precision / (kScales[s] * kScales[s]);
+      const VectorXd precision = e.precision / (kPriorScales[s] * kPriorScales[s]);
       MatrixXd m = e.m;
       m.diagonal() += precision;
       for (long i = 0; i < k; ++i)

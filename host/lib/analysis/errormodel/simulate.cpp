@@ -8,9 +8,10 @@
 
 namespace imucal {
 
+using Kind = NoiseComponent::Kind;
+
 std::vector<double> simulate_noise(const std::vector<NoiseComponent>& components, long n, uint64_t seed, uint64_t run,
                                    uint32_t axis) {
-  using Kind = NoiseComponent::Kind;
   std::vector<double> x(static_cast<size_t>(n), 0.0);
   uint32_t place = 0;
   for (const NoiseComponent& c : components) {

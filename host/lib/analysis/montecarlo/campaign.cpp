@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <ctime>
 #include <mutex>
 
 #include "analysis/montecarlo/residual.h"
+#include "base/clock.h"
 #include "base/error.h"
 #include "base/parallel.h"
 
@@ -89,11 +89,6 @@ double cpu_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-double wall_seconds() {
-  using namespace std::chrono;
-  return duration<double>(steady_clock::now().time_since_epoch()).count();
-}
-
 // Shared by the threads of a campaign.
 class Workers {
 public:
@@ -159,7 +154,7 @@ CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
                             const std::function<bool()>& stop) {
   CampaignResult result;
   result.first_run = plan.options.first_run;
-  const double start_s = wall_seconds(), cpu_start_s = cpu_seconds();
+  const double start_s = now_s(), cpu_start_s = cpu_seconds();
   Workers workers(plan, score, stop);
   const auto watch = [&] {
     if (!progress) return;
@@ -173,7 +168,7 @@ CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
   workers.snapshot(&result);
   result.runs_done = workers.done();
   result.is_interrupted = workers.stopped() && result.runs_done < plan.options.runs;
-  result.elapsed_s = wall_seconds() - start_s;
+  result.elapsed_s = now_s() - start_s;
   result.cpu_s = cpu_seconds() - cpu_start_s;
   return result;
 }

@@ -1,7 +1,7 @@
 # Monte Carlo validation of the C core: tables for the README, throughput, long campaigns.
 
 # The generators round and take roots by the hundred million: as instructions, not as calls that set errno.
-$(BUILD)/obj/host/host/lib/physics/sim/%.o $(BUILD)/obj/host/host/lib/base/fast_normal.o $(BUILD)/obj/host/host/lib/base/rng.o: CXXFLAGS += -O3 -fno-math-errno
+$(BUILD)/obj/host/host/lib/physics/sim/%.o $(BUILD)/obj/host/host/lib/base/%.o: CXXFLAGS += -O3 -fno-math-errno
 
 # Raise or lower the number of simulated tests: make validation RUNS=400
 RUNS ?= 4000

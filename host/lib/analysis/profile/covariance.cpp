@@ -8,6 +8,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "base/units.h"
 #include "noise/covariance.h"
 #include "noise/whiten.h"
 
@@ -17,12 +18,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-static std::string shown(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", value);
-  return text;
-}
 
 double CalibrationRun::duration_s() const {
   if (temp_degc.empty()) return 0;

@@ -19,12 +19,6 @@ using Eigen::VectorXd;
 
 namespace {
 
-std::string shown(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", value);
-  return text;
-}
-
 // Rounded up to a figure that people would type and that is enough.
 std::string shown_up(double value) {
   const double unit = std::pow(10.0, std::floor(std::log10(value)) - 3);

@@ -7,7 +7,8 @@ $(EFFECT_LIST): FORCE_EFFECT_LIST
 	@mkdir -p $(@D)
 	@$(EFFECT_FOLDER)/effect_list.sh $(EFFECT_FOLDER) > $@.new && { cmp -s $@.new $@ && rm -f $@.new || mv $@.new $@; }
 
-$(BUILD)/obj/host/$(EFFECT_FOLDER)/library.o: $(EFFECT_LIST)
-$(BUILD)/obj/host/$(EFFECT_FOLDER)/library.o: private HOST_CPPFLAGS += -I$(BUILD)/gen
+EFFECT_USERS := $(BUILD)/obj/host/$(EFFECT_FOLDER)/library.o $(BUILD)/obj/host/$(EFFECT_FOLDER)/room.o
+$(EFFECT_USERS): $(EFFECT_LIST)
+$(EFFECT_USERS): private HOST_CPPFLAGS += -I$(BUILD)/gen
 
 .PHONY: FORCE_EFFECT_LIST
