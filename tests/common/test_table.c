@@ -355,6 +355,73 @@ static void test_text_first_and_last_character_count(void** state) {
   assert_false(imucal_text_equal("abX", "abY", 3));
 }
 
+/* What is wrong in any channel is found, with its place, though the CRC is right; faults of the header name no channel. */
+static void test_decode_finds_the_fault_of_any_channel(void** state) {
+  (void)state;
+  const imucal_table_t table = example_table(3, 0);
+  const struct {
+    uint8_t at, value;
+    imucal_status status;
+    const char* field;
+  } fault[] = {{0, ' ', IMUCAL_ERR_NAME, "name"},
+               {12, 6, IMUCAL_ERR_ORDER, "order"},
+               {13, 3, IMUCAL_ERR_ORDER, "scale_order"},
+               {14, 3, IMUCAL_ERR_MODEL, "markov"},
+               {131, 0x80, IMUCAL_ERR_SCALE, "full_scale_counts"}};
+  for (uint8_t channel = 0; channel < 3; channel++) {
+    for (size_t i = 0; i < sizeof fault / sizeof fault[0]; i++) {
+      uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+      size_t len = 0;
+      imucal_table_t got;
+      imucal_table_place_t place = {99, ""};
+      assert_int_equal(imucal_table_encode(&table, bytes, sizeof bytes, &len), IMUCAL_OK);
+      bytes[IMUCAL_TABLE_HEADER_BYTES + IMUCAL_TABLE_CHANNEL_BYTES * channel + fault[i].at] = fault[i].value;
+      seal(bytes, len);
+      assert_int_equal(imucal_table_decode(bytes, len, &got, &place), fault[i].status);
+      assert_int_equal(place.channel, channel);
+      assert_string_equal(place.field, fault[i].field);
+      assert_int_equal(imucal_table_decode(bytes, len, NULL, NULL), fault[i].status);
+    }
+  }
+}
+
+static void test_decode_length_and_reserved_of_the_header_name_no_channel(void** state) {
+  (void)state;
+  const imucal_table_t table = example_table(2, 0);
+  for (uint8_t at = 32; at < 36; at++) {
+    uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+    size_t len = 0;
+    imucal_table_place_t place = {99, ""};
+    assert_int_equal(imucal_table_encode(&table, bytes, sizeof bytes, &len), IMUCAL_OK);
+    bytes[at] = 1;
+    seal(bytes, len);
+    const imucal_status status = imucal_table_decode(bytes, len, NULL, &place);
+    assert_int_equal(status, at == 32 ? IMUCAL_ERR_LENGTH : IMUCAL_ERR_RESERVED);
+    assert_int_equal(place.channel, -1);
+    assert_string_equal(place.field, at == 32 ? "length" : "reserved");
+  }
+}
+
+static void test_from_kf_span_and_sigma_are_of_the_span_asked(void** state) {
+  (void)state;
+  const imucal_kf_config_t config = {.order = 2,
+                                     .t0_degc = 30,
+                                     .range_degc = 25,
+                                     .m = 0.01f,
+                                     .q = 8,
+                                     .r = 1296,
+                                     .markov_variance = 400,
+                                     .prior_sigma = 1e4f};
+  imucal_kf_t kf;
+  imucal_table_t table = example_table(1, 0);
+  assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
+  for (int i = 0; i < 500; i++) assert_int_equal(imucal_kf_update(&kf, 100.0f, 10.0f + (float)i * 0.08f), IMUCAL_OK);
+  assert_int_equal(imucal_table_from_kf(&table.channel[0], &kf, 13, 53), IMUCAL_OK);
+  assert_true(table.channel[0].span_lo_degc == 13 && table.channel[0].span_hi_degc == 53);
+  for (int i = 0; i < IMUCAL_TABLE_SIGMA_N; i++)
+    assert_true(table.channel[0].sigma[i] == imucal_kf_bias_sigma(&kf, 13 + 5 * (float)i));
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_encode_decode_gives_the_same_table),
@@ -370,6 +437,9 @@ int main(void) {
       cmocka_unit_test(test_text_first_and_last_character_count),
       cmocka_unit_test(test_text_set_refuses_what_does_not_fit),
       cmocka_unit_test(test_from_kf_takes_what_the_filter_learnt),
+      cmocka_unit_test(test_decode_finds_the_fault_of_any_channel),
+      cmocka_unit_test(test_decode_length_and_reserved_of_the_header_name_no_channel),
+      cmocka_unit_test(test_from_kf_span_and_sigma_are_of_the_span_asked),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
