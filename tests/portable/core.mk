@@ -1,6 +1,7 @@
 # The core on other machines: compiled for each with all warnings, its unit tests run under qemu-user, and the same bits as
 # on this machine for the same log (firmware/check).  Big-endian: mips.  32 bits: mips, i686.
-#   make portable-core [PORTABLE_CORE=mips]
+#   make portable-core [PORTABLE_CORE=mips] [T="test_link test_num"]
+# tests/system/test_portable_core.py runs a short form: big-endian, without the long runs of kf and health.
 
 PORTABLE_CORE ?= mips i686
 PORTABLE_PACKAGES_mips := gcc-mips-linux-gnu libc6-dev-mips-cross qemu-user
@@ -14,6 +15,7 @@ PORTABLE_FLAGS_i686 := -msse2 -mfpmath=sse
 
 # Tests of rooms of the core; what a test needs beside the core it includes.
 PORTABLE_CORE_TESTS := $(patsubst tests/common/%.c,%,$(wildcard tests/common/test_*.c))
+PORTABLE_CORE_SELECTED := $(if $(T),$(foreach t,$(PORTABLE_CORE_TESTS),$(if $(filter $(T),$(t)),$(t))),$(PORTABLE_CORE_TESTS))
 PORTABLE_CORE_FLAGS := -std=c99 -ffp-contract=off -Wall -Wextra -Werror -D_GNU_SOURCE -O2 -Itests/portable/include -Icommon -Ifirmware -Itests
 
 # $1 machine
@@ -34,8 +36,8 @@ $(BUILD)/portable/$1/check: $(FIRMWARE_CHECK) firmware/check/main_posix.c $$(COR
 	$$(Q)$$(PORTABLE_CC_$1) $(FIRMWARE_CFLAGS) -D_GNU_SOURCE -O2 $$(PORTABLE_FLAGS_$1) $(FIRMWARE_CPPFLAGS) -static $$(filter %.c %.o,$$^) -o $$@
 
 portable-core-$1: portable-tools-$1
-	$$(Q)$$(MAKE) --no-print-directory $$(PORTABLE_CORE_TESTS:%=$(BUILD)/portable/$1/%) $(BUILD)/portable/$1/check $(BUILD)/firmware/posix/check
-	$$(Q)tests/portable/run_core "$1" "$$(PORTABLE_RUN_$1)" "$(BUILD)" $$(PORTABLE_CORE_TESTS)
+	$$(Q)$$(MAKE) --no-print-directory $$(PORTABLE_CORE_SELECTED:%=$(BUILD)/portable/$1/%) $(BUILD)/portable/$1/check $(BUILD)/firmware/posix/check
+	$$(Q)tests/portable/run_core "$1" "$$(PORTABLE_RUN_$1)" "$(BUILD)" $$(PORTABLE_CORE_SELECTED)
 
 portable-tools-$1:
 	@command -v $$(PORTABLE_CC_$1) >/dev/null && command -v $$(PORTABLE_RUN_$1) >/dev/null || \
