@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // What the programs' sources read from outside, compiled once.
-#include <CLI/CLI.hpp>
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>

@@ -62,15 +62,15 @@ void tell_reasons(const FitResult& result, bool wants_table) {
 
 } // namespace
 
-void add_fit_options(CLI::App* app, FitArguments* a) {
+void add_fit_options(cli::App* app, FitArguments* a) {
   app->add_option("LOG", a->log_paths, "logs of one device, each with its own turn-on constant")
       ->required()
       ->type_name("LOG.csv");
   app->add_option("--method", a->method, "kf: the device's Kalman filter; poly: least squares by QR")
-      ->check(CLI::IsMember({"kf", "poly"}))
+      ->check(cli::IsMember({"kf", "poly"}))
       ->capture_default_str();
   app->add_option("--order", a->options.order, "order of the polynomial")
-      ->check(CLI::Range(1, IMUCAL_MAX_ORDER))
+      ->check(cli::Range(1, IMUCAL_MAX_ORDER))
       ->capture_default_str();
   app->add_option("--model", a->model_path, "error model (kf: required; poly: makes the predicted error honest)")
       ->type_name("MODEL.json");
@@ -80,7 +80,7 @@ void add_fit_options(CLI::App* app, FitArguments* a) {
       ->type_name("LOW:HIGH");
   app->add_flag("--shared-turn-on", a->options.shared_turn_on, "no power cycle between the logs: one constant for all");
   app->add_option("--prior-sigma", a->options.prior_sigma_dph, "kf: what is known of a coefficient beforehand")
-      ->check(CLI::Range(1e-3, 1e6))
+      ->check(cli::Range(1e-3, 1e6))
       ->capture_default_str();
   app->add_option("--accept", a->options.accept,
                   "make a table although this rule speaks against it (repeat): " + join(fit_rules()))

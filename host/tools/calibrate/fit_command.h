@@ -24,7 +24,7 @@ struct RecoverArguments {
 Exit recover_command(const RecoverArguments& arguments, const CommonOptions& common);
 
 // Adds the subcommand's options.
-void add_fit_options(CLI::App* app, FitArguments* arguments);
+void add_fit_options(cli::App* app, FitArguments* arguments);
 
 Exit fit_command(const FitArguments& arguments, const CommonOptions& common);
 

@@ -24,21 +24,21 @@ struct RunArguments {
   RunOptions run;
 };
 
-void add_port(CLI::App* app, PortOptions* o) {
+void add_port(cli::App* app, PortOptions* o) {
   app->add_option("-p,--port", o->port, "serial device (/dev/ttyACM0), pseudo-terminal (/dev/pts/3) or tcp:HOST:PORT")
       ->type_name("PORT");
   app->add_option("--baud", o->baud, "of a serial device")->capture_default_str();
   app->add_option("--timeout-s", o->device.reply_timeout_s, "how long to wait for a reply before asking again")
-      ->check(CLI::Range(0.01, 60.0))
+      ->check(cli::Range(0.01, 60.0))
       ->capture_default_str();
   app->add_option("--tries", o->device.tries, "how often to ask before giving the device up")
-      ->check(CLI::Range(1, 100))
+      ->check(cli::Range(1, 100))
       ->capture_default_str();
 }
 
-void add_run(CLI::App* app, RunArguments* o) {
+void add_run(cli::App* app, RunArguments* o) {
   app->add_option("--order", o->run.order, "order of the polynomial")
-      ->check(CLI::Range(1, IMUCAL_MAX_ORDER))
+      ->check(cli::Range(1, IMUCAL_MAX_ORDER))
       ->capture_default_str();
   app->add_option("--model", o->model_paths, "error model; one for all axes, or one per axis")
       ->required()
@@ -57,7 +57,7 @@ void add_run(CLI::App* app, RunArguments* o) {
       ->check(FinitePositive)
       ->capture_default_str();
   app->add_option("--prior-sigma", o->run.prior_sigma, "what is known of a coefficient beforehand")
-      ->check(CLI::Range(1e-3, 1e6))
+      ->check(cli::Range(1e-3, 1e6))
       ->capture_default_str();
   app->add_option("--record", o->run.record_path, "write the raw 1-s means as a log")->type_name("LOG.csv");
   app->add_option("--record-compensated", o->run.record_compensated_path, "write the compensated 1-s means as a log")
@@ -77,7 +77,7 @@ RunOptions complete(RunArguments arguments, bool quiet) {
 } // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("calibrates an IMU over its serial port", "calibrate");
+  cli::App app("calibrates an IMU over its serial port", "calibrate");
   app.require_subcommand(1);
   app.fallthrough();
   CommonOptions common;
@@ -85,40 +85,40 @@ int main(int argc, char** argv) {
   add_common_options(&app, &common);
   add_port(&app, &port);
 
-  CLI::App* list = app.add_subcommand("list", "list the serial devices of this machine");
-  CLI::App* info = app.add_subcommand("info", "who the device is, its table, its counters");
+  cli::App* list = app.add_subcommand("list", "list the serial devices of this machine");
+  cli::App* info = app.add_subcommand("info", "who the device is, its table, its counters");
   MonitorOptions watch;
-  CLI::App* monitor_app = app.add_subcommand("monitor", "print the 1-s means, raw and compensated");
-  CLI::App* record_app = app.add_subcommand("record", "write the 1-s means as a log");
-  for (CLI::App* sub : {monitor_app, record_app})
+  cli::App* monitor_app = app.add_subcommand("monitor", "print the 1-s means, raw and compensated");
+  cli::App* record_app = app.add_subcommand("record", "write the 1-s means as a log");
+  for (cli::App* sub : {monitor_app, record_app})
     sub->add_option("--duration-s", watch.duration_s, "end after so much sensor time (default: when the sensor ends)")
         ->check(FinitePositive);
   record_app->add_option("-o,--output", watch.raw_path, "log of the raw means")->required()->type_name("LOG.csv");
   record_app->add_option("--compensated", watch.compensated_path, "log of the compensated means")->type_name("LOG.csv");
   record_app->add_flag("--force", watch.may_overwrite, "write over logs that are there");
   RecoverArguments recover;
-  CLI::App* recover_app = app.add_subcommand("recover", "make a log of a recording that was cut off (LOG.csv.part)");
+  cli::App* recover_app = app.add_subcommand("recover", "make a log of a recording that was cut off (LOG.csv.part)");
   recover_app->add_option("PART", recover.part_path, "what was left behind")->required()->type_name("LOG.csv.part");
   recover_app->add_option("-o,--output", recover.output_path, "log to write (default: the name without .part)")
       ->type_name("LOG.csv");
   recover_app->add_flag("--force", recover.may_overwrite, "write over a log that is there");
   RunArguments run;
-  CLI::App* run_app = app.add_subcommand("run", "learn the polynomials, flash the table, read it back");
+  cli::App* run_app = app.add_subcommand("run", "learn the polynomials, flash the table, read it back");
   add_run(run_app, &run);
   std::string table_path;
-  CLI::App* flash = app.add_subcommand("flash", "flash a table, read it back");
-  CLI::App* verify = app.add_subcommand("verify", "compare a table with the device's (exit 1: differs)");
-  CLI::App* dump = app.add_subcommand("dump", "read the device's table");
-  for (CLI::App* sub : {flash, verify})
+  cli::App* flash = app.add_subcommand("flash", "flash a table, read it back");
+  cli::App* verify = app.add_subcommand("verify", "compare a table with the device's (exit 1: differs)");
+  cli::App* dump = app.add_subcommand("dump", "read the device's table");
+  for (cli::App* sub : {flash, verify})
     sub->add_option("TABLE", table_path, "table (.json, or .bin: the bytes as flashed)")
         ->required()
         ->type_name("TABLE.json");
   dump->add_option("-o,--output", table_path, "table to write (.json or .bin)")->required()->type_name("TABLE.json");
-  CLI::App* rollback = app.add_subcommand("rollback", "return to the table before");
+  cli::App* rollback = app.add_subcommand("rollback", "return to the table before");
   FitArguments fit;
-  CLI::App* fit_app = app.add_subcommand("fit", "learn the polynomials from recorded logs, no device needed");
+  cli::App* fit_app = app.add_subcommand("fit", "learn the polynomials from recorded logs, no device needed");
   add_fit_options(fit_app, &fit);
-  CLI::App* stop = app.add_subcommand("stop", "end a calibration that a program left running on the device");
+  cli::App* stop = app.add_subcommand("stop", "end a calibration that a program left running on the device");
   app.add_subcommand("erase", "erase both tables: the device runs uncompensated");
 
   return run_program(&app, argc, argv, [&]() -> Exit {

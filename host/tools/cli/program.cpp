@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "cli/program.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
@@ -12,27 +13,26 @@
 
 namespace imucal {
 
-const CLI::Validator FinitePositive(
-    [](std::string& text) -> std::string {
-      double value = 0;
-      const char* end = text.data() + text.size();
-      const auto parsed = std::from_chars(text.data(), end, value);
-      const bool is_good = parsed.ec == std::errc() && parsed.ptr == end && std::isfinite(value) && value > 0;
-      return is_good ? "" : "expected a finite number above 0, found \"" + text + "\"";
-    },
-    "POSITIVE");
+const cli::Check FinitePositive{[](std::string& text) -> std::string {
+                                  double value = 0;
+                                  const char* end = text.data() + text.size();
+                                  const auto parsed = std::from_chars(text.data(), end, value);
+                                  const bool is_good = parsed.ec == std::errc() && parsed.ptr == end &&
+                                                       std::isfinite(value) && value > 0;
+                                  return is_good ? "" : "expected a finite number above 0, found \"" + text + "\"";
+                                },
+                                "POSITIVE"};
 
 // CLI11 lets "-1" wrap around.
-static const CLI::Validator WholeNumber(
-    [](std::string& text) -> std::string {
-      uint64_t value = 0;
-      const char* end = text.data() + text.size();
-      const auto parsed = std::from_chars(text.data(), end, value);
-      return parsed.ec == std::errc() && parsed.ptr == end
-                 ? ""
-                 : "expected a whole number 0 .. 2^64 - 1, found \"" + text + "\"";
-    },
-    "UINT");
+static const cli::Check WholeNumber{[](std::string& text) -> std::string {
+                                      uint64_t value = 0;
+                                      const char* end = text.data() + text.size();
+                                      const auto parsed = std::from_chars(text.data(), end, value);
+                                      return parsed.ec == std::errc() && parsed.ptr == end
+                                                 ? ""
+                                                 : "expected a whole number 0 .. 2^64 - 1, found \"" + text + "\"";
+                                    },
+                                    "UINT"};
 
 int CommonOptions::thread_count() const {
   if (threads > 0) return threads;
@@ -40,7 +40,7 @@ int CommonOptions::thread_count() const {
   return cores ? static_cast<int>(cores) : 1;
 }
 
-void add_common_options(CLI::App* app, CommonOptions* options, unsigned flags) {
+void add_common_options(cli::App* app, CommonOptions* options, unsigned flags) {
   app->add_option("--json", options->json_path, "write the result as JSON to FILE (- for standard output)")
       ->type_name("FILE");
   app->add_flag("--quiet,-q", options->quiet, "no text but errors");
@@ -49,7 +49,7 @@ void add_common_options(CLI::App* app, CommonOptions* options, unsigned flags) {
         ->check(WholeNumber)
         ->capture_default_str();
   if (flags & kWithThreads)
-    app->add_option("--threads", options->threads, "threads to use (0: one per core)")->check(CLI::Range(0, 1024));
+    app->add_option("--threads", options->threads, "threads to use (0: one per core)")->check(cli::Range(0, 1024));
 }
 
 namespace {
@@ -96,7 +96,8 @@ Exit checked_output(const std::string& name, Exit exit) {
 
 } // namespace
 
-int run_program(CLI::App* app, int argc, char** argv, const std::function<Exit()>& run) {
+int run_program(cli::App* program, int argc, char** argv, const std::function<Exit()>& run) {
+  CLI::App* app = &program->behind();
   const std::string name = app->get_name();
   app->set_version_flag("--version", name + " (imucal) " IMUCAL_VERSION);
   try {

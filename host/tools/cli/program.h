@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Habits shared by all programs (host/README.md): --json --quiet --seed --threads --version, exit status, errors.
 #pragma once
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <functional>
 #include <string>
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "cli/arguments.h"
 #include "io/json_file.h"
 
 namespace imucal {
@@ -26,14 +26,14 @@ struct CommonOptions {
 
 enum CommonFlag : unsigned { kWithSeed = 1, kWithThreads = 2 };
 
-// A finite number above 0 (CLI::PositiveNumber takes inf).
-extern const CLI::Validator FinitePositive;
+// A finite number above 0 (cli::PositiveNumber takes inf).
+extern const cli::Check FinitePositive;
 
 // Adds the options to a program (or a subcommand).
-void add_common_options(CLI::App* app, CommonOptions* options, unsigned flags = 0);
+void add_common_options(cli::App* app, CommonOptions* options, unsigned flags = 0);
 
 // Parses, runs `run`, prints errors as "<program>: <message>" to standard error; returns the exit status.
 // `run` is called after parsing; it returns kDone or kNegative and throws Error otherwise.
-int run_program(CLI::App* app, int argc, char** argv, const std::function<Exit()>& run);
+int run_program(cli::App* app, int argc, char** argv, const std::function<Exit()>& run);
 
 } // namespace imucal

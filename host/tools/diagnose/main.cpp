@@ -21,7 +21,7 @@ static Markov parse_instability(const std::string& text) {
 }
 
 int main(int argc, char** argv) {
-  CLI::App app("find what a gyro does that its error model leaves out", "diagnose");
+  cli::App app("find what a gyro does that its error model leaves out", "diagnose");
   CommonOptions common;
   DiagnoseOptions options;
   bool list = false, no_cache = false;
@@ -33,7 +33,7 @@ int main(int argc, char** argv) {
       ->type_name("MODEL.json");
   auto* arw_option = app.add_option("--arw", arw, "data sheet in the place of a model: angle random walk")
                          ->type_name("DEG_RT_H")
-                         ->check(CLI::PositiveNumber);
+                         ->check(cli::PositiveNumber);
   app.add_option("--instability", instability, "data sheet: bias instability and its time constant")
       ->type_name("SIGMA_DPH:TAU_S");
   app.add_option("--log", options.logs, "logs of one device, each a run")->type_name("LOG.csv ...");
@@ -43,16 +43,16 @@ int main(int argc, char** argv) {
   app.add_option("--only", options.only, "effect to keep; all others are taken out");
   app.add_option("--false-alarm-rate", options.false_alarm_rate,
                  "probability of naming anything when there is no gap, all candidates and axes counted")
-      ->check(CLI::Range(1e-6, 0.5))
+      ->check(cli::Range(1e-6, 0.5))
       ->capture_default_str();
   app.add_option("--nulls", options.nulls, "simulations of the fitted noise for calibration")
-      ->check(CLI::Range(50, 100000))
+      ->check(cli::Range(50, 100000))
       ->capture_default_str();
   app.add_option("--cache", options.cache_folder, "folder of calibrations")->type_name("DIR")->capture_default_str();
   app.add_flag("--no-cache", no_cache, "calibrate anew and keep nothing");
   app.add_option("--model-seconds", options.model_seconds,
                  "kept for old command lines: the noise is estimated again in any case")
-      ->check(CLI::NonNegativeNumber);
+      ->check(cli::NonNegativeNumber);
   app.add_option("--model-out", model_out, "write the model with the effects found")->type_name("MODEL.json");
   app.add_flag("--list-effects", list, "list the library and stop");
   return run_program(&app, argc, argv, [&] {
@@ -65,9 +65,9 @@ int main(int argc, char** argv) {
       return Exit::kDone;
     }
     if (options.logs.empty()) throw usage_error("at least one --log LOG.csv is needed (or --list-effects)");
-    if (!options.model_path.empty() && (*arw_option || !instability.empty()))
+    if (!options.model_path.empty() && (arw_option->count() > 0 || !instability.empty()))
       throw usage_error("give --model or a data sheet (--arw, --instability), not both");
-    if (*arw_option) options.arw_deg_rt_h = arw;
+    if (arw_option->count() > 0) options.arw_deg_rt_h = arw;
     if (!instability.empty()) options.instability = parse_instability(instability);
     options.seed = common.seed;
     options.threads = common.thread_count();

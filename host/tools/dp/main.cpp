@@ -194,7 +194,7 @@ Exit run(const Options& o) {
 
 int main(int argc, char** argv) {
   Options o;
-  CLI::App app("Allan deviation and Direct Predictor of logs: curves, intervals, distribution ratios", "dp");
+  cli::App app("Allan deviation and Direct Predictor of logs: curves, intervals, distribution ratios", "dp");
   app.add_option("logs", o.logs, "logs (CSV)")->required()->type_name("LOG");
   app.add_option("--type", o.type, "av, dp1, dp2 or dp3; default dp2 with --nominal, else av, the Allan deviation");
   app.add_option("--axis", o.axes, "axis (column name), repeatable; default all")
@@ -210,12 +210,12 @@ int main(int argc, char** argv) {
   app.add_option("--estimation-s", o.estimation_s, "estimation time of dp1")->capture_default_str();
   app.add_option("--detrend", o.detrend, "none, mean, poly:N (in temperature) or time:N")->capture_default_str();
   app.add_option("--min-fill", o.min_fill, "part of a window's samples that must be present")
-      ->check(CLI::Range(0.01, 1.0))
+      ->check(cli::Range(0.01, 1.0))
       ->capture_default_str();
   app.add_option("--ci-model", o.ci_model, "model for the confidence intervals; default: blocks of the data")
       ->type_name("MODEL.json");
   app.add_option("--false-alarm-rate", o.false_alarm_rate, "of the distribution's verdict")
-      ->check(CLI::Range(1e-9, 0.5))
+      ->check(cli::Range(1e-9, 0.5))
       ->capture_default_str();
   app.add_flag("--stream", o.stream,
                "read the log twice instead of holding it: memory bounded by the longest tau; rms curves only");

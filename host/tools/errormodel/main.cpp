@@ -390,14 +390,14 @@ Exit validate_fit(Options o) {
   return Exit::kDone;
 }
 
-void add_operator_options(CLI::App* app, Options* o) {
+void add_operator_options(cli::App* app, Options* o) {
   app->add_option("--type", o->type, "av, dp1, dp2 or dp3; default dp2 with --nominal, else av");
   app->add_option("--nominal", o->nominal, "model whose filter predicts (dp2, dp3)")->type_name("MODEL.json");
   app->add_option("--estimation-s", o->estimation_s, "estimation time of dp1")->capture_default_str();
   app->add_option("--tau", o->tau, "FIRST:LAST[:STEP], log:FIRST:LAST[:PER_DECADE], octave:FIRST:LAST or a list");
 }
 
-void add_log_options(CLI::App* app, Options* o) {
+void add_log_options(cli::App* app, Options* o) {
   app->add_option("logs", o->logs, "logs (CSV)")->required()->type_name("LOG");
   app->add_option("--axis", o->axes, "axis (column name), repeatable; default all")
       ->type_name("NAME")
@@ -412,12 +412,12 @@ void add_log_options(CLI::App* app, Options* o) {
 
 int main(int argc, char** argv) {
   Options o;
-  CLI::App app("Error models: expected curves, fits, checks, and what the methods can tell", "errormodel");
+  cli::App app("Error models: expected curves, fits, checks, and what the methods can tell", "errormodel");
   app.require_subcommand(1);
-  const auto model_option = [&](CLI::App* s, bool positional) {
+  const auto model_option = [&](cli::App* s, bool positional) {
     s->add_option(positional ? "model" : "--model", o.model, "error model")->required()->type_name("MODEL.json");
   };
-  CLI::App* s = app.add_subcommand("expect", "closed-form curve of a model");
+  cli::App* s = app.add_subcommand("expect", "closed-form curve of a model");
   model_option(s, true);
   add_operator_options(s, &o);
   s->add_option("--duration-s", o.duration_s,
@@ -438,14 +438,14 @@ int main(int argc, char** argv) {
   add_operator_options(s, &o);
   s->add_option("--criterion", o.criterion, "bound (tightest bound), ls (least squares) or ml (maximum likelihood)")
       ->capture_default_str();
-  s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(CLI::Range(0, 99));
+  s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(cli::Range(0, 99));
   s->add_option("--confidence", o.confidence,
                 "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the "
                 "data themselves)")
-      ->check(CLI::Range(0.0, 0.9999))
+      ->check(cli::Range(0.0, 0.9999))
       ->capture_default_str();
   s->add_option("--bootstrap", o.bootstrap, "refits of simulated records for the errors of bound and ls (0: none)")
-      ->check(CLI::Range(0, 100000))
+      ->check(cli::Range(0, 100000))
       ->capture_default_str();
   s->add_option("-o,--output", o.output, "model to write")->type_name("MODEL.json");
   add_common_options(s, &o.common, kWithSeed | kWithThreads);
@@ -456,7 +456,7 @@ int main(int argc, char** argv) {
   add_operator_options(s, &o);
   add_common_options(s, &o.common);
 
-  const auto add_study = [&](CLI::App* sub, bool versus) {
+  const auto add_study = [&](cli::App* sub, bool versus) {
     model_option(sub, false);
     if (versus) sub->add_option("--versus", o.versus, "the other model")->required()->type_name("MODEL.json");
     add_operator_options(sub, &o);
@@ -470,26 +470,26 @@ int main(int argc, char** argv) {
   s = app.add_subcommand("separation", "over what stretch of tau do simulated tests of two models stand apart");
   add_study(s, true);
   s->add_option("--duration-s", o.duration_s, "of a test; default 6000")->check(FinitePositive);
-  s->add_option("--runs", o.runs, "tests of each model per draw")->check(CLI::Range(1, 1000))->capture_default_str();
-  s->add_option("--draws", o.draws, "draws")->check(CLI::Range(1, 100000))->capture_default_str();
+  s->add_option("--runs", o.runs, "tests of each model per draw")->check(cli::Range(1, 1000))->capture_default_str();
+  s->add_option("--draws", o.draws, "draws")->check(cli::Range(1, 100000))->capture_default_str();
   add_common_options(s, &o.common, kWithSeed | kWithThreads);
 
   s = app.add_subcommand("validate", "fits many simulated tests of a known model: bounds, errors, coverage");
   add_study(s, false);
   s->add_option("--duration-s", o.duration_s, "of a test; default 6000")->check(FinitePositive);
-  s->add_option("--runs", o.runs, "tests")->check(CLI::Range(1, 1000000))->capture_default_str();
+  s->add_option("--runs", o.runs, "tests")->check(cli::Range(1, 1000000))->capture_default_str();
   s->add_option("--criterion", o.criterion, "bound, ls or ml")->capture_default_str();
-  s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(CLI::Range(0, 4));
+  s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(cli::Range(0, 4));
   s->add_option("--detrend", o.detrend, "none, mean (default) or time:N");
   s->add_option("--confidence", o.confidence,
                 "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the "
                 "data themselves)")
-      ->check(CLI::Range(0.0, 0.9999))
+      ->check(cli::Range(0.0, 0.9999))
       ->capture_default_str();
   add_common_options(s, &o.common, kWithSeed | kWithThreads);
 
   return run_program(&app, argc, argv, [&] {
-    const std::string name = app.get_subcommands().front()->get_name();
+    const std::string name = app.chosen();
     if (name == "expect") return expect(o);
     if (name == "fit") return fit(o);
     if (name == "check") return check(o);

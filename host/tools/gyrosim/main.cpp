@@ -21,16 +21,16 @@ struct LogOptions {
 };
 
 // How effects with a memory (hysteresis, lag, creep, warm-up, jumps at a temperature) begin the run.
-void add_start(CLI::App* app, SimOptions* sim) {
-  app->add_option_function<std::string>(
+void add_start(cli::App* app, SimOptions* sim) {
+  app->add_option(
          "--start", [sim](const std::string& word) { sim->start = start_state_from(word); },
          "state of effects with a memory at the start of the run: drawn in every run (random), the same each "
          "time (cold), or without any rest of the past (settled); default random")
-      ->check(CLI::IsMember({"random", "cold", "settled"}))
+      ->check(cli::IsMember({"random", "cold", "settled"}))
       ->type_name("STATE");
 }
 
-void add_log(CLI::App* app, LogOptions* o) {
+void add_log(cli::App* app, LogOptions* o) {
   app->add_option("--model", o->model_paths, "error model with thermal polynomial and effects; one, or one per axis")
       ->required()
       ->allow_extra_args(false)
@@ -38,7 +38,7 @@ void add_log(CLI::App* app, LogOptions* o) {
   app->add_option("--profile", o->profile_path, "temperature profile of the chamber")
       ->required()
       ->type_name("PROFILE.json");
-  app->add_option("--axes", o->n_axes, "number of axes (default: one per model)")->check(CLI::Range(1, 64));
+  app->add_option("--axes", o->n_axes, "number of axes (default: one per model)")->check(cli::Range(1, 64));
   app->add_option("--effects", o->effects_path, "further effects: a list of {name, parameters, [axis], [log]}")
       ->type_name("EFFECTS.json");
   app->add_option("-o,--output", o->output_path, "log to write (- for standard output)")
@@ -47,19 +47,19 @@ void add_log(CLI::App* app, LogOptions* o) {
   app->add_option("--log-index", o->sim.log_index,
                   "which log (run) of the device this is, from 0: noise, turn-on "
                   "constants and what changes from run to run differ by it")
-      ->check(CLI::Range(0, 65535))
+      ->check(cli::Range(0, 65535))
       ->capture_default_str();
-  app->add_option("--n-logs", o->sim.n_logs, "logs of the device in all")->check(CLI::Range(1, 65536));
+  app->add_option("--n-logs", o->sim.n_logs, "logs of the device in all")->check(cli::Range(1, 65536));
   app->add_option("--device", o->sim.device, "another device of the same seed")->capture_default_str();
   add_start(app, &o->sim);
   app->add_option("--temp-noise-degc", o->sim.temp_noise_degc, "thermometer noise per second")
-      ->check(CLI::NonNegativeNumber);
-  app->add_option("--temp-lsb-degc", o->sim.temp_lsb_degc, "thermometer quantum")->check(CLI::NonNegativeNumber);
-  app->add_option("--rate-lsb-dph", o->sim.rate_lsb_dph, "quantum of the 1-s means")->check(CLI::NonNegativeNumber);
+      ->check(cli::NonNegativeNumber);
+  app->add_option("--temp-lsb-degc", o->sim.temp_lsb_degc, "thermometer quantum")->check(cli::NonNegativeNumber);
+  app->add_option("--rate-lsb-dph", o->sim.rate_lsb_dph, "quantum of the 1-s means")->check(cli::NonNegativeNumber);
   app->add_option("--jitter-s", o->sim.jitter_s, "standard deviation of the time stamps")
-      ->check(CLI::NonNegativeNumber);
+      ->check(cli::NonNegativeNumber);
   app->add_option("--missing", o->sim.missing_frac, "part of the seconds missing from the log")
-      ->check(CLI::Range(0.0, 0.99));
+      ->check(cli::Range(0.0, 0.99));
   add_common_options(app, &o->common, kWithSeed);
 }
 
@@ -101,7 +101,7 @@ Exit run_log(LogOptions o) {
 }
 
 // What the raw samples of serve and replay look like; the device must be told the same scales.
-void add_feed(CLI::App* app, FeedOptions* o, CommonOptions* common) {
+void add_feed(cli::App* app, FeedOptions* o, CommonOptions* common) {
   app->add_option("--to", o->to, "where the sample records go: a file, a named pipe, tcp:HOST:PORT or tcp-listen:PORT")
       ->required()
       ->type_name("SINK");
@@ -112,11 +112,11 @@ void add_feed(CLI::App* app, FeedOptions* o, CommonOptions* common) {
       ->capture_default_str();
   app->add_option("--temp-offset-degc", o->format.temp_offset_degc, "temperature at count zero")->capture_default_str();
   app->add_option("--jitter-s", o->format.jitter_s, "standard deviation of the sample instants")
-      ->check(CLI::NonNegativeNumber);
+      ->check(cli::NonNegativeNumber);
   app->add_option("--missing", o->format.missing_frac, "part of the samples that never arrives")
-      ->check(CLI::Range(0.0, 0.99));
+      ->check(cli::Range(0.0, 0.99));
   app->add_option("--speed", o->speed, "sensor seconds per second; 0: as fast as the device takes them")
-      ->check(CLI::NonNegativeNumber);
+      ->check(cli::NonNegativeNumber);
   add_common_options(app, common, kWithSeed);
 }
 
@@ -138,7 +138,7 @@ struct ServeOptions {
   SimOptions sim;
 };
 
-void add_serve(CLI::App* app, ServeOptions* o) {
+void add_serve(cli::App* app, ServeOptions* o) {
   app->add_option("--model", o->model_paths, "error model with thermal polynomial and effects; one, or one per gyro")
       ->required()
       ->allow_extra_args(false)
@@ -149,20 +149,20 @@ void add_serve(CLI::App* app, ServeOptions* o) {
   app->add_option("--profile", o->profile_path, "temperature profile of the chamber")
       ->required()
       ->type_name("PROFILE.json");
-  app->add_option("--axes", o->n_axes, "number of gyros (default: one per model)")->check(CLI::Range(1, 6));
+  app->add_option("--axes", o->n_axes, "number of gyros (default: one per model)")->check(cli::Range(1, 6));
   app->add_option("--effects", o->effects_path, "further effects: a list of {name, parameters, [axis], [log]}")
       ->type_name("EFFECTS.json");
   app->add_option("--accel-scale-mg", o->accel_scale_mg, "value of one count of an accelerometer")
       ->capture_default_str();
   app->add_option("-o,--output", o->log_path, "also write the run as a log of 1-s means")->type_name("LOG.csv");
   app->add_option("--log-index", o->sim.log_index, "which run of the device this is, from 0")
-      ->check(CLI::Range(0, 65535));
+      ->check(cli::Range(0, 65535));
   app->add_option("--device", o->sim.device, "another device of the same seed");
   add_start(app, &o->sim);
   app->add_option("--temp-noise-degc", o->feed.format.temp_noise_degc, "thermometer noise per sample")
-      ->check(CLI::NonNegativeNumber);
+      ->check(cli::NonNegativeNumber);
   app->add_option("--missing-seconds", o->sim.missing_frac, "part of the seconds that is missing altogether")
-      ->check(CLI::Range(0.0, 0.99));
+      ->check(cli::Range(0.0, 0.99));
   add_feed(app, &o->feed, &o->common);
 }
 
@@ -216,7 +216,7 @@ struct ReplayOptions {
   std::string log_path;
 };
 
-void add_replay(CLI::App* app, ReplayOptions* o) {
+void add_replay(cli::App* app, ReplayOptions* o) {
   app->add_option("LOG", o->log_path, "recorded log of 1-s means")->required()->type_name("LOG.csv");
   add_feed(app, &o->feed, &o->common);
 }
@@ -232,16 +232,16 @@ Exit run_replay(ReplayOptions o) {
 } // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("simulates a chamber and gyros", "gyrosim");
+  cli::App app("simulates a chamber and gyros", "gyrosim");
   app.require_subcommand(1);
   LogOptions log;
-  CLI::App* log_app = app.add_subcommand("log", "write a simulated log of 1-s means");
+  cli::App* log_app = app.add_subcommand("log", "write a simulated log of 1-s means");
   add_log(log_app, &log);
   ServeOptions serve;
-  CLI::App* serve_app = app.add_subcommand("serve", "feed a device with raw samples of a simulated run");
+  cli::App* serve_app = app.add_subcommand("serve", "feed a device with raw samples of a simulated run");
   add_serve(serve_app, &serve);
   ReplayOptions replay;
-  CLI::App* replay_app = app.add_subcommand("replay", "feed a device with a recorded log as raw samples");
+  cli::App* replay_app = app.add_subcommand("replay", "feed a device with a recorded log as raw samples");
   add_replay(replay_app, &replay);
   return run_program(&app, argc, argv, [&] {
     if (*serve_app) return run_serve(serve);

@@ -21,7 +21,7 @@ struct Options {
   std::vector<std::string> merge_paths;
 };
 
-void add_raw_options(CLI::App* app, RawFormat* raw) {
+void add_raw_options(cli::App* app, RawFormat* raw) {
   const std::string group = "The simulated sensor";
   app->add_option("--rate-hz", raw->rate_hz, "raw samples per second")->capture_default_str()->group(group);
   app->add_option("--counts-scale-dph", raw->counts_scale_dph, "one count of the gyro")
@@ -33,31 +33,31 @@ void add_raw_options(CLI::App* app, RawFormat* raw) {
       ->check(FinitePositive)
       ->group(group);
   app->add_option("--temp-noise-degc", raw->temp_noise_degc, "thermometer noise of a sample")
-      ->check(CLI::NonNegativeNumber)
+      ->check(cli::NonNegativeNumber)
       ->group(group);
   app->add_option("--jitter-s", raw->jitter_s, "standard deviation of the time stamps")
-      ->check(CLI::NonNegativeNumber)
+      ->check(cli::NonNegativeNumber)
       ->group(group);
   app->add_option("--missing-samples", raw->missing_frac, "part of the samples that never arrive")
-      ->check(CLI::Range(0.0, 0.99))
+      ->check(cli::Range(0.0, 0.99))
       ->group(group);
 }
 
-void add_options(CLI::App* app, Options* o) {
+void add_options(cli::App* app, Options* o) {
   CampaignOptions& c = o->campaign;
   app->add_option("--model", o->model_path, "true error model with thermal polynomial and effects")
       ->type_name("MODEL.json");
   app->add_option("--profile", o->profile_path, "temperature profile of the test")->type_name("PROFILE.json");
-  app->add_option("--order", c.order, "order of the polynomial the filter learns")->check(CLI::Range(1, 5));
-  app->add_option("--runs", c.runs, "simulated tests")->check(CLI::Range(1, 100000000))->capture_default_str();
+  app->add_option("--order", c.order, "order of the polynomial the filter learns")->check(cli::Range(1, 5));
+  app->add_option("--runs", c.runs, "simulated tests")->check(cli::Range(1, 100000000))->capture_default_str();
   app->add_option("--first-run", c.first_run, "number of the first run of this shard")->capture_default_str();
   app->add_option("--filter-model", o->filter_path, "error model the filter assumes (default: the true one)")
       ->type_name("MODEL.json");
   app->add_option("--effects", o->effects_path, "further effects on the sensor")->type_name("EFFECTS.json");
   app->add_option("--partial", o->partial_path, "write a partial result for `montecarlo merge`")->type_name("FILE");
-  app->add_option("--points", c.points, "temperatures scored")->check(CLI::Range(2, 1000))->capture_default_str();
+  app->add_option("--points", c.points, "temperatures scored")->check(cli::Range(2, 1000))->capture_default_str();
   app->add_option("--missing-seconds", c.missing_frac, "part of the seconds without any sample")
-      ->check(CLI::Range(0.0, 0.99));
+      ->check(cli::Range(0.0, 0.99));
   app->add_flag("--core-only", o->core_only, "the chain and its score only: no least squares, double reference, DP");
   app->add_option("--residual-every", c.residual_every, "DP curve of the residual in every n-th run (0: none)")
       ->capture_default_str();
@@ -136,22 +136,22 @@ Exit run_campaign_command(Options o) {
 } // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("simulated calibration tests through the C core, scored against the truth", "montecarlo");
+  cli::App app("simulated calibration tests through the C core, scored against the truth", "montecarlo");
   Options run, merged;
   add_options(&app, &run);
   run.campaign.raw.rate_hz = 10;
   run.campaign.raw.counts_scale_dph = 1;
-  CLI::App* merge = app.add_subcommand("merge", "merge partial results of shards into the result of the whole");
+  cli::App* merge = app.add_subcommand("merge", "merge partial results of shards into the result of the whole");
   merge->add_option("FILES", merged.merge_paths, "partial results")->required();
   merge->add_flag("--strict", merged.strict, "exit with 1 where NEES or NIS are outside their intervals");
   add_common_options(merge, &merged.common);
   Options compared;
   compared.campaign.raw = run.campaign.raw;
   compared.campaign.runs = 500;
-  CLI::App* compare = app.add_subcommand("compare", "the core's filter against other methods on several profiles");
+  cli::App* compare = app.add_subcommand("compare", "the core's filter against other methods on several profiles");
   compare->add_option("--model", compared.model_path, "true error model with thermal polynomial")->required();
-  compare->add_option("--order", compared.campaign.order, "order of the polynomial")->check(CLI::Range(1, 5));
-  compare->add_option("--runs", compared.campaign.runs, "simulated tests per profile")->check(CLI::Range(1, 1000000));
+  compare->add_option("--order", compared.campaign.order, "order of the polynomial")->check(cli::Range(1, 5));
+  compare->add_option("--runs", compared.campaign.runs, "simulated tests per profile")->check(cli::Range(1, 1000000));
   add_common_options(compare, &compared.common, kWithSeed | kWithThreads);
   return run_program(&app, argc, argv, [&] {
     if (merge->parsed()) return run_merge(merged);

@@ -234,7 +234,7 @@ Exit run_optimize(const OptimizeOptions& o) {
   return r.meets_error ? Exit::kDone : Exit::kNegative;
 }
 
-void add_error(CLI::App* app, ErrorOptions* o) {
+void add_error(cli::App* app, ErrorOptions* o) {
   app->add_option("input", o->inputs, "profiles (JSON) or recorded logs (CSV); each is a run")
       ->required()
       ->type_name("FILE");
@@ -244,9 +244,9 @@ void add_error(CLI::App* app, ErrorOptions* o) {
   app->add_option("--order", o->order, "order of the polynomial")->required();
   app->add_option("--range", o->range, "span A:B in degC that is judged (default: what the profile reaches)")
       ->type_name("A:B");
-  app->add_option("--points", o->points, "temperatures reported")->check(CLI::Range(2, 10001))->capture_default_str();
+  app->add_option("--points", o->points, "temperatures reported")->check(cli::Range(2, 10001))->capture_default_str();
   app->add_option("--prior-sigma-dph", o->prior_sigma_dph, "sigma of each coefficient before the test")
-      ->check(CLI::Range(1e-3, 1e9))
+      ->check(cli::Range(1e-3, 1e9))
       ->capture_default_str();
   app->add_flag("--turn-on", o->turn_on, "count the model's turn-on constant, one per run");
   app->add_flag("--restart-each-cycle", o->restart_each_cycle,
@@ -259,22 +259,22 @@ void add_error(CLI::App* app, ErrorOptions* o) {
   add_common_options(app, &o->common);
 }
 
-void add_bound(CLI::App* app, BoundOptions* o) {
+void add_bound(cli::App* app, BoundOptions* o) {
   app->add_option("--model", o->model, "error model (JSON)")->required()->type_name("FILE");
   app->add_option("--order", o->order, "order of the polynomial")->required();
   app->add_option("--duration-s", o->duration_s, "duration of the test")->required()->check(FinitePositive);
   app->add_option("--range", o->range, "calibrated span A:B in degC")->type_name("A:B");
   app->add_option("--max-rate", o->max_rate, "highest |dT/dt| of heating in degC/min (0: unlimited)")
-      ->check(CLI::Range(0.0, 1e4));
+      ->check(cli::Range(0.0, 1e4));
   app->add_option("--max-cooling-rate", o->max_cooling_rate, "the same for cooling (default: as heating)")
-      ->check(CLI::Range(0.0, 1e4));
+      ->check(cli::Range(0.0, 1e4));
   app->add_option("--prior-sigma-dph", o->prior_sigma_dph, "sigma of each coefficient before the test")
-      ->check(CLI::Range(1e-3, 1e9))
+      ->check(cli::Range(1e-3, 1e9))
       ->capture_default_str();
   add_common_options(app, &o->common);
 }
 
-void add_optimize(CLI::App* app, OptimizeOptions* o) {
+void add_optimize(cli::App* app, OptimizeOptions* o) {
   app->add_option("--model", o->model, "error model (JSON)")->required()->type_name("FILE");
   app->add_option("--order", o->order, "order of the polynomial")->required();
   app->add_option("--range", o->range, "span A:B in degC to calibrate")->required()->type_name("A:B");
@@ -287,24 +287,24 @@ void add_optimize(CLI::App* app, OptimizeOptions* o) {
                   "instead of a duration: the shortest that reaches this objective, dph")
       ->check(FinitePositive);
   app->add_option("--objective", o->objective, "worst or rms error over the span")
-      ->check(CLI::IsMember({"worst", "rms"}))
+      ->check(cli::IsMember({"worst", "rms"}))
       ->capture_default_str();
-  app->add_option("--min-soak-s", o->min_soak_s, "shortest soak")->check(CLI::NonNegativeNumber);
-  app->add_option("--max-soak-s", o->max_soak_s, "longest soak (0: unlimited)")->check(CLI::NonNegativeNumber);
+  app->add_option("--min-soak-s", o->min_soak_s, "shortest soak")->check(cli::NonNegativeNumber);
+  app->add_option("--max-soak-s", o->max_soak_s, "longest soak (0: unlimited)")->check(cli::NonNegativeNumber);
   app->add_option("--tell-apart", o->tell_apart, "keep these effects apart: names, or all for the standard six")
       ->type_name("EFFECT,EFFECT");
   app->add_option("--max-correlation", o->max_correlation, "largest correlation allowed between their signatures")
-      ->check(CLI::Range(0.05, 1.0))
+      ->check(cli::Range(0.05, 1.0))
       ->capture_default_str();
   app->add_option("--spend", o->spend_percent,
                   "with --tell-apart: accuracy that may be given up, percent, to make the signatures strong")
-      ->check(CLI::Range(0.0, 1000.0))
+      ->check(cli::Range(0.0, 1000.0))
       ->type_name("PERCENT");
   app->add_option("--effort", o->effort, "multiplies the number of evaluations")
-      ->check(CLI::Range(1, 100))
+      ->check(cli::Range(1, 100))
       ->capture_default_str();
   app->add_option("--prior-sigma-dph", o->prior_sigma_dph, "sigma of each coefficient before the test")
-      ->check(CLI::Range(1e-3, 1e9))
+      ->check(cli::Range(1e-3, 1e9))
       ->capture_default_str();
   app->add_flag("--no-proof", o->no_proof, "skip the proven bound (about half a second)");
   app->add_option("-o,--output", o->profile_path, "write the profile (JSON)")->type_name("FILE");
@@ -314,14 +314,14 @@ void add_optimize(CLI::App* app, OptimizeOptions* o) {
 } // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Temperature profiles: calibration error, bounds, optimisation.", "profile");
+  cli::App app("Temperature profiles: calibration error, bounds, optimisation.", "profile");
   app.require_subcommand(1);
   ErrorOptions error;
   BoundOptions bound;
   OptimizeOptions optimize;
-  CLI::App* error_app = app.add_subcommand("error", "calibration error over temperature that a profile or log leaves");
-  CLI::App* bound_app = app.add_subcommand("bound", "what no profile of a duration can beat");
-  CLI::App* optimize_app = app.add_subcommand("optimize", "the best profile under the limits of a chamber");
+  cli::App* error_app = app.add_subcommand("error", "calibration error over temperature that a profile or log leaves");
+  cli::App* bound_app = app.add_subcommand("bound", "what no profile of a duration can beat");
+  cli::App* optimize_app = app.add_subcommand("optimize", "the best profile under the limits of a chamber");
   add_error(error_app, &error);
   add_bound(bound_app, &bound);
   add_optimize(optimize_app, &optimize);

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: MIT
+#include "cli/arguments.h"
+
+#include <CLI/CLI.hpp>
+
+namespace imucal::cli {
+
+namespace {
+
+CLI::Validator validator(const Check& check) {
+  return {check.refuse, check.description};
+}
+
+Check from(const CLI::Validator& validator) {
+  return {[validator](std::string& text) { return validator(text); }, validator.get_description()};
+}
+
+} // namespace
+
+Check Range(double lo, double hi) {
+  return from(CLI::Range(lo, hi));
+}
+Check Range(int lo, int hi) {
+  return from(CLI::Range(lo, hi));
+}
+Check IsMember(std::vector<std::string> words) {
+  return from(CLI::IsMember(std::move(words)));
+}
+const Check NonNegativeNumber = from(CLI::NonNegativeNumber), PositiveNumber = from(CLI::PositiveNumber);
+
+Option* Option::required() {
+  option_->required();
+  return this;
+}
+Option* Option::check(const Check& check) {
+  option_->check(validator(check));
+  return this;
+}
+Option* Option::type_name(const std::string& name) {
+  option_->type_name(name);
+  return this;
+}
+Option* Option::group(const std::string& name) {
+  option_->group(name);
+  return this;
+}
+Option* Option::expected(int n) {
+  option_->expected(n);
+  return this;
+}
+Option* Option::expected(int least, int most) {
+  option_->expected(least, most);
+  return this;
+}
+Option* Option::allow_extra_args(bool allowed) {
+  option_->allow_extra_args(allowed);
+  return this;
+}
+Option* Option::capture_default_str() {
+  option_->capture_default_str();
+  return this;
+}
+size_t Option::count() const {
+  return option_->count();
+}
+
+App::App(const std::string& description, const std::string& name)
+    : own_(std::make_unique<CLI::App>(description, name)), app_(own_.get()) {}
+App::App(CLI::App* app) : app_(app) {}
+App::~App() = default;
+
+Option* App::keep(CLI::Option* option) {
+  options_.push_back(std::make_unique<Option>(option));
+  return options_.back().get();
+}
+
+Option* App::add_option(const std::string& name, double& value, const std::string& help) {
+  return keep(app_->add_option(name, value, help));
+}
+Option* App::add_option(const std::string& name, int& value, const std::string& help) {
+  return keep(app_->add_option(name, value, help));
+}
+Option* App::add_option(const std::string& name, long& value, const std::string& help) {
+  return keep(app_->add_option(name, value, help));
+}
+Option* App::add_option(const std::string& name, unsigned& value, const std::string& help) {
+  return keep(app_->add_option(name, value, help));
+}
+Option* App::add_option(const std::string& name, uint64_t& value, const std::string& help) {
+  return keep(app_->add_option(name, value, help));
+}
+Option* App::add_option(const std::string& name, std::string& value, const std::string& help) {
+  return keep(app_->add_option(name, value, help));
+}
+Option* App::add_option(const std::string& name, std::vector<double>& values, const std::string& help) {
+  return keep(app_->add_option(name, values, help));
+}
+Option* App::add_option(const std::string& name, std::vector<std::string>& values, const std::string& help) {
+  return keep(app_->add_option(name, values, help));
+}
+Option* App::add_option(const std::string& name, const std::function<void(const std::string&)>& take,
+                        const std::string& help) {
+  return keep(app_->add_option_function<std::string>(name, take, help));
+}
+Option* App::add_flag(const std::string& name, bool& value, const std::string& help) {
+  return keep(app_->add_flag(name, value, help));
+}
+
+App* App::add_subcommand(const std::string& name, const std::string& description) {
+  subcommands_.push_back(std::make_unique<App>(app_->add_subcommand(name, description)));
+  return subcommands_.back().get();
+}
+void App::require_subcommand(int n) {
+  app_->require_subcommand(n);
+}
+void App::require_subcommand(int least, int most) {
+  app_->require_subcommand(static_cast<size_t>(least), static_cast<size_t>(most));
+}
+void App::fallthrough(bool allowed) {
+  app_->fallthrough(allowed);
+}
+bool App::parsed() const {
+  return app_->parsed();
+}
+std::string App::name() const {
+  return app_->get_name();
+}
+std::string App::chosen() const {
+  const auto given = app_->get_subcommands();
+  return given.empty() ? "" : given.front()->get_name();
+}
+
+} // namespace imucal::cli
