@@ -9,7 +9,8 @@ FIRMWARE_CFLAGS := -std=c99 -pedantic -ffp-contract=off -fno-common $(WARNINGS) 
 
 FIRMWARE_PORTS := mps2_an386 nrf51
 FIRMWARE_IMAGES := $(BUILD)/firmware/posix/imucal $(BUILD)/firmware/posix/check \
-                   $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf) $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/check.elf)
+                   $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf) \
+                   $(BUILD)/firmware/stm32f405/imucal.elf $(BUILD)/firmware/stm32f405_qemu/imucal.elf $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/check.elf)
 firmware: $(FIRMWARE_IMAGES)  ## build the firmware images into build/firmware
 
 # ---- this machine: the posix port, and what the unit tests link ----
@@ -80,6 +81,8 @@ $(foreach port,$(FIRMWARE_PORTS),$(eval $(call mcu_rules,$(port))))
 .SECONDARY: $(foreach port,$(FIRMWARE_PORTS),$(OBJECTS_$(port)_imucal) $(OBJECTS_$(port)_check))
 
 -include $(shell find $(BUILD)/obj/mps2_an386 $(BUILD)/obj/nrf51 -name '*.d' 2>/dev/null)
+
+include firmware/port/stm32f405/stm32f405.mk
 
 # ---- what it costs (firmware/cost.py --help) ----
 

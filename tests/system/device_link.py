@@ -269,7 +269,7 @@ class Device:
                 raise RuntimeError("the device did not start: %s" % self.process.wait())
             self.name = first[1]
         else:
-            machine = {"mps2_an386": "mps2-an386", "nrf51": "microbit"}[port]
+            machine = {"mps2_an386": "mps2-an386", "nrf51": "microbit", "stm32f405_qemu": "netduinoplus2"}[port]
             tcp = free_port()
             arguments = ["imucal"] + (["flash=%s" % flash] if flash and port != "nrf51" else [])
             arguments += ["feed=%s" % feed] if feed else []

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: MIT
+/* Register-level model of the STM32F405's flash controller (RM0090 chapter 3), supply monitor (5), SPI1 (28) and TIM2
+ * for the port's own driver sources, which are compiled here with their registers in this model.  Stricter than the
+ * chip: what a data sheet forbids is counted.  Faults: a controller that stays busy, write protection, a programming
+ * sequence error, a wrong key, a supply that sags; SPI: no byte comes back, busy for ever, overrun, mode fault. */
+#ifndef IMUCAL_TESTS_EMU_STM32F405_H
+#define IMUCAL_TESTS_EMU_STM32F405_H
+#define STM32_REGISTER_MODEL
+#include <string.h>
+
+#include "port/stm32f405/stm32f405.h"
+
+typedef struct emu_stm32 {
+  uint64_t now_us; /* moves by one with every register read: some 100 cycles */
+  /* flash */
+  uint8_t slot[2][STM32_SLOT_BYTES];
+  uint32_t cr, sr, optcr, acr;
+  int n_keys, n_option_keys;
+  bool is_key_wrong, is_option_open;
+  uint64_t busy_until_us;
+  uint32_t n_violations; /* locked, busy, not erased, wrong width, outside the slots */
+  uint32_t n_erases, n_words;
+  bool stays_busy, is_protected, is_sequence_wrong, is_supply_low, is_option_stuck;
+  uint32_t fail_word; /* the n-th word programmed from now fails; 0: none */
+  uint64_t erase_us;
+  /* SPI1 */
+  uint32_t cr1, spi_sr, gpio_bsrr_low;
+  uint8_t rx, out[64], answer[64];
+  uint32_t n_out, n_selects, n_spi_violations;
+  bool is_selected, is_silent, is_spi_busy;
+  uint32_t overrun_at, modf_at; /* byte number + 1 */
+} emu_stm32_t;
+
+static emu_stm32_t stm32;
+
+static inline void emu_stm32_power_on(void) {
+  memset(&stm32, 0, sizeof stm32);
+  memset(stm32.slot, 0xFF, sizeof stm32.slot);
+  stm32.cr = FLASH_CR_LOCK;
+  stm32.optcr = 0x0FFFAAEDu; /* reset value: locked, brown-out reset off */
+  stm32.acr = 5u | 7u << 8;
+  stm32.erase_us = 250000;
+  stm32.spi_sr = SPI_SR_TXE;
+  for (uint32_t i = 0; i < sizeof stm32.answer; i++) stm32.answer[i] = (uint8_t)(0xA0 + i);
+}
+
+static inline bool emu_stm32_is_busy(void) {
+  return stm32.stays_busy || stm32.now_us < stm32.busy_until_us;
+}
+
+static inline uint32_t emu_stm32_flash_sr(void) {
+  return stm32.sr | (emu_stm32_is_busy() ? FLASH_SR_BSY : 0);
+}
+
+static inline uint32_t emu_stm32_spi_read(uint32_t address) {
+  if (address == SPI1 + SPI_CR1) return stm32.cr1;
+  if (address == SPI1 + SPI_SR) {
+    if (stm32.spi_sr & SPI_SR_OVR && !(stm32.spi_sr & SPI_SR_RXNE))
+      stm32.spi_sr &= ~SPI_SR_OVR; /* DR, then SR: cleared */
+    return stm32.spi_sr | (stm32.is_spi_busy ? SPI_SR_BSY : 0);
+  }
+  stm32.spi_sr &= ~SPI_SR_RXNE;
+  return stm32.rx;
+}
+
+uint32_t stm32_model_read(uint32_t address) {
+  stm32.now_us++;
+  switch (address) {
+  case FLASH_SR:
+    return emu_stm32_flash_sr();
+  case FLASH_CR:
+    return stm32.cr;
+  case FLASH_ACR:
+    return stm32.acr;
+  case FLASH_OPTCR:
+    return stm32.optcr;
+  case PWR_CSR:
+    return stm32.is_supply_low ? PWR_CSR_PVDO : 0;
+  case TIM2_CNT:
+    return (uint32_t)stm32.now_us;
+  default:
+    return address >= SPI1 && address < SPI1 + 0x20 ? emu_stm32_spi_read(address) : 0;
+  }
+}
+
+/* The port's clock, here without a chip's timer. */
+uint64_t stm32_time_us(void) {
+  return ++stm32.now_us;
+}
+
+static inline void emu_stm32_key(uint32_t value) {
+  static const uint32_t keys[2] = {0x45670123u, 0xCDEF89ABu};
+  if (stm32.is_key_wrong || stm32.n_keys > 1 || value != keys[stm32.n_keys]) {
+    stm32.is_key_wrong = true; /* until the next reset */
+    return;
+  }
+  if (++stm32.n_keys == 2) {
+    stm32.cr &= ~FLASH_CR_LOCK;
+    stm32.n_keys = 0;
+  }
+}
+
+static inline void emu_stm32_flash_cr(uint32_t value) {
+  if (stm32.cr & FLASH_CR_LOCK) {
+    if (value != FLASH_CR_LOCK) stm32.n_violations++;
+    return;
+  }
+  if (emu_stm32_is_busy() && !(value & FLASH_CR_LOCK)) stm32.n_violations++;
+  stm32.cr = value & ~FLASH_CR_STRT;
+  if (!(value & FLASH_CR_STRT)) return;
+  const uint32_t sector = value >> 3 & 0xFu;
+  if (!(value & FLASH_CR_SER) || (value >> 8 & 3u) != 2 || sector < 1 || sector > 2) {
+    stm32.n_violations++;
+    return;
+  }
+  stm32.busy_until_us = stm32.now_us + stm32.erase_us;
+  stm32.n_erases++;
+  if (stm32.is_protected) {
+    stm32.sr |= FLASH_SR_WRPERR;
+    return;
+  }
+  memset(stm32.slot[sector - 1], 0xFF, STM32_SLOT_BYTES);
+}
+
+static inline void emu_stm32_program(uint32_t address, uint32_t value) {
+  const uint32_t at = address - STM32_SLOT_ADDRESS(0);
+  uint8_t* bytes = stm32.slot[0] + at;
+  if ((stm32.cr & FLASH_CR_LOCK) || emu_stm32_is_busy() || address % 4) stm32.n_violations++;
+  if (!(stm32.cr & FLASH_CR_PG) || stm32.is_sequence_wrong) {
+    stm32.sr |= FLASH_SR_PGSERR;
+    return;
+  }
+  if ((stm32.cr >> 8 & 3u) != 2) {
+    stm32.sr |= FLASH_SR_PGPERR;
+    return;
+  }
+  if (stm32.is_protected || (stm32.fail_word && --stm32.fail_word == 0)) {
+    stm32.sr |= FLASH_SR_WRPERR;
+    return;
+  }
+  if (stm32.sr & FLASH_SR_ERRORS) stm32.n_violations++; /* an error was not cleared */
+  stm32.n_words++;
+  stm32.busy_until_us = stm32.now_us + 16;
+  for (int i = 0; i < 4; i++) {
+    if (bytes[i] != 0xFF) stm32.n_violations++;
+    bytes[i] &= (uint8_t)(value >> 8 * i);
+  }
+}
+
+static inline void emu_stm32_optcr(uint32_t value) {
+  if (!stm32.is_option_open) {
+    stm32.n_violations++;
+    return;
+  }
+  if (!(value & FLASH_OPTCR_OPTSTRT) && !(value & FLASH_OPTCR_OPTLOCK) && !stm32.is_option_stuck) stm32.optcr = value;
+  if (value & FLASH_OPTCR_OPTSTRT) stm32.busy_until_us = stm32.now_us + 20000;
+  if (value & FLASH_OPTCR_OPTLOCK) stm32.is_option_open = false;
+}
+
+static inline void emu_stm32_spi_write(uint32_t address, uint32_t value) {
+  if (address == SPI1 + SPI_CR1) {
+    if (!(value & SPI_CR1_SPE)) stm32.spi_sr = SPI_SR_TXE | (stm32.spi_sr & SPI_SR_OVR);
+    stm32.spi_sr &= ~SPI_SR_MODF;
+    stm32.cr1 = value;
+    return;
+  }
+  if (!stm32.is_selected || !(stm32.cr1 & SPI_CR1_SPE) || (stm32.spi_sr & SPI_SR_RXNE)) stm32.n_spi_violations++;
+  stm32.out[stm32.n_out % sizeof stm32.out] = (uint8_t)value;
+  stm32.rx = stm32.answer[stm32.n_out % sizeof stm32.answer];
+  stm32.n_out++;
+  if (stm32.n_out == stm32.overrun_at) stm32.spi_sr |= SPI_SR_OVR;
+  if (stm32.n_out == stm32.modf_at) stm32.spi_sr |= SPI_SR_MODF;
+  if (!stm32.is_silent) stm32.spi_sr |= SPI_SR_RXNE;
+}
+
+void stm32_model_write(uint32_t address, uint32_t value) {
+  if (address == FLASH_KEYR) emu_stm32_key(value);
+  if (address == FLASH_OPTKEYR) {
+    static const uint32_t keys[2] = {0x08192A3Bu, 0x4C5D6E7Fu};
+    stm32.n_option_keys = value == keys[stm32.n_option_keys] ? stm32.n_option_keys + 1 : 0;
+    if (stm32.n_option_keys == 2) {
+      stm32.is_option_open = true;
+      stm32.n_option_keys = 0;
+      stm32.optcr &= ~FLASH_OPTCR_OPTLOCK;
+    }
+  }
+  if (address == FLASH_CR) emu_stm32_flash_cr(value);
+  if (address == FLASH_SR) stm32.sr &= ~value;
+  if (address == FLASH_ACR) stm32.acr = value;
+  if (address == FLASH_OPTCR) emu_stm32_optcr(value);
+  if (address >= STM32_SLOT_ADDRESS(0) && address < STM32_SLOT_ADDRESS(2)) emu_stm32_program(address, value);
+  if (address == GPIO(0) + GPIO_BSRR) {
+    if (value & 1u << 20 && !stm32.is_selected) {
+      stm32.is_selected = true;
+      stm32.n_selects++;
+      stm32.n_out = 0;
+    }
+    if (value & 1u << 4) stm32.is_selected = false;
+  }
+  if (address >= SPI1 && address < SPI1 + 0x20) emu_stm32_spi_write(address, value);
+}
+#endif
