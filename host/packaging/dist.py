@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Archives of the C core for those who take libraries from a shelf: Arduino, PlatformIO, Zephyr, ESP-IDF, plain CMake.
 
-    dist.py --version 0.1.0 -o FOLDER [--check]
+    dist.py --version X.Y.Z -o FOLDER [--check]
 
 Each archive holds the sources, the manifest of its shelf, the licence and an example.  --check unpacks each, validates the
 manifest against the rules its documentation states, and compiles the example against the unpacked sources with

@@ -30,6 +30,7 @@ rm -f "$list.file"
 (cd host/python && find imucal -name '*.py' -o -name '*.json' -path '*/schema/*' -o -name py.typed -o -name '*.pyi') | while read -r file; do
   put 644 "host/python/$file" "lib/imucal/python/$file"
 done
+put 644 common/version.h lib/imucal/python/imucal/version.h
 put 755 "$BUILD/python/_core.so" lib/imucal/python/imucal/_core.so
 for file in diagnosis_report.py diagnosis_figures.py diagnosis_words.py templates/diagnosis.html.j2 templates/diagnosis.css; do
   put 644 "host/scripts/$file" "lib/imucal/python/scripts/$file"

@@ -29,7 +29,7 @@ python-core: $(PY_CORE)  ## build the compiled part of the Python package
 
 python:  ## install the Python package imucal into build/venv
 	@$(MAKE) --no-print-directory deps
-	$(Q)$(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation ./host/python
+	$(Q)$(PYTHON) -m pip install --quiet --disable-pip-version-check ./host/python
 	@$(PYTHON) -I -c 'import imucal, numpy; c = imucal.allan_deviation(numpy.random.default_rng(1).normal(size=1000)); print("imucal", imucal.__version__, "installed:", len(c.tau_s), "points of an Allan deviation")'
 
 system-test: $(PY_CORE)

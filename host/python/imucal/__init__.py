@@ -8,7 +8,7 @@ import importlib
 import os
 import pathlib
 
-from .ingest import VERSION as __version__
+from .version import VERSION as __version__
 
 # In a source tree the compiled part lies in the build folder.
 _tree = pathlib.Path(__file__).resolve().parents[3]

@@ -4,7 +4,7 @@ import argparse
 import json
 import math
 
-from .ingest import VERSION
+from .version import VERSION
 from .log import write_text
 
 

@@ -14,7 +14,6 @@ from .still import accel_moves, gyro_moves, widen
 MAX_TEMP_GAP_S = 120.0
 #: a boot-relative clock stays below this; larger ones are epochs, and the log then counts from its first second
 MAX_BOOT_S = 1e8
-VERSION = "0.1.0"
 
 
 @dataclass

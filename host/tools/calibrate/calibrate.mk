@@ -10,7 +10,7 @@ system-test: $(BUILD)/tests/tty_shim.so
 DEMO_OPTIONS = --seed $(SEED) $(if $(LOG),--log $(LOG)) $(if $(CHECK),--check-log $(CHECK)) $(if $(ORDER),--order $(ORDER)) $(if $(RATE_HZ),--rate-hz $(RATE_HZ))
 demo:  ## calibrate an emulated IMU over its serial port (LOG=file.csv: replay a recorded log)
 	@$(MAKE) --no-print-directory deps
-	@$(MAKE) --no-print-directory -j2 all
+	@$(MAKE) --no-print-directory -j2 $(BUILD)/bin/gyrosim $(BUILD)/bin/calibrate $(BUILD)/firmware/mps2_an386/imucal.elf
 	@$(PYTHON) host/scripts/demo.py --build $(BUILD) $(DEMO_OPTIONS)
 
 test-long:: all  ## the tests that take minutes

@@ -9,7 +9,8 @@ import os
 from dataclasses import dataclass
 
 from ..errors import DataError
-from ..ingest import VERSION, Imported, describe, to_log
+from ..ingest import Imported, describe, to_log
+from ..version import VERSION
 
 #: first bytes -> (format, module)
 MAGICS = [
