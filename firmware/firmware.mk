@@ -83,6 +83,7 @@ $(foreach port,$(FIRMWARE_PORTS),$(eval $(call mcu_rules,$(port))))
 -include $(shell find $(BUILD)/obj/mps2_an386 $(BUILD)/obj/nrf51 -name '*.d' 2>/dev/null)
 
 include firmware/port/stm32f405/stm32f405.mk
+include firmware/examples/examples.mk
 
 # ---- what it costs (firmware/cost.py --help) ----
 

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from device_link import BUILD, Device
+from device_link import BUILD, ROOT, Device
 from test_firmware_devices import DURATION_S, learn, make_feed, options, store, worst_means
 
 PORT = "stm32f405_qemu"
@@ -84,3 +84,12 @@ def test_the_images_leave_the_slots_alone():
             if len(fields) > 5 and fields[0].isdigit() and fields[1] in (".vectors", ".text", ".data", ".ARM.exidx"):
                 start = int(fields[4], 16)
                 assert start + int(fields[2], 16) <= 0x08004000 or start >= 0x0800C000, line
+
+
+def test_an_application_that_only_compensates_stays_within_its_budget():
+    images = [BUILD / "firmware/examples/compensate.elf", BUILD / "firmware/examples/calibrate.elf",
+              BUILD / "firmware/stm32f405/imucal.elf"]
+    for limit, status in ((4608, 0), (4000, 1)):
+        result = subprocess.run(["python3", str(ROOT / "firmware/examples/budget.py"), str(limit), "arm-none-eabi-nm",
+                                 *map(str, images)], capture_output=True, text=True)
+        assert result.returncode == status, result.stdout + result.stderr
