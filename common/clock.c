@@ -9,8 +9,12 @@ void imucal_clock_init(imucal_clock_t* clock) {
 }
 
 void imucal_clock_restart(imucal_clock_t* clock) {
-  clock->has_last = clock->has_candidate = false;
+  clock->has_last = clock->has_candidate = clock->has_released = false;
   clock->offset_us = 0;
+}
+
+void imucal_clock_forget_doubted(imucal_clock_t* clock) {
+  clock->has_candidate = false;
 }
 
 static bool is_neighbour(uint64_t from_us, uint64_t to_us) {
@@ -27,9 +31,15 @@ static bool is_sure(const imucal_clock_t* clock) {
   return clock->candidate_us - clock->first_us >= IMUCAL_CLOCK_AGREEMENT_US;
 }
 
-/* The stamps since `first_us` are followed.  Behind: what they lasted has passed since the last good sample. */
+/* The stamps since `first_us` are followed.  Ahead: the first of the two that agree was good.  Behind: what they lasted
+ * has passed since the last good sample. */
 static void follow(imucal_clock_t* clock) {
-  if (clock->candidate_us > clock->last_us) return;
+  if (clock->candidate_us > clock->last_us) {
+    clock->released_us = clock->first_us + clock->offset_us;
+    clock->has_released = true;
+    clock->n_ahead--;
+    return;
+  }
   clock->offset_us += clock->last_us - clock->first_us;
   clock->n_set++;
 }
@@ -52,6 +62,7 @@ static bool doubt(imucal_clock_t* clock, uint64_t stamp_us) {
 }
 
 bool imucal_clock_take(imucal_clock_t* clock, uint64_t stamp_us, uint64_t* t_us) {
+  clock->has_released = false;
   if (clock->has_last && stamp_us != clock->last_us && !is_neighbour(clock->last_us, stamp_us)) {
     const uint64_t width_us = is_wrapped(clock, stamp_us, WRAP_US)      ? WRAP_US
                               : is_wrapped(clock, stamp_us, WRAP_MS_US) ? WRAP_MS_US

@@ -9,7 +9,8 @@
  *   0 .. 2 s ahead            the next sample; equal stamps go through too (sum.h counts duplicates)
  *   wrapped                   2^32 us or 2^32 ms less, but for a step of at most 2 s: the time goes on without loss
  *   anything else             left out and counted, until the stamps agree with each other (0 < step <= 2 s):
- *     ahead                     two of them: the samples between are missing, the time is theirs
+ *     ahead                     two of them: the samples between are missing, the time is theirs; the first of the two is
+ *                               given back (released_us), so that a gap costs nothing
  *     behind                    for 1 s: the clock was set; the time goes on where it was, with a gap of that second
  * So one wrong stamp costs its own sample; one less than 2 s ahead costs what comes until the clock has caught up. */
 #ifndef IMUCAL_CLOCK_H
@@ -30,7 +31,9 @@ typedef struct imucal_clock {
   uint64_t offset_us;    /* continuous time = raw + offset, modulo 2^64 */
   uint64_t first_us;     /* of those that were left out and agree: the first */
   uint64_t candidate_us; /* and the newest */
+  uint64_t released_us;  /* continuous time of the sample before, that was doubted and is good; where has_released */
   bool has_last, has_candidate;
+  bool has_released;          /* by the last take: the caller, who kept the sample before, takes it first */
   uint32_t n_ahead, n_behind; /* samples left out */
   uint32_t n_set;             /* times the clock was set back */
   uint32_t n_wrapped;         /* times it began anew at 0 by its width */
@@ -41,8 +44,11 @@ void imucal_clock_init(imucal_clock_t* clock);
 /* Another stream of samples begins: nothing is compared with the stamps before; the counts stay. */
 void imucal_clock_restart(imucal_clock_t* clock);
 
+/* The caller no longer has the sample that was doubted last: it stays left out. */
+void imucal_clock_forget_doubted(imucal_clock_t* clock);
+
 /* stamp_us: of the sample.  True: *t_us is its continuous time, not before that of any sample taken so far; false: the
- * sample is to be left out, and is counted; *t_us unchanged. */
+ * sample is to be left out (and kept until the next, which may release it), and is counted; *t_us unchanged. */
 bool imucal_clock_take(imucal_clock_t* clock, uint64_t stamp_us, uint64_t* t_us);
 
 #if defined(__cplusplus)

@@ -56,6 +56,7 @@ typedef struct imucal_app {
   imucal_app_channel_t channel[IMUCAL_MAX_CHANNELS];
 
   imucal_clock_t clock;
+  imucal_sample_t doubted_raw, doubted_out; /* the last one that clock left out */
   imucal_sum_t raw_sum, out_sum;
   imucal_thermometer_t thermometer;
   uint8_t clamped;       /* channels outside their valid span in the running second */

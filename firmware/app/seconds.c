@@ -4,6 +4,7 @@
 #include "parts.h"
 
 imucal_status app_restart_out_sum(imucal_app_t* app) {
+  imucal_clock_forget_doubted(&app->clock); /* it was compensated by what ruled before */
   return imucal_sum_init(&app->out_sum, app->board->n_channels, app->board->rate_hz);
 }
 
@@ -142,6 +143,31 @@ static void mark_rail(const imucal_app_t* app, imucal_sample_t* sample) {
   }
 }
 
+static void sum_sample(imucal_app_t* app, const imucal_sample_t* raw, const imucal_sample_t* out) {
+  imucal_second_t raw_second, out_second; /* both sums see the same time stamps, so both end a second at once */
+  const imucal_status status = imucal_sum_add(&app->raw_sum, raw, &raw_second);
+  const imucal_status out_status = imucal_sum_add(&app->out_sum, out, &out_second);
+  if (status != IMUCAL_SECOND_READY) return;
+  finish_second(app, &raw_second, out_status == IMUCAL_SECOND_READY ? &out_second : NULL);
+  app->clamped = 0;
+}
+
+/* A sample whose time is doubted is kept: the next one may say that it was right. */
+static void take_time(imucal_app_t* app, imucal_sample_t* raw, imucal_sample_t* out) {
+  uint64_t t_us;
+  if (!imucal_clock_take(&app->clock, raw->t_us, &t_us)) {
+    app->doubted_raw = *raw;
+    app->doubted_out = *out;
+    return;
+  }
+  if (app->clock.has_released) {
+    app->doubted_raw.t_us = app->doubted_out.t_us = app->clock.released_us;
+    sum_sample(app, &app->doubted_raw, &app->doubted_out);
+  }
+  raw->t_us = out->t_us = t_us;
+  sum_sample(app, raw, out);
+}
+
 void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample) {
   app->n_samples++;
   if (sample->n_channels != app->board->n_channels) { /* the sensor is not this board's: nothing of it is right */
@@ -155,16 +181,7 @@ void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample) {
   uint8_t frac_bits[IMUCAL_MAX_CHANNELS];
   const uint8_t clamped = compensate(app, &raw, &out, frac_bits);
   if (app->port->sample_out) app->port->sample_out(app->port->ctx, &raw, out.counts, frac_bits, clamped);
-  if (!imucal_clock_take(&app->clock, sample->t_us, &raw.t_us)) return; /* compensated it is all the same */
-  out.t_us = raw.t_us;
-
-  imucal_second_t raw_second, out_second; /* both sums see the same time stamps, so both end a second at once */
-  const imucal_status status = imucal_sum_add(&app->raw_sum, &raw, &raw_second);
-  const imucal_status out_status = imucal_sum_add(&app->out_sum, &out, &out_second);
-  if (status == IMUCAL_SECOND_READY) {
-    finish_second(app, &raw_second, out_status == IMUCAL_SECOND_READY ? &out_second : NULL);
-    app->clamped = 0;
-  }
+  take_time(app, &raw, &out);
   app->clamped = (uint8_t)(app->clamped | clamped);
 }
 

@@ -26,6 +26,11 @@ static bool put(uint64_t stamp_us) {
     n_lost++;
     return false;
   }
+  if (timing.has_released) {
+    assert_true(timing.released_us >= newest_us && timing.released_us < t_us);
+    n_lost--;
+    n_taken++;
+  }
   assert_true(n_taken == 0 || t_us >= newest_us);
   newest_us = t_us;
   n_taken++;
@@ -96,11 +101,12 @@ static void test_take_every_hundredth_stamp_wrong_costs_these(void** state) {
   assert_true(newest_us == t_us - PERIOD_US);
 }
 
-static void test_take_gap_is_followed_by_its_second_sample(void** state) {
+static void test_take_gap_costs_nothing(void** state) {
   (void)state;
   const uint64_t next_us = put_run(1000000, 500);
   put_run(next_us + 60000000, 500);
-  assert_int_equal(n_lost, 1);
+  assert_int_equal(n_lost, 0);
+  assert_int_equal(timing.n_ahead, 0);
   assert_true(newest_us == next_us + 60000000 + 499u * PERIOD_US);
 }
 
@@ -108,7 +114,7 @@ static void test_take_clock_set_forward_is_followed(void** state) {
   (void)state;
   put_run(1000000, 500);
   put_run(1700000000000000u, 500);
-  assert_int_equal(n_lost, 1);
+  assert_int_equal(n_lost, 0);
   assert_true(newest_us == 1700000000000000u + 499u * PERIOD_US);
 }
 
@@ -120,6 +126,17 @@ static void test_take_clock_set_back_goes_on_with_a_gap_of_a_second(void** state
   assert_int_equal(n_lost, 100); /* the second that made it sure */
   assert_int_equal(timing.n_behind, 100);
   assert_true(newest_us == last_us + 599u * PERIOD_US); /* no time is lost, and none is invented */
+}
+
+static void test_take_forgotten_sample_is_not_released(void** state) {
+  (void)state;
+  const uint64_t next_us = put_run(1000000, 500);
+  assert_false(put(next_us + 60000000));
+  imucal_clock_forget_doubted(&timing);
+  assert_false(put(next_us + 60010000));
+  assert_true(put(next_us + 60020000));
+  assert_true(timing.released_us == next_us + 60010000);
+  assert_int_equal(timing.n_ahead, 1);
 }
 
 static void test_take_late_burst_shorter_than_a_second_is_left_out(void** state) {
@@ -172,9 +189,10 @@ int main(void) {
       TEST(test_take_one_stamp_behind_costs_that_sample),
       TEST(test_take_one_stamp_a_little_ahead_costs_at_most_a_second),
       TEST(test_take_every_hundredth_stamp_wrong_costs_these),
-      TEST(test_take_gap_is_followed_by_its_second_sample),
+      TEST(test_take_gap_costs_nothing),
       TEST(test_take_clock_set_forward_is_followed),
       TEST(test_take_clock_set_back_goes_on_with_a_gap_of_a_second),
+      TEST(test_take_forgotten_sample_is_not_released),
       TEST(test_take_late_burst_shorter_than_a_second_is_left_out),
       TEST(test_take_32_bit_clocks_wrap_without_loss),
       TEST(test_take_wraps_again_and_again),

@@ -8,7 +8,7 @@ import argparse
 import sys
 from collections import Counter
 
-from sick import healthy, offline
+from sick import device, healthy, offline
 from sick.case import Bench
 
 MAX_REFUSED = 0.01
@@ -39,17 +39,24 @@ def main():
     options = parser.parse_args()
     from pathlib import Path
     bench = Bench(options.out, Path(options.programs).resolve())
-    faults = [f for f in offline.FAULTS if options.only in f.area + " " + f.name]
-    lost = run_faults(bench, faults)
+    wanted = [[f for f in room.FAULTS if options.only in f.area + " " + f.name] for room in (offline, device)]
+    faults = wanted[0] + wanted[1]
+    at_device = device.DeviceBench(options.out)
+    lost = run_faults(bench, wanted[0]) + run_faults(at_device, wanted[1])
     flashed = sum(1 for fault, outcome in lost if not fault.is_safe(outcome) and outcome.status == 0)
     runs = healthy.campaign(bench, options.healthy)
     refused = [(kind, rules) for kind, rules in runs if rules]
     for kind in sorted({kind for kind, _ in refused}):
         rules = Counter(rule for k, found in refused if k == kind for rule in set(found))
         print(f"healthy runs refused, {healthy.KINDS[kind][0]} {healthy.KINDS[kind][2:]}: {dict(rules)}")
+    n_device = max(1, options.healthy // 20)
+    refused_by_device = device.campaign(at_device, n_device)
+    for seed, outcome in refused_by_device:
+        print(f"healthy run {seed} refused on the device: {outcome}")
     print(f"sick: {len(faults)} faults, {len(faults) - len(lost)} found as they must be, {flashed} flashed with status 0; "
-          f"healthy: {len(refused)} of {len(runs)} refused")
-    return 0 if not lost and len(refused) <= MAX_REFUSED * len(runs) else 1
+          f"healthy: {len(refused)} of {len(runs)} refused, on the device {len(refused_by_device)} of {n_device}")
+    n_refused, n_runs = len(refused) + len(refused_by_device), len(runs) + n_device
+    return 0 if not lost and n_refused <= MAX_REFUSED * n_runs else 1
 
 
 if __name__ == "__main__":

@@ -134,14 +134,28 @@ def test_run_without_any_range_uses_what_it_saw(imu):
     assert imu.json("t.json")["axes"][2]["span_degc"] == pytest.approx([0, 60], abs=0.1)
 
 
-def test_run_interrupted_makes_a_table_of_what_it_has(imu):
+def interrupted_run(imu, *options):
+    """Ctrl-C after some 480 s of sensor time, at 42 degC."""
     imu.sense(QUICK, options=["--speed", "400"])
-    process = imu.start("run", "--order", "2", "--range", "0:60", "--model", "model.json", "--record", "log.csv", "-o", "t.json")
+    process = imu.start("run", "--order", "2", "--range", "0:60", "--model", "model.json", "--record", "log.csv", "-o", "t.json", *options)
     wait_until(lambda: (imu.folder / "log.csv.part").exists())
-    time.sleep(1.2)  # 480 s of sensor time: 42 degC
+    time.sleep(1.2)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=10)
-    assert process.returncode == 0 and "interrupted" in out, out + err
+    return process.returncode, out, err
+
+
+def test_run_interrupted_flashes_nothing_and_keeps_the_record(imu):
+    status, out, err = interrupted_run(imu)
+    assert status == 130 and "nothing flashed" in err and "--keep-partial" in err, out + err
+    assert not (imu.folder / "t.json").exists() and len(rows(imu.folder / "log.csv")) > 200
+    info = imu.info()
+    assert info["session"] == "idle" and info["has_table"] is False
+
+
+def test_run_interrupted_with_keep_partial_makes_a_table_of_what_it_has(imu):
+    status, out, err = interrupted_run(imu, "--keep-partial")
+    assert status == 0 and "interrupted" in out, out + err
     lo, hi = imu.json("t.json")["axes"][0]["span_degc"]
     assert lo == 0 and 20 < hi < 59
     assert len(rows(imu.folder / "log.csv")) > 200
@@ -150,7 +164,8 @@ def test_run_interrupted_makes_a_table_of_what_it_has(imu):
 
 @pytest.mark.parametrize("order", [1, 2, 4, 5])
 def test_run_every_order(imu, order):
-    imu.sense(QUICK)
+    bias = {**MODEL["bias"], "coeff_dph": COEFF_DPH[:order + 1]}  # what a lower order leaves would be told
+    imu.sense(QUICK, model={**MODEL, "bias": bias})
     result = imu.run("--range", "0:60", order=order)
     assert all(len(axis["coeff_dph"]) == order + 1 for axis in result["axes"])
 

@@ -129,8 +129,6 @@ LONGER = {
     "host/lib/analysis/profile/optimize.cpp: optimize_profile": "not yet cut",
     "host/lib/analysis/profile/schedule.cpp: make_profile": "not yet cut",
     "host/lib/analysis/profile/signature.cpp: signature_table": "not yet cut",
-    "host/tools/calibrate/commands.cpp: show_info": "not yet cut",
-    "host/tools/calibrate/main.cpp: main": "not yet cut",
     "host/tools/diagnose/main.cpp: main": "not yet cut",
     "host/tools/dp/main.cpp: run": "not yet cut",
     "host/tools/errormodel/main.cpp: fit": "not yet cut",

@@ -10,7 +10,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
 BIN = (ROOT / os.environ.get("BUILD", "build") / "bin").resolve()
 
-from sick import healthy, offline  # noqa: E402
+from sick import device, healthy, offline  # noqa: E402
 from sick.case import Bench  # noqa: E402
 
 
@@ -28,6 +28,21 @@ def test_fault_is_found_and_makes_no_table(bench, fault):
     outcome = fault.inject(bench)
     assert fault.is_safe(outcome) and fault.is_found(outcome), (fault.found_by, outcome)
     assert "internal error" not in outcome.message and "out of memory" not in outcome.message
+
+
+@pytest.fixture(scope="module")
+def device_bench(tmp_path_factory):
+    return device.DeviceBench(tmp_path_factory.mktemp("sick_devices"))
+
+
+@pytest.mark.parametrize("fault", device.FAULTS, ids=lambda f: f"{f.area}: {f.name}")
+def test_fault_is_found_by_the_device_and_flashes_nothing(device_bench, fault):
+    outcome = fault.inject(device_bench)
+    assert fault.is_safe(outcome) and fault.is_found(outcome), (fault.found_by, outcome)
+
+
+def test_healthy_runs_on_the_device_pass(device_bench):
+    assert device.campaign(device_bench, 3) == []
 
 
 def test_healthy_runs_of_every_kind_pass(bench):

@@ -252,6 +252,14 @@ imucal_link_counters_reply_t Device::counters() {
   return request(IMUCAL_LINK_ID_COUNTERS, &none, IMUCAL_LINK_ID_COUNTERS_REPLY).counters_reply;
 }
 
+std::optional<imucal_link_samples_reply_t> Device::samples() {
+  const imucal_link_samples_t none{};
+  imucal_status status = IMUCAL_OK;
+  const imucal_link_any_t reply = request(IMUCAL_LINK_ID_SAMPLES, &none, IMUCAL_LINK_ID_SAMPLES_REPLY, 1.0, &status);
+  if (status == IMUCAL_OK) return reply.samples_reply;
+  return std::nullopt;
+}
+
 void Device::stream(unsigned what, unsigned innovation_channels, uint16_t progress_period_s) {
   imucal_link_stream_t wanted{};
   wanted.what = static_cast<uint8_t>(what);
@@ -272,6 +280,11 @@ imucal_link_cal_state_reply_t Device::cal_state(uint8_t channel) {
 imucal_link_cal_filter_reply_t Device::cal_filter(uint8_t channel) {
   const imucal_link_cal_filter_t which{channel};
   return request(IMUCAL_LINK_ID_CAL_FILTER, &which, IMUCAL_LINK_ID_CAL_FILTER_REPLY).cal_filter_reply;
+}
+
+imucal_link_health_reply_t Device::health(uint8_t channel) {
+  const imucal_link_health_t which{channel};
+  return request(IMUCAL_LINK_ID_HEALTH, &which, IMUCAL_LINK_ID_HEALTH_REPLY).health_reply;
 }
 
 void Device::cal_stop(uint8_t action) {

@@ -12,6 +12,7 @@
 #pragma once
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -64,11 +65,15 @@ public:
   imucal_link_info_reply_t info();
   imucal_link_counters_reply_t counters();
   imucal_link_state_reply_t state();
+  // What became of the samples since the device's start; nothing: older firmware, which does not count them.
+  std::optional<imucal_link_samples_reply_t> samples();
   void stream(unsigned what, unsigned innovation_channels, uint16_t progress_period_s);
 
   void cal_start(const imucal_link_cal_start_t& start);
   imucal_link_cal_state_reply_t cal_state(uint8_t channel);
   imucal_link_cal_filter_reply_t cal_filter(uint8_t channel);
+  // The device's verdict on a channel that calibrates (common/health.h).
+  imucal_link_health_reply_t health(uint8_t channel);
   void cal_stop(uint8_t action);
   // The device makes a table of its filters and flashes it; returns the table's sequence number.
   uint32_t table_from_cal(uint32_t created_s);

@@ -2,9 +2,12 @@
 #include "device/recorder.h"
 
 #include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 
 #include "base/error.h"
@@ -29,7 +32,38 @@ void refuse_existing(const std::string& path) {
   throw data_error(path + ": is there already; choose another name, or --force to write over it");
 }
 
+std::string folder_of(const std::string& path) {
+  const size_t slash = path.rfind('/');
+  return slash == std::string::npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
+}
+
+constexpr double kLeastRoom_bytes = 1e6;
+
+double free_bytes(const std::string& path) {
+  struct statvfs info {};
+  if (::statvfs(folder_of(path).c_str(), &info) != 0) return kLeastRoom_bytes; // it does not say
+  return static_cast<double>(info.f_bavail) * static_cast<double>(info.f_frsize);
+}
+
 } // namespace
+
+void require_writable(const std::string& path) {
+  if (path.empty() || path == "-") return;
+  struct stat info {};
+  const bool exists = ::stat(path.c_str(), &info) == 0;
+  if (exists && S_ISDIR(info.st_mode)) throw data_error(path + ": is a folder; name a file");
+  if (exists && !S_ISREG(info.st_mode)) return;
+  std::string trial = path + ".XXXXXX";
+  const int fd = ::mkstemp(trial.data());
+  const std::string room(16384, ' '); // a table is a third of that
+  const bool is_written = fd >= 0 && ::write(fd, room.data(), room.size()) == static_cast<ssize_t>(room.size());
+  const int error = errno;
+  if (fd >= 0) {
+    ::close(fd);
+    ::unlink(trial.c_str());
+  }
+  if (!is_written) throw data_error(path + ": cannot be written: " + std::strerror(error) + "; choose another place");
+}
 
 LogRecorder::LogRecorder(const std::string& path, const Device& device, What what, bool may_overwrite)
     : path_(path), what_(what) {
@@ -53,6 +87,12 @@ LogRecorder::LogRecorder(const std::string& path, const Device& device, What wha
     out_ << "," << name.substr(0, name.rfind('_')) << "_flags";
   }
   out_ << "\n";
+  out_.flush();
+  if (!out_ || free_bytes(path_) < kLeastRoom_bytes) {
+    out_.close();
+    std::remove((path_ + ".part").c_str());
+    throw data_error(path_ + ": no room to record there: the disk is full (at least 1 MB is needed)");
+  }
 }
 
 // What a count means on this device: `calibrate fit` makes a table of the log that fits the device.
@@ -75,7 +115,7 @@ LogRecorder::~LogRecorder() {
 }
 
 void LogRecorder::add(const SecondRecord& second) {
-  if (!out_.is_open() || second.is_gap) return;
+  if (!out_.is_open() || second.is_gap || has_failed_) return;
   if (rows_ > 0 && second.t_s <= last_t_s_) return; // the device started its clock anew: a log has one clock
   last_t_s_ = second.t_s;
   ++rows_;
@@ -91,6 +131,7 @@ void LogRecorder::add(const SecondRecord& second) {
   for (size_t i = 0; i < second.n_channels; ++i) out_ << "," << static_cast<int>(second.flags[i]);
   out_ << "\n";
   out_.flush();
+  has_failed_ = !out_;
 }
 
 bool LogRecorder::rename() {
@@ -100,7 +141,7 @@ bool LogRecorder::rename() {
 void LogRecorder::close() {
   if (!out_.is_open()) return;
   out_.flush();
-  const bool is_whole = out_.good();
+  const bool is_whole = out_.good() && !has_failed_;
   out_.close();
   errno = 0;
   if (!rename())

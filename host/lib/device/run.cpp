@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "base/progress.h"
 #include "device/recorder.h"
+#include "device/watch.h"
 #include "io/log.h"
 #include "io/table_json.h"
 
@@ -23,13 +24,11 @@ namespace imucal {
 
 namespace {
 
-constexpr double kSilence_s = 2.0;                    // without any record: ask the device whether it is alive
 constexpr double kTravelPerOrder_degc = 1.0;          // least movement of the temperature per order of the polynomial
 constexpr double kTravelOfRange = 0.25;               // and least part of the range asked for
 constexpr double kRangeSlack = 0.02;                  // part of the range that need not be reached at either end
 constexpr TemperatureRange kWidestRange{-40.0, 85.0}; // where nothing says what range is meant
 constexpr double kManyGaps = 0.1;                     // part of the seconds
-constexpr double kNisAlarm = 3.89;                    // normal deviate of a false-alarm rate of 1e-4
 
 std::string text_of(double value, int digits = 1) {
   char text[40];
@@ -105,6 +104,7 @@ public:
 private:
   struct Axis {
     size_t channel;
+    const ErrorModel* model;
     imucal_link_cal_start_t start;
     std::vector<float> rate; // usable seconds
     std::vector<float> temp_degc;
@@ -115,12 +115,19 @@ private:
   void take(uint8_t id, const imucal_link_any_t& record);
   void take(const SecondRecord& second);
   bool is_at_end();
-  void check_alive();
   void show(bool is_last);
+  void close_logs();
+  void count_samples();
   void finish();
-  imucal_table_t table_made_here();
+  void require_seconds();
+  void see_span();
+  AxisResult learned(const Axis& axis);
+  double residual_rms(const Axis& axis, const AxisResult& learned) const;
+  FitAxis as_fit(const AxisResult& axis) const;
+  void judge();
+  void flash();
+  imucal_table_t table_made_here(bool is_for_flash);
   void check_read_back();
-  void note_innovations(const AxisResult& axis);
   TemperatureRange table_span() const;
 
   Device& device_;
@@ -133,10 +140,11 @@ private:
   std::unique_ptr<LogRecorder> raw_log_, compensated_log_;
 
   // the state of listening
-  double start_s_ = 0, last_record_s_ = 0, last_second_s_ = 0, last_shown_s_ = 0;
-  uint32_t first_t_s_ = 0, t_s_ = 0;
+  std::optional<Watch> watch_;
+  std::optional<imucal_link_samples_reply_t> samples_before_;
+  double start_s_ = 0, last_shown_s_ = 0;
+  uint32_t t_s_ = 0;
   double temp_degc_ = 0, worst_sigma_ = std::numeric_limits<double>::infinity();
-  bool has_sensor_ended_ = false;
 };
 
 void Run::prepare() {
@@ -153,6 +161,7 @@ void Run::prepare() {
   for (size_t i = 0; i < channels.size(); ++i) {
     const ErrorModel& model = options_.models.size() > 1 ? options_.models[i] : options_.models.front();
     Axis axis{channels[i],
+              &model,
               cal_start_of(model, options_.order, (range_.lo_degc + range_.hi_degc) / 2, range_.width() / 2, range_,
                            options_.prior_sigma),
               {},
@@ -167,12 +176,8 @@ void Run::prepare() {
 }
 
 void Run::take(const SecondRecord& second) {
-  if (result_.seconds == 0) {
-    first_t_s_ = second.t_s - 1;
-    result_.seen = {second.temp_degc, second.temp_degc};
-  }
+  if (result_.seconds == 0) result_.seen = {second.temp_degc, second.temp_degc};
   ++result_.seconds;
-  last_second_s_ = now_s();
   t_s_ = second.t_s;
   temp_degc_ = static_cast<double>(second.temp_degc);
   raw_log_->add(second);
@@ -191,22 +196,16 @@ void Run::take(const SecondRecord& second) {
 }
 
 void Run::take(uint8_t id, const imucal_link_any_t& record) {
-  last_record_s_ = now_s();
+  watch_->saw(id, record);
   if (id == IMUCAL_LINK_ID_SECOND) {
     take(record.second);
   } else if (id == IMUCAL_LINK_ID_PROGRESS) {
     worst_sigma_ = 0;
     for (const Axis& axis : axes_)
       worst_sigma_ = std::max(worst_sigma_, static_cast<double>(record.progress.worst_sigma[axis.channel]));
-    has_sensor_ended_ = has_sensor_ended_ || record.progress.session == IMUCAL_SESSION_SENSOR_ENDED;
-  } else if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_ENDED) {
-    has_sensor_ended_ = true;
   } else if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_FAULT) {
     result_.notes.push_back("at " + std::to_string(t_s_) + " s the sensor reported a fault (channel bits " +
                             std::to_string(record.event.detail) + ")");
-  } else if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_BOOT) {
-    throw device_error(device_.port() + ": the device restarted after " + std::to_string(t_s_ - first_t_s_) +
-                       " s of calibration; check its supply and start again. It keeps its last good table");
   }
 }
 
@@ -215,9 +214,9 @@ bool Run::is_at_end() {
     result_.end = RunResult::End::kInterrupted;
   } else if (options_.until_error > 0 && worst_sigma_ > 0 && worst_sigma_ <= options_.until_error) {
     result_.end = RunResult::End::kErrorReached;
-  } else if (has_sensor_ended_) {
+  } else if (watch_->has_sensor_ended()) {
     result_.end = RunResult::End::kSensorEnded;
-  } else if (total_s_ > 0 && result_.seconds > 0 && t_s_ - first_t_s_ >= total_s_) {
+  } else if (total_s_ > 0 && watch_->elapsed_s() >= total_s_) {
     result_.end = RunResult::End::kDuration;
   } else {
     return false;
@@ -225,27 +224,12 @@ bool Run::is_at_end() {
   return true;
 }
 
-// Nothing came for a while: is the device there, does it still calibrate, does its sensor deliver?
-void Run::check_alive() {
-  const imucal_link_info_reply_t info = device_.info();
-  last_record_s_ = now_s();
-  if (info.session == IMUCAL_SESSION_SENSOR_ENDED) has_sensor_ended_ = true;
-  if (info.session == IMUCAL_SESSION_IDLE)
-    throw device_error(device_.port() + ": the device has left the calibration (restarted?) after " +
-                       std::to_string(t_s_ - first_t_s_) + " s; check its supply and start again");
-  if (!has_sensor_ended_ && now_s() - last_second_s_ > options_.stall_s) {
-    device_.cal_stop(IMUCAL_STOP_DISCARD); // it answers: leave it idle
-    throw device_error(device_.port() + ": the device answers, but its sensor has delivered nothing for " +
-                       text_of(options_.stall_s, 0) + " s; check the sensor (or start its feed)");
-  }
-}
-
 void Run::show(bool is_last) {
   if (options_.quiet || !::isatty(STDERR_FILENO)) return;
   const double now = now_s();
   if (!is_last && now - last_shown_s_ < 0.1) return;
   last_shown_s_ = now;
-  const double done_s = result_.seconds > 0 ? t_s_ - first_t_s_ : 0;
+  const double done_s = watch_->elapsed_s();
   std::string line = "\r\033[K" + text_of(done_s, 0) + " s";
   if (total_s_ > 0) line += " of " + text_of(total_s_, 0) + " s";
   line += "  " + text_of(temp_degc_, 2) + " degC";
@@ -262,14 +246,18 @@ void Run::show(bool is_last) {
 
 void Run::listen() {
   device_.stream(0, 0, 1); // what a former program left running
+  samples_before_ = device_.samples();
+  start_s_ = now_s();
+  watch_.emplace(&device_, options_.stall_s);
   device_.on_stream([this](uint8_t id, const imucal_link_any_t& record) { take(id, record); });
   for (const Axis& axis : axes_) device_.cal_start(axis.start);
-  start_s_ = last_record_s_ = last_second_s_ = now_s();
+  (void)device_.health(axes_.front().start.channel); // firmware that cannot judge says so now and not in the end
+  watch_.emplace(&device_, options_.stall_s);
   device_.stream(IMUCAL_STREAM_SECOND | IMUCAL_STREAM_PROGRESS | IMUCAL_STREAM_EVENT, 0, 20);
   while (!is_at_end()) {
     device_.poll(0.2);
     show(false);
-    if (now_s() - last_record_s_ > kSilence_s) check_alive();
+    watch_->check();
   }
   show(true);
   device_.cal_stop(IMUCAL_STOP_KEEP);
@@ -285,8 +273,9 @@ TemperatureRange Run::table_span() const {
   return span;
 }
 
-// Of the device's filters, read bit for bit, but valid only where the temperature has been.
-imucal_table_t Run::table_made_here() {
+// Of the device's filters, read bit for bit, but valid only where the temperature has been.  Not for the flash: an axis of
+// which nothing can be made stays uncalibrated.
+imucal_table_t Run::table_made_here(bool is_for_flash) {
   const TemperatureRange span = table_span();
   imucal_table_t table{};
   std::copy_n(device_.hello().serial, sizeof table.serial, table.serial);
@@ -310,6 +299,10 @@ imucal_table_t Run::table_made_here() {
     imucal_table_channel_t& channel = table.channel[axis.channel];
     const imucal_status status = imucal_table_from_kf(
         &channel, &result_.axes[k].filter, static_cast<float>(span.lo_degc), static_cast<float>(span.hi_degc));
+    if (status != IMUCAL_OK && !is_for_flash) {
+      channel.order = 0;
+      continue;
+    }
     if (status != IMUCAL_OK) throw data_error(result_.axes[k].name + ": no table: " + imucal_status_text(status));
     channel.arw = axis.start.arw;
     channel.n_markov = axis.start.n_markov;
@@ -332,17 +325,7 @@ void Run::check_read_back() {
   }
 }
 
-void Run::note_innovations(const AxisResult& axis) {
-  const double n = axis.state.n;
-  const double deviate = (static_cast<double>(axis.state.mean_nis) - 1) / std::sqrt(2 / n);
-  if (std::abs(deviate) <= kNisAlarm) return;
-  result_.notes.push_back(axis.name + ": the innovations are " +
-                          text_of(std::sqrt(static_cast<double>(axis.state.mean_nis)), 2) +
-                          " times as large as the model predicts (false-alarm rate 1e-4): the predicted error is " +
-                          (deviate > 0 ? "too small" : "too large") + "; fit a model with `errormodel fit`");
-}
-
-void Run::finish() {
+void Run::require_seconds() {
   if (result_.seconds == 0)
     throw device_error(device_.port() + ": no second came from the device; nothing to learn from");
   if (result_.gaps > kManyGaps * result_.seconds)
@@ -351,27 +334,86 @@ void Run::finish() {
                             text_of(static_cast<double>(device_.hello().rate_hz), 0) +
                             " per second) and were not used; check the sensor or its nominal rate");
   if (result_.gaps == result_.seconds) throw device_error(device_.port() + ": " + result_.notes.back());
-  refuse_small_travel(result_.seen, options_.order,
-                      is_range_known_ ? std::optional<TemperatureRange>(range_) : std::nullopt, "the temperature");
-  for (const Axis& axis : axes_) {
-    AxisResult learned;
-    learned.channel = axis.channel;
-    learned.name = device_.channel_name(axis.channel);
-    learned.state = device_.cal_state(static_cast<uint8_t>(axis.channel));
-    learned.filter = kf_from_device(axis.start, device_.cal_filter(static_cast<uint8_t>(axis.channel)), learned.state);
-    ThermalPolynomial polynomial;
-    polynomial.t0_degc = static_cast<double>(axis.start.t0_degc);
-    polynomial.range_degc = static_cast<double>(axis.start.range_degc);
-    polynomial.coeff_dph.assign(learned.state.coeff, learned.state.coeff + axis.start.order + 1);
-    double sum = 0;
-    for (size_t k = 0; k < axis.rate.size(); ++k) {
-      const double residual = static_cast<double>(axis.rate[k]) - polynomial.at(static_cast<double>(axis.temp_degc[k]));
-      sum += residual * residual;
-    }
-    learned.residual_rms = axis.rate.empty() ? 0 : std::sqrt(sum / static_cast<double>(axis.rate.size()));
-    note_innovations(learned);
-    result_.axes.push_back(learned);
+}
+
+// What the device saw robustly, for any axis: one bad second of the thermometer widens nothing.
+void Run::see_span() {
+  bool is_first = true;
+  for (const AxisResult& axis : result_.axes) {
+    if (!axis.health.has_span) continue;
+    const TemperatureRange seen{static_cast<double>(axis.health.span_lo_degc),
+                                static_cast<double>(axis.health.span_hi_degc)};
+    result_.seen = is_first ? seen
+                            : TemperatureRange{std::min(seen.lo_degc, result_.seen.lo_degc),
+                                               std::max(seen.hi_degc, result_.seen.hi_degc)};
+    is_first = false;
   }
+}
+
+// Seconds that the device left out were not learnt and are no residuals of the polynomial; which they were it does not
+// say, but they are the largest.
+double Run::residual_rms(const Axis& axis, const AxisResult& learned) const {
+  ThermalPolynomial polynomial;
+  polynomial.t0_degc = static_cast<double>(axis.start.t0_degc);
+  polynomial.range_degc = static_cast<double>(axis.start.range_degc);
+  polynomial.coeff_dph.assign(learned.state.coeff, learned.state.coeff + axis.start.order + 1);
+  std::vector<double> squares;
+  for (size_t k = 0; k < axis.rate.size(); ++k) {
+    const double residual = static_cast<double>(axis.rate[k]) - polynomial.at(static_cast<double>(axis.temp_degc[k]));
+    squares.push_back(residual * residual);
+  }
+  std::sort(squares.begin(), squares.end());
+  const size_t left_out = learned.health.n_rejected + learned.health.n_spikes;
+  squares.resize(squares.size() - std::min(squares.size(), left_out));
+  double sum = 0;
+  for (const double square : squares) sum += square;
+  return squares.empty() ? 0 : std::sqrt(sum / static_cast<double>(squares.size()));
+}
+
+AxisResult Run::learned(const Axis& axis) {
+  AxisResult result;
+  result.channel = axis.channel;
+  result.name = device_.channel_name(axis.channel);
+  result.state = device_.cal_state(static_cast<uint8_t>(axis.channel));
+  result.health = device_.health(static_cast<uint8_t>(axis.channel));
+  result.filter = kf_from_device(axis.start, device_.cal_filter(static_cast<uint8_t>(axis.channel)), result.state);
+  result.residual_rms = residual_rms(axis, result);
+  return result;
+}
+
+// As the rules want it.  Where nobody said for which temperatures the table shall be, none of them is missed.
+FitAxis Run::as_fit(const AxisResult& axis) const {
+  FitAxis fit;
+  fit.axis = axis.name;
+  fit.residual_rms_dph = axis.residual_rms;
+  fit.n_used = static_cast<long>(axis.state.n);
+  fit.error_factor = static_cast<double>(axis.health.error_factor);
+  fit.health.bits = axis.health.bits;
+  fit.health.judged = axis.health.judged;
+  if (!is_range_known_) fit.health.bits &= ~(1U << IMUCAL_HEALTH_SPAN | 1U << IMUCAL_HEALTH_TEMP_RAMP);
+  const size_t n_rules = std::min<size_t>(axis.health.n_rules, IMUCAL_HEALTH_N_RULES);
+  std::copy_n(axis.health.value, n_rules, fit.health.value);
+  std::copy_n(axis.health.limit, n_rules, fit.health.limit);
+  const TemperatureRange span = table_span();
+  for (int i = 0; i < IMUCAL_TABLE_SIGMA_N; ++i) {
+    fit.temp_degc.push_back(span.lo_degc + span.width() * i / (IMUCAL_TABLE_SIGMA_N - 1));
+    fit.sigma_dph.push_back(
+        static_cast<double>(imucal_kf_bias_sigma(&axis.filter, static_cast<float>(fit.temp_degc.back()))));
+  }
+  return fit;
+}
+
+void Run::judge() {
+  std::vector<FitAxis> axes;
+  std::vector<const ErrorModel*> models;
+  for (size_t i = 0; i < axes_.size(); ++i) {
+    axes.push_back(as_fit(result_.axes[i]));
+    models.push_back(axes_[i].model);
+  }
+  result_.reasons = judge_axes(axes, models, 1.0, options_.judge);
+}
+
+void Run::flash() {
   const TemperatureRange span = table_span();
   result_.is_device_made = span.lo_degc == range_.lo_degc && span.hi_degc == range_.hi_degc;
   if (result_.is_device_made) {
@@ -380,10 +422,40 @@ void Run::finish() {
     if (is_range_known_)
       result_.notes.push_back("the temperature covered " + text_of(result_.seen) + " of " + text_of(range_) +
                               ": the table is valid from " + text_of(span));
-    device_.write_table(table_bytes(table_made_here(), device_.port()));
+    device_.write_table(table_bytes(table_made_here(true), device_.port()));
   }
+  result_.is_flashed = true;
   check_read_back();
+}
+
+void Run::finish() {
+  require_seconds();
+  for (const Axis& axis : axes_) result_.axes.push_back(learned(axis));
+  see_span();
+  refuse_small_travel(result_.seen, options_.order,
+                      is_range_known_ ? std::optional<TemperatureRange>(range_) : std::nullopt, "the temperature");
+  judge();
+  if (is_accepted(result_.reasons))
+    flash();
+  else
+    result_.table = table_made_here(false);
   device_.cal_stop(IMUCAL_STOP_DISCARD);
+}
+
+// What cannot be written costs the log and not the calibration.
+void Run::close_logs() {
+  for (LogRecorder* log : {raw_log_.get(), compensated_log_.get()}) {
+    try {
+      log->close();
+    } catch (const Error& e) {
+      result_.record_error += (result_.record_error.empty() ? "" : "; ") + std::string(e.what());
+    }
+  }
+}
+
+void Run::count_samples() {
+  const std::optional<imucal_link_samples_reply_t> now = device_.samples();
+  if (samples_before_ && now) result_.samples = samples_between(*samples_before_, *now);
 }
 
 RunResult Run::go() {
@@ -391,11 +463,15 @@ RunResult Run::go() {
   prepare();
   try {
     listen();
-    raw_log_->close();
-    compensated_log_->close();
-    finish();
+    close_logs();
+    count_samples();
+    if (result_.end != RunResult::End::kInterrupted || options_.keep_partial)
+      finish();
+    else
+      device_.cal_stop(IMUCAL_STOP_DISCARD);
   } catch (const Error& e) {
-    if (e.exit() != Exit::kDevice) device_.cal_stop(IMUCAL_STOP_DISCARD); // the device is fine: leave it idle
+    // the device is fine: leave it idle
+    if (e.exit() != Exit::kDevice || (watch_ && watch_->is_sensor_silent())) device_.cal_stop(IMUCAL_STOP_DISCARD);
     throw;
   }
   if (options_.until_error > 0) result_.is_error_reached = result_.end == RunResult::End::kErrorReached;
@@ -403,6 +479,24 @@ RunResult Run::go() {
 }
 
 } // namespace
+
+imucal_link_samples_reply_t samples_between(const imucal_link_samples_reply_t& before,
+                                            const imucal_link_samples_reply_t& after) {
+  imucal_link_samples_reply_t n = after;
+  n.samples -= before.samples;
+  n.summed -= before.summed;
+  n.duplicates -= before.duplicates;
+  n.behind -= before.behind;
+  n.ahead -= before.ahead;
+  n.refused -= before.refused;
+  n.unreadable -= before.unreadable;
+  n.clock_set -= before.clock_set;
+  n.clock_wrapped -= before.clock_wrapped;
+  n.jumps -= before.jumps;
+  n.seconds -= before.seconds;
+  n.gaps -= before.gaps;
+  return n;
+}
 
 imucal_link_cal_start_t cal_start_of(const ErrorModel& model, unsigned order, double t0_degc, double range_degc,
                                      const TemperatureRange& span, double prior_sigma) {

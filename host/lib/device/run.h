@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A calibration run: the device's Kalman filters learn the thermal polynomials while the temperature goes
-// through a profile; then the device makes a table, flashes it, and what it flashed is read back and
-// compared.
+// through a profile; then every axis is judged, the device makes a table, flashes it, and what it flashed is read back
+// and compared.
 //
 // The filter's parameters are computed on the host, in double, because the device has no exponential (fit/fit.h:
 // kf_config); a model of several Markov terms becomes one of the same variance and the same slow density there.
@@ -10,6 +10,9 @@
 #include <string>
 #include <vector>
 
+#include "analysis/fit/fit.h"
+#include "analysis/fit/judge.h"
+#include "base/error.h"
 #include "base/range.h"
 #include "device/device.h"
 #include "io/json_file.h"
@@ -29,7 +32,9 @@ struct RunOptions {
   std::optional<Profile> profile;        // gives range and duration where they are not given
   double until_error = 0;                // end when the predicted worst one-sigma error is below; 0: not
   double duration_s = 0;                 // of sensor time; 0: until the sensor ends or Ctrl-C
-  double stall_s = 30;                   // the device answers but no second comes for so long: error
+  double stall_s = 0;                    // the device answers but no second comes for so long: error; 0: see watch.h
+  JudgeOptions judge;                    // what is accepted, and the largest predicted error
+  bool keep_partial = false;             // Ctrl-C: make a table of what is there
   double prior_sigma = kPriorSigma;
   std::string record_path, record_compensated_path;
   bool may_overwrite = false; // of these
@@ -40,21 +45,29 @@ struct AxisResult {
   size_t channel = 0;
   std::string name;
   imucal_link_cal_state_reply_t state{};
-  imucal_kf_t filter{};    // the device's, bit for bit: predicts the error at any temperature
-  double residual_rms = 0; // of the seconds seen against the polynomial learned
+  imucal_kf_t filter{}; // the device's, bit for bit: predicts the error at any temperature
+  imucal_link_health_reply_t health{};
+  double residual_rms = 0; // of the seconds seen against the polynomial learned, without as many as the device left out
 };
+
+// Status of a run that Ctrl-C ended: 128 + SIGINT, as a shell has it.
+constexpr Exit kInterruptedExit = static_cast<Exit>(130);
 
 struct RunResult {
   enum class End { kSensorEnded, kDuration, kErrorReached, kInterrupted };
   End end = End::kInterrupted;
   bool is_error_reached = true; // false: --until-error was asked for and not met
   std::vector<AxisResult> axes;
-  imucal_table_t table{};      // as read back from the device
+  bool is_flashed = false;        // false: interrupted or not accepted; the device keeps the table it had
+  std::vector<FitReason> reasons; // what speaks against it
+  imucal_table_t table{};      // as read back from the device; not flashed: as it would be (no axes where interrupted)
   bool is_device_made = false; // false: the host made it of the device's filters, for a narrower span
   TemperatureRange seen;
-  double seconds = 0;             // seconds received
-  double gaps = 0;                // of them with too few samples
-  std::vector<std::string> notes; // what the user should know
+  double seconds = 0;                                 // seconds received
+  double gaps = 0;                                    // of them with too few samples
+  std::optional<imucal_link_samples_reply_t> samples; // what became of the samples of this run; absent: older firmware
+  std::string record_error;                           // a log that could not be written to its end; empty: all well
+  std::vector<std::string> notes;                     // what the user should know
 };
 
 // The filter parameters of a channel.  data_error: a model the filter cannot work with.
@@ -66,7 +79,12 @@ imucal_kf_config_t kf_config_of(const imucal_link_cal_start_t& start);
 imucal_kf_t kf_from_device(const imucal_link_cal_start_t& start, const imucal_link_cal_filter_reply_t& bits,
                            const imucal_link_cal_state_reply_t& state);
 
-// Runs it.  usage_error, data_error (a profile that does not move), device_error as the messages say;
+// The difference of two counts of the device.
+imucal_link_samples_reply_t samples_between(const imucal_link_samples_reply_t& before,
+                                            const imucal_link_samples_reply_t& after);
+
+// Runs it: learns, judges (analysis/fit/judge.h, with what the device found), and flashes where nothing speaks against it or
+// all was accepted.  A log that cannot be written does not end the run.  usage_error, data_error (a profile that does not move), device_error as the messages say;
 // whenever it throws, the device keeps the table it had.
 RunResult run_calibration(Device* device, const RunOptions& options);
 

@@ -5,9 +5,13 @@
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <optional>
 
+#include "analysis/fit/judge.h"
 #include "base/clock.h"
+#include "base/progress.h"
 #include "device/recorder.h"
+#include "device/watch.h"
 #include "io/table_json.h"
 
 namespace imucal {
@@ -121,6 +125,23 @@ void tell_losses(const Device& device) {
               static_cast<unsigned long long>(s.repeated_requests));
 }
 
+Json samples_json(const imucal_link_samples_reply_t& n) {
+  return {{"delivered", n.samples},     {"summed", n.summed},       {"duplicates", n.duplicates},
+          {"behind", n.behind},         {"ahead", n.ahead},         {"refused", n.refused},
+          {"unreadable", n.unreadable}, {"clock_set", n.clock_set}, {"clock_wrapped", n.clock_wrapped},
+          {"jumps", n.jumps},           {"seconds", n.seconds},     {"gaps", n.gaps}};
+}
+
+// Samples that were left out and clocks that jumped, where there were any: nothing is dropped in silence.
+void tell_samples(const imucal_link_samples_reply_t& n) {
+  if (n.samples == n.summed && n.unreadable + n.clock_set + n.clock_wrapped + n.jumps == 0) return;
+  std::printf(
+      "samples: %u delivered, %u left out (%u doubled, %u behind, %u ahead, %u refused), %u unreadable; the clock "
+      "was set back %u times, wrapped %u times, jumped by a second or more %u times\n",
+      n.samples, n.duplicates + n.behind + n.ahead + n.refused, n.duplicates, n.behind, n.ahead, n.refused,
+      n.unreadable, n.clock_set, n.clock_wrapped, n.jumps);
+}
+
 void print_axes(const imucal_table_t& table) {
   for (size_t i = 0; i < table.n_channels; ++i) {
     const imucal_table_channel_t& c = table.channel[i];
@@ -187,45 +208,57 @@ Exit list_ports(const CommonOptions& common) {
   return Exit::kDone;
 }
 
-Exit show_info(Device* device, const CommonOptions& common) {
-  const imucal_link_info_reply_t info = device->info();
-  const imucal_link_counters_reply_t counters = device->counters();
-  const imucal_link_state_reply_t state = device->state();
-  const bool has_table = info.table_status == IMUCAL_OK;
-  Json json = device_json(*device);
+namespace {
+
+struct DeviceState {
+  imucal_link_info_reply_t info;
+  imucal_link_counters_reply_t counters;
+  imucal_link_state_reply_t state;
+  std::optional<imucal_link_samples_reply_t> samples;
+  bool has_table() const { return info.table_status == IMUCAL_OK; }
+};
+
+Json channels_json(const Device& device) {
+  Json list = Json::array();
+  for (size_t i = 0; i < device.channels().size(); ++i) {
+    const imucal_link_channel_info_reply_t& c = device.channels()[i];
+    list.push_back({{"axis", device.channel_name(i)},
+                    {"unit_per_count", shortest(c.unit_per_count)},
+                    {"full_scale_counts", c.full_scale_counts},
+                    {"compensated", c.is_compensated != 0},
+                    {"degc_per_count", shortest(c.degc_per_count)},
+                    {"degc_at_zero", shortest(c.degc_at_zero)}});
+  }
+  return list;
+}
+
+Json info_json(const Device& device, const DeviceState& now) {
+  const auto& [info, counters, state, samples] = now;
+  Json json = device_json(device);
   json["session"] = session_text(info.session);
   json["uptime_s"] = static_cast<double>(info.uptime_us) * 1e-6;
   json["t_s"] = info.t_s;
-  json["has_table"] = has_table;
+  json["has_table"] = now.has_table();
   json["table_status"] = status_text(info.table_status);
   json["sequence"] = info.sequence;
-  json["table_crc"] = has_table ? Json(hex(state.table_crc)) : Json(nullptr);
+  json["table_crc"] = now.has_table() ? Json(hex(state.table_crc)) : Json(nullptr);
   json["table_origin"] = origin_text(state.table_origin);
   json["table_created_s"] = state.table_created_s;
   json["unlocked_s"] = state.unlocked_s;
   json["refused"] = refused_json(state);
-  json["ruling_slot"] = has_table ? Json(info.ruling_slot) : Json(nullptr);
+  json["ruling_slot"] = now.has_table() ? Json(info.ruling_slot) : Json(nullptr);
   json["slots"] = Json::array();
   for (int i = 0; i < 2; ++i)
     json["slots"].push_back({{"status", status_text(info.slot_status[i])}, {"sequence", info.slot_sequence[i]}});
-  json["channels"] = Json::array();
-  for (size_t i = 0; i < device->channels().size(); ++i) {
-    const imucal_link_channel_info_reply_t& c = device->channels()[i];
-    json["channels"].push_back({{"axis", device->channel_name(i)},
-                                {"unit_per_count", shortest(c.unit_per_count)},
-                                {"full_scale_counts", c.full_scale_counts},
-                                {"compensated", c.is_compensated != 0},
-                                {"degc_per_count", shortest(c.degc_per_count)},
-                                {"degc_at_zero", shortest(c.degc_at_zero)}});
-  }
+  json["channels"] = channels_json(device);
   json["counters"] = counters_json(counters);
-  if (common.wants_json()) write_json(common.json_path, json);
-  if (!common.talks()) return Exit::kDone;
-  std::printf("%s on %s: firmware %s, serial %s, %zu channels at %.0f Hz, %s\n",
-              fixed_text(device->hello().device).c_str(), device->port().c_str(),
-              fixed_text(device->hello().firmware).c_str(), device->serial().c_str(), device->channels().size(),
-              static_cast<double>(device->hello().rate_hz), session_text(info.session));
-  if (has_table)
+  if (samples) json["samples"] = samples_json(*samples);
+  return json;
+}
+
+void print_table_state(const DeviceState& now) {
+  const auto& [info, counters, state, samples] = now;
+  if (now.has_table())
     std::printf("table: sequence %u rules (slot %u, %u bytes, CRC %s), made %s, %s\n", info.sequence, info.ruling_slot,
                 info.table_bytes, hex(state.table_crc).c_str(), utc_text(state.table_created_s).c_str(),
                 origin_text(state.table_origin));
@@ -234,76 +267,155 @@ Exit show_info(Device* device, const CommonOptions& common) {
   for (int i = 0; i < 2; ++i)
     std::printf("  slot %d: %s%s\n", i, status_text(info.slot_status[i]),
                 info.slot_sequence[i] ? (", sequence " + std::to_string(info.slot_sequence[i])).c_str() : "");
-  for (size_t i = 0; i < device->channels().size(); ++i)
-    std::printf("  %-10s %.6g per count, full scale %d counts, %s\n", device->channel_name(i).c_str(),
-                static_cast<double>(device->channels()[i].unit_per_count), device->channels()[i].full_scale_counts,
-                device->channels()[i].is_compensated ? "compensated" : "raw");
+}
+
+void print_counts(const DeviceState& now) {
+  const auto& [info, counters, state, samples] = now;
   std::printf("since start: %u samples, %u seconds, %u gaps, %u bad records; line: %u frames, %u spoilt, %u "
               "dropped\n",
               counters.samples, counters.seconds, counters.gaps, counters.feed_errors, counters.rx_frames,
               counters.rx_crc + counters.rx_resync + counters.rx_overflow, counters.tx_dropped);
+  if (samples) tell_samples(*samples);
   std::printf(
       "refused: %u locked, %u old or foreign, %u unlocks, %u busy, %u reserved fields, %u tables; flash failed %u "
       "times; %u calibrations stopped without a host\n",
       state.refused_locked, state.refused_stale, state.refused_unlock, state.refused_busy, state.refused_reserved,
       state.refused_table, state.flash_failed, state.sessions_silent);
+}
+
+void print_info(const Device& device, const DeviceState& now) {
+  std::printf("%s on %s: firmware %s, serial %s, %zu channels at %.0f Hz, %s\n",
+              fixed_text(device.hello().device).c_str(), device.port().c_str(),
+              fixed_text(device.hello().firmware).c_str(), device.serial().c_str(), device.channels().size(),
+              static_cast<double>(device.hello().rate_hz), session_text(now.info.session));
+  print_table_state(now);
+  for (size_t i = 0; i < device.channels().size(); ++i)
+    std::printf("  %-10s %.6g per count, full scale %d counts, %s\n", device.channel_name(i).c_str(),
+                static_cast<double>(device.channels()[i].unit_per_count), device.channels()[i].full_scale_counts,
+                device.channels()[i].is_compensated ? "compensated" : "raw");
+  print_counts(now);
+}
+
+} // namespace
+
+Exit show_info(Device* device, const CommonOptions& common) {
+  const DeviceState now{device->info(), device->counters(), device->state(), device->samples()};
+  if (common.wants_json()) write_json(common.json_path, info_json(*device, now));
+  if (common.talks()) print_info(*device, now);
   return Exit::kDone;
 }
 
+namespace {
+
+// One recording: what comes, and where it goes.
+class Recording {
+public:
+  Recording(Device* device, const MonitorOptions& options, const CommonOptions& common)
+      : device_(*device), options_(options),
+        raw_(options.raw_path, *device, LogRecorder::What::kRaw, options.may_overwrite),
+        compensated_(options.compensated_path, *device, LogRecorder::What::kCompensated, options.may_overwrite),
+        prints_(options.raw_path.empty() && options.compensated_path.empty() && common.talks()),
+        progress_("recording", options.duration_s, common.quiet || prints_), watch_(device, options.stall_s) {}
+
+  void listen();
+  void close(); // both logs; data_error
+  Json json() const;
+  size_t seconds() const { return n_; }
+  bool prints() const { return prints_; }
+  // Ctrl-C before the duration that was asked for.
+  bool is_cut_short() const { return is_interrupted_ && options_.duration_s > 0; }
+  const std::optional<imucal_link_samples_reply_t>& samples() const { return samples_; }
+
+private:
+  void print_header() const;
+  void print(const SecondRecord& second) const;
+  void take(uint8_t id, const imucal_link_any_t& record);
+  bool is_at_end();
+
+  Device& device_;
+  const MonitorOptions& options_;
+  LogRecorder raw_, compensated_;
+  bool prints_;
+  Progress progress_;
+  Watch watch_;
+  size_t n_ = 0;
+  bool is_interrupted_ = false;
+  std::optional<imucal_link_samples_reply_t> samples_;
+};
+
+void Recording::print_header() const {
+  std::printf("    t_s  temp_degc");
+  for (size_t i = 0; i < device_.channels().size(); ++i)
+    std::printf("  %12s  compensated", device_.channel_name(i).c_str());
+  std::printf("\n");
+}
+
+void Recording::print(const SecondRecord& second) const {
+  std::printf("%7u  %9.3f", second.t_s, static_cast<double>(second.temp_degc));
+  for (size_t i = 0; i < second.n_channels; ++i)
+    std::printf("  %12.2f  %11.2f", static_cast<double>(second.raw[i]), static_cast<double>(second.out[i]));
+  std::printf("%s\n", second.is_gap ? "  gap" : "");
+  std::fflush(stdout);
+}
+
+void Recording::take(uint8_t id, const imucal_link_any_t& record) {
+  watch_.saw(id, record);
+  if (id != IMUCAL_LINK_ID_SECOND) return;
+  ++n_;
+  raw_.add(record.second);
+  compensated_.add(record.second);
+  progress_.update(watch_.elapsed_s(), std::to_string(static_cast<long>(watch_.elapsed_s())) + " s");
+  if (prints_) print(record.second);
+}
+
+bool Recording::is_at_end() {
+  is_interrupted_ = interrupted();
+  return is_interrupted_ || watch_.has_sensor_ended() || raw_.has_failed() || compensated_.has_failed() ||
+         (options_.duration_s > 0 && watch_.elapsed_s() >= options_.duration_s);
+}
+
+void Recording::listen() {
+  if (prints_) print_header();
+  device_.stream(0, 0, 1); // what a former program left running
+  const std::optional<imucal_link_samples_reply_t> before = device_.samples();
+  device_.on_stream([this](uint8_t id, const imucal_link_any_t& record) { take(id, record); });
+  device_.stream(IMUCAL_STREAM_SECOND | IMUCAL_STREAM_EVENT, 0, 1);
+  while (!is_at_end()) {
+    device_.poll(0.2);
+    watch_.check();
+  }
+  progress_.finish();
+  device_.stream(0, 0, 1);
+  device_.on_stream({});
+  const std::optional<imucal_link_samples_reply_t> after = device_.samples();
+  if (before && after) samples_ = samples_between(*before, *after);
+}
+
+void Recording::close() {
+  raw_.close();
+  compensated_.close();
+}
+
+Json Recording::json() const {
+  Json json = {{"seconds", n_}, {"sensor_ended", watch_.has_sensor_ended()}, {"link", link_json(device_)}};
+  if (samples_) json["samples"] = samples_json(*samples_);
+  return json;
+}
+
+} // namespace
+
 Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions& common) {
   (void)interrupted(); // from here on Ctrl-C ends the recording in order
-  LogRecorder raw(options.raw_path, *device, LogRecorder::What::kRaw, options.may_overwrite);
-  LogRecorder compensated(options.compensated_path, *device, LogRecorder::What::kCompensated, options.may_overwrite);
-  const bool prints = options.raw_path.empty() && options.compensated_path.empty() && common.talks();
-  bool has_ended = false;
-  uint32_t first_t_s = 0, t_s = 0;
-  size_t n = 0;
-  double last_s = now_s();
-  Progress progress("recording", options.duration_s, common.quiet || prints);
-  if (prints) {
-    std::printf("    t_s  temp_degc");
-    for (size_t i = 0; i < device->channels().size(); ++i)
-      std::printf("  %12s  compensated", device->channel_name(i).c_str());
-    std::printf("\n");
-  }
-  device->stream(0, 0, 1); // what a former program left running
-  device->on_stream([&](uint8_t id, const imucal_link_any_t& record) {
-    last_s = now_s();
-    if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_ENDED) has_ended = true;
-    if (id != IMUCAL_LINK_ID_SECOND) return;
-    const SecondRecord& second = record.second;
-    if (n++ == 0) first_t_s = second.t_s - 1;
-    t_s = second.t_s;
-    raw.add(second);
-    compensated.add(second);
-    progress.update(t_s - first_t_s, std::to_string(t_s - first_t_s) + " s");
-    if (!prints) return;
-    std::printf("%7u  %9.3f", second.t_s, static_cast<double>(second.temp_degc));
-    for (size_t i = 0; i < second.n_channels; ++i)
-      std::printf("  %12.2f  %11.2f", static_cast<double>(second.raw[i]), static_cast<double>(second.out[i]));
-    std::printf("%s\n", second.is_gap ? "  gap" : "");
-    std::fflush(stdout);
-  });
-  device->stream(IMUCAL_STREAM_SECOND | IMUCAL_STREAM_EVENT, 0, 1);
-  while (!interrupted() && !has_ended && !(options.duration_s > 0 && n > 0 && t_s - first_t_s >= options.duration_s)) {
-    device->poll(0.2);
-    if (now_s() - last_s > 2.0) {
-      device->info(); // device_error when it is gone
-      last_s = now_s();
-    }
-  }
-  progress.finish();
-  device->stream(0, 0, 1);
-  device->on_stream({});
-  raw.close();
-  compensated.close();
-  if (common.wants_json())
-    write_json(common.json_path, {{"seconds", n}, {"sensor_ended", has_ended}, {"link", link_json(*device)}});
-  if (common.talks() && !prints) {
-    std::printf("%zu seconds recorded\n", n);
+  Recording recording(device, options, common);
+  recording.listen();
+  recording.close();
+  if (common.wants_json()) write_json(common.json_path, recording.json());
+  if (common.talks() && !recording.prints()) {
+    std::printf("%zu seconds recorded\n", recording.seconds());
+    if (recording.samples()) tell_samples(*recording.samples());
     tell_losses(*device);
   }
-  return Exit::kDone;
+  return recording.is_cut_short() ? kInterruptedExit : Exit::kDone;
 }
 
 Json axes_json(const imucal_table_t& table) {
@@ -314,49 +426,109 @@ Json axes_json(const imucal_table_t& table) {
   return axes;
 }
 
-Exit calibrate_device(Device* device, const RunOptions& options, const std::string& table_path,
-                      const CommonOptions& common) {
-  const double start_s = now_s();
-  const RunResult result = run_calibration(device, options);
-  if (!table_path.empty()) write_table(table_path, result.table);
+namespace {
+
+Json axis_json(const AxisResult& axis, const RunResult& result, const Json& in_table) {
+  Json entry = {{"axis", axis.name}, {"order", 0}};
+  for (const Json& candidate : in_table)
+    if (candidate["axis"] == axis.name) entry = candidate;
+  const imucal_table_channel_t& channel = result.table.channel[axis.channel];
+  entry["residual_rms_" + channel_unit(channel)] = axis.residual_rms;
+  entry["measurements"] = axis.state.n;
+  entry["bridged_s"] = axis.state.n_missed;
+  entry["n_rejected"] = axis.health.n_rejected;
+  entry["n_bad_temperature"] = axis.health.n_spikes;
+  entry["mean_nis"] = shortest(axis.state.mean_nis);
+  entry["lag1"] = shortest(axis.state.lag1);
+  if (channel.order == 0) return entry;
+  const float worst = *std::max_element(channel.sigma, channel.sigma + IMUCAL_TABLE_SIGMA_N);
+  entry["worst_sigma"] = shortest(worst);
+  entry["error_factor"] = shortest(axis.health.error_factor);
+  entry["curve"] = curve_json(axis, channel);
+  return entry;
+}
+
+Json run_json(const Device& device, const RunOptions& options, const RunResult& result, double wall_s) {
   Json json = {{"axes", Json::array()}};
   const Json in_table = axes_json(result.table);
-  for (const AxisResult& axis : result.axes) {
-    const auto found =
-        std::find_if(in_table.begin(), in_table.end(), [&](const Json& entry) { return entry["axis"] == axis.name; });
-    Json entry = *found;
-    entry["residual_rms_" + channel_unit(result.table.channel[axis.channel])] = axis.residual_rms;
-    entry["measurements"] = axis.state.n;
-    entry["bridged_s"] = axis.state.n_missed;
-    entry["mean_nis"] = shortest(axis.state.mean_nis);
-    entry["lag1"] = shortest(axis.state.lag1);
-    const float* sigma = result.table.channel[axis.channel].sigma;
-    entry["worst_sigma"] = shortest(*std::max_element(sigma, sigma + IMUCAL_TABLE_SIGMA_N));
-    entry["curve"] = curve_json(axis, result.table.channel[axis.channel]);
-    json["axes"].push_back(entry);
-  }
-  json["device"] = device_json(*device);
-  json["sequence"] = result.table.sequence;
+  for (const AxisResult& axis : result.axes) json["axes"].push_back(axis_json(axis, result, in_table));
+  json["device"] = device_json(device);
+  json["flashed"] = result.is_flashed;
+  json["judgement"] = judgement_json(result.reasons);
+  json["sequence"] = result.is_flashed ? Json(result.table.sequence) : Json(nullptr);
   json["ended_by"] = end_text(result.end);
   json["error_reached"] = options.until_error > 0 ? Json(result.is_error_reached) : Json(nullptr);
   json["seconds"] = result.seconds;
   json["gaps"] = result.gaps;
   json["seen_degc"] = {result.seen.lo_degc, result.seen.hi_degc};
   json["made_by"] = result.is_device_made ? "device" : "host";
-  json["wall_s"] = now_s() - start_s;
+  json["wall_s"] = wall_s;
   json["notes"] = result.notes;
-  json["link"] = link_json(*device);
-  if (common.wants_json()) write_json(common.json_path, json);
-  if (common.talks()) {
-    std::printf("%.0f s of sensor time in %.1f s, %.2f to %.2f degC; %s\n", result.seconds, now_s() - start_s,
-                result.seen.lo_degc, result.seen.hi_degc, end_text(result.end));
-    std::printf("table %u flashed on %s, read back and verified%s%s\n", result.table.sequence, device->serial().c_str(),
+  if (result.samples) json["samples"] = samples_json(*result.samples);
+  json["link"] = link_json(device);
+  return json;
+}
+
+void print_run(const Device& device, const RunOptions& options, const RunResult& result, const std::string& table_path,
+               double wall_s) {
+  std::printf("%.0f s of sensor time in %.1f s, %.2f to %.2f degC; %s\n", result.seconds, wall_s, result.seen.lo_degc,
+              result.seen.hi_degc, end_text(result.end));
+  if (result.is_flashed) {
+    std::printf("table %u flashed on %s, read back and verified%s%s\n", result.table.sequence, device.serial().c_str(),
                 table_path.empty() ? "" : "; written to ", table_path.c_str());
     print_axes(result.table);
-    for (const std::string& note : result.notes) std::printf("note: %s\n", note.c_str());
-    tell_losses(*device);
-    if (!result.is_error_reached) std::printf("the error of %.2f asked for was not reached\n", options.until_error);
   }
+  for (const AxisResult& axis : result.axes)
+    if (axis.health.n_rejected + axis.health.n_spikes > 0)
+      std::printf("  %-10s left out: %u seconds with a knock, %u with a temperature out of reach\n", axis.name.c_str(),
+                  axis.health.n_rejected, axis.health.n_spikes);
+  for (const std::string& note : result.notes) std::printf("note: %s\n", note.c_str());
+  if (result.samples) tell_samples(*result.samples);
+  tell_losses(device);
+  if (!result.is_error_reached) std::printf("the error of %.2f asked for was not reached\n", options.until_error);
+}
+
+// Why nothing was flashed, also with --quiet: it is the answer.
+void tell_reasons(const Device& device, const RunResult& result) {
+  for (const FitReason& reason : result.reasons)
+    std::fprintf(stderr, "calibrate: %s%s: %s\n", reason.is_accepted ? "accepted: " : "", reason.axis.c_str(),
+                 reason.text.c_str());
+  if (!is_accepted(result.reasons))
+    std::fprintf(stderr,
+                 "calibrate: not accepted, nothing flashed: %s keeps its last good table; to insist: --accept RULE\n",
+                 device.serial().c_str());
+  else if (!result.is_flashed)
+    std::fprintf(stderr,
+                 "calibrate: interrupted, nothing flashed: %s keeps its last good table (--keep-partial flashes what "
+                 "is there)\n",
+                 device.serial().c_str());
+  if (!result.record_error.empty()) std::fprintf(stderr, "calibrate: %s\n", result.record_error.c_str());
+}
+
+// The table is in flash, whatever becomes of the file.
+void write_run_table(const std::string& path, const RunResult& result) {
+  if (path.empty() || !result.is_flashed) return;
+  try {
+    write_table(path, result.table);
+  } catch (const Error& e) {
+    throw Error(e.exit(), std::string(e.what()) + "; table " + std::to_string(result.table.sequence) +
+                              " is flashed and verified, calibrate dump -o FILE reads it");
+  }
+}
+
+} // namespace
+
+Exit calibrate_device(Device* device, const RunOptions& options, const std::string& table_path,
+                      const CommonOptions& common) {
+  const double start_s = now_s();
+  const RunResult result = run_calibration(device, options);
+  write_run_table(table_path, result);
+  const double wall_s = now_s() - start_s;
+  if (common.wants_json()) write_json(common.json_path, run_json(*device, options, result, wall_s));
+  if (common.talks()) print_run(*device, options, result, table_path, wall_s);
+  tell_reasons(*device, result);
+  if (!result.is_flashed) return is_accepted(result.reasons) ? kInterruptedExit : Exit::kNegative;
+  if (!result.record_error.empty()) return Exit::kData;
   return result.is_error_reached ? Exit::kDone : Exit::kNegative;
 }
 

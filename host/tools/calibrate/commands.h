@@ -15,6 +15,7 @@ Exit show_info(Device* device, const CommonOptions& common);
 
 struct MonitorOptions {
   double duration_s = 0;                  // of sensor time; 0: until the sensor ends or Ctrl-C
+  double stall_s = 0;                     // of a sensor that delivers nothing; 0: see device/watch.h
   std::string raw_path, compensated_path; // logs to write (record); both empty: print (monitor)
   bool may_overwrite = false;
 };

@@ -2,10 +2,12 @@
 // calibrate: talks to the IMU over its serial port.  `calibrate --help` lists the subcommands.
 #include <cstdio>
 
+#include "analysis/fit/judge.h"
 #include "base/error.h"
 
 #include "calibrate/commands.h"
 #include "calibrate/fit_command.h"
+#include "device/recorder.h"
 #include "io/table_json.h"
 
 using namespace imucal;
@@ -36,6 +38,12 @@ void add_port(cli::App* app, PortOptions* o) {
       ->capture_default_str();
 }
 
+void add_stall(cli::App* app, double* stall_s) {
+  app->add_option("--stall-s", *stall_s,
+                  "give up when the sensor delivers nothing for so long (default: 30 for the first second, then 2.5)")
+      ->check(FinitePositive);
+}
+
 void add_run(cli::App* app, RunArguments* o) {
   app->add_option("--order", o->run.order, "order of the polynomial")
       ->check(cli::Range(1, IMUCAL_MAX_ORDER))
@@ -53,9 +61,16 @@ void add_run(cli::App* app, RunArguments* o) {
       ->check(FinitePositive)
       ->type_name("DPH");
   app->add_option("--duration-s", o->run.duration_s, "end after so much sensor time")->check(FinitePositive);
-  app->add_option("--stall-s", o->run.stall_s, "give up when the sensor delivers nothing for so long")
+  add_stall(app, &o->run.stall_s);
+  app->add_option("--accept", o->run.judge.accept,
+                  "flash although this rule speaks against it (repeat; rules: calibrate fit --help)")
+      ->allow_extra_args(false)
+      ->type_name("RULE");
+  app->add_option("--max-error", o->run.judge.max_error_dph, "largest predicted one-sigma error to accept")
       ->check(FinitePositive)
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("DPH");
+  app->add_flag("--keep-partial", o->run.keep_partial, "Ctrl-C: flash what was learnt so far (default: nothing)");
   app->add_option("--prior-sigma", o->run.prior_sigma, "what is known of a coefficient beforehand")
       ->check(cli::Range(1e-3, 1e6))
       ->capture_default_str();
@@ -74,70 +89,108 @@ RunOptions complete(RunArguments arguments, bool quiet) {
   return arguments.run;
 }
 
+struct Arguments {
+  CommonOptions common;
+  PortOptions port;
+  MonitorOptions watch;
+  RecoverArguments recover;
+  RunArguments run;
+  FitArguments fit;
+  std::string table_path;
+};
+
+struct Commands {
+  cli::App *list, *info, *monitor, *record, *recover, *run, *flash, *verify, *dump, *rollback, *fit, *stop;
+};
+
+void add_recordings(cli::App* app, Arguments* a, Commands* c) {
+  c->monitor = app->add_subcommand("monitor", "print the 1-s means, raw and compensated");
+  c->record = app->add_subcommand("record", "write the 1-s means as a log");
+  for (cli::App* sub : {c->monitor, c->record}) {
+    sub->add_option("--duration-s", a->watch.duration_s,
+                    "end after so much sensor time (default: when the sensor ends)")
+        ->check(FinitePositive);
+    add_stall(sub, &a->watch.stall_s);
+  }
+  c->record->add_option("-o,--output", a->watch.raw_path, "log of the raw means")->required()->type_name("LOG.csv");
+  c->record->add_option("--compensated", a->watch.compensated_path, "log of the compensated means")
+      ->type_name("LOG.csv");
+  c->record->add_flag("--force", a->watch.may_overwrite, "write over logs that are there");
+  c->recover = app->add_subcommand("recover", "make a log of a recording that was cut off (LOG.csv.part)");
+  c->recover->add_option("PART", a->recover.part_path, "what was left behind")->required()->type_name("LOG.csv.part");
+  c->recover->add_option("-o,--output", a->recover.output_path, "log to write (default: the name without .part)")
+      ->type_name("LOG.csv");
+  c->recover->add_flag("--force", a->recover.may_overwrite, "write over a log that is there");
+}
+
+void add_tables(cli::App* app, Arguments* a, Commands* c) {
+  c->flash = app->add_subcommand("flash", "flash a table, read it back");
+  c->verify = app->add_subcommand("verify", "compare a table with the device's (exit 1: differs)");
+  c->dump = app->add_subcommand("dump", "read the device's table");
+  for (cli::App* sub : {c->flash, c->verify})
+    sub->add_option("TABLE", a->table_path, "table (.json, or .bin: the bytes as flashed)")
+        ->required()
+        ->type_name("TABLE.json");
+  c->dump->add_option("-o,--output", a->table_path, "table to write (.json or .bin)")
+      ->required()
+      ->type_name("TABLE.json");
+  c->rollback = app->add_subcommand("rollback", "return to the table before");
+}
+
+Commands add_commands(cli::App* app, Arguments* a) {
+  Commands c{};
+  c.list = app->add_subcommand("list", "list the serial devices of this machine");
+  c.info = app->add_subcommand("info", "who the device is, its table, its counters");
+  add_recordings(app, a, &c);
+  c.run = app->add_subcommand("run", "learn the polynomials, judge, flash the table, read it back");
+  add_run(c.run, &a->run);
+  add_tables(app, a, &c);
+  c.fit = app->add_subcommand("fit", "learn the polynomials from recorded logs, no device needed");
+  add_fit_options(c.fit, &a->fit);
+  c.stop = app->add_subcommand("stop", "end a calibration that a program left running on the device");
+  app->add_subcommand("erase", "erase both tables: the device runs uncompensated");
+  return c;
+}
+
+// What a wrong file or name ends is seen before the device is asked, and before hours of work.
+RunOptions checked_run(const Arguments& a) {
+  require_rules(a.run.run.judge.accept);
+  const RunOptions options = complete(a.run, a.common.quiet);
+  require_writable(a.run.table_path);
+  if (a.common.wants_json()) require_writable(a.common.json_path);
+  return options;
+}
+
+Exit with_device(const Commands& c, const Arguments& a) {
+  const RunOptions run_options = *c.run ? checked_run(a) : RunOptions{};
+  if (*c.flash || *c.verify) (void)read_table(a.table_path);
+  Device device(open_transport(a.port.port, a.port.baud), a.port.device);
+  device.connect();
+  if (*c.info) return show_info(&device, a.common);
+  if (*c.monitor || *c.record) return monitor(&device, a.watch, a.common);
+  if (*c.run) return calibrate_device(&device, run_options, a.run.table_path, a.common);
+  if (*c.flash) return flash_table(&device, a.table_path, a.common);
+  if (*c.verify) return verify_table(&device, a.table_path, a.common);
+  if (*c.dump) return dump_table(&device, a.table_path, a.common);
+  if (*c.stop) return stop_session(&device, a.common);
+  if (*c.rollback) return roll_back(&device, a.common);
+  return erase_tables(&device, a.common);
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
   cli::App app("calibrates an IMU over its serial port", "calibrate");
   app.require_subcommand(1);
   app.fallthrough();
-  CommonOptions common;
-  PortOptions port;
-  add_common_options(&app, &common);
-  add_port(&app, &port);
-
-  cli::App* list = app.add_subcommand("list", "list the serial devices of this machine");
-  cli::App* info = app.add_subcommand("info", "who the device is, its table, its counters");
-  MonitorOptions watch;
-  cli::App* monitor_app = app.add_subcommand("monitor", "print the 1-s means, raw and compensated");
-  cli::App* record_app = app.add_subcommand("record", "write the 1-s means as a log");
-  for (cli::App* sub : {monitor_app, record_app})
-    sub->add_option("--duration-s", watch.duration_s, "end after so much sensor time (default: when the sensor ends)")
-        ->check(FinitePositive);
-  record_app->add_option("-o,--output", watch.raw_path, "log of the raw means")->required()->type_name("LOG.csv");
-  record_app->add_option("--compensated", watch.compensated_path, "log of the compensated means")->type_name("LOG.csv");
-  record_app->add_flag("--force", watch.may_overwrite, "write over logs that are there");
-  RecoverArguments recover;
-  cli::App* recover_app = app.add_subcommand("recover", "make a log of a recording that was cut off (LOG.csv.part)");
-  recover_app->add_option("PART", recover.part_path, "what was left behind")->required()->type_name("LOG.csv.part");
-  recover_app->add_option("-o,--output", recover.output_path, "log to write (default: the name without .part)")
-      ->type_name("LOG.csv");
-  recover_app->add_flag("--force", recover.may_overwrite, "write over a log that is there");
-  RunArguments run;
-  cli::App* run_app = app.add_subcommand("run", "learn the polynomials, flash the table, read it back");
-  add_run(run_app, &run);
-  std::string table_path;
-  cli::App* flash = app.add_subcommand("flash", "flash a table, read it back");
-  cli::App* verify = app.add_subcommand("verify", "compare a table with the device's (exit 1: differs)");
-  cli::App* dump = app.add_subcommand("dump", "read the device's table");
-  for (cli::App* sub : {flash, verify})
-    sub->add_option("TABLE", table_path, "table (.json, or .bin: the bytes as flashed)")
-        ->required()
-        ->type_name("TABLE.json");
-  dump->add_option("-o,--output", table_path, "table to write (.json or .bin)")->required()->type_name("TABLE.json");
-  cli::App* rollback = app.add_subcommand("rollback", "return to the table before");
-  FitArguments fit;
-  cli::App* fit_app = app.add_subcommand("fit", "learn the polynomials from recorded logs, no device needed");
-  add_fit_options(fit_app, &fit);
-  cli::App* stop = app.add_subcommand("stop", "end a calibration that a program left running on the device");
-  app.add_subcommand("erase", "erase both tables: the device runs uncompensated");
-
+  Arguments a;
+  add_common_options(&app, &a.common);
+  add_port(&app, &a.port);
+  const Commands c = add_commands(&app, &a);
   return run_program(&app, argc, argv, [&]() -> Exit {
-    if (*list) return list_ports(common);
-    if (*fit_app) return fit_command(fit, common);
-    if (*recover_app) return recover_command(recover, common);
-    RunOptions run_options;
-    if (*run_app) run_options = complete(run, common.quiet); // bad files show before the device is asked
-    if (*flash || *verify) (void)read_table(table_path);
-    Device device(open_transport(port.port, port.baud), port.device);
-    device.connect();
-    if (*info) return show_info(&device, common);
-    if (*monitor_app || *record_app) return monitor(&device, watch, common);
-    if (*run_app) return calibrate_device(&device, run_options, run.table_path, common);
-    if (*flash) return flash_table(&device, table_path, common);
-    if (*verify) return verify_table(&device, table_path, common);
-    if (*dump) return dump_table(&device, table_path, common);
-    if (*stop) return stop_session(&device, common);
-    if (*rollback) return roll_back(&device, common);
-    return erase_tables(&device, common);
+    if (*c.list) return list_ports(a.common);
+    if (*c.fit) return fit_command(a.fit, a.common);
+    if (*c.recover) return recover_command(a.recover, a.common);
+    return with_device(c, a);
   });
 }

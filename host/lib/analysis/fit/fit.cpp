@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
+#include "analysis/fit/judge.h"
 #include "analysis/fit/parts.h"
 #include "base/error.h"
-#include "base/suggest.h"
 #include "base/units.h"
 
 namespace imucal {
@@ -308,10 +308,7 @@ imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc,
 FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options) {
   if (options.order < 1 || options.order > IMUCAL_MAX_ORDER)
     throw usage_error("order " + std::to_string(options.order) + " is not in 1.." + std::to_string(IMUCAL_MAX_ORDER));
-  const std::vector<std::string> rules = fit_rules();
-  for (const std::string& rule : options.accept)
-    if (std::find(rules.begin(), rules.end(), rule) == rules.end())
-      throw usage_error("--accept " + rule + ": there is no such rule" + did_you_mean(rule, rules));
+  require_rules(options.accept);
   if (options.method == FitOptions::Method::kKalman && !options.model)
     throw usage_error("the Kalman filter needs an error model: give --model, or use --method poly");
   check_logs(logs, options.ignore_metadata);

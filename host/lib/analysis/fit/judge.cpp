@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "analysis/fit/judge.h"
 #include "analysis/fit/parts.h"
 #include "base/error.h"
 #include "base/suggest.h"
@@ -115,7 +116,7 @@ void judge_residual(const ErrorModel& model, double dt_s, const FitAxis& axis, s
                           "): the polynomial misses something, or the model does"});
 }
 
-void judge_axis(const FitOptions& options, double dt_s, const FitAxis& axis, long best_n,
+void judge_axis(const JudgeOptions& options, const ErrorModel* model, double dt_s, const FitAxis& axis, long best_n,
                 std::vector<FitReason>* reasons) {
   for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule) {
     // "in 64 s" means 64 rows: of rows further apart it says nothing
@@ -124,7 +125,7 @@ void judge_axis(const FitOptions& options, double dt_s, const FitAxis& axis, lon
       reasons->push_back({axis.axis, imucal_health_rule_name(rule), static_cast<double>(axis.health.value[rule]),
                           static_cast<double>(axis.health.limit[rule]), text_of(rule, axis)});
   }
-  if (options.model) judge_residual(*options.model, dt_s, axis, reasons);
+  if (model) judge_residual(*model, dt_s, axis, reasons);
   const double part = static_cast<double>(axis.n_used) / static_cast<double>(best_n);
   if (part < kMinMeasurements)
     reasons->push_back(
@@ -176,16 +177,47 @@ std::vector<std::string> fit_rules() {
   return names;
 }
 
-bool FitResult::is_accepted() const {
+void require_rules(const std::vector<std::string>& names) {
+  const std::vector<std::string> rules = fit_rules();
+  for (const std::string& name : names)
+    if (std::find(rules.begin(), rules.end(), name) == rules.end())
+      throw usage_error("--accept " + name + ": there is no such rule" + did_you_mean(name, rules));
+}
+
+bool is_accepted(const std::vector<FitReason>& reasons) {
   return std::all_of(reasons.begin(), reasons.end(), [](const FitReason& r) { return r.is_accepted; });
 }
 
-void judge_fit(const FitOptions& options, double dt_s, FitResult* result) {
+bool FitResult::is_accepted() const {
+  return imucal::is_accepted(reasons);
+}
+
+Json judgement_json(const std::vector<FitReason>& reasons) {
+  Json list = Json::array();
+  for (const FitReason& r : reasons)
+    list.push_back({{"axis", r.axis},
+                    {"rule", r.rule},
+                    {"value", r.value},
+                    {"limit", r.limit},
+                    {"text", r.text},
+                    {"accepted", r.is_accepted}});
+  return {{"accepted", is_accepted(reasons)}, {"reasons", list}};
+}
+
+std::vector<FitReason> judge_axes(const std::vector<FitAxis>& axes, const std::vector<const ErrorModel*>& models,
+                                  double dt_s, const JudgeOptions& options) {
+  std::vector<FitReason> reasons;
   long best_n = 1;
-  for (const FitAxis& axis : result->axes) best_n = std::max(best_n, axis.n_used);
-  for (const FitAxis& axis : result->axes) judge_axis(options, dt_s, axis, best_n, &result->reasons);
-  for (FitReason& reason : result->reasons)
+  for (const FitAxis& axis : axes) best_n = std::max(best_n, axis.n_used);
+  for (size_t i = 0; i < axes.size(); ++i) judge_axis(options, models[i], dt_s, axes[i], best_n, &reasons);
+  for (FitReason& reason : reasons)
     reason.is_accepted = std::find(options.accept.begin(), options.accept.end(), reason.rule) != options.accept.end();
+  return reasons;
+}
+
+void judge_fit(const FitOptions& options, double dt_s, FitResult* result) {
+  const std::vector<const ErrorModel*> models(result->axes.size(), options.model ? &*options.model : nullptr);
+  result->reasons = judge_axes(result->axes, models, dt_s, {options.accept, options.max_error_dph});
 }
 
 } // namespace imucal

@@ -6,6 +6,7 @@
 #include <ctime>
 
 #include "analysis/fit/fit.h"
+#include "analysis/fit/judge.h"
 #include "base/error.h"
 
 namespace imucal {
@@ -65,18 +66,6 @@ Json health_json(const imucal_health_verdict_t& verdict) {
   return json;
 }
 
-Json judgement_json(const FitResult& result) {
-  Json reasons = Json::array();
-  for (const FitReason& r : result.reasons)
-    reasons.push_back({{"axis", r.axis},
-                       {"rule", r.rule},
-                       {"value", r.value},
-                       {"limit", r.limit},
-                       {"text", r.text},
-                       {"accepted", r.is_accepted}});
-  return {{"accepted", result.is_accepted()}, {"reasons", reasons}};
-}
-
 } // namespace
 
 Json to_json(const FitResult& result) {
@@ -114,7 +103,7 @@ Json to_json(const FitResult& result) {
     a["health"] = health_json(axis.health);
     json["axes"].push_back(a);
   }
-  json["judgement"] = judgement_json(result);
+  json["judgement"] = judgement_json(result.reasons);
   if (!result.warnings.empty()) json["warnings"] = result.warnings;
   return json;
 }

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: MIT
+// The verdict on what was learnt, of a log (fit.h) or on a device: the same rules, words and limits.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "analysis/fit/fit.h"
+
+namespace imucal {
+
+struct JudgeOptions {
+  std::vector<std::string> accept; // rules (fit_rules) that shall not refuse
+  double max_error_dph = 100;      // largest predicted error that is accepted without asking
+};
+
+// Reasons against the axes: the core's rules of each (FitAxis::health, error_factor), then residual, measurements and error.
+// models: one per axis, null where none is known (then the residual is not judged).
+// Read of an axis: axis, health, error_factor, sigma_dph, residual_rms_dph, n_used.
+std::vector<FitReason> judge_axes(const std::vector<FitAxis>& axes, const std::vector<const ErrorModel*>& models,
+                                  double dt_s, const JudgeOptions& options);
+
+// Every reason was accepted beforehand.
+bool is_accepted(const std::vector<FitReason>& reasons);
+
+// {"accepted": bool, "reasons": [{axis, rule, value, limit, text, accepted}]} (host/formats.md)
+Json judgement_json(const std::vector<FitReason>& reasons);
+
+// usage_error, with a suggestion: no rule has this name.
+void require_rules(const std::vector<std::string>& names);
+
+} // namespace imucal

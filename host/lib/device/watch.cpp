@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: MIT
+#include "device/watch.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <string>
+
+#include "base/clock.h"
+#include "base/error.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr double kSilence_s = 1.0;  // without any record: ask the device whether it is alive
+constexpr double kStall_s = 2.5;    // of a sensor that has delivered
+constexpr double kFirst_s = 30.0;   // until it delivers
+constexpr double kMaxStep_s = 60.0; // of the sensor's clock
+
+std::string seconds_text(double seconds) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.4g s", seconds);
+  return text;
+}
+
+} // namespace
+
+Watch::Watch(Device* device, double stall_s)
+    : device_(*device), stall_s_(stall_s), last_record_s_(now_s()), last_second_s_(last_record_s_) {}
+
+void Watch::restarted() const {
+  throw device_error(device_.port() + ": the device restarted after " + seconds_text(elapsed_s_) +
+                     " of sensor time; check its supply and start again. It keeps its last good table");
+}
+
+void Watch::saw(uint8_t id, const imucal_link_any_t& record) {
+  last_record_s_ = now_s();
+  if (id == IMUCAL_LINK_ID_SECOND) {
+    const uint32_t t_s = record.second.t_s;
+    elapsed_s_ += !has_second_ || t_s <= t_s_ ? 1.0 : std::min(static_cast<double>(t_s - t_s_), kMaxStep_s);
+    t_s_ = t_s;
+    has_second_ = true;
+    last_second_s_ = last_record_s_;
+  } else if (id == IMUCAL_LINK_ID_PROGRESS) {
+    has_sensor_ended_ = has_sensor_ended_ || record.progress.session == IMUCAL_SESSION_SENSOR_ENDED;
+  } else if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_ENDED) {
+    has_sensor_ended_ = true;
+  } else if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_BOOT) {
+    restarted();
+  }
+}
+
+// A device that has started anew streams events at most.
+void Watch::ask() {
+  const imucal_link_info_reply_t info = device_.info();
+  last_record_s_ = now_s();
+  if (info.session == IMUCAL_SESSION_SENSOR_ENDED) has_sensor_ended_ = true;
+  if (!(info.stream_what & IMUCAL_STREAM_SECOND)) restarted();
+}
+
+void Watch::check() {
+  if (has_sensor_ended_) return;
+  const double patience_s = stall_s_ > 0 ? stall_s_ : has_second_ ? kStall_s : kFirst_s;
+  const bool is_stalled = now_s() - last_second_s_ > patience_s;
+  if (is_stalled || now_s() - last_record_s_ > kSilence_s) ask();
+  if (!is_stalled || has_sensor_ended_ || now_s() - last_second_s_ <= patience_s) return;
+  is_sensor_silent_ = true;
+  throw device_error(device_.port() + ": the device answers, but its sensor has delivered nothing for " +
+                     seconds_text(patience_s) + "; check the sensor (or start its feed)");
+}
+
+} // namespace imucal
