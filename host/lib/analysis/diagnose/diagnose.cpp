@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "analysis/diagnose/blocks.h"
+#include "analysis/diagnose/shared.h"
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/units.h"
@@ -326,6 +327,55 @@ void add_found(const AxisResult& axis, bool is_only_axis, ErrorModel* model) {
   }
 }
 
+bool can_share(const AxisResult& axis) {
+  return axis.refused.empty() && !axis.study.selection.cannot_judge;
+}
+
+// What the noise of an axis has in common with another axis, named on that axis.  The size and the correlation of the
+// additional noise can only be told apart where the axis's own white noise is believed: without, all of it is shared.
+void name_shared(const Effect& effect, const SharedNoise& found, const AxisResult& other, AxisResult* axis) {
+  Selection& s = axis->study.selection;
+  const double white = s.nominal.noise().white_sigma_dph, fitted = s.fitted_noise.white_sigma_dph;
+  const double shared = std::fabs(found.covariance_dph2);
+  const double own = s.is_noise_retuned ? std::max(shared, fitted * fitted - white * white) : shared;
+  SelectedEffect named;
+  named.family = effect.family();
+  named.term.effect = &effect, named.term.estimator = effect.estimator();
+  named.term.fixed_parameters = effect.estimator()->values({{found.covariance_dph2 / own, std::sqrt(own)}, {}, {}, {}});
+  named.gain_nats = found.gain_nats, named.evidence_nats = found.gain_nats - kShared_nats;
+  named.held_out_nats = std::nan("");
+  char text[200];
+  std::snprintf(text, sizeof text, "noise shared with %s: correlation %.2f from second to second", other.axis.c_str(),
+                found.correlation);
+  named.statement = text;
+  named.set = {{&effect, nullptr, false, named.family, named.gain_nats, kShared_nats}};
+  s.effects.push_back(named);
+  if (s.verdict == Verdict::kNoGap) s.verdict = Verdict::kExplained;
+}
+
+// Every pair of axes; an axis names the partner that shares most with it.
+void find_shared(const std::vector<bool>& active, std::vector<AxisResult>* axes) {
+  const Effect* effect = nullptr;
+  const std::vector<const Effect*>& library = effect_library();
+  for (size_t j = 0; j < library.size(); ++j)
+    if (active[j] && library[j]->estimator()->form() == Form::kAxes) effect = library[j];
+  if (!effect) return;
+  const auto rest = [](const AxisResult& axis) {
+    return AxisRest{&axis.campaign, &axis.final_fit, axis.study.selection.final.noise()};
+  };
+  std::vector<SharedNoise> strongest(axes->size());
+  std::vector<size_t> partner(axes->size(), 0);
+  for (size_t i = 0; i < axes->size(); ++i)
+    for (size_t k = i + 1; k < axes->size(); ++k) {
+      if (!can_share((*axes)[i]) || !can_share((*axes)[k])) continue;
+      const SharedNoise found = shared_noise(rest((*axes)[i]), rest((*axes)[k]));
+      if (found.gain_nats > strongest[i].gain_nats) strongest[i] = found, partner[i] = k;
+      if (found.gain_nats > strongest[k].gain_nats) strongest[k] = found, partner[k] = i;
+    }
+  for (size_t i = 0; i < axes->size(); ++i)
+    if (strongest[i].gain_nats > kShared_nats) name_shared(*effect, strongest[i], (*axes)[partner[i]], &(*axes)[i]);
+}
+
 } // namespace
 
 Parameters effect_values(const Term& term, const Campaign& campaign) {
@@ -355,7 +405,6 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
   for (const std::string& name : names) {
     try {
       out.axes.push_back(diagnose_axis(options, model, logs, held_out, name, rate, &out));
-      add_found(out.axes.back(), names.size() == 1, &out.model);
     } catch (const Error& error) {
       AxisResult refused;
       refused.axis = name, refused.refused = error.what();
@@ -365,6 +414,9 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
     }
   }
   if (n_refused == names.size()) throw data_error(why);
+  find_shared(active_effects(options), &out.axes);
+  for (const AxisResult& axis : out.axes)
+    if (axis.refused.empty()) add_found(axis, names.size() == 1, &out.model);
   if (!out.has_model) {
     out.model.arw_deg_rt_h = out.axes.front().study.selection.fitted_noise.white_sigma_dph / 60;
     out.model.markov = out.axes.front().study.selection.fitted_noise.markov;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlopt.hpp>
 #include <numeric>
 
 #include "base/units.h"
@@ -395,70 +396,38 @@ double NoiseObjective::mixture(const NoiseModel& noise) const {
 
 double maximise(const std::function<double(const Theta&)>& f, Theta* theta, const Theta& lo, const Theta& hi,
                 const SearchOptions& options) {
-  const size_t n = theta->size();
   const auto inward = [&](double v) { return options.is_logarithmic ? std::log(v) : v; };
-  const auto outward = [&](size_t i, double v) {
-    return std::clamp(options.is_logarithmic ? std::exp(v) : v, lo[i], hi[i]);
+  const auto outward = [&](const std::vector<double>& x) {
+    Theta real(x.size());
+    for (size_t i = 0; i < x.size(); ++i)
+      real[i] = std::clamp(options.is_logarithmic ? std::exp(x[i]) : x[i], lo[i], hi[i]);
+    return real;
   };
-  int evaluations = 0;
-  const auto value = [&](const Theta& x) {
-    Theta real(n);
-    for (size_t i = 0; i < n; ++i) real[i] = outward(i, x[i]);
-    ++evaluations;
-    return f(real);
-  };
-  struct Point {
-    Theta x;
-    double v;
-  };
-  std::vector<Point> simplex;
-  Theta start(n);
-  for (size_t i = 0; i < n; ++i) start[i] = inward(std::clamp((*theta)[i], lo[i], hi[i]));
-  simplex.push_back({start, value(start)});
-  for (size_t i = 0; i < n; ++i) {
-    Theta x = start;
-    x[i] += options.step;
-    if (outward(i, x[i]) == outward(i, start[i])) x[i] = start[i] - options.step;
-    simplex.push_back({x, value(x)});
+  std::vector<double> x, least, most;
+  for (size_t i = 0; i < theta->size(); ++i) {
+    x.push_back(inward(std::clamp((*theta)[i], lo[i], hi[i])));
+    least.push_back(inward(lo[i])), most.push_back(inward(hi[i]));
   }
-  const auto better = [](const Point& a, const Point& b) { return a.v > b.v; };
-  while (evaluations < options.max_evaluations) {
-    std::sort(simplex.begin(), simplex.end(), better);
-    if (simplex.front().v - simplex.back().v < options.tolerance) {
-      double size = 0;
-      for (size_t i = 0; i < n; ++i) size = std::max(size, std::fabs(simplex.front().x[i] - simplex.back().x[i]));
-      if (size < 0.1 * options.step) break;
-    }
-    Theta centre(n, 0.0);
-    for (size_t k = 0; k < n; ++k)
-      for (size_t i = 0; i < n; ++i) centre[i] += simplex[k].x[i] / static_cast<double>(n);
-    const auto along = [&](double factor) {
-      Point point{Theta(n), 0};
-      for (size_t i = 0; i < n; ++i) point.x[i] = centre[i] + factor * (simplex.back().x[i] - centre[i]);
-      point.v = value(point.x);
-      return point;
-    };
-    Point reflected = along(-1.0);
-    if (reflected.v > simplex.front().v) {
-      Point expanded = along(-2.0);
-      simplex.back() = expanded.v > reflected.v ? expanded : reflected;
-    } else if (n > 1 ? reflected.v > simplex[n - 1].v : reflected.v > simplex.back().v) {
-      simplex.back() = reflected;
-    } else {
-      Point contracted = along(reflected.v > simplex.back().v ? -0.5 : 0.5);
-      if (contracted.v > std::max(reflected.v, simplex.back().v)) {
-        simplex.back() = contracted;
-      } else {
-        for (size_t k = 1; k <= n; ++k) {
-          for (size_t i = 0; i < n; ++i) simplex[k].x[i] = 0.5 * (simplex[k].x[i] + simplex[0].x[i]);
-          simplex[k].v = value(simplex[k].x);
-        }
-      }
-    }
+  nlopt::opt search(nlopt::LN_NELDERMEAD, static_cast<unsigned>(x.size()));
+  std::function<double(const std::vector<double>&)> value = [&](const std::vector<double>& at) {
+    return f(outward(at));
+  };
+  search.set_max_objective(
+      [](const std::vector<double>& at, std::vector<double>&, void* data) {
+        return (*static_cast<std::function<double(const std::vector<double>&)>*>(data))(at);
+      },
+      &value);
+  search.set_lower_bounds(least), search.set_upper_bounds(most);
+  search.set_initial_step(options.step);
+  search.set_ftol_abs(options.tolerance);
+  search.set_maxeval(options.max_evaluations);
+  double reached = 0;
+  try {
+    search.optimize(x, reached);
+  } catch (const nlopt::roundoff_limited&) { // x and reached hold the best point so far
   }
-  std::sort(simplex.begin(), simplex.end(), better);
-  for (size_t i = 0; i < n; ++i) (*theta)[i] = outward(i, simplex.front().x[i]);
-  return simplex.front().v;
+  *theta = outward(x);
+  return reached;
 }
 
 Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,

@@ -76,7 +76,7 @@ private:
   Eigen::VectorXd prior_;
 };
 
-// Maximises by Nelder-Mead inside bounds; `theta` is start and result; returns the value reached.
+// Maximises by the Nelder-Mead search of NLopt inside bounds; `theta` is start and result; returns the value reached.
 struct SearchOptions {
   int max_evaluations = 60;
   double step = 0.3;       // of the first simplex (in the logarithm where is_logarithmic)
