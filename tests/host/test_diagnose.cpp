@@ -10,6 +10,7 @@
 #include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/diagnose.h"
 #include "analysis/diagnose/panel.h"
+#include "analysis/diagnose/shared.h"
 #include "base/rng.h"
 #include "base/units.h"
 // After the others: it defines a macro `fail`.
@@ -360,6 +361,70 @@ static void test_gram_of_wide_columns_is_that_of_whitened_ones(void**) {
   }
 }
 
+// White innovations of a campaign, with a tone whose frequency follows the temperature.
+static std::vector<VectorXd> innovations_with_tone(const Campaign& campaign, double amplitude, double hz,
+                                                   double hz_per_degc) {
+  std::vector<VectorXd> e;
+  Rng rng(77, 0, 0, Stream::kWhite);
+  for (const CampaignRun& run : campaign.runs) {
+    VectorXd x(static_cast<long>(run.n()));
+    double phase = 0.3;
+    for (size_t k = 0; k < run.n(); ++k) {
+      const size_t row = static_cast<size_t>(run.used[k]);
+      phase += 2 * kPi * (hz + hz_per_degc * (run.input.smooth_degc[row] - run.input.t0_degc));
+      x[static_cast<long>(k)] = rng.normal() + amplitude * std::cos(phase);
+    }
+    e.push_back(std::move(x));
+  }
+  return e;
+}
+
+static void test_a_line_that_drifts_with_temperature_is_found_as_one(void**) {
+  const Campaign campaign = make_campaign({simulated_log(21, 6000, false, 0)}, "gx_dph", nominal_model());
+  constexpr double kHz = 0.11, kHz_per_degc = 2e-3 * 0.25; // a slope of the grid: (12/24)^2 of its largest
+  const std::vector<VectorXd> drifting = innovations_with_tone(campaign, 0.25, kHz, kHz_per_degc);
+  const Line steady = strongest_line(campaign, drifting, false), line = strongest_line(campaign, drifting, true);
+  assert_near(line.hz, kHz, 2.0 / 8192);
+  assert_near(line.hz_per_degc, kHz_per_degc, 1e-9);
+  // Energy n A^2 / 4 of a line that is in one bin; smeared over 60 degC * slope = 200 bins otherwise.
+  assert_near(line.gain_nats, 6000 * 0.25 * 0.25 / 4, 40);
+  assert_true(steady.gain_nats < 22);
+  const std::vector<VectorXd> nothing = innovations_with_tone(campaign, 0, kHz, 0);
+  assert_true(strongest_line(campaign, nothing, true).gain_nats < 28);
+}
+
+static void test_noise_that_axes_share_is_told_from_slow_causes_of_both(void**) {
+  const Log first = simulated_log(31, 5000, false, 0);
+  Log other = simulated_log(32, 5000, true, 0);
+  const auto rest_of = [](const Campaign& campaign, Fit* fit) {
+    *fit = fit_hypothesis(campaign, nominal_hypothesis());
+    return AxisRest{&campaign, fit, nominal_hypothesis().base_noise};
+  };
+  const Campaign a = make_campaign({first}, "gx_dph", nominal_model()),
+                 b = make_campaign({other}, "gx_dph", nominal_model());
+  Fit fit_a, fit_b;
+  assert_true(shared_noise(rest_of(a, &fit_a), rest_of(b, &fit_b)).gain_nats < kShared_nats);
+
+  // 10 dph of common noise of opposite sign: covariance -100 dph^2.
+  Campaign c = a, d = a;
+  Rng rng(5, 0, 0, Stream::kWhite);
+  for (size_t i = 0; i < c.runs[0].input.size(); ++i) {
+    const double common = 10 * rng.normal();
+    c.runs[0].input.rate_dph[i] += common;
+    d.runs[0].input.rate_dph[i] = 36 * rng.normal() - common;
+  }
+  const SharedNoise found = shared_noise(rest_of(c, &fit_a), rest_of(d, &fit_b));
+  assert_true(found.gain_nats > kShared_nats && found.correlation < 0);
+  assert_near(found.covariance_dph2, -100, 4 * 37 * 37 / std::sqrt(5000.0));
+
+  // A slow cause on both, which no answer takes: not shared noise.
+  for (Campaign* slow : {&c, &d})
+    for (size_t i = 0; i < slow->runs[0].input.size(); ++i)
+      slow->runs[0].input.rate_dph[i] = (slow == &c ? a : b).runs[0].input.rate_dph[i % 4500] +
+                                        60 * std::sin(2 * kPi * static_cast<double>(i) / 900);
+  assert_true(shared_noise(rest_of(c, &fit_a), rest_of(d, &fit_b)).gain_nats < kShared_nats);
+}
+
 static void test_curvature_gives_the_errors_of_a_gaussian(void**) {
   // Standard deviations 0.3 and 20, correlation 0.8; a step of a tenth of the value is far from either.
   const auto f = [](const Theta& x) {
@@ -388,6 +453,8 @@ int main() {
       cmocka_unit_test(test_search_names_hysteresis_whatever_noise_is_believed),
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),
       cmocka_unit_test(test_gram_of_wide_columns_is_that_of_whitened_ones),
+      cmocka_unit_test(test_a_line_that_drifts_with_temperature_is_found_as_one),
+      cmocka_unit_test(test_noise_that_axes_share_is_told_from_slow_causes_of_both),
       cmocka_unit_test(test_curvature_gives_the_errors_of_a_gaussian),
   };
   return cmocka_run_group_tests_name("diagnose", tests, nullptr, nullptr);
