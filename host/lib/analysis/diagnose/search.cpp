@@ -601,6 +601,7 @@ struct SlowSearch::Impl {
     }
     out.step_gain_nats = out.null.free_score() - plain.null.free_score();
     out.null = plain.null;
+    out.without_steps = std::make_shared<const SlowResult>(plain);
   }
   void run_with(const SlowModel& about, const SlowModel& null) {
     make_nodes(about);
@@ -756,6 +757,9 @@ NoiseModel SlowSearch::base_noise_of(const SlowModel& model) const {
 }
 std::vector<MeanPart> SlowSearch::parts_on(const SlowData& data, const SlowModel& model) const {
   return impl_->parts_on(data, model);
+}
+double SlowSearch::score(const SlowModel& model) const {
+  return impl_->score(model);
 }
 SlowModel SlowSearch::polished(const SlowModel& model) const {
   return impl_->polished(model);

@@ -86,6 +86,8 @@ struct SlowResult {
   std::vector<SlowCandidateScore> noises;  // per slow noise effect of the library that was tried
   std::vector<const Effect*> noise_effects;
   double step_gain_nats = 0;    // of all jumps of `best` over the null without them
+  // Where jumps in time were found: the answer without them.  Other data choose between the two.
+  std::shared_ptr<const SlowResult> without_steps;
   std::vector<size_t> replaced; // free shapes that gain somewhat more than the member named in their place
 };
 
@@ -111,6 +113,7 @@ public:
   // The columns of a model on this or on other data: steps belong to the runs of the data searched, which come first.
   std::vector<MeanPart> parts_on(const SlowData& data, const SlowModel& model) const;
   RunGrams grams_of(const SlowModel& model) const;
+  double score(const SlowModel& model) const; // less all thresholds: what the search maximises
   // Noise and shape parameters estimated again.
   SlowModel polished(const SlowModel& model) const;
 

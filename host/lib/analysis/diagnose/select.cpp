@@ -49,6 +49,7 @@ public:
     }
     out_.slow = out_.search->run();
     if (held_out_) held_blocks_.reset(new Campaign(block_means(*held_out_, block_s)));
+    weigh_steps();
     hold_out();
     seconds();
     name_slow();
@@ -88,6 +89,21 @@ private:
       effect.held_out_nats = kNaN;
       effect.set = {{f.effect, nullptr, false, effect.family, f.signature.evidence_nats, 0}};
       structural_.push_back(effect);
+    }
+  }
+
+  // A jump in time predicts no other log; a cause that makes one at a temperature does.  Held-out logs count as data of
+  // the same likelihood: the answer without jumps stands where it makes all logs together more likely.
+  void weigh_steps() {
+    if (!held_blocks_ || !out_.slow.without_steps) return;
+    const SlowResult& other = *out_.slow.without_steps;
+    const auto all_logs = [&](const SlowModel& m) {
+      const GapResult gap = measure_gap(*out_.search, *out_.data, held_blocks_.get(), out_.slow.null, m);
+      return out_.search->score(m) + 0.5 * gap.delta_deviance;
+    };
+    if (!other.best.names.empty() && all_logs(other.best) > all_logs(out_.slow.best)) {
+      const SlowResult chosen = other;
+      out_.slow = chosen;
     }
   }
 
@@ -512,7 +528,8 @@ private:
       is_undecided = is_undecided || e.doubt == Doubt::kSlowNoise;
       has_member = has_member || (e.doubt != Doubt::kShapeOpen && e.doubt != Doubt::kSlowNoise);
     }
-    const bool grows = out_.gap.has_mean && out_.gap.rms_after_dph > 1.02 * out_.gap.rms_before_dph;
+    const bool has_mean = out_.gap.has_mean || !out_.slow.best.steps.empty();
+    const bool grows = has_mean && out_.gap.rms_after_dph > 1.02 * out_.gap.rms_before_dph;
     fires = fires || !s.dropped.empty();
     if (s.effects.empty())
       s.verdict = fires ? Verdict::kUnexplained : Verdict::kNoGap;

@@ -5,6 +5,7 @@
 // (Visintin, Differential Models of Hysteresis, 1994); in gyros a part that snaps between two seats, or a
 // loop that changes over at a temperature.  It repeats in every run. Start: where a run begins inside the
 // band, s is what the history left.  Drawn: 0 or 1 with equal odds; cold and settled: 0.
+#include <algorithm>
 #include <cmath>
 
 #include "physics/effects/estimation.h"
@@ -24,6 +25,27 @@ Column relay_column(const std::vector<double>& temp, double up_degc, double widt
     column[i] = is_on ? 1.0 : 0.0;
   }
   return column;
+}
+
+// Share of each row's time that the relay is on.  A row lasts from halfway to the row before to halfway to the next, its
+// temperature linear in between: the jump lies where the temperature crosses, not where a row ends, which matters where
+// the rows are means over many seconds.
+Column relay_share(const std::vector<double>& temp, double up_degc, double width_degc, bool start) {
+  const size_t n = temp.size();
+  const double down_degc = up_degc - width_degc;
+  Column share(n);
+  bool is_on = n > 0 && (start ? temp[0] >= down_degc : temp[0] > up_degc);
+  for (size_t i = 0; i < n; ++i) {
+    const double from = i ? 0.5 * (temp[i - 1] + temp[i]) : temp[i],
+                 to = i + 1 < n ? 0.5 * (temp[i] + temp[i + 1]) : temp[i];
+    const double limit = is_on ? down_degc : up_degc;
+    const bool will_be = is_on ? to >= limit : to > limit;
+    const double before = will_be == is_on ? 1.0 : std::clamp((limit - from) / (to - from), 0.0, 1.0);
+    share[i] = is_on ? before : 1 - before;
+    if (will_be == is_on) share[i] = is_on ? 1.0 : 0.0;
+    is_on = will_be;
+  }
+  return share;
 }
 
 class ThermalStep : public Effect, public EffectEstimator {
@@ -75,13 +97,13 @@ public:
   Theta shape_lo() const override { return {-250, 0}; }
   Theta shape_hi() const override { return {2000, 60}; }
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
-    return {relay_column(run.smooth_degc, shape[0], shape[1], false)};
+    return {relay_share(run.smooth_degc, shape[0], shape[1], false)};
   }
   // Where the run begins inside the band: until it first leaves it, s may be 1 as well.
   std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
-    Column difference = relay_column(run.smooth_degc, shape[0], shape[1], true);
-    const Column off = relay_column(run.smooth_degc, shape[0], shape[1], false);
-    if (difference.empty() || difference[0] == off[0]) return {};
+    Column difference = relay_share(run.smooth_degc, shape[0], shape[1], true);
+    const Column off = relay_share(run.smooth_degc, shape[0], shape[1], false);
+    if (difference == off) return {};
     for (size_t i = 0; i < difference.size(); ++i) difference[i] -= off[i];
     return {difference};
   }
