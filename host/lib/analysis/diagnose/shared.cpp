@@ -10,7 +10,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kBlock_s = 30;
+constexpr double kLocalMean_s = 30;
 
 // Innovations of both axes at the rows that both use.
 void common_rows(const CampaignRun& a, const VectorXd& ea, const CampaignRun& b, const VectorXd& eb, VectorXd* x,
@@ -48,7 +48,7 @@ double innovation_sigma_dph(const AxisRest& axis) {
 SharedNoise shared_noise(const AxisRest& a, const AxisRest& b) {
   SharedNoise out;
   double xx = 0, yy = 0, xy = 0, dof = 0;
-  const long block = std::max(2L, std::lround(kBlock_s / a.campaign->dt_s));
+  const long block = std::max(2L, std::lround(kLocalMean_s / a.campaign->dt_s));
   for (size_t r = 0; r < std::min(a.campaign->runs.size(), b.campaign->runs.size()); ++r) {
     VectorXd x, y;
     common_rows(a.campaign->runs[r], a.fit->e[r], b.campaign->runs[r], b.fit->e[r], &x, &y);
