@@ -9,6 +9,7 @@
 #include "analysis/errormodel/simulate.h"
 #include "base/error.h"
 #include "near.h"
+#include "physics/effects/closed_forms.h"
 
 using namespace imucal;
 using Kind = NoiseComponent::Kind;

@@ -16,6 +16,7 @@
 #include "base/units.h"
 
 #include "near.h"
+#include "physics/effects/closed_forms.h"
 
 using namespace imucal;
 

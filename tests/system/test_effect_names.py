@@ -8,7 +8,6 @@ EFFECTS = ROOT / "host" / "lib" / "physics" / "effects"
 
 # Where a name may stand beside its own file, and why.  An entry that is not needed any more fails too.
 ALLOWED = {
-    "host/lib/noise/components.cpp": "closed forms of the noise room, which lies below the effects",
     "host/lib/analysis/profile/signature.cpp": "the standard sizes that profiles are compared with",
     "host/scripts/bench_diagnose.py": "what the benchmark simulates",
     "host/tools/dp/main.cpp": "member of the JSON of dp, not an effect",

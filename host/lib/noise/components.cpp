@@ -25,50 +25,41 @@ NoiseComponent markov_component(double variance_dph2, double tau_s, double dt_s)
   return c;
 }
 
-namespace {
-
-// One component of an effect; its parameters read with errors that name effect and field.
-NoiseComponent effect_component(const EffectSpec& effect, double dt_s) {
-  const JsonField field(effect.parameters, "effect " + effect.name);
+NoiseComponent walk_component(double step_variance_dph2) {
   NoiseComponent c;
-  if (effect.name == "second_markov")
-    return markov_component(std::pow(field.at("sigma_dph").number(0, 1e9), 2), field.at("tau_s").number(1e-3, 1e9),
-                            dt_s);
-  if (effect.name == "quantization") {
-    const double lsb = field.at("lsb_dph").number(0, 1e9);
-    return white_component(lsb * lsb / 12);
-  }
-  if (effect.name == "angle_quantization") {
-    c.kind = Kind::kAngleQuantization;
-    c.power_dph2 = std::pow(field.at("q_arcsec").number(0, 1e9) / dt_s, 2);
-  } else if (effect.name == "rate_random_walk") {
-    c.kind = Kind::kRandomWalk;
-    c.power_dph2 = std::pow(field.at("k_dph_per_rt_s").number(0, 1e9), 2) * dt_s;
-  } else if (effect.name == "rate_ramp") {
-    c.kind = Kind::kRamp;
-    c.power_dph2 = std::pow(field.at("ramp_dph_per_h").number(-1e9, 1e9) * dt_s / kSecondsPerHour, 2);
-  } else if (effect.name == "sinusoid") {
-    c.kind = Kind::kSinusoid;
-    c.power_dph2 = std::pow(field.at("amplitude_dph").number(-1e9, 1e9), 2);
-    c.omega_rad = 2 * kPi * field.at("frequency_hz").number(1e-12, 1e6) * dt_s;
-  } else {
-    throw data_error(
-        "effect \"" + effect.name +
-        "\" has no closed form; known here: second_markov, quantization, "
-        "angle_quantization, rate_random_walk, rate_ramp, sinusoid (simulate the others: gyrosim log, then dp)");
-  }
+  c.kind = Kind::kRandomWalk;
+  c.power_dph2 = step_variance_dph2;
   return c;
 }
 
-} // namespace
+NoiseComponent ramp_component(double slope_dph_per_sample) {
+  NoiseComponent c;
+  c.kind = Kind::kRamp;
+  c.power_dph2 = std::pow(slope_dph_per_sample, 2);
+  return c;
+}
 
-std::vector<NoiseComponent> noise_components(const ErrorModel& model, double dt_s) {
+NoiseComponent sinusoid_component(double amplitude_dph, double omega_rad_per_sample) {
+  NoiseComponent c;
+  c.kind = Kind::kSinusoid;
+  c.power_dph2 = std::pow(amplitude_dph, 2);
+  c.omega_rad = omega_rad_per_sample;
+  return c;
+}
+
+NoiseComponent angle_component(double angle_error_dph) {
+  NoiseComponent c;
+  c.kind = Kind::kAngleQuantization;
+  c.power_dph2 = std::pow(angle_error_dph, 2);
+  return c;
+}
+
+std::vector<NoiseComponent> model_components(const ErrorModel& model, double dt_s) {
   std::vector<NoiseComponent> out;
   const double white = white_sigma_dph(model.arw_deg_rt_h, dt_s);
   if (white > 0) out.push_back(white_component(white * white));
   for (const Markov& m : model.markov)
     if (m.sigma_dph > 0) out.push_back(markov_component(m.sigma_dph * m.sigma_dph, m.tau_s, dt_s));
-  for (const EffectSpec& e : model.effects) out.push_back(effect_component(e, dt_s));
   return out;
 }
 

@@ -2,11 +2,7 @@
 // An error model as a list of independent components, each with its power and its covariance: what the closed
 // forms, the fits and the simulation share.
 //
-// From the model: `arw_deg_rt_h` (white), `markov`; from its effects: `second_markov`, `rate_random_walk`
-// (k_dph_per_rt_s), `rate_ramp` (ramp_dph_per_h), `sinusoid` (amplitude_dph, frequency_hz), `quantization`
-// (lsb_dph: adds lsb^2/12, right where the other noise is above half a step) and `angle_quantization`
-// (q_arcsec: standard deviation of the white angle error whose difference is read as rate: IEEE 952's
-// quantisation noise; 1 arcsec per second is 1 deg/h).  Other effects have no covariance and are refused.
+// The model's own terms stand here; an effect of the model is asked for its closed form (physics/effects/closed_forms.h).
 #pragma once
 #include <string>
 #include <vector>
@@ -27,11 +23,15 @@ struct NoiseComponent {
   bool is_stationary() const { return kind != Kind::kRandomWalk && kind != Kind::kRamp; }
 };
 
-// data_error names an effect without a closed form, and a negative or missing parameter.
-// The thermal polynomial and the turn-on constant are not noise: they are detrended or estimated.
-std::vector<NoiseComponent> noise_components(const ErrorModel& model, double dt_s = 1.0);
+// White noise and Markov terms of the model; not its effects.  The thermal polynomial and the turn-on constant are not
+// noise: they are detrended or estimated.
+std::vector<NoiseComponent> model_components(const ErrorModel& model, double dt_s = 1.0);
 NoiseComponent white_component(double variance_dph2);
 NoiseComponent markov_component(double variance_dph2, double tau_s, double dt_s = 1.0);
+NoiseComponent walk_component(double step_variance_dph2);
+NoiseComponent ramp_component(double slope_dph_per_sample);
+NoiseComponent sinusoid_component(double amplitude_dph, double omega_rad_per_sample);
+NoiseComponent angle_component(double angle_error_dph); // standard deviation of one of the two angle errors, as rate
 
 // Variance of the sum of k samples [dph^2], without the part that is the same as a constant's (power * k^2 for
 // Markov): so the combinations of it that do not see constants (AV, DP1) lose no digits, and it exists for the

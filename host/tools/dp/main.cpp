@@ -9,6 +9,7 @@
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/confidence.h"
 #include "cli/program.h"
+#include "physics/effects/closed_forms.h"
 
 using namespace imucal;
 

@@ -5,6 +5,7 @@
 #include <complex>
 
 #include "base/error.h"
+#include "physics/effects/closed_forms.h"
 
 namespace imucal {
 

@@ -11,6 +11,7 @@
 #include "analysis/errormodel/simulate.h"
 #include "base/error.h"
 #include "base/parallel.h"
+#include "physics/effects/closed_forms.h"
 
 namespace imucal {
 

@@ -4,11 +4,13 @@
 // effects/estimation.h.
 #pragma once
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "base/rng.h"
 #include "io/model.h"
+#include "noise/components.h"
 #include "physics/effects/parameters.h"
 
 namespace imucal {
@@ -96,6 +98,12 @@ public:
   // a random start state is the cold one.  `parameters`: from read_parameters of this effect.
   // Throws data_error for values that do not go together.
   virtual void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const = 0;
+
+  // The effect as a noise component of samples dt_s apart, where its covariance has a closed form (noise/components.h);
+  // parameters from read_parameters.  Empty: it can only be simulated.
+  virtual std::optional<NoiseComponent> closed_form(const Parameters& /*parameters*/, double /*dt_s*/) const {
+    return std::nullopt;
+  }
 
   // The form for estimation (effects/estimation.h).
   virtual const EffectEstimator* estimator() const { return nullptr; }

@@ -26,6 +26,11 @@ public:
     for (double& rate : run->rate_dph) rate = lsb * std::round(rate / lsb);
   }
 
+  std::optional<NoiseComponent> closed_form(const Parameters& p, double /*dt_s*/) const override {
+    // Right where the other noise is above half a step.
+    return white_component(std::pow(p.number("lsb_dph"), 2) / 12);
+  }
+
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kStructural; }
   bool needs_temperature() const override { return false; }

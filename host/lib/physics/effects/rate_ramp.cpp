@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The bias drifts linearly in time, the same way in every run: rate += R t, t from the start of the run.
 // Source: rate ramp of IEEE Std 952-1997, annex C.
+#include "base/units.h"
 #include "physics/effects/estimation.h"
 
 namespace imucal {
@@ -25,6 +26,10 @@ public:
     if (stage != SimStage::kBias) return;
     const double ramp = parameters.number("ramp_dph_per_h");
     for (size_t i = 0; i < run->rate_dph.size(); ++i) run->rate_dph[i] += ramp * (run->t_s[i] - run->t_s[0]) / 3600.0;
+  }
+
+  std::optional<NoiseComponent> closed_form(const Parameters& p, double dt_s) const override {
+    return ramp_component(p.number("ramp_dph_per_h") * dt_s / kSecondsPerHour);
   }
 
   const EffectEstimator* estimator() const override { return this; }

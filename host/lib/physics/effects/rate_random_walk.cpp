@@ -35,6 +35,10 @@ public:
     }
   }
 
+  std::optional<NoiseComponent> closed_form(const Parameters& p, double dt_s) const override {
+    return walk_component(std::pow(p.number("k_dph_per_rt_s"), 2) * dt_s);
+  }
+
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kNoise; }
   bool needs_temperature() const override { return false; }

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A second first-order Gauss-Markov process beside the nominal one (Berman's model with two instabilities).
+#include <cmath>
+
 #include "physics/effects/estimation.h"
 
 namespace imucal {
@@ -29,6 +31,10 @@ public:
     path.sigma_dph.assign(run->t_s.size(), parameters.number("sigma_dph"));
     path.tau_s.assign(run->t_s.size(), parameters.number("tau_s"));
     run->markov.push_back(path);
+  }
+
+  std::optional<NoiseComponent> closed_form(const Parameters& p, double dt_s) const override {
+    return markov_component(std::pow(p.number("sigma_dph"), 2), p.number("tau_s"), dt_s);
   }
 
   const EffectEstimator* estimator() const override { return this; }

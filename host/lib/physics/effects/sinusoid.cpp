@@ -53,6 +53,11 @@ public:
     }
   }
 
+  std::optional<NoiseComponent> closed_form(const Parameters& p, double dt_s) const override {
+    if (p.number_or("drift_hz_per_degc", 0.0) != 0) return std::nullopt; // no one frequency
+    return sinusoid_component(p.number("amplitude_dph"), 2 * kPi * p.number("frequency_hz") * dt_s);
+  }
+
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kTone; }
   bool needs_temperature() const override { return false; }
