@@ -154,7 +154,12 @@ int main(int argc, char** argv) {
   try {
     const Subcommand* subcommand = find_subcommand(name);
     if (!subcommand) throw usage_error("no subcommand \"" + name + "\" (try imucal --help)");
-    return dispatch(places_of(fs::canonical("/proc/self/exe")), *subcommand, {argv + 2, argv + argc});
+    std::error_code error;
+    const fs::path self = fs::canonical("/proc/self/exe", error);
+    if (error)
+      throw data_error("/proc/self/exe cannot be read (" + error.message() +
+                       "): mount /proc, imucal finds its programs by it");
+    return dispatch(places_of(self), *subcommand, {argv + 2, argv + argc});
   } catch (const Error& e) {
     std::fprintf(stderr, "imucal: %s\n", e.what());
     return static_cast<int>(e.exit());
