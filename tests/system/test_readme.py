@@ -2,7 +2,7 @@
 """The READMEs run: every command line of them, exactly as printed, in a folder that holds only the example's files.
 
 A command line is an indented line that begins with one of our programs; what follows three blanks or more, or stands in
-round brackets at its end, is a remark.  Lines with --port need a device: they are skipped, loudly.  A block
+round brackets at its end, is a remark.  Lines with --port talk to an emulated device with a running sensor.  A block
 after "<!-- not run: why -->" is left out; the count of these is held, so that none slips out unseen."""
 import json
 import os
@@ -12,6 +12,7 @@ import shlex
 import subprocess
 
 import pytest
+from imu import Imu
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
@@ -63,10 +64,31 @@ def folder(tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module")
+def device(tmp_path_factory):
+    """What is behind /dev/ttyACM0: the firmware as a process, beside the files that its lines name."""
+    path = tmp_path_factory.mktemp("readme_device")
+    imu = Imu(path)
+    (path / "chamber.json").write_text(json.dumps(PROFILE))
+    (path / "model.json").write_text(json.dumps(MODEL))
+    yield imu
+    imu.close()
+
+
+def run_at(device, words):
+    """In the order of the README: the table that `verify` compares is that of `run`."""
+    if "run" in words:
+        (device.folder / "log.csv").unlink(missing_ok=True)
+        device.sense(PROFILE, MODEL)
+    result = subprocess.run([BUILD / "bin" / words[0], *(device.port if w == "/dev/ttyACM0" else w for w in words[1:])],
+                            cwd=device.folder, capture_output=True, text=True, timeout=120)
+    assert result.returncode == 0, (words, result.stderr)
+
+
 @pytest.mark.parametrize("path, number, text", LINES, ids=lambda x: str(x)[:50].replace(str(ROOT), ""))
-def test_command_line_of_a_readme_runs_as_printed(folder, path, number, text):
+def test_command_line_of_a_readme_runs_as_printed(folder, device, path, number, text):
     if "--port" in text:
-        pytest.skip("LOUD: %s:%d: needs a device with a running sensor: tests/system/test_calibrate.py runs it" % (path.name, number))
+        return run_at(device, shlex.split(text))
     if text.startswith(SLOW) and not os.environ.get("SLOW"):
         pytest.skip("LOUD: %s:%d: takes long: SLOW=1 runs it" % (path.name, number))
     words = shlex.split(text)

@@ -67,6 +67,8 @@ class LineReader {
 public:
   explicit LineReader(const std::string& path) : path_(path), file_(path) {}
   bool next() {
+    last_length_ = line_.size();
+    has_line_end_ = false;
     line_.clear();
     for (;;) {
       if (at_ == filled_) {
@@ -83,6 +85,7 @@ public:
         const auto length = static_cast<size_t>(static_cast<const char*>(newline) - begin);
         line_.append(begin, length);
         at_ += length + 1;
+        has_line_end_ = true;
         break;
       }
       line_.append(begin, filled_ - at_);
@@ -91,6 +94,13 @@ public:
     if (++number_ == 1) strip_byte_order_mark(path_, &line_);
     if (!line_.empty() && line_.back() == '\r') line_.pop_back();
     return true;
+  }
+  // A file that ends inside a row, perhaps inside a number: without line end and shorter than the row before.
+  void refuse_cut_row() const {
+    if (!has_line_end_ && line_.size() < last_length_)
+      fail("the last row has no line end and is shorter than the one before: the file is cut off in it; take it off, "
+           "or end "
+           "it with a line end where it is whole");
   }
   long number() const { return number_; }
   const std::string& line() const { return line_; }
@@ -104,6 +114,8 @@ private:
   std::vector<char> buffer_ = std::vector<char>(1 << 16);
   size_t at_ = 0, filled_ = 0;
   std::string line_;
+  size_t last_length_ = 0;
+  bool has_line_end_ = true;
   long number_ = 0;
 };
 
@@ -251,6 +263,7 @@ template <typename OnHeader, typename OnRow> void walk(const std::string& path, 
     const char* const end = at + line.size();
     double t_s = 0, temp_degc = 0;
     const size_t n_fields = columns.size() + 2;
+    if (n_rows > 0) in.refuse_cut_row();
     for (size_t f = 0; f < n_fields; ++f) {
       const char* comma =
           f + 1 < n_fields ? static_cast<const char*>(std::memchr(at, ',', static_cast<size_t>(end - at))) : end;
