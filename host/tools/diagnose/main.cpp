@@ -20,65 +20,96 @@ static Markov parse_instability(const std::string& text) {
   return out;
 }
 
-int main(int argc, char** argv) {
-  cli::App app("find what a gyro does that its error model leaves out", "diagnose");
+namespace {
+
+// What the command line says beside the options of the library.
+struct Request {
   CommonOptions common;
   DiagnoseOptions options;
   bool list = false, no_cache = false;
   std::string model_out, instability;
   double arw = 0;
-  options.cache_folder = default_cache_folder();
-  add_common_options(&app, &common, kWithSeed | kWithThreads);
-  app.add_option("--model", options.model_path, "error model that is believed; without it the noise is estimated")
+  cli::Option* arw_option = nullptr;
+};
+
+void add_noise_options(cli::App* app, Request* r) {
+  app->add_option("--model", r->options.model_path, "error model that is believed; without it the noise is estimated")
       ->type_name("MODEL.json");
-  auto* arw_option = app.add_option("--arw", arw, "data sheet in the place of a model: angle random walk")
-                         ->type_name("DEG_RT_H")
-                         ->check(cli::PositiveNumber);
-  app.add_option("--instability", instability, "data sheet: bias instability and its time constant")
+  r->arw_option = app->add_option("--arw", r->arw, "data sheet in the place of a model: angle random walk")
+                      ->type_name("DEG_RT_H")
+                      ->check(cli::PositiveNumber);
+  app->add_option("--instability", r->instability, "data sheet: bias instability and its time constant")
       ->type_name("SIGMA_DPH:TAU_S");
-  app.add_option("--log", options.logs, "logs of one device, each a run")->type_name("LOG.csv ...");
-  app.add_option("--holdout", options.held_out, "logs that are not fitted, only predicted")->type_name("LOG.csv ...");
-  app.add_option("--axis", options.axes, "axes to diagnose (default: all gyro axes)");
-  app.add_option("--without", options.without, "effect to take out of the library");
-  app.add_option("--only", options.only, "effect to keep; all others are taken out");
-  app.add_option("--false-alarm-rate", options.false_alarm_rate,
-                 "probability of naming anything when there is no gap, all candidates and axes counted")
+}
+
+void add_data_options(cli::App* app, Request* r) {
+  DiagnoseOptions& o = r->options;
+  app->add_option("--log", o.logs, "logs of one device, each a run")->type_name("LOG.csv ...");
+  app->add_option("--holdout", o.held_out, "logs that are not fitted, only predicted")->type_name("LOG.csv ...");
+  app->add_option("--axis", o.axes, "axes to diagnose (default: all gyro axes)");
+  app->add_option("--without", o.without, "effect to take out of the library");
+  app->add_option("--only", o.only, "effect to keep; all others are taken out");
+}
+
+void add_calibration_options(cli::App* app, Request* r) {
+  DiagnoseOptions& o = r->options;
+  app->add_option("--false-alarm-rate", o.false_alarm_rate,
+                  "probability of naming anything when there is no gap, all candidates and axes counted")
       ->check(cli::Range(1e-6, 0.5))
       ->capture_default_str();
-  app.add_option("--nulls", options.nulls, "simulations of the fitted noise for calibration")
+  app->add_option("--nulls", o.nulls, "simulations of the fitted noise for calibration")
       ->check(cli::Range(50, 100000))
       ->capture_default_str();
-  app.add_option("--cache", options.cache_folder, "folder of calibrations")->type_name("DIR")->capture_default_str();
-  app.add_flag("--no-cache", no_cache, "calibrate anew and keep nothing");
-  app.add_option("--model-seconds", options.model_seconds,
-                 "kept for old command lines: the noise is estimated again in any case")
+  app->add_option("--cache", o.cache_folder, "folder of calibrations")->type_name("DIR")->capture_default_str();
+  app->add_flag("--no-cache", r->no_cache, "calibrate anew and keep nothing");
+  app->add_option("--model-seconds", o.model_seconds,
+                  "kept for old command lines: the noise is estimated again in any case")
       ->check(cli::NonNegativeNumber);
-  app.add_option("--model-out", model_out, "write the model with the effects found")->type_name("MODEL.json");
-  app.add_flag("--list-effects", list, "list the library and stop");
-  return run_program(&app, argc, argv, [&] {
-    if (list) {
-      const Json library = library_json();
-      if (common.wants_json()) write_json(common.json_path, library);
-      if (common.talks())
-        for (const Json& effect : library["effects"])
-          std::cout << effect["name"].get<std::string>() << ": " << effect["description"].get<std::string>() << "\n";
-      return Exit::kDone;
-    }
-    if (options.logs.empty()) throw usage_error("at least one --log LOG.csv is needed (or --list-effects)");
-    if (!options.model_path.empty() && (arw_option->count() > 0 || !instability.empty()))
-      throw usage_error("give --model or a data sheet (--arw, --instability), not both");
-    if (arw_option->count() > 0) options.arw_deg_rt_h = arw;
-    if (!instability.empty()) options.instability = parse_instability(instability);
-    options.seed = common.seed;
-    options.threads = common.thread_count();
-    options.quiet = common.quiet;
-    if (no_cache) options.cache_folder.clear();
-    const DiagnoseResult result = diagnose(options);
-    if (common.wants_json()) write_json(common.json_path, diagnosis_json(options, result));
-    if (!model_out.empty()) write_json(model_out, to_json(result.model));
-    if (common.talks()) std::cout << diagnosis_text(options, result);
-    if (!common.talks())
-      for (const std::string& warning : result.warnings) std::cerr << "diagnose: warning: " << warning << "\n";
-    return Exit::kDone;
-  });
+  app->add_option("--model-out", r->model_out, "write the model with the effects found")->type_name("MODEL.json");
+  app->add_flag("--list-effects", r->list, "list the library and stop");
+}
+
+Exit list_effects(const CommonOptions& common) {
+  const Json library = library_json();
+  if (common.wants_json()) write_json(common.json_path, library);
+  if (common.talks())
+    for (const Json& effect : library["effects"])
+      std::cout << effect["name"].get<std::string>() << ": " << effect["description"].get<std::string>() << "\n";
+  return Exit::kDone;
+}
+
+Exit run(Request* r) {
+  const CommonOptions& common = r->common;
+  DiagnoseOptions& options = r->options;
+  if (r->list) return list_effects(common);
+  if (options.logs.empty()) throw usage_error("at least one --log LOG.csv is needed (or --list-effects)");
+  const bool has_arw = r->arw_option->count() > 0;
+  if (!options.model_path.empty() && (has_arw || !r->instability.empty()))
+    throw usage_error("give --model or a data sheet (--arw, --instability), not both");
+  if (has_arw) options.arw_deg_rt_h = r->arw;
+  if (!r->instability.empty()) options.instability = parse_instability(r->instability);
+  options.seed = common.seed;
+  options.threads = common.thread_count();
+  options.quiet = common.quiet;
+  if (r->no_cache) options.cache_folder.clear();
+  const DiagnoseResult result = diagnose(options);
+  if (common.wants_json()) write_json(common.json_path, diagnosis_json(options, result));
+  if (!r->model_out.empty()) write_json(r->model_out, to_json(result.model));
+  if (common.talks()) std::cout << diagnosis_text(options, result);
+  if (!common.talks())
+    for (const std::string& warning : result.warnings) std::cerr << "diagnose: warning: " << warning << "\n";
+  return Exit::kDone;
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+  cli::App app("find what a gyro does that its error model leaves out", "diagnose");
+  Request request;
+  request.options.cache_folder = default_cache_folder();
+  add_common_options(&app, &request.common, kWithSeed | kWithThreads);
+  add_noise_options(&app, &request);
+  add_data_options(&app, &request);
+  add_calibration_options(&app, &request);
+  return run_program(&app, argc, argv, [&] { return run(&request); });
 }

@@ -194,7 +194,10 @@ static void refuse_steady_temperature(const std::vector<std::vector<double>>& te
   campaign->order = 0, campaign->temp_lsb_degc = 0;
 }
 
-Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
+namespace {
+
+// Settings of the campaign: time step, temperature or none, polynomial and its normalisation.
+Campaign empty_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
   Campaign campaign;
   campaign.axis = axis;
   std::vector<double> steps;
@@ -212,30 +215,49 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
     campaign.coeff_dph = model.bias->coeff_dph;
   }
   if (!campaign.has_temperature) campaign.order = 0;
+  return campaign;
+}
 
+CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
+  const LogAxis& column = log.axis(campaign.axis);
+  if (!column.is_gyro)
+    throw data_error(log.path + ": axis " + campaign.axis +
+                     " is an accelerometer; the model's units are dph: choose a gyro "
+                     "axis with --axis");
+  CampaignRun run;
+  RunInput& in = run.input;
+  in.log = place;
+  in.dt_s = campaign.dt_s;
+  in.t0_degc = campaign.t0_degc;
+  in.range_degc = campaign.range_degc;
+  in.auxiliary = log.auxiliary;
+  run.start_s = log.t_s.front();
+  set_times(log.t_s, campaign.dt_s, &in);
+  in.rate_dph = column.rate_dph;
+  for (size_t i = 0; i < column.flags.size(); ++i)
+    if (column.flags[i] & (kSaturated | kSensorFault)) in.rate_dph[i] = std::nan("");
+  in.temp_degc = campaign.has_temperature ? filled(in.t_s, log.temp_degc) : std::vector<double>(in.size(), 0.0);
+  return run;
+}
+
+void refuse_unusable(const CampaignRun& run, const std::string& path, const std::string& axis) {
+  if (is_stuck(run))
+    throw data_error(path + ": axis " + axis +
+                     " has one and the same rate in every second: it is stuck or not connected; leave it out with "
+                     "--axis");
+  if (run.n() < kFewestSeconds)
+    throw data_error(path + ": axis " + axis + " has " + std::to_string(run.n()) + " usable seconds; at least " +
+                     std::to_string(kFewestSeconds) + " are needed");
+}
+
+} // namespace
+
+Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
+  Campaign campaign = empty_campaign(logs, axis, model);
   std::vector<std::vector<double>> temperatures;
   for (size_t r = 0; r < logs.size(); ++r) {
-    const Log& log = logs[r];
-    const LogAxis& column = log.axis(axis);
-    if (!column.is_gyro)
-      throw data_error(log.path + ": axis " + axis +
-                       " is an accelerometer; the model's units are dph: choose a gyro "
-                       "axis with --axis");
-    CampaignRun run;
-    RunInput& in = run.input;
-    in.log = r;
-    in.dt_s = campaign.dt_s;
-    in.t0_degc = campaign.t0_degc;
-    in.range_degc = campaign.range_degc;
-    in.auxiliary = log.auxiliary;
-    run.start_s = log.t_s.front();
-    set_times(log.t_s, campaign.dt_s, &in);
-    in.rate_dph = column.rate_dph;
-    for (size_t i = 0; i < column.flags.size(); ++i)
-      if (column.flags[i] & (kSaturated | kSensorFault)) in.rate_dph[i] = std::nan("");
-    in.temp_degc = campaign.has_temperature ? filled(in.t_s, log.temp_degc) : std::vector<double>(in.size(), 0.0);
-    temperatures.push_back(in.temp_degc);
-    campaign.runs.push_back(run);
+    campaign.runs.push_back(run_of(campaign, logs[r], r));
+    temperatures.push_back(campaign.runs.back().input.temp_degc);
   }
   campaign.temp_lsb_degc = campaign.has_temperature ? coarse_step(temperatures) : 0;
   refuse_steady_temperature(temperatures, &campaign);
@@ -247,13 +269,7 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
       campaign.hi_degc = std::max(campaign.hi_degc, temp);
     }
     find_used(&run);
-    if (is_stuck(run))
-      throw data_error(
-          logs[run.input.log].path + ": axis " + axis +
-          " has one and the same rate in every second: it is stuck or not connected; leave it out with --axis");
-    if (run.n() < kFewestSeconds)
-      throw data_error(logs[run.input.log].path + ": axis " + axis + " has " + std::to_string(run.n()) +
-                       " usable seconds; at least " + std::to_string(kFewestSeconds) + " are needed");
+    refuse_unusable(run, logs[run.input.log].path, axis);
   }
   return campaign;
 }

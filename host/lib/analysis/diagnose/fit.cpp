@@ -161,7 +161,6 @@ std::vector<VectorXd> rates(const Campaign& campaign) {
 
 namespace {
 
-constexpr size_t kStartsFollowed = 2; // of a search for noise parameters
 constexpr double kDependent = 1e-9;   // of the scaled columns: below it a column adds nothing
 
 // Least squares by QR, run after run: the triangle of what came before is stacked on the rows of the next
@@ -321,79 +320,6 @@ MatrixXd orthonormaliser(const std::vector<MatrixXd>& columns) {
   return transform_of(triangle(columns, VectorXd::Zero(columns.front().cols())));
 }
 
-NoiseObjective::NoiseObjective(const Campaign& campaign, const Hypothesis& hypothesis) : campaign_(campaign) {
-  const Design design = make_design(campaign, hypothesis);
-  prior_ = design.prior_precision;
-  xy_ = with_rates(design, rates(campaign));
-  const bool has_prior = prior_.size() > 0 && prior_.maxCoeff() > 0;
-  const Triangle t = triangle(xy_, prior_);
-  const Solution s = solve(t);
-  const long p = static_cast<long>(design.cols());
-  // Remove the least-squares mean and make the columns orthonormal: the Gram matrices below are then well
-  // conditioned.
-  for (MatrixXd& m : xy_) m.rightCols(1) -= m.leftCols(p) * s.beta;
-  if (!has_prior) {
-    const MatrixXd transform = transform_of(t);
-    const long rank = transform.cols();
-    for (MatrixXd& m : xy_) {
-      MatrixXd next(m.rows(), rank + 1);
-      next.leftCols(rank) = m.leftCols(p) * transform;
-      next.rightCols(1) = m.rightCols(1);
-      m = std::move(next);
-    }
-    prior_ = VectorXd::Zero(rank);
-  }
-  for (const MatrixXd& m : xy_) wide_.emplace_back(m);
-}
-
-MatrixXd NoiseObjective::gram(const NoiseModel& noise, double* sum_log_s) const {
-  const long q = xy_.front().cols();
-  MatrixXd out = MatrixXd::Zero(q, q);
-  for (long c = 0; c + 1 < q; ++c) out(c, c) = prior_[c];
-  *sum_log_s = 0;
-  for (size_t r = 0; r < wide_.size(); ++r) {
-    const RunGains gains = compute_gains(campaign_.runs[r], noise);
-    out += wide_[r].whitened_gram(gains);
-    *sum_log_s += gains.sum_log_s;
-  }
-  return out;
-}
-
-double NoiseObjective::reml(const NoiseModel& noise) const {
-  double sum_log_s = 0;
-  const MatrixXd g = gram(noise, &sum_log_s);
-  const long p = g.cols() - 1;
-  const Eigen::LLT<MatrixXd> llt(g.topLeftCorner(p, p));
-  if (llt.info() != Eigen::Success) return -1e300;
-  const VectorXd half = llt.matrixL().solve(g.block(0, p, p, 1));
-  double log_det = 0;
-  for (long c = 0; c < p; ++c) log_det += std::log(llt.matrixLLT()(c, c));
-  const double value = -0.5 * (sum_log_s + g(p, p) - half.squaredNorm()) - log_det;
-  return std::isfinite(value) ? value : -1e300;
-}
-
-double NoiseObjective::mixture(const NoiseModel& noise) const {
-  const long p = xy_.front().cols() - 1;
-  const NoiseModel gaussian = gaussian_equivalent(noise);
-  std::vector<VectorXd> residual;
-  double sum = 0;
-  if (noise.hit_probability > 0) {
-    for (const MatrixXd& m : xy_) residual.push_back(m.rightCols(1));
-    const GlsPass pass = gls(campaign_, xy_, prior_, gaussian, hit_variance(campaign_, noise, residual));
-    residual = residuals(xy_, pass.solution.beta.head(p));
-    sum = -pass.solution.log_det;
-  } else {
-    double sum_log_s = 0;
-    const MatrixXd g = gram(gaussian, &sum_log_s);
-    const Eigen::LLT<MatrixXd> llt(g.topLeftCorner(p, p));
-    if (llt.info() != Eigen::Success) return -1e300;
-    residual = residuals(xy_, llt.solve(g.block(0, p, p, 1)));
-    for (long c = 0; c < p; ++c) sum -= std::log(llt.matrixLLT()(c, c));
-  }
-  for (size_t r = 0; r < xy_.size(); ++r) sum += mixture_log_likelihood(campaign_.runs[r], noise, residual[r]);
-  return std::isfinite(sum) ? sum : -1e300;
-}
-
 double maximise(const std::function<double(const Theta&)>& f, Theta* theta, const Theta& lo, const Theta& hi,
                 const SearchOptions& options) {
   const auto inward = [&](double v) { return options.is_logarithmic ? std::log(v) : v; };
@@ -474,33 +400,6 @@ Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta
   const MatrixXd covariance = llt.solve(MatrixXd::Identity(n, n));
   for (long i = 0; i < n; ++i) errors[static_cast<size_t>(i)] = std::sqrt(covariance(i, i));
   return errors;
-}
-
-NoiseFit fit_noise(const NoiseObjective& objective, const EffectEstimator& estimator, const NoiseModel& base,
-                   const std::vector<Theta>& further_starts, int max_evaluations) {
-  NoiseFit best;
-  std::vector<Theta> starts = further_starts;
-  if (starts.empty()) starts = estimator.starts(base);
-  SearchOptions options;
-  options.is_logarithmic = estimator.is_logarithmic();
-  options.max_evaluations = max_evaluations;
-  const auto f = [&](const Theta& theta) {
-    const NoiseModel noise = estimator.noise(base, theta);
-    return noise.is_mixture() ? objective.mixture(noise) : objective.reml(noise);
-  };
-  // The search goes on from the most promising starts.
-  if (starts.size() > kStartsFollowed) {
-    std::vector<std::pair<double, Theta>> ranked;
-    for (const Theta& theta : starts) ranked.emplace_back(f(theta), theta);
-    std::sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
-    starts.clear();
-    for (size_t i = 0; i < kStartsFollowed; ++i) starts.push_back(ranked[i].second);
-  }
-  for (Theta theta : starts) {
-    const double value = maximise(f, &theta, estimator.theta_lo(), estimator.theta_hi(), options);
-    if (value > best.value) best = {theta, value};
-  }
-  return best;
 }
 
 } // namespace imucal

@@ -58,24 +58,6 @@ Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis);
 // The matrix that makes columns, given run by run, orthonormal over all runs; dependent ones are left out.
 Eigen::MatrixXd orthonormaliser(const std::vector<Eigen::MatrixXd>& columns);
 
-// Restricted likelihood of noise models at profiled coefficients: many noise models for one design.
-class NoiseObjective {
-public:
-  NoiseObjective(const Campaign& campaign, const Hypothesis& hypothesis);
-  double reml(const NoiseModel& noise) const; // Gaussian models
-  double
-  mixture(const NoiseModel& noise) const; // mixtures: log-likelihood at coefficients fitted with the hits in view
-
-private:
-  // [X y]'V^-1[X y] with the prior's precision, and sum log S.
-  Eigen::MatrixXd gram(const NoiseModel& noise, double* sum_log_s) const;
-
-  const Campaign& campaign_;
-  std::vector<WideColumns> wide_;   // the same, laid out for the filters
-  std::vector<Eigen::MatrixXd> xy_; // orthonormal columns and the least-squares residual, per run
-  Eigen::VectorXd prior_;
-};
-
 // Maximises by the Nelder-Mead search of NLopt inside bounds; `theta` is start and result; returns the value reached.
 struct SearchOptions {
   int max_evaluations = 60;
@@ -91,13 +73,5 @@ double maximise(const std::function<double(const Theta&)>& f, Theta* theta, cons
 // is too near or the curvature is not that of a maximum.
 Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,
                        const Theta& hi);
-
-// The best theta of a noise effect on top of `base`, by restricted likelihood (mixtures: likelihood).
-struct NoiseFit {
-  Theta theta;
-  double value = -1e300; // comparable with NoiseObjective::reml(base) (mixtures: with mixture's reference)
-};
-NoiseFit fit_noise(const NoiseObjective& objective, const EffectEstimator& estimator, const NoiseModel& base,
-                   const std::vector<Theta>& further_starts, int max_evaluations);
 
 } // namespace imucal

@@ -14,13 +14,96 @@ namespace {
 constexpr double kDetect_d = 5;   // strength at the detection limit
 constexpr double kSeparate_d = 4; // d sqrt(1 - rho^2) from which two effects are told apart
 constexpr double kUsual_d = 10;   // strength at which pairs are judged
+constexpr double kNever = 1e9;    // size of what no size would show
+constexpr size_t kShapesTried = 30;
 
-struct Signal {
-  size_t effect;
-  Theta shape;
-  double unit = 1; // size of what the column stands for (tau of a lag)
-  VectorXd column; // whitened, reduced, free of the design
+// One effect: its signal at the middle of its grid, and the signals it could take instead.
+struct Repertoire {
+  std::string name;
+  VectorXd signal;
+  std::vector<VectorXd> all;
 };
+
+// Whitens columns of all runs and takes out what constants and polynomial explain.
+class Projector {
+public:
+  Projector(const Campaign& campaign, const Hypothesis& nominal) : campaign_(campaign) {
+    for (const CampaignRun& run : campaign.runs) gains_.push_back(compute_gains(run, gaussian_equivalent(nominal.noise())));
+    std::vector<MatrixXd> design = make_design(campaign, nominal).x;
+    for (size_t r = 0; r < design.size(); ++r) whiten(gains_[r], &design[r]);
+    design_ = stacked(design) * orthonormaliser(design);
+  }
+  MatrixXd operator()(std::vector<MatrixXd> columns) const {
+    for (size_t r = 0; r < columns.size(); ++r) whiten(gains_[r], &columns[r]);
+    MatrixXd all = stacked(columns);
+    all -= design_ * (design_.transpose() * all);
+    return all;
+  }
+
+private:
+  MatrixXd stacked(const std::vector<MatrixXd>& parts) const {
+    MatrixXd all(static_cast<long>(campaign_.n()), parts.front().cols());
+    long at = 0;
+    for (const MatrixXd& m : parts) all.middleRows(at, m.rows()) = m, at += m.rows();
+    return all;
+  }
+  const Campaign& campaign_;
+  std::vector<RunGains> gains_;
+  MatrixXd design_;
+};
+
+bool can_ask(const Campaign& campaign, const EffectEstimator& estimator, const std::vector<double>& beta) {
+  if (estimator.form() != Form::kColumns && estimator.form() != Form::kTemperature) return false;
+  if (estimator.needs_temperature() && !campaign.has_temperature) return false;
+  return estimator.form() != Form::kTemperature || (!estimator.shape_lo().empty() && !beta.empty());
+}
+
+// Signals of an effect at one shape.  A replaced temperature acts by the change of B(T) it makes.
+MatrixXd signals_at(const Campaign& campaign, const EffectEstimator& estimator, const Theta& shape,
+                    const std::vector<double>& beta, const Projector& project) {
+  std::vector<MatrixXd> columns;
+  for (const CampaignRun& run : campaign.runs) {
+    const RunInput& in = run.input;
+    if (estimator.form() == Form::kColumns) {
+      columns.push_back(used_rows(run, estimator.columns(in, shape)));
+      continue;
+    }
+    const Eigen::Map<const VectorXd> slope(beta.data(), static_cast<long>(beta.size()));
+    const MatrixXd moved = powers(run, normalised(in, estimator.temperature(in, shape)), campaign.order),
+                   still = powers(run, normalised(in, in.smooth_degc), campaign.order);
+    columns.push_back((moved - still) * slope);
+  }
+  return project(std::move(columns));
+}
+
+Detectability detectability(const Campaign& campaign, const EffectEstimator& estimator, const std::string& name,
+                            const Theta& shape, double energy, double white_dph) {
+  Detectability d;
+  d.name = name;
+  const bool is_temperature = estimator.form() == Form::kTemperature;
+  const double unit = is_temperature ? std::fabs(shape[0]) : 1; // size of what the column stands for: tau of a lag
+  d.smallest = energy > 0 ? kDetect_d / std::sqrt(energy) * unit : kNever;
+  if (is_temperature) {
+    d.smallest_detectable = estimator.values({{d.smallest}, {}, {}, {}});
+  } else {
+    std::vector<double> amplitudes(estimator.n_columns(), 0.0);
+    amplitudes[0] = d.smallest;
+    d.smallest_detectable = estimator.values_on(campaign.runs.front().input, {shape, amplitudes, {}, {}});
+  }
+  d.is_notable = d.smallest <= estimator.notable() * (is_temperature ? 1 : white_dph);
+  return d;
+}
+
+// How much of one signal another effect could take.
+double absorbed(const VectorXd& signal, const std::vector<VectorXd>& other) {
+  double best = 0;
+  const double energy = signal.squaredNorm();
+  for (const VectorXd& column : other) {
+    const double norm = column.squaredNorm();
+    if (norm > 0 && energy > 0) best = std::max(best, std::pow(column.dot(signal), 2) / norm / energy);
+  }
+  return best;
+}
 
 } // namespace
 
@@ -34,79 +117,29 @@ std::string Identifiability::not_detectable() const {
 Identifiability identify(const Campaign& campaign, const Hypothesis& nominal, const std::vector<const Effect*>& library,
                          const std::vector<bool>& active, const std::vector<double>& beta) {
   Identifiability out;
-  ColumnBank bank(campaign, library);
-  const Panel panel(&bank, nominal, PanelScope::kDesign);
-  const Eigen::Map<const VectorXd> slope(beta.data(), static_cast<long>(beta.size()));
-  // A replaced temperature acts by the change of B(T) it makes.
-  std::vector<MatrixXd> smooth;
-  for (const CampaignRun& run : campaign.runs)
-    smooth.push_back(powers(run, normalised(run.input, run.input.smooth_degc), campaign.order));
-  const MatrixXd unchanged = bank.whiten_and_reduce(panel.columns().gains, std::move(smooth));
-  const double white = nominal.noise().white_sigma_dph;
-  // Per effect: its signal at the middle of its grid, and the signals it could take instead.
-  std::vector<Signal> signals;
-  std::vector<std::vector<VectorXd>> repertoire;
+  const Projector project(campaign, nominal);
+  std::vector<Repertoire> list;
   for (size_t j = 0; j < library.size(); ++j) {
     const EffectEstimator* estimator = library[j]->estimator();
-    if (!estimator || !active[j]) continue;
-    if (estimator->form() != Form::kColumns && estimator->form() != Form::kTemperature) continue;
-    if (estimator->needs_temperature() && !campaign.has_temperature) continue;
-    if (estimator->form() == Form::kTemperature && (estimator->shape_lo().empty() || beta.empty())) continue;
-    const std::vector<Theta>& grid = bank.shapes(j);
+    if (!estimator || !active[j] || !can_ask(campaign, *estimator, beta)) continue;
+    const std::vector<Theta> grid = estimator->grid_on(campaign.runs.front().input, campaign.lo_degc, campaign.hi_degc);
     if (grid.empty()) continue;
-    const bool is_temperature = estimator->form() == Form::kTemperature;
-    const long width = is_temperature ? campaign.order : static_cast<long>(estimator->n_columns());
-    const auto columns_at = [&](size_t g) -> MatrixXd {
-      const MatrixXd own = panel.columns().candidates[j].middleCols(static_cast<long>(g) * width, width);
-      return panel.project(is_temperature ? MatrixXd((own - unchanged) * slope) : own);
-    };
-    std::vector<VectorXd> own;
-    const size_t middle = grid.size() / 2;
-    for (size_t g = 0; g < grid.size(); g += std::max<size_t>(1, grid.size() / 30)) {
-      const MatrixXd columns = columns_at(g);
-      for (long c = 0; c < columns.cols(); ++c) own.push_back(columns.col(c));
+    Repertoire own{library[j]->name(), {}, {}};
+    for (size_t g = 0; g < grid.size(); g += std::max<size_t>(1, grid.size() / kShapesTried)) {
+      const MatrixXd columns = signals_at(campaign, *estimator, grid[g], beta, project);
+      for (long c = 0; c < columns.cols(); ++c) own.all.push_back(columns.col(c));
     }
-    Signal s;
-    s.effect = j;
-    s.shape = grid[middle];
-    s.column = columns_at(middle).col(0);
-    const double middle_energy = s.column.squaredNorm();
-    Detectability d;
-    d.name = library[j]->name();
-    double limit;
-    if (estimator->form() == Form::kTemperature) {
-      s.unit = s.shape[0];
-      d.smallest = middle_energy > 0 ? kDetect_d / std::sqrt(middle_energy) * std::fabs(s.unit) : 1e9;
-      d.smallest_detectable = estimator->values({{d.smallest}, {}, {}, {}});
-      limit = estimator->notable();
-    } else {
-      d.smallest = middle_energy > 0 ? kDetect_d / std::sqrt(middle_energy) : 1e9;
-      std::vector<double> amplitudes(estimator->n_columns(), 0.0);
-      amplitudes[0] = d.smallest;
-      d.smallest_detectable = estimator->values_on(campaign.runs.front().input, {s.shape, amplitudes, {}, {}});
-      limit = estimator->notable() * white;
-    }
-    d.is_notable = d.smallest <= limit;
-    out.effects.push_back(d);
-    signals.push_back(s);
-    repertoire.push_back(own);
+    const Theta& middle = grid[grid.size() / 2];
+    own.signal = signals_at(campaign, *estimator, middle, beta, project).col(0);
+    out.effects.push_back(detectability(campaign, *estimator, own.name, middle, own.signal.squaredNorm(),
+                                        nominal.noise().white_sigma_dph));
+    list.push_back(std::move(own));
   }
-  // How much of one signal another effect could take.
-  const auto absorbed = [&](const VectorXd& signal, const std::vector<VectorXd>& other) {
-    double best = 0;
-    const double energy = signal.squaredNorm();
-    for (const VectorXd& column : other) {
-      const double norm = column.squaredNorm();
-      if (norm > 0 && energy > 0) best = std::max(best, std::pow(column.dot(signal), 2) / norm / energy);
-    }
-    return best;
-  };
-  for (size_t i = 0; i < signals.size(); ++i)
-    for (size_t j = i + 1; j < signals.size(); ++j) {
-      const double rho2 =
-          std::max(absorbed(signals[i].column, repertoire[j]), absorbed(signals[j].column, repertoire[i]));
+  for (size_t i = 0; i < list.size(); ++i)
+    for (size_t j = i + 1; j < list.size(); ++j) {
+      const double rho2 = std::max(absorbed(list[i].signal, list[j].all), absorbed(list[j].signal, list[i].all));
       if (kUsual_d * std::sqrt(std::max(0.0, 1 - rho2)) < kSeparate_d)
-        out.indistinguishable.push_back({library[signals[i].effect]->name(), library[signals[j].effect]->name()});
+        out.indistinguishable.push_back({list[i].name, list[j].name});
     }
   return out;
 }

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "analysis/diagnose/panel.h"
+#include "analysis/diagnose/fit.h"
 #include "io/profile.h"
 
 namespace imucal {

@@ -250,75 +250,101 @@ Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e, bo
   return best;
 }
 
-std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<VectorXd>& e) {
-  std::vector<RestFinding> out;
-  const Moments m = moments(e);
-  constexpr double kCell_degc = 4, kBlock_s = 600, kBurst_s = 30;
-  const size_t cells =
-      campaign.has_temperature
-          ? static_cast<size_t>(std::max(1.0, std::ceil((campaign.hi_degc - campaign.lo_degc) / kCell_degc)))
-          : 1;
-  std::vector<double> by_temp(cells, 0.0), n_temp(cells, 0.0);
-  double time_statistic = 0, time_dof = 0, burst = 0, bursts = 0;
-  const long block = std::max(1L, std::lround(kBlock_s / campaign.dt_s)),
-             short_block = std::max(1L, std::lround(kBurst_s / campaign.dt_s));
+namespace {
+
+constexpr double kTempCell_degc = 4, kTimeBlock_s = 600, kBurst_s = 30;
+constexpr double kFewestInCell = 60;
+constexpr double kFewestPeriods = 6;         // of a frequency in the longest run: the mean takes what is slower
+constexpr double kFewestDegreesOfFreedom = 8; // of a bin of the spectrum
+
+// Strength by temperature, in cells of a few degrees.
+RestFinding over_temperature(const Campaign& campaign, const std::vector<VectorXd>& e) {
+  const double span_degc = campaign.has_temperature ? campaign.hi_degc - campaign.lo_degc : 0;
+  const size_t cells = static_cast<size_t>(std::max(1.0, std::ceil(span_degc / kTempCell_degc)));
+  std::vector<double> sum(cells, 0.0), n(cells, 0.0);
   for (size_t r = 0; r < e.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
     for (long k = 0; k < e[r].size(); ++k) {
       const double temp = run.input.smooth_degc[static_cast<size_t>(run.used[static_cast<size_t>(k)])];
-      const size_t c = std::min(cells - 1, static_cast<size_t>(std::max(0.0, (temp - campaign.lo_degc) / kCell_degc)));
-      by_temp[c] += e[r][k] * e[r][k], n_temp[c] += 1;
+      const size_t c = std::min(cells - 1, static_cast<size_t>(std::max(0.0, (temp - campaign.lo_degc) / kTempCell_degc)));
+      sum[c] += e[r][k] * e[r][k], n[c] += 1;
     }
-    for (long k = 0; k + block <= e[r].size(); k += block) {
-      time_statistic +=
-          variance_ratio(e[r].segment(k, block).squaredNorm() / static_cast<double>(block), static_cast<double>(block));
-      time_dof += 1;
-    }
+  }
+  double statistic = 0, dof = 0;
+  for (size_t c = 0; c < cells; ++c)
+    if (n[c] > kFewestInCell) statistic += variance_ratio(sum[c] / n[c], n[c]), dof += 1;
+  return finding(Rest::kVarianceOverTemperature, statistic, dof);
+}
+
+// Strength by time, in blocks of ten minutes.
+RestFinding over_time(const Campaign& campaign, const std::vector<VectorXd>& e) {
+  const long block = std::max(1L, std::lround(kTimeBlock_s / campaign.dt_s));
+  const double n = static_cast<double>(block);
+  double statistic = 0, dof = 0;
+  for (const VectorXd& x : e)
+    for (long k = 0; k + block <= x.size(); k += block)
+      statistic += variance_ratio(x.segment(k, block).squaredNorm() / n, n), dof += 1;
+  return finding(Rest::kVarianceOverTime, statistic, dof);
+}
+
+// Neighbouring half minutes that are both strong.
+RestFinding in_bursts(const Campaign& campaign, const std::vector<VectorXd>& e, const Moments& m) {
+  const long block = std::max(1L, std::lround(kBurst_s / campaign.dt_s));
+  const double n = static_cast<double>(block);
+  double sum = 0, count = 0;
+  for (const VectorXd& x : e) {
     double before = 0;
-    for (long k = 0; k + short_block <= e[r].size(); k += short_block) {
-      const double n = static_cast<double>(short_block);
-      const double excess = (e[r].segment(k, short_block).squaredNorm() / n - m.var) * std::sqrt(n / 2);
-      if (k > 0) burst += excess * before, bursts += 1;
+    for (long k = 0; k + block <= x.size(); k += block) {
+      const double excess = (x.segment(k, block).squaredNorm() / n - m.var) * std::sqrt(n / 2);
+      if (k > 0) sum += excess * before, count += 1;
       before = excess;
     }
   }
-  double temp_statistic = 0, temp_dof = 0;
-  for (size_t c = 0; c < cells; ++c)
-    if (n_temp[c] > 60) temp_statistic += variance_ratio(by_temp[c] / n_temp[c], n_temp[c]), temp_dof += 1;
-  out.push_back(finding(Rest::kVarianceOverTemperature, temp_statistic, temp_dof));
-  out.push_back(finding(Rest::kVarianceOverTime, time_statistic, time_dof));
-  const double heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
-  out.push_back(finding(Rest::kDistribution, heavy * heavy, 1));
-  const double z = bursts > 0 ? std::max(0.0, burst / std::sqrt(bursts)) : 0;
-  out.push_back(finding(Rest::kBursts, z * z, 1));
+  const double z = count > 0 ? std::max(0.0, sum / std::sqrt(count)) : 0;
+  return finding(Rest::kBursts, z * z, 1);
+}
+
+// Binned periodogram against a flat one.
+RestFinding in_spectrum(const Campaign& campaign, const std::vector<VectorXd>& e) {
   size_t longest = 0;
   for (const CampaignRun& run : campaign.runs)
     longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
   const SpectrumBins bins(longest, campaign.dt_s);
-  std::vector<double> sum(bins.n_bins(), 0.0), weight(bins.n_bins(), 0.0), resolved(bins.n_bins(), 0.0);
+  std::vector<double> sum(bins.n_bins(), 0.0), weight(bins.n_bins(), 0.0);
   Eigen::FFT<double> fft;
   for (size_t r = 0; r < e.size(); ++r) {
+    const CampaignRun& run = campaign.runs[r];
     std::vector<double> x(bins.n_fft, 0.0);
-    for (size_t k = 0; k < campaign.runs[r].n(); ++k)
-      x[static_cast<size_t>(campaign.runs[r].input.tick[static_cast<size_t>(campaign.runs[r].used[k])])] =
-          e[r][static_cast<long>(k)];
+    for (size_t k = 0; k < run.n(); ++k)
+      x[static_cast<size_t>(run.input.tick[static_cast<size_t>(run.used[k])])] = e[r][static_cast<long>(k)];
     std::vector<std::complex<double>> f;
     fft.fwd(f, x);
-    bins.add(f, 1.0 / static_cast<double>(campaign.runs[r].n()), &sum, &weight);
+    bins.add(f, 1.0 / static_cast<double>(run.n()), &sum, &weight);
   }
-  double spectrum = 0, spectrum_dof = 0;
+  double statistic = 0, dof = 0;
   const double padding = static_cast<double>(longest) / static_cast<double>(bins.n_fft);
   for (size_t b = 0; b < sum.size(); ++b) {
     const double n = 2 * weight[b] * padding; // degrees of freedom: neighbours of a padded transform depend
-    if (bins.centres()[b] < 6 / (static_cast<double>(longest) * campaign.dt_s) || n < 8)
-      continue; // the mean takes the lowest
-    spectrum += 0.5 * variance_ratio(sum[b] / weight[b], n) * 2 / 1;
-    spectrum_dof += 1;
+    if (bins.centres()[b] < kFewestPeriods / (static_cast<double>(longest) * campaign.dt_s) ||
+        n < kFewestDegreesOfFreedom)
+      continue;
+    statistic += variance_ratio(sum[b] / weight[b], n);
+    dof += 1;
   }
-  // variance_ratio counts n as samples of a variance: n/2 (v - 1 - ln v) twice.
-  out.push_back(finding(Rest::kSpectrum, spectrum, spectrum_dof));
-  out.push_back({Rest::kLine, strongest_line(campaign, e, false).gain_nats - kRestLine_nats});
-  return out;
+  return finding(Rest::kSpectrum, statistic, dof);
+}
+
+} // namespace
+
+std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<VectorXd>& e) {
+  const Moments m = moments(e);
+  const double heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
+  return {over_temperature(campaign, e),
+          over_time(campaign, e),
+          finding(Rest::kDistribution, heavy * heavy, 1),
+          in_bursts(campaign, e, m),
+          in_spectrum(campaign, e),
+          {Rest::kLine, strongest_line(campaign, e, false).gain_nats - kRestLine_nats}};
 }
 
 } // namespace imucal
