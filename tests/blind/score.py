@@ -107,8 +107,8 @@ def questions(labels, answers, kinds):
 def tally(rows):
     """rows: (outcome, in set) -> counts and rates."""
     n, c = len(rows), Counter(o for o, _ in rows)
-    return {"n": n, "first": rate(sum(c[o] for o in RIGHT), n), "member": rate(c["member"], n),
-            "family": rate(sum(c[o] for o in SAME_FAMILY), n), "set": rate(sum(s for _, s in rows), n), **c}
+    return {**c, "n": n, "first": rate(sum(c[o] for o in RIGHT), n), "member": rate(c["member"], n),
+            "family": rate(sum(c[o] for o in SAME_FAMILY), n), "set": rate(sum(s for _, s in rows), n)}
 
 
 def group_by(items, key):
