@@ -37,7 +37,7 @@ float imucal_sqrtf(float value) {
 
 int64_t imucal_divide_rne(int64_t numerator, int64_t denominator) {
   int64_t quotient = numerator / denominator;
-  int64_t remainder = numerator - quotient * denominator;
+  int64_t remainder = numerator % denominator;
   if (remainder < 0) { /* to floor division: 0 <= remainder < denominator */
     remainder += denominator;
     quotient -= 1;

@@ -39,7 +39,7 @@ bool imucal_is_within(float value, float lo, float hi);
 float imucal_sqrtf(float value);
 
 /* numerator / denominator rounded to the nearest integer, ties to even.
- * Pre: denominator >= 1, |numerator| < 2^62.  No overflow: the result is no larger than the numerator. */
+ * Pre: 1 <= denominator <= 2^61, |numerator| < 2^62.  No overflow: the result is no larger than the numerator. */
 int64_t imucal_divide_rne(int64_t numerator, int64_t denominator);
 
 /* Little-endian fields. */

@@ -113,7 +113,7 @@ IMUCAL_COLD imucal_status imucal_sum_flush(imucal_sum_t* sum, imucal_second_t* s
  * sum to even. */
 IMUCAL_COLD int64_t imucal_mean_q16_rne(int64_t sum, uint32_t n) {
   const int64_t whole = sum / (int64_t)n;
-  const int64_t rest = sum - whole * (int64_t)n;
+  const int64_t rest = sum % (int64_t)n;
   return whole * 65536 + imucal_divide_rne(rest * 65536, (int64_t)n);
 }
 

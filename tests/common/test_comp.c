@@ -511,8 +511,34 @@ static void test_prepare_makes_the_exact_values_rounded_as_the_proof_says(void**
   assert_int_equal(crc, 0x050A9D5D);
 }
 
+/* Tn as the bias sees it: -1, 0 and 1 at the ends and the middle of the span, clamped and flagged beyond. */
+static void test_tn_of_the_span_and_beyond(void** state) {
+  (void)state;
+  const float coeff[2] = {0, 0};
+  const imucal_table_t table = table_of(1, coeff, 1.0f, 1000);
+  imucal_comp_t comp;
+  assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_OK);
+  const struct {
+    int32_t temp_counts;
+    double tn;
+    uint32_t flags;
+  } at[] = {{500, 0, 0},
+            {-2500, -1, 0},
+            {3500, 1, 0},
+            {2000, 0.5, 0},
+            {3501, 1, IMUCAL_COMP_TEMP_CLAMPED},
+            {-2501, -1, IMUCAL_COMP_TEMP_CLAMPED}};
+  for (size_t i = 0; i < sizeof at / sizeof at[0]; i++) {
+    uint32_t flags = 0;
+    const double tn = imucal_comp_tn_q30(&comp, at[i].temp_counts, &flags) * 0x1p-30;
+    assert_true(fabs(tn - at[i].tn) <= 300 * 0x1p-30); /* 0.01 in float32 is off by 2e-8 of itself */
+    assert_int_equal(flags, at[i].flags);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_tn_of_the_span_and_beyond),
       cmocka_unit_test(test_apply_coarse_sensor_mean_is_not_rounded_to_counts),
       cmocka_unit_test(test_apply_beyond_full_scale_saturates_and_is_flagged),
       cmocka_unit_test(test_pass_gives_counts_back),

@@ -40,4 +40,8 @@ static inline uint64_t unit_seed(void) {
   const char* text = getenv("SEED");
   return text ? strtoull(text, NULL, 10) * 0x9E3779B97F4A7C15ULL + 1 : 0x9E3779B97F4A7C15ULL;
 }
+/* How often to repeat: IMUCAL_QUICK=1 in the environment (tests/mutate) asks for a twentieth. */
+static inline int unit_repeats(int n) {
+  return getenv("IMUCAL_QUICK") ? (n + 19) / 20 : n;
+}
 #endif
