@@ -18,6 +18,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 CC = os.environ.get("CC", "gcc")
 FLAGS = "-std=c99 -ffp-contract=off -O0 -g -w -D_GNU_SOURCE -Icommon -Ifirmware -Itests".split()
+TESTS = ["tests/common/test_*.c", "tests/firmware/test_app_*.c", "tests/firmware/test_board.c"]
 SIMULATED = ["firmware/port/sim/nor.c", "firmware/port/sim/sample_stream.c", "firmware/port/sim/board_options.c"]
 
 
@@ -40,9 +41,7 @@ def run_tests(folder, measured):
     """Build and run every unit test of the core and of the app; counters add up in folder."""
     objects = compile_all(measured, folder, ["--coverage"])
     others = compile_all(SIMULATED + ["tests/firmware/bench.c"], folder, [])
-    tests = sorted(path.relative_to(ROOT) for kind in ("common", "firmware") for path in (ROOT / "tests" / kind).glob("test_*.c"))
-    drivers = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "firmware/sensors").glob("*.c"))
-    others += compile_all(drivers, folder, [])
+    tests = sorted(path.relative_to(ROOT) for pattern in TESTS for path in ROOT.glob(pattern))
     programs = compile_all(tests, folder, [])
     for test, program in zip(tests, programs):
         run([CC, "--coverage", program, *objects, *others, "-lcmocka", "-lm", "-o", folder / test.stem])
