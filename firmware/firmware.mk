@@ -84,6 +84,7 @@ $(foreach port,$(FIRMWARE_PORTS),$(eval $(call mcu_rules,$(port))))
 
 include firmware/port/stm32f405/stm32f405.mk
 include firmware/examples/examples.mk
+include firmware/port/riscv_virt/riscv_virt.mk
 
 # ---- what it costs (firmware/cost.py --help) ----
 

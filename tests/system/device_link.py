@@ -269,12 +269,14 @@ class Device:
                 raise RuntimeError("the device did not start: %s" % self.process.wait())
             self.name = first[1]
         else:
-            machine = {"mps2_an386": "mps2-an386", "nrf51": "microbit", "stm32f405_qemu": "netduinoplus2"}[port]
+            machine = {"mps2_an386": "mps2-an386", "nrf51": "microbit", "stm32f405_qemu": "netduinoplus2",
+                       "riscv_virt": "virt"}[port]
             tcp = free_port()
             arguments = ["imucal"] + (["flash=%s" % flash] if flash and port != "nrf51" else [])
             arguments += ["feed=%s" % feed] if feed else []
             arguments += list(extra)
-            command = ["qemu-system-arm", "-M", machine, "-kernel", str(kernel or image / "imucal.elf"), "-display", "none",
+            qemu = ["qemu-system-riscv32", "-bios", "none"] if port == "riscv_virt" else ["qemu-system-arm"]
+            command = qemu + ["-M", machine, "-kernel", str(kernel or image / "imucal.elf"), "-display", "none",
                        "-serial", "tcp:127.0.0.1:%d,server=on,wait=off,nodelay=on" % tcp, "-monitor", monitor or "none",
                        "-semihosting-config", ",".join(["enable=on,target=native"] + ["arg=%s" % a for a in arguments])]
             self.process = subprocess.Popen(command)

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: MIT
+/* A 32-bit RISC-V without floating point (rv32imac, as in CH32V, GD32VF103, ESP32-C3), in QEMU's `virt` machine: line =
+ * UART, sensor and flash = semihosting files.  Arguments: those of port/mps2_an386/main.c.  The smallest port with flash: the
+ * porting guide counts its lines. */
+#include "app/app.h"
+#include "port/arm/semihost.h"
+#include "port/arm/semihost_sim.h"
+#include "virt.h"
+
+#define SLOT_BYTES 1024u
+
+void port_fault(void);
+
+static struct {
+  semihost_feed_t feed;
+  sample_stream_t samples;
+  uint8_t sample_bytes[20 * IMUCAL_SAMPLE_RECORD_BYTES];
+  semihost_flash_t file;
+  nor_t nor;
+} device;
+static imucal_app_t app;
+static imucal_board_t board;
+
+void port_fault(void) {
+  semihost_print("imucal: processor fault\n");
+  semihost_exit(70);
+}
+
+static size_t serial_read(void* ctx, uint8_t* data, size_t capacity) {
+  (void)ctx;
+  size_t n = 0;
+  while (n < capacity && (UART_STATUS & 0x01)) data[n++] = UART_DATA;
+  return n;
+}
+
+static size_t serial_write(void* ctx, const uint8_t* data, size_t length) {
+  (void)ctx;
+  size_t n = 0;
+  while (n < length && (UART_STATUS & 0x20)) UART_DATA = data[n++];
+  return n;
+}
+
+static imucal_port_sample_t sample_read(void* ctx, imucal_sample_t* sample) {
+  (void)ctx;
+  return semihost_sample_read(&device.samples, sample);
+}
+
+static void sample_enable(void* ctx, bool is_wanted) {
+  (void)ctx;
+  if (is_wanted && semihost_feed_restart_if_ended(&device.feed)) sample_stream_clear(&device.samples);
+}
+
+static imucal_status status_of(nor_result_t result) {
+  return result == NOR_OK ? IMUCAL_OK : IMUCAL_ERR_FLASH;
+}
+
+static imucal_status flash_erase(void* ctx, uint32_t slot) {
+  (void)ctx;
+  return status_of(nor_erase(&device.nor, slot * SLOT_BYTES, SLOT_BYTES));
+}
+
+static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+  (void)ctx;
+  return status_of(nor_program(&device.nor, slot * SLOT_BYTES + offset, data, len));
+}
+
+static imucal_status flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
+  (void)ctx;
+  return status_of(nor_read(&device.nor, slot * SLOT_BYTES + offset, data, len));
+}
+
+static uint64_t time_us(void* ctx) {
+  (void)ctx;
+  uint32_t high, low;
+  do {
+    high = MTIME_HIGH;
+    low = MTIME_LOW;
+  } while (high != MTIME_HIGH);
+  return ((uint64_t)high << 32 | low) / 10u;
+}
+
+static void watchdog(void* ctx) {
+  (void)ctx;
+}
+
+static void reboot(void* ctx) {
+  (void)ctx;
+  virt_reset();
+}
+
+static void set_up(void) {
+  static char text[384], path[160];
+  if (!semihost_command_line(text, sizeof text)) text[0] = '\0';
+  board_options_default(&board);
+  semihost_board(&board, text);
+  device.feed.file = -1;
+  if (!semihost_option(text, "feed", device.feed.path, sizeof device.feed.path)) device.feed.path[0] = '\0';
+  device.samples = (sample_stream_t){.ctx = &device.feed,
+                                     .refill = semihost_feed_refill,
+                                     .buffer = device.sample_bytes,
+                                     .capacity = sizeof device.sample_bytes};
+  device.nor =
+      (nor_t){.size_bytes = 2 * SLOT_BYTES, .page_bytes = SLOT_BYTES, .word_bytes = 4, .cut_operation = NOR_NEVER};
+  nor_power_on(&device.nor);
+  if (semihost_option(text, "flash", path, sizeof path) && semihost_flash_open(&device.file, &device.nor, path)) return;
+  semihost_print("imucal: argument flash=PATH is missing, or the file cannot be used\n");
+  semihost_exit(2);
+}
+
+int main(void) {
+  UART_FIFO = 0xC1; /* FIFO on; QEMU hands over up to 14 bytes at a time at this trigger level, else one */
+  set_up();
+  const imucal_port_t port = {.serial_read = serial_read,
+                              .serial_write = serial_write,
+                              .sample_read = sample_read,
+                              .sample_enable = sample_enable,
+                              .flash = {flash_erase, flash_program, flash_read, NULL, SLOT_BYTES, SLOT_BYTES, 4},
+                              .time_us = time_us,
+                              .watchdog = watchdog,
+                              .reboot = reboot,
+                              .is_replay = true,
+                              .boot_id = semihost_boot_id(),
+                              .device = "qemu riscv virt"};
+  if (imucal_app_init(&app, &port, &board) != IMUCAL_OK) semihost_exit(2);
+  for (;;) (void)imucal_app_step(&app); /* emulated: nothing to save by sleeping */
+}
