@@ -214,3 +214,16 @@ def test_recorded_log_is_answered_honestly(lab):
         assert axis["gap"]["remainder"]
         # Without temperatures nothing thermal may be named.
         assert not {n for n in names(axis) if n.startswith("thermal") or n.startswith("temperature")}
+
+
+def test_noise_that_axes_share_is_named_on_each_of_them_and_not_where_there_is_none(lab):
+    """White noise of 12 dph beside 36 dph, half of it common: covariance 72 dph^2 between all axes."""
+    shared = lambda c: [{"name": "common_mode", "parameters": {"correlation": c, "sigma_dph": 12}}]
+    result = lab.run(lab.logs("shared", shared(0.5), n=2, axes=2, seed=5))
+    for axis in result["axes"]:
+        found = [e for e in axis["effects"] if e["name"] == "common_mode"]
+        assert len(found) == 1 and "shared with" in found[0]["statement"]
+        p = found[0]["parameters"]
+        assert abs(p["correlation"] * p["sigma_dph"] ** 2 - 72) < 4 * 38**2 / 13000**0.5
+    apart = lab.run(lab.logs("apart", shared(0.0), n=2, axes=2, seed=6))
+    assert not [e for axis in apart["axes"] for e in axis["effects"] if e["name"] == "common_mode"]
