@@ -129,7 +129,13 @@ class Line:
 
     def greet(self):
         """A host begins with HELLO: its nonce makes it unlike the host before."""
-        name, self.hello = self.ask("hello", protocol=2, nonce=random.getrandbits(32))
+        for tries_left in (2, 1, 0):  # a device under load may still be starting, and drops what comes before its UART is on
+            try:
+                name, self.hello = self.ask("hello", protocol=2, nonce=random.getrandbits(32))
+                break
+            except Silence:
+                if not tries_left:
+                    raise
         assert name == "hello_reply"
         return self
 

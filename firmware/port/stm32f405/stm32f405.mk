@@ -1,7 +1,7 @@
 # The STM32F405: an image for the chip, and one for QEMU's netduinoplus2 (board.h says what differs).
 
 CPU_stm32f405 := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 $(if $(HSE_HZ),-DSTM32_HSE_HZ=$(HSE_HZ)u)
-CPU_stm32f405_qemu := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -DSTM32_TIM_HZ=1000000000u
+CPU_stm32f405_qemu := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -DSTM32_TIM_HZ=1000000000u -DWAIT_TURNS=10u
 FAST_stm32f405_comp := -O2
 FAST_stm32f405_sum := -O2
 FAST_stm32f405_qemu_comp := -O2

@@ -5,7 +5,9 @@
 
 #define HSI_HZ 16000000u
 #define PLL_N 336u
+#ifndef WAIT_TURNS         /* QEMU has no clock tree: there every turn is lost time */
 #define WAIT_TURNS 100000u /* some 30 ms at 16 MHz: a crystal starts in 2 to 10 ms */
+#endif
 #define RECORD_MAGIC 0x494D4352u
 
 /* ---- clocks ---- */
