@@ -63,6 +63,17 @@ def test_result_has_the_contract_fields(files):
         assert result[name]
 
 
+def test_tau_without_any_window_are_named_and_left_out(files):
+    """A filter that settles slowly and a third of the seconds missing leave no window for some tau; that is no error."""
+    model = json.loads((files / "model.json").read_text())
+    model["markov"] = [{"sigma_dph": 20, "tau_s": 100}, {"sigma_dph": 10, "tau_s": 1000}]
+    (files / "two.json").write_text(json.dumps(model))
+    residual = campaign(files, "--runs", 4, "--missing-seconds", 0.3, model="two.json")["residual_dp"]
+    assert residual["left_out_tau_s"] and len(residual["tau_s"]) == len(residual["dp_dph"]) == len(residual["expected_dph"])
+    assert not set(residual["tau_s"]) & set(residual["left_out_tau_s"])
+    assert campaign(files, "--runs", 4)["residual_dp"]["left_out_tau_s"] == []
+
+
 def test_same_result_for_threads_and_shards(files):
     whole = campaign(files, "--runs", 30, "--threads", 1)
     assert without_times(campaign(files, "--runs", 30, "--threads", 3)) == without_times(whole)

@@ -197,6 +197,9 @@ void put_residual(std::string* out, const Json& json) {
   for (size_t i = 0; i < json["tau_s"].size(); ++i)
     put(out, "%8.0f  %9.3f  %15.3f  %12.3f  %26.3f\n", double(json["tau_s"][i]), double(json["dp_dph"][i]),
         double(json["std_error_dph"][i]), double(json["model_dph"][i]), double(json["expected_dph"][i]));
+  if (json["left_out_tau_s"].empty()) return;
+  put(out, "%8s  no window without a gap after the nominal filter has settled, at %zu of the tau\n", "",
+      json["left_out_tau_s"].size());
 }
 
 } // namespace

@@ -77,28 +77,39 @@ void score_residual(const CampaignPlan& plan, const CoreChain& chain, const Simu
   const DpRecord record(series_of(std::move(residual)), dp2(plan));
   const std::vector<double> cov = chain.coefficient_covariance();
   std::vector<double> square, square2, extra;
+  std::vector<int64_t>
+      n_tests; // with a prediction at this tau: gaps, or a nominal filter that settles slowly, leave none
   const auto moments = record.moments(plan.dp_n);
   for (size_t i = 0; i < moments.size(); ++i) {
     const double d2 = moments[i].mean_square();
-    square.push_back(d2);
-    square2.push_back(d2 * d2);
     double trace = 0;
     for (size_t j = 0; j < cov.size(); ++j) trace += plan.residual_weight[i][j] * cov[j]; // both symmetric
-    extra.push_back(trace);
+    const bool has_any = std::isfinite(d2) && std::isfinite(trace);
+    n_tests.push_back(has_any);
+    square.push_back(has_any ? d2 : 0);
+    square2.push_back(has_any ? d2 * d2 : 0);
+    extra.push_back(has_any ? trace : 0);
   }
   tally->count("residual_runs");
+  tally->count("residual_tests", n_tests);
   tally->add("residual_d2", square);
   tally->add("residual_d4", square2);
   tally->add("residual_extra", extra);
 }
 
 Json residual_json(const CampaignPlan& plan, const Tally& tally) {
-  const auto runs = static_cast<double>(tally.counted("residual_runs"));
+  const std::vector<int64_t> n_tests = tally.counts("residual_tests");
   const auto d2 = tally.sums("residual_d2"), d4 = tally.sums("residual_d4"), extra = tally.sums("residual_extra");
   Json json = {{"runs", tally.counted("residual_runs")}, {"type", "dp2"}};
   for (const char* name : {"tau_s", "dp_dph", "std_error_dph", "model_dph", "expected_dph", "z"})
     json[name] = Json::array();
+  json["left_out_tau_s"] = Json::array(); // no test had a prediction there
   for (size_t i = 0; i < d2.size(); ++i) {
+    const auto runs = static_cast<double>(n_tests[i]);
+    if (n_tests[i] == 0) {
+      json["left_out_tau_s"].push_back(plan.dp_n[i]);
+      continue;
+    }
     const double mean = d2[i] / runs, dp = std::sqrt(mean / 2);
     const double error2 = runs > 1 ? std::max(0.0, d4[i] / runs - mean * mean) / (runs - 1) : 0.0;
     const double error = std::sqrt(error2) / (4 * dp); // d sqrt(m/2) = dm / (4 sqrt(m/2))
