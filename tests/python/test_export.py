@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from imucal.__main__ import main
+from imucal.errors import DataError
 from imucal.export import ardupilot, c_header, noise, plain_json, px4
 from imucal.export.cubic import single
 from imucal.table import read_table
@@ -36,25 +37,43 @@ def table(tmp_path):
     return make
 
 
-def rounding(terms):
-    """One rounding of float32 in each coefficient and in each sum: what their arithmetic cannot avoid."""
-    return 8 * 2.0 ** -24 * np.abs(terms).sum(axis=0)
+U = 2.0 ** -24  # a rounding to float32, relative
 
 
-TEMPS = np.linspace(-40, 90, 2001)
+def exact(powers, d):
+    """The terms of a polynomial whose coefficients are the written numbers, in double."""
+    return np.stack([float(c) * d ** k for k, c in enumerate(powers)])
+
+
+def held(written, exported_terms, own_arithmetic, table_curve):
+    """Two bounds.  In exact arithmetic the written numbers give the table within one rounding of each coefficient: nothing
+    better can be written.  The target's own float32 adds its own roundings, counted operation by operation in
+    `own_arithmetic` (terms weighed by the roundings each of them passes)."""
+    size = np.abs(exported_terms)
+    assert np.all(np.abs(exported_terms.sum(axis=0) - table_curve) <= 1.000001 * U * size.sum(axis=0))
+    assert np.all(np.abs(written.astype(float) - exported_terms.sum(axis=0)) <= 1.00001 * U * (np.asarray(own_arithmetic, float)[:, None] * size).sum(axis=0))
+
+
+# Temperatures that float32 holds: a sensor gives no others.
+TEMPS = np.linspace(-40, 90, 2001).astype(F).astype(float)
 
 
 def px4_offset(params, i, temp):
-    """calc_thermal_offsets_3D of PX4's TemperatureCompensation.cpp, in float32."""
+    """calc_thermal_offsets_3D of PX4's TemperatureCompensation.cpp, in float32; and its terms in exact arithmetic."""
     g = {k: F(v) for k, v in params.items()}
-    d = np.clip(temp.astype(F), g["TC_G0_TMIN"], g["TC_G0_TMAX"]) - g["TC_G0_TREF"]
+    clipped = np.clip(temp.astype(F), g["TC_G0_TMIN"], g["TC_G0_TMAX"])
+    d = clipped - g["TC_G0_TREF"]
     d2 = d * d
     d3 = d2 * d
     x = [g[f"TC_G0_X{k}_{i}"] for k in range(4)]
-    return x[0] + x[1] * d + x[2] * d2 + x[3] * d3, np.stack([np.full_like(d, x[0]), x[1] * d, x[2] * d2, x[3] * d3]).astype(float)
+    return x[0] + x[1] * d + x[2] * d2 + x[3] * d3, exact(x, clipped.astype(float) - float(g["TC_G0_TREF"]))
 
 
-@pytest.mark.parametrize("seed, order", [(1, 3), (2, 2), (3, 1), (4, 0)])
+# Roundings that x0, x1 d, x2 d^2, x3 d^3 pass: d itself once per power, the products, the sums after them.
+PX4_ROUNDINGS = (3, 5, 6, 7)
+
+
+@pytest.mark.parametrize("seed, order", [(1, 3), (2, 2), (3, 1), (4, 0), (5, 3), (6, 3)])
 def test_px4_parameters_give_the_table_in_px4_s_own_formula(table, seed, order):
     t = table(seed=seed, order=order)
     text, notes = px4.export(t, SimpleNamespace(instance=0, device_id=2424842, prefix=None, rate_hz=None))
@@ -63,8 +82,7 @@ def test_px4_parameters_give_the_table_in_px4_s_own_formula(table, seed, order):
     params = {r[2]: r[3] for r in rows}
     assert params["TC_G0_ID"] == "2424842" and params["TC_G_ENABLE"] == "1" and not notes
     for i, channel in enumerate(t.channels):
-        offset, terms = px4_offset(params, i, TEMPS)
-        assert np.all(np.abs(offset.astype(float) - channel.bias(TEMPS) / DPH_PER_RADPS) <= rounding(terms))
+        held(*px4_offset(params, i, TEMPS), PX4_ROUNDINGS, channel.bias(TEMPS) / DPH_PER_RADPS)
 
 
 def test_px4_says_what_a_cubic_cannot_hold(table):
@@ -80,20 +98,26 @@ def test_px4_says_what_a_cubic_cannot_hold(table):
 
 
 def ap_correct(params, axis, temp, imu=1):
-    """correct_sensor of ArduPilot's AP_InertialSensor_tempcal.cpp on v = 0, then INS_GYROFFS, in float32."""
+    """correct_sensor of ArduPilot's AP_InertialSensor_tempcal.cpp on v = 0, then INS_GYROFFS, in float32; and the terms of
+    what it takes off, in exact arithmetic: three of the temperature, three of CALTEMP, the offset."""
     p = {k: F(v) for k, v in params.items()}
     c = [p[f"INS_TCAL{imu}_GYR{k}_{axis}"] for k in (1, 2, 3)]
 
     def evaluate(d):
         return (c[0] + (c[1] + c[2] * d) * d) * d * F(1e-6)
     lo, hi = p[f"INS_TCAL{imu}_TMIN"], p[f"INS_TCAL{imu}_TMAX"]
-    at = np.clip(temp.astype(F), lo, hi) - F(35)
-    cal = np.clip(p[f"INS_GYR{imu}_CALTEMP"], lo, hi) - F(35)
-    v = F(0) - evaluate(at)
-    v = v + evaluate(cal)
+    at, cal = np.clip(temp.astype(F), lo, hi), np.clip(p[f"INS_GYR{imu}_CALTEMP"], lo, hi)
+    v = F(0) - evaluate(at - F(35))
+    v = v + evaluate(cal - F(35))
     offset = p["INS_GYR{}OFFS_{}".format("" if imu == 1 else imu, axis)]
-    terms = [(c[k] * at.astype(float) ** (k + 1)) * 1e-6 for k in range(3)] + [(c[k] * np.full(at.shape, float(cal)) ** (k + 1)) * 1e-6 for k in range(3)]
-    return v - offset, np.stack(terms + [np.full(at.shape, float(offset))])
+    scaled = [0.0] + [float(k) * 1e-6 for k in c]
+    terms = np.concatenate([exact(scaled, at.astype(float) - 35)[1:], -exact(scaled, np.full(at.shape, float(cal) - 35))[1:], np.full((1,) + at.shape, float(offset))])
+    return -(v - offset), terms
+
+
+# Roundings of c1 d, c2 d^2, c3 d^3 by Horner (each d, each product, each sum, 1e-6 and its product), of the two sums
+# after them; the same for CALTEMP; of the offset.
+AP_ROUNDINGS = (7, 10, 12, 7, 10, 12, 1)
 
 
 @pytest.mark.parametrize("span", [(-20.0, 70.0), (-10.0, 25.0)])
@@ -103,8 +127,27 @@ def test_ardupilot_parameters_give_the_table_in_ardupilot_s_own_formula(table, s
     params = dict(line.split() for line in text.splitlines() if not line.startswith("#"))
     assert params["INS_TCAL2_ENABLE"] == "1" and all(len(n) <= 16 for n in params)
     for axis, channel in zip("XYZ", t.channels):
-        corrected, terms = ap_correct(params, axis, TEMPS, imu=2)
-        assert np.all(np.abs(corrected.astype(float) + channel.bias(TEMPS) / DPH_PER_RADPS) <= 2 * rounding(terms))
+        held(*ap_correct(params, axis, TEMPS, imu=2), AP_ROUNDINGS, channel.bias(TEMPS) / DPH_PER_RADPS)
+
+
+def test_ardupilot_has_one_span_for_gyro_and_accelerometer(table, tmp_path):
+    content = table_json(names=("gx_dph", "gy_dph", "gz_dph", "ax_mg", "ay_mg", "az_mg"))
+    for axis in content["axes"][3:]:
+        axis["span_degc"] = [-5.0, 80.0]
+    (tmp_path / "two.json").write_text(json.dumps(content))
+    text, notes = ardupilot.export(read_table(tmp_path / "two.json"), NOTHING)
+    params = dict(line.split() for line in text.splitlines() if not line.startswith("#"))
+    assert (params["INS_TCAL1_TMIN"], params["INS_TCAL1_TMAX"]) == ("-5", "70")
+    assert any("one span for gyro and accelerometer" in n and "-5 to 70" in n for n in notes)
+
+
+def test_axes_without_a_common_span_are_refused(table, tmp_path):
+    content = table_json()
+    content["axes"][1]["span_degc"] = [75.0, 85.0]
+    (tmp_path / "apart.json").write_text(json.dumps(content))
+    for module in (px4, ardupilot):
+        with pytest.raises(DataError, match="no temperature in common"):
+            module.export(read_table(tmp_path / "apart.json"), NOTHING)
 
 
 def test_accelerometer_goes_out_in_ms2(table):
@@ -148,7 +191,14 @@ def test_c_header_compiles_cleanly_and_computes_the_table(table, tmp_path, order
     for i, channel in enumerate(t.channels):
         bias, compensated, fixed, bits = rows[:, 1 + 4 * i:5 + 4 * i].T
         size = np.abs(channel.coeff).sum()
-        assert np.abs(bias - channel.bias(temp)).max() <= 12 * 2.0 ** -24 * size
+        # Tn^k carries the roundings of T itself, of T - t0 and of the quotient, k times; Horner two for each power; b_k one.
+        clipped = np.clip(temp, *channel.span_degc)
+        tn = (clipped - channel.t0_degc) / channel.range_degc
+        of_temp = np.abs(clipped) / channel.range_degc  # T's own rounding, seen in Tn
+        k = np.arange(order + 1)[:, None]
+        powers = np.abs(channel.coeff)[:, None] * np.abs(tn) ** k
+        slope = (np.abs(channel.coeff)[1:, None] * k[1:] * np.abs(tn) ** (k[1:] - 1)).sum(axis=0)
+        assert np.all(np.abs(bias - channel.bias(temp)) <= 1.00001 * U * ((4 * k + 2) * powers).sum(axis=0) + 1.00001 * U * slope * of_temp)
         want = (1000 - channel.bias(temp)) * channel.scale(temp)
         assert np.abs(compensated - want).max() <= 16 * 2.0 ** -24 * (size + 1000)
         slope = np.abs(channel.coeff * np.arange(order + 1)).sum() * 2.0 ** -29  # of Tn's rounding

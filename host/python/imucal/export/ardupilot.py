@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..units import DPH_PER_RADPS, MG_PER_MS2
-from .cubic import common_span, cubic_powers, note_scale, text, three_axes
+from .cubic import common_span, cubic_powers, note_scale, shared_span, text, three_axes
 
 T_REF_DEGC, SCALE = 35.0, 1e6
 
@@ -24,7 +24,7 @@ def _sensor(table, letter, kind, imu, per_unit, notes):
     channels = three_axes(table, letter, "ArduPilot")
     if not channels:
         return [], None
-    span = common_span(channels, notes)
+    span = common_span(channels, notes, table.path)
     note_scale(channels, notes)
     rows = []
     for axis, channel in zip("XYZ", channels):
@@ -43,7 +43,9 @@ def export(table, options):
     accel_rows, accel = _sensor(table, "a", "ACC", imu, 1 / MG_PER_MS2, notes)
     if gyro is None and accel is None:
         raise DataError(f"{table.path}: no axes gx, gy, gz or ax, ay, az (there are: {', '.join(c.axis for c in table.channels)})")
-    span = (gyro or accel)[1]
+    span = shared_span([sensor[1] for sensor in (gyro, accel) if sensor], table.path)
+    if gyro and accel and gyro[1] != accel[1]:
+        notes.append(f"one span for gyro and accelerometer: only {span[0]:g} to {span[1]:g} degC, which both have")
     rows = [(f"INS_TCAL{imu}_ENABLE", "1"), (f"INS_TCAL{imu}_TMIN", text(span[0])), (f"INS_TCAL{imu}_TMAX", text(span[1]))] + gyro_rows + accel_rows
     if gyro:
         cal_temp = float(np.clip(T_REF_DEGC, *span))

@@ -29,9 +29,18 @@ def three_axes(table, letter, what):
     return [found[a] for a in "xyz"]
 
 
-def common_span(channels, notes):
+def shared_span(spans, path):
+    """The temperatures that several spans have in common; DataError where there are none."""
+    lo, hi = max(s[0] for s in spans), min(s[1] for s in spans)
+    if not lo < hi:
+        raise DataError(f"{path}: the axes have no temperature in common ({', '.join(f'{s[0]:g} to {s[1]:g} degC' for s in spans)}); "
+                        "calibrate them in the same test")
+    return lo, hi
+
+
+def common_span(channels, notes, path):
     """The span all axes share; a note where they differ."""
-    lo, hi = max(c.span_degc[0] for c in channels), min(c.span_degc[1] for c in channels)
+    lo, hi = shared_span([c.span_degc for c in channels], path)
     if any(c.span_degc != (lo, hi) for c in channels):
         notes.append(f"one span for three axes: only {lo:g} to {hi:g} degC, which all of them share")
     return lo, hi

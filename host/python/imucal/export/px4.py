@@ -16,7 +16,7 @@ def _sensor(table, letter, prefix, per_unit, device_id, notes):
     channels = three_axes(table, letter, "PX4")
     if not channels:
         return []
-    span = common_span(channels, notes)
+    span = common_span(channels, notes, table.path)
     note_scale(channels, notes)
     t_ref = float(text(channels[0].t0_degc))
     rows = [(f"{prefix}_ID", str(device_id), _INT32), (f"{prefix}_TREF", text(t_ref), _FLOAT), (f"{prefix}_TMIN", text(span[0]), _FLOAT),
