@@ -180,6 +180,93 @@ static void test_take_extreme_stamps_do_no_harm(void** state) {
   assert_true(timing.n_ahead + timing.n_behind <= 9);
 }
 
+static void test_init_leaves_nothing_of_before(void** state) {
+  (void)state;
+  const imucal_clock_t fresh = {0};
+  memset(&timing, 0xA5, sizeof timing);
+  imucal_clock_init(&timing);
+  assert_int_equal(timing.last_us, fresh.last_us);
+  assert_int_equal(timing.offset_us, fresh.offset_us);
+  assert_int_equal(timing.first_us, fresh.first_us);
+  assert_int_equal(timing.candidate_us, fresh.candidate_us);
+  assert_int_equal(timing.n_ahead + timing.n_behind + timing.n_set + timing.n_wrapped, 0);
+  assert_false(timing.has_last || timing.has_candidate || timing.has_released);
+}
+
+/* Another stream: its first stamp passes as it is, whatever came before; the counts stay. */
+static void test_restart_compares_nothing_with_before(void** state) {
+  (void)state;
+  put_run(HOUR_US, 100);
+  put_run(1000000, 600); /* set back: the offset is an hour now */
+  assert_int_equal(timing.n_set, 1);
+  assert_true(timing.offset_us > 3000000000u);
+  assert_false(put(2 * (uint64_t)HOUR_US)); /* a doubted one waits */
+  const uint32_t n_behind = timing.n_behind;
+  imucal_clock_restart(&timing);
+  newest_us = n_taken = 0;
+  assert_true(put(2 * (uint64_t)HOUR_US + PERIOD_US));
+  assert_false(timing.has_released); /* the doubted one was of the other stream */
+  assert_true(newest_us == 2 * (uint64_t)HOUR_US + PERIOD_US);
+  assert_int_equal(timing.n_set, 1);
+  assert_int_equal(timing.n_behind, n_behind);
+  imucal_clock_restart(&timing);
+  newest_us = n_taken = 0;
+  assert_true(put(17)); /* far behind: passes too */
+  assert_true(newest_us == 17);
+}
+
+static void test_take_step_of_two_seconds_is_a_neighbour_one_more_is_not(void** state) {
+  (void)state;
+  assert_true(put(1000000));
+  assert_true(put(1000000 + IMUCAL_CLOCK_MAX_STEP_US));
+  assert_int_equal(timing.n_ahead, 0);
+  assert_false(put(1000000 + 2 * IMUCAL_CLOCK_MAX_STEP_US + 1));
+  assert_int_equal(timing.n_ahead, 1);
+}
+
+/* Doubted stamps agree where the clock runs between them: a stuck one proves nothing. */
+static void test_take_doubted_equal_stamps_do_not_agree(void** state) {
+  (void)state;
+  const uint64_t next_us = put_run(1000000, 10);
+  for (uint32_t i = 0; i < 5; i++) assert_false(put(next_us + HOUR_US));
+  assert_int_equal(timing.n_ahead, 5);
+  assert_true(put(next_us + HOUR_US + 1));
+  assert_int_equal(timing.n_ahead, 4); /* one of them is given back */
+}
+
+/* Two wrong stamps that agree, with a good one between: each costs itself. */
+static void test_take_good_stamp_between_makes_doubted_ones_start_anew(void** state) {
+  (void)state;
+  const uint64_t next_us = put_run(1000000, 10);
+  assert_false(put(next_us + HOUR_US));
+  assert_true(put(next_us));
+  assert_false(put(next_us + HOUR_US + PERIOD_US));
+  assert_true(put(next_us + PERIOD_US));
+  assert_int_equal(timing.n_ahead, 2);
+}
+
+static void test_take_released_sample_has_the_continuous_time(void** state) {
+  (void)state;
+  put_run(HOUR_US, 100);
+  const uint64_t next_us = put_run(1000000, 600); /* set back: raw and continuous time differ */
+  const uint64_t offset_us = timing.offset_us;
+  assert_true(offset_us != 0);
+  assert_false(put(next_us + 60000000));
+  assert_true(put(next_us + 60010000));
+  assert_true(timing.has_released && timing.released_us == next_us + 60000000 + offset_us);
+}
+
+/* Only a clock that was within its width wraps: 2^32 us is one count too many for 32 bits. */
+static void test_take_clock_at_its_width_does_not_wrap(void** state) {
+  (void)state;
+  for (uint64_t last_us = (1ull << 32) - 1; last_us <= 1ull << 32; last_us++) {
+    start(state);
+    assert_true(put(last_us));
+    assert_int_equal(put(5), last_us == (1ull << 32) - 1);
+    assert_int_equal(timing.n_wrapped, last_us == (1ull << 32) - 1);
+  }
+}
+
 #define TEST(name) cmocka_unit_test_setup(name, start)
 int main(void) {
   const struct CMUnitTest tests[] = {
@@ -197,6 +284,13 @@ int main(void) {
       TEST(test_take_32_bit_clocks_wrap_without_loss),
       TEST(test_take_wraps_again_and_again),
       TEST(test_take_extreme_stamps_do_no_harm),
+      TEST(test_init_leaves_nothing_of_before),
+      TEST(test_restart_compares_nothing_with_before),
+      TEST(test_take_step_of_two_seconds_is_a_neighbour_one_more_is_not),
+      TEST(test_take_doubted_equal_stamps_do_not_agree),
+      TEST(test_take_good_stamp_between_makes_doubted_ones_start_anew),
+      TEST(test_take_released_sample_has_the_continuous_time),
+      TEST(test_take_clock_at_its_width_does_not_wrap),
   };
   return cmocka_run_group_tests_name("clock", tests, NULL, NULL);
 }

@@ -284,10 +284,16 @@ static void test_load_falls_back_when_the_ruling_slot_fades(void** state) {
   assert_int_equal(report.slot_status[1], IMUCAL_ERR_CRC);
 }
 
-/* ---- the short form of make torn ---- */
+/* ---- the short form of make torn; not where IMUCAL_NO_TORN=1 asks for the unit tests alone (make mutate) ---- */
+
+static void skip_without_torn(void) {
+  const char* asked = getenv("IMUCAL_NO_TORN");
+  if (asked != NULL && strcmp(asked, "1") == 0) skip();
+}
 
 static void test_cut_at_every_unit_old_or_new_table_rules(void** state) {
   (void)state;
+  skip_without_torn();
   static torn_state_t start;
   static const int patterns[] = {NOR_ALL_WAVER, NOR_MIXED};
   torn_counts_t counts = {0};
@@ -304,6 +310,7 @@ static void test_cut_at_every_unit_old_or_new_table_rules(void** state) {
 
 static void test_cut_three_times_in_a_row_old_or_new_table_rules(void** state) {
   (void)state;
+  skip_without_torn();
   torn_counts_t counts = {0};
   const int n_cuts = unit_repeats(3000);
   torn_sample(unit_seed(), (uint64_t)n_cuts, 1, &counts);
@@ -313,6 +320,7 @@ static void test_cut_three_times_in_a_row_old_or_new_table_rules(void** state) {
 
 static void test_bits_flipped_at_rest_never_make_a_table(void** state) {
   (void)state;
+  skip_without_torn();
   torn_counts_t counts = {0};
   torn_flips(unit_seed(), 2, &counts);
   assert_int_equal(torn_n_failures(&counts), 0);
@@ -320,6 +328,7 @@ static void test_bits_flipped_at_rest_never_make_a_table(void** state) {
 
 static void test_driver_fails_at_any_call_done_only_where_it_is(void** state) {
   (void)state;
+  skip_without_torn();
   torn_counts_t counts = {0};
   uint64_t n_failed_calls = 0;
   torn_failures(unit_seed(), &counts, &n_failed_calls);
