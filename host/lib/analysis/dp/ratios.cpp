@@ -79,6 +79,96 @@ std::string formatted(const char* format, double a, double b = 0, double c = 0) 
   return text;
 }
 
+// Two-sided limits of one record.  Half of the false-alarm rate goes to the outliers and half to the percentile, and each
+// half is shared by the octaves of tau.
+struct Limits {
+  double rate = 0;         // of either test at one octave
+  double z_percentile = 0; // standard deviations of the percentile ratio
+};
+
+Limits limits_of(const std::vector<double>& tau_s, double false_alarm_rate) {
+  const double octaves = std::max(1.0, std::log2(tau_s.back() / tau_s.front()) + 1);
+  const double rate = 0.5 * false_alarm_rate / octaves;
+  return {rate, normal_quantile(1 - 0.5 * rate)};
+}
+
+// The three statistics of d at one tau.
+struct Sizes {
+  double rms = 0, percentile = 0, largest = 0; // each scaled to be sigma, the largest to a third of it
+};
+
+Sizes sizes_of(const std::vector<double>& d) {
+  std::vector<double> work = d;
+  const double rms = dp_sigma(DpEstimator::kRms, &work);
+  const double percentile = dp_sigma(DpEstimator::kP95, &work); // leaves |d|
+  return {rms, percentile, *std::max_element(work.begin(), work.end()) / 3};
+}
+
+// The percentile ratio that is furthest from the Gaussian one, among the taus that have degrees of freedom enough.
+struct WorstRatio {
+  double off = 0, ratio = 1, tau_s = 0; // off: in standard deviations
+  bool any_dof = false;
+
+  void add(double p95_over_rms, double dof, double at_tau_s) {
+    any_dof = true;
+    const double now = (p95_over_rms - kPercentileRatio) * std::sqrt(dof) / kPercentileSpread;
+    if (std::fabs(now) > std::fabs(off)) off = now, ratio = p95_over_rms, tau_s = at_tau_s;
+  }
+};
+
+// Fills the ratios of `out` tau by tau and collects what stands out.
+WorstRatio add_ratios(const Series& s, const DpRecord& record, const Limits& limits, DpRatios* out,
+                      std::vector<DpOutlier>* events) {
+  WorstRatio worst;
+  std::vector<double> d;
+  std::vector<long> t0;
+  for (size_t i = 0; i < out->tau_s.size(); ++i) {
+    const double tau_s = out->tau_s[i], dof = out->dof[i];
+    record.samples(std::lround(tau_s / s.dt_s), &d, &t0);
+    const Sizes size = sizes_of(d);
+    out->max_over_rms.push_back(size.largest / size.rms);
+    out->p95_over_rms.push_back(size.percentile / size.rms);
+    const double limit = normal_quantile(1 - 0.5 * limits.rate / static_cast<double>(d.size()));
+    // The sigma itself is uncertain: widened by its own 3-sigma error.
+    const double sigma = size.percentile * (1 + 3 / std::sqrt(2 * dof));
+    out->max_limit.push_back(limit * sigma / (3 * size.rms));
+    if (dof < kLeastDof) continue;
+    worst.add(size.percentile / size.rms, dof, tau_s);
+    if (3 * size.largest > limit * sigma) add_events(s, t0, d, sigma, limit, tau_s, events);
+  }
+  return worst;
+}
+
+struct Verdict {
+  const char* name;
+  std::string statement;
+};
+
+// Of outliers, largest first: one place in temperature, or single events.
+Verdict verdict_of_events(const Series& s, const std::vector<DpOutlier>& events) {
+  const auto n_events = static_cast<double>(events.size());
+  double share = 0;
+  const double at_degc = common_temperature(s, events, &share);
+  if (std::isfinite(at_degc))
+    return {"singularity", formatted("%.0f events, %.0f %% of them near %.1f degC: a thermal singularity", n_events,
+                                     100 * share, at_degc)};
+  return {"outliers",
+          formatted("%.0f event(s); the largest at t = %.0f s, %.1f sigma; look there, and use --estimator p95",
+                    n_events, events[0].t_s, events[0].sigmas)};
+}
+
+Verdict verdict_of(const Series& s, const std::vector<DpOutlier>& events, const WorstRatio& worst,
+                   double z_percentile) {
+  if (!worst.any_dof) return {"too_short", "fewer than 20 degrees of freedom at every tau: no verdict"};
+  if (!events.empty()) return verdict_of_events(s, events);
+  if (std::fabs(worst.off) <= z_percentile)
+    return {"gaussian", "ratios as a Gaussian error has them: rms is the right estimator"};
+  const std::string ratio =
+      formatted("percentile over rms is %.3f at tau = %.0f s (Gaussian 0.998): ", worst.ratio, worst.tau_s);
+  if (worst.off < 0) return {"heavy_tails", ratio + "the noise level changes along the record"};
+  return {"light_tails", ratio + "the error has no tails (a limit, a few values, a drift)"};
+}
+
 } // namespace
 
 DpRatios dp_ratios(const Series& s, const DpRecord& record, const std::vector<double>& tau_s,
@@ -86,58 +176,13 @@ DpRatios dp_ratios(const Series& s, const DpRecord& record, const std::vector<do
   DpRatios out;
   out.log = s.log, out.axis = s.axis, out.type = record.op().type;
   out.tau_s = tau_s, out.dof = dof;
-  const double octaves = std::max(1.0, std::log2(tau_s.back() / tau_s.front()) + 1);
-  const double rate = 0.5 * false_alarm_rate / octaves; // half for the outliers, half for the percentile
-  const double z_percentile = normal_quantile(1 - 0.5 * rate);
+  const Limits limits = limits_of(tau_s, false_alarm_rate);
   std::vector<DpOutlier> events;
-  std::vector<double> d, sorted;
-  std::vector<long> t0;
-  double worst = 0, worst_ratio = 1, worst_tau_s = 0;
-  bool any_dof = false;
-  for (size_t i = 0; i < tau_s.size(); ++i) {
-    record.samples(std::lround(tau_s[i] / s.dt_s), &d, &t0);
-    sorted = d;
-    const double rms = dp_sigma(DpEstimator::kRms, &sorted);
-    const double percentile = dp_sigma(DpEstimator::kP95, &sorted); // leaves |d|
-    const double largest = *std::max_element(sorted.begin(), sorted.end()) / 3;
-    out.max_over_rms.push_back(largest / rms);
-    out.p95_over_rms.push_back(percentile / rms);
-    // The sigma itself is uncertain: widened by its own 3-sigma error.
-    const double limit = normal_quantile(1 - 0.5 * rate / static_cast<double>(d.size()));
-    const double sigma = percentile * (1 + 3 / std::sqrt(2 * dof[i]));
-    out.max_limit.push_back(limit * sigma / (3 * rms));
-    if (dof[i] < kLeastDof) continue;
-    any_dof = true;
-    const double off = (percentile / rms - kPercentileRatio) * std::sqrt(dof[i]) / kPercentileSpread;
-    if (std::fabs(off) > std::fabs(worst)) worst = off, worst_ratio = percentile / rms, worst_tau_s = tau_s[i];
-    if (3 * largest > limit * sigma) add_events(s, t0, d, sigma, limit, tau_s[i], &events);
-  }
+  const WorstRatio worst = add_ratios(s, record, limits, &out, &events);
   events = merged(std::move(events));
   out.n_events = static_cast<long>(events.size());
-  double share = 0;
-  const double at_degc = common_temperature(s, events, &share);
-  if (!any_dof) {
-    out.verdict = "too_short";
-    out.statement = "fewer than 20 degrees of freedom at every tau: no verdict";
-  } else if (std::isfinite(at_degc)) {
-    out.verdict = "singularity";
-    out.statement = formatted("%.0f events, %.0f %% of them near %.1f degC: a thermal singularity",
-                              static_cast<double>(events.size()), 100 * share, at_degc);
-  } else if (!events.empty()) {
-    out.verdict = "outliers";
-    out.statement =
-        formatted("%.0f event(s); the largest at t = %.0f s, %.1f sigma; look there, and use --estimator p95",
-                  static_cast<double>(events.size()), events[0].t_s, events[0].sigmas);
-  } else if (std::fabs(worst) > z_percentile) {
-    out.verdict = worst < 0 ? "heavy_tails" : "light_tails";
-    out.statement =
-        formatted("percentile over rms is %.3f at tau = %.0f s (Gaussian 0.998): ", worst_ratio, worst_tau_s) +
-        (worst < 0 ? "the noise level changes along the record"
-                   : "the error has no tails (a limit, a few values, a drift)");
-  } else {
-    out.verdict = "gaussian";
-    out.statement = "ratios as a Gaussian error has them: rms is the right estimator";
-  }
+  const Verdict verdict = verdict_of(s, events, worst, limits.z_percentile);
+  out.verdict = verdict.name, out.statement = verdict.statement;
   if (events.size() > kMostOutliers) events.resize(kMostOutliers);
   out.outliers = events;
   return out;
