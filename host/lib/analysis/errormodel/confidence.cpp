@@ -24,68 +24,109 @@ void add_two_window(const NoiseComponent& comp, double n, double m, std::vector<
   }
 }
 
-// DP2, DP3: lag by lag through the filter's recursion; each sample after t0 enters with its covariance with d(t0).
-void add_filtered(const NoiseComponent& comp, const DpOperator& op, long n, std::vector<double>* r) {
-  const NominalFilter& f = op.filter;
-  const size_t order = f.size();
-  std::vector<double> c(order, 0.0);
-  for (size_t i = 0; i < order; ++i)
-    for (size_t m = 0; m < order; ++m) c[m] += f.prediction_factor(i, n, op.type == DpType::kDp3) * f.response[i][m];
-  const auto size = static_cast<long>(r->size());
-  const double phi = std::exp(-comp.alpha), p = comp.power_dph2;
-  const auto gamma = [&](long lag) {
-    lag = std::labs(lag);
-    if (comp.kind == Kind::kMarkov) return p * std::exp(-comp.alpha * static_cast<double>(lag));
-    if (comp.kind == Kind::kAngleQuantization) return lag == 0 ? 2 * p : lag == 1 ? -p : 0.0;
-    return lag == 0 ? p : 0.0;
-  };
-  // s(j) = E d(0) x(j), x(j) being j samples after t0 (j = 0: the first predicted), for j > -1 - horizon.
-  // Window part: sums of gamma; estimate part: E estimate x(j) = sum_m c_m sum_i pole^i gamma(j + 1 + i).
-  const long reach = size + n;
-  std::vector<double> cumulative(static_cast<size_t>(reach + n) + 2); // sum_{l<k} gamma(l)
+// DP2, DP3: d(0) = mean of the n samples that follow - estimate from those before.  r(k) = E d(0) d(k) is found lag by
+// lag through the filter's recursion: every sample that enters at lag k enters with its covariance with d(0).
+class FilteredAutocovariance {
+public:
+  FilteredAutocovariance(const NoiseComponent& comp, const DpOperator& op, long n)
+      : f_(op.filter), kind_(comp.kind), alpha_(comp.alpha), p_(comp.power_dph2), phi_(std::exp(-comp.alpha)), n_(n),
+        c_(f_.size(), 0.0) {
+    for (size_t i = 0; i < c_.size(); ++i)
+      for (size_t m = 0; m < c_.size(); ++m)
+        c_[m] += f_.prediction_factor(i, n, op.type == DpType::kDp3) * f_.response[i][m];
+  }
+
+  void add_to(std::vector<double>* r) const;
+
+private:
+  double gamma(long lag) const; // autocovariance of the samples
+  std::vector<double> covariance_with_samples(long reach) const;
+  double estimate_with_sample(long j) const;
+  double window_with_state(size_t m) const;
+  double estimate_with_state(size_t m) const;
+  std::vector<double> covariance_with_states() const;
+
+  const NominalFilter& f_;
+  Kind kind_;
+  double alpha_, p_, phi_;
+  long n_;
+  std::vector<double> c_; // the estimate as a sum of the filter's modes: sum_m c_m state_m
+};
+
+double FilteredAutocovariance::gamma(long lag) const {
+  lag = std::labs(lag);
+  if (kind_ == Kind::kMarkov) return p_ * std::exp(-alpha_ * static_cast<double>(lag));
+  if (kind_ == Kind::kAngleQuantization) return lag == 0 ? 2 * p_ : lag == 1 ? -p_ : 0.0;
+  return lag == 0 ? p_ : 0.0;
+}
+
+// E estimate x(j) = sum_m c_m sum_i pole_m^i gamma(j + 1 + i), j >= 0.
+double FilteredAutocovariance::estimate_with_sample(long j) const {
+  double sum = 0;
+  for (size_t m = 0; m < c_.size(); ++m) {
+    if (kind_ == Kind::kMarkov) sum += c_[m] * gamma(j + 1) / (1 - f_.pole[m] * phi_);
+    if (kind_ == Kind::kAngleQuantization && j == 0) sum -= c_[m] * p_;
+  }
+  return sum;
+}
+
+// E d(0) x(j) for 0 <= j < reach; x(0) is the first sample predicted.  The window's part is a sum of gamma over n lags.
+std::vector<double> FilteredAutocovariance::covariance_with_samples(long reach) const {
+  std::vector<double> cumulative(static_cast<size_t>(reach + n_) + 2); // sum_{l<k} gamma(l)
   for (size_t k = 1; k < cumulative.size(); ++k) cumulative[k] = cumulative[k - 1] + gamma(static_cast<long>(k) - 1);
-  const auto window_with = [&](long j) { // (1/n) sum_{i<n} gamma(j - i), j >= 0
+  const auto window_with_sample = [&](long j) { // (1/n) sum_{i<n} gamma(j - i)
     const auto at = [&](long k) { return cumulative[static_cast<size_t>(k)]; };
-    const double sum = j < n ? at(j + 1) + at(n - j) - gamma(0) : at(j + 1) - at(j + 1 - n);
-    return sum / static_cast<double>(n);
-  };
-  const auto estimate_with = [&](long j) { // j >= 0
-    double sum = 0;
-    for (size_t m = 0; m < order; ++m) {
-      if (comp.kind == Kind::kMarkov) sum += c[m] * gamma(j + 1) / (1 - f.pole[m] * phi);
-      if (comp.kind == Kind::kAngleQuantization && j == 0) sum -= c[m] * p;
-    }
-    return sum;
+    const double sum = j < n_ ? at(j + 1) + at(n_ - j) - gamma(0) : at(j + 1) - at(j + 1 - n_);
+    return sum / static_cast<double>(n_);
   };
   std::vector<double> with(static_cast<size_t>(reach));
-  for (long j = 0; j < reach; ++j) with[static_cast<size_t>(j)] = window_with(j) - estimate_with(j);
-  // E d(0) estimate_m(k), started at k = 0 from closed forms.
-  std::vector<double> state(order, 0.0);
-  for (size_t m = 0; m < order; ++m) {
-    const double pm = f.pole[m];
-    double window = 0, estimate = 0;
-    if (comp.kind == Kind::kMarkov)
-      window = p * phi / (1 - pm * phi) * std::expm1(-comp.alpha * static_cast<double>(n)) / std::expm1(-comp.alpha) /
-               static_cast<double>(n);
-    if (comp.kind == Kind::kAngleQuantization) window = -p / static_cast<double>(n);
-    for (size_t k = 0; k < order; ++k) {
-      double sum = 1;
-      if (comp.kind == Kind::kMarkov) sum = 1 / (1 - pm * phi) + 1 / (1 - f.pole[k] * phi) - 1;
-      if (comp.kind == Kind::kAngleQuantization) sum = 2 - pm - f.pole[k];
-      estimate += c[k] * p * sum / (1 - pm * f.pole[k]);
-    }
-    state[m] = window - estimate;
+  for (long j = 0; j < reach; ++j) with[static_cast<size_t>(j)] = window_with_sample(j) - estimate_with_sample(j);
+  return with;
+}
+
+// E window(0) state_m(0).
+double FilteredAutocovariance::window_with_state(size_t m) const {
+  const auto n = static_cast<double>(n_);
+  if (kind_ == Kind::kMarkov)
+    return p_ * phi_ / (1 - f_.pole[m] * phi_) * std::expm1(-alpha_ * n) / std::expm1(-alpha_) / n;
+  if (kind_ == Kind::kAngleQuantization) return -p_ / n;
+  return 0;
+}
+
+// E estimate(0) state_m(0).
+double FilteredAutocovariance::estimate_with_state(size_t m) const {
+  const double pm = f_.pole[m];
+  double estimate = 0;
+  for (size_t k = 0; k < c_.size(); ++k) {
+    double sum = 1;
+    if (kind_ == Kind::kMarkov) sum = 1 / (1 - pm * phi_) + 1 / (1 - f_.pole[k] * phi_) - 1;
+    if (kind_ == Kind::kAngleQuantization) sum = 2 - pm - f_.pole[k];
+    estimate += c_[k] * p_ * sum / (1 - pm * f_.pole[k]);
   }
-  double window = 0; // E d(0) mean(x[k .. k+n))
-  for (long j = 0; j < n; ++j) window += with[static_cast<size_t>(j)] / static_cast<double>(n);
+  return estimate;
+}
+
+std::vector<double> FilteredAutocovariance::covariance_with_states() const {
+  std::vector<double> state(c_.size(), 0.0);
+  for (size_t m = 0; m < state.size(); ++m) state[m] = window_with_state(m) - estimate_with_state(m);
+  return state;
+}
+
+void FilteredAutocovariance::add_to(std::vector<double>* r) const {
+  const auto size = static_cast<long>(r->size());
+  const long reach = size + n_;
+  const std::vector<double> with = covariance_with_samples(reach);
+  std::vector<double> state = covariance_with_states(); // E d(0) state_m(k)
+  double window = 0;                                    // E d(0) mean(x[k .. k+n))
+  for (long j = 0; j < n_; ++j) window += with[static_cast<size_t>(j)] / static_cast<double>(n_);
   for (long k = 0; k < size; ++k) {
     double estimate = 0;
-    for (size_t m = 0; m < order; ++m) estimate += c[m] * state[m];
+    for (size_t m = 0; m < state.size(); ++m) estimate += c_[m] * state[m];
     (*r)[static_cast<size_t>(k)] += window - estimate;
     const double now = with[static_cast<size_t>(k)];
-    window += (with[static_cast<size_t>(k + n)] - now) / static_cast<double>(n);
-    for (size_t m = 0; m < order; ++m) state[m] = f.pole[m] * state[m] + now;
-    if (k + n + 1 >= reach) break;
+    window += (with[static_cast<size_t>(k + n_)] - now) / static_cast<double>(n_);
+    for (size_t m = 0; m < state.size(); ++m) state[m] = f_.pole[m] * state[m] + now;
+    if (k + n_ + 1 >= reach) break;
   }
 }
 
@@ -99,7 +140,7 @@ std::vector<double> error_autocovariance(const std::vector<NoiseComponent>& comp
     if (comp.kind == Kind::kRamp || comp.kind == Kind::kSinusoid) continue;
     if (filtered && comp.kind == Kind::kRandomWalk) continue;
     if (filtered)
-      add_filtered(comp, op, n, &r);
+      FilteredAutocovariance(comp, op, n).add_to(&r);
     else
       add_two_window(comp, static_cast<double>(n), static_cast<double>(op.history_n(n)), &r);
   }

@@ -180,70 +180,98 @@ private:
   double lo_tau_, hi_tau_;
 };
 
-// ln r, then ln sigma, ln tau per term; the deviance as a function of them for the information matrix.
-std::vector<MlParameter> parameters_with_errors(const Likelihood& likelihood, const ErrorModel& model,
-                                                int* evaluations) {
-  std::vector<double> x = {std::log(model.arw_deg_rt_h)};
+// r, then sigma and tau of each term, without their errors.
+std::vector<MlParameter> parameters_of(const ErrorModel& model) {
   std::vector<MlParameter> out = {{"arw_deg_rt_h", model.arw_deg_rt_h, 0, 0, 0}};
   for (size_t k = 0; k < model.markov.size(); ++k) {
     const std::string head = "markov[" + std::to_string(k) + "].";
     out.push_back({head + "sigma_dph", model.markov[k].sigma_dph, 0, 0, 0});
     out.push_back({head + "tau_s", model.markov[k].tau_s, 0, 0, 0});
-    x.push_back(std::log(model.markov[k].sigma_dph));
-    x.push_back(std::log(model.markov[k].tau_s));
   }
-  const auto f = [&](const Eigen::VectorXd& at) {
-    ErrorModel m = model;
-    m.arw_deg_rt_h = std::exp(at[0]);
-    for (size_t k = 0; k < m.markov.size(); ++k)
-      m.markov[k] = {std::exp(at[1 + 2 * static_cast<long>(k)]), std::exp(at[2 + 2 * static_cast<long>(k)])};
-    ++*evaluations;
-    return likelihood.deviance(m);
-  };
-  const auto n = static_cast<long>(x.size());
-  const Eigen::VectorXd centre = Eigen::Map<const Eigen::VectorXd>(x.data(), n);
-  const double f0 = f(centre);
-  // Steps that change the deviance by about 0.1: far from rounding, near enough to be quadratic.
-  Eigen::VectorXd step = Eigen::VectorXd::Constant(n, 0.01), plus(n), minus(n);
-  for (long i = 0; i < n; ++i) {
+  return out;
+}
+
+// Half the second derivatives of the deviance in the logarithms of the parameters, by differences about the maximum.
+class ObservedInformation {
+public:
+  ObservedInformation(const Likelihood& likelihood, const std::vector<MlParameter>& parameters, int* evaluations)
+      : likelihood_(likelihood), evaluations_(evaluations), centre_(static_cast<long>(parameters.size())) {
+    for (long i = 0; i < centre_.size(); ++i) centre_[i] = std::log(parameters[static_cast<size_t>(i)].value);
+    f0_ = deviance(centre_);
+    step_ = Eigen::VectorXd::Constant(centre_.size(), 0.01);
+    plus_ = minus_ = Eigen::VectorXd(centre_.size());
+    for (long i = 0; i < centre_.size(); ++i) choose_step(i);
+  }
+
+  Eigen::MatrixXd matrix() const {
+    const long n = centre_.size();
+    Eigen::MatrixXd information(n, n);
+    for (long i = 0; i < n; ++i) {
+      information(i, i) = 0.5 * bend(i) / (step_[i] * step_[i]);
+      for (long j = 0; j < i; ++j) information(i, j) = information(j, i) = 0.5 * mixed(i, j);
+    }
+    return information;
+  }
+
+private:
+  double deviance(const Eigen::VectorXd& log_value) const {
+    ErrorModel m;
+    m.arw_deg_rt_h = std::exp(log_value[0]);
+    for (long i = 1; i + 1 < log_value.size(); i += 2)
+      m.markov.push_back({std::exp(log_value[i]), std::exp(log_value[i + 1])});
+    ++*evaluations_;
+    return likelihood_.deviance(m);
+  }
+
+  // A step that changes the deviance by about 0.1: far from rounding, near enough to be quadratic.
+  void choose_step(long i) {
     for (int attempt = 0; attempt < 3; ++attempt) {
-      Eigen::VectorXd at = centre;
-      at[i] += step[i];
-      plus[i] = f(at);
-      at[i] -= 2 * step[i];
-      minus[i] = f(at);
-      const double bend = plus[i] + minus[i] - 2 * f0;
-      if (bend > 0.02 && bend < 1) break;
-      step[i] = std::clamp(step[i] * (bend > 1e-9 ? std::sqrt(0.2 / bend) : 10.0), 1e-5, 0.3);
+      Eigen::VectorXd at = centre_;
+      at[i] += step_[i];
+      plus_[i] = deviance(at);
+      at[i] -= 2 * step_[i];
+      minus_[i] = deviance(at);
+      if (bend(i) > 0.02 && bend(i) < 1) break;
+      step_[i] = std::clamp(step_[i] * (bend(i) > 1e-9 ? std::sqrt(0.2 / bend(i)) : 10.0), 1e-5, 0.3);
     }
   }
-  Eigen::MatrixXd information(n, n);
-  for (long i = 0; i < n; ++i) {
-    information(i, i) = 0.5 * (plus[i] + minus[i] - 2 * f0) / (step[i] * step[i]);
-    for (long j = 0; j < i; ++j) {
-      Eigen::VectorXd at = centre;
-      at[i] += step[i], at[j] += step[j];
-      const double both = f(at);
-      at[i] -= 2 * step[i], at[j] -= 2 * step[j];
-      const double neither = f(at);
-      const double mixed =
-          (both + neither - plus[i] - minus[i] - plus[j] - minus[j] + 2 * f0) / (2 * step[i] * step[j]);
-      information(i, j) = information(j, i) = 0.5 * mixed;
-    }
+
+  double bend(long i) const { return plus_[i] + minus_[i] - 2 * f0_; }
+
+  double mixed(long i, long j) const {
+    Eigen::VectorXd at = centre_;
+    at[i] += step_[i], at[j] += step_[j];
+    const double both = deviance(at);
+    at[i] -= 2 * step_[i], at[j] -= 2 * step_[j];
+    const double neither = deviance(at);
+    return (both + neither - plus_[i] - minus_[i] - plus_[j] - minus_[j] + 2 * f0_) / (2 * step_[i] * step_[j]);
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(information);
-  const bool sound = eigen.eigenvalues().minCoeff() > 1e-6 * std::max(1.0, eigen.eigenvalues().maxCoeff() * 1e-6);
-  for (long i = 0; i < n; ++i) {
+
+  const Likelihood& likelihood_;
+  int* evaluations_;
+  Eigen::VectorXd centre_, step_, plus_, minus_; // logarithms; deviance one step up and down in one of them
+  double f0_ = 0;
+};
+
+void set_error(double log_std_error, MlParameter* p) {
+  p->log_std_error = log_std_error;
+  p->ci95_lo = p->value * std::exp(-1.959964 * log_std_error);
+  p->ci95_hi = p->value * std::exp(1.959964 * log_std_error);
+}
+
+std::vector<MlParameter> parameters_with_errors(const Likelihood& likelihood, const ErrorModel& model,
+                                                int* evaluations) {
+  std::vector<MlParameter> out = parameters_of(model);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      ObservedInformation(likelihood, out, evaluations).matrix());
+  const Eigen::VectorXd& values = eigen.eigenvalues();
+  const bool sound = values.minCoeff() > 1e-6 * std::max(1.0, values.maxCoeff() * 1e-6);
+  for (long i = 0; i < values.size(); ++i) {
     double variance = 0;
-    for (long j = 0; j < n; ++j) {
-      const double value = std::max(eigen.eigenvalues()[j], 1e-8);
-      variance += std::pow(eigen.eigenvectors()(i, j), 2) / value;
-    }
-    MlParameter& p = out[static_cast<size_t>(i)];
-    p.log_std_error = std::sqrt(variance);
-    if (!sound && p.log_std_error > 10) p.log_std_error = std::numeric_limits<double>::infinity();
-    p.ci95_lo = p.value * std::exp(-1.959964 * p.log_std_error);
-    p.ci95_hi = p.value * std::exp(1.959964 * p.log_std_error);
+    for (long j = 0; j < values.size(); ++j)
+      variance += std::pow(eigen.eigenvectors()(i, j), 2) / std::max(values[j], 1e-8);
+    const double error = std::sqrt(variance);
+    set_error(!sound && error > 10 ? std::numeric_limits<double>::infinity() : error, &out[static_cast<size_t>(i)]);
   }
   return out;
 }
