@@ -86,8 +86,6 @@ public:
     return v;
   }
 
-  double dt_s() const { return dt_s_; }
-
 private:
   // As calibration_error with fewer temperatures and, beside the worst value, its smooth stand-in: the norm
   // of the variances with the exponent `sharpness` (0: none asked for).
@@ -275,111 +273,265 @@ Candidate untied(const Candidate& c) {
   return out;
 }
 
-class Optimizer {
-public:
-  explicit Optimizer(const OptimizeRequest& request) : request_(request) {}
+Profile final_profile(const OptimizeRequest& request, const Candidate& c, double duration_s) {
+  Profile raw;
+  double excess_s = 0;
+  make_profile(c.shape, c.x, request.limits, duration_s, &raw, &excess_s);
+  return rounded(raw, duration_s, request.limits.max_soak_s);
+}
 
-  // The best candidate for a duration; share scales the number of evaluations.  `also` (may be null) joins
-  // the starts. limit_dph > 0: the strongest signatures within that error.
-  Candidate best_for(double duration_s, bool tell_apart, double share, const Candidate* also = nullptr,
-                     double limit_dph = 0) {
-    const Evaluator coarse(request_, duration_s, coarse_step(duration_s)), exact(request_, duration_s, 1.0);
-    const Search search(coarse, tell_apart, request_.max_correlation - 0.005, 0.999 * limit_dph, &evaluations_);
-    const Search exact_search(exact, tell_apart, request_.max_correlation - 0.001, 0.9995 * limit_dph, &evaluations_);
-    const double scale = share * request_.effort;
-    const auto budget = [&](int n) { return std::max(20, static_cast<int>(scale * n)); };
+// Steps of the coarse grid: fine enough for the fastest Markov term that matters and for the ramps.
+double coarse_step_s(const OptimizeRequest& request, double duration_s) {
+  double step_s = duration_s / 500;
+  for (const Markov& m : request.setup.truth.markov)
+    if (m.tau_s > 10 && m.sigma_dph > 0) step_s = std::min(step_s, m.tau_s / 5);
+  step_s = std::min({step_s, request.limits.traverse_s(true) / 72, request.limits.traverse_s(false) / 72});
+  return std::max(2.0, std::max(step_s, duration_s / 4000));
+}
+
+void keep_best(size_t n, std::vector<Candidate>* found) {
+  std::stable_sort(found->begin(), found->end(),
+                   [](const Candidate& a, const Candidate& b) { return a.value < b.value; });
+  if (found->size() > n) found->resize(n);
+}
+
+// What is counted and shown over all searches of a request.
+struct Tally {
+  long evaluations = 0;
+  double best_seen = 1e300;
+};
+
+// What one search is to find.
+struct SearchTask {
+  double duration_s = 0;
+  bool tell_apart = false;
+  double share = 1;     // scales the number of evaluations
+  double limit_dph = 0; // > 0: the strongest signatures within that error
+};
+
+// The best candidate for one duration.  Every shape is tried and the best are polished, first on the coarse grid, then on
+// the exact one; the rounded profiles decide.
+class DurationSearch {
+public:
+  DurationSearch(const OptimizeRequest& request, const SearchTask& task, Tally* tally)
+      : request_(request), task_(task), tally_(tally),
+        coarse_(request, task.duration_s, coarse_step_s(request, task.duration_s)),
+        exact_(request, task.duration_s, 1.0), on_coarse_(coarse_, task.tell_apart, request.max_correlation - 0.005,
+                                                          0.999 * task.limit_dph, &tally->evaluations),
+        on_exact_(exact_, task.tell_apart, request.max_correlation - 0.001, 0.9995 * task.limit_dph,
+                  &tally->evaluations) {}
+  DurationSearch(const DurationSearch&) = delete;
+  DurationSearch& operator=(const DurationSearch&) = delete;
+
+  // `also` (may be null) joins the starts.
+  Candidate best(const Candidate* also) {
+    try_shapes(also);
+    keep_best(task_.tell_apart ? 5 : 4, &found_);
+    for (Candidate& c : found_) polish(&c);
+    keep_best(3, &found_);
+    for (Candidate& c : found_) {
+      c.value = on_exact_.value(c.shape, c.x, 0);
+      on_exact_.run(nlopt::LN_SBPLX, 0, 0.01, budget(task_.tell_apart ? 40 : 60), &c);
+    }
+    if (!task_.tell_apart) add_paper_profiles();
+    return best_rounded();
+  }
+
+private:
+  int budget(int n) const { return std::max(20, static_cast<int>(task_.share * request_.effort * n)); }
+
+  void report(const Candidate& c) {
+    tally_->best_seen = std::min(tally_->best_seen, c.value);
+    if (request_.progress) request_.progress(0.5, std::exp(tally_->best_seen));
+  }
+
+  // From the start of each shape and from points near it.
+  void try_shapes(const Candidate* also) {
     const std::vector<ScheduleShape> shapes =
-        tell_apart ? diagnosis_shapes(request_, duration_s) : accuracy_shapes(request_, duration_s);
-    std::vector<Candidate> found;
+        task_.tell_apart ? diagnosis_shapes(request_, task_.duration_s) : accuracy_shapes(request_, task_.duration_s);
     Rng rng(request_.seed, 0, 0, Stream::kTool);
-    const int starts = tell_apart ? 2 : 3;
+    const int starts = task_.tell_apart ? 2 : 3;
     // A fixed number of evaluations is shared by the shapes that fit.
-    const int n_first = static_cast<int>(shapes.size()) * starts;
-    const int first = std::clamp((tell_apart ? 10000 : 9000) / std::max(1, n_first), 150, 800);
-    const auto begin = [&](Candidate c) {
-      c.value = search.value(c.shape, c.x, kBlunt);
-      search.run(tell_apart ? nlopt::LN_SBPLX : nlopt::LN_BOBYQA, kBlunt, 0.2, budget(first), &c);
-      found.push_back(c);
-      report(c);
-    };
+    const int n_starts = std::max(1, static_cast<int>(shapes.size()) * starts);
+    const int evaluations = std::clamp((task_.tell_apart ? 10000 : 9000) / n_starts, 150, 800);
     for (const ScheduleShape& shape : shapes) {
       for (int start = 0; start < starts; ++start) {
         Candidate c{shape, shape.start(), 1e300, 1e300};
         if (start > 0) randomise(&rng, &c.x);
-        begin(c);
+        begin(std::move(c), evaluations);
       }
     }
-    if (also) begin(*also);
-    keep_best(tell_apart ? 5 : 4, &found);
-    for (Candidate& c : found) {
-      if (!tell_apart) {
-        search.run(nlopt::LN_BOBYQA, kSharp, 0.03, budget(500), &c);
-        search.run(nlopt::LN_BOBYQA, 10 * kSharp, 0.005, budget(300), &c);
-      }
-      // Subplex may stop on a ridge of the maximum: begun again, twice.
-      for (double step : {0.1, 0.03, 0.01}) search.run(nlopt::LN_SBPLX, 0, step, budget(tell_apart ? 600 : 300), &c);
-      c.value = search.value(c.shape, c.x, 0);
-      report(c);
+    if (also) begin(*also, evaluations);
+  }
+
+  void begin(Candidate c, int evaluations) {
+    c.value = on_coarse_.value(c.shape, c.x, kBlunt);
+    on_coarse_.run(task_.tell_apart ? nlopt::LN_SBPLX : nlopt::LN_BOBYQA, kBlunt, 0.2, budget(evaluations), &c);
+    report(c);
+    found_.push_back(std::move(c));
+  }
+
+  void polish(Candidate* c) {
+    if (!task_.tell_apart) {
+      on_coarse_.run(nlopt::LN_BOBYQA, kSharp, 0.03, budget(500), c);
+      on_coarse_.run(nlopt::LN_BOBYQA, 10 * kSharp, 0.005, budget(300), c);
     }
-    keep_best(3, &found);
-    for (Candidate& c : found) {
-      c.value = exact_search.value(c.shape, c.x, 0);
-      exact_search.run(nlopt::LN_SBPLX, 0, 0.01, budget(tell_apart ? 40 : 60), &c);
+    // Subplex may stop on a ridge of the maximum: begun again, twice.
+    for (double step : {0.1, 0.03, 0.01})
+      on_coarse_.run(nlopt::LN_SBPLX, 0, step, budget(task_.tell_apart ? 600 : 300), c);
+    c->value = on_coarse_.value(c->shape, c->x, 0);
+    report(*c);
+  }
+
+  void add_paper_profiles() {
+    for (int passes = 1; passes <= 40; ++passes) {
+      const ScheduleShape paper = passes_shape(passes, 0, 0, false, false, true);
+      if (!fits(paper, request_, task_.duration_s)) break;
+      found_.push_back({paper, paper.start(), 1e300, 1e300});
     }
-    // The coarse grid and the rounding leave the ranking open within a few 1e-4: the rounded, exact figures
-    // decide, the paper's profile among them.
-    if (!tell_apart)
-      for (int passes = 1; passes <= 40; ++passes) {
-        const ScheduleShape paper = passes_shape(passes, 0, 0, false, false, true);
-        if (!fits(paper, request_, duration_s)) break;
-        found.push_back({paper, paper.start(), 1e300, 1e300});
-      }
+  }
+
+  // The coarse grid and the rounding leave the ranking open within a few 1e-4: the rounded, exact figures decide.
+  Candidate best_rounded() {
     Candidate best;
-    for (Candidate& c : found) {
-      const Evaluator::Value v = exact.of_profile(final_profile(c, duration_s), tell_apart);
-      ++evaluations_;
-      c.value = v.objective_dph * (tell_apart && v.correlation > request_.max_correlation ? 10 + v.correlation : 1.0);
+    for (Candidate& c : found_) {
+      const Evaluator::Value v = exact_.of_profile(final_profile(request_, c, task_.duration_s), task_.tell_apart);
+      ++tally_->evaluations;
       c.exact_dph = v.objective_dph;
-      if (limit_dph > 0)
-        c.value = (v.objective_dph > limit_dph || v.correlation > request_.max_correlation ? 1e3 : 1.0) / v.strength;
+      c.value = rank(v);
       if (c.value < best.value) best = c;
     }
     return best;
   }
 
-  Profile final_profile(const Candidate& c, double duration_s) const {
-    Profile raw;
-    double excess_s = 0;
-    make_profile(c.shape, c.x, request_.limits, duration_s, &raw, &excess_s);
-    return rounded(raw, duration_s, request_.limits.max_soak_s);
-  }
-
-  long evaluations() const { return evaluations_; }
-
-  // Steps of the coarse grid: fine enough for the fastest Markov term that matters and for the ramps.
-  double coarse_step(double duration_s) const {
-    double step_s = duration_s / 500;
-    for (const Markov& m : request_.setup.truth.markov)
-      if (m.tau_s > 10 && m.sigma_dph > 0) step_s = std::min(step_s, m.tau_s / 5);
-    step_s = std::min({step_s, request_.limits.traverse_s(true) / 72, request_.limits.traverse_s(false) / 72});
-    return std::max(2.0, std::max(step_s, duration_s / 4000));
-  }
-
-private:
-  static void keep_best(size_t n, std::vector<Candidate>* found) {
-    std::stable_sort(found->begin(), found->end(),
-                     [](const Candidate& a, const Candidate& b) { return a.value < b.value; });
-    if (found->size() > n) found->resize(n);
-  }
-  void report(const Candidate& c) {
-    best_seen_ = std::min(best_seen_, c.value);
-    if (request_.progress) request_.progress(0.5, std::exp(best_seen_));
+  // Less is better.
+  double rank(const Evaluator::Value& v) const {
+    const bool too_alike = v.correlation > request_.max_correlation;
+    if (task_.limit_dph > 0) return (v.objective_dph > task_.limit_dph || too_alike ? 1e3 : 1.0) / v.strength;
+    return v.objective_dph * (task_.tell_apart && too_alike ? 10 + v.correlation : 1.0);
   }
 
   const OptimizeRequest& request_;
-  long evaluations_ = 0;
-  double best_seen_ = 1e300;
+  SearchTask task_;
+  Tally* tally_;
+  Evaluator coarse_, exact_;
+  Search on_coarse_, on_exact_;
+  std::vector<Candidate> found_;
 };
+
+struct Found {
+  Candidate best;
+  double duration_s = 0;
+  double accuracy_only_dph = 0; // with tell_apart: what the search without it reaches
+};
+
+Found found_for(const OptimizeRequest& request, double duration_s, double share, Tally* tally) {
+  const auto search = [&](const SearchTask& task, const Candidate* also) {
+    return DurationSearch(request, task, tally).best(also);
+  };
+  if (request.tell_apart.empty()) return {search({duration_s, false, share, 0}, nullptr), duration_s, 0};
+  const Candidate accurate = search({duration_s, false, 0.7 * share, 0}, nullptr);
+  const Candidate freed = untied(accurate);
+  const Candidate least = search({duration_s, true, share, 0}, freed.x.size() <= 45 ? &freed : nullptr);
+  if (request.spend_frac <= 0) return {least, duration_s, accurate.exact_dph};
+  const double limit_dph = (1 + request.spend_frac) * accurate.exact_dph;
+  return {search({duration_s, true, share, limit_dph}, &least), duration_s, accurate.exact_dph};
+}
+
+// Durations too short and long enough for the required error; the error falls about as 1/sqrt(duration).
+class DurationBracket {
+public:
+  explicit DurationBracket(const OptimizeRequest& r)
+      : required_dph_(r.required_dph),
+        shortest_s_(std::min(r.limits.traverse_s(true), r.limits.traverse_s(false)) + 2 * r.limits.min_soak_s),
+        lo_s_(shortest_s_) {}
+
+  // From the bound of slow ramps.  usage_error where it takes about a year.
+  double first_guess_s(const CalibrationSetup& setup) const {
+    const double p = setup.order + 1, density = setup.truth.slow_density_dph2_s();
+    const double guess_s = std::max(least_s(), 1.1 * p * density / (required_dph_ * required_dph_));
+    if (guess_s > 3e7)
+      throw usage_error("--required-error " + shown(required_dph_) + " dph would take about " + shown(guess_s / 86400) +
+                        " days; the smallest error within 30 days is about " +
+                        shown(std::sqrt(1.1 * p * density / 2592000)) + " dph");
+    return guess_s;
+  }
+
+  // Returns whether the error is small enough.
+  bool add(double duration_s, double error_dph) {
+    const bool reached = error_dph <= required_dph_;
+    (reached ? hi_s_ : lo_s_) = duration_s;
+    return reached;
+  }
+
+  bool narrow() const { return reached() && (hi_s_ - lo_s_ < 0.003 * hi_s_ || hi_s_ <= shortest_s_ * 1.0011 + 1); }
+  bool reached() const { return hi_s_ > 0; }
+
+  // Secant in logarithms, kept inside the bracket.
+  double next_guess_s(double duration_s, double error_dph) const {
+    const double margin = error_dph > required_dph_ ? 1.0005 : 0.9995;
+    double next_s = duration_s * std::pow(error_dph / required_dph_ * margin, 2);
+    const double inset_s = 0.05 * (hi_s_ - lo_s_);
+    if (reached()) next_s = std::clamp(next_s, lo_s_ + inset_s, hi_s_ - inset_s);
+    return std::max(next_s, least_s());
+  }
+
+private:
+  double least_s() const { return shortest_s_ * 1.001 + 1; }
+
+  double required_dph_, shortest_s_;
+  double lo_s_, hi_s_ = 0; // too short; long enough (0: none yet)
+};
+
+// The shortest duration that reaches the required error; shapes are found anew for each one tried.
+Found shortest_that_reaches(const OptimizeRequest& request, Tally* tally) {
+  DurationBracket bracket(request);
+  double guess_s = bracket.first_guess_s(request.setup);
+  Found best;
+  for (int round = 0; round < 10; ++round) {
+    guess_s = std::ceil(guess_s);
+    const Found now = found_for(request, guess_s, 0.4, tally);
+    if (bracket.add(guess_s, now.best.exact_dph)) best = now;
+    best.accuracy_only_dph = now.accuracy_only_dph;
+    if (bracket.narrow()) break;
+    guess_s = bracket.next_guess_s(guess_s, now.best.exact_dph);
+  }
+  if (!bracket.reached())
+    throw usage_error("--required-error " + shown(request.required_dph) + " dph was not reached within " +
+                      shown(guess_s) + " s");
+  return best;
+}
+
+// Profile, error, signatures, and whether they are what was asked for.
+void set_best(const OptimizeRequest& request, const Found& found, OptimizeResult* result) {
+  const bool tell_apart = !request.tell_apart.empty();
+  result->profile = final_profile(request, found.best, found.duration_s);
+  result->shape = found.best.shape.name;
+  const auto runs = runs_of_profile(result->profile);
+  result->error = calibration_error(runs, request.setup);
+  result->objective_dph = objective_of(result->error, request.objective);
+  result->signatures =
+      signature_table(runs, request.setup, tell_apart ? request.tell_apart : standard_effects(request.setup.order));
+  result->accuracy_only_dph = found.accuracy_only_dph;
+  if (tell_apart) result->meets_correlation = result->signatures.worst <= request.max_correlation;
+  if (request.required_dph > 0) result->meets_error = result->objective_dph <= request.required_dph;
+}
+
+// The paper's profile with the number of passes that suits it best.
+void set_paper(const OptimizeRequest& request, double duration_s, OptimizeResult* result) {
+  for (int passes = 1; passes <= 100; ++passes) {
+    const Profile paper = paper_profile(request.limits, duration_s, passes);
+    if (paper.duration_s() > duration_s + 1) break;
+    const CalibrationError e = calibration_error(runs_of_profile(paper), request.setup);
+    if (passes > 1 && objective_of(e, request.objective) >= objective_of(result->paper_error, request.objective)) {
+      if (passes > result->paper_passes + 3) break;
+      continue;
+    }
+    result->paper = paper;
+    result->paper_passes = passes;
+    result->paper_error = e;
+  }
+}
 
 } // namespace
 
@@ -419,82 +571,13 @@ void check_limits(const ChamberLimits& limits, int order, double duration_s) {
 OptimizeResult optimize_profile(const OptimizeRequest& request) {
   check_setup(request.setup);
   check_limits(request.limits, request.setup.order, request.duration_s);
-  Optimizer optimizer(request);
-  const bool tell_apart = !request.tell_apart.empty();
+  Tally tally;
+  const Found found = request.duration_s > 0 ? found_for(request, request.duration_s, 1.0, &tally)
+                                             : shortest_that_reaches(request, &tally);
   OptimizeResult result;
-  double duration_s = request.duration_s;
-  Candidate best;
-  Candidate accurate;
-  const auto search = [&](double for_s, double share) {
-    if (!tell_apart) return optimizer.best_for(for_s, false, share);
-    accurate = optimizer.best_for(for_s, false, 0.7 * share);
-    const Candidate freed = untied(accurate);
-    const Candidate least = optimizer.best_for(for_s, true, share, freed.x.size() <= 45 ? &freed : nullptr);
-    if (request.spend_frac <= 0) return least;
-    return optimizer.best_for(for_s, true, share, &least, (1 + request.spend_frac) * accurate.exact_dph);
-  };
-  if (duration_s > 0) {
-    best = search(duration_s, 1.0);
-  } else {
-    // Error falls about as 1/sqrt(duration): secant in logarithms, kept inside a bracket, shapes found anew
-    // each time by the first search and polished from the last ones afterwards.
-    const double shortest_s =
-        std::min(request.limits.traverse_s(true), request.limits.traverse_s(false)) + 2 * request.limits.min_soak_s;
-    const double p = request.setup.order + 1;
-    double guess_s = std::max(shortest_s * 1.001 + 1, 1.1 * p * request.setup.truth.slow_density_dph2_s() /
-                                                          (request.required_dph * request.required_dph));
-    if (guess_s > 3e7)
-      throw usage_error("--required-error " + shown(request.required_dph) + " dph would take about " +
-                        shown(guess_s / 86400) + " days; the smallest error within 30 days is about " +
-                        shown(std::sqrt(1.1 * p * request.setup.truth.slow_density_dph2_s() / 2592000)) + " dph");
-    double lo_s = shortest_s, hi_s = 0; // too short; long enough
-    for (int round = 0; round < 10; ++round) {
-      guess_s = std::ceil(guess_s);
-      const Candidate c = search(guess_s, 0.4);
-      const double error_dph = c.exact_dph;
-      if (error_dph <= request.required_dph) {
-        hi_s = guess_s;
-        best = c;
-      } else {
-        lo_s = guess_s;
-      }
-      if (hi_s > 0 && (hi_s - lo_s < 0.003 * hi_s || hi_s <= shortest_s * 1.0011 + 1)) break;
-      double next_s =
-          guess_s *
-          std::pow(error_dph / request.required_dph * (error_dph > request.required_dph ? 1.0005 : 0.9995), 2);
-      if (hi_s > 0) next_s = std::clamp(next_s, lo_s + 0.05 * (hi_s - lo_s), hi_s - 0.05 * (hi_s - lo_s));
-      guess_s = std::max(next_s, shortest_s * 1.001 + 1);
-    }
-    if (hi_s == 0)
-      throw usage_error("--required-error " + shown(request.required_dph) + " dph was not reached within " +
-                        shown(guess_s) + " s");
-    duration_s = hi_s;
-  }
-  result.profile = optimizer.final_profile(best, duration_s);
-  result.shape = best.shape.name;
-  const auto runs = runs_of_profile(result.profile);
-  result.error = calibration_error(runs, request.setup);
-  result.objective_dph = objective_of(result.error, request.objective);
-  result.signatures =
-      signature_table(runs, request.setup, tell_apart ? request.tell_apart : standard_effects(request.setup.order));
-  if (tell_apart) {
-    result.meets_correlation = result.signatures.worst <= request.max_correlation;
-    result.accuracy_only_dph = accurate.exact_dph;
-  }
-  if (request.required_dph > 0) result.meets_error = result.objective_dph <= request.required_dph;
-  for (int passes = 1; passes <= 100; ++passes) {
-    const Profile paper = paper_profile(request.limits, duration_s, passes);
-    if (paper.duration_s() > duration_s + 1) break;
-    const CalibrationError e = calibration_error(runs_of_profile(paper), request.setup);
-    if (passes > 1 && objective_of(e, request.objective) >= objective_of(result.paper_error, request.objective)) {
-      if (passes > result.paper_passes + 3) break;
-      continue;
-    }
-    result.paper = paper;
-    result.paper_passes = passes;
-    result.paper_error = e;
-  }
-  result.evaluations = optimizer.evaluations();
+  set_best(request, found, &result);
+  set_paper(request, found.duration_s, &result);
+  result.evaluations = tally.evaluations;
   return result;
 }
 

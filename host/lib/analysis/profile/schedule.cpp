@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace imucal {
 
@@ -128,73 +129,99 @@ static double share_out(double total, double cap, const std::vector<double>& wei
   return left;
 }
 
-bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables, const ChamberLimits& limits,
-                  double duration_s, Profile* profile, double* excess_s) {
-  const size_t n = shape.stops.size();
-  std::vector<double> level(n), weight(n), ramp_s(n, 0.0), soak_s;
-  const size_t n_levels = shape.n_levels();
+namespace {
+
+// A chain of stops with its times.  Index i of the ramps: from stop i - 1 to stop i; [0] is 0.
+struct ChainTimes {
+  std::vector<double> level;             // 0 = lo, 1 = hi
+  std::vector<double> weight;            // of the soaks
+  std::vector<double> ramp_s, fastest_s; // as wanted, and at the chamber's limit
+  std::vector<double> soak_s;
+};
+
+double sum_s(const std::vector<double>& times_s) {
+  return std::accumulate(times_s.begin(), times_s.end(), 0.0);
+}
+
+// Levels, weights and ramps as the variables ask for them; no soaks yet.
+ChainTimes wanted_times(const ScheduleShape& shape, const std::vector<double>& variables, const ChamberLimits& limits) {
+  const size_t n = shape.stops.size(), n_levels = shape.n_levels();
+  ChainTimes t;
+  for (const ScheduleShape::Stop& stop : shape.stops) {
+    t.level.push_back(shape.level_of(stop, variables));
+    t.weight.push_back(std::max(0.0, variables[n_levels + static_cast<size_t>(stop.weight_var)]));
+  }
+  t.ramp_s.assign(n, 0.0), t.fastest_s.assign(n, 0.0), t.soak_s.assign(n, 0.0);
   size_t next = n_levels + shape.n_weights(); // rate fractions
-  for (size_t i = 0; i < n; ++i) {
-    level[i] = shape.level_of(shape.stops[i], variables);
-    weight[i] = std::max(0.0, variables[n_levels + static_cast<size_t>(shape.stops[i].weight_var)]);
-  }
-  double ramps_s = 0, fastest_s = 0;
   for (size_t i = 1; i < n; ++i) {
-    const double rise = level[i] - level[i - 1];
-    const double shortest_s = std::abs(rise) * limits.traverse_s(rise > 0);
-    const double frac = shape.free_rates ? std::clamp(variables[next++], 0.02, 1.0) : 1.0;
-    ramp_s[i] = shortest_s / frac;
-    ramps_s += ramp_s[i];
-    fastest_s += shortest_s;
+    const double rise = t.level[i] - t.level[i - 1];
+    t.fastest_s[i] = std::abs(rise) * limits.traverse_s(rise > 0);
+    t.ramp_s[i] = t.fastest_s[i] / (shape.free_rates ? std::clamp(variables[next++], 0.02, 1.0) : 1.0);
   }
-  const double soaks_min_s = limits.min_soak_s * static_cast<double>(n);
-  *excess_s = fastest_s + soaks_min_s - duration_s;
-  if (*excess_s > 1e-6) return false;
-  double left_s = duration_s - ramps_s - soaks_min_s;
-  if (left_s < 0) { // slower ramps than the duration allows: all are quickened towards the limit
-    const double slack_s = ramps_s - fastest_s, keep = slack_s > 0 ? std::max(0.0, 1 + left_s / slack_s) : 0;
-    for (size_t i = 1; i < n; ++i) {
-      const double rise = level[i] - level[i - 1];
-      const double shortest_s = std::abs(rise) * limits.traverse_s(rise > 0);
-      ramp_s[i] = shortest_s + keep * (ramp_s[i] - shortest_s);
-    }
-    left_s = 0;
-  }
+  return t;
+}
+
+// Saves `saved_s` on the ramps: all come nearer to the chamber's limit by the same part.
+void quicken_ramps(double saved_s, ChainTimes* t) {
+  const double slack_s = sum_s(t->ramp_s) - sum_s(t->fastest_s);
+  const double keep = slack_s > 0 ? std::max(0.0, 1 - saved_s / slack_s) : 0;
+  for (size_t i = 1; i < t->ramp_s.size(); ++i)
+    t->ramp_s[i] = t->fastest_s[i] + keep * (t->ramp_s[i] - t->fastest_s[i]);
+}
+
+// Gives the soaks their least time and their part of `left_s`.  What the longest soak allowed leaves over slows the ramps.
+void share_soaks(double left_s, const ChamberLimits& limits, ChainTimes* t) {
   const double cap = limits.max_soak_s > 0 ? limits.max_soak_s - limits.min_soak_s : 0;
   const bool no_room = limits.max_soak_s > 0 && cap <= 0;
-  double over_s = left_s;
-  soak_s.assign(n, 0.0);
-  if (!no_room) over_s = share_out(left_s, cap, weight, &soak_s);
-  for (double& s : soak_s) s += limits.min_soak_s;
-  if (over_s > 0) {
-    double total = 0;
-    for (double r : ramp_s) total += r;
-    for (double& r : ramp_s) r *= (total + over_s) / total;
-  }
-  *profile = Profile{};
-  profile->start_degc = limits.lo_degc + level[0] * limits.span_degc();
-  double temp_degc = profile->start_degc;
-  for (size_t i = 0; i < n; ++i) {
-    const double to_degc = limits.lo_degc + level[i] * limits.span_degc();
-    if (i > 0 && ramp_s[i] > 0 && to_degc != temp_degc)
-      profile->segments.push_back({60 * (to_degc - temp_degc) / ramp_s[i], ramp_s[i], to_degc});
+  const double over_s = no_room ? left_s : share_out(left_s, cap, t->weight, &t->soak_s);
+  for (double& s : t->soak_s) s += limits.min_soak_s;
+  if (over_s <= 0) return;
+  const double ramps_s = sum_s(t->ramp_s);
+  for (double& r : t->ramp_s) r *= (ramps_s + over_s) / ramps_s;
+}
+
+Profile profile_of(const ChainTimes& t, const ChamberLimits& limits) {
+  Profile profile;
+  profile.start_degc = limits.lo_degc + t.level[0] * limits.span_degc();
+  double temp_degc = profile.start_degc;
+  for (size_t i = 0; i < t.level.size(); ++i) {
+    const double to_degc = limits.lo_degc + t.level[i] * limits.span_degc();
+    if (i > 0 && t.ramp_s[i] > 0 && to_degc != temp_degc)
+      profile.segments.push_back({60 * (to_degc - temp_degc) / t.ramp_s[i], t.ramp_s[i], to_degc});
     temp_degc = to_degc;
-    if (soak_s[i] > 0) profile->segments.push_back({0, soak_s[i], temp_degc});
+    if (t.soak_s[i] > 0) profile.segments.push_back({0, t.soak_s[i], temp_degc});
   }
-  // Stops at one temperature make one soak; together they must not exceed the longest allowed.
-  if (limits.max_soak_s > 0) {
-    double together_s = 0, at_degc = profile->start_degc;
-    for (const ProfileSegment& s : profile->segments) {
-      if (s.rate_degc_per_min == 0)
-        together_s += s.duration_s;
-      else if (std::abs(s.to_degc - at_degc) >= 0.05)
-        together_s = 0;
-      at_degc = s.to_degc;
-      *excess_s = std::max(*excess_s, together_s - limits.max_soak_s);
-    }
-    if (*excess_s > 1e-6) return false;
+  return profile;
+}
+
+// Stops at one temperature make one soak.
+double longest_soak_s(const Profile& profile) {
+  double longest_s = 0, together_s = 0, at_degc = profile.start_degc;
+  for (const ProfileSegment& s : profile.segments) {
+    if (s.rate_degc_per_min == 0)
+      together_s += s.duration_s;
+    else if (std::abs(s.to_degc - at_degc) >= 0.05)
+      together_s = 0;
+    at_degc = s.to_degc;
+    longest_s = std::max(longest_s, together_s);
   }
-  return true;
+  return longest_s;
+}
+
+} // namespace
+
+bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables, const ChamberLimits& limits,
+                  double duration_s, Profile* profile, double* excess_s) {
+  ChainTimes times = wanted_times(shape, variables, limits);
+  const double soaks_min_s = limits.min_soak_s * static_cast<double>(times.level.size());
+  *excess_s = sum_s(times.fastest_s) + soaks_min_s - duration_s;
+  if (*excess_s > 1e-6) return false;
+  const double left_s = duration_s - sum_s(times.ramp_s) - soaks_min_s;
+  if (left_s < 0) quicken_ramps(-left_s, &times); // slower ramps than the duration allows
+  share_soaks(std::max(0.0, left_s), limits, &times);
+  *profile = profile_of(times, limits);
+  if (limits.max_soak_s > 0) *excess_s = std::max(*excess_s, longest_soak_s(*profile) - limits.max_soak_s);
+  return *excess_s <= 1e-6;
 }
 
 // Soaks that follow each other become one, a stop without a soak vanishes from a ramp of one rate.

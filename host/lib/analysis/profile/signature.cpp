@@ -109,74 +109,120 @@ static std::string amplitude_parameter(const EffectSpec& spec) {
   return "";
 }
 
-SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup,
-                               const std::vector<EffectSpec>& effects) {
-  ErrorModel model = setup.truth;
-  if (!model.bias) model.bias = standard_polynomial(setup);
-  const size_t p = static_cast<size_t>(setup.order) + 1, n_effects = effects.size(), width = p + n_effects;
-  const auto size = static_cast<Index>(width);
-  MatrixXd gram = MatrixXd::Zero(size, size);
-  for (size_t r = 0; r < runs.size(); ++r) {
-    const size_t n = runs[r].temp_degc.size();
-    std::vector<double> columns(n * width);
-    for (size_t k = 0; k < n; ++k) {
-      const double tn = setup.normalised(runs[r].temp_degc[k]);
-      double power = 1;
-      for (size_t i = 0; i < p; ++i, power *= tn) columns[k * width + i] = power;
-    }
-    for (size_t e = 0; e < n_effects; ++e) {
-      const std::vector<double> signature = signature_of(effects[e], runs[r], model, r, runs.size());
-      for (size_t k = 0; k < n; ++k) columns[k * width + p + e] = signature[k];
-    }
-    whiten_rows(compute_gains(sample_times(runs[r]), noise_of(setup.filter)), width, columns.data());
-    const Eigen::Map<const MatrixXd> rows(columns.data(), size, static_cast<Index>(n));
-    MatrixXd g = rows * rows.transpose();
-    const Eigen::VectorXd ones = g.col(0); // this run's turn-on constant takes the place of b0
-    g -= ones * ones.transpose() / ones(0);
-    gram += g;
+namespace {
+
+constexpr double kLeastVisible = 1e-6; // part of a signature's energy below which no test can see it
+
+// What the table is made from, beside the runs.
+struct SignatureTask {
+  const CalibrationSetup& setup;
+  const std::vector<EffectSpec>& effects;
+  ErrorModel model; // the setup's, with a polynomial
+};
+
+// Products of the whitened columns of one run: powers of Tn (order + 1), then a signature for each effect.  The turn-on
+// constant of the run takes the place of b0 and is projected off.
+MatrixXd gram_of_run(const SignatureTask& task, const std::vector<CalibrationRun>& runs, size_t r) {
+  const CalibrationRun& run = runs[r];
+  const size_t p = static_cast<size_t>(task.setup.order) + 1, width = p + task.effects.size();
+  const size_t n = run.temp_degc.size();
+  std::vector<double> columns(n * width);
+  for (size_t k = 0; k < n; ++k) {
+    const double tn = task.setup.normalised(run.temp_degc[k]);
+    double power = 1;
+    for (size_t i = 0; i < p; ++i, power *= tn) columns[k * width + i] = power;
   }
-  const Index m = static_cast<Index>(p) - 1, ne = static_cast<Index>(n_effects);
-  const MatrixXd effect_gram = gram.bottomRightCorner(ne, ne);
-  MatrixXd left = effect_gram;
+  for (size_t e = 0; e < task.effects.size(); ++e) {
+    const std::vector<double> signature = signature_of(task.effects[e], run, task.model, r, runs.size());
+    for (size_t k = 0; k < n; ++k) columns[k * width + p + e] = signature[k];
+  }
+  whiten_rows(compute_gains(sample_times(run), noise_of(task.setup.filter)), width, columns.data());
+  const Eigen::Map<const MatrixXd> rows(columns.data(), static_cast<Index>(width), static_cast<Index>(n));
+  MatrixXd gram = rows * rows.transpose();
+  const Eigen::VectorXd ones = gram.col(0);
+  gram -= ones * ones.transpose() / ones(0);
+  return gram;
+}
+
+// Products of the signatures after the polynomial's b1 .. bM are projected off.
+MatrixXd without_polynomial(const MatrixXd& gram, Index m) {
+  const Index n_effects = gram.rows() - 1 - m;
+  MatrixXd left = gram.bottomRightCorner(n_effects, n_effects);
   if (m > 0) {
-    const MatrixXd nuisance = gram.block(1, 1, m, m), cross = gram.block(1, m + 1, m, ne);
+    const MatrixXd nuisance = gram.block(1, 1, m, m), cross = gram.block(1, m + 1, m, n_effects);
     left -= cross.transpose() * nuisance.completeOrthogonalDecomposition().solve(cross);
   }
-  SignatureTable table;
-  table.effects = effects;
-  table.correlation.assign(n_effects * n_effects, 0.0);
-  for (Index i = 0; i < ne; ++i) {
-    const double energy = std::max(0.0, left(i, i));
-    table.strength.push_back(std::sqrt(energy));
-    table.visible_frac.push_back(effect_gram(i, i) > 0 ? energy / effect_gram(i, i) : 0.0);
-    if (table.visible_frac.back() < 1e-6) table.invisible.push_back(effects[static_cast<size_t>(i)].name);
+  return left;
+}
+
+// left: as without_polynomial; energy: of the signatures before it.
+void set_strengths(const MatrixXd& left, const Eigen::VectorXd& energy, SignatureTable* table) {
+  for (Index i = 0; i < left.rows(); ++i) {
+    const double energy_left = std::max(0.0, left(i, i));
+    table->strength.push_back(std::sqrt(energy_left));
+    table->visible_frac.push_back(energy(i) > 0 ? energy_left / energy(i) : 0.0);
+    if (table->visible_frac.back() < kLeastVisible)
+      table->invisible.push_back(table->effects[static_cast<size_t>(i)].name);
   }
-  for (size_t i = 0; i < n_effects; ++i) {
+}
+
+void set_correlations(const MatrixXd& left, SignatureTable* table) {
+  const size_t n = table->effects.size();
+  table->correlation.assign(n * n, 0.0);
+  for (size_t i = 0; i < n; ++i) {
     for (size_t j = 0; j <= i; ++j) {
-      if (table.visible_frac[i] < 1e-6 || table.visible_frac[j] < 1e-6) continue;
-      const double r =
-          i == j ? 1.0 : left(static_cast<Index>(i), static_cast<Index>(j)) / (table.strength[i] * table.strength[j]);
-      table.correlation[i * n_effects + j] = table.correlation[j * n_effects + i] = r;
-      if (i != j && std::abs(r) > table.worst) {
-        table.worst = std::abs(r);
-        table.worst_a = j;
-        table.worst_b = i;
+      if (table->visible_frac[i] < kLeastVisible || table->visible_frac[j] < kLeastVisible) continue;
+      const double product = left(static_cast<Index>(i), static_cast<Index>(j));
+      const double r = i == j ? 1.0 : product / (table->strength[i] * table->strength[j]);
+      table->correlation[i * n + j] = table->correlation[j * n + i] = r;
+      if (i != j && std::abs(r) > table->worst) {
+        table->worst = std::abs(r);
+        table->worst_a = j;
+        table->worst_b = i;
       }
     }
   }
-  for (size_t i = 0; i < n_effects; ++i) {
-    double like = 0;
-    for (size_t j = 0; j < n_effects; ++j)
-      if (j != i) like = std::max(like, std::abs(table.correlation[i * n_effects + j]));
-    const bool visible = table.visible_frac[i] >= 1e-6;
-    table.separable.push_back(visible ? table.strength[i] * std::sqrt(std::max(0.0, 1 - like * like)) : 0.0);
-    const std::string name = amplitude_parameter(effects[i]);
-    const double amplitude = name.empty() ? 0 : std::abs(effects[i].parameters.at(name).get<double>());
-    table.needed.push_back(table.separable[i] > 0 ? amplitude * 4 / table.separable[i] : 0.0);
+}
+
+// Largest |correlation| of effect i with another.
+double largest_correlation(const SignatureTable& table, size_t i) {
+  const size_t n = table.effects.size();
+  double like = 0;
+  for (size_t j = 0; j < n; ++j)
+    if (j != i) like = std::max(like, std::abs(table.correlation[i * n + j]));
+  return like;
+}
+
+void set_separable(SignatureTable* table) {
+  const size_t n = table->effects.size();
+  for (size_t i = 0; i < n; ++i) {
+    const double like = largest_correlation(*table, i);
+    const bool visible = table->visible_frac[i] >= kLeastVisible;
+    table->separable.push_back(visible ? table->strength[i] * std::sqrt(std::max(0.0, 1 - like * like)) : 0.0);
+    const std::string name = amplitude_parameter(table->effects[i]);
+    const double amplitude = name.empty() ? 0 : std::abs(table->effects[i].parameters.at(name).get<double>());
+    table->needed.push_back(table->separable[i] > 0 ? amplitude * 4 / table->separable[i] : 0.0);
   }
   double sum = 0;
-  for (double s : table.separable) sum += std::log(std::max(1e-6, s));
-  table.mean_separable = std::exp(sum / static_cast<double>(n_effects));
+  for (double s : table->separable) sum += std::log(std::max(1e-6, s));
+  table->mean_separable = std::exp(sum / static_cast<double>(n));
+}
+
+} // namespace
+
+SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup,
+                               const std::vector<EffectSpec>& effects) {
+  SignatureTask task{setup, effects, setup.truth};
+  if (!task.model.bias) task.model.bias = standard_polynomial(setup);
+  const auto size = static_cast<Index>(static_cast<size_t>(setup.order) + 1 + effects.size());
+  MatrixXd gram = MatrixXd::Zero(size, size);
+  for (size_t r = 0; r < runs.size(); ++r) gram += gram_of_run(task, runs, r);
+  const MatrixXd left = without_polynomial(gram, setup.order);
+  SignatureTable table;
+  table.effects = effects;
+  set_strengths(left, gram.diagonal().tail(left.rows()), &table);
+  set_correlations(left, &table);
+  set_separable(&table);
   return table;
 }
 
