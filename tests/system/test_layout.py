@@ -116,10 +116,6 @@ MOST_LINES = 60
 LONGER = {
     "host/lib/analysis/diagnose/scan.cpp: score": "not yet cut",
     "host/lib/analysis/diagnose/where.cpp: locate": "not yet cut",
-    "host/lib/analysis/dp/ratios.cpp: dp_ratios": "not yet cut",
-    "host/lib/analysis/errormodel/confidence.cpp: add_filtered": "not yet cut",
-    "host/lib/analysis/errormodel/likelihood.cpp: parameters_with_errors": "not yet cut",
-    "host/lib/analysis/fit/polynomial.cpp: fit_polynomial_qr": "not yet cut",
     "host/lib/analysis/profile/optimize.cpp: best_for": "not yet cut",
     "host/lib/analysis/profile/optimize.cpp: optimize_profile": "not yet cut",
     "host/lib/analysis/profile/schedule.cpp: make_profile": "not yet cut",
