@@ -128,64 +128,92 @@ void stream_log(const Options& o, const std::string& log, const Detrend& detrend
   }
 }
 
-Exit run(const Options& o) {
-  const Detrend detrend = Detrend::parse(o.detrend);
+// What the options name, read, and the result as it grows.
+struct Session {
+  const Options& o;
+  Detrend detrend;
   std::optional<ErrorModel> nominal, ci_model;
-  if (!o.nominal.empty()) nominal = read_model(o.nominal);
-  if (!o.ci_model.empty()) ci_model = read_model(o.ci_model);
   Json json = {{"curves", Json::array()}, {"ratios", Json::array()}, {"quantization", Json::array()}};
-  std::vector<DpCurve> first_estimator;
-  if (o.stream && (detrend.order > 0 || o.estimators != std::vector<std::string>{"rms"}))
+  std::vector<DpCurve> first_estimator = {};
+
+  std::vector<NoiseComponent> components(double dt_s) const {
+    return ci_model ? noise_components(*ci_model, dt_s) : std::vector<NoiseComponent>();
+  }
+};
+
+Session make_session(const Options& o) {
+  Session session{o, Detrend::parse(o.detrend), {}, {}};
+  if (!o.nominal.empty()) session.nominal = read_model(o.nominal);
+  if (!o.ci_model.empty()) session.ci_model = read_model(o.ci_model);
+  if (o.stream && (session.detrend.order > 0 || o.estimators != std::vector<std::string>{"rms"}))
     throw usage_error("--stream gives rms curves with --detrend none or mean only");
+  return session;
+}
+
+void add_curve(const DpCurve& c, const DpOperator& op, Session* session) {
+  const std::vector<Interval> ci = curve_intervals(c, op, session->components(op.dt_s));
+  session->json["curves"].push_back(curve_json(c, ci));
+  if (c.estimator == dp_estimator_from_text(session->o.estimators[0])) session->first_estimator.push_back(c);
+  if (session->o.common.talks()) print_curve(c, ci);
+}
+
+// Says so where the values of a log are multiples of a quantum.
+void add_quantization(const Series& s, Session* session) {
+  const double quantum = quantum_dph(s);
+  if (!(quantum > 0)) return;
+  const double sigma_dph = quantum / std::sqrt(12.0);
+  session->json["quantization"].push_back(
+      {{"log", s.log}, {"axis", s.axis}, {"lsb_dph", quantum}, {"sigma_dph", sigma_dph}});
+  if (session->o.common.talks())
+    std::printf("%s %s: values are multiples of %.4g dph: rounding adds %.3g dph of white noise per sample\n",
+                s.log.c_str(), s.axis.c_str(), quantum, sigma_dph);
+}
+
+// Degrees of freedom at each tau: of the model for the intervals, else of white noise.
+std::vector<double> dof_of(const DpCurve& c, const DpOperator& op, std::vector<NoiseComponent> components) {
+  if (components.empty()) components = {white_component(1)};
+  std::vector<double> dof;
+  for (size_t i = 0; i < c.tau_s.size(); ++i)
+    dof.push_back(model_dof(components, op, std::lround(c.tau_s[i] / op.dt_s), c.n[i]));
+  return dof;
+}
+
+void add_ratios(const Series& s, const DpRecord& record, const DpCurve& c, Session* session) {
+  const std::vector<double> dof = dof_of(c, record.op(), session->components(s.dt_s));
+  const DpRatios r = dp_ratios(s, record, c.tau_s, dof, session->o.false_alarm_rate);
+  session->json["ratios"].push_back(ratios_json(r));
+  if (session->o.common.talks()) std::printf("distribution: %s: %s\n\n", r.verdict.c_str(), r.statement.c_str());
+}
+
+// Curves by each estimator and ratios of one axis of one log.
+void analyse(Series s, Session* session) {
+  const Options& o = session->o;
+  DpOperator op = make_dp_operator(dp_type_from_text(o.type), s.dt_s, session->nominal, o.estimation_s);
+  op.min_fill = o.min_fill;
+  const double usable_s = static_cast<double>(s.size()) * s.dt_s;
+  const auto tau_s = parse_tau(o.tau, s.dt_s, std::max(s.dt_s, usable_s / 10));
+  add_quantization(s, session);
+  remove_trend(session->detrend, &s);
+  const DpRecord record(s, op);
+  for (const std::string& estimator : o.estimators)
+    add_curve(dp_curve(s, record, tau_s, dp_estimator_from_text(estimator)), op, session);
+  if (!o.no_ratios) add_ratios(s, record, session->first_estimator.back(), session);
+}
+
+Exit run(const Options& o) {
+  Session session = make_session(o);
   for (const std::string& log : o.logs) {
     if (o.stream) {
-      stream_log(o, log, detrend, nominal, [&](const DpCurve& c, const DpOperator& op) {
-        const auto ci =
-            curve_intervals(c, op, ci_model ? noise_components(*ci_model, op.dt_s) : std::vector<NoiseComponent>());
-        json["curves"].push_back(curve_json(c, ci));
-        first_estimator.push_back(c);
-        if (o.common.talks()) print_curve(c, ci);
-      });
+      stream_log(o, log, session.detrend, session.nominal,
+                 [&](const DpCurve& c, const DpOperator& op) { add_curve(c, op, &session); });
       continue;
     }
-    for (Series& s : load_series(log, o.axes, true)) {
-      const DpOperator op = [&] {
-        DpOperator made = make_dp_operator(dp_type_from_text(o.type), s.dt_s, nominal, o.estimation_s);
-        made.min_fill = o.min_fill;
-        return made;
-      }();
-      const double usable_s = static_cast<double>(s.size()) * s.dt_s;
-      const auto tau_s = parse_tau(o.tau, s.dt_s, std::max(s.dt_s, usable_s / 10));
-      const double quantum = quantum_dph(s);
-      if (quantum > 0)
-        json["quantization"].push_back(
-            {{"log", s.log}, {"axis", s.axis}, {"lsb_dph", quantum}, {"sigma_dph", quantum / std::sqrt(12.0)}});
-      if (quantum > 0 && o.common.talks())
-        std::printf("%s %s: values are multiples of %.4g dph: rounding adds %.3g dph of white noise per sample\n",
-                    s.log.c_str(), s.axis.c_str(), quantum, quantum / std::sqrt(12.0));
-      remove_trend(detrend, &s);
-      const DpRecord record(s, op);
-      const auto components = ci_model ? noise_components(*ci_model, s.dt_s) : std::vector<NoiseComponent>();
-      for (const std::string& estimator : o.estimators) {
-        const DpCurve c = dp_curve(s, record, tau_s, dp_estimator_from_text(estimator));
-        const auto ci = curve_intervals(c, op, components);
-        json["curves"].push_back(curve_json(c, ci));
-        if (estimator == o.estimators[0]) first_estimator.push_back(c);
-        if (o.common.talks()) print_curve(c, ci);
-      }
-      if (o.no_ratios) continue;
-      std::vector<double> dof;
-      for (size_t i = 0; i < tau_s.size(); ++i)
-        dof.push_back(model_dof(components.empty() ? std::vector<NoiseComponent>{white_component(1)} : components, op,
-                                std::lround(tau_s[i] / s.dt_s), first_estimator.back().n[i]));
-      const DpRatios r = dp_ratios(s, record, tau_s, dof, o.false_alarm_rate);
-      json["ratios"].push_back(ratios_json(r));
-      if (o.common.talks()) std::printf("distribution: %s: %s\n\n", r.verdict.c_str(), r.statement.c_str());
-    }
+    for (Series& s : load_series(log, o.axes, true)) analyse(std::move(s), &session);
   }
-  json["across"] = across_json(first_estimator);
-  json["ci_method"] = ci_model ? "model" : "blocks (white-noise model where fewer than six blocks)";
-  json["detrend"] = detrend.text();
+  Json& json = session.json;
+  json["across"] = across_json(session.first_estimator);
+  json["ci_method"] = session.ci_model ? "model" : "blocks (white-noise model where fewer than six blocks)";
+  json["detrend"] = session.detrend.text();
   json["false_alarm_rate"] = o.false_alarm_rate;
   if (o.common.wants_json()) write_json(o.common.json_path, json);
   return Exit::kDone;

@@ -93,7 +93,8 @@ void finish(const Options& o, const Json& json) {
   if (o.common.wants_json()) write_json(o.common.json_path, json);
 }
 
-Exit expect(Options o) {
+Exit expect(const Options& given) {
+  Options o = given;
   if (o.detrend.empty()) o.detrend = "mean";
   const ErrorModel model = read_model(o.model);
   std::vector<Series> like;
@@ -138,96 +139,172 @@ Json errors_json(const std::vector<ParameterError>& errors, Json* std_errors, Js
   return detail;
 }
 
-Exit fit(Options o) {
-  choose_detrend(o.logs, o.axes, &o.detrend);
+void check_fit_options(const Options& o) {
   if (o.criterion != "bound" && o.criterion != "ls" && o.criterion != "ml")
     throw usage_error("--criterion " + o.criterion + ": expected bound, ls or ml");
   if (o.markov > 4) throw usage_error("--markov " + std::to_string(o.markov) + ": at most 4 terms");
-  const std::vector<Series> raw = load_all(o, true);
-  std::vector<Series> all = raw;
+}
+
+// The logs and the curve to fit.
+struct FitInput {
+  std::vector<Series> raw, detrended;
+  DpOperator op;
+  FitSettings settings;
+  CurveData data; // refers to `detrended`
+};
+
+FitInput read_fit_input(const Options& o) {
+  FitInput in;
+  in.raw = in.detrended = load_all(o, true);
   const Detrend detrend = Detrend::parse(o.detrend);
-  for (Series& s : all) remove_trend(detrend, &s);
-  const DpOperator op = operator_of(o, all[0].dt_s);
-  FitSettings settings{o.criterion, o.markov, across_of(o), detrend, taus_for(o, all), o.confidence};
-  const CurveData data = make_curve_data(all, op, detrend, settings.tau_s, settings.across);
-  const CurveBasis basis(data);
+  for (Series& s : in.detrended) remove_trend(detrend, &s);
+  in.op = operator_of(o, in.detrended[0].dt_s);
+  in.settings = {o.criterion, o.markov, across_of(o), detrend, taus_for(o, in.detrended), o.confidence};
+  in.data = make_curve_data(in.detrended, in.op, detrend, in.settings.tau_s, in.settings.across);
+  return in;
+}
+
+// What a criterion finds, and how well each number of Markov terms did.
+struct Fitted {
   ErrorModel model;
   std::vector<ParameterError> errors;
-  Json by_terms = Json::array(), json;
+  Json by_terms = Json::array(), grid;
   double log_likelihood = std::nan("");
-  if (o.criterion == "ml") {
-    const MlFit ml = fit_maximum_likelihood(Likelihood(raw, detrend), o.markov);
-    model = ml.model;
-    errors = likelihood_errors(ml);
-    log_likelihood = ml.log_likelihood;
-    for (size_t k = 0; k < ml.bic_by_terms.size(); ++k)
-      by_terms.push_back(
-          {{"markov", k}, {"log_likelihood", ml.log_likelihood_by_terms[k]}, {"bic", ml.bic_by_terms[k]}});
-  } else {
-    const CurveFit curve = o.criterion == "ls" ? fit_least_squares(data, o.markov)
-                                               : fit_bound(raised_to_confidence(data, o.confidence), o.markov);
-    model = curve.model;
-    for (size_t k = 0; k < curve.objective_by_terms.size(); ++k)
-      if (std::isfinite(curve.objective_by_terms[k]))
-        by_terms.push_back({{"markov", k},
-                            {"objective", curve.objective_by_terms[k]},
-                            {"mean_excess", curve.mean_excess_by_terms[k]}});
-    if (o.criterion == "bound")
-      json["grid"] = {{"objective", curve.grid_objective}, {"model", to_json(curve.grid_model)}};
-    if (o.bootstrap > 0)
-      errors = bootstrap_errors(all, op, settings, model, o.bootstrap, o.common.seed, o.common.thread_count());
-  }
-  judge_parameters(data.record_s, op.dt_s, &errors);
-  const auto square = basis.model(model);
-  const Excess excess = excess_of(data, square);
-  const bool bounded = excess.worst_ratio >= 1 - 1e-9;
-  Json std_errors = Json::object(), identifiable = Json::object();
-  const Json detail = errors_json(errors, &std_errors, &identifiable);
-  Json information = Json::array();
+};
+
+Fitted fit_to_samples(const Options& o, const FitInput& in) {
+  const MlFit ml = fit_maximum_likelihood(Likelihood(in.raw, in.settings.detrend), o.markov);
+  Fitted out;
+  out.model = ml.model;
+  out.errors = likelihood_errors(ml);
+  out.log_likelihood = ml.log_likelihood;
+  for (size_t k = 0; k < ml.bic_by_terms.size(); ++k)
+    out.by_terms.push_back(
+        {{"markov", k}, {"log_likelihood", ml.log_likelihood_by_terms[k]}, {"bic", ml.bic_by_terms[k]}});
+  return out;
+}
+
+Fitted fit_to_curve(const Options& o, const FitInput& in) {
+  const CurveFit curve = o.criterion == "ls" ? fit_least_squares(in.data, o.markov)
+                                             : fit_bound(raised_to_confidence(in.data, o.confidence), o.markov);
+  Fitted out;
+  out.model = curve.model;
+  for (size_t k = 0; k < curve.objective_by_terms.size(); ++k)
+    if (std::isfinite(curve.objective_by_terms[k]))
+      out.by_terms.push_back(
+          {{"markov", k}, {"objective", curve.objective_by_terms[k]}, {"mean_excess", curve.mean_excess_by_terms[k]}});
+  if (o.criterion == "bound") out.grid = {{"objective", curve.grid_objective}, {"model", to_json(curve.grid_model)}};
+  if (o.bootstrap > 0)
+    out.errors = bootstrap_errors(in.detrended, in.op, in.settings, out.model, o.bootstrap, o.common.seed,
+                                  o.common.thread_count());
+  return out;
+}
+
+// The model's curve beside that of the data.
+struct Comparison {
+  std::vector<double> model_square_dph2;
+  Excess excess;
+  bool bounded() const { return excess.worst_ratio >= 1 - 1e-9; }
+};
+
+Comparison compare(const CurveData& data, const ErrorModel& model) {
+  Comparison c;
+  c.model_square_dph2 = CurveBasis(data).model(model);
+  c.excess = excess_of(data, c.model_square_dph2);
+  return c;
+}
+
+Json information_json(const CurveData& data, const ErrorModel& model) {
+  Json json = Json::array();
   for (const Information& i : curve_information(data, model))
-    information.push_back({{"parameter", i.parameter}, {"tau_s", {i.tau_lo_s, i.tau_hi_s}}, {"largest", i.largest}});
+    json.push_back({{"parameter", i.parameter}, {"tau_s", {i.tau_lo_s, i.tau_hi_s}}, {"largest", i.largest}});
+  return json;
+}
+
+Json fit_json(const Options& o, const FitInput& in, const Fitted& fitted, const Comparison& c) {
+  Json std_errors = Json::object(), identifiable = Json::object();
+  const Json detail = errors_json(fitted.errors, &std_errors, &identifiable);
+  Json json;
+  if (!fitted.grid.is_null()) json["grid"] = fitted.grid;
   json.update(
-      {{"model", to_json(model)},
+      {{"model", to_json(fitted.model)},
        {"criterion", o.criterion},
-       {"bounded", bounded},
-       {"excess", excess_json(excess)},
-       {"worst_ratio", excess.worst_ratio},
-       {"at_tau_s", excess.at_tau_s},
-       {"active_tau_s", excess.active_tau_s},
+       {"bounded", c.bounded()},
+       {"excess", excess_json(c.excess)},
+       {"worst_ratio", c.excess.worst_ratio},
+       {"at_tau_s", c.excess.at_tau_s},
+       {"active_tau_s", c.excess.active_tau_s},
        {"std_errors", std_errors},
        {"identifiable", identifiable},
        {"parameters", detail},
        {"error_method", o.criterion == "ml" ? "observed information"
                                             : "parametric bootstrap, " + std::to_string(o.bootstrap) + " refits"},
-       {"log_likelihood", number_or_null(log_likelihood)},
-       {"by_terms", by_terms},
-       {"information", information},
-       {"type", to_text(op.type)},
-       {"detrend", detrend.text()},
+       {"log_likelihood", number_or_null(fitted.log_likelihood)},
+       {"by_terms", fitted.by_terms},
+       {"information", information_json(in.data, fitted.model)},
+       {"type", to_text(in.op.type)},
+       {"detrend", in.settings.detrend.text()},
        {"across", o.across},
        {"confidence", o.confidence},
-       {"n_records", all.size()},
-       {"tau_s", tau_of(data)},
-       {"data_dp_dph", dp_of(data.mean_square_dph2)},
-       {"model_dp_dph", dp_of(square)},
+       {"n_records", in.detrended.size()},
+       {"tau_s", tau_of(in.data)},
+       {"data_dp_dph", dp_of(in.data.mean_square_dph2)},
+       {"model_dp_dph", dp_of(c.model_square_dph2)},
        {"seed", o.common.seed}});
-  if (o.common.talks()) {
-    print_model(model);
-    std::printf("%s the %s curve over %g ... %g s: excess %.2f %% at most, %.2f %% on average",
-                bounded ? "bounds" : "does not bound", to_text(op.type).c_str(), tau_of(data).front(),
-                tau_of(data).back(), 100 * excess.worst, 100 * excess.mean);
-    if (!bounded) std::printf("; smallest ratio %.4f at %g s", excess.worst_ratio, excess.at_tau_s);
-    std::printf("\n");
-    for (const ParameterError& e : errors)
-      std::printf("%-20s %10.4g +- %-9.3g identifiable: %-4s (%s)\n", e.name.c_str(), e.value, e.std_error,
-                  e.verdict.c_str(), e.reason.c_str());
-  }
-  if (!o.output.empty()) write_json(o.output, to_json(model));
-  finish(o, json);
-  return o.criterion == "bound" && !bounded ? Exit::kNegative : Exit::kDone;
+  return json;
 }
 
-Exit check(Options o) {
+void print_fit(const FitInput& in, const Fitted& fitted, const Comparison& c) {
+  print_model(fitted.model);
+  const std::vector<double> tau_s = tau_of(in.data);
+  std::printf("%s the %s curve over %g ... %g s: excess %.2f %% at most, %.2f %% on average",
+              c.bounded() ? "bounds" : "does not bound", to_text(in.op.type).c_str(), tau_s.front(), tau_s.back(),
+              100 * c.excess.worst, 100 * c.excess.mean);
+  if (!c.bounded()) std::printf("; smallest ratio %.4f at %g s", c.excess.worst_ratio, c.excess.at_tau_s);
+  std::printf("\n");
+  for (const ParameterError& e : fitted.errors)
+    std::printf("%-20s %10.4g +- %-9.3g identifiable: %-4s (%s)\n", e.name.c_str(), e.value, e.std_error,
+                e.verdict.c_str(), e.reason.c_str());
+}
+
+Exit fit(const Options& given) {
+  Options o = given;
+  choose_detrend(o.logs, o.axes, &o.detrend);
+  check_fit_options(o);
+  const FitInput in = read_fit_input(o);
+  Fitted fitted = o.criterion == "ml" ? fit_to_samples(o, in) : fit_to_curve(o, in);
+  judge_parameters(in.data.record_s, in.op.dt_s, &fitted.errors);
+  const Comparison c = compare(in.data, fitted.model);
+  const Json json = fit_json(o, in, fitted, c);
+  if (o.common.talks()) print_fit(in, fitted, c);
+  if (!o.output.empty()) write_json(o.output, to_json(fitted.model));
+  finish(o, json);
+  return o.criterion == "bound" && !c.bounded() ? Exit::kNegative : Exit::kDone;
+}
+
+// The check of one log and axis alone.
+Json check_json(const Series& s, const Comparison& c) {
+  return {{"log", s.log},
+          {"axis", s.axis},
+          {"bounded", c.bounded()},
+          {"worst_ratio", c.excess.worst_ratio},
+          {"at_tau_s", c.excess.at_tau_s},
+          {"excess", excess_json(c.excess)}};
+}
+
+// Every tau at which the model is below the data.
+Json fails_json(const CurveData& data, const Comparison& c) {
+  const std::vector<double> tau_s = tau_of(data);
+  Json fails = Json::array();
+  for (size_t i = 0; i < data.n.size(); ++i) {
+    const double ratio = std::sqrt(c.model_square_dph2[i] / data.mean_square_dph2[i]);
+    if (ratio < 1 - 1e-9) fails.push_back({{"tau_s", tau_s[i]}, {"ratio", ratio}});
+  }
+  return fails;
+}
+
+Exit check(const Options& given) {
+  Options o = given;
   choose_detrend(o.logs, o.axes, &o.detrend);
   const std::vector<Series> all = load_all(o, false);
   const ErrorModel model = read_model(o.model);
@@ -235,44 +312,27 @@ Exit check(Options o) {
   const Detrend detrend = Detrend::parse(o.detrend);
   const auto tau_s = taus_for(o, all);
   Json each = Json::array();
-  const auto judge = [&](const CurveData& data) {
-    const auto squares = CurveBasis(data).model(model);
-    return std::make_pair(excess_of(data, squares), squares);
-  };
-  for (const Series& s : all) {
-    const auto [e, unused] = judge(make_curve_data({s}, op, detrend, tau_s, Across::kRms));
-    (void)unused;
-    each.push_back({{"log", s.log},
-                    {"axis", s.axis},
-                    {"bounded", e.worst_ratio >= 1 - 1e-9},
-                    {"worst_ratio", e.worst_ratio},
-                    {"at_tau_s", e.at_tau_s},
-                    {"excess", excess_json(e)}});
-  }
+  for (const Series& s : all)
+    each.push_back(check_json(s, compare(make_curve_data({s}, op, detrend, tau_s, Across::kRms), model)));
   const CurveData data = make_curve_data(all, op, detrend, tau_s, across_of(o));
-  const auto [e, square] = judge(data);
-  const bool bounded = e.worst_ratio >= 1 - 1e-9;
-  Json fails = Json::array();
-  for (size_t i = 0; i < data.n.size(); ++i) {
-    const double ratio = std::sqrt(square[i] / data.mean_square_dph2[i]);
-    if (ratio < 1 - 1e-9) fails.push_back({{"tau_s", tau_of(data)[i]}, {"ratio", ratio}});
-  }
+  const Comparison c = compare(data, model);
   if (o.common.talks())
     std::printf("%s: smallest ratio of model to data %.4f at %g s; excess %.2f %% at most, %.2f %% on average\n",
-                bounded ? "bounded" : "not bounded", e.worst_ratio, e.at_tau_s, 100 * e.worst, 100 * e.mean);
-  finish(o, {{"bounded", bounded},
-             {"worst_ratio", e.worst_ratio},
-             {"at_tau_s", e.at_tau_s},
-             {"excess", excess_json(e)},
-             {"fails", fails},
+                c.bounded() ? "bounded" : "not bounded", c.excess.worst_ratio, c.excess.at_tau_s, 100 * c.excess.worst,
+                100 * c.excess.mean);
+  finish(o, {{"bounded", c.bounded()},
+             {"worst_ratio", c.excess.worst_ratio},
+             {"at_tau_s", c.excess.at_tau_s},
+             {"excess", excess_json(c.excess)},
+             {"fails", fails_json(data, c)},
              {"type", to_text(op.type)},
              {"across", o.across},
              {"detrend", detrend.text()},
              {"tau_s", tau_of(data)},
              {"data_dp_dph", dp_of(data.mean_square_dph2)},
-             {"model_dp_dph", dp_of(square)},
+             {"model_dp_dph", dp_of(c.model_square_dph2)},
              {"curves", each}});
-  return bounded ? Exit::kDone : Exit::kNegative;
+  return c.bounded() ? Exit::kDone : Exit::kNegative;
 }
 
 std::vector<std::string> types_of(const Options& o) {
@@ -334,7 +394,8 @@ Exit separate(const Options& o) {
   return Exit::kDone;
 }
 
-Exit validate_fit(Options o) {
+Exit validate_fit(const Options& given) {
+  Options o = given;
   if (o.detrend.empty()) o.detrend = "mean";
   ValidateSettings v;
   v.truth = read_model(o.model);
@@ -408,93 +469,122 @@ void add_log_options(cli::App* app, Options* o) {
   app->add_option("--across", o->across, "several logs and axes: rms or max of their curves")->capture_default_str();
 }
 
+void add_model(cli::App* app, Options* o, bool positional) {
+  app->add_option(positional ? "model" : "--model", o->model, "error model")->required()->type_name("MODEL.json");
+}
+
+void add_confidence(cli::App* app, Options* o) {
+  app->add_option("--confidence", o->confidence,
+                  "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the "
+                  "data themselves)")
+      ->check(cli::Range(0.0, 0.9999))
+      ->capture_default_str();
+}
+
+void add_dt(cli::App* app, Options* o) {
+  app->add_option("--dt-s", o->dt_s, "sampling time")->check(FinitePositive)->capture_default_str();
+}
+
+void add_expect(cli::App* app, Options* o) {
+  add_model(app, o, true);
+  add_operator_options(app, o);
+  app->add_option("--duration-s", o->duration_s,
+                  "expect a record of this length, detrended (needed for random walk and ramp under dp2, dp3)")
+      ->check(FinitePositive);
+  app->add_option("--like", o->logs, "expect a record like this log: its length, gaps and temperatures")
+      ->type_name("LOG")
+      ->expected(1);
+  app->add_option("--axis", o->axes, "with --like: the axis whose gaps count; default the first")
+      ->type_name("NAME")
+      ->expected(1);
+  app->add_option("--detrend", o->detrend, "with --duration-s or --like: none, mean (default), poly:N or time:N");
+  add_dt(app, o);
+  add_common_options(app, &o->common);
+}
+
+void add_fit(cli::App* app, Options* o) {
+  add_log_options(app, o);
+  add_operator_options(app, o);
+  app->add_option("--criterion", o->criterion, "bound (tightest bound), ls (least squares) or ml (maximum likelihood)")
+      ->capture_default_str();
+  app->add_option("--markov", o->markov, "number of Markov terms; default: chosen")->check(cli::Range(0, 99));
+  add_confidence(app, o);
+  app->add_option("--bootstrap", o->bootstrap, "refits of simulated records for the errors of bound and ls (0: none)")
+      ->check(cli::Range(0, 100000))
+      ->capture_default_str();
+  app->add_option("-o,--output", o->output, "model to write")->type_name("MODEL.json");
+  add_common_options(app, &o->common, kWithSeed | kWithThreads);
+}
+
+void add_check(cli::App* app, Options* o) {
+  add_log_options(app, o);
+  add_model(app, o, false);
+  add_operator_options(app, o);
+  add_common_options(app, &o->common);
+}
+
+// The studies that compare two models.
+void add_comparison(cli::App* app, Options* o) {
+  add_model(app, o, false);
+  app->add_option("--versus", o->versus, "the other model")->required()->type_name("MODEL.json");
+  add_operator_options(app, o);
+  app->add_option("--types", o->types, "operators to compare; default av dp2 dp3");
+  add_dt(app, o);
+}
+
+void add_sensitivity(cli::App* app, Options* o) {
+  add_comparison(app, o);
+  add_common_options(app, &o->common);
+}
+
+void add_separation(cli::App* app, Options* o) {
+  add_comparison(app, o);
+  app->add_option("--duration-s", o->duration_s, "of a test; default 6000")->check(FinitePositive);
+  app->add_option("--runs", o->runs, "tests of each model per draw")->check(cli::Range(1, 1000))->capture_default_str();
+  app->add_option("--draws", o->draws, "draws")->check(cli::Range(1, 100000))->capture_default_str();
+  add_common_options(app, &o->common, kWithSeed | kWithThreads);
+}
+
+void add_validate(cli::App* app, Options* o) {
+  add_model(app, o, false);
+  add_operator_options(app, o);
+  add_dt(app, o);
+  app->add_option("--duration-s", o->duration_s, "of a test; default 6000")->check(FinitePositive);
+  app->add_option("--runs", o->runs, "tests")->check(cli::Range(1, 1000000))->capture_default_str();
+  app->add_option("--criterion", o->criterion, "bound, ls or ml")->capture_default_str();
+  app->add_option("--markov", o->markov, "number of Markov terms; default: chosen")->check(cli::Range(0, 4));
+  app->add_option("--detrend", o->detrend, "none, mean (default) or time:N");
+  add_confidence(app, o);
+  add_common_options(app, &o->common, kWithSeed | kWithThreads);
+}
+
+struct Command {
+  const char* name;
+  const char* help;
+  void (*add)(cli::App*, Options*);
+  Exit (*run)(const Options&);
+};
+
+const Command kCommands[] = {
+    {"expect", "closed-form curve of a model", add_expect, expect},
+    {"fit", "error model from logs", add_fit, fit},
+    {"check", "does a model bound these logs, and how tightly", add_check, check},
+    {"sensitivity", "relative difference of the expected curves of two models, by operator", add_sensitivity,
+     sensitivity},
+    {"separation", "over what stretch of tau do simulated tests of two models stand apart", add_separation, separate},
+    {"validate", "fits many simulated tests of a known model: bounds, errors, coverage", add_validate, validate_fit},
+};
+
 } // namespace
 
 int main(int argc, char** argv) {
   Options o;
   cli::App app("Error models: expected curves, fits, checks, and what the methods can tell", "errormodel");
   app.require_subcommand(1);
-  const auto model_option = [&](cli::App* s, bool positional) {
-    s->add_option(positional ? "model" : "--model", o.model, "error model")->required()->type_name("MODEL.json");
-  };
-  cli::App* s = app.add_subcommand("expect", "closed-form curve of a model");
-  model_option(s, true);
-  add_operator_options(s, &o);
-  s->add_option("--duration-s", o.duration_s,
-                "expect a record of this length, detrended (needed for random walk and ramp under dp2, dp3)")
-      ->check(FinitePositive);
-  s->add_option("--like", o.logs, "expect a record like this log: its length, gaps and temperatures")
-      ->type_name("LOG")
-      ->expected(1);
-  s->add_option("--axis", o.axes, "with --like: the axis whose gaps count; default the first")
-      ->type_name("NAME")
-      ->expected(1);
-  s->add_option("--detrend", o.detrend, "with --duration-s or --like: none, mean (default), poly:N or time:N");
-  s->add_option("--dt-s", o.dt_s, "sampling time")->check(FinitePositive)->capture_default_str();
-  add_common_options(s, &o.common);
-
-  s = app.add_subcommand("fit", "error model from logs");
-  add_log_options(s, &o);
-  add_operator_options(s, &o);
-  s->add_option("--criterion", o.criterion, "bound (tightest bound), ls (least squares) or ml (maximum likelihood)")
-      ->capture_default_str();
-  s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(cli::Range(0, 99));
-  s->add_option("--confidence", o.confidence,
-                "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the "
-                "data themselves)")
-      ->check(cli::Range(0.0, 0.9999))
-      ->capture_default_str();
-  s->add_option("--bootstrap", o.bootstrap, "refits of simulated records for the errors of bound and ls (0: none)")
-      ->check(cli::Range(0, 100000))
-      ->capture_default_str();
-  s->add_option("-o,--output", o.output, "model to write")->type_name("MODEL.json");
-  add_common_options(s, &o.common, kWithSeed | kWithThreads);
-
-  s = app.add_subcommand("check", "does a model bound these logs, and how tightly");
-  add_log_options(s, &o);
-  model_option(s, false);
-  add_operator_options(s, &o);
-  add_common_options(s, &o.common);
-
-  const auto add_study = [&](cli::App* sub, bool versus) {
-    model_option(sub, false);
-    if (versus) sub->add_option("--versus", o.versus, "the other model")->required()->type_name("MODEL.json");
-    add_operator_options(sub, &o);
-    if (versus) sub->add_option("--types", o.types, "operators to compare; default av dp2 dp3");
-    sub->add_option("--dt-s", o.dt_s, "sampling time")->check(FinitePositive)->capture_default_str();
-  };
-  s = app.add_subcommand("sensitivity", "relative difference of the expected curves of two models, by operator");
-  add_study(s, true);
-  add_common_options(s, &o.common);
-
-  s = app.add_subcommand("separation", "over what stretch of tau do simulated tests of two models stand apart");
-  add_study(s, true);
-  s->add_option("--duration-s", o.duration_s, "of a test; default 6000")->check(FinitePositive);
-  s->add_option("--runs", o.runs, "tests of each model per draw")->check(cli::Range(1, 1000))->capture_default_str();
-  s->add_option("--draws", o.draws, "draws")->check(cli::Range(1, 100000))->capture_default_str();
-  add_common_options(s, &o.common, kWithSeed | kWithThreads);
-
-  s = app.add_subcommand("validate", "fits many simulated tests of a known model: bounds, errors, coverage");
-  add_study(s, false);
-  s->add_option("--duration-s", o.duration_s, "of a test; default 6000")->check(FinitePositive);
-  s->add_option("--runs", o.runs, "tests")->check(cli::Range(1, 1000000))->capture_default_str();
-  s->add_option("--criterion", o.criterion, "bound, ls or ml")->capture_default_str();
-  s->add_option("--markov", o.markov, "number of Markov terms; default: chosen")->check(cli::Range(0, 4));
-  s->add_option("--detrend", o.detrend, "none, mean (default) or time:N");
-  s->add_option("--confidence", o.confidence,
-                "bound: of the data's upper limit at each tau, so that further tests are bounded too (0: bound the "
-                "data themselves)")
-      ->check(cli::Range(0.0, 0.9999))
-      ->capture_default_str();
-  add_common_options(s, &o.common, kWithSeed | kWithThreads);
-
+  for (const Command& command : kCommands) command.add(app.add_subcommand(command.name, command.help), &o);
   return run_program(&app, argc, argv, [&] {
-    const std::string name = app.chosen();
-    if (name == "expect") return expect(o);
-    if (name == "fit") return fit(o);
-    if (name == "check") return check(o);
-    if (name == "sensitivity") return sensitivity(o);
-    if (name == "separation") return separate(o);
-    return validate_fit(o);
+    const auto chosen = std::find_if(std::begin(kCommands), std::end(kCommands),
+                                     [&](const Command& command) { return app.chosen() == command.name; });
+    return chosen->run(o);
   });
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // profile: calibration error of temperature profiles, what none can beat, and the best one for a chamber.
 #include <cstdio>
+#include <optional>
 
 #include "analysis/profile/bound.h"
 #include "analysis/profile/covariance.h"
@@ -32,7 +33,27 @@ void print_yardstick(double bound_dph, double worst_dph) {
                 "bound holds)\n");
 }
 
-Exit run_error(const ErrorOptions& o) {
+// The runs of all inputs and what they reach.
+struct Reached {
+  std::vector<CalibrationRun> runs;
+  double lo_degc = 1e300, hi_degc = -1e300, max_rate_degc_per_min = 0;
+};
+
+Reached read_inputs(const ErrorOptions& o) {
+  Reached all;
+  for (const std::string& path : o.inputs) {
+    ProfileInput input = read_profile_input(path, o.restart_each_cycle);
+    all.lo_degc = std::min(all.lo_degc, input.lo_degc);
+    all.hi_degc = std::max(all.hi_degc, input.hi_degc);
+    all.max_rate_degc_per_min = std::max(all.max_rate_degc_per_min, input.max_rate_degc_per_min);
+    for (CalibrationRun& run : input.runs) all.runs.push_back(std::move(run));
+  }
+  check_distinct_temperatures(all.runs, o.order);
+  return all;
+}
+
+// Without the span.
+CalibrationSetup setup_of(const ErrorOptions& o) {
   CalibrationSetup setup;
   setup.truth = read_model(o.model);
   setup.filter = o.filter_model.empty() ? setup.truth : read_model(o.filter_model);
@@ -41,56 +62,79 @@ Exit run_error(const ErrorOptions& o) {
   setup.prior_sigma_dph = o.prior_sigma_dph;
   setup.turn_on_constants = o.turn_on;
   setup.shape_only = o.shape_only;
-  std::vector<CalibrationRun> runs;
-  double lo = 1e300, hi = -1e300, max_rate = 0;
-  for (const std::string& path : o.inputs) {
-    ProfileInput input = read_profile_input(path, o.restart_each_cycle);
-    lo = std::min(lo, input.lo_degc);
-    hi = std::max(hi, input.hi_degc);
-    max_rate = std::max(max_rate, input.max_rate_degc_per_min);
-    for (CalibrationRun& run : input.runs) runs.push_back(std::move(run));
-  }
-  check_distinct_temperatures(runs, o.order);
-  const TemperatureRange range = o.range.empty() ? TemperatureRange{lo, hi} : parse_range("--range", o.range);
-  setup.lo_degc = range.lo_degc;
-  setup.hi_degc = range.hi_degc;
-  const CalibrationError error = calibration_error(runs, setup);
-  const double bound_dph = slow_ramp_bound(setup.truth, o.order, error.duration_s);
+  return setup;
+}
 
+struct ErrorResult {
+  CalibrationError error;
+  SignatureTable signatures;
+  double slow_ramp_dph = 0;
+  std::optional<Bound> proven; // where asked for and defined: one run with ramps
+};
+
+ErrorResult judge_runs(const ErrorOptions& o, const CalibrationSetup& setup, const Reached& in) {
+  ErrorResult r;
+  r.error = calibration_error(in.runs, setup);
+  r.slow_ramp_dph = slow_ramp_bound(setup.truth, o.order, r.error.duration_s);
+  r.signatures = signature_table(
+      in.runs, setup, o.tell_apart.empty() ? standard_effects(o.order) : effects_by_name(o.tell_apart, o.order));
+  if (o.proven && in.runs.size() == 1 && in.max_rate_degc_per_min > 0)
+    r.proven = calibration_bound({setup.truth, o.order, r.error.duration_s, setup.hi_degc - setup.lo_degc,
+                                  in.max_rate_degc_per_min, o.prior_sigma_dph, 1.0});
+  return r;
+}
+
+Json yardstick_json(const CalibrationError& error, double bound_dph) {
   Json json = to_json(error);
   json["bound_dph"] = bound_dph;
   json["efficiency"] = bound_dph / error.worst_dph;
+  return json;
+}
+
+void add_proven(const CalibrationError& error, const Bound& bound, Json* json) {
+  (*json)["proven_bound_dph"] = bound.proven_dph;
+  (*json)["proven_efficiency"] = bound.proven_dph / error.worst_dph;
+}
+
+Json error_json(const ErrorOptions& o, const CalibrationSetup& setup, size_t n_runs, const ErrorResult& r) {
+  Json json = yardstick_json(r.error, r.slow_ramp_dph);
   json["order"] = o.order;
-  json["range_degc"] = {range.lo_degc, range.hi_degc};
-  json["runs"] = runs.size();
-  const SignatureTable signatures = signature_table(
-      runs, setup, o.tell_apart.empty() ? standard_effects(o.order) : effects_by_name(o.tell_apart, o.order));
-  json["tell_apart"] = to_json(signatures);
-  json["worst_correlation"] = signatures.worst;
-  Bound bound;
-  if (o.proven && runs.size() == 1 && max_rate > 0) {
-    bound = calibration_bound(
-        {setup.truth, o.order, error.duration_s, range.hi_degc - range.lo_degc, max_rate, o.prior_sigma_dph, 1.0});
-    json["proven_bound_dph"] = bound.proven_dph;
-    json["proven_efficiency"] = bound.proven_dph / error.worst_dph;
-  }
-  if (o.common.talks()) {
-    std::fputs(error_text(error, !o.filter_model.empty()).c_str(), stdout);
-    std::printf("worst %.3f dph, rms %.3f dph over %g..%g degC after %.0f s (%zu run%s)\n", error.worst_dph,
-                error.rms_dph, range.lo_degc, range.hi_degc, error.duration_s, runs.size(),
-                runs.size() == 1 ? "" : "s");
-    print_yardstick(bound_dph, error.worst_dph);
-    if (bound.proven_dph > 0)
-      std::printf("proven bound at up to %g degC/min %.3f dph: efficiency %.1f %%\n", max_rate, bound.proven_dph,
-                  100 * bound.proven_dph / error.worst_dph);
-    std::fputs(signature_text(signatures).c_str(), stdout);
-    if (lo > range.lo_degc + 1e-9 || hi < range.hi_degc - 1e-9)
-      std::printf("note: the temperatures reach %g..%g degC only; beyond them the polynomial extrapolates\n", lo, hi);
-    if (!o.turn_on && setup.truth.turn_on_sigma_dph > 0)
-      std::printf("note: the turn-on constant (%g dph) is taken as part of b0; --turn-on counts it as an error\n",
-                  setup.truth.turn_on_sigma_dph);
-  }
-  if (o.common.wants_json()) write_json(o.common.json_path, json);
+  json["range_degc"] = {setup.lo_degc, setup.hi_degc};
+  json["runs"] = n_runs;
+  json["tell_apart"] = to_json(r.signatures);
+  json["worst_correlation"] = r.signatures.worst;
+  if (r.proven) add_proven(r.error, *r.proven, &json);
+  return json;
+}
+
+void print_error(const ErrorOptions& o, const CalibrationSetup& setup, const Reached& in, const ErrorResult& r) {
+  const size_t n_runs = in.runs.size();
+  std::fputs(error_text(r.error, !o.filter_model.empty()).c_str(), stdout);
+  std::printf("worst %.3f dph, rms %.3f dph over %g..%g degC after %.0f s (%zu run%s)\n", r.error.worst_dph,
+              r.error.rms_dph, setup.lo_degc, setup.hi_degc, r.error.duration_s, n_runs, n_runs == 1 ? "" : "s");
+  print_yardstick(r.slow_ramp_dph, r.error.worst_dph);
+  if (r.proven && r.proven->proven_dph > 0)
+    std::printf("proven bound at up to %g degC/min %.3f dph: efficiency %.1f %%\n", in.max_rate_degc_per_min,
+                r.proven->proven_dph, 100 * r.proven->proven_dph / r.error.worst_dph);
+  std::fputs(signature_text(r.signatures).c_str(), stdout);
+  if (in.lo_degc > setup.lo_degc + 1e-9 || in.hi_degc < setup.hi_degc - 1e-9)
+    std::printf("note: the temperatures reach %g..%g degC only; beyond them the polynomial extrapolates\n", in.lo_degc,
+                in.hi_degc);
+  if (!o.turn_on && setup.truth.turn_on_sigma_dph > 0)
+    std::printf("note: the turn-on constant (%g dph) is taken as part of b0; --turn-on counts it as an error\n",
+                setup.truth.turn_on_sigma_dph);
+}
+
+Exit run_error(const ErrorOptions& o) {
+  CalibrationSetup setup = setup_of(o);
+  const Reached in = read_inputs(o);
+  const TemperatureRange range =
+      o.range.empty() ? TemperatureRange{in.lo_degc, in.hi_degc} : parse_range("--range", o.range);
+  setup.lo_degc = range.lo_degc;
+  setup.hi_degc = range.hi_degc;
+  const ErrorResult r = judge_runs(o, setup, in);
+  if (o.common.talks()) print_error(o, setup, in, r);
+  if (o.common.wants_json()) write_json(o.common.json_path, error_json(o, setup, in.runs.size(), r));
   return Exit::kDone;
 }
 
@@ -135,7 +179,13 @@ struct OptimizeOptions {
   bool no_proof = false;
 };
 
-Exit run_optimize(const OptimizeOptions& o) {
+void check_optimize_options(const OptimizeOptions& o) {
+  if ((o.duration_s > 0) == (o.required_error_dph > 0))
+    throw usage_error("give either --duration-s or --required-error (the shortest duration that reaches it)");
+  if (o.spend_percent > 0 && o.tell_apart.empty()) throw usage_error("--spend needs --tell-apart: what to spend it on");
+}
+
+OptimizeRequest request_of(const OptimizeOptions& o) {
   OptimizeRequest request;
   request.setup.truth = request.setup.filter = read_model(o.model);
   request.setup.order = o.order;
@@ -145,8 +195,6 @@ Exit run_optimize(const OptimizeOptions& o) {
   request.setup.hi_degc = range.hi_degc;
   request.limits = {range.lo_degc, range.hi_degc, o.max_rate, o.max_cooling_rate > 0 ? o.max_cooling_rate : o.max_rate,
                     o.min_soak_s,  o.max_soak_s};
-  if ((o.duration_s > 0) == (o.required_error_dph > 0))
-    throw usage_error("give either --duration-s or --required-error (the shortest duration that reaches it)");
   request.duration_s = o.duration_s;
   request.required_dph = o.required_error_dph;
   request.objective = o.objective == "rms" ? Objective::kRms : Objective::kWorst;
@@ -154,37 +202,41 @@ Exit run_optimize(const OptimizeOptions& o) {
     request.tell_apart = o.tell_apart == "all" ? standard_effects(o.order) : effects_by_name(o.tell_apart, o.order);
   request.max_correlation = o.max_correlation;
   request.spend_frac = o.spend_percent / 100;
-  if (o.spend_percent > 0 && o.tell_apart.empty()) throw usage_error("--spend needs --tell-apart: what to spend it on");
   request.seed = o.common.seed;
   request.effort = o.effort;
-  Progress progress("optimising", 1, o.common.quiet);
+  return request;
+}
+
+OptimizeResult optimize_shown(OptimizeRequest request, bool quiet) {
+  Progress progress("optimising", 1, quiet);
   request.progress = [&](double done_frac, double best_dph) {
     char note[48];
     std::snprintf(note, sizeof note, "best %.3f dph", best_dph);
     progress.update(done_frac, note);
   };
-  const OptimizeResult r = optimize_profile(request);
+  OptimizeResult r = optimize_profile(request);
   progress.finish();
-  if (!o.profile_path.empty()) write_json(o.profile_path, to_json(r.profile));
+  return r;
+}
 
-  const double duration_s = r.error.duration_s;
+// Slow ramps, and what is proven under the chamber's limits unless --no-proof.
+Bound bound_of(const OptimizeOptions& o, const OptimizeRequest& request, double duration_s) {
   Bound bound;
-  bound.slow_ramp_dph = slow_ramp_bound(request.setup.truth, o.order, duration_s);
   if (!o.no_proof)
-    bound = calibration_bound({request.setup.truth, o.order, duration_s, range.hi_degc - range.lo_degc,
+    bound = calibration_bound({request.setup.truth, o.order, duration_s, request.limits.span_degc(),
                                std::max(request.limits.heating_degc_per_min, request.limits.cooling_degc_per_min),
                                o.prior_sigma_dph, 1.0});
-  Json json = to_json(r.error);
-  json["bound_dph"] = bound.slow_ramp_dph;
-  json["efficiency"] = bound.slow_ramp_dph / r.error.worst_dph;
-  if (!o.no_proof) {
-    json["proven_bound_dph"] = bound.proven_dph;
-    json["proven_efficiency"] = bound.proven_dph / r.error.worst_dph;
-  }
+  bound.slow_ramp_dph = slow_ramp_bound(request.setup.truth, o.order, duration_s);
+  return bound;
+}
+
+Json optimize_json(const OptimizeOptions& o, const OptimizeResult& r, const Bound& bound) {
+  Json json = yardstick_json(r.error, bound.slow_ramp_dph);
+  if (!o.no_proof) add_proven(r.error, bound, &json);
   json["objective"] = o.objective;
   json["worst_correlation"] = r.signatures.worst;
   json["tell_apart"] = to_json(r.signatures);
-  if (!request.tell_apart.empty()) {
+  if (!o.tell_apart.empty()) {
     json["max_correlation"] = o.max_correlation;
     json["meets_correlation"] = r.meets_correlation;
     json["accuracy_only_dph"] = r.accuracy_only_dph;
@@ -199,36 +251,56 @@ Exit run_optimize(const OptimizeOptions& o) {
   json["profile"] = to_json(r.profile);
   json["seed"] = o.common.seed;
   json["evaluations"] = r.evaluations;
-  if (o.common.talks()) {
-    std::printf("worst %.3f dph, rms %.3f dph after %.0f s (%s)\n", r.error.worst_dph, r.error.rms_dph, duration_s,
-                r.shape.c_str());
-    for (const ProfileLeg& leg : legs(r.profile)) {
-      if (leg.start_degc == leg.end_degc)
-        std::printf("  soak %8.1f s at %7.2f degC\n", leg.end_s - leg.start_s, leg.start_degc);
-      else
-        std::printf("  ramp %8.1f s to %7.2f degC (%+.3f degC/min)\n", leg.end_s - leg.start_s, leg.end_degc,
-                    60 * (leg.end_degc - leg.start_degc) / (leg.end_s - leg.start_s));
-    }
-    print_yardstick(bound.slow_ramp_dph, r.error.worst_dph);
-    if (!o.no_proof)
-      std::printf("proven bound under the rate limit %.3f dph: efficiency %.1f %%\n", bound.proven_dph,
-                  100 * bound.proven_dph / r.error.worst_dph);
-    if (r.paper_passes > 0)
-      std::printf("ramps with equal soaks at both ends (%d pass%s): %.3f dph, efficiency %.1f %%\n", r.paper_passes,
-                  r.paper_passes == 1 ? "" : "es", r.paper_error.worst_dph,
-                  100 * bound.slow_ramp_dph / r.paper_error.worst_dph);
-    std::fputs(signature_text(r.signatures).c_str(), stdout);
-    if (!request.tell_apart.empty())
-      std::printf("cost of telling apart: %.1f %% (%.3f dph for accuracy alone)\n",
-                  100 * (r.objective_dph / r.accuracy_only_dph - 1), r.accuracy_only_dph);
+  return json;
+}
+
+void print_legs(const Profile& profile) {
+  for (const ProfileLeg& leg : legs(profile)) {
+    if (leg.start_degc == leg.end_degc)
+      std::printf("  soak %8.1f s at %7.2f degC\n", leg.end_s - leg.start_s, leg.start_degc);
+    else
+      std::printf("  ramp %8.1f s to %7.2f degC (%+.3f degC/min)\n", leg.end_s - leg.start_s, leg.end_degc,
+                  60 * (leg.end_degc - leg.start_degc) / (leg.end_s - leg.start_s));
   }
-  if (o.common.wants_json()) write_json(o.common.json_path, json);
+}
+
+void print_optimum(const OptimizeOptions& o, const OptimizeResult& r, const Bound& bound) {
+  std::printf("worst %.3f dph, rms %.3f dph after %.0f s (%s)\n", r.error.worst_dph, r.error.rms_dph,
+              r.error.duration_s, r.shape.c_str());
+  print_legs(r.profile);
+  print_yardstick(bound.slow_ramp_dph, r.error.worst_dph);
+  if (!o.no_proof)
+    std::printf("proven bound under the rate limit %.3f dph: efficiency %.1f %%\n", bound.proven_dph,
+                100 * bound.proven_dph / r.error.worst_dph);
+  if (r.paper_passes > 0)
+    std::printf("ramps with equal soaks at both ends (%d pass%s): %.3f dph, efficiency %.1f %%\n", r.paper_passes,
+                r.paper_passes == 1 ? "" : "es", r.paper_error.worst_dph,
+                100 * bound.slow_ramp_dph / r.paper_error.worst_dph);
+  std::fputs(signature_text(r.signatures).c_str(), stdout);
+  if (!o.tell_apart.empty())
+    std::printf("cost of telling apart: %.1f %% (%.3f dph for accuracy alone)\n",
+                100 * (r.objective_dph / r.accuracy_only_dph - 1), r.accuracy_only_dph);
+}
+
+// The correlation is above what is allowed: by how much, between which effects, and what makes it possible.
+void print_too_alike(const OptimizeOptions& o, const SignatureTable& signatures) {
+  std::fprintf(stderr,
+               "profile: no profile found whose worst correlation is at most %g; the best has %.3f (%s, %s).  More "
+               "time, a faster chamber or --max-correlation %.3f makes it possible\n",
+               o.max_correlation, signatures.worst, signatures.effects[signatures.worst_a].name.c_str(),
+               signatures.effects[signatures.worst_b].name.c_str(), signatures.worst + 0.0005);
+}
+
+Exit run_optimize(const OptimizeOptions& o) {
+  check_optimize_options(o);
+  const OptimizeRequest request = request_of(o);
+  const OptimizeResult r = optimize_shown(request, o.common.quiet);
+  if (!o.profile_path.empty()) write_json(o.profile_path, to_json(r.profile));
+  const Bound bound = bound_of(o, request, r.error.duration_s);
+  if (o.common.talks()) print_optimum(o, r, bound);
+  if (o.common.wants_json()) write_json(o.common.json_path, optimize_json(o, r, bound));
   if (!r.meets_correlation) {
-    std::fprintf(stderr,
-                 "profile: no profile found whose worst correlation is at most %g; the best has %.3f (%s, %s).  More "
-                 "time, a faster chamber or --max-correlation %.3f makes it possible\n",
-                 o.max_correlation, r.signatures.worst, r.signatures.effects[r.signatures.worst_a].name.c_str(),
-                 r.signatures.effects[r.signatures.worst_b].name.c_str(), r.signatures.worst + 0.0005);
+    print_too_alike(o, r.signatures);
     return Exit::kNegative;
   }
   return r.meets_error ? Exit::kDone : Exit::kNegative;
