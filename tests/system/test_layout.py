@@ -116,15 +116,6 @@ MOST_LINES = 60
 LONGER = {
     "host/lib/analysis/diagnose/scan.cpp: score": "not yet cut",
     "host/lib/analysis/diagnose/where.cpp: locate": "not yet cut",
-    "host/lib/analysis/profile/optimize.cpp: best_for": "not yet cut",
-    "host/lib/analysis/profile/optimize.cpp: optimize_profile": "not yet cut",
-    "host/lib/analysis/profile/schedule.cpp: make_profile": "not yet cut",
-    "host/lib/analysis/profile/signature.cpp: signature_table": "not yet cut",
-    "host/tools/dp/main.cpp: run": "not yet cut",
-    "host/tools/errormodel/main.cpp: fit": "not yet cut",
-    "host/tools/errormodel/main.cpp: main": "not yet cut",
-    "host/tools/profile/main.cpp: run_error": "not yet cut",
-    "host/tools/profile/main.cpp: run_optimize": "not yet cut",
 }
 
 
