@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// An error model as a list of independent components, each with its power and its covariance: what the closed
-// forms, the fits and the simulation share.
+// An error model as a list of independent components.  Each has its power and its covariance.  The closed forms,
+// the fits and the simulation all use this list.
 //
 // The model's own terms stand here; an effect of the model is asked for its closed form (physics/effects/closed_forms.h).
 #pragma once
@@ -33,14 +33,14 @@ NoiseComponent ramp_component(double slope_dph_per_sample);
 NoiseComponent sinusoid_component(double amplitude_dph, double omega_rad_per_sample);
 NoiseComponent angle_component(double angle_error_dph); // standard deviation of one of the two angle errors, as rate
 
-// Variance of the sum of k samples [dph^2], without the part that is the same as a constant's (power * k^2 for
-// Markov): so the combinations of it that do not see constants (AV, DP1) lose no digits, and it exists for the
-// random walk.  White r k; Markov -2 power sum_{l<k} (k-l)(1-phi^l); angle quantisation 2 power;
+// Variance of the sum of k samples [dph^2], less the part that a constant would have (power * k^2 for Markov).
+// AV and DP1 do not see constants: for them nothing is missing, no digits are lost, and the random walk has a
+// value too.  White r k; Markov -2 power sum_{l<k} (k-l)(1-phi^l); angle quantisation 2 power;
 // random walk -power k (k^2-1)/6; ramp and sinusoid have none (internal error).
 double sum_variance(const NoiseComponent& component, double k);
 
-// C v for the covariance matrix C of consecutive samples (random walk: generalised covariance -power |i-j| / 2,
-// right wherever constants are projected out).  Not for ramp and sinusoid.
+// C v for the covariance matrix C of consecutive samples.  Random walk: the generalised covariance
+// -power |i-j| / 2, which is right only where constants are projected out.  Not for ramp and sinusoid.
 std::vector<double> covariance_times(const NoiseComponent& component, const std::vector<double>& v);
 
 } // namespace imucal

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The covariance of a noise model at the samples of a run, applied without writing it out.
+// Multiplies by the covariance of a noise model at the samples of a run; the matrix itself is never formed.
 #pragma once
 #include <Eigen/Dense>
 
@@ -7,8 +7,8 @@
 
 namespace imucal {
 
-// V v, v: one value per sample.  Stationary models and the random walk (zero at the first sample); no slopes,
-// no mixtures (internal error).  Time O(samples x states).
+// V v, v: one value per sample.  For stationary models and the random walk (which is zero at the first sample).
+// Slopes and mixtures are an internal error.  Time O(samples x states).
 Eigen::VectorXd covariance_times(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& v);
 
 } // namespace imucal

@@ -12,8 +12,8 @@ struct FilterGains {
   bool is_settled;
 };
 
-// Filters `lanes` (1, 4 or 8) neighbouring columns of rows that are `stride` apart, in place: innovations over
-// their standard deviation.  state: [state][lanes], carried on.
+// Filters `lanes` (1, 4 or 8) neighbouring columns in place; rows are `stride` apart.  Each value becomes its
+// innovation over the innovation's standard deviation.  state: [state][lanes], read and left for the next call.
 void filter_lanes(const FilterGains& gains, size_t lanes, double* rows, size_t stride, double* state);
 
 // sum[i][j] += sum_k a[k][i] b[k][j] over n samples; a, b, sum `lanes` (4 or 8) wide and dense.

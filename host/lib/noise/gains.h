@@ -6,12 +6,12 @@
 // The gains depend on the noise model and on when there are samples, not on the data: they are computed once per
 // run and then filter the rates and every regressor column alike (augmented filter of de Jong, Ann. Stat. 1991).
 //
-// Settling, the one rule of the host: on even steps of a stationary model the gains approach their steady values
-// like pole^(2k), pole being the filter's slowest (steady_filter.h).  They are kept as soon as what is left of this
-// series is below kSettledChange of every gain and of the innovation's standard deviation, or the change of one step below
-// rounding: 4 eps.  So the gains kept differ from those that never settle by kSettledChange + 16 eps / (1 - pole^2) of
-// themselves at most: a step of the recursion rounds about a dozen times, the change that is seen four times more.
-// test_noise.cpp holds this.
+// Settling.  On equal steps of a stationary model the gains approach their steady values like pole^(2k), where pole is
+// the filter's slowest (steady_filter.h).  From some sample on they are kept.  That is when all changes still to come are
+// together below kSettledChange of every gain and of the innovation's standard deviation, or when one step changes them by
+// less than rounding does (4 eps).  The gains kept then differ from those that never settle by at most
+// kSettledChange + 16 eps / (1 - pole^2) of themselves: one step rounds about a dozen times, and four more times to see
+// the change.  Everything on the host that settles uses this rule; test_noise.cpp holds it.
 #pragma once
 #include <Eigen/Dense>
 #include <vector>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The noise of a rate signal in the form that can be whitened: white noise of 1-s means, Gauss-Markov processes,
-// a rate random walk, and what temperature, hits and telegraph noise make of them.
+// The noise of a rate signal in a form that can be whitened: white noise of 1-s means, Gauss-Markov processes and
+// a rate random walk.  Their size may depend on temperature; outliers and telegraph noise may be added.
 #pragma once
 #include <vector>
 
@@ -8,8 +8,8 @@
 
 namespace imucal {
 
-// The noise of a hypothesis: white noise of 1-s means and Gauss-Markov processes, with what effects make of
-// them.
+// The noise that one hypothesis assumes.  What is 0 is absent; slopes say how a part changes with the normalised
+// temperature Tn.
 struct NoiseModel {
   double white_sigma_dph = 0;
   std::vector<Markov> markov;
@@ -23,10 +23,10 @@ struct NoiseModel {
   bool is_stationary() const { return white_slope == 0 && markov_slope == 0 && tau_slope == 0; }
 };
 
-// White noise and Gauss-Markov processes of an error model; what its effects say is not read.
+// White noise and Gauss-Markov processes of an error model.  Its effects are ignored.
 NoiseModel noise_of(const ErrorModel& model);
 
-// The Gaussian model with the second moments of a mixture without hits: telegraph noise as a Markov process.
+// The Gaussian model of the same covariance, hits left out: telegraph noise becomes a Markov process.
 NoiseModel gaussian_equivalent(NoiseModel noise);
 
 } // namespace imucal

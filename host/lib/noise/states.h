@@ -37,12 +37,12 @@ public:
   // Variance of the sum of the states.
   double spread();
   double mean() const;
-  // covariance * 1, as `spread` left it.
+  // The covariance times a vector of ones; `spread` computes it.
   const std::vector<double>& cross() const { return cross_; }
-  // mean += cross score, covariance -= cross cross' weight: for a Gaussian nu/s and 1/s.
+  // mean += cross score, covariance -= cross cross' weight.  Gaussian: score = innovation/s, weight = 1/s.
   void update(double score, double weight);
   void predict(const double* phi, const double* q);
-  // Becomes the moments of the mixture: `share` of b, the rest of a.
+  // Takes the mean and covariance of a mixture: the part `share` of b and the rest of a.
   void set_mixture(const Belief& a, const Belief& b, double share);
 
 private:

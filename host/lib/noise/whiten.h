@@ -22,7 +22,7 @@ void solve_rows(const RunGains& gains, size_t width, double* rows);
 // The inverse of whitening: the sample path whose whitened innovations are `column`.
 void colour(const RunGains& gains, double* column, size_t n);
 
-// Columns of one run laid out for the filters: many noise models, the same columns.
+// The columns of one run in the order that the filters read them.  Made once, then whitened by many noise models.
 class WideColumns {
 public:
   explicit WideColumns(const Eigen::MatrixXd& columns); // one row per sample

@@ -2,15 +2,15 @@
 // Allan deviation and Direct Predictor (paper section II, reference figures C, tests/README.md).
 //
 // Prediction error of the mean of the next n samples at t0:  d = mean(x[t0 .. t0+n)) - prediction, and
-// DP(tau) = sigma_EST{d over t0} / sqrt(2), tau = n dt.  What is predicted from:
-//   AV    mean of the n samples before t0 (every t0: the overlapping Allan deviation)
+// DP(tau) = sigma_EST{d over t0} / sqrt(2), tau = n dt.  The prediction is
+//   AV    mean of the n samples before t0 (over all t0 this is the overlapping Allan deviation)
 //   DP1   mean of a fixed number of samples before t0
 //   DP2   the nominal model's steady-state Kalman estimate after the sample before t0
 //   DP3   that estimate, optimally predicted over the n samples
-// A window counts when it and what it is estimated from hold no missing sample (min_fill = 1) or at least the
-// part min_fill of their samples, whose mean is then taken; nothing is interpolated.  DP2 and DP3 need
-// warm_up_n() samples before t0 at the start of a record and after a gap; over a missing sample inside (only
-// with min_fill < 1) the filter predicts without measurement.
+// A window counts when at least the part min_fill of its samples is present, and of those it is predicted from
+// (min_fill = 1: all of them); the mean of these is taken.  Nothing is interpolated.  DP2 and DP3 need
+// warm_up_n() samples before t0 at the start of a record and after a gap.  Where min_fill < 1 allows a missing
+// sample, the filter predicts over it without a measurement.
 //
 // Memory: 8 bytes per sample for the running sums, 8 more per nominal Markov term for DP2 and DP3, 4 more where
 // samples are missing.  Time: one pass over the samples per tau, all taus block by block through the cache.
@@ -48,14 +48,14 @@ struct DpOperator {
 DpOperator make_dp_operator(DpType type, double dt_s, const std::optional<ErrorModel>& nominal,
                             double estimation_s = 20.0);
 
-// One record made ready for an operator.  The series should be detrended (its mean matters to DP2, DP3 and,
-// numerically, to all).
+// One record made ready for an operator.  The series should be detrended: a mean other than 0 falsifies DP2 and
+// DP3, and costs digits in AV and DP1.
 class DpRecord {
 public:
   // `initial`: the nominal filter's states before the first sample (empty: zero, to be warmed up).
   DpRecord(const Series& series, const DpOperator& op, const std::vector<double>& initial = {});
 
-  // Windows there would be without gaps; < 1: tau is beyond the record.
+  // Number of windows if there were no gaps.  Below 1: tau is too long for the record.
   long possible_windows(long n) const { return size_ - n - op_.history_n(n) + 1; }
   const DpOperator& op() const { return op_; }
   long size() const { return size_; }
@@ -88,7 +88,7 @@ private:
   std::vector<std::vector<double>> states_; // per nominal term: estimate before sample t0
 };
 
-// sigma_EST{d} of a sample of d; d is reordered.
+// sigma_EST of the values d.  May reorder d and replace it by |d|.
 double dp_sigma(DpEstimator estimator, std::vector<double>* d);
 
 // A curve of one record.

@@ -4,8 +4,8 @@
 //
 // For Gaussian d the percentile ratio is 0.998 with a standard deviation of about 0.7/sqrt(dof), and the largest of
 // `windows` values exceeds z sigma with probability below 2 windows Phi(-z) (sigma taken from the percentile, which
-// outliers do not move).  Both limits are set so that a Gaussian record is called otherwise with at most the given rate
-// per record (Bonferroni over the octaves of tau, between which d is nearly independent).
+// outliers do not move).  Both limits are set so that at most the given part of all Gaussian records gets another verdict
+// (Bonferroni over the octaves of tau, between which d is nearly independent).
 // Verdicts: "gaussian"; "outliers" (single events); "singularity" (most events in one narrow range of temperature, passed
 // at least twice); "heavy_tails" and "light_tails" (percentile ratio off: the variance changes along the record, or the
 // distribution is not Gaussian); "too_short" (dof below 20 at every tau).

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // One axis of one log on an even time grid: what the operators and the fits work on.
 //
-// Memory: 8 bytes per sample and axis (16 with temperature).  Time stamps are turned into grid steps one after
-// another, so that a slowly drifting clock does no harm; a missing row, an empty field and a second flagged as
-// saturated or faulty is a NaN.  Nothing is ever interpolated.
+// Memory: 8 bytes per sample and axis (16 with temperature).  Each time stamp is compared with the one before it,
+// so that a slowly drifting clock does no harm.  A missing row, an empty field, or a second flagged as saturated or
+// faulty becomes NaN.  Nothing is ever interpolated.
 #pragma once
 #include <functional>
 #include <string>
@@ -39,13 +39,13 @@ SeriesHeader scan_series(const std::string& path, const std::vector<std::string>
                          const std::function<void(const SeriesHeader&)>& begin,
                          const std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>& sample);
 
-// The step of the lattice that the rates lie on, in dph; 0 where there is none to see.  Looked for in raw rates, before any
-// detrending: values that repeat (fewer distinct ones than a tenth of the samples) and differ by multiples of the smallest
-// difference, to the last digit written.  Rounding to a step q adds white noise of variance q^2/12 where the other noise is
-// above half a step.
+// The step q, in dph, of which all rates are multiples (but for a constant); 0 where no step is seen.  Give it raw rates,
+// before any detrending.  A step is seen where values repeat (fewer distinct ones than a tenth of the samples) and differ
+// by multiples of the smallest difference, to the last digit written.  Rounding to the step q adds white noise of variance
+// q^2/12 where the other noise is larger than half a step.
 double quantum_dph(const Series& series);
 
-// How the slow known part is taken out before anything else.
+// What is fitted to the rates and removed before anything else.
 struct Detrend {
   enum class Kind { kNone, kMean, kPolyTemperature, kPolyTime } kind = Kind::kMean;
   int order = 0;
@@ -54,9 +54,9 @@ struct Detrend {
   std::string text() const;
 };
 
-// Orthonormal basis (over the samples present) of what `detrend` removes, column by column; a row of a missing
-// sample is zero.  Empty for kNone.  A polynomial of an order that the temperatures cannot tell apart (rank) and
-// a missing temperature beside a present rate is a data_error.
+// What `detrend` removes, as columns that are orthonormal over the samples present; the row of a missing sample is
+// zero.  Empty for kNone.  data_error: too few different temperatures for the polynomial's order; a rate whose
+// temperature is missing.
 std::vector<std::vector<double>> detrend_basis(const Series& series, const Detrend& detrend);
 
 // Removes it, missing samples left missing.

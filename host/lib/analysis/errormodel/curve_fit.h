@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
 // Error models from Direct Predictor curves: the tightest bounding model, and least squares.
 //
-// E d^2 is linear in the white variance and in each Markov variance for fixed time constants.  So over a grid of time
-// constants the tightest bound, minimise sum over tau of model^2/data^2 - 1 subject to model >= data at every tau and
-// variances >= 0, is a linear program (Clp's simplex; rows are added where violated until none is): globally optimal.
-// Then the asked number of Markov terms is searched: the same program with that many columns inside, their time
-// constants outside (all combinations of a coarse grid, then Nelder-Mead from the best).
+// For fixed time constants E d^2 is linear in the white variance and in each Markov variance.  The tightest bound
+// minimises the sum over tau of model^2/data^2 - 1 subject to model >= data at every tau and variances >= 0.  Over a grid
+// of time constants this is a linear program, and its solution is the global optimum (Clp's simplex, lp.h).
+// A model with few Markov terms is then searched: the variances by the same program with that many columns, the time
+// constants around it (all combinations of a coarse grid, then Nelder-Mead from the best).
 //
-// Where the data were detrended, the model's curve is that of the detrended record (expect.h), so that like is compared
-// with like and noise hidden by the fit is not forgotten.
+// Where the data were detrended, the model's curve is that of a detrended record (expect.h): the fit of a trend removes
+// part of the noise, and the model must allow for that.
 #pragma once
 #include <map>
 #include <memory>
@@ -74,11 +74,11 @@ struct CurveFit {
   std::vector<double> mean_excess_by_terms;
 };
 
-// n_markov < 0: chosen, the smallest number whose mean excess is within `enough` (relative excess of DP) of the grid's.
+// n_markov < 0: the smallest number whose mean relative excess of DP is at most `enough` above that of the grid.
 CurveFit fit_bound(const CurveData& data, int n_markov, double enough = 0.005);
 
-// A bound of one test is exceeded by the next one: raise the data to the upper limit of their one-sided interval at each
-// tau (chi-squared with `dof`) before bounding.  confidence 0: unchanged.
+// A model that just bounds one test will not bound the next one.  So the data are first raised, at each tau, to the upper
+// limit of their one-sided interval (chi-squared with `dof`).  confidence 0: unchanged.
 CurveData raised_to_confidence(CurveData data, double confidence);
 // Weighted least squares of ln DP^2, weights dof per tau.  n_markov < 0: chosen by an F-like rule: another term must
 // lower the sum of squares, per effective point, by more than its 95 % level.

@@ -15,7 +15,7 @@
 // expected_record_* take it: with C the covariance of the samples, G the operator as a matrix and Q an
 // orthonormal basis of what was fitted and removed from the same data,
 //   E mean d^2 = E d^2 - [2 <C Q, G'G Q> - trace(Q'CQ Q'G'GQ)] / windows,
-// exact for a record without gaps, and the correction of the fit's inflation: what is fitted away is missing.
+// exact for a record without gaps.  The bracket is the noise that the fit has removed together with the trend.
 #pragma once
 #include <optional>
 #include <vector>

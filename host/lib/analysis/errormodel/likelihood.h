@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Exact likelihood of white noise + Markov terms, with what is linear marginalised.
+// Exact likelihood of white noise + Markov terms; the coefficients of the trend are integrated out.
 //
 // y_k = b' X_k + sum_i s_i(k) + v_k: the columns X are the thermal polynomial and the turn-on constant of the record
 // (the basis that `detrend` names), their coefficients b are given a flat prior and integrated out (REML), not subtracted.

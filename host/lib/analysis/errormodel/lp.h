@@ -15,8 +15,8 @@ struct BoundingSolution {
   double objective = 0; // sum over tau of (A x - 1); infinite when no component reaches some tau
 };
 
-// By Clp's simplex on the rows that matter: rows are added where violated until every row holds to 1e-9 (the result
-// is then scaled up by that last part so that it holds exactly).
+// By Clp's simplex.  It begins with few rows and adds those that are violated, until every row holds to 1e-9.  The
+// result is then scaled up by what is still missing, so that every row holds exactly.
 BoundingSolution solve_bounding(const BoundingProgram& program);
 
 // The same for a few columns (at most 6), by walking the vertices directly: microseconds, for searches.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the core's filter has learnt, in double: the one place of the host that reads the layout of
+// What the core's filter has learnt, in double.  Only this file of the host knows the layout of
 // imucal_kf_t.
 #pragma once
 #include <Eigen/Dense>

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: MIT
 // Offline calibration: from recorded logs to the thermal polynomial with its predicted error, two ways.
 //
-//   kKalman      the very C core (common/kf.c), second by second in float32 as on the device; of one log the
-//                coefficients are bit for bit those the device would send.
+//   kKalman      the C core itself (common/kf.c), second by second in float32 as on the device.  From one log it
+//                gives the coefficients that the device would send, bit for bit.
 //   kPolynomial  least squares on scaled variables (Chebyshev polynomials) by Householder QR with column pivoting.
 //
 // Several logs are runs of one device with power cycles between.  Each has its own turn-on constant (unless
 // shared_turn_on): rate = b0 + a_l + sum_{i>=1} b_i Tn^i + noise in log l, with sum_l a_l = 0; b0 is the mean.
-//   kKalman: before each further log the core forgets the Markov state and lets the constant term go free
-//   (imucal_kf_new_run); the constants of earlier logs are improved afterwards by what later ones say of the other
-//   coefficients (exact, because these are constant: c0 given the rest is Gaussian with the factors' own regression).
+//   kKalman: before each further log the core forgets the Markov state and the constant term (imucal_kf_new_run).
+//   At the end the constants of the earlier logs are computed again from the final values of the other coefficients.
+//   This is exact: given the others, c0 is Gaussian, and the filter's factors hold its regression on them.
 //   kPolynomial: one column of ones per log.
 #pragma once
 #include <cstdint>

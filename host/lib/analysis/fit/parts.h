@@ -28,9 +28,9 @@ struct ChebyshevFit {
   std::vector<double> core_coeff; // kKalman, one log: b_i as the core gives them
 };
 
-// What the core's rules say of the runs of one axis, the same way as on the device: every second through
-// imucal_health_second and, with a filter, through imucal_kf_update and imucal_health_gate.  What they leave out becomes
-// unused in `runs`.  config null: no innovations.
+// What the core's rules say of the runs of one axis.  As on the device, every second goes through
+// imucal_health_second and, with a filter, through imucal_kf_update and imucal_health_gate.  Seconds that they leave out
+// are marked unused (NaN) in `runs`.  config null: no filter, so no rules on innovations.
 struct Checked {
   imucal_health_t health{};
   float lo_degc = 0, hi_degc = 0; // seen, robustly

@@ -31,9 +31,9 @@ struct OptimizeRequest {
   Objective objective = Objective::kWorst;
   std::vector<EffectSpec> tell_apart; // empty: accuracy alone
   double max_correlation = 0.75;
-  // Part of the accuracy (objective without tell_apart) that may be given up so that the signatures become as
-  // strong as possible: the geometric mean of SignatureTable::separable.  0: only the correlation counts, at
-  // the least cost.
+  // How much larger the objective may become than without tell_apart, as a part of it.  This is spent on strong
+  // signatures: the geometric mean of SignatureTable::separable is made as large as possible.  0: the least
+  // error at which the correlation is low enough.
   double spend_frac = 0;
   uint64_t seed = 1;
   int effort = 1;                                                  // multiplies the number of evaluations

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Profiles as a few numbers that an optimiser can turn: stops (temperature, soak) joined by ramps.
+// Profiles described by a few numbers, for an optimiser: stops (temperature, soak) joined by ramps.
 #pragma once
 #include <string>
 #include <vector>
@@ -49,10 +49,10 @@ ScheduleShape chain_shape(const std::string& name, const std::vector<double>& le
 ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, bool starts_hot, bool free_rates,
                            bool tied);
 
-// Turns variables into a profile that lasts duration_s.  Soaks share what the ramps leave over in proportion
-// to their weights, within the limits on soaks; where all soaks are at their maximum the ramps are slowed.
-// Returns false where the ramps alone (with the shortest soaks) last longer, or where stops that coincide
-// soak longer than allowed; *excess_s says by how much.
+// Turns variables into a profile that lasts duration_s.  The soaks share the time that the ramps leave over, in
+// proportion to their weights and within the limits on soaks.  Where all soaks are at their maximum the ramps
+// are slowed.  Returns false where fastest ramps and shortest soaks last longer than duration_s, or where stops
+// at one temperature together soak longer than allowed; *excess_s then says by how much.
 bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables, const ChamberLimits& limits,
                   double duration_s, Profile* profile, double* excess_s);
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Which effects a profile can tell apart.
 //
-// Signature of an effect: what it adds to the record of a noise-free sensor, less what the polynomial of the
-// thermometer explains nominally; computed by the very simulation of the effect (effects/effect.h).  After
-// whitening by the noise model and projecting off what every calibration estimates anew (polynomial, one
-// turn-on constant per run) two effects whose signatures have correlation 1 are the same curve for every
-// statistical test; the expected log-likelihood margin between them is d^2/2 (1 - correlation^2), d the
-// whitened signature's norm.  The projection is by Schur complement of the Gram matrix.
+// The signature of an effect is what it adds to the record of a noise-free sensor, less the nominal polynomial
+// of the thermometer.  The simulation of the effect computes it (effects/effect.h).  The signatures are whitened
+// by the noise model, and what every calibration estimates anew (polynomial, one turn-on constant per run) is
+// projected off, by the Schur complement of the Gram matrix.  If two signatures then have correlation 1, no
+// statistical test can tell the two effects apart.  In general the expected margin of the log-likelihood between
+// them is d^2/2 (1 - correlation^2), where d is the norm of the whitened signature.
 #pragma once
 #include <string>
 #include <vector>
