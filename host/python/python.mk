@@ -32,8 +32,14 @@ python:  ## install the Python package imucal into build/venv
 	$(Q)$(PYTHON) -m pip install --quiet --disable-pip-version-check ./host/python
 	@$(PYTHON) -I -c 'import imucal, numpy; c = imucal.allan_deviation(numpy.random.default_rng(1).normal(size=1000)); print("imucal", imucal.__version__, "installed:", len(c.tau_s), "points of an Allan deviation")'
 
+formats-table: $(PY_CORE)  ## the importers' table: fields, round-trip error, real files, MB/s; a 100-MB ULog against pyulog
+	$(Q)IMUCAL_BIN=$(abspath $(BUILD))/bin $(PYTHON) tests/bench/bench_import.py
+
+bench-package: $(PY_CORE) $(BUILD)/tests/bench_dp  ## allan_deviation of the Python package against the C++ time
+	$(Q)$(PYTHON) tests/bench/bench_package.py --build $(BUILD)
+
 system-test: $(PY_CORE)
 
 -include $(shell find $(BUILD)/obj/pic -name '*.d' 2>/dev/null)
 
-.PHONY: python python-core
+.PHONY: python python-core formats-table bench-package

@@ -187,3 +187,21 @@ def write_table(path, rec, kind):
                    "IMUTemperature": np.rint(rec.temp_degc * 10).astype(int)}
     frame = polars.DataFrame(columns)
     frame.write_parquet(path) if kind == "parquet" else frame.write_csv(path)
+
+
+def write(kind, folder, rec):
+    """A recording as a file log.KIND: ulog, bin, bag1, bag2db3, bag2mcap, mat5, mat5struct, mat73, or a table's kind."""
+    path = folder / f"log.{kind}"
+    if kind == "ulog":
+        write_ulog(path, [rec])
+    elif kind == "bin":
+        write_ardupilot(path, rec)
+    elif kind == "bag1":
+        write_rosbag(path, rec, 1)
+    elif kind.startswith("bag2"):
+        write_rosbag(path, rec, 2, "mcap" if kind == "bag2mcap" else "sqlite3")
+    elif kind.startswith("mat"):
+        write_matlab(path, rec, "7.3" if kind == "mat73" else "5", kind == "mat5struct")
+    else:
+        write_table(path, rec, kind)
+    return path

@@ -5,6 +5,7 @@ import math
 import foreign
 import numpy as np
 import pytest
+from foreign import write
 
 import imucal
 from imucal.errors import DataError
@@ -13,23 +14,6 @@ from imucal.log import read_log, write_log
 
 EPOCH_FREE = ["ulog", "bin", "hex", "csv", "st", "parquet", "blackbox", "mat5", "mat5struct", "mat73"]
 BAGS = ["bag1", "bag2db3", "bag2mcap"]
-
-
-def write(kind, folder, rec):
-    path = folder / f"log.{kind}"
-    if kind == "ulog":
-        foreign.write_ulog(path, [rec])
-    elif kind == "bin":
-        foreign.write_ardupilot(path, rec)
-    elif kind == "bag1":
-        foreign.write_rosbag(path, rec, 1)
-    elif kind.startswith("bag2"):
-        foreign.write_rosbag(path, rec, 2, "mcap" if kind == "bag2mcap" else "sqlite3")
-    elif kind.startswith("mat"):
-        foreign.write_matlab(path, rec, "7.3" if kind == "mat73" else "5", kind == "mat5struct")
-    else:
-        foreign.write_table(path, rec, kind)
-    return path
 
 
 @pytest.fixture(scope="module")
