@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Collects the READMEs and host/docs into one folder for MkDocs; links between them follow, links to sources become their names.
+"""Collects the READMEs and host/docs into one folder for MkDocs, runs the notebook; links between them follow, links to sources become their names.
 
     docs.py -o FOLDER        writes FOLDER/mkdocs.yml and FOLDER/docs/…
 """
 import argparse
+import contextlib
+import io
 import os
 import re
 import shutil
@@ -12,13 +14,15 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOK = "host/docs/notebook.py"
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]+)(#[^)\s]*)?\)")
 
 
 def pages():
-    """{source: place in the site} of every Markdown file of the project."""
+    """{source: place in the site} of every Markdown file of the project, and of the notebook."""
     names = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
-    return {n: n.removeprefix("host/docs/") if n.startswith("host/docs/") else f"readme/{n}" for n in names}
+    site = {n: n.removeprefix("host/docs/") if n.startswith("host/docs/") else f"readme/{n}" for n in names}
+    return {**site, NOTEBOOK: "notebook.md"}
 
 
 def rewritten(source, text, site):
@@ -41,18 +45,49 @@ def rewritten(source, text, site):
     return _LINK.sub(follow, text), broken
 
 
+def cells(source):
+    """[(is_text, lines)] of a notebook in the percent format; what stands before the first cell is left out."""
+    found = []
+    for line in source.splitlines():
+        if line.startswith("# %%"):
+            found.append(("[markdown]" in line, []))
+        elif found:
+            found[-1][1].append(line)
+    return found
+
+
+def executed(path):
+    """A notebook run cell by cell: Markdown with the code and what it printed.  What it raises goes on to the caller."""
+    names, parts = {"__name__": "notebook"}, []
+    for is_text, lines in cells(Path(path).read_text(encoding="utf-8")):
+        if is_text:
+            parts.append("\n".join(line.removeprefix("#").removeprefix(" ") for line in lines).strip())
+            continue
+        code = "\n".join(lines).strip()
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said):
+            exec(compile(code, str(path), "exec"), names)
+        parts.append(f"```python\n{code}\n```")
+        if said.getvalue():
+            parts.append(f"```text\n{said.getvalue().rstrip()}\n```")
+    return "\n\n".join(parts) + "\n"
+
+
 def main():
     """Write the folder; status 1 where a link leads nowhere."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", required=True)
     out = Path(parser.parse_args().output)
+    sys.path.insert(0, str(ROOT / "host/python"))
     shutil.rmtree(out / "docs", ignore_errors=True)
     site, broken = pages(), []
     for source, place in site.items():
-        text, lost = rewritten(source, (ROOT / source).read_text(encoding="utf-8"), site)
+        text = executed(ROOT / source) if source == NOTEBOOK else (ROOT / source).read_text(encoding="utf-8")
+        text, lost = rewritten(source, text, site)
         broken += lost
         (out / "docs" / place).parent.mkdir(parents=True, exist_ok=True)
         (out / "docs" / place).write_text(text, encoding="utf-8")
+    sys.path.insert(0, str(ROOT / "host/python"))
     shutil.copy(ROOT / "host/docs/mkdocs.yml", out / "mkdocs.yml")
     for link in broken:
         print(f"docs.py: a link that leads nowhere: {link}", file=sys.stderr)
