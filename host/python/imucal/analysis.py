@@ -126,7 +126,7 @@ def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=Non
     Parameters
     ----------
     rate_dph : array (n,)        NaN where missing
-    dt_s : float
+    dt_s : float                 between samples
     tau_s : array, or text       "octave", "2:600:2", "log:2:600" …
     type : str                   "av", "dp1", "dp2" or "dp3"
     nominal : dict               model whose filter predicts (dp2, dp3)
@@ -162,7 +162,7 @@ def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave"):
     Parameters
     ----------
     rate_dph : array (n,)        NaN where missing: windows with a missing sample are left out
-    dt_s : float
+    dt_s : float                 between samples
     tau_s : array, or text       "octave", "2:600:2", "log:2:600" …
 
     Returns
@@ -172,6 +172,10 @@ def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave"):
     Raises
     ------
     DataError : a constant or too short record
+
+    References
+    ----------
+    IEEE Std 952, annex C.
 
     Examples
     --------
@@ -185,11 +189,26 @@ def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave"):
 
 
 def expect(model, tau_s, type="dp2", nominal=None):
-    """Closed-form curve of a model (dict or path); nominal for dp2 and dp3 (default: the model itself).
+    """Closed-form curve of a model.
+
+    Parameters
+    ----------
+    model : dict or path         error model
+    tau_s : array, or text       "octave", "2:600:2", "log:2:600" …
+    type : str                   "av", "dp1", "dp2" or "dp3"
+    nominal : dict or path       model whose filter predicts (dp2, dp3); default: the model itself
 
     Returns
     -------
     DirectPredictor : without intervals (NaN) and windows (0)
+
+    Raises
+    ------
+    DataError : a model that cannot be used
+
+    References
+    ----------
+    Z. Berman, "Inertial Sensors: Further Developments in Low-Cost Calibration and Testing", section II.
     """
     with Folder() as folder:
         options = ["--nominal", folder.json(nominal if nominal is not None else model)] if type in ("dp2", "dp3") else []
@@ -204,7 +223,23 @@ def _logs(folder, logs):
 
 
 def as_log(value, temp_degc=None, dt_s=1.0, axis="gx_dph"):
-    """A Log from an array of shape (n,), with temperatures or without; a path and a Log stay what they are."""
+    """A Log from an array; a path and a Log stay what they are.
+
+    Parameters
+    ----------
+    value : array (n,), Log or path    rates in dph; NaN where missing
+    temp_degc : array (n,)             default: no temperature
+    dt_s : float                       between samples
+    axis : str                         name of the axis
+
+    Returns
+    -------
+    Log, or the path
+
+    Raises
+    ------
+    DataError : arrays of different lengths or of another shape
+    """
     if isinstance(value, (str, Log)) or hasattr(value, "__fspath__"):
         return value
     rate = _array(value)
@@ -219,13 +254,26 @@ def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau
 
     Parameters
     ----------
-    logs : path, Log or array (n,), or a list of them
+    logs : path, Log or array (n,) in dph, or a list of them
     markov : int                 number of Gauss-Markov terms
+    criterion : str              "ml", "bound" or "ls"
+    axes : list of str           default: all
     detrend : str                "mean", "poly:3" (in temperature) …
+    tau_s : array, or text       of the curves ("bound", "ls")
+    type : str                   of the curves: "av", "dp1", "dp2" or "dp3"
+    nominal : dict or path       model whose filter predicts (dp2, dp3)
 
     Returns
     -------
     ErrorModelFit
+
+    Raises
+    ------
+    DataError : a log or an option that cannot be used
+
+    References
+    ----------
+    Z. Berman, "Inertial Sensors: Further Developments in Low-Cost Calibration and Testing", section III.
     """
     with Folder() as folder:
         options = ["--tau", _tau_text(tau_s)] if tau_s is not None else []
@@ -240,9 +288,23 @@ def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau
 def check_bound(logs, model, axes=(), detrend="mean", tau_s=None, type=None, nominal=None):
     """Does a model bound these logs, and how tightly?
 
+    Parameters
+    ----------
+    logs : path, Log or array (n,) in dph, or a list of them
+    model : dict or path         error model
+    axes : list of str           default: all
+    detrend : str                "mean", "poly:3" (in temperature) …
+    tau_s : array, or text       where they are compared
+    type : str                   of the curves: "av", "dp1", "dp2" or "dp3"
+    nominal : dict or path       model whose filter predicts (dp2, dp3)
+
     Returns
     -------
     BoundCheck
+
+    Raises
+    ------
+    DataError : a log, a model or an option that cannot be used
     """
     with Folder() as folder:
         options = ["--tau", _tau_text(tau_s)] if tau_s is not None else []
@@ -256,9 +318,23 @@ def check_bound(logs, model, axes=(), detrend="mean", tau_s=None, type=None, nom
 def calibrate(logs, order=3, model=None, method=None, axes=()):
     """Thermal calibration of recorded logs: the C core's filter ("kf", needs a model) or least squares ("poly").
 
+    The constant b_0 of an accelerometer's axis (_mg) holds gravity as it lay in the test.
+
+    Parameters
+    ----------
+    logs : path or Log, or a list of them
+    order : int                  of the polynomial in temperature
+    model : dict or path         error model of the filter
+    method : str                 "kf" or "poly"; default: "kf" with a model, else "poly"
+    axes : list of str           default: all
+
     Returns
     -------
     Calibration
+
+    Raises
+    ------
+    DataError : a log that cannot be used, or that contradicts the model
     """
     with Folder() as folder:
         table = folder.new(".json")
@@ -288,7 +364,11 @@ def compensate(rate, temp_degc, channel):
 
     Returns
     -------
-    array (n,)
+    array (n,) : in the channel's unit
+
+    Raises
+    ------
+    DataError : arrays of another shape
     """
     rate, temp = _array(rate, "rate"), _array(temp_degc, "temp_degc")
     if isinstance(channel, AxisCalibration):
@@ -299,9 +379,20 @@ def compensate(rate, temp_degc, channel):
 def calibration_error(profile, model, order=3, filter_model=None):
     """Predicted calibration error of a temperature profile over temperature (exact covariance).
 
+    Parameters
+    ----------
+    profile : dict or path       of the chamber's temperature
+    model : dict or path         error model of the sensor
+    order : int                  of the polynomial in temperature
+    filter_model : dict or path  what the filter believes; default: model
+
     Returns
     -------
     CalibrationError
+
+    Raises
+    ------
+    DataError : a profile or a model that cannot be used
     """
     with Folder() as folder:
         options = ["--filter-model", folder.json(filter_model)] if filter_model is not None else []
@@ -313,9 +404,22 @@ def calibration_error(profile, model, order=3, filter_model=None):
 def optimize_profile(model, range_degc, max_rate_degc_per_min, duration_s, order=3, seed=1):
     """The chamber profile with the smallest worst calibration error.
 
+    Parameters
+    ----------
+    model : dict or path         error model of the sensor
+    range_degc : (float, float)  lowest and highest temperature
+    max_rate_degc_per_min : float    of the chamber
+    duration_s : float           of the profile
+    order : int                  of the polynomial in temperature
+    seed : int                   of the search
+
     Returns
     -------
     OptimizedProfile
+
+    Raises
+    ------
+    DataError : a range that cannot be reached in this time, or a model that cannot be used
     """
     with Folder() as folder:
         path = folder.new(".json")
@@ -329,9 +433,23 @@ def optimize_profile(model, range_degc, max_rate_degc_per_min, duration_s, order
 def simulate(model, profile, n_axes=1, seed=1, effects=None, log_index=0, n_logs=1):
     """A simulated test: chamber, gyros, noise, effects.
 
+    Parameters
+    ----------
+    model : dict or path         error model of the sensors
+    profile : dict or path       of the chamber's temperature
+    n_axes : int                 gyros
+    seed : int                   of the noise
+    effects : list or path       what the model leaves out: [{"name", "parameters"}, …]
+    log_index : int              which test of a series, from 0
+    n_logs : int                 tests of the series
+
     Returns
     -------
     Log
+
+    Raises
+    ------
+    DataError : a model, a profile or an effect that cannot be used
     """
     with Folder() as folder:
         path = folder.new(".csv")
@@ -344,9 +462,25 @@ def simulate(model, profile, n_axes=1, seed=1, effects=None, log_index=0, n_logs
 def diagnose(logs, model, holdout=(), axes=(), without=(), only=(), false_alarm_rate=0.01, seed=1, threads=0):
     """What the error model leaves out: where, which effect, how far the gap shrinks on held-out logs.
 
+    Parameters
+    ----------
+    logs : path or Log, or a list of them
+    model : dict or path         error model that is tested
+    holdout : list of path or Log    logs the effect is judged on
+    axes : list of str           default: all
+    without : list of str        effects that are not tried
+    only : list of str           effects that are tried alone
+    false_alarm_rate : float     probability of a finding where there is none
+    seed : int                   of the reference draws
+    threads : int                0: all processors
+
     Returns
     -------
     dict : as `diagnose --json` writes it (one entry of "axes" per axis)
+
+    Raises
+    ------
+    DataError : a log or a model that cannot be used
     """
     with Folder() as folder:
         options = [word for log in _logs(folder, list(holdout)) for word in ("--holdout", log)]

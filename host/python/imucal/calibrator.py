@@ -43,15 +43,32 @@ class ThermalCalibrator:
         self.order, self.t0_degc, self.range_degc = order, t0_degc, range_degc
 
     def update(self, rate_dph, temp_degc):
-        """One 1-s mean and its temperature; NaN: a missing second.  False: refused (out of range), state unchanged."""
+        """One 1-s mean and its temperature.
+
+        Parameters
+        ----------
+        rate_dph, temp_degc : float    NaN: a missing second
+
+        Returns
+        -------
+        bool : False where it was refused (out of range); the state is then unchanged
+        """
         return self._filter.update(float(rate_dph), float(temp_degc))
 
     def run(self, rate_dph, temp_degc):
-        """All seconds of arrays of shape (n,); NaN is a missing second.
+        """All seconds of a record; Ctrl-C is seen between them.
+
+        Parameters
+        ----------
+        rate_dph, temp_degc : array (n,)    NaN: a missing second
 
         Returns
         -------
         int : seconds refused
+
+        Raises
+        ------
+        DataError : arrays of different lengths
         """
         try:
             return self._filter.run(np.ascontiguousarray(rate_dph, np.float64), np.ascontiguousarray(temp_degc, np.float64))
@@ -59,11 +76,29 @@ class ThermalCalibrator:
             raise DataError(str(error)) from None
 
     def skip(self, seconds):
-        """A gap of whole seconds."""
+        """A gap.
+
+        Parameters
+        ----------
+        seconds : int    whole seconds without a measurement
+
+        Returns
+        -------
+        bool : False where the core refuses it
+        """
         return self._filter.skip(int(seconds))
 
     def new_run(self, turn_on_sigma_dph=0.0):
-        """The device was switched off and on."""
+        """The device was switched off and on.
+
+        Parameters
+        ----------
+        turn_on_sigma_dph : float    repeatability of the bias over a restart
+
+        Returns
+        -------
+        None
+        """
         self._filter.new_run(float(turn_on_sigma_dph))
 
     @property
@@ -72,11 +107,29 @@ class ThermalCalibrator:
         return np.array(self._filter.coefficients())
 
     def bias_dph(self, temp_degc):
-        """B(T), by the core in float32; scalar or array."""
+        """B(T), by the core in float32.
+
+        Parameters
+        ----------
+        temp_degc : float or array
+
+        Returns
+        -------
+        float or array : in dph
+        """
         return np.vectorize(self._filter.bias, otypes=[float])(temp_degc)[()]
 
     def bias_sigma_dph(self, temp_degc):
-        """Predicted one-sigma calibration error at a temperature; scalar or array."""
+        """Predicted one-sigma calibration error.
+
+        Parameters
+        ----------
+        temp_degc : float or array
+
+        Returns
+        -------
+        float or array : in dph
+        """
         return np.vectorize(self._filter.sigma, otypes=[float])(temp_degc)[()]
 
     @property

@@ -216,8 +216,16 @@ def write_log(path, log):
 
     Parameters
     ----------
-    path : str ("-": standard output)
+    path : str                   "-": standard output
     log : Log
+
+    Returns
+    -------
+    None
+
+    Raises
+    ------
+    DataError : a file that cannot be written
     """
     header, columns = ["t_s", "temp_degc"], [_text(log.t_s, 6), _text(log.temp_degc, 6)]
     for name, values in log.rates.items():

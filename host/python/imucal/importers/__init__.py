@@ -135,7 +135,8 @@ def import_log(path, options=None, **settings):
     Parameters
     ----------
     path : str
-    options : Options, or its fields as keywords: instance, time, gyro, unit, temp, rate_hz, …
+    options : Options
+    settings :                   the fields of Options as keywords: instance, time, gyro, unit, temp, rate_hz, …
 
     Returns
     -------
