@@ -39,7 +39,7 @@ HOST_ARCHIVE := $(BUILD)/lib/libimucal.a
 # by itself: quicker after a small change in a large room, and it shows a missing include (`make sanitize` builds so).
 BY_FILE ?=
 # A source that is read from another one would pass for a header, whose types must not be of one file only.
-IN_ONE_PIECE := -iquote . -Wno-subobject-linkage
+IN_ONE_PIECE := -iquote . $(if $(findstring clang,$(CXX)),,-Wno-subobject-linkage)
 # $1: a folder.  Its objects, program mains apart.
 folder_objects = $(if $(BY_FILE),$(call host_objects,$1/*.cpp),$(if $(call host_objects,$1/*.cpp),$(BUILD)/obj/host/$1/room.o))
 

@@ -189,7 +189,7 @@ static imucal_status read_level(imucal_lsm6dso_t* sensor, uint32_t* n_words, boo
   imucal_status status = read_regs(sensor, FIFO_STATUS1, bytes, 2);
   if (status == IMUCAL_OK) status = read_regs(sensor, OUT_TEMP_L, temp, 2);
   if (status != IMUCAL_OK) return status;
-  *n_words = bytes[0] | (bytes[1] & LEVEL_HIGH) << 8;
+  *n_words = (uint32_t)bytes[0] | (uint32_t)(bytes[1] & LEVEL_HIGH) << 8;
   if (*n_words > FIFO_WORDS) { /* 1023 on a stuck bus */
     sensor->counts.n_bus_errors++;
     return IMUCAL_ERR_SENSOR;

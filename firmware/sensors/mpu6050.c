@@ -277,7 +277,8 @@ static imucal_status trim_6050(imucal_mpu6050_t* sensor, float trim[6]) {
   if (status != IMUCAL_OK) return status;
   for (uint32_t i = 0; i < 3; i++) {
     const uint32_t gyro = bytes[i] & 0x1Fu;
-    const uint32_t accel = (bytes[i] >> 5 << 2) | (bytes[3] >> (4 - 2 * i) & 3u);
+    const uint32_t high = bytes[i] >> 5, low = (uint32_t)bytes[3] >> (4 - 2 * i) & 3u;
+    const uint32_t accel = high << 2 | low;
     trim[i] = gyro ? 25.0f * 131.0f * power(1.046f, gyro - 1) * (i == 1 ? -1.0f : 1.0f) : 0.0f;
     trim[3 + i] = accel ? 4096.0f * 0.34f * power(1.0337376f, accel - 1) : 0.0f; /* (0.92/0.34)^(1/30) */
   }
