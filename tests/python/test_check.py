@@ -63,3 +63,39 @@ def test_example_script_leads_to_a_table_that_names_no_missing_step(tmp_path, mo
                           env={**os.environ, "IMUCAL": str(BIN / "imucal")})
     assert done.returncode == 0, done.stderr
     assert check_file(tmp_path / "ex/table.json") == ("table", []) and "bias_fixed" in (tmp_path / "ex/table.h").read_text()
+
+
+def _limits(tmp_path, **limits):
+    table = json.loads(TABLE)
+    table["axes"][0].update(temp_degc=[-20 + 11.25 * i for i in range(9)], sigma_dph=[6, 5, 4, 4, 4, 4, 4, 5, 5])
+    (tmp_path / "table.json").write_text(json.dumps(table))
+    (tmp_path / "limits.json").write_text(json.dumps({"imucal_limits": 1, **limits}))
+    return main(["check", str(tmp_path / "table.json"), "--limits", str(tmp_path / "limits.json")])
+
+
+# Of 1 + 2 Tn + 3 Tn^2 + 4 Tn^3 over Tn = -0.9 to 0.9: 8.146 at 70 degC; its slope there (2 + 6 Tn + 12 Tn^2)/50 = 0.3424.
+@pytest.mark.parametrize("limits, words", [
+    ({"span_degc": [-30, 60]}, "valid from -20 to 70 degC, wanted -30 to 60"), ({"max_sigma": 5.5}, "predicted error 6 dph at -20.0 degC, limit 5.5"),
+    ({"max_bias": 8.1}, "bias 8.146 dph at 70.0 degC, limit 8.1"), ({"max_slope_per_degc": 0.3}, "slope 0.34"), ({"axes": ["gz_dph"]}, "gz_dph: the table has no such axis")])
+def test_table_beyond_a_limit_is_an_answer(tmp_path, capsys, limits, words):
+    assert _limits(tmp_path, **limits) == 1
+    assert words in capsys.readouterr().out
+
+
+def test_table_within_its_limits_is_said_to_keep_them(tmp_path, capsys):
+    assert _limits(tmp_path, span_degc=[-20, 70], max_sigma=6, max_bias=8.2, max_slope_per_degc=0.35, axes=["gx_dph"]) == 0
+    assert "limits.json: kept" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("limits, words", [({"max_sigma": -1}, "max_sigma: -1"), ({"max_bais": 5}, "max_bais")])
+def test_limits_that_are_not_valid_are_refused(tmp_path, capsys, limits, words):
+    assert _limits(tmp_path, **limits) == 3
+    said = capsys.readouterr().err
+    assert "limits.json:1" in said and words in said
+
+
+def test_limits_need_a_table(tmp_path, capsys):
+    (tmp_path / "m.json").write_text(MODEL)
+    _limits(tmp_path)
+    assert main(["check", str(tmp_path / "m.json"), "--limits", str(tmp_path / "limits.json")]) == 3
+    assert "none of the files is one" in capsys.readouterr().err

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """What `make install` puts under a prefix works from there, and `make uninstall` takes it away."""
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -83,6 +84,15 @@ def test_bash_completes_subcommands_and_options(root):
     assert complete("imucal", "dia") == ["diagnose"]
     assert "--criterion" in complete("imucal", "errormodel", "--cr")
     assert "optimize" in complete("imucal", "profile", "opt")
+
+
+def test_zsh_completes_subcommands(root, tmp_path):
+    if not shutil.which("zsh"):
+        pytest.skip("zsh is not installed: its completion is not tried (apt-get install zsh)")
+    functions = root / "share/zsh/site-functions"
+    words = f"fpath=({functions} $fpath); autoload -Uz compinit; compinit -u -d {tmp_path}/dump; print -r -- $_comps[imucal]; autoload -Uz +X _imucal && print loaded"
+    done = subprocess.run(["zsh", "-f", "-c", words], capture_output=True, text=True, cwd=tmp_path)
+    assert done.stdout.split() == ["_imucal", "loaded"] and not done.stderr
 
 
 def test_pkg_config_and_cmake_lead_to_a_program_that_runs(root, tmp_path):

@@ -7,9 +7,11 @@ from pathlib import Path
 
 from .cli import common_options, finish_json, parser_of
 from .errors import DataError
+from .limits import judge
 from .log import read_log
 
-KINDS = {"imucal_model": "model", "imucal_profile": "profile", "imucal_table": "table", "imucal_diagnosis": "diagnosis"}
+KINDS = {"imucal_model": "model", "imucal_profile": "profile", "imucal_table": "table", "imucal_diagnosis": "diagnosis",
+         "imucal_limits": "limits"}
 _SCHEMAS = Path(__file__).with_name("schema")
 
 
@@ -120,20 +122,40 @@ def check_file(path):
     return "log", []
 
 
+def _need_limits(path):
+    """DataError where a file holds no valid limits."""
+    kind, messages = check_file(path)
+    if kind != "limits" and not messages:
+        messages = [f"{path}: a {kind}, not limits (no \"imucal_limits\": 1)"]
+    if messages:
+        raise DataError("\n".join(messages))
+
+
 def run(arguments):
-    """Run the command: 0 valid, 3 not."""
-    parser = parser_of("check", "Is this file one of ours (log, model, profile, table, diagnosis), and valid?")
+    """Run the command: 0 valid, 1 valid but beyond the limits, 3 not valid."""
+    parser = parser_of("check", "Is this file one of ours (log, model, profile, table, diagnosis, limits), and valid? Does a table keep its limits?")
     parser.add_argument("files", nargs="+", metavar="FILE")
+    parser.add_argument("--limits", metavar="LIMITS.json", help="limits that the tables among the files must keep (exit 1: they do not)")
     common_options(parser)
     given = parser.parse_args(arguments)
     results = []
+    if given.limits:
+        _need_limits(given.limits)
     for path in given.files:
         kind, messages = check_file(path)
         results.append({"file": path, "kind": kind, "valid": not messages, "messages": messages})
+        if given.limits and kind == "table" and not messages:
+            results[-1]["beyond_limits"] = judge(path, given.limits)
         if not messages and not given.quiet and given.json != "-":
             print(f"{path}: a valid {kind}")
     finish_json(given.json, {"files": results})
     bad = [m for r in results for m in r["messages"]]
     if bad:
         raise DataError("\n".join(bad))
-    return 0
+    if given.limits and not any("beyond_limits" in r for r in results):
+        raise DataError(f"{given.limits}: limits are of tables, and none of the files is one")
+    beyond = [f"{r['file']}: {text}" for r in results for text in r.get("beyond_limits", [])]
+    if not given.quiet and given.json != "-":
+        for line in beyond or ([f"{given.limits}: kept"] if given.limits else []):
+            print(line)
+    return 1 if beyond else 0

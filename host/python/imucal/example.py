@@ -13,6 +13,7 @@ MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "t
 PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [
     {"rate_degc_per_min": 0, "duration_s": 600}, {"rate_degc_per_min": 1.5, "to_degc": 60}, {"rate_degc_per_min": 0, "duration_s": 600},
     {"rate_degc_per_min": -1.5, "to_degc": 0}, {"rate_degc_per_min": 0, "duration_s": 600}]}
+LIMITS = {"imucal_limits": 1, "span_degc": [0, 60], "max_sigma": 10, "max_bias": 2000, "max_slope_per_degc": 100}
 FAULT = [{"name": "thermal_hysteresis", "parameters": {"amplitude_dph": 60, "width_degc": 10}}]
 
 SCRIPT = """#!/bin/sh
@@ -24,6 +25,7 @@ imucal=${IMUCAL:-imucal}
 "$imucal" look run1.csv -o run1.png
 # The logs contradict the model: calibrate says by how much and writes no table, unless told which findings to accept.
 "$imucal" calibrate fit run1.csv run2.csv --method kf --order 3 --model model.json --accept slow --accept residual -o table.json
+"$imucal" check table.json --limits limits.json
 "$imucal" diagnose --model model.json --log run1.csv --log run2.csv --holdout run3.csv --json diagnosis.json
 "$imucal" report diagnosis.json -o diagnosis.html
 "$imucal" export table.json --to c-header -o table.h
@@ -33,6 +35,7 @@ README = """A gyro with a fault, simulated (seed {seed}).
 
 model.json     what is believed of the sensor: noise and thermal polynomial
 profile.json   the chamber's temperature
+limits.json    what a table must keep to leave the house, in the unit of its axes: imucal check --limits
 effects.json   the fault that was put in (diagnose is not told): a thermal hysteresis
 run1.csv …     three runs of the sensor, one row a second
 run.sh         from the logs to table.json, diagnosis.html and table.h
@@ -47,7 +50,7 @@ def _write(folder, name, content):
 
 def run(arguments):
     """Run the command; returns the exit status."""
-    parser = parser_of("example", "A folder to play with: model, profile, logs of a sensor with a fault, and a script from log to diagnosis.")
+    parser = parser_of("example", "A folder to play with: model, profile, limits, logs of a sensor with a fault, and a script from log to diagnosis.")
     parser.add_argument("folder", metavar="DIR")
     parser.add_argument("--seed", type=int, default=1)
     common_options(parser)
@@ -56,6 +59,7 @@ def run(arguments):
         raise DataError(f"{given.folder}: is not empty; name a new folder")
     os.makedirs(given.folder, exist_ok=True)
     model, profile = _write(given.folder, "model.json", MODEL), _write(given.folder, "profile.json", PROFILE)
+    _write(given.folder, "limits.json", LIMITS)
     effects = _write(given.folder, "effects.json", FAULT)
     for i in range(3):
         run_program("gyrosim", "log", "--model", model, "--profile", profile, "--effects", effects, "--axes", 1, "--seed", given.seed, "--log-index", i,
