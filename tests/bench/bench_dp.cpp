@@ -10,6 +10,7 @@
 #include <iostream>
 
 #include "analysis/dp/tau_grid.h"
+#include "analysis/errormodel/confidence.h"
 #include "analysis/errormodel/curve_fit.h"
 #include "analysis/errormodel/likelihood.h"
 #include "io/json_file.h"
@@ -61,6 +62,18 @@ Json time_curve(const Series& series, DpType type, const std::vector<double>& ta
   return {{"seconds", seconds}, {"tau_s", curve.tau_s}, {"dp_dph", curve.dp_dph}};
 }
 
+// The curve with its 95 % intervals, and the count of missing samples: what the Python package's allan_deviation gives.
+double time_intervals(const Series& series, const std::vector<double>& tau_s, int repeats) {
+  const DpOperator op = make_dp_operator(DpType::kAv, 1, kNominal);
+  Series s;
+  return best_s(
+      repeats, [&] { s = series; },
+      [&] {
+        remove_trend(Detrend{}, &s);
+        curve_intervals(dp_curve(s, DpRecord(s, op), tau_s, DpEstimator::kRms), op, {});
+      });
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
@@ -86,6 +99,7 @@ int main(int argc, char** argv) {
   million.rate_dph.resize(std::min<size_t>(million.rate_dph.size(), 1000000));
   json["av_octave_1e6"] =
       time_curve(million, DpType::kAv, parse_tau("octave", 1, static_cast<double>(million.size()) / 2), repeats);
+  json["av_octave_1e6_intervals"] = {{"seconds", time_intervals(million, json["av_octave_1e6"]["tau_s"], repeats)}};
   json["av_octave_1e7"] =
       time_curve(extended, DpType::kAv, parse_tau("octave", 1, static_cast<double>(extended.size()) / 2), repeats);
   std::cout << json.dump() << "\n";

@@ -148,8 +148,13 @@ std::vector<double> error_autocovariance(const std::vector<NoiseComponent>& comp
 }
 
 double model_dof(const std::vector<NoiseComponent>& components, const DpOperator& op, long n, long n_windows) {
-  // Beyond some window lengths the autocovariance of d is spent (long Markov terms excepted: cut at 20 windows).
-  const long lags = std::min(n_windows, 20 * (n + op.history_n(n)) + 200);
+  // Beyond some window lengths the autocovariance of d is spent (long Markov terms excepted: cut at 20 windows); two
+  // windows of white noise that do not touch have none.
+  const bool is_white = std::all_of(components.begin(), components.end(),
+                                    [](const NoiseComponent& c) { return c.kind == Kind::kWhite; }) &&
+                        op.type != DpType::kDp2 && op.type != DpType::kDp3;
+  const long reach = n + op.history_n(n);
+  const long lags = std::min(n_windows, is_white ? reach + 1 : 20 * reach + 200);
   const auto r = error_autocovariance(components, op, n, lags);
   const auto windows = static_cast<double>(n_windows);
   double sum = 0;
@@ -169,8 +174,7 @@ double block_dof(const DpRecord::Moments& moments, const DpOperator& op, long n)
     mean.push_back(sum / static_cast<double>(count));
     sum = 0, count = 0;
   }
-  const double white = model_dof({white_component(1)}, op, n, std::max(1L, moments.n_windows()));
-  if (mean.size() < 6) return white;
+  if (mean.size() < 6) return model_dof({white_component(1)}, op, n, std::max(1L, moments.n_windows()));
   double centre = 0, square = 0;
   for (double m : mean) centre += m / static_cast<double>(mean.size());
   for (double m : mean) square += (m - centre) * (m - centre);
