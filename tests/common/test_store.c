@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// store: what each operation does; foreign and damaged slots; sizes of flash; and the short form of `make torn`: power cut
-// at every unit of every operation, a driver that fails at any call.  Always the old or the new table rules.
+// store: what each operation does, to the byte; foreign and damaged slots; sizes of flash; what the marks of a slot say;
+// drivers that fail in silence.  Power cuts: test_store_torn.c.
 #include "unit.h"
 
 #include "num.h"
@@ -8,7 +8,6 @@
 #include "table_example.h"
 
 #include "emu/nor.h"
-#include "torn/torn.h"
 
 #define SLOT_BYTES 1024u
 static const nor_geometry_t small_pages = {SLOT_BYTES, SLOT_BYTES, 4};
@@ -130,6 +129,7 @@ static void test_load_tells_why_slots_are_refused(void** state) {
     nor_t torn = nor;
     torn.bytes[0][SLOT_BYTES - 10 * 8] = (uint8_t)(0xFF << n_bits);
     assert_int_equal(ruling_mark(&torn), n_bits < 4 ? 2 : 1);
+    assert_int_equal(report.slot_status[1], n_bits < 4 ? IMUCAL_OK : IMUCAL_SLOT_REVOKED);
   }
   nor.bytes[1][200] ^= 4; /* the newer one rots: the older rules */
   assert_int_equal(ruling_mark(&nor), 1);
@@ -179,7 +179,11 @@ static void test_sizes_of_flash_out_of_range_are_refused(void** state) {
   assert_int_equal(load_with(&nor, 896, 8, 8), IMUCAL_ERR_ARGUMENT);
   assert_int_equal(load_with(&nor, 1024, 1024, 32), IMUCAL_ERR_NO_TABLE);
   assert_int_equal(load_with(&nor, 992, 32, 32), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(load_with(&nor, 1024, 1024, 1), IMUCAL_ERR_NO_TABLE);
   assert_int_equal(load_with(&nor, 1024, 1024, 64), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(load_with(&nor, 904, 4, 4), IMUCAL_ERR_ARGUMENT); /* pages of multiples of 8 */
+  assert_int_equal(load_with(&nor, 912, 12, 4), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(load_with(&nor, 1000, 16, 8), IMUCAL_ERR_ARGUMENT); /* slots of whole pages */
   assert_int_equal(load_with(&nor, 1024, 1024, 3), IMUCAL_ERR_ARGUMENT);
   assert_int_equal(load_with(&nor, 1024, 1024, 0), IMUCAL_ERR_ARGUMENT);
   assert_int_equal(load_with(&nor, 1024, 0, 4), IMUCAL_ERR_ARGUMENT);
@@ -284,58 +288,6 @@ static void test_load_falls_back_when_the_ruling_slot_fades(void** state) {
   assert_int_equal(report.slot_status[1], IMUCAL_ERR_CRC);
 }
 
-/* ---- the short form of make torn; not where IMUCAL_NO_TORN=1 asks for the unit tests alone (make mutate) ---- */
-
-static void skip_without_torn(void) {
-  const char* asked = getenv("IMUCAL_NO_TORN");
-  if (asked != NULL && strcmp(asked, "1") == 0) skip();
-}
-
-static void test_cut_at_every_unit_old_or_new_table_rules(void** state) {
-  (void)state;
-  skip_without_torn();
-  static torn_state_t start;
-  static const int patterns[] = {NOR_ALL_WAVER, NOR_MIXED};
-  torn_counts_t counts = {0};
-  for (int g = 0; g < TORN_GEOMETRIES; g++)
-    for (int mode = 0; mode < NOR_MODES; mode++)
-      for (int s = 0; s < TORN_STARTS; s++) {
-        torn_path_t path = {.seed = unit_seed(), .geometry = g, .mode = mode, .channels = 1, .start = s};
-        torn_start(&start, &path);
-        torn_everywhere(&start, &path, 1, patterns, 2, &counts);
-      }
-  assert_true(torn_n_cuts(&counts, 0) > 10000);
-  assert_int_equal(torn_n_failures(&counts), 0);
-}
-
-static void test_cut_three_times_in_a_row_old_or_new_table_rules(void** state) {
-  (void)state;
-  skip_without_torn();
-  torn_counts_t counts = {0};
-  const int n_cuts = unit_repeats(3000);
-  torn_sample(unit_seed(), (uint64_t)n_cuts, 1, &counts);
-  assert_int_equal(torn_n_cuts(&counts, 2), n_cuts);
-  assert_int_equal(torn_n_failures(&counts), 0);
-}
-
-static void test_bits_flipped_at_rest_never_make_a_table(void** state) {
-  (void)state;
-  skip_without_torn();
-  torn_counts_t counts = {0};
-  torn_flips(unit_seed(), 2, &counts);
-  assert_int_equal(torn_n_failures(&counts), 0);
-}
-
-static void test_driver_fails_at_any_call_done_only_where_it_is(void** state) {
-  (void)state;
-  skip_without_torn();
-  torn_counts_t counts = {0};
-  uint64_t n_failed_calls = 0;
-  torn_failures(unit_seed(), &counts, &n_failed_calls);
-  assert_true(n_failed_calls > 5000);
-  assert_int_equal(torn_n_failures(&counts), 0);
-}
-
 /* A worn cell that does not take the new value must not be committed. */
 static imucal_status stuck_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
   imucal_status status = nor_program(ctx, slot, offset, data, len);
@@ -351,6 +303,383 @@ static void test_write_stuck_cell_is_found_and_old_table_rules(void** state) {
   imucal_table_t table = example_table(3, 9);
   assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_VERIFY);
   assert_int_equal(ruling_mark(&nor), 2);
+}
+
+/* ---- what the marks of a slot say, to the byte (store.h: Slot) ---- */
+
+static uint32_t mark_bytes(const nor_t* nor) {
+  return nor->geometry.unit_bytes < 8 ? 8 : nor->geometry.unit_bytes;
+}
+static uint8_t* mark_at(nor_t* nor, uint32_t slot, uint32_t mark) {
+  return nor->bytes[slot] + nor->geometry.slot_bytes - (mark + 1) * mark_bytes(nor);
+}
+static void put_mark(nor_t* nor, uint32_t slot, uint32_t mark, uint32_t number) {
+  imucal_put_u32(mark_at(nor, slot, mark), IMUCAL_STORE_COMMIT);
+  imucal_put_u32(mark_at(nor, slot, mark) + 4, ~number);
+}
+static void put_table(nor_t* nor, uint32_t slot, int n_channels, uint32_t sequence) {
+  imucal_table_t table = example_table(n_channels, (int)sequence);
+  size_t len = 0;
+  table.sequence = sequence;
+  assert_int_equal(imucal_table_encode(&table, nor->bytes[slot], IMUCAL_TABLE_MAX_BYTES, &len), IMUCAL_OK);
+}
+/* Is the mark as it was programmed: both words, erased bytes behind them? */
+static void assert_mark(nor_t* nor, uint32_t slot, uint32_t mark, uint32_t number) {
+  uint8_t expected[IMUCAL_STORE_MAX_PROGRAM];
+  memset(expected, 0xFF, sizeof expected);
+  imucal_put_u32(expected, IMUCAL_STORE_COMMIT);
+  imucal_put_u32(expected + 4, ~number);
+  assert_memory_equal(mark_at(nor, slot, mark), expected, mark_bytes(nor));
+}
+static void assert_erased(const uint8_t* from, const uint8_t* to) {
+  for (; from < to; from++) assert_int_equal(*from, 0xFF);
+}
+
+/* Slots of the least size, one unit below room for 17 marks, and with it: sizes of erasing as small as they may be. */
+static const struct {
+  nor_geometry_t geometry;
+  uint32_t n_commits, n_endorse;
+} slots[] = {{{904, 8, 1}, 3, 1},     {{904, 8, 4}, 3, 1},     {{904, 8, 8}, 3, 1},    {{944, 16, 16}, 3, 1},
+             {{1024, 32, 32}, 3, 1},  {{912, 8, 4}, 3, 2},     {{992, 8, 1}, 3, 12},   {{992, 8, 8}, 3, 12},
+             {{1120, 16, 16}, 3, 12}, {{1376, 32, 32}, 3, 12}, {{1000, 8, 1}, 8, 8},   {{1000, 8, 2}, 8, 8},
+             {{1000, 8, 8}, 8, 8},    {{1136, 16, 16}, 8, 8},  {{1408, 32, 32}, 8, 8}, {{4096, 1024, 4}, 8, 8}};
+enum { N_SLOTS = sizeof slots / sizeof slots[0] };
+
+static void test_marks_stand_where_the_header_says(void** state) {
+  (void)state;
+  for (int i = 0; i < N_SLOTS; i++) {
+    nor_t nor;
+    nor_init(&nor, slots[i].geometry);
+    const uint32_t commits = slots[i].n_commits, size = slots[i].geometry.slot_bytes;
+    assert_int_equal(write_mark(&nor, 1), IMUCAL_OK);
+    assert_int_equal(write_mark(&nor, 2), IMUCAL_OK);
+    assert_mark(&nor, 0, 0, 1);
+    assert_mark(&nor, 0, 1, 1); /* before the other slot was erased */
+    assert_mark(&nor, 1, 0, 2);
+    assert_erased(nor.bytes[0] + IMUCAL_TABLE_BYTES(3), mark_at(&nor, 0, 1));
+    assert_erased(nor.bytes[1] + IMUCAL_TABLE_BYTES(3), mark_at(&nor, 1, 0));
+    assert_int_equal(roll_back(&nor), IMUCAL_OK);
+    assert_mark(&nor, 1, commits, 2);
+    assert_mark(&nor, 0, commits + 1, 2); /* endorse 0: numbers 1 apart */
+    assert_erased(nor.bytes[0] + IMUCAL_TABLE_BYTES(3), mark_at(&nor, 0, commits + 1));
+    assert_erased(mark_at(&nor, 0, commits), mark_at(&nor, 0, 1));
+    assert_erased(nor.bytes[1] + IMUCAL_TABLE_BYTES(3), mark_at(&nor, 1, commits));
+    assert_erased(nor.bytes[1] + size, nor.bytes[1] + NOR_MAX_SLOT_BYTES); /* nothing beyond the slot */
+    assert_int_equal(nor.n_violations, 0);
+  }
+}
+
+/* What fills the last unit of a table is erased bytes, also where a longer table was read before. */
+static void test_last_unit_of_a_table_is_filled_with_ones(void** state) {
+  (void)state;
+  static const nor_geometry_t wide = {1024, 1024, 32};
+  nor_t nor;
+  nor_init(&nor, wide);
+  put_table(&nor, 0, 3, 1), put_mark(&nor, 0, 0, 1);
+  put_table(&nor, 1, 6, 2), put_mark(&nor, 1, 0, 2);
+  assert_int_equal(write_mark(&nor, 3), IMUCAL_OK);
+  assert_int_equal(report.ruling, 1);
+  assert_erased(nor.bytes[1] + IMUCAL_TABLE_BYTES(3), mark_at(&nor, 1, 0));
+}
+
+/* Each write takes a commit mark of the slot that stands, each rollback an endorse mark; with the commit marks used up the
+ * number is the first that no endorse mark stands for. */
+static void test_marks_used_up_number_goes_beyond_endorse_marks(void** state) {
+  (void)state;
+  for (int i = 0; i < N_SLOTS; i++) {
+    nor_t nor;
+    nor_init(&nor, slots[i].geometry);
+    const uint32_t beyond = 1 + slots[i].n_endorse + 1;
+    assert_int_equal(write_mark(&nor, 1), IMUCAL_OK);
+    uint32_t number = 2;
+    for (; number <= slots[i].n_commits && number < beyond; number++) {
+      assert_int_equal(write_mark(&nor, (int)number), IMUCAL_OK);
+      assert_int_equal(report.sequence[1], number);
+      assert_int_equal(roll_back(&nor), IMUCAL_OK);
+      assert_int_equal(report.ruling, 0);
+    }
+    assert_int_equal(write_mark(&nor, 50), IMUCAL_OK);
+    assert_int_equal(report.sequence[1], beyond);
+    assert_int_equal(roll_back(&nor), IMUCAL_ERR_NO_MARK);
+    assert_int_equal(ruling_mark(&nor), 50);
+    assert_int_equal(nor.n_violations, 0);
+  }
+}
+
+/* One bit of a commit mark makes the slot "begun"; one of another mark does not. */
+static void test_any_bit_of_a_commit_mark_is_a_sign_of_it(void** state) {
+  (void)state;
+  for (int i = 0; i < N_SLOTS; i++)
+    for (uint32_t mark = 0; mark <= slots[i].n_commits + slots[i].n_endorse; mark++) {
+      nor_t nor;
+      nor_init(&nor, slots[i].geometry);
+      for (uint32_t at = 0; at < mark_bytes(&nor); at++) {
+        mark_at(&nor, 0, mark)[at] = (uint8_t) ~(1u << at % 8);
+        assert_int_equal(ruling_mark(&nor), -1);
+        assert_int_equal(report.slot_status[0], mark < slots[i].n_commits ? IMUCAL_ERR_COMMIT : IMUCAL_SLOT_EMPTY);
+        mark_at(&nor, 0, mark)[at] = 0xFF;
+      }
+    }
+}
+
+static void test_one_exact_commit_mark_of_many_is_enough(void** state) {
+  (void)state;
+  for (uint32_t mark = 0; mark < IMUCAL_STORE_MAX_COMMITS; mark++) {
+    nor_t nor;
+    nor_init(&nor, small_pages);
+    put_table(&nor, 0, 3, 5);
+    put_mark(&nor, 0, mark, 5);
+    assert_int_equal(ruling_mark(&nor), 5);
+    if (mark + 1 < IMUCAL_STORE_MAX_COMMITS) mark_at(&nor, 0, mark + 1)[2] = 0x3F; /* begun, behind it or before it */
+    if (mark > 0) mark_at(&nor, 0, mark - 1)[2] = 0x3F;
+    assert_int_equal(ruling_mark(&nor), 5);
+    mark_at(&nor, 0, mark)[0] ^= 1;
+    assert_int_equal(ruling_mark(&nor), -1);
+    assert_int_equal(report.slot_status[0], IMUCAL_ERR_COMMIT);
+  }
+}
+
+/* An exact first word with the number erased is a mark caught by a cut. */
+static void test_commit_mark_without_number_is_none(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  put_table(&nor, 0, 3, 5);
+  put_mark(&nor, 0, 0, 0);
+  assert_int_equal(ruling_mark(&nor), 5); /* number 0: a mark all the same */
+  nor_init(&nor, small_pages);
+  put_table(&nor, 0, 3, 5);
+  imucal_put_u32(mark_at(&nor, 0, 0), IMUCAL_STORE_COMMIT);
+  memset(mark_at(&nor, 0, 0) + 4, 0, 4); /* NOT 2^32 - 1 */
+  assert_int_equal(ruling_mark(&nor), -1);
+  assert_int_equal(report.slot_status[0], IMUCAL_ERR_COMMIT);
+}
+
+/* The last of the bits counts as the first does. */
+static void test_revoke_mark_counts_all_bits_of_its_first_word(void** state) {
+  (void)state;
+  nor_t nor;
+  prepare(&nor);
+  imucal_put_u32(mark_at(&nor, 1, 8), ~0xE0000000u);
+  assert_int_equal(ruling_mark(&nor), 2);
+  imucal_put_u32(mark_at(&nor, 1, 8), ~0xE0000001u);
+  assert_int_equal(ruling_mark(&nor), 1);
+}
+
+/* The bytes in front of the last endorse mark are the table's: whatever they are, they revoke nothing. */
+static void test_table_reaching_up_to_the_marks_revokes_nothing(void** state) {
+  (void)state;
+  static const nor_geometry_t tight = {1000, 8, 8};
+  nor_t nor;
+  nor_init(&nor, tight);
+  put_table(&nor, 0, 6, 1), put_mark(&nor, 0, 0, 1);
+  put_table(&nor, 1, 6, 1 + 8 + 1), put_mark(&nor, 1, 0, 1 + 8 + 1);
+  memset(&report, 0, sizeof report);
+  imucal_flash_t flash = nor_flash(&nor);
+  imucal_table_t table;
+  assert_int_equal(imucal_store_load(&flash, "SN-17", 6, &work, &table, &report), IMUCAL_OK);
+  assert_int_equal(table.sequence, 10);
+}
+
+static void test_equal_numbers_the_first_slot_rules(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  for (uint32_t slot = 0; slot < 2; slot++) put_table(&nor, slot, 3, 7), put_mark(&nor, slot, 0, 7);
+  assert_int_equal(ruling_mark(&nor), 7);
+  assert_int_equal(report.ruling, 0);
+}
+
+/* ---- the number of the next table ---- */
+
+static uint32_t next_number(nor_t* nor) {
+  assert_int_equal(write_mark(nor, 50), IMUCAL_OK);
+  assert_int_equal(ruling_mark(nor), 50);
+  return report.sequence[report.ruling];
+}
+
+static void test_next_number_follows_what_a_commit_mark_noted(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  put_table(&nor, 0, 3, 5);
+  put_mark(&nor, 0, 3, 9), put_mark(&nor, 0, 4, 6); /* slot 1, which had number 9, is erased */
+  put_mark(&nor, 0, IMUCAL_STORE_MAX_MARKS, 100);   /* is no mark: one place too far */
+  assert_int_equal(next_number(&nor), 10);
+  assert_mark(&nor, 0, 0, 9); /* the first one that is not begun, though a later one is */
+}
+
+static void test_next_number_follows_a_table_that_was_revoked(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  put_table(&nor, 0, 3, 5), put_mark(&nor, 0, 0, 5);
+  put_table(&nor, 1, 3, 9), put_mark(&nor, 1, 0, 9), put_mark(&nor, 1, 8, 9);
+  assert_int_equal(next_number(&nor), 10);
+  assert_mark(&nor, 0, 1, 9);
+}
+
+/* What a slot that is not valid noted is not believed. */
+static void test_next_number_ignores_marks_of_a_damaged_slot(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  put_table(&nor, 0, 3, 5), put_mark(&nor, 0, 0, 5);
+  put_table(&nor, 1, 3, 6), put_mark(&nor, 1, 0, 1000);
+  nor.bytes[1][100] ^= 1;
+  assert_int_equal(next_number(&nor), 6);
+}
+
+static void test_next_number_is_none_that_an_endorse_mark_stands_for(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  put_table(&nor, 0, 3, 1), put_mark(&nor, 0, 0, 1);
+  for (uint32_t step = 0; step < 3; step++) mark_at(&nor, 0, 9 + step)[0] = 0; /* caught by a cut: they note nothing */
+  assert_int_equal(next_number(&nor), 5);
+}
+
+/* ---- what is done, in which order; drivers that fail ---- */
+
+static char done[32]; /* p: program of a mark, t: of a table, e: erase; and the slot */
+static imucal_status listed_erase(void* ctx, uint32_t slot) {
+  snprintf(done + strlen(done), sizeof done - strlen(done), "e%u ", (unsigned)slot);
+  return nor_erase(ctx, slot);
+}
+static imucal_status listed_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+  snprintf(done + strlen(done), sizeof done - strlen(done), "%c%u ", offset == 0 ? 't' : 'p', (unsigned)slot);
+  return nor_program(ctx, slot, offset, data, len);
+}
+/* Marks fail: nothing of them takes. */
+static imucal_status markless_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+  return offset == 0 ? listed_program(ctx, slot, offset, data, len) : IMUCAL_OK;
+}
+/* Marks of slot 1 fail: a bit of them stays. */
+static imucal_status smeared_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+  const imucal_status status = listed_program(ctx, slot, offset, data, len);
+  if (offset != 0 && slot == 1) ((nor_t*)ctx)->bytes[slot][offset] |= 0x80;
+  return status;
+}
+static imucal_flash_t listed_flash(nor_t* nor) {
+  imucal_flash_t flash = nor_flash(nor);
+  flash.erase = listed_erase, flash.program = listed_program;
+  done[0] = 0;
+  return flash;
+}
+
+static void test_erase_gives_the_ruling_slot_a_mark_and_goes_last_to_it(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  imucal_flash_t flash = listed_flash(&nor);
+  assert_int_equal(imucal_store_erase(&flash, &work, &report), IMUCAL_OK);
+  assert_true(strcmp(done, "e0 e1 ") == 0 || strcmp(done, "e1 e0 ") == 0); /* nothing to keep */
+  assert_int_equal(write_mark(&nor, 1), IMUCAL_OK);
+  flash = listed_flash(&nor);
+  assert_int_equal(imucal_store_erase(&flash, &work, &report), IMUCAL_OK);
+  assert_string_equal(done, "p0 e1 e0 ");
+  prepare(&nor);
+  flash = listed_flash(&nor);
+  assert_int_equal(imucal_store_erase(&flash, &work, &report), IMUCAL_OK);
+  assert_string_equal(done, "p1 e0 e1 ");
+  assert_int_equal(report.slot_status[0], IMUCAL_SLOT_EMPTY);
+}
+
+static void test_erase_that_fails_tells_what_is_left(void** state) {
+  (void)state;
+  nor_t nor;
+  prepare(&nor);
+  imucal_flash_t flash = listed_flash(&nor);
+  flash.program = markless_program; /* slot 1 gets no mark: slot 0 must stay */
+  assert_int_equal(imucal_store_erase(&flash, &work, &report), IMUCAL_ERR_VERIFY);
+  assert_string_equal(done, "");
+  assert_int_equal(report.ruling, 1);
+  assert_int_equal(report.slot_status[0], IMUCAL_OK);
+  assert_int_equal(report.slot_status[1], IMUCAL_OK);
+  flash.program = smeared_program; /* every mark of slot 1 is begun: there is none to wait for */
+  assert_int_equal(imucal_store_erase(&flash, &work, &report), IMUCAL_OK);
+  assert_string_equal(done, "p1 p1 p1 p1 p1 p1 p1 e0 e1 ");
+  assert_int_equal(report.ruling, -1);
+}
+
+static void test_write_without_a_mark_that_holds_leaves_the_other_slot(void** state) {
+  (void)state;
+  nor_t nor;
+  prepare(&nor);
+  imucal_flash_t flash = listed_flash(&nor);
+  flash.program = markless_program;
+  imucal_table_t table = example_table(3, 3);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_VERIFY);
+  assert_string_equal(done, "");
+  assert_int_equal(ruling_mark(&nor), 2);
+  assert_int_equal(report.slot_status[0], IMUCAL_OK);
+  flash.program = smeared_program; /* begun, all of them: goes on, beyond the endorse marks */
+  table = example_table(3, 3);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_OK);
+  assert_int_equal(table.sequence, 2 + 8 + 1);
+  assert_int_equal(ruling_mark(&nor), 3);
+}
+
+/* The number of a mark may read back larger (programmed over one that was caught), not smaller. */
+static uint8_t stuck_one, stuck_zero;
+static imucal_status stuck_number_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data,
+                                          uint32_t len) {
+  const imucal_status status = nor_program(ctx, slot, offset, data, len);
+  uint8_t* number = ((nor_t*)ctx)->bytes[slot] + offset + 4;
+  if (offset != 0 && slot == 0) *number = (uint8_t)((*number | stuck_one) & ~stuck_zero);
+  return status;
+}
+static void test_mark_with_another_number_read_back_is_found(void** state) {
+  (void)state;
+  for (int is_larger = 0; is_larger <= 1; is_larger++) {
+    nor_t nor;
+    prepare(&nor);
+    imucal_flash_t flash = nor_flash(&nor);
+    flash.program = stuck_number_program;
+    stuck_one = is_larger ? 0 : 1, stuck_zero = is_larger ? 4 : 0; /* of 3, stored as its complement: 2, or 7 */
+    imucal_table_t table = example_table(3, 3);
+    assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report),
+                     is_larger ? IMUCAL_OK : IMUCAL_ERR_VERIFY);
+  }
+}
+
+static void test_write_that_failed_says_which_slot_is_lost(void** state) {
+  (void)state;
+  nor_t nor;
+  prepare(&nor);
+  nor.fail_how = NOR_REPORTS_FAILURE;
+  imucal_flash_t flash = nor_flash(&nor);
+  flash.program = stuck_program;
+  imucal_table_t table = example_table(3, 9);
+  table.sequence = 0; /* is set by write */
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_VERIFY);
+  assert_int_equal(report.slot_status[0], IMUCAL_ERR_VERIFY);
+  assert_int_equal(report.sequence[0], 0);
+  assert_int_equal(report.ruling, 1);
+}
+
+/* Marks that read back as they should and fade then: rollback must not say done. */
+static int n_programs, n_reads_after;
+static imucal_status counted_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+  n_programs++, n_reads_after = 0;
+  return nor_program(ctx, slot, offset, data, len);
+}
+static imucal_status fading_mark_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
+  const imucal_status status = nor_read(ctx, slot, offset, data, len);
+  if (n_programs == 2 && n_reads_after++ > 0 && offset <= SLOT_BYTES - 9 * 8 && offset > IMUCAL_TABLE_MAX_BYTES)
+    memset(data, 0xFF, len); /* revoke and endorse marks */
+  return status;
+}
+static void test_rollback_whose_marks_fade_says_so(void** state) {
+  (void)state;
+  nor_t nor;
+  prepare(&nor);
+  imucal_flash_t flash = nor_flash(&nor);
+  flash.program = counted_program, flash.read = fading_mark_read;
+  n_programs = 0;
+  imucal_table_t table;
+  assert_int_equal(imucal_store_rollback(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_VERIFY);
+  assert_int_equal(report.ruling, 1);
 }
 
 int main(void) {
@@ -369,10 +698,25 @@ int main(void) {
       cmocka_unit_test(test_write_erase_that_did_nothing_is_found),
       cmocka_unit_test(test_write_commit_that_did_nothing_is_found),
       cmocka_unit_test(test_load_falls_back_when_the_ruling_slot_fades),
-      cmocka_unit_test(test_cut_at_every_unit_old_or_new_table_rules),
-      cmocka_unit_test(test_cut_three_times_in_a_row_old_or_new_table_rules),
-      cmocka_unit_test(test_bits_flipped_at_rest_never_make_a_table),
-      cmocka_unit_test(test_driver_fails_at_any_call_done_only_where_it_is),
+      cmocka_unit_test(test_marks_stand_where_the_header_says),
+      cmocka_unit_test(test_last_unit_of_a_table_is_filled_with_ones),
+      cmocka_unit_test(test_marks_used_up_number_goes_beyond_endorse_marks),
+      cmocka_unit_test(test_any_bit_of_a_commit_mark_is_a_sign_of_it),
+      cmocka_unit_test(test_one_exact_commit_mark_of_many_is_enough),
+      cmocka_unit_test(test_commit_mark_without_number_is_none),
+      cmocka_unit_test(test_revoke_mark_counts_all_bits_of_its_first_word),
+      cmocka_unit_test(test_table_reaching_up_to_the_marks_revokes_nothing),
+      cmocka_unit_test(test_equal_numbers_the_first_slot_rules),
+      cmocka_unit_test(test_next_number_follows_what_a_commit_mark_noted),
+      cmocka_unit_test(test_next_number_follows_a_table_that_was_revoked),
+      cmocka_unit_test(test_next_number_ignores_marks_of_a_damaged_slot),
+      cmocka_unit_test(test_next_number_is_none_that_an_endorse_mark_stands_for),
+      cmocka_unit_test(test_erase_gives_the_ruling_slot_a_mark_and_goes_last_to_it),
+      cmocka_unit_test(test_erase_that_fails_tells_what_is_left),
+      cmocka_unit_test(test_write_without_a_mark_that_holds_leaves_the_other_slot),
+      cmocka_unit_test(test_mark_with_another_number_read_back_is_found),
+      cmocka_unit_test(test_write_that_failed_says_which_slot_is_lost),
+      cmocka_unit_test(test_rollback_whose_marks_fade_says_so),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
