@@ -153,102 +153,139 @@ struct Expanded {
   VectorXd precision;
 };
 
+// Log marginal likelihood of the base per draw: `rows` of the solved products `ay`; `log_dets`: of
+// innovations, normal matrix and prior.
+VectorXd base_value(const VectorXd& energy, const MatrixXd& ay, long rows, double log_dets) {
+  return VectorXd(-0.5 * (energy - ay.topRows(rows).colwise().squaredNorm().transpose()).array() - 0.5 * log_dets);
+}
+
+// What a group adds to the base, prior at one scale, per draw; -1e300 where its matrix cannot be factored.
+Eigen::RowVectorXd gain_at_scale(const Expanded& e, double scale) {
+  const VectorXd precision = e.precision / (scale * scale);
+  MatrixXd m = e.m;
+  m.diagonal() += precision;
+  for (long i = 0; i < m.rows(); ++i)
+    if (!(m(i, i) > 1e-12)) m(i, i) += 1; // dependent on the base: adds nothing
+  const Eigen::LLT<MatrixXd> own(m);
+  if (own.info() != Eigen::Success) return Eigen::RowVectorXd::Constant(e.u.cols(), -1e300);
+  double det = 0;
+  for (long i = 0; i < m.rows(); ++i) det += 2 * std::log(own.matrixLLT()(i, i));
+  const MatrixXd half = own.matrixL().solve(e.u);
+  return (0.5 * half.colwise().squaredNorm()).array() - 0.5 * (det - log_of(precision));
+}
+
+// Logarithm of the mean over the prior scales, on top of `start`; -1e300 where no scale could be factored.
+Eigen::RowVectorXd value_of(const Expanded& e, const VectorXd& start) {
+  const long draws = start.size();
+  MatrixXd by_scale(3, draws);
+  for (int s = 0; s < 3; ++s) by_scale.row(s) = gain_at_scale(e, kPriorScales[s]);
+  Eigen::RowVectorXd out = Eigen::RowVectorXd::Constant(draws, -1e300);
+  for (long d = 0; d < draws; ++d) {
+    const double top = by_scale.col(d).maxCoeff();
+    if (top > -1e299) out[d] = start[d] + top + std::log((by_scale.col(d).array() - top).exp().mean());
+  }
+  return out;
+}
+
 } // namespace
 
-ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, const std::vector<MatrixXd>& y,
-                                 const std::vector<char>& skip) const {
-  const Base base = base_of(bank_.data_, parts, gains_);
-  const long runs = static_cast<long>(y.size()), draws = y.front().cols();
-  const Eigen::LLT<MatrixXd> llt(normal_matrix(base));
-  std::vector<MatrixXd> with_columns, with_y, columns_y;
-  VectorXd energy = VectorXd::Zero(draws);
+// The base with the data and with all columns of the bank: what every group needs.
+struct ScanNode::Products {
+  Base base;
+  Eigen::LLT<MatrixXd> llt;
+  std::vector<MatrixXd> with_columns, columns_y; // per run
+  VectorXd energy;                               // of the whitened data, per draw
+  MatrixXd ay;                                   // solved products with the data
+  long draws = 0;
+  long n_free() const { return ay.rows() - base.powers; } // without the powers
+};
+
+ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts, const std::vector<MatrixXd>& y) const {
+  Products p;
+  p.base = base_of(bank_.data_, parts, gains_);
+  p.draws = y.front().cols();
+  p.llt.compute(normal_matrix(p.base));
+  p.energy = VectorXd::Zero(p.draws);
+  std::vector<MatrixXd> with_y;
   for (size_t r = 0; r < y.size(); ++r) {
     MatrixXd white_y = y[r];
     whiten(gains_[r], &white_y);
-    energy += white_y.colwise().squaredNorm().transpose();
-    with_columns.push_back(base.white[r].transpose() * white_[r]);
-    with_y.push_back(base.white[r].transpose() * white_y);
-    columns_y.push_back(white_[r].transpose() * white_y);
+    p.energy += white_y.colwise().squaredNorm().transpose();
+    p.with_columns.push_back(p.base.white[r].transpose() * white_[r]);
+    with_y.push_back(p.base.white[r].transpose() * white_y);
+    p.columns_y.push_back(white_[r].transpose() * white_y);
   }
-  const MatrixXd ay = llt.matrixL().solve(expanded_products(base, with_y));
-  const long n_base = ay.rows(), n_free = n_base - base.powers; // without the powers
+  p.ay = p.llt.matrixL().solve(expanded_products(p.base, with_y));
+  return p;
+}
+
+// Products of the base with the columns of a group, solved: common columns and the local ones of every run.
+MatrixXd ScanNode::solved_with(const Products& p, size_t group, long rows) const {
+  const ScanBank::Place& at = bank_.places_[group];
+  const long runs = static_cast<long>(p.with_columns.size()), shared = at.common + at.powers;
+  const long l = p.base.local, c = p.base.common();
+  MatrixXd a = MatrixXd::Zero(p.ay.rows(), shared + runs * at.local);
+  for (long r = 0; r < runs; ++r) {
+    const MatrixXd x = p.with_columns[static_cast<size_t>(r)].middleCols(at.first, at.width());
+    a.block(r * l, 0, l, shared) += x.topLeftCorner(l, shared);
+    a.block(runs * l, 0, c, shared) += x.bottomLeftCorner(c, shared);
+    a.block(r * l, shared + r * at.local, l, at.local) = x.topRightCorner(l, at.local);
+    a.block(runs * l, shared + r * at.local, c, at.local) = x.bottomRightCorner(c, at.local);
+  }
+  return MatrixXd(p.llt.matrixL().solve(a).topRows(rows));
+}
+
+// Log marginal likelihood of the base with one group, per draw; `rows` of the base stay beside it.
+Eigen::RowVectorXd ScanNode::score_group(const Products& p, size_t group, long rows, const VectorXd& start) const {
+  const ScanBank::Place& at = bank_.places_[group];
+  const MeanPart& part = bank_.groups_[group].part;
+  const long runs = static_cast<long>(p.columns_y.size());
+  const long shared = at.common + at.powers, k = shared + runs * at.local;
+  Expanded e;
+  e.a = solved_with(p, group, rows);
+  e.m = MatrixXd::Zero(k, k);
+  e.u = MatrixXd::Zero(k, p.draws);
+  e.precision = VectorXd::Zero(k);
+  e.precision.head(at.common) = part.common_precision;
+  for (long r = 0; r < runs; ++r) {
+    const MatrixXd& s = self_[group][static_cast<size_t>(r)];
+    const MatrixXd& xy = p.columns_y[static_cast<size_t>(r)];
+    const long first = shared + r * at.local;
+    e.m.topLeftCorner(shared, shared) += s.topLeftCorner(shared, shared);
+    e.m.block(0, first, shared, at.local) = s.topRightCorner(shared, at.local);
+    e.m.block(first, 0, at.local, shared) = s.bottomLeftCorner(at.local, shared);
+    e.m.block(first, first, at.local, at.local) = s.bottomRightCorner(at.local, at.local);
+    e.u.topRows(shared) += xy.middleRows(at.first, shared);
+    e.u.middleRows(first, at.local) = xy.middleRows(at.first + shared, at.local);
+    e.precision.segment(first, at.local) = part.local_precision;
+  }
+  e.m -= e.a.transpose() * e.a;
+  e.u -= e.a.transpose() * p.ay.topRows(rows);
+  return value_of(e, start);
+}
+
+ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, const std::vector<MatrixXd>& y,
+                                 const std::vector<char>& skip) const {
+  const Products p = products(parts, y);
+  const long n_base = p.ay.rows(), n_free = p.n_free();
   double log_det = 0, log_det_free = 0;
   for (long i = 0; i < n_base; ++i) {
-    const double term = 2 * std::log(llt.matrixLLT()(i, i));
+    const double term = 2 * std::log(p.llt.matrixLLT()(i, i));
     log_det += term;
     if (i < n_free) log_det_free += term;
   }
-  const double log_prior = static_cast<double>(runs) * log_of(base.local_precision) + log_of(base.part_precision);
-  const auto value = [&](long rows, double det) {
-    return VectorXd(-0.5 * (energy - ay.topRows(rows).colwise().squaredNorm().transpose()).array() -
-                    0.5 * (sum_log_s_ + det - log_prior));
-  };
+  const double log_prior =
+      static_cast<double>(y.size()) * log_of(p.base.local_precision) + log_of(p.base.part_precision);
   Scores out;
-  out.base = value(n_base, log_det);
-  const VectorXd free = value(n_free, log_det_free);
+  out.base = base_value(p.energy, p.ay, n_base, sum_log_s_ + log_det - log_prior);
+  const VectorXd free = base_value(p.energy, p.ay, n_free, sum_log_s_ + log_det_free - log_prior);
   bool is_replaced = false;
   for (const MeanPart* part : parts) is_replaced = is_replaced || !part->powers.empty();
-  out.group = MatrixXd::Constant(static_cast<long>(bank_.groups_.size()), draws, -1e300);
-  // Products of the base with the columns of all groups, solved: common columns and the local ones of every run.
-  const auto solved = [&](const ScanBank::Place& at, long rows) {
-    const long shared = at.common + at.powers, k = shared + runs * at.local;
-    MatrixXd a = MatrixXd::Zero(n_base, k);
-    for (long r = 0; r < runs; ++r) {
-      const MatrixXd p = with_columns[static_cast<size_t>(r)].middleCols(at.first, at.width());
-      a.block(r * base.local, 0, base.local, shared) += p.topLeftCorner(base.local, shared);
-      a.block(runs * base.local, 0, base.common(), shared) += p.bottomLeftCorner(base.common(), shared);
-      a.block(r * base.local, shared + r * at.local, base.local, at.local) = p.topRightCorner(base.local, at.local);
-      a.block(runs * base.local, shared + r * at.local, base.common(), at.local) =
-          p.bottomRightCorner(base.common(), at.local);
-    }
-    return MatrixXd(llt.matrixL().solve(a).topRows(rows));
-  };
+  out.group = MatrixXd::Constant(static_cast<long>(bank_.groups_.size()), p.draws, -1e300);
   for (size_t g = 0; g < bank_.groups_.size(); ++g) {
-    const ScanBank::Place& at = bank_.places_[g];
-    if (skip[bank_.groups_[g].candidate] || (at.powers > 0 && is_replaced)) continue;
-    const long shared = at.common + at.powers, k = shared + runs * at.local, rows = at.powers > 0 ? n_free : n_base;
-    Expanded e;
-    e.a = solved(at, rows);
-    e.m = MatrixXd::Zero(k, k);
-    e.u = MatrixXd::Zero(k, draws);
-    e.precision = VectorXd::Zero(k);
-    e.precision.head(at.common) = bank_.groups_[g].part.common_precision;
-    for (long r = 0; r < runs; ++r) {
-      const MatrixXd& s = self_[g][static_cast<size_t>(r)];
-      const long first = shared + r * at.local;
-      e.m.topLeftCorner(shared, shared) += s.topLeftCorner(shared, shared);
-      e.m.block(0, first, shared, at.local) = s.topRightCorner(shared, at.local);
-      e.m.block(first, 0, at.local, shared) = s.bottomLeftCorner(at.local, shared);
-      e.m.block(first, first, at.local, at.local) = s.bottomRightCorner(at.local, at.local);
-      e.u.topRows(shared) += columns_y[static_cast<size_t>(r)].middleRows(at.first, shared);
-      e.u.middleRows(first, at.local) = columns_y[static_cast<size_t>(r)].middleRows(at.first + shared, at.local);
-      e.precision.segment(first, at.local) = bank_.groups_[g].part.local_precision;
-    }
-    e.m -= e.a.transpose() * e.a;
-    e.u -= e.a.transpose() * ay.topRows(rows);
-    MatrixXd by_scale(3, draws);
-    for (int s = 0; s < 3; ++s) {
-      const VectorXd precision = e.precision / (kPriorScales[s] * kPriorScales[s]);
-      MatrixXd m = e.m;
-      m.diagonal() += precision;
-      for (long i = 0; i < k; ++i)
-        if (!(m(i, i) > 1e-12)) m(i, i) += 1; // dependent on the base: adds nothing
-      const Eigen::LLT<MatrixXd> own(m);
-      if (own.info() != Eigen::Success) {
-        by_scale.row(s).setConstant(-1e300);
-        continue;
-      }
-      double det = 0;
-      for (long i = 0; i < k; ++i) det += 2 * std::log(own.matrixLLT()(i, i));
-      const MatrixXd half = own.matrixL().solve(e.u);
-      by_scale.row(s) = (0.5 * half.colwise().squaredNorm()).array() - 0.5 * (det - log_of(precision));
-    }
-    const VectorXd& start = at.powers > 0 ? free : out.base;
-    for (long d = 0; d < draws; ++d) {
-      const double top = by_scale.col(d).maxCoeff();
-      if (top > -1e299)
-        out.group(static_cast<long>(g), d) = start[d] + top + std::log((by_scale.col(d).array() - top).exp().mean());
-    }
+    const bool replaces = bank_.places_[g].powers > 0; // its own powers take the place of the base's
+    if (skip[bank_.groups_[g].candidate] || (replaces && is_replaced)) continue;
+    out.group.row(static_cast<long>(g)) = score_group(p, g, replaces ? n_free : n_base, replaces ? free : out.base);
   }
   return out;
 }

@@ -64,6 +64,11 @@ public:
                const std::vector<char>& skip) const;
 
 private:
+  struct Products;
+  Products products(const std::vector<const MeanPart*>& base, const std::vector<Eigen::MatrixXd>& y) const;
+  Eigen::MatrixXd solved_with(const Products& products, size_t group, long rows) const;
+  Eigen::RowVectorXd score_group(const Products& products, size_t group, long rows, const Eigen::VectorXd& start) const;
+
   const ScanBank& bank_;
   NoiseModel noise_;
   std::vector<RunGains> gains_;
