@@ -72,6 +72,7 @@ def test_strong_hysteresis_is_named_located_and_shrinks_the_held_out_gap(lab):
     result = lab.run(logs[:3], "--holdout", logs[3], "--model-out", model_out)
     axis = result["axes"][0]
     assert result["imucal_diagnosis"] == 1 and axis["axis"] == "gx_dph"
+    assert f'IMUCAL_VERSION "{result["version"]}"' in (ROOT / "common/version.h").read_text()
     assert axis["verdict"] == "explained"
     assert names(axis) == ["thermal_hysteresis"]
     effect = axis["effects"][0]

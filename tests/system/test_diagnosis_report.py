@@ -14,7 +14,7 @@ import pytest
 SCRIPT = os.path.join(os.path.dirname(__file__), "..", "..", "host", "scripts", "diagnosis_report.py")
 
 DIAGNOSIS = {
-    "imucal_diagnosis": 1, "model": "model.json", "logs": ["runs/a.csv", "runs/<b>.csv"], "held_out_logs": [],
+    "imucal_diagnosis": 1, "version": "3.2.1", "model": "model.json", "logs": ["runs/a.csv", "runs/<b>.csv"], "held_out_logs": [],
     "false_alarm_rate": 0.01, "seed": 7, "warnings": ["device names differ"],
     "library": {"effects": [
         {"name": "thermal_hysteresis", "label": "thermal hysteresis: a loop over temperature", "family": "thermal_memory",
@@ -84,7 +84,7 @@ def test_page_needs_nothing_from_outside(page):
     "142 → 9.1", "each held out in turn", "Gap explained: thermal hysteresis: a loop over temperature.",
     "one-minute means lie 26 dph rms off the polynomial", "noise alone would leave 18 dph, with what was found 18 dph remain",
     "Rising and falling temperature differ by up to 11 dph", "stress of the package &lt;glue&gt; [a paper]",
-    "Command: diagnose --model model.json --log runs/a.csv", "false-alarm rate 1 %", "up and down differ", "device names differ", "Slow noise would take 12 %",
+    "Command: diagnose --model model.json --log runs/a.csv", "imucal 3.2.1.", "false-alarm rate 1 %", "up and down differ", "device names differ", "Slow noise would take 12 %",
     "No gap found; 1 effect would stay unseen on these profiles."])
 def test_page_says_what_the_diagnosis_says(page, words):
     assert words in page

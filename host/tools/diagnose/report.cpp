@@ -507,6 +507,7 @@ Json diagnosis_json(const DiagnoseOptions& options, const DiagnoseResult& result
     from_cache = from_cache && (axis.is_calibration_cached || !axis.refused.empty());
   }
   return {{"imucal_diagnosis", 1},
+          {"version", IMUCAL_VERSION},
           {"model", result.has_model ? Json(options.model_path) : Json(nullptr)},
           {"logs", options.logs},
           {"held_out_logs", options.held_out},
