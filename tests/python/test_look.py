@@ -74,6 +74,15 @@ def test_page_is_a_png_and_the_text_has_the_lines(tmp_path, capsys):
     assert len(result["axes"][0]["coeff"]) == 4 and result["axes"][0]["arw_deg_rt_h"] == pytest.approx(0.6, rel=0.05)
 
 
+def test_accelerometer_is_read_in_mg_with_gravity_stated(tmp_path, capsys):
+    log = simulated()
+    write_log(tmp_path / "run.csv", Log(log.t_s, log.temp_degc, {"az_mg": 1000 + 0.01 * log.rates["gx_dph"]}, {}, {}, "simulated"))
+    assert main(["look", str(tmp_path / "run.csv"), "-o", str(tmp_path / "p.png")]) == 0
+    text = capsys.readouterr().out
+    assert "hold gravity as it lay" in text and "noise of a 1-s mean 0.3" in text
+    assert "dph" not in text and "deg/" not in text
+
+
 def test_look_at_a_foreign_log_without_temperature_leaves_the_thermal_panels_out(tmp_path, capsys):
     foreign.write_ulog(tmp_path / "f.ulg", [foreign.recording(duration_s=200)], temperature=False)
     assert main(["look", str(tmp_path / "f.ulg"), "-o", str(tmp_path / "p.html"), "--no-ml"]) == 0

@@ -165,6 +165,8 @@ def text_lines(given, log, looks, imported):
         travel = np.ptp(look.rate[fine] - look.residual[fine]) if len(look.poly) > 1 else 0.0
         lines.append(f"{look.axis}: mean {np.nanmean(look.rate):.5g} {look.unit}, bias travel {travel:.4g} (order {len(look.poly) - 1}), smoothed residual rms "
                      f"{np.sqrt(np.nanmean(look.smooth ** 2)):.3g}, Allan minimum {look.allan.min():.3g} at {look.allan_tau_s[look.allan.argmin()]:.0f} s")
+    if any(look.unit == "mg" for look in looks):
+        lines.append("accelerometer: the mean, and b0 of the polynomial, hold gravity as it lay: a static test cannot tell it from the bias")
     lines += [_noise_line(look) for look in looks]
     lines += [_suspicion_line(looks), _next_line(given, log, looks, imported)]
     return lines

@@ -69,9 +69,14 @@ Json across_json(const std::vector<DpCurve>& curves) {
   return json;
 }
 
+// The unit that an axis' name ends in: the JSON members keep the contract's names.
+const char* unit_of(const std::string& axis) {
+  return axis.size() > 3 && axis.compare(axis.size() - 3, 3, "_mg") == 0 ? "mg" : "dph";
+}
+
 void print_curve(const DpCurve& c, const std::vector<Interval>& ci) {
   std::printf("%s %s %s %s\n%10s %12s %25s %9s\n", c.log.c_str(), c.axis.c_str(), to_text(c.type).c_str(),
-              to_text(c.estimator).c_str(), "tau_s", "dp_dph", "95 %", "windows");
+              to_text(c.estimator).c_str(), "tau_s", (std::string("dp_") + unit_of(c.axis)).c_str(), "95 %", "windows");
   const size_t step = std::max<size_t>(1, c.tau_s.size() / 24);
   for (size_t i = 0; i < c.tau_s.size(); i += step)
     std::printf("%10g %12.4f %12.4f %12.4f %9ld\n", c.tau_s[i], c.dp_dph[i], ci[i].lo, ci[i].hi, c.n[i]);

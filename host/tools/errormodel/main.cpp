@@ -84,9 +84,28 @@ std::vector<double> dp_of(const std::vector<double>& square) {
   return out;
 }
 
-void print_model(const ErrorModel& m) {
-  std::printf("white noise %.4g deg/sqrt(h)\n", m.arw_deg_rt_h);
-  for (const Markov& t : m.markov) std::printf("Markov      %.4g dph, %.4g s\n", t.sigma_dph, t.tau_s);
+// An accelerometer's figures stand in the model's members as they are: mg for dph, and the 1-s mean's mg over 60 for
+// deg/sqrt(h).  People read them in mg.
+bool is_accelerometer(const std::string& axis) {
+  return axis.size() > 3 && axis.compare(axis.size() - 3, 3, "_mg") == 0;
+}
+
+void print_model(const ErrorModel& m, const std::string& axis) {
+  const bool accel = is_accelerometer(axis);
+  std::printf("white noise %.4g %s\n", accel ? 60 * m.arw_deg_rt_h : m.arw_deg_rt_h,
+              accel ? "mg/sqrt(Hz)" : "deg/sqrt(h)");
+  for (const Markov& t : m.markov)
+    std::printf("Markov      %.4g %s, %.4g s\n", t.sigma_dph, accel ? "mg" : "dph", t.tau_s);
+  if (accel) std::printf("accelerometer: figures in mg; the model file keeps a gyro's member names\n");
+}
+
+// The name of a parameter for people; JSON keeps the contract's.
+std::string shown(const ParameterError& e, bool accel, double* factor) {
+  *factor = accel && e.name == "arw_deg_rt_h" ? 60 : 1;
+  if (!accel) return e.name;
+  if (e.name == "arw_deg_rt_h") return "white_mg_rt_hz";
+  const size_t at = e.name.find("_dph");
+  return at == std::string::npos ? e.name : e.name.substr(0, at) + "_mg" + e.name.substr(at + 4);
 }
 
 void finish(const Options& o, const Json& json) {
@@ -255,16 +274,20 @@ Json fit_json(const Options& o, const FitInput& in, const Fitted& fitted, const 
 }
 
 void print_fit(const FitInput& in, const Fitted& fitted, const Comparison& c) {
-  print_model(fitted.model);
+  const std::string& axis = in.detrended.front().axis;
+  print_model(fitted.model, axis);
   const std::vector<double> tau_s = tau_of(in.data);
   std::printf("%s the %s curve over %g ... %g s: excess %.2f %% at most, %.2f %% on average",
               c.bounded() ? "bounds" : "does not bound", to_text(in.op.type).c_str(), tau_s.front(), tau_s.back(),
               100 * c.excess.worst, 100 * c.excess.mean);
   if (!c.bounded()) std::printf("; smallest ratio %.4f at %g s", c.excess.worst_ratio, c.excess.at_tau_s);
   std::printf("\n");
-  for (const ParameterError& e : fitted.errors)
-    std::printf("%-20s %10.4g +- %-9.3g identifiable: %-4s (%s)\n", e.name.c_str(), e.value, e.std_error,
-                e.verdict.c_str(), e.reason.c_str());
+  for (const ParameterError& e : fitted.errors) {
+    double factor = 1;
+    const std::string name = shown(e, is_accelerometer(axis), &factor);
+    std::printf("%-20s %10.4g +- %-9.3g identifiable: %-4s (%s)\n", name.c_str(), factor * e.value,
+                factor * e.std_error, e.verdict.c_str(), e.reason.c_str());
+  }
 }
 
 Exit fit(const Options& given) {
