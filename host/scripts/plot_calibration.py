@@ -6,13 +6,15 @@ polynomial that was learned against the error the filter predicted.
 
 REPORT.json is what demo.py writes: {"title", "subtitle", "axes": [axis...]}, one axis with
     axis                        name
-    before: {temp_degc, rate_dph}   means of the uncompensated device over a temperature bin (or a minute)
+    before: {temp_degc, rate_dph}   one-minute means of the uncompensated device, in the order of time
     after:  {temp_degc, rate_dph}   the same of the compensating device, profile run again
     table:  {temp_degc, bias_dph, sigma_dph}      learned polynomial and its predicted one-sigma error
-    after_binned: {temp_degc, rate_dph}           means per temperature
     noise_alone_dph                 standard deviation of a one-minute mean by the noise of the model alone
     constant_dph                    taken off the raw rate in the plot (recorded logs)
     truth_error_dph                 learned minus true polynomial at table.temp_degc; absent for a recorded log
+
+Rising, falling and resting temperature have their own colours and their own means: what depends on the direction shows as
+a loop that no mean over both hides.
 """
 
 import argparse
@@ -24,7 +26,10 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 
-RAW, COMPENSATED, TRUTH, INK, GRID = "#c8553d", "#2a7f9e", "#1d3557", "#22303c", "#e3e8ec"
+COMPENSATED, TRUTH, INK, GRID = "#2a7f9e", "#1d3557", "#22303c", "#e3e8ec"
+DIRECTIONS = {"rising": "#c8553d", "falling": "#2166ac", "at rest": "#8a949c"}
+STEADY_DEGC = 0.05  # per minute: slower than this the temperature rests
+BIN_DEGC, FEWEST_IN_BIN = 5.0, 3
 DOTS = {"ms": 4.5, "alpha": 0.7, "mew": 0}
 STYLE = {
     "font.size": 10, "axes.edgecolor": "#9aa7b1", "axes.labelcolor": INK, "text.color": INK,
@@ -33,23 +38,47 @@ STYLE = {
 }
 
 
-def smooth(values):
-    """Interpolate (temperature, value) pairs given at few points to a fine line."""
-    temp, value = (np.asarray(v, float) for v in values)
-    fine = np.linspace(temp[0], temp[-1], 200)
-    return fine, np.interp(fine, temp, value)
+def by_direction(temp_degc):
+    """{"rising", "falling", "at rest": mask} of one-minute means in the order of time, slope over five of them."""
+    temp = np.asarray(temp_degc, float)
+    slope = np.zeros(len(temp))
+    for i in range(len(temp)):
+        first, last = max(i - 2, 0), min(i + 2, len(temp) - 1)
+        slope[i] = (temp[last] - temp[first]) / max(last - first, 1)
+    return {"rising": slope > STEADY_DEGC, "falling": slope < -STEADY_DEGC, "at rest": ~(np.abs(slope) > STEADY_DEGC)}
+
+
+def means_per_temperature(temp_degc, rate_dph):
+    """Mean temperature and rate in cells of BIN_DEGC that hold enough points."""
+    cell = np.floor(temp_degc / BIN_DEGC)
+    kept = [cell == c for c in np.unique(cell) if np.sum(cell == c) >= FEWEST_IN_BIN]
+    return [np.mean(temp_degc[k]) for k in kept], [np.mean(rate_dph[k]) for k in kept]
+
+
+def draw_directions(ax, minutes, constant=0, means=False, dots=True):
+    """One-minute means, and their means per temperature, each direction in its colour."""
+    temp, rate = np.asarray(minutes["temp_degc"], float), np.asarray(minutes["rate_dph"], float) - constant
+    known = np.isfinite(temp) & np.isfinite(rate)
+    temp, rate = temp[known], rate[known]
+    for name, mask in by_direction(temp).items():
+        if dots and mask.any():
+            ax.plot(temp[mask], rate[mask], ".", color=DIRECTIONS[name], label=name, **DOTS)
+        if means and name != "at rest":
+            at, mean = means_per_temperature(temp[mask], rate[mask])
+            ax.plot(at, mean, color=DIRECTIONS[name], lw=1.4, marker="o", ms=4, mec="white", mew=0.6,
+                    label=f"mean, {name}" if len(at) else None)
 
 
 def draw_bias(ax, axis):
     """Upper panel: what the device says before and after, and what it learned."""
     constant = axis.get("constant_dph", 0)
-    name = "before: raw less a constant" if constant else "before: raw"
-    ax.plot(axis["before"]["temp_degc"], np.subtract(axis["before"]["rate_dph"], constant), ".", color=RAW, label=name, **DOTS)
+    draw_directions(ax, axis["before"], constant)
     ax.plot(axis["table"]["temp_degc"], np.subtract(axis["table"]["bias_dph"], constant), color=INK, lw=1.2,
             label="polynomial learned")
     if constant:
         ax.text(0.98, 0.97, f"less {constant:.0f} deg/h", transform=ax.transAxes, va="top", ha="right", color="#5b6a75", fontsize=9)
-    ax.plot(axis["after"]["temp_degc"], axis["after"]["rate_dph"], ".", color=COMPENSATED, label="after: compensated", **DOTS)
+    ax.plot(axis["after"]["temp_degc"], axis["after"]["rate_dph"], ".", color=COMPENSATED, label="after: compensated", zorder=1.5,
+            **DOTS)
     ax.axhline(0, color=INK, lw=0.6)
 
 
@@ -58,11 +87,7 @@ def draw_compensated(ax, axis):
     noise = axis.get("noise_alone_dph")
     if noise:
         ax.axhspan(-noise, noise, color=GRID, lw=0, label="noise alone, one sigma")
-    ax.plot(axis["after"]["temp_degc"], axis["after"]["rate_dph"], ".", color=COMPENSATED, label="one-minute means", **DOTS)
-    bins = axis.get("after_binned")
-    if bins:
-        ax.plot(bins["temp_degc"], bins["rate_dph"], color=TRUTH, lw=1.4, marker="o", ms=4,
-                label="mean per temperature")
+    draw_directions(ax, axis["after"], means=True)
     ax.axhline(0, color=INK, lw=0.6)
 
 
@@ -75,8 +100,7 @@ def draw_error(ax, axis):
     if axis.get("truth_error_dph"):
         ax.plot(temp, axis["truth_error_dph"], color=TRUTH, lw=1.8, label="learned minus true polynomial")
     else:
-        ax.plot(axis["after_binned"]["temp_degc"], axis["after_binned"]["rate_dph"], color=TRUTH, lw=1.4, marker="o", ms=4,
-                label="compensated, mean per temperature")
+        draw_directions(ax, axis["after"], means=True, dots=False)
     ax.axhline(0, color=INK, lw=0.6)
 
 
