@@ -416,8 +416,8 @@ static void test_noise_that_axes_share_is_told_from_slow_causes_of_both(void**) 
   // A slow cause on both, which no answer takes: not shared noise.
   for (Campaign* slow : {&c, &d})
     for (size_t i = 0; i < slow->runs[0].input.size(); ++i)
-      slow->runs[0].input.rate_dph[i] = (slow == &c ? a : b).runs[0].input.rate_dph[i % 4500] +
-                                        60 * std::sin(2 * kPi * static_cast<double>(i) / 900);
+      slow->runs[0].input.rate_dph[i] =
+          (slow == &c ? a : b).runs[0].input.rate_dph[i % 4500] + 60 * std::sin(2 * kPi * static_cast<double>(i) / 900);
   assert_true(shared_noise(rest_of(c, &fit_a), rest_of(d, &fit_b)).gain_nats < kShared_nats);
 }
 

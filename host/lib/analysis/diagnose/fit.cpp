@@ -161,7 +161,7 @@ std::vector<VectorXd> rates(const Campaign& campaign) {
 
 namespace {
 
-constexpr double kDependent = 1e-9;   // of the scaled columns: below it a column adds nothing
+constexpr double kDependent = 1e-9; // of the scaled columns: below it a column adds nothing
 
 // Least squares by QR, run after run: the triangle of what came before is stacked on the rows of the next
 // run.

@@ -87,8 +87,7 @@ Prediction predict(const SlowSearch& search, const Split& split, const SlowModel
     std::vector<char> with = split.train;
     with[unit] = 1;
     out.nats.push_back(grams.log_marginal(1, with) - trained);
-    out.rest.push_back(
-        minutes_of(residual_of(split.data, parts, at, unit), split.data.campaign.dt_s));
+    out.rest.push_back(minutes_of(residual_of(split.data, parts, at, unit), split.data.campaign.dt_s));
   }
   return out;
 }

@@ -28,7 +28,8 @@ struct Repertoire {
 class Projector {
 public:
   Projector(const Campaign& campaign, const Hypothesis& nominal) : campaign_(campaign) {
-    for (const CampaignRun& run : campaign.runs) gains_.push_back(compute_gains(run, gaussian_equivalent(nominal.noise())));
+    for (const CampaignRun& run : campaign.runs)
+      gains_.push_back(compute_gains(run, gaussian_equivalent(nominal.noise())));
     std::vector<MatrixXd> design = make_design(campaign, nominal).x;
     for (size_t r = 0; r < design.size(); ++r) whiten(gains_[r], &design[r]);
     design_ = stacked(design) * orthonormaliser(design);

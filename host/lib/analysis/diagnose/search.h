@@ -85,7 +85,7 @@ struct SlowResult {
   std::vector<SlowCandidateScore> singles; // per candidate
   std::vector<SlowCandidateScore> noises;  // per slow noise effect of the library that was tried
   std::vector<const Effect*> noise_effects;
-  double step_gain_nats = 0;    // of all jumps of `best` over the null without them
+  double step_gain_nats = 0; // of all jumps of `best` over the null without them
   // Where jumps in time were found: the answer without them.  Other data choose between the two.
   std::shared_ptr<const SlowResult> without_steps;
   std::vector<size_t> replaced; // free shapes that gain somewhat more than the member named in their place

@@ -254,7 +254,7 @@ namespace {
 
 constexpr double kTempCell_degc = 4, kTimeBlock_s = 600, kBurst_s = 30;
 constexpr double kFewestInCell = 60;
-constexpr double kFewestPeriods = 6;         // of a frequency in the longest run: the mean takes what is slower
+constexpr double kFewestPeriods = 6;          // of a frequency in the longest run: the mean takes what is slower
 constexpr double kFewestDegreesOfFreedom = 8; // of a bin of the spectrum
 
 // Strength by temperature, in cells of a few degrees.
@@ -266,7 +266,8 @@ RestFinding over_temperature(const Campaign& campaign, const std::vector<VectorX
     const CampaignRun& run = campaign.runs[r];
     for (long k = 0; k < e[r].size(); ++k) {
       const double temp = run.input.smooth_degc[static_cast<size_t>(run.used[static_cast<size_t>(k)])];
-      const size_t c = std::min(cells - 1, static_cast<size_t>(std::max(0.0, (temp - campaign.lo_degc) / kTempCell_degc)));
+      const size_t c =
+          std::min(cells - 1, static_cast<size_t>(std::max(0.0, (temp - campaign.lo_degc) / kTempCell_degc)));
       sum[c] += e[r][k] * e[r][k], n[c] += 1;
     }
   }

@@ -401,8 +401,8 @@ private:
   }
   // The strongest first; but what these logs leave open stands before what is beside it.
   void insert_by_evidence(const SelectedEffect& effect) {
-    const bool is_first = named_.empty() || (named_[0].doubt != Doubt::kSlowNoise &&
-                                             named_[0].evidence_nats < effect.evidence_nats);
+    const bool is_first =
+        named_.empty() || (named_[0].doubt != Doubt::kSlowNoise && named_[0].evidence_nats < effect.evidence_nats);
     named_.insert(is_first ? named_.begin() : named_.end(), effect);
   }
   void name_line() {
