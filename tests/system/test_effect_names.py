@@ -16,6 +16,7 @@ ALLOWED = {
     "host/lib/io/model.h": "an example in a comment",
     "host/lib/physics/effects/library.cpp": "the family run_to_run, which has one member of its name",
     "host/python/imucal/example.py": "what the example simulates",
+    "host/docs/notebook.py": "what the notebook simulates",
     "host/python/imucal/look.py": "a reading of its own, not an effect",
 }
 
