@@ -109,3 +109,45 @@ bool semihost_flash_open(semihost_flash_t* flash, nor_t* nor, const char* path) 
   nor->save = save;
   return fill_erased(flash, (uint32_t)length, nor->size_bytes);
 }
+
+static imucal_status status_of(nor_result_t result) {
+  return result == NOR_OK ? IMUCAL_OK : IMUCAL_ERR_FLASH;
+}
+
+static uint32_t slot_start(const nor_t* nor, uint32_t slot) {
+  return slot * (nor->size_bytes / IMUCAL_STORE_SLOTS);
+}
+
+static imucal_status flash_erase(void* ctx, uint32_t slot) {
+  nor_t* nor = ctx;
+  return status_of(nor_erase(nor, slot_start(nor, slot), nor->size_bytes / IMUCAL_STORE_SLOTS));
+}
+
+static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+  return status_of(nor_program(ctx, slot_start(ctx, slot) + offset, data, len));
+}
+
+static imucal_status flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
+  return status_of(nor_read(ctx, slot_start(ctx, slot) + offset, data, len));
+}
+
+imucal_flash_t semihost_flash(const char* command_line, semihost_flash_t* file, nor_t* nor, uint32_t slot_bytes,
+                              uint32_t page_bytes) {
+  char path[160];
+  *nor = (nor_t){.size_bytes = IMUCAL_STORE_SLOTS * slot_bytes,
+                 .page_bytes = page_bytes,
+                 .word_bytes = 4,
+                 .cut_operation = NOR_NEVER};
+  nor_power_on(nor);
+  if (!semihost_option(command_line, "flash", path, sizeof path) || !semihost_flash_open(file, nor, path)) {
+    semihost_print("imucal: argument flash=PATH is missing, or the file cannot be used\n");
+    semihost_exit(2);
+  }
+  return (imucal_flash_t){.erase = flash_erase,
+                          .program = flash_program,
+                          .read = flash_read,
+                          .ctx = nor,
+                          .slot_bytes = slot_bytes,
+                          .erase_bytes = slot_bytes,
+                          .program_bytes = 4};
+}

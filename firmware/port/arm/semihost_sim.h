@@ -36,4 +36,9 @@ typedef struct {
 /* Opens `path`, creating or completing it erased, and fills load, save and ctx of `nor` (size_bytes is set).
  */
 bool semihost_flash_open(semihost_flash_t* flash, nor_t* nor, const char* path);
+
+/* The table store's flash: IMUCAL_STORE_SLOTS slots of slot_bytes in the file of the argument flash=PATH, words of 4 bytes.
+ * Without a usable file it says so and ends the emulation with status 2.  `file` and `nor` live as long as the flash. */
+imucal_flash_t semihost_flash(const char* command_line, semihost_flash_t* file, nor_t* nor, uint32_t slot_bytes,
+                              uint32_t page_bytes);
 #endif

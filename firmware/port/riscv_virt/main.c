@@ -50,25 +50,6 @@ static void sample_enable(void* ctx, bool is_wanted) {
   if (is_wanted && semihost_feed_restart_if_ended(&device.feed)) sample_stream_clear(&device.samples);
 }
 
-static imucal_status status_of(nor_result_t result) {
-  return result == NOR_OK ? IMUCAL_OK : IMUCAL_ERR_FLASH;
-}
-
-static imucal_status flash_erase(void* ctx, uint32_t slot) {
-  (void)ctx;
-  return status_of(nor_erase(&device.nor, slot * SLOT_BYTES, SLOT_BYTES));
-}
-
-static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
-  (void)ctx;
-  return status_of(nor_program(&device.nor, slot * SLOT_BYTES + offset, data, len));
-}
-
-static imucal_status flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
-  (void)ctx;
-  return status_of(nor_read(&device.nor, slot * SLOT_BYTES + offset, data, len));
-}
-
 static uint64_t time_us(void* ctx) {
   (void)ctx;
   uint32_t high, low;
@@ -88,8 +69,9 @@ static void reboot(void* ctx) {
   virt_reset();
 }
 
-static void set_up(void) {
-  static char text[384], path[160];
+/* Board, samples and flash from the arguments. */
+static imucal_flash_t set_up(void) {
+  static char text[384];
   if (!semihost_command_line(text, sizeof text)) text[0] = '\0';
   board_options_default(&board);
   semihost_board(&board, text);
@@ -99,22 +81,17 @@ static void set_up(void) {
                                      .refill = semihost_feed_refill,
                                      .buffer = device.sample_bytes,
                                      .capacity = sizeof device.sample_bytes};
-  device.nor =
-      (nor_t){.size_bytes = 2 * SLOT_BYTES, .page_bytes = SLOT_BYTES, .word_bytes = 4, .cut_operation = NOR_NEVER};
-  nor_power_on(&device.nor);
-  if (semihost_option(text, "flash", path, sizeof path) && semihost_flash_open(&device.file, &device.nor, path)) return;
-  semihost_print("imucal: argument flash=PATH is missing, or the file cannot be used\n");
-  semihost_exit(2);
+  return semihost_flash(text, &device.file, &device.nor, SLOT_BYTES, SLOT_BYTES);
 }
 
 int main(void) {
   UART_FIFO = 0xC1; /* FIFO on; QEMU hands over up to 14 bytes at a time at this trigger level, else one */
-  set_up();
+  const imucal_flash_t flash = set_up();
   const imucal_port_t port = {.serial_read = serial_read,
                               .serial_write = serial_write,
                               .sample_read = sample_read,
                               .sample_enable = sample_enable,
-                              .flash = {flash_erase, flash_program, flash_read, NULL, SLOT_BYTES, SLOT_BYTES, 4},
+                              .flash = flash,
                               .time_us = time_us,
                               .watchdog = watchdog,
                               .reboot = reboot,

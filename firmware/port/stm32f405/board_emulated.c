@@ -26,38 +26,6 @@ static void sample_enable(void* ctx, bool is_wanted) {
   if (is_wanted && semihost_feed_restart_if_ended(&device.feed)) sample_stream_clear(&device.samples);
 }
 
-static imucal_status status_of(nor_result_t result) {
-  return result == NOR_OK ? IMUCAL_OK : IMUCAL_ERR_FLASH;
-}
-
-static imucal_status flash_erase(void* ctx, uint32_t slot) {
-  (void)ctx;
-  return status_of(nor_erase(&device.nor, slot * STM32_SLOT_BYTES, STM32_SLOT_BYTES));
-}
-
-static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
-  (void)ctx;
-  return status_of(nor_program(&device.nor, slot * STM32_SLOT_BYTES + offset, data, len));
-}
-
-static imucal_status flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
-  (void)ctx;
-  return status_of(nor_read(&device.nor, slot * STM32_SLOT_BYTES + offset, data, len));
-}
-
-static void open_flash(const char* command_line) {
-  char path[sizeof device.feed.path];
-  device.nor.size_bytes = IMUCAL_STORE_SLOTS * STM32_SLOT_BYTES;
-  device.nor.page_bytes = PAGE_BYTES;
-  device.nor.word_bytes = 4;
-  device.nor.cut_operation = NOR_NEVER;
-  nor_power_on(&device.nor);
-  if (semihost_option(command_line, "flash", path, sizeof path) && semihost_flash_open(&device.file, &device.nor, path))
-    return;
-  semihost_print("imucal: argument flash=PATH is missing, or the file cannot be used\n");
-  semihost_exit(2);
-}
-
 void board_init(imucal_port_t* port, imucal_board_t* board, const stm32_clocks_t* clocks) {
   char command_line[512];
   (void)clocks;
@@ -70,15 +38,9 @@ void board_init(imucal_port_t* port, imucal_board_t* board, const stm32_clocks_t
   device.samples.refill = semihost_feed_refill;
   device.samples.buffer = device.sample_bytes;
   device.samples.capacity = sizeof device.sample_bytes;
-  open_flash(command_line);
   port->sample_read = sample_read;
   port->sample_enable = sample_enable;
-  port->flash = (imucal_flash_t){.erase = flash_erase,
-                                 .program = flash_program,
-                                 .read = flash_read,
-                                 .slot_bytes = STM32_SLOT_BYTES,
-                                 .erase_bytes = STM32_SLOT_BYTES,
-                                 .program_bytes = 4};
+  port->flash = semihost_flash(command_line, &device.file, &device.nor, STM32_SLOT_BYTES, PAGE_BYTES);
   port->is_replay = true;
   port->boot_id = semihost_boot_id();
   port->device = "qemu stm32f405";
