@@ -14,48 +14,32 @@ static int start(void** state) {
   return 0;
 }
 
-static imucal_link_cal_start_t good_cal_start(void) {
-  return (imucal_link_cal_start_t){.order = 3,
-                                   .t0_degc = 30,
-                                   .range_degc = 30,
-                                   .m = 0.01f,
-                                   .q = 8,
-                                   .r = 1296,
-                                   .markov_variance = 400,
-                                   .prior_sigma = 1e4f,
-                                   .span_hi_degc = 60,
-                                   .arw = 0.6f,
-                                   .n_markov = 1,
-                                   .markov_sigma = {20},
-                                   .markov_tau_s = {100}};
-}
-
 static void test_cal_start_refuses_each_number_that_is_not_finite(void** state) {
   (void)state;
   static const uint32_t not_finite[] = {0x7FC00000u, 0x7F800000u, 0xFF800000u};
   for (size_t k = 0; k < 3; k++) {
     const float value = imucal_float_from_bits(not_finite[k]);
     for (int field = 0; field < 4; field++) {
-      imucal_link_cal_start_t bad = good_cal_start();
+      imucal_link_cal_start_t bad = bench_cal_start_request(0, 3);
       float* const fields[] = {&bad.t0_degc, &bad.range_degc, &bad.span_lo_degc, &bad.span_hi_degc};
       *fields[field] = value;
       assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_NOT_FINITE);
     }
     for (int field = 0; field < 3; field++) {
-      imucal_link_cal_start_t bad = good_cal_start();
+      imucal_link_cal_start_t bad = bench_cal_start_request(0, 3);
       float* const fields[] = {&bad.arw, &bad.markov_sigma[0], &bad.markov_tau_s[0]};
       *fields[field] = value;
       assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_MODEL);
     }
   }
-  const imucal_link_cal_start_t good = good_cal_start();
+  const imucal_link_cal_start_t good = bench_cal_start_request(0, 3);
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &good), IMUCAL_OK);
 }
 
 static void test_cal_start_refuses_negative_noise(void** state) {
   (void)state;
   for (int field = 0; field < 3; field++) {
-    imucal_link_cal_start_t bad = good_cal_start();
+    imucal_link_cal_start_t bad = bench_cal_start_request(0, 3);
     float* const fields[] = {&bad.arw, &bad.markov_sigma[0], &bad.markov_tau_s[0]};
     *fields[field] = -1e-6f;
     assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_MODEL);

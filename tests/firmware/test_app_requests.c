@@ -436,18 +436,7 @@ static void test_session_rules(void** state) {
 
 static void test_cal_start_bad_numbers_are_refused(void** state) {
   (void)state;
-  const imucal_link_cal_start_t good = {.order = 3,
-                                        .t0_degc = 30,
-                                        .range_degc = 30,
-                                        .m = 0.01f,
-                                        .q = 8,
-                                        .r = 1296,
-                                        .markov_variance = 400,
-                                        .prior_sigma = 1e4f,
-                                        .span_hi_degc = 60,
-                                        .n_markov = 1,
-                                        .markov_sigma = {20},
-                                        .markov_tau_s = {100}};
+  const imucal_link_cal_start_t good = bench_cal_start_request(0, 3);
   imucal_link_cal_start_t bad = good;
   bad.span_lo_degc = 60, bad.span_hi_degc = 0; /* reversed */
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_SPAN);
