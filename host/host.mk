@@ -34,9 +34,9 @@ CORE_OBJECTS := $(CORE_SOURCES:%.c=$(BUILD)/obj/host/%.o)
 HOST_ARCHIVE := $(BUILD)/lib/libimucal.a
 
 # ---- one compilation a room ----
-# Nine tenths of the compile time would go to reading and instantiating Eigen and JSON again for every file.  So a room is
+# Much of the compile time would go to reading and instantiating Eigen and JSON again for every file.  So a room is
 # compiled in one piece: build/gen/<room>/room.cpp names its sources one after the other.  BY_FILE=1 compiles every source
-# by itself: quicker after a small change in a large room, and it shows a missing include (`make sanitize` builds so).
+# by itself: quicker after a small change in a large room; with PCH= too it shows a missing include.
 BY_FILE ?=
 # A source that is read from another one would pass for a header, whose types must not be of one file only.
 IN_ONE_PIECE := -iquote . $(if $(findstring clang,$(CXX)),,-Wno-subobject-linkage)

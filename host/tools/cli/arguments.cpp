@@ -48,10 +48,6 @@ Option* Option::expected(int n) {
   option_->expected(n);
   return this;
 }
-Option* Option::expected(int least, int most) {
-  option_->expected(least, most);
-  return this;
-}
 Option* Option::allow_extra_args(bool allowed) {
   option_->allow_extra_args(allowed);
   return this;
@@ -78,9 +74,6 @@ Option* App::add_option(const std::string& name, double& value, const std::strin
   return keep(app_->add_option(name, value, help));
 }
 Option* App::add_option(const std::string& name, int& value, const std::string& help) {
-  return keep(app_->add_option(name, value, help));
-}
-Option* App::add_option(const std::string& name, long& value, const std::string& help) {
   return keep(app_->add_option(name, value, help));
 }
 Option* App::add_option(const std::string& name, unsigned& value, const std::string& help) {
@@ -113,17 +106,11 @@ App* App::add_subcommand(const std::string& name, const std::string& description
 void App::require_subcommand(int n) {
   app_->require_subcommand(n);
 }
-void App::require_subcommand(int least, int most) {
-  app_->require_subcommand(static_cast<size_t>(least), static_cast<size_t>(most));
-}
 void App::fallthrough(bool allowed) {
   app_->fallthrough(allowed);
 }
 bool App::parsed() const {
   return app_->parsed();
-}
-std::string App::name() const {
-  return app_->get_name();
 }
 std::string App::chosen() const {
   const auto given = app_->get_subcommands();

@@ -9,7 +9,6 @@
 #pragma once
 #include <cstdint>
 #include <functional>
-#include <initializer_list>
 #include <memory>
 #include <string>
 #include <vector>
@@ -37,9 +36,8 @@ public:
   Option* required();
   Option* check(const Check& check);
   Option* type_name(const std::string& name);
-  Option* group(const std::string& name); // of --help; "": hidden
-  Option* expected(int n);                // arguments; negative: at least so many
-  Option* expected(int least, int most);
+  Option* group(const std::string& name);        // of --help; "": hidden
+  Option* expected(int n);                       // arguments; negative: at least so many
   Option* allow_extra_args(bool allowed = true); // --axis a b as well as --axis a --axis b
   Option* capture_default_str();
   size_t count() const; // how often it was given
@@ -58,7 +56,6 @@ public:
 
   Option* add_option(const std::string& name, double& value, const std::string& help);
   Option* add_option(const std::string& name, int& value, const std::string& help);
-  Option* add_option(const std::string& name, long& value, const std::string& help);
   Option* add_option(const std::string& name, unsigned& value, const std::string& help);
   Option* add_option(const std::string& name, uint64_t& value, const std::string& help);
   Option* add_option(const std::string& name, std::string& value, const std::string& help);
@@ -71,11 +68,9 @@ public:
 
   App* add_subcommand(const std::string& name, const std::string& description);
   void require_subcommand(int n = 1);
-  void require_subcommand(int least, int most);
   void fallthrough(bool allowed = true); // options that a subcommand does not know are the app's
   bool parsed() const;                   // this subcommand was given
   explicit operator bool() const { return parsed(); }
-  std::string name() const;
   std::string chosen() const;                // name of the subcommand that was given; "": none
   CLI::App& behind() const { return *app_; } // for program.cpp
 
