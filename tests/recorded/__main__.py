@@ -136,6 +136,9 @@ def main(argv=None):
         if not os.access(tool, os.X_OK):
             print(f"recorded: {tool}: no such program: build it with `make`", file=sys.stderr)
             return 2
+    if not any(args.rows is None or r.row.startswith(args.rows) for r in table.ROWS):
+        print(f"recorded: --rows {args.rows}: no row begins so; rows: {', '.join(r.row for r in table.ROWS)}", file=sys.stderr)
+        return 2
     args.out = os.path.abspath(args.out)  # the programs run in folders of their own
     os.makedirs(args.out, exist_ok=True)
     results, seconds = run(args)
