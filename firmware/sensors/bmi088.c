@@ -19,6 +19,7 @@ enum {
   GYRO_BANDWIDTH = 0x10,
   GYRO_SOFTRESET = 0x14,
   GYRO_SELF_TEST = 0x3C,
+  GYRO_FIFO_CONFIG_0 = 0x3D,
   GYRO_FIFO_CONFIG_1 = 0x3E,
   GYRO_FIFO_DATA = 0x3F
 };
@@ -231,12 +232,14 @@ static imucal_status take_burst(imucal_bmi088_t* sensor, uint32_t level, uint32_
   return IMUCAL_OK;
 }
 
-/* The overrun flag is cleared by writing the FIFO's configuration, which empties it (5.5.22). */
+/* A write of FIFO_CONFIG_0 (no watermark, no tags: its reset value) empties the FIFO, one of FIFO_CONFIG_1 clears the
+ * overrun flag. */
 static imucal_status clear_overrun(imucal_bmi088_t* sensor, uint64_t now_us) {
   sensor->counts.n_overruns++;
   sensor->counts.n_lost += sensor->n_in_fifo + imucal_sensor_clock_burst(&sensor->clock, now_us, 0, true);
   sensor->n_in_fifo = 0;
-  return write_reg(sensor, GYRO, GYRO_FIFO_CONFIG_1, FIFO_STREAM);
+  const imucal_status status = write_reg(sensor, GYRO, GYRO_FIFO_CONFIG_0, 0);
+  return status == IMUCAL_OK ? write_reg(sensor, GYRO, GYRO_FIFO_CONFIG_1, FIFO_STREAM) : status;
 }
 
 imucal_status imucal_bmi088_read(imucal_bmi088_t* sensor, uint64_t now_us, imucal_sample_t* samples, uint32_t capacity,

@@ -29,7 +29,7 @@ enum {
   FIFO_ALL = 0xF8,       /* FIFO_EN: temperature, three gyros, accelerometer */
   FIFO_OVERFLOW = 0x10,  /* INT_ENABLE, INT_STATUS */
   FIFO_ON = 0x40,        /* USER_CTRL */
-  FIFO_RESET = 0x04,     /* USER_CTRL: clears itself */
+  FIFO_RESET = 0x04,     /* USER_CTRL: clears itself; only while FIFO_ON is 0 */
   I2C_OFF = 0x10,        /* USER_CTRL: on SPI */
   SELF_TEST_AXES = 0xE0, /* GYRO_CONFIG, ACCEL_CONFIG */
   PACKET_BYTES = 14,     /* as the registers follow each other: accelerometer, temperature, gyro */
@@ -37,7 +37,7 @@ enum {
   RAIL = 32767
 };
 #define RESET_US 100000u
-#define START_US 50000u /* gyro start-up 30 ms (MPU-6500: 35 ms) and the filter */
+#define START_US 80000u /* gyro start-up 30 ms (MPU-6500: 35 ms) by the data sheets; Linux waits 60 (70) ms */
 
 /* ---- configuration ---- */
 
@@ -105,9 +105,12 @@ static imucal_status identify(imucal_mpu6050_t* sensor) {
   return status;
 }
 
+/* FIFO_RESET does its work while FIFO_EN is 0 (section 4.29): off and reset, then on. */
 static imucal_status empty_fifo(imucal_mpu6050_t* sensor) {
+  const uint8_t on = user_control(sensor);
   sensor->n_in_fifo = 0;
-  return write_reg(sensor, USER_CTRL, (uint8_t)(user_control(sensor) | FIFO_RESET));
+  const imucal_status status = write_reg(sensor, USER_CTRL, (uint8_t)((on & ~FIFO_ON) | FIFO_RESET));
+  return status == IMUCAL_OK ? write_reg(sensor, USER_CTRL, on) : status;
 }
 
 static imucal_status configure(imucal_mpu6050_t* sensor) {

@@ -32,7 +32,7 @@ typedef struct imucal_mpu6050 {
 /* Valid after start: the two chips' thermometers differ. */
 imucal_sensor_units_t imucal_mpu6050_units(const imucal_mpu6050_t* sensor);
 
-/* As imucal_icm42688p_start: takes 150 ms. */
+/* As imucal_icm42688p_start: takes 180 ms. */
 IMUCAL_MUST_USE imucal_status imucal_mpu6050_start(imucal_mpu6050_t* sensor, const imucal_sensor_bus_t* bus,
                                                    const imucal_mpu6050_config_t* config);
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 /* Register-level model of the BMI088, from BST-BMI088-DS001 rev. 1.9: two chips on one bus; the accelerometer wakes in I2C
  * mode and suspended, answers reads after a dummy byte, its temperature is renewed every 1.28 s; the gyro's FIFO of 100
- * frames (bypass, FIFO, stream), overrun flag cleared by writing FIFO_CONFIG_1; resets, read-only registers, both
- * self-tests.  Not modelled: accelerometer FIFO, interrupts, gyro low power. */
+ * frames (bypass, FIFO, stream), emptied by writing FIFO_CONFIG_0, overrun flag cleared by writing FIFO_CONFIG_1;
+ * resets, read-only registers, both self-tests.  Not modelled: accelerometer FIFO, interrupts, gyro low power. */
 #ifndef IMUCAL_TESTS_EMU_BMI088_H
 #define IMUCAL_TESTS_EMU_BMI088_H
 #include "sensor_bus.h"
@@ -123,10 +123,8 @@ static inline void emu_bmi_write_gyro(emu_bmi_t* bmi, uint8_t address, uint8_t v
     bmi->gyr[0x10] = (uint8_t)(0x80 | (value & 0x0F));
   else
     bmi->gyr[address] = value;
-  if (address == 0x3E) {
-    bmi->first = bmi->n_frames = 0;
-    bmi->gyr[0x0E] = 0;
-  }
+  if (address == 0x3D || (address == 0x3E && value >> 6 == 0)) bmi->first = bmi->n_frames = 0;
+  if (address == 0x3E) bmi->gyr[0x0E] = 0;
 }
 
 static inline void emu_bmi_write_accel(emu_bmi_t* bmi, uint8_t address, uint8_t value) {

@@ -141,8 +141,11 @@ static inline void emu_mpu_write(emu_mpu_t* mpu, uint8_t address, uint8_t value)
     emu_mpu_brown_out(mpu);
     return;
   }
-  if (address == 0x6A && (value & 0x04)) {
-    mpu->first = mpu->n_bytes = 0;
+  if (address == 0x6A && (value & 0x04)) { /* the FIFO is reset while FIFO_EN is 0 */
+    if (value & 0x40)
+      mpu->bus.n_violations++;
+    else
+      mpu->first = mpu->n_bytes = 0;
     value = (uint8_t)(value & ~0x04);
   }
   mpu->reg[address] = value;
