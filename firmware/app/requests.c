@@ -556,75 +556,96 @@ static void serve_erase(imucal_app_t* app, const imucal_link_erase_t* request) {
 /* ---- all of them ---- */
 
 /* A request that may be done: alone, or out of its COMMAND. */
-static void dispatch(imucal_app_t* app, const imucal_link_any_t* message) {
+/* Requests about the device and its line; false: not one of them. */
+static bool dispatch_device(imucal_app_t* app, const imucal_link_any_t* message) {
   switch (app->request) {
   case IMUCAL_LINK_ID_HELLO:
     serve_hello(app, &message->hello);
-    break;
+    return true;
   case IMUCAL_LINK_ID_INFO:
     serve_info(app);
-    break;
+    return true;
   case IMUCAL_LINK_ID_STATE:
     serve_state(app);
-    break;
+    return true;
   case IMUCAL_LINK_ID_UNLOCK:
     serve_unlock(app, &message->unlock);
-    break;
+    return true;
   case IMUCAL_LINK_ID_COUNTERS:
     serve_counters(app);
-    break;
+    return true;
   case IMUCAL_LINK_ID_SAMPLES:
     serve_samples(app);
-    break;
+    return true;
   case IMUCAL_LINK_ID_CHANNEL_INFO:
     serve_channel_info(app, &message->channel_info);
-    break;
+    return true;
   case IMUCAL_LINK_ID_STREAM:
     serve_stream(app, &message->stream);
-    break;
+    return true;
   case IMUCAL_LINK_ID_REBOOT:
     serve_reboot(app);
-    break;
+    return true;
+  default:
+    return false;
+  }
+}
+
+/* Requests about a calibration; false: not one of them. */
+static bool dispatch_calibration(imucal_app_t* app, const imucal_link_any_t* message) {
+  switch (app->request) {
   case IMUCAL_LINK_ID_CAL_START:
     serve_cal_start(app, &message->cal_start);
-    break;
+    return true;
   case IMUCAL_LINK_ID_CAL_STATE:
     serve_cal_state(app, &message->cal_state);
-    break;
+    return true;
   case IMUCAL_LINK_ID_CAL_FILTER:
     serve_cal_filter(app, &message->cal_filter);
-    break;
+    return true;
   case IMUCAL_LINK_ID_HEALTH:
     serve_health(app, &message->health);
-    break;
+    return true;
   case IMUCAL_LINK_ID_CAL_STOP:
     serve_cal_stop(app, &message->cal_stop);
-    break;
+    return true;
   case IMUCAL_LINK_ID_TABLE_FROM_CAL:
     serve_table_from_cal(app, &message->table_from_cal);
-    break;
+    return true;
+  default:
+    return false;
+  }
+}
+
+/* Requests about tables in flash; false: not one of them. */
+static bool dispatch_table(imucal_app_t* app, const imucal_link_any_t* message) {
+  switch (app->request) {
   case IMUCAL_LINK_ID_TABLE_READ:
     serve_table_read(app, &message->table_read);
-    break;
+    return true;
   case IMUCAL_LINK_ID_TABLE_BEGIN:
     serve_table_begin(app, &message->table_begin);
-    break;
+    return true;
   case IMUCAL_LINK_ID_TABLE_DATA:
     serve_table_data(app, &message->table_data);
-    break;
+    return true;
   case IMUCAL_LINK_ID_TABLE_COMMIT:
     serve_table_commit(app);
-    break;
+    return true;
   case IMUCAL_LINK_ID_ROLLBACK:
     serve_rollback(app);
-    break;
+    return true;
   case IMUCAL_LINK_ID_ERASE:
     serve_erase(app, &message->erase);
-    break;
+    return true;
   default:
-    done(app, IMUCAL_ERR_UNKNOWN, 0);
-    break;
+    return false;
   }
+}
+
+static void dispatch(imucal_app_t* app, const imucal_link_any_t* message) {
+  if (!dispatch_device(app, message) && !dispatch_calibration(app, message) && !dispatch_table(app, message))
+    done(app, IMUCAL_ERR_UNKNOWN, 0);
 }
 
 /* Requests of one reserved byte: another value may mean something one day. */

@@ -112,27 +112,30 @@ def test_rooms_have_no_cycle():
 
 # ---- size of functions ----
 MOST_LINES = 60
-# Functions that are longer, each with the reason why; a line here goes when its function is cut.
-LONGER = {}
 
 
-def host_functions():
-    """(lines, name, path) of every function of the host by universal-ctags."""
+def functions_of(sources):
+    """(lines, name, path) of every C and C++ function of these sources by universal-ctags."""
     ctags = shutil.which("ctags-universal") or shutil.which("ctags")
     if not ctags:
         pytest.fail("ctags is missing: apt-get install universal-ctags")
     found = subprocess.run(
-        [ctags, "--output-format=json", "--fields=+ne", "--languages=C++", "--langmap=C++:.cpp.h", "--kinds-C++=f",
-         "-f", "-", "-L", "-"], cwd=ROOT, input="\n".join(host_sources()), check=True, capture_output=True, text=True)
+        [ctags, "--output-format=json", "--fields=+ne", "--languages=C,C++", "--langmap=C++:.cpp.h", "--kinds-C=f",
+         "--kinds-C++=f", "-f", "-", "-L", "-"], cwd=ROOT, input="\n".join(sources), check=True, capture_output=True, text=True)
     tags = [json.loads(line) for line in found.stdout.splitlines()]
     return [(tag["end"] - tag["line"] + 1, tag["name"], tag["path"]) for tag in tags if "end" in tag]
 
 
-def test_functions_of_the_host_are_short():
-    functions = host_functions()
-    assert len(functions) > 1000  # they were found at all
+def device_sources():
+    return [name for name in tracked() if name.startswith(("common/", "firmware/")) and name.endswith((".c", ".h"))]
+
+
+@pytest.mark.parametrize("sources, at_least", [(host_sources, 1000), (device_sources, 500)], ids=["host", "device"])
+def test_functions_are_short(sources, at_least):
+    functions = functions_of(sources())
+    assert len(functions) > at_least  # they were found at all
     longer = {f"{path}: {name}": lines for lines, name, path in functions if lines > MOST_LINES}
-    assert set(longer) <= set(LONGER), "cut them where they have joints"
+    assert not longer, "cut them where they have joints"
     lengths = sorted(lines for lines, _, _ in functions)
     assert lengths[len(lengths) // 2] <= 10
     assert lengths[len(lengths) * 9 // 10] <= 30
