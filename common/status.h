@@ -11,10 +11,12 @@
 
 #if defined(__GNUC__)
 #define IMUCAL_MUST_USE __attribute__((warn_unused_result))
-#define IMUCAL_COLD __attribute__((cold)) /* runs rarely: to be small rather than fast */
+#define IMUCAL_COLD __attribute__((cold))            /* runs rarely: to be small rather than fast */
+#define IMUCAL_APART __attribute__((cold, noinline)) /* the same, and not to cost its caller registers */
 #else
 #define IMUCAL_MUST_USE
 #define IMUCAL_COLD
+#define IMUCAL_APART
 #endif
 
 #define IMUCAL_MAX_CHANNELS 6 /* three gyros and three accelerometers */

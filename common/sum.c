@@ -28,6 +28,7 @@ IMUCAL_COLD static void close_second(imucal_sum_t* sum, imucal_second_t* second)
     if (((uint32_t)sum->fault >> i) & 1u) sum->run.flags[i] |= IMUCAL_FLAG_FAULT;
   }
   sum->run.is_gap = 2 * (uint64_t)sum->run.n_samples < sum->nominal_n;
+  sum->n_handed_out += sum->run.n_samples;
   *second = sum->run;
   sum->last_t_s = sum->run.t_s;
   uint8_t n_channels = sum->run.n_channels;
@@ -71,10 +72,39 @@ IMUCAL_COLD static imucal_status turn_second(imucal_sum_t* sum, uint64_t t_us, i
   return status;
 }
 
-imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, imucal_second_t* second) {
-  uint64_t t_us = sample->t_us;
-  if (sample->n_channels != sum->run.n_channels || t_us >= (uint64_t)UINT32_MAX * US_PER_S ||
-      (t_us < sum->end_us && sum->run.n_samples >= IMUCAL_SUM_MAX_SAMPLES)) {
+/* By channels and not in a loop: with six of them 18 instructions of 103 less on a Cortex-M4F, 47 of 201 on an M0. */
+typedef char channels_are_at_most_six[IMUCAL_MAX_CHANNELS == 6 ? 1 : -1];
+static inline void add_counts(int64_t* total, const int32_t* counts, uint32_t n_channels) {
+  switch (n_channels) {
+  case 6:
+    total[5] += counts[5]; /* fall through */
+  case 5:
+    total[4] += counts[4]; /* fall through */
+  case 4:
+    total[3] += counts[3]; /* fall through */
+  case 3:
+    total[2] += counts[2]; /* fall through */
+  case 2:
+    total[1] += counts[1]; /* fall through */
+  default:
+    total[0] += counts[0];
+  }
+}
+
+static inline void take(imucal_sum_t* sum, const imucal_sample_t* sample) {
+  sum->last_us = sample->t_us;
+  sum->run.n_samples++;
+  sum->run.temp_sum += sample->temp_counts;
+  add_counts(sum->run.sum, sample->counts, sample->n_channels);
+  if ((sample->saturated | sample->fault) == 0) return;
+  sum->saturated |= sample->saturated;
+  sum->fault |= sample->fault;
+}
+
+/* Any other sample than the next of the running second: refused, left out, behind a hole, the first of a later second. */
+IMUCAL_APART static imucal_status judge(imucal_sum_t* sum, const imucal_sample_t* sample, imucal_second_t* second) {
+  const uint64_t t_us = sample->t_us;
+  if (t_us >= (uint64_t)UINT32_MAX * US_PER_S) {
     sum->n_refused++;
     return IMUCAL_ERR_RANGE;
   }
@@ -88,16 +118,26 @@ imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, i
   imucal_status status = IMUCAL_OK;
   if (t_us >= sum->end_us)
     status = turn_second(sum, t_us, second);
-  else if (t_us - sum->last_us > sum->hole_us)
+  else
     mark_missing(sum);
-  sum->last_us = t_us;
-  sum->n_taken++;
-  sum->run.n_samples++;
-  sum->run.temp_sum += sample->temp_counts;
-  for (uint32_t i = 0; i < sample->n_channels; i++) sum->run.sum[i] += sample->counts[i];
-  sum->saturated |= sample->saturated;
-  sum->fault |= sample->fault;
+  take(sum, sample);
   return status;
+}
+
+/* What nearly every sample is: later than the last one, not behind a hole, of the same second.  The difference of a time
+ * that is not later is beyond every hole: it is modulo 2^64. */
+static inline bool is_next(const imucal_sum_t* sum, uint64_t t_us) {
+  return t_us - sum->last_us - 1 < sum->hole_us && t_us < sum->end_us;
+}
+
+imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, imucal_second_t* second) {
+  if (sample->n_channels != sum->run.n_channels) {
+    sum->n_refused++;
+    return IMUCAL_ERR_RANGE;
+  }
+  if (!is_next(sum, sample->t_us)) return judge(sum, sample, second);
+  take(sum, sample);
+  return IMUCAL_OK;
 }
 
 IMUCAL_COLD imucal_status imucal_sum_flush(imucal_sum_t* sum, imucal_second_t* second) {
@@ -108,8 +148,8 @@ IMUCAL_COLD imucal_status imucal_sum_flush(imucal_sum_t* sum, imucal_second_t* s
   return IMUCAL_SECOND_READY;
 }
 
-/* sum = n whole + rest, |rest| < n <= 2^24: the mean is whole 2^16 + rest 2^16/n.  |whole| <= 2^31, so the first
- * term is at most 2^47, and |rest 2^16| < 2^40.  whole 2^16 is even, so that rounding the second term to even rounds the
+/* sum = n whole + rest, |rest| < n < 2^20: the mean is whole 2^16 + rest 2^16/n.  |whole| <= 2^31, so the first
+ * term is at most 2^47, and |rest 2^16| < 2^36.  whole 2^16 is even, so that rounding the second term to even rounds the
  * sum to even. */
 IMUCAL_COLD int64_t imucal_mean_q16_rne(int64_t sum, uint32_t n) {
   const int64_t whole = sum / (int64_t)n;

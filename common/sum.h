@@ -2,12 +2,13 @@
 /* Purpose: exact sums of raw samples over seconds cut by the samples' own time stamps.
  * Data: imucal_sample_t in, in any rhythm; one imucal_second_t out when the first sample of a later second
  * arrives.  Order: init, add for every sample, flush at the end.
- * Memory: sizeof(imucal_sum_t), no heap.  Time: one 64-bit add per channel and sample; once a second a division.
+ * Memory: sizeof(imucal_sum_t), no heap.  Time: one 64-bit add per channel and sample, and what tells that the sample is
+ * the next of the running second; once a second a division.
  * Thread/ISR: one context at a time per imucal_sum_t.
  *
  * Second k holds the samples with k*1e6 <= t_us < (k+1)*1e6 and is reported as ending at t_s = k+1.
- * Scaling and overflow: counts are int32, sums int64; 2^31 counts times 2^24 samples (IMUCAL_SUM_MAX_SAMPLES)
- * is 2^55, so that a sum is exact, always. */
+ * Scaling and overflow: counts are int32, sums int64.  Time stamps of samples taken rise by a microsecond or more, so that
+ * a second holds at most 10^6 samples: 2^31 counts times 2^20 is 2^51, so that a sum is exact, always. */
 #ifndef IMUCAL_SUM_H
 #define IMUCAL_SUM_H
 
@@ -18,7 +19,7 @@
 extern "C" {
 #endif
 
-#define IMUCAL_SUM_MAX_SAMPLES (1u << 24) /* per second; further ones are counted and left out */
+#define IMUCAL_SUM_MAX_SAMPLES 1000000u /* in a second */
 #define IMUCAL_SUM_MAX_RATE_HZ 100000u
 
 /* Bits of the flags of a second (host/formats.md, Log, columns *_flags). */
@@ -45,11 +46,11 @@ typedef struct imucal_sum {
   uint32_t nominal_n;       /* samples per second expected */
   uint32_t last_t_s;        /* end of the last second handed out; 0: none */
   /* What was dropped or odd, readable by anybody. */
-  uint32_t n_taken;
-  uint32_t n_duplicate; /* same time stamp as the one before: left out */
-  uint32_t n_backward;  /* time stamp before the newest one: left out */
-  uint32_t n_jump;      /* at least one whole second without a sample */
-  uint32_t n_refused;   /* other number of channels, time beyond 2^32 s, too many in a second */
+  uint32_t n_handed_out; /* samples of the seconds handed out */
+  uint32_t n_duplicate;  /* same time stamp as the one before: left out */
+  uint32_t n_backward;   /* time stamp before the newest one: left out */
+  uint32_t n_jump;       /* at least one whole second without a sample */
+  uint32_t n_refused;    /* other number of channels, time beyond 2^32 s */
 } imucal_sum_t;
 
 /* rate_hz: nominal samples per second, 1..IMUCAL_SUM_MAX_RATE_HZ; n_channels: 1..IMUCAL_MAX_CHANNELS.
@@ -61,6 +62,11 @@ IMUCAL_MUST_USE imucal_status imucal_sum_init(imucal_sum_t* sum, uint32_t n_chan
  * A second is flagged missing when two neighbouring samples lie more than 1.5 nominal periods apart and one was due in
  * it: by time and not by number, so that a slow sample clock or jitter raises no flag. */
 IMUCAL_MUST_USE imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, imucal_second_t* second);
+
+/* Samples taken so far. */
+static inline uint32_t imucal_sum_n_taken(const imucal_sum_t* sum) {
+  return sum->n_handed_out + sum->run.n_samples;
+}
 
 /* Hand out the running second, if any: IMUCAL_SECOND_READY, else IMUCAL_OK.  The next sample starts anew; one
  * of the second handed out counts as backward. */

@@ -131,7 +131,7 @@ static void serve_counters(imucal_app_t* app) {
 
 static void serve_samples(imucal_app_t* app) {
   const imucal_link_samples_reply_t answer = {.samples = app->n_samples,
-                                              .summed = app->raw_sum.n_taken,
+                                              .summed = imucal_sum_n_taken(&app->raw_sum),
                                               .duplicates = app->raw_sum.n_duplicate,
                                               .behind = app->raw_sum.n_backward + app->clock.n_behind,
                                               .ahead = app->clock.n_ahead,

@@ -11,10 +11,10 @@ imucal_status app_restart_out_sum(imucal_app_t* app) {
 /* A stream anew, but what was dropped stays counted. */
 static imucal_status restart_raw_sum(imucal_app_t* app) {
   imucal_sum_t* sum = &app->raw_sum;
-  const uint32_t n_taken = sum->n_taken, n_duplicate = sum->n_duplicate, n_backward = sum->n_backward;
+  const uint32_t n_taken = imucal_sum_n_taken(sum), n_duplicate = sum->n_duplicate, n_backward = sum->n_backward;
   const uint32_t n_jump = sum->n_jump, n_refused = sum->n_refused;
   const imucal_status status = imucal_sum_init(sum, app->board->n_channels, app->board->rate_hz);
-  sum->n_taken = n_taken;
+  sum->n_handed_out = n_taken;
   sum->n_duplicate = n_duplicate;
   sum->n_backward = n_backward;
   sum->n_jump = n_jump;

@@ -2,9 +2,9 @@
 
 CPU_stm32f405 := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 $(if $(HSE_HZ),-DSTM32_HSE_HZ=$(HSE_HZ)u)
 CPU_stm32f405_qemu := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -DSTM32_TIM_HZ=1000000000u -DWAIT_TURNS=10u
-FAST_stm32f405_comp := -O2
+FAST_stm32f405_comp := -O2 -fno-tree-pre
 FAST_stm32f405_sum := -O2
-FAST_stm32f405_qemu_comp := -O2
+FAST_stm32f405_qemu_comp := -O2 -fno-tree-pre
 FAST_stm32f405_qemu_sum := -O2
 STM32_DRIVERS := $(addprefix firmware/port/stm32f405/,main.c startup.c system.c usart.c)
 STM32_CHIP := $(addprefix firmware/port/stm32f405/,board_chip.c flash.c spi.c) firmware/sensors/sensor.c firmware/sensors/icm42688p.c
