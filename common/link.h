@@ -124,6 +124,25 @@ extern "C" {
   F(u32, jumps, "times at least one whole second was missing")                                                         \
   F(u32, seconds, "seconds finished")                                                                                  \
   F(u32, gaps, "of them with fewer than half of their samples")
+#define IMUCAL_LINK_SENSOR(F, A, N, V) F(u8, reserved, "0")
+#define IMUCAL_LINK_SENSOR_REPLY(F, A, N, V)                                                                           \
+  F(u8, is_counted, "1: this board counts what follows; 0: it cannot, and all of it is 0")                             \
+  A(chr, name, 16, "of the driver")                                                                                    \
+  F(i16, status, "imucal_status of the newest start or read")                                                          \
+  F(u8, identity, "what the chip says it is (WHO_AM_I)")                                                               \
+  F(u32, starts, "times the driver was started; never set back, as all of these")                                      \
+  F(u32, wrong_identity, "another chip answered")                                                                      \
+  F(u32, bus_errors, "transfers that failed, or an answer no sensor gives: all zeros, all ones")                       \
+  F(u32, overruns, "times the FIFO was full before it was read")                                                       \
+  F(u32, lost, "samples lost in overruns, gaps and resets, by the clock")                                              \
+  F(u32, invalid, "packets refused: header, tag, parity or the sensor's own mark")                                     \
+  F(u32, resets, "times the sensor had reset itself")                                                                  \
+  F(u32, stuck_temp, "times the temperature word stood still for too long")                                            \
+  F(u32, stuck_data, "times all other words stood still")                                                              \
+  F(u32, supply_refused, "erases and programs of the flash refused because the supply was too low")                    \
+  F(u32, saturated, "samples with a channel at its rail")                                                              \
+  F(f32, drift_ppm, "sensor's clock against the board's, positive: fast")                                              \
+  F(u8, is_supply_low, "1: too low to program the flash now")
 #define IMUCAL_LINK_UNLOCK(F, A, N, V)                                                                                 \
   F(u32, challenge, "of the newest STATE_REPLY")                                                                       \
   A(chr, serial, 16, "must be this device's")                                                                          \
@@ -278,6 +297,8 @@ extern "C" {
   M(0x09, command, COMMAND)                                                                                            \
   M(0x0A, samples, SAMPLES)                                                                                            \
   M(0x8A, samples_reply, SAMPLES_REPLY)                                                                                \
+  M(0x0B, sensor, SENSOR)                                                                                              \
+  M(0x8B, sensor_reply, SENSOR_REPLY)                                                                                  \
   M(0x10, cal_start, CAL_START)                                                                                        \
   M(0x11, cal_state, CAL_STATE)                                                                                        \
   M(0x91, cal_state_reply, CAL_STATE_REPLY)                                                                            \
@@ -319,16 +340,32 @@ enum {
   IMUCAL_ORIGIN_ROLLBACK = 4
 };
 
+/* Bits of EVENT SENSOR_COUNTED, in the order of SENSOR_REPLY. */
+enum {
+  IMUCAL_SENSOR_WRONG_IDENTITY = 1,
+  IMUCAL_SENSOR_BUS_ERRORS = 2,
+  IMUCAL_SENSOR_OVERRUNS = 4,
+  IMUCAL_SENSOR_LOST = 8,
+  IMUCAL_SENSOR_INVALID = 16,
+  IMUCAL_SENSOR_RESETS = 32,
+  IMUCAL_SENSOR_STUCK_TEMP = 64,
+  IMUCAL_SENSOR_STUCK_DATA = 128,
+  IMUCAL_SENSOR_SUPPLY = 256, /* refused because of the supply, or the supply is low now */
+  IMUCAL_SENSOR_N_COUNTS = 9
+};
+
 /* Codes of EVENT. */
 typedef enum imucal_link_event_code {
-  IMUCAL_EVENT_BOOT = 1,          /* detail: boot_id */
-  IMUCAL_EVENT_TABLE_LOADED = 2,  /* detail: sequence number */
-  IMUCAL_EVENT_TABLE_NONE = 3,    /* running uncompensated; status: why */
-  IMUCAL_EVENT_TABLE_REFUSED = 4, /* detail: slot; status: why */
-  IMUCAL_EVENT_SENSOR_ENDED = 5,  /* the sample feed is at its end; detail: t_s */
-  IMUCAL_EVENT_SENSOR_FAULT = 6,  /* detail: channel bits */
-  IMUCAL_EVENT_WATCHDOG = 7,      /* the last restart was the watchdog's */
-  IMUCAL_EVENT_HOST_SILENT = 8    /* the calibration was stopped, its filters are kept; detail: s of silence */
+  IMUCAL_EVENT_BOOT = 1,           /* detail: boot_id */
+  IMUCAL_EVENT_TABLE_LOADED = 2,   /* detail: sequence number */
+  IMUCAL_EVENT_TABLE_NONE = 3,     /* running uncompensated; status: why */
+  IMUCAL_EVENT_TABLE_REFUSED = 4,  /* detail: slot; status: why */
+  IMUCAL_EVENT_SENSOR_ENDED = 5,   /* the sample feed is at its end; detail: t_s */
+  IMUCAL_EVENT_SENSOR_FAULT = 6,   /* detail: channel bits */
+  IMUCAL_EVENT_WATCHDOG = 7,       /* the last restart was the watchdog's */
+  IMUCAL_EVENT_SENSOR_COUNTED = 9, /* counts of SENSOR_REPLY grew that had not the second before; status: its own;
+                                      detail: IMUCAL_SENSOR_* */
+  IMUCAL_EVENT_HOST_SILENT = 8     /* the calibration was stopped, its filters are kept; detail: s of silence */
 } imucal_link_event_code;
 
 /* ids:      IMUCAL_LINK_ID_HELLO = 0x01, …

@@ -233,6 +233,7 @@ bool imucal_app_step(imucal_app_t* app) {
   is_busy |= send_reply(app);
   is_busy |= take_bytes(app);
   is_busy |= take_samples(app);
+  app_watch_sensor_when_due(app);
   stop_when_silent(app);
   is_busy |= tx_flush(app);
   if (app->is_reboot_due && app->reboot_us == 0)

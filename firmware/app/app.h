@@ -59,10 +59,13 @@ typedef struct imucal_app {
   imucal_sample_t doubted_raw, doubted_out; /* the last one that clock left out */
   imucal_sum_t raw_sum, out_sum;
   imucal_thermometer_t thermometer;
-  uint8_t clamped;       /* channels outside their valid span in the running second */
-  uint8_t fault;         /* channels that reported a fault in the last second */
-  bool has_sensor_ended; /* until samples are wanted again */
-  bool is_enabled;       /* last said to sample_enable */
+  uint8_t clamped;                       /* channels outside their valid span in the running second */
+  uint8_t fault;                         /* channels that reported a fault in the last second */
+  uint64_t watch_us;                     /* when the sensor's counts are looked at next where no second ends before */
+  uint32_t seen[IMUCAL_SENSOR_N_COUNTS]; /* of the sensor's counts, at the last look */
+  uint32_t growing;                      /* IMUCAL_SENSOR_*: those that grew then */
+  bool has_sensor_ended;                 /* until samples are wanted again */
+  bool is_enabled;                       /* last said to sample_enable */
 
   imucal_table_t table;             /* the ruling one where table_status is IMUCAL_OK */
   imucal_store_report_t report;     /* what the slots hold */

@@ -22,6 +22,11 @@ void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample);
 void app_end_of_samples(imucal_app_t* app, imucal_status why);
 float app_worst_sigma(const imucal_app_t* app, uint32_t i, float* worst_temp_degc);
 
+/* watch.c */
+imucal_link_sensor_reply_t app_sensor_report(const imucal_app_t* app);
+void app_watch_sensor(imucal_app_t* app);
+void app_watch_sensor_when_due(imucal_app_t* app);
+
 /* requests.c */
 void app_serve(imucal_app_t* app);
 #endif

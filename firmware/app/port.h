@@ -5,6 +5,7 @@
  * call back into the app.  ctx is the port's own and is passed to each. */
 #ifndef IMUCAL_APP_PORT_H
 #define IMUCAL_APP_PORT_H
+#include "link.h"
 #include "sample.h"
 #include "store.h"
 
@@ -39,6 +40,10 @@ typedef struct imucal_port {
    * span. */
   void (*sample_out)(void* ctx, const imucal_sample_t* raw, const int32_t* out, const uint8_t* out_frac_bits,
                      uint8_t clamped);
+
+  /* May be NULL.  What sensor and supply have met since the start, at once: the counts never go back.  Asked once a second
+   * and by request SENSOR; *report comes all 0. */
+  void (*sensor_report)(void* ctx, imucal_link_sensor_reply_t* report);
 
   /* Two table slots of flash: rules in common/store.h. */
   imucal_flash_t flash;

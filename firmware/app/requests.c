@@ -145,6 +145,11 @@ static void serve_samples(imucal_app_t* app) {
   reply(app, IMUCAL_LINK_ID_SAMPLES_REPLY, &answer);
 }
 
+static void serve_sensor(imucal_app_t* app) {
+  const imucal_link_sensor_reply_t answer = app_sensor_report(app);
+  reply(app, IMUCAL_LINK_ID_SENSOR_REPLY, &answer);
+}
+
 static void serve_channel_info(imucal_app_t* app, const imucal_link_channel_info_t* request) {
   if (request->channel >= app->board->n_channels) {
     done(app, IMUCAL_ERR_UNKNOWN, app->board->n_channels);
@@ -352,7 +357,7 @@ static bool is_refused_busy(imucal_app_t* app) {
 }
 
 static void count_flash(imucal_app_t* app, imucal_status status) {
-  app->n_flash_failed += status == IMUCAL_ERR_FLASH || status == IMUCAL_ERR_VERIFY;
+  app->n_flash_failed += status == IMUCAL_ERR_FLASH || status == IMUCAL_ERR_VERIFY || status == IMUCAL_ERR_SUPPLY;
 }
 
 /* app->table holds a candidate: check it against this board and write it. Whatever comes of it, what the
@@ -577,6 +582,9 @@ static bool dispatch_device(imucal_app_t* app, const imucal_link_any_t* message)
   case IMUCAL_LINK_ID_SAMPLES:
     serve_samples(app);
     return true;
+  case IMUCAL_LINK_ID_SENSOR:
+    serve_sensor(app);
+    return true;
   case IMUCAL_LINK_ID_CHANNEL_INFO:
     serve_channel_info(app, &message->channel_info);
     return true;
@@ -655,6 +663,7 @@ static bool is_reserved_set(uint8_t request, const imucal_link_any_t* message) {
   case IMUCAL_LINK_ID_STATE:
   case IMUCAL_LINK_ID_COUNTERS:
   case IMUCAL_LINK_ID_SAMPLES:
+  case IMUCAL_LINK_ID_SENSOR:
   case IMUCAL_LINK_ID_REBOOT:
   case IMUCAL_LINK_ID_TABLE_COMMIT:
   case IMUCAL_LINK_ID_ROLLBACK:

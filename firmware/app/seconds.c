@@ -117,6 +117,7 @@ static void finish_second(imucal_app_t* app, const imucal_second_t* raw, const i
   }
   stream_second(app, &record);
   tell_new_faults(app, raw);
+  app_watch_sensor(app);
   stream_progress(app, record.temp_degc);
 }
 

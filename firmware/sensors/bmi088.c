@@ -128,7 +128,7 @@ static imucal_status identify(imucal_bmi088_t* sensor) {
   if (status == IMUCAL_OK) status = read_accel(sensor, ACC_CHIP_ID, &sensor->accel_identity, 1);
   if (status != IMUCAL_OK) return status;
   if (sensor->accel_identity == ACC_IDENTITY) return IMUCAL_OK;
-  if (imucal_sensor_is_flat(&sensor->accel_identity, 1)) sensor->counts.n_bus_errors++;
+  imucal_sensor_count_identity(&sensor->counts, sensor->accel_identity);
   return IMUCAL_ERR_SENSOR;
 }
 
@@ -326,3 +326,20 @@ imucal_status imucal_bmi088_self_test(imucal_bmi088_t* sensor, imucal_sensor_sel
   const imucal_status again = configure(sensor);
   return status != IMUCAL_OK ? status : again;
 }
+
+/* ---- as a value ---- */
+
+static imucal_status start_any(void* sensor, const imucal_sensor_bus_t* bus, const void* config) {
+  return imucal_bmi088_start(sensor, bus, config);
+}
+
+static imucal_status read_any(void* sensor, uint64_t now_us, imucal_sample_t* samples, uint32_t capacity, uint32_t* n) {
+  return imucal_bmi088_read(sensor, now_us, samples, capacity, n);
+}
+
+const imucal_sensor_driver_t imucal_bmi088_driver = {.name = "bmi088",
+                                                     .start = start_any,
+                                                     .read = read_any,
+                                                     .counts_at = offsetof(imucal_bmi088_t, counts),
+                                                     .clock_at = offsetof(imucal_bmi088_t, clock),
+                                                     .identity_at = offsetof(imucal_bmi088_t, gyro_identity)};

@@ -43,4 +43,7 @@ IMUCAL_MUST_USE imucal_status imucal_bmi088_read(imucal_bmi088_t* sensor, uint64
 /* Board at rest, 0.4 s.  Accelerometer (section 4.6.1, 24 g): positive minus negative deflection at least 1 g on x, y and 0.5 g on z.
  * Gyro (4.6.2): its built-in self-test says pass or fail for all three; the response reads 1 or 0.  Ends with a start. */
 IMUCAL_MUST_USE imucal_status imucal_bmi088_self_test(imucal_bmi088_t* sensor, imucal_sensor_self_test_t* test);
+
+/* The same, for source.h. */
+extern const imucal_sensor_driver_t imucal_bmi088_driver;
 #endif

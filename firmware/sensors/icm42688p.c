@@ -369,3 +369,20 @@ imucal_status imucal_icm42688p_self_test(imucal_icm42688p_t* sensor, imucal_sens
   const imucal_status again = configure(sensor);
   return status != IMUCAL_OK ? status : again;
 }
+
+/* ---- as a value ---- */
+
+static imucal_status start_any(void* sensor, const imucal_sensor_bus_t* bus, const void* config) {
+  return imucal_icm42688p_start(sensor, bus, config);
+}
+
+static imucal_status read_any(void* sensor, uint64_t now_us, imucal_sample_t* samples, uint32_t capacity, uint32_t* n) {
+  return imucal_icm42688p_read(sensor, now_us, samples, capacity, n);
+}
+
+const imucal_sensor_driver_t imucal_icm42688p_driver = {.name = "icm42688p",
+                                                        .start = start_any,
+                                                        .read = read_any,
+                                                        .counts_at = offsetof(imucal_icm42688p_t, counts),
+                                                        .clock_at = offsetof(imucal_icm42688p_t, clock),
+                                                        .identity_at = offsetof(imucal_icm42688p_t, identity)};

@@ -52,4 +52,7 @@ IMUCAL_MUST_USE imucal_status imucal_icm42688p_read(imucal_icm42688p_t* sensor, 
  * limits: half to one and a half of the factory's response where it is stored, else 60 dps and 50 to 1200 mg.  Ends with
  * a start.  IMUCAL_OK: it ran; test->failed says the rest. */
 IMUCAL_MUST_USE imucal_status imucal_icm42688p_self_test(imucal_icm42688p_t* sensor, imucal_sensor_self_test_t* test);
+
+/* The same, for source.h. */
+extern const imucal_sensor_driver_t imucal_icm42688p_driver;
 #endif

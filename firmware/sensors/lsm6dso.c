@@ -283,3 +283,20 @@ imucal_status imucal_lsm6dso_self_test(imucal_lsm6dso_t* sensor, imucal_sensor_s
   const imucal_status again = configure(sensor);
   return status != IMUCAL_OK ? status : again;
 }
+
+/* ---- as a value ---- */
+
+static imucal_status start_any(void* sensor, const imucal_sensor_bus_t* bus, const void* config) {
+  return imucal_lsm6dso_start(sensor, bus, config);
+}
+
+static imucal_status read_any(void* sensor, uint64_t now_us, imucal_sample_t* samples, uint32_t capacity, uint32_t* n) {
+  return imucal_lsm6dso_read(sensor, now_us, samples, capacity, n);
+}
+
+const imucal_sensor_driver_t imucal_lsm6dso_driver = {.name = "lsm6dso",
+                                                      .start = start_any,
+                                                      .read = read_any,
+                                                      .counts_at = offsetof(imucal_lsm6dso_t, counts),
+                                                      .clock_at = offsetof(imucal_lsm6dso_t, clock),
+                                                      .identity_at = offsetof(imucal_lsm6dso_t, identity)};

@@ -41,4 +41,7 @@ IMUCAL_MUST_USE imucal_status imucal_lsm6dso_read(imucal_lsm6dso_t* sensor, uint
 /* Board at rest, 0.6 s: 150 to 700 dps at 2000 dps, 50 to 1700 mg at 4 g (table 2 f., self-test change), either sign.
  * Ends with a start. */
 IMUCAL_MUST_USE imucal_status imucal_lsm6dso_self_test(imucal_lsm6dso_t* sensor, imucal_sensor_self_test_t* test);
+
+/* The same, for source.h. */
+extern const imucal_sensor_driver_t imucal_lsm6dso_driver;
 #endif

@@ -91,18 +91,19 @@ static void delay(imucal_mpu6050_t* sensor, uint32_t us) {
 /* One of the three identities. */
 static imucal_status identify(imucal_mpu6050_t* sensor) {
   static const uint8_t known[] = {ID_6050, ID_6500, ID_9250};
-  imucal_status status = IMUCAL_ERR_SENSOR;
-  for (uint32_t i = 0; i < 3 && status != IMUCAL_OK; i++) {
+  imucal_status status = IMUCAL_OK;
+  bool is_known = false;
+  for (uint32_t i = 0; i < 3 && !is_known; i++) {
     if (i > 0) delay(sensor, 10000);
     sensor->identity = 0;
     status = read_regs(sensor, WHO_AM_I, &sensor->identity, 1);
-    bool is_known = false;
-    for (size_t k = 0; k < sizeof known; k++) is_known |= sensor->identity == known[k];
-    if (status == IMUCAL_OK && !is_known) status = IMUCAL_ERR_SENSOR;
+    for (size_t k = 0; k < sizeof known; k++) is_known |= status == IMUCAL_OK && sensor->identity == known[k];
   }
-  if (status != IMUCAL_OK && imucal_sensor_is_flat(&sensor->identity, 1)) sensor->counts.n_bus_errors++;
+  if (status != IMUCAL_OK) return status;
   sensor->is_6500 = sensor->identity != ID_6050;
-  return status;
+  if (is_known) return IMUCAL_OK;
+  imucal_sensor_count_identity(&sensor->counts, sensor->identity);
+  return IMUCAL_ERR_SENSOR;
 }
 
 /* FIFO_RESET does its work while FIFO_EN is 0 (section 4.29): off and reset, then on. */
@@ -322,3 +323,20 @@ imucal_status imucal_mpu6050_self_test(imucal_mpu6050_t* sensor, imucal_sensor_s
   const imucal_status again = configure(sensor);
   return status != IMUCAL_OK ? status : again;
 }
+
+/* ---- as a value ---- */
+
+static imucal_status start_any(void* sensor, const imucal_sensor_bus_t* bus, const void* config) {
+  return imucal_mpu6050_start(sensor, bus, config);
+}
+
+static imucal_status read_any(void* sensor, uint64_t now_us, imucal_sample_t* samples, uint32_t capacity, uint32_t* n) {
+  return imucal_mpu6050_read(sensor, now_us, samples, capacity, n);
+}
+
+const imucal_sensor_driver_t imucal_mpu6050_driver = {.name = "mpu6050",
+                                                      .start = start_any,
+                                                      .read = read_any,
+                                                      .counts_at = offsetof(imucal_mpu6050_t, counts),
+                                                      .clock_at = offsetof(imucal_mpu6050_t, clock),
+                                                      .identity_at = offsetof(imucal_mpu6050_t, identity)};

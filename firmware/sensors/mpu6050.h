@@ -45,4 +45,7 @@ IMUCAL_MUST_USE imucal_status imucal_mpu6050_read(imucal_mpu6050_t* sensor, uint
  * (registers 00h to 02h, 0Dh to 0Fh): 0.5 to 1.5 of the factory's at 250 dps, 2 g.  Without factory values (code 0) an
  * axis fails: there is nothing to compare with.  Ends with a start. */
 IMUCAL_MUST_USE imucal_status imucal_mpu6050_self_test(imucal_mpu6050_t* sensor, imucal_sensor_self_test_t* test);
+
+/* The same, for source.h. */
+extern const imucal_sensor_driver_t imucal_mpu6050_driver;
 #endif

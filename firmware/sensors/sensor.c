@@ -152,6 +152,13 @@ imucal_status imucal_sensor_check_settings(const imucal_sensor_bus_t* bus, imuca
   return IMUCAL_OK;
 }
 
+void imucal_sensor_count_identity(imucal_sensor_counts_t* counts, uint8_t found) {
+  if (imucal_sensor_is_flat(&found, 1))
+    counts->n_bus_errors++;
+  else
+    counts->n_identity++;
+}
+
 imucal_status imucal_sensor_identify(const imucal_sensor_bus_t* bus, imucal_sensor_counts_t* counts, uint8_t device,
                                      uint8_t reg, uint8_t expected, uint8_t* found) {
   imucal_status status = IMUCAL_ERR_SENSOR;
@@ -162,7 +169,7 @@ imucal_status imucal_sensor_identify(const imucal_sensor_bus_t* bus, imucal_sens
     if (status == IMUCAL_OK && *found == expected) return IMUCAL_OK;
   }
   if (status != IMUCAL_OK) return status;
-  if (imucal_sensor_is_flat(found, 1)) counts->n_bus_errors++;
+  imucal_sensor_count_identity(counts, *found);
   return IMUCAL_ERR_SENSOR;
 }
 

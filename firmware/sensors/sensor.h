@@ -41,6 +41,7 @@ typedef struct imucal_sensor_counts {
   uint32_t n_resets;     /* the sensor was found in its reset state and was set up again */
   uint32_t n_stuck_temp; /* times the temperature word stood still for too long */
   uint32_t n_stuck_data; /* times all six words stood still for a second */
+  uint32_t n_identity;   /* times another chip answered */
 } imucal_sensor_counts_t;
 
 /* ---- the sensor's clock in the board's clock ---- */
@@ -126,6 +127,9 @@ IMUCAL_MUST_USE imucal_status imucal_sensor_check_settings(const imucal_sensor_b
                                                            imucal_sensor_counts_t* counts, uint8_t device,
                                                            const imucal_sensor_setting_t* settings, size_t n);
 
+/* An identity that is not the wanted one: another chip, or a stuck bus (0x00, 0xFF). */
+void imucal_sensor_count_identity(imucal_sensor_counts_t* counts, uint8_t found);
+
 /* Reads the identity until it is there, at most 3 times with pauses of 10 ms.  IMUCAL_ERR_SENSOR: answers, but is
  * another chip (or a stuck bus: 0x00 or 0xFF); *found holds what it said. */
 IMUCAL_MUST_USE imucal_status imucal_sensor_identify(const imucal_sensor_bus_t* bus, imucal_sensor_counts_t* counts,
@@ -136,6 +140,15 @@ int32_t imucal_sensor_be16(const uint8_t* bytes);
 int32_t imucal_sensor_le16(const uint8_t* bytes);
 /* Is every byte 0x00, or every byte 0xFF? */
 bool imucal_sensor_is_flat(const uint8_t* bytes, size_t n);
+
+/* ---- a driver as a value, for what must not care which it is (source.h) ---- */
+
+typedef struct imucal_sensor_driver {
+  const char* name; /* at most 15 characters */
+  imucal_status (*start)(void* sensor, const imucal_sensor_bus_t* bus, const void* config);
+  imucal_status (*read)(void* sensor, uint64_t now_us, imucal_sample_t* samples, uint32_t capacity, uint32_t* n);
+  size_t counts_at, clock_at, identity_at; /* where the sensor's struct has them */
+} imucal_sensor_driver_t;
 
 /* ---- self-test ---- */
 

@@ -29,6 +29,8 @@ typedef struct emu_stm32 {
   uint32_t n_out, n_selects, n_spi_violations;
   bool is_selected, is_silent, is_spi_busy;
   uint32_t overrun_at, modf_at; /* byte number + 1 */
+  /* The chip behind the bus: answer to the n-th byte since it was selected; null: answer[]. */
+  uint8_t (*slave)(uint8_t out, uint32_t n);
 } emu_stm32_t;
 
 static emu_stm32_t stm32;
@@ -81,6 +83,11 @@ uint32_t stm32_model_read(uint32_t address) {
   default:
     return address >= SPI1 && address < SPI1 + 0x20 ? emu_stm32_spi_read(address) : 0;
   }
+}
+
+/* The slots as the processor reads them. */
+const void* stm32_model_memory(uint32_t address) {
+  return stm32.slot[0] + (address - STM32_SLOT_ADDRESS(0));
 }
 
 /* The port's clock, here without a chip's timer. */
@@ -166,7 +173,7 @@ static inline void emu_stm32_spi_write(uint32_t address, uint32_t value) {
   }
   if (!stm32.is_selected || !(stm32.cr1 & SPI_CR1_SPE) || (stm32.spi_sr & SPI_SR_RXNE)) stm32.n_spi_violations++;
   stm32.out[stm32.n_out % sizeof stm32.out] = (uint8_t)value;
-  stm32.rx = stm32.answer[stm32.n_out % sizeof stm32.answer];
+  stm32.rx = stm32.slave ? stm32.slave((uint8_t)value, stm32.n_out) : stm32.answer[stm32.n_out % sizeof stm32.answer];
   stm32.n_out++;
   if (stm32.n_out == stm32.overrun_at) stm32.spi_sr |= SPI_SR_OVR;
   if (stm32.n_out == stm32.modf_at) stm32.spi_sr |= SPI_SR_MODF;

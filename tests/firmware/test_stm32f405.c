@@ -91,9 +91,11 @@ static void test_flash_that_does_not_unlock(void** state) {
 static void test_flash_is_not_written_with_a_low_supply(void** state) {
   (void)state;
   stm32.is_supply_low = true;
-  assert_int_equal(stm32_flash_erase(0), IMUCAL_ERR_FLASH);
-  assert_int_equal(stm32_flash_program(0, 0, words, 8), IMUCAL_ERR_FLASH);
+  const uint32_t refused = stm32_supply_refused();
+  assert_int_equal(stm32_flash_erase(0), IMUCAL_ERR_SUPPLY);
+  assert_int_equal(stm32_flash_program(0, 0, words, 8), IMUCAL_ERR_SUPPLY);
   assert_int_equal(stm32.n_erases + stm32.n_words, 0);
+  assert_int_equal(stm32_supply_refused() - refused, 2);
 }
 
 static void test_brown_out_level_is_set_once(void** state) {

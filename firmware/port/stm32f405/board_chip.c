@@ -4,20 +4,16 @@
 
 #include "board.h"
 #include "sensors/icm42688p.h"
+#include "sensors/source.h"
 
 #define SPI_HZ 10500000u
 #define RATE_HZ 1000u
-#define RETRY_US 1000000u
-#define BURST 25u
 #define POLL_US 5000u
 
 static struct {
   imucal_sensor_bus_t bus;
   imucal_icm42688p_t icm;
-  imucal_status status;       /* of the last start or read */
-  uint64_t retry_us, poll_us; /* next start of a sensor that failed; next read */
-  imucal_sample_t burst[BURST];
-  uint32_t at, n;
+  imucal_source_t source;
 } sensor;
 
 static const imucal_icm42688p_config_t config = {.rate_hz = RATE_HZ, .is_high_resolution = true, .filter = 1};
@@ -32,28 +28,17 @@ static void delay_us(void* ctx, uint32_t us) {
   stm32_delay_us(us);
 }
 
-static void start_sensor(void) {
-  sensor.status = imucal_icm42688p_start(&sensor.icm, &sensor.bus, &config);
-  sensor.retry_us = stm32_time_us() + RETRY_US;
-}
-
 /* A sensor that fails is counted as a bad sample once per second and started again; the line stays alive. */
 static imucal_port_sample_t sample_read(void* ctx, imucal_sample_t* sample) {
   (void)ctx;
-  const uint64_t now_us = stm32_time_us();
-  if (sensor.at == sensor.n && sensor.status == IMUCAL_OK && now_us >= sensor.poll_us) {
-    sensor.poll_us = now_us + POLL_US;
-    sensor.at = 0;
-    sensor.status = imucal_icm42688p_read(&sensor.icm, now_us, sensor.burst, BURST, &sensor.n);
-    if (sensor.status != IMUCAL_OK) sensor.retry_us = now_us + RETRY_US;
-  }
-  if (sensor.at < sensor.n) {
-    *sample = sensor.burst[sensor.at++];
-    return IMUCAL_PORT_SAMPLE;
-  }
-  if (sensor.status == IMUCAL_OK || now_us < sensor.retry_us) return IMUCAL_PORT_NO_SAMPLE;
-  start_sensor();
-  return IMUCAL_PORT_BAD_SAMPLE;
+  return imucal_source_read(&sensor.source, stm32_time_us(), sample);
+}
+
+static void sensor_report(void* ctx, imucal_link_sensor_reply_t* report) {
+  (void)ctx;
+  imucal_source_report(&sensor.source, report);
+  report->is_supply_low = !stm32_supply_is_good();
+  report->supply_refused = stm32_supply_refused();
 }
 
 static imucal_status flash_erase(void* ctx, uint32_t slot) {
@@ -68,7 +53,7 @@ static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, co
 
 static imucal_status flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
   (void)ctx;
-  memcpy(data, (const void*)(uintptr_t)(STM32_SLOT_ADDRESS(slot) + offset), len);
+  memcpy(data, reg_memory(STM32_SLOT_ADDRESS(slot) + offset), len);
   return IMUCAL_OK;
 }
 
@@ -108,8 +93,10 @@ void board_init(imucal_port_t* port, imucal_board_t* board, const stm32_clocks_t
   const bool has_supply = stm32_supply_init() == IMUCAL_OK;
   stm32_spi_init(clocks->apb2_hz, SPI_HZ);
   sensor.bus = (imucal_sensor_bus_t){.transfer = transfer, .delay_us = delay_us, .is_spi = true};
-  start_sensor();
+  imucal_source_init(&sensor.source, &imucal_icm42688p_driver, &sensor.icm, &config, &sensor.bus, POLL_US,
+                     stm32_time_us());
   port->sample_read = sample_read;
+  port->sensor_report = sensor_report;
   port->flash = (imucal_flash_t){.erase = flash_erase,
                                  .program = flash_program,
                                  .read = flash_read,

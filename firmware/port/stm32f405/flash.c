@@ -11,6 +11,8 @@
 #define DATA_CACHE (1u << 10)   /* FLASH_ACR: enable, reset */
 #define DATA_CACHE_RESET (1u << 12)
 
+static uint32_t n_supply_refused;
+
 static imucal_status wait_idle(uint32_t limit_us) {
   const uint64_t end_us = stm32_time_us() + limit_us;
   while (reg_read(FLASH_SR) & FLASH_SR_BSY)
@@ -20,7 +22,10 @@ static imucal_status wait_idle(uint32_t limit_us) {
 
 /* Old errors are cleared by writing ones, else they would be taken for this operation's. */
 static imucal_status unlock(void) {
-  if (!stm32_supply_is_good()) return IMUCAL_ERR_FLASH;
+  if (!stm32_supply_is_good()) {
+    n_supply_refused++;
+    return IMUCAL_ERR_SUPPLY;
+  }
   if (wait_idle(ERASE_LIMIT_US) != IMUCAL_OK) return IMUCAL_ERR_FLASH;
   if (reg_read(FLASH_CR) & FLASH_CR_LOCK) {
     reg_write(FLASH_KEYR, KEY1);
@@ -79,6 +84,10 @@ imucal_status stm32_flash_program(uint32_t slot, uint32_t offset, const uint8_t*
 
 bool stm32_supply_is_good(void) {
   return !(reg_read(PWR_CSR) & PWR_CSR_PVDO);
+}
+
+uint32_t stm32_supply_refused(void) {
+  return n_supply_refused;
 }
 
 imucal_status stm32_supply_init(void) {

@@ -14,12 +14,17 @@ uint32_t stm32_model_read(uint32_t address);
 void stm32_model_write(uint32_t address, uint32_t value);
 #define reg_read stm32_model_read
 #define reg_write stm32_model_write
+const void* stm32_model_memory(uint32_t address);
+#define reg_memory stm32_model_memory
 #else
 static inline uint32_t reg_read(uint32_t address) {
   return *(volatile uint32_t*)(uintptr_t)address;
 }
 static inline void reg_write(uint32_t address, uint32_t value) {
   *(volatile uint32_t*)(uintptr_t)address = value;
+}
+static inline const void* reg_memory(uint32_t address) {
+  return (const void*)(uintptr_t)address;
 }
 #endif
 

@@ -63,8 +63,8 @@ IMUCAL_MUST_USE imucal_status stm32_spi_transfer(const uint8_t* out, size_t n_ou
 #define STM32_SLOT_ADDRESS(slot) (0x08004000u + (slot)*STM32_SLOT_BYTES)
 #define STM32_SLOT_SECTOR(slot) (1u + (slot))
 
-/* Whole slot.  IMUCAL_ERR_FLASH: the supply is below 2.9 V, the controller is busy or locked for good, or reports an
- * error.  The controller is locked again in every case. */
+/* Whole slot.  IMUCAL_ERR_SUPPLY: the supply is below 2.9 V, nothing was touched; IMUCAL_ERR_FLASH: the controller is busy
+ * or locked for good, or reports an error.  The controller is locked again in every case. */
 IMUCAL_MUST_USE imucal_status stm32_flash_erase(uint32_t slot);
 /* Words of 32 bits: offset and length multiples of 4, inside the slot, else IMUCAL_ERR_ARGUMENT. */
 IMUCAL_MUST_USE imucal_status stm32_flash_program(uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len);
@@ -73,6 +73,7 @@ IMUCAL_MUST_USE imucal_status stm32_flash_program(uint32_t slot, uint32_t offset
  * once in a chip's life.  IMUCAL_ERR_FLASH: they could not be written. */
 IMUCAL_MUST_USE imucal_status stm32_supply_init(void);
 bool stm32_supply_is_good(void);
+uint32_t stm32_supply_refused(void); /* erases and programs refused because of it */
 
 /* ---- watchdog, resets, faults ---- */
 

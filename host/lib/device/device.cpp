@@ -43,6 +43,8 @@ std::string remedy(imucal_status status) {
   case IMUCAL_ERR_FLASH:
   case IMUCAL_ERR_VERIFY:
     return "; the flash may be worn out; the last good table still rules";
+  case IMUCAL_ERR_SUPPLY:
+    return "; nothing was changed: raise the supply voltage and flash again";
   case IMUCAL_ERR_UNKNOWN:
     return "; the firmware does not know this request: update it";
   case IMUCAL_ERR_NOT_LEARNT:
@@ -56,6 +58,22 @@ constexpr uint16_t kUnlock_s = 120;
 constexpr double kFlashPatience = 5.0; // erase and program take longer than an answer
 
 } // namespace
+
+std::string sensor_trouble(uint32_t detail) {
+  static const char* const kNames[IMUCAL_SENSOR_N_COUNTS] = {"another chip answers in the sensor's place",
+                                                             "the sensor's bus fails",
+                                                             "the sensor's FIFO overran",
+                                                             "samples were lost",
+                                                             "the sensor sent invalid packets",
+                                                             "the sensor reset itself and was set up again",
+                                                             "the sensor's temperature stands still",
+                                                             "the sensor's data stand still",
+                                                             "the supply is too low to program the flash"};
+  std::string text;
+  for (unsigned i = 0; i < IMUCAL_SENSOR_N_COUNTS; ++i)
+    if (detail & 1U << i) text += (text.empty() ? "" : ", ") + std::string(kNames[i]);
+  return text.empty() ? "an event of the sensor that this program does not know" : text;
+}
 
 Device::Device(std::unique_ptr<Transport> transport, DeviceOptions options)
     : transport_(std::move(transport)), options_(options), sequence_(static_cast<uint8_t>(std::random_device{}())) {
@@ -257,6 +275,14 @@ std::optional<imucal_link_samples_reply_t> Device::samples() {
   imucal_status status = IMUCAL_OK;
   const imucal_link_any_t reply = request(IMUCAL_LINK_ID_SAMPLES, &none, IMUCAL_LINK_ID_SAMPLES_REPLY, 1.0, &status);
   if (status == IMUCAL_OK) return reply.samples_reply;
+  return std::nullopt;
+}
+
+std::optional<imucal_link_sensor_reply_t> Device::sensor() {
+  const imucal_link_sensor_t none{};
+  imucal_status status = IMUCAL_OK;
+  const imucal_link_any_t reply = request(IMUCAL_LINK_ID_SENSOR, &none, IMUCAL_LINK_ID_SENSOR_REPLY, 1.0, &status);
+  if (status == IMUCAL_OK && reply.sensor_reply.is_counted) return reply.sensor_reply;
   return std::nullopt;
 }
 

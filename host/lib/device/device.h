@@ -40,6 +40,9 @@ struct LinkStatistics {
 // One finished second, as streamed.
 using SecondRecord = imucal_link_second_t;
 
+// What an event SENSOR_COUNTED says, by its detail (IMUCAL_SENSOR_*): "the sensor's bus failed, the FIFO overran".
+std::string sensor_trouble(uint32_t detail);
+
 class Device {
 public:
   // Called for every streamed record while a request or `poll` waits: id is IMUCAL_LINK_ID_SECOND, …
@@ -67,6 +70,8 @@ public:
   imucal_link_state_reply_t state();
   // What became of the samples since the device's start; nothing: older firmware, which does not count them.
   std::optional<imucal_link_samples_reply_t> samples();
+  // What sensor and supply met since the device's start; nothing: older firmware, or a board that does not count it.
+  std::optional<imucal_link_sensor_reply_t> sensor();
   void stream(unsigned what, unsigned innovation_channels, uint16_t progress_period_s);
 
   void cal_start(const imucal_link_cal_start_t& start);

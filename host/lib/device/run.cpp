@@ -142,6 +142,7 @@ private:
   // the state of listening
   std::optional<Watch> watch_;
   std::optional<imucal_link_samples_reply_t> samples_before_;
+  uint32_t told_trouble_ = 0; // IMUCAL_SENSOR_* that a note speaks of
   double start_s_ = 0, last_shown_s_ = 0;
   uint32_t t_s_ = 0;
   double temp_degc_ = 0, worst_sigma_ = std::numeric_limits<double>::infinity();
@@ -206,6 +207,10 @@ void Run::take(uint8_t id, const imucal_link_any_t& record) {
   } else if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_FAULT) {
     result_.notes.push_back("at " + std::to_string(t_s_) + " s the sensor reported a fault (channel bits " +
                             std::to_string(record.event.detail) + ")");
+  } else if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_COUNTED) {
+    const uint32_t untold = record.event.detail & ~told_trouble_; // each once: calibrate info has the counts
+    told_trouble_ |= untold;
+    if (untold) result_.notes.push_back("from " + std::to_string(t_s_) + " s: " + sensor_trouble(untold));
   }
 }
 

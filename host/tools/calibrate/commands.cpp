@@ -142,6 +142,39 @@ void tell_samples(const imucal_link_samples_reply_t& n) {
       n.unreadable, n.clock_set, n.clock_wrapped, n.jumps);
 }
 
+Json sensor_json(const imucal_link_sensor_reply_t& n) {
+  return {{"name", fixed_text(n.name)},
+          {"status", n.status},
+          {"status_text", status_text(n.status)},
+          {"identity", n.identity},
+          {"starts", n.starts},
+          {"wrong_identity", n.wrong_identity},
+          {"bus_errors", n.bus_errors},
+          {"overruns", n.overruns},
+          {"lost", n.lost},
+          {"invalid", n.invalid},
+          {"resets", n.resets},
+          {"stuck_temp", n.stuck_temp},
+          {"stuck_data", n.stuck_data},
+          {"saturated", n.saturated},
+          {"clock_ppm", shortest(n.drift_ppm)},
+          {"supply_refused", n.supply_refused},
+          {"is_supply_low", n.is_supply_low != 0}};
+}
+
+void print_sensor(const imucal_link_sensor_reply_t& n) {
+  std::printf(
+      "sensor %s: %s, identity 0x%02X, started %u times, clock %+.0f ppm; %u wrong identities, %u bus errors, %u "
+      "overruns, %u samples lost, %u invalid, %u resets, %u saturated; stood still: temperature %u times, data %u "
+      "times\n",
+      fixed_text(n.name).c_str(), n.status == IMUCAL_OK ? "works" : status_text(n.status), n.identity, n.starts,
+      static_cast<double>(n.drift_ppm), n.wrong_identity, n.bus_errors, n.overruns, n.lost, n.invalid, n.resets,
+      n.saturated, n.stuck_temp, n.stuck_data);
+  if (n.supply_refused || n.is_supply_low)
+    std::printf("supply: %s; the flash was left alone %u times because it was too low\n",
+                n.is_supply_low ? "too low to program the flash" : "good", n.supply_refused);
+}
+
 void print_axes(const imucal_table_t& table) {
   for (size_t i = 0; i < table.n_channels; ++i) {
     const imucal_table_channel_t& c = table.channel[i];
@@ -215,6 +248,7 @@ struct DeviceState {
   imucal_link_counters_reply_t counters;
   imucal_link_state_reply_t state;
   std::optional<imucal_link_samples_reply_t> samples;
+  std::optional<imucal_link_sensor_reply_t> sensor;
   bool has_table() const { return info.table_status == IMUCAL_OK; }
 };
 
@@ -233,7 +267,7 @@ Json channels_json(const Device& device) {
 }
 
 Json info_json(const Device& device, const DeviceState& now) {
-  const auto& [info, counters, state, samples] = now;
+  const auto& [info, counters, state, samples, sensor] = now;
   Json json = device_json(device);
   json["session"] = session_text(info.session);
   json["uptime_s"] = static_cast<double>(info.uptime_us) * 1e-6;
@@ -253,11 +287,12 @@ Json info_json(const Device& device, const DeviceState& now) {
   json["channels"] = channels_json(device);
   json["counters"] = counters_json(counters);
   if (samples) json["samples"] = samples_json(*samples);
+  json["sensor"] = sensor ? sensor_json(*sensor) : Json(nullptr);
   return json;
 }
 
 void print_table_state(const DeviceState& now) {
-  const auto& [info, counters, state, samples] = now;
+  const auto& [info, counters, state, samples, sensor] = now;
   if (now.has_table())
     std::printf("table: sequence %u rules (slot %u, %u bytes, CRC %s), made %s, %s\n", info.sequence, info.ruling_slot,
                 info.table_bytes, hex(state.table_crc).c_str(), utc_text(state.table_created_s).c_str(),
@@ -270,12 +305,13 @@ void print_table_state(const DeviceState& now) {
 }
 
 void print_counts(const DeviceState& now) {
-  const auto& [info, counters, state, samples] = now;
+  const auto& [info, counters, state, samples, sensor] = now;
   std::printf("since start: %u samples, %u seconds, %u gaps, %u bad records; line: %u frames, %u spoilt, %u "
               "dropped\n",
               counters.samples, counters.seconds, counters.gaps, counters.feed_errors, counters.rx_frames,
               counters.rx_crc + counters.rx_resync + counters.rx_overflow, counters.tx_dropped);
   if (samples) tell_samples(*samples);
+  if (sensor) print_sensor(*sensor);
   std::printf(
       "refused: %u locked, %u old or foreign, %u unlocks, %u busy, %u reserved fields, %u tables; flash failed %u "
       "times; %u calibrations stopped without a host\n",
@@ -299,7 +335,7 @@ void print_info(const Device& device, const DeviceState& now) {
 } // namespace
 
 Exit show_info(Device* device, const CommonOptions& common) {
-  const DeviceState now{device->info(), device->counters(), device->state(), device->samples()};
+  const DeviceState now{device->info(), device->counters(), device->state(), device->samples(), device->sensor()};
   if (common.wants_json()) write_json(common.json_path, info_json(*device, now));
   if (common.talks()) print_info(*device, now);
   return Exit::kDone;
@@ -322,6 +358,7 @@ public:
   Json json() const;
   size_t seconds() const { return n_; }
   bool prints() const { return prints_; }
+  uint32_t trouble() const { return trouble_; }
   // Ctrl-C before the duration that was asked for.
   bool is_cut_short() const { return is_interrupted_ && options_.duration_s > 0; }
   const std::optional<imucal_link_samples_reply_t>& samples() const { return samples_; }
@@ -340,6 +377,7 @@ private:
   Watch watch_;
   size_t n_ = 0;
   bool is_interrupted_ = false;
+  uint32_t trouble_ = 0; // IMUCAL_SENSOR_* that events told
   std::optional<imucal_link_samples_reply_t> samples_;
 };
 
@@ -360,6 +398,7 @@ void Recording::print(const SecondRecord& second) const {
 
 void Recording::take(uint8_t id, const imucal_link_any_t& record) {
   watch_.saw(id, record);
+  if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_COUNTED) trouble_ |= record.event.detail;
   if (id != IMUCAL_LINK_ID_SECOND) return;
   ++n_;
   raw_.add(record.second);
@@ -399,6 +438,7 @@ void Recording::close() {
 Json Recording::json() const {
   Json json = {{"seconds", n_}, {"sensor_ended", watch_.has_sensor_ended()}, {"link", link_json(device_)}};
   if (samples_) json["samples"] = samples_json(*samples_);
+  json["sensor_trouble"] = trouble_ ? Json(sensor_trouble(trouble_)) : Json(nullptr);
   return json;
 }
 
@@ -413,6 +453,7 @@ Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions&
   if (common.talks() && !recording.prints()) {
     std::printf("%zu seconds recorded\n", recording.seconds());
     if (recording.samples()) tell_samples(*recording.samples());
+    if (recording.trouble()) std::printf("%s: see calibrate info\n", sensor_trouble(recording.trouble()).c_str());
     tell_losses(*device);
   }
   return recording.is_cut_short() ? kInterruptedExit : Exit::kDone;

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: MIT
+#include "source.h"
+
+#define RETRY_US 1000000u
+
+static const imucal_sensor_counts_t* counts_of(const imucal_source_t* source) {
+  return (const void*)((const uint8_t*)source->sensor + source->driver->counts_at);
+}
+
+static imucal_sensor_clock_t* clock_of(const imucal_source_t* source) {
+  return (void*)((uint8_t*)source->sensor + source->driver->clock_at);
+}
+
+static void keep_counts(imucal_sensor_counts_t* past, const imucal_sensor_counts_t* counts) {
+  past->n_samples += counts->n_samples;
+  past->n_saturated += counts->n_saturated;
+  past->n_bus_errors += counts->n_bus_errors;
+  past->n_overruns += counts->n_overruns;
+  past->n_lost += counts->n_lost;
+  past->n_invalid += counts->n_invalid;
+  past->n_resets += counts->n_resets;
+  past->n_stuck_temp += counts->n_stuck_temp;
+  past->n_stuck_data += counts->n_stuck_data;
+  past->n_identity += counts->n_identity;
+}
+
+/* The clock goes on over a start: the next burst tells how many samples the failure cost, and time does not run back. */
+static void start(imucal_source_t* source, uint64_t now_us) {
+  const imucal_sensor_clock_t clock = *clock_of(source);
+  if (source->n_starts > 0) keep_counts(&source->past, counts_of(source));
+  source->status = source->driver->start(source->sensor, source->bus, source->config);
+  source->retry_us = now_us + RETRY_US;
+  if (source->n_starts > 0 && clock.newest_q16_us != 0) {
+    *clock_of(source) = clock;
+    imucal_sensor_clock_break(clock_of(source));
+  }
+  source->n_starts++;
+}
+
+void imucal_source_init(imucal_source_t* source, const imucal_sensor_driver_t* driver, void* sensor, const void* config,
+                        const imucal_sensor_bus_t* bus, uint32_t poll_us, uint64_t now_us) {
+  source->driver = driver;
+  source->bus = bus;
+  source->config = config;
+  source->sensor = sensor;
+  source->poll_us = poll_us;
+  source->due_us = now_us;
+  source->past = (imucal_sensor_counts_t){0};
+  source->n_starts = source->at = source->n = 0;
+  start(source, now_us);
+}
+
+static void read_when_due(imucal_source_t* source, uint64_t now_us) {
+  if (source->status != IMUCAL_OK || now_us < source->due_us) return;
+  source->due_us = now_us + source->poll_us;
+  source->at = 0;
+  source->status = source->driver->read(source->sensor, now_us, source->burst, IMUCAL_SOURCE_BURST, &source->n);
+  if (source->status != IMUCAL_OK) source->retry_us = now_us + RETRY_US;
+}
+
+imucal_port_sample_t imucal_source_read(imucal_source_t* source, uint64_t now_us, imucal_sample_t* sample) {
+  if (source->at == source->n) read_when_due(source, now_us);
+  if (source->at < source->n) {
+    *sample = source->burst[source->at++];
+    return IMUCAL_PORT_SAMPLE;
+  }
+  if (source->status == IMUCAL_OK || now_us < source->retry_us) return IMUCAL_PORT_NO_SAMPLE;
+  start(source, now_us);
+  return IMUCAL_PORT_BAD_SAMPLE;
+}
+
+void imucal_source_report(const imucal_source_t* source, imucal_link_sensor_reply_t* report) {
+  imucal_sensor_counts_t counts = source->past;
+  keep_counts(&counts, counts_of(source));
+  report->is_counted = 1;
+  for (size_t i = 0; i + 1 < sizeof report->name && source->driver->name[i]; i++)
+    report->name[i] = source->driver->name[i];
+  report->status = (int16_t)source->status;
+  report->identity = *((const uint8_t*)source->sensor + source->driver->identity_at);
+  report->starts = source->n_starts;
+  report->wrong_identity = counts.n_identity;
+  report->bus_errors = counts.n_bus_errors;
+  report->overruns = counts.n_overruns;
+  report->lost = counts.n_lost;
+  report->invalid = counts.n_invalid;
+  report->resets = counts.n_resets;
+  report->stuck_temp = counts.n_stuck_temp;
+  report->stuck_data = counts.n_stuck_data;
+  report->saturated = counts.n_saturated;
+  report->drift_ppm = imucal_sensor_clock_drift_ppm(clock_of(source));
+}
