@@ -560,7 +560,6 @@ static void serve_erase(imucal_app_t* app, const imucal_link_erase_t* request) {
 
 /* ---- all of them ---- */
 
-/* A request that may be done: alone, or out of its COMMAND. */
 /* Requests about the device and its line; false: not one of them. */
 static bool dispatch_device(imucal_app_t* app, const imucal_link_any_t* message) {
   switch (app->request) {
@@ -651,9 +650,12 @@ static bool dispatch_table(imucal_app_t* app, const imucal_link_any_t* message) 
   }
 }
 
-static void dispatch(imucal_app_t* app, const imucal_link_any_t* message) {
-  if (!dispatch_device(app, message) && !dispatch_calibration(app, message) && !dispatch_table(app, message))
-    done(app, IMUCAL_ERR_UNKNOWN, 0);
+/* A request that may be done: alone, or out of its COMMAND.  Each group takes its own and leaves the others'. */
+static bool dispatch(imucal_app_t* app, const imucal_link_any_t* message) {
+  const bool is_device = dispatch_device(app, message);
+  const bool is_calibration = dispatch_calibration(app, message);
+  const bool is_table = dispatch_table(app, message);
+  return is_device || is_calibration || is_table;
 }
 
 /* Requests of one reserved byte: another value may mean something one day. */
@@ -697,8 +699,6 @@ void app_serve(imucal_app_t* app) {
   app->n_locked += status == IMUCAL_ERR_LOCKED;
   app->n_stale += status == IMUCAL_ERR_STALE;
   app->n_reserved += status == IMUCAL_ERR_RESERVED;
-  if (status == IMUCAL_OK)
-    dispatch(app, &message);
-  else
-    done(app, status, 0);
+  const bool is_done = status == IMUCAL_OK && dispatch(app, &message);
+  if (!is_done) done(app, status == IMUCAL_OK ? IMUCAL_ERR_UNKNOWN : status, 0);
 }

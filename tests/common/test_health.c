@@ -339,6 +339,17 @@ static void give_seconds(imucal_health_t* h, int n) {
   for (int k = 0; k < n; k++) (void)imucal_health_second(h, (float)(k % 2), 20, 0, true, 0);
 }
 
+/* A variance beyond float has the weight 0: such a block says nothing about slow errors, and divides by nothing. */
+static void test_health_innovations_without_weight_make_no_block(void** state) {
+  (void)state;
+  assert_int_equal(imucal_health_init(&health, &kConfig), IMUCAL_OK);
+  for (int k = 0; k < 1000; k++) assert_true(imucal_health_gate(&health, 100, 0));
+  assert_int_equal(health.n_slow, 0);
+  assert_true(health.slow == 0.0f && health.nis == 0.0f);
+  for (int k = 0; k < 1000; k++) assert_true(imucal_health_gate(&health, 1, 1));
+  assert_true(health.n_slow > 0 && health.slow > 0.0f);
+}
+
 /* Without a known r any noise will do, and none at all is a fault. */
 static void test_health_unknown_noise_any_will_do_none_is_found(void** state) {
   (void)state;
@@ -538,6 +549,7 @@ static void test_health_drawn_runs_same_bits_everywhere(void** state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_health_drawn_runs_same_bits_everywhere),
+      cmocka_unit_test(test_health_innovations_without_weight_make_no_block),
       cmocka_unit_test(test_health_unknown_noise_any_will_do_none_is_found),
       cmocka_unit_test(test_health_new_run_compares_with_nothing_before),
       cmocka_unit_test(test_health_span_of_nothing_and_of_one_ramp),

@@ -203,6 +203,31 @@ static void test_from_kf_takes_what_the_filter_learnt(void** state) {
   assert_true(table.channel[0].sigma[8] == imucal_kf_bias_sigma(&kf, 45));
 }
 
+static void test_from_kf_never_initialised_is_not_learnt(void** state) {
+  (void)state;
+  imucal_kf_t kf;
+  memset(&kf, 0, sizeof kf);
+  kf.stats.n = 5000;
+  imucal_table_t table = example_table(1, 0);
+  const imucal_table_t before = table;
+  assert_int_equal(imucal_table_from_kf(&table.channel[0], &kf, 0, 45), IMUCAL_ERR_NOT_LEARNT);
+  assert_memory_equal(&table, &before, sizeof table);
+}
+
+static void test_encode_refuses_what_validate_refuses_and_writes_nothing(void** state) {
+  (void)state;
+  imucal_table_t table = example_table(2, 0);
+  table.channel[1].coeff[0] = imucal_float_from_bits(0x7FC00000u);
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  memset(bytes, 0x5A, sizeof bytes);
+  size_t len = 77;
+  const imucal_status refused = imucal_table_validate(&table, NULL);
+  assert_int_not_equal(refused, IMUCAL_OK);
+  assert_int_equal(imucal_table_encode(&table, bytes, sizeof bytes, &len), refused);
+  assert_int_equal(len, 77);
+  for (size_t i = 0; i < sizeof bytes; i++) assert_int_equal(bytes[i], 0x5A);
+}
+
 static float next_after(float value, int steps) {
   const uint32_t bits = imucal_bits_from_float(value);
   return imucal_float_from_bits(bits + (uint32_t)steps); /* away from 0 where steps > 0 */
@@ -437,6 +462,8 @@ int main(void) {
       cmocka_unit_test(test_text_first_and_last_character_count),
       cmocka_unit_test(test_text_set_refuses_what_does_not_fit),
       cmocka_unit_test(test_from_kf_takes_what_the_filter_learnt),
+      cmocka_unit_test(test_from_kf_never_initialised_is_not_learnt),
+      cmocka_unit_test(test_encode_refuses_what_validate_refuses_and_writes_nothing),
       cmocka_unit_test(test_decode_finds_the_fault_of_any_channel),
       cmocka_unit_test(test_decode_length_and_reserved_of_the_header_name_no_channel),
       cmocka_unit_test(test_from_kf_span_and_sigma_are_of_the_span_asked),
