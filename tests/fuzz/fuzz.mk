@@ -39,3 +39,25 @@ fuzz-device: $(BUILD)/tests/fuzz/fuzz_device  ## random operations on the whole 
 	  -artifact_prefix=$(BUILD)/tests/fuzz/ $(BUILD)/fuzz_device_corpus
 
 .PHONY: fuzz-device
+
+# The files that the host programs read, by libFuzzer's coverage; all of the library that it meets is instrumented, in a
+# build folder of its own.  Begins with tests/fuzz/corpus; what it finds new stays in build/fuzz_files_corpus.
+FUZZ_FILES_RUNS ?= 1000000
+FUZZ_CXX ?= clang++-14
+FUZZ_FILES_ROOMS := analysis/fit physics/sim physics/effects noise io base
+FUZZ_FILES_FLAGS := -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all
+$(BUILD)/tests/fuzz/libfuzzer_files: $(BUILD)/obj/host/tests/fuzz/fuzz_files.o $(patsubst %,$(BUILD)/lib/%.a,$(FUZZ_FILES_ROOMS) common)
+	@mkdir -p $(@D)
+	$(Q)$(CXX) -pthread -fsanitize=fuzzer,address,undefined $(filter %.o,$^) $(filter %.a,$^) $(LDFLAGS) $(HOST_LIBS) -o $@
+
+fuzz-files-program:
+	$(Q)command -v $(FUZZ_CXX) >/dev/null || { echo "fuzz-files needs libFuzzer; install it with: apt-get install clang-14" >&2; exit 3; }
+	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/fuzz VENV=$(VENV) CC=$(FUZZ_CLANG) CXX=$(FUZZ_CXX) PCH= \
+	  SANITIZE_FLAGS='$(FUZZ_FILES_FLAGS)' $(BUILD)/fuzz/tests/fuzz/libfuzzer_files
+
+fuzz-files: fuzz-files-program  ## logs, JSON and tables by libFuzzer under ASan and UBSan (FUZZ_FILES_RUNS, SEED)
+	$(Q)mkdir -p $(BUILD)/fuzz_files_corpus && $(BUILD)/fuzz/tests/fuzz/libfuzzer_files -runs=$(FUZZ_FILES_RUNS) -seed=$(SEED) -max_len=4096 \
+	  -dict=tests/fuzz/files.dict -timeout=20 -print_final_stats=1 -verbosity=0 -artifact_prefix=$(BUILD)/tests/fuzz/ \
+	  $(BUILD)/fuzz_files_corpus tests/fuzz/corpus
+
+.PHONY: fuzz-files fuzz-files-program
