@@ -287,6 +287,22 @@ def test_run_device_that_falls_silent(imu):
     assert keeps_its_table(imu)
 
 
+@pytest.mark.parametrize("command", [["run", "--model", "model.json", "--range", "0:60"], ["record", "-o", "silent.csv"]], ids=lambda c: c[0])
+def test_wholly_silent_device_is_noticed_within_3_s(imu, command):
+    """With the options as they are; a second and a half more for a busy machine."""
+    imu.sense(QUICK, options=["--speed", "50"])
+    process = imu.start(*command, "--json", "silent.json")
+    time.sleep(1.5)
+    imu.pause()
+    start = time.monotonic()
+    out, err = process.communicate(timeout=20)
+    took_s = time.monotonic() - start
+    imu.resume()
+    imu.stop_sensor()
+    assert process.returncode == 4 and "does not answer" in err, err
+    assert 2.5 < took_s < 4.5
+
+
 def test_run_device_whose_power_fails(imu):
     process = mid_run(imu)
     imu.power_off()

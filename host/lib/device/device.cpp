@@ -255,6 +255,22 @@ void Device::connect() {
   }
 }
 
+imucal_link_info_reply_t Device::info_within(double within_s) {
+  constexpr int kTries = 3;
+  const DeviceOptions asked = options_;
+  if (asked.reply_timeout_s <= DeviceOptions().reply_timeout_s)
+    options_.reply_timeout_s = std::min(asked.reply_timeout_s, within_s / kTries);
+  options_.tries = std::min(asked.tries, std::max(1, static_cast<int>(within_s / options_.reply_timeout_s + 1e-9)));
+  try {
+    const imucal_link_info_reply_t reply = info();
+    options_ = asked;
+    return reply;
+  } catch (...) {
+    options_ = asked;
+    throw;
+  }
+}
+
 imucal_link_info_reply_t Device::info() {
   const imucal_link_info_t none{};
   return request(IMUCAL_LINK_ID_INFO, &none, IMUCAL_LINK_ID_INFO_REPLY).info_reply;

@@ -66,6 +66,9 @@ public:
   void on_stream(StreamHandler handler) { handler_ = std::move(handler); }
 
   imucal_link_info_reply_t info();
+  // The same in a hurry: all tries together last about within_s.  A longer wait for one reply than the default was asked
+  // for by the user (a slow line) and stays.
+  imucal_link_info_reply_t info_within(double within_s);
   imucal_link_counters_reply_t counters();
   imucal_link_state_reply_t state();
   // What became of the samples since the device's start; nothing: older firmware, which does not count them.

@@ -13,6 +13,7 @@ namespace imucal {
 namespace {
 
 constexpr double kSilence_s = 1.0;  // without any record: ask the device whether it is alive
+constexpr double kAnswer_s = 1.8;   // from then on, until it counts as gone: 2.8 s in all
 constexpr double kStall_s = 2.5;    // of a sensor that has delivered
 constexpr double kFirst_s = 30.0;   // until it delivers
 constexpr double kMaxStep_s = 60.0; // of the sensor's clock
@@ -52,7 +53,7 @@ void Watch::saw(uint8_t id, const imucal_link_any_t& record) {
 
 // A device that has started anew streams events at most.
 void Watch::ask() {
-  const imucal_link_info_reply_t info = device_.info();
+  const imucal_link_info_reply_t info = device_.info_within(kAnswer_s);
   last_record_s_ = now_s();
   if (info.session == IMUCAL_SESSION_SENSOR_ENDED) has_sensor_ended_ = true;
   if (!(info.stream_what & IMUCAL_STREAM_SECOND)) restarted();

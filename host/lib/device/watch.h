@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Is the device still doing what it was told to: streaming seconds, with a sensor that delivers?  For every program that
-// listens for long.  A restart is noticed by its BOOT event, or by asking after 1 s of silence; a sensor that stops after
+// listens for long.  A restart is noticed by its BOOT event, or by asking after 1 s of silence, a device that does not
+// answer then is gone 1.8 s later; a sensor that stops after
 // 2.5 s (before its first second it may take 30 s: a feed that is yet to be started).
 #pragma once
 #include <cstdint>
