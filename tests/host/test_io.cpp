@@ -2,12 +2,15 @@
 // Files: logs, models, profiles, JSON.  What is written reads back; what is malformed is refused by line or field.
 #include <unistd.h>
 
+#include <cfloat>
 #include <cmath>
 #include <csetjmp>
 #include <cstdarg>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <string>
 extern "C" {
@@ -19,6 +22,7 @@ extern "C" {
 #include "base/units.h"
 #include "io/log.h"
 #include "io/model.h"
+#include "io/number.h"
 #include "io/profile.h"
 
 using namespace imucal;
@@ -148,6 +152,77 @@ static void test_log_scan_gives_what_read_gives(void**) {
   assert_int_equal(k, 3);
 }
 
+// Text and numbers made of a counter; strtod is the reference, bit for bit.
+static std::string number_text(uint64_t k) {
+  const uint64_t mixed = k * 0x9E3779B97F4A7C15ULL;
+  const int n_whole = static_cast<int>(mixed % 9), n_part = static_cast<int>(mixed / 16 % 9);
+  std::string digits = std::to_string(mixed >> 8) + "0000000000000000";
+  return (mixed & 1ULL << 60 ? "-" : "") + digits.substr(0, static_cast<size_t>(n_whole)) + (n_part > 0 ? "." : "") +
+         digits.substr(3, static_cast<size_t>(n_part));
+}
+
+static void test_plain_number_has_the_bits_of_strtod(void**) {
+  int n_plain = 0;
+  for (uint64_t k = 0; k < 200000; ++k) {
+    const std::string text = number_text(k);
+    const std::string line = text + ",7\n" + std::string(kNumberPadding, '9');
+    const char* at = line.c_str();
+    double value = 0;
+    if (!plain_number(&at, &value)) {
+      assert_ptr_equal(at, line.c_str());
+      continue;
+    }
+    ++n_plain;
+    const double expected = std::strtod(text.c_str(), nullptr);
+    if (text.empty() ? !std::isnan(value) : std::memcmp(&value, &expected, sizeof value) != 0)
+      fail_msg("\"%s\" is read as %.17g", text.c_str(), value);
+    assert_int_equal(at - line.c_str(), text.size());
+  }
+  assert_in_range(n_plain, FLT_EVAL_METHOD == 0 ? 120000 : 0, 199999);
+}
+
+static void test_plain_number_leaves_the_rest(void**) {
+  for (const char* text : {"-", "+1", " 1", ".", "-.", "nan", "12345678", "1.12345678", "x"}) {
+    const std::string line = text + std::string("\n") + std::string(kNumberPadding, '9');
+    const char* at = line.c_str();
+    double value = 0;
+    if (plain_number(&at, &value)) fail_msg("\"%s\" taken for a plain number", text);
+    assert_ptr_equal(at, line.c_str());
+  }
+}
+
+// Rows of every kind of number, over several fillings of the reader's buffer.
+static void test_log_any_spelling_is_read_alike(void**) {
+  const char* const spellings[] = {"-1.5",  "-1.50000000000", " -1.5 ", "-15e-1",
+                                   "-1.5 ", "-0.15E1",        "-1.5",   "-00000001.5"};
+  std::string text = "t_s,temp_degc,gx_dph\n";
+  const int n = 60000;
+  for (int k = 0; k < n; ++k)
+    text += (k % 3 == 1 ? "+" : "") + std::to_string(k) + ",20.25," + spellings[k % 8] + (k % 5 == 0 ? "\r\n" : "\n") +
+            (k % 1000 == 7 ? "# a comment\n\n" : "");
+  const std::string path = file_with("spellings.csv", text);
+  const Log log = read_log(path);
+  std::remove(path.c_str());
+  assert_int_equal(log.size(), n);
+  for (int k = 0; k < n; ++k) {
+    const auto i = static_cast<size_t>(k);
+    assert_true(log.t_s[i] == k && log.temp_degc[i] == 20.25 && log.axes[0].rate_dph[i] == -1.5);
+    assert_int_equal(log.line[i], k + 2 + 2 * ((k + 992) / 1000));
+  }
+}
+
+static void test_log_error_beyond_a_buffer_names_its_line(void**) {
+  std::string text = "t_s,temp_degc,gx_dph\n";
+  const int n = 200000; // of some megabytes
+  for (int k = 0; k < n; ++k) text += std::to_string(k) + ",20,1.25\n";
+  assert_says(log_refusal(text + "200000,20,1.2x\n"), ":200002: column gx_dph: expected a number, found \"1.2x\"");
+  assert_says(log_refusal(text + "200000,20,1e999\n"), ":200002: column gx_dph: expected a number");
+  assert_says(log_refusal(text + "200000,20\n"), ":200002: expected 3 fields, found 2");
+  assert_says(log_refusal(text + "200000,2"), ":200002: the last row has no line end");
+  const std::string wide(700000, '7'); // longer than the buffer
+  assert_says(log_refusal(text + "200000,20," + wide + "\n"), ":200002: column gx_dph: expected a number, found \"777");
+}
+
 static std::string model_refusal(const std::string& text) {
   const std::string path = file_with("model.json", text);
   const std::string message = refusal([&] { read_model(path); });
@@ -267,6 +342,10 @@ int main() {
       cmocka_unit_test(test_log_malformed_names_the_line),
       cmocka_unit_test(test_log_unknown_axis_lists_those_there_are),
       cmocka_unit_test(test_log_scan_gives_what_read_gives),
+      cmocka_unit_test(test_plain_number_has_the_bits_of_strtod),
+      cmocka_unit_test(test_plain_number_leaves_the_rest),
+      cmocka_unit_test(test_log_any_spelling_is_read_alike),
+      cmocka_unit_test(test_log_error_beyond_a_buffer_names_its_line),
       cmocka_unit_test(test_model_round_trip),
       cmocka_unit_test(test_model_malformed_names_the_field),
       cmocka_unit_test(test_text_of_unknown_origin_is_made_printable),

@@ -14,6 +14,7 @@ namespace imucal {
 
 struct Input::Handle {
   gzFile file = nullptr;
+  size_t size = 0;
   ~Handle() {
     if (file != nullptr) gzclose(file);
   }
@@ -32,6 +33,11 @@ Input::Input(const std::string& path) : path_(path), handle_(std::make_unique<Ha
   handle_->file = path == "-" ? (copy < 0 ? nullptr : gzdopen(copy, "rb")) : gzopen(path.c_str(), "rb");
   if (handle_->file == nullptr) throw data_error(input_name(path) + ": cannot open: " + std::strerror(errno));
   gzbuffer(handle_->file, 1U << 17);
+  if (path != "-" && S_ISREG(info.st_mode)) handle_->size = static_cast<size_t>(info.st_size);
+}
+
+size_t Input::size() const {
+  return handle_->size;
 }
 
 Input::~Input() = default;

@@ -17,6 +17,8 @@ public:
 
   // Up to `size` bytes; 0 at the end.  data_error: read failure, damaged or cut gzip.
   size_t read(char* to, size_t size);
+  // Of the file as it lies there, packed or not; 0 where that is not known.
+  size_t size() const;
 
 private:
   struct Handle;

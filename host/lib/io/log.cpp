@@ -7,8 +7,6 @@
 #include <cstdio>
 #include <cstring>
 #include <limits>
-#include <memory>
-#include <optional>
 #include <ostream>
 
 #include "base/error.h"
@@ -16,6 +14,7 @@
 #include "base/units.h"
 #include "io/input.h"
 #include "io/json_file.h"
+#include "io/number.h"
 #include "io/raw_log.h"
 
 namespace imucal {
@@ -62,45 +61,57 @@ bool is_raw(const std::vector<Column>& columns) {
   return std::any_of(columns.begin(), columns.end(), [](const Column& c) { return c.kind == Column::kCounts; });
 }
 
-// Lines of a file with their numbers; fgets-free so that long lines are whole.
+// Lines of a file with their numbers, out of a buffer that holds whole lines however long they are.
 class LineReader {
 public:
   explicit LineReader(const std::string& path) : path_(path), file_(path) {}
+
   bool next() {
-    last_length_ = line_.size();
-    has_line_end_ = false;
-    line_.clear();
-    for (;;) {
-      if (at_ == filled_) {
-        filled_ = file_.read(buffer_.data(), buffer_.size());
-        at_ = 0;
-        if (filled_ == 0) {
-          if (line_.empty()) return false;
-          break;
-        }
-      }
-      const char* begin = buffer_.data() + at_;
-      const void* newline = std::memchr(begin, '\n', filled_ - at_);
-      if (newline) {
-        const auto length = static_cast<size_t>(static_cast<const char*>(newline) - begin);
-        line_.append(begin, length);
-        at_ += length + 1;
-        has_line_end_ = true;
-        break;
-      }
-      line_.append(begin, filled_ - at_);
-      at_ = filled_;
-    }
+    last_length_ = length_;
+    has_line_end_ = ready() != nullptr;
+    if (!has_line_end_ && at_ == filled_) return false;
+    const char* begin = buffer_.data() + at_;
+    const size_t end = has_line_end_ ? at_ + index_of_line_end(begin, filled_ - at_) : filled_;
+    line_.assign(begin, end - at_);
+    at_ = end + has_line_end_;
     if (++number_ == 1) strip_byte_order_mark(path_, &line_);
     if (!line_.empty() && line_.back() == '\r') line_.pop_back();
+    length_ = line_.size();
     return true;
   }
+
+  // The unread text where it begins with a whole line, else nullptr: the last line, without its end, or none is left.
+  const char* ready() {
+    if (at_ >= whole_) fill();
+    return at_ < whole_ ? buffer_.data() + at_ : nullptr;
+  }
+  // Any finite number of the unread text; false where none stands there.
+  bool number_at(const char** at, double* value) const {
+    const auto result = std::from_chars(*at, buffer_.data() + whole_, *value);
+    *at = result.ptr;
+    return result.ec == std::errc() && std::isfinite(*value);
+  }
+  // A line read from ready() on, with `length` characters before its end at `end`.
+  void take(const char* end, size_t length) {
+    at_ = static_cast<size_t>(end - buffer_.data()) + 1;
+    last_length_ = length_;
+    length_ = length;
+    ++number_;
+  }
+
   // A file that ends inside a row, perhaps inside a number: without line end and shorter than the row before.
   void refuse_cut_row() const {
-    if (!has_line_end_ && line_.size() < last_length_)
+    if (!has_line_end_ && length_ < last_length_)
       fail("the last row has no line end and is shorter than the one before: the file is cut off in it; take it off, "
            "or end "
            "it with a line end where it is whole");
+  }
+  // About as many lines as are still to come; 0: unknown.
+  size_t expected_lines() {
+    const char* at = ready();
+    if (at == nullptr || file_.size() == 0) return 0;
+    const auto n = static_cast<size_t>(std::count(at, static_cast<const char*>(buffer_.data()) + whole_, '\n'));
+    return std::min(file_.size() / ((whole_ - at_) / n) + 1, kMostExpected);
   }
   long number() const { return number_; }
   const std::string& line() const { return line_; }
@@ -109,12 +120,33 @@ public:
   }
 
 private:
+  static constexpr size_t kMostExpected = size_t{1} << 24;
+
+  static size_t index_of_line_end(const char* from, size_t size) {
+    return static_cast<size_t>(static_cast<const char*>(std::memchr(from, '\n', size)) - from);
+  }
+
+  // Moves what is unread to the front and reads on until a line end is there or the file is at its end.
+  void fill() {
+    std::memmove(buffer_.data(), buffer_.data() + at_, filled_ - at_);
+    filled_ -= at_;
+    at_ = whole_ = 0;
+    while (whole_ == 0) {
+      if (filled_ == buffer_.size() - kNumberPadding) buffer_.resize(2 * buffer_.size());
+      const size_t n = file_.read(buffer_.data() + filled_, buffer_.size() - kNumberPadding - filled_);
+      if (n == 0) return;
+      const void* last = memrchr(buffer_.data() + filled_, '\n', n);
+      if (last) whole_ = static_cast<size_t>(static_cast<const char*>(last) - buffer_.data()) + 1;
+      filled_ += n;
+    }
+  }
+
   std::string path_;
   Input file_;
-  std::vector<char> buffer_ = std::vector<char>(1 << 16);
-  size_t at_ = 0, filled_ = 0;
+  std::vector<char> buffer_ = std::vector<char>((size_t{1} << 19) + kNumberPadding);
+  size_t at_ = 0, whole_ = 0, filled_ = 0; // unread text from at_, whole lines up to whole_
   std::string line_;
-  size_t last_length_ = 0;
+  size_t length_ = 0, last_length_ = 0;
   bool has_line_end_ = true;
   long number_ = 0;
 };
@@ -167,7 +199,7 @@ LogAxis raw_axis(const LineReader& in, const std::string& name, const std::map<s
   in.fail("column \"" + name + "\" needs its scale before the header, for example \"# " + name + "_scale_dph = 18\"");
 }
 
-std::vector<Column> read_header(const LineReader& in, Log* log) {
+std::vector<Column> columns_of(const LineReader& in, Log* log) {
   const std::vector<std::string> names = split(in.line());
   if (names.size() < 3 || names[0] != "t_s" || names[1] != "temp_degc")
     in.fail("the header must be t_s,temp_degc,<axis>_dph,… ; found \"" + shortened(in.line()) + "\"");
@@ -228,67 +260,113 @@ double parse_number(const LineReader& in, const char* first, const char* last, c
 
 void check_value(const LineReader& in, const Column& column, double value) {
   if (std::abs(value) > kMaxValue) in.fail("column " + column.name + ": is beyond +-1e12");
+  if (column.kind != Column::kFlags) return;
   const bool is_bits = std::isnan(value) || (value >= 0 && value <= 255 && value == std::floor(value));
-  if (column.kind == Column::kFlags && !is_bits) in.fail("column " + column.name + ": expected whole bits 0..255");
+  if (!is_bits) in.fail("column " + column.name + ": expected whole bits 0..255");
 }
 
-// Walks the file; `values` has one entry per column after t_s and temp_degc.
-template <typename OnHeader, typename OnRow> void walk(const std::string& path, OnHeader on_header, OnRow on_row) {
-  LineReader in(path);
-  Log header;
-  header.path = path;
-  std::vector<Column> columns;
-  bool has_header = false;
-  std::vector<double> values;
-  double last_t_s = -std::numeric_limits<double>::infinity();
-  double first_t_s = 0;
-  size_t n_rows = 0;
-  while (in.next()) {
-    const std::string& line = in.line();
-    if (trimmed(line).empty()) continue;
-    if (line[0] == '#') {
-      read_metadata(line, &header.metadata);
-      continue;
+// The rows of a log after its header, each checked.
+class RowReader {
+public:
+  explicit RowReader(const std::string& path) : in_(path) { header_.path = path; }
+
+  // Reads up to the header line and with it.
+  void read_header() {
+    while (in_.next()) {
+      if (is_no_row()) continue;
+      const auto version = header_.metadata.find("imucal-log");
+      if (version != header_.metadata.end() && version->second != "1")
+        in_.fail("log version " + version->second + " is not known to this program (it knows 1)");
+      columns_ = columns_of(in_, &header_);
+      fields_.resize(columns_.size() + 2);
+      header_.expected_rows = in_.expected_lines();
+      return;
     }
-    if (!has_header) {
-      if (header.metadata.count("imucal-log") && header.metadata["imucal-log"] != "1")
-        in.fail("log version " + header.metadata["imucal-log"] + " is not known to this program (it knows 1)");
-      columns = read_header(in, &header);
-      values.resize(columns.size());
-      on_header(header, columns);
-      has_header = true;
-      continue;
+    in_.fail("empty log: no header line (t_s,temp_degc,…)");
+  }
+
+  bool next() {
+    const char* at = in_.ready();
+    if ((at == nullptr || !read_plain(at)) && !read_text()) {
+      if (n_rows_ == 0) in_.fail("empty log: a header and no rows");
+      return false;
     }
-    const char* at = line.data();
-    const char* const end = at + line.size();
-    double t_s = 0, temp_degc = 0;
-    const size_t n_fields = columns.size() + 2;
-    if (n_rows > 0) in.refuse_cut_row();
-    for (size_t f = 0; f < n_fields; ++f) {
-      const char* comma =
-          f + 1 < n_fields ? static_cast<const char*>(std::memchr(at, ',', static_cast<size_t>(end - at))) : end;
-      if (!comma) in.fail("expected " + std::to_string(n_fields) + " fields, found " + std::to_string(f + 1));
-      static const std::string kTime = "t_s", kTemp = "temp_degc";
-      const double value = parse_number(in, at, comma, f == 0 ? kTime : f == 1 ? kTemp : columns[f - 2].name);
-      (f == 0 ? t_s : f == 1 ? temp_degc : values[f - 2]) = value;
+    check();
+    ++n_rows_;
+    return true;
+  }
+
+  const LineReader& in() const { return in_; }
+  const Log& header() const { return header_; }
+  const std::vector<Column>& columns() const { return columns_; }
+  double t_s() const { return fields_[0]; }
+  double temp_degc() const { return fields_[1]; }
+  const double* values() const { return &fields_[2]; } // one per column after t_s and temp_degc
+
+private:
+  // A blank line or a comment.
+  bool is_no_row() {
+    if (trimmed(in_.line()).empty()) return true;
+    if (in_.line()[0] != '#') return false;
+    read_metadata(in_.line(), &header_.metadata);
+    return true;
+  }
+
+  // A whole line of numbers and nothing else; false, nothing taken, where it holds something else.
+  bool read_plain(const char* begin) {
+    const char* at = begin;
+    for (size_t f = 0; f < fields_.size(); ++f) {
+      if (f > 0 && *at++ != ',') return false;
+      if (!plain_number(&at, &fields_[f]) && !in_.number_at(&at, &fields_[f])) return false;
+    }
+    const char* end = at + (*at == '\r');
+    if (*end != '\n') return false;
+    in_.take(end, static_cast<size_t>(at - begin));
+    return true;
+  }
+
+  // The next row whatever its numbers look like; false at the end of the file.
+  bool read_text() {
+    do {
+      if (!in_.next()) return false;
+    } while (is_no_row());
+    if (n_rows_ > 0) in_.refuse_cut_row();
+    const char* at = in_.line().data();
+    const char* const end = at + in_.line().size();
+    for (size_t f = 0; f < fields_.size(); ++f) {
+      const bool is_last = f + 1 == fields_.size();
+      const char* comma = is_last ? end : static_cast<const char*>(std::memchr(at, ',', static_cast<size_t>(end - at)));
+      if (!comma) in_.fail("expected " + std::to_string(fields_.size()) + " fields, found " + std::to_string(f + 1));
+      fields_[f] = parse_number(in_, at, comma, f == 0 ? kTime : f == 1 ? kTemp : columns_[f - 2].name);
       at = comma + 1;
     }
-    if (std::isnan(t_s)) in.fail("t_s is empty");
-    if (temp_degc < kMinTempDegc || temp_degc > kMaxTempDegc) in.fail("temp_degc is no temperature in degrees Celsius");
-    for (size_t c = 0; c < values.size(); ++c) check_value(in, columns[c], values[c]);
-    if (t_s - last_t_s > kMaxJumpS && std::isfinite(last_t_s))
-      in.fail("t_s jumps by " + std::to_string((t_s - last_t_s) / 86400) +
-              " days; cut the log where its clock was set");
-    if (t_s <= last_t_s) in.fail("t_s does not increase; sort the log or cut it where the clock was set back");
-    if (n_rows == 0) first_t_s = t_s;
-    if (t_s - first_t_s > kMaxSpanS) in.fail("the log spans more than 366 days; cut it");
-    last_t_s = t_s;
-    ++n_rows;
-    on_row(in, t_s, temp_degc, values);
+    return true;
   }
-  if (!has_header) in.fail("empty log: no header line (t_s,temp_degc,…)");
-  if (n_rows == 0) in.fail("empty log: a header and no rows");
-}
+
+  void check() {
+    const double t_s = fields_[0];
+    if (std::isnan(t_s)) in_.fail("t_s is empty");
+    if (fields_[1] < kMinTempDegc || fields_[1] > kMaxTempDegc)
+      in_.fail("temp_degc is no temperature in degrees Celsius");
+    for (size_t c = 0; c < columns_.size(); ++c) check_value(in_, columns_[c], fields_[c + 2]);
+    if (n_rows_ == 0) first_t_s_ = t_s;
+    if (n_rows_ > 0 && t_s - last_t_s_ > kMaxJumpS)
+      in_.fail("t_s jumps by " + std::to_string((t_s - last_t_s_) / 86400) +
+               " days; cut the log where its clock was set");
+    if (n_rows_ > 0 && t_s <= last_t_s_)
+      in_.fail("t_s does not increase; sort the log or cut it where the clock was set back");
+    if (t_s - first_t_s_ > kMaxSpanS) in_.fail("the log spans more than 366 days; cut it");
+    last_t_s_ = t_s;
+  }
+
+  const std::string kTime = "t_s", kTemp = "temp_degc";
+  LineReader in_;
+  Log header_;
+  std::vector<Column> columns_;
+  std::vector<double> fields_;
+  double first_t_s_ = 0, last_t_s_ = 0;
+  size_t n_rows_ = 0;
+};
 
 } // namespace
 
@@ -338,54 +416,73 @@ double Log::dt_s() const {
   return steps[steps.size() / 2];
 }
 
+// The 1-s means of a log of samples.
+static Log read_samples(RowReader* rows) {
+  RawDecimator decimator(rows->header());
+  while (rows->next()) {
+    decimator.begin(rows->t_s(), rows->temp_degc(), rows->in().number());
+    for (size_t c = 0; c < rows->columns().size(); ++c) {
+      const Column& column = rows->columns()[c];
+      const double value = rows->values()[c];
+      if (column.kind == Column::kCounts) decimator.counts(column.index, value);
+      if (column.kind == Column::kFlags) decimator.flags(column.index, std::isnan(value) ? 0 : static_cast<int>(value));
+    }
+    decimator.end();
+  }
+  return decimator.finish();
+}
+
+// Where the values of a column go.
+struct Place {
+  std::vector<double>* values = nullptr;
+  std::vector<int>* flags = nullptr;
+  double to_internal = 1;
+};
+
+static std::vector<Place> places_for(const std::vector<Column>& columns, Log* log) {
+  std::vector<Place> places(columns.size());
+  for (size_t c = 0; c < columns.size(); ++c) {
+    Place& place = places[c];
+    LogAxis& axis = log->axes[columns[c].index];
+    if (columns[c].kind == Column::kAuxiliary) place.values = &log->auxiliary[columns[c].name];
+    if (columns[c].kind == Column::kAxis) place.values = &axis.rate_dph, place.to_internal = axis.to_internal;
+    if (columns[c].kind == Column::kFlags) place.flags = &axis.flags;
+    if (place.values) place.values->reserve(log->expected_rows);
+    if (place.flags) place.flags->reserve(log->expected_rows);
+  }
+  return places;
+}
+
+static Log read_means(RowReader* rows) {
+  Log log = rows->header();
+  log.t_s.reserve(log.expected_rows), log.line.reserve(log.expected_rows), log.temp_degc.reserve(log.expected_rows);
+  const std::vector<Place> places = places_for(rows->columns(), &log);
+  while (rows->next()) {
+    log.t_s.push_back(rows->t_s());
+    log.line.push_back(static_cast<uint32_t>(rows->in().number()));
+    log.temp_degc.push_back(rows->temp_degc());
+    const double* value = rows->values();
+    for (const Place& place : places) {
+      if (place.values) place.values->push_back(*value * place.to_internal);
+      if (place.flags) place.flags->push_back(std::isnan(*value) ? 0 : static_cast<int>(*value));
+      ++value;
+    }
+  }
+  return log;
+}
+
 Log read_log(const std::string& path) {
-  Log log;
-  std::vector<Column> columns;
-  std::vector<std::vector<double>*> auxiliary;
-  std::optional<RawDecimator> decimator;
-  walk(
-      path,
-      [&](const Log& header, const std::vector<Column>& header_columns) {
-        log = header;
-        columns = header_columns;
-        if (is_raw(columns)) {
-          decimator.emplace(header);
-          return;
-        }
-        for (const Column& c : columns)
-          auxiliary.push_back(c.kind == Column::kAuxiliary ? &log.auxiliary[c.name] : nullptr);
-      },
-      [&](const LineReader& in, double t_s, double temp_degc, const std::vector<double>& values) {
-        if (decimator) {
-          decimator->begin(t_s, temp_degc, in.number());
-          for (size_t c = 0; c < columns.size(); ++c) {
-            if (columns[c].kind == Column::kCounts) decimator->counts(columns[c].index, values[c]);
-            if (columns[c].kind == Column::kFlags)
-              decimator->flags(columns[c].index, std::isnan(values[c]) ? 0 : static_cast<int>(values[c]));
-          }
-          decimator->end();
-          return;
-        }
-        log.t_s.push_back(t_s);
-        log.line.push_back(static_cast<uint32_t>(in.number()));
-        log.temp_degc.push_back(temp_degc);
-        for (size_t c = 0; c < columns.size(); ++c) {
-          LogAxis* axis = columns[c].kind == Column::kAuxiliary ? nullptr : &log.axes[columns[c].index];
-          if (columns[c].kind == Column::kAxis) axis->rate_dph.push_back(values[c] * axis->to_internal);
-          if (columns[c].kind == Column::kFlags)
-            axis->flags.push_back(std::isnan(values[c]) ? 0 : static_cast<int>(values[c]));
-          if (auxiliary[c]) auxiliary[c]->push_back(values[c]);
-        }
-      });
-  if (decimator) log = decimator->finish();
+  RowReader rows(path);
+  rows.read_header();
+  Log log = is_raw(rows.columns()) ? read_samples(&rows) : read_means(&rows);
   check_steps(log);
   return log;
 }
 
 // A raw log has too few seconds to need bounded memory: a hundredth of its rows.
-static void scan_decimated(const std::string& path, const std::function<void(const Log& header)>& header,
+static void scan_decimated(const Log& log, const std::function<void(const Log& header)>& header,
                            const std::function<void(const LogRow&)>& row) {
-  const Log log = read_log(path);
+  check_steps(log);
   Log empty = log;
   empty.t_s.clear();
   empty.temp_degc.clear();
@@ -400,39 +497,24 @@ static void scan_decimated(const std::string& path, const std::function<void(con
   }
 }
 
-static bool is_raw_log(const std::string& path) {
-  LineReader in(path);
-  while (in.next())
-    if (!trimmed(in.line()).empty() && in.line()[0] != '#') break;
-  for (const std::string& name : split(in.line()))
-    if (ends_with(name, "_counts")) return true;
-  return false;
-}
-
 void scan_log(const std::string& path, const std::function<void(const Log& header)>& header,
               const std::function<void(const LogRow&)>& row) {
-  // Standard input cannot be read twice.
-  if (path == "-" || is_raw_log(path)) return scan_decimated(path, header, row);
-  std::vector<Column> columns;
-  std::vector<double> rate_dph, to_internal;
-  std::vector<int> flags;
-  walk(
-      path,
-      [&](const Log& log, const std::vector<Column>& header_columns) {
-        columns = header_columns;
-        rate_dph.resize(log.axes.size());
-        flags.assign(log.axes.size(), 0);
-        for (const LogAxis& a : log.axes) to_internal.push_back(a.to_internal);
-        header(log);
-      },
-      [&](const LineReader&, double t_s, double temp_degc, const std::vector<double>& values) {
-        for (size_t c = 0; c < columns.size(); ++c)
-          if (columns[c].kind == Column::kAxis)
-            rate_dph[columns[c].index] = values[c] * to_internal[columns[c].index];
-          else if (columns[c].kind == Column::kFlags)
-            flags[columns[c].index] = std::isnan(values[c]) ? 0 : static_cast<int>(values[c]);
-        row({t_s, temp_degc, rate_dph.data(), flags.data()});
-      });
+  RowReader rows(path);
+  rows.read_header();
+  if (is_raw(rows.columns())) return scan_decimated(read_samples(&rows), header, row);
+  std::vector<double> rate_dph(rows.header().axes.size());
+  std::vector<int> flags(rate_dph.size(), 0);
+  std::vector<Column> columns = rows.columns();
+  header(rows.header());
+  while (rows.next()) {
+    const double* value = rows.values();
+    for (const Column& column : columns) {
+      if (column.kind == Column::kAxis) rate_dph[column.index] = *value * rows.header().axes[column.index].to_internal;
+      if (column.kind == Column::kFlags) flags[column.index] = std::isnan(*value) ? 0 : static_cast<int>(*value);
+      ++value;
+    }
+    row({rows.t_s(), rows.temp_degc(), rate_dph.data(), flags.data()});
+  }
 }
 
 static void put_number(std::ostream& out, double value, double lsb) {

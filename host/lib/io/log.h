@@ -31,6 +31,7 @@ struct Log {
   std::vector<double> temp_degc; // NaN where empty
   std::vector<LogAxis> axes;
   std::map<std::string, std::vector<double>> auxiliary; // columns of other units (supply_v, …)
+  size_t expected_rows = 0;                             // of the header that scan_log gives: a guess; 0: unknown
 
   size_t size() const { return t_s.size(); }
   bool has_temperature() const;                       // at least one finite temperature

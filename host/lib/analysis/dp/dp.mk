@@ -3,9 +3,10 @@
 DP_STUDY := $(BUILD)/studies
 DP_MODELS := tests/vectors/models
 
-$(BUILD)/tests/bench_dp: $(BUILD)/obj/host/tests/bench/bench_dp.o $(HOST_ARCHIVE)
+$(BUILD)/tests/bench_dp $(BUILD)/tests/bench_log: $(BUILD)/tests/bench_%: $(BUILD)/obj/host/tests/bench/bench_%.o \
+                                              $(patsubst %,$(BUILD)/lib/%.a,$(ROOMS_dp) common)
 	@mkdir -p $(@D)
-	$(Q)$(CXX) -pthread $< $(HOST_ARCHIVE) $(LDFLAGS) $(HOST_LIBS) -o $@
+	$(Q)$(CXX) -pthread $^ $(LDFLAGS) $(HOST_LIBS) -o $@
 
 $(BUILD)/venv-bench/installed: host/scripts/requirements-bench.txt
 	$(Q)/usr/bin/python3 -m venv $(BUILD)/venv-bench

@@ -15,14 +15,15 @@ namespace imucal {
 namespace {
 
 constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
-constexpr size_t kStepProbe = 4096; // rows whose median step becomes the grid's
+constexpr size_t kStepProbe = 4096;   // rows whose median step becomes the grid's
+constexpr double kSpanOverSame = 1e6; // of the values: what differs by less is the same value
+constexpr size_t kMostLevels = 100000;
 
 // Puts rows on the grid as they come; the first rows wait until the step is known.
-class Gridder {
+// `begin` once with first time stamp and step, then `sample` for every grid place and axis in turn: (t0_s, dt_s) and
+// (axis, rate, temp_degc, flagged).
+template <typename Begin, typename Sample> class Gridder {
 public:
-  // `begin` once with first time stamp and step, then `sample` for every grid place and axis in turn.
-  using Begin = std::function<void(double t0_s, double dt_s)>;
-  using Sample = std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>;
   Gridder(const std::string& path, std::vector<size_t> columns, Begin begin, Sample sample)
       : path_(path), columns_(std::move(columns)), begin_(std::move(begin)), sample_(std::move(sample)) {}
 
@@ -69,7 +70,7 @@ private:
   }
   void push(double temp_degc, const double* rate, const int* flags) {
     for (size_t a = 0; a < columns_.size(); ++a) {
-      const bool flagged = flags && (flags[columns_[a]] & (kSaturated | kSensorFault));
+      const bool flagged = flags && (flags[columns_[a]] & (kSaturated | kSensorFault)) != 0;
       sample_(a, rate && !flagged ? rate[columns_[a]] : kMissing, temp_degc, flagged);
     }
     ++n_;
@@ -100,52 +101,67 @@ double poly_argument(const Series& s, const Detrend& detrend, long i) {
 
 } // namespace
 
-SeriesHeader scan_series(const std::string& path, const std::vector<std::string>& axes,
-                         const std::function<void(const SeriesHeader&)>& begin,
-                         const std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>& sample) {
+namespace {
+
+// Where the named axes (all when empty) stand among those of the log.
+std::vector<size_t> columns_of_axes(const Log& header, const std::vector<std::string>& axes, SeriesHeader* out) {
+  out->axes = axes;
+  out->expected_rows = header.expected_rows;
+  if (axes.empty())
+    for (const LogAxis& a : header.axes) out->axes.push_back(a.name);
+  std::vector<size_t> columns;
+  for (const std::string& name : out->axes)
+    columns.push_back(static_cast<size_t>(&header.axis(name) - header.axes.data()));
+  return columns;
+}
+
+template <typename Begin, typename Sample>
+SeriesHeader scan_grid(const std::string& path, const std::vector<std::string>& axes, Begin begin, Sample sample) {
   SeriesHeader out;
   out.log = path;
-  std::unique_ptr<Gridder> gridder;
+  const auto settled = [&](double t0_s, double dt_s) {
+    out.t0_s = t0_s, out.dt_s = dt_s;
+    begin(out);
+  };
+  using Grid = Gridder<decltype(settled), Sample>;
+  std::unique_ptr<Grid> grid;
   scan_log(
       path,
       [&](const Log& header) {
-        out.axes = axes;
-        if (axes.empty())
-          for (const LogAxis& a : header.axes) out.axes.push_back(a.name);
-        std::vector<size_t> columns;
-        for (const std::string& name : out.axes)
-          columns.push_back(static_cast<size_t>(&header.axis(name) - header.axes.data()));
-        gridder = std::make_unique<Gridder>(
-            path, columns,
-            [&](double t0_s, double dt_s) {
-              out.t0_s = t0_s, out.dt_s = dt_s;
-              begin(out);
-            },
-            sample);
+        grid = std::make_unique<Grid>(path, columns_of_axes(header, axes, &out), settled, sample);
       },
-      [&](const LogRow& row) { gridder->row(row); });
-  gridder->finish();
+      [&](const LogRow& row) { grid->row(row); });
+  grid->finish();
   return out;
+}
+
+} // namespace
+
+SeriesHeader scan_series(const std::string& path, const std::vector<std::string>& axes,
+                         const std::function<void(const SeriesHeader&)>& begin,
+                         const std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>& sample) {
+  return scan_grid<const std::function<void(const SeriesHeader&)>&,
+                   const std::function<void(size_t, double, double, bool)>&>(path, axes, begin, sample);
 }
 
 std::vector<Series> load_series(const std::string& path, const std::vector<std::string>& axes, bool with_temp) {
   std::vector<Series> out;
-  scan_series(
-      path, axes,
-      [&](const SeriesHeader& header) {
-        for (const std::string& name : header.axes) {
-          Series s;
-          s.log = path, s.axis = name, s.t0_s = header.t0_s, s.dt_s = header.dt_s;
-          out.push_back(s);
-        }
-      },
-      [&](size_t axis, double rate, double temp_degc, bool flagged) {
-        Series& s = out[axis];
-        s.n_missing += std::isnan(rate);
-        s.n_flagged += flagged;
-        s.rate_dph.push_back(rate);
-        if (with_temp) s.temp_degc.push_back(temp_degc);
-      });
+  const auto begin = [&](const SeriesHeader& header) {
+    for (const std::string& name : header.axes) {
+      Series& s = out.emplace_back();
+      s.log = path, s.axis = name, s.t0_s = header.t0_s, s.dt_s = header.dt_s;
+      s.rate_dph.reserve(header.expected_rows);
+      if (with_temp) s.temp_degc.reserve(header.expected_rows);
+    }
+  };
+  const auto sample = [&](size_t axis, double rate, double temp_degc, bool flagged) {
+    Series& s = out[axis];
+    s.n_missing += std::isnan(rate);
+    s.n_flagged += flagged;
+    s.rate_dph.push_back(rate);
+    if (with_temp) s.temp_degc.push_back(temp_degc);
+  };
+  scan_grid(path, axes, begin, sample);
   for (Series& s : out) {
     require_samples(path, s.axis, s.size() - s.n_missing);
     if (std::none_of(s.temp_degc.begin(), s.temp_degc.end(), [](double t) { return std::isfinite(t); }))
@@ -154,14 +170,32 @@ std::vector<Series> load_series(const std::string& path, const std::vector<std::
   return out;
 }
 
+// At least so many values lie further apart than `same`: half of the cells of that width that are not empty.  Linear in
+// the number of values.
+static size_t fewest_distinct(const std::vector<double>& values, double least, double same) {
+  std::vector<bool> is_taken(static_cast<size_t>(kSpanOverSame) + 2);
+  size_t n_cells = 0;
+  const double per_same = 1 / same;
+  for (double x : values) {
+    if (std::isnan(x)) continue;
+    const auto cell = static_cast<size_t>((x - least) * per_same);
+    n_cells += !is_taken[cell];
+    is_taken[cell] = true;
+  }
+  return n_cells / 2;
+}
+
 double quantum_dph(const Series& s) {
+  double least = std::numeric_limits<double>::infinity(), most = -least;
+  for (double x : s.rate_dph) least = x < least ? x : least, most = x > most ? x : most;
+  // Written digits: the same value twice differs by less than a millionth of the span.
+  const double same = (most - least) / kSpanOverSame;
+  const auto n = static_cast<size_t>(s.size() - s.n_missing);
+  if (!(same > 0) || fewest_distinct(s.rate_dph, least, same) > std::min(n / 10, kMostLevels)) return 0;
   std::vector<double> values;
   for (double x : s.rate_dph)
     if (!std::isnan(x)) values.push_back(x);
-  const size_t n = values.size();
   std::sort(values.begin(), values.end());
-  // Written digits: the same value twice differs by less than a millionth of the span.
-  const double same = 1e-6 * (values.back() - values.front());
   std::vector<double> distinct;
   for (double x : values)
     if (distinct.empty() || x - distinct.back() > same) distinct.push_back(x);

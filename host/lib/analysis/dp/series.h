@@ -34,13 +34,14 @@ struct SeriesHeader {
   std::string log;
   std::vector<std::string> axes;
   double t0_s = 0, dt_s = 1;
+  size_t expected_rows = 0; // a guess, for reserving; 0: unknown
 };
 SeriesHeader scan_series(const std::string& path, const std::vector<std::string>& axes,
                          const std::function<void(const SeriesHeader&)>& begin,
                          const std::function<void(size_t axis, double rate, double temp_degc, bool flagged)>& sample);
 
 // The step q, in dph, of which all rates are multiples (but for a constant); 0 where no step is seen.  Give it raw rates,
-// before any detrending.  A step is seen where values repeat (fewer distinct ones than a tenth of the samples) and differ
+// before any detrending.  A step is seen where values repeat (fewer distinct ones than a tenth of the samples, and than 100,000) and differ
 // by multiples of the smallest difference, to the last digit written.  Rounding to the step q adds white noise of variance
 // q^2/12 where the other noise is larger than half a step.
 double quantum_dph(const Series& series);
