@@ -97,7 +97,7 @@ static void delay(imucal_lsm6dso_t* sensor, uint32_t us) {
 static imucal_status configure(imucal_lsm6dso_t* sensor) {
   imucal_sensor_setting_t settings[N_SETTINGS];
   make_settings(sensor, settings);
-  sensor->has_gyro = false;
+  sensor->has_half = false;
   sensor->n_in_fifo = 0;
   imucal_status status = imucal_sensor_identify(sensor->bus, &sensor->counts, 0, WHO_AM_I, IDENTITY, &sensor->identity);
   if (status == IMUCAL_OK) status = write_reg(sensor, CTRL3_C, SW_RESET);
@@ -134,35 +134,43 @@ static bool has_even_parity(uint8_t tag) {
   return !((x ^ x >> 1) & 1);
 }
 
-/* Gyro and accelerometer words of one time slot make a sample; true: *sample is set but for its time. */
-static bool take_word(imucal_lsm6dso_t* sensor, const uint8_t* word, imucal_sample_t* sample) {
-  const uint8_t kind = word[0] >> 3;
-  if (!has_even_parity(word[0]) || (kind != TAG_GYRO && kind != TAG_ACCEL)) {
-    sensor->counts.n_invalid++;
-    sensor->has_gyro = false;
-    return false;
-  }
-  if (kind == TAG_GYRO) {
-    if (sensor->has_gyro) sensor->counts.n_invalid++; /* its accelerometer word never came */
-    for (uint32_t i = 0; i < 6; i++) sensor->gyro[i] = word[1 + i];
-    sensor->tag = word[0];
-    sensor->has_gyro = true;
-    return false;
-  }
-  const bool is_pair = sensor->has_gyro && !((sensor->tag ^ word[0]) & TAG_SLOT);
-  sensor->has_gyro = false;
-  if (!is_pair) {
-    sensor->counts.n_invalid++;
-    return false;
-  }
+static void keep_half(imucal_lsm6dso_t* sensor, const uint8_t* word) {
+  for (uint32_t i = 0; i < 6; i++) sensor->half[i] = word[1 + i];
+  sensor->tag = word[0];
+  sensor->has_half = true;
+}
+
+static void make_sample(imucal_lsm6dso_t* sensor, const uint8_t* gyro, const uint8_t* accel, imucal_sample_t* sample) {
   *sample = (imucal_sample_t){.n_channels = 6, .temp_counts = sensor->temp_counts};
   for (uint32_t axis = 0; axis < 3; axis++) {
-    sample->counts[axis] = imucal_sensor_le16(sensor->gyro + 2 * axis);
-    sample->counts[3 + axis] = imucal_sensor_le16(word + 1 + 2 * axis);
+    sample->counts[axis] = imucal_sensor_le16(gyro + 2 * axis);
+    sample->counts[3 + axis] = imucal_sensor_le16(accel + 2 * axis);
   }
   const imucal_sensor_units_t units = imucal_lsm6dso_units(&sensor->config);
   imucal_sensor_mark_rails(&units, &sensor->counts, sample);
   imucal_sensor_watch(&sensor->watch, &sensor->counts, sample);
+}
+
+/* Gyro and accelerometer words of one time slot make a sample, whichever comes first: the data sheet does not say; the tag
+ * tells them apart.  True: *sample is set but for its time. */
+static bool take_word(imucal_lsm6dso_t* sensor, const uint8_t* word, imucal_sample_t* sample) {
+  const uint8_t kind = word[0] >> 3;
+  if (!has_even_parity(word[0]) || (kind != TAG_GYRO && kind != TAG_ACCEL)) {
+    sensor->counts.n_invalid++;
+    sensor->has_half = false;
+    return false;
+  }
+  const bool is_pair = sensor->has_half && sensor->tag >> 3 != kind && !((sensor->tag ^ word[0]) & TAG_SLOT);
+  if (!is_pair) {
+    if (sensor->has_half) sensor->counts.n_invalid++; /* its other word never came */
+    keep_half(sensor, word);
+    return false;
+  }
+  sensor->has_half = false;
+  if (kind == TAG_ACCEL)
+    make_sample(sensor, sensor->half, word + 1, sample);
+  else
+    make_sample(sensor, word + 1, sensor->half, sample);
   return true;
 }
 
@@ -203,7 +211,7 @@ static imucal_status take_burst(imucal_lsm6dso_t* sensor, uint32_t n_words, imuc
                                 uint32_t* n) {
   uint8_t bytes[IMUCAL_SENSOR_BURST_BYTES];
   const uint32_t most = IMUCAL_SENSOR_BURST_BYTES / WORD_BYTES;
-  uint32_t left = n_words, m = 2 * capacity - (sensor->has_gyro ? 1u : 0u);
+  uint32_t left = n_words, m = 2 * capacity - (sensor->has_half ? 1u : 0u);
   if (m > left) m = left;
   if (m > most) m = most;
   const imucal_status status = read_regs(sensor, FIFO_DATA_OUT_TAG, bytes, m * WORD_BYTES);
@@ -216,7 +224,7 @@ static imucal_status take_burst(imucal_lsm6dso_t* sensor, uint32_t n_words, imuc
     sensor->counts.n_samples++;
     (*n)++;
   }
-  sensor->n_in_fifo = (left + (sensor->has_gyro ? 1u : 0u)) / 2;
+  sensor->n_in_fifo = (left + (sensor->has_half ? 1u : 0u)) / 2;
   return IMUCAL_OK;
 }
 
@@ -230,9 +238,9 @@ imucal_status imucal_lsm6dso_read(imucal_lsm6dso_t* sensor, uint64_t now_us, imu
   if (status != IMUCAL_OK) return status;
   if (is_full) {
     sensor->counts.n_overruns++;
-    sensor->has_gyro = false;
+    sensor->has_half = false;
   }
-  const uint32_t level = (n_words + (sensor->has_gyro ? 1u : 0u)) / 2; /* whole samples */
+  const uint32_t level = (n_words + (sensor->has_half ? 1u : 0u)) / 2; /* whole samples */
   const uint32_t n_new = level > sensor->n_in_fifo ? level - sensor->n_in_fifo : 0;
   sensor->counts.n_lost += imucal_sensor_clock_burst(&sensor->clock, now_us, n_new, is_full);
   if (n_words > 0 && capacity > 0) status = take_burst(sensor, n_words, samples, capacity, n);

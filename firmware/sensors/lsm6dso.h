@@ -23,8 +23,8 @@ typedef struct imucal_lsm6dso {
   uint64_t alive_us;
   uint32_t n_in_fifo; /* whole samples left there */
   int32_t temp_counts;
-  uint8_t gyro[6], tag; /* a gyro word whose accelerometer word has not come yet */
-  bool has_gyro;
+  uint8_t half[6], tag; /* a word whose other one of its time slot has not come yet, and its tag */
+  bool has_half;
   uint8_t identity; /* WHO_AM_I 0Fh: 6Ch */
 } imucal_lsm6dso_t;
 

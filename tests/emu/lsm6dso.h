@@ -21,6 +21,7 @@ typedef struct emu_lsm {
   uint64_t k;
   double st_dps[3], st_g[3];
   bool is_temp_frozen;
+  bool is_accel_first; /* order of the two words of a time slot: the data sheet leaves it open */
 } emu_lsm_t;
 
 static inline void emu_lsm_reset_registers(emu_lsm_t* lsm) {
@@ -84,8 +85,10 @@ static inline void emu_lsm_measure(emu_lsm_t* lsm) {
     emu_put_le16(lsm->reg + 0x28 + 2 * i, emu_round(accel / g_lsb, 32767));
   }
   lsm->reg[0x1E] = 7;
-  if (lsm->reg[0x09] >> 4) emu_lsm_push(lsm, 1, lsm->reg + 0x22);
-  if (lsm->reg[0x09] & 15) emu_lsm_push(lsm, 2, lsm->reg + 0x28);
+  for (int turn = 0; turn < 2; turn++) {
+    if ((turn == 0) == lsm->is_accel_first && (lsm->reg[0x09] & 15)) emu_lsm_push(lsm, 2, lsm->reg + 0x28);
+    if ((turn == 0) != lsm->is_accel_first && lsm->reg[0x09] >> 4) emu_lsm_push(lsm, 1, lsm->reg + 0x22);
+  }
   lsm->k++;
 }
 
