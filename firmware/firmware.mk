@@ -7,8 +7,11 @@ FIRMWARE_SENSORS := $(wildcard firmware/sensors/*.c)
 FIRMWARE_CPPFLAGS := -Icommon -Ifirmware
 FIRMWARE_CFLAGS := -std=c99 -pedantic -ffp-contract=off -fno-common $(WARNINGS) -Wstrict-prototypes -Wdouble-promotion
 
+# A driver of firmware/sensors in an emulated device, its bus led to a model in another process (tests/emu/sensor_server.c).
+FIRMWARE_BUS := firmware/port/sim/bus_sensor.c $(FIRMWARE_SENSORS)
+
 FIRMWARE_PORTS := mps2_an386 nrf51
-FIRMWARE_IMAGES := $(BUILD)/firmware/posix/imucal $(BUILD)/firmware/posix/check \
+FIRMWARE_IMAGES := $(BUILD)/firmware/posix/imucal $(BUILD)/firmware/posix/check $(BUILD)/tests/emu/sensor_server \
                    $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf) \
                    $(BUILD)/firmware/stm32f405/imucal.elf $(BUILD)/firmware/stm32f405_qemu/imucal.elf $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/check.elf)
 firmware: $(FIRMWARE_IMAGES)  ## build the firmware images into build/firmware
@@ -22,12 +25,17 @@ $(BUILD)/obj/host/firmware/%.o: firmware/%.c
 
 FIRMWARE_CORE_HOST := $(CORE_SOURCES:%.c=$(BUILD)/obj/host/%.o)
 FIRMWARE_APP_HOST := $(patsubst %.c,$(BUILD)/obj/host/%.o,$(FIRMWARE_APP) $(FIRMWARE_SIM))
-FIRMWARE_POSIX := $(patsubst %.c,$(BUILD)/obj/host/%.o,$(wildcard firmware/port/posix/*.c))
+FIRMWARE_POSIX := $(patsubst %.c,$(BUILD)/obj/host/%.o,$(wildcard firmware/port/posix/*.c) $(FIRMWARE_BUS))
 
 $(BUILD)/firmware/posix/imucal: $(FIRMWARE_POSIX) $(FIRMWARE_APP_HOST) $(FIRMWARE_CORE_HOST)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  LINK $@")
 	$(Q)$(CC) $(SANITIZE_FLAGS) $^ $(LDFLAGS) -o $@
+
+$(BUILD)/tests/emu/sensor_server: $(BUILD)/obj/host/tests/emu/sensor_server.o
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  LINK $@")
+	$(Q)$(CC) $(SANITIZE_FLAGS) $^ $(LDFLAGS) -lm -o $@
 
 # The core's check: the same log to the same bits on every machine, and what it costs.
 FIRMWARE_CHECK := firmware/check/print.c firmware/check/bits.c firmware/check/profiles.c

@@ -88,16 +88,20 @@ static void delay(imucal_mpu6050_t* sensor, uint32_t us) {
 
 /* ---- start ---- */
 
-/* One of the three identities. */
+/* The identity asked for, or one of the three. */
+static bool is_ours(const imucal_mpu6050_t* sensor) {
+  const uint8_t id = sensor->identity;
+  return sensor->config.identity ? id == sensor->config.identity : id == ID_6050 || id == ID_6500 || id == ID_9250;
+}
+
 static imucal_status identify(imucal_mpu6050_t* sensor) {
-  static const uint8_t known[] = {ID_6050, ID_6500, ID_9250};
   imucal_status status = IMUCAL_OK;
   bool is_known = false;
   for (uint32_t i = 0; i < 3 && !is_known; i++) {
     if (i > 0) delay(sensor, 10000);
     sensor->identity = 0;
     status = read_regs(sensor, WHO_AM_I, &sensor->identity, 1);
-    for (size_t k = 0; k < sizeof known; k++) is_known |= status == IMUCAL_OK && sensor->identity == known[k];
+    is_known = status == IMUCAL_OK && is_ours(sensor);
   }
   if (status != IMUCAL_OK) return status;
   sensor->is_6500 = sensor->identity != ID_6050;

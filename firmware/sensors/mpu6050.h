@@ -15,6 +15,8 @@ typedef struct imucal_mpu6050_config {
   uint8_t gyro_fs_sel;  /* 0..3: 250, 500, 1000, 2000 dps (GYRO_CONFIG 1Bh) */
   uint8_t accel_fs_sel; /* 0..3: 2, 4, 8, 16 g (ACCEL_CONFIG 1Ch) */
   uint8_t filter;       /* 1..6: DLPF_CFG of CONFIG 1Ah: gyro 188, 98, 42, 20, 10, 5 Hz (MPU-6500: 184, 92, 41 ...) */
+  uint8_t
+      identity; /* take this WHO_AM_I alone: the two chips' thermometers differ, and so do the board's units; 0: any */
 } imucal_mpu6050_config_t;
 
 typedef struct imucal_mpu6050 {

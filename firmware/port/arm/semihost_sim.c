@@ -48,7 +48,10 @@ __attribute__((noreturn)) static void refuse(const char* what, const char* value
 }
 
 static bool is_other_option(const char* name) {
-  return !strcmp(name, "feed") || !strcmp(name, "flash") || !strcmp(name, "flash-delay-us");
+  static const char* const names[] = {"feed", "flash", "flash-delay-us", "sensor", "bus"};
+  bool is_other = false;
+  for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) is_other |= !strcmp(name, names[i]);
+  return is_other;
 }
 
 void semihost_board(imucal_board_t* board, const char* command_line) {

@@ -21,8 +21,8 @@ bool semihost_feed_restart_if_ended(semihost_feed_t* feed);
 /* The same as imucal_port_t.sample_read wants it, from a stream whose ctx is a semihost_feed_t. */
 imucal_port_sample_t semihost_sample_read(sample_stream_t* stream, imucal_sample_t* sample);
 
-/* Sets the board from "name=value" arguments (board_options.h); the names feed, flash and flash-delay-us, and
- * the program's name at the front, are passed over.  What cannot be read or is out of range is printed and
+/* Sets the board from "name=value" arguments (board_options.h); the names feed, flash, flash-delay-us, sensor and bus,
+ * and the program's name at the front, are passed over.  What cannot be read or is out of range is printed and
  * ends the emulation with status 2. */
 void semihost_board(imucal_board_t* board, const char* command_line);
 

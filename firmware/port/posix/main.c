@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "app/app.h"
+#include "bus_pipe.h"
 #include "feed.h"
 #include "nor_file.h"
 #include "port/sim/board_options.h"
@@ -27,6 +28,7 @@ typedef struct {
   feed_t feed;
   sample_stream_t samples;
   uint8_t sample_bytes[65536];
+  bus_sensor_t sensor;
   nor_t nor;
   struct timespec start;
   const char* link_path;
@@ -44,6 +46,8 @@ static const char kHelp[] =
     "  --link PATH            make PATH a symbolic link to the pseudo-terminal\n"
     "  --feed PATH|tcp:HOST:PORT  raw samples: file, named pipe or server (default: a sensor that is "
     "silent)\n"
+    "  --sensor NAME          instead of a feed: a driver (icm42688p, mpu6050, mpu6500, lsm6dso, bmi088) ...\n"
+    "  --bus PREFIX           ... and its bus, the pipes PREFIX.request and PREFIX.answer to a model\n"
     "  --flash FILE           flash in this file (default: in memory, lost at exit)\n"
     "  --cut OPERATION[:BYTE] lose power in this erase or program (from 0) after BYTE bytes: exit status 9\n"
     "  --flash-delay-us N     time per erase and per programmed word (default 0)\n"
@@ -84,6 +88,18 @@ static imucal_port_sample_t port_sample_read(void* ctx, imucal_sample_t* sample)
   default:
     return IMUCAL_PORT_NO_SAMPLE;
   }
+}
+
+static imucal_port_sample_t port_bus_read(void* ctx, imucal_sample_t* sample) {
+  return bus_sensor_read(&((device_t*)ctx)->sensor, sample);
+}
+
+static void port_bus_enable(void* ctx, bool is_wanted) {
+  if (is_wanted) bus_sensor_restart_if_ended(&((device_t*)ctx)->sensor);
+}
+
+static void port_bus_report(void* ctx, imucal_link_sensor_reply_t* report) {
+  bus_sensor_report(&((device_t*)ctx)->sensor, report);
 }
 
 static void port_sample_enable(void* ctx, bool is_wanted) {
@@ -167,11 +183,23 @@ static void set_cut(const char* text) {
 }
 
 typedef struct {
-  const char *serial, *feed, *flash;
+  const char *serial, *feed, *flash, *bus;
   bool is_live;
 } options_t;
 
-enum { OPT_SERIAL = 1, OPT_LINK, OPT_FEED, OPT_FLASH, OPT_CUT, OPT_DELAY, OPT_LIVE, OPT_HELP, OPT_BOARD };
+enum {
+  OPT_SERIAL = 1,
+  OPT_LINK,
+  OPT_FEED,
+  OPT_FLASH,
+  OPT_CUT,
+  OPT_DELAY,
+  OPT_LIVE,
+  OPT_HELP,
+  OPT_SENSOR,
+  OPT_BUS,
+  OPT_BOARD
+};
 
 static const struct option kOptions[] = {{"serial", required_argument, NULL, OPT_SERIAL},
                                          {"link", required_argument, NULL, OPT_LINK},
@@ -180,6 +208,8 @@ static const struct option kOptions[] = {{"serial", required_argument, NULL, OPT
                                          {"cut", required_argument, NULL, OPT_CUT},
                                          {"flash-delay-us", required_argument, NULL, OPT_DELAY},
                                          {"live", no_argument, NULL, OPT_LIVE},
+                                         {"sensor", required_argument, NULL, OPT_SENSOR},
+                                         {"bus", required_argument, NULL, OPT_BUS},
                                          {"help", no_argument, NULL, OPT_HELP},
                                          {"serial-number", required_argument, NULL, OPT_BOARD},
                                          {"channels", required_argument, NULL, OPT_BOARD},
@@ -225,6 +255,12 @@ static options_t read_options(int argc, char** argv) {
     case OPT_LIVE:
       options.is_live = true;
       break;
+    case OPT_SENSOR:
+      if (!bus_sensor_choose(&device.sensor, optarg, &board)) usage("--sensor", optarg);
+      break;
+    case OPT_BUS:
+      options.bus = optarg;
+      break;
     case OPT_BOARD:
       set_board(kOptions[index].name, optarg);
       break;
@@ -235,6 +271,8 @@ static options_t read_options(int argc, char** argv) {
       exit(EXIT_USAGE_ERROR);
     }
   if (optind < argc) usage("unexpected argument", argv[optind]);
+  if (!options.bus != !device.sensor.kind)
+    usage("--sensor and --bus go together:", options.bus ? options.bus : "no --bus");
   const imucal_status status = imucal_board_check(&board);
   if (status == IMUCAL_OK) return options;
   fprintf(stderr, "imucal: this board cannot be: %s; see --help\n", imucal_status_text(status));
@@ -249,6 +287,7 @@ static void open_all(const options_t* options) {
     exit(EXIT_USAGE_ERROR);
   }
   feed_init(&device.feed, options->feed);
+  bus_pipe_init(&device.sensor, options->bus);
   device.samples = (sample_stream_t){.ctx = &device.feed,
                                      .refill = feed_refill,
                                      .buffer = device.sample_bytes,
@@ -282,6 +321,11 @@ static void fill_port(imucal_port_t* port, bool is_live) {
                           .reboot = port_reboot,
                           .is_replay = !is_live,
                           .device = "posix"};
+  if (device.sensor.kind) {
+    port->sample_read = port_bus_read;
+    port->sample_enable = port_bus_enable;
+    port->sensor_report = port_bus_report;
+  }
   struct timespec now;
   clock_gettime(CLOCK_REALTIME, &now);
   port->boot_id = (uint32_t)now.tv_nsec ^ (uint32_t)now.tv_sec << 12 ^ (uint32_t)getpid() << 20;

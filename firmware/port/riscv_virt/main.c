@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 /* A 32-bit RISC-V without floating point (rv32imac, as in CH32V, GD32VF103, ESP32-C3), in QEMU's `virt` machine: line =
- * UART, sensor and flash = semihosting files.  Arguments: those of port/mps2_an386/main.c.  The smallest port with flash: the
+ * UART, flash = a semihosting file, samples = a feed, or by a driver from a sensor model (port/arm/semihost_bus.h).
+ * Arguments: those of port/mps2_an386/main.c, or sensor=mpu6050 bus=PREFIX instead of feed=PATH.  The smallest port with flash: the
  * porting guide counts its lines. */
 #include "app/app.h"
 #include "port/arm/semihost.h"
+#include "port/arm/semihost_bus.h"
 #include "port/arm/semihost_sim.h"
 #include "virt.h"
 
@@ -15,6 +17,7 @@ static struct {
   semihost_feed_t feed;
   sample_stream_t samples;
   uint8_t sample_bytes[20 * IMUCAL_SAMPLE_RECORD_BYTES];
+  bus_sensor_t sensor;
   semihost_flash_t file;
   nor_t nor;
 } device;
@@ -70,10 +73,16 @@ static void reboot(void* ctx) {
 }
 
 /* Board, samples and flash from the arguments. */
-static imucal_flash_t set_up(void) {
+static imucal_flash_t set_up(imucal_port_t* port) {
   static char text[384];
   if (!semihost_command_line(text, sizeof text)) text[0] = '\0';
   board_options_default(&board);
+  if (semihost_bus_sensor(&device.sensor, text, &board)) {
+    port->ctx = &device.sensor;
+    port->sample_read = semihost_bus_read;
+    port->sample_enable = semihost_bus_enable;
+    port->sensor_report = semihost_bus_report;
+  }
   semihost_board(&board, text);
   device.feed.file = -1;
   if (!semihost_option(text, "feed", device.feed.path, sizeof device.feed.path)) device.feed.path[0] = '\0';
@@ -86,18 +95,17 @@ static imucal_flash_t set_up(void) {
 
 int main(void) {
   UART_FIFO = 0xC1; /* FIFO on; QEMU hands over up to 14 bytes at a time at this trigger level, else one */
-  const imucal_flash_t flash = set_up();
-  const imucal_port_t port = {.serial_read = serial_read,
-                              .serial_write = serial_write,
-                              .sample_read = sample_read,
-                              .sample_enable = sample_enable,
-                              .flash = flash,
-                              .time_us = time_us,
-                              .watchdog = watchdog,
-                              .reboot = reboot,
-                              .is_replay = true,
-                              .boot_id = semihost_boot_id(),
-                              .device = "qemu riscv virt"};
+  imucal_port_t port = {.serial_read = serial_read,
+                        .serial_write = serial_write,
+                        .sample_read = sample_read,
+                        .sample_enable = sample_enable,
+                        .time_us = time_us,
+                        .watchdog = watchdog,
+                        .reboot = reboot,
+                        .is_replay = true,
+                        .boot_id = semihost_boot_id(),
+                        .device = "qemu riscv virt"};
+  port.flash = set_up(&port);
   if (imucal_app_init(&app, &port, &board) != IMUCAL_OK) semihost_exit(2);
   for (;;) (void)imucal_app_step(&app); /* emulated: nothing to save by sleeping */
 }

@@ -3,7 +3,7 @@
 
 CROSS_RISCV ?= riscv64-unknown-elf-
 RISCV_FLAGS := -march=rv32imac -misa-spec=2.2 -mabi=ilp32 -mcmodel=medlow --specs=picolibc.specs $(FIRMWARE_CFLAGS) -Os -ffunction-sections -fdata-sections
-RISCV_SOURCES := $(wildcard firmware/port/riscv_virt/*.c) $(FIRMWARE_APP) $(FIRMWARE_SIM) firmware/port/arm/semihost.c firmware/port/arm/semihost_sim.c
+RISCV_SOURCES := $(wildcard firmware/port/riscv_virt/*.c) $(FIRMWARE_APP) $(FIRMWARE_SIM) $(FIRMWARE_BUS) $(addprefix firmware/port/arm/semihost,.c _sim.c _bus.c)
 
 $(BUILD)/obj/riscv_virt/%.o: %.c
 	@mkdir -p $(@D)

@@ -8,7 +8,7 @@ FAST_stm32f405_qemu_comp := -O2 -fno-tree-pre
 FAST_stm32f405_qemu_sum := -O2
 STM32_DRIVERS := $(addprefix firmware/port/stm32f405/,main.c startup.c system.c usart.c)
 STM32_CHIP := $(addprefix firmware/port/stm32f405/,board_chip.c flash.c spi.c) firmware/sensors/sensor.c firmware/sensors/source.c firmware/sensors/icm42688p.c
-STM32_QEMU := firmware/port/stm32f405/board_emulated.c firmware/port/arm/semihost.c firmware/port/arm/semihost_sim.c $(FIRMWARE_SIM)
+STM32_QEMU := firmware/port/stm32f405/board_emulated.c firmware/port/arm/semihost.c firmware/port/arm/semihost_sim.c firmware/port/arm/semihost_bus.c $(FIRMWARE_SIM) $(FIRMWARE_BUS)
 
 # $1 image's folder in build/, $2 sources beside core and app
 define stm32_rules
