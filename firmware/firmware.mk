@@ -48,6 +48,13 @@ $(BUILD)/firmware/posix/check: $(patsubst %.c,$(BUILD)/obj/host/%.o,$(FIRMWARE_C
 $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/firmware/test_*.c)): $(FIRMWARE_APP_HOST) \
   $(FIRMWARE_SENSORS:%.c=$(BUILD)/obj/host/%.o) $(BUILD)/obj/host/tests/firmware/bench.o
 
+# What the chamber and the gyros do in test_sensor_job: a log by gyrosim.
+$(BUILD)/tests/firmware/sensor_job.csv: tests/firmware/sensor_job_model.json tests/firmware/sensor_job_profile.json | $(BUILD)/bin/gyrosim
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  GEN  $@")
+	$(Q)$(BUILD)/bin/gyrosim log --model $< --profile $(word 2,$^) --axes 3 --seed 1 -q -o $@
+$(BUILD)/tests/firmware/test_sensor_job: | $(BUILD)/tests/firmware/sensor_job.csv
+
 # ---- microcontrollers ----
 
 FIRMWARE_ARM := firmware/port/arm/startup.c firmware/port/arm/semihost.c firmware/port/arm/semihost_sim.c

@@ -192,6 +192,7 @@ void app_end_of_samples(imucal_app_t* app, imucal_status why) {
   const imucal_status out_status = imucal_sum_flush(&app->out_sum, &out_second);
   if (status == IMUCAL_SECOND_READY)
     finish_second(app, &raw_second, out_status == IMUCAL_SECOND_READY ? &out_second : NULL);
+  app_watch_sensor(app); /* what the last moments brought is told before the end is */
   app->has_sensor_ended = true;
   if (app->session == IMUCAL_SESSION_CALIBRATING) app->session = IMUCAL_SESSION_SENSOR_ENDED;
   app_event(app, IMUCAL_EVENT_SENSOR_ENDED, why, app->t_s);

@@ -2,6 +2,7 @@
 #include "source.h"
 
 #define RETRY_US 1000000u
+#define FAILING_POLL_US 100000u /* a driver that looks after a silent sensor waits for it: not at every poll */
 
 static const imucal_sensor_counts_t* counts_of(const imucal_source_t* source) {
   return (const void*)((const uint8_t*)source->sensor + source->driver->counts_at);
@@ -29,6 +30,7 @@ static void start(imucal_source_t* source, uint64_t now_us) {
   const imucal_sensor_clock_t clock = *clock_of(source);
   if (source->n_starts > 0) keep_counts(&source->past, counts_of(source));
   source->status = source->driver->start(source->sensor, source->bus, source->config);
+  source->is_running = source->status == IMUCAL_OK;
   source->retry_us = now_us + RETRY_US;
   if (source->n_starts > 0 && clock.newest_q16_us != 0) {
     *clock_of(source) = clock;
@@ -50,12 +52,15 @@ void imucal_source_init(imucal_source_t* source, const imucal_sensor_driver_t* d
   start(source, now_us);
 }
 
+/* A read that fails is tried again: the driver knows best what a sensor needs that was away for a moment. */
 static void read_when_due(imucal_source_t* source, uint64_t now_us) {
-  if (source->status != IMUCAL_OK || now_us < source->due_us) return;
-  source->due_us = now_us + source->poll_us;
+  if (!source->is_running || now_us < source->due_us) return;
+  const bool was_good = source->status == IMUCAL_OK;
   source->at = 0;
   source->status = source->driver->read(source->sensor, now_us, source->burst, IMUCAL_SOURCE_BURST, &source->n);
-  if (source->status != IMUCAL_OK) source->retry_us = now_us + RETRY_US;
+  const bool is_good = source->status == IMUCAL_OK;
+  source->due_us = now_us + (is_good || source->poll_us > FAILING_POLL_US ? source->poll_us : FAILING_POLL_US);
+  if (was_good && !is_good) source->retry_us = now_us + RETRY_US;
 }
 
 imucal_port_sample_t imucal_source_read(imucal_source_t* source, uint64_t now_us, imucal_sample_t* sample) {

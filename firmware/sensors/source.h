@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/* Purpose: a driver of this folder as the app's sensor (app/port.h): read when its time has come, started again once a second
- * while it fails, and everything it counts kept over those starts for SENSOR of the link.
+/* Purpose: a driver of this folder as the app's sensor (app/port.h): read when its time has come, started again when it has
+ * failed for a second, and everything it counts kept over those starts for SENSOR of the link.
  * Order: imucal_source_init once, then imucal_source_read for ever.  Memory: the caller's.  Thread/ISR: one context. */
 #ifndef IMUCAL_SENSORS_SOURCE_H
 #define IMUCAL_SENSORS_SOURCE_H
@@ -22,7 +22,8 @@ typedef struct imucal_source {
   void* sensor;
   uint32_t poll_us;
   imucal_status status;        /* of the newest start or read */
-  uint64_t retry_us, due_us;   /* next start of a sensor that failed; next read */
+  uint64_t retry_us, due_us;   /* next start of a sensor that fails; next read */
+  bool is_running;             /* the newest start went well */
   imucal_sensor_counts_t past; /* what the driver counted before its newest start, which begins at 0 */
   uint32_t n_starts;
   imucal_sample_t burst[IMUCAL_SOURCE_BURST];

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: MIT
-/* The whole job with a real sensor's numbers: a modelled ICM-42688-P (2000 dps, 1 kHz FIFO, its clock 1 % fast,
- * temperature by its formula) -> driver -> app (sum, kf, table, comp), calibrated over the link.  The same samples, kept,
- * go through the core offline: the table must be the same, byte for byte, and so must every compensated sample. */
+/* The whole job with a real sensor's numbers: gyrosim's chamber and gyros (a log made by the build,
+ * sensor_job_model.json, sensor_job_profile.json) -> a modelled ICM-42688-P (2000 dps, 16.4 counts per dps, 1 kHz FIFO, its clock
+ * 1 % fast, temperature by its formula) -> driver -> app (sum, kf, table, comp), calibrated over the link.  The same samples,
+ * kept, go through the core offline: the table must be the same, byte for byte, and so must every compensated sample. */
+#include <stdio.h>
+#include <stdlib.h>
+
 #include "bench.h"
 #include "emu/icm42688p.h"
 #include "sensors/icm42688p.h"
@@ -19,15 +23,35 @@ static int32_t out_kept[MAX_SAMPLES][6];
 static uint32_t n_kept, n_out, burst_at, burst_n, n_read_errors;
 static double end_us;
 
-/* Degrees per second and g; a bias of some hundred deg/h as the data sheet's +-0.5 dps allows, white noise of its
- * 2.8 mdps/rt(Hz) and 70 ug/rt(Hz) at 500 Hz of bandwidth; 0 to 60 degC within the learning. */
+/* Rows of gyrosim's log: seconds that end at 1, 2, ...; degC and dph. */
+static double log_row[LEARN_S + RUN_S + 30][4];
+static size_t n_rows;
+
+static void read_log(void) {
+  char path[512], line[256];
+  const char* build = getenv("BUILD");
+  snprintf(path, sizeof path, "%s/tests/firmware/sensor_job.csv", build ? build : "build");
+  FILE* file = fopen(path, "r");
+  if (!file) fail_msg("%s is missing: make %s", path, path);
+  while (fgets(line, sizeof line, file) && n_rows < sizeof log_row / sizeof log_row[0]) {
+    double* row = log_row[n_rows];
+    double t_s;
+    if (sscanf(line, "%lf,%lf,%lf,%lf,%lf", &t_s, &row[0], &row[1], &row[2], &row[3]) == 5) n_rows++;
+  }
+  (void)fclose(file);
+  assert_true(n_rows > LEARN_S + RUN_S);
+}
+
+/* Degrees per second and g; beside the log's the sensor's white noise, 2.8 mdps/rt(Hz) and 70 ug/rt(Hz) at 500 Hz of
+ * bandwidth. */
 static void chamber(void* ctx, uint64_t k, double t_us, emu_world_t* world) {
   (void)ctx;
-  const double s = t_us * 1e-6, tn = (s < LEARN_S ? s / LEARN_S : 1.0 - 0.5 * (s - LEARN_S) / RUN_S) * 2.0 - 1.0;
-  world->temp_degc = 30.0 + 29.0 * tn;
-  for (uint32_t i = 0; i < 3; i++) {
-    world->rate_dps[i] = 0.1 + 0.12 * tn - 0.05 * tn * tn * (i + 1) + 0.0626 * emu_noise(k, i);
-    world->accel_g[i] = (i == 2) + 0.003 * tn + 0.001 * tn * tn + 0.00157 * emu_noise(k, 3 + i);
+  const size_t i = (size_t)(t_us * 1e-6) < n_rows ? (size_t)(t_us * 1e-6) : n_rows - 1;
+  const double tn = (log_row[i][0] - 30.0) / 30.0;
+  world->temp_degc = log_row[i][0];
+  for (uint32_t axis = 0; axis < 3; axis++) {
+    world->rate_dps[axis] = log_row[i][1 + axis] / 3600.0 + 0.0626 * emu_noise(k, axis);
+    world->accel_g[axis] = (axis == 2) + 0.003 * tn + 0.001 * tn * tn + 0.00157 * emu_noise(k, 3 + axis);
   }
 }
 
@@ -170,14 +194,16 @@ static size_t table_offline(const imucal_learn_t learn[6], uint32_t created_s, u
 }
 
 static void set_up(void) {
+  read_log();
   emu_icm_power_on(&icm);
   icm.bus.clock_error = 0.01;
   icm.bus.feel = chamber;
   bus = emu_icm_bus(&icm);
-  const imucal_icm42688p_config_t config = {.rate_hz = 1000, .is_high_resolution = true, .filter = 0};
+  const imucal_icm42688p_config_t config = {.rate_hz = 1000, .filter = 0};
   assert_int_equal(imucal_icm42688p_start(&sensor, &bus, &config), IMUCAL_OK);
   bench_start(&bench);
   describe_board(&bench.board);
+  assert_true(fabs(1.0 / (double)imucal_icm42688p_units(&config).dps_per_count - 16.384) < 1e-4);
   bench.port.sample_read = read_sensor;
   bench.port.sample_out = keep_out;
   bench_power_cycle(&bench);
@@ -209,7 +235,7 @@ static void test_table_from_the_sensor_equals_the_table_of_its_log(void** state)
 
   /* The learnt bias is the chamber's, the sensor's faults are none, its clock is known. */
   for (int i = 0; i < 3; i++) {
-    const double truth_dph = 3600.0 * 0.1;
+    const double truth_dph = 360.0; /* coefficient 0 of sensor_job_model.json */
     assert_true(fabs((double)imucal_kf_bias(&learn[i].kf, 30.0f) - truth_dph) < 8.0);
   }
   assert_true(fabs((double)imucal_sensor_clock_drift_ppm(&sensor.clock) - 10000.0) < 30.0);
