@@ -22,10 +22,28 @@ $(BUILD)/firmware/examples/imucal_mpu6050.o: firmware/examples/imucal_mpu6050/im
 	$(if $(V),,@echo "  CXX  $<")
 	$(Q)$(CROSS)g++ $(EXAMPLE_CPU) -x c++ -std=gnu++17 -Os -fno-exceptions -fno-rtti -Wall -Wextra -Werror -MMD -MP -Itests/emu/arduino $(FIRMWARE_CPPFLAGS) -include Arduino.h -c $< -o $@
 
+# The same sketch as a process: Serial a pseudo-terminal, Wire a modelled MPU-6050 (tests/emu/arduino/native.cpp).
+SKETCH_C := $(BUILD)/obj/host/tests/emu/arduino/wire_model.o
+SKETCH_FLAGS := -std=gnu++17 -O1 -Wall -Wextra -Werror -MMD -MP -Itests -Itests/emu/arduino $(FIRMWARE_CPPFLAGS) $(SANITIZE_FLAGS)
+$(BUILD)/obj/host/sketch/%.o: tests/emu/arduino/%.cpp
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  CXX  $<")
+	$(Q)$(CCACHE) $(CXX) $(SKETCH_FLAGS) -c $< -o $@
+$(BUILD)/obj/host/sketch/imucal_mpu6050.o: firmware/examples/imucal_mpu6050/imucal_mpu6050.ino
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  CXX  $<")
+	$(Q)$(CXX) $(SKETCH_FLAGS) -x c++ -include Arduino.h -c $< -o $@
+$(BUILD)/tests/emu/sketch: $(BUILD)/obj/host/sketch/native.o $(BUILD)/obj/host/sketch/imucal_mpu6050.o $(SKETCH_C) $(FIRMWARE_APP_HOST) \
+  $(patsubst %.c,$(BUILD)/obj/host/%.o,firmware/sensors/sensor.c firmware/sensors/source.c firmware/sensors/mpu6050.c) $(FIRMWARE_CORE_HOST)
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  LINK $@")
+	$(Q)$(CXX) $(SANITIZE_FLAGS) $^ $(LDFLAGS) -lm -o $@
+EXAMPLES += $(BUILD)/tests/emu/sketch
+
 .SECONDARY: $(CORE_SOURCES:%.c=$(BUILD)/obj/examples/%.o) $(BUILD)/obj/examples/firmware/examples/compensate.o $(BUILD)/obj/examples/firmware/examples/calibrate.o
 firmware: $(EXAMPLES)
 
-budget: $(EXAMPLES) $(BUILD)/firmware/stm32f405/imucal.elf  ## flash of the core where it only compensates, where it learns too, and of the whole device
+budget: $(filter %.elf,$(EXAMPLES)) $(BUILD)/firmware/stm32f405/imucal.elf  ## flash of the core where it only compensates, where it learns too, and of the whole device
 	@python3 firmware/examples/budget.py $(BUDGET_COMPENSATE_BYTES) $(CROSS)nm $(filter %.elf,$^)
 .PHONY: budget
--include $(shell find $(BUILD)/obj/examples $(BUILD)/firmware/examples -name '*.d' 2>/dev/null)
+-include $(shell find $(BUILD)/obj/examples $(BUILD)/obj/host/sketch $(BUILD)/firmware/examples -name '*.d' 2>/dev/null)

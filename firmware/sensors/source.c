@@ -46,6 +46,7 @@ void imucal_source_init(imucal_source_t* source, const imucal_sensor_driver_t* d
   source->config = config;
   source->sensor = sensor;
   source->poll_us = poll_us;
+  source->capacity = IMUCAL_SOURCE_BURST;
   source->due_us = now_us;
   source->past = (imucal_sensor_counts_t){0};
   source->n_starts = source->at = source->n = 0;
@@ -57,7 +58,7 @@ static void read_when_due(imucal_source_t* source, uint64_t now_us) {
   if (!source->is_running || now_us < source->due_us) return;
   const bool was_good = source->status == IMUCAL_OK;
   source->at = 0;
-  source->status = source->driver->read(source->sensor, now_us, source->burst, IMUCAL_SOURCE_BURST, &source->n);
+  source->status = source->driver->read(source->sensor, now_us, source->burst, source->capacity, &source->n);
   const bool is_good = source->status == IMUCAL_OK;
   source->due_us = now_us + (is_good || source->poll_us > FAILING_POLL_US ? source->poll_us : FAILING_POLL_US);
   if (was_good && !is_good) source->retry_us = now_us + RETRY_US;

@@ -21,6 +21,7 @@ typedef struct imucal_source {
   const void* config;
   void* sensor;
   uint32_t poll_us;
+  uint32_t capacity; /* samples asked for at a time: IMUCAL_SOURCE_BURST, or fewer where the bus takes no long reads */
   imucal_status status;        /* of the newest start or read */
   uint64_t retry_us, due_us;   /* next start of a sensor that fails; next read */
   bool is_running;             /* the newest start went well */

@@ -3,23 +3,24 @@
  * Board: 32 KB of RAM and a processor of 32 bits (ESP32, RP2040, Teensy, SAMD, STM32), EEPROM library of 2 KB; on cores
  * without EEPROM.begin and commit delete these two lines.  Wiring: SDA, SCL, 3V3, GND; AD0 low (address 68h).
  * To build: copy common/, firmware/app and firmware/sensors into the sketch's folder src/ and add src/common and src to the
- * include path, or make a library of them.  Compiled here against declarations only; never run on a board. */
+ * include path, or make a library of them.  Compiled here for a Cortex-M4, and run on a PC against a modelled MPU-6050 over a
+ * pseudo-terminal (tests/system/test_arduino_sketch.py); never run on a board. */
 #include <EEPROM.h>
 #include <Wire.h>
 
 extern "C" {
 #include "app/app.h"
 #include "sensors/mpu6050.h"
+#include "sensors/source.h"
 }
 
 static const uint8_t ADDRESS = 0x68;
 static const uint32_t SLOT_BYTES = 1024;
 static imucal_mpu6050_t sensor;
+static imucal_source_t source; /* starts the sensor again when it fails, and counts */
 static imucal_app_t app;
 static imucal_board_t board;
 static imucal_port_t port;
-static imucal_sample_t burst[2]; /* 28 bytes: what every Wire library takes at once */
-static uint32_t burst_at, burst_n;
 
 static imucal_status transfer(void*, uint8_t, const uint8_t* out, size_t n_out, uint8_t* in, size_t n_in) {
   Wire.beginTransmission(ADDRESS);
@@ -45,13 +46,11 @@ static uint64_t time_us(void*) {
 }
 
 static imucal_port_sample_t sample_read(void*, imucal_sample_t* sample) {
-  if (burst_at == burst_n) {
-    burst_at = 0;
-    if (imucal_mpu6050_read(&sensor, time_us(nullptr), burst, 2, &burst_n) != IMUCAL_OK) return IMUCAL_PORT_BAD_SAMPLE;
-    if (burst_n == 0) return IMUCAL_PORT_NO_SAMPLE;
-  }
-  *sample = burst[burst_at++];
-  return IMUCAL_PORT_SAMPLE;
+  return imucal_source_read(&source, time_us(nullptr), sample);
+}
+
+static void sensor_report(void*, imucal_link_sensor_reply_t* report) {
+  imucal_source_report(&source, report);
 }
 
 static size_t serial_read(void*, uint8_t* data, size_t capacity) {
@@ -83,12 +82,16 @@ static imucal_status flash_read(void*, uint32_t slot, uint32_t offset, uint8_t* 
 static void nothing(void*) {
 }
 
+/* 200 Hz, 500 dps, 4 g, 42 Hz, WHO_AM_I 68h alone: for an MPU-6500 write 0x70 and sensor.is_6500 = true. */
+static const imucal_mpu6050_config_t config = {200, 1, 1, 3, 0x68};
+
 static bool describe_board() {
+  sensor.config = config; /* what a count means is known before any sensor answers */
   static const char* const names[6] = {"gx_dph", "gy_dph", "gz_dph", "ax_mg", "ay_mg", "az_mg"};
   const imucal_sensor_units_t units = imucal_mpu6050_units(&sensor);
   bool is_good = imucal_text_set(board.serial, sizeof board.serial, "hobby-1") == IMUCAL_OK; /* yours */
   board.n_channels = 6;
-  board.rate_hz = sensor.config.rate_hz;
+  board.rate_hz = config.rate_hz;
   board.degc_per_count = units.degc_per_count;
   board.degc_at_zero = units.degc_at_zero;
   for (int i = 0; i < 6; i++) {
@@ -101,15 +104,17 @@ static bool describe_board() {
 
 void setup() {
   static const imucal_sensor_bus_t bus = {nullptr, transfer, wait_us, false};
-  static const imucal_mpu6050_config_t config = {200, 1, 1, 3}; /* 200 Hz, 500 dps, 4 g, 42 Hz */
   Serial.begin(115200);
   EEPROM.begin(2 * SLOT_BYTES);
   Wire.begin();
   Wire.setClock(400000);
-  while (imucal_mpu6050_start(&sensor, &bus, &config) != IMUCAL_OK) delay(1000); /* no MPU-6050 answers at 68h */
+  /* Where no MPU-6050 answers at 68h the line works all the same, and `calibrate info` says so. */
+  imucal_source_init(&source, &imucal_mpu6050_driver, &sensor, &config, &bus, 5000, time_us(nullptr));
+  source.capacity = 2; /* 28 bytes: what every Wire library takes at once */
   port.serial_read = serial_read;
   port.serial_write = serial_write;
   port.sample_read = sample_read;
+  port.sensor_report = sensor_report;
   port.flash.erase = flash_erase;
   port.flash.program = flash_program;
   port.flash.read = flash_read;

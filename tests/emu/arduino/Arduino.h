@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/* What the sketch uses of the Arduino API, declared only: enough to compile it, not to run it. */
+/* What the sketch uses of the Arduino API, declared; native.cpp runs it on a PC. */
 #pragma once
 #include <stddef.h>
 #include <stdint.h>
