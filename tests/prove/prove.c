@@ -7,6 +7,7 @@
 #include <__fc_builtin.h>
 #include <string.h>
 
+#include "clock.h"
 #include "comp.h"
 #include "crc.h"
 #include "health.h"
@@ -99,6 +100,24 @@ void prove_sum(void) {
   (void)!imucal_sum_flush(&sum, &second);
   any(&second, sizeof second);
   (void)imucal_sum_noise_ratio(&sum, &second, between(0, IMUCAL_MAX_CHANNELS - 1));
+}
+
+static uint64_t any_u64(void) {
+  return Frama_C_unsigned_long_long_interval(0, UINT64_MAX);
+}
+
+/* Any state that 64-bit stamps leave behind, one stamp; its arithmetic is modulo 2^64. */
+void prove_clock(void) {
+  imucal_clock_t clock;
+  imucal_clock_init(&clock);
+  any(&clock, sizeof clock);
+  clock.has_last = any_bool();
+  clock.has_candidate = any_bool();
+  clock.has_released = any_bool();
+  uint64_t t_us = 0;
+  (void)imucal_clock_take(&clock, any_u64(), &t_us);
+  imucal_clock_forget_doubted(&clock);
+  imucal_clock_restart(&clock);
 }
 
 /* |sum| <= 2^31 n: by powers of two of n. */

@@ -7,10 +7,13 @@ prove:  ## the core under Frama-C Eva: no alarm, or each argued in tests/prove/a
 # cppcheck on the core and the app: no finding.  ctuuninitvar in kf.c: imucal_kf_get_state writes the struct that it is said to read.
 CPPCHECK := cppcheck --std=c99 -q
 NEEDS_CPPCHECK = @command -v cppcheck >/dev/null || { echo "needs cppcheck; install it with: apt-get install cppcheck" >&2; exit 3; }
-lint:  ## cppcheck on the core and the firmware's app: no finding
+LINTED := common/*.c firmware/app/*.c
+lint:  ## clang-tidy (.clang-tidy) and cppcheck on the core and the firmware's app: no finding
 	$(NEEDS_CPPCHECK)
+	@command -v clang-tidy >/dev/null || { echo "needs clang-tidy; install it with: apt-get install clang-tidy" >&2; exit 3; }
+	$(Q)clang-tidy --quiet $(LINTED) -- -std=c99 -ffp-contract=off -Icommon -Ifirmware 2>/dev/null
 	$(Q)$(CPPCHECK) --enable=warning,style,performance,portability --suppress=missingIncludeSystem --suppress=ctuuninitvar:common/kf.c \
-	  --error-exitcode=1 -Icommon -Ifirmware common/*.c firmware/app/*.c
+	  --error-exitcode=1 -Icommon -Ifirmware $(LINTED)
 
 misra:  ## MISRA C:2012 rules that the core deviates from, with their counts (common/README.md says why)
 	$(NEEDS_CPPCHECK)

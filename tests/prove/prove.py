@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Frama-C Eva on the core: is there an input within the stated ranges that overflows, leaves an array or divides by zero?
+"""Frama-C Eva on the core and the app: is there an input within the stated ranges that overflows, leaves an array or divides by zero?
 
-usage: prove.py [--build DIR] [--jobs N] [ENTRY ...]        an entry is a function prove_* of prove.c (all)
+usage: prove.py [--build DIR] [--jobs N] [ENTRY ...]        an entry is a function prove_* of prove.c or prove_app.c (all)
 
 Every alarm must stand in argued.txt with the reason why it cannot happen; an argument without its alarm is an error too
 when all entries are run.  Exit status: 0 so it is, 1 not, 3 no Frama-C."""
@@ -15,11 +15,16 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-OPTIONS = ["-machdep", "gcc_x86_32", "-cpp-extra-args=-Icommon", "-eva", "-eva-precision", "2",
+OPTIONS = ["-machdep", "gcc_x86_32", "-cpp-extra-args=-Icommon -Ifirmware", "-eva", "-eva-precision", "2",
            "-warn-special-float", "none", "-eva-no-show-progress", "-eva-msg-key=-initial-state,-final-states"]
 # Loops of known length one round at a time.
 UNROLL = ["-eva-auto-loop-unroll", "64"]
 ALARM = re.compile(r"\[eva:alarm\] (\S+):(\d+): Warning:\s+(.*?)(?=\n\[|\Z)", re.S)
+
+
+def entries_of(name):
+    """The functions prove_* of prove.c or prove_app.c."""
+    return re.findall(r"(?m)^void (prove_\w+)\(void\)", (HERE / name).read_text())
 
 
 def kind_of(message):
@@ -29,7 +34,10 @@ def kind_of(message):
 
 def analyse(entry, folder):
     """(alarms {(file, line text, kind)}, the whole output, did it come to its end?)"""
-    sources = ["tests/prove/prove.c", *sorted(str(p.relative_to(ROOT)) for p in (ROOT / "common").glob("*.c"))]
+    is_app = entry in entries_of("prove_app.c")
+    folders = ["common", "firmware/app"] if is_app else ["common"]
+    sources = ["tests/prove/prove_app.c" if is_app else "tests/prove/prove.c"]
+    sources += [str(p.relative_to(ROOT)) for folder in folders for p in sorted((ROOT / folder).glob("*.c"))]
     done = subprocess.run(["frama-c", *OPTIONS, *UNROLL, "-main", entry, *sources], cwd=ROOT, capture_output=True, text=True)
     (folder / (entry + ".txt")).write_text(done.stdout + done.stderr)
     alarms = set()
@@ -49,7 +57,7 @@ def read_argued(path):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    known = re.findall(r"(?m)^void (prove_\w+)\(void\)", (HERE / "prove.c").read_text())
+    known = entries_of("prove.c") + entries_of("prove_app.c")
     parser.add_argument("entries", nargs="*", metavar="ENTRY", help=" ".join(known))
     parser.add_argument("--build", type=Path, default=ROOT / "build")
     parser.add_argument("--jobs", type=int, default=2)
