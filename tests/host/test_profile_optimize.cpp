@@ -114,6 +114,17 @@ static void test_optimize_shortest_duration_for_an_error(void**) {
   assert_true(shorter.error.worst_dph > 6.5);
 }
 
+// accuracy_only_dph is of the duration chosen, not of one tried on the way, which is shorter and leaves a larger error.
+static void test_optimize_shortest_duration_compares_with_accuracy_alone_at_that_duration(void**) {
+  OptimizeRequest request = request_of(0, 2);
+  request.tell_apart = standard_effects(3);
+  request.required_dph = 6.1;
+  const OptimizeResult result = optimize_profile(request);
+  assert_true(result.meets_error);
+  if (result.accuracy_only_dph > result.objective_dph)
+    fail_msg("%.6f dph told apart, %.6f dph without", result.objective_dph, result.accuracy_only_dph);
+}
+
 // The aim: worst correlation <= 0.75 among the six effects at <= 5 % of the worst error, 240 min.
 static void test_optimize_tells_effects_apart(void**) {
   OptimizeRequest request = request_of(14400, 0.6);
@@ -227,6 +238,7 @@ int main() {
       cmocka_unit_test(test_optimize_rms_objective_is_better_in_rms),
       cmocka_unit_test(test_optimize_is_deterministic_for_a_seed),
       cmocka_unit_test(test_optimize_shortest_duration_for_an_error),
+      cmocka_unit_test(test_optimize_shortest_duration_compares_with_accuracy_alone_at_that_duration),
       cmocka_unit_test(test_optimize_tells_effects_apart),
       cmocka_unit_test(test_optimize_spends_accuracy_on_strong_signatures),
       cmocka_unit_test(test_signatures_follow_physics),

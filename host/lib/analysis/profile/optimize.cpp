@@ -3,11 +3,15 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdio>
+#include <mutex>
 #include <nlopt.hpp>
+#include <thread>
 
 #include "base/error.h"
+#include "base/parallel.h"
 #include "base/rng.h"
 #include "base/units.h"
 
@@ -123,6 +127,10 @@ private:
   CalibrationSetup setup_;
 };
 
+// Of a search that tells effects apart: starts of each shape, how many of all go on, evaluations of each and of each polish.
+constexpr int kStartsToTell = 8, kEvaluationsToTell = 300, kPolishToTell = 300;
+constexpr size_t kGoOnToTell = 5;
+
 // Exponents of the smooth stand-in for the maximum.
 constexpr double kBlunt = 20, kSharp = 100;
 
@@ -139,7 +147,8 @@ class Search {
 public:
   // limit_dph > 0: the signatures are made strong (geometric mean of what separates them), the error only
   // kept below the limit.
-  Search(const Evaluator& evaluator, bool tell_apart, double max_correlation, double limit_dph, long* evaluations)
+  Search(const Evaluator& evaluator, bool tell_apart, double max_correlation, double limit_dph,
+         std::atomic<long>* evaluations)
       : evaluator_(evaluator), tell_apart_(tell_apart), max_correlation_(max_correlation), limit_dph_(limit_dph),
         count_(evaluations) {}
 
@@ -192,7 +201,7 @@ private:
   const Evaluator& evaluator_;
   bool tell_apart_;
   double max_correlation_, limit_dph_;
-  long* count_;
+  std::atomic<long>* count_;
 };
 
 bool fits(const ScheduleShape& shape, const OptimizeRequest& r, double duration_s) {
@@ -280,27 +289,6 @@ Profile final_profile(const OptimizeRequest& request, const Candidate& c, double
   return rounded(raw, duration_s, request.limits.max_soak_s);
 }
 
-// Steps of the coarse grid: fine enough for the fastest Markov term that matters and for the ramps.
-double coarse_step_s(const OptimizeRequest& request, double duration_s) {
-  double step_s = duration_s / 500;
-  for (const Markov& m : request.setup.truth.markov)
-    if (m.tau_s > 10 && m.sigma_dph > 0) step_s = std::min(step_s, m.tau_s / 5);
-  step_s = std::min({step_s, request.limits.traverse_s(true) / 72, request.limits.traverse_s(false) / 72});
-  return std::max(2.0, std::max(step_s, duration_s / 4000));
-}
-
-void keep_best(size_t n, std::vector<Candidate>* found) {
-  std::stable_sort(found->begin(), found->end(),
-                   [](const Candidate& a, const Candidate& b) { return a.value < b.value; });
-  if (found->size() > n) found->resize(n);
-}
-
-// What is counted and shown over all searches of a request.
-struct Tally {
-  long evaluations = 0;
-  double best_seen = 1e300;
-};
-
 // What one search is to find.
 struct SearchTask {
   double duration_s = 0;
@@ -309,30 +297,61 @@ struct SearchTask {
   double limit_dph = 0; // > 0: the strongest signatures within that error
 };
 
+// Steps of the coarse grid: fine enough for the fastest Markov term that matters and for the ramps.  With tell_apart an
+// evaluation is dear and the grid coarser: a Markov term is kept down to three steps (coarse_model).
+double coarse_step_s(const OptimizeRequest& request, const SearchTask& task) {
+  const double per_tau = task.tell_apart ? 3 : 5, per_ramp = task.tell_apart ? 40 : 72;
+  double step_s = task.duration_s / 500;
+  for (const Markov& m : request.setup.truth.markov)
+    if (m.tau_s > 10 && m.sigma_dph > 0) step_s = std::min(step_s, m.tau_s / per_tau);
+  step_s = std::min({step_s, request.limits.traverse_s(true) / per_ramp, request.limits.traverse_s(false) / per_ramp});
+  return std::max(2.0, std::max(step_s, task.duration_s / 4000));
+}
+
+// For the last steps: the exact grid, coarser for tests of many hours.
+double fine_step_s(const SearchTask& task) {
+  return std::max(1.0, std::floor(task.duration_s / (task.tell_apart ? 4000 : 8000)));
+}
+
+void keep_best(size_t n, std::vector<Candidate>* found) {
+  std::stable_sort(found->begin(), found->end(),
+                   [](const Candidate& a, const Candidate& b) { return a.value < b.value; });
+  if (found->size() > n) found->resize(n);
+}
+
+// What is counted and shown over all searches of a request, whose candidates are improved side by side.
+struct Tally {
+  std::atomic<long> evaluations{0};
+  std::mutex shown;
+  double best_seen = 1e300;
+};
+
 // The best candidate for one duration.  Every shape is tried and the best are polished, first on the coarse grid, then on
-// the exact one; the rounded profiles decide.
+// the fine one; the rounded profiles, exact, decide.  With tell_apart an evaluation is dear, and a start tells at once whether
+// its shape can separate the effects: the best starts go on alone.
+// Candidates do not know of each other: the result is the same on any number of threads.
 class DurationSearch {
 public:
   DurationSearch(const OptimizeRequest& request, const SearchTask& task, Tally* tally)
-      : request_(request), task_(task), tally_(tally),
-        coarse_(request, task.duration_s, coarse_step_s(request, task.duration_s)),
-        exact_(request, task.duration_s, 1.0), on_coarse_(coarse_, task.tell_apart, request.max_correlation - 0.005,
-                                                          0.999 * task.limit_dph, &tally->evaluations),
-        on_exact_(exact_, task.tell_apart, request.max_correlation - 0.001, 0.9995 * task.limit_dph,
-                  &tally->evaluations) {}
+      : request_(request), task_(task), tally_(tally), coarse_(request, task.duration_s, coarse_step_s(request, task)),
+        fine_(request, task.duration_s, fine_step_s(task)), exact_(request, task.duration_s, 1.0),
+        on_coarse_(coarse_, task.tell_apart, request.max_correlation - 0.005, 0.999 * task.limit_dph,
+                   &tally->evaluations),
+        on_fine_(fine_, task.tell_apart, request.max_correlation - 0.001, 0.9995 * task.limit_dph,
+                 &tally->evaluations) {}
   DurationSearch(const DurationSearch&) = delete;
   DurationSearch& operator=(const DurationSearch&) = delete;
 
   // `also` (may be null) joins the starts.
   Candidate best(const Candidate* also) {
     try_shapes(also);
-    keep_best(task_.tell_apart ? 5 : 4, &found_);
-    for (Candidate& c : found_) polish(&c);
-    keep_best(3, &found_);
-    for (Candidate& c : found_) {
-      c.value = on_exact_.value(c.shape, c.x, 0);
-      on_exact_.run(nlopt::LN_SBPLX, 0, 0.01, budget(task_.tell_apart ? 40 : 60), &c);
-    }
+    keep_best(task_.tell_apart ? 3 : 4, &found_);
+    each([this](Candidate* c) { polish(c); });
+    keep_best(task_.tell_apart ? 2 : 3, &found_);
+    each([this](Candidate* c) {
+      c->value = on_fine_.value(c->shape, c->x, 0);
+      on_fine_.run(nlopt::LN_SBPLX, 0, 0.01, budget(task_.tell_apart ? 40 : 60), c);
+    });
     if (!task_.tell_apart) add_paper_profiles();
     return best_rounded();
   }
@@ -340,7 +359,13 @@ public:
 private:
   int budget(int n) const { return std::max(20, static_cast<int>(task_.share * request_.effort * n)); }
 
+  void each(const std::function<void(Candidate*)>& improve) {
+    parallel_for(static_cast<long>(found_.size()), static_cast<int>(std::thread::hardware_concurrency()),
+                 [&](long i) { improve(&found_[static_cast<size_t>(i)]); });
+  }
+
   void report(const Candidate& c) {
+    const std::lock_guard<std::mutex> hold(tally_->shown);
     tally_->best_seen = std::min(tally_->best_seen, c.value);
     if (request_.progress) request_.progress(0.5, std::exp(tally_->best_seen));
   }
@@ -350,25 +375,26 @@ private:
     const std::vector<ScheduleShape> shapes =
         task_.tell_apart ? diagnosis_shapes(request_, task_.duration_s) : accuracy_shapes(request_, task_.duration_s);
     Rng rng(request_.seed, 0, 0, Stream::kTool);
-    const int starts = task_.tell_apart ? 2 : 3;
-    // A fixed number of evaluations is shared by the shapes that fit.
-    const int n_starts = std::max(1, static_cast<int>(shapes.size()) * starts);
-    const int evaluations = std::clamp((task_.tell_apart ? 10000 : 9000) / n_starts, 150, 800);
+    const int starts = task_.tell_apart ? kStartsToTell : 3;
     for (const ScheduleShape& shape : shapes) {
       for (int start = 0; start < starts; ++start) {
-        Candidate c{shape, shape.start(), 1e300, 1e300};
-        if (start > 0) randomise(&rng, &c.x);
-        begin(std::move(c), evaluations);
+        found_.push_back({shape, shape.start(), 1e300, 1e300});
+        if (start > 0) randomise(&rng, &found_.back().x);
       }
     }
-    if (also) begin(*also, evaluations);
-  }
-
-  void begin(Candidate c, int evaluations) {
-    c.value = on_coarse_.value(c.shape, c.x, kBlunt);
-    on_coarse_.run(task_.tell_apart ? nlopt::LN_SBPLX : nlopt::LN_BOBYQA, kBlunt, 0.2, budget(evaluations), &c);
-    report(c);
-    found_.push_back(std::move(c));
+    each([this](Candidate* c) { c->value = on_coarse_.value(c->shape, c->x, kBlunt); });
+    if (task_.tell_apart) keep_best(kGoOnToTell, &found_);
+    if (also) {
+      found_.push_back(*also);
+      found_.back().value = on_coarse_.value(also->shape, also->x, kBlunt);
+    }
+    // A fixed number of evaluations is shared by the starts.
+    const int n_starts = std::max(1, static_cast<int>(found_.size()));
+    const int evaluations = task_.tell_apart ? kEvaluationsToTell : std::clamp(9000 / n_starts, 150, 800);
+    each([&](Candidate* c) {
+      on_coarse_.run(task_.tell_apart ? nlopt::LN_SBPLX : nlopt::LN_BOBYQA, kBlunt, 0.2, budget(evaluations), c);
+      report(*c);
+    });
   }
 
   void polish(Candidate* c) {
@@ -378,7 +404,7 @@ private:
     }
     // Subplex may stop on a ridge of the maximum: begun again, twice.
     for (double step : {0.1, 0.03, 0.01})
-      on_coarse_.run(nlopt::LN_SBPLX, 0, step, budget(task_.tell_apart ? 600 : 300), c);
+      on_coarse_.run(nlopt::LN_SBPLX, 0, step, budget(task_.tell_apart ? kPolishToTell : 300), c);
     c->value = on_coarse_.value(c->shape, c->x, 0);
     report(*c);
   }
@@ -414,8 +440,8 @@ private:
   const OptimizeRequest& request_;
   SearchTask task_;
   Tally* tally_;
-  Evaluator coarse_, exact_;
-  Search on_coarse_, on_exact_;
+  Evaluator coarse_, fine_, exact_;
+  Search on_coarse_, on_fine_;
   std::vector<Candidate> found_;
 };
 
@@ -430,7 +456,7 @@ Found found_for(const OptimizeRequest& request, double duration_s, double share,
     return DurationSearch(request, task, tally).best(also);
   };
   if (request.tell_apart.empty()) return {search({duration_s, false, share, 0}, nullptr), duration_s, 0};
-  const Candidate accurate = search({duration_s, false, 0.7 * share, 0}, nullptr);
+  const Candidate accurate = search({duration_s, false, 0.4 * share, 0}, nullptr);
   const Candidate freed = untied(accurate);
   const Candidate least = search({duration_s, true, share, 0}, freed.x.size() <= 45 ? &freed : nullptr);
   if (request.spend_frac <= 0) return {least, duration_s, accurate.exact_dph};
@@ -492,7 +518,6 @@ Found shortest_that_reaches(const OptimizeRequest& request, Tally* tally) {
     guess_s = std::ceil(guess_s);
     const Found now = found_for(request, guess_s, 0.4, tally);
     if (bracket.add(guess_s, now.best.exact_dph)) best = now;
-    best.accuracy_only_dph = now.accuracy_only_dph;
     if (bracket.narrow()) break;
     guess_s = bracket.next_guess_s(guess_s, now.best.exact_dph);
   }
