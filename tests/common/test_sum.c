@@ -427,6 +427,23 @@ static void test_first_and_last_sample_at_the_limit_of_a_hole(void** state) {
   }
 }
 
+/* Every number of channels: each has its own sum, and nothing is added beside them. */
+static void test_sum_each_number_of_channels(void** state) {
+  (void)state;
+  for (uint8_t n = 1; n <= IMUCAL_MAX_CHANNELS; n++) {
+    imucal_sum_t sum;
+    imucal_second_t second;
+    assert_int_equal(imucal_sum_init(&sum, n, 4), IMUCAL_OK);
+    for (uint64_t k = 0; k < 4; k++) {
+      imucal_sample_t s = {.t_us = 100 + 250000 * k, .n_channels = n};
+      for (int c = 0; c < IMUCAL_MAX_CHANNELS; c++) s.counts[c] = 10 * (c + 1) + (int32_t)k;
+      assert_int_equal(imucal_sum_add(&sum, &s, &second), IMUCAL_OK);
+    }
+    assert_int_equal(imucal_sum_flush(&sum, &second), IMUCAL_SECOND_READY);
+    for (int c = 0; c < IMUCAL_MAX_CHANNELS; c++) assert_int_equal(second.sum[c], c < n ? 40 * (c + 1) + 6 : 0);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_first_and_last_sample_at_the_limit_of_a_hole),
@@ -451,6 +468,7 @@ int main(void) {
       cmocka_unit_test(test_add_duplicates_and_backward_have_a_count_each),
       cmocka_unit_test(test_unit_from_q16_adds_the_offset),
       cmocka_unit_test(test_noise_ratio_is_at_least_one),
+      cmocka_unit_test(test_sum_each_number_of_channels),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

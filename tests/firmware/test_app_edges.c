@@ -194,6 +194,48 @@ static void test_second_of_many_samples_is_clipped_in_the_record(void** state) {
   assert_int_equal(bench.second.n_samples, 0xFFFF);
 }
 
+static imucal_link_sensor_reply_t told;
+static void tell(void* ctx, imucal_link_sensor_reply_t* report) {
+  (void)ctx;
+  *report = told;
+}
+
+/* A supply that is low, and stays so, is told once; when it is low again, once more. */
+static void test_low_supply_is_told_when_it_begins(void** state) {
+  (void)state;
+  bench.port.sensor_report = tell;
+  assert_int_equal(bench_stream(&bench, IMUCAL_STREAM_SECOND | IMUCAL_STREAM_EVENT), IMUCAL_OK);
+  uint32_t expected = 0;
+  for (int k = 0; k < 3; k++) {
+    told.is_supply_low = k != 1;
+    bench_feed(&bench, 4);
+    expected += k != 1;
+    assert_int_equal(bench_events(&bench, IMUCAL_EVENT_SENSOR_COUNTED), expected);
+  }
+  assert_int_equal(bench.event[(bench.n_event - 1) % 32].detail, IMUCAL_SENSOR_SUPPLY);
+  told.is_supply_low = false;
+  told.wrong_identity = 1;
+  bench_feed(&bench, 4);
+  assert_int_equal(bench_events(&bench, IMUCAL_EVENT_SENSOR_COUNTED), expected + 1);
+  assert_int_equal(bench.event[(bench.n_event - 1) % 32].detail, 1);
+}
+
+static imucal_status erase_without_supply(void* ctx, uint32_t slot) {
+  (void)ctx;
+  (void)slot;
+  return IMUCAL_ERR_SUPPLY;
+}
+
+static void test_flash_refused_for_its_supply_is_told_and_counted(void** state) {
+  (void)state;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 55.0f, bytes)), IMUCAL_OK);
+  bench.port.flash.erase = erase_without_supply;
+  const imucal_link_erase_t erase = {.confirm = IMUCAL_LINK_ERASE_CONFIRM};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_ERASE, &erase), IMUCAL_ERR_SUPPLY);
+  assert_int_equal(bench.app.n_flash_failed, 1);
+}
+
 #define CASE(test) cmocka_unit_test_setup(test, start)
 
 int main(void) {
@@ -209,6 +251,8 @@ int main(void) {
       CASE(test_second_tells_which_channels_the_table_compensates),
       CASE(test_second_whose_table_changed_is_not_called_compensated),
       CASE(test_second_of_many_samples_is_clipped_in_the_record),
+      CASE(test_low_supply_is_told_when_it_begins),
+      CASE(test_flash_refused_for_its_supply_is_told_and_counted),
   };
   return cmocka_run_group_tests_name("app_edges", tests, NULL, NULL);
 }
