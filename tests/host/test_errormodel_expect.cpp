@@ -245,6 +245,21 @@ void test_model_dof_predicts_the_spread_of_records(void**) {
   }
 }
 
+// The closed form of white noise, against the sum over the lags.
+void test_model_dof_of_white_noise_is_the_sum_over_lags(void**) {
+  for (DpType type : {DpType::kAv, DpType::kDp1})
+    for (long n : {1L, 2L, 7L, 20L, 133L})
+      for (long windows : {1L, 2L, 5L, 30L, 41L, 200L, 5000L}) {
+        const DpOperator op = make_dp_operator(type, 1, kNominal, 20);
+        const auto r = error_autocovariance({white_component(3)}, op, n, windows);
+        double sum = 0;
+        for (long k = 0; k < windows; ++k)
+          sum += (k ? 2 : 1) * static_cast<double>(windows - k) * r[static_cast<size_t>(k)] * r[static_cast<size_t>(k)];
+        const double w = static_cast<double>(windows), dof = std::max(1.0, w * w * r[0] * r[0] / sum);
+        assert_near(model_dof({white_component(3)}, op, n, windows) / dof, 1, 1e-9);
+      }
+}
+
 // 95 % intervals from blocks and from the model, over simulated tests: each covers the closed form as often as it says
 // (400 tests; 3 standard errors are 3.3 %; blocks, knowing less, are allowed 5 % short).
 void test_intervals_cover(void**) {
@@ -294,6 +309,7 @@ int main() {
       cmocka_unit_test(test_monte_carlo_agrees),
       cmocka_unit_test(test_error_autocovariance_equals_dense_weights),
       cmocka_unit_test(test_model_dof_predicts_the_spread_of_records),
+      cmocka_unit_test(test_model_dof_of_white_noise_is_the_sum_over_lags),
       cmocka_unit_test(test_intervals_cover),
       cmocka_unit_test(test_record_dependent_expectation_without_record_is_refused),
   };

@@ -8,6 +8,7 @@
 #include "analysis/dp/stream.h"
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/confidence.h"
+#include "base/parallel.h"
 #include "cli/program.h"
 #include "physics/effects/closed_forms.h"
 
@@ -155,23 +156,21 @@ Session make_session(const Options& o) {
   return session;
 }
 
-void add_curve(const DpCurve& c, const DpOperator& op, Session* session) {
-  const std::vector<Interval> ci = curve_intervals(c, op, session->components(op.dt_s));
+void add_curve(const DpCurve& c, const std::vector<Interval>& ci, Session* session) {
   session->json["curves"].push_back(curve_json(c, ci));
   if (c.estimator == dp_estimator_from_text(session->o.estimators[0])) session->first_estimator.push_back(c);
   if (session->o.common.talks()) print_curve(c, ci);
 }
 
 // Says so where the values of a log are multiples of a quantum.
-void add_quantization(const Series& s, Session* session) {
-  const double quantum = quantum_dph(s);
+void add_quantization(const DpCurve& c, double quantum, Session* session) {
   if (!(quantum > 0)) return;
   const double sigma_dph = quantum / std::sqrt(12.0);
   session->json["quantization"].push_back(
-      {{"log", s.log}, {"axis", s.axis}, {"lsb_dph", quantum}, {"sigma_dph", sigma_dph}});
+      {{"log", c.log}, {"axis", c.axis}, {"lsb_dph", quantum}, {"sigma_dph", sigma_dph}});
   if (session->o.common.talks())
     std::printf("%s %s: values are multiples of %.4g dph: rounding adds %.3g dph of white noise per sample\n",
-                s.log.c_str(), s.axis.c_str(), quantum, sigma_dph);
+                c.log.c_str(), c.axis.c_str(), quantum, sigma_dph);
 }
 
 // Degrees of freedom at each tau: of the model for the intervals, else of white noise.
@@ -183,37 +182,66 @@ std::vector<double> dof_of(const DpCurve& c, const DpOperator& op, std::vector<N
   return dof;
 }
 
-void add_ratios(const Series& s, const DpRecord& record, const DpCurve& c, Session* session) {
-  const std::vector<double> dof = dof_of(c, record.op(), session->components(s.dt_s));
-  const DpRatios r = dp_ratios(s, record, c.tau_s, dof, session->o.false_alarm_rate);
+void add_ratios(const DpRatios& r, Session* session) {
   session->json["ratios"].push_back(ratios_json(r));
   if (session->o.common.talks()) std::printf("distribution: %s: %s\n\n", r.verdict.c_str(), r.statement.c_str());
 }
 
+// What is found of one axis.
+struct AxisResult {
+  double quantum_dph = 0;
+  std::vector<DpCurve> curves; // one for each estimator
+  std::vector<std::vector<Interval>> intervals;
+  std::optional<DpRatios> ratios;
+};
+
 // Curves by each estimator and ratios of one axis of one log.
-void analyse(Series s, Session* session) {
-  const Options& o = session->o;
-  DpOperator op = make_dp_operator(dp_type_from_text(o.type), s.dt_s, session->nominal, o.estimation_s);
+AxisResult analyse(Series s, const Session& session) {
+  const Options& o = session.o;
+  DpOperator op = make_dp_operator(dp_type_from_text(o.type), s.dt_s, session.nominal, o.estimation_s);
   op.min_fill = o.min_fill;
   const double usable_s = static_cast<double>(s.size()) * s.dt_s;
   const auto tau_s = parse_tau(o.tau, s.dt_s, std::max(s.dt_s, usable_s / 10));
-  add_quantization(s, session);
-  remove_trend(session->detrend, &s);
+  AxisResult out;
+  out.quantum_dph = quantum_dph(s);
+  remove_trend(session.detrend, &s);
   const DpRecord record(s, op);
-  for (const std::string& estimator : o.estimators)
-    add_curve(dp_curve(s, record, tau_s, dp_estimator_from_text(estimator)), op, session);
-  if (!o.no_ratios) add_ratios(s, record, session->first_estimator.back(), session);
+  const std::vector<NoiseComponent> components = session.components(s.dt_s);
+  for (const std::string& estimator : o.estimators) {
+    out.curves.push_back(dp_curve(s, record, tau_s, dp_estimator_from_text(estimator)));
+    out.intervals.push_back(curve_intervals(out.curves.back(), op, components));
+  }
+  if (o.no_ratios) return out;
+  const DpCurve& last = out.curves.back();
+  out.ratios = dp_ratios(s, record, last.tau_s, dof_of(last, op, components), o.false_alarm_rate);
+  return out;
+}
+
+// The axes of one log, side by side; told in their order.
+void analyse_log(const std::string& log, Session* session) {
+  std::vector<Series> axes = load_series(log, session->o.axes, true);
+  std::vector<AxisResult> results(axes.size());
+  parallel_for(static_cast<long>(axes.size()), session->o.common.thread_count(), [&](long a) {
+    const auto i = static_cast<size_t>(a);
+    results[i] = analyse(std::move(axes[i]), *session);
+  });
+  for (const AxisResult& r : results) {
+    add_quantization(r.curves.front(), r.quantum_dph, session);
+    for (size_t e = 0; e < r.curves.size(); ++e) add_curve(r.curves[e], r.intervals[e], session);
+    if (r.ratios) add_ratios(*r.ratios, session);
+  }
 }
 
 Exit run(const Options& o) {
   Session session = make_session(o);
   for (const std::string& log : o.logs) {
     if (o.stream) {
-      stream_log(o, log, session.detrend, session.nominal,
-                 [&](const DpCurve& c, const DpOperator& op) { add_curve(c, op, &session); });
+      stream_log(o, log, session.detrend, session.nominal, [&](const DpCurve& c, const DpOperator& op) {
+        add_curve(c, curve_intervals(c, op, session.components(op.dt_s)), &session);
+      });
       continue;
     }
-    for (Series& s : load_series(log, o.axes, true)) analyse(std::move(s), &session);
+    analyse_log(log, &session);
   }
   Json& json = session.json;
   json["across"] = across_json(session.first_estimator);
@@ -254,7 +282,7 @@ int main(int argc, char** argv) {
   app.add_flag("--stream", o.stream,
                "read the log twice instead of holding it: memory bounded by the longest tau; rms curves only");
   app.add_flag("--no-ratios", o.no_ratios, "curves only");
-  add_common_options(&app, &o.common);
+  add_common_options(&app, &o.common, kWithThreads);
   return run_program(&app, argc, argv, [&] {
     // DP2 where a nominal model predicts, else the Allan deviation, which needs none.
     if (o.type.empty()) o.type = o.nominal.empty() ? "av" : "dp2";

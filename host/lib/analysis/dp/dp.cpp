@@ -13,6 +13,8 @@ namespace {
 
 constexpr long kBlock = 16384; // t0 per block at most: three streams of it stay in the second-level cache
 constexpr long kBlocksPerRecord = 64;
+constexpr long kPiece = 2048;    // d at a time: in the first-level cache
+constexpr size_t kTogether = 16; // n whose sizes are collected in one pass: bounds what is kept
 
 // Sum over t0 in [b, e) of (p[t+n] - 2 p[t] + p[t-n])^2.  Four lanes, two chains: the order of the additions is
 // the same on every machine.
@@ -37,26 +39,39 @@ IMUCAL_WIDE double second_difference_sum_sq(const double* p, long b, long e, lon
   return sum;
 }
 
-// Sum over t0 in [b, e) of ((p[t+n] - p[t]) / n - factor x[t])^2.
-IMUCAL_WIDE double prediction_sum_sq(const double* p, const double* x, long b, long e, long n, double factor) {
+// Second difference over n at t0 in [b, e), times scale.
+IMUCAL_WIDE void second_differences(const double* p, long b, long e, long n, double scale, double* d) {
+  for (long t = b; t < e; ++t) d[t - b] = ((p[t + n] - p[t]) - (p[t] - p[t - n])) * scale;
+}
+
+// Mean of the n samples from t0 on less that of the m before, t0 in [b, e).
+IMUCAL_WIDE void mean_differences(const double* p, long b, long e, long n, long m, double* d) {
+  const double inv_n = 1.0 / static_cast<double>(n), inv_m = 1.0 / static_cast<double>(m);
+  for (long t = b; t < e; ++t) d[t - b] = (p[t + n] - p[t]) * inv_n - (p[t] - p[t - m]) * inv_m;
+}
+
+// Mean of the n samples from t0 on less factor x[t0], t0 in [b, e).
+IMUCAL_WIDE void prediction_errors(const double* p, const double* x, long b, long e, long n, double factor, double* d) {
   const double inv_n = 1.0 / static_cast<double>(n);
+  for (long t = b; t < e; ++t) d[t - b] = (p[t + n] - p[t]) * inv_n - x[t] * factor;
+}
+
+IMUCAL_WIDE void subtract_predictions(const double* x, long b, long e, double factor, double* d) {
+  for (long t = b; t < e; ++t) d[t - b] -= x[t] * factor;
+}
+
+IMUCAL_WIDE double sum_sq(const double* d, long n) {
   Lanes s0 = {0, 0, 0, 0}, s1 = {0, 0, 0, 0};
-  long t = b;
-  for (; t + 8 <= e; t += 8) {
-    Lanes mid, hi, est;
-    load_lanes(&mid, p + t), load_lanes(&hi, p + t + n), load_lanes(&est, x + t);
-    const Lanes d0 = (hi - mid) * inv_n - est * factor;
-    load_lanes(&mid, p + t + 4), load_lanes(&hi, p + t + 4 + n), load_lanes(&est, x + t + 4);
-    const Lanes d1 = (hi - mid) * inv_n - est * factor;
+  long k = 0;
+  for (; k + 8 <= n; k += 8) {
+    Lanes d0, d1;
+    load_lanes(&d0, d + k), load_lanes(&d1, d + k + 4);
     s0 += d0 * d0;
     s1 += d1 * d1;
   }
   const Lanes s = s0 + s1;
   double sum = (s[0] + s[1]) + (s[2] + s[3]);
-  for (; t < e; ++t) {
-    const double d = (p[t + n] - p[t]) * inv_n - x[t] * factor;
-    sum += d * d;
-  }
+  for (; k < n; ++k) sum += d[k] * d[k];
   return sum;
 }
 
@@ -124,7 +139,15 @@ DpRecord::DpRecord(const Series& series, const DpOperator& op, const std::vector
   sum_[size] = sum;
   if (series.n_missing > 0) {
     present_.resize(size + 1);
-    for (size_t i = 0; i < size; ++i) present_[i + 1] = present_[i] + !std::isnan(series.rate_dph[i]);
+    for (size_t i = 0; i < size; ++i) {
+      const bool is_present = !std::isnan(series.rate_dph[i]);
+      present_[i + 1] = present_[i] + is_present;
+      const auto at = static_cast<long>(i);
+      if (is_present && (runs_.empty() || runs_.back().end < at)) runs_.push_back({at, at});
+      if (is_present) runs_.back().end = at + 1;
+    }
+  } else {
+    runs_ = {{0, size_}};
   }
   if (op.type != DpType::kDp2 && op.type != DpType::kDp3) return;
   const NominalFilter& f = op.filter;
@@ -159,23 +182,74 @@ double DpRecord::window_sum(long first, long last, long n) const {
   return (sum_[b] - sum_[a]) / count;
 }
 
+// AV and DP1.
 double DpRecord::estimate(long n, long t0) const {
-  if (op_.type == DpType::kAv) return window_sum(t0 - n, t0, n);
-  if (op_.type == DpType::kDp1) return window_sum(t0 - op_.estimation_n, t0, op_.estimation_n);
-  double sum = 0;
-  for (size_t k = 0; k < states_.size(); ++k)
-    sum += op_.filter.prediction_factor(k, n, op_.type == DpType::kDp3) * states_[k][static_cast<size_t>(t0)];
+  const long history = op_.history_n(n);
+  return window_sum(t0 - history, t0, history);
+}
+
+std::vector<DpRecord::Range> DpRecord::whole_windows(long n, long first_t0) const {
+  std::vector<Range> out;
+  const long history = op_.history_n(n);
+  for (const Range& run : runs_) {
+    const Range t0 = {std::max(run.begin + history, first_t0), run.end - n + 1};
+    if (t0.begin < t0.end) out.push_back(t0);
+  }
+  return out;
+}
+
+// What each state predicts of the mean of the next n samples.
+std::vector<double> DpRecord::prediction_factors(long n) const {
+  std::vector<double> factor(states_.size());
+  for (size_t k = 0; k < factor.size(); ++k) factor[k] = op_.filter.prediction_factor(k, n, op_.type == DpType::kDp3);
+  return factor;
+}
+
+void DpRecord::errors(long n, const std::vector<double>& factor, Range t0, double* d) const {
+  const double* p = sum_.data();
+  if (op_.type == DpType::kAv)
+    second_differences(p, t0.begin, t0.end, n, 1 / static_cast<double>(n), d);
+  else if (factor.empty())
+    mean_differences(p, t0.begin, t0.end, n, op_.estimation_n, d);
+  else
+    prediction_errors(p, states_[0].data(), t0.begin, t0.end, n, factor[0], d);
+  for (size_t k = 1; k < factor.size(); ++k) subtract_predictions(states_[k].data(), t0.begin, t0.end, factor[k], d);
+}
+
+double DpRecord::sum_of_squares(long n, const std::vector<double>& factor, Range t0) const {
+  if (op_.type == DpType::kAv)
+    return second_difference_sum_sq(sum_.data(), t0.begin, t0.end, n) /
+           (static_cast<double>(n) * static_cast<double>(n));
+  double d[kPiece], sum = 0;
+  for (long b = t0.begin; b < t0.end; b += kPiece) {
+    const Range piece = {b, std::min(b + kPiece, t0.end)};
+    errors(n, factor, piece, d);
+    sum += sum_sq(d, piece.end - piece.begin);
+  }
   return sum;
 }
 
 void DpRecord::samples(long n, std::vector<double>* d, std::vector<long>* t0, long first_t0) const {
   d->clear();
   if (t0) t0->clear();
+  if (!has_whole_windows()) return samples_of_filled(n, d, t0, first_t0);
+  const std::vector<Range> ranges = whole_windows(n, first_t0);
+  const std::vector<double> factor = prediction_factors(n);
+  for (const Range& range : ranges) {
+    const size_t before = d->size();
+    d->resize(before + static_cast<size_t>(range.end - range.begin));
+    errors(n, factor, range, d->data() + before);
+    if (t0)
+      for (long t = range.begin; t < range.end; ++t) t0->push_back(t);
+  }
+}
+
+// Windows that may have missing samples, one by one.
+void DpRecord::samples_of_filled(long n, std::vector<double>* d, std::vector<long>* t0, long first_t0) const {
   const long history = op_.history_n(n);
-  std::vector<double> factor(states_.size());
-  for (size_t k = 0; k < factor.size(); ++k) factor[k] = op_.filter.prediction_factor(k, n, op_.type == DpType::kDp3);
+  const std::vector<double> factor = prediction_factors(n);
   for (long t = std::max(history, first_t0); t + n <= size_; ++t) {
-    if (!present_.empty() && !(complete(t, t + n) && complete(t - history, t))) continue;
+    if (!complete(t, t + n) || !complete(t - history, t)) continue;
     double predicted = 0;
     if (factor.empty())
       predicted = estimate(n, t);
@@ -242,48 +316,124 @@ double DpRecord::Moments::mean_square() const {
 std::vector<DpRecord::Moments> DpRecord::moments(const std::vector<long>& n, const std::vector<long>& first_t0) const {
   const long block = std::clamp(size_ / kBlocksPerRecord, 8L, kBlock);
   std::vector<Moments> out(n.size());
-  const bool general = !present_.empty() || states_.size() > 1;
-  std::vector<double> d;
-  std::vector<long> t0;
-  if (general) {
-    for (size_t i = 0; i < n.size(); ++i) {
-      samples(n[i], &d, &t0, first_t0.empty() ? 0 : first_t0[i]);
-      long end = -1;
-      for (size_t k = 0; k < d.size(); ++k) {
-        if (t0[k] >= end) {
-          end = (t0[k] / block + 1) * block;
-          out[i].sum_sq.push_back(0);
-          out[i].count.push_back(0);
-        }
-        out[i].sum_sq.back() += d[k] * d[k];
-        ++out[i].count.back();
-      }
-    }
+  if (!has_whole_windows()) {
+    moments_of_filled(n, first_t0, block, &out);
     return out;
   }
-  std::vector<double> scale(n.size()), factor(n.size());
+  std::vector<std::vector<Range>> ranges;
+  std::vector<std::vector<double>> factor;
+  std::vector<size_t> at(n.size(), 0); // the first range that reaches into the block
   for (size_t i = 0; i < n.size(); ++i) {
-    const auto steps = static_cast<double>(n[i]);
-    scale[i] = op_.type == DpType::kAv ? 1 / (steps * steps) : 1;
-    factor[i] = states_.empty() ? 1 : op_.filter.prediction_factor(0, n[i], op_.type == DpType::kDp3);
+    ranges.push_back(whole_windows(n[i], first_t0.empty() ? 0 : first_t0[i]));
+    factor.push_back(prediction_factors(n[i]));
   }
-  // DP1: the estimates once, as one more array.
-  std::vector<double> mean_before;
-  if (op_.type == DpType::kDp1) {
-    mean_before.resize(static_cast<size_t>(size_) + 1);
-    for (long t = op_.estimation_n; t <= size_; ++t) mean_before[static_cast<size_t>(t)] = estimate(0, t);
-  }
-  const double* x = op_.type == DpType::kDp1 ? mean_before.data() : states_.empty() ? nullptr : states_[0].data();
   for (long b = 0; b < size_; b += block)
     for (size_t i = 0; i < n.size(); ++i) {
-      const long first = std::max({b, op_.history_n(n[i]), first_t0.empty() ? 0L : first_t0[i]}),
-                 last = std::min(b + block, size_ - n[i] + 1);
-      if (first >= last) continue;
-      const double sum = op_.type == DpType::kAv ? second_difference_sum_sq(sum_.data(), first, last, n[i])
-                                                 : prediction_sum_sq(sum_.data(), x, first, last, n[i], factor[i]);
-      out[i].sum_sq.push_back(sum * scale[i]);
-      out[i].count.push_back(last - first);
+      double sum = 0;
+      long count = 0;
+      for (size_t& k = at[i]; k < ranges[i].size() && ranges[i][k].begin < b + block; ++k) {
+        const Range part = {std::max(b, ranges[i][k].begin), std::min(b + block, ranges[i][k].end)};
+        sum += sum_of_squares(n[i], factor[i], part);
+        count += part.end - part.begin;
+        if (ranges[i][k].end > b + block) break;
+      }
+      if (count == 0) continue;
+      out[i].sum_sq.push_back(sum);
+      out[i].count.push_back(count);
     }
+  return out;
+}
+
+void DpRecord::moments_of_filled(const std::vector<long>& n, const std::vector<long>& first_t0, long block,
+                                 std::vector<Moments>* out) const {
+  std::vector<double> d;
+  std::vector<long> t0;
+  for (size_t i = 0; i < n.size(); ++i) {
+    samples(n[i], &d, &t0, first_t0.empty() ? 0 : first_t0[i]);
+    Moments& moments = (*out)[i];
+    long end = -1;
+    for (size_t k = 0; k < d.size(); ++k) {
+      if (t0[k] >= end) {
+        end = (t0[k] / block + 1) * block;
+        moments.sum_sq.push_back(0);
+        moments.count.push_back(0);
+      }
+      moments.sum_sq.back() += d[k] * d[k];
+      ++moments.count.back();
+    }
+  }
+}
+
+// |d| at some t0, evenly over the ranges; empty where there are not many more.
+std::vector<double> DpRecord::sizes_of_some(long n, const std::vector<Range>& t0) const {
+  long windows = 0;
+  for (const Range& range : t0) windows += range.end - range.begin;
+  std::vector<double> out;
+  if (windows < 4 * Sizes::kSample) return out;
+  const double step = static_cast<double>(windows) / Sizes::kSample;
+  const std::vector<double> factor = prediction_factors(n);
+  double next = 0.5 * step, before = 0;
+  for (const Range& range : t0) {
+    const auto length = static_cast<double>(range.end - range.begin);
+    for (; next < before + length; next += step) {
+      const long t = range.begin + static_cast<long>(next - before);
+      double d = 0;
+      errors(n, factor, {t, t + 1}, &d);
+      out.push_back(std::fabs(d));
+    }
+    before += length;
+  }
+  return out;
+}
+
+DpRecord::Size DpRecord::size_of_all(long n) const {
+  std::vector<double> d;
+  samples(n, &d, nullptr);
+  if (d.empty()) return {};
+  Sizes sizes;
+  sizes.add(d.data(), static_cast<long>(d.size()));
+  return {sizes.count(), sizes.mean_square(), *sizes.percentile(), sizes.largest()};
+}
+
+// The sizes of some n in one pass over the record, block by block.
+void DpRecord::add_sizes(const std::vector<long>& n, std::vector<Size>* out) const {
+  std::vector<std::vector<Range>> ranges;
+  std::vector<std::vector<double>> factor;
+  std::vector<Sizes> sizes;
+  std::vector<size_t> at(n.size(), 0);
+  for (long steps : n) {
+    ranges.push_back(whole_windows(steps, 0));
+    factor.push_back(prediction_factors(steps));
+    sizes.emplace_back(sizes_of_some(steps, ranges.back()));
+  }
+  double d[kPiece];
+  for (long b = 0; b < size_; b += kBlock)
+    for (size_t i = 0; i < n.size(); ++i)
+      for (size_t& k = at[i]; k < ranges[i].size() && ranges[i][k].begin < b + kBlock; ++k) {
+        const long last = std::min(b + kBlock, ranges[i][k].end);
+        for (long t = std::max(b, ranges[i][k].begin); t < last; t += kPiece) {
+          const Range piece = {t, std::min(t + kPiece, last)};
+          errors(n[i], factor[i], piece, d);
+          sizes[i].add(d, piece.end - piece.begin);
+        }
+        if (ranges[i][k].end > b + kBlock) break;
+      }
+  for (size_t i = 0; i < n.size(); ++i) {
+    const std::optional<double> percentile = sizes[i].percentile();
+    out->push_back(percentile ? Size{sizes[i].count(), sizes[i].mean_square(), *percentile, sizes[i].largest()}
+                              : size_of_all(n[i]));
+  }
+}
+
+std::vector<DpRecord::Size> DpRecord::sizes(const std::vector<long>& n) const {
+  std::vector<Size> out;
+  for (size_t first = 0; first < n.size(); first += kTogether) {
+    const size_t last = std::min(first + kTogether, n.size());
+    if (has_whole_windows())
+      add_sizes(std::vector<long>(&n[first], &n[first] + (last - first)), &out);
+    else
+      for (size_t i = first; i < last; ++i) out.push_back(size_of_all(n[i]));
+  }
   return out;
 }
 
@@ -296,13 +446,7 @@ double dp_sigma(DpEstimator estimator, std::vector<double>* d) {
   }
   for (double& v : *d) v = std::fabs(v);
   if (estimator == DpEstimator::kMax) return *std::max_element(d->begin(), d->end()) / 3;
-  // Percentile with linear interpolation between order statistics.
-  const double place = 0.954 * static_cast<double>(d->size() - 1);
-  const auto k = static_cast<long>(place);
-  std::nth_element(d->begin(), d->begin() + k, d->end());
-  const double lower = (*d)[static_cast<size_t>(k)];
-  const double upper = k + 1 < static_cast<long>(d->size()) ? *std::min_element(d->begin() + k + 1, d->end()) : lower;
-  return 0.5 * (lower + (place - static_cast<double>(k)) * (upper - lower));
+  return 0.5 * order_statistic(d, kPercentile);
 }
 
 DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector<double>& tau_s,
@@ -336,11 +480,10 @@ DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector
       curve.n.push_back(m.n_windows());
     }
   } else {
-    std::vector<double> d;
-    for (long n : steps) {
-      record.samples(n, &d, nullptr);
-      curve.n.push_back(static_cast<long>(d.size()));
-      curve.dp_dph.push_back(dp_sigma(estimator, &d) / std::sqrt(2.0));
+    for (const DpRecord::Size& size : record.sizes(steps)) {
+      curve.n.push_back(size.n_windows);
+      const double sigma = estimator == DpEstimator::kMax ? size.largest / 3 : 0.5 * size.percentile;
+      curve.dp_dph.push_back(sigma / std::sqrt(2.0));
     }
   }
   for (size_t i = 0; i < steps.size(); ++i)

@@ -13,7 +13,8 @@
 // sample, the filter predicts over it without a measurement.
 //
 // Memory: 8 bytes per sample for the running sums, 8 more per nominal Markov term for DP2 and DP3, 4 more where
-// samples are missing.  Time: one pass over the samples per tau, all taus block by block through the cache.
+// samples are missing.  Time: one pass over the samples per tau, all taus block by block through the cache; missing
+// samples only cut the record into runs, unless min_fill < 1 lets windows have some.
 #pragma once
 #include <optional>
 #include <string>
@@ -21,6 +22,7 @@
 
 #include "analysis/dp/nominal_filter.h"
 #include "analysis/dp/series.h"
+#include "analysis/dp/sizes.h"
 
 namespace imucal {
 
@@ -76,7 +78,31 @@ public:
   // `first_t0`, one per n: only windows from there on (empty: all).
   std::vector<Moments> moments(const std::vector<long>& n, const std::vector<long>& first_t0 = {}) const;
 
+  // How large d is, for every n, in bounded memory.  Percentile: exact (sizes.h).
+  struct Size {
+    long n_windows = 0;
+    double mean_square = 0, percentile = 0, largest = 0; // of |d|
+  };
+  std::vector<Size> sizes(const std::vector<long>& n) const;
+
 private:
+  // Values of t0, one after the other.
+  struct Range {
+    long begin = 0, end = 0;
+  };
+  // Where no window of n has a missing sample; only for records with whole windows.
+  std::vector<Range> whole_windows(long n, long first_t0) const;
+  bool has_whole_windows() const { return present_.empty() || op_.min_fill >= 1; }
+  std::vector<double> prediction_factors(long n) const;
+  // d of whole windows, t0 in [first, last).
+  void errors(long n, const std::vector<double>& factor, Range t0, double* d) const;
+  double sum_of_squares(long n, const std::vector<double>& factor, Range t0) const;
+  std::vector<double> sizes_of_some(long n, const std::vector<Range>& t0) const;
+  void add_sizes(const std::vector<long>& n, std::vector<Size>* out) const;
+  Size size_of_all(long n) const;
+  void samples_of_filled(long n, std::vector<double>* d, std::vector<long>* t0, long first_t0) const;
+  void moments_of_filled(const std::vector<long>& n, const std::vector<long>& first_t0, long block,
+                         std::vector<Moments>* out) const;
   double estimate(long n, long t0) const;
   bool complete(long first, long last) const;
   double window_sum(long first, long last, long n) const;
@@ -85,6 +111,7 @@ private:
   long size_ = 0;
   std::vector<double> sum_;                 // size + 1 running sums
   std::vector<int> present_;                // running counts; empty where nothing is missing
+  std::vector<Range> runs_;                 // of samples that are there, one after the other
   std::vector<std::vector<double>> states_; // per nominal term: estimate before sample t0
 };
 

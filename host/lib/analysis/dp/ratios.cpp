@@ -92,18 +92,6 @@ Limits limits_of(const std::vector<double>& tau_s, double false_alarm_rate) {
   return {rate, normal_quantile(1 - 0.5 * rate)};
 }
 
-// The three statistics of d at one tau.
-struct Sizes {
-  double rms = 0, percentile = 0, largest = 0; // each scaled to be sigma, the largest to a third of it
-};
-
-Sizes sizes_of(const std::vector<double>& d) {
-  std::vector<double> work = d;
-  const double rms = dp_sigma(DpEstimator::kRms, &work);
-  const double percentile = dp_sigma(DpEstimator::kP95, &work); // leaves |d|
-  return {rms, percentile, *std::max_element(work.begin(), work.end()) / 3};
-}
-
 // The percentile ratio that is furthest from the Gaussian one, among the taus that have degrees of freedom enough.
 struct WorstRatio {
   double off = 0, ratio = 1, tau_s = 0; // off: in standard deviations
@@ -120,21 +108,26 @@ struct WorstRatio {
 WorstRatio add_ratios(const Series& s, const DpRecord& record, const Limits& limits, DpRatios* out,
                       std::vector<DpOutlier>* events) {
   WorstRatio worst;
-  std::vector<double> d;
-  std::vector<long> t0;
-  for (size_t i = 0; i < out->tau_s.size(); ++i) {
+  std::vector<long> n;
+  for (double tau_s : out->tau_s) n.push_back(std::lround(tau_s / s.dt_s));
+  const std::vector<DpRecord::Size> sizes = record.sizes(n);
+  for (size_t i = 0; i < n.size(); ++i) {
+    const DpRecord::Size& size = sizes[i];
     const double tau_s = out->tau_s[i], dof = out->dof[i];
-    record.samples(std::lround(tau_s / s.dt_s), &d, &t0);
-    const Sizes size = sizes_of(d);
-    out->max_over_rms.push_back(size.largest / size.rms);
-    out->p95_over_rms.push_back(size.percentile / size.rms);
-    const double limit = normal_quantile(1 - 0.5 * limits.rate / static_cast<double>(d.size()));
+    const double rms = std::sqrt(size.mean_square), percentile = 0.5 * size.percentile;
+    out->max_over_rms.push_back(size.largest / 3 / rms);
+    out->p95_over_rms.push_back(percentile / rms);
+    const double limit = normal_quantile(1 - 0.5 * limits.rate / static_cast<double>(size.n_windows));
     // The sigma itself is uncertain: widened by its own 3-sigma error.
-    const double sigma = size.percentile * (1 + 3 / std::sqrt(2 * dof));
-    out->max_limit.push_back(limit * sigma / (3 * size.rms));
+    const double sigma = percentile * (1 + 3 / std::sqrt(2 * dof));
+    out->max_limit.push_back(limit * sigma / (3 * rms));
     if (dof < kLeastDof) continue;
-    worst.add(size.percentile / size.rms, dof, tau_s);
-    if (3 * size.largest > limit * sigma) add_events(s, t0, d, sigma, limit, tau_s, events);
+    worst.add(percentile / rms, dof, tau_s);
+    if (size.largest <= limit * sigma) continue;
+    std::vector<double> d;
+    std::vector<long> t0;
+    record.samples(n[i], &d, &t0);
+    add_events(s, t0, d, sigma, limit, tau_s, events);
   }
   return worst;
 }

@@ -147,14 +147,48 @@ std::vector<double> error_autocovariance(const std::vector<NoiseComponent>& comp
   return r;
 }
 
+namespace {
+
+// Autocovariance at lag k of the difference of two adjoining windows' means, n and m long, of unit white noise: linear
+// between the lags 0, n, m and n + m.
+double white_two_window(double n, double m, double k) {
+  const double own = std::max(0.0, n - k) / (n * n) + std::max(0.0, m - k) / (m * m);
+  return own - std::max(0.0, std::min(n, k) - std::max(0.0, k - m)) / (n * m);
+}
+
+// Sum over k in [first, last) of weight (windows - k) r(k)^2, r linear: closed, whatever the number of lags.
+double weighted_squares(double n, double m, double windows, double first, double last) {
+  const double count = last - first, r = white_two_window(n, m, first);
+  const double slope = count > 1 ? (white_two_window(n, m, last - 1) - r) / (count - 1) : 0;
+  const double s1 = count * (count - 1) / 2, s2 = s1 * (2 * count - 1) / 3, s3 = s1 * s1;
+  const double constant = r * r, linear = 2 * r * slope, square = slope * slope;
+  return (windows - first) * (constant * count + linear * s1 + square * s2) -
+         (constant * s1 + linear * s2 + square * s3);
+}
+
+// Of white noise under AV and DP1, whose windows do not know each other once they do not touch.
+double white_dof(double n, double m, double windows) {
+  const double knots[] = {1, std::min(n, m), std::max(n, m), n + m};
+  const double r0 = white_two_window(n, m, 0);
+  double sum = windows * r0 * r0;
+  for (int k = 0; k < 3; ++k) {
+    const double first = std::max(1.0, knots[k]), last = std::min(knots[k + 1], windows);
+    if (last > first) sum += 2 * weighted_squares(n, m, windows, first, last);
+  }
+  return std::max(1.0, windows * windows * r0 * r0 / sum);
+}
+
+} // namespace
+
 double model_dof(const std::vector<NoiseComponent>& components, const DpOperator& op, long n, long n_windows) {
-  // Beyond some window lengths the autocovariance of d is spent (long Markov terms excepted: cut at 20 windows); two
-  // windows of white noise that do not touch have none.
-  const bool is_white = std::all_of(components.begin(), components.end(),
-                                    [](const NoiseComponent& c) { return c.kind == Kind::kWhite; }) &&
-                        op.type != DpType::kDp2 && op.type != DpType::kDp3;
+  const bool is_white =
+      op.type != DpType::kDp2 && op.type != DpType::kDp3 && !components.empty() &&
+      std::all_of(components.begin(), components.end(), [](const NoiseComponent& c) { return c.kind == Kind::kWhite; });
+  if (is_white)
+    return white_dof(static_cast<double>(n), static_cast<double>(op.history_n(n)), static_cast<double>(n_windows));
+  // Beyond some window lengths the autocovariance of d is spent (long Markov terms excepted: cut at 20 windows).
   const long reach = n + op.history_n(n);
-  const long lags = std::min(n_windows, is_white ? reach + 1 : 20 * reach + 200);
+  const long lags = std::min(n_windows, 20 * reach + 200);
   const auto r = error_autocovariance(components, op, n, lags);
   const auto windows = static_cast<double>(n_windows);
   double sum = 0;
