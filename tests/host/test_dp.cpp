@@ -153,6 +153,41 @@ void check_operator(DpType type, const ErrorModel& nominal, const Series& s) {
   }
 }
 
+// Sizes of d against d itself, sorted: kept whole, bracketed, with ties, and cut by gaps.
+void check_sizes(const Series& s, const DpOperator& op) {
+  const DpRecord record(s, op);
+  for (long n : {1L, 3L, 50L, 400L}) {
+    std::vector<double> d;
+    record.samples(n, &d, nullptr);
+    for (double& x : d) x = std::fabs(x);
+    std::sort(d.begin(), d.end());
+    const double place = 0.954 * static_cast<double>(d.size() - 1);
+    const auto k = static_cast<size_t>(place);
+    const double percentile = d[k] + (place - static_cast<double>(k)) * (d[std::min(k + 1, d.size() - 1)] - d[k]);
+    const DpRecord::Size size = record.sizes({n})[0];
+    assert_int_equal(size.n_windows, d.size());
+    assert_true(size.largest == d.back());
+    assert_true(size.percentile == percentile);
+  }
+}
+
+void test_sizes_are_those_of_the_sorted_errors(void**) {
+  for (long n : {3000L, 60000L}) {
+    Series s = random_series(n, 5);
+    check_sizes(s, make_dp_operator(DpType::kDp3, 1, kTwoTerms));
+    // Loud at one end: the evenly spread sample must still bracket the percentile, or say that it does not.
+    for (long i = 0; i < n / 50; ++i) s.rate_dph[static_cast<size_t>(i)] *= 100;
+    check_sizes(s, make_dp_operator(DpType::kAv, 1, {}));
+    for (double& x : s.rate_dph) x = std::round(x / 40) * 40; // many errors of the same size
+    check_sizes(s, make_dp_operator(DpType::kAv, 1, {}));
+    for (long i = 500; i < n; i += 1700) drop(&s, i);
+    check_sizes(s, make_dp_operator(DpType::kAv, 1, {}));
+    DpOperator filled = make_dp_operator(DpType::kDp1, 1, {});
+    filled.min_fill = 0.9;
+    check_sizes(s, filled);
+  }
+}
+
 void test_operators_equal_their_definition(void**) {
   const Series s = random_series(700, 3);
   for (DpType type : {DpType::kAv, DpType::kDp1, DpType::kDp2, DpType::kDp3}) {
@@ -321,6 +356,7 @@ int main() {
       cmocka_unit_test(test_nominal_filter_secular_roots_equal_riccati),
       cmocka_unit_test(test_nominal_filter_response_sums_poles),
       cmocka_unit_test(test_operators_equal_their_definition),
+      cmocka_unit_test(test_sizes_are_those_of_the_sorted_errors),
       cmocka_unit_test(test_operators_with_gaps_use_whole_windows_only),
       cmocka_unit_test(test_min_fill_admits_windows_with_few_missing),
       cmocka_unit_test(test_stream_equals_whole_record),

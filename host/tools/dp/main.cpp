@@ -213,7 +213,7 @@ AxisResult analyse(Series s, const Session& session) {
   }
   if (o.no_ratios) return out;
   const DpCurve& last = out.curves.back();
-  out.ratios = dp_ratios(s, record, last.tau_s, dof_of(last, op, components), o.false_alarm_rate);
+  out.ratios = dp_ratios(s, record, last, dof_of(last, op, components), o.false_alarm_rate);
   return out;
 }
 

@@ -392,7 +392,7 @@ DpRecord::Size DpRecord::size_of_all(long n) const {
   if (d.empty()) return {};
   Sizes sizes;
   sizes.add(d.data(), static_cast<long>(d.size()));
-  return {sizes.count(), sizes.mean_square(), *sizes.percentile(), sizes.largest()};
+  return {sizes.count(), *sizes.percentile(), sizes.largest()};
 }
 
 // The sizes of some n in one pass over the record, block by block.
@@ -420,8 +420,7 @@ void DpRecord::add_sizes(const std::vector<long>& n, std::vector<Size>* out) con
       }
   for (size_t i = 0; i < n.size(); ++i) {
     const std::optional<double> percentile = sizes[i].percentile();
-    out->push_back(percentile ? Size{sizes[i].count(), sizes[i].mean_square(), *percentile, sizes[i].largest()}
-                              : size_of_all(n[i]));
+    out->push_back(percentile ? Size{sizes[i].count(), *percentile, sizes[i].largest()} : size_of_all(n[i]));
   }
 }
 

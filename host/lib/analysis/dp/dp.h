@@ -81,7 +81,7 @@ public:
   // How large d is, for every n, in bounded memory.  Percentile: exact (sizes.h).
   struct Size {
     long n_windows = 0;
-    double mean_square = 0, percentile = 0, largest = 0; // of |d|
+    double percentile = 0, largest = 0; // of |d|
   };
   std::vector<Size> sizes(const std::vector<long>& n) const;
 

@@ -105,16 +105,17 @@ struct WorstRatio {
 };
 
 // Fills the ratios of `out` tau by tau and collects what stands out.
-WorstRatio add_ratios(const Series& s, const DpRecord& record, const Limits& limits, DpRatios* out,
-                      std::vector<DpOutlier>* events) {
+WorstRatio add_ratios(const Series& s, const DpRecord& record, const DpCurve& curve, const Limits& limits,
+                      DpRatios* out, std::vector<DpOutlier>* events) {
   WorstRatio worst;
   std::vector<long> n;
   for (double tau_s : out->tau_s) n.push_back(std::lround(tau_s / s.dt_s));
   const std::vector<DpRecord::Size> sizes = record.sizes(n);
+  const std::vector<DpRecord::Moments> moments = curve.moments.empty() ? record.moments(n) : curve.moments;
   for (size_t i = 0; i < n.size(); ++i) {
     const DpRecord::Size& size = sizes[i];
     const double tau_s = out->tau_s[i], dof = out->dof[i];
-    const double rms = std::sqrt(size.mean_square), percentile = 0.5 * size.percentile;
+    const double rms = std::sqrt(moments[i].mean_square()), percentile = 0.5 * size.percentile;
     out->max_over_rms.push_back(size.largest / 3 / rms);
     out->p95_over_rms.push_back(percentile / rms);
     const double limit = normal_quantile(1 - 0.5 * limits.rate / static_cast<double>(size.n_windows));
@@ -164,14 +165,14 @@ Verdict verdict_of(const Series& s, const std::vector<DpOutlier>& events, const 
 
 } // namespace
 
-DpRatios dp_ratios(const Series& s, const DpRecord& record, const std::vector<double>& tau_s,
-                   const std::vector<double>& dof, double false_alarm_rate) {
+DpRatios dp_ratios(const Series& s, const DpRecord& record, const DpCurve& curve, const std::vector<double>& dof,
+                   double false_alarm_rate) {
   DpRatios out;
   out.log = s.log, out.axis = s.axis, out.type = record.op().type;
-  out.tau_s = tau_s, out.dof = dof;
-  const Limits limits = limits_of(tau_s, false_alarm_rate);
+  out.tau_s = curve.tau_s, out.dof = dof;
+  const Limits limits = limits_of(curve.tau_s, false_alarm_rate);
   std::vector<DpOutlier> events;
-  const WorstRatio worst = add_ratios(s, record, limits, &out, &events);
+  const WorstRatio worst = add_ratios(s, record, curve, limits, &out, &events);
   events = merged(std::move(events));
   out.n_events = static_cast<long>(events.size());
   const Verdict verdict = verdict_of(s, events, worst, limits.z_percentile);

@@ -34,8 +34,8 @@ struct DpRatios {
   long n_events = 0;
 };
 
-// `dof` per tau as from errormodel/confidence.h.
-DpRatios dp_ratios(const Series& series, const DpRecord& record, const std::vector<double>& tau_s,
-                   const std::vector<double>& dof, double false_alarm_rate = 0.01);
+// At the taus of `curve`, which is one of this record; `dof` per tau as from errormodel/confidence.h.
+DpRatios dp_ratios(const Series& series, const DpRecord& record, const DpCurve& curve, const std::vector<double>& dof,
+                   double false_alarm_rate = 0.01);
 
 } // namespace imucal

@@ -15,53 +15,55 @@ namespace {
 typedef int64_t LaneBits __attribute__((vector_size(32)));
 
 struct Tally {
-  double sum_sq, largest;
-  long below, kept;
+  double lo, hi, largest;
+  long below;
+  double* kept; // where the next goes
+
+  IMUCAL_WIDE_PART void one(double d) {
+    const double size = std::fabs(d);
+    *kept = size;
+    kept += (size >= lo) & (size <= hi);
+    below += size < lo;
+    largest = size > largest ? size : largest;
+  }
 };
 
-constexpr int64_t kSignless = std::numeric_limits<int64_t>::max();
-
-// Of n values (a multiple of 8): those of |d| within [lo, hi] into `kept`, which has room for n.
-IMUCAL_WIDE Tally tally_eights(const double* d, long n, double lo, double hi, double* kept) {
-  LaneBits lo_bits, hi_bits, signless = {kSignless, kSignless, kSignless, kSignless};
-  const Lanes lo_lanes = {lo, lo, lo, lo}, hi_lanes = {hi, hi, hi, hi};
-  std::memcpy(&lo_bits, &lo_lanes, sizeof lo_bits), std::memcpy(&hi_bits, &hi_lanes, sizeof hi_bits);
-  LaneBits below0 = {0, 0, 0, 0}, below1 = below0, largest0 = below0, largest1 = below0;
-  Lanes s0 = {0, 0, 0, 0}, s1 = s0;
-  Tally out = {0, 0, 0, 0};
-  for (long k = 0; k < n; k += 8) {
-    Lanes d0, d1;
-    load_lanes(&d0, d + k), load_lanes(&d1, d + k + 4);
-    s0 += d0 * d0, s1 += d1 * d1;
-    LaneBits b0, b1;
-    std::memcpy(&b0, &d0, sizeof b0), std::memcpy(&b1, &d1, sizeof b1);
-    b0 &= signless, b1 &= signless;
-    const LaneBits more0 = b0 > largest0, more1 = b1 > largest1;
-    largest0 = (b0 & more0) | (largest0 & ~more0), largest1 = (b1 & more1) | (largest1 & ~more1);
-    const LaneBits under0 = b0 < lo_bits, under1 = b1 < lo_bits;
-    below0 -= under0, below1 -= under1;
-    const LaneBits in = (~under0 & (b0 <= hi_bits)) | (~under1 & (b1 <= hi_bits));
-    if (((in[0] | in[1]) | (in[2] | in[3])) == 0) continue;
-    for (long j = k; j < k + 8; ++j) {
-      const double size = std::fabs(d[j]);
-      kept[out.kept] = size;
-      out.kept += (size >= lo) & (size <= hi);
-    }
-  }
-  const Lanes s = s0 + s1;
-  out.sum_sq = (s[0] + s[1]) + (s[2] + s[3]);
-  const LaneBits below = below0 + below1;
-  out.below = static_cast<long>(below[0] + below[1] + below[2] + below[3]);
-  int64_t most = 0;
-  for (int l = 0; l < 4; ++l) most = std::max({most, largest0[l], largest1[l]});
-  std::memcpy(&out.largest, &most, sizeof most);
-  return out;
+IMUCAL_WIDE_PART void find_reaching(const double* d, const LaneBits& lo, LaneBits* mask) {
+  constexpr int64_t kAll = std::numeric_limits<int64_t>::max();
+  const LaneBits without_sign = {kAll, kAll, kAll, kAll};
+  LaneBits bits;
+  std::memcpy(&bits, d, sizeof bits);
+  *mask = (bits & without_sign) >= lo;
 }
 
-Tally tally_one(double d, double lo, double hi, double* kept) {
-  const double size = std::fabs(d);
-  *kept = size;
-  return {d * d, size, size < lo, size >= lo && size <= hi};
+IMUCAL_WIDE_PART bool any(const LaneBits& mask) {
+  return ((mask[0] | mask[1]) | (mask[2] | mask[3])) != 0;
+}
+
+// Nineteen of twenty are below lo, near to one another where n is large: sixteen at a time.
+IMUCAL_WIDE void tally_all(const double* d, long n, Tally* out) {
+  Tally t = *out;
+  const Lanes lo_lanes = {t.lo, t.lo, t.lo, t.lo};
+  LaneBits lo;
+  std::memcpy(&lo, &lo_lanes, sizeof lo);
+  long k = 0;
+  for (; k + 16 <= n; k += 16) {
+    LaneBits reaches[4];
+    for (long j = 0; j < 4; ++j) find_reaching(d + k + 4 * j, lo, &reaches[j]);
+    if (!any((reaches[0] | reaches[1]) | (reaches[2] | reaches[3]))) {
+      t.below += 16;
+      continue;
+    }
+    for (long j = k; j < k + 16; j += 4) {
+      if (!any(reaches[(j - k) / 4])) {
+        t.below += 4;
+        continue;
+      }
+      t.one(d[j]), t.one(d[j + 1]), t.one(d[j + 2]), t.one(d[j + 3]);
+    }
+  }
+  for (; k < n; ++k) t.one(d[k]);
+  *out = t;
 }
 
 } // namespace
@@ -85,14 +87,15 @@ Sizes::Sizes(std::vector<double> sample) : lo_(0), hi_(std::numeric_limits<doubl
 void Sizes::add(const double* d, long n) {
   // Room for all of them, whether they are kept or not.
   if (const auto most = static_cast<size_t>(n_kept_ + n); kept_.size() < most) kept_.resize(most + most / 2);
-  const auto take = [&](const Tally& t) {
-    sum_sq_ += t.sum_sq, largest_ = std::max(largest_, t.largest);
-    below_ += t.below, n_kept_ += t.kept;
-  };
-  const long eights = n / 8 * 8;
-  take(tally_eights(d, eights, lo_, hi_, kept_.data() + n_kept_));
-  for (long k = eights; k < n; ++k) take(tally_one(d[k], lo_, hi_, kept_.data() + n_kept_));
+  Tally tally = {lo_, hi_, largest_, below_, kept_.data() + n_kept_};
+  tally_all(d, n, &tally);
+  largest_ = tally.largest, below_ = tally.below;
+  n_kept_ = tally.kept - kept_.data();
   count_ += n;
+}
+
+double Sizes::largest() const {
+  return count_ > 0 ? largest_ : 0;
 }
 
 std::optional<double> Sizes::percentile() {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// How large the prediction errors of one n are: their number, sum of squares, 95.4th percentile and maximum of |d|, from
-// blocks of d that are looked at once.  Exact, in linear time, and without keeping d.
+// How large the prediction errors of one n are: their number, the 95.4th percentile and the maximum of |d|, from blocks
+// of d that are looked at once.  Exact, in linear time, and without keeping d.
 //
 // The percentile of a sample of d, with four standard errors of its rank to both sides, brackets that of all: only what
 // lies within is kept (some 3 %) and what lies below is counted.  Where the bracket misses, percentile() says so.
@@ -26,14 +26,13 @@ public:
   void add(const double* d, long n);
 
   long count() const { return count_; }
-  double mean_square() const { return count_ > 0 ? sum_sq_ / static_cast<double>(count_) : 0; }
-  double largest() const { return largest_; }
+  double largest() const;
   std::optional<double> percentile();
 
 private:
   double lo_, hi_; // the bracket
   long count_ = 0, below_ = 0, n_kept_ = 0;
-  double sum_sq_ = 0, largest_ = 0;
+  double largest_ = 0;
   std::vector<double> kept_; // the first n_kept_
 };
 
