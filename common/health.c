@@ -187,7 +187,10 @@ bool imucal_health_gate(imucal_health_t* h, float innovation, float weight) {
   h->lag1_block += h->last_innovation * normalised;
   h->weighted_block += normalised;
   h->weight_block += weight;
-  h->last_innovation = innovation;
+  /* The first innovations have the variance of what was not known beforehand, say (1e4)^2: beside one of r such a product
+   * would outweigh all others.  Settled is a variance within four times that of the noise. */
+  const float settled = 0.25f / (h->config.r + h->config.markov_variance);
+  h->last_innovation = weight >= settled ? innovation : 0.0f;
   if (++h->n_innovations % BLOCK_N == 0) finish_block(h);
   return true;
 }

@@ -185,7 +185,9 @@ static inline void count_innovation(imucal_kf_stats_t* s, float innovation, floa
   s->sum_lo[IMUCAL_KF_NIS] += innovation * normalised;
   s->sum_lo[IMUCAL_KF_WEIGHTED] += normalised;
   s->sum_lo[IMUCAL_KF_INVERSE] += weight;
-  s->sum_lo[IMUCAL_KF_LAG1] += s->innovation * normalised;
+  /* The smaller weight of the two: the first innovation, as large as what was not known beforehand, counts little. */
+  const float least = weight < s->innovation_weight ? weight : s->innovation_weight;
+  s->sum_lo[IMUCAL_KF_LAG1] += s->innovation * innovation * least;
   s->innovation = innovation;
   s->innovation_weight = weight;
 }
