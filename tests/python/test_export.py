@@ -293,3 +293,36 @@ def test_export_of_the_wrong_file_says_so_and_writes_nothing(tmp_path, capsys, c
 
 def test_single_is_the_nearest_float32():
     assert single(0.1) == float(np.float32(0.1))
+
+
+ACCEL = {"imucal_model": 1, "unit": "mg", "white_mg_rt_hz": 0.15, "markov": [{"sigma_mg": 0.08, "tau_s": 200}],
+         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_mg": [1000, 4, 2, -1]}}
+
+
+@pytest.fixture
+def accel(tmp_path):
+    (tmp_path / "accel.json").write_text(json.dumps(ACCEL))
+    return tmp_path / "accel.json"
+
+
+def test_accelerometer_densities_are_in_metres_per_second_squared(accel):
+    density, walk = 0.15e-3 * 9.80665, 0.08e-3 * 9.80665 * np.sqrt(2 / 200)
+    v = values_of(noise.kalibr(noise.read_noise(accel), NOTHING)[0])
+    assert float(v["accelerometer_noise_density"]) == pytest.approx(density, rel=1e-6) and "gyroscope_noise_density" not in v
+    assert float(v["accelerometer_random_walk"]) == pytest.approx(walk, rel=1e-6)
+    v = values_of(noise.ros(noise.read_noise(accel), SimpleNamespace(rate_hz=100))[0])
+    assert float(v["gtsam_accelerometerCovariance"]) == pytest.approx(density ** 2, rel=1e-6)
+    text, notes = noise.matlab(noise.read_noise(accel), NOTHING)
+    assert "p = accelparams;" in text and f"p.NoiseDensity = {density:.9g};" in text and any("gravity" in n for n in notes)
+    slope = (4 + 2 * 2 * (-5 / 30) - 3 * (5 / 30) ** 2) / 30 * 9.80665e-3
+    assert float(re.search(r"p.TemperatureBias = (\S+);", text).group(1)) == pytest.approx(slope, rel=1e-6)
+    text, _ = noise.datasheet(noise.read_noise(accel), NOTHING)
+    assert "velocity random walk 0.0883 m/s/sqrt(h)" in text and "150 ug/sqrt(Hz)" in text and "deg" not in text
+
+
+def test_kalibr_takes_the_accelerometer_beside_the_gyro(model, accel):
+    v = values_of(noise.kalibr(model, SimpleNamespace(rate_hz=None, accel=str(accel)))[0])
+    assert float(v["accelerometer_noise_density"]) == pytest.approx(0.15e-3 * 9.80665, rel=1e-6)
+    assert float(v["gyroscope_noise_density"]) == pytest.approx(model.density, rel=1e-6)
+    with pytest.raises(DataError, match="accelerometer's model"):
+        noise.kalibr(noise.read_noise(accel), SimpleNamespace(rate_hz=None, accel=str(accel)))

@@ -29,6 +29,7 @@ READERS = {
     "run.csv": ("gyrosim", "replay", "run.csv", "--to", "feed.bin"),
     "raw.csv": ("gyrosim", "replay", "raw.csv", "--to", "feed.bin"),
     "model.json": ("profile", "bound", "--model", "model.json", "--order", "3", "--duration-s", "8400"),
+    "accel.json": ("profile", "bound", "--model", "accel.json", "--order", "3", "--duration-s", "8400"),
     "chamber.json": ("profile", "error", "chamber.json", "--model", "model.json", "--order", "3"),
     "table.json": ("imucal", "export", "table.json", "--to", "c-header", "-o", "table.h"),
 }

@@ -12,6 +12,7 @@
 #include <memory>
 
 #include "analysis/fit/fit.h"
+#include "base/axis_unit.h"
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/progress.h"
@@ -40,10 +41,6 @@ std::string text_of(const TemperatureRange& range) {
   return text_of(range.lo_degc) + " to " + text_of(range.hi_degc) + " degC";
 }
 
-bool is_gyro(const std::string& name) {
-  return name.size() > 4 && name.compare(name.size() - 4, 4, "_dph") == 0;
-}
-
 // The channels to calibrate.
 std::vector<size_t> chosen_channels(const Device& device, const RunOptions& options) {
   std::vector<size_t> chosen;
@@ -58,10 +55,13 @@ std::vector<size_t> chosen_channels(const Device& device, const RunOptions& opti
     }
     chosen.push_back(i);
   }
+  const bool wants_accel = options.models.size() == 1 && options.models.front().unit == "mg";
   if (options.axes.empty())
     for (size_t i = 0; i < n; ++i)
-      if (options.models.size() == n || is_gyro(device.channel_name(i))) chosen.push_back(i);
-  if (chosen.empty()) throw usage_error("the device has no gyro; name the axes to calibrate with --axis");
+      if (options.models.size() == n || is_accelerometer(device.channel_name(i)) == wants_accel) chosen.push_back(i);
+  if (chosen.empty())
+    throw usage_error(std::string("the device has no ") + (wants_accel ? "accelerometer" : "gyro") +
+                      "; name the axes to calibrate with --axis");
   if (options.models.size() != 1 && options.models.size() != chosen.size())
     throw usage_error(std::to_string(options.models.size()) + " models for " + std::to_string(chosen.size()) +
                       " axes: give one for all, or one per axis");
@@ -161,6 +161,7 @@ void Run::prepare() {
   const std::vector<size_t> channels = chosen_channels(device_, options_);
   for (size_t i = 0; i < channels.size(); ++i) {
     const ErrorModel& model = options_.models.size() > 1 ? options_.models[i] : options_.models.front();
+    model.require_unit_of(device_.channel_name(channels[i]));
     Axis axis{channels[i],
               &model,
               cal_start_of(model, options_.order, (range_.lo_degc + range_.hi_degc) / 2, range_.width() / 2, range_,
@@ -239,8 +240,8 @@ void Run::show(bool is_last) {
   if (total_s_ > 0) line += " of " + text_of(total_s_, 0) + " s";
   line += "  " + text_of(temp_degc_, 2) + " degC";
   if (is_range_known_ && std::isfinite(worst_sigma_))
-    line += "  predicted worst error " + text_of(worst_sigma_, 2) +
-            (is_gyro(device_.channel_name(axes_.front().channel)) ? " dph" : "");
+    line += "  predicted worst error " + text_of(worst_sigma_, 2) + " " +
+            axis_unit(device_.channel_name(axes_.front().channel));
   if (device_.statistics().lost_records > 0)
     line += "  " + std::to_string(device_.statistics().lost_records) + " records lost";
   if (total_s_ > 0 && done_s > 0)

@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "base/axis_unit.h"
+#include "base/error.h"
 #include "base/units.h"
 
 namespace imucal {
@@ -46,33 +48,69 @@ static std::vector<EffectSpec> effects_from_json(const JsonField& list) {
   return effects;
 }
 
-static Markov markov_from_json(const JsonField& term) {
-  term.only({"sigma_dph", "tau_s"});
-  return {term.at("sigma_dph").number(0.0, 1e9), term.at("tau_s").number(1e-3, 1e9)};
+// A member by its name in the contract (…_dph) or, in a model that states the unit mg, by the name in mg.
+static JsonField in_unit(const JsonField& parent, const std::string& name, const std::string& unit) {
+  const std::string other = name_in_unit(name, unit);
+  const auto found = other == name ? std::nullopt : parent.find(other);
+  if (found && parent.find(name)) found->refuse("the same as " + name + ": give one of the two");
+  return found ? *found : parent.at(name);
 }
 
-static ThermalPolynomial bias_from_json(const JsonField& bias) {
-  bias.only({"t0_degc", "range_degc", "coeff_dph"});
+static Markov markov_from_json(const JsonField& term, const std::string& unit) {
+  const std::string sigma = name_in_unit("sigma_dph", unit);
+  term.only({"sigma_dph", sigma.c_str(), "tau_s"});
+  return {in_unit(term, "sigma_dph", unit).number(0.0, 1e9), term.at("tau_s").number(1e-3, 1e9)};
+}
+
+static ThermalPolynomial bias_from_json(const JsonField& bias, const std::string& unit) {
+  const std::string coeff = name_in_unit("coeff_dph", unit);
+  bias.only({"t0_degc", "range_degc", "coeff_dph", coeff.c_str()});
   ThermalPolynomial poly;
   poly.t0_degc = bias.at("t0_degc").number(-300.0, 2000.0);
   poly.range_degc = bias.at("range_degc").number(1e-6, 2000.0);
-  for (const JsonField& coefficient : bias.at("coeff_dph").elements())
+  for (const JsonField& coefficient : in_unit(bias, "coeff_dph", unit).elements())
     poly.coeff_dph.push_back(coefficient.number(-1e12, 1e12));
-  if (poly.coeff_dph.empty()) bias.at("coeff_dph").refuse("needs at least one coefficient");
+  if (poly.coeff_dph.empty()) in_unit(bias, "coeff_dph", unit).refuse("needs at least one coefficient");
   return poly;
+}
+
+static std::string unit_from_json(const JsonField& model) {
+  const auto unit = model.find("unit");
+  if (!unit) return "";
+  const std::string text = unit->text();
+  if (text != "dph" && text != "mg") unit->refuse("expected \"dph\" (a gyro) or \"mg\" (an accelerometer)");
+  return text;
+}
+
+static double white_from_json(const JsonField& model, const std::string& unit) {
+  const auto white = unit == "mg" ? model.find("white_mg_rt_hz") : std::nullopt;
+  if (!white) return model.at("arw_deg_rt_h").number(0.0, 1e6);
+  if (model.find("arw_deg_rt_h")) white->refuse("the same as 60 arw_deg_rt_h: give one of the two");
+  return arw_from_white_sigma(white->number(0.0, 1e6));
+}
+
+void ErrorModel::require_unit_of(const std::string& axis) const {
+  if (unit.empty() || unit == axis_unit(axis)) return;
+  throw data_error(std::string("the model is ") + (unit == "mg" ? "an accelerometer's" : "a gyro's") +
+                   " (\"unit\": \"" + unit + "\"), axis " + axis + " is in " + axis_unit(axis) +
+                   ": give a model of that sensor, or choose axes with --axis");
 }
 
 ErrorModel model_from_json(const JsonField& field) {
   if (field.at("imucal_model").integer(0, 1000000) != 1)
     field.at("imucal_model").refuse("version not known to this program (it knows 1)");
-  field.only({"imucal_model", "arw_deg_rt_h", "markov", "turn_on_sigma_dph", "bias", "effects"});
   ErrorModel model;
-  model.arw_deg_rt_h = field.at("arw_deg_rt_h").number(0.0, 1e6);
+  model.unit = unit_from_json(field);
+  const std::string unit = model.unit_or_dph(), turn_on = name_in_unit("turn_on_sigma_dph", unit);
+  field.only({"imucal_model", "unit", "arw_deg_rt_h", unit == "mg" ? "white_mg_rt_hz" : "arw_deg_rt_h", "markov",
+              "turn_on_sigma_dph", turn_on.c_str(), "bias", "effects"});
+  model.arw_deg_rt_h = white_from_json(field, unit);
   if (const auto list = field.find("markov")) {
-    for (const JsonField& term : list->elements()) model.markov.push_back(markov_from_json(term));
+    for (const JsonField& term : list->elements()) model.markov.push_back(markov_from_json(term, unit));
   }
-  model.turn_on_sigma_dph = field.number_or("turn_on_sigma_dph", 0.0, 0.0, 1e9);
-  if (const auto bias = field.find("bias")) model.bias = bias_from_json(*bias);
+  if (field.find("turn_on_sigma_dph") || field.find(turn_on))
+    model.turn_on_sigma_dph = in_unit(field, "turn_on_sigma_dph", unit).number(0.0, 1e9);
+  if (const auto bias = field.find("bias")) model.bias = bias_from_json(*bias, unit);
   if (const auto effects = field.find("effects")) model.effects = effects_from_json(*effects);
   return model;
 }
@@ -88,6 +126,7 @@ std::vector<EffectSpec> read_effects(const std::string& path) {
 
 Json to_json(const ErrorModel& model) {
   Json json = {{"imucal_model", 1}, {"arw_deg_rt_h", model.arw_deg_rt_h}, {"markov", Json::array()}};
+  if (!model.unit.empty()) json["unit"] = model.unit;
   for (const Markov& m : model.markov) json["markov"].push_back({{"sigma_dph", m.sigma_dph}, {"tau_s", m.tau_s}});
   json["turn_on_sigma_dph"] = model.turn_on_sigma_dph;
   if (model.bias)

@@ -36,12 +36,19 @@ struct EffectSpec {
   long log = -1;         // simulated in the log of this index only; -1: in all
 };
 
+// Of an accelerometer the members named _dph are in mg, and 60 arw_deg_rt_h is its white noise in mg/sqrt(Hz), which is the
+// standard deviation of a 1-s mean: one filter, one mathematics for both.
 struct ErrorModel {
   double arw_deg_rt_h = 0;
   std::vector<Markov> markov;
   double turn_on_sigma_dph = 0;
   std::optional<ThermalPolynomial> bias;
   std::vector<EffectSpec> effects;
+  std::string unit = {}; // "dph" or "mg"; empty: the file does not say (a gyro's, by default)
+
+  std::string unit_or_dph() const { return unit.empty() ? "dph" : unit; }
+  // data_error where the model is stated to be one of another kind of sensor than the axis.
+  void require_unit_of(const std::string& axis) const;
 
   // White-noise density seen by slow signals: sum 2 sigma^2 tau + (60 arw)^2 [dph^2 s] (reference figures A, tests/README.md).
   double slow_density_dph2_s() const;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Analyses on arrays.  Arrays have shape (n,), rates are in dph, times in s; results are small dataclasses.
+"""Analyses on arrays.  Arrays have shape (n,), rates are in dph (accelerations in mg), times in s; results are small dataclasses.
 
 allan_deviation and direct_predictor run in the compiled part; the others run the programs of the tool-chain through their
 JSON contracts (imucal/programs.py), in a process of their own.
@@ -60,7 +60,11 @@ class BoundCheck:
 
 @dataclass
 class AxisCalibration:
-    """B(T) = sum coeff_dph[i] Tn^i, Tn = (T - t0)/range, |Tn| <= 1; sigma_dph at temp_degc."""
+    """B(T) = sum coeff_dph[i] Tn^i, Tn = (T - t0)/range, |Tn| <= 1; sigma_dph at temp_degc.
+
+    `unit` is that of every member named _dph: "dph", or "mg" of an accelerometer (_mg, _ms2), whose b_0 holds gravity
+    along the axis as it lay.
+    """
 
     axis: str
     order: int
@@ -70,6 +74,11 @@ class AxisCalibration:
     temp_degc: np.ndarray
     sigma_dph: np.ndarray
     residual_rms_dph: float
+
+    @property
+    def unit(self):
+        """"dph", or "mg" of an accelerometer."""
+        return "mg" if self.axis.endswith(("_mg", "_ms2")) else "dph"
 
     def bias_dph(self, at_degc):
         """B(T)."""
@@ -324,9 +333,9 @@ def calibrate(logs, order=3, model=None, method=None, axes=()):
     ----------
     logs : path or Log, or a list of them
     order : int                  of the polynomial in temperature
-    model : dict or path         error model of the filter
+    model : dict or path         error model of the filter; or two: of the gyros, and of the accelerometers ("unit": "mg")
     method : str                 "kf" or "poly"; default: "kf" with a model, else "poly"
-    axes : list of str           default: all
+    axes : list of str           default: the gyros; with a model of the accelerometers these
 
     Returns
     -------
@@ -338,7 +347,8 @@ def calibrate(logs, order=3, model=None, method=None, axes=()):
     """
     with Folder() as folder:
         table = folder.new(".json")
-        options = ["--model", folder.json(model)] if model is not None else []
+        models = [] if model is None else model if isinstance(model, (list, tuple)) else [model]
+        options = [word for m in models for word in ("--model", folder.json(m))]
         options += [word for axis in axes for word in ("--axis", axis)]
         r = run("calibrate", "fit", *_logs(folder, logs), "--method", method or ("kf" if model is not None else "poly"), "--order", order, "-o", table,
                 *options)
@@ -361,6 +371,9 @@ def compensate(rate, temp_degc, channel):
     rate : array (n,)            in the channel's unit
     temp_degc : array (n,)       clamped to the channel's span
     channel : table.Channel (of read_table) or AxisCalibration
+
+    Of an accelerometer B(T) holds gravity as it lay in the test, and it is taken away with it: add bias(T_ref) back where
+    only the drift with temperature shall go.
 
     Returns
     -------

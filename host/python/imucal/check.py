@@ -54,8 +54,10 @@ def _dotted(path):
 
 def _words(error):
     """The schema library's words, shorter where they repeat the file."""
-    if error.validator == "anyOf":
-        return "coeff_dph (or coeff_mg) is missing"
+    if error.validator in ("anyOf", "oneOf"):
+        names = [choice["required"][0] for choice in error.validator_value]
+        given = [name for name in names if name in error.instance]
+        return f"{' and '.join(given)} are the same: give one of them" if len(given) > 1 else f"{names[0]} (or {names[1]}) is missing"
     if error.validator == "const":
         return f"expected {error.validator_value}, found {json.dumps(error.instance)}"
     return error.message if len(error.message) < 200 else error.message[:200] + " …"
@@ -86,6 +88,8 @@ def check_json(path, text):
 def _beyond_schema(path, kind, data, places, text, messages):
     """What a schema cannot say: numbers of coefficients, order of a span."""
     found = []
+    if kind == "model" and not messages:
+        return _accelerometer_names(path, data, places, text)
     if kind != "table" or messages:
         return found
     for i, axis in enumerate(data["axes"]):
@@ -97,6 +101,17 @@ def _beyond_schema(path, kind, data, places, text, messages):
         if not axis["span_degc"][0] < axis["span_degc"][1]:
             line = text.count("\n", 0, places[("axes", i, "span_degc")]) + 1
             found.append(f"{path}:{line}: axes[{i}].span_degc: the lower temperature comes first")
+    return found
+
+
+def _accelerometer_names(path, data, places, text):
+    """Names in mg belong to a model that says so."""
+    if data.get("unit") == "mg":
+        return []
+    found = []
+    for at in places:
+        if at and at[0] != "effects" and str(at[-1]).endswith(("_mg", "_mg_rt_hz")):
+            found.append(f"{path}:{text.count(chr(10), 0, places[at]) + 1}: {_dotted(at)}: only in a model with \"unit\": \"mg\"")
     return found
 
 

@@ -20,6 +20,7 @@ def _parser():
     parser.add_argument("--instance", type=int, metavar="N", help="sensor number on the autopilot, from 0")
     parser.add_argument("--device-id", type=int, metavar="ID", help="PX4's id of the sensor (TC_G*_ID)")
     parser.add_argument("--prefix", metavar="NAME", help="of the names in the C header (default imucal_table)")
+    parser.add_argument("--accel", metavar="MODEL.json", help="the accelerometer's model beside the gyro's (kalibr, ros)")
     parser.add_argument("--rate-hz", type=float, metavar="HZ", help="sample rate, for formats that state one")
     common_options(parser)
     return parser

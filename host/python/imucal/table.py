@@ -86,6 +86,21 @@ def read_json(path):
         raise DataError(f"{path}: not a JSON file (no text)") from None
 
 
+def gyro_names(model):
+    """A model of unit "mg" with the members' names of the contract: white_mg_rt_hz over 60 is arw_deg_rt_h, sigma_mg sigma_dph …"""
+    if not isinstance(model, dict):
+        return model
+    named = {}
+    for key, value in model.items():
+        if key == "white_mg_rt_hz":
+            named["arw_deg_rt_h"] = value / 60
+        elif key in ("turn_on_sigma_mg", "sigma_mg", "coeff_mg"):
+            named[key[:-3] + "_dph"] = value
+        else:
+            named[key] = [gyro_names(v) for v in value] if key == "markov" else gyro_names(value) if key == "bias" else value
+    return named
+
+
 def _channel(path, i, axis):
     place = f"{path}: axes[{i}]"
     try:

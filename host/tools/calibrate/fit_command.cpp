@@ -24,7 +24,7 @@ void print(const FitResult& result) {
   std::printf("%s over %zu log%s\n", result.method == FitOptions::Method::kKalman ? "Kalman filter" : "least squares",
               result.logs.size(), result.logs.size() == 1 ? "" : "s");
   for (const FitAxis& axis : result.axes) {
-    const char* unit = axis.axis.size() > 3 && axis.axis.compare(axis.axis.size() - 3, 3, "_mg") == 0 ? "mg" : "dph";
+    const char* unit = axis.unit();
     std::printf("%-12s order %d, %ld seconds (%ld without a measurement), residual %.4g %s rms\n", axis.axis.c_str(),
                 axis.order, axis.n_used, axis.n_missing, axis.residual_rms_dph, unit);
     std::printf("  B(T) = sum b_i ((T - %.6g)/%.6g)^i, b =", axis.t0_degc, axis.range_degc);
@@ -33,6 +33,8 @@ void print(const FitResult& result) {
     for (size_t i = 0; i < axis.temp_degc.size(); i += 2)
       std::printf("  %.4g at %.4g", axis.sigma_dph[i], axis.temp_degc[i]);
     std::printf(" degC\n");
+    if (axis.holds_gravity())
+      std::printf("  b0 holds gravity along the axis, as it lay: a static test cannot tell it from the bias\n");
     if (axis.n_rejected + axis.n_bad_temperature > 0)
       std::printf("  left out: %ld seconds with a knock, %ld with a temperature out of reach\n", axis.n_rejected,
                   axis.n_bad_temperature);
@@ -72,9 +74,14 @@ void add_fit_options(cli::App* app, FitArguments* a) {
   app->add_option("--order", a->options.order, "order of the polynomial")
       ->check(cli::Range(1, IMUCAL_MAX_ORDER))
       ->capture_default_str();
-  app->add_option("--model", a->model_path, "error model (kf: required; poly: makes the predicted error honest)")
+  app->add_option(
+         "--model", a->model_paths,
+         "error model (kf: required; poly: makes the predicted error honest); repeat: one of the gyros and one "
+         "of the accelerometers (\"unit\": \"mg\")")
+      ->allow_extra_args(false)
       ->type_name("MODEL.json");
-  app->add_option("--axis", a->options.axes, "axis to fit (repeat; default: all gyros)")->allow_extra_args(false);
+  app->add_option("--axis", a->options.axes, "axis to fit (repeat; default: all gyros, or all that the models are of)")
+      ->allow_extra_args(false);
   app->add_option("--range", a->range,
                   "normalisation of temperature, degC (default: the model's, else what the logs span)")
       ->type_name("LOW:HIGH");
@@ -86,23 +93,41 @@ void add_fit_options(cli::App* app, FitArguments* a) {
                   "make a table although this rule speaks against it (repeat): " + join(fit_rules()))
       ->allow_extra_args(false)
       ->type_name("RULE");
-  app->add_option("--max-error", a->options.max_error_dph, "largest predicted one-sigma error to accept")
+  app->add_option("--max-error", a->options.max_error_dph,
+                  "largest predicted one-sigma error to accept, dph (accelerometers: mg); default 100 dph, 10 mg")
       ->check(FinitePositive)
-      ->capture_default_str()
-      ->type_name("DPH");
+      ->type_name("ERROR");
   app->add_flag("--ignore-metadata", a->options.ignore_metadata,
                 "fit logs of different devices or serial numbers together");
   app->add_option("--serial", a->table.serial, "device serial for the table (default: the first log's)");
   app->add_option("-o,--output", a->table_path, "write the table")->type_name("TABLE.json");
 }
 
+namespace {
+
+// One model for all axes, or one of the gyros and one of the accelerometers.
+void take_models(const std::vector<std::string>& paths, FitOptions* options) {
+  if (paths.size() > 2) throw usage_error("--model: one model, or one of the gyros and one of the accelerometers");
+  for (const std::string& path : paths) {
+    const ErrorModel model = read_model(path);
+    if (options->method == FitOptions::Method::kKalman && !(model.arw_deg_rt_h > 0))
+      throw data_error(path + ": arw_deg_rt_h is 0: the filter needs white noise; state the sensor's " +
+                       (model.unit == "mg" ? "white noise (white_mg_rt_hz)" : "angle random walk"));
+    std::optional<ErrorModel>* place =
+        paths.size() == 2 && model.unit == "mg" ? &options->accel_model : &options->model;
+    if (*place)
+      throw usage_error("--model " + path + ": two models of one kind; of two one must be an accelerometer's and say " +
+                        "\"unit\": \"mg\"");
+    *place = model;
+  }
+}
+
+} // namespace
+
 Exit fit_command(const FitArguments& arguments, const CommonOptions& common) {
   FitOptions options = arguments.options;
   options.method = arguments.method == "poly" ? FitOptions::Method::kPolynomial : FitOptions::Method::kKalman;
-  if (!arguments.model_path.empty()) options.model = read_model(arguments.model_path);
-  if (options.model && options.method == FitOptions::Method::kKalman && !(options.model->arw_deg_rt_h > 0))
-    throw data_error(arguments.model_path +
-                     ": arw_deg_rt_h is 0: the filter needs white noise; state the sensor's angle random walk");
+  take_models(arguments.model_paths, &options);
   if (!arguments.range.empty()) take_range(arguments.range, &options);
   std::vector<Log> logs;
   for (const std::string& path : arguments.log_paths) logs.push_back(read_log(path));

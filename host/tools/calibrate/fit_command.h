@@ -12,7 +12,8 @@ namespace imucal {
 
 struct FitArguments {
   std::vector<std::string> log_paths;
-  std::string method = "kf", model_path, table_path, range;
+  std::vector<std::string> model_paths;
+  std::string method = "kf", table_path, range;
   FitOptions options;
   TableInfo table;
 };

@@ -52,7 +52,9 @@ void add_run(cli::App* app, RunArguments* o) {
       ->required()
       ->allow_extra_args(false)
       ->type_name("MODEL.json");
-  app->add_option("--axis", o->run.axes, "axis to calibrate (repeat; default: all gyros)")->allow_extra_args(false);
+  app->add_option("--axis", o->run.axes,
+                  "axis to calibrate (repeat; default: all gyros; all accelerometers where the model is of one)")
+      ->allow_extra_args(false);
   app->add_option("--range", o->range, "temperatures the table is for, degC (default: of the profile or the model)")
       ->type_name("LOW:HIGH");
   app->add_option("--profile", o->profile_path, "what the chamber does: gives range and duration")
@@ -66,10 +68,10 @@ void add_run(cli::App* app, RunArguments* o) {
                   "flash although this rule speaks against it (repeat; rules: calibrate fit --help)")
       ->allow_extra_args(false)
       ->type_name("RULE");
-  app->add_option("--max-error", o->run.judge.max_error_dph, "largest predicted one-sigma error to accept")
+  app->add_option("--max-error", o->run.judge.max_error_dph,
+                  "largest predicted one-sigma error to accept, dph (accelerometers: mg); default 100 dph, 10 mg")
       ->check(FinitePositive)
-      ->capture_default_str()
-      ->type_name("DPH");
+      ->type_name("ERROR");
   app->add_flag("--keep-partial", o->run.keep_partial, "Ctrl-C: flash what was learnt so far (default: nothing)");
   app->add_option("--prior-sigma", o->run.prior_sigma, "what is known of a coefficient beforehand")
       ->check(cli::Range(1e-3, 1e6))

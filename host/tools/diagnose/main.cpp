@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "analysis/diagnose/diagnose.h"
+#include "base/units.h"
 #include "cli/program.h"
 #include "diagnose/report.h"
 
@@ -28,8 +29,8 @@ struct Request {
   DiagnoseOptions options;
   bool list = false, no_cache = false;
   std::string model_out, instability;
-  double arw = 0;
-  cli::Option* arw_option = nullptr;
+  double arw = 0, white_mg = 0;
+  cli::Option *arw_option = nullptr, *white_option = nullptr;
 };
 
 void add_noise_options(cli::App* app, Request* r) {
@@ -38,7 +39,11 @@ void add_noise_options(cli::App* app, Request* r) {
   r->arw_option = app->add_option("--arw", r->arw, "data sheet in the place of a model: angle random walk")
                       ->type_name("DEG_RT_H")
                       ->check(cli::PositiveNumber);
-  app->add_option("--instability", r->instability, "data sheet: bias instability and its time constant")
+  r->white_option = app->add_option("--white", r->white_mg, "data sheet of an accelerometer: its white noise")
+                        ->type_name("MG_RT_HZ")
+                        ->check(cli::PositiveNumber);
+  app->add_option("--instability", r->instability,
+                  "data sheet: bias instability and its time constant (accelerometers: in mg)")
       ->type_name("SIGMA_DPH:TAU_S");
 }
 
@@ -46,7 +51,9 @@ void add_data_options(cli::App* app, Request* r) {
   DiagnoseOptions& o = r->options;
   app->add_option("--log", o.logs, "logs of one device, each a run")->type_name("LOG.csv ...");
   app->add_option("--holdout", o.held_out, "logs that are not fitted, only predicted")->type_name("LOG.csv ...");
-  app->add_option("--axis", o.axes, "axes to diagnose (default: all gyro axes)");
+  app->add_option(
+      "--axis", o.axes,
+      "axes to diagnose (default: all gyros; accelerometers where the model is of one or there is no gyro)");
   app->add_option("--without", o.without, "effect to take out of the library");
   app->add_option("--only", o.only, "effect to keep; all others are taken out");
 }
@@ -83,10 +90,12 @@ Exit run(Request* r) {
   DiagnoseOptions& options = r->options;
   if (r->list) return list_effects(common);
   if (options.logs.empty()) throw usage_error("at least one --log LOG.csv is needed (or --list-effects)");
-  const bool has_arw = r->arw_option->count() > 0;
+  const bool has_white = r->white_option->count() > 0, has_arw = has_white || r->arw_option->count() > 0;
+  if (has_white && r->arw_option->count() > 0)
+    throw usage_error("give --arw (a gyro) or --white (an accelerometer), not both");
   if (!options.model_path.empty() && (has_arw || !r->instability.empty()))
-    throw usage_error("give --model or a data sheet (--arw, --instability), not both");
-  if (has_arw) options.arw_deg_rt_h = r->arw;
+    throw usage_error("give --model or a data sheet (--arw, --white, --instability), not both");
+  if (has_arw) options.arw_deg_rt_h = has_white ? arw_from_white_sigma(r->white_mg) : r->arw;
   if (!r->instability.empty()) options.instability = parse_instability(r->instability);
   options.seed = common.seed;
   options.threads = common.thread_count();
@@ -104,7 +113,7 @@ Exit run(Request* r) {
 } // namespace
 
 int main(int argc, char** argv) {
-  cli::App app("find what a gyro does that its error model leaves out", "diagnose");
+  cli::App app("find what a gyro or an accelerometer does that its error model leaves out", "diagnose");
   Request request;
   request.options.cache_folder = default_cache_folder();
   add_common_options(&app, &request.common, kWithSeed | kWithThreads);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "base/axis_unit.h"
+
 namespace imucal {
 namespace {
 
@@ -224,6 +226,7 @@ bool claims_shrinkage(const AxisResult& axis) {
 }
 
 Json gap_json(const AxisResult& axis) {
+  const std::string unit = axis_unit(axis.axis);
   const GapResult& g = axis.study.gap;
   const bool is_none = axis.study.selection.verdict == Verdict::kNoGap;
   Json gap = {
@@ -235,7 +238,7 @@ Json gap_json(const AxisResult& axis) {
       {"ci95", claims_shrinkage(axis) ? Json{g.ci_lo, g.ci_hi}
                : is_none              ? Json{0.0, 0.0}
                                       : Json(nullptr)},
-      {"unit", "dph^2: held-out one-minute means off the predicted mean, squared, above the noise"},
+      {"unit", unit + "^2: held-out one-minute means off the predicted mean, squared, above the noise"},
       {"method", held_out_text(g.method)},
       {"gain", g.gain},
       {"gain_unit", "deviance per hour, held out"},
@@ -343,6 +346,7 @@ std::vector<std::string> notes(const AxisResult& axis) {
 
 Json refused_json(const AxisResult& axis) {
   return {{"axis", axis.axis},
+          {"unit", axis_unit(axis.axis)},
           {"verdict", "unexplained"},
           {"statement", headline(axis)},
           {"refused", axis.refused},
@@ -358,7 +362,7 @@ Json refused_json(const AxisResult& axis) {
             {"after", nullptr},
             {"shrinkage", nullptr},
             {"ci95", nullptr},
-            {"unit", "dph^2"},
+            {"unit", std::string(axis_unit(axis.axis)) + "^2"},
             {"remainder", "not judged"},
             {"residual_rms_dph", {{"before", nullptr}, {"after", nullptr}}},
             {"dp2_distance_dph", {{"before", nullptr}, {"after", nullptr}}}}}};
@@ -410,6 +414,7 @@ Json axis_json(const AxisResult& axis, double rate) {
   const bool is_advised = campaign.has_temperature && (!hidden.empty() || !alike.empty());
   return {
       {"axis", axis.axis},
+      {"unit", axis_unit(axis.axis)},
       {"verdict", verdict_name(s.verdict)},
       {"statement", headline(axis)},
       {"where", s.verdict == Verdict::kNoGap ? Json(nullptr) : where_json(axis, rate)},
@@ -428,14 +433,17 @@ Json axis_json(const AxisResult& axis, double rate) {
        is_advised ? to_json(separating_profile(campaign.lo_degc, campaign.hi_degc)) : Json(nullptr)}};
 }
 
-std::string text_of(const ParameterValue& p) {
+std::string text_of(const ParameterValue& p, const char* unit) {
   char line[120];
   if (p.kind == EffectParameter::kSteps) return std::to_string(p.steps.size()) + " " + p.name;
   if (p.kind == EffectParameter::kText) return p.name + " " + p.text;
-  std::snprintf(line, sizeof line, "%s %.4g", p.name.c_str(), p.number.value);
+  const bool is_white_mg = p.name == "arw_deg_rt_h" && std::string(unit) == "mg";
+  const double factor = is_white_mg ? 60 : 1;
+  std::snprintf(line, sizeof line, "%s %.4g", is_white_mg ? "white_mg_rt_hz" : name_in_unit(p.name, unit).c_str(),
+                factor * p.number.value);
   std::string out = line;
   if (std::isfinite(p.number.std_error)) {
-    std::snprintf(line, sizeof line, " +- %.2g", p.number.std_error);
+    std::snprintf(line, sizeof line, " +- %.2g", factor * p.number.std_error);
     out += line;
   }
   return out;
@@ -445,7 +453,7 @@ std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
   std::string list;
   if (e.term.effect && e.doubt != Doubt::kSlowNoise)
     for (const ParameterValue& p : effect_values(e.term, axis.campaign))
-      list += (list.empty() ? "" : ", ") + text_of(p);
+      list += (list.empty() ? "" : ", ") + text_of(p, axis_unit(axis.axis));
   std::string out = "  effect  " + name_of(e);
   if (e.is_family && e.term.effect && !list.empty()) out += " (as " + e.term.effect->name() + ")";
   out += (list.empty() ? "" : ": " + list) + format(" (evidence %.1f nats)\n", e.evidence_nats);
@@ -465,6 +473,11 @@ std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
   return out;
 }
 
+// In the axis' unit: a tenth of a dph, or three digits of a few mg.
+std::string figure(double value, const AxisResult& axis) {
+  return format(is_accelerometer(axis.axis) ? "%.3g" : "%.1f", value);
+}
+
 std::string axis_text(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   const GapResult& g = axis.study.gap;
@@ -473,13 +486,15 @@ std::string axis_text(const AxisResult& axis) {
   if (s.verdict != Verdict::kNoGap) out += "  where   " + axis.where.sentence + "\n";
   for (const SelectedEffect& e : s.effects) out += effect_text(axis, e);
   if (claims_shrinkage(axis))
-    out += format("  held out  the gap shrinks by %.0f %% (95 %%: %.0f to %.0f; %s); residual of one-minute means %.1f "
-                  "-> %.1f dph, noise alone %.1f\n",
-                  100 * g.shrinkage, 100 * g.ci_lo, 100 * g.ci_hi, held_out_text(g.method), g.rms_before_dph,
-                  g.rms_after_dph, g.noise_rms_dph);
+    out += format("  held out  the gap shrinks by %.0f %% (95 %%: %.0f to %.0f; %s); residual of one-minute means %s "
+                  "-> %s %s, noise alone %s\n",
+                  100 * g.shrinkage, 100 * g.ci_lo, 100 * g.ci_hi, held_out_text(g.method),
+                  figure(g.rms_before_dph, axis).c_str(), figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
+                  figure(g.noise_rms_dph, axis).c_str());
   if (s.verdict == Verdict::kUnexplained && g.has_mean)
-    out += format("  held out  a flexible stand-in removes %.0f %% (%.1f -> %.1f dph): not an explanation\n",
-                  100 * g.shrinkage, g.rms_before_dph, g.rms_after_dph);
+    out +=
+        format("  held out  a flexible stand-in removes %.0f %% (%s -> %s %s): not an explanation\n", 100 * g.shrinkage,
+               figure(g.rms_before_dph, axis).c_str(), figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis));
   if (!s.effects.empty() || s.verdict == Verdict::kUnexplained) out += "            left: " + remainder(axis) + "\n";
   for (const std::string& note : notes(axis)) out += "  note    " + note + "\n";
   return out;

@@ -8,6 +8,7 @@
 #include "analysis/dp/stream.h"
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/confidence.h"
+#include "base/axis_unit.h"
 #include "base/parallel.h"
 #include "cli/program.h"
 #include "physics/effects/closed_forms.h"
@@ -25,9 +26,15 @@ struct Options {
 };
 
 Json curve_json(const DpCurve& c, const std::vector<Interval>& ci) {
-  Json json = {
-      {"log", c.log},     {"axis", c.axis},     {"type", to_text(c.type)},   {"estimator", to_text(c.estimator)},
-      {"tau_s", c.tau_s}, {"dp_dph", c.dp_dph}, {"ci95_dph", Json::array()}, {"n", c.n}};
+  Json json = {{"log", c.log},
+               {"axis", c.axis},
+               {"type", to_text(c.type)},
+               {"estimator", to_text(c.estimator)},
+               {"tau_s", c.tau_s},
+               {"dp_dph", c.dp_dph},
+               {"ci95_dph", Json::array()},
+               {"n", c.n},
+               {"unit", axis_unit(c.axis)}};
   for (const Interval& i : ci) json["ci95_dph"].push_back({i.lo, i.hi});
   return json;
 }
@@ -53,14 +60,18 @@ Json ratios_json(const DpRatios& r) {
   return json;
 }
 
-// rms and max over records, where all have the same tau.
+// rms and max over records, where all have the same tau and unit.
 Json across_json(const std::vector<DpCurve>& curves) {
-  Json json = {
-      {"tau_s", curves[0].tau_s}, {"n_curves", curves.size()}, {"rms_dph", Json::array()}, {"max_dph", Json::array()}};
+  const std::string unit = axis_unit(curves[0].axis);
+  Json json = {{"tau_s", curves[0].tau_s},
+               {"n_curves", curves.size()},
+               {"unit", unit},
+               {"rms_dph", Json::array()},
+               {"max_dph", Json::array()}};
   for (size_t i = 0; i < curves[0].tau_s.size(); ++i) {
     double sum = 0, largest = 0;
     for (const DpCurve& c : curves) {
-      if (c.tau_s != curves[0].tau_s) return nullptr;
+      if (c.tau_s != curves[0].tau_s || axis_unit(c.axis) != unit) return nullptr;
       sum += c.dp_dph[i] * c.dp_dph[i] / static_cast<double>(curves.size());
       largest = std::max(largest, c.dp_dph[i]);
     }
@@ -70,14 +81,10 @@ Json across_json(const std::vector<DpCurve>& curves) {
   return json;
 }
 
-// The unit that an axis' name ends in: the JSON members keep the contract's names.
-const char* unit_of(const std::string& axis) {
-  return axis.size() > 3 && axis.compare(axis.size() - 3, 3, "_mg") == 0 ? "mg" : "dph";
-}
-
 void print_curve(const DpCurve& c, const std::vector<Interval>& ci) {
   std::printf("%s %s %s %s\n%10s %12s %25s %9s\n", c.log.c_str(), c.axis.c_str(), to_text(c.type).c_str(),
-              to_text(c.estimator).c_str(), "tau_s", (std::string("dp_") + unit_of(c.axis)).c_str(), "95 %", "windows");
+              to_text(c.estimator).c_str(), "tau_s", (std::string("dp_") + axis_unit(c.axis)).c_str(), "95 %",
+              "windows");
   const size_t step = std::max<size_t>(1, c.tau_s.size() / 24);
   for (size_t i = 0; i < c.tau_s.size(); i += step)
     std::printf("%10g %12.4f %12.4f %12.4f %9ld\n", c.tau_s[i], c.dp_dph[i], ci[i].lo, ci[i].hi, c.n[i]);
@@ -110,6 +117,7 @@ void stream_log(const Options& o, const std::string& log, const Detrend& detrend
   std::vector<long> n;
   for (double t : tau_s) n.push_back(std::lround(t / header.dt_s));
   for (size_t a = 0; a < header.axes.size(); ++a) {
+    if (nominal) nominal->require_unit_of(header.axes[a]);
     if (!varies[a])
       throw data_error(log + ": axis " + header.axes[a] + " is constant: nothing to analyse (is the sensor alive?)");
     base[a] = detrend.kind == Detrend::Kind::kMean ? base[a] + sum[a] / static_cast<double>(count[a]) : 0;
@@ -167,10 +175,10 @@ void add_quantization(const DpCurve& c, double quantum, Session* session) {
   if (!(quantum > 0)) return;
   const double sigma_dph = quantum / std::sqrt(12.0);
   session->json["quantization"].push_back(
-      {{"log", c.log}, {"axis", c.axis}, {"lsb_dph", quantum}, {"sigma_dph", sigma_dph}});
+      {{"log", c.log}, {"axis", c.axis}, {"lsb_dph", quantum}, {"sigma_dph", sigma_dph}, {"unit", axis_unit(c.axis)}});
   if (session->o.common.talks())
-    std::printf("%s %s: values are multiples of %.4g dph: rounding adds %.3g dph of white noise per sample\n",
-                c.log.c_str(), c.axis.c_str(), quantum, sigma_dph);
+    std::printf("%s %s: values are multiples of %.4g %s: rounding adds %.3g %s of white noise per sample\n",
+                c.log.c_str(), c.axis.c_str(), quantum, axis_unit(c.axis), sigma_dph, axis_unit(c.axis));
 }
 
 // Degrees of freedom at each tau: of the model for the intervals, else of white noise.
@@ -220,6 +228,8 @@ AxisResult analyse(Series s, const Session& session) {
 // The axes of one log, side by side; told in their order.
 void analyse_log(const std::string& log, Session* session) {
   std::vector<Series> axes = load_series(log, session->o.axes, true);
+  if (session->nominal)
+    for (const Series& s : axes) session->nominal->require_unit_of(s.axis);
   std::vector<AxisResult> results(axes.size());
   parallel_for(static_cast<long>(axes.size()), session->o.common.thread_count(), [&](long a) {
     const auto i = static_cast<size_t>(a);

@@ -6,6 +6,7 @@
 
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/study.h"
+#include "base/axis_unit.h"
 #include "cli/program.h"
 #include "errormodel/trend.h"
 
@@ -34,12 +35,16 @@ std::vector<Series> load_all(const Options& o, bool raw) {
   const Detrend detrend = Detrend::parse(o.detrend);
   std::vector<Series> all;
   for (const std::string& log : o.logs)
-    for (Series& s : load_series(log, o.axes, detrend.kind == Detrend::Kind::kPolyTemperature)) {
+    for (Series& s : load_one_kind(log, o.axes, detrend.kind == Detrend::Kind::kPolyTemperature)) {
       if (!all.empty() && std::fabs(s.dt_s / all[0].dt_s - 1) > 1e-3)
         throw data_error(log + ": sampling time " + std::to_string(s.dt_s) + " s, but " + all[0].log + " has " +
                          std::to_string(all[0].dt_s) + " s: fit them apart");
       if (!raw) remove_trend(detrend, &s);
       all.push_back(std::move(s));
+      if (std::string(axis_unit(all[0].axis)) != axis_unit(all.back().axis))
+        throw data_error(log + ": axis " + all[0].axis + " is in " + axis_unit(all[0].axis) + ", axis " +
+                         all.back().axis + " in " + axis_unit(all.back().axis) +
+                         ": one model has one unit; choose axes with --axis");
     }
   return all;
 }
@@ -86,26 +91,21 @@ std::vector<double> dp_of(const std::vector<double>& square) {
 
 // An accelerometer's figures stand in the model's members as they are: mg for dph, and the 1-s mean's mg over 60 for
 // deg/sqrt(h).  People read them in mg.
-bool is_accelerometer(const std::string& axis) {
-  return axis.size() > 3 && axis.compare(axis.size() - 3, 3, "_mg") == 0;
-}
-
-void print_model(const ErrorModel& m, const std::string& axis) {
-  const bool accel = is_accelerometer(axis);
+void print_model(const ErrorModel& m) {
+  const bool accel = m.unit == "mg";
   std::printf("white noise %.4g %s\n", accel ? 60 * m.arw_deg_rt_h : m.arw_deg_rt_h,
               accel ? "mg/sqrt(Hz)" : "deg/sqrt(h)");
   for (const Markov& t : m.markov)
     std::printf("Markov      %.4g %s, %.4g s\n", t.sigma_dph, accel ? "mg" : "dph", t.tau_s);
-  if (accel) std::printf("accelerometer: figures in mg; the model file keeps a gyro's member names\n");
+  if (accel)
+    std::printf("accelerometer: the model file says \"unit\": \"mg\"; its arw_deg_rt_h is this white noise over 60\n");
 }
 
 // The name of a parameter for people; JSON keeps the contract's.
 std::string shown(const ParameterError& e, bool accel, double* factor) {
   *factor = accel && e.name == "arw_deg_rt_h" ? 60 : 1;
   if (!accel) return e.name;
-  if (e.name == "arw_deg_rt_h") return "white_mg_rt_hz";
-  const size_t at = e.name.find("_dph");
-  return at == std::string::npos ? e.name : e.name.substr(0, at) + "_mg" + e.name.substr(at + 4);
+  return e.name == "arw_deg_rt_h" ? "white_mg_rt_hz" : name_in_unit(e.name, "mg");
 }
 
 void finish(const Options& o, const Json& json) {
@@ -134,10 +134,11 @@ Exit expect(const Options& given) {
   }
   if (o.common.talks())
     for (size_t i = 0; i < tau_s.size(); i += std::max<size_t>(1, tau_s.size() / 30))
-      std::printf("%10g s %12.4f dph\n", tau_s[i], dp[i]);
+      std::printf("%10g s %12.4f %s\n", tau_s[i], dp[i], model.unit_or_dph().c_str());
   finish(o, {{"type", to_text(op.type)},
              {"tau_s", tau_s},
              {"dp_dph", dp},
+             {"unit", model.unit_or_dph()},
              {"record", o.duration_s > 0 || !o.logs.empty() ? Json{{"detrend", detrend.text()}} : Json()}});
   return Exit::kDone;
 }
@@ -169,12 +170,14 @@ struct FitInput {
   std::vector<Series> raw, detrended;
   DpOperator op;
   FitSettings settings;
-  CurveData data; // refers to `detrended`
+  CurveData data;   // refers to `detrended`
+  std::string unit; // of all of them
 };
 
 FitInput read_fit_input(const Options& o) {
   FitInput in;
   in.raw = in.detrended = load_all(o, true);
+  in.unit = axis_unit(in.raw[0].axis);
   const Detrend detrend = Detrend::parse(o.detrend);
   for (Series& s : in.detrended) remove_trend(detrend, &s);
   in.op = operator_of(o, in.detrended[0].dt_s);
@@ -264,6 +267,7 @@ Json fit_json(const Options& o, const FitInput& in, const Fitted& fitted, const 
        {"type", to_text(in.op.type)},
        {"detrend", in.settings.detrend.text()},
        {"across", o.across},
+       {"unit", in.unit},
        {"confidence", o.confidence},
        {"n_records", in.detrended.size()},
        {"tau_s", tau_of(in.data)},
@@ -275,7 +279,7 @@ Json fit_json(const Options& o, const FitInput& in, const Fitted& fitted, const 
 
 void print_fit(const FitInput& in, const Fitted& fitted, const Comparison& c) {
   const std::string& axis = in.detrended.front().axis;
-  print_model(fitted.model, axis);
+  print_model(fitted.model);
   const std::vector<double> tau_s = tau_of(in.data);
   std::printf("%s the %s curve over %g ... %g s: excess %.2f %% at most, %.2f %% on average",
               c.bounded() ? "bounds" : "does not bound", to_text(in.op.type).c_str(), tau_s.front(), tau_s.back(),
@@ -296,6 +300,7 @@ Exit fit(const Options& given) {
   check_fit_options(o);
   const FitInput in = read_fit_input(o);
   Fitted fitted = o.criterion == "ml" ? fit_to_samples(o, in) : fit_to_curve(o, in);
+  fitted.model.unit = in.unit == "dph" ? "" : in.unit; // a gyro's file stays as it always was
   judge_parameters(in.data.record_s, in.op.dt_s, &fitted.errors);
   const Comparison c = compare(in.data, fitted.model);
   const Json json = fit_json(o, in, fitted, c);
@@ -309,6 +314,7 @@ Exit fit(const Options& given) {
 Json check_json(const Series& s, const Comparison& c) {
   return {{"log", s.log},
           {"axis", s.axis},
+          {"unit", axis_unit(s.axis)},
           {"bounded", c.bounded()},
           {"worst_ratio", c.excess.worst_ratio},
           {"at_tau_s", c.excess.at_tau_s},
@@ -331,6 +337,7 @@ Exit check(const Options& given) {
   choose_detrend(o.logs, o.axes, &o.detrend);
   const std::vector<Series> all = load_all(o, false);
   const ErrorModel model = read_model(o.model);
+  model.require_unit_of(all[0].axis);
   const DpOperator op = operator_of(o, all[0].dt_s);
   const Detrend detrend = Detrend::parse(o.detrend);
   const auto tau_s = taus_for(o, all);
@@ -351,6 +358,7 @@ Exit check(const Options& given) {
              {"type", to_text(op.type)},
              {"across", o.across},
              {"detrend", detrend.text()},
+             {"unit", axis_unit(all[0].axis)},
              {"tau_s", tau_of(data)},
              {"data_dp_dph", dp_of(data.mean_square_dph2)},
              {"model_dp_dph", dp_of(c.model_square_dph2)},
@@ -483,7 +491,7 @@ void add_operator_options(cli::App* app, Options* o) {
 
 void add_log_options(cli::App* app, Options* o) {
   app->add_option("logs", o->logs, "logs (CSV)")->required()->type_name("LOG");
-  app->add_option("--axis", o->axes, "axis (column name), repeatable; default all")
+  app->add_option("--axis", o->axes, "axis (column name), repeatable; default all gyros (all axes where there is none)")
       ->type_name("NAME")
       ->allow_extra_args(false);
   app->add_option("--detrend", o->detrend,

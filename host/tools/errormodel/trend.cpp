@@ -1,19 +1,29 @@
 // SPDX-License-Identifier: MIT
 #include "errormodel/trend.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "analysis/errormodel/trend.h"
+#include "base/axis_unit.h"
 #include "base/error.h"
 
 namespace imucal {
+
+std::vector<Series> load_one_kind(const std::string& log, const std::vector<std::string>& axes, bool with_temp) {
+  std::vector<Series> all = load_series(log, axes, with_temp);
+  const auto is_accel = [](const Series& s) { return is_accelerometer(s.axis); };
+  if (axes.empty() && !std::all_of(all.begin(), all.end(), is_accel))
+    all.erase(std::remove_if(all.begin(), all.end(), is_accel), all.end());
+  return all;
+}
 
 void choose_detrend(const std::vector<std::string>& logs, const std::vector<std::string>& axes, std::string* detrend) {
   const bool is_chosen = !detrend->empty();
   if (is_chosen && *detrend != "mean" && *detrend != "none") return;
   for (const std::string& log : logs) {
     if (log == "-") continue; // standard input cannot be read twice
-    for (const Series& s : load_series(log, axes, true)) {
+    for (const Series& s : load_one_kind(log, axes, true)) {
       const double f = temperature_f(s);
       if (f <= kTemperatureF) continue;
       std::fprintf(stderr, "errormodel: note: %s %s: the rate follows the temperature (F = %.3g, limit %.3g): %s\n",

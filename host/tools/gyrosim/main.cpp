@@ -3,6 +3,7 @@
 // simulated run, `replay` with those of a recorded log.
 #include <cstdio>
 
+#include "base/axis_unit.h"
 #include "cli/program.h"
 #include "device/feed.h"
 #include "physics/effects/start_state.h"
@@ -71,6 +72,7 @@ Json report(const LogOptions& o, const SimulatedLog& simulated, size_t n_rows) {
                {"axes", Json::array()}};
   for (const SimulatedAxis& a : simulated.axes)
     json["axes"].push_back({{"axis", a.name},
+                            {"unit", axis_unit(a.name)},
                             {"turn_on_dph", a.turn_on_dph},
                             {"start", a.run.start_state},
                             {"bias",

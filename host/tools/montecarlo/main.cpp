@@ -78,6 +78,15 @@ Exit publish(const Options& o, const CampaignPlan& plan, const CampaignResult& r
   return outside(json["nees"]) || outside(json["nis"]) ? Exit::kNegative : Exit::kDone;
 }
 
+// The chain is simulated with a gyro's counts.
+ErrorModel read_gyro_model(const std::string& path) {
+  const ErrorModel model = read_model(path);
+  if (model.unit == "mg")
+    throw data_error(path + ": an accelerometer's model (\"unit\": \"mg\"), but montecarlo simulates gyros in counts; "
+                            "profile error predicts the calibration error of an accelerometer");
+  return model;
+}
+
 Exit run_merge(const Options& o) {
   std::vector<Partial> partials;
   for (const std::string& path : o.merge_paths) partials.push_back(read_partial(path));
@@ -88,7 +97,7 @@ Exit run_merge(const Options& o) {
 Exit run_compare(Options o) {
   CampaignOptions& c = o.campaign;
   if (o.model_path.empty()) throw usage_error("compare: --model is required");
-  c.model = c.filter = read_model(o.model_path);
+  c.model = c.filter = read_gyro_model(o.model_path);
   c.seed = o.common.seed;
   c.threads = o.common.thread_count();
   const auto scenarios = standard_scenarios();
@@ -110,8 +119,8 @@ Exit run_campaign_command(Options o) {
   CampaignOptions& c = o.campaign;
   if (o.model_path.empty() || o.profile_path.empty())
     throw usage_error("--model and --profile are required (try montecarlo --help)");
-  c.model = read_model(o.model_path);
-  c.filter = o.filter_path.empty() ? c.model : read_model(o.filter_path);
+  c.model = read_gyro_model(o.model_path);
+  c.filter = o.filter_path.empty() ? c.model : read_gyro_model(o.filter_path);
   if (!o.effects_path.empty()) c.effects = read_effects(o.effects_path);
   c.profile = read_profile(o.profile_path);
   c.seed = o.common.seed;

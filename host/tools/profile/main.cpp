@@ -25,8 +25,8 @@ struct ErrorOptions {
 };
 
 // A yardstick that a fast profile, or noise slower than the test, may beat: then it says so.
-void print_yardstick(double bound_dph, double worst_dph) {
-  std::printf("slow-ramp bound %.3f dph: efficiency %.1f %%\n", bound_dph, 100 * bound_dph / worst_dph);
+void print_yardstick(double bound_dph, double worst_dph, const std::string& unit) {
+  std::printf("slow-ramp bound %.3f %s: efficiency %.1f %%\n", bound_dph, unit.c_str(), 100 * bound_dph / worst_dph);
   if (worst_dph < bound_dph)
     std::printf("  (beaten: ramps are not slow against the noise here, or the noise is slower than the test; "
                 "the proven "
@@ -91,6 +91,11 @@ Json yardstick_json(const CalibrationError& error, double bound_dph) {
   return json;
 }
 
+Json with_unit(Json json, const ErrorModel& model) {
+  json["unit"] = model.unit_or_dph();
+  return json;
+}
+
 void add_proven(const CalibrationError& error, const Bound& bound, Json* json) {
   (*json)["proven_bound_dph"] = bound.proven_dph;
   (*json)["proven_efficiency"] = bound.proven_dph / error.worst_dph;
@@ -98,6 +103,7 @@ void add_proven(const CalibrationError& error, const Bound& bound, Json* json) {
 
 Json error_json(const ErrorOptions& o, const CalibrationSetup& setup, size_t n_runs, const ErrorResult& r) {
   Json json = yardstick_json(r.error, r.slow_ramp_dph);
+  json["unit"] = setup.truth.unit_or_dph();
   json["order"] = o.order;
   json["range_degc"] = {setup.lo_degc, setup.hi_degc};
   json["runs"] = n_runs;
@@ -109,20 +115,22 @@ Json error_json(const ErrorOptions& o, const CalibrationSetup& setup, size_t n_r
 
 void print_error(const ErrorOptions& o, const CalibrationSetup& setup, const Reached& in, const ErrorResult& r) {
   const size_t n_runs = in.runs.size();
-  std::fputs(error_text(r.error, !o.filter_model.empty()).c_str(), stdout);
-  std::printf("worst %.3f dph, rms %.3f dph over %g..%g degC after %.0f s (%zu run%s)\n", r.error.worst_dph,
-              r.error.rms_dph, setup.lo_degc, setup.hi_degc, r.error.duration_s, n_runs, n_runs == 1 ? "" : "s");
-  print_yardstick(r.slow_ramp_dph, r.error.worst_dph);
+  std::fputs(error_text(r.error, !o.filter_model.empty(), setup.truth.unit_or_dph()).c_str(), stdout);
+  const std::string unit_text = setup.truth.unit_or_dph();
+  const char* unit = unit_text.c_str();
+  std::printf("worst %.3f %s, rms %.3f %s over %g..%g degC after %.0f s (%zu run%s)\n", r.error.worst_dph, unit,
+              r.error.rms_dph, unit, setup.lo_degc, setup.hi_degc, r.error.duration_s, n_runs, n_runs == 1 ? "" : "s");
+  print_yardstick(r.slow_ramp_dph, r.error.worst_dph, unit_text);
   if (r.proven && r.proven->proven_dph > 0)
-    std::printf("proven bound at up to %g degC/min %.3f dph: efficiency %.1f %%\n", in.max_rate_degc_per_min,
-                r.proven->proven_dph, 100 * r.proven->proven_dph / r.error.worst_dph);
-  std::fputs(signature_text(r.signatures).c_str(), stdout);
+    std::printf("proven bound at up to %g degC/min %.3f %s: efficiency %.1f %%\n", in.max_rate_degc_per_min,
+                r.proven->proven_dph, unit, 100 * r.proven->proven_dph / r.error.worst_dph);
+  std::fputs(signature_text(r.signatures, unit).c_str(), stdout);
   if (in.lo_degc > setup.lo_degc + 1e-9 || in.hi_degc < setup.hi_degc - 1e-9)
     std::printf("note: the temperatures reach %g..%g degC only; beyond them the polynomial extrapolates\n", in.lo_degc,
                 in.hi_degc);
   if (!o.turn_on && setup.truth.turn_on_sigma_dph > 0)
-    std::printf("note: the turn-on constant (%g dph) is taken as part of b0; --turn-on counts it as an error\n",
-                setup.truth.turn_on_sigma_dph);
+    std::printf("note: the turn-on constant (%g %s) is taken as part of b0; --turn-on counts it as an error\n",
+                setup.truth.turn_on_sigma_dph, unit);
 }
 
 Exit run_error(const ErrorOptions& o) {
@@ -161,12 +169,13 @@ Exit run_bound(const BoundOptions& o) {
   }
   const Bound bound = calibration_bound(request);
   if (o.common.talks()) {
-    std::printf("slow-ramp bound    %8.3f dph\n", bound.slow_ramp_dph);
+    const std::string unit = request.model.unit_or_dph();
+    std::printf("slow-ramp bound    %8.3f %s\n", bound.slow_ramp_dph, unit.c_str());
     for (const std::string& a : bound.assumptions) std::printf("    - %s\n", a.c_str());
-    std::printf("proven bound       %8.3f dph\n", bound.proven_dph);
+    std::printf("proven bound       %8.3f %s\n", bound.proven_dph, unit.c_str());
     for (const std::string& a : bound.proven_assumptions) std::printf("    - %s\n", a.c_str());
   }
-  if (o.common.wants_json()) write_json(o.common.json_path, to_json(bound));
+  if (o.common.wants_json()) write_json(o.common.json_path, with_unit(to_json(bound), request.model));
   return Exit::kDone;
 }
 
@@ -211,7 +220,7 @@ OptimizeResult optimize_shown(OptimizeRequest request, bool quiet) {
   Progress progress("optimising", 1, quiet);
   request.progress = [&](double done_frac, double best_dph) {
     char note[48];
-    std::snprintf(note, sizeof note, "best %.3f dph", best_dph);
+    std::snprintf(note, sizeof note, "best %.3f %s", best_dph, request.setup.truth.unit_or_dph().c_str());
     progress.update(done_frac, note);
   };
   OptimizeResult r = optimize_profile(request);
@@ -264,22 +273,24 @@ void print_legs(const Profile& profile) {
   }
 }
 
-void print_optimum(const OptimizeOptions& o, const OptimizeResult& r, const Bound& bound) {
-  std::printf("worst %.3f dph, rms %.3f dph after %.0f s (%s)\n", r.error.worst_dph, r.error.rms_dph,
+void print_optimum(const OptimizeOptions& o, const OptimizeResult& r, const Bound& bound,
+                   const std::string& unit_text) {
+  const char* unit = unit_text.c_str();
+  std::printf("worst %.3f %s, rms %.3f %s after %.0f s (%s)\n", r.error.worst_dph, unit, r.error.rms_dph, unit,
               r.error.duration_s, r.shape.c_str());
   print_legs(r.profile);
-  print_yardstick(bound.slow_ramp_dph, r.error.worst_dph);
+  print_yardstick(bound.slow_ramp_dph, r.error.worst_dph, unit_text);
   if (!o.no_proof)
-    std::printf("proven bound under the rate limit %.3f dph: efficiency %.1f %%\n", bound.proven_dph,
+    std::printf("proven bound under the rate limit %.3f %s: efficiency %.1f %%\n", bound.proven_dph, unit,
                 100 * bound.proven_dph / r.error.worst_dph);
   if (r.paper_passes > 0)
-    std::printf("ramps with equal soaks at both ends (%d pass%s): %.3f dph, efficiency %.1f %%\n", r.paper_passes,
-                r.paper_passes == 1 ? "" : "es", r.paper_error.worst_dph,
+    std::printf("ramps with equal soaks at both ends (%d pass%s): %.3f %s, efficiency %.1f %%\n", r.paper_passes,
+                r.paper_passes == 1 ? "" : "es", r.paper_error.worst_dph, unit,
                 100 * bound.slow_ramp_dph / r.paper_error.worst_dph);
-  std::fputs(signature_text(r.signatures).c_str(), stdout);
+  std::fputs(signature_text(r.signatures, unit).c_str(), stdout);
   if (!o.tell_apart.empty())
-    std::printf("cost of telling apart: %.1f %% (%.3f dph for accuracy alone)\n",
-                100 * (r.objective_dph / r.accuracy_only_dph - 1), r.accuracy_only_dph);
+    std::printf("cost of telling apart: %.1f %% (%.3f %s for accuracy alone)\n",
+                100 * (r.objective_dph / r.accuracy_only_dph - 1), r.accuracy_only_dph, unit);
 }
 
 // The correlation is above what is allowed: by how much, between which effects, and what makes it possible.
@@ -297,8 +308,8 @@ Exit run_optimize(const OptimizeOptions& o) {
   const OptimizeResult r = optimize_shown(request, o.common.quiet);
   if (!o.profile_path.empty()) write_json(o.profile_path, to_json(r.profile));
   const Bound bound = bound_of(o, request, r.error.duration_s);
-  if (o.common.talks()) print_optimum(o, r, bound);
-  if (o.common.wants_json()) write_json(o.common.json_path, optimize_json(o, r, bound));
+  if (o.common.talks()) print_optimum(o, r, bound, request.setup.truth.unit_or_dph());
+  if (o.common.wants_json()) write_json(o.common.json_path, with_unit(optimize_json(o, r, bound), request.setup.truth));
   if (!r.meets_correlation) {
     print_too_alike(o, r.signatures);
     return Exit::kNegative;

@@ -63,8 +63,11 @@ Json to_json(const Bound& bound) {
             {"boxes", bound.boxes}}}};
 }
 
-std::string error_text(const CalibrationError& error, bool with_believed, int lines) {
-  std::string text = with_believed ? "  temp degC   error dph  believed dph\n" : "  temp degC   error dph\n";
+std::string error_text(const CalibrationError& error, bool with_believed, const std::string& unit, int lines) {
+  const std::string pad = unit == "mg" ? " " : ""; // under the numbers
+  std::string text = "  temp degC   " + pad + "error " + unit;
+  if (with_believed) text += "  " + pad + "believed " + unit;
+  text += "\n";
   const int n = static_cast<int>(error.temp_degc.size());
   const int shown_lines = std::min(lines, n);
   char line[96];

@@ -8,6 +8,7 @@
 #include "analysis/profile/covariance.h"
 #include "base/range.h"
 #include "io/json_file.h"
+#include "io/model.h"
 
 namespace imucal {
 
@@ -24,6 +25,6 @@ Json to_json(const CalibrationError& error);
 Json to_json(const Bound& bound);
 
 // Table of error over temperature at `points` temperatures.
-std::string error_text(const CalibrationError& error, bool with_believed, int lines = 13);
+std::string error_text(const CalibrationError& error, bool with_believed, const std::string& unit, int lines = 13);
 
 } // namespace imucal

@@ -220,10 +220,6 @@ Campaign empty_campaign(const std::vector<Log>& logs, const std::string& axis, c
 
 CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
   const LogAxis& column = log.axis(campaign.axis);
-  if (!column.is_gyro)
-    throw data_error(log.path + ": axis " + campaign.axis +
-                     " is an accelerometer; the model's units are dph: choose a gyro "
-                     "axis with --axis");
   CampaignRun run;
   RunInput& in = run.input;
   in.log = place;

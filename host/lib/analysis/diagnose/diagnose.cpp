@@ -10,6 +10,7 @@
 
 #include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/shared.h"
+#include "base/axis_unit.h"
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/units.h"
@@ -85,9 +86,10 @@ void check_scale(const Campaign& campaign, const NoiseModel& noise, std::vector<
   if (sigma > 0 && (sigma > 100 * noise.white_sigma_dph || sigma < 0.01 * noise.white_sigma_dph)) {
     std::ostringstream text;
     text.precision(3);
-    text << "axis " << campaign.axis << ": its noise from second to second is " << sigma << " dph, the model's "
-         << noise.white_sigma_dph
-         << " dph: are the units of the model (deg/sqrt(h), dph) and of the log's column right?";
+    const char* unit = axis_unit(campaign.axis);
+    text << "axis " << campaign.axis << ": its noise from second to second is " << sigma << " " << unit
+         << ", the model's " << noise.white_sigma_dph << " " << unit
+         << ": are the units of the model and of the log's column right?";
     warnings->push_back(text.str());
   }
 }
@@ -204,16 +206,18 @@ std::vector<Log> read_all(const std::vector<std::string>& paths) {
   return logs;
 }
 
-std::vector<std::string> axes_of(const Log& log, const std::vector<std::string>& wanted) {
+// Those asked for; else of one kind of sensor: what the model is of, gyros by default.
+std::vector<std::string> axes_of(const Log& log, const std::vector<std::string>& wanted, const ErrorModel& model) {
   if (!wanted.empty()) {
     for (const std::string& name : wanted) log.axis(name);
     return wanted;
   }
-  std::vector<std::string> names;
-  for (const LogAxis& axis : log.axes)
-    if (axis.is_gyro) names.push_back(axis.name);
+  std::vector<std::string> gyros, accels;
+  for (const LogAxis& axis : log.axes) (axis.is_gyro ? gyros : accels).push_back(axis.name);
+  const std::vector<std::string>& names = model.unit == "mg" || (gyros.empty() && model.unit.empty()) ? accels : gyros;
   if (names.empty())
-    throw data_error(log.path + ": no gyro axis (columns ending in _dph, _dps or _radps); the model is one of a gyro");
+    throw data_error(log.path + ": the model is one of " + (gyros.empty() ? "a gyro" : "an accelerometer") +
+                     ", the log has no such axis; choose axes with --axis, or give another model");
   return names;
 }
 
@@ -272,6 +276,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   const double start = now_s();
   AxisResult axis;
   axis.axis = name;
+  model.require_unit_of(name);
   axis.campaign = make_campaign(logs, name, model);
   for (const std::string& left : take_out_known(model, name, &axis.campaign))
     all->warnings.push_back(options.model_path + ": its effect " + left + " is not taken out of axis " + name +
@@ -397,9 +402,10 @@ DiagnoseResult diagnose(const DiagnoseOptions& options) {
   if (out.has_model) model = read_model(options.model_path);
   const std::vector<Log> logs = read_all(options.logs), held_out = read_all(options.held_out);
   check_logs(logs, held_out, model, &out.warnings);
-  const std::vector<std::string> names = axes_of(logs.front(), options.axes);
+  const std::vector<std::string> names = axes_of(logs.front(), options.axes, model);
   const double rate = 1 - std::pow(1 - options.false_alarm_rate, 1.0 / static_cast<double>(names.size()));
   out.model = model;
+  if (out.model.unit.empty() && is_accelerometer(names.front())) out.model.unit = "mg";
   size_t n_refused = 0;
   std::string why;
   for (const std::string& name : names) {

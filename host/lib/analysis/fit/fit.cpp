@@ -28,13 +28,27 @@ const LogAxis& find_axis(const Log& log, const std::string& name) {
   return log.axis(name); // throws with the list
 }
 
-std::vector<std::string> axes_of(const Log& log, const std::vector<std::string>& asked) {
-  if (!asked.empty()) return asked;
+std::vector<std::string> axes_of(const Log& log, const FitOptions& options) {
+  if (!options.axes.empty()) return options.axes;
   const bool has_gyro = std::any_of(log.axes.begin(), log.axes.end(), [](const LogAxis& a) { return a.is_gyro; });
+  const bool is_accel_only = options.model && options.model->unit == "mg";
   std::vector<std::string> names;
   for (const LogAxis& axis : log.axes)
-    if (axis.is_gyro || !has_gyro) names.push_back(axis.name);
+    if (axis.is_gyro ? !is_accel_only : !has_gyro || is_accel_only || options.accel_model) names.push_back(axis.name);
+  if (names.empty())
+    throw data_error(log.path + ": no accelerometer (columns ending in _mg or _ms2), but the model is one (\"unit\": "
+                                "\"mg\")");
   return names;
+}
+
+// A model of the other kind of sensor is refused; one that does not say is taken, and that is said.
+void check_units(const FitOptions& options, const std::string& axis, FitResult* result) {
+  const std::optional<ErrorModel>& model = options.model_of(axis);
+  if (!model) return;
+  model->require_unit_of(axis);
+  if (!is_accelerometer(axis) || !model->unit.empty()) return;
+  result->warnings.push_back(axis + ": the model does not state its unit: its figures are taken as mg; write \"unit\": "
+                                    "\"mg\" into it");
 }
 
 struct Span {
@@ -92,10 +106,10 @@ void check_logs(const std::vector<Log>& logs, bool ignore_metadata) {
 
 // Normalisation of temperature: asked for, the model's, or the logs' own span.
 void normalise(const FitOptions& options, const Span& seen, FitAxis* axis) {
-  const bool from_model = options.model && options.model->bias;
-  axis->t0_degc = options.t0_degc.value_or(from_model ? options.model->bias->t0_degc : (seen.lo + seen.hi) / 2);
-  axis->range_degc =
-      options.range_degc.value_or(from_model ? options.model->bias->range_degc : (seen.hi - seen.lo) / 2);
+  const std::optional<ErrorModel>& model = options.model_of(axis->axis);
+  const bool from_model = model && model->bias;
+  axis->t0_degc = options.t0_degc.value_or(from_model ? model->bias->t0_degc : (seen.lo + seen.hi) / 2);
+  axis->range_degc = options.range_degc.value_or(from_model ? model->bias->range_degc : (seen.hi - seen.lo) / 2);
   if (!(axis->range_degc > 0)) throw usage_error("the temperature range must be positive");
 }
 
@@ -219,6 +233,8 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   FitAxis axis;
   const LogAxis& first = find_axis(logs[0], name);
   axis.axis = stem_of(first.name) + (first.is_gyro ? "_dph" : "_mg");
+  const std::optional<ErrorModel>& model = options.model_of(axis.axis);
+  check_units(options, axis.axis, result);
   axis.order = options.order;
   std::vector<FitRun> runs = runs_of(logs, name, options, dt_s);
   imucal_health_config_t expected{};
@@ -231,8 +247,8 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   expected.lo_degc = static_cast<float>(axis.t0_degc - axis.range_degc);
   expected.hi_degc = static_cast<float>(axis.t0_degc + axis.range_degc);
   std::optional<imucal_kf_config_t> config;
-  if (options.model) {
-    config = kf_config(*options.model, options.order, axis.t0_degc, axis.range_degc, options.prior_sigma_dph, dt_s);
+  if (model) {
+    config = kf_config(*model, options.order, axis.t0_degc, axis.range_degc, options.prior_sigma_dph, dt_s);
     expected.r = config->r;
     expected.markov_variance = config->markov_variance;
   }
@@ -242,11 +258,10 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
     for (size_t k = 0; k < run.rate_dph.size(); ++k)
       if (std::abs((run.temp_degc[k] - axis.t0_degc) / axis.range_degc) > static_cast<double>(IMUCAL_KF_MAX_TN))
         run.rate_dph[k] = kUnused;
-  const ChebyshevFit fit =
-      options.method == FitOptions::Method::kKalman
-          ? fit_kalman(runs, *config, options.shared_turn_on)
-          : fit_polynomial_qr(runs, options.order, axis.t0_degc, axis.range_degc,
-                              options.model ? &*options.model : nullptr, dt_s, options.shared_turn_on);
+  const ChebyshevFit fit = options.method == FitOptions::Method::kKalman
+                               ? fit_kalman(runs, *config, options.shared_turn_on)
+                               : fit_polynomial_qr(runs, options.order, axis.t0_degc, axis.range_degc,
+                                                   model ? &*model : nullptr, dt_s, options.shared_turn_on);
   take_fit(fit, &axis);
   take_residuals(runs, &axis);
   if (fit.n_refused > 0)
@@ -255,12 +270,16 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
   if (options.method == FitOptions::Method::kKalman && worst > 0.1 * options.prior_sigma_dph)
     throw data_error(logs[0].path + ": axis " + name + ": the logs do not determine order " +
-                     std::to_string(options.order) + " (predicted error " + std::to_string(worst) +
-                     " dph): record a wider span or lower --order");
+                     std::to_string(options.order) + " (predicted error " + std::to_string(worst) + " " + axis.unit() +
+                     "): record a wider span or lower --order");
   return axis;
 }
 
 } // namespace
+
+const std::optional<ErrorModel>& FitOptions::model_of(const std::string& axis) const {
+  return accel_model && is_accelerometer(axis) ? accel_model : model;
+}
 
 double FitAxis::bias_dph(double at_degc) const {
   const double tn = (at_degc - t0_degc) / range_degc;
@@ -315,13 +334,14 @@ FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options) {
   FitResult result;
   result.method = options.method;
   result.model = options.model;
+  result.accel_model = options.accel_model;
   result.metadata = logs[0].metadata;
   for (const Log& log : logs) result.logs.push_back(log.path);
   if (options.method == FitOptions::Method::kKalman && options.model->markov.size() > 1)
     result.warnings.push_back("the filter has one Markov state: the model's " +
                               std::to_string(options.model->markov.size()) +
                               " terms were merged into one of the same variance and low-frequency density");
-  for (const std::string& name : axes_of(logs[0], options.axes))
+  for (const std::string& name : axes_of(logs[0], options))
     result.axes.push_back(fit_axis(logs, name, options, &result));
   judge_fit(options, logs[0].dt_s(), &result);
   return result;

@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "base/axis_unit.h"
 #include "health.h"
 #include "io/json_file.h"
 #include "io/log.h"
@@ -27,18 +28,24 @@
 
 namespace imucal {
 
+constexpr double kMaxErrorDph = 100, kMaxErrorMg = 10;
+
 struct FitOptions {
   enum class Method { kKalman, kPolynomial };
   Method method = Method::kKalman;
   int order = 3;                             // 1..5
   std::optional<ErrorModel> model;           // kKalman: required; kPolynomial: makes sigma honest (see FitAxis)
+  std::optional<ErrorModel> accel_model;     // of the accelerometers, where `model` is the gyros' (unit "mg")
   std::optional<double> t0_degc, range_degc; // else the model's bias, else middle and half width of the logs' span
   double prior_sigma_dph = 1e4;              // kKalman: of every coefficient
   bool shared_turn_on = false;               // all logs have one constant
-  std::vector<std::string> axes;             // empty: every gyro of the first log (every axis where it has none)
-  bool ignore_metadata = false;              // logs of different devices or serial numbers
-  std::vector<std::string> accept;           // rules (fit_rules) that shall not refuse
-  double max_error_dph = 100;                // largest predicted error that is accepted without asking
+  std::vector<std::string> axes;   // empty: every axis of the models' units that are stated, else every gyro of
+                                   // the first log (every axis where it has none)
+  bool ignore_metadata = false;    // logs of different devices or serial numbers
+  std::vector<std::string> accept; // rules (fit_rules) that shall not refuse
+  double max_error_dph = 0;        // as in JudgeOptions
+
+  const std::optional<ErrorModel>& model_of(const std::string& axis) const;
 };
 
 // Something that speaks against an axis: a rule of the core (common/health.h) or one of a whole log (see fit_rules).
@@ -65,6 +72,9 @@ struct FitAxis {
   imucal_health_verdict_t health{}; // the core's rules; those on innovations only where a model was given
   long n_rejected = 0, n_bad_temperature = 0; // seconds left out: knocks, readings that no thermometer reaches
   double error_factor = 1;                    // how many times sigma_dph is too small by what the innovations say
+  const char* unit() const { return axis_unit(axis); } // of every member named _dph
+  // Gravity along the axis, as it lay in the test: a static test cannot tell it from the bias.
+  bool holds_gravity() const { return is_accelerometer(axis); }
   double bias_dph(double temp_degc) const;
   double bias_sigma_dph(double temp_degc) const;
 };
@@ -74,7 +84,7 @@ struct FitResult {
   std::vector<std::string> logs;
   std::vector<FitAxis> axes;         // empty: never ran
   std::vector<std::string> warnings; // e.g. several Markov terms merged for the filter
-  std::optional<ErrorModel> model;
+  std::optional<ErrorModel> model, accel_model;
   std::map<std::string, std::string> metadata; // of the first log
   std::vector<FitReason> reasons;              // empty: nothing speaks against it
   bool is_accepted() const;                    // every reason was accepted beforehand

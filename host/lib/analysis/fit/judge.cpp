@@ -132,10 +132,12 @@ void judge_axis(const JudgeOptions& options, const ErrorModel* model, double dt_
         {axis.axis, "measurements", part, kMinMeasurements,
          "only " + number(100 * part) + " % of the seconds that the best axis has: what became of the others?"});
   const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
-  if (worst > options.max_error_dph)
-    reasons->push_back({axis.axis, "error", worst, options.max_error_dph,
-                        "predicted error " + number(worst) + ", above --max-error " + number(options.max_error_dph) +
-                            ": record longer or over a wider span, or lower --order"});
+  const double by_unit = is_accelerometer(axis.axis) ? kMaxErrorMg : kMaxErrorDph;
+  const double limit = options.max_error_dph > 0 ? options.max_error_dph : by_unit;
+  if (worst > limit)
+    reasons->push_back({axis.axis, "error", worst, limit,
+                        "predicted error " + number(worst) + " " + axis.unit() + ", above --max-error " +
+                            number(limit) + ": record longer or over a wider span, or lower --order"});
 }
 
 } // namespace
@@ -216,7 +218,11 @@ std::vector<FitReason> judge_axes(const std::vector<FitAxis>& axes, const std::v
 }
 
 void judge_fit(const FitOptions& options, double dt_s, FitResult* result) {
-  const std::vector<const ErrorModel*> models(result->axes.size(), options.model ? &*options.model : nullptr);
+  std::vector<const ErrorModel*> models;
+  for (const FitAxis& axis : result->axes) {
+    const std::optional<ErrorModel>& model = options.model_of(axis.axis);
+    models.push_back(model ? &*model : nullptr);
+  }
   result->reasons = judge_axes(result->axes, models, dt_s, {options.accept, options.max_error_dph});
 }
 

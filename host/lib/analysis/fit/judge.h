@@ -10,7 +10,8 @@ namespace imucal {
 
 struct JudgeOptions {
   std::vector<std::string> accept; // rules (fit_rules) that shall not refuse
-  double max_error_dph = 100;      // largest predicted error that is accepted without asking
+  // Largest predicted error that is accepted without asking, in the axis' unit; 0: kMaxErrorDph or kMaxErrorMg.
+  double max_error_dph = 0;
 };
 
 // Reasons against the axes: the core's rules of each (FitAxis::health, error_factor), then residual, measurements and error.

@@ -36,12 +36,13 @@ imucal_table_channel_t channel_of(const FitResult& result, const FitAxis& axis, 
   channel.span_lo_degc = static_cast<float>(axis.span_lo_degc);
   channel.span_hi_degc = static_cast<float>(axis.span_hi_degc);
   for (size_t i = 0; i < axis.sigma_dph.size(); ++i) channel.sigma[i] = static_cast<float>(axis.sigma_dph[i]);
-  if (result.model) {
-    channel.arw = static_cast<float>(result.model->arw_deg_rt_h);
-    channel.n_markov = static_cast<uint8_t>(std::min<size_t>(result.model->markov.size(), IMUCAL_TABLE_MARKOV_N));
+  const auto& model = result.accel_model && is_accelerometer(axis.axis) ? result.accel_model : result.model;
+  if (model) {
+    channel.arw = static_cast<float>(model->arw_deg_rt_h);
+    channel.n_markov = static_cast<uint8_t>(std::min<size_t>(model->markov.size(), IMUCAL_TABLE_MARKOV_N));
     for (size_t i = 0; i < channel.n_markov; ++i) {
-      channel.markov_sigma[i] = static_cast<float>(result.model->markov[i].sigma_dph);
-      channel.markov_tau_s[i] = static_cast<float>(result.model->markov[i].tau_s);
+      channel.markov_sigma[i] = static_cast<float>(model->markov[i].sigma_dph);
+      channel.markov_tau_s[i] = static_cast<float>(model->markov[i].tau_s);
     }
   }
   const double scale = unit == "_mg" ? 1.0 : 18.0;
@@ -76,6 +77,8 @@ Json to_json(const FitResult& result) {
   for (const FitAxis& axis : result.axes) {
     Json a;
     a["axis"] = axis.axis;
+    a["unit"] = axis.unit();
+    if (axis.holds_gravity()) a["b0_holds"] = "gravity along the axis as it lay, and the bias";
     a["order"] = axis.order;
     a["t0_degc"] = axis.t0_degc;
     a["range_degc"] = axis.range_degc;

@@ -474,12 +474,13 @@ public:
 
   // From the bound of slow ramps.  usage_error where it takes about a year.
   double first_guess_s(const CalibrationSetup& setup) const {
+    const std::string unit = " " + setup.truth.unit_or_dph();
     const double p = setup.order + 1, density = setup.truth.slow_density_dph2_s();
     const double guess_s = std::max(least_s(), 1.1 * p * density / (required_dph_ * required_dph_));
     if (guess_s > 3e7)
-      throw usage_error("--required-error " + shown(required_dph_) + " dph would take about " + shown(guess_s / 86400) +
-                        " days; the smallest error within 30 days is about " +
-                        shown(std::sqrt(1.1 * p * density / 2592000)) + " dph");
+      throw usage_error("--required-error " + shown(required_dph_) + unit + " would take about " +
+                        shown(guess_s / 86400) + " days; the smallest error within 30 days is about " +
+                        shown(std::sqrt(1.1 * p * density / 2592000)) + unit);
     return guess_s;
   }
 
@@ -522,8 +523,8 @@ Found shortest_that_reaches(const OptimizeRequest& request, Tally* tally) {
     guess_s = bracket.next_guess_s(guess_s, now.best.exact_dph);
   }
   if (!bracket.reached())
-    throw usage_error("--required-error " + shown(request.required_dph) + " dph was not reached within " +
-                      shown(guess_s) + " s");
+    throw usage_error("--required-error " + shown(request.required_dph) + " " + request.setup.truth.unit_or_dph() +
+                      " was not reached within " + shown(guess_s) + " s");
   return best;
 }
 

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <sstream>
 
+#include "base/axis_unit.h"
 #include "base/error.h"
 #include "noise/whiten.h"
 #include "physics/effects/effect.h"
@@ -246,7 +247,7 @@ Json to_json(const SignatureTable& table) {
   return json;
 }
 
-std::string signature_text(const SignatureTable& table) {
+std::string signature_text(const SignatureTable& table, const std::string& unit) {
   std::string text = "  correlation of whitened signatures (polynomial and turn-on constant projected off)\n";
   char cell[128];
   const size_t n = table.effects.size();
@@ -259,7 +260,7 @@ std::string signature_text(const SignatureTable& table) {
     }
     std::snprintf(cell, sizeof cell, "%*s", static_cast<int>(7 * (n - 1 - i)), "");
     text += cell;
-    const std::string parameter = amplitude_parameter(table.effects[i]);
+    const std::string parameter = name_in_unit(amplitude_parameter(table.effects[i]), unit);
     if (table.needed[i] > 0)
       std::snprintf(cell, sizeof cell, "  can be named from %.3g %s\n", table.needed[i], parameter.c_str());
     else

@@ -45,6 +45,6 @@ SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const Ca
                                const std::vector<EffectSpec>& effects);
 
 Json to_json(const SignatureTable& table);
-std::string signature_text(const SignatureTable& table);
+std::string signature_text(const SignatureTable& table, const std::string& unit = "dph");
 
 } // namespace imucal

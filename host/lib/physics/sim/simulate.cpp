@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "base/axis_unit.h"
 #include "base/error.h"
 #include "base/rng.h"
 #include "base/units.h"
@@ -20,22 +21,33 @@ struct ActiveEffect {
   uint32_t place;
 };
 
-bool acts_on(const EffectSpec& spec, size_t axis, size_t log) {
+// Gyros and accelerometers are counted by themselves.
+std::vector<std::string> axis_names(const std::vector<ErrorModel>& models, size_t n_axes) {
+  std::vector<std::string> names;
+  size_t n_gyros = 0, n_accels = 0;
+  for (size_t a = 0; a < n_axes; ++a) {
+    const std::string unit = (models.size() > 1 ? models[a] : models[0]).unit_or_dph();
+    names.push_back(sim_axis_name(unit == "mg" ? n_accels++ : n_gyros++, unit));
+  }
+  return names;
+}
+
+bool acts_on(const EffectSpec& spec, const std::vector<std::string>& names, size_t axis, size_t log) {
   if (spec.log >= 0 && static_cast<size_t>(spec.log) != log) return false;
   if (spec.axis.empty()) return true;
-  const std::string name = sim_axis_name(axis);
+  const std::string& name = names[axis];
   return spec.axis == name || spec.axis == name.substr(0, name.rfind('_')) || spec.axis == std::to_string(axis);
 }
 
-void check_axes(const std::vector<EffectSpec>& effects, size_t n_axes) {
+void check_axes(const std::vector<EffectSpec>& effects, const std::vector<std::string>& names) {
   for (const EffectSpec& spec : effects) {
     bool known = spec.axis.empty();
     EffectSpec any_log = spec;
     any_log.log = -1;
-    for (size_t a = 0; a < n_axes; ++a) known = known || acts_on(any_log, a, 0);
+    for (size_t a = 0; a < names.size(); ++a) known = known || acts_on(any_log, names, a, 0);
     if (!known)
       throw data_error("effect " + spec.name + ": axis \"" + spec.axis + "\" is not simulated; the axes are " +
-                       sim_axis_name(0) + (n_axes > 1 ? " to " + sim_axis_name(n_axes - 1) : "") +
+                       names.front() + (names.size() > 1 ? " to " + names.back() : "") +
                        " (simulate more with --axes)");
   }
 }
@@ -117,9 +129,8 @@ void add_recording_flaws(const std::vector<double>& t_s, const SimOptions& optio
 
 } // namespace
 
-std::string sim_axis_name(size_t i) {
-  static const char* kNames[] = {"gx_dph", "gy_dph", "gz_dph"};
-  return i < 3 ? kNames[i] : "g" + std::to_string(i) + "_dph";
+std::string sim_axis_name(size_t i, const std::string& unit) {
+  return (unit == "mg" ? "a" : "g") + (i < 3 ? std::string(1, "xyz"[i]) : std::to_string(i)) + "_" + unit;
 }
 
 uint64_t stream_run(const SimOptions& options) {
@@ -165,14 +176,15 @@ SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, cons
   if (models.empty() || (models.size() > 1 && models.size() != n_axes))
     throw usage_error("give one error model, or one per axis (" + std::to_string(n_axes) + " axes, " +
                       std::to_string(models.size()) + " models)");
-  check_axes(effects, n_axes);
+  const std::vector<std::string> names = axis_names(models, n_axes);
+  check_axes(effects, names);
   SimulatedLog out;
   const std::vector<double> shown_degc = thermometer(temp_degc, options);
   const uint64_t address = stream_run(options);
   for (size_t a = 0; a < n_axes; ++a) {
     const ErrorModel& model = models.size() > 1 ? models[a] : models[0];
     SimulatedAxis axis;
-    axis.name = sim_axis_name(a);
+    axis.name = names[a];
     axis.run = start_run(model, t_s, temp_degc);
     axis.run.thermometer_degc = shown_degc;
     axis.run.axis = a;
@@ -189,7 +201,7 @@ SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, cons
     uint32_t place = 0;
     for (const std::vector<EffectSpec>* list : {&model.effects, &effects})
       for (const EffectSpec& spec : *list) {
-        if (acts_on(spec, a, options.log_index))
+        if (acts_on(spec, names, a, options.log_index))
           active.push_back({&find_effect(spec.name), read_parameters(find_effect(spec.name), spec.parameters), place});
         ++place;
       }
@@ -235,6 +247,7 @@ Log to_log(const SimulatedLog& simulated, const SimOptions& options) {
   for (const SimulatedAxis& a : simulated.axes) {
     LogAxis axis;
     axis.name = a.name;
+    axis.is_gyro = !is_accelerometer(a.name);
     axis.rate_dph.reserve(n);
     log.axes.push_back(std::move(axis));
   }

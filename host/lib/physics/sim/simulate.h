@@ -40,7 +40,7 @@ struct SimOptions {
 
 // One axis of a simulated log with the truth behind it.
 struct SimulatedAxis {
-  std::string name; // gx_dph, gy_dph, gz_dph, g3_dph, …
+  std::string name; // gx_dph, gy_dph, gz_dph, g3_dph, … ; ax_mg, … where its model states the unit mg
   double turn_on_dph = 0;
   SimRun run; // run.rate_dph: what the log shows; run.bias: this run's polynomial
 };
@@ -51,8 +51,8 @@ struct SimulatedLog {
   std::vector<bool> is_missing; // seconds left out of the log
 };
 
-// Name of axis `i`: gx_dph gy_dph gz_dph g3_dph …
-std::string sim_axis_name(size_t i);
+// Name of axis `i`: gx_dph gy_dph gz_dph g3_dph …, of an accelerometer (unit "mg") ax_mg ay_mg az_mg a3_mg …
+std::string sim_axis_name(size_t i, const std::string& unit = "dph");
 
 // Simulate over the given seconds.  t_s: end of each second, strictly increasing (a step of k s is a gap);
 // temp_degc: true temperature, one per t_s.  models: one per axis, or one for all (n_axes says how many).
