@@ -163,6 +163,20 @@ def write_matlab(path, rec, version="5", as_struct=False):
     savemat(path, {"log": arrays} if as_struct else arrays)
 
 
+def matlab_object(name, class_name):
+    """A MATLAB 5 file with one object, as save() writes a timetable (MAT-File Format, "Level 5"; class 17 is an object that
+    only MATLAB knows: its name, its type system, its class and references)."""
+    def element(kind, data):
+        return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)
+
+    def matrix(flags_class, *parts):
+        return element(14, element(6, struct.pack("<II", flags_class, 0)) + b"".join(parts))
+
+    references = matrix(13, element(5, struct.pack("<ii", 6, 1)), element(1, b""), element(6, struct.pack("<6I", 0xDD000000, 2, 1, 1, 1, 1)))
+    body = matrix(17, element(1, name.encode()), element(1, b"MCOS"), element(1, class_name.encode()), references)
+    return b"MATLAB 5.0 MAT-file".ljust(116) + bytes(8) + struct.pack("<H", 0x0100) + b"IM" + body
+
+
 # --- tables ---
 
 def write_table(path, rec, kind):
