@@ -21,6 +21,9 @@ import allantools  # noqa: E402
 import avar  # noqa: E402
 import numpy as np  # noqa: E402
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
+import imucal  # noqa: E402
+
 
 def best_s(repeats, function):
     times = []
@@ -69,16 +72,14 @@ def compare(name, ours, x, repeats, report):
 def recorded_logs(build, data, report):
     worst = 0
     for path in sorted(Path(data).glob("*.csv")):
-        header = next(line for line in open(path) if line.startswith("t_s"))
-        axes = header.strip().split(",")[2:]
-        table = np.genfromtxt(path, delimiter=",", comments="#", skip_header=sum(1 for line in open(path) if line[0] in "#t"))
-        if np.any(np.diff(table[:, 0]) != 1):
+        log = imucal.read_log(path)
+        if np.any(np.diff(log.t_s) != 1):
             print(f"{path.name}: has gaps; allantools knows none")
             continue
         out = subprocess.run([f"{build}/bin/dp", str(path), "--type", "av", "--tau", "octave", "--no-ratios", "--json", "-"],
                              check=True, capture_output=True, text=True).stdout
         for curve in json.loads(out)["curves"]:
-            x = table[:, 2 + axes.index(curve["axis"])]
+            x = log.rates[curve["axis"]]
             deviation = allantools.oadev(x - x.mean(), rate=1.0, data_type="freq", taus=np.asarray(curve["tau_s"]))[1]
             difference = float(np.max(np.abs(np.asarray(curve["dp_dph"])[:len(deviation)] / deviation - 1)))
             print(f"{path.name:24s} {curve['axis']:8s} {len(deviation)} taus, differs from allantools by {difference:.1e}")

@@ -24,7 +24,9 @@ from pathlib import Path
 
 import numpy as np
 
-import plot_calibration
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
+import imucal  # noqa: E402
+import plot_calibration  # noqa: E402
 
 PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [
     {"rate_degc_per_min": 0, "duration_s": 1200}, {"rate_degc_per_min": 0.6, "to_degc": 60},
@@ -131,12 +133,12 @@ class Demo:
 
 
 def read_log(path):
-    """Returns {"temp_degc": array, "gx_dph": array, ...} of a log."""
-    with open(path) as file:
-        rows = [line for line in file if not line.startswith("#")]
-    names = rows[0].strip().split(",")
-    values = np.genfromtxt(rows[1:], delimiter=",", ndmin=2)
-    return {name: values[:, i] for i, name in enumerate(names)}
+    """Returns {"t_s": array, "temp_degc": array, "gx_dph": array, ...} of a log; one that cannot be read ends the demonstration."""
+    try:
+        log = imucal.read_log(path)
+    except imucal.DataError as error:
+        sys.exit(f"demo: {error}")
+    return {"t_s": log.t_s, "temp_degc": log.temp_degc, **log.rates}
 
 
 def block_means(values, n):

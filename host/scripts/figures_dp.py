@@ -18,6 +18,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
+import imucal  # noqa: E402
+
 NOMINAL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}
 NAMES = {"av": "Allan deviation", "dp1": "DP type 1 (20 s)", "dp2": "DP type 2", "dp3": "DP type 3"}
 COLORS = {"av": "#4c72b0", "dp1": "#937860", "dp2": "#c44e52", "dp3": "#55a868"}
@@ -115,15 +118,9 @@ def figure_6(tools):
     tools.save(fig, 6, "Fig. 6: relative difference of the expected curves, time constant 50 s against 100 s (closed form)")
 
 
-def read_log(path, axis):
-    lines = [line for line in open(path) if line[0] != "#"]
-    column = lines[0].strip().split(",").index(axis)
-    table = np.array([[float(f) if f else np.nan for f in line.split(",")] for line in lines[1:]])
-    return table[:, 0], table[:, 1], table[:, column]
-
-
 def figure_13(tools, log, axis, order):
-    t, temp, x = read_log(log, axis)
+    recorded = imucal.read_log(log)
+    t, temp, x = recorded.t_s, recorded.temp_degc, recorded.rates[axis]
     tn = (temp - temp.mean()) / (np.ptp(temp) / 2)
     residual = x - np.polynomial.chebyshev.chebval(tn, np.polynomial.chebyshev.chebfit(tn, x, order))
     n = 120

@@ -147,3 +147,10 @@ def test_names_of_the_contract_are_there_and_stated():
     for name in names:
         assert getattr(imucal, name).__doc__ and name in dir(imucal)
     assert callable(imucal.plot.allan_plot)
+
+
+def test_scripts_read_logs_through_the_package():
+    """No script parses logs by itself."""
+    for script in (Path(__file__).resolve().parents[2] / "host/scripts").glob("*.py"):
+        text = script.read_text(encoding="utf-8")
+        assert not any(words in text for words in ("genfromtxt", "loadtxt", "startswith(\"t_s", "line[0] != \"#\"")), script.name

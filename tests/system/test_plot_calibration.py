@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "host/scripts"))
-import plot_calibration  # noqa: E402
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "host/python"))
+from imucal import calibration_plot as plot_calibration  # noqa: E402
 
 UP, TOP = np.linspace(0, 60, 100), np.full(15, 60.0)
 TEMP_DEGC = np.concatenate([UP, TOP, UP[::-1]])

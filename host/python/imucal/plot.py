@@ -141,3 +141,9 @@ def save_page(figure, path, title, lines):
         os.replace(temporary, path)
     except OSError as error:
         raise DataError(f"{path}: cannot write: {error.strerror}") from None
+
+
+def calibration_figure(report):
+    """A calibration before and after, against temperature (imucal.calibration_plot says what a report holds)."""
+    from .calibration_plot import calibration_figure as draw
+    return draw(report)
