@@ -9,7 +9,6 @@ arm-none-eabi-gcc and, where there is a CMakeLists.txt of ours, with CMake.
 """
 import argparse
 import json
-import re
 import shutil
 import subprocess
 import sys
@@ -17,6 +16,8 @@ import tarfile
 import tempfile
 import zipfile
 from pathlib import Path
+
+from manifest_schemas import SCHEMAS
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = "Static thermal calibration of gyros and accelerometers: learns bias over temperature while it changes, compensates in integers."
@@ -156,35 +157,37 @@ def write_archive(folder, shelf, version, files):
     return path
 
 
-def check_manifest(shelf, top):
-    """What the shelves' documentation asks of their manifests; returns a list of faults."""
-    faults = []
+def read_manifest(path):
+    """A manifest as a dict: key=value lines, JSON or YAML."""
+    if path.suffix == ".properties":
+        return dict(line.split("=", 1) for line in path.read_text().splitlines() if line and not line.startswith("#"))
+    if path.suffix == ".json":
+        return json.loads(path.read_text())
+    import yaml
+    return yaml.safe_load(path.read_text())
+
+
+def named_files(shelf, data):
+    """Files that a manifest names, from the archive's top."""
     if shelf == "arduino":
-        pairs = dict(line.split("=", 1) for line in (top / "library.properties").read_text().splitlines())
-        faults += [f"library.properties: {k} is missing" for k in ("name", "version", "author", "maintainer", "sentence", "paragraph", "category", "url", "architectures") if not pairs.get(k)]
-        faults += [] if re.fullmatch(r"\d+\.\d+\.\d+", pairs.get("version", "")) else ["library.properties: version is no semantic version"]
-        faults += [] if pairs.get("category") in ("Sensors", "Data Processing", "Signal Input/Output", "Other") else ["library.properties: unknown category"]
-        faults += [] if (top / "src" / pairs.get("includes", "")).exists() else ["library.properties: includes names no header"]
+        return [f"src/{name}" for name in data.get("includes", "").split(",")]
     if shelf == "platformio":
-        import jsonschema
-        schema = {"type": "object", "required": ["name", "version", "description", "keywords", "repository"], "properties": {
-            "name": {"type": "string", "maxLength": 100, "pattern": r"^[^:;/,@<>]+$"}, "version": {"type": "string", "maxLength": 50, "pattern": r"^\d+\.\d+\.\d+"},
-            "description": {"type": "string", "maxLength": 255}, "keywords": {"type": "string"}, "license": {"type": "string"},
-            "repository": {"type": "object", "required": ["type", "url"], "properties": {"type": {"enum": ["git", "hg", "svn"]}}},
-            "build": {"type": "object", "properties": {"flags": {"type": "array", "items": {"type": "string"}}}}}}
-        data = json.loads((top / "library.json").read_text())
-        faults += [f"library.json: {e.message}" for e in jsonschema.Draft202012Validator(schema).iter_errors(data)]
-        faults += [f"library.json: {h} is not there" for h in data["headers"] if not (top / "src" / h).exists()]
-    if shelf in ("zephyr", "esp-idf"):
-        import yaml
-        place = "zephyr/module.yml" if shelf == "zephyr" else "idf_component.yml"
-        data = yaml.safe_load((top / place).read_text())
-        if shelf == "zephyr":
-            faults += [f"{place}: build.{k} names nothing" for k in ("cmake", "kconfig") if not (top / data["build"][k]).exists()]
-        else:
-            faults += [f"{place}: {k} is missing" for k in ("version", "description", "url", "license") if not data.get(k)]
-            faults += [] if re.fullmatch(r"\d+\.\d+\.\d+", str(data.get("version"))) else [f"{place}: version"]
-    return faults
+        examples = [f"{e['base']}/{f}" for e in data.get("examples", []) for f in e["files"]]
+        return examples + [f"{data['build']['includeDir']}/{h}" for h in data["headers"]] + [data["build"]["srcDir"]]
+    if shelf == "zephyr":
+        return [f"{data['build']['cmake']}/CMakeLists.txt", data["build"]["kconfig"], *data.get("samples", [])]
+    return ["CMakeLists.txt"]
+
+
+def check_manifest(shelf, top):
+    """What the shelf asks of its manifest (manifest_schemas.py names the sources); returns a list of faults."""
+    if shelf not in SCHEMAS:
+        return []
+    import jsonschema
+    place, schema = SCHEMAS[shelf]
+    data = read_manifest(top / place)
+    faults = [f"{place}: {'.'.join(map(str, e.absolute_path)) or 'top'}: {e.message}" for e in jsonschema.Draft202012Validator(schema).iter_errors(data)]
+    return faults or [f"{place}: {name} is not there" for name in named_files(shelf, data) if not (top / name).exists()]
 
 
 def compile_for_arm(top):

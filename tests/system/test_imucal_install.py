@@ -120,3 +120,37 @@ def test_a_library_archive_compiles_and_its_manifest_holds(tmp_path):
                           capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "1 archives, 1 checked, 0 faults" in done.stdout
+
+
+def dist_module():
+    sys.path.insert(0, str(ROOT / "host/packaging"))
+    import dist
+    return dist
+
+
+@pytest.mark.parametrize("shelf", ["arduino", "platformio", "zephyr", "esp-idf"])
+def test_manifest_keeps_its_shelf_s_schema(shelf, tmp_path):
+    dist = dist_module()
+    shutil.unpack_archive(dist.write_archive(tmp_path, shelf, "0.1.0", dist.SHELVES[shelf]("0.1.0")), tmp_path)
+    assert dist.check_manifest(shelf, tmp_path / "imucal") == []
+
+
+@pytest.mark.parametrize("shelf, place, old, new, words", [
+    ("arduino", "library.properties", "category=Sensors", "category=Gyros", "'Gyros' is not one of"),
+    ("arduino", "library.properties", "version=0.1.0", "version=0.1", "does not match"),
+    ("arduino", "library.properties", "includes=imucal.h", "includes=gone.h", "src/gone.h is not there"),
+    ("platformio", "library.json", '"license": "MIT",', '"licence": "MIT",', "'licence' was unexpected"),
+    ("platformio", "library.json", '"type": "git"', '"type": "ftp"', "'ftp' is not one of"),
+    ("platformio", "library.json", '"main.c"', '"gone.c"', "examples/learn/gone.c is not there"),
+    ("zephyr", "zephyr/module.yml", "kconfig: zephyr/Kconfig", "kconfigs: zephyr/Kconfig", "'kconfigs' was unexpected"),
+    ("zephyr", "zephyr/module.yml", "cmake: zephyr", "cmake: nowhere", "nowhere/CMakeLists.txt is not there"),
+    ("esp-idf", "idf_component.yml", 'idf: ">=4.4"', 'idf: "four"', "is not valid under any"),
+    ("esp-idf", "idf_component.yml", "license:", "licence:", "'license' is a required property")])
+def test_a_fault_in_a_manifest_is_found(shelf, place, old, new, words, tmp_path):
+    dist = dist_module()
+    files = dist.SHELVES[shelf]("0.1.0")
+    assert old in files[place]
+    files[place] = files[place].replace(old, new)
+    shutil.unpack_archive(dist.write_archive(tmp_path, shelf, "0.1.0", files), tmp_path)
+    faults = dist.check_manifest(shelf, tmp_path / "imucal")
+    assert any(words in fault for fault in faults), faults
