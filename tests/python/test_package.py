@@ -141,6 +141,20 @@ def test_interrupt_ends_a_program_s_work(tmp_path):
     assert "KeyboardInterrupt" in err and process.returncode != 0
 
 
+@pytest.mark.parametrize("wait_s", [0.05, 0.5])
+def test_ctrl_c_inside_one_curve(wait_s):
+    """KeyboardInterrupt after less than a second of processor time, whatever piece it falls into."""
+    code = (f"import os, signal, threading, time, numpy, sys; sys.path[:0] = {sys.path[:2]!r}; import imucal\n"
+            "rate = numpy.random.default_rng(1).normal(size=20_000_000); imucal.allan_deviation(rate[:1000])\n"
+            "def stop():\n    global at; at = time.process_time(); os.kill(os.getpid(), signal.SIGINT)\n"
+            f"threading.Timer({wait_s}, stop).start()\n"
+            "try:\n    imucal.allan_deviation(rate, tau_s=range(1, 2000, 5)); print('never')\n"
+            "except KeyboardInterrupt:\n    print(time.process_time() - at)\n")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) < 1
+
+
 def test_names_of_the_contract_are_there_and_stated():
     names = ["allan_deviation", "direct_predictor", "expect", "fit_error_model", "check_bound", "ThermalCalibrator", "calibrate", "compensate",
              "calibration_error", "optimize_profile", "simulate", "diagnose", "read_log", "read_table", "import_log"]

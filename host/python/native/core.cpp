@@ -37,6 +37,45 @@ void check_signals() {
   if (PyErr_CheckSignals() != 0) throw nb::python_error();
 }
 
+constexpr long kPieceWindows = 100000000; // some tenths of a second
+
+// A copy with the missing ones counted.
+void take_samples(const Array& rate_dph, Series* series) {
+  constexpr size_t kPiece = 8000000;
+  const size_t n = rate_dph.shape(0);
+  series->rate_dph.reserve(n);
+  for (size_t i = 0; i < n; i += kPiece) {
+    check_signals();
+    const double *first = rate_dph.data() + i, *last = rate_dph.data() + std::min(n, i + kPiece);
+    series->rate_dph.insert(series->rate_dph.end(), first, last);
+    series->n_missing += std::count_if(first, last, [](double rate) { return std::isnan(rate); });
+  }
+  check_signals();
+}
+
+// The curve in pieces of a few tau, so that Ctrl-C is seen in a long record.  A short one is one piece: its blocks stay in
+// the cache for all tau.
+DpCurve curve_in_pieces(const Series& series, const DpRecord& record, const std::vector<double>& tau_s,
+                        DpEstimator estimator) {
+  const size_t n_piece = static_cast<size_t>(std::max(1L, kPieceWindows / std::max(1L, series.size())));
+  DpCurve whole;
+  for (size_t i = 0; i < tau_s.size() || i == 0; i += n_piece) {
+    check_signals();
+    const size_t end = std::min(tau_s.size(), i + n_piece);
+    DpCurve piece = dp_curve(series, record,
+                             {tau_s.begin() + static_cast<long>(i), tau_s.begin() + static_cast<long>(end)}, estimator);
+    if (i == 0) {
+      whole = std::move(piece);
+      continue;
+    }
+    whole.tau_s.insert(whole.tau_s.end(), piece.tau_s.begin(), piece.tau_s.end());
+    whole.dp_dph.insert(whole.dp_dph.end(), piece.dp_dph.begin(), piece.dp_dph.end());
+    whole.n.insert(whole.n.end(), piece.n.begin(), piece.n.end());
+    whole.moments.insert(whole.moments.end(), piece.moments.begin(), piece.moments.end());
+  }
+  return whole;
+}
+
 Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& type, const std::string& tau,
                        const std::string& estimator, const std::optional<std::string>& nominal, double estimation_s,
                        const std::string& detrend, double min_fill) {
@@ -45,15 +84,14 @@ Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& ty
   Curve result;
   try {
     nb::gil_scoped_release free;
-    series.rate_dph.assign(rate_dph.data(), rate_dph.data() + rate_dph.shape(0));
-    for (const double rate : series.rate_dph) series.n_missing += std::isnan(rate);
+    take_samples(rate_dph, &series);
     remove_trend(Detrend::parse(detrend), &series);
     DpOperator op = make_dp_operator(dp_type_from_text(type), dt_s, model_of(nominal), estimation_s);
     op.min_fill = min_fill;
     const auto tau_s = parse_tau(tau, dt_s, std::max(dt_s, static_cast<double>(series.size()) * dt_s / 10));
-    const DpRecord record(series, op);
     check_signals();
-    const DpCurve curve = dp_curve(series, record, tau_s, dp_estimator_from_text(estimator));
+    const DpRecord record(series, op);
+    const DpCurve curve = curve_in_pieces(series, record, tau_s, dp_estimator_from_text(estimator));
     check_signals();
     result.tau_s = curve.tau_s, result.dp_dph = curve.dp_dph, result.n_windows = curve.n;
     for (const Interval& i : curve_intervals(curve, op, {}))
