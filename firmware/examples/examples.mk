@@ -1,7 +1,8 @@
 # The examples are compiled by `make firmware`; `make budget` shows what each way to use the core takes of the flash.
 
 EXAMPLE_CPU := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16
-EXAMPLE_FLAGS := $(EXAMPLE_CPU) $(FIRMWARE_CFLAGS) -ffreestanding -Os -flto -ffunction-sections -fdata-sections
+EXAMPLE_PLAIN_FLAGS := $(EXAMPLE_CPU) $(FIRMWARE_CFLAGS) -ffreestanding -Os -ffunction-sections -fdata-sections
+EXAMPLE_FLAGS := $(EXAMPLE_PLAIN_FLAGS) -flto
 BUDGET_COMPENSATE_BYTES := 4608
 EXAMPLES := $(BUILD)/firmware/examples/compensate.elf $(BUILD)/firmware/examples/calibrate.elf $(BUILD)/firmware/examples/imucal_mpu6050.o
 
@@ -15,6 +16,17 @@ $(BUILD)/firmware/examples/%.elf: $(BUILD)/obj/examples/firmware/examples/%.o $(
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  LINK $@")
 	$(Q)$(CROSS)gcc $(EXAMPLE_FLAGS) -nostartfiles --specs=nano.specs -Wl,--gc-sections,-e,imu_loop,--unresolved-symbols=ignore-all $^ -o $@
+
+# The same without link-time optimisation, for who cannot use it.
+$(BUILD)/obj/examples_plain/%.o: %.c
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  CC   $< (example, no -flto)")
+	$(Q)$(CCACHE) $(CROSS)gcc $(EXAMPLE_PLAIN_FLAGS) -MMD -MP $(FIRMWARE_CPPFLAGS) -c $< -o $@
+$(BUILD)/firmware/examples/compensate_plain.elf: $(BUILD)/obj/examples_plain/firmware/examples/compensate.o $(CORE_SOURCES:%.c=$(BUILD)/obj/examples_plain/%.o)
+	@mkdir -p $(@D)
+	$(if $(V),,@echo "  LINK $@")
+	$(Q)$(CROSS)gcc $(EXAMPLE_PLAIN_FLAGS) -nostartfiles --specs=nano.specs -Wl,--gc-sections,-e,imu_loop,--unresolved-symbols=ignore-all $^ -o $@
+EXAMPLES += $(BUILD)/firmware/examples/compensate_plain.elf
 
 # The sketch against the few declarations of the Arduino API that it uses (tests/emu/arduino).
 $(BUILD)/firmware/examples/imucal_mpu6050.o: firmware/examples/imucal_mpu6050/imucal_mpu6050.ino
@@ -43,7 +55,8 @@ EXAMPLES += $(BUILD)/tests/emu/sketch
 .SECONDARY: $(CORE_SOURCES:%.c=$(BUILD)/obj/examples/%.o) $(BUILD)/obj/examples/firmware/examples/compensate.o $(BUILD)/obj/examples/firmware/examples/calibrate.o
 firmware: $(EXAMPLES)
 
-budget: $(filter %.elf,$(EXAMPLES)) $(BUILD)/firmware/stm32f405/imucal.elf  ## flash of the core where it only compensates, where it learns too, and of the whole device
+BUDGET_IMAGES := $(addprefix $(BUILD)/firmware/,examples/compensate.elf examples/calibrate.elf stm32f405/imucal.elf examples/compensate_plain.elf)
+budget: $(BUDGET_IMAGES)  ## flash of the core where it only compensates, where it learns too, and of the whole device
 	@python3 firmware/examples/budget.py $(BUDGET_COMPENSATE_BYTES) $(CROSS)nm $(filter %.elf,$^)
 .PHONY: budget
 -include $(shell find $(BUILD)/obj/examples $(BUILD)/obj/host/sketch $(BUILD)/firmware/examples -name '*.d' 2>/dev/null)

@@ -35,6 +35,21 @@ typedef struct emu_stm32 {
 
 static emu_stm32_t stm32;
 
+/* Further peripherals, modelled in a file of their own (stm32f405_i2c.h, stm32f405_dma.h) and included by the test. */
+typedef struct emu_peripheral {
+  uint32_t first, last; /* addresses */
+  uint32_t (*read)(uint32_t address);
+  void (*write)(uint32_t address, uint32_t value);
+} emu_peripheral_t;
+static emu_peripheral_t peripherals[4];
+
+static inline const emu_peripheral_t* emu_peripheral_at(uint32_t address) {
+  for (size_t i = 0; i < sizeof peripherals / sizeof peripherals[0]; i++)
+    if (peripherals[i].read && address >= peripherals[i].first && address <= peripherals[i].last)
+      return &peripherals[i];
+  return NULL;
+}
+
 static inline void emu_stm32_power_on(void) {
   memset(&stm32, 0, sizeof stm32);
   memset(stm32.slot, 0xFF, sizeof stm32.slot);
@@ -67,6 +82,7 @@ static inline uint32_t emu_stm32_spi_read(uint32_t address) {
 
 uint32_t stm32_model_read(uint32_t address) {
   stm32.now_us++;
+  if (emu_peripheral_at(address)) return emu_peripheral_at(address)->read(address);
   switch (address) {
   case FLASH_SR:
     return emu_stm32_flash_sr();
@@ -181,6 +197,7 @@ static inline void emu_stm32_spi_write(uint32_t address, uint32_t value) {
 }
 
 void stm32_model_write(uint32_t address, uint32_t value) {
+  if (emu_peripheral_at(address)) emu_peripheral_at(address)->write(address, value);
   if (address == FLASH_KEYR) emu_stm32_key(value);
   if (address == FLASH_OPTKEYR) {
     static const uint32_t keys[2] = {0x08192A3Bu, 0x4C5D6E7Fu};

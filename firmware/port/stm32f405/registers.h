@@ -89,6 +89,7 @@ static inline void reg_clear(uint32_t address, uint32_t bits) {
 #define GPIO_OSPEEDR 0x08u
 #define GPIO_PUPDR 0x0Cu
 #define GPIO_OTYPER 0x04u
+#define GPIO_IDR 0x10u
 #define GPIO_BSRR 0x18u
 #define GPIO_AFR(high) (0x20u + 4u * (high))
 
@@ -104,6 +105,35 @@ static inline void reg_clear(uint32_t address, uint32_t bits) {
 #define SPI_SR_MODF (1u << 5)
 #define SPI_SR_OVR (1u << 6)
 #define SPI_SR_BSY (1u << 7)
+
+/* I2C1, chapter 27.6 */
+#define I2C1 0x40005400u
+#define I2C_CR1 (I2C1 + 0x00u)
+#define I2C_CR2 (I2C1 + 0x04u)
+#define I2C_DR (I2C1 + 0x10u)
+#define I2C_SR1 (I2C1 + 0x14u)
+#define I2C_SR2 (I2C1 + 0x18u)
+#define I2C_CCR (I2C1 + 0x1Cu)
+#define I2C_TRISE (I2C1 + 0x20u)
+#define I2C_CR1_PE (1u << 0)
+#define I2C_CR1_START (1u << 8)
+#define I2C_CR1_STOP (1u << 9)
+#define I2C_CR1_ACK (1u << 10)
+#define I2C_CR1_POS (1u << 11)
+#define I2C_CR1_SWRST (1u << 15)
+#define I2C_SR1_SB (1u << 0)
+#define I2C_SR1_ADDR (1u << 1)
+#define I2C_SR1_BTF (1u << 2)
+#define I2C_SR1_RXNE (1u << 6)
+#define I2C_SR1_TXE (1u << 7)
+#define I2C_SR1_BERR (1u << 8)
+#define I2C_SR1_ARLO (1u << 9)
+#define I2C_SR1_AF (1u << 10)
+#define I2C_SR1_OVR (1u << 11)
+#define I2C_SR1_TIMEOUT (1u << 14)
+#define I2C_SR1_ERRORS (I2C_SR1_BERR | I2C_SR1_ARLO | I2C_SR1_AF | I2C_SR1_OVR | I2C_SR1_TIMEOUT)
+#define I2C_SR2_BUSY (1u << 1)
+#define I2C_CCR_FAST (1u << 15)
 
 /* USART1, chapter 30.6 */
 #define USART1 0x40011000u

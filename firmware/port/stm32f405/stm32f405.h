@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/* Purpose: drivers of the STM32F405 that the port needs: clocks, time, USART1 with interrupt rings, SPI1, the two table
- * slots in the chip's flash, watchdog, brown-out, cause of the last reset, fault record.
+/* Purpose: drivers of the STM32F405 that the port needs: clocks, time, USART1 with interrupt rings, SPI1, I2C1, the two
+ * table slots in the chip's flash, watchdog, brown-out, cause of the last reset, fault record.
  * Source: RM0090 rev. 19; the registers and chapters stand in registers.h.
  * Thread/ISR: USART1's handler moves bytes between its rings and the line; all else runs in the main loop. */
 #ifndef IMUCAL_PORT_STM32F405_H
@@ -53,6 +53,17 @@ void stm32_spi_init(uint32_t apb2_hz, uint32_t hz);
 /* n_out bytes out, then n_in bytes in, under one chip select.  IMUCAL_ERR_SENSOR: the peripheral did not finish within
  * its time (then it is switched off and on again), an overrun, or another master. */
 IMUCAL_MUST_USE imucal_status stm32_spi_transfer(const uint8_t* out, size_t n_out, uint8_t* in, size_t n_in);
+
+/* ---- I2C1: PB6 clock, PB7 data; 400 kHz ---- */
+
+/* Frees a bus on which a sensor holds the data line (nine clocks, then a stop), then sets the peripheral up. */
+void stm32_i2c_init(uint32_t apb1_hz);
+
+/* n_out bytes to the address, then n_in bytes from it after a repeated start, at least one of both.  IMUCAL_ERR_SENSOR: no
+ * acknowledge, arbitration lost, a bus error, or the bus did not move on within 1 ms: it is stopped and, where it stays busy,
+ * set up anew. */
+IMUCAL_MUST_USE imucal_status stm32_i2c_transfer(uint8_t address, const uint8_t* out, size_t n_out, uint8_t* in,
+                                                 size_t n_in);
 
 /* ---- flash ---- */
 
