@@ -13,7 +13,7 @@ FIRMWARE_BUS := firmware/port/sim/bus_sensor.c $(FIRMWARE_SENSORS)
 FIRMWARE_PORTS := mps2_an386 nrf51
 FIRMWARE_IMAGES := $(BUILD)/firmware/posix/imucal $(BUILD)/firmware/posix/check $(BUILD)/tests/emu/sensor_server \
                    $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf) \
-                   $(BUILD)/firmware/stm32f405/imucal.elf $(BUILD)/firmware/stm32f405_qemu/imucal.elf $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/check.elf)
+                   $(foreach image,stm32f405 stm32f405_mpu6050 stm32f405_qemu,$(BUILD)/firmware/$(image)/imucal.elf) $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/check.elf)
 firmware: $(FIRMWARE_IMAGES)  ## build the firmware images into build/firmware
 
 # ---- this machine: the posix port, and what the unit tests link ----

@@ -7,6 +7,7 @@
 #include "emu/stm32f405.h"
 /* The board's own sources, with their registers in the model. */
 #include "port/stm32f405/board_chip.c"
+#include "port/stm32f405/board_icm42688p.c"
 #include "port/stm32f405/flash.c"
 #include "port/stm32f405/spi.c"
 

@@ -23,7 +23,7 @@
 /* ---- clocks ---- */
 
 typedef struct stm32_clocks {
-  uint32_t core_hz, apb2_hz, tim_hz;
+  uint32_t core_hz, apb1_hz, apb2_hz, tim_hz;
   bool is_crystal; /* false: no crystal answered; runs from the internal 16 MHz (1 %: time and baud rate are off) */
 } stm32_clocks_t;
 

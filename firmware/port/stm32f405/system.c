@@ -35,9 +35,11 @@ static bool start_pll(void) {
 }
 
 stm32_clocks_t stm32_clocks_init(void) {
-  stm32_clocks_t clocks = {.core_hz = HSI_HZ, .apb2_hz = HSI_HZ, .tim_hz = HSI_HZ, .is_crystal = start_pll()};
+  stm32_clocks_t clocks = {
+      .core_hz = HSI_HZ, .apb1_hz = HSI_HZ, .apb2_hz = HSI_HZ, .tim_hz = HSI_HZ, .is_crystal = start_pll()};
   if (clocks.is_crystal) {
     clocks.core_hz = PLL_N * 500000u;
+    clocks.apb1_hz = clocks.core_hz / 4;
     clocks.apb2_hz = clocks.core_hz / 2;
     clocks.tim_hz = clocks.core_hz / 2; /* twice APB1 */
   }
