@@ -113,4 +113,7 @@ cycles: firmware  ## instructions per call of the core's functions, counted in Q
 	@$(COST) cycles
 cost-diff: firmware  ## all three against firmware/cost_baseline.json (cost.py save writes it)
 	@$(COST) diff
-.PHONY: size stack cycles cost-diff
+
+sensor-table: firmware host  ## what stands behind each sensor driver: lines, checks, faults injected and found
+	$(Q)BUILD=$(BUILD) $(PYTHON) tests/emu/sensor_table.py
+.PHONY: size stack cycles cost-diff sensor-table

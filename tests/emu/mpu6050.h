@@ -19,6 +19,7 @@ typedef struct emu_mpu {
   uint32_t n_lost_bytes;
   double st_ratio[6];
   bool is_temp_frozen;
+  bool is_spi; /* MPU-6500 alone: bit 7 of the address says read; I2C is to be switched off with the FIFO on */
 } emu_mpu_t;
 
 static inline void emu_mpu_reset_registers(emu_mpu_t* mpu) {
@@ -148,6 +149,7 @@ static inline void emu_mpu_write(emu_mpu_t* mpu, uint8_t address, uint8_t value)
       mpu->first = mpu->n_bytes = 0;
     value = (uint8_t)(value & ~0x04);
   }
+  if (mpu->is_spi && address == 0x6A && !(value & 0x10)) mpu->bus.n_violations++;
   mpu->reg[address] = value;
 }
 
@@ -155,8 +157,9 @@ static imucal_status emu_mpu_transfer(void* ctx, uint8_t device, const uint8_t* 
                                       size_t n_in) {
   emu_mpu_t* mpu = ctx;
   (void)device;
-  emu_mpu_advance(mpu, 22.5 * (double)(2 + n_out + n_in)); /* 400 kHz */
+  emu_mpu_advance(mpu, (mpu->is_spi ? 8.0 : 22.5) * (double)(2 + n_out + n_in)); /* 1 MHz, 400 kHz */
   uint8_t address = out[0] & 0x7F;
+  if (((out[0] & 0x80) != 0) != (mpu->is_spi && n_in > 0)) mpu->bus.n_violations++;
   if (mpu->bus.now_us < mpu->reset_until_us) return IMUCAL_ERR_SENSOR; /* no acknowledge */
   for (size_t i = 1; i < n_out && mpu->bus.fault == EMU_BUS_GOOD; i++) emu_mpu_write(mpu, address++, out[i]);
   for (size_t i = 0; i < n_in; i++) {
@@ -171,6 +174,7 @@ static void emu_mpu_delay(void* ctx, uint32_t us) {
 }
 
 static inline imucal_sensor_bus_t emu_mpu_bus(emu_mpu_t* mpu) {
-  return (imucal_sensor_bus_t){.ctx = mpu, .transfer = emu_mpu_transfer, .delay_us = emu_mpu_delay, .is_spi = false};
+  return (imucal_sensor_bus_t){
+      .ctx = mpu, .transfer = emu_mpu_transfer, .delay_us = emu_mpu_delay, .is_spi = mpu->is_spi};
 }
 #endif

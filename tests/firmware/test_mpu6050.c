@@ -72,6 +72,52 @@ static void test_both_chips_are_told_apart_and_read(void** state) {
   }
 }
 
+static void power_on_6500_on_spi(void) {
+  emu_mpu_power_on(&mpu, true);
+  mpu.is_spi = true;
+  mpu.bus.feel = turn;
+  bus = emu_mpu_bus(&mpu);
+}
+
+static void test_mpu6500_on_spi(void** state) {
+  (void)state;
+  imucal_sample_t last;
+  power_on_6500_on_spi();
+  assert_int_equal(imucal_mpu6050_start(&sensor, &bus, &usual), IMUCAL_OK);
+  assert_true(run(1.0, 20000, &last) > 185);
+  assert_int_equal(last.counts[0], 1638);
+  assert_int_equal(last.counts[3], -30720);
+  const imucal_sensor_units_t units = imucal_mpu6050_units(&sensor);
+  assert_true(fabs((double)((float)last.temp_counts * units.degc_per_count + units.degc_at_zero) - 42.0) < 0.05);
+  mpu.bus.fault = EMU_BUS_ZEROS;
+  assert_int_equal(run(0.5, 20000, &last), 0);
+  assert_int_equal(last_status, IMUCAL_ERR_SENSOR);
+  mpu.bus.fault = EMU_BUS_GOOD;
+  emu_mpu_brown_out(&mpu);
+  assert_true(run(2.0, 20000, &last) > 100);
+  assert_int_equal(sensor.counts.n_resets, 1);
+  emu_mpu_advance(&mpu, 1e6);
+  assert_true(run(1.0, 20000, &last) > 150);
+  assert_true(sensor.counts.n_overruns >= 1);
+  assert_int_equal(last.counts[0], 1638);
+  assert_int_equal(mpu.bus.n_violations, 0);
+  imucal_sensor_self_test_t test;
+  mpu.bus.feel = NULL;
+  assert_int_equal(imucal_mpu6050_self_test(&sensor, &test), IMUCAL_OK);
+  assert_int_equal(test.failed, 0);
+  assert_int_equal(mpu.bus.n_violations, 0);
+}
+
+static void test_only_the_identity_asked_for_is_taken(void** state) {
+  (void)state;
+  imucal_mpu6050_config_t config = usual;
+  config.identity = 0x70; /* its thermometer has other units */
+  assert_int_equal(imucal_mpu6050_start(&sensor, &bus, &config), IMUCAL_ERR_SENSOR);
+  assert_int_equal(sensor.counts.n_identity, 1);
+  config.identity = 0x68;
+  assert_int_equal(imucal_mpu6050_start(&sensor, &bus, &config), IMUCAL_OK);
+}
+
 static void test_start_refuses_settings_the_chip_does_not_have(void** state) {
   (void)state;
   imucal_mpu6050_config_t config = usual;
@@ -209,6 +255,8 @@ static void test_self_test_of_both_chips(void** state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test_setup(test_both_chips_are_told_apart_and_read, power_on),
+      cmocka_unit_test_setup(test_mpu6500_on_spi, power_on),
+      cmocka_unit_test_setup(test_only_the_identity_asked_for_is_taken, power_on),
       cmocka_unit_test_setup(test_start_refuses_settings_the_chip_does_not_have, power_on),
       cmocka_unit_test_setup(test_rail_is_marked, power_on),
       cmocka_unit_test_setup(test_clock_without_time_stamps_is_estimated, power_on),
