@@ -3,6 +3,7 @@
 and the command-line programs flash, verify, reset and run it."""
 import json
 import os
+import re
 import subprocess
 import time
 
@@ -93,3 +94,27 @@ def test_an_application_that_only_compensates_stays_within_its_budget():
         result = subprocess.run(["python3", str(ROOT / "firmware/examples/budget.py"), str(limit), "arm-none-eabi-nm",
                                  *map(str, images)], capture_output=True, text=True)
         assert result.returncode == status, result.stdout + result.stderr
+
+
+def written_registers():
+    """Names of the registers that port and drivers write: calls of reg_write, reg_set, reg_clear, and the sensors' settings."""
+    names = set()
+    for path in (ROOT / "firmware/port/stm32f405").glob("*.c"):
+        text = path.read_text()
+        for first in re.findall(r"reg_(?:write|set|clear)\(\s*((?:[^(),]|\([^()]*\))+),", text):
+            names.add(re.findall(r"[A-Z][A-Z0-9_]*(?:\([a-z01]+\))?", first)[-1])
+        names |= set(re.findall(r"^\s*((?:SCB|SYST)_\w+) \|?= ", text, re.M))
+    for driver in ("icm42688p", "mpu6050"):
+        text = (ROOT / ("firmware/sensors/%s.c" % driver)).read_text()
+        names |= set(re.findall(r"^\s*\{([A-Z][A-Z0-9_]+),", text, re.M))
+        names |= set(re.findall(r"write_reg\(sensor, ([A-Z0-9_]+)", text))
+    return names
+
+
+def test_the_bring_up_list_names_every_register_that_is_written():
+    readme = (ROOT / "firmware/port/stm32f405/README.md").read_text().split("### Every register that the image writes")[1]
+    listed = set(re.findall(r"[A-Z][A-Z0-9_]*(?:\([a-z01]+\))?", readme))
+    names = written_registers()
+    assert len(names) > 60
+    missing = {n for n in names if n not in listed and n.split("(")[0] not in listed}
+    assert not missing, missing
