@@ -162,7 +162,6 @@ Json errors_json(const std::vector<ParameterError>& errors, Json* std_errors, Js
 void check_fit_options(const Options& o) {
   if (o.criterion != "bound" && o.criterion != "ls" && o.criterion != "ml")
     throw usage_error("--criterion " + o.criterion + ": expected bound, ls or ml");
-  if (o.markov > 4) throw usage_error("--markov " + std::to_string(o.markov) + ": at most 4 terms");
 }
 
 // The logs and the curve to fit.
@@ -183,6 +182,7 @@ FitInput read_fit_input(const Options& o) {
   in.op = operator_of(o, in.detrended[0].dt_s);
   in.settings = {o.criterion, o.markov, across_of(o), detrend, taus_for(o, in.detrended), o.confidence};
   in.data = make_curve_data(in.detrended, in.op, detrend, in.settings.tau_s, in.settings.across);
+  in.data.basis = std::make_shared<CurveBasis>(in.data);
   return in;
 }
 
@@ -206,6 +206,21 @@ Fitted fit_to_samples(const Options& o, const FitInput& in) {
   return out;
 }
 
+// Ctrl-C ends the refits; what is known by then is told.
+std::vector<ParameterError> errors_by_refits(const Options& o, const FitInput& in, const ErrorModel& model) {
+  Progress progress("refits of simulated records", o.bootstrap, !o.common.talks());
+  auto errors = bootstrap_errors(in.detrended, in.op, in.settings, model, o.bootstrap, o.common.seed,
+                                 o.common.thread_count(), in.data.basis, [&](long done) {
+                                   progress.update(static_cast<double>(done));
+                                   return !interrupted();
+                                 });
+  progress.finish();
+  if (errors.front().n_refits < o.bootstrap)
+    std::fprintf(stderr, "errormodel: ended after %ld of %d refits: the errors are of those\n", errors.front().n_refits,
+                 o.bootstrap);
+  return errors;
+}
+
 Fitted fit_to_curve(const Options& o, const FitInput& in) {
   const CurveFit curve = o.criterion == "ls" ? fit_least_squares(in.data, o.markov)
                                              : fit_bound(raised_to_confidence(in.data, o.confidence), o.markov);
@@ -216,9 +231,7 @@ Fitted fit_to_curve(const Options& o, const FitInput& in) {
       out.by_terms.push_back(
           {{"markov", k}, {"objective", curve.objective_by_terms[k]}, {"mean_excess", curve.mean_excess_by_terms[k]}});
   if (o.criterion == "bound") out.grid = {{"objective", curve.grid_objective}, {"model", to_json(curve.grid_model)}};
-  if (o.bootstrap > 0)
-    out.errors = bootstrap_errors(in.detrended, in.op, in.settings, out.model, o.bootstrap, o.common.seed,
-                                  o.common.thread_count());
+  if (o.bootstrap > 0) out.errors = errors_by_refits(o, in, out.model);
   return out;
 }
 
@@ -231,7 +244,7 @@ struct Comparison {
 
 Comparison compare(const CurveData& data, const ErrorModel& model) {
   Comparison c;
-  c.model_square_dph2 = CurveBasis(data).model(model);
+  c.model_square_dph2 = (data.basis ? *data.basis : CurveBasis(data)).model(model);
   c.excess = excess_of(data, c.model_square_dph2);
   return c;
 }
@@ -241,6 +254,10 @@ Json information_json(const CurveData& data, const ErrorModel& model) {
   for (const Information& i : curve_information(data, model))
     json.push_back({{"parameter", i.parameter}, {"tau_s", {i.tau_lo_s, i.tau_hi_s}}, {"largest", i.largest}});
   return json;
+}
+
+long refits_of(const Fitted& fitted) {
+  return fitted.errors.empty() ? 0 : fitted.errors.front().n_refits;
 }
 
 Json fit_json(const Options& o, const FitInput& in, const Fitted& fitted, const Comparison& c) {
@@ -260,7 +277,7 @@ Json fit_json(const Options& o, const FitInput& in, const Fitted& fitted, const 
        {"identifiable", identifiable},
        {"parameters", detail},
        {"error_method", o.criterion == "ml" ? "observed information"
-                                            : "parametric bootstrap, " + std::to_string(o.bootstrap) + " refits"},
+                                            : "parametric bootstrap, " + std::to_string(refits_of(fitted)) + " refits"},
        {"log_likelihood", number_or_null(fitted.log_likelihood)},
        {"by_terms", fitted.by_terms},
        {"information", information_json(in.data, fitted.model)},
@@ -538,7 +555,7 @@ void add_fit(cli::App* app, Options* o) {
   add_operator_options(app, o);
   app->add_option("--criterion", o->criterion, "bound (tightest bound), ls (least squares) or ml (maximum likelihood)")
       ->capture_default_str();
-  app->add_option("--markov", o->markov, "number of Markov terms; default: chosen")->check(cli::Range(0, 99));
+  app->add_option("--markov", o->markov, "number of Markov terms; default: chosen")->check(cli::Range(0, 4));
   add_confidence(app, o);
   app->add_option("--bootstrap", o->bootstrap, "refits of simulated records for the errors of bound and ls (0: none)")
       ->check(cli::Range(0, 100000))

@@ -44,6 +44,16 @@ IMUCAL_WIDE void second_differences(const double* p, long b, long e, long n, dou
   for (long t = b; t < e; ++t) d[t - b] = ((p[t + n] - p[t]) - (p[t] - p[t - n])) * scale;
 }
 
+// Mean over n: sum of squares at t0 = b, b + step, ... below e.
+double spaced_sum_sq(const double* p, long b, long e, long n, long step) {
+  double sum = 0;
+  for (long t = b; t < e; t += step) {
+    const double d = (p[t + n] - p[t]) - (p[t] - p[t - n]);
+    sum += d * d;
+  }
+  return sum / (static_cast<double>(n) * static_cast<double>(n));
+}
+
 // Mean of the n samples from t0 on less that of the m before, t0 in [b, e).
 IMUCAL_WIDE void mean_differences(const double* p, long b, long e, long n, long m, double* d) {
   const double inv_n = 1.0 / static_cast<double>(n), inv_m = 1.0 / static_cast<double>(m);
@@ -344,6 +354,30 @@ std::vector<DpRecord::Moments> DpRecord::moments(const std::vector<long>& n, con
   return out;
 }
 
+std::vector<DpRecord::Moments> DpRecord::moments_of_some(const std::vector<long>& n, long per_window) const {
+  if (!has_whole_windows()) return moments(n);
+  std::vector<Moments> out;
+  for (long steps : n) {
+    const long step = std::max(1L, steps / per_window);
+    const std::vector<double> factor = prediction_factors(steps);
+    double sum = 0;
+    long count = 0;
+    for (const Range& range : whole_windows(steps, 0)) {
+      count += (range.end - range.begin + step - 1) / step;
+      if (step == 1) {
+        sum += sum_of_squares(steps, factor, range);
+      } else if (op_.type == DpType::kAv) {
+        sum += spaced_sum_sq(sum_.data(), range.begin, range.end, steps, step);
+      } else {
+        double d = 0;
+        for (long t = range.begin; t < range.end; t += step) errors(steps, factor, {t, t + 1}, &d), sum += d * d;
+      }
+    }
+    out.push_back(count > 0 ? Moments{{sum}, {count}} : Moments{});
+  }
+  return out;
+}
+
 void DpRecord::moments_of_filled(const std::vector<long>& n, const std::vector<long>& first_t0, long block,
                                  std::vector<Moments>* out) const {
   std::vector<double> d;
@@ -448,8 +482,8 @@ double dp_sigma(DpEstimator estimator, std::vector<double>* d) {
   return 0.5 * order_statistic(d, kPercentile);
 }
 
-DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector<double>& tau_s,
-                 DpEstimator estimator) {
+DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector<double>& tau_s, DpEstimator estimator,
+                 long per_window) {
   DpCurve curve;
   curve.log = series.log;
   curve.axis = series.axis;
@@ -473,7 +507,7 @@ DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector
     curve.tau_s.push_back(static_cast<double>(n) * series.dt_s);
   }
   if (estimator == DpEstimator::kRms) {
-    curve.moments = record.moments(steps);
+    curve.moments = per_window > 0 ? record.moments_of_some(steps, per_window) : record.moments(steps);
     for (const auto& m : curve.moments) {
       curve.dp_dph.push_back(std::sqrt(0.5 * m.mean_square()));
       curve.n.push_back(m.n_windows());

@@ -78,6 +78,9 @@ public:
   // `first_t0`, one per n: only windows from there on (empty: all).
   std::vector<Moments> moments(const std::vector<long>& n, const std::vector<long>& first_t0 = {}) const;
 
+  // The same of windows that begin n/per_window apart, as one block for each n.
+  std::vector<Moments> moments_of_some(const std::vector<long>& n, long per_window) const;
+
   // How large d is, for every n, in bounded memory.  Percentile: exact (sizes.h).
   struct Size {
     long n_windows = 0;
@@ -130,6 +133,9 @@ struct DpCurve {
 
 // Curve of a record at tau_s (multiples of dt).  data_error where tau is beyond the record or no window is
 // complete, and for a record that is constant.
-DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector<double>& tau_s, DpEstimator estimator);
+// `per_window` (rms only, records with whole windows): windows begin n/per_window apart instead of at every sample, and there
+// are no moments by blocks but one sum.
+DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector<double>& tau_s, DpEstimator estimator,
+                 long per_window = 0);
 
 } // namespace imucal

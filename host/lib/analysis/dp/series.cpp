@@ -306,11 +306,24 @@ void remove_trend(const Detrend& detrend, Series* s) {
   const double offset = base + (sum[0] + sum[1] + sum[2] + sum[3]) / static_cast<double>(s->size() - s->n_missing);
   for (double& x : s->rate_dph) x -= offset;
   if (detrend.kind == Detrend::Kind::kMean || detrend.order == 0) return;
-  for (const auto& q : detrend_basis(*s, detrend)) {
-    double dot = 0;
-    for (size_t i = 0; i < n; ++i)
-      if (!std::isnan(s->rate_dph[i])) dot += q[i] * s->rate_dph[i];
-    for (size_t i = 0; i < n; ++i) s->rate_dph[i] -= dot * q[i];
+  remove_columns(detrend_basis(*s, detrend), s);
+}
+
+void remove_columns(const std::vector<std::vector<double>>& basis, Series* s) {
+  const auto n = static_cast<size_t>(s->size());
+  for (const auto& q : basis) {
+    double dot[4] = {0, 0, 0, 0};
+    if (s->n_missing == 0) {
+      size_t i = 0;
+      for (; i + 4 <= n; i += 4)
+        for (size_t l = 0; l < 4; ++l) dot[l] += q[i + l] * s->rate_dph[i + l];
+      for (; i < n; ++i) dot[0] += q[i] * s->rate_dph[i];
+    } else {
+      for (size_t i = 0; i < n; ++i)
+        if (!std::isnan(s->rate_dph[i])) dot[i % 4] += q[i] * s->rate_dph[i];
+    }
+    const double along = dot[0] + dot[1] + dot[2] + dot[3];
+    for (size_t i = 0; i < n; ++i) s->rate_dph[i] -= along * q[i];
   }
 }
 

@@ -60,6 +60,9 @@ struct Detrend {
 // temperature is missing.
 std::vector<std::vector<double>> detrend_basis(const Series& series, const Detrend& detrend);
 
+// Removes what lies along columns of detrend_basis.
+void remove_columns(const std::vector<std::vector<double>>& basis, Series* series);
+
 // Removes it, missing samples left missing.
 void remove_trend(const Detrend& detrend, Series* series);
 

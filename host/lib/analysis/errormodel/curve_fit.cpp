@@ -62,13 +62,13 @@ std::vector<double> divided(std::vector<double> a, const std::vector<double>& b)
 } // namespace
 
 CurveData make_curve_data(const std::vector<Series>& series, const DpOperator& op, const Detrend& detrend,
-                          const std::vector<double>& tau_s, Across across) {
+                          const std::vector<double>& tau_s, Across across, Windows windows) {
   CurveData data;
   data.op = op;
   data.detrend = detrend;
   for (const Series& s : series) {
     const DpRecord record(s, op);
-    const DpCurve curve = dp_curve(s, record, tau_s, DpEstimator::kRms);
+    const DpCurve curve = dp_curve(s, record, tau_s, DpEstimator::kRms, windows == Windows::kSome ? 8 : 0);
     if (data.n.empty()) {
       for (double t : curve.tau_s) data.n.push_back(std::lround(t / s.dt_s));
       data.mean_square_dph2.assign(data.n.size(), 0.0);
@@ -124,7 +124,7 @@ static std::vector<std::vector<double>> record_squares(const std::vector<NoiseCo
   return out;
 }
 
-CurveBasis::CurveBasis(const CurveData& data) : data_(&data) {
+CurveBasis::CurveBasis(const CurveData& data) : op_(data.op), n_(data.n) {
   // Nothing is known of time constants beyond a third of the record.
   const double dt_s = data.op.dt_s, last_s = std::max(data.record_s / 3, 4 * dt_s);
   const double first_s = dt_s * 1.5;
@@ -159,9 +159,9 @@ CurveBasis::CurveBasis(const CurveData& data) : data_(&data) {
 }
 
 std::vector<double> CurveBasis::closed_markov(double tau_s) const {
-  const NoiseComponent c = markov_component(1, tau_s, data_->op.dt_s);
+  const NoiseComponent c = markov_component(1, tau_s, op_.dt_s);
   std::vector<double> out;
-  for (long n : data_->n) out.push_back(expected_square(c, data_->op, n));
+  for (long n : n_) out.push_back(expected_square(c, op_, n));
   return out;
 }
 
@@ -181,14 +181,18 @@ std::vector<double> CurveBasis::markov(double tau_s) const {
 }
 
 std::vector<double> CurveBasis::model(const ErrorModel& m) const {
-  const double white = white_sigma_dph(m.arw_deg_rt_h, data_->op.dt_s);
-  std::vector<double> out(data_->n.size(), 0.0);
+  const double white = white_sigma_dph(m.arw_deg_rt_h, op_.dt_s);
+  std::vector<double> out(n_.size(), 0.0);
   for (size_t i = 0; i < out.size(); ++i) out[i] = white * white * columns_[0][i];
   for (const Markov& term : m.markov) {
     const auto column = markov(term.tau_s);
     for (size_t i = 0; i < out.size(); ++i) out[i] += term.sigma_dph * term.sigma_dph * column[i];
   }
   return out;
+}
+
+static std::shared_ptr<const CurveBasis> basis_of(const CurveData& data) {
+  return data.basis ? data.basis : std::make_shared<const CurveBasis>(data);
 }
 
 Excess excess_of(const CurveData& data, const std::vector<double>& model_square) {
@@ -310,7 +314,8 @@ private:
 } // namespace
 
 CurveFit fit_bound(const CurveData& data, int n_markov, double enough) {
-  const CurveBasis basis(data);
+  const std::shared_ptr<const CurveBasis> shared = basis_of(data);
+  const CurveBasis& basis = *shared;
   const BoundSearch search(data, basis);
   const BoundingSolution grid = search.whole_grid();
   const ErrorModel grid_model = make_model(grid.x, basis.grid_tau_s(), data.op.dt_s);
@@ -416,7 +421,8 @@ private:
 } // namespace
 
 CurveFit fit_least_squares(const CurveData& data, int n_markov) {
-  const CurveBasis basis(data);
+  const std::shared_ptr<const CurveBasis> shared = basis_of(data);
+  const CurveBasis& basis = *shared;
   const LeastSquares squares(data, basis);
   const BoundSearch search(data, basis);
   CurveFit best;
@@ -469,7 +475,8 @@ CurveFit fit_least_squares(const CurveData& data, int n_markov) {
 }
 
 std::vector<Information> curve_information(const CurveData& data, const ErrorModel& model) {
-  const CurveBasis basis(data);
+  const std::shared_ptr<const CurveBasis> shared = basis_of(data);
+  const CurveBasis& basis = *shared;
   struct Parameter {
     std::string name;
     double* value;

@@ -19,6 +19,8 @@
 
 namespace imucal {
 
+class CurveBasis;
+
 // One curve to fit: mean squares of d at n, and the records they come from (for their expectation).
 struct CurveData {
   DpOperator op;
@@ -28,13 +30,18 @@ struct CurveData {
   std::vector<double> dof;           // equivalent degrees of freedom per n, summed over records
   std::vector<const Series*> shapes; // of equal dt
   double record_s = 0;               // longest record
+  // What the fits expect; made anew by each of them where it is not set.  Records of the same shape, such as simulated
+  // ones, share it.
+  std::shared_ptr<const CurveBasis> basis;
 };
 
 // rms or max across the records' curves.
 enum class Across { kRms, kMax };
-// `series` detrended already with `detrend`; they must outlive the result.
+// `series` detrended already with `detrend`; they must outlive the result.  Windows begin at every sample, or (some) an
+// eighth of a window apart: the spread of the curve is the same to 1 %, its time no longer grows with tau.
+enum class Windows { kAll, kSome };
 CurveData make_curve_data(const std::vector<Series>& series, const DpOperator& op, const Detrend& detrend,
-                          const std::vector<double>& tau_s, Across across);
+                          const std::vector<double>& tau_s, Across across, Windows windows = Windows::kAll);
 
 // Expected mean squares per unit variance of a component.
 class CurveBasis {
@@ -48,7 +55,8 @@ public:
 
 private:
   std::vector<double> closed_markov(double tau_s) const;
-  const CurveData* data_;
+  DpOperator op_;
+  std::vector<long> n_;
   std::vector<double> grid_tau_s_;
   std::vector<std::vector<double>> columns_; // white, then the grid
   std::vector<std::vector<double>> ratio_;   // record over stationary, per grid point; empty: 1

@@ -2,11 +2,12 @@
 #include "analysis/errormodel/study.h"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <mutex>
+#include <optional>
 
 #include "analysis/errormodel/simulate.h"
 #include "base/error.h"
@@ -116,28 +117,91 @@ double quantile(std::vector<double> v, double p) {
 
 } // namespace
 
+namespace {
+
+// Simulated records of one model, of the shapes of others, refitted.
+class Refitting {
+public:
+  Refitting(const std::vector<Series>& series, const DpOperator& op, const FitSettings& settings,
+            const ErrorModel& fitted, uint64_t seed, std::shared_ptr<const CurveBasis> basis)
+      : series_(series), op_(op), settings_(settings), components_(noise_components(fitted, op.dt_s)), seed_(seed),
+        basis_(std::move(basis)) {
+    settings_.n_markov = static_cast<int>(fitted.markov.size());
+    if (settings.criterion == "ml") return;
+    for (const Series& s : series) trends_.push_back(detrend_basis(s, settings.detrend));
+    if (!basis_)
+      basis_ = std::make_shared<CurveBasis>(
+          make_curve_data(series, op, settings.detrend, settings.tau_s, settings.across, Windows::kSome));
+  }
+
+  ErrorModel refit(long run) const {
+    std::vector<Series> again;
+    for (size_t a = 0; a < series_.size(); ++a) again.push_back(simulated_like(a, static_cast<uint64_t>(run)));
+    if (settings_.criterion == "ml") return fit_model(again, op_, settings_);
+    CurveData data = make_curve_data(again, op_, settings_.detrend, settings_.tau_s, settings_.across, Windows::kSome);
+    data.basis = basis_;
+    return (settings_.criterion == "ls"
+                ? fit_least_squares(data, settings_.n_markov)
+                : fit_bound(raised_to_confidence(data, settings_.confidence), settings_.n_markov))
+        .model;
+  }
+
+private:
+  Series simulated_like(size_t a, uint64_t run) const {
+    const Series& shape = series_[a];
+    Series s;
+    s.log = shape.log, s.axis = shape.axis, s.t0_s = shape.t0_s, s.dt_s = shape.dt_s, s.n_missing = shape.n_missing;
+    if (settings_.criterion == "ml") s.temp_degc = shape.temp_degc;
+    s.rate_dph = simulate_noise(components_, shape.size(), seed_, run, static_cast<uint32_t>(a));
+    if (shape.n_missing > 0)
+      for (size_t i = 0; i < s.rate_dph.size(); ++i)
+        if (std::isnan(shape.rate_dph[i])) s.rate_dph[i] = shape.rate_dph[i];
+    if (!trends_.empty()) remove_columns(trends_[a], &s);
+    return s;
+  }
+
+  const std::vector<Series>& series_;
+  const DpOperator& op_;
+  FitSettings settings_;
+  std::vector<NoiseComponent> components_;
+  uint64_t seed_;
+  std::shared_ptr<const CurveBasis> basis_;
+  std::vector<std::vector<std::vector<double>>> trends_; // of each series: what detrending removes
+};
+
+// Models of the refits that were done.
+std::vector<ErrorModel> refitted(const Refitting& refitting, int runs, int threads,
+                                 const std::function<bool(long)>& watch) {
+  std::vector<std::optional<ErrorModel>> refits(static_cast<size_t>(runs));
+  std::atomic<bool> is_over{false};
+  std::atomic<long> n_done{0};
+  parallel_for(
+      runs, threads,
+      [&](long run) {
+        if (is_over) return;
+        refits[static_cast<size_t>(run)] = refitting.refit(run);
+        ++n_done;
+      },
+      [&] {
+        if (watch && !watch(n_done)) is_over = true;
+      });
+  std::vector<ErrorModel> out;
+  for (const std::optional<ErrorModel>& refit : refits)
+    if (refit) out.push_back(*refit);
+  return out;
+}
+
+} // namespace
+
 std::vector<ParameterError> bootstrap_errors(const std::vector<Series>& series, const DpOperator& op,
                                              const FitSettings& o, const ErrorModel& fitted, int runs, uint64_t seed,
-                                             int threads) {
+                                             int threads, std::shared_ptr<const CurveBasis> basis,
+                                             const std::function<bool(long)>& watch) {
   const auto names = named_parameters(fitted);
-  const auto components = noise_components(fitted, op.dt_s);
-  FitSettings settings = o;
-  settings.n_markov = static_cast<int>(fitted.markov.size());
   std::vector<std::vector<double>> values(names.size());
   std::vector<int> vanished(names.size(), 0);
-  std::mutex guard;
-  std::vector<ErrorModel> refits(static_cast<size_t>(runs));
-  parallel_for(runs, threads, [&](long run) {
-    std::vector<Series> again = series;
-    for (size_t a = 0; a < again.size(); ++a) {
-      const auto x =
-          simulate_noise(components, again[a].size(), seed, static_cast<uint64_t>(run), static_cast<uint32_t>(a));
-      for (size_t i = 0; i < x.size(); ++i)
-        if (!std::isnan(again[a].rate_dph[i])) again[a].rate_dph[i] = x[i];
-      if (o.criterion != "ml") remove_trend(o.detrend, &again[a]);
-    }
-    refits[static_cast<size_t>(run)] = fit_model(again, op, settings);
-  });
+  const std::vector<ErrorModel> refits =
+      refitted(Refitting(series, op, o, fitted, seed, std::move(basis)), runs, threads, watch);
   for (const ErrorModel& refit : refits) {
     // Terms are matched in the order of their time constants; a missing one is counted against the last.
     const auto got = named_parameters(refit);
@@ -152,7 +216,8 @@ std::vector<ParameterError> bootstrap_errors(const std::vector<Series>& series, 
   for (size_t p = 0; p < names.size(); ++p) {
     ParameterError e;
     e.name = names[p].name, e.value = names[p].value;
-    e.vanished_frac = static_cast<double>(vanished[p]) / runs;
+    e.n_refits = static_cast<long>(refits.size());
+    e.vanished_frac = refits.empty() ? 0 : static_cast<double>(vanished[p]) / static_cast<double>(refits.size());
     if (values[p].size() > 3 && e.value > 0) {
       e.log_std_error = spread_of(values[p]).sd;
       e.std_error = e.value * e.log_std_error;

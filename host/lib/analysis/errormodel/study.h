@@ -51,13 +51,19 @@ struct ParameterError {
   std::string name;
   double value = 0, std_error = 0, log_std_error = 0, ci95_lo = 0, ci95_hi = 0;
   double vanished_frac = 0; // of refits that had no such term
+  long n_refits = 0;        // bootstrap: that it rests on
   std::string verdict;      // "yes", "weak", "no"
   std::string reason;
 };
-// Refits simulated records of the fitted model, of the same shape and detrended alike.
+// Refits simulated records of the fitted model, of the same shape and detrended alike.  The expectation that they share,
+// `basis`, is made once (nullptr: here), and their curves are of some windows (curve_fit.h).
+// `watch`: called now and then with the number of refits that are done; once it says false no further one begins, and the
+// errors are of those done: infinite where they are too few.
 std::vector<ParameterError> bootstrap_errors(const std::vector<Series>& series, const DpOperator& op,
                                              const FitSettings& settings, const ErrorModel& fitted, int runs,
-                                             uint64_t seed, int threads);
+                                             uint64_t seed, int threads,
+                                             std::shared_ptr<const CurveBasis> basis = nullptr,
+                                             const std::function<bool(long)>& watch = {});
 // From the likelihood's information.
 std::vector<ParameterError> likelihood_errors(const MlFit& fit);
 // Fills verdict and reason: a relative error below 35 % is "yes", below 80 % "weak"; a time constant near or beyond a
