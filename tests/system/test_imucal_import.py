@@ -62,6 +62,33 @@ def test_program_reads_a_foreign_log_directly(tmp_path):
     assert [c["dp_dph"] for c in one] == [c["dp_dph"] for c in two]
 
 
+@pytest.mark.parametrize("kind", ["csv", "st", "blackbox", "hex"])
+def test_program_reads_text_of_other_programs_directly(kind, tmp_path):
+    path = foreign.write(kind, tmp_path, foreign.recording(duration_s=200))
+    imucal("dp", path, "--type", "av", "--tau", "1:5", "--json", tmp_path / "direct.json", "--quiet")
+    imucal("import", path, "-o", tmp_path / "log.csv")
+    imucal("dp", tmp_path / "log.csv", "--type", "av", "--tau", "1:5", "--json", tmp_path / "two.json", "--quiet")
+    one, two = (json.loads((tmp_path / n).read_text())["curves"] for n in ("direct.json", "two.json"))
+    assert [c["dp_dph"] for c in one] == [c["dp_dph"] for c in two]
+
+
+def test_own_logs_and_their_faults_are_the_program_s_own(tmp_path):
+    """A log of ours is never led through the importer: the message names its line."""
+    good = "# imucal-log = 1\r\n\r\nt_s, temp_degc, gx_dph\r\n1,20,3\r\n2,20,x\r\n"
+    (tmp_path / "log.csv").write_text("\ufeff" + good)
+    said = imucal("dp", tmp_path / "log.csv", expect=3).stderr
+    assert said.startswith("dp: ") and "log.csv:5: column gx_dph: expected a number" in said
+    for text in ("1,20,3\n2,20,4\n", "t_s\n1\n", "words, and more words, here\nno number\n", ""):
+        (tmp_path / "log.csv").write_text(text)
+        assert imucal("dp", tmp_path / "log.csv", expect=3).stderr.startswith("dp: ")
+
+
+def test_a_table_whose_unit_is_unclear_says_the_option(tmp_path):
+    (tmp_path / "board.csv").write_text("time_ms,gx,gy,gz,temp\n" + "".join(f"{100 * i},0.1,0.2,{0.3 + i % 3},20\n" for i in range(300)))
+    said = imucal("calibrate", "fit", tmp_path / "board.csv", "--method", "poly", "-o", tmp_path / "table.json", expect=3).stderr
+    assert "--unit" in said and not (tmp_path / "table.json").exists()
+
+
 def test_import_json_has_the_fields_of_the_contract(tmp_path):
     foreign.write_ulog(tmp_path / "x.ulg", [foreign.recording(), foreign.recording(seed=2)])
     imucal("import", tmp_path / "x.ulg", "--instance", 1, "-o", tmp_path / "log.csv", "--json", tmp_path / "x.json")

@@ -42,7 +42,6 @@ def folder(tmp_path_factory):
     dps = np.degrees(rec.gyro_radps.astype(float))
     table = polars.DataFrame({"time_ms": rec.t_us // 1000, "gx_dps": dps[:, 0], "gy_dps": dps[:, 1], "gz_dps": dps[:, 2], "temp": rec.temp_degc.astype(float)})
     table.write_csv(where / "freezer.csv")
-    table.write_parquet(where / "freezer.parquet")
     for name in ("model.json", "type.json"):
         (where / name).write_text(json.dumps(MODEL))
     for name in ("run.csv", "unit-0017.csv"):
