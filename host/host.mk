@@ -4,13 +4,13 @@
 
 # From the highest tier to the lowest: the order is the link order, and an arrow goes down only (test_layout.py).
 ROOMS := device analysis/diagnose analysis/montecarlo analysis/profile analysis/fit analysis/errormodel analysis/dp \
-         physics/sim physics/effects noise io base
+         physics/sim physics/effects noise linear io base
 
-ROOMS_calibrate := device analysis/fit physics/sim physics/effects noise io base
-ROOMS_gyrosim := device analysis/fit physics/sim physics/effects noise io base
-ROOMS_dp := analysis/errormodel analysis/dp physics/sim physics/effects noise io base
+ROOMS_calibrate := device analysis/fit physics/sim physics/effects noise linear io base
+ROOMS_gyrosim := device analysis/fit physics/sim physics/effects noise linear io base
+ROOMS_dp := analysis/errormodel analysis/dp physics/sim physics/effects noise linear io base
 ROOMS_errormodel := $(ROOMS_dp)
-ROOMS_diagnose := analysis/diagnose physics/effects noise io base
+ROOMS_diagnose := analysis/diagnose physics/effects noise linear io base
 ROOMS_imucal := base
 
 # Libraries of each program: LIBS_<program>.  Linked as needed.
@@ -60,19 +60,25 @@ HOST_OBJECTS := $(CORE_OBJECTS) $(foreach f,$(ROOMS:%=host/lib/%) $(TOOLS:%=host
 host: $(HOST_PROGRAMS)  ## build the host programs into build/bin
 
 # ---- precompiled headers ----
-# For sources that are compiled by themselves: tests, and the library with BY_FILE=1.  PCH= (empty) builds without;
-# sources compiled with flags of their own read the headers as usual.
+# The large headers of others are read once (host/pch/heavy.h), for rooms, programs and tests alike.  PCH= (empty) builds
+# without.  A room that uses none of them is quicker without; sources compiled with flags of their own read the headers
+# as usual.
 PCH ?= 1
-PCH_lib := $(BUILD)/pch/lib.h
-PCH_tools := $(BUILD)/pch/tools.h
-USE_PCH = $(if $(PCH),-include $1)
-NEEDS_PCH = $(if $(PCH),$1.gch)
+PCH_HEADER := $(BUILD)/pch/heavy.h
+WITHOUT_PCH := host/lib/base host/lib/linear host/lib/physics/sim host/tools/cli host/tools/imucal
+# $1: a folder
+USE_PCH = $(if $(PCH),$(if $(filter $(WITHOUT_PCH),$1),,-include $(PCH_HEADER)))
+NEEDS_PCH := $(if $(PCH),$(PCH_HEADER).gch)
+# A precompiled header differs from run to run in bytes that mean nothing; ccache compares what it was made of.
+export CCACHE_PCH_EXTSUM ?= 1
+export CCACHE_SLOPPINESS ?= pch_defines,time_macros,include_file_ctime,include_file_mtime
 
-$(PCH_lib).gch $(PCH_tools).gch: $(BUILD)/pch/%.h.gch: host/pch/%.h
+$(PCH_HEADER).gch: host/pch/heavy.h
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  PCH  $<")
-	$(Q)cp $< $(@:.gch=) && $(COMPILE_CXX) -x c++-header -MMD -MP -MF $@.d -MT $@ $(@:.gch=) -o $@
--include $(BUILD)/pch/lib.h.gch.d $(BUILD)/pch/tools.h.gch.d
+	$(Q)cp $< $(PCH_HEADER) && $(COMPILE_CXX) -x c++-header -MMD -MP -MF $@.d -MT $@ $(PCH_HEADER) -o $@.new
+	$(Q)$(COMPILE_CXX) -E $< | sha256sum > $@.sum && mv $@.new $@
+-include $(PCH_HEADER).gch.d
 
 # ---- objects ----
 $(BUILD)/obj/host/%.o: %.c
@@ -80,25 +86,27 @@ $(BUILD)/obj/host/%.o: %.c
 	$(if $(V),,@echo "  CC   $<")
 	$(Q)$(CCACHE) $(CC) $(CORE_CFLAGS) $(PIC) $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP -Icommon $(CFLAGS) -c $< -o $@
 
-$(BUILD)/obj/host/host/tools/%.o: host/tools/%.cpp | $(call NEEDS_PCH,$(PCH_tools))
+$(BUILD)/obj/host/%.o: %.cpp | $(NEEDS_PCH)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CXX  $<")
-	$(Q)$(CCACHE) $(COMPILE_CXX) $(call USE_PCH,$(PCH_tools)) -MMD -MP -c $< -o $@
+	$(Q)$(CCACHE) $(COMPILE_CXX) $(call USE_PCH,$(patsubst %/,%,$(dir $<))) -MMD -MP -c $< -o $@
 
-$(BUILD)/obj/host/%.o: %.cpp | $(call NEEDS_PCH,$(PCH_lib))
-	@mkdir -p $(@D)
-	$(if $(V),,@echo "  CXX  $<")
-	$(Q)$(CCACHE) $(COMPILE_CXX) $(call USE_PCH,$(PCH_lib)) -MMD -MP -c $< -o $@
-
+define piece
+@mkdir -p $(@D)
+$(if $(V),,@echo "  CXX  $*")
+$(Q)$(CCACHE) $(COMPILE_CXX) $(call USE_PCH,$*) $(IN_ONE_PIECE) -MMD -MP -c $< -o $@
+endef
 $(BUILD)/obj/host/%/room.o: $(BUILD)/gen/%/room.cpp
-	@mkdir -p $(@D)
-	$(if $(V),,@echo "  CXX  $*")
-	$(Q)$(CCACHE) $(COMPILE_CXX) $(IN_ONE_PIECE) -MMD -MP -c $< -o $@
-
+	$(piece)
 $(BUILD)/obj/host/%/program.o: $(BUILD)/gen/%/program.cpp
-	@mkdir -p $(@D)
-	$(if $(V),,@echo "  CXX  $*")
-	$(Q)$(CCACHE) $(COMPILE_CXX) $(IN_ONE_PIECE) -MMD -MP -c $< -o $@
+	$(piece)
+
+PIECES := $(foreach f,$(ROOMS:%=host/lib/%) $(TOOLS:%=host/tools/%),$(BUILD)/obj/host/$f/room.o $(BUILD)/obj/host/$f/program.o)
+$(filter-out $(foreach f,$(WITHOUT_PCH),$(BUILD)/obj/host/$f/%),$(PIECES)): | $(NEEDS_PCH)
+
+# Text, JSON and command lines take no time at run time, and -Og compiles a third quicker than -O2.
+QUICK_TO_COMPILE := host/tools/% host/lib/device/%
+$(filter $(QUICK_TO_COMPILE:%=$(BUILD)/obj/host/%),$(PIECES)): private OPTIMISE := $(if $(DEBUG),$(OPTIMISE),-Og -g1)
 
 # ---- archives ----
 define room_archive

@@ -12,10 +12,10 @@ $(BUILD)/obj/host/tests/%.o: tests/%.c
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CC   $<")
 	$(Q)$(CCACHE) $(CC) -std=c99 -ffp-contract=off $(WARNINGS) -Wno-conversion $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP -Icommon -Ifirmware -Itests $(CFLAGS) -c $< -o $@
-$(BUILD)/obj/host/tests/%.o: tests/%.cpp | $(call NEEDS_PCH,$(PCH_lib))
+$(BUILD)/obj/host/tests/%.o: tests/%.cpp | $(NEEDS_PCH)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CXX  $<")
-	$(Q)$(CCACHE) $(COMPILE_CXX) $(call USE_PCH,$(PCH_lib)) -Wno-conversion -MMD -MP -Itests -c $< -o $@
+	$(Q)$(CCACHE) $(COMPILE_CXX) $(call USE_PCH,tests) -Wno-conversion -MMD -MP -Itests -c $< -o $@
 
 $(BUILD)/tests/%: $(BUILD)/obj/host/tests/%.o $(HOST_ARCHIVE)
 	@mkdir -p $(@D)

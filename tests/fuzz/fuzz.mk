@@ -44,7 +44,7 @@ fuzz-device: $(BUILD)/tests/fuzz/fuzz_device  ## random operations on the whole 
 # build folder of its own.  Begins with tests/fuzz/corpus; what it finds new stays in build/fuzz_files_corpus.
 FUZZ_FILES_RUNS ?= 1000000
 FUZZ_CXX ?= clang++-14
-FUZZ_FILES_ROOMS := analysis/fit physics/sim physics/effects noise io base
+FUZZ_FILES_ROOMS := analysis/fit physics/sim physics/effects noise linear io base
 FUZZ_FILES_FLAGS := -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all
 $(BUILD)/tests/fuzz/libfuzzer_files: $(BUILD)/obj/host/tests/fuzz/fuzz_files.o $(patsubst %,$(BUILD)/lib/%.a,$(FUZZ_FILES_ROOMS) common)
 	@mkdir -p $(@D)

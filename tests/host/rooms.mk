@@ -1,7 +1,7 @@
 # A unit test that names its rooms here is linked with those alone, so that it can be built without the rest of the
 # library; the others take the whole (tests/tests.mk).
 
-ROOMS_physics := physics/sim physics/effects noise io base
+ROOMS_physics := physics/sim physics/effects noise linear io base
 ROOMS_test_base := base
 ROOMS_test_noise := noise io base
 ROOMS_test_sim := $(ROOMS_physics)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Multiplies by the covariance of a noise model at the samples of a run; the matrix itself is never formed.
 #pragma once
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "noise/gains.h"
 

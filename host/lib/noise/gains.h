@@ -13,7 +13,7 @@
 // kSettledChange + 16 eps / (1 - pole^2) of themselves: one step rounds about a dozen times, and four more times to see
 // the change.  Everything on the host that settles uses this rule; test_noise.cpp holds it.
 #pragma once
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <vector>
 
 #include "noise/noise_model.h"

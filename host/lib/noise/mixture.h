@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Likelihood of noise that is no single Gaussian: outliers and telegraph noise.
 #pragma once
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "noise/gains.h"
 

@@ -4,7 +4,7 @@
 //
 // Columns of one run, one row per sample.  Cost: about 2 ns per sample, column and state.  Threads: pure functions.
 #pragma once
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <vector>
 
 #include "noise/gains.h"

@@ -2,7 +2,7 @@
 // The logs of one call as the engine sees them: runs of one axis with derived inputs, and which of their
 // samples can be used.
 #pragma once
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <string>
 #include <vector>
 

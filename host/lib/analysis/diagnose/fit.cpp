@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "base/units.h"
+#include "linear/linear.h"
 
 namespace imucal {
 
@@ -185,8 +186,7 @@ Triangle triangle(const std::vector<MatrixXd>& xy, const VectorXd& prior_precisi
     stack.topRows(q) = top;
     stack.bottomRows(m.rows()) = m;
     for (long c = 0; c < p; ++c) stack.block(q, c, m.rows(), 1) *= out.scale[c];
-    Eigen::HouseholderQR<Eigen::Ref<MatrixXd>> qr(stack);
-    top = MatrixXd(stack.topRows(q).triangularView<Eigen::Upper>());
+    top = triangle_of(&stack);
   }
   out.r = top;
   return out;
@@ -195,13 +195,9 @@ Triangle triangle(const std::vector<MatrixXd>& xy, const VectorXd& prior_precisi
 // X times it has orthonormal columns; dependent ones are left out.
 MatrixXd transform_of(const Triangle& t) {
   const long p = t.scale.size();
-  const MatrixXd r = t.r.topLeftCorner(p, p);
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(r);
-  qr.setThreshold(kDependent);
-  const long rank = qr.rank();
-  const MatrixXd inverse =
-      qr.matrixQR().topLeftCorner(rank, rank).triangularView<Eigen::Upper>().solve(MatrixXd::Identity(rank, rank));
-  return t.scale.asDiagonal() * (qr.colsPermutation() * MatrixXd::Identity(p, p)).leftCols(rank) * inverse;
+  const PivotedQr qr(t.r.topLeftCorner(p, p), kDependent);
+  const MatrixXd places = qr.permuted(MatrixXd(MatrixXd::Identity(p, p)));
+  return t.scale.asDiagonal() * places.leftCols(qr.rank()) * qr.r_inverse();
 }
 
 struct Solution {
@@ -217,18 +213,15 @@ Solution solve(const Triangle& t) {
   const VectorXd z = t.r.block(0, p, p, 1);
   out.rss = t.r(p, p) * t.r(p, p);
   if (p == 0) return out;
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(r);
-  qr.setThreshold(kDependent);
+  const PivotedQr qr(r, kDependent);
   const VectorXd b = qr.solve(z);
   out.rss += (z - r * b).squaredNorm();
   const long rank = qr.rank();
-  for (long i = 0; i < rank; ++i) out.log_det += std::log(std::fabs(qr.matrixQR()(i, i)));
+  for (long i = 0; i < rank; ++i) out.log_det += qr.log_abs_r(i);
   // Covariance (R'R)^-1 on the columns that are determined.
-  const MatrixXd inverse =
-      qr.matrixQR().topLeftCorner(rank, rank).triangularView<Eigen::Upper>().solve(MatrixXd::Identity(rank, rank));
   VectorXd variance = VectorXd::Zero(p);
-  variance.head(rank) = inverse.rowwise().squaredNorm();
-  variance = qr.colsPermutation() * variance;
+  variance.head(rank) = qr.r_inverse().rowwise().squaredNorm();
+  variance = qr.permuted(variance);
   for (long c = 0; c < p; ++c) {
     out.beta[c] = b[c] * t.scale[c];
     out.errors[c] = std::sqrt(variance[c]) * t.scale[c];
@@ -395,9 +388,9 @@ Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta
           (at(i, 0.5 * step[i], j, 0.5 * step[j]) - at(i, 0.5 * step[i], j, -0.5 * step[j]) -
            at(i, -0.5 * step[i], j, 0.5 * step[j]) + at(i, -0.5 * step[i], j, -0.5 * step[j])) /
           (step[i] * step[j]);
-  const Eigen::LLT<MatrixXd> llt(-hessian);
-  if (llt.info() != Eigen::Success) return errors;
-  const MatrixXd covariance = llt.solve(MatrixXd::Identity(n, n));
+  const Cholesky information(-hessian);
+  if (!information.is_positive()) return errors;
+  const MatrixXd covariance = information.inverse();
   for (long i = 0; i < n; ++i) errors[static_cast<size_t>(i)] = std::sqrt(covariance(i, i));
   return errors;
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A hypothesis (nominal model plus effects) and its exact fit to a campaign.
 #pragma once
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <functional>
 #include <memory>
 #include <string>

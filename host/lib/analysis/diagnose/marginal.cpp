@@ -5,6 +5,8 @@
 #include <cmath>
 #include <functional>
 
+#include "linear/linear.h"
+
 namespace imucal {
 
 using Eigen::MatrixXd;
@@ -95,7 +97,7 @@ SlowData::SlowData(Campaign blocks) : campaign(std::move(blocks)) {
     y.push_back(std::move(rate));
     rows_used.push_back(campaign.runs[r].used);
   }
-  const VectorXd beta = p > 0 ? VectorXd(xx.ldlt().solve(xy)) : VectorXd();
+  const VectorXd beta = p > 0 ? solve_symmetric(xx, xy) : VectorXd();
   const long minute = std::max(1L, std::lround(60 / campaign.dt_s));
   double sum = 0, n = 0;
   for (size_t r = 0; r < y.size(); ++r) {
@@ -244,13 +246,11 @@ double RunGrams::one_run(size_t r, double scale, MatrixXd* common) const {
     a(c, c) += precision;
     if (precision > 0) log_prior += std::log(precision);
   }
-  const Eigen::LLT<MatrixXd> llt(a);
-  if (llt.info() != Eigen::Success) return -1e300;
-  const MatrixXd half = llt.matrixL().solve(g.block(0, l, l, q));
+  const Cholesky own(a);
+  if (!own.is_positive()) return -1e300;
+  const MatrixXd half = own.half_solve(MatrixXd(g.block(0, l, l, q)));
   *common += g.block(l, l, q, q) - half.transpose() * half;
-  double log_det = 0;
-  for (long c = 0; c < l; ++c) log_det += 2 * std::log(llt.matrixLLT()(c, c));
-  return -0.5 * (sum_log_s_[r] + log_det - log_prior);
+  return -0.5 * (sum_log_s_[r] + own.log_det() - log_prior);
 }
 
 double RunGrams::log_marginal(double scale, const std::vector<char>& runs) const {
@@ -266,12 +266,10 @@ double RunGrams::log_marginal(double scale, const std::vector<char>& runs) const
     if (precision > 0) log_prior += std::log(precision);
   }
   if (c == 0) return sum - 0.5 * common(0, 0);
-  const Eigen::LLT<MatrixXd> llt(common.topLeftCorner(c, c));
-  if (llt.info() != Eigen::Success) return -1e300;
-  const VectorXd half = llt.matrixL().solve(common.block(0, c, c, 1));
-  double log_det = 0;
-  for (long i = 0; i < c; ++i) log_det += 2 * std::log(llt.matrixLLT()(i, i));
-  const double value = sum - 0.5 * (common(c, c) - half.squaredNorm() + log_det - log_prior);
+  const Cholesky factor(common.topLeftCorner(c, c));
+  if (!factor.is_positive()) return -1e300;
+  const VectorXd half = factor.half_solve(VectorXd(common.col(c).head(c)));
+  const double value = sum - 0.5 * (common(c, c) - half.squaredNorm() + factor.log_det() - log_prior);
   return std::isfinite(value) ? value : -1e300;
 }
 
@@ -295,15 +293,14 @@ RunGrams::Posterior RunGrams::posterior(const std::vector<char>& runs) const {
   out.common = out.common_sd = VectorXd::Zero(c);
   if (c > 0) {
     common.topLeftCorner(c, c).diagonal() += common_precision_;
-    covariance = common.topLeftCorner(c, c).ldlt().solve(MatrixXd::Identity(c, c));
+    covariance = inverse_symmetric(common.topLeftCorner(c, c));
     out.common = covariance * common.block(0, c, c, 1);
     out.common_sd = covariance.diagonal().cwiseMax(0).cwiseSqrt();
   }
   for (const MatrixXd& g : gram_) {
     MatrixXd a = g.topLeftCorner(l, l);
     a.diagonal() += local_precision_;
-    const Eigen::LDLT<MatrixXd> ldlt(a);
-    const MatrixXd inverse = ldlt.solve(MatrixXd::Identity(l, l)), cross = inverse * g.block(0, l, l, c);
+    const MatrixXd inverse = inverse_symmetric(a), cross = inverse * g.block(0, l, l, c);
     out.local.push_back(inverse * g.block(0, l + c, l, 1) - cross * out.common);
     out.local_sd.push_back((inverse + cross * covariance * cross.transpose()).diagonal().cwiseMax(0).cwiseSqrt());
   }

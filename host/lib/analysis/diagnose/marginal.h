@@ -8,7 +8,7 @@
 // runs and the polynomial are flat (precision 0, the same in every hypothesis that is compared); everything else has
 // a weak prior in dph, so that hypotheses of any size compare without a count of parameters.
 #pragma once
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <vector>
 
 #include "analysis/diagnose/kalman.h"

@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "linear/linear.h"
+
 namespace imucal {
 
 using Eigen::MatrixXd;
@@ -166,12 +168,10 @@ Eigen::RowVectorXd gain_at_scale(const Expanded& e, double scale) {
   m.diagonal() += precision;
   for (long i = 0; i < m.rows(); ++i)
     if (!(m(i, i) > 1e-12)) m(i, i) += 1; // dependent on the base: adds nothing
-  const Eigen::LLT<MatrixXd> own(m);
-  if (own.info() != Eigen::Success) return Eigen::RowVectorXd::Constant(e.u.cols(), -1e300);
-  double det = 0;
-  for (long i = 0; i < m.rows(); ++i) det += 2 * std::log(own.matrixLLT()(i, i));
-  const MatrixXd half = own.matrixL().solve(e.u);
-  return (0.5 * half.colwise().squaredNorm()).array() - 0.5 * (det - log_of(precision));
+  const Cholesky own(m);
+  if (!own.is_positive()) return Eigen::RowVectorXd::Constant(e.u.cols(), -1e300);
+  const MatrixXd half = own.half_solve(e.u);
+  return (0.5 * half.colwise().squaredNorm()).array() - 0.5 * (own.log_det() - log_of(precision));
 }
 
 // Logarithm of the mean over the prior scales, on top of `start`; -1e300 where no scale could be factored.
@@ -192,7 +192,7 @@ Eigen::RowVectorXd value_of(const Expanded& e, const VectorXd& start) {
 // The base with the data and with all columns of the bank: what every group needs.
 struct ScanNode::Products {
   Base base;
-  Eigen::LLT<MatrixXd> llt;
+  Cholesky factor;                               // of the normal matrix
   std::vector<MatrixXd> with_columns, columns_y; // per run
   VectorXd energy;                               // of the whitened data, per draw
   MatrixXd ay;                                   // solved products with the data
@@ -204,7 +204,7 @@ ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts,
   Products p;
   p.base = base_of(bank_.data_, parts, gains_);
   p.draws = y.front().cols();
-  p.llt.compute(normal_matrix(p.base));
+  p.factor = Cholesky(normal_matrix(p.base));
   p.energy = VectorXd::Zero(p.draws);
   std::vector<MatrixXd> with_y;
   for (size_t r = 0; r < y.size(); ++r) {
@@ -215,7 +215,7 @@ ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts,
     with_y.push_back(p.base.white[r].transpose() * white_y);
     p.columns_y.push_back(white_[r].transpose() * white_y);
   }
-  p.ay = p.llt.matrixL().solve(expanded_products(p.base, with_y));
+  p.ay = p.factor.half_solve(expanded_products(p.base, with_y));
   return p;
 }
 
@@ -232,7 +232,7 @@ MatrixXd ScanNode::solved_with(const Products& p, size_t group, long rows) const
     a.block(r * l, shared + r * at.local, l, at.local) = x.topRightCorner(l, at.local);
     a.block(runs * l, shared + r * at.local, c, at.local) = x.bottomRightCorner(c, at.local);
   }
-  return MatrixXd(p.llt.matrixL().solve(a).topRows(rows));
+  return p.factor.half_solve(a).topRows(rows);
 }
 
 // Log marginal likelihood of the base with one group, per draw; `rows` of the base stay beside it.
@@ -270,7 +270,7 @@ ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, cons
   const long n_base = p.ay.rows(), n_free = p.n_free();
   double log_det = 0, log_det_free = 0;
   for (long i = 0; i < n_base; ++i) {
-    const double term = 2 * std::log(p.llt.matrixLLT()(i, i));
+    const double term = p.factor.log_det(i);
     log_det += term;
     if (i < n_free) log_det_free += term;
   }

@@ -2,7 +2,7 @@
 // All candidate columns of the library on one campaign, whitened once per node (a noise model) and scored from
 // products of columns: a candidate costs one small Cholesky factorisation, a draw of the data one more column.
 #pragma once
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <memory>
 #include <vector>
 

@@ -3,7 +3,7 @@
 
 #include <nlopt.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "base/quantile.h"
 #include "base/units.h"
+#include "linear/linear.h"
 
 namespace imucal {
 
@@ -374,7 +375,7 @@ public:
       for (int attempt = 0; attempt < 12 && !better; ++attempt, damping *= better ? 1 : 4) {
         Eigen::MatrixXd damped = normal;
         damped.diagonal() += damping * normal.diagonal() + Eigen::VectorXd::Constant(n, 1e-12);
-        const Eigen::VectorXd delta = -damped.ldlt().solve(gradient);
+        const Eigen::VectorXd delta = -solve_symmetric(damped, gradient);
         std::vector<double> tried = *x;
         for (long j = 0; j < n; ++j)
           tried[static_cast<size_t>(j)] = bounded(j, (*x)[static_cast<size_t>(j)] + std::clamp(delta[j], -1.0, 1.0));

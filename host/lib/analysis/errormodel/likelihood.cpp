@@ -3,7 +3,7 @@
 
 #include <nlopt.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "linear/linear.h"
 #include "noise/gains.h"
 
 namespace imucal {
@@ -57,10 +58,8 @@ Likelihood::Sums Likelihood::sums(const Record& record, const NoiseModel& noise)
   const Eigen::MatrixXd gram = record.columns.whitened_gram(gains);
   Sums out{gains.sum_log_s, gram(0, 0), 0};
   if (const long m = gram.rows() - 1; m > 0) {
-    const Eigen::LDLT<Eigen::MatrixXd> solver(gram.bottomRightCorner(m, m));
     const Eigen::VectorXd cross = gram.col(0).tail(m);
-    out.rss -= cross.dot(solver.solve(cross));
-    out.log_det = solver.vectorD().array().log().sum();
+    out.rss -= cross.dot(solve_symmetric(gram.bottomRightCorner(m, m), cross, &out.log_det));
   }
   return out;
 }
@@ -262,14 +261,11 @@ void set_error(double log_std_error, MlParameter* p) {
 std::vector<MlParameter> parameters_with_errors(const Likelihood& likelihood, const ErrorModel& model,
                                                 int* evaluations) {
   std::vector<MlParameter> out = parameters_of(model);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
-      ObservedInformation(likelihood, out, evaluations).matrix());
-  const Eigen::VectorXd& values = eigen.eigenvalues();
+  const auto [values, vectors] = symmetric_spectrum(ObservedInformation(likelihood, out, evaluations).matrix());
   const bool sound = values.minCoeff() > 1e-6 * std::max(1.0, values.maxCoeff() * 1e-6);
   for (long i = 0; i < values.size(); ++i) {
     double variance = 0;
-    for (long j = 0; j < values.size(); ++j)
-      variance += std::pow(eigen.eigenvectors()(i, j), 2) / std::max(values[j], 1e-8);
+    for (long j = 0; j < values.size(); ++j) variance += std::pow(vectors(i, j), 2) / std::max(values[j], 1e-8);
     const double error = std::sqrt(variance);
     set_error(!sound && error > 10 ? std::numeric_limits<double>::infinity() : error, &out[static_cast<size_t>(i)]);
   }

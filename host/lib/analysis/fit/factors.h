@@ -2,7 +2,7 @@
 // What the core's filter has learnt, in double.  Only this file of the host knows the layout of
 // imucal_kf_t.
 #pragma once
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "kf.h"
 

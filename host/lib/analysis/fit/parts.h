@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Between fit.cpp and the two methods: one axis of all logs, ready to be filtered or solved.
 #pragma once
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <vector>
 
 #include "analysis/fit/factors.h"

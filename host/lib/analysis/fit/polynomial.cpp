@@ -4,6 +4,7 @@
 
 #include "analysis/fit/parts.h"
 #include "base/error.h"
+#include "linear/linear.h"
 #include "noise/covariance.h"
 
 namespace imucal {
@@ -83,11 +84,8 @@ Design make_design(const std::vector<FitRun>& runs, int order, double t0_degc, d
   return d;
 }
 
-using Qr = Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;
-
-Qr solver_of(const Design& d) {
-  Qr qr(d.a);
-  qr.setThreshold(1e-9); // columns are of size 1: below this the logs do not tell them apart
+PivotedQr solver_of(const Design& d) {
+  PivotedQr qr(d.a, 1e-9); // columns are of size 1: below this the logs do not tell them apart
   if (d.a.rows() < d.a.cols() || qr.rank() < d.a.cols())
     throw data_error("the logs do not determine " + std::to_string(d.a.cols()) + " coefficients (rank " +
                      std::to_string(qr.rank()) + "): record a wider temperature span or lower --order");
@@ -95,9 +93,9 @@ Qr solver_of(const Design& d) {
 }
 
 // Q' C Q, C the covariance of the noise as the model has it; runs are independent.
-Eigen::MatrixXd projected_noise(const Qr& qr, const Design& d, const ErrorModel& model, double dt_s) {
+Eigen::MatrixXd projected_noise(const PivotedQr& qr, const Design& d, const ErrorModel& model, double dt_s) {
   const Eigen::Index n = d.a.rows(), p = d.a.cols();
-  const Eigen::MatrixXd q = qr.householderQ() * Eigen::MatrixXd::Identity(n, p);
+  const Eigen::MatrixXd q = qr.q();
   Eigen::MatrixXd cq = Eigen::MatrixXd::Zero(n, p);
   Eigen::Index at = 0;
   for (const auto& list : d.seconds) {
@@ -124,12 +122,9 @@ Eigen::MatrixXd projected_residuals(const Design& d, const Eigen::VectorXd& x) {
 }
 
 // cov x = (A'A)^-1 A' C A (A'A)^-1 = Pi R^-1 (Q' C Q) R^-T Pi'; middle: Q' C Q.
-Eigen::MatrixXd covariance_of(const Qr& qr, const Eigen::MatrixXd& middle) {
-  const Eigen::Index p = middle.rows();
-  const auto r = qr.matrixR().topLeftCorner(p, p).triangularView<Eigen::Upper>();
-  const Eigen::MatrixXd half = r.solve(middle);
-  const Eigen::MatrixXd covariance = r.solve(half.transpose());
-  return qr.colsPermutation() * covariance * qr.colsPermutation().transpose();
+Eigen::MatrixXd covariance_of(const PivotedQr& qr, const Eigen::MatrixXd& middle) {
+  const Eigen::MatrixXd covariance = qr.r_solve(qr.r_solve(middle).transpose());
+  return qr.permuted(Eigen::MatrixXd(qr.permuted(covariance).transpose())).transpose();
 }
 
 // c0 is the mean of the runs' constants.
@@ -145,7 +140,7 @@ Eigen::MatrixXd mean_of_constants(Eigen::Index n_constants, int order) {
 ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, double t0_degc, double range_degc,
                                const ErrorModel* model, double dt_s, bool shared_turn_on) {
   const Design design = make_design(runs, order, t0_degc, range_degc, shared_turn_on);
-  const Qr qr = solver_of(design);
+  const PivotedQr qr = solver_of(design);
   const Eigen::VectorXd x = qr.solve(design.z_dph);
   const Eigen::MatrixXd middle =
       model != nullptr ? projected_noise(qr, design, *model, dt_s) : projected_residuals(design, x);

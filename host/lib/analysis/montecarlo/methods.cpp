@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/montecarlo/methods.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <cmath>
 #include <limits>
 
 #include "base/error.h"
+#include "linear/linear.h"
 
 namespace imucal {
 
@@ -60,10 +61,10 @@ std::vector<double> fit_polynomial(const std::vector<FitPoint>& points, int orde
     b(i) = right[i];
     for (int j = 0; j <= i; ++j) a(i, j) = a(j, i) = gram[i][j];
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(a);
-  const double largest = spectrum.eigenvalues()(p - 1), smallest = spectrum.eigenvalues()(0);
+  const Eigen::VectorXd eigenvalues = symmetric_spectrum(a).values;
+  const double largest = eigenvalues(p - 1), smallest = eigenvalues(0);
   if (static_cast<int>(points.size()) < p || !(smallest > 1e-10 * largest)) return {};
-  const Eigen::VectorXd in_legendre = a.ldlt().solve(b);
+  const Eigen::VectorXd in_legendre = solve_symmetric(a, b);
   const Eigen::VectorXd coeff = legendre_powers(order).transpose() * in_legendre;
   return {coeff.data(), coeff.data() + p};
 }

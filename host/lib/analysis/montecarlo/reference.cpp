@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/montecarlo/reference.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <cmath>
 
 namespace imucal {

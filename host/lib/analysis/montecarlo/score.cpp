@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // One run of a campaign: simulate, calibrate through the core, score.
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
@@ -8,6 +8,7 @@
 #include "analysis/montecarlo/methods.h"
 #include "analysis/montecarlo/reference.h"
 #include "analysis/montecarlo/residual.h"
+#include "linear/linear.h"
 
 namespace imucal {
 
@@ -56,7 +57,7 @@ std::vector<double> true_coefficients(const CampaignPlan& plan, const SimulatedA
       for (size_t j = 0; j < p; ++j)
         a(static_cast<long>(i), static_cast<long>(j)) = std::pow(tn, static_cast<double>(j));
     }
-    const Eigen::VectorXd x = a.partialPivLu().solve(b);
+    const Eigen::VectorXd x = solve_general(a, b);
     coeff.assign(x.data(), x.data() + p);
   }
   coeff[0] += axis.turn_on_dph;
@@ -72,7 +73,7 @@ double nees(const CoreChain& chain, const std::vector<double>& truth) {
   for (size_t i = 0; i < p; ++i) error(static_cast<long>(i)) = found[i] - (i < truth.size() ? truth[i] : 0.0);
   const std::vector<double> cov = chain.coefficient_covariance();
   const Eigen::Map<const Eigen::MatrixXd> p_matrix(cov.data(), static_cast<long>(p), static_cast<long>(p));
-  return error.dot(p_matrix.ldlt().solve(error));
+  return error.dot(solve_symmetric(p_matrix, error));
 }
 
 void score_calibration(const CampaignPlan& plan, const CoreChain& chain, const std::vector<double>& truth,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/profile/bound.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -10,6 +10,7 @@
 #include "analysis/profile/covariance.h"
 #include "base/error.h"
 #include "base/units.h"
+#include "linear/linear.h"
 #include "noise/whiten.h"
 
 namespace imucal {
@@ -186,7 +187,7 @@ private:
     Gradient g;
     const VectorXd flat = left_s * (tables.all.transpose() * at.design) + 2 * (tables.ends.transpose() * at.ends);
     const MatrixXd m = fixed + Eigen::Map<const MatrixXd>(flat.data(), p_, p_);
-    const MatrixXd inverse = m.ldlt().solve(MatrixXd::Identity(p_, p_));
+    const MatrixXd inverse = inverse_symmetric(m);
     const Eigen::Map<const VectorXd> inverse_flat(inverse.data(), p_ * p_);
     g.mu = span_ * inverse_flat;
     g.worst = g.mu.maxCoeff();

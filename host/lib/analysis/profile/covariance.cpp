@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/profile/covariance.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "linear/linear.h"
 #include "noise/covariance.h"
 #include "noise/whiten.h"
 
@@ -246,7 +247,7 @@ CalibrationError calibration_error(const std::vector<CalibrationRun>& runs, cons
     result.duration_s += run.duration_s();
   }
   const MatrixXd prior = MatrixXd::Identity(p, p) / (setup.prior_sigma_dph * setup.prior_sigma_dph);
-  const MatrixXd believed = (information + prior).ldlt().solve(MatrixXd::Identity(p, p));
+  const MatrixXd believed = inverse_symmetric(information + prior);
   const MatrixXd actual = matched ? believed : MatrixXd(believed * (spread + prior) * believed);
 
   for (int i = 0; i < setup.points; ++i) {

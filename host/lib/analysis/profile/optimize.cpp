@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/profile/optimize.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -14,6 +14,7 @@
 #include "base/parallel.h"
 #include "base/rng.h"
 #include "base/units.h"
+#include "linear/linear.h"
 
 namespace imucal {
 
@@ -98,7 +99,7 @@ private:
     const std::vector<double> info = information_matrix(runs, setup_);
     const MatrixXd m = Eigen::Map<const MatrixXd>(info.data(), p, p) +
                        MatrixXd::Identity(p, p) / (setup_.prior_sigma_dph * setup_.prior_sigma_dph);
-    const Eigen::LLT<MatrixXd> factor(m);
+    const Cholesky factor(m);
     double worst = 0, mean = 0;
     std::vector<double> var(static_cast<size_t>(setup_.points));
     VectorXd f(p);
@@ -107,7 +108,7 @@ private:
       double power = 1;
       for (Index j = 0; j < p; ++j, power *= tn)
         f(j) = power - (setup_.shape_only && j % 2 == 0 ? 1.0 / static_cast<double>(j + 1) : 0.0);
-      var[static_cast<size_t>(i)] = factor.matrixL().solve(f).squaredNorm();
+      var[static_cast<size_t>(i)] = factor.half_solve(f).squaredNorm();
       worst = std::max(worst, var[static_cast<size_t>(i)]);
       mean += var[static_cast<size_t>(i)] / setup_.points * (i == 0 || i == setup_.points - 1 ? 0.5 : 1.0);
     }

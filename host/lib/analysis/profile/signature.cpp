@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/profile/signature.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -9,6 +9,7 @@
 
 #include "base/axis_unit.h"
 #include "base/error.h"
+#include "linear/linear.h"
 #include "noise/whiten.h"
 #include "physics/effects/effect.h"
 
@@ -151,7 +152,7 @@ MatrixXd without_polynomial(const MatrixXd& gram, Index m) {
   MatrixXd left = gram.bottomRightCorner(n_effects, n_effects);
   if (m > 0) {
     const MatrixXd nuisance = gram.block(1, 1, m, m), cross = gram.block(1, m + 1, m, n_effects);
-    left -= cross.transpose() * nuisance.completeOrthogonalDecomposition().solve(cross);
+    left -= cross.transpose() * solve_shortest(nuisance, cross);
   }
   return left;
 }
