@@ -11,10 +11,13 @@
 struct CMUnitTest {
   const char* name;
   void (*function)(void** state);
+  int (*setup)(void** state); /* before the test, or NULL */
 };
-#define cmocka_unit_test(f)                                                                                            \
-  { #f, f }
+#define cmocka_unit_test(f) cmocka_unit_test_setup(f, NULL)
+#define cmocka_unit_test_setup(f, setup)                                                                               \
+  { #f, f, setup }
 #define cmocka_run_group_tests(tests, setup, teardown) portable_run(tests, sizeof(tests) / sizeof((tests)[0]))
+#define cmocka_run_group_tests_name(name, tests, setup, teardown) cmocka_run_group_tests(tests, setup, teardown)
 
 static jmp_buf portable_end; /* of the running test: 1 failed, 2 skipped */
 
@@ -23,6 +26,7 @@ static inline int portable_run(const struct CMUnitTest* tests, size_t n) {
   for (volatile size_t i = 0; i < n; i++) {
     void* state = NULL;
     const int how = setjmp(portable_end);
+    if (how == 0 && tests[i].setup != NULL && tests[i].setup(&state) != 0) longjmp(portable_end, 1);
     if (how == 0) tests[i].function(&state);
     if (how == 1) fprintf(stderr, "FAILED %s\n", tests[i].name);
     n_failed += how == 1;
@@ -52,9 +56,12 @@ static inline int portable_run(const struct CMUnitTest* tests, size_t n) {
                  (long long)(b))
 #define assert_int_not_equal(a, b)                                                                                     \
   portable_check((unsigned long long)(a) != (unsigned long long)(b), "%s != %s", #a, #b)
+/* A function: the comparison of an unsigned number with 0 is no mistake here. */
+static inline int portable_is_in(unsigned long long a, unsigned long long lo, unsigned long long hi) {
+  return a >= lo && a <= hi;
+}
 #define assert_in_range(a, lo, hi)                                                                                     \
-  portable_check((unsigned long long)(a) >= (unsigned long long)(lo) &&                                                \
-                     (unsigned long long)(a) <= (unsigned long long)(hi),                                              \
+  portable_check(portable_is_in((unsigned long long)(a), (unsigned long long)(lo), (unsigned long long)(hi)),          \
                  "%s: %lld", #a, (long long)(a))
 #define assert_memory_equal(a, b, n) portable_check(memcmp(a, b, n) == 0, "memory of %s and %s", #a, #b)
 #define assert_string_equal(a, b) portable_check(strcmp(a, b) == 0, "\"%s\", \"%s\"", a, b)
