@@ -60,14 +60,11 @@ HOST_OBJECTS := $(CORE_OBJECTS) $(foreach f,$(ROOMS:%=host/lib/%) $(TOOLS:%=host
 host: $(HOST_PROGRAMS)  ## build the host programs into build/bin
 
 # ---- precompiled headers ----
-# The large headers of others are read once (host/pch/heavy.h), for rooms, programs and tests alike.  PCH= (empty) builds
-# without.  A room that uses none of them is quicker without; sources compiled with flags of their own read the headers
-# as usual.
+# For sources that are compiled by themselves: tests, and everything with BY_FILE=1.  A room in one piece is as quick
+# without (a precompiled header of 140 MB is read and searched by the compiler too).  PCH= (empty) builds without.
 PCH ?= 1
 PCH_HEADER := $(BUILD)/pch/heavy.h
-WITHOUT_PCH := host/lib/base host/lib/linear host/lib/physics/sim host/tools/cli host/tools/imucal
-# $1: a folder
-USE_PCH = $(if $(PCH),$(if $(filter $(WITHOUT_PCH),$1),,-include $(PCH_HEADER)))
+USE_PCH = $(if $(PCH),-include $(PCH_HEADER))
 NEEDS_PCH := $(if $(PCH),$(PCH_HEADER).gch)
 # A precompiled header differs from run to run in bytes that mean nothing; ccache compares what it was made of.
 export CCACHE_PCH_EXTSUM ?= 1
@@ -89,12 +86,12 @@ $(BUILD)/obj/host/%.o: %.c
 $(BUILD)/obj/host/%.o: %.cpp | $(NEEDS_PCH)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CXX  $<")
-	$(Q)$(CCACHE) $(COMPILE_CXX) $(call USE_PCH,$(patsubst %/,%,$(dir $<))) -MMD -MP -c $< -o $@
+	$(Q)$(CCACHE) $(COMPILE_CXX) $(USE_PCH) -MMD -MP -c $< -o $@
 
 define piece
 @mkdir -p $(@D)
 $(if $(V),,@echo "  CXX  $*")
-$(Q)$(CCACHE) $(COMPILE_CXX) $(call USE_PCH,$*) $(IN_ONE_PIECE) -MMD -MP -c $< -o $@
+$(Q)$(CCACHE) $(COMPILE_CXX) $(IN_ONE_PIECE) -MMD -MP -c $< -o $@
 endef
 $(BUILD)/obj/host/%/room.o: $(BUILD)/gen/%/room.cpp
 	$(piece)
@@ -102,8 +99,6 @@ $(BUILD)/obj/host/%/program.o: $(BUILD)/gen/%/program.cpp
 	$(piece)
 
 PIECES := $(foreach f,$(ROOMS:%=host/lib/%) $(TOOLS:%=host/tools/%),$(BUILD)/obj/host/$f/room.o $(BUILD)/obj/host/$f/program.o)
-$(filter-out $(foreach f,$(WITHOUT_PCH),$(BUILD)/obj/host/$f/%),$(PIECES)): | $(NEEDS_PCH)
-
 # Text, JSON and command lines take no time at run time, and -Og compiles a third quicker than -O2.
 QUICK_TO_COMPILE := host/tools/% host/lib/device/%
 $(filter $(QUICK_TO_COMPILE:%=$(BUILD)/obj/host/%),$(PIECES)): private OPTIMISE := $(if $(DEBUG),$(OPTIMISE),-Og -g1)

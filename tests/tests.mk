@@ -15,7 +15,7 @@ $(BUILD)/obj/host/tests/%.o: tests/%.c
 $(BUILD)/obj/host/tests/%.o: tests/%.cpp | $(NEEDS_PCH)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CXX  $<")
-	$(Q)$(CCACHE) $(COMPILE_CXX) $(call USE_PCH,tests) -Wno-conversion -MMD -MP -Itests -c $< -o $@
+	$(Q)$(CCACHE) $(COMPILE_CXX) $(USE_PCH) -Wno-conversion -MMD -MP -Itests -c $< -o $@
 
 $(BUILD)/tests/%: $(BUILD)/obj/host/tests/%.o $(HOST_ARCHIVE)
 	@mkdir -p $(@D)
