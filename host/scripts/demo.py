@@ -109,7 +109,19 @@ class Demo:
     def calibrate(self, device, *arguments):
         code = subprocess.run([self.build / "bin/calibrate", "--port", device.port, *arguments], cwd=self.folder).returncode
         if code != 0:
-            sys.exit(f"demo: calibrate {arguments[0]} ended with status {code}")
+            print(self.why(code, arguments), file=sys.stderr)
+            sys.exit(code)
+
+    def why(self, code, arguments):
+        """What to do about a calibrate that did not end well."""
+        command = next(a for a in arguments if a in ("run", "verify", "record"))
+        reasons = self.read("run.json").get("judgement", {}).get("reasons", []) if (self.folder / "run.json").exists() else []
+        rules = sorted({r["rule"] for r in reasons if not r.get("accepted")})
+        if command != "run" or code != 1 or not rules:
+            return f"demo: calibrate {command} ended with status {code}; its message stands above, its files in {self.folder}"
+        return ("demo: the device did not take this calibration, for the reasons above. With a simple error model, estimated from the log, "
+                "that may well be: give another order (ORDER=2), or a longer or quieter log.\n"
+                f"demo: to see it flashed and compensated all the same: make demo LOG=... ACCEPT=\"{' '.join(rules)}\"")
 
     def log(self, name):
         return read_log(self.folder / name)
@@ -137,7 +149,8 @@ def read_log(path):
     try:
         log = imucal.read_log(path)
     except imucal.DataError as error:
-        sys.exit(f"demo: {error}")
+        print(f"demo: {error}", file=sys.stderr)
+        sys.exit(3)
     return {"t_s": log.t_s, "temp_degc": log.temp_degc, **log.rates}
 
 
@@ -277,15 +290,33 @@ def model_of_residuals(temp_degc, rate_dph, order):
     return {"imucal_model": 1, "arw_deg_rt_h": white / 60, "markov": [{"sigma_dph": math.sqrt(slow), "tau_s": float(tau_s)}]}
 
 
-def recorded(demo, log_path, check_path, order, rate_hz):
+def fit_to_replay(path, log, order):
+    """Names of the log's gyros; ends with status 3 where the demonstration cannot use the log."""
+    axes = [name for name in log if name.endswith("_dph")]
+    remedy = f"imucal import {path} -o log.csv writes a log as it is needed (t_s,temp_degc,gx_dph,...)"
+    temp = log.get("temp_degc")
+    problem = None
+    if not axes:
+        problem = f"no column ending in _dph; {remedy}"
+    elif temp is None or not np.isfinite(temp).any():
+        problem = "no temperature, and a thermal calibration needs one"
+    elif np.nanmax(temp) - np.nanmin(temp) < order:
+        problem = f"the temperature moves by {np.nanmax(temp) - np.nanmin(temp):.2f} degC only; order {order} needs {order} at least"
+    elif min(np.count_nonzero(np.isfinite(log[name]) & np.isfinite(temp)) for name in axes) < 10 * MINUTE_S:
+        problem = "an axis has less than ten minutes with rate and temperature"
+    if problem:
+        print(f"demo: {path}: {problem}", file=sys.stderr)
+        sys.exit(3)
+    return axes
+
+
+def recorded(demo, log_path, check_path, order, rate_hz, accept):
     """A recorded log, replayed as raw counts so that the device's 1-s sums give the recorded means back; the second
     run is of check_path where it is given: a recording the device has not learned from."""
     start_s = time.monotonic()
     log_path = Path(log_path).resolve()
     source = read_log(log_path)
-    axes = [name for name in source if name.endswith("_dph")]
-    if not axes:
-        sys.exit(f"demo: {log_path}: no column ending in _dph")
+    axes = fit_to_replay(log_path, source, order)
     models = {name: model_of_residuals(source["temp_degc"], source[name], order) for name in axes}
     for name, model in models.items():
         demo.write(f"{name}.json", model)
@@ -304,6 +335,8 @@ def recorded(demo, log_path, check_path, order, rate_hz):
     arguments = ["--order", str(order), "--range", f"{lo:.3f}:{hi:.3f}"]
     for name in axes:
         arguments += ["--model", f"{name}.json"]
+    for rule in accept:
+        arguments += ["--accept", rule]
     demo.run(device, ["replay", log_path, *options], ["replay", again_path, *options], span_s, arguments,
              f"replay of {again_path.name}")
     before, after, run = demo.log("again_raw.csv"), demo.log("after.csv"), demo.read("run.json")
@@ -321,10 +354,11 @@ def main():
     parser.add_argument("--check-log", help="with --log: another recording for the second run")
     parser.add_argument("--order", type=int, default=3, help="order of the polynomials (with --log)")
     parser.add_argument("--rate-hz", type=int, default=10, help="raw samples per second (with --log)")
+    parser.add_argument("--accept", default="", help="rules (several: separated by blanks) that shall not refuse the calibration (with --log)")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     demo = Demo(options.build, options.seed)
-    start_s, report = recorded(demo, options.log, options.check_log, options.order, options.rate_hz) if options.log else simulated(demo)
+    start_s, report = recorded(demo, options.log, options.check_log, options.order, options.rate_hz, options.accept.split()) if options.log else simulated(demo)
     finish(demo, report, start_s)
 
 

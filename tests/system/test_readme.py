@@ -3,7 +3,10 @@
 
 A command line is an indented line that begins with one of our programs; what follows three blanks or more, or stands in
 round brackets at its end, is a remark.  Lines with --port talk to an emulated device with a running sensor.  A block
-after "<!-- not run: why -->" is left out; the count of these is held, so that none slips out unseen."""
+after "<!-- not run: why -->" is left out; the count of these is held, so that none slips out unseen.
+
+Every `make X` of a README must be a target, its knobs must be known, and it is run here or stands in LONG with the reason.
+The figures of `make demo` and the number of faults of `make sick` are compared with what is printed."""
 import json
 import os
 import pathlib
@@ -17,7 +20,7 @@ from imu import Imu
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
 SLOW = ("profile optimize", "montecarlo", "diagnose")  # minutes on a busy machine: with SLOW=1
-PROGRAMS = ("calibrate", "gyrosim", "dp", "errormodel", "profile", "montecarlo", "diagnose")
+PROGRAMS = ("calibrate", "gyrosim", "dp", "errormodel", "profile", "montecarlo", "diagnose", "imucal")
 NOT_RUN = re.compile(r"<!-- not run: (\S.*) -->")
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}], "turn_on_sigma_dph": 50,
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
@@ -61,6 +64,9 @@ def folder(tmp_path_factory):
         subprocess.run([BUILD / "bin/gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--log-index", str(run),
                         "-o", f"run{run}.csv", "-q"], cwd=path, check=True)
     (path / "log.csv").write_text((path / "run1.csv").read_text())
+    subprocess.run([BUILD / "bin/gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--axes", "3", "-o", "triad.csv", "-q"],
+                   cwd=path, check=True)
+    subprocess.run([BUILD / "bin/calibrate", "fit", "triad.csv", "--model", "model.json", "-o", "table.json", "-q"], cwd=path, check=True)
     return path
 
 
@@ -91,6 +97,11 @@ def test_command_line_of_a_readme_runs_as_printed(folder, device, path, number, 
         return run_at(device, shlex.split(text))
     if text.startswith(SLOW) and not os.environ.get("SLOW"):
         pytest.skip("LOUD: %s:%d: takes long: SLOW=1 runs it" % (path.name, number))
+    if " | " in text:  # one of these: all of them
+        head, choices = re.match(r"(.* )(\S+ (?:\| \S+ ?)+)$", text).groups()
+        for choice in choices.split(" | "):
+            test_command_line_of_a_readme_runs_as_printed(folder, device, path, number, head + choice.strip())
+        return
     words = shlex.split(text)
     if not (BUILD / "bin" / words[0]).exists():
         pytest.fail("not built: " + words[0])
@@ -98,3 +109,91 @@ def test_command_line_of_a_readme_runs_as_printed(folder, device, path, number, 
     assert result.returncode in (0, 1 if words[0] == "diagnose" else 0), (text, result.stderr)
     for name in re.findall(r"(?:-o|--json) (\S+\.(?:csv|json))", text):
         assert (folder / name).stat().st_size > 0, name
+
+
+# ---- make ----
+
+# Run by this file, or what `make test` itself is made of.
+RUN_HERE = {"demo": "test_demo_prints_the_figures_of_the_readmes", "help": "test_make_lines_run"}
+# Not run by tests: campaigns of minutes, and what installs or writes outside build/.
+LONG = {
+    "bench": "speed of an idle machine, minutes", "bench-package": "speed of an idle machine", "blind": "hours; short form test_blind.py",
+    "core-figures": "minutes", "coverage": "run by .ci/run", "fuzz": "runs for a time; short form test_link", "fuzz-clang": "needs clang",
+    "fuzz-device": "minutes; short form test_app_fuzz", "fuzz-files": "needs clang; short form test_fuzz_files",
+    "line": "minutes; short forms in test_calibrate.py", "lint": "needs clang-tidy and cppcheck", "misra": "needs cppcheck",
+    "month": "minutes", "mutate": "an hour; short form test_mutate.py", "portable": "compiles everything for two machines",
+    "portable-core": "short form test_portable_core.py", "profile-table": "minutes", "figures": "minutes", "prove": "needs Frama-C; minutes",
+    "recorded": "minutes; short form test_recorded.py", "sanitize": "run by .ci/run", "sick": "minutes; its short form test_sick.py runs every fault",
+    "soak": "an hour; short form test_store_torn", "torn": "minutes; short form test_store_torn", "test-long": "minutes",
+    "validation": "minutes; short form test_montecarlo.py", "formats-table": "minutes; short form test_formats.py",
+    "cost-diff": "run with every firmware change", "cycles": "QEMU, minutes", "size": "part of cost-diff", "stack": "part of cost-diff",
+    "budget": "links three applications", "docs": "needs Sphinx", "install": "writes outside build/; test_imucal_install.py",
+    "flash": "needs a board", "test": "this is it", "deps": "make test begins with it", "all": "make test begins with it",
+    "firmware": "make test begins with it", "python": "make test begins with it", "firmware-riscv": "test_firmware_riscv.py",
+    "format": "rewrites sources", "format-check": "run by .ci/run"}
+
+
+def make_words():
+    """{(target, knobs)} of every `make ...` in back quotes or at the begin of an indented line of a README."""
+    found = set()
+    for path in README_FILES:
+        text = path.read_text()
+        lines = re.findall(r"`make ([^`]*)`", text) + [re.split(r" {3,}", line)[0] for line in re.findall(r"(?m)^    make (.*)$", text)]
+        for line in lines:
+            words = shlex.split(line.replace("[", " ").replace("]", " "))
+            targets = [w for w in words if "=" not in w and "<" not in w] or ["all"]
+            found |= {(target, tuple(w.split("=")[0] for w in words if "=" in w)) for target in targets}
+    return found
+
+
+def make_text():
+    files = [p for p in ROOT.rglob("*") if (p.suffix == ".mk" or p.name == "Makefile") and not {"build", ".git"} & set(p.relative_to(ROOT).parts)]
+    return "\n".join(p.read_text() for p in files)
+
+
+def test_make_targets_of_the_readmes_exist_and_are_run_or_stated():
+    rules, words = make_text(), make_words()
+    assert len(words) > 30
+    for target, knobs in words:
+        for knob in knobs:
+            assert re.search(r"(?m)^%s *[?:]?=|\$[({]%s[)}]" % (knob, knob), rules) or knob in ("CXX", "CC"), (target, knob)
+        if target.startswith("build/"):
+            continue
+        assert re.search(r"(?m)^(?:[\w. -]* )?%s(?: [\w. -]*)?::?(?: |$)" % re.escape(target), rules), f"no target: make {target}"
+        assert target in RUN_HERE or target in LONG, f"make {target}: run it here or say in LONG why not"
+
+
+def test_make_lines_run():
+    out = subprocess.run(["make", "--no-print-directory", "help"], cwd=ROOT, capture_output=True, text=True)
+    assert out.returncode == 0 and "make demo" in out.stdout and "make test" in out.stdout
+
+
+# ---- figures ----
+
+def rows_of(text, first_words):
+    """{first word: the figures behind it} of lines that begin with one of the words."""
+    return {line.split()[0]: line.split()[1:] for line in text.splitlines() if line.split() and line.split()[0] in first_words
+            and re.match(r"[\d. ]+$", " ".join(line.split()[1:]))}
+
+
+def test_demo_prints_the_figures_of_the_readmes(tmp_path):
+    for name in ("bin", "firmware"):
+        (tmp_path / name).symlink_to(BUILD / name)
+    out = subprocess.run([os.environ.get("PYTHON", "python3") if not (BUILD / "venv/bin/python").exists() else BUILD / "venv/bin/python",
+                          ROOT / "host/scripts/demo.py", "--build", tmp_path], capture_output=True, text=True, timeout=300)
+    assert out.returncode == 0, out.stderr
+    axes = ("gx_dph", "gy_dph", "gz_dph")
+    printed = rows_of(out.stdout, axes)
+    assert set(printed) == set(axes)
+    for path in (ROOT / "README.md", ROOT / "host/lib/device/README.md"):
+        assert rows_of(path.read_text().replace("    gx", "gx"), axes) == printed, path
+    coefficients = re.search(r"gx_dph +order 3.*coefficients (\S+ \S+)", out.stdout).group(1)
+    assert coefficients in (ROOT / "host/lib/device/README.md").read_text()
+
+
+def test_number_of_faults_in_the_readme_is_that_of_make_sick():
+    import sys
+    sys.path.insert(0, str(ROOT / "tests"))
+    from sick import device, offline
+    stated = re.search(r"(\d+) faults", " ".join((ROOT / "README.md").read_text().split())).group(1)
+    assert int(stated) == len(offline.FAULTS) + len(device.FAULTS)
