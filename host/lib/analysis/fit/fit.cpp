@@ -110,7 +110,7 @@ void normalise(const FitOptions& options, const Span& seen, FitAxis* axis) {
   const bool from_model = model && model->bias;
   axis->t0_degc = options.t0_degc.value_or(from_model ? model->bias->t0_degc : (seen.lo + seen.hi) / 2);
   axis->range_degc = options.range_degc.value_or(from_model ? model->bias->range_degc : (seen.hi - seen.lo) / 2);
-  if (!(axis->range_degc > 0)) throw usage_error("the temperature range must be positive");
+  if (options.range_degc && !(axis->range_degc > 0)) throw usage_error("the temperature range must be positive");
 }
 
 void judge_span(const std::string& path, const Span& seen, FitAxis* axis, FitResult* result) {
