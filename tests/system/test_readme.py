@@ -130,6 +130,10 @@ LONG = {
     "budget": "links three applications", "docs": "needs Sphinx", "install": "writes outside build/; test_imucal_install.py",
     "flash": "needs a board", "test": "this is it", "deps": "make test begins with it", "all": "make test begins with it",
     "firmware": "make test begins with it", "python": "make test begins with it", "firmware-riscv": "test_firmware_riscv.py",
+    "sensor-table": "counts what the sensors' unit tests run", "bench-diff": "speed of an idle machine", "blind-dev": "as blind",
+    "clean": "removes", "distclean": "removes", "deb": "packages", "deb-check": "installs packages", "dist": "packages",
+    "uninstall": "writes outside build/; test_imucal_install.py", "host": "make test begins with it", "python-core": "make test begins with it",
+    "system-test": "part of make test", "unit-test": "part of make test",
     "format": "rewrites sources", "format-check": "run by .ci/run"}
 
 
