@@ -16,10 +16,19 @@ $(BUILD)/venv-bench/installed: host/scripts/requirements-bench.txt
 bench:: host $(BUILD)/tests/bench_dp $(BUILD)/venv-bench/installed  ## times against other programs (allantools, avar from PyPI)
 	$(Q)$(BUILD)/venv-bench/bin/python host/scripts/bench_dp.py --build $(BUILD) --seed $(SEED)
 
+bench-whole: $(BUILD)/bin/dp $(BUILD)/bin/errormodel $(BUILD)/tests/bench_log $(BUILD)/venv-bench/installed  ## whole commands beside numpy and allantools; ONLY=reading, dp, scaling or errormodel
+	$(Q)$(BUILD)/venv-bench/bin/python host/scripts/bench_whole.py --build $(BUILD) $(if $(ONLY),--only $(ONLY))
+
+# Of 200 draws: how often the 95 % interval of a maximum-likelihood fit holds the truth.
+coverage-errormodel: $(BUILD)/bin/errormodel  ## coverage of the intervals of errormodel fit, 200 draws
+	@mkdir -p $(DP_STUDY)
+	$(Q)echo '{"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}' > $(DP_STUDY)/one_term.json
+	$(Q)nice $(BUILD)/bin/errormodel validate --model $(DP_STUDY)/one_term.json --criterion ml --markov 1 --runs 200 --seed $(SEED)
+
 test-long:: host
 	$(Q)$(PYTHON) host/scripts/study_errormodel.py --build $(BUILD) --seed $(SEED) --check
 
 figures:: host  ## the paper's figures 1-6 and 13-21 from our own results, into build/figures
 	$(Q)$(PYTHON) host/scripts/figures_dp.py --build $(BUILD) --seed $(SEED)
 
-.PHONY: bench figures test-long
+.PHONY: bench bench-whole coverage-errormodel figures test-long
