@@ -268,7 +268,11 @@ static imucal_status take_burst(imucal_icm42688p_t* sensor, uint32_t level, uint
     (*n)++;
   }
   sensor->n_in_fifo = level - m;
-  return IMUCAL_OK;
+  if (*n > 0) return IMUCAL_OK;
+  /* Not one good packet: out of step, as an overrun in the middle of a burst leaves it.  Begin at a packet's start again. */
+  sensor->n_in_fifo = 0;
+  imucal_sensor_clock_break(&sensor->clock);
+  return write_reg(sensor, SIGNAL_PATH_RESET, FIFO_FLUSH);
 }
 
 static imucal_status read_coarse_temperature(imucal_icm42688p_t* sensor) {

@@ -2,7 +2,7 @@
 #include "source.h"
 
 #define RETRY_US 1000000u
-#define FAILING_POLL_US 100000u /* a driver that looks after a silent sensor waits for it: not at every poll */
+#define FAILING_POLL_US 50000u /* a driver that looks after a silent sensor waits for it: not at every poll */
 
 static const imucal_sensor_counts_t* counts_of(const imucal_source_t* source) {
   return (const void*)((const uint8_t*)source->sensor + source->driver->counts_at);

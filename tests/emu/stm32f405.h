@@ -31,6 +31,13 @@ typedef struct emu_stm32 {
   uint32_t overrun_at, modf_at; /* byte number + 1 */
   /* The chip behind the bus: answer to the n-th byte since it was selected; null: answer[]. */
   uint8_t (*slave)(uint8_t out, uint32_t n);
+  /* DMA2 streams 0 and 3 (chapter 10) */
+  uint32_t spi_cr2, dma_flags, dma_cr[2], dma_ndtr[2], dma_par[2], dma_m0ar[2];
+  const void* memory[8]; /* what M0AR points to: 1 + index */
+  uint32_t n_memory, n_dma_bytes, n_dma_violations;
+  bool is_dma_stalled, stays_enabled;
+  bool is_dr_read;       /* since the overrun */
+  uint32_t dma_error_at; /* byte number + 1 */
 } emu_stm32_t;
 
 static emu_stm32_t stm32;
@@ -71,13 +78,71 @@ static inline uint32_t emu_stm32_flash_sr(void) {
 
 static inline uint32_t emu_stm32_spi_read(uint32_t address) {
   if (address == SPI1 + SPI_CR1) return stm32.cr1;
+  if (address == SPI1 + SPI_CR2) return stm32.spi_cr2;
   if (address == SPI1 + SPI_SR) {
-    if (stm32.spi_sr & SPI_SR_OVR && !(stm32.spi_sr & SPI_SR_RXNE))
-      stm32.spi_sr &= ~SPI_SR_OVR; /* DR, then SR: cleared */
+    if (stm32.is_dr_read) stm32.spi_sr &= ~SPI_SR_OVR; /* DR, then SR: cleared */
     return stm32.spi_sr | (stm32.is_spi_busy ? SPI_SR_BSY : 0);
   }
   stm32.spi_sr &= ~SPI_SR_RXNE;
+  stm32.is_dr_read = stm32.spi_sr & SPI_SR_OVR;
   return stm32.rx;
+}
+
+uint32_t stm32_model_address(const void* memory) {
+  stm32.memory[stm32.n_memory++ % 8] = memory;
+  return 1 + (stm32.n_memory - 1) % 8;
+}
+
+static inline uint8_t emu_stm32_slave_byte(uint8_t out) {
+  const uint8_t in = stm32.slave ? stm32.slave(out, stm32.n_out) : stm32.answer[stm32.n_out % sizeof stm32.answer];
+  stm32.out[stm32.n_out % sizeof stm32.out] = out;
+  stm32.n_out++;
+  if (stm32.n_out == stm32.overrun_at) {
+    stm32.spi_sr |= SPI_SR_OVR;
+    stm32.is_dr_read = false;
+  }
+  if (stm32.n_out == stm32.modf_at) stm32.spi_sr |= SPI_SR_MODF;
+  return in;
+}
+
+/* One byte there and one back, while both streams run and SPI1 asks for them. */
+static inline void emu_stm32_dma_run(void) {
+  const bool runs = (stm32.dma_cr[0] & DMA_CR_EN) && (stm32.dma_cr[1] & DMA_CR_EN) && stm32.spi_cr2 == 3;
+  if (!runs || stm32.is_dma_stalled || (stm32.spi_sr & SPI_SR_OVR) || stm32.dma_ndtr[0] == 0) return;
+  if (!stm32.is_selected || !(stm32.cr1 & SPI_CR1_SPE)) stm32.n_dma_violations++;
+  uint8_t* to = (uint8_t*)(uintptr_t)stm32.memory[(stm32.dma_m0ar[0] - 1) % 8];
+  const uint8_t* from = stm32.memory[(stm32.dma_m0ar[1] - 1) % 8];
+  *to = emu_stm32_slave_byte(*from);
+  stm32.memory[(stm32.dma_m0ar[0] - 1) % 8] = to + (stm32.dma_cr[0] & DMA_CR_MINC ? 1 : 0);
+  if (stm32.dma_cr[1] & DMA_CR_MINC) stm32.n_dma_violations++; /* one zero, not what lies behind it */
+  if (++stm32.n_dma_bytes == stm32.dma_error_at) stm32.dma_flags |= 1u << 3;
+  stm32.dma_ndtr[1]--;
+  if (--stm32.dma_ndtr[0]) return;
+  stm32.dma_flags |= 1u << 5 | 1u << 27;
+  for (int i = 0; i < 2; i++) stm32.dma_cr[i] &= stm32.stays_enabled ? ~0u : ~DMA_CR_EN;
+}
+
+static inline void emu_stm32_dma_write(uint32_t address, uint32_t value) {
+  if (address == DMA2_LIFCR) stm32.dma_flags &= ~value;
+  for (int i = 0; i < 2; i++) {
+    const uint32_t stream = DMA2_STREAM(i ? 3 : 0);
+    const bool is_on = stm32.dma_cr[i] & DMA_CR_EN;
+    if (address >= stream && address < stream + 0x18 && is_on && address != stream + DMA_CR) stm32.n_dma_violations++;
+    if (address == stream + DMA_NDTR) stm32.dma_ndtr[i] = value;
+    if (address == stream + DMA_PAR) stm32.dma_par[i] = value;
+    if (address == stream + DMA_M0AR) stm32.dma_m0ar[i] = value;
+    if (address != stream + DMA_CR) continue;
+    const bool is_wrong = stm32.dma_ndtr[i] == 0 || stm32.dma_par[i] != SPI1 + SPI_DR || value >> 25 != 3 ||
+                          (stm32.dma_flags & (i ? 0x3Du << 22 : 0x3Du)) || !(value & DMA_CR_TO_PERIPHERAL) != !i;
+    if ((value & DMA_CR_EN) && !is_on && is_wrong) stm32.n_dma_violations++;
+    stm32.dma_cr[i] = stm32.stays_enabled && is_on ? stm32.dma_cr[i] : value;
+  }
+}
+
+static inline uint32_t emu_stm32_dma_read(uint32_t address) {
+  emu_stm32_dma_run();
+  if (address == DMA2_LISR) return stm32.dma_flags;
+  return stm32.dma_cr[address == DMA2_STREAM(3) + DMA_CR];
 }
 
 uint32_t stm32_model_read(uint32_t address) {
@@ -97,6 +162,7 @@ uint32_t stm32_model_read(uint32_t address) {
   case TIM2_CNT:
     return (uint32_t)stm32.now_us;
   default:
+    if (address >= DMA2_LISR && address < DMA2_STREAM(8)) return emu_stm32_dma_read(address);
     return address >= SPI1 && address < SPI1 + 0x20 ? emu_stm32_spi_read(address) : 0;
   }
 }
@@ -187,12 +253,14 @@ static inline void emu_stm32_spi_write(uint32_t address, uint32_t value) {
     stm32.cr1 = value;
     return;
   }
+  if (address == SPI1 + SPI_CR2) {
+    /* The receiver's stream must be ready before bytes run (28.3.9). */
+    if ((value & SPI_CR2_TXDMAEN) && !(stm32.dma_cr[0] & DMA_CR_EN)) stm32.n_dma_violations++;
+    stm32.spi_cr2 = value;
+    return;
+  }
   if (!stm32.is_selected || !(stm32.cr1 & SPI_CR1_SPE) || (stm32.spi_sr & SPI_SR_RXNE)) stm32.n_spi_violations++;
-  stm32.out[stm32.n_out % sizeof stm32.out] = (uint8_t)value;
-  stm32.rx = stm32.slave ? stm32.slave((uint8_t)value, stm32.n_out) : stm32.answer[stm32.n_out % sizeof stm32.answer];
-  stm32.n_out++;
-  if (stm32.n_out == stm32.overrun_at) stm32.spi_sr |= SPI_SR_OVR;
-  if (stm32.n_out == stm32.modf_at) stm32.spi_sr |= SPI_SR_MODF;
+  stm32.rx = emu_stm32_slave_byte((uint8_t)value);
   if (!stm32.is_silent) stm32.spi_sr |= SPI_SR_RXNE;
 }
 
@@ -222,5 +290,6 @@ void stm32_model_write(uint32_t address, uint32_t value) {
     if (value & 1u << 4) stm32.is_selected = false;
   }
   if (address >= SPI1 && address < SPI1 + 0x20) emu_stm32_spi_write(address, value);
+  if (address >= DMA2_LISR && address < DMA2_STREAM(8)) emu_stm32_dma_write(address, value);
 }
 #endif

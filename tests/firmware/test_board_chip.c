@@ -241,9 +241,12 @@ static void test_overrun_is_counted_with_what_it_cost(void** state) {
   stm32.now_us += 400000; /* the main loop was held up: the FIFO holds 102 ms */
   run(2.0);
   const imucal_link_sensor_reply_t now = sensor_now();
-  assert_int_equal(now.overruns, 1);
+  /* A sample that comes while the first burst is read raises the flag again and puts that burst out of step: it is refused
+   * and the FIFO begun anew. */
+  assert_in_range(now.overruns, 1, 2);
+  assert_true(now.invalid < 60);
   assert_in_range(now.lost, 280, 320);
-  assert_int_equal(event_bits, IMUCAL_SENSOR_OVERRUNS | IMUCAL_SENSOR_LOST);
+  assert_int_equal(event_bits & ~(uint32_t)IMUCAL_SENSOR_INVALID, IMUCAL_SENSOR_OVERRUNS | IMUCAL_SENSOR_LOST);
   assert_true(n_marked >= 1);
   assert_works_again();
 }

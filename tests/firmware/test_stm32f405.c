@@ -211,6 +211,63 @@ static void test_spi_faults_end_in_time_release_the_select_and_heal(void** state
   }
 }
 
+/* ---- long answers: DMA ---- */
+
+static imucal_status read_long(uint8_t* in, size_t n) {
+  const uint8_t reg = 0xB0;
+  stm32_spi_init(84000000, 10500000);
+  return stm32_spi_transfer(&reg, 1, in, n);
+}
+
+static void assert_streams_off(void) {
+  assert_int_equal((stm32.dma_cr[0] | stm32.dma_cr[1]) & DMA_CR_EN, 0);
+  assert_int_equal(stm32.spi_cr2, 0);
+  assert_false(stm32.is_selected);
+}
+
+static void test_long_answers_come_by_dma_and_short_ones_do_not(void** state) {
+  (void)state;
+  for (size_t n = 1; n <= 60; n++) {
+    uint8_t in[61];
+    memset(in, 0xEE, sizeof in);
+    const uint32_t before = stm32.n_dma_bytes;
+    assert_int_equal(read_long(in, n), IMUCAL_OK);
+    for (size_t i = 0; i < n; i++) assert_int_equal(in[i], 0xA0 + 1 + i);
+    assert_int_equal(in[n], 0xEE);
+    assert_int_equal(stm32.n_dma_bytes - before, n < 16 ? 0 : n);
+    assert_int_equal(stm32.n_dma_violations + stm32.n_spi_violations, 0);
+    assert_streams_off();
+  }
+}
+
+static void test_dma_error_overrun_and_stall_end_the_transfer_and_the_next_works(void** state) {
+  (void)state;
+  uint8_t in[40];
+  for (int fault = 0; fault < 4; fault++) {
+    (void)power_on(NULL);
+    stm32.dma_error_at = fault == 0 ? 5 : 0;
+    stm32.overrun_at = fault == 1 ? 9 : 0;
+    stm32.modf_at = fault == 2 ? 9 : 0;
+    stm32.is_dma_stalled = fault == 3;
+    const uint64_t before_us = stm32.now_us;
+    assert_int_equal(read_long(in, 40), IMUCAL_ERR_SENSOR);
+    assert_true(stm32.now_us - before_us < 5000);
+    assert_streams_off();
+    stm32.dma_error_at = stm32.overrun_at = stm32.modf_at = 0;
+    stm32.is_dma_stalled = false;
+    assert_int_equal(read_long(in, 40), IMUCAL_OK);
+    assert_int_equal(in[39], 0xA0 + 40);
+    assert_int_equal(stm32.n_dma_violations, 0);
+  }
+}
+
+static void test_a_stream_that_does_not_stop_is_an_error(void** state) {
+  (void)state;
+  uint8_t in[40];
+  stm32.stays_enabled = true;
+  assert_int_equal(read_long(in, 40), IMUCAL_ERR_SENSOR);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test_setup(test_flash_programs_words_of_its_slot_and_locks_again, power_on),
@@ -224,6 +281,9 @@ int main(void) {
       cmocka_unit_test_setup(test_spi_one_select_around_both_directions, power_on),
       cmocka_unit_test_setup(test_spi_rate_is_never_above_the_one_asked_for, power_on),
       cmocka_unit_test_setup(test_spi_faults_end_in_time_release_the_select_and_heal, power_on),
+      cmocka_unit_test_setup(test_long_answers_come_by_dma_and_short_ones_do_not, power_on),
+      cmocka_unit_test_setup(test_dma_error_overrun_and_stall_end_the_transfer_and_the_next_works, power_on),
+      cmocka_unit_test_setup(test_a_stream_that_does_not_stop_is_an_error, power_on),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -16,6 +16,8 @@ void stm32_model_write(uint32_t address, uint32_t value);
 #define reg_write stm32_model_write
 const void* stm32_model_memory(uint32_t address);
 #define reg_memory stm32_model_memory
+uint32_t stm32_model_address(const void* memory);
+#define reg_address stm32_model_address
 #else
 static inline uint32_t reg_read(uint32_t address) {
   return *(volatile uint32_t*)(uintptr_t)address;
@@ -25,6 +27,9 @@ static inline void reg_write(uint32_t address, uint32_t value) {
 }
 static inline const void* reg_memory(uint32_t address) {
   return (const void*)(uintptr_t)address;
+}
+static inline uint32_t reg_address(const void* memory) {
+  return (uint32_t)(uintptr_t)memory;
 }
 #endif
 
@@ -96,15 +101,35 @@ static inline void reg_clear(uint32_t address, uint32_t bits) {
 /* SPI1, chapter 28.5 */
 #define SPI1 0x40013000u
 #define SPI_CR1 0x00u
+#define SPI_CR2 0x04u
 #define SPI_SR 0x08u
 #define SPI_DR 0x0Cu
 #define SPI_CR1_MASTER_MODE3 (0x0007u | 0x0300u) /* CPHA, CPOL, MSTR; SSM, SSI: the chip select is ours */
 #define SPI_CR1_SPE (1u << 6)
+#define SPI_CR2_RXDMAEN (1u << 0)
+#define SPI_CR2_TXDMAEN (1u << 1)
 #define SPI_SR_RXNE (1u << 0)
 #define SPI_SR_TXE (1u << 1)
 #define SPI_SR_MODF (1u << 5)
 #define SPI_SR_OVR (1u << 6)
 #define SPI_SR_BSY (1u << 7)
+
+/* DMA2, chapter 10.5; SPI1 is channel 3 of stream 0 (receive) and stream 3 (transmit), table 43 */
+#define DMA2_LISR 0x40026400u
+#define DMA2_LIFCR 0x40026408u
+#define DMA2_STREAM(s) (0x40026410u + 0x18u * (s))
+#define DMA_CR 0x00u
+#define DMA_NDTR 0x04u
+#define DMA_PAR 0x08u
+#define DMA_M0AR 0x0Cu
+#define DMA_FCR 0x14u
+#define DMA_CR_EN (1u << 0)
+#define DMA_CR_TO_PERIPHERAL (1u << 6)
+#define DMA_CR_MINC (1u << 10)
+#define DMA_CR_CHANNEL(c) ((uint32_t)(c) << 25)
+#define DMA2_LISR_TCIF0 (1u << 5)
+#define DMA2_LISR_ERRORS (0xDu | 0xDu << 22) /* FEIF, DMEIF, TEIF of streams 0 and 3 */
+#define DMA2_LISR_ALL (0x3Du | 0x3Du << 22)
 
 /* I2C1, chapter 27.6 */
 #define I2C1 0x40005400u

@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: MIT
 /* RM0090 chapter 28.3.5: full duplex, one byte in flight: each byte sent brings one back, so nothing can overrun unless
- * the clock or the peripheral misbehaves. */
+ * the clock or the peripheral misbehaves.  Long answers come by DMA (28.3.9, chapter 10): no gaps between bytes, whatever
+ * interrupts the core takes meanwhile. */
 #include "stm32f405.h"
 
 #define CS_LOW (1u << (16 + 4))
 #define CS_HIGH (1u << 4)
 #define BYTE_LIMIT_US 200u /* at the slowest rate a byte takes 24 us */
+#define DMA_FROM_BYTES 16u /* setting up takes as long as some bytes */
+#define RX DMA2_STREAM(0)
+#define TX DMA2_STREAM(3)
 
 void stm32_spi_init(uint32_t apb2_hz, uint32_t hz) {
   reg_set(RCC_AHB1ENR, 1u << 0);  /* port A */
   reg_set(RCC_APB2ENR, 1u << 12); /* SPI1 */
+  reg_set(RCC_AHB1ENR, 1u << 22); /* DMA2 */
   reg_write(GPIO(0) + GPIO_BSRR, CS_HIGH);
   /* PA4 output, PA5 to PA7 alternate function 5; fast edges. */
   reg_write(GPIO(0) + GPIO_MODER, (reg_read(GPIO(0) + GPIO_MODER) & ~0xFF00u) | 0xA900u);
@@ -40,6 +45,55 @@ static bool exchange(uint8_t out, uint8_t* in) {
   return true;
 }
 
+static void set_stream(uint32_t stream, uint32_t how, const void* memory, size_t n) {
+  reg_write(stream + DMA_FCR, 0); /* direct: no FIFO */
+  reg_write(stream + DMA_PAR, SPI1 + SPI_DR);
+  reg_write(stream + DMA_M0AR, reg_address(memory));
+  reg_write(stream + DMA_NDTR, (uint32_t)n);
+  reg_write(stream + DMA_CR, DMA_CR_CHANNEL(3) | how);
+  reg_write(stream + DMA_CR, DMA_CR_CHANNEL(3) | how | DMA_CR_EN);
+}
+
+/* A stream ends the byte it is at before its EN reads 0. */
+static bool stop_stream(uint32_t stream) {
+  const uint64_t end_us = stm32_time_us() + BYTE_LIMIT_US;
+  reg_clear(stream + DMA_CR, DMA_CR_EN);
+  while (reg_read(stream + DMA_CR) & DMA_CR_EN)
+    if (stm32_time_us() > end_us) return false;
+  return true;
+}
+
+static bool wait_for_dma(size_t n) {
+  const uint64_t end_us = stm32_time_us() + BYTE_LIMIT_US + 25u * n;
+  for (;;) {
+    const uint32_t flags = reg_read(DMA2_LISR);
+    if (flags & DMA2_LISR_ERRORS || reg_read(SPI1 + SPI_SR) & (SPI_SR_OVR | SPI_SR_MODF)) return false;
+    if (flags & DMA2_LISR_TCIF0) return true;
+    if (stm32_time_us() > end_us) return false;
+  }
+}
+
+/* n <= 65535 bytes; zeros go out. */
+static bool receive_by_dma(uint8_t* in, size_t n) {
+  static const uint8_t zero = 0;
+  reg_write(DMA2_LIFCR, DMA2_LISR_ALL); /* flags of the last time keep a stream from starting */
+  reg_write(SPI1 + SPI_CR2, SPI_CR2_RXDMAEN);
+  set_stream(RX, DMA_CR_MINC, in, n);
+  set_stream(TX, DMA_CR_TO_PERIPHERAL, &zero, n);
+  reg_write(SPI1 + SPI_CR2, SPI_CR2_RXDMAEN | SPI_CR2_TXDMAEN); /* last: from here on bytes run */
+  const bool is_good = wait_for_dma(n);
+  const bool is_tx_off = stop_stream(TX), is_rx_off = stop_stream(RX);
+  reg_write(SPI1 + SPI_CR2, 0);
+  return is_good && is_tx_off && is_rx_off;
+}
+
+static bool receive(uint8_t* in, size_t n) {
+  bool is_good = true;
+  if (n >= DMA_FROM_BYTES) return receive_by_dma(in, n);
+  for (size_t i = 0; i < n && is_good; i++) is_good = exchange(0, in + i);
+  return is_good;
+}
+
 static bool wait_not_busy(void) {
   const uint64_t end_us = stm32_time_us() + BYTE_LIMIT_US;
   while (reg_read(SPI1 + SPI_SR) & SPI_SR_BSY)
@@ -61,7 +115,7 @@ imucal_status stm32_spi_transfer(const uint8_t* out, size_t n_out, uint8_t* in, 
   bool is_good = true;
   reg_write(GPIO(0) + GPIO_BSRR, CS_LOW);
   for (size_t i = 0; i < n_out && is_good; i++) is_good = exchange(out[i], &ignored);
-  for (size_t i = 0; i < n_in && is_good; i++) is_good = exchange(0, in + i);
+  is_good = is_good && receive(in, n_in);
   is_good = is_good && wait_not_busy();
   reg_write(GPIO(0) + GPIO_BSRR, CS_HIGH);
   if (!is_good) recover();
