@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: MIT
 """What `make install` puts under a prefix works from there, and `make uninstall` takes it away."""
 import os
+import pty
+import re
+import select
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -93,6 +97,37 @@ def test_zsh_completes_subcommands(root, tmp_path):
     words = f"fpath=({functions} $fpath); autoload -Uz compinit; compinit -u -d {tmp_path}/dump; print -r -- $_comps[imucal]; autoload -Uz +X _imucal && print loaded"
     done = subprocess.run(["zsh", "-f", "-c", words], capture_output=True, text=True, cwd=tmp_path)
     assert done.stdout.split() == ["_imucal", "loaded"] and not done.stderr
+
+
+def typed_in_zsh(functions, line, folder):
+    """What a line becomes when Tab is pressed after it in an interactive zsh."""
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.chdir(folder)
+        os.execvpe("zsh", ["zsh", "-f", "-i"], {**os.environ, "ZDOTDIR": str(folder), "TERM": "dumb"})
+
+    def until(mark):
+        said, end = "", time.monotonic() + 60
+        while mark not in said and time.monotonic() < end and select.select([terminal], [], [], 60)[0]:
+            said += os.read(terminal, 65536).decode(errors="replace")
+        return said
+
+    os.write(terminal, f"PS1=; fpath=({functions} $fpath); autoload -Uz compinit; compinit -u -d {folder}/dump; bindkey -e; print re''ady\r".encode())
+    until("ready\r")
+    os.write(terminal, line.encode() + b"\t\x01print -r -- \"<\x05>\"\r")  # Tab; then the whole line into a print
+    said = until(">\r\n")
+    os.write(terminal, b"exit\r")
+    os.close(terminal)
+    os.waitpid(pid, 0)
+    return re.findall(r"\n<(.*?)>\r\n", said)
+
+
+@pytest.mark.parametrize("line, whole", [("imucal dia", "imucal diagnose"), ("imucal profile opt", "imucal profile optimize"),
+                                         ("imucal errormodel --cr", "imucal errormodel --criterion")])
+def test_zsh_completes_what_is_typed(root, tmp_path, line, whole):
+    if not shutil.which("zsh"):
+        pytest.skip("zsh is not installed: its completion is not tried (apt-get install zsh)")
+    assert [found.strip() for found in typed_in_zsh(root / "share/zsh/site-functions", line, tmp_path)] == [whole]
 
 
 def test_pkg_config_and_cmake_lead_to_a_program_that_runs(root, tmp_path):
