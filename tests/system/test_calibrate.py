@@ -180,7 +180,7 @@ def test_run_one_axis_leaves_the_others_uncalibrated(imu):
 def test_run_six_channels_gyros_and_accelerometers(tmp_path):
     imu = Imu(tmp_path, options=["--channels", "6"])
     try:
-        mg = {**MODEL, "arw_deg_rt_h": 0.02, "markov": [{"sigma_dph": 0.5, "tau_s": 100}],
+        mg = {**MODEL, "unit": "mg", "arw_deg_rt_h": 0.02, "markov": [{"sigma_dph": 0.5, "tau_s": 100}],
               "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [5, 10, 2, -1]}}
         (tmp_path / "accel.json").write_text(json.dumps(mg))
         imu.sense(BASIC, options=["--accel-model", "accel.json"] * 3)
@@ -189,7 +189,7 @@ def test_run_six_channels_gyros_and_accelerometers(tmp_path):
         assert status == 0, out + err
         az = imu.json("run.json")["axes"][5]
         assert az["axis"] == "az_mg" and az["coeff_mg"] == pytest.approx([5, 10, 2, -1], abs=5 * max(az["sigma_mg"]))
-        assert "residual_rms_mg" in az
+        assert "residual_rms_mg" in az and out.count("b0 holds gravity") == 3
     finally:
         imu.close()
 

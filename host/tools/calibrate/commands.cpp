@@ -183,11 +183,14 @@ void print_axes(const imucal_table_t& table) {
       continue;
     }
     const float worst = *std::max_element(c.sigma, c.sigma + IMUCAL_TABLE_SIGMA_N);
-    std::printf("  %-10s order %u, %.1f to %.1f degC, worst predicted error %.2f %s (one sigma), coefficients",
+    const bool is_accel = channel_unit(c) == "mg";
+    const int digits = is_accel ? 4 : 2;
+    std::printf("  %-10s order %u, %.1f to %.1f degC, worst predicted error %.*f %s (one sigma), coefficients",
                 fixed_text(c.name).c_str(), c.order, static_cast<double>(c.span_lo_degc),
-                static_cast<double>(c.span_hi_degc), static_cast<double>(worst), channel_unit(c).c_str());
-    for (unsigned k = 0; k <= c.order; ++k) std::printf(" %.2f", static_cast<double>(c.coeff[k]));
+                static_cast<double>(c.span_hi_degc), digits, static_cast<double>(worst), channel_unit(c).c_str());
+    for (unsigned k = 0; k <= c.order; ++k) std::printf(" %.*f", digits, static_cast<double>(c.coeff[k]));
     std::printf("\n");
+    if (is_accel) std::printf("  %-10s b0 holds gravity along the axis, as it lay\n", "");
   }
 }
 
