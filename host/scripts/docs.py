@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,7 +34,7 @@ def rewritten(source, text, site):
         mark, label, target, anchor = match.groups()
         if "://" in target or target.startswith("mailto:"):
             return match.group(0)
-        if source.startswith("host/docs/") and target.startswith("readme/"):
+        if source.startswith("host/docs/") and target.startswith(("readme/", "figures/")):
             return match.group(0)
         path = os.path.normpath(os.path.join(os.path.dirname(source), target))
         if path in site:
@@ -73,6 +74,24 @@ def executed(path):
     return "\n\n".join(parts) + "\n"
 
 
+def figures(folder):
+    """The site's figures, made by the programs from the example that they write: {name: command as a reader would type it}."""
+    programs = Path(os.environ.get("IMUCAL_BIN", ROOT / "build/bin"))
+    folder.mkdir(parents=True, exist_ok=True)
+    made = {"look.png": ["look", "run1.csv", "--no-ml", "-o", str(folder.resolve() / "look.png")]}
+    with tempfile.TemporaryDirectory() as example:
+        subprocess.run([programs / "imucal", "example", example], check=True, capture_output=True)
+        for words in made.values():
+            subprocess.run([programs / "imucal", *words], cwd=example, check=True, capture_output=True)
+    return sorted(made)
+
+
+def missing_figures(folder):
+    """Figures that a page shows and nobody made."""
+    shown = {(page, target) for page in folder.rglob("*.md") for target in re.findall(r"!\[[^\]]*\]\((figures/[^)]+)\)", page.read_text(encoding="utf-8"))}
+    return [f"{page.relative_to(folder)}: {target}" for page, target in sorted(shown) if not (page.parent / target).exists()]
+
+
 def main():
     """Write the folder; status 1 where a link leads nowhere."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -87,11 +106,12 @@ def main():
         broken += lost
         (out / "docs" / place).parent.mkdir(parents=True, exist_ok=True)
         (out / "docs" / place).write_text(text, encoding="utf-8")
-    sys.path.insert(0, str(ROOT / "host/python"))
+    drawn = figures(out / "docs/figures")
+    broken += missing_figures(out / "docs")
     shutil.copy(ROOT / "host/docs/mkdocs.yml", out / "mkdocs.yml")
     for link in broken:
         print(f"docs.py: a link that leads nowhere: {link}", file=sys.stderr)
-    print(f"docs: {len(site)} pages, {len(broken)} broken links")
+    print(f"docs: {len(site)} pages, figures made: {len(drawn)}, {len(broken)} broken links")
     return 1 if broken else 0
 
 
