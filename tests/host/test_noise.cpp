@@ -281,6 +281,22 @@ static void test_too_many_states_are_refused(void**) {
   compute_gains(SampleTimes{10}, m);
 }
 
+static void test_column_products_are_those_of_the_matrices(void**) {
+  Rng rng(8, 0, 0, Stream::kWhite);
+  for (long n : {1L, 7L, 8L, 513L, 1100L})
+    for (long p : {1L, 4L, 6L})
+      for (long q : {1L, 2L, 5L}) {
+        MatrixXd a(n + 3, p), b(n, q); // a: a part of larger columns
+        for (long i = 0; i < a.size(); ++i) a.data()[i] = rng.normal();
+        for (long i = 0; i < b.size(); ++i) b.data()[i] = rng.normal();
+        const MatrixXd expected = a.topRows(n).transpose() * b;
+        const MatrixXd found = column_products(a.topRows(n), b);
+        assert_int_equal(found.rows(), p);
+        assert_int_equal(found.cols(), q);
+        assert_near((found - expected).norm(), 0, 1e-12 * std::sqrt(static_cast<double>(n * p * q)));
+      }
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_whitening_equals_the_dense_factor_with_gaps),
@@ -293,6 +309,7 @@ int main() {
       cmocka_unit_test(test_mixtures_reduce_to_the_gaussian_they_contain),
       cmocka_unit_test(test_mixtures_of_white_noise_are_exact),
       cmocka_unit_test(test_too_many_states_are_refused),
+      cmocka_unit_test(test_column_products_are_those_of_the_matrices),
   };
   return cmocka_run_group_tests_name("noise", tests, nullptr, nullptr);
 }

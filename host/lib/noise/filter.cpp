@@ -71,6 +71,46 @@ template <class V> IMUCAL_WIDE_PART void products(const double* a, const double*
   }
 }
 
+// A by B columns against each other: eight samples side by side, the sums stay in registers.
+template <size_t A, size_t B>
+IMUCAL_WIDE_PART void column_block(const double* a, size_t lda, const double* b, size_t ldb, size_t n, double* out,
+                                   size_t ldo) {
+  Lanes8 s[A][B] = {};
+  size_t k = 0;
+  for (; k + 8 <= n; k += 8) {
+    Lanes8 left[A], right;
+    for (size_t i = 0; i < A; ++i) load(&left[i], a + i * lda + k);
+    for (size_t j = 0; j < B; ++j) {
+      load(&right, b + j * ldb + k);
+      for (size_t i = 0; i < A; ++i) s[i][j] += left[i] * right;
+    }
+  }
+  for (size_t i = 0; i < A; ++i)
+    for (size_t j = 0; j < B; ++j) {
+      double sum = 0;
+      for (size_t l = 0; l < 8; ++l) sum += s[i][j][l];
+      for (size_t rest = k; rest < n; ++rest) sum += a[i * lda + rest] * b[j * ldb + rest];
+      out[i + j * ldo] += sum;
+    }
+}
+
+IMUCAL_WIDE void column_products(const double* a, size_t lda, size_t na, const double* b, size_t ldb, size_t nb,
+                                 size_t n, double* out) {
+  for (size_t i = 0; i < na; i += na - i < 4 ? 1 : 4)
+    for (size_t j = 0; j < nb; j += nb - j < 2 ? 1 : 2) {
+      const double *left = a + i * lda, *right = b + j * ldb;
+      double* to = out + i + j * na;
+      if (na - i >= 4 && nb - j >= 2)
+        column_block<4, 2>(left, lda, right, ldb, n, to, na);
+      else if (na - i >= 4)
+        column_block<4, 1>(left, lda, right, ldb, n, to, na);
+      else if (nb - j >= 2)
+        column_block<1, 2>(left, lda, right, ldb, n, to, na);
+      else
+        column_block<1, 1>(left, lda, right, ldb, n, to, na);
+    }
+}
+
 IMUCAL_WIDE void products_8(const double* a, const double* b, size_t n, double* sum) {
   products<Lanes8>(a, b, n, sum);
 }
@@ -84,6 +124,13 @@ void filter_lanes(const FilterGains& gains, size_t lanes, double* rows, size_t s
   if (lanes == 8) return run_8(gains, rows, stride, state);
   if (lanes == 4) return run_4(gains, rows, stride, state);
   run_states<double>(gains, rows, stride, state);
+}
+
+void add_column_products(const double* a, size_t lda, size_t na, const double* b, size_t ldb, size_t nb, size_t n,
+                         double* out) {
+  constexpr size_t kChunk = 512; // samples of all columns of b that stay in the second cache
+  for (size_t k = 0; k < n; k += kChunk)
+    column_products(a + k, lda, na, b + k, ldb, nb, n - k < kChunk ? n - k : kChunk, out);
 }
 
 void add_products(size_t lanes, const double* a, const double* b, size_t n, double* sum) {

@@ -108,6 +108,15 @@ void colour(const RunGains& gains, double* column, size_t) {
   });
 }
 
+Eigen::MatrixXd column_products(const Eigen::Ref<const Eigen::MatrixXd>& a,
+                                const Eigen::Ref<const Eigen::MatrixXd>& b) {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(a.cols(), b.cols());
+  add_column_products(a.data(), static_cast<size_t>(a.outerStride()), static_cast<size_t>(a.cols()), b.data(),
+                      static_cast<size_t>(b.outerStride()), static_cast<size_t>(b.cols()),
+                      static_cast<size_t>(a.rows()), out.data());
+  return out;
+}
+
 WideColumns::WideColumns(const Eigen::MatrixXd& columns)
     : n_(static_cast<size_t>(columns.rows())), p_(static_cast<size_t>(columns.cols())),
       data_((p_ + lanes() - 1) / lanes() * n_ * lanes()) {

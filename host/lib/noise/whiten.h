@@ -22,6 +22,9 @@ void solve_rows(const RunGains& gains, size_t width, double* rows);
 // The inverse of whitening: the sample path whose whitened innovations are `column`.
 void colour(const RunGains& gains, double* column, size_t n);
 
+// A'B of columns of one run, for the widest vectors of the machine.  Shapes: n x p and n x q give p x q.
+Eigen::MatrixXd column_products(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::Ref<const Eigen::MatrixXd>& b);
+
 // The columns of one run in the order that the filters read them.  Made once, then whitened by many noise models.
 class WideColumns {
 public:
