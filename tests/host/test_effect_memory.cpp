@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <cstring>
 #include <map>
+#include <optional>
 #include <set>
 
 #include <Eigen/Dense>
@@ -160,6 +161,40 @@ static void test_step_that_begins_inside_its_band_is_on_in_half_of_the_runs(void
 
 // exp(-off/tau) of the warmth is left; log10(off/tau) is uniform from -1 to 1: the median restart has 1 -
 // 1/e.
+// Runs as the engine sees them, of their temperatures alone.
+static bool is_repeated(const std::vector<std::vector<double>>& temps, const Theta& shape) {
+  std::vector<RunInput> runs(temps.size());
+  std::vector<const RunInput*> pointers;
+  for (size_t r = 0; r < temps.size(); ++r) runs[r].smooth_degc = temps[r], pointers.push_back(&runs[r]);
+  return find_effect("thermal_step").estimator()->is_repeated(pointers, shape);
+}
+
+static void test_a_jump_at_a_temperature_is_one_only_where_it_comes_back(void**) {
+  const std::vector<double> triangle = triangle_degc(), cooling = {40, 35, 30, 25, 20}, warming = {0, 10, 20, 30, 39};
+  assert_true(is_repeated({triangle}, {40, 0}));           // up and down through the same place
+  assert_true(is_repeated({triangle, triangle}, {40, 5})); // twice up
+  assert_true(is_repeated({warming, warming}, {25, 10}));
+  assert_false(is_repeated({triangle}, {40, 5}));           // once up at 40, once down at 35
+  assert_false(is_repeated({cooling, warming}, {28, 20}));  // once up; the band is never left downward
+  assert_false(is_repeated({cooling, warming}, {39.5, 0})); // only one run gets there
+  // A thermometer's noise at the threshold is one passage.
+  assert_false(is_repeated({{20, 29.9, 30.1, 29.8, 30.2, 29.9, 30.1, 40}}, {30, 0}));
+}
+
+static void test_typical_sizes_are_valid_and_ordered(void**) {
+  std::set<int> places;
+  std::set<std::string> short_names;
+  for (const Effect* effect : effect_library())
+    for (int order : {3, 4})
+      if (const std::optional<TypicalSize> size = effect->typical_size(order)) {
+        read_parameters(*effect, size->parameters);
+        if (order == 4) continue;
+        assert_true(places.insert(size->place).second);
+        assert_true(short_names.insert(size->short_name).second);
+      }
+  assert_int_equal(places.size(), 7);
+}
+
 static void test_warm_restarts_have_less_of_the_warm_up(void**) {
   size_t n_below = 0;
   for (size_t log = 0; log < 400; ++log) {
@@ -359,6 +394,8 @@ int main() {
       cmocka_unit_test(test_creep_begins_with_what_an_earlier_change_left),
       cmocka_unit_test(test_step_switches_up_and_down_at_its_temperatures),
       cmocka_unit_test(test_step_that_begins_inside_its_band_is_on_in_half_of_the_runs),
+      cmocka_unit_test(test_a_jump_at_a_temperature_is_one_only_where_it_comes_back),
+      cmocka_unit_test(test_typical_sizes_are_valid_and_ordered),
       cmocka_unit_test(test_warm_restarts_have_less_of_the_warm_up),
       cmocka_unit_test(test_tone_drifts_by_the_integral_of_temperature),
       cmocka_unit_test(test_start_is_shared_by_axes_and_new_in_every_run),

@@ -8,7 +8,6 @@ EFFECTS = ROOT / "host" / "lib" / "physics" / "effects"
 
 # Where a name may stand beside its own file, and why.  An entry that is not needed any more fails too.
 ALLOWED = {
-    "host/lib/analysis/profile/signature.cpp": "the standard sizes that profiles are compared with",
     "host/scripts/bench_diagnose.py": "what the benchmark simulates",
     "host/tools/dp/main.cpp": "member of the JSON of dp, not an effect",
     "host/lib/analysis/dp/ratios.cpp": "verdict of the DP ratios, not an effect",

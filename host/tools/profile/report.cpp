@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <fstream>
 
+#include "base/axis_unit.h"
 #include "base/error.h"
 
 namespace imucal {
@@ -80,6 +81,54 @@ std::string error_text(const CalibrationError& error, bool with_believed, const 
       std::snprintf(line, sizeof line, "  %9.2f  %10.3f\n", error.temp_degc[k], error.sigma_dph[k]);
     text += line;
   }
+  return text;
+}
+
+Json to_json(const SignatureTable& table) {
+  const size_t n = table.effects.size();
+  Json json = {{"effects", Json::array()}, {"correlation", Json::array()}, {"worst_correlation", table.worst}};
+  for (size_t i = 0; i < n; ++i) {
+    json["effects"].push_back({{"name", table.effects[i].name},
+                               {"parameters", table.effects[i].parameters},
+                               {"strength", table.strength[i]},
+                               {"visible_frac", table.visible_frac[i]},
+                               {"separable_strength", table.separable[i]},
+                               {"needed_to_name", table.needed[i]}});
+    json["correlation"].push_back(
+        std::vector<double>(table.correlation.begin() + static_cast<std::ptrdiff_t>(i * n),
+                            table.correlation.begin() + static_cast<std::ptrdiff_t>((i + 1) * n)));
+  }
+  if (n > 1) json["worst_pair"] = {table.effects[table.worst_a].name, table.effects[table.worst_b].name};
+  json["mean_separable_strength"] = table.mean_separable;
+  json["not_visible"] = table.invisible;
+  return json;
+}
+
+std::string signature_text(const SignatureTable& table, const std::string& unit) {
+  std::string text = "  correlation of whitened signatures (polynomial and turn-on constant projected off)\n";
+  char cell[128];
+  const size_t n = table.effects.size();
+  for (size_t i = 0; i < n; ++i) {
+    std::snprintf(cell, sizeof cell, "  %-24s", table.effects[i].name.c_str());
+    text += cell;
+    for (size_t j = 0; j <= i; ++j) {
+      std::snprintf(cell, sizeof cell, " %6.2f", table.correlation[i * n + j]);
+      text += cell;
+    }
+    std::snprintf(cell, sizeof cell, "%*s", static_cast<int>(7 * (n - 1 - i)), "");
+    text += cell;
+    if (table.needed[i] > 0)
+      std::snprintf(cell, sizeof cell, "  can be named from %.3g %s\n", table.needed[i],
+                    name_in_unit(table.amplitude[i], unit).c_str());
+    else
+      std::snprintf(cell, sizeof cell, "  not visible\n");
+    text += cell;
+  }
+  if (n > 1 && table.worst > 0) {
+    std::snprintf(cell, sizeof cell, "  worst %.3f: ", table.worst);
+    text += cell + table.effects[table.worst_a].name + " and " + table.effects[table.worst_b].name + "\n";
+  }
+  for (const std::string& name : table.invisible) text += "  " + name + ": not visible on this profile\n";
   return text;
 }
 

@@ -6,6 +6,7 @@
 
 #include "analysis/profile/bound.h"
 #include "analysis/profile/covariance.h"
+#include "analysis/profile/signature.h"
 #include "base/range.h"
 #include "io/json_file.h"
 #include "io/model.h"
@@ -23,6 +24,10 @@ ProfileInput read_profile_input(const std::string& path, bool restart_each_cycle
 
 Json to_json(const CalibrationError& error);
 Json to_json(const Bound& bound);
+Json to_json(const SignatureTable& table);
+
+// Correlations of the signatures and the size from which each effect can be named.
+std::string signature_text(const SignatureTable& table, const std::string& unit = "dph");
 
 // Table of error over temperature at `points` temperatures.
 std::string error_text(const CalibrationError& error, bool with_believed, const std::string& unit, int lines = 13);

@@ -4,10 +4,9 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <optional>
 #include <sstream>
 
-#include "base/axis_unit.h"
 #include "base/error.h"
 #include "linear/linear.h"
 #include "noise/whiten.h"
@@ -20,30 +19,19 @@ using Eigen::MatrixXd;
 
 namespace {
 
-struct KnownEffect {
-  const char* name;
-  const char* short_name;
-  Json parameters;
+struct SizedEffect {
+  const Effect* effect;
+  TypicalSize size;
+  EffectSpec spec() const { return {effect->name(), size.parameters}; }
 };
 
-const std::vector<KnownEffect>& known_effects() {
-  static const std::vector<KnownEffect> known = {
-      {"thermal_lag", "lag", {{"tau_s", 60.0}}},
-      {"temperature_rate", "rate", {{"k_dph_per_degc_min", 10.0}}},
-      {"thermal_hysteresis", "hyst", {{"amplitude_dph", 10.0}, {"width_degc", 5.0}}},
-      {"warm_up", "warmup", {{"amplitude_dph", 30.0}, {"tau_s", 300.0}}},
-      {"rate_ramp", "ramp", {{"ramp_dph_per_h", 10.0}}},
-      {"higher_order_polynomial", "poly", {{"p4_dph", 10.0}, {"p5_dph", 0.0}}},
-      {"thermal_anomaly", "bump", {{"amplitude_dph", 20.0}, {"center_degc", 30.0}, {"width_degc", 2.5}}},
-  };
-  return known;
-}
-
-EffectSpec spec_of(const KnownEffect& known, int order) {
-  EffectSpec spec{known.name, known.parameters};
-  // Of an order-4 fit the first term left out is the fifth.
-  if (spec.name == "higher_order_polynomial" && order >= 4) spec.parameters = {{"p4_dph", 0.0}, {"p5_dph", 10.0}};
-  return spec;
+// The effects that say a typical size, in the order of the tables.
+std::vector<SizedEffect> sized_effects(int order) {
+  std::vector<SizedEffect> list;
+  for (const Effect* effect : effect_library())
+    if (const std::optional<TypicalSize> size = effect->typical_size(order)) list.push_back({effect, *size});
+  std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.size.place < b.size.place; });
+  return list;
 }
 
 // The record of a noise-free sensor with the effect, less the nominal polynomial of its thermometer.
@@ -76,8 +64,8 @@ std::vector<double> signature_of(const EffectSpec& spec, const CalibrationRun& r
 
 std::vector<EffectSpec> standard_effects(int order) {
   std::vector<EffectSpec> out;
-  for (const KnownEffect& known : known_effects())
-    if (std::string(known.name) != "thermal_anomaly") out.push_back(spec_of(known, order));
+  for (const SizedEffect& sized : sized_effects(order))
+    if (sized.size.is_standard) out.push_back(sized.spec());
   return out;
 }
 
@@ -85,16 +73,17 @@ std::vector<EffectSpec> effects_by_name(const std::string& names, int order) {
   std::vector<EffectSpec> out;
   std::stringstream list(names);
   std::string name;
+  const std::vector<SizedEffect> sized = sized_effects(order);
   while (std::getline(list, name, ',')) {
-    const auto& known = known_effects();
-    const auto found = std::find_if(known.begin(), known.end(),
-                                    [&](const KnownEffect& k) { return name == k.name || name == k.short_name; });
-    if (found == known.end()) {
+    const auto found = std::find_if(sized.begin(), sized.end(), [&](const SizedEffect& s) {
+      return name == s.effect->name() || name == s.size.short_name;
+    });
+    if (found == sized.end()) {
       std::string all;
-      for (const KnownEffect& k : known) all += (all.empty() ? "" : ", ") + std::string(k.name);
+      for (const SizedEffect& s : sized) all += (all.empty() ? "" : ", ") + s.effect->name();
       throw usage_error("--tell-apart: '" + name + "' has no signature in the mean; choose from " + all);
     }
-    out.push_back(spec_of(*found, order));
+    out.push_back(found->spec());
   }
   if (out.size() < 2) throw usage_error("--tell-apart needs at least two effects, separated by commas");
   return out;
@@ -201,7 +190,8 @@ void set_separable(SignatureTable* table) {
     const double like = largest_correlation(*table, i);
     const bool visible = table->visible_frac[i] >= kLeastVisible;
     table->separable.push_back(visible ? table->strength[i] * std::sqrt(std::max(0.0, 1 - like * like)) : 0.0);
-    const std::string name = amplitude_parameter(table->effects[i]);
+    table->amplitude.push_back(amplitude_parameter(table->effects[i]));
+    const std::string& name = table->amplitude.back();
     const double amplitude = name.empty() ? 0 : std::abs(table->effects[i].parameters.at(name).get<double>());
     table->needed.push_back(table->separable[i] > 0 ? amplitude * 4 / table->separable[i] : 0.0);
   }
@@ -226,54 +216,6 @@ SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const Ca
   set_correlations(left, &table);
   set_separable(&table);
   return table;
-}
-
-Json to_json(const SignatureTable& table) {
-  const size_t n = table.effects.size();
-  Json json = {{"effects", Json::array()}, {"correlation", Json::array()}, {"worst_correlation", table.worst}};
-  for (size_t i = 0; i < n; ++i) {
-    json["effects"].push_back({{"name", table.effects[i].name},
-                               {"parameters", table.effects[i].parameters},
-                               {"strength", table.strength[i]},
-                               {"visible_frac", table.visible_frac[i]},
-                               {"separable_strength", table.separable[i]},
-                               {"needed_to_name", table.needed[i]}});
-    json["correlation"].push_back(
-        std::vector<double>(table.correlation.begin() + static_cast<std::ptrdiff_t>(i * n),
-                            table.correlation.begin() + static_cast<std::ptrdiff_t>((i + 1) * n)));
-  }
-  if (n > 1) json["worst_pair"] = {table.effects[table.worst_a].name, table.effects[table.worst_b].name};
-  json["mean_separable_strength"] = table.mean_separable;
-  json["not_visible"] = table.invisible;
-  return json;
-}
-
-std::string signature_text(const SignatureTable& table, const std::string& unit) {
-  std::string text = "  correlation of whitened signatures (polynomial and turn-on constant projected off)\n";
-  char cell[128];
-  const size_t n = table.effects.size();
-  for (size_t i = 0; i < n; ++i) {
-    std::snprintf(cell, sizeof cell, "  %-24s", table.effects[i].name.c_str());
-    text += cell;
-    for (size_t j = 0; j <= i; ++j) {
-      std::snprintf(cell, sizeof cell, " %6.2f", table.correlation[i * n + j]);
-      text += cell;
-    }
-    std::snprintf(cell, sizeof cell, "%*s", static_cast<int>(7 * (n - 1 - i)), "");
-    text += cell;
-    const std::string parameter = name_in_unit(amplitude_parameter(table.effects[i]), unit);
-    if (table.needed[i] > 0)
-      std::snprintf(cell, sizeof cell, "  can be named from %.3g %s\n", table.needed[i], parameter.c_str());
-    else
-      std::snprintf(cell, sizeof cell, "  not visible\n");
-    text += cell;
-  }
-  if (n > 1 && table.worst > 0) {
-    std::snprintf(cell, sizeof cell, "  worst %.3f: ", table.worst);
-    text += cell + table.effects[table.worst_a].name + " and " + table.effects[table.worst_b].name + "\n";
-  }
-  for (const std::string& name : table.invisible) text += "  " + name + ": not visible on this profile\n";
-  return text;
 }
 
 } // namespace imucal

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "analysis/profile/covariance.h"
-#include "io/json_file.h"
+#include "io/model.h"
 
 namespace imucal {
 
@@ -24,15 +24,16 @@ struct SignatureTable {
   // d sqrt(1 - largest correlation^2): what is left of the signature beside the effect most like it.  4 is
   // about what naming an effect takes.
   std::vector<double> separable;
-  std::vector<double> needed; // value of the effect's first parameter at which separable is 4; 0: invisible
-  double mean_separable = 0;  // geometric mean of separable (an invisible effect counts as 1e-6)
-  double worst = 0;           // largest |correlation| of two visible effects
+  std::vector<std::string> amplitude; // per effect: its first parameter that is not 0
+  std::vector<double> needed;         // value of the effect's first parameter at which separable is 4; 0: invisible
+  double mean_separable = 0;          // geometric mean of separable (an invisible effect counts as 1e-6)
+  double worst = 0;                   // largest |correlation| of two visible effects
   size_t worst_a = 0, worst_b = 0;
   std::vector<std::string> invisible; // effects with visible_frac below 1e-6: no test can see them on this profile
 };
 
-// The effects and parameters that are judged when none are given: thermal lag (60 s), dT/dt, hysteresis
-// (width 5 degC), turn-on transient (300 s), ageing (ramp in time), 4th order (5th for order 4).
+// The effects that are judged when none are given, at the typical size that each of them says (Effect::typical_size):
+// thermal lag, dT/dt, hysteresis, turn-on transient, ageing (ramp in time), 4th order (5th for order 4).
 std::vector<EffectSpec> standard_effects(int order);
 // Effects by name ("thermal_lag,warm_up", short names too) with the standard parameters.
 // usage_error lists the names there are.
@@ -43,8 +44,5 @@ ThermalPolynomial standard_polynomial(const CalibrationSetup& setup);
 
 SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup,
                                const std::vector<EffectSpec>& effects);
-
-Json to_json(const SignatureTable& table);
-std::string signature_text(const SignatureTable& table, const std::string& unit = "dph");
 
 } // namespace imucal

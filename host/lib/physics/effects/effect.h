@@ -81,6 +81,14 @@ struct HardwareCause {
   std::string what, source;
 };
 
+// The size by which profiles are judged: can this effect be told from others at it (profile evaluate)?
+struct TypicalSize {
+  std::string short_name;  // for command lines
+  int place = 0;           // in tables of signatures
+  bool is_standard = true; // compared when no effects are named
+  Json parameters;         // amplitude first
+};
+
 class EffectEstimator;
 
 class Effect {
@@ -104,6 +112,9 @@ public:
   virtual std::optional<NoiseComponent> closed_form(const Parameters& /*parameters*/, double /*dt_s*/) const {
     return std::nullopt;
   }
+
+  // Of an effect with a signature in the mean; `order`: of the polynomial that is fitted.
+  virtual std::optional<TypicalSize> typical_size(int /*order*/) const { return std::nullopt; }
 
   // The form for estimation (effects/estimation.h).
   virtual const EffectEstimator* estimator() const { return nullptr; }

@@ -102,6 +102,9 @@ public:
   // could show.  Their number may differ from shape to shape and from run to run.  For kTemperature they are
   // about the fit with the temperature in equilibrium at the start; other columns start in the middle state.
   virtual std::vector<Column> start_columns(const RunInput&, const Theta&) const { return {}; }
+  // Whether what the effect does at this shape happens at least twice in these runs.  What happens once cannot be told
+  // from something that happened at that time, and is no candidate.
+  virtual bool is_repeated(const std::vector<const RunInput*>& /*runs*/, const Theta& /*shape*/) const { return true; }
   virtual PriorScale prior() const { return {}; }
   // kTemperature: the temperature at which B is taken.
   virtual Column temperature(const RunInput&, const Theta&) const { return {}; }

@@ -48,6 +48,11 @@ public:
     }
   }
 
+  // Of an order-4 fit the first term left out is the fifth.
+  std::optional<TypicalSize> typical_size(int order) const override {
+    const double p4 = order < 4 ? 10 : 0;
+    return TypicalSize{"poly", 6, true, {{"p4_dph", p4}, {"p5_dph", 10 - p4}}};
+  }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
   size_t n_columns() const override { return 2; }

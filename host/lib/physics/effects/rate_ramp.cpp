@@ -32,6 +32,9 @@ public:
     return ramp_component(p.number("ramp_dph_per_h") * dt_s / kSecondsPerHour);
   }
 
+  std::optional<TypicalSize> typical_size(int /*order*/) const override {
+    return TypicalSize{"ramp", 5, true, {{"ramp_dph_per_h", 10.0}}};
+  }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
   bool needs_temperature() const override { return false; }

@@ -36,6 +36,9 @@ public:
     }
   }
 
+  std::optional<TypicalSize> typical_size(int /*order*/) const override {
+    return TypicalSize{"rate", 2, true, {{"k_dph_per_degc_min", 10.0}}};
+  }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
   std::vector<Column> columns(const RunInput& run, const Theta&) const override { return {run.rate_degc_min}; }

@@ -39,6 +39,9 @@ public:
     }
   }
 
+  std::optional<TypicalSize> typical_size(int /*order*/) const override {
+    return TypicalSize{"bump", 7, false, {{"amplitude_dph", 20.0}, {"center_degc", 30.0}, {"width_degc", 2.5}}};
+  }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
   // Wider than 6 degC it would imitate a polynomial.

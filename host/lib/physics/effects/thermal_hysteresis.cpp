@@ -65,6 +65,9 @@ public:
     for (size_t i = 0; i < column.size(); ++i) run->rate_dph[i] += amplitude * column[i];
   }
 
+  std::optional<TypicalSize> typical_size(int /*order*/) const override {
+    return TypicalSize{"hyst", 3, true, {{"amplitude_dph", 10.0}, {"width_degc", 5.0}}};
+  }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
   std::vector<Theta> grid(double lo, double hi) const override {

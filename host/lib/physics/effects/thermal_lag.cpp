@@ -81,6 +81,9 @@ public:
     run->gyro_temp_degc = lagged(run->t_s, run->gyro_temp_degc, tau, offset);
   }
 
+  std::optional<TypicalSize> typical_size(int /*order*/) const override {
+    return TypicalSize{"lag", 1, true, {{"tau_s", 60.0}}};
+  }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kTemperature; }
   std::vector<Theta> grid(double, double) const override {

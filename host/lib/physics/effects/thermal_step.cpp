@@ -48,6 +48,26 @@ Column relay_share(const std::vector<double>& temp, double up_degc, double width
   return share;
 }
 
+// How often the relay jumps, up and down, in one run.  A first jump out of a state that the run did not show is not
+// counted: the state may have been the other one.  The band is at least kLeastBand_degc wide here, so that a thermometer's
+// noise at the threshold is one passage.
+constexpr double kLeastBand_degc = 0.5;
+struct Jumps {
+  int up = 0, down = 0;
+};
+Jumps jumps_of(const std::vector<double>& temp, double up_degc, double width_degc) {
+  const double down_degc = up_degc - std::max(width_degc, kLeastBand_degc);
+  Jumps jumps;
+  int state = 0; // +1 above, -1 below, 0 not known yet
+  for (double t : temp) {
+    const int now = t > up_degc ? 1 : t < down_degc ? -1 : state;
+    if (state < 0 && now > 0) ++jumps.up;
+    if (state > 0 && now < 0) ++jumps.down;
+    state = now;
+  }
+  return jumps;
+}
+
 class ThermalStep : public Effect, public EffectEstimator {
 public:
   std::string name() const override { return "thermal_step"; }
@@ -106,6 +126,15 @@ public:
     if (difference == off) return {};
     for (size_t i = 0; i < difference.size(); ++i) difference[i] -= off[i];
     return {difference};
+  }
+  // The jump has to come back at the same temperature: twice up or twice down, and without a band once each.
+  bool is_repeated(const std::vector<const RunInput*>& runs, const Theta& shape) const override {
+    Jumps all;
+    for (const RunInput* run : runs) {
+      const Jumps jumps = jumps_of(run->smooth_degc, shape[0], shape[1]);
+      all.up += jumps.up, all.down += jumps.down;
+    }
+    return all.up >= 2 || all.down >= 2 || (shape[1] <= kLeastBand_degc && all.up + all.down >= 2);
   }
   PriorScale prior() const override { return {3, false, 3}; }
   Parameters values(const Estimate& e) const override {

@@ -41,6 +41,9 @@ public:
       run->rate_dph[i] += amplitude * left * std::exp(-(run->t_s[i] - run->t_s[0]) / tau);
   }
 
+  std::optional<TypicalSize> typical_size(int /*order*/) const override {
+    return TypicalSize{"warmup", 4, true, {{"amplitude_dph", 30.0}, {"tau_s", 300.0}}};
+  }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
   bool needs_temperature() const override { return false; }
