@@ -6,6 +6,8 @@
 #include <cstdarg>
 #include <cstddef>
 #include <cstdint>
+#include <set>
+#include <string>
 
 #include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/diagnose.h"
@@ -321,6 +323,34 @@ static void test_search_names_hysteresis_whatever_noise_is_believed(void**) {
   }
 }
 
+static void test_every_constant_of_the_selector_is_listed_once(void**) {
+  const std::vector<SelectorConstant>& list = selector_constants();
+  assert_int_equal(list.size() * sizeof(double), sizeof(SelectorConstants));
+  SelectorConstants marked;
+  std::set<std::string> names;
+  for (const SelectorConstant& c : list) {
+    assert_true(marked.*c.value != -1); // each is another member
+    marked.*c.value = -1;
+    assert_true(names.insert(c.name).second);
+    assert_true(c.meaning[0] && c.source[0]);
+  }
+}
+
+static void test_constants_that_are_handed_down_decide(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 41; seed < 43; ++seed) logs.push_back(simulated_log(seed, 4000, false, 60));
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  const auto names_with = [&](const SelectorConstants& constants) {
+    SlowSearch search(data, nothing_believed(), effect_library(), all_active(), constants);
+    return search.run().best.names.size();
+  };
+  SelectorConstants strict;
+  strict.mean_nats = 1e4;
+  assert_int_equal(names_with({}), 1);
+  assert_int_equal(names_with(strict), 0);
+}
+
 static void test_draws_of_the_fitted_noise_seldom_exceed_the_threshold(void**) {
   std::vector<Log> logs = {simulated_log(9, 3000, false, 0), simulated_log(10, 3000, false, 0)};
   const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
@@ -399,7 +429,7 @@ static void test_noise_that_axes_share_is_told_from_slow_causes_of_both(void**) 
   const Campaign a = make_campaign({first}, "gx_dph", nominal_model()),
                  b = make_campaign({other}, "gx_dph", nominal_model());
   Fit fit_a, fit_b;
-  assert_true(shared_noise(rest_of(a, &fit_a), rest_of(b, &fit_b)).gain_nats < kShared_nats);
+  assert_true(shared_noise(rest_of(a, &fit_a), rest_of(b, &fit_b)).gain_nats < SelectorConstants().shared_nats);
 
   // 10 dph of common noise of opposite sign: covariance -100 dph^2.
   Campaign c = a, d = a;
@@ -410,7 +440,7 @@ static void test_noise_that_axes_share_is_told_from_slow_causes_of_both(void**) 
     d.runs[0].input.rate_dph[i] = 36 * rng.normal() - common;
   }
   const SharedNoise found = shared_noise(rest_of(c, &fit_a), rest_of(d, &fit_b));
-  assert_true(found.gain_nats > kShared_nats && found.correlation < 0);
+  assert_true(found.gain_nats > SelectorConstants().shared_nats && found.correlation < 0);
   assert_near(found.covariance_dph2, -100, 4 * 37 * 37 / std::sqrt(5000.0));
 
   // A slow cause on both, which no answer takes: not shared noise.
@@ -418,7 +448,7 @@ static void test_noise_that_axes_share_is_told_from_slow_causes_of_both(void**) 
     for (size_t i = 0; i < slow->runs[0].input.size(); ++i)
       slow->runs[0].input.rate_dph[i] =
           (slow == &c ? a : b).runs[0].input.rate_dph[i % 4500] + 60 * std::sin(2 * kPi * static_cast<double>(i) / 900);
-  assert_true(shared_noise(rest_of(c, &fit_a), rest_of(d, &fit_b)).gain_nats < kShared_nats);
+  assert_true(shared_noise(rest_of(c, &fit_a), rest_of(d, &fit_b)).gain_nats < SelectorConstants().shared_nats);
 }
 
 static void test_curvature_gives_the_errors_of_a_gaussian(void**) {
@@ -447,6 +477,8 @@ int main() {
       cmocka_unit_test(test_scan_scores_are_those_of_the_marginal_likelihood),
       cmocka_unit_test(test_block_noise_has_the_covariance_of_block_means),
       cmocka_unit_test(test_search_names_hysteresis_whatever_noise_is_believed),
+      cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
+      cmocka_unit_test(test_constants_that_are_handed_down_decide),
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),
       cmocka_unit_test(test_gram_of_wide_columns_is_that_of_whitened_ones),
       cmocka_unit_test(test_a_line_that_drifts_with_temperature_is_found_as_one),

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <mutex>
 #include <sstream>
 
 #include "analysis/diagnose/blocks.h"
@@ -13,6 +14,7 @@
 #include "base/axis_unit.h"
 #include "base/clock.h"
 #include "base/error.h"
+#include "base/parallel.h"
 #include "base/units.h"
 #include "io/json_file.h"
 
@@ -245,12 +247,13 @@ struct Calibrated {
   double threshold_nats = 6;
   bool is_cached = false;
 };
-Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double rate_per_axis) {
+Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double rate_per_axis, std::mutex* cache) {
   Calibrated out;
   const std::string key = search->null_key(options.nulls, options.seed);
   const std::string path = options.cache_folder.empty() ? "" : options.cache_folder + "/nulls-" + key + ".json";
   std::vector<double> gains;
   try {
+    const std::lock_guard<std::mutex> lock(*cache);
     if (!path.empty() && is_file(path)) gains = read_json(path).json().at("gains").get<std::vector<double>>();
   } catch (const std::exception&) { // a damaged file: calibrate anew and overwrite it
   }
@@ -258,6 +261,7 @@ Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double 
   if (!out.is_cached) {
     gains = search->null_gains(options.nulls, options.seed);
     try {
+      const std::lock_guard<std::mutex> lock(*cache);
       if (!path.empty()) {
         make_folder(options.cache_folder);
         write_json(path, {{"imucal_nulls", 2}, {"key", key}, {"gains", gains}});
@@ -265,25 +269,25 @@ Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double 
     } catch (const Error&) { // a cache that cannot be written is no reason to fail
     }
   }
-  out.threshold_nats = null_threshold(gains, rate_per_axis);
+  out.threshold_nats = null_threshold(gains, rate_per_axis, options.constants);
   return out;
 }
 
 // One axis from log to answer; `held_out` may be empty.
 AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
                          const std::vector<Log>& held_out, const std::string& name, double rate_per_axis,
-                         DiagnoseResult* all) {
+                         std::mutex* cache) {
   const double start = now_s();
   AxisResult axis;
   axis.axis = name;
   model.require_unit_of(name);
   axis.campaign = make_campaign(logs, name, model);
   for (const std::string& left : take_out_known(model, name, &axis.campaign))
-    all->warnings.push_back(options.model_path + ": its effect " + left + " is not taken out of axis " + name +
+    axis.warnings.push_back(options.model_path + ": its effect " + left + " is not taken out of axis " + name +
                             ": it differs from run to run by chance");
-  check_steady(axis.campaign, &all->warnings);
+  check_steady(axis.campaign, &axis.warnings);
   const NoiseBelief belief = belief_of(options, model, name);
-  if (belief.has_believed) check_scale(axis.campaign, belief.model, &all->warnings);
+  if (belief.has_believed) check_scale(axis.campaign, belief.model, &axis.warnings);
   Campaign unseen;
   if (!held_out.empty()) {
     unseen = make_campaign(held_out, name, model);
@@ -291,13 +295,13 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   }
   const std::vector<const Effect*>& library = effect_library();
   const std::vector<bool> active = active_effects(options);
-  double calibration_s = 0;
   SelectOptions select;
+  select.constants = options.constants;
   select.calibrate = [&](SlowSearch* search) {
     const double from = now_s();
-    const Calibrated found = calibrate(search, options, rate_per_axis);
+    const Calibrated found = calibrate(search, options, rate_per_axis, cache);
     axis.is_calibration_cached = found.is_cached;
-    calibration_s = now_s() - from;
+    axis.calibration_s = now_s() - from;
     return found.threshold_nats;
   };
   axis.study = study_axis(&axis.campaign, held_out.empty() ? nullptr : &unseen, belief, library, active, select);
@@ -315,8 +319,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     blocks.base_noise = block_equivalent(s.nominal.noise(), axis.study.data->campaign.dt_s);
     axis.identifiability = identify(axis.study.data->campaign, blocks, library, active, beta);
   }
-  all->calibration_s += calibration_s;
-  axis.seconds = now_s() - start - calibration_s;
+  axis.seconds = now_s() - start - axis.calibration_s;
   return axis;
 }
 
@@ -338,7 +341,8 @@ bool can_share(const AxisResult& axis) {
 
 // What the noise of an axis has in common with another axis, named on that axis.  The size and the correlation of the
 // additional noise can only be told apart where the axis's own white noise is believed: without, all of it is shared.
-void name_shared(const Effect& effect, const SharedNoise& found, const AxisResult& other, AxisResult* axis) {
+void name_shared(const Effect& effect, const SharedNoise& found, const AxisResult& other, double shared_nats,
+                 AxisResult* axis) {
   Selection& s = axis->study.selection;
   const double white = s.nominal.noise().white_sigma_dph, fitted = s.fitted_noise.white_sigma_dph;
   const double shared = std::fabs(found.covariance_dph2);
@@ -347,19 +351,19 @@ void name_shared(const Effect& effect, const SharedNoise& found, const AxisResul
   named.family = effect.family();
   named.term.effect = &effect, named.term.estimator = effect.estimator();
   named.term.fixed_parameters = effect.estimator()->values({{found.covariance_dph2 / own, std::sqrt(own)}, {}, {}, {}});
-  named.gain_nats = found.gain_nats, named.evidence_nats = found.gain_nats - kShared_nats;
+  named.gain_nats = found.gain_nats, named.evidence_nats = found.gain_nats - shared_nats;
   named.held_out_nats = std::nan("");
   char text[200];
   std::snprintf(text, sizeof text, "noise shared with %s: correlation %.2f from second to second", other.axis.c_str(),
                 found.correlation);
   named.statement = text;
-  named.set = {{&effect, nullptr, false, named.family, named.gain_nats, kShared_nats}};
+  named.set = {{&effect, nullptr, false, named.family, named.gain_nats, shared_nats}};
   s.effects.push_back(named);
   if (s.verdict == Verdict::kNoGap) s.verdict = Verdict::kExplained;
 }
 
 // Every pair of axes; an axis names the partner that shares most with it.
-void find_shared(const std::vector<bool>& active, std::vector<AxisResult>* axes) {
+void find_shared(const std::vector<bool>& active, double shared_nats, std::vector<AxisResult>* axes) {
   const Effect* effect = nullptr;
   const std::vector<const Effect*>& library = effect_library();
   for (size_t j = 0; j < library.size(); ++j)
@@ -378,7 +382,8 @@ void find_shared(const std::vector<bool>& active, std::vector<AxisResult>* axes)
       if (found.gain_nats > strongest[k].gain_nats) strongest[k] = found, partner[k] = i;
     }
   for (size_t i = 0; i < axes->size(); ++i)
-    if (strongest[i].gain_nats > kShared_nats) name_shared(*effect, strongest[i], (*axes)[partner[i]], &(*axes)[i]);
+    if (strongest[i].gain_nats > shared_nats)
+      name_shared(*effect, strongest[i], (*axes)[partner[i]], shared_nats, &(*axes)[i]);
 }
 
 } // namespace
@@ -396,31 +401,43 @@ Parameters effect_values(const Term& term, const Campaign& campaign) {
 }
 
 DiagnoseResult diagnose(const DiagnoseOptions& options) {
-  DiagnoseResult out;
   ErrorModel model;
+  if (!options.model_path.empty()) model = read_model(options.model_path);
+  return diagnose_logs(options, model, read_all(options.logs), read_all(options.held_out));
+}
+
+DiagnoseResult diagnose_logs(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
+                             const std::vector<Log>& held_out) {
+  DiagnoseResult out;
   out.has_model = !options.model_path.empty();
-  if (out.has_model) model = read_model(options.model_path);
-  const std::vector<Log> logs = read_all(options.logs), held_out = read_all(options.held_out);
   check_logs(logs, held_out, model, &out.warnings);
   const std::vector<std::string> names = axes_of(logs.front(), options.axes, model);
   const double rate = 1 - std::pow(1 - options.false_alarm_rate, 1.0 / static_cast<double>(names.size()));
   out.model = model;
   if (out.model.unit.empty() && is_accelerometer(names.front())) out.model.unit = "mg";
+  out.axes.resize(names.size());
+  std::mutex cache; // two axes may share a calibration
+  parallel_for(static_cast<long>(names.size()), options.threads, [&](long i) {
+    AxisResult& axis = out.axes[static_cast<size_t>(i)];
+    const std::string& name = names[static_cast<size_t>(i)];
+    try {
+      axis = diagnose_axis(options, model, logs, held_out, name, rate, &cache);
+    } catch (const Error& error) {
+      axis = AxisResult();
+      axis.axis = name, axis.refused = error.what();
+    }
+  });
   size_t n_refused = 0;
   std::string why;
-  for (const std::string& name : names) {
-    try {
-      out.axes.push_back(diagnose_axis(options, model, logs, held_out, name, rate, &out));
-    } catch (const Error& error) {
-      AxisResult refused;
-      refused.axis = name, refused.refused = error.what();
-      out.axes.push_back(std::move(refused));
-      why = error.what();
-      ++n_refused;
-    }
+  for (const AxisResult& axis : out.axes) {
+    if (!axis.refused.empty()) why = axis.refused, ++n_refused;
+    out.calibration_s += axis.calibration_s;
+    for (const std::string& warning : axis.warnings)
+      if (std::find(out.warnings.begin(), out.warnings.end(), warning) == out.warnings.end())
+        out.warnings.push_back(warning);
   }
   if (n_refused == names.size()) throw data_error(why);
-  find_shared(active_effects(options), &out.axes);
+  find_shared(active_effects(options), options.constants.shared_nats, &out.axes);
   for (const AxisResult& axis : out.axes)
     if (axis.refused.empty()) add_found(axis, names.size() == 1, &out.model);
   if (!out.has_model) {

@@ -23,6 +23,7 @@ struct DiagnoseOptions {
   double false_alarm_rate = 0.01;         // of the whole call: all candidates and axes
   size_t nulls = 150;                     // simulations of the fitted noise that set the threshold
   std::string cache_folder;               // empty: none
+  SelectorConstants constants;
   uint64_t seed = 1;
   int threads = 1;
   double model_seconds = 0; // kept for old command lines: the noise is estimated again in any case
@@ -38,7 +39,8 @@ struct AxisResult {
   WhereResult where;
   Identifiability identifiability;
   bool is_calibration_cached = false;
-  double seconds = 0;
+  double seconds = 0, calibration_s = 0; // wall clock, without and of the calibration
+  std::vector<std::string> warnings;
 };
 
 struct DiagnoseResult {
@@ -52,6 +54,9 @@ struct DiagnoseResult {
 // data_error: unreadable files, an axis that is not there, identical logs, a held-out log that is fitted too,
 // an effect that is not in the library, no axis that can be judged.
 DiagnoseResult diagnose(const DiagnoseOptions& options);
+// The same of what has been read already.  `model` is believed where options.model_path names it, otherwise not looked at.
+DiagnoseResult diagnose_logs(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
+                             const std::vector<Log>& held_out);
 
 // The parameters of a term with their standard errors, by the names of the contract.
 Parameters effect_values(const Term& term, const Campaign& campaign);

@@ -70,7 +70,7 @@ MatrixXd normal_matrix(const Base& base) {
   MatrixXd n = MatrixXd::Zero(base.expanded(runs), base.expanded(runs));
   for (long r = 0; r < runs; ++r) {
     const MatrixXd& x = base.white[static_cast<size_t>(r)];
-    const MatrixXd g = x.transpose() * x;
+    const MatrixXd g = column_products(x, x);
     n.block(r * l, r * l, l, l) = g.topLeftCorner(l, l);
     n.block(r * l, r * l, l, l).diagonal() += base.local_precision;
     n.block(runs * l, r * l, c, l) = g.bottomLeftCorner(c, l);
@@ -141,7 +141,7 @@ ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise) : bank_(bank),
     std::vector<MatrixXd> grams;
     for (const MatrixXd& x : white_) {
       const auto own = x.middleCols(at.first, at.width());
-      grams.push_back(own.transpose() * own);
+      grams.push_back(column_products(own, own));
     }
     self_.push_back(std::move(grams));
   }
@@ -211,9 +211,9 @@ ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts,
     MatrixXd white_y = y[r];
     whiten(gains_[r], &white_y);
     p.energy += white_y.colwise().squaredNorm().transpose();
-    p.with_columns.push_back(p.base.white[r].transpose() * white_[r]);
-    with_y.push_back(p.base.white[r].transpose() * white_y);
-    p.columns_y.push_back(white_[r].transpose() * white_y);
+    p.with_columns.push_back(column_products(p.base.white[r], white_[r]));
+    with_y.push_back(column_products(p.base.white[r], white_y));
+    p.columns_y.push_back(column_products(white_[r], white_y));
   }
   p.ay = p.factor.half_solve(expanded_products(p.base, with_y));
   return p;

@@ -16,22 +16,16 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kReestimated_nats = 6; // what another noise than the believed one costs
-constexpr double kNoiseKind_nats = 3;   // what another kind of slow noise costs in the competition with a mean
 constexpr double kDensityFactors[] = {0.5, 1.0, 1.6};     // nodes: slow density, and
 constexpr double kTauFactors[] = {0.04, 0.12, 0.35, 1.0}; // time constant, about the fit without a name
 constexpr double kStartTaus_s[] = {100, 1000};
 constexpr double kUsualTau_s = 300;
 constexpr size_t kNoisesBeside = 2;
 constexpr size_t kPolished = 7, kPairBases = 6, kPairNodes = 6, kPairsPolished = 4;
-constexpr double kNear_nats = 10; // below the best: not polished
-constexpr double kRivals_nats = 3;
 constexpr int kEvaluations = 110, kQuickEvaluations = 60;
 constexpr size_t kMostNames = 3;
+constexpr size_t kPartsKept = 12;
 const char kCalibrationVersion[] = "5"; // changes whenever a draw would gain something else
-constexpr double kPolishGain_nats = 1;  // what a search between the nodes gains beyond them, which draws do not get
-constexpr double kLeastThreshold_nats = 4, kMostThreshold_nats = 14;
-constexpr double kMemberShare = 0.85; // of the gain of a free shape, from which a member is the answer
 constexpr size_t kMostSteps = 6, kStepPlaces = 12;
 
 // Standard deviations of the weak prior of log(white), log(slow density), log(tau).
@@ -69,7 +63,7 @@ double SlowModel::charges() const {
 struct SlowSearch::Impl {
   const SlowData& data;
   NoiseBelief belief;
-  SearchThresholds thresholds;
+  SelectorConstants constants;
   NoiseModel base; // what the factors of a hypothesis act on
   NoisePrior prior;
   std::vector<Candidate> candidates;
@@ -86,8 +80,8 @@ struct SlowSearch::Impl {
   SlowResult out;
 
   Impl(const SlowData& d, const NoiseBelief& b, const std::vector<const Effect*>& library,
-       const std::vector<bool>& active, const SearchThresholds& t)
-      : data(d), belief(b), thresholds(t) {
+       const std::vector<bool>& active, const SelectorConstants& c)
+      : data(d), belief(b), constants(c) {
     set_noise();
     set_candidates(library, active);
     for (const VectorXd& rate : data.y) y.push_back(rate);
@@ -161,7 +155,15 @@ struct SlowSearch::Impl {
     const RunInput& run = data.campaign.runs.front().input;
     if (estimator.form() == Form::kRunRandom) return {{data.spread_dph}};
     if (estimator.concerns_coarse_thermometer()) return {{data.campaign.temp_lsb_degc}};
-    return estimator.grid_on(run, data.campaign.lo_degc, data.campaign.hi_degc);
+    std::vector<Theta> grid = estimator.grid_on(run, data.campaign.lo_degc, data.campaign.hi_degc);
+    grid.erase(std::remove_if(grid.begin(), grid.end(), [&](const Theta& at) { return !is_repeated(estimator, at); }),
+               grid.end());
+    return grid;
+  }
+  bool is_repeated(const EffectEstimator& estimator, const Theta& shape) const {
+    std::vector<const RunInput*> runs;
+    for (const CampaignRun& run : data.campaign.runs) runs.push_back(&run.input);
+    return estimator.is_repeated(runs, shape);
   }
 
   // ---- one hypothesis
@@ -177,7 +179,38 @@ struct SlowSearch::Impl {
     const NoiseModel plain = base_noise(m);
     return m.noise_effect ? m.noise_effect->estimator()->noise(plain, m.noise_theta) : plain;
   }
-  std::vector<MeanPart> parts(const SlowModel& m) const { return parts_on(data, m); }
+  using Part = std::shared_ptr<const MeanPart>;
+  // Polishing the noise asks for the same columns again and again.
+  Part part_at(size_t candidate, const Theta& shape) const {
+    for (const Kept& kept : kept_parts)
+      if (kept.candidate == candidate && kept.shape == shape) return kept.part;
+    if (kept_parts.size() < kPartsKept) kept_parts.emplace_back();
+    Kept& place = kept_parts[next_part++ % kPartsKept];
+    place = {candidate, shape, std::make_shared<const MeanPart>(part_of(data, candidates[candidate].scan, shape))};
+    return place.part;
+  }
+  struct Kept {
+    size_t candidate = 0;
+    Theta shape;
+    Part part;
+  };
+  mutable std::vector<Kept> kept_parts;
+  mutable size_t next_part = 0;
+
+  // The parts of a hypothesis on the data searched.
+  std::vector<Part> parts(const SlowModel& m) const {
+    SlowModel beside = m;
+    beside.names.clear();
+    std::vector<Part> list;
+    for (MeanPart& part : parts_on(data, beside)) list.push_back(std::make_shared<const MeanPart>(std::move(part)));
+    for (const SlowModel::Name& name : m.names) list.push_back(part_at(name.candidate, name.shape));
+    return list;
+  }
+  static std::vector<const MeanPart*> pointers_of(const std::vector<Part>& list) {
+    std::vector<const MeanPart*> pointers;
+    for (const Part& part : list) pointers.push_back(part.get());
+    return pointers;
+  }
   std::vector<MeanPart> parts_on(const SlowData& where, const SlowModel& m) const {
     std::vector<MeanPart> list;
     for (const NoiseBelief::Known& known : belief.known)
@@ -188,21 +221,25 @@ struct SlowSearch::Impl {
       list.push_back(mean_part(where, *steps, all));
     }
     for (const SlowModel::Name& name : m.names)
-      list.push_back(part_of(where, candidates[name.candidate].scan, name.shape));
+      list.push_back(name.is_start_only ? start_part(where, *candidates[name.candidate].scan.estimator, name.shape)
+                                        : part_of(where, candidates[name.candidate].scan, name.shape));
     return list;
   }
 
   RunGrams grams(const SlowModel& m) const {
-    const std::vector<MeanPart> own = parts(m);
-    std::vector<const MeanPart*> pointers;
-    for (const MeanPart& part : own) pointers.push_back(&part);
-    return RunGrams(data, pointers, noise(m));
+    const std::vector<Part> own = parts(m);
+    return RunGrams(data, pointers_of(own), noise(m));
   }
   double noise_value(const SlowModel& m) const {
     if (m.is_believed) return 0;
-    return prior.at(m.log_noise) - (belief.has_believed ? kReestimated_nats : 0);
+    return prior.at(m.log_noise) - (belief.has_believed ? constants.reestimated_nats : 0);
   }
-  double evaluate(const SlowModel& m) const { return grams(m).log_marginal_any_scale() + noise_value(m); }
+  double evaluate(const SlowModel& m) const {
+    for (const SlowModel::Name& name : m.names)
+      if (const Candidate& c = candidates[name.candidate]; c.effect && !is_repeated(*c.scan.estimator, name.shape))
+        return -1e300;
+    return grams(m).log_marginal_any_scale() + noise_value(m);
+  }
 
   // ---- search over noise and shape parameters of one hypothesis
 
@@ -211,6 +248,14 @@ struct SlowSearch::Impl {
     double step, lo, hi;
     bool is_log;
   };
+  // First step of a shape parameter: half the way to the next value of the grid that was scanned.
+  double first_step(const Candidate& c, size_t i, double value) const {
+    double nearest = 1e300;
+    for (const Theta& shape : c.scan.shapes)
+      if (const double way = std::fabs(shape[i] - value); way > 1e-9) nearest = std::min(nearest, way);
+    const double usual = 0.15 * std::fabs(value);
+    return std::max(0.05, nearest < 1e299 ? 0.5 * nearest : usual);
+  }
   std::vector<Axis> axes_of(SlowModel* m) const {
     std::vector<Axis> axes;
     if (!m->is_believed)
@@ -225,8 +270,8 @@ struct SlowSearch::Impl {
       const EffectEstimator& e = *candidates[name.candidate].scan.estimator;
       if (!candidates[name.candidate].effect || e.shape_lo().size() != name.shape.size()) continue;
       for (size_t i = 0; i < name.shape.size(); ++i)
-        axes.push_back(
-            {&name.shape[i], std::max(0.05, 0.15 * std::fabs(name.shape[i])), e.shape_lo()[i], e.shape_hi()[i], false});
+        axes.push_back({&name.shape[i], first_step(candidates[name.candidate], i, name.shape[i]), e.shape_lo()[i],
+                        e.shape_hi()[i], false});
     }
     return axes;
   }
@@ -263,8 +308,9 @@ struct SlowSearch::Impl {
       if (!candidates[name.candidate].effect || e.shape_lo().size() != name.shape.size()) continue;
       for (size_t i = 0; i < name.shape.size(); ++i) {
         const double margin = 1e-3 * (e.shape_hi()[i] - e.shape_lo()[i]);
-        if (name.shape[i] < e.shape_lo()[i] + margin || name.shape[i] > e.shape_hi()[i] - margin)
-          name.is_at_bound = true;
+        // A lower bound of zero is where the physics ends, not where the search does.
+        const bool is_low = e.shape_lo()[i] != 0 && name.shape[i] < e.shape_lo()[i] + margin;
+        if (is_low || name.shape[i] > e.shape_hi()[i] - margin) name.is_at_bound = true;
       }
     }
   }
@@ -317,9 +363,8 @@ struct SlowSearch::Impl {
   std::vector<SlowCandidateScore> scan(const SlowModel& m, const std::vector<const Node*>& where) const {
     std::vector<char> skip(candidates.size(), 0);
     for (const SlowModel::Name& name : m.names) skip[name.candidate] = 1;
-    const std::vector<MeanPart> own = parts(m);
-    std::vector<const MeanPart*> pointers;
-    for (const MeanPart& part : own) pointers.push_back(&part);
+    const std::vector<Part> own = parts(m);
+    const std::vector<const MeanPart*> pointers = pointers_of(own);
     std::vector<SlowCandidateScore> best(candidates.size());
     for (SlowCandidateScore& b : best) b.gain_nats = -1e300;
     for (const Node* node : where) {
@@ -359,9 +404,8 @@ struct SlowSearch::Impl {
   }
   // The nodes where the hypothesis is likely.
   std::vector<const Node*> likely_nodes(const SlowModel& m) const {
-    const std::vector<MeanPart> own = parts(m);
-    std::vector<const MeanPart*> pointers;
-    for (const MeanPart& part : own) pointers.push_back(&part);
+    const std::vector<Part> own = parts(m);
+    const std::vector<const MeanPart*> pointers = pointers_of(own);
     std::vector<std::pair<double, const Node*>> ranked;
     for (const Node& node : nodes)
       ranked.push_back(
@@ -382,7 +426,7 @@ struct SlowSearch::Impl {
     for (size_t i = 0; i < order.size() && i < count; ++i) {
       SlowCandidateScore& s = (*scores)[order[i]];
       if (s.model.names.empty() || s.gain_nats < floor ||
-          s.gain_nats < best - std::max(kNear_nats, 0.3 * (best - floor)))
+          s.gain_nats < best - std::max(constants.near_nats, constants.near_part * (best - floor)))
         break;
       s.model = polished(s.model, evaluations);
       s.gain_nats = s.model.free_score();
@@ -397,7 +441,7 @@ struct SlowSearch::Impl {
       best.gain_nats = -1e300;
       for (const Theta& theta : effect->estimator()->starts(base_noise(m))) {
         SlowModel with = m;
-        with.noise_effect = effect, with.noise_theta = theta, with.noise_charge = kNoiseKind_nats;
+        with.noise_effect = effect, with.noise_theta = theta, with.noise_charge = constants.noise_kind_nats;
         with.value = evaluate(with);
         if (with.free_score() > best.gain_nats) best.gain_nats = with.free_score(), best.model = with;
       }
@@ -416,8 +460,8 @@ struct SlowSearch::Impl {
   }
 
   double score(const SlowModel& m) const {
-    return m.free_score() - thresholds.mean_nats * static_cast<double>(m.names.size()) -
-           thresholds.step_nats * static_cast<double>(m.steps.size());
+    return m.free_score() - constants.mean_nats * static_cast<double>(m.names.size()) -
+           constants.step_nats * static_cast<double>(m.steps.size());
   }
   void consider(const SlowModel& m) {
     if (score(m) > score(out.best)) out.best = m;
@@ -459,11 +503,11 @@ struct SlowSearch::Impl {
       SlowModel top;
       for (SlowCandidateScore& s : scan(less, likely_nodes(best))) {
         if (s.model.names.empty() || !candidates[s.model.names.back().candidate].effect) continue;
-        if (s.gain_nats < less.free_score() + kMemberShare * free_gain - kNear_nats) continue;
+        if (s.gain_nats < less.free_score() + constants.member_share * free_gain - constants.near_nats) continue;
         const SlowModel member = polished(s.model);
         if (member.free_score() > top.free_score()) top = member;
       }
-      if (top.free_score() - less.free_score() < kMemberShare * free_gain) continue;
+      if (top.free_score() - less.free_score() < constants.member_share * free_gain) continue;
       out.replaced.push_back(best.names[i].candidate);
       best = top;
     }
@@ -482,20 +526,23 @@ struct SlowSearch::Impl {
     return less;
   }
 
+  double evidence_of(const SlowModel& m, size_t i) const {
+    return m.free_score() - without(m, i).free_score() - constants.mean_nats;
+  }
+
   void judge_names() {
     prefer_members();
     const SlowModel best = out.best;
     out.rivals.clear(), out.evidence.clear();
     for (size_t i = 0; i < best.names.size(); ++i) {
-      const SlowModel less = without(best, i);
-      out.evidence.push_back(best.free_score() - less.free_score() - thresholds.mean_nats);
+      out.evidence.push_back(evidence_of(best, i));
       out.rivals.push_back(rivals(best, i));
     }
     if (best.noise_effect) {
       SlowModel less = best;
       less.noise_effect = nullptr;
       less = polished(less, kQuickEvaluations);
-      out.evidence.push_back(best.free_score() + best.noise_charge - less.free_score() - thresholds.noise_nats);
+      out.evidence.push_back(best.free_score() + best.noise_charge - less.free_score() - constants.noise_nats);
     }
   }
   std::vector<SlowResult::Rival> rivals(const SlowModel& best, size_t i) const {
@@ -504,18 +551,18 @@ struct SlowSearch::Impl {
     std::vector<SlowCandidateScore> others = scan(less, likely_nodes(best));
     others[best.names[i].candidate].model.names.clear();
     for (SlowCandidateScore& s : others)
-      if (!s.model.names.empty() && s.gain_nats > best.free_score() - kNear_nats) {
+      if (!s.model.names.empty() && s.gain_nats > best.free_score() - constants.near_nats) {
         s.model = polished(s.model, kQuickEvaluations);
         s.gain_nats = s.model.free_score();
       }
     std::vector<SlowResult::Rival> list;
     for (size_t j = 0; j < others.size(); ++j)
-      if (!others[j].model.names.empty() && others[j].gain_nats > best.free_score() - kRivals_nats)
+      if (!others[j].model.names.empty() && others[j].gain_nats > best.free_score() - constants.rivals_nats)
         list.push_back({j, nullptr, best.free_score() - others[j].gain_nats});
     if (best.names.size() == 1 && !best.noise_effect)
       for (const SlowCandidateScore& s : out.noises)
-        if (s.gain_nats + kNoiseKind_nats > best.free_score() - kRivals_nats)
-          list.push_back({0, s.model.noise_effect, best.free_score() - s.gain_nats - kNoiseKind_nats});
+        if (s.gain_nats + constants.noise_kind_nats > best.free_score() - constants.rivals_nats)
+          list.push_back({0, s.model.noise_effect, best.free_score() - s.gain_nats - constants.noise_kind_nats});
     std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gap_nats < b.gap_nats; });
     return list;
   }
@@ -524,7 +571,7 @@ struct SlowSearch::Impl {
 
   // Standardised innovations of a hypothesis, run by run.
   std::vector<VectorXd> innovations(const SlowModel& m) const {
-    const std::vector<MeanPart> own = parts(m);
+    const std::vector<MeanPart> own = parts_on(data, m);
     const RunGrams::Posterior at = grams(m).posterior();
     const NoiseModel model = noise(m);
     std::vector<VectorXd> out_e;
@@ -566,9 +613,9 @@ struct SlowSearch::Impl {
         with.value = evaluate(with);
         if (with.value > best.value) best = with;
       }
-      if (best.value < now.value + 0.3 * thresholds.step_nats) return now.steps;
+      if (best.value < now.value + constants.step_try_part * constants.step_nats) return now.steps;
       best = polished(best, kQuickEvaluations);
-      if (best.value < now.value + thresholds.step_nats) return now.steps;
+      if (best.value < now.value + constants.step_nats) return now.steps;
       now = best;
     }
     return {};
@@ -608,14 +655,14 @@ struct SlowSearch::Impl {
     out.null = null;
     out.best = out.null;
     out.singles = scan(out.null, all_nodes());
-    polish_best(&out.singles, kPolished, out.null.free_score() - 1, kEvaluations);
+    polish_best(&out.singles, kPolished, out.null.free_score() - constants.below_null_nats, kEvaluations);
     out.noise_effects = noise_effects;
     out.noises = scan_noises(out.null, noise_effects.size());
     for (const SlowCandidateScore& s : out.singles) consider(s.model);
     for (const SlowCandidateScore& s : out.noises) consider(s.model);
     double strongest = -1e300;
     for (const SlowCandidateScore& s : out.singles) strongest = std::max(strongest, s.gain_nats);
-    if (strongest > out.null.free_score() + 3) {
+    if (strongest > out.null.free_score() + constants.more_names_nats) {
       more_noise_beside(out.singles);
       pairs(out.singles);
       while (out.best.names.size() >= 2 && out.best.names.size() < kMostNames) {
@@ -718,12 +765,12 @@ std::vector<double> SlowSearch::null_gains(size_t draws, uint64_t seed) {
   return best;
 }
 
-void SlowSearch::set_thresholds(const SearchThresholds& thresholds) {
-  impl_->thresholds = thresholds;
+void SlowSearch::set_mean_threshold(double nats) {
+  impl_->constants.mean_nats = nats;
 }
 
-double null_threshold(std::vector<double> gains, double rate) {
-  if (gains.size() < 20) return 6;
+double null_threshold(std::vector<double> gains, double rate, const SelectorConstants& constants) {
+  if (gains.size() < 20) return constants.mean_nats;
   std::sort(gains.begin(), gains.end());
   const double q80 = gains[gains.size() * 4 / 5];
   double excess = 0, n = 0;
@@ -732,12 +779,12 @@ double null_threshold(std::vector<double> gains, double rate) {
   // A Bayes factor falls off at least as fast as exp(-gain); few draws must not promise a faster fall.
   const double scale = std::max(1.0, n > 0 ? excess / n : 1.0);
   const double level = q80 + scale * std::log(0.2 / std::min(0.2, rate));
-  return std::clamp(level + kPolishGain_nats, kLeastThreshold_nats, kMostThreshold_nats);
+  return std::clamp(level + constants.polish_gain_nats, constants.least_threshold_nats, constants.most_threshold_nats);
 }
 
 SlowSearch::SlowSearch(const SlowData& data, const NoiseBelief& belief, const std::vector<const Effect*>& library,
-                       const std::vector<bool>& active, const SearchThresholds& thresholds)
-    : impl_(new Impl(data, belief, library, active, thresholds)) {}
+                       const std::vector<bool>& active, const SelectorConstants& constants)
+    : impl_(new Impl(data, belief, library, active, constants)) {}
 SlowSearch::~SlowSearch() = default;
 SlowResult SlowSearch::run() {
   impl_->go();
@@ -760,6 +807,9 @@ std::vector<MeanPart> SlowSearch::parts_on(const SlowData& data, const SlowModel
 }
 double SlowSearch::score(const SlowModel& model) const {
   return impl_->score(model);
+}
+double SlowSearch::evidence_of(const SlowModel& model, size_t name) const {
+  return impl_->evidence_of(model, name);
 }
 SlowModel SlowSearch::polished(const SlowModel& model) const {
   return impl_->polished(model);

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "analysis/diagnose/constants.h"
 #include "analysis/diagnose/references.h"
 #include "analysis/diagnose/scan.h"
 #include "physics/effects/effect.h"
@@ -47,6 +48,7 @@ struct SlowModel {
     Theta shape;
     double charge = 0; // of the shape
     bool is_at_bound = false;
+    bool is_start_only = false; // nothing but the state in which every run began: what is left without the cause itself
   };
   std::vector<Name> names;
   std::vector<Theta> steps; // run, t_s of jumps that are in the mean beside the names
@@ -60,12 +62,6 @@ struct SlowModel {
   double free_score() const { return value - charges(); } // without thresholds
 };
 
-struct SearchThresholds {
-  double mean_nats = 6;  // of a name in the mean
-  double noise_nats = 6; // of a kind of slow noise
-  double step_nats = 8;  // of one jump
-};
-
 struct SlowCandidateScore {
   double gain_nats = 0; // over the best hypothesis without a name, shape charged
   SlowModel model;
@@ -75,7 +71,7 @@ struct SlowResult {
   SlowModel null, best;
   // Per name of `best` (and, last, its noise effect): what it gains over the best hypothesis without it.
   std::vector<double> evidence;
-  // Per name of `best`: candidates that would do as well in its place (within `margin`), best first.
+  // Per name of `best`: candidates that would do as well in its place (within rivals_nats), best first.
   struct Rival {
     size_t candidate;
     const Effect* noise_effect; // or this
@@ -94,7 +90,7 @@ struct SlowResult {
 class SlowSearch {
 public:
   SlowSearch(const SlowData& data, const NoiseBelief& belief, const std::vector<const Effect*>& library,
-             const std::vector<bool>& active, const SearchThresholds& thresholds);
+             const std::vector<bool>& active, const SelectorConstants& constants);
   ~SlowSearch();
 
   SlowResult run();
@@ -104,7 +100,7 @@ public:
   std::vector<double> null_gains(size_t draws, uint64_t seed);
   // Names what null_gains depends on; alike for campaigns of the same profile, gaps and about the same noise.
   std::string null_key(size_t draws, uint64_t seed);
-  void set_thresholds(const SearchThresholds& thresholds);
+  void set_mean_threshold(double nats); // of a name in the mean
 
   const std::vector<Candidate>& candidates() const;
   NoiseModel noise_of(const SlowModel& model) const;         // of block means, with what its noise effect makes
@@ -114,6 +110,8 @@ public:
   std::vector<MeanPart> parts_on(const SlowData& data, const SlowModel& model) const;
   RunGrams grams_of(const SlowModel& model) const;
   double score(const SlowModel& model) const; // less all thresholds: what the search maximises
+  // What a name gains over the best hypothesis without it, less its threshold.
+  double evidence_of(const SlowModel& model, size_t name) const;
   // Noise and shape parameters estimated again.
   SlowModel polished(const SlowModel& model) const;
 
@@ -123,6 +121,6 @@ private:
 };
 
 // The threshold that the largest gain of a draw exceeds with probability `rate`: exponential tail above the upper fifth.
-double null_threshold(std::vector<double> gains, double rate);
+double null_threshold(std::vector<double> gains, double rate, const SelectorConstants& constants = {});
 
 } // namespace imucal

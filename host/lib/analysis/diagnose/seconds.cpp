@@ -17,8 +17,6 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kRestRate = 1e-3;    // of one test
-constexpr double kRestLine_nats = 20; // 10^4 to 10^5 frequencies: 1 in 1000 exceeds about 18
 constexpr double kSlowestLine_hz = 1.0 / 400;
 constexpr size_t kSurroundings = 60;   // frequencies on either side that a line is compared with
 constexpr int kSlopes = 24;            // of the drift, either sign
@@ -38,8 +36,8 @@ double minus_log_tail(double x, double dof) {
 double variance_ratio(double v, double n) {
   return n > 1 && v > 0 ? n * (v - 1 - std::log(v)) : 0;
 }
-RestFinding finding(Rest test, double statistic, double dof) {
-  return {test, minus_log_tail(statistic, dof) + std::log(kRestRate)};
+RestFinding finding(Rest test, double statistic, double dof, double rate) {
+  return {test, minus_log_tail(statistic, dof) + std::log(rate)};
 }
 
 struct Moments {
@@ -258,7 +256,7 @@ constexpr double kFewestPeriods = 6;          // of a frequency in the longest r
 constexpr double kFewestDegreesOfFreedom = 8; // of a bin of the spectrum
 
 // Strength by temperature, in cells of a few degrees.
-RestFinding over_temperature(const Campaign& campaign, const std::vector<VectorXd>& e) {
+RestFinding over_temperature(const Campaign& campaign, const std::vector<VectorXd>& e, double rate) {
   const double span_degc = campaign.has_temperature ? campaign.hi_degc - campaign.lo_degc : 0;
   const size_t cells = static_cast<size_t>(std::max(1.0, std::ceil(span_degc / kTempCell_degc)));
   std::vector<double> sum(cells, 0.0), n(cells, 0.0);
@@ -274,22 +272,22 @@ RestFinding over_temperature(const Campaign& campaign, const std::vector<VectorX
   double statistic = 0, dof = 0;
   for (size_t c = 0; c < cells; ++c)
     if (n[c] > kFewestInCell) statistic += variance_ratio(sum[c] / n[c], n[c]), dof += 1;
-  return finding(Rest::kVarianceOverTemperature, statistic, dof);
+  return finding(Rest::kVarianceOverTemperature, statistic, dof, rate);
 }
 
 // Strength by time, in blocks of ten minutes.
-RestFinding over_time(const Campaign& campaign, const std::vector<VectorXd>& e) {
+RestFinding over_time(const Campaign& campaign, const std::vector<VectorXd>& e, double rate) {
   const long block = std::max(1L, std::lround(kTimeBlock_s / campaign.dt_s));
   const double n = static_cast<double>(block);
   double statistic = 0, dof = 0;
   for (const VectorXd& x : e)
     for (long k = 0; k + block <= x.size(); k += block)
       statistic += variance_ratio(x.segment(k, block).squaredNorm() / n, n), dof += 1;
-  return finding(Rest::kVarianceOverTime, statistic, dof);
+  return finding(Rest::kVarianceOverTime, statistic, dof, rate);
 }
 
 // Neighbouring half minutes that are both strong.
-RestFinding in_bursts(const Campaign& campaign, const std::vector<VectorXd>& e, const Moments& m) {
+RestFinding in_bursts(const Campaign& campaign, const std::vector<VectorXd>& e, const Moments& m, double rate) {
   const long block = std::max(1L, std::lround(kBurst_s / campaign.dt_s));
   const double n = static_cast<double>(block);
   double sum = 0, count = 0;
@@ -302,11 +300,11 @@ RestFinding in_bursts(const Campaign& campaign, const std::vector<VectorXd>& e, 
     }
   }
   const double z = count > 0 ? std::max(0.0, sum / std::sqrt(count)) : 0;
-  return finding(Rest::kBursts, z * z, 1);
+  return finding(Rest::kBursts, z * z, 1, rate);
 }
 
 // Binned periodogram against a flat one.
-RestFinding in_spectrum(const Campaign& campaign, const std::vector<VectorXd>& e) {
+RestFinding in_spectrum(const Campaign& campaign, const std::vector<VectorXd>& e, double rate) {
   size_t longest = 0;
   for (const CampaignRun& run : campaign.runs)
     longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
@@ -332,20 +330,22 @@ RestFinding in_spectrum(const Campaign& campaign, const std::vector<VectorXd>& e
     statistic += variance_ratio(sum[b] / weight[b], n);
     dof += 1;
   }
-  return finding(Rest::kSpectrum, statistic, dof);
+  return finding(Rest::kSpectrum, statistic, dof, rate);
 }
 
 } // namespace
 
-std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<VectorXd>& e) {
+std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<VectorXd>& e,
+                                   const SelectorConstants& constants) {
+  const double rate = constants.rest_rate;
   const Moments m = moments(e);
   const double heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
-  return {over_temperature(campaign, e),
-          over_time(campaign, e),
-          finding(Rest::kDistribution, heavy * heavy, 1),
-          in_bursts(campaign, e, m),
-          in_spectrum(campaign, e),
-          {Rest::kLine, strongest_line(campaign, e, false).gain_nats - kRestLine_nats}};
+  return {over_temperature(campaign, e, rate),
+          over_time(campaign, e, rate),
+          finding(Rest::kDistribution, heavy * heavy, 1, rate),
+          in_bursts(campaign, e, m, rate),
+          in_spectrum(campaign, e, rate),
+          {Rest::kLine, strongest_line(campaign, e, false).gain_nats - constants.rest_line_nats}};
 }
 
 } // namespace imucal

@@ -43,8 +43,9 @@ Line strongest_line(const Campaign& campaign, const std::vector<Eigen::VectorXd>
 enum class Rest { kSpectrum, kVarianceOverTemperature, kVarianceOverTime, kDistribution, kBursts, kLine, kCount };
 struct RestFinding {
   Rest test = Rest::kSpectrum;
-  double evidence_nats = 0; // > 0: fires at 1 in 1000
+  double evidence_nats = 0; // > 0: fires; at rest_rate on a right model
 };
-std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e);
+std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e,
+                                   const SelectorConstants& constants);
 
 } // namespace imucal

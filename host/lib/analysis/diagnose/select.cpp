@@ -15,14 +15,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kFast_nats = 8;   // of a kind of fast noise, its parameters and the choice among kinds included
-constexpr double kLine_nats = 22;  // of a line in the spectrum: the largest of 10^5 frequencies exceeds 11.5
-constexpr double kDrift_nats = 28; // the same with a drift searched over
-constexpr double kCarried = 0.75;  // part of the spread of the data that a cause must take to be a rival of slow noise
-constexpr double kUndecided_nats = 4;  // by which it may score less than slow noise
-constexpr double kSlowTau_part = 0.02; // of the longest log: time constant from which noise counts as slow
 constexpr size_t kUndecidedTried = 4;
-constexpr double kRetuned_nats = 7; // of three noise parameters: chi2/2 at about 1 in 300
 
 class Study {
 public:
@@ -42,10 +35,10 @@ public:
     const double block_s = block_length_s(campaign_);
     out_.data.reset(new SlowData(block_means(campaign_, block_s)));
     campaign_.spread_dph = out_.data->spread_dph;
-    out_.search.reset(new SlowSearch(*out_.data, belief_, library_, active_, options_.thresholds));
+    out_.search.reset(new SlowSearch(*out_.data, belief_, library_, active_, options_.constants));
     if (options_.calibrate) {
-      options_.thresholds.mean_nats = options_.calibrate(out_.search.get());
-      out_.search->set_thresholds(options_.thresholds);
+      options_.constants.mean_nats = options_.calibrate(out_.search.get());
+      out_.search->set_mean_threshold(options_.constants.mean_nats);
     }
     out_.slow = out_.search->run();
     if (held_out_) held_blocks_.reset(new Campaign(block_means(*held_out_, block_s)));
@@ -62,6 +55,7 @@ public:
 
 private:
   Selection& selection() { return out_.selection; }
+  const SelectorConstants& constants() const { return options_.constants; }
   const Candidate& candidate(size_t j) const { return out_.search->candidates()[j]; }
   Term term_of(const Effect* effect, const EffectEstimator* estimator, const Theta& shape) const {
     Term term;
@@ -114,8 +108,8 @@ private:
       out_.gap = measure_gap(*out_.search, *out_.data, held_blocks_.get(), out_.slow.null, best);
       size_t worst = 0;
       for (size_t i = 1; i < best.names.size(); ++i)
-        if (support(i) < support(worst)) worst = i;
-      if (best.names.empty() || support(worst) >= options_.least_held_out_nats) return;
+        if (lacking(i) > lacking(worst)) worst = i;
+      if (best.names.empty() || lacking(worst) <= 0) return;
       SelectedEffect gone = slow_effect(worst);
       gone.doubt = Doubt::kAgainst;
       selection().dropped.push_back(gone);
@@ -126,8 +120,15 @@ private:
         best = best_without_names();
         out_.slow.evidence.clear(), out_.slow.rivals.clear();
         if (best.noise_effect) out_.slow.evidence.push_back(noise_evidence(best));
+      } else {
+        judge_again(&best);
       }
     }
+  }
+  // Names that only stood beside one that went: estimated again, and each asked anew for its evidence.
+  void judge_again(SlowModel* best) {
+    *best = out_.search->polished(*best);
+    for (size_t i = 0; i < best->names.size(); ++i) out_.slow.evidence[i] = out_.search->evidence_of(*best, i);
   }
   // What differs from run to run by chance predicts nothing: it is not asked to.
   double support(size_t i) const {
@@ -135,8 +136,19 @@ private:
     if (c.scan.estimator->form() == Form::kRunRandom) return 1e9;
     return i < out_.gap.nats_by_name.size() ? out_.gap.nats_by_name[i] : 0;
   }
+  // By how much a name predicts too little.  What is repeatable gains on every log about what it gained on the fitted
+  // ones; quarters of one log are no passages of their own and are only asked for the least.
+  double lacking(size_t i) const {
+    double due = constants().least_held_out_nats;
+    if (out_.gap.method != HeldOut::kQuarters) {
+      const double fitted_h = static_cast<double>(campaign_.n()) * campaign_.dt_s / 3600;
+      const double gain = out_.slow.evidence[i] + constants().mean_nats;
+      due = std::max(due, constants().predicted_part * gain * std::min(1.0, out_.gap.hours / fitted_h));
+    }
+    return due - support(i);
+  }
   double noise_evidence(const SlowModel& m) const {
-    return m.free_score() + m.noise_charge - out_.slow.null.free_score() - options_.thresholds.noise_nats;
+    return m.free_score() + m.noise_charge - out_.slow.null.free_score() - constants().noise_nats;
   }
   SlowModel best_without_names() const {
     SlowModel best = out_.slow.null;
@@ -152,11 +164,11 @@ private:
     effect.family = c.family();
     effect.term = term_of(c.effect, c.scan.estimator, name.shape);
     effect.evidence_nats = out_.slow.evidence[i];
-    effect.gain_nats = effect.evidence_nats + options_.thresholds.mean_nats;
+    effect.gain_nats = effect.evidence_nats + constants().mean_nats;
     effect.held_out_nats = c.scan.estimator->form() == Form::kRunRandom ? kNaN
                            : i < out_.gap.nats_by_name.size()           ? out_.gap.nats_by_name[i]
                                                                         : kNaN;
-    const double threshold = options_.thresholds.mean_nats;
+    const double threshold = constants().mean_nats;
     effect.set.push_back(evidence_of(name.candidate, effect.gain_nats, threshold));
     double nearest = 1e300; // of another member of the family
     for (const SlowResult::Rival& rival : out_.slow.rivals[i]) {
@@ -169,7 +181,7 @@ private:
       effect.is_family = true;
       effect.doubt = Doubt::kShapeOpen;
       add_members(&effect);
-    } else if (nearest < options_.family_margin_nats) {
+    } else if (nearest < constants().family_margin_nats) {
       effect.is_family = true;
       effect.doubt = Doubt::kMemberOpen;
     }
@@ -183,7 +195,7 @@ private:
       const Effect* member = candidate(j).effect;
       const double gain = out_.slow.singles[j].gain_nats - out_.slow.null.free_score();
       if (!member || member == effect->term.effect || member->family() != effect->family || gain <= 0) continue;
-      members.push_back(evidence_of(j, gain, options_.thresholds.mean_nats));
+      members.push_back(evidence_of(j, gain, constants().mean_nats));
     }
     std::sort(members.begin(), members.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
     effect->set.insert(effect->set.end(), members.begin(), members.end());
@@ -222,7 +234,7 @@ private:
       effect.term = term_of(library_[j], e, shape);
       effect.gain_nats = out_.slow.step_gain_nats;
       effect.evidence_nats =
-          effect.gain_nats - options_.thresholds.step_nats * static_cast<double>(out_.slow.best.steps.size());
+          effect.gain_nats - constants().step_nats * static_cast<double>(out_.slow.best.steps.size());
       effect.held_out_nats = kNaN;
       effect.set = {
           {library_[j], nullptr, false, effect.family, effect.gain_nats, effect.gain_nats - effect.evidence_nats}};
@@ -235,19 +247,19 @@ private:
     effect.family = best.noise_effect->family();
     effect.term = term_of(best.noise_effect, best.noise_effect->estimator(), best.noise_theta);
     effect.evidence_nats = out_.slow.evidence.back();
-    effect.gain_nats = effect.evidence_nats + options_.thresholds.noise_nats;
+    effect.gain_nats = effect.evidence_nats + constants().noise_nats;
     effect.held_out_nats = kNaN;
-    const double threshold = options_.thresholds.noise_nats;
+    const double threshold = constants().noise_nats;
     effect.set = {{best.noise_effect, nullptr, false, effect.family, effect.gain_nats, threshold}};
     double nearest = 1e300;
     for (const SlowCandidateScore& s : out_.slow.noises) {
       if (s.model.noise_effect == best.noise_effect || !best.names.empty()) continue;
       const double gap = best.free_score() - s.gain_nats;
-      if (gap > 3) continue;
+      if (gap > constants().rivals_nats) continue;
       nearest = std::min(nearest, gap);
       effect.set.push_back({s.model.noise_effect, nullptr, false, effect.family, effect.gain_nats - gap, threshold});
     }
-    if (nearest < options_.family_margin_nats) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+    if (nearest < constants().family_margin_nats) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
     named_.push_back(effect);
   }
 
@@ -261,7 +273,7 @@ private:
     for (const CampaignRun& run : campaign_.runs) longest = std::max(longest, run.input.t_s.back());
     double slowest = 0;
     for (const Markov& m : noise.markov) slowest = std::max(slowest, m.tau_s);
-    if (slowest < kSlowTau_part * longest && !(noise.walk_dph_per_rt_s > 0)) return;
+    if (slowest < constants().slow_tau_part * longest && !(noise.walk_dph_per_rt_s > 0)) return;
     const std::vector<CandidateEvidence> rivals = repeatable_rivals();
     if (rivals.empty()) return;
     SelectedEffect effect;
@@ -300,9 +312,8 @@ private:
       SlowModel m = out_.slow.singles[order[i].second].model;
       m.noise_effect = best.noise_effect, m.noise_theta = best.noise_theta, m.noise_charge = best.noise_charge;
       m = out_.search->polished(m);
-      if (best.free_score() - m.free_score() < kUndecided_nats && part_left(m) < kCarried)
-        rivals.push_back(
-            evidence_of(order[i].second, m.free_score() - best.free_score(), options_.thresholds.mean_nats));
+      if (best.free_score() - m.free_score() < constants().undecided_nats && part_left(m) < constants().carried_part)
+        rivals.push_back(evidence_of(order[i].second, m.free_score() - best.free_score(), constants().mean_nats));
     }
     std::sort(rivals.begin(), rivals.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
     return rivals;
@@ -330,9 +341,9 @@ private:
     from_ = fit_seconds_noise(campaign_, own_noise_, final_fit_.residual);
     believe_again();
     line_ = strongest_line(campaign_, whitened(), false);
-    if (line_.gain_nats < kLine_nats && campaign_.n() < 200000) {
+    if (line_.gain_nats < constants().line_nats && campaign_.n() < 200000) {
       const Line drifting = strongest_line(campaign_, whitened(), true);
-      if (drifting.gain_nats > kDrift_nats) line_ = drifting;
+      if (drifting.gain_nats > constants().drift_nats) line_ = drifting;
     }
   }
   // Whether the believed noise parameters hold is a question to the seconds, under the causes found.
@@ -342,7 +353,7 @@ private:
     m.is_believed = true;
     const NoiseModel believed = out_.search->seconds_noise_of(m);
     retuned_nats_ = from_.log_likelihood - residual_log_likelihood(campaign_, believed, final_fit_.residual);
-    if (retuned_nats_ > kRetuned_nats) return;
+    if (retuned_nats_ > constants().retuned_nats) return;
     is_believed_ = true;
     from_.base = believed, from_.log_likelihood -= retuned_nats_;
     out_.slow.best.is_believed = true; // its noise is the believed one from here on
@@ -378,21 +389,21 @@ private:
   }
 
   void name_fast() {
-    if (line_.gain_nats > (line_.hz_per_degc != 0 ? kDrift_nats : kLine_nats)) name_line();
+    if (line_.gain_nats > (line_.hz_per_degc != 0 ? constants().drift_nats : constants().line_nats)) name_line();
     if (is_censored_) return; // the spread of what is left is not that of the noise
     const std::vector<FastFinding> found = scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_);
-    if (found.empty() || found.front().gain_nats < kFast_nats) return;
+    if (found.empty() || found.front().gain_nats < constants().fast_nats) return;
     const FastFinding& best = found.front();
     SelectedEffect effect;
     effect.family = best.effect->family();
     effect.term = term_of(best.effect, best.effect->estimator(), best.theta);
     effect.term.shape_errors = best.theta_errors;
     effect.gain_nats = best.gain_nats;
-    effect.evidence_nats = best.gain_nats - kFast_nats;
+    effect.evidence_nats = best.gain_nats - constants().fast_nats;
     effect.held_out_nats = kNaN;
     for (const FastFinding& f : found)
-      if (f.gain_nats > best.gain_nats - 3)
-        effect.set.push_back({f.effect, nullptr, false, f.effect->family(), f.gain_nats, kFast_nats});
+      if (f.gain_nats > best.gain_nats - constants().rivals_nats)
+        effect.set.push_back({f.effect, nullptr, false, f.effect->family(), f.gain_nats, constants().fast_nats});
     // What the fast noise explains better than a kind of slow noise takes its place.
     insert_by_evidence(effect);
     from_.base = best.base;
@@ -415,7 +426,7 @@ private:
       if (line_.hz_per_degc != 0) shape.push_back(line_.hz_per_degc);
       found.term = term_of(effect, effect->estimator(), shape);
       found.gain_nats = line_.gain_nats;
-      found.evidence_nats = line_.gain_nats - (line_.hz_per_degc != 0 ? kDrift_nats : kLine_nats);
+      found.evidence_nats = line_.gain_nats - (line_.hz_per_degc != 0 ? constants().drift_nats : constants().line_nats);
       found.held_out_nats = kNaN;
       found.set = {{effect, nullptr, false, found.family, found.gain_nats, found.gain_nats - found.evidence_nats}};
       insert_by_evidence(found);
@@ -440,9 +451,9 @@ private:
                             {noise.white_sigma_dph, noise.markov.empty() ? 0 : noise.markov[0].sigma_dph,
                              noise.markov.empty() ? 1 : noise.markov[0].tau_s});
       effect.gain_nats = retuned_nats_;
-      effect.evidence_nats = retuned_nats_ - kRetuned_nats;
+      effect.evidence_nats = retuned_nats_ - constants().retuned_nats;
       effect.held_out_nats = kNaN;
-      effect.set = {{library_[j], nullptr, false, effect.family, effect.gain_nats, kRetuned_nats}};
+      effect.set = {{library_[j], nullptr, false, effect.family, effect.gain_nats, constants().retuned_nats}};
       retuned_.push_back(effect);
     }
   }
@@ -454,11 +465,11 @@ private:
     // Noise terms act on the base; the base was fitted with them in it.
     if (out_.slow.best.noise_effect) s.final.base_noise = own_base();
     s.fitted_noise = from_.base;
-    s.threshold_nats = options_.thresholds.mean_nats;
+    s.threshold_nats = constants().mean_nats;
     const Fit fit = fit_hypothesis(campaign_, s.final);
     fill_coefficients(fit);
-    s.before = test_rest(campaign_, fit_hypothesis(campaign_, s.nominal).e);
-    s.after = test_rest(campaign_, fit.e);
+    s.before = test_rest(campaign_, fit_hypothesis(campaign_, s.nominal).e, constants());
+    s.after = test_rest(campaign_, fit.e, constants());
     s.total_gain_nats = out_.slow.best.free_score() - out_.slow.null.free_score();
     for (size_t j = 0; j < out_.slow.singles.size(); ++j)
       if (candidate(j).effect)
@@ -467,8 +478,8 @@ private:
     for (const SlowCandidateScore& n : out_.slow.noises)
       if (n.model.noise_effect)
         s.first_scan.push_back({n.model.noise_effect, nullptr, false, n.model.noise_effect->family(),
-                                std::max(0.0, n.gain_nats + 3 - out_.slow.null.free_score()),
-                                options_.thresholds.noise_nats});
+                                std::max(0.0, n.gain_nats + constants().noise_kind_nats - out_.slow.null.free_score()),
+                                constants().noise_nats});
     s.effects = structural_;
     s.effects.insert(s.effects.end(), named_.begin(), named_.end());
     s.effects.insert(s.effects.end(), retuned_.begin(), retuned_.end());
@@ -529,7 +540,7 @@ private:
       has_member = has_member || (e.doubt != Doubt::kShapeOpen && e.doubt != Doubt::kSlowNoise);
     }
     const bool has_mean = out_.gap.has_mean || !out_.slow.best.steps.empty();
-    const bool grows = has_mean && out_.gap.rms_after_dph > 1.02 * out_.gap.rms_before_dph;
+    const bool grows = has_mean && out_.gap.rms_after_dph > (1 + constants().growth_part) * out_.gap.rms_before_dph;
     fires = fires || !s.dropped.empty();
     if (s.effects.empty())
       s.verdict = fires ? Verdict::kUnexplained : Verdict::kNoGap;

@@ -63,11 +63,9 @@ struct Selection {
 };
 
 struct SelectOptions {
-  SearchThresholds thresholds;
+  SelectorConstants constants;
   // The threshold of names in the mean for this campaign, found before the search; empty: as given.
   std::function<double(SlowSearch*)> calibrate = {};
-  double family_margin_nats = 2; // members closer than this are not told apart
-  double least_held_out_nats = 1;
 };
 
 // All stages of one axis.  Masks what structure has spoilt in `campaign`.

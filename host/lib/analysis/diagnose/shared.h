@@ -27,7 +27,4 @@ struct SharedNoise {
 // noise.  n = 0: no seconds in common.
 SharedNoise shared_noise(const AxisRest& a, const AxisRest& b);
 
-// Gain from which it is named: chi2/2 of one parameter at 1 in 16 000, for up to fifteen pairs of axes.
-constexpr double kShared_nats = 8;
-
 } // namespace imucal

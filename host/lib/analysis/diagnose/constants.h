@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: MIT
+// Every constant that decides what the selector says, in one place.  The defaults are the ones in use; they are passed
+// down, so that `make selector-table` can run the same cases at half and at double of each.  What a constant means and
+// where its value comes from stands beside its name in constants.cpp.
+#pragma once
+#include <vector>
+
+namespace imucal {
+
+// Unit "nats": natural logarithm of a likelihood ratio.  Others are parts (no unit).
+struct SelectorConstants {
+  // Search: slow causes on block means (search.cpp).
+  double mean_nats = 6;
+  double noise_nats = 6;
+  double step_nats = 8;
+  double step_try_part = 0.3;
+  double reestimated_nats = 6;
+  double noise_kind_nats = 3;
+  double near_nats = 10;
+  double near_part = 0.3;
+  double below_null_nats = 1;
+  double more_names_nats = 3;
+  double rivals_nats = 3;
+  double member_share = 0.85;
+  // Threshold from draws of the fitted noise (null_threshold).
+  double polish_gain_nats = 1;
+  double least_threshold_nats = 4;
+  double most_threshold_nats = 14;
+  // Selection: names, families, verdict (select.cpp).
+  double family_margin_nats = 2;
+  double least_held_out_nats = 1;
+  double predicted_part = 0.2;
+  double undecided_nats = 4;
+  double carried_part = 0.75;
+  double slow_tau_part = 0.02;
+  double growth_part = 0.02;
+  // Fast causes in the seconds (seconds.cpp, select.cpp, shared.cpp).
+  double fast_nats = 8;
+  double line_nats = 22;
+  double drift_nats = 28;
+  double retuned_nats = 7;
+  double rest_rate = 1e-3;
+  double rest_line_nats = 20;
+  double shared_nats = 8;
+};
+
+// One of them, for tables and tests.
+struct SelectorConstant {
+  const char* name;
+  double SelectorConstants::*value;
+  const char* meaning; // what it decides
+  const char* source;  // where its value comes from
+  bool is_part;        // a share of something: 1 is its largest sensible value
+};
+const std::vector<SelectorConstant>& selector_constants();
+
+} // namespace imucal
