@@ -3,9 +3,12 @@
 
 namespace imucal {
 
-const std::vector<SelectorConstant>& selector_constants() {
-  using C = SelectorConstants;
-  static const std::vector<SelectorConstant> list = {
+namespace {
+
+using C = SelectorConstants;
+
+std::vector<SelectorConstant> of_search() {
+  return {
       {"mean_nats", &C::mean_nats, "what a name in the mean must gain, where no draws of the noise set it",
        "about 1 in 400 for one name", false},
       {"noise_nats", &C::noise_nats, "what a kind of slow noise must gain to be named",
@@ -36,6 +39,11 @@ const std::vector<SelectorConstant>& selector_constants() {
        "150 draws do not promise less", false},
       {"most_threshold_nats", &C::most_threshold_nats, "largest threshold of a name",
        "a tail fitted to 30 draws can run away", false},
+  };
+}
+
+std::vector<SelectorConstant> of_selection() {
+  return {
       {"family_margin_nats", &C::family_margin_nats, "margin below which members are one family", "odds of 7 to 1",
        false},
       {"least_held_out_nats", &C::least_held_out_nats, "what a name must gain on data that were not fitted",
@@ -65,6 +73,16 @@ const std::vector<SelectorConstant>& selector_constants() {
       {"shared_nats", &C::shared_nats, "what noise shared by two axes must gain",
        "chi2/2 of one parameter at 1 in 16 000: fifteen pairs of axes", false},
   };
+}
+
+} // namespace
+
+const std::vector<SelectorConstant>& selector_constants() {
+  static const std::vector<SelectorConstant> list = [] {
+    std::vector<SelectorConstant> all = of_search();
+    for (const SelectorConstant& c : of_selection()) all.push_back(c);
+    return all;
+  }();
   return list;
 }
 
