@@ -185,8 +185,10 @@ def test_wrong_input_is_refused_or_warned_of(lab):
     assert missing.returncode == 2 and "--log" in missing.stderr
     text = Path(logs[0]).read_text()
     accelerometer = lab.write("acc.csv", text.replace("gx_dph", "ax_mg"))
-    lab.run([accelerometer], code=3)
-    assert "gyro" in lab.errors
+    assert any("does not state its unit" in w for w in lab.run([accelerometer])["warnings"])
+    gyro = lab.write("gyro.json", {**json.loads(Path(lab.model).read_text()), "unit": "dph"})
+    lab.run([accelerometer], model=gyro, code=3)
+    assert "the model is one of a gyro" in lab.errors
     units = lab.write("units.csv", text.replace("gx_dph", "gx_dps"))
     assert any("units" in w for w in lab.run([units])["warnings"])
     other = lab.write("device.csv", text.replace("# device = simulated", "# device = another").replace(",0.", ",1."))
