@@ -64,6 +64,9 @@ def folder(tmp_path_factory):
         subprocess.run([BUILD / "bin/gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--log-index", str(run),
                         "-o", f"run{run}.csv", "-q"], cwd=path, check=True)
     (path / "log.csv").write_text((path / "run1.csv").read_text())
+    (path / "gyro.json").write_text(json.dumps(MODEL))
+    (path / "accel.json").write_text(json.dumps({"imucal_model": 1, "unit": "mg", "white_mg_rt_hz": 0.1,
+                                                 "markov": [{"sigma_mg": 0.05, "tau_s": 100}]}))
     subprocess.run([BUILD / "bin/gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--axes", "3", "-o", "triad.csv", "-q"],
                    cwd=path, check=True)
     subprocess.run([BUILD / "bin/calibrate", "fit", "triad.csv", "--model", "model.json", "-o", "table.json", "-q"], cwd=path, check=True)
