@@ -61,3 +61,10 @@ fuzz-files: fuzz-files-program  ## logs, JSON and tables by libFuzzer under ASan
 	  $(BUILD)/fuzz_files_corpus tests/fuzz/corpus
 
 .PHONY: fuzz-files fuzz-files-program
+
+# The files of other programs that the Python package imports, and JSON: damage at random, each batch in a process of its own.
+FUZZ_IMPORTS_RUNS ?= 20000
+fuzz-imports: python  ## damaged ULog, .bin, bags, .mat, tables, JSON: taken or refused by name (FUZZ_IMPORTS_RUNS, SEED)
+	$(Q)$(PYTHON) tests/fuzz/fuzz_imports.py --runs $(FUZZ_IMPORTS_RUNS) --seed $(SEED) --keep $(BUILD)/fuzz_imports
+
+.PHONY: fuzz-imports

@@ -127,6 +127,7 @@ LONG = {
     "month": "minutes", "mutate": "an hour; short form test_mutate.py", "portable": "compiles everything for two machines",
     "portable-core": "short form test_portable_core.py", "profile-table": "minutes", "figures": "minutes", "prove": "needs Frama-C; minutes",
     "recorded": "minutes; short form test_recorded.py", "sanitize": "run by .ci/run", "sick": "minutes; its short form test_sick.py runs every fault",
+    "selector-table": "minutes; short form test_selector_table.py", "fuzz-imports": "minutes; short form test_fuzz_imports.py",
     "soak": "an hour; short form test_store_torn", "torn": "minutes; short form test_store_torn", "test-long": "minutes",
     "validation": "minutes; short form test_montecarlo.py", "formats-table": "minutes; short form test_formats.py",
     "cost-diff": "run with every firmware change", "cycles": "QEMU, minutes", "size": "part of cost-diff", "stack": "part of cost-diff",

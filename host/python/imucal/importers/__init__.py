@@ -76,6 +76,8 @@ def _detect_text(path, head):
         text = "\0"
     if "\0" in text or sum(c < " " and c not in "\r\n\t" for c in text) > 0:
         raise DataError(f"{path}: begins with the bytes {head[:8].hex(' ')}: none of the formats known here ({FORMATS})")
+    if not text.strip():
+        raise DataError(f"{path}: the file holds no text but blanks")
     first = text.splitlines()[0]
     fields = first.split(",")
     if len(fields) == 8 and all(len(f.strip()) == 8 and set(f.strip().lower()) <= set("0123456789abcdef") for f in fields):

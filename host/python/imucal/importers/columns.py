@@ -8,11 +8,14 @@ import numpy as np
 
 from ..errors import DataError
 from . import need
-from .named import Columns, stream_of
+from .named import Columns, numbers, stream_of
 
 
 def _to_numpy(frame):
-    return {name: frame[name].to_numpy() for name in frame.columns}
+    """Arrays by name; integers of 128 bits, which numpy has not, as floats."""
+    columns = {name: frame[name] for name in frame.columns}
+    return {name: (values.cast(float) if values.dtype.is_integer() and str(values.dtype).endswith("128") else values).to_numpy()
+            for name, values in columns.items()}
 
 
 def _header_line(path):
@@ -26,7 +29,10 @@ def _header_line(path):
         delimiter = max(",;\t", key=line.count)
         if line.count(delimiter) == 0:
             continue
-        names, values = (next(csv.reader([text], delimiter=delimiter)) for text in (line, lines[i + 1]))
+        try:
+            names, values = (next(csv.reader([text], delimiter=delimiter)) for text in (line, lines[i + 1]))
+        except csv.Error:  # a field longer than any table has
+            continue
         words = [n for n in names if not _is_number(n)]
         numbers = [v for v in values if _is_number(v) or not v.strip()]
         if len(names) >= 2 and len(values) == len(names) and len(words) > len(names) / 2 and len(numbers) >= len(names) / 2:
@@ -65,6 +71,13 @@ def _read_csv(path):
 def _place(path, body, at, delimiter, error):
     """The line a table breaks at; polars' own words where it cannot be found."""
     rows = csv.reader(io.StringIO(body.decode("utf-8", "replace")), delimiter=delimiter)
+    try:
+        return _first_odd_row(path, rows, at) or f"{path}: a table that cannot be read: {str(error).splitlines()[0]}"
+    except csv.Error as odd:
+        return f"{path}:{at + rows.line_num}: {odd}; is a quotation mark opened and never closed?"
+
+
+def _first_odd_row(path, rows, at):
     names = next(rows)
     kinds = None
     for number, row in enumerate(rows, at + 2):
@@ -76,7 +89,7 @@ def _place(path, body, at, delimiter, error):
         for name, value, numeric in zip(names, row, kinds):
             if numeric and value.strip() and not _is_number(value):
                 return f"{path}:{number}: column {name}: expected a number, found \"{value}\""
-    return f"{path}: a table that cannot be read: {str(error).splitlines()[0]}"
+    return None
 
 
 def _blackbox_scale(preface, columns):
@@ -100,9 +113,11 @@ def streams(path, options):
     is_blackbox = any(n.startswith("gyroADC") or n.startswith("gyroUnfilt") for n in columns)
     if not is_blackbox:
         return [stream_of(path, columns, options, "parquet" if is_parquet else "csv")]
-    columns = {re.sub(r"^(gyro\w+)\[", r"\1[", n): v for n, v in columns.items()}
+    first_line = getattr(columns, "first_line", None)
+    columns = Columns({re.sub(r"^(gyro\w+)\[", r"\1[", n): v for n, v in columns.items()})
+    columns.first_line = first_line
     if "IMUTemperature" in columns:  # INAV: tenths of a degree
-        columns["IMUTemperature"] = np.asarray(columns["IMUTemperature"], float) / 10
+        columns["IMUTemperature"] = numbers(path, columns, "IMUTemperature").astype(float) / 10
     if "time" in columns and not options.time:
         columns["time_us"] = columns.pop("time")
     stream = stream_of(path, columns, options, "blackbox", "dps", {"device": "Betaflight/INAV blackbox"})

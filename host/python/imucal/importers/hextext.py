@@ -22,7 +22,7 @@ def _words(path):
     joined = ",".join(line.strip() for line in lines)
     try:
         return np.array([int(w, 16) for w in joined.split(",")], np.uint32).reshape(-1, 8)
-    except ValueError:
+    except (ValueError, OverflowError):  # a word is no number, or has more than 8 digits
         pass
     for number, line in enumerate(lines, 1):
         words = line.strip().split(",")

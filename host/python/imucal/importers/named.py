@@ -12,6 +12,8 @@ from ..errors import DataError
 from ..stream import Motion, Stream
 from ..units import ACCEL_UNITS, RATE_UNITS, unit_in_name
 
+#: times are microseconds in 64 bits; this is three thousand years
+MAX_TIME_US = 1e17
 _TIME = [r"t_s", r"t", r"time[_ ]?stamp(_?sample)?", r"time", r"timeus", r"sample[_ ]?time[_ ]?fine", r"packetcounter", r"datetime", r"date", r"sec(onds)?"]
 _TEMP = [r"temp(erature)?(_?degc)?", r"t(emp)?_?c", r"imu_?temp(erature)?", r"gyro_?temp(erature)?", r"(die|chip|sensor)_?temp(erature)?", r"temp_?out",
          r"sens0temp"]
@@ -106,6 +108,7 @@ def _times(path, columns, options):
         raise DataError(f"{path}: the time column \"{name}\" holds no numbers (first: {values[0]!r}); name another: --time COLUMN")
     fine = values[np.isfinite(values.astype(float))]
     scale = _time_scale(path, name, fine.astype(float), unit)
+    _refuse_far_times(path, columns, name, scale)
     if values.dtype.kind in "iu":
         from ..seconds import unwrap
         whole = values.astype(np.int64)
@@ -128,14 +131,26 @@ def _unit_of(path, gyro, options, default):
     return unit, RATE_UNITS[unit]
 
 
-def _numbers(path, columns, name):
+def _refuse_far_times(path, columns, name, scale):
+    """DataError where a time lies beyond what microseconds in 64 bits can hold; a time that is not a number is left to the caller."""
+    values = columns[name].astype(float)
+    bad = np.flatnonzero(np.isfinite(values) & (np.abs(values) * scale > MAX_TIME_US))
+    if len(bad):
+        raise DataError(f"{_row(path, columns, int(bad[0]))}: time {values[bad[0]]:g} in column {name} is out of range; correct or remove that row")
+
+
+def _row(path, columns, number):
+    """Place of row `number`, from 0, for people."""
+    first_line = getattr(columns, "first_line", None)
+    return f"{path}:{first_line + number}" if first_line else f"{path}, row {number + 1}"
+
+
+def numbers(path, columns, name):
     values = columns[name]
     if values.dtype.kind in "iufb":
         return values
     bad = next((i for i, v in enumerate(values) if not _is_number(v)), 0)
-    first_line = getattr(columns, "first_line", None)
-    place = f"{path}:{first_line + bad}" if first_line else f"{path}, row {bad + 1}"
-    raise DataError(f"{place}: column {name}: expected a number, found \"{values[bad]}\"")
+    raise DataError(f"{_row(path, columns, bad)}: column {name}: expected a number, found \"{values[bad]}\"")
 
 
 def _is_number(value):
@@ -152,7 +167,7 @@ def _accel(path, columns, options):
     if len(names) != 3:
         return None
     unit = unit_in_name(names[0])
-    values = np.stack([_numbers(path, columns, n).astype(float) for n in names], axis=1)
+    values = np.stack([numbers(path, columns, n).astype(float) for n in names], axis=1)
     if unit not in ACCEL_UNITS:
         # At rest an accelerometer reads one g: its own size tells the unit.
         size = float(np.nanmedian(np.linalg.norm(values, axis=1)))
@@ -180,14 +195,14 @@ def stream_of(path, columns, options, name, default_unit=None, metadata=None):
         raise DataError(f"{path}: no gyro columns found among {', '.join(list(columns)[:40])}; name them: --gyro X,Y,Z --unit dps")
     unit, factor = _unit_of(path, gyro, options, default_unit)
     t_us, time_name = _times(path, columns, options)
-    parts = [_numbers(path, columns, n) for n in gyro]
+    parts = [numbers(path, columns, n) for n in gyro]
     whole = options.unit == "counts" and all(p.dtype.kind in "iu" for p in parts)
     values = np.stack([p.astype(np.int64 if whole else np.float64) for p in parts], axis=1)
     stream = Stream(options.instance or 0, name, _axis_stems(gyro), t_us, values, np.full(len(gyro), factor), unit,
                     metadata={"columns": " ".join(f"{a}={n}" for a, n in zip(_axis_stems(gyro), gyro)), **(metadata or {})})
     temp = _given(path, columns, options.temp, "--temp")[0] if options.temp else _find([n for n in columns if n not in gyro + [time_name]], _TEMP)
     if temp:
-        stream.temp_t_us, stream.temp_degc = t_us, _numbers(path, columns, temp).astype(float)
+        stream.temp_t_us, stream.temp_degc = t_us, numbers(path, columns, temp).astype(float)
         stream.metadata["columns"] += f" temp={temp}"
     accel = _accel(path, columns, options)
     if accel and set(accel[0]).isdisjoint(gyro):
