@@ -7,22 +7,14 @@ import subprocess
 
 import pytest
 
+from child import Child
 from device_link import BUILD
 
 
-class Sketch:
+class Sketch(Child):
     def __init__(self, eeprom, *options):
-        self.process = subprocess.Popen([str(a) for a in (BUILD / "tests/emu/sketch", eeprom, *options)],
-                                        stdout=subprocess.PIPE, text=True)
+        super().__init__(BUILD / "tests/emu/sketch", eeprom, *options)
         self.name = self.process.stdout.readline().split()[1]
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.process.kill()
-        self.process.wait()
-        self.process.stdout.close()
 
 
 def calibrate(sketch, *arguments):

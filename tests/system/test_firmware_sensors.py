@@ -11,6 +11,7 @@ import time
 
 import pytest
 
+from child import Child
 from device_link import BUILD, ROOT, Device
 
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 5, "tau_s": 100}],
@@ -33,23 +34,14 @@ def chamber(tmp_path_factory):
     return folder
 
 
-class Sensor:
+class Sensor(Child):
     """The model's process; its pipes begin with .prefix."""
 
     def __init__(self, chamber, folder, name, *options):
         self.name, self.prefix = name, folder / ("bus-" + name)
-        self.process = subprocess.Popen([str(a) for a in (
-            BUILD / "tests/emu/sensor_server", name, self.prefix, "--log", chamber / "log.csv", "--clock-error", "0.01",
-            "--noise-dps", 0.03, *options)], stdout=subprocess.PIPE, text=True)
+        super().__init__(BUILD / "tests/emu/sensor_server", name, self.prefix, "--log", chamber / "log.csv", "--clock-error", "0.01",
+                         "--noise-dps", 0.03, *options)
         assert self.process.stdout.readline() == "ready\n"
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.process.kill()
-        self.process.wait()
-        self.process.stdout.close()
 
     def options(self, port):
         pair = {"sensor": self.name, "bus": self.prefix}
