@@ -198,36 +198,29 @@ def datasheet_figures(noise):
             "bias_instability_tau_s": float(tau[at]) if at is not None else None, "rate_random_walk_dph_rt_h": 60 * noise.walk_dph}
 
 
-def _accel_datasheet(noise, f):
-    """IEEE 1293 and makers' sheets: velocity random walk, noise density, instability in ug."""
-    vrw = noise.density * 60  # m/s/sqrt(h): (m/s^2)/sqrt(Hz) is (m/s)/sqrt(s)
-    parts = [f"velocity random walk {vrw:.3g} m/s/sqrt(h) (noise density {60e3 * noise.arw_deg_rt_h:.3g} ug/sqrt(Hz))"]
-    if f["bias_instability_dph"] is not None:
-        parts.append(f"bias instability {1e3 * f['bias_instability_dph']:.3g} ug (Allan minimum / 0.664, at {f['bias_instability_tau_s']:.0f} s)")
-    if noise.turn_on_sigma_dph:
-        parts.append(f"turn-on repeatability {1e3 * noise.turn_on_sigma_dph:.3g} ug, 1 sigma")
-    notes = _not_held(noise, "a data sheet's line")
-    if f["bias_instability_dph"] is None:
-        notes.append("the Allan deviation has no minimum between 1 s and 1e5 s: no bias instability is stated")
-    return ", ".join(parts) + "\n", notes
+def _figure(value, factor, unit):
+    return f"{factor * value:.3g} {unit}"
 
 
 def datasheet(noise, options):
-    """One line a data sheet can carry."""
+    """One line a data sheet can carry: of a gyro after IEEE 952, of an accelerometer after IEEE 1293 and makers' sheets (ug)."""
     f = datasheet_figures(noise)
+    factor, unit = (1e3, "ug") if noise.is_accelerometer else (1, "deg/h")
     if noise.is_accelerometer:
-        return _accel_datasheet(noise, f)
-    parts = [f"ARW {f['arw_deg_rt_h']:.3g} deg/sqrt(h)"]
+        vrw = noise.density * 60  # m/s/sqrt(h): (m/s^2)/sqrt(Hz) is (m/s)/sqrt(s)
+        parts = [f"velocity random walk {vrw:.3g} m/s/sqrt(h) (noise density {60e3 * noise.arw_deg_rt_h:.3g} ug/sqrt(Hz))"]
+    else:
+        parts = [f"ARW {f['arw_deg_rt_h']:.3g} deg/sqrt(h)"]
     if f["bias_instability_dph"] is not None:
-        parts.append(f"bias instability {f['bias_instability_dph']:.3g} deg/h (Allan minimum / 0.664, at {f['bias_instability_tau_s']:.0f} s)")
-    if noise.markov:
+        parts.append(f"bias instability {_figure(f['bias_instability_dph'], factor, unit)} (Allan minimum / 0.664, at {f['bias_instability_tau_s']:.0f} s)")
+    if noise.markov and not noise.is_accelerometer:
         parts.append(f"rate random walk {f['rate_random_walk_dph_rt_h']:.3g} deg/h/sqrt(h) (short-term, of a bounded instability)")
     if noise.turn_on_sigma_dph:
-        parts.append(f"turn-on repeatability {noise.turn_on_sigma_dph:.3g} deg/h, 1 sigma")
-    notes = _not_held(noise, "a data sheet's rate random walk")
+        parts.append(f"turn-on repeatability {_figure(noise.turn_on_sigma_dph, factor, unit)}, 1 sigma")
+    notes = _not_held(noise, "a data sheet's line" if noise.is_accelerometer else "a data sheet's rate random walk")
     if f["bias_instability_dph"] is None:
         notes.append("the Allan deviation has no minimum between 1 s and 1e5 s: no bias instability is stated")
-    return ", ".join(parts) + " (IEEE Std 952)\n", notes
+    return ", ".join(parts) + ("\n" if noise.is_accelerometer else " (IEEE Std 952)\n"), notes
 
 
 TARGETS = {"kalibr": kalibr, "ros": ros, "matlab": matlab, "datasheet": datasheet}
