@@ -35,13 +35,23 @@ def test_what_must_not_happen_is_found_and_kept(tmp_path, monkeypatch):
     assert status == fuzz_imports.STATUS_FOUND and "not an error of ours" in text
 
 
-def test_findings_stay_mended(tmp_path):
-    """What the campaign found: a quotation mark that swallows the file, a file of blanks."""
-    table = tmp_path / "quote.csv"
-    table.write_text("time_s,gyro_x,gyro_y,gyro_z,temp\n" + "0,1,2,3,20\n" * 3 + '1,"2,3,4,20\n' + "2,1,2,3,20\n" * 20000)
-    blanks = tmp_path / "blanks.csv"
-    blanks.write_bytes(b"\xef\xbb\xbf\n")
-    for path, words in ((table, "quotation mark"), (blanks, "blanks")):
-        with pytest.raises(DataError, match=words) as refused:
-            imucal.import_log(path, unit="dps")
-        assert path.name in str(refused.value)
+TABLE = "time_s,gyro_x,gyro_y,gyro_z,temp\n" + "".join(f"{i},1,2,3,20\n" for i in range(5))
+BLACKBOX = "loopIteration,time (us),gyroADC[0],gyroADC[1],gyroADC[2],IMUTemperature\n" + "".join(f"{i},{i}000,1,2,3,200\n" for i in range(5))
+WORDS = ",".join(["00000001"] * 8) + "\n"
+
+
+@pytest.mark.parametrize("text, words", [
+    (TABLE + '5,"2,3,4,20\n' + "6,1,2,3,20\n" * 20000, "quotation mark"),
+    ("\ufeff\n", "blanks"),
+    (TABLE + "1e19,1,2,3,20\n", r":7: time 1e\+19 in column time_s is out of range"),
+    (WORDS + WORDS.replace("00000001", "f" * 12, 1) + WORDS, ":2: expected 8 words of 8 hex digits"),
+    (BLACKBOX + "5,5000,1,2,3,2x0\n", ":7: column IMUTemperature: expected a number"),
+    (BLACKBOX + "5,99999999999999999999999,1,2,3,200\n", "time .* is out of range"),
+], ids=["quotation mark", "blanks", "far time", "long word", "text for a temperature", "integer of 128 bits"])
+def test_findings_stay_mended(tmp_path, text, words):
+    """What the campaign found is refused by name, line and reason."""
+    path = tmp_path / "damaged.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match=words) as refused:
+        imucal.import_log(path, unit="dps")
+    assert path.name in str(refused.value)
