@@ -1,7 +1,6 @@
 # `dp` and `errormodel`: benchmark, long studies, figures.
 
 DP_STUDY := $(BUILD)/studies
-DP_MODELS := tests/vectors/models
 
 $(BUILD)/tests/bench_dp $(BUILD)/tests/bench_log: $(BUILD)/tests/bench_%: $(BUILD)/obj/host/tests/bench/bench_%.o \
                                               $(patsubst %,$(BUILD)/lib/%.a,$(ROOMS_dp) common)

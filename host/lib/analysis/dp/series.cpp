@@ -99,10 +99,6 @@ double poly_argument(const Series& s, const Detrend& detrend, long i) {
   return detrend.kind == Detrend::Kind::kPolyTime ? static_cast<double>(i) : s.temp_degc[static_cast<size_t>(i)];
 }
 
-} // namespace
-
-namespace {
-
 // Where the named axes (all when empty) stand among those of the log.
 std::vector<size_t> columns_of_axes(const Log& header, const std::vector<std::string>& axes, SeriesHeader* out) {
   out->axes = axes;
