@@ -36,7 +36,8 @@
 
 #define GUARD_BITS 6
 #define MAX_OUT_FRAC_BITS 8
-#define MAX_COEFF_SUM (((int64_t)1 << 30) + 6) /* 6: each to the integer above, at the very limit */
+#define MAX_COEFF_SUM (((int32_t)1 << 30) + 6) /* 6: each to the integer above, at the very limit */
+#define NO_SUM (-1)                            /* of magnitudes: above MAX_COEFF_SUM */
 #define MIN_SCALE_SHIFT 34                     /* sum |m| <= 1/16 */
 #define MAX_SCALE_SHIFT 36
 #define MAX_SCALE_EFFECT 23726566       /* 2^24.5 L */
@@ -50,11 +51,11 @@ typedef char shifts_keep_the_sign[(-5 >> 1) == -3 ? 1 : -1];
 
 /* ---- prepare: exact quotients of floats by integers ---- */
 
-/* value = mantissa 2^exponent, exact; finite input. */
-IMUCAL_COLD static int64_t split(float value, int32_t* exponent) {
+/* value = mantissa 2^exponent, exact, |mantissa| < 2^24; finite input. */
+IMUCAL_COLD static int32_t split(float value, int32_t* exponent) {
   uint32_t bits = imucal_bits_from_float(value);
   int32_t biased = (int32_t)(bits >> 23 & 0xFFu);
-  int64_t mantissa = (int64_t)(bits & 0x7FFFFFu);
+  int32_t mantissa = (int32_t)(bits & 0x7FFFFFu);
   if (biased == 0)
     biased = 1;
   else
@@ -74,7 +75,7 @@ enum { TO_NEAREST = 1, TO_ABOVE = 2 }; /* halves added before the floor */
  * below 2^-36; |result| >= 2^37: TOO_LARGE.  Pre: |numerator| < 2^62, denominator normal and positive. */
 IMUCAL_COLD static int64_t quotient(int64_t numerator, int32_t exponent, float denominator, int32_t halves) {
   int32_t denominator_exponent = 0;
-  int64_t mantissa = split(denominator, &denominator_exponent);
+  const int32_t mantissa = split(denominator, &denominator_exponent);
   int32_t shift = denominator_exponent - exponent;
   if (numerator != 0)
     for (; absolute(numerator) < (int64_t)1 << 61; shift++) numerator *= 2; /* at most 61 rounds */
@@ -87,19 +88,19 @@ IMUCAL_COLD static int64_t quotient(int64_t numerator, int32_t exponent, float d
 /* A float times 2^fraction_bits over a denominator. */
 IMUCAL_COLD static int64_t float_quotient(float numerator, int32_t fraction_bits, float denominator, int32_t halves) {
   int32_t exponent = 0;
-  int64_t mantissa = split(numerator, &exponent);
+  const int32_t mantissa = split(numerator, &exponent);
   return quotient(mantissa, exponent + fraction_bits, denominator, halves);
 }
 
-/* degC in units of 2^-40; |temp_degc| <= 1e6 < 2^20. */
-IMUCAL_COLD static int64_t q40_from_degc(int64_t mantissa, int32_t exponent) {
+/* degC in units of 2^-40; |temp_degc| <= 1e6 < 2^20.  Apart: it has two callers, and 64-bit shifts are long. */
+IMUCAL_APART static int64_t q40_from_degc(int64_t mantissa, int32_t exponent) {
   int32_t shift = exponent + 40;
   if (shift >= 0) return mantissa * ((int64_t)1 << shift);
   return shift < -61 ? 0 : (mantissa + ((int64_t)1 << (-shift - 1))) >> -shift;
 }
 IMUCAL_COLD static int64_t q40_from_float(float temp_degc) {
   int32_t exponent = 0;
-  int64_t mantissa = split(temp_degc, &exponent);
+  const int32_t mantissa = split(temp_degc, &exponent);
   return q40_from_degc(mantissa, exponent);
 }
 
@@ -113,7 +114,7 @@ IMUCAL_COLD static int64_t counts_from_degc(float temp_degc, const imucal_table_
 IMUCAL_COLD static int64_t tn_of_counts(const imucal_table_t* table, const imucal_table_channel_t* c,
                                         int64_t temp_counts) {
   int32_t exponent = 0;
-  int64_t mantissa = split(table->degc_per_count, &exponent);
+  const int32_t mantissa = split(table->degc_per_count, &exponent);
   int64_t temp_q40 = q40_from_degc(mantissa * temp_counts, exponent) + q40_from_float(table->degc_at_zero);
   return quotient(temp_q40 - q40_from_float(c->t0_degc), -10, c->range_degc, TO_ABOVE);
 }
@@ -137,7 +138,8 @@ IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const 
     if (i == 2) return IMUCAL_ERR_PRECISION;
   const int64_t reach = mid - lo > hi - mid ? mid - lo : hi - mid;
   if (lo >= hi || reach > MAX_DISTANCE) return IMUCAL_ERR_PRECISION;
-  while (reach << (comp->tn_shift + 1) <= INT32_MAX) comp->tn_shift++; /* at most 30 rounds: lo < hi, so reach >= 1 */
+  const uint32_t distance = (uint32_t)reach; /* 1 .. 2^30, since lo < hi: at most 30 rounds, and none overflows */
+  while (distance << (comp->tn_shift + 1) <= (uint32_t)INT32_MAX) comp->tn_shift++;
   const int64_t gain = float_quotient(table->degc_per_count, 61 - comp->tn_shift, c->range_degc, TO_NEAREST);
   if (gain > (int64_t)INT32_MAX + 1) return IMUCAL_ERR_PRECISION;
   comp->tn_gain = gain > INT32_MAX ? INT32_MAX : (int32_t)gain;
@@ -149,40 +151,42 @@ IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const 
 }
 
 /* Coefficients 0 .. order over `unit` in units of 2^-fraction_bits, as horner_q30 wants them; their sum of
- * magnitudes, or TOO_LARGE. */
-IMUCAL_COLD static int64_t quantise(const float* value, uint32_t order, int32_t fraction_bits, float unit,
+ * magnitudes, at most MAX_COEFF_SUM, or NO_SUM. */
+IMUCAL_COLD static int32_t quantise(const float* value, uint32_t order, int32_t fraction_bits, float unit,
                                     int32_t* coeff) {
-  int64_t sum = 0;
+  int32_t left = MAX_COEFF_SUM;
   for (uint32_t i = 0; i <= order; i++) {
-    int64_t wide = float_quotient(value[i], fraction_bits, unit, i < order ? TO_ABOVE : TO_NEAREST);
-    sum += absolute(wide);
-    if (sum > MAX_COEFF_SUM) return TOO_LARGE;
+    const int64_t wide = float_quotient(value[i], fraction_bits, unit, i < order ? TO_ABOVE : TO_NEAREST);
+    if (absolute(wide) > left) return NO_SUM;
     coeff[i] = (int32_t)wide;
+    left -= (int32_t)absolute(wide);
   }
-  return sum;
+  return MAX_COEFF_SUM - left;
 }
 
 IMUCAL_COLD static imucal_status prepare_scale(imucal_comp_t* comp, const imucal_table_channel_t* c) {
-  comp->has_scale = false;
   for (uint32_t i = 0; i <= c->scale_order; i++)
     if (imucal_bits_from_float(c->scale_coeff[i]) << 1 != 0) comp->has_scale = true;
   for (uint32_t shift = MAX_SCALE_SHIFT; shift >= MIN_SCALE_SHIFT; shift--) {
     comp->scale_shift = (uint8_t)shift;
-    int64_t sum = quantise(c->scale_coeff, c->scale_order, (int32_t)shift, 1.0f, comp->scale_coeff);
-    if (sum != TOO_LARGE) return IMUCAL_OK;
+    if (quantise(c->scale_coeff, c->scale_order, (int32_t)shift, 1.0f, comp->scale_coeff) != NO_SUM) return IMUCAL_OK;
   }
   return IMUCAL_ERR_PRECISION; /* sum |m| above 1/16 */
 }
 
 /* Does everything fit with this many fractional bits?  bias_sum in units of 2^-(out_frac_bits + 6). */
-IMUCAL_COLD static bool fits(const imucal_comp_t* comp, int64_t bias_sum, int32_t full_scale_counts) {
-  int64_t rate = ((int64_t)full_scale_counts << comp->out_frac_bits) + (bias_sum >> GUARD_BITS) + 1;
+IMUCAL_COLD static bool fits(const imucal_comp_t* comp, int32_t bias_sum, int32_t full_scale_counts) {
+  const int64_t rate = ((int64_t)full_scale_counts << comp->out_frac_bits) + (bias_sum >> GUARD_BITS) + 1;
   if (rate > INT32_MAX) return false;
-  int64_t scale_sum = 0;
-  for (uint32_t i = 0; i < IMUCAL_TABLE_SCALE_N; i++) scale_sum += absolute(comp->scale_coeff[i]);
-  int64_t effect = (rate * scale_sum >> comp->scale_shift) + 1;
-  if (!comp->has_scale) effect = 0;
-  return effect <= MAX_SCALE_EFFECT && rate + effect <= INT32_MAX;
+  if (!comp->has_scale) return true;
+  int32_t scale_sum = 0; /* at most MAX_COEFF_SUM */
+  for (uint32_t i = 0; i < IMUCAL_TABLE_SCALE_N; i++) {
+    const int32_t k = comp->scale_coeff[i];
+    scale_sum += k < 0 ? -k : k;
+  }
+  /* Below 2^31 (2^30 + 6) 2^-34 + 1 < 2^28. */
+  const int32_t effect = (int32_t)((int64_t)(int32_t)rate * scale_sum >> comp->scale_shift) + 1;
+  return effect <= MAX_SCALE_EFFECT && effect <= INT32_MAX - (int32_t)rate;
 }
 
 IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* table, uint32_t i_channel) {
@@ -195,8 +199,8 @@ IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_
   made.order = c->order;
   for (uint32_t lost = 0; lost <= MAX_OUT_FRAC_BITS; lost++) {
     made.out_frac_bits = (uint8_t)(MAX_OUT_FRAC_BITS - lost);
-    int64_t sum = quantise(c->coeff, c->order, made.out_frac_bits + GUARD_BITS, c->unit_per_count, made.coeff);
-    if (sum == TOO_LARGE || !fits(&made, sum, c->full_scale_counts)) continue;
+    const int32_t sum = quantise(c->coeff, c->order, made.out_frac_bits + GUARD_BITS, c->unit_per_count, made.coeff);
+    if (sum == NO_SUM || !fits(&made, sum, c->full_scale_counts)) continue;
     made.unit_per_lsb = c->unit_per_count / (float)(1u << made.out_frac_bits);
     *comp = made;
     return IMUCAL_OK;

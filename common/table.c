@@ -52,6 +52,22 @@ bool imucal_text_equal(const char* a, const char* b, size_t size) {
 
 /* ---- validation: the first field that fails, in the order of the bytes ---- */
 
+/* The judging functions return the field that is wrong, IMUCAL_FIELD_NONE where all is well: the status follows from it.
+ * The names stand in imucal_table_field_text alone: who does not print them does not link them. */
+typedef imucal_table_field_t field_t;
+static const int8_t status_of[] = {
+    IMUCAL_OK,        IMUCAL_ERR_MAGIC,    IMUCAL_ERR_LENGTH, IMUCAL_ERR_VERSION,     IMUCAL_ERR_LENGTH,
+    IMUCAL_ERR_CRC,   IMUCAL_ERR_RESERVED, IMUCAL_ERR_NAME,   IMUCAL_ERR_SEQUENCE,    IMUCAL_ERR_CHANNELS,
+    IMUCAL_ERR_SCALE, IMUCAL_ERR_SCALE,    IMUCAL_ERR_NAME,   IMUCAL_ERR_ORDER,       IMUCAL_ERR_ORDER,
+    IMUCAL_ERR_MODEL, IMUCAL_ERR_SPAN,     IMUCAL_ERR_SPAN,   IMUCAL_ERR_COEFFICIENT, IMUCAL_ERR_COEFFICIENT,
+    IMUCAL_ERR_SPAN,  IMUCAL_ERR_SIGMA,    IMUCAL_ERR_MODEL,  IMUCAL_ERR_SCALE,       IMUCAL_ERR_SCALE};
+typedef char one_status_each[sizeof status_of == IMUCAL_FIELD_FULL_SCALE + 1 ? 1 : -1];
+
+static imucal_status tell(field_t field, int32_t channel, imucal_table_place_t* place) {
+  if (field != IMUCAL_FIELD_NONE && place != NULL) *place = (imucal_table_place_t){(int8_t)channel, (uint8_t)field};
+  return (imucal_status)status_of[field];
+}
+
 static float absolute(float value) {
   return value < 0 ? -value : value;
 }
@@ -61,38 +77,51 @@ static float absolute(float value) {
 enum { USED_ALL, USED_ORDER, USED_SCALE, USED_MARKOV, USED_CALIBRATED };
 typedef struct rule {
   float lo, hi;
-  const char* field;
   uint8_t offset; /* of the member in the struct */
   uint8_t n;      /* 1, or the member's length */
   uint8_t used;
-  int8_t refusal;
+  uint8_t field; /* imucal_table_field_t */
 } rule_t;
 #define MEMBER(name, n) offsetof(imucal_table_channel_t, name), n
 static const rule_t rules[] = {
-    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "t0_degc", MEMBER(t0_degc, 1), USED_ALL, IMUCAL_ERR_SPAN},
-    {1e-3f, 2 * MAX_ABS_TEMP_DEGC, "range_degc", MEMBER(range_degc, 1), USED_ALL, IMUCAL_ERR_SPAN},
-    {-IMUCAL_TABLE_MAX_COEFF, IMUCAL_TABLE_MAX_COEFF, "coeff", MEMBER(coeff, IMUCAL_MAX_COEFF), USED_ORDER,
-     IMUCAL_ERR_COEFFICIENT},
-    {-MAX_SCALE_SUM, MAX_SCALE_SUM, "scale_coeff", MEMBER(scale_coeff, IMUCAL_TABLE_SCALE_N), USED_SCALE,
-     IMUCAL_ERR_COEFFICIENT},
-    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "span_degc", MEMBER(span_lo_degc, 1), USED_ALL, IMUCAL_ERR_SPAN},
-    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, "span_degc", MEMBER(span_hi_degc, 1), USED_ALL, IMUCAL_ERR_SPAN},
-    {MIN_SIGMA, MAX_SIGMA, "sigma", MEMBER(sigma, IMUCAL_TABLE_SIGMA_N), USED_CALIBRATED, IMUCAL_ERR_SIGMA},
-    {0.0f, MAX_ARW, "model", MEMBER(arw, 1), USED_ALL, IMUCAL_ERR_MODEL},
-    {0.0f, MAX_SIGMA, "model", MEMBER(markov_sigma, IMUCAL_TABLE_MARKOV_N), USED_MARKOV, IMUCAL_ERR_MODEL},
-    {MIN_TAU_S, MAX_TAU_S, "model", MEMBER(markov_tau_s, IMUCAL_TABLE_MARKOV_N), USED_MARKOV, IMUCAL_ERR_MODEL},
-    {MIN_SCALE, MAX_SCALE, "unit_per_count", MEMBER(unit_per_count, 1), USED_ALL, IMUCAL_ERR_SCALE}};
+    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, MEMBER(t0_degc, 1), USED_ALL, IMUCAL_FIELD_T0},
+    {1e-3f, 2 * MAX_ABS_TEMP_DEGC, MEMBER(range_degc, 1), USED_ALL, IMUCAL_FIELD_RANGE},
+    {-IMUCAL_TABLE_MAX_COEFF, IMUCAL_TABLE_MAX_COEFF, MEMBER(coeff, IMUCAL_MAX_COEFF), USED_ORDER, IMUCAL_FIELD_COEFF},
+    {-MAX_SCALE_SUM, MAX_SCALE_SUM, MEMBER(scale_coeff, IMUCAL_TABLE_SCALE_N), USED_SCALE, IMUCAL_FIELD_SCALE_COEFF},
+    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, MEMBER(span_lo_degc, 1), USED_ALL, IMUCAL_FIELD_SPAN},
+    {-MAX_ABS_TEMP_DEGC, MAX_ABS_TEMP_DEGC, MEMBER(span_hi_degc, 1), USED_ALL, IMUCAL_FIELD_SPAN},
+    {MIN_SIGMA, MAX_SIGMA, MEMBER(sigma, IMUCAL_TABLE_SIGMA_N), USED_CALIBRATED, IMUCAL_FIELD_SIGMA},
+    {0.0f, MAX_ARW, MEMBER(arw, 1), USED_ALL, IMUCAL_FIELD_MODEL},
+    {0.0f, MAX_SIGMA, MEMBER(markov_sigma, IMUCAL_TABLE_MARKOV_N), USED_MARKOV, IMUCAL_FIELD_MODEL},
+    {MIN_TAU_S, MAX_TAU_S, MEMBER(markov_tau_s, IMUCAL_TABLE_MARKOV_N), USED_MARKOV, IMUCAL_FIELD_MODEL},
+    {MIN_SCALE, MAX_SCALE, MEMBER(unit_per_count, 1), USED_ALL, IMUCAL_FIELD_UNIT_PER_COUNT}};
 enum { RULE_SPAN_HI = 5, N_RULES = sizeof rules / sizeof rules[0] };
 
+/* The member of a rule: an array of floats, or one. */
+static const float* values_of(const imucal_table_channel_t* c, const rule_t* rule) {
+  return (const float*)(const void*)((const uint8_t*)c + rule->offset);
+}
+
+static uint32_t n_used(const imucal_table_channel_t* c, const rule_t* rule) {
+  switch (rule->used) {
+  case USED_ORDER:
+    return c->order == 0 ? 0 : c->order + 1u;
+  case USED_SCALE:
+    return c->scale_order + 1u;
+  case USED_MARKOV:
+    return c->n_markov;
+  default:
+    return rule->n;
+  }
+}
+
 static bool follows(const imucal_table_channel_t* c, const rule_t* rule) {
-  const uint8_t used[] = {rule->n, (uint8_t)(c->order == 0 ? 0 : c->order + 1), (uint8_t)(c->scale_order + 1),
-                          c->n_markov, rule->n};
+  const float* values = values_of(c, rule);
+  const uint32_t used = n_used(c, rule);
   const float lo = rule->used == USED_CALIBRATED && c->order == 0 ? 0.0f : rule->lo;
-  float values[IMUCAL_TABLE_SIGMA_N], sum = 0.0f; /* the longest member */
-  memcpy(values, (const uint8_t*)c + rule->offset, sizeof(float) * rule->n);
-  for (size_t i = 0; i < rule->n; i++) {
-    const bool is_used = i < used[rule->used];
-    if (!imucal_is_within(values[i], is_used ? lo : 0.0f, is_used ? rule->hi : 0.0f)) return false;
+  float sum = 0.0f;
+  for (uint32_t i = 0; i < rule->n; i++) {
+    if (!imucal_is_within(values[i], i < used ? lo : 0.0f, i < used ? rule->hi : 0.0f)) return false;
     sum += absolute(values[i]);
   }
   return rule->used != USED_SCALE || sum <= MAX_SCALE_SUM;
@@ -108,46 +137,42 @@ static bool is_scale(float value) {
   return imucal_is_within(value, MIN_SCALE, MAX_SCALE);
 }
 
-static imucal_status refuse(imucal_table_place_t* place, int32_t channel, const char* field, imucal_status why) {
-  if (place != NULL) *place = (imucal_table_place_t){(int8_t)channel, field};
-  return why;
-}
-
-static imucal_status validate_channel(const imucal_table_channel_t* c, int32_t i, imucal_table_place_t* place) {
-  if (!is_text(c->name, IMUCAL_NAME_LEN)) return refuse(place, i, "name", IMUCAL_ERR_NAME);
-  if (c->order > IMUCAL_MAX_ORDER) return refuse(place, i, "order", IMUCAL_ERR_ORDER);
-  if (c->scale_order >= IMUCAL_TABLE_SCALE_N) return refuse(place, i, "scale_order", IMUCAL_ERR_ORDER);
-  if (c->n_markov > IMUCAL_TABLE_MARKOV_N) return refuse(place, i, "markov", IMUCAL_ERR_MODEL);
+static field_t judge_channel(const imucal_table_channel_t* c) {
+  if (!is_text(c->name, IMUCAL_NAME_LEN)) return IMUCAL_FIELD_NAME;
+  if (c->order > IMUCAL_MAX_ORDER) return IMUCAL_FIELD_ORDER;
+  if (c->scale_order >= IMUCAL_TABLE_SCALE_N) return IMUCAL_FIELD_SCALE_ORDER;
+  if (c->n_markov > IMUCAL_TABLE_MARKOV_N) return IMUCAL_FIELD_MARKOV;
   for (size_t k = 0; k < N_RULES; k++)
-    if (!follows(c, &rules[k]) || (k == RULE_SPAN_HI && !is_span(c)))
-      return refuse(place, i, rules[k].field, (imucal_status)rules[k].refusal);
-  if (c->full_scale_counts <= 0) return refuse(place, i, "full_scale_counts", IMUCAL_ERR_SCALE);
-  return IMUCAL_OK;
+    if (!follows(c, &rules[k]) || (k == RULE_SPAN_HI && !is_span(c))) return (field_t)rules[k].field;
+  if (c->full_scale_counts <= 0) return IMUCAL_FIELD_FULL_SCALE;
+  return IMUCAL_FIELD_NONE;
 }
 
+/* Of the header's fields those that a struct and bytes have in common. */
 typedef struct header {
   const char* serial;
   uint32_t sequence, n_channels;
   float degc_per_count, degc_at_zero;
 } header_t;
 
-static imucal_status validate_header(const header_t* header, imucal_table_place_t* place) {
-  if (!is_text(header->serial, IMUCAL_SERIAL_LEN)) return refuse(place, -1, "serial", IMUCAL_ERR_NAME);
-  if (header->sequence == 0 || header->sequence == UINT32_MAX)
-    return refuse(place, -1, "sequence", IMUCAL_ERR_SEQUENCE);
-  if (header->n_channels == 0 || header->n_channels > IMUCAL_MAX_CHANNELS)
-    return refuse(place, -1, "channels", IMUCAL_ERR_CHANNELS);
-  if (!is_scale(header->degc_per_count)) return refuse(place, -1, "degc_per_count", IMUCAL_ERR_SCALE);
-  if (!imucal_is_within(header->degc_at_zero, -1e6f, 1e6f)) return refuse(place, -1, "degc_at_zero", IMUCAL_ERR_SCALE);
-  return IMUCAL_OK;
+static field_t judge_header(const header_t* header) {
+  if (!is_text(header->serial, IMUCAL_SERIAL_LEN)) return IMUCAL_FIELD_SERIAL;
+  if (header->sequence == 0 || header->sequence == UINT32_MAX) return IMUCAL_FIELD_SEQUENCE;
+  if (header->n_channels == 0 || header->n_channels > IMUCAL_MAX_CHANNELS) return IMUCAL_FIELD_CHANNELS;
+  if (!is_scale(header->degc_per_count)) return IMUCAL_FIELD_DEGC_PER_COUNT;
+  if (!imucal_is_within(header->degc_at_zero, -1e6f, 1e6f)) return IMUCAL_FIELD_DEGC_AT_ZERO;
+  return IMUCAL_FIELD_NONE;
 }
 
 imucal_status imucal_table_validate(const imucal_table_t* table, imucal_table_place_t* place) {
   header_t header = {table->serial, table->sequence, table->n_channels, table->degc_per_count, table->degc_at_zero};
-  imucal_status status = validate_header(&header, place);
-  for (uint32_t i = 0; status == IMUCAL_OK && i < table->n_channels; i++)
-    status = validate_channel(&table->channel[i], (int32_t)i, place);
-  return status;
+  field_t wrong = judge_header(&header);
+  if (wrong != IMUCAL_FIELD_NONE) return tell(wrong, -1, place);
+  for (uint32_t i = 0; i < table->n_channels; i++) {
+    wrong = judge_channel(&table->channel[i]);
+    if (wrong != IMUCAL_FIELD_NONE) return tell(wrong, (int32_t)i, place);
+  }
+  return IMUCAL_OK;
 }
 
 /* ---- bytes (table.md) ---- */
@@ -159,11 +184,7 @@ static void encode_channel(const imucal_table_channel_t* c, uint8_t* at) {
   imucal_put_u32(at + 12, c->order | (uint32_t)c->scale_order << 8 | (uint32_t)c->n_markov << 16);
   uint8_t* to = at + FLOATS_AT;
   for (size_t k = 0; k < N_RULES; k++)
-    for (size_t i = 0; i < rules[k].n; i++, to += 4) {
-      uint32_t bits;
-      memcpy(&bits, (const uint8_t*)c + rules[k].offset + sizeof bits * i, sizeof bits);
-      imucal_put_u32(to, bits);
-    }
+    for (size_t i = 0; i < rules[k].n; i++, to += 4) imucal_put_f32(to, values_of(c, &rules[k])[i]);
   imucal_put_u32(at + FULL_SCALE_AT, (uint32_t)c->full_scale_counts);
   imucal_put_u32(at + N_SECONDS_AT, c->n_seconds);
 }
@@ -174,11 +195,10 @@ static void decode_channel(const uint8_t* at, imucal_table_channel_t* c) {
   c->scale_order = at[13];
   c->n_markov = at[14];
   const uint8_t* from = at + FLOATS_AT;
-  for (size_t k = 0; k < N_RULES; k++)
-    for (size_t i = 0; i < rules[k].n; i++, from += 4) {
-      const uint32_t bits = imucal_get_u32(from);
-      memcpy((uint8_t*)c + rules[k].offset + sizeof bits * i, &bits, sizeof bits);
-    }
+  for (size_t k = 0; k < N_RULES; k++) {
+    float* values = (float*)(void*)((uint8_t*)c + rules[k].offset);
+    for (size_t i = 0; i < rules[k].n; i++, from += 4) values[i] = imucal_get_f32(from);
+  }
   c->full_scale_counts = (int32_t)imucal_get_u32(at + FULL_SCALE_AT);
   c->n_seconds = imucal_get_u32(at + N_SECONDS_AT);
 }
@@ -204,35 +224,50 @@ imucal_status imucal_table_encode(const imucal_table_t* table, uint8_t* bytes, s
   return IMUCAL_OK;
 }
 
-imucal_status imucal_table_peek(const uint8_t* bytes, size_t have_bytes, size_t* len_bytes) {
-  if (have_bytes < IMUCAL_TABLE_HEADER_BYTES) return IMUCAL_ERR_LENGTH;
-  if (imucal_get_u32(bytes) != IMUCAL_TABLE_MAGIC) return IMUCAL_ERR_MAGIC;
-  if (imucal_get_u16(bytes + 4) != IMUCAL_TABLE_VERSION) return IMUCAL_ERR_VERSION;
-  size_t len = imucal_get_u16(bytes + 6);
-  if (len < IMUCAL_TABLE_BYTES(1u) || len > IMUCAL_TABLE_MAX_BYTES) return IMUCAL_ERR_LENGTH;
+/* What can be seen before the whole table is there. */
+static field_t judge_start(const uint8_t* bytes, size_t have_bytes, size_t* len_bytes) {
+  if (have_bytes < IMUCAL_TABLE_HEADER_BYTES) return IMUCAL_FIELD_SIZE;
+  if (imucal_get_u32(bytes) != IMUCAL_TABLE_MAGIC) return IMUCAL_FIELD_MAGIC;
+  if (imucal_get_u16(bytes + 4) != IMUCAL_TABLE_VERSION) return IMUCAL_FIELD_VERSION;
+  const size_t len = imucal_get_u16(bytes + 6);
+  if (len < IMUCAL_TABLE_BYTES(1u) || len > IMUCAL_TABLE_MAX_BYTES) return IMUCAL_FIELD_SIZE;
   *len_bytes = len;
-  return IMUCAL_OK;
+  return IMUCAL_FIELD_NONE;
+}
+
+imucal_status imucal_table_peek(const uint8_t* bytes, size_t have_bytes, size_t* len_bytes) {
+  return (imucal_status)status_of[judge_start(bytes, have_bytes, len_bytes)];
+}
+
+/* Everything but the channels. */
+static field_t judge_bytes(const uint8_t* bytes, size_t have_bytes, header_t* header) {
+  size_t len = 0;
+  const field_t wrong = judge_start(bytes, have_bytes, &len);
+  if (wrong != IMUCAL_FIELD_NONE) return wrong;
+  if (len > have_bytes) return IMUCAL_FIELD_LENGTH;
+  if (imucal_crc32(bytes, len - 4) != imucal_get_u32(bytes + len - 4)) return IMUCAL_FIELD_CRC;
+  const uint32_t channels = imucal_get_u32(bytes + IMUCAL_TABLE_AT_CHANNELS);
+  if (len != IMUCAL_TABLE_BYTES((size_t)(channels & 0xFFu))) return IMUCAL_FIELD_LENGTH;
+  if (channels >> 8 != 0) return IMUCAL_FIELD_RESERVED;
+  header->serial = (const char*)bytes + IMUCAL_TABLE_AT_SERIAL;
+  header->sequence = imucal_get_u32(bytes + IMUCAL_TABLE_AT_SEQUENCE);
+  header->n_channels = channels;
+  header->degc_per_count = imucal_get_f32(bytes + 36);
+  header->degc_at_zero = imucal_get_f32(bytes + 40);
+  return judge_header(header);
 }
 
 imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imucal_table_t* table,
                                   imucal_table_place_t* place) {
-  size_t len = 0;
-  imucal_status status = imucal_table_peek(bytes, have_bytes, &len);
-  if (status != IMUCAL_OK) return refuse(place, -1, status == IMUCAL_ERR_VERSION ? "version" : "header", status);
-  if (len > have_bytes) return refuse(place, -1, "length", IMUCAL_ERR_LENGTH);
-  if (imucal_crc32(bytes, len - 4) != imucal_get_u32(bytes + len - 4)) return refuse(place, -1, "crc", IMUCAL_ERR_CRC);
-  if (len != IMUCAL_TABLE_BYTES((size_t)bytes[32])) return refuse(place, -1, "length", IMUCAL_ERR_LENGTH);
-  if (imucal_get_u32(bytes + 32) >> 8 != 0) return refuse(place, -1, "reserved", IMUCAL_ERR_RESERVED);
-  header_t header = {(const char*)bytes + 8, imucal_get_u32(bytes + 24), bytes[32], imucal_get_f32(bytes + 36),
-                     imucal_get_f32(bytes + 40)};
-  status = validate_header(&header, place);
-  if (status != IMUCAL_OK) return status;
+  header_t header;
+  field_t wrong = judge_bytes(bytes, have_bytes, &header);
+  if (wrong != IMUCAL_FIELD_NONE) return tell(wrong, -1, place);
   if (table != NULL) {
     memset(table, 0, sizeof *table);
     memcpy(table->serial, header.serial, IMUCAL_SERIAL_LEN);
     table->sequence = header.sequence;
     table->created_s = imucal_get_u32(bytes + 28);
-    table->n_channels = bytes[32];
+    table->n_channels = (uint8_t)header.n_channels;
     table->degc_per_count = header.degc_per_count;
     table->degc_at_zero = header.degc_at_zero;
   }
@@ -240,10 +275,9 @@ imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imuca
   memset(&channel, 0, sizeof channel); /* padding too: equal tables are equal bytes in memory */
   for (uint32_t i = 0; i < header.n_channels; i++) {
     const uint8_t* at = bytes + IMUCAL_TABLE_HEADER_BYTES + IMUCAL_TABLE_CHANNEL_BYTES * i;
-    if (at[15] != 0) return refuse(place, (int32_t)i, "reserved", IMUCAL_ERR_RESERVED);
     decode_channel(at, &channel);
-    status = validate_channel(&channel, (int32_t)i, place);
-    if (status != IMUCAL_OK) return status;
+    wrong = at[15] != 0 ? IMUCAL_FIELD_RESERVED : judge_channel(&channel);
+    if (wrong != IMUCAL_FIELD_NONE) return tell(wrong, (int32_t)i, place);
     if (table != NULL) memcpy(&table->channel[i], &channel, sizeof channel);
   }
   return IMUCAL_OK;
@@ -267,4 +301,33 @@ imucal_status imucal_table_from_kf(imucal_table_channel_t* channel, const imucal
   learnt.n_seconds = kf->stats.n;
   *channel = learnt;
   return IMUCAL_OK;
+}
+
+const char* imucal_table_field_text(uint32_t field) {
+  static const char* const text[] = {"",
+                                     "header",
+                                     "header",
+                                     "version",
+                                     "length",
+                                     "crc",
+                                     "reserved",
+                                     "serial",
+                                     "sequence",
+                                     "channels",
+                                     "degc_per_count",
+                                     "degc_at_zero",
+                                     "name",
+                                     "order",
+                                     "scale_order",
+                                     "markov",
+                                     "t0_degc",
+                                     "range_degc",
+                                     "coeff",
+                                     "scale_coeff",
+                                     "span_degc",
+                                     "sigma",
+                                     "model",
+                                     "unit_per_count",
+                                     "full_scale_counts"};
+  return text[field < sizeof text / sizeof text[0] ? field : IMUCAL_FIELD_NONE];
 }

@@ -61,11 +61,43 @@ typedef struct imucal_table {
   imucal_table_channel_t channel[IMUCAL_MAX_CHANNELS];
 } imucal_table_t;
 
-/* Where a refused table went wrong. */
+/* Fields a table can be refused for. */
+typedef enum imucal_table_field {
+  IMUCAL_FIELD_NONE,
+  IMUCAL_FIELD_MAGIC,
+  IMUCAL_FIELD_SIZE, /* fewer bytes than a header, or a length that no table has */
+  IMUCAL_FIELD_VERSION,
+  IMUCAL_FIELD_LENGTH, /* not that of its channels, or more than there is */
+  IMUCAL_FIELD_CRC,
+  IMUCAL_FIELD_RESERVED,
+  IMUCAL_FIELD_SERIAL,
+  IMUCAL_FIELD_SEQUENCE,
+  IMUCAL_FIELD_CHANNELS,
+  IMUCAL_FIELD_DEGC_PER_COUNT,
+  IMUCAL_FIELD_DEGC_AT_ZERO,
+  IMUCAL_FIELD_NAME,
+  IMUCAL_FIELD_ORDER,
+  IMUCAL_FIELD_SCALE_ORDER,
+  IMUCAL_FIELD_MARKOV,
+  IMUCAL_FIELD_T0,
+  IMUCAL_FIELD_RANGE,
+  IMUCAL_FIELD_COEFF,
+  IMUCAL_FIELD_SCALE_COEFF,
+  IMUCAL_FIELD_SPAN,
+  IMUCAL_FIELD_SIGMA,
+  IMUCAL_FIELD_MODEL,
+  IMUCAL_FIELD_UNIT_PER_COUNT,
+  IMUCAL_FIELD_FULL_SCALE
+} imucal_table_field_t;
+
+/* Where a refused table went wrong; not written where it is valid. */
 typedef struct imucal_table_place {
-  int8_t channel;    /* -1: header */
-  const char* field; /* as in the JSON; never null */
+  int8_t channel; /* -1: header */
+  uint8_t field;  /* imucal_table_field_t */
 } imucal_table_place_t;
+
+/* The field's name as in the JSON; "" for IMUCAL_FIELD_NONE and numbers that are no field.  Never null. */
+const char* imucal_table_field_text(uint32_t field);
 
 /* Check every field of a struct.  place may be null. */
 IMUCAL_MUST_USE imucal_status imucal_table_validate(const imucal_table_t* table, imucal_table_place_t* place);

@@ -95,10 +95,10 @@ static void test_decode_header_nonsense_has_its_own_status(void** state) {
     b[bad[i].at] = bad[i].value;
     size_t sealed = imucal_get_u16(b + 6);
     if (sealed >= 8 && sealed <= sizeof b) seal(b, sealed);
-    imucal_table_place_t place = {0, ""};
+    imucal_table_place_t place = {0, IMUCAL_FIELD_NONE};
     imucal_status status = imucal_table_decode(b, sizeof b, &back, &place);
     if (status != bad[i].status) fail_msg("case %zu: %s", i, imucal_status_text(status));
-    assert_string_equal(place.field, bad[i].field);
+    assert_string_equal(imucal_table_field_text(place.field), bad[i].field);
   }
   memcpy(b, good, len);
   b[100] ^= 1;
@@ -115,9 +115,9 @@ static void test_validate_field_nonsense_has_its_own_status_and_place(void** sta
 #define REFUSED(change, expected, name)                                                                                \
   t = example_table(6, 2);                                                                                             \
   change;                                                                                                              \
-  place = (imucal_table_place_t){99, ""};                                                                              \
+  place = (imucal_table_place_t){99, IMUCAL_FIELD_NONE};                                                               \
   assert_int_equal(imucal_table_validate(&t, &place), expected);                                                       \
-  assert_string_equal(place.field, name);                                                                              \
+  assert_string_equal(imucal_table_field_text(place.field), name);                                                     \
   assert_int_equal(place.channel, strstr(#change, "channel[4]") ? 4 : -1);                                             \
   n++
 #define C t.channel[4]
@@ -239,10 +239,11 @@ static float next_after(float value, int steps) {
   t.channel[0].range_degc = 2000, t.channel[0].span_lo_degc = -1, t.channel[0].span_hi_degc = 1;                       \
   t.channel[0].t0_degc = 0, t.channel[0].n_markov = 2, t.channel[0].markov_tau_s[1] = 1;                               \
   t.member = bound;                                                                                                    \
-  if (imucal_table_validate(&t, &place) != IMUCAL_OK) fail_msg("%s = %s: %s", #member, #bound, place.field);           \
+  if (imucal_table_validate(&t, &place) != IMUCAL_OK)                                                                  \
+    fail_msg("%s = %s: %s", #member, #bound, imucal_table_field_text(place.field));                                    \
   t.member = next_after(bound, beyond);                                                                                \
   assert_int_equal(imucal_table_validate(&t, &place), status);                                                         \
-  assert_string_equal(place.field, where);                                                                             \
+  assert_string_equal(imucal_table_field_text(place.field), where);                                                    \
   assert_int_equal(place.channel, is_header ? -1 : 0)
 
 static void test_validate_takes_each_bound_and_not_the_next_number(void** state) {
@@ -322,6 +323,16 @@ static void test_validate_takes_what_is_allowed_to_be_zero_or_largest(void** sta
 }
 
 /* Two wrong fields: the first in the order of the bytes is named. */
+static void test_every_field_has_a_name(void** state) {
+  (void)state;
+  assert_string_equal(imucal_table_field_text(IMUCAL_FIELD_NONE), "");
+  for (uint32_t field = 1; field <= IMUCAL_FIELD_FULL_SCALE; field++)
+    assert_true(imucal_table_field_text(field)[0] != 0);
+  assert_string_equal(imucal_table_field_text(IMUCAL_FIELD_FULL_SCALE), "full_scale_counts");
+  assert_string_equal(imucal_table_field_text(IMUCAL_FIELD_FULL_SCALE + 1), "");
+  assert_string_equal(imucal_table_field_text(UINT32_MAX), "");
+}
+
 static void test_validate_names_the_first_field(void** state) {
   (void)state;
   imucal_table_place_t place;
@@ -330,12 +341,12 @@ static void test_validate_names_the_first_field(void** state) {
   t.channel[0].sigma[0] = -1.0f;
   t.channel[1].arw = -1.0f;
   assert_int_equal(imucal_table_validate(&t, &place), IMUCAL_ERR_SPAN);
-  assert_string_equal(place.field, "span_degc");
+  assert_string_equal(imucal_table_field_text(place.field), "span_degc");
   assert_int_equal(place.channel, 0);
   t.channel[0].span_lo_degc = (float)NAN;
   t.channel[0].span_hi_degc = 2000.0f;
   assert_int_equal(imucal_table_validate(&t, &place), IMUCAL_ERR_SPAN);
-  assert_string_equal(place.field, "span_degc");
+  assert_string_equal(imucal_table_field_text(place.field), "span_degc");
 }
 
 static void test_decode_header_refusals_are_of_the_header(void** state) {
@@ -363,7 +374,7 @@ static void test_decode_header_refusals_are_of_the_header(void** state) {
     memcpy(copy, bytes, sizeof copy);
     copy[wrong[i].at] = wrong[i].value;
     assert_int_not_equal(imucal_table_decode(copy, wrong[i].have, &t, &place), IMUCAL_OK);
-    assert_string_equal(place.field, wrong[i].field);
+    assert_string_equal(imucal_table_field_text(place.field), wrong[i].field);
     assert_int_equal(place.channel, -1);
   }
 }
@@ -398,13 +409,13 @@ static void test_decode_finds_the_fault_of_any_channel(void** state) {
       uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
       size_t len = 0;
       imucal_table_t got;
-      imucal_table_place_t place = {99, ""};
+      imucal_table_place_t place = {99, IMUCAL_FIELD_NONE};
       assert_int_equal(imucal_table_encode(&table, bytes, sizeof bytes, &len), IMUCAL_OK);
       bytes[IMUCAL_TABLE_HEADER_BYTES + IMUCAL_TABLE_CHANNEL_BYTES * channel + fault[i].at] = fault[i].value;
       seal(bytes, len);
       assert_int_equal(imucal_table_decode(bytes, len, &got, &place), fault[i].status);
       assert_int_equal(place.channel, channel);
-      assert_string_equal(place.field, fault[i].field);
+      assert_string_equal(imucal_table_field_text(place.field), fault[i].field);
       assert_int_equal(imucal_table_decode(bytes, len, NULL, NULL), fault[i].status);
     }
   }
@@ -416,14 +427,14 @@ static void test_decode_length_and_reserved_of_the_header_name_no_channel(void**
   for (uint8_t at = 32; at < 36; at++) {
     uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
     size_t len = 0;
-    imucal_table_place_t place = {99, ""};
+    imucal_table_place_t place = {99, IMUCAL_FIELD_NONE};
     assert_int_equal(imucal_table_encode(&table, bytes, sizeof bytes, &len), IMUCAL_OK);
     bytes[at] = 1;
     seal(bytes, len);
     const imucal_status status = imucal_table_decode(bytes, len, NULL, &place);
     assert_int_equal(status, at == 32 ? IMUCAL_ERR_LENGTH : IMUCAL_ERR_RESERVED);
     assert_int_equal(place.channel, -1);
-    assert_string_equal(place.field, at == 32 ? "length" : "reserved");
+    assert_string_equal(imucal_table_field_text(place.field), at == 32 ? "length" : "reserved");
   }
 }
 
@@ -457,6 +468,7 @@ int main(void) {
       cmocka_unit_test(test_validate_field_nonsense_has_its_own_status_and_place),
       cmocka_unit_test(test_validate_takes_each_bound_and_not_the_next_number),
       cmocka_unit_test(test_validate_takes_what_is_allowed_to_be_zero_or_largest),
+      cmocka_unit_test(test_every_field_has_a_name),
       cmocka_unit_test(test_validate_names_the_first_field),
       cmocka_unit_test(test_decode_header_refusals_are_of_the_header),
       cmocka_unit_test(test_text_first_and_last_character_count),

@@ -80,7 +80,7 @@ static void into_table(const uint8_t* data, size_t len, int is_sealed) {
   imucal_status status = imucal_table_decode(bytes, len, &table, &place);
   CHECK(imucal_table_decode(bytes, len, NULL, NULL) == status);
   if (status != IMUCAL_OK) {
-    CHECK(place.field != NULL && place.channel >= -1 && place.channel < IMUCAL_MAX_CHANNELS);
+    CHECK(imucal_table_field_text(place.field)[0] != 0 && place.channel >= -1 && place.channel < IMUCAL_MAX_CHANNELS);
     return;
   }
   CHECK(imucal_table_validate(&table, NULL) == IMUCAL_OK);

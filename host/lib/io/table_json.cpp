@@ -151,9 +151,9 @@ imucal_table_channel_t channel_from_json(const JsonField& field) {
 }
 
 std::string described(const imucal_table_t& table, imucal_table_place_t place) {
-  if (place.channel < 0) return place.field;
+  if (place.channel < 0) return imucal_table_field_text(place.field);
   return "axes[" + std::to_string(place.channel) + "] (" + fixed_text(table.channel[place.channel].name) + ") " +
-         place.field;
+         imucal_table_field_text(place.field);
 }
 
 std::string text_of(float value) {
@@ -253,7 +253,7 @@ imucal_table_t table_from_json(const JsonField& field) {
     axes.refuse(std::to_string(list.size()) + " axes, expected 1 to " + std::to_string(IMUCAL_MAX_CHANNELS));
   table.n_channels = static_cast<uint8_t>(list.size());
   for (size_t i = 0; i < list.size(); ++i) table.channel[i] = channel_from_json(list[i]);
-  imucal_table_place_t where{-1, ""};
+  imucal_table_place_t where{-1, IMUCAL_FIELD_NONE};
   if (const imucal_status status = imucal_table_validate(&table, &where); status != IMUCAL_OK)
     throw data_error(field.place() + ": " + described(table, where) + ": " + imucal_status_text(status));
   return table;
@@ -267,7 +267,7 @@ imucal_table_t read_table(const std::string& path) {
 }
 
 std::vector<uint8_t> table_bytes(const imucal_table_t& table, const std::string& place) {
-  imucal_table_place_t where{-1, ""};
+  imucal_table_place_t where{-1, IMUCAL_FIELD_NONE};
   imucal_status status = imucal_table_validate(&table, &where);
   std::vector<uint8_t> bytes(IMUCAL_TABLE_MAX_BYTES);
   size_t length = 0;
@@ -279,11 +279,11 @@ std::vector<uint8_t> table_bytes(const imucal_table_t& table, const std::string&
 
 imucal_table_t table_from_bytes(const std::vector<uint8_t>& bytes, const std::string& place) {
   imucal_table_t table{};
-  imucal_table_place_t where{-1, "table"};
+  imucal_table_place_t where{-1, IMUCAL_FIELD_NONE};
   if (const imucal_status status = imucal_table_decode(bytes.data(), bytes.size(), &table, &where); status != IMUCAL_OK)
     throw data_error(place + ": " +
-                     (where.channel >= 0 ? "axes[" + std::to_string(where.channel) + "] " + where.field : where.field) +
-                     ": " + imucal_status_text(status));
+                     (where.channel >= 0 ? "axes[" + std::to_string(where.channel) + "] " : std::string()) +
+                     imucal_table_field_text(where.field) + ": " + imucal_status_text(status));
   return table;
 }
 

@@ -135,7 +135,7 @@ imucal_table_t make_table(const FitResult& result, const TableInfo& info) {
   if (status != IMUCAL_OK)
     throw data_error("the table would not be valid: " +
                      (place.channel >= 0 ? result.axes[static_cast<size_t>(place.channel)].axis + " " : std::string()) +
-                     place.field + ": " + imucal_status_text(status));
+                     imucal_table_field_text(place.field) + ": " + imucal_status_text(status));
   return table;
 }
 
