@@ -100,7 +100,7 @@ extern "C" {
   F(u32, table_crc, "CRC-32 at the end of the ruling table; 0: none")                                                  \
   F(u32, table_created_s, "s since 1970-01-01 UTC, of the ruling table")                                               \
   F(u8, table_origin,                                                                                                  \
-    "0 none, 1 in flash at the start, 2 of the filters of this device, 3 of a host, 4 rolled back to")                 \
+    "0 none, 1 not noted with the table, 2 of the filters of this device, 3 of a host, 4 rolled back to")              \
   F(u32, silence_s, "a calibration that hears nothing from a host for so long stops and keeps its filters")            \
   F(u32, refused_locked, "requests refused because they need COMMAND and an unlock")                                   \
   F(u32, refused_stale, "commands and unlocks refused: old token, number or challenge")                                \
@@ -334,7 +334,7 @@ enum {
 enum { IMUCAL_STOP_DISCARD = 0, IMUCAL_STOP_KEEP = 1 };
 enum {
   IMUCAL_ORIGIN_NONE = 0,
-  IMUCAL_ORIGIN_FLASH = 1,
+  IMUCAL_ORIGIN_UNKNOWN = 1,
   IMUCAL_ORIGIN_FILTERS = 2,
   IMUCAL_ORIGIN_HOST = 3,
   IMUCAL_ORIGIN_ROLLBACK = 4

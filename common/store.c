@@ -100,6 +100,35 @@ static imucal_status add_commit(const imucal_flash_t* flash, uint32_t slot, uint
   return status;
 }
 
+/* ---- the origin ---- */
+
+/* One word directly behind the table, programmed with it: 0x4F52, NOT origin, origin. */
+#define ORIGIN_TAG 0x4F520000u
+enum { ORIGIN_BYTES = 4 };
+
+static uint32_t origin_word(uint8_t origin) {
+  return ORIGIN_TAG | (uint32_t)(uint8_t)~origin << 8 | origin;
+}
+
+static bool has_room_for_origin(const imucal_flash_t* flash, uint32_t table_bytes) {
+  return round_up(table_bytes + ORIGIN_BYTES, flash->program_bytes) <= mark_offset(flash, n_marks(flash) - 1);
+}
+
+imucal_store_origin_t imucal_store_origin(const imucal_flash_t* flash, const imucal_store_report_t* report,
+                                          uint32_t n_channels) {
+  imucal_store_origin_t origin = {IMUCAL_STORE_NO_ORIGIN, false};
+  if (report->ruling == NONE || n_channels > IMUCAL_MAX_CHANNELS) return origin;
+  const uint32_t slot = (uint32_t)report->ruling, at = IMUCAL_TABLE_BYTES(n_channels);
+  for (uint32_t i = 0; i < n_endorse(flash) && !origin.is_restored; i++)
+    origin.is_restored = is_revoking(flash, slot, revoke_mark(flash) + 1 + i);
+  uint32_t word = 0;
+  if (!has_room_for_origin(flash, at) || flash->read(flash->ctx, slot, at, (uint8_t*)&word, sizeof word) != IMUCAL_OK)
+    return origin;
+  word = imucal_get_u32((const uint8_t*)&word);
+  if (word == origin_word((uint8_t)word)) origin.noted = (uint8_t)word;
+  return origin;
+}
+
 /* ---- judging ---- */
 
 /* Whose device is the table for? */
@@ -244,7 +273,7 @@ static imucal_status secure(const imucal_flash_t* flash, const imucal_store_repo
   return IMUCAL_OK;
 }
 
-imucal_status imucal_store_write(const imucal_flash_t* flash, const char* serial, uint32_t n_channels,
+imucal_status imucal_store_write(const imucal_flash_t* flash, const char* serial, uint32_t n_channels, uint8_t origin,
                                  imucal_store_work_t* work, imucal_table_t* table, imucal_store_report_t* report) {
   if (!is_usable(flash)) return IMUCAL_ERR_ARGUMENT;
   imucal_status status = check_owner(table->serial, table->n_channels, serial, n_channels);
@@ -262,6 +291,10 @@ imucal_status imucal_store_write(const imucal_flash_t* flash, const char* serial
   memset(work->words, 0xFF, sizeof work->words); /* what fills up the last unit */
   status = imucal_table_encode(table, (uint8_t*)work->words, sizeof work->words, &len);
   if (status != IMUCAL_OK) return status;
+  if (origin != IMUCAL_STORE_NO_ORIGIN && has_room_for_origin(flash, (uint32_t)len)) {
+    imucal_put_u32((uint8_t*)work->words + len, origin_word(origin));
+    len += ORIGIN_BYTES;
+  }
   const uint32_t unit = flash->program_bytes < 4 ? 4 : flash->program_bytes;
   status = write_slot(flash, loser, (const uint8_t*)work->words, round_up((uint32_t)len, unit), sequence);
   report->slot_status[loser] = status;

@@ -4,7 +4,7 @@
  * Data: bytes of a valid table in (table.h); at boot the newest valid one out, and why others were refused.
  * Memory: no state of its own; the caller gives work memory.  Thread: one context.
  *
- * Slot:  [table .. erased .. endorse n-1 .. endorse 0 | revoke | commit m-1 .. commit 1 | commit 0]
+ * Slot:  [table | origin .. erased .. endorse n-1 .. endorse 0 | revoke | commit m-1 .. commit 1 | commit 0]
  * m = 8, n = 8, or m = 3 and n = 1..12 in a slot without room for that many.  A mark has program units of its own:
  * max(8, program_bytes) bytes, of which the first 8 count: u32 0x3AC5965A, u32 NOT sequence number.
  * A unit is programmed once between two erases, so units with ECC that may be written once will do.
@@ -17,8 +17,8 @@
  *
  * Why a cut at any unit leaves old or new.  A unit or page is "whole" when its last program or erase was not cut; whole
  * cells read the same for ever.  "Ruling slot" R, other slot O.
- *  (1) Table: commit 0 is begun only after the table was read back with the power on: a slot that shows any sign of a
- *      commit mark has a whole table.  A cut in the table's units leaves all commit marks erased: not valid.
+ *  (1) Table: commit 0 is begun only after the table, and the note of its origin in the same program, were read back with
+ *      the power on: a slot that shows any sign of a commit mark has a whole table.  A cut in the table's units leaves all commit marks erased: not valid.
  *  (2) Cut in commit 0 of the new slot: it is valid or not, from read to read.  The old slot is whole: old or new.
  *  (3) O is erased only after R got a commit mark that was programmed and read back since this start, or where all m
  *      commit marks of R are begun.  So R has a whole table and a whole commit mark while O is in pieces, unless m cuts
@@ -85,9 +85,16 @@ typedef struct imucal_store_report {
   int8_t ruling;                                 /* 0, 1, or -1: none */
 } imucal_store_report_t;
 
-/* Work memory: aligned to 4 by its type. */
+/* Where the ruling table comes from. */
+#define IMUCAL_STORE_NO_ORIGIN 0u
+typedef struct imucal_store_origin {
+  uint8_t noted;    /* as given to write; IMUCAL_STORE_NO_ORIGIN: not noted, or written before origins were */
+  bool is_restored; /* a rollback went back to it */
+} imucal_store_origin_t;
+
+/* Work memory: aligned to 4 by its type; the longest table, its origin, filled up to a program unit. */
 typedef struct imucal_store_work {
-  uint32_t words[IMUCAL_TABLE_MAX_BYTES / 4];
+  uint32_t words[(IMUCAL_TABLE_MAX_BYTES + IMUCAL_STORE_MAX_PROGRAM) / 4];
 } imucal_store_work_t;
 
 /* Find the ruling table for the device `serial` (IMUCAL_SERIAL_LEN characters, 0-padded; null: any) with n_channels
@@ -98,7 +105,9 @@ IMUCAL_MUST_USE imucal_status imucal_store_load(const imucal_flash_t* flash, con
                                                 imucal_store_report_t* report);
 
 /* Write `table` into the slot that does not rule, with the next sequence number (set in *table), and commit.  On
- * IMUCAL_OK it rules and the report says so.  Errors that leave the flash untouched: IMUCAL_ERR_SERIAL,
+ * IMUCAL_OK it rules and the report says so.  origin: any number of the application's from 1 on (IMUCAL_ORIGIN_* of link.h),
+ * kept beside the table; IMUCAL_STORE_NO_ORIGIN: none.  A slot that six channels fill to its marks (1 KB with units of 16
+ * or 32 bytes) has no room for it: not noted.  Errors that leave the flash untouched: IMUCAL_ERR_SERIAL,
  * IMUCAL_ERR_CHANNELS (table of another device), the status of table_validate, IMUCAL_ERR_SEQUENCE.  After
  * IMUCAL_ERR_FLASH and IMUCAL_ERR_VERIFY the old table rules, or the new one where only the last mark's read-back
  * failed: load tells.  work must not overlap table.
@@ -106,8 +115,13 @@ IMUCAL_MUST_USE imucal_status imucal_store_load(const imucal_flash_t* flash, con
  * again); flash that stands 100,000 erases a slot is worn out after 200,000 writes, long before.  imucal_store_erase starts
  * the numbers anew. */
 IMUCAL_MUST_USE imucal_status imucal_store_write(const imucal_flash_t* flash, const char* serial, uint32_t n_channels,
-                                                 imucal_store_work_t* work, imucal_table_t* table,
+                                                 uint8_t origin, imucal_store_work_t* work, imucal_table_t* table,
                                                  imucal_store_report_t* report);
+
+/* Where the ruling table of n_channels (those of *table) comes from, by a report of load, write or rollback; nothing rules:
+ * not noted.  At most 13 reads. */
+imucal_store_origin_t imucal_store_origin(const imucal_flash_t* flash, const imucal_store_report_t* report,
+                                          uint32_t n_channels);
 
 /* Revoke the ruling table; the other valid one rules (loaded into *table).  IMUCAL_ERR_NO_OTHER: nothing to go back
  * to, nothing changed; IMUCAL_ERR_NO_TABLE; IMUCAL_ERR_NO_MARK: the older slot has no room to note one more (after 7

@@ -112,12 +112,22 @@ static void tell_table(imucal_app_t* app, uint32_t detail) {
     app_event(app, IMUCAL_EVENT_TABLE_NONE, app->table_status, detail);
 }
 
+/* What flash says of the ruling table's origin, so that it is the same before and after a start. */
+static uint8_t table_origin(const imucal_app_t* app) {
+  if (app->table_status != IMUCAL_OK) return IMUCAL_ORIGIN_NONE;
+  const imucal_store_origin_t origin = imucal_store_origin(&app->port->flash, &app->report, app->table.n_channels);
+  if (origin.is_restored) return IMUCAL_ORIGIN_ROLLBACK;
+  const bool is_known = origin.noted == IMUCAL_ORIGIN_FILTERS || origin.noted == IMUCAL_ORIGIN_HOST;
+  return is_known ? origin.noted : (uint8_t)IMUCAL_ORIGIN_UNKNOWN;
+}
+
 /* Loads what the slots hold. The compensated samples may change their unit: their running sum starts anew. */
 imucal_status app_load_table(imucal_app_t* app) {
   uint32_t detail = 0;
   app->table_status = imucal_store_load(&app->port->flash, app->board->serial, app->board->n_channels, &app->work,
                                         &app->table, &app->report);
   if (app->table_status == IMUCAL_OK) app->table_status = app_check_table(app, &detail);
+  app->table_origin = table_origin(app);
   prepare_compensation(app);
   tell_table(app, detail);
   const imucal_status restarted = app_restart_out_sum(app);
@@ -141,7 +151,6 @@ imucal_status imucal_app_init(imucal_app_t* app, const imucal_port_t* port, cons
   app_guard_init(&app->guard, port->boot_id, app->heard_us);
   app_event(app, IMUCAL_EVENT_BOOT, IMUCAL_OK, port->boot_id);
   if (port->is_watchdog_reset) app_event(app, IMUCAL_EVENT_WATCHDOG, IMUCAL_OK, port->n_watchdog_resets);
-  app->table_origin = IMUCAL_ORIGIN_FLASH;
   (void)app_load_table(app); /* without a table the device runs on, uncompensated, and has said so */
   return app_restart_sums(app);
 }

@@ -94,7 +94,7 @@ typedef struct imucal_app {
 
   imucal_app_guard_t guard;
   uint8_t request;      /* type of the request being served, inside COMMAND or bare */
-  uint8_t table_origin; /* IMUCAL_ORIGIN_* */
+  uint8_t table_origin; /* IMUCAL_ORIGIN_*, of the ruling table as flash says it */
   uint64_t heard_us;    /* when the last valid frame came */
   uint32_t n_locked, n_stale, n_unlock_refused, n_busy, n_reserved, n_table_refused, n_flash_failed, n_silent;
 

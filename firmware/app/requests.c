@@ -77,21 +77,21 @@ static uint32_t table_crc(const imucal_app_t* app) {
 
 static void serve_state(imucal_app_t* app) {
   const bool has_table = app->table_status == IMUCAL_OK;
-  const imucal_link_state_reply_t answer = {
-      .challenge = app->guard.challenge,
-      .unlocked_s = app_guard_left_s(&app->guard, app->port->time_us(app->port->ctx)),
-      .table_crc = table_crc(app),
-      .table_created_s = has_table ? app->table.created_s : 0,
-      .table_origin = (uint8_t)(has_table ? app->table_origin : IMUCAL_ORIGIN_NONE),
-      .silence_s = IMUCAL_APP_SILENCE_S,
-      .refused_locked = app->n_locked,
-      .refused_stale = app->n_stale,
-      .refused_unlock = app->n_unlock_refused,
-      .refused_busy = app->n_busy,
-      .refused_reserved = app->n_reserved,
-      .refused_table = app->n_table_refused,
-      .flash_failed = app->n_flash_failed,
-      .sessions_silent = app->n_silent};
+  const imucal_link_state_reply_t answer = {.challenge = app->guard.challenge,
+                                            .unlocked_s =
+                                                app_guard_left_s(&app->guard, app->port->time_us(app->port->ctx)),
+                                            .table_crc = table_crc(app),
+                                            .table_created_s = has_table ? app->table.created_s : 0,
+                                            .table_origin = app->table_origin,
+                                            .silence_s = IMUCAL_APP_SILENCE_S,
+                                            .refused_locked = app->n_locked,
+                                            .refused_stale = app->n_stale,
+                                            .refused_unlock = app->n_unlock_refused,
+                                            .refused_busy = app->n_busy,
+                                            .refused_reserved = app->n_reserved,
+                                            .refused_table = app->n_table_refused,
+                                            .flash_failed = app->n_flash_failed,
+                                            .sessions_silent = app->n_silent};
   reply(app, IMUCAL_LINK_ID_STATE_REPLY, &answer);
 }
 
@@ -367,12 +367,11 @@ static void commit_candidate(imucal_app_t* app, uint8_t origin) {
   imucal_status status = app_check_table(app, &detail);
   app->n_table_refused += status != IMUCAL_OK;
   if (status == IMUCAL_OK)
-    status = imucal_store_write(&app->port->flash, app->board->serial, app->board->n_channels, &app->work, &app->table,
-                                &app->report);
+    status = imucal_store_write(&app->port->flash, app->board->serial, app->board->n_channels, origin, &app->work,
+                                &app->table, &app->report);
   count_flash(app, status);
   const imucal_status ruling = app_load_table(app);
   if (status == IMUCAL_OK) status = ruling;
-  if (status == IMUCAL_OK) app->table_origin = origin;
   done(app, status, status == IMUCAL_OK ? app->table.sequence : detail);
 }
 
@@ -522,7 +521,7 @@ static void serve_table_commit(imucal_app_t* app) {
     done(app, IMUCAL_ERR_CRC, 0);
     return;
   }
-  imucal_table_place_t place = {.channel = -1, .field = ""};
+  imucal_table_place_t place = {.channel = -1};
   const imucal_status status = imucal_table_decode(bytes, total, &app->table, &place);
   if (status == IMUCAL_OK) {
     commit_candidate(app, IMUCAL_ORIGIN_HOST);
@@ -539,7 +538,6 @@ static void serve_rollback(imucal_app_t* app) {
   imucal_status status = imucal_store_rollback(&app->port->flash, app->board->serial, app->board->n_channels,
                                                &app->work, &app->table, &app->report);
   count_flash(app, status);
-  if (status == IMUCAL_OK) app->table_origin = IMUCAL_ORIGIN_ROLLBACK;
   const imucal_status ruling = app_load_table(app);
   if (status == IMUCAL_OK) status = ruling;
   done(app, status, status == IMUCAL_OK ? app->table.sequence : 0);

@@ -41,5 +41,6 @@ void imu_loop(void) {
   for (uint32_t i = 0; i < N_AXES && status == IMUCAL_OK; i++)
     status = imucal_table_from_kf(&imu_table.channel[i], &learn[i].kf, 0.0f, 60.0f);
   if (status == IMUCAL_OK)
-    status = imucal_store_write(&imu_flash, imu_table.serial, N_AXES, &work, &imu_table, &report);
+    status =
+        imucal_store_write(&imu_flash, imu_table.serial, N_AXES, IMUCAL_STORE_NO_ORIGIN, &work, &imu_table, &report);
 }

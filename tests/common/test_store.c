@@ -31,7 +31,7 @@ static int ruling_mark(nor_t* nor) {
 static imucal_status write_mark(nor_t* nor, int mark) {
   imucal_flash_t flash = nor_flash(nor);
   imucal_table_t table = example_table(3, mark);
-  return imucal_store_write(&flash, "SN-17", 3, &work, &table, &report);
+  return imucal_store_write(&flash, "SN-17", 3, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report);
 }
 
 static imucal_status roll_back(nor_t* nor) {
@@ -150,12 +150,15 @@ static void test_write_refuses_bad_tables_and_leaves_flash_alone(void** state) {
   imucal_flash_t flash = nor_flash(&nor);
   imucal_table_t table = example_table(3, 9);
   strcpy(table.serial, "OTHER");
-  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_SERIAL);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report),
+                   IMUCAL_ERR_SERIAL);
   table = example_table(2, 9);
-  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_CHANNELS);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report),
+                   IMUCAL_ERR_CHANNELS);
   table = example_table(3, 9);
   table.channel[1].coeff[0] = (float)NAN;
-  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_COEFFICIENT);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report),
+                   IMUCAL_ERR_COEFFICIENT);
   assert_memory_equal(nor.bytes, before.bytes, sizeof nor.bytes);
 }
 
@@ -166,7 +169,7 @@ static imucal_status load_with(nor_t* nor, uint32_t slot_bytes, uint32_t erase_b
   const imucal_status status = imucal_store_load(&flash, "SN-17", 3, &work, &table, &report);
   if (status != IMUCAL_ERR_ARGUMENT) return status;
   table = example_table(3, 1);
-  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), status);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report), status);
   assert_int_equal(imucal_store_rollback(&flash, "SN-17", 3, &work, &table, &report), status);
   assert_int_equal(imucal_store_erase(&flash, &work, &report), status);
   return status;
@@ -301,7 +304,8 @@ static void test_write_stuck_cell_is_found_and_old_table_rules(void** state) {
   imucal_flash_t flash = nor_flash(&nor);
   flash.program = stuck_program;
   imucal_table_t table = example_table(3, 9);
-  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_VERIFY);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report),
+                   IMUCAL_ERR_VERIFY);
   assert_int_equal(ruling_mark(&nor), 2);
 }
 
@@ -609,13 +613,14 @@ static void test_write_without_a_mark_that_holds_leaves_the_other_slot(void** st
   imucal_flash_t flash = listed_flash(&nor);
   flash.program = markless_program;
   imucal_table_t table = example_table(3, 3);
-  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_VERIFY);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report),
+                   IMUCAL_ERR_VERIFY);
   assert_string_equal(done, "");
   assert_int_equal(ruling_mark(&nor), 2);
   assert_int_equal(report.slot_status[0], IMUCAL_OK);
   flash.program = smeared_program; /* begun, all of them: goes on, beyond the endorse marks */
   table = example_table(3, 3);
-  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_OK);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report), IMUCAL_OK);
   assert_int_equal(table.sequence, 2 + 8 + 1);
   assert_int_equal(ruling_mark(&nor), 3);
 }
@@ -638,7 +643,7 @@ static void test_mark_with_another_number_read_back_is_found(void** state) {
     flash.program = stuck_number_program;
     stuck_one = is_larger ? 0 : 1, stuck_zero = is_larger ? 4 : 0; /* of 3, stored as its complement: 2, or 7 */
     imucal_table_t table = example_table(3, 3);
-    assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report),
+    assert_int_equal(imucal_store_write(&flash, "SN-17", 3, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report),
                      is_larger ? IMUCAL_OK : IMUCAL_ERR_VERIFY);
   }
 }
@@ -652,7 +657,8 @@ static void test_write_that_failed_says_which_slot_is_lost(void** state) {
   flash.program = stuck_program;
   imucal_table_t table = example_table(3, 9);
   table.sequence = 0; /* is set by write */
-  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, &work, &table, &report), IMUCAL_ERR_VERIFY);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 3, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report),
+                   IMUCAL_ERR_VERIFY);
   assert_int_equal(report.slot_status[0], IMUCAL_ERR_VERIFY);
   assert_int_equal(report.sequence[0], 0);
   assert_int_equal(report.ruling, 1);
@@ -682,8 +688,146 @@ static void test_rollback_whose_marks_fade_says_so(void** state) {
   assert_int_equal(report.ruling, 1);
 }
 
+/* ---- the origin ---- */
+
+static imucal_status write_from(nor_t* nor, int n_channels, int mark, uint8_t origin) {
+  const imucal_flash_t flash = nor_flash(nor);
+  imucal_table_t table = example_table(n_channels, mark);
+  return imucal_store_write(&flash, "SN-17", (uint32_t)n_channels, origin, &work, &table, &report);
+}
+
+/* As after a start: from what flash holds. */
+static imucal_store_origin_t origin_after_start(nor_t* nor, int n_channels) {
+  const imucal_flash_t flash = nor_flash(nor);
+  imucal_table_t table;
+  nor_power_on(nor);
+  memset(&report, 0, sizeof report);
+  const imucal_status status = imucal_store_load(&flash, "SN-17", (uint32_t)n_channels, &work, &table, &report);
+  assert_true(status == IMUCAL_OK || status == IMUCAL_ERR_NO_TABLE);
+  nor->n_reads = 0;
+  const imucal_store_origin_t origin = imucal_store_origin(&flash, &report, (uint32_t)n_channels);
+  assert_true(nor->n_reads <= 13);
+  return origin;
+}
+
+static void test_origin_is_known_after_a_start_wherever_there_is_room(void** state) {
+  (void)state;
+  static const struct {
+    nor_geometry_t geometry;
+    int n_channels, has_room;
+  } cases[] = {{{1024, 1024, 4}, 6, 1},  {{1024, 512, 1}, 6, 1},   {{2048, 2048, 8}, 6, 1},  {{4096, 1024, 16}, 6, 1},
+               {{1024, 1024, 32}, 3, 1}, {{1024, 1024, 32}, 6, 0}, {{1024, 1024, 16}, 6, 0}, {{904, 904, 4}, 6, 0},
+               {{904, 904, 4}, 5, 1},    {{1000, 8, 8}, 6, 0},     {{1008, 8, 8}, 6, 1}};
+  for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    nor_t nor;
+    nor_init(&nor, cases[i].geometry);
+    for (int mark = 1; mark <= 4; mark++) {
+      const uint8_t origin = mark == 4 ? 255 : (uint8_t)mark;
+      assert_int_equal(write_from(&nor, cases[i].n_channels, mark, origin), IMUCAL_OK);
+      const imucal_store_origin_t found = origin_after_start(&nor, cases[i].n_channels);
+      assert_int_equal(found.noted, cases[i].has_room ? origin : IMUCAL_STORE_NO_ORIGIN);
+      assert_false(found.is_restored);
+    }
+    assert_int_equal(nor.n_violations, 0);
+  }
+}
+
+static void test_origin_of_no_table_and_of_an_old_one_is_not_noted(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  assert_int_equal(origin_after_start(&nor, 3).noted, IMUCAL_STORE_NO_ORIGIN);
+  put_table(&nor, 1, 3, 7), put_mark(&nor, 1, 0, 7); /* as it was written before origins were */
+  assert_int_equal(origin_after_start(&nor, 3).noted, IMUCAL_STORE_NO_ORIGIN);
+  assert_int_equal(report.ruling, 1);
+  assert_int_equal(write_from(&nor, 3, 8, 2), IMUCAL_OK);
+  assert_int_equal(origin_after_start(&nor, 3).noted, 2);
+  assert_int_equal(roll_back(&nor), IMUCAL_OK);
+  const imucal_store_origin_t old = origin_after_start(&nor, 3);
+  assert_int_equal(old.noted, IMUCAL_STORE_NO_ORIGIN);
+  assert_true(old.is_restored);
+}
+
+/* The word as table.md has it; any bit of it flipped at rest: not noted, and the table rules as before. */
+static void test_origin_stands_behind_the_table_and_a_flipped_bit_makes_it_unknown(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  assert_int_equal(write_from(&nor, 3, 1, 3), IMUCAL_OK);
+  uint8_t* word = nor.bytes[report.ruling] + IMUCAL_TABLE_BYTES(3);
+  static const uint8_t expected[] = {3, 0xFC, 0x52, 0x4F, 0xFF};
+  assert_memory_equal(word, expected, sizeof expected);
+  for (int bit = 0; bit < 32; bit++) {
+    word[bit / 8] ^= (uint8_t)(1 << bit % 8);
+    assert_int_equal(origin_after_start(&nor, 3).noted, IMUCAL_STORE_NO_ORIGIN);
+    assert_true(report.ruling >= 0);
+    word[bit / 8] ^= (uint8_t)(1 << bit % 8);
+  }
+  assert_int_equal(origin_after_start(&nor, 3).noted, 3);
+}
+
+static imucal_status unreadable_word_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
+  return offset == IMUCAL_TABLE_BYTES(3) && len == 4 ? IMUCAL_ERR_FLASH : nor_read(ctx, slot, offset, data, len);
+}
+static void test_origin_that_cannot_be_read_is_not_noted(void** state) {
+  (void)state;
+  nor_t nor;
+  nor_init(&nor, small_pages);
+  assert_int_equal(write_from(&nor, 3, 1, 3), IMUCAL_OK);
+  imucal_flash_t flash = nor_flash(&nor);
+  assert_int_equal(imucal_store_origin(&flash, &report, 3).noted, 3);
+  assert_int_equal(imucal_store_origin(&flash, &report, IMUCAL_MAX_CHANNELS + 1).noted, IMUCAL_STORE_NO_ORIGIN);
+  flash.read = unreadable_word_read;
+  assert_int_equal(imucal_store_origin(&flash, &report, 3).noted, IMUCAL_STORE_NO_ORIGIN);
+}
+
+/* Which endorse mark says it depends on the difference of the sequence numbers; any of them does. */
+static void test_origin_restored_is_said_by_any_endorse_mark(void** state) {
+  (void)state;
+  for (uint32_t step = 1; step <= 8; step++) {
+    nor_t nor;
+    nor_init(&nor, small_pages);
+    put_table(&nor, 0, 3, 1), put_mark(&nor, 0, 0, 1);
+    put_table(&nor, 1, 3, 1 + step), put_mark(&nor, 1, 0, 1 + step);
+    assert_false(origin_after_start(&nor, 3).is_restored);
+    assert_int_equal(roll_back(&nor), IMUCAL_OK);
+    assert_true(origin_after_start(&nor, 3).is_restored);
+    assert_int_equal(report.ruling, 0);
+  }
+}
+
+/* Gone back to, and a write over the revoked table cut at any step: restored still, or the new table and its origin. */
+static void test_origin_restored_outlives_a_write_that_is_cut(void** state) {
+  (void)state;
+  static nor_t start, nor;
+  nor_init(&start, small_pages);
+  assert_int_equal(write_from(&start, 3, 1, 2), IMUCAL_OK);
+  assert_int_equal(write_from(&start, 3, 2, 3), IMUCAL_OK);
+  assert_int_equal(roll_back(&start), IMUCAL_OK);
+  int n_old = 0, n_new = 0;
+  for (long step = 0;; step++) {
+    nor = start;
+    nor.steps_left = step, nor.pattern = NOR_MIXED, nor.random = (uint64_t)step;
+    const int was_cut = write_from(&nor, 3, 3, 3) != IMUCAL_OK;
+    const imucal_store_origin_t origin = origin_after_start(&nor, 3);
+    const int is_new = report.sequence[report.ruling] == 3;
+    assert_int_equal(origin.noted, is_new ? 3 : 2);
+    assert_int_equal(origin.is_restored, !is_new);
+    n_old += !is_new, n_new += is_new;
+    if (!was_cut) break;
+  }
+  assert_true(n_old > 100);
+  assert_true(n_new >= 1);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_origin_is_known_after_a_start_wherever_there_is_room),
+      cmocka_unit_test(test_origin_of_no_table_and_of_an_old_one_is_not_noted),
+      cmocka_unit_test(test_origin_stands_behind_the_table_and_a_flipped_bit_makes_it_unknown),
+      cmocka_unit_test(test_origin_restored_outlives_a_write_that_is_cut),
+      cmocka_unit_test(test_origin_that_cannot_be_read_is_not_noted),
+      cmocka_unit_test(test_origin_restored_is_said_by_any_endorse_mark),
       cmocka_unit_test(test_empty_flash_has_no_table),
       cmocka_unit_test(test_write_alternates_slots_and_counts_up),
       cmocka_unit_test(test_rollback_goes_back_once_and_a_new_write_rules_again),

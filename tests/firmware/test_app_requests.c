@@ -252,6 +252,13 @@ static void test_reserved_fields_are_checked(void** state) {
   assert_int_equal(device_state()->refused_reserved, 6);
 }
 
+/* As it was before the power cycle. */
+static void assert_origin_stays(int origin) {
+  assert_int_equal(device_state()->table_origin, origin);
+  bench_power_cycle(&bench);
+  assert_int_equal(device_state()->table_origin, origin);
+}
+
 static void test_state_tells_crc_time_and_origin_of_the_ruling_table(void** state) {
   (void)state;
   uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
@@ -261,15 +268,32 @@ static void test_state_tells_crc_time_and_origin_of_the_ruling_table(void** stat
   imucal_put_u32(bytes + 28, 1234);
   imucal_put_u32(bytes + n - 4, imucal_crc32(bytes, n - 4));
   assert_int_equal(bench_upload(&bench, bytes, n), IMUCAL_OK);
-  assert_int_equal(device_state()->table_origin, IMUCAL_ORIGIN_HOST);
+  assert_origin_stays(IMUCAL_ORIGIN_HOST);
   assert_int_equal(device_state()->table_created_s, 1234);
   assert_int_equal(device_state()->table_crc, imucal_get_u32(bytes + n - 4)); /* sequence 1 in both */
   assert_int_equal(bench_upload(&bench, bytes, n), IMUCAL_OK);
   const imucal_link_rollback_t nothing = {0};
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_ROLLBACK, &nothing), IMUCAL_OK);
-  assert_int_equal(device_state()->table_origin, IMUCAL_ORIGIN_ROLLBACK);
+  assert_origin_stays(IMUCAL_ORIGIN_ROLLBACK);
+  assert_int_equal(bench_cal_start(&bench, 0, 1), IMUCAL_OK);
+  assert_int_equal(bench_stream(&bench, 15), IMUCAL_OK);
+  bench_feed(&bench, 20);
+  assert_int_equal(stop(IMUCAL_STOP_KEEP), IMUCAL_OK);
+  assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_OK);
+  assert_origin_stays(IMUCAL_ORIGIN_FILTERS);
+}
+
+/* A table written before origins were noted rules, with its time; its origin is unknown, not made up. */
+static void test_state_origin_of_an_old_table_is_unknown(void** state) {
+  (void)state;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  const size_t n = bench_table(&bench, 55.0f, bytes);
+  assert_int_equal(bench_upload(&bench, bytes, n), IMUCAL_OK);
+  uint8_t* slot = bench.flash + (uint32_t)bench.app.report.ruling * BENCH_SLOT_BYTES;
+  memset(slot + n, 0xFF, 4);
   bench_power_cycle(&bench);
-  assert_int_equal(device_state()->table_origin, IMUCAL_ORIGIN_FLASH);
+  assert_true(bench_ruling_b0(&bench) == 55.0f);
+  assert_int_equal(device_state()->table_origin, IMUCAL_ORIGIN_UNKNOWN);
 }
 
 static void test_table_out_of_physical_limits_is_refused(void** state) {
@@ -689,6 +713,7 @@ int main(void) {
       CASE(test_command_of_wrong_content_is_refused),
       CASE(test_reserved_fields_are_checked),
       CASE(test_state_tells_crc_time_and_origin_of_the_ruling_table),
+      CASE(test_state_origin_of_an_old_table_is_unknown),
       CASE(test_table_out_of_physical_limits_is_refused),
       CASE(test_session_refuses_to_start_a_running_channel_again),
       CASE(test_host_that_died_does_not_leave_the_device_busy),

@@ -49,6 +49,12 @@ static void start_with_tables(uint32_t n_tables) {
                      IMUCAL_OK);
 }
 
+static int origin_told(void) {
+  const imucal_link_state_t request = {0};
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_STATE, &request), IMUCAL_LINK_ID_STATE_REPLY);
+  return bench.reply.state_reply.table_origin;
+}
+
 /* Cuts `act` at one operation and byte, boots, demands old or new; then does it again from the cut state,
  * with the power on, and demands new. */
 static void cut_and_boot(uint32_t n_tables, void (*act)(void), uint32_t operation, uint32_t byte, float old,
@@ -62,6 +68,8 @@ static void cut_and_boot(uint32_t n_tables, void (*act)(void), uint32_t operatio
   const float ruling = bench_ruling_b0(&bench);
   if (ruling != old && ruling != new) fail_msg("operation %u byte %u: neither old nor new", operation, byte);
   if (!was_cut) assert_true(ruling == new);
+  const bool is_restored = act == roll_back && ruling == new;
+  assert_int_equal(origin_told(), is_restored ? IMUCAL_ORIGIN_ROLLBACK : IMUCAL_ORIGIN_HOST);
   upload_new();
   assert_true(bench_ruling_b0(&bench) == 2.0f);
   bench_power_cycle(&bench);

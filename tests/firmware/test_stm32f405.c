@@ -151,14 +151,15 @@ static void test_store_on_this_flash_breaks_no_rule(void** state) {
   for (uint32_t sequence = 1; sequence <= 3; sequence++) {
     imucal_store_report_t report;
     imucal_table_t read;
-    assert_int_equal(imucal_store_write(&flash, table.serial, 1, &work, &table, &report), IMUCAL_OK);
+    assert_int_equal(imucal_store_write(&flash, table.serial, 1, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report),
+                     IMUCAL_OK);
     assert_int_equal(imucal_store_load(&flash, table.serial, 1, &work, &read, &report), IMUCAL_OK);
     assert_int_equal(read.sequence, sequence);
   }
   imucal_store_report_t report;
   imucal_table_t read;
   stm32.fail_word = 5; /* a write that the controller breaks off: the old table rules */
-  assert_true(imucal_store_write(&flash, table.serial, 1, &work, &table, &report) != IMUCAL_OK);
+  assert_true(imucal_store_write(&flash, table.serial, 1, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report) != IMUCAL_OK);
   assert_int_equal(imucal_store_load(&flash, table.serial, 1, &work, &read, &report), IMUCAL_OK);
   assert_int_equal(read.sequence, 3);
   assert_int_equal(stm32.n_violations, 0);

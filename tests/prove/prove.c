@@ -348,7 +348,8 @@ static void prove_store_of(uint32_t program_bytes) {
   const uint32_t n_channels = between(0, IMUCAL_MAX_CHANNELS);
   (void)imucal_store_load(&flash, serial, n_channels, &work, &table, &report);
   any_table();
-  (void)imucal_store_write(&flash, serial, n_channels, &work, &table, &report);
+  (void)imucal_store_write(&flash, serial, n_channels, (uint8_t)between(0, 255), &work, &table, &report);
+  (void)imucal_store_origin(&flash, &report, n_channels);
   (void)imucal_store_rollback(&flash, serial, n_channels, &work, &table, &report);
   (void)imucal_store_erase(&flash, &work, &report);
 }

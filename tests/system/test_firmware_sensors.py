@@ -140,7 +140,7 @@ def test_the_stm32f405_is_calibrated_flashed_reset_and_verified_by_the_command_l
         time.sleep(0.5)
         calibrate(device, "verify", table)
         again = info(device)
-        assert again["has_table"] and again["table_origin"] == "in flash at the start" and again["uptime_s"] < 60
+        assert again["has_table"] and again["table_origin"] == "flashed by a host" and again["uptime_s"] < 60
 
 
 # ---- bad input ----

@@ -94,11 +94,12 @@ int main(int argc, char** argv) {
   const uint64_t n_cuts = torn_n_cuts(&total, 0) + torn_n_cuts(&total, 1) + torn_n_cuts(&total, 2);
   printf("torn: seed %llu, %llu cuts (%llu once, %llu twice, %llu three times), %llu failed calls, %llu starts, %llu "
          "next commits; "
-         "no table %llu, wrong table %llu, stuck %llu, too many reads %llu, rules of the flash broken %llu\n",
+         "no table %llu, wrong table %llu, wrong origin %llu, stuck %llu, too many reads %llu, rules of the flash "
+         "broken %llu\n",
          (unsigned long long)seed, (unsigned long long)n_cuts, (unsigned long long)torn_n_cuts(&total, 0),
          (unsigned long long)torn_n_cuts(&total, 1), (unsigned long long)torn_n_cuts(&total, 2),
          (unsigned long long)n_failed_calls, (unsigned long long)total.n_starts, (unsigned long long)total.n_commits,
-         (unsigned long long)total.n_none, (unsigned long long)total.n_wrong, (unsigned long long)total.n_stuck,
-         (unsigned long long)total.n_slow, (unsigned long long)total.n_violations);
+         (unsigned long long)total.n_none, (unsigned long long)total.n_wrong, (unsigned long long)total.n_origin,
+         (unsigned long long)total.n_stuck, (unsigned long long)total.n_slow, (unsigned long long)total.n_violations);
   return torn_n_failures(&total) != 0;
 }

@@ -37,14 +37,14 @@ typedef struct {
 
 typedef struct {
   uint64_t n_cuts[TORN_MAX_CUTS][TORN_ACTIONS], n_starts, n_commits; // n_cuts: by depth and action
-  uint64_t n_none, n_wrong, n_stuck, n_slow, n_violations;           // failures
+  uint64_t n_none, n_wrong, n_stuck, n_slow, n_violations, n_origin; // failures
 } torn_counts_t;
 
 // A flash and what may rule on it: bit m: table with mark m; bit 0: none.
 typedef struct {
   nor_t nor;
   uint64_t allowed;
-  int n_written;
+  int n_written, has_flips; // bits flipped at rest: the note of the origin may be lost
 } torn_state_t;
 
 static imucal_store_work_t torn_work;
@@ -63,12 +63,23 @@ static int torn_ruling(nor_t* nor, int channels) {
   return mark > 0 && mark < 64 && memcmp(&table, &expected, sizeof table) == 0 ? mark : -1;
 }
 
+// The origin that a mark's table is written with, and the one to be found where the slot has room for it.
+static uint8_t torn_origin(int mark) {
+  return (uint8_t)(1 + mark * 37 % 255);
+}
+static int torn_is_origin(nor_t* nor, const torn_path_t* path, int mark, int may_be_unknown) {
+  const imucal_flash_t flash = nor_flash(nor);
+  const uint8_t noted = imucal_store_origin(&flash, &torn_report, (uint32_t)path->channels).noted;
+  const int has_room = nor->geometry.slot_bytes > 1024 || nor->geometry.unit_bytes < 16 || path->channels < 6;
+  return noted == (mark > 0 && has_room ? torn_origin(mark) : 0) || (may_be_unknown && noted == 0);
+}
+
 static imucal_status torn_act(nor_t* nor, int action, int channels, int mark) {
   const imucal_flash_t flash = nor_flash(nor);
   imucal_table_t table = example_table(channels, mark);
   switch (action) {
   case TORN_WRITE:
-    return imucal_store_write(&flash, "SN-17", (uint32_t)channels, &torn_work, &table, &torn_report);
+    return imucal_store_write(&flash, "SN-17", (uint32_t)channels, torn_origin(mark), &torn_work, &table, &torn_report);
   case TORN_ROLLBACK:
     return imucal_store_rollback(&flash, "SN-17", (uint32_t)channels, &torn_work, &table, &torn_report);
   default:
@@ -105,7 +116,7 @@ static void torn_start(torn_state_t* s, const torn_path_t* path) {
   static const char* const scripts[TORN_STARTS] = {"", "w", "ww", "wwr", "wwrw", "wwrwr", "wwe", "wwf"};
   nor_init(&s->nor, torn_geometries[path->geometry]);
   s->nor.mode = path->mode;
-  s->n_written = 0;
+  s->n_written = s->has_flips = 0;
   for (const char* step = scripts[path->start]; *step; step++) {
     s->nor.fail_how = NOR_DOES_HALF;
     s->nor.n_calls = 0;
@@ -136,6 +147,8 @@ static int torn_check(torn_state_t* s, const torn_path_t* path, torn_counts_t* c
         torn_fail(mark == 0 ? &counts->n_none : &counts->n_wrong, path, "not allowed to rule: table", mark);
       if (s->nor.n_reads > TORN_MAX_READS)
         is_good = 0, torn_fail(&counts->n_slow, path, "reads to load", (long)s->nor.n_reads);
+      if (is_allowed && !torn_is_origin(&s->nor, path, mark, s->has_flips))
+        is_good = 0, torn_fail(&counts->n_origin, path, "wrong origin of table", mark);
     }
   }
   if (s->nor.n_violations) is_good = 0, torn_fail(&counts->n_violations, path, s->nor.violation, s->nor.n_violations);
@@ -209,7 +222,7 @@ static inline uint64_t torn_n_cuts(const torn_counts_t* counts, int depth) {
   return counts->n_cuts[depth][0] + counts->n_cuts[depth][1] + counts->n_cuts[depth][2];
 }
 static inline uint64_t torn_n_failures(const torn_counts_t* counts) {
-  return counts->n_none + counts->n_wrong + counts->n_stuck + counts->n_slow + counts->n_violations;
+  return counts->n_none + counts->n_wrong + counts->n_stuck + counts->n_slow + counts->n_violations + counts->n_origin;
 }
 
 // n random paths of three cuts.
@@ -272,6 +285,7 @@ static inline void torn_flips(uint64_t seed, int n_rounds, torn_counts_t* counts
         memset(from->nor.is_used, 0, sizeof from->nor.is_used); // flipped cells are not the store's doing
         memset(from->nor.is_torn, 1, sizeof from->nor.is_torn);
         from->allowed = 1ull << now;
+        from->has_flips = 1;
         path.n_cuts = 1;
         for (path.cut[0] = (torn_cut_t){TORN_WRITE, (int)(random >> 16 & 3), 0};; path.cut[0].step++) {
           *s = *from;

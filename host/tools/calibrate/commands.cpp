@@ -41,8 +41,6 @@ const char* origin_text(unsigned origin) {
   switch (origin) {
   case IMUCAL_ORIGIN_NONE:
     return "none";
-  case IMUCAL_ORIGIN_FLASH:
-    return "in flash at the start";
   case IMUCAL_ORIGIN_FILTERS:
     return "of the device's filters";
   case IMUCAL_ORIGIN_HOST:
