@@ -259,7 +259,7 @@ static field_t judge_bytes(const uint8_t* bytes, size_t have_bytes, header_t* he
 
 imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imucal_table_t* table,
                                   imucal_table_place_t* place) {
-  header_t header;
+  header_t header = {NULL, 0, 0, 0.0f, 0.0f};
   field_t wrong = judge_bytes(bytes, have_bytes, &header);
   if (wrong != IMUCAL_FIELD_NONE) return tell(wrong, -1, place);
   if (table != NULL) {
@@ -275,8 +275,9 @@ imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imuca
   memset(&channel, 0, sizeof channel); /* padding too: equal tables are equal bytes in memory */
   for (uint32_t i = 0; i < header.n_channels; i++) {
     const uint8_t* at = bytes + IMUCAL_TABLE_HEADER_BYTES + IMUCAL_TABLE_CHANNEL_BYTES * i;
+    if (at[15] != 0) return tell(IMUCAL_FIELD_RESERVED, (int32_t)i, place);
     decode_channel(at, &channel);
-    wrong = at[15] != 0 ? IMUCAL_FIELD_RESERVED : judge_channel(&channel);
+    wrong = judge_channel(&channel);
     if (wrong != IMUCAL_FIELD_NONE) return tell(wrong, (int32_t)i, place);
     if (table != NULL) memcpy(&table->channel[i], &channel, sizeof channel);
   }
