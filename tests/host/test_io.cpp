@@ -22,6 +22,7 @@ extern "C" {
 #include "base/units.h"
 #include "io/log.h"
 #include "io/model.h"
+#include "io/notice.h"
 #include "io/number.h"
 #include "io/profile.h"
 
@@ -113,7 +114,7 @@ static void test_log_metadata_several_on_a_line(void**) {
 static void test_log_malformed_names_the_line(void**) {
   const std::string header = "t_s,temp_degc,gx_dph\n";
   assert_says(log_refusal(""), "no header");
-  assert_says(log_refusal(header), "no rows");
+  assert_says(log_refusal(header), "no whole row");
   assert_says(log_refusal(header + "0,20,1\n1,20,abc\n"), ":3: column gx_dph: expected a number");
   assert_says(log_refusal(header + "0,20,nan\n"), ":2: column gx_dph: is not a finite number");
   assert_says(log_refusal(header + "0,inf,1\n"), ":2: column temp_degc");
@@ -218,9 +219,54 @@ static void test_log_error_beyond_a_buffer_names_its_line(void**) {
   assert_says(log_refusal(text + "200000,20,1.2x\n"), ":200002: column gx_dph: expected a number, found \"1.2x\"");
   assert_says(log_refusal(text + "200000,20,1e999\n"), ":200002: column gx_dph: expected a number");
   assert_says(log_refusal(text + "200000,20\n"), ":200002: expected 3 fields, found 2");
-  assert_says(log_refusal(text + "200000,2"), ":200002: the last row has no line end");
   const std::string wide(700000, '7'); // longer than the buffer
   assert_says(log_refusal(text + "200000,20," + wide + "\n"), ":200002: column gx_dph: expected a number, found \"777");
+}
+
+// Notices of what the function does.
+template <typename Work> static std::vector<std::string> notices_of(Work work) {
+  std::vector<std::string> heard;
+  set_notice_sink([&](const std::string& message) { heard.push_back(message); });
+  work();
+  set_notice_sink([](const std::string&) {});
+  return heard;
+}
+
+// Power cut, full disk: 33541 may have become 3354, whatever its length beside the row before.
+static void test_log_last_row_without_line_end_is_left_out_and_said(void**) {
+  const std::string header = "# device = d\nt_s,temp_degc,gx_dph,gx_flags\n", two_rows = "1,20,33540,0\n2,20,33541,1\n";
+  int n = 0;
+  for (const char* last : {"3,20,3354", "3,20,33542,0", "3,20,33542,12", "3,20", "3", "3,20,335x", "3,20,1,0\r"}) {
+    const std::string path = file_with("cut" + std::to_string(n++) + ".csv", header + two_rows + last);
+    Log log;
+    size_t n_scanned = 0;
+    const auto heard = notices_of([&] {
+      log = read_log(path);
+      scan_log(
+          path, [](const Log&) {}, [&](const LogRow&) { ++n_scanned; });
+    });
+    std::remove(path.c_str());
+    assert_int_equal(log.size(), 2);
+    assert_int_equal(n_scanned, 2);
+    assert_true(log.axes[0].rate_dph[1] == 33541 && log.axes[0].flags[1] == 1);
+    assert_int_equal(heard.size(), 1); // though it was read twice
+    assert_says(heard[0], path + ":5: the last row has no line end");
+  }
+}
+
+static void test_log_whole_to_its_end_gives_no_notice(void**) {
+  const std::string path = file_with("whole.csv", "t_s,temp_degc,gx_dph\n1,20,3354\n2,20,33541\n\n  ");
+  assert_int_equal(notices_of([&] { assert_int_equal(read_log(path).size(), 2); }).size(), 0);
+  std::remove(path.c_str());
+}
+
+// What a comment's cut-off value was nobody knows; and a log of one cut row is empty.
+static void test_log_cut_in_a_comment_or_its_only_row(void**) {
+  const std::string path = file_with("comment.csv", "t_s,temp_degc,gx_dph\n1,20,3354\n# serial = 12");
+  assert_int_equal(read_log(path).metadata.count("serial"), 0);
+  std::remove(path.c_str());
+  notices_of(
+      [] { assert_says(log_refusal("t_s,temp_degc,gx_dph\n1,20,3354"), ":2: empty log: a header and no whole row"); });
 }
 
 static std::string model_refusal(const std::string& text) {
@@ -346,6 +392,9 @@ int main() {
       cmocka_unit_test(test_plain_number_leaves_the_rest),
       cmocka_unit_test(test_log_any_spelling_is_read_alike),
       cmocka_unit_test(test_log_error_beyond_a_buffer_names_its_line),
+      cmocka_unit_test(test_log_last_row_without_line_end_is_left_out_and_said),
+      cmocka_unit_test(test_log_whole_to_its_end_gives_no_notice),
+      cmocka_unit_test(test_log_cut_in_a_comment_or_its_only_row),
       cmocka_unit_test(test_model_round_trip),
       cmocka_unit_test(test_model_malformed_names_the_field),
       cmocka_unit_test(test_text_of_unknown_origin_is_made_printable),

@@ -23,7 +23,7 @@ def run_faults(bench, faults):
         is_good = fault.is_found(outcome) and fault.is_safe(outcome)
         found_by = fault.found_by if is_good else "MISSED"
         print(f"{fault.area:<12} {fault.name:<48} {found_by:<13} {outcome.status:>6} {'yes' if outcome.is_flashed else 'no':>8}  "
-              f"{outcome.message[:110] or ('%d seconds left out' % outcome.left_out)}", flush=True)
+              f"{outcome.message[:110] or ('last row left out' if outcome.is_noted else '%d seconds left out' % outcome.left_out)}", flush=True)
         if not is_good:
             print(f"{'':12}   wanted {fault.found_by}, found {', '.join(outcome.rules) or 'nothing'}")
             lost.append((fault, outcome))

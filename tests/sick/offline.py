@@ -196,8 +196,9 @@ def packed(data):
 
 
 FILES = [
-    Fault("files", "log cut in the middle of a row", "status 3", in_bytes(lambda d: d[:d.rindex(b"\n", 0, -1) + 7])),
-    Fault("files", "log cut inside its last number", "status 3", in_bytes(lambda d: d[:-3])),
+    Fault("files", "log cut in the middle of a row", "noted", in_bytes(lambda d: d[:d.rindex(b"\n", 0, -1) + 7])),
+    Fault("files", "log cut inside its last number", "noted", in_bytes(lambda d: d[:-3])),
+    Fault("files", "log cut inside its first number after the header", "status 3", in_bytes(lambda d: d[:d.index(b"\n", d.index(b"t_s")) + 2])),
     Fault("files", "gzip cut", "status 3", in_bytes(lambda d: packed(d)[:-5000])),
     Fault("files", "gzip damaged", "status 3", in_bytes(lambda d: packed(d)[:3000] + bytes(60) + packed(d)[3060:])),
     Fault("files", "UTF-16", "status 3", in_bytes(lambda d: d.decode().encode("utf-16"))),

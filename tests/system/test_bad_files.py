@@ -102,7 +102,7 @@ ROWS = "".join(f"{i},{20 + i / 100:.2f},{(i * 37) % 11}\n" for i in range(600))
 
 @pytest.mark.parametrize("text, parts", [
     ("", ("bad.csv:1", "no header")),
-    (HEADER, ("bad.csv:1", "no rows")),
+    (HEADER, ("bad.csv:1", "no whole row")),
     ("time,temp,gx\n" + ROWS, ("bad.csv:1", "header must be")),
     (HEADER + "0,20,warm\n", ("bad.csv:2", "gx_dph", "warm")),
     (HEADER + "0,20,1e30\n", ("bad.csv:2", "gx_dph")),
@@ -132,6 +132,42 @@ def test_bad_logs_are_refused_with_file_and_line(folder, text, parts, program):
         result = run(BIN / "dp", folder / "bad.csv")
     refused(result, *parts)
     assert not (folder / "never.json").exists()
+
+
+UNEVEN = "".join(f"{i},{20 + i / 100:.2f},{i * i * i * 7919 % 997}\n" for i in range(600))
+CUT = UNEVEN + "600,26.00,3354"  # of 33541?
+
+
+@pytest.mark.parametrize("arguments", [("calibrate", "fit", "LOG", "--method", "poly"), ("dp", "LOG"), ("errormodel", "fit", "LOG", "--criterion", "ml"), ("dp", "-")],
+                         ids=" ".join)
+def test_last_row_without_line_end_is_left_out_and_said(folder, arguments):
+    """The answer is that of the log without the row, and one line of standard error names file, line and remedy."""
+    answers = []
+    for name, text in ("whole.csv", HEADER + UNEVEN), ("short.csv", HEADER + CUT):
+        (folder / name).write_text(text)
+        program, *rest = (name if a == "LOG" else a for a in arguments)
+        result = run(BIN / program, *rest, "--json", "-", "-q", cwd=folder, stdin=text.encode() if "-" in arguments else None)
+        assert result.returncode in (0, 1), result.stderr
+        answers.append((result.stdout.decode().replace(name, "LOG"), result.stderr.decode()))
+    assert answers[0][0] == answers[1][0]
+    said = [line for line in answers[1][1].splitlines() if "line end" in line]
+    place = "standard input:602" if "-" in arguments else "short.csv:602"
+    assert len(said) == 1 and said[0].startswith(f"{arguments[0]}: note: {place}: ") and "left out; end it" in said[0]
+    assert "line end" not in answers[0][1]
+
+
+def test_last_sample_without_line_end_is_left_out_and_said(folder):
+    head = "# imucal-log = 1\n# rate_hz = 4\n# gx_counts_scale_dph = 18\nt_s,temp_degc,gx_counts\n"
+    samples = "".join(f"{i / 4:.2f},24.81,{20 + i % 3}\n" for i in range(400))
+    (folder / "raw.csv").write_text(head + samples + "100.00,24.81,2")
+    result = run(BIN / "dp", "raw.csv", cwd=folder)
+    assert result.returncode == 0 and b"raw.csv:405: the last row has no line end" in result.stderr
+
+
+@pytest.mark.parametrize("criterion", ["bound", "ls", "ml"])
+def test_values_that_repeat_themselves_are_no_noise_to_fit(folder, criterion):
+    (folder / "bad.csv").write_text(HEADER + "".join(f"{i},20,{i * 37 % 11}\n" for i in range(600)))
+    refused(run(BIN / "errormodel", "fit", folder / "bad.csv", "--criterion", criterion), "bad.csv: axis gx_dph", "11 s", "repeat themselves")
 
 
 @pytest.mark.parametrize("content, parts", [

@@ -14,6 +14,7 @@
 #include "base/units.h"
 #include "io/input.h"
 #include "io/json_file.h"
+#include "io/notice.h"
 #include "io/number.h"
 #include "io/raw_log.h"
 
@@ -67,7 +68,6 @@ public:
   explicit LineReader(const std::string& path) : path_(path), file_(path) {}
 
   bool next() {
-    last_length_ = length_;
     has_line_end_ = ready() != nullptr;
     if (!has_line_end_ && at_ == filled_) return false;
     const char* begin = buffer_.data() + at_;
@@ -76,7 +76,6 @@ public:
     at_ = end + has_line_end_;
     if (++number_ == 1) strip_byte_order_mark(path_, &line_);
     if (!line_.empty() && line_.back() == '\r') line_.pop_back();
-    length_ = line_.size();
     return true;
   }
 
@@ -91,21 +90,14 @@ public:
     *at = result.ptr;
     return result.ec == std::errc() && std::isfinite(*value);
   }
-  // A line read from ready() on, with `length` characters before its end at `end`.
-  void take(const char* end, size_t length) {
+  // A line read from ready() on, up to its end at `end`.
+  void take(const char* end) {
     at_ = static_cast<size_t>(end - buffer_.data()) + 1;
-    last_length_ = length_;
-    length_ = length;
     ++number_;
   }
 
-  // A file that ends inside a row, perhaps inside a number: without line end and shorter than the row before.
-  void refuse_cut_row() const {
-    if (!has_line_end_ && length_ < last_length_)
-      fail("the last row has no line end and is shorter than the one before: the file is cut off in it; take it off, "
-           "or end "
-           "it with a line end where it is whole");
-  }
+  // Of the line that next() gave: false where the file ends in it, perhaps inside a number ("3354" of 33541).
+  bool is_whole() const { return has_line_end_; }
   // About as many lines as are still to come; 0: unknown.
   size_t expected_lines() {
     const char* at = ready();
@@ -115,9 +107,8 @@ public:
   }
   long number() const { return number_; }
   const std::string& line() const { return line_; }
-  [[noreturn]] void fail(const std::string& problem) const {
-    throw data_error(input_name(path_) + ":" + std::to_string(std::max(1L, number_)) + ": " + problem);
-  }
+  std::string place() const { return input_name(path_) + ":" + std::to_string(std::max(1L, number_)); }
+  [[noreturn]] void fail(const std::string& problem) const { throw data_error(place() + ": " + problem); }
 
 private:
   static constexpr size_t kMostExpected = size_t{1} << 24;
@@ -146,7 +137,6 @@ private:
   std::vector<char> buffer_ = std::vector<char>((size_t{1} << 19) + kNumberPadding);
   size_t at_ = 0, whole_ = 0, filled_ = 0; // unread text from at_, whole lines up to whole_
   std::string line_;
-  size_t length_ = 0, last_length_ = 0;
   bool has_line_end_ = true;
   long number_ = 0;
 };
@@ -288,7 +278,7 @@ public:
   bool next() {
     const char* at = in_.ready();
     if ((at == nullptr || !read_plain(at)) && !read_text()) {
-      if (n_rows_ == 0) in_.fail("empty log: a header and no rows");
+      if (n_rows_ == 0) in_.fail("empty log: a header and no whole row");
       return false;
     }
     check();
@@ -308,7 +298,7 @@ private:
   bool is_no_row() {
     if (trimmed(in_.line()).empty()) return true;
     if (in_.line()[0] != '#') return false;
-    read_metadata(in_.line(), &header_.metadata);
+    if (in_.is_whole()) read_metadata(in_.line(), &header_.metadata);
     return true;
   }
 
@@ -321,8 +311,15 @@ private:
     }
     const char* end = at + (*at == '\r');
     if (*end != '\n') return false;
-    in_.take(end, static_cast<size_t>(at - begin));
+    in_.take(end);
     return true;
+  }
+
+  // A row without line end may be cut off inside its last number, which then is another one: nobody can see it.
+  bool leave_out_cut_row() {
+    notice(in_.place() + ": the last row has no line end, as where writing was cut off, and is left out; end it with a "
+                         "line end if it is whole");
+    return false;
   }
 
   // The next row whatever its numbers look like; false at the end of the file.
@@ -330,7 +327,7 @@ private:
     do {
       if (!in_.next()) return false;
     } while (is_no_row());
-    if (n_rows_ > 0) in_.refuse_cut_row();
+    if (!in_.is_whole()) return leave_out_cut_row();
     const char* at = in_.line().data();
     const char* const end = at + in_.line().size();
     for (size_t f = 0; f < fields_.size(); ++f) {

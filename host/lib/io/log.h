@@ -41,6 +41,7 @@ struct Log {
 };
 
 // path "-": standard input.  gzip is unpacked, a UTF-8 byte-order mark and CR LF are read.
+// A last row without line end is left out, with a notice (io/notice.h): it may be cut off inside a number.
 // data_error names file and line: no header, text where a number belongs, NaN/inf, a rate or temperature that none can be,
 // too few or too many fields, time that does not increase or jumps by more than a week, steps that are no multiples of the
 // usual one in more than a tenth of the rows, no rows.

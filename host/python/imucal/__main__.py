@@ -2,6 +2,7 @@
 """``python -m imucal SUBCOMMAND``: what `imucal SUBCOMMAND` starts."""
 import importlib
 import sys
+import warnings
 
 COMMANDS = {"import": "import_command", "export": "export_command", "look": "look", "check": "check", "example": "example", "report": "report"}
 
@@ -12,7 +13,9 @@ def main(arguments=None):
     if not arguments or arguments[0] not in COMMANDS:
         print(f"imucal: expected one of {', '.join(COMMANDS)} (try imucal --help)", file=sys.stderr)
         return 2
-    from .errors import ImucalError
+    from .errors import DataWarning, ImucalError
+    warnings.simplefilter("always", DataWarning)
+    warnings.showwarning = lambda message, *_: print(f"imucal {arguments[0]}: note: {message}", file=sys.stderr)
     try:
         return importlib.import_module(f".{COMMANDS[arguments[0]]}", __package__).run(arguments[1:])
     except ImucalError as error:

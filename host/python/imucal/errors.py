@@ -18,3 +18,7 @@ class DataError(ImucalError):
     """A file or an array cannot be used; the message names the place and the remedy."""
 
     exit_status = 3
+
+
+class DataWarning(UserWarning):
+    """What the user should know of a file though it can be used; the message names the place and the remedy."""

@@ -3,14 +3,17 @@
 import math
 import os
 import re
+import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from .errors import DataError
+from .errors import DataError, DataWarning
 from .units import DPH_PER_DPS, DPH_PER_RADPS, MG_PER_MS2
 
 _UNITS = {"dph": DPH_PER_DPS / 3600, "dps": DPH_PER_DPS, "radps": DPH_PER_RADPS, "mg": 1.0, "ms2": MG_PER_MS2}
+#: said of a last row without line end
+CUT_ROW = "the last row has no line end, as where writing was cut off, and is left out; end it with a line end if it is whole"
 
 
 @dataclass
@@ -85,8 +88,16 @@ def _axis_of_flags(name, axes):
     return next((a for a in axes if a.startswith(stem)), None)
 
 
+def _leave_out_cut_row(path, number, line):
+    """A row without line end may be cut off inside its last number, which then is another one: nobody can see it."""
+    if line.strip() and not line.startswith("#"):
+        warnings.warn(f"{path}:{number}: {CUT_ROW}", DataWarning, stacklevel=3)
+
+
 def read_log(path):
     """Read an imucal log (CSV).
+
+    A last row without line end is left out with a DataWarning: it may be cut off inside a number.
 
     Parameters
     ----------
@@ -104,9 +115,11 @@ def read_log(path):
     metadata, columns, lines = {}, None, []
     try:
         with open(path, encoding="utf-8") as file:
-            for number, line in enumerate(file, 1):
-                line = line.rstrip("\r\n")
-                if line.startswith("#"):
+            for number, whole_line in enumerate(file, 1):
+                line = whole_line.rstrip("\r\n")
+                if columns is not None and not whole_line.endswith("\n"):
+                    _leave_out_cut_row(path, number, line)
+                elif line.startswith("#"):
                     _metadata(line, metadata)
                 elif not line.strip():
                     continue
@@ -126,7 +139,7 @@ def read_log(path):
     if any(c.endswith("_counts") for c in columns):
         return _decimate_raw(path, metadata, columns, lines)
     if not lines:
-        raise DataError(f"{path}: empty log: a header and no rows")
+        raise DataError(f"{path}: empty log: a header and no whole row")
     return _log_of(path, metadata, columns, _rows(path, lines, columns), lines)
 
 
@@ -162,7 +175,7 @@ def _decimate_raw(path, metadata, columns, lines):
     from .seconds import FLAG_MISSING, cut_seconds, keep_in_order
 
     if not lines:
-        raise DataError(f"{path}: empty log: a header and no rows")
+        raise DataError(f"{path}: empty log: a header and no whole row")
     try:
         rate_hz = float(metadata["rate_hz"])
     except (KeyError, ValueError):

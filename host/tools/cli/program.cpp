@@ -11,6 +11,8 @@
 #include <iostream>
 #include <thread>
 
+#include "io/notice.h"
+
 namespace imucal {
 
 const cli::Check FinitePositive{[](std::string& text) -> std::string {
@@ -99,6 +101,7 @@ Exit checked_output(const std::string& name, Exit exit) {
 int run_program(cli::App* program, int argc, char** argv, const std::function<Exit()>& run) {
   CLI::App* app = &program->behind();
   const std::string name = app->get_name();
+  set_notice_sink([name](const std::string& message) { complain(name, "note: " + message); });
   app->set_version_flag("--version", name + " (imucal) " IMUCAL_VERSION);
   try {
     std::vector<std::string> words = common_behind(*app, argc, argv);

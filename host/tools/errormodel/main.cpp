@@ -173,6 +173,21 @@ struct FitInput {
   std::string unit; // of all of them
 };
 
+// A prediction that never fails is no noise: values that a program wrote over and over.
+void refuse_repeating(const FitInput& in) {
+  const double largest = *std::max_element(in.data.mean_square_dph2.begin(), in.data.mean_square_dph2.end());
+  const auto exact = std::find_if(in.data.mean_square_dph2.begin(), in.data.mean_square_dph2.end(),
+                                  [&](double square) { return !(square > 1e-24 * largest); });
+  if (exact == in.data.mean_square_dph2.end()) return;
+  const double tau_s = in.settings.tau_s[static_cast<size_t>(exact - in.data.mean_square_dph2.begin())];
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "the means over %g s never change: the values repeat themselves exactly, as no sensor's "
+                "do; nothing to fit",
+                tau_s);
+  throw data_error(in.raw[0].log + ": axis " + in.raw[0].axis + ": " + text);
+}
+
 FitInput read_fit_input(const Options& o) {
   FitInput in;
   in.raw = in.detrended = load_all(o, true);
@@ -182,6 +197,7 @@ FitInput read_fit_input(const Options& o) {
   in.op = operator_of(o, in.detrended[0].dt_s);
   in.settings = {o.criterion, o.markov, across_of(o), detrend, taus_for(o, in.detrended), o.confidence};
   in.data = make_curve_data(in.detrended, in.op, detrend, in.settings.tau_s, in.settings.across);
+  refuse_repeating(in);
   in.data.basis = std::make_shared<CurveBasis>(in.data);
   return in;
 }

@@ -7,6 +7,7 @@ import re
 import numpy as np
 
 from ..errors import DataError
+from ..log import CUT_ROW
 from . import need
 from .named import Columns, numbers, stream_of
 
@@ -59,13 +60,25 @@ def _read_csv(path):
     options = dict(separator=delimiter, has_header=True, infer_schema_length=2000, null_values=["", "NaN", "nan", "null", "NA"])
     if body.startswith(b"\xef\xbb\xbf"):
         body = body[3:]
+    body, note = _whole_rows(body, at)
     try:
         frame = polars.read_csv(io.BytesIO(body), comment_prefix="#", **options)
     except Exception as error:
         raise DataError(_place(path, body, at, delimiter, error)) from None
     columns = Columns({name.strip(): values for name, values in _to_numpy(frame).items()})
     columns.first_line = at + 2
-    return columns, preface
+    return columns, preface, note
+
+
+def _whole_rows(body, at):
+    """(the table without a last row that has no line end, the note that says so).
+
+    Such a row may be cut off inside its last number, which then is another one.  Some programs write no last line end, so it
+    is no fault of the file; a sample less costs nothing, a wrong one does."""
+    whole, _, rest = body.rpartition(b"\n")
+    if not whole or not rest.strip():
+        return body, None
+    return whole + b"\n", f"line {at + 1 + body.count(10)}: {CUT_ROW}"
 
 
 def _place(path, body, at, delimiter, error):
@@ -105,14 +118,16 @@ def streams(path, options):
     if is_parquet:
         polars = need("polars", "polars", path, "a Parquet table")
         try:
-            columns, preface = _to_numpy(polars.read_parquet(path)), []
+            columns, preface, note = _to_numpy(polars.read_parquet(path)), [], None
         except Exception as error:
             raise DataError(f"{path}: a Parquet table that cannot be read ({str(error).splitlines()[0]}); it may be cut short") from None
     else:
-        columns, preface = _read_csv(path)
+        columns, preface, note = _read_csv(path)
     is_blackbox = any(n.startswith("gyroADC") or n.startswith("gyroUnfilt") for n in columns)
     if not is_blackbox:
-        return [stream_of(path, columns, options, "parquet" if is_parquet else "csv")]
+        stream = stream_of(path, columns, options, "parquet" if is_parquet else "csv")
+        stream.notes += [note] if note else []
+        return [stream]
     first_line = getattr(columns, "first_line", None)
     columns = Columns({re.sub(r"^(gyro\w+)\[", r"\1[", n): v for n, v in columns.items()})
     columns.first_line = first_line
@@ -123,5 +138,6 @@ def streams(path, options):
     stream = stream_of(path, columns, options, "blackbox", "dps", {"device": "Betaflight/INAV blackbox"})
     if options.unit is None:
         stream.to_internal = stream.to_internal * _blackbox_scale(preface, columns)
+    stream.notes += [note] if note else []
     stream.notes.append("blackbox rates are less the flight controller's own offset, measured at every start: the constant is not the sensor's")
     return [stream]

@@ -187,7 +187,7 @@ def _axis_stems(names):
 def stream_of(path, columns, options, name, default_unit=None, metadata=None):
     """One stream from named columns of equal length."""
     if not columns or len(next(iter(columns.values()))) == 0:
-        raise DataError(f"{path}: a header and no rows")
+        raise DataError(f"{path}: a header and no whole row")
     if options.gyro is None and "gyro" in columns and columns["gyro"].ndim == 2:
         raise DataError(f"{path}: column gyro is a matrix")
     gyro = _given(path, columns, options.gyro, "--gyro") if options.gyro else _axis_columns(columns, _GYRO)
