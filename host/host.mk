@@ -10,6 +10,7 @@ ROOMS_calibrate := device analysis/fit physics/sim physics/effects noise linear 
 ROOMS_gyrosim := device analysis/fit physics/sim physics/effects noise linear io base
 ROOMS_dp := analysis/errormodel analysis/dp physics/sim physics/effects noise linear io base
 ROOMS_errormodel := $(ROOMS_dp)
+ROOMS_montecarlo := $(filter-out device analysis/diagnose,$(ROOMS))
 ROOMS_diagnose := analysis/diagnose physics/effects noise linear io base
 ROOMS_imucal := base
 
