@@ -77,6 +77,20 @@ std::function<double()> prepare_normals() {
   };
 }
 
+// As many, of eight streams side by side.
+std::function<double()> prepare_normals_of_8() {
+  return [] {
+    const auto stream = [](uint64_t run) { return FastNormal(Rng(1, run, 0, Stream::kTool)); };
+    FastNormalLanes noise({stream(0), stream(1), stream(2), stream(3), stream(4), stream(5), stream(6), stream(7)});
+    double sum = 0, block[8 * 100];
+    for (int i = 0; i < 125; ++i) {
+      noise.normals(100, block);
+      for (const double x : block) sum += x;
+    }
+    return sum;
+  };
+}
+
 // Raw samples -> sum -> kf -> table, 600 s at 10 Hz.
 std::function<double()> prepare_kf_chain() {
   std::vector<imucal_sample_t> samples(6000);
@@ -165,10 +179,13 @@ int main(int argc, char** argv) {
     return 2;
   }
   const std::string folder = argv[1];
-  const std::vector<Kernel> kernels = {
-      {"dp_oadev", prepare_dp_oadev}, {"whiten", prepare_whiten},
-      {"normals", prepare_normals},   {"kf_chain", prepare_kf_chain},
-      {"comp", prepare_comp},         {"log_reading", [&] { return prepare_log_reading(folder); }}};
+  const std::vector<Kernel> kernels = {{"dp_oadev", prepare_dp_oadev},
+                                       {"whiten", prepare_whiten},
+                                       {"normals", prepare_normals},
+                                       {"normals_of_8", prepare_normals_of_8},
+                                       {"kf_chain", prepare_kf_chain},
+                                       {"comp", prepare_comp},
+                                       {"log_reading", [&] { return prepare_log_reading(folder); }}};
   if (argc == 3) {
     for (const Kernel& kernel : kernels)
       if (std::string(argv[2]) == kernel.name) {

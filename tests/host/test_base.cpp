@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The base: the parallel loop, quantiles.
+// The base: the parallel loop, quantiles, random numbers side by side and by the piece.
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -7,14 +8,17 @@
 #include <cstdarg>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <set>
 #include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "base/fast_normal.h"
 #include "base/parallel.h"
 #include "base/quantile.h"
+#include "base/rng.h"
 // After the others: it defines a macro `fail`.
 extern "C" {
 #include <cmocka.h>
@@ -107,12 +111,47 @@ static void test_quantiles_are_those_of_the_tables(void**) {
   assert_relative(interval.hi, 2 * std::sqrt(10 / 3.246972780236842), 1e-12);
 }
 
+static void assert_same_bits(double found, double expected, size_t i) {
+  if (std::memcmp(&found, &expected, sizeof found) != 0)
+    fail_msg("number %zu: %.17g, expected %.17g", i, found, expected);
+}
+
+// Pieces of any length: 60,000 numbers a stream hold some 700 that needed a closer look, 16 of them in the tail.
+static void test_normals_side_by_side_are_those_of_each_stream(void**) {
+  std::vector<FastNormal> alone;
+  for (uint64_t run = 0; run < 8; ++run) alone.emplace_back(Rng(3, run, 0, Stream::kTool));
+  std::array<FastNormal, 8> streams = {alone[0], alone[1], alone[2], alone[3], alone[4], alone[5], alone[6], alone[7]};
+  FastNormalLanes lanes(streams);
+  size_t i = 0;
+  for (const size_t n : {1, 0, 7, 100, 892, 59000}) {
+    std::vector<double> out(8 * n);
+    lanes.normals(n, out.data());
+    for (size_t k = 0; k < out.size(); ++k) assert_same_bits(out[k], alone[k % 8].normal(), i + k / 8);
+    i += n;
+  }
+}
+
+static void test_normals_by_the_piece_are_those_one_by_one(void**) {
+  Rng rng(5, 9, 2, Stream::kMarkov);
+  std::vector<double> expected(1000);
+  for (double& x : expected) x = rng.normal();
+  for (const uint32_t first : {0u, 1u, 2u, 63u, 64u, 700u})
+    for (const size_t n : {0u, 1u, 2u, 63u, 64u, 65u, 299u}) {
+      std::vector<double> out(3 * n + 1, -7.0);
+      rng.normals(first, n, out.data(), 3);
+      for (size_t i = 0; i < n; ++i) assert_same_bits(out[3 * i], expected[first + i], first + i);
+      assert_same_bits(out[3 * n], -7.0, n);
+    }
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_parallel_for_every_item_once),
       cmocka_unit_test(test_parallel_for_exception_reaches_the_caller_and_ends_the_loop),
       cmocka_unit_test(test_parallel_for_watch_runs_in_the_caller),
       cmocka_unit_test(test_quantiles_are_those_of_the_tables),
+      cmocka_unit_test(test_normals_side_by_side_are_those_of_each_stream),
+      cmocka_unit_test(test_normals_by_the_piece_are_those_one_by_one),
   };
   return cmocka_run_group_tests_name("base", tests, nullptr, nullptr);
 }

@@ -18,6 +18,7 @@ extern "C" {
 #include <cmocka.h>
 }
 
+#include "analysis/montecarlo/batch.h"
 #include "analysis/montecarlo/campaign.h"
 #include "analysis/montecarlo/methods.h"
 #include "analysis/montecarlo/reference.h"
@@ -119,6 +120,69 @@ static void test_campaign_threads_and_shards_give_the_same_bits(void**) {
   assert_int_equal(merged.result.runs_done, 23);
 }
 
+static void assert_same_filter(const CoreChain& a, const CoreChain& b) {
+  imucal_kf_state_t x, y;
+  imucal_kf_get_state(&a.kf(), &x), imucal_kf_get_state(&b.kf(), &y);
+  assert_memory_equal(&x, &y, sizeof x);
+  const imucal_kf_stats_t &s = a.kf().stats, &t = b.kf().stats;
+  assert_memory_equal(s.sum, t.sum, sizeof s.sum);
+  assert_memory_equal(s.sum_lo, t.sum_lo, sizeof s.sum_lo);
+  assert_int_equal(s.n, t.n);
+  assert_int_equal(s.n_missed, t.n_missed);
+  assert_true(s.innovation == t.innovation && s.innovation_weight == t.innovation_weight);
+  assert_memory_equal(a.lag_sums(), b.lag_sums(), sizeof(double) * kInnovationLagCount);
+}
+
+// Side by side, sums made in vectors, against run by run, sample by sample through imucal_sum_add.
+static void assert_batch_is_run_by_run(const CampaignOptions& options, const char* what) {
+  const CampaignPlan plan = plan_campaign(options);
+  if (!can_batch(plan)) fail_msg("%s: not side by side", what);
+  for (const uint64_t n : {uint64_t{3}, kBatch}) {
+    const std::vector<CalibrationTest> batch = calibrate_batch(plan, 5, n);
+    assert_int_equal(batch.size(), n);
+    for (uint64_t i = 0; i < n; ++i) {
+      const CalibrationTest alone = calibrate_run(plan, 5 + i);
+      assert_same_filter(batch[i].chain, alone.chain);
+      assert_true(batch[i].truth == alone.truth && batch[i].turn_on_dph == alone.turn_on_dph);
+      assert_int_equal(batch[i].chain.seconds().size(), alone.chain.seconds().size());
+      for (const double temp_degc : plan.temp_degc)
+        assert_true(batch[i].chain.compensated_bias_dph(temp_degc) == alone.chain.compensated_bias_dph(temp_degc));
+    }
+  }
+}
+
+static void test_batch_gives_the_bits_of_each_run(void**) {
+  CampaignOptions options = options_of(8);
+  options.profile = profile_of(201.0, 6); // no multiple of anything
+  assert_batch_is_run_by_run(options, "plain");
+  options.model.markov = {{20, 100}, {5, 7}, {0, 30}};
+  options.raw.rate_hz = 100;
+  options.raw.temp_lsb_degc = 1; // tracked
+  assert_batch_is_run_by_run(options, "two Markov terms, coarse thermometer, 100 Hz");
+  options.raw = options_of(1).raw;
+  options.raw.max_counts = 600; // some seconds have samples at the rail
+  options.model.turn_on_sigma_dph = 0;
+  assert_batch_is_run_by_run(options, "saturation");
+  options.raw.rate_hz = 1;
+  options.model.arw_deg_rt_h = 0;
+  assert_batch_is_run_by_run(options, "no white noise, one sample a second");
+}
+
+static void test_batch_leaves_what_it_cannot_do(void**) {
+  const auto can = [](const std::function<void(CampaignOptions*)>& change) {
+    CampaignOptions options = options_of(8);
+    change(&options);
+    return can_batch(plan_campaign(options));
+  };
+  assert_true(can([](CampaignOptions*) {}));
+  assert_false(can([](CampaignOptions* o) { o->missing_frac = 0.01; }));
+  assert_false(can([](CampaignOptions* o) { o->raw.missing_frac = 0.01; }));
+  assert_false(can([](CampaignOptions* o) { o->raw.jitter_s = 0.001; }));
+  assert_false(can([](CampaignOptions* o) { o->raw.temp_noise_degc = 0.01; }));
+  assert_false(can([](CampaignOptions* o) { o->raw.dithered = true; }));
+  assert_false(can([](CampaignOptions* o) { o->effects.push_back({"thermal_lag", Json::object(), "", -1}); }));
+}
+
 static void test_merge_refuses_overlap_and_other_campaigns(void**) {
   const std::string path = "/tmp/imucal_test_mc_" + std::to_string(getpid());
   CampaignOptions options = options_of(3);
@@ -142,11 +206,11 @@ static void test_merge_refuses_overlap_and_other_campaigns(void**) {
 static void test_campaign_stops_and_keeps_what_is_done(void**) {
   CampaignOptions options = options_of(50);
   int asked = 0;
-  const CampaignResult result = run_campaign(plan_campaign(options), nullptr, [&] { return ++asked > 10; });
+  const CampaignResult result = run_campaign(plan_campaign(options), nullptr, [&] { return ++asked > 2; });
   assert_true(result.is_interrupted);
-  assert_int_equal(result.runs_done, 10);
-  assert_int_equal(result.tally.counted("runs"), 10);
-  options.runs = 10; // what is done are the first runs
+  assert_int_equal(result.runs_done, 2 * kBatch);
+  assert_int_equal(result.tally.counted("runs"), 2 * kBatch);
+  options.runs = 2 * kBatch; // what is done are the first runs
   assert_string_equal(result.tally.to_json().dump().c_str(), campaign(options).tally.to_json().dump().c_str());
 }
 
@@ -279,6 +343,8 @@ int main() {
       cmocka_unit_test(test_exact_sum_does_not_depend_on_order),
       cmocka_unit_test(test_exact_sum_refuses_what_is_not_a_number),
       cmocka_unit_test(test_campaign_threads_and_shards_give_the_same_bits),
+      cmocka_unit_test(test_batch_gives_the_bits_of_each_run),
+      cmocka_unit_test(test_batch_leaves_what_it_cannot_do),
       cmocka_unit_test(test_merge_refuses_overlap_and_other_campaigns),
       cmocka_unit_test(test_campaign_stops_and_keeps_what_is_done),
       cmocka_unit_test(test_campaign_right_filter_is_consistent),

@@ -4,6 +4,8 @@
 // run, axis, purpose) only and never on threads.  About 3 ns per number; Rng::normal takes several times
 // that.
 #pragma once
+#include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "base/rng.h"
@@ -35,6 +37,7 @@ public:
   }
 
 private:
+  friend class FastNormalLanes;
   // Layer i spans the heights y[i] … y[i+1] of exp(-x^2/2) and is x_edge[i] wide.
   struct Table {
     double scale[256];   // x per unit of the 52-bit integer
@@ -48,6 +51,22 @@ private:
 
   const Table* table_ = &table();
   uint64_t s_[4];
+};
+
+// Eight streams side by side, for eight things simulated at once: each gives the numbers that it gives alone, bit for bit.
+// With AVX-512 in about half the time (`kernels`, row normals_of_8).
+class FastNormalLanes {
+public:
+  static constexpr size_t kLanes = 8;
+  explicit FastNormalLanes(const std::array<FastNormal, kLanes>& streams) : streams_(streams) {}
+  // The next n numbers of every stream: out[8 i + lane], i < n.  A call costs as much as two of them.
+  void normals(size_t n, double* out);
+
+private:
+  void normals_one_by_one(size_t n, double* out);
+  void normals_avx512(size_t n, double* out);
+
+  std::array<FastNormal, kLanes> streams_;
 };
 
 } // namespace imucal

@@ -4,6 +4,7 @@
 #pragma once
 #include <Random123/philox.h>
 
+#include <cstddef>
 #include <cstdint>
 
 namespace imucal {
@@ -32,6 +33,10 @@ public:
   uint32_t bits();  // 32 random bits; a stream holds 2^34 of them
   double uniform(); // in (0, 1), 53 bits
   double normal();  // mean 0, variance 1
+
+  // Normal numbers first … first + n - 1 of the stream, counted from its beginning whatever was drawn before: those that
+  // normal() gives, bit for bit, in half the time.  They are written `stride` apart.
+  void normals(uint32_t first, size_t n, double* out, size_t stride = 1) const;
 
 private:
   r123::Philox4x32::key_type key_;

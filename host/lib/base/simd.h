@@ -19,16 +19,29 @@
 // For what a function marked IMUCAL_WIDE calls: it must become part of each copy.
 #define IMUCAL_WIDE_PART __attribute__((always_inline)) inline
 
+// For instructions that the vectors of the language have no word for (gathers): a function for AVX-512 beside a plain one
+// of the same bits; has_avx512() chooses.  Inside such a function intrinsics may be used.
+#if defined(__GNUC__) && defined(__x86_64__)
+#define IMUCAL_AVX512 __attribute__((target("avx512f")))
+#endif
+
 namespace imucal {
+
+#if defined(IMUCAL_AVX512)
+inline bool has_avx512() {
+  return __builtin_cpu_supports("avx512f");
+}
+#endif
 
 // Four doubles side by side; two registers of two where the machine has no wider ones.
 typedef double Lanes __attribute__((vector_size(32)));
+typedef double Lanes8 __attribute__((vector_size(64)));
 
 // No alignment asked of the memory.
-IMUCAL_WIDE_PART void load_lanes(Lanes* v, const double* from) {
+template <class V> IMUCAL_WIDE_PART void load_lanes(V* v, const double* from) {
   std::memcpy(v, from, sizeof *v);
 }
-IMUCAL_WIDE_PART void store_lanes(const Lanes& v, double* to) {
+template <class V> IMUCAL_WIDE_PART void store_lanes(const V& v, double* to) {
   std::memcpy(to, &v, sizeof v);
 }
 

@@ -1,22 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "noise/filter.h"
 
-#include <cstring>
-
 #include "base/simd.h"
 #include "noise/gains.h"
 
 namespace imucal {
 namespace {
-
-typedef double Lanes8 __attribute__((vector_size(64)));
-
-template <class V> IMUCAL_WIDE_PART void load(V* v, const double* from) {
-  std::memcpy(v, from, sizeof *v);
-}
-template <class V> IMUCAL_WIDE_PART void store(const V& v, double* to) {
-  std::memcpy(to, &v, sizeof v);
-}
 
 // M: number of states where the compiler may know it, else 0.
 template <class V, size_t M>
@@ -24,17 +13,17 @@ IMUCAL_WIDE_PART void run(const FilterGains& g, double* rows, size_t stride, dou
   constexpr size_t width = sizeof(V) / sizeof(double);
   const size_t n_states = M ? M : g.n_states, next = g.is_settled ? 0 : 1;
   V m[M ? M : kMostStates];
-  for (size_t i = 0; i < n_states; ++i) load(&m[i], state + i * width);
+  for (size_t i = 0; i < n_states; ++i) load_lanes(&m[i], state + i * width);
   const double *phi = g.phi, *gain = g.gain, *w = g.inv_sqrt_s;
   for (size_t k = 0; k < g.n; ++k) {
     V nu;
-    load(&nu, rows + k * stride);
+    load_lanes(&nu, rows + k * stride);
     for (size_t i = 0; i < n_states; ++i) nu -= m[i];
-    store(V(nu * *w), rows + k * stride);
+    store_lanes(V(nu * *w), rows + k * stride);
     for (size_t i = 0; i < n_states; ++i) m[i] = phi[i] * (m[i] + gain[i] * nu);
     phi += next * n_states, gain += next * n_states, w += next;
   }
-  for (size_t i = 0; i < n_states; ++i) store(m[i], state + i * width);
+  for (size_t i = 0; i < n_states; ++i) store_lanes(m[i], state + i * width);
 }
 
 template <class V> IMUCAL_WIDE_PART void run_states(const FilterGains& g, double* rows, size_t stride, double* state) {
@@ -62,12 +51,12 @@ template <class V> IMUCAL_WIDE_PART void products(const double* a, const double*
   constexpr size_t width = sizeof(V) / sizeof(double);
   for (size_t i = 0; i < width; i += 4) {
     V s[4], right;
-    for (size_t l = 0; l < 4; ++l) load(&s[l], sum + (i + l) * width);
+    for (size_t l = 0; l < 4; ++l) load_lanes(&s[l], sum + (i + l) * width);
     for (size_t k = 0; k < n; ++k) {
-      load(&right, b + k * width);
+      load_lanes(&right, b + k * width);
       for (size_t l = 0; l < 4; ++l) s[l] += a[k * width + i + l] * right;
     }
-    for (size_t l = 0; l < 4; ++l) store(s[l], sum + (i + l) * width);
+    for (size_t l = 0; l < 4; ++l) store_lanes(s[l], sum + (i + l) * width);
   }
 }
 
@@ -79,9 +68,9 @@ IMUCAL_WIDE_PART void column_block(const double* a, size_t lda, const double* b,
   size_t k = 0;
   for (; k + 8 <= n; k += 8) {
     Lanes8 left[A], right;
-    for (size_t i = 0; i < A; ++i) load(&left[i], a + i * lda + k);
+    for (size_t i = 0; i < A; ++i) load_lanes(&left[i], a + i * lda + k);
     for (size_t j = 0; j < B; ++j) {
-      load(&right, b + j * ldb + k);
+      load_lanes(&right, b + j * ldb + k);
       for (size_t i = 0; i < A; ++i) s[i][j] += left[i] * right;
     }
   }

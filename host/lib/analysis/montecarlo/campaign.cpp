@@ -89,22 +89,25 @@ double cpu_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
+using BatchScore = std::function<void(const CampaignPlan&, uint64_t first_run, uint64_t n, Tally*)>;
+
 // Shared by the threads of a campaign.
 class Workers {
 public:
-  Workers(const CampaignPlan& plan, const RunScore& score, const std::function<bool()>& stop)
-      : plan_(plan), score_(score), stop_(stop) {}
+  Workers(const CampaignPlan& plan, const BatchScore& score, uint64_t batch, const std::function<bool()>& stop)
+      : plan_(plan), score_(score), batch_(batch), stop_(stop) {}
 
   void work() {
     Tally mine;
     for (;;) {
       if (stop_ && stop_()) stopped_ = true;
       if (stopped_) break;
-      const uint64_t i = next_++;
+      const uint64_t i = next_.fetch_add(batch_);
       if (i >= plan_.options.runs) break;
-      score_or_stop(i, &mine);
-      ++done_;
-      if (++unmerged_ % 32 == 0) hand_over(&mine);
+      const uint64_t n = std::min(batch_, plan_.options.runs - i);
+      score_or_stop(i, n, &mine);
+      done_ += n;
+      if (++unmerged_ % 8 == 0) hand_over(&mine);
     }
     hand_over(&mine);
   }
@@ -117,10 +120,10 @@ public:
   }
 
 private:
-  // One run that fails stops the others.
-  void score_or_stop(uint64_t i, Tally* mine) {
+  // A batch that fails stops the others.
+  void score_or_stop(uint64_t i, uint64_t n, Tally* mine) {
     try {
-      score_(plan_, plan_.options.first_run + i, mine);
+      score_(plan_, plan_.options.first_run + i, n, mine);
     } catch (...) {
       stopped_ = true;
       throw;
@@ -133,7 +136,8 @@ private:
   }
 
   const CampaignPlan& plan_;
-  const RunScore& score_;
+  const BatchScore& score_;
+  const uint64_t batch_;
   const std::function<bool()>& stop_;
   // Every number taken is finished: after a stop, too, the runs done are the first ones without a hole.
   std::atomic<uint64_t> next_{0}, done_{0}, unmerged_{0};
@@ -142,20 +146,13 @@ private:
   Tally tally_;
 };
 
-} // namespace
-
-CampaignResult run_campaign(const CampaignPlan& plan, const std::function<void(const CampaignResult&)>& progress,
-                            const std::function<bool()>& stop) {
-  return run_campaign(plan, score_run, progress, stop);
-}
-
-CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
-                            const std::function<void(const CampaignResult&)>& progress,
-                            const std::function<bool()>& stop) {
+CampaignResult run_batches(const CampaignPlan& plan, const BatchScore& score, uint64_t batch,
+                           const std::function<void(const CampaignResult&)>& progress,
+                           const std::function<bool()>& stop) {
   CampaignResult result;
   result.first_run = plan.options.first_run;
   const double start_s = now_s(), cpu_start_s = cpu_seconds();
-  Workers workers(plan, score, stop);
+  Workers workers(plan, score, batch, stop);
   const auto watch = [&] {
     if (!progress) return;
     workers.snapshot(&result);
@@ -171,6 +168,23 @@ CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
   result.elapsed_s = now_s() - start_s;
   result.cpu_s = cpu_seconds() - cpu_start_s;
   return result;
+}
+
+} // namespace
+
+CampaignResult run_campaign(const CampaignPlan& plan, const std::function<void(const CampaignResult&)>& progress,
+                            const std::function<bool()>& stop) {
+  // Few runs are shared among the threads first.
+  const auto threads = static_cast<uint64_t>(std::max(1, plan.options.threads));
+  const uint64_t batch = std::clamp<uint64_t>((plan.options.runs + threads - 1) / threads, 1, kBatch);
+  return run_batches(plan, score_runs, batch, progress, stop);
+}
+
+CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
+                            const std::function<void(const CampaignResult&)>& progress,
+                            const std::function<bool()>& stop) {
+  const auto one = [&score](const CampaignPlan& p, uint64_t run, uint64_t, Tally* tally) { score(p, run, tally); };
+  return run_batches(plan, one, 1, progress, stop);
 }
 
 } // namespace imucal

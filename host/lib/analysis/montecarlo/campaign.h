@@ -52,8 +52,9 @@ struct CampaignPlan {
 // move.
 CampaignPlan plan_campaign(const CampaignOptions& options);
 
-// Simulate and score one run.
-void score_run(const CampaignPlan& plan, uint64_t run, Tally* tally);
+// Simulate and score runs first_run … first_run + n - 1, n <= kBatch: the same bits in any batches.
+constexpr uint64_t kBatch = 8;
+void score_runs(const CampaignPlan& plan, uint64_t first_run, uint64_t n, Tally* tally);
 
 // One run's test through the core, and what the calibration ought to find (coefficients in the plan's
 // normalisation, with the run's turn-on constant).
@@ -63,6 +64,10 @@ struct CalibrationTest {
   double turn_on_dph;
 };
 CalibrationTest calibrate_run(const CampaignPlan& plan, uint64_t run);
+// The tests of some runs, n <= kBatch.  Where every sample comes at its time and no effect acts, side by side (batch.h).
+std::vector<CalibrationTest> calibrate_runs(const CampaignPlan& plan, uint64_t first_run, uint64_t n);
+// The address of a run's log in the simulation: log 0 its calibration test, 1 the fresh one.
+SimOptions run_options(const CampaignPlan& plan, uint64_t run, size_t log_index);
 
 struct CampaignResult {
   Tally tally;
@@ -73,10 +78,10 @@ struct CampaignResult {
 };
 
 // Runs on options.threads threads.  `progress` is called now and then with a snapshot; `stop` is asked
-// between runs.
+// between batches of up to kBatch runs.
 CampaignResult run_campaign(const CampaignPlan& plan, const std::function<void(const CampaignResult&)>& progress,
                             const std::function<bool()>& stop);
-// The same with another score than score_run.
+// The same with another score than that of score_runs, run by run.
 using RunScore = std::function<void(const CampaignPlan&, uint64_t run, Tally*)>;
 CampaignResult run_campaign(const CampaignPlan& plan, const RunScore& score,
                             const std::function<void(const CampaignResult&)>& progress,

@@ -49,19 +49,25 @@ void CoreChain::push(const RawSample& raw) {
 }
 
 void CoreChain::take(const imucal_second_t& second) {
+  imucal_thermometer_read(&thermometer_, &second);
+  push(second, thermometer_);
+}
+
+void CoreChain::push(const imucal_second_t& second, const imucal_thermometer_t& thermometer) {
   const int64_t mean_q16 = imucal_mean_q16_rne(second.sum[0], second.n_samples);
   const float z_dph = imucal_unit_from_q16(mean_q16, static_cast<float>(setup_.raw.counts_scale_dph), 0.0f);
-  imucal_thermometer_read(&thermometer_, &second);
-  if (imucal_learn_second(&learn_, &thermometer_, &sum_, &second, 0, z_dph) != IMUCAL_LEARN_USED) return;
+  if (imucal_learn_second(&learn_, &thermometer, &sum_, &second, 0, z_dph) != IMUCAL_LEARN_USED) return;
   const uint32_t n_bridged = learn_.kf.stats.n_missed;
-  seconds_.push_back(
-      {z_dph, thermometer_.temp_degc, n_bridged - n_bridged_, imucal_sum_noise_ratio(&sum_, &second, 0)});
+  if (setup_.keeps_seconds)
+    seconds_.push_back(
+        {z_dph, thermometer.temp_degc, n_bridged - n_bridged_, imucal_sum_noise_ratio(&sum_, &second, 0)});
   n_bridged_ = n_bridged;
+  ++n_seconds_;
   keep_innovation();
 }
 
 void CoreChain::keep_innovation() {
-  if (seconds_.size() <= setup_.white_from_s) return;
+  if (n_seconds_ <= setup_.white_from_s) return;
   const float inverse = learn_.kf.stats.innovation_weight;
   const float e = learn_.kf.stats.innovation * std::sqrt(inverse);
   weighted_ += static_cast<double>(learn_.kf.stats.innovation * inverse);

@@ -27,9 +27,10 @@ struct ChainSetup {
   double t0_degc = 0, range_degc = 1;
   double span_lo_degc = -1, span_hi_degc = 1; // valid span of the table
   double prior_sigma_dph = 1e4;
-  RawFormat raw;           // scales of the counts
-  bool is_tracked = false; // temperature between the steps of a coarse thermometer (common/track.h)
-  size_t white_from_s = 0; // second from which the innovations' whiteness is judged
+  RawFormat raw;             // scales of the counts
+  bool is_tracked = false;   // temperature between the steps of a coarse thermometer (common/track.h)
+  size_t white_from_s = 0;   // second from which the innovations' whiteness is judged
+  bool keeps_seconds = true; // seconds() for whoever asks later
 };
 
 // The filter's configuration (fit/fit.h) with the quantisation of the counts, lsb^2/(12 n), in its white
@@ -53,15 +54,18 @@ public:
 
   void push(const imucal_sample_t& sample);
   void push(const RawSample& sample);
+  // A second summed elsewhere to the integers that imucal_sum_add gives, its temperature read by `thermometer`.
+  void push(const imucal_second_t& second, const imucal_thermometer_t& thermometer);
   // End of data: last second, table (encoded and decoded again), compensation prepared.  data_error with the
   // core's own words where it refuses.
   void finish();
 
   const imucal_kf_t& kf() const { return learn_.kf; }
   const imucal_sum_t& sum() const { return sum_; }
+  const imucal_thermometer_t& thermometer() const { return thermometer_; }
   const imucal_comp_t& comp() const { return comp_; }
   const imucal_table_channel_t& table() const { return table_.channel[0]; }
-  const std::vector<SecondMean>& seconds() const { return seconds_; }
+  const std::vector<SecondMean>& seconds() const { return seconds_; } // none unless keeps_seconds
 
   // B(T) that the compensation takes out of a sample, by running a zero sample through it.
   double compensated_bias_dph(double temp_degc) const;
@@ -90,6 +94,7 @@ private:
   imucal_table_t table_;
   imucal_comp_t comp_;
   std::vector<SecondMean> seconds_;
+  size_t n_seconds_ = 0;   // used
   uint32_t n_bridged_ = 0; // seconds bridged before the newest one used
   static constexpr size_t kRing = 128;
   float ring_[kRing] = {};

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "analysis/montecarlo/batch.h"
 #include "analysis/montecarlo/campaign.h"
 #include "analysis/montecarlo/methods.h"
 #include "analysis/montecarlo/reference.h"
@@ -11,8 +12,6 @@
 #include "linear/linear.h"
 
 namespace imucal {
-
-namespace {
 
 SimOptions run_options(const CampaignPlan& plan, uint64_t run, size_t log_index) {
   SimOptions sim;
@@ -23,6 +22,8 @@ SimOptions run_options(const CampaignPlan& plan, uint64_t run, size_t log_index)
   sim.missing_frac = plan.options.missing_frac;
   return sim;
 }
+
+namespace {
 
 SimulatedLog simulate_test(const CampaignPlan& plan, const SimOptions& sim) {
   return simulate({plan.options.model}, 1, plan.t_s, plan.chamber_degc, plan.options.effects, sim);
@@ -175,8 +176,14 @@ CalibrationTest calibrate_run(const CampaignPlan& plan, uint64_t run) {
   return test;
 }
 
-void score_run(const CampaignPlan& plan, uint64_t run, Tally* tally) {
-  const CalibrationTest test = calibrate_run(plan, run);
+std::vector<CalibrationTest> calibrate_runs(const CampaignPlan& plan, uint64_t first_run, uint64_t n) {
+  if (can_batch(plan)) return calibrate_batch(plan, first_run, n);
+  std::vector<CalibrationTest> tests;
+  for (uint64_t i = 0; i < n; ++i) tests.push_back(calibrate_run(plan, first_run + i));
+  return tests;
+}
+
+static void score_test(const CampaignPlan& plan, uint64_t run, const CalibrationTest& test, Tally* tally) {
   score_calibration(plan, test.chain, test.truth, tally);
   score_innovations(test.chain, tally);
   const auto due = [run](uint64_t every) { return every > 0 && run % every == 0; };
@@ -187,6 +194,11 @@ void score_run(const CampaignPlan& plan, uint64_t run, Tally* tally) {
     const SimulatedLog fresh = simulate_test(plan, later);
     score_residual(plan, test.chain, fresh, later, test.turn_on_dph - fresh.axes[0].turn_on_dph, tally);
   }
+}
+
+void score_runs(const CampaignPlan& plan, uint64_t first_run, uint64_t n, Tally* tally) {
+  const std::vector<CalibrationTest> tests = calibrate_runs(plan, first_run, n);
+  for (uint64_t i = 0; i < n; ++i) score_test(plan, first_run + i, tests[i], tally);
 }
 
 } // namespace imucal

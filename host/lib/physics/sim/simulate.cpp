@@ -137,6 +137,10 @@ uint64_t stream_run(const SimOptions& options) {
   return (options.device << 16) + options.log_index;
 }
 
+uint64_t device_seed(const SimOptions& options) {
+  return options.seed + 0x9E3779B97F4A7C15u * options.device;
+}
+
 double quantised(double value, double lsb) {
   return lsb > 0 ? lsb * std::nearbyint(value / lsb) : value;
 }
@@ -192,8 +196,7 @@ SimulatedLog simulate(const std::vector<ErrorModel>& models, size_t n_axes, cons
     axis.run.log = options.log_index;
     axis.run.n_logs = options.n_logs;
     axis.run.start = options.start;
-    // Draws that all logs of a device share come from this seed: each device needs its own.
-    axis.run.seed = options.seed + 0x9E3779B97F4A7C15u * options.device;
+    axis.run.seed = device_seed(options);
     if (model.turn_on_sigma_dph > 0)
       axis.turn_on_dph =
           model.turn_on_sigma_dph * Rng(axis.run.seed, address, static_cast<uint32_t>(a), Stream::kTurnOn).normal();

@@ -76,5 +76,7 @@ void add_noise(SimRun* run, uint64_t seed, uint64_t run_address);
 double quantised(double value, double lsb);
 // The run number that addresses the random streams of one log of one device.
 uint64_t stream_run(const SimOptions& options);
+// The seed of one device: draws that all its logs share come from it.
+uint64_t device_seed(const SimOptions& options);
 
 } // namespace imucal
