@@ -264,7 +264,7 @@ imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imuca
   if (wrong != IMUCAL_FIELD_NONE) return tell(wrong, -1, place);
   if (table != NULL) {
     memset(table, 0, sizeof *table);
-    memcpy(table->serial, header.serial, IMUCAL_SERIAL_LEN);
+    memcpy(table->serial, bytes + IMUCAL_TABLE_AT_SERIAL, IMUCAL_SERIAL_LEN);
     table->sequence = header.sequence;
     table->created_s = imucal_get_u32(bytes + 28);
     table->n_channels = (uint8_t)header.n_channels;

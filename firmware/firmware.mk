@@ -13,7 +13,8 @@ FIRMWARE_BUS := firmware/port/sim/bus_sensor.c $(FIRMWARE_SENSORS)
 FIRMWARE_PORTS := mps2_an386 nrf51
 FIRMWARE_IMAGES := $(BUILD)/firmware/posix/imucal $(BUILD)/firmware/posix/check $(BUILD)/tests/emu/sensor_server \
                    $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf) \
-                   $(foreach image,stm32f405 stm32f405_mpu6050 stm32f405_qemu,$(BUILD)/firmware/$(image)/imucal.elf) $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/check.elf)
+                   $(foreach image,stm32f405 stm32f405_mpu6050 stm32f405_w25q stm32f405_mpu6050_w25q stm32f405_qemu,$(BUILD)/firmware/$(image)/imucal.elf) \
+                   $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/check.elf)
 firmware: $(FIRMWARE_IMAGES)  ## build the firmware images into build/firmware
 
 # ---- this machine: the posix port, and what the unit tests link ----
@@ -46,7 +47,7 @@ $(BUILD)/firmware/posix/check: $(patsubst %.c,$(BUILD)/obj/host/%.o,$(FIRMWARE_C
 
 # Unit tests of the firmware (tests/tests.mk links every .o it finds among the prerequisites).
 $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/firmware/test_*.c)): $(FIRMWARE_APP_HOST) \
-  $(FIRMWARE_SENSORS:%.c=$(BUILD)/obj/host/%.o) $(BUILD)/obj/host/tests/firmware/bench.o
+  $(patsubst %.c,$(BUILD)/obj/host/%.o,$(FIRMWARE_SENSORS) $(wildcard firmware/flash/*.c)) $(BUILD)/obj/host/tests/firmware/bench.o
 
 # What the chamber and the gyros do in test_sensor_job: a log by gyrosim.
 $(BUILD)/tests/firmware/sensor_job.csv: tests/firmware/sensor_job_model.json tests/firmware/sensor_job_profile.json | $(BUILD)/bin/gyrosim

@@ -8,7 +8,8 @@ import re
 import subprocess
 import sys
 
-NAMES = ("compensates only", "compensates only, no -flto", "compensates and learns, no link", "whole device, drivers, no -flto")
+NAMES = ("compensates only", "compensates only, no -flto", "compensates and learns, no link", "whole device, drivers, no -flto",
+         "the same, tables in a W25Q")
 LIBRARY = re.compile(r"^(_*aeabi|__|mem(cpy|set|move|cmp)|str|_)")
 
 

@@ -55,7 +55,7 @@ EXAMPLES += $(BUILD)/tests/emu/sketch
 .SECONDARY: $(CORE_SOURCES:%.c=$(BUILD)/obj/examples/%.o) $(BUILD)/obj/examples/firmware/examples/compensate.o $(BUILD)/obj/examples/firmware/examples/calibrate.o
 firmware: $(EXAMPLES)
 
-BUDGET_IMAGES := $(addprefix $(BUILD)/firmware/,examples/compensate.elf examples/compensate_plain.elf examples/calibrate.elf stm32f405/imucal.elf)
+BUDGET_IMAGES := $(addprefix $(BUILD)/firmware/,examples/compensate.elf examples/compensate_plain.elf examples/calibrate.elf stm32f405/imucal.elf stm32f405_w25q/imucal.elf)
 budget: $(BUDGET_IMAGES)  ## flash of the core where it only compensates, where it learns too, and of the whole device
 	@python3 firmware/examples/budget.py $(BUDGET_COMPENSATE_BYTES) $(CROSS)nm $(filter %.elf,$^)
 .PHONY: budget

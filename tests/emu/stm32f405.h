@@ -31,6 +31,10 @@ typedef struct emu_stm32 {
   uint32_t overrun_at, modf_at; /* byte number + 1 */
   /* The chip behind the bus: answer to the n-th byte since it was selected; null: answer[]. */
   uint8_t (*slave)(uint8_t out, uint32_t n);
+  /* The one at PB0, and what happens when it is released. */
+  uint8_t (*slave_pb0)(uint8_t out, uint32_t n);
+  void (*release_pb0)(void);
+  bool is_pb0_selected;
   /* DMA2 streams 0 and 3 (chapter 10) */
   uint32_t spi_cr2, dma_flags, dma_cr[2], dma_ndtr[2], dma_par[2], dma_m0ar[2];
   const void* memory[8]; /* what M0AR points to: 1 + index */
@@ -94,7 +98,9 @@ uint32_t stm32_model_address(const void* memory) {
 }
 
 static inline uint8_t emu_stm32_slave_byte(uint8_t out) {
-  const uint8_t in = stm32.slave ? stm32.slave(out, stm32.n_out) : stm32.answer[stm32.n_out % sizeof stm32.answer];
+  const uint8_t in = stm32.is_pb0_selected ? stm32.slave_pb0 ? stm32.slave_pb0(out, stm32.n_out) : 0xFF
+                     : stm32.slave         ? stm32.slave(out, stm32.n_out)
+                                           : stm32.answer[stm32.n_out % sizeof stm32.answer];
   stm32.out[stm32.n_out % sizeof stm32.out] = out;
   stm32.n_out++;
   if (stm32.n_out == stm32.overrun_at) {
@@ -264,6 +270,21 @@ static inline void emu_stm32_spi_write(uint32_t address, uint32_t value) {
   if (!stm32.is_silent) stm32.spi_sr |= SPI_SR_RXNE;
 }
 
+/* One chip at a time may listen. */
+static inline void emu_stm32_select(bool goes_low, bool goes_high, bool is_pb0) {
+  if (goes_low && stm32.is_selected && stm32.is_pb0_selected != is_pb0) stm32.n_spi_violations++;
+  if (goes_low && !stm32.is_selected) {
+    stm32.is_selected = true;
+    stm32.is_pb0_selected = is_pb0;
+    stm32.n_selects++;
+    stm32.n_out = 0;
+  }
+  if (!goes_high || !stm32.is_selected || stm32.is_pb0_selected != is_pb0) return;
+  stm32.is_selected = false;
+  if (is_pb0 && stm32.release_pb0) stm32.release_pb0();
+  stm32.is_pb0_selected = false;
+}
+
 void stm32_model_write(uint32_t address, uint32_t value) {
   if (emu_peripheral_at(address)) emu_peripheral_at(address)->write(address, value);
   if (address == FLASH_KEYR) emu_stm32_key(value);
@@ -281,14 +302,8 @@ void stm32_model_write(uint32_t address, uint32_t value) {
   if (address == FLASH_ACR) stm32.acr = value;
   if (address == FLASH_OPTCR) emu_stm32_optcr(value);
   if (address >= STM32_SLOT_ADDRESS(0) && address < STM32_SLOT_ADDRESS(2)) emu_stm32_program(address, value);
-  if (address == GPIO(0) + GPIO_BSRR) {
-    if (value & 1u << 20 && !stm32.is_selected) {
-      stm32.is_selected = true;
-      stm32.n_selects++;
-      stm32.n_out = 0;
-    }
-    if (value & 1u << 4) stm32.is_selected = false;
-  }
+  if (address == GPIO(0) + GPIO_BSRR) emu_stm32_select(value & 1u << 20, value & 1u << 4, false);
+  if (address == GPIO(1) + GPIO_BSRR) emu_stm32_select(value & 1u << 16, value & 1u << 0, true);
   if (address >= SPI1 && address < SPI1 + 0x20) emu_stm32_spi_write(address, value);
   if (address >= DMA2_LISR && address < DMA2_STREAM(8)) emu_stm32_dma_write(address, value);
 }

@@ -8,6 +8,7 @@
 /* The board's own sources, with their registers in the model. */
 #include "port/stm32f405/board_chip.c"
 #include "port/stm32f405/board_icm42688p.c"
+#include "port/stm32f405/board_store_chip.c"
 #include "port/stm32f405/flash.c"
 #include "port/stm32f405/spi.c"
 

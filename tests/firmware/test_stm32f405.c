@@ -173,7 +173,7 @@ static void test_spi_one_select_around_both_directions(void** state) {
   uint8_t in[3] = {0};
   stm32_spi_init(84000000u, 10500000u);
   assert_int_equal(stm32.cr1 >> 3 & 7u, 2); /* 84 MHz / 8 */
-  assert_int_equal(stm32_spi_transfer(out, 2, in, 3), IMUCAL_OK);
+  assert_int_equal(stm32_spi_transfer(STM32_SPI_PA4, out, 2, in, 3), IMUCAL_OK);
   assert_int_equal(stm32.n_selects, 1);
   assert_false(stm32.is_selected);
   assert_memory_equal(stm32.out, out, 2);
@@ -201,12 +201,12 @@ static void test_spi_faults_end_in_time_release_the_select_and_heal(void** state
     stm32.is_spi_busy = fault == 1;
     stm32.overrun_at = fault == 2 ? 3 : 0;
     stm32.modf_at = fault == 3 ? 2 : 0;
-    assert_int_equal(stm32_spi_transfer(&out, 1, in, 4), IMUCAL_ERR_SENSOR);
+    assert_int_equal(stm32_spi_transfer(STM32_SPI_PA4, &out, 1, in, 4), IMUCAL_ERR_SENSOR);
     assert_true(stm32.now_us < 2000);
     assert_false(stm32.is_selected);
     stm32.is_silent = stm32.is_spi_busy = false;
     stm32.overrun_at = stm32.modf_at = 0;
-    assert_int_equal(stm32_spi_transfer(&out, 1, in, 4), IMUCAL_OK);
+    assert_int_equal(stm32_spi_transfer(STM32_SPI_PA4, &out, 1, in, 4), IMUCAL_OK);
     assert_int_equal(in[0], 0xA1);
     assert_int_equal(stm32.n_spi_violations, 0);
   }
@@ -217,7 +217,7 @@ static void test_spi_faults_end_in_time_release_the_select_and_heal(void** state
 static imucal_status read_long(uint8_t* in, size_t n) {
   const uint8_t reg = 0xB0;
   stm32_spi_init(84000000, 10500000);
-  return stm32_spi_transfer(&reg, 1, in, n);
+  return stm32_spi_transfer(STM32_SPI_PA4, &reg, 1, in, n);
 }
 
 static void assert_streams_off(void) {

@@ -4,6 +4,7 @@ and the command-line programs flash, verify, reset and run it."""
 import json
 import os
 import re
+import shutil
 import subprocess
 import time
 
@@ -75,9 +76,12 @@ def test_calibrate_flashes_verifies_and_reads_back_after_a_reset(run, tmp_path):
         assert "qemu stm32f405" in info.stdout and json.loads(info.stdout)
 
 
+IMAGES = ("stm32f405", "stm32f405_mpu6050", "stm32f405_w25q", "stm32f405_mpu6050_w25q")
+
+
 def test_the_images_leave_the_slots_alone():
     """Sectors 1 and 2 hold the tables: neither image has a byte there."""
-    for image in ("stm32f405", "stm32f405_mpu6050", PORT):
+    for image in IMAGES + (PORT,):
         headers = subprocess.run(["arm-none-eabi-objdump", "-h", str(BUILD / "firmware" / image / "imucal.elf")],
                                  capture_output=True, text=True, check=True).stdout
         for line in headers.splitlines():
@@ -119,3 +123,59 @@ def test_the_bring_up_list_names_every_register_that_is_written():
     assert len(names) > 60
     missing = {n for n in names if n not in listed and n.split("(")[0] not in listed}
     assert not missing, missing
+
+
+# ---- make flash: there is no board here, but its command line can be seen ----
+
+def make_flash(folder, *arguments, tools=("openocd", "dfu-util")):
+    """make flash with stand-ins for the tools that write down how they were called: (result, calls)."""
+    folder.mkdir()
+    calls = folder / "calls"
+    for tool in tools:
+        (folder / tool).write_text('#!/bin/sh\nprintf "%%s\\n" "$(basename "$0")" "$@" -- >> "%s"\n' % calls)
+        (folder / tool).chmod(0o755)
+    path = "%s:%s" % (folder, os.environ["PATH"])
+    result = subprocess.run(["make", "-s", "flash", *arguments], cwd=ROOT, capture_output=True, text=True,
+                            env=dict(os.environ, PATH=path, BUILD=str(BUILD)))
+    words = calls.read_text().split("\n--\n") if calls.exists() else []
+    return result, [call.split("\n") for call in words if call]
+
+
+def test_flash_by_openocd_writes_the_image_that_was_asked_for(tmp_path):
+    for sensor, store, image in (("icm42688p", "chip", "stm32f405"), ("mpu6050", "chip", "stm32f405_mpu6050"),
+                                 ("icm42688p", "w25q", "stm32f405_w25q"), ("mpu6050", "w25q", "stm32f405_mpu6050_w25q")):
+        result, calls = make_flash(tmp_path / image, "SENSOR=" + sensor, "STORE=" + store)
+        assert result.returncode == 0, result.stderr
+        elf = BUILD / "firmware" / image / "imucal.elf"
+        assert elf.exists()
+        assert calls == [["openocd", "-f", "interface/stlink.cfg", "-f", "target/stm32f4x.cfg", "-c",
+                          "program %s verify reset exit" % elf]]
+
+
+def test_flash_by_dfu_writes_both_parts_and_the_vectors_last(tmp_path):
+    result, calls = make_flash(tmp_path / "dfu", "FLASHER=dfu")
+    assert result.returncode == 0, result.stderr
+    device = ["dfu-util", "-d", "0483:df11", "-a", "0", "-s"]
+    folder = BUILD / "firmware/stm32f405"
+    assert calls == [device + ["0x0800C000", "-D", str(folder / "program.bin")],
+                     device + ["0x08000000:leave", "-D", str(folder / "vectors.bin")]]
+    whole = (folder / "imucal.bin").read_bytes()  # from 0x08000000 on, the slots between the two parts filled up
+    program, vectors = (folder / "program.bin").read_bytes(), (folder / "vectors.bin").read_bytes()
+    assert len(vectors) <= 0x4000 and whole.startswith(vectors) and whole[0xC000:] == program
+
+
+def test_flash_dry_run_prints_what_it_would_do_and_does_nothing(tmp_path):
+    for flasher, words in (("openocd", "openocd -f interface/stlink.cfg"), ("dfu", "dfu-util -d 0483:df11 -a 0 -s 0x0800C000")):
+        result, calls = make_flash(tmp_path / flasher, "FLASHER=" + flasher, "DRY=1")
+        assert result.returncode == 0 and words in result.stdout and calls == [], result.stdout + result.stderr
+
+
+def test_flash_names_what_is_missing_or_unknown(tmp_path):
+    for i, arguments in enumerate((["SENSOR=mpu9250"], ["STORE=eeprom"], ["FLASHER=jlink"])):
+        result, calls = make_flash(tmp_path / str(i), *arguments)
+        assert result.returncode == 2 and arguments[0] + " is unknown; it may be:" in result.stderr and calls == []
+    tool = "openocd" if shutil.which("openocd") is None else "dfu-util" if shutil.which("dfu-util") is None else None
+    if tool is None:
+        pytest.skip("openocd and dfu-util are both installed: a missing tool cannot be shown")
+    result, _ = make_flash(tmp_path / "no", "FLASHER=" + {"openocd": "openocd", "dfu-util": "dfu"}[tool], tools=())
+    assert result.returncode == 2 and tool + " is missing; install it: apt-get install " + tool in result.stderr

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/* The chip: a sensor (board_icm42688p.c or board_mpu6050.c) and the table in sectors 1 and 2 of its flash. */
+/* The chip: a sensor (board_icm42688p.c or board_mpu6050.c) and a place for the tables (board_store_*.c). */
 #include <string.h>
 
 #include "board.h"
@@ -17,32 +17,19 @@ static void sensor_report(void* ctx, imucal_link_sensor_reply_t* report) {
   (void)ctx;
   imucal_source_report(&source, report);
   report->is_supply_low = !stm32_supply_is_good();
-  report->supply_refused = stm32_supply_refused();
-}
-
-static imucal_status flash_erase(void* ctx, uint32_t slot) {
-  (void)ctx;
-  return stm32_flash_erase(slot);
-}
-
-static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
-  (void)ctx;
-  return stm32_flash_program(slot, offset, data, len);
-}
-
-static imucal_status flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
-  (void)ctx;
-  memcpy(data, reg_memory(STM32_SLOT_ADDRESS(slot) + offset), len);
-  return IMUCAL_OK;
+  report->supply_refused = board_store_supply_refused();
 }
 
 static void put_hex(char* to, uint32_t value, uint32_t digits) {
   for (uint32_t i = 0; i < digits; i++) to[i] = "0123456789ABCDEF"[value >> 4 * (digits - 1 - i) & 0xFu];
 }
 
-/* `calibrate info` shows the name: a supply below 2.9 V, the crystal that is missing, the place of the last fault. */
-static const char* device_name(const stm32_clocks_t* clocks, bool has_supply) {
-  static char name[24] = "stm32f405";
+/* `calibrate info` shows the name: an external flash that cannot be used, a supply below 2.9 V, the crystal that is missing, the
+ * place of the last fault; the last of these that is so. */
+static const char* device_name(const stm32_clocks_t* clocks, bool has_supply, const char* store_trouble) {
+  static char name[24];
+  strcpy(name, "stm32f405");
+  if (store_trouble) strcat(strcat(name, " "), store_trouble);
   if (!has_supply) strcpy(name, "stm32f405 low supply");
   if (!clocks->is_crystal) strcpy(name, "stm32f405 no crystal");
   if (stm32_was_fault()) {
@@ -70,17 +57,13 @@ static void describe(imucal_board_t* board) {
 
 void board_init(imucal_port_t* port, imucal_board_t* board, const stm32_clocks_t* clocks) {
   const bool has_supply = stm32_supply_init() == IMUCAL_OK;
+  const board_store_t store = board_store_init(clocks);
   sensor = board_sensor_init(clocks);
   imucal_source_init(&source, sensor.driver, sensor.state, sensor.config, sensor.bus, sensor.poll_us, stm32_time_us());
   port->sample_read = sample_read;
   port->sensor_report = sensor_report;
-  port->flash = (imucal_flash_t){.erase = flash_erase,
-                                 .program = flash_program,
-                                 .read = flash_read,
-                                 .slot_bytes = STM32_SLOT_BYTES,
-                                 .erase_bytes = STM32_SLOT_BYTES,
-                                 .program_bytes = 4};
+  port->flash = store.flash;
   port->boot_id = stm32_random();
-  port->device = device_name(clocks, has_supply);
+  port->device = device_name(clocks, has_supply, store.trouble);
   describe(board);
 }

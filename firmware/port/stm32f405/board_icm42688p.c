@@ -9,7 +9,7 @@
 
 static imucal_status transfer(void* ctx, uint8_t device, const uint8_t* out, size_t n_out, uint8_t* in, size_t n_in) {
   (void)ctx, (void)device;
-  return stm32_spi_transfer(out, n_out, in, n_in);
+  return stm32_spi_transfer(STM32_SPI_PA4, out, n_out, in, n_in);
 }
 
 static void delay_us(void* ctx, uint32_t us) {

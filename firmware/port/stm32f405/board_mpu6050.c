@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/* MPU-6050 (GY-521 boards) on I2C1 at 200 Hz, 500 dps, 4 g, 42 Hz; AD0 low.  The MPU-6500 has other thermometer units: it
- * needs IDENTITY 0x70 and is_6500. */
+/* MPU-6050 (GY-521 boards) on I2C1 at 200 Hz, 500 dps, 4 g, 42 Hz; AD0 low.  The MPU-6500 has another thermometer: IDENTITY 0x70
+ * (MPU-9250: 0x71) takes that chip alone, and its units. */
 #include "board.h"
 #include "sensors/mpu6050.h"
 
@@ -25,7 +25,8 @@ board_sensor_t board_sensor_init(const stm32_clocks_t* clocks) {
   static const imucal_mpu6050_config_t config = {
       .rate_hz = RATE_HZ, .gyro_fs_sel = 1, .accel_fs_sel = 1, .filter = 3, .identity = IDENTITY};
   stm32_i2c_init(clocks->apb1_hz);
-  mpu.config = config;
+  mpu = (imucal_mpu6050_t){.config = config,
+                           .is_6500 = IDENTITY != 0x68u}; /* for the units, asked for before the start */
   return (board_sensor_t){.driver = &imucal_mpu6050_driver,
                           .state = &mpu,
                           .config = &config,

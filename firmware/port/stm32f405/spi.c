@@ -4,18 +4,30 @@
  * interrupts the core takes meanwhile. */
 #include "stm32f405.h"
 
-#define CS_LOW (1u << (16 + 4))
-#define CS_HIGH (1u << 4)
 #define BYTE_LIMIT_US 200u /* at the slowest rate a byte takes 24 us */
 #define DMA_FROM_BYTES 16u /* setting up takes as long as some bytes */
 #define RX DMA2_STREAM(0)
 #define TX DMA2_STREAM(3)
 
+/* Port and pin of each chip select. */
+static const struct { uint32_t port, pin; } selects[] = {[STM32_SPI_PA4] = {0, 4}, [STM32_SPI_PB0] = {1, 0}};
+
+static void select_chip(stm32_spi_chip_t chip, bool is_selected) {
+  reg_write(GPIO(selects[chip].port) + GPIO_BSRR, 1u << (selects[chip].pin + (is_selected ? 16u : 0u)));
+}
+
+void stm32_spi_init_pb0(void) {
+  reg_set(RCC_AHB1ENR, 1u << 1); /* port B */
+  select_chip(STM32_SPI_PB0, false);
+  reg_write(GPIO(1) + GPIO_MODER, (reg_read(GPIO(1) + GPIO_MODER) & ~3u) | 1u);
+  reg_set(GPIO(1) + GPIO_OSPEEDR, 2u);
+}
+
 void stm32_spi_init(uint32_t apb2_hz, uint32_t hz) {
   reg_set(RCC_AHB1ENR, 1u << 0);  /* port A */
   reg_set(RCC_APB2ENR, 1u << 12); /* SPI1 */
   reg_set(RCC_AHB1ENR, 1u << 22); /* DMA2 */
-  reg_write(GPIO(0) + GPIO_BSRR, CS_HIGH);
+  select_chip(STM32_SPI_PA4, false);
   /* PA4 output, PA5 to PA7 alternate function 5; fast edges. */
   reg_write(GPIO(0) + GPIO_MODER, (reg_read(GPIO(0) + GPIO_MODER) & ~0xFF00u) | 0xA900u);
   reg_set(GPIO(0) + GPIO_OSPEEDR, 0xAA00u);
@@ -110,14 +122,14 @@ static void recover(void) {
   reg_write(SPI1 + SPI_CR1, cr1 | SPI_CR1_SPE);
 }
 
-imucal_status stm32_spi_transfer(const uint8_t* out, size_t n_out, uint8_t* in, size_t n_in) {
+imucal_status stm32_spi_transfer(stm32_spi_chip_t chip, const uint8_t* out, size_t n_out, uint8_t* in, size_t n_in) {
   uint8_t ignored;
   bool is_good = true;
-  reg_write(GPIO(0) + GPIO_BSRR, CS_LOW);
+  select_chip(chip, true);
   for (size_t i = 0; i < n_out && is_good; i++) is_good = exchange(out[i], &ignored);
   is_good = is_good && receive(in, n_in);
   is_good = is_good && wait_not_busy();
-  reg_write(GPIO(0) + GPIO_BSRR, CS_HIGH);
+  select_chip(chip, false);
   if (!is_good) recover();
   return is_good ? IMUCAL_OK : IMUCAL_ERR_SENSOR;
 }

@@ -45,14 +45,19 @@ bool stm32_usart_is_sent(void);  /* all bytes have left the shift register */
 uint32_t stm32_usart_lost(void); /* received bytes lost: ring full or overrun */
 void usart1_handler(void);
 
-/* ---- SPI1: PA5 clock, PA6 in, PA7 out, PA4 chip select; mode 3 ---- */
+/* ---- SPI1: PA5 clock, PA6 in, PA7 out; chip selects PA4 (sensor) and PB0 (external flash); mode 3 ---- */
+
+typedef enum stm32_spi_chip { STM32_SPI_PA4, STM32_SPI_PB0 } stm32_spi_chip_t;
 
 /* Nearest rate at or below `hz`; apb2_hz / 2 ... / 256. */
 void stm32_spi_init(uint32_t apb2_hz, uint32_t hz);
+/* PB0 as a chip select, high; before anything is sent to the chip at PA4. */
+void stm32_spi_init_pb0(void);
 
-/* n_out bytes out, then n_in bytes in, under one chip select.  IMUCAL_ERR_SENSOR: the peripheral did not finish within
+/* n_out bytes out, then n_in bytes in, under one select of `chip`.  IMUCAL_ERR_SENSOR: the peripheral did not finish within
  * its time (then it is switched off and on again), an overrun, or another master. */
-IMUCAL_MUST_USE imucal_status stm32_spi_transfer(const uint8_t* out, size_t n_out, uint8_t* in, size_t n_in);
+IMUCAL_MUST_USE imucal_status stm32_spi_transfer(stm32_spi_chip_t chip, const uint8_t* out, size_t n_out, uint8_t* in,
+                                                 size_t n_in);
 
 /* ---- I2C1: PB6 clock, PB7 data; 400 kHz ---- */
 

@@ -2,6 +2,8 @@
 
 CPU_stm32f405 := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 $(if $(HSE_HZ),-DSTM32_HSE_HZ=$(HSE_HZ)u)
 CPU_stm32f405_mpu6050 := $(CPU_stm32f405)
+CPU_stm32f405_w25q := $(CPU_stm32f405) $(if $(W25Q_BASE),-DSTM32_W25Q_BASE=$(W25Q_BASE)u)
+CPU_stm32f405_mpu6050_w25q := $(CPU_stm32f405_w25q)
 CPU_stm32f405_qemu := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -DSTM32_TIM_HZ=1000000000u -DWAIT_TURNS=10u
 FAST_stm32f405_comp := -O2 -fno-tree-pre
 FAST_stm32f405_sum := -O2
@@ -9,6 +11,8 @@ FAST_stm32f405_qemu_comp := -O2 -fno-tree-pre
 FAST_stm32f405_qemu_sum := -O2
 STM32_DRIVERS := $(addprefix firmware/port/stm32f405/,main.c startup.c system.c usart.c)
 STM32_CHIP := $(addprefix firmware/port/stm32f405/,board_chip.c flash.c) firmware/sensors/sensor.c firmware/sensors/source.c
+STM32_INTERNAL := firmware/port/stm32f405/board_store_chip.c
+STM32_W25Q := firmware/port/stm32f405/board_store_w25q.c firmware/flash/w25q.c
 STM32_ICM42688P := $(STM32_CHIP) $(addprefix firmware/port/stm32f405/,board_icm42688p.c spi.c) firmware/sensors/icm42688p.c
 STM32_MPU6050 := $(STM32_CHIP) $(addprefix firmware/port/stm32f405/,board_mpu6050.c i2c.c) firmware/sensors/mpu6050.c
 STM32_QEMU := firmware/port/stm32f405/board_emulated.c firmware/port/arm/semihost.c firmware/port/arm/semihost_sim.c firmware/port/arm/semihost_bus.c $(FIRMWARE_SIM) $(FIRMWARE_BUS)
@@ -29,28 +33,41 @@ $(BUILD)/firmware/$1/imucal.elf: $$(patsubst %.c,$(BUILD)/obj/$1/%.o,$$(CORE_SOU
 	  -T firmware/port/stm32f405/link.ld $$(filter %.o,$$^) -o $$@
 	$$(Q)$$(CROSS)objcopy -O binary $$@ $$(@:.elf=.bin)
 endef
-$(eval $(call stm32_rules,stm32f405,$(STM32_ICM42688P)))
-$(eval $(call stm32_rules,stm32f405_mpu6050,$(STM32_MPU6050)))
+$(eval $(call stm32_rules,stm32f405,$(STM32_ICM42688P) $(STM32_INTERNAL)))
+$(eval $(call stm32_rules,stm32f405_mpu6050,$(STM32_MPU6050) $(STM32_INTERNAL)))
+$(eval $(call stm32_rules,stm32f405_w25q,$(STM32_ICM42688P) $(STM32_W25Q)))
+$(eval $(call stm32_rules,stm32f405_mpu6050_w25q,$(STM32_MPU6050) $(STM32_W25Q) firmware/port/stm32f405/spi.c))
 $(eval $(call stm32_rules,stm32f405_qemu,$(STM32_QEMU)))
--include $(shell find $(BUILD)/obj/stm32f405 $(BUILD)/obj/stm32f405_mpu6050 $(BUILD)/obj/stm32f405_qemu -name '*.d' 2>/dev/null)
+STM32_NAMES := stm32f405 stm32f405_mpu6050 stm32f405_w25q stm32f405_mpu6050_w25q stm32f405_qemu
+-include $(shell find $(STM32_NAMES:%=$(BUILD)/obj/%) -name '*.d' 2>/dev/null)
 
-STM32_IMAGES := $(foreach image,stm32f405 stm32f405_mpu6050 stm32f405_qemu,$(BUILD)/firmware/$(image)/imucal.elf)
-firmware-stm32f405: $(STM32_IMAGES)  ## build the STM32F405's images (ICM-42688-P, MPU-6050), and the one for QEMU's netduinoplus2 (HSE_HZ=8000000)
+STM32_IMAGES := $(STM32_NAMES:%=$(BUILD)/firmware/%/imucal.elf)
+firmware-stm32f405: $(STM32_IMAGES)  ## build the STM32F405's images (ICM-42688-P, MPU-6050, each with the tables on chip or in a W25Q), and QEMU's (HSE_HZ, W25Q_BASE)
 	$(Q)$(CROSS)size $^
 
 # FLASHER=openocd (ST-Link on SWD) or dfu (USB boot loader: BOOT0 high, reset); Debian packages openocd, dfu-util.
+# SENSOR=icm42688p or mpu6050; STORE=chip (tables in the chip's own flash) or w25q; DRY=1: look for files and tools and print the
+# commands, run none.  The image is written in two parts around sectors 1 and 2, so that tables in the chip stay.
 FLASHER ?= openocd
 SENSOR ?= icm42688p
-STM32_FLASH := $(BUILD)/firmware/$(if $(filter mpu6050,$(SENSOR)),stm32f405_mpu6050,stm32f405)
-flash: $(STM32_FLASH)/imucal.elf  ## write the image into an STM32F405 (FLASHER=openocd or dfu, SENSOR=icm42688p or mpu6050); keeps the tables
-	$(Q)command -v $(if $(filter dfu,$(FLASHER)),dfu-util,openocd) >/dev/null || \
-	  { echo "make flash: $(FLASHER) is missing; install it: apt-get install openocd dfu-util" >&2; exit 2; }
+STORE ?= chip
+DRY ?=
+STM32_FLASH := $(BUILD)/firmware/stm32f405$(if $(filter mpu6050,$(SENSOR)),_mpu6050)$(if $(filter w25q,$(STORE)),_w25q)
+# $1 value, $2 what it may be, $3 its name
+stm32_one_of = $(if $(filter $1,$2),,$(error make flash: $3=$1 is unknown; it may be: $2))
+FLASH_TOOL := $(if $(filter dfu,$(FLASHER)),dfu-util,openocd)
+FLASH_RUN = $(if $(DRY),@echo,)
+
+flash: $(STM32_FLASH)/imucal.elf  ## write the image into an STM32F405 (FLASHER=openocd or dfu, SENSOR=icm42688p or mpu6050, STORE=chip or w25q, DRY=1); keeps the tables
+	$(call stm32_one_of,$(FLASHER),openocd dfu,FLASHER)$(call stm32_one_of,$(SENSOR),icm42688p mpu6050,SENSOR)$(call stm32_one_of,$(STORE),chip w25q,STORE)
+	$(Q)command -v $(FLASH_TOOL) >/dev/null || \
+	  { echo "make flash: $(FLASH_TOOL) is missing; install it: apt-get install $(FLASH_TOOL)" >&2; exit 3; }
 ifeq ($(FLASHER),dfu)
 	$(Q)$(CROSS)objcopy -O binary -j .vectors $< $(STM32_FLASH)/vectors.bin
 	$(Q)$(CROSS)objcopy -O binary -R .vectors $< $(STM32_FLASH)/program.bin
-	dfu-util -d 0483:df11 -a 0 -s 0x0800C000 -D $(STM32_FLASH)/program.bin
-	dfu-util -d 0483:df11 -a 0 -s 0x08000000:leave -D $(STM32_FLASH)/vectors.bin
+	$(FLASH_RUN) dfu-util -d 0483:df11 -a 0 -s 0x0800C000 -D $(STM32_FLASH)/program.bin
+	$(FLASH_RUN) dfu-util -d 0483:df11 -a 0 -s 0x08000000:leave -D $(STM32_FLASH)/vectors.bin
 else
-	openocd -f interface/stlink.cfg -f target/stm32f4x.cfg -c "program $< verify reset exit"
+	$(FLASH_RUN) openocd -f interface/stlink.cfg -f target/stm32f4x.cfg -c "program $< verify reset exit"
 endif
 .PHONY: firmware-stm32f405 flash
