@@ -14,7 +14,7 @@ T ?=
 # The one home of the version is common/version.h.
 VERSION := $(shell sed -n 's,^#define IMUCAL_VERSION "\(.*\)",\1,p' common/version.h)
 WARNINGS := -Wall -Wextra -Wconversion -Wshadow -Wundef -Werror
-OPTIMISE := $(if $(DEBUG),-Og -g3,-O2 -g1)
+OPTIMISE := $(if $(DEBUG),-Og -g3,-O2)
 # The core's arithmetic is the same on every machine: no contraction into fused operations.
 CORE_CFLAGS := -std=c99 -pedantic -ffreestanding -ffp-contract=off -fno-common $(WARNINGS) -Wstrict-prototypes -Wdouble-promotion
 Q := $(if $(V),,@)

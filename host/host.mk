@@ -20,7 +20,7 @@ HOST_LIBS ?= -Wl,--as-needed -lserialport -lnlopt -lClp -lz
 HOST_CPPFLAGS := -Icommon -Ihost/lib -Ihost/tools -isystem /usr/include/eigen3 -DIMUCAL_VERSION='"$(VERSION)"' -DEIGEN_MPL2_ONLY
 HOST_CXXFLAGS := -std=c++17 -pedantic -ffp-contract=off -pthread $(WARNINGS)
 comma := ,
-SANITIZE_FLAGS := $(if $(SANITIZE),-fsanitize=address$(comma)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
+SANITIZE_FLAGS := $(if $(SANITIZE),-fsanitize=address$(comma)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g1)
 # Position independent once for all: the same objects serve the programs and the Python package.
 PIC := -fPIC -fvisibility=hidden
 COMPILE_CXX = $(CXX) $(HOST_CXXFLAGS) $(PIC) $(OPTIMISE) $(SANITIZE_FLAGS) $(HOST_CPPFLAGS) $(CXXFLAGS)
@@ -102,7 +102,7 @@ $(BUILD)/obj/host/%/program.o: $(BUILD)/gen/%/program.cpp
 PIECES := $(foreach f,$(ROOMS:%=host/lib/%) $(TOOLS:%=host/tools/%),$(BUILD)/obj/host/$f/room.o $(BUILD)/obj/host/$f/program.o)
 # Text, JSON and command lines take no time at run time, and -Og compiles a third quicker than -O2.
 QUICK_TO_COMPILE := host/tools/% host/lib/device/%
-$(filter $(QUICK_TO_COMPILE:%=$(BUILD)/obj/host/%),$(PIECES)): private OPTIMISE := $(if $(DEBUG),$(OPTIMISE),-Og -g1)
+$(filter $(QUICK_TO_COMPILE:%=$(BUILD)/obj/host/%),$(PIECES)): private OPTIMISE := $(if $(DEBUG),$(OPTIMISE),-Og)
 
 # ---- archives ----
 define room_archive

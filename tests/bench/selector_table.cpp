@@ -12,6 +12,7 @@
 #include "analysis/diagnose/diagnose.h"
 #include "base/parallel.h"
 #include "base/rng.h"
+#include "io/json_file.h"
 #include "physics/sim/simulate.h"
 
 using namespace imucal;
@@ -33,8 +34,8 @@ struct Case {
   bool has_held_out = false;
 };
 
-EffectSpec effect(const char* name, Json parameters) {
-  return {name, std::move(parameters)};
+EffectSpec effect(const char* name, const Json& parameters) {
+  return {name, UnreadJson(parameters)};
 }
 
 const Names kMemory = {"thermal_hysteresis", "thermal_memory"}, kLag = {"thermal_lag", "thermal_memory"},

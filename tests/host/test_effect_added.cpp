@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "effects/temperature_rate_squared.cpp"
+#include "io/json_file.h"
 #include "physics/sim/simulate.h"
 // After the others: it defines a macro `fail`.
 extern "C" {
@@ -23,7 +24,7 @@ static std::vector<double> simulated_dph(double rate_degc_min, double k) {
   Profile profile;
   profile.start_degc = 10;
   profile.segments.push_back({rate_degc_min, 0, 40});
-  EffectSpec spec{"temperature_rate_squared", {{"k_dph_per_degc2_min2", k}}};
+  EffectSpec spec{"temperature_rate_squared", UnreadJson(Json{{"k_dph_per_degc2_min2", k}})};
   return simulate({ErrorModel()}, 1, profile, {spec}, SimOptions()).axes[0].run.rate_dph;
 }
 

@@ -14,6 +14,7 @@
 #include <Eigen/Dense>
 
 #include "base/error.h"
+#include "io/json_file.h"
 #include "physics/effects/estimation.h"
 #include "physics/sim/simulate.h"
 // After the others: it defines a macro `fail`.

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "io/json_file.h"
 #include "physics/effects/effect.h"
 // After the others: it defines a macro `fail`.
 extern "C" {

@@ -20,10 +20,12 @@ extern "C" {
 #include "base/error.h"
 #include "base/suggest.h"
 #include "base/units.h"
+#include "io/json_file.h"
 #include "io/log.h"
 #include "io/model.h"
 #include "io/notice.h"
 #include "io/number.h"
+#include "io/output.h"
 #include "io/profile.h"
 
 using namespace imucal;
@@ -290,9 +292,18 @@ static void test_model_round_trip(void**) {
   assert_true(back.markov.size() == 1 && back.markov[0].sigma_dph == 20 && back.markov[0].tau_s == 100);
   assert_true(back.bias->coeff_dph == model.bias->coeff_dph);
   assert_true(back.bias->at(60) == 80 + 300 + 150 - 100);
-  assert_true(back.effects[0].parameters.at("ramp_dph_per_h") == 3);
+  assert_true(back.effects[0].parameters.json().at("ramp_dph_per_h") == 3);
   // S0 = 2 sigma^2 tau + (60 arw)^2 = 80000 + 1296 (reference figures A, tests/README.md).
   assert_true(std::abs(back.slow_density_dph2_s() - 81296.0) < 1e-9);
+}
+
+static void test_polynomial_renormalised_is_the_same_curve(void**) {
+  const ThermalPolynomial old{10, 40, {80, 300, 150, -100}};
+  const ThermalPolynomial other = old.renormalised(25, 60);
+  assert_int_equal(other.coeff_dph.size(), 4);
+  for (double temp_degc = -40; temp_degc <= 90; temp_degc += 13)
+    assert_true(std::abs(other.at(temp_degc) - old.at(temp_degc)) < 1e-9);
+  assert_int_equal((ThermalPolynomial{10, 40, {5, 0, 0}}.renormalised(0, 1).coeff_dph.size()), 1);
 }
 
 static void test_model_malformed_names_the_field(void**) {
@@ -396,6 +407,7 @@ int main() {
       cmocka_unit_test(test_log_whole_to_its_end_gives_no_notice),
       cmocka_unit_test(test_log_cut_in_a_comment_or_its_only_row),
       cmocka_unit_test(test_model_round_trip),
+      cmocka_unit_test(test_polynomial_renormalised_is_the_same_curve),
       cmocka_unit_test(test_model_malformed_names_the_field),
       cmocka_unit_test(test_text_of_unknown_origin_is_made_printable),
       cmocka_unit_test(test_profile_basic_lasts_140_min),

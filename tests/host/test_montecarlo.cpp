@@ -24,6 +24,7 @@ extern "C" {
 #include "analysis/montecarlo/reference.h"
 #include "analysis/montecarlo/truth.h"
 #include "base/error.h"
+#include "io/json_file.h"
 #include "montecarlo/report.h"
 
 using namespace imucal;

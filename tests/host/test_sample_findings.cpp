@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <string>
 
+#include "io/json_file.h"
 #include "physics/effects/estimation.h"
 // After the others: it defines a macro `fail`.
 extern "C" {

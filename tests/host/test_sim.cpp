@@ -16,6 +16,7 @@ extern "C" {
 
 #include "base/error.h"
 #include "base/fast_normal.h"
+#include "io/json_file.h"
 #include "physics/sim/raw_samples.h"
 #include "physics/sim/simulate.h"
 
@@ -243,13 +244,13 @@ static void test_simulate_unknown_effect_or_axis_is_refused(void**) {
     }
     fail_msg("%s was taken", effect.name.c_str());
   };
-  refused({"no_such_effect", Json::object(), "", -1}, "no_such_effect");
-  refused({"warm_up", Json::object(), "gz_dph", -1}, "axis \"gz_dph\" is not simulated");
+  refused({"no_such_effect", {}, "", -1}, "no_such_effect");
+  refused({"warm_up", {}, "gz_dph", -1}, "axis \"gz_dph\" is not simulated");
 }
 
 static void test_simulate_effect_acts_on_its_axis_and_log_alone(void**) {
   const ErrorModel model = model_of(0.6, {{20, 100}});
-  const EffectSpec ramp{"rate_ramp", {{"ramp_dph_per_h", 3600}}, "gy", 1};
+  const EffectSpec ramp{"rate_ramp", UnreadJson(Json{{"ramp_dph_per_h", 3600}}), "gy", 1};
   SimOptions options;
   for (size_t log = 0; log < 2; ++log) {
     options.log_index = log;

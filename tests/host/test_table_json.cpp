@@ -15,6 +15,7 @@ extern "C" {
 #include "base/error.h"
 #include "base/rng.h"
 #include "device/run.h"
+#include "io/json_file.h"
 #include "io/table_json.h"
 
 using namespace imucal;

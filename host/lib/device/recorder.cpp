@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "io/input.h"
 #include "io/log.h"
+#include "io/output.h"
 #include "io/table_json.h"
 
 namespace imucal {

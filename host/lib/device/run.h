@@ -15,7 +15,6 @@
 #include "base/error.h"
 #include "base/range.h"
 #include "device/device.h"
-#include "io/json_file.h"
 #include "io/model.h"
 #include "io/profile.h"
 #include "kf.h"

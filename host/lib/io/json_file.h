@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: MIT
 // JSON files: reading with errors that name file and field, writing so that nothing half-written stays.
 #pragma once
-#include <functional>
-#include <iosfwd>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
-namespace imucal {
+#include "io/json.h"
 
-using Json = nlohmann::ordered_json;
+namespace imucal {
 
 // A value inside a JSON file that knows its place ("model.json: markov[1].tau_s") for messages.
 class JsonField {
@@ -46,11 +44,6 @@ private:
 // twice or a number beyond double, the line.
 JsonField read_json(const std::string& path);
 
-// Write to a temporary name in the same folder, then rename; through a symbolic link its target.  A device or pipe is
-// written to as it is, "-" is standard output.  data_error (cannot be created, full, a folder): what was there is untouched.
-void write_text(const std::string& path, const std::string& text);
-void write_json(const std::string& path, const Json& json);
-// The same for writers that stream: `write` gets a FILE-like sink through a callback taking text pieces.
-void write_stream(const std::string& path, const std::function<void(std::ostream&)>& write);
+void write_json(const std::string& path, const Json& json); // as io/output.h writes
 
 } // namespace imucal

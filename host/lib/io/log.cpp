@@ -13,9 +13,9 @@
 #include "base/suggest.h"
 #include "base/units.h"
 #include "io/input.h"
-#include "io/json_file.h"
 #include "io/notice.h"
 #include "io/number.h"
+#include "io/output.h"
 #include "io/raw_log.h"
 
 namespace imucal {

@@ -6,6 +6,7 @@
 #include "base/axis_unit.h"
 #include "base/error.h"
 #include "base/units.h"
+#include "io/json_file.h"
 
 namespace imucal {
 
@@ -23,6 +24,23 @@ double ThermalPolynomial::at(double temp_degc) const {
   return sum;
 }
 
+// Tn = offset + slope Tn_new.
+ThermalPolynomial ThermalPolynomial::renormalised(double to_t0_degc, double to_range_degc) const {
+  const double offset = (to_t0_degc - t0_degc) / range_degc, slope = to_range_degc / range_degc;
+  ThermalPolynomial out{to_t0_degc, to_range_degc, {0.0}};
+  for (size_t i = coeff_dph.size(); i-- > 0;) { // Horner on polynomials: out = out (offset + slope x) + c_i
+    std::vector<double> next(out.coeff_dph.size() + 1, 0.0);
+    for (size_t j = 0; j < out.coeff_dph.size(); ++j) {
+      next[j] += offset * out.coeff_dph[j];
+      next[j + 1] += slope * out.coeff_dph[j];
+    }
+    next[0] += coeff_dph[i];
+    out.coeff_dph = next;
+  }
+  while (out.coeff_dph.size() > 1 && out.coeff_dph.back() == 0) out.coeff_dph.pop_back();
+  return out;
+}
+
 double ErrorModel::slow_density_dph2_s() const {
   const double white = white_sigma_dph(arw_deg_rt_h);
   double density = white * white;
@@ -38,7 +56,7 @@ static std::vector<EffectSpec> effects_from_json(const JsonField& list) {
     effect.name = field.at("name").text();
     if (const auto parameters = field.find("parameters")) {
       if (!parameters->json().is_object()) parameters->refuse("expected an object {...}");
-      effect.parameters = parameters->json();
+      effect.parameters = UnreadJson(parameters->json());
     }
     if (const auto axis = field.find("axis"))
       effect.axis = axis->json().is_number() ? std::to_string(axis->integer(0, 1000)) : axis->text();
@@ -135,7 +153,7 @@ Json to_json(const ErrorModel& model) {
   if (!model.effects.empty()) {
     json["effects"] = Json::array();
     for (const EffectSpec& e : model.effects) {
-      Json effect = {{"name", e.name}, {"parameters", e.parameters}};
+      Json effect = {{"name", e.name}, {"parameters", e.parameters.json()}};
       if (!e.axis.empty()) effect["axis"] = e.axis;
       if (e.log >= 0) effect["log"] = e.log;
       json["effects"].push_back(effect);

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "io/json_file.h"
+#include "io/json.h"
 
 namespace imucal {
 
@@ -25,13 +25,15 @@ struct ThermalPolynomial {
   std::vector<double> coeff_dph;
   double normalised(double temp_degc) const { return (temp_degc - t0_degc) / range_degc; }
   double at(double temp_degc) const;
+  ThermalPolynomial renormalised(double to_t0_degc,
+                                 double to_range_degc) const; // the same curve, without zeros at its end
 };
 
 // An effect by name, with its parameters as written in the file (names and units: diagnose --list-effects).  In a file:
 // {"name": "warm_up", "parameters": {…}, "axis": "gx", "log": 2}; the last two restrict where it is simulated.
 struct EffectSpec {
   std::string name;
-  Json parameters = Json::object();
+  UnreadJson parameters = {};
   std::string axis = {}; // simulated on this axis only ("gx_dph", "gx" or the place "0"); empty: on all
   long log = -1;         // simulated in the log of this index only; -1: in all
 };

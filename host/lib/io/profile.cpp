@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "io/json_file.h"
+
 namespace imucal {
 
 static constexpr double kMaxDurationS = 366 * 86400.0; // what it is for takes hours; a year still fits into memory

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "io/json_file.h"
+#include "io/json.h"
 
 namespace imucal {
 

@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "base/error.h"
+#include "io/json_file.h"
 
 namespace imucal {
 

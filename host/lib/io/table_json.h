@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "io/json_file.h"
+#include "io/json.h"
 #include "table.h"
 
 namespace imucal {

@@ -3,7 +3,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <Eigen/QR>
 #include <cmath>
 
@@ -50,10 +49,6 @@ double Cholesky::log_det() const {
   double sum = 0;
   for (long i = 0; i < lower_.rows(); ++i) sum += log_det(i);
   return sum;
-}
-
-VectorXd solve_general(const MatrixXd& a, const VectorXd& b) {
-  return Eigen::PartialPivLU<MatrixXd>(a).solve(b);
 }
 
 Spectrum symmetric_spectrum(const MatrixXd& a) {

@@ -34,10 +34,7 @@ private:
   bool is_positive_ = false;
 };
 
-// ---- any square a ----
-
-// x of a x = b by LU with pivots; a is regular.
-Eigen::VectorXd solve_general(const Eigen::MatrixXd& a, const Eigen::VectorXd& b);
+// ---- a symmetric ----
 
 // Eigenvalues of a symmetric a, rising, and in the columns of `vectors` what belongs to them.
 struct Spectrum {

@@ -10,6 +10,7 @@
 #include "analysis/fit/judge.h"
 #include "base/clock.h"
 #include "base/progress.h"
+#include "calibrate/fit_json.h"
 #include "device/recorder.h"
 #include "device/watch.h"
 #include "io/table_json.h"

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "base/range.h"
+#include "calibrate/fit_json.h"
 #include "device/recorder.h"
 #include "io/table_json.h"
 

@@ -16,7 +16,7 @@
 #include "base/error.h"
 #include "base/parallel.h"
 #include "base/units.h"
-#include "io/json_file.h"
+#include "io/kept_numbers.h"
 
 namespace imucal {
 
@@ -115,7 +115,7 @@ NoiseBelief belief_of(const DiagnoseOptions& options, const ErrorModel& model, c
     const EffectEstimator* estimator = effect.estimator();
     if (!is_for(spec, axis) || !estimator || !estimator->is_repeatable()) continue;
     // The shape is what stands last among the numbers; what stands before are amplitudes.
-    Theta shape = theta_of(effect, read_parameters(effect, spec.parameters));
+    Theta shape = theta_of(effect, read_parameters(effect, spec.parameters.json()));
     const size_t n = estimator->shape_lo().size();
     shape.erase(shape.begin(), shape.end() - static_cast<long>(std::min(n, shape.size())));
     if (shape.size() == n) belief.known.push_back({estimator, shape});
@@ -144,7 +144,7 @@ NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseMo
   for (const EffectSpec& spec : model.effects) {
     const Effect& effect = find_effect(spec.name);
     if (is_for(spec, axis) && effect.estimator() && effect.estimator()->form() == Form::kNoise)
-      noise = effect.estimator()->noise(noise, theta_of(effect, read_parameters(effect, spec.parameters)));
+      noise = effect.estimator()->noise(noise, theta_of(effect, read_parameters(effect, spec.parameters.json())));
   }
   return noise;
 }
@@ -163,7 +163,7 @@ std::vector<std::string> take_out_known(const ErrorModel& model, const std::stri
       if (!estimator || estimator->form() != Form::kNoise) left.push_back(spec.name);
       continue;
     }
-    const Parameters parameters = read_parameters(effect, spec.parameters);
+    const Parameters parameters = read_parameters(effect, spec.parameters.json());
     for (CampaignRun& run : campaign->runs) {
       RunInput& in = run.input;
       SimRun sim;
@@ -223,10 +223,6 @@ std::vector<std::string> axes_of(const Log& log, const std::vector<std::string>&
   return names;
 }
 
-bool is_file(const std::string& path) {
-  struct stat info;
-  return ::stat(path.c_str(), &info) == 0;
-}
 void make_folder(const std::string& folder) {
   for (size_t slash = 1; slash <= folder.size(); ++slash)
     if (slash == folder.size() || folder[slash] == '/') ::mkdir(folder.substr(0, slash).c_str(), 0777);
@@ -252,10 +248,9 @@ Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double 
   const std::string key = search->null_key(options.nulls, options.seed);
   const std::string path = options.cache_folder.empty() ? "" : options.cache_folder + "/nulls-" + key + ".json";
   std::vector<double> gains;
-  try {
+  if (!path.empty()) {
     const std::lock_guard<std::mutex> lock(*cache);
-    if (!path.empty() && is_file(path)) gains = read_json(path).json().at("gains").get<std::vector<double>>();
-  } catch (const std::exception&) { // a damaged file: calibrate anew and overwrite it
+    gains = read_kept_numbers(path, key).value_or(gains);
   }
   out.is_cached = gains.size() == options.nulls;
   if (!out.is_cached) {
@@ -264,7 +259,7 @@ Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double 
       const std::lock_guard<std::mutex> lock(*cache);
       if (!path.empty()) {
         make_folder(options.cache_folder);
-        write_json(path, {{"imucal_nulls", 2}, {"key", key}, {"gains", gains}});
+        write_kept_numbers(path, key, gains);
       }
     } catch (const Error&) { // a cache that cannot be written is no reason to fail
     }
@@ -327,9 +322,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
 void add_found(const AxisResult& axis, bool is_only_axis, ErrorModel* model) {
   for (const SelectedEffect& effect : axis.study.selection.effects) {
     if (!effect.term.effect || effect.doubt == Doubt::kSlowNoise) continue;
-    EffectSpec spec;
-    spec.name = effect.term.effect->name();
-    spec.parameters = parameters_json(effect_values(effect.term, axis.campaign));
+    EffectSpec spec = spec_of(*effect.term.effect, effect_values(effect.term, axis.campaign));
     if (!is_only_axis) spec.axis = axis.axis;
     model->effects.push_back(spec);
   }

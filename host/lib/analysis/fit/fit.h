@@ -20,7 +20,6 @@
 
 #include "base/axis_unit.h"
 #include "health.h"
-#include "io/json_file.h"
 #include "io/log.h"
 #include "io/model.h"
 #include "kf.h"
@@ -108,10 +107,6 @@ FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options);
 // data_error: no white noise, or a value the core refuses.
 imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc, double range_degc,
                              double prior_sigma_dph = 1e4, double dt_s = 1.0, double other_white_dph2 = 0);
-
-// The contract's result (host/README.md): {"axes": [{axis, order, t0_degc, range_degc, coeff_dph, sigma_dph, temp_degc,
-// residual_rms_dph, …}]}.
-Json to_json(const FitResult& result);
 
 // What a table holds besides the fit.  What is not given here is taken from the first log's metadata: serial,
 // <stem>_counts_scale_dph (or _mg), <stem>_full_scale_counts, temp_counts_scale_degc, temp_counts_offset_degc; else

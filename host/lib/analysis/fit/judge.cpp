@@ -194,18 +194,6 @@ bool FitResult::is_accepted() const {
   return imucal::is_accepted(reasons);
 }
 
-Json judgement_json(const std::vector<FitReason>& reasons) {
-  Json list = Json::array();
-  for (const FitReason& r : reasons)
-    list.push_back({{"axis", r.axis},
-                    {"rule", r.rule},
-                    {"value", r.value},
-                    {"limit", r.limit},
-                    {"text", r.text},
-                    {"accepted", r.is_accepted}});
-  return {{"accepted", is_accepted(reasons)}, {"reasons", list}};
-}
-
 std::vector<FitReason> judge_axes(const std::vector<FitAxis>& axes, const std::vector<const ErrorModel*>& models,
                                   double dt_s, const JudgeOptions& options) {
   std::vector<FitReason> reasons;

@@ -23,9 +23,6 @@ std::vector<FitReason> judge_axes(const std::vector<FitAxis>& axes, const std::v
 // Every reason was accepted beforehand.
 bool is_accepted(const std::vector<FitReason>& reasons);
 
-// {"accepted": bool, "reasons": [{axis, rule, value, limit, text, accepted}]} (host/formats.md)
-Json judgement_json(const std::vector<FitReason>& reasons);
-
 // usage_error, with a suggestion: no rule has this name.
 void require_rules(const std::vector<std::string>& names);
 

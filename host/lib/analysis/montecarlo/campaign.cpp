@@ -14,23 +14,6 @@
 
 namespace imucal {
 
-// The same polynomial in another normalisation: Tn_old = a + b Tn_new.
-static ThermalPolynomial renormalised(const ThermalPolynomial& poly, double t0_degc, double range_degc) {
-  const double a = (t0_degc - poly.t0_degc) / poly.range_degc, b = range_degc / poly.range_degc;
-  ThermalPolynomial out{t0_degc, range_degc, {0.0}};
-  for (size_t i = poly.coeff_dph.size(); i-- > 0;) { // Horner on polynomials: out = out (a + b x) + c_i
-    std::vector<double> next(out.coeff_dph.size() + 1, 0.0);
-    for (size_t j = 0; j < out.coeff_dph.size(); ++j) {
-      next[j] += a * out.coeff_dph[j];
-      next[j + 1] += b * out.coeff_dph[j];
-    }
-    next[0] += poly.coeff_dph[i];
-    out.coeff_dph = next;
-  }
-  while (out.coeff_dph.size() > 1 && out.coeff_dph.back() == 0) out.coeff_dph.pop_back();
-  return out;
-}
-
 // The residual's DP type 2 needs something to predict.
 static void plan_residual(CampaignPlan* plan) {
   bool has_markov = false;
@@ -68,7 +51,7 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   }
   plan.chain.span_lo_degc = lo;
   plan.chain.span_hi_degc = hi;
-  plan.truth = renormalised(bias ? *bias : ThermalPolynomial{0, 1, {0.0}}, plan.chain.t0_degc, plan.chain.range_degc);
+  plan.truth = bias.value_or(ThermalPolynomial{0, 1, {0.0}}).renormalised(plan.chain.t0_degc, plan.chain.range_degc);
   plan.chamber_degc = options.profile.temperatures(1.0);
   for (size_t k = 0; k < plan.chamber_degc.size(); ++k) plan.t_s.push_back(static_cast<double>(k + 1));
   plan.chain.white_from_s = plan.t_s.size() / 2;

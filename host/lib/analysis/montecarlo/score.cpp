@@ -48,18 +48,9 @@ std::vector<double> true_coefficients(const CampaignPlan& plan, const SimulatedA
   std::vector<double> coeff = plan.truth.coeff_dph;
   // An effect may have changed this run's coefficients; they are in the model's normalisation.
   if (plan.options.model.bias && axis.run.bias.coeff_dph != plan.options.model.bias->coeff_dph) {
-    const ThermalPolynomial& mine = axis.run.bias;
-    const size_t p = std::max(coeff.size(), mine.coeff_dph.size());
-    Eigen::MatrixXd a(p, p);
-    Eigen::VectorXd b(p);
-    for (size_t i = 0; i < p; ++i) { // interpolation on Chebyshev points: exact for polynomials
-      const double tn = std::cos(3.14159265358979 * (static_cast<double>(i) + 0.5) / static_cast<double>(p));
-      b(static_cast<long>(i)) = mine.at(plan.chain.t0_degc + plan.chain.range_degc * tn);
-      for (size_t j = 0; j < p; ++j)
-        a(static_cast<long>(i), static_cast<long>(j)) = std::pow(tn, static_cast<double>(j));
-    }
-    const Eigen::VectorXd x = solve_general(a, b);
-    coeff.assign(x.data(), x.data() + p);
+    std::vector<double> mine = axis.run.bias.renormalised(plan.chain.t0_degc, plan.chain.range_degc).coeff_dph;
+    mine.resize(std::max(coeff.size(), mine.size()), 0.0);
+    coeff = mine;
   }
   coeff[0] += axis.turn_on_dph;
   return coeff;

@@ -22,7 +22,7 @@ namespace {
 struct SizedEffect {
   const Effect* effect;
   TypicalSize size;
-  EffectSpec spec() const { return {effect->name(), size.parameters}; }
+  EffectSpec spec() const { return spec_of(*effect, size.parameters); }
 };
 
 // The effects that say a typical size, in the order of the tables.
@@ -52,7 +52,7 @@ std::vector<double> signature_of(const EffectSpec& spec, const CalibrationRun& r
   sim.white_sigma_dph.assign(n, 0.0);
   const Effect& effect = find_effect(spec.name);
   Rng rng(1, i_run, 0, Stream::kTool);
-  const Parameters parameters = read_parameters(effect, spec.parameters);
+  const Parameters parameters = read_parameters(effect, spec.parameters.json());
   effect.simulate(SimStage::kTemperature, parameters, &sim, &rng);
   effect.simulate(SimStage::kBias, parameters, &sim, &rng);
   for (size_t k = 0; k < n; ++k)
@@ -94,10 +94,10 @@ ThermalPolynomial standard_polynomial(const CalibrationSetup& setup) {
 }
 
 // The first parameter that is not 0: all amplitudes come first.
-static std::string amplitude_parameter(const EffectSpec& spec) {
-  for (const auto& item : spec.parameters.items())
-    if (item.value().is_number() && item.value().get<double>() != 0) return item.key();
-  return "";
+static std::optional<ParameterValue> amplitude_parameter(const EffectSpec& spec) {
+  for (const ParameterValue& value : read_parameters(find_effect(spec.name), spec.parameters.json()))
+    if (value.kind == EffectParameter::kNumber && value.number.value != 0) return value;
+  return std::nullopt;
 }
 
 namespace {
@@ -190,9 +190,9 @@ void set_separable(SignatureTable* table) {
     const double like = largest_correlation(*table, i);
     const bool visible = table->visible_frac[i] >= kLeastVisible;
     table->separable.push_back(visible ? table->strength[i] * std::sqrt(std::max(0.0, 1 - like * like)) : 0.0);
-    table->amplitude.push_back(amplitude_parameter(table->effects[i]));
-    const std::string& name = table->amplitude.back();
-    const double amplitude = name.empty() ? 0 : std::abs(table->effects[i].parameters.at(name).get<double>());
+    const std::optional<ParameterValue> first = amplitude_parameter(table->effects[i]);
+    table->amplitude.push_back(first ? first->name : "");
+    const double amplitude = first ? std::abs(first->number.value) : 0;
     table->needed.push_back(table->separable[i] > 0 ? amplitude * 4 / table->separable[i] : 0.0);
   }
   double sum = 0;

@@ -86,7 +86,7 @@ struct TypicalSize {
   std::string short_name;  // for command lines
   int place = 0;           // in tables of signatures
   bool is_standard = true; // compared when no effects are named
-  Json parameters;         // amplitude first
+  Parameters parameters;   // amplitude first
 };
 
 class EffectEstimator;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "io/json_file.h"
 #include "physics/effects/effect.h"
 
 namespace imucal {
@@ -143,6 +144,10 @@ Json parameters_json(const Parameters& parameters) {
   Json out = Json::object();
   for (const ParameterValue& value : parameters) out[value.name] = value_json(value);
   return out;
+}
+
+EffectSpec spec_of(const Effect& effect, const Parameters& parameters) {
+  return {effect.name(), UnreadJson(parameters_json(parameters))};
 }
 
 Json std_errors_json(const Parameters& parameters) {

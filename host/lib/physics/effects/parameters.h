@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "io/json_file.h"
+#include "io/model.h"
 
 namespace imucal {
 
@@ -89,5 +89,8 @@ Parameters read_parameters(const Effect& effect, const Json& json, const std::st
 // To JSON: {"amplitude_dph": 12, …}, and the standard errors that are known, by the same names.
 Json parameters_json(const Parameters& parameters);
 Json std_errors_json(const Parameters& parameters);
+
+// The effect with these values as a model names it.
+EffectSpec spec_of(const Effect& effect, const Parameters& parameters);
 
 } // namespace imucal

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: MIT
+#include "io/output.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+
+#include "base/error.h"
+
+namespace imucal {
+
+namespace {
+
+[[noreturn]] void cannot_write(const std::string& path, const std::string& reason) {
+  throw data_error(path + ": cannot write: " + reason);
+}
+
+void write_to_standard_output(const std::function<void(std::ostream&)>& write) {
+  errno = 0;
+  write(std::cout);
+  std::cout.flush();
+  if (!std::cout) cannot_write("standard output", errno != 0 ? std::strerror(errno) : "the stream failed");
+}
+
+// A device or pipe cannot be renamed onto.
+void write_in_place(const std::string& path, const std::function<void(std::ostream&)>& write) {
+  errno = 0;
+  std::ofstream out(path, std::ios::binary);
+  if (out) write(out);
+  out.close();
+  if (!out) cannot_write(path, errno != 0 ? std::strerror(errno) : "the device failed");
+}
+
+void write_aside(const std::string& path, const std::function<void(std::ostream&)>& write) {
+  const std::string part = path + ".part" + std::to_string(::getpid());
+  errno = 0;
+  std::ofstream out(part, std::ios::binary);
+  if (!out) cannot_write(path, std::string(std::strerror(errno)) + "; does the folder exist?");
+  try {
+    write(out);
+  } catch (...) {
+    out.close();
+    std::remove(part.c_str());
+    throw;
+  }
+  out.close();
+  if (out && std::rename(part.c_str(), path.c_str()) == 0) return;
+  const std::string reason = errno != 0 ? std::strerror(errno) : "the file system failed";
+  std::remove(part.c_str());
+  cannot_write(path, reason);
+}
+
+} // namespace
+
+void write_stream(const std::string& path, const std::function<void(std::ostream&)>& write) {
+  if (path == "-") return write_to_standard_output(write);
+  struct stat existing {};
+  if (::stat(path.c_str(), &existing) != 0) return write_aside(path, write);
+  if (S_ISDIR(existing.st_mode)) cannot_write(path, "it is a folder");
+  if (!S_ISREG(existing.st_mode)) return write_in_place(path, write);
+  std::error_code unresolved;
+  const std::filesystem::path target = std::filesystem::canonical(path, unresolved);
+  write_aside(unresolved ? path : target.string(), write);
+}
+
+void write_text(const std::string& path, const std::string& text) {
+  write_stream(path, [&](std::ostream& out) { out << text; });
+}
+
+} // namespace imucal
