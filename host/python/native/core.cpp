@@ -12,6 +12,7 @@
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/confidence.h"
 #include "base/error.h"
+#include "io/json_file.h"
 #include "io/model.h"
 #include "kf.h"
 
