@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: MIT
 """`imucal look`: figures against simulated truth, the page, and what it says of sick logs."""
 import json
+import os
+import re
+import resource
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import foreign
@@ -12,7 +17,8 @@ from imucal.__main__ import main
 from imucal.firstlook import allan_deviation_of, lattice_of, look_at_axis
 from imucal.log import Log, write_log
 
-DATA = Path(__file__).resolve().parents[3] / "shared/data"
+ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT.parent / "shared/data"
 
 
 def simulated(seed=1, n=8400, up_and_down=True, loop_dph=0.0, arw=0.6, sigma=20.0, tau_s=100.0):
@@ -72,6 +78,44 @@ def test_page_is_a_png_and_the_text_has_the_lines(tmp_path, capsys):
         assert word in text
     result = json.loads((tmp_path / "j").read_text())
     assert len(result["axes"][0]["coeff"]) == 4 and result["axes"][0]["arw_deg_rt_h"] == pytest.approx(0.6, rel=0.05)
+
+
+def test_likelihood_of_an_accelerometer_stands_beside_what_is_read_off(tmp_path, capsys):
+    log = simulated(arw=0.6, sigma=20.0, tau_s=100.0)
+    write_log(tmp_path / "run.csv", Log(log.t_s, log.temp_degc, {"az_mg": 1000 + 0.01 * log.rates["gx_dph"]}, {}, {}, "simulated"))
+    assert main(["look", str(tmp_path / "run.csv"), "-o", str(tmp_path / "p.png"), "--json", str(tmp_path / "j")]) == 0
+    line = next(k for k in capsys.readouterr().out.splitlines() if k.startswith("az_mg: read off"))
+    white, sigma, tau = (float(v) for v in re.search(r"likelihood: ([\d.]+)±\S+, ([\d.]+)±\S+ mg with ([\d.]+)±", line).groups())
+    assert white == pytest.approx(0.36, rel=0.03) and sigma == pytest.approx(0.2, rel=0.25) and 50 < tau < 200
+    axis = json.loads((tmp_path / "j").read_text())["axes"][0]
+    assert axis["unit"] == "mg" and 60 * axis["likelihood"]["arw_deg_rt_h"] == pytest.approx(white, rel=0.01)
+
+
+SLOW_TO_LOAD = ("matplotlib.pyplot", "mpl_toolkits.mplot3d.axes3d", "polars", "scipy", "pandas", "h5py", "rosbags", "pyulog", "jsonschema")
+
+
+def test_look_loads_nothing_it_does_not_need_and_is_quick(tmp_path):
+    """2 s for a log of 140 min on a quiet machine; here processor time, with room for a machine that others use."""
+    log = simulated()
+    write_log(tmp_path / "run.csv", Log(log.t_s, log.temp_degc, {f"g{a}_dph": log.rates["gx_dph"] for a in "xyz"}, {}, {}, "simulated"))
+    command = ["from imucal.__main__ import main", "import json, sys", "assert main(['look', 'run.csv', '-o', 'p.png', '-q']) == 0",
+               "print(json.dumps(sorted(sys.modules)))"]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run([sys.executable, "-c", "\n".join(command)], cwd=tmp_path, capture_output=True, text=True, timeout=120,
+                          env={**os.environ, "PYTHONPATH": str(ROOT / "host/python")})
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert done.returncode == 0, done.stderr
+    assert not set(SLOW_TO_LOAD) & set(json.loads(done.stdout))
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 6
+
+
+def test_import_of_matplotlib_is_left_as_it_was():
+    """What look leaves out while it loads is there for everybody else."""
+    code = ["from imucal import plot", "plot.new_figure(1, 1)", "from matplotlib import artist, lines", "assert artist.kwdoc(lines.Line2D)",
+            "import mpl_toolkits.mplot3d.axes3d, matplotlib.figure", "matplotlib.figure.Figure().add_subplot()"]
+    done = subprocess.run([sys.executable, "-c", "\n".join(code)], capture_output=True, text=True, timeout=120,
+                          env={**os.environ, "PYTHONPATH": str(ROOT / "host/python")})
+    assert done.returncode == 0, done.stderr
 
 
 def test_accelerometer_is_read_in_mg_with_gravity_stated(tmp_path, capsys):

@@ -46,9 +46,11 @@ def main():
     flashed = sum(1 for fault, outcome in lost if not fault.is_safe(outcome) and outcome.status == 0)
     runs = healthy.campaign(bench, options.healthy)
     refused = [(kind, rules) for kind, rules in runs if rules]
-    for kind in sorted({kind for kind, _ in refused}):
+    print(f"\n{'healthy runs':<48} {'runs':>6} {'refused':>8}  by")
+    for kind in dict.fromkeys(kind for kind, _ in runs):
         rules = Counter(rule for k, found in refused if k == kind for rule in set(found))
-        print(f"healthy runs refused, {healthy.KINDS[kind][0]} {healthy.KINDS[kind][2:]}: {dict(rules)}")
+        n_refused = sum(1 for k, _ in refused if k == kind)
+        print(f"{kind:<48} {sum(1 for k, _ in runs if k == kind):>6} {n_refused:>8}  {', '.join(f'{rule} {n}' for rule, n in rules.items())}")
     n_device = max(1, options.healthy // 20)
     refused_by_device = device.campaign(at_device, n_device)
     for seed, outcome in refused_by_device:

@@ -45,6 +45,14 @@ def test_healthy_runs_on_the_device_pass(device_bench):
     assert device.campaign(device_bench, 3) == []
 
 
+def test_healthy_runs_are_of_every_profile_of_make_validation(bench):
+    names = [name for name, *_ in healthy.kinds(bench)]
+    for profile in ("ramp", "ramp and 20-min soaks", "freezer warm-up", "up and down"):
+        assert profile in names and f"{profile}, 1 degC thermometer" in names
+    assert len(set(names)) == len(names) == 8 + len(healthy.OWN)
+
+
 def test_healthy_runs_of_every_kind_pass(bench):
-    runs = healthy.campaign(bench, 2 * len(healthy.KINDS))
+    runs = healthy.campaign(bench, 2 * len(healthy.kinds(bench)))
+    assert len({kind for kind, _ in runs}) == len(runs) // 2
     assert [run for run in runs if run[1]] == []

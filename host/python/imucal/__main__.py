@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """``python -m imucal SUBCOMMAND``: what `imucal SUBCOMMAND` starts."""
 import importlib
+import os
 import sys
 import warnings
 
@@ -13,6 +14,7 @@ def main(arguments=None):
     if not arguments or arguments[0] not in COMMANDS:
         print(f"imucal: expected one of {', '.join(COMMANDS)} (try imucal --help)", file=sys.stderr)
         return 2
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices here are small: threads only cost
     from .errors import DataWarning, ImucalError
     warnings.simplefilter("always", DataWarning)
     warnings.showwarning = lambda message, *_: print(f"imucal {arguments[0]}: note: {message}", file=sys.stderr)

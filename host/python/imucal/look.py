@@ -69,8 +69,9 @@ class Likelihood:
             write_log(path, log)
         for axis in axes:
             detrend = f"poly:{order}" if log.has_temperature and np.nanmax(log.temp_degc) - np.nanmin(log.temp_degc) >= 1 else "mean"
+            # The likelihood needs no curve: two points of it are the fewest that the program makes.
             command = [program, "fit", os.fspath(path), "--axis", axis, "--markov", "1", "--criterion", "ml", "--detrend", detrend, "--bootstrap", "0",
-                       "--threads", "1", "-o", os.path.join(self.folder.name, f"{axis}.json"), "--json", "-"]
+                       "--tau", "2:4:2", "--threads", "1", "-o", os.path.join(self.folder.name, f"{axis}.json"), "--json", "-"]
             self.runs[axis] = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
 
     def read(self, axis):
@@ -101,8 +102,9 @@ def _pm(value, error):
 def _noise_line(look):
     white = f"ARW {look.arw_deg_rt_h:.3g} deg/√h" if look.unit == "dph" else f"noise of a 1-s mean {look.white:.3g} {look.unit}"
     ml = look.ml
-    beside = f" | likelihood: ARW {_pm(ml['arw_deg_rt_h'], ml['arw_error'])}, {_pm(ml['sigma_dph'], ml['sigma_error'])} dph with " \
-             f"{_pm(ml['tau_s'], ml['tau_error'])} s" if ml else ""
+    white_ml = "" if not ml else f"ARW {_pm(ml['arw_deg_rt_h'], ml['arw_error'])}" if look.unit == "dph" else \
+        _pm(60 * ml["arw_deg_rt_h"], 60 * ml["arw_error"] if ml["arw_error"] else None)
+    beside = f" | likelihood: {white_ml}, {_pm(ml['sigma_dph'], ml['sigma_error'])} {look.unit} with {_pm(ml['tau_s'], ml['tau_error'])} s" if ml else ""
     return f"{look.axis}: read off: {white}, instability {look.slow_sigma:.3g} {look.unit} with {look.slow_tau_s:.0f} s{beside}"
 
 
@@ -138,7 +140,7 @@ def _next_line(given, log, looks, imported):
 def _gap_line(log, imported):
     steps = np.rint(np.diff(log.t_s))
     text = f"gaps: {int((steps > 1).sum())} of {int((steps[steps > 1] - 1).sum())} s in all"
-    empty = int(sum(np.isnan(v).any() for v in np.stack(list(log.rates.values()), axis=1)))
+    empty = int(np.isnan(np.stack(list(log.rates.values()), axis=1)).any(axis=1).sum())
     if empty:
         text += f", {empty} s without a rate"
     if imported:
@@ -173,7 +175,7 @@ def text_lines(given, log, looks, imported):
 
 
 def _result(lines, looks, log, imported):
-    axes = [{"axis": k.axis, "coeff": k.poly, "t0_degc": k.t0_degc, "range_degc": k.range_degc, "arw_deg_rt_h": k.arw_deg_rt_h if k.unit == "dph" else None,
+    axes = [{"axis": k.axis, "unit": k.unit, "coeff": k.poly, "t0_degc": k.t0_degc, "range_degc": k.range_degc, "arw_deg_rt_h": k.arw_deg_rt_h if k.unit == "dph" else None,
              "white_1s": k.white, "instability": k.slow_sigma, "instability_tau_s": k.slow_tau_s, "likelihood": k.ml, "lattice": k.lattice,
              "n_outliers": k.n_outliers, "loop": k.loop, "loop_share": k.loop_share, "warm_up": k.warm_up, "warm_up_z": k.warm_up_z,
              "allan": {"tau_s": k.allan_tau_s, "adev": k.allan}} for k in looks]
@@ -188,7 +190,7 @@ def run(arguments):
     if len(log.t_s) < 100:
         raise DataError(f"{given.file}: {len(log.t_s)} s at rest are too short to look at; record at least some minutes (a calibration: an hour or more)")
     output = given.output or os.path.splitext(os.path.basename(given.file))[0] + ".look.png"
-    likelihood = Likelihood(given.file, log, [] if given.no_ml else [a for a in axes if a.endswith("_dph")], given.order, imported)
+    likelihood = Likelihood(given.file, log, [] if given.no_ml else axes, given.order, imported)
     try:
         looks = [look_at_axis(log, axis, given.order) for axis in axes]
         from .plot import look_page

@@ -117,8 +117,7 @@ Comparison compare_methods(const CampaignOptions& base, const Scenario& scenario
       plan, [&](const CampaignPlan& p, uint64_t run, Tally* tally) { score_all(p, reading, run, tally); }, nullptr,
       stop);
   Comparison out;
-  out.scenario = scenario.name;
-  out.temp_lsb_degc = scenario.temp_lsb_degc;
+  out.scenario = scenario;
   out.duration_s = plan.t_s.size();
   out.temp_degc = plan.temp_degc;
   for (const Method method : kMethods) out.methods.push_back(summary(result.tally, method, plan.chain.is_tracked));
@@ -137,8 +136,10 @@ Json to_json(const std::vector<Comparison>& all, const CampaignOptions& base) {
                          {"rms_std_error_dph", m.rms_std_error_dph},
                          {"part_fitted", m.part_fitted},
                          {"sigma_dph", m.sigma_dph}});
-    json["scenarios"].push_back({{"scenario", c.scenario},
-                                 {"temp_lsb_degc", c.temp_lsb_degc},
+    json["scenarios"].push_back({{"scenario", c.scenario.name},
+                                 {"profile", to_json(c.scenario.profile)},
+                                 {"temp_lsb_degc", c.scenario.temp_lsb_degc},
+                                 {"temp_noise_degc", c.scenario.temp_noise_degc},
                                  {"duration_s", c.duration_s},
                                  {"temp_degc", c.temp_degc},
                                  {"methods", methods}});
@@ -160,7 +161,7 @@ std::string to_text(const std::vector<Comparison>& all, const CampaignOptions& b
   }
   out += "\n";
   for (const Comparison& c : all) {
-    std::snprintf(line, sizeof line, "%-36s %3zu min", c.scenario.c_str(), c.duration_s / 60);
+    std::snprintf(line, sizeof line, "%-36s %3zu min", c.scenario.name.c_str(), c.duration_s / 60);
     out += line;
     for (const MethodScore& m : c.methods) {
       if (m.sigma_dph.empty())

@@ -32,8 +32,7 @@ struct MethodScore {
 };
 
 struct Comparison {
-  std::string scenario;
-  double temp_lsb_degc = 0;
+  Scenario scenario;
   size_t duration_s = 0;
   std::vector<double> temp_degc;
   std::vector<MethodScore> methods;
