@@ -8,12 +8,21 @@
 #include "link.h"
 #include "torn/torn.h"
 
-/* What may rule after a cut is what ruled or what was being written; after OK it is what was written. */
+/* The table that a rollback of this flash would go back to; -1: it is refused. */
+static int soak_rollback_target(const nor_t* nor) {
+  static nor_t trial;
+  trial = *nor;
+  trial.steps_left = NOR_NEVER;
+  return torn_act(&trial, TORN_ROLLBACK, 1, 0) == IMUCAL_OK ? torn_ruling(&trial, 1) : -1;
+}
+
+/* After OK the table that was written rules.  After a cut either rules, what might have ruled before or what was being written,
+ * and from start to start another, until the next write or rollback is done; what is refused changes nothing.
+ * allowed: bit m, the table with mark m; bit 0: none. */
 static int soak_store(uint64_t seed, long n_commits) {
   static nor_t nor;
   uint64_t n_cuts = 0, n_lost = 0, n_stuck = 0, n_done = 0, n_rollbacks = 0;
-  int rules = 0;
-  uint64_t random = nor_mix(seed);
+  uint64_t random = nor_mix(seed), allowed = 1;
   nor_init(&nor, torn_geometries[seed % TORN_GEOMETRIES]);
   nor.mode = NOR_PER_READ;
   nor.random = seed;
@@ -26,22 +35,22 @@ static int soak_store(uint64_t seed, long n_commits) {
     nor.mode = (random >> 40) % 3;
     nor.pattern = (int)(random >> 32 & 0xFF) % NOR_PATTERNS;
     nor.steps_left = is_cut ? (long)(random >> 16 & 0xFFFF) % (2 * n_units) : NOR_NEVER;
-    const int before = torn_ruling(&nor, 1);
+    const int before = torn_ruling(&nor, 1), target = is_rollback ? soak_rollback_target(&nor) : mark;
     const imucal_status status = torn_act(&nor, is_rollback ? TORN_ROLLBACK : TORN_WRITE, 1, mark);
     const int was_cut = nor.is_off;
     n_cuts += (uint64_t)was_cut, n_rollbacks += is_rollback && status == IMUCAL_OK;
     nor_power_on(&nor);
     const int now = torn_ruling(&nor, 1);
-    if (before != rules && rules != -1) n_lost++;
-    int is_good = now >= 0;
-    if (!is_rollback && !was_cut) is_good = status == IMUCAL_OK && now == mark, n_stuck += status != IMUCAL_OK;
-    if (!is_rollback && was_cut) is_good = now == before || now == mark;
-    if (is_rollback && !was_cut && status != IMUCAL_OK) is_good = now == before;
+    const int was_allowed = before >= 0 && (allowed >> before & 1);
+    n_stuck += !is_rollback && !was_cut && status != IMUCAL_OK;
+    if (status == IMUCAL_OK && !was_cut) allowed = is_rollback ? 1ull << (now < 0 ? 0 : now) : 1ull << mark;
+    if (was_cut && target >= 0) allowed |= 1ull << target;
+    const int is_good =
+        was_allowed && now >= 0 && (allowed >> now & 1) && !(is_rollback && status == IMUCAL_OK && now == before);
     if (!is_good && n_lost++ < 5)
       fprintf(stderr, "soak: commit %ld of seed %llu: table %d rules after %d, status %d\n", k,
               (unsigned long long)seed, now, before, status);
     n_done += !is_rollback && status == IMUCAL_OK;
-    rules = was_cut ? -1 : now; /* after a cut either may rule from start to start until the next write */
   }
   printf("soak: seed %llu, %ld commits, %llu done, %llu cut, %llu rollbacks, %u + %u erases; lost or wrong %llu, stuck "
          "%llu, rules of the "
