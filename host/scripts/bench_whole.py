@@ -95,7 +95,8 @@ def errormodel(build, folder, data, repeats):
     write_log(f"{folder}/test.csv", 8400, 1.0, ["gx_dph"], 36.0, 3)
     row("errormodel fit, 140 min, poly:3, 40 refits", cost([*command, f"{folder}/test.csv", "--detrend", "poly:3"], repeats), target="< 0.5 s")
     write_log(f"{folder}/fast.csv", 720_000, 0.01, ["gx_dph"], 300.0, 4)
-    row("errormodel fit, 2 h at 100 Hz, mean, 40 refits", cost([*command, f"{folder}/fast.csv", "--detrend", "mean"], 1), target="< 2 s")
+    for detrend in ("mean", "poly:3"):
+        row(f"errormodel fit, 2 h at 100 Hz, {detrend}, 40 refits", cost([*command, f"{folder}/fast.csv", "--detrend", detrend], 1), target="< 2 s")
     logs = [str(Path(data) / f"cats_p{k}.csv") for k in (1, 2)]
     if all(Path(log).exists() for log in logs):
         row("errormodel fit, two 25-h logs x 3 axes, 40 refits", cost([*command, *logs], 1), target="< 20 s")

@@ -214,6 +214,34 @@ void test_interpolated_record_expectation_equals_each_by_itself(void**) {
     assert_near(std::sqrt(0.5 * got[static_cast<size_t>(few[i]) - 2]) / expected[i], 1, 2e-4);
 }
 
+// What a polynomial takes from a long record is found on a coarse one: equal to the whole record's, below one coarse sample
+// (0.6 s) too, with a gap and for time constants up to a third of the record.
+void test_long_record_made_coarse_expects_what_the_whole_does(void**) {
+  Series s = empty_record(100000, 0.1);
+  s.temp_degc.resize(100000);
+  for (size_t i = 0; i < s.temp_degc.size(); ++i)
+    s.temp_degc[i] = 20 + 15 * std::sin(2 * kPi * static_cast<double>(i) / 1e5);
+  for (size_t i = 40000; i < 43000; ++i) s.rate_dph[i] = s.temp_degc[i] = std::nan(""), ++s.n_missing;
+  const std::vector<double> tau_s = {0.1, 0.3, 0.6, 1.2, 10, 60, 300, 1500, 2500};
+  CurveData data;
+  data.op = make_dp_operator(DpType::kAv, 0.1, {});
+  data.detrend = Detrend::parse("poly:3");
+  for (const double tau : tau_s) data.n.push_back(std::lround(tau / 0.1));
+  data.shapes = {&s};
+  data.record_s = 10000;
+  const CurveBasis basis(data);
+  const std::vector<double>& grid_s = basis.grid_tau_s();
+  const std::vector<size_t> places = {0, grid_s.size() / 3, grid_s.size() / 2, grid_s.size() - 1};
+  std::vector<NoiseComponent> components = {white_component(1)};
+  for (const size_t i : places) components.push_back(markov_component(1, grid_s[i], 0.1));
+  const auto expected = expected_record_squares(components, data.op, s, data.detrend, data.n);
+  for (size_t k = 0; k < tau_s.size(); ++k) {
+    assert_near(basis.white()[k] / expected[0][k], 1, 2e-4);
+    for (size_t j = 0; j < places.size(); ++j)
+      assert_near(basis.grid_column(places[j])[k] / expected[j + 1][k], 1, 2e-4);
+  }
+}
+
 void test_maximum_likelihood_recovers_models(void**) {
   double square = 0;
   int covered = 0;
@@ -275,6 +303,7 @@ int main() {
       cmocka_unit_test(test_bound_of_simulated_tests_holds_and_is_tight),
       cmocka_unit_test(test_detrended_fit_allows_for_what_the_polynomial_took),
       cmocka_unit_test(test_interpolated_record_expectation_equals_each_by_itself),
+      cmocka_unit_test(test_long_record_made_coarse_expects_what_the_whole_does),
       cmocka_unit_test(test_maximum_likelihood_recovers_models),
       cmocka_unit_test(test_maximum_likelihood_marginalises_the_polynomial),
       cmocka_unit_test(test_tau_grids),

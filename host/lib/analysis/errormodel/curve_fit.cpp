@@ -88,41 +88,102 @@ CurveData make_curve_data(const std::vector<Series>& series, const DpOperator& o
   return data;
 }
 
-// Expectations of a detrended record at every n.  After a polynomial they cost much; what it takes away is a smooth function
-// of ln n, so many n are served by 40 of them and cubic interpolation of the ratio to the closed form (to about 1e-5).
-static std::vector<std::vector<double>> record_squares(const std::vector<NoiseComponent>& components,
-                                                       const CurveData& data, const Series& shape) {
-  constexpr size_t kNodes = 40;
-  const bool polynomial = data.detrend.order > 0;
-  if (!polynomial || data.n.size() <= kNodes + 8)
-    return expected_record_squares(components, data.op, shape, data.detrend, data.n);
-  std::vector<long> nodes;
-  for (size_t k = 0; k < kNodes; ++k) {
-    const double place = static_cast<double>(k) / (kNodes - 1.0);
-    const long n = std::lround(std::exp(std::log(data.n.front()) * (1 - place) + std::log(data.n.back()) * place));
-    if (nodes.empty() || n > nodes.back()) nodes.push_back(n);
-  }
-  auto ratio = expected_record_squares(components, data.op, shape, data.detrend, nodes);
-  std::vector<double> x;
-  for (long n : nodes) x.push_back(std::log(static_cast<double>(n)));
-  std::vector<std::vector<double>> out(components.size());
-  for (size_t c = 0; c < components.size(); ++c) {
-    for (size_t k = 0; k < nodes.size(); ++k) ratio[c][k] /= expected_square(components[c], data.op, nodes[k]);
-    for (long n : data.n) {
-      const double at = std::log(static_cast<double>(n));
-      const auto above = static_cast<size_t>(std::lower_bound(nodes.begin(), nodes.end(), n) - nodes.begin());
-      const size_t first = std::min(above < 2 ? 0 : above - 2, nodes.size() - 4);
-      double sum = 0; // Lagrange on four nodes
-      for (size_t a = first; a < first + 4; ++a) {
-        double weight = 1;
-        for (size_t b = first; b < first + 4; ++b)
-          if (b != a) weight *= (at - x[b]) / (x[a] - x[b]);
-        sum += weight * ratio[c][a];
-      }
-      out[c].push_back(sum * expected_square(components[c], data.op, n));
+namespace {
+
+// A record with its samples taken together, `step` at a time, and what acts on it.
+struct Coarse {
+  long step = 1;
+  DpOperator op;
+  Series shape;
+};
+
+constexpr long kCoarseSize = 1L << 14; // samples that a coarse record has at least
+constexpr long kLongSize = 1L << 16;   // samples from which on a record is made coarse
+
+// Means of the samples present; a block that lacks half of them is missing.
+Coarse coarse_of(const CurveData& data, const Series& shape) {
+  const long step = shape.size() / kCoarseSize, size = shape.size() / step;
+  Coarse out{step, data.op, {}};
+  Series& s = out.shape;
+  out.op.dt_s = s.dt_s = shape.dt_s * static_cast<double>(step);
+  for (long block = 0; block < size; ++block) {
+    double rate = 0, temp = 0;
+    long n = 0;
+    for (long i = block * step; i < (block + 1) * step; ++i) {
+      const auto k = static_cast<size_t>(i);
+      if (std::isnan(shape.rate_dph[k])) continue;
+      rate += shape.rate_dph[k], ++n;
+      if (!shape.temp_degc.empty()) temp += shape.temp_degc[k];
     }
+    const bool is_missing = 2 * n < step;
+    s.n_missing += is_missing;
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    s.rate_dph.push_back(is_missing ? nan : rate / static_cast<double>(n));
+    if (!shape.temp_degc.empty()) s.temp_degc.push_back(is_missing ? nan : temp / static_cast<double>(n));
   }
   return out;
+}
+
+// Whole numbers, evenly spaced in their logarithm.
+std::vector<long> nodes_between(double first, double last, size_t count) {
+  std::vector<long> nodes;
+  for (size_t k = 0; k < count; ++k) {
+    const double place = static_cast<double>(k) / static_cast<double>(count - 1);
+    const long n = std::lround(std::exp(std::log(first) * (1 - place) + std::log(last) * place));
+    if (nodes.empty() || n > nodes.back()) nodes.push_back(n);
+  }
+  return nodes;
+}
+
+// Lagrange on four nodes.
+double interpolated(const std::vector<double>& x, const std::vector<double>& y, double at) {
+  const auto above = static_cast<size_t>(std::lower_bound(x.begin(), x.end(), at) - x.begin());
+  const size_t first = std::min(above < 2 ? 0 : above - 2, x.size() - 4);
+  double sum = 0;
+  for (size_t a = first; a < first + 4; ++a) {
+    double weight = 1;
+    for (size_t b = first; b < first + 4; ++b)
+      if (b != a) weight *= (at - x[b]) / (x[a] - x[b]);
+    sum += weight * y[a];
+  }
+  return sum;
+}
+
+} // namespace
+
+// Expectations of a detrended record at every n.  After a polynomial they cost much; what it takes away is a smooth function
+// of ln n, so many n are served by 40 of them and cubic interpolation of the ratio to the closed form (to about 1e-5).
+// What a smooth polynomial takes away depends on lengths over that of the record: a long record is made coarse for the ratio
+// (Allan deviation; to 2e-4), twice as many n serve, and below one coarse sample, where next to nothing is taken away, the
+// part taken grows with n.
+static std::vector<std::vector<double>> record_squares(const std::vector<NoiseComponent>& components,
+                                                       const CurveData& data, const Series& shape) {
+  constexpr size_t kNodes = 40, kCoarseNodes = 80;
+  const bool polynomial = data.detrend.order > 0;
+  const bool is_long = data.op.type == DpType::kAv && shape.size() >= kLongSize;
+  if (!polynomial || (!is_long && data.n.size() <= kNodes + 8))
+    return expected_record_squares(components, data.op, shape, data.detrend, data.n);
+  const Coarse coarse = is_long ? coarse_of(data, shape) : Coarse{1, data.op, shape};
+  const auto step = static_cast<double>(coarse.step);
+  const double last = static_cast<double>(data.n.back()) / step;
+  const auto nodes = nodes_between(std::max(1.0, static_cast<double>(data.n.front()) / step), std::max(last, 8.0),
+                                   is_long ? kCoarseNodes : kNodes);
+  std::vector<double> x;
+  for (long n : nodes) x.push_back(std::log(static_cast<double>(n)));
+  std::vector<NoiseComponent> slowed = components;
+  for (NoiseComponent& c : slowed) c.alpha *= step;
+  auto ratio = expected_record_squares(slowed, coarse.op, coarse.shape, data.detrend, nodes);
+  for (size_t c = 0; c < components.size(); ++c) {
+    for (size_t k = 0; k < nodes.size(); ++k) ratio[c][k] /= expected_square(slowed[c], coarse.op, nodes[k]);
+    std::vector<double> squares;
+    for (long n : data.n) {
+      const double at = static_cast<double>(n) / step;
+      const double part = at < 1 ? 1 - at * (1 - ratio[c][0]) : interpolated(x, ratio[c], std::log(at));
+      squares.push_back(part * expected_square(components[c], data.op, n));
+    }
+    ratio[c] = std::move(squares);
+  }
+  return ratio;
 }
 
 CurveBasis::CurveBasis(const CurveData& data) : op_(data.op), n_(data.n) {
