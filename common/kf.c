@@ -136,6 +136,7 @@ static inline float follow_markov(imucal_kf_t* kf, float z, float tn, float r, f
     const float followed = *v_k - m * *v_k;
     h[k] = t_k + followed;
     *v_k = followed - gain * h[k];
+    if (k == kf->config.order) break; /* the next step is of no use, and dear without an FPU */
     step += slope * t_k;
     t_k += step;
   }
