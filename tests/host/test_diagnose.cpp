@@ -6,11 +6,13 @@
 #include <cstdarg>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <set>
 #include <string>
 
 #include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/diagnose.h"
+#include "analysis/diagnose/seconds.h"
 #include "analysis/diagnose/shared.h"
 #include "base/rng.h"
 #include "base/units.h"
@@ -419,6 +421,130 @@ static void test_a_line_that_drifts_with_temperature_is_found_as_one(void**) {
   assert_true(strongest_line(campaign, nothing, true).gain_nats < 28);
 }
 
+// Innovations of a filter that loses a jump within 30 s, of noise that is white otherwise.
+static std::vector<VectorXd> innovations_with_jumps(const Campaign& campaign, double height, long every) {
+  std::vector<VectorXd> e;
+  Rng rng(8, 0, 0, Stream::kWhite);
+  for (const CampaignRun& run : campaign.runs) {
+    VectorXd x(static_cast<long>(run.n()));
+    for (long k = 0; k < x.size(); ++k) x[k] = rng.normal() + height * std::exp(-static_cast<double>(k % every) / 30);
+    e.push_back(std::move(x));
+  }
+  return e;
+}
+
+static double evidence_of_test(const Campaign& campaign, const std::vector<VectorXd>& e, Rest test) {
+  for (const RestFinding& f : test_rest(campaign, e, {}))
+    if (f.test == test) return f.evidence_nats;
+  return 1e9;
+}
+
+static void test_sudden_changes_show_in_smoothed_moments_and_noise_does_not(void**) {
+  const Campaign campaign =
+      make_campaign({simulated_log(21, 8000, false, 0), simulated_log(22, 8000, true, 0)}, "gx_dph", nominal_model());
+  assert_true(evidence_of_test(campaign, innovations_with_jumps(campaign, 0, 800), Rest::kSuddenChanges) < 0);
+  assert_true(evidence_of_test(campaign, innovations_with_jumps(campaign, 1.2, 800), Rest::kSuddenChanges) > 5);
+  // As large a wave is slow and Gaussian in its moments: another test's business.
+  assert_true(evidence_of_test(campaign, innovations_with_tone(campaign, 0.15, 0.002, 0), Rest::kSuddenChanges) < 0);
+}
+
+static void test_short_bursts_are_told_from_single_hits(void**) {
+  const Campaign campaign = make_campaign({simulated_log(23, 8000, false, 0)}, "gx_dph", nominal_model());
+  std::vector<VectorXd> bursts = innovations_with_jumps(campaign, 0, 800), hits = bursts;
+  Rng rng(9, 0, 0, Stream::kWhite);
+  for (int burst = 0; burst < 12; ++burst)
+    for (long k = 0; k < 8; ++k) {
+      bursts[0][600 * burst + 100 + k] *= 3;
+      hits[0][static_cast<long>(rng.uniform() * 7999)] *= 3;
+    }
+  assert_true(evidence_of_test(campaign, bursts, Rest::kBursts) > 0);
+  assert_true(evidence_of_test(campaign, hits, Rest::kBursts) < 0);
+}
+
+static void test_noise_of_the_seconds_is_fitted_beside_another_kind(void**) {
+  const Campaign campaign = make_campaign({simulated_log(24, 9000, false, 0)}, "gx_dph", nominal_model());
+  const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+  NoiseModel start = nominal_hypothesis().base_noise;
+  start.white_sigma_dph = 15; // what block means may leave it at
+  const auto with = [](NoiseModel base) {
+    base.markov.push_back({1, 1000});
+    return base;
+  };
+  const SecondsNoise found = fit_seconds_noise(campaign, start, residual, with);
+  assert_near(found.base.white_sigma_dph, 36, 1);
+  assert_int_equal(found.base.markov.size(), 1);
+}
+
+static void test_noise_believed_too_small_is_no_other_kind_of_noise(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 51; seed < 54; ++seed) logs.push_back(simulated_log(seed, 5000, false, 0));
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  NoiseBelief belief = nothing_believed();
+  belief.has_believed = true;
+  belief.model.white_sigma_dph = 36;
+  belief.model.markov = {{20.0 / 3, 100.0 / 3}};
+  SlowSearch search(data, belief, effect_library(), all_active(), {});
+  const SlowResult result = search.run();
+  // Noise beside the believed one pays what other parameters pay.
+  for (const SlowCandidateScore& noise : result.noises)
+    assert_true(noise.gain_nats + SelectorConstants().noise_kind_nats < result.null.free_score() + 4);
+}
+
+static void test_both_thresholds_of_a_jump_at_a_temperature_are_found(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 61; seed < 64; ++seed) {
+    logs.push_back(simulated_log(seed, 5000, false, 0));
+    bool is_on = false;
+    for (size_t i = 0; i < logs.back().size(); ++i) {
+      const double temp = logs.back().temp_degc[i];
+      is_on = temp > 33.3 || (is_on && temp > 29.2);
+      logs.back().axes[0].rate_dph[i] += is_on ? 90 : 0;
+    }
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowResult result = search.run();
+  assert_int_equal(result.best.names.size(), 1);
+  assert_string_equal(search.candidates()[result.best.names[0].candidate].effect->name().c_str(), "thermal_step");
+  assert_near(result.best.names[0].shape[0], 33.3, 0.25);
+  assert_near(result.best.names[0].shape[0] - result.best.names[0].shape[1], 29.2, 0.25);
+}
+
+// What is said of logs whose rate changes by f(t [s], temperature), with or without a log held out.
+static Selection answer_to(const std::function<double(double, double)>& f, uint64_t seed, size_t held_out) {
+  std::vector<Log> logs, unseen;
+  for (uint64_t k = 0; k < 4; ++k) {
+    Log log = simulated_log(seed + k, 6000, false, 0);
+    for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += f(log.t_s[i], log.temp_degc[i]);
+    (k < 4 - held_out ? logs : unseen).push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  return diagnose_logs(options, {}, logs, unseen).axes.at(0).study.selection;
+}
+
+static void test_causes_of_no_family_are_not_named(void**) {
+  // A wave over temperature that drifts with time: each alone would be a stand-in.
+  const Selection both = answer_to([](double t, double temp) { return 60 * std::sin(temp / 7 + t / 900); }, 71, 1);
+  assert_true(both.effects.empty());
+  assert_true(both.verdict == Verdict::kUnexplained);
+}
+
+static void test_jumps_that_come_again_and_again_are_no_events(void**) {
+  const auto slips = [](double t, double) {
+    return 90 * (std::fmod(t, 1300) > 700) + 70 * (std::fmod(t + 400, 2100) > 900);
+  };
+  for (const SelectedEffect& effect : answer_to(slips, 81, 0).effects) assert_true(effect.is_family);
+  // A single one is: in the first log only.
+  size_t rows = 0;
+  const Selection one = answer_to([&](double, double) { return ++rows > 2500 && rows <= 6000 ? 90.0 : 0.0; }, 91, 0);
+  assert_int_equal(one.effects.size(), 1);
+  assert_string_equal(one.effects[0].term.effect->name().c_str(), "bias_step");
+  assert_false(one.effects[0].is_family);
+}
+
 static void test_noise_that_axes_share_is_told_from_slow_causes_of_both(void**) {
   const Log first = simulated_log(31, 5000, false, 0);
   Log other = simulated_log(32, 5000, true, 0);
@@ -482,6 +608,13 @@ int main() {
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),
       cmocka_unit_test(test_gram_of_wide_columns_is_that_of_whitened_ones),
       cmocka_unit_test(test_a_line_that_drifts_with_temperature_is_found_as_one),
+      cmocka_unit_test(test_sudden_changes_show_in_smoothed_moments_and_noise_does_not),
+      cmocka_unit_test(test_short_bursts_are_told_from_single_hits),
+      cmocka_unit_test(test_noise_of_the_seconds_is_fitted_beside_another_kind),
+      cmocka_unit_test(test_noise_believed_too_small_is_no_other_kind_of_noise),
+      cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
+      cmocka_unit_test(test_causes_of_no_family_are_not_named),
+      cmocka_unit_test(test_jumps_that_come_again_and_again_are_no_events),
       cmocka_unit_test(test_noise_that_axes_share_is_told_from_slow_causes_of_both),
       cmocka_unit_test(test_curvature_gives_the_errors_of_a_gaussian),
   };

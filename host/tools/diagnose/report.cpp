@@ -56,7 +56,8 @@ const char* doubt_text(Doubt doubt) {
 }
 const char* rest_name(Rest test) {
   static const char* const names[] = {
-      "spectrum", "variance_over_temperature", "variance_over_time", "distribution", "bursts", "line"};
+      "spectrum",      "variance_over_temperature", "variance_over_time", "distribution", "bursts", "line",
+      "sudden_changes"};
   return names[static_cast<size_t>(test)];
 }
 const char* rest_text(Rest test) {
@@ -65,7 +66,8 @@ const char* rest_text(Rest test) {
                                       "noise of a strength that changes with time",
                                       "noise that is not Gaussian",
                                       "noise that comes in bursts",
-                                      "a line in the spectrum"};
+                                      "a line in the spectrum",
+                                      "sudden changes that come again and again"};
   return texts[static_cast<size_t>(test)];
 }
 const char* held_out_text(HeldOut method) {

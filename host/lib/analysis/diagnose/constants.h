@@ -34,6 +34,11 @@ struct SelectorConstants {
   double carried_part = 0.75;
   double slow_tau_part = 0.02;
   double growth_part = 0.02;
+  double lack_nats = 3;
+  double lack_part = 0.1;
+  double least_share = 0.1;
+  double noise_margin_nats = 6;
+  double against_nats = 3;
   // Fast causes in the seconds (seconds.cpp, select.cpp, shared.cpp).
   double fast_nats = 8;
   double line_nats = 22;

@@ -128,7 +128,7 @@ const std::vector<Reference>& free_shapes() {
        {&direction, {{}}, level(12, 0.7)}},
       {Family::kThermalMemory, "a free response to earlier temperature rates", {&response, {{}}, level(14, 0.7)}},
       {Family::kFunctionOfTime, "a free function of the time since the start", {&time, {{}}, falling(20)}},
-      {Family::kFunctionOfTime, "a free function of temperature and time", {&both, {{}}, level(8, 0.5)}},
+      {Family::kFunctionOfTime, "a free function of temperature and time", {&both, {{}}, level(8, 0.5)}, false},
   };
   return list;
 }

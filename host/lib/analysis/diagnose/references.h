@@ -10,6 +10,7 @@ struct Reference {
   Family family;
   const char* what; // in words
   ScanCandidate candidate;
+  bool has_members = true; // false: no effect of the library is of this kind, the family says little
 };
 
 // Free functions of temperature, of temperature with the direction of its change, of earlier temperature rates, of the

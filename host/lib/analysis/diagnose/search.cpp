@@ -23,6 +23,7 @@ constexpr double kUsualTau_s = 300;
 constexpr size_t kNoisesBeside = 2;
 constexpr size_t kPolished = 7, kPairBases = 6, kPairNodes = 6, kPairsPolished = 4;
 constexpr int kEvaluations = 110, kQuickEvaluations = 60;
+constexpr int kPasses = 3; // of neighbours of a shape
 constexpr size_t kMostNames = 3;
 constexpr size_t kPartsKept = 12;
 const char kCalibrationVersion[] = "5"; // changes whenever a draw would gain something else
@@ -231,7 +232,8 @@ struct SlowSearch::Impl {
     return RunGrams(data, pointers_of(own), noise(m));
   }
   double noise_value(const SlowModel& m) const {
-    if (m.is_believed) return 0;
+    // Another kind of noise beside the believed one is other than believed too.
+    if (m.is_believed) return m.noise_effect ? -constants.reestimated_nats : 0;
     return prior.at(m.log_noise) - (belief.has_believed ? constants.reestimated_nats : 0);
   }
   double evaluate(const SlowModel& m) const {
@@ -360,8 +362,10 @@ struct SlowSearch::Impl {
   }
 
   // Every candidate added to `m`, noise by node, shapes on their grids.
-  std::vector<SlowCandidateScore> scan(const SlowModel& m, const std::vector<const Node*>& where) const {
+  std::vector<SlowCandidateScore> scan(const SlowModel& m, const std::vector<const Node*>& where,
+                                       bool only_free = false) const {
     std::vector<char> skip(candidates.size(), 0);
+    for (size_t j = 0; j < candidates.size(); ++j) skip[j] = only_free && candidates[j].effect ? 1 : 0;
     for (const SlowModel::Name& name : m.names) skip[name.candidate] = 1;
     const std::vector<Part> own = parts(m);
     const std::vector<const MeanPart*> pointers = pointers_of(own);
@@ -416,6 +420,24 @@ struct SlowSearch::Impl {
     return list;
   }
 
+  // The best neighbour of the last name's shape, again and again while it gains.
+  void approach(SlowModel* m) const {
+    const Candidate& c = candidates[m->names.back().candidate];
+    if (!c.effect || c.scan.shapes.size() < 2) return;
+    const double spacing = std::fabs(c.scan.shapes[1][0] - c.scan.shapes[0][0]);
+    double highest = evaluate(*m);
+    for (int pass = 0; pass < kPasses; ++pass) {
+      SlowModel best = *m;
+      for (const Theta& shape : c.scan.estimator->neighbours(m->names.back().shape, spacing)) {
+        SlowModel near = *m;
+        near.names.back().shape = shape;
+        if (const double value = evaluate(near); value > highest) highest = value, best = near;
+      }
+      if (best.names.back().shape == m->names.back().shape) return;
+      *m = best;
+    }
+  }
+
   // Polishes the best of a scan; the others keep their values from the grid.
   void polish_best(std::vector<SlowCandidateScore>* scores, size_t count, double floor, int evaluations) const {
     std::vector<size_t> order(scores->size());
@@ -428,9 +450,26 @@ struct SlowSearch::Impl {
       if (s.model.names.empty() || s.gain_nats < floor ||
           s.gain_nats < best - std::max(constants.near_nats, constants.near_part * (best - floor)))
         break;
+      approach(&s.model);
       s.model = polished(s.model, evaluations);
       s.gain_nats = s.model.free_score();
     }
+  }
+
+  // Free shapes beside `m`, best first.
+  std::vector<SlowCandidateScore> free_beside(const SlowModel& m, size_t most) const {
+    std::vector<SlowCandidateScore> list;
+    for (SlowCandidateScore& s : scan(m, likely_nodes(m), true))
+      if (!s.model.names.empty() && s.gain_nats > -1e299) list.push_back(std::move(s));
+    std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+    if (list.size() > most) list.resize(most);
+    for (SlowCandidateScore& s : list)
+      if (s.gain_nats > m.free_score() - constants.near_nats) {
+        s.model = polished(s.model, kQuickEvaluations);
+        s.gain_nats = s.model.free_score();
+      }
+    std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+    return list;
   }
 
   // Kinds of slow noise beside `m`, each from its best start; only the most promising ones are polished.
@@ -810,6 +849,9 @@ double SlowSearch::score(const SlowModel& model) const {
 }
 double SlowSearch::evidence_of(const SlowModel& model, size_t name) const {
   return impl_->evidence_of(model, name);
+}
+std::vector<SlowCandidateScore> SlowSearch::free_beside(const SlowModel& model, size_t most) const {
+  return impl_->free_beside(model, most);
 }
 SlowModel SlowSearch::polished(const SlowModel& model) const {
   return impl_->polished(model);

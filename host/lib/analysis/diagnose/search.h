@@ -112,6 +112,8 @@ public:
   double score(const SlowModel& model) const; // less all thresholds: what the search maximises
   // What a name gains over the best hypothesis without it, less its threshold.
   double evidence_of(const SlowModel& model, size_t name) const;
+  // Free shapes beside a model, the one that gains most first: what its names leave unexplained.
+  std::vector<SlowCandidateScore> free_beside(const SlowModel& model, size_t most) const;
   // Noise and shape parameters estimated again.
   SlowModel polished(const SlowModel& model) const;
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <iterator>
 #include <unsupported/Eigen/FFT>
 
 #include "analysis/diagnose/kalman.h"
@@ -94,15 +95,18 @@ NoiseModel with_factors(const NoiseModel& base, const Theta& x) {
 
 } // namespace
 
-SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start,
-                               const std::vector<VectorXd>& residual) {
+SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start, const std::vector<VectorXd>& residual,
+                               const std::function<NoiseModel(const NoiseModel&)>& with) {
   Theta x{0, 0, 0};
   SearchOptions options;
   options.step = 0.3, options.max_evaluations = 60, options.tolerance = 0.02;
   SecondsNoise out;
-  out.log_likelihood =
-      maximise([&](const Theta& at) { return residual_log_likelihood(campaign, with_factors(start, at), residual); },
-               &x, {-6, -9, -6}, {6, 9, 6}, options);
+  out.log_likelihood = maximise(
+      [&](const Theta& at) {
+        const NoiseModel noise = with_factors(start, at);
+        return residual_log_likelihood(campaign, with ? with(noise) : noise, residual);
+      },
+      &x, {-6, -9, -6}, {6, 9, 6}, options);
   out.base = with_factors(start, x);
   return out;
 }
@@ -251,6 +255,10 @@ Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e, bo
 namespace {
 
 constexpr double kTempCell_degc = 4, kTimeBlock_s = 600, kBurst_s = 30;
+constexpr long kNeighbours[] = {10, 60};       // samples within which hits of one burst follow each other
+constexpr double kSudden_s[] = {5., 15., 50.}; // of innovations: where sudden changes show
+constexpr double kFewestSmoothed = 500;        // smoothing times in all logs: fewer have no normal moments
+constexpr double kMomentTail = 1.4;            // moments of so many reach this much further than a normal
 constexpr double kFewestInCell = 60;
 constexpr double kFewestPeriods = 6;          // of a frequency in the longest run: the mean takes what is slower
 constexpr double kFewestDegreesOfFreedom = 8; // of a bin of the spectrum
@@ -286,7 +294,21 @@ RestFinding over_time(const Campaign& campaign, const std::vector<VectorXd>& e, 
   return finding(Rest::kVarianceOverTime, statistic, dof, rate);
 }
 
-// Neighbouring half minutes that are both strong.
+// Squares of neighbours that are large together, in standard errors.
+double strong_neighbours(const std::vector<VectorXd>& e, const Moments& m, long reach) {
+  double sum = 0, square = 0, n = 0;
+  for (const VectorXd& x : e) {
+    const VectorXd h = x.array().square() / m.var - 1;
+    double near = 0;
+    for (long k = 0; k < h.size(); ++k) {
+      sum += h[k] * near, square += h[k] * h[k], n += 1;
+      near += h[k] - (k >= reach ? h[k - reach] : 0.0);
+    }
+  }
+  return square > 0 ? std::max(0.0, sum / (square * std::sqrt(static_cast<double>(reach) / n))) : 0;
+}
+
+// Strong samples that follow each other within a minute, or neighbouring half minutes that are both strong.
 RestFinding in_bursts(const Campaign& campaign, const std::vector<VectorXd>& e, const Moments& m, double rate) {
   const long block = std::max(1L, std::lround(kBurst_s / campaign.dt_s));
   const double n = static_cast<double>(block);
@@ -299,8 +321,43 @@ RestFinding in_bursts(const Campaign& campaign, const std::vector<VectorXd>& e, 
       before = excess;
     }
   }
-  const double z = count > 0 ? std::max(0.0, sum / std::sqrt(count)) : 0;
-  return finding(Rest::kBursts, z * z, 1, rate);
+  double z = count > 0 ? std::max(0.0, sum / std::sqrt(count)) : 0;
+  for (long reach : kNeighbours) z = std::max(z, strong_neighbours(e, m, reach));
+  return finding(Rest::kBursts, z * z, 1, rate / (1 + std::size(kNeighbours)));
+}
+
+// Largest third or fourth Hermite moment of innovations smoothed over tau, in standard errors: of N(0,1) samples with the
+// correlation a^n the sum of He_m has the variance m! n (1 + a^m)/(1 - a^m).
+double smoothed_moment(const std::vector<VectorXd>& e, double a) {
+  double s2 = 0, s3 = 0, s4 = 0, n = 0;
+  std::vector<VectorXd> smooth;
+  const double b = std::sqrt(1 - a * a);
+  for (const VectorXd& x : e) {
+    VectorXd z(x.size());
+    double state = 0;
+    for (long k = x.size() - 1; k >= 0; --k) z[k] = state = a * state + b * x[k];
+    s2 += z.squaredNorm(), n += static_cast<double>(z.size());
+    smooth.push_back(std::move(z));
+  }
+  if (!(s2 > 0)) return 0;
+  for (const VectorXd& z : smooth) {
+    const Eigen::ArrayXd u = z.array() * std::sqrt(n / s2), uu = u.square();
+    s3 += (u * (uu - 3)).sum(), s4 += (uu * uu - 6 * uu + 3).sum();
+  }
+  const double a3 = a * a * a, a4 = a3 * a;
+  return std::max(std::fabs(s3) / std::sqrt(6 * n * (1 + a3) / (1 - a3)),
+                  std::fabs(s4) / std::sqrt(24 * n * (1 + a4) / (1 - a4)));
+}
+
+// Jumps, teeth and slips: a Gaussian noise takes their spectrum, not their moments.  The filter forgets what it knew, so
+// that a jump is a run of innovations of one sign.
+RestFinding in_sudden_changes(const Campaign& campaign, const std::vector<VectorXd>& e, const Moments& m, double rate) {
+  double z = 0;
+  for (double tau_s : kSudden_s)
+    if (m.n * campaign.dt_s > kFewestSmoothed * tau_s)
+      z = std::max(z, smoothed_moment(e, std::exp(-campaign.dt_s / tau_s)));
+  z /= kMomentTail;
+  return finding(Rest::kSuddenChanges, z * z, 1, rate / (2 * std::size(kSudden_s)));
 }
 
 // Binned periodogram against a flat one.
@@ -345,7 +402,8 @@ std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<V
           finding(Rest::kDistribution, heavy * heavy, 1, rate),
           in_bursts(campaign, e, m, rate),
           in_spectrum(campaign, e, rate),
-          {Rest::kLine, strongest_line(campaign, e, false).gain_nats - constants.rest_line_nats}};
+          {Rest::kLine, strongest_line(campaign, e, false).gain_nats - constants.rest_line_nats},
+          in_sudden_changes(campaign, e, m, rate)};
 }
 
 } // namespace imucal

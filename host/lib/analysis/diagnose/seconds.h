@@ -2,6 +2,7 @@
 // The fast stage: what the single seconds say once the slow causes are in the mean.  Noise parameters of the
 // seconds, kinds of fast noise, tones, and tests of what is left that need no library.
 #pragma once
+#include <functional>
 #include <vector>
 
 #include "analysis/diagnose/fit.h"
@@ -18,8 +19,10 @@ struct SecondsNoise {
   NoiseModel base;
   double log_likelihood = -1e300;
 };
+// `with`, where given: what an effect makes of the base that is varied.
 SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start,
-                               const std::vector<Eigen::VectorXd>& residual);
+                               const std::vector<Eigen::VectorXd>& residual,
+                               const std::function<NoiseModel(const NoiseModel&)>& with = {});
 
 struct FastFinding {
   const Effect* effect = nullptr;
@@ -40,7 +43,16 @@ struct Line {
 Line strongest_line(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e, bool with_drift);
 
 // Tests of innovations that no effect owns.
-enum class Rest { kSpectrum, kVarianceOverTemperature, kVarianceOverTime, kDistribution, kBursts, kLine, kCount };
+enum class Rest {
+  kSpectrum,
+  kVarianceOverTemperature,
+  kVarianceOverTime,
+  kDistribution,
+  kBursts,
+  kLine,
+  kSuddenChanges,
+  kCount
+};
 struct RestFinding {
   Rest test = Rest::kSpectrum;
   double evidence_nats = 0; // > 0: fires; at rest_rate on a right model

@@ -16,6 +16,9 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr size_t kUndecidedTried = 4;
+constexpr size_t kPredictionTried = 3;
+constexpr size_t kFewNames = 2;  // what the library is made for; more names have to be worth more
+constexpr size_t kMostJumps = 2; // more are a noise that jumps, not events
 
 class Study {
 public:
@@ -43,7 +46,9 @@ public:
     out_.slow = out_.search->run();
     if (held_out_) held_blocks_.reset(new Campaign(block_means(*held_out_, block_s)));
     weigh_steps();
+    weigh_noise();
     hold_out();
+    look_beside();
     seconds();
     name_slow();
     name_undecided();
@@ -100,6 +105,47 @@ private:
       out_.slow = chosen;
     }
   }
+
+  // The same for a kind of slow noise that stands alone: a cause in the mean that makes all logs together more likely
+  // takes its place.
+  void weigh_noise() {
+    if (!held_blocks_ || !out_.slow.best.names.empty() || !out_.slow.best.noise_effect) return;
+    const auto all_logs = [&](const SlowModel& m) {
+      return out_.search->score(m) +
+             0.5 * measure_gap(*out_.search, *out_.data, held_blocks_.get(), out_.slow.null, m).delta_deviance;
+    };
+    double highest = all_logs(out_.slow.best);
+    std::vector<std::pair<double, size_t>> order;
+    for (size_t j = 0; j < out_.slow.singles.size(); ++j)
+      if (!out_.slow.singles[j].model.names.empty()) order.push_back({out_.slow.singles[j].gain_nats, j});
+    std::sort(order.rbegin(), order.rend());
+    for (size_t i = 0; i < order.size() && i < kPredictionTried; ++i) {
+      const SlowModel& single = out_.slow.singles[order[i].second].model;
+      const double evidence = single.free_score() - out_.slow.null.free_score() - constants().mean_nats;
+      if (evidence < 0) return;
+      if (const double value = all_logs(single); value > highest) {
+        highest = value;
+        out_.slow.best = single;
+        out_.slow.evidence = {evidence};
+        out_.slow.rivals = {{}};
+      }
+    }
+  }
+
+  // Free shapes that still gain beside the answer: what it leaves of a cause.
+  void look_beside() {
+    const SlowModel& best = out_.slow.best;
+    if (best.names.empty() && !best.noise_effect) return;
+    for (const SlowCandidateScore& s : out_.search->free_beside(best, 2))
+      if (const double nats = s.gain_nats - best.free_score(); leaves_much(nats))
+        beside_.push_back({s.model.names.back().candidate, nats});
+  }
+  bool leaves_much(double nats) const {
+    const double gain = out_.slow.best.free_score() - out_.slow.null.free_score();
+    return nats > constants().lack_nats && nats > constants().lack_part * (std::max(0.0, gain) + nats);
+  }
+  // Held-out logs that become less likely by the answer.
+  bool is_against() const { return held_blocks_ && 0.5 * out_.gap.delta_deviance < -constants().against_nats; }
 
   // Names live by what they predict: one that the held-out data do not support goes, the least supported first.
   void hold_out() {
@@ -201,27 +247,88 @@ private:
     effect->set.insert(effect->set.end(), members.begin(), members.end());
   }
 
-  // A free shape beside a member of the same family is what that member leaves, not another cause.
+  static bool is_free(const SelectedEffect& effect) { return !effect.term.effect; }
+  static void open_shape(SelectedEffect* effect) { effect->is_family = true, effect->doubt = Doubt::kShapeOpen; }
+  void leave(const SelectedEffect& effect) { selection().remainders.push_back(effect.set.front()); }
+
   void name_slow() {
     const SlowModel& best = out_.slow.best;
     std::vector<SelectedEffect> list;
     for (size_t i = 0; i < best.names.size(); ++i)
       if (out_.slow.evidence[i] > 0) list.push_back(slow_effect(i));
     std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
+    const bool is_medley = is_made_of_many(list);
+    if (is_medley)
+      for (const SelectedEffect& effect : list) leave(effect);
+    else
+      named_ = owned(members_before_shapes(list));
+    for (size_t j : out_.slow.replaced) selection().remainders.push_back(evidence_of(j, 0, 0));
+    open_by_lack();
+    if (!best.steps.empty() && !is_medley) name_steps();
+    if (best.noise_effect && !out_.slow.evidence.empty() && out_.slow.evidence.back() > 0 && !is_medley)
+      name_slow_noise();
+  }
+  // More names than few, none of which could be left out: their sum is a stand-in for a cause of another shape.
+  bool is_made_of_many(const std::vector<SelectedEffect>& list) const {
+    if (list.size() + (out_.slow.best.steps.empty() ? 0 : 1) <= kFewNames) return false;
+    double sum = out_.slow.step_gain_nats, least = sum > 0 ? sum : 1e300;
+    for (const SelectedEffect& effect : list) sum += effect.gain_nats, least = std::min(least, effect.gain_nats);
+    return least > constants().least_share * sum;
+  }
+  // A free shape beside a member of the same family is what that member leaves, not another cause; where it is much, the
+  // member is not the cause.  Two free shapes of one family are one answer.
+  std::vector<SelectedEffect> members_before_shapes(const std::vector<SelectedEffect>& list) {
     std::vector<SelectedEffect> kept;
+    const auto same_family = [&](const SelectedEffect& effect, bool free) {
+      return std::find_if(kept.begin(), kept.end(), [&](const SelectedEffect& other) {
+        return other.family == effect.family && is_free(other) == free;
+      });
+    };
+    for (const SelectedEffect& effect : list)
+      if (!is_free(effect)) kept.push_back(effect);
     for (const SelectedEffect& effect : list) {
-      bool is_rest = false;
-      for (const SelectedEffect& other : list)
-        is_rest = is_rest || (!effect.term.effect && other.term.effect && other.family == effect.family);
-      if (is_rest)
-        selection().remainders.push_back(effect.set.front());
+      if (!is_free(effect)) continue;
+      const auto member = same_family(effect, false), shape = same_family(effect, true);
+      if (member == kept.end() && shape == kept.end()) {
+        kept.push_back(effect);
+        continue;
+      }
+      leave(effect);
+      const double share = constants().member_share;
+      if (member != kept.end() && effect.gain_nats > (1 - share) / share * member->gain_nats) open_shape(&*member);
+    }
+    std::sort(kept.begin(), kept.end(), [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
+    return kept;
+  }
+  // Free shapes of different kinds together, or one of a kind that no effect is of, are no family: nothing is named then.
+  std::vector<SelectedEffect> owned(const std::vector<SelectedEffect>& list) {
+    size_t shapes = 0;
+    bool has_owner = true;
+    for (const SelectedEffect& effect : list)
+      if (is_free(effect)) ++shapes, has_owner = has_owner && has_members(effect);
+    std::vector<SelectedEffect> kept;
+    for (const SelectedEffect& effect : list)
+      if (is_free(effect) && (shapes > 1 || !has_owner))
+        leave(effect);
       else
         kept.push_back(effect);
+    return kept;
+  }
+  static bool has_members(const SelectedEffect& effect) {
+    return !effect.set.front().reference || effect.set.front().reference->has_members;
+  }
+  // Members are names while no free shape beside them gains much.
+  void open_by_lack() {
+    for (const Beside& rest : beside_) {
+      const Family family = candidate(rest.candidate).family();
+      selection().remainders.push_back(evidence_of(rest.candidate, rest.nats, 0));
+      for (SelectedEffect& effect : named_)
+        if (effect.family == family || named_.size() == 1) open_shape(&effect);
     }
-    named_ = kept;
-    for (size_t j : out_.slow.replaced) selection().remainders.push_back(evidence_of(j, 0, 0));
-    if (!best.steps.empty()) name_steps();
-    if (best.noise_effect && !out_.slow.evidence.empty() && out_.slow.evidence.back() > 0) name_slow_noise();
+  }
+  static void open_jumps(SelectedEffect* effect) {
+    effect->family = Family::kSlowNoise, effect->is_family = true, effect->doubt = Doubt::kMemberOpen;
+    effect->statement = "jumps come again and again: a noise that jumps, not single events; what makes it is open";
   }
   void name_steps() {
     for (size_t j = 0; j < library_.size(); ++j) {
@@ -238,6 +345,8 @@ private:
       effect.held_out_nats = kNaN;
       effect.set = {
           {library_[j], nullptr, false, effect.family, effect.gain_nats, effect.gain_nats - effect.evidence_nats}};
+      // Jumps that come again and again are a noise.
+      if (out_.slow.best.steps.size() > kMostJumps || (named_.empty() && is_against())) open_jumps(&effect);
       named_.push_back(effect);
     }
   }
@@ -255,12 +364,17 @@ private:
     for (const SlowCandidateScore& s : out_.slow.noises) {
       if (s.model.noise_effect == best.noise_effect || !best.names.empty()) continue;
       const double gap = best.free_score() - s.gain_nats;
-      if (gap > constants().rivals_nats) continue;
+      if (gap > constants().noise_margin_nats) continue;
       nearest = std::min(nearest, gap);
       effect.set.push_back({s.model.noise_effect, nullptr, false, effect.family, effect.gain_nats - gap, threshold});
     }
-    if (nearest < constants().family_margin_nats) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
-    named_.push_back(effect);
+    if (nearest < constants().noise_margin_nats) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+    if (best.names.empty() && is_against()) {
+      effect.doubt = Doubt::kAgainst, effect.held_out_nats = 0.5 * out_.gap.delta_deviance;
+      selection().dropped.push_back(effect);
+    } else if (!best.names.empty() || beside_.empty()) {
+      named_.push_back(effect);
+    }
   }
 
   // Slow noise explains it, but a repeatable cause that takes most of it would do so as well.
@@ -337,14 +451,31 @@ private:
     selection().nominal = hypothesis_of(nominal, false);
     selection().final = hypothesis_of(out_.slow.best, true);
     final_fit_ = fit_hypothesis(campaign_, selection().final);
-    own_noise_ = selection().final.noise();
-    from_ = fit_seconds_noise(campaign_, own_noise_, final_fit_.residual);
+    from_ = fit_seconds_noise(campaign_, selection().final.noise(), final_fit_.residual);
     believe_again();
+    fit_own_base();
     line_ = strongest_line(campaign_, whitened(), false);
     if (line_.gain_nats < constants().line_nats && campaign_.n() < 200000) {
       const Line drifting = strongest_line(campaign_, whitened(), true);
       if (drifting.gain_nats > constants().drift_nats) line_ = drifting;
     }
+  }
+  // Noise beside a kind of slow noise, of the seconds: block means do not show all of it.
+  void fit_own_base() {
+    const SlowModel& m = out_.slow.best;
+    if (!m.noise_effect) return;
+    own_base_ = out_.search->base_noise_of(m);
+    own_base_.extra_white_dph2 = extra_white_dph2_;
+    if (is_believed_) return;
+    fit_own_base_beside(nullptr, {});
+  }
+  void fit_own_base_beside(const EffectEstimator* fast, const Theta& theta) {
+    const SlowModel& m = out_.slow.best;
+    const auto with = [&](const NoiseModel& base) {
+      const NoiseModel slow = m.noise_effect->estimator()->noise(base, m.noise_theta);
+      return fast ? fast->noise(slow, theta) : slow;
+    };
+    own_base_ = fit_seconds_noise(campaign_, own_base_, final_fit_.residual, with).base;
   }
   // Whether the believed noise parameters hold is a question to the seconds, under the causes found.
   void believe_again() {
@@ -407,7 +538,7 @@ private:
     // What the fast noise explains better than a kind of slow noise takes its place.
     insert_by_evidence(effect);
     from_.base = best.base;
-    own_noise_ = best.effect->estimator()->noise(best.base, best.theta);
+    if (out_.slow.best.noise_effect) fit_own_base_beside(best.effect->estimator(), best.theta);
     selection().final.terms.push_back(effect.term);
   }
   // The strongest first; but what these logs leave open stands before what is beside it.
@@ -454,7 +585,19 @@ private:
       effect.evidence_nats = retuned_nats_ - constants().retuned_nats;
       effect.held_out_nats = kNaN;
       effect.set = {{library_[j], nullptr, false, effect.family, effect.gain_nats, constants().retuned_nats}};
+      add_kinds_of_noise(&effect);
       retuned_.push_back(effect);
+    }
+  }
+
+  // Another kind of noise beside the believed one that does as well as other parameters.
+  void add_kinds_of_noise(SelectedEffect* retuned) const {
+    if (!out_.slow.best.names.empty() || out_.slow.best.noise_effect) return;
+    for (const SlowCandidateScore& s : out_.slow.noises) {
+      const double gap = out_.slow.null.free_score() - s.gain_nats - constants().noise_kind_nats;
+      if (s.model.noise_effect && s.model.is_believed && gap < constants().rivals_nats)
+        retuned->set.push_back(
+            {s.model.noise_effect, nullptr, false, retuned->family, retuned->gain_nats - gap, constants().noise_nats});
     }
   }
 
@@ -463,13 +606,14 @@ private:
     s.final.base_noise = from_.base;
     s.final.base_noise.extra_white_dph2 = extra_white_dph2_;
     // Noise terms act on the base; the base was fitted with them in it.
-    if (out_.slow.best.noise_effect) s.final.base_noise = own_base();
+    if (out_.slow.best.noise_effect) s.final.base_noise = own_base_;
     s.fitted_noise = from_.base;
     s.threshold_nats = constants().mean_nats;
     const Fit fit = fit_hypothesis(campaign_, s.final);
     fill_coefficients(fit);
     s.before = test_rest(campaign_, fit_hypothesis(campaign_, s.nominal).e, constants());
     s.after = test_rest(campaign_, fit.e, constants());
+    open_by_rest();
     s.total_gain_nats = out_.slow.best.free_score() - out_.slow.null.free_score();
     for (size_t j = 0; j < out_.slow.singles.size(); ++j)
       if (candidate(j).effect)
@@ -482,14 +626,28 @@ private:
                                 constants().noise_nats});
     s.effects = structural_;
     s.effects.insert(s.effects.end(), named_.begin(), named_.end());
-    s.effects.insert(s.effects.end(), retuned_.begin(), retuned_.end());
+    // Beside something unexplained the noise parameters are those of a stand-in.
+    if (!leaves_something()) s.effects.insert(s.effects.end(), retuned_.begin(), retuned_.end());
     judge();
   }
-  NoiseModel own_base() const {
-    NoiseModel base = out_.search->base_noise_of(out_.slow.best);
-    base.extra_white_dph2 = extra_white_dph2_;
-    base.white_sigma_dph = own_noise_.white_sigma_dph;
-    return base;
+  bool leaves_something() {
+    bool leaves = !selection().remainders.empty() || !selection().dropped.empty();
+    for (const RestFinding& f : selection().after) leaves = leaves || (!is_censored_ && f.evidence_nats > 0);
+    return leaves;
+  }
+  // A kind of noise, or jumps, are names while what remains is noise by the tests.
+  void open_by_rest() {
+    bool fires = false, has_jumps = false;
+    for (const RestFinding& f : selection().after) {
+      fires = fires || (f.evidence_nats > 0 && f.test != Rest::kLine);
+      has_jumps = has_jumps || (f.evidence_nats > 0 && f.test == Rest::kSuddenChanges);
+    }
+    for (SelectedEffect& effect : named_) {
+      if (!effect.term.effect || effect.is_family || is_censored_) continue;
+      const Form form = effect.term.form();
+      if (form == Form::kNoise && fires) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+      if (form == Form::kSteps && has_jumps) open_jumps(&effect);
+    }
   }
 
   void fill_coefficients(const Fit& fit) {
@@ -542,7 +700,9 @@ private:
     const bool has_mean = out_.gap.has_mean || !out_.slow.best.steps.empty();
     const bool grows = has_mean && out_.gap.rms_after_dph > (1 + constants().growth_part) * out_.gap.rms_before_dph;
     fires = fires || !s.dropped.empty();
-    if (s.effects.empty())
+    if (s.effects.empty() && !s.remainders.empty())
+      s.verdict = Verdict::kUnexplained;
+    else if (s.effects.empty())
       s.verdict = fires ? Verdict::kUnexplained : Verdict::kNoGap;
     else if (!has_member && has_open)
       s.verdict = Verdict::kUnexplained;
@@ -565,7 +725,12 @@ private:
   bool is_censored_ = false, is_believed_ = false;
   Fit final_fit_;
   SecondsNoise from_;
-  NoiseModel own_noise_;
+  NoiseModel own_base_; // under a kind of slow noise
+  struct Beside {
+    size_t candidate;
+    double nats;
+  };
+  std::vector<Beside> beside_;
   Line line_;
 };
 

@@ -105,6 +105,9 @@ public:
   // Whether what the effect does at this shape happens at least twice in these runs.  What happens once cannot be told
   // from something that happened at that time, and is no candidate.
   virtual bool is_repeated(const std::vector<const RunInput*>& /*runs*/, const Theta& /*shape*/) const { return true; }
+  // Shapes about one of the grid that are tried before it is refined: where a small change of one parameter alone leads
+  // over a ridge.  `spacing`: of the grid, in units of the first parameter.
+  virtual std::vector<Theta> neighbours(const Theta& /*shape*/, double /*spacing*/) const { return {}; }
   virtual PriorScale prior() const { return {}; }
   // kTemperature: the temperature at which B is taken.
   virtual Column temperature(const RunInput&, const Theta&) const { return {}; }

@@ -136,6 +136,16 @@ public:
     }
     return all.up >= 2 || all.down >= 2 || (shape[1] <= kLeastBand_degc && all.up + all.down >= 2);
   }
+  // Either threshold alone: moved together they only trade one misplaced jump for the other.
+  std::vector<Theta> neighbours(const Theta& shape, double spacing) const override {
+    std::vector<Theta> out;
+    for (int k = -4; k <= 4; ++k) {
+      const double shift = 0.25 * spacing * k;
+      if (k != 0 && shape[1] + shift >= 0) out.push_back({shape[0] + shift, shape[1] + shift});
+      if (k != 0 && shape[1] - shift >= 0) out.push_back({shape[0], shape[1] - shift});
+    }
+    return out;
+  }
   PriorScale prior() const override { return {3, false, 3}; }
   Parameters values(const Estimate& e) const override {
     return {{"amplitude_dph", e.coefficient(0)}, {"temp_degc", e.shape_at(0)}, {"width_degc", e.shape_at(1)}};
