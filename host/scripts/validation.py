@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: MIT
 """How well does it calibrate?  The tables of the README: simulated calibration tests through the C core.
 
-usage: validation.py MONTECARLO [--runs N] [--seed N] [--out FOLDER] [--check]
+usage: validation.py MONTECARLO [--runs N] [--seed N] [--out FOLDER] [--check] [--save FILE.md] [--short]
 
 Every line is a campaign of `montecarlo`; its JSON stays in FOLDER.  --check: exit with 1 where the empirical error leaves
 0.97 … 1.03 of the predicted one, NEES or NIS their 95 % intervals, or coverage its interval at 99 % for all temperatures
-together (N = 4000 and more; fewer runs scatter more)."""
+together (N = 4000 and more; fewer runs scatter more).  --save: the tables as the README shows them; tests hold the README to
+the saved file, and a --short run, of a few tests only, to its own."""
 
 import argparse
 import json
@@ -92,16 +93,58 @@ def failures(name, r):
     return out
 
 
+def markdown(header, rows):
+    """A table of a README."""
+    return ["| " + " | ".join(row) + " |" for row in [header, ["---"] * len(header), *rows]]
+
+
+def span(lo, hi, digits=3):
+    return f"{lo:.{digits}f} … {hi:.{digits}f}"
+
+
+def consistency_markdown(rows):
+    out = []
+    for name, r in rows:
+        one, two = (r["coverage"][band]["part"] for band in ("one_sigma", "two_sigma"))
+        nees, nis = r["nees"], r["nis"]
+        out.append([name, str(r["runs"]), span(*r["ratio_range"]), f"{nees['mean']:.3f} ({span(*nees['ci95'])})",
+                    f"{nis['mean']:.4f} ({span(*nis['ci95'], 4)})", span(min(one), max(one)), span(min(two), max(two))])
+    return markdown(["campaign", "tests", "empirical/predicted error, 13 temperatures", "NEES (95 % interval)", "NIS (95 % interval)",
+                     "1 σ cover", "2 σ cover"], out)
+
+
+def mismatch_markdown(found):
+    """Columns: what the filter assumes, {(sigma, tau): (believed, truth covariance, found)}, tests."""
+    results, runs = found
+    names = [f"{sigma}, {tau} s" for sigma, tau in results]
+    return markdown(["filter assumes", *names], [[name, *(f"{r[i]:.2f}" for r in results.values())]
+                    for i, name in enumerate(("it believes", "truth covariance", f"found, {runs} tests"))])
+
+
+def methods_markdown(result):
+    def cell(score):
+        return f"{score['worst_dph']:.1f} / {score['rms_dph']:.1f}"
+    rows = []
+    for scenario in result["scenarios"]:
+        coarse = scenario["temp_lsb_degc"] > 0.1
+        rows.append([scenario["scenario"].split(",")[0], "1 degC" if coarse else "fine", *(cell(score) for score in scenario["methods"])])
+    return markdown(["profile", "thermometer", "Kalman", "least squares", "rising 0.5-degC bins", "rising maximum"], rows)
+
+
 def mismatch_table(campaigns, runs):
+    results = {}
     print("\nA filter that assumes another error model (truth 20 dph, 100 s); worst one-sigma error over temperature, dph")
     print(f"{'filter assumes':<24}{'it believes':>12}{'truth covariance':>18}{'found':>8}{'found/truth':>16}")
     for sigma, tau in ((20, 100), (10, 30), (10, 250), (5, 100), (40, 100), (40, 250)):
         r = campaigns.run(f"mismatch_{sigma}_{tau}", runs, "--core-only", filter_model=filter_model(sigma, tau))
+        results[(sigma, tau)] = [max(r[name]) for name in ("predicted_sigma_dph", "truth_sigma_dph", "empirical_sigma_dph")]
         print(f"{sigma:>5} dph, {tau:>4} s       {max(r['predicted_sigma_dph']):>11.2f}{max(r['truth_sigma_dph']):>18.2f}"
               f"{max(r['empirical_sigma_dph']):>8.2f}{r['ratio_to_truth_range'][0]:>9.3f}…{r['ratio_to_truth_range'][1]:.3f}")
+    return results, runs
 
 
 def thermometer_table(campaigns, runs):
+    rows = []
     print("\nThermometer with a quantum of 1 degC and 0.02 degC noise; worst one-sigma error over temperature, dph")
     print(f"{'gyro':<24}{'fine thermometer':>18}{'1 degC, tracked':>18}{'1 degC, as read':>18}")
     for name, model in (("10 dph/degC", MODEL), ("100 dph/degC", STEEP)):
@@ -109,7 +152,9 @@ def thermometer_table(campaigns, runs):
                                    *arguments, model=model)["empirical_sigma_dph"])
                  for i, arguments in enumerate((["--temp-lsb-degc", "0.01"], ["--temp-lsb-degc", "1"],
                                                 ["--temp-lsb-degc", "1", "--no-track"]))]
+        rows.append([name, *(f"{x:.2f}" for x in worst)])
         print(f"{name:<24}" + "".join(f"{x:18.2f}" for x in worst))
+    return markdown(["gyro", "fine thermometer", "1 degC, tracked", "1 degC, as read"], rows)
 
 
 def method_tables(campaigns, runs):
@@ -118,6 +163,17 @@ def method_tables(campaigns, runs):
         command = [campaigns.program, "compare", "--model", campaigns.write(f"{name}_model", model), "--order", "3", "--runs",
                    str(runs), "--seed", str(campaigns.seed), "--json", str(campaigns.folder / f"{name}.json")]
         subprocess.run(command, check=True)
+    return methods_markdown(json.loads((campaigns.folder / "compare.json").read_text()))
+
+
+def sentences(rows):
+    """Figures that stand in the README's text."""
+    double = [r["double_reference"] for _, r in rows[:2]]
+    apart = [r["least_squares"]["mean_largest_difference_dph"] for _, r in rows[:2]]
+    return [f"- B(T) within {max(d['largest_bias_difference_dph'] for d in double):.1g} dph, "
+            f"sigma within {max(d['largest_sigma_difference_rel'] for d in double):.2g}",
+            f"- within {max(r['compensation']['largest_error_lsb'] for _, r in rows):.2f} LSB of the table",
+            f"- the two differ by {apart[0]:.1f} dph at the worst temperature (order 5: {apart[1]:.1f})"]
 
 
 def residual_table(r):
@@ -134,8 +190,12 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", default="build/validation")
     parser.add_argument("--check", action="store_true")
+    parser.add_argument("--save", metavar="FILE.md", help="write the tables as the README shows them")
+    parser.add_argument("--short", action="store_true", help="16 tests, and 8 where a whole run takes a quarter: for the tests, to see the same digits again")
     options = parser.parse_args()
     campaigns, few = Campaigns(options.program, options.out, options.seed), max(100, options.runs // 4)
+    if options.short:
+        options.runs, few = 16, 8
     rows = [("basic profile, order 3", campaigns.run("order3", options.runs)),
             ("basic profile, order 5", campaigns.run("order5", options.runs, order=5)),
             ("order 3, 100 Hz raw samples", campaigns.run("raw100", few, "--core-only", "--rate-hz", "100")),
@@ -154,9 +214,14 @@ def main():
     print(f"innovation correlation at {first['whiteness']['lag_s']} s: "
           + " ".join(f"{c:+.2f}" for c in correlation) + " (in units of its 95 % interval)")
     residual_table(first)
-    mismatch_table(campaigns, few)
-    thermometer_table(campaigns, few)
-    method_tables(campaigns, max(50, options.runs // 8))
+    names = ("order 3", "order 5", "order 3, 100 raw samples/s", "order 3, jitter, 1 % losses")
+    tables = [consistency_markdown([(name, r) for name, (_, r) in zip(names, rows)]), mismatch_markdown(mismatch_table(campaigns, few))]
+    thermometers = thermometer_table(campaigns, few)
+    tables += [method_tables(campaigns, 4 if options.short else max(50, options.runs // 8)), thermometers, sentences(rows)]
+    if options.save:
+        command = f"make validation RUNS={options.runs}" if not options.short else "the short form of make validation"
+        text = "\n\n".join("\n".join(table) for table in tables)
+        Path(options.save).write_text(f"<!-- {command}, seed {options.seed}: written by host/scripts/validation.py -->\n{text}\n", encoding="utf-8")
     objections = [text for name, r in rows[:2] for text in failures(name, r)]
     if options.check:
         print("\n" + ("\n".join(objections) if objections else "check: all inside"))

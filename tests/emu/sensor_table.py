@@ -31,10 +31,17 @@ def is_found(name, fault, count, text, chamber, folder):
     return sensor[count] >= 1 and text in (result["sensor_trouble"] or "")
 
 
-def row_of(name, chamber, folder):
+def counts_of(name):
+    """Lines of the driver and of its model, unit tests, their checks, the faults."""
     test = (ROOT / ("tests/firmware/test_%s.c" % name)).read_text()
     # The BMI088's thermometer moves in steps of 0.125 degC: its limit is a day.
     faults = [f for f in FAULTS if name != "bmi088" or not f[0].startswith("temperature")]
+    return (lines("firmware/sensors/%s.c" % name, "firmware/sensors/%s.h" % name), lines("tests/emu/%s.h" % name),
+            len(re.findall(r"^static void test_", test, re.M)), len(re.findall(r"\bassert_\w+\(", test)), faults)
+
+
+def row_of(name, chamber, folder):
+    *counts, faults = counts_of(name)
     found = 0
     for i, fault in enumerate(faults):
         (folder / str(i)).mkdir(parents=True)
@@ -42,8 +49,6 @@ def row_of(name, chamber, folder):
             found += 1
         else:
             print("missed: %s %s" % (name, fault[0]), file=sys.stderr)
-    counts = (lines("firmware/sensors/%s.c" % name, "firmware/sensors/%s.h" % name), lines("tests/emu/%s.h" % name),
-              len(re.findall(r"^static void test_", test, re.M)), len(re.findall(r"\bassert_\w+\(", test)))
     print("| `%s` | %d | %d | %d / %d | %d | %d |" % (name, *counts, len(faults), found), flush=True)
     return len(faults) - found
 

@@ -36,6 +36,7 @@ def main():
     parser.add_argument("--healthy", type=int, default=1000)
     parser.add_argument("--out", default="build/sick")
     parser.add_argument("--only", default="")
+    parser.add_argument("--save", help="write the table of the healthy runs to this file, for the tests")
     options = parser.parse_args()
     from pathlib import Path
     bench = Bench(options.out, Path(options.programs).resolve())
@@ -47,16 +48,21 @@ def main():
     runs = healthy.campaign(bench, options.healthy)
     refused = [(kind, rules) for kind, rules in runs if rules]
     print(f"\n{'healthy runs':<48} {'runs':>6} {'refused':>8}  by")
+    table = ["| healthy runs | runs | refused |", "| --- | --- | --- |"]
     for kind in dict.fromkeys(kind for kind, _ in runs):
         rules = Counter(rule for k, found in refused if k == kind for rule in set(found))
-        n_refused = sum(1 for k, _ in refused if k == kind)
-        print(f"{kind:<48} {sum(1 for k, _ in runs if k == kind):>6} {n_refused:>8}  {', '.join(f'{rule} {n}' for rule, n in rules.items())}")
+        n_refused, n_runs = (sum(1 for k, _ in of if k == kind) for of in (refused, runs))
+        table.append(f"| {kind} | {n_runs} | {n_refused} |")
+        print(f"{kind:<48} {n_runs:>6} {n_refused:>8}  {', '.join(f'{rule} {n}' for rule, n in rules.items())}")
     n_device = max(1, options.healthy // 20)
     refused_by_device = device.campaign(at_device, n_device)
     for seed, outcome in refused_by_device:
         print(f"healthy run {seed} refused on the device: {outcome}")
     print(f"sick: {len(faults)} faults, {len(faults) - len(lost)} found as they must be, {flashed} flashed with status 0; "
           f"healthy: {len(refused)} of {len(runs)} refused, on the device {len(refused_by_device)} of {n_device}")
+    if options.save:
+        table.append(f"| on the emulated device | {n_device} | {len(refused_by_device)} |")
+        Path(options.save).write_text("\n".join(table) + "\n")
     n_refused, n_runs = len(refused) + len(refused_by_device), len(runs) + n_device
     return 0 if not lost and n_refused <= MAX_REFUSED * n_runs else 1
 

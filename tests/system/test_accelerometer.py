@@ -120,6 +120,9 @@ def test_model_that_does_not_say_its_unit_is_taken_and_told(folder):
     assert "does not state its unit" in text and '"unit": "mg"' in text
     _, stated = answer(folder, "calibrate", "fit", "mg.csv", "--axis", "az_mg", "--model", "accel.json")
     assert result["axes"][0]["coeff_dph"] == stated["axes"][0]["coeff_dph"]
+    for status, *words in ((0, "dp", "mg.csv", "--nominal", "silent.json", "--type", "dp2"), (1, "errormodel", "check", "mg.csv", "--model", "silent.json")):
+        text, _ = answer(folder, *words, "--axis", "az_mg", status=status)
+        assert text.count("silent.json: the model does not state its unit") == 1, text
 
 
 @pytest.mark.parametrize("log", ["mg.csv", "ms2.csv"])

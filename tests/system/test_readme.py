@@ -6,21 +6,22 @@ round brackets at its end, is a remark.  Lines with --port talk to an emulated d
 after "<!-- not run: why -->" is left out; the count of these is held, so that none slips out unseen.
 
 Every `make X` of a README must be a target, its knobs must be known, and it is run here or stands in LONG with the reason.
-The figures of `make demo` and the number of faults of `make sick` are compared with what is printed."""
+The figures of `make demo` and the number of faults of `make sick` are compared with what is printed; tables: test_readme_figures.py."""
 import json
 import os
 import pathlib
 import re
 import shlex
 import subprocess
+import sys
 
 import pytest
 from imu import Imu
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
-SLOW = ("profile optimize", "montecarlo", "diagnose")  # minutes on a busy machine: with SLOW=1
-PROGRAMS = ("calibrate", "gyrosim", "dp", "errormodel", "profile", "montecarlo", "diagnose", "imucal")
+SCRIPT = "build/venv/bin/python"
+PROGRAMS = ("calibrate", "gyrosim", "dp", "errormodel", "profile", "montecarlo", "diagnose", "imucal", SCRIPT)
 NOT_RUN = re.compile(r"<!-- not run: (\S.*) -->")
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}], "turn_on_sigma_dph": 50,
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
@@ -98,19 +99,17 @@ def run_at(device, words):
 def test_command_line_of_a_readme_runs_as_printed(folder, device, path, number, text):
     if "--port" in text:
         return run_at(device, shlex.split(text))
-    if text.startswith(SLOW) and not os.environ.get("SLOW"):
-        pytest.skip("LOUD: %s:%d: takes long: SLOW=1 runs it" % (path.name, number))
     if " | " in text:  # one of these: all of them
         head, choices = re.match(r"(.* )(\S+ (?:\| \S+ ?)+)$", text).groups()
         for choice in choices.split(" | "):
             test_command_line_of_a_readme_runs_as_printed(folder, device, path, number, head + choice.strip())
         return
     words = shlex.split(text)
-    if not (BUILD / "bin" / words[0]).exists():
-        pytest.fail("not built: " + words[0])
-    result = subprocess.run([BUILD / "bin" / words[0], *words[1:]], cwd=folder, capture_output=True, text=True, timeout=300)
+    command = [sys.executable, ROOT / words[1], *words[2:]] if words[0] == SCRIPT else [BUILD / "bin" / words[0], *words[1:]]
+    assert pathlib.Path(command[0]).exists(), words[0]
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
     assert result.returncode in (0, 1 if words[0] == "diagnose" else 0), (text, result.stderr)
-    for name in re.findall(r"(?:-o|--json) (\S+\.(?:csv|json))", text):
+    for name in re.findall(r"(?:-o|--json) (\S+\.(?:csv|json|html))", text):
         assert (folder / name).stat().st_size > 0, name
 
 
@@ -201,7 +200,6 @@ def test_demo_prints_the_figures_of_the_readmes(tmp_path):
 
 
 def test_number_of_faults_in_the_readme_is_that_of_make_sick():
-    import sys
     sys.path.insert(0, str(ROOT / "tests"))
     from sick import device, offline
     stated = re.search(r"(\d+) faults", " ".join((ROOT / "README.md").read_text().split())).group(1)

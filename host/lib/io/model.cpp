@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/units.h"
 #include "io/json_file.h"
+#include "io/notice.h"
 
 namespace imucal {
 
@@ -112,6 +113,17 @@ void ErrorModel::require_unit_of(const std::string& axis) const {
   throw data_error(std::string("the model is ") + (unit == "mg" ? "an accelerometer's" : "a gyro's") +
                    " (\"unit\": \"" + unit + "\"), axis " + axis + " is in " + axis_unit(axis) +
                    ": give a model of that sensor, or choose axes with --axis");
+}
+
+std::string ErrorModel::note_of_unit(const std::string& axis) const {
+  if (!unit.empty() || !is_accelerometer(axis)) return "";
+  return "the model does not state its unit: its figures are taken as mg; write \"unit\": \"mg\" into it";
+}
+
+void check_unit(const ErrorModel& model, const std::string& path, const std::string& axis) {
+  model.require_unit_of(axis);
+  const std::string note = model.note_of_unit(axis);
+  if (!note.empty()) notice(path + ": " + note);
 }
 
 ErrorModel model_from_json(const JsonField& field) {

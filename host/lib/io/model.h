@@ -51,10 +51,15 @@ struct ErrorModel {
   std::string unit_or_dph() const { return unit.empty() ? "dph" : unit; }
   // data_error where the model is stated to be one of another kind of sensor than the axis.
   void require_unit_of(const std::string& axis) const;
+  // What to tell the user of a model without unit that is taken for the accelerometer's axis; empty: nothing.
+  std::string note_of_unit(const std::string& axis) const;
 
   // White-noise density seen by slow signals: sum 2 sigma^2 tau + (60 arw)^2 [dph^2 s] (reference figures A, tests/README.md).
   double slow_density_dph2_s() const;
 };
+
+// Both of the above for a model that was read from `path`; the note as a notice (io/notice.h).
+void check_unit(const ErrorModel& model, const std::string& path, const std::string& axis);
 
 ErrorModel read_model(const std::string& path); // data_error names the field
 ErrorModel model_from_json(const JsonField& field);

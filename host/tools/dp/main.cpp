@@ -117,7 +117,7 @@ void stream_log(const Options& o, const std::string& log, const Detrend& detrend
   std::vector<long> n;
   for (double t : tau_s) n.push_back(std::lround(t / header.dt_s));
   for (size_t a = 0; a < header.axes.size(); ++a) {
-    if (nominal) nominal->require_unit_of(header.axes[a]);
+    if (nominal) check_unit(*nominal, o.nominal, header.axes[a]);
     if (!varies[a])
       throw data_error(log + ": axis " + header.axes[a] + " is constant: nothing to analyse (is the sensor alive?)");
     base[a] = detrend.kind == Detrend::Kind::kMean ? base[a] + sum[a] / static_cast<double>(count[a]) : 0;
@@ -229,7 +229,7 @@ AxisResult analyse(Series s, const Session& session) {
 void analyse_log(const std::string& log, Session* session) {
   std::vector<Series> axes = load_series(log, session->o.axes, true);
   if (session->nominal)
-    for (const Series& s : axes) session->nominal->require_unit_of(s.axis);
+    for (const Series& s : axes) check_unit(*session->nominal, session->o.nominal, s.axis);
   std::vector<AxisResult> results(axes.size());
   parallel_for(static_cast<long>(axes.size()), session->o.common.thread_count(), [&](long a) {
     const auto i = static_cast<size_t>(a);

@@ -370,7 +370,7 @@ Exit check(const Options& given) {
   choose_detrend(o.logs, o.axes, &o.detrend);
   const std::vector<Series> all = load_all(o, false);
   const ErrorModel model = read_model(o.model);
-  model.require_unit_of(all[0].axis);
+  check_unit(model, o.model, all[0].axis);
   const DpOperator op = operator_of(o, all[0].dt_s);
   const Detrend detrend = Detrend::parse(o.detrend);
   const auto tau_s = taus_for(o, all);

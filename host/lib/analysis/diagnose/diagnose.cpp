@@ -407,12 +407,9 @@ DiagnoseResult diagnose_logs(const DiagnoseOptions& options, const ErrorModel& m
   const std::vector<std::string> names = axes_of(logs.front(), options.axes, model);
   const double rate = 1 - std::pow(1 - options.false_alarm_rate, 1.0 / static_cast<double>(names.size()));
   out.model = model;
-  if (out.model.unit.empty() && is_accelerometer(names.front())) {
+  if (const std::string note = model.note_of_unit(names.front()); !note.empty()) {
     out.model.unit = "mg";
-    if (out.has_model)
-      out.warnings.push_back(
-          options.model_path +
-          ": the model does not state its unit: its figures are taken as mg; write \"unit\": \"mg\" into it");
+    if (out.has_model) out.warnings.push_back(options.model_path + ": " + note);
   }
   out.axes.resize(names.size());
   std::mutex cache; // two axes may share a calibration

@@ -46,9 +46,8 @@ void check_units(const FitOptions& options, const std::string& axis, FitResult* 
   const std::optional<ErrorModel>& model = options.model_of(axis);
   if (!model) return;
   model->require_unit_of(axis);
-  if (!is_accelerometer(axis) || !model->unit.empty()) return;
-  result->warnings.push_back(axis + ": the model does not state its unit: its figures are taken as mg; write \"unit\": "
-                                    "\"mg\" into it");
+  const std::string note = model->note_of_unit(axis);
+  if (!note.empty()) result->warnings.push_back(axis + ": " + note);
 }
 
 struct Span {
