@@ -125,9 +125,11 @@ static imucal_status check_settings(imucal_bmi088_t* sensor) {
 static imucal_status identify(imucal_bmi088_t* sensor) {
   imucal_status status =
       imucal_sensor_identify(sensor->bus, &sensor->counts, GYRO, GYRO_CHIP_ID, GYRO_IDENTITY, &sensor->gyro_identity);
+  sensor->identity = sensor->gyro_identity;
   if (status == IMUCAL_OK) status = read_accel(sensor, ACC_CHIP_ID, &sensor->accel_identity, 1);
   if (status != IMUCAL_OK) return status;
   if (sensor->accel_identity == ACC_IDENTITY) return IMUCAL_OK;
+  sensor->identity = sensor->accel_identity;
   imucal_sensor_count_identity(&sensor->counts, sensor->accel_identity);
   return IMUCAL_ERR_SENSOR;
 }
@@ -286,7 +288,7 @@ static imucal_status deflect(imucal_bmi088_t* sensor, uint8_t how, int32_t words
 static imucal_status test_accel(imucal_bmi088_t* sensor, imucal_sensor_self_test_t* test) {
   const imucal_bmi088_config_t range = {.accel_fs_sel = 3};
   const float g_per_count = imucal_bmi088_units(&range).g_per_count;
-  int32_t positive[3], negative[3];
+  int32_t positive[3] = {0}, negative[3] = {0};
   imucal_status status = write_reg(sensor, ACCEL, ACC_RANGE, range.accel_fs_sel);
   if (status == IMUCAL_OK) status = write_reg(sensor, ACCEL, ACC_CONF, ACC_NORMAL | 0x0C); /* 1600 Hz */
   delay(sensor, 3000);
@@ -342,4 +344,4 @@ const imucal_sensor_driver_t imucal_bmi088_driver = {.name = "bmi088",
                                                      .read = read_any,
                                                      .counts_at = offsetof(imucal_bmi088_t, counts),
                                                      .clock_at = offsetof(imucal_bmi088_t, clock),
-                                                     .identity_at = offsetof(imucal_bmi088_t, gyro_identity)};
+                                                     .identity_at = offsetof(imucal_bmi088_t, identity)};

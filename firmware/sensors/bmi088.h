@@ -27,6 +27,7 @@ typedef struct imucal_bmi088 {
   int32_t accel[3], temp_counts;
   bool is_temp_valid;
   uint8_t accel_identity, gyro_identity; /* 1Eh, 0Fh */
+  uint8_t identity;                      /* of the chip that is another one; the gyro's where both are right */
 } imucal_bmi088_t;
 
 imucal_sensor_units_t imucal_bmi088_units(const imucal_bmi088_config_t* config);

@@ -342,7 +342,7 @@ static imucal_status read_factory_codes(imucal_icm42688p_t* sensor, uint8_t code
 }
 
 static imucal_status measure_responses(imucal_icm42688p_t* sensor, float response[6]) {
-  float quiet[6];
+  float quiet[6] = {0};
   imucal_status status = write_reg(sensor, GYRO_CONFIG0, FS_250_DPS_2_G | ODR_1KHZ);
   if (status == IMUCAL_OK) status = write_reg(sensor, ACCEL_CONFIG0, FS_250_DPS_2_G | ODR_1KHZ);
   delay(sensor, 100000);

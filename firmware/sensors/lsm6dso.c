@@ -183,6 +183,8 @@ static imucal_status look_after(imucal_lsm6dso_t* sensor, uint64_t now_us) {
   imucal_sensor_setting_t settings[N_SETTINGS];
   make_settings(sensor, settings);
   status = imucal_sensor_check_settings(sensor->bus, &sensor->counts, 0, settings, N_SETTINGS);
+  const imucal_sensor_setting_t fifo = {FIFO_CTRL4, FIFO_CONTINUOUS}; /* written apart, after the others */
+  if (status == IMUCAL_OK) status = imucal_sensor_check_settings(sensor->bus, &sensor->counts, 0, &fifo, 1);
   if (status == IMUCAL_OK) return IMUCAL_ERR_SENSOR; /* all in order, but no samples: not to be trusted */
   if (status != IMUCAL_ERR_STATE) return status;
   sensor->counts.n_resets++;
@@ -271,7 +273,7 @@ imucal_status imucal_lsm6dso_self_test(imucal_lsm6dso_t* sensor, imucal_sensor_s
   static const imucal_lsm6dso_config_t settings = {.rate_hz = 208, .gyro_fs_sel = 3, .accel_range_g = 4};
   const imucal_lsm6dso_config_t wanted = sensor->config;
   const imucal_sensor_units_t units = imucal_lsm6dso_units(&settings);
-  float quiet[6];
+  float quiet[6] = {0};
   *test = (imucal_sensor_self_test_t){.failed = 0x3F};
   sensor->config = settings;
   imucal_status status = configure(sensor);

@@ -257,7 +257,7 @@ static imucal_status mean_of_registers(imucal_mpu6050_t* sensor, float mean[6]) 
 }
 
 static imucal_status measure_responses(imucal_mpu6050_t* sensor, uint8_t accel_fs, float response[6]) {
-  float quiet[6];
+  float quiet[6] = {0};
   imucal_status status = write_reg(sensor, SMPLRT_DIV, 0);
   if (status == IMUCAL_OK) status = write_reg(sensor, GYRO_CONFIG, 0);
   if (status == IMUCAL_OK) status = write_reg(sensor, ACCEL_CONFIG, (uint8_t)(accel_fs << 3));

@@ -649,6 +649,162 @@ static void test_bmi_self_test(void** state) {
   assert_close((double)test.low[5], 0.5, 1e-6);
 }
 
+/* ---- what is counted, by the registers that say it (fourth reading; README.md has the table) ---- */
+
+static imucal_sensor_bus_t open_mpu_6050(void) {
+  return open_mpu(0x68);
+}
+static const imucal_icm42688p_config_t icm_counted = {.rate_hz = 1000, .is_high_resolution = true};
+static const imucal_lsm6dso_config_t lsm_counted = {.rate_hz = 833, .gyro_fs_sel = 3, .accel_range_g = 4};
+static const imucal_bmi088_config_t bmi_counted = {.rate_hz = 1000};
+
+typedef struct reg_value {
+  uint8_t device, reg, value;
+} reg_value_t;
+static const struct counted {
+  const imucal_sensor_driver_t* driver;
+  void* sensor;
+  const void* config;
+  imucal_sensor_bus_t (*open)(void);
+  reg_value_t identity;
+  uint8_t others[3];       /* WHO_AM_I of relatives */
+  reg_value_t asleep[5];   /* what registers hold after the chip reset itself; the first of its list sees it alone */
+  reg_value_t harmless[4]; /* status bits that tell of nothing lost and no reset */
+} counted[] = {
+    /* WHO_AM_I 75h; ICM-42605 42h, ICM-42686-P 44h, ICM-40609-D 3Bh: PX4, Zephyr.  INT_STATUS 2Dh: bit 4 RESET_DONE, 3 DATA_RDY,
+     * 2 FIFO_THS, 1 FIFO_FULL, 0 AGC_RDY: PX4 INT_STATUS_BIT; reset values 4Eh 00h, 16h 00h, 5Fh 00h: TDK register map. */
+    {&imucal_icm42688p_driver,
+     &icm,
+     &icm_counted,
+     open_icm,
+     {0, 0x75, 0x47},
+     {0x42, 0x44, 0x3B},
+     {{0, 0x2D, 0x10}, {0, 0x4E, 0x00}, {0, 0x16, 0x00}, {0, 0x5F, 0x00}, {0, 0x4C, 0x30}},
+     {{0, 0x2D, 0x08}, {0, 0x2D, 0x04}, {0, 0x2D, 0x01}, {0, 0x2D, 0x0D}}},
+    /* WHO_AM_I 75h; ICM-20608 AFh, ICM-20689 98h, ICM-20602 12h: Linux inv_mpu_iio.h.  PWR_MGMT_1 6Bh: asleep, 40h, after a reset;
+     * all others 00h: RM-MPU-6000A 3.  INT_STATUS 3Ah: bit 0 data ready, 3 I2C master: Linux, RM-MPU-6000A 4.17. */
+    {&imucal_mpu6050_driver,
+     &mpu,
+     &mpu_usual,
+     open_mpu_6050,
+     {0, 0x75, 0x68},
+     {0xAF, 0x98, 0x12},
+     {{0, 0x6B, 0x40}, {0, 0x1B, 0x00}, {0, 0x1C, 0x00}, {0, 0x23, 0x00}, {0, 0x6A, 0x00}},
+     {{0, 0x3A, 0x01}, {0, 0x3A, 0x08}, {0, 0x3A, 0x09}, {0, 0x3A, 0x40}}},
+    /* WHO_AM_I 0Fh; LSM6DSL 6Ah, LSM6DS3 69h, LSM6DSR 6Bh: Linux st_lsm6dsx.  After a reset CTRL1_XL, CTRL2_G 00h, CTRL3_C 04h, FIFO_CTRL4
+     * 00h: ArduPilot, lsm6dso_reg.h.  FIFO_STATUS2 3Bh: 7 watermark, 5 full, 4 counter: lsm6dso_fifo_status2_t. */
+    {&imucal_lsm6dso_driver,
+     &lsm,
+     &lsm_counted,
+     open_lsm,
+     {0, 0x0F, 0x6C},
+     {0x6A, 0x69, 0x6B},
+     {{0, 0x10, 0x00}, {0, 0x11, 0x00}, {0, 0x12, 0x04}, {0, 0x0A, 0x00}, {0, 0x09, 0x00}},
+     {{0, 0x3B, 0x80}, {0, 0x3B, 0x20}, {0, 0x3B, 0x10}, {0, 0x3B, 0xB0}}},
+    /* ACC_CHIP_ID 00h: BMI085 1Fh: bmi08x.h; GYRO_CHIP_ID 0Fh below.  After a reset ACC_PWR_CTRL 00h, ACC_PWR_CONF 03h, ACC_CONF A8h, ACC_RANGE
+     * 01h: DS001 5.3; bmi08_defs.h.  FIFO_STATUS 0Eh: bit 7 alone is the overrun: PX4 FIFO_STATUS_BIT. */
+    {&imucal_bmi088_driver,
+     &bmi,
+     &bmi_counted,
+     open_bmi,
+     {0, 0x00, 0x1E},
+     {0x1F, 0x0F, 0x10},
+     {{0, 0x7D, 0x00}, {0, 0x7C, 0x03}, {0, 0x40, 0xA8}, {0, 0x41, 0x01}, {0, 0x6D, 0x00}},
+     {{1, 0x0E, 0x00}, {1, 0x0E, 0x00}, {1, 0x0E, 0x00}, {1, 0x0E, 0x00}}},
+};
+enum { N_COUNTED = sizeof counted / sizeof counted[0] };
+
+static const imucal_sensor_counts_t* counts_of(const struct counted* c) {
+  return (const imucal_sensor_counts_t*)(const void*)((const uint8_t*)c->sensor + c->driver->counts_at);
+}
+
+static void put_reg(reg_value_t r) {
+  bus_log.reg[r.device][r.reg] = r.value;
+}
+
+/* Nothing in the FIFO for two seconds. */
+static imucal_status read_in_silence(const struct counted* c, uint64_t from_us) {
+  imucal_sample_t samples[4];
+  uint32_t n;
+  imucal_status status = IMUCAL_OK;
+  for (int i = 0; i < 3; i++) {
+    status = c->driver->read(c->sensor, from_us + 1000000u * (unsigned)i, samples, 4, &n);
+    assert_int_equal(n, 0);
+  }
+  return status;
+}
+
+static void start_counted(const struct counted* c, imucal_sensor_bus_t* bus) {
+  *bus = c->open();
+  set_stream(NULL, 0);
+  assert_int_equal(c->driver->start(c->sensor, bus, c->config), IMUCAL_OK);
+  if (c->driver == &imucal_icm42688p_driver) bus_log.reg[0][0x2D] = 0; /* cleared by reading */
+}
+
+static void test_each_register_of_a_reset_is_counted_as_one_reset(void** state) {
+  (void)state;
+  for (int k = 0; k < N_COUNTED; k++)
+    for (int i = 0; i < 4; i++) {
+      const struct counted* c = &counted[k];
+      imucal_sensor_bus_t bus;
+      start_counted(c, &bus);
+      const bool is_flag =
+          c->asleep[i].reg == 0x2D; /* the flag alone; the driver wants to see it after its own reset too */
+      bus_log.n_accesses = 0;
+      put_reg(c->asleep[i]);
+      if (k == 0) bus_log.reg[0][0x2D] = 0x10;
+      imucal_sample_t sample;
+      uint32_t n;
+      assert_int_equal(c->driver->read(c->sensor, 1000000, &sample, 1, &n), IMUCAL_OK);
+      if (k == 0) bus_log.reg[0][0x2D] = 0;
+      if (k > 0) (void)c->driver->read(c->sensor, 3000000, &sample, 1, &n);
+      if (counts_of(c)->n_resets != 1)
+        fail_msg("%s, register %02X: %u", c->driver->name, c->asleep[i].reg, counts_of(c)->n_resets);
+      assert_int_equal(counts_of(c)->n_identity + counts_of(c)->n_bus_errors + counts_of(c)->n_overruns, 0);
+      if (!is_flag) assert_true(last_write(c->asleep[i].device, c->asleep[i].reg) != NULL); /* set up again */
+      bus_log.n_accesses = 0;
+      (void)read_in_silence(c, 3000001);
+      assert_int_equal(counts_of(c)->n_resets, 1);
+    }
+}
+
+/* A relative's identity is one wrong identity; a line that is stuck says 00h or FFh and is a bus error. */
+static void test_identities_of_relatives_are_counted_and_flat_ones_are_bus_errors(void** state) {
+  (void)state;
+  for (int k = 0; k < N_COUNTED; k++)
+    for (int i = 0; i < 5; i++) {
+      const struct counted* c = &counted[k];
+      const imucal_sensor_bus_t bus = c->open();
+      const reg_value_t wrong = {c->identity.device, c->identity.reg, i < 3 ? c->others[i] : i == 3 ? 0x00 : 0xFF};
+      put_reg(wrong);
+      assert_int_equal(c->driver->start(c->sensor, &bus, c->config), IMUCAL_ERR_SENSOR);
+      assert_int_equal(counts_of(c)->n_identity, i < 3 ? 1 : 0);
+      assert_int_equal(counts_of(c)->n_bus_errors, i < 3 ? 0 : 1);
+      assert_int_equal(*((const uint8_t*)c->sensor + c->driver->identity_at), wrong.value);
+    }
+  const imucal_sensor_bus_t bus = open_bmi();
+  bus_log.reg[1][0x00] = 0x00 | 0x0E; /* the BMI088's other half; 0Eh: no chip of Bosch's list */
+  assert_int_equal(imucal_bmi088_start(&bmi, &bus, &bmi_counted), IMUCAL_ERR_SENSOR);
+  assert_int_equal(bmi.counts.n_identity, 1);
+}
+
+static void test_status_bits_beside_the_flags_count_nothing(void** state) {
+  (void)state;
+  for (int k = 0; k < N_COUNTED; k++)
+    for (int i = 0; i < 4; i++) {
+      const struct counted* c = &counted[k];
+      imucal_sensor_bus_t bus;
+      imucal_sample_t sample;
+      uint32_t n;
+      start_counted(c, &bus);
+      put_reg(c->harmless[i]);
+      assert_int_equal(c->driver->read(c->sensor, 1000000, &sample, 1, &n), IMUCAL_OK);
+      const imucal_sensor_counts_t* now = counts_of(c);
+      assert_int_equal(
+          now->n_overruns + now->n_resets + now->n_bus_errors + now->n_identity + now->n_lost + now->n_invalid, 0);
+    }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_icm_settings),
@@ -666,6 +822,9 @@ int main(void) {
       cmocka_unit_test(test_bmi_settings),
       cmocka_unit_test(test_bmi_words),
       cmocka_unit_test(test_bmi_overrun),
+      cmocka_unit_test(test_each_register_of_a_reset_is_counted_as_one_reset),
+      cmocka_unit_test(test_identities_of_relatives_are_counted_and_flat_ones_are_bus_errors),
+      cmocka_unit_test(test_status_bits_beside_the_flags_count_nothing),
       cmocka_unit_test(test_bmi_self_test),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
