@@ -196,8 +196,7 @@ bool imucal_health_gate(imucal_health_t* h, float innovation, float weight) {
 }
 
 void imucal_health_new_run(imucal_health_t* h) {
-  h->has_last = h->has_temp = false;
-  h->since_s = h->n_level = h->n_candidate = h->ramp_s = 0;
+  h->has_last = h->has_temp = false; /* the first reading begins level, ramp and candidates anew */
   h->n_block = h->n_stand = h->n_stand_blocks = 0;
   h->last_innovation = 0.0f;
   h->reject_run = h->n_gated = 0;

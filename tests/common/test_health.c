@@ -433,6 +433,72 @@ static void test_health_each_wrong_argument_is_refused(void** state) {
   assert_int_equal(imucal_health_init(&health, &config), IMUCAL_ERR_MODEL);
 }
 
+/* The bounds themselves are taken, what lies just beyond is not. */
+static void test_health_bounds_of_the_configuration(void** state) {
+  (void)state;
+  imucal_health_config_t config = kConfig;
+  config.r = config.markov_variance = 1e14f;
+  config.lo_degc = config.hi_degc = 3000;
+  assert_int_equal(imucal_health_init(&health, &config), IMUCAL_OK);
+  config.lo_degc = 3001;
+  assert_int_equal(imucal_health_init(&health, &config), IMUCAL_ERR_SPAN);
+  config.lo_degc = config.hi_degc = -3000;
+  assert_int_equal(imucal_health_init(&health, &config), IMUCAL_OK);
+  config.hi_degc = -3001;
+  assert_int_equal(imucal_health_init(&health, &config), IMUCAL_ERR_SPAN);
+  config = kConfig;
+  config.r = 1.005e14f;
+  assert_int_equal(imucal_health_init(&health, &config), IMUCAL_ERR_MODEL);
+}
+
+/* An innovation of exactly the gate's size passes. */
+static void test_health_gate_lets_its_own_limit_through(void** state) {
+  (void)state;
+  assert_int_equal(imucal_health_init(&health, &kConfig), IMUCAL_OK);
+  for (uint32_t k = 0; k < IMUCAL_HEALTH_UNGATED_N; k++) assert_true(imucal_health_gate(&health, 0, 1));
+  assert_true(imucal_health_gate(&health, 1, IMUCAL_HEALTH_GATE));
+  assert_false(imucal_health_gate(&health, 1, IMUCAL_HEALTH_GATE * 1.001f));
+}
+
+/* Settled, and so part of the correlation, is an innovation of at most four times the variance of the noise. */
+static void test_health_correlation_begins_at_four_times_the_noise(void** state) {
+  (void)state;
+  imucal_health_config_t config = kConfig;
+  config.r = 768;
+  config.markov_variance = 256;
+  assert_int_equal(imucal_health_init(&health, &config), IMUCAL_OK);
+  (void)imucal_health_gate(&health, 3, 0x1p-12f); /* 1/(4 (768 + 256)) */
+  assert_true(health.last_innovation == 3.0f);
+  (void)imucal_health_gate(&health, 3, 0x1p-12f * 0.999f);
+  assert_true(health.last_innovation == 0.0f);
+}
+
+/* The figure of the innovations' size is held against the limit of its side: from one half on the upper one. */
+static void test_health_nis_of_one_half_is_held_against_the_upper_limit(void** state) {
+  (void)state;
+  imucal_health_verdict_t v;
+  assert_int_equal(imucal_health_init(&health, &kConfig), IMUCAL_OK);
+  for (uint32_t k = 0; k < IMUCAL_HEALTH_MIN_N; k++) assert_true(imucal_health_gate(&health, 1, 0.5f));
+  imucal_health_judge(&health, &v);
+  assert_true(v.value[IMUCAL_HEALTH_NIS] == 0.5f && v.limit[IMUCAL_HEALTH_NIS] > 1.0f);
+}
+
+/* One innovation of ten times what the filter expects: so much too small is its error. */
+static void test_health_error_factor_of_one_innovation(void** state) {
+  (void)state;
+  assert_int_equal(imucal_health_init(&health, &kConfig), IMUCAL_OK);
+  assert_true(imucal_health_gate(&health, 10, 1));
+  assert_true(fabsf(imucal_health_error_factor(&health) - 10) < 1e-5f);
+}
+
+/* The longest gap that can be told does not wrap round to none. */
+static void test_health_longest_gap_does_not_wrap(void** state) {
+  (void)state;
+  assert_int_equal(imucal_health_init(&health, &kConfig), IMUCAL_OK);
+  assert_true(imucal_health_second(&health, 1, 20, 0, true, 0));
+  assert_true(imucal_health_second(&health, 2, 60, 0, true, UINT32_MAX));
+}
+
 /* A gap of more than a minute: any temperature may follow it, whether it came at once or second by second. */
 static void test_health_after_a_long_gap_any_temperature(void** state) {
   (void)state;
@@ -569,6 +635,12 @@ int main(void) {
       cmocka_unit_test(test_health_span_of_nothing_and_of_one_ramp),
       cmocka_unit_test(test_health_each_wrong_argument_is_refused),
       cmocka_unit_test(test_health_after_a_long_gap_any_temperature),
+      cmocka_unit_test(test_health_bounds_of_the_configuration),
+      cmocka_unit_test(test_health_gate_lets_its_own_limit_through),
+      cmocka_unit_test(test_health_correlation_begins_at_four_times_the_noise),
+      cmocka_unit_test(test_health_nis_of_one_half_is_held_against_the_upper_limit),
+      cmocka_unit_test(test_health_error_factor_of_one_innovation),
+      cmocka_unit_test(test_health_longest_gap_does_not_wrap),
       cmocka_unit_test(test_health_large_constant_is_no_correlation),
       cmocka_unit_test(test_health_coarse_sensors_pass),
       cmocka_unit_test(test_health_axis_always_zero_found),
