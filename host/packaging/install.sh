@@ -32,7 +32,7 @@ rm -f "$list.file"
 done
 put 644 common/version.h lib/imucal/python/imucal/version.h
 put 755 "$BUILD/python/_core.so" lib/imucal/python/imucal/_core.so
-for file in diagnosis_report.py diagnosis_figures.py diagnosis_words.py templates/diagnosis.html.j2 templates/diagnosis.css; do
+for file in diagnosis_report.py templates/diagnosis.html.j2 templates/diagnosis.css; do
   put 644 "host/scripts/$file" "lib/imucal/python/scripts/$file"
 done
 

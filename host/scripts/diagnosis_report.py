@@ -21,12 +21,14 @@ import sys
 import jinja2
 import markupsafe
 
-import diagnosis_figures as draw
-from diagnosis_figures import branches  # noqa: F401  (part of this script's interface)
-from diagnosis_words import (VERDICTS, Library, gap_sentence, headline, joined, many, number, open_sentence, plain, size_sentence,
-                             where_sentence)
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[1:1] = [os.path.join(HERE, os.pardir, "python"), os.path.join(HERE, os.pardir)]  # in the source tree; as installed
+from imucal.diagnosis_words import (VERDICTS, Library, gap_sentence, headline, joined, many, number, open_sentence, plain,  # noqa: E402
+                                    size_sentence, where_sentence)
+from imucal.plot import diagnosis as draw  # noqa: E402
+from imucal.plot.diagnosis import branches  # noqa: E402, F401  (part of this script's interface)
 
-TEMPLATES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "templates")
+TEMPLATES = os.path.join(HERE, "templates")
 LARGEST_HASHED_BYTES = 2**30
 
 
@@ -52,7 +54,6 @@ def drawn(plots, wanted):
             if image:
                 out.append(figure(title, caption, image, size))
         except (KeyError, TypeError, ValueError, IndexError) as problem:
-            draw.plt.close("all")
             out.append(figure(title, f"not drawn: plots.{key} is not as documented ({type(problem).__name__}: {problem})", ""))
     return out
 

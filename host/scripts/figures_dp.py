@@ -3,8 +3,8 @@
 """The paper's figures 1-6 and 13, 15-21 from our own results, as PNG in build/figures.
 
 Figures 1-6 from simulated tests; 13-18 on the recorded animal-tag log, 19-21 on the nine recorded ADIS16405 axes (the
-paper used recordings of its own).  Every curve comes from the JSON of dp, errormodel or gyrosim; nothing is computed
-here but the low-pass of figure 13.
+paper used recordings of its own).  Every curve comes from the JSON of dp, errormodel or gyrosim and is drawn by
+imucal.plot.prediction.
 """
 import argparse
 import json
@@ -12,18 +12,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
+import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 import imucal  # noqa: E402
+from imucal.plot import prediction as draw  # noqa: E402
 
 NOMINAL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}
-NAMES = {"av": "Allan deviation", "dp1": "DP type 1 (20 s)", "dp2": "DP type 2", "dp3": "DP type 3"}
-COLORS = {"av": "#4c72b0", "dp1": "#937860", "dp2": "#c44e52", "dp3": "#55a868"}
 TEST_PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 0.6, "to_degc": 60}]}
 
 
@@ -57,16 +52,7 @@ class Tools:
         fig.suptitle(title, fontsize=10)
         fig.tight_layout()
         fig.savefig(self.out / f"fig{number:02d}.png", dpi=120)
-        plt.close(fig)
         print(self.out / f"fig{number:02d}.png")
-
-
-def axes(ylabel="prediction error [deg/h]", xlabel="prediction time [s]", size=(7, 4.2)):
-    fig, ax = plt.subplots(figsize=size)
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
-    ax.grid(alpha=0.3)
-    return fig, ax
 
 
 def figures_1_2(tools):
@@ -74,14 +60,11 @@ def figures_1_2(tools):
     for number in (1, 2):
         log = tools.out / f"test{number}.csv"
         tools.run("gyrosim", "log", "--model", nominal, "--profile", profile, "--seed", tools.seed + number, "-o", log)
-        fig, ax = axes()
-        for kind in NAMES:
-            r = tools.json("dp", log, "--type", kind, "--nominal", nominal, "--tau", "2:600:2", "--no-ratios")["curves"][0]
-            ax.plot(r["tau_s"], r["dp_dph"], color=COLORS[kind], label=NAMES[kind])
-            e = tools.json("errormodel", "expect", nominal, "--type", kind, "--nominal", nominal, "--tau", "2:600:2", "--duration-s", 6000)
-            ax.plot(e["tau_s"], e["dp_dph"], color=COLORS[kind], ls=":", lw=1)
-        ax.set_ylim(0, 30)
-        ax.legend(title="solid: this test; dotted: expected")
+        found = {}
+        for kind in draw.NAMES:
+            found[kind] = (tools.json("dp", log, "--type", kind, "--nominal", nominal, "--tau", "2:600:2", "--no-ratios")["curves"][0],
+                           tools.json("errormodel", "expect", nominal, "--type", kind, "--nominal", nominal, "--tau", "2:600:2", "--duration-s", 6000))
+        fig = draw.curves_and_expectation(found)
         tools.save(fig, number, f"Fig. {number}: nominal model, one simulated test of 6000 s (seed {tools.seed + number})")
 
 
@@ -91,77 +74,36 @@ def figures_3_5(tools):
                    "--seed", tools.seed, "--tau", "2:600:2")
     paper = {"av": 80, "dp2": 140, "dp3": 75}
     for number, kind in ((3, "av"), (4, "dp2"), (5, "dp3")):
-        t = r["types"][kind]
-        fig, (ax, side) = plt.subplots(1, 2, figsize=(9.5, 4), width_ratios=(2, 1))
-        for curves, color, label in ((t["model_curves"], "#4c72b0", "100 s"), (t["versus_curves"], "#dd8452", "50 s")):
-            for k, curve in enumerate(curves):
-                ax.plot(r["tau_s"], curve, color=color, lw=1, label=f"time constant {label}" if k == 0 else None)
-        ax.fill_between(r["tau_s"], 0, 5 * np.asarray(t["separated_frac"]), color="0.6", alpha=0.5,
-                        label="part of 200 draws separated here (height 5 = all)")
-        ax.set(xlabel="prediction time [s]", ylabel="prediction error [deg/h]", ylim=(0, 30))
-        ax.legend(fontsize=8)
-        side.hist(t["longest_s"], bins=24, color="0.6")
-        side.axvline(paper[kind], color="k", ls="--", label=f"paper's one draw: {paper[kind]} s")
-        side.axvline(t["spread"]["mean"], color="#c44e52", label=f"mean {t['spread']['mean']:.0f} s, sd {t['spread']['sd']:.0f} s")
-        side.set(xlabel="longest separated stretch [s]", ylabel="draws")
-        side.legend(fontsize=8)
-        tools.save(fig, number, f"Fig. {number}: {NAMES[kind]}: 5+5 tests of 6000 s; right: 200 such draws")
+        fig = draw.separation(r["tau_s"], r["types"][kind], ("100 s", "50 s"), paper[kind])
+        tools.save(fig, number, f"Fig. {number}: {draw.NAMES[kind]}: 5+5 tests of 6000 s; right: 200 such draws")
 
 
 def figure_6(tools):
     nominal, other = tools.file("nominal", NOMINAL), tools.file("nominal_50s", model(0.6, (20, 50)))
     r = tools.json("errormodel", "sensitivity", "--model", nominal, "--versus", other, "--nominal", nominal, "--tau", "10:200")
-    fig, ax = axes("relative sensitivity")
-    for kind, values in r["sensitivity"].items():
-        ax.plot(r["tau_s"], values, color=COLORS[kind], label=NAMES[kind])
-    ax.legend()
+    fig = draw.sensitivity(r)
     tools.save(fig, 6, "Fig. 6: relative difference of the expected curves, time constant 50 s against 100 s (closed form)")
 
 
 def figure_13(tools, log, axis, order):
-    recorded = imucal.read_log(log)
-    t, temp, x = recorded.t_s, recorded.temp_degc, recorded.rates[axis]
-    tn = (temp - temp.mean()) / (np.ptp(temp) / 2)
-    residual = x - np.polynomial.chebyshev.chebval(tn, np.polynomial.chebyshev.chebfit(tn, x, order))
     n = 120
-    smooth = np.convolve(residual, np.ones(n) / n, "valid")
-    fig, ax = plt.subplots(2, 1, figsize=(8, 6))
-    ax[0].plot(temp[n // 2:n // 2 + len(smooth)], smooth, lw=0.5, color="#4c72b0")
-    ax[0].set_xlabel("temperature [degC]")
-    ax[1].plot(t[n // 2:n // 2 + len(smooth)] / 3600, smooth, lw=0.6, color="#4c72b0")
-    ax[1].set_xlabel("time [h]")
-    for a in ax:
-        a.set_ylabel("residual [deg/h]")
-        a.grid(alpha=0.3)
+    fig = draw.smoothed_residual(imucal.read_log(log), axis, order, n)
     tools.save(fig, 13, f"Fig. 13: {log.name} {axis}: residual of a polynomial of order {order}, means of {n} s")
 
 
 def figure_15(tools, log, axis, nominal, detrend):
     r = tools.json("dp", log, "--axis", axis, "--nominal", nominal, "--detrend", detrend, "--tau", "2:600:4")["ratios"][0]
-    fig, ax = axes("ratio to rms")
-    ax.plot(r["tau_s"], r["max_over_rms"], color="#c44e52", label="max/3")
-    ax.plot(r["tau_s"], r["p95_over_rms"], color="#4c72b0", label="95.4th percentile/2")
-    ax.plot(r["tau_s"], r["max_limit"], "k:", label="limit of max/3 for a Gaussian error (1 % false alarms)")
-    ax.axhspan(0.9, 1.1, color="0.9", label="0.9 ... 1.1 of the paper (for 5000 s)")
-    ax.legend(title=f"verdict: {r['verdict']}", loc=(0.3, 0.5), fontsize=8)
+    fig = draw.ratios(r)
     tools.save(fig, 15, f"Fig. 15: {log.name} {axis}: {r['statement']}")
 
 
 def bound_figure(tools, number, title, data, models, nominal, detrend, like, axis_args=()):
     """DP2 of data (tau_s, dp) with the expected curves of models, each allowed for the same detrending."""
-    fig, (ax, ratio) = plt.subplots(2, 1, figsize=(7.5, 6.2), height_ratios=(2.2, 1), sharex=True)
-    ax.plot(data[0], data[1], "k", lw=2, label="recorded")
+    expected = []
     for label, m in models:
-        e = tools.json("errormodel", "expect", tools.file(f"fig{number}_model", m), "--type", "dp2", "--nominal", nominal, "--like", like,
-                       *axis_args, "--detrend", detrend, "--tau", ",".join(map(str, data[0])))
-        line = ax.plot(e["tau_s"], e["dp_dph"], label=label)[0]
-        ratio.plot(e["tau_s"], np.asarray(e["dp_dph"]) / data[1], color=line.get_color())
-    ratio.axhline(1, color="k", lw=2)
-    ratio.set(xlabel="prediction time [s]", ylabel="model / recorded", ylim=(0.85, 1.3))
-    ax.set(ylabel="DP type 2 [deg/h]", xscale="log", yscale="log")
-    ax.legend(fontsize=8)
-    for a in (ax, ratio):
-        a.grid(alpha=0.3)
+        expected.append((label, tools.json("errormodel", "expect", tools.file(f"fig{number}_model", m), "--type", "dp2", "--nominal", nominal, "--like",
+                                           like, *axis_args, "--detrend", detrend, "--tau", ",".join(map(str, data[0])))))
+    fig = draw.bounds(*data, expected)
     tools.save(fig, number, title)
 
 
@@ -190,13 +132,7 @@ def figures_19_21(tools, logs):
     base = ("errormodel", "fit", *logs, "--tau", "log:2:1000:25", "--bootstrap", 0)
     nominal = tools.file("adis_nominal", tools.json(*base, "--criterion", "ls", "--markov", 1)["model"])
     r = tools.json("dp", *logs, "--nominal", nominal, "--tau", "log:2:1000:25", "--no-ratios")
-    fig, ax = axes("DP type 2 [deg/h]", size=(7.5, 4.6))
-    for c in r["curves"]:
-        ax.plot(c["tau_s"], c["dp_dph"], lw=1, label=f"{Path(c['log']).stem[-4:]} {c['axis'][:2]}")
-    ax.plot(r["across"]["tau_s"], r["across"]["max_dph"], "k--", lw=2, label="max")
-    ax.plot(r["across"]["tau_s"], r["across"]["rms_dph"], "k", lw=2, label="rms")
-    ax.set_xscale("log")
-    ax.legend(fontsize=8, ncol=2)
+    fig = draw.across(r)
     tools.save(fig, 19, "Fig. 19: DP type 2 of nine recorded ADIS16405 axes (3 runs of 10,000 s)")
     for number, terms in ((20, 1), (21, 2)):
         models = []

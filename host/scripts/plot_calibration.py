@@ -4,7 +4,7 @@ polynomial that was learned against the error the filter predicted.
 
     plot_calibration.py REPORT.json -o PICTURE.png
 
-REPORT.json is what demo.py writes; its fields and the drawing: imucal.calibration_plot, also imucal.plot.calibration_figure.
+REPORT.json is what demo.py writes; its fields and the drawing: imucal.plot.calibration.
 """
 
 import argparse

@@ -120,8 +120,8 @@ def test_the_record_comes_before_its_likelihoods(page):
 
 def test_logs_lie_on_one_curve_without_their_constants():
     """Two logs 100 dph apart: rate less its constant is the polynomial, the gap and nothing of the 100 dph."""
-    sys.path.insert(0, os.path.dirname(SCRIPT))
-    import diagnosis_figures
+    sys.path.insert(0, os.path.join(os.path.dirname(SCRIPT), "../python"))
+    from imucal.plot import diagnosis as diagnosis_figures
     import numpy as np
 
     record = diagnosis_figures.Record(DIAGNOSIS["axes"][0]["plots"]["residual"])

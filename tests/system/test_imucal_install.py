@@ -56,6 +56,9 @@ def test_installed_command_runs_programs_and_package_outside_the_source_tree(roo
         return subprocess.run([root / "bin/imucal", *arguments], capture_output=True, text=True, cwd=tmp_path, env=clean(), check=True).stdout
     assert imucal("dp", "--version").startswith("dp ")
     imucal("example", "play", "-q")
+    (tmp_path / "d.json").write_text('{"imucal_diagnosis": 1, "model": "m.json", "logs": ["run1.csv"], "held_out_logs": [], "axes": []}')
+    imucal("report", "d.json", "-o", "report.html")
+    assert "<html" in (tmp_path / "report.html").read_text()
     assert "valid log" in imucal("check", "play/run1.csv")
     imucal("calibrate", "fit", "play/run1.csv", "--method", "kf", "--order", "3", "--model", "play/model.json",
            "--accept", "slow", "--accept", "residual", "-o", "table.json", "-q")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "host/python"))
-from imucal import calibration_plot as plot_calibration  # noqa: E402
+from imucal.plot import calibration as plot_calibration  # noqa: E402
 
 UP, TOP = np.linspace(0, 60, 100), np.full(15, 60.0)
 TEMP_DEGC = np.concatenate([UP, TOP, UP[::-1]])
@@ -20,10 +20,9 @@ def test_directions_follow_the_slope():
 
 
 def test_a_loop_is_drawn_as_two_branches_not_as_their_mean():
-    figure, ax = plot_calibration.plt.subplots()
+    _, ax = plot_calibration.subplots()
     plot_calibration.draw_directions(ax, {"temp_degc": TEMP_DEGC, "rate_dph": LOOP_DPH}, means=True)
     lines = {line.get_label(): line for line in ax.get_lines()}
     assert np.allclose(lines["mean, rising"].get_ydata()[:-1], 20)
     assert np.allclose(lines["mean, falling"].get_ydata()[:-1], -20)
     assert lines["rising"].get_color() != lines["falling"].get_color()
-    plot_calibration.plt.close(figure)

@@ -14,11 +14,9 @@ A report is {"title", "subtitle", "axes": [axis...]}, one axis with
 Rising, falling and resting temperature have their own colours and their own means: what depends on the direction shows as
 a loop that no mean over both hides.
 """
-import matplotlib
+import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
+from . import subplots
 
 COMPENSATED, TRUTH, INK, GRID = "#2a7f9e", "#1d3557", "#22303c", "#e3e8ec"
 DIRECTIONS = {"rising": "#c8553d", "falling": "#2166ac", "at rest": "#8a949c"}
@@ -115,9 +113,10 @@ def symmetric(axes_row):
 def calibration_figure(report):
     """The figure of a report (see the top of this file)."""
     axes = report["axes"]
-    with plt.rc_context(STYLE):
-        figure, grid = plt.subplots(3, len(axes), figsize=(4.3 * len(axes) + 0.6, 9.8), squeeze=False, sharex=True,
-                                    sharey="row", gridspec_kw={"height_ratios": [1.25, 1, 1]})
+    from matplotlib import rc_context
+    with rc_context(STYLE):
+        figure, grid = subplots(3, len(axes), size=(4.3 * len(axes) + 0.6, 9.8), squeeze=False, sharex=True, sharey="row",
+                                height_ratios=[1.25, 1, 1])
         for column, axis in enumerate(axes):
             for row, (draw, _, label) in enumerate(PANELS):
                 draw(grid[row][column], axis)

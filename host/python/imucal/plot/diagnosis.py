@@ -10,14 +10,13 @@ import html
 import io
 import math
 
-import matplotlib
+import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
-from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: E402
+from . import subplots
+from ..diagnosis_words import number, plain
 
-from diagnosis_words import number, plain  # noqa: E402
+import matplotlib.ticker  # isort: skip  (after imucal.plot, which loads it without what no page needs)
+from matplotlib.colors import BoundaryNorm, ListedColormap  # isort: skip
 
 INK, MUTED, GRID = "#1d2733", "#66727f", "#dfe4ea"
 DATA, BEFORE, AFTER = "#1d2733", "#d1662a", "#2b6cb0"
@@ -28,7 +27,7 @@ SMOOTHEST_ORDER = 5  # of the curve that stands for the polynomial of the answer
 
 
 def style():
-    plt.rcParams.update({
+    matplotlib.rcParams.update({
         "font.family": "DejaVu Sans", "font.size": 9, "axes.edgecolor": GRID, "axes.labelcolor": INK,
         "axes.titlesize": 9.5, "axes.titlecolor": INK, "axes.titlelocation": "left", "axes.titleweight": "bold",
         "axes.grid": True, "grid.color": GRID, "grid.linewidth": 0.6, "axes.axisbelow": True,
@@ -40,7 +39,6 @@ def svg_image(fig, alt):
     """<img> with the figure as inline SVG: nothing outside the page is needed."""
     buffer = io.BytesIO()
     fig.savefig(buffer, format="svg", bbox_inches="tight", metadata={"Date": None})
-    plt.close(fig)
     data = base64.b64encode(buffer.getvalue()).decode()
     return f'<img alt="{html.escape(alt, quote=True)}" src="data:image/svg+xml;base64,{data}">'
 
@@ -62,7 +60,7 @@ def draw_gap_map(plots):
     levels = [-8, -5, -3, -2, 2, 3, 5, 8]
     colors = ["#2b5f94", "#6f9fca", "#b9d2e8", "#f5f6f8", "#f8cdb4", "#e88a5b", "#c24a23"]
     cmap = ListedColormap(colors).with_extremes(under="#17406b", over="#8c2a0f", bad="#ffffff")
-    fig, axes = plt.subplots(1, len(panels), figsize=(4.6 * len(panels) + 0.9, 3.1), sharey=True, squeeze=False,
+    fig, axes = subplots(1, len(panels), size=(4.6 * len(panels) + 0.9, 3.1), sharey=True, squeeze=False,
                              layout="constrained")
     mesh = None
     for ax, (title, z) in zip(axes[0], panels):
@@ -159,7 +157,7 @@ def draw_record(data):
     r = Record(data)
     hours, begin = placed(r)
     rows = 2 if r.has_temperature else 1
-    fig, axes = plt.subplots(rows, 1, figsize=(9.6, 2.6 + 1.2 * (rows - 1)), sharex=True, squeeze=False, layout="constrained",
+    fig, axes = subplots(rows, 1, size=(9.6, 2.6 + 1.2 * (rows - 1)), sharex=True, squeeze=False, layout="constrained",
                              height_ratios=[2.2, 1][:rows])
     top = axes[0][0]
     for name, chosen in r.chosen.items():
@@ -193,7 +191,7 @@ def draw_against_temperature(data, what):
     r = Record(data)
     y = {"raw": r.rate_dph - r.offset_dph, "before": r.before_dph, "after": r.after_dph}[what]
     base = r.curve_dph if what == "raw" else np.zeros(y.size)
-    fig, ax = plt.subplots(figsize=(5.2, 3.7), layout="constrained")
+    fig, ax = subplots(size=(5.2, 3.7), layout="constrained")
     for name, chosen in r.chosen.items():
         if chosen.any():
             ax.plot(r.temp_degc[chosen], y[chosen], ".", markersize=3.4, color=DIRECTION[name], label=DIRECTION_WORD[name])
@@ -229,7 +227,7 @@ def loop_dph(data, n_bins=10):
 def draw_dp2(data):
     """DP2 of the data against both models with the spread simulation gives."""
     tau = array(data["tau_s"])
-    fig, ax = plt.subplots(figsize=(5.0, 3.5), layout="constrained")
+    fig, ax = subplots(size=(5.0, 3.5), layout="constrained")
     for key, color, label in (("before", BEFORE, "believed model"), ("after", AFTER, "with what was found")):
         if data.get(f"envelope_{key}_dph"):
             band = array(data[f"envelope_{key}_dph"])
@@ -258,7 +256,7 @@ def draw_candidates(candidates, tests=(), named=()):
     rows = [c for c in rows if c.get("gain_nats") is not None and (c.get("threshold_nats") or 0) > 0]
     rows.sort(key=lambda c: -c["gain_nats"] / c["threshold_nats"])
     rows = rows[:18][::-1]
-    fig, ax = plt.subplots(figsize=(5.2, 0.22 * len(rows) + 0.9), layout="constrained")
+    fig, ax = subplots(size=(5.2, 0.22 * len(rows) + 0.9), layout="constrained")
     ratio = [max(c["gain_nats"], 0.05) / c["threshold_nats"] for c in rows]
     floor = 0.05
     for i, (c, r) in enumerate(zip(rows, ratio)):
@@ -289,7 +287,7 @@ def draw_profile(profile):
             t += float(segment["duration_s"])
         times.append(t / 60)
         temps.append(now)
-    fig, ax = plt.subplots(figsize=(4.6, 2.0), layout="constrained")
+    fig, ax = subplots(size=(4.6, 2.0), layout="constrained")
     ax.plot(times, temps, color=AFTER, linewidth=1.8)
     ax.set(xlabel="time [min]", ylabel="temperature [°C]")
     return svg_image(fig, f"Advised profile of {times[-1]:.0f} minutes")

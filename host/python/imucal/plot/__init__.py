@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Plots of logs, curves and calibrations (matplotlib without pyplot: no window system, little to load)."""
+"""Plots of logs, curves and calibrations (matplotlib without pyplot: no window system, little to load).
+
+Here stand the first look at a log and what all share; `calibration`, `diagnosis`, `prediction` (Direct Predictor curves) and
+`profiles` draw the results of the programs, from their JSON."""
 import base64
 import html
 import importlib
@@ -10,7 +13,7 @@ import warnings
 
 import numpy as np
 
-from .errors import DataError
+from ..errors import DataError
 
 INK, MUTED, GRID = "#1d2733", "#66727f", "#dfe4ea"
 RISING, FALLING, SOAK, LINE = "#c8502d", "#2b6cb0", "#7a8794", "#1d3557"
@@ -43,6 +46,16 @@ def new_figure(width_in, height_in, dpi=80):
     figure = Figure(figsize=(width_in, height_in), dpi=dpi, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
+
+
+def subplots(rows=1, columns=1, *, size=None, layout=None, dpi=None, **axes):
+    """(figure, axes) as pyplot's subplots gives them, without pyplot; size in inches."""
+    _without_what_no_page_needs()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    figure = Figure(figsize=size, layout=layout, dpi=dpi)
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, **axes)
 
 
 def tidy(ax, x, y, title=None):
@@ -135,7 +148,7 @@ def look_page(log, looks):
 
 def add_likelihood(figure, looks):
     """The Allan deviation the maximum-likelihood noise expects, over the measured one."""
-    from .export.noise import Noise
+    from ..export.noise import Noise
     for ax, look in zip(figure.allan_places, looks):
         if look.ml.get("arw_deg_rt_h") is None:
             continue
@@ -166,6 +179,6 @@ def save_page(figure, path, title, lines):
 
 
 def calibration_figure(report):
-    """A calibration before and after, against temperature (imucal.calibration_plot says what a report holds)."""
-    from .calibration_plot import calibration_figure as draw
+    """A calibration before and after, against temperature (imucal.plot.calibration says what a report holds)."""
+    from .calibration import calibration_figure as draw
     return draw(report)
