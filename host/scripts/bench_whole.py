@@ -79,6 +79,16 @@ def dp(build, log, repeats):
         row(f"dp, 3 axes, {name}: with ratios and intervals", cost(command + tau, repeats), peer, target=target)
 
 
+def memory(build, log, n_rows):
+    """Most memory that dp holds, over that of the three series."""
+    for threads in (1, 2):
+        process = subprocess.Popen([f"{build}/bin/dp", log, "--quiet", "--threads", str(threads)], stdout=subprocess.DEVNULL)
+        _, status, usage = os.wait4(process.pid, 0)
+        if status != 0:
+            sys.exit(f"dp ended with status {status}")
+        print(f"dp, 3 axes, {threads} thread{'s' * (threads > 1)}: {usage.ru_maxrss / 1000:.0f} MB, {usage.ru_maxrss * 1024 / (24 * n_rows):.1f} times the series")
+
+
 def scaling(build, folder, repeats):
     """Growth exponents of dp with the length and with the number of taus."""
     import math
@@ -121,6 +131,7 @@ def main():
             reading(args.build, log, args.repeats)
         if args.only in (None, "dp"):
             dp(args.build, log, args.repeats)
+            memory(args.build, log, args.rows)
         if args.only in (None, "scaling"):
             scaling(args.build, folder, args.repeats)
         if args.only in (None, "errormodel"):

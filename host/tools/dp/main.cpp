@@ -2,6 +2,7 @@
 // dp: Allan deviation and Direct Predictor curves and distribution ratios of logs.
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 
 #include "analysis/dp/dp.h"
 #include "analysis/dp/ratios.h"
@@ -204,7 +205,7 @@ struct AxisResult {
 };
 
 // Curves by each estimator and ratios of one axis of one log.
-AxisResult analyse(Series s, const Session& session) {
+AxisResult analyse(Series s, const std::vector<double>& temp_degc, const Session& session) {
   const Options& o = session.o;
   DpOperator op = make_dp_operator(dp_type_from_text(o.type), s.dt_s, session.nominal, o.estimation_s);
   op.min_fill = o.min_fill;
@@ -221,8 +222,24 @@ AxisResult analyse(Series s, const Session& session) {
   }
   if (o.no_ratios) return out;
   const DpCurve& last = out.curves.back();
-  out.ratios = dp_ratios(s, record, last, dof_of(last, op, components), o.false_alarm_rate);
+  out.ratios = dp_ratios(s, s.temp_degc.empty() ? temp_degc : s.temp_degc, record, last, dof_of(last, op, components),
+                         o.false_alarm_rate);
   return out;
+}
+
+// The temperatures of the axes where they are the same and nothing is detrended by them: one copy instead of one for each
+// axis, a third of the memory.  Empty where every axis keeps its own.
+std::vector<double> shared_temperature(const Detrend& detrend, std::vector<Series>* axes) {
+  if (detrend.kind == Detrend::Kind::kPolyTemperature) return {};
+  const std::vector<double>& first = axes->front().temp_degc;
+  if (first.empty()) return {};
+  for (const Series& s : *axes) // bits: a missing temperature is not a number
+    if (s.temp_degc.size() != first.size() ||
+        std::memcmp(s.temp_degc.data(), first.data(), first.size() * sizeof first[0]) != 0)
+      return {};
+  std::vector<double> shared = std::move(axes->front().temp_degc);
+  for (Series& s : *axes) s.temp_degc = std::vector<double>();
+  return shared;
 }
 
 // The axes of one log, side by side; told in their order.
@@ -230,10 +247,11 @@ void analyse_log(const std::string& log, Session* session) {
   std::vector<Series> axes = load_series(log, session->o.axes, true);
   if (session->nominal)
     for (const Series& s : axes) check_unit(*session->nominal, session->o.nominal, s.axis);
+  const std::vector<double> temp_degc = shared_temperature(session->detrend, &axes);
   std::vector<AxisResult> results(axes.size());
   parallel_for(static_cast<long>(axes.size()), session->o.common.thread_count(), [&](long a) {
     const auto i = static_cast<size_t>(a);
-    results[i] = analyse(std::move(axes[i]), *session);
+    results[i] = analyse(std::move(axes[i]), temp_degc, *session);
   });
   for (const AxisResult& r : results) {
     add_quantization(r.curves.front(), r.quantum_dph, session);

@@ -18,8 +18,9 @@ constexpr double kLeastDof = 20;
 constexpr size_t kMostOutliers = 20;
 
 // Joins windows that stand out at nearly the same time into events, keeping the most conspicuous.
-void add_events(const Series& s, const std::vector<long>& t0, const std::vector<double>& d, double sigma, double limit,
-                double tau_s, std::vector<DpOutlier>* events) {
+void add_events(const Series& s, const std::vector<double>& temp_degc, const std::vector<long>& t0,
+                const std::vector<double>& d, double sigma, double limit, double tau_s,
+                std::vector<DpOutlier>* events) {
   DpOutlier event;
   double last_s = -1e300;
   const auto flush = [&] {
@@ -34,8 +35,8 @@ void add_events(const Series& s, const std::vector<long>& t0, const std::vector<
     last_s = t_s;
     if (sigmas <= event.sigmas) continue;
     event.t_s = t_s;
-    event.temp_degc = s.temp_degc.empty() ? std::numeric_limits<double>::quiet_NaN()
-                                          : s.temp_degc[static_cast<size_t>(std::min(t0[k], s.size() - 1))];
+    event.temp_degc = temp_degc.empty() ? std::numeric_limits<double>::quiet_NaN()
+                                        : temp_degc[static_cast<size_t>(std::min(t0[k], s.size() - 1))];
     event.tau_s = tau_s;
     event.sigmas = sigmas;
   }
@@ -55,11 +56,11 @@ std::vector<DpOutlier> merged(std::vector<DpOutlier> events) {
 }
 
 // Half of the events (at least two, apart in time) within a tenth of the temperature span: where; else NaN.
-double common_temperature(const Series& s, const std::vector<DpOutlier>& events, double* share) {
+double common_temperature(const std::vector<double>& temp_degc, const std::vector<DpOutlier>& events, double* share) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  if (s.temp_degc.empty() || events.size() < 2) return nan;
+  if (temp_degc.empty() || events.size() < 2) return nan;
   double lo = 1e300, hi = -1e300;
-  for (double t : s.temp_degc)
+  for (double t : temp_degc)
     if (std::isfinite(t)) lo = std::min(lo, t), hi = std::max(hi, t);
   double best = nan;
   size_t most = 0;
@@ -105,8 +106,8 @@ struct WorstRatio {
 };
 
 // Fills the ratios of `out` tau by tau and collects what stands out.
-WorstRatio add_ratios(const Series& s, const DpRecord& record, const DpCurve& curve, const Limits& limits,
-                      DpRatios* out, std::vector<DpOutlier>* events) {
+WorstRatio add_ratios(const Series& s, const std::vector<double>& temp_degc, const DpRecord& record,
+                      const DpCurve& curve, const Limits& limits, DpRatios* out, std::vector<DpOutlier>* events) {
   WorstRatio worst;
   std::vector<long> n;
   for (double tau_s : out->tau_s) n.push_back(std::lround(tau_s / s.dt_s));
@@ -128,7 +129,7 @@ WorstRatio add_ratios(const Series& s, const DpRecord& record, const DpCurve& cu
     std::vector<double> d;
     std::vector<long> t0;
     record.samples(n[i], &d, &t0);
-    add_events(s, t0, d, sigma, limit, tau_s, events);
+    add_events(s, temp_degc, t0, d, sigma, limit, tau_s, events);
   }
   return worst;
 }
@@ -139,10 +140,10 @@ struct Verdict {
 };
 
 // Of outliers, largest first: one place in temperature, or single events.
-Verdict verdict_of_events(const Series& s, const std::vector<DpOutlier>& events) {
+Verdict verdict_of_events(const std::vector<double>& temp_degc, const std::vector<DpOutlier>& events) {
   const auto n_events = static_cast<double>(events.size());
   double share = 0;
-  const double at_degc = common_temperature(s, events, &share);
+  const double at_degc = common_temperature(temp_degc, events, &share);
   if (std::isfinite(at_degc))
     return {"singularity", formatted("%.0f events, %.0f %% of them near %.1f degC: a thermal singularity", n_events,
                                      100 * share, at_degc)};
@@ -151,10 +152,10 @@ Verdict verdict_of_events(const Series& s, const std::vector<DpOutlier>& events)
                     n_events, events[0].t_s, events[0].sigmas)};
 }
 
-Verdict verdict_of(const Series& s, const std::vector<DpOutlier>& events, const WorstRatio& worst,
+Verdict verdict_of(const std::vector<double>& temp_degc, const std::vector<DpOutlier>& events, const WorstRatio& worst,
                    double z_percentile) {
   if (!worst.any_dof) return {"too_short", "fewer than 20 degrees of freedom at every tau: no verdict"};
-  if (!events.empty()) return verdict_of_events(s, events);
+  if (!events.empty()) return verdict_of_events(temp_degc, events);
   if (std::fabs(worst.off) <= z_percentile)
     return {"gaussian", "ratios as a Gaussian error has them: rms is the right estimator"};
   const std::string ratio =
@@ -165,17 +166,17 @@ Verdict verdict_of(const Series& s, const std::vector<DpOutlier>& events, const 
 
 } // namespace
 
-DpRatios dp_ratios(const Series& s, const DpRecord& record, const DpCurve& curve, const std::vector<double>& dof,
-                   double false_alarm_rate) {
+DpRatios dp_ratios(const Series& s, const std::vector<double>& temp_degc, const DpRecord& record, const DpCurve& curve,
+                   const std::vector<double>& dof, double false_alarm_rate) {
   DpRatios out;
   out.log = s.log, out.axis = s.axis, out.type = record.op().type;
   out.tau_s = curve.tau_s, out.dof = dof;
   const Limits limits = limits_of(curve.tau_s, false_alarm_rate);
   std::vector<DpOutlier> events;
-  const WorstRatio worst = add_ratios(s, record, curve, limits, &out, &events);
+  const WorstRatio worst = add_ratios(s, temp_degc, record, curve, limits, &out, &events);
   events = merged(std::move(events));
   out.n_events = static_cast<long>(events.size());
-  const Verdict verdict = verdict_of(s, events, worst, limits.z_percentile);
+  const Verdict verdict = verdict_of(temp_degc, events, worst, limits.z_percentile);
   out.verdict = verdict.name, out.statement = verdict.statement;
   if (events.size() > kMostOutliers) events.resize(kMostOutliers);
   out.outliers = events;
