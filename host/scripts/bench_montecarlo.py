@@ -115,7 +115,8 @@ def main():
             n = max(10, options.runs * 10 // rate_hz)
             rounds = [core_chain(options.program, Path(name), n, rate_hz, 1) for _ in range(5)]
             one = max(rounds, key=lambda result: result["samples_per_s_per_core"])
-            two = core_chain(options.program, Path(name), n, rate_hz, 2)
+            both = [core_chain(options.program, Path(name), 2 * n, rate_hz, 2) for _ in range(5)]
+            two = max(both, key=lambda result: result["samples_per_s_per_core"])
             batched, batch = numpy_best(rate_hz)
             single, sigma = numpy_chain(3, 1, rate_hz)
             if abs(one["predicted_sigma_dph"][-1] / sigma - 1) > 1e-3:
@@ -123,11 +124,12 @@ def main():
             core = one["samples_per_s_per_core"]
             results.append({"rate_hz": rate_hz, "core_per_s": core, "numpy_batched_per_s": batched, "numpy_batch": batch,
                             "fair_ratio": core / batched, "numpy_per_s": single, "ratio": core / single,
-                            "two_threads_wall": two["samples_per_s"] / one["samples_per_s"],
+                            "two_threads_wall": max(b["samples_per_s"] for b in both) / max(r["samples_per_s"] for r in rounds),
                             "two_threads_cpu": two["samples_per_s_per_core"] / core})
             print(f"{rate_hz:4d} raw samples per second: core {core:.3g} simulated s per s and core, {core / batched:.1f} times numpy "
                   f"in its best batches ({batch} runs, {batched:.3g}), {core / single:.0f} times numpy + scipy run by run "
-                  f"({single:.3g}); two threads {results[-1]['two_threads_wall']:.2f} times one (wall)")
+                  f"({single:.3g}); two threads {results[-1]['two_threads_wall']:.2f} times one (wall; on two idle cores, by "
+                  f"processor time, {2 * results[-1]['two_threads_cpu']:.2f})")
     if options.json:
         Path(options.json).write_text(json.dumps(results, indent=1) + "\n")
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SAVED = Path(__file__).resolve().parent / "saved.json"
-KERNELS = ["dp_oadev", "whiten", "normals", "kf_chain", "comp", "log_reading"]
+KERNELS = ["dp_oadev", "whiten", "normals", "normals_of_8", "kf_chain", "montecarlo", "comp", "log_reading"]
 # The core's calls that run with every sample and every second.
 MCU_CALLS = ["kf_update order 3", "kf_update order 5", "sum_add channels 6", "mean_q16 + unit_from_q16", "clock_take",
              "learn: learn_checked order 3, kf_update and health included", "comp_apply order 3",
