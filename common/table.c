@@ -63,8 +63,9 @@ static const int8_t status_of[] = {
     IMUCAL_ERR_SPAN,  IMUCAL_ERR_SIGMA,    IMUCAL_ERR_MODEL,  IMUCAL_ERR_SCALE,       IMUCAL_ERR_SCALE};
 typedef char one_status_each[sizeof status_of == IMUCAL_FIELD_FULL_SCALE + 1 ? 1 : -1];
 
+/* field: one that is wrong. */
 static imucal_status tell(field_t field, int32_t channel, imucal_table_place_t* place) {
-  if (field != IMUCAL_FIELD_NONE && place != NULL) *place = (imucal_table_place_t){(int8_t)channel, (uint8_t)field};
+  if (place != NULL) *place = (imucal_table_place_t){(int8_t)channel, (uint8_t)field};
   return (imucal_status)status_of[field];
 }
 
