@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: MIT
 """A last row without line end may be cut off inside its last number: it is left out and said, in logs and in tables of others."""
+from pathlib import Path
+
+import foreign
 import numpy as np
 import pytest
 
 import imucal
+from imucal.importers import tail
 from imucal.__main__ import main
 from imucal.errors import DataError, DataWarning
 
@@ -68,3 +72,24 @@ def test_hex_text_trusts_a_last_line_of_full_length(tmp_path):
     assert len(open_.t_s) == len(whole.t_s)
     np.testing.assert_array_equal(open_.temp_degc, whole.temp_degc)
     assert len(cut.t_s) <= len(whole.t_s)
+    assert "the last line is cut short and left out" in imucal.import_log(tmp_path / "cut.txt", keep_moving=True).notes
+
+
+@pytest.mark.parametrize("kind", ["ulog", "bin"])
+def test_recording_cut_off_in_a_message_is_taken_and_said(tmp_path, kind):
+    path = foreign.write(kind, tmp_path, foreign.recording())
+    whole = imucal.import_log(path)
+    assert tail.CUT not in whole.notes
+    data = path.read_bytes()
+    for size in (len(data) - 1, len(data) - 5, len(data) * 2 // 3 + 7):
+        path.write_bytes(data[:size])
+        cut = imucal.import_log(path)
+        assert tail.CUT in cut.notes and len(cut.log.t_s) <= len(whole.log.t_s), size
+
+
+@pytest.mark.parametrize("name, options", [("px4_cubeorange_rest.ulg", {"instance": 0})])
+def test_real_recording_that_is_whole_is_not_called_cut(name, options):
+    path = Path(__file__).resolve().parents[3] / "shared/data/native" / name
+    if not path.exists():
+        pytest.skip(f"{name} is not beside the project (../shared/data/native)")
+    assert tail.CUT not in imucal.import_log(path, **options).notes

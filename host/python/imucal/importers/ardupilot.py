@@ -12,6 +12,7 @@ from ..errors import DataError
 from ..stream import Motion, Stream
 from ..units import DPH_PER_RADPS, MG_PER_MS2
 from . import need
+from .tail import CUT, dataflash_is_cut
 
 #: format letter -> numpy type; c C e E are hundredths (LogStructure.h)
 _TYPES = {"b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4", "d": "<f8", "q": "<i8", "Q": "<u8",
@@ -31,6 +32,7 @@ class _Messages:
             raise DataError(f"{path}: an ArduPilot log that cannot be read ({type(error).__name__}: {error}); download it again") from None
         self._bytes = np.frombuffer(self._log.data_map, np.uint8)
         self._by_name = {f.name: f for f in self._log.formats.values()}
+        self.lengths = {f.type: f.len for f in self._log.formats.values()}
 
     def __contains__(self, name):
         return len(self.offsets(name)) > 0
@@ -133,4 +135,8 @@ def streams(path, options):
     if not imu and not raw:
         raise DataError(f"{path}: an ArduPilot log without IMU and GYR messages (those with a gyro); "
                         "set bit 7 (IMU) of LOG_BITMASK and LOG_DISARMED = 1, and record again")
-    return [_stream(i, imu.get(i), raw.get(i), parameters, messages, options) for i in sorted(set(imu) | set(raw))]
+    found = [_stream(i, imu.get(i), raw.get(i), parameters, messages, options) for i in sorted(set(imu) | set(raw))]
+    if dataflash_is_cut(path, messages.lengths):
+        for stream in found:
+            stream.notes.append(CUT)
+    return found

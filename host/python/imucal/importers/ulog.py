@@ -11,6 +11,7 @@ from ..errors import DataError
 from ..stream import Motion, Stream
 from ..units import DPH_PER_RADPS, MG_PER_MS2
 from . import need
+from .tail import CUT, ulog_is_cut
 
 GYRO, ACCEL, COMBINED, FIFO = "sensor_gyro", "sensor_accel", "sensor_combined", "sensor_gyro_fifo"
 #: below this rate a 1-s mean is of too few samples to average the noise
@@ -117,6 +118,9 @@ def streams(path, options):
         if span_s and len(stream.t_us) / span_s < MIN_RATE_HZ:
             stream.notes.append(f"{GYRO} was logged at {len(stream.t_us) / span_s:.1f} Hz: a 1-s mean is one sample or two and keeps its full "
                                 "noise; set SDLOG_PROFILE = 4 (thermal calibration) for the next recording")
+    if ulog_is_cut(path):
+        for stream in found:
+            stream.notes.append(CUT)
     if log.dropouts:
         lost = sum(d.duration for d in log.dropouts)
         for stream in found:
