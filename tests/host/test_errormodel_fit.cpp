@@ -214,6 +214,18 @@ void test_interpolated_record_expectation_equals_each_by_itself(void**) {
     assert_near(std::sqrt(0.5 * got[static_cast<size_t>(few[i]) - 2]) / expected[i], 1, 2e-4);
 }
 
+// Spaced windows stand for all between them: refits weigh the taus as the fit does.  (A window less at the record's end is
+// up to an eighth of a window: 1.3 % at a tenth of the record.)
+void test_curve_of_some_windows_has_the_weights_of_all(void**) {
+  const DpOperator op = make_dp_operator(DpType::kAv, 1, {});
+  std::vector<Series> all = {test_record(kNominal, 6000, 1)};
+  all[0].rate_dph[3000] = std::nan(""), all[0].n_missing = 1;
+  const auto tau_s = parse_tau("2,7,16,50,200,600", 1, 0);
+  const CurveData every = make_curve_data(all, op, Detrend{}, tau_s, Across::kRms, Windows::kAll);
+  const CurveData some = make_curve_data(all, op, Detrend{}, tau_s, Across::kRms, Windows::kSome);
+  for (size_t i = 0; i < tau_s.size(); ++i) assert_near(some.dof[i] / every.dof[i], 1, 0.04);
+}
+
 // What a polynomial takes from a long record is found on a coarse one: equal to the whole record's, below one coarse sample
 // (0.6 s) too, with a gap and for time constants up to a third of the record.
 void test_long_record_made_coarse_expects_what_the_whole_does(void**) {
@@ -303,6 +315,7 @@ int main() {
       cmocka_unit_test(test_bound_of_simulated_tests_holds_and_is_tight),
       cmocka_unit_test(test_detrended_fit_allows_for_what_the_polynomial_took),
       cmocka_unit_test(test_interpolated_record_expectation_equals_each_by_itself),
+      cmocka_unit_test(test_curve_of_some_windows_has_the_weights_of_all),
       cmocka_unit_test(test_long_record_made_coarse_expects_what_the_whole_does),
       cmocka_unit_test(test_maximum_likelihood_recovers_models),
       cmocka_unit_test(test_maximum_likelihood_marginalises_the_polynomial),

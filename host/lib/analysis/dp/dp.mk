@@ -24,10 +24,14 @@ coverage-errormodel: $(BUILD)/bin/errormodel  ## coverage of the intervals of er
 	$(Q)echo '{"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}' > $(DP_STUDY)/one_term.json
 	$(Q)nice $(BUILD)/bin/errormodel validate --model $(DP_STUDY)/one_term.json --criterion ml --markov 1 --runs 200 --seed $(SEED)
 
+# The same of the intervals by refits, on records long enough for the coarse expectation.
+coverage-bootstrap: $(BUILD)/bin/errormodel  ## coverage of the intervals by refits on long records, 200 draws (DRAWS=200)
+	$(Q)nice $(PYTHON) host/scripts/coverage_bootstrap.py $(BUILD)/bin/errormodel --draws $(or $(DRAWS),200) --seed $(SEED)
+
 test-long:: host
 	$(Q)$(PYTHON) host/scripts/study_errormodel.py --build $(BUILD) --seed $(SEED) --check
 
 figures:: host  ## the paper's figures 1-6 and 13-21 from our own results, into build/figures
 	$(Q)$(PYTHON) host/scripts/figures_dp.py --build $(BUILD) --seed $(SEED)
 
-.PHONY: bench bench-whole coverage-errormodel figures test-long
+.PHONY: bench bench-whole coverage-bootstrap coverage-errormodel figures test-long

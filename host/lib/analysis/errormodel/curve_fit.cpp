@@ -62,6 +62,8 @@ std::vector<double> divided(std::vector<double> a, const std::vector<double>& b)
 
 } // namespace
 
+constexpr long kPerWindow = 8; // Windows::kSome: as many begin within the length of one
+
 CurveData make_curve_data(const std::vector<Series>& series, const DpOperator& op, const Detrend& detrend,
                           const std::vector<double>& tau_s, Across across, Windows windows) {
   CurveData data;
@@ -69,7 +71,7 @@ CurveData make_curve_data(const std::vector<Series>& series, const DpOperator& o
   data.detrend = detrend;
   for (const Series& s : series) {
     const DpRecord record(s, op);
-    const DpCurve curve = dp_curve(s, record, tau_s, DpEstimator::kRms, windows == Windows::kSome ? 8 : 0);
+    const DpCurve curve = dp_curve(s, record, tau_s, DpEstimator::kRms, windows == Windows::kSome ? kPerWindow : 0);
     if (data.n.empty()) {
       for (double t : curve.tau_s) data.n.push_back(std::lround(t / s.dt_s));
       data.mean_square_dph2.assign(data.n.size(), 0.0);
@@ -79,8 +81,11 @@ CurveData make_curve_data(const std::vector<Series>& series, const DpOperator& o
       const double square = curve.moments[i].mean_square();
       double& out = data.mean_square_dph2[i];
       out = across == Across::kMax ? std::max(out, square) : out + square / static_cast<double>(series.size());
-      // A rule of thumb that needs no model: windows that do not overlap.
-      data.dof[i] += std::max(1.0, static_cast<double>(curve.n[i]) / static_cast<double>(data.n[i]));
+      // A rule of thumb that needs no model: windows that do not overlap.  Those of a spaced curve stand for all between
+      // them: refits must weigh the taus as the fit does.
+      const long n = data.n[i], step = windows == Windows::kSome ? std::max(1L, n / kPerWindow) : 1;
+      const auto n_windows = static_cast<double>(std::min(curve.n[i] * step, record.possible_windows(n)));
+      data.dof[i] += std::max(1.0, n_windows / static_cast<double>(n));
     }
     data.shapes.push_back(&s);
     data.record_s = std::max(data.record_s, static_cast<double>(s.size()) * s.dt_s);
