@@ -90,14 +90,24 @@ def memory(build, log, n_rows):
 
 
 def scaling(build, folder, repeats):
-    """Growth exponents of dp with the length and with the number of taus."""
+    """Growth exponents of dp: the power of length, taus, axes, logs and threads that its time grows with, between two sizes."""
     import math
-    times = []
-    for n in (250_000, 1_000_000):
-        write_log(f"{folder}/length.csv", n, 1.0, ["gx_dph"], 36.0, 2)
-        times.append(cost([f"{build}/bin/dp", f"{folder}/length.csv", "--quiet", "--threads", "1", "--tau", "log:1:20000:20"], repeats))
-    few, many = (cost([f"{build}/bin/dp", f"{folder}/length.csv", "--quiet", "--threads", "1", "--tau", f"log:64:100000:{k}"], repeats) for k in (40, 160))
-    print(f"dp: time grows with length^{math.log(times[1] / times[0], 4):.2f}, with (taus)^{math.log(many / few, 4):.2f}")
+    base = [f"{build}/bin/dp", "--quiet"]
+
+    def exponent(name, few, many, commands):
+        times = [cost([*base, *command, *([] if "--threads" in command else ["--threads", "1"])], repeats) for command in commands]
+        print(f"dp: processor time grows with {name}^{math.log(times[1] / times[0], many / few):.2f} ({few} to {many}: {times[0]:.2f} s to {times[1]:.2f} s)", flush=True)
+
+    short, long, three = (f"{folder}/{name}.csv" for name in ("short", "length", "three"))
+    write_log(short, 250_000, 1.0, ["gx_dph"], 36.0, 2)
+    write_log(long, 1_000_000, 1.0, ["gx_dph"], 36.0, 2)
+    write_log(three, 250_000, 1.0, ["gx_dph", "gy_dph", "gz_dph"], 36.0, 2)
+    taus = ["--tau", "log:1:20000:20"]
+    exponent("length", 250_000, 1_000_000, [[short, *taus], [long, *taus]])
+    exponent("taus", 40, 160, [[long, "--tau", f"log:64:100000:{k}"] for k in (40, 160)])
+    exponent("axes", 1, 3, [[three, *taus, "--axis", "gx_dph"], [three, *taus]])
+    exponent("logs", 1, 4, [[short, *taus], [*[short] * 4, *taus]])
+    exponent("threads", 1, 2, [[three, *taus, "--threads", str(k)] for k in (1, 2)])
 
 
 def errormodel(build, folder, data, repeats):

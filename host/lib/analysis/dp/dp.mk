@@ -18,6 +18,9 @@ bench:: host $(BUILD)/tests/bench_dp $(BUILD)/venv-bench/installed  ## times aga
 bench-whole: $(BUILD)/bin/dp $(BUILD)/bin/errormodel $(BUILD)/tests/bench_log $(BUILD)/venv-bench/installed  ## whole commands beside numpy and allantools; ONLY=reading, dp, scaling or errormodel
 	$(Q)$(BUILD)/venv-bench/bin/python host/scripts/bench_whole.py --build $(BUILD) $(if $(ONLY),--only $(ONLY))
 
+bench-scaling:  ## growth exponents of dp with length, taus, axes, logs and threads
+	@$(MAKE) --no-print-directory bench-whole ONLY=scaling
+
 # Of 200 draws: how often the 95 % interval of a maximum-likelihood fit holds the truth.
 coverage-errormodel: $(BUILD)/bin/errormodel  ## coverage of the intervals of errormodel fit, 200 draws
 	@mkdir -p $(DP_STUDY)
@@ -34,4 +37,4 @@ test-long:: host
 figures:: host  ## the paper's figures 1-6 and 13-21 from our own results, into build/figures
 	$(Q)$(PYTHON) host/scripts/figures_dp.py --build $(BUILD) --seed $(SEED)
 
-.PHONY: bench bench-whole coverage-bootstrap coverage-errormodel figures test-long
+.PHONY: bench bench-scaling bench-whole coverage-bootstrap coverage-errormodel figures test-long
