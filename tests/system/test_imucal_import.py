@@ -62,6 +62,15 @@ def test_program_reads_a_foreign_log_directly(tmp_path):
     assert [c["dp_dph"] for c in one] == [c["dp_dph"] for c in two]
 
 
+def test_messages_and_results_name_the_user_s_file_not_the_imported_copy(tmp_path):
+    foreign.write_ulog(tmp_path / "flight.ulg", [foreign.recording(duration_s=200)], temperature=False)
+    result = json.loads(imucal("dp", tmp_path / "flight.ulg", "--tau", "1:5", "--json", "-").stdout)
+    assert [c["log"] for c in result["curves"]] == 3 * ["flight.ulg"]
+    done = imucal("calibrate", "fit", tmp_path / "flight.ulg", "--method", "poly", "-o", tmp_path / "t.json", expect=3)
+    assert "calibrate: flight.ulg: column temp_degc is empty" in done.stderr and "imucal-" not in done.stderr
+    assert not (tmp_path / "t.json").exists()
+
+
 @pytest.mark.parametrize("kind", ["csv", "st", "blackbox", "hex"])
 def test_program_reads_text_of_other_programs_directly(kind, tmp_path):
     path = foreign.write(kind, tmp_path, foreign.recording(duration_s=200))

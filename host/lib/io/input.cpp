@@ -6,6 +6,7 @@
 #include <zlib.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 
 #include "base/error.h"
@@ -20,8 +21,16 @@ struct Input::Handle {
   }
 };
 
+// `imucal dp flight.ulg` runs dp on SCRATCH/0/flight.ulg.csv: people know their own file.
+static std::string name_before_import(const std::string& path) {
+  const char* scratch = std::getenv("IMUCAL_IMPORTED_IN");
+  if (scratch == nullptr || *scratch == 0 || path.rfind(std::string(scratch) + "/", 0) != 0) return path;
+  const std::string name = path.substr(path.rfind('/') + 1);
+  return name.substr(0, name.rfind(".csv"));
+}
+
 std::string input_name(const std::string& path) {
-  return path == "-" ? "standard input" : path;
+  return path == "-" ? "standard input" : name_before_import(path);
 }
 
 Input::Input(const std::string& path) : path_(path), handle_(std::make_unique<Handle>()) {

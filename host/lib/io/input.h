@@ -26,7 +26,7 @@ private:
   std::unique_ptr<Handle> handle_;
 };
 
-// "standard input" for "-", else the path.
+// "standard input" for "-"; the user's file for the log that `imucal PROGRAM FILE` imported of it; else the path.
 std::string input_name(const std::string& path);
 
 // The whole file, without a UTF-8 byte-order mark.  data_error also for UTF-16.

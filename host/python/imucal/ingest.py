@@ -133,7 +133,7 @@ def _check_temperature(path, stream, wanted):
     if wanted:
         raise DataError(f"{path}: sensor {stream.instance} ({stream.name}): {reason}. A thermal calibration needs one. "
                         f"Without (Allan deviation, noise): imucal import {path} -o LOG.csv --instance {stream.instance} --without-temp")
-    stream.notes.append(f"no temperature: {reason}; temp_degc is left empty")
+    stream.notes.append(f"{reason}; temp_degc is left empty")
     return False
 
 

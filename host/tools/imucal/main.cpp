@@ -110,6 +110,7 @@ private:
 // so.
 int run_on_imported(const Places& places, const std::string& program, std::vector<std::string> arguments) {
   const Scratch scratch;
+  ::setenv("IMUCAL_IMPORTED_IN", scratch.path().c_str(), 1); // messages name the user's file (io/input.cpp)
   int n = 0;
   for (std::string& argument : arguments) {
     const bool follows_option =

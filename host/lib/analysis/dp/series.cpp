@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "io/input.h"
 #include "io/log.h"
 
 namespace imucal {
@@ -114,7 +115,7 @@ std::vector<size_t> columns_of_axes(const Log& header, const std::vector<std::st
 template <typename Begin, typename Sample>
 SeriesHeader scan_grid(const std::string& path, const std::vector<std::string>& axes, Begin begin, Sample sample) {
   SeriesHeader out;
-  out.log = path;
+  out.log = path == "-" ? path : input_name(path);
   const auto settled = [&](double t0_s, double dt_s) {
     out.t0_s = t0_s, out.dt_s = dt_s;
     begin(out);
@@ -145,7 +146,7 @@ std::vector<Series> load_series(const std::string& path, const std::vector<std::
   const auto begin = [&](const SeriesHeader& header) {
     for (const std::string& name : header.axes) {
       Series& s = out.emplace_back();
-      s.log = path, s.axis = name, s.t0_s = header.t0_s, s.dt_s = header.dt_s;
+      s.log = header.log, s.axis = name, s.t0_s = header.t0_s, s.dt_s = header.dt_s;
       s.rate_dph.reserve(header.expected_rows);
       if (with_temp) s.temp_degc.reserve(header.expected_rows);
     }
