@@ -466,12 +466,12 @@ static void test_noise_of_the_seconds_is_fitted_beside_another_kind(void**) {
   const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
   NoiseModel start = nominal_hypothesis().base_noise;
   start.white_sigma_dph = 15; // what block means may leave it at
-  const auto with = [](NoiseModel base) {
-    base.markov.push_back({1, 1000});
+  const auto doubled = [](NoiseModel base) {
+    base.white_sigma_dph *= 2, base.markov.push_back({1, 1000});
     return base;
   };
-  const SecondsNoise found = fit_seconds_noise(campaign, start, residual, with);
-  assert_near(found.base.white_sigma_dph, 36, 1);
+  const SecondsNoise found = fit_seconds_noise(campaign, start, residual, doubled);
+  assert_near(found.base.white_sigma_dph, 18, 0.5);
   assert_int_equal(found.base.markov.size(), 1);
 }
 

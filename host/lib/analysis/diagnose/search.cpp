@@ -22,7 +22,7 @@ constexpr double kStartTaus_s[] = {100, 1000};
 constexpr double kUsualTau_s = 300;
 constexpr size_t kNoisesBeside = 2;
 constexpr size_t kPolished = 7, kPairBases = 6, kPairNodes = 6, kPairsPolished = 4;
-constexpr int kEvaluations = 110, kQuickEvaluations = 60;
+constexpr int kEvaluations = 110, kQuickEvaluations = 60, kProbeEvaluations = 25;
 constexpr int kPasses = 3; // of neighbours of a shape
 constexpr size_t kMostNames = 3;
 constexpr size_t kPartsKept = 12;
@@ -472,6 +472,14 @@ struct SlowSearch::Impl {
     return list;
   }
 
+  // Whether a kind of noise beside `m` gains anything after a few evaluations; the start of the rest.
+  bool is_hopeful(const SlowModel& m, SlowModel* with) const {
+    SlowModel probe = *with;
+    probe.is_believed = false;
+    polish(&probe, kProbeEvaluations);
+    if (probe.value > with->value) *with = probe;
+    return with->value > m.value;
+  }
   // Kinds of slow noise beside `m`, each from its best start; only the most promising ones are polished.
   std::vector<SlowCandidateScore> scan_noises(const SlowModel& m, size_t polish_most) const {
     std::vector<SlowCandidateScore> list;
@@ -491,7 +499,7 @@ struct SlowSearch::Impl {
     std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return list[a].gain_nats > list[b].gain_nats; });
     for (size_t i = 0; i < order.size() && i < polish_most; ++i) {
       SlowCandidateScore& s = list[order[i]];
-      if (!s.model.noise_effect) continue;
+      if (!s.model.noise_effect || !is_hopeful(m, &s.model)) continue;
       s.model = polished(s.model, kQuickEvaluations);
       s.gain_nats = s.model.free_score();
     }

@@ -19,11 +19,13 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kSlowestLine_hz = 1.0 / 400;
-constexpr size_t kSurroundings = 60;   // frequencies on either side that a line is compared with
-constexpr int kSlopes = 24;            // of the drift, either sign
-constexpr double kLargestSlope = 2e-3; // relative change of a unit frequency of 1 Hz per degC
-constexpr double kHeavy = 4;           // standard errors of the kurtosis from which hits are looked for
-constexpr double kFastTau_s = 30;      // a second Markov process slower than this belongs to the slow stage
+constexpr size_t kSurroundings = 60;       // frequencies on either side that a line is compared with
+constexpr int kSlopes = 24;                // of the drift, either sign
+constexpr double kLargestSlope = 2e-3;     // relative change of a unit frequency of 1 Hz per degC
+constexpr double kHeavy = 4;               // standard errors of the kurtosis from which hits are looked for
+constexpr int kProbe = 30, kThorough = 80; // evaluations of a kind of fast noise; thorough where a probe gains
+constexpr double kHopeless_nats = 2;       // after the probe: what gains 8 in the end has gained this by then
+constexpr double kFastTau_s = 30;          // a second Markov process slower than this belongs to the slow stage
 
 // Upper tail of chi-square as -ln p, by Wilson and Hilferty's cube root.
 double minus_log_tail(double x, double dof) {
@@ -152,13 +154,15 @@ FastFinding fit_fast(const Campaign& campaign, const SecondsNoise& from, const s
     for (size_t i = 3; i < at.size(); ++i) theta.push_back(outward(at[i]));
     return theta;
   };
+  const auto value = [&](const Theta& at) {
+    return residual_log_likelihood(campaign, e.noise(with_factors(from.base, at), theta_of(at)), residual);
+  };
   SearchOptions options;
-  options.step = 0.3, options.max_evaluations = 90, options.tolerance = 0.02;
-  const double top = maximise(
-      [&](const Theta& at) {
-        return residual_log_likelihood(campaign, e.noise(with_factors(from.base, at), theta_of(at)), residual);
-      },
-      &x, lo, hi, options);
+  options.step = 0.3, options.max_evaluations = kProbe, options.tolerance = 0.02;
+  double top = maximise(value, &x, lo, hi, options);
+  if (top - from.log_likelihood < kHopeless_nats) return best;
+  options.max_evaluations = kThorough;
+  top = maximise(value, &x, lo, hi, options);
   best.theta = theta_of(x);
   best.base = with_factors(from.base, x);
   best.gain_nats = top - from.log_likelihood;
@@ -180,6 +184,7 @@ std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const Seconds
     const EffectEstimator* e = library[j]->estimator();
     if (!e || !active[j] || !is_asked(*e, campaign, m)) continue;
     FastFinding f = fit_fast(campaign, from, residual, *library[j]);
+    if (f.theta.empty()) continue;
     const NoiseModel with = e->noise(f.base, f.theta);
     const bool is_markov = !with.is_mixture() && with.markov.size() > f.base.markov.size();
     if (is_markov && with.markov.back().tau_s > kFastTau_s) continue;
