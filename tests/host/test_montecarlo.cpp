@@ -181,7 +181,9 @@ static void test_batch_leaves_what_it_cannot_do(void**) {
   assert_false(can([](CampaignOptions* o) { o->raw.jitter_s = 0.001; }));
   assert_false(can([](CampaignOptions* o) { o->raw.temp_noise_degc = 0.01; }));
   assert_false(can([](CampaignOptions* o) { o->raw.dithered = true; }));
-  assert_false(can([](CampaignOptions* o) { o->effects.push_back({"thermal_lag", Json::object(), "", -1}); }));
+  EffectSpec lag;
+  lag.name = "thermal_lag";
+  assert_false(can([&](CampaignOptions* o) { o->effects.push_back(lag); }));
 }
 
 static void test_merge_refuses_overlap_and_other_campaigns(void**) {
