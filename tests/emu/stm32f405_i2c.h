@@ -26,11 +26,6 @@ typedef struct emu_i2c {
 
 static emu_i2c_t i2c;
 
-static inline void emu_i2c_power_on(void) {
-  memset(&i2c, 0, sizeof i2c);
-  i2c.address = 0x68;
-}
-
 /* The master's receiver: a byte comes while there is room, and is acknowledged as CR1 says at that moment (with POS the first
  * byte always is). */
 static inline void emu_i2c_run(void) {
@@ -172,5 +167,21 @@ static inline uint32_t emu_i2c_idr(void) {
 
 static inline void emu_i2c_bsrr(uint32_t value) {
   if (value & 1u << 6 && ++i2c.n_clocks > 8) i2c.is_line_held = false;
+}
+
+static inline uint32_t emu_i2c_port_read(uint32_t address) {
+  return address == GPIO(1) + GPIO_IDR ? emu_i2c_idr() : 0;
+}
+
+static inline void emu_i2c_port_write(uint32_t address, uint32_t value) {
+  if (address == GPIO(1) + GPIO_BSRR) emu_i2c_bsrr(value);
+}
+
+/* After emu_stm32_power_on. */
+static inline void emu_i2c_power_on(void) {
+  memset(&i2c, 0, sizeof i2c);
+  i2c.address = 0x68;
+  peripherals[0] = (emu_peripheral_t){I2C1, I2C1 + 0x20, emu_i2c_read, emu_i2c_write};
+  peripherals[1] = (emu_peripheral_t){GPIO(1), GPIO(1) + 0x24, emu_i2c_port_read, emu_i2c_port_write};
 }
 #endif

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
 /* The STM32F405 board with the tables in a W25Q on the sensor's bus (board_store_w25q.c, SPI driver, flash driver, app) over the
  * register model of SPI1 and the model of the flash chip: wiring, names of its troubles, tables that outlive a power cut. */
-#include "bench.h"
-#include "emu/stm32f405.h"
+#include "board_bench.h"
 #include "emu/w25q.h"
 /* The board's own sources, with their registers in the model. */
 #include "port/stm32f405/board_chip.c"
@@ -11,25 +10,9 @@
 #include "port/stm32f405/flash.c"
 #include "port/stm32f405/spi.c"
 
-static bench_t bench;
 static emu_w25q_t chip;
 static uint8_t out[512];
 static uint32_t n_out;
-
-/* What the board takes from system.c. */
-void stm32_delay_us(uint32_t us) {
-  stm32.now_us += us + 1;
-}
-uint32_t stm32_random(void) {
-  return 1;
-}
-bool stm32_was_fault(void) {
-  return false;
-}
-const stm32_record_t* stm32_record(void) {
-  static const stm32_record_t record;
-  return &record;
-}
 
 /* ---- the flash behind SPI1 and PB0, byte by byte ---- */
 
@@ -60,11 +43,6 @@ static void flash_released(void) {
 
 /* ---- the device ---- */
 
-static uint64_t time_us(void* ctx) {
-  (void)ctx;
-  return stm32.now_us;
-}
-
 static void power_on(void) {
   emu_stm32_power_on();
   stm32.now_us = 1000000;
@@ -74,24 +52,12 @@ static void power_on(void) {
   emu_w25q_power_on(&chip);
 }
 
-static void start_device(void) {
-  static const stm32_clocks_t clocks = {
-      .core_hz = 168000000, .apb2_hz = 84000000, .tim_hz = 84000000, .is_crystal = true};
-  bench.port.time_us = time_us;
-  bench.port.sample_enable = NULL;
-  bench.port.sample_out = NULL;
-  bench.port.is_replay = false;
-  memset(&bench.board, 0, sizeof bench.board);
-  board_init(&bench.port, &bench.board, &clocks);
-  bench_power_cycle(&bench);
-}
-
 static int board_on(void** state) {
   (void)state;
   emu_w25q_init(&chip, STM32_W25Q_BASE);
   bench_start(&bench);
   power_on();
-  start_device();
+  board_start();
   return 0;
 }
 
@@ -108,7 +74,7 @@ static void test_tables_are_kept_in_the_external_flash_and_outlive_a_power_cut(v
   for (int i = 1; i <= 4; i++) {
     assert_int_equal(upload((float)i), IMUCAL_OK);
     power_on();
-    start_device();
+    board_start();
     assert_true(bench_ruling_b0(&bench) == (float)i);
   }
   assert_int_equal(stm32.n_erases + stm32.n_words, 0); /* the chip's own flash */
@@ -124,7 +90,7 @@ static void test_a_cut_while_a_table_is_written_leaves_the_old_one(void** state)
   assert_int_equal(upload(3.0f), IMUCAL_ERR_FLASH);
   assert_true(chip.is_off);
   power_on();
-  start_device();
+  board_start();
   assert_true(bench_ruling_b0(&bench) == 2.0f);
   assert_int_equal(upload(4.0f), IMUCAL_OK);
   assert_true(bench_ruling_b0(&bench) == 4.0f);
@@ -149,7 +115,7 @@ static void test_what_is_wrong_with_the_flash_stands_in_the_devices_name(void** 
     chip.id[0] = cases[i].maker;
     chip.sr1 = cases[i].sr1;
     chip.stays_busy = cases[i].stays_busy;
-    start_device();
+    board_start();
     assert_string_equal(bench.port.device, cases[i].name);
     assert_int_equal(upload(1.0f), IMUCAL_ERR_FLASH);
     assert_true(stm32.now_us < 3500000); /* within the watchdog's time, also where it is looked at again and again */
@@ -168,10 +134,8 @@ static void test_low_supply_refuses_and_counts(void** state) {
   const uint32_t n_erases = chip.n_erases, n_programs = chip.n_programs;
   stm32.is_supply_low = true;
   assert_int_equal(upload(2.0f), IMUCAL_ERR_SUPPLY);
-  const imucal_link_sensor_t request = {0};
-  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_SENSOR, &request), IMUCAL_LINK_ID_SENSOR_REPLY);
-  assert_int_equal(bench.reply.sensor_reply.is_supply_low, 1);
-  assert_true(bench.reply.sensor_reply.supply_refused >= 1);
+  assert_int_equal(board_sensor_now().is_supply_low, 1);
+  assert_true(board_sensor_now().supply_refused >= 1);
   assert_int_equal(chip.n_erases, n_erases);
   assert_int_equal(chip.n_programs, n_programs);
   assert_true(bench_ruling_b0(&bench) == 1.0f);

@@ -10,6 +10,7 @@
 
 #include "emu/stm32f405.h"
 /* The drivers' own sources, with their registers in the model. */
+#include "port/stm32f405/board_store_chip.c"
 #include "port/stm32f405/flash.c"
 #include "port/stm32f405/spi.c"
 #include "store.h"
@@ -115,28 +116,9 @@ static void test_brown_out_level_is_set_once(void** state) {
 
 /* ---- the core's store on this flash ---- */
 
-static imucal_status erase(void* ctx, uint32_t slot) {
-  (void)ctx;
-  return stm32_flash_erase(slot);
-}
-static imucal_status program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
-  (void)ctx;
-  return stm32_flash_program(slot, offset, data, len);
-}
-static imucal_status load(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
-  (void)ctx;
-  memcpy(data, stm32.slot[slot] + offset, len);
-  return IMUCAL_OK;
-}
-
 static void test_store_on_this_flash_breaks_no_rule(void** state) {
   (void)state;
-  const imucal_flash_t flash = {.erase = erase,
-                                .program = program,
-                                .read = load,
-                                .slot_bytes = STM32_SLOT_BYTES,
-                                .erase_bytes = STM32_SLOT_BYTES,
-                                .program_bytes = 4};
+  const imucal_flash_t flash = board_store_init(NULL).flash;
   static imucal_store_work_t work;
   imucal_table_t table = {.serial = "chip", .sequence = 1, .n_channels = 1, .degc_per_count = 0.01f};
   imucal_table_channel_t* channel = &table.channel[0];

@@ -9,9 +9,7 @@
 
 #include <cmocka.h>
 
-#include "emu/mpu6050.h"
-#include "emu/stm32f405.h"
-#include "emu/stm32f405_i2c.h"
+#include "emu/mpu6050_i2c.h"
 #include "port/stm32f405/i2c.c"
 #include "sensors/mpu6050.h"
 
@@ -31,20 +29,10 @@ static uint8_t get_memory(void) {
   return memory[at++];
 }
 
-static uint32_t read_port_b(uint32_t address) {
-  return address == GPIO(1) + GPIO_IDR ? emu_i2c_idr() : 0;
-}
-
-static void write_port_b(uint32_t address, uint32_t value) {
-  if (address == GPIO(1) + GPIO_BSRR) emu_i2c_bsrr(value);
-}
-
 static int power_on(void** state) {
   (void)state;
   emu_stm32_power_on();
   emu_i2c_power_on();
-  peripherals[0] = (emu_peripheral_t){I2C1, I2C1 + 0x20, emu_i2c_read, emu_i2c_write};
-  peripherals[1] = (emu_peripheral_t){GPIO(1), GPIO(1) + 0x24, read_port_b, write_port_b};
   i2c.put = put_memory;
   i2c.get = get_memory;
   for (int i = 0; i < 256; i++) memory[i] = (uint8_t)(i ^ 0x5A);
@@ -167,30 +155,11 @@ static void test_a_data_line_that_is_held_is_clocked_free(void** state) {
 
 /* ---- the MPU-6050's driver on this bus ---- */
 
-static emu_mpu_t mpu;
-static uint8_t mpu_at;
-
 static void turn(void* ctx, uint64_t k, double t_us, emu_world_t* world) {
   (void)ctx, (void)t_us;
   world->rate_dps[0] = 100.0;
   world->rate_dps[2] = 0.1 * emu_noise(k, 1);
   world->temp_degc = 36.53;
-}
-
-static bool put_mpu(uint8_t byte, bool is_first) {
-  emu_mpu_advance(&mpu, (double)stm32.now_us - mpu.bus.now_us);
-  const bool is_awake = mpu.bus.now_us >= mpu.reset_until_us;
-  if (is_first)
-    mpu_at = byte;
-  else if (is_awake)
-    emu_mpu_write(&mpu, mpu_at++, byte);
-  return is_awake;
-}
-
-static uint8_t get_mpu(void) {
-  const uint8_t byte = emu_mpu_read(&mpu, mpu_at);
-  if (mpu_at != 0x74) mpu_at++;
-  return byte;
 }
 
 static imucal_status transfer(void* ctx, uint8_t device, const uint8_t* out, size_t n_out, uint8_t* in, size_t n_in) {
@@ -209,10 +178,9 @@ static void test_mpu6050_delivers_over_the_bus(void** state) {
   static const imucal_mpu6050_config_t config = {.rate_hz = 200, .gyro_fs_sel = 0, .accel_fs_sel = 1, .filter = 3};
   imucal_mpu6050_t sensor;
   imucal_sample_t samples[20];
-  emu_mpu_power_on(&mpu, false);
-  mpu.bus.feel = turn;
-  i2c.put = put_mpu;
-  i2c.get = get_mpu;
+  emu_mpu_power_on(&emu_mpu, false);
+  emu_mpu.bus.feel = turn;
+  emu_mpu_i2c_connect();
   assert_int_equal(imucal_mpu6050_start(&sensor, &bus, &config), IMUCAL_OK);
   uint32_t total = 0;
   for (int i = 0; i < 100; i++) {
@@ -226,7 +194,7 @@ static void test_mpu6050_delivers_over_the_bus(void** state) {
     total += n;
   }
   assert_in_range(total, 800, 860); /* 4 s, and what the transfers take */
-  assert_int_equal(sensor.counts.n_bus_errors + sensor.counts.n_lost + mpu.bus.n_violations, 0);
+  assert_int_equal(sensor.counts.n_bus_errors + sensor.counts.n_lost + emu_mpu.bus.n_violations, 0);
   assert_clean();
   i2c.is_absent = true;
   uint32_t n;
