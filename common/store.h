@@ -18,7 +18,8 @@
  * Why a cut at any unit leaves old or new.  A unit or page is "whole" when its last program or erase was not cut; whole
  * cells read the same for ever.  "Ruling slot" R, other slot O.
  *  (1) Table: commit 0 is begun only after the table, and the note of its origin in the same program, were read back with
- *      the power on: a slot that shows any sign of a commit mark has a whole table.  A cut in the table's units leaves all commit marks erased: not valid.
+ *      the power on: a slot that shows any sign of a commit mark has a whole table.  A cut in the table's units leaves all
+ *      commit marks erased: not valid.
  *  (2) Cut in commit 0 of the new slot: it is valid or not, from read to read.  The old slot is whole: old or new.
  *  (3) O is erased only after R got a commit mark that was programmed and read back since this start, or where all m
  *      commit marks of R are begun.  So R has a whole table and a whole commit mark while O is in pieces, unless m cuts

@@ -55,13 +55,8 @@ bool imucal_text_equal(const char* a, const char* b, size_t size) {
 /* The judging functions return the field that is wrong, IMUCAL_FIELD_NONE where all is well: the status follows from it.
  * The names stand in imucal_table_field_text alone: who does not print them does not link them. */
 typedef imucal_table_field_t field_t;
-static const int8_t status_of[] = {
-    IMUCAL_OK,        IMUCAL_ERR_MAGIC,    IMUCAL_ERR_LENGTH, IMUCAL_ERR_VERSION,     IMUCAL_ERR_LENGTH,
-    IMUCAL_ERR_CRC,   IMUCAL_ERR_RESERVED, IMUCAL_ERR_NAME,   IMUCAL_ERR_SEQUENCE,    IMUCAL_ERR_CHANNELS,
-    IMUCAL_ERR_SCALE, IMUCAL_ERR_SCALE,    IMUCAL_ERR_NAME,   IMUCAL_ERR_ORDER,       IMUCAL_ERR_ORDER,
-    IMUCAL_ERR_MODEL, IMUCAL_ERR_SPAN,     IMUCAL_ERR_SPAN,   IMUCAL_ERR_COEFFICIENT, IMUCAL_ERR_COEFFICIENT,
-    IMUCAL_ERR_SPAN,  IMUCAL_ERR_SIGMA,    IMUCAL_ERR_MODEL,  IMUCAL_ERR_SCALE,       IMUCAL_ERR_SCALE};
-typedef char one_status_each[sizeof status_of == IMUCAL_FIELD_FULL_SCALE + 1 ? 1 : -1];
+#define STATUS(name, status, text) status,
+static const int8_t status_of[IMUCAL_N_FIELDS] = {IMUCAL_OK, IMUCAL_TABLE_FIELDS(STATUS)};
 
 /* field: one that is wrong. */
 static imucal_status tell(field_t field, int32_t channel, imucal_table_place_t* place) {
@@ -305,31 +300,8 @@ imucal_status imucal_table_from_kf(imucal_table_channel_t* channel, const imucal
   return IMUCAL_OK;
 }
 
+#define TEXT(name, status, text) text,
 const char* imucal_table_field_text(uint32_t field) {
-  static const char* const text[] = {"",
-                                     "header",
-                                     "header",
-                                     "version",
-                                     "length",
-                                     "crc",
-                                     "reserved",
-                                     "serial",
-                                     "sequence",
-                                     "channels",
-                                     "degc_per_count",
-                                     "degc_at_zero",
-                                     "name",
-                                     "order",
-                                     "scale_order",
-                                     "markov",
-                                     "t0_degc",
-                                     "range_degc",
-                                     "coeff",
-                                     "scale_coeff",
-                                     "span_degc",
-                                     "sigma",
-                                     "model",
-                                     "unit_per_count",
-                                     "full_scale_counts"};
-  return text[field < sizeof text / sizeof text[0] ? field : IMUCAL_FIELD_NONE];
+  static const char* const text[IMUCAL_N_FIELDS] = {"", IMUCAL_TABLE_FIELDS(TEXT)};
+  return text[field < IMUCAL_N_FIELDS ? field : IMUCAL_FIELD_NONE];
 }

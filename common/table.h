@@ -61,33 +61,37 @@ typedef struct imucal_table {
   imucal_table_channel_t channel[IMUCAL_MAX_CHANNELS];
 } imucal_table_t;
 
-/* Fields a table can be refused for. */
+/* Fields a table can be refused for, in the order in which they are judged: F(name, status, text as in the JSON).
+ * SIZE: fewer bytes than a header, or a length that no table has.  LENGTH: not that of its channels, or more than there is. */
+#define IMUCAL_TABLE_FIELDS(F)                                                                                         \
+  F(MAGIC, IMUCAL_ERR_MAGIC, "header")                                                                                 \
+  F(SIZE, IMUCAL_ERR_LENGTH, "header")                                                                                 \
+  F(VERSION, IMUCAL_ERR_VERSION, "version")                                                                            \
+  F(LENGTH, IMUCAL_ERR_LENGTH, "length")                                                                               \
+  F(CRC, IMUCAL_ERR_CRC, "crc")                                                                                        \
+  F(RESERVED, IMUCAL_ERR_RESERVED, "reserved")                                                                         \
+  F(SERIAL, IMUCAL_ERR_NAME, "serial")                                                                                 \
+  F(SEQUENCE, IMUCAL_ERR_SEQUENCE, "sequence")                                                                         \
+  F(CHANNELS, IMUCAL_ERR_CHANNELS, "channels")                                                                         \
+  F(DEGC_PER_COUNT, IMUCAL_ERR_SCALE, "degc_per_count")                                                                \
+  F(DEGC_AT_ZERO, IMUCAL_ERR_SCALE, "degc_at_zero")                                                                    \
+  F(NAME, IMUCAL_ERR_NAME, "name")                                                                                     \
+  F(ORDER, IMUCAL_ERR_ORDER, "order")                                                                                  \
+  F(SCALE_ORDER, IMUCAL_ERR_ORDER, "scale_order")                                                                      \
+  F(MARKOV, IMUCAL_ERR_MODEL, "markov")                                                                                \
+  F(T0, IMUCAL_ERR_SPAN, "t0_degc")                                                                                    \
+  F(RANGE, IMUCAL_ERR_SPAN, "range_degc")                                                                              \
+  F(COEFF, IMUCAL_ERR_COEFFICIENT, "coeff")                                                                            \
+  F(SCALE_COEFF, IMUCAL_ERR_COEFFICIENT, "scale_coeff")                                                                \
+  F(SPAN, IMUCAL_ERR_SPAN, "span_degc")                                                                                \
+  F(SIGMA, IMUCAL_ERR_SIGMA, "sigma")                                                                                  \
+  F(MODEL, IMUCAL_ERR_MODEL, "model")                                                                                  \
+  F(UNIT_PER_COUNT, IMUCAL_ERR_SCALE, "unit_per_count")                                                                \
+  F(FULL_SCALE, IMUCAL_ERR_SCALE, "full_scale_counts")
+#define IMUCAL_TABLE_FIELD_ENUM(name, status, text) IMUCAL_FIELD_##name,
 typedef enum imucal_table_field {
   IMUCAL_FIELD_NONE,
-  IMUCAL_FIELD_MAGIC,
-  IMUCAL_FIELD_SIZE, /* fewer bytes than a header, or a length that no table has */
-  IMUCAL_FIELD_VERSION,
-  IMUCAL_FIELD_LENGTH, /* not that of its channels, or more than there is */
-  IMUCAL_FIELD_CRC,
-  IMUCAL_FIELD_RESERVED,
-  IMUCAL_FIELD_SERIAL,
-  IMUCAL_FIELD_SEQUENCE,
-  IMUCAL_FIELD_CHANNELS,
-  IMUCAL_FIELD_DEGC_PER_COUNT,
-  IMUCAL_FIELD_DEGC_AT_ZERO,
-  IMUCAL_FIELD_NAME,
-  IMUCAL_FIELD_ORDER,
-  IMUCAL_FIELD_SCALE_ORDER,
-  IMUCAL_FIELD_MARKOV,
-  IMUCAL_FIELD_T0,
-  IMUCAL_FIELD_RANGE,
-  IMUCAL_FIELD_COEFF,
-  IMUCAL_FIELD_SCALE_COEFF,
-  IMUCAL_FIELD_SPAN,
-  IMUCAL_FIELD_SIGMA,
-  IMUCAL_FIELD_MODEL,
-  IMUCAL_FIELD_UNIT_PER_COUNT,
-  IMUCAL_FIELD_FULL_SCALE
+  IMUCAL_TABLE_FIELDS(IMUCAL_TABLE_FIELD_ENUM) IMUCAL_N_FIELDS
 } imucal_table_field_t;
 
 /* Where a refused table went wrong; not written where it is valid. */

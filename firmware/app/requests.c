@@ -77,9 +77,9 @@ static uint32_t table_crc(const imucal_app_t* app) {
 
 static void serve_state(imucal_app_t* app) {
   const bool has_table = app->table_status == IMUCAL_OK;
+  const uint16_t unlocked_s = app_guard_left_s(&app->guard, app->port->time_us(app->port->ctx));
   const imucal_link_state_reply_t answer = {.challenge = app->guard.challenge,
-                                            .unlocked_s =
-                                                app_guard_left_s(&app->guard, app->port->time_us(app->port->ctx)),
+                                            .unlocked_s = unlocked_s,
                                             .table_crc = table_crc(app),
                                             .table_created_s = has_table ? app->table.created_s : 0,
                                             .table_origin = app->table_origin,

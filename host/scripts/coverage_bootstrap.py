@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from bench_whole import write_log  # pylint: disable=wrong-import-position
@@ -25,10 +25,6 @@ def fitted(program, path, criterion):
     command = [program, "fit", path, "--markov", "1", "--criterion", criterion, "--detrend", "poly:3", "--threads", "1",
                "--quiet", "--json", "-"]
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)["parameters"]
-
-
-def interval(k, n):
-    return (beta.ppf(0.025, k, n - k + 1) if k > 0 else 0.0, beta.ppf(0.975, k + 1, n - k) if k < n else 1.0)
 
 
 def main():
@@ -49,7 +45,7 @@ def main():
                 covered[parameter["name"]] += lo <= TRUTH[parameter["name"]] <= hi
     is_low = False
     for name, k in covered.items():
-        lo, hi = interval(k, options.draws)
+        lo, hi = binomtest(k, options.draws).proportion_ci(0.95, "exact")
         is_low = is_low or hi < 0.90
         print(f"{options.criterion}, {options.size} samples, poly:3: {name:20s} {k} of {options.draws} intervals hold the truth "
               f"[{lo:.2f}, {hi:.2f}]", flush=True)

@@ -9,7 +9,7 @@ namespace imucal {
 
 // Empty: there is no such file, it is damaged or of another key; then compute them again.
 std::optional<std::vector<double>> read_kept_numbers(const std::string& path, const std::string& key);
-void write_kept_numbers(const std::string& path, const std::string& key,
-                        const std::vector<double>& numbers); // data_error
+// data_error: cannot be written.
+void write_kept_numbers(const std::string& path, const std::string& key, const std::vector<double>& numbers);
 
 } // namespace imucal

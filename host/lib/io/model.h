@@ -25,8 +25,8 @@ struct ThermalPolynomial {
   std::vector<double> coeff_dph;
   double normalised(double temp_degc) const { return (temp_degc - t0_degc) / range_degc; }
   double at(double temp_degc) const;
-  ThermalPolynomial renormalised(double to_t0_degc,
-                                 double to_range_degc) const; // the same curve, without zeros at its end
+  // The same curve in (T - to_t0)/to_range, without zeros at its end.
+  ThermalPolynomial renormalised(double to_t0_degc, double to_range_degc) const;
 };
 
 // An effect by name, with its parameters as written in the file (names and units: diagnose --list-effects).  In a file:

@@ -456,19 +456,22 @@ struct SlowSearch::Impl {
     }
   }
 
+  static void sort_by_gain(std::vector<SlowCandidateScore>* scores) {
+    std::sort(scores->begin(), scores->end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+  }
   // Free shapes beside `m`, best first.
   std::vector<SlowCandidateScore> free_beside(const SlowModel& m, size_t most) const {
     std::vector<SlowCandidateScore> list;
     for (SlowCandidateScore& s : scan(m, likely_nodes(m), true))
       if (!s.model.names.empty() && s.gain_nats > -1e299) list.push_back(std::move(s));
-    std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+    sort_by_gain(&list);
     if (list.size() > most) list.resize(most);
     for (SlowCandidateScore& s : list)
       if (s.gain_nats > m.free_score() - constants.near_nats) {
         s.model = polished(s.model, kQuickEvaluations);
         s.gain_nats = s.model.free_score();
       }
-    std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+    sort_by_gain(&list);
     return list;
   }
 

@@ -91,15 +91,17 @@ private:
     }
   }
 
+  // Score of the fitted logs and likelihood of the held-out ones together.
+  double all_logs(const SlowModel& m) const {
+    const GapResult gap = measure_gap(*out_.search, *out_.data, held_blocks_.get(), out_.slow.null, m);
+    return out_.search->score(m) + 0.5 * gap.delta_deviance;
+  }
+
   // A jump in time predicts no other log; a cause that makes one at a temperature does.  Held-out logs count as data of
   // the same likelihood: the answer without jumps stands where it makes all logs together more likely.
   void weigh_steps() {
     if (!held_blocks_ || !out_.slow.without_steps) return;
     const SlowResult& other = *out_.slow.without_steps;
-    const auto all_logs = [&](const SlowModel& m) {
-      const GapResult gap = measure_gap(*out_.search, *out_.data, held_blocks_.get(), out_.slow.null, m);
-      return out_.search->score(m) + 0.5 * gap.delta_deviance;
-    };
     if (!other.best.names.empty() && all_logs(other.best) > all_logs(out_.slow.best)) {
       const SlowResult chosen = other;
       out_.slow = chosen;
@@ -110,10 +112,6 @@ private:
   // takes its place.
   void weigh_noise() {
     if (!held_blocks_ || !out_.slow.best.names.empty() || !out_.slow.best.noise_effect) return;
-    const auto all_logs = [&](const SlowModel& m) {
-      return out_.search->score(m) +
-             0.5 * measure_gap(*out_.search, *out_.data, held_blocks_.get(), out_.slow.null, m).delta_deviance;
-    };
     double highest = all_logs(out_.slow.best);
     std::vector<std::pair<double, size_t>> order;
     for (size_t j = 0; j < out_.slow.singles.size(); ++j)
@@ -519,8 +517,9 @@ private:
     return h;
   }
 
+  double line_threshold_nats() const { return line_.hz_per_degc != 0 ? constants().drift_nats : constants().line_nats; }
   void name_fast() {
-    if (line_.gain_nats > (line_.hz_per_degc != 0 ? constants().drift_nats : constants().line_nats)) name_line();
+    if (line_.gain_nats > line_threshold_nats()) name_line();
     if (is_censored_) return; // the spread of what is left is not that of the noise
     const std::vector<FastFinding> found = scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_);
     if (found.empty() || found.front().gain_nats < constants().fast_nats) return;
@@ -557,7 +556,7 @@ private:
       if (line_.hz_per_degc != 0) shape.push_back(line_.hz_per_degc);
       found.term = term_of(effect, effect->estimator(), shape);
       found.gain_nats = line_.gain_nats;
-      found.evidence_nats = line_.gain_nats - (line_.hz_per_degc != 0 ? constants().drift_nats : constants().line_nats);
+      found.evidence_nats = line_.gain_nats - line_threshold_nats();
       found.held_out_nats = kNaN;
       found.set = {{effect, nullptr, false, found.family, found.gain_nats, found.gain_nats - found.evidence_nats}};
       insert_by_evidence(found);

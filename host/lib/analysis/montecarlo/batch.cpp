@@ -48,7 +48,7 @@ public:
           model_.turn_on_sigma_dph > 0 ? model_.turn_on_sigma_dph * stream(lane, Stream::kTurnOn).normal() : 0.0;
     }
     for (const Markov& m : model_.markov)
-      steps_.push_back({std::exp(-1.0 / m.tau_s), std::sqrt(-std::expm1(-2.0 / m.tau_s)), m.sigma_dph, {}});
+      steps_.push_back({m.phi(), std::sqrt(-std::expm1(-2.0 / m.tau_s)), m.sigma_dph, {}});
     if (model_.bias) bias_ = *model_.bias;
   }
 
