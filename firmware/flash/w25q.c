@@ -3,28 +3,29 @@
 
 #include <string.h>
 
-/* Instructions (8.1.2, table of instructions; each in its chapter). */
-#define WRITE_ENABLE 0x06u       /* 8.2.1 */
-#define READ_STATUS_1 0x05u      /* 8.2.4 */
-#define READ_STATUS_2 0x35u      /* 8.2.4 */
-#define READ_STATUS_3 0x15u      /* 8.2.4 */
-#define READ_DATA 0x03u          /* 8.2.6 */
-#define PAGE_PROGRAM 0x02u       /* 8.2.13 */
-#define SECTOR_ERASE 0x20u       /* 8.2.15 */
-#define RELEASE_POWER_DOWN 0xABu /* 8.2.22 */
-#define READ_JEDEC_ID 0x9Fu      /* 8.2.27 */
+/* Instructions and status bits: confirmed where the table in firmware/port/stm32f405/README.md says. */
+#define WRITE_ENABLE 0x06u
+#define READ_STATUS_1 0x05u
+#define READ_STATUS_2 0x35u
+#define READ_STATUS_3 0x15u /* unknown to BV, CV and DV types: the line stays undriven */
+#define READ_DATA 0x03u
+#define PAGE_PROGRAM 0x02u
+#define SECTOR_ERASE 0x20u
+#define RELEASE_POWER_DOWN 0xABu
+#define READ_JEDEC_ID 0x9Fu
 
-/* Status registers (7.1). */
-#define SR1_BUSY 0x01u          /* 7.1.1 */
-#define SR1_WEL 0x02u           /* 7.1.2 */
-#define SR1_BLOCK_PROTECT 0x1Cu /* BP2 BP1 BP0, 7.1.3 */
-#define SR2_COMPLEMENT 0x40u    /* CMP, 7.1.6: protects what BP does not */
-#define SR3_INDIVIDUAL 0x04u    /* WPS, 7.1.11: a lock for each sector, all set after power-up */
+#define SR1_BUSY 0x01u
+#define SR1_WEL 0x02u
+#define SR1_BLOCK_PROTECT 0x1Cu /* BP2 BP1 BP0 */
+#define SR2_COMPLEMENT 0x40u    /* CMP: protects what BP does not */
+#define SR2_SUSPENDED 0x80u     /* SUS, by somebody else: erases are ignored, and BUSY is 0 */
+#define SR3_INDIVIDUAL 0x04u    /* WPS: a lock for each sector, all set after power-up */
+#define SR3_ABSENT 0xFFu        /* pulled up */
 
 #define MAKER_WINBOND 0xEFu
 #define MIN_CAPACITY 0x13u /* 2^19 bytes: W25Q40 */
 #define MAX_CAPACITY 0x18u /* 2^24 bytes: W25Q128, the last with addresses of 3 bytes */
-#define WAKE_US 30u        /* tRES1 is 3 us (9.6) */
+#define WAKE_US 30u        /* tRES1 is 3 us */
 #define POLL_US 100u
 #define PIECE_BYTES 64u /* of a page, in one instruction */
 
@@ -82,7 +83,8 @@ static imucal_status look_for_protection(imucal_w25q_t* flash) {
   const bool is_good =
       ask(flash, READ_STATUS_1, &sr1, 1) && ask(flash, READ_STATUS_2, &sr2, 1) && ask(flash, READ_STATUS_3, &sr3, 1);
   if (!is_good) return lose(flash, IMUCAL_W25Q_ABSENT);
-  const bool is_protected = sr1 & SR1_BLOCK_PROTECT || sr2 & SR2_COMPLEMENT || sr3 & SR3_INDIVIDUAL;
+  const bool is_individual = sr3 != SR3_ABSENT && sr3 & SR3_INDIVIDUAL;
+  const bool is_protected = sr1 & SR1_BLOCK_PROTECT || sr2 & (SR2_COMPLEMENT | SR2_SUSPENDED) || is_individual;
   flash->state = is_protected ? IMUCAL_W25Q_PROTECTED : IMUCAL_W25Q_READY;
   return IMUCAL_OK;
 }
@@ -130,7 +132,7 @@ static imucal_status may_write(imucal_w25q_t* flash) {
   return IMUCAL_ERR_FLASH;
 }
 
-/* The latch is read back: without it the chip ignores what follows, and says nothing (7.1.2). */
+/* The latch is read back: without it the chip ignores what follows, and says nothing. */
 static imucal_status enable(imucal_w25q_t* flash) {
   uint8_t status = 0;
   if (!ask(flash, WRITE_ENABLE, NULL, 0) || !ask(flash, READ_STATUS_1, &status, 1))
@@ -167,7 +169,7 @@ imucal_status imucal_w25q_erase(imucal_w25q_t* flash, uint32_t slot) {
   return write(flash, out, sizeof out);
 }
 
-/* Pieces that end at a page's end at the latest: beyond it the chip would go on at the page's start (8.2.13). */
+/* Pieces that end at a page's end at the latest: beyond it the chip would go on at the page's start. */
 imucal_status imucal_w25q_program(imucal_w25q_t* flash, uint32_t slot, uint32_t offset, const uint8_t* data,
                                   uint32_t len) {
   if (!is_inside(slot, offset, len)) return IMUCAL_ERR_ARGUMENT;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-/* Model of a W25Q128JV behind its SPI bus, from the data sheet, revision F: instructions (8.2), status registers (7.1), write
- * enable latch, page wrap, sector erase, busy times (9.6), power-down.  It knows nothing of the driver.  What the data sheet
+/* Model of a W25Q128JV behind its SPI bus: instructions, status registers, write enable latch, page wrap, sector erase, busy
+ * times, power-down; where each is confirmed stands in firmware/port/stm32f405/README.md.  It shares its author with the driver:
+ * tests/firmware/test_w25q_wire.c holds the driver's bytes against other people's tables.  What the data sheet
  * says is ignored is ignored here, and counted: a driver that relies on it is wrong.
  * Faults: bus all 0, all 1, failing; a latch that does not set; busy for ever; protection; another identity; power cut inside
  * any byte of a program and any part of an erase, after which bits may read differently from read to read. */
@@ -17,8 +18,8 @@ enum { EMU_W25Q_NEVER = -1 };
 
 typedef struct emu_w25q {
   uint8_t bytes[EMU_W25Q_BYTES], wavers[EMU_W25Q_BYTES];
-  uint8_t id[3], sr1, sr2, sr3; /* sr1 without BUSY */
-  bool is_down;                 /* power-down: hears nothing but ABh (8.2.21) */
+  uint8_t id[3], sr1, sr2, sr3; /* sr1 without BUSY; sr3 FFh: has none */
+  bool is_down;                 /* power-down: hears nothing but ABh */
   uint64_t now_us, busy_until_us;
   uint32_t erase_us;
   uint64_t random;
@@ -66,9 +67,9 @@ static inline bool emu_w25q_is_busy(const emu_w25q_t* chip) {
   return chip->stays_busy || chip->now_us < chip->busy_until_us;
 }
 
-/* 7.1.3 to 7.1.7 and 7.1.11: here any bit protects all of it. */
+/* BP2 to BP0, CMP, SUS, WPS: here any bit protects all of it. */
 static inline bool emu_w25q_is_protected(const emu_w25q_t* chip) {
-  return (chip->sr1 & 0x1C) != 0 || (chip->sr2 & 0x40) != 0 || (chip->sr3 & 0x04) != 0;
+  return (chip->sr1 & 0x1C) != 0 || (chip->sr2 & 0xC0) != 0 || ((chip->sr3 & 0x04) != 0 && chip->sr3 != 0xFF);
 }
 
 /* One byte on its way from old to new when the power goes. */
@@ -86,7 +87,7 @@ static inline bool emu_w25q_step(emu_w25q_t* chip) {
   return false;
 }
 
-/* A write needs the latch, and an array that is not protected; the latch is cleared when it ends (7.1.2). */
+/* A write needs the latch, and an array that is not protected; the latch is cleared when it ends. */
 static inline bool emu_w25q_may_write(emu_w25q_t* chip, uint32_t address) {
   const bool is_inside = address >= chip->first && address <= chip->last;
   const bool is_allowed = (chip->sr1 & 2u) && !emu_w25q_is_protected(chip);
@@ -110,7 +111,7 @@ static inline void emu_w25q_erase(emu_w25q_t* chip, uint32_t address) {
   chip->busy_until_us = chip->now_us + chip->erase_us;
 }
 
-/* Beyond the end of the page the address begins again at its start (8.2.13). */
+/* Beyond the end of the page the address begins again at its start. */
 static inline void emu_w25q_program(emu_w25q_t* chip, uint32_t address, const uint8_t* data, size_t n) {
   if (n == 0 || n > 256) chip->n_violations++;
   if (!emu_w25q_may_write(chip, address)) return;
@@ -128,7 +129,7 @@ static inline void emu_w25q_program(emu_w25q_t* chip, uint32_t address, const ui
     chip->bytes[at] = to;
     chip->wavers[at] &= data[i]; /* programmed to 0 it is 0; one that should be 1 goes on wavering */
   }
-  chip->busy_until_us = chip->now_us + 30 + 5 * n / 2; /* tBP1, tBP2 */
+  chip->busy_until_us = chip->now_us + 30 + 5 * n / 2; /* 0.67 ms a page; tPP is 0.7 ms */
 }
 
 static inline uint8_t emu_w25q_byte(emu_w25q_t* chip, uint32_t address) {
@@ -147,7 +148,7 @@ static inline void emu_w25q_answer(emu_w25q_t* chip, const uint8_t* out, size_t 
     memset(in, value, n_in);
     return;
   }
-  if (is_busy) { /* 7.1.1: all else is ignored; ABh may be tried, it changes nothing */
+  if (is_busy) { /* all else is ignored; ABh may be tried, it changes nothing */
     if (out[0] != 0xAB) chip->n_violations++;
     return;
   }

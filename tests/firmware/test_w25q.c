@@ -148,7 +148,7 @@ static void test_latch_that_does_not_set_is_seen_before_anything_is_sent(void** 
 
 static void test_each_protection_bit_is_seen_and_reading_goes_on(void** state) {
   (void)state;
-  static const uint8_t bits[][3] = {{0x04, 0, 0}, {0x08, 0, 0}, {0x10, 0, 0}, {0, 0x40, 0}, {0, 0, 0x04}};
+  static const uint8_t bits[][3] = {{0x04, 0, 0}, {0x08, 0, 0}, {0x10, 0, 0}, {0, 0x40, 0}, {0, 0x80, 0}, {0, 0, 0x04}};
   for (size_t i = 0; i < sizeof bits / sizeof bits[0]; i++)
     for (int before_start = 0; before_start <= 1; before_start++) {
       uint8_t word[4];
