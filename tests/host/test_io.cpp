@@ -12,7 +12,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <iterator>
 #include <string>
+#include <vector>
 extern "C" {
 #include <cmocka.h>
 }
@@ -21,6 +23,7 @@ extern "C" {
 #include "base/suggest.h"
 #include "base/units.h"
 #include "io/json_file.h"
+#include "io/kept_numbers.h"
 #include "io/log.h"
 #include "io/model.h"
 #include "io/notice.h"
@@ -391,6 +394,54 @@ static void test_write_failing_writer_leaves_the_old_file(void**) {
   assert_string_equal(content.c_str(), "old");
 }
 
+static std::string content_of(const std::string& path) {
+  std::ifstream in(path);
+  return std::string(std::istreambuf_iterator<char>(in), {});
+}
+
+static void test_kept_numbers_written_are_read_with_the_same_bits(void**) {
+  const std::string path = scratch("kept.json");
+  const std::vector<double> numbers = {0.1, -1.0 / 3, 1e-300, -1e300, 4, 0.30000000000000004};
+  write_kept_numbers(path, "record 7, \"order\" 3", numbers);
+  const auto back = read_kept_numbers(path, "record 7, \"order\" 3");
+  assert_true(back.has_value());
+  assert_int_equal(back->size(), numbers.size());
+  assert_memory_equal(back->data(), numbers.data(), numbers.size() * sizeof(double));
+  write_kept_numbers(path, "another", {2.5}); // takes the place of the first
+  assert_true(read_kept_numbers(path, "another") == std::vector<double>{2.5});
+  std::remove(path.c_str());
+}
+
+// Nothing, not a message: they are computed again.
+static void test_kept_numbers_of_another_key_version_or_damaged_are_none(void**) {
+  const std::string path = scratch("kept.json");
+  assert_false(read_kept_numbers(path, "key").has_value()); // there is no such file
+  write_kept_numbers(path, "key", {1, 2, 3});
+  const std::string whole = content_of(path);
+  assert_true(read_kept_numbers(path, "key").has_value());
+  for (const char* other : {"", "ke", "key ", "Key"}) assert_false(read_kept_numbers(path, other).has_value());
+  const auto none = [&](const std::string& text) {
+    std::ofstream(path) << text;
+    if (read_kept_numbers(path, "key")) fail_msg("taken: %s", text.c_str());
+  };
+  for (size_t n = 0; n <= whole.rfind('}'); ++n) none(whole.substr(0, n)); // cut off anywhere
+  const auto with = [](const std::string& version, const std::string& gains) {
+    return "{\"imucal_nulls\": " + version + ", \"key\": \"key\", \"gains\": " + gains + "}";
+  };
+  std::ofstream(path) << with("2", "[1, 2, 3]");
+  assert_true(read_kept_numbers(path, "key") == (std::vector<double>{1, 2, 3}));
+  for (const char* version : {"1", "3", "2.5", "\"2\"", "null"}) none(with(version, "[1, 2, 3]"));
+  for (const char* gains : {"7", "\"1\"", "[1, null]", "[1, \"2\"]", "[1e999]", "{}"}) none(with("2", gains));
+  none("{\"imucal_nulls\": 2, \"gains\": [1]}");
+  none("[1, 2, 3]");
+  std::remove(path.c_str());
+}
+
+static void test_kept_numbers_that_cannot_be_written_say_where(void**) {
+  const std::string path = scratch("no_folder") + "/kept.json";
+  assert_says(refusal([&] { write_kept_numbers(path, "key", {1}); }), path + ": cannot write");
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_log_written_reads_back),
@@ -414,6 +465,9 @@ int main() {
       cmocka_unit_test(test_profile_repeat_continues_where_it_ended),
       cmocka_unit_test(test_profile_malformed_is_refused),
       cmocka_unit_test(test_write_failing_writer_leaves_the_old_file),
+      cmocka_unit_test(test_kept_numbers_written_are_read_with_the_same_bits),
+      cmocka_unit_test(test_kept_numbers_of_another_key_version_or_damaged_are_none),
+      cmocka_unit_test(test_kept_numbers_that_cannot_be_written_say_where),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);
 }
