@@ -63,6 +63,20 @@ def test_result_has_the_contract_fields(files):
         assert result[name]
 
 
+def test_model_of_an_accelerometer_is_refused_with_its_file_and_the_remedy(files):
+    """Whether it is the truth, the filter's or that of compare: its figures would be taken for deg/h."""
+    (files / "accel.json").write_text(json.dumps({**MODEL, "unit": "mg"}))
+    (files / "gyro.json").write_text(json.dumps({**MODEL, "unit": "dph"}))
+    one_run = ["--profile", "short.json", "--order", 3, "--runs", 1, "--json", "never.json"]
+    for arguments in (["--model", "accel.json", *one_run], ["--model", "model.json", "--filter-model", "accel.json", *one_run],
+                      ["compare", "--model", "accel.json", "--runs", 1, "--json", "never.json"]):
+        refused = montecarlo(files, *arguments, code=3)
+        assert 'montecarlo: accel.json: an accelerometer\'s model ("unit": "mg")' in refused.stderr, arguments
+        assert "profile error predicts the calibration error of an accelerometer" in refused.stderr
+        assert refused.stdout == "" and not (files / "never.json").exists()
+    assert campaign(files, "--runs", 1, "--core-only", model="gyro.json")["runs"] == 1
+
+
 def test_tau_without_any_window_are_named_and_left_out(files):
     """A filter that settles slowly and a third of the seconds missing leave no window for some tau; that is no error."""
     model = json.loads((files / "model.json").read_text())
