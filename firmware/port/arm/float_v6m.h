@@ -4,7 +4,7 @@
  * instructions because they do ordinary numbers only: operands and result neither zero nor subnormal, infinite or NaN, and
  * hardly any that lie half way between two floats.  Everything else they leave to libgcc (false), so that every result has
  * the bits of IEEE 754, round to nearest even: nothing that uses floats sees a difference but time
- * (tests/firmware/test_float_v6m.c, make cycles).
+ * (tests/firmware/test_float_v6m.c and test_float_v6m_hard.c, make cycles).
  * A float is sign, exponent e, 23 bits of fraction: (-1)^sign 2^(e - 150) m, m in [2^23, 2^24) with the leading one. */
 #ifndef IMUCAL_PORT_FLOAT_V6M_H
 #define IMUCAL_PORT_FLOAT_V6M_H
