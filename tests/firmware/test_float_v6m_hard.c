@@ -24,31 +24,12 @@ static float of_bits(uint32_t bits) {
   return imucal_float_from_bits(bits);
 }
 
-static float in_float(int what, float a, float b) {
-  switch (what) {
-  case ADD:
-    return a + b;
-  case SUB:
-    return a - b;
-  case MUL:
-    return a * b;
-  default:
-    return a / b;
+#define OPERATIONS_IN(number)                                                                                          \
+  static number in_##number(int what, number a, number b) {                                                            \
+    return what == ADD ? a + b : what == SUB ? a - b : what == MUL ? a * b : a / b;                                    \
   }
-}
-
-static double in_double(int what, double a, double b) {
-  switch (what) {
-  case ADD:
-    return a + b;
-  case SUB:
-    return a - b;
-  case MUL:
-    return a * b;
-  default:
-    return a / b;
-  }
-}
+OPERATIONS_IN(float)
+OPERATIONS_IN(double)
 
 /* In libgcc's place. */
 static uint32_t left(int what, uint32_t a, uint32_t b) {
