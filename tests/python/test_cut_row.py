@@ -65,14 +65,17 @@ def test_table_of_another_program_loses_its_cut_sample(tmp_path, head, row, cut)
 
 def test_hex_text_trusts_a_last_line_of_full_length(tmp_path):
     words = [",".join(f"{w:08x}" for w in (i * 160000, 0x41A00000, 0x3C000000, 0x3C000000, 0x3C000000, 0, 0, 0x411CE80A)) for i in range(1200)]
+    words[-1] = words[-1].replace("41a00000", "41f00000")  # 30 degC instead of 20: the mean of its second tells whether it was taken
     (tmp_path / "whole.txt").write_text("\n".join(words) + "\n")
     (tmp_path / "open.txt").write_text("\n".join(words))
     (tmp_path / "cut.txt").write_text("\n".join(words)[:-1])
-    whole, open_, cut = (imucal.import_log(tmp_path / f"{n}.txt", keep_moving=True).log for n in ("whole", "open", "cut"))
+    results = [imucal.import_log(tmp_path / f"{n}.txt", keep_moving=True) for n in ("whole", "open", "cut")]
+    whole, open_, cut = (result.log for result in results)
     assert len(open_.t_s) == len(whole.t_s)
     np.testing.assert_array_equal(open_.temp_degc, whole.temp_degc)
     assert len(cut.t_s) <= len(whole.t_s)
-    assert "the last line is cut short and left out" in imucal.import_log(tmp_path / "cut.txt", keep_moving=True).notes
+    assert whole.temp_degc[-1] > 20 and cut.temp_degc[-1] == 20
+    assert ["the last line is cut short and left out" in result.notes for result in results] == [False, False, True]
 
 
 @pytest.mark.parametrize("kind", ["ulog", "bin"])
