@@ -71,5 +71,5 @@ def test_calibration_error_and_profile_are_the_programs(result):
 @pytest.mark.parametrize("script", ["figures_dp.py", "figures_profile.py", "diagnosis_report.py", "plot_calibration.py", "demo.py"])
 def test_scripts_draw_with_nothing_of_their_own(script):
     text = (ROOT / "host/scripts" / script).read_text(encoding="utf-8")
-    assert not re.search(r"import matplotlib|pyplot|\.plot\([^r)]*,|ax\.|axhline|fill_between", text), script
+    assert not re.search(r"import matplotlib|pyplot|\.plot\([^)]*,|ax\.|axhline|fill_between", text), script
     assert "imucal.plot" in text or "plot_calibration" in text
