@@ -7,9 +7,13 @@ import pathlib
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "host/python"))
+import imucal  # noqa: E402
+
 BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
@@ -62,6 +66,10 @@ def test_good_log_ends_in_a_table_and_its_figures(tmp_path, logs):
         travel, before, after = found[axis["axis"]][:3]
         assert travel > 300 and after < 30 < 100 < before, found
     assert (tmp_path / "demo/calibration.png").read_bytes()[:4] == b"\x89PNG"
+    for run, recording in (("before.csv", "good.csv"), ("again_raw.csv", "other.csv")):  # learned from the one, shown on the other
+        replayed, recorded = imucal.read_log(tmp_path / "demo" / run), imucal.read_log(logs / recording)
+        for axis in found:  # ten samples a second of whole counts of 1 dph
+            np.testing.assert_allclose(replayed.rates[axis], recorded.rates[axis], rtol=0, atol=0.1, err_msg=run)
 
 
 def test_sick_log_is_refused_with_its_rule_and_the_way_to_insist(tmp_path, logs):
