@@ -177,5 +177,6 @@ def test_flash_names_what_is_missing_or_unknown(tmp_path):
     tool = "openocd" if shutil.which("openocd") is None else "dfu-util" if shutil.which("dfu-util") is None else None
     if tool is None:
         pytest.skip("openocd and dfu-util are both installed: a missing tool cannot be shown")
-    result, _ = make_flash(tmp_path / "no", "FLASHER=" + {"openocd": "openocd", "dfu-util": "dfu"}[tool], tools=())
-    assert result.returncode == 2 and tool + " is missing; install it: apt-get install " + tool in result.stderr
+    for dry in ([], ["DRY=1"]):  # which looks for the tool too, and runs nothing that would fail without it
+        result, _ = make_flash(tmp_path / ("no%d" % len(dry)), "FLASHER=" + {"openocd": "openocd", "dfu-util": "dfu"}[tool], *dry, tools=())
+        assert result.returncode == 2 and tool + " is missing; install it: apt-get install " + tool in result.stderr
