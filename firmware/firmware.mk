@@ -62,7 +62,7 @@ FIRMWARE_ARM := firmware/port/arm/startup.c firmware/port/arm/semihost.c firmwar
 CPU_mps2_an386 := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16
 CPU_nrf51 := -mcpu=cortex-m0 -mthumb -DCHECK_NRF51
 DRIVER_mps2_an386 := firmware/port/arm/cmsdk.c
-# Floats of the M0: ordinary numbers faster than libgcc does them, the same bits (port/arm/float_v6m.h).
+# Floats of the M0: usual numbers faster than libgcc does them, the same bits (port/arm/float_v6m.h).
 DRIVER_nrf51 := firmware/port/nrf51/nrf51.c firmware/port/arm/float_v6m.c
 LINK_nrf51 := $(addprefix -Wl$(comma)--wrap=__aeabi_f,mul add sub div)
 PORT_mps2_an386 := firmware/port/mps2_an386/main.c $(DRIVER_mps2_an386)

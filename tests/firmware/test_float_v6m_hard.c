@@ -148,29 +148,31 @@ static uint32_t solve(uint32_t odd, uint32_t wanted) {
   return inverse * wanted & 0xFFFFFFu;
 }
 
-/* Products whose lost 23 or 24 places are a half, or a half with a little more or less far below. */
-static void test_float_hard_products_at_and_beside_the_half(void** state) {
-  (void)state;
+/* Products whose lost 23 or 24 places are a half, or a half with a little more or less far below; exponents lo .. hi. */
+static void check_products_beside_the_half(uint32_t lo, uint32_t hi) {
   uint32_t n_found = 0;
   for (uint32_t n = 0; n < 40000; n++) {
     const uint32_t m_a = between(0x800000, 0xFFFFFF) | 1, places = 23 + (n & 1), half = 1u << (places - 1);
     const uint32_t m_b = solve(m_a, half + between(0, 16) - 8);
     if (m_b < 0x800000) continue;
     n_found++;
-    check(float_from(between(100, 150), m_a), float_from(between(100, 150), m_b));
-    check(float_from(between(1, 254), m_a), float_from(between(1, 254), m_b));
+    check(float_from(between(lo, hi), m_a), float_from(between(lo, hi), m_b));
   }
   assert_true(n_found > 15000);
-  assert_true(n_left[MUL] < n_asked / 4 / 2); /* most were computed here */
-  for (uint32_t n = 0; n < 20000; n++) {      /* two factors of 12 and 13 bits: 25 bits, the last one is the half */
+}
+static void test_float_hard_products_at_and_beside_the_half(void** state) {
+  (void)state;
+  check_products_beside_the_half(66, 190);
+  assert_true(n_left[MUL] < n_asked / 4 / 3); /* most were computed here */
+  check_products_beside_the_half(1, 254);
+  for (uint32_t n = 0; n < 20000; n++) { /* two factors of 12 and 13 bits: 25 bits, the last one is the half */
     const uint32_t p = between(0x800, 0xFFF) | 1, q = between(0x1000, 0x1FFF) | 1;
     check(float_from(between(90, 160), p << 12), float_from(between(90, 160), q << 11));
   }
 }
 
 /* Quotients as near to a half as 24 bits allow: a is the nearest m to (odd half places) times b. */
-static void test_float_hard_quotients_beside_the_half(void** state) {
-  (void)state;
+static void check_quotients_beside_the_half(uint32_t lo, uint32_t hi) {
   uint32_t n_found = 0;
   for (uint32_t n = 0; n < 60000; n++) {
     const uint64_t quotient = (uint64_t)between(0x1000000, 0x1FFFFFF) | 1, m_b = between(0x800000, 0xFFFFFF);
@@ -179,11 +181,29 @@ static void test_float_hard_quotients_beside_the_half(void** state) {
       if (m_a < 0x800000 || m_a > 0xFFFFFF) continue;
       n_found++;
       for (int64_t d = -1; d <= 1; d++)
-        check(float_from(between(60, 190), (uint32_t)m_a + (uint32_t)d), float_from(between(60, 190), (uint32_t)m_b));
+        check(float_from(between(lo, hi), (uint32_t)m_a + (uint32_t)d), float_from(between(lo, hi), (uint32_t)m_b));
     }
   }
   assert_true(n_found > 50000);
-  assert_true(n_left[DIV] < n_asked / 4 / 20);
+}
+static void test_float_hard_quotients_beside_the_half(void** state) {
+  (void)state;
+  check_quotients_beside_the_half(66, 190);
+  assert_int_equal(n_left[DIV], 0);
+  check_quotients_beside_the_half(40, 215);
+}
+
+/* The quotient's two digits: every divisor that its reciprocal can see, with its lost bits least and most, at both ends of
+ * the quotient and in between. */
+static void test_float_hard_every_reciprocal(void** state) {
+  (void)state;
+  for (uint32_t t = 0x8000; t <= 0xFFFF; t++)
+    for (uint32_t lost = 0; lost <= 0xFF; lost += 0x55) {
+      const uint32_t m_b = t << 8 | lost, m_a[] = {0x800000, m_b - 1, m_b, m_b + 1, 0xFFFFFF, random_bits() | 0x800000};
+      for (size_t i = 0; i < sizeof m_a / sizeof m_a[0]; i++)
+        check_one(DIV, float_from(127, m_a[i]), float_from(127, m_b));
+    }
+  assert_int_equal(n_left[DIV], 0);
 }
 
 /* Results round the largest float, infinity, the least ordinary number and the subnormals. */
@@ -218,6 +238,7 @@ int main(void) {
       cmocka_unit_test_setup(test_float_hard_differences_of_neighbours, begin),
       cmocka_unit_test_setup(test_float_hard_products_at_and_beside_the_half, begin),
       cmocka_unit_test_setup(test_float_hard_quotients_beside_the_half, begin),
+      cmocka_unit_test_setup(test_float_hard_every_reciprocal, begin),
       cmocka_unit_test_setup(test_float_hard_results_at_both_ends_of_the_exponent, begin),
       cmocka_unit_test_setup(test_float_hard_random_bits, begin),
   };
