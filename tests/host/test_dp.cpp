@@ -153,6 +153,21 @@ void check_operator(DpType type, const ErrorModel& nominal, const Series& s) {
   }
 }
 
+// A view that takes the mean away on the way, against a copy whose mean was removed: the same bits.
+void check_view(const Series& raw) {
+  Series removed = raw;
+  remove_trend(Detrend{}, &removed);
+  const RateView rates(raw.rate_dph.data(), raw.size(), true);
+  assert_int_equal(rates.n_missing, raw.n_missing);
+  for (DpType type : {DpType::kAv, DpType::kDp1, DpType::kDp2}) {
+    const DpOperator op = make_dp_operator(type, 1, kTwoTerms, 15);
+    const DpCurve copied = dp_curve(removed, DpRecord(removed, op), {1, 7, 40}, DpEstimator::kRms);
+    const DpCurve viewed = dp_curve(raw.log, raw.axis, rates, DpRecord(rates, op), {1, 7, 40}, DpEstimator::kRms);
+    assert_true(copied.dp_dph == viewed.dp_dph);
+    assert_true(copied.n == viewed.n);
+  }
+}
+
 // Sizes of d against d itself, sorted: kept whole, bracketed, with ties, and cut by gaps.
 void check_sizes(const Series& s, const DpOperator& op) {
   const DpRecord record(s, op);
@@ -194,6 +209,18 @@ void test_operators_equal_their_definition(void**) {
     check_operator(type, kNominal, s);
     check_operator(type, kTwoTerms, s);
   }
+}
+
+void test_rates_where_they_lie_give_the_bits_of_a_copy(void**) {
+  Series s = random_series(2000, 3);
+  for (double& x : s.rate_dph) x += 5000; // a mean that matters
+  check_view(s);
+  for (long i : {0L, 1L, 700L, 701L, 1999L}) drop(&s, i);
+  check_view(s);
+  const std::vector<double> none(5, kMissing);
+  assert_int_equal(RateView(none.data(), 5, true).n_missing, 5);
+  const RateView whole(s.rate_dph.data(), s.size(), false);
+  assert_true(whole[5] == s.rate_dph[5] && whole.n_missing == s.n_missing);
 }
 
 void test_operators_with_gaps_use_whole_windows_only(void**) {
@@ -357,6 +384,7 @@ int main() {
       cmocka_unit_test(test_nominal_filter_response_sums_poles),
       cmocka_unit_test(test_operators_equal_their_definition),
       cmocka_unit_test(test_sizes_are_those_of_the_sorted_errors),
+      cmocka_unit_test(test_rates_where_they_lie_give_the_bits_of_a_copy),
       cmocka_unit_test(test_operators_with_gaps_use_whole_windows_only),
       cmocka_unit_test(test_min_fill_admits_windows_with_few_missing),
       cmocka_unit_test(test_stream_equals_whole_record),

@@ -46,6 +46,27 @@ def test_allan_deviation_equals_the_program_s(log, tmp_path):
     np.testing.assert_allclose(a.ci95_dph, curve["ci95_dph"], rtol=1e-9)
 
 
+@pytest.mark.parametrize("missing", [False, True])
+def test_the_array_is_not_copied(missing):
+    """Over the array there are the running sums, as large as it, and where samples are missing their count, half as large."""
+    code = (f"import numpy, resource, sys; sys.path[:0] = {sys.path[:2]!r}; import imucal\n"
+            "def peak():\n    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+            "rate = numpy.random.default_rng(1).normal(50, 36, 8_000_000)\n"
+            f"rate[1000:2000] = numpy.nan if {missing} else 1\n"
+            "imucal.allan_deviation(rate[:3000], tau_s=[1, 10])\nbefore = peak()\n"
+            "imucal.allan_deviation(rate, tau_s=[1, 10, 100])\nprint((peak() - before) / rate.nbytes)\n")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) < (1.6 if missing else 1.1)
+
+
+def test_a_trend_in_time_is_taken_from_a_copy():
+    rate = np.random.default_rng(2).normal(0, 36, 5000) + 0.1 * np.arange(5000)
+    kept = rate.copy()
+    a = imucal.direct_predictor(rate, type="av", tau_s=[500], detrend="time:1")
+    assert np.array_equal(rate, kept) and a.dp_dph[0] < 10 < imucal.allan_deviation(rate, tau_s=[500]).adev_dph[0]
+
+
 def test_missing_samples_leave_their_windows_out():
     rate = np.random.default_rng(2).normal(0, 36, 2000)
     rate[500:700] = np.nan

@@ -38,32 +38,36 @@ void check_signals() {
   if (PyErr_CheckSignals() != 0) throw nb::python_error();
 }
 
-constexpr long kPieceWindows = 100000000; // some tenths of a second
+constexpr char kLog[] = "array", kAxis[] = "rate_dph"; // what messages name
+constexpr long kPieceWindows = 100000000;              // some tenths of a second
 
-// A copy with the missing ones counted.
-void take_samples(const Array& rate_dph, Series* series) {
-  constexpr size_t kPiece = 8000000;
-  const size_t n = rate_dph.shape(0);
-  series->rate_dph.reserve(n);
-  for (size_t i = 0; i < n; i += kPiece) {
-    check_signals();
-    const double *first = rate_dph.data() + i, *last = rate_dph.data() + std::min(n, i + kPiece);
-    series->rate_dph.insert(series->rate_dph.end(), first, last);
-    series->n_missing += std::count_if(first, last, [](double rate) { return std::isnan(rate); });
-  }
+// A trend beyond the mean is fitted to a copy.
+bool needs_copy(const Detrend& detrend) {
+  return detrend.kind != Detrend::Kind::kNone && detrend.kind != Detrend::Kind::kMean && detrend.order > 0;
+}
+
+// The array as it lies; its mean is taken away on the way where that is all.
+RateView take_rates(const Array& rate_dph, double dt_s, const Detrend& detrend, Series* copy) {
+  const auto n = static_cast<long>(rate_dph.shape(0));
+  const RateView view(rate_dph.data(), n, detrend.kind != Detrend::Kind::kNone);
+  if (!needs_copy(detrend)) return view;
+  copy->log = kLog, copy->axis = kAxis, copy->dt_s = dt_s, copy->n_missing = view.n_missing;
+  copy->rate_dph.assign(view.rate_dph, view.rate_dph + n);
   check_signals();
+  remove_trend(detrend, copy);
+  return *copy;
 }
 
 // The curve in pieces of a few tau, so that Ctrl-C is seen in a long record.  A short one is one piece: its blocks stay in
 // the cache for all tau.
-DpCurve curve_in_pieces(const Series& series, const DpRecord& record, const std::vector<double>& tau_s,
+DpCurve curve_in_pieces(const RateView& rates, const DpRecord& record, const std::vector<double>& tau_s,
                         DpEstimator estimator) {
-  const size_t n_piece = static_cast<size_t>(std::max(1L, kPieceWindows / std::max(1L, series.size())));
+  const size_t n_piece = static_cast<size_t>(std::max(1L, kPieceWindows / std::max(1L, rates.size)));
   DpCurve whole;
   for (size_t i = 0; i < tau_s.size() || i == 0; i += n_piece) {
     check_signals();
     const size_t end = std::min(tau_s.size(), i + n_piece);
-    DpCurve piece = dp_curve(series, record,
+    DpCurve piece = dp_curve(kLog, kAxis, rates, record,
                              {tau_s.begin() + static_cast<long>(i), tau_s.begin() + static_cast<long>(end)}, estimator);
     if (i == 0) {
       whole = std::move(piece);
@@ -80,19 +84,18 @@ DpCurve curve_in_pieces(const Series& series, const DpRecord& record, const std:
 Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& type, const std::string& tau,
                        const std::string& estimator, const std::optional<std::string>& nominal, double estimation_s,
                        const std::string& detrend, double min_fill) {
-  Series series;
-  series.log = "array", series.axis = "rate_dph", series.dt_s = dt_s;
+  Series copy;
   Curve result;
   try {
     nb::gil_scoped_release free;
-    take_samples(rate_dph, &series);
-    remove_trend(Detrend::parse(detrend), &series);
+    const RateView rates = take_rates(rate_dph, dt_s, Detrend::parse(detrend), &copy);
+    check_signals();
     DpOperator op = make_dp_operator(dp_type_from_text(type), dt_s, model_of(nominal), estimation_s);
     op.min_fill = min_fill;
-    const auto tau_s = parse_tau(tau, dt_s, std::max(dt_s, static_cast<double>(series.size()) * dt_s / 10));
+    const auto tau_s = parse_tau(tau, dt_s, std::max(dt_s, static_cast<double>(rates.size) * dt_s / 10));
     check_signals();
-    const DpRecord record(series, op);
-    const DpCurve curve = curve_in_pieces(series, record, tau_s, dp_estimator_from_text(estimator));
+    const DpRecord record(rates, op);
+    const DpCurve curve = curve_in_pieces(rates, record, tau_s, dp_estimator_from_text(estimator));
     check_signals();
     result.tau_s = curve.tau_s, result.dp_dph = curve.dp_dph, result.n_windows = curve.n;
     for (const Interval& i : curve_intervals(curve, op, {}))

@@ -137,30 +137,39 @@ DpOperator make_dp_operator(DpType type, double dt_s, const std::optional<ErrorM
   return op;
 }
 
-DpRecord::DpRecord(const Series& series, const DpOperator& op, const std::vector<double>& initial)
-    : op_(op), size_(series.size()) {
+DpRecord::DpRecord(const RateView& rates, const DpOperator& op, const std::vector<double>& initial)
+    : op_(op), size_(rates.size) {
   const auto size = static_cast<size_t>(size_);
-  sum_.resize(size + 1);
+  sum_.reset(new double[size + 1]); // not zeroed first: each is written once
   double sum = 0;
   for (size_t i = 0; i < size; ++i) {
     sum_[i] = sum;
-    if (series.n_missing == 0 || !std::isnan(series.rate_dph[i])) sum += series.rate_dph[i];
+    if (!rates.is_missing(i)) sum += rates[i];
   }
   sum_[size] = sum;
-  if (series.n_missing > 0) {
-    present_.resize(size + 1);
-    for (size_t i = 0; i < size; ++i) {
-      const bool is_present = !std::isnan(series.rate_dph[i]);
-      present_[i + 1] = present_[i] + is_present;
-      const auto at = static_cast<long>(i);
-      if (is_present && (runs_.empty() || runs_.back().end < at)) runs_.push_back({at, at});
-      if (is_present) runs_.back().end = at + 1;
-    }
-  } else {
+  find_runs(rates);
+  if (op.type == DpType::kDp2 || op.type == DpType::kDp3) run_filter(rates, initial);
+}
+
+void DpRecord::find_runs(const RateView& rates) {
+  const auto size = static_cast<size_t>(size_);
+  if (rates.n_missing == 0) {
     runs_ = {{0, size_}};
+    return;
   }
-  if (op.type != DpType::kDp2 && op.type != DpType::kDp3) return;
-  const NominalFilter& f = op.filter;
+  present_.resize(size + 1);
+  for (size_t i = 0; i < size; ++i) {
+    const bool is_present = !rates.is_missing(i);
+    present_[i + 1] = present_[i] + is_present;
+    const auto at = static_cast<long>(i);
+    if (is_present && (runs_.empty() || runs_.back().end < at)) runs_.push_back({at, at});
+    if (is_present) runs_.back().end = at + 1;
+  }
+}
+
+void DpRecord::run_filter(const RateView& rates, const std::vector<double>& initial) {
+  const auto size = static_cast<size_t>(size_);
+  const NominalFilter& f = op_.filter;
   std::vector<double> x = initial.empty() ? std::vector<double>(f.size(), 0.0) : initial;
   states_.assign(f.size(), std::vector<double>(size + 1));
   for (size_t i = 0; i <= size; ++i) {
@@ -168,12 +177,13 @@ DpRecord::DpRecord(const Series& series, const DpOperator& op, const std::vector
     if (i == size) break;
     double predicted = 0;
     for (size_t k = 0; k < x.size(); ++k) predicted += x[k] *= f.phi[k];
-    if (std::isnan(series.rate_dph[i])) continue;
-    const double innovation = series.rate_dph[i] - predicted;
+    const double rate_dph = rates[i];
+    if (std::isnan(rate_dph)) continue;
+    const double innovation = rate_dph - predicted;
     for (size_t k = 0; k < x.size(); ++k) x[k] += f.gain[k] * innovation;
   }
   // DP2 with several terms needs only their sum.
-  if (op.type == DpType::kDp2 && f.size() > 1) {
+  if (op_.type == DpType::kDp2 && f.size() > 1) {
     for (size_t k = 1; k < f.size(); ++k)
       for (size_t i = 0; i <= size; ++i) states_[0][i] += states_[k][i];
     states_.resize(1);
@@ -216,7 +226,7 @@ std::vector<double> DpRecord::prediction_factors(long n) const {
 }
 
 void DpRecord::errors(long n, const std::vector<double>& factor, Range t0, double* d) const {
-  const double* p = sum_.data();
+  const double* p = sum_.get();
   if (op_.type == DpType::kAv)
     second_differences(p, t0.begin, t0.end, n, 1 / static_cast<double>(n), d);
   else if (factor.empty())
@@ -228,7 +238,7 @@ void DpRecord::errors(long n, const std::vector<double>& factor, Range t0, doubl
 
 double DpRecord::sum_of_squares(long n, const std::vector<double>& factor, Range t0) const {
   if (op_.type == DpType::kAv)
-    return second_difference_sum_sq(sum_.data(), t0.begin, t0.end, n) /
+    return second_difference_sum_sq(sum_.get(), t0.begin, t0.end, n) /
            (static_cast<double>(n) * static_cast<double>(n));
   double d[kPiece], sum = 0;
   for (long b = t0.begin; b < t0.end; b += kPiece) {
@@ -367,7 +377,7 @@ std::vector<DpRecord::Moments> DpRecord::moments_of_some(const std::vector<long>
       if (step == 1) {
         sum += sum_of_squares(steps, factor, range);
       } else if (op_.type == DpType::kAv) {
-        sum += spaced_sum_sq(sum_.data(), range.begin, range.end, steps, step);
+        sum += spaced_sum_sq(sum_.get(), range.begin, range.end, steps, step);
       } else {
         double d = 0;
         for (long t = range.begin; t < range.end; t += step) errors(steps, factor, {t, t + 1}, &d), sum += d * d;
@@ -482,29 +492,39 @@ double dp_sigma(DpEstimator estimator, std::vector<double>* d) {
   return 0.5 * order_statistic(d, kPercentile);
 }
 
+// Ends at the first rate that differs.
+static bool is_constant(const RateView& rates) {
+  const double *begin = rates.rate_dph, *end = begin + rates.size;
+  const double* first = std::find_if(begin, end, [](double x) { return !std::isnan(x); });
+  return std::all_of(first, end, [&](double x) { return std::isnan(x) || x == *first; });
+}
+
 DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector<double>& tau_s, DpEstimator estimator,
                  long per_window) {
+  return dp_curve(series.log, series.axis, series, record, tau_s, estimator, per_window);
+}
+
+DpCurve dp_curve(const std::string& log, const std::string& axis, const RateView& rates, const DpRecord& record,
+                 const std::vector<double>& tau_s, DpEstimator estimator, long per_window) {
+  const double dt_s = record.op().dt_s;
   DpCurve curve;
-  curve.log = series.log;
-  curve.axis = series.axis;
+  curve.log = log;
+  curve.axis = axis;
   curve.type = record.op().type;
   curve.estimator = estimator;
-  const auto first =
-      std::find_if(series.rate_dph.begin(), series.rate_dph.end(), [](double x) { return !std::isnan(x); });
-  if (std::all_of(first, series.rate_dph.end(), [&](double x) { return std::isnan(x) || x == *first; }))
-    throw data_error(series.log + ": axis " + series.axis + " is constant: nothing to analyse (is the sensor alive?)");
+  if (is_constant(rates))
+    throw data_error(log + ": axis " + axis + " is constant: nothing to analyse (is the sensor alive?)");
   std::vector<long> steps;
   for (double tau : tau_s) {
-    const long n = steps_of(tau, series.dt_s);
+    const long n = steps_of(tau, dt_s);
     if (n < 1)
-      throw usage_error("tau " + std::to_string(tau) + " s is less than one sample of " + std::to_string(series.dt_s) +
-                        " s");
+      throw usage_error("tau " + std::to_string(tau) + " s is less than one sample of " + std::to_string(dt_s) + " s");
     if (record.possible_windows(n) < 1)
-      throw data_error(series.log + ": tau " + std::to_string(tau) + " s is beyond the record: " + to_text(curve.type) +
+      throw data_error(log + ": tau " + std::to_string(tau) + " s is beyond the record: " + to_text(curve.type) +
                        " needs " + std::to_string(record.op().history_n(n)) + " samples before and " +
                        std::to_string(n) + " after, the record has " + std::to_string(record.size()));
     steps.push_back(n);
-    curve.tau_s.push_back(static_cast<double>(n) * series.dt_s);
+    curve.tau_s.push_back(static_cast<double>(n) * dt_s);
   }
   if (estimator == DpEstimator::kRms) {
     curve.moments = per_window > 0 ? record.moments_of_some(steps, per_window) : record.moments(steps);
@@ -521,7 +541,7 @@ DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector
   }
   for (size_t i = 0; i < steps.size(); ++i)
     if (curve.n[i] == 0)
-      throw data_error(series.log + ": axis " + series.axis + ": no window of tau " + std::to_string(curve.tau_s[i]) +
+      throw data_error(log + ": axis " + axis + ": no window of tau " + std::to_string(curve.tau_s[i]) +
                        " s is free of missing samples; lower tau or allow some with --min-fill");
   return curve;
 }

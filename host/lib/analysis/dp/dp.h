@@ -16,6 +16,7 @@
 // samples are missing.  Time: one pass over the samples per tau, all taus block by block through the cache; missing
 // samples only cut the record into runs, unless min_fill < 1 lets windows have some.
 #pragma once
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -55,7 +56,7 @@ DpOperator make_dp_operator(DpType type, double dt_s, const std::optional<ErrorM
 class DpRecord {
 public:
   // `initial`: the nominal filter's states before the first sample (empty: zero, to be warmed up).
-  DpRecord(const Series& series, const DpOperator& op, const std::vector<double>& initial = {});
+  DpRecord(const RateView& rates, const DpOperator& op, const std::vector<double>& initial = {});
 
   // Number of windows if there were no gaps.  Below 1: tau is too long for the record.
   long possible_windows(long n) const { return size_ - n - op_.history_n(n) + 1; }
@@ -89,6 +90,8 @@ public:
   std::vector<Size> sizes(const std::vector<long>& n) const;
 
 private:
+  void find_runs(const RateView& rates);
+  void run_filter(const RateView& rates, const std::vector<double>& initial);
   // Values of t0, one after the other.
   struct Range {
     long begin = 0, end = 0;
@@ -112,7 +115,7 @@ private:
 
   DpOperator op_;
   long size_ = 0;
-  std::vector<double> sum_;                 // size + 1 running sums
+  std::unique_ptr<double[]> sum_;           // size + 1 running sums
   std::vector<int> present_;                // running counts; empty where nothing is missing
   std::vector<Range> runs_;                 // of samples that are there, one after the other
   std::vector<std::vector<double>> states_; // per nominal term: estimate before sample t0
@@ -137,5 +140,8 @@ struct DpCurve {
 // are no moments by blocks but one sum.
 DpCurve dp_curve(const Series& series, const DpRecord& record, const std::vector<double>& tau_s, DpEstimator estimator,
                  long per_window = 0);
+// The same of the rates that `record` was made from, where they lie; log and axis are what messages name.
+DpCurve dp_curve(const std::string& log, const std::string& axis, const RateView& rates, const DpRecord& record,
+                 const std::vector<double>& tau_s, DpEstimator estimator, long per_window = 0);
 
 } // namespace imucal

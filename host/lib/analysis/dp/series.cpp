@@ -281,26 +281,45 @@ std::vector<std::vector<double>> detrend_basis(const Series& s, const Detrend& d
   return basis;
 }
 
-void remove_trend(const Detrend& detrend, Series* s) {
-  const auto n = static_cast<size_t>(s->size());
-  // The mean first: sums of squares of what is left stay exact.
-  if (detrend.kind == Detrend::Kind::kNone) return;
-  // Sums of differences from a first value, in four chains.
-  const auto first = std::find_if(s->rate_dph.begin(), s->rate_dph.end(), [](double x) { return !std::isnan(x); });
-  if (first == s->rate_dph.end()) return;
-  const double base = *first;
+// Sum of differences from `base`, in four chains.
+static double sum_of_differences(const RateView& rates, double base) {
+  const double* x = rates.rate_dph;
+  const auto n = static_cast<size_t>(rates.size);
   double sum[4] = {0, 0, 0, 0};
-  if (s->n_missing == 0) {
-    const double* x = s->rate_dph.data();
+  if (rates.n_missing == 0) {
     size_t i = 0;
     for (; i + 4 <= n; i += 4)
       for (size_t l = 0; l < 4; ++l) sum[l] += x[i + l] - base;
     for (; i < n; ++i) sum[0] += x[i] - base;
   } else {
     for (size_t i = 0; i < n; ++i)
-      if (!std::isnan(s->rate_dph[i])) sum[i % 4] += s->rate_dph[i] - base;
+      if (!std::isnan(x[i])) sum[i % 4] += x[i] - base;
   }
-  const double offset = base + (sum[0] + sum[1] + sum[2] + sum[3]) / static_cast<double>(s->size() - s->n_missing);
+  return sum[0] + sum[1] + sum[2] + sum[3];
+}
+
+// Sums of differences from a first value stay exact where the mean is large.  0 where every rate is missing.
+static double mean_of(const RateView& rates) {
+  const double* const end = rates.rate_dph + rates.size;
+  const double* const first = std::find_if(rates.rate_dph, end, [](double x) { return !std::isnan(x); });
+  if (first == end) return 0;
+  return *first + sum_of_differences(rates, *first) / static_cast<double>(rates.size - rates.n_missing);
+}
+
+RateView::RateView(const double* rates, long n, bool is_mean_removed) : rate_dph(rates), size(n) {
+  offset_dph = mean_of(*this);
+  // A sum is a number where every rate is one: no pass of its own over a record without gaps.
+  if (!std::isfinite(offset_dph) || (n > 0 && std::isnan(rates[0]))) {
+    n_missing = std::count_if(rates, rates + n, [](double x) { return std::isnan(x); });
+    offset_dph = mean_of(*this);
+  }
+  if (!is_mean_removed) offset_dph = 0;
+}
+
+void remove_trend(const Detrend& detrend, Series* s) {
+  // The mean first: sums of squares of what is left stay exact.
+  if (detrend.kind == Detrend::Kind::kNone || s->n_missing == s->size()) return;
+  const double offset = mean_of(*s);
   for (double& x : s->rate_dph) x -= offset;
   if (detrend.kind == Detrend::Kind::kMean || detrend.order == 0) return;
   remove_columns(detrend_basis(*s, detrend), s);

@@ -24,6 +24,22 @@ struct Series {
   double t_s(long i) const { return t0_s + static_cast<double>(i) * dt_s; }
 };
 
+// Rates where they lie: nothing is copied, and `offset_dph` is taken from each on the way.  The memory must outlive the view.
+struct RateView {
+  const double* rate_dph = nullptr; // NaN where missing
+  long size = 0;
+  long n_missing = 0;
+  double offset_dph = 0;
+
+  RateView() = default;
+  RateView(const Series& series) : rate_dph(series.rate_dph.data()), size(series.size()), n_missing(series.n_missing) {}
+  // Counts the missing ones.  `is_mean_removed`: the offset is their mean, bit for bit as remove_trend finds it.
+  RateView(const double* rate_dph, long size, bool is_mean_removed);
+
+  double operator[](size_t i) const { return rate_dph[i] - offset_dph; }
+  bool is_missing(size_t i) const { return n_missing > 0 && rate_dph[i] != rate_dph[i]; }
+};
+
 // Reads the named axes (all when empty) of a log.  data_error: unknown axis, fewer than two samples of an axis,
 // two rows within half a step, a gap that would need more than 1e9 samples.
 std::vector<Series> load_series(const std::string& path, const std::vector<std::string>& axes, bool with_temp);
