@@ -109,6 +109,36 @@ def test_look_loads_nothing_it_does_not_need_and_is_quick(tmp_path):
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 6
 
 
+def test_light_axes_show_the_ticks_that_matplotlib_would():
+    from imucal.plot import add_likelihood, light_axes, look_page
+
+    def page():
+        looks = [look_at_axis(log, "gx_dph")]
+        figure = look_page(log, looks)
+        add_likelihood(figure, looks)
+        return figure
+    log = simulated()
+    log.rates["gx_dph"] = log.rates["gx_dph"] + 5e6  # ticks that are counted from an offset
+    heavy, light = page(), page()
+    heavy.canvas.draw()
+    light_axes(light)
+    light.canvas.draw()
+    for ours, theirs in zip(light.axes, heavy.axes):
+        assert ours.get_xlim() == theirs.get_xlim() and ours.get_ylim() == theirs.get_ylim()
+        shown = {t.get_text() for t in ours.texts}
+        for axis, (low, high) in ((theirs.xaxis, theirs.get_xlim()), (theirs.yaxis, theirs.get_ylim())):
+            if axis is theirs.xaxis and axis.get_label_text() == "":  # of the twin: drawn by the other
+                continue
+            wanted = {t.label1.get_text() for t in axis.get_major_ticks() if low <= t.get_loc() <= high}
+            assert wanted and wanted <= shown
+            label = axis.get_label_text() + (f" ({axis.get_offset_text().get_text()})" if axis.get_offset_text().get_text() else "")
+            assert label in shown
+        for text in ours.texts:
+            box = text.get_window_extent()
+            assert box.x0 > 0 and box.y0 > 0 and box.x1 < light.bbox.x1 and box.y1 < light.bbox.y1
+    assert any("e6" in t.get_text() for t in light.axes[0].texts)
+
+
 def test_import_of_matplotlib_is_left_as_it_was():
     """What look leaves out while it loads is there for everybody else."""
     code = ["from imucal import plot", "plot.new_figure(1, 1)", "from matplotlib import artist, lines", "assert artist.kwdoc(lines.Line2D)",

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
 """``imucal look``: one page and ten lines about a log of any format, raw first."""
+import gc
 import json
 import os
 import subprocess
@@ -183,8 +184,19 @@ def _result(lines, looks, log, imported):
 
 
 def run(arguments):
-    """Run the command; returns the exit status."""
+    """Run the command; returns the exit status.  A page is many small objects that live until it is drawn: the search for
+    garbage among them takes a tenth of the time and finds none."""
     given = _parser().parse_args(arguments)
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        return _look(given)
+    finally:
+        if was_on:
+            gc.enable()
+
+
+def _look(given):
     log, imported = _load(given)
     axes = _axes(log, given.axis)
     if len(log.t_s) < 100:
@@ -200,8 +212,9 @@ def run(arguments):
     finally:
         likelihood.close()
     lines = text_lines(given, log, looks, imported)
-    from .plot import add_likelihood, save_page
+    from .plot import add_likelihood, light_axes, save_page
     add_likelihood(figure, looks)
+    light_axes(figure)
     save_page(figure, output, os.path.basename(given.file), lines)
     if not given.quiet and given.json != "-":
         print("\n".join(lines + [f"page: {output}"]))

@@ -76,6 +76,49 @@ def tidy(ax, x, y, title=None):
         ax.set_title(title, fontsize=9, color=INK, loc="left", y=1.0)  # a place that is given need not be searched
 
 
+def _tick_texts(axis):
+    """(places inside the view, their texts, what all are multiplied by or counted from)."""
+    low, high = sorted(axis.get_view_interval())
+    places = [p for p in axis.get_major_locator().tick_values(low, high) if low <= p <= high]
+    formatter = axis.get_major_formatter()
+    return places, formatter.format_ticks(places), formatter.get_offset()
+
+
+def _light_axis(ax, axis, is_x):
+    places, texts, offset = _tick_texts(axis)
+    colour = axis.majorTicks[0].label1.get_color()
+    across = ax.get_xaxis_transform() if is_x else ax.get_yaxis_transform()
+    on_right = axis.get_label_position() == "right"
+    box = ax.get_position()
+    size_pt = 72 * (ax.figure.get_figheight() * box.height if is_x else ax.figure.get_figwidth() * box.width)
+    edge, sign = (1, 1) if on_right else (0, -1)
+
+    def at(place, pt):
+        return (place, edge + sign * pt / size_pt) if is_x else (edge + sign * pt / size_pt, place)
+    if not on_right:
+        lines = np.array([(at(p, 0), at(p, -size_pt), (np.nan, np.nan)) for p in places]).reshape(-1, 2)
+        ax.plot(*lines.T, color=GRID, lw=0.6, transform=across, zorder=0.5, scalex=False, scaley=False)
+    ax.plot(*np.array([at(p, 1.5) for p in places]).reshape(-1, 2).T, ls="", marker=2 if is_x else 1 if on_right else 0, ms=3, mew=0.8, color=colour,
+            transform=across, clip_on=False, scalex=False, scaley=False)
+    sides = {"ha": "center", "va": "top"} if is_x else {"ha": "left" if on_right else "right", "va": "center_baseline"}
+    for place, text in zip(places, texts):
+        ax.text(*at(place, 5), text, transform=across, fontsize=7, color=colour, **sides)
+    label = axis.label.get_text() + (f" ({offset})" if offset else "")
+    beyond = 15 if is_x else 9 + 4.6 * max(map(len, texts), default=0)
+    ax.text(*at(0.5, beyond), label, transform=ax.transAxes, fontsize=8, color=axis.label.get_color(), rotation=0 if is_x else 90,
+            ha="center" if is_x else "left" if on_right else "right", va="top" if is_x else "center")
+    axis.set_visible(False)
+
+
+def light_axes(figure):
+    """Grid, ticks and labels of all axes as few plain artists: matplotlib's own make more objects than all data, and more than
+    half of the time of drawing a page.  To be called when the limits are final."""
+    for ax in figure.axes:
+        if ax.get_shared_x_axes().get_siblings(ax)[0] is ax or ax.yaxis.get_label_position() != "right":
+            _light_axis(ax, ax.xaxis, True)
+        _light_axis(ax, ax.yaxis, False)
+
+
 def _thinned(n):
     return slice(None, None, max(1, n // _MAX_POINTS))
 
