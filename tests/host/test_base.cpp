@@ -15,6 +15,7 @@
 #include <thread>
 #include <vector>
 
+#include "base/box_muller.h"
 #include "base/fast_normal.h"
 #include "base/parallel.h"
 #include "base/quantile.h"
@@ -144,6 +145,64 @@ static void test_normals_by_the_piece_are_those_one_by_one(void**) {
     }
 }
 
+// In last places of `scale`.
+static double places_off(double found, long double exact, double scale) {
+  return static_cast<double>(std::fabs(found - exact)) / (scale * 0x1p-52);
+}
+
+// Against long double: at both ends, beside 1 and sqrt(1/2), where the exponent changes, and everywhere.
+static void test_logarithm_of_a_uniform_is_right_to_two_last_places(void**) {
+  std::vector<double> all = {1.0,
+                             1 - 0x1p-53,
+                             1 - 0x1p-52,
+                             0x1p-54,
+                             0x1.8p-53,
+                             0.5,
+                             0x1.6A09E667F3BCCp-1,
+                             0x1.6A09E667F3BCDp-1,
+                             0x1.6A09E667F3BCEp-1};
+  Rng rng(2, 0, 0, Stream::kTool);
+  for (int i = 0; i < 100000; ++i) {
+    all.push_back(rng.uniform());
+    all.push_back(std::ldexp(rng.uniform(), -static_cast<int>(rng.bits() % 53)));
+    all.push_back(1 - std::ldexp(rng.uniform(), -static_cast<int>(rng.bits() % 53)));
+  }
+  for (const double u : all) {
+    double found;
+    logarithm<double, uint64_t>(u, found);
+    const long double exact = std::log(static_cast<long double>(u));
+    if (places_off(found, exact, static_cast<double>(std::fabs(exact))) > 2) fail_msg("ln %a: %a", u, found);
+  }
+}
+
+static void test_cosine_and_sine_of_a_turn_are_right_to_a_last_place_of_one(void**) {
+  std::vector<double> all = {0.0, 0x1p-54, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0, 1 - 0x1p-53};
+  for (int i = 1; i < 8; ++i) all.push_back(std::nextafter(i / 8.0, 0)), all.push_back(std::nextafter(i / 8.0, 1));
+  Rng rng(3, 0, 0, Stream::kTool);
+  for (int i = 0; i < 100000; ++i) all.push_back(rng.uniform());
+  for (const double v : all) {
+    double cosine, sine;
+    cos_sin<double, uint64_t>(v, cosine, sine);
+    const long double angle = 2 * 3.14159265358979323846264338327950288L * v;
+    if (places_off(cosine, std::cos(angle), 1) > 1 || places_off(sine, std::sin(angle), 1) > 1)
+      fail_msg("a turn of %a: cos %a, sin %a", v, cosine, sine);
+  }
+}
+
+// The first words of Philox 4x32-10 for counter and key 0 (known answers of Random123), as uniforms and as a pair.
+static void test_normals_of_a_block_are_box_and_mullers(void**) {
+  const uint64_t words[] = {0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8};
+  double u, v;
+  uniform_of(words[0], words[1], u);
+  uniform_of(words[2], words[3], v);
+  assert_relative(u, (0x6627e8d5 * 0x1p21 + (0xe169c58d >> 11) + 0.5) / 0x1p53, 0);
+  assert_relative(v, (0xbc57ac4c * 0x1p21 + (0x9b00dbd8 >> 11) + 0.5) / 0x1p53, 0);
+  Rng rng(0, 0, 0, 0u);
+  const double radius = std::sqrt(-2 * std::log(u)), angle = 2 * 3.14159265358979323846 * v;
+  assert_relative(rng.normal(), radius * std::cos(angle), 1e-14);
+  assert_relative(rng.normal(), radius * std::sin(angle), 1e-14);
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_parallel_for_every_item_once),
@@ -152,6 +211,9 @@ int main() {
       cmocka_unit_test(test_quantiles_are_those_of_the_tables),
       cmocka_unit_test(test_normals_side_by_side_are_those_of_each_stream),
       cmocka_unit_test(test_normals_by_the_piece_are_those_one_by_one),
+      cmocka_unit_test(test_logarithm_of_a_uniform_is_right_to_two_last_places),
+      cmocka_unit_test(test_cosine_and_sine_of_a_turn_are_right_to_a_last_place_of_one),
+      cmocka_unit_test(test_normals_of_a_block_are_box_and_mullers),
   };
   return cmocka_run_group_tests_name("base", tests, nullptr, nullptr);
 }
