@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imucal.seconds import cut_seconds, keep_in_order, nominal_rate_hz, unwrap
+from imucal.seconds import cut_seconds, in_order, keep_in_order, nominal_rate_hz, unwrap
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -82,3 +82,9 @@ def test_nominal_rate_stands_jitter_losses_and_gaps(rate_hz):
     t = (np.arange(60 * rate_hz) + 0.2 * rng.uniform(-1, 1, 60 * rate_hz)) / rate_hz
     t = t[(rng.uniform(size=len(t)) > 0.02) & ~((t > 20) & (t < 31))]
     assert nominal_rate_hz(np.rint(t * 1e6 + 1e6).astype(np.int64)) == pytest.approx(rate_hz, rel=0.03)
+
+
+def test_times_in_order_each_once():
+    t = np.array([5, 7, 7, 3, 9, -2, 9], np.int64)
+    assert in_order(t).tolist() == [-2, 3, 5, 7, 9] and in_order(t[:0]).tolist() == [] and in_order(t[:1]).tolist() == [5]
+    assert nominal_rate_hz(np.sort(np.concatenate([1_000_000 * np.repeat(np.arange(9), 50) + np.tile(np.arange(50) * 2000, 9)]))) == 50

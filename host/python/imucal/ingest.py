@@ -7,7 +7,7 @@ import numpy as np
 
 from .errors import DataError
 from .log import Log
-from .seconds import FLAG_MISSING, cut_seconds, keep_in_order, nominal_rate_hz
+from .seconds import FLAG_MISSING, cut_seconds, in_order, keep_in_order, nominal_rate_hz
 from .still import accel_moves, gyro_moves, widen
 
 #: a temperature is interpolated between readings no further apart than this
@@ -55,7 +55,7 @@ def usable_temperature(temp_degc):
 def describe(stream):
     """One entry of "sensors" in the JSON of import."""
     has = stream.temp_degc is not None and usable_temperature(stream.temp_degc) is None
-    rate = stream.rate_hz or (nominal_rate_hz(np.unique(stream.t_us)) if len(stream.t_us) > 1 else 0.0)
+    rate = stream.rate_hz or (nominal_rate_hz(in_order(stream.t_us)) if len(stream.t_us) > 1 else 0.0)
     return {"instance": stream.instance, "name": stream.name, "axes": list(stream.axes), "rate_hz": round(rate, 4),
             "has_temperature": bool(has)}
 

@@ -15,9 +15,11 @@
 #include "io/json_file.h"
 #include "io/model.h"
 #include "kf.h"
+#include "ulog_split.h"
 
 namespace nb = nanobind;
 using namespace imucal;
+using Bytes = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Array = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 namespace {
@@ -108,6 +110,21 @@ Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& ty
   return result;
 }
 
+// (rest, {message id: (bytes of a record, records)}), or None where the file is to be read whole.
+nb::object split_ulog(const Bytes& file, const std::vector<std::string>& topics) {
+  UlogSplit split;
+  {
+    nb::gil_scoped_release free;
+    split = UlogSplitter(file.data(), file.shape(0), topics).split();
+  }
+  if (!split.is_simple) return nb::none();
+  nb::dict blocks;
+  for (const auto& [id, block] : split.blocks)
+    if (!block.bytes.empty())
+      blocks[nb::int_(id)] = nb::make_tuple(block.record_bytes, nb::bytes(block.bytes.data(), block.bytes.size()));
+  return nb::make_tuple(nb::bytes(split.rest.data(), split.rest.size()), blocks);
+}
+
 // imucal_kf_t with exceptions for refused configurations.
 class Filter {
 public:
@@ -185,6 +202,7 @@ NB_MODULE(_core, m) {
   m.def("direct_predictor", &direct_predictor, nb::arg("rate_dph"), nb::arg("dt_s"), nb::arg("type"), nb::arg("tau"),
         nb::arg("estimator"), nb::arg("nominal").none(), nb::arg("estimation_s"), nb::arg("detrend"),
         nb::arg("min_fill"));
+  m.def("split_ulog", &split_ulog, nb::arg("file"), nb::arg("topics"));
   nb::class_<Filter>(m, "Filter")
       .def(nb::init<int, double, double, double, double, double, double, double>())
       .def("update", &Filter::update)

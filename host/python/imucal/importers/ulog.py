@@ -5,6 +5,9 @@ sensor_gyro holds the sensor's own rates with the temperature of the same chip. 
 that PX4 has corrected (CAL_GYROn_*OFF and TC_G*): they serve as a fallback and to see motion.
 Source: PX4 user guide, "ULog file format"; msg/SensorGyro.msg, msg/SensorCombined.msg.
 """
+import io
+import os
+
 import numpy as np
 
 from ..errors import DataError
@@ -14,6 +17,8 @@ from . import need
 from .tail import CUT, ulog_is_cut
 
 GYRO, ACCEL, COMBINED, FIFO = "sensor_gyro", "sensor_accel", "sensor_combined", "sensor_gyro_fifo"
+_TYPES = {"int8_t": "i1", "uint8_t": "u1", "int16_t": "<i2", "uint16_t": "<u2", "int32_t": "<i4", "uint32_t": "<u4", "int64_t": "<i8", "uint64_t": "<u8",
+          "float": "<f4", "double": "<f8", "bool": "i1", "char": "i1"}
 #: below this rate a 1-s mean is of too few samples to average the noise
 MIN_RATE_HZ = 8.0
 
@@ -90,10 +95,50 @@ def _combined_stream(log, topics, data):
     return stream
 
 
+def _split(path):
+    """(file without the data messages of our topics but the first of each, {id: (bytes of a record, records)}), or None: the
+    compiled part is not there, or the file is not simple."""
+    try:
+        from .. import _core
+    except ImportError:
+        return None
+    data = np.fromfile(path, np.uint8)
+    return _core.split_ulog(data, [GYRO, ACCEL, COMBINED])
+
+
+def _records(topic, block):
+    """All records of a topic: the first as pyulog read it, those split off, and what pyulog found behind them."""
+    record_bytes, raw = block
+    offsets = np.cumsum([0] + [np.dtype(_TYPES[f.type_str]).itemsize for f in topic.field_data])
+    layout = np.dtype({"names": [f.field_name for f in topic.field_data], "formats": [_TYPES[f.type_str] for f in topic.field_data],
+                       "offsets": offsets[:-1].tolist(), "itemsize": record_bytes})
+    rows = np.frombuffer(raw, layout)
+    return {name: np.concatenate([values[:1], rows[name], values[1:]]) for name, values in topic.data.items()}
+
+
+def _parse(pyulog, source):
+    return pyulog.ULog(source, message_name_filter_list=[GYRO, ACCEL, COMBINED], disable_str_exceptions=True)
+
+
+def _whole(pyulog, path):
+    """The log by pyulog.  Nearly all bytes are data messages of a few topics, and it takes them one by one: they are split off first
+    where the file is as it should be."""
+    split = _split(path)
+    if split:
+        rest, blocks = split
+        log = _parse(pyulog, io.BytesIO(rest))
+        if not log.file_corruption and set(blocks) <= {topic.msg_id for topic in log.data_list}:
+            for topic in log.data_list:
+                if topic.msg_id in blocks:
+                    topic.data = _records(topic, blocks[topic.msg_id])
+            return log
+    return _parse(pyulog, path)
+
+
 def _read(path):
     pyulog = need("pyulog", "pyulog", path, "a PX4 ULog")
     try:
-        log = pyulog.ULog(path, message_name_filter_list=[GYRO, ACCEL, COMBINED], disable_str_exceptions=True)
+        log = _whole(pyulog, os.fspath(path))
     except Exception as error:  # pyulog raises what its parser meets: struct, index, key, type errors
         raise DataError(f"{path}: a ULog that cannot be read ({type(error).__name__}: {error}); it may be cut short: "
                         "copy it from the card again") from None
