@@ -196,29 +196,91 @@ std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const Seconds
 
 namespace {
 
-// Sum over the runs of |transform of e exp(-i phase)|^2 / n; phase of the drift.
-void add_power(const Campaign& campaign, const std::vector<VectorXd>& e, double hz_per_degc, size_t n_fft,
-               std::vector<double>* power) {
+// Sum over the runs of |transform of e|^2 / n at the bins 0 .. n_fft / 2 - 1.
+std::vector<double> power_of(const Campaign& campaign, const std::vector<VectorXd>& e, size_t n_fft) {
   static thread_local Eigen::FFT<double> fft;
-  power->assign(n_fft, 0.0);
+  std::vector<double> power(n_fft / 2, 0.0), x;
+  std::vector<std::complex<double>> f;
   for (size_t r = 0; r < e.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
-    std::vector<std::complex<double>> x(n_fft), f;
-    double phase = 0;
-    long last = 0;
-    for (size_t k = 0; k < run.n(); ++k) {
-      const size_t row = static_cast<size_t>(run.used[k]);
-      const long tick = run.input.tick[row];
-      if (hz_per_degc != 0)
-        phase += 2 * kPi * hz_per_degc * (run.input.smooth_degc[row] - run.input.t0_degc) *
-                 static_cast<double>(tick - last) * campaign.dt_s;
-      last = tick;
-      x[static_cast<size_t>(tick)] = e[r][static_cast<long>(k)] * std::polar(1.0, -phase);
-    }
+    x.assign(n_fft, 0.0);
+    for (size_t k = 0; k < run.n(); ++k)
+      x[static_cast<size_t>(run.input.tick[static_cast<size_t>(run.used[k])])] = e[r][static_cast<long>(k)];
     fft.fwd(f, x);
-    for (size_t i = 0; i < n_fft; ++i) (*power)[i] += std::norm(f[i]) / static_cast<double>(run.n());
+    for (size_t i = 0; i < power.size(); ++i) power[i] += std::norm(f[i]) / static_cast<double>(run.n());
   }
+  return power;
 }
+
+// Sums over the runs of |transform of e exp(-i slope phi)|^2 / n along slopes that grow like k^2; phi is the phase that a
+// slope of 1 Hz/degC has run through.  From slope to slope the phase grows by 2k - 1 units, so that the factor of a step
+// is the one before times that of two units: sines and cosines are taken once.
+class DriftingPower {
+public:
+  // unit_slope: that of k = 1 [Hz/degC].
+  DriftingPower(const Campaign& campaign, const std::vector<VectorXd>& e, size_t n_fft, double unit_slope)
+      : n_fft_(n_fft) {
+    for (size_t r = 0; r < e.size(); ++r) {
+      const CampaignRun& run = campaign.runs[r];
+      double phase = 0;
+      long last = 0;
+      Turned turned;
+      for (size_t k = 0; k < run.n(); ++k) {
+        const size_t row = static_cast<size_t>(run.used[k]);
+        const long tick = run.input.tick[row];
+        phase += 2 * kPi * unit_slope * (run.input.smooth_degc[row] - run.input.t0_degc) *
+                 static_cast<double>(tick - last) * campaign.dt_s;
+        last = tick;
+        const std::complex<double> unit = std::polar(1.0, -phase);
+        turned.tick.push_back(static_cast<size_t>(tick));
+        turned.e.push_back(e[r][static_cast<long>(k)]);
+        turned.step.push_back(unit), turned.two_units.push_back(times(unit, unit));
+      }
+      runs_.push_back(std::move(turned));
+    }
+  }
+
+  // Next slope: from k - 1 to k.
+  void turn() {
+    for (Turned& run : runs_)
+      for (size_t i = 0; i < run.e.size(); ++i) {
+        run.e[i] = times(run.e[i], run.step[i]);
+        run.step[i] = times(run.step[i], run.two_units[i]);
+      }
+  }
+  // At the bins 0 .. n_fft / 2 - 1.  The samples are real: along the opposite slope a transform has the same values at
+  // the negative frequencies.
+  void sum(std::vector<double>* power, std::vector<double>* opposite) const {
+    static thread_local Eigen::FFT<double> fft;
+    const size_t bins = n_fft_ / 2;
+    power->assign(bins, 0.0), opposite->assign(bins, 0.0);
+    std::vector<std::complex<double>> x, f;
+    for (const Turned& run : runs_) {
+      x.assign(n_fft_, 0.0);
+      for (size_t k = 0; k < run.e.size(); ++k) x[run.tick[k]] = run.e[k];
+      fft.fwd(f, x);
+      const double scale = 1 / static_cast<double>(run.e.size());
+      for (size_t i = 0; i < bins; ++i) {
+        (*power)[i] += std::norm(f[i]) * scale;
+        (*opposite)[i] += std::norm(f[i > 0 ? n_fft_ - i : 0]) * scale;
+      }
+    }
+  }
+
+private:
+  using Complex = std::complex<double>;
+  struct Turned {
+    std::vector<size_t> tick;
+    std::vector<Complex> e, step, two_units;
+  };
+  // Without the checks for infinite parts that the operator makes.
+  static Complex times(const Complex& a, const Complex& b) {
+    return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
+  }
+
+  size_t n_fft_;
+  std::vector<Turned> runs_;
+};
 
 // A line stands out of the mean of its surroundings.
 void take_line(const std::vector<double>& power, double hz_of_bin, double slope, size_t bins, Line* best) {
@@ -244,16 +306,18 @@ Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e, bo
   size_t n_fft = 64;
   while (n_fft < longest) n_fft *= 2;
   const double hz = 1 / (static_cast<double>(n_fft) * campaign.dt_s);
-  std::vector<double> power;
   Line best;
-  add_power(campaign, e, 0, n_fft, &power);
-  take_line(power, hz, 0, n_fft / 2, &best);
-  for (int k = 1; with_drift && campaign.has_temperature && k <= kSlopes; ++k)
-    for (double sign : {-1.0, 1.0}) {
-      const double slope = sign * kLargestSlope * std::pow(static_cast<double>(k) / kSlopes, 2);
-      add_power(campaign, e, slope, n_fft, &power);
-      take_line(power, hz, slope, n_fft / 2, &best);
-    }
+  take_line(power_of(campaign, e, n_fft), hz, 0, n_fft / 2, &best);
+  if (!with_drift || !campaign.has_temperature) return best;
+  const double unit = kLargestSlope / (kSlopes * kSlopes);
+  DriftingPower turned(campaign, e, n_fft, unit);
+  std::vector<double> power, opposite;
+  for (int k = 1; k <= kSlopes; ++k) {
+    turned.turn();
+    turned.sum(&power, &opposite);
+    take_line(opposite, hz, -unit * k * k, n_fft / 2, &best);
+    take_line(power, hz, unit * k * k, n_fft / 2, &best);
+  }
   return best;
 }
 
