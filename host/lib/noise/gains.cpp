@@ -65,11 +65,45 @@ private:
   double sum_ = 0, product_ = 1;
 };
 
-class GainRun {
+// Covariance of the states, predicted to the next sample.  M: their number where the compiler may know it, else 0.
+template <size_t M> class Covariance {
+public:
+  explicit Covariance(const NoiseStates& states) : n_(states.size()) {
+    for (size_t i = 0; i < n(); ++i)
+      for (size_t j = 0; j < n(); ++j) p_[i * n() + j] = i == j ? states.start_dph2(i) : 0.0;
+  }
+  // The covariance times a vector of ones goes to `cross`; returns the variance of the sum of the states.
+  double spread(double* cross) const {
+    double sum = 0;
+    for (size_t i = 0; i < n(); ++i) {
+      cross[i] = 0;
+      for (size_t j = 0; j < n(); ++j) cross[i] += p_[i * n() + j];
+      sum += cross[i];
+    }
+    return sum;
+  }
+  void update(const double* cross, double weight) {
+    for (size_t i = 0; i < n(); ++i)
+      for (size_t j = 0; j < n(); ++j) p_[i * n() + j] -= cross[i] * weight * cross[j];
+  }
+  void predict(const double* phi, const double* q) {
+    for (size_t i = 0; i < n(); ++i) {
+      for (size_t j = 0; j < n(); ++j) p_[i * n() + j] *= phi[i] * phi[j];
+      p_[i * n() + i] += q[i];
+    }
+  }
+
+private:
+  size_t n() const { return M ? M : n_; }
+
+  size_t n_;
+  double p_[M ? M * M : kMostStates * kMostStates];
+};
+
+template <size_t M> class GainRun {
 public:
   GainRun(const SampleTimes& times, const NoiseModel& noise, const NoiseStates& states)
-      : times_(times), states_(states), belief_(states), phi_(states.size(), 0.0), q_(states.size(), 0.0),
-        settling_(times, noise) {
+      : times_(times), states_(states), covariance_(states), settling_(times, noise) {
     out_.n = times.n;
     out_.n_states = states.size();
   }
@@ -77,16 +111,18 @@ public:
   RunGains run() {
     for (size_t k = 0; k < times_.n;) k = is_settled_ ? settled_stretch(k) : one_sample(k);
     out_.sum_log_s = -2 * log_w_.value();
+    set_room(n_rows_);
     return std::move(out_);
   }
 
 private:
   bool has_step(size_t k, double step_s) const { return k + 1 == times_.n || times_.seconds(k + 1) == step_s; }
+  size_t n() const { return M ? M : out_.n_states; }
 
   size_t settled_stretch(size_t begin) {
     size_t end = begin;
     while (end < times_.n && has_step(end, step_s_)) ++end;
-    const size_t row = out_.inv_sqrt_s.size() - 1;
+    const size_t row = n_rows_ - 1;
     if (end > begin) out_.stretches.push_back({begin, end, row, true});
     log_w_.add(out_.inv_sqrt_s[row], end - begin);
     is_settled_ = false; // a gap: the covariance moves again
@@ -94,39 +130,49 @@ private:
   }
 
   size_t one_sample(size_t k) {
-    const size_t row = out_.inv_sqrt_s.size();
-    append_row(k, row);
+    const size_t row = n_rows_++;
+    if (n_rows_ > out_.inv_sqrt_s.size()) set_room(std::min(times_.n, kLeastRoom + 2 * row));
+    set_row(k, row);
     const bool is_even = k > 0 && k + 1 < times_.n && times_.seconds(k) == times_.seconds(k + 1);
     predict(k);
-    out_.phi.insert(out_.phi.end(), phi_.begin(), phi_.end());
+    std::copy_n(phi_, n(), &out_.phi[row * n()]);
     is_settled_ = states_.is_constant() && is_even && settling_.is_settled(out_, row, step_s_);
     return k + 1;
   }
 
-  void append_row(size_t k, size_t row) {
+  void set_room(size_t rows) {
+    out_.inv_sqrt_s.resize(rows);
+    out_.gain.resize(rows * n()), out_.phi.resize(rows * n());
+  }
+
+  void set_row(size_t k, size_t row) {
     if (out_.stretches.empty() || out_.stretches.back().is_settled) out_.stretches.push_back({k, k, row, false});
     ++out_.stretches.back().end;
-    const double s = states_.white_dph2(k) + belief_.spread();
-    for (const double c : belief_.cross()) out_.gain.push_back(c / s);
-    out_.inv_sqrt_s.push_back(1.0 / std::sqrt(s));
-    log_w_.add(out_.inv_sqrt_s.back());
-    belief_.update(0, 1 / s);
+    double cross[M ? M : kMostStates];
+    const double s = states_.white_dph2(k) + covariance_.spread(cross);
+    for (size_t i = 0; i < n(); ++i) out_.gain[row * n() + i] = cross[i] / s;
+    out_.inv_sqrt_s[row] = 1.0 / std::sqrt(s);
+    log_w_.add(out_.inv_sqrt_s[row]);
+    covariance_.update(cross, 1 / s);
   }
 
   void predict(size_t k) {
     if (k + 1 == times_.n) return;
     const double step_s = times_.seconds(k + 1);
-    if (step_s != step_s_ || !states_.is_constant()) states_.transition(k, phi_.data(), q_.data());
+    if (step_s != step_s_ || !states_.has_constant_transitions()) states_.transition(k, phi_, q_);
     step_s_ = step_s;
-    belief_.predict(phi_.data(), q_.data());
+    covariance_.predict(phi_, q_);
   }
+
+  static constexpr size_t kLeastRoom = 256; // rows
 
   const SampleTimes& times_;
   const NoiseStates& states_;
-  Belief belief_;
-  std::vector<double> phi_, q_;
+  Covariance<M> covariance_;
+  double phi_[M ? M : kMostStates] = {}, q_[M ? M : kMostStates] = {};
   double step_s_ = -1; // that phi_ and q_ are for
   bool is_settled_ = false;
+  size_t n_rows_ = 0;
   Settling settling_;
   LogSum log_w_;
   RunGains out_;
@@ -139,7 +185,14 @@ RunGains compute_gains(const SampleTimes& times, const NoiseModel& noise, const 
   if (states.size() > kMostStates)
     throw usage_error(std::to_string(states.size()) + " Markov terms: more than the " + std::to_string(kMostStates) +
                       " that are followed; merge terms of neighbouring time constants");
-  return GainRun(times, noise, states).run();
+  switch (states.size()) {
+  case 1:
+    return GainRun<1>(times, noise, states).run();
+  case 2:
+    return GainRun<2>(times, noise, states).run();
+  default:
+    return GainRun<0>(times, noise, states).run();
+  }
 }
 
 } // namespace imucal

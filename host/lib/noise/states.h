@@ -15,6 +15,7 @@ public:
         n_(noise.markov.size() + (noise.walk_dph_per_rt_s > 0 ? 1 : 0)) {}
   size_t size() const { return n_; }
   bool is_constant() const { return noise_.is_stationary() && !extra_dph2_; }
+  bool has_constant_transitions() const { return noise_.markov_slope == 0 && noise_.tau_slope == 0; }
   double white_dph2(size_t k) const;
   double start_dph2(size_t i) const { return i < noise_.markov.size() ? sigma(i, 0) * sigma(i, 0) : 0.0; }
   // From sample k to k + 1.

@@ -26,6 +26,14 @@ RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Ei
   return compute_gains(RunTimes(run, noise).times(), noise, extra_dph2);
 }
 
+const RunGains& GainsByRun::of(const CampaignRun& run) {
+  const bool is_same =
+      last_ && noise_.is_stationary() && last_->steps == run.steps && last_->input.dt_s == run.input.dt_s;
+  if (!is_same) gains_ = compute_gains(run, noise_);
+  last_ = &run;
+  return gains_;
+}
+
 double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual,
                               Eigen::VectorXd* scores, Eigen::VectorXd* hit) {
   return mixture_log_likelihood(RunTimes(run, noise).times(), noise, residual, scores, hit);

@@ -12,4 +12,18 @@ RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Ei
 double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual,
                               Eigen::VectorXd* scores = nullptr, Eigen::VectorXd* hit = nullptr);
 
+// Gains of one noise model, run after run.  A run with samples at the same times as the one before has the same gains,
+// unless the noise follows the temperature.
+class GainsByRun {
+public:
+  explicit GainsByRun(const NoiseModel& noise) : noise_(noise) {}
+  // Good until the next call; `run` must live until then too.
+  const RunGains& of(const CampaignRun& run);
+
+private:
+  NoiseModel noise_;
+  const CampaignRun* last_ = nullptr;
+  RunGains gains_;
+};
+
 } // namespace imucal

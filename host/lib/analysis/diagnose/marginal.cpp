@@ -218,6 +218,7 @@ RunGrams::RunGrams(const SlowData& data, const std::vector<const MeanPart*>& par
   n_common_ = static_cast<long>(common_precision.size());
   local_precision_ = Eigen::Map<VectorXd>(local_precision.data(), n_local_);
   common_precision_ = Eigen::Map<VectorXd>(common_precision.data(), n_common_);
+  GainsByRun by_run(noise);
   for (size_t r = 0; r < data.y.size(); ++r) {
     const CampaignRun& run = data.campaign.runs[r];
     MatrixXd w(static_cast<long>(run.n()), n_local_ + n_common_ + 1);
@@ -228,7 +229,7 @@ RunGrams::RunGrams(const SlowData& data, const std::vector<const MeanPart*>& par
     put((*powers)[r]);
     for (const MeanPart* part : parts) put(part->common[r]);
     w.col(at) = data.y[r];
-    const RunGains gains = compute_gains(run, noise);
+    const RunGains& gains = by_run.of(run);
     const WideColumns wide(w);
     gram_.push_back(wide.whitened_gram(gains));
     sum_log_s_.push_back(gains.sum_log_s);

@@ -61,8 +61,9 @@ Moments moments(const std::vector<VectorXd>& e) {
 }
 
 std::vector<VectorXd> whitened(const Campaign& campaign, const NoiseModel& noise, std::vector<VectorXd> x) {
+  GainsByRun gains(noise);
   for (size_t r = 0; r < x.size(); ++r)
-    whiten(compute_gains(campaign.runs[r], noise), x[r].data(), static_cast<size_t>(x[r].size()));
+    whiten(gains.of(campaign.runs[r]), x[r].data(), static_cast<size_t>(x[r].size()));
   return x;
 }
 
@@ -71,13 +72,14 @@ std::vector<VectorXd> whitened(const Campaign& campaign, const NoiseModel& noise
 double residual_log_likelihood(const Campaign& campaign, const NoiseModel& noise,
                                const std::vector<VectorXd>& residual) {
   double sum = 0;
+  GainsByRun by_run(noise);
   for (size_t r = 0; r < residual.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
     if (noise.is_mixture()) {
       sum += mixture_log_likelihood(run, noise, residual[r]);
       continue;
     }
-    const RunGains gains = compute_gains(run, noise);
+    const RunGains& gains = by_run.of(run);
     VectorXd e = residual[r];
     whiten(gains, e.data(), static_cast<size_t>(e.size()));
     sum -= 0.5 * (gains.sum_log_s + e.squaredNorm());
