@@ -15,7 +15,8 @@ namespace {
 // Base columns of one run, whitened: local ones, common ones of parts, powers last.
 struct Base {
   long local = 1, parts = 0, powers = 0;
-  std::vector<MatrixXd> white; // per run: local, parts, powers
+  bool has_usual_powers = true; // of the logged temperature
+  std::vector<MatrixXd> white;  // per run: local (constant first), parts, powers
   VectorXd local_precision, part_precision;
   long common() const { return parts + powers; }
   long expanded(long runs) const { return runs * local + common(); }
@@ -27,7 +28,7 @@ Base base_of(const SlowData& data, const std::vector<const MeanPart*>& parts, co
   for (const MeanPart* part : parts) {
     out.local += part->local_precision.size();
     out.parts += part->common_precision.size();
-    if (!part->powers.empty()) powers = &part->powers;
+    if (!part->powers.empty()) powers = &part->powers, out.has_usual_powers = false;
   }
   out.powers = powers->front().cols();
   out.local_precision = VectorXd::Zero(out.local);
@@ -130,8 +131,9 @@ ScanBank::ScanBank(const SlowData& data, const std::vector<ScanCandidate>& candi
 }
 
 ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise) : bank_(bank), noise_(noise) {
+  GainsByRun by_run(noise);
   for (size_t r = 0; r < bank.columns_.size(); ++r) {
-    gains_.push_back(compute_gains(bank.data_.campaign.runs[r], noise));
+    gains_.push_back(by_run.of(bank.data_.campaign.runs[r]));
     sum_log_s_ += gains_.back().sum_log_s;
     MatrixXd x = bank.columns_[r];
     whiten(gains_.back(), &x);
@@ -145,6 +147,22 @@ ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise) : bank_(bank),
     }
     self_.push_back(std::move(grams));
   }
+  const Base usual = base_of(bank.data_, {}, gains_);
+  for (size_t r = 0; r < white_.size(); ++r) usual_.push_back(column_products(usual.white[r], white_[r]));
+  std::vector<MatrixXd> y;
+  for (const VectorXd& rate : bank.data_.y) y.push_back(rate);
+  own_ = white_data(y);
+}
+
+ScanNode::WhiteData ScanNode::white_data(const std::vector<MatrixXd>& y) const {
+  WhiteData out;
+  for (size_t r = 0; r < y.size(); ++r) {
+    MatrixXd white = y[r];
+    whiten(gains_[r], &white);
+    out.with_bank.push_back(column_products(white_[r], white));
+    out.y.push_back(std::move(white));
+  }
+  return out;
 }
 
 namespace {
@@ -192,28 +210,41 @@ Eigen::RowVectorXd value_of(const Expanded& e, const VectorXd& start) {
 // The base with the data and with all columns of the bank: what every group needs.
 struct ScanNode::Products {
   Base base;
-  Cholesky factor;                               // of the normal matrix
-  std::vector<MatrixXd> with_columns, columns_y; // per run
-  VectorXd energy;                               // of the whitened data, per draw
-  MatrixXd ay;                                   // solved products with the data
+  Cholesky factor;                    // of the normal matrix
+  std::vector<MatrixXd> with_columns; // per run: base times bank
+  const WhiteData* data = nullptr;
+  VectorXd energy; // of the whitened data, per draw
+  MatrixXd ay;     // solved products with the data
   long draws = 0;
   long n_free() const { return ay.rows() - base.powers; } // without the powers
 };
 
-ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts, const std::vector<MatrixXd>& y) const {
+namespace {
+
+// Base times bank of one run: only the columns of parts are new, the usual ones are known.
+MatrixXd with_bank(const Base& base, size_t run, const MatrixXd& white, const MatrixXd& usual) {
+  MatrixXd out(base.white[run].cols(), white.cols());
+  const long n_new = out.rows() - 1 - (base.has_usual_powers ? base.powers : 0);
+  out.row(0) = usual.row(0);
+  if (n_new > 0) out.middleRows(1, n_new) = column_products(base.white[run].middleCols(1, n_new), white);
+  if (base.has_usual_powers) out.bottomRows(base.powers) = usual.bottomRows(base.powers);
+  return out;
+}
+
+} // namespace
+
+ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts, const WhiteData& y) const {
   Products p;
   p.base = base_of(bank_.data_, parts, gains_);
-  p.draws = y.front().cols();
+  p.data = &y;
+  p.draws = y.y.front().cols();
   p.factor = Cholesky(normal_matrix(p.base));
   p.energy = VectorXd::Zero(p.draws);
   std::vector<MatrixXd> with_y;
-  for (size_t r = 0; r < y.size(); ++r) {
-    MatrixXd white_y = y[r];
-    whiten(gains_[r], &white_y);
-    p.energy += white_y.colwise().squaredNorm().transpose();
-    p.with_columns.push_back(column_products(p.base.white[r], white_[r]));
-    with_y.push_back(column_products(p.base.white[r], white_y));
-    p.columns_y.push_back(column_products(white_[r], white_y));
+  for (size_t r = 0; r < y.y.size(); ++r) {
+    p.energy += y.y[r].colwise().squaredNorm().transpose();
+    p.with_columns.push_back(with_bank(p.base, r, white_[r], usual_[r]));
+    with_y.push_back(column_products(p.base.white[r], y.y[r]));
   }
   p.ay = p.factor.half_solve(expanded_products(p.base, with_y));
   return p;
@@ -239,7 +270,7 @@ MatrixXd ScanNode::solved_with(const Products& p, size_t group, long rows) const
 Eigen::RowVectorXd ScanNode::score_group(const Products& p, size_t group, long rows, const VectorXd& start) const {
   const ScanBank::Place& at = bank_.places_[group];
   const MeanPart& part = bank_.groups_[group].part;
-  const long runs = static_cast<long>(p.columns_y.size());
+  const long runs = static_cast<long>(p.with_columns.size());
   const long shared = at.common + at.powers, k = shared + runs * at.local;
   Expanded e;
   e.a = solved_with(p, group, rows);
@@ -249,7 +280,7 @@ Eigen::RowVectorXd ScanNode::score_group(const Products& p, size_t group, long r
   e.precision.head(at.common) = part.common_precision;
   for (long r = 0; r < runs; ++r) {
     const MatrixXd& s = self_[group][static_cast<size_t>(r)];
-    const MatrixXd& xy = p.columns_y[static_cast<size_t>(r)];
+    const MatrixXd& xy = p.data->with_bank[static_cast<size_t>(r)];
     const long first = shared + r * at.local;
     e.m.topLeftCorner(shared, shared) += s.topLeftCorner(shared, shared);
     e.m.block(0, first, shared, at.local) = s.topRightCorner(shared, at.local);
@@ -266,6 +297,15 @@ Eigen::RowVectorXd ScanNode::score_group(const Products& p, size_t group, long r
 
 ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, const std::vector<MatrixXd>& y,
                                  const std::vector<char>& skip) const {
+  return score_white(parts, white_data(y), skip);
+}
+
+ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, const std::vector<char>& skip) const {
+  return score_white(parts, own_, skip);
+}
+
+ScanNode::Scores ScanNode::score_white(const std::vector<const MeanPart*>& parts, const WhiteData& y,
+                                       const std::vector<char>& skip) const {
   const Products p = products(parts, y);
   const long n_base = p.ay.rows(), n_free = p.n_free();
   double log_det = 0, log_det_free = 0;
@@ -275,7 +315,7 @@ ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, cons
     if (i < n_free) log_det_free += term;
   }
   const double log_prior =
-      static_cast<double>(y.size()) * log_of(p.base.local_precision) + log_of(p.base.part_precision);
+      static_cast<double>(y.y.size()) * log_of(p.base.local_precision) + log_of(p.base.part_precision);
   Scores out;
   out.base = base_value(p.energy, p.ay, n_base, sum_log_s_ + log_det - log_prior);
   const VectorXd free = base_value(p.energy, p.ay, n_free, sum_log_s_ + log_det_free - log_prior);

@@ -62,10 +62,18 @@ public:
   // `skip`: per candidate, 1: leave out (its scores are -1e300).
   Scores score(const std::vector<const MeanPart*>& base, const std::vector<Eigen::MatrixXd>& y,
                const std::vector<char>& skip) const;
+  // The same of the data themselves.
+  Scores score(const std::vector<const MeanPart*>& base, const std::vector<char>& skip) const;
 
 private:
+  // Data under the node's noise, per run: whitened, and their products with the bank.
+  struct WhiteData {
+    std::vector<Eigen::MatrixXd> y, with_bank;
+  };
   struct Products;
-  Products products(const std::vector<const MeanPart*>& base, const std::vector<Eigen::MatrixXd>& y) const;
+  WhiteData white_data(const std::vector<Eigen::MatrixXd>& y) const;
+  Scores score_white(const std::vector<const MeanPart*>& base, const WhiteData& y, const std::vector<char>& skip) const;
+  Products products(const std::vector<const MeanPart*>& base, const WhiteData& y) const;
   Eigen::MatrixXd solved_with(const Products& products, size_t group, long rows) const;
   Eigen::RowVectorXd score_group(const Products& products, size_t group, long rows, const Eigen::VectorXd& start) const;
 
@@ -74,6 +82,8 @@ private:
   std::vector<RunGains> gains_;
   double sum_log_s_ = 0;
   std::vector<Eigen::MatrixXd> white_;             // per run
+  std::vector<Eigen::MatrixXd> usual_;             // per run: constant and powers of every base, times the bank
+  WhiteData own_;                                  // of the data themselves
   std::vector<std::vector<Eigen::MatrixXd>> self_; // per group and run
 };
 

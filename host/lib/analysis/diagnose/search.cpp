@@ -75,7 +75,6 @@ struct SlowSearch::Impl {
     std::unique_ptr<ScanNode> scan;
   };
   std::vector<Node> nodes;
-  std::vector<MatrixXd> y;
   double longest_tau_s = 1e4;
   const EffectEstimator* steps = nullptr; // of jumps, where they may be named
   SlowResult out;
@@ -85,7 +84,6 @@ struct SlowSearch::Impl {
       : data(d), belief(b), constants(c) {
     set_noise();
     set_candidates(library, active);
-    for (const VectorXd& rate : data.y) y.push_back(rate);
   }
 
   void set_noise() {
@@ -372,7 +370,7 @@ struct SlowSearch::Impl {
     std::vector<SlowCandidateScore> best(candidates.size());
     for (SlowCandidateScore& b : best) b.gain_nats = -1e300;
     for (const Node* node : where) {
-      const ScanNode::Scores scores = node->scan->score(pointers, y, skip);
+      const ScanNode::Scores scores = node->scan->score(pointers, skip);
       take_best(m, *node, scores, &best);
     }
     return best;
