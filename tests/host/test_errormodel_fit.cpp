@@ -12,6 +12,7 @@
 #include "analysis/errormodel/simulate.h"
 #include "analysis/errormodel/study.h"
 #include "base/error.h"
+#include "base/quantile.h"
 #include "base/rng.h"
 #include "base/units.h"
 
@@ -254,6 +255,33 @@ void test_long_record_made_coarse_expects_what_the_whole_does(void**) {
   }
 }
 
+// One draw: a record of white noise, its fit by least squares, the interval by 20 refits that have their own random numbers.
+ParameterError interval_by_refits(uint64_t run) {
+  const ErrorModel white = {0.6, {}, 0, {}, {}};
+  std::vector<Series> series = {test_record(white, 300, run)};
+  remove_trend(Detrend{}, &series[0]);
+  const DpOperator op = make_dp_operator(DpType::kAv, 1, {});
+  FitSettings settings;
+  settings.criterion = "ls", settings.n_markov = 0, settings.tau_s = {1, 2, 4, 8, 16, 32};
+  return bootstrap_errors(series, op, settings, fit_model(series, op, settings), 20, 5000 + run, 1)[0];
+}
+
+// The interval of the next one of m normal draws holds as often as it says, however small m: quantiles of 20 refits, the
+// same ones for every record, held 80 % at times.
+void test_interval_by_few_refits_holds_as_often_as_it_says(void**) {
+  constexpr int kDraws = 400;
+  int covered = 0;
+  for (uint64_t run = 0; run < kDraws; ++run) {
+    const ParameterError e = interval_by_refits(run);
+    covered += e.ci95_lo < 0.6 && 0.6 < e.ci95_hi;
+    // t(19) at 97.5 %: 2.0930
+    assert_near(std::log(e.ci95_hi / e.ci95_lo) / (2 * e.log_std_error), 2.0930 * std::sqrt(1 + 1.0 / 20), 1e-3);
+  }
+  // 0.95 lies in the 95 % interval of Clopper and Pearson
+  assert_true(beta_quantile(0.025, covered, kDraws - covered + 1) < 0.95);
+  assert_true(beta_quantile(0.975, covered + 1, kDraws - covered) > 0.95);
+}
+
 void test_maximum_likelihood_recovers_models(void**) {
   double square = 0;
   int covered = 0;
@@ -317,6 +345,7 @@ int main() {
       cmocka_unit_test(test_interpolated_record_expectation_equals_each_by_itself),
       cmocka_unit_test(test_curve_of_some_windows_has_the_weights_of_all),
       cmocka_unit_test(test_long_record_made_coarse_expects_what_the_whole_does),
+      cmocka_unit_test(test_interval_by_few_refits_holds_as_often_as_it_says),
       cmocka_unit_test(test_maximum_likelihood_recovers_models),
       cmocka_unit_test(test_maximum_likelihood_marginalises_the_polynomial),
       cmocka_unit_test(test_tau_grids),

@@ -28,8 +28,8 @@ coverage-errormodel: $(BUILD)/bin/errormodel  ## coverage of the intervals of er
 	$(Q)nice $(BUILD)/bin/errormodel validate --model $(DP_STUDY)/one_term.json --criterion ml --markov 1 --runs 200 --seed $(SEED)
 
 # The same of the intervals by refits, on records long enough for the coarse expectation.
-coverage-bootstrap: $(BUILD)/bin/errormodel  ## coverage of the intervals by refits on long records, 200 draws (DRAWS=200)
-	$(Q)nice $(PYTHON) host/scripts/coverage_bootstrap.py $(BUILD)/bin/errormodel --draws $(or $(DRAWS),200) --seed $(SEED)
+coverage-bootstrap: $(BUILD)/bin/errormodel  ## coverage of the intervals by refits on long records, 200 draws (DRAWS=200 CRITERION=ls or bound)
+	$(Q)nice $(PYTHON) host/scripts/coverage_bootstrap.py $(BUILD)/bin/errormodel --draws $(or $(DRAWS),200) --seed $(SEED) --criterion $(or $(CRITERION),ls)
 
 test-long:: host
 	$(Q)$(PYTHON) host/scripts/study_errormodel.py --build $(BUILD) --seed $(SEED) --check
