@@ -5,29 +5,6 @@
 
 #define MAX_VARIANCE 1e14f
 #define MAX_PRIOR 1e6f
-#define FOLD_N 256u /* measurements between two folds; a power of two */
-
-static inline float sum_of(imucal_kf_pair_t pair) {
-  return pair.hi + pair.lo;
-}
-
-/* hi + lo -> the same sum with hi as large as can be (fast two-sum).  Between two folds terms are added to lo
- * alone: lo stays small beside hi and loses nothing, except before the first fold, where it is the whole
- * history. */
-IMUCAL_COLD static void fold(float* hi, float* lo) {
-  const float sum = *hi + *lo;
-  *lo -= sum - *hi;
-  *hi = sum;
-}
-
-IMUCAL_COLD static void fold_all(imucal_kf_t* kf) {
-  fold(&kf->one_plus_v0.hi, &kf->one_plus_v0.lo);
-  for (uint32_t k = 0; k <= kf->config.order; k++) {
-    fold(&kf->row[k].d.hi, &kf->row[k].d.lo);
-    fold(&kf->row[k].x.hi, &kf->row[k].x.lo);
-  }
-  for (uint32_t i = 0; i < IMUCAL_KF_N_SUMS; i++) fold(&kf->stats.sum[i], &kf->stats.sum_lo[i]);
-}
 
 /* |value| <= limit, false for NaN: magnitudes of floats are ordered as their bits. */
 static inline bool is_at_most(float value, float limit) {
@@ -108,7 +85,34 @@ IMUCAL_COLD imucal_status imucal_kf_init(imucal_kf_t* kf, const imucal_kf_config
  *                    z - e = (T + V)' c + white noise of variance S.                               [F]
  *   second filter  [F] is a linear regression of the constants c with white noise: recursive least squares, here by
  *                  rotations (Gentleman 1973).
- * With order 3 these are the paper's five states: e, and c_0 .. c_3. */
+ * With order 3 these are the paper's five states: e, and c_0 .. c_3.
+ *
+ * Up to the next section floats meet + - * / and a choice of two only: Monte Carlo compiles this very text with eight
+ * floats side by side in place of each (host/lib/analysis/montecarlo/lanes.h). */
+
+#define FOLD_N 256u /* measurements between two folds; a power of two */
+
+static inline float sum_of(imucal_kf_pair_t pair) {
+  return pair.hi + pair.lo;
+}
+
+/* hi + lo -> the same sum with hi as large as can be (fast two-sum).  Between two folds terms are added to lo
+ * alone: lo stays small beside hi and loses nothing, except before the first fold, where it is the whole
+ * history. */
+IMUCAL_COLD static void fold(float* hi, float* lo) {
+  const float sum = *hi + *lo;
+  *lo -= sum - *hi;
+  *hi = sum;
+}
+
+IMUCAL_COLD static void fold_all(imucal_kf_t* kf) {
+  fold(&kf->one_plus_v0.hi, &kf->one_plus_v0.lo);
+  for (uint32_t k = 0; k <= kf->config.order; k++) {
+    fold(&kf->row[k].d.hi, &kf->row[k].d.lo);
+    fold(&kf->row[k].x.hi, &kf->row[k].x.lo);
+  }
+  for (uint32_t i = 0; i < IMUCAL_KF_N_SUMS; i++) fold(&kf->stats.sum[i], &kf->stats.sum_lo[i]);
+}
 
 /* First filter.  Takes z; gives h = T + V of [F], and 1/S.  Returns the left-hand side of [F]. */
 static inline float follow_markov(imucal_kf_t* kf, float z, float tn, float r, float* h, float* weight) {
@@ -193,6 +197,16 @@ static inline void count_innovation(imucal_kf_stats_t* s, float innovation, floa
   s->innovation_weight = weight;
 }
 
+/* A second that was found good. */
+static inline void take_second(imucal_kf_t* kf, float z, float tn, float r) {
+  float weight;
+  const float innovation = learn(kf, z, tn, r, &weight);
+  count_innovation(&kf->stats, innovation, weight);
+  if (++kf->stats.n % FOLD_N == 0) fold_all(kf);
+}
+
+/* ---- what callers ask for ---- */
+
 imucal_status imucal_kf_update_scaled(imucal_kf_t* kf, float z, float temp_degc, float r_ratio) {
   if (!kf->is_ready) return IMUCAL_ERR_STATE;
   const float tn = (temp_degc - kf->config.t0_degc) * kf->inv_range;
@@ -201,10 +215,7 @@ imucal_status imucal_kf_update_scaled(imucal_kf_t* kf, float z, float temp_degc,
     return imucal_is_finite(z) && imucal_is_finite(temp_degc) && imucal_is_finite(r_ratio) ? IMUCAL_ERR_RANGE
                                                                                            : IMUCAL_ERR_NOT_FINITE;
   }
-  float weight;
-  const float innovation = learn(kf, z, tn, kf->config.r * r_ratio, &weight);
-  count_innovation(&kf->stats, innovation, weight);
-  if (++kf->stats.n % FOLD_N == 0) fold_all(kf);
+  take_second(kf, z, tn, kf->config.r * r_ratio);
   return IMUCAL_OK;
 }
 

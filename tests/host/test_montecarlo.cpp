@@ -131,6 +131,10 @@ static void assert_same_filter(const CoreChain& a, const CoreChain& b) {
   assert_int_equal(s.n, t.n);
   assert_int_equal(s.n_missed, t.n_missed);
   assert_true(s.innovation == t.innovation && s.innovation_weight == t.innovation_weight);
+  for (int i = 0; i < IMUCAL_LEARN_N_OUTCOMES; ++i)
+    assert_int_equal(a.n_seconds(imucal_learn_outcome_t(i)), b.n_seconds(imucal_learn_outcome_t(i)));
+  assert_memory_equal(a.lag_counts(), b.lag_counts(), sizeof(int64_t) * kInnovationLagCount);
+  assert_true(a.mean_innovation2() == b.mean_innovation2());
   assert_memory_equal(a.lag_sums(), b.lag_sums(), sizeof(double) * kInnovationLagCount);
 }
 

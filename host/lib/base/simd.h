@@ -36,6 +36,7 @@ inline bool has_avx512() {
 // Four doubles side by side; two registers of two where the machine has no wider ones.
 typedef double Lanes __attribute__((vector_size(32)));
 typedef double Lanes8 __attribute__((vector_size(64)));
+typedef float Lanes8f __attribute__((vector_size(32)));
 
 // No alignment asked of the memory.
 template <class V> IMUCAL_WIDE_PART void load_lanes(V* v, const double* from) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "analysis/montecarlo/lanes.h"
 #include "base/rng.h"
 #include "base/simd.h"
 #include "base/units.h"
@@ -119,6 +120,7 @@ std::vector<CalibrationTest> calibrate_batch(const CampaignPlan& plan, uint64_t 
     tests.push_back({CoreChain(setup), std::move(coeff), truth.turn_on_dph(lane)});
   }
   imucal_thermometer_t thermometer = tests[0].chain.thermometer(); // one for all: they read the same
+  ChainLanes lanes(&tests);
   double rate_dph[kLanes * kPiece];
   RawSums sums[kPiece];
   for (size_t first = 0; first < plan.t_s.size(); first += kPiece) {
@@ -126,17 +128,13 @@ std::vector<CalibrationTest> calibrate_batch(const CampaignPlan& plan, uint64_t 
     truth.rates(first, m, rate_dph);
     summer.seconds(m, rate_dph, truth.white_dph(), sums);
     for (size_t k = 0; k < m; ++k) {
-      imucal_second_t second = second_of(static_cast<uint32_t>(first + k + 1), summer.samples_per_second(),
-                                         summer.temp_counts(plan.chamber_degc[first + k]));
+      const imucal_second_t second = second_of(static_cast<uint32_t>(first + k + 1), summer.samples_per_second(),
+                                               summer.temp_counts(plan.chamber_degc[first + k]));
       imucal_thermometer_read(&thermometer, &second);
-      for (size_t lane = 0; lane < n; ++lane) {
-        second.sum[0] = sums[k].counts[lane];
-        second.flags[0] = (sums[k].saturated >> lane & 1u) ? IMUCAL_FLAG_SATURATED : 0;
-        tests[lane].chain.push(second, thermometer);
-      }
+      lanes.push(second, sums[k], thermometer);
     }
   }
-  for (CalibrationTest& test : tests) test.chain.finish();
+  lanes.finish();
   return tests;
 }
 

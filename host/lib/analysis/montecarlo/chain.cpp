@@ -53,32 +53,26 @@ void CoreChain::take(const imucal_second_t& second) {
   push(second, thermometer_);
 }
 
-void CoreChain::push(const imucal_second_t& second, const imucal_thermometer_t& thermometer) {
+float CoreChain::value_of(const imucal_second_t& second) const {
   const int64_t mean_q16 = imucal_mean_q16_rne(second.sum[0], second.n_samples);
-  const float z_dph = imucal_unit_from_q16(mean_q16, static_cast<float>(setup_.raw.counts_scale_dph), 0.0f);
+  return imucal_unit_from_q16(mean_q16, static_cast<float>(setup_.raw.counts_scale_dph), 0.0f);
+}
+
+void CoreChain::push(const imucal_second_t& second, const imucal_thermometer_t& thermometer) {
+  const float z_dph = value_of(second);
   if (imucal_learn_second(&learn_, &thermometer, &sum_, &second, 0, z_dph) != IMUCAL_LEARN_USED) return;
+  count_used(second, thermometer, z_dph);
+  const imucal_kf_stats_t& stats = learn_.kf.stats;
+  if (n_seconds_ > setup_.white_from_s) white_.keep(stats.innovation, stats.innovation_weight);
+}
+
+void CoreChain::count_used(const imucal_second_t& second, const imucal_thermometer_t& thermometer, float z_dph) {
   const uint32_t n_bridged = learn_.kf.stats.n_missed;
   if (setup_.keeps_seconds)
     seconds_.push_back(
         {z_dph, thermometer.temp_degc, n_bridged - n_bridged_, imucal_sum_noise_ratio(&sum_, &second, 0)});
   n_bridged_ = n_bridged;
   ++n_seconds_;
-  keep_innovation();
-}
-
-void CoreChain::keep_innovation() {
-  if (n_seconds_ <= setup_.white_from_s) return;
-  const float inverse = learn_.kf.stats.innovation_weight;
-  const float e = learn_.kf.stats.innovation * std::sqrt(inverse);
-  weighted_ += static_cast<double>(learn_.kf.stats.innovation * inverse);
-  inverse_ += static_cast<double>(inverse);
-  for (size_t i = 0; i < kInnovationLagCount; ++i) {
-    const auto lag = static_cast<uint64_t>(kInnovationLags[i]);
-    if (n_innovations_ < lag) break;
-    lag_sums_[i] += static_cast<double>(e) * static_cast<double>(ring_[(n_innovations_ - lag) % kRing]);
-    ++lag_counts_[i];
-  }
-  ring_[n_innovations_++ % kRing] = e;
 }
 
 void CoreChain::finish() {

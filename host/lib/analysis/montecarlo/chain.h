@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "analysis/montecarlo/whiteness.h"
 #include "comp.h"
 #include "io/model.h"
 #include "learn.h"
@@ -44,10 +45,6 @@ struct SecondMean {
   float noise_ratio; // white variance over that of a whole second
 };
 
-// Lags at which the innovations' autocorrelation is kept [s].
-constexpr int kInnovationLags[] = {1, 2, 5, 10, 20, 50, 100};
-constexpr size_t kInnovationLagCount = sizeof kInnovationLags / sizeof kInnovationLags[0];
-
 class CoreChain {
 public:
   explicit CoreChain(const ChainSetup& setup);
@@ -61,6 +58,7 @@ public:
   void finish();
 
   const imucal_kf_t& kf() const { return learn_.kf; }
+  uint32_t n_seconds(imucal_learn_outcome_t outcome) const { return learn_.n[outcome]; }
   const imucal_sum_t& sum() const { return sum_; }
   const imucal_thermometer_t& thermometer() const { return thermometer_; }
   const imucal_comp_t& comp() const { return comp_; }
@@ -75,17 +73,19 @@ public:
   std::vector<double> coefficients() const;
   // Covariance of b0 … bM from the filter's factors, in double, row-major [dph^2].
   std::vector<double> coefficient_covariance() const;
-  // Whiteness, over the seconds from `white_from_s` on: before, while the prior is being forgotten,
-  // innovations carry the difference between the true coefficients and the prior and are neither white nor of
-  // variance S. Sums of e(k) e(k-lag), e = innovation over its standard deviation; number of terms; (sum
-  // nu/S)^2 / sum 1/S.
-  const double* lag_sums() const { return lag_sums_; }
-  const int64_t* lag_counts() const { return lag_counts_; }
-  double mean_innovation2() const { return inverse_ > 0 ? weighted_ * weighted_ / inverse_ : 0.0; }
+  // Whiteness, over the seconds from `white_from_s` on (whiteness.h): sums of e(k) e(k-lag), e = innovation over its
+  // standard deviation; number of terms; (sum nu/S)^2 / sum 1/S.
+  const double* lag_sums() const { return white_.lag_sums; }
+  const int64_t* lag_counts() const { return white_.lag_counts; }
+  double mean_innovation2() const {
+    return white_.inverse > 0 ? white_.weighted * white_.weighted / white_.inverse : 0.0;
+  }
 
 private:
+  friend class ChainLanes; // goes on with eight of them
   void take(const imucal_second_t& second);
-  void keep_innovation();
+  float value_of(const imucal_second_t& second) const; // its mean [dph]
+  void count_used(const imucal_second_t& second, const imucal_thermometer_t& thermometer, float z_dph);
 
   ChainSetup setup_;
   imucal_sum_t sum_;
@@ -96,12 +96,7 @@ private:
   std::vector<SecondMean> seconds_;
   size_t n_seconds_ = 0;   // used
   uint32_t n_bridged_ = 0; // seconds bridged before the newest one used
-  static constexpr size_t kRing = 128;
-  float ring_[kRing] = {};
-  uint64_t n_innovations_ = 0;
-  double lag_sums_[kInnovationLagCount] = {};
-  int64_t lag_counts_[kInnovationLagCount] = {};
-  double weighted_ = 0, inverse_ = 0;
+  Whiteness<double, float> white_;
 };
 
 } // namespace imucal
