@@ -43,6 +43,7 @@ fuzz-device: $(BUILD)/tests/fuzz/fuzz_device  ## random operations on the whole 
 # The files that the host programs read, by libFuzzer's coverage; all of the library that it meets is instrumented, in a
 # build folder of its own.  Begins with tests/fuzz/corpus; what it finds new stays in build/fuzz_files_corpus.
 FUZZ_FILES_RUNS ?= 1000000
+FUZZ_FILES_SECONDS ?= 0
 FUZZ_CXX ?= clang++-14
 FUZZ_FILES_ROOMS := analysis/fit physics/sim physics/effects noise linear io base
 FUZZ_FILES_FLAGS := -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all
@@ -55,8 +56,8 @@ fuzz-files-program:
 	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/fuzz VENV=$(VENV) CC=$(FUZZ_CLANG) CXX=$(FUZZ_CXX) PCH= \
 	  SANITIZE_FLAGS='$(FUZZ_FILES_FLAGS)' $(BUILD)/fuzz/tests/fuzz/libfuzzer_files
 
-fuzz-files: fuzz-files-program  ## logs, JSON and tables by libFuzzer under ASan and UBSan (FUZZ_FILES_RUNS, SEED)
-	$(Q)mkdir -p $(BUILD)/fuzz_files_corpus && $(BUILD)/fuzz/tests/fuzz/libfuzzer_files -runs=$(FUZZ_FILES_RUNS) -seed=$(SEED) -max_len=4096 \
+fuzz-files: fuzz-files-program  ## logs, JSON and tables by libFuzzer under ASan and UBSan (FUZZ_FILES_RUNS, FUZZ_FILES_SECONDS, SEED)
+	$(Q)mkdir -p $(BUILD)/fuzz_files_corpus $(BUILD)/tests/fuzz && $(BUILD)/fuzz/tests/fuzz/libfuzzer_files -runs=$(FUZZ_FILES_RUNS) -max_total_time=$(FUZZ_FILES_SECONDS) -seed=$(SEED) -max_len=4096 \
 	  -dict=tests/fuzz/files.dict -timeout=20 -print_final_stats=1 -verbosity=0 -artifact_prefix=$(BUILD)/tests/fuzz/ \
 	  $(BUILD)/fuzz_files_corpus tests/fuzz/corpus
 

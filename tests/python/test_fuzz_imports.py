@@ -46,8 +46,9 @@ WORDS = ",".join(["00000001"] * 8) + "\n"
     (TABLE + "1e19,1,2,3,20\n", r":7: time 1e\+19 in column time_s is out of range"),
     (WORDS + WORDS.replace("00000001", "f" * 12, 1) + WORDS, ":2: expected 8 words of 8 hex digits"),
     (BLACKBOX + "5,5000,1,2,3,2x0\n", ":7: column IMUTemperature: expected a number"),
+    (TABLE + "".join(f"{i},1,2,3,20\n" for i in range(5, 2505)) + "2505,x1,2,3,20\n", ':2507: column gyro_x: expected a number, found "x1"'),
     (BLACKBOX + "5,99999999999999999999999,1,2,3,200\n", "time .* is out of range"),
-], ids=["quotation mark", "blanks", "far time", "long word", "text for a temperature", "integer of 128 bits"])
+], ids=["quotation mark", "blanks", "far time", "long word", "text for a temperature", "text after many numbers", "integer of 128 bits"])
 def test_findings_stay_mended(tmp_path, text, words):
     """What the campaign found is refused by name, line and reason."""
     path = tmp_path / "damaged.csv"

@@ -66,6 +66,9 @@ def test_lattice_is_the_step_of_a_coarse_value():
     rng = np.random.default_rng(1)
     assert lattice_of(0.25 * np.round(rng.normal(0, 3, 5000))) == pytest.approx(0.25)
     assert lattice_of(rng.normal(0, 3, 5000)) == 0
+    with_a_hole = np.array([0, 1, 2, 3, 4, 9])
+    assert lattice_of(0.25 * rng.choice(with_a_hole, 5000)) == pytest.approx(0.25)
+    assert lattice_of(rng.choice(rng.normal(0, 3, 40), 5000)) == 0  # few values, and no step between them
 
 
 def test_page_is_a_png_and_the_text_has_the_lines(tmp_path, capsys):
@@ -74,7 +77,7 @@ def test_page_is_a_png_and_the_text_has_the_lines(tmp_path, capsys):
     text = capsys.readouterr().out
     head = (tmp_path / "page.png").read_bytes()[:24]
     assert head[:8] == b"\x89PNG\r\n\x1a\n" and struct.unpack(">II", head[16:24])[0] > 1000
-    for word in ("140 min", "0.00 to 60.00 degC", "ARW 0.6", "gaps: 0", "lattice", "suspected", "next: imucal calibrate fit"):
+    for word in ("140 min", "0.00 to 60.00 degC", "ARW 0.6", "gaps: 0", "lattice: none seen", "suspected", "next: imucal calibrate fit"):
         assert word in text
     result = json.loads((tmp_path / "j").read_text())
     assert len(result["axes"][0]["coeff"]) == 4 and result["axes"][0]["arw_deg_rt_h"] == pytest.approx(0.6, rel=0.05)

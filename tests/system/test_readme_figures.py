@@ -140,6 +140,14 @@ def test_sensor_table_counts_what_stands_there():
         assert stated == [str(counts[0]), str(counts[1]), f"{counts[2]} / {counts[3]}", str(len(faults)), str(len(faults))], row
 
 
+def test_ports_are_as_long_as_the_readme_says():
+    import sensor_table
+    text = " ".join((ROOT / "firmware/README.md").read_text(encoding="utf-8").split()).partition("How little that is")[2]
+    for port in sensor_table.PORTS:
+        stated = re.search(r"`port/%s/`.*?(\d+) files, (\d+) lines" % port, text)
+        assert stated and tuple(map(int, stated.groups())) == sensor_table.size_of_port(port), port
+
+
 # ---- formats ----
 
 def test_formats_table_is_what_the_importers_do(tmp_path):
