@@ -8,6 +8,7 @@ are for people; the values are compared by tests and by bench_dp.py.
 """
 import argparse
 import json
+import multiprocessing
 import os
 import resource
 import subprocess
@@ -47,7 +48,16 @@ def markov(rng, n, dt_s, sigma_dph, tau_s):
     return lfilter([1], [1, -phi], drive)
 
 
-def write_log(path, n, dt_s, axes, white_dph, seed):
+def write_log(*log):
+    """In a process of its own: what Linux says of a child's memory starts with the most that its parent ever held."""
+    writer = multiprocessing.get_context("fork").Process(target=make_log, args=log)
+    writer.start()
+    writer.join()
+    if writer.exitcode != 0:
+        sys.exit(f"{log[0]} was not written")
+
+
+def make_log(path, n, dt_s, axes, white_dph, seed):
     """A log of white noise and a Markov process, its temperature a slow wave."""
     import numpy as np
     rng = np.random.default_rng(seed)
