@@ -145,7 +145,7 @@ static void test_paths_of_whitening_agree_and_colour_inverts_them(void**) {
   for (const NoiseModel& model : models()) {
     const Case c(3000, model);
     const RunGains gains = compute_gains(c.times(), c.noise);
-    for (const long p : {2L, 4L, 5L, 11L}) {
+    for (const long p : {2L, 4L, 5L, 11L, 13L, 23L}) {
       const MatrixXd x = random_columns(3000, p, 6);
       MatrixXd white = x;
       whiten(gains, &white);

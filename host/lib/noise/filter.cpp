@@ -7,57 +7,100 @@
 namespace imucal {
 namespace {
 
-// M: number of states where the compiler may know it, else 0.
-template <class V, size_t M>
+// B vectors of columns; M: number of states where the compiler may know it, else 0.
+template <class V, size_t B, size_t M>
 IMUCAL_WIDE_PART void run(const FilterGains& g, double* rows, size_t stride, double* state) {
   constexpr size_t width = sizeof(V) / sizeof(double);
   const size_t n_states = M ? M : g.n_states, next = g.is_settled ? 0 : 1;
-  V m[M ? M : kMostStates];
-  for (size_t i = 0; i < n_states; ++i) load_lanes(&m[i], state + i * width);
+  V m[(M ? M : kMostStates) * B];
+  for (size_t i = 0; i < n_states * B; ++i) load_lanes(&m[i], state + i * width);
   const double *phi = g.phi, *gain = g.gain, *w = g.inv_sqrt_s;
   for (size_t k = 0; k < g.n; ++k) {
-    V nu;
-    load_lanes(&nu, rows + k * stride);
-    for (size_t i = 0; i < n_states; ++i) nu -= m[i];
-    store_lanes(V(nu * *w), rows + k * stride);
-    for (size_t i = 0; i < n_states; ++i) m[i] = phi[i] * (m[i] + gain[i] * nu);
+    for (size_t b = 0; b < B; ++b) {
+      double* at = rows + k * stride + b * width;
+      V nu;
+      load_lanes(&nu, at);
+      for (size_t i = 0; i < n_states; ++i) nu -= m[i * B + b];
+      store_lanes(V(nu * *w), at);
+      for (size_t i = 0; i < n_states; ++i) m[i * B + b] = phi[i] * (m[i * B + b] + gain[i] * nu);
+    }
     phi += next * n_states, gain += next * n_states, w += next;
   }
-  for (size_t i = 0; i < n_states; ++i) store_lanes(m[i], state + i * width);
+  for (size_t i = 0; i < n_states * B; ++i) store_lanes(m[i], state + i * width);
 }
 
-template <class V> IMUCAL_WIDE_PART void run_states(const FilterGains& g, double* rows, size_t stride, double* state) {
+template <class V, size_t B>
+IMUCAL_WIDE_PART void run_states(const FilterGains& g, double* rows, size_t stride, double* state) {
   switch (g.n_states) {
   case 1:
-    return run<V, 1>(g, rows, stride, state);
+    return run<V, B, 1>(g, rows, stride, state);
   case 2:
-    return run<V, 2>(g, rows, stride, state);
+    return run<V, B, 2>(g, rows, stride, state);
   case 3:
-    return run<V, 3>(g, rows, stride, state);
+    return run<V, B, 3>(g, rows, stride, state);
   default:
-    return run<V, 0>(g, rows, stride, state);
+    return run<V, B, 0>(g, rows, stride, state);
   }
 }
 
+IMUCAL_WIDE void run_16(const FilterGains& g, double* rows, size_t stride, double* state) {
+  run_states<Lanes8, 2>(g, rows, stride, state);
+}
+IMUCAL_WIDE void run_12(const FilterGains& g, double* rows, size_t stride, double* state) {
+  run_states<Lanes, 3>(g, rows, stride, state);
+}
 IMUCAL_WIDE void run_8(const FilterGains& g, double* rows, size_t stride, double* state) {
-  run_states<Lanes8>(g, rows, stride, state);
+  run_states<Lanes8, 1>(g, rows, stride, state);
 }
 IMUCAL_WIDE void run_4(const FilterGains& g, double* rows, size_t stride, double* state) {
-  run_states<Lanes>(g, rows, stride, state);
+  run_states<Lanes, 1>(g, rows, stride, state);
 }
 
-// Four rows of the sum at a time: they stay in registers.
-template <class V> IMUCAL_WIDE_PART void products(const double* a, const double* b, size_t n, double* sum) {
-  constexpr size_t width = sizeof(V) / sizeof(double);
-  for (size_t i = 0; i < width; i += 4) {
-    V s[4], right;
-    for (size_t l = 0; l < 4; ++l) load_lanes(&s[l], sum + (i + l) * width);
-    for (size_t k = 0; k < n; ++k) {
-      load_lanes(&right, b + k * width);
-      for (size_t l = 0; l < 4; ++l) s[l] += a[k * width + i + l] * right;
-    }
-    for (size_t l = 0; l < 4; ++l) store_lanes(s[l], sum + (i + l) * width);
+template <size_t N> IMUCAL_WIDE_PART void to_rows(const double* const* columns, size_t n, double* rows, size_t stride) {
+  const double* from[N];
+  for (size_t c = 0; c < N; ++c) from[c] = columns[c];
+  for (size_t k = 0; k < n; ++k)
+    for (size_t c = 0; c < N; ++c) rows[k * stride + c] = from[c][k];
+}
+template <size_t N>
+IMUCAL_WIDE_PART void to_columns(const double* rows, size_t stride, size_t n, double* const* columns) {
+  double* to[N];
+  for (size_t c = 0; c < N; ++c) to[c] = columns[c];
+  for (size_t k = 0; k < n; ++k)
+    for (size_t c = 0; c < N; ++c) to[c][k] = rows[k * stride + c];
+}
+IMUCAL_WIDE void to_rows_8(const double* const* columns, size_t n, double* rows, size_t stride) {
+  to_rows<8>(columns, n, rows, stride);
+}
+IMUCAL_WIDE void to_rows_4(const double* const* columns, size_t n, double* rows, size_t stride) {
+  to_rows<4>(columns, n, rows, stride);
+}
+IMUCAL_WIDE void to_columns_8(const double* rows, size_t stride, size_t n, double* const* columns) {
+  to_columns<8>(rows, stride, n, columns);
+}
+IMUCAL_WIDE void to_columns_4(const double* rows, size_t stride, size_t n, double* const* columns) {
+  to_columns<4>(rows, stride, n, columns);
+}
+
+// Four rows of the sum by one vector of its columns: they stay in registers.
+template <class V>
+IMUCAL_WIDE_PART void gram_block(const double* left, const double* right, size_t width, size_t n, double* sum) {
+  V s[4], r;
+  for (size_t l = 0; l < 4; ++l) load_lanes(&s[l], sum + l * width);
+  for (size_t k = 0; k < n; ++k) {
+    load_lanes(&r, right + k * width);
+    for (size_t l = 0; l < 4; ++l) s[l] += left[k * width + l] * r;
   }
+  for (size_t l = 0; l < 4; ++l) store_lanes(s[l], sum + l * width);
+}
+
+IMUCAL_WIDE void gram(const double* x, size_t width, size_t n, double* sum) {
+  for (size_t i = 0; i < width; i += 4)
+    for (size_t j = i; j < width; j += width - j < 8 ? 4 : 8)
+      if (width - j < 8)
+        gram_block<Lanes>(x + i, x + j, width, n, sum + i * width + j);
+      else
+        gram_block<Lanes8>(x + i, x + j, width, n, sum + i * width + j);
 }
 
 // A by B columns against each other: eight samples side by side, the sums stay in registers.
@@ -100,19 +143,22 @@ IMUCAL_WIDE void column_products(const double* a, size_t lda, size_t na, const d
     }
 }
 
-IMUCAL_WIDE void products_8(const double* a, const double* b, size_t n, double* sum) {
-  products<Lanes8>(a, b, n, sum);
-}
-IMUCAL_WIDE void products_4(const double* a, const double* b, size_t n, double* sum) {
-  products<Lanes>(a, b, n, sum);
-}
-
 } // namespace
 
 void filter_lanes(const FilterGains& gains, size_t lanes, double* rows, size_t stride, double* state) {
+  if (lanes == 16) return run_16(gains, rows, stride, state);
+  if (lanes == 12) return run_12(gains, rows, stride, state);
   if (lanes == 8) return run_8(gains, rows, stride, state);
   if (lanes == 4) return run_4(gains, rows, stride, state);
-  run_states<double>(gains, rows, stride, state);
+  run_states<double, 1>(gains, rows, stride, state);
+}
+
+void columns_to_rows(size_t lanes, const double* const* columns, size_t n, double* rows, size_t stride) {
+  (lanes == 8 ? to_rows_8 : to_rows_4)(columns, n, rows, stride);
+}
+
+void rows_to_columns(size_t lanes, const double* rows, size_t stride, size_t n, double* const* columns) {
+  (lanes == 8 ? to_columns_8 : to_columns_4)(rows, stride, n, columns);
 }
 
 void add_column_products(const double* a, size_t lda, size_t na, const double* b, size_t ldb, size_t nb, size_t n,
@@ -122,8 +168,8 @@ void add_column_products(const double* a, size_t lda, size_t na, const double* b
     column_products(a + k, lda, na, b + k, ldb, nb, n - k < kChunk ? n - k : kChunk, out);
 }
 
-void add_products(size_t lanes, const double* a, const double* b, size_t n, double* sum) {
-  (lanes == 8 ? products_8 : products_4)(a, b, n, sum);
+void add_gram(const double* x, size_t width, size_t n, double* sum) {
+  gram(x, width, n, sum);
 }
 
 } // namespace imucal

@@ -9,7 +9,7 @@
 namespace imucal {
 namespace {
 
-constexpr size_t kMostLanes = 8;
+constexpr size_t kChunk = 128; // samples that stay in the first cache
 
 // f(gains of a part, its first sample) for the samples first .. first + n, stretch by stretch.
 template <class F> void for_stretches(const RunGains& g, size_t first, size_t n, const F& f) {
@@ -30,10 +30,14 @@ void filter(const RunGains& g, size_t first, size_t n, size_t lanes, double* row
   });
 }
 
-// Columns side by side: out [sample][lanes], zero beyond `width`.
-void interleave(const double* columns, size_t n, size_t width, size_t lanes, double* out) {
-  for (size_t c = 0; c < lanes; ++c)
-    for (size_t k = 0; k < n; ++k) out[k * lanes + c] = c < width ? columns[c * n + k] : 0.0;
+// f(columns, lanes) for groups of 8 or 4 of them; the last group is filled up with its own last column.
+template <class T, class F> void for_groups(const std::vector<T*>& columns, const F& f) {
+  for (size_t first = 0; first < columns.size(); first += 8) {
+    const size_t left = columns.size() - first, lanes = left > 4 ? 8 : 4;
+    T* group[8];
+    for (size_t c = 0; c < lanes; ++c) group[c] = columns[first + std::min(c, left - 1)];
+    f(first, lanes, group);
+  }
 }
 
 // f(sample, gain, phi, inv_sqrt_s), from the first sample to the last.
@@ -50,17 +54,19 @@ template <class F> void for_samples(const RunGains& g, const F& f) {
 void whiten(const RunGains& gains, Eigen::MatrixXd* columns) {
   const size_t n = static_cast<size_t>(columns->rows()), p = static_cast<size_t>(columns->cols());
   if (p == 1) return whiten(gains, columns->data(), n);
-  std::vector<double> block(n * kMostLanes), state(std::max<size_t>(1, gains.n_states) * kMostLanes);
-  for (size_t first = 0; first < p; first += kMostLanes) {
-    const size_t width = std::min(kMostLanes, p - first);
-    interleave(columns->data() + first * n, n, width, kMostLanes, block.data());
-    std::fill(state.begin(), state.end(), 0.0);
-    filter(gains, 0, n, kMostLanes, block.data(), kMostLanes, state.data());
-    for (size_t c = 0; c < width; ++c) {
-      double* out = columns->data() + (first + c) * n;
-      for (size_t k = 0; k < n; ++k) out[k] = block[k * kMostLanes + c];
+  std::vector<double*> list;
+  for (size_t c = 0; c < p; ++c) list.push_back(columns->data() + c * n);
+  std::vector<double> chunk(kChunk * 8), state;
+  for_groups(list, [&](size_t, size_t lanes, double** group) {
+    state.assign(std::max<size_t>(1, gains.n_states) * lanes, 0.0);
+    for (size_t k = 0; k < n; k += kChunk) {
+      const size_t rows = std::min(kChunk, n - k);
+      columns_to_rows(lanes, group, rows, chunk.data(), lanes);
+      filter(gains, k, rows, lanes, chunk.data(), lanes, state.data());
+      rows_to_columns(lanes, chunk.data(), lanes, rows, group);
+      for (size_t c = 0; c < lanes; ++c) group[c] += rows;
     }
-  }
+  });
 }
 
 void whiten(const RunGains& gains, double* column, size_t n) {
@@ -117,34 +123,42 @@ Eigen::MatrixXd column_products(const Eigen::Ref<const Eigen::MatrixXd>& a,
   return out;
 }
 
+namespace {
+
+std::vector<const double*> pointers_to(const Eigen::MatrixXd& columns) {
+  std::vector<const double*> list;
+  for (long c = 0; c < columns.cols(); ++c) list.push_back(columns.data() + c * columns.rows());
+  return list;
+}
+
+} // namespace
+
 WideColumns::WideColumns(const Eigen::MatrixXd& columns)
-    : n_(static_cast<size_t>(columns.rows())), p_(static_cast<size_t>(columns.cols())),
-      data_((p_ + lanes() - 1) / lanes() * n_ * lanes()) {
-  for (size_t first = 0; first < p_; first += lanes())
-    interleave(columns.data() + first * n_, n_, std::min(lanes(), p_ - first), lanes(), &data_[first * n_]);
+    : WideColumns(pointers_to(columns), static_cast<size_t>(columns.rows())) {}
+
+WideColumns::WideColumns(const std::vector<const double*>& columns, size_t n)
+    : n_(n), p_(columns.size()), width_((p_ + 3) / 4 * 4), data_(n_ * width_) {
+  for_groups(columns, [&](size_t first, size_t lanes, const double** group) {
+    columns_to_rows(lanes, group, n_, &data_[first], width_);
+  });
 }
 
 Eigen::MatrixXd WideColumns::whitened_gram(const RunGains& gains) const {
-  constexpr size_t kChunk = 128; // samples that stay in the first cache
-  const size_t w = lanes(), blocks = (p_ + w - 1) / w, states = std::max<size_t>(1, gains.n_states) * w;
-  std::vector<double> chunk(blocks * kChunk * w), state(blocks * states, 0.0), sums(blocks * blocks * w * w, 0.0);
+  const size_t states = std::max<size_t>(1, gains.n_states);
+  std::vector<double> chunk(kChunk * width_), state(states * width_, 0.0), sums(width_ * width_, 0.0);
   for (size_t k = 0; k < n_; k += kChunk) {
     const size_t n = std::min(kChunk, n_ - k);
-    for (size_t b = 0; b < blocks; ++b) {
-      double* x = &chunk[b * kChunk * w];
-      std::copy_n(&data_[b * n_ * w + k * w], n * w, x);
-      filter(gains, k, n, w, x, w, &state[b * states]);
-    }
-    for (size_t a = 0; a < blocks; ++a)
-      for (size_t b = a; b < blocks; ++b)
-        add_products(w, &chunk[a * kChunk * w], &chunk[b * kChunk * w], n, &sums[(a * blocks + b) * w * w]);
+    std::copy_n(&data_[k * width_], n * width_, chunk.data());
+    for (size_t first = 0; first < width_; first += 16)
+      filter(gains, k, n, std::min<size_t>(16, width_ - first), &chunk[first], width_, &state[first * states]);
+    add_gram(chunk.data(), width_, n, sums.data());
   }
   const auto p = static_cast<long>(p_);
   Eigen::MatrixXd gram(p, p);
   for (size_t i = 0; i < p_; ++i)
     for (size_t j = i; j < p_; ++j)
       gram(static_cast<long>(i), static_cast<long>(j)) = gram(static_cast<long>(j), static_cast<long>(i)) =
-          sums[((i / w) * blocks + j / w) * w * w + (i % w) * w + j % w];
+          sums[i * width_ + j];
   return gram;
 }
 

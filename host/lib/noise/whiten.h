@@ -29,15 +29,14 @@ Eigen::MatrixXd column_products(const Eigen::Ref<const Eigen::MatrixXd>& a, cons
 class WideColumns {
 public:
   explicit WideColumns(const Eigen::MatrixXd& columns); // one row per sample
+  WideColumns(const std::vector<const double*>& columns, size_t n);
   // W'W of the whitened columns W.
   Eigen::MatrixXd whitened_gram(const RunGains& gains) const;
   size_t n() const { return n_; }
 
 private:
-  size_t lanes() const { return p_ <= 4 ? 4 : 8; }
-
-  size_t n_, p_;
-  std::vector<double> data_; // blocks of lanes() columns, sample after sample, zero beyond the last
+  size_t n_, p_, width_;     // samples, columns, and these with what fills the last vector
+  std::vector<double> data_; // sample after sample
 };
 
 } // namespace imucal
