@@ -201,37 +201,41 @@ MeanPart start_part(const SlowData& data, const EffectEstimator& estimator, cons
   return part;
 }
 
-RunGrams::RunGrams(const SlowData& data, const std::vector<const MeanPart*>& parts, const NoiseModel& noise) {
+MeanColumns::MeanColumns(const SlowData& data, const std::vector<const MeanPart*>& parts) {
   const std::vector<MatrixXd>* powers = &data.powers;
-  std::vector<double> local_precision{0.0}, common_precision;
+  std::vector<double> local{0.0}, common;
   for (const MeanPart* part : parts) {
     if (!part->powers.empty()) powers = &part->powers;
-    for (long c = 0; c < part->local_precision.size(); ++c) local_precision.push_back(part->local_precision[c]);
+    for (long c = 0; c < part->local_precision.size(); ++c) local.push_back(part->local_precision[c]);
   }
   for (long c = 0; c < powers->front().cols(); ++c)
     // A power that depends on the others is zero; a precision keeps its place harmless.
-    common_precision.push_back(powers->front().col(c).squaredNorm() + powers->back().col(c).squaredNorm() > 0 ? 0.0
-                                                                                                              : 1.0);
+    common.push_back(powers->front().col(c).squaredNorm() + powers->back().col(c).squaredNorm() > 0 ? 0.0 : 1.0);
   for (const MeanPart* part : parts)
-    for (long c = 0; c < part->common_precision.size(); ++c) common_precision.push_back(part->common_precision[c]);
-  n_local_ = static_cast<long>(local_precision.size());
-  n_common_ = static_cast<long>(common_precision.size());
-  local_precision_ = Eigen::Map<VectorXd>(local_precision.data(), n_local_);
-  common_precision_ = Eigen::Map<VectorXd>(common_precision.data(), n_common_);
-  GainsByRun by_run(noise);
+    for (long c = 0; c < part->common_precision.size(); ++c) common.push_back(part->common_precision[c]);
+  local_precision_ = Eigen::Map<VectorXd>(local.data(), static_cast<long>(local.size()));
+  common_precision_ = Eigen::Map<VectorXd>(common.data(), static_cast<long>(common.size()));
   for (size_t r = 0; r < data.y.size(); ++r) {
-    const CampaignRun& run = data.campaign.runs[r];
-    MatrixXd w(static_cast<long>(run.n()), n_local_ + n_common_ + 1);
-    long at = 0;
-    const auto put = [&](const MatrixXd& m) { w.middleCols(at, m.cols()) = m, at += m.cols(); };
-    w.col(at++).setOnes();
+    const VectorXd ones = VectorXd::Ones(data.y[r].size());
+    std::vector<const double*> columns{ones.data()};
+    const auto put = [&](const MatrixXd& m) {
+      for (long c = 0; c < m.cols(); ++c) columns.push_back(m.col(c).data());
+    };
     for (const MeanPart* part : parts) put(part->local[r]);
     put((*powers)[r]);
     for (const MeanPart* part : parts) put(part->common[r]);
-    w.col(at) = data.y[r];
-    const RunGains& gains = by_run.of(run);
-    const WideColumns wide(w);
-    gram_.push_back(wide.whitened_gram(gains));
+    columns.push_back(data.y[r].data());
+    wide_.emplace_back(columns, data.campaign.runs[r].n());
+  }
+}
+
+RunGrams::RunGrams(const SlowData& data, const MeanColumns& columns, const NoiseModel& noise)
+    : n_local_(columns.local_precision_.size()), n_common_(columns.common_precision_.size()),
+      local_precision_(columns.local_precision_), common_precision_(columns.common_precision_) {
+  GainsByRun by_run(noise);
+  for (size_t r = 0; r < data.y.size(); ++r) {
+    const RunGains& gains = by_run.of(data.campaign.runs[r]);
+    gram_.push_back(columns.wide_[r].whitened_gram(gains));
     sum_log_s_.push_back(gains.sum_log_s);
   }
 }

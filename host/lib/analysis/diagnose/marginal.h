@@ -48,10 +48,23 @@ MeanPart mean_part(const SlowData& data, const EffectEstimator& estimator, const
 // Only the start states of an effect.
 MeanPart start_part(const SlowData& data, const EffectEstimator& estimator, const Theta& shape);
 
+// The columns of a mean with the data, in the order that the filters read them: made once, scored under many noises.
+class MeanColumns {
+public:
+  MeanColumns(const SlowData& data, const std::vector<const MeanPart*>& parts);
+
+private:
+  friend class RunGrams;
+  Eigen::VectorXd local_precision_, common_precision_;
+  std::vector<WideColumns> wide_; // per run: local (constant first), common (powers first), y
+};
+
 // Sums of products of whitened columns, run by run: any subset of runs is scored from them.
 class RunGrams {
 public:
-  RunGrams(const SlowData& data, const std::vector<const MeanPart*>& parts, const NoiseModel& noise);
+  RunGrams(const SlowData& data, const MeanColumns& columns, const NoiseModel& noise);
+  RunGrams(const SlowData& data, const std::vector<const MeanPart*>& parts, const NoiseModel& noise)
+      : RunGrams(data, MeanColumns(data, parts), noise) {}
 
   // Log marginal likelihood of the runs chosen (empty: all).  `scale` multiplies the standard deviations of all
   // priors of parts.

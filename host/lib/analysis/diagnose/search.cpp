@@ -25,7 +25,7 @@ constexpr size_t kPolished = 7, kPairBases = 6, kPairNodes = 6, kPairsPolished =
 constexpr int kEvaluations = 110, kQuickEvaluations = 60, kProbeEvaluations = 25;
 constexpr int kPasses = 3; // of neighbours of a shape
 constexpr size_t kMostNames = 3;
-constexpr size_t kPartsKept = 12;
+constexpr size_t kPartsKept = 12, kColumnsKept = 4;
 const char kCalibrationVersion[] = "5"; // changes whenever a draw would gain something else
 constexpr size_t kMostSteps = 6, kStepPlaces = 12;
 
@@ -225,10 +225,29 @@ struct SlowSearch::Impl {
     return list;
   }
 
-  RunGrams grams(const SlowModel& m) const {
+  // The columns of the last hypotheses: their noise is varied again and again.
+  using Columns = std::shared_ptr<const MeanColumns>;
+  Columns columns(const SlowModel& m) const {
+    std::vector<Theta> key = m.steps;
+    for (const SlowModel::Name& name : m.names)
+      key.push_back({static_cast<double>(name.candidate)}), key.push_back(name.shape);
+    for (const KeptColumns& kept : kept_columns)
+      if (kept.n_names == m.names.size() && kept.key == key) return kept.columns;
     const std::vector<Part> own = parts(m);
-    return RunGrams(data, pointers_of(own), noise(m));
+    if (kept_columns.size() < kColumnsKept) kept_columns.emplace_back();
+    KeptColumns& place = kept_columns[next_columns++ % kColumnsKept];
+    place = {m.names.size(), key, std::make_shared<const MeanColumns>(data, pointers_of(own))};
+    return place.columns;
   }
+  struct KeptColumns {
+    size_t n_names = 0;
+    std::vector<Theta> key; // steps; candidate and shape of each name
+    Columns columns;
+  };
+  mutable std::vector<KeptColumns> kept_columns;
+  mutable size_t next_columns = 0;
+
+  RunGrams grams(const SlowModel& m) const { return RunGrams(data, *columns(m), noise(m)); }
   double noise_value(const SlowModel& m) const {
     // Another kind of noise beside the believed one is other than believed too.
     if (m.is_believed) return m.noise_effect ? -constants.reestimated_nats : 0;
@@ -406,12 +425,10 @@ struct SlowSearch::Impl {
   }
   // The nodes where the hypothesis is likely.
   std::vector<const Node*> likely_nodes(const SlowModel& m) const {
-    const std::vector<Part> own = parts(m);
-    const std::vector<const MeanPart*> pointers = pointers_of(own);
+    const Columns own = columns(m);
     std::vector<std::pair<double, const Node*>> ranked;
     for (const Node& node : nodes)
-      ranked.push_back(
-          {RunGrams(data, pointers, noise(node.at)).log_marginal_any_scale() + noise_value(node.at), &node});
+      ranked.push_back({RunGrams(data, *own, noise(node.at)).log_marginal_any_scale() + noise_value(node.at), &node});
     std::sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     std::vector<const Node*> list;
     for (size_t i = 0; i < ranked.size() && i < kPairNodes; ++i) list.push_back(ranked[i].second);
