@@ -164,8 +164,9 @@ namespace {
 
 constexpr double kDependent = 1e-9; // of the scaled columns: below it a column adds nothing
 
-// Least squares by QR, run after run: the triangle of what came before is stacked on the rows of the next
-// run.
+constexpr long kRowsAtOnce = 1 << 17; // of a long run: bounds the memory
+
+// Least squares by QR, run after run: the triangle of what came before is stacked on the next rows.
 struct Triangle {
   MatrixXd r;     // upper triangle of [X y] or X
   VectorXd scale; // of the columns of X
@@ -181,13 +182,15 @@ Triangle triangle(const std::vector<MatrixXd>& xy, const VectorXd& prior_precisi
   for (long c = 0; c < p; ++c) out.scale[c] = out.scale[c] > 0 ? 1.0 / std::sqrt(out.scale[c]) : 0.0;
   MatrixXd top = MatrixXd::Zero(q, q);
   for (long c = 0; c < p; ++c) top(c, c) = std::sqrt(prior_precision[c]) * out.scale[c];
-  for (const MatrixXd& m : xy) {
-    MatrixXd stack(q + m.rows(), q);
-    stack.topRows(q) = top;
-    stack.bottomRows(m.rows()) = m;
-    for (long c = 0; c < p; ++c) stack.block(q, c, m.rows(), 1) *= out.scale[c];
-    top = triangle_of(&stack);
-  }
+  for (const MatrixXd& m : xy)
+    for (long first = 0; first < m.rows(); first += kRowsAtOnce) {
+      const long rows = std::min(kRowsAtOnce, m.rows() - first);
+      MatrixXd stack(q + rows, q);
+      stack.topRows(q) = top;
+      stack.bottomRows(rows) = m.middleRows(first, rows);
+      for (long c = 0; c < p; ++c) stack.block(q, c, rows, 1) *= out.scale[c];
+      top = triangle_of(&stack);
+    }
   out.r = top;
   return out;
 }
@@ -230,12 +233,12 @@ Solution solve(const Triangle& t) {
   return out;
 }
 
-std::vector<MatrixXd> with_rates(const Design& design, const std::vector<VectorXd>& y) {
-  std::vector<MatrixXd> xy;
+// [X y], run by run; takes the columns away from the design: a copy of a long log is large.
+std::vector<MatrixXd> with_rates(Design* design, const std::vector<VectorXd>& y) {
+  std::vector<MatrixXd> xy = std::move(design->x);
   for (size_t r = 0; r < y.size(); ++r) {
-    MatrixXd m(design.x[r].rows(), design.x[r].cols() + 1);
-    m << design.x[r], y[r];
-    xy.push_back(std::move(m));
+    xy[r].conservativeResize(Eigen::NoChange, xy[r].cols() + 1);
+    xy[r].rightCols(1) = y[r];
   }
   return xy;
 }
@@ -282,8 +285,8 @@ std::vector<VectorXd> residuals(const std::vector<MatrixXd>& xy, const VectorXd&
 
 Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis) {
   const NoiseModel noise = hypothesis.noise(), gaussian = gaussian_equivalent(noise);
-  const Design design = make_design(campaign, hypothesis);
-  const std::vector<MatrixXd> xy = with_rates(design, rates(campaign));
+  Design design = make_design(campaign, hypothesis);
+  const std::vector<MatrixXd> xy = with_rates(&design, rates(campaign));
   GlsPass pass = gls(campaign, xy, design.prior_precision, gaussian, {});
   Fit fit;
   fit.residual = residuals(xy, pass.solution.beta);
