@@ -130,37 +130,46 @@ ScanBank::ScanBank(const SlowData& data, const std::vector<ScanCandidate>& candi
     group.part.common.clear(), group.part.local.clear(), group.part.powers.clear();
 }
 
-ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise) : bank_(bank), noise_(noise) {
+ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise)
+    : bank_(bank), noise_(noise), self_(bank.places_.size()), white_(bank.columns_.size()) {
   GainsByRun by_run(noise);
   for (size_t r = 0; r < bank.columns_.size(); ++r) {
     gains_.push_back(by_run.of(bank.data_.campaign.runs[r]));
     sum_log_s_ += gains_.back().sum_log_s;
-    MatrixXd x = bank.columns_[r];
-    whiten(gains_.back(), &x);
-    white_.push_back(std::move(x));
-  }
-  for (const ScanBank::Place& at : bank.places_) {
-    std::vector<MatrixXd> grams;
-    for (const MatrixXd& x : white_) {
-      const auto own = x.middleCols(at.first, at.width());
-      grams.push_back(column_products(own, own));
-    }
-    self_.push_back(std::move(grams));
   }
   const Base usual = base_of(bank.data_, {}, gains_);
-  for (size_t r = 0; r < white_.size(); ++r) usual_.push_back(column_products(usual.white[r], white_[r]));
-  std::vector<MatrixXd> y;
-  for (const VectorXd& rate : bank.data_.y) y.push_back(rate);
-  own_ = white_data(y);
+  for (size_t r = 0; r < bank.columns_.size(); ++r) {
+    const MatrixXd x = whitened_bank(r);
+    for (size_t g = 0; g < self_.size(); ++g) {
+      const auto own = x.middleCols(bank.places_[g].first, bank.places_[g].width());
+      self_[g].push_back(column_products(own, own));
+    }
+    usual_.push_back(column_products(usual.white[r], x));
+    MatrixXd y = bank.data_.y[r];
+    whiten(gains_[r], &y);
+    own_.with_bank.push_back(column_products(x, y));
+    own_.y.push_back(std::move(y));
+  }
+}
+
+MatrixXd ScanNode::whitened_bank(size_t run) const {
+  MatrixXd x = bank_.columns_[run];
+  whiten(gains_[run], &x);
+  return x;
+}
+
+const MatrixXd& ScanNode::white(size_t run) const {
+  if (white_[run].size() == 0) white_[run] = whitened_bank(run);
+  return white_[run];
 }
 
 ScanNode::WhiteData ScanNode::white_data(const std::vector<MatrixXd>& y) const {
   WhiteData out;
   for (size_t r = 0; r < y.size(); ++r) {
-    MatrixXd white = y[r];
-    whiten(gains_[r], &white);
-    out.with_bank.push_back(column_products(white_[r], white));
-    out.y.push_back(std::move(white));
+    MatrixXd x = y[r];
+    whiten(gains_[r], &x);
+    out.with_bank.push_back(column_products(white(r), x));
+    out.y.push_back(std::move(x));
   }
   return out;
 }
@@ -219,19 +228,16 @@ struct ScanNode::Products {
   long n_free() const { return ay.rows() - base.powers; } // without the powers
 };
 
-namespace {
-
 // Base times bank of one run: only the columns of parts are new, the usual ones are known.
-MatrixXd with_bank(const Base& base, size_t run, const MatrixXd& white, const MatrixXd& usual) {
-  MatrixXd out(base.white[run].cols(), white.cols());
-  const long n_new = out.rows() - 1 - (base.has_usual_powers ? base.powers : 0);
+MatrixXd ScanNode::with_bank(const MatrixXd& base, long usual_powers, size_t run) const {
+  const MatrixXd& usual = usual_[run];
+  MatrixXd out(base.cols(), usual.cols());
+  const long n_new = out.rows() - 1 - usual_powers;
   out.row(0) = usual.row(0);
-  if (n_new > 0) out.middleRows(1, n_new) = column_products(base.white[run].middleCols(1, n_new), white);
-  if (base.has_usual_powers) out.bottomRows(base.powers) = usual.bottomRows(base.powers);
+  if (n_new > 0) out.middleRows(1, n_new) = column_products(base.middleCols(1, n_new), white(run));
+  out.bottomRows(usual_powers) = usual.bottomRows(usual_powers);
   return out;
 }
-
-} // namespace
 
 ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts, const WhiteData& y) const {
   Products p;
@@ -243,7 +249,7 @@ ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts,
   std::vector<MatrixXd> with_y;
   for (size_t r = 0; r < y.y.size(); ++r) {
     p.energy += y.y[r].colwise().squaredNorm().transpose();
-    p.with_columns.push_back(with_bank(p.base, r, white_[r], usual_[r]));
+    p.with_columns.push_back(with_bank(p.base.white[r], p.base.has_usual_powers ? p.base.powers : 0, r));
     with_y.push_back(column_products(p.base.white[r], y.y[r]));
   }
   p.ay = p.factor.half_solve(expanded_products(p.base, with_y));

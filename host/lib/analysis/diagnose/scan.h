@@ -71,8 +71,11 @@ private:
     std::vector<Eigen::MatrixXd> y, with_bank;
   };
   struct Products;
+  Eigen::MatrixXd whitened_bank(size_t run) const;
+  const Eigen::MatrixXd& white(size_t run) const;
   WhiteData white_data(const std::vector<Eigen::MatrixXd>& y) const;
   Scores score_white(const std::vector<const MeanPart*>& base, const WhiteData& y, const std::vector<char>& skip) const;
+  Eigen::MatrixXd with_bank(const Eigen::MatrixXd& base, long usual_powers, size_t run) const;
   Products products(const std::vector<const MeanPart*>& base, const WhiteData& y) const;
   Eigen::MatrixXd solved_with(const Products& products, size_t group, long rows) const;
   Eigen::RowVectorXd score_group(const Products& products, size_t group, long rows, const Eigen::VectorXd& start) const;
@@ -81,10 +84,12 @@ private:
   NoiseModel noise_;
   std::vector<RunGains> gains_;
   double sum_log_s_ = 0;
-  std::vector<Eigen::MatrixXd> white_;             // per run
-  std::vector<Eigen::MatrixXd> usual_;             // per run: constant and powers of every base, times the bank
-  WhiteData own_;                                  // of the data themselves
   std::vector<std::vector<Eigen::MatrixXd>> self_; // per group and run
+  // Per run: the bank whitened.  Bases without parts need its products alone, so that it is kept only where a scan asks
+  // for it (by one thread).
+  mutable std::vector<Eigen::MatrixXd> white_;
+  std::vector<Eigen::MatrixXd> usual_; // per run: constant and powers of every base, times the bank
+  WhiteData own_;                      // of the data themselves
 };
 
 } // namespace imucal
