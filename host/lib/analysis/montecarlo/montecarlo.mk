@@ -13,8 +13,8 @@ $(KF_OF_8): common/kf.h common/kf.c host/lib/analysis/montecarlo/montecarlo.mk
 	  sed -n '/^\/\* ---- one second/,/^\/\* ---- what callers/{/^\/\* ---- what callers/!p}' common/kf.c; } \
 	  | sed 's/\bfloat\b/Lanes8f/g; s/static inline/static IMUCAL_WIDE_PART/' > $@.new && mv $@.new $@
 $(BUILD)/obj/host/host/lib/analysis/montecarlo/room.o $(BUILD)/obj/host/host/lib/analysis/montecarlo/lanes.o: $(KF_OF_8)
-$(BUILD)/obj/host/host/lib/analysis/montecarlo/%.o: HOST_CPPFLAGS += -I$(BUILD)/gen
-$(BUILD)/obj/host/host/lib/analysis/montecarlo/%.o: CXXFLAGS += -fno-math-errno -Wno-psabi
+$(BUILD)/obj/host/host/lib/analysis/montecarlo/%.o: private HOST_CPPFLAGS += -I$(BUILD)/gen
+$(BUILD)/obj/host/host/lib/analysis/montecarlo/%.o: private HOST_CXXFLAGS += -fno-math-errno -Wno-psabi
 
 # Raise or lower the number of simulated tests: make validation RUNS=400
 RUNS ?= 4000
