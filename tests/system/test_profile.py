@@ -123,3 +123,13 @@ def test_profile_unreachable_correlation_is_a_negative_answer(files):
                "--duration-s", 6000, "--tell-apart", "all", "--max-correlation", 0.3, "--json", "-")
     assert done.returncode == 1 and "--max-correlation" in done.stderr
     assert json.loads(done.stdout)["meets_correlation"] is False
+
+
+@pytest.mark.parametrize("options, most", [((), 11_500), (("--tell-apart", "all", "--no-proof"), 7_500)])
+def test_optimize_takes_the_evaluations_that_its_time_stands_on(files, options, most):
+    """The dearest case of `make profile-table`; counts are the same on every machine, times are not."""
+    folder = files[1]
+    result = result_of("optimize", "--model", folder / "model.json", "--order", 3, "--range", "0:60", "--max-rate", 2, "--duration-s", 28800, "--seed", 1,
+                       *options)
+    assert 1000 < result["evaluations"] < most
+    assert result["worst_dph"] < 3.41

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <queue>
 
 #include "analysis/profile/covariance.h"
@@ -73,9 +74,16 @@ public:
     }
   }
 
+  // One point of the saddle problem min over (design, ends) max over mu of tr(M^-1 A).
+  struct Point {
+    VectorXd design, ends, mu;
+  };
+
   struct Box {
     double u0, u1, v0, v1; // the profile's extremes are -1 + u and 1 - v
     double lower = 0, upper = 0;
+    std::shared_ptr<const Point>
+        near; // where the saddle of the box that this one was cut from lies (may be null); then its own
     bool operator<(const Box& other) const { return lower > other.lower; } // smallest first in the queue
   };
 
@@ -173,10 +181,6 @@ private:
     return sum;
   }
 
-  // One point of the saddle problem min over (design, ends) max over mu of tr(M^-1 A).
-  struct Point {
-    VectorXd design, ends, mu;
-  };
   struct Gradient {
     VectorXd design, ends, mu; // relative to the value
     double value = 0, worst = 0;
@@ -215,40 +219,60 @@ private:
     return g.value * g.value / most;
   }
 
+  // Weights and the logarithm of what a step multiplied them by: the distance between steps then needs no logarithm.
+  struct Weights {
+    VectorXd value, log_factor;
+  };
+  struct Step {
+    Weights design, ends, mu;
+    Point point() const { return {design.value, ends.value, mu.value}; }
+  };
   // from * exp(step direction), normalised; no weight dies out for good.
-  static VectorXd stepped(const VectorXd& from, const VectorXd& direction, double step) {
-    VectorXd out = (from.array() * (step * (direction.array() - direction.maxCoeff())).exp()).max(1e-12);
-    return out / out.sum();
+  static Weights stepped(const VectorXd& from, const VectorXd& direction, double step) {
+    Weights out;
+    out.log_factor = step * (direction.array() - direction.maxCoeff());
+    out.value = (from.array() * out.log_factor.array().exp()).max(1e-12);
+    const double sum = out.value.sum();
+    out.value /= sum;
+    out.log_factor.array() -= std::log(sum);
+    return out;
   }
-  static double divergence(const VectorXd& a, const VectorXd& b) {
-    return (a.array() * (a.array() / b.array()).log()).sum();
-  }
-  static double divergence(const Point& a, const Point& b) {
-    return divergence(a.design, b.design) + divergence(a.ends, b.ends) + divergence(a.mu, b.mu);
-  }
-  static Point moved(const Point& from, const Gradient& g, double step) {
+  static Step moved(const Point& from, const Gradient& g, double step) {
     return {stepped(from.design, g.design, step), stepped(from.ends, g.ends, step), stepped(from.mu, g.mu, step)};
+  }
+  // Relative entropies of a against where it came from, and of b against a; both came from the same weights.  It only sizes
+  // the steps: weights held at 1e-12 may make it inexact.
+  static double divergence(const Weights& a, const Weights& b) {
+    return a.value.dot(a.log_factor) + b.value.dot(b.log_factor - a.log_factor);
+  }
+  static double divergence(const Step& a, const Step& b) {
+    return divergence(a.design, b.design) + divergence(a.ends, b.ends) + divergence(a.mu, b.mu);
   }
 
   // Mirror-prox (Nemirovski 2004) with entropy as distance and a step that adapts; averages of its steps
-  // approach the saddle point.  Every 50 steps a certificate is drawn from the averages; the best is kept.
+  // approach the saddle point.  Every 25 steps a certificate is drawn from the averages; the best is kept.
   void saddle(const Tables& tables, const Tables& fine, const MatrixXd& fixed, double left_s, double enough,
               Box* box) const {
     const auto even = [](Index n) { return VectorXd(VectorXd::Constant(n, 1.0 / static_cast<double>(n))); };
     Point at{even(tables.all.rows()), even(tables.ends.rows()), even(span_.rows())};
+    if (box->near) // a part of the even weights lets what has nearly died out there come back
+      at = {0.9 * box->near->design + 0.1 * at.design, 0.9 * box->near->ends + 0.1 * at.ends,
+            0.9 * box->near->mu + 0.1 * at.mu};
     Point mean{0 * at.design, 0 * at.ends, 0 * at.mu};
     double total = 0, step = 1;
     box->lower = 0;
     box->upper = std::numeric_limits<double>::infinity();
     for (int k = 1, renewed = 0; k <= kSaddleSteps; ++k) {
       const Gradient here = gradient(tables, fixed, left_s, at);
-      const Point half = moved(at, here, step);
+      const Step first = moved(at, here, step);
+      const Point half = first.point();
       const Gradient there = gradient(tables, fixed, left_s, half);
-      Point next = moved(at, there, step);
+      const Step second = moved(at, there, step);
+      Point next = second.point();
       const double drift =
           step * ((here.design - there.design).dot(half.design - next.design) +
                   (here.ends - there.ends).dot(half.ends - next.ends) + (here.mu - there.mu).dot(half.mu - next.mu));
-      if (drift > divergence(half, at) + divergence(next, half)) {
+      if (drift > divergence(first, second)) {
         step *= 0.5;
         continue;
       }
@@ -258,13 +282,15 @@ private:
       mean.mu += step * half.mu;
       total += step;
       step = std::min(20.0, 1.2 * step);
-      if (k / 50 == renewed) continue;
-      renewed = k / 50;
-      const Gradient g = gradient(tables, fixed, left_s, {mean.design / total, mean.ends / total, mean.mu / total});
+      if (k / 25 == renewed) continue;
+      renewed = k / 25;
+      const Point average{mean.design / total, mean.ends / total, mean.mu / total};
+      const Gradient g = gradient(tables, fixed, left_s, average);
+      box->near = std::make_shared<const Point>(average);
       box->lower = std::max(box->lower, certificate(fine, fixed, left_s, g));
       box->upper = std::min(box->upper, g.worst);
       if (box->upper < 1.004 * box->lower || box->lower > enough) break;
-      if (renewed == 1 || renewed == 3) { // forget the way from the start
+      if (renewed == 1 || renewed == 2 || renewed == 6) { // forget the way from the start
         mean = {0 * at.design, 0 * at.ends, 0 * at.mu};
         total = 0;
       }
@@ -291,11 +317,11 @@ Bound prove(const BoundRequest& request, double corner_rad_s, int max_boxes) {
     queue.push(box);
   };
   if (request.max_rate_degc_per_min <= 0) {
-    add({0, 0, 0, 0});
+    add({0, 0, 0, 0, 0, 0, nullptr});
   } else {
     static const double edge[] = {0, 0.02, 0.08, 0.25, 2};
     for (int i = 0; i < 4; ++i)
-      for (int j = 0; j < 4; ++j) add({edge[i], edge[i + 1], edge[j], edge[j + 1]});
+      for (int j = 0; j < 4; ++j) add({edge[i], edge[i + 1], edge[j], edge[j + 1], 0, 0, nullptr});
     while (!queue.empty() && result.boxes < max_boxes) {
       const Prover::Box top = queue.top();
       const double du = top.u1 - top.u0, dv = top.v1 - top.v0;
@@ -304,11 +330,11 @@ Bound prove(const BoundRequest& request, double corner_rad_s, int max_boxes) {
       // The first cut of a box lies at a quarter: what matters lies near the full range.
       const double cut = std::max(du, dv) > 0.5 ? 0.25 : 0.5;
       if (du >= dv) {
-        add({top.u0, top.u0 + cut * du, top.v0, top.v1});
-        add({top.u0 + cut * du, top.u1, top.v0, top.v1});
+        add({top.u0, top.u0 + cut * du, top.v0, top.v1, 0, 0, top.near});
+        add({top.u0 + cut * du, top.u1, top.v0, top.v1, 0, 0, top.near});
       } else {
-        add({top.u0, top.u1, top.v0, top.v0 + cut * dv});
-        add({top.u0, top.u1, top.v0 + cut * dv, top.v1});
+        add({top.u0, top.u1, top.v0, top.v0 + cut * dv, 0, 0, top.near});
+        add({top.u0, top.u1, top.v0 + cut * dv, top.v1, 0, 0, top.near});
       }
     }
   }

@@ -118,38 +118,21 @@ void check_distinct_temperatures(const std::vector<CalibrationRun>& runs, int or
                    " other temperature(s) or a ramp, or use --order " + std::to_string(found - 1));
 }
 
-static void append_powers(const CalibrationRun& run, const CalibrationSetup& setup, size_t width,
-                          std::vector<double>* columns) {
-  const size_t p = static_cast<size_t>(setup.order) + 1;
-  columns->resize(run.temp_degc.size() * width);
-  for (size_t k = 0; k < run.temp_degc.size(); ++k) {
-    double* row = columns->data() + k * width;
-    const double tn = setup.normalised(run.temp_degc[k]);
-    double power = 1;
-    for (size_t i = 0; i < p; ++i, power *= tn) row[i] = power;
-    for (size_t i = p; i < width; ++i) row[i] = 1;
-  }
-}
-
-static MatrixXd gram(size_t width, const std::vector<double>& columns) {
-  MatrixXd out = MatrixXd::Zero(static_cast<Index>(width), static_cast<Index>(width));
-  const size_t n = columns.size() / width;
-  for (size_t k = 0; k < n; ++k) {
-    const double* row = columns.data() + k * width;
-    for (size_t i = 0; i < width; ++i)
-      for (size_t j = 0; j <= i; ++j) out(static_cast<Index>(i), static_cast<Index>(j)) += row[i] * row[j];
-  }
-  return out.selfadjointView<Eigen::Lower>();
+void set_powers(const CalibrationRun& run, const CalibrationSetup& setup, MatrixXd* columns) {
+  const auto n = static_cast<Index>(run.temp_degc.size());
+  columns->col(0).setOnes();
+  if (setup.order < 1) return;
+  for (Index k = 0; k < n; ++k) (*columns)(k, 1) = setup.normalised(run.temp_degc[static_cast<size_t>(k)]);
+  for (Index i = 2; i <= setup.order; ++i) columns->col(i) = columns->col(i - 1).cwiseProduct(columns->col(1));
 }
 
 // X' Vf^-1 X of one run.  A turn-on constant is the extra column 1 with prior information 1/sigma_on^2,
 // eliminated.
 static MatrixXd run_information(const CalibrationRun& run, const CalibrationSetup& setup) {
   const Index p = setup.order + 1;
-  std::vector<double> columns;
-  append_powers(run, setup, static_cast<size_t>(p), &columns);
-  whiten_rows(compute_gains(sample_times(run), noise_of(setup.filter)), static_cast<size_t>(p), columns.data());
-  MatrixXd m = gram(static_cast<size_t>(p), columns);
+  MatrixXd columns(static_cast<Index>(run.temp_degc.size()), p);
+  set_powers(run, setup, &columns);
+  MatrixXd m = WideColumns(columns).whitened_gram(compute_gains(sample_times(run), noise_of(setup.filter)));
   const double on = setup.turn_on_constants ? setup.filter.turn_on_sigma_dph : 0;
   if (on > 0) { // the column 1 is the column of b0
     const VectorXd cross = m.col(0);
@@ -163,13 +146,14 @@ static void run_truth(const CalibrationRun& run, const CalibrationSetup& setup, 
                       MatrixXd* spread) {
   const Index p = setup.order + 1;
   const auto width = static_cast<size_t>(p);
-  std::vector<double> x, u;
-  append_powers(run, setup, width, &x);
-  u = x;
+  MatrixXd powers(static_cast<Index>(run.temp_degc.size()), p);
+  set_powers(run, setup, &powers);
+  const RowMajor x_map = powers;
+  std::vector<double> u(x_map.data(), x_map.data() + x_map.size());
   const SampleTimes times = sample_times(run);
   solve_rows(compute_gains(times, noise_of(setup.filter)), width, u.data());
   const Index n = static_cast<Index>(run.temp_degc.size());
-  Eigen::Map<RowMajor> x_map(x.data(), n, p), u_map(u.data(), n, p);
+  Eigen::Map<RowMajor> u_map(u.data(), n, p);
   const double on = setup.turn_on_constants ? setup.filter.turn_on_sigma_dph : 0;
   if (on > 0) { // (V + s^2 1 1')^-1 X = U - w (w'X) / (1/s^2 + 1'w),  w = V^-1 1 = first column of U
     const VectorXd w = u_map.col(0);

@@ -17,6 +17,7 @@
 // Memory: n (columns + Markov terms + 2) doubles.  Time: O(n).  8400 s, order 3, one Markov term: below 1 ms.
 // Threads: pure functions.
 #pragma once
+#include <Eigen/Core>
 #include <string>
 #include <vector>
 
@@ -75,6 +76,9 @@ CalibrationError calibration_error(const std::vector<CalibrationRun>& runs, cons
 
 // The filter's information matrix alone (believed covariance^-1 without the prior), row-major, (order+1)^2.
 std::vector<double> information_matrix(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup);
+
+// Columns 0 to order of n rows: powers of the normalised temperature.
+void set_powers(const CalibrationRun& run, const CalibrationSetup& setup, Eigen::MatrixXd* columns);
 
 // The samples of a run as the noise room takes them: a view of the run.
 SampleTimes sample_times(const CalibrationRun& run);

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <mutex>
 #include <nlopt.hpp>
+#include <optional>
 #include <thread>
 
 #include "base/error.h"
@@ -57,6 +58,7 @@ public:
       : request_(request), duration_s_(duration_s), dt_s_(dt_s), setup_(request.setup) {
     if (dt_s > 1) setup_.filter = setup_.truth = coarse_model(request.setup.truth, dt_s);
     setup_.points = 41;
+    if (!request.tell_apart.empty()) judge_.emplace(setup_, request.tell_apart);
   }
 
   struct Value {
@@ -84,7 +86,7 @@ public:
       v.objective_dph = v.smooth_dph = objective_of(e, request_.objective);
     }
     if (with_correlation) {
-      const SignatureTable table = signature_table(runs, setup_, request_.tell_apart);
+      const SignatureTable table = (*judge_)(runs);
       v.correlation = table.worst;
       v.strength = table.mean_separable;
     }
@@ -126,11 +128,14 @@ private:
   const OptimizeRequest& request_;
   double duration_s_, dt_s_;
   CalibrationSetup setup_;
+  std::optional<SignatureJudge> judge_; // with tell_apart
 };
 
 // Of a search that tells effects apart: starts of each shape, how many of all go on, evaluations of each and of each polish.
 constexpr int kStartsToTell = 8, kEvaluationsToTell = 300, kPolishToTell = 300;
 constexpr size_t kGoOnToTell = 5;
+// Of a search whose result is only a start for another: how many go on.
+constexpr size_t kGoOnToStart = 12;
 
 // Exponents of the smooth stand-in for the maximum.
 constexpr double kBlunt = 20, kSharp = 100;
@@ -294,8 +299,9 @@ Profile final_profile(const OptimizeRequest& request, const Candidate& c, double
 struct SearchTask {
   double duration_s = 0;
   bool tell_apart = false;
-  double share = 1;     // scales the number of evaluations
-  double limit_dph = 0; // > 0: the strongest signatures within that error
+  double share = 1;      // scales the number of evaluations
+  double limit_dph = 0;  // > 0: the strongest signatures within that error
+  bool is_start = false; // its result is a start for another search
 };
 
 // Steps of the coarse grid: fine enough for the fastest Markov term that matters and for the ramps.  With tell_apart an
@@ -346,14 +352,14 @@ public:
   // `also` (may be null) joins the starts.
   Candidate best(const Candidate* also) {
     try_shapes(also);
-    keep_best(task_.tell_apart ? 3 : 4, &found_);
+    keep_best(task_.tell_apart ? 2 : 4, &found_);
     each([this](Candidate* c) { polish(c); });
     keep_best(task_.tell_apart ? 2 : 3, &found_);
     each([this](Candidate* c) {
       c->value = on_fine_.value(c->shape, c->x, 0);
       on_fine_.run(nlopt::LN_SBPLX, 0, 0.01, budget(task_.tell_apart ? 40 : 60), c);
     });
-    if (!task_.tell_apart) add_paper_profiles();
+    if (!task_.tell_apart && !task_.is_start) add_paper_profiles();
     return best_rounded();
   }
 
@@ -385,13 +391,15 @@ private:
     }
     each([this](Candidate* c) { c->value = on_coarse_.value(c->shape, c->x, kBlunt); });
     if (task_.tell_apart) keep_best(kGoOnToTell, &found_);
+    if (task_.is_start) keep_best(kGoOnToStart, &found_);
     if (also) {
       found_.push_back(*also);
       found_.back().value = on_coarse_.value(also->shape, also->x, kBlunt);
     }
     // A fixed number of evaluations is shared by the starts.
     const int n_starts = std::max(1, static_cast<int>(found_.size()));
-    const int evaluations = task_.tell_apart ? kEvaluationsToTell : std::clamp(9000 / n_starts, 150, 800);
+    const int all = task_.is_start ? 4000 : 9000;
+    const int evaluations = task_.tell_apart ? kEvaluationsToTell : std::clamp(all / n_starts, 150, 800);
     each([&](Candidate* c) {
       on_coarse_.run(task_.tell_apart ? nlopt::LN_SBPLX : nlopt::LN_BOBYQA, kBlunt, 0.2, budget(evaluations), c);
       report(*c);
@@ -456,13 +464,13 @@ Found found_for(const OptimizeRequest& request, double duration_s, double share,
   const auto search = [&](const SearchTask& task, const Candidate* also) {
     return DurationSearch(request, task, tally).best(also);
   };
-  if (request.tell_apart.empty()) return {search({duration_s, false, share, 0}, nullptr), duration_s, 0};
-  const Candidate accurate = search({duration_s, false, 0.4 * share, 0}, nullptr);
+  if (request.tell_apart.empty()) return {search({duration_s, false, share, 0, false}, nullptr), duration_s, 0};
+  const Candidate accurate = search({duration_s, false, 0.4 * share, 0, true}, nullptr);
   const Candidate freed = untied(accurate);
-  const Candidate least = search({duration_s, true, share, 0}, freed.x.size() <= 45 ? &freed : nullptr);
+  const Candidate least = search({duration_s, true, share, 0, false}, freed.x.size() <= 45 ? &freed : nullptr);
   if (request.spend_frac <= 0) return {least, duration_s, accurate.exact_dph};
   const double limit_dph = (1 + request.spend_frac) * accurate.exact_dph;
-  return {search({duration_s, true, share, limit_dph}, &least), duration_s, accurate.exact_dph};
+  return {search({duration_s, true, share, limit_dph, false}, &least), duration_s, accurate.exact_dph};
 }
 
 // Durations too short and long enough for the required error; the error falls about as 1/sqrt(duration).

@@ -34,32 +34,6 @@ std::vector<SizedEffect> sized_effects(int order) {
   return list;
 }
 
-// The record of a noise-free sensor with the effect, less the nominal polynomial of its thermometer.
-std::vector<double> signature_of(const EffectSpec& spec, const CalibrationRun& run, const ErrorModel& model,
-                                 size_t i_run, size_t n_runs) {
-  const size_t n = run.temp_degc.size();
-  SimRun sim;
-  sim.log = i_run;
-  sim.n_logs = n_runs;
-  sim.model = &model;
-  sim.start = StartState::kCold; // a design has no history
-  sim.t_s.resize(n);
-  for (size_t k = 0; k < n; ++k)
-    sim.t_s[k] = k == 0 ? run.dt_s : sim.t_s[k - 1] + (run.step_s.empty() ? run.dt_s : run.step_s[k]);
-  sim.case_temp_degc = sim.gyro_temp_degc = sim.thermometer_degc = run.temp_degc;
-  sim.bias = *model.bias;
-  sim.rate_dph.assign(n, 0.0);
-  sim.white_sigma_dph.assign(n, 0.0);
-  const Effect& effect = find_effect(spec.name);
-  Rng rng(1, i_run, 0, Stream::kTool);
-  const Parameters parameters = read_parameters(effect, spec.parameters.json());
-  effect.simulate(SimStage::kTemperature, parameters, &sim, &rng);
-  effect.simulate(SimStage::kBias, parameters, &sim, &rng);
-  for (size_t k = 0; k < n; ++k)
-    sim.rate_dph[k] += sim.bias.at(sim.gyro_temp_degc[k]) - model.bias->at(sim.thermometer_degc[k]);
-  return sim.rate_dph;
-}
-
 } // namespace
 
 std::vector<EffectSpec> standard_effects(int order) {
@@ -93,43 +67,79 @@ ThermalPolynomial standard_polynomial(const CalibrationSetup& setup) {
   return {(setup.lo_degc + setup.hi_degc) / 2, (setup.hi_degc - setup.lo_degc) / 2, {80, 300, 150, -100}};
 }
 
-// The first parameter that is not 0: all amplitudes come first.
-static std::optional<ParameterValue> amplitude_parameter(const EffectSpec& spec) {
-  for (const ParameterValue& value : read_parameters(find_effect(spec.name), spec.parameters.json()))
-    if (value.kind == EffectParameter::kNumber && value.number.value != 0) return value;
-  return std::nullopt;
-}
+// An effect that is judged, and its first parameter that is not 0: all amplitudes come first.
+struct KnownEffect {
+  explicit KnownEffect(const EffectSpec& spec)
+      : effect(&find_effect(spec.name)), parameters(read_parameters(*effect, spec.parameters.json())) {
+    for (const ParameterValue& value : parameters)
+      if (value.kind == EffectParameter::kNumber && value.number.value != 0) {
+        amplitude_name = value.name, amplitude = std::abs(value.number.value);
+        break;
+      }
+  }
+  const Effect* effect;
+  Parameters parameters;
+  std::string amplitude_name;
+  double amplitude = 0;
+};
+
+// What the table is made from, beside the runs.
+struct SignatureTask {
+  CalibrationSetup setup;
+  std::vector<EffectSpec> effects;
+  std::vector<KnownEffect> known;
+  ErrorModel model; // the setup's, with a polynomial
+};
 
 namespace {
 
 constexpr double kLeastVisible = 1e-6; // part of a signature's energy below which no test can see it
 
-// What the table is made from, beside the runs.
-struct SignatureTask {
-  const CalibrationSetup& setup;
-  const std::vector<EffectSpec>& effects;
-  ErrorModel model; // the setup's, with a polynomial
-};
+// A noise-free sensor without any effect.
+SimRun plain_run(const CalibrationRun& run, const ErrorModel& model, size_t i_run, size_t n_runs) {
+  const size_t n = run.temp_degc.size();
+  SimRun sim;
+  sim.log = i_run;
+  sim.n_logs = n_runs;
+  sim.model = &model;
+  sim.start = StartState::kCold; // a design has no history
+  sim.t_s.resize(n);
+  for (size_t k = 0; k < n; ++k)
+    sim.t_s[k] = k == 0 ? run.dt_s : sim.t_s[k - 1] + (run.step_s.empty() ? run.dt_s : run.step_s[k]);
+  sim.case_temp_degc = sim.gyro_temp_degc = sim.thermometer_degc = run.temp_degc;
+  sim.bias = *model.bias;
+  sim.rate_dph.assign(n, 0.0);
+  sim.white_sigma_dph.assign(n, 0.0);
+  return sim;
+}
+
+// The record of the sensor with the effect, less the nominal polynomial of its thermometer.
+void add_signature(const KnownEffect& known, SimRun sim, double* out) {
+  Rng rng(1, sim.log, 0, Stream::kTool);
+  known.effect->simulate(SimStage::kTemperature, known.parameters, &sim, &rng);
+  known.effect->simulate(SimStage::kBias, known.parameters, &sim, &rng);
+  const ThermalPolynomial& nominal = *sim.model->bias;
+  const bool same_curve = sim.bias.coeff_dph == nominal.coeff_dph && sim.bias.t0_degc == nominal.t0_degc &&
+                          sim.bias.range_degc == nominal.range_degc;
+  std::copy(sim.rate_dph.begin(), sim.rate_dph.end(), out);
+  for (size_t k = 0; k < sim.rate_dph.size(); ++k) {
+    const double gyro_degc = sim.gyro_temp_degc[k], shown_degc = sim.thermometer_degc[k];
+    if (same_curve && gyro_degc == shown_degc) continue; // nothing but what was added
+    out[k] += sim.bias.at(gyro_degc) - nominal.at(shown_degc);
+  }
+}
 
 // Products of the whitened columns of one run: powers of Tn (order + 1), then a signature for each effect.  The turn-on
 // constant of the run takes the place of b0 and is projected off.
 MatrixXd gram_of_run(const SignatureTask& task, const std::vector<CalibrationRun>& runs, size_t r) {
   const CalibrationRun& run = runs[r];
-  const size_t p = static_cast<size_t>(task.setup.order) + 1, width = p + task.effects.size();
-  const size_t n = run.temp_degc.size();
-  std::vector<double> columns(n * width);
-  for (size_t k = 0; k < n; ++k) {
-    const double tn = task.setup.normalised(run.temp_degc[k]);
-    double power = 1;
-    for (size_t i = 0; i < p; ++i, power *= tn) columns[k * width + i] = power;
-  }
-  for (size_t e = 0; e < task.effects.size(); ++e) {
-    const std::vector<double> signature = signature_of(task.effects[e], run, task.model, r, runs.size());
-    for (size_t k = 0; k < n; ++k) columns[k * width + p + e] = signature[k];
-  }
-  whiten_rows(compute_gains(sample_times(run), noise_of(task.setup.filter)), width, columns.data());
-  const Eigen::Map<const MatrixXd> rows(columns.data(), static_cast<Index>(width), static_cast<Index>(n));
-  MatrixXd gram = rows * rows.transpose();
+  const Index p = task.setup.order + 1;
+  MatrixXd columns(static_cast<Index>(run.temp_degc.size()), p + static_cast<Index>(task.known.size()));
+  set_powers(run, task.setup, &columns);
+  const SimRun plain = plain_run(run, task.model, r, runs.size());
+  for (size_t e = 0; e < task.known.size(); ++e)
+    add_signature(task.known[e], plain, columns.col(p + static_cast<Index>(e)).data());
+  MatrixXd gram = WideColumns(columns).whitened_gram(compute_gains(sample_times(run), noise_of(task.setup.filter)));
   const Eigen::VectorXd ones = gram.col(0);
   gram -= ones * ones.transpose() / ones(0);
   return gram;
@@ -184,16 +194,14 @@ double largest_correlation(const SignatureTable& table, size_t i) {
   return like;
 }
 
-void set_separable(SignatureTable* table) {
+void set_separable(const std::vector<KnownEffect>& known, SignatureTable* table) {
   const size_t n = table->effects.size();
   for (size_t i = 0; i < n; ++i) {
     const double like = largest_correlation(*table, i);
     const bool visible = table->visible_frac[i] >= kLeastVisible;
     table->separable.push_back(visible ? table->strength[i] * std::sqrt(std::max(0.0, 1 - like * like)) : 0.0);
-    const std::optional<ParameterValue> first = amplitude_parameter(table->effects[i]);
-    table->amplitude.push_back(first ? first->name : "");
-    const double amplitude = first ? std::abs(first->number.value) : 0;
-    table->needed.push_back(table->separable[i] > 0 ? amplitude * 4 / table->separable[i] : 0.0);
+    table->amplitude.push_back(known[i].amplitude_name);
+    table->needed.push_back(table->separable[i] > 0 ? known[i].amplitude * 4 / table->separable[i] : 0.0);
   }
   double sum = 0;
   for (double s : table->separable) sum += std::log(std::max(1e-6, s));
@@ -202,20 +210,30 @@ void set_separable(SignatureTable* table) {
 
 } // namespace
 
-SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup,
-                               const std::vector<EffectSpec>& effects) {
-  SignatureTask task{setup, effects, setup.truth};
-  if (!task.model.bias) task.model.bias = standard_polynomial(setup);
-  const auto size = static_cast<Index>(static_cast<size_t>(setup.order) + 1 + effects.size());
+SignatureJudge::SignatureJudge(const CalibrationSetup& setup, const std::vector<EffectSpec>& effects) {
+  auto task = std::make_shared<SignatureTask>();
+  task->setup = setup, task->effects = effects, task->model = setup.truth;
+  for (const EffectSpec& spec : effects) task->known.emplace_back(spec);
+  if (!task->model.bias) task->model.bias = standard_polynomial(setup);
+  task_ = std::move(task);
+}
+
+SignatureTable SignatureJudge::operator()(const std::vector<CalibrationRun>& runs) const {
+  const auto size = static_cast<Index>(static_cast<size_t>(task_->setup.order) + 1 + task_->effects.size());
   MatrixXd gram = MatrixXd::Zero(size, size);
-  for (size_t r = 0; r < runs.size(); ++r) gram += gram_of_run(task, runs, r);
-  const MatrixXd left = without_polynomial(gram, setup.order);
+  for (size_t r = 0; r < runs.size(); ++r) gram += gram_of_run(*task_, runs, r);
+  const MatrixXd left = without_polynomial(gram, task_->setup.order);
   SignatureTable table;
-  table.effects = effects;
+  table.effects = task_->effects;
   set_strengths(left, gram.diagonal().tail(left.rows()), &table);
   set_correlations(left, &table);
-  set_separable(&table);
+  set_separable(task_->known, &table);
   return table;
+}
+
+SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup,
+                               const std::vector<EffectSpec>& effects) {
+  return SignatureJudge(setup, effects)(runs);
 }
 
 } // namespace imucal

@@ -8,6 +8,7 @@
 // statistical test can tell the two effects apart.  In general the expected margin of the log-likelihood between
 // them is d^2/2 (1 - correlation^2), where d is the norm of the whitened signature.
 #pragma once
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,17 @@ std::vector<EffectSpec> effects_by_name(const std::string& names, int order);
 
 // The polynomial used where the model has none: the thermal lag acts through it.
 ThermalPolynomial standard_polynomial(const CalibrationSetup& setup);
+
+// Judges many profiles by the same effects: what does not depend on the profile is made once.
+struct SignatureTask;
+class SignatureJudge {
+public:
+  SignatureJudge(const CalibrationSetup& setup, const std::vector<EffectSpec>& effects);
+  SignatureTable operator()(const std::vector<CalibrationRun>& runs) const;
+
+private:
+  std::shared_ptr<const SignatureTask> task_;
+};
 
 SignatureTable signature_table(const std::vector<CalibrationRun>& runs, const CalibrationSetup& setup,
                                const std::vector<EffectSpec>& effects);
