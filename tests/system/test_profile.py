@@ -3,6 +3,7 @@
 import json
 import os
 import subprocess
+import sys
 
 import pytest
 
@@ -133,3 +134,12 @@ def test_optimize_takes_the_evaluations_that_its_time_stands_on(files, options, 
                        *options)
     assert 1000 < result["evaluations"] < most
     assert result["worst_dph"] < 3.41
+
+
+def test_oscillations_gain_little_about_inner_soaks_and_lose_at_the_ends():
+    done = subprocess.run([sys.executable, "host/scripts/profile_oscillations.py"], capture_output=True, text=True, timeout=120,
+                          env={**os.environ, "PROFILE": PROFILE})
+    assert done.returncode == 0, done.stderr
+    rows = [line.replace("%", "").split() for line in done.stdout.splitlines() if line.endswith("%") and "open" not in line]
+    inner, ends = [float(r[1]) for r in rows], [float(r[2]) for r in rows]
+    assert len(rows) == 6 and -0.6 < min(inner) < -0.1 and min(ends) > 0.5

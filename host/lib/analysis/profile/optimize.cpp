@@ -132,7 +132,7 @@ private:
 };
 
 // Of a search that tells effects apart: starts of each shape, how many of all go on, evaluations of each and of each polish.
-constexpr int kStartsToTell = 8, kEvaluationsToTell = 300, kPolishToTell = 300;
+constexpr int kStartsToTell = 8, kEvaluationsToTell = 250, kPolishToTell = 250;
 constexpr size_t kGoOnToTell = 5;
 // Of a search whose result is only a start for another: how many go on.
 constexpr size_t kGoOnToStart = 12;
