@@ -5,13 +5,16 @@ import os
 import pty
 import random
 import re
+import select
 import signal
 import subprocess
+import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 BIN = ROOT / os.environ.get("BUILD", "build") / "bin"
 REFITS = 100000
+PATIENCE_S = 60
 
 
 def write_log(path):
@@ -23,9 +26,9 @@ def write_log(path):
 
 
 def read_until(terminal, wanted, n):
-    """What the terminal shows until `wanted` came n times, or it is closed."""
-    shown = ""
-    while shown.count(wanted) < n:
+    """What the terminal shows until `wanted` came n times, it is closed, or patience is at its end."""
+    shown, end = "", time.monotonic() + PATIENCE_S
+    while shown.count(wanted) < n and select.select([terminal], [], [], max(0, end - time.monotonic()))[0]:
         try:
             piece = os.read(terminal, 4096)
         except OSError:  # the other end is closed
@@ -43,12 +46,15 @@ def test_fit_counts_refits_on_a_terminal_and_ctrl_c_keeps_what_is_done(tmp_path)
                "--threads", "2", "--json", "fit.json"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=other_end, text=True)
     os.close(other_end)
-    # The second one shows that the first was followed by a look for Ctrl-C.
-    shown = read_until(terminal, "refits of simulated records", 3)
-    assert shown.count("refits of simulated records") >= 3 and process.poll() is None, shown
-    process.send_signal(signal.SIGINT)
-    shown += read_until(terminal, "the errors are of those", 1)
-    out, _ = process.communicate(timeout=60)
+    try:
+        # The second one shows that the first was followed by a look for Ctrl-C.
+        shown = read_until(terminal, "refits of simulated records", 3)
+        assert shown.count("refits of simulated records") >= 3 and process.poll() is None, shown
+        process.send_signal(signal.SIGINT)
+        shown += read_until(terminal, "the errors are of those", 1)
+        out, _ = process.communicate(timeout=PATIENCE_S)
+    finally:
+        process.kill()  # where Ctrl-C did nothing, the refits would go on for an hour
     os.close(terminal)
     assert process.returncode == 0, shown
     done = re.search(r"ended after (\d+) of (\d+) refits", shown)
