@@ -96,7 +96,7 @@ static ThermalPolynomial bias_from_json(const JsonField& bias, const std::string
 static std::string unit_from_json(const JsonField& model) {
   const auto unit = model.find("unit");
   if (!unit) return "";
-  const std::string text = unit->text();
+  std::string text = unit->text();
   if (text != "dph" && text != "mg") unit->refuse("expected \"dph\" (a gyro) or \"mg\" (an accelerometer)");
   return text;
 }

@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "io/json_file.h"
+#include "num.h"
 
 namespace imucal {
 
@@ -170,7 +171,7 @@ public:
   std::string prefix;
 
   void number(const std::string& field, float left, float right) {
-    if (std::memcmp(&left, &right, sizeof left) != 0 && !(left == right))
+    if (imucal_bits_from_float(left) != imucal_bits_from_float(right) && !(left == right))
       lines.push_back(prefix + field + ": " + text_of(left) + " against " + text_of(right));
   }
   void whole(const std::string& field, long left, long right) {

@@ -157,7 +157,7 @@ Commands add_commands(cli::App* app, Arguments* a) {
 // What a wrong file or name ends is seen before the device is asked, and before hours of work.
 RunOptions checked_run(const Arguments& a) {
   require_rules(a.run.run.judge.accept);
-  const RunOptions options = complete(a.run, a.common.quiet);
+  RunOptions options = complete(a.run, a.common.quiet);
   require_writable(a.run.table_path);
   if (a.common.wants_json()) require_writable(a.common.json_path);
   return options;

@@ -80,7 +80,7 @@ Exit publish(const Options& o, const CampaignPlan& plan, const CampaignResult& r
 
 // The chain is simulated with a gyro's counts.
 ErrorModel read_gyro_model(const std::string& path) {
-  const ErrorModel model = read_model(path);
+  ErrorModel model = read_model(path);
   if (model.unit == "mg")
     throw data_error(path + ": an accelerometer's model (\"unit\": \"mg\"), but montecarlo simulates gyros in counts; "
                             "profile error predicts the calibration error of an accelerometer");
