@@ -192,9 +192,15 @@ void prove_kf(void) {
   prove_kf_of(5);
 }
 
-/* Every configuration, taken or refused. */
+/* Every configuration, taken or refused; orders one by one, so that the loops over coefficients have their ends. */
 void prove_kf_init(void) {
-  const imucal_kf_config_t config = any_config();
+  for (unsigned order = 0; order <= IMUCAL_MAX_ORDER + 1; order++) {
+    imucal_kf_config_t config = any_config();
+    config.order = (uint8_t)order;
+    (void)!imucal_kf_init(&kf, &config);
+  }
+  imucal_kf_config_t config = any_config();
+  config.order = (uint8_t)between(IMUCAL_MAX_ORDER + 2, 255);
   (void)!imucal_kf_init(&kf, &config);
 }
 
