@@ -139,7 +139,7 @@ void RawSummer::seconds(size_t n, const double* mean_dph, double white_sigma_dph
   const double format[] = {per_count, white_sigma_dph * std::sqrt(static_cast<double>(n_)) * per_count,
                            1.0 / static_cast<double>(n_), static_cast<double>(format_.max_counts)};
   const size_t piece = std::max<size_t>(1, 200 / n_); // what stays in the nearest cache
-  normals_.assign(kLanes * n_ * piece, 0.0);
+  normals_.resize(kLanes * n_ * piece); // zeros the first time: all that is looked at where there is no noise
   for (size_t k = 0; k < n; k += piece) {
     const size_t m = std::min(piece, n - k);
     if (format[1] > 0) noise_.normals(m * n_, normals_.data());
