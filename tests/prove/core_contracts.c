@@ -280,6 +280,7 @@ imucal_store_origin_t imucal_store_origin(const imucal_flash_t* flash, const imu
 /* ---- link ---- */
 
 /* Counts in front of arrays are at most what their arrays hold: prove_link_decode. */
+uint8_t prove_channel; /* that a request names: one at a time, as prove_inside */
 uint8_t prove_inside; /* the request in a COMMAND: one at a time, so that what holds for it is not joined with others */
 
 static imucal_status any_message(uint32_t id, imucal_link_any_t* message) {
@@ -289,6 +290,10 @@ static imucal_status any_message(uint32_t id, imucal_link_any_t* message) {
   if (!is_good) return any_refusal();
   if (id == IMUCAL_LINK_ID_COMMAND) message->command.request = prove_inside;
   if (id == IMUCAL_LINK_ID_COMMAND) message->command.length = (uint8_t)between(0, sizeof message->command.payload);
+  if (id == IMUCAL_LINK_ID_CAL_START) message->cal_start.channel = prove_channel;
+  if (id == IMUCAL_LINK_ID_CAL_STATE) message->cal_state.channel = prove_channel;
+  if (id == IMUCAL_LINK_ID_CAL_FILTER) message->cal_filter.channel = prove_channel;
+  if (id == IMUCAL_LINK_ID_HEALTH) message->health.channel = prove_channel;
   if (id == IMUCAL_LINK_ID_CAL_START) message->cal_start.n_markov = (uint8_t)between(0, IMUCAL_TABLE_MARKOV_N);
   if (id == IMUCAL_LINK_ID_TABLE_DATA)
     message->table_data.length = (uint8_t)between(0, sizeof message->table_data.data);

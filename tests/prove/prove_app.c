@@ -144,13 +144,21 @@ void prove_app_boot(void) {
   (void)!imucal_app_init(&app, &port, &board);
 }
 
-/* One request, alone or (inside: its id) in a COMMAND. */
-extern uint8_t prove_inside;
+/* One request, alone or (inside: its id) in a COMMAND; each channel that it may name, and one beyond. */
+extern uint8_t prove_inside, prove_channel;
+static bool names_channel(uint8_t id) {
+  return id == IMUCAL_LINK_ID_CAL_START || id == IMUCAL_LINK_ID_CAL_STATE || id == IMUCAL_LINK_ID_CAL_FILTER ||
+         id == IMUCAL_LINK_ID_HEALTH;
+}
 static void request(uint8_t id, uint8_t inside) {
-  any_app();
-  app.rx.buffer[0] = id;
-  prove_inside = inside;
-  app_serve(&app);
+  const uint8_t last = names_channel(id) || names_channel(inside) ? IMUCAL_MAX_CHANNELS : 0;
+  for (uint8_t channel = 0; channel <= last; channel++) {
+    any_app();
+    app.rx.buffer[0] = id;
+    prove_inside = inside;
+    prove_channel = channel;
+    app_serve(&app);
+  }
 }
 
 #define ALONE(id, name, NAME)                                                                                          \
