@@ -410,16 +410,38 @@ static std::vector<VectorXd> innovations_with_tone(const Campaign& campaign, dou
 
 static void test_a_line_that_drifts_with_temperature_is_found_as_one(void**) {
   const Campaign campaign = make_campaign({simulated_log(21, 6000, false, 0)}, "gx_dph", nominal_model());
-  constexpr double kHz = 0.11, kHz_per_degc = 2e-3 * 0.25; // a slope of the grid: (12/24)^2 of its largest
-  const std::vector<VectorXd> drifting = innovations_with_tone(campaign, 0.25, kHz, kHz_per_degc);
-  const Line steady = strongest_line(campaign, drifting, false), line = strongest_line(campaign, drifting, true);
-  assert_near(line.hz, kHz, 2.0 / 8192);
-  assert_near(line.hz_per_degc, kHz_per_degc, 1e-9);
-  // Energy n A^2 / 4 of a line that is in one bin; smeared over 60 degC * slope = 200 bins otherwise.
-  assert_near(line.gain_nats, 6000 * 0.25 * 0.25 / 4, 40);
-  assert_true(steady.gain_nats < 22);
+  constexpr double kHz = 0.11;
+  for (const double hz_per_degc : {2e-3 * 0.25, -2e-3 * 0.25}) { // slopes of the grid: (12/24)^2 of its largest
+    const std::vector<VectorXd> drifting = innovations_with_tone(campaign, 0.25, kHz, hz_per_degc);
+    const Line steady = strongest_line(campaign, drifting, false), line = strongest_line(campaign, drifting, true);
+    assert_near(line.hz, kHz, 2.0 / 8192);
+    assert_near(line.hz_per_degc, hz_per_degc, 1e-9);
+    // Energy n A^2 / 4 of a line that is in one bin; smeared over 60 degC * slope = 200 bins otherwise.
+    assert_near(line.gain_nats, 6000 * 0.25 * 0.25 / 4, 40);
+    assert_true(steady.gain_nats < 22);
+  }
   const std::vector<VectorXd> nothing = innovations_with_tone(campaign, 0, kHz, 0);
   assert_true(strongest_line(campaign, nothing, true).gain_nats < 28);
+}
+
+// Runs share gains only where their samples lie at the same times and the noise does not follow the temperature.
+static void test_gains_run_by_run_are_those_of_each_run(void**) {
+  Campaign campaign =
+      make_campaign({simulated_log(22, 900, false, 0), simulated_log(23, 900, false, 0)}, "gx_dph", nominal_model());
+  campaign.runs.push_back(campaign.runs.front());
+  for (size_t i = 300; i < 400; ++i) campaign.runs.back().input.rate_dph[i] = std::nan("");
+  find_used(&campaign.runs.back());
+  for (double& tn : campaign.runs[1].input.tn) tn += 0.5;
+  for (const double slope : {0.0, 0.7}) {
+    NoiseModel noise;
+    noise.white_sigma_dph = 36, noise.markov = {{20, 100}}, noise.white_slope = slope;
+    GainsByRun by_run(noise);
+    for (const CampaignRun& run : campaign.runs) {
+      const RunGains alone = compute_gains(run, noise), &found = by_run.of(run);
+      assert_true(found.gain == alone.gain && found.inv_sqrt_s == alone.inv_sqrt_s && found.n == alone.n);
+      assert_true(found.stretches.size() == alone.stretches.size() && found.sum_log_s == alone.sum_log_s);
+    }
+  }
 }
 
 // Innovations of a filter that loses a jump within 30 s, of noise that is white otherwise.
@@ -614,6 +636,7 @@ int main() {
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),
       cmocka_unit_test(test_gram_of_wide_columns_is_that_of_whitened_ones),
       cmocka_unit_test(test_a_line_that_drifts_with_temperature_is_found_as_one),
+      cmocka_unit_test(test_gains_run_by_run_are_those_of_each_run),
       cmocka_unit_test(test_sudden_changes_show_in_smoothed_moments_and_noise_does_not),
       cmocka_unit_test(test_short_bursts_are_told_from_single_hits),
       cmocka_unit_test(test_noise_of_the_seconds_is_fitted_beside_another_kind),
