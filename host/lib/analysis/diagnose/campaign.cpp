@@ -10,6 +10,7 @@ namespace imucal {
 namespace {
 
 constexpr double kSmoothing_s = 40.0;    // standard deviation of the Gaussian for a coarse or noisy thermometer
+constexpr double kSameDegc = 1e-6;       // rounding of a printed temperature
 constexpr double kNoisy_degc = 0.01;     // thermometer noise that needs all of it
 constexpr double kCoarseFraction = 0.02; // fewer distinct temperatures than this part of the rows: coarse steps
 constexpr size_t kFewestSeconds = 60;
@@ -87,32 +88,54 @@ std::vector<double> dequantised(const std::vector<double>& t_s, const std::vecto
   return out;
 }
 
-// Gaussian smoothing in time, weights renormalised at the ends: three boxes of equal length have a standard
-// deviation of half their length, so three passes of a running mean do.
-std::vector<double> smoothed(std::vector<double> x, size_t half) {
-  const size_t n = x.size();
-  if (n < 3 || half == 0) return x;
-  for (int pass = 0; pass < 3; ++pass) {
-    std::vector<double> sum(n + 1, 0.0);
-    for (size_t i = 0; i < n; ++i) sum[i + 1] = sum[i] + x[i];
-    std::vector<double> y(n);
-    for (size_t i = 0; i < n; ++i) {
-      // Shrink the window symmetrically near the ends: a ramp stays a ramp.
-      const size_t h = std::min({half, i, n - 1 - i});
-      y[i] = (sum[i + h + 1] - sum[i - h]) / static_cast<double>(2 * h + 1);
-    }
-    x = y;
+// The straight line through the first samples of x, continued to the `n` places before them.
+std::vector<double> line_before(const std::vector<double>& x, size_t fitted, size_t n) {
+  const size_t m = std::min(fitted, x.size());
+  double mean = 0, sxy = 0, sxx = 0;
+  const double centre = 0.5 * static_cast<double>(m - 1);
+  for (size_t i = 0; i < m; ++i) mean += x[i] / static_cast<double>(m);
+  for (size_t i = 0; i < m; ++i) {
+    const double u = static_cast<double>(i) - centre;
+    sxy += u * (x[i] - mean), sxx += u * u;
   }
-  return x;
+  std::vector<double> out(n);
+  for (size_t k = 0; k < n; ++k) out[k] = mean + sxy / sxx * (static_cast<double>(k) - static_cast<double>(n) - centre);
+  return out;
 }
 
-// Noise of the thermometer from second differences, robustly.
+// Gaussian smoothing in time: three boxes of equal length have a standard deviation of half their length, so three passes
+// of a running mean do.  Beyond the ends the series goes on as the straight line through what is next to them: a ramp
+// stays a ramp, and the slope at an end is as quiet as elsewhere (a window that shrank there would show every step of a
+// coarse thermometer).
+std::vector<double> smoothed(const std::vector<double>& x, size_t half) {
+  if (x.size() < 3 || half == 0) return x;
+  std::vector<double> y = line_before(x, 2 * half + 1, 3 * half);
+  std::vector<double> after = line_before({x.rbegin(), x.rend()}, 2 * half + 1, 3 * half);
+  y.insert(y.end(), x.begin(), x.end());
+  y.insert(y.end(), after.rbegin(), after.rend());
+  for (int pass = 0; pass < 3; ++pass) {
+    std::vector<double> sum(y.size() + 1, 0.0);
+    for (size_t i = 0; i < y.size(); ++i) sum[i + 1] = sum[i] + (y[i] - x[0]);
+    y.resize(y.size() - 2 * half);
+    for (size_t i = 0; i < y.size(); ++i)
+      y[i] = x[0] + (sum[i + 2 * half + 1] - sum[i]) / static_cast<double>(2 * half + 1);
+  }
+  return y;
+}
+
+// Noise of the thermometer from second differences, robustly; at least that of its step, which most second differences
+// do not show.
 double thermometer_noise(const std::vector<double>& temp) {
   std::vector<double> bends;
-  for (size_t i = 2; i < temp.size(); ++i) bends.push_back(std::fabs(temp[i] - 2 * temp[i - 1] + temp[i - 2]));
+  double step = 1e300;
+  for (size_t i = 2; i < temp.size(); ++i) {
+    bends.push_back(std::fabs(temp[i] - 2 * temp[i - 1] + temp[i - 2]));
+    if (const double move = std::fabs(temp[i] - temp[i - 1]); move > kSameDegc) step = std::min(step, move);
+  }
   if (bends.empty()) return 0;
   std::nth_element(bends.begin(), bends.begin() + static_cast<long>(bends.size() / 2), bends.end());
-  return bends[bends.size() / 2] / 0.6745 / std::sqrt(6.0);
+  const double noise = bends[bends.size() / 2] / 0.6745 / std::sqrt(6.0);
+  return step < 1e299 ? std::max(noise, step / std::sqrt(12.0)) : noise;
 }
 
 // As much smoothing as the noise of the slope asks for (its variance falls with the cube of the length): a
