@@ -573,6 +573,69 @@ static void test_jumps_that_come_again_and_again_are_no_events(void**) {
   assert_false(one.effects[0].is_family);
 }
 
+static std::set<std::string> names_of(const Selection& selection) {
+  std::set<std::string> names;
+  for (const SelectedEffect& effect : selection.effects)
+    names.insert(effect.is_family ? family_name(effect.family) : effect.term.effect->name());
+  return names;
+}
+
+static void test_a_warm_up_of_another_size_in_every_run_is_kept(void**) {
+  // Its start state is free: beyond that the logs held out can show next to nothing of it, which is no reason against it.
+  size_t row = 0;
+  const auto warm = [&](double t, double) {
+    return 200 * std::array{1.2, 0.35, 0.5, 0.9}[row++ / 6000] * std::exp(-t / 450);
+  };
+  const Selection said = answer_to(warm, 101, 2);
+  assert_true(said.dropped.empty());
+  assert_true(names_of(said) == std::set<std::string>{"warm_up"});
+}
+
+static void test_what_held_out_logs_can_show_is_what_a_name_is_asked_for(void**) {
+  // A loop on logs that go up and down; one that only rises shows the start state of a play and nothing more.
+  std::vector<Log> logs;
+  for (uint64_t seed = 111; seed < 114; ++seed) logs.push_back(simulated_log(seed, 5000, false, 40));
+  Log rising = simulated_log(114, 5000, false, 40);
+  const size_t half = rising.size() / 2;
+  rising.t_s.resize(half), rising.temp_degc.resize(half), rising.axes[0].rate_dph.resize(half);
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel null = search.run().null, loops = search.best_with({&find_effect("thermal_hysteresis")});
+  assert_int_equal(loops.names.size(), 1);
+  const auto support_on = [&](const Log& log) {
+    const Campaign unseen = block_means(make_campaign({log}, "gx_dph", nominal_model()), data.campaign.dt_s);
+    return measure_gap(search, data, &unseen, null, loops).beyond_start.at(0);
+  };
+  const GapResult::Support loop = support_on(simulated_log(115, 5000, false, 40)), rise = support_on(rising);
+  if (!(loop.expected > 5 && rise.expected < 0.5 * loop.expected))
+    fail_msg("a loop can show %g nats, a rise %g", loop.expected, rise.expected);
+  // The logarithm of a likelihood ratio whose mean is m has the variance 2 m.
+  assert_near(loop.nats, loop.expected, 4 * std::sqrt(2 * loop.expected));
+}
+
+static void test_a_coarse_thermometer_has_a_quiet_slope_up_to_the_ends(void**) {
+  // Between two steps at the start and at the end: it shows now this, now that one.  Elsewhere it mostly stays as it is.
+  Log log = simulated_log(121, 6000, false, 0);
+  for (size_t i = 0; i < log.size(); ++i) {
+    const double t = log.t_s[i], ramp = std::min(std::max(t - 600, 0.0), 4800.0) / 4800;
+    log.temp_degc[i] = 10.125 + 40 * ramp + (i % 3 == 0 ? 0.01 : -0.01);
+    log.temp_degc[i] = 0.25 * std::round(log.temp_degc[i] / 0.25);
+  }
+  const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+  const Column& slope = campaign.runs[0].input.rate_degc_min;
+  for (size_t i = 0; i < slope.size(); ++i)
+    if (i < 300 || i + 300 >= slope.size()) assert_near(slope[i], 0, 0.15);
+  assert_near(slope[slope.size() / 2], 0.5, 0.1);
+}
+
+static void test_two_causes_of_which_a_grid_shows_neither_are_found(void**) {
+  // A jump between two places of the grid and a drift in time: three stand-ins gain more than either alone.
+  const auto both = [](double t, double temp) { return (temp > 41.6 ? 130.0 : 0.0) + 150 * t / 3600; };
+  const std::set<std::string> names = names_of(answer_to(both, 131, 0));
+  assert_true(names.count("thermal_step") == 1 && names.count("rate_ramp") == 1);
+}
+
 static void test_noise_that_axes_share_is_told_from_slow_causes_of_both(void**) {
   const Log first = simulated_log(31, 5000, false, 0);
   Log other = simulated_log(32, 5000, true, 0);
@@ -644,6 +707,10 @@ int main() {
       cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
       cmocka_unit_test(test_causes_of_no_family_are_not_named),
       cmocka_unit_test(test_jumps_that_come_again_and_again_are_no_events),
+      cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),
+      cmocka_unit_test(test_what_held_out_logs_can_show_is_what_a_name_is_asked_for),
+      cmocka_unit_test(test_a_coarse_thermometer_has_a_quiet_slope_up_to_the_ends),
+      cmocka_unit_test(test_two_causes_of_which_a_grid_shows_neither_are_found),
       cmocka_unit_test(test_noise_that_axes_share_is_told_from_slow_causes_of_both),
       cmocka_unit_test(test_curvature_gives_the_errors_of_a_gaussian),
   };

@@ -74,9 +74,12 @@ Minutes minutes_of(VectorXd rest, double dt_s) {
 struct Prediction {
   std::vector<double> nats;  // per unit
   std::vector<Minutes> rest; // per unit
+  std::vector<std::vector<VectorXd>>
+      mean; // per split and unit: what it predicts there, constants and start states fitted
 };
 Prediction predict(const SlowSearch& search, const Split& split, const SlowModel& model) {
   Prediction out;
+  out.mean.emplace_back();
   const std::vector<MeanPart> parts = search.parts_on(split.data, model);
   std::vector<const MeanPart*> pointers;
   for (const MeanPart& part : parts) pointers.push_back(&part);
@@ -87,7 +90,9 @@ Prediction predict(const SlowSearch& search, const Split& split, const SlowModel
     std::vector<char> with = split.train;
     with[unit] = 1;
     out.nats.push_back(grams.log_marginal(1, with) - trained);
-    out.rest.push_back(minutes_of(residual_of(split.data, parts, at, unit), split.data.campaign.dt_s));
+    const VectorXd rest = residual_of(split.data, parts, at, unit);
+    out.mean.back().push_back(split.data.y[unit] - rest);
+    out.rest.push_back(minutes_of(rest, split.data.campaign.dt_s));
   }
   return out;
 }
@@ -157,8 +162,15 @@ Prediction predict_all(const SlowSearch& search, const SlowData& training, const
     const Prediction one = predict(search, split, model);
     out.nats.insert(out.nats.end(), one.nats.begin(), one.nats.end());
     out.rest.insert(out.rest.end(), one.rest.begin(), one.rest.end());
+    out.mean.insert(out.mean.end(), one.mean.begin(), one.mean.end());
   }
   return out;
+}
+// The held-out units as a hypothesis predicts them.
+std::vector<Split> as_predicted(std::vector<Split> splits, const Prediction& by) {
+  for (size_t s = 0; s < splits.size(); ++s)
+    for (size_t u = 0; u < splits[s].units.size(); ++u) splits[s].data.y[splits[s].units[u]] = by.mean[s][u];
+  return splits;
 }
 
 double sum_of(const std::vector<double>& x) {
@@ -225,6 +237,14 @@ void set_shrinkage(const Prediction& before, const Prediction& after, GapResult*
 
 } // namespace
 
+double predicted_nats(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
+                      const SlowModel& model) {
+  HeldOut method;
+  const bool is_single = !held_out && training.campaign.runs.size() == 1;
+  const std::vector<Split> splits = is_single ? std::vector<Split>() : splits_of(training, held_out, &method);
+  return sum_of(predict_all(search, training, splits, model).nats);
+}
+
 GapResult measure_gap(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
                       const SlowModel& null, const SlowModel& final) {
   GapResult out;
@@ -238,10 +258,19 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   const Prediction after = predict_all(search, training, splits, final);
   for (size_t u = 0; u < before.nats.size(); ++u) out.delta_by_unit.push_back(2 * (after.nats[u] - before.nats[u]));
   out.delta_deviance = sum_of(out.delta_by_unit);
+  const std::vector<Split> ideal = as_predicted(splits, after);
+  const double ideal_nats = ideal.empty() ? std::nan("") : sum_of(predict_all(search, training, ideal, final).nats);
+  const auto support = [&](const SlowModel& less) {
+    return GapResult::Support{sum_of(after.nats) - sum_of(predict_all(search, training, splits, less).nats),
+                              ideal.empty() ? std::nan("")
+                                            : ideal_nats - sum_of(predict_all(search, training, ideal, less).nats)};
+  };
   for (size_t i = 0; i < final.names.size(); ++i) {
     SlowModel less = final;
     less.names[i].is_start_only = true; // what is free in every run predicts none
-    out.nats_by_name.push_back(sum_of(after.nats) - sum_of(predict_all(search, training, splits, less).nats));
+    out.beyond_start.push_back(support(less));
+    less.names.erase(less.names.begin() + static_cast<long>(i));
+    out.at_all.push_back(support(less));
   }
   double seconds = 0;
   const Campaign& units = held_out ? *held_out : training.campaign;

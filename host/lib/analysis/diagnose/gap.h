@@ -26,7 +26,14 @@ struct GapResult {
   double gain = 0;                   // deviance per hour that the names remove
   double delta_deviance = 0;         // of all held-out units
   std::vector<double> delta_by_unit; // deviance
-  std::vector<double> nats_by_name;  // what the held-out data lose without this name; < 0: they speak against it
+  // What a name is worth to the held-out data, and what it would be worth to data without noise that are just as the
+  // fitted hypothesis predicts: what they can show of it.
+  struct Support {
+    double nats = 0;     // lost without the name; < 0: they speak against it
+    double expected = 0; // NaN: not worked out
+  };
+  std::vector<Support> beyond_start; // per name, against nothing but the start states it leaves
+  std::vector<Support> at_all;       // per name, against neither the name nor its start states
   double hours = 0;
   double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of one-minute means
   double dp2_before_dph = 0, dp2_after_dph = 0;                    // distance of the DP2 curves of data and model
@@ -36,6 +43,10 @@ struct GapResult {
 // `training`: block means of the fitted logs; `held_out`: of further logs, or nullptr.
 GapResult measure_gap(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
                       const SlowModel& null, const SlowModel& final);
+
+// log p(held-out units | training data, model): the same for one hypothesis alone.
+double predicted_nats(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
+                      const SlowModel& model);
 
 // DP2 of the residuals of both models against simulations of both (in `gap`).
 void compare_dp2(const Campaign& seconds, const NoiseModel& nominal, const NoiseModel& final, const Fit& before,

@@ -24,6 +24,9 @@ constexpr size_t kNoisesBeside = 2;
 constexpr size_t kPolished = 7, kPairBases = 6, kPairNodes = 6, kPairsPolished = 4;
 constexpr int kEvaluations = 110, kQuickEvaluations = 60, kProbeEvaluations = 25;
 constexpr int kPasses = 3; // of neighbours of a shape
+constexpr size_t kPairsTried = 10, kAddedTried = 4;
+constexpr int kRounds = 2;               // of exchanges
+constexpr double kWorthwhile_nats = 0.5; // that a round has to gain for another one
 constexpr size_t kMostNames = 3;
 constexpr size_t kPartsKept = 12, kColumnsKept = 4;
 const char kCalibrationVersion[] = "5"; // changes whenever a draw would gain something else
@@ -544,13 +547,62 @@ struct SlowSearch::Impl {
       for (SlowCandidateScore& s : scan(one, likely_nodes(one)))
         if (!s.model.names.empty()) found.push_back(std::move(s));
     }
-    polish_best(&found, kPairsPolished, score(out.best), kQuickEvaluations);
-    for (const SlowCandidateScore& s : found) consider(s.model);
+    consider_best(std::move(found), kPairsTried);
   }
-  void one_more() {
-    std::vector<SlowCandidateScore> found = scan(out.best, likely_nodes(out.best));
-    polish_best(&found, 3, score(out.best), kQuickEvaluations);
-    for (const SlowCandidateScore& s : found) consider(s.model);
+  void one_more(const SlowModel& m) {
+    if (m.names.size() < kMostNames) consider_best(scan(m, likely_nodes(m)), kAddedTried);
+  }
+  static bool have_same_names(const SlowModel& a, const SlowModel& b) {
+    const auto names = [](const SlowModel& m) {
+      std::vector<size_t> list;
+      for (const SlowModel::Name& name : m.names) list.push_back(name.candidate);
+      std::sort(list.begin(), list.end());
+      return list;
+    };
+    return names(a) == names(b);
+  }
+  // The best of a scan, each first brought near its own best shape: places of a grid lie so far apart that a right cause
+  // may gain less there than a wrong one.
+  void consider_best(std::vector<SlowCandidateScore> found, size_t tried) {
+    sort_by_gain(&found);
+    std::vector<SlowCandidateScore> list;
+    for (SlowCandidateScore& s : found) {
+      if (list.size() == tried || s.model.names.empty()) break;
+      if (std::any_of(list.begin(), list.end(), [&](const auto& o) { return have_same_names(o.model, s.model); }))
+        continue;
+      approach(&s.model);
+      s.model.value = evaluate(s.model);
+      s.gain_nats = score(s.model);
+      list.push_back(std::move(s));
+    }
+    sort_by_gain(&list);
+    if (list.size() > kPairsPolished) list.resize(kPairsPolished);
+    for (const SlowCandidateScore& s : list)
+      if (s.gain_nats > score(out.best) - constants.near_nats) consider(polished(s.model, kQuickEvaluations));
+  }
+  // One name exchanged, one less, one more, or the kind of noise left out: what singles and pairs miss where a stand-in
+  // of three parts, or noise, gains more than any true cause alone.
+  void refine() {
+    for (int round = 0; round < kRounds && !out.best.names.empty(); ++round) {
+      const SlowModel from = out.best;
+      for (size_t i = 0; i < from.names.size() && from.names.size() > 1; ++i) {
+        SlowModel less = from;
+        less.names.erase(less.names.begin() + static_cast<long>(i));
+        less = polished(less, kQuickEvaluations);
+        consider(less);
+        one_more(less);
+      }
+      if (from.noise_effect) {
+        SlowModel less = from;
+        less.noise_effect = nullptr;
+        less = polished(less, kQuickEvaluations);
+        consider(less);
+        one_more(less);
+        more_noise(less);
+      }
+      if (score(out.best) < score(from) + kWorthwhile_nats) break;
+    }
+    if (out.best.names.size() > 1 || out.best.noise_effect) consider(polished(out.best, kEvaluations));
   }
   void more_noise(const SlowModel& about) {
     if (about.noise_effect) return;
@@ -559,8 +611,7 @@ struct SlowSearch::Impl {
 
   // A free shape has more freedom than any member: where a member gains nearly as much, it is the answer, and what the
   // shape gains beyond it is a remainder.
-  void prefer_members() {
-    SlowModel& best = out.best;
+  SlowModel with_members(SlowModel best, std::vector<size_t>* replaced) const {
     for (size_t i = 0; i < best.names.size(); ++i) {
       if (candidates[best.names[i].candidate].effect) continue;
       const SlowModel less = without(best, i);
@@ -573,9 +624,10 @@ struct SlowSearch::Impl {
         if (member.free_score() > top.free_score()) top = member;
       }
       if (top.free_score() - less.free_score() < constants.member_share * free_gain) continue;
-      out.replaced.push_back(best.names[i].candidate);
+      replaced->push_back(best.names[i].candidate);
       best = top;
     }
+    return best;
   }
 
   // The hypothesis without one of its names, as good as it can be made.
@@ -595,19 +647,19 @@ struct SlowSearch::Impl {
     return m.free_score() - without(m, i).free_score() - constants.mean_nats;
   }
 
-  void judge_names() {
-    prefer_members();
-    const SlowModel best = out.best;
-    out.rivals.clear(), out.evidence.clear();
+  void judge_names(SlowResult* result) const {
+    result->best = with_members(result->best, &result->replaced);
+    const SlowModel best = result->best;
+    result->rivals.clear(), result->evidence.clear();
     for (size_t i = 0; i < best.names.size(); ++i) {
-      out.evidence.push_back(evidence_of(best, i));
-      out.rivals.push_back(rivals(best, i));
+      result->evidence.push_back(evidence_of(best, i));
+      result->rivals.push_back(rivals(best, i));
     }
     if (best.noise_effect) {
       SlowModel less = best;
       less.noise_effect = nullptr;
       less = polished(less, kQuickEvaluations);
-      out.evidence.push_back(best.free_score() + best.noise_charge - less.free_score() - constants.noise_nats);
+      result->evidence.push_back(best.free_score() + best.noise_charge - less.free_score() - constants.noise_nats);
     }
   }
   std::vector<SlowResult::Rival> rivals(const SlowModel& best, size_t i) const {
@@ -630,6 +682,40 @@ struct SlowSearch::Impl {
           list.push_back({0, s.model.noise_effect, best.free_score() - s.gain_nats - constants.noise_kind_nats});
     std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gap_nats < b.gap_nats; });
     return list;
+  }
+
+  // ---- a hypothesis that is given
+
+  // The candidates added in this order, each where the grid is best, all polished; empty: one of them cannot be added.
+  SlowModel built(const std::vector<size_t>& order) const {
+    SlowModel m = out.null;
+    for (const size_t j : order) {
+      std::vector<SlowCandidateScore> found = scan(m, all_nodes());
+      if (found[j].model.names.empty()) return {};
+      m = found[j].model;
+      approach(&m);
+    }
+    return order.empty() ? m : polished(polished(m, kEvaluations), kEvaluations);
+  }
+  SlowModel best_with(const std::vector<const Effect*>& effects) const {
+    std::vector<size_t> order;
+    const Effect* noise = nullptr;
+    for (const Effect* effect : effects) {
+      for (size_t j = 0; j < candidates.size(); ++j)
+        if (candidates[j].effect == effect) order.push_back(j);
+      if (std::find(noise_effects.begin(), noise_effects.end(), effect) != noise_effects.end()) noise = effect;
+    }
+    std::sort(order.begin(), order.end());
+    SlowModel best;
+    do {
+      const SlowModel m = built(order);
+      if (m.free_score() > best.free_score()) best = m;
+    } while (std::next_permutation(order.begin(), order.end()));
+    if (!noise) return best;
+    SlowModel with;
+    for (const SlowCandidateScore& s : scan_noises(best, noise_effects.size()))
+      if (s.model.noise_effect == noise) with = polished(s.model, kEvaluations);
+    return with;
   }
 
   // ---- jumps
@@ -732,12 +818,13 @@ struct SlowSearch::Impl {
       pairs(out.singles);
       while (out.best.names.size() >= 2 && out.best.names.size() < kMostNames) {
         const size_t before = out.best.names.size();
-        one_more();
+        one_more(out.best);
         if (out.best.names.size() == before) break;
       }
       if (out.best.names.size() >= 2) more_noise(out.best);
+      refine();
     }
-    judge_names();
+    judge_names(&out);
   }
   void more_noise_beside(const std::vector<SlowCandidateScore>& singles) {
     std::vector<size_t> order(singles.size());
@@ -881,6 +968,13 @@ std::vector<SlowCandidateScore> SlowSearch::free_beside(const SlowModel& model, 
 }
 SlowModel SlowSearch::polished(const SlowModel& model) const {
   return impl_->polished(model);
+}
+void SlowSearch::judge_again(SlowResult* result) const {
+  result->best = impl_->polished(result->best);
+  impl_->judge_names(result);
+}
+SlowModel SlowSearch::best_with(const std::vector<const Effect*>& effects) const {
+  return impl_->best_with(effects);
 }
 RunGrams SlowSearch::grams_of(const SlowModel& model) const {
   return impl_->grams(model);

@@ -116,6 +116,12 @@ public:
   std::vector<SlowCandidateScore> free_beside(const SlowModel& model, size_t most) const;
   // Noise and shape parameters estimated again.
   SlowModel polished(const SlowModel& model) const;
+  // After a name of `best` was taken away: estimated again, members in the place of free shapes where they gain nearly as
+  // much, evidence and rivals of every name anew.
+  void judge_again(SlowResult* result) const;
+  // The best hypothesis with exactly these causes (in the mean, and at most one kind of slow noise): what the search
+  // would have to reach if it were told them.  Causes that block means cannot show are left out.
+  SlowModel best_with(const std::vector<const Effect*>& effects) const;
 
 private:
   struct Impl;

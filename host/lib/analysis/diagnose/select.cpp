@@ -93,8 +93,7 @@ private:
 
   // Score of the fitted logs and likelihood of the held-out ones together.
   double all_logs(const SlowModel& m) const {
-    const GapResult gap = measure_gap(*out_.search, *out_.data, held_blocks_.get(), out_.slow.null, m);
-    return out_.search->score(m) + 0.5 * gap.delta_deviance;
+    return out_.search->score(m) + predicted_nats(*out_.search, *out_.data, held_blocks_.get(), m);
   }
 
   // A jump in time predicts no other log; a cause that makes one at a temperature does.  Held-out logs count as data of
@@ -165,31 +164,26 @@ private:
         out_.slow.evidence.clear(), out_.slow.rivals.clear();
         if (best.noise_effect) out_.slow.evidence.push_back(noise_evidence(best));
       } else {
-        judge_again(&best);
+        out_.search->judge_again(&out_.slow);
       }
     }
   }
-  // Names that only stood beside one that went: estimated again, and each asked anew for its evidence.
-  void judge_again(SlowModel* best) {
-    *best = out_.search->polished(*best);
-    for (size_t i = 0; i < best->names.size(); ++i) out_.slow.evidence[i] = out_.search->evidence_of(*best, i);
-  }
-  // What differs from run to run by chance predicts nothing: it is not asked to.
-  double support(size_t i) const {
-    const Candidate& c = candidate(out_.slow.best.names[i].candidate);
-    if (c.scan.estimator->form() == Form::kRunRandom) return 1e9;
-    return i < out_.gap.nats_by_name.size() ? out_.gap.nats_by_name[i] : 0;
-  }
   // By how much a name predicts too little.  What is repeatable gains on every log about what it gained on the fitted
-  // ones; quarters of one log are no passages of their own and are only asked for the least.
+  // ones, as far as those logs can show it: a log that only rises shows little of a memory, and a start state that is
+  // free hides a warm-up.  Quarters of one log are no passages of their own and are only asked for the least.  What
+  // differs from run to run by chance predicts nothing: it is not asked to.
   double lacking(size_t i) const {
-    double due = constants().least_held_out_nats;
-    if (out_.gap.method != HeldOut::kQuarters) {
-      const double fitted_h = static_cast<double>(campaign_.n()) * campaign_.dt_s / 3600;
-      const double gain = out_.slow.evidence[i] + constants().mean_nats;
-      due = std::max(due, constants().predicted_part * gain * std::min(1.0, out_.gap.hours / fitted_h));
-    }
-    return due - support(i);
+    const double least = constants().least_held_out_nats, part = constants().predicted_part;
+    const GapResult::Support own = out_.gap.beyond_start[i], all = out_.gap.at_all[i];
+    if (candidate(out_.slow.best.names[i].candidate).scan.estimator->form() == Form::kRunRandom) return -1e9;
+    if (out_.gap.method == HeldOut::kQuarters) return least - own.nats;
+    const double fitted_h = static_cast<double>(campaign_.n()) * campaign_.dt_s / 3600;
+    const double gain = out_.slow.evidence[i] + constants().mean_nats;
+    const double wanted = gain * std::min(1.0, out_.gap.hours / fitted_h);
+    const auto can_show = [&](const GapResult::Support& s) { return part * s.expected > least; };
+    if (!can_show(own) && !can_show(all)) return -constants().against_nats - all.nats;
+    const GapResult::Support& s = can_show(own) ? own : all;
+    return std::max(least, part * std::min(wanted, s.expected)) - s.nats;
   }
   double noise_evidence(const SlowModel& m) const {
     return m.free_score() + m.noise_charge - out_.slow.null.free_score() - constants().noise_nats;
@@ -210,7 +204,7 @@ private:
     effect.evidence_nats = out_.slow.evidence[i];
     effect.gain_nats = effect.evidence_nats + constants().mean_nats;
     effect.held_out_nats = c.scan.estimator->form() == Form::kRunRandom ? kNaN
-                           : i < out_.gap.nats_by_name.size()           ? out_.gap.nats_by_name[i]
+                           : i < out_.gap.beyond_start.size()           ? out_.gap.beyond_start[i].nats
                                                                         : kNaN;
     const double threshold = constants().mean_nats;
     effect.set.push_back(evidence_of(name.candidate, effect.gain_nats, threshold));
