@@ -3,6 +3,7 @@
 #   make blind CASES=100 GAP_FREE=60    fewer
 #   make blind BLIND_SEED=123456        repeat a draw
 #   make blind BLIND_ARGS=--resume      go on with an interrupted one
+#   make blind-confusions SEED=7 CASES=120   why causes of a development draw were not named
 #   make blind-dev SEED=7 CASES=30      development cases with open labels in build/blind-dev (seeds 0 to 999)
 CASES ?= 400
 GAP_FREE ?= 300
@@ -14,7 +15,13 @@ blind:: host  ## score diagnose on fresh cases whose labels it cannot see (CASES
 	$(Q)$(BLIND) check --diagnose $(BUILD)/bin/diagnose --errormodel $(BUILD)/bin/errormodel --out $(BUILD)/blind \
 	  --cases $(CASES) --gap-free $(GAP_FREE) $(if $(BLIND_SEED),--seed $(BLIND_SEED)) $(BLIND_ARGS)
 
+# CASES= GAP_FREE= as above; SEED= 0 to 999
+blind-confusions: host $(BUILD)/bench/oracle  ## why singles and pairs of a development draw were not named (SEED= CASES=)
+	$(Q)$(BLIND) check --diagnose $(BUILD)/bin/diagnose --errormodel $(BUILD)/bin/errormodel --out $(BUILD)/blind-confusions \
+	  --cases $(CASES) --gap-free 1 --seed $(or $(SEED),1) --kinds single,pair --keep-logs --no-truth $(BLIND_ARGS)
+	$(Q)$(BLIND) confusions --oracle $(BUILD)/bench/oracle --out $(BUILD)/blind-confusions
+
 blind-dev: host  ## write cases with open labels for work on diagnose (SEED= CASES=)
 	$(Q)$(BLIND) dev --errormodel $(BUILD)/bin/errormodel --out $(BUILD)/blind-dev --cases $(CASES) --seed $(or $(SEED),1) $(BLIND_ARGS)
 
-.PHONY: blind blind-dev
+.PHONY: blind blind-dev blind-confusions

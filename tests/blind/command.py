@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import check, dev
+from . import check, confusions, dev
 
 
 def tools(p):
@@ -37,9 +37,13 @@ def arguments(argv):
     c.add_argument("--no-truth", action="store_true", help="skip the true held-out reduction (needs every case drawn again)")
     c.add_argument("--keep-logs", action="store_true", help="keep the logs after scoring")
     tools(c)
+    w = sub.add_parser("confusions", help="why answers of a development draw fell short (after check --keep-logs)")
+    w.add_argument("--out", required=True, help="folder of the draw")
+    w.add_argument("--oracle", default="build/bench/oracle", help="the program told the true causes")
+    w.add_argument("--processes", type=int, default=1)
     return p.parse_args(argv)
 
 
 def main(argv=None):
     args = arguments(argv)
-    return dev.main(args) if args.what == "dev" else check.main(args)
+    return {"dev": dev, "check": check, "confusions": confusions}[args.what].main(args)

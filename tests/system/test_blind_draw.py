@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), ".."))
-from blind import cases, causes, gauge, intervals, noise, outside, plan, runner, score, seal, sensor, truth, whiten  # noqa: E402
+from blind import cases, causes, confusions, gauge, intervals, noise, outside, plan, runner, score, seal, sensor, truth, whiten  # noqa: E402
 
 BIAS = np.array([80.0, 300.0, 150.0, -100.0])
 
@@ -307,3 +307,28 @@ def test_whole_chain_with_a_stand_in_resumes_and_skips_loudly(tmp_path, capsys):
     if again["skipped"]:
         assert "SKIP" in capsys.readouterr().err
     assert "# Blind check" in (out / "blind.md").read_text()
+
+
+def hypothesis(*names, score_nats=0.0, noise="", steps=0):
+    return {"names": [{"name": n, "shape": []} for n in names], "noise": noise, "steps": steps, "score_nats": score_nats}
+
+
+@pytest.mark.parametrize("searched,oracle,effects,dropped,expected", [
+    (hypothesis("rate_ramp", score_nats=20), hypothesis("thermal_lag", score_nats=27), ["rate_ramp"], [], ("search", "7 nats over rate_ramp")),
+    (hypothesis("rate_ramp", score_nats=20), hypothesis("thermal_lag", score_nats=15), ["rate_ramp"], [], ("evidence", "5.0 nats behind rate_ramp")),
+    (hypothesis("thermal_lag", "warm_up"), hypothesis("thermal_lag"), ["warm_up"], ["thermal_lag"], ("rule", "held-out")),
+    (hypothesis("thermal_lag"), hypothesis("thermal_lag"), [], [], ("rule", "stand-in")),
+])
+def test_a_confusion_is_laid_to_search_rule_or_evidence(searched, oracle, effects, dropped, expected):
+    found = {"searched": searched, "kept": searched, "oracle": oracle, "dropped": [{"name": n} for n in dropped],
+             "effects": [{"name": n, "member": n, "doubt": 0} for n in effects]}
+    assert confusions.reason(found, ["thermal_lag"]) == expected
+    assert confusions.reason(found, ["outliers"])[0] == "seconds"
+
+
+def test_confusions_of_a_draw_that_judges_are_not_shown(tmp_path, capsys):
+    seal.seal({"seed": 123456, "labels": []}, str(tmp_path / "labels"))
+    from blind.command import main
+
+    assert main(["confusions", "--out", str(tmp_path)]) == 2
+    assert "judges" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 # constant of the selector does.
 BENCH_DIAGNOSE = $(PYTHON) host/scripts/bench_diagnose.py --bin $(BUILD)/bin
 SELECTOR_TABLE := $(BUILD)/bench/selector_table
+ORACLE := $(BUILD)/bench/oracle
 
 bench:: $(BUILD)/bin/diagnose $(BUILD)/bin/gyrosim
 	$(Q)$(BENCH_DIAGNOSE)
@@ -10,10 +11,12 @@ bench:: $(BUILD)/bin/diagnose $(BUILD)/bin/gyrosim
 selector-table: $(SELECTOR_TABLE)  ## what each constant of diagnose's selector does at half and at double (CONSTANTS=)
 	$(Q)$(SELECTOR_TABLE) $(BUILD)/selector-cache $(CONSTANTS)
 
-$(SELECTOR_TABLE): tests/bench/selector_table.cpp \
+oracle: $(ORACLE)
+
+$(SELECTOR_TABLE) $(ORACLE): $(BUILD)/bench/%: tests/bench/%.cpp \
                    $(patsubst %,$(BUILD)/lib/%.a,analysis/diagnose physics/sim physics/effects noise linear io base common)
 	@mkdir -p $(@D)
 	$(Q)$(CCACHE) $(CXX) $(HOST_CXXFLAGS) $(OPTIMISE) $(HOST_CPPFLAGS) $(CXXFLAGS) -c $< -o $@.o
 	$(Q)$(CXX) -pthread $@.o $(filter %.a,$^) $(LDFLAGS) $(HOST_LIBS) -o $@
 
-.PHONY: bench selector-table
+.PHONY: bench selector-table oracle
