@@ -60,6 +60,12 @@ def test_the_array_is_not_copied(missing):
     assert float(done.stdout) < (1.6 if missing else 1.1)
 
 
+def test_without_intervals_the_curve_is_the_same():
+    rate = np.random.default_rng(3).normal(0, 36, 3000)
+    a, b = imucal.allan_deviation(rate), imucal.allan_deviation(rate, intervals=False)
+    assert np.allclose(a.adev_dph, b.adev_dph, rtol=1e-13, atol=0) and np.isnan(b.ci95_dph).all() and a.ci95_dph.shape == b.ci95_dph.shape and np.isfinite(a.ci95_dph).all()
+
+
 def test_a_trend_in_time_is_taken_from_a_copy():
     rate = np.random.default_rng(2).normal(0, 36, 5000) + 0.1 * np.arange(5000)
     kept = rate.copy()

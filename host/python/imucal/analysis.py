@@ -129,7 +129,8 @@ def _tau_text(tau_s):
     return tau_s if isinstance(tau_s, str) else ",".join(f"{t:.15g}" for t in np.atleast_1d(tau_s))
 
 
-def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=None, estimation_s=20.0, estimator="rms", detrend="mean", min_fill=1.0):
+def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=None, estimation_s=20.0, estimator="rms", detrend="mean", min_fill=1.0,
+                     intervals=True):
     """Direct Predictor curve: rms error of predicting the mean of the next tau seconds, over sqrt(2).
 
     Parameters
@@ -143,6 +144,7 @@ def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=Non
     estimator : str              "rms", "max" or "p95"
     detrend : str                "none", "mean" or "time:N"
     min_fill : float             part of a window's samples that must be present
+    intervals : bool             False: ci95_dph is NaN, which saves time on short records
 
     Returns
     -------
@@ -158,14 +160,14 @@ def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=Non
     """
     try:
         curve = core().direct_predictor(_array(rate_dph), float(dt_s), type, _tau_text(tau_s), estimator, None if nominal is None else json.dumps(nominal),
-                                        float(estimation_s), detrend, float(min_fill))
+                                        float(estimation_s), detrend, float(min_fill), bool(intervals))
     except ValueError as error:
         raise DataError(str(error)) from None
-    ci = np.column_stack([curve.lo_dph, curve.hi_dph])
+    ci = np.column_stack([curve.lo_dph, curve.hi_dph]) if intervals else np.full((len(curve.tau_s), 2), np.nan)
     return DirectPredictor(np.array(curve.tau_s), np.array(curve.dp_dph), ci, np.array(curve.n_windows))
 
 
-def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave"):
+def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave", intervals=True):
     """Overlapping Allan deviation with 95 % intervals.
 
     Parameters
@@ -173,6 +175,7 @@ def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave"):
     rate_dph : array (n,)        NaN where missing: windows with a missing sample are left out
     dt_s : float                 between samples
     tau_s : array, or text       "octave", "2:600:2", "log:2:600" …
+    intervals : bool             False: ci95_dph is NaN, which saves time on short records
 
     Returns
     -------
@@ -193,7 +196,7 @@ def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave"):
     >>> abs(a.adev_dph[0] - 36) < 1
     True
     """
-    c = direct_predictor(rate_dph, dt_s, tau_s, type="av")
+    c = direct_predictor(rate_dph, dt_s, tau_s, type="av", intervals=intervals)
     return AllanDeviation(c.tau_s, c.dp_dph, c.ci95_dph, c.n_windows)
 
 

@@ -41,6 +41,7 @@ void check_signals() {
 }
 
 constexpr char kLog[] = "array", kAxis[] = "rate_dph"; // what messages name
+constexpr long kCachedSize = 16384;                    // samples whose running sums stay in the cache
 constexpr long kPieceWindows = 100000000;              // some tenths of a second
 
 // A trend beyond the mean is fitted to a copy.
@@ -63,14 +64,17 @@ RateView take_rates(const Array& rate_dph, double dt_s, const Detrend& detrend, 
 // The curve in pieces of a few tau, so that Ctrl-C is seen in a long record.  A short one is one piece: its blocks stay in
 // the cache for all tau.
 DpCurve curve_in_pieces(const RateView& rates, const DpRecord& record, const std::vector<double>& tau_s,
-                        DpEstimator estimator) {
+                        DpEstimator estimator, bool with_intervals) {
+  // Intervals want sums by blocks; without them a record that the cache holds is taken in one go for each tau.
+  const long per_window = !with_intervals && rates.size <= kCachedSize ? rates.size : 0;
   const size_t n_piece = static_cast<size_t>(std::max(1L, kPieceWindows / std::max(1L, rates.size)));
   DpCurve whole;
   for (size_t i = 0; i < tau_s.size() || i == 0; i += n_piece) {
     check_signals();
     const size_t end = std::min(tau_s.size(), i + n_piece);
-    DpCurve piece = dp_curve(kLog, kAxis, rates, record,
-                             {tau_s.begin() + static_cast<long>(i), tau_s.begin() + static_cast<long>(end)}, estimator);
+    DpCurve piece =
+        dp_curve(kLog, kAxis, rates, record,
+                 {tau_s.begin() + static_cast<long>(i), tau_s.begin() + static_cast<long>(end)}, estimator, per_window);
     if (i == 0) {
       whole = std::move(piece);
       continue;
@@ -85,7 +89,7 @@ DpCurve curve_in_pieces(const RateView& rates, const DpRecord& record, const std
 
 Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& type, const std::string& tau,
                        const std::string& estimator, const std::optional<std::string>& nominal, double estimation_s,
-                       const std::string& detrend, double min_fill) {
+                       const std::string& detrend, double min_fill, bool with_intervals) {
   Series copy;
   Curve result;
   try {
@@ -97,9 +101,10 @@ Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& ty
     const auto tau_s = parse_tau(tau, dt_s, std::max(dt_s, static_cast<double>(rates.size) * dt_s / 10));
     check_signals();
     const DpRecord record(rates, op);
-    const DpCurve curve = curve_in_pieces(rates, record, tau_s, dp_estimator_from_text(estimator));
+    const DpCurve curve = curve_in_pieces(rates, record, tau_s, dp_estimator_from_text(estimator), with_intervals);
     check_signals();
     result.tau_s = curve.tau_s, result.dp_dph = curve.dp_dph, result.n_windows = curve.n;
+    if (!with_intervals) return result;
     for (const Interval& i : curve_intervals(curve, op, {}))
       result.lo_dph.push_back(i.lo), result.hi_dph.push_back(i.hi);
   } catch (const Error& e) {
@@ -201,7 +206,7 @@ NB_MODULE(_core, m) {
       .def_ro("n_windows", &Curve::n_windows);
   m.def("direct_predictor", &direct_predictor, nb::arg("rate_dph"), nb::arg("dt_s"), nb::arg("type"), nb::arg("tau"),
         nb::arg("estimator"), nb::arg("nominal").none(), nb::arg("estimation_s"), nb::arg("detrend"),
-        nb::arg("min_fill"));
+        nb::arg("min_fill"), nb::arg("with_intervals"));
   m.def("split_ulog", &split_ulog, nb::arg("file"), nb::arg("topics"));
   nb::class_<Filter>(m, "Filter")
       .def(nb::init<int, double, double, double, double, double, double, double>())

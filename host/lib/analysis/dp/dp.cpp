@@ -3,6 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#ifdef __linux__
+#include <sys/mman.h>
+#endif
 
 #include "base/error.h"
 #include "base/simd.h"
@@ -137,10 +141,24 @@ DpOperator make_dp_operator(DpType type, double dt_s, const std::optional<ErrorM
   return op;
 }
 
+// Large pages where the system has them: a long buffer is then there at once, and not 4 kB after 4 kB.
+static void take_large_pages(void* memory, size_t bytes) {
+#ifdef __linux__
+  constexpr size_t kLarge = size_t{1} << 21, kPage = 4096;
+  if (bytes < 2 * kLarge) return;
+  const auto first = (reinterpret_cast<uintptr_t>(memory) + kPage - 1) / kPage * kPage;
+  madvise(reinterpret_cast<void*>(first), (bytes - kPage) / kPage * kPage,
+          MADV_HUGEPAGE); // a hint: refused, nothing is lost
+#else
+  (void)memory, (void)bytes;
+#endif
+}
+
 DpRecord::DpRecord(const RateView& rates, const DpOperator& op, const std::vector<double>& initial)
     : op_(op), size_(rates.size) {
   const auto size = static_cast<size_t>(size_);
   sum_.reset(new double[size + 1]); // not zeroed first: each is written once
+  take_large_pages(sum_.get(), (size + 1) * sizeof(double));
   double sum = 0;
   for (size_t i = 0; i < size; ++i) {
     sum_[i] = sum;

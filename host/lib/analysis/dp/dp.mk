@@ -12,6 +12,9 @@ $(BUILD)/venv-bench/installed: host/scripts/requirements-bench.txt
 	$(Q)$(BUILD)/venv-bench/bin/pip install --quiet --disable-pip-version-check -r $<
 	$(Q)touch $@
 
+bench-kernel: python-core $(BUILD)/venv-bench/installed  ## the Allan deviation alone against allantools, array to array in one process
+	$(Q)IMUCAL_BIN=$(abspath $(BUILD))/bin $(BUILD)/venv-bench/bin/python host/scripts/bench_kernel.py
+
 bench:: host $(BUILD)/tests/bench_dp $(BUILD)/venv-bench/installed  ## times against other programs (allantools, avar from PyPI)
 	$(Q)$(BUILD)/venv-bench/bin/python host/scripts/bench_dp.py --build $(BUILD) --seed $(SEED)
 
@@ -37,4 +40,4 @@ test-long:: host
 figures:: host  ## the paper's figures 1-6 and 13-21 from our own results, into build/figures
 	$(Q)$(PYTHON) host/scripts/figures_dp.py --build $(BUILD) --seed $(SEED)
 
-.PHONY: bench bench-scaling bench-whole coverage-bootstrap coverage-errormodel figures test-long
+.PHONY: bench bench-kernel bench-scaling bench-whole coverage-bootstrap coverage-errormodel figures test-long
