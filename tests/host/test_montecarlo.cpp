@@ -84,6 +84,33 @@ static void test_exact_sum_does_not_depend_on_order(void**) {
   assert_string_equal(ExactSum::from_text(forward.text()).text().c_str(), forward.text().c_str());
 }
 
+// The integers are those of Python, which has no limit of size.
+static void test_exact_sum_is_the_integer_of_128_bits(void**) {
+  const std::vector<std::pair<std::vector<double>, std::string>> cases = {
+      {{1.0}, "17592186044416"},
+      {{-1.0}, "-17592186044416"},
+      {{0x1p62, 0x1p62, 0x1p62}, "243388915243820045087367015432192"},
+      {{-0x1p62, -0x1p62, -0x1p62, -0x1p62, -0x1p62, 0.5}, "-405648192073033408470148932698112"},
+      {{4e+18, -4e+18, 0x1p-44}, "1"},
+      {{-0x1p-44}, "-1"},
+      {{1e6 / 3, -2e+17, 12345.678}, "-3518437208877118750520974213376"},
+      {{0.0}, "0"},
+  };
+  for (const auto& [values, text] : cases) {
+    ExactSum sum;
+    double near = 0;
+    for (const double value : values) {
+      sum.add(value);
+      near += value;
+    }
+    assert_string_equal(sum.text().c_str(), text.c_str());
+    assert_true(std::abs(sum.value() - near) <= 1e-15 * std::abs(near) + 1e-10);
+    const ExactSum again = ExactSum::from_text(text);
+    assert_string_equal(again.text().c_str(), text.c_str());
+    assert_true(again.value() == sum.value());
+  }
+}
+
 static void test_exact_sum_refuses_what_is_not_a_number(void**) {
   for (const double bad : {std::nan(""), 1e300, -1e300 * 1e300}) {
     ExactSum sum;
@@ -348,6 +375,7 @@ static void test_rising_methods_take_what_they_say(void**) {
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_exact_sum_does_not_depend_on_order),
+      cmocka_unit_test(test_exact_sum_is_the_integer_of_128_bits),
       cmocka_unit_test(test_exact_sum_refuses_what_is_not_a_number),
       cmocka_unit_test(test_campaign_threads_and_shards_give_the_same_bits),
       cmocka_unit_test(test_batch_gives_the_bits_of_each_run),

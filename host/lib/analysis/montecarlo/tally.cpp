@@ -2,35 +2,63 @@
 #include "analysis/montecarlo/tally.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 
 namespace imucal {
 
+static constexpr int kUnitBits = 44;
 static constexpr double kUnit = 0x1p-44;
 static constexpr double kLargest = 0x1p62;
+
+// Modulo 2^128, in two's complement: unsigned words may overflow.
+void ExactSum::add(int64_t high, uint64_t low) {
+  low_ += low;
+  const uint64_t carry = low_ < low ? 1 : 0;
+  high_ = static_cast<int64_t>(static_cast<uint64_t>(high_) + static_cast<uint64_t>(high) + carry);
+}
+
+void ExactSum::negate() {
+  high_ = ~high_;
+  low_ = ~low_;
+  add(0, 1);
+}
 
 void ExactSum::add(double x) {
   if (!(std::abs(x) <= kLargest)) throw std::overflow_error("a result is not finite or beyond 4e18");
   // Split so that each half is exact in int64.
-  const double high = std::nearbyint(x);
-  sum_ += static_cast<Int128>(static_cast<int64_t>(high)) * (static_cast<Int128>(1) << 44);
-  sum_ += static_cast<int64_t>(std::nearbyint((x - high) / kUnit));
+  const double whole = std::nearbyint(x);
+  const auto n = static_cast<int64_t>(whole);
+  const auto units = static_cast<int64_t>(std::nearbyint((x - whole) / kUnit));
+  add(n >> (64 - kUnitBits), static_cast<uint64_t>(n) << kUnitBits); // n 2^44
+  add(units < 0 ? -1 : 0, static_cast<uint64_t>(units));
 }
 
 double ExactSum::value() const {
-  return static_cast<double>(sum_) * kUnit;
+  ExactSum size = *this;
+  if (high_ < 0) size.negate();
+  const double units = static_cast<double>(size.high_) * 0x1p64 + static_cast<double>(size.low_);
+  return (high_ < 0 ? -units : units) * kUnit;
 }
 
+// Decimal digits, the last one first: four words of 32 bits, divided by 10 again and again.
 std::string ExactSum::text() const {
-  const bool negative = sum_ < 0;
-  Uint128 rest = negative ? -static_cast<Uint128>(sum_) : static_cast<Uint128>(sum_);
+  ExactSum size = *this;
+  if (high_ < 0) size.negate();
+  const auto high = static_cast<uint64_t>(size.high_);
+  std::array<uint64_t, 4> words = {high >> 32, high & UINT32_MAX, size.low_ >> 32, size.low_ & UINT32_MAX};
   std::string digits;
   do {
-    digits += static_cast<char>('0' + static_cast<int>(rest % 10));
-    rest /= 10;
-  } while (rest != 0);
-  if (negative) digits += '-';
+    uint64_t rest = 0;
+    for (uint64_t& word : words) {
+      rest = rest << 32 | word;
+      word = rest / 10;
+      rest %= 10;
+    }
+    digits += static_cast<char>('0' + static_cast<int>(rest));
+  } while (words != std::array<uint64_t, 4>{});
+  if (high_ < 0) digits += '-';
   std::reverse(digits.begin(), digits.end());
   return digits;
 }
@@ -41,8 +69,15 @@ ExactSum ExactSum::from_text(const std::string& text) {
   if (digits.empty() || digits.size() > 38 || digits.find_first_not_of("0123456789") != std::string::npos)
     throw std::invalid_argument("not an exact sum: \"" + text + "\"");
   ExactSum out;
-  for (const char c : digits) out.sum_ = out.sum_ * 10 + (c - '0');
-  if (negative) out.sum_ = -out.sum_;
+  for (const char c : digits) {
+    ExactSum twice = out;
+    twice.add(out);
+    out = twice;
+    for (int doubled = 0; doubled < 2; ++doubled) out.add(ExactSum(out)); // 8 times
+    out.add(twice);                                                       // 10 times
+    out.add(0, static_cast<uint64_t>(c - '0'));
+  }
+  if (negative) out.negate();
   return out;
 }
 

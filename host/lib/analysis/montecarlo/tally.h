@@ -2,7 +2,7 @@
 // Sums over runs that do not depend on the order of summation: the same campaign gives the same bits on one
 // thread, on ten, or cut into shards on several machines and merged.
 //
-// A value is rounded once to a multiple of 2^-44 and summed as a 128-bit integer.  Range of a value: +- 2^62
+// A value is rounded once to a multiple of 2^-44 and summed as an integer of 128 bits.  Range of a value: +- 2^62
 // (4e18), resolution 6e-14; 2^21 largest values fit.  Ordinary results (errors of 1e-3 … 1e4 dph and their
 // squares) lose nothing of interest.
 #pragma once
@@ -15,19 +15,21 @@
 
 namespace imucal {
 
-__extension__ using Int128 = __int128;
-__extension__ using Uint128 = unsigned __int128;
-
 class ExactSum {
 public:
   void add(double x); // throws std::overflow_error for NaN, infinity and |x| > 2^62: a result nobody can use
-  void add(const ExactSum& other) { sum_ += other.sum_; }
-  double value() const;
+  void add(const ExactSum& other) { add(other.high_, other.low_); }
+  double value() const;                               // within one unit in the last place
   std::string text() const;                           // decimal, exact
   static ExactSum from_text(const std::string& text); // throws std::invalid_argument
 
 private:
-  Int128 sum_ = 0;
+  void add(int64_t high, uint64_t low);
+  void negate();
+
+  // high_ 2^64 + low_, in units of 2^-44: compilers for 32 bits have no integer of 128.
+  int64_t high_ = 0;
+  uint64_t low_ = 0;
 };
 
 // Named lists of sums, counts and maxima.  A list takes its length from the first use.
