@@ -392,9 +392,9 @@ static void test_gram_of_wide_columns_is_that_of_whitened_ones(void**) {
 
 // White innovations of a campaign, with a tone whose frequency follows the temperature.
 static std::vector<VectorXd> innovations_with_tone(const Campaign& campaign, double amplitude, double hz,
-                                                   double hz_per_degc) {
+                                                   double hz_per_degc, uint64_t draw = 0) {
   std::vector<VectorXd> e;
-  Rng rng(77, 0, 0, Stream::kWhite);
+  Rng rng(77, draw, 0, Stream::kWhite);
   for (const CampaignRun& run : campaign.runs) {
     VectorXd x(static_cast<long>(run.n()));
     double phase = 0.3;
@@ -422,6 +422,23 @@ static void test_a_line_that_drifts_with_temperature_is_found_as_one(void**) {
   }
   const std::vector<VectorXd> nothing = innovations_with_tone(campaign, 0, kHz, 0);
   assert_true(strongest_line(campaign, nothing, true).gain_nats < 28);
+}
+
+// Logs of one kind: what a tone gains in each of them adds up, and the largest of nothing stays where theory has it:
+// ln(number of frequencies) + 0.58, whatever the number of logs.
+static void test_lines_of_several_logs_add_up(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 31; seed < 35; ++seed) logs.push_back(simulated_log(seed, 6000, false, 0));
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const double amplitude = 2 * std::sqrt(13.0 / 6000); // 13 nats in each log
+  const Line line = strongest_line(campaign, innovations_with_tone(campaign, amplitude, 0.11, 0), false);
+  assert_near(line.hz, 0.11, 2.0 / 8192);
+  assert_near(line.gain_nats, 56 - std::log(56.0 * 56 * 56 / 6), 25);
+  double mean = 0;
+  constexpr int kDraws = 12;
+  for (uint64_t draw = 1; draw <= kDraws; ++draw)
+    mean += strongest_line(campaign, innovations_with_tone(campaign, 0, 0, 0, draw), false).gain_nats / kDraws;
+  assert_near(mean, std::log(3000.0) + 0.58, 1.3);
 }
 
 // Runs share gains only where their samples lie at the same times and the noise does not follow the temperature.
@@ -710,6 +727,7 @@ int main() {
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),
       cmocka_unit_test(test_gram_of_wide_columns_is_that_of_whitened_ones),
       cmocka_unit_test(test_a_line_that_drifts_with_temperature_is_found_as_one),
+      cmocka_unit_test(test_lines_of_several_logs_add_up),
       cmocka_unit_test(test_gains_run_by_run_are_those_of_each_run),
       cmocka_unit_test(test_sudden_changes_show_in_smoothed_moments_and_noise_does_not),
       cmocka_unit_test(test_short_bursts_are_told_from_single_hits),

@@ -284,8 +284,19 @@ private:
   std::vector<Turned> runs_;
 };
 
-// A line stands out of the mean of its surroundings.
-void take_line(const std::vector<double>& power, double hz_of_bin, double slope, size_t bins, Line* best) {
+// -ln P(power > x) where `runs` runs give exponential powers of mean 1: the sum's distribution is Gamma(runs), and
+// P = exp(-x) (1 + x + .. + x^(runs - 1)/(runs - 1)!).  One run: x itself.  Never more than x.
+double gain_of_power(double x, size_t runs) {
+  double term = 1, sum = 1;
+  for (size_t k = 1; k < runs; ++k) {
+    term *= x / static_cast<double>(k);
+    sum += term;
+  }
+  return x - std::log(sum);
+}
+
+// A line stands out of the mean of its surroundings.  power: summed over the runs; white noise has 1 in each.
+void take_line(const std::vector<double>& power, size_t runs, double hz_of_bin, double slope, size_t bins, Line* best) {
   const size_t first = static_cast<size_t>(kSlowestLine_hz / hz_of_bin) + 1;
   std::vector<double> sum(bins + 1, 0.0);
   for (size_t i = 0; i < bins; ++i) sum[i + 1] = sum[i] + power[i];
@@ -294,7 +305,8 @@ void take_line(const std::vector<double>& power, double hz_of_bin, double slope,
     const size_t lo = i > first + kSurroundings ? i - kSurroundings : first, hi = std::min(bins - 1, i + kSurroundings);
     const double own = power[i] + power[i - 1] + power[i + 1];
     const double around = (sum[hi + 1] - sum[lo] - own) / static_cast<double>(hi - lo - 2);
-    const double gain = around > 1 ? power[i] / around : power[i];
+    const double background = std::max(1.0, around / static_cast<double>(runs)); // of one run
+    const double gain = gain_of_power(power[i] / background, runs);
     if (gain > best->gain_nats) *best = {static_cast<double>(i) * hz_of_bin, slope, gain};
   }
 }
@@ -309,7 +321,8 @@ Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e, bo
   while (n_fft < longest) n_fft *= 2;
   const double hz = 1 / (static_cast<double>(n_fft) * campaign.dt_s);
   Line best;
-  take_line(power_of(campaign, e, n_fft), hz, 0, n_fft / 2, &best);
+  const size_t runs = campaign.runs.size();
+  take_line(power_of(campaign, e, n_fft), runs, hz, 0, n_fft / 2, &best);
   if (!with_drift || !campaign.has_temperature) return best;
   const double unit = kLargestSlope / (kSlopes * kSlopes);
   DriftingPower turned(campaign, e, n_fft, unit);
@@ -317,8 +330,8 @@ Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e, bo
   for (int k = 1; k <= kSlopes; ++k) {
     turned.turn();
     turned.sum(&power, &opposite);
-    take_line(opposite, hz, -unit * k * k, n_fft / 2, &best);
-    take_line(power, hz, unit * k * k, n_fft / 2, &best);
+    take_line(opposite, runs, hz, -unit * k * k, n_fft / 2, &best);
+    take_line(power, runs, hz, unit * k * k, n_fft / 2, &best);
   }
   return best;
 }
