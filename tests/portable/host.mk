@@ -27,9 +27,10 @@ portable-arm64: $(PORTABLE)/arm64/done
 	$(Q)$(call foreign_make,arm64,aarch64-linux-gnu,aarch64-linux-gnu,) $(addprefix $(PORTABLE)/arm64/build/tests/,$(PORTABLE_SELECTED))
 	$(Q)RUN="qemu-aarch64 -L $(call root_of,arm64)" tests/run_unit $(addprefix $(PORTABLE)/arm64/build/tests/,$(PORTABLE_SELECTED))
 
-# x87 registers hold more digits than a double: SSE2 keeps the bits of every other machine.
+# x87 registers hold more digits than a double: SSE2 keeps the bits of every other machine.  Times of 64 bits: tables carry
+# dates up to 2106.
 portable-i386: $(PORTABLE)/i386/done
-	$(Q)$(call foreign_make,i386,i686-linux-gnu,i386-linux-gnu,-msse2 -mfpmath=sse) $(addprefix $(PORTABLE)/i386/build/tests/,$(PORTABLE_SELECTED))
+	$(Q)$(call foreign_make,i386,i686-linux-gnu,i386-linux-gnu,-msse2 -mfpmath=sse -D_FILE_OFFSET_BITS=64 -D_TIME_BITS=64) $(addprefix $(PORTABLE)/i386/build/tests/,$(PORTABLE_SELECTED))
 	$(Q)RUN="qemu-i386 -L $(call root_of,i386)" tests/run_unit $(addprefix $(PORTABLE)/i386/build/tests/,$(PORTABLE_SELECTED))
 
 .PHONY: portable portable-clang portable-arm64 portable-i386

@@ -102,10 +102,10 @@ double JsonField::number_or(const std::string& key, double fallback, double lo, 
   return field ? field->number(lo, hi) : fallback;
 }
 
-long JsonField::integer(long lo, long hi) const {
+int64_t JsonField::integer(int64_t lo, int64_t hi) const {
   const double x = number(static_cast<double>(lo), static_cast<double>(hi));
   if (x != std::floor(x)) refuse("expected a whole number, found " + shown(value_));
-  return static_cast<long>(x);
+  return static_cast<int64_t>(x);
 }
 
 std::string JsonField::text() const {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // JSON files: reading with errors that name file and field, writing so that nothing half-written stays.
 #pragma once
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -26,7 +27,7 @@ public:
   // Typed values; a number must be finite and inside [lo, hi].
   double number(double lo = -1e300, double hi = 1e300) const;
   double number_or(const std::string& key, double fallback, double lo = -1e300, double hi = 1e300) const;
-  long integer(long lo, long hi) const;
+  int64_t integer(int64_t lo, int64_t hi) const;
   std::string text() const;
   std::vector<double> numbers() const;
 

@@ -48,7 +48,7 @@ uint32_t utc_seconds(const JsonField& field) {
   const char* end = ::strptime(text.c_str(), "%Y-%m-%dT%H:%M:%SZ", &parts);
   if (!end || *end) field.refuse("expected a time such as \"2026-11-21T06:22:00Z\"");
   const time_t time = ::timegm(&parts);
-  if (time < 0 || time > 0xFFFFFFFFll) field.refuse("time outside 1970 to 2106");
+  if (time < 0 || time > INT64_C(0xFFFFFFFF)) field.refuse("time outside 1970 to 2106");
   return static_cast<uint32_t>(time);
 }
 
@@ -148,7 +148,7 @@ imucal_table_channel_t channel_from_json(const JsonField& field) {
   fill_model(field.at("model"), unit, &channel);
   channel.unit_per_count = single(field.at(unit + "_per_count"));
   channel.full_scale_counts = static_cast<int32_t>(field.at("full_scale_counts").integer(1, 0x7FFFFFFF));
-  channel.n_seconds = static_cast<uint32_t>(field.at("n_seconds").integer(0, 0xFFFFFFFFl));
+  channel.n_seconds = static_cast<uint32_t>(field.at("n_seconds").integer(0, INT64_C(0xFFFFFFFF)));
   return channel;
 }
 
@@ -245,7 +245,7 @@ imucal_table_t table_from_json(const JsonField& field) {
   field.only({"imucal_table", "serial", "sequence", "created", "degc_per_count", "degc_at_zero", "axes"});
   imucal_table_t table{};
   set_text(table.serial, sizeof table.serial, field.at("serial"));
-  table.sequence = static_cast<uint32_t>(field.at("sequence").integer(1, 0xFFFFFFFEl));
+  table.sequence = static_cast<uint32_t>(field.at("sequence").integer(1, INT64_C(0xFFFFFFFE)));
   table.created_s = utc_seconds(field.at("created"));
   table.degc_per_count = single(field.at("degc_per_count"));
   table.degc_at_zero = single(field.at("degc_at_zero"));

@@ -56,7 +56,7 @@ std::vector<std::vector<char>> with_guard(const Campaign& campaign, std::vector<
       if (bad[r][i]) last = tick[i];
       if (tick[i] - last <= guard) wide[r][i] = 1;
     }
-    last = 1L << 60;
+    last = tick.empty() ? 0 : tick.back() + 10 * guard;
     for (size_t i = bad[r].size(); i-- > 0;) {
       if (bad[r][i]) last = tick[i];
       if (last - tick[i] <= guard) wide[r][i] = 1;

@@ -51,7 +51,9 @@ Json campaign_identity(const CampaignOptions& o) {
 }
 
 CampaignOptions options_from_identity(const JsonField& identity) {
-  const auto whole = [&](const char* name) { return static_cast<uint64_t>(identity.at(name).integer(0, 1L << 53)); };
+  const auto whole = [&](const char* name) {
+    return static_cast<uint64_t>(identity.at(name).integer(0, INT64_C(1) << 53));
+  };
   CampaignOptions o;
   o.seed = whole("seed");
   o.model = model_from_json(identity.at("model"));

@@ -189,7 +189,7 @@ static void score_test(const CampaignPlan& plan, uint64_t run, const Calibration
 
 void score_runs(const CampaignPlan& plan, uint64_t first_run, uint64_t n, Tally* tally) {
   const std::vector<CalibrationTest> tests = calibrate_runs(plan, first_run, n);
-  for (uint64_t i = 0; i < n; ++i) score_test(plan, first_run + i, tests[i], tally);
+  for (size_t i = 0; i < tests.size(); ++i) score_test(plan, first_run + i, tests[i], tally);
 }
 
 } // namespace imucal

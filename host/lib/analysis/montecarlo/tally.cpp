@@ -169,7 +169,7 @@ Tally Tally::from_json(const JsonField& field) {
       }
   for (const auto& item : counts.json().items())
     for (const JsonField& n : counts.at(item.key()).elements())
-      tally.counts_[item.key()].push_back(n.integer(0, 1L << 52));
+      tally.counts_[item.key()].push_back(n.integer(0, INT64_C(1) << 52));
   for (const auto& item : maxima.json().items()) tally.highest_[item.key()] = maxima.at(item.key()).numbers();
   return tally;
 }

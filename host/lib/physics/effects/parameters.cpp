@@ -39,7 +39,7 @@ std::vector<StepValue> read_steps(const EffectParameter& parameter, const JsonFi
   for (const JsonField& step : field.elements()) {
     step.only({"log", "t_s", "amplitude_dph"});
     StepValue value;
-    value.log = step.at("log").integer(0, 1000000);
+    value.log = static_cast<long>(step.at("log").integer(0, 1000000));
     value.t_s = step.at("t_s").number(0.0, 1e9);
     value.amplitude_dph.value = step.at("amplitude_dph").number(parameter.lo, parameter.hi);
     steps.push_back(value);
