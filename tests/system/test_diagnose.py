@@ -171,6 +171,18 @@ def test_no_temperature_gaps_and_a_single_log(lab):
     assert not named & {"thermal_hysteresis", "temperature_rate", "thermal_lag"}
 
 
+def test_rows_may_be_any_regular_step_apart(lab):
+    text = Path(lab.logs("step", [], n=1)[0]).read_text()
+    for step_s in (0.5, 5, 20):
+        rows = [line.split(",") for line in text.splitlines()]
+        slow = "\n".join(",".join([f"{float(cells[0]) * step_s:g}", *cells[1:]]) if cells[0][0].isdigit() else ",".join(cells)
+                         for cells in rows)
+        (axis,) = lab.run([lab.write(f"step_{step_s}.csv", slow + "\n")])["axes"]
+        taus = axis["plots"]["dp2"]["tau_s"]
+        assert taus == sorted(set(taus)) and taus[0] >= step_s
+        assert all(tau / step_s == pytest.approx(round(tau / step_s), abs=1e-9) for tau in taus)
+
+
 def test_wrong_input_is_refused_or_warned_of(lab):
     logs = lab.logs("wrong", [], n=2)
     lab.run([logs[0], logs[0]], code=3)

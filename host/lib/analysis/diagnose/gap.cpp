@@ -19,6 +19,7 @@ constexpr double kNoiseInDoubt = 0.5; // part of what counts as noise that may b
 constexpr double kOverlap = 1e-9;
 
 // DP2 of a residual path: error of the mean over the next n samples, predicted by the nominal model's filter.
+// Each tau is a whole number of steps dt, at least one.
 std::vector<double> dp2(const std::vector<VectorXd>& paths, const NoiseModel& nominal, double dt_s,
                         const std::vector<double>& tau_s) {
   const double phi = nominal.markov.empty() ? 0 : nominal.markov[0].phi(dt_s);
@@ -314,7 +315,10 @@ void compare_dp2(const Campaign& seconds, const NoiseModel& nominal, const Noise
   double shortest = 1e300;
   for (const CampaignRun& run : seconds.runs)
     shortest = std::min(shortest, static_cast<double>(run.n()) * seconds.dt_s);
-  for (double tau = 2; tau <= shortest / 4; tau *= 1.6) gap->dp2_tau_s.push_back(std::round(tau));
+  for (double tau = std::max(2.0, seconds.dt_s); tau <= shortest / 4; tau *= 1.6) {
+    const double whole = seconds.dt_s * std::round(tau / seconds.dt_s);
+    if (gap->dp2_tau_s.empty() || whole > gap->dp2_tau_s.back()) gap->dp2_tau_s.push_back(whole);
+  }
   const auto curve_of = [&](const NoiseModel& noise) {
     std::vector<double> square(gap->dp2_tau_s.size(), 0.0);
     constexpr int kDraws = 2;
