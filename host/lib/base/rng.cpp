@@ -119,7 +119,10 @@ void Rng::normals(uint32_t first, size_t n, double* out, size_t stride) const {
     double even[kSide], odd[kSide];
     make(key_, counter_, pair, even, odd);
     const size_t from = std::max<size_t>(first, 2 * pair), to = std::min(end, 2 * (pair + kSide));
-    for (size_t k = from; k < to; ++k) out[(k - first) * stride] = (k & 1 ? odd : even)[k / 2 - pair];
+    for (size_t k = from; k < to; ++k) {
+      const double* half = k & 1 ? odd : even;
+      out[(k - first) * stride] = half[k / 2 - pair];
+    }
   }
 }
 

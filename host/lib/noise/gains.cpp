@@ -135,7 +135,7 @@ private:
     set_row(k, row);
     const bool is_even = k > 0 && k + 1 < times_.n && times_.seconds(k) == times_.seconds(k + 1);
     predict(k);
-    std::copy_n(phi_, n(), &out_.phi[row * n()]);
+    std::copy_n(phi_, n(), out_.phi.data() + row * n());
     is_settled_ = states_.is_constant() && is_even && settling_.is_settled(out_, row, step_s_);
     return k + 1;
   }
