@@ -65,41 +65,6 @@ private:
   double sum_ = 0, product_ = 1;
 };
 
-// Covariance of the states, predicted to the next sample.  M: their number where the compiler may know it, else 0.
-template <size_t M> class Covariance {
-public:
-  explicit Covariance(const NoiseStates& states) : n_(states.size()) {
-    for (size_t i = 0; i < n(); ++i)
-      for (size_t j = 0; j < n(); ++j) p_[i * n() + j] = i == j ? states.start_dph2(i) : 0.0;
-  }
-  // The covariance times a vector of ones goes to `cross`; returns the variance of the sum of the states.
-  double spread(double* cross) const {
-    double sum = 0;
-    for (size_t i = 0; i < n(); ++i) {
-      cross[i] = 0;
-      for (size_t j = 0; j < n(); ++j) cross[i] += p_[i * n() + j];
-      sum += cross[i];
-    }
-    return sum;
-  }
-  void update(const double* cross, double weight) {
-    for (size_t i = 0; i < n(); ++i)
-      for (size_t j = 0; j < n(); ++j) p_[i * n() + j] -= cross[i] * weight * cross[j];
-  }
-  void predict(const double* phi, const double* q) {
-    for (size_t i = 0; i < n(); ++i) {
-      for (size_t j = 0; j < n(); ++j) p_[i * n() + j] *= phi[i] * phi[j];
-      p_[i * n() + i] += q[i];
-    }
-  }
-
-private:
-  size_t n() const { return M ? M : n_; }
-
-  size_t n_;
-  double p_[M ? M * M : kMostStates * kMostStates];
-};
-
 template <size_t M> class GainRun {
 public:
   GainRun(const SampleTimes& times, const NoiseModel& noise, const NoiseStates& states)

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Inside the noise room: the state-space form of a noise model and the Gaussian belief about its states.
 #pragma once
+#include <array>
+#include <type_traits>
 #include <vector>
 
 #include "noise/gains.h"
@@ -30,17 +32,54 @@ private:
   size_t n_;
 };
 
-// Mean and covariance of the states, predicted to the next sample.  Order of calls for each sample: spread,
-// update, predict.
+// Covariance of the states, predicted to the next sample.  Order of calls for each sample: spread, update, predict.
+// M: the number of states where the compiler may know it, else 0.
+template <size_t M> class Covariance {
+public:
+  explicit Covariance(const NoiseStates& states) : n_(states.size()) {
+    if constexpr (M == 0) p_.resize(n_ * n_);
+    for (size_t i = 0; i < n(); ++i)
+      for (size_t j = 0; j < n(); ++j) p_[i * n() + j] = i == j ? states.start_dph2(i) : 0.0;
+  }
+  // The covariance times a vector of ones goes to `cross`; returns the variance of the sum of the states.
+  double spread(double* cross) const {
+    double sum = 0;
+    for (size_t i = 0; i < n(); ++i) {
+      cross[i] = 0;
+      for (size_t j = 0; j < n(); ++j) cross[i] += p_[i * n() + j];
+      sum += cross[i];
+    }
+    return sum;
+  }
+  // -= cross cross' weight.  Gaussian: weight = 1/s.
+  void update(const double* cross, double weight) {
+    for (size_t i = 0; i < n(); ++i)
+      for (size_t j = 0; j < n(); ++j) p_[i * n() + j] -= cross[i] * weight * cross[j];
+  }
+  void predict(const double* phi, const double* q) {
+    for (size_t i = 0; i < n(); ++i) {
+      for (size_t j = 0; j < n(); ++j) p_[i * n() + j] *= phi[i] * phi[j];
+      p_[i * n() + i] += q[i];
+    }
+  }
+  double& at(size_t i, size_t j) { return p_[i * n() + j]; }
+  double at(size_t i, size_t j) const { return p_[i * n() + j]; }
+
+private:
+  size_t n() const { return M ? M : n_; }
+
+  size_t n_;
+  std::conditional_t<M == 0, std::vector<double>, std::array<double, M * M>> p_;
+};
+
+// Mean and covariance of the states; calls in the order of Covariance.
 class Belief {
 public:
   explicit Belief(const NoiseStates& states);
   // Variance of the sum of the states.
-  double spread();
+  double spread() { return covariance_.spread(cross_.data()); }
   double mean() const;
-  // The covariance times a vector of ones; `spread` computes it.
-  const std::vector<double>& cross() const { return cross_; }
-  // mean += cross score, covariance -= cross cross' weight.  Gaussian: score = innovation/s, weight = 1/s.
+  // mean += cross score, covariance -= cross cross' weight, cross as `spread` left it.  Gaussian: score = innovation/s.
   void update(double score, double weight);
   void predict(const double* phi, const double* q);
   // Takes the mean and covariance of a mixture: the part `share` of b and the rest of a.
@@ -48,7 +87,8 @@ public:
 
 private:
   size_t n_;
-  std::vector<double> mean_, covariance_, cross_;
+  std::vector<double> mean_, cross_;
+  Covariance<0> covariance_;
 };
 
 } // namespace imucal
