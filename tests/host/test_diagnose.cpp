@@ -424,6 +424,16 @@ static void test_a_line_that_drifts_with_temperature_is_found_as_one(void**) {
   assert_true(strongest_line(campaign, nothing, true).gain_nats < 28);
 }
 
+static void test_a_strong_line_in_many_logs_has_a_finite_gain(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 1; seed <= 80; ++seed) logs.push_back(simulated_log(seed, 600, false, 0));
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const Line line = strongest_line(campaign, innovations_with_tone(campaign, 10, 0.11, 0), false);
+  assert_near(line.hz, 0.11, 2.0 / 1024);
+  assert_true(std::isfinite(line.gain_nats) &&
+              line.gain_nats > 1e4); // less than n A^2 / 4: its own leakage is around it
+}
+
 // Logs of one kind: what a tone gains in each of them adds up, and the largest of nothing stays where theory has it:
 // ln(number of frequencies) + 0.58, whatever the number of logs.
 static void test_lines_of_several_logs_add_up(void**) {
@@ -727,6 +737,7 @@ int main() {
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),
       cmocka_unit_test(test_gram_of_wide_columns_is_that_of_whitened_ones),
       cmocka_unit_test(test_a_line_that_drifts_with_temperature_is_found_as_one),
+      cmocka_unit_test(test_a_strong_line_in_many_logs_has_a_finite_gain),
       cmocka_unit_test(test_lines_of_several_logs_add_up),
       cmocka_unit_test(test_gains_run_by_run_are_those_of_each_run),
       cmocka_unit_test(test_sudden_changes_show_in_smoothed_moments_and_noise_does_not),

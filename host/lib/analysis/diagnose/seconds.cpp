@@ -287,12 +287,12 @@ private:
 // -ln P(power > x) where `runs` runs give exponential powers of mean 1: the sum's distribution is Gamma(runs), and
 // P = exp(-x) (1 + x + .. + x^(runs - 1)/(runs - 1)!).  One run: x itself.  Never more than x.
 double gain_of_power(double x, size_t runs) {
-  double term = 1, sum = 1;
+  double log_term = 0, log_sum = 0; // many logs with a strong line: the terms themselves would leave the range
   for (size_t k = 1; k < runs; ++k) {
-    term *= x / static_cast<double>(k);
-    sum += term;
+    log_term += std::log(x / static_cast<double>(k));
+    log_sum = std::max(log_sum, log_term) + std::log1p(std::exp(-std::abs(log_sum - log_term)));
   }
-  return x - std::log(sum);
+  return x - log_sum;
 }
 
 // A line stands out of the mean of its surroundings.  power: summed over the runs; white noise has 1 in each.
