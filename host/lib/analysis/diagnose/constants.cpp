@@ -49,7 +49,7 @@ std::vector<SelectorConstant> of_selection() {
       {"least_held_out_nats", &C::least_held_out_nats, "what a name must gain on data that were not fitted",
        "at 2: 336 true names kept, 14 of 55 false ones removed; half of it", false},
       {"predicted_part", &C::predicted_part,
-       "part of its gain that a name must have again on logs that were not fitted",
+       "part of its gain, or of what logs that were not fitted can show of it, that a name must have there",
        "a repeatable cause: 0.3 to 4 (development cases); one that does not come back: 0.1 and less", true},
       {"undecided_nats", &C::undecided_nats, "how much less a repeatable cause may gain than slow noise and stay open",
        "odds of 50 to 1", false},
