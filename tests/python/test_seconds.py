@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imucal import seconds, still
 from imucal.seconds import cut_seconds, in_order, keep_in_order, nominal_rate_hz, unwrap
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -88,3 +89,36 @@ def test_times_in_order_each_once():
     t = np.array([5, 7, 7, 3, 9, -2, 9], np.int64)
     assert in_order(t).tolist() == [-2, 3, 5, 7, 9] and in_order(t[:0]).tolist() == [] and in_order(t[:1]).tolist() == [5]
     assert nominal_rate_hz(np.sort(np.concatenate([1_000_000 * np.repeat(np.arange(9), 50) + np.tile(np.arange(50) * 2000, 9)]))) == 50
+
+
+def awkward_times(rng):
+    """Increasing times with jitter, gaps and bursts."""
+    steps = rng.choice([1, 900, 10_000, 10_001, 33_000, 2_500_000], int(rng.integers(2, 3000)), p=[0.1, 0.2, 0.4, 0.2, 0.09, 0.01])
+    return np.cumsum(steps).astype(np.int64) + int(rng.integers(0, 3_000_000))
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_compiled_part_finds_what_numpy_finds(seed, monkeypatch):
+    core = pytest.importorskip("imucal._core")
+    rng = np.random.default_rng(seed)
+    t_us = awkward_times(rng)
+    values = rng.normal(1e4, 3.0, (len(t_us), 3))
+    cut = cut_seconds(t_us, 100)
+    width = int(rng.choice([1, 3, 61]))
+    mean, std = cut.mean_and_std(values)
+    medians, rate = still.running_median(np.round(values), width), nominal_rate_hz(t_us)
+    np.testing.assert_allclose(mean, cut.mean(values), rtol=1e-13)  # the order of the sums may differ
+    assert core.steps_and_counts(t_us)[1].sum() == len(t_us)
+    monkeypatch.setattr(seconds, "_core", None)
+    monkeypatch.setattr(still, "_core", None)
+    np.testing.assert_allclose(std, cut.mean_and_std(values)[1], rtol=1e-9, atol=1e-11)
+    np.testing.assert_array_equal(medians, still.running_median(np.round(values), width))
+    assert rate == nominal_rate_hz(t_us)
+
+
+def test_times_that_do_not_increase_and_wrong_seconds_are_refused_by_the_compiled_part():
+    core = pytest.importorskip("imucal._core")
+    assert core.steps_and_counts(np.array([1, 3, 3])) is None and core.steps_and_counts(np.array([-1, 3])) is None
+    for first, n in ((-1, 1), (0, 0), (3, 2), (5, 1)):
+        with pytest.raises(ValueError):
+            core.spread_of_seconds(np.zeros((4, 2)), np.array([first]), np.array([n]))

@@ -8,11 +8,13 @@ import tempfile
 
 import numpy as np
 
+from .ahead import ahead
 from .cli import common_options, finish_json, parser_of
 from .errors import DataError
 from .firstlook import lattice_of, look_at_axis
 from .importers import Options, detect, import_log
 from .log import read_log, write_log
+from .plot import add_likelihood, light_axes, load, look_page, save_page
 from .programs import find
 
 
@@ -197,6 +199,7 @@ def run(arguments):
 
 
 def _look(given):
+    matplotlib_is_there = ahead(load)  # takes as long as reading the log
     log, imported = _load(given)
     axes = _axes(log, given.axis)
     if len(log.t_s) < 100:
@@ -205,14 +208,13 @@ def _look(given):
     likelihood = Likelihood(given.file, log, [] if given.no_ml else axes, given.order, imported)
     try:
         looks = [look_at_axis(log, axis, given.order) for axis in axes]
-        from .plot import look_page
+        matplotlib_is_there()
         figure = look_page(log, looks)
         for look in looks:
             look.ml = likelihood.read(look.axis)
     finally:
         likelihood.close()
     lines = text_lines(given, log, looks, imported)
-    from .plot import add_likelihood, light_axes, save_page
     add_likelihood(figure, looks)
     light_axes(figure)
     save_page(figure, output, os.path.basename(given.file), lines)

@@ -9,6 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+try:
+    from . import _core  # does the same without large arrays in between
+except ImportError:
+    _core = None
+
 FLAG_MISSING = 2
 _US = 1_000_000
 
@@ -44,12 +49,14 @@ class Seconds:
         count = np.add.reduceat(finite.astype(np.int64), self.first)
         return np.divide(sums, count, out=np.full(len(sums), np.nan), where=count > 0)
 
-    def std(self, values):
-        """Sample standard deviations within the seconds (0 for a second of one sample)."""
-        values = np.asarray(values, np.float64)
-        deviation = values - np.repeat(self.mean(values), self.n, axis=0)
-        n = self.n if values.ndim == 1 else self.n[:, None]
-        return np.sqrt(np.add.reduceat(deviation * deviation, self.first, axis=0) / np.maximum(n - 1, 1))
+    def mean_and_std(self, values):
+        """Means, and sample standard deviations within the seconds (0 for a second of one sample); values (m, k)."""
+        values = np.ascontiguousarray(values, np.float64)
+        if _core:
+            return _core.spread_of_seconds(values, self.first.astype(np.int64), self.n.astype(np.int64))
+        mean = self.mean(values)
+        deviation = values - np.repeat(mean, self.n, axis=0)
+        return mean, np.sqrt(np.add.reduceat(deviation * deviation, self.first, axis=0) / np.maximum(self.n - 1, 1)[:, None])
 
     def mean_of_counts(self, counts, scale):
         """Means of int32 counts in a unit, with the core's rounding bit for bit (2^-16 count, then float32)."""
@@ -93,8 +100,9 @@ def nominal_rate_hz(t_us):
     """Samples per second: the median number in a second that has any; robust against gaps, jitter and bursts."""
     if len(t_us) < 2:
         return 1.0
-    counts = _run_lengths(in_order(t_us) // _US)
-    by_step = _US / float(np.median(np.diff(t_us)))
+    found = _core.steps_and_counts(np.ascontiguousarray(t_us, np.int64)) if _core else None
+    step, counts = found or (float(np.median(np.diff(t_us))), _run_lengths(in_order(t_us) // _US))
+    by_step = _US / step
     inner = counts[1:-1]
     if len(inner) < 3 or by_step < 2:
         return by_step

@@ -15,12 +15,16 @@
 #include "io/json_file.h"
 #include "io/model.h"
 #include "kf.h"
+#include "number_table.h"
+#include "seconds.h"
 #include "ulog_split.h"
 
 namespace nb = nanobind;
 using namespace imucal;
 using Bytes = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Array = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Indices = nb::ndarray<const int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 namespace {
 
@@ -40,6 +44,7 @@ void check_signals() {
   if (PyErr_CheckSignals() != 0) throw nb::python_error();
 }
 
+constexpr int kThreads = 2;                            // of reading: what a small machine has
 constexpr char kLog[] = "array", kAxis[] = "rate_dph"; // what messages name
 constexpr long kCachedSize = 16384;                    // samples whose running sums stay in the cache
 constexpr long kPieceWindows = 100000000;              // some tenths of a second
@@ -124,10 +129,80 @@ nb::object split_ulog(const Bytes& file, const std::vector<std::string>& topics)
   }
   if (!split.is_simple) return nb::none();
   nb::dict blocks;
-  for (const auto& [id, block] : split.blocks)
-    if (!block.bytes.empty())
-      blocks[nb::int_(id)] = nb::make_tuple(block.record_bytes, nb::bytes(block.bytes.data(), block.bytes.size()));
+  for (auto& [id, block] : split.blocks) {
+    if (block.bytes.empty()) continue;
+    auto* const bytes = new std::vector<uint8_t>(std::move(block.bytes));
+    const nb::capsule owner(bytes, [](void* p) noexcept { delete static_cast<std::vector<uint8_t>*>(p); });
+    const nb::ndarray<nb::numpy, uint8_t, nb::ndim<1>> records(bytes->data(), {bytes->size()}, owner);
+    blocks[nb::int_(id)] = nb::make_tuple(block.record_bytes, records);
+  }
   return nb::make_tuple(nb::bytes(split.rest.data(), split.rest.size()), blocks);
+}
+
+// An array that numpy owns from now on.
+template <typename T> nb::ndarray<nb::numpy, T> take_over(std::unique_ptr<T[]> values, std::vector<size_t> shape) {
+  T* const data = values.release();
+  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  return nb::ndarray<nb::numpy, T>(data, shape.size(), shape.data(), owner);
+}
+
+// One array per column: (bits, whether they are int64, else float64); None where the text is no table of plain numbers.
+nb::object read_numbers(const Bytes& text, size_t begin, size_t end, const std::string& delimiter, size_t n_columns) {
+  if (begin > end || end > text.shape(0) || delimiter.size() != 1) throw nb::value_error("no such part of the text");
+  NumberTable table;
+  {
+    nb::gil_scoped_release free;
+    const char* const data = reinterpret_cast<const char*>(text.data());
+    table = NumberTableReader(data + begin, end - begin, delimiter[0], n_columns, kThreads).read();
+  }
+  if (table.columns.empty()) return nb::none();
+  nb::list columns;
+  for (NumberColumn& column : table.columns)
+    columns.append(nb::make_tuple(take_over(std::move(column.values), {table.n_rows}), column.is_whole));
+  return std::move(columns);
+}
+
+// (means, standard deviations), each of shape (seconds, columns): spread.h.
+nb::object spread_of_seconds(const Table& values, const Indices& first, const Indices& n) {
+  const size_t m = first.shape(0), k = values.shape(1), rows = values.shape(0);
+  if (n.shape(0) != m) throw nb::value_error("first and n differ in length");
+  for (size_t s = 0; s < m; ++s)
+    if (first.data()[s] < 0 || n.data()[s] < 1 || static_cast<size_t>(first.data()[s] + n.data()[s]) > rows)
+      throw nb::value_error("a second lies outside of the samples");
+  std::unique_ptr<double[]> mean(new double[m * k]), deviation(new double[m * k]);
+  {
+    nb::gil_scoped_release free;
+    for (size_t s = 0; s < m; ++s)
+      spread_of(values.data() + static_cast<size_t>(first.data()[s]) * k, n.data()[s], k, &mean[s * k],
+                &deviation[s * k]);
+  }
+  return nb::make_tuple(take_over(std::move(mean), {m, k}), take_over(std::move(deviation), {m, k}));
+}
+
+// (median step, samples in each second that has any) of increasing times in us; None where they do not increase.
+nb::object steps_and_counts(const Indices& t_us) {
+  std::vector<int64_t> counts;
+  double step = 0;
+  bool is_increasing = false;
+  {
+    nb::gil_scoped_release free;
+    is_increasing = t_us.shape(0) >= 2 && find_steps(t_us.data(), t_us.shape(0), &step, &counts);
+  }
+  if (!is_increasing) return nb::none();
+  std::unique_ptr<int64_t[]> copy(new int64_t[counts.size()]);
+  std::copy(counts.begin(), counts.end(), copy.get());
+  return nb::make_tuple(step, take_over(std::move(copy), {counts.size()}));
+}
+
+// Medians of a centred window of 2 half + 1 rows, the first and the last row repeated beyond the ends; values finite.
+nb::object running_median(const Table& values, size_t half) {
+  const size_t n = values.shape(0), k = values.shape(1);
+  std::unique_ptr<double[]> medians(new double[n * k]);
+  {
+    nb::gil_scoped_release free;
+    for (size_t c = 0; c < k; ++c) median_of_windows(values.data() + c, n, k, half, &medians[c]);
+  }
+  return nb::cast(take_over(std::move(medians), {n, k}));
 }
 
 // imucal_kf_t with exceptions for refused configurations.
@@ -208,6 +283,11 @@ NB_MODULE(_core, m) {
         nb::arg("estimator"), nb::arg("nominal").none(), nb::arg("estimation_s"), nb::arg("detrend"),
         nb::arg("min_fill"), nb::arg("with_intervals"));
   m.def("split_ulog", &split_ulog, nb::arg("file"), nb::arg("topics"));
+  m.def("read_numbers", &read_numbers, nb::arg("text"), nb::arg("begin"), nb::arg("end"), nb::arg("delimiter"),
+        nb::arg("n_columns"));
+  m.def("steps_and_counts", &steps_and_counts, nb::arg("t_us"));
+  m.def("running_median", &running_median, nb::arg("values"), nb::arg("half"));
+  m.def("spread_of_seconds", &spread_of_seconds, nb::arg("values"), nb::arg("first"), nb::arg("n"));
   nb::class_<Filter>(m, "Filter")
       .def(nb::init<int, double, double, double, double, double, double, double>())
       .def("update", &Filter::update)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Splits a PX4 ULog: the data messages of some topics, which are nearly all of its bytes, go to one block for each message
 // id; everything else, in its order, stays a small ULog that a parser of the whole format reads.  The first data message
-// of each id stays there too, so that this parser judges topic, format and size.
+// of each id stands in both, so that this parser judges topic, format and size.
 // Source: PX4 user guide, "ULog file format": a header of 16 bytes, then messages of length (two bytes, little endian), type, content.
 #pragma once
 #include <cstdint>
@@ -80,14 +80,11 @@ private:
     const auto found = out_.blocks.find(content[0] + 256 * content[1]);
     if (found == out_.blocks.end()) return What::kStop;
     UlogBlock& block = found->second;
-    if (!block.has_first) {
-      block.has_first = true;
-      block.record_bytes = length - 2;
-      return What::kKeep;
-    }
+    const bool is_first = !block.has_first;
+    if (is_first) block.has_first = true, block.record_bytes = length - 2;
     if (block.record_bytes != length - 2) return What::kStop;
     if (block.is_wanted) block.bytes.insert(block.bytes.end(), content + 2, content + length);
-    return What::kDrop;
+    return is_first ? What::kKeep : What::kDrop;
   }
 
   const uint8_t* data_;

@@ -8,6 +8,7 @@ import importlib
 import os
 from dataclasses import dataclass
 
+from ..ahead import ahead
 from ..errors import DataError
 from ..ingest import Imported, describe, to_log
 from ..version import VERSION
@@ -149,11 +150,12 @@ def import_log(path, options=None, **settings):
     DataError : what was found, what is missing, the command that helps
     """
     options = options or Options(**settings)
+    sha256_of_file = ahead(file_sha256, path)
     name, streams = open_file(path, options)
     sensors = [describe(s) for s in streams]
     stream = _choose(path, streams, options.instance)
     log, counts = to_log(os.fspath(path), stream, options.rate_hz, options.temperature, options.keep_moving)
-    sha256 = file_sha256(path)
+    sha256 = sha256_of_file()
     log.metadata = {"source": os.path.basename(os.path.normpath(path)), "source_format": name, "source_sha256": sha256,
                     "imported_by": f"imucal {VERSION}", "sensor": f"{stream.instance} {stream.name}", **log.metadata,
                     "seconds_moving_left_out": counts["moving_seconds"], "seconds_missing": counts["gap_seconds"]}

@@ -6,6 +6,7 @@ that PX4 has corrected (CAL_GYROn_*OFF and TC_G*): they serve as a fallback and 
 Source: PX4 user guide, "ULog file format"; msg/SensorGyro.msg, msg/SensorCombined.msg.
 """
 import io
+import mmap
 import os
 
 import numpy as np
@@ -102,18 +103,18 @@ def _split(path):
         from .. import _core
     except ImportError:
         return None
-    data = np.fromfile(path, np.uint8)
-    return _core.split_ulog(data, [GYRO, ACCEL, COMBINED])
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        return _core.split_ulog(np.frombuffer(data, np.uint8), [GYRO, ACCEL, COMBINED])
 
 
 def _records(topic, block):
-    """All records of a topic: the first as pyulog read it, those split off, and what pyulog found behind them."""
+    """All records of a topic: those split off, of which pyulog read the first too, and what pyulog found behind them."""
     record_bytes, raw = block
     offsets = np.cumsum([0] + [np.dtype(_TYPES[f.type_str]).itemsize for f in topic.field_data])
     layout = np.dtype({"names": [f.field_name for f in topic.field_data], "formats": [_TYPES[f.type_str] for f in topic.field_data],
                        "offsets": offsets[:-1].tolist(), "itemsize": record_bytes})
     rows = np.frombuffer(raw, layout)
-    return {name: np.concatenate([values[:1], rows[name], values[1:]]) for name, values in topic.data.items()}
+    return {name: rows[name] if len(values) == 1 else np.concatenate([rows[name], values[1:]]) for name, values in topic.data.items()}
 
 
 def _parse(pyulog, source):

@@ -9,7 +9,7 @@ import importlib
 import io
 import os
 import sys
-import warnings
+import types
 
 import numpy as np
 
@@ -20,18 +20,21 @@ RISING, FALLING, SOAK, LINE = "#c8502d", "#2b6cb0", "#7a8794", "#1d3557"
 _MAX_POINTS = 1500
 
 
-def _without_what_no_page_needs():
-    """Load matplotlib's parts without its three-dimensional axes and without the text of every artist's set(): that text alone
-    is a third of the time of the import.  Who has matplotlib loaded already keeps his own."""
+def load():
+    """Load matplotlib; the first figure does, who likes may before.
+
+    Its parts come without its three-dimensional axes and without the text of every artist's set(): that text alone is a third of
+    the time of the import.  Who has matplotlib loaded already keeps his own."""
     if "matplotlib.figure" in sys.modules:
         return
     import matplotlib.artist
     words, matplotlib.artist.kwdoc = matplotlib.artist.kwdoc, lambda artist: ""
-    no_3d = sys.modules.setdefault("mpl_toolkits.mplot3d", None) is None
+    empty = types.ModuleType("mpl_toolkits.mplot3d")
+    empty.Axes3D = None  # how matplotlib itself says that there are none
+    no_3d = sys.modules.setdefault("mpl_toolkits.mplot3d", empty) is empty
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that there are no three-dimensional axes
-            importlib.import_module("matplotlib.figure")
+        importlib.import_module("matplotlib.figure")
+        importlib.import_module("matplotlib.backends.backend_agg")
     finally:
         matplotlib.artist.kwdoc = words
         if no_3d:
@@ -40,7 +43,7 @@ def _without_what_no_page_needs():
 
 def new_figure(width_in, height_in, dpi=80):
     """A figure that draws without a screen."""
-    _without_what_no_page_needs()
+    load()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     figure = Figure(figsize=(width_in, height_in), dpi=dpi, facecolor="white")
@@ -50,7 +53,7 @@ def new_figure(width_in, height_in, dpi=80):
 
 def subplots(rows=1, columns=1, *, size=None, layout=None, dpi=None, **axes):
     """(figure, axes) as pyplot's subplots gives them, without pyplot; size in inches."""
-    _without_what_no_page_needs()
+    load()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     figure = Figure(figsize=size, layout=layout, dpi=dpi)
