@@ -11,6 +11,7 @@
 #include <string>
 
 #include "analysis/profile/optimize.h"
+#include "analysis/profile/schedule.h"
 #include "base/error.h"
 #include "io/json_file.h"
 extern "C" {
@@ -86,6 +87,24 @@ static void test_optimize_keeps_different_rates_and_soak_limits(void**) {
   request.limits.max_soak_s = 100;
   request.duration_s = 6000;
   assert_keeps_limits(optimize_profile(request), request);
+}
+
+// Soaks that become one must not be longer than the chamber's longest; what they lose goes to a ramp, not off the end.
+static void test_rounded_keeps_the_duration_where_soaks_may_not_grow(void**) {
+  Profile p;
+  p.segments = {{0, 100, 0},  {0.9, 0, 30}, {0, 70, 30},      {0.9, 0, 30.001}, {0, 60, 30.001},
+                {0.9, 0, 50}, {0, 60, 50},  {0.9, 0, 50.002}, {0, 46.3, 50.002}};
+  const double duration_s = legs(p).back().end_s;
+  const Profile kept = rounded(p, duration_s, 100);
+  const auto all = legs(kept);
+  assert_float_equal(all.back().end_s, duration_s, 0.5);
+  assert_int_equal(all.size(), 5);
+  for (const ProfileLeg& leg : all) {
+    if (leg.end_degc == leg.start_degc)
+      assert_true(leg.end_s - leg.start_s <= 100 + 1e-9);
+    else
+      assert_true(60 * (leg.end_degc - leg.start_degc) / (leg.end_s - leg.start_s) <= 0.9 + 1e-9);
+  }
 }
 
 static void test_optimize_rms_objective_is_better_in_rms(void**) {
@@ -236,6 +255,7 @@ int main() {
   const CMUnitTest tests[] = {
       cmocka_unit_test(test_optimize_reaches_known_figures_and_the_bound),
       cmocka_unit_test(test_optimize_keeps_different_rates_and_soak_limits),
+      cmocka_unit_test(test_rounded_keeps_the_duration_where_soaks_may_not_grow),
       cmocka_unit_test(test_optimize_rms_objective_is_better_in_rms),
       cmocka_unit_test(test_optimize_is_deterministic_for_a_seed),
       cmocka_unit_test(test_optimize_shortest_duration_for_an_error),

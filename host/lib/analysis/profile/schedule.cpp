@@ -237,6 +237,18 @@ static void append_merged(const ProfileSegment& s, std::vector<ProfileSegment>* 
   out->push_back(s);
 }
 
+// What no soak may take: the longest ramp goes slower, which every chamber can.
+static void slow_longest_ramp(double rest_s, std::vector<ProfileSegment>* segments) {
+  ProfileSegment* longest = nullptr;
+  for (ProfileSegment& s : *segments)
+    if (s.rate_degc_per_min != 0 && (!longest || s.duration_s > longest->duration_s)) longest = &s;
+  if (!longest) return;
+  const double range_degc = std::abs(longest->rate_degc_per_min) * longest->duration_s / 60;
+  const double rate = std::ceil(range_degc / (longest->duration_s + rest_s) * 60 * 1e6) / 1e6;
+  longest->rate_degc_per_min = std::copysign(rate, longest->rate_degc_per_min);
+  longest->duration_s = range_degc / rate * 60;
+}
+
 Profile rounded(const Profile& profile, double duration_s, double max_soak_s) {
   Profile out;
   out.start_degc = std::round(profile.start_degc * 100) / 100;
@@ -261,14 +273,18 @@ Profile rounded(const Profile& profile, double duration_s, double max_soak_s) {
   for (ProfileSegment& s : out.segments) {
     if (s.rate_degc_per_min == 0) {
       s.duration_s = std::floor(s.duration_s + 1e-6);
+      if (max_soak_s > 0) s.duration_s = std::min(s.duration_s, max_soak_s); // two that became one
       if (!longest || s.duration_s > longest->duration_s) longest = &s;
     }
     total_s += s.duration_s;
   }
+  double rest_s = duration_s - total_s;
   if (longest) {
-    const double with_rest_s = std::floor((longest->duration_s + duration_s - total_s) * 10 + 1e-6) / 10;
+    const double before_s = longest->duration_s, with_rest_s = std::floor((before_s + rest_s) * 10 + 1e-6) / 10;
     longest->duration_s = std::max(1.0, max_soak_s > 0 ? std::min(with_rest_s, max_soak_s) : with_rest_s);
+    rest_s -= longest->duration_s - before_s;
   }
+  if (rest_s > 0.5) slow_longest_ramp(rest_s, &out.segments);
   return out;
 }
 

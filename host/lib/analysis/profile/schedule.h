@@ -56,8 +56,9 @@ ScheduleShape passes_shape(int passes, int interior, int passes_with_interior, b
 bool make_profile(const ScheduleShape& shape, const std::vector<double>& variables, const ChamberLimits& limits,
                   double duration_s, Profile* profile, double* excess_s);
 
-// Rounded for people and chamber controllers: temperatures to 0.01 degC, soaks to seconds (the longest takes
-// the remainder so that the duration is kept), soaks below a second dropped unless min_soak_s asks for them.
+// Rounded for people and chamber controllers: temperatures to 0.01 degC, soaks to seconds, soaks below a second
+// dropped.  So that duration_s is kept, the longest soak takes the remainder, up to max_soak_s (0: unlimited), and what is
+// left after that slows the longest ramp.
 Profile rounded(const Profile& profile, double duration_s, double max_soak_s = 0);
 
 // The paper's profile for a duration: ramps at the limit between the ends (passes of them, up first), equal
