@@ -29,8 +29,11 @@ portable-arm64: $(PORTABLE)/arm64/done
 
 # x87 registers hold more digits than a double: SSE2 keeps the bits of every other machine.  Times of 64 bits: tables carry
 # dates up to 2106.
+# A processor of 64 bits runs them itself, ten times as fast as qemu, if its kernel lets it.
+run_i386 = loader=$1/lib/i386-linux-gnu/ld-linux.so.2; if $$loader --version >/dev/null 2>&1; \
+    then echo "$$loader --library-path $1/usr/lib/i386-linux-gnu:$1/lib/i386-linux-gnu"; else echo "qemu-i386 -L $1"; fi
 portable-i386: $(PORTABLE)/i386/done
 	$(Q)$(call foreign_make,i386,i686-linux-gnu,i386-linux-gnu,-msse2 -mfpmath=sse -D_FILE_OFFSET_BITS=64 -D_TIME_BITS=64) $(addprefix $(PORTABLE)/i386/build/tests/,$(PORTABLE_SELECTED))
-	$(Q)RUN="qemu-i386 -L $(call root_of,i386)" tests/run_unit $(addprefix $(PORTABLE)/i386/build/tests/,$(PORTABLE_SELECTED))
+	$(Q)RUN="$$($(call run_i386,$(call root_of,i386)))" tests/run_unit $(addprefix $(PORTABLE)/i386/build/tests/,$(PORTABLE_SELECTED))
 
 .PHONY: portable portable-clang portable-arm64 portable-i386

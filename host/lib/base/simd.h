@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The one place that knows processors: how inner loops get the widest vectors of the machine they run on.
+// The one place that knows processors (x87.h apart): how inner loops get the widest vectors of the machine they run on.
 //
 // IMUCAL_WIDE before a function: compiled several times, the copy that fits is chosen when the program starts.
 // Where the compiler or the system cannot do that it is compiled once, for the build's own target.

@@ -61,7 +61,7 @@ static std::vector<EffectSpec> effects_from_json(const JsonField& list) {
     }
     if (const auto axis = field.find("axis"))
       effect.axis = axis->json().is_number() ? std::to_string(axis->integer(0, 1000)) : axis->text();
-    if (const auto log = field.find("log")) effect.log = log->integer(0, 1000000);
+    if (const auto log = field.find("log")) effect.log = static_cast<long>(log->integer(0, 1000000));
     effects.push_back(effect);
   }
   return effects;

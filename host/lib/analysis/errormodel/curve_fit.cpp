@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "base/quantile.h"
 #include "base/units.h"
+#include "base/x87.h"
 #include "linear/linear.h"
 
 namespace imucal {
@@ -41,6 +42,7 @@ double nelder_mead(std::vector<double>* x, const std::vector<double>& lo, const 
   nlopt_set_maxeval(opt, max_evaluations);
   for (size_t i = 0; i < x->size(); ++i) (*x)[i] = std::clamp((*x)[i], lo[i], hi[i]);
   double value = 0;
+  const RoundsToDouble rounding;
   if (nlopt_optimize(opt, x->data(), &value) < 0) value = f(*x);
   nlopt_destroy(opt);
   return value;

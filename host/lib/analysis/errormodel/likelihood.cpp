@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "base/x87.h"
 #include "linear/linear.h"
 #include "noise/gains.h"
 
@@ -133,6 +134,7 @@ public:
     nlopt_set_ftol_abs(opt, 1e-5);
     nlopt_set_maxeval(opt, static_cast<int>(80 * x->size()));
     double value = std::numeric_limits<double>::infinity();
+    const RoundsToDouble rounding;
     if (nlopt_optimize(opt, x->data(), &value) < 0 && !std::isfinite(value)) value = at(*x).deviance;
     nlopt_destroy(opt);
     return value;

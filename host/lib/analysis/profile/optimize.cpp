@@ -15,6 +15,7 @@
 #include "base/parallel.h"
 #include "base/rng.h"
 #include "base/units.h"
+#include "base/x87.h"
 #include "linear/linear.h"
 
 namespace imucal {
@@ -190,6 +191,7 @@ public:
     opt.set_maxeval(max_evaluations);
     std::vector<double> x = c->x;
     double found = 1e300;
+    const RoundsToDouble rounding;
     try {
       opt.optimize(x, found);
     } catch (const nlopt::roundoff_limited&) { // x holds the best so far
