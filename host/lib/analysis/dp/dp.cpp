@@ -48,14 +48,18 @@ IMUCAL_WIDE void second_differences(const double* p, long b, long e, long n, dou
   for (long t = b; t < e; ++t) d[t - b] = ((p[t + n] - p[t]) - (p[t] - p[t - n])) * scale;
 }
 
-// Mean over n: sum of squares at t0 = b, b + step, ... below e.
+// The same at t0 = b, b + step, ... below e.  Four chains: one addition need not wait for the one before.
 double spaced_sum_sq(const double* p, long b, long e, long n, long step) {
-  double sum = 0;
-  for (long t = b; t < e; t += step) {
+  const auto at = [p, n](long t) {
     const double d = (p[t + n] - p[t]) - (p[t] - p[t - n]);
-    sum += d * d;
-  }
-  return sum / (static_cast<double>(n) * static_cast<double>(n));
+    return d * d;
+  };
+  double sum[4] = {0, 0, 0, 0};
+  long t = b;
+  for (; t + 3 * step < e; t += 4 * step)
+    for (long l = 0; l < 4; ++l) sum[l] += at(t + l * step);
+  for (; t < e; t += step) sum[0] += at(t);
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
 // Mean of the n samples from t0 on less that of the m before, t0 in [b, e).
@@ -382,27 +386,38 @@ std::vector<DpRecord::Moments> DpRecord::moments(const std::vector<long>& n, con
   return out;
 }
 
+// Sum of squares at t0.begin, t0.begin + step, ... below t0.end.
+double DpRecord::spaced_sum_of_squares(long n, const std::vector<double>& factor, Range t0, long step) const {
+  if (step == 1) return sum_of_squares(n, factor, t0);
+  if (op_.type == DpType::kAv)
+    return spaced_sum_sq(sum_.get(), t0.begin, t0.end, n, step) / (static_cast<double>(n) * static_cast<double>(n));
+  double d = 0, sum = 0;
+  for (long t = t0.begin; t < t0.end; t += step) errors(n, factor, {t, t + 1}, &d), sum += d * d;
+  return sum;
+}
+
+// Block by block, so that the running sums stay in the cache for all n.
 std::vector<DpRecord::Moments> DpRecord::moments_of_some(const std::vector<long>& n, long per_window) const {
   if (!has_whole_windows()) return moments(n);
-  std::vector<Moments> out;
-  for (long steps : n) {
-    const long step = std::max(1L, steps / per_window);
-    const std::vector<double> factor = prediction_factors(steps);
-    double sum = 0;
-    long count = 0;
-    for (const Range& range : whole_windows(steps, 0)) {
-      count += (range.end - range.begin + step - 1) / step;
-      if (step == 1) {
-        sum += sum_of_squares(steps, factor, range);
-      } else if (op_.type == DpType::kAv) {
-        sum += spaced_sum_sq(sum_.get(), range.begin, range.end, steps, step);
-      } else {
-        double d = 0;
-        for (long t = range.begin; t < range.end; t += step) errors(steps, factor, {t, t + 1}, &d), sum += d * d;
+  std::vector<Moments> out(n.size(), Moments{{0}, {0}});
+  std::vector<std::vector<Range>> left; // of t0, for each n; what is done is taken off the front
+  std::vector<std::vector<double>> factor;
+  std::vector<size_t> at(n.size(), 0);
+  for (const long steps : n) left.push_back(whole_windows(steps, 0)), factor.push_back(prediction_factors(steps));
+  for (long b = 0; b < size_; b += kBlock)
+    for (size_t i = 0; i < n.size(); ++i) {
+      const long step = std::max(1L, n[i] / per_window);
+      for (size_t& k = at[i]; k < left[i].size() && left[i][k].begin < b + kBlock; ++k) {
+        Range& range = left[i][k];
+        const long end = std::min(b + kBlock, range.end), count = (end - range.begin + step - 1) / step;
+        out[i].sum_sq[0] += spaced_sum_of_squares(n[i], factor[i], {range.begin, end}, step);
+        out[i].count[0] += count;
+        range.begin += count * step;
+        if (range.begin < range.end) break;
       }
     }
-    out.push_back(count > 0 ? Moments{{sum}, {count}} : Moments{});
-  }
+  for (Moments& moments : out)
+    if (moments.count[0] == 0) moments = {};
   return out;
 }
 

@@ -103,6 +103,7 @@ private:
   // d of whole windows, t0 in [first, last).
   void errors(long n, const std::vector<double>& factor, Range t0, double* d) const;
   double sum_of_squares(long n, const std::vector<double>& factor, Range t0) const;
+  double spaced_sum_of_squares(long n, const std::vector<double>& factor, Range t0, long step) const;
   std::vector<double> sizes_of_some(long n, const std::vector<Range>& t0) const;
   void add_sizes(const std::vector<long>& n, std::vector<Size>* out) const;
   Size size_of_all(long n) const;

@@ -103,10 +103,10 @@ double general_square(const NoiseComponent& comp, const DpOperator& op, long n) 
 }
 
 // Eight chains side by side: an addition does not wait for the one before.
-IMUCAL_WIDE double dot(const std::vector<double>& a, const std::vector<double>& b) {
+IMUCAL_WIDE double dot(const double* a, const double* b, size_t n) {
   Lanes s0 = {0, 0, 0, 0}, s1 = s0;
   size_t i = 0;
-  for (; i + 8 <= a.size(); i += 8) {
+  for (; i + 8 <= n; i += 8) {
     Lanes a0, a1, b0, b1;
     load_lanes(&a0, &a[i]), load_lanes(&a1, &a[i + 4]);
     load_lanes(&b0, &b[i]), load_lanes(&b1, &b[i + 4]);
@@ -115,8 +115,12 @@ IMUCAL_WIDE double dot(const std::vector<double>& a, const std::vector<double>& 
   }
   const Lanes s = s0 + s1;
   double sum = (s[0] + s[1]) + (s[2] + s[3]);
-  for (; i < a.size(); ++i) sum += a[i] * b[i];
+  for (; i < n; ++i) sum += a[i] * b[i];
   return sum;
+}
+
+double dot(const std::vector<double>& a, const std::vector<double>& b) {
+  return dot(a.data(), b.data(), a.size());
 }
 
 Series with_rates(const Series& shape, const std::vector<double>& rates) {
@@ -213,6 +217,38 @@ static std::vector<long> steps_of(const std::vector<double>& tau_s, double dt_s)
   return n;
 }
 
+// G'G Q for one n: G gives the prediction errors of a record, Q are the columns that detrending removes.
+struct Adjoint {
+  std::vector<std::vector<double>> columns;
+  std::vector<double> along; // Q'G'G Q
+  size_t n_windows = 0;
+};
+
+static Adjoint adjoint_of(const std::vector<std::vector<double>>& basis, const std::vector<DpRecord>& records, long n) {
+  Adjoint out;
+  std::vector<double> d;
+  std::vector<long> t0;
+  for (const DpRecord& record : records) {
+    record.samples(n, &d, &t0);
+    out.columns.push_back(record.adjoint(n, d, t0));
+  }
+  out.n_windows = t0.size();
+  for (const auto& q : basis)
+    for (const auto& column : out.columns) out.along.push_back(dot(q, column));
+  return out;
+}
+
+// Sum over the columns of their scalar products with those of each of z, piece by piece: `columns` is read once for all.
+static std::vector<double> traces(const std::vector<std::vector<double>>& columns, const std::vector<Adjoint>& z) {
+  constexpr size_t kPiece = 1024;
+  std::vector<double> out(z.size(), 0.0);
+  for (size_t a = 0; a < columns.size(); ++a)
+    for (size_t b = 0; b < columns[a].size(); b += kPiece)
+      for (size_t k = 0; k < z.size(); ++k)
+        out[k] += dot(&columns[a][b], &z[k].columns[a][b], std::min(kPiece, columns[a].size() - b));
+  return out;
+}
+
 std::vector<double> expected_dp_dph(const ErrorModel& model, const DpOperator& op, const std::vector<double>& tau_s) {
   const auto components = noise_components(model, op.dt_s);
   std::vector<double> out;
@@ -262,22 +298,20 @@ std::vector<std::vector<double>> expected_record_squares(const std::vector<Noise
     for (size_t a = 0; a < p; ++a)
       for (size_t b = 0; b < p; ++b) qcq[c].push_back(dot(basis[a], cq[c][b]));
   }
-  std::vector<double> d, z_sum;
-  std::vector<long> t0;
-  for (size_t k = 0; k < n.size(); ++k) {
-    std::vector<std::vector<double>> z; // G'G Q
-    for (size_t a = 0; a < p; ++a) {
-      basis_records[a].samples(n[k], &d, &t0);
-      z.push_back(basis_records[a].adjoint(n[k], d, t0));
-    }
-    if (t0.empty()) continue;
-    std::vector<double> qz;
-    for (size_t a = 0; a < p; ++a)
-      for (size_t b = 0; b < p; ++b) qz.push_back(dot(basis[a], z[b]));
+  // Some n together: what is read of every component, which is the most, serves them all.
+  constexpr size_t kTogether = 8;
+  for (size_t first = 0; first < n.size(); first += kTogether) {
+    const size_t last = std::min(first + kTogether, n.size());
+    std::vector<Adjoint> z;
+    for (size_t k = first; k < last; ++k) z.push_back(adjoint_of(basis, basis_records, n[k]));
     for (size_t c : stochastic) {
-      double removed = -dot(qcq[c], qz);
-      for (size_t a = 0; a < p; ++a) removed += 2 * dot(cq[c][a], z[a]);
-      out[c][k] -= removed / static_cast<double>(t0.size());
+      const std::vector<double> trace = traces(cq[c], z);
+      for (size_t k = first; k < last; ++k) {
+        const Adjoint& at_n = z[k - first];
+        if (at_n.n_windows == 0) continue;
+        const double removed = 2 * trace[k - first] - dot(qcq[c], at_n.along);
+        out[c][k] -= removed / static_cast<double>(at_n.n_windows);
+      }
     }
   }
   return out;
