@@ -1,9 +1,6 @@
 # The STM32F405: an image for the chip, and one for QEMU's netduinoplus2 (board.h says what differs).
 
-CPU_stm32f405 := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 $(if $(HSE_HZ),-DSTM32_HSE_HZ=$(HSE_HZ)u)
-CPU_stm32f405_mpu6050 := $(CPU_stm32f405)
-CPU_stm32f405_w25q := $(CPU_stm32f405) $(if $(W25Q_BASE),-DSTM32_W25Q_BASE=$(W25Q_BASE)u)
-CPU_stm32f405_mpu6050_w25q := $(CPU_stm32f405_w25q)
+CPU_stm32f405 := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 $(if $(HSE_HZ),-DSTM32_HSE_HZ=$(HSE_HZ)u) $(if $(W25Q_BASE),-DSTM32_W25Q_BASE=$(W25Q_BASE)u)
 CPU_stm32f405_qemu := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -DSTM32_TIM_HZ=1000000000u -DWAIT_TURNS=10u
 FAST_stm32f405_comp := -O2 -fno-tree-pre
 FAST_stm32f405_sum := -O2
@@ -17,29 +14,34 @@ STM32_ICM42688P := $(STM32_CHIP) $(addprefix firmware/port/stm32f405/,board_icm4
 STM32_MPU6050 := $(STM32_CHIP) $(addprefix firmware/port/stm32f405/,board_mpu6050.c i2c.c) firmware/sensors/mpu6050.c
 STM32_QEMU := firmware/port/stm32f405/board_emulated.c firmware/port/arm/semihost.c firmware/port/arm/semihost_sim.c firmware/port/arm/semihost_bus.c $(FIRMWARE_SIM) $(FIRMWARE_BUS)
 
-# $1 image's folder in build/, $2 sources beside core and app
-define stm32_rules
+# The chip's images differ in the sources that they link: they share one folder of objects.
+# $1 folder in build/obj
+define stm32_objects
 $(BUILD)/obj/$1/%.o: %.c
 	@mkdir -p $$(@D)
 	$$(if $$(V),,@echo "  CC   $$< ($1)")
 	$$(Q)$$(CCACHE) $$(CROSS)gcc $$(CPU_$1) $$(FIRMWARE_CFLAGS) $$(if $$(filter common/%,$$<),-ffreestanding) \
 	  $$(MCU_OPTIMISE) $$(if $$(DEBUG),,$$(FAST_$1_$$(basename $$(<F)))) -fstack-usage -MMD -MP $$(FIRMWARE_CPPFLAGS) -c $$< -o $$@
+-include $(shell find $(BUILD)/obj/$1 -name '*.d' 2>/dev/null)
+endef
+$(foreach objects,stm32f405 stm32f405_qemu,$(eval $(call stm32_objects,$(objects))))
 
-$(BUILD)/firmware/$1/imucal.elf: $$(patsubst %.c,$(BUILD)/obj/$1/%.o,$$(CORE_SOURCES) $(FIRMWARE_APP) $(STM32_DRIVERS) $2) \
+# $1 image's folder in build/firmware, $2 its objects' folder, $3 sources beside core and app
+define stm32_image
+$(BUILD)/firmware/$1/imucal.elf: $$(patsubst %.c,$(BUILD)/obj/$2/%.o,$$(CORE_SOURCES) $(FIRMWARE_APP) $(STM32_DRIVERS) $3) \
   firmware/port/stm32f405/link.ld
 	@mkdir -p $$(@D)
 	$$(if $$(V),,@echo "  LINK $$@")
-	$$(Q)$$(CROSS)gcc $$(CPU_$1) -nostartfiles --specs=nano.specs -Wl,--gc-sections,--fatal-warnings,-Map=$$(@:.elf=.map) \
+	$$(Q)$$(CROSS)gcc $$(CPU_$2) -nostartfiles --specs=nano.specs -Wl,--gc-sections,--fatal-warnings,-Map=$$(@:.elf=.map) \
 	  -T firmware/port/stm32f405/link.ld $$(filter %.o,$$^) -o $$@
 	$$(Q)$$(CROSS)objcopy -O binary $$@ $$(@:.elf=.bin)
 endef
-$(eval $(call stm32_rules,stm32f405,$(STM32_ICM42688P) $(STM32_INTERNAL)))
-$(eval $(call stm32_rules,stm32f405_mpu6050,$(STM32_MPU6050) $(STM32_INTERNAL)))
-$(eval $(call stm32_rules,stm32f405_w25q,$(STM32_ICM42688P) $(STM32_W25Q)))
-$(eval $(call stm32_rules,stm32f405_mpu6050_w25q,$(STM32_MPU6050) $(STM32_W25Q) firmware/port/stm32f405/spi.c))
-$(eval $(call stm32_rules,stm32f405_qemu,$(STM32_QEMU)))
+$(eval $(call stm32_image,stm32f405,stm32f405,$(STM32_ICM42688P) $(STM32_INTERNAL)))
+$(eval $(call stm32_image,stm32f405_mpu6050,stm32f405,$(STM32_MPU6050) $(STM32_INTERNAL)))
+$(eval $(call stm32_image,stm32f405_w25q,stm32f405,$(STM32_ICM42688P) $(STM32_W25Q)))
+$(eval $(call stm32_image,stm32f405_mpu6050_w25q,stm32f405,$(STM32_MPU6050) $(STM32_W25Q) firmware/port/stm32f405/spi.c))
+$(eval $(call stm32_image,stm32f405_qemu,stm32f405_qemu,$(STM32_QEMU)))
 STM32_NAMES := stm32f405 stm32f405_mpu6050 stm32f405_w25q stm32f405_mpu6050_w25q stm32f405_qemu
--include $(shell find $(STM32_NAMES:%=$(BUILD)/obj/%) -name '*.d' 2>/dev/null)
 
 STM32_IMAGES := $(STM32_NAMES:%=$(BUILD)/firmware/%/imucal.elf)
 firmware-stm32f405: $(STM32_IMAGES)  ## build the STM32F405's images (ICM-42688-P, MPU-6050, each with the tables on chip or in a W25Q), and QEMU's (HSE_HZ, W25Q_BASE)
