@@ -46,7 +46,7 @@ static SimRun empty_run(const std::vector<double>& temp_degc, size_t log = 0, si
 // The effect in one run, with random numbers (and so a drawn start) or without.
 static SimRun simulated(const std::string& name, const char* parameters, SimRun run, bool is_random = true) {
   const Effect& effect = find_effect(name);
-  const Parameters values = read_parameters(effect, Json::parse(parameters));
+  const Parameters values = read_parameters(effect, parse_json(parameters, "test").json());
   Rng rng(run.seed, run.log, static_cast<uint32_t>(run.axis), Stream::kEffect);
   for (const SimStage stage : {SimStage::kTemperature, SimStage::kBias})
     effect.simulate(stage, values, &run, is_random ? &rng : nullptr);

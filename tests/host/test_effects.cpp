@@ -51,7 +51,7 @@ static ErrorModel test_model() {
 static void simulate(const char* name, const char* parameters, SimRun* run, Rng* rng) {
   const Effect& effect = find_effect(name);
   for (SimStage stage : {SimStage::kTemperature, SimStage::kBias, SimStage::kNoise, SimStage::kOutput})
-    effect.simulate(stage, read_parameters(effect, Json::parse(parameters)), run, rng);
+    effect.simulate(stage, read_parameters(effect, parse_json(parameters, "test").json()), run, rng);
 }
 
 static SimRun simulated(const char* name, const char* parameters, Rng* rng = nullptr) {

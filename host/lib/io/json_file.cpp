@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "base/error.h"
@@ -14,13 +14,10 @@
 
 namespace imucal {
 
-UnreadJson::UnreadJson() : UnreadJson(Json::object()) {}
-UnreadJson::UnreadJson(const Json& value) : value_(std::make_shared<Json>(value)) {}
-
 namespace {
 
 std::string shown(const Json& value) {
-  return shortened(value.dump(-1, ' ', false, Json::error_handler_t::replace));
+  return shortened(value.dump());
 }
 
 // Line of the n-th (from 1) member "key" of the text.
@@ -36,27 +33,118 @@ long line_of_member(const std::string& text, const std::string& key, int n) {
   return 1 + std::count(text.begin(), text.begin() + static_cast<long>(at), '\n');
 }
 
-// Looks at every member while the text is parsed; a name given twice in one object is refused with its line.
-class TwiceGiven {
+constexpr size_t kDeepest = 100; // lists and objects in each other, in a file
+
+// Makes the value while the library reads the text.  Refused with their lines: a syntax error, a number beyond double, a
+// name that an object has twice, and what stands too deep.
+class Builder {
 public:
-  TwiceGiven(const std::string& path, const std::string& text) : path_(path), text_(text) {}
-  bool see(Json::parse_event_t event, const Json& parsed) {
-    if (event == Json::parse_event_t::object_start) open_.emplace_back();
-    if (event == Json::parse_event_t::object_end) open_.pop_back();
-    if (event != Json::parse_event_t::key) return true;
-    const std::string key = parsed.get<std::string>();
+  Builder(const std::string& text, const std::string& name) : text_(text), name_(name) {}
+  Json take() { return std::move(root_); }
+
+  // What nlohmann::json::sax_parse calls.
+  bool null() { return add(nullptr); }
+  bool boolean(bool value) { return add(value); }
+  bool number_integer(int64_t value) { return add(value); }
+  bool number_unsigned(uint64_t value) { return add(value); }
+  bool number_float(double value, const std::string&) { return add(value); }
+  bool string(std::string& value) { return add(std::move(value)); }
+  bool binary(nlohmann::json::binary_t&) { return false; } // not in texts
+  bool start_array(size_t) { return open(Json::array()); }
+  bool end_array() { return close(); }
+  bool start_object(size_t) { return open(Json::object()); }
+  bool end_object() { return close(); }
+  bool key(const std::string& key) {
     const int n = ++seen_[key];
-    if (!open_.back().insert(key).second)
-      throw data_error(input_name(path_) + ":" + std::to_string(line_of_member(text_, key, n)) + ": field \"" + key +
+    if (open_.back()->contains(key))
+      throw data_error(name_ + ":" + std::to_string(line_of_member(text_, key, n)) + ": field \"" + key +
                        "\" is given twice");
+    key_ = key;
     return true;
+  }
+  bool parse_error(size_t byte, const std::string&, const nlohmann::json::exception& error) {
+    if (const auto* syntax = dynamic_cast<const nlohmann::json::parse_error*>(&error))
+      throw data_error(name_ + ":" + line_at(syntax->byte) + ": not valid JSON: " + error.what());
+    throw data_error(name_ + ":" + line_at(byte) + ": the number " + number_in(error.what()) + " is too large");
   }
 
 private:
-  const std::string &path_, &text_;
-  std::vector<std::set<std::string>> open_;
+  std::string line_at(size_t byte) const {
+    const auto end = text_.begin() + static_cast<long>(std::min(text_.size(), byte));
+    return std::to_string(1 + std::count(text_.begin(), end, '\n'));
+  }
+  // "... number overflow parsing '1e999'": the number stands between the quotes
+  static std::string number_in(const std::string& message) {
+    const size_t first = message.find('\''), last = message.rfind('\'');
+    return first < last && last != std::string::npos ? shortened(message.substr(first + 1, last - first - 1)) : "";
+  }
+  Json* place(Json value) {
+    if (open_.empty()) return &(root_ = std::move(value));
+    Json& parent = *open_.back();
+    if (parent.is_object()) return &(parent[key_] = std::move(value));
+    parent.push_back(std::move(value));
+    return &parent[parent.size() - 1];
+  }
+  bool add(Json value) {
+    place(std::move(value));
+    return true;
+  }
+  // The innermost one alone grows, so that the outer ones stay where they are.
+  bool open(Json value) {
+    if (open_.size() == kDeepest)
+      throw data_error(name_ + ": lists and objects stand in each other more than " + std::to_string(kDeepest) +
+                       " deep");
+    open_.push_back(place(std::move(value)));
+    return true;
+  }
+  bool close() {
+    open_.pop_back();
+    return true;
+  }
+
+  const std::string &text_, &name_;
+  Json root_;
+  std::vector<Json*> open_; // from the root to the innermost
+  std::string key_;         // of the member that comes
   std::map<std::string, int> seen_;
 };
+
+// Numbers and texts as the library writes them.
+std::string scalar(const Json& value) {
+  switch (value.kind()) {
+  case Json::Kind::kBool:
+    return static_cast<bool>(value) ? "true" : "false";
+  case Json::Kind::kInteger:
+    return std::to_string(static_cast<int64_t>(value));
+  case Json::Kind::kUnsigned:
+    return std::to_string(static_cast<uint64_t>(value));
+  case Json::Kind::kReal:
+    return nlohmann::json(static_cast<double>(value)).dump();
+  case Json::Kind::kText:
+    return nlohmann::json(value.text()).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  default:
+    return "null";
+  }
+}
+
+void put(std::string* out, const Json& value, int indent, int level) {
+  if (!value.is_array() && !value.is_object()) {
+    *out += scalar(value);
+    return;
+  }
+  const auto new_line = [&](int at) {
+    if (indent >= 0 && !value.empty()) out->append(1, '\n').append(static_cast<size_t>(indent * at), ' ');
+  };
+  *out += value.is_array() ? '[' : '{';
+  for (size_t i = 0; i < value.size(); ++i) {
+    if (i > 0) *out += ',';
+    new_line(level + 1);
+    if (value.is_object()) *out += scalar(value.names()[i]) + (indent >= 0 ? ": " : ":");
+    put(out, value[i], indent, level + 1);
+  }
+  new_line(level);
+  *out += value.is_array() ? ']' : '}';
+}
 
 } // namespace
 
@@ -66,15 +154,15 @@ void JsonField::refuse(const std::string& problem) const {
 
 JsonField JsonField::at(const std::string& key) const {
   if (!value_.is_object()) refuse("expected an object {...}");
-  const auto it = value_.find(key);
-  if (it == value_.end()) refuse("field \"" + key + "\" is missing");
-  return {*it, place_ + (place_.find(": ") == std::string::npos ? ": " : ".") + key};
+  const Json* value = value_.find(key);
+  if (!value) refuse("field \"" + key + "\" is missing");
+  return {*value, place_ + (place_.find(": ") == std::string::npos ? ": " : ".") + key};
 }
 
 std::optional<JsonField> JsonField::find(const std::string& key) const {
   if (!value_.is_object()) refuse("expected an object {...}");
-  const auto it = value_.find(key);
-  if (it == value_.end() || it->is_null()) return std::nullopt;
+  const Json* value = value_.find(key);
+  if (!value || value->is_null()) return std::nullopt;
   return at(key);
 }
 
@@ -87,7 +175,7 @@ std::vector<JsonField> JsonField::elements() const {
 
 double JsonField::number(double lo, double hi) const {
   if (!value_.is_number()) refuse("expected a number, found " + shown(value_));
-  const double x = value_.get<double>();
+  const double x = static_cast<double>(value_);
   if (!std::isfinite(x)) refuse("is not a finite number");
   if (x < lo || x > hi) {
     std::ostringstream range;
@@ -109,8 +197,8 @@ int64_t JsonField::integer(int64_t lo, int64_t hi) const {
 }
 
 std::string JsonField::text() const {
-  if (!value_.is_string()) refuse("expected a text, found " + shown(value_));
-  return value_.get<std::string>();
+  if (!value_.is_text()) refuse("expected a text, found " + shown(value_));
+  return value_.text();
 }
 
 std::vector<double> JsonField::numbers() const {
@@ -122,8 +210,7 @@ std::vector<double> JsonField::numbers() const {
 void JsonField::only(std::initializer_list<const char*> known) const {
   if (!value_.is_object()) refuse("expected an object {...}");
   const std::vector<std::string> names(known.begin(), known.end());
-  for (const auto& item : value_.items()) {
-    const std::string& key = item.key();
+  for (const std::string& key : value_.names()) {
     if (key == "comment" || key.compare(0, 1, "_") == 0 || std::find(names.begin(), names.end(), key) != names.end())
       continue;
     std::string list;
@@ -133,32 +220,23 @@ void JsonField::only(std::initializer_list<const char*> known) const {
 }
 
 JsonField read_json(const std::string& path) {
-  const std::string content = read_text(path), name = input_name(path);
-  const auto line_at = [&](size_t byte) {
-    return std::to_string(
-        1 + std::count(content.begin(), content.begin() + static_cast<long>(std::min(content.size(), byte)), '\n'));
-  };
-  TwiceGiven twice(path, content);
-  try {
-    return {
-        Json::parse(content, [&](int, Json::parse_event_t event, Json& parsed) { return twice.see(event, parsed); }),
-        name};
-  } catch (const nlohmann::json::parse_error& error) {
-    throw data_error(name + ":" + line_at(error.byte) + ": not valid JSON: " + error.what());
-  } catch (const nlohmann::json::out_of_range& error) {
-    // "... number overflow parsing '1e999'": the number stands between the quotes
-    const std::string text = error.what();
-    const size_t first = text.find('\''), last = text.rfind('\'');
-    const std::string number =
-        first < last && last != std::string::npos ? text.substr(first + 1, last - first - 1) : "";
-    const size_t at = number.empty() ? std::string::npos : content.find(number);
-    throw data_error(name + (at == std::string::npos ? "" : ":" + line_at(at)) + ": the number " + shortened(number) +
-                     " is too large");
-  }
+  return parse_json(read_text(path), input_name(path));
+}
+
+JsonField parse_json(const std::string& text, const std::string& name) {
+  Builder builder(text, name);
+  nlohmann::json::sax_parse(text, &builder);
+  return {builder.take(), name};
+}
+
+std::string Json::dump(int indent) const {
+  std::string out;
+  put(&out, *this, indent, 0);
+  return out;
 }
 
 void write_json(const std::string& path, const Json& json) {
-  write_text(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  write_text(path, json.dump(1) + "\n");
 }
 
 } // namespace imucal

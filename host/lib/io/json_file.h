@@ -2,7 +2,6 @@
 // JSON files: reading with errors that name file and field, writing so that nothing half-written stays.
 #pragma once
 #include <cstdint>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -44,6 +43,7 @@ private:
 // Parse a file ("-": standard input; gzip is unpacked); data_error names the file and, for a syntax error, a member given
 // twice or a number beyond double, the line.
 JsonField read_json(const std::string& path);
+JsonField parse_json(const std::string& text, const std::string& name); // text that is at hand; `name` for messages
 
 void write_json(const std::string& path, const Json& json); // as io/output.h writes
 

@@ -30,7 +30,7 @@ namespace {
 
 std::optional<ErrorModel> model_of(const std::optional<std::string>& text) {
   if (!text) return std::nullopt;
-  return model_from_json(JsonField(Json::parse(*text), "nominal"));
+  return model_from_json(parse_json(*text, "nominal"));
 }
 
 struct Curve {
@@ -113,8 +113,6 @@ Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& ty
     for (const Interval& i : curve_intervals(curve, op, {}))
       result.lo_dph.push_back(i.lo), result.hi_dph.push_back(i.hi);
   } catch (const Error& e) {
-    throw nb::value_error(e.what());
-  } catch (const Json::exception& e) {
     throw nb::value_error(e.what());
   }
   return result;

@@ -81,7 +81,7 @@ Exit list_effects(const CommonOptions& common) {
   if (common.wants_json()) write_json(common.json_path, library);
   if (common.talks())
     for (const Json& effect : library["effects"])
-      std::cout << effect["name"].get<std::string>() << ": " << effect["description"].get<std::string>() << "\n";
+      std::cout << effect["name"].text() << ": " << effect["description"].text() << "\n";
   return Exit::kDone;
 }
 

@@ -64,6 +64,12 @@ void add_log(cli::App* app, LogOptions* o) {
   add_common_options(app, &o->common, kWithSeed);
 }
 
+Json start_json(const std::map<std::string, double>& values) {
+  Json json = Json::object();
+  for (const auto& [name, value] : values) json[name] = value;
+  return json;
+}
+
 Json report(const LogOptions& o, const SimulatedLog& simulated, size_t n_rows) {
   Json json = {{"log", o.output_path},
                {"seed", o.common.seed},
@@ -74,7 +80,7 @@ Json report(const LogOptions& o, const SimulatedLog& simulated, size_t n_rows) {
     json["axes"].push_back({{"axis", a.name},
                             {"unit", axis_unit(a.name)},
                             {"turn_on_dph", a.turn_on_dph},
-                            {"start", a.run.start_state},
+                            {"start", start_json(a.run.start_state)},
                             {"bias",
                              {{"t0_degc", a.run.bias.t0_degc},
                               {"range_degc", a.run.bias.range_degc},

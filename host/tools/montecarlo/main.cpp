@@ -73,7 +73,9 @@ Exit publish(const Options& o, const CampaignPlan& plan, const CampaignResult& r
   if (o.common.talks()) std::cout << campaign_text(json);
   if (!o.strict || result.runs_done == 0) return Exit::kDone;
   const auto outside = [](const Json& x) {
-    return !x.is_null() && (x["mean"] < x["ci95"][0] || x["mean"] > x["ci95"][1]);
+    if (x.is_null()) return false;
+    const double mean(x["mean"]), lo(x["ci95"][0]), hi(x["ci95"][1]);
+    return mean < lo || mean > hi;
   };
   return outside(json["nees"]) || outside(json["nis"]) ? Exit::kNegative : Exit::kDone;
 }

@@ -170,7 +170,7 @@ void put(std::string* out, const char* text) {
 }
 
 void put_mean(std::string* out, const char* name, const Json& json) {
-  const double mean = json["mean"], lo = json["ci95"][0], hi = json["ci95"][1];
+  const double mean(json["mean"]), lo(json["ci95"][0]), hi(json["ci95"][1]);
   put(out, "%-24s %10.5f   expected in [%.5f, %.5f] %s\n", name, mean, lo, hi,
       mean >= lo && mean <= hi ? "" : "  OUTSIDE");
 }

@@ -161,16 +161,15 @@ Json Tally::to_json() const {
 Tally Tally::from_json(const JsonField& field) {
   Tally tally;
   const JsonField sums = field.at("sums"), counts = field.at("counts"), maxima = field.at("maxima");
-  for (const auto& item : sums.json().items())
-    for (const JsonField& text : sums.at(item.key()).elements()) try {
-        tally.sums_[item.key()].push_back(ExactSum::from_text(text.text()));
+  for (const std::string& name : sums.json().names())
+    for (const JsonField& text : sums.at(name).elements()) try {
+        tally.sums_[name].push_back(ExactSum::from_text(text.text()));
       } catch (const std::invalid_argument& error) {
         text.refuse(error.what());
       }
-  for (const auto& item : counts.json().items())
-    for (const JsonField& n : counts.at(item.key()).elements())
-      tally.counts_[item.key()].push_back(n.integer(0, INT64_C(1) << 52));
-  for (const auto& item : maxima.json().items()) tally.highest_[item.key()] = maxima.at(item.key()).numbers();
+  for (const std::string& name : counts.json().names())
+    for (const JsonField& n : counts.at(name).elements()) tally.counts_[name].push_back(n.integer(0, INT64_C(1) << 52));
+  for (const std::string& name : maxima.json().names()) tally.highest_[name] = maxima.at(name).numbers();
   return tally;
 }
 

@@ -127,11 +127,11 @@ Parameters read_parameters(const Effect& effect, const Json& json, const std::st
   const JsonField root(json, place + ": " + effect.name());
   const std::vector<EffectParameter> list = effect.parameters();
   if (!json.is_object()) root.refuse("expected an object {...}");
-  for (const auto& item : json.items()) {
-    if (find_parameter(list, item.key())) continue;
+  for (const std::string& name : json.names()) {
+    if (find_parameter(list, name)) continue;
     std::string known;
     for (const EffectParameter& parameter : list) known += (known.empty() ? "" : ", ") + parameter.name;
-    root.refuse("unknown parameter \"" + item.key() + "\" (known: " + known + ")");
+    root.refuse("unknown parameter \"" + name + "\" (known: " + known + ")");
   }
   Parameters values;
   for (const EffectParameter& parameter : list)
