@@ -90,12 +90,14 @@ public:
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
   std::vector<Theta> grid(double, double) const override {
-    return {{20, 600}, {20, 6000}, {20, 60000}, {200, 6000}, {200, 60000}, {2000, 60000}};
+    return {{20, 1500}, {20, 6000}, {20, 60000}, {200, 6000}, {200, 60000}, {2000, 60000}};
   }
-  Theta shape_lo() const override { return {5, 100}; }
+  // What settles within minutes is the housing between thermometer and element, not stress that relaxes: T - x of a short
+  // time constant is that time constant times the rate of temperature.
+  Theta shape_lo() const override { return {5, kShortestLast_s}; }
   Theta shape_hi() const override { return {5000, 2e5}; }
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
-    const std::vector<double> taus = time_constants(shape[0], std::max(shape[0], shape[1]), kStep);
+    const std::vector<double> taus = time_constants(shape[0], last_s(shape), kStep);
     Column behind(run.size(), 0.0);
     for (const double tau : taus)
       add_behind(run.t_s, run.smooth_degc, tau, 0, 1.0 / static_cast<double>(taus.size()), &behind);
@@ -104,7 +106,7 @@ public:
   // Any earlier change of temperature: exponentials a factor of five apart span their sums (least 0.999).
   std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
     std::vector<Column> columns;
-    for (const double tau : time_constants(shape[0], std::max(shape[0], shape[1]), std::log(kStartFactor))) {
+    for (const double tau : time_constants(shape[0], last_s(shape), std::log(kStartFactor))) {
       Column decay(run.size());
       for (size_t i = 0; i < decay.size(); ++i) decay[i] = std::exp(-run.t_s[i] / tau);
       columns.push_back(decay);
@@ -113,12 +115,18 @@ public:
   }
   PriorScale prior() const override { return {1.5, true, 1}; }
   Parameters values(const Estimate& e) const override {
-    return {
-        {"amplitude_dph_per_degc", e.coefficient(0)}, {"tau_first_s", e.shape_at(0)}, {"tau_last_s", e.shape_at(1)}};
+    const Measured first = e.shape_at(0);
+    Measured last = e.shape_at(1);
+    last.value = last_s({first.value, last.value});
+    return {{"amplitude_dph_per_degc", e.coefficient(0)}, {"tau_first_s", first}, {"tau_last_s", last}};
   }
 
 private:
+  // Stress relaxes over decades of time: what has one time constant is a lag, and is looked for as one.
+  static double last_s(const Theta& shape) { return std::max(kNarrowest * shape[0], shape[1]); }
+  static constexpr double kNarrowest = 10;
   static constexpr double kStartFactor = 5;
+  static constexpr double kShortestLast_s = 600; // housings: one to ten minutes
   struct Start {
     double offset_degc = 0, since_s = 0;
   };
