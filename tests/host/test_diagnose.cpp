@@ -563,7 +563,8 @@ static void test_both_thresholds_of_a_jump_at_a_temperature_are_found(void**) {
 }
 
 // What is said of logs whose rate changes by f(t [s], temperature), with or without a log held out.
-static Selection answer_to(const std::function<double(double, double)>& f, uint64_t seed, size_t held_out) {
+static Selection answer_to(const std::function<double(double, double)>& f, uint64_t seed, size_t held_out,
+                           bool is_believed = false) {
   std::vector<Log> logs, unseen;
   for (uint64_t k = 0; k < 4; ++k) {
     Log log = simulated_log(seed + k, 6000, false, 0);
@@ -572,7 +573,8 @@ static Selection answer_to(const std::function<double(double, double)>& f, uint6
   }
   DiagnoseOptions options;
   options.nulls = 40;
-  return diagnose_logs(options, {}, logs, unseen).axes.at(0).study.selection;
+  if (is_believed) options.model_path = "given";
+  return diagnose_logs(options, is_believed ? nominal_model() : ErrorModel(), logs, unseen).axes.at(0).study.selection;
 }
 
 static void test_causes_of_no_family_are_not_named(void**) {
@@ -674,6 +676,108 @@ static void test_two_causes_are_found_that_stand_ins_hide_on_the_grids(void**) {
   assert_true(search.score(best) > search.score(truth) - 2);
 }
 
+// What a free shape beside an answer foretells of logs that were not fitted decides whether the answer is a name.
+static void test_a_slope_that_ages_is_no_slow_noise(void**) {
+  // A free function of temperature and time takes it, which no effect is of; plain noise is no answer beside it.
+  const auto ageing = [](double t, double temp) { return 200 * (temp - 30) / 30 * std::pow(t / 7200, 0.6); };
+  const Selection said = answer_to(ageing, 151, 0, true);
+  assert_true(said.effects.empty());
+  assert_true(said.verdict == Verdict::kUnexplained);
+}
+
+static void test_what_a_free_shape_foretells_opens_a_name_to_its_family(void**) {
+  // A rough curve in one log; in that log alone a bump explains it nearly as well, on the other three a free curve does better.
+  const std::array<double, 13> knots{0.4, -0.3, 0.1, 1.6, 0.2, -0.9, 0.3, 0.8, -0.6, 0.5, -0.4, 0.7, -0.2};
+  const auto rough = [&](double, double temp) {
+    const double u = std::min(temp / 5, 11.999);
+    const size_t k = static_cast<size_t>(u);
+    return 22 * (knots[k] + (u - static_cast<double>(k)) * (knots[k + 1] - knots[k]));
+  };
+  std::vector<Log> fitted, unseen;
+  for (uint64_t k = 0; k < 4; ++k) {
+    Log log = simulated_log(161 + 2 * k, 3000, false, 0);
+    const Log again = simulated_log(162 + 2 * k, 3000, false, 0);
+    for (size_t i = 0; i < again.size(); ++i) {
+      log.t_s.push_back(again.t_s[i] + 3000);
+      log.temp_degc.push_back(again.temp_degc[i]);
+      log.axes[0].rate_dph.push_back(again.axes[0].rate_dph[i]);
+    }
+    for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += rough(log.t_s[i], log.temp_degc[i]);
+    (k < 1 ? fitted : unseen).push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  const Selection said = diagnose_logs(options, {}, fitted, unseen).axes.at(0).study.selection;
+  assert_true(names_of(said) == std::set<std::string>{"function_of_temperature"});
+  options.constants.foretold_nats = 1e9;
+  const Selection before = diagnose_logs(options, {}, fitted, unseen).axes.at(0).study.selection;
+  assert_true(names_of(before) == std::set<std::string>{"thermal_anomaly"});
+}
+
+static void test_a_small_jump_beside_two_large_ones_makes_no_noise_of_them(void**) {
+  size_t row = 0;
+  const auto jumps = [&](double, double) {
+    const size_t k = row++;
+    return (k > 2500 && k < 6000 ? 100.0 : 0.0) + (k > 9500 && k < 12000 ? 100.0 : 0.0) +
+           (k > 15000 && k < 18000 ? -36.0 : 0.0);
+  };
+  const Selection said = answer_to(jumps, 181, 0);
+  assert_int_equal(said.effects.size(), 1);
+  assert_string_equal(said.effects[0].term.effect->name().c_str(), "bias_step");
+  assert_int_equal(said.effects[0].term.shape.size(), 6); // all three were found
+  assert_false(said.effects[0].is_family);
+}
+
+static void test_slips_that_outweigh_the_answer_leave_no_name(void**) {
+  // Jumps at places drawn anew in every log, and back: now and then near the same temperature.
+  Rng rng(161, 0, 0, Stream::kTool);
+  size_t row = 0;
+  double level = 0;
+  const auto slips = [&](double, double) {
+    if (row++ % 6000 == 0) level = 0;
+    if (rng.uniform() < 1.0 / 1200) level = 150 * rng.normal();
+    return level;
+  };
+  const Selection said = answer_to(slips, 161, 0);
+  for (const SelectedEffect& effect : said.effects)
+    assert_true(effect.is_family || effect.family == Family::kSlowNoise);
+  assert_true(said.verdict != Verdict::kNoGap);
+}
+
+static void test_kinds_of_noise_stand_beside_other_parameters(void**) {
+  // A random walk, the noise believed as it is without: other parameters do as well, and are not all that does.
+  std::vector<Log> logs;
+  for (uint64_t seed = 171; seed < 173; ++seed) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 0, 0, Stream::kTool);
+    double walk = 0;
+    for (double& rate : log.axes[0].rate_dph) rate += walk += 0.8 * rng.normal();
+    logs.push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  options.model_path = "given";
+  const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
+  std::set<std::string> all;
+  for (const SelectedEffect& effect : said.effects)
+    for (const CandidateEvidence& e : effect.set)
+      if (e.effect) all.insert(e.effect->name());
+  assert_true(all.count("rate_random_walk") == 1);
+  assert_int_equal(all.count("second_markov"), all.count("telegraph_noise")); // they have one spectrum
+}
+
+static void test_what_settles_within_minutes_is_no_creep(void**) {
+  const Effect& creep = find_effect("thermal_creep");
+  assert_true(creep.estimator()->shape_lo().at(1) >= 600);
+  for (const Theta& shape : creep.estimator()->grid(0, 60)) assert_true(shape.at(1) >= 2 * 600);
+  // Nor is what has a single time constant: the columns are those of a decade at least.
+  const Campaign campaign = make_campaign({simulated_log(191, 5000, false, 0)}, "gx_dph", nominal_model());
+  const RunInput& run = campaign.runs[0].input;
+  const Column narrow = creep.estimator()->columns(run, {1000, 1100}).at(0);
+  const Column decade = creep.estimator()->columns(run, {1000, 10000}).at(0);
+  for (size_t i = 0; i < run.size(); ++i) assert_near(narrow[i], decade[i], 1e-9);
+}
+
 static void test_noise_that_axes_share_is_told_from_slow_causes_of_both(void**) {
   const Log first = simulated_log(31, 5000, false, 0);
   Log other = simulated_log(32, 5000, true, 0);
@@ -751,6 +855,12 @@ int main() {
       cmocka_unit_test(test_what_held_out_logs_can_show_is_what_a_name_is_asked_for),
       cmocka_unit_test(test_a_coarse_thermometer_has_a_quiet_slope_up_to_the_ends),
       cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),
+      cmocka_unit_test(test_a_slope_that_ages_is_no_slow_noise),
+      cmocka_unit_test(test_what_a_free_shape_foretells_opens_a_name_to_its_family),
+      cmocka_unit_test(test_a_small_jump_beside_two_large_ones_makes_no_noise_of_them),
+      cmocka_unit_test(test_slips_that_outweigh_the_answer_leave_no_name),
+      cmocka_unit_test(test_kinds_of_noise_stand_beside_other_parameters),
+      cmocka_unit_test(test_what_settles_within_minutes_is_no_creep),
       cmocka_unit_test(test_noise_that_axes_share_is_told_from_slow_causes_of_both),
       cmocka_unit_test(test_curvature_gives_the_errors_of_a_gaussian),
   };

@@ -36,6 +36,7 @@ struct SelectorConstants {
   double growth_part = 0.02;
   double lack_nats = 3;
   double lack_part = 0.1;
+  double foretold_nats = 5;
   double least_share = 0.1;
   double noise_margin_nats = 6;
   double against_nats = 3;

@@ -29,7 +29,7 @@ constexpr int kRounds = 2;               // of exchanges
 constexpr double kWorthwhile_nats = 0.5; // that a round has to gain for another one
 constexpr size_t kMostNames = 3;
 constexpr size_t kPartsKept = 12, kColumnsKept = 4;
-const char kCalibrationVersion[] = "5"; // changes whenever a draw would gain something else
+const char kCalibrationVersion[] = "6"; // changes whenever a draw would gain something else
 constexpr size_t kMostSteps = 6, kStepPlaces = 12;
 
 // Standard deviations of the weak prior of log(white), log(slow density), log(tau).
@@ -348,6 +348,18 @@ struct SlowSearch::Impl {
     }
     polish(&m, evaluations);
     return m;
+  }
+  // From the best of its own starts: beside re-estimated noise it may have faded away.
+  SlowModel beside_believed(SlowModel m) const {
+    m.is_believed = true;
+    m.value = -1e300;
+    SlowModel best = m;
+    for (const Theta& theta : m.noise_effect->estimator()->starts(base_noise(m))) {
+      m.noise_theta = theta;
+      polish(&m, kQuickEvaluations);
+      if (m.value > best.value) best = m;
+    }
+    return best;
   }
 
   // ---- scans
@@ -787,11 +799,13 @@ struct SlowSearch::Impl {
     const std::vector<Theta> jumps = find_steps(start_null);
     run_with(start, start_null);
     if (jumps.empty()) return;
-    const SlowResult plain = out;
-    out = SlowResult();
     SlowModel jumped = start;
     jumped.steps = jumps;
     polish(&jumped, kEvaluations);
+    // Names that take all the jumps: a search beside jumps would only come to them again.
+    if (score(out.best) > score(jumped) && find_steps(out.best).empty()) return;
+    const SlowResult plain = out;
+    out = SlowResult();
     run_with(jumped, belief.has_believed ? polished(jumped, kQuickEvaluations) : jumped);
     if (score(out.best) < score(plain.best)) {
       out = plain;
@@ -968,6 +982,9 @@ std::vector<SlowCandidateScore> SlowSearch::free_beside(const SlowModel& model, 
 }
 SlowModel SlowSearch::polished(const SlowModel& model) const {
   return impl_->polished(model);
+}
+SlowModel SlowSearch::beside_believed(const SlowModel& model) const {
+  return impl_->beside_believed(model);
 }
 void SlowSearch::judge_again(SlowResult* result) const {
   result->best = impl_->polished(result->best);

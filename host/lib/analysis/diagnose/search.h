@@ -114,6 +114,8 @@ public:
   double evidence_of(const SlowModel& model, size_t name) const;
   // Free shapes beside a model, the one that gains most first: what its names leave unexplained.
   std::vector<SlowCandidateScore> free_beside(const SlowModel& model, size_t most) const;
+  // The same kind of noise beside the noise as believed, its parameters estimated again.
+  SlowModel beside_believed(const SlowModel& model) const;
   // Noise and shape parameters estimated again.
   SlowModel polished(const SlowModel& model) const;
   // After a name of `best` was taken away: estimated again, members in the place of free shapes where they gain nearly as

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/structure.h"
@@ -17,6 +18,7 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr size_t kUndecidedTried = 4;
 constexpr size_t kPredictionTried = 3;
+constexpr size_t kBesideTried = 2;
 constexpr size_t kFewNames = 2;  // what the library is made for; more names have to be worth more
 constexpr size_t kMostJumps = 2; // more are a noise that jumps, not events
 
@@ -129,13 +131,26 @@ private:
     }
   }
 
-  // Free shapes that still gain beside the answer: what it leaves of a cause.
+  // Free shapes that still gain beside the answer, or cost little and make data that were not fitted more likely: what
+  // it leaves of a cause.
   void look_beside() {
     const SlowModel& best = out_.slow.best;
     if (best.names.empty() && !best.noise_effect) return;
-    for (const SlowCandidateScore& s : out_.search->free_beside(best, 2))
-      if (const double nats = s.gain_nats - best.free_score(); leaves_much(nats))
+    for (const SlowCandidateScore& s : out_.search->free_beside(best, kBesideTried)) {
+      const double nats = s.gain_nats - best.free_score();
+      if (leaves_much(nats) || (nats > -constants().lack_nats && predicts_more(s.model)))
         beside_.push_back({s.model.names.back().candidate, nats});
+    }
+  }
+  // A free shape pays for its freedom in the fit, not in logs that it has not seen.  Were the answer right, their
+  // likelihood ratio would exceed exp(x) with probability exp(-x) at most (Markov's inequality: its mean is 1).
+  bool predicts_more(const SlowModel& with_shape) {
+    if (out_.slow.best.names.empty() || out_.gap.method == HeldOut::kQuarters) return false;
+    const auto predicted = [&](const SlowModel& m) {
+      return predicted_nats(*out_.search, *out_.data, held_blocks_.get(), m);
+    };
+    if (!answer_predicts_) answer_predicts_ = predicted(out_.slow.best);
+    return predicted(with_shape) - *answer_predicts_ > constants().foretold_nats;
   }
   bool leaves_much(double nats) const {
     const double gain = out_.slow.best.free_score() - out_.slow.null.free_score();
@@ -309,18 +324,40 @@ private:
   static bool has_members(const SelectedEffect& effect) {
     return !effect.set.front().reference || effect.set.front().reference->has_members;
   }
-  // Members are names while no free shape beside them gains much.
+  // Members are names while no free shape beside them gains much.  One of another family that does as well alone shows
+  // that the family is not told either.
   void open_by_lack() {
     for (const Beside& rest : beside_) {
       const Family family = candidate(rest.candidate).family();
       selection().remainders.push_back(evidence_of(rest.candidate, rest.nats, 0));
+      if (named_.size() == 1 && named_[0].family != family && does_as_well(rest.candidate)) {
+        leave(named_[0]);
+        named_.clear();
+      }
       for (SelectedEffect& effect : named_)
         if (effect.family == family || named_.size() == 1) open_shape(&effect);
     }
   }
+  bool does_as_well(size_t free_shape) const {
+    const double null = out_.slow.null.free_score(), all = out_.slow.best.free_score() - null;
+    return out_.slow.singles[free_shape].gain_nats - null > constants().member_share * all;
+  }
   static void open_jumps(SelectedEffect* effect) {
     effect->family = Family::kSlowNoise, effect->is_family = true, effect->doubt = Doubt::kMemberOpen;
     effect->statement = "jumps come again and again: a noise that jumps, not single events; what makes it is open";
+  }
+  // Jumps that hold a share of what all of them explain: a small one beside large ones is not their kind.
+  size_t jumps_of_weight() const {
+    const SlowModel& best = out_.slow.best;
+    if (best.steps.size() <= kMostJumps) return best.steps.size();
+    size_t n = 0;
+    for (size_t i = 0; i < best.steps.size(); ++i) {
+      SlowModel less = best;
+      less.steps.erase(less.steps.begin() + static_cast<long>(i));
+      less = out_.search->polished(less);
+      n += best.free_score() - less.free_score() > constants().least_share * out_.slow.step_gain_nats ? 1 : 0;
+    }
+    return n;
   }
   void name_steps() {
     for (size_t j = 0; j < library_.size(); ++j) {
@@ -338,7 +375,7 @@ private:
       effect.set = {
           {library_[j], nullptr, false, effect.family, effect.gain_nats, effect.gain_nats - effect.evidence_nats}};
       // Jumps that come again and again are a noise.
-      if (out_.slow.best.steps.size() > kMostJumps || (named_.empty() && is_against())) open_jumps(&effect);
+      if (jumps_of_weight() > kMostJumps || (named_.empty() && is_against())) open_jumps(&effect);
       named_.push_back(effect);
     }
   }
@@ -360,7 +397,10 @@ private:
       nearest = std::min(nearest, gap);
       effect.set.push_back({s.model.noise_effect, nullptr, false, effect.family, effect.gain_nats - gap, threshold});
     }
-    if (nearest < constants().noise_margin_nats) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+    if (nearest < constants().noise_margin_nats) {
+      effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+      add_same_spectrum(&effect);
+    }
     if (best.names.empty() && is_against()) {
       effect.doubt = Doubt::kAgainst, effect.held_out_nats = 0.5 * out_.gap.delta_deviance;
       selection().dropped.push_back(effect);
@@ -371,7 +411,8 @@ private:
 
   // Slow noise explains it, but a repeatable cause that takes most of it would do so as well.
   void name_undecided() {
-    if (!selection().dropped.empty()) return;
+    // What is left of a shape that gains more is not slow noise.
+    if (!selection().dropped.empty() || !selection().remainders.empty()) return;
     const SlowModel& best = slow_answer();
     if (!named_.empty() && !(named_.size() == 1 && named_[0].family == Family::kSlowNoise)) return;
     const NoiseModel noise = out_.search->seconds_noise_of(best);
@@ -586,11 +627,32 @@ private:
   // Another kind of noise beside the believed one that does as well as other parameters.
   void add_kinds_of_noise(SelectedEffect* retuned) const {
     if (!out_.slow.best.names.empty() || out_.slow.best.noise_effect) return;
+    std::vector<CandidateEvidence> kinds;
     for (const SlowCandidateScore& s : out_.slow.noises) {
-      const double gap = out_.slow.null.free_score() - s.gain_nats - constants().noise_kind_nats;
-      if (s.model.noise_effect && s.model.is_believed && gap < constants().rivals_nats)
-        retuned->set.push_back(
-            {s.model.noise_effect, nullptr, false, retuned->family, retuned->gain_nats - gap, constants().noise_nats});
+      if (!s.model.noise_effect) continue;
+      const SlowModel m = out_.search->beside_believed(s.model);
+      const double gap = out_.slow.null.free_score() - m.free_score() - constants().noise_kind_nats;
+      if (gap < constants().noise_margin_nats)
+        kinds.push_back(
+            {m.noise_effect, nullptr, false, retuned->family, retuned->gain_nats - gap, constants().noise_nats});
+    }
+    std::sort(kinds.begin(), kinds.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+    retuned->set.insert(retuned->set.end(), kinds.begin(), kinds.end());
+    add_same_spectrum(retuned);
+  }
+  // Telegraph noise has the spectrum of a Markov process: where this one stands in a set of slow noises and the seconds
+  // did not tell the two by their distribution, neither is excluded.
+  void add_same_spectrum(SelectedEffect* effect) const {
+    const auto has_markov_spectrum = [](const CandidateEvidence& e) {
+      return e.effect && e.effect->estimator() && e.effect->estimator()->has_markov_spectrum();
+    };
+    const auto own = std::find_if(effect->set.begin(), effect->set.end(), has_markov_spectrum);
+    if (own == effect->set.end()) return;
+    const CandidateEvidence as_well = *own;
+    for (size_t j = 0; j < library_.size(); ++j) {
+      CandidateEvidence other = as_well;
+      other.effect = library_[j];
+      if (active_[j] && library_[j] != as_well.effect && has_markov_spectrum(other)) effect->set.push_back(other);
     }
   }
 
@@ -631,16 +693,46 @@ private:
   // A kind of noise, or jumps, are names while what remains is noise by the tests.
   void open_by_rest() {
     bool fires = false, has_jumps = false;
+    double left = 0;
     for (const RestFinding& f : selection().after) {
       fires = fires || (f.evidence_nats > 0 && f.test != Rest::kLine);
+      if (f.test != Rest::kLine) left = std::max(left, f.evidence_nats);
       has_jumps = has_jumps || (f.evidence_nats > 0 && f.test == Rest::kSuddenChanges);
     }
+    if (is_censored_ || !fires) return;
+    leave_noise_beside_shapes();
     for (SelectedEffect& effect : named_) {
-      if (!effect.term.effect || effect.is_family || is_censored_) continue;
+      if (!effect.term.effect || effect.is_family) continue;
       const Form form = effect.term.form();
       if (form == Form::kNoise && fires) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
       if (form == Form::kSteps && has_jumps) open_jumps(&effect);
     }
+    if (left > explained_nats() || n_members() > kFewNames) leave_members();
+  }
+  // More is left than was explained, or many causes together leave something: members stand in for another cause then.
+  // A family says no more than that.
+  static bool is_member(const SelectedEffect& effect) { return !effect.is_family; }
+  size_t n_members() const { return static_cast<size_t>(std::count_if(named_.begin(), named_.end(), is_member)); }
+  void leave_members() {
+    for (const SelectedEffect& effect : named_)
+      if (is_member(effect)) leave(effect);
+    named_.erase(std::remove_if(named_.begin(), named_.end(), is_member), named_.end());
+  }
+  double explained_nats() const {
+    double sum = out_.slow.best.free_score() - out_.slow.null.free_score();
+    for (const SelectedEffect& effect : named_)
+      if (effect.family == Family::kFastNoise || effect.family == Family::kTone) sum += effect.gain_nats;
+    return sum;
+  }
+  // A kind of noise that the tests contradict, beside a cause whose shape is open, is what that shape leaves.
+  void leave_noise_beside_shapes() {
+    const auto is_open = [](const SelectedEffect& effect) { return effect.doubt == Doubt::kShapeOpen; };
+    if (std::none_of(named_.begin(), named_.end(), is_open)) return;
+    const auto noise = std::stable_partition(named_.begin(), named_.end(), [](const SelectedEffect& effect) {
+      return effect.family != Family::kSlowNoise || !effect.term.effect || effect.term.form() != Form::kNoise;
+    });
+    for (auto effect = noise; effect != named_.end(); ++effect) leave(*effect);
+    named_.erase(noise, named_.end());
   }
 
   void fill_coefficients(const Fit& fit) {
@@ -724,6 +816,7 @@ private:
     double nats;
   };
   std::vector<Beside> beside_;
+  std::optional<double> answer_predicts_; // log density of what was not fitted
   Line line_;
 };
 
