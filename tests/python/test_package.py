@@ -200,3 +200,14 @@ def test_scripts_read_logs_through_the_package():
     for script in (Path(__file__).resolve().parents[2] / "host/scripts").glob("*.py"):
         text = script.read_text(encoding="utf-8").replace("table = np.loadtxt(sys.argv[1], delimiter=\",\", skiprows=2)", "")
         assert not any(words in text for words in ("genfromtxt", "loadtxt", "startswith(\"t_s", "line[0] != \"#\"")), script.name
+
+
+def test_taus_as_numbers_and_as_text_give_the_same_curve_and_wrong_numbers_are_named():
+    rate = np.random.default_rng(4).normal(0, 36, 3000)
+    numbers, text = imucal.allan_deviation(rate, tau_s=[8, 2, 2.2, 5]), imucal.allan_deviation(rate, tau_s="2,5,8")
+    assert numbers.tau_s.tolist() == text.tau_s.tolist() == [2, 5, 8]
+    np.testing.assert_array_equal(numbers.adev_dph, text.adev_dph)
+    np.testing.assert_array_equal(numbers.n_windows, text.n_windows)
+    for wrong in ([], [-1.0], [np.nan], [0.1, 5], [5000.0]):
+        with pytest.raises(imucal.DataError, match="tau"):
+            imucal.allan_deviation(rate, tau_s=wrong)

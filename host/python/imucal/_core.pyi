@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: MIT
 """The compiled part; imucal/analysis.py and imucal/calibrator.py state what the values mean."""
-from typing import Optional
+from typing import Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
 
 class Curve:
-    tau_s: list[float]
-    dp_dph: list[float]
-    lo_dph: list[float]
-    hi_dph: list[float]
-    n_windows: list[int]
+    tau_s: NDArray[np.float64]
+    dp_dph: NDArray[np.float64]
+    lo_dph: NDArray[np.float64]
+    hi_dph: NDArray[np.float64]
+    n_windows: NDArray[np.int64]
 
-def direct_predictor(rate_dph: NDArray[np.float64], dt_s: float, type: str, tau: str, estimator: str, nominal: Optional[str],
+def direct_predictor(rate_dph: NDArray[np.float64], dt_s: float, type: str, tau: Union[str, NDArray[np.float64]], estimator: str, nominal: Optional[str],
                      estimation_s: float, detrend: str, min_fill: float, with_intervals: bool) -> Curve: ...
 
 def split_ulog(file: NDArray[np.uint8], topics: list[str]) -> Optional[tuple[bytes, dict[int, tuple[int, NDArray[np.uint8]]]]]: ...

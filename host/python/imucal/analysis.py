@@ -129,6 +129,11 @@ def _tau_text(tau_s):
     return tau_s if isinstance(tau_s, str) else ",".join(f"{t:.15g}" for t in np.atleast_1d(tau_s))
 
 
+def _taus(tau_s):
+    """A text as it is, numbers as an array of doubles."""
+    return tau_s if isinstance(tau_s, str) else np.ascontiguousarray(np.atleast_1d(tau_s), np.float64)
+
+
 def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=None, estimation_s=20.0, estimator="rms", detrend="mean", min_fill=1.0,
                      intervals=True):
     """Direct Predictor curve: rms error of predicting the mean of the next tau seconds, over sqrt(2).
@@ -159,12 +164,13 @@ def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=Non
     Z. Berman, "Inertial Sensors: Further Developments in Low-Cost Calibration and Testing", section II.
     """
     try:
-        curve = core().direct_predictor(_array(rate_dph), float(dt_s), type, _tau_text(tau_s), estimator, None if nominal is None else json.dumps(nominal),
+        curve = core().direct_predictor(_array(rate_dph), float(dt_s), type, _taus(tau_s), estimator, None if nominal is None else json.dumps(nominal),
                                         float(estimation_s), detrend, float(min_fill), bool(intervals))
     except ValueError as error:
         raise DataError(str(error)) from None
-    ci = np.column_stack([curve.lo_dph, curve.hi_dph]) if intervals else np.full((len(curve.tau_s), 2), np.nan)
-    return DirectPredictor(np.array(curve.tau_s), np.array(curve.dp_dph), ci, np.array(curve.n_windows))
+    tau = curve.tau_s
+    ci = np.column_stack([curve.lo_dph, curve.hi_dph]) if intervals else np.full((len(tau), 2), np.nan)
+    return DirectPredictor(tau, curve.dp_dph, ci, curve.n_windows)
 
 
 def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave", intervals=True):

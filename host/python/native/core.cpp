@@ -35,8 +35,29 @@ std::optional<ErrorModel> model_of(const std::optional<std::string>& text) {
 
 struct Curve {
   std::vector<double> tau_s, dp_dph, lo_dph, hi_dph;
-  std::vector<long> n_windows;
+  std::vector<int64_t> n_windows;
 };
+
+// An array that numpy owns from now on.
+template <typename T> nb::ndarray<nb::numpy, T> take_over(std::unique_ptr<T[]> values, std::vector<size_t> shape) {
+  T* const data = values.release();
+  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  return nb::ndarray<nb::numpy, T>(data, shape.size(), shape.data(), owner);
+}
+
+template <typename T> nb::ndarray<nb::numpy, T> copied(const std::vector<T>& values) {
+  std::unique_ptr<T[]> copy(new T[values.size()]);
+  std::copy(values.begin(), values.end(), copy.get());
+  return take_over(std::move(copy), {values.size()});
+}
+
+// Taus as a text of parse_tau or as numbers.
+std::vector<double> taus_of(const nb::object& tau, double dt_s, double longest_s) {
+  if (nb::isinstance<nb::str>(tau)) return parse_tau(nb::cast<std::string>(tau), dt_s, longest_s);
+  const auto numbers = nb::cast<Array>(tau);
+  if (numbers.shape(0) == 0) throw usage_error("tau_s is empty");
+  return whole_taus({numbers.data(), numbers.data() + numbers.shape(0)}, dt_s, "tau_s");
+}
 
 // Ctrl-C between two pieces of work.
 void check_signals() {
@@ -92,23 +113,23 @@ DpCurve curve_in_pieces(const RateView& rates, const DpRecord& record, const std
   return whole;
 }
 
-Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& type, const std::string& tau,
+Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& type, const nb::object& tau,
                        const std::string& estimator, const std::optional<std::string>& nominal, double estimation_s,
                        const std::string& detrend, double min_fill, bool with_intervals) {
   Series copy;
   Curve result;
   try {
+    const std::vector<double> tau_s =
+        taus_of(tau, dt_s, std::max(dt_s, static_cast<double>(rate_dph.shape(0)) * dt_s / 10));
     nb::gil_scoped_release free;
     const RateView rates = take_rates(rate_dph, dt_s, Detrend::parse(detrend), &copy);
     check_signals();
     DpOperator op = make_dp_operator(dp_type_from_text(type), dt_s, model_of(nominal), estimation_s);
     op.min_fill = min_fill;
-    const auto tau_s = parse_tau(tau, dt_s, std::max(dt_s, static_cast<double>(rates.size) * dt_s / 10));
-    check_signals();
     const DpRecord record(rates, op);
     const DpCurve curve = curve_in_pieces(rates, record, tau_s, dp_estimator_from_text(estimator), with_intervals);
     check_signals();
-    result.tau_s = curve.tau_s, result.dp_dph = curve.dp_dph, result.n_windows = curve.n;
+    result.tau_s = curve.tau_s, result.dp_dph = curve.dp_dph, result.n_windows.assign(curve.n.begin(), curve.n.end());
     if (!with_intervals) return result;
     for (const Interval& i : curve_intervals(curve, op, {}))
       result.lo_dph.push_back(i.lo), result.hi_dph.push_back(i.hi);
@@ -135,13 +156,6 @@ nb::object split_ulog(const Bytes& file, const std::vector<std::string>& topics)
     blocks[nb::int_(id)] = nb::make_tuple(block.record_bytes, records);
   }
   return nb::make_tuple(nb::bytes(split.rest.data(), split.rest.size()), blocks);
-}
-
-// An array that numpy owns from now on.
-template <typename T> nb::ndarray<nb::numpy, T> take_over(std::unique_ptr<T[]> values, std::vector<size_t> shape) {
-  T* const data = values.release();
-  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-  return nb::ndarray<nb::numpy, T>(data, shape.size(), shape.data(), owner);
 }
 
 // One array per column: (bits, whether they are int64, else float64); None where the text is no table of plain numbers.
@@ -187,9 +201,7 @@ nb::object steps_and_counts(const Indices& t_us) {
     is_increasing = t_us.shape(0) >= 2 && find_steps(t_us.data(), t_us.shape(0), &step, &counts);
   }
   if (!is_increasing) return nb::none();
-  std::unique_ptr<int64_t[]> copy(new int64_t[counts.size()]);
-  std::copy(counts.begin(), counts.end(), copy.get());
-  return nb::make_tuple(step, take_over(std::move(copy), {counts.size()}));
+  return nb::make_tuple(step, copied(counts));
 }
 
 // Medians of a centred window of 2 half + 1 rows, the first and the last row repeated beyond the ends; values finite.
@@ -272,11 +284,16 @@ private:
 NB_MODULE(_core, m) {
   m.doc() = "The compiled part of imucal.";
   nb::class_<Curve>(m, "Curve")
-      .def_ro("tau_s", &Curve::tau_s)
-      .def_ro("dp_dph", &Curve::dp_dph)
-      .def_ro("lo_dph", &Curve::lo_dph)
-      .def_ro("hi_dph", &Curve::hi_dph)
-      .def_ro("n_windows", &Curve::n_windows);
+      .def_prop_ro(
+          "tau_s", [](const Curve& c) { return copied(c.tau_s); }, nb::rv_policy::move)
+      .def_prop_ro(
+          "dp_dph", [](const Curve& c) { return copied(c.dp_dph); }, nb::rv_policy::move)
+      .def_prop_ro(
+          "lo_dph", [](const Curve& c) { return copied(c.lo_dph); }, nb::rv_policy::move)
+      .def_prop_ro(
+          "hi_dph", [](const Curve& c) { return copied(c.hi_dph); }, nb::rv_policy::move)
+      .def_prop_ro(
+          "n_windows", [](const Curve& c) { return copied(c.n_windows); }, nb::rv_policy::move);
   m.def("direct_predictor", &direct_predictor, nb::arg("rate_dph"), nb::arg("dt_s"), nb::arg("type"), nb::arg("tau"),
         nb::arg("estimator"), nb::arg("nominal").none(), nb::arg("estimation_s"), nb::arg("detrend"),
         nb::arg("min_fill"), nb::arg("with_intervals"));

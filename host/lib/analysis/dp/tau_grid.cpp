@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <utility>
 
 #include "base/error.h"
 
@@ -72,13 +73,18 @@ std::vector<double> parse_tau(const std::string& text, double dt_s, double longe
   } else {
     tau = numbers(text, ',', text);
   }
-  for (double& t : tau) {
-    if (t < 0.5 * dt_s) throw usage_error("--tau " + text + ": " + std::to_string(t) + " s is less than one sample");
+  return whole_taus(std::move(tau), dt_s, "--tau " + text);
+}
+
+std::vector<double> whole_taus(std::vector<double> tau_s, double dt_s, const std::string& what) {
+  for (double& t : tau_s) {
+    if (!(t > 0) || !std::isfinite(t)) throw usage_error(what + ": " + std::to_string(t) + " is not a positive number");
+    if (t < 0.5 * dt_s) throw usage_error(what + ": " + std::to_string(t) + " s is less than one sample");
     t = std::max(1.0, std::round(t / dt_s)) * dt_s;
   }
-  std::sort(tau.begin(), tau.end());
-  tau.erase(std::unique(tau.begin(), tau.end()), tau.end());
-  return tau;
+  std::sort(tau_s.begin(), tau_s.end());
+  tau_s.erase(std::unique(tau_s.begin(), tau_s.end()), tau_s.end());
+  return tau_s;
 }
 
 } // namespace imucal

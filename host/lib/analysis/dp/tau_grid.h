@@ -12,4 +12,8 @@ namespace imucal {
 // sample on, 20 per decade).  usage_error names what is wrong.
 std::vector<double> parse_tau(const std::string& text, double dt_s, double longest_s);
 
+// Any numbers so: whole samples, each once, in rising order.  usage_error, which begins with `what`, for a number that is not
+// positive or less than half a sample.
+std::vector<double> whole_taus(std::vector<double> tau_s, double dt_s, const std::string& what);
+
 } // namespace imucal
