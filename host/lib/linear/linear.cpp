@@ -60,9 +60,23 @@ MatrixXd solve_shortest(const MatrixXd& a, const MatrixXd& b) {
   return Eigen::CompleteOrthogonalDecomposition<MatrixXd>(a).solve(b);
 }
 
+namespace {
+
+// Works in the memory of `rows`.  HouseholderQR<Ref<MatrixXd>> would do so too, with templates of its own for each of its
+// steps; those of MatrixXd are there for the other decompositions.
+class QrInPlace : Eigen::HouseholderQR<MatrixXd> {
+public:
+  explicit QrInPlace(MatrixXd* rows) {
+    m_qr.swap(*rows);
+    computeInPlace();
+  }
+  MatrixXd r() const { return m_qr.topRows(m_qr.cols()).triangularView<Eigen::Upper>(); }
+};
+
+} // namespace
+
 MatrixXd triangle_of(MatrixXd* rows) {
-  const Eigen::HouseholderQR<Eigen::Ref<MatrixXd>> qr(*rows);
-  return MatrixXd(rows->topRows(rows->cols()).triangularView<Eigen::Upper>());
+  return QrInPlace(rows).r();
 }
 
 PivotedQr::PivotedQr(const MatrixXd& a, double threshold) {
