@@ -2,10 +2,6 @@
 
 CPU_stm32f405 := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 $(if $(HSE_HZ),-DSTM32_HSE_HZ=$(HSE_HZ)u) $(if $(W25Q_BASE),-DSTM32_W25Q_BASE=$(W25Q_BASE)u)
 CPU_stm32f405_qemu := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -DSTM32_TIM_HZ=1000000000u -DWAIT_TURNS=10u
-FAST_stm32f405_comp := -O2 -fno-tree-pre
-FAST_stm32f405_sum := -O2
-FAST_stm32f405_qemu_comp := -O2 -fno-tree-pre
-FAST_stm32f405_qemu_sum := -O2
 STM32_DRIVERS := $(addprefix firmware/port/stm32f405/,main.c startup.c system.c usart.c)
 STM32_CHIP := $(addprefix firmware/port/stm32f405/,board_chip.c flash.c) firmware/sensors/sensor.c firmware/sensors/source.c
 STM32_INTERNAL := firmware/port/stm32f405/board_store_chip.c
@@ -14,21 +10,23 @@ STM32_ICM42688P := $(STM32_CHIP) $(addprefix firmware/port/stm32f405/,board_icm4
 STM32_MPU6050 := $(STM32_CHIP) $(addprefix firmware/port/stm32f405/,board_mpu6050.c i2c.c) firmware/sensors/mpu6050.c
 STM32_QEMU := firmware/port/stm32f405/board_emulated.c firmware/port/arm/semihost.c firmware/port/arm/semihost_sim.c firmware/port/arm/semihost_bus.c $(FIRMWARE_SIM) $(FIRMWARE_BUS)
 
-# The chip's images differ in the sources that they link: they share one folder of objects.
+# Core and application are those of the other Cortex-M4F (mps2_an386), and the chip's images share one folder of objects:
+# they differ in the sources that they link.
 # $1 folder in build/obj
 define stm32_objects
 $(BUILD)/obj/$1/%.o: %.c
 	@mkdir -p $$(@D)
 	$$(if $$(V),,@echo "  CC   $$< ($1)")
-	$$(Q)$$(CCACHE) $$(CROSS)gcc $$(CPU_$1) $$(FIRMWARE_CFLAGS) $$(if $$(filter common/%,$$<),-ffreestanding) \
-	  $$(MCU_OPTIMISE) $$(if $$(DEBUG),,$$(FAST_$1_$$(basename $$(<F)))) -fstack-usage -MMD -MP $$(FIRMWARE_CPPFLAGS) -c $$< -o $$@
+	$$(Q)$$(CCACHE) $$(CROSS)gcc $$(CPU_$1) $$(FIRMWARE_CFLAGS) $$(MCU_OPTIMISE) \
+	  -fstack-usage -MMD -MP $$(FIRMWARE_CPPFLAGS) -c $$< -o $$@
 -include $(shell find $(BUILD)/obj/$1 -name '*.d' 2>/dev/null)
 endef
 $(foreach objects,stm32f405 stm32f405_qemu,$(eval $(call stm32_objects,$(objects))))
 
 # $1 image's folder in build/firmware, $2 its objects' folder, $3 sources beside core and app
 define stm32_image
-$(BUILD)/firmware/$1/imucal.elf: $$(patsubst %.c,$(BUILD)/obj/$2/%.o,$$(CORE_SOURCES) $(FIRMWARE_APP) $(STM32_DRIVERS) $3) \
+$(BUILD)/firmware/$1/imucal.elf: $$(patsubst %.c,$(BUILD)/obj/mps2_an386/%.o,$$(CORE_SOURCES) $(FIRMWARE_APP)) \
+  $$(patsubst %.c,$(BUILD)/obj/$2/%.o,$(STM32_DRIVERS) $3) \
   firmware/port/stm32f405/link.ld
 	@mkdir -p $$(@D)
 	$$(if $$(V),,@echo "  LINK $$@")
