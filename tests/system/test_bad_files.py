@@ -103,7 +103,7 @@ ROWS = "".join(f"{i},{20 + i / 100:.2f},{(i * 37) % 11}\n" for i in range(600))
 @pytest.mark.parametrize("text, parts", [
     ("", ("bad.csv:1", "no header")),
     (HEADER, ("bad.csv:1", "no whole row")),
-    ("time,temp,gx\n" + ROWS, ("bad.csv:1", "header must be")),
+    ("time,temp,gx\n" + ROWS, ("bad.csv:1", "header must be", "imucal import")),
     (HEADER + "0,20,warm\n", ("bad.csv:2", "gx_dph", "warm")),
     (HEADER + "0,20,1e30\n", ("bad.csv:2", "gx_dph")),
     (HEADER + "0,20,nan\n", ("bad.csv:2", "finite")),

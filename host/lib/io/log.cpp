@@ -192,7 +192,8 @@ LogAxis raw_axis(const LineReader& in, const std::string& name, const std::map<s
 std::vector<Column> columns_of(const LineReader& in, Log* log) {
   const std::vector<std::string> names = split(in.line());
   if (names.size() < 3 || names[0] != "t_s" || names[1] != "temp_degc")
-    in.fail("the header must be t_s,temp_degc,<axis>_dph,… ; found \"" + shortened(in.line()) + "\"");
+    in.fail("the header must be t_s,temp_degc,<axis>_dph,… ; found \"" + shortened(in.line()) +
+            "\"; other formats are read by imucal import FILE -o LOG.csv");
   std::vector<Column> columns;
   for (size_t i = 2; i < names.size(); ++i) {
     const std::string& name = names[i];
