@@ -15,7 +15,7 @@ $(BUILD)/venv-bench/installed: host/scripts/requirements-bench.txt
 bench-kernel: python-core $(BUILD)/venv-bench/installed  ## the Allan deviation alone against allantools, array to array in one process
 	$(Q)IMUCAL_BIN=$(abspath $(BUILD))/bin $(BUILD)/venv-bench/bin/python host/scripts/bench_kernel.py
 
-bench:: host $(BUILD)/tests/bench_dp $(BUILD)/venv-bench/installed  ## times against other programs (allantools, avar from PyPI)
+bench:: host $(BUILD)/tests/bench_dp $(BUILD)/venv-bench/installed  ## speed of the programs, against other programs too (allantools, avar from PyPI)
 	$(Q)$(BUILD)/venv-bench/bin/python host/scripts/bench_dp.py --build $(BUILD) --seed $(SEED)
 
 bench-whole: $(BUILD)/bin/dp $(BUILD)/bin/errormodel $(BUILD)/tests/bench_log $(BUILD)/venv-bench/installed  ## whole commands beside numpy and allantools; ONLY=reading, dp, scaling or errormodel
@@ -37,7 +37,7 @@ coverage-bootstrap: $(BUILD)/bin/errormodel  ## coverage of the intervals by ref
 test-long:: host
 	$(Q)$(PYTHON) host/scripts/study_errormodel.py --build $(BUILD) --seed $(SEED) --check
 
-figures:: host  ## the paper's figures 1-6 and 13-21 from our own results, into build/figures
+figures:: host  ## draw the paper's figures and our own into build/figures
 	$(Q)$(PYTHON) host/scripts/figures_dp.py --build $(BUILD) --seed $(SEED)
 
 .PHONY: bench bench-kernel bench-scaling bench-whole coverage-bootstrap coverage-errormodel figures test-long

@@ -2,7 +2,7 @@
 
 PROFILE := $(BUILD)/bin/profile
 
-figures:: $(PROFILE)  ## draw the paper's figures and our own into build/figures
+figures:: $(PROFILE)
 	$(Q)PROFILE=$(PROFILE) $(PYTHON) host/scripts/figures_profile.py $(BUILD)/figures
 
 # 100, 140, 240, 480 min at 0.6 and 2 degC/min: bounds, best profile, efficiency, the paper's profile.
@@ -12,7 +12,7 @@ profile-table: $(PROFILE)  ## bounds, best profiles and efficiencies for four du
 profile-oscillations: $(PROFILE)  ## why the proven bound leaves 7 % open at 2 degC/min
 	$(Q)PROFILE=$(PROFILE) $(PYTHON) host/scripts/profile_oscillations.py
 
-bench:: $(BUILD)/bench/profile_speed  ## speed of the programs
+bench:: $(BUILD)/bench/profile_speed
 	$(Q)$(BUILD)/bench/profile_speed
 
 test-long:: $(BUILD)/bench/profile_long
