@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/scalar_product.h"
 #include "base/simd.h"
 #include "io/input.h"
 #include "io/log.h"
@@ -227,20 +228,6 @@ std::string Detrend::text() const {
   if (kind == Kind::kNone) return "none";
   if (kind == Kind::kMean) return "mean";
   return (kind == Kind::kPolyTemperature ? "poly:" : "time:") + std::to_string(order);
-}
-
-// In eight chains, whose order is the same on every machine.
-static IMUCAL_WIDE double scalar_product(const double* a, const double* b, size_t n) {
-  Lanes8 sum = {};
-  size_t i = 0;
-  for (; i + 8 <= n; i += 8) {
-    Lanes8 x, y;
-    load_lanes(&x, a + i), load_lanes(&y, b + i);
-    sum += x * y;
-  }
-  double rest = 0;
-  for (; i < n; ++i) rest += a[i] * b[i];
-  return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7])) + rest;
 }
 
 static IMUCAL_WIDE void subtract_times(double factor, const double* column, size_t n, double* x) {

@@ -5,7 +5,7 @@
 #include <complex>
 
 #include "base/error.h"
-#include "base/simd.h"
+#include "base/scalar_product.h"
 #include "physics/effects/closed_forms.h"
 
 namespace imucal {
@@ -102,25 +102,8 @@ double general_square(const NoiseComponent& comp, const DpOperator& op, long n) 
   return v_n / (steps * steps) + v_m / (m * m) - (v_both - v_n - v_m) / (steps * m);
 }
 
-// Eight chains side by side: an addition does not wait for the one before.
-IMUCAL_WIDE double dot(const double* a, const double* b, size_t n) {
-  Lanes s0 = {0, 0, 0, 0}, s1 = s0;
-  size_t i = 0;
-  for (; i + 8 <= n; i += 8) {
-    Lanes a0, a1, b0, b1;
-    load_lanes(&a0, &a[i]), load_lanes(&a1, &a[i + 4]);
-    load_lanes(&b0, &b[i]), load_lanes(&b1, &b[i + 4]);
-    s0 += a0 * b0;
-    s1 += a1 * b1;
-  }
-  const Lanes s = s0 + s1;
-  double sum = (s[0] + s[1]) + (s[2] + s[3]);
-  for (; i < n; ++i) sum += a[i] * b[i];
-  return sum;
-}
-
 double dot(const std::vector<double>& a, const std::vector<double>& b) {
-  return dot(a.data(), b.data(), a.size());
+  return scalar_product(a.data(), b.data(), a.size());
 }
 
 Series with_rates(const Series& shape, const std::vector<double>& rates) {
@@ -245,7 +228,7 @@ static std::vector<double> traces(const std::vector<std::vector<double>>& column
   for (size_t a = 0; a < columns.size(); ++a)
     for (size_t b = 0; b < columns[a].size(); b += kPiece)
       for (size_t k = 0; k < z.size(); ++k)
-        out[k] += dot(&columns[a][b], &z[k].columns[a][b], std::min(kPiece, columns[a].size() - b));
+        out[k] += scalar_product(&columns[a][b], &z[k].columns[a][b], std::min(kPiece, columns[a].size() - b));
   return out;
 }
 
