@@ -35,7 +35,7 @@ struct Case {
 };
 
 EffectSpec effect(const char* name, const Json& parameters) {
-  return {name, UnreadJson(parameters)};
+  return {name, parameters};
 }
 
 const Names kMemory = {"thermal_hysteresis", "thermal_memory"}, kLag = {"thermal_lag", "thermal_memory"},

@@ -152,7 +152,7 @@ inline void check_table(const imucal_table_t& table, const MemoryFile& file) {
 inline void effects_door(const std::string& path) {
   for (const EffectSpec& spec : read_effects(path)) {
     const Effect& effect = find_effect(spec.name);
-    const Parameters parameters = read_parameters(effect, spec.parameters.json());
+    const Parameters parameters = read_parameters(effect, spec.parameters);
     FUZZ_CHECK(parameters_json(read_parameters(effect, parameters_json(parameters))) == parameters_json(parameters));
   }
 }

@@ -24,7 +24,7 @@ static std::vector<double> simulated_dph(double rate_degc_min, double k) {
   Profile profile;
   profile.start_degc = 10;
   profile.segments.push_back({rate_degc_min, 0, 40});
-  EffectSpec spec{"temperature_rate_squared", UnreadJson(Json{{"k_dph_per_degc2_min2", k}})};
+  EffectSpec spec{"temperature_rate_squared", Json{{"k_dph_per_degc2_min2", k}}};
   return simulate({ErrorModel()}, 1, profile, {spec}, SimOptions()).axes[0].run.rate_dph;
 }
 

@@ -188,7 +188,7 @@ static void test_typical_sizes_are_valid_and_ordered(void**) {
   for (const Effect* effect : effect_library())
     for (int order : {3, 4})
       if (const std::optional<TypicalSize> size = effect->typical_size(order)) {
-        read_parameters(*effect, spec_of(*effect, size->parameters).parameters.json()); // inside their bounds
+        read_parameters(*effect, spec_of(*effect, size->parameters).parameters); // inside their bounds
         if (order == 4) continue;
         assert_true(places.insert(size->place).second);
         assert_true(short_names.insert(size->short_name).second);

@@ -295,7 +295,7 @@ static void test_model_round_trip(void**) {
   assert_true(back.markov.size() == 1 && back.markov[0].sigma_dph == 20 && back.markov[0].tau_s == 100);
   assert_true(back.bias->coeff_dph == model.bias->coeff_dph);
   assert_true(back.bias->at(60) == 80 + 300 + 150 - 100);
-  assert_true(back.effects[0].parameters.json()["ramp_dph_per_h"] == 3);
+  assert_true(back.effects[0].parameters["ramp_dph_per_h"] == 3);
   // S0 = 2 sigma^2 tau + (60 arw)^2 = 80000 + 1296 (reference figures A, tests/README.md).
   assert_true(std::abs(back.slow_density_dph2_s() - 81296.0) < 1e-9);
 }

@@ -197,7 +197,7 @@ static void test_signatures_follow_physics(void**) {
   double last = 0;
   for (double width_degc : {10.0, 5.0, 1.0, 0.05}) {
     std::vector<EffectSpec> effects = effects_by_name("temperature_rate,thermal_hysteresis", 3);
-    effects[1].parameters = UnreadJson(Json{{"amplitude_dph", 10}, {"width_degc", width_degc}});
+    effects[1].parameters = Json{{"amplitude_dph", 10}, {"width_degc", width_degc}};
     const double r = std::abs(signature_table(runs_of_profile(triangle), white, effects).correlation[1]);
     assert_true(r > last);
     last = r;

@@ -250,7 +250,7 @@ static void test_simulate_unknown_effect_or_axis_is_refused(void**) {
 
 static void test_simulate_effect_acts_on_its_axis_and_log_alone(void**) {
   const ErrorModel model = model_of(0.6, {{20, 100}});
-  const EffectSpec ramp{"rate_ramp", UnreadJson(Json{{"ramp_dph_per_h", 3600}}), "gy", 1};
+  const EffectSpec ramp{"rate_ramp", Json{{"ramp_dph_per_h", 3600}}, "gy", 1};
   SimOptions options;
   for (size_t log = 0; log < 2; ++log) {
     options.log_index = log;

@@ -117,18 +117,6 @@ private:
   std::unique_ptr<Body> body_; // of kText, kList and kObject
 };
 
-class JsonField;
-
-// A value that is carried as it was written, unread.  Copies share it; nobody changes it.
-class UnreadJson {
-public:
-  UnreadJson() : UnreadJson(Json::object()) {}
-  explicit UnreadJson(const Json& value) : value_(std::make_shared<Json>(value)) {}
-
-  const Json& json() const { return *value_; }
-
-private:
-  std::shared_ptr<const Json> value_;
-};
+class JsonField; // io/json_file.h
 
 } // namespace imucal

@@ -57,7 +57,7 @@ static std::vector<EffectSpec> effects_from_json(const JsonField& list) {
     effect.name = field.at("name").text();
     if (const auto parameters = field.find("parameters")) {
       if (!parameters->json().is_object()) parameters->refuse("expected an object {...}");
-      effect.parameters = UnreadJson(parameters->json());
+      effect.parameters = parameters->json();
     }
     if (const auto axis = field.find("axis"))
       effect.axis = axis->json().is_number() ? std::to_string(axis->integer(0, 1000)) : axis->text();
@@ -165,7 +165,7 @@ Json to_json(const ErrorModel& model) {
   if (!model.effects.empty()) {
     json["effects"] = Json::array();
     for (const EffectSpec& e : model.effects) {
-      Json effect = {{"name", e.name}, {"parameters", e.parameters.json()}};
+      Json effect = {{"name", e.name}, {"parameters", e.parameters}};
       if (!e.axis.empty()) effect["axis"] = e.axis;
       if (e.log >= 0) effect["log"] = e.log;
       json["effects"].push_back(effect);

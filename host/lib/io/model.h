@@ -33,7 +33,7 @@ struct ThermalPolynomial {
 // {"name": "warm_up", "parameters": {…}, "axis": "gx", "log": 2}; the last two restrict where it is simulated.
 struct EffectSpec {
   std::string name;
-  UnreadJson parameters = {};
+  Json parameters = Json::object();
   std::string axis = {}; // simulated on this axis only ("gx_dph", "gx" or the place "0"); empty: on all
   long log = -1;         // simulated in the log of this index only; -1: in all
 };

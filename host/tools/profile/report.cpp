@@ -89,7 +89,7 @@ Json to_json(const SignatureTable& table) {
   Json json = {{"effects", Json::array()}, {"correlation", Json::array()}, {"worst_correlation", table.worst}};
   for (size_t i = 0; i < n; ++i) {
     json["effects"].push_back({{"name", table.effects[i].name},
-                               {"parameters", table.effects[i].parameters.json()},
+                               {"parameters", table.effects[i].parameters},
                                {"strength", table.strength[i]},
                                {"visible_frac", table.visible_frac[i]},
                                {"separable_strength", table.separable[i]},

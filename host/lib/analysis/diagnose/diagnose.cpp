@@ -115,7 +115,7 @@ NoiseBelief belief_of(const DiagnoseOptions& options, const ErrorModel& model, c
     const EffectEstimator* estimator = effect.estimator();
     if (!is_for(spec, axis) || !estimator || !estimator->is_repeatable()) continue;
     // The shape is what stands last among the numbers; what stands before are amplitudes.
-    Theta shape = theta_of(effect, read_parameters(effect, spec.parameters.json()));
+    Theta shape = theta_of(effect, read_parameters(effect, spec.parameters));
     const size_t n = estimator->shape_lo().size();
     shape.erase(shape.begin(), shape.end() - static_cast<long>(std::min(n, shape.size())));
     if (shape.size() == n) belief.known.push_back({estimator, shape});
@@ -144,7 +144,7 @@ NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseMo
   for (const EffectSpec& spec : model.effects) {
     const Effect& effect = find_effect(spec.name);
     if (is_for(spec, axis) && effect.estimator() && effect.estimator()->form() == Form::kNoise)
-      noise = effect.estimator()->noise(noise, theta_of(effect, read_parameters(effect, spec.parameters.json())));
+      noise = effect.estimator()->noise(noise, theta_of(effect, read_parameters(effect, spec.parameters)));
   }
   return noise;
 }
@@ -163,7 +163,7 @@ std::vector<std::string> take_out_known(const ErrorModel& model, const std::stri
       if (!estimator || estimator->form() != Form::kNoise) left.push_back(spec.name);
       continue;
     }
-    const Parameters parameters = read_parameters(effect, spec.parameters.json());
+    const Parameters parameters = read_parameters(effect, spec.parameters);
     for (CampaignRun& run : campaign->runs) {
       RunInput& in = run.input;
       SimRun sim;

@@ -147,7 +147,7 @@ Json parameters_json(const Parameters& parameters) {
 }
 
 EffectSpec spec_of(const Effect& effect, const Parameters& parameters) {
-  return {effect.name(), UnreadJson(parameters_json(parameters))};
+  return {effect.name(), parameters_json(parameters)};
 }
 
 Json std_errors_json(const Parameters& parameters) {
