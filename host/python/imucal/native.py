@@ -10,3 +10,12 @@ def core():
         from .errors import ImucalError
         raise ImucalError(f"the compiled part of imucal is not there ({error}): make python-core, or pip install ./host/python") from None
     return _core
+
+
+def core_or_none():
+    """The same, or None where it is not there: for work that numpy or another library does too, more slowly."""
+    try:
+        from . import _core
+    except ImportError:
+        return None
+    return _core

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-try:
-    from . import _core  # does the same without large arrays in between
-except ImportError:
-    _core = None
+from .native import core_or_none
+
+_core = core_or_none()  # does the same without large arrays in between
 
 FLAG_MISSING = 2
 _US = 1_000_000

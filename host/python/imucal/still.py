@@ -8,10 +8,9 @@ MIN_REST_S between two motions too.
 """
 import numpy as np
 
-try:
-    from . import _core  # does the same in less time
-except ImportError:
-    _core = None
+from .native import core_or_none
+
+_core = core_or_none()  # does the same in less time
 
 #: no MEMS gyro at rest has samples spread wider, or a bias larger, than this
 MAX_STILL_STD_DPH = 3.0 * 3600

@@ -9,13 +9,11 @@ import numpy as np
 
 from ..errors import DataError
 from ..log import CUT_ROW
+from ..native import core_or_none
 from . import need
 from .named import Columns, numbers, stream_of
 
-try:
-    from .. import _core
-except ImportError:
-    _core = None
+_core = core_or_none()
 
 
 def _to_numpy(frame):

@@ -12,6 +12,7 @@ import os
 import numpy as np
 
 from ..errors import DataError
+from ..native import core_or_none
 from ..stream import Motion, Stream
 from ..units import DPH_PER_RADPS, MG_PER_MS2
 from . import need
@@ -99,12 +100,11 @@ def _combined_stream(log, topics, data):
 def _split(path):
     """(file without the data messages of our topics but the first of each, {id: (bytes of a record, records)}), or None: the
     compiled part is not there, or the file is not simple."""
-    try:
-        from .. import _core
-    except ImportError:
+    core = core_or_none()
+    if core is None:
         return None
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        return _core.split_ulog(np.frombuffer(data, np.uint8), [GYRO, ACCEL, COMBINED])
+        return core.split_ulog(np.frombuffer(data, np.uint8), [GYRO, ACCEL, COMBINED])
 
 
 def _records(topic, block):
