@@ -704,15 +704,15 @@ private:
     for (SelectedEffect& effect : named_) {
       if (!effect.term.effect || effect.is_family) continue;
       const Form form = effect.term.form();
-      if (form == Form::kNoise && fires) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+      if (form == Form::kNoise) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
       if (form == Form::kSteps && has_jumps) open_jumps(&effect);
     }
     if (left > explained_nats() || n_members() > kFewNames) leave_members();
   }
-  // More is left than was explained, or many causes together leave something: members stand in for another cause then.
-  // A family says no more than that.
   static bool is_member(const SelectedEffect& effect) { return !effect.is_family; }
   size_t n_members() const { return static_cast<size_t>(std::count_if(named_.begin(), named_.end(), is_member)); }
+  // More is left than was explained, or many causes together leave something: members stand in for another cause then.
+  // A family says no more than that.
   void leave_members() {
     for (const SelectedEffect& effect : named_)
       if (is_member(effect)) leave(effect);
