@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Libraries on 32-bit x86.  Distributions compile them for the old coprocessor, whose registers hold more digits than a
-// double, so that a value changes when it is stored.  NLopt's BOBYQA then compares a value with its own stored copy and
-// never ends.  While a RoundsToDouble lives, the coprocessor of this thread rounds as every other machine does.
+// double, so that a value changes when it is stored.  With them NLopt's BOBYQA was seen never to end (Debian's libnlopt0,
+// i386).  While a RoundsToDouble lives, the coprocessor of this thread rounds as every other machine does.
 // Nothing on other processors.  Our own code uses SSE2 there (tests/portable/host.mk).
 #pragma once
 #if defined(__i386__) && defined(__GLIBC__)

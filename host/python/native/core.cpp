@@ -174,7 +174,7 @@ nb::object read_numbers(const Bytes& text, size_t begin, size_t end, const std::
   return std::move(columns);
 }
 
-// (means, standard deviations), each of shape (seconds, columns): spread.h.
+// (means, standard deviations), each of shape (seconds, columns): seconds.h.
 nb::object spread_of_seconds(const Table& values, const Indices& first, const Indices& n) {
   const size_t m = first.shape(0), k = values.shape(1), rows = values.shape(0);
   if (n.shape(0) != m) throw nb::value_error("first and n differ in length");
