@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: MIT
 """The importers' table: what each format holds, error of a round trip, a real file read, MB of file per second of processor
-time; and the import of a large ULog against pyulog alone.
+time; the import of a large ULog against pyulog alone; and how long `imucal look` takes for a log at 100 samples a second.
 
-    bench_import.py [--samples N] [--ulog-mb MB]
+    bench_import.py [--samples N] [--ulog-mb MB] [--look-s SECONDS]
 """
 import argparse
+import os
+import subprocess
 import sys
 import tempfile
 import time
@@ -103,16 +105,36 @@ def large_ulog(folder, megabytes):
     print(f"ULog of {size:.0f} MB: pyulog alone {alone:.2f} s, import {ours:.2f} s ({size / ours:.0f} MB/s): {ours / alone:.2f} times")
 
 
+def look_times(folder, duration_s):
+    """`imucal look`, whole process: medians of five runs by the clock and of the processor."""
+    program = Path(os.environ.get("IMUCAL_BIN", ROOT / "build/bin")) / "imucal"
+    rec = foreign.recording(duration_s=duration_s)
+    for kind in ("ulog", "csv"):
+        path = foreign.write(kind, folder, rec)
+        runs = []
+        for _ in range(5):
+            start, before = time.perf_counter(), os.times()
+            subprocess.run([program, "look", path, "-o", folder / "page.png"], check=True, stdout=subprocess.DEVNULL)
+            after = os.times()
+            runs.append((time.perf_counter() - start, sum(after[2:4]) - sum(before[2:4])))
+        clock, processor = np.median(runs, axis=0)
+        print(f"look, {duration_s / 60:.0f} min at 100 Hz, {kind} of {path.stat().st_size / 1e6:.0f} MB: {clock:.2f} s by the clock, "
+              f"{processor:.2f} s of processor time")
+
+
 def main():
-    """Print both."""
+    """Print all three."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--samples", type=int, default=60_000, help="of the files whose speed is measured")
     parser.add_argument("--ulog-mb", type=float, default=100, help="size of the large ULog; 0: none")
+    parser.add_argument("--look-s", type=int, default=8400, help="length of the log of `imucal look`; 0: none")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         table(Path(folder), given.samples)
         if given.ulog_mb:
             large_ulog(Path(folder), given.ulog_mb)
+        if given.look_s:
+            look_times(Path(folder), given.look_s)
 
 
 if __name__ == "__main__":
