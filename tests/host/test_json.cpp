@@ -106,6 +106,8 @@ void test_malformed_text_is_refused_with_its_line(void**) {
   assert_string_equal(refusal("[1,\n1e999]").c_str(), "t.json:2: the number 1e999 is too large");
   assert_non_null(std::strstr(refusal("[1,\n2").c_str(), "t.json:2: not valid JSON"));
   assert_non_null(std::strstr(refusal("{} x").c_str(), "t.json:1: not valid JSON"));
+  assert_non_null(
+      std::strstr(refusal(std::string("{}\n\0 \"a\": 1}", 12)).c_str(), "t.json:2: not valid JSON: a zero byte"));
   assert_string_equal(refusal("{\"a\":{\"a\":[{\"a\":1}]}}").c_str(), ""); // the same name in other objects
 }
 

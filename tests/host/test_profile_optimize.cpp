@@ -95,7 +95,8 @@ static void test_rounded_keeps_the_duration_where_soaks_may_not_grow(void**) {
   p.segments = {{0, 100, 0},  {0.9, 0, 30}, {0, 70, 30},      {0.9, 0, 30.001}, {0, 60, 30.001},
                 {0.9, 0, 50}, {0, 60, 50},  {0.9, 0, 50.002}, {0, 46.3, 50.002}};
   const double duration_s = legs(p).back().end_s;
-  const Profile kept = rounded(p, duration_s, 100);
+  const ChamberLimits limits{0, 50.002, 0.9, 0.9, 0, 100};
+  const Profile kept = rounded(p, duration_s, limits);
   const auto all = legs(kept);
   assert_float_equal(all.back().end_s, duration_s, 0.5);
   assert_int_equal(all.size(), 5);

@@ -143,3 +143,60 @@ def test_oscillations_gain_little_about_inner_soaks_and_lose_at_the_ends():
     rows = [line.replace("%", "").split() for line in done.stdout.splitlines() if line.endswith("%") and "open" not in line]
     inner, ends = [float(r[1]) for r in rows], [float(r[2]) for r in rows]
     assert len(rows) == 6 and -0.6 < min(inner) < -0.1 and min(ends) > 0.5
+
+
+# ---- the limits of `optimize`, by hand from the segments of the profile it writes ----
+
+SHORT_SOAKS = [  # order, range, heating, cooling degC/min, duration s, soaks from, to s, seed
+    (3, (-20, 25), 0.6, 0.45, 24000, 0, 33.3, 22), (1, (0, 30), 1, None, 14700, 0, 33.3, 25), (2, (-32.5, 12.5), 0.7333337, 0.3, 18000, 120, 120, 26),
+    (4, (-40, -32.7), 1, 0.45, 1992.8, 0, 40, 28), (3, (5, 65), 3, 0.3, 14200, 0, 90, 35), (3, (-20, 40), 5, None, 1080, 0, 60, 39),
+    (2, (0, 100), 1 / 3, None, 40000, 10, 60, 40), (1, (5, 50), 5, 0.45, 7600, 33.3, 33.3, 53)]
+BROKE = [  # once: too long by 44, 153, 20 s; soaks of 57.2 for 60, 109.8 for 120, 6.8 for 10, 8.5 for 20 s
+    (3, (-32.5, 67.5), 0.7333337, 0.6666667, 40000, 0, 20, 196), (4, (5, 50), 1 / 3, 1, 40000, 10, 20, 122), (4, (-10, 35), 0.7333337, 0.45, 40000, 0, 40, 374),
+    (3, (-40, -32.7), 1 / 3, 0.45, 1614, 60, 60, 139), (4, (0, 30), 0.6, 1, 6300, 120, 120, 153), (3, (-40, 60), 0.7333337, 2, 8345.45, 10, 20, 367),
+    (5, (5, 50), 1 / 3, 0.45, 40000, 20, 20, 346)]
+
+
+def faults_of(profile, span, heating, cooling, duration_s, min_soak_s, max_soak_s):
+    """What a profile breaks, segment by segment (formats.md, Profile): a list of words."""
+    temp, faults, temps, total_s = profile["start_degc"], [], [profile["start_degc"]], 0
+    for segment in profile["segments"] * profile["repeat"]:
+        rate = segment["rate_degc_per_min"]
+        if "to_degc" not in segment:
+            took_s = segment["duration_s"]
+            faults += [f"soak of {took_s} s"] if rate != 0 or not min_soak_s - 1 <= took_s <= max_soak_s + 1 else []
+        else:
+            step = segment["to_degc"] - temp
+            took_s = 60 * abs(step / rate)
+            faults += [f"ramp of {rate} degC/min by {step}"] if step == 0 or abs(rate) > (heating if step > 0 else cooling) * (1 + 1e-12) else []
+            temp += step
+            temps.append(segment["to_degc"])
+        total_s += took_s
+    faults += [f"from {min(temps)} to {max(temps)} degC"] if (min(temps), max(temps)) != span else []
+    return faults + ([f"{total_s} s"] if not duration_s - 2 <= total_s <= duration_s + 0.5 else [])
+
+
+@pytest.mark.parametrize("case", SHORT_SOAKS + BROKE, ids=str)
+def test_optimize_keeps_duration_soaks_rates_and_range(files, case):
+    """With soaks this short the rest of the time must go to slower ramps."""
+    order, span, heating, cooling, duration_s, min_soak_s, max_soak_s, seed = case
+    out = files[1] / "limited.json"
+    done = run("optimize", "--model", files[1] / "model.json", "--order", order, "--range", f"{span[0]}:{span[1]}", "--max-rate", heating,
+               *(["--max-cooling-rate", cooling] if cooling else []), "--duration-s", duration_s, "--min-soak-s", min_soak_s,
+               "--max-soak-s", max_soak_s, "--seed", seed, "--no-proof", "-q", "-o", out)
+    assert done.returncode == 0, done.stderr
+    assert faults_of(json.loads(out.read_text()), span, heating, cooling or heating, duration_s, min_soak_s, max_soak_s) == []
+
+
+@pytest.mark.parametrize("change, says", [
+    (lambda s: s[0].update(duration_s=62), "soak"), (lambda s: s[0].update(duration_s=18), "soak"), (lambda s: s[1].update(rate_degc_per_min=1.01), "ramp"),
+    (lambda s: s[3].update(rate_degc_per_min=-0.51), "ramp"), (lambda s: s[1].update(to_degc=29), "from"), (lambda s: s[1].update(to_degc=31), "from"),
+    (lambda s: s[1].update(rate_degc_per_min=0.999), " s"), (lambda s: s[0].update(duration_s=57), " s")])
+def test_the_judge_of_profiles_sees_each_fault(change, says):
+    segments = [{"rate_degc_per_min": 0, "duration_s": 60}, {"rate_degc_per_min": 1, "to_degc": 30}, {"rate_degc_per_min": 0, "duration_s": 20},
+                {"rate_degc_per_min": -0.5, "to_degc": 0}]
+    profile = {"start_degc": 0, "segments": segments, "repeat": 1}
+    limits = (0, 30), 1, 0.5, 60 + 1800 + 20 + 3600, 20, 60
+    assert faults_of(profile, *limits) == []
+    change(segments)
+    assert any(says in fault for fault in faults_of(profile, *limits))

@@ -223,7 +223,17 @@ JsonField read_json(const std::string& path) {
   return parse_json(read_text(path), input_name(path));
 }
 
+// The library takes a zero byte for the end of the text.
+static void refuse_zero_bytes(const std::string& text, const std::string& name) {
+  const size_t at = text.find('\0');
+  if (at == std::string::npos) return;
+  const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<long>(at), '\n');
+  throw data_error(name + ":" + std::to_string(line) +
+                   ": not valid JSON: a zero byte; is the file damaged, or not a text?");
+}
+
 JsonField parse_json(const std::string& text, const std::string& name) {
+  refuse_zero_bytes(text, name);
   Builder builder(text, name);
   nlohmann::json::sax_parse(text, &builder);
   return {builder.take(), name};

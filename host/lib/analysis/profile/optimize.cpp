@@ -294,7 +294,7 @@ Profile final_profile(const OptimizeRequest& request, const Candidate& c, double
   Profile raw;
   double excess_s = 0;
   make_profile(c.shape, c.x, request.limits, duration_s, &raw, &excess_s);
-  return rounded(raw, duration_s, request.limits.max_soak_s);
+  return rounded(raw, duration_s, request.limits);
 }
 
 // What one search is to find.

@@ -237,54 +237,106 @@ static void append_merged(const ProfileSegment& s, std::vector<ProfileSegment>* 
   out->push_back(s);
 }
 
-// What no soak may take: the longest ramp goes slower, which every chamber can.
-static void slow_longest_ramp(double rest_s, std::vector<ProfileSegment>* segments) {
-  ProfileSegment* longest = nullptr;
-  for (ProfileSegment& s : *segments)
-    if (s.rate_degc_per_min != 0 && (!longest || s.duration_s > longest->duration_s)) longest = &s;
-  if (!longest) return;
-  const double range_degc = std::abs(longest->rate_degc_per_min) * longest->duration_s / 60;
-  const double rate = std::ceil(range_degc / (longest->duration_s + rest_s) * 60 * 1e6) / 1e6;
-  longest->rate_degc_per_min = std::copysign(rate, longest->rate_degc_per_min);
-  longest->duration_s = range_degc / rate * 60;
+// Rates are written to 1e-6 degC/min.
+static double floor_rate(double rate) {
+  return std::floor(rate * 1e6 + 1e-3) / 1e6;
 }
 
-Profile rounded(const Profile& profile, double duration_s, double max_soak_s) {
+static bool is_soak(const ProfileSegment& s) {
+  return s.rate_degc_per_min == 0;
+}
+
+// Temperatures to 0.01 degC, and rates never above the chamber's; soaks still as they were, those below a second dropped.
+static Profile with_round_temperatures(const Profile& profile) {
   Profile out;
   out.start_degc = std::round(profile.start_degc * 100) / 100;
   double temp_degc = out.start_degc;
   for (ProfileSegment s : profile.segments) {
-    if (s.rate_degc_per_min == 0) {
+    if (is_soak(s)) {
       if (s.duration_s < 1) continue;
       s.to_degc = temp_degc;
     } else {
       s.to_degc = std::round(s.to_degc * 100) / 100;
       if (s.to_degc == temp_degc) continue;
-      // Rates down to 1e-6 degC/min: never above the limit they came from.
-      const double rate = std::floor(std::abs(s.rate_degc_per_min) * 1e6 + 1e-3) / 1e6;
+      const double rate = floor_rate(std::abs(s.rate_degc_per_min));
       s.rate_degc_per_min = std::copysign(rate, s.to_degc - temp_degc);
       s.duration_s = std::abs(s.to_degc - temp_degc) / rate * 60;
     }
     temp_degc = s.to_degc;
     append_merged(s, &out.segments);
   }
-  double total_s = 0;
-  ProfileSegment* longest = nullptr;
-  for (ProfileSegment& s : out.segments) {
-    if (s.rate_degc_per_min == 0) {
-      s.duration_s = std::floor(s.duration_s + 1e-6);
-      if (max_soak_s > 0) s.duration_s = std::min(s.duration_s, max_soak_s); // two that became one
-      if (!longest || s.duration_s > longest->duration_s) longest = &s;
+  return out;
+}
+
+// The segments of a rounded profile, whose times give and take until they fill the duration.
+class Filler {
+public:
+  Filler(const ChamberLimits& limits, std::vector<ProfileSegment>* segments) : limits_(limits), segments_(*segments) {
+    for (ProfileSegment& s : segments_)
+      if (is_soak(s)) s.duration_s = allowed_soak_s(std::floor(s.duration_s + 1e-6));
+  }
+
+  double rest_s(double duration_s) const {
+    for (const ProfileSegment& s : segments_) duration_s -= s.duration_s;
+    return duration_s;
+  }
+
+  // The longest soak takes as much as it may; with less than nothing to take, soaks give, the longest first.
+  void fill_soaks(double rest_s) {
+    std::vector<ProfileSegment*> soaks;
+    for (ProfileSegment& s : segments_)
+      if (is_soak(s)) soaks.push_back(&s);
+    std::stable_sort(soaks.begin(), soaks.end(),
+                     [](const auto* a, const auto* b) { return a->duration_s > b->duration_s; });
+    for (ProfileSegment* s : soaks) {
+      const double before_s = s->duration_s;
+      s->duration_s = allowed_soak_s(std::floor((before_s + rest_s) * 10 + 1e-6) / 10);
+      rest_s -= s->duration_s - before_s;
+      if (rest_s > -0.05) return; // what is left over is for the ramps
     }
-    total_s += s.duration_s;
   }
-  double rest_s = duration_s - total_s;
-  if (longest) {
-    const double before_s = longest->duration_s, with_rest_s = std::floor((before_s + rest_s) * 10 + 1e-6) / 10;
-    longest->duration_s = std::max(1.0, max_soak_s > 0 ? std::min(with_rest_s, max_soak_s) : with_rest_s);
-    rest_s -= longest->duration_s - before_s;
+
+  // The longest ramp goes slower, which every chamber can; or the one furthest below the chamber's limit faster.
+  void fill_ramps(double rest_s) {
+    ProfileSegment* best = nullptr;
+    const auto reserve_s = [&](const ProfileSegment& s) {
+      return rest_s > 0 ? s.duration_s : s.duration_s - fastest_s(s);
+    };
+    for (ProfileSegment& s : segments_)
+      if (!is_soak(s) && (!best || reserve_s(s) > reserve_s(*best))) best = &s;
+    if (!best) return;
+    const double step = step_degc(*best), wanted_s = std::max(best->duration_s + rest_s, 1e-3);
+    const double rate = std::min(std::ceil(step / wanted_s * 60 * 1e6) / 1e6, fastest(*best));
+    best->rate_degc_per_min = std::copysign(rate, best->rate_degc_per_min);
+    best->duration_s = step / rate * 60;
   }
-  if (rest_s > 0.5) slow_longest_ramp(rest_s, &out.segments);
+
+private:
+  double allowed_soak_s(double soak_s) const {
+    soak_s = std::max({soak_s, limits_.min_soak_s, 1.0});
+    return limits_.max_soak_s > 0 ? std::min(soak_s, limits_.max_soak_s) : soak_s;
+  }
+  double fastest(const ProfileSegment& s) const {
+    return floor_rate(s.rate_degc_per_min > 0 ? limits_.heating_degc_per_min : limits_.cooling_degc_per_min);
+  }
+  static double step_degc(const ProfileSegment& s) { return std::abs(s.rate_degc_per_min) * s.duration_s / 60; }
+  double fastest_s(const ProfileSegment& s) const { return step_degc(s) / fastest(s) * 60; }
+
+  const ChamberLimits& limits_;
+  std::vector<ProfileSegment>& segments_;
+};
+
+Profile rounded(const Profile& profile, double duration_s, const ChamberLimits& limits) {
+  Profile out = with_round_temperatures(profile);
+  Filler filler(limits, &out.segments);
+  filler.fill_soaks(filler.rest_s(duration_s));
+  // Rates are round too: a slow ramp misses its time by seconds, and another then takes them.
+  for (size_t i = 0; i <= out.segments.size(); ++i) {
+    const double rest_s = filler.rest_s(duration_s);
+    if (rest_s > -0.1 && rest_s < 0.5) break;
+    filler.fill_ramps(rest_s);
+    filler.fill_soaks(filler.rest_s(duration_s));
+  }
   return out;
 }
 

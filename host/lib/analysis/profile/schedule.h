@@ -57,9 +57,10 @@ bool make_profile(const ScheduleShape& shape, const std::vector<double>& variabl
                   double duration_s, Profile* profile, double* excess_s);
 
 // Rounded for people and chamber controllers: temperatures to 0.01 degC, soaks to seconds, soaks below a second
-// dropped.  So that duration_s is kept, the longest soak takes the remainder, up to max_soak_s (0: unlimited), and what is
-// left after that slows the longest ramp.
-Profile rounded(const Profile& profile, double duration_s, double max_soak_s = 0);
+// dropped, rates to 1e-6 degC/min.  So that duration_s is kept, the longest soak takes the remainder, and what the limits on
+// soaks leave changes the rate of a ramp within the chamber's limits: to half a second, or, where no soak and no ramp has
+// room, to the time that 0.01 degC takes.
+Profile rounded(const Profile& profile, double duration_s, const ChamberLimits& limits);
 
 // The paper's profile for a duration: ramps at the limit between the ends (passes of them, up first), equal
 // soaks at both ends.  Soak 0 where the ramps alone take longer.
