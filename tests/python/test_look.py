@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
 """`imucal look`: figures against simulated truth, the page, and what it says of sick logs."""
+import io
 import json
 import os
 import re
@@ -94,7 +95,7 @@ def test_likelihood_of_an_accelerometer_stands_beside_what_is_read_off(tmp_path,
     assert axis["unit"] == "mg" and 60 * axis["likelihood"]["arw_deg_rt_h"] == pytest.approx(white, rel=0.01)
 
 
-SLOW_TO_LOAD = ("matplotlib.pyplot", "mpl_toolkits.mplot3d.axes3d", "polars", "scipy", "pandas", "h5py", "rosbags", "pyulog", "jsonschema")
+SLOW_TO_LOAD = ("matplotlib.pyplot", "matplotlib.figure", "matplotlib.axes", "mpl_toolkits.mplot3d.axes3d", "polars", "scipy", "pandas", "h5py", "rosbags", "pyulog", "jsonschema")
 
 
 def test_look_loads_nothing_it_does_not_need_and_is_quick(tmp_path):
@@ -112,39 +113,81 @@ def test_look_loads_nothing_it_does_not_need_and_is_quick(tmp_path):
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 6
 
 
-def test_light_axes_show_the_ticks_that_matplotlib_would():
-    from imucal.plot import add_likelihood, light_axes, look_page
-
-    def page():
-        looks = [look_at_axis(log, "gx_dph")]
-        figure = look_page(log, looks)
-        add_likelihood(figure, looks)
-        return figure
+def far_from_zero():
+    """(log, looks) with ticks that are counted from an offset, and a likelihood."""
     log = simulated()
-    log.rates["gx_dph"] = log.rates["gx_dph"] + 5e6  # ticks that are counted from an offset
-    heavy, light = page(), page()
-    heavy.canvas.draw()
-    light_axes(light)
-    light.canvas.draw()
-    for ours, theirs in zip(light.axes, heavy.axes):
-        assert ours.get_xlim() == theirs.get_xlim() and ours.get_ylim() == theirs.get_ylim()
-        shown = {t.get_text() for t in ours.texts}
-        for axis, (low, high) in ((theirs.xaxis, theirs.get_xlim()), (theirs.yaxis, theirs.get_ylim())):
-            if axis is theirs.xaxis and axis.get_label_text() == "":  # of the twin: drawn by the other
-                continue
-            wanted = {t.label1.get_text() for t in axis.get_major_ticks() if low <= t.get_loc() <= high}
-            assert wanted and wanted <= shown
-            label = axis.get_label_text() + (f" ({axis.get_offset_text().get_text()})" if axis.get_offset_text().get_text() else "")
-            assert label in shown
-        for text in ours.texts:
-            box = text.get_window_extent()
-            assert box.x0 > 0 and box.y0 > 0 and box.x1 < light.bbox.x1 and box.y1 < light.bbox.y1
-    assert any("e6" in t.get_text() for t in light.axes[0].texts)
+    log.rates["gx_dph"] = log.rates["gx_dph"] + 5e6
+    look = look_at_axis(log, "gx_dph")
+    look.ml = {"arw_deg_rt_h": 0.6, "sigma_dph": 20.0, "tau_s": 100.0}
+    return log, [look]
+
+
+def test_panels_have_the_limits_and_ticks_of_matplotlibs_axes():
+    from imucal.plot import draw_row, look_page, subplots
+    log, looks = far_from_zero()
+    figure, axes = subplots(1, 5, size=(17, 2.7), dpi=80)
+    draw_row(axes, log, looks[0])
+    figure.canvas.draw()
+    panels = [panel for panel in look_page(log, looks).panels if not panel.twin_of]
+    assert len(panels) == len(axes)
+    for panel, ax in zip(panels, axes):
+        for scale, axis, name in zip(panel.scales(), (ax.xaxis, ax.yaxis), (panel.x_name, panel.y_name)):
+            places, texts, offset = scale.ticks()
+            low, high = axis.get_view_interval()
+            np.testing.assert_allclose([scale.low, scale.high], [low, high], rtol=1e-9)
+            assert texts and texts == [t.label1.get_text() for t in axis.get_major_ticks() if low <= t.get_loc() <= high]
+            assert offset == axis.get_offset_text().get_text() and name == axis.get_label_text()
+            np.testing.assert_allclose(places, [t for t in axis.get_majorticklocs() if low <= t <= high])
+        assert panel.title == ax.get_title(loc="left")
+    assert "e6" in panels[0].scales()[1].ticks()[2]
+    assert len(panels[-1].curves) == 3  # measured, white, expected
+
+
+def pixels(page):
+    from PIL import Image
+    return np.asarray(Image.open(io.BytesIO(page.png()))).astype(int)
+
+
+def test_page_leaves_no_word_over_its_edge():
+    from imucal.plot import look_page
+    log, looks = far_from_zero()
+    for rows in (1, 3, 6):
+        picture = pixels(look_page(log, looks * rows))
+        assert picture.min() < 100
+        for edge in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
+            assert edge.min() == 255
+
+
+def test_panel_draws_where_its_scale_says_and_leaves_a_gap_where_there_is_no_value():
+    from imucal.plot.page import Page
+    page = Page(4, 3)
+    panel = page.panel(0.2, 0.2, 0.9, 0.9)
+    panel.plot([0, 1, 2, 3, 4, 5], [1, 1, np.nan, np.nan, 1, 1], color="#ff0000", lw=3)
+    panel.plot([2.5], [3], ".", color="#00ff00", ms=20)
+    picture = pixels(page)
+    left, bottom, right, top = (0.2 * 320, 0.2 * 240, 0.9 * 320, 0.9 * 240)  # 80 pixels an inch
+
+    def colour_at(x_value, y_value):  # data from 0 to 5 and 1 to 3, and a twentieth on each side
+        x, y = left + (x_value + 0.25) / 5.5 * (right - left), bottom + (y_value - 0.9) / 2.2 * (top - bottom)
+        return list(picture[239 - int(y), int(x)])
+    assert colour_at(0.5, 1) == colour_at(4.5, 1) == [255, 0, 0] and colour_at(2.5, 3) == [0, 255, 0]
+    assert colour_at(2.5, 1) != [255, 0, 0]
+    assert np.array_equal(pixels(page), picture)  # drawn again
+
+
+@pytest.mark.parametrize("values", [[], [np.nan], [5.0], [0.0, 0.0]])
+def test_panel_of_one_value_or_none_has_limits(values):
+    from imucal.plot.page import Page
+    for is_log in (False, True):
+        panel = Page(2, 2).panel(0.1, 0.1, 0.9, 0.9)
+        (panel.loglog if is_log else panel.plot)(values, values, color="k")
+        assert all(scale.low < scale.high and np.isfinite([scale.low, scale.high]).all() for scale in panel.scales())
+        panel.page.png()
 
 
 def test_import_of_matplotlib_is_left_as_it_was():
     """What look leaves out while it loads is there for everybody else."""
-    code = ["from imucal import plot", "plot.new_figure(1, 1)", "from matplotlib import artist, lines", "assert artist.kwdoc(lines.Line2D)",
+    code = ["from imucal import plot", "plot.loading.load_renderer()", "plot.new_figure(1, 1)", "from matplotlib import artist, lines", "assert artist.kwdoc(lines.Line2D)",
             "import mpl_toolkits.mplot3d.axes3d, matplotlib.figure", "matplotlib.figure.Figure().add_subplot()"]
     done = subprocess.run([sys.executable, "-c", "\n".join(code)], capture_output=True, text=True, timeout=120,
                           env={**os.environ, "PYTHONPATH": str(ROOT / "host/python")})

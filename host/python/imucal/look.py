@@ -14,7 +14,8 @@ from .errors import DataError
 from .firstlook import lattice_of, look_at_axis
 from .importers import Options, detect, import_log
 from .log import read_log, write_log
-from .plot import add_likelihood, light_axes, load, look_page, save_page
+from .plot import look_page, save_page
+from .plot.loading import load_renderer
 from .programs import find
 
 
@@ -199,7 +200,7 @@ def run(arguments):
 
 
 def _look(given):
-    matplotlib_is_there = ahead(load)  # takes as long as reading the log
+    matplotlib_is_there = ahead(load_renderer)  # takes as long as reading the log
     log, imported = _load(given)
     axes = _axes(log, given.axis)
     if len(log.t_s) < 100:
@@ -208,16 +209,13 @@ def _look(given):
     likelihood = Likelihood(given.file, log, [] if given.no_ml else axes, given.order, imported)
     try:
         looks = [look_at_axis(log, axis, given.order) for axis in axes]
-        matplotlib_is_there()
-        figure = look_page(log, looks)
         for look in looks:
             look.ml = likelihood.read(look.axis)
     finally:
         likelihood.close()
     lines = text_lines(given, log, looks, imported)
-    add_likelihood(figure, looks)
-    light_axes(figure)
-    save_page(figure, output, os.path.basename(given.file), lines)
+    matplotlib_is_there()
+    save_page(look_page(log, looks), output, os.path.basename(given.file), lines)
     if not given.quiet and given.json != "-":
         print("\n".join(lines + [f"page: {output}"]))
     finish_json(given.json, _result(lines, looks, log, imported))
