@@ -110,7 +110,7 @@ QUICK_TO_COMPILE := host/tools/% host/lib/device/%
 $(filter $(QUICK_TO_COMPILE:%=$(BUILD)/obj/host/%),$(PIECES)): private OPTIMISE := $(if $(DEBUG),$(OPTIMISE),-Og)
 # The loops that take the time are in noise and dp: with -O1 these rooms take 1.5 % more instructions at most, and compile
 # in three quarters of the time.
-AS_QUICK_WITH_O1 := host/lib/analysis/diagnose/% host/lib/analysis/errormodel/% host/lib/analysis/fit/% host/lib/physics/effects/% host/lib/io/%
+AS_QUICK_WITH_O1 := host/lib/analysis/diagnose/% host/lib/analysis/errormodel/% host/lib/analysis/fit/% host/lib/physics/effects/%
 $(filter $(AS_QUICK_WITH_O1:%=$(BUILD)/obj/host/%),$(PIECES)): private OPTIMISE := $(if $(DEBUG),$(OPTIMISE),-O1)
 
 # ---- archives ----

@@ -172,29 +172,55 @@ static void test_plain_number_has_the_bits_of_strtod(void**) {
   for (uint64_t k = 0; k < 200000; ++k) {
     const std::string text = number_text(k);
     const std::string line = text + ",7\n" + std::string(kNumberPadding, '9');
-    const char* at = line.c_str();
+    Field field{};
+    assert_true(FieldEnds(',').find(line.c_str(), &field));
+    assert_int_equal(field.end - line.c_str(), text.size());
+    assert_int_equal(field.point - line.c_str(), std::min(text.find('.'), text.size()));
     double value = 0;
-    if (!plain_number(&at, &value)) {
-      assert_ptr_equal(at, line.c_str());
-      continue;
-    }
+    if (!plain_number(field, &value)) continue;
     ++n_plain;
     const double expected = std::strtod(text.c_str(), nullptr);
     if (text.empty() ? !std::isnan(value) : std::memcmp(&value, &expected, sizeof value) != 0)
       fail_msg("\"%s\" is read as %.17g", text.c_str(), value);
-    assert_int_equal(at - line.c_str(), text.size());
   }
   assert_in_range(n_plain, FLT_EVAL_METHOD == 0 ? 120000 : 0, 199999);
 }
 
 static void test_plain_number_leaves_the_rest(void**) {
-  for (const char* text : {"-", "+1", " 1", ".", "-.", "nan", "12345678", "1.12345678", "x"}) {
+  for (const char* text : {"-",    "+1",  " 1",  ".",   "-.", "nan", "12345678", "1.12345678", "x",    "1.2.3", "1-2",
+                           "1.-2", "--1", ".-1", "1e5", "1 ", "1:",  "1/",       "1\r",        "\xb1", "1.\xb1"}) {
     const std::string line = text + std::string("\n") + std::string(kNumberPadding, '9');
-    const char* at = line.c_str();
+    Field field{};
+    assert_true(FieldEnds(',').find(line.c_str(), &field));
     double value = 0;
-    if (plain_number(&at, &value)) fail_msg("\"%s\" taken for a plain number", text);
-    assert_ptr_equal(at, line.c_str());
+    if (plain_number(field, &value)) fail_msg("\"%s\" taken for a plain number", text);
   }
+}
+
+static void test_field_ends_are_found_in_lines_of_any_length(void**) {
+  std::string text;
+  std::vector<size_t> ends, points;
+  for (size_t k = 0; k < 3000; ++k) {
+    const size_t n_whole = k * 7 % 31, n_part = k % 5 == 0 ? 0 : k * 11 % 32;
+    text.append(n_whole, '1');
+    points.push_back(text.size());
+    if (n_part > 0) text.append(".").append(n_part - 1, '2');
+    ends.push_back(text.size());
+    text.push_back(k % 6 == 5 ? '\n' : ';');
+  }
+  text.append(kNumberPadding, '.');
+  FieldEnds fields(';');
+  const char* at = text.c_str();
+  for (size_t k = 0; k < ends.size(); ++k) {
+    Field field{};
+    assert_true(fields.find(at, &field));
+    assert_ptr_equal(field.begin, at);
+    assert_int_equal(field.end - text.c_str(), ends[k]);
+    assert_int_equal(field.point - text.c_str(), points[k]);
+    at = field.end + 1;
+  }
+  Field field{};
+  assert_false(fields.find(at, &field)); // 64 characters and no end
 }
 
 // Rows of every kind of number, over several fillings of the reader's buffer.
@@ -226,6 +252,15 @@ static void test_log_error_beyond_a_buffer_names_its_line(void**) {
   assert_says(log_refusal(text + "200000,20\n"), ":200002: expected 3 fields, found 2");
   const std::string wide(700000, '7'); // longer than the buffer
   assert_says(log_refusal(text + "200000,20," + wide + "\n"), ":200002: column gx_dph: expected a number, found \"777");
+}
+
+static void test_log_value_too_large_is_refused_however_it_is_written(void**) {
+  const std::string text = "t_s,temp_degc,gx_dph,gx_flags\n1,20,1.25,0\n";
+  for (const char* value : {"2e12", "-2000000000000", " 2e12 ", "2000000000000.5"})
+    assert_says(log_refusal(text + "2,20," + value + ",0\n"), ":3: column gx_dph: is beyond +-1e12");
+  for (const char* flags : {"256", "-1", "1.5", "1e3"})
+    assert_says(log_refusal(text + "2,20,1," + flags + "\n"), ":3: column gx_flags: expected whole bits 0..255");
+  assert_says(log_refusal("t_s,temp_degc,gx_dph\n1,20,2e12\n"), ":2: column gx_dph: is beyond +-1e12");
 }
 
 // Notices of what the function does.
@@ -452,8 +487,10 @@ int main() {
       cmocka_unit_test(test_log_scan_gives_what_read_gives),
       cmocka_unit_test(test_plain_number_has_the_bits_of_strtod),
       cmocka_unit_test(test_plain_number_leaves_the_rest),
+      cmocka_unit_test(test_field_ends_are_found_in_lines_of_any_length),
       cmocka_unit_test(test_log_any_spelling_is_read_alike),
       cmocka_unit_test(test_log_error_beyond_a_buffer_names_its_line),
+      cmocka_unit_test(test_log_value_too_large_is_refused_however_it_is_written),
       cmocka_unit_test(test_log_last_row_without_line_end_is_left_out_and_said),
       cmocka_unit_test(test_log_whole_to_its_end_gives_no_notice),
       cmocka_unit_test(test_log_cut_in_a_comment_or_its_only_row),

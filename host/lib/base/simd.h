@@ -6,7 +6,12 @@
 // Bits: lanes do not change the order of additions, and -ffp-contract=off (host.mk) keeps multiplications and
 // additions apart, so that every copy gives the same bits.
 #pragma once
+#include <cstdint>
 #include <cstring>
+
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
 
 // Dispatch needs the loader's indirect functions (glibc) and GCC: clang has no `optimize`.  The address
 // sanitizer's run time is not yet up when the loader chooses.
@@ -44,6 +49,20 @@ template <class V> IMUCAL_WIDE_PART void load_lanes(V* v, const double* from) {
 }
 template <class V> IMUCAL_WIDE_PART void store_lanes(const V& v, double* to) {
   std::memcpy(to, &v, sizeof v);
+}
+
+// The bytes among the 16 at `at` that are `a` or `b`: bit i of the result for the i-th.
+inline uint32_t where_16(const char* at, char a, char b) {
+#if defined(__SSE2__)
+  __m128i bytes;
+  std::memcpy(&bytes, at, sizeof bytes);
+  const __m128i found = _mm_or_si128(_mm_cmpeq_epi8(bytes, _mm_set1_epi8(a)), _mm_cmpeq_epi8(bytes, _mm_set1_epi8(b)));
+  return static_cast<uint32_t>(_mm_movemask_epi8(found));
+#else
+  uint32_t found = 0;
+  for (unsigned i = 0; i < 16; ++i) found |= static_cast<uint32_t>(at[i] == a || at[i] == b) << i;
+  return found;
+#endif
 }
 
 } // namespace imucal

@@ -84,12 +84,6 @@ public:
     if (at_ >= whole_) fill();
     return at_ < whole_ ? buffer_.data() + at_ : nullptr;
   }
-  // Any finite number of the unread text; false where none stands there.
-  bool number_at(const char** at, double* value) const {
-    const auto result = std::from_chars(*at, buffer_.data() + whole_, *value);
-    *at = result.ptr;
-    return result.ec == std::errc() && std::isfinite(*value);
-  }
   // A line read from ready() on, up to its end at `end`.
   void take(const char* end) {
     at_ = static_cast<size_t>(end - buffer_.data()) + 1;
@@ -102,8 +96,9 @@ public:
   size_t expected_lines() {
     const char* at = ready();
     if (at == nullptr || file_.size() == 0) return 0;
-    const auto n = static_cast<size_t>(std::count(at, static_cast<const char*>(buffer_.data()) + whole_, '\n'));
-    return std::min(file_.size() / ((whole_ - at_) / n) + 1, kMostExpected);
+    const size_t n_bytes = std::min(whole_ - at_, kSample);
+    const auto n = static_cast<size_t>(std::count(at, at + n_bytes, '\n'));
+    return n == 0 ? 0 : std::min(file_.size() / (n_bytes / n) + 1, kMostExpected);
   }
   long number() const { return number_; }
   const std::string& line() const { return line_; }
@@ -111,7 +106,7 @@ public:
   [[noreturn]] void fail(const std::string& problem) const { throw data_error(place() + ": " + problem); }
 
 private:
-  static constexpr size_t kMostExpected = size_t{1} << 24;
+  static constexpr size_t kMostExpected = size_t{1} << 24, kSample = size_t{1} << 15;
 
   static size_t index_of_line_end(const char* from, size_t size) {
     return static_cast<size_t>(static_cast<const char*>(std::memchr(from, '\n', size)) - from);
@@ -134,7 +129,7 @@ private:
 
   std::string path_;
   Input file_;
-  std::vector<char> buffer_ = std::vector<char>((size_t{1} << 19) + kNumberPadding);
+  std::vector<char> buffer_ = std::vector<char>((size_t{1} << 18) + kNumberPadding);
   size_t at_ = 0, whole_ = 0, filled_ = 0; // unread text from at_, whole lines up to whole_
   std::string line_;
   bool has_line_end_ = true;
@@ -270,6 +265,8 @@ public:
         in_.fail("log version " + version->second + " is not known to this program (it knows 1)");
       columns_ = columns_of(in_, &header_);
       fields_.resize(columns_.size() + 2);
+      has_flags_ =
+          std::any_of(columns_.begin(), columns_.end(), [](const Column& c) { return c.kind == Column::kFlags; });
       header_.expected_rows = in_.expected_lines();
       return;
     }
@@ -282,7 +279,9 @@ public:
       if (n_rows_ == 0) in_.fail("empty log: a header and no whole row");
       return false;
     }
-    check();
+    check_time_and_temperature();
+    if (!is_small_ || has_flags_)
+      for (size_t c = 0; c < columns_.size(); ++c) check_value(in_, columns_[c], fields_[c + 2]);
     ++n_rows_;
     return true;
   }
@@ -304,16 +303,27 @@ private:
   }
 
   // A whole line of numbers and nothing else; false, nothing taken, where it holds something else.
-  bool read_plain(const char* begin) {
-    const char* at = begin;
-    for (size_t f = 0; f < fields_.size(); ++f) {
-      if (f > 0 && *at++ != ',') return false;
-      if (!plain_number(&at, &fields_[f]) && !in_.number_at(&at, &fields_[f])) return false;
+  bool read_plain(const char* at) {
+    const size_t n_fields = fields_.size();
+    Field field{};
+    ends_.begin_line(at);
+    is_small_ = true;
+    for (size_t f = 0; f < n_fields; ++f) {
+      const bool is_last = f + 1 == n_fields;
+      if (!ends_.find(at, &field) || *field.end != (is_last ? '\n' : ',')) return false;
+      at = field.end + 1;
+      if (is_last) leave_carriage_return_out(&field);
+      if (plain_number(field, &fields_[f])) continue;
+      if (!any_number(field, &fields_[f])) return false;
+      is_small_ = false;
     }
-    const char* end = at + (*at == '\r');
-    if (*end != '\n') return false;
-    in_.take(end);
+    in_.take(at - 1);
     return true;
+  }
+
+  static bool any_number(const Field& field, double* value) {
+    const auto result = std::from_chars(field.begin, field.end, *value);
+    return result.ec == std::errc() && result.ptr == field.end && std::isfinite(*value);
   }
 
   // A row without line end may be cut off inside its last number, which then is another one: nobody can see it.
@@ -329,6 +339,7 @@ private:
       if (!in_.next()) return false;
     } while (is_no_row());
     if (!in_.is_whole()) return leave_out_cut_row();
+    is_small_ = false;
     const char* at = in_.line().data();
     const char* const end = at + in_.line().size();
     for (size_t f = 0; f < fields_.size(); ++f) {
@@ -341,12 +352,11 @@ private:
     return true;
   }
 
-  void check() {
+  void check_time_and_temperature() {
     const double t_s = fields_[0];
     if (std::isnan(t_s)) in_.fail("t_s is empty");
     if (fields_[1] < kMinTempDegc || fields_[1] > kMaxTempDegc)
       in_.fail("temp_degc is no temperature in degrees Celsius");
-    for (size_t c = 0; c < columns_.size(); ++c) check_value(in_, columns_[c], fields_[c + 2]);
     if (n_rows_ == 0) first_t_s_ = t_s;
     if (n_rows_ > 0 && t_s - last_t_s_ > kMaxJumpS)
       in_.fail("t_s jumps by " + std::to_string((t_s - last_t_s_) / 86400) +
@@ -361,7 +371,10 @@ private:
   LineReader in_;
   Log header_;
   std::vector<Column> columns_;
+  bool has_flags_ = false;
   std::vector<double> fields_;
+  bool is_small_ = false; // all numbers of the row are plain ones, which are far below the largest allowed
+  FieldEnds ends_{','};
   double first_t_s_ = 0, last_t_s_ = 0;
   size_t n_rows_ = 0;
 };

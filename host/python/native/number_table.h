@@ -111,8 +111,9 @@ private:
     each_piece([&](Piece* piece) {
       piece->n_present.assign(is_whole_.size(), 0);
       const char* at = piece->begin;
+      FieldEnds fields(delimiter_);
       for (size_t row = 0; row < piece->n_rows && !stop; ++row) {
-        const size_t odd = take_row(&at, piece->first_row + row, table, piece);
+        const size_t odd = take_row(&at, piece->first_row + row, &fields, table, piece);
         if (odd == kNone) continue;
         stop = true;
         if (odd < is_real.size())
@@ -138,7 +139,7 @@ private:
   }
 
   // kNone; a column that holds no whole number; the number of columns for anything else.
-  size_t take_row(const char** at, size_t row, NumberTable* table, Piece* piece) const {
+  size_t take_row(const char** at, size_t row, FieldEnds* fields, NumberTable* table, Piece* piece) const {
     const size_t n = is_whole_.size();
     const char* p = *at;
     for (size_t c = 0; c < n; ++c) {
@@ -150,7 +151,7 @@ private:
       } else {
         p = begin;
         double value = 0;
-        if (!take_real(&p, piece->end, &value) || !at_end_of_field(p)) return n;
+        if (!take_real(&p, piece->end, fields, &value) || !at_end_of_field(p)) return n;
         if (is_whole_[c]) return c;
         piece->n_present[c] += !std::isnan(value);
         std::memcpy(&bits, &value, sizeof bits);
@@ -174,16 +175,25 @@ private:
     return true;
   }
 
-  bool take_real(const char** at, const char* end, double* value) const {
+  bool take_real(const char** at, const char* end, FieldEnds* fields, double* value) const {
     const char* const begin = *at;
     if (!is_number_start(begin[*begin == '-'])) { // neither "inf" nor "-nan"
       *value = std::numeric_limits<double>::quiet_NaN();
       return take_missing(at);
     }
-    if (plain_number(at, value) && at_end_of_field(*at)) return true;
+    if (take_plain(at, fields, value)) return true;
     const auto result = std::from_chars(begin, end, *value);
     *at = result.ptr;
     return result.ec == std::errc();
+  }
+
+  static bool take_plain(const char** at, FieldEnds* fields, double* value) {
+    Field field{};
+    if (!fields->find(*at, &field)) return false;
+    leave_carriage_return_out(&field);
+    if (!plain_number(field, value)) return false;
+    *at = field.end;
+    return true;
   }
 
   static bool is_number_start(char c) { return (c >= '0' && c <= '9') || c == '.'; }
