@@ -562,6 +562,26 @@ static void test_both_thresholds_of_a_jump_at_a_temperature_are_found(void**) {
   assert_near(result.best.names[0].shape[0] - result.best.names[0].shape[1], 29.2, 0.25);
 }
 
+static void test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly(void**) {
+  // 0.6 degC/min: from one place of the grid to the next are 150 s, and on either the jump gains next to nothing.
+  std::vector<Log> logs;
+  for (uint64_t seed = 71; seed < 75; ++seed) {
+    Log log = simulated_log(seed, 12000, false, 0);
+    log.t_s.resize(6000), log.temp_degc.resize(6000), log.axes[0].rate_dph.resize(6000);
+    for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += log.temp_degc[i] > 35 ? 120 : 0;
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel best = search.run().best, truth = search.best_with({&find_effect("thermal_step")});
+  assert_int_equal(best.names.size(), 1);
+  assert_string_equal(search.candidates()[best.names[0].candidate].effect->name().c_str(), "thermal_step");
+  assert_near(best.names[0].shape[0], 35, 0.2);
+  assert_int_equal(best.steps.size(), 0);
+  assert_true(search.score(best) > search.score(truth) - 2);
+}
+
 // What is said of logs whose rate changes by f(t [s], temperature), with or without a log held out.
 static Selection answer_to(const std::function<double(double, double)>& f, uint64_t seed, size_t held_out,
                            bool is_believed = false) {
@@ -849,6 +869,7 @@ int main() {
       cmocka_unit_test(test_noise_of_the_seconds_is_fitted_beside_another_kind),
       cmocka_unit_test(test_noise_believed_too_small_is_no_other_kind_of_noise),
       cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
+      cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),
       cmocka_unit_test(test_causes_of_no_family_are_not_named),
       cmocka_unit_test(test_jumps_that_come_again_and_again_are_no_events),
       cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),

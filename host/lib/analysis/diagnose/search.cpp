@@ -49,11 +49,14 @@ NoiseModel scaled(const NoiseModel& base, const double* x) {
   return out;
 }
 
-double log_mean_exp(const std::vector<double>& x) {
+double log_sum_exp(const std::vector<double>& x) {
   const double top = *std::max_element(x.begin(), x.end());
   double sum = 0;
   for (double v : x) sum += std::exp(v - top);
-  return top + std::log(sum / static_cast<double>(x.size()));
+  return top + std::log(sum);
+}
+double log_mean_exp(const std::vector<double>& x) {
+  return log_sum_exp(x) - std::log(static_cast<double>(x.size()));
 }
 
 } // namespace
@@ -454,6 +457,7 @@ struct SlowSearch::Impl {
   void approach(SlowModel* m) const {
     const Candidate& c = candidates[m->names.back().candidate];
     if (!c.effect || c.scan.shapes.size() < 2) return;
+    const SlowModel from = *m;
     const double spacing = std::fabs(c.scan.shapes[1][0] - c.scan.shapes[0][0]);
     double highest = evaluate(*m);
     for (int pass = 0; pass < kPasses; ++pass) {
@@ -463,9 +467,62 @@ struct SlowSearch::Impl {
         near.names.back().shape = shape;
         if (const double value = evaluate(near); value > highest) highest = value, best = near;
       }
-      if (best.names.back().shape == m->names.back().shape) return;
+      if (best.names.back().shape == m->names.back().shape) break;
       *m = best;
     }
+    if (m->names.back().shape != from.names.back().shape) charge_finer(from, highest, spacing, m);
+  }
+  // A shape found between the places of the grid is one of many more.  The mean of the likelihood over shapes is that
+  // over the grid and, in the cell about the shape, that over its neighbours; the charge is the maximum over this mean.
+  void charge_finer(const SlowModel& from, double highest, double spacing, SlowModel* m) const {
+    SlowModel::Name& name = m->names.back();
+    const Candidate& c = candidates[name.candidate];
+    std::vector<double> first = {highest}, others = {highest}; // first parameter moved, or another
+    for (const Theta& shape : c.scan.estimator->neighbours(name.shape, spacing)) {
+      double way = 0;
+      for (size_t i = 0; i < shape.size(); ++i) way = std::max(way, std::fabs(shape[i] - name.shape[i]));
+      if (way > 0.51 * spacing) continue;
+      SlowModel near = *m;
+      near.names.back().shape = shape;
+      (shape[0] != name.shape[0] ? first : others).push_back(evaluate(near));
+    }
+    const double cell = log_mean_exp(first) + log_mean_exp(others) - highest; // mean over the cell
+    const double grid = from.value - from.names.back().charge;                // mean over the grid
+    name.charge = highest - log_sum_exp({grid, cell - std::log(static_cast<double>(c.scan.shapes.size()))});
+    m->value = highest;
+  }
+  // A jump between two places of the grid may gain next to nothing on either.  A candidate that jumps is also tried where
+  // the innovations beside `m` are largest, and taken where it alone does better than `in_time`, which jumps at times.
+  void try_jumps(const SlowModel& m, const SlowModel& in_time, std::vector<SlowCandidateScore>* scores) const {
+    std::vector<JumpPlace> places;
+    for (SlowCandidateScore& s : *scores) {
+      if (s.model.names.size() != m.names.size() + 1) continue;
+      const Candidate& c = candidates[s.model.names.back().candidate];
+      if (!c.effect || !c.scan.estimator->can_jump()) continue;
+      if (places.empty()) places = likely_jumps(m);
+      SlowModel found = best_of(m, s.model, c.scan.estimator->shapes_of_jumps(places));
+      if (found.names.empty()) continue;
+      approach(&found);
+      found = polished(found);
+      if (score(found) > score(in_time) && found.free_score() > s.gain_nats)
+        s.model = found, s.gain_nats = found.free_score();
+    }
+  }
+  // `with` at the best of these shapes, with the noise of `m`: it counts as one of the shapes of the grid.
+  SlowModel best_of(const SlowModel& m, const SlowModel& with, const std::vector<Theta>& shapes) const {
+    SlowModel best;
+    for (const Theta& shape : shapes) {
+      SlowModel at = m;
+      at.names.push_back(with.names.back());
+      at.names.back().shape = shape;
+      at.value = evaluate(at);
+      if (at.value > best.value) best = at;
+    }
+    if (best.names.empty()) return best;
+    const double n = static_cast<double>(candidates[best.names.back().candidate].scan.shapes.size());
+    const double grid = with.value - with.names.back().charge;
+    best.names.back().charge = best.value - log_sum_exp({grid, best.value - std::log(n)});
+    return best;
   }
 
   // Polishes the best of a scan; the others keep their values from the grid.
@@ -745,21 +802,41 @@ struct SlowSearch::Impl {
     }
     return out_e;
   }
-  // The places of the largest innovations: where a jump would show.
-  std::vector<Theta> likely_steps(const SlowModel& m) const {
-    std::vector<std::pair<double, Theta>> list;
+  struct Block {
+    size_t run;
+    long k; // of its used rows
+  };
+  // The largest innovations, that of the largest first: where a jump would show.
+  std::vector<Block> likely_jump_blocks(const SlowModel& m) const {
+    std::vector<std::pair<double, Block>> list;
     const std::vector<VectorXd> e = innovations(m);
     for (size_t r = 0; r < e.size(); ++r)
-      for (long k = 3; k + 3 < e[r].size(); ++k) {
-        const CampaignRun& run = data.campaign.runs[r];
-        const double t = run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(k)])];
-        list.push_back({std::fabs(e[r][k]), {static_cast<double>(r), t - 0.5 * data.campaign.dt_s}});
-      }
+      for (long k = 3; k + 3 < e[r].size(); ++k) list.push_back({std::fabs(e[r][k]), {r, k}});
     const size_t n = std::min(kStepPlaces, list.size());
     std::partial_sort(list.begin(), list.begin() + static_cast<long>(n), list.end(),
                       [](const auto& a, const auto& b) { return a.first > b.first; });
+    std::vector<Block> blocks;
+    for (size_t i = 0; i < n; ++i) blocks.push_back(list[i].second);
+    return blocks;
+  }
+  std::vector<Theta> likely_steps(const SlowModel& m) const {
     std::vector<Theta> places;
-    for (size_t i = 0; i < n; ++i) places.push_back(list[i].second);
+    for (const Block& b : likely_jump_blocks(m)) {
+      const CampaignRun& run = data.campaign.runs[b.run];
+      const double t = run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(b.k)])];
+      places.push_back({static_cast<double>(b.run), t - 0.5 * data.campaign.dt_s});
+    }
+    return places;
+  }
+  std::vector<JumpPlace> likely_jumps(const SlowModel& m) const {
+    std::vector<JumpPlace> places;
+    for (const Block& b : likely_jump_blocks(m)) {
+      const CampaignRun& run = data.campaign.runs[b.run];
+      const auto temp_degc = [&](long k) {
+        return run.input.smooth_degc[static_cast<size_t>(run.used[static_cast<size_t>(k)])];
+      };
+      places.push_back({0.5 * (temp_degc(b.k - 1) + temp_degc(b.k)), temp_degc(b.k + 3) > temp_degc(b.k - 3)});
+    }
     return places;
   }
   // Jumps that earn their cost, one after the other, the noise estimated again with each.  More than a few are not
@@ -797,16 +874,16 @@ struct SlowSearch::Impl {
   void go() {
     prepare();
     const std::vector<Theta> jumps = find_steps(start_null);
-    run_with(start, start_null);
-    if (jumps.empty()) return;
+    if (jumps.empty()) return run_with(start, start_null, nullptr);
     SlowModel jumped = start;
     jumped.steps = jumps;
     polish(&jumped, kEvaluations);
+    run_with(start, start_null, &jumped);
     // Names that take all the jumps: a search beside jumps would only come to them again.
     if (score(out.best) > score(jumped) && find_steps(out.best).empty()) return;
     const SlowResult plain = out;
     out = SlowResult();
-    run_with(jumped, belief.has_believed ? polished(jumped, kQuickEvaluations) : jumped);
+    run_with(jumped, belief.has_believed ? polished(jumped, kQuickEvaluations) : jumped, nullptr);
     if (score(out.best) < score(plain.best)) {
       out = plain;
       return;
@@ -815,11 +892,13 @@ struct SlowSearch::Impl {
     out.null = plain.null;
     out.without_steps = std::make_shared<const SlowResult>(plain);
   }
-  void run_with(const SlowModel& about, const SlowModel& null) {
+  // `in_time`: the null with the jumps in time that were found, or none.
+  void run_with(const SlowModel& about, const SlowModel& null, const SlowModel* in_time) {
     make_nodes(about);
     out.null = null;
     out.best = out.null;
     out.singles = scan(out.null, all_nodes());
+    if (in_time) try_jumps(out.null, *in_time, &out.singles);
     polish_best(&out.singles, kPolished, out.null.free_score() - constants.below_null_nats, kEvaluations);
     out.noise_effects = noise_effects;
     out.noises = scan_noises(out.null, noise_effects.size());

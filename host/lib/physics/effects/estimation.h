@@ -79,6 +79,12 @@ struct Signature {
   std::vector<std::vector<char>> unusable; // per run and row: samples that carry no rate
 };
 
+// Where a jump may lie: the temperature there, and whether it was rising.
+struct JumpPlace {
+  double temp_degc = 0;
+  bool is_rising = true;
+};
+
 class EffectEstimator {
 public:
   virtual ~EffectEstimator() = default;
@@ -108,6 +114,9 @@ public:
   // Shapes about one of the grid that are tried before it is refined: where a small change of one parameter alone leads
   // over a ridge.  `spacing`: of the grid, in units of the first parameter.
   virtual std::vector<Theta> neighbours(const Theta& /*shape*/, double /*spacing*/) const { return {}; }
+  // Whether the effect jumps; then shapes with which it would at these places, which lie between those of a grid.
+  virtual bool can_jump() const { return false; }
+  virtual std::vector<Theta> shapes_of_jumps(const std::vector<JumpPlace>& /*places*/) const { return {}; }
   virtual PriorScale prior() const { return {}; }
   // kTemperature: the temperature at which B is taken.
   virtual Column temperature(const RunInput&, const Theta&) const { return {}; }

@@ -146,6 +146,18 @@ public:
     }
     return out;
   }
+  bool can_jump() const override { return true; }
+  // Every place alone, and every rising one with every falling one below it.
+  std::vector<Theta> shapes_of_jumps(const std::vector<JumpPlace>& places) const override {
+    std::vector<Theta> out;
+    for (const JumpPlace& up : places) {
+      out.push_back({up.temp_degc, 0});
+      for (const JumpPlace& down : places)
+        if (up.is_rising && !down.is_rising && down.temp_degc < up.temp_degc)
+          out.push_back({up.temp_degc, up.temp_degc - down.temp_degc});
+    }
+    return out;
+  }
   PriorScale prior() const override { return {3, false, 3}; }
   Parameters values(const Estimate& e) const override {
     return {{"amplitude_dph", e.coefficient(0)}, {"temp_degc", e.shape_at(0)}, {"width_degc", e.shape_at(1)}};
