@@ -71,6 +71,7 @@ public:
       : times_(times), states_(states), covariance_(states), settling_(times, noise) {
     out_.n = times.n;
     out_.n_states = states.size();
+    if (!states.is_constant()) set_room(times.n); // nothing settles: a row for every sample
   }
 
   RunGains run() {
