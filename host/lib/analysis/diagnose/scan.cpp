@@ -228,18 +228,35 @@ struct ScanNode::Products {
   long n_free() const { return ay.rows() - base.powers; } // without the powers
 };
 
-// Base times bank of one run: only the columns of parts are new, the usual ones are known.
-MatrixXd ScanNode::with_bank(const MatrixXd& base, long usual_powers, size_t run) const {
+// The columns of the bank from the first that is asked for to the last.
+ScanNode::Range ScanNode::asked_columns(const std::vector<char>& skip) const {
+  Range range;
+  for (size_t g = 0; g < bank_.groups_.size(); ++g) {
+    const ScanBank::Place& at = bank_.places_[g];
+    if (skip[bank_.groups_[g].candidate]) continue;
+    if (range.n == 0) range.first = at.first;
+    range.n = at.first + at.width() - range.first;
+  }
+  return range;
+}
+
+// Base times bank of one run: only the columns of parts are new, the usual ones are known.  Outside of `range` nothing
+// that can be used.
+MatrixXd ScanNode::with_bank(const MatrixXd& base, long usual_powers, size_t run, const Range& range) const {
   const MatrixXd& usual = usual_[run];
   MatrixXd out(base.cols(), usual.cols());
   const long n_new = out.rows() - 1 - usual_powers;
   out.row(0) = usual.row(0);
-  if (n_new > 0) out.middleRows(1, n_new) = column_products(base.middleCols(1, n_new), white(run));
+  if (n_new > 0)
+    out.block(1, range.first, n_new, range.n) =
+        column_products(base.middleCols(1, n_new), white(run).middleCols(range.first, range.n));
   out.bottomRows(usual_powers) = usual.bottomRows(usual_powers);
   return out;
 }
 
-ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts, const WhiteData& y) const {
+ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts, const WhiteData& y,
+                                      const std::vector<char>& skip) const {
+  const Range range = asked_columns(skip);
   Products p;
   p.base = base_of(bank_.data_, parts, gains_);
   p.data = &y;
@@ -249,7 +266,7 @@ ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts,
   std::vector<MatrixXd> with_y;
   for (size_t r = 0; r < y.y.size(); ++r) {
     p.energy += y.y[r].colwise().squaredNorm().transpose();
-    p.with_columns.push_back(with_bank(p.base.white[r], p.base.has_usual_powers ? p.base.powers : 0, r));
+    p.with_columns.push_back(with_bank(p.base.white[r], p.base.has_usual_powers ? p.base.powers : 0, r, range));
     with_y.push_back(column_products(p.base.white[r], y.y[r]));
   }
   p.ay = p.factor.half_solve(expanded_products(p.base, with_y));
@@ -312,7 +329,7 @@ ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, cons
 
 ScanNode::Scores ScanNode::score_white(const std::vector<const MeanPart*>& parts, const WhiteData& y,
                                        const std::vector<char>& skip) const {
-  const Products p = products(parts, y);
+  const Products p = products(parts, y, skip);
   const long n_base = p.ay.rows(), n_free = p.n_free();
   double log_det = 0, log_det_free = 0;
   for (long i = 0; i < n_base; ++i) {

@@ -75,8 +75,12 @@ private:
   const Eigen::MatrixXd& white(size_t run) const;
   WhiteData white_data(const std::vector<Eigen::MatrixXd>& y) const;
   Scores score_white(const std::vector<const MeanPart*>& base, const WhiteData& y, const std::vector<char>& skip) const;
-  Eigen::MatrixXd with_bank(const Eigen::MatrixXd& base, long usual_powers, size_t run) const;
-  Products products(const std::vector<const MeanPart*>& base, const WhiteData& y) const;
+  struct Range {
+    long first = 0, n = 0;
+  };
+  Range asked_columns(const std::vector<char>& skip) const;
+  Eigen::MatrixXd with_bank(const Eigen::MatrixXd& base, long usual_powers, size_t run, const Range& range) const;
+  Products products(const std::vector<const MeanPart*>& base, const WhiteData& y, const std::vector<char>& skip) const;
   Eigen::MatrixXd solved_with(const Products& products, size_t group, long rows) const;
   Eigen::RowVectorXd score_group(const Products& products, size_t group, long rows, const Eigen::VectorXd& start) const;
 
