@@ -83,8 +83,9 @@ def other_pages(score):
                  [[r["truth"], r["d"], ", ".join(f"{k}: {v}" for k, v in r["first_names"].items())] for r in inv["detail"]])
     out += ["## Two causes", ""] + table(("cases", "both as members", "both, members or families", "exactly those two", "at least one"), [
         [k, text(v["both"]), text(v["both_or_family"]), text(v["exactly"]), text(v["one"])] for k, v in score["pair"].items()])
-    out += ["## No gap", ""] + table(("believed noise", "false names", "any gap said", "re-tuned noise said", "failed"), [
-        [k, text(v["names"]), text(v["gap"]), text(v["tuned"]), v["failed"]] for k, v in score["false_names"]["table"].items()])
+    out += ["## No gap", ""] + table(("believed noise", "false names", "of them the second process that is there", "any gap said",
+                                      "re-tuned noise said", "failed"), [
+        [k, text(v["names"]), v["second"], text(v["gap"]), text(v["tuned"]), v["failed"]] for k, v in score["false_names"]["table"].items()])
     out += [f"Names given falsely: {dict(score['false_names']['named']) or 'none'}", "", "## Outside causes", ""]
     for title, key in (("By strength", "by_strength"), ("By strength, only those no library member of another kind comes near", "by_strength_tellable"),
                        ("By cause, d ≥ 20", "by_cause")):

@@ -209,7 +209,8 @@ def label(case, kind, names, regimes, d=20, **more):
     return {"case": case, "kind": kind, "truth": {"gx_dph": names}, "sick": ["gx_dph"] if names else [], "regimes": regimes, "target": d,
             "told": {"gx_dph": [{"can_tell_member": True, "can_tell_family": True}] * len(names)}, "n_axes": 1, "n_train": 4,
             "profile": "mixed", "causes": {"gx_dph": [{"name": n, "p": {}} for n in names]},
-            "families": {"gx_dph": [[causes.FAMILY_OF.get(n)] for n in names]}, "beside": None, **more}
+            "families": {"gx_dph": [[causes.FAMILY_OF.get(n)] for n in names]}, "beside": None,
+            "noise": {"markov": [(20.0, 100.0)]}, **more}
 
 
 def test_everything_is_counted():
@@ -230,6 +231,20 @@ def test_everything_is_counted():
     assert (s["invariance"]["same"]["k"], s["invariance"]["same"]["n"]) == (1, 2) and s["invariance"]["same_family"]["k"] == 2
     assert s["memory"]["by_regime"]["times_3"]["first"]["k"] == 1
     assert s["confusion"]["rate_ramp"] == {"rate_ramp": 1, "warm_up": 1}
+
+
+def test_a_second_process_that_the_belief_leaves_out_is_counted_as_a_name_and_apart():
+    two = {"noise": {"markov": [(20.0, 20.0), (10.0, 300.0)]}}
+    said = {"known": "exact", "slow": "fitted", "wrong": "fitted", "memory": "absent"}
+    labels = {case: label(case, "no_gap", [], [regime], **two) for case, regime in said.items()}
+    labels["one"] = label("one", "no_gap", [], ["fitted"])
+    slow = answer("explained", ("slow_noise", ["second_markov", "flicker_noise"]))
+    answers = {"known_0": slow, "slow_0": slow, "one_0": slow, "wrong_0": answer("explained", "rate_random_walk"),
+               "memory_0": answer("explained", ("thermal_memory", ["thermal_lag", "second_markov"]))}
+    table = score.everything(labels, answers, redraw=False)["false_names"]["table"]
+    held, left_out = table["noise that the belief can hold"], table["a second process left out of the belief"]
+    assert (table["all"]["names"]["k"], table["all"]["second"]) == (5, 1)
+    assert (held["names"]["n"], held["second"], left_out["names"]["n"], left_out["second"]) == (2, 0, 3, 1)
 
 
 @pytest.mark.parametrize("gap, true, expected", [
