@@ -334,7 +334,7 @@ static void remove_column_with_gaps(const std::vector<double>& column, std::vect
 
 // The columns are orthonormal: what a record has of each is found of all in one pass, and taken away in a second.
 void remove_columns(const std::vector<std::vector<double>>& basis, Series* s) {
-  constexpr size_t kPiece = 2048; // rates that stay in the first-level cache for all columns
+  constexpr size_t kInCache = 2048; // rates that stay in the first-level cache for all columns
   if (s->n_missing > 0) {
     for (const auto& column : basis) remove_column_with_gaps(column, &s->rate_dph);
     return;
@@ -342,12 +342,12 @@ void remove_columns(const std::vector<std::vector<double>>& basis, Series* s) {
   const auto n = static_cast<size_t>(s->size());
   double* const x = s->rate_dph.data();
   std::vector<double> along(basis.size(), 0.0);
-  for (size_t b = 0; b < n; b += kPiece)
+  for (size_t b = 0; b < n; b += kInCache)
     for (size_t c = 0; c < basis.size(); ++c)
-      along[c] += scalar_product(basis[c].data() + b, x + b, std::min(kPiece, n - b));
-  for (size_t b = 0; b < n; b += kPiece)
+      along[c] += scalar_product(basis[c].data() + b, x + b, std::min(kInCache, n - b));
+  for (size_t b = 0; b < n; b += kInCache)
     for (size_t c = 0; c < basis.size(); ++c)
-      subtract_times(along[c], basis[c].data() + b, std::min(kPiece, n - b), x + b);
+      subtract_times(along[c], basis[c].data() + b, std::min(kInCache, n - b), x + b);
 }
 
 } // namespace imucal
