@@ -219,7 +219,8 @@ struct SlowSearch::Impl {
   std::vector<MeanPart> parts_on(const SlowData& where, const SlowModel& m) const {
     std::vector<MeanPart> list;
     for (const NoiseBelief::Known& known : belief.known)
-      list.push_back(start_part(where, *known.estimator, known.shape));
+      if (!m.is_without_lines || known.estimator->form() != Form::kTone)
+        list.push_back(start_part(where, *known.estimator, known.shape));
     if (!m.steps.empty()) {
       Theta all;
       for (const Theta& step : m.steps) all.insert(all.end(), step.begin(), step.end());

@@ -19,9 +19,10 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kSlowestLine_hz = 1.0 / 400;
-constexpr size_t kSurroundings = 60;       // frequencies on either side that a line is compared with
-constexpr int kSlopes = 24;                // of the drift, either sign
-constexpr double kLargestSlope = 2e-3;     // relative change of a unit frequency of 1 Hz per degC
+constexpr size_t kSurroundings = 60;   // frequencies on either side that a line is compared with
+constexpr int kSlopes = 24;            // of the drift, either sign
+constexpr double kLargestSlope = 2e-3; // relative change of a unit frequency of 1 Hz per degC
+constexpr double kSlopeUnit = kLargestSlope / (kSlopes * kSlopes); // slopes of the grid: k^2 units
 constexpr double kHeavy = 4;               // standard errors of the kurtosis from which hits are looked for
 constexpr int kProbe = 30, kThorough = 80; // evaluations of a kind of fast noise; thorough where a probe gains
 constexpr double kHopeless_nats = 2;       // after the probe: what gains 8 in the end has gained this by then
@@ -295,6 +296,15 @@ double gain_of_power(double x, size_t runs) {
   return x - log_sum;
 }
 
+// A power of two that holds the longest run.
+size_t transform_length(const Campaign& campaign) {
+  size_t longest = 0, n_fft = 64;
+  for (const CampaignRun& run : campaign.runs)
+    longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
+  while (n_fft < longest) n_fft *= 2;
+  return n_fft;
+}
+
 // A line stands out of the mean of its surroundings.  power: summed over the runs; white noise has 1 in each.
 void take_line(const std::vector<double>& power, size_t runs, double hz_of_bin, double slope, size_t bins, Line* best) {
   const size_t first = static_cast<size_t>(kSlowestLine_hz / hz_of_bin) + 1;
@@ -314,17 +324,13 @@ void take_line(const std::vector<double>& power, size_t runs, double hz_of_bin, 
 } // namespace
 
 Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e, bool with_drift) {
-  size_t longest = 0;
-  for (const CampaignRun& run : campaign.runs)
-    longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
-  size_t n_fft = 64;
-  while (n_fft < longest) n_fft *= 2;
+  const size_t n_fft = transform_length(campaign);
   const double hz = 1 / (static_cast<double>(n_fft) * campaign.dt_s);
   Line best;
   const size_t runs = campaign.runs.size();
   take_line(power_of(campaign, e, n_fft), runs, hz, 0, n_fft / 2, &best);
   if (!with_drift || !campaign.has_temperature) return best;
-  const double unit = kLargestSlope / (kSlopes * kSlopes);
+  const double unit = kSlopeUnit;
   DriftingPower turned(campaign, e, n_fft, unit);
   std::vector<double> power, opposite;
   for (int k = 1; k <= kSlopes; ++k) {
@@ -334,6 +340,61 @@ Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e, bo
     take_line(power, runs, hz, unit * k * k, n_fft / 2, &best);
   }
   return best;
+}
+
+namespace {
+
+// The strongest line of all slopes between the neighbours of a slope on the grid, unit by unit.
+Line between_slopes(const Campaign& campaign, const std::vector<VectorXd>& e, const Line& line) {
+  const size_t n_fft = transform_length(campaign), runs = campaign.runs.size();
+  const double hz = 1 / (static_cast<double>(n_fft) * campaign.dt_s);
+  const long place = std::lround(std::sqrt(std::abs(line.hz_per_degc) / kSlopeUnit));
+  Line best = line;
+  std::vector<double> power, opposite;
+  for (long units = (place - 1) * (place - 1) + 1; units < (place + 1) * (place + 1); ++units) {
+    const double slope = kSlopeUnit * static_cast<double>(units);
+    DriftingPower turned(campaign, e, n_fft, slope);
+    turned.turn();
+    turned.sum(&power, &opposite);
+    if (line.hz_per_degc > 0)
+      take_line(power, runs, hz, slope, n_fft / 2, &best);
+    else
+      take_line(opposite, runs, hz, -slope, n_fft / 2, &best);
+  }
+  return best;
+}
+
+// Power along the cosine and the sine of a tone, in nats against white noise of 1, all runs together.
+double power_along(const Campaign& campaign, const std::vector<VectorXd>& e, const EffectEstimator& tone,
+                   const Theta& shape) {
+  double sum = 0;
+  for (size_t r = 0; r < e.size(); ++r) {
+    const Eigen::MatrixXd x = used_rows(campaign.runs[r], tone.columns(campaign.runs[r].input, shape));
+    sum += (x.transpose() * e[r]).squaredNorm() / static_cast<double>(e[r].size());
+  }
+  return sum;
+}
+
+} // namespace
+
+PlacedLine place_of(const Campaign& campaign, const std::vector<VectorXd>& e, const EffectEstimator& tone,
+                    const Line& line) {
+  const bool drifts = line.hz_per_degc != 0;
+  const Line near = drifts ? between_slopes(campaign, e, line) : line;
+  const double bin_hz = 1 / (static_cast<double>(transform_length(campaign)) * campaign.dt_s);
+  const double t0_degc = campaign.runs.front().input.t0_degc;
+  // In bins and units of slope; the effect's frequency is that at 0 degC.
+  const auto shape = [&](const Theta& x) {
+    const double slope = drifts ? near.hz_per_degc + kSlopeUnit * x[1] : 0;
+    const double hz = near.hz + bin_hz * x[0];
+    return drifts ? Theta{hz - slope * t0_degc, slope} : Theta{hz};
+  };
+  Theta x(drifts ? 2 : 1, 0.0);
+  SearchOptions options;
+  options.max_evaluations = 80, options.tolerance = 1e-3;
+  const double power = maximise([&](const Theta& at) { return power_along(campaign, e, tone, shape(at)); }, &x,
+                                Theta(x.size(), -1.0), Theta(x.size(), 1.0), options);
+  return {shape(x), power};
 }
 
 namespace {

@@ -39,8 +39,17 @@ std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const Seconds
 struct Line {
   double hz = 0, hz_per_degc = 0, gain_nats = 0;
 };
-// The strongest line above its surroundings; `with_drift` also looks along f0 + k (T - t0).
+// The strongest line above its surroundings, on a grid of frequencies; `with_drift` also looks along f0 + k (T - t0), on a
+// grid of k.  What the grid loses on a line between its places is not given back: thresholds are those of the grid.
 Line strongest_line(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e, bool with_drift);
+// A line found, with frequency and drift where the power along its cosine and sine is largest near the place on the grid.
+// A run of N seconds tells a frequency to a part of 1/N Hz, and what misses it leaves a beat behind.
+struct PlacedLine {
+  Theta shape;           // as the effect `tone` takes it
+  double power_nats = 0; // against white noise of 1, all runs together
+};
+PlacedLine place_of(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e, const EffectEstimator& tone,
+                    const Line& line);
 
 // Tests of innovations that no effect owns.
 enum class Rest {

@@ -19,8 +19,17 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr size_t kUndecidedTried = 4;
 constexpr size_t kPredictionTried = 3;
 constexpr size_t kBesideTried = 2;
-constexpr size_t kFewNames = 2;  // what the library is made for; more names have to be worth more
-constexpr size_t kMostJumps = 2; // more are a noise that jumps, not events
+constexpr size_t kFewNames = 2; // what the library is made for; more names have to be worth more
+constexpr size_t kMostLines = 3;
+constexpr size_t kFewToDrift = 200000; // samples: lines that drift are not looked for in longer logs
+constexpr size_t kMostJumps = 2;       // more are a noise that jumps, not events
+
+// A line that stands in the mean.
+struct NamedLine {
+  const Effect* effect;
+  Theta shape;
+  double gain_nats, threshold_nats;
+};
 
 class Study {
 public:
@@ -37,21 +46,11 @@ public:
       selection().verdict = Verdict::kPartlyExplained;
       return std::move(out_);
     }
-    const double block_s = block_length_s(campaign_);
-    out_.data.reset(new SlowData(block_means(campaign_, block_s)));
-    campaign_.spread_dph = out_.data->spread_dph;
-    out_.search.reset(new SlowSearch(*out_.data, belief_, library_, active_, options_.constants));
-    if (options_.calibrate) {
-      options_.constants.mean_nats = options_.calibrate(out_.search.get());
-      out_.search->set_mean_threshold(options_.constants.mean_nats);
-    }
-    out_.slow = out_.search->run();
-    if (held_out_) held_blocks_.reset(new Campaign(block_means(*held_out_, block_s)));
-    weigh_steps();
-    weigh_noise();
-    hold_out();
-    look_beside();
-    seconds();
+    do {
+      slow_stage();
+      seconds();
+    } while (takes_line());
+    if (!lines_.empty()) measure_with_lines();
     name_slow();
     name_undecided();
     name_fast();
@@ -61,6 +60,62 @@ public:
   }
 
 private:
+  // The search in block means, what held-out data say of it, and what is left beside it.
+  void slow_stage() {
+    const double block_s = block_length_s(campaign_);
+    out_.data.reset(new SlowData(block_means(campaign_, block_s)));
+    campaign_.spread_dph = out_.data->spread_dph;
+    out_.search.reset(new SlowSearch(*out_.data, belief_, library_, active_, options_.constants));
+    if (options_.calibrate && lines_.empty()) options_.constants.mean_nats = options_.calibrate(out_.search.get());
+    if (options_.calibrate) out_.search->set_mean_threshold(options_.constants.mean_nats);
+    out_.slow = out_.search->run();
+    if (held_out_) held_blocks_.reset(new Campaign(block_means(*held_out_, block_s)));
+    weigh_steps();
+    weigh_noise();
+    hold_out();
+    look_beside();
+  }
+  // A line in the spectrum of what is left was in everybody's way: kinds of noise took its place, and the noise of all
+  // hypotheses held it.  It joins the mean, in every run with its own amplitude and phase, and all is asked again.
+  bool takes_line() {
+    if (lines_.size() == kMostLines) return false;
+    const std::optional<NamedLine> line = line_found();
+    if (!line) return false;
+    lines_.push_back(*line);
+    belief_.known.push_back({line->effect->estimator(), line->shape});
+    selection().dropped.clear(), selection().remainders.clear();
+    beside_.clear();
+    answer_predicts_.reset();
+    is_believed_ = false;
+    return true;
+  }
+  // A line that drifts stands still while the temperature rests, and one that stands still drifts a little by chance: the
+  // one of more power, each above its threshold, is it.
+  std::optional<NamedLine> line_found() const {
+    const auto tone = std::find_if(library_.begin(), library_.end(), [](const Effect* effect) {
+      return effect->estimator() && effect->estimator()->form() == Form::kTone;
+    });
+    if (tone == library_.end() || !active_[static_cast<size_t>(tone - library_.begin())]) return std::nullopt;
+    std::optional<NamedLine> best;
+    double highest = 0;
+    const std::vector<VectorXd> e = whitened();
+    for (const bool drifts : {false, true}) {
+      const Line& line = drifts ? drifting_ : line_;
+      const double threshold_nats = drifts ? constants().drift_nats : constants().line_nats;
+      if (line.gain_nats <= threshold_nats) continue;
+      const PlacedLine placed = place_of(campaign_, e, *(*tone)->estimator(), line);
+      if (placed.power_nats - threshold_nats <= highest) continue;
+      highest = placed.power_nats - threshold_nats;
+      best = NamedLine{*tone, placed.shape, line.gain_nats, threshold_nats};
+    }
+    return best;
+  }
+  // The lines are part of what was there before.
+  void measure_with_lines() {
+    SlowModel nominal = out_.slow.null;
+    nominal.is_without_lines = true;
+    out_.gap = measure_gap(*out_.search, *out_.data, held_blocks_.get(), nominal, out_.slow.best);
+  }
   Selection& selection() { return out_.selection; }
   const SelectorConstants& constants() const { return options_.constants; }
   const Candidate& candidate(size_t j) const { return out_.search->candidates()[j]; }
@@ -488,10 +543,9 @@ private:
     believe_again();
     fit_own_base();
     line_ = strongest_line(campaign_, whitened(), false);
-    if (line_.gain_nats < constants().line_nats && campaign_.n() < 200000) {
-      const Line drifting = strongest_line(campaign_, whitened(), true);
-      if (drifting.gain_nats > constants().drift_nats) line_ = drifting;
-    }
+    drifting_ = {};
+    if (campaign_.n() < kFewToDrift) drifting_ = strongest_line(campaign_, whitened(), true);
+    if (drifting_.hz_per_degc == 0) drifting_ = {};
   }
   // Noise beside a kind of slow noise, of the seconds: block means do not show all of it.
   void fit_own_base() {
@@ -535,8 +589,9 @@ private:
     h.base_noise = out_.search->base_noise_of(m);
     h.base_noise.extra_white_dph2 = extra_white_dph2_;
     for (const NoiseBelief::Known& known : belief_.known)
-      h.known.push_back(term_of(nullptr, known.estimator, known.shape));
+      if (known.estimator->form() != Form::kTone) h.known.push_back(term_of(nullptr, known.estimator, known.shape));
     if (!with_names) return h;
+    for (const NamedLine& line : lines_) h.terms.push_back(term_of(line.effect, line.effect->estimator(), line.shape));
     for (const SlowModel::Name& name : m.names) {
       const Candidate& c = candidate(name.candidate);
       h.terms.push_back(term_of(c.effect, c.scan.estimator, name.shape));
@@ -552,9 +607,8 @@ private:
     return h;
   }
 
-  double line_threshold_nats() const { return line_.hz_per_degc != 0 ? constants().drift_nats : constants().line_nats; }
   void name_fast() {
-    if (line_.gain_nats > line_threshold_nats()) name_line();
+    for (const NamedLine& line : lines_) name_line(line);
     if (is_censored_) return; // the spread of what is left is not that of the noise
     const std::vector<FastFinding> found = scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_);
     if (found.empty() || found.front().gain_nats < constants().fast_nats) return;
@@ -581,24 +635,15 @@ private:
         named_.empty() || (named_[0].doubt != Doubt::kSlowNoise && named_[0].evidence_nats < effect.evidence_nats);
     named_.insert(is_first ? named_.begin() : named_.end(), effect);
   }
-  void name_line() {
-    for (size_t j = 0; j < library_.size(); ++j) {
-      const Effect* effect = library_[j];
-      if (!active_[j] || !effect->estimator() || effect->estimator()->form() != Form::kTone) continue;
-      SelectedEffect found;
-      found.family = effect->family();
-      Theta shape{line_.hz};
-      if (line_.hz_per_degc != 0) shape.push_back(line_.hz_per_degc);
-      found.term = term_of(effect, effect->estimator(), shape);
-      found.gain_nats = line_.gain_nats;
-      found.evidence_nats = line_.gain_nats - line_threshold_nats();
-      found.held_out_nats = kNaN;
-      found.set = {{effect, nullptr, false, found.family, found.gain_nats, found.gain_nats - found.evidence_nats}};
-      insert_by_evidence(found);
-      selection().final.terms.push_back(found.term);
-      final_fit_ = fit_hypothesis(campaign_, selection().final);
-      from_ = fit_seconds_noise(campaign_, from_.base, final_fit_.residual);
-    }
+  void name_line(const NamedLine& line) {
+    SelectedEffect found;
+    found.family = line.effect->family();
+    found.term = term_of(line.effect, line.effect->estimator(), line.shape);
+    found.gain_nats = line.gain_nats;
+    found.evidence_nats = line.gain_nats - line.threshold_nats;
+    found.held_out_nats = kNaN;
+    found.set = {{line.effect, nullptr, false, found.family, found.gain_nats, line.threshold_nats}};
+    insert_by_evidence(found);
   }
 
   // Re-tuned noise is a finding of its own: it comes last and takes nobody's place.
@@ -709,14 +754,21 @@ private:
     }
     if (left > explained_nats() || n_members() > kFewNames) leave_members();
   }
-  static bool is_member(const SelectedEffect& effect) { return !effect.is_family; }
-  size_t n_members() const { return static_cast<size_t>(std::count_if(named_.begin(), named_.end(), is_member)); }
+  // A line is what it is: it stands in for nothing, unless lines remain.
+  bool is_member(const SelectedEffect& effect) const {
+    return !effect.is_family && (effect.family != Family::kTone || lines_.size() == kMostLines);
+  }
+  size_t n_members() const {
+    return static_cast<size_t>(
+        std::count_if(named_.begin(), named_.end(), [&](const auto& e) { return is_member(e); }));
+  }
   // More is left than was explained, or many causes together leave something: members stand in for another cause then.
   // A family says no more than that.
   void leave_members() {
     for (const SelectedEffect& effect : named_)
       if (is_member(effect)) leave(effect);
-    named_.erase(std::remove_if(named_.begin(), named_.end(), is_member), named_.end());
+    named_.erase(std::remove_if(named_.begin(), named_.end(), [&](const auto& e) { return is_member(e); }),
+                 named_.end());
   }
   double explained_nats() const {
     double sum = out_.slow.best.free_score() - out_.slow.null.free_score();
@@ -747,7 +799,8 @@ private:
           term.coefficient_errors.push_back(fit.beta_errors[static_cast<long>(c)]);
         }
       for (SelectedEffect& effect : named_)
-        if (effect.term.estimator == term.estimator) {
+        if (effect.term.estimator == term.estimator &&
+            (term.form() != Form::kTone || effect.term.shape == term.shape)) {
           effect.term.coefficients = term.coefficients;
           effect.term.coefficient_errors = term.coefficient_errors;
           if (effect.term.shape_errors.empty()) effect.term.shape_errors = shape_errors(effect);
@@ -817,7 +870,8 @@ private:
   };
   std::vector<Beside> beside_;
   std::optional<double> answer_predicts_; // log density of what was not fitted
-  Line line_;
+  Line line_, drifting_;                  // in what is left
+  std::vector<NamedLine> lines_;          // in the mean already
 };
 
 } // namespace
