@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """diagnose from outside: what it says of simulated logs with known effects, of poor logs, and of wrong input."""
 import json
+import math
 import os
 import subprocess
 from pathlib import Path
@@ -242,3 +243,49 @@ def test_noise_that_axes_share_is_named_on_each_of_them_and_not_where_there_is_n
         assert abs(p["correlation"] * p["sigma_dph"] ** 2 - 72) < 4 * 38**2 / 13000**0.5
     apart = lab.run(lab.logs("apart", shared(0.0), n=2, axes=2, seed=6))
     assert not [e for axis in apart["axes"] for e in axis["effects"] if e["name"] == "common_mode"]
+
+
+# Tones written into the logs by hand: from a phase of their own in each log, at frequencies of no grid.
+TONES = {
+    "one": [(25, 1 / 37.3, 0)],
+    "slow": [(30, 1 / 211.7, 0)],
+    "two": [(15, 1 / 37.3, 0), (12, 1 / 5.137, 0)],
+    "drifts": [(25, 0.05, 1e-4)],
+    "drifts down": [(20, 0.21, -3.3e-4)],
+}
+
+
+def add_tones(path, tones, phase):
+    """rate += A sin(2 pi int(f0 + k T) dt), T as the log gives it."""
+    head, rows = [], Path(path).read_text().splitlines()
+    while rows[0].startswith("#"):
+        head.append(rows.pop(0))
+    names, phases = rows.pop(0).split(","), [phase * (1 + i) for i in range(len(tones))]
+    out, before_s = [], 0.0
+    for row in rows:
+        fields = row.split(",")
+        t_s, temp = float(fields[0]), float(fields[names.index("temp_degc")])
+        phases = [p + 2 * math.pi * (hz + drift * temp) * (t_s - before_s) for p, (_, hz, drift) in zip(phases, tones)]
+        at = names.index("gx_dph")
+        fields[at] = repr(float(fields[at]) + sum(a * math.sin(p) for p, (a, _, _) in zip(phases, tones)))
+        out.append(",".join(fields))
+        before_s = t_s
+    Path(path).write_text("\n".join([*head, ",".join(names), *out]) + "\n")
+
+
+@pytest.mark.parametrize("kind", TONES)
+def test_tones_between_the_places_of_a_grid_are_told_to_their_errors_and_hide_nothing(lab, kind):
+    """A run tells a frequency to about 0.1 of one over its length; the hysteresis beside the tones stays, no noise stands in for them."""
+    logs = lab.logs("tone_" + kind.replace(" ", "_"), HYSTERESIS, n=3, seed=5)
+    for i, path in enumerate(logs):
+        add_tones(path, TONES[kind], 0.4 + i)
+    axis = lab.run(logs[:2], "--holdout", logs[2])["axes"][0]
+    found = sorted((e for e in axis["effects"] if e["name"] == "sinusoid"), key=lambda e: e["parameters"]["frequency_hz"])
+    assert sorted(names(axis)) == ["sinusoid"] * len(TONES[kind]) + ["thermal_hysteresis"], lab.text
+    for effect, (amplitude, hz, drift) in zip(found, sorted(TONES[kind], key=lambda tone: tone[1])):
+        assert effect["parameters"]["amplitude_dph"] == pytest.approx(amplitude, abs=4 * effect["std_errors"]["amplitude_dph"])
+        found_drift = effect["parameters"].get("drift_hz_per_degc", 0)
+        assert found_drift == pytest.approx(drift, abs=2e-6)
+        # The frequency is that at 0 degC; in the middle of the range an error of the drift does not matter.
+        assert effect["parameters"]["frequency_hz"] + 30 * found_drift == pytest.approx(hz + 30 * drift, abs=0.1 / 4000)
+    assert not axis["noise"]["is_retuned"] and "a line" not in lab.text
