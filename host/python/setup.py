@@ -28,7 +28,7 @@ class MakeCore(build_ext):
     def build_extension(self, ext):
         top = os.path.dirname(os.path.dirname(HERE))
         build = os.environ.get("IMUCAL_BUILD", os.path.join(top, "build"))
-        subprocess.run(["make", "--no-print-directory", "-C", top, f"BUILD={build}", f"PYTHON={sys.executable}", "python-core"], check=True)
+        subprocess.run(["make", "--no-print-directory", "-C", top, f"BUILD={os.path.relpath(build, top)}", f"PYTHON={sys.executable}", "python-core"], check=True)
         target = self.get_ext_fullpath(ext.name)
         os.makedirs(os.path.dirname(target), exist_ok=True)
         shutil.copy(os.path.join(build, "python/_core.so"), target)

@@ -33,6 +33,26 @@ Series test_record(const ErrorModel& m, long n, uint64_t run) {
   return s;
 }
 
+void test_trend_removes_what_the_columns_do(void**) {
+  for (const long n : {5000L, 4096L, 37L})
+    for (const char* text : {"none", "mean", "poly:0", "poly:1", "poly:3", "poly:7", "time:4"})
+      for (const bool has_gap : {false, true}) {
+        Series shape = test_record(kNominal, n, 5);
+        for (long i = 0; i < n; ++i)
+          shape.temp_degc.push_back(20 + 15 * std::sin(0.004 * static_cast<double>(i)) +
+                                    0.01 * static_cast<double>(i % 7));
+        for (size_t i = 10; has_gap && i < 20; ++i) shape.rate_dph[i] = std::nan(""), ++shape.n_missing;
+        const Detrend detrend = Detrend::parse(text);
+        Series by_columns = shape, by_trend = shape;
+        remove_columns(detrend_basis(shape, detrend), &by_columns);
+        Trend(shape, detrend).remove_from(&by_trend);
+        for (size_t i = 0; i < shape.rate_dph.size(); ++i) {
+          if (std::isnan(shape.rate_dph[i])) assert_true(std::isnan(by_trend.rate_dph[i]));
+          if (!std::isnan(shape.rate_dph[i])) assert_near(by_trend.rate_dph[i], by_columns.rate_dph[i], 1e-9);
+        }
+      }
+}
+
 double dense_deviance(const Series& s, const Detrend& detrend, const ErrorModel& m) {
   std::vector<long> present;
   for (long i = 0; i < s.size(); ++i)
@@ -336,6 +356,7 @@ void test_tau_grids(void**) {
 
 int main() {
   const CMUnitTest tests[] = {
+      cmocka_unit_test(test_trend_removes_what_the_columns_do),
       cmocka_unit_test(test_likelihood_equals_dense_matrices),
       cmocka_unit_test(test_likelihood_profile_is_the_best_scale),
       cmocka_unit_test(test_bounding_programs_agree_and_are_optimal),

@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <utility>
 
 #include "base/error.h"
 #include "base/scalar_product.h"
@@ -234,51 +235,85 @@ static IMUCAL_WIDE void subtract_times(double factor, const double* column, size
   for (size_t i = 0; i < n; ++i) x[i] -= factor * column[i];
 }
 
-std::vector<std::vector<double>> detrend_basis(const Series& s, const Detrend& detrend) {
-  if (detrend.kind == Detrend::Kind::kNone) return {};
-  const auto n = static_cast<size_t>(s.size());
-  const bool is_mean = detrend.kind == Detrend::Kind::kMean || detrend.order == 0;
+namespace {
+
+// The argument of the polynomials of a trend, from -1 to 1 over the record; 0 where the rate is missing.
+std::vector<double> chebyshev_argument(const Series& s, const Detrend& detrend) {
+  if (detrend.kind == Detrend::Kind::kPolyTemperature && s.temp_degc.empty())
+    throw data_error(s.log + ": the log has no temperature, so no polynomial in it; use --detrend time:N or mean");
   double lo = 1e300, hi = -1e300;
-  if (!is_mean) {
-    if (detrend.kind == Detrend::Kind::kPolyTemperature && s.temp_degc.empty())
-      throw data_error(s.log + ": the log has no temperature, so no polynomial in it; use --detrend time:N or mean");
-    for (long i = 0; i < s.size(); ++i) {
-      if (std::isnan(s.rate_dph[static_cast<size_t>(i)])) continue;
-      const double x = poly_argument(s, detrend, i);
-      if (std::isnan(x))
-        throw data_error(s.log + ": no temperature at t_s = " + std::to_string(s.t_s(i)) +
-                         "; --detrend poly:N needs one for every rate");
-      lo = std::min(lo, x);
-      hi = std::max(hi, x);
-    }
-    if (!(hi > lo))
-      throw data_error(s.log + ": axis " + s.axis + ": the temperature is constant: " + detrend.text() +
-                       " cannot be fitted; use --detrend mean");
+  for (long i = 0; i < s.size(); ++i) {
+    if (std::isnan(s.rate_dph[static_cast<size_t>(i)])) continue;
+    const double x = poly_argument(s, detrend, i);
+    if (std::isnan(x))
+      throw data_error(s.log + ": no temperature at t_s = " + std::to_string(s.t_s(i)) +
+                       "; --detrend poly:N needs one for every rate");
+    lo = std::min(lo, x);
+    hi = std::max(hi, x);
   }
-  // Chebyshev polynomials on the span, made orthonormal by Gram-Schmidt, done twice.
-  std::vector<std::vector<double>> basis;
-  std::vector<double> column(n), previous(n, 0.0), before(n, 0.0);
-  const int order = is_mean ? 0 : detrend.order;
+  if (!(hi > lo))
+    throw data_error(s.log + ": axis " + s.axis + ": the temperature is constant: " + detrend.text() +
+                     " cannot be fitted; use --detrend mean");
+  std::vector<double> x(s.rate_dph.size(), 0.0);
+  for (size_t i = 0; i < x.size(); ++i)
+    if (!std::isnan(s.rate_dph[i])) x[i] = (2 * poly_argument(s, detrend, static_cast<long>(i)) - lo - hi) / (hi - lo);
+  return x;
+}
+
+// next = 2 x last - before
+IMUCAL_WIDE void next_chebyshev(const double* x, const double* last, const double* before, size_t n, double* next) {
+  for (size_t i = 0; i < n; ++i) next[i] = 2 * x[i] * last[i] - before[i];
+}
+
+struct Orthonormal {
+  std::vector<std::vector<double>> columns;      // zero where the rate is missing
+  std::vector<std::vector<double>> combinations; // [c][p]: column c as a sum of Chebyshev polynomials p
+};
+
+// Chebyshev polynomials made orthonormal by Gram-Schmidt, done twice.
+Orthonormal orthonormal_of(const Series& s, const std::vector<double>& x, int order) {
+  const size_t n = s.rate_dph.size();
+  Orthonormal out;
+  std::vector<double> column(n, 0.0), last(n, 0.0), before(n, 0.0);
   for (int p = 0; p <= order; ++p) {
-    for (size_t i = 0; i < n; ++i) {
-      if (std::isnan(s.rate_dph[i])) continue;
-      const double x = is_mean ? 0 : (2 * poly_argument(s, detrend, static_cast<long>(i)) - lo - hi) / (hi - lo);
-      column[i] = p == 0 ? 1 : p == 1 ? x : 2 * x * previous[i] - before[i];
-    }
-    before = previous;
-    previous = column;
-    std::vector<double> q = column;
+    before.swap(last), last.swap(column);
+    if (p == 0)
+      std::transform(s.rate_dph.begin(), s.rate_dph.end(), column.begin(), [](double v) { return !std::isnan(v); });
+    else if (p == 1)
+      column = x;
+    else
+      next_chebyshev(x.data(), last.data(), before.data(), n, column.data());
+    std::vector<double> q = column, row(static_cast<size_t>(order) + 1, 0.0);
+    row[static_cast<size_t>(p)] = 1;
     const double norm0 = scalar_product(q.data(), q.data(), n);
     for (int pass = 0; pass < 2; ++pass)
-      for (const auto& b : basis) subtract_times(scalar_product(b.data(), q.data(), n), b.data(), n, q.data());
+      for (size_t b = 0; b < out.columns.size(); ++b) {
+        const double along = scalar_product(out.columns[b].data(), q.data(), n);
+        subtract_times(along, out.columns[b].data(), n, q.data());
+        subtract_times(along, out.combinations[b].data(), row.size(), row.data());
+      }
     const double norm = scalar_product(q.data(), q.data(), n);
     if (norm <= 1e-20 * norm0)
       throw data_error(s.log + ": axis " + s.axis + ": the record does not determine a polynomial of order " +
                        std::to_string(order) + " (rank " + std::to_string(p) + "); lower the order");
     for (double& v : q) v /= std::sqrt(norm);
-    basis.push_back(std::move(q));
+    for (double& v : row) v /= std::sqrt(norm);
+    out.columns.push_back(std::move(q));
+    out.combinations.push_back(std::move(row));
   }
-  return basis;
+  return out;
+}
+
+bool is_mean_alone(const Detrend& detrend) {
+  return detrend.kind == Detrend::Kind::kMean || detrend.order == 0;
+}
+
+} // namespace
+
+std::vector<std::vector<double>> detrend_basis(const Series& s, const Detrend& detrend) {
+  if (detrend.kind == Detrend::Kind::kNone) return {};
+  if (is_mean_alone(detrend)) return orthonormal_of(s, {}, 0).columns;
+  return orthonormal_of(s, chebyshev_argument(s, detrend), detrend.order).columns;
 }
 
 // Sum of differences from `base`, in four chains.
@@ -321,7 +356,7 @@ void remove_trend(const Detrend& detrend, Series* s) {
   if (detrend.kind == Detrend::Kind::kNone || s->n_missing == s->size()) return;
   const double offset = mean_of(*s);
   for (double& x : s->rate_dph) x -= offset;
-  if (detrend.kind == Detrend::Kind::kMean || detrend.order == 0) return;
+  if (is_mean_alone(detrend)) return;
   remove_columns(detrend_basis(*s, detrend), s);
 }
 
@@ -332,9 +367,10 @@ static void remove_column_with_gaps(const std::vector<double>& column, std::vect
   for (size_t i = 0; i < x->size(); ++i) (*x)[i] -= along * column[i];
 }
 
+constexpr size_t kInCache = 2048; // rates that stay in the first-level cache for all columns
+
 // The columns are orthonormal: what a record has of each is found of all in one pass, and taken away in a second.
 void remove_columns(const std::vector<std::vector<double>>& basis, Series* s) {
-  constexpr size_t kInCache = 2048; // rates that stay in the first-level cache for all columns
   if (s->n_missing > 0) {
     for (const auto& column : basis) remove_column_with_gaps(column, &s->rate_dph);
     return;
@@ -348,6 +384,49 @@ void remove_columns(const std::vector<std::vector<double>>& basis, Series* s) {
   for (size_t b = 0; b < n; b += kInCache)
     for (size_t c = 0; c < basis.size(); ++c)
       subtract_times(along[c], basis[c].data() + b, std::min(kInCache, n - b), x + b);
+}
+
+Trend::Trend(const Series& shape, const Detrend& detrend) {
+  if (detrend.kind == Detrend::Kind::kNone) return;
+  const int order = is_mean_alone(detrend) ? 0 : detrend.order;
+  x_ = order == 0 ? std::vector<double>(shape.rate_dph.size(), 0.0) : chebyshev_argument(shape, detrend);
+  Orthonormal basis = orthonormal_of(shape, x_, order);
+  combinations_ = std::move(basis.combinations);
+  if (shape.n_missing > 0) columns_ = std::move(basis.columns);
+}
+
+// Chebyshev polynomials 0, 1, … of a piece of the argument, one after the other.
+template <typename Use> void Trend::each_polynomial(size_t begin, size_t n, Use use) const {
+  double columns[3][kInCache];
+  double *column = columns[0], *last = columns[1], *before = columns[2];
+  for (size_t p = 0; p < combinations_.size(); ++p) {
+    std::swap(before, last), std::swap(last, column);
+    if (p == 0)
+      std::fill(column, column + n, 1.0);
+    else if (p == 1)
+      std::copy(&x_[begin], &x_[begin] + n, column);
+    else
+      next_chebyshev(&x_[begin], last, before, n, column);
+    use(p, column);
+  }
+}
+
+void Trend::remove_from(Series* s) const {
+  if (s->n_missing > 0) return remove_columns(columns_, s);
+  double* const rate = s->rate_dph.data();
+  std::vector<double> of_polynomial(combinations_.size(), 0.0), factor(combinations_.size(), 0.0);
+  for (size_t b = 0; b < x_.size(); b += kInCache) {
+    const size_t n = std::min(kInCache, x_.size() - b);
+    each_polynomial(b, n,
+                    [&](size_t p, const double* column) { of_polynomial[p] += scalar_product(column, rate + b, n); });
+  }
+  for (const std::vector<double>& row : combinations_)
+    subtract_times(-scalar_product(row.data(), of_polynomial.data(), row.size()), row.data(), row.size(),
+                   factor.data());
+  for (size_t b = 0; b < x_.size(); b += kInCache) {
+    const size_t n = std::min(kInCache, x_.size() - b);
+    each_polynomial(b, n, [&](size_t p, const double* column) { subtract_times(factor[p], column, n, rate + b); });
+  }
 }
 
 } // namespace imucal

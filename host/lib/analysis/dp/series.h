@@ -79,6 +79,24 @@ std::vector<std::vector<double>> detrend_basis(const Series& series, const Detre
 // Removes what lies along columns of detrend_basis.
 void remove_columns(const std::vector<std::vector<double>>& basis, Series* series);
 
+// What `detrend` removes from records of one shape, such as simulated ones: the same as remove_columns(detrend_basis(shape,
+// detrend), record) but for rounding.  Of a shape without gaps it keeps the argument of the polynomials alone and makes them
+// anew, piece by piece in the first-level cache: a record of millions of samples waits for memory, not for multiplications.
+class Trend {
+public:
+  // data_error as detrend_basis.
+  Trend(const Series& shape, const Detrend& detrend);
+  // `record` misses the samples that the shape misses.
+  void remove_from(Series* record) const;
+
+private:
+  template <typename Use> void each_polynomial(size_t begin, size_t n, Use use) const;
+
+  std::vector<double> x_;
+  std::vector<std::vector<double>> combinations_; // orthonormal columns as sums of Chebyshev polynomials
+  std::vector<std::vector<double>> columns_;      // the same as they are, of a shape with gaps
+};
+
 // Removes it, missing samples left missing.
 void remove_trend(const Detrend& detrend, Series* series);
 

@@ -142,7 +142,7 @@ public:
         basis_(std::move(basis)) {
     settings_.n_markov = static_cast<int>(fitted.markov.size());
     if (settings.criterion == "ml") return;
-    for (const Series& s : series) trends_.push_back(detrend_basis(s, settings.detrend));
+    for (const Series& s : series) trends_.emplace_back(s, settings.detrend);
     if (!basis_)
       basis_ = std::make_shared<CurveBasis>(
           make_curve_data(series, op, settings.detrend, settings.tau_s, settings.across, Windows::kSome));
@@ -170,7 +170,7 @@ private:
     if (shape.n_missing > 0)
       for (size_t i = 0; i < s.rate_dph.size(); ++i)
         if (std::isnan(shape.rate_dph[i])) s.rate_dph[i] = shape.rate_dph[i];
-    if (!trends_.empty()) remove_columns(trends_[a], &s);
+    if (!trends_.empty()) trends_[a].remove_from(&s);
     return s;
   }
 
@@ -180,7 +180,7 @@ private:
   std::vector<NoiseComponent> components_;
   uint64_t seed_;
   std::shared_ptr<const CurveBasis> basis_;
-  std::vector<std::vector<std::vector<double>>> trends_; // of each series: what detrending removes
+  std::vector<Trend> trends_; // of each series
 };
 
 // Models of the refits that were done.
