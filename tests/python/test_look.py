@@ -151,11 +151,13 @@ def pixels(page):
 def test_page_leaves_no_word_over_its_edge():
     from imucal.plot import look_page
     log, looks = far_from_zero()
-    for rows in (1, 3, 6):
-        picture = pixels(look_page(log, looks * rows))
-        assert picture.min() < 100
-        for edge in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
-            assert edge.min() == 255
+    without = Log(log.t_s, np.full(len(log.t_s), np.nan), {"gx_dph": log.rates["gx_dph"] - 5e6 - 40000}, {}, {}, "simulated")
+    for log, looks in ((log, looks), (without, [look_at_axis(without, "gx_dph")])):
+        for rows in (1, 3, 6):
+            picture = pixels(look_page(log, looks * rows))
+            assert picture.min() < 100
+            for edge in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
+                assert edge.min() == 255
 
 
 def test_panel_draws_where_its_scale_says_and_leaves_a_gap_where_there_is_no_value():

@@ -143,16 +143,19 @@ def draw_row(panels, log, look):
 def look_page(log, looks):
     """The Page of `imucal look`: a row per axis."""
     columns = 5 if log.has_temperature else 3
-    page = Page(17 if log.has_temperature else 11, 2.7 * len(looks))
+    width_in = 17 if log.has_temperature else 11
+    page = Page(width_in, 2.7 * len(looks))
     for row, look in enumerate(looks):
-        draw_row([page.panel(*_place(row, len(looks), column, columns)) for column in range(columns)], log, look)
+        draw_row([page.panel(*_place(width_in, row, len(looks), column, columns)) for column in range(columns)], log, look)
     return page
 
 
-def _place(row, rows, column, columns):
-    """(left, bottom, right, top) as parts of the page: room for the words beside each panel, 0.45 of its width, half of its height."""
-    wide, high = (0.985 - 0.045) / (columns + 0.45 * (columns - 1)), (1 - 0.1 / rows - 0.16 / rows ** 0.8) / (rows + 0.5 * (rows - 1))
-    left, top = 0.045 + 1.45 * wide * column, 1 - 0.1 / rows - 1.5 * high * row
+def _place(width_in, row, rows, column, columns):
+    """(left, bottom, right, top) as parts of the page.  Room for words: 0.8 inch on the left; beside each panel half of its width, half of
+    its height."""
+    first, last = 0.8 / width_in, 0.985
+    wide, high = (last - first) / (columns + 0.5 * (columns - 1)), (1 - 0.1 / rows - 0.16 / rows ** 0.8) / (rows + 0.5 * (rows - 1))
+    left, top = first + 1.5 * wide * column, 1 - 0.1 / rows - 1.5 * high * row
     return left, top - high, left + wide, top
 
 
