@@ -23,7 +23,7 @@ import markupsafe
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[1:1] = [os.path.join(HERE, os.pardir, "python"), os.path.join(HERE, os.pardir)]  # in the source tree; as installed
-from imucal.diagnosis_words import (VERDICTS, Library, gap_sentence, headline, joined, many, number, open_sentence, plain,  # noqa: E402
+from imucal.diagnosis_words import (VERDICTS, Library, gap_sentence, headline, joined, many, number, open_sentence, plain, sentence,  # noqa: E402
                                     size_sentence, where_sentence)
 from imucal.plot import diagnosis as draw  # noqa: E402
 from imucal.plot.diagnosis import branches  # noqa: E402, F401  (part of this script's interface)
@@ -125,14 +125,14 @@ def next_steps(axis, library):
     """Profile to run, model to use, cause to look for in the hardware."""
     out = list(axis.get("advice") or [])
     pairs = axis.get("indistinguishable") or []
-    if pairs:
-        out.insert(0, "Cannot be told apart on these profiles: " + "; ".join(" and ".join(plain(n) for n in pair) for pair in pairs) + ".")
+    if pairs and not any(all(name in text for pair in pairs for name in pair) for text in out):  # else it is said already
+        out.insert(0, "Cannot be told apart on these profiles: " + "; ".join(" and ".join(map(plain, pair)) for pair in pairs) + ".")
     if axis.get("effects") and axis["verdict"] in ("explained", "partly_explained"):
         out.append("Simulate with it: `diagnose … --model-out MODEL.json` writes the believed model with what was found, for gyrosim and montecarlo.")
     for effect in axis.get("effects") or []:
         for cause in library.hardware_causes(effect.get("member") or effect["name"]):
             out.append(f"Look for in the hardware ({plain(effect.get('member') or effect['name'])}): {cause['what']} [{cause['source']}].")
-    return out
+    return [library.in_words(text) for text in dict.fromkeys(out)]
 
 
 def fold(title, header=(), body=(), figures=(), text=""):
@@ -192,8 +192,8 @@ def axis_view(axis, n_logs, library):
     sentences = [size_sentence(axis, loop_of(axis)), open_sentence(axis, library), where_sentence(axis.get("where"), n_logs),
                  gap_sentence(axis), *(axis.get("notes") or [])]
     return {"name": axis["axis"], "title": title, "color": color, "headline": headline(axis, library),
-            "chip": title + (": " + joined(plain(e["name"]) for e in effects) if effects else ""),
-            "sentences": [s for s in sentences if s], "effects": effect_rows(axis, library), "figures": raw_figures(axis),
+            "chip": title + (": " + joined(dict.fromkeys(plain(e["name"]) for e in effects)) if effects else ""),
+            "sentences": [sentence(library.in_words(s)) for s in sentences if s], "effects": effect_rows(axis, library), "figures": raw_figures(axis),
             "next": next_steps(axis, library),
             "profile": figure("Profile to run instead", "It separates the causes that these runs leave open.", draw.draw_profile(profile), "small")
             if profile and profile.get("segments") else None,

@@ -289,3 +289,14 @@ def test_tones_between_the_places_of_a_grid_are_told_to_their_errors_and_hide_no
         # The frequency is that at 0 degC; in the middle of the range an error of the drift does not matter.
         assert effect["parameters"]["frequency_hz"] + 30 * found_drift == pytest.approx(hz + 30 * drift, abs=0.1 / 4000)
     assert not axis["noise"]["is_retuned"] and "a line" not in lab.text
+
+
+def test_words_do_not_contradict_the_names(lab):
+    """A name is not among what it cannot be told from, and no advice says that these profiles would not show it."""
+    logs = lab.logs("walk", [{"name": "rate_random_walk", "parameters": {"k_dph_per_rt_s": 2.5}}], n=2, profile=lab.write("up.json", UP_ONLY))
+    for axis in lab.run(logs)["axes"]:
+        for effect in axis["effects"]:
+            member = effect.get("member", effect["name"])
+            assert effect["name"] in ("slow_noise", "rate_random_walk") and f"(as {member})" in lab.text or member == effect["name"]
+            said = [line for line in lab.text.splitlines() if "cannot be told from" in line or "would not show" in line]
+            assert said and not any(member in line for line in said), lab.text

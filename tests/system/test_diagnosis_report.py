@@ -161,3 +161,26 @@ def test_missing_file_is_named(tmp_path):
     done = subprocess.run([sys.executable, SCRIPT, str(tmp_path / "no.json"), "-o", str(tmp_path / "r.html")],
                           capture_output=True, text=True)
     assert done.returncode == 3 and "no.json" in done.stderr
+
+
+def test_sentences_say_each_thing_once_and_in_words():
+    """Names as people write them, no quantity that the logs do not have, nothing twice."""
+    sys.path.insert(0, os.path.join(os.path.dirname(SCRIPT), "../python"))
+    from imucal.diagnosis_words import Library, sentence, where_sentence
+
+    assert where_sentence({"tau_s": [1, 16], "temp_degc": [0, 0], "time_s": [0, 900]}) == (
+        "The gap shows at averaging times of 1 to 16 s, from 0 to 900 s after the start.")
+    library = Library({"library": {"effects": [{"name": "thermal_creep"}], "families": [{"name": "slow_noise", "label": "wander"}]}})
+    assert library.in_words("thermal_creep and slow_noise, not athermal_creep") == "thermal creep and slow noise, not athermal_creep"
+    assert sentence("all rates lie on a lattice") == "All rates lie on a lattice." and sentence("Why?") == "Why?" and sentence("") == ""
+
+
+def test_what_the_advice_says_is_not_said_again(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    axis = diagnosis["axes"][0]
+    axis["advice"] = ["Not distinguishable: " + "; ".join(" and ".join(pair) for pair in axis["indistinguishable"])]
+    axis["effects"] = [axis["effects"][0], axis["effects"][0]]
+    diagnosis["library"]["effects"] += [{"name": "rate_ramp"}, {"name": "warm_up"}]
+    done, text = run(tmp_path, diagnosis)
+    assert done.returncode == 0 and "Cannot be told apart" not in text and text.count("rate ramp and warm up") == 1
+    assert f"Gap explained: {axis['effects'][0]['name'].replace('_', ' ')}</span>" in text

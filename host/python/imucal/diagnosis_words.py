@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 
 VERDICTS = {
     "no_gap": ("No gap found", "#2f855a"),
@@ -43,6 +44,12 @@ def many(n, noun):
     return f"{n} {noun}{'' if n == 1 else 's'}"
 
 
+def sentence(text):
+    """With a capital letter and a stop, as sentences are written."""
+    text = text.strip()
+    return text if not text else text[0].upper() + text[1:] + ("" if text[-1] in ".!?" else ".")
+
+
 class Library:
     """Labels, units and hardware causes by the names of effects and families."""
 
@@ -54,6 +61,11 @@ class Library:
 
     def label(self, name):
         return self.effects.get(name, {}).get("label") or self.families.get(name) or plain(name)
+
+    def in_words(self, text):
+        """The text with names of effects and families as people write them: thermal creep for thermal_creep."""
+        known = sorted([n for n in [*self.effects, *self.families] if "_" in n], key=len, reverse=True)
+        return re.sub(r"\b(" + "|".join(map(re.escape, known)) + r")\b", lambda m: plain(m[0]), text) if known else text
 
     def hardware_causes(self, name):
         return self.effects.get(name, {}).get("hardware_causes") or []
@@ -99,7 +111,10 @@ def where_sentence(where, n_logs=0):
     """Where the gap lies, in one sentence; empty if the diagnosis does not say."""
     if not where:
         return ""
-    span = lambda key: where.get(key) if isinstance(where.get(key), list) and len(where[key]) == 2 else None
+    def span(key):  # a pair; no width: there is no such quantity in the logs
+        pair = where.get(key)
+        return pair if isinstance(pair, list) and len(pair) == 2 and pair[0] != pair[1] else None
+
     parts = []
     if span("tau_s"):
         parts.append("at averaging times of {} to {} s".format(*map(number, span("tau_s"))))
@@ -126,7 +141,7 @@ def cause_words(axis, library):
     """'hysteresis …; also: …', or what is open."""
     effects = axis.get("effects") or []
     names = [library.label(e["name"]) for e in effects]
-    return "; ".join(names)
+    return "; ".join(dict.fromkeys(names))
 
 
 def headline(axis, library):

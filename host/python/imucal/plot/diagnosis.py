@@ -22,6 +22,7 @@ INK, MUTED, GRID = "#1d2733", "#66727f", "#dfe4ea"
 DATA, BEFORE, AFTER = "#1d2733", "#d1662a", "#2b6cb0"
 DIRECTION = {"up": "#c8502d", "down": "#2b6cb0", "soak": "#8a949e"}
 DIRECTION_WORD = {"up": "rising", "down": "falling", "soak": "resting"}
+MANY_POINTS = 600  # of one record: more are drawn as pixels
 RESTING_DEGC_MIN = 0.1  # slower than this the temperature rests
 SMOOTHEST_ORDER = 5  # of the curve that stands for the polynomial of the answer, whatever its own order
 
@@ -35,10 +36,15 @@ def style():
         "legend.frameon": False, "legend.fontsize": 8, "svg.fonttype": "path", "figure.dpi": 100})
 
 
+def dense(record):
+    """Options of the points of long records: thousands of them as curves would make a page of many megabytes."""
+    return {"rasterized": record.t_s.size > MANY_POINTS}
+
+
 def svg_image(fig, alt):
     """<img> with the figure as inline SVG: nothing outside the page is needed."""
     buffer = io.BytesIO()
-    fig.savefig(buffer, format="svg", bbox_inches="tight", metadata={"Date": None})
+    fig.savefig(buffer, format="svg", bbox_inches="tight", metadata={"Date": None}, dpi=180)  # the dpi of points that are drawn as pixels
     data = base64.b64encode(buffer.getvalue()).decode()
     return f'<img alt="{html.escape(alt, quote=True)}" src="data:image/svg+xml;base64,{data}">'
 
@@ -162,7 +168,7 @@ def draw_record(data):
     top = axes[0][0]
     for name, chosen in r.chosen.items():
         if chosen.any():
-            top.plot(hours[chosen], r.rate_dph[chosen], ".", markersize=3.2, color=DIRECTION[name] if r.has_temperature else DATA)
+            top.plot(hours[chosen], r.rate_dph[chosen], ".", markersize=3.2, color=DIRECTION[name] if r.has_temperature else DATA, **dense(r))
     for i, k in enumerate(r.logs):
         own = r.log == k
         top.plot(hours[own], r.polynomial_dph[own], color=INK, linewidth=0.9, linestyle="--", label="polynomial" if i == 0 else None)
@@ -174,7 +180,7 @@ def draw_record(data):
     top.legend(loc="best")
     if rows == 2:
         for name, chosen in r.chosen.items():
-            axes[1][0].plot(hours[chosen], r.temp_degc[chosen], ".", markersize=2.4, color=DIRECTION[name])
+            axes[1][0].plot(hours[chosen], r.temp_degc[chosen], ".", markersize=2.4, color=DIRECTION[name], **dense(r))
         axes[1][0].set_ylabel("temperature [°C]")
     axes[-1][0].set_xlabel("time [h]" + (", logs one after the other" if len(r.logs) > 1 else ""))
     return svg_image(fig, "Rate and temperature against time, one-minute means coloured by the direction of the temperature")
@@ -191,10 +197,10 @@ def draw_against_temperature(data, what):
     r = Record(data)
     y = {"raw": r.rate_dph - r.offset_dph, "before": r.before_dph, "after": r.after_dph}[what]
     base = r.curve_dph if what == "raw" else np.zeros(y.size)
-    fig, ax = subplots(size=(5.2, 3.7), layout="constrained")
+    fig, ax = subplots(size=(4.2, 3.2), layout="constrained")
     for name, chosen in r.chosen.items():
         if chosen.any():
-            ax.plot(r.temp_degc[chosen], y[chosen], ".", markersize=3.4, color=DIRECTION[name], label=DIRECTION_WORD[name])
+            ax.plot(r.temp_degc[chosen], y[chosen], ".", markersize=3.4, color=DIRECTION[name], label=DIRECTION_WORD[name], **dense(r))
     order = np.argsort(r.temp_degc)
     ax.plot(r.temp_degc[order], base[order], color=INK, linewidth=1.1, linestyle="--", label="polynomial")
     if what != "after" and np.any(np.abs(r.cause_dph) > 0):
