@@ -223,6 +223,20 @@ static void test_field_ends_are_found_in_lines_of_any_length(void**) {
   assert_false(fields.find(at, &field)); // 64 characters and no end
 }
 
+// With and without instructions for 16 bytes at once.
+static void test_bytes_are_found_where_they_stand(void**) {
+  uint64_t state = 1;
+  char text[16];
+  for (int k = 0; k < 200000; ++k) {
+    for (char& c : text) state = state * 6364136223846793005ULL + 1, c = static_cast<char>(state >> (k % 2 ? 56 : 62));
+    const char a = text[k % 16], b = static_cast<char>(k);
+    uint32_t expected = 0;
+    for (unsigned i = 0; i < 16; ++i) expected |= static_cast<uint32_t>(text[i] == a || text[i] == b) << i;
+    assert_int_equal(where_16(text, a, b), expected);
+    assert_int_equal(where_8(text, a, b) | where_8(text + 8, a, b) << 8, expected);
+  }
+}
+
 // Rows of every kind of number, over several fillings of the reader's buffer.
 static void test_log_any_spelling_is_read_alike(void**) {
   const char* const spellings[] = {"-1.5",  "-1.50000000000", " -1.5 ", "-15e-1",
@@ -488,6 +502,7 @@ int main() {
       cmocka_unit_test(test_plain_number_has_the_bits_of_strtod),
       cmocka_unit_test(test_plain_number_leaves_the_rest),
       cmocka_unit_test(test_field_ends_are_found_in_lines_of_any_length),
+      cmocka_unit_test(test_bytes_are_found_where_they_stand),
       cmocka_unit_test(test_log_any_spelling_is_read_alike),
       cmocka_unit_test(test_log_error_beyond_a_buffer_names_its_line),
       cmocka_unit_test(test_log_value_too_large_is_refused_however_it_is_written),

@@ -51,6 +51,23 @@ template <class V> IMUCAL_WIDE_PART void store_lanes(const V& v, double* to) {
   std::memcpy(to, &v, sizeof v);
 }
 
+// Bit i of the result: the i-th of eight bytes, the first the lowest, is zero.
+inline uint32_t where_zero_8(uint64_t v) {
+  constexpr uint64_t kLow = 0x7F7F7F7F7F7F7F7FULL;
+  const uint64_t zeros = ~(((v & kLow) + kLow) | v | kLow) >> 7;
+  return static_cast<uint32_t>((zeros * 0x0102040810204080ULL) >>
+                               56); // bit 8 i goes to bit 56 + i, and nothing else there
+}
+
+inline uint32_t where_8(const char* at, char a, char b) {
+  constexpr uint64_t kEach = 0x0101010101010101ULL;
+  uint64_t v;
+  std::memcpy(&v, at, sizeof v);
+  if (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__) v = __builtin_bswap64(v);
+  return where_zero_8(v ^ kEach * static_cast<unsigned char>(a)) |
+         where_zero_8(v ^ kEach * static_cast<unsigned char>(b));
+}
+
 // The bytes among the 16 at `at` that are `a` or `b`: bit i of the result for the i-th.
 inline uint32_t where_16(const char* at, char a, char b) {
 #if defined(__SSE2__)
@@ -59,9 +76,7 @@ inline uint32_t where_16(const char* at, char a, char b) {
   const __m128i found = _mm_or_si128(_mm_cmpeq_epi8(bytes, _mm_set1_epi8(a)), _mm_cmpeq_epi8(bytes, _mm_set1_epi8(b)));
   return static_cast<uint32_t>(_mm_movemask_epi8(found));
 #else
-  uint32_t found = 0;
-  for (unsigned i = 0; i < 16; ++i) found |= static_cast<uint32_t>(at[i] == a || at[i] == b) << i;
-  return found;
+  return where_8(at, a, b) | where_8(at + 8, a, b) << 8;
 #endif
 }
 
