@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "io/json_file.h"
+#include "io/output.h"
 #include "num.h"
 
 namespace imucal {
