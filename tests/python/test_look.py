@@ -17,6 +17,7 @@ import pytest
 from imucal.__main__ import main
 from imucal.firstlook import allan_deviation_of, lattice_of, look_at_axis
 from imucal.log import Log, write_log
+from imucal.plot import _shown
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared/data"
@@ -70,6 +71,21 @@ def test_lattice_is_the_step_of_a_coarse_value():
     with_a_hole = np.array([0, 1, 2, 3, 4, 9])
     assert lattice_of(0.25 * rng.choice(with_a_hole, 5000)) == pytest.approx(0.25)
     assert lattice_of(rng.choice(rng.normal(0, 3, 40), 5000)) == 0  # few values, and no step between them
+
+
+@pytest.mark.parametrize("n", [8400, 20000])
+def test_one_wrong_second_is_one_outlier_is_said_and_is_drawn(n, tmp_path, capsys):
+    """Its size is 40 times the noise: a mean of nine seconds carries it to its neighbours."""
+    log = simulated(2, n)
+    assert look_at_axis(log, "gx_dph").n_outliers == 0
+    for place, size in ((n // 3 + 1, 1500.0), (n // 2 + 2, -1500.0)):
+        log.rates["gx_dph"][place] += size
+        assert place in _shown(log.rates["gx_dph"])
+    assert look_at_axis(log, "gx_dph").n_outliers == 2
+    path = tmp_path / "wrong.csv"
+    write_log(path, log)
+    assert main(["look", str(path), "-o", str(tmp_path / "page.png"), "--no-ml"]) == 0
+    assert "gx_dph 2 outliers beyond 6 sigma" in capsys.readouterr().out
 
 
 def test_page_is_a_png_and_the_text_has_the_lines(tmp_path, capsys):

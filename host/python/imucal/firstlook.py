@@ -10,6 +10,8 @@ import numpy as np
 
 SMOOTH_S = 61
 MIN_SPAN_DEGC = 1.0
+_NEAR_S = 9
+_OUTLIER_SIGMA = 6
 
 
 @dataclass
@@ -116,6 +118,14 @@ def _correlation_time(smooth, white_left):
     return float(below[0] + SMOOTH_S // 2) if len(below) else 0.0
 
 
+def outliers_of(grid, noise, white):
+    """Places of seconds beyond 6 sigma of the median of the nine about them.  noise: grid less its 9-s mean, which one wrong
+    second carries to its neighbours: it finds who is asked."""
+    limit, half = _OUTLIER_SIGMA * max(white, 1e-12), _NEAR_S // 2
+    asked = np.flatnonzero(np.abs(noise) > limit / 2)
+    return [i for i in asked if abs(grid[i] - np.nanmedian(grid[max(i - half, 0):i + half + 1])) > limit]
+
+
 def _difference(look, first, second, slow_density):
     """(difference of two groups' mean residuals, that over its standard error by the noise that was read off)."""
     n1, n2 = first.sum(), second.sum()
@@ -173,10 +183,10 @@ def look_at_axis(log, axis, order=3):
     look.direction = directions(log.t_s, log.temp_degc) if log.has_temperature else np.zeros(len(log.t_s), int)
     grid = filled(log.t_s, look.residual)
     smooth = moving_mean(grid, SMOOTH_S)
-    noise = grid - moving_mean(grid, 9)
+    noise = grid - moving_mean(grid, _NEAR_S)
     # 1.4826 MAD: outliers do not widen it; the 9-s mean takes a ninth of the white variance away.
-    look.white = 1.4826 * float(np.nanmedian(np.abs(noise - np.nanmedian(noise)))) / np.sqrt(1 - 1 / 9)
-    look.n_outliers = int(np.count_nonzero(np.abs(noise) > 6 * max(look.white, 1e-12)))
+    look.white = 1.4826 * float(np.nanmedian(np.abs(noise - np.nanmedian(noise)))) / np.sqrt(1 - 1 / _NEAR_S)
+    look.n_outliers = len(outliers_of(grid, noise, look.white))
     white_left = look.white ** 2 / SMOOTH_S
     look.slow_sigma = float(np.sqrt(max(np.nanvar(smooth) - white_left, 0.0)))
     look.slow_tau_s = _correlation_time(smooth, white_left)

@@ -10,6 +10,7 @@ import numpy as np
 
 from .ahead import ahead
 from .cli import common_options, finish_json, parser_of
+from .diagnosis_words import many
 from .errors import DataError
 from .firstlook import lattice_of, look_at_axis
 from .importers import Options, detect, import_log
@@ -120,8 +121,8 @@ def _suspicion_line(looks):
                          "rising and falling (or slow noise that happens to: diagnose weighs them)")
         if abs(look.warm_up_z) > 3:
             found.append(f"{look.axis} a warm-up: the start is {look.warm_up:+.3g} {look.unit} off ({abs(look.warm_up_z):.1f} sigma)")
-        if look.n_outliers > 0.001 * len(look.t_s) + 2:
-            found.append(f"{look.axis} {look.n_outliers} outliers beyond 6 sigma")
+        if look.n_outliers:
+            found.append(f"{look.axis} {many(look.n_outliers, 'outlier')} beyond 6 sigma")
     both = bool(np.any(looks[0].direction > 0) and np.any(looks[0].direction < 0))
     nothing = "no loop, no warm-up, no outliers stand out" if both else "no warm-up, no outliers stand out; a loop cannot be seen: the temperature goes one way only"
     return "suspected: " + ("; ".join(found) if found else nothing)

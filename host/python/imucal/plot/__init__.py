@@ -70,18 +70,31 @@ def _beside(ax, x, y, label, color):
     other.set_ylabel(label, fontsize=8, color=color)
 
 
-def _thinned(n):
-    return slice(None, None, max(1, n // _MAX_POINTS))
+def _every(n):
+    """Places of every n-th value: what is smooth needs no more."""
+    return np.arange(0, n, max(1, n // _MAX_POINTS))
+
+
+def _shown(values):
+    """Places of the dots to draw: every n-th, and the 100 that lie farthest from their neighbours: no lone value is lost."""
+    step = max(1, len(values) // _MAX_POINTS)
+    every = _every(len(values))
+    if step == 1:
+        return every
+    blocks = values[:len(values) - len(values) % step].reshape(-1, step)
+    off = np.abs(blocks - np.nanmedian(np.where(np.isfinite(blocks).any(axis=1, keepdims=True), blocks, 0.0), axis=1, keepdims=True))
+    return np.union1d(every, np.argsort(-np.nan_to_num(off).ravel())[:100])
 
 
 def rate_against_time(ax, log, axis, unit="dph"):
     """Rate (left) and temperature (right) against time."""
-    every = _thinned(len(log.t_s))
-    minutes = (log.t_s - log.t_s[0])[every] / 60
-    ax.plot(minutes, log.rates[axis][every], ".", ms=1.2, color=MUTED)
+    shown = _shown(log.rates[axis])
+    minutes = (log.t_s - log.t_s[0]) / 60
+    ax.plot(minutes[shown], log.rates[axis][shown], ".", ms=1.2, color=MUTED)
     tidy(ax, "time, min", f"{axis.rpartition('_')[0]}, {unit}", f"{axis}: raw")
     if log.has_temperature:
-        _beside(ax, minutes, log.temp_degc[every], "degC", RISING)
+        every = _every(len(minutes))
+        _beside(ax, minutes[every], log.temp_degc[every], "degC", RISING)
 
 
 def _by_direction(ax, x, y, direction, size=2.0):
@@ -92,8 +105,8 @@ def _by_direction(ax, x, y, direction, size=2.0):
 
 def rate_against_temperature(ax, look):
     """Rate against temperature, rising red, falling blue, with the polynomial; smoothed over half a minute."""
-    every = _thinned(len(look.t_s))
-    _by_direction(ax, look.temp_degc[every], look.rate[every], look.direction[every], 1.5)
+    shown = _shown(look.rate)
+    _by_direction(ax, look.temp_degc[shown], look.rate[shown], look.direction[shown], 1.5)
     if len(look.poly) > 1:
         tn = np.linspace(-1, 1, 100)
         ax.plot(look.t0_degc + look.range_degc * tn, np.polynomial.polynomial.polyval(tn, look.poly), color=LINE, lw=1.3)
@@ -102,7 +115,7 @@ def rate_against_temperature(ax, look):
 
 def residual_plot(ax, look, against_time):
     """The smoothed residual."""
-    every = _thinned(len(look.t_s))
+    every = _every(len(look.t_s))
     if against_time:
         ax.plot((look.t_s - look.t_s[0])[every] / 60, look.smooth[every], color=LINE, lw=0.9)
     else:
