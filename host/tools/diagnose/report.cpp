@@ -275,8 +275,16 @@ Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
   return entry;
 }
 
+// What these profiles would not show, less what they have just shown.
 std::string hidden_names(const AxisResult& axis) {
-  return axis.identifiability.not_detectable();
+  std::string out;
+  for (const Detectability& d : axis.identifiability.effects) {
+    const auto is_it = [&](const SelectedEffect& e) { return e.term.effect && e.term.effect->name() == d.name; };
+    const auto& named = axis.study.selection.effects;
+    if (d.is_notable || std::any_of(named.begin(), named.end(), is_it)) continue;
+    out += (out.empty() ? "" : ", ") + d.name;
+  }
+  return out;
 }
 
 // The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
@@ -301,24 +309,12 @@ std::string headline(const AxisResult& axis) {
   return "";
 }
 
-// What these profiles would not show, less what they have just shown.
-std::string hidden_and_unnamed(const AxisResult& axis) {
-  std::string out;
-  for (const Detectability& d : axis.identifiability.effects) {
-    const auto is_it = [&](const SelectedEffect& e) { return e.term.effect && e.term.effect->name() == d.name; };
-    const auto& named = axis.study.selection.effects;
-    if (d.is_notable || std::any_of(named.begin(), named.end(), is_it)) continue;
-    out += (out.empty() ? "" : ", ") + d.name;
-  }
-  return out;
-}
-
 std::vector<std::string> advice(const AxisResult& axis) {
   std::vector<std::string> out;
   std::string alike;
   for (const auto& pair : axis.identifiability.indistinguishable)
     alike += (alike.empty() ? "" : "; ") + pair.first + " and " + pair.second;
-  const std::string hidden = hidden_and_unnamed(axis);
+  const std::string hidden = hidden_names(axis);
   if (!hidden.empty())
     out.push_back("These profiles would not show " + hidden +
                   " of a size that matters: an answer without them is not an answer that they are absent. Run the "
@@ -474,17 +470,11 @@ std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
   if (e.doubt != Doubt::kNone) out += std::string("          ") + doubt_text(e.doubt) + "\n";
   if (std::isfinite(e.held_out_nats) && e.held_out_nats < -kAgainst_nats)
     out += "          the held-out data speak against it\n";
-  if (e.set.size() > 1) {
-    out += "          cannot be told from:";
-    bool is_first = true;
-    for (const CandidateEvidence& c : e.set) {
-      if (name_of(c) == name_of(e) || (c.effect && c.effect == e.term.effect)) continue;
-      out += (is_first ? " " : ", ") + name_of(c);
-      is_first = false;
-    }
-    out += "\n";
-  }
-  return out;
+  std::string rivals;
+  for (const CandidateEvidence& c : e.set)
+    if (name_of(c) != name_of(e) && (!c.effect || c.effect != e.term.effect))
+      rivals += (rivals.empty() ? " " : ", ") + name_of(c);
+  return rivals.empty() ? out : out + "          cannot be told from:" + rivals + "\n";
 }
 
 // In the axis' unit: a tenth of a dph, or three digits of a few mg.

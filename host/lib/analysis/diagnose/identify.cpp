@@ -108,13 +108,6 @@ double absorbed(const VectorXd& signal, const std::vector<VectorXd>& other) {
 
 } // namespace
 
-std::string Identifiability::not_detectable() const {
-  std::string names;
-  for (const Detectability& d : effects)
-    if (!d.is_notable) names += (names.empty() ? "" : ", ") + d.name;
-  return names;
-}
-
 Identifiability identify(const Campaign& campaign, const Hypothesis& nominal, const std::vector<const Effect*>& library,
                          const std::vector<bool>& active, const std::vector<double>& beta) {
   Identifiability out;

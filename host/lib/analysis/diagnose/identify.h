@@ -21,7 +21,6 @@ struct Detectability {
 struct Identifiability {
   std::vector<Detectability> effects;
   std::vector<std::pair<std::string, std::string>> indistinguishable;
-  std::string not_detectable() const; // their names, with commas
 };
 
 // `beta`: coefficients of the polynomial x, x^2, … [dph]: a lag shows only where B(T) has a slope.

@@ -83,10 +83,6 @@ private:
     if (!line) return false;
     lines_.push_back(*line);
     belief_.known.push_back({line->effect->estimator(), line->shape});
-    selection().dropped.clear(), selection().remainders.clear();
-    beside_.clear();
-    answer_predicts_.reset();
-    is_believed_ = false;
     return true;
   }
   // A line that drifts stands still while the temperature rests, and one that stands still drifts a little by chance: the
@@ -100,7 +96,9 @@ private:
     double highest = 0;
     const std::vector<VectorXd> e = whitened();
     for (const bool drifts : {false, true}) {
-      const Line& line = drifts ? drifting_ : line_;
+      if (drifts && campaign_.n() >= kFewToDrift) break;
+      const Line line = strongest_line(campaign_, e, drifts);
+      if (drifts && line.hz_per_degc == 0) break;
       const double threshold_nats = drifts ? constants().drift_nats : constants().line_nats;
       if (line.gain_nats <= threshold_nats) continue;
       const PlacedLine placed = place_of(campaign_, e, *(*tone)->estimator(), line);
@@ -189,6 +187,7 @@ private:
   // Free shapes that still gain beside the answer, or cost little and make data that were not fitted more likely: what
   // it leaves of a cause.
   void look_beside() {
+    beside_.clear(), answer_predicts_.reset();
     const SlowModel& best = out_.slow.best;
     if (best.names.empty() && !best.noise_effect) return;
     for (const SlowCandidateScore& s : out_.search->free_beside(best, kBesideTried)) {
@@ -216,6 +215,7 @@ private:
 
   // Names live by what they predict: one that the held-out data do not support goes, the least supported first.
   void hold_out() {
+    selection().dropped.clear();
     SlowModel& best = out_.slow.best;
     while (true) {
       out_.gap = measure_gap(*out_.search, *out_.data, held_blocks_.get(), out_.slow.null, best);
@@ -542,10 +542,6 @@ private:
     from_ = fit_seconds_noise(campaign_, selection().final.noise(), final_fit_.residual);
     believe_again();
     fit_own_base();
-    line_ = strongest_line(campaign_, whitened(), false);
-    drifting_ = {};
-    if (campaign_.n() < kFewToDrift) drifting_ = strongest_line(campaign_, whitened(), true);
-    if (drifting_.hz_per_degc == 0) drifting_ = {};
   }
   // Noise beside a kind of slow noise, of the seconds: block means do not show all of it.
   void fit_own_base() {
@@ -566,6 +562,7 @@ private:
   }
   // Whether the believed noise parameters hold is a question to the seconds, under the causes found.
   void believe_again() {
+    is_believed_ = false;
     if (!belief_.has_believed) return;
     SlowModel m = out_.slow.best;
     m.is_believed = true;
@@ -870,7 +867,6 @@ private:
   };
   std::vector<Beside> beside_;
   std::optional<double> answer_predicts_; // log density of what was not fitted
-  Line line_, drifting_;                  // in what is left
   std::vector<NamedLine> lines_;          // in the mean already
 };
 
