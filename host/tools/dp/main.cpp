@@ -299,7 +299,8 @@ int main(int argc, char** argv) {
   app.add_option("--nominal", o.nominal, "model whose filter predicts (dp2, dp3)")->type_name("MODEL.json");
   app.add_option("--estimation-s", o.estimation_s, "estimation time of dp1")->capture_default_str();
   app.add_option("--detrend", o.detrend, "none, mean, poly:N (in temperature) or time:N")->capture_default_str();
-  app.add_option("--min-fill", o.min_fill, "part of a window's samples that must be present")
+  app.add_option("--min-fill", o.min_fill,
+                 "part of a window's samples that must be present; below 1, windows may miss some")
       ->check(cli::Range(0.01, 1.0))
       ->capture_default_str();
   app.add_option("--ci-model", o.ci_model, "model for the confidence intervals; default: blocks of the data")

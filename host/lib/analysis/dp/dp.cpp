@@ -9,6 +9,7 @@
 #endif
 
 #include "base/error.h"
+#include "base/scalar_product.h"
 #include "base/simd.h"
 
 namespace imucal {
@@ -76,21 +77,6 @@ IMUCAL_WIDE void prediction_errors(const double* p, const double* x, long b, lon
 
 IMUCAL_WIDE void subtract_predictions(const double* x, long b, long e, double factor, double* d) {
   for (long t = b; t < e; ++t) d[t - b] -= x[t] * factor;
-}
-
-IMUCAL_WIDE double sum_sq(const double* d, long n) {
-  Lanes s0 = {0, 0, 0, 0}, s1 = {0, 0, 0, 0};
-  long k = 0;
-  for (; k + 8 <= n; k += 8) {
-    Lanes d0, d1;
-    load_lanes(&d0, d + k), load_lanes(&d1, d + k + 4);
-    s0 += d0 * d0;
-    s1 += d1 * d1;
-  }
-  const Lanes s = s0 + s1;
-  double sum = (s[0] + s[1]) + (s[2] + s[3]);
-  for (; k < n; ++k) sum += d[k] * d[k];
-  return sum;
 }
 
 long steps_of(double tau_s, double dt_s) {
@@ -266,7 +252,7 @@ double DpRecord::sum_of_squares(long n, const std::vector<double>& factor, Range
   for (long b = t0.begin; b < t0.end; b += kPiece) {
     const Range piece = {b, std::min(b + kPiece, t0.end)};
     errors(n, factor, piece, d);
-    sum += sum_sq(d, piece.end - piece.begin);
+    sum += scalar_product(d, d, static_cast<size_t>(piece.end - piece.begin));
   }
   return sum;
 }
@@ -575,7 +561,7 @@ DpCurve dp_curve(const std::string& log, const std::string& axis, const RateView
   for (size_t i = 0; i < steps.size(); ++i)
     if (curve.n[i] == 0)
       throw data_error(log + ": axis " + axis + ": no window of tau " + std::to_string(curve.tau_s[i]) +
-                       " s is free of missing samples; lower tau or allow some with --min-fill");
+                       " s is free of missing samples; lower tau, or let windows miss some");
   return curve;
 }
 
