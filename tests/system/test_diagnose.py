@@ -300,3 +300,12 @@ def test_words_do_not_contradict_the_names(lab):
             assert effect["name"] in ("slow_noise", "rate_random_walk") and f"(as {member})" in lab.text or member == effect["name"]
             said = [line for line in lab.text.splitlines() if "cannot be told from" in line or "would not show" in line]
             assert said and not any(member in line for line in said), lab.text
+
+
+def test_a_tone_in_one_of_two_logs_is_said_to_be_there_with_the_root_mean_square_of_both(lab):
+    logs = lab.logs("tone_once", [], n=2, seed=7)
+    add_tones(logs[0], [(25, 1 / 37.3, 0)], 0.4)
+    axis = lab.run(logs)["axes"][0]
+    assert names(axis) == ["sinusoid"] and axis["where"]["logs"] == [0]
+    found = axis["effects"][0]
+    assert found["parameters"]["amplitude_dph"] == pytest.approx(25 / math.sqrt(2), abs=4 * found["std_errors"]["amplitude_dph"])

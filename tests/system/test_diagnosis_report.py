@@ -23,7 +23,7 @@ DIAGNOSIS = {
         {"name": "rate_ramp", "label": "a drift", "parameters": [{"name": "ramp_dph_per_h", "unit": "dph/h"}]}], "families": []},
     "axes": [
         {"axis": "gx_dph", "verdict": "explained",
-         "where": {"tau_s": [512, 4096], "temp_degc": [10, 50], "time_s": None, "direction": "up", "logs": ["runs/a.csv"],
+         "where": {"tau_s": [512, 4096], "temp_degc": [10, 50], "time_s": None, "direction": "up", "logs": [0],
                    "findings": [{"probe": "direction", "evidence_nats": 41.2, "p_value": 1e-19, "statement": "up and down differ"}],
                    "by_tau": [{"tau_s": [512, 1024], "z": 5.6}]},
          "effects": [{"name": "thermal_hysteresis", "parameters": {"amplitude_dph": 19.84, "width_degc": 5.2},

@@ -34,10 +34,11 @@ public:
             {"vibration of fan, pump or chamber compressor near a resonance", "IEEE Std 1431-2004, vibration"}};
   }
   std::vector<EffectParameter> parameters() const override {
-    return {{"amplitude_dph", 0, 1e6, "amplitude in the 1-s means"},
-            {"frequency_hz", 1e-6, 1e5, "frequency (with a drift: that at 0 degC)"},
-            {"drift_hz_per_degc", -1e3, 1e3, "change of the frequency with temperature (0 where left out)",
-             EffectParameter::kNumber, true}};
+    return {
+        {"amplitude_dph", 0, 1e6, "amplitude in the 1-s means; estimated: the root mean square of those of the logs"},
+        {"frequency_hz", 1e-6, 1e5, "frequency (with a drift: that at 0 degC)"},
+        {"drift_hz_per_degc", -1e3, 1e3, "change of the frequency with temperature (0 where left out)",
+         EffectParameter::kNumber, true}};
   }
 
   void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* rng) const override {
