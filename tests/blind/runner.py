@@ -35,8 +35,8 @@ def asks_of(case_dir):
     return out
 
 
-def fit_line(errormodel, case_dir, ask, output):
-    return [errormodel, "fit", *logs_of(case_dir, "train"), "--criterion", "ml", "--markov", "1", "--detrend", "poly:3",
+def fit_line(errormodel, case_dir, ask, output, detrend="poly:3"):
+    return [errormodel, "fit", *logs_of(case_dir, "train"), "--criterion", "ml", "--markov", "1", "--detrend", detrend,
             "-o", output, "--quiet", "--threads", "1"]
 
 
@@ -45,7 +45,10 @@ def fit_model(errormodel, case_dir, ask):
     path = os.path.join(case_dir, ask["model"])
     if os.path.exists(path):
         return
-    child = subprocess.run(fit_line(errormodel, case_dir, ask, path + ".part"), capture_output=True, text=True, check=False)
+    run = lambda *how: subprocess.run(fit_line(errormodel, case_dir, ask, path + ".part", *how), capture_output=True, text=True, check=False)
+    child = run()
+    if "use --detrend mean" in child.stderr:  # constant temperature: a user does what the message says
+        child = run("mean")
     if child.returncode not in (0, 1):
         raise RuntimeError(f"errormodel fit {case_dir}: {child.stderr.strip()[-300:]}")
     with open(path + ".part", encoding="utf-8") as f:

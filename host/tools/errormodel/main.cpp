@@ -188,6 +188,33 @@ void refuse_repeating(const FitInput& in) {
   throw data_error(in.raw[0].log + ": axis " + in.raw[0].axis + ": " + text);
 }
 
+long longest_whole_stretch(const Series& s) {
+  long longest = 0, here = 0;
+  for (double rate : s.rate_dph) {
+    here = std::isnan(rate) ? 0 : here + 1;
+    longest = std::max(longest, here);
+  }
+  return longest;
+}
+
+// The likelihood takes every sample that is there and needs no curve: the curve ends where missing samples leave no whole
+// window.
+void end_curve_at_whole_windows(const std::vector<Series>& all, const DpOperator& op, std::vector<double>* tau_s) {
+  long whole = all[0].size();
+  for (const Series& s : all) whole = std::min(whole, longest_whole_stretch(s));
+  const auto needs_more = [&](double tau) {
+    const long n = std::lround(tau / op.dt_s);
+    return op.history_n(n) + n > whole;
+  };
+  const auto end = std::find_if(tau_s->begin(), tau_s->end(), needs_more);
+  if (end == tau_s->end() || end == tau_s->begin()) return;
+  tau_s->erase(end, tau_s->end());
+  std::fprintf(stderr,
+               "errormodel: samples are missing: the curve ends at %g s, beyond it no window is whole; the likelihood "
+               "takes every sample that is there\n",
+               tau_s->back());
+}
+
 FitInput read_fit_input(const Options& o) {
   FitInput in;
   in.raw = in.detrended = load_all(o, true);
@@ -196,6 +223,7 @@ FitInput read_fit_input(const Options& o) {
   for (Series& s : in.detrended) remove_trend(detrend, &s);
   in.op = operator_of(o, in.detrended[0].dt_s);
   in.settings = {o.criterion, o.markov, across_of(o), detrend, taus_for(o, in.detrended), o.confidence};
+  if (o.criterion == "ml" && o.tau.empty()) end_curve_at_whole_windows(in.detrended, in.op, &in.settings.tau_s);
   in.data = make_curve_data(in.detrended, in.op, detrend, in.settings.tau_s, in.settings.across);
   refuse_repeating(in);
   in.data.basis = std::make_shared<CurveBasis>(in.data);
