@@ -13,6 +13,7 @@
 
 #include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/diagnose.h"
+#include "analysis/diagnose/fourier.h"
 #include "analysis/diagnose/seconds.h"
 #include "analysis/diagnose/shared.h"
 #include "base/rng.h"
@@ -406,6 +407,59 @@ static std::vector<VectorXd> innovations_with_tone(const Campaign& campaign, dou
     e.push_back(std::move(x));
   }
   return e;
+}
+
+// Sums as they are written, for lengths that are powers of four and that are not, in and beyond a part of the cache.
+static void test_a_transform_is_the_sum_it_stands_for(void**) {
+  for (const size_t n : {4u, 8u, 64u, 256u, 512u, 2048u, 4096u}) {
+    const Fourier fourier(n);
+    constexpr size_t kLanes = Fourier::kLanes;
+    Rng rng(5, n, 0, Stream::kWhite);
+    std::vector<double> re(n * kLanes), im(n * kLanes);
+    for (size_t i = 0; i < re.size(); ++i) re[i] = rng.normal(), im[i] = rng.normal();
+    std::vector<double> re_out = re, im_out = im;
+    fourier.transform_lanes(re_out.data(), im_out.data());
+    for (size_t lane = 0; lane < kLanes; lane += 7) {
+      std::vector<double> one_re(n), one_im(n);
+      for (size_t t = 0; t < n; ++t) one_re[t] = re[t * kLanes + lane], one_im[t] = im[t * kLanes + lane];
+      const std::vector<double> x = one_re, y = one_im;
+      fourier.transform(one_re.data(), one_im.data());
+      for (size_t k = 0; k<n; k += n> 64 ? 37 : 1) {
+        double sum_re = 0, sum_im = 0;
+        for (size_t t = 0; t < n; ++t) {
+          const double angle = 2 * kPi * static_cast<double>(k * t % n) / static_cast<double>(n);
+          sum_re += x[t] * std::cos(angle) + y[t] * std::sin(angle);
+          sum_im += y[t] * std::cos(angle) - x[t] * std::sin(angle);
+        }
+        const size_t at = fourier.place(k);
+        assert_near(one_re[at], sum_re, 1e-10);
+        assert_near(one_im[at], sum_im, 1e-10);
+        assert_true(re_out[at * kLanes + lane] == one_re[at] && im_out[at * kLanes + lane] == one_im[at]);
+      }
+    }
+  }
+}
+
+// Two real sequences in one transform are as far from each other as in two.
+static void test_powers_of_two_sequences_are_those_of_each(void**) {
+  constexpr size_t kN = 128;
+  const Fourier fourier(kN);
+  Rng rng(6, 0, 0, Stream::kWhite);
+  std::vector<double> a(kN), b(kN), together, apart;
+  for (size_t t = 0; t < kN; ++t) a[t] = rng.normal(), b[t] = 30 * rng.normal();
+  std::vector<double> one = a, other = b;
+  add_powers(fourier, one.data(), 2, other.data(), 0.5, &together);
+  one = a, other = b;
+  add_powers(fourier, one.data(), 2, nullptr, 0, &apart);
+  add_powers(fourier, other.data(), 0.5, nullptr, 0, &apart);
+  assert_int_equal(together.size(), kN / 2 + 1);
+  double energy = 0, expected = 0; // Parseval: both halves of the spectrum hold n times the energy
+  for (size_t k = 0; k <= kN / 2; ++k) {
+    assert_near(together[k], apart[k], 1e-8);
+    energy += (k == 0 || k == kN / 2 ? 1 : 2) * together[k] / kN;
+  }
+  for (size_t t = 0; t < kN; ++t) expected += 2 * a[t] * a[t] + 0.5 * b[t] * b[t];
+  assert_near(energy, expected, 1e-8);
 }
 
 static void test_a_line_that_drifts_with_temperature_is_found_as_one(void**) {
@@ -882,6 +936,8 @@ int main() {
       cmocka_unit_test(test_constants_that_are_handed_down_decide),
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),
       cmocka_unit_test(test_gram_of_wide_columns_is_that_of_whitened_ones),
+      cmocka_unit_test(test_a_transform_is_the_sum_it_stands_for),
+      cmocka_unit_test(test_powers_of_two_sequences_are_those_of_each),
       cmocka_unit_test(test_a_line_that_drifts_with_temperature_is_found_as_one),
       cmocka_unit_test(test_a_line_is_placed_between_the_places_of_the_grid),
       cmocka_unit_test(test_a_strong_line_in_many_logs_has_a_finite_gain),

@@ -1,9 +1,23 @@
 // SPDX-License-Identifier: MIT
 #include "noise/noise_model.h"
 
+#include <algorithm>
+#include <tuple>
+
 #include "base/units.h"
 
 namespace imucal {
+
+bool operator==(const NoiseModel& a, const NoiseModel& b) {
+  const auto rest = [](const NoiseModel& m) {
+    return std::make_tuple(m.white_sigma_dph, m.walk_dph_per_rt_s, m.white_slope, m.markov_slope, m.tau_slope,
+                           m.extra_white_dph2, m.hit_probability, m.hit_sigma_dph, m.telegraph_dph, m.telegraph_tau_s);
+  };
+  const auto is_same = [](const Markov& x, const Markov& y) {
+    return x.sigma_dph == y.sigma_dph && x.tau_s == y.tau_s;
+  };
+  return rest(a) == rest(b) && std::equal(a.markov.begin(), a.markov.end(), b.markov.begin(), b.markov.end(), is_same);
+}
 
 NoiseModel noise_of(const ErrorModel& model) {
   NoiseModel out;

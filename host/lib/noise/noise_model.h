@@ -23,6 +23,9 @@ struct NoiseModel {
   bool is_stationary() const { return white_slope == 0 && markov_slope == 0 && tau_slope == 0; }
 };
 
+// Whether every number is the same.
+bool operator==(const NoiseModel& a, const NoiseModel& b);
+
 // White noise and Gauss-Markov processes of an error model.  Its effects are ignored.
 NoiseModel noise_of(const ErrorModel& model);
 

@@ -301,9 +301,8 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   };
   axis.study = study_axis(&axis.campaign, held_out.empty() ? nullptr : &unseen, belief, library, active, select);
   if (!axis.study.selection.cannot_judge) {
-    const Selection& s = axis.study.selection;
-    axis.nominal_fit = fit_hypothesis(axis.campaign, s.nominal);
-    axis.final_fit = fit_hypothesis(axis.campaign, s.final);
+    Selection& s = axis.study.selection;
+    axis.nominal_fit = std::move(s.nominal_fit), axis.final_fit = std::move(s.final_fit);
     axis.where = locate(axis.campaign, axis.nominal_fit);
     compare_dp2(axis.campaign, s.nominal.noise(), s.final.noise(), axis.nominal_fit, axis.final_fit, options.seed,
                 &axis.study.gap);

@@ -312,6 +312,11 @@ Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis) {
   return fit;
 }
 
+bool is_same_fit(const Hypothesis& a, const Hypothesis& b) {
+  const bool has_more = !a.terms.empty() || !a.known.empty() || !b.terms.empty() || !b.known.empty();
+  return !has_more && a.base_noise == b.base_noise;
+}
+
 MatrixXd orthonormaliser(const std::vector<MatrixXd>& columns) {
   return transform_of(triangle(columns, VectorXd::Zero(columns.front().cols())));
 }

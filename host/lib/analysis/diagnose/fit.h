@@ -54,6 +54,8 @@ struct Fit {
   double reml() const { return log_likelihood - log_det_r; }
 };
 Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis);
+// True only where both have the same fit to any campaign: nothing beside the nominal mean, and the same noise.
+bool is_same_fit(const Hypothesis& a, const Hypothesis& b);
 
 // The matrix that makes columns, given run by run, orthonormal over all runs; dependent ones are left out.
 Eigen::MatrixXd orthonormaliser(const std::vector<Eigen::MatrixXd>& columns);

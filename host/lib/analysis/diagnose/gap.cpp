@@ -18,34 +18,44 @@ constexpr double kMinute_s = 60;
 constexpr double kNoiseInDoubt = 0.5; // part of what counts as noise that may be left of the gap: lower limit
 constexpr double kOverlap = 1e-9;
 
+// A residual path as the nominal model's filter follows it.
+struct FollowedPath {
+  VectorXd cumulative; // sum of the samples before k
+  VectorXd estimate;   // of sample k, from those before it
+};
+FollowedPath followed(const VectorXd& x, double phi, double gain) {
+  FollowedPath out{VectorXd(x.size() + 1), VectorXd(x.size() + 1)};
+  double sum = 0, estimate = 0;
+  for (long k = 0; k < x.size(); ++k) {
+    out.cumulative[k] = sum, out.estimate[k] = estimate;
+    sum += x[k];
+    estimate = phi * (estimate + gain * (x[k] - estimate));
+  }
+  out.cumulative[x.size()] = sum, out.estimate[x.size()] = estimate;
+  return out;
+}
+
 // DP2 of a residual path: error of the mean over the next n samples, predicted by the nominal model's filter.
 // Each tau is a whole number of steps dt, at least one.
 std::vector<double> dp2(const std::vector<VectorXd>& paths, const NoiseModel& nominal, double dt_s,
                         const std::vector<double>& tau_s) {
+  constexpr long kStart = 300; // samples until the filter has settled
   const double phi = nominal.markov.empty() ? 0 : nominal.markov[0].phi(dt_s);
   const double q = nominal.markov.empty() ? 0 : nominal.markov[0].q_dph2(dt_s);
   const double r = nominal.white_sigma_dph * nominal.white_sigma_dph / dt_s;
   double p = q / std::max(1e-12, 1 - phi * phi);
   for (int i = 0; i < 5000; ++i) p = phi * phi * p * r / (p + r) + q;
-  const double gain = p / (p + r);
+  std::vector<FollowedPath> all;
+  for (const VectorXd& x : paths) all.push_back(followed(x, phi, p / (p + r)));
   std::vector<double> out;
   for (double tau : tau_s) {
-    const long n = std::lround(tau / dt_s);
+    const long n = std::lround(tau / dt_s), stride = std::max<long>(1, n / 10);
     double sum = 0, count = 0;
-    for (const VectorXd& x : paths) {
-      VectorXd cumulative(x.size() + 1);
-      cumulative[0] = 0;
-      for (long k = 0; k < x.size(); ++k) cumulative[k + 1] = cumulative[k] + x[k];
-      double estimate = 0;
-      const long stride = std::max<long>(1, n / 10);
-      for (long k = 0; k + n <= x.size(); ++k) {
-        if (k > 300 && k % stride == 0) {
-          const double d = (cumulative[k + n] - cumulative[k]) / static_cast<double>(n) - estimate;
-          sum += d * d, count += 1;
-        }
-        estimate = phi * (estimate + gain * (x[k] - estimate));
+    for (const FollowedPath& path : all)
+      for (long k = (kStart / stride + 1) * stride; k + n < path.cumulative.size(); k += stride) {
+        const double mean = (path.cumulative[k + n] - path.cumulative[k]) / static_cast<double>(n);
+        sum += (mean - path.estimate[k]) * (mean - path.estimate[k]), count += 1;
       }
-    }
     out.push_back(count > 0 ? std::sqrt(sum / count / 2) : std::nan(""));
   }
   return out;
@@ -291,10 +301,10 @@ std::vector<VectorXd> simulated(const Campaign& seconds, const NoiseModel& noise
   std::vector<VectorXd> out;
   const NoiseModel gaussian = gaussian_equivalent(noise);
   for (size_t r = 0; r < seconds.runs.size(); ++r) {
-    Rng rng(seed, draw, static_cast<uint32_t>(r), static_cast<uint32_t>(Stream::kTool) + 9);
+    const Rng rng(seed, draw, static_cast<uint32_t>(r), static_cast<uint32_t>(Stream::kTool) + 9);
     const RunGains gains = compute_gains(seconds.runs[r], gaussian);
     VectorXd x(static_cast<long>(seconds.runs[r].n()));
-    for (long k = 0; k < x.size(); ++k) x[k] = rng.normal();
+    rng.normals(0, static_cast<size_t>(x.size()), x.data());
     colour(gains, x.data(), static_cast<size_t>(x.size()));
     out.push_back(std::move(x));
   }
@@ -333,7 +343,7 @@ void compare_dp2(const Campaign& seconds, const NoiseModel& nominal, const Noise
   gap->dp2_data_dph = dp2(before.residual, nominal, seconds.dt_s, gap->dp2_tau_s);
   const std::vector<double> left = dp2(after.residual, nominal, seconds.dt_s, gap->dp2_tau_s);
   gap->dp2_nominal_dph = curve_of(nominal);
-  gap->dp2_final_dph = curve_of(final);
+  gap->dp2_final_dph = final == nominal ? gap->dp2_nominal_dph : curve_of(final);
   gap->dp2_before_dph = distance(gap->dp2_data_dph, gap->dp2_nominal_dph);
   gap->dp2_after_dph = distance(left, gap->dp2_final_dph);
 }

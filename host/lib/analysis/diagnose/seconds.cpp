@@ -5,8 +5,8 @@
 #include <cmath>
 #include <complex>
 #include <iterator>
-#include <unsupported/Eigen/FFT>
 
+#include "analysis/diagnose/fourier.h"
 #include "analysis/diagnose/kalman.h"
 #include "analysis/diagnose/spectrum.h"
 #include "base/quantile.h"
@@ -199,30 +199,50 @@ std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const Seconds
 
 namespace {
 
-// Sum over the runs of |transform of e|^2 / n at the bins 0 .. n_fft / 2 - 1.
-std::vector<double> power_of(const Campaign& campaign, const std::vector<VectorXd>& e, size_t n_fft) {
-  static thread_local Eigen::FFT<double> fft;
-  std::vector<double> power(n_fft / 2, 0.0), x;
-  std::vector<std::complex<double>> f;
-  for (size_t r = 0; r < e.size(); ++r) {
+// A power of two that holds the longest run.
+size_t transform_length(const Campaign& campaign) {
+  size_t longest = 0, n_fft = 64;
+  for (const CampaignRun& run : campaign.runs)
+    longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
+  while (n_fft < longest) n_fft *= 2;
+  return n_fft;
+}
+
+// Sum over the runs of |transform of e|^2 / n at the bins 0 .. n_fft / 2.
+std::vector<double> power_of(const Campaign& campaign, const std::vector<VectorXd>& e, const Fourier& fourier) {
+  std::vector<double> power(fourier.n() / 2 + 1, 0.0);
+  const auto at_ticks = [&](size_t r) {
     const CampaignRun& run = campaign.runs[r];
-    x.assign(n_fft, 0.0);
+    std::vector<double> x(fourier.n(), 0.0);
     for (size_t k = 0; k < run.n(); ++k)
       x[static_cast<size_t>(run.input.tick[static_cast<size_t>(run.used[k])])] = e[r][static_cast<long>(k)];
-    fft.fwd(f, x);
-    for (size_t i = 0; i < power.size(); ++i) power[i] += std::norm(f[i]) / static_cast<double>(run.n());
+    return x;
+  };
+  const auto scale = [&](size_t r) { return 1 / static_cast<double>(campaign.runs[r].n()); };
+  for (size_t r = 0; r < e.size(); r += 2) {
+    std::vector<double> one = at_ticks(r);
+    if (r + 1 == e.size()) {
+      add_powers(fourier, one.data(), scale(r), nullptr, 0, &power);
+    } else {
+      std::vector<double> other = at_ticks(r + 1);
+      add_powers(fourier, one.data(), scale(r), other.data(), scale(r + 1), &power);
+    }
   }
   return power;
 }
 
-// Sums over the runs of |transform of e exp(-i slope phi)|^2 / n along slopes that grow like k^2; phi is the phase that a
-// slope of 1 Hz/degC has run through.  From slope to slope the phase grows by 2k - 1 units, so that the factor of a step
-// is the one before times that of two units: sines and cosines are taken once.
+// Slopes of drift, in units: the next is `step` further, and the step grows by `growth` each time.
+struct Slopes {
+  long first, step, growth;
+};
+
+// Sums over the runs of |transform of e exp(-i slope phi)|^2 / n, slope after slope; phi is the phase that a slope of one
+// unit has run through.  What turns a sample from slope to slope is multiplied by one factor at each: sines and cosines
+// are taken once.
 class DriftingPower {
 public:
-  // unit_slope: that of k = 1 [Hz/degC].
-  DriftingPower(const Campaign& campaign, const std::vector<VectorXd>& e, size_t n_fft, double unit_slope)
-      : n_fft_(n_fft) {
+  DriftingPower(const Campaign& campaign, const std::vector<VectorXd>& e, const Fourier& fourier, const Slopes& slopes)
+      : fourier_(fourier) {
     for (size_t r = 0; r < e.size(); ++r) {
       const CampaignRun& run = campaign.runs[r];
       double phase = 0;
@@ -231,58 +251,63 @@ public:
       for (size_t k = 0; k < run.n(); ++k) {
         const size_t row = static_cast<size_t>(run.used[k]);
         const long tick = run.input.tick[row];
-        phase += 2 * kPi * unit_slope * (run.input.smooth_degc[row] - run.input.t0_degc) *
+        phase += 2 * kPi * kSlopeUnit * (run.input.smooth_degc[row] - run.input.t0_degc) *
                  static_cast<double>(tick - last) * campaign.dt_s;
         last = tick;
-        const std::complex<double> unit = std::polar(1.0, -phase);
+        const auto turn = [&](long units) { return std::polar(1.0, -phase * static_cast<double>(units)); };
         turned.tick.push_back(static_cast<size_t>(tick));
-        turned.e.push_back(e[r][static_cast<long>(k)]);
-        turned.step.push_back(unit), turned.two_units.push_back(times(unit, unit));
+        turned.e.push_back(e[r][static_cast<long>(k)] * turn(slopes.first));
+        turned.step.push_back(turn(slopes.step)), turned.growth.push_back(turn(slopes.growth));
       }
       runs_.push_back(std::move(turned));
     }
   }
 
-  // Next slope: from k - 1 to k.
-  void turn() {
-    for (Turned& run : runs_)
-      for (size_t i = 0; i < run.e.size(); ++i) {
-        run.e[i] = times(run.e[i], run.step[i]);
-        run.step[i] = times(run.step[i], run.two_units[i]);
-      }
-  }
-  // At the bins 0 .. n_fft / 2 - 1.  The samples are real: along the opposite slope a transform has the same values at
-  // the negative frequencies.
-  void sum(std::vector<double>* power, std::vector<double>* opposite) const {
-    static thread_local Eigen::FFT<double> fft;
-    const size_t bins = n_fft_ / 2;
-    power->assign(bins, 0.0), opposite->assign(bins, 0.0);
-    std::vector<std::complex<double>> x, f;
-    for (const Turned& run : runs_) {
-      x.assign(n_fft_, 0.0);
-      for (size_t k = 0; k < run.e.size(); ++k) x[run.tick[k]] = run.e[k];
-      fft.fwd(f, x);
-      const double scale = 1 / static_cast<double>(run.e.size());
-      for (size_t i = 0; i < bins; ++i) {
-        (*power)[i] += std::norm(f[i]) * scale;
-        (*opposite)[i] += std::norm(f[i > 0 ? n_fft_ - i : 0]) * scale;
-      }
+  // The next slopes, as many as a transform takes side by side; then power(..) speaks of them.
+  void sum_next() {
+    const size_t n = fourier_.n();
+    sum_.assign(n * kLanes, 0.0);
+    std::vector<double> re(n * kLanes), im(n * kLanes);
+    for (Turned& run : runs_) {
+      std::fill(re.begin(), re.end(), 0.0), std::fill(im.begin(), im.end(), 0.0);
+      for (size_t lane = 0; lane < kLanes; ++lane) put_and_turn(&run, lane, re.data(), im.data());
+      fourier_.transform_lanes(re.data(), im.data());
+      add_squares(re, im, 1 / static_cast<double>(run.e.size()), &sum_);
     }
   }
+  // At the bins 0 .. n_fft / 2 - 1, of one of these slopes or of its opposite: the samples are real, so that along the
+  // opposite slope a transform has the same values at the negative frequencies.
+  std::vector<double> power(size_t lane, bool is_opposite) const {
+    const size_t n = fourier_.n();
+    std::vector<double> out(n / 2);
+    for (size_t i = 0; i < out.size(); ++i)
+      out[i] = sum_[fourier_.place(is_opposite && i > 0 ? n - i : i) * kLanes + lane];
+    return out;
+  }
+  static constexpr size_t kLanes = Fourier::kLanes;
 
 private:
   using Complex = std::complex<double>;
   struct Turned {
     std::vector<size_t> tick;
-    std::vector<Complex> e, step, two_units;
+    std::vector<Complex> e, step, growth;
   };
   // Without the checks for infinite parts that the operator makes.
   static Complex times(const Complex& a, const Complex& b) {
     return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
   }
+  static void put_and_turn(Turned* run, size_t lane, double* re, double* im) {
+    for (size_t i = 0; i < run->e.size(); ++i) {
+      const size_t at = run->tick[i] * kLanes + lane;
+      re[at] = run->e[i].real(), im[at] = run->e[i].imag();
+      run->e[i] = times(run->e[i], run->step[i]);
+      run->step[i] = times(run->step[i], run->growth[i]);
+    }
+  }
 
-  size_t n_fft_;
+  const Fourier& fourier_;
   std::vector<Turned> runs_;
+  std::vector<double> sum_; // [place][slope]
 };
 
 // -ln P(power > x) where `runs` runs give exponential powers of mean 1: the sum's distribution is Gamma(runs), and
@@ -294,15 +319,6 @@ double gain_of_power(double x, size_t runs) {
     log_sum = std::max(log_sum, log_term) + std::log1p(std::exp(-std::abs(log_sum - log_term)));
   }
   return x - log_sum;
-}
-
-// A power of two that holds the longest run.
-size_t transform_length(const Campaign& campaign) {
-  size_t longest = 0, n_fft = 64;
-  for (const CampaignRun& run : campaign.runs)
-    longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
-  while (n_fft < longest) n_fft *= 2;
-  return n_fft;
 }
 
 // A line stands out of the mean of its surroundings.  power: summed over the runs; white noise has 1 in each.
@@ -321,23 +337,33 @@ void take_line(const std::vector<double>& power, size_t runs, double hz_of_bin, 
   }
 }
 
+// The strongest line that does not drift; power as power_of gives it.
+Line steady_line(const Campaign& campaign, const std::vector<double>& power) {
+  const size_t bins = power.size() - 1;
+  Line best;
+  take_line(power, campaign.runs.size(), 1 / (2 * static_cast<double>(bins) * campaign.dt_s), 0, bins, &best);
+  return best;
+}
+
 } // namespace
 
 Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e, bool with_drift) {
-  const size_t n_fft = transform_length(campaign);
-  const double hz = 1 / (static_cast<double>(n_fft) * campaign.dt_s);
-  Line best;
-  const size_t runs = campaign.runs.size();
-  take_line(power_of(campaign, e, n_fft), runs, hz, 0, n_fft / 2, &best);
-  if (!with_drift || !campaign.has_temperature) return best;
-  const double unit = kSlopeUnit;
-  DriftingPower turned(campaign, e, n_fft, unit);
-  std::vector<double> power, opposite;
+  const Line steady = steady_line(campaign, power_of(campaign, e, Fourier(transform_length(campaign))));
+  return with_drift ? stronger_drifting(campaign, e, steady) : steady;
+}
+
+Line stronger_drifting(const Campaign& campaign, const std::vector<VectorXd>& e, const Line& steady) {
+  if (!campaign.has_temperature) return steady;
+  const Fourier fourier(transform_length(campaign));
+  const size_t bins = fourier.n() / 2, runs = campaign.runs.size();
+  const double hz = 1 / (static_cast<double>(fourier.n()) * campaign.dt_s);
+  Line best = steady;
+  DriftingPower turned(campaign, e, fourier, {1, 3, 2}); // k^2
   for (int k = 1; k <= kSlopes; ++k) {
-    turned.turn();
-    turned.sum(&power, &opposite);
-    take_line(opposite, runs, hz, -unit * k * k, n_fft / 2, &best);
-    take_line(power, runs, hz, unit * k * k, n_fft / 2, &best);
+    const size_t lane = static_cast<size_t>(k - 1) % DriftingPower::kLanes;
+    if (lane == 0) turned.sum_next();
+    take_line(turned.power(lane, true), runs, hz, -kSlopeUnit * k * k, bins, &best);
+    take_line(turned.power(lane, false), runs, hz, kSlopeUnit * k * k, bins, &best);
   }
   return best;
 }
@@ -346,20 +372,18 @@ namespace {
 
 // The strongest line of all slopes between the neighbours of a slope on the grid, unit by unit.
 Line between_slopes(const Campaign& campaign, const std::vector<VectorXd>& e, const Line& line) {
-  const size_t n_fft = transform_length(campaign), runs = campaign.runs.size();
-  const double hz = 1 / (static_cast<double>(n_fft) * campaign.dt_s);
+  const Fourier fourier(transform_length(campaign));
+  const size_t bins = fourier.n() / 2, runs = campaign.runs.size();
+  const double hz = 1 / (static_cast<double>(fourier.n()) * campaign.dt_s);
   const long place = std::lround(std::sqrt(std::abs(line.hz_per_degc) / kSlopeUnit));
+  const long first = (place - 1) * (place - 1) + 1, last = (place + 1) * (place + 1) - 1;
   Line best = line;
-  std::vector<double> power, opposite;
-  for (long units = (place - 1) * (place - 1) + 1; units < (place + 1) * (place + 1); ++units) {
-    const double slope = kSlopeUnit * static_cast<double>(units);
-    DriftingPower turned(campaign, e, n_fft, slope);
-    turned.turn();
-    turned.sum(&power, &opposite);
-    if (line.hz_per_degc > 0)
-      take_line(power, runs, hz, slope, n_fft / 2, &best);
-    else
-      take_line(opposite, runs, hz, -slope, n_fft / 2, &best);
+  DriftingPower turned(campaign, e, fourier, {first, 1, 0});
+  for (long units = first; units <= last; ++units) {
+    const size_t lane = static_cast<size_t>(units - first) % DriftingPower::kLanes;
+    if (lane == 0) turned.sum_next();
+    const double slope = std::copysign(kSlopeUnit * static_cast<double>(units), line.hz_per_degc);
+    take_line(turned.power(lane, slope < 0), runs, hz, slope, bins, &best);
   }
   return best;
 }
@@ -505,23 +529,14 @@ RestFinding in_sudden_changes(const Campaign& campaign, const std::vector<Vector
   return finding(Rest::kSuddenChanges, z * z, 1, rate / (2 * std::size(kSudden_s)));
 }
 
-// Binned periodogram against a flat one.
-RestFinding in_spectrum(const Campaign& campaign, const std::vector<VectorXd>& e, double rate) {
+// Binned periodogram against a flat one; power as power_of gives it.
+RestFinding in_spectrum(const Campaign& campaign, const std::vector<double>& power, double rate) {
   size_t longest = 0;
   for (const CampaignRun& run : campaign.runs)
     longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
   const SpectrumBins bins(longest, campaign.dt_s);
   std::vector<double> sum(bins.n_bins(), 0.0), weight(bins.n_bins(), 0.0);
-  Eigen::FFT<double> fft;
-  for (size_t r = 0; r < e.size(); ++r) {
-    const CampaignRun& run = campaign.runs[r];
-    std::vector<double> x(bins.n_fft, 0.0);
-    for (size_t k = 0; k < run.n(); ++k)
-      x[static_cast<size_t>(run.input.tick[static_cast<size_t>(run.used[k])])] = e[r][static_cast<long>(k)];
-    std::vector<std::complex<double>> f;
-    fft.fwd(f, x);
-    bins.add(f, 1.0 / static_cast<double>(run.n()), &sum, &weight);
-  }
+  bins.add(power, static_cast<double>(campaign.runs.size()), &sum, &weight);
   double statistic = 0, dof = 0;
   const double padding = static_cast<double>(longest) / static_cast<double>(bins.n_fft);
   for (size_t b = 0; b < sum.size(); ++b) {
@@ -542,12 +557,14 @@ std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<V
   const double rate = constants.rest_rate;
   const Moments m = moments(e);
   const double heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
+  const Fourier fourier(transform_length(campaign));
+  const std::vector<double> power = power_of(campaign, e, fourier);
   return {over_temperature(campaign, e, rate),
           over_time(campaign, e, rate),
           finding(Rest::kDistribution, heavy * heavy, 1, rate),
           in_bursts(campaign, e, m, rate),
-          in_spectrum(campaign, e, rate),
-          {Rest::kLine, strongest_line(campaign, e, false).gain_nats - constants.rest_line_nats},
+          in_spectrum(campaign, power, rate),
+          {Rest::kLine, steady_line(campaign, power).gain_nats - constants.rest_line_nats},
           in_sudden_changes(campaign, e, m, rate)};
 }
 

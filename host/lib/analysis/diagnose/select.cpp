@@ -95,9 +95,10 @@ private:
     std::optional<NamedLine> best;
     double highest = 0;
     const std::vector<VectorXd> e = whitened();
+    const Line steady = strongest_line(campaign_, e, false);
     for (const bool drifts : {false, true}) {
       if (drifts && campaign_.n() >= kFewToDrift) break;
-      const Line line = strongest_line(campaign_, e, drifts);
+      const Line line = drifts ? stronger_drifting(campaign_, e, steady) : steady;
       if (drifts && line.hz_per_degc == 0) break;
       const double threshold_nats = drifts ? constants().drift_nats : constants().line_nats;
       if (line.gain_nats <= threshold_nats) continue;
@@ -706,10 +707,8 @@ private:
     if (out_.slow.best.noise_effect) s.final.base_noise = own_base_;
     s.fitted_noise = from_.base;
     s.threshold_nats = constants().mean_nats;
-    const Fit fit = fit_hypothesis(campaign_, s.final);
-    fill_coefficients(fit);
-    s.before = test_rest(campaign_, fit_hypothesis(campaign_, s.nominal).e, constants());
-    s.after = test_rest(campaign_, fit.e, constants());
+    fit_and_test();
+    fill_coefficients(s.final_fit);
     open_by_rest();
     s.total_gain_nats = out_.slow.best.free_score() - out_.slow.null.free_score();
     for (size_t j = 0; j < out_.slow.singles.size(); ++j)
@@ -726,6 +725,17 @@ private:
     // Beside something unexplained the noise parameters are those of a stand-in.
     if (!leaves_something()) s.effects.insert(s.effects.end(), retuned_.begin(), retuned_.end());
     judge();
+  }
+  void fit_and_test() {
+    Selection& s = selection();
+    s.nominal_fit = fit_hypothesis(campaign_, s.nominal);
+    s.before = s.after = test_rest(campaign_, s.nominal_fit.e, constants());
+    if (is_same_fit(s.nominal, s.final)) {
+      s.final_fit = s.nominal_fit;
+      return;
+    }
+    s.final_fit = fit_hypothesis(campaign_, s.final);
+    s.after = test_rest(campaign_, s.final_fit.e, constants());
   }
   bool leaves_something() {
     bool leaves = !selection().remainders.empty() || !selection().dropped.empty();

@@ -50,6 +50,7 @@ struct Selection {
   std::vector<SelectedEffect> effects;
   std::vector<SelectedEffect> dropped; // names that held-out data do not support
   Hypothesis nominal, final;           // of the seconds
+  Fit nominal_fit, final_fit;
   std::vector<CandidateEvidence> first_scan;
   std::vector<RestFinding> before, after;    // tests of innovations of the nominal and of the final model
   std::vector<CandidateEvidence> remainders; // free shapes that still gain beside the names

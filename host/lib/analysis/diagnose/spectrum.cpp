@@ -41,15 +41,15 @@ SpectrumBins::SpectrumBins(size_t longest_samples, double dt_s) : dt_s_(dt_s) {
   for (size_t b = 0; b + 1 < edge_.size(); ++b) centre_.push_back(std::sqrt(edge_[b] * edge_[b + 1]));
 }
 
-void SpectrumBins::add(const std::vector<std::complex<double>>& f, double scale, std::vector<double>* sum,
+void SpectrumBins::add(const std::vector<double>& power, double n, std::vector<double>* sum,
                        std::vector<double>* weight) const {
   size_t b = 0;
-  for (size_t i = 1; i <= n_fft / 2 && i < f.size(); ++i) {
+  for (size_t i = 1; i <= n_fft / 2 && i < power.size(); ++i) {
     const double hz = static_cast<double>(i) / (static_cast<double>(n_fft) * dt_s_);
     if (hz < edge_.front()) continue;
     while (b + 1 < centre_.size() && hz >= edge_[b + 1]) ++b;
-    (*sum)[b] += std::norm(f[i]) * scale;
-    (*weight)[b] += 1;
+    (*sum)[b] += power[i];
+    (*weight)[b] += n;
   }
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Spectral density of noise models and the logarithmic bins of the periodogram of innovations.
 #pragma once
-#include <complex>
 #include <vector>
 
 #include "physics/effects/estimation.h"
@@ -20,9 +19,8 @@ public:
 
   size_t n_bins() const { return centre_.size(); }
   const std::vector<double>& centres() const { return centre_; }
-  // Adds |f|^2 scale of the transform of a run, padded to n_fft (of all runs), to the sums of the bins.
-  void add(const std::vector<std::complex<double>>& f, double scale, std::vector<double>* sum,
-           std::vector<double>* weight) const;
+  // Adds the powers of n transforms of length n_fft, summed frequency by frequency, to the sums of the bins.
+  void add(const std::vector<double>& power, double n, std::vector<double>* sum, std::vector<double>* weight) const;
 
   size_t n_fft = 64;
 
