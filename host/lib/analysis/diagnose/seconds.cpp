@@ -421,6 +421,22 @@ PlacedLine place_of(const Campaign& campaign, const std::vector<VectorXd>& e, co
   return {shape(x), power};
 }
 
+// The power is the gain in log-likelihood with the best amplitude and phase of every run.
+Theta errors_of_place(const Campaign& campaign, const std::vector<VectorXd>& e, const EffectEstimator& tone,
+                      const Theta& place) {
+  const double bin_hz = 1 / (static_cast<double>(transform_length(campaign)) * campaign.dt_s);
+  const double unit[] = {bin_hz, kSlopeUnit};
+  Theta errors = curvature_errors(
+      [&](const Theta& off) {
+        Theta shape = place;
+        for (size_t i = 0; i < shape.size(); ++i) shape[i] += off[i] * unit[i];
+        return power_along(campaign, e, tone, shape);
+      },
+      Theta(place.size(), 0.0), Theta(place.size(), -1.0), Theta(place.size(), 1.0));
+  for (size_t i = 0; i < errors.size(); ++i) errors[i] *= unit[i];
+  return errors;
+}
+
 namespace {
 
 constexpr double kTempCell_degc = 4, kTimeBlock_s = 600, kBurst_s = 30;

@@ -52,6 +52,9 @@ struct PlacedLine {
 };
 PlacedLine place_of(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e, const EffectEstimator& tone,
                     const Line& line);
+// Standard errors of such a place.  e: innovations with the line in them, of the noise without it.
+Theta errors_of_place(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e, const EffectEstimator& tone,
+                      const Theta& place);
 
 // Tests of innovations that no effect owns.
 enum class Rest {

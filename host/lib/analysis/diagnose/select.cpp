@@ -116,6 +116,7 @@ private:
     out_.gap = measure_gap(*out_.search, *out_.data, held_blocks_.get(), nominal, out_.slow.best);
   }
   Selection& selection() { return out_.selection; }
+  const Selection& selection() const { return out_.selection; }
   const SelectorConstants& constants() const { return options_.constants; }
   const Candidate& candidate(size_t j) const { return out_.search->candidates()[j]; }
   Term term_of(const Effect* effect, const EffectEstimator* estimator, const Theta& shape) const {
@@ -521,16 +522,24 @@ private:
     std::sort(rivals.begin(), rivals.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
     return rivals;
   }
-  // Part of the spread of the data that a hypothesis leaves to the noise.
+  // Part of the spread of the data that a hypothesis leaves to the noise.  Lines in the mean are no part of that spread:
+  // no hypothesis would have to take them.
   double part_left(const SlowModel& m) const {
+    const double spread = lines_.empty() ? out_.data->spread_dph : spread_left(out_.slow.null, 60);
+    return spread_left(m, 0) / std::max(spread, 1e-6);
+  }
+  // Root mean square of what a hypothesis leaves, in means over `mean_s` (or in the blocks, where they are longer).
+  double spread_left(const SlowModel& m, double mean_s) const {
     const std::vector<MeanPart> parts = out_.search->parts_on(*out_.data, m);
     const RunGrams::Posterior at = out_.search->grams_of(m).posterior();
+    const long blocks = std::max(1L, std::lround(mean_s / out_.data->campaign.dt_s));
     double sum = 0, n = 0;
     for (size_t r = 0; r < out_.data->y.size(); ++r) {
       const VectorXd rest = residual_of(*out_.data, parts, at, r);
-      sum += rest.squaredNorm(), n += static_cast<double>(rest.size());
+      for (long k = 0; k + blocks <= rest.size(); k += blocks)
+        sum += std::pow(rest.segment(k, blocks).mean(), 2), n += 1;
     }
-    return n > 0 ? std::sqrt(sum / n) / out_.data->spread_dph : 1;
+    return n > 0 ? std::sqrt(sum / n) : out_.data->spread_dph;
   }
 
   // The hypotheses of the seconds, and the noise of the seconds under them.
@@ -810,9 +819,25 @@ private:
             (term.form() != Form::kTone || effect.term.shape == term.shape)) {
           effect.term.coefficients = term.coefficients;
           effect.term.coefficient_errors = term.coefficient_errors;
-          if (effect.term.shape_errors.empty()) effect.term.shape_errors = shape_errors(effect);
+          if (term.form() == Form::kTone)
+            effect.term.shape_errors = line_errors(t, design, fit);
+          else if (effect.term.shape_errors.empty())
+            effect.term.shape_errors = shape_errors(effect);
         }
     }
+  }
+  // A line was placed while the noise still held a part of it; the noise of the answer does not.
+  Theta line_errors(size_t term, const Design& design, const Fit& fit) const {
+    std::vector<VectorXd> e = fit.residual;
+    for (size_t r = 0; r < e.size(); ++r) {
+      for (size_t c = 0; c < design.cols(); ++c)
+        if (design.term_of_column[c] == static_cast<int>(term))
+          e[r] += fit.beta[static_cast<long>(c)] * design.x[r].col(static_cast<long>(c));
+      whiten(compute_gains(campaign_.runs[r], gaussian_equivalent(from_.base)), e[r].data(),
+             static_cast<size_t>(e[r].size()));
+    }
+    const Term& line = selection().final.terms[term];
+    return errors_of_place(campaign_, e, *line.estimator, line.shape);
   }
   // Curvature of the marginal likelihood over the shape of one name, the rest as found.
   Theta shape_errors(const SelectedEffect& effect) const {

@@ -64,10 +64,10 @@ public:
   bool needs_temperature() const override { return false; }
   size_t n_columns() const override { return 2; }
   PriorScale prior() const override { return {3, false, 1}; }
-  // shape: frequency and, where it drifts, its change with temperature.
+  // shape: frequency and, where it drifts, its change with temperature: as logged, since the integral smooths it already.
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
     const double drift = shape.size() > 1 ? shape[1] : 0.0;
-    const Column degc_s = drift != 0 ? integral(run.t_s, run.smooth_degc) : Column();
+    const Column degc_s = drift != 0 ? integral(run.t_s, run.temp_degc) : Column();
     Column cosine(run.size()), sine(run.size());
     for (size_t i = 0; i < run.size(); ++i) {
       const double angle = 2 * kPi * (shape[0] * run.t_s[i] + (drift != 0 ? drift * degc_s[i] : 0.0));
