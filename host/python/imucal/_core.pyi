@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 class Curve:
     tau_s: NDArray[np.float64]
     dp_dph: NDArray[np.float64]
-    lo_dph: NDArray[np.float64]
-    hi_dph: NDArray[np.float64]
+    ci95_dph: NDArray[np.float64]
     n_windows: NDArray[np.int64]
 
 def direct_predictor(rate_dph: NDArray[np.float64], dt_s: float, type: str, tau: Union[str, NDArray[np.float64]], estimator: str, nominal: Optional[str],

@@ -168,9 +168,7 @@ def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=Non
                                         float(estimation_s), detrend, float(min_fill), bool(intervals))
     except ValueError as error:
         raise DataError(str(error)) from None
-    tau = curve.tau_s
-    ci = np.column_stack([curve.lo_dph, curve.hi_dph]) if intervals else np.full((len(tau), 2), np.nan)
-    return DirectPredictor(tau, curve.dp_dph, ci, curve.n_windows)
+    return DirectPredictor(curve.tau_s, curve.dp_dph, curve.ci95_dph, curve.n_windows)
 
 
 def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave", intervals=True):

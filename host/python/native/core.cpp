@@ -8,6 +8,8 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <limits>
+
 #include "analysis/dp/dp.h"
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/confidence.h"
@@ -34,7 +36,8 @@ std::optional<ErrorModel> model_of(const std::optional<std::string>& text) {
 }
 
 struct Curve {
-  std::vector<double> tau_s, dp_dph, lo_dph, hi_dph;
+  std::vector<double> tau_s, dp_dph;
+  std::vector<double> ci95_dph; // lower and upper limit of one tau, then of the next; NaN where they were not asked for
   std::vector<int64_t> n_windows;
 };
 
@@ -45,9 +48,11 @@ template <typename T> nb::ndarray<nb::numpy, T> take_over(std::unique_ptr<T[]> v
   return nb::ndarray<nb::numpy, T>(data, shape.size(), shape.data(), owner);
 }
 
-template <typename T> nb::ndarray<nb::numpy, T> copied(const std::vector<T>& values) {
+// In rows of `columns`, or as one row.
+template <typename T> nb::ndarray<nb::numpy, T> copied(const std::vector<T>& values, size_t columns = 0) {
   std::unique_ptr<T[]> copy(new T[values.size()]);
   std::copy(values.begin(), values.end(), copy.get());
+  if (columns > 0) return take_over(std::move(copy), {values.size() / columns, columns});
   return take_over(std::move(copy), {values.size()});
 }
 
@@ -130,9 +135,12 @@ Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& ty
     const DpCurve curve = curve_in_pieces(rates, record, tau_s, dp_estimator_from_text(estimator), with_intervals);
     check_signals();
     result.tau_s = curve.tau_s, result.dp_dph = curve.dp_dph, result.n_windows.assign(curve.n.begin(), curve.n.end());
-    if (!with_intervals) return result;
+    if (!with_intervals) {
+      result.ci95_dph.assign(2 * result.tau_s.size(), std::numeric_limits<double>::quiet_NaN());
+      return result;
+    }
     for (const Interval& i : curve_intervals(curve, op, {}))
-      result.lo_dph.push_back(i.lo), result.hi_dph.push_back(i.hi);
+      result.ci95_dph.push_back(i.lo), result.ci95_dph.push_back(i.hi);
   } catch (const Error& e) {
     throw nb::value_error(e.what());
   }
@@ -289,9 +297,7 @@ NB_MODULE(_core, m) {
       .def_prop_ro(
           "dp_dph", [](const Curve& c) { return copied(c.dp_dph); }, nb::rv_policy::move)
       .def_prop_ro(
-          "lo_dph", [](const Curve& c) { return copied(c.lo_dph); }, nb::rv_policy::move)
-      .def_prop_ro(
-          "hi_dph", [](const Curve& c) { return copied(c.hi_dph); }, nb::rv_policy::move)
+          "ci95_dph", [](const Curve& c) { return copied(c.ci95_dph, 2); }, nb::rv_policy::move)
       .def_prop_ro(
           "n_windows", [](const Curve& c) { return copied(c.n_windows); }, nb::rv_policy::move);
   m.def("direct_predictor", &direct_predictor, nb::arg("rate_dph"), nb::arg("dt_s"), nb::arg("type"), nb::arg("tau"),
