@@ -230,6 +230,53 @@ void test_operators_with_gaps_use_whole_windows_only(void**) {
   for (DpType type : {DpType::kAv, DpType::kDp1, DpType::kDp2, DpType::kDp3}) check_operator(type, kNominal, s);
 }
 
+// Every n/8-th window of each run, as samples() lists them.
+void check_spaced(const DpRecord& record, long n, const DpRecord::Sum& got) {
+  std::vector<double> d;
+  std::vector<long> t0;
+  record.samples(n, &d, &t0);
+  double sum = 0;
+  long count = 0, first = 0;
+  for (size_t i = 0; i < d.size(); ++i) {
+    if (i == 0 || t0[i] != t0[i - 1] + 1) first = t0[i];
+    if ((t0[i] - first) % std::max(1L, n / 8) != 0) continue;
+    sum += d[i] * d[i], ++count;
+  }
+  assert_true(count > 10);
+  assert_int_equal(got.count, count);
+  assert_near(got.sum_sq / sum, 1, 1e-11);
+}
+
+void test_spaced_windows_are_some_of_all(void**) {
+  Series s = random_series(20000, 13);
+  const std::vector<long> n = {1, 7, 15, 16, 17, 19, 22, 25, 32, 35, 39, 40, 100, 1000};
+  for (bool with_gaps : {false, true}) {
+    for (long i : {0L, 8191L, 8192L, 8200L, 12345L, 19999L})
+      if (with_gaps) drop(&s, i);
+    for (DpType type : {DpType::kAv, DpType::kDp1, DpType::kDp2}) {
+      const DpRecord record(s, make_dp_operator(type, 1, kNominal, 15));
+      const auto sums = record.sums_of_some(n, 8);
+      for (size_t i = 0; i < n.size(); ++i) check_spaced(record, n[i], sums[i]);
+    }
+  }
+}
+
+// Several n share a pass, yet each has the bits that it has alone.
+void test_sums_do_not_depend_on_the_n_beside(void**) {
+  Series s = random_series(20001, 14);
+  for (long i : {500L, 9000L}) drop(&s, i);
+  const std::vector<long> n = {3, 10, 16, 18, 33, 64, 501, 1200, 1201, 4000};
+  const DpRecord record(s, make_dp_operator(DpType::kAv, 1, {}, 15));
+  const auto together = record.moments(n);
+  const auto some = record.sums_of_some(n, 8);
+  for (size_t i = 0; i < n.size(); ++i) {
+    const auto alone = record.moments({n[i]})[0];
+    assert_int_equal(together[i].sum_sq.size(), alone.sum_sq.size());
+    assert_memory_equal(together[i].sum_sq.data(), alone.sum_sq.data(), alone.sum_sq.size() * sizeof(double));
+    assert_true(some[i].sum_sq == record.sums_of_some({n[i]}, 8)[0].sum_sq);
+  }
+}
+
 void test_min_fill_admits_windows_with_few_missing(void**) {
   Series s = random_series(600, 5);
   for (long i = 10; i < 600; i += 20) drop(&s, i);
@@ -386,6 +433,8 @@ int main() {
       cmocka_unit_test(test_sizes_are_those_of_the_sorted_errors),
       cmocka_unit_test(test_rates_where_they_lie_give_the_bits_of_a_copy),
       cmocka_unit_test(test_operators_with_gaps_use_whole_windows_only),
+      cmocka_unit_test(test_spaced_windows_are_some_of_all),
+      cmocka_unit_test(test_sums_do_not_depend_on_the_n_beside),
       cmocka_unit_test(test_min_fill_admits_windows_with_few_missing),
       cmocka_unit_test(test_stream_equals_whole_record),
       cmocka_unit_test(test_adjoint_is_the_transpose),

@@ -18,50 +18,9 @@ namespace {
 
 constexpr long kBlock = 16384; // t0 per block at most: three streams of it stay in the second-level cache
 constexpr long kBlocksPerRecord = 64;
+constexpr long kT0Piece = 8192;  // t0 at a time for all n: what one n has loaded, the next ones find in the cache
 constexpr long kPiece = 2048;    // d at a time: in the first-level cache
 constexpr size_t kTogether = 16; // n whose sizes are collected in one pass: bounds what is kept
-
-// Sum over t0 in [b, e) of (p[t+n] - 2 p[t] + p[t-n])^2.  Four lanes, two chains: the order of the additions is
-// the same on every machine.
-IMUCAL_WIDE double second_difference_sum_sq(const double* p, long b, long e, long n) {
-  Lanes s0 = {0, 0, 0, 0}, s1 = {0, 0, 0, 0};
-  long t = b;
-  for (; t + 8 <= e; t += 8) {
-    Lanes lo, mid, hi;
-    load_lanes(&lo, p + t - n), load_lanes(&mid, p + t), load_lanes(&hi, p + t + n);
-    const Lanes d0 = (hi - mid) - (mid - lo);
-    load_lanes(&lo, p + t + 4 - n), load_lanes(&mid, p + t + 4), load_lanes(&hi, p + t + 4 + n);
-    const Lanes d1 = (hi - mid) - (mid - lo);
-    s0 += d0 * d0;
-    s1 += d1 * d1;
-  }
-  const Lanes s = s0 + s1;
-  double sum = (s[0] + s[1]) + (s[2] + s[3]);
-  for (; t < e; ++t) {
-    const double d = (p[t + n] - p[t]) - (p[t] - p[t - n]);
-    sum += d * d;
-  }
-  return sum;
-}
-
-// Second difference over n at t0 in [b, e), times scale.
-IMUCAL_WIDE void second_differences(const double* p, long b, long e, long n, double scale, double* d) {
-  for (long t = b; t < e; ++t) d[t - b] = ((p[t + n] - p[t]) - (p[t] - p[t - n])) * scale;
-}
-
-// The same at t0 = b, b + step, ... below e.  Four chains: one addition need not wait for the one before.
-double spaced_sum_sq(const double* p, long b, long e, long n, long step) {
-  const auto at = [p, n](long t) {
-    const double d = (p[t + n] - p[t]) - (p[t] - p[t - n]);
-    return d * d;
-  };
-  double sum[4] = {0, 0, 0, 0};
-  long t = b;
-  for (; t + 3 * step < e; t += 4 * step)
-    for (long l = 0; l < 4; ++l) sum[l] += at(t + l * step);
-  for (; t < e; t += step) sum[0] += at(t);
-  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
-}
 
 // Mean of the n samples from t0 on less that of the m before, t0 in [b, e).
 IMUCAL_WIDE void mean_differences(const double* p, long b, long e, long n, long m, double* d) {
@@ -236,25 +195,12 @@ std::vector<double> DpRecord::prediction_factors(long n) const {
 void DpRecord::errors(long n, const std::vector<double>& factor, Range t0, double* d) const {
   const double* p = sum_.get();
   if (op_.type == DpType::kAv)
-    second_differences(p, t0.begin, t0.end, n, 1 / static_cast<double>(n), d);
+    second_differences(p, n, t0, 1 / static_cast<double>(n), d);
   else if (factor.empty())
     mean_differences(p, t0.begin, t0.end, n, op_.estimation_n, d);
   else
     prediction_errors(p, states_[0].data(), t0.begin, t0.end, n, factor[0], d);
   for (size_t k = 1; k < factor.size(); ++k) subtract_predictions(states_[k].data(), t0.begin, t0.end, factor[k], d);
-}
-
-double DpRecord::sum_of_squares(long n, const std::vector<double>& factor, Range t0) const {
-  if (op_.type == DpType::kAv)
-    return second_difference_sum_sq(sum_.get(), t0.begin, t0.end, n) /
-           (static_cast<double>(n) * static_cast<double>(n));
-  double d[kPiece], sum = 0;
-  for (long b = t0.begin; b < t0.end; b += kPiece) {
-    const Range piece = {b, std::min(b + kPiece, t0.end)};
-    errors(n, factor, piece, d);
-    sum += scalar_product(d, d, static_cast<size_t>(piece.end - piece.begin));
-  }
-  return sum;
 }
 
 void DpRecord::samples(long n, std::vector<double>* d, std::vector<long>* t0, long first_t0) const {
@@ -328,17 +274,94 @@ std::vector<double> DpRecord::adjoint(long n, const std::vector<double>& d, cons
   return out;
 }
 
-long DpRecord::Moments::n_windows() const {
-  long sum = 0;
-  for (long c : count) sum += c;
+DpRecord::Sum DpRecord::Moments::whole() const {
+  Sum out;
+  for (size_t b = 0; b < count.size(); ++b) out.sum_sq += sum_sq[b], out.count += count[b];
+  return out;
+}
+
+// The windows of one n, taken piece by piece in the order of t0, and the sum of their squares.
+struct DpRecord::Walk {
+  long n = 1, first_t0 = 0;
+  long step = 1;              // between windows
+  std::vector<double> factor; // prediction_factors
+  bool is_abreast = false;    // with others of the kind
+  size_t place = 0;           // of n among those asked for
+  size_t run = 0;
+  long next_t0 = 0; // in this run no window is left before it
+  Sum sum;
+};
+
+DpRecord::Walk DpRecord::walk(const std::vector<long>& n, size_t place, long first_t0, long per_window) const {
+  Walk out;
+  out.n = n[place], out.place = place, out.first_t0 = out.next_t0 = first_t0;
+  out.step = per_window > 0 ? std::max(1L, out.n / per_window) : 1;
+  out.factor = prediction_factors(out.n);
+  out.is_abreast = op_.type == DpType::kAv && can_be_abreast(out.step);
+  return out;
+}
+
+// The next windows of one run that begin before `end`; none: an empty range.
+DpRecord::Range DpRecord::take(long end, Walk* walk) const {
+  const long history = op_.history_n(walk->n);
+  for (; walk->run < runs_.size(); ++walk->run, walk->next_t0 = walk->first_t0) {
+    const Range& run = runs_[walk->run];
+    const long begin = std::max(run.begin + history, walk->next_t0), last = run.end - walk->n + 1;
+    if (begin >= last) continue;
+    if (begin >= end) break;
+    const Range taken = {begin, std::min(end, last)};
+    const long count = (taken.end - begin + walk->step - 1) / walk->step;
+    walk->next_t0 = begin + count * walk->step;
+    walk->sum.count += count;
+    return taken;
+  }
+  return {};
+}
+
+// Of the windows at t0.begin, t0.begin + step, … below t0.end.
+double DpRecord::sum_of_squares(const Walk& walk, Range t0) const {
+  const auto n = static_cast<double>(walk.n);
+  if (op_.type == DpType::kAv) return spaced_second_difference_sum(sum_.get(), {walk.n, walk.step, t0}) / (n * n);
+  double d[kPiece], sum = 0;
+  const long length = walk.step == 1 ? kPiece : 1;
+  for (long b = t0.begin; b < t0.end; b += std::max(length, walk.step)) {
+    const Range piece = {b, std::min(b + length, t0.end)};
+    errors(walk.n, walk.factor, piece, d);
+    sum += scalar_product(d, d, static_cast<size_t>(piece.end - piece.begin));
+  }
   return sum;
 }
 
-double DpRecord::Moments::mean_square() const {
-  double sum = 0;
-  for (double s : sum_sq) sum += s;
-  const long n = n_windows();
-  return n > 0 ? sum / static_cast<double>(n) : 0;
+// Adds the next windows that begin before `end` to each of `count` <= kAbreast walks of one kind.  False: there were none.
+bool DpRecord::add_squares(long end, size_t count, Walk* walks) const {
+  SpacedWindows windows[kAbreast];
+  bool is_any = false;
+  for (size_t k = 0; k < count; ++k) {
+    windows[k] = {walks[k].n, walks[k].step, take(end, &walks[k])};
+    is_any |= windows[k].t0.begin < windows[k].t0.end;
+  }
+  if (is_any && walks->is_abreast) {
+    double sum[kAbreast];
+    second_difference_sums(sum_.get(), count, windows, sum);
+    for (size_t k = 0; k < count; ++k)
+      walks[k].sum.sum_sq += sum[k] / (static_cast<double>(walks[k].n) * static_cast<double>(walks[k].n));
+  } else if (is_any) {
+    for (size_t k = 0; k < count; ++k) walks[k].sum.sum_sq += sum_of_squares(walks[k], windows[k].t0);
+  }
+  return is_any;
+}
+
+// All windows that begin in [begin, end): piece by piece, so that the running sums stay in the cache for all n.
+void DpRecord::advance(long begin, long end, std::vector<Walk>* walks) const {
+  for (long b = begin; b < end; b += kT0Piece) {
+    const long piece_end = std::min(b + kT0Piece, end);
+    for (size_t i = 0, count = 0; i < walks->size(); i += count) {
+      Walk* const some = walks->data() + i;
+      const size_t most = std::min(kAbreast, walks->size() - i);
+      for (count = 1; count < most && some[count].is_abreast == some->is_abreast;) ++count;
+      while (add_squares(piece_end, count, some)) continue;
+    }
+  }
 }
 
 std::vector<DpRecord::Moments> DpRecord::moments(const std::vector<long>& n, const std::vector<long>& first_t0) const {
@@ -348,62 +371,33 @@ std::vector<DpRecord::Moments> DpRecord::moments(const std::vector<long>& n, con
     moments_of_filled(n, first_t0, block, &out);
     return out;
   }
-  std::vector<std::vector<Range>> ranges;
-  std::vector<std::vector<double>> factor;
-  std::vector<size_t> at(n.size(), 0); // the first range that reaches into the block
-  for (size_t i = 0; i < n.size(); ++i) {
-    ranges.push_back(whole_windows(n[i], first_t0.empty() ? 0 : first_t0[i]));
-    factor.push_back(prediction_factors(n[i]));
-  }
-  for (long b = 0; b < size_; b += block)
+  std::vector<Walk> walks;
+  for (size_t i = 0; i < n.size(); ++i) walks.push_back(walk(n, i, first_t0.empty() ? 0 : first_t0[i], 0));
+  for (long b = 0; b < size_; b += block) {
+    advance(b, std::min(b + block, size_), &walks);
     for (size_t i = 0; i < n.size(); ++i) {
-      double sum = 0;
-      long count = 0;
-      for (size_t& k = at[i]; k < ranges[i].size() && ranges[i][k].begin < b + block; ++k) {
-        const Range part = {std::max(b, ranges[i][k].begin), std::min(b + block, ranges[i][k].end)};
-        sum += sum_of_squares(n[i], factor[i], part);
-        count += part.end - part.begin;
-        if (ranges[i][k].end > b + block) break;
-      }
-      if (count == 0) continue;
-      out[i].sum_sq.push_back(sum);
-      out[i].count.push_back(count);
+      if (walks[i].sum.count == 0) continue;
+      out[i].sum_sq.push_back(walks[i].sum.sum_sq);
+      out[i].count.push_back(walks[i].sum.count);
+      walks[i].sum = {};
     }
+  }
   return out;
 }
 
-// Sum of squares at t0.begin, t0.begin + step, ... below t0.end.
-double DpRecord::spaced_sum_of_squares(long n, const std::vector<double>& factor, Range t0, long step) const {
-  if (step == 1) return sum_of_squares(n, factor, t0);
-  if (op_.type == DpType::kAv)
-    return spaced_sum_sq(sum_.get(), t0.begin, t0.end, n, step) / (static_cast<double>(n) * static_cast<double>(n));
-  double d = 0, sum = 0;
-  for (long t = t0.begin; t < t0.end; t += step) errors(n, factor, {t, t + 1}, &d), sum += d * d;
-  return sum;
-}
-
-// Block by block, so that the running sums stay in the cache for all n.
-std::vector<DpRecord::Moments> DpRecord::moments_of_some(const std::vector<long>& n, long per_window) const {
-  if (!has_whole_windows()) return moments(n);
-  std::vector<Moments> out(n.size(), Moments{{0}, {0}});
-  std::vector<std::vector<Range>> left; // of t0, for each n; what is done is taken off the front
-  std::vector<std::vector<double>> factor;
-  std::vector<size_t> at(n.size(), 0);
-  for (const long steps : n) left.push_back(whole_windows(steps, 0)), factor.push_back(prediction_factors(steps));
-  for (long b = 0; b < size_; b += kBlock)
-    for (size_t i = 0; i < n.size(); ++i) {
-      const long step = std::max(1L, n[i] / per_window);
-      for (size_t& k = at[i]; k < left[i].size() && left[i][k].begin < b + kBlock; ++k) {
-        Range& range = left[i][k];
-        const long end = std::min(b + kBlock, range.end), count = (end - range.begin + step - 1) / step;
-        out[i].sum_sq[0] += spaced_sum_of_squares(n[i], factor[i], {range.begin, end}, step);
-        out[i].count[0] += count;
-        range.begin += count * step;
-        if (range.begin < range.end) break;
-      }
-    }
-  for (Moments& moments : out)
-    if (moments.count[0] == 0) moments = {};
+std::vector<DpRecord::Sum> DpRecord::sums_of_some(const std::vector<long>& n, long per_window) const {
+  std::vector<Sum> out(n.size());
+  if (!has_whole_windows()) {
+    const std::vector<Moments> all = moments(n);
+    std::transform(all.begin(), all.end(), out.begin(), [](const Moments& m) { return m.whole(); });
+    return out;
+  }
+  std::vector<Walk> walks;
+  walks.reserve(n.size());
+  for (size_t i = 0; i < n.size(); ++i) walks.push_back(walk(n, i, 0, per_window));
+  std::stable_partition(walks.begin(), walks.end(), [](const Walk& walk) { return walk.is_abreast; });
+  advance(0, size_, &walks);
+  for (const Walk& walk : walks) out[walk.place] = walk.sum;
   return out;
 }
 
@@ -546,11 +540,14 @@ DpCurve dp_curve(const std::string& log, const std::string& axis, const RateView
     curve.tau_s.push_back(static_cast<double>(n) * dt_s);
   }
   if (estimator == DpEstimator::kRms) {
-    curve.moments = per_window > 0 ? record.moments_of_some(steps, per_window) : record.moments(steps);
-    for (const auto& m : curve.moments) {
-      curve.dp_dph.push_back(std::sqrt(0.5 * m.mean_square()));
-      curve.n.push_back(m.n_windows());
-    }
+    const auto add = [&curve](const DpRecord::Sum& sum) {
+      curve.dp_dph.push_back(std::sqrt(0.5 * sum.mean_square()));
+      curve.n.push_back(sum.count);
+    };
+    if (per_window > 0)
+      for (const DpRecord::Sum& sum : record.sums_of_some(steps, per_window)) add(sum);
+    else
+      for (const DpRecord::Moments& m : curve.moments = record.moments(steps)) add(m.whole());
   } else {
     for (const DpRecord::Size& size : record.sizes(steps)) {
       curve.n.push_back(size.n_windows);

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "analysis/dp/nominal_filter.h"
+#include "analysis/dp/second_differences.h"
 #include "analysis/dp/series.h"
 #include "analysis/dp/sizes.h"
 
@@ -69,18 +70,25 @@ public:
   // The transposed operator: sum over k of d[k] times the weights that the window at t0[k] gives the samples.
   std::vector<double> adjoint(long n, const std::vector<double>& d, const std::vector<long>& t0) const;
 
-  // Sum of squares of d in consecutive blocks of t0, for every n: bounded memory, one streaming pass.
+  // Sum of squares of d of some windows.
+  struct Sum {
+    double sum_sq = 0;
+    long count = 0;
+    double mean_square() const { return count > 0 ? sum_sq / static_cast<double>(count) : 0; }
+  };
+  // The same in consecutive blocks of t0, for every n: bounded memory, one streaming pass.
   struct Moments {
     std::vector<double> sum_sq; // per block
     std::vector<long> count;    // per block
-    long n_windows() const;
-    double mean_square() const; // 0 without windows
+    Sum whole() const;
+    long n_windows() const { return whole().count; }
+    double mean_square() const { return whole().mean_square(); }
   };
   // `first_t0`, one per n: only windows from there on (empty: all).
   std::vector<Moments> moments(const std::vector<long>& n, const std::vector<long>& first_t0 = {}) const;
 
-  // The same of windows that begin n/per_window apart, as one block for each n.
-  std::vector<Moments> moments_of_some(const std::vector<long>& n, long per_window) const;
+  // Of windows that begin n/per_window apart, one sum for each n.
+  std::vector<Sum> sums_of_some(const std::vector<long>& n, long per_window) const;
 
   // How large d is, for every n, in bounded memory.  Percentile: exact (sizes.h).
   struct Size {
@@ -92,18 +100,19 @@ public:
 private:
   void find_runs(const RateView& rates);
   void run_filter(const RateView& rates, const std::vector<double>& initial);
-  // Values of t0, one after the other.
-  struct Range {
-    long begin = 0, end = 0;
-  };
+  using Range = T0Range;
+  struct Walk;
   // Where no window of n has a missing sample; only for records with whole windows.
   std::vector<Range> whole_windows(long n, long first_t0) const;
   bool has_whole_windows() const { return present_.empty() || op_.min_fill >= 1; }
   std::vector<double> prediction_factors(long n) const;
   // d of whole windows, t0 in [first, last).
   void errors(long n, const std::vector<double>& factor, Range t0, double* d) const;
-  double sum_of_squares(long n, const std::vector<double>& factor, Range t0) const;
-  double spaced_sum_of_squares(long n, const std::vector<double>& factor, Range t0, long step) const;
+  Walk walk(const std::vector<long>& n, size_t place, long first_t0, long per_window) const;
+  Range take(long end, Walk* walk) const;
+  double sum_of_squares(const Walk& walk, Range t0) const;
+  bool add_squares(long end, size_t count, Walk* walks) const;
+  void advance(long begin, long end, std::vector<Walk>* walks) const;
   std::vector<double> sizes_of_some(long n, const std::vector<Range>& t0) const;
   void add_sizes(const std::vector<long>& n, std::vector<Size>* out) const;
   Size size_of_all(long n) const;
@@ -131,8 +140,9 @@ struct DpCurve {
   DpType type = DpType::kAv;
   DpEstimator estimator = DpEstimator::kRms;
   std::vector<double> tau_s, dp_dph;
-  std::vector<long> n;                    // windows used
-  std::vector<DpRecord::Moments> moments; // rms only: what confidence intervals by blocks need
+  std::vector<long> n; // windows used
+  std::vector<DpRecord::Moments>
+      moments; // rms only, of windows at every sample: what confidence intervals by blocks need
 };
 
 // Curve of a record at tau_s (multiples of dt).  data_error where tau is beyond the record or no window is

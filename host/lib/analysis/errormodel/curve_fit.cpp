@@ -80,7 +80,7 @@ CurveData make_curve_data(const std::vector<Series>& series, const DpOperator& o
       data.dof.assign(data.n.size(), 0.0);
     }
     for (size_t i = 0; i < data.n.size(); ++i) {
-      const double square = curve.moments[i].mean_square();
+      const double square = 2 * curve.dp_dph[i] * curve.dp_dph[i];
       double& out = data.mean_square_dph2[i];
       out = across == Across::kMax ? std::max(out, square) : out + square / static_cast<double>(series.size());
       // A rule of thumb that needs no model: windows that do not overlap.  Those of a spaced curve stand for all between
