@@ -297,6 +297,16 @@ static void test_column_products_are_those_of_the_matrices(void**) {
       }
 }
 
+static void test_a_column_gram_is_the_product_of_columns_with_themselves(void**) {
+  Rng rng(9, 0, 0, Stream::kWhite);
+  for (long n : {1L, 8L, 600L})
+    for (long p : {1L, 2L, 3L, 4L, 7L, 9L, 24L}) {
+      MatrixXd a(n, p);
+      for (long i = 0; i < a.size(); ++i) a.data()[i] = rng.normal();
+      assert_true(column_gram(a) == column_products(a, a)); // the same bits, so symmetric
+    }
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_whitening_equals_the_dense_factor_with_gaps),
@@ -310,6 +320,7 @@ int main() {
       cmocka_unit_test(test_mixtures_of_white_noise_are_exact),
       cmocka_unit_test(test_too_many_states_are_refused),
       cmocka_unit_test(test_column_products_are_those_of_the_matrices),
+      cmocka_unit_test(test_a_column_gram_is_the_product_of_columns_with_themselves),
   };
   return cmocka_run_group_tests_name("noise", tests, nullptr, nullptr);
 }

@@ -28,13 +28,32 @@
 // of the same bits; has_avx512() chooses.  Inside such a function intrinsics may be used.
 #if defined(__GNUC__) && defined(__x86_64__)
 #define IMUCAL_AVX512 __attribute__((target("avx512f")))
+#define IMUCAL_EIGHT IMUCAL_AVX512
+#else
+#define IMUCAL_EIGHT
 #endif
+// IMUCAL_BY_LANES(name, (double* x, size_t n), (x, n)) makes `name` of a template name_by<V>: with vectors of eight where the
+// machine has them, with vectors of four elsewhere, which would take vectors of eight apart in memory.
+#define IMUCAL_BY_LANES(name, parameters, arguments)                                                                   \
+  IMUCAL_EIGHT void name##_8 parameters {                                                                              \
+    name##_by<Lanes8> arguments;                                                                                       \
+  }                                                                                                                    \
+  IMUCAL_WIDE void name##_4 parameters {                                                                               \
+    name##_by<Lanes> arguments;                                                                                        \
+  }                                                                                                                    \
+  inline void name parameters {                                                                                        \
+    (has_avx512() ? name##_8 : name##_4) arguments;                                                                    \
+  }
 
 namespace imucal {
 
 #if defined(IMUCAL_AVX512)
 inline bool has_avx512() {
   return __builtin_cpu_supports("avx512f");
+}
+#else
+inline bool has_avx512() {
+  return false;
 }
 #endif
 
@@ -50,6 +69,17 @@ template <class V> IMUCAL_WIDE_PART void load_lanes(V* v, const double* from) {
 template <class V> IMUCAL_WIDE_PART void store_lanes(const V& v, double* to) {
   std::memcpy(to, &v, sizeof v);
 }
+
+// f(0), f(1), .. f(N - 1), written out: vectors in an array stay in registers where every index is known, and in memory where
+// a loop counts.
+template <size_t N, class F> IMUCAL_WIDE_PART void unrolled(const F& f) {
+  if constexpr (N > 0) {
+    unrolled<N - 1>(f);
+    f(N - 1);
+  }
+}
+// Behind the brackets of a lambda for it.
+#define IMUCAL_UNROLLED(i) (const size_t i) __attribute__((always_inline))
 
 // Bit i of the result: the i-th of eight bytes, the first the lowest, is zero.
 inline uint32_t where_zero_8(uint64_t v) {

@@ -24,6 +24,9 @@ void rows_to_columns(size_t lanes, const double* rows, size_t stride, size_t n, 
 void add_column_products(const double* a, size_t lda, size_t na, const double* b, size_t ldb, size_t nb, size_t n,
                          double* out);
 
+// The same of na columns with themselves.
+void add_column_gram(const double* a, size_t lda, size_t na, size_t n, double* out);
+
 // sum[i][j] += sum_k x[k][i] x[k][j] for j >= i (and some others); x: n rows of `width` columns, a multiple of 4.
 void add_gram(const double* x, size_t width, size_t n, double* sum);
 

@@ -123,6 +123,13 @@ Eigen::MatrixXd column_products(const Eigen::Ref<const Eigen::MatrixXd>& a,
   return out;
 }
 
+Eigen::MatrixXd column_gram(const Eigen::Ref<const Eigen::MatrixXd>& a) {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(a.cols(), a.cols());
+  add_column_gram(a.data(), static_cast<size_t>(a.outerStride()), static_cast<size_t>(a.cols()),
+                  static_cast<size_t>(a.rows()), out.data());
+  return out;
+}
+
 namespace {
 
 std::vector<const double*> pointers_to(const Eigen::MatrixXd& columns) {

@@ -24,6 +24,7 @@ void colour(const RunGains& gains, double* column, size_t n);
 
 // A'B of columns of one run, for the widest vectors of the machine.  Shapes: n x p and n x q give p x q.
 Eigen::MatrixXd column_products(const Eigen::Ref<const Eigen::MatrixXd>& a, const Eigen::Ref<const Eigen::MatrixXd>& b);
+Eigen::MatrixXd column_gram(const Eigen::Ref<const Eigen::MatrixXd>& a); // A'A
 
 // The columns of one run in the order that the filters read them.  Made once, then whitened by many noise models.
 class WideColumns {

@@ -13,11 +13,9 @@ constexpr size_t kInCache = 256; // numbers; eight sequences of them fill a firs
 constexpr size_t kTurn = 6;      // numbers of one j
 
 // Re and im of four times what V holds.
-template <class V> struct Four {
-  V re[4], im[4];
-};
+template <class V> struct Four { V re[4], im[4]; };
 template <class V> IMUCAL_WIDE_PART void load_four(const double* re, const double* im, size_t apart, Four<V>* x) {
-  for (size_t q = 0; q < 4; ++q) load_lanes(&x->re[q], re + q * apart), load_lanes(&x->im[q], im + q * apart);
+  unrolled<4>([&] IMUCAL_UNROLLED(q) { load_lanes(&x->re[q], re + q * apart), load_lanes(&x->im[q], im + q * apart); });
 }
 // A transform of four: x becomes what leads to the frequencies 4 r, 4 r + 1, 4 r + 2, 4 r + 3.
 template <class V> IMUCAL_WIDE_PART void four_point(Four<V>* x) {
@@ -41,11 +39,11 @@ template <class V, size_t B> IMUCAL_WIDE_PART void step_of_four(size_t m, const 
       load_four(re, im, apart, &x);
       four_point(&x);
       store_lanes(x.re[0], re), store_lanes(x.im[0], im);
-      for (size_t q = 1; q < 4; ++q) {
-        const double c = turns[2 * q - 2], s = turns[2 * q - 1];
-        store_lanes(V(x.re[q] * c + x.im[q] * s), re + q * apart);
-        store_lanes(V(x.im[q] * c - x.re[q] * s), im + q * apart);
-      }
+      unrolled<3>([&] IMUCAL_UNROLLED(q) {
+        const double c = turns[2 * q], s = turns[2 * q + 1];
+        store_lanes(V(x.re[q + 1] * c + x.im[q + 1] * s), re + (q + 1) * apart);
+        store_lanes(V(x.im[q + 1] * c - x.re[q + 1] * s), im + (q + 1) * apart);
+      });
     }
 }
 template <class V, size_t B> IMUCAL_WIDE_PART void step_of_two(double* re, double* im) {
@@ -68,11 +66,12 @@ IMUCAL_WIDE_PART void steps(size_t m, bool only_first, const double* turns, doub
   }
   for (size_t at = 0; m == 2 && at < n; at += 2) step_of_two<V, B>(re + at * lanes, im + at * lanes);
 }
-// Twice four: a step of eight would not stay in the sixteen registers of most machines.
-IMUCAL_WIDE void steps_of_lanes(size_t m, bool only_first, const double* turns, double* re, double* im) {
-  static_assert(Fourier::kLanes == 8, "two vectors of four");
-  steps<Lanes, 2>(m, only_first, turns, re, im);
+template <class V>
+IMUCAL_WIDE_PART void steps_of_lanes_by(size_t m, bool only_first, const double* turns, double* re, double* im) {
+  steps<V, Fourier::kLanes * sizeof(double) / sizeof(V)>(m, only_first, turns, re, im);
 }
+IMUCAL_BY_LANES(steps_of_lanes, (size_t m, bool only_first, const double* turns, double* re, double* im),
+                (m, only_first, turns, re, im))
 void steps_of_one(size_t m, bool only_first, const double* turns, double* re, double* im) {
   steps<double, 1>(m, only_first, turns, re, im);
 }
@@ -104,7 +103,8 @@ IMUCAL_WIDE void sum_squares(const double* re, const double* im, double scale, s
 
 Fourier::Fourier(size_t n) : n_(n), place_(n) {
   set_places(0, n, 0, 1, &place_);
-  std::vector<double> cosine(n), sine(n); // only those of the longest step are computed: shorter steps take every fourth
+  std::vector<double> cosine(n),
+      sine(n); // only those of the longest step are computed: shorter steps take every fourth
   for (size_t j = 0; j < n - n / 4; ++j) {
     const double angle = 2 * kPi * static_cast<double>(j) / static_cast<double>(n);
     cosine[j] = std::cos(angle), sine[j] = std::sin(angle);

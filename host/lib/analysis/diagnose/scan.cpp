@@ -71,7 +71,7 @@ MatrixXd normal_matrix(const Base& base) {
   MatrixXd n = MatrixXd::Zero(base.expanded(runs), base.expanded(runs));
   for (long r = 0; r < runs; ++r) {
     const MatrixXd& x = base.white[static_cast<size_t>(r)];
-    const MatrixXd g = column_products(x, x);
+    const MatrixXd g = column_gram(x);
     n.block(r * l, r * l, l, l) = g.topLeftCorner(l, l);
     n.block(r * l, r * l, l, l).diagonal() += base.local_precision;
     n.block(runs * l, r * l, c, l) = g.bottomLeftCorner(c, l);
@@ -142,7 +142,7 @@ ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise)
     const MatrixXd x = whitened_bank(r);
     for (size_t g = 0; g < self_.size(); ++g) {
       const auto own = x.middleCols(bank.places_[g].first, bank.places_[g].width());
-      self_[g].push_back(column_products(own, own));
+      self_[g].push_back(column_gram(own));
     }
     usual_.push_back(column_products(usual.white[r], x));
     MatrixXd y = bank.data_.y[r];
