@@ -35,7 +35,8 @@ Series test_record(const ErrorModel& m, long n, uint64_t run) {
 
 void test_trend_removes_what_the_columns_do(void**) {
   for (const long n : {5000L, 4096L, 37L})
-    for (const char* text : {"none", "mean", "poly:0", "poly:1", "poly:3", "poly:7", "time:4"})
+    for (const char* text : {"none", "mean", "poly:0", "poly:1", "poly:2", "poly:3", "time:4", "poly:5", "poly:6",
+                             "poly:7", "poly:8", "time:9"})
       for (const bool has_gap : {false, true}) {
         Series shape = test_record(kNominal, n, 5);
         for (long i = 0; i < n; ++i)

@@ -367,6 +367,7 @@ static void remove_column_with_gaps(const std::vector<double>& column, std::vect
   for (size_t i = 0; i < x->size(); ++i) (*x)[i] -= along * column[i];
 }
 
+constexpr size_t kMostOrder = 9;  // of a trend: Detrend::parse takes no higher one
 constexpr size_t kInCache = 2048; // rates that stay in the first-level cache for all columns
 
 // The columns are orthonormal: what a record has of each is found of all in one pass, and taken away in a second.
@@ -389,44 +390,109 @@ void remove_columns(const std::vector<std::vector<double>>& basis, Series* s) {
 Trend::Trend(const Series& shape, const Detrend& detrend) {
   if (detrend.kind == Detrend::Kind::kNone) return;
   const int order = is_mean_alone(detrend) ? 0 : detrend.order;
+  if (order > static_cast<int>(kMostOrder))
+    throw usage_error("a trend of order " + std::to_string(order) + " is too high");
   x_ = order == 0 ? std::vector<double>(shape.rate_dph.size(), 0.0) : chebyshev_argument(shape, detrend);
   Orthonormal basis = orthonormal_of(shape, x_, order);
   combinations_ = std::move(basis.combinations);
   if (shape.n_missing > 0) columns_ = std::move(basis.columns);
 }
 
-// Chebyshev polynomials 0, 1, … of a piece of the argument, one after the other.
-template <typename Use> void Trend::each_polynomial(size_t begin, size_t n, Use use) const {
-  double columns[3][kInCache];
-  double *column = columns[0], *last = columns[1], *before = columns[2];
-  for (size_t p = 0; p < combinations_.size(); ++p) {
-    std::swap(before, last), std::swap(last, column);
-    if (p == 0)
-      std::fill(column, column + n, 1.0);
-    else if (p == 1)
-      std::copy(&x_[begin], &x_[begin] + n, column);
-    else
-      next_chebyshev(&x_[begin], last, before, n, column);
-    use(p, column);
+namespace {
+
+// Adds to sum[p] what the values have of Chebyshev polynomial p < K, in eight chains for each: all in registers.
+template <size_t K> IMUCAL_WIDE_PART void add_products(const double* x, const double* values, size_t n, double* sum) {
+  Lanes sums[K][2] = {};
+  size_t i = 0;
+  for (; i + 8 <= n; i += 8)
+    for (size_t half = 0; half < 2; ++half) {
+      Lanes at, v;
+      load_lanes(&at, x + i + 4 * half), load_lanes(&v, values + i + 4 * half);
+      Lanes before = {0, 0, 0, 0}, last = {1, 1, 1, 1};
+      for (size_t p = 0; p < K; ++p) {
+        sums[p][half] += last * v;
+        const Lanes next = p == 0 ? at : 2 * at * last - before;
+        before = last, last = next;
+      }
+    }
+  for (size_t p = 0; p < K; ++p) {
+    const Lanes s = sums[p][0] + sums[p][1];
+    sum[p] += (s[0] + s[1]) + (s[2] + s[3]);
+  }
+  for (; i < n; ++i) {
+    double before = 0, last = 1;
+    for (size_t p = 0; p < K; ++p) {
+      sum[p] += last * values[i];
+      const double next = p == 0 ? x[i] : 2 * x[i] * last - before;
+      before = last, last = next;
+    }
   }
 }
+
+IMUCAL_WIDE void add_products_of(size_t polynomials, const double* x, const double* values, size_t n, double* sum) {
+  switch (polynomials) {
+  case 1:
+    return add_products<1>(x, values, n, sum);
+  case 2:
+    return add_products<2>(x, values, n, sum);
+  case 3:
+    return add_products<3>(x, values, n, sum);
+  case 4:
+    return add_products<4>(x, values, n, sum);
+  case 5:
+    return add_products<5>(x, values, n, sum);
+  case 6:
+    return add_products<6>(x, values, n, sum);
+  case 7:
+    return add_products<7>(x, values, n, sum);
+  case 8:
+    return add_products<8>(x, values, n, sum);
+  case 9:
+    return add_products<9>(x, values, n, sum);
+  case kMostOrder + 1:
+    return add_products<kMostOrder + 1>(x, values, n, sum);
+  }
+}
+
+// Takes the sum of factor[p] times polynomial p away: Clenshaw's recurrence, from the highest polynomial down.
+IMUCAL_WIDE void subtract_polynomials(const double* factor, size_t polynomials, const double* x, size_t n,
+                                      double* values) {
+  size_t i = 0;
+  for (; i + 8 <= n; i += 8) {
+    Lanes at[2], v[2], sum[2] = {}, before[2] = {};
+    for (size_t half = 0; half < 2; ++half) {
+      load_lanes(&at[half], x + i + 4 * half), load_lanes(&v[half], values + i + 4 * half);
+      for (size_t p = polynomials - 1; p > 0; --p) {
+        const Lanes next = 2 * at[half] * sum[half] - before[half] + factor[p];
+        before[half] = sum[half], sum[half] = next;
+      }
+      v[half] -= at[half] * sum[half] - before[half] + factor[0];
+      store_lanes(v[half], values + i + 4 * half);
+    }
+  }
+  for (; i < n; ++i) {
+    double sum = 0, before = 0;
+    for (size_t p = polynomials - 1; p > 0; --p) {
+      const double next = 2 * x[i] * sum - before + factor[p];
+      before = sum, sum = next;
+    }
+    values[i] -= x[i] * sum - before + factor[0];
+  }
+}
+
+} // namespace
 
 void Trend::remove_from(Series* s) const {
   if (s->n_missing > 0) return remove_columns(columns_, s);
   double* const rate = s->rate_dph.data();
-  std::vector<double> of_polynomial(combinations_.size(), 0.0), factor(combinations_.size(), 0.0);
-  for (size_t b = 0; b < x_.size(); b += kInCache) {
-    const size_t n = std::min(kInCache, x_.size() - b);
-    each_polynomial(b, n,
-                    [&](size_t p, const double* column) { of_polynomial[p] += scalar_product(column, rate + b, n); });
-  }
+  const size_t polynomials = combinations_.size();
+  if (polynomials == 0) return;
+  double of_polynomial[kMostOrder + 1] = {}, factor[kMostOrder + 1] = {};
+  for (size_t b = 0; b < x_.size(); b += kInCache)
+    add_products_of(polynomials, &x_[b], rate + b, std::min(kInCache, x_.size() - b), of_polynomial);
   for (const std::vector<double>& row : combinations_)
-    subtract_times(-scalar_product(row.data(), of_polynomial.data(), row.size()), row.data(), row.size(),
-                   factor.data());
-  for (size_t b = 0; b < x_.size(); b += kInCache) {
-    const size_t n = std::min(kInCache, x_.size() - b);
-    each_polynomial(b, n, [&](size_t p, const double* column) { subtract_times(factor[p], column, n, rate + b); });
-  }
+    subtract_times(-scalar_product(row.data(), of_polynomial, row.size()), row.data(), row.size(), factor);
+  subtract_polynomials(factor, polynomials, x_.data(), x_.size(), rate);
 }
 
 } // namespace imucal

@@ -81,7 +81,7 @@ void remove_columns(const std::vector<std::vector<double>>& basis, Series* serie
 
 // What `detrend` removes from records of one shape, such as simulated ones: the same as remove_columns(detrend_basis(shape,
 // detrend), record) but for rounding.  Of a shape without gaps it keeps the argument of the polynomials alone and makes them
-// anew, piece by piece in the first-level cache: a record of millions of samples waits for memory, not for multiplications.
+// anew in registers: a record of millions of samples waits for memory, not for multiplications.
 class Trend {
 public:
   // data_error as detrend_basis.
@@ -90,8 +90,6 @@ public:
   void remove_from(Series* record) const;
 
 private:
-  template <typename Use> void each_polynomial(size_t begin, size_t n, Use use) const;
-
   std::vector<double> x_;
   std::vector<std::vector<double>> combinations_; // orthonormal columns as sums of Chebyshev polynomials
   std::vector<std::vector<double>> columns_;      // the same as they are, of a shape with gaps
