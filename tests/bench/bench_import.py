@@ -22,6 +22,7 @@ import foreign  # noqa: E402
 import imucal  # noqa: E402
 
 NATIVE = ROOT.parent / "shared/data/native"
+RECORDING_S = 90  # of the tests' recording at 100 samples a second (foreign.recording): a longer one begins alike
 # kind -> (name, fields taken, a real file and how it is read)
 FORMATS = {
     "ulog": ("PX4 ULog", "gyro, accel, temperature, id, parameters", "px4_cubeorange_rest.ulg", {"instance": 0}),
@@ -122,12 +123,23 @@ def look_times(folder, duration_s):
               f"{processor:.2f} s of processor time")
 
 
+def at_least(shortest, none=False):
+    """Type of an argument: a whole number of at least so many; 0 too where that stands for none."""
+    def number(text):
+        value = int(text)
+        if value < shortest and not (none and value == 0):
+            raise argparse.ArgumentTypeError(f"{value} is too short: a recording needs its {RECORDING_S} s, in which the sensor moves and samples are "
+                                             f"missing; give {shortest} or more{', or 0 for none' if none else ''}")
+        return value
+    return number
+
+
 def main():
     """Print all three."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--samples", type=int, default=60_000, help="of the files whose speed is measured")
+    parser.add_argument("--samples", type=at_least(100 * RECORDING_S), default=60_000, help="of the files whose speed is measured")
     parser.add_argument("--ulog-mb", type=float, default=100, help="size of the large ULog; 0: none")
-    parser.add_argument("--look-s", type=int, default=8400, help="length of the log of `imucal look`; 0: none")
+    parser.add_argument("--look-s", type=at_least(RECORDING_S, none=True), default=8400, help="length of the log of `imucal look`; 0: none")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         table(Path(folder), given.samples)

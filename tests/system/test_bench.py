@@ -49,3 +49,9 @@ def test_a_loss_and_a_kernel_gone_are_negative_answers(measured, tmp_path, where
     (tmp_path / "now.json").write_text(json.dumps(now))
     result = kept("diff", "--measured", tmp_path / "now.json", "--saved", saved)
     assert result.returncode == 1 and "no longer measured" in result.stdout
+
+
+@pytest.mark.parametrize("option, enough", [("--samples=1000", "give 9000 or more"), ("--look-s=89", "give 90 or more, or 0 for none")])
+def test_a_recording_too_short_for_the_importers_table_names_the_least(option, enough):
+    result = subprocess.run([sys.executable, str(ROOT / "tests/bench/bench_import.py"), option], capture_output=True, text=True, timeout=60)
+    assert result.returncode == 2 and "too short" in result.stderr and enough in result.stderr, result.stderr
