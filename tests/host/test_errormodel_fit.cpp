@@ -54,6 +54,28 @@ void test_trend_removes_what_the_columns_do(void**) {
       }
 }
 
+// Records of unequal lengths, more of them than lanes; every kind of component, one to nine of them.
+void test_records_simulated_together_have_the_bits_of_each_alone(void**) {
+  using Kind = NoiseComponent::Kind;
+  const std::vector<NoiseComponent> kinds = {
+      white_component(900),           markov_component(400, 30), {Kind::kAngleQuantization, 25, 0, 0},
+      {Kind::kRandomWalk, 0.1, 0, 0}, {Kind::kRamp, 1e-4, 0, 0}, {Kind::kSinusoid, 9, 0, 0.2}};
+  const std::vector<NoiseRecord> records = {{1000, 3, 0}, {1000, 4, 0}, {1000, 5, 0}, {1000, 6, 1}, {1000, 7, 1},
+                                            {513, 3, 2},  {513, 4, 2},  {1, 4, 3},    {1, 5, 3}};
+  for (const std::vector<size_t>& chosen : std::vector<std::vector<size_t>>{
+           {0}, {1}, {0, 1}, {0, 1, 2}, {3, 2, 1, 0}, {0, 4}, {5, 1}, {0, 1, 1, 1, 2}, {}}) {
+    std::vector<NoiseComponent> components;
+    for (const size_t k : chosen) components.push_back(kinds[k]);
+    const auto together = simulate_noises(components, 17, records);
+    assert_int_equal(together.size(), records.size());
+    for (size_t r = 0; r < records.size(); ++r) {
+      const auto alone = simulate_noise(components, records[r].n, 17, records[r].run, records[r].axis);
+      assert_int_equal(together[r].size(), alone.size());
+      assert_memory_equal(together[r].data(), alone.data(), alone.size() * sizeof(double));
+    }
+  }
+}
+
 double dense_deviance(const Series& s, const Detrend& detrend, const ErrorModel& m) {
   std::vector<long> present;
   for (long i = 0; i < s.size(); ++i)
@@ -358,6 +380,7 @@ void test_tau_grids(void**) {
 int main() {
   const CMUnitTest tests[] = {
       cmocka_unit_test(test_trend_removes_what_the_columns_do),
+      cmocka_unit_test(test_records_simulated_together_have_the_bits_of_each_alone),
       cmocka_unit_test(test_likelihood_equals_dense_matrices),
       cmocka_unit_test(test_likelihood_profile_is_the_best_scale),
       cmocka_unit_test(test_bounding_programs_agree_and_are_optimal),

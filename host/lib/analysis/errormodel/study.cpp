@@ -148,9 +148,26 @@ public:
           make_curve_data(series, op, settings.detrend, settings.tau_s, settings.across, Windows::kSome));
   }
 
-  ErrorModel refit(long run) const {
-    std::vector<Series> again;
-    for (size_t a = 0; a < series_.size(); ++a) again.push_back(simulated_like(a, static_cast<uint64_t>(run)));
+  // Runs whose random numbers are drawn together.
+  long together() const {
+    const size_t streams = std::max<size_t>(1, components_.size() * series_.size());
+    return static_cast<long>(std::max<size_t>(1, kStreamsAbreast / streams));
+  }
+
+  // The records of some runs, one after the other.
+  std::vector<std::vector<Series>> simulated(long first_run, long runs) const {
+    std::vector<NoiseRecord> wanted;
+    for (size_t a = 0; a < series_.size(); ++a)
+      for (long k = 0; k < runs; ++k)
+        wanted.push_back({series_[a].size(), static_cast<uint64_t>(first_run + k), static_cast<uint32_t>(a)});
+    std::vector<std::vector<double>> rates = simulate_noises(components_, seed_, wanted);
+    std::vector<std::vector<Series>> out(static_cast<size_t>(runs));
+    for (size_t i = 0; i < wanted.size(); ++i)
+      out[wanted[i].run - static_cast<uint64_t>(first_run)].push_back(shaped_like(wanted[i].axis, std::move(rates[i])));
+    return out;
+  }
+
+  ErrorModel refit(const std::vector<Series>& again) const {
     if (settings_.criterion == "ml") return fit_model(again, op_, settings_);
     CurveData data = make_curve_data(again, op_, settings_.detrend, settings_.tau_s, settings_.across, Windows::kSome);
     data.basis = basis_;
@@ -161,12 +178,12 @@ public:
   }
 
 private:
-  Series simulated_like(size_t a, uint64_t run) const {
+  Series shaped_like(size_t a, std::vector<double> rate_dph) const {
     const Series& shape = series_[a];
     Series s;
     s.log = shape.log, s.axis = shape.axis, s.t0_s = shape.t0_s, s.dt_s = shape.dt_s, s.n_missing = shape.n_missing;
     if (settings_.criterion == "ml") s.temp_degc = shape.temp_degc;
-    s.rate_dph = simulate_noise(components_, shape.size(), seed_, run, static_cast<uint32_t>(a));
+    s.rate_dph = std::move(rate_dph);
     if (shape.n_missing > 0)
       for (size_t i = 0; i < s.rate_dph.size(); ++i)
         if (std::isnan(shape.rate_dph[i])) s.rate_dph[i] = shape.rate_dph[i];
@@ -189,16 +206,21 @@ std::vector<ErrorModel> refitted(const Refitting& refitting, int runs, int threa
   std::vector<std::optional<ErrorModel>> refits(static_cast<size_t>(runs));
   std::atomic<bool> is_over{false};
   std::atomic<long> n_done{0};
-  parallel_for(
-      runs, threads,
-      [&](long run) {
-        if (is_over) return;
-        refits[static_cast<size_t>(run)] = refitting.refit(run);
-        ++n_done;
-      },
-      [&] {
-        if (watch && !watch(n_done)) is_over = true;
-      });
+  const long together = std::min(refitting.together(), std::max(1L, static_cast<long>(runs) / std::max(1, threads)));
+  parallel_for((runs + together - 1) / together, threads,
+               [&](long i) {
+                 if (is_over) return;
+                 const long first = i * together;
+                 std::vector<std::vector<Series>> records =
+                     refitting.simulated(first, std::min(together, runs - first));
+                 for (size_t k = 0; k < records.size() && !is_over; ++k, ++n_done) {
+                   refits[static_cast<size_t>(first) + k] = refitting.refit(records[k]);
+                   records[k].clear();
+                 }
+               },
+               [&] {
+                 if (watch && !watch(n_done)) is_over = true;
+               });
   std::vector<ErrorModel> out;
   for (const std::optional<ErrorModel>& refit : refits)
     if (refit) out.push_back(*refit);
