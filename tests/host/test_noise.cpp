@@ -13,6 +13,7 @@
 #include "base/rng.h"
 #include "noise/covariance.h"
 #include "noise/gains.h"
+#include "noise/likelihood.h"
 #include "noise/mixture.h"
 #include "noise/steady_filter.h"
 #include "noise/whiten.h"
@@ -281,6 +282,34 @@ static void test_too_many_states_are_refused(void**) {
   compute_gains(SampleTimes{10}, m);
 }
 
+// Five runs of different lengths with gaps: four side by side and one alone, by gains that are kept and by gains that are not.
+static void test_runs_side_by_side_have_the_likelihood_of_each_alone(void**) {
+  NoiseModel follows = model_of(30, {{20, 100}}), all = follows;
+  follows.white_slope = 0.8;
+  all.white_slope = -0.5, all.markov_slope = 0.7, all.tau_slope = 0.4;
+  for (const NoiseModel& model : {follows, all, model_of(30, {{20, 100}}), model_of(30, {})}) {
+    std::vector<Case> cases;
+    for (const size_t n : {700u, 300u, 701u, 4u, 900u}) cases.emplace_back(n, model);
+    std::vector<SampleTimes> times;
+    std::vector<MatrixXd> residuals;
+    std::vector<const double*> columns;
+    double expected = 0;
+    for (const Case& c : cases) {
+      residuals.push_back(50 * random_columns(c.steps.size(), 1, 7 + c.steps.size()));
+      MatrixXd e = residuals.back();
+      const RunGains gains = compute_gains(c.times(), model);
+      whiten(gains, &e);
+      expected -= 0.5 * (gains.sum_log_s + e.squaredNorm());
+      times.push_back(c.times());
+    }
+    for (const MatrixXd& x : residuals) columns.push_back(x.data());
+    assert_true(can_follow(model));
+    assert_near(follow_log_likelihood(times, model, columns), expected, 1e-11 * std::fabs(expected));
+  }
+  assert_false(can_follow(model_of(30, {{20, 100}, {7, 700}})));
+  assert_false(can_follow(model_of(30, {{20, 100}}, 0.3)));
+}
+
 static void test_column_products_are_those_of_the_matrices(void**) {
   Rng rng(8, 0, 0, Stream::kWhite);
   for (long n : {1L, 7L, 8L, 513L, 1100L})
@@ -319,6 +348,7 @@ int main() {
       cmocka_unit_test(test_mixtures_reduce_to_the_gaussian_they_contain),
       cmocka_unit_test(test_mixtures_of_white_noise_are_exact),
       cmocka_unit_test(test_too_many_states_are_refused),
+      cmocka_unit_test(test_runs_side_by_side_have_the_likelihood_of_each_alone),
       cmocka_unit_test(test_column_products_are_those_of_the_matrices),
       cmocka_unit_test(test_a_column_gram_is_the_product_of_columns_with_themselves),
   };

@@ -5,12 +5,6 @@
 
 namespace imucal {
 
-double NoiseStates::white_dph2(size_t k) const {
-  const double white = noise_.white_sigma_dph * noise_.white_sigma_dph / times_.dt_s;
-  return (noise_.white_slope != 0 ? white * std::exp(noise_.white_slope * times_.tn[k]) : white) +
-         noise_.extra_white_dph2 + (extra_dph2_ ? (*extra_dph2_)[static_cast<long>(k)] : 0.0);
-}
-
 double NoiseStates::sigma(size_t i, size_t k) const {
   const double sigma = noise_.markov[i].sigma_dph;
   return i == 0 && noise_.markov_slope != 0 ? sigma * std::exp(0.5 * noise_.markov_slope * times_.tn[k]) : sigma;

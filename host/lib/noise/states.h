@@ -2,6 +2,7 @@
 // Inside the noise room: the state-space form of a noise model and the Gaussian belief about its states.
 #pragma once
 #include <array>
+#include <cmath>
 #include <type_traits>
 #include <vector>
 
@@ -14,11 +15,16 @@ class NoiseStates {
 public:
   NoiseStates(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd* extra_dph2 = nullptr)
       : times_(times), noise_(noise), extra_dph2_(extra_dph2),
-        n_(noise.markov.size() + (noise.walk_dph_per_rt_s > 0 ? 1 : 0)) {}
+        n_(noise.markov.size() + (noise.walk_dph_per_rt_s > 0 ? 1 : 0)),
+        white_dph2_(noise.white_sigma_dph * noise.white_sigma_dph / times.dt_s) {}
   size_t size() const { return n_; }
   bool is_constant() const { return noise_.is_stationary() && !extra_dph2_; }
   bool has_constant_transitions() const { return noise_.markov_slope == 0 && noise_.tau_slope == 0; }
-  double white_dph2(size_t k) const;
+  double white_dph2(size_t k) const {
+    const double here =
+        noise_.white_slope != 0 ? white_dph2_ * std::exp(noise_.white_slope * times_.tn[k]) : white_dph2_;
+    return here + noise_.extra_white_dph2 + (extra_dph2_ ? (*extra_dph2_)[static_cast<long>(k)] : 0.0);
+  }
   double start_dph2(size_t i) const { return i < noise_.markov.size() ? sigma(i, 0) * sigma(i, 0) : 0.0; }
   // From sample k to k + 1.
   void transition(size_t k, double* phi, double* q) const;
@@ -30,6 +36,7 @@ private:
   const NoiseModel& noise_;
   const Eigen::VectorXd* extra_dph2_;
   size_t n_;
+  double white_dph2_; // where no slope changes it
 };
 
 // Covariance of the states, predicted to the next sample.  Order of calls for each sample: spread, update, predict.

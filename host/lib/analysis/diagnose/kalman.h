@@ -8,6 +8,18 @@
 
 namespace imucal {
 
+// A run as the noise room sees it; it holds the temperatures of the used rows where the model reads them.
+class RunTimes {
+public:
+  RunTimes(const CampaignRun& run, bool reads_temperature);
+  RunTimes(RunTimes&&) = default;
+  SampleTimes times() const { return times_; } // good while this and the run live
+
+private:
+  std::vector<double> tn_;
+  SampleTimes times_;
+};
+
 RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd* extra_dph2 = nullptr);
 double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual,
                               Eigen::VectorXd* scores = nullptr, Eigen::VectorXd* hit = nullptr);

@@ -11,6 +11,7 @@
 #include "analysis/diagnose/spectrum.h"
 #include "base/quantile.h"
 #include "base/units.h"
+#include "noise/likelihood.h"
 
 namespace imucal {
 
@@ -70,22 +71,52 @@ std::vector<VectorXd> whitened(const Campaign& campaign, const NoiseModel& noise
 
 } // namespace
 
-double residual_log_likelihood(const Campaign& campaign, const NoiseModel& noise,
-                               const std::vector<VectorXd>& residual) {
-  double sum = 0;
-  GainsByRun by_run(noise);
+ResidualLikelihood::ResidualLikelihood(const Campaign& campaign, const std::vector<VectorXd>& residual)
+    : campaign_(campaign), residual_(residual) {
   for (size_t r = 0; r < residual.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
-    if (noise.is_mixture()) {
-      sum += mixture_log_likelihood(run, noise, residual[r]);
-      continue;
-    }
-    const RunGains& gains = by_run.of(run);
-    VectorXd e = residual[r];
-    whiten(gains, e.data(), static_cast<size_t>(e.size()));
-    sum -= 0.5 * (gains.sum_log_s + e.squaredNorm());
+    times_.emplace_back(run, true);
+    if (alike_.empty() || campaign.runs[alike_.back().first].steps != run.steps) alike_.push_back({r, {}});
+    Eigen::MatrixXd& columns = alike_.back().columns;
+    columns.conservativeResize(residual[r].size(), columns.cols() + 1);
+    columns.rightCols(1) = residual[r];
   }
+}
+
+double ResidualLikelihood::operator()(const NoiseModel& noise) const {
+  const double sum = noise.is_mixture()                            ? of_mixture(noise)
+                     : !noise.is_stationary() && can_follow(noise) ? of_followed(noise)
+                                                                   : of_whitened(noise);
   return std::isfinite(sum) ? sum : -1e300;
+}
+
+double ResidualLikelihood::of_mixture(const NoiseModel& noise) const {
+  double sum = 0;
+  for (size_t r = 0; r < residual_.size(); ++r) sum += mixture_log_likelihood(campaign_.runs[r], noise, residual_[r]);
+  return sum;
+}
+
+double ResidualLikelihood::of_followed(const NoiseModel& noise) const {
+  std::vector<SampleTimes> times;
+  std::vector<const double*> columns;
+  for (size_t r = 0; r < residual_.size(); ++r)
+    times.push_back(times_[r].times()), columns.push_back(residual_[r].data());
+  return follow_log_likelihood(times, noise, columns);
+}
+
+// Gains that follow the temperature are those of one run; others serve all runs of the same times.
+double ResidualLikelihood::of_whitened(const NoiseModel& noise) const {
+  double sum = 0;
+  for (const Alike& runs : alike_) {
+    const long together = noise.is_stationary() ? runs.columns.cols() : 1;
+    for (long c = 0; c < runs.columns.cols(); c += together) {
+      const RunGains gains = compute_gains(campaign_.runs[runs.first + static_cast<size_t>(c)], noise);
+      Eigen::MatrixXd x = runs.columns.middleCols(c, together);
+      whiten(gains, &x);
+      sum -= 0.5 * (gains.sum_log_s * static_cast<double>(together) + x.squaredNorm());
+    }
+  }
+  return sum;
 }
 
 namespace {
@@ -102,6 +133,7 @@ NoiseModel with_factors(const NoiseModel& base, const Theta& x) {
 
 SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start, const std::vector<VectorXd>& residual,
                                const std::function<NoiseModel(const NoiseModel&)>& with) {
+  const ResidualLikelihood log_likelihood(campaign, residual);
   Theta x{0, 0, 0};
   SearchOptions options;
   options.step = 0.3, options.max_evaluations = 60, options.tolerance = 0.02;
@@ -109,7 +141,7 @@ SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start
   out.log_likelihood = maximise(
       [&](const Theta& at) {
         const NoiseModel noise = with_factors(start, at);
-        return residual_log_likelihood(campaign, with ? with(noise) : noise, residual);
+        return log_likelihood(with ? with(noise) : noise);
       },
       &x, {-6, -9, -6}, {6, 9, 6}, options);
   out.base = with_factors(start, x);
@@ -134,15 +166,13 @@ bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments&
 }
 
 // Joint search over the parameters of the effect and of the noise beside it.
-FastFinding fit_fast(const Campaign& campaign, const SecondsNoise& from, const std::vector<VectorXd>& residual,
-                     const Effect& effect) {
+FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNoise& from, const Effect& effect) {
   const EffectEstimator& e = *effect.estimator();
   FastFinding best;
   best.effect = &effect;
   best.gain_nats = -1e300;
   std::vector<std::pair<double, Theta>> starts;
-  for (const Theta& theta : e.starts(from.base))
-    starts.push_back({residual_log_likelihood(campaign, e.noise(from.base, theta), residual), theta});
+  for (const Theta& theta : e.starts(from.base)) starts.push_back({log_likelihood(e.noise(from.base, theta)), theta});
   std::sort(starts.begin(), starts.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
   if (starts.empty()) return best;
   Theta x{0, 0, 0}, lo{-6, -9, -6}, hi{6, 9, 6};
@@ -158,7 +188,7 @@ FastFinding fit_fast(const Campaign& campaign, const SecondsNoise& from, const s
     return theta;
   };
   const auto value = [&](const Theta& at) {
-    return residual_log_likelihood(campaign, e.noise(with_factors(from.base, at), theta_of(at)), residual);
+    return log_likelihood(e.noise(with_factors(from.base, at), theta_of(at)));
   };
   SearchOptions options;
   options.step = 0.3, options.max_evaluations = kProbe, options.tolerance = 0.02;
@@ -169,9 +199,7 @@ FastFinding fit_fast(const Campaign& campaign, const SecondsNoise& from, const s
   best.theta = theta_of(x);
   best.base = with_factors(from.base, x);
   best.gain_nats = top - from.log_likelihood;
-  const auto alone = [&](const Theta& at) {
-    return residual_log_likelihood(campaign, e.noise(best.base, at), residual);
-  };
+  const auto alone = [&](const Theta& at) { return log_likelihood(e.noise(best.base, at)); };
   best.theta_errors = curvature_errors(alone, best.theta, e.theta_lo(), e.theta_hi());
   return best;
 }
@@ -182,11 +210,12 @@ std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const Seconds
                                          const std::vector<VectorXd>& residual,
                                          const std::vector<const Effect*>& library, const std::vector<bool>& active) {
   const Moments m = moments(whitened(campaign, from.base, residual));
+  const ResidualLikelihood log_likelihood(campaign, residual);
   std::vector<FastFinding> list;
   for (size_t j = 0; j < library.size(); ++j) {
     const EffectEstimator* e = library[j]->estimator();
     if (!e || !active[j] || !is_asked(*e, campaign, m)) continue;
-    FastFinding f = fit_fast(campaign, from, residual, *library[j]);
+    FastFinding f = fit_fast(log_likelihood, from, *library[j]);
     if (f.theta.empty()) continue;
     const NoiseModel with = e->noise(f.base, f.theta);
     const bool is_markov = !with.is_mixture() && with.markov.size() > f.base.markov.size();

@@ -10,9 +10,27 @@
 
 namespace imucal {
 
-// Log-likelihood of noise models on a residual (rate minus fitted mean), run by run; Gaussian models and mixtures.
-double residual_log_likelihood(const Campaign& campaign, const NoiseModel& noise,
-                               const std::vector<Eigen::VectorXd>& residual);
+// Log-likelihood of noise models on a residual (rate minus fitted mean) of all runs; Gaussian models and mixtures.
+class ResidualLikelihood {
+public:
+  // Both must outlive it.
+  ResidualLikelihood(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual);
+  double operator()(const NoiseModel& noise) const; // -1e300 where it is not finite
+
+private:
+  double of_mixture(const NoiseModel& noise) const;
+  double of_followed(const NoiseModel& noise) const;
+  double of_whitened(const NoiseModel& noise) const;
+
+  const Campaign& campaign_;
+  const std::vector<Eigen::VectorXd>& residual_;
+  std::vector<RunTimes> times_;
+  struct Alike {
+    size_t first;            // run
+    Eigen::MatrixXd columns; // of it and of the next runs with samples at the same times
+  };
+  std::vector<Alike> alike_;
+};
 
 // White noise, slow density and time constant of a noise model fitted to a residual; its effects stay as they are.
 struct SecondsNoise {

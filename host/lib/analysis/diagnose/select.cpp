@@ -577,7 +577,7 @@ private:
     SlowModel m = out_.slow.best;
     m.is_believed = true;
     const NoiseModel believed = out_.search->seconds_noise_of(m);
-    retuned_nats_ = from_.log_likelihood - residual_log_likelihood(campaign_, believed, final_fit_.residual);
+    retuned_nats_ = from_.log_likelihood - ResidualLikelihood(campaign_, final_fit_.residual)(believed);
     if (retuned_nats_ > constants().retuned_nats) return;
     is_believed_ = true;
     from_.base = believed, from_.log_likelihood -= retuned_nats_;
