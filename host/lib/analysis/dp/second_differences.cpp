@@ -48,8 +48,8 @@ IMUCAL_WIDE void add_squares_abreast(const double* p, const long* n, long b, lon
   add_squares<kAbreast>(p, n, b, e, chains);
 }
 
-// Of the chains that the windows lie in: every t0 of a chain is the same mod `step`.
-double sum_of_chains(Chains s, const SpacedWindows& windows) {
+// Of the chains that the windows lie in (every t0 of a chain is the same mod `step`); the others become 0.
+double sum_of_chains(double* s, const SpacedWindows& windows) {
   for (long c = 0; c < kChains; ++c)
     if ((c - windows.t0.begin) % windows.step != 0) s[c] = 0;
   return ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7]));

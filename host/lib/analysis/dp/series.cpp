@@ -411,7 +411,7 @@ template <size_t K> IMUCAL_WIDE_PART void add_products(const double* x, const do
       Lanes before = {0, 0, 0, 0}, last = {1, 1, 1, 1};
       for (size_t p = 0; p < K; ++p) {
         sums[p][half] += last * v;
-        const Lanes next = p == 0 ? at : 2 * at * last - before;
+        const Lanes next = p == 0 ? at : 2.0 * at * last - before;
         before = last, last = next;
       }
     }
@@ -463,7 +463,7 @@ IMUCAL_WIDE void subtract_polynomials(const double* factor, size_t polynomials, 
     for (size_t half = 0; half < 2; ++half) {
       load_lanes(&at[half], x + i + 4 * half), load_lanes(&v[half], values + i + 4 * half);
       for (size_t p = polynomials - 1; p > 0; --p) {
-        const Lanes next = 2 * at[half] * sum[half] - before[half] + factor[p];
+        const Lanes next = 2.0 * at[half] * sum[half] - before[half] + factor[p];
         before[half] = sum[half], sum[half] = next;
       }
       v[half] -= at[half] * sum[half] - before[half] + factor[0];
