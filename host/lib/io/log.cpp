@@ -26,6 +26,7 @@ constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMaxJumpS = 7 * 86400.0;   // a longer step of the time is a clock that was set
 constexpr double kMaxSpanS = 366 * 86400.0; // a year of seconds still fits into memory
 constexpr double kMinTempDegc = -273.15, kMaxTempDegc = 2000;
+constexpr size_t kStepProbe = 10;         // steps by which times in milliseconds are known
 constexpr double kMaxValue = 1e12;        // of a rate or another column
 constexpr double kMaxIrregularPart = 0.1; // of the steps that are no multiples of the median one
 constexpr double kMaxStepError = 0.25;    // of the median step
@@ -254,7 +255,10 @@ void check_value(const LineReader& in, const Column& column, double value) {
 // The rows of a log after its header, each checked.
 class RowReader {
 public:
-  explicit RowReader(const std::string& path) : in_(path) { header_.path = path == "-" ? path : input_name(path); }
+  explicit RowReader(const std::string& path) : in_(path) {
+    header_.path = path == "-" ? path : input_name(path);
+    protect_from_writing(path);
+  }
 
   // Reads up to the header line and with it.
   void read_header() {
@@ -360,9 +364,11 @@ private:
     if (n_rows_ == 0) first_t_s_ = t_s;
     if (n_rows_ > 0 && t_s - last_t_s_ > kMaxJumpS)
       in_.fail("t_s jumps by " + std::to_string((t_s - last_t_s_) / 86400) +
-               " days; cut the log where its clock was set");
+               " days; cut the log where its clock was set, or bring its times to seconds");
     if (n_rows_ > 0 && t_s <= last_t_s_)
       in_.fail("t_s does not increase; sort the log or cut it where the clock was set back");
+    if (n_rows_ == kStepProbe && std::abs((t_s - first_t_s_) / (1000 * kStepProbe) - 1) < 0.01)
+      notice(header_.path + ": rows are 1000 s apart: are these milliseconds? t_s is in seconds");
     if (t_s - first_t_s_ > kMaxSpanS) in_.fail("the log spans more than 366 days; cut it");
     last_t_s_ = t_s;
   }
@@ -394,6 +400,15 @@ const LogAxis& Log::axis(const std::string& name) const {
     names.push_back(a.name);
   }
   throw data_error(path + ": no axis \"" + name + "\"" + did_you_mean(name, names) + " (there are: " + list + ")");
+}
+
+bool same_rows(const Log& a, const Log& b) {
+  if (a.size() != b.size() || a.axes.empty() || b.axes.empty()) return false;
+  for (size_t i = 0; i < a.size(); ++i) {
+    const double x = a.axes[0].rate_dph[i], y = b.axes[0].rate_dph[i];
+    if (x != y && !(std::isnan(x) && std::isnan(y))) return false;
+  }
+  return true;
 }
 
 std::string Log::place(size_t row) const {

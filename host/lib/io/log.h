@@ -40,6 +40,9 @@ struct Log {
   std::string place(size_t row) const;                // "log.csv:17" for messages
 };
 
+// The same rates of the first axis, one by one: one record given twice.
+bool same_rows(const Log& a, const Log& b);
+
 // path "-": standard input.  gzip is unpacked, a UTF-8 byte-order mark and CR LF are read.
 // A last row without line end is left out, with a notice (io/notice.h): it may be cut off inside a number.
 // data_error names file and line: no header, text where a number belongs, NaN/inf, a rate or temperature that none can be,

@@ -10,12 +10,30 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <mutex>
+#include <set>
 
 #include "base/error.h"
 
 namespace imucal {
 
 namespace {
+
+// Files by device and number.
+using FileNumber = std::pair<dev_t, ino_t>;
+struct ProtectedFiles {
+  std::mutex mutex;
+  std::set<FileNumber> numbers;
+};
+ProtectedFiles& protected_files() {
+  static ProtectedFiles files;
+  return files;
+}
+bool is_protected(const struct stat& file) {
+  ProtectedFiles& files = protected_files();
+  const std::lock_guard<std::mutex> lock(files.mutex);
+  return files.numbers.count({file.st_dev, file.st_ino}) > 0;
+}
 
 [[noreturn]] void cannot_write(const std::string& path, const std::string& reason) {
   throw data_error(path + ": cannot write: " + reason);
@@ -64,9 +82,18 @@ void write_stream(const std::string& path, const std::function<void(std::ostream
   if (::stat(path.c_str(), &existing) != 0) return write_aside(path, write);
   if (S_ISDIR(existing.st_mode)) cannot_write(path, "it is a folder");
   if (!S_ISREG(existing.st_mode)) return write_in_place(path, write);
+  if (is_protected(existing)) cannot_write(path, "it is the log that was read; give another name");
   std::error_code unresolved;
   const std::filesystem::path target = std::filesystem::canonical(path, unresolved);
   write_aside(unresolved ? path : target.string(), write);
+}
+
+void protect_from_writing(const std::string& path) {
+  struct stat file {};
+  if (path == "-" || ::stat(path.c_str(), &file) != 0 || !S_ISREG(file.st_mode)) return;
+  ProtectedFiles& files = protected_files();
+  const std::lock_guard<std::mutex> lock(files.mutex);
+  files.numbers.insert({file.st_dev, file.st_ino});
 }
 
 void write_text(const std::string& path, const std::string& text) {

@@ -13,4 +13,7 @@ void write_text(const std::string& path, const std::string& text);
 // For writers that stream: `write` gets the sink.
 void write_stream(const std::string& path, const std::function<void(std::ostream&)>& write);
 
+// From now on the file at `path`, by whatever name, is not written: data_error.  A record cannot be had again.
+void protect_from_writing(const std::string& path);
+
 } // namespace imucal

@@ -12,6 +12,12 @@ from .errors import DataError, DataWarning
 from .units import DPH_PER_DPS, DPH_PER_RADPS, MG_PER_MS2
 
 _UNITS = {"dph": DPH_PER_DPS / 3600, "dps": DPH_PER_DPS, "radps": DPH_PER_RADPS, "mg": 1.0, "ms2": MG_PER_MS2}
+# What no log holds (host/lib/io/log.cpp has the same limits: what the programs refuse is no valid log).
+_TEMP_DEGC = (-273.15, 2000.0)
+_LARGEST = 1e12
+_LONGEST_JUMP_S, _LONGEST_S = 7 * 86400.0, 366 * 86400.0
+_FEW_ROWS, _STEP_ERROR, _IRREGULAR_PART = 10, 0.25, 0.1
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 #: said of a last row without line end
 CUT_ROW = "the last row has no line end, as where writing was cut off, and is left out; end it with a line end if it is whole"
 
@@ -59,10 +65,9 @@ def _number(text, path, line, column):
     text = text.strip()
     if not text:
         return math.nan
-    try:
-        value = float(text)
-    except ValueError:
-        raise DataError(f"{path}:{line}: column {column}: expected a number, found \"{text}\"") from None
+    if not _NUMBER.fullmatch(text):
+        raise DataError(f"{path}:{line}: column {column}: expected a number, found \"{text}\"")
+    value = float(text)
     if not math.isfinite(value):
         raise DataError(f"{path}:{line}: column {column}: is not a finite number; leave a missing value empty")
     return value
@@ -71,16 +76,64 @@ def _number(text, path, line, column):
 def _rows(path, lines, columns):
     """Parse the rows: fast where every field is a number, line by line where one is not."""
     try:
-        return np.loadtxt([text for _, text in lines], delimiter=",", ndmin=2, usecols=range(len(columns)))
+        table = np.loadtxt([text for _, text in lines], delimiter=",", ndmin=2, comments=None)
+        if table.shape[1] == len(columns) and np.isfinite(table).all():
+            return table
     except ValueError:
         pass
     rows = []
     for number, text in lines:
         fields = text.split(",")
-        if len(fields) < len(columns):
+        if len(fields) != len(columns):
             raise DataError(f"{path}:{number}: expected {len(columns)} fields, found {len(fields)}")
         rows.append([_number(f, path, number, c) for f, c in zip(fields, columns)])
     return np.array(rows)
+
+
+def _check_header(path, number, columns, metadata):
+    """The names and the version."""
+    version = metadata.get("imucal-log", "1")
+    if version != "1":
+        raise DataError(f"{path}:{number}: log version {version} is not known to this program (it knows 1)")
+    for i, name in enumerate(columns, 1):
+        if not name or not name.isprintable():
+            raise DataError(f"{path}:{number}: column {i} has no printable name")
+        if name in columns[:i - 1]:
+            raise DataError(f"{path}:{number}: column \"{name}\" is given twice")
+
+
+def _refuse(path, lines, bad, words):
+    """DataError at the first row that is bad."""
+    if bad.any():
+        raise DataError(f"{path}:{lines[int(np.argmax(bad))][0]}: {words}")
+
+
+def _check_values(path, columns, table, lines):
+    temp = table[:, 1]
+    _refuse(path, lines, (temp < _TEMP_DEGC[0]) | (temp > _TEMP_DEGC[1]), "temp_degc is no temperature in degrees Celsius")
+    for i, name in enumerate(columns[2:], 2):
+        value = table[:, i]
+        _refuse(path, lines, np.abs(value) > _LARGEST, f"column {name}: is beyond +-1e12")
+        if name.endswith("_flags"):
+            is_bits = np.isnan(value) | ((value >= 0) & (value <= 255) & (value == np.floor(value)))
+            _refuse(path, lines, ~is_bits, f"column {name}: expected whole bits 0..255")
+
+
+def _check_steps(path, t_s, lines):
+    """Jumps are a clock that was set; the other steps are multiples of the usual one."""
+    step = np.diff(t_s, prepend=t_s[0])
+    far = step > _LONGEST_JUMP_S
+    days = step[np.argmax(far)] / 86400
+    _refuse(path, lines, far, f"t_s jumps by {days:.6g} days; cut the log where its clock was set, or bring its times to seconds")
+    _refuse(path, lines, t_s - t_s[0] > _LONGEST_S, "the log spans more than 366 days; cut it")
+    if len(t_s) < _FEW_ROWS:
+        return
+    usual = np.median(step[1:])
+    steps = step[1:] / usual
+    odd = np.concatenate([[False], (steps < 0.5) | (np.abs(steps - np.round(steps)) > _STEP_ERROR)])
+    if odd.sum() > _IRREGULAR_PART * (len(t_s) - 1):
+        _refuse(path, lines, odd, f"the rows are irregular: {odd.sum()} of {len(t_s) - 1} steps are no multiple of the usual "
+                f"{usual:g} s; average the log to even seconds")
 
 
 def _axis_of_flags(name, axes):
@@ -114,7 +167,7 @@ def read_log(path):
     path = os.fspath(path)
     metadata, columns, lines = {}, None, []
     try:
-        with open(path, encoding="utf-8") as file:
+        with open(path, encoding="utf-8-sig", newline="\n") as file:
             for number, whole_line in enumerate(file, 1):
                 line = whole_line.rstrip("\r\n")
                 if columns is not None and not whole_line.endswith("\n"):
@@ -124,7 +177,7 @@ def read_log(path):
                 elif not line.strip():
                     continue
                 elif columns is None:
-                    columns = [c.strip() for c in line.split(",")]
+                    columns, header_line = [c.strip() for c in line.split(",")], number
                 else:
                     lines.append((number, line))
     except OSError as error:
@@ -136,6 +189,7 @@ def read_log(path):
     if columns[:2] != ["t_s", "temp_degc"]:
         raise DataError(f"{path}: the header begins with t_s,temp_degc, found \"{','.join(columns[:2])}\"; "
                         f"imucal import {path} -o LOG.csv reads other tables")
+    _check_header(path, header_line, columns, metadata)
     if any(c.endswith("_counts") for c in columns):
         return _decimate_raw(path, metadata, columns, lines)
     if not lines:
@@ -153,6 +207,8 @@ def _check_times(path, t_s, lines):
 
 def _log_of(path, metadata, columns, table, lines):
     _check_times(path, table[:, 0], lines)
+    _check_steps(path, table[:, 0], lines)
+    _check_values(path, columns, table, lines)
     log = Log(table[:, 0].copy(), table[:, 1].copy(), {}, {}, metadata, path)
     for i, name in enumerate(columns[2:], 2):
         stem, _, unit = name.rpartition("_")

@@ -30,6 +30,12 @@ DpOperator operator_of(const Options& o, double dt_s, const std::string& type = 
   return make_dp_operator(dp_type_from_text(wanted), dt_s, nominal, o.estimation_s);
 }
 
+// One record given twice, as it was read.
+bool are_same(const Series& a, const Series& b) {
+  return std::equal(a.rate_dph.begin(), a.rate_dph.end(), b.rate_dph.begin(), b.rate_dph.end(),
+                    [](double x, double y) { return x == y || (std::isnan(x) && std::isnan(y)); });
+}
+
 // All logs and axes, detrended unless raw is wanted; one sampling time.
 std::vector<Series> load_all(const Options& o, bool raw) {
   const Detrend detrend = Detrend::parse(o.detrend);
@@ -39,6 +45,10 @@ std::vector<Series> load_all(const Options& o, bool raw) {
       if (!all.empty() && std::fabs(s.dt_s / all[0].dt_s - 1) > 1e-3)
         throw data_error(log + ": sampling time " + std::to_string(s.dt_s) + " s, but " + all[0].log + " has " +
                          std::to_string(all[0].dt_s) + " s: fit them apart");
+      for (const Series& before : all)
+        if (before.axis == s.axis && are_same(before, s))
+          throw data_error(log + ": the same data as " + before.log +
+                           ": the errors would be too small; give every log once");
       if (!raw) remove_trend(detrend, &s);
       all.push_back(std::move(s));
       if (std::string(axis_unit(all[0].axis)) != axis_unit(all.back().axis))

@@ -57,6 +57,9 @@ CalibrationSetup setup_of(const ErrorOptions& o) {
   CalibrationSetup setup;
   setup.truth = read_model(o.model);
   setup.filter = o.filter_model.empty() ? setup.truth : read_model(o.filter_model);
+  if (setup.filter.unit_or_dph() != setup.truth.unit_or_dph())
+    throw data_error(o.filter_model + ": a model in " + setup.filter.unit_or_dph() + ", that of the sensor, " +
+                     o.model + ", is in " + setup.truth.unit_or_dph() + ": give two models of one sensor");
   setup.order = o.order;
   setup.points = o.points;
   setup.prior_sigma_dph = o.prior_sigma_dph;

@@ -22,15 +22,6 @@ namespace imucal {
 
 namespace {
 
-bool same_rows(const Log& a, const Log& b) {
-  if (a.size() != b.size() || a.axes.empty() || b.axes.empty()) return false;
-  for (size_t i = 0; i < a.size(); ++i) {
-    const double x = a.axes[0].rate_dph[i], y = b.axes[0].rate_dph[i];
-    if (x != y && !(std::isnan(x) && std::isnan(y))) return false;
-  }
-  return true;
-}
-
 std::string identity(const Log& log) {
   std::string out;
   for (const char* key : {"device", "serial"}) {

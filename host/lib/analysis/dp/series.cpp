@@ -65,7 +65,9 @@ private:
   void place(double t_s, double temp_degc, const double* rate, const int* flags) {
     if (n_ > 0) {
       const double steps = std::round((t_s - last_t_s_) / dt_s_);
-      if (steps < 1) fail_at(t_s, "two rows lie within half a step of " + std::to_string(dt_s_) + " s");
+      if (steps < 1)
+        fail_at(t_s,
+                "two rows lie within half a step of " + std::to_string(dt_s_) + " s; average the log to even seconds");
       if (steps + static_cast<double>(n_) > 1e9) fail_at(t_s, "the gap before this row needs more than 1e9 samples");
       for (double k = 1; k < steps; ++k) push(kMissing, nullptr, nullptr);
     }

@@ -15,6 +15,7 @@ namespace imucal {
 namespace {
 
 constexpr double kMinSpanDegc = 0.5;
+constexpr double kWarmerThanAnySensor_degc = 200; // lowest temperature of a log
 constexpr size_t kTemperatures = IMUCAL_TABLE_SIGMA_N;
 constexpr double kUnused = std::numeric_limits<double>::quiet_NaN();
 
@@ -94,6 +95,11 @@ void check_same_device(const std::vector<Log>& logs) {
 void check_logs(const std::vector<Log>& logs, bool ignore_metadata) {
   if (logs.empty()) throw usage_error("no log given");
   if (!ignore_metadata) check_same_device(logs);
+  for (size_t i = 0; i < logs.size(); ++i)
+    for (size_t j = 0; j < i; ++j)
+      if (same_rows(logs[i], logs[j]))
+        throw data_error(logs[i].path + ": the same data as " + logs[j].path +
+                         ": the predicted error would be too small; give every log once");
   for (const Log& log : logs) {
     if (!log.has_temperature())
       throw data_error(log.path + ": column temp_degc is empty: a thermal calibration needs the temperature");
@@ -118,6 +124,9 @@ void judge_span(const std::string& path, const Span& seen, FitAxis* axis, FitRes
     throw data_error(path + ": the temperature never moves (" + std::to_string(span) +
                      " degC in all): a thermal calibration needs a profile that does");
   }
+  if (seen.lo > kWarmerThanAnySensor_degc)
+    result->warnings.push_back(axis->axis + ": temperatures of " + std::to_string(seen.lo) + ".." +
+                               std::to_string(seen.hi) + ": are they in kelvin? temp_degc is in degrees Celsius");
   const double lo = axis->t0_degc - axis->range_degc, hi = axis->t0_degc + axis->range_degc;
   axis->span_lo_degc = std::max(seen.lo, lo);
   axis->span_hi_degc = std::min(seen.hi, hi);

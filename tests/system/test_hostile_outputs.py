@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: MIT
+"""Commands that a tired user types: a result named as the log, one log twice, models of two sensors, times in milliseconds,
+temperatures in kelvin.  A record is never written over, and no figure comes out confident and wrong without a word."""
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+ROOT = Path(__file__).resolve().parents[2]
+BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
+MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
+         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
+PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 2, "to_degc": 60}, {"rate_degc_per_min": 2, "to_degc": 0}]}
+
+
+def run(program, *arguments):
+    return subprocess.run([str(BIN / program), *map(str, arguments)], capture_output=True, text=True, timeout=120)
+
+
+def log_text(seed=1, step_s=1, kelvin=0.0, n=4000):
+    rng = np.random.default_rng(seed)
+    temp = np.round(30 - 30 * np.cos(2 * np.pi * np.arange(n) / n), 3)
+    x, phi = (temp - 30) / 30, np.exp(-0.01)
+    rate = 80 + 300 * x + 150 * x ** 2 - 100 * x ** 3 + 36 * rng.standard_normal(n)
+    rate += lfilter([1], [1, -phi], 20 * np.sqrt(1 - phi ** 2) * rng.standard_normal(n))
+    rows = [f"{step_s * (i + 1)},{temp[i] + kelvin:.3f},{rate[i]:.3f}" for i in range(n)]
+    return "# imucal-log = 1\nt_s,temp_degc,gx_dph\n" + "\n".join(rows) + "\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "log.csv").write_text(log_text())
+    (tmp_path / "model.json").write_text(json.dumps(MODEL))
+    (tmp_path / "profile.json").write_text(json.dumps(PROFILE))
+    (tmp_path / "accel.json").write_text(json.dumps({"imucal_model": 1, "unit": "mg", "white_mg_rt_hz": 0.15, "markov": []}))
+    return tmp_path
+
+
+ONTO = {
+    "dp --json": ("dp", "{log}", "--no-ratios", "--tau", "1,10", "--json", "{to}"),
+    "errormodel fit -o": ("errormodel", "fit", "{log}", "--markov", "1", "--bootstrap", "0", "-o", "{to}"),
+    "errormodel check --json": ("errormodel", "check", "{log}", "--model", "{model}", "--tau", "2,20", "--json", "{to}"),
+    "calibrate fit -o": ("calibrate", "fit", "{log}", "--method", "poly", "-o", "{to}"),
+    "calibrate fit --json": ("calibrate", "fit", "{log}", "--method", "poly", "--json", "{to}"),
+    "diagnose --json": ("diagnose", "--model", "{model}", "--log", "{log}", "--no-cache", "--nulls", "50", "--json", "{to}"),
+    "diagnose --model-out": ("diagnose", "--model", "{model}", "--log", "{log}", "--no-cache", "--nulls", "50", "--model-out", "{to}"),
+    "profile error --json": ("profile", "error", "{log}", "--model", "{model}", "--order", "3", "--json", "{to}"),
+}
+
+
+@pytest.mark.parametrize("command", ONTO)
+@pytest.mark.parametrize("by", ["its name", "a link"])
+def test_a_log_is_never_written_over(folder, command, by):
+    log, to = folder / "log.csv", folder / "log.csv"
+    if by == "a link":
+        to = folder / "result.json"
+        to.symlink_to(log)
+    before = log.read_bytes()
+    program, *arguments = [a.format(log=log, to=to, model=folder / "model.json") for a in ONTO[command]]
+    done = run(program, *arguments)
+    assert log.read_bytes() == before
+    assert done.returncode == 3 and to.name in done.stderr and "give another name" in done.stderr, done.stderr
+    assert sorted(p.name for p in folder.iterdir() if ".part" in p.name) == []
+
+
+@pytest.mark.parametrize("command", [("calibrate", "fit", "--method", "poly"), ("errormodel", "fit", "--markov", "1", "--bootstrap", "0")])
+def test_one_record_given_twice_is_refused(folder, command):
+    """Twice the data would make the errors too small by the root of two."""
+    (folder / "copy.csv").write_text(log_text())
+    (folder / "other.csv").write_text(log_text(seed=2))
+    for second in ("log.csv", "copy.csv"):
+        done = run(*command, folder / "log.csv", folder / second)
+        assert done.returncode == 3 and second in done.stderr and "give every log once" in done.stderr, done.stderr
+    assert run(*command, folder / "log.csv", folder / "other.csv").returncode == 0
+
+
+def test_a_filter_model_of_another_unit_is_refused(folder):
+    done = run("profile", "error", folder / "profile.json", "--model", folder / "model.json", "--order", "3", "--filter-model", folder / "accel.json")
+    assert done.returncode == 3 and "accel.json" in done.stderr and "mg" in done.stderr and "one sensor" in done.stderr
+
+
+@pytest.mark.parametrize("command", [("dp", "--no-ratios"), ("errormodel", "fit", "--markov", "1", "--bootstrap", "0"),
+                                     ("calibrate", "fit", "--method", "poly")])
+def test_times_in_milliseconds_are_remarked(folder, command):
+    (folder / "ms.csv").write_text(log_text(step_s=1000))
+    said = run(*command, folder / "ms.csv").stderr
+    assert "ms.csv" in said and "1000 s apart" in said and "milliseconds" in said
+    assert "1000 s apart" not in run(*command, folder / "log.csv").stderr
+
+
+def test_temperatures_in_kelvin_are_remarked(folder):
+    (folder / "kelvin.csv").write_text(log_text(kelvin=273.15))
+    assert "kelvin?" in run("calibrate", "fit", "--method", "poly", folder / "kelvin.csv").stderr
+    assert "kelvin?" not in run("calibrate", "fit", "--method", "poly", folder / "log.csv").stderr
