@@ -5,13 +5,14 @@ import json
 import os
 import subprocess
 import tempfile
+import warnings
 
 import numpy as np
 
 from .ahead import ahead
 from .cli import common_options, finish_json, parser_of
 from .diagnosis_words import many
-from .errors import DataError
+from .errors import DataError, DataWarning
 from .firstlook import lattice_of, look_at_axis
 from .importers import Options, detect, import_log
 from .log import read_log, write_log
@@ -20,6 +21,8 @@ from .plot.loading import load_renderer
 from .programs import find
 
 
+_FEWEST_S = 100
+_NO_RATE = 1 | 4  # flags: saturated, sensor fault
 #: above this share of the smoothed residual's variance a loop is suspected
 LOOP_SHARE = 0.5
 
@@ -58,6 +61,26 @@ def _axes(log, wanted):
         if name not in log.rates:
             raise DataError(f"{log.path}: no axis \"{name}\" (there are: {', '.join(log.axes)})")
     return (wanted or log.axes)[:6]
+
+
+def _usable(path, log, axes):
+    """The axes that can be looked at.  Seconds that are flagged as saturated or faulty lose their rate, as in all programs."""
+    usual_s = np.median(np.diff(log.t_s))
+    if abs(usual_s - 1) > 0.01:
+        remedy = "are these milliseconds? t_s is in seconds" if abs(usual_s / 1000 - 1) < 0.01 else \
+            "average them to seconds" if usual_s < 1 else "dp and errormodel take any regular step"
+        raise DataError(f"{path}: rows are {usual_s:g} s apart, a look takes one a second: {remedy}")
+    for axis in axes:
+        if axis in log.flags:
+            log.rates[axis] = np.where(log.flags[axis] & _NO_RATE, np.nan, log.rates[axis])
+    seconds = {axis: int(np.isfinite(log.rates[axis]).sum()) for axis in axes}
+    few = [axis for axis in axes if seconds[axis] < _FEWEST_S]
+    words = "; ".join(f"axis {axis} has {many(seconds[axis], 'usable second')}" for axis in few)
+    if len(few) == len(axes):
+        raise DataError(f"{path}: {words}: too few to look at; are they empty, or flagged?")
+    if few:
+        warnings.warn(f"{path}: {words}: left out", DataWarning, stacklevel=2)
+    return [axis for axis in axes if axis not in few]
 
 
 class Likelihood:
@@ -168,10 +191,12 @@ def text_lines(given, log, looks, imported):
     lines = [f"{given.file}: {sensor}: {np.ptp(log.t_s) + 1:.0f} s ({(np.ptp(log.t_s) + 1) / 60:.0f} min), {span}, {len(log.axes)} axes",
              _gap_line(log, imported), _lattice_line(log, looks)]
     for look in looks:
-        fine = np.isfinite(look.rate)
+        fine = np.isfinite(look.residual)
         travel = np.ptp(look.rate[fine] - look.residual[fine]) if len(look.poly) > 1 else 0.0
+        least = f"Allan minimum {look.allan.min():.3g} at {look.allan_tau_s[look.allan.argmin()]:.0f} s" if len(look.allan) else \
+            "no Allan deviation: no seconds stand side by side"
         lines.append(f"{look.axis}: mean {np.nanmean(look.rate):.5g} {look.unit}, bias travel {travel:.4g} (order {len(look.poly) - 1}), smoothed residual rms "
-                     f"{np.sqrt(np.nanmean(look.smooth ** 2)):.3g}, Allan minimum {look.allan.min():.3g} at {look.allan_tau_s[look.allan.argmin()]:.0f} s")
+                     f"{np.sqrt(np.nanmean(look.smooth ** 2)):.3g}, {least}")
     if any(look.unit == "mg" for look in looks):
         lines.append("accelerometer: the mean, and b0 of the polynomial, hold gravity as it lay: a static test cannot tell it from the bias")
     lines += [_noise_line(look) for look in looks]
@@ -204,8 +229,9 @@ def _look(given):
     matplotlib_is_there = ahead(load_renderer)  # takes as long as reading the log
     log, imported = _load(given)
     axes = _axes(log, given.axis)
-    if len(log.t_s) < 100:
+    if len(log.t_s) < _FEWEST_S:
         raise DataError(f"{given.file}: {len(log.t_s)} s at rest are too short to look at; record at least some minutes (a calibration: an hour or more)")
+    axes = _usable(given.file, log, axes)
     output = given.output or os.path.splitext(os.path.basename(given.file))[0] + ".look.png"
     likelihood = Likelihood(given.file, log, [] if given.no_ml else axes, given.order, imported)
     try:

@@ -76,14 +76,18 @@ def _every(n):
 
 
 def _shown(values):
-    """Places of the dots to draw: every n-th, and the 100 that lie farthest from their neighbours: no lone value is lost."""
+    """Places of the dots to draw: every n-th, and the 100 that lie farthest from their neighbours, and one of those where the n-th
+    is missing: no lone value is lost."""
     step = max(1, len(values) // _MAX_POINTS)
     every = _every(len(values))
     if step == 1:
         return every
-    blocks = values[:len(values) - len(values) % step].reshape(-1, step)
-    off = np.abs(blocks - np.nanmedian(np.where(np.isfinite(blocks).any(axis=1, keepdims=True), blocks, 0.0), axis=1, keepdims=True))
-    return np.union1d(every, np.argsort(-np.nan_to_num(off).ravel())[:100])
+    blocks = np.concatenate([values, np.full(-len(values) % step, np.nan)]).reshape(-1, step)
+    there = np.isfinite(blocks)
+    off = np.abs(blocks - np.nanmedian(np.where(there.any(axis=1, keepdims=True), blocks, 0.0), axis=1, keepdims=True))
+    hidden = np.flatnonzero(~there[:, 0] & there.any(axis=1))  # the n-th is missing, another is there
+    shown = np.concatenate([every, np.argsort(-np.nan_to_num(off).ravel())[:100], hidden * step + there[hidden].argmax(axis=1)])
+    return np.unique(shown[shown < len(values)])
 
 
 def rate_against_time(ax, log, axis, unit="dph"):
