@@ -90,6 +90,32 @@ static MatrixXd dense_covariance(const CampaignRun& run, const NoiseModel& noise
   return c;
 }
 
+// A row smooths over its neighbours in time: on a steady ramp, missing minutes make no slopes that were not there.
+static void test_slopes_beside_missing_rows_are_those_of_the_temperature(void**) {
+  for (const double noise_degc : {0.0, 0.02}) {
+    Log log = simulated_log(9, 4000, true, 0);
+    Rng rng(9, 0, 0, Stream::kWhite);
+    for (double& temp : log.temp_degc) temp += noise_degc * rng.normal();
+    const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+    const RunInput& in = campaign.runs[0].input;
+    for (size_t i = 0; i < in.size(); ++i) {
+      const double t = in.t_s[i], half = 2000;
+      if (std::fabs(t - half) < 150) continue; // the corner is rounded
+      assert_near(in.smooth_degc[i], 60 * (t < half ? t / half : 2 - t / half), 0.01 + noise_degc);
+      assert_near(in.rate_degc_min[i], t < half ? 1.8 : -1.8, 0.01 + 4 * noise_degc);
+    }
+  }
+}
+
+// Across hours without a row nothing is known: each stretch is smoothed alone.
+static void test_slopes_do_not_reach_across_a_long_gap(void**) {
+  Log log = simulated_log(9, 4000, false, 0);
+  for (size_t k = 1000; k < log.t_s.size(); ++k) log.t_s[k] += 7200;
+  const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+  const RunInput& in = campaign.runs[0].input;
+  for (size_t i = 900; i < 1100; ++i) assert_near(in.rate_degc_min[i], 1.8, 1e-6);
+}
+
 static void test_likelihood_equals_that_of_the_dense_gaussian_with_gaps(void**) {
   const Campaign campaign = make_campaign({simulated_log(3, 900, true, 0)}, "gx_dph", nominal_model());
   Hypothesis h = nominal_hypothesis();
@@ -959,6 +985,8 @@ int main() {
       cmocka_unit_test(test_what_a_free_shape_foretells_opens_a_name_to_its_family),
       cmocka_unit_test(test_a_small_jump_beside_two_large_ones_makes_no_noise_of_them),
       cmocka_unit_test(test_slips_that_outweigh_the_answer_leave_no_name),
+      cmocka_unit_test(test_slopes_beside_missing_rows_are_those_of_the_temperature),
+      cmocka_unit_test(test_slopes_do_not_reach_across_a_long_gap),
       cmocka_unit_test(test_kinds_of_noise_stand_beside_other_parameters),
       cmocka_unit_test(test_what_settles_within_minutes_is_no_creep),
       cmocka_unit_test(test_noise_that_axes_share_is_told_from_slow_causes_of_both),

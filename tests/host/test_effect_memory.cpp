@@ -209,6 +209,29 @@ static void test_warm_restarts_have_less_of_the_warm_up(void**) {
   assert_in_range(n_below, 160, 240);
 }
 
+// dTg/dt = (T - Tg)/tau by small steps, and its slope: a place some seconds behind the thermometer feels that one.
+static void test_rate_near_the_thermometer_is_that_of_a_place_behind_it(void**) {
+  RunInput run;
+  std::vector<double> place_degc;
+  double place = 20;
+  const auto thermometer = [](double t) { return 20 + 5 * std::sin(t / 90) * std::min(1.0, t / 300); };
+  for (int k = 0; k < 2000; ++k) {
+    run.t_s.push_back(k), run.tick.push_back(k), run.rate_dph.push_back(0);
+    run.temp_degc.push_back(thermometer(k)), place_degc.push_back(place);
+    for (int i = 0; i < 100; ++i) place += 0.01 / 8 * (thermometer(k + 0.01 * i) - place);
+  }
+  run.smooth_degc = run.temp_degc;
+  run.rate_degc_min.assign(run.t_s.size(), 0.0);
+  for (size_t k = 1; k + 1 < run.t_s.size(); ++k)
+    run.rate_degc_min[k] = 30 * (run.temp_degc[k + 1] - run.temp_degc[k - 1]);
+  const Column column = find_effect("temperature_rate").estimator()->columns(run, {8})[0];
+  const Column temp = find_effect("temperature_sensor_quantization").estimator()->temperature(run, {0.5, 8});
+  for (size_t k = 400; k + 1 < run.t_s.size(); ++k) {
+    assert_near(column[k], 30 * (place_degc[k + 1] - place_degc[k - 1]), 0.01, "slope");
+    assert_near(temp[k], place_degc[k], 0.01, "temperature");
+  }
+}
+
 // A tone of 0.01 Hz + 1e-4 Hz/degC on a ramp of a/60 degC/s: its phase is a quadratic in time.
 static void test_tone_drifts_by_the_integral_of_temperature(void**) {
   std::vector<double> temp;
@@ -399,6 +422,7 @@ int main() {
       cmocka_unit_test(test_typical_sizes_are_valid_and_ordered),
       cmocka_unit_test(test_warm_restarts_have_less_of_the_warm_up),
       cmocka_unit_test(test_tone_drifts_by_the_integral_of_temperature),
+      cmocka_unit_test(test_rate_near_the_thermometer_is_that_of_a_place_behind_it),
       cmocka_unit_test(test_start_is_shared_by_axes_and_new_in_every_run),
       cmocka_unit_test(test_start_can_be_asked_for),
       cmocka_unit_test(test_columns_span_what_is_simulated_from_any_start),

@@ -309,3 +309,56 @@ def test_a_tone_in_one_of_two_logs_is_said_to_be_there_with_the_root_mean_square
     assert names(axis) == ["sinusoid"] and axis["where"]["logs"] == [0]
     found = axis["effects"][0]
     assert found["parameters"]["amplitude_dph"] == pytest.approx(25 / math.sqrt(2), abs=4 * found["std_errors"]["amplitude_dph"])
+
+
+CHAMBER = {"imucal_profile": 1, "start_degc": 0, "segments": [
+    {"rate_degc_per_min": 0, "duration_s": 300}, {"rate_degc_per_min": 3, "to_degc": 40}, {"rate_degc_per_min": 0, "duration_s": 900},
+    {"rate_degc_per_min": 2, "to_degc": 10}, {"rate_degc_per_min": 0, "duration_s": 900}, {"rate_degc_per_min": 1, "to_degc": 60},
+    {"rate_degc_per_min": 0, "duration_s": 600}]}
+
+
+def rewrite(path, change, keep=lambda k: True):
+    """The rows of a log as change(times, temperatures, rates) -> (temperatures, rates) leaves them."""
+    lines = Path(path).read_text().splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith("t_s"))
+    t, temp, rate = map(list, zip(*([float(x) for x in line.split(",")[:3]] for line in lines[at + 1:])))
+    temp, rate = change(t, temp, rate)
+    rows = [f"{t[k]:g},{temp[k]:.6f},{rate[k]:.6f}" for k in range(len(t)) if keep(k)]
+    Path(path).write_text("\n".join([*lines[:at], "t_s,temp_degc,gx_dph", *rows]) + "\n")
+
+
+def behind(temp, tau_s):
+    """A place that follows the thermometer: Tg' = (T - Tg)/tau."""
+    out = [temp[0]]
+    for value in temp[1:]:
+        out.append(out[-1] + (1 - math.exp(-1 / tau_s)) * (value - out[-1]))
+    return out
+
+
+def test_rate_of_temperature_is_named_where_rows_are_missing_and_the_thermometer_is_not_at_the_element(lab):
+    """45 dph per degC/min of an element 8 s behind its thermometer, minutes of the record lost.  By rows that happen to stand
+    next to each other, a minute that is missing was a slope of its own, and seconds between the two a shape that nobody knew."""
+    def change(t, temp, rate):
+        place = behind(temp, 8)
+        return temp, [r + 45 * 30 * (place[min(k + 1, len(t) - 1)] - place[max(k - 1, 0)]) for k, r in enumerate(rate)]
+
+    logs = lab.logs("rate", [], n=3, seed=21, profile=lab.write("chamber.json", CHAMBER))
+    for i, path in enumerate(logs):
+        rewrite(path, change, lambda k: k % 211 != 7 and not 500 + 300 * i < k < 580 + 320 * i)
+    axis = lab.run(logs[:2], "--holdout", logs[2])["axes"][0]
+    assert names(axis) == ["temperature_rate"], lab.text
+    found = axis["effects"][0]
+    assert found["parameters"]["k_dph_per_degc_min"] == pytest.approx(45, abs=4 * found["std_errors"]["k_dph_per_degc_min"])
+    assert axis["verdict"] == "explained"
+
+
+def test_coarse_thermometer_is_not_a_lag_where_the_element_is_seconds_behind_it(lab):
+    """B at the element, the log rounded to 1.2 degC.  A lag takes B at a smooth temperature and mends the steps too."""
+    model = lab.write("steep.json", {**MODEL, "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 2500, 300, -200]}})
+    fine = lab.logs("steps", [{"name": "thermal_lag", "parameters": {"tau_s": 6, "start": "settled"}}], n=3, seed=22,
+                    profile=lab.write("chamber.json", CHAMBER), model=model)
+    for path in fine:
+        rewrite(path, lambda t, temp, rate: ([1.2 * round(x / 1.2) for x in temp], rate))
+    axis = lab.run(fine[:2], "--holdout", fine[2], model=model)["axes"][0]
+    assert axis["effects"][0]["name"] == "temperature_sensor_quantization", lab.text
+    assert axis["effects"][0]["parameters"]["lsb_degc"] == pytest.approx(1.2, abs=0.01)

@@ -10,6 +10,7 @@ namespace imucal {
 namespace {
 
 constexpr double kSmoothing_s = 40.0;    // standard deviation of the Gaussian for a coarse or noisy thermometer
+constexpr double kLongestFilled_s = 300; // longer holes: what the temperature did in them is not known
 constexpr double kSameDegc = 1e-6;       // rounding of a printed temperature
 constexpr double kNoisy_degc = 0.01;     // thermometer noise that needs all of it
 constexpr double kCoarseFraction = 0.02; // fewer distinct temperatures than this part of the rows: coarse steps
@@ -145,23 +146,42 @@ double smoothing_s(const std::vector<double>& temp, bool is_coarse) {
   return std::clamp(kSmoothing_s * std::pow(thermometer_noise(temp) / kNoisy_degc, 2.0 / 3.0), 1.0, kSmoothing_s);
 }
 
+// Smooth temperature and its slope in the rows [first, end), between which no more than short holes are: straight lines
+// fill them, so that a row smooths over its neighbours in time, not over the rows that happen to stand next to it.
+void smooth_stretch(const Column& temp, size_t first, size_t end, size_t half, RunInput* in) {
+  const size_t from = static_cast<size_t>(in->tick[first]);
+  const auto place = [&](size_t row) { return static_cast<size_t>(in->tick[row]) - from; };
+  Column grid(place(end - 1) + 1, temp[first]);
+  for (size_t row = first + 1; row < end; ++row) {
+    const size_t before = place(row - 1), here = place(row);
+    for (size_t k = before + 1; k <= here; ++k)
+      grid[k] = temp[row - 1] +
+                (temp[row] - temp[row - 1]) * static_cast<double>(k - before) / static_cast<double>(here - before);
+  }
+  grid = smoothed(grid, half);
+  for (size_t row = first; row < end; ++row) {
+    const size_t k = place(row), before = k ? k - 1 : 0, after = k + 1 < grid.size() ? k + 1 : k;
+    in->smooth_degc[row] = grid[k];
+    if (after > before)
+      in->rate_degc_min[row] = 60.0 * (grid[after] - grid[before]) / (static_cast<double>(after - before) * in->dt_s);
+  }
+}
+
 void derive(CampaignRun* run, bool is_coarse, bool has_temperature) {
   RunInput& in = run->input;
   const size_t n = in.size();
   in.tn.assign(n, 0.0);
   in.rate_degc_min.assign(n, 0.0);
-  if (!has_temperature) {
-    in.smooth_degc = in.temp_degc;
-    return;
-  }
-  in.smooth_degc = is_coarse ? dequantised(in.t_s, in.temp_degc) : in.temp_degc;
-  in.smooth_degc =
-      smoothed(in.smooth_degc, static_cast<size_t>(std::lround(smoothing_s(in.temp_degc, is_coarse) / in.dt_s)));
-  for (size_t i = 0; i < n; ++i) {
-    in.tn[i] = in.normalised(in.temp_degc[i]);
-    const size_t before = i ? i - 1 : 0, after = i + 1 < n ? i + 1 : i;
-    if (after > before)
-      in.rate_degc_min[i] = 60.0 * (in.smooth_degc[after] - in.smooth_degc[before]) / (in.t_s[after] - in.t_s[before]);
+  in.smooth_degc = in.temp_degc;
+  if (!has_temperature) return;
+  for (size_t i = 0; i < n; ++i) in.tn[i] = in.normalised(in.temp_degc[i]);
+  const Column temp = is_coarse ? dequantised(in.t_s, in.temp_degc) : in.temp_degc;
+  const double smoothing = smoothing_s(in.temp_degc, is_coarse);
+  const double longest_hole_s = std::max(kLongestFilled_s, 2 * smoothing);
+  for (size_t first = 0, i = 1; i <= n; ++i) {
+    if (i < n && in.t_s[i] - in.t_s[i - 1] <= longest_hole_s) continue;
+    smooth_stretch(temp, first, i, static_cast<size_t>(std::lround(smoothing / in.dt_s)), &in);
+    first = i;
   }
 }
 

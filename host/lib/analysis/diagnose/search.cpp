@@ -29,7 +29,7 @@ constexpr int kRounds = 2;               // of exchanges
 constexpr double kWorthwhile_nats = 0.5; // that a round has to gain for another one
 constexpr size_t kMostNames = 3;
 constexpr size_t kPartsKept = 12, kColumnsKept = 4;
-const char kCalibrationVersion[] = "6"; // changes whenever a draw would gain something else
+const char kCalibrationVersion[] = "7"; // changes whenever a draw would gain something else
 constexpr size_t kMostSteps = 6, kStepPlaces = 12;
 
 // Standard deviations of the weak prior of log(white), log(slow density), log(tau).
@@ -159,11 +159,21 @@ struct SlowSearch::Impl {
   std::vector<Theta> shapes_of(const EffectEstimator& estimator) const {
     const RunInput& run = data.campaign.runs.front().input;
     if (estimator.form() == Form::kRunRandom) return {{data.spread_dph}};
-    if (estimator.concerns_coarse_thermometer()) return {{data.campaign.temp_lsb_degc}};
     std::vector<Theta> grid = estimator.grid_on(run, data.campaign.lo_degc, data.campaign.hi_degc);
+    if (estimator.concerns_coarse_thermometer()) grid = {{data.campaign.temp_lsb_degc}};
+    if (estimator.is_near_thermometer()) grid = at_nearby_lags(grid);
     grid.erase(std::remove_if(grid.begin(), grid.end(), [&](const Theta& at) { return !is_repeated(estimator, at); }),
                grid.end());
     return grid;
+  }
+  static std::vector<Theta> at_nearby_lags(const std::vector<Theta>& grid) {
+    std::vector<Theta> out;
+    for (double part : {-0.5, 0.0, 0.5})
+      for (Theta shape : grid) {
+        shape.push_back(part * EffectEstimator::kNearby_s);
+        out.push_back(shape);
+      }
+    return out;
   }
   bool is_repeated(const EffectEstimator& estimator, const Theta& shape) const {
     std::vector<const RunInput*> runs;
@@ -294,6 +304,8 @@ struct SlowSearch::Impl {
     }
     for (SlowModel::Name& name : m->names) {
       const EffectEstimator& e = *candidates[name.candidate].scan.estimator;
+      const double near_s = EffectEstimator::kNearby_s;
+      if (e.is_near_thermometer()) axes.push_back({&name.shape.back(), 0.25 * near_s, -near_s, near_s, false});
       if (!candidates[name.candidate].effect || e.shape_lo().size() != name.shape.size()) continue;
       for (size_t i = 0; i < name.shape.size(); ++i)
         axes.push_back({&name.shape[i], first_step(candidates[name.candidate], i, name.shape[i]), e.shape_lo()[i],

@@ -100,6 +100,11 @@ public:
   }
   virtual Theta shape_lo() const { return {}; }
   virtual Theta shape_hi() const { return {}; }
+  // The thermometer is never quite where an effect arises.  Where seconds between the two matter, one more parameter
+  // stands last in a shape: by how much that place lags the thermometer (negative: leads it), at most kNearby_s.  It
+  // belongs to the measurement, not to the effect: nothing is said of it.
+  virtual bool is_near_thermometer() const { return false; }
+  static constexpr double kNearby_s = 15;
   virtual size_t n_columns() const { return 1; }
   // kColumns, kRunRandom, kTone: one value per row of the run, for each column.
   virtual std::vector<Column> columns(const RunInput&, const Theta&) const { return {}; }

@@ -2,6 +2,7 @@
 // Bias proportional to the rate of temperature change: rate += k dT/dt.  Source: thermal gradients over the
 // sensor (Shupe 1980 for fibre gyros; the usual T-dot term of MEMS thermal models).
 #include "physics/effects/estimation.h"
+#include "physics/effects/lagged.h"
 
 namespace imucal {
 namespace {
@@ -41,7 +42,10 @@ public:
   }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
-  std::vector<Column> columns(const RunInput& run, const Theta&) const override { return {run.rate_degc_min}; }
+  bool is_near_thermometer() const override { return true; }
+  std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
+    return {lagged(run.t_s, run.rate_degc_min, nearby_lag_s(shape, 0), 0)};
+  }
   double notable() const override { return 0.5; }
   PriorScale prior() const override { return {1, true, 1}; }
   Parameters values(const Estimate& e) const override { return {{"k_dph_per_degc_min", e.coefficient(0)}}; }

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
+#include "physics/effects/lagged.h"
 
 namespace imucal {
 namespace {
@@ -32,7 +33,10 @@ public:
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kTemperature; }
   // The shape is the step itself: measured from the logged temperatures, not fitted.
-  Column temperature(const RunInput& run, const Theta&) const override { return run.smooth_degc; }
+  bool is_near_thermometer() const override { return true; }
+  Column temperature(const RunInput& run, const Theta& shape) const override {
+    return lagged(run.t_s, run.smooth_degc, nearby_lag_s(shape, 1), 0);
+  }
   bool concerns_coarse_thermometer() const override { return true; }
   Parameters values(const Estimate& e) const override { return {{"lsb_degc", e.shape_at(0)}}; }
 };

@@ -9,37 +9,11 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
+#include "physics/effects/lagged.h"
 #include "physics/effects/start_state.h"
 
 namespace imucal {
 namespace {
-
-// The gyro's temperature ahead of `temp` by `lead` seconds of its slope.
-Column ahead(const std::vector<double>& t_s, const std::vector<double>& temp, double lead_s) {
-  Column out = temp;
-  const size_t n = temp.size();
-  for (size_t i = 0; i < n && n > 1; ++i) {
-    const size_t before = i ? i - 1 : 0, after = i + 1 < n ? i + 1 : i;
-    out[i] += lead_s * (temp[after] - temp[before]) / (t_s[after] - t_s[before]);
-  }
-  return out;
-}
-
-// The gyro's temperature behind (tau > 0) or ahead (tau < 0) of `temp`, from `offset_degc` off at the start.
-// Exact for a temperature that is linear between the seconds (Tg follows a ramp at a distance tau dT/dt).
-Column lagged(const std::vector<double>& t_s, const std::vector<double>& temp, double tau, double offset_degc) {
-  if (tau <= 0) return ahead(t_s, temp, -tau);
-  Column out = temp;
-  if (!out.empty()) out[0] += offset_degc;
-  double last_dt = -1, a = 0;
-  for (size_t i = 1; i < temp.size(); ++i) {
-    const double dt = t_s[i] - t_s[i - 1];
-    if (dt != last_dt) a = std::exp(-dt / tau), last_dt = dt;
-    const double distance = tau * (temp[i] - temp[i - 1]) / dt;
-    out[i] = a * (out[i - 1] - temp[i - 1] + distance) + temp[i] - distance;
-  }
-  return out;
-}
 
 // The distance at which the gyro follows the steepest minute of the run, at most half of its temperatures.
 double largest_offset_degc(const std::vector<double>& t_s, const std::vector<double>& temp, double tau) {
