@@ -75,8 +75,8 @@ def test_messages_and_results_name_the_user_s_file_not_the_imported_copy(tmp_pat
 def test_program_reads_text_of_other_programs_directly(kind, tmp_path):
     path = foreign.write(kind, tmp_path, foreign.recording(duration_s=200))
     imucal("dp", path, "--type", "av", "--tau", "1:5", "--json", tmp_path / "direct.json", "--quiet")
-    imucal("import", path, "-o", tmp_path / "log.csv")
-    imucal("dp", tmp_path / "log.csv", "--type", "av", "--tau", "1:5", "--json", tmp_path / "two.json", "--quiet")
+    imucal("import", path, "-o", tmp_path / "imported.csv")
+    imucal("dp", tmp_path / "imported.csv", "--type", "av", "--tau", "1:5", "--json", tmp_path / "two.json", "--quiet")
     one, two = (json.loads((tmp_path / n).read_text())["curves"] for n in ("direct.json", "two.json"))
     assert [c["dp_dph"] for c in one] == [c["dp_dph"] for c in two]
 

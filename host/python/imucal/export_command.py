@@ -5,7 +5,7 @@ import sys
 
 from .cli import common_options, finish_json, parser_of
 from .errors import DataError
-from .log import write_text
+from .log import keep_input, write_text
 from .table import read_json, read_table
 
 _TABLE = {"px4": "px4", "ardupilot": "ardupilot", "c-header": "c_header", "json": "plain_json"}
@@ -40,6 +40,7 @@ def _export(given):
 def run(arguments):
     """Run the command; returns the exit status."""
     given = _parser().parse_args(arguments)
+    keep_input(given.file, given.output, given.json)
     text, notes = _export(given)
     write_text(given.output, text)
     for note in notes:

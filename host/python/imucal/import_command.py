@@ -6,7 +6,7 @@ import sys
 from .cli import common_options, finish_json, parser_of
 from .errors import DataError
 from .importers import FORMATS, Options, describe, import_log, open_file
-from .log import write_log
+from .log import keep_input, write_log
 
 
 def _parser():
@@ -65,6 +65,7 @@ def run(arguments):
         finish_json(given.json, {"format": name, "sensors": sensors})
         return 0
     output = given.output or _default_output(given.file)
+    keep_input(given.file, output, given.json)
     result = import_log(given.file, options)
     write_log(output, result.log)
     if not given.notes_only and not given.quiet and output != "-" and given.json != "-":

@@ -263,21 +263,37 @@ def _text(values, digits):
     return ["" if v != v else repr(v)[:-2] if v == int(v) and abs(v) < 1e15 else repr(v) for v in np.round(values, digits).tolist()]
 
 
+def write_bytes(path, data):
+    """Write a whole file or nothing: to a temporary name in the same folder, then renamed; through a link, its target.  A device
+    or pipe is written to as it is: renaming onto it would take it away."""
+    path = os.fspath(path)
+    in_place = os.path.exists(path) and not os.path.isfile(path)
+    target = os.path.realpath(path)
+    temporary = target if in_place else f"{target}.tmp{os.getpid()}"
+    try:
+        with open(temporary, "wb") as file:
+            file.write(data)
+        if not in_place:
+            os.replace(temporary, target)
+    except OSError as error:
+        if not in_place and os.path.exists(temporary):
+            os.unlink(temporary)
+        raise DataError(f"{path}: cannot write: {error.strerror}") from None
+
+
 def write_text(path, text):
-    """Write a whole file or nothing: to a temporary name in the same folder, then renamed.  "-" is standard output."""
+    """write_bytes of a text; "-" is standard output."""
     if path == "-":
         print(text, end="")
         return
-    path = os.fspath(path)
-    temporary = f"{path}.tmp{os.getpid()}"
-    try:
-        with open(temporary, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        os.replace(temporary, path)
-    except OSError as error:
-        if os.path.exists(temporary):
-            os.unlink(temporary)
-        raise DataError(f"{path}: cannot write: {error.strerror}") from None
+    write_bytes(path, text.encode("utf-8"))
+
+
+def keep_input(source, *outputs):
+    """DataError where a result is named as the file that it comes from: a record cannot be had again."""
+    for output in outputs:
+        if output and output != "-" and os.path.exists(output) and os.path.exists(source) and os.path.samefile(source, output):
+            raise DataError(f"{output}: cannot write: it is the file that is read; give another name")
 
 
 def write_log(path, log):

@@ -15,7 +15,7 @@ from .diagnosis_words import many
 from .errors import DataError, DataWarning
 from .firstlook import lattice_of, look_at_axis
 from .importers import Options, detect, import_log
-from .log import read_log, write_log
+from .log import keep_input, read_log, write_log
 from .plot import look_page, save_page
 from .plot.loading import load_renderer
 from .programs import find
@@ -226,13 +226,14 @@ def run(arguments):
 
 
 def _look(given):
+    output = given.output or os.path.splitext(os.path.basename(given.file))[0] + ".look.png"
+    keep_input(given.file, output, given.json)
     matplotlib_is_there = ahead(load_renderer)  # takes as long as reading the log
     log, imported = _load(given)
     axes = _axes(log, given.axis)
     if len(log.t_s) < _FEWEST_S:
         raise DataError(f"{given.file}: {len(log.t_s)} s at rest are too short to look at; record at least some minutes (a calibration: an hour or more)")
     axes = _usable(given.file, log, axes)
-    output = given.output or os.path.splitext(os.path.basename(given.file))[0] + ".look.png"
     likelihood = Likelihood(given.file, log, [] if given.no_ml else axes, given.order, imported)
     try:
         looks = [look_at_axis(log, axis, given.order) for axis in axes]

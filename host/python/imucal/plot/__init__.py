@@ -10,6 +10,7 @@ import os
 import numpy as np
 
 from ..errors import DataError
+from ..log import write_bytes
 from .loading import load
 from .page import GRID, INK, Page, Panel
 
@@ -187,13 +188,7 @@ def save_page(page, path, title, lines):
         data = (f"<!doctype html><meta charset=utf-8><title>{html.escape(title)}</title><style>body{{font:14px/1.5 sans-serif;color:{INK};margin:2em}}"
                 f"pre{{white-space:pre-wrap}}img{{max-width:100%}}</style><h1>{html.escape(title)}</h1><pre>{text}</pre>"
                 f"<img alt='plots of {html.escape(title)}' src='data:image/png;base64,{base64.b64encode(data).decode()}'>\n").encode()
-    temporary = f"{path}.tmp{os.getpid()}"
-    try:
-        with open(temporary, "wb") as file:
-            file.write(data)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise DataError(f"{path}: cannot write: {error.strerror}") from None
+    write_bytes(path, data)
 
 
 def calibration_figure(report):
