@@ -19,6 +19,7 @@ namespace {
 constexpr long kBlock = 16384; // t0 per block at most: three streams of it stay in the second-level cache
 constexpr long kBlocksPerRecord = 64;
 constexpr long kT0Piece = 8192;  // t0 at a time for all n: what one n has loaded, the next ones find in the cache
+constexpr long kLongPiece = 256; // t0 from which on several n go abreast
 constexpr long kPiece = 2048;    // d at a time: in the first-level cache
 constexpr size_t kTogether = 16; // n whose sizes are collected in one pass: bounds what is kept
 
@@ -292,12 +293,14 @@ struct DpRecord::Walk {
   Sum sum;
 };
 
-DpRecord::Walk DpRecord::walk(const std::vector<long>& n, size_t place, long first_t0, long per_window) const {
+// `piece`: t0 that are taken at a time.
+DpRecord::Walk DpRecord::walk(const std::vector<long>& n, size_t place, long first_t0, long per_window,
+                              long piece) const {
   Walk out;
   out.n = n[place], out.place = place, out.first_t0 = out.next_t0 = first_t0;
   out.step = per_window > 0 ? std::max(1L, out.n / per_window) : 1;
   out.factor = prediction_factors(out.n);
-  out.is_abreast = op_.type == DpType::kAv && can_be_abreast(out.step);
+  out.is_abreast = op_.type == DpType::kAv && can_be_abreast(out.step) && piece >= kLongPiece;
   return out;
 }
 
@@ -310,7 +313,7 @@ DpRecord::Range DpRecord::take(long end, Walk* walk) const {
     if (begin >= last) continue;
     if (begin >= end) break;
     const Range taken = {begin, std::min(end, last)};
-    const long count = (taken.end - begin + walk->step - 1) / walk->step;
+    const long length = taken.end - begin, count = walk->step == 1 ? length : (length + walk->step - 1) / walk->step;
     walk->next_t0 = begin + count * walk->step;
     walk->sum.count += count;
     return taken;
@@ -332,13 +335,14 @@ double DpRecord::sum_of_squares(const Walk& walk, Range t0) const {
   return sum;
 }
 
-// Adds the next windows that begin before `end` to each of `count` <= kAbreast walks of one kind.  False: there were none.
+// Adds the next windows that begin before `end` to each of `count` <= kAbreast walks of one kind.  False: none are left.
 bool DpRecord::add_squares(long end, size_t count, Walk* walks) const {
   SpacedWindows windows[kAbreast];
-  bool is_any = false;
+  bool is_any = false, is_more = false; // a run that ends before `end` may be followed by another
   for (size_t k = 0; k < count; ++k) {
-    windows[k] = {walks[k].n, walks[k].step, take(end, &walks[k])};
-    is_any |= windows[k].t0.begin < windows[k].t0.end;
+    const Range t0 = take(end, &walks[k]);
+    windows[k] = {walks[k].n, walks[k].step, t0};
+    is_any |= t0.begin < t0.end, is_more |= t0.begin < t0.end && t0.end < end;
   }
   if (is_any && walks->is_abreast) {
     double sum[kAbreast];
@@ -348,7 +352,7 @@ bool DpRecord::add_squares(long end, size_t count, Walk* walks) const {
   } else if (is_any) {
     for (size_t k = 0; k < count; ++k) walks[k].sum.sum_sq += sum_of_squares(walks[k], windows[k].t0);
   }
-  return is_any;
+  return is_more;
 }
 
 // All windows that begin in [begin, end): piece by piece, so that the running sums stay in the cache for all n.
@@ -372,7 +376,7 @@ std::vector<DpRecord::Moments> DpRecord::moments(const std::vector<long>& n, con
     return out;
   }
   std::vector<Walk> walks;
-  for (size_t i = 0; i < n.size(); ++i) walks.push_back(walk(n, i, first_t0.empty() ? 0 : first_t0[i], 0));
+  for (size_t i = 0; i < n.size(); ++i) walks.push_back(walk(n, i, first_t0.empty() ? 0 : first_t0[i], 0, block));
   for (long b = 0; b < size_; b += block) {
     advance(b, std::min(b + block, size_), &walks);
     for (size_t i = 0; i < n.size(); ++i) {
@@ -394,7 +398,7 @@ std::vector<DpRecord::Sum> DpRecord::sums_of_some(const std::vector<long>& n, lo
   }
   std::vector<Walk> walks;
   walks.reserve(n.size());
-  for (size_t i = 0; i < n.size(); ++i) walks.push_back(walk(n, i, 0, per_window));
+  for (size_t i = 0; i < n.size(); ++i) walks.push_back(walk(n, i, 0, per_window, kT0Piece));
   std::stable_partition(walks.begin(), walks.end(), [](const Walk& walk) { return walk.is_abreast; });
   advance(0, size_, &walks);
   for (const Walk& walk : walks) out[walk.place] = walk.sum;

@@ -108,7 +108,7 @@ private:
   std::vector<double> prediction_factors(long n) const;
   // d of whole windows, t0 in [first, last).
   void errors(long n, const std::vector<double>& factor, Range t0, double* d) const;
-  Walk walk(const std::vector<long>& n, size_t place, long first_t0, long per_window) const;
+  Walk walk(const std::vector<long>& n, size_t place, long first_t0, long per_window, long piece) const;
   Range take(long end, Walk* walk) const;
   double sum_of_squares(const Walk& walk, Range t0) const;
   bool add_squares(long end, size_t count, Walk* walks) const;

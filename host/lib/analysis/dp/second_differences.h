@@ -33,7 +33,7 @@ inline bool can_be_abreast(long step) {
 // ranges are much the same.
 void second_difference_sums(const double* p, size_t count, const SpacedWindows* windows, double* sum);
 
-// The same of one n, with any step.
+// The same of one n, with any step.  With step 1 quicker than abreast where a range holds less than some hundred t0.
 double spaced_second_difference_sum(const double* p, const SpacedWindows& windows);
 
 // d times scale at every t0 of the range.
