@@ -11,13 +11,14 @@
 namespace imucal {
 namespace {
 
-constexpr size_t kAbreast = 4;  // runs
-constexpr size_t kFollowed = 128;  // samples
-constexpr size_t kLogEvery = 8; // samples whose variances are multiplied before the logarithm: within the range of a double
+constexpr size_t kAbreast = 4;    // runs
+constexpr size_t kFollowed = 128; // samples
+constexpr size_t kLogEvery =
+    8; // samples whose variances are multiplied before the logarithm: within the range of a double
 
 // What the filter reads of a sample: [sample][run].  What no run fills stands for white noise of 1.
 struct Followed {
-  std::array<double, kFollowed * kAbreast> y = {}, white, phi = {}, q = {};
+  std::array<double, kFollowed*kAbreast> y = {}, white, phi = {}, q = {};
   Followed() { white.fill(1.0); }
 };
 

@@ -36,12 +36,9 @@ std::vector<double> filled(const std::vector<double>& t_s, const std::vector<dou
   return out;
 }
 
-// Smallest distance of two different temperatures when there are few of them, else 0.
-double coarse_step(const std::vector<std::vector<double>>& runs) {
-  std::vector<double> all;
-  for (const auto& run : runs) all.insert(all.end(), run.begin(), run.end());
+// Smallest distance of two different temperatures when there are few of them, else 0.  All rows of all runs, sorted.
+double coarse_step(const std::vector<double>& all) {
   if (all.size() < 200) return 0;
-  std::sort(all.begin(), all.end());
   std::vector<double> gaps;
   for (size_t i = 1; i < all.size(); ++i)
     if (all[i] - all[i - 1] > 1e-6) gaps.push_back(all[i] - all[i - 1]);
@@ -225,12 +222,9 @@ static bool is_stuck(const CampaignRun& run) {
   return run.n() > 1;
 }
 
-// Thermometer noise widens the range: its 1 and 99 % points count.
-static void refuse_steady_temperature(const std::vector<std::vector<double>>& temperatures, Campaign* campaign) {
+// Thermometer noise widens the range: its 1 and 99 % points count.  All rows of all runs, sorted.
+static void refuse_steady_temperature(const std::vector<double>& all, Campaign* campaign) {
   if (!campaign->has_temperature) return;
-  std::vector<double> all;
-  for (const auto& run : temperatures) all.insert(all.end(), run.begin(), run.end());
-  std::sort(all.begin(), all.end());
   const size_t n = all.size();
   if (all[n - 1 - n / 100] - all[n / 100] >= kLeastSpan_degc) return;
   campaign->has_temperature = false, campaign->is_temperature_steady = true;
@@ -293,11 +287,13 @@ void refuse_unusable(const CampaignRun& run, const std::string& path, const std:
 
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
   Campaign campaign = empty_campaign(logs, axis, model);
-  std::vector<std::vector<double>> temperatures;
+  std::vector<double> temperatures;
   for (size_t r = 0; r < logs.size(); ++r) {
     campaign.runs.push_back(run_of(campaign, logs[r], r));
-    temperatures.push_back(campaign.runs.back().input.temp_degc);
+    const std::vector<double>& own = campaign.runs.back().input.temp_degc;
+    temperatures.insert(temperatures.end(), own.begin(), own.end());
   }
+  if (campaign.has_temperature) std::sort(temperatures.begin(), temperatures.end());
   campaign.temp_lsb_degc = campaign.has_temperature ? coarse_step(temperatures) : 0;
   refuse_steady_temperature(temperatures, &campaign);
   campaign.lo_degc = 1e300, campaign.hi_degc = -1e300;
@@ -324,9 +320,14 @@ void mask(Campaign* campaign, const std::vector<std::vector<char>>& unusable) {
 
 Eigen::MatrixXd used_rows(const CampaignRun& run, const std::vector<Column>& columns) {
   Eigen::MatrixXd m(static_cast<long>(run.n()), static_cast<long>(columns.size()));
-  for (size_t c = 0; c < columns.size(); ++c)
-    for (size_t k = 0; k < run.n(); ++k)
-      m(static_cast<long>(k), static_cast<long>(c)) = columns[c][static_cast<size_t>(run.used[k])];
+  const bool is_all = run.n() > 0 && static_cast<size_t>(run.used.back()) + 1 == run.n(); // they increase
+  for (size_t c = 0; c < columns.size(); ++c) {
+    double* to = m.data() + c * run.n();
+    if (is_all)
+      std::copy_n(columns[c].begin(), run.n(), to);
+    else
+      for (size_t k = 0; k < run.n(); ++k) to[k] = columns[c][static_cast<size_t>(run.used[k])];
+  }
   return m;
 }
 
