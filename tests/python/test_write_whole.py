@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
 """What the package writes: whole or not at all, through a link its target, into a pipe as it is, never over its own input."""
+import json
 import os
 import stat
 import threading
@@ -45,3 +46,12 @@ def test_the_input_is_never_written_over(tmp_path, command, by, capsys):
         to.symlink_to(source)
     assert main([word.replace("{in}", str(source)).replace("{to}", str(to)) for word in command]) == 3
     assert source.read_text() == RAW and "give another name" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("range_degc", [0, -30])
+def test_a_table_without_a_range_is_refused_by_its_field(tmp_path, range_degc, capsys):
+    table = {"imucal_table": 1, "serial": "S", "axes": [{"axis": "gx_dph", "t0_degc": 30, "range_degc": range_degc, "coeff_dph": [1, 2], "order": 1,
+                                                         "span_degc": [0, 60], "dph_per_count": 18}]}
+    (tmp_path / "table.json").write_text(json.dumps(table))
+    assert main(["export", str(tmp_path / "table.json"), "--to", "c-header", "-o", str(tmp_path / "cal.h")]) == 3
+    assert "table.json: axes[0].range_degc" in capsys.readouterr().err and not (tmp_path / "cal.h").exists()

@@ -106,13 +106,16 @@ def _channel(path, i, axis):
     try:
         name = axis["axis"]
         unit = name.rpartition("_")[2] or "dph"
-        return Channel(name, unit, float(axis["t0_degc"]), float(axis["range_degc"]), np.array(axis[f"coeff_{unit}"], float),
+        channel = Channel(name, unit, float(axis["t0_degc"]), float(axis["range_degc"]), np.array(axis[f"coeff_{unit}"], float),
                        np.array(axis.get("scale_coeff", [0]), float), tuple(map(float, axis["span_degc"])), np.array(axis.get("temp_degc", []), float),
                        np.array(axis.get(f"sigma_{unit}", []), float), float(axis.get(f"{unit}_per_count", 0)))
     except KeyError as error:
         raise DataError(f"{place}: {error.args[0]} is missing; imucal check {path} tells more") from None
     except (TypeError, ValueError) as error:
         raise DataError(f"{place}: {error}; imucal check {path} tells more") from None
+    if not channel.range_degc > 0:
+        raise DataError(f"{place}.range_degc: is {channel.range_degc:g}, and has to be above 0; imucal check {path} tells more")
+    return channel
 
 
 def read_table(path):
