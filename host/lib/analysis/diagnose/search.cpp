@@ -20,8 +20,8 @@ constexpr double kDensityFactors[] = {0.5, 1.0, 1.6};     // nodes: slow density
 constexpr double kTauFactors[] = {0.04, 0.12, 0.35, 1.0}; // time constant, about the fit without a name
 constexpr double kStartTaus_s[] = {100, 1000};
 constexpr double kUsualTau_s = 300;
-constexpr size_t kNoisesBeside = 2;
-constexpr size_t kPolished = 7, kPairBases = 6, kPairNodes = 6, kPairsPolished = 4;
+constexpr size_t kNoisesBeside = 2, kNoiseBases = 4;
+constexpr size_t kPolished = 7, kPairBases = 6, kPairNodes = 6, kPairsPolished = 6, kPartners = 3;
 constexpr int kEvaluations = 110, kQuickEvaluations = 60, kProbeEvaluations = 25;
 constexpr int kPasses = 3; // of neighbours of a shape
 constexpr size_t kPairsTried = 10, kAddedTried = 4;
@@ -617,22 +617,39 @@ struct SlowSearch::Impl {
     if (score(m) > score(out.best)) out.best = m;
   }
 
+  // What gains most beside the best single is asked for its own partners too: the shape that the best single has alone is
+  // that of a stand-in for both.
+  static void add_partners(std::vector<SlowCandidateScore> beside, const std::vector<SlowCandidateScore>& singles,
+                           std::vector<size_t>* bases) {
+    sort_by_gain(&beside);
+    for (size_t i = 0, added = 0; i < beside.size() && added < kPartners; ++i) {
+      if (beside[i].model.names.empty()) continue;
+      const size_t j = beside[i].model.names.back().candidate;
+      if (singles[j].model.names.empty() || std::find(bases->begin(), bases->end(), j) != bases->end()) continue;
+      bases->push_back(j), ++added;
+    }
+  }
   void pairs(const std::vector<SlowCandidateScore>& singles) {
     std::vector<size_t> order;
     for (size_t j = 0; j < singles.size(); ++j)
       if (!singles[j].model.names.empty()) order.push_back(j);
     std::sort(order.begin(), order.end(),
               [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
+    if (order.size() > kPairBases) order.resize(kPairBases);
     std::vector<SlowCandidateScore> found;
-    for (size_t i = 0; i < order.size() && i < kPairBases; ++i) {
-      const SlowModel& one = singles[order[i]].model;
-      for (SlowCandidateScore& s : scan(one, likely_nodes(one)))
+    for (size_t i = 0; i < order.size(); ++i) {
+      std::vector<SlowCandidateScore> beside = scan(singles[order[i]].model, all_nodes());
+      if (i == 0) add_partners(beside, singles, &order);
+      for (SlowCandidateScore& s : beside)
         if (!s.model.names.empty()) found.push_back(std::move(s));
     }
     consider_best(std::move(found), kPairsTried);
   }
   void one_more(const SlowModel& m) {
-    if (m.names.size() < kMostNames) consider_best(scan(m, likely_nodes(m)), kAddedTried);
+    if (m.names.size() >= kMostNames) return;
+    std::vector<SlowCandidateScore> found = scan(m, all_nodes());
+    if (!m.names.empty()) try_jumps(m, m, &found);
+    consider_best(std::move(found), kAddedTried);
   }
   static bool have_same_names(const SlowModel& a, const SlowModel& b) {
     const auto names = [](const SlowModel& m) {
@@ -667,24 +684,24 @@ struct SlowSearch::Impl {
   void refine() {
     for (int round = 0; round < kRounds && !out.best.names.empty(); ++round) {
       const SlowModel from = out.best;
-      for (size_t i = 0; i < from.names.size() && from.names.size() > 1; ++i) {
+      for (size_t i = 0; i < from.names.size() && from.names.size() + (from.noise_effect ? 1 : 0) > 1; ++i) {
         SlowModel less = from;
         less.names.erase(less.names.begin() + static_cast<long>(i));
-        less = polished(less, kQuickEvaluations);
-        consider(less);
-        one_more(less);
+        try_about(less);
+        if (less.noise_effect && !less.names.empty()) less.noise_effect = nullptr, try_about(less);
       }
-      if (from.noise_effect) {
-        SlowModel less = from;
-        less.noise_effect = nullptr;
-        less = polished(less, kQuickEvaluations);
-        consider(less);
-        one_more(less);
-        more_noise(less);
-      }
+      SlowModel quiet = from;
+      quiet.noise_effect = nullptr;
+      try_about(quiet);
       if (score(out.best) < score(from) + kWorthwhile_nats) break;
     }
     if (out.best.names.size() > 1 || out.best.noise_effect) consider(polished(out.best, kEvaluations));
+  }
+  void try_about(SlowModel m) {
+    m = polished(m, kQuickEvaluations);
+    consider(m);
+    one_more(m);
+    more_noise(m);
   }
   void more_noise(const SlowModel& about) {
     if (about.noise_effect) return;
@@ -937,7 +954,7 @@ struct SlowSearch::Impl {
     for (size_t j = 0; j < order.size(); ++j) order[j] = j;
     std::sort(order.begin(), order.end(),
               [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
-    for (size_t i = 0; i < order.size() && i < 2; ++i)
+    for (size_t i = 0; i < order.size() && i < kNoiseBases; ++i)
       if (!singles[order[i]].model.names.empty()) more_noise(singles[order[i]].model);
   }
 };
