@@ -225,3 +225,22 @@ def test_output_in_this_folder_is_not_overwritten_unasked(tmp_path):
     before = (tmp_path / "a.csv").read_bytes()
     assert "-o LOG.csv" in imucal("import", "a.txt", cwd=tmp_path, expect=3).stderr
     assert (tmp_path / "a.csv").read_bytes() == before
+
+
+def table_of(path, temp=25.0):
+    path.write_text("time,a,b,c,temp\n" + "".join(f"{k / 50:.2f},{k % 7},{k % 5},{k % 3},{temp + k * 1e-4:.4f}\n" for k in range(20000)))
+    return [path, "--time", "time:s", "--gyro", "a,b,c", "--unit", "dph", "--temp", "temp"]
+
+
+@pytest.mark.parametrize("extra, words", [
+    (["--rate", "0"], "--rate 0: expected the samples per second"), (["--rate", "-5"], "--rate -5"), (["--rate", "nan"], "--rate nan"),
+    (["--unit", "counts", "--scale", "0"], "--scale 0: expected the dph of one count"), (["--gyro", "a,a,a"], "column a is named twice"),
+    (["--gyro", "time,b,c"], "column time is named twice"), (["--temp", "b"], "column b is named twice")])
+def test_options_that_cannot_be_are_usage_errors_and_leave_no_file(extra, words, tmp_path):
+    said = imucal("import", *table_of(tmp_path / "raw.csv"), *extra, "-o", tmp_path / "log.csv", expect=2).stderr
+    assert words in said and not (tmp_path / "log.csv").exists()
+
+
+def test_temperatures_in_kelvin_are_remarked(tmp_path):
+    assert "kelvin" not in imucal("import", *table_of(tmp_path / "raw.csv"), "-o", tmp_path / "log.csv").stderr
+    assert "are they in kelvin?" in imucal("import", *table_of(tmp_path / "raw.csv", 298), "-o", tmp_path / "hot.csv").stderr

@@ -5,11 +5,14 @@ Each importer is a module with ``streams(path, options) -> list of Stream``; hea
 """
 import hashlib
 import importlib
+import math
 import os
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..ahead import ahead
-from ..errors import DataError
+from ..errors import DataError, UsageError
 from ..ingest import Imported, describe, to_log
 from ..version import VERSION
 
@@ -25,6 +28,8 @@ MAGICS = [
     (b"PAR1", "parquet", "columns"),
 ]
 FORMATS = "PX4 ULog, ArduPilot .bin, ROS 1 and ROS 2 bags, MATLAB .mat, Parquet, CSV, CXD5602PWBIMU hex text, imucal logs"
+
+_WARMER_THAN_ANY_SENSOR_DEGC = 200
 
 
 @dataclass
@@ -43,6 +48,18 @@ class Options:
     with_accel: bool = False
     keep_moving: bool = False
     temperature: bool = True
+
+    def __post_init__(self):
+        """UsageError: a rate or scale that cannot be, one column for two quantities."""
+        if self.rate_hz is not None and not 0 < self.rate_hz < math.inf:
+            raise UsageError(f"--rate {self.rate_hz:g}: expected the samples per second, more than 0")
+        if self.scale is not None and not 0 < abs(self.scale) < math.inf:
+            raise UsageError(f"--scale {self.scale:g}: expected the dph of one count, not 0")
+        time = (self.time or "").rpartition(":")
+        named = [*(self.gyro or "").split(","), *(self.accel or "").split(","), time[0] or time[2], self.temp or ""]
+        for name in filter(None, named):
+            if named.count(name) > 1:
+                raise UsageError(f"column {name} is named twice: each of time, axes and temperature has a column of its own")
 
 
 def detect(path):
@@ -159,4 +176,7 @@ def import_log(path, options=None, **settings):
     log.metadata = {"source": os.path.basename(os.path.normpath(path)), "source_format": name, "source_sha256": sha256,
                     "imported_by": f"imucal {VERSION}", "sensor": f"{stream.instance} {stream.name}", **log.metadata,
                     "seconds_moving_left_out": counts["moving_seconds"], "seconds_missing": counts["gap_seconds"]}
+    if log.has_temperature and np.nanmin(log.temp_degc) > _WARMER_THAN_ANY_SENSOR_DEGC:
+        stream.notes.append(f"temperatures of {np.nanmin(log.temp_degc):.1f} to {np.nanmax(log.temp_degc):.1f}: are they in kelvin? temp_degc is in degrees "
+                            "Celsius")
     return Imported(log, name, sensors, stream.instance, source_sha256=sha256, notes=stream.notes, **counts)
