@@ -330,6 +330,24 @@ static std::string model_refusal(const std::string& text) {
   return message;
 }
 
+// What was read is not written over, by whatever name; a file made anew in its place is another one.
+static void test_a_log_that_was_read_is_kept_and_one_made_anew_is_not(void**) {
+  const std::string path = file_with("kept.csv", "# imucal-log = 1\nt_s,temp_degc,gx_dph\n1,20,2\n2,20,3\n3,20,4\n");
+  read_log(path);
+  bool is_refused = false;
+  try {
+    write_text(path, "gone");
+  } catch (const Error&) {
+    is_refused = true;
+  }
+  assert_true(is_refused);
+  assert_int_equal(read_log(path).size(), 3);
+  std::remove(path.c_str());
+  file_with("kept.csv", "other");
+  write_text(path, "new");
+  std::remove(path.c_str());
+}
+
 static void test_model_round_trip(void**) {
   const std::string path =
       file_with("good.json",
@@ -509,6 +527,7 @@ int main() {
       cmocka_unit_test(test_log_last_row_without_line_end_is_left_out_and_said),
       cmocka_unit_test(test_log_whole_to_its_end_gives_no_notice),
       cmocka_unit_test(test_log_cut_in_a_comment_or_its_only_row),
+      cmocka_unit_test(test_a_log_that_was_read_is_kept_and_one_made_anew_is_not),
       cmocka_unit_test(test_model_round_trip),
       cmocka_unit_test(test_polynomial_renormalised_is_the_same_curve),
       cmocka_unit_test(test_model_malformed_names_the_field),

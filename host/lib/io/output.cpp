@@ -12,6 +12,7 @@
 #include <iostream>
 #include <mutex>
 #include <set>
+#include <tuple>
 
 #include "base/error.h"
 
@@ -19,11 +20,14 @@ namespace imucal {
 
 namespace {
 
-// Files by device and number.
-using FileNumber = std::pair<dev_t, ino_t>;
+// A file by device, number and when it was written last: a number is given again once its file is gone.
+using FileMark = std::tuple<dev_t, ino_t, time_t, long>;
+FileMark mark_of(const struct stat& file) {
+  return {file.st_dev, file.st_ino, file.st_mtim.tv_sec, file.st_mtim.tv_nsec};
+}
 struct ProtectedFiles {
   std::mutex mutex;
-  std::set<FileNumber> numbers;
+  std::set<FileMark> marks;
 };
 ProtectedFiles& protected_files() {
   static ProtectedFiles files;
@@ -32,7 +36,7 @@ ProtectedFiles& protected_files() {
 bool is_protected(const struct stat& file) {
   ProtectedFiles& files = protected_files();
   const std::lock_guard<std::mutex> lock(files.mutex);
-  return files.numbers.count({file.st_dev, file.st_ino}) > 0;
+  return files.marks.count(mark_of(file)) > 0;
 }
 
 [[noreturn]] void cannot_write(const std::string& path, const std::string& reason) {
@@ -93,7 +97,7 @@ void protect_from_writing(const std::string& path) {
   if (path == "-" || ::stat(path.c_str(), &file) != 0 || !S_ISREG(file.st_mode)) return;
   ProtectedFiles& files = protected_files();
   const std::lock_guard<std::mutex> lock(files.mutex);
-  files.numbers.insert({file.st_dev, file.st_ino});
+  files.marks.insert(mark_of(file));
 }
 
 void write_text(const std::string& path, const std::string& text) {

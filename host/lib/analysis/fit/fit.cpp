@@ -95,11 +95,6 @@ void check_same_device(const std::vector<Log>& logs) {
 void check_logs(const std::vector<Log>& logs, bool ignore_metadata) {
   if (logs.empty()) throw usage_error("no log given");
   if (!ignore_metadata) check_same_device(logs);
-  for (size_t i = 0; i < logs.size(); ++i)
-    for (size_t j = 0; j < i; ++j)
-      if (same_rows(logs[i], logs[j]))
-        throw data_error(logs[i].path + ": the same data as " + logs[j].path +
-                         ": the predicted error would be too small; give every log once");
   for (const Log& log : logs) {
     if (!log.has_temperature())
       throw data_error(log.path + ": column temp_degc is empty: a thermal calibration needs the temperature");
@@ -107,6 +102,11 @@ void check_logs(const std::vector<Log>& logs, bool ignore_metadata) {
       throw data_error(log.path + ": rows are " + std::to_string(log.dt_s()) + " s apart, those of " + logs[0].path +
                        " " + std::to_string(logs[0].dt_s()) + " s: decimate them to the same interval");
   }
+  for (size_t i = 0; i < logs.size(); ++i)
+    for (size_t j = 0; j < i; ++j)
+      if (same_rows(logs[i], logs[j]))
+        throw data_error(logs[i].path + ": the same data as " + logs[j].path +
+                         ": the predicted error would be too small; give every log once");
 }
 
 // Normalisation of temperature: asked for, the model's, or the logs' own span.
