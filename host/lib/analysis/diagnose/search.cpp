@@ -629,6 +629,8 @@ struct SlowSearch::Impl {
       bases->push_back(j), ++added;
     }
   }
+  // The best single is scanned under every node of noise: those likely under one cause alone are the ones whose noise has
+  // swallowed the other.  The nodes likely under the best pair serve the other singles.
   void pairs(const std::vector<SlowCandidateScore>& singles) {
     std::vector<size_t> order;
     for (size_t j = 0; j < singles.size(); ++j)
@@ -637,9 +639,15 @@ struct SlowSearch::Impl {
               [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
     if (order.size() > kPairBases) order.resize(kPairBases);
     std::vector<SlowCandidateScore> found;
+    std::vector<const Node*> where = all_nodes();
     for (size_t i = 0; i < order.size(); ++i) {
-      std::vector<SlowCandidateScore> beside = scan(singles[order[i]].model, all_nodes());
-      if (i == 0) add_partners(beside, singles, &order);
+      std::vector<SlowCandidateScore> beside = scan(singles[order[i]].model, where);
+      if (i == 0) {
+        add_partners(beside, singles, &order);
+        const auto best = std::max_element(beside.begin(), beside.end(),
+                                           [](const auto& a, const auto& b) { return a.gain_nats < b.gain_nats; });
+        if (!best->model.names.empty()) where = likely_nodes(best->model);
+      }
       for (SlowCandidateScore& s : beside)
         if (!s.model.names.empty()) found.push_back(std::move(s));
     }
@@ -647,7 +655,7 @@ struct SlowSearch::Impl {
   }
   void one_more(const SlowModel& m) {
     if (m.names.size() >= kMostNames) return;
-    std::vector<SlowCandidateScore> found = scan(m, all_nodes());
+    std::vector<SlowCandidateScore> found = scan(m, likely_nodes(out.best));
     if (!m.names.empty()) try_jumps(m, m, &found);
     consider_best(std::move(found), kAddedTried);
   }
@@ -690,9 +698,11 @@ struct SlowSearch::Impl {
         try_about(less);
         if (less.noise_effect && !less.names.empty()) less.noise_effect = nullptr, try_about(less);
       }
-      SlowModel quiet = from;
-      quiet.noise_effect = nullptr;
-      try_about(quiet);
+      if (from.noise_effect) {
+        SlowModel quiet = from;
+        quiet.noise_effect = nullptr;
+        try_about(quiet);
+      }
       if (score(out.best) < score(from) + kWorthwhile_nats) break;
     }
     if (out.best.names.size() > 1 || out.best.noise_effect) consider(polished(out.best, kEvaluations));
