@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "base/error.h"
 
@@ -148,14 +149,10 @@ double smoothing_s(const std::vector<double>& temp, bool is_coarse) {
 void smooth_stretch(const Column& temp, size_t first, size_t end, size_t half, RunInput* in) {
   const size_t from = static_cast<size_t>(in->tick[first]);
   const auto place = [&](size_t row) { return static_cast<size_t>(in->tick[row]) - from; };
-  Column grid(place(end - 1) + 1, temp[first]);
-  for (size_t row = first + 1; row < end; ++row) {
-    const size_t before = place(row - 1), here = place(row);
-    for (size_t k = before + 1; k <= here; ++k)
-      grid[k] = temp[row - 1] +
-                (temp[row] - temp[row - 1]) * static_cast<double>(k - before) / static_cast<double>(here - before);
-  }
-  grid = smoothed(grid, half);
+  Column ticks(place(end - 1) + 1), grid(ticks.size(), std::nan(""));
+  std::iota(ticks.begin(), ticks.end(), 0.0);
+  for (size_t row = first; row < end; ++row) grid[place(row)] = temp[row];
+  grid = smoothed(filled(ticks, grid), half);
   for (size_t row = first; row < end; ++row) {
     const size_t k = place(row), before = k ? k - 1 : 0, after = k + 1 < grid.size() ? k + 1 : k;
     in->smooth_degc[row] = grid[k];
