@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The Arduino API that the sketch uses, on this machine: Serial is a pseudo-terminal whose name is printed, Wire leads to a
 // modelled MPU-6050, EEPROM is a file.  A turn of loop() takes 0.5 ms of the board's time, which runs up to 50 times as fast as
-// ours: tests are short, and a machine that is busy makes the board slow but never late.
+// ours: tests are short, and a machine that is busy makes the board slow but never late.  Once set up, the board waits for its first
+// byte before its time goes on: it has not warmed up when a busy machine is late to talk to it.
 //
 // usage: sketch EEPROM_FILE [--no-sensor]
 #include <fcntl.h>
@@ -155,6 +156,7 @@ int main(int argc, char** argv) {
     if (!strcmp(argv[i], "--no-sensor")) has_sensor = false;
   wire_model_power_on(has_sensor);
   setup();
+  while (Serial.available() == 0) usleep(1000);
   for (;;) {
     loop();
     wait_us(kTurn_us);
