@@ -798,6 +798,45 @@ static void test_two_causes_are_found_that_stand_ins_hide_on_the_grids(void**) {
   assert_true(search.score(best) > search.score(truth) - 2);
 }
 
+// The search reaches two causes, given as a change of the rate by f(temperature, direction of its change), under noise
+// whose slow part is `slow` times the nominal one at a temperature.
+static void assert_pair_is_found(const std::function<double(double, double)>& f, double slow_per_degc,
+                                 const char* first, const char* second) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 141; seed < 145; ++seed) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 1, 0, Stream::kTool);
+    double markov = 0, play = 5;
+    for (size_t i = 0; i < log.size(); ++i) {
+      const double temp = log.temp_degc[i], sigma = 20 * (std::exp(slow_per_degc * (temp - 30)) - 1);
+      markov = std::exp(-0.01) * markov + std::sqrt(1 - std::exp(-0.02)) * rng.normal();
+      play = std::min(std::max(play, temp - 5), temp + 5);
+      log.axes[0].rate_dph[i] += f(temp, (play - temp) / 5) + sigma * markov;
+    }
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel best = search.run().best;
+  const SlowModel truth = search.best_with({&find_effect(first), &find_effect(second)});
+  assert_int_equal(truth.names.size() + (truth.noise_effect ? 1 : 0), 2);
+  assert_true(search.score(best) > search.score(truth) - 2);
+}
+
+static void test_a_cause_is_found_beside_noise_that_follows_the_temperature(void**) {
+  assert_pair_is_found([](double, double play) { return 60 * play; }, 0.07, "thermal_hysteresis",
+                       "markov_sigma_vs_temperature");
+}
+
+static void test_two_members_are_found_that_one_free_shape_stands_for(void**) {
+  const auto f = [](double temp, double) {
+    const double x = (temp - 30) / 30;
+    return 500 * (8 * x * x * x * x - 8 * x * x + 1) / 2 + 300 * std::exp(-0.5 * std::pow((temp - 41.4) / 2.1, 2));
+  };
+  assert_pair_is_found(f, 0, "thermal_anomaly", "higher_order_polynomial");
+}
+
 // What a free shape beside an answer foretells of logs that were not fitted decides whether the answer is a name.
 static void test_a_slope_that_ages_is_no_slow_noise(void**) {
   // A free function of temperature and time takes it, which no effect is of; plain noise is no answer beside it.
@@ -981,6 +1020,8 @@ int main() {
       cmocka_unit_test(test_what_held_out_logs_can_show_is_what_a_name_is_asked_for),
       cmocka_unit_test(test_a_coarse_thermometer_has_a_quiet_slope_up_to_the_ends),
       cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),
+      cmocka_unit_test(test_a_cause_is_found_beside_noise_that_follows_the_temperature),
+      cmocka_unit_test(test_two_members_are_found_that_one_free_shape_stands_for),
       cmocka_unit_test(test_a_slope_that_ages_is_no_slow_noise),
       cmocka_unit_test(test_what_a_free_shape_foretells_opens_a_name_to_its_family),
       cmocka_unit_test(test_a_small_jump_beside_two_large_ones_makes_no_noise_of_them),

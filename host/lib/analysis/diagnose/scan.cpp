@@ -130,7 +130,7 @@ ScanBank::ScanBank(const SlowData& data, const std::vector<ScanCandidate>& candi
     group.part.common.clear(), group.part.local.clear(), group.part.powers.clear();
 }
 
-ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise)
+ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise, bool keeps_bank)
     : bank_(bank), noise_(noise), self_(bank.places_.size()), white_(bank.columns_.size()) {
   GainsByRun by_run(noise);
   for (size_t r = 0; r < bank.columns_.size(); ++r) {
@@ -139,7 +139,7 @@ ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise)
   }
   const Base usual = base_of(bank.data_, {}, gains_);
   for (size_t r = 0; r < bank.columns_.size(); ++r) {
-    const MatrixXd x = whitened_bank(r);
+    MatrixXd x = whitened_bank(r);
     for (size_t g = 0; g < self_.size(); ++g) {
       const auto own = x.middleCols(bank.places_[g].first, bank.places_[g].width());
       self_[g].push_back(column_gram(own));
@@ -149,6 +149,7 @@ ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise)
     whiten(gains_[r], &y);
     own_.with_bank.push_back(column_products(x, y));
     own_.y.push_back(std::move(y));
+    if (keeps_bank) white_[r] = std::move(x);
   }
 }
 

@@ -49,7 +49,8 @@ private:
 // The bank under one noise model.
 class ScanNode {
 public:
-  ScanNode(const ScanBank& bank, const NoiseModel& noise);
+  // `keeps_bank`: it will be scanned beside parts.
+  ScanNode(const ScanBank& bank, const NoiseModel& noise, bool keeps_bank = false);
 
   const NoiseModel& noise() const { return noise_; }
   const std::vector<RunGains>& gains() const { return gains_; }

@@ -28,6 +28,8 @@ constexpr size_t kPairsTried = 10, kAddedTried = 4;
 constexpr int kRounds = 2;               // of exchanges
 constexpr double kWorthwhile_nats = 0.5; // that a round has to gain for another one
 constexpr size_t kMostNames = 3;
+constexpr size_t kMembersTried = 3; // in the place of a free shape
+constexpr double kMemberPart = 0.4; // of its gain, on the places of the grids
 constexpr size_t kPartsKept = 12, kColumnsKept = 4;
 const char kCalibrationVersion[] = "7"; // changes whenever a draw would gain something else
 constexpr size_t kMostSteps = 6, kStepPlaces = 12;
@@ -409,6 +411,9 @@ struct SlowSearch::Impl {
     }
   }
 
+  // The noise of a hypothesis, its kind of slow noise included, is seldom near that of a node: a node of its own.
+  Node node_of(const SlowModel& m) const { return {m, std::make_unique<ScanNode>(*bank, noise(m), true)}; }
+
   // Every candidate added to `m`, noise by node, shapes on their grids.
   std::vector<SlowCandidateScore> scan(const SlowModel& m, const std::vector<const Node*>& where,
                                        bool only_free = false) const {
@@ -445,6 +450,7 @@ struct SlowSearch::Impl {
       b.model = m;
       std::copy(node.at.log_noise, node.at.log_noise + 3, b.model.log_noise);
       b.model.is_believed = node.at.is_believed;
+      if (node.at.noise_effect) b.model.noise_theta = node.at.noise_theta;
       b.model.value = *std::max_element(values[j].begin(), values[j].end()) + noise_value(node.at);
       b.model.names.push_back({j, bank->groups()[top[j]].shape, b.model.value - mean, false});
     }
@@ -463,6 +469,13 @@ struct SlowSearch::Impl {
     std::sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     std::vector<const Node*> list;
     for (size_t i = 0; i < ranked.size() && i < kPairNodes; ++i) list.push_back(ranked[i].second);
+    return list;
+  }
+  // `own` and, where it has no kind of slow noise that the others lack, the nodes where `likely` is likely.
+  std::vector<const Node*> nodes_with(const Node& own, const SlowModel& likely) const {
+    std::vector<const Node*> list;
+    if (!own.at.noise_effect) list = likely_nodes(likely);
+    list.push_back(&own);
     return list;
   }
 
@@ -538,6 +551,8 @@ struct SlowSearch::Impl {
     return best;
   }
 
+  // How far below the best, which gains so much, a place of the grid is still polished.
+  double near_nats(double gain_nats) const { return std::max(constants.near_nats, constants.near_part * gain_nats); }
   // Polishes the best of a scan; the others keep their values from the grid.
   void polish_best(std::vector<SlowCandidateScore>* scores, size_t count, double floor, int evaluations) const {
     std::vector<size_t> order(scores->size());
@@ -547,9 +562,7 @@ struct SlowSearch::Impl {
     const double best = order.empty() ? 0 : (*scores)[order[0]].gain_nats;
     for (size_t i = 0; i < order.size() && i < count; ++i) {
       SlowCandidateScore& s = (*scores)[order[i]];
-      if (s.model.names.empty() || s.gain_nats < floor ||
-          s.gain_nats < best - std::max(constants.near_nats, constants.near_part * (best - floor)))
-        break;
+      if (s.model.names.empty() || s.gain_nats < floor || s.gain_nats < best - near_nats(best - floor)) break;
       approach(&s.model);
       s.model = polished(s.model, evaluations);
       s.gain_nats = s.model.free_score();
@@ -583,15 +596,32 @@ struct SlowSearch::Impl {
     if (probe.value > with->value) *with = probe;
     return with->value > m.value;
   }
+  // `m` with the starts of a kind of noise: its own, and where it was found alone or beside other names.
+  std::vector<SlowModel> noise_starts(const SlowModel& m, const Effect& effect) const {
+    std::vector<SlowModel> starts;
+    for (const Theta& theta : effect.estimator()->starts(base_noise(m))) {
+      starts.push_back(m);
+      starts.back().noise_theta = theta;
+    }
+    const auto add = [&](const SlowModel& found) {
+      if (found.noise_effect != &effect) return;
+      starts.push_back(m);
+      SlowModel& at = starts.back();
+      at.noise_theta = found.noise_theta, at.is_believed = found.is_believed;
+      std::copy(found.log_noise, found.log_noise + 3, at.log_noise);
+    };
+    for (const SlowCandidateScore& s : out.noises) add(s.model);
+    add(out.best);
+    return starts;
+  }
   // Kinds of slow noise beside `m`, each from its best start; only the most promising ones are polished.
   std::vector<SlowCandidateScore> scan_noises(const SlowModel& m, size_t polish_most) const {
     std::vector<SlowCandidateScore> list;
     for (const Effect* effect : noise_effects) {
       SlowCandidateScore best;
       best.gain_nats = -1e300;
-      for (const Theta& theta : effect->estimator()->starts(base_noise(m))) {
-        SlowModel with = m;
-        with.noise_effect = effect, with.noise_theta = theta, with.noise_charge = constants.noise_kind_nats;
+      for (SlowModel& with : noise_starts(m, *effect)) {
+        with.noise_effect = effect, with.noise_charge = constants.noise_kind_nats;
         with.value = evaluate(with);
         if (with.free_score() > best.gain_nats) best.gain_nats = with.free_score(), best.model = with;
       }
@@ -629,8 +659,8 @@ struct SlowSearch::Impl {
       bases->push_back(j), ++added;
     }
   }
-  // The best single is scanned under every node of noise: those likely under one cause alone are the ones whose noise has
-  // swallowed the other.  The nodes likely under the best pair serve the other singles.
+  // The best single is scanned under every node of noise and its own: those likely under one cause alone are the ones
+  // whose noise has swallowed the other.  The nodes likely under the best pair, and that one, serve the other singles.
   void pairs(const std::vector<SlowCandidateScore>& singles) {
     std::vector<size_t> order;
     for (size_t j = 0; j < singles.size(); ++j)
@@ -639,25 +669,31 @@ struct SlowSearch::Impl {
               [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
     if (order.size() > kPairBases) order.resize(kPairBases);
     std::vector<SlowCandidateScore> found;
+    if (order.empty()) return;
+    const Node own = node_of(singles[order[0]].model);
     std::vector<const Node*> where = all_nodes();
+    where.push_back(&own);
     for (size_t i = 0; i < order.size(); ++i) {
       std::vector<SlowCandidateScore> beside = scan(singles[order[i]].model, where);
       if (i == 0) {
         add_partners(beside, singles, &order);
         const auto best = std::max_element(beside.begin(), beside.end(),
                                            [](const auto& a, const auto& b) { return a.gain_nats < b.gain_nats; });
-        if (!best->model.names.empty()) where = likely_nodes(best->model);
+        if (!best->model.names.empty()) where = nodes_with(own, best->model);
       }
       for (SlowCandidateScore& s : beside)
         if (!s.model.names.empty()) found.push_back(std::move(s));
     }
-    consider_best(std::move(found), kPairsTried);
+    consider_best(std::move(found), kPairsTried, constants.near_nats);
   }
-  void one_more(const SlowModel& m) {
+  void one_more(const SlowModel& m) { one_more(m, m); }
+  // `from`: where `m` comes from, of the same kind of noise.
+  void one_more(const SlowModel& m, const SlowModel& from) {
     if (m.names.size() >= kMostNames) return;
-    std::vector<SlowCandidateScore> found = scan(m, likely_nodes(out.best));
+    const Node own = node_of(from);
+    std::vector<SlowCandidateScore> found = scan(m, nodes_with(own, out.best));
     if (!m.names.empty()) try_jumps(m, m, &found);
-    consider_best(std::move(found), kAddedTried);
+    consider_best(std::move(found), kAddedTried, constants.near_nats);
   }
   static bool have_same_names(const SlowModel& a, const SlowModel& b) {
     const auto names = [](const SlowModel& m) {
@@ -670,7 +706,7 @@ struct SlowSearch::Impl {
   }
   // The best of a scan, each first brought near its own best shape: places of a grid lie so far apart that a right cause
   // may gain less there than a wrong one.
-  void consider_best(std::vector<SlowCandidateScore> found, size_t tried) {
+  void consider_best(std::vector<SlowCandidateScore> found, size_t tried, double near) {
     sort_by_gain(&found);
     std::vector<SlowCandidateScore> list;
     for (SlowCandidateScore& s : found) {
@@ -685,13 +721,14 @@ struct SlowSearch::Impl {
     sort_by_gain(&list);
     if (list.size() > kPairsPolished) list.resize(kPairsPolished);
     for (const SlowCandidateScore& s : list)
-      if (s.gain_nats > score(out.best) - constants.near_nats) consider(polished(s.model, kQuickEvaluations));
+      if (s.gain_nats > score(out.best) - near) consider(polished(s.model, kQuickEvaluations));
   }
   // One name exchanged, one less, one more, or the kind of noise left out: what singles and pairs miss where a stand-in
   // of three parts, or noise, gains more than any true cause alone.
   void refine() {
     for (int round = 0; round < kRounds && !out.best.names.empty(); ++round) {
       const SlowModel from = out.best;
+      members_for_shapes();
       for (size_t i = 0; i < from.names.size() && from.names.size() + (from.noise_effect ? 1 : 0) > 1; ++i) {
         SlowModel less = from;
         less.names.erase(less.names.begin() + static_cast<long>(i));
@@ -707,10 +744,36 @@ struct SlowSearch::Impl {
     }
     if (out.best.names.size() > 1 || out.best.noise_effect) consider(polished(out.best, kEvaluations));
   }
+  // A free shape may stand for two members, of which neither does as well alone.
+  void members_for_shapes() {
+    const SlowModel from = out.best;
+    for (size_t i = 0; i < from.names.size() && from.names.size() < kMostNames; ++i) {
+      if (candidates[from.names[i].candidate].effect) continue;
+      const Node own = node_of(from);
+      SlowModel less = from;
+      less.names.erase(less.names.begin() + static_cast<long>(i));
+      const std::vector<SlowCandidateScore> firsts = scan_members(less, {&own});
+      std::vector<SlowCandidateScore> found;
+      for (size_t k = 0; k < firsts.size() && k < kMembersTried; ++k)
+        for (SlowCandidateScore& both : scan_members(polished(firsts[k].model), {&own}))
+          found.push_back(std::move(both));
+      // A free shape has no shape parameters to polish, members have.
+      consider_best(std::move(found), kMembersTried, near_nats(score(from) - score(out.null)));
+    }
+  }
+  // Members of the library beside `m`, the one that gains most first.
+  std::vector<SlowCandidateScore> scan_members(const SlowModel& m, const std::vector<const Node*>& where) const {
+    std::vector<SlowCandidateScore> list;
+    for (SlowCandidateScore& s : scan(m, where))
+      if (!s.model.names.empty() && candidates[s.model.names.back().candidate].effect) list.push_back(std::move(s));
+    sort_by_gain(&list);
+    return list;
+  }
   void try_about(SlowModel m) {
+    const SlowModel as_found = m;
     m = polished(m, kQuickEvaluations);
     consider(m);
-    one_more(m);
+    one_more(m, as_found);
     more_noise(m);
   }
   void more_noise(const SlowModel& about) {
@@ -726,14 +789,15 @@ struct SlowSearch::Impl {
       const SlowModel less = without(best, i);
       const double free_gain = best.free_score() - less.free_score();
       SlowModel top;
-      for (SlowCandidateScore& s : scan(less, likely_nodes(best))) {
-        if (s.model.names.empty() || !candidates[s.model.names.back().candidate].effect) continue;
-        if (s.gain_nats < less.free_score() + constants.member_share * free_gain - constants.near_nats) continue;
-        const SlowModel member = polished(s.model);
+      const Node own = node_of(best);
+      const std::vector<SlowCandidateScore> found = scan_members(less, nodes_with(own, best));
+      for (size_t k = 0; k < found.size() && k < kMembersTried; ++k) {
+        if (found[k].gain_nats < less.free_score() + kMemberPart * free_gain) break;
+        const SlowModel member = polished(found[k].model, kEvaluations);
         if (member.free_score() > top.free_score()) top = member;
       }
       if (top.free_score() - less.free_score() < constants.member_share * free_gain) continue;
-      replaced->push_back(best.names[i].candidate);
+      if (best.free_score() > top.free_score()) replaced->push_back(best.names[i].candidate);
       best = top;
     }
     return best;
