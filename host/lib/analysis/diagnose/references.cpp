@@ -12,6 +12,8 @@ namespace {
 constexpr double kTurn_degc_min = 0.1; // slope of temperature below which it has no clear direction
 constexpr double kDelays_s[] = {0., 60., 150., 350., 800., 1800., 4000.};
 constexpr double kLongest_s = 40000; // beyond this the time functions are flat
+constexpr double kPasts_s[] = {60., 250., 800., 2500.};
+constexpr int kOrder = 5; // of the free function: sum of the orders of a product
 
 // cos(k pi u), k = 1 .. n, of a variable that runs over [0, 1]: prior 1/k, a rough but continuous function.
 void add_cosines(const Column& u, int n, const Column* factor, std::vector<Column>* out) {
@@ -107,6 +109,52 @@ private:
   size_t n_;
 };
 
+// Cosines of temperature, of its past and of the time, and products of two of them.
+class FreeFunction : public EffectEstimator {
+public:
+  explicit FreeFunction(bool with_time) : variables_(with_time ? 3 : 2) {}
+  Form form() const override { return Form::kColumns; }
+  bool needs_temperature() const override { return true; }
+  size_t n_columns() const override { return static_cast<size_t>(relative_sd().size()); }
+  std::vector<Column> columns(const RunInput& in, const Theta& theta) const override {
+    std::vector<Column> u = {unit_temperature(in), unit_past(in, theta[0], theta[1])};
+    if (variables_ == 3) u.push_back(unit_time(in, theta[2]));
+    std::vector<Column> out;
+    for (const Column& variable : u) add_cosines(variable, kOrder, nullptr, &out);
+    for_products([&](size_t v, size_t w, int i, int j) {
+      const Column &a = out[v * kOrder + static_cast<size_t>(i - 1)], &b = out[w * kOrder + static_cast<size_t>(j - 1)];
+      Column product(a.size());
+      for (size_t k = 0; k < a.size(); ++k) product[k] = a[k] * b[k];
+      out.push_back(std::move(product));
+    });
+    return out;
+  }
+  // Prior 1/order, as rough as the free functions of one variable.
+  Eigen::VectorXd relative_sd() const {
+    std::vector<double> sd;
+    for (size_t v = 0; v < variables_; ++v)
+      for (int i = 1; i <= kOrder; ++i) sd.push_back(1.5 / i);
+    for_products([&](size_t, size_t, int i, int j) { sd.push_back(1.5 / (i + j)); });
+    return Eigen::Map<const Eigen::VectorXd>(sd.data(), static_cast<long>(sd.size()));
+  }
+  PriorScale prior() const override { return {1, false, 1}; }
+  Parameters values(const Estimate&) const override { return {}; }
+
+private:
+  template <class F> void for_products(F f) const {
+    for (size_t v = 0; v < variables_; ++v)
+      for (size_t w = v + 1; w < variables_; ++w)
+        for (int i = 1; i < kOrder; ++i)
+          for (int j = 1; i + j <= kOrder; ++j) f(v, w, i, j);
+  }
+  static Column unit_past(const RunInput& in, double delay_s, double largest) {
+    Column u = low_pass(in, in.rate_degc_min, delay_s);
+    for (double& x : u) x = 0.5 + 0.5 * x / largest;
+    return u;
+  }
+  size_t variables_;
+};
+
 Eigen::VectorXd falling(long n) {
   Eigen::VectorXd out(n);
   for (long k = 0; k < n; ++k) out[k] = 1.5 / static_cast<double>(k + 1);
@@ -117,6 +165,31 @@ Eigen::VectorXd level(long n, double sd) {
 }
 
 } // namespace
+
+const Reference& free_function(bool with_time) {
+  static const FreeFunction with(true), without(false);
+  static const Reference of_all = {Family::kFunctionOfTime,
+                                   "a free function of temperature, its past and time",
+                                   {&with, {}, with.relative_sd()},
+                                   false};
+  static const Reference of_past = {Family::kThermalMemory,
+                                    "a free function of temperature and its past",
+                                    {&without, {}, without.relative_sd()},
+                                    false};
+  return with_time ? of_all : of_past;
+}
+
+std::vector<Theta> free_function_shapes(const Campaign& campaign, double longest_s) {
+  std::vector<Theta> shapes;
+  for (const double delay_s : kPasts_s) {
+    double largest = 1e-9;
+    for (const CampaignRun& run : campaign.runs)
+      for (const double x : low_pass(run.input, run.input.rate_degc_min, delay_s))
+        largest = std::max(largest, std::fabs(x));
+    shapes.push_back({delay_s, largest, longest_s});
+  }
+  return shapes;
+}
 
 const std::vector<Reference>& free_shapes() {
   static const FreeShape temperature(Shape::kTemperature, 24), direction(Shape::kDirection, 12),

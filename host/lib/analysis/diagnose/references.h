@@ -17,4 +17,11 @@ struct Reference {
 // time since the start, and of temperature and time together.  Only those that the campaign can hold.
 const std::vector<Reference>& free_shapes();
 
+// A free function of temperature, its past and (with several runs) the time since the start: cosines of each of them and
+// products of two.  What is smooth and repeats is near one of these, whatever made it.  It owns nothing and names nothing;
+// it stands against answers.
+const Reference& free_function(bool with_time);
+// Over which delay the past counts, how the past is scaled on this campaign, and the longest time.
+std::vector<Theta> free_function_shapes(const Campaign& campaign, double longest_s);
+
 } // namespace imucal

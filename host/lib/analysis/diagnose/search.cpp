@@ -157,6 +157,13 @@ struct SlowSearch::Impl {
     std::vector<ScanCandidate> scans;
     for (const Candidate& c : candidates) scans.push_back(c.scan);
     bank.reset(new ScanBank(data, scans));
+    if (!data.campaign.has_temperature || data.campaign.order < 1) return;
+    Candidate all;
+    all.is_free_function = true;
+    all.reference = &free_function(data.campaign.runs.size() > 1);
+    all.scan = all.reference->candidate;
+    all.scan.shapes = free_function_shapes(data.campaign, longest_tau_s / 3);
+    candidates.push_back(std::move(all));
   }
   std::vector<Theta> shapes_of(const EffectEstimator& estimator) const {
     const RunInput& run = data.campaign.runs.front().input;
@@ -785,7 +792,8 @@ struct SlowSearch::Impl {
   // shape gains beyond it is a remainder.
   SlowModel with_members(SlowModel best, std::vector<size_t>* replaced) const {
     for (size_t i = 0; i < best.names.size(); ++i) {
-      if (candidates[best.names[i].candidate].effect) continue;
+      const Candidate& c = candidates[best.names[i].candidate];
+      if (c.effect || c.is_free_function) continue;
       const SlowModel less = without(best, i);
       const double free_gain = best.free_score() - less.free_score();
       SlowModel top;
@@ -855,6 +863,24 @@ struct SlowSearch::Impl {
           list.push_back({0, s.model.noise_effect, best.free_score() - s.gain_nats - constants.noise_kind_nats});
     std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gap_nats < b.gap_nats; });
     return list;
+  }
+
+  // The free function of everything beside a hypothesis, under its noise or that of `also`, then estimated again.
+  SlowModel with_free_function(const SlowModel& m, const SlowModel& also) const {
+    SlowModel best;
+    if (candidates.empty() || !candidates.back().is_free_function) return best;
+    const size_t last = candidates.size() - 1;
+    const std::vector<Theta>& shapes = candidates[last].scan.shapes;
+    for (const Theta& shape : shapes)
+      for (const SlowModel* noise_from : {&m, &also}) {
+        SlowModel with = m;
+        std::copy(noise_from->log_noise, noise_from->log_noise + 3, with.log_noise);
+        with.is_believed = noise_from->is_believed;
+        with.names.push_back({last, shape, std::log(static_cast<double>(shapes.size())), false});
+        with.value = evaluate(with);
+        if (with.value > best.value) best = with;
+      }
+    return best;
   }
 
   // ---- a hypothesis that is given
@@ -1060,7 +1086,8 @@ std::string SlowSearch::null_key(size_t draws, uint64_t seed) {
   Hash hash;
   hash.add(std::string(IMUCAL_VERSION) + kCalibrationVersion);
   hash.add(static_cast<double>(draws)), hash.add(static_cast<double>(seed));
-  for (const Candidate& c : impl_->candidates) hash.add(c.effect ? c.effect->name() : c.reference->what);
+  for (const Candidate& c : impl_->candidates)
+    if (!c.is_free_function) hash.add(c.effect ? c.effect->name() : c.reference->what);
   hash.add(campaign.dt_s), hash.add(campaign.order), hash.add(impl_->belief.has_believed);
   // Thermometer noise differs from run to run and does not matter: a point every minute, in steps of 2 degC.
   const size_t stride = static_cast<size_t>(std::max(1L, std::lround(60 / campaign.dt_s)));
@@ -1162,6 +1189,9 @@ double SlowSearch::evidence_of(const SlowModel& model, size_t name) const {
 }
 std::vector<SlowCandidateScore> SlowSearch::free_beside(const SlowModel& model, size_t most) const {
   return impl_->free_beside(model, most);
+}
+SlowModel SlowSearch::with_free_function(const SlowModel& model, const SlowModel& also) const {
+  return impl_->with_free_function(model, also);
 }
 SlowModel SlowSearch::polished(const SlowModel& model) const {
   return impl_->polished(model);

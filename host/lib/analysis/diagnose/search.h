@@ -38,6 +38,7 @@ struct Candidate {
   const Reference* reference = nullptr;
   size_t place = 0; // in the library or the list of free shapes
   ScanCandidate scan;
+  bool is_free_function = false; // of everything that repeats: no scan asks it, it stands against answers
   Family family() const { return effect ? effect->family() : reference->family; }
 };
 
@@ -115,6 +116,9 @@ public:
   double evidence_of(const SlowModel& model, size_t name) const;
   // Free shapes beside a model, the one that gains most first: what its names leave unexplained.
   std::vector<SlowCandidateScore> free_beside(const SlowModel& model, size_t most) const;
+  // The free function of everything that repeats beside a model, with its noise or that of `also`, whichever is likelier
+  // (no name at all: the campaign has no temperature).  Not estimated again.
+  SlowModel with_free_function(const SlowModel& model, const SlowModel& also) const;
   // The same kind of noise beside the noise as believed, its parameters estimated again.
   SlowModel beside_believed(const SlowModel& model) const;
   // Noise and shape parameters estimated again.

@@ -73,6 +73,7 @@ private:
     weigh_steps();
     weigh_noise();
     hold_out();
+    ask_free_function();
     look_beside();
   }
   // A line in the spectrum of what is left was in everybody's way: kinds of noise took its place, and the noise of all
@@ -186,6 +187,51 @@ private:
     }
   }
 
+  bool is_free_function(size_t i) const { return candidate(out_.slow.best.names[i].candidate).is_free_function; }
+  bool has_free_function() const {
+    bool has = false;
+    for (size_t i = 0; i < out_.slow.best.names.size(); ++i) has = has || is_free_function(i);
+    return has;
+  }
+  // A free function of everything that repeats joins an answer where it makes all logs together more likely, and what
+  // does not do so beside it goes: that function holds what it stood for.  Other noise parameters are an answer too.
+  void ask_free_function() {
+    const SlowModel& answer = out_.slow.best;
+    const bool is_as_believed = answer.is_believed || !belief_.has_believed;
+    if (answer.names.empty() && !answer.noise_effect && is_as_believed) return;
+    if (out_.gap.method == HeldOut::kQuarters) return; // parts of one passage foretell nothing of another
+    SlowModel bare = answer;
+    bare.names.clear(), bare.noise_effect = nullptr;
+    double highest = all_logs(answer);
+    std::optional<SlowModel> with;
+    for (const SlowModel& beside : {answer, bare}) {
+      SlowModel m = out_.search->with_free_function(beside, out_.slow.null);
+      if (m.names.empty() || all_logs(m) < highest - constants().near_nats) continue;
+      m = out_.search->polished(m);
+      if (const double value = all_logs(m); value > highest) highest = value, with = m;
+    }
+    if (!with) return;
+    out_.slow.best = without_needless(*with, highest);
+    out_.search->judge_again(&out_.slow);
+    hold_out();
+  }
+  // Names beside the free function, which is the last, and a kind of noise go as long as all logs together do not become
+  // less likely.
+  SlowModel without_needless(const SlowModel& m, double value) const {
+    std::vector<SlowModel> fewer;
+    for (size_t i = 0; i + 1 < m.names.size(); ++i) {
+      fewer.push_back(m);
+      fewer.back().names.erase(fewer.back().names.begin() + static_cast<long>(i));
+    }
+    if (m.noise_effect) fewer.push_back(m), fewer.back().noise_effect = nullptr;
+    const SlowModel* best = nullptr;
+    for (SlowModel& less : fewer) {
+      less = out_.search->polished(less);
+      if (const double v = all_logs(less); v >= value) value = v, best = &less;
+    }
+    return best ? without_needless(*best, value) : m;
+  }
+
   // Free shapes that still gain beside the answer, or cost little and make data that were not fitted more likely: what
   // it leaves of a cause.
   void look_beside() {
@@ -248,6 +294,7 @@ private:
     const double least = constants().least_held_out_nats, part = constants().predicted_part;
     const GapResult::Support own = out_.gap.beyond_start[i], all = out_.gap.at_all[i];
     if (candidate(out_.slow.best.names[i].candidate).scan.estimator->form() == Form::kRunRandom) return -1e9;
+    if (is_free_function(i)) return -1e9; // chosen for what it predicts
     if (out_.gap.method == HeldOut::kQuarters) return least - own.nats;
     const double fitted_h = static_cast<double>(campaign_.n()) * campaign_.dt_s / 3600;
     const double gain = out_.slow.evidence[i] + constants().mean_nats;
@@ -458,7 +505,9 @@ private:
       effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
       add_same_spectrum(&effect);
     }
-    if (best.names.empty() && is_against()) {
+    if (has_free_function()) {
+      leave(effect);
+    } else if (best.names.empty() && is_against()) {
       effect.doubt = Doubt::kAgainst, effect.held_out_nats = 0.5 * out_.gap.delta_deviance;
       selection().dropped.push_back(effect);
     } else if (!best.names.empty() || beside_.empty()) {
