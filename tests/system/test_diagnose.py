@@ -362,3 +362,29 @@ def test_coarse_thermometer_is_not_a_lag_where_the_element_is_seconds_behind_it(
     axis = lab.run(fine[:2], "--holdout", fine[2], model=model)["axes"][0]
     assert axis["effects"][0]["name"] == "temperature_sensor_quantization", lab.text
     assert axis["effects"][0]["parameters"]["lsb_degc"] == pytest.approx(1.2, abs=0.01)
+
+
+def wave(amplitude_dph):
+    """Of temperature and what it was ten minutes before, together."""
+    def change(t, temp, rate):
+        return temp, [r + amplitude_dph * math.sin((x - y) / 3 + x / 9) for x, y, r in zip(temp, behind(temp, 600), rate)]
+    return change
+
+
+def product(amplitude_dph):
+    """Of temperature, what it was a quarter of an hour before, and the time."""
+    def change(t, temp, rate):
+        return temp, [r + amplitude_dph * math.sin(x / 7) * (x - y) / 10 * math.cos(s / 2500)
+                      for s, x, y, r in zip(t, temp, behind(temp, 900), rate)]
+    return change
+
+
+@pytest.mark.parametrize("change,seed", [(product(40), 32), (wave(30), 31), (wave(22), 33)])
+def test_what_repeats_but_is_no_effect_of_the_library_has_no_name(lab, change, seed):
+    """An anomaly and a function of the time since the start stood in for these before."""
+    logs = lab.logs("no_effect", [], n=4, seed=seed, profile=lab.write("chamber.json", CHAMBER))
+    for path in logs:
+        rewrite(path, change)
+    axis = lab.run(logs[:3], "--holdout", logs[3])["axes"][0]
+    assert names(axis) == [] and axis["verdict"] == "unexplained", lab.text
+    assert "free function of temperature" in lab.text
