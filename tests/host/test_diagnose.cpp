@@ -706,6 +706,15 @@ static void test_causes_of_no_family_are_not_named(void**) {
   assert_true(both.verdict == Verdict::kUnexplained);
 }
 
+// The members in the sets of an answer.
+static std::set<std::string> members_of(const Selection& selection) {
+  std::set<std::string> all;
+  for (const SelectedEffect& effect : selection.effects)
+    for (const CandidateEvidence& e : effect.set)
+      if (e.effect) all.insert(e.effect->name());
+  return all;
+}
+
 static void test_jumps_that_come_again_and_again_are_no_events(void**) {
   // One in each of four logs, each time at another place.
   size_t row = 0;
@@ -716,6 +725,7 @@ static void test_jumps_that_come_again_and_again_are_no_events(void**) {
   assert_int_equal(again.effects.size(), 1);
   assert_string_equal(again.effects[0].term.effect->name().c_str(), "bias_step");
   assert_true(again.effects[0].is_family && again.effects[0].family == Family::kSlowNoise);
+  assert_int_equal(members_of(again).count("telegraph_noise"), 1); // it jumps again and again
   // A single one is: in the first log only.
   size_t rows = 0;
   const Selection one = answer_to([&](double, double) { return ++rows > 2500 && rows <= 6000 ? 90.0 : 0.0; }, 91, 0);
@@ -919,12 +929,51 @@ static void test_kinds_of_noise_stand_beside_other_parameters(void**) {
   options.nulls = 40;
   options.model_path = "given";
   const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
-  std::set<std::string> all;
-  for (const SelectedEffect& effect : said.effects)
-    for (const CandidateEvidence& e : effect.set)
-      if (e.effect) all.insert(e.effect->name());
+  const std::set<std::string> all = members_of(said);
   assert_true(all.count("rate_random_walk") == 1);
   assert_int_equal(all.count("second_markov"), all.count("telegraph_noise")); // they have one spectrum
+}
+
+static void test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed(void**) {
+  // A fast process, a slow one of thirty times its time constant, and nothing believed: one process alone takes a middle.
+  std::vector<Log> logs;
+  for (uint64_t seed = 201; seed < 207; ++seed) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 0, 0, Stream::kTool);
+    const double phi = std::exp(-1 / 3000.0);
+    double slow = 60 * rng.normal();
+    for (double& rate : log.axes[0].rate_dph)
+      slow = phi * slow + 60 * std::sqrt(1 - phi * phi) * rng.normal(), rate += slow;
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowResult result = search.run();
+  double second = 0, walk = 0;
+  for (const SlowCandidateScore& s : result.noises) {
+    const double gain = s.gain_nats - result.null.free_score();
+    if (s.model.noise_effect == &find_effect("second_markov")) second = gain;
+    if (s.model.noise_effect == &find_effect("rate_random_walk")) walk = gain;
+  }
+  // Within logs that are short against its time constant the slow process is a random walk.
+  assert_true(second > SelectorConstants().noise_nats);
+  assert_near(second, walk, 4);
+}
+
+static void test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed(void**) {
+  // Seldom jumps, each of two standard deviations of the white noise: samples have no heavy tails.
+  Rng rng(211, 0, 0, Stream::kTool);
+  double level = 34;
+  const Selection said = answer_to(
+      [&](double, double) {
+        if (rng.uniform() < 0.5 / 760) level = -level;
+        return level;
+      },
+      211, 0);
+  assert_int_equal(said.effects.size(), 1);
+  assert_string_equal(said.effects[0].term.effect->name().c_str(), "telegraph_noise");
+  assert_near(said.effects[0].term.shape[0], 34, 4);
 }
 
 static void test_what_settles_within_minutes_is_no_creep(void**) {
@@ -1029,6 +1078,8 @@ int main() {
       cmocka_unit_test(test_slopes_beside_missing_rows_are_those_of_the_temperature),
       cmocka_unit_test(test_slopes_do_not_reach_across_a_long_gap),
       cmocka_unit_test(test_kinds_of_noise_stand_beside_other_parameters),
+      cmocka_unit_test(test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed),
+      cmocka_unit_test(test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_what_settles_within_minutes_is_no_creep),
       cmocka_unit_test(test_noise_that_axes_share_is_told_from_slow_causes_of_both),
       cmocka_unit_test(test_curvature_gives_the_errors_of_a_gaussian),

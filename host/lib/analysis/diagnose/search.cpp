@@ -23,7 +23,8 @@ constexpr double kUsualTau_s = 300;
 constexpr size_t kNoisesBeside = 2, kNoiseBases = 4;
 constexpr size_t kPolished = 7, kPairBases = 6, kPairNodes = 6, kPairsPolished = 6, kPartners = 3;
 constexpr int kEvaluations = 110, kQuickEvaluations = 60, kProbeEvaluations = 25;
-constexpr int kPasses = 3; // of neighbours of a shape
+constexpr double kHiddenTau_s = 5; // of a process that white noise may have swallowed
+constexpr int kPasses = 3;         // of neighbours of a shape
 constexpr size_t kPairsTried = 10, kAddedTried = 4;
 constexpr int kRounds = 2;               // of exchanges
 constexpr double kWorthwhile_nats = 0.5; // that a round has to gain for another one
@@ -62,6 +63,11 @@ double log_mean_exp(const std::vector<double>& x) {
 }
 
 } // namespace
+
+const Markov& slowest(const NoiseModel& noise) {
+  return *std::max_element(noise.markov.begin(), noise.markov.end(),
+                           [](const Markov& a, const Markov& b) { return a.tau_s < b.tau_s; });
+}
 
 double SlowModel::charges() const {
   double sum = noise_effect ? noise_charge : 0;
@@ -595,12 +601,50 @@ struct SlowSearch::Impl {
     return list;
   }
 
+  // A kind of noise at the best of these starts.
+  SlowModel best_with_noise(const std::vector<SlowModel>& starts, const Effect& kind) const {
+    SlowModel best;
+    for (SlowModel with : starts) {
+      with.noise_effect = &kind, with.noise_charge = constants.noise_kind_nats;
+      with.value = evaluate(with);
+      if (with.value > best.value) best = with;
+    }
+    return best;
+  }
+  // The noise of `m` may have swallowed what this kind is.  It then starts like half of the white noise, like the slowest
+  // process beside what a smaller and faster one leaves, or like that one beside the noise as believed.
+  SlowModel at_hidden_start(const SlowModel& m, const Effect& kind) const {
+    SlowModel free = m;
+    free.is_believed = false;
+    const NoiseModel own = base_noise(free);
+    if (own.markov.empty()) return {};
+    const Theta slow = kind.estimator()->like(slowest(own));
+    const double white = own.white_sigma_dph * std::sqrt(0.5);
+    const Theta fast = kind.estimator()->like({white / std::sqrt(2 * kHiddenTau_s), kHiddenTau_s});
+    if (slow.empty()) return {};
+    SlowModel quieter = free, less = free, believed = m;
+    quieter.log_noise[0] += std::log(white / own.white_sigma_dph);
+    less.log_noise[1] += std::log(kLeftSigma * kLeftSigma / kLeftTau), less.log_noise[2] += std::log(kLeftTau);
+    quieter.noise_theta = fast, less.noise_theta = believed.noise_theta = slow;
+    if (!belief.has_believed || belief.model.markov.empty()) return best_with_noise({quieter, less}, kind);
+    believed.is_believed = true;
+    std::fill(believed.log_noise, believed.log_noise + 3, 0.0);
+    return best_with_noise({quieter, less, believed}, kind);
+  }
+  SlowModel in_place_of_base(const SlowModel& m) const {
+    SlowModel plain = m;
+    plain.noise_effect = nullptr;
+    const SlowModel with = at_hidden_start(polished(plain), *m.noise_effect);
+    return with.noise_effect ? polished(with) : m;
+  }
   // Whether a kind of noise beside `m` gains anything after a few evaluations; the start of the rest.
   bool is_hopeful(const SlowModel& m, SlowModel* with) const {
-    SlowModel probe = *with;
-    probe.is_believed = false;
-    polish(&probe, kProbeEvaluations);
-    if (probe.value > with->value) *with = probe;
+    for (SlowModel probe : {*with, at_hidden_start(m, *with->noise_effect)}) {
+      if (!probe.noise_effect) continue;
+      probe.is_believed = false;
+      polish(&probe, kProbeEvaluations);
+      if (probe.value > with->value) *with = probe;
+    }
     return with->value > m.value;
   }
   // `m` with the starts of a kind of noise: its own, and where it was found alone or beside other names.
@@ -625,14 +669,8 @@ struct SlowSearch::Impl {
   std::vector<SlowCandidateScore> scan_noises(const SlowModel& m, size_t polish_most) const {
     std::vector<SlowCandidateScore> list;
     for (const Effect* effect : noise_effects) {
-      SlowCandidateScore best;
-      best.gain_nats = -1e300;
-      for (SlowModel& with : noise_starts(m, *effect)) {
-        with.noise_effect = effect, with.noise_charge = constants.noise_kind_nats;
-        with.value = evaluate(with);
-        if (with.free_score() > best.gain_nats) best.gain_nats = with.free_score(), best.model = with;
-      }
-      list.push_back(best);
+      const SlowModel with = best_with_noise(noise_starts(m, *effect), *effect);
+      list.push_back({with.noise_effect ? with.free_score() : -1e300, with});
     }
     std::vector<size_t> order(list.size());
     for (size_t j = 0; j < order.size(); ++j) order[j] = j;
@@ -643,7 +681,32 @@ struct SlowSearch::Impl {
       s.model = polished(s.model, kQuickEvaluations);
       s.gain_nats = s.model.free_score();
     }
+    start_like_best(m, &list);
     return list;
+  }
+  // Kinds of noise that could be like the best of them, from there: a random walk is the end of a valley of Markov
+  // processes, along which a search from elsewhere stops.
+  void start_like_best(const SlowModel& m, std::vector<SlowCandidateScore>* list) const {
+    const auto best = std::max_element(list->begin(), list->end(),
+                                       [](const auto& a, const auto& b) { return a.gain_nats < b.gain_nats; });
+    if (best == list->end() || best->gain_nats <= m.free_score()) return;
+    const SlowModel from = best->model;
+    const NoiseModel base_of_best = base_noise(from);
+    const NoiseModel all = from.noise_effect->estimator()->noise(base_of_best, from.noise_theta);
+    Markov process{all.walk_dph_per_rt_s * std::sqrt(longest_tau_s / 6), longest_tau_s / 3};
+    if (all.markov.size() == base_of_best.markov.size() + 1) process = all.markov.back();
+    if (!(process.sigma_dph > 0)) return;
+    for (SlowCandidateScore& s : *list) {
+      if (!s.model.noise_effect || s.model.noise_effect == from.noise_effect) continue;
+      const Theta alike = s.model.noise_effect->estimator()->like(process);
+      if (alike.empty()) continue;
+      SlowModel with = from;
+      with.noise_theta = alike;
+      with = best_with_noise({with}, *s.model.noise_effect);
+      if (with.value <= s.model.value) continue;
+      s.model = polished(with, kQuickEvaluations);
+      s.gain_nats = s.model.free_score();
+    }
   }
 
   double score(const SlowModel& m) const {
@@ -1198,6 +1261,9 @@ SlowModel SlowSearch::polished(const SlowModel& model) const {
 }
 SlowModel SlowSearch::beside_believed(const SlowModel& model) const {
   return impl_->beside_believed(model);
+}
+SlowModel SlowSearch::in_place_of_base(const SlowModel& model) const {
+  return impl_->in_place_of_base(model);
 }
 void SlowSearch::judge_again(SlowResult* result) const {
   result->best = impl_->polished(result->best);

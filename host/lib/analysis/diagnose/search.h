@@ -19,6 +19,12 @@
 
 namespace imucal {
 
+// Another kind of noise may have been swallowed by a process of the fitted one.  Factors on sigma and tau of what that
+// process leaves, where a search for the other kind starts.
+constexpr double kLeftSigma = 0.3, kLeftTau = 0.1;
+// The slowest process of a noise that has one.
+const Markov& slowest(const NoiseModel& noise);
+
 // What is known of the noise before the logs.
 struct NoiseBelief {
   NoiseModel model;            // the believed one, of 1-s means; or a start, where nothing is believed
@@ -121,6 +127,8 @@ public:
   SlowModel with_free_function(const SlowModel& model, const SlowModel& also) const;
   // The same kind of noise beside the noise as believed, its parameters estimated again.
   SlowModel beside_believed(const SlowModel& model) const;
+  // The same kind of noise where it takes most of what the rest of the noise held.
+  SlowModel in_place_of_base(const SlowModel& model) const;
   // Noise and shape parameters estimated again.
   SlowModel polished(const SlowModel& model) const;
   // After a name of `best` was taken away: estimated again, members in the place of free shapes where they gain nearly as

@@ -150,9 +150,11 @@ SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start
 
 namespace {
 
-// What the seconds can show of a kind of noise: hits and telegraph noise where the distribution says so, white noise
-// over temperature always, another Markov process as far as it is fast.
-bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments& m) {
+RestFinding in_sudden_changes(const Campaign& campaign, const std::vector<VectorXd>& e, const Moments& m, double rate);
+
+// What the seconds can show of a kind of noise: hits and telegraph noise where the distribution says so, that one also
+// where the innovations change suddenly, white noise over temperature always, another Markov process as far as it is fast.
+bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments& m, bool changes_suddenly) {
   if (e.form() != Form::kNoise || e.is_nominal_noise()) return false;
   if (e.needs_temperature() && !campaign.has_temperature) return false;
   const double heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
@@ -161,7 +163,7 @@ bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments&
   const std::vector<Theta> starts = e.starts(unit);
   if (starts.empty()) return false;
   const NoiseModel example = e.noise(unit, starts.front());
-  if (example.is_mixture()) return e.has_markov_spectrum() ? std::fabs(heavy) > kHeavy : heavy > kHeavy;
+  if (example.is_mixture()) return heavy > kHeavy || (e.is_jumping() && (heavy < -kHeavy || changes_suddenly));
   return !e.is_slow_noise() || example.markov.size() == 2;
 }
 
@@ -171,17 +173,10 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
   FastFinding best;
   best.effect = &effect;
   best.gain_nats = -1e300;
-  std::vector<std::pair<double, Theta>> starts;
-  for (const Theta& theta : e.starts(from.base)) starts.push_back({log_likelihood(e.noise(from.base, theta)), theta});
-  std::sort(starts.begin(), starts.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
-  if (starts.empty()) return best;
-  Theta x{0, 0, 0}, lo{-6, -9, -6}, hi{6, 9, 6};
+  Theta lo{-6, -9, -6}, hi{6, 9, 6};
   const auto in = [&](double v) { return e.is_logarithmic() ? std::log(v) : v; };
   const auto outward = [&](double v) { return e.is_logarithmic() ? std::exp(v) : v; };
-  for (size_t i = 0; i < starts.front().second.size(); ++i) {
-    x.push_back(in(starts.front().second[i]));
-    lo.push_back(in(e.theta_lo()[i])), hi.push_back(in(e.theta_hi()[i]));
-  }
+  for (size_t i = 0; i < e.theta_lo().size(); ++i) lo.push_back(in(e.theta_lo()[i])), hi.push_back(in(e.theta_hi()[i]));
   const auto theta_of = [&](const Theta& at) {
     Theta theta;
     for (size_t i = 3; i < at.size(); ++i) theta.push_back(outward(at[i]));
@@ -190,9 +185,31 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
   const auto value = [&](const Theta& at) {
     return log_likelihood(e.noise(with_factors(from.base, at), theta_of(at)));
   };
+  const auto with_theta = [&](Theta at, const Theta& theta) {
+    for (double v : theta) at.push_back(in(v));
+    return at;
+  };
+  const auto best_start = [&] {
+    Theta x;
+    double highest = -1e300;
+    for (const Theta& theta : e.starts(from.base)) {
+      const Theta at = with_theta({0, 0, 0}, theta);
+      if (const double v = value(at); v > highest) highest = v, x = at;
+    }
+    return x;
+  };
+  std::vector<Theta> starts;
+  if (const Theta x = best_start(); !x.empty()) starts.push_back(x);
+  // The fitted noise has swallowed what jumps: it starts like that process, beside what a smaller and faster one leaves.
+  if (e.is_jumping() && !from.base.markov.empty())
+    starts.push_back(
+        with_theta({0, std::log(kLeftSigma * kLeftSigma / kLeftTau), std::log(kLeftTau)}, e.like(slowest(from.base))));
   SearchOptions options;
   options.step = 0.3, options.max_evaluations = kProbe, options.tolerance = 0.02;
-  double top = maximise(value, &x, lo, hi, options);
+  Theta x;
+  double top = -1e300;
+  for (Theta at : starts)
+    if (const double v = maximise(value, &at, lo, hi, options); v > top) top = v, x = at;
   if (top - from.log_likelihood < kHopeless_nats) return best;
   options.max_evaluations = kThorough;
   top = maximise(value, &x, lo, hi, options);
@@ -208,13 +225,16 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
 
 std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
                                          const std::vector<VectorXd>& residual,
-                                         const std::vector<const Effect*>& library, const std::vector<bool>& active) {
-  const Moments m = moments(whitened(campaign, from.base, residual));
+                                         const std::vector<const Effect*>& library, const std::vector<bool>& active,
+                                         const SelectorConstants& constants) {
+  const std::vector<VectorXd> e_of_base = whitened(campaign, gaussian_equivalent(from.base), residual);
+  const Moments m = moments(e_of_base);
+  const bool changes_suddenly = in_sudden_changes(campaign, e_of_base, m, constants.rest_rate).evidence_nats > 0;
   const ResidualLikelihood log_likelihood(campaign, residual);
   std::vector<FastFinding> list;
   for (size_t j = 0; j < library.size(); ++j) {
     const EffectEstimator* e = library[j]->estimator();
-    if (!e || !active[j] || !is_asked(*e, campaign, m)) continue;
+    if (!e || !active[j] || !is_asked(*e, campaign, m, changes_suddenly)) continue;
     FastFinding f = fit_fast(log_likelihood, from, *library[j]);
     if (f.theta.empty()) continue;
     const NoiseModel with = e->noise(f.base, f.theta);

@@ -51,7 +51,8 @@ struct FastFinding {
 // Every kind of fast noise of the library that may be asked, best first.  `from`: noise that all of them contain.
 std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
                                          const std::vector<Eigen::VectorXd>& residual,
-                                         const std::vector<const Effect*>& library, const std::vector<bool>& active);
+                                         const std::vector<const Effect*>& library, const std::vector<bool>& active,
+                                         const SelectorConstants& constants);
 
 // A line in the spectrum of innovations, with its drift over temperature.
 struct Line {

@@ -446,8 +446,9 @@ private:
     const double null = out_.slow.null.free_score(), all = out_.slow.best.free_score() - null;
     return out_.slow.singles[free_shape].gain_nats - null > constants().member_share * all;
   }
-  static void open_jumps(SelectedEffect* effect) {
+  void open_jumps(SelectedEffect* effect) const {
     effect->family = Family::kSlowNoise, effect->is_family = true, effect->doubt = Doubt::kMemberOpen;
+    add_jumping_noise(effect);
     effect->statement = "jumps come again and again: a noise that jumps, not single events; what makes it is open";
   }
   // Jumps that hold a share of what all of them explain: a small one beside large ones is not their kind.
@@ -493,18 +494,10 @@ private:
     effect.held_out_nats = kNaN;
     const double threshold = constants().noise_nats;
     effect.set = {{best.noise_effect, nullptr, false, effect.family, effect.gain_nats, threshold}};
-    double nearest = 1e300;
-    for (const SlowCandidateScore& s : out_.slow.noises) {
-      if (s.model.noise_effect == best.noise_effect || !best.names.empty()) continue;
-      const double gap = best.free_score() - s.gain_nats;
-      if (gap > constants().noise_margin_nats) continue;
-      nearest = std::min(nearest, gap);
-      effect.set.push_back({s.model.noise_effect, nullptr, false, effect.family, effect.gain_nats - gap, threshold});
-    }
-    if (nearest < constants().noise_margin_nats) {
-      effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
-      add_same_spectrum(&effect);
-    }
+    if (best.names.empty()) add_kinds_within(constants().noise_margin_nats, best, &effect);
+    if (effect.set.size() > 1) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+    add_same_spectrum(&effect);
+    if (best.names.empty()) add_means_that_do_as_well(&effect);
     if (has_free_function()) {
       leave(effect);
     } else if (best.names.empty() && is_against()) {
@@ -513,6 +506,52 @@ private:
     } else if (!best.names.empty() || beside_.empty()) {
       named_.push_back(effect);
     }
+  }
+
+  static bool is_in_set(const SelectedEffect& effect, const Effect* member) {
+    return std::any_of(effect.set.begin(), effect.set.end(), [&](const auto& e) { return e.effect == member; });
+  }
+  // Whether the kind of noise of a hypothesis takes anything: one that could be left out of it is no rival.
+  bool is_needed(const SlowModel& m) const {
+    if (!m.noise_effect) return false;
+    SlowModel less = m;
+    less.noise_effect = nullptr;
+    const auto value = [&](const SlowModel& at) { return out_.search->grams_of(at).log_marginal_any_scale(); };
+    return value(m) - value(less) > constants().rivals_nats;
+  }
+  // Kinds of slow noise that gain less than an answer by no more than this, best first.
+  void add_kinds_within(double margin_nats, const SlowModel& answer, SelectedEffect* effect) const {
+    std::vector<CandidateEvidence> kinds;
+    for (const SlowCandidateScore& s : out_.slow.noises) {
+      if (!s.model.noise_effect || is_in_set(*effect, s.model.noise_effect)) continue;
+      const SlowModel m = is_needed(s.model) ? s.model : out_.search->in_place_of_base(s.model);
+      const double gap = answer.free_score() - m.free_score();
+      if (gap >= margin_nats || !is_needed(m)) continue;
+      kinds.push_back(
+          {s.model.noise_effect, nullptr, false, Family::kSlowNoise, effect->gain_nats - gap, constants().noise_nats});
+    }
+    std::sort(kinds.begin(), kinds.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+    effect->set.insert(effect->set.end(), kinds.begin(), kinds.end());
+  }
+  // Causes in the mean, those that differ from run to run among them, that do as well as a kind of slow noise alone.
+  void add_means_that_do_as_well(SelectedEffect* effect) const {
+    const SlowModel& best = out_.slow.best;
+    std::vector<CandidateEvidence> means;
+    for (size_t j = 0; j < out_.slow.singles.size(); ++j) {
+      const SlowCandidateScore& s = out_.slow.singles[j];
+      const double gap = best.free_score() + best.noise_charge - s.gain_nats;
+      if (!candidate(j).effect || s.model.names.empty() || gap >= constants().rivals_nats) continue;
+      means.push_back(evidence_of(j, effect->gain_nats - gap, constants().mean_nats));
+    }
+    std::sort(means.begin(), means.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+    effect->set.insert(effect->set.end(), means.begin(), means.end());
+  }
+  // Noise that jumps between levels does so again and again.
+  void add_jumping_noise(SelectedEffect* effect) const {
+    for (size_t j = 0; j < library_.size(); ++j)
+      if (const EffectEstimator* e = library_[j]->estimator(); e && active_[j] && e->is_jumping())
+        effect->set.push_back({library_[j], nullptr, false, library_[j]->family(), effect->gain_nats,
+                               effect->gain_nats - effect->evidence_nats});
   }
 
   // Slow noise explains it, but a repeatable cause that takes most of it would do so as well.
@@ -547,6 +586,10 @@ private:
         effect.set.push_back(family);
       }
     effect.set.insert(effect.set.end(), rivals.begin(), rivals.end());
+    if (named_.empty()) {
+      add_kinds_within(constants().noise_margin_nats, best, &effect);
+      add_same_spectrum(&effect);
+    }
     named_ = {effect};
   }
   // A kind of slow noise that is not worth its name is not what stands against a repeatable cause: the plain noise is.
@@ -600,7 +643,20 @@ private:
     final_fit_ = fit_hypothesis(campaign_, selection().final);
     from_ = fit_seconds_noise(campaign_, selection().final.noise(), final_fit_.residual);
     believe_again();
+    if (is_believed_ && leaves_unnamed_noise()) return seconds();
     fit_own_base();
+  }
+  // The believed noise does beside a kind of noise that is not worth its name, and does not without it: other parameters
+  // are the simpler answer.
+  bool leaves_unnamed_noise() {
+    SlowModel& best = out_.slow.best;
+    if (!best.names.empty() || !best.steps.empty() || !best.noise_effect) return false;
+    if (out_.slow.evidence.back() > 0 || out_.slow.null.is_believed) return false;
+    best = out_.slow.null;
+    out_.slow.evidence.clear();
+    hold_out();
+    look_beside();
+    return true;
   }
   // Noise beside a kind of slow noise, of the seconds: block means do not show all of it.
   void fit_own_base() {
@@ -666,7 +722,8 @@ private:
   void name_fast() {
     for (const NamedLine& line : lines_) name_line(line);
     if (is_censored_) return; // the spread of what is left is not that of the noise
-    const std::vector<FastFinding> found = scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_);
+    const std::vector<FastFinding> found =
+        scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_, constants());
     if (found.empty() || found.front().gain_nats < constants().fast_nats) return;
     const FastFinding& best = found.front();
     SelectedEffect effect;
@@ -725,17 +782,20 @@ private:
     }
   }
 
-  // Another kind of noise beside the believed one that does as well as other parameters.
+  // Another kind of noise beside the believed one, or beside other parameters, that does as well as these.
   void add_kinds_of_noise(SelectedEffect* retuned) const {
-    if (!out_.slow.best.names.empty() || out_.slow.best.noise_effect) return;
+    const SlowModel& null = out_.slow.null;
+    const SlowModel& best = out_.slow.best;
+    if (!best.names.empty() || (best.noise_effect && out_.slow.evidence.back() > 0)) return;
     std::vector<CandidateEvidence> kinds;
     for (const SlowCandidateScore& s : out_.slow.noises) {
       if (!s.model.noise_effect) continue;
       const SlowModel m = out_.search->beside_believed(s.model);
-      const double gap = out_.slow.null.free_score() - m.free_score() - constants().noise_kind_nats;
-      if (gap < constants().noise_margin_nats)
-        kinds.push_back(
-            {m.noise_effect, nullptr, false, retuned->family, retuned->gain_nats - gap, constants().noise_nats});
+      const double gap = null.free_score() - m.free_score() - constants().noise_kind_nats;
+      const double gap_beside_others = is_needed(s.model) ? best.free_score() - s.gain_nats : 1e300;
+      if (gap < constants().noise_margin_nats || gap_beside_others < constants().rivals_nats)
+        kinds.push_back({m.noise_effect, nullptr, false, retuned->family,
+                         retuned->gain_nats - std::min(gap, gap_beside_others), constants().noise_nats});
     }
     std::sort(kinds.begin(), kinds.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
     retuned->set.insert(retuned->set.end(), kinds.begin(), kinds.end());
@@ -753,7 +813,7 @@ private:
     for (size_t j = 0; j < library_.size(); ++j) {
       CandidateEvidence other = as_well;
       other.effect = library_[j];
-      if (active_[j] && library_[j] != as_well.effect && has_markov_spectrum(other)) effect->set.push_back(other);
+      if (active_[j] && !is_in_set(*effect, library_[j]) && has_markov_spectrum(other)) effect->set.push_back(other);
     }
   }
 
@@ -814,10 +874,18 @@ private:
     for (SelectedEffect& effect : named_) {
       if (!effect.term.effect || effect.is_family) continue;
       const Form form = effect.term.form();
-      if (form == Form::kNoise) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+      if (form == Form::kNoise) open_noise(&effect);
       if (form == Form::kSteps && has_jumps) open_jumps(&effect);
     }
     if (left > explained_nats() || n_members() > kFewNames) leave_members();
+  }
+  // The tests contradict the kind that is most likely: likelihoods do not exclude the others, which gain at all.
+  void open_noise(SelectedEffect* effect) const {
+    effect->is_family = true, effect->doubt = Doubt::kMemberOpen;
+    if (effect->family != Family::kSlowNoise || !out_.slow.best.names.empty()) return;
+    add_kinds_within(out_.slow.best.free_score() - out_.slow.null.free_score() + constants().noise_kind_nats,
+                     out_.slow.best, effect);
+    add_same_spectrum(effect);
   }
   // A line is what it is: it stands in for nothing, unless lines remain.
   bool is_member(const SelectedEffect& effect) const {

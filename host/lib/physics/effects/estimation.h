@@ -129,6 +129,8 @@ public:
   // kNoise: parameters (all positive ones are searched in their logarithm), starting points from a base
   // model, and the model that results.
   virtual std::vector<Theta> starts(const NoiseModel& /*base*/) const { return {}; }
+  // Parameters with which it is most like a Markov process: a start where the base has swallowed it.  Empty: none.
+  virtual Theta like(const Markov& /*process*/) const { return {}; }
   virtual Theta theta_lo() const { return {}; }
   virtual Theta theta_hi() const { return {}; }
   virtual bool is_logarithmic() const { return true; }
@@ -140,6 +142,8 @@ public:
   virtual bool is_nominal_noise() const { return false; }
   // Its spectrum is that of a Markov process: only the distribution tells them apart.
   virtual bool has_markov_spectrum() const { return false; }
+  // It jumps: jumps in time that come again and again may be it.
+  virtual bool is_jumping() const { return false; }
   // The same in every run, so that it predicts runs that were not fitted.
   virtual bool is_repeatable() const { return form() == Form::kColumns || form() == Form::kTemperature; }
   virtual bool is_structural() const { return form() == Form::kStructural; }

@@ -44,6 +44,8 @@ public:
   bool needs_temperature() const override { return false; }
   bool is_slow_noise() const override { return true; }
   std::vector<Theta> starts(const NoiseModel& base) const override { return {{0.2 * base.white_sigma_dph}}; }
+  // Alike where the Allan deviation is largest: 0.618 sigma there, 0.664 B everywhere.
+  Theta like(const Markov& process) const override { return {0.93 * process.sigma_dph}; }
   Theta theta_lo() const override { return {1e-3}; }
   Theta theta_hi() const override { return {1e5}; }
   // Time constants four apart: sigma^2 = B^2 ln(4)/pi each.

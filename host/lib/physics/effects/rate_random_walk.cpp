@@ -44,6 +44,8 @@ public:
   bool needs_temperature() const override { return false; }
   bool is_slow_noise() const override { return true; }
   std::vector<Theta> starts(const NoiseModel& base) const override { return {{0.01 * base.white_sigma_dph}}; }
+  // Alike within times that are short against tau.
+  Theta like(const Markov& process) const override { return {process.sigma_dph * std::sqrt(2 / process.tau_s)}; }
   Theta theta_lo() const override { return {1e-5}; }
   Theta theta_hi() const override { return {1e4}; }
   NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {

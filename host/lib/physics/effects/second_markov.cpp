@@ -44,6 +44,7 @@ public:
   std::vector<Theta> starts(const NoiseModel& base) const override {
     return {{0.3 * base.white_sigma_dph, 15}, {0.2 * base.white_sigma_dph, 700}};
   }
+  Theta like(const Markov& process) const override { return {process.sigma_dph, process.tau_s}; }
   Theta theta_lo() const override { return {1e-3, 2}; }
   Theta theta_hi() const override { return {1e6, 2e4}; }
   NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {

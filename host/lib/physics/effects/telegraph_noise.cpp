@@ -47,6 +47,7 @@ public:
   std::vector<Theta> starts(const NoiseModel& base) const override {
     return {{0.3 * base.white_sigma_dph, 15}, {0.3 * base.white_sigma_dph, 120}, {0.2 * base.white_sigma_dph, 700}};
   }
+  Theta like(const Markov& process) const override { return {process.sigma_dph, process.tau_s}; }
   Theta theta_lo() const override { return {1e-3, 2}; }
   Theta theta_hi() const override { return {1e6, 2e4}; }
   NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
@@ -56,6 +57,7 @@ public:
     return out;
   }
   bool has_markov_spectrum() const override { return true; }
+  bool is_jumping() const override { return true; }
   Parameters values(const Estimate& e) const override {
     return {{"amplitude_dph", e.shape_at(0)}, {"tau_s", e.shape_at(1)}};
   }
