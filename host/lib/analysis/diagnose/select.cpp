@@ -654,7 +654,7 @@ private:
     if (out_.slow.evidence.back() > 0 || out_.slow.null.is_believed) return false;
     best = out_.slow.null;
     out_.slow.evidence.clear();
-    hold_out();
+    out_.gap = measure_gap(*out_.search, *out_.data, held_blocks_.get(), out_.slow.null, best);
     look_beside();
     return true;
   }
