@@ -31,7 +31,7 @@ constexpr double kWorthwhile_nats = 0.5; // that a round has to gain for another
 constexpr size_t kMostNames = 3;
 constexpr size_t kMembersTried = 3; // in the place of a free shape
 constexpr double kMemberPart = 0.4; // of its gain, on the places of the grids
-constexpr size_t kPartsKept = 12, kColumnsKept = 4;
+constexpr size_t kPartsKept = 12, kColumnsKept = 4, kNodesKept = 2;
 const char kCalibrationVersion[] = "7"; // changes whenever a draw would gain something else
 constexpr size_t kMostSteps = 6, kStepPlaces = 12;
 
@@ -425,7 +425,21 @@ struct SlowSearch::Impl {
   }
 
   // The noise of a hypothesis, its kind of slow noise included, is seldom near that of a node: a node of its own.
-  Node node_of(const SlowModel& m) const { return {m, std::make_unique<ScanNode>(*bank, noise(m), true)}; }
+  // What differs from a hypothesis in its names has the same one.
+  using OwnNode = std::shared_ptr<const Node>;
+  OwnNode node_of(const SlowModel& m) const {
+    const NoiseModel own = noise(m);
+    for (const OwnNode& kept : kept_nodes)
+      if (kept->at.noise_effect == m.noise_effect && kept->at.is_believed == m.is_believed &&
+          kept->scan->noise() == own)
+        return kept;
+    if (kept_nodes.size() < kNodesKept) kept_nodes.emplace_back();
+    OwnNode& place = kept_nodes[next_node++ % kNodesKept];
+    place = std::make_shared<const Node>(Node{m, std::make_unique<ScanNode>(*bank, own, true)});
+    return place;
+  }
+  mutable std::vector<OwnNode> kept_nodes;
+  mutable size_t next_node = 0;
 
   // Every candidate added to `m`, noise by node, shapes on their grids.
   std::vector<SlowCandidateScore> scan(const SlowModel& m, const std::vector<const Node*>& where,
@@ -740,16 +754,16 @@ struct SlowSearch::Impl {
     if (order.size() > kPairBases) order.resize(kPairBases);
     std::vector<SlowCandidateScore> found;
     if (order.empty()) return;
-    const Node own = node_of(singles[order[0]].model);
+    const OwnNode own = node_of(singles[order[0]].model);
     std::vector<const Node*> where = all_nodes();
-    where.push_back(&own);
+    where.push_back(own.get());
     for (size_t i = 0; i < order.size(); ++i) {
       std::vector<SlowCandidateScore> beside = scan(singles[order[i]].model, where);
       if (i == 0) {
         add_partners(beside, singles, &order);
         const auto best = std::max_element(beside.begin(), beside.end(),
                                            [](const auto& a, const auto& b) { return a.gain_nats < b.gain_nats; });
-        if (!best->model.names.empty()) where = nodes_with(own, best->model);
+        if (!best->model.names.empty()) where = nodes_with(*own, best->model);
       }
       for (SlowCandidateScore& s : beside)
         if (!s.model.names.empty()) found.push_back(std::move(s));
@@ -760,8 +774,8 @@ struct SlowSearch::Impl {
   // `from`: where `m` comes from, of the same kind of noise.
   void one_more(const SlowModel& m, const SlowModel& from) {
     if (m.names.size() >= kMostNames) return;
-    const Node own = node_of(from);
-    std::vector<SlowCandidateScore> found = scan(m, nodes_with(own, out.best));
+    const OwnNode own = node_of(from);
+    std::vector<SlowCandidateScore> found = scan(m, nodes_with(*own, out.best));
     if (!m.names.empty()) try_jumps(m, m, &found);
     consider_best(std::move(found), kAddedTried, constants.near_nats);
   }
@@ -819,13 +833,13 @@ struct SlowSearch::Impl {
     const SlowModel from = out.best;
     for (size_t i = 0; i < from.names.size() && from.names.size() < kMostNames; ++i) {
       if (candidates[from.names[i].candidate].effect) continue;
-      const Node own = node_of(from);
+      const OwnNode own = node_of(from);
       SlowModel less = from;
       less.names.erase(less.names.begin() + static_cast<long>(i));
-      const std::vector<SlowCandidateScore> firsts = scan_members(less, {&own});
+      const std::vector<SlowCandidateScore> firsts = scan_members(less, {own.get()});
       std::vector<SlowCandidateScore> found;
       for (size_t k = 0; k < firsts.size() && k < kMembersTried; ++k)
-        for (SlowCandidateScore& both : scan_members(polished(firsts[k].model), {&own}))
+        for (SlowCandidateScore& both : scan_members(polished(firsts[k].model), {own.get()}))
           found.push_back(std::move(both));
       // A free shape has no shape parameters to polish, members have.
       consider_best(std::move(found), kMembersTried, near_nats(score(from) - score(out.null)));
@@ -860,8 +874,8 @@ struct SlowSearch::Impl {
       const SlowModel less = without(best, i);
       const double free_gain = best.free_score() - less.free_score();
       SlowModel top;
-      const Node own = node_of(best);
-      const std::vector<SlowCandidateScore> found = scan_members(less, nodes_with(own, best));
+      const OwnNode own = node_of(best);
+      const std::vector<SlowCandidateScore> found = scan_members(less, nodes_with(*own, best));
       for (size_t k = 0; k < found.size() && k < kMembersTried; ++k) {
         if (found[k].gain_nats < less.free_score() + kMemberPart * free_gain) break;
         const SlowModel member = polished(found[k].model, kEvaluations);
