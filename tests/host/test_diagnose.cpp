@@ -14,6 +14,7 @@
 #include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/diagnose.h"
 #include "analysis/diagnose/fourier.h"
+#include "analysis/diagnose/lines.h"
 #include "analysis/diagnose/seconds.h"
 #include "analysis/diagnose/shared.h"
 #include "base/rng.h"

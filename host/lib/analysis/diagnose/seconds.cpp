@@ -3,11 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <iterator>
 
-#include "analysis/diagnose/fourier.h"
 #include "analysis/diagnose/kalman.h"
+#include "analysis/diagnose/lines.h"
 #include "analysis/diagnose/spectrum.h"
 #include "base/quantile.h"
 #include "base/units.h"
@@ -19,11 +18,6 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kSlowestLine_hz = 1.0 / 400;
-constexpr size_t kSurroundings = 60;   // frequencies on either side that a line is compared with
-constexpr int kSlopes = 24;            // of the drift, either sign
-constexpr double kLargestSlope = 2e-3; // relative change of a unit frequency of 1 Hz per degC
-constexpr double kSlopeUnit = kLargestSlope / (kSlopes * kSlopes); // slopes of the grid: k^2 units
 constexpr double kHeavy = 4;               // standard errors of the kurtosis from which hits are looked for
 constexpr int kProbe = 30, kThorough = 80; // evaluations of a kind of fast noise; thorough where a probe gains
 constexpr double kHopeless_nats = 2;       // after the probe: what gains 8 in the end has gained this by then
@@ -248,246 +242,6 @@ std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const Seconds
 
 namespace {
 
-// A power of two that holds the longest run.
-size_t transform_length(const Campaign& campaign) {
-  size_t longest = 0, n_fft = 64;
-  for (const CampaignRun& run : campaign.runs)
-    longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
-  while (n_fft < longest) n_fft *= 2;
-  return n_fft;
-}
-
-// Sum over the runs of |transform of e|^2 / n at the bins 0 .. n_fft / 2.
-std::vector<double> power_of(const Campaign& campaign, const std::vector<VectorXd>& e, const Fourier& fourier) {
-  std::vector<double> power(fourier.n() / 2 + 1, 0.0);
-  const auto at_ticks = [&](size_t r) {
-    const CampaignRun& run = campaign.runs[r];
-    std::vector<double> x(fourier.n(), 0.0);
-    for (size_t k = 0; k < run.n(); ++k)
-      x[static_cast<size_t>(run.input.tick[static_cast<size_t>(run.used[k])])] = e[r][static_cast<long>(k)];
-    return x;
-  };
-  const auto scale = [&](size_t r) { return 1 / static_cast<double>(campaign.runs[r].n()); };
-  for (size_t r = 0; r < e.size(); r += 2) {
-    std::vector<double> one = at_ticks(r);
-    if (r + 1 == e.size()) {
-      add_powers(fourier, one.data(), scale(r), nullptr, 0, &power);
-    } else {
-      std::vector<double> other = at_ticks(r + 1);
-      add_powers(fourier, one.data(), scale(r), other.data(), scale(r + 1), &power);
-    }
-  }
-  return power;
-}
-
-// Slopes of drift, in units: the next is `step` further, and the step grows by `growth` each time.
-struct Slopes {
-  long first, step, growth;
-};
-
-// Sums over the runs of |transform of e exp(-i slope phi)|^2 / n, slope after slope; phi is the phase that a slope of one
-// unit has run through.  What turns a sample from slope to slope is multiplied by one factor at each: sines and cosines
-// are taken once.
-class DriftingPower {
-public:
-  DriftingPower(const Campaign& campaign, const std::vector<VectorXd>& e, const Fourier& fourier, const Slopes& slopes)
-      : fourier_(fourier) {
-    for (size_t r = 0; r < e.size(); ++r) {
-      const CampaignRun& run = campaign.runs[r];
-      double phase = 0;
-      long last = 0;
-      Turned turned;
-      for (size_t k = 0; k < run.n(); ++k) {
-        const size_t row = static_cast<size_t>(run.used[k]);
-        const long tick = run.input.tick[row];
-        phase += 2 * kPi * kSlopeUnit * (run.input.smooth_degc[row] - run.input.t0_degc) *
-                 static_cast<double>(tick - last) * campaign.dt_s;
-        last = tick;
-        const auto turn = [&](long units) { return std::polar(1.0, -phase * static_cast<double>(units)); };
-        turned.tick.push_back(static_cast<size_t>(tick));
-        turned.e.push_back(e[r][static_cast<long>(k)] * turn(slopes.first));
-        turned.step.push_back(turn(slopes.step)), turned.growth.push_back(turn(slopes.growth));
-      }
-      runs_.push_back(std::move(turned));
-    }
-  }
-
-  // The next slopes, as many as a transform takes side by side; then power(..) speaks of them.
-  void sum_next() {
-    const size_t n = fourier_.n();
-    sum_.assign(n * kLanes, 0.0);
-    std::vector<double> re(n * kLanes), im(n * kLanes);
-    for (Turned& run : runs_) {
-      std::fill(re.begin(), re.end(), 0.0), std::fill(im.begin(), im.end(), 0.0);
-      for (size_t lane = 0; lane < kLanes; ++lane) put_and_turn(&run, lane, re.data(), im.data());
-      fourier_.transform_lanes(re.data(), im.data());
-      add_squares(re, im, 1 / static_cast<double>(run.e.size()), &sum_);
-    }
-  }
-  // At the bins 0 .. n_fft / 2 - 1, of one of these slopes or of its opposite: the samples are real, so that along the
-  // opposite slope a transform has the same values at the negative frequencies.
-  std::vector<double> power(size_t lane, bool is_opposite) const {
-    const size_t n = fourier_.n();
-    std::vector<double> out(n / 2);
-    for (size_t i = 0; i < out.size(); ++i)
-      out[i] = sum_[fourier_.place(is_opposite && i > 0 ? n - i : i) * kLanes + lane];
-    return out;
-  }
-  static constexpr size_t kLanes = Fourier::kLanes;
-
-private:
-  using Complex = std::complex<double>;
-  struct Turned {
-    std::vector<size_t> tick;
-    std::vector<Complex> e, step, growth;
-  };
-  // Without the checks for infinite parts that the operator makes.
-  static Complex times(const Complex& a, const Complex& b) {
-    return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
-  }
-  static void put_and_turn(Turned* run, size_t lane, double* re, double* im) {
-    for (size_t i = 0; i < run->e.size(); ++i) {
-      const size_t at = run->tick[i] * kLanes + lane;
-      re[at] = run->e[i].real(), im[at] = run->e[i].imag();
-      run->e[i] = times(run->e[i], run->step[i]);
-      run->step[i] = times(run->step[i], run->growth[i]);
-    }
-  }
-
-  const Fourier& fourier_;
-  std::vector<Turned> runs_;
-  std::vector<double> sum_; // [place][slope]
-};
-
-// -ln P(power > x) where `runs` runs give exponential powers of mean 1: the sum's distribution is Gamma(runs), and
-// P = exp(-x) (1 + x + .. + x^(runs - 1)/(runs - 1)!).  One run: x itself.  Never more than x.
-double gain_of_power(double x, size_t runs) {
-  double log_term = 0, log_sum = 0; // many logs with a strong line: the terms themselves would leave the range
-  for (size_t k = 1; k < runs; ++k) {
-    log_term += std::log(x / static_cast<double>(k));
-    log_sum = std::max(log_sum, log_term) + std::log1p(std::exp(-std::abs(log_sum - log_term)));
-  }
-  return x - log_sum;
-}
-
-// A line stands out of the mean of its surroundings.  power: summed over the runs; white noise has 1 in each.
-void take_line(const std::vector<double>& power, size_t runs, double hz_of_bin, double slope, size_t bins, Line* best) {
-  const size_t first = static_cast<size_t>(kSlowestLine_hz / hz_of_bin) + 1;
-  std::vector<double> sum(bins + 1, 0.0);
-  for (size_t i = 0; i < bins; ++i) sum[i + 1] = sum[i] + power[i];
-  for (size_t i = first; i + 1 < bins; ++i) {
-    if (power[i] <= best->gain_nats || power[i] < power[i - 1]) continue;
-    const size_t lo = i > first + kSurroundings ? i - kSurroundings : first, hi = std::min(bins - 1, i + kSurroundings);
-    const double own = power[i] + power[i - 1] + power[i + 1];
-    const double around = (sum[hi + 1] - sum[lo] - own) / static_cast<double>(hi - lo - 2);
-    const double background = std::max(1.0, around / static_cast<double>(runs)); // of one run
-    const double gain = gain_of_power(power[i] / background, runs);
-    if (gain > best->gain_nats) *best = {static_cast<double>(i) * hz_of_bin, slope, gain};
-  }
-}
-
-// The strongest line that does not drift; power as power_of gives it.
-Line steady_line(const Campaign& campaign, const std::vector<double>& power) {
-  const size_t bins = power.size() - 1;
-  Line best;
-  take_line(power, campaign.runs.size(), 1 / (2 * static_cast<double>(bins) * campaign.dt_s), 0, bins, &best);
-  return best;
-}
-
-} // namespace
-
-Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e, bool with_drift) {
-  const Line steady = steady_line(campaign, power_of(campaign, e, Fourier(transform_length(campaign))));
-  return with_drift ? stronger_drifting(campaign, e, steady) : steady;
-}
-
-Line stronger_drifting(const Campaign& campaign, const std::vector<VectorXd>& e, const Line& steady) {
-  if (!campaign.has_temperature) return steady;
-  const Fourier fourier(transform_length(campaign));
-  const size_t bins = fourier.n() / 2, runs = campaign.runs.size();
-  const double hz = 1 / (static_cast<double>(fourier.n()) * campaign.dt_s);
-  Line best = steady;
-  DriftingPower turned(campaign, e, fourier, {1, 3, 2}); // k^2
-  for (int k = 1; k <= kSlopes; ++k) {
-    const size_t lane = static_cast<size_t>(k - 1) % DriftingPower::kLanes;
-    if (lane == 0) turned.sum_next();
-    take_line(turned.power(lane, true), runs, hz, -kSlopeUnit * k * k, bins, &best);
-    take_line(turned.power(lane, false), runs, hz, kSlopeUnit * k * k, bins, &best);
-  }
-  return best;
-}
-
-namespace {
-
-// The strongest line of all slopes between the neighbours of a slope on the grid, unit by unit.
-Line between_slopes(const Campaign& campaign, const std::vector<VectorXd>& e, const Line& line) {
-  const Fourier fourier(transform_length(campaign));
-  const size_t bins = fourier.n() / 2, runs = campaign.runs.size();
-  const double hz = 1 / (static_cast<double>(fourier.n()) * campaign.dt_s);
-  const long place = std::lround(std::sqrt(std::abs(line.hz_per_degc) / kSlopeUnit));
-  const long first = (place - 1) * (place - 1) + 1, last = (place + 1) * (place + 1) - 1;
-  Line best = line;
-  DriftingPower turned(campaign, e, fourier, {first, 1, 0});
-  for (long units = first; units <= last; ++units) {
-    const size_t lane = static_cast<size_t>(units - first) % DriftingPower::kLanes;
-    if (lane == 0) turned.sum_next();
-    const double slope = std::copysign(kSlopeUnit * static_cast<double>(units), line.hz_per_degc);
-    take_line(turned.power(lane, slope < 0), runs, hz, slope, bins, &best);
-  }
-  return best;
-}
-
-// Power along the cosine and the sine of a tone, in nats against white noise of 1, all runs together.
-double power_along(const Campaign& campaign, const std::vector<VectorXd>& e, const EffectEstimator& tone,
-                   const Theta& shape) {
-  double sum = 0;
-  for (size_t r = 0; r < e.size(); ++r) {
-    const Eigen::MatrixXd x = used_rows(campaign.runs[r], tone.columns(campaign.runs[r].input, shape));
-    sum += (x.transpose() * e[r]).squaredNorm() / static_cast<double>(e[r].size());
-  }
-  return sum;
-}
-
-} // namespace
-
-PlacedLine place_of(const Campaign& campaign, const std::vector<VectorXd>& e, const EffectEstimator& tone,
-                    const Line& line) {
-  const bool drifts = line.hz_per_degc != 0;
-  const Line near = drifts ? between_slopes(campaign, e, line) : line;
-  const double bin_hz = 1 / (static_cast<double>(transform_length(campaign)) * campaign.dt_s);
-  const double t0_degc = campaign.runs.front().input.t0_degc;
-  // In bins and units of slope; the effect's frequency is that at 0 degC.
-  const auto shape = [&](const Theta& x) {
-    const double slope = drifts ? near.hz_per_degc + kSlopeUnit * x[1] : 0;
-    const double hz = near.hz + bin_hz * x[0];
-    return drifts ? Theta{hz - slope * t0_degc, slope} : Theta{hz};
-  };
-  Theta x(drifts ? 2 : 1, 0.0);
-  SearchOptions options;
-  options.max_evaluations = 80, options.tolerance = 1e-3;
-  const double power = maximise([&](const Theta& at) { return power_along(campaign, e, tone, shape(at)); }, &x,
-                                Theta(x.size(), -1.0), Theta(x.size(), 1.0), options);
-  return {shape(x), power};
-}
-
-// The power is the gain in log-likelihood with the best amplitude and phase of every run.
-Theta errors_of_place(const Campaign& campaign, const std::vector<VectorXd>& e, const EffectEstimator& tone,
-                      const Theta& place) {
-  const double bin_hz = 1 / (static_cast<double>(transform_length(campaign)) * campaign.dt_s);
-  const double unit[] = {bin_hz, kSlopeUnit};
-  Theta errors = curvature_errors(
-      [&](const Theta& off) {
-        Theta shape = place;
-        for (size_t i = 0; i < shape.size(); ++i) shape[i] += off[i] * unit[i];
-        return power_along(campaign, e, tone, shape);
-      },
-      Theta(place.size(), 0.0), Theta(place.size(), -1.0), Theta(place.size(), 1.0));
-  for (size_t i = 0; i < errors.size(); ++i) errors[i] *= unit[i];
-  return errors;
-}
-
-namespace {
-
 constexpr double kTempCell_degc = 4, kTimeBlock_s = 600, kBurst_s = 30;
 constexpr long kNeighbours[] = {10, 60};       // samples within which hits of one burst follow each other
 constexpr double kSudden_s[] = {5., 15., 50.}; // of innovations: where sudden changes show
@@ -594,7 +348,7 @@ RestFinding in_sudden_changes(const Campaign& campaign, const std::vector<Vector
   return finding(Rest::kSuddenChanges, z * z, 1, rate / (2 * std::size(kSudden_s)));
 }
 
-// Binned periodogram against a flat one; power as power_of gives it.
+// Binned periodogram against a flat one; power as summed_power gives it.
 RestFinding in_spectrum(const Campaign& campaign, const std::vector<double>& power, double rate) {
   size_t longest = 0;
   for (const CampaignRun& run : campaign.runs)
@@ -622,8 +376,7 @@ std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<V
   const double rate = constants.rest_rate;
   const Moments m = moments(e);
   const double heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
-  const Fourier fourier(transform_length(campaign));
-  const std::vector<double> power = power_of(campaign, e, fourier);
+  const std::vector<double> power = summed_power(campaign, e);
   return {over_temperature(campaign, e, rate),
           over_time(campaign, e, rate),
           finding(Rest::kDistribution, heavy * heavy, 1, rate),

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "analysis/diagnose/gap.h"
+#include "analysis/diagnose/lines.h"
 #include "analysis/diagnose/search.h"
 #include "analysis/diagnose/seconds.h"
 
