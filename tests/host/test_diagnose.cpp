@@ -505,6 +505,18 @@ static void test_a_line_that_drifts_with_temperature_is_found_as_one(void**) {
   assert_true(strongest_line(campaign, nothing, true).gain_nats < 28);
 }
 
+// A slope half the way between two of the grid, where the steps of the grid spread a line over some forty bins.
+static void test_a_line_that_drifts_between_two_slopes_of_the_grid_is_found(void**) {
+  const Campaign campaign = make_campaign({simulated_log(21, 6000, false, 0)}, "gx_dph", nominal_model());
+  for (const double hz_per_degc : {2e-3 * 12.5 * 12.5 / 576, -2e-3 * 20.5 * 20.5 / 576}) {
+    const std::vector<VectorXd> drifting = innovations_with_tone(campaign, 0.25, 0.21, hz_per_degc);
+    const Line line = strongest_line(campaign, drifting, true);
+    assert_near(line.hz, 0.21, 2.0 / 8192);
+    assert_near(line.hz_per_degc, hz_per_degc, 2e-3 / 576);
+    assert_near(line.gain_nats, 6000 * 0.25 * 0.25 / 4, 50);
+  }
+}
+
 // Between the places of both grids: what is found misses less than a tenth of a beat over the run, and has the power of the
 // whole line, where the grid has some of it.
 static void test_a_line_is_placed_between_the_places_of_the_grid(void**) {
@@ -1054,6 +1066,7 @@ int main() {
       cmocka_unit_test(test_a_transform_is_the_sum_it_stands_for),
       cmocka_unit_test(test_powers_of_two_sequences_are_those_of_each),
       cmocka_unit_test(test_a_line_that_drifts_with_temperature_is_found_as_one),
+      cmocka_unit_test(test_a_line_that_drifts_between_two_slopes_of_the_grid_is_found),
       cmocka_unit_test(test_a_line_is_placed_between_the_places_of_the_grid),
       cmocka_unit_test(test_a_strong_line_in_many_logs_has_a_finite_gain),
       cmocka_unit_test(test_lines_of_several_logs_add_up),

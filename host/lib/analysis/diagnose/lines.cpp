@@ -20,6 +20,11 @@ constexpr int kSlopes = 24;            // of the drift, either sign
 constexpr double kLargestSlope = 2e-3; // relative change of a unit frequency of 1 Hz per degC
 constexpr double kSlopeUnit = kLargestSlope / (kSlopes * kSlopes); // slopes of the grid: k^2 units
 
+// A search along tracks: pieces of so many samples, in which a line hardly drifts.
+constexpr size_t kPieces[] = {128, 512};
+constexpr size_t kFewestPieces = 8;
+constexpr double kTrack_nats = 14; // largest of 6e4 tracks of noise: above this in 1 of 20
+
 // A power of two that holds the longest run.
 size_t transform_length(const Campaign& campaign) {
   size_t longest = 0, n_fft = 64;
@@ -135,6 +140,121 @@ void take_line(const std::vector<double>& power, size_t runs, double hz_of_bin, 
   }
 }
 
+// Powers of pieces of the runs, to be summed along f0 + k (T - t0): where a line could lie that drifts so much that it is in
+// no bin of a whole run, and so fast that the slopes of a grid miss it.  Phases from piece to piece are not used.
+class Tracks {
+public:
+  Tracks(const Campaign& campaign, const std::vector<VectorXd>& e, size_t samples)
+      : samples_(samples), bin_hz_(1 / (2 * static_cast<double>(samples) * campaign.dt_s)) {
+    for (size_t r = 0; r < e.size(); ++r) add_run(campaign.runs[r], e[r]);
+    transform();
+    for (const Piece& piece : pieces_) span_degc_ = std::max(span_degc_, std::fabs(piece.temp_degc));
+  }
+  // Half a bin at the temperature furthest from t0.
+  double slope_step() const { return bin_hz_ / std::max(span_degc_, 1e-3); }
+  size_t size() const { return pieces_.size(); }
+
+  // The strongest over all slopes; its gain is that of its sum, of which noise alone has Gamma(pieces).
+  Line strongest() const {
+    Line best;
+    double highest = 0;
+    const long n = static_cast<long>(kLargestSlope / slope_step());
+    const double pieces = static_cast<double>(pieces_.size());
+    for (long k = -n; k <= n; ++k) {
+      const double slope = static_cast<double>(k) * slope_step();
+      const std::vector<double> sum = along(slope);
+      const double background = std::max(1.0, mean_of(sum) / pieces); // of one piece
+      for (size_t i = static_cast<size_t>(kSlowestLine_hz / bin_hz_) + 1; i < sum.size(); ++i) {
+        if (sum[i] / background <= highest) continue;
+        highest = sum[i] / background;
+        best = {static_cast<double>(i) * bin_hz_, slope, gain_of_power(highest, pieces_.size())};
+      }
+    }
+    return best;
+  }
+
+private:
+  struct Piece {
+    double temp_degc = 0; // from t0
+    size_t used = 0;
+    std::vector<double> power; // at the bins 0 .. samples - 1 of half a transform of twice the length
+  };
+
+  void add_run(const CampaignRun& run, const VectorXd& e) {
+    const size_t first = pieces_.size();
+    pieces_.resize(first + static_cast<size_t>(run.input.tick.back()) / samples_ + 1);
+    for (size_t i = first; i < pieces_.size(); ++i) pieces_[i].power.assign(2 * samples_, 0.0);
+    for (size_t k = 0; k < run.n(); ++k) {
+      const size_t row = static_cast<size_t>(run.used[k]), tick = static_cast<size_t>(run.input.tick[row]);
+      Piece& piece = pieces_[first + tick / samples_];
+      piece.power[tick % samples_] = e[static_cast<long>(k)];
+      piece.temp_degc += run.input.smooth_degc[row] - run.input.t0_degc, ++piece.used;
+    }
+  }
+  // The samples of every piece become its powers; pieces of which most is missing go.
+  void transform() {
+    pieces_.erase(std::remove_if(pieces_.begin(), pieces_.end(), [&](const Piece& p) { return 2 * p.used < samples_; }),
+                  pieces_.end());
+    const Fourier fourier(2 * samples_);
+    for (Piece& piece : pieces_) {
+      std::vector<double> x;
+      x.swap(piece.power);
+      add_powers(fourier, x.data(), 1 / static_cast<double>(piece.used), nullptr, 0, &piece.power);
+      piece.temp_degc /= static_cast<double>(piece.used);
+    }
+  }
+  std::vector<double> along(double slope) const {
+    const long bins = static_cast<long>(samples_);
+    std::vector<double> sum(samples_, 0.0);
+    for (const Piece& piece : pieces_) {
+      const long shift = std::lround(slope * piece.temp_degc / bin_hz_);
+      const long lo = std::clamp(-shift, 0L, bins), hi = std::clamp(bins - shift, lo, bins);
+      for (long i = 0; i < lo; ++i) sum[static_cast<size_t>(i)] += 1;
+      for (long i = lo; i < hi; ++i) sum[static_cast<size_t>(i)] += piece.power[static_cast<size_t>(i + shift)];
+      for (long i = hi; i < bins; ++i) sum[static_cast<size_t>(i)] += 1;
+    }
+    return sum;
+  }
+  static double mean_of(const std::vector<double>& sum) {
+    double total = 0;
+    for (const double x : sum) total += x;
+    return total / static_cast<double>(sum.size());
+  }
+
+  size_t samples_;
+  double bin_hz_, span_degc_ = 0;
+  std::vector<Piece> pieces_;
+};
+
+// Whole runs along the slopes from..to, in units.
+void take_lines_between(const Campaign& campaign, const std::vector<VectorXd>& e, const Fourier& fourier, long from,
+                        long to, Line* best) {
+  const double hz = 1 / (static_cast<double>(fourier.n()) * campaign.dt_s);
+  DriftingPower turned(campaign, e, fourier, {from, 1, 0});
+  for (long units = from; units <= to; ++units) {
+    const size_t lane = static_cast<size_t>(units - from) % DriftingPower::kLanes;
+    if (lane == 0) turned.sum_next();
+    take_line(turned.power(lane, false), campaign.runs.size(), hz, kSlopeUnit * static_cast<double>(units),
+              fourier.n() / 2, best);
+  }
+}
+
+// Tracks say where to look with all phases.
+void take_lines_on_tracks(const Campaign& campaign, const std::vector<VectorXd>& e, const Fourier& fourier,
+                          Line* best) {
+  Line track;
+  double way = 0;
+  for (const size_t samples : kPieces) {
+    const Tracks tracks(campaign, e, samples);
+    if (tracks.size() < kFewestPieces) continue;
+    if (const Line line = tracks.strongest(); line.gain_nats > track.gain_nats) track = line, way = tracks.slope_step();
+  }
+  if (track.gain_nats < kTrack_nats) return;
+  const long from = std::lround((track.hz_per_degc - way) / kSlopeUnit),
+             to = std::lround((track.hz_per_degc + way) / kSlopeUnit);
+  take_lines_between(campaign, e, fourier, from, to, best);
+}
+
 } // namespace
 
 std::vector<double> summed_power(const Campaign& campaign, const std::vector<VectorXd>& e) {
@@ -185,6 +305,7 @@ Line stronger_drifting(const Campaign& campaign, const std::vector<VectorXd>& e,
     take_line(turned.power(lane, true), runs, hz, -kSlopeUnit * k * k, bins, &best);
     take_line(turned.power(lane, false), runs, hz, kSlopeUnit * k * k, bins, &best);
   }
+  take_lines_on_tracks(campaign, e, fourier, &best);
   return best;
 }
 
@@ -192,19 +313,12 @@ namespace {
 
 // The strongest line of all slopes between the neighbours of a slope on the grid, unit by unit.
 Line between_slopes(const Campaign& campaign, const std::vector<VectorXd>& e, const Line& line) {
-  const Fourier fourier(transform_length(campaign));
-  const size_t bins = fourier.n() / 2, runs = campaign.runs.size();
-  const double hz = 1 / (static_cast<double>(fourier.n()) * campaign.dt_s);
   const long place = std::lround(std::sqrt(std::abs(line.hz_per_degc) / kSlopeUnit));
   const long first = (place - 1) * (place - 1) + 1, last = (place + 1) * (place + 1) - 1;
   Line best = line;
-  DriftingPower turned(campaign, e, fourier, {first, 1, 0});
-  for (long units = first; units <= last; ++units) {
-    const size_t lane = static_cast<size_t>(units - first) % DriftingPower::kLanes;
-    if (lane == 0) turned.sum_next();
-    const double slope = std::copysign(kSlopeUnit * static_cast<double>(units), line.hz_per_degc);
-    take_line(turned.power(lane, slope < 0), runs, hz, slope, bins, &best);
-  }
+  const bool falls = line.hz_per_degc < 0;
+  take_lines_between(campaign, e, Fourier(transform_length(campaign)), falls ? -last : first, falls ? -first : last,
+                     &best);
   return best;
 }
 
