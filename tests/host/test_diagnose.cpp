@@ -989,6 +989,27 @@ static void test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed(vo
   assert_near(said.effects[0].term.shape[0], 34, 4);
 }
 
+static void test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit(void**) {
+  // A process of 600 s beside one of 100 s that is all that was fitted.
+  Log log = simulated_log(221, 9000, false, 0);
+  Rng rng(221, 0, 0, Stream::kTool);
+  double slow = 0;
+  for (double& rate : log.axes[0].rate_dph) rate += slow = slow * std::exp(-1 / 600.0) + 4 * rng.normal();
+  const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+  const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+  SecondsNoise from;
+  from.base = nominal_hypothesis().base_noise;
+  from.log_likelihood = ResidualLikelihood(campaign, residual)(from.base);
+  const auto has_second = [&](bool asks_slow) {
+    for (const FastFinding& f :
+         scan_fast_noise(campaign, from, residual, effect_library(), all_active(), {}, asks_slow))
+      if (f.effect == &find_effect("second_markov") && f.gain_nats > SelectorConstants().fast_nats) return true;
+    return false;
+  };
+  assert_true(has_second(true));
+  assert_false(has_second(false)); // it belongs to the slow stage
+}
+
 static void test_what_settles_within_minutes_is_no_creep(void**) {
   const Effect& creep = find_effect("thermal_creep");
   assert_true(creep.estimator()->shape_lo().at(1) >= 600);
@@ -1094,6 +1115,7 @@ int main() {
       cmocka_unit_test(test_kinds_of_noise_stand_beside_other_parameters),
       cmocka_unit_test(test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed),
+      cmocka_unit_test(test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit),
       cmocka_unit_test(test_what_settles_within_minutes_is_no_creep),
       cmocka_unit_test(test_noise_that_axes_share_is_told_from_slow_causes_of_both),
       cmocka_unit_test(test_curvature_gives_the_errors_of_a_gaussian),

@@ -30,6 +30,7 @@ struct SelectorConstants {
   double family_margin_nats = 2;
   double least_held_out_nats = 1;
   double predicted_part = 0.2;
+  double short_by_chance = 2.33;
   double undecided_nats = 4;
   double carried_part = 0.75;
   double slow_tau_part = 0.02;

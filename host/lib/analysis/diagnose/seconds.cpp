@@ -148,7 +148,9 @@ RestFinding in_sudden_changes(const Campaign& campaign, const std::vector<Vector
 
 // What the seconds can show of a kind of noise: hits and telegraph noise where the distribution says so, that one also
 // where the innovations change suddenly, white noise over temperature always, another Markov process as far as it is fast.
-bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments& m, bool changes_suddenly) {
+// Where no slow noise fits their spectrum, all stationary kinds of it.
+bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments& m, bool changes_suddenly,
+              bool asks_slow) {
   if (e.form() != Form::kNoise || e.is_nominal_noise()) return false;
   if (e.needs_temperature() && !campaign.has_temperature) return false;
   const double heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
@@ -158,11 +160,12 @@ bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments&
   if (starts.empty()) return false;
   const NoiseModel example = e.noise(unit, starts.front());
   if (example.is_mixture()) return heavy > kHeavy || (e.is_jumping() && (heavy < -kHeavy || changes_suddenly));
-  return !e.is_slow_noise() || example.markov.size() == 2;
+  return !e.is_slow_noise() || example.markov.size() == 2 || (asks_slow && !e.needs_temperature());
 }
 
 // Joint search over the parameters of the effect and of the noise beside it.
-FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNoise& from, const Effect& effect) {
+FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNoise& from, const Effect& effect,
+                     bool asks_slow) {
   const EffectEstimator& e = *effect.estimator();
   FastFinding best;
   best.effect = &effect;
@@ -195,7 +198,7 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
   std::vector<Theta> starts;
   if (const Theta x = best_start(); !x.empty()) starts.push_back(x);
   // The fitted noise has swallowed what jumps: it starts like that process, beside what a smaller and faster one leaves.
-  if (e.is_jumping() && !from.base.markov.empty())
+  if ((e.is_jumping() || (asks_slow && e.is_slow_noise())) && !from.base.markov.empty())
     starts.push_back(
         with_theta({0, std::log(kLeftSigma * kLeftSigma / kLeftTau), std::log(kLeftTau)}, e.like(slowest(from.base))));
   SearchOptions options;
@@ -220,7 +223,7 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
 std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
                                          const std::vector<VectorXd>& residual,
                                          const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                                         const SelectorConstants& constants) {
+                                         const SelectorConstants& constants, bool asks_slow) {
   const std::vector<VectorXd> e_of_base = whitened(campaign, gaussian_equivalent(from.base), residual);
   const Moments m = moments(e_of_base);
   const bool changes_suddenly = in_sudden_changes(campaign, e_of_base, m, constants.rest_rate).evidence_nats > 0;
@@ -228,12 +231,12 @@ std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const Seconds
   std::vector<FastFinding> list;
   for (size_t j = 0; j < library.size(); ++j) {
     const EffectEstimator* e = library[j]->estimator();
-    if (!e || !active[j] || !is_asked(*e, campaign, m, changes_suddenly)) continue;
-    FastFinding f = fit_fast(log_likelihood, from, *library[j]);
+    if (!e || !active[j] || !is_asked(*e, campaign, m, changes_suddenly, asks_slow)) continue;
+    FastFinding f = fit_fast(log_likelihood, from, *library[j], asks_slow);
     if (f.theta.empty()) continue;
     const NoiseModel with = e->noise(f.base, f.theta);
     const bool is_markov = !with.is_mixture() && with.markov.size() > f.base.markov.size();
-    if (is_markov && with.markov.back().tau_s > kFastTau_s) continue;
+    if (is_markov && !asks_slow && with.markov.back().tau_s > kFastTau_s) continue;
     list.push_back(f);
   }
   std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });

@@ -49,10 +49,11 @@ struct FastFinding {
   double gain_nats = 0;
 };
 // Every kind of fast noise of the library that may be asked, best first.  `from`: noise that all of them contain.
+// `asks_slow`: kinds of slow noise too.
 std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
                                          const std::vector<Eigen::VectorXd>& residual,
                                          const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                                         const SelectorConstants& constants);
+                                         const SelectorConstants& constants, bool asks_slow = false);
 
 // Tests of innovations that no effect owns.
 enum class Rest {

@@ -288,7 +288,8 @@ private:
   }
   // By how much a name predicts too little.  What is repeatable gains on every log about what it gained on the fitted
   // ones, as far as those logs can show it: a log that only rises shows little of a memory, and a start state that is
-  // free hides a warm-up.  Quarters of one log are no passages of their own and are only asked for the least.  What
+  // free hides a warm-up; where it hides most, what the whole of the name foretells stands beside what chance may take from
+  // the rest.  Quarters of one log are no passages of their own and are only asked for the least.  What
   // differs from run to run by chance predicts nothing: it is not asked to.
   double lacking(size_t i) const {
     const double least = constants().least_held_out_nats, part = constants().predicted_part;
@@ -301,8 +302,15 @@ private:
     const double wanted = gain * std::min(1.0, out_.gap.hours / fitted_h);
     const auto can_show = [&](const GapResult::Support& s) { return part * s.expected > least; };
     if (!can_show(own) && !can_show(all)) return -constants().against_nats - all.nats;
+    if (can_show(own) && can_show(all) && all.nats > part * std::min(wanted, all.expected) && is_by_chance(own))
+      return -least;
     const GapResult::Support& s = can_show(own) ? own : all;
     return std::max(least, part * std::min(wanted, s.expected)) - s.nats;
+  }
+  // Whether a right name could gain so little: of data as predicted it gains E, of data with noise E and a normal error of
+  // variance 2 E.
+  bool is_by_chance(const GapResult::Support& s) const {
+    return s.nats > s.expected - constants().short_by_chance * std::sqrt(2 * s.expected);
   }
   double noise_evidence(const SlowModel& m) const {
     return m.free_score() + m.noise_charge - out_.slow.null.free_score() - constants().noise_nats;
@@ -723,7 +731,8 @@ private:
     for (const NamedLine& line : lines_) name_line(line);
     if (is_censored_) return; // the spread of what is left is not that of the noise
     const std::vector<FastFinding> found =
-        scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_, constants());
+
+        scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_, constants(), asks_slow_noise());
     if (found.empty() || found.front().gain_nats < constants().fast_nats) return;
     const FastFinding& best = found.front();
     SelectedEffect effect;
@@ -733,14 +742,25 @@ private:
     effect.gain_nats = best.gain_nats;
     effect.evidence_nats = best.gain_nats - constants().fast_nats;
     effect.held_out_nats = kNaN;
+    const bool is_slow = effect.family == Family::kSlowNoise;
     for (const FastFinding& f : found)
-      if (f.gain_nats > best.gain_nats - constants().rivals_nats)
+      if (f.gain_nats > best.gain_nats - (is_slow ? constants().noise_margin_nats : constants().rivals_nats))
         effect.set.push_back({f.effect, nullptr, false, f.effect->family(), f.gain_nats, constants().fast_nats});
+    if (is_slow && effect.set.size() > 1) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+    if (is_slow && !effect.term.estimator->is_jumping()) add_same_spectrum(&effect);
     // What the fast noise explains better than a kind of slow noise takes its place.
     insert_by_evidence(effect);
     from_.base = best.base;
     if (out_.slow.best.noise_effect) fit_own_base_beside(best.effect->estimator(), best.theta);
     selection().final.terms.push_back(effect.term);
+  }
+  // Block means were content with other parameters of the noise, the spectrum of the seconds is not.
+  bool asks_slow_noise() const {
+    const SlowModel& best = out_.slow.best;
+    if (!best.names.empty() || best.noise_effect || !best.steps.empty() || is_believed_) return false;
+    for (const RestFinding& f : test_rest(campaign_, whitened(), constants()))
+      if (f.test == Rest::kSpectrum && f.evidence_nats > 0) return true;
+    return false;
   }
   // The strongest first; but what these logs leave open stands before what is beside it.
   void insert_by_evidence(const SelectedEffect& effect) {
