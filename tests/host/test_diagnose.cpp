@@ -1010,6 +1010,21 @@ static void test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_
   assert_false(has_second(false)); // it belongs to the slow stage
 }
 
+static void test_saw_teeth_are_no_telegraph_noise(void**) {
+  // Jumps all one way.  Noise that jumps up and down is what fits best among the members.
+  Rng rng(212, 0, 0, Stream::kTool);
+  double tooth = 0, period_s = 400;
+  const Selection said = answer_to(
+      [&](double, double) {
+        tooth += 1 / period_s;
+        if (tooth >= 1) tooth = 0, period_s = 300 + 300 * rng.uniform();
+        return 44 * tooth;
+      },
+      212, 0);
+  for (const SelectedEffect& effect : said.effects) assert_true(effect.is_family);
+  assert_true(said.verdict != Verdict::kNoGap);
+}
+
 static void test_what_settles_within_minutes_is_no_creep(void**) {
   const Effect& creep = find_effect("thermal_creep");
   assert_true(creep.estimator()->shape_lo().at(1) >= 600);
@@ -1116,6 +1131,7 @@ int main() {
       cmocka_unit_test(test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit),
+      cmocka_unit_test(test_saw_teeth_are_no_telegraph_noise),
       cmocka_unit_test(test_what_settles_within_minutes_is_no_creep),
       cmocka_unit_test(test_noise_that_axes_share_is_told_from_slow_causes_of_both),
       cmocka_unit_test(test_curvature_gives_the_errors_of_a_gaussian),

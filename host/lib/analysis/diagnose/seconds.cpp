@@ -246,10 +246,13 @@ std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const Seconds
 namespace {
 
 constexpr double kTempCell_degc = 4, kTimeBlock_s = 600, kBurst_s = 30;
-constexpr long kNeighbours[] = {10, 60};       // samples within which hits of one burst follow each other
-constexpr double kSudden_s[] = {5., 15., 50.}; // of innovations: where sudden changes show
-constexpr double kFewestSmoothed = 500;        // smoothing times in all logs: fewer have no normal moments
-constexpr double kMomentTail = 1.4;            // moments of so many reach this much further than a normal
+constexpr long kNeighbours[] = {10, 60};                   // samples within which hits of one burst follow each other
+constexpr double kSudden_s[] = {5., 15., 50.};             // of innovations: where sudden changes show
+constexpr double kFewestSmoothed = 500;                    // smoothing times in all logs: fewer have no normal moments
+constexpr double kMomentTail = 1.4;                        // moments of so many reach this much further than a normal
+constexpr double kPieceTaus = 10, kFewestSidedPieces = 30; // pieces that know nothing of each other, and enough of them
+constexpr double kSidedRate =
+    0.01; // at which signs drawn at random look one-sided; jumps up and down in turn do far less
 constexpr double kFewestInCell = 60;
 constexpr double kFewestPeriods = 6;          // of a frequency in the longest run: the mean takes what is slower
 constexpr double kFewestDegreesOfFreedom = 8; // of a bin of the spectrum
@@ -351,6 +354,22 @@ RestFinding in_sudden_changes(const Campaign& campaign, const std::vector<Vector
   return finding(Rest::kSuddenChanges, z * z, 1, rate / (2 * std::size(kSudden_s)));
 }
 
+// Third moment of innovations smoothed over tau against its own spread over pieces of the runs, in which it changes sign as
+// often as not where jumps up and jumps down are alike.
+double one_sided_moment(const std::vector<VectorXd>& e, double a, long piece) {
+  double sum = 0, squares = 0;
+  const double b = std::sqrt(1 - a * a);
+  for (const VectorXd& x : e) {
+    double state = 0, cubes = 0;
+    for (long k = x.size() - 1; k >= 0; --k) {
+      state = a * state + b * x[k];
+      cubes += state * (state * state - 3); // free of the mean's own linear part
+      if (k % piece == 0) sum += cubes, squares += cubes * cubes, cubes = 0;
+    }
+  }
+  return squares > 0 ? std::fabs(sum) / std::sqrt(squares) : 0;
+}
+
 // Binned periodogram against a flat one; power as summed_power gives it.
 RestFinding in_spectrum(const Campaign& campaign, const std::vector<double>& power, double rate) {
   size_t longest = 0;
@@ -373,6 +392,18 @@ RestFinding in_spectrum(const Campaign& campaign, const std::vector<double>& pow
 }
 
 } // namespace
+
+bool is_one_sided(const Campaign& campaign, const std::vector<VectorXd>& residual, const NoiseModel& noise) {
+  const std::vector<VectorXd> e = whitened(campaign, gaussian_equivalent(noise), residual);
+  double z = 0, n = 0;
+  for (const VectorXd& x : e) n += static_cast<double>(x.size());
+  for (const double tau_s : kSudden_s) {
+    const long piece = std::lround(kPieceTaus * tau_s / campaign.dt_s);
+    if (n < kFewestSidedPieces * static_cast<double>(piece)) continue;
+    z = std::max(z, one_sided_moment(e, std::exp(-campaign.dt_s / tau_s), std::max(1L, piece)));
+  }
+  return z > 0 && finding(Rest::kSuddenChanges, z * z, 1, kSidedRate / std::size(kSudden_s)).evidence_nats > 0;
+}
 
 std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<VectorXd>& e,
                                    const SelectorConstants& constants) {

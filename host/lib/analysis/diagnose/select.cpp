@@ -731,7 +731,6 @@ private:
     for (const NamedLine& line : lines_) name_line(line);
     if (is_censored_) return; // the spread of what is left is not that of the noise
     const std::vector<FastFinding> found =
-
         scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_, constants(), asks_slow_noise());
     if (found.empty() || found.front().gain_nats < constants().fast_nats) return;
     const FastFinding& best = found.front();
@@ -748,6 +747,9 @@ private:
         effect.set.push_back({f.effect, nullptr, false, f.effect->family(), f.gain_nats, constants().fast_nats});
     if (is_slow && effect.set.size() > 1) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
     if (is_slow && !effect.term.estimator->is_jumping()) add_same_spectrum(&effect);
+    const EffectEstimator& kind = *best.effect->estimator();
+    if (kind.is_jumping() && is_one_sided(campaign_, final_fit_.residual, kind.noise(best.base, best.theta)))
+      effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
     // What the fast noise explains better than a kind of slow noise takes its place.
     insert_by_evidence(effect);
     from_.base = best.base;
