@@ -377,6 +377,7 @@ private:
       if (out_.slow.evidence[i] > 0) list.push_back(slow_effect(i));
     std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
     const bool is_medley = is_made_of_many(list);
+    if (has_free_function() && !is_medley) leave_small(&list);
     if (is_medley)
       for (const SelectedEffect& effect : list) leave(effect);
     else
@@ -386,6 +387,15 @@ private:
     if (!best.steps.empty() && !is_medley) name_steps();
     if (best.noise_effect && !out_.slow.evidence.empty() && out_.slow.evidence.back() > 0 && !is_medley)
       name_slow_noise();
+  }
+  // A name that holds little beside a free function of everything is what that function leaves.
+  void leave_small(std::vector<SelectedEffect>* list) {
+    const double all = out_.slow.best.free_score() - out_.slow.null.free_score();
+    const auto small = std::stable_partition(list->begin(), list->end(), [&](const SelectedEffect& effect) {
+      return effect.gain_nats > constants().least_share * all;
+    });
+    for (auto effect = small; effect != list->end(); ++effect) leave(*effect);
+    list->erase(small, list->end());
   }
   // More names than few, none of which could be left out: their sum is a stand-in for a cause of another shape.
   bool is_made_of_many(const std::vector<SelectedEffect>& list) const {
