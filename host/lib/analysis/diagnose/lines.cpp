@@ -250,9 +250,10 @@ void take_lines_on_tracks(const Campaign& campaign, const std::vector<VectorXd>&
     if (const Line line = tracks.strongest(); line.gain_nats > track.gain_nats) track = line, way = tracks.slope_step();
   }
   if (track.gain_nats < kTrack_nats) return;
-  const long from = std::lround((track.hz_per_degc - way) / kSlopeUnit),
-             to = std::lround((track.hz_per_degc + way) / kSlopeUnit);
-  take_lines_between(campaign, e, fourier, from, to, best);
+  const auto units = [](double slope) {
+    return std::lround(std::clamp(slope, -kLargestSlope, kLargestSlope) / kSlopeUnit);
+  };
+  take_lines_between(campaign, e, fourier, units(track.hz_per_degc - way), units(track.hz_per_degc + way), best);
 }
 
 } // namespace
