@@ -1000,9 +1000,9 @@ static void test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_
   SecondsNoise from;
   from.base = nominal_hypothesis().base_noise;
   from.log_likelihood = ResidualLikelihood(campaign, residual)(from.base);
-  const auto has_second = [&](bool asks_slow) {
+  const auto has_second = [&](bool may_ask_slow) {
     for (const FastFinding& f :
-         scan_fast_noise(campaign, from, residual, effect_library(), all_active(), {}, asks_slow))
+         scan_fast_noise(campaign, from, residual, effect_library(), all_active(), {}, may_ask_slow))
       if (f.effect == &find_effect("second_markov") && f.gain_nats > SelectorConstants().fast_nats) return true;
     return false;
   };

@@ -280,8 +280,7 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
     SlowModel less = final;
     less.names[i].is_start_only = true; // what is free in every run predicts none
     out.beyond_start.push_back(support(less));
-    less.names.erase(less.names.begin() + static_cast<long>(i));
-    out.at_all.push_back(support(less));
+    out.at_all.push_back(support(final.without(i)));
   }
   double seconds = 0;
   const Campaign& units = held_out ? *held_out : training.campaign;

@@ -64,11 +64,24 @@ double log_mean_exp(const std::vector<double>& x) {
 
 } // namespace
 
+Theta left_by_swallowed() {
+  constexpr double kSigma = 0.3, kTau = 0.1;
+  return {0, std::log(kSigma * kSigma / kTau), std::log(kTau)};
+}
 const Markov& slowest(const NoiseModel& noise) {
   return *std::max_element(noise.markov.begin(), noise.markov.end(),
                            [](const Markov& a, const Markov& b) { return a.tau_s < b.tau_s; });
 }
 
+SlowModel SlowModel::without(size_t name) const {
+  SlowModel less = *this;
+  less.names.erase(less.names.begin() + static_cast<long>(name));
+  return less;
+}
+void SlowModel::take_noise_of(const SlowModel& other) {
+  std::copy(other.log_noise, other.log_noise + 3, log_noise);
+  is_believed = other.is_believed;
+}
 double SlowModel::charges() const {
   double sum = noise_effect ? noise_charge : 0;
   for (const Name& name : names) sum += name.charge;
@@ -475,8 +488,7 @@ struct SlowSearch::Impl {
       SlowCandidateScore& b = (*best)[j];
       b.gain_nats = mean;
       b.model = m;
-      std::copy(node.at.log_noise, node.at.log_noise + 3, b.model.log_noise);
-      b.model.is_believed = node.at.is_believed;
+      b.model.take_noise_of(node.at);
       if (node.at.noise_effect) b.model.noise_theta = node.at.noise_theta;
       b.model.value = *std::max_element(values[j].begin(), values[j].end()) + noise_value(node.at);
       b.model.names.push_back({j, bank->groups()[top[j]].shape, b.model.value - mean, false});
@@ -638,7 +650,8 @@ struct SlowSearch::Impl {
     if (slow.empty()) return {};
     SlowModel quieter = free, less = free, believed = m;
     quieter.log_noise[0] += std::log(white / own.white_sigma_dph);
-    less.log_noise[1] += std::log(kLeftSigma * kLeftSigma / kLeftTau), less.log_noise[2] += std::log(kLeftTau);
+    const Theta left = left_by_swallowed();
+    for (size_t i = 0; i < left.size(); ++i) less.log_noise[i] += left[i];
     quieter.noise_theta = fast, less.noise_theta = believed.noise_theta = slow;
     if (!belief.has_believed || belief.model.markov.empty()) return best_with_noise({quieter, less}, kind);
     believed.is_believed = true;
@@ -672,8 +685,8 @@ struct SlowSearch::Impl {
       if (found.noise_effect != &effect) return;
       starts.push_back(m);
       SlowModel& at = starts.back();
-      at.noise_theta = found.noise_theta, at.is_believed = found.is_believed;
-      std::copy(found.log_noise, found.log_noise + 3, at.log_noise);
+      at.noise_theta = found.noise_theta;
+      at.take_noise_of(found);
     };
     for (const SlowCandidateScore& s : out.noises) add(s.model);
     add(out.best);
@@ -814,8 +827,7 @@ struct SlowSearch::Impl {
       const SlowModel from = out.best;
       members_for_shapes();
       for (size_t i = 0; i < from.names.size() && from.names.size() + (from.noise_effect ? 1 : 0) > 1; ++i) {
-        SlowModel less = from;
-        less.names.erase(less.names.begin() + static_cast<long>(i));
+        SlowModel less = from.without(i);
         try_about(less);
         if (less.noise_effect && !less.names.empty()) less.noise_effect = nullptr, try_about(less);
       }
@@ -834,9 +846,7 @@ struct SlowSearch::Impl {
     for (size_t i = 0; i < from.names.size() && from.names.size() < kMostNames; ++i) {
       if (candidates[from.names[i].candidate].effect) continue;
       const OwnNode own = node_of(from);
-      SlowModel less = from;
-      less.names.erase(less.names.begin() + static_cast<long>(i));
-      const std::vector<SlowCandidateScore> firsts = scan_members(less, {own.get()});
+      const std::vector<SlowCandidateScore> firsts = scan_members(from.without(i), {own.get()});
       std::vector<SlowCandidateScore> found;
       for (size_t k = 0; k < firsts.size() && k < kMembersTried; ++k)
         for (SlowCandidateScore& both : scan_members(polished(firsts[k].model), {own.get()}))
@@ -890,9 +900,7 @@ struct SlowSearch::Impl {
 
   // The hypothesis without one of its names, as good as it can be made.
   SlowModel without(const SlowModel& m, size_t i) const {
-    SlowModel less = m;
-    less.names.erase(less.names.begin() + static_cast<long>(i));
-    less = polished(less, kQuickEvaluations);
+    SlowModel less = polished(m.without(i), kQuickEvaluations);
     if (less.names.empty()) {
       if (out.null.free_score() > less.free_score()) less = out.null;
       for (const SlowCandidateScore& s : out.noises)
@@ -921,9 +929,7 @@ struct SlowSearch::Impl {
     }
   }
   std::vector<SlowResult::Rival> rivals(const SlowModel& best, size_t i) const {
-    SlowModel less = best;
-    less.names.erase(less.names.begin() + static_cast<long>(i));
-    std::vector<SlowCandidateScore> others = scan(less, likely_nodes(best));
+    std::vector<SlowCandidateScore> others = scan(best.without(i), likely_nodes(best));
     others[best.names[i].candidate].model.names.clear();
     for (SlowCandidateScore& s : others)
       if (!s.model.names.empty() && s.gain_nats > best.free_score() - constants.near_nats) {
@@ -942,18 +948,17 @@ struct SlowSearch::Impl {
     return list;
   }
 
-  // The free function of everything beside a hypothesis, under its noise or that of `also`, then estimated again.
+  // The free function of everything beside a hypothesis, under its noise or that of `also`, at the likelier shape.
   SlowModel with_free_function(const SlowModel& m, const SlowModel& also) const {
     SlowModel best;
     if (candidates.empty() || !candidates.back().is_free_function) return best;
-    const size_t last = candidates.size() - 1;
-    const std::vector<Theta>& shapes = candidates[last].scan.shapes;
+    std::vector<SlowModel> starts = {m, m};
+    starts[1].take_noise_of(also);
+    if (noise(starts[1]) == noise(m) && also.is_believed == m.is_believed) starts.pop_back();
+    const std::vector<Theta>& shapes = candidates.back().scan.shapes;
     for (const Theta& shape : shapes)
-      for (const SlowModel* noise_from : {&m, &also}) {
-        SlowModel with = m;
-        std::copy(noise_from->log_noise, noise_from->log_noise + 3, with.log_noise);
-        with.is_believed = noise_from->is_believed;
-        with.names.push_back({last, shape, std::log(static_cast<double>(shapes.size())), false});
+      for (SlowModel with : starts) {
+        with.names.push_back({candidates.size() - 1, shape, std::log(static_cast<double>(shapes.size())), false});
         with.value = evaluate(with);
         if (with.value > best.value) best = with;
       }

@@ -19,9 +19,9 @@
 
 namespace imucal {
 
-// Another kind of noise may have been swallowed by a process of the fitted one.  Factors on sigma and tau of what that
-// process leaves, where a search for the other kind starts.
-constexpr double kLeftSigma = 0.3, kLeftTau = 0.1;
+// Another kind of noise may have been swallowed by a process of the fitted one.  What that process then leaves, where a
+// search for the other kind starts: logarithms of factors on white noise, slow density and tau.
+Theta left_by_swallowed();
 // The slowest process of a noise that has one.
 const Markov& slowest(const NoiseModel& noise);
 
@@ -66,6 +66,8 @@ struct SlowModel {
   bool is_believed = false;        // with the noise as believed
   bool is_without_lines = false;   // lines of the spectrum that were taken into the mean are left in the rates
   double value = -1e300;           // log marginal likelihood with the prior of the noise and its cost
+  SlowModel without(size_t name) const;
+  void take_noise_of(const SlowModel& other); // its parameters, not its kind
   double charges() const;
   double free_score() const { return value - charges(); } // without thresholds
 };

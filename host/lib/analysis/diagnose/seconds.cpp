@@ -145,6 +145,7 @@ SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start
 namespace {
 
 RestFinding in_sudden_changes(const Campaign& campaign, const std::vector<VectorXd>& e, const Moments& m, double rate);
+RestFinding in_spectrum(const Campaign& campaign, const std::vector<double>& power, double rate);
 
 // What the seconds can show of a kind of noise: hits and telegraph noise where the distribution says so, that one also
 // where the innovations change suddenly, white noise over temperature always, another Markov process as far as it is fast.
@@ -199,8 +200,7 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
   if (const Theta x = best_start(); !x.empty()) starts.push_back(x);
   // The fitted noise has swallowed what jumps: it starts like that process, beside what a smaller and faster one leaves.
   if ((e.is_jumping() || (asks_slow && e.is_slow_noise())) && !from.base.markov.empty())
-    starts.push_back(
-        with_theta({0, std::log(kLeftSigma * kLeftSigma / kLeftTau), std::log(kLeftTau)}, e.like(slowest(from.base))));
+    starts.push_back(with_theta(left_by_swallowed(), e.like(slowest(from.base))));
   SearchOptions options;
   options.step = 0.3, options.max_evaluations = kProbe, options.tolerance = 0.02;
   Theta x;
@@ -223,10 +223,12 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
 std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
                                          const std::vector<VectorXd>& residual,
                                          const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                                         const SelectorConstants& constants, bool asks_slow) {
+                                         const SelectorConstants& constants, bool may_ask_slow) {
   const std::vector<VectorXd> e_of_base = whitened(campaign, gaussian_equivalent(from.base), residual);
   const Moments m = moments(e_of_base);
   const bool changes_suddenly = in_sudden_changes(campaign, e_of_base, m, constants.rest_rate).evidence_nats > 0;
+  const bool asks_slow =
+      may_ask_slow && in_spectrum(campaign, summed_power(campaign, e_of_base), constants.rest_rate).evidence_nats > 0;
   const ResidualLikelihood log_likelihood(campaign, residual);
   std::vector<FastFinding> list;
   for (size_t j = 0; j < library.size(); ++j) {
@@ -320,18 +322,24 @@ RestFinding in_bursts(const Campaign& campaign, const std::vector<VectorXd>& e, 
   return finding(Rest::kBursts, z * z, 1, rate / (1 + std::size(kNeighbours)));
 }
 
+// Innovations smoothed by a^n, of the same variance.  The filter forgets what it knew, so that a jump is a run of innovations
+// of one sign; smoothed from the end.
+VectorXd smoothed(const VectorXd& e, double a) {
+  VectorXd z(e.size());
+  const double b = std::sqrt(1 - a * a);
+  double state = 0;
+  for (long k = e.size() - 1; k >= 0; --k) z[k] = state = a * state + b * e[k];
+  return z;
+}
+
 // Largest third or fourth Hermite moment of innovations smoothed over tau, in standard errors: of N(0,1) samples with the
 // correlation a^n the sum of He_m has the variance m! n (1 + a^m)/(1 - a^m).
 double smoothed_moment(const std::vector<VectorXd>& e, double a) {
   double s2 = 0, s3 = 0, s4 = 0, n = 0;
   std::vector<VectorXd> smooth;
-  const double b = std::sqrt(1 - a * a);
   for (const VectorXd& x : e) {
-    VectorXd z(x.size());
-    double state = 0;
-    for (long k = x.size() - 1; k >= 0; --k) z[k] = state = a * state + b * x[k];
-    s2 += z.squaredNorm(), n += static_cast<double>(z.size());
-    smooth.push_back(std::move(z));
+    smooth.push_back(smoothed(x, a));
+    s2 += smooth.back().squaredNorm(), n += static_cast<double>(x.size());
   }
   if (!(s2 > 0)) return 0;
   for (const VectorXd& z : smooth) {
@@ -343,8 +351,7 @@ double smoothed_moment(const std::vector<VectorXd>& e, double a) {
                   std::fabs(s4) / std::sqrt(24 * n * (1 + a4) / (1 - a4)));
 }
 
-// Jumps, teeth and slips: a Gaussian noise takes their spectrum, not their moments.  The filter forgets what it knew, so
-// that a jump is a run of innovations of one sign.
+// Jumps, teeth and slips: a Gaussian noise takes their spectrum, not their moments.
 RestFinding in_sudden_changes(const Campaign& campaign, const std::vector<VectorXd>& e, const Moments& m, double rate) {
   double z = 0;
   for (double tau_s : kSudden_s)
@@ -358,12 +365,11 @@ RestFinding in_sudden_changes(const Campaign& campaign, const std::vector<Vector
 // often as not where jumps up and jumps down are alike.
 double one_sided_moment(const std::vector<VectorXd>& e, double a, long piece) {
   double sum = 0, squares = 0;
-  const double b = std::sqrt(1 - a * a);
   for (const VectorXd& x : e) {
-    double state = 0, cubes = 0;
-    for (long k = x.size() - 1; k >= 0; --k) {
-      state = a * state + b * x[k];
-      cubes += state * (state * state - 3); // free of the mean's own linear part
+    const VectorXd z = smoothed(x, a);
+    double cubes = 0;
+    for (long k = z.size() - 1; k >= 0; --k) {
+      cubes += z[k] * (z[k] * z[k] - 3); // free of the mean's own linear part
       if (k % piece == 0) sum += cubes, squares += cubes * cubes, cubes = 0;
     }
   }

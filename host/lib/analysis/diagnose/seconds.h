@@ -49,11 +49,11 @@ struct FastFinding {
   double gain_nats = 0;
 };
 // Every kind of fast noise of the library that may be asked, best first.  `from`: noise that all of them contain.
-// `asks_slow`: kinds of slow noise too.
+// `may_ask_slow`: kinds of slow noise too where that noise does not fit the spectrum of the residual.
 std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
                                          const std::vector<Eigen::VectorXd>& residual,
                                          const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                                         const SelectorConstants& constants, bool asks_slow = false);
+                                         const SelectorConstants& constants, bool may_ask_slow = false);
 
 // Whether sudden changes go one way more than the other, as teeth do; telegraph noise jumps up and down in turn.  Said at a
 // rate of 1 in 100 at most where they do not.  `residual`: rate less the fitted mean; `noise`: of any kind.

@@ -189,9 +189,9 @@ private:
 
   bool is_free_function(size_t i) const { return candidate(out_.slow.best.names[i].candidate).is_free_function; }
   bool has_free_function() const {
-    bool has = false;
-    for (size_t i = 0; i < out_.slow.best.names.size(); ++i) has = has || is_free_function(i);
-    return has;
+    for (size_t i = 0; i < out_.slow.best.names.size(); ++i)
+      if (is_free_function(i)) return true;
+    return false;
   }
   // A free function of everything that repeats joins an answer where it makes all logs together more likely, and what
   // does not do so beside it goes: that function holds what it stood for.  Other noise parameters are an answer too.
@@ -200,12 +200,15 @@ private:
     const bool is_as_believed = answer.is_believed || !belief_.has_believed;
     if (answer.names.empty() && !answer.noise_effect && is_as_believed) return;
     if (out_.gap.method == HeldOut::kQuarters) return; // parts of one passage foretell nothing of another
-    SlowModel bare = answer;
-    bare.names.clear(), bare.noise_effect = nullptr;
+    std::vector<SlowModel> beside = {answer};
+    if (!answer.names.empty() || answer.noise_effect) {
+      beside.push_back(answer);
+      beside.back().names.clear(), beside.back().noise_effect = nullptr;
+    }
     double highest = all_logs(answer);
     std::optional<SlowModel> with;
-    for (const SlowModel& beside : {answer, bare}) {
-      SlowModel m = out_.search->with_free_function(beside, out_.slow.null);
+    for (const SlowModel& less : beside) {
+      SlowModel m = out_.search->with_free_function(less, out_.slow.null);
       if (m.names.empty() || all_logs(m) < highest - constants().near_nats) continue;
       m = out_.search->polished(m);
       if (const double value = all_logs(m); value > highest) highest = value, with = m;
@@ -219,10 +222,7 @@ private:
   // less likely.
   SlowModel without_needless(const SlowModel& m, double value) const {
     std::vector<SlowModel> fewer;
-    for (size_t i = 0; i + 1 < m.names.size(); ++i) {
-      fewer.push_back(m);
-      fewer.back().names.erase(fewer.back().names.begin() + static_cast<long>(i));
-    }
+    for (size_t i = 0; i + 1 < m.names.size(); ++i) fewer.push_back(m.without(i));
     if (m.noise_effect) fewer.push_back(m), fewer.back().noise_effect = nullptr;
     const SlowModel* best = nullptr;
     for (SlowModel& less : fewer) {
@@ -274,7 +274,7 @@ private:
       SelectedEffect gone = slow_effect(worst);
       gone.doubt = Doubt::kAgainst;
       selection().dropped.push_back(gone);
-      best.names.erase(best.names.begin() + static_cast<long>(worst));
+      best = best.without(worst);
       out_.slow.evidence.erase(out_.slow.evidence.begin() + static_cast<long>(worst));
       out_.slow.rivals.erase(out_.slow.rivals.begin() + static_cast<long>(worst));
       if (best.names.empty()) {
@@ -347,12 +347,16 @@ private:
       effect.doubt = Doubt::kShapeOpen;
       add_members(&effect);
     } else if (nearest < constants().family_margin_nats) {
-      effect.is_family = true;
-      effect.doubt = Doubt::kMemberOpen;
+      open_member(&effect);
     }
     return effect;
   }
 
+  // Behind what is in the set already, what gains most first.
+  static void add_to_set(std::vector<CandidateEvidence> list, SelectedEffect* effect) {
+    std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+    effect->set.insert(effect->set.end(), list.begin(), list.end());
+  }
   // The members of a family whose shape is open, by what each gains alone.
   void add_members(SelectedEffect* effect) const {
     std::vector<CandidateEvidence> members;
@@ -362,13 +366,19 @@ private:
       if (!member || member == effect->term.effect || member->family() != effect->family || gain <= 0) continue;
       members.push_back(evidence_of(j, gain, constants().mean_nats));
     }
-    std::sort(members.begin(), members.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
-    effect->set.insert(effect->set.end(), members.begin(), members.end());
+    add_to_set(std::move(members), effect);
   }
 
   static bool is_free(const SelectedEffect& effect) { return !effect.term.effect; }
+  static void open_member(SelectedEffect* effect) { effect->is_family = true, effect->doubt = Doubt::kMemberOpen; }
   static void open_shape(SelectedEffect* effect) { effect->is_family = true, effect->doubt = Doubt::kShapeOpen; }
   void leave(const SelectedEffect& effect) { selection().remainders.push_back(effect.set.front()); }
+  template <class F> void leave_those(F goes, std::vector<SelectedEffect>* list) {
+    const auto kept = [&](const SelectedEffect& effect) { return !goes(effect); };
+    const auto gone = std::stable_partition(list->begin(), list->end(), kept);
+    for (auto effect = gone; effect != list->end(); ++effect) leave(*effect);
+    list->erase(gone, list->end());
+  }
 
   void name_slow() {
     const SlowModel& best = out_.slow.best;
@@ -377,11 +387,11 @@ private:
       if (out_.slow.evidence[i] > 0) list.push_back(slow_effect(i));
     std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
     const bool is_medley = is_made_of_many(list);
-    if (has_free_function() && !is_medley) leave_small(&list);
     if (is_medley)
-      for (const SelectedEffect& effect : list) leave(effect);
-    else
-      named_ = owned(members_before_shapes(list));
+      leave_those([](const SelectedEffect&) { return true; }, &list);
+    else if (has_free_function())
+      leave_small(&list);
+    named_ = owned(members_before_shapes(list));
     for (size_t j : out_.slow.replaced) selection().remainders.push_back(evidence_of(j, 0, 0));
     open_by_lack();
     if (!best.steps.empty() && !is_medley) name_steps();
@@ -391,11 +401,7 @@ private:
   // A name that holds little beside a free function of everything is what that function leaves.
   void leave_small(std::vector<SelectedEffect>* list) {
     const double all = out_.slow.best.free_score() - out_.slow.null.free_score();
-    const auto small = std::stable_partition(list->begin(), list->end(), [&](const SelectedEffect& effect) {
-      return effect.gain_nats > constants().least_share * all;
-    });
-    for (auto effect = small; effect != list->end(); ++effect) leave(*effect);
-    list->erase(small, list->end());
+    leave_those([&](const SelectedEffect& e) { return e.gain_nats <= constants().least_share * all; }, list);
   }
   // More names than few, none of which could be left out: their sum is a stand-in for a cause of another shape.
   bool is_made_of_many(const std::vector<SelectedEffect>& list) const {
@@ -465,7 +471,8 @@ private:
     return out_.slow.singles[free_shape].gain_nats - null > constants().member_share * all;
   }
   void open_jumps(SelectedEffect* effect) const {
-    effect->family = Family::kSlowNoise, effect->is_family = true, effect->doubt = Doubt::kMemberOpen;
+    effect->family = Family::kSlowNoise;
+    open_member(effect);
     add_jumping_noise(effect);
     effect->statement = "jumps come again and again: a noise that jumps, not single events; what makes it is open";
   }
@@ -513,7 +520,7 @@ private:
     const double threshold = constants().noise_nats;
     effect.set = {{best.noise_effect, nullptr, false, effect.family, effect.gain_nats, threshold}};
     if (best.names.empty()) add_kinds_within(constants().noise_margin_nats, best, &effect);
-    if (effect.set.size() > 1) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+    if (effect.set.size() > 1) open_member(&effect);
     add_same_spectrum(&effect);
     if (best.names.empty()) add_means_that_do_as_well(&effect);
     if (has_free_function()) {
@@ -548,8 +555,7 @@ private:
       kinds.push_back(
           {s.model.noise_effect, nullptr, false, Family::kSlowNoise, effect->gain_nats - gap, constants().noise_nats});
     }
-    std::sort(kinds.begin(), kinds.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
-    effect->set.insert(effect->set.end(), kinds.begin(), kinds.end());
+    add_to_set(std::move(kinds), effect);
   }
   // Causes in the mean, those that differ from run to run among them, that do as well as a kind of slow noise alone.
   void add_means_that_do_as_well(SelectedEffect* effect) const {
@@ -561,8 +567,7 @@ private:
       if (!candidate(j).effect || s.model.names.empty() || gap >= constants().rivals_nats) continue;
       means.push_back(evidence_of(j, effect->gain_nats - gap, constants().mean_nats));
     }
-    std::sort(means.begin(), means.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
-    effect->set.insert(effect->set.end(), means.begin(), means.end());
+    add_to_set(std::move(means), effect);
   }
   // Noise that jumps between levels does so again and again.
   void add_jumping_noise(SelectedEffect* effect) const {
@@ -661,12 +666,12 @@ private:
     final_fit_ = fit_hypothesis(campaign_, selection().final);
     from_ = fit_seconds_noise(campaign_, selection().final.noise(), final_fit_.residual);
     believe_again();
-    if (is_believed_ && leaves_unnamed_noise()) return seconds();
+    if (is_believed_ && gives_up_unnamed_noise()) return seconds();
     fit_own_base();
   }
   // The believed noise does beside a kind of noise that is not worth its name, and does not without it: other parameters
   // are the simpler answer.
-  bool leaves_unnamed_noise() {
+  bool gives_up_unnamed_noise() {
     SlowModel& best = out_.slow.best;
     if (!best.names.empty() || !best.steps.empty() || !best.noise_effect) return false;
     if (out_.slow.evidence.back() > 0 || out_.slow.null.is_believed) return false;
@@ -741,7 +746,7 @@ private:
     for (const NamedLine& line : lines_) name_line(line);
     if (is_censored_) return; // the spread of what is left is not that of the noise
     const std::vector<FastFinding> found =
-        scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_, constants(), asks_slow_noise());
+        scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_, constants(), may_ask_slow_noise());
     if (found.empty() || found.front().gain_nats < constants().fast_nats) return;
     const FastFinding& best = found.front();
     SelectedEffect effect;
@@ -755,24 +760,21 @@ private:
     for (const FastFinding& f : found)
       if (f.gain_nats > best.gain_nats - (is_slow ? constants().noise_margin_nats : constants().rivals_nats))
         effect.set.push_back({f.effect, nullptr, false, f.effect->family(), f.gain_nats, constants().fast_nats});
-    if (is_slow && effect.set.size() > 1) effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+    if (is_slow && effect.set.size() > 1) open_member(&effect);
     if (is_slow && !effect.term.estimator->is_jumping()) add_same_spectrum(&effect);
     const EffectEstimator& kind = *best.effect->estimator();
     if (kind.is_jumping() && is_one_sided(campaign_, final_fit_.residual, kind.noise(best.base, best.theta)))
-      effect.is_family = true, effect.doubt = Doubt::kMemberOpen;
+      open_member(&effect);
     // What the fast noise explains better than a kind of slow noise takes its place.
     insert_by_evidence(effect);
     from_.base = best.base;
     if (out_.slow.best.noise_effect) fit_own_base_beside(best.effect->estimator(), best.theta);
     selection().final.terms.push_back(effect.term);
   }
-  // Block means were content with other parameters of the noise, the spectrum of the seconds is not.
-  bool asks_slow_noise() const {
+  // Block means were content with other parameters of the noise: where the spectrum of the seconds is not, they are asked.
+  bool may_ask_slow_noise() const {
     const SlowModel& best = out_.slow.best;
-    if (!best.names.empty() || best.noise_effect || !best.steps.empty() || is_believed_) return false;
-    for (const RestFinding& f : test_rest(campaign_, whitened(), constants()))
-      if (f.test == Rest::kSpectrum && f.evidence_nats > 0) return true;
-    return false;
+    return best.names.empty() && !best.noise_effect && best.steps.empty() && !is_believed_;
   }
   // The strongest first; but what these logs leave open stands before what is beside it.
   void insert_by_evidence(const SelectedEffect& effect) {
@@ -829,8 +831,7 @@ private:
         kinds.push_back({m.noise_effect, nullptr, false, retuned->family,
                          retuned->gain_nats - std::min(gap, gap_beside_others), constants().noise_nats});
     }
-    std::sort(kinds.begin(), kinds.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
-    retuned->set.insert(retuned->set.end(), kinds.begin(), kinds.end());
+    add_to_set(std::move(kinds), retuned);
     add_same_spectrum(retuned);
   }
   // Telegraph noise has the spectrum of a Markov process: where this one stands in a set of slow noises and the seconds
@@ -913,7 +914,7 @@ private:
   }
   // The tests contradict the kind that is most likely: likelihoods do not exclude the others, which gain at all.
   void open_noise(SelectedEffect* effect) const {
-    effect->is_family = true, effect->doubt = Doubt::kMemberOpen;
+    open_member(effect);
     if (effect->family != Family::kSlowNoise || !out_.slow.best.names.empty()) return;
     add_kinds_within(out_.slow.best.free_score() - out_.slow.null.free_score() + constants().noise_kind_nats,
                      out_.slow.best, effect);
@@ -930,10 +931,7 @@ private:
   // More is left than was explained, or many causes together leave something: members stand in for another cause then.
   // A family says no more than that.
   void leave_members() {
-    for (const SelectedEffect& effect : named_)
-      if (is_member(effect)) leave(effect);
-    named_.erase(std::remove_if(named_.begin(), named_.end(), [&](const auto& e) { return is_member(e); }),
-                 named_.end());
+    leave_those([&](const SelectedEffect& effect) { return is_member(effect); }, &named_);
   }
   double explained_nats() const {
     double sum = out_.slow.best.free_score() - out_.slow.null.free_score();
@@ -945,11 +943,10 @@ private:
   void leave_noise_beside_shapes() {
     const auto is_open = [](const SelectedEffect& effect) { return effect.doubt == Doubt::kShapeOpen; };
     if (std::none_of(named_.begin(), named_.end(), is_open)) return;
-    const auto noise = std::stable_partition(named_.begin(), named_.end(), [](const SelectedEffect& effect) {
-      return effect.family != Family::kSlowNoise || !effect.term.effect || effect.term.form() != Form::kNoise;
-    });
-    for (auto effect = noise; effect != named_.end(); ++effect) leave(*effect);
-    named_.erase(noise, named_.end());
+    const auto is_noise = [](const SelectedEffect& effect) {
+      return effect.family == Family::kSlowNoise && effect.term.effect && effect.term.form() == Form::kNoise;
+    };
+    leave_those(is_noise, &named_);
   }
 
   void fill_coefficients(const Fit& fit) {
