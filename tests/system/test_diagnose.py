@@ -129,6 +129,15 @@ def test_logs_of_the_model_have_no_gap_and_the_calibration_is_kept(lab):
     assert lab.run(lab.logs("null_up", [], n=3, profile=up))["calibration"]["from_cache"] is False
 
 
+def test_what_other_questions_left_in_the_cache_changes_no_answer(lab):
+    logs = lab.logs("kept", HYSTERESIS, n=2)
+    for factor in (1, 1.15, 0.87, 3):
+        believed = {**MODEL, "markov": [{**MODEL["markov"][0], "sigma_dph": factor * MODEL["markov"][0]["sigma_dph"]}]}
+        model = lab.write("believed.json", believed)
+        kept, anew = lab.run(logs, model=model)["axes"][0], lab.run(logs, "--no-cache", model=model)["axes"][0]
+        assert kept["threshold_nats"] == anew["threshold_nats"] and kept["effects"] == anew["effects"]
+
+
 def test_without_the_cause_the_gap_is_not_called_absent(lab):
     logs = lab.logs("withheld", [{"name": "sinusoid", "parameters": {"amplitude_dph": 9, "frequency_hz": 0.031}}], n=3)
     assert names(lab.run(logs)["axes"][0]) == ["sinusoid"]

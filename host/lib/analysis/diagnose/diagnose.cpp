@@ -228,8 +228,8 @@ void check_steady(const Campaign& campaign, std::vector<std::string>* warnings) 
   if (std::find(warnings->begin(), warnings->end(), text) == warnings->end()) warnings->push_back(text);
 }
 
-// Sets and gets the threshold of the names in the mean: what draws of the fitted noise gain, kept by a hash of the
-// campaign and the noise.
+// Sets and gets the threshold of the names in the mean: what draws of the fitted noise gain, kept by a hash of
+// everything that they depend on.
 struct Calibrated {
   double threshold_nats = 6;
   bool is_cached = false;

@@ -32,7 +32,7 @@ constexpr size_t kMostNames = 3;
 constexpr size_t kMembersTried = 3; // in the place of a free shape
 constexpr double kMemberPart = 0.4; // of its gain, on the places of the grids
 constexpr size_t kPartsKept = 12, kColumnsKept = 4, kNodesKept = 2;
-const char kCalibrationVersion[] = "7"; // changes whenever a draw would gain something else
+const char kCalibrationVersion[] = "8"; // changes whenever a draw would gain something else
 constexpr size_t kMostSteps = 6, kStepPlaces = 12;
 
 // Standard deviations of the weak prior of log(white), log(slow density), log(tau).
@@ -1143,13 +1143,14 @@ struct SlowSearch::Impl {
 
 namespace {
 
-// FNV-1a over rounded numbers.
+// FNV-1a over the bits of what is added.
 class Hash {
 public:
-  void add(const std::string& text) {
-    for (char c : text) state_ = (state_ ^ static_cast<unsigned char>(c)) * 0x100000001b3ull;
+  void add(const std::string& text) { add(text.data(), text.size()), add(static_cast<double>(text.size())); }
+  void add(double x) { add(&x, sizeof x); }
+  template <class T> void add(const std::vector<T>& list) {
+    add(list.data(), list.size() * sizeof(T)), add(static_cast<double>(list.size()));
   }
-  void add(double x) { add(std::to_string(std::lround(x)) + ";"); }
   std::string text() const {
     char out[20];
     std::snprintf(out, sizeof out, "%016llx", static_cast<unsigned long long>(state_));
@@ -1157,30 +1158,46 @@ public:
   }
 
 private:
+  void add(const void* bytes, size_t n) {
+    const auto* at = static_cast<const unsigned char*>(bytes);
+    for (size_t i = 0; i < n; ++i) state_ = (state_ ^ at[i]) * 0x100000001b3ull;
+  }
   uint64_t state_ = 0xcbf29ce484222325ull;
 };
 
+void add_run(const CampaignRun& run, Hash* hash) {
+  const RunInput& in = run.input;
+  for (const std::vector<double>* column :
+       {&in.t_s, &in.temp_degc, &in.smooth_degc, &in.rate_degc_min, &in.tn, &in.rate_dph})
+    hash->add(*column);
+  for (const auto& [name, values] : in.auxiliary) hash->add(name), hash->add(values);
+  hash->add(run.used), hash->add(run.steps), hash->add(run.start_s);
+}
+
+void add_noise(const NoiseModel& noise, Hash* hash) {
+  for (double x :
+       {noise.white_sigma_dph, noise.walk_dph_per_rt_s, noise.white_slope, noise.markov_slope, noise.tau_slope,
+        noise.extra_white_dph2, noise.hit_probability, noise.hit_sigma_dph, noise.telegraph_dph, noise.telegraph_tau_s})
+    hash->add(x);
+  for (const Markov& process : noise.markov) hash->add(process.sigma_dph), hash->add(process.tau_s);
+}
+
 } // namespace
 
-std::string SlowSearch::null_key(size_t draws, uint64_t seed) {
-  impl_->prepare();
+std::string SlowSearch::null_key(size_t draws, uint64_t seed) const {
   const Campaign& campaign = impl_->data.campaign;
+  const NoiseBelief& belief = impl_->belief;
   Hash hash;
   hash.add(std::string(IMUCAL_VERSION) + kCalibrationVersion);
   hash.add(static_cast<double>(draws)), hash.add(static_cast<double>(seed));
-  for (const Candidate& c : impl_->candidates)
-    if (!c.is_free_function) hash.add(c.effect ? c.effect->name() : c.reference->what);
-  hash.add(campaign.dt_s), hash.add(campaign.order), hash.add(impl_->belief.has_believed);
-  // Thermometer noise differs from run to run and does not matter: a point every minute, in steps of 2 degC.
-  const size_t stride = static_cast<size_t>(std::max(1L, std::lround(60 / campaign.dt_s)));
-  for (const CampaignRun& run : campaign.runs) {
-    hash.add(static_cast<double>(run.n()) / 20);
-    for (size_t i = 0; i < run.input.size(); i += stride) hash.add(run.input.smooth_degc[i] / 2);
-  }
-  const NoiseModel noise = impl_->base_noise(impl_->start_null);
-  const double step = 0.7; // of the logarithms: what draws gain hardly depends on the noise
-  hash.add(std::log(noise.markov[0].sigma_dph / noise.white_sigma_dph) / step);
-  hash.add(std::log(noise.markov[0].tau_s) / step);
+  for (const Candidate& c : impl_->candidates) hash.add(c.effect ? c.effect->name() : c.reference->what);
+  for (const SelectorConstant& c : selector_constants()) hash.add(impl_->constants.*c.value);
+  hash.add(campaign.dt_s), hash.add(campaign.order), hash.add(campaign.temp_lsb_degc);
+  for (const CampaignRun& run : campaign.runs) add_run(run, &hash);
+  hash.add(belief.has_believed), hash.add(belief.has_data_sheet), add_noise(belief.model, &hash);
+  for (const NoiseBelief::Known& known : belief.known)
+    for (const Effect* effect : effect_library())
+      if (effect->estimator() == known.estimator) hash.add(effect->name()), hash.add(known.shape);
   return hash.text();
 }
 

@@ -108,8 +108,8 @@ public:
   // Calibration: draws of the fitted noise (with the fitted polynomial), each searched over all candidates and nodes of
   // noise as the data are; the largest gain of each draw over its own best noise.
   std::vector<double> null_gains(size_t draws, uint64_t seed);
-  // Names what null_gains depends on; alike for campaigns of the same profile, gaps and about the same noise.
-  std::string null_key(size_t draws, uint64_t seed);
+  // Names everything that null_gains depends on, to the last bit: what is kept under it is what would be drawn.
+  std::string null_key(size_t draws, uint64_t seed) const;
   void set_mean_threshold(double nats); // of a name in the mean
 
   const std::vector<Candidate>& candidates() const;
