@@ -40,17 +40,17 @@ def kept_digest(args):
         return f.read().strip()
 
 
-def diagnose(args):
-    """Diagnoses of all questions that have no answer yet."""
-    results = os.path.join(args.out, "results")
+def ask(args, program, logs, folder, options):
+    """Diagnoses of all questions that have no answer in the folder yet, with a cache of noise calibrations beside them."""
+    results = os.path.join(folder, "results")
     deadline = None if args.minutes is None else time.time() + 60 * args.minutes
-    extra = [f"--cache={os.path.abspath(os.path.join(results, 'cache'))}", *args.option]
+    extra = [f"--cache={os.path.abspath(os.path.join(results, 'cache'))}", *options]
     os.makedirs(results, exist_ok=True)
-    answers, skipped = runner.run_all({"diagnose": os.path.abspath(args.diagnose), "errormodel": os.path.abspath(args.errormodel)},
-                                      os.path.join(args.out, "logs"), results, extra, args.processes, say=say, deadline=deadline)
+    answers, skipped = runner.run_all({"diagnose": os.path.abspath(program), "errormodel": os.path.abspath(args.errormodel)},
+                                      logs, results, extra, args.processes, say=say, deadline=deadline)
     for ability, n in skipped.items():
         say(f"SKIP: {n} questions with noise '{ability}': this program offers no such option yet")
-    with open(os.path.join(args.out, "answers.json"), "w", encoding="utf-8") as out:
+    with open(os.path.join(folder, "answers.json"), "w", encoding="utf-8") as out:
         json.dump({"answers": answers, "skipped": skipped}, out)
 
 
@@ -75,12 +75,17 @@ def judge(args, digest):
     print(f"seed {sealed['seed']}: repeat with `make blind BLIND_SEED={sealed['seed']}`")
 
 
+def is_there(tool):
+    if os.access(tool, os.X_OK):
+        return True
+    print(f"blind: {tool}: no such program: build it with `make` or name it with --diagnose, --errormodel", file=sys.stderr)
+    return False
+
+
 def main(args):
     steps = args.steps.split(",")
-    for tool in (args.diagnose, args.errormodel) if "run" in steps else ():
-        if not os.access(tool, os.X_OK):
-            print(f"blind: {tool}: no such program: build it with `make` or name it with --diagnose, --errormodel", file=sys.stderr)
-            return 2
+    if "run" in steps and not all(is_there(tool) for tool in (args.diagnose, args.errormodel)):
+        return 2
     os.makedirs(args.out, exist_ok=True)
     resumed = args.resume and os.path.exists(os.path.join(args.out, "labels.sha256"))
     if "draw" in steps and not resumed:
@@ -89,7 +94,7 @@ def main(args):
     else:
         digest = kept_digest(args)
     if "run" in steps:
-        diagnose(args)
+        ask(args, args.diagnose, os.path.join(args.out, "logs"), args.out, args.option)
     if "score" in steps:
         judge(args, digest)
         if not args.keep_logs:

@@ -146,9 +146,13 @@ def singles(labels, answers):
             "structural": structural(labels, answers)}
 
 
-def structural(labels, answers):
-    hits = [any(e["name"] == label["truth"][axis][0] for e in reading(a, axis, regime)["effects"])
+def structural_rows(labels, answers):
+    return [any(e["name"] == label["truth"][axis][0] for e in reading(a, axis, regime)["effects"])
             for label, axis, _, regime, a in questions(labels, answers, ("structural",))]
+
+
+def structural(labels, answers):
+    hits = structural_rows(labels, answers)
     return rate(sum(hits), len(hits))
 
 
@@ -167,10 +171,9 @@ def mechanism(label):
     return "none"
 
 
-def invariance(labels, answers):
+def invariance_rows(labels, answers):
     """Same logs, four believed noises: is the same repeatable cause named?"""
-    same = right = family = n = 0
-    detail = []
+    out = []
     rows = single_rows(labels, answers, ("memory", "invariance"))
     for case, group in group_by(rows, lambda r: r["label"]["case"]).items():
         group = [r for r in group if r["regime"] in ("exact", "times_3", "over_3", "fitted")]
@@ -178,16 +181,20 @@ def invariance(labels, answers):
             continue
         names = [r["read"]["first"]["name"] if r["read"]["first"] else r["read"]["verdict"] for r in group]
         families = [family_of(x) or x for x in names]
-        n, told = n + 1, group[0]["told"].get("can_tell_member", True)
+        told = group[0]["told"].get("can_tell_member", True)
         is_same = len(set(names)) == 1 or not told and len(set(families)) == 1
-        same, family = same + is_same, family + (len(set(families)) == 1)
-        right += is_same and all(r["outcome"] in RIGHT for r in group)
-        detail.append({"case": case, "truth": group[0]["name"], "d": group[0]["d"], "first_names": dict(zip((r["regime"] for r in group), names))})
-    return {"same": rate(same, n), "same_family": rate(family, n), "same_and_right": rate(right, n), "detail": detail}
+        out.append({"case": case, "truth": group[0]["name"], "d": group[0]["d"], "first_names": dict(zip((r["regime"] for r in group), names)),
+                    "same": is_same, "same_family": len(set(families)) == 1, "same_and_right": is_same and all(r["outcome"] in RIGHT for r in group)})
+    return out
 
 
-def pairs(labels, answers):
-    out = {}
+def invariance(labels, answers):
+    rows = invariance_rows(labels, answers)
+    return {**{key: rate(sum(r[key] for r in rows), len(rows)) for key in ("same", "same_family", "same_and_right")},
+            "detail": [{key: r[key] for key in ("case", "truth", "d", "first_names")} for r in rows]}
+
+
+def pair_rows(labels, answers):
     rows = []
     for label, axis, _, regime, answer in questions(labels, answers, ("pair",)):
         want, read = label["truth"][axis], reading(answer, axis, regime)
@@ -197,17 +204,22 @@ def pairs(labels, answers):
         loose = any(kinds[0][i] and kinds[1][j] for i in range(len(kinds[0])) for j in range(len(kinds[0])) if i != j)
         one = any(w in read["names"] for w in want)
         repeatable = all(w in causes.REPEATABLE for w in want)
-        rows.append((label["target"], repeatable, strict, strict or loose, strict and len(read["names"]) == 2, one))
-    for name, keep in {"all": lambda r: True, "repeatable + repeatable": lambda r: r[1], "repeatable + noise": lambda r: not r[1],
-                       "d = 25": lambda r: r[0] == 25, "d = 40": lambda r: r[0] == 40}.items():
+        rows.append({"d": label["target"], "repeatable": repeatable, "both": strict, "both_or_family": strict or loose,
+                     "exactly": strict and len(read["names"]) == 2, "one": one})
+    return rows
+
+
+def pairs(labels, answers):
+    out, rows = {}, pair_rows(labels, answers)
+    for name, keep in {"all": lambda r: True, "repeatable + repeatable": lambda r: r["repeatable"],
+                       "repeatable + noise": lambda r: not r["repeatable"], "d = 25": lambda r: r["d"] == 25, "d = 40": lambda r: r["d"] == 40}.items():
         part = [r for r in rows if keep(r)]
-        out[name] = {key: rate(sum(r[i] for r in part), len(part)) for key, i in
-                     (("both", 2), ("both_or_family", 3), ("exactly", 4), ("one", 5))}
+        out[name] = {key: rate(sum(r[key] for r in part), len(part)) for key in ("both", "both_or_family", "exactly", "one")}
     return out
 
 
-def false_names(labels, answers):
-    """Names and gaps where there is none; per regime.
+def gap_free_rows(labels, answers):
+    """Names and gaps where there is none.
 
     Some devices have two Markov processes.  Where one at most is believed, the second is really left out, and slow noise whose
     set holds it is a true remark.  It is counted as a name all the same, and again as `second`.
@@ -221,6 +233,12 @@ def false_names(labels, answers):
                          family_of(e["name"]) == "slow_noise" and holds(e, "second_markov") for e in read["effects"]),
                      "gap": read["verdict"] not in ("no_gap", "failed") and not (read["tuned"] and read["verdict"] == "explained" and not read["names"]),
                      "failed": read["verdict"] == "failed", "tuned": read["tuned"]})
+    return rows
+
+
+def false_names(labels, answers):
+    """Names and gaps where there is none; per regime."""
+    rows = gap_free_rows(labels, answers)
     table = lambda part: {"tuned": rate(sum(r["tuned"] for r in part), len(part)), "names": rate(sum(r["name"] for r in part), len(part)), "gap": rate(sum(r["gap"] for r in part), len(part)),
                           "failed": sum(r["failed"] for r in part), "second": sum(r["second"] for r in part)}
     out = {"all": table([r for r in rows if r["kind"] == "no_gap"])}
@@ -245,13 +263,18 @@ def outside_outcome(read, families, cause):
     return "misnamed"
 
 
-def outside(labels, answers):
+def outside_rows(labels, answers):
     rows = []
     for label, axis, _, regime, answer in questions(labels, answers, ("outside",)):
         cause, families = label["truth"][axis][0], [f for f in label["families"][axis][0] if f]
         read = reading(answer, axis, regime)
         rows.append({"d": label["target"], "cause": cause, "regime": regime, "outcome": outside_outcome(read, families, cause),
                      "names": read["names"], "tell": label["told"][axis][0].get("can_tell_family", True)})
+    return rows
+
+
+def outside(labels, answers):
+    rows = outside_rows(labels, answers)
 
     def table(part):
         c = Counter(r["outcome"] for r in part)
@@ -263,20 +286,24 @@ def outside(labels, answers):
             "named": {k: Counter(n for r in v for n in r["names"]) for k, v in group_by(rows, lambda r: r["cause"]).items()}}
 
 
-def axes(labels, answers):
+def axis_rows(labels, answers):
     """Several axes: healthy ones beside a sick one, and a cause that all share."""
-    healthy, sick, shared, names = [], [], [], Counter()
+    rows = []
     for label, _, _, regime, answer in questions(labels, answers, ("healthy", "pooled")):
         for axis, causes_here in label["truth"].items():
             read = reading(answer, axis, regime)
-            if not causes_here:
-                healthy.append(bool(read["names"]))
-                names.update(read["names"])
-                continue
-            good = outcome(read, causes_here[0], label["told"][axis][0]) in RIGHT
-            (sick if label["kind"] == "healthy" else shared).append(good)
-    return {"healthy_false": rate(sum(healthy), len(healthy)), "healthy_named": names, "sick_first": rate(sum(sick), len(sick)),
-            "pooled_first": rate(sum(shared), len(shared))}
+            good = outcome(read, causes_here[0], label["told"][axis][0]) in RIGHT if causes_here else not read["names"]
+            rows.append({"what": "healthy" if not causes_here else "sick" if label["kind"] == "healthy" else "shared", "right": good,
+                         "names": read["names"]})
+    return rows
+
+
+def axes(labels, answers):
+    rows = axis_rows(labels, answers)
+    part = {what: [r for r in rows if r["what"] == what] for what in ("healthy", "sick", "shared")}
+    first = lambda what: rate(sum(r["right"] for r in part[what]), len(part[what]))
+    return {"healthy_false": rate(sum(not r["right"] for r in part["healthy"]), len(part["healthy"])),
+            "healthy_named": Counter(n for r in part["healthy"] for n in r["names"]), "sick_first": first("sick"), "pooled_first": first("shared")}
 
 
 def confusion(labels, answers):
@@ -400,15 +427,25 @@ def shape_problems(answers):
     return {k: v for k, v in problems.items() if v}
 
 
+def there(label, axis, regime):
+    """What was there, in words."""
+    strengths = "/".join("-" if d is None else f"{d:.0f}" for d in label["d"].get(axis, []))
+    return (f"{label['kind']} {'+'.join(label['truth'][axis]) or 'no gap'} d={strengths or '-'} {label['profile']} "
+            f"{label['n_train']} logs, {regime}")
+
+
+def said(answer, axis, regime):
+    """What was said, in words: verdict, names and what stands in their sets."""
+    read = reading(answer, axis, regime, keep_tuning=True)
+    sets = "; ".join(f"{e['name']} [{', '.join(s['name'] for s in e.get('set') or [])}]" for e in read["effects"]) or "no name"
+    return f"{read['verdict']}: {sets}"
+
+
 def every_question(labels, answers):
     """One line for each question and sick (or only) axis: what was there, what was said."""
     lines = []
     for label, axis, k, regime, answer in questions(labels, answers, {label["kind"] for label in labels.values()}):
-        read = reading(answer, axis, regime, keep_tuning=True)
-        strengths = "/".join("-" if d is None else f"{d:.0f}" for d in label["d"].get(axis, []))
-        sets = "; ".join(f"{e['name']} [{', '.join(s['name'] for s in e.get('set') or [])}]" for e in read["effects"]) or "no name"
-        lines.append(f"{label['case']}_{k} {label['kind']} {'+'.join(label['truth'][axis]) or 'no gap'} d={strengths or '-'} {label['profile']} "
-                     f"{label['n_train']} logs, {regime}: {read['verdict']}: {sets}")
+        lines.append(f"{label['case']}_{k} {there(label, axis, regime)}: {said(answer, axis, regime)}")
     return sorted(lines, key=lambda x: x.split(" ", 1)[1])
 
 
