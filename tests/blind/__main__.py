@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""python -m blind: draw, seal, diagnose, open, score; python -m blind dev: cases with open labels."""
+"""python -m blind: draw, seal, diagnose, open, score; dev: cases with open labels; compare: another program's answers."""
 import os
 import sys
 

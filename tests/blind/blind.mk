@@ -4,6 +4,7 @@
 #   make blind BLIND_SEED=123456        repeat a draw
 #   make blind BLIND_ARGS=--resume      go on with an interrupted one
 #   make blind-confusions SEED=7 CASES=120   why causes of a development draw were not named
+#   make blind-compare BEFORE=old/diagnose   asks another build the questions of a draw made with BLIND_ARGS=--keep-logs (OUT=)
 #   make blind-dev SEED=7 CASES=30      development cases with open labels in build/blind-dev (seeds 0 to 999)
 CASES ?= 400
 GAP_FREE ?= 300
@@ -21,7 +22,11 @@ blind-confusions: host $(BUILD)/bench/oracle  ## why singles and pairs of a deve
 	  --cases $(CASES) --gap-free 1 --seed $(or $(SEED),1) --kinds single,pair --keep-logs --no-truth $(BLIND_ARGS)
 	$(Q)$(BLIND) confusions --oracle $(BUILD)/bench/oracle --out $(BUILD)/blind-confusions
 
+blind-compare: $(BUILD)/bin/errormodel  ## ask another build of diagnose the questions of a kept draw (BEFORE= OUT=)
+	$(if $(BEFORE),,$(error make blind-compare BEFORE=path/of/the/other/diagnose))
+	$(Q)$(BLIND) compare --before $(BEFORE) --errormodel $(BUILD)/bin/errormodel --out $(or $(OUT),$(BUILD)/blind) $(BLIND_ARGS)
+
 blind-dev: host  ## write cases with open labels for work on diagnose (SEED= CASES=)
 	$(Q)$(BLIND) dev --errormodel $(BUILD)/bin/errormodel --out $(BUILD)/blind-dev --cases $(CASES) --seed $(or $(SEED),1) $(BLIND_ARGS)
 
-.PHONY: blind blind-dev blind-confusions
+.PHONY: blind blind-compare blind-dev blind-confusions

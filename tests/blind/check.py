@@ -40,18 +40,19 @@ def kept_digest(args):
         return f.read().strip()
 
 
-def ask(args, program, logs, folder, options):
-    """Diagnoses of all questions that have no answer in the folder yet, with a cache of noise calibrations beside them."""
+def ask(args, program, logs, folder, options, only=None):
+    """Diagnoses of all questions that have no answer in the folder yet, with a cache of noise calibrations beside them; -> answers, skipped."""
     results = os.path.join(folder, "results")
     deadline = None if args.minutes is None else time.time() + 60 * args.minutes
     extra = [f"--cache={os.path.abspath(os.path.join(results, 'cache'))}", *options]
     os.makedirs(results, exist_ok=True)
     answers, skipped = runner.run_all({"diagnose": os.path.abspath(program), "errormodel": os.path.abspath(args.errormodel)},
-                                      logs, results, extra, args.processes, say=say, deadline=deadline)
+                                      logs, results, extra, args.processes, say=say, deadline=deadline, only=only)
     for ability, n in skipped.items():
         say(f"SKIP: {n} questions with noise '{ability}': this program offers no such option yet")
     with open(os.path.join(folder, "answers.json"), "w", encoding="utf-8") as out:
         json.dump({"answers": answers, "skipped": skipped}, out)
+    return answers, skipped
 
 
 def judge(args, digest):
@@ -76,9 +77,9 @@ def judge(args, digest):
 
 
 def is_there(tool):
-    if os.access(tool, os.X_OK):
+    if os.path.isfile(tool) and os.access(tool, os.X_OK):
         return True
-    print(f"blind: {tool}: no such program: build it with `make` or name it with --diagnose, --errormodel", file=sys.stderr)
+    print(f"blind: {tool}: no such program: build it with `make`, or name another one", file=sys.stderr)
     return False
 
 

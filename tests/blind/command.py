@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import check, confusions, dev
+from . import check, compare, confusions, dev
 
 
 def tools(p):
@@ -37,6 +37,13 @@ def arguments(argv):
     c.add_argument("--no-truth", action="store_true", help="skip the true held-out reduction (needs every case drawn again)")
     c.add_argument("--keep-logs", action="store_true", help="keep the logs after scoring")
     tools(c)
+    b = sub.add_parser("compare", help="ask another build of diagnose the questions of a kept draw (after check --keep-logs)")
+    b.add_argument("--out", required=True, help="folder of the draw, with its logs and answers")
+    b.add_argument("--before", required=True, help="the other program")
+    b.add_argument("--before-out", default=None, help="folder for its answers, kept and gone on with (default: OUT/before)")
+    b.add_argument("--minutes", type=float, default=None, help="time for its diagnoses; a random sample is left undone and reported")
+    b.add_argument("--no-truth", action="store_true", help="skip the true held-out reduction (needs every case drawn again)")
+    tools(b)
     w = sub.add_parser("confusions", help="why answers of a development draw fell short (after check --keep-logs)")
     w.add_argument("--out", required=True, help="folder of the draw")
     w.add_argument("--oracle", default="build/bench/oracle", help="the program told the true causes")
@@ -46,4 +53,4 @@ def arguments(argv):
 
 def main(argv=None):
     args = arguments(argv)
-    return {"dev": dev, "check": check, "confusions": confusions}[args.what].main(args)
+    return {"dev": dev, "check": check, "compare": compare, "confusions": confusions}[args.what].main(args)

@@ -136,13 +136,15 @@ def needs(ask):
     return None if ask["model"] else "data_sheet" if ask["options"] else "absent"
 
 
-def run_all(tools, logs, out_dir, extra=(), processes=2, cpu_limit_s=300.0, say=None, deadline=None):
-    """All questions of all cases in random order -> ({key: answer}, {ability: questions skipped})."""
+def run_all(tools, logs, out_dir, extra=(), processes=2, cpu_limit_s=300.0, say=None, deadline=None, only=None):
+    """All questions of all cases (or those of `only`) in random order -> ({key: answer}, {ability: questions skipped})."""
     os.makedirs(out_dir, exist_ok=True)
     able, skipped, tasks = abilities(tools["diagnose"]), {}, []
     for case in sorted(os.listdir(logs)):
         case_dir = os.path.abspath(os.path.join(logs, case))
         for k, ask in asks_of(case_dir).items():
+            if only is not None and f"{case}_{k}" not in only:
+                continue
             if needs(ask) and not able[needs(ask)]:
                 skipped[needs(ask)] = skipped.get(needs(ask), 0) + 1
                 continue

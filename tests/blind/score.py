@@ -31,6 +31,10 @@ def entry_of(answer, axis):
     return None
 
 
+def key_of(label, k, axis):
+    return f"{label['case']}_{k}/{axis}"
+
+
 def is_family(name):
     return name in causes.FAMILIES and name not in causes.FAMILY_OF
 
@@ -121,11 +125,11 @@ def group_by(items, key):
 
 def single_rows(labels, answers, kinds=("single",)):
     out = []
-    for label, axis, _, regime, answer in questions(labels, answers, kinds):
+    for label, axis, k, regime, answer in questions(labels, answers, kinds):
         name, told, read = label["truth"][axis][0], label["told"][axis][0], reading(answer, axis, regime)
         if name in causes.SLOW and not read["names"]:  # re-tuned noise is of that family
             read = reading(answer, axis, regime, keep_tuning=True)
-        out.append({"label": label, "name": name, "d": label["target"], "regime": regime, "told": told, "read": read,
+        out.append({"key": key_of(label, k, axis), "label": label, "name": name, "d": label["target"], "regime": regime, "told": told, "read": read,
                     "outcome": outcome(read, name, told), "set": in_set(read, name)})
     return out
 
@@ -196,7 +200,7 @@ def invariance(labels, answers):
 
 def pair_rows(labels, answers):
     rows = []
-    for label, axis, _, regime, answer in questions(labels, answers, ("pair",)):
+    for label, axis, k, regime, answer in questions(labels, answers, ("pair",)):
         want, read = label["truth"][axis], reading(answer, axis, regime)
         strict = set(want) <= set(read["names"])
         kinds = [[match(e, w) if match(e, w) in ("member", "family") or match(e, w) and holds(e, w) else None for e in read["effects"]]
@@ -204,7 +208,7 @@ def pair_rows(labels, answers):
         loose = any(kinds[0][i] and kinds[1][j] for i in range(len(kinds[0])) for j in range(len(kinds[0])) if i != j)
         one = any(w in read["names"] for w in want)
         repeatable = all(w in causes.REPEATABLE for w in want)
-        rows.append({"d": label["target"], "repeatable": repeatable, "both": strict, "both_or_family": strict or loose,
+        rows.append({"key": key_of(label, k, axis), "d": label["target"], "repeatable": repeatable, "both": strict, "both_or_family": strict or loose,
                      "exactly": strict and len(read["names"]) == 2, "one": one})
     return rows
 
@@ -225,10 +229,11 @@ def gap_free_rows(labels, answers):
     set holds it is a true remark.  It is counted as a name all the same, and again as `second`.
     """
     rows = []
-    for label, axis, _, regime, answer in questions(labels, answers, ("no_gap", "constant")):
+    for label, axis, k, regime, answer in questions(labels, answers, ("no_gap", "constant")):
         read = reading(answer, axis, regime)
         is_left_out = regime in ONE_PROCESS and len(label["noise"]["markov"]) > 1
-        rows.append({"regime": regime, "kind": label["kind"], "name": bool(read["names"]), "names": read["names"], "left_out": is_left_out,
+        rows.append({"key": key_of(label, k, axis), "regime": regime, "kind": label["kind"], "name": bool(read["names"]),
+                     "names": read["names"], "left_out": is_left_out,
                      "second": is_left_out and bool(read["names"]) and all(
                          family_of(e["name"]) == "slow_noise" and holds(e, "second_markov") for e in read["effects"]),
                      "gap": read["verdict"] not in ("no_gap", "failed") and not (read["tuned"] and read["verdict"] == "explained" and not read["names"]),
@@ -249,6 +254,9 @@ def false_names(labels, answers):
     return {"table": out, "named": Counter(n for r in rows for n in r["names"])}
 
 
+GOOD_OUTSIDE = ("abstains", "family_only")
+
+
 def outside_outcome(read, families, cause):
     names = read["names"]
     if read["verdict"] in ("failed", "no_gap"):
@@ -265,10 +273,10 @@ def outside_outcome(read, families, cause):
 
 def outside_rows(labels, answers):
     rows = []
-    for label, axis, _, regime, answer in questions(labels, answers, ("outside",)):
+    for label, axis, k, regime, answer in questions(labels, answers, ("outside",)):
         cause, families = label["truth"][axis][0], [f for f in label["families"][axis][0] if f]
         read = reading(answer, axis, regime)
-        rows.append({"d": label["target"], "cause": cause, "regime": regime, "outcome": outside_outcome(read, families, cause),
+        rows.append({"key": key_of(label, k, axis), "d": label["target"], "cause": cause, "regime": regime, "outcome": outside_outcome(read, families, cause),
                      "names": read["names"], "tell": label["told"][axis][0].get("can_tell_family", True)})
     return rows
 
@@ -278,7 +286,7 @@ def outside(labels, answers):
 
     def table(part):
         c = Counter(r["outcome"] for r in part)
-        return {"n": len(part), "good": rate(c["abstains"] + c["family_only"], len(part)), **c}
+        return {"n": len(part), "good": rate(sum(c[o] for o in GOOD_OUTSIDE), len(part)), **c}
 
     return {"by_strength": {k: table(v) for k, v in group_by(rows, lambda r: f"{r['d']:02.0f}").items()},
             "by_strength_tellable": {k: table(v) for k, v in group_by([r for r in rows if r["tell"]], lambda r: f"{r['d']:02.0f}").items()},
@@ -289,12 +297,12 @@ def outside(labels, answers):
 def axis_rows(labels, answers):
     """Several axes: healthy ones beside a sick one, and a cause that all share."""
     rows = []
-    for label, _, _, regime, answer in questions(labels, answers, ("healthy", "pooled")):
+    for label, _, k, regime, answer in questions(labels, answers, ("healthy", "pooled")):
         for axis, causes_here in label["truth"].items():
             read = reading(answer, axis, regime)
             good = outcome(read, causes_here[0], label["told"][axis][0]) in RIGHT if causes_here else not read["names"]
-            rows.append({"what": "healthy" if not causes_here else "sick" if label["kind"] == "healthy" else "shared", "right": good,
-                         "names": read["names"]})
+            what = "healthy" if not causes_here else "sick" if label["kind"] == "healthy" else "shared"
+            rows.append({"key": key_of(label, k, axis), "what": what, "right": good, "names": read["names"]})
     return rows
 
 
@@ -313,6 +321,32 @@ def confusion(labels, answers):
             said = r["read"]["first"]["name"] if r["read"]["first"] else f"({r['outcome']})"
             out.setdefault(r["name"], Counter())[said] += 1
     return {k: dict(v.most_common()) for k, v in sorted(out.items())}
+
+
+def rights(labels, answers):
+    """{kind of question: {question: right as the summary counts it}}: what two programs are paired by."""
+    out = {}
+
+    def put(rows, right, kind):
+        for r in rows:
+            out.setdefault(kind(r), {})[r.get("key") or r["case"]] = bool(right(r))
+
+    by_strength = lambda rows: sorted(rows, key=lambda r: r["d"])
+    gap_free = gap_free_rows(labels, answers)
+    put(by_strength(single_rows(labels, answers)), lambda r: r["outcome"] in RIGHT, lambda r: f"one cause, d = {r['d']:g}: named first")
+    put(pair_rows(labels, answers), lambda r: r["both"], lambda r: "pairs: both as members")
+    put(pair_rows(labels, answers), lambda r: r["both_or_family"], lambda r: "pairs: both, member or family")
+    put(by_strength(outside_rows(labels, answers)), lambda r: r["outcome"] in GOOD_OUTSIDE,
+        lambda r: f"outside causes, d = {r['d']:g}: abstains or right family only")
+    put(sorted(single_rows(labels, answers, ("memory",)), key=lambda r: r["regime"]), lambda r: r["outcome"] in SAME_FAMILY,
+        lambda r: f"hysteresis and lag, noise {r['regime']}: first")
+    put(invariance_rows(labels, answers), lambda r: r["same"], lambda r: "invariance: same cause under four believed noises")
+    put([r for r in gap_free if r["kind"] == "no_gap"], lambda r: not r["name"], lambda r: "no gap: no name")
+    put([r for r in gap_free if r["kind"] == "constant"], lambda r: not r["name"], lambda r: "constant temperature: no name")
+    titles = {"healthy": "healthy axes beside a sick one: no name", "sick": "sick axis beside healthy ones: named first",
+              "shared": "one cause on three axes: named first, per axis"}
+    put(sorted(axis_rows(labels, answers), key=lambda r: list(titles).index(r["what"])), lambda r: r["right"], lambda r: titles[r["what"]])
+    return out
 
 
 # ---- shrinkage --------------------------------------------------------------------------------------------
