@@ -131,15 +131,28 @@ def first_guess(truth, f, weight, start):
     return min(tried)[1:]
 
 
+def starts(truth, f, weight, start, form):
+    """Where the search for the best noise of a form begins: near places of a coarse grid of what the form adds."""
+    n_markov, walk, flicker = FAMILY_FITS[form]
+    white, out = start.white_dph, []
+    added = [()]
+    if n_markov == 2:
+        added = [(white * s, tau) for s in (0.03, 0.1, 0.3, 1.0) for tau in (3.0, 10.0, 40.0, 200.0, 1000.0, 4000.0)]
+    elif walk or flicker:
+        added = [(white * s,) for s in np.geomspace(1e-4, 0.1, 8) * (10 if flicker else 1)]
+    for sigma, tau in {first_guess(truth, f, weight, start), tuple(start.markov[0])}:
+        tried = [[white * w, sigma * s, tau, *more] for w in (0.7, 1.0) for s in (0.3, 1.0) for more in added]
+        cost = lambda theta: divergence(truth, fitted_density(np.log(theta), f, n_markov, walk, flicker), weight)
+        out += sorted(tried, key=cost)[:2] + [[white, sigma, tau, *more] for more in added[:1]]
+    return out
+
+
 def least_divergence(truth, f, weight, start, form="nominal"):
     """Gain of the truth over the best noise of a form; `start` is a Noise.  -> (nats, density)"""
     n_markov, walk, flicker = FAMILY_FITS[form]
     best, found = np.inf, None
-    for sigma, tau in {first_guess(truth, f, weight, start), tuple(start.markov[0])}:
-        theta = [start.white_dph, sigma, tau]
-        theta += [0.5 * sigma, 8.0 if tau > 60 else 800.0] if n_markov == 2 else []
-        theta += [0.02 * sigma] * walk + [0.2 * sigma] * flicker
-        cost = lambda th: divergence(truth, fitted_density(th, f, n_markov, walk, flicker), weight)
+    cost = lambda th: divergence(truth, fitted_density(th, f, n_markov, walk, flicker), weight)
+    for theta in starts(truth, f, weight, start, form):
         fit = minimize(cost, np.log(theta), method="Nelder-Mead", options={"maxfev": 120 * len(theta), "fatol": 0.01,
                                                                           "xatol": 0.01, "adaptive": True})
         if fit.fun < best:
