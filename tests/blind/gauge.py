@@ -38,15 +38,16 @@ def covariance_row(density, n, length=BLOCK_S):
 
 
 class Gauge:
-    """Whitening of the training runs under one noise, with the nuisance projected away."""
+    """Whitening of the training runs under one noise, with the nuisance (and what is known besides) projected away."""
 
-    def __init__(self, device, density):
-        self.device, self.runs = device, device.train
+    def __init__(self, device, density, known=None):
+        self.device, self.runs, self.known = device, device.train, known
         self.sizes = [r.n // BLOCK_S for r in self.runs]
         self.factor = cholesky(toeplitz(covariance_row(density, max(self.sizes))), lower=True)
         shown = [device.x(blocks(r.shown_degc)) for r in self.runs]
         e = self.whiten([np.stack([np.ones_like(x), x, x**2, x**3], 1) for x in shown])
-        self.q = basis(self.own_constants(e))
+        more = [] if known is None else [self.whiten([blocks(s)[:, None] for s in known])]
+        self.q = basis(np.concatenate([self.own_constants(e), *more], 1))
 
     def own_constants(self, e):
         """A constant for every run, slopes for all."""
@@ -137,24 +138,26 @@ def nearest(gauge, s, bias, name):
     return best
 
 
-def left_by_noise(device, base, signals):
-    """d over the best re-estimated white + Markov noise (exact, on a grid of sigma and tau)."""
+def left_under(device, base, signals, densities, known=None):
+    """d of signals over the best of some noises (exact, by dense algebra)."""
     truth = Gauge(device, base.density)
-    deviance = lambda g, logs: 2 * sum(logs[n - 1] for n in g.sizes)
-    logs_of = lambda g: np.cumsum(np.log(np.diag(g.factor)))
-    n_all = sum(truth.sizes)
-    reference = deviance(truth, logs_of(truth)) + n_all
-    sigma, tau = base.markov[0]
-    least = np.inf
-    for grow in (1.0, 1.7, 3.5, 8.0):
-        for slow in (1.0, 5.0, 40.0):
-            model = noise.Noise(base.white_dph, [(sigma * grow, tau * slow), *base.markov[1:]])
-            g = Gauge(device, model.density)
-            mix = solve_triangular(g.factor, truth.factor, lower=True, check_finite=False)
-            rows = np.cumsum(np.sum(mix**2, 1))
-            s = g.signature(signals)
-            least = min(least, deviance(g, logs_of(g)) + sum(rows[n - 1] for n in g.sizes) + float(s @ s))
+    deviance = lambda g: 2 * sum(np.cumsum(np.log(np.diag(g.factor)))[n - 1] for n in g.sizes)
+    reference, least = deviance(truth) + sum(truth.sizes), np.inf
+    for density in densities:
+        g = Gauge(device, density, known)
+        mix = solve_triangular(g.factor, truth.factor, lower=True, check_finite=False)
+        rows = np.cumsum(np.sum(mix**2, 1))
+        s = g.signature(signals)
+        least = min(least, deviance(g) + sum(rows[n - 1] for n in g.sizes) + float(s @ s))
     return float(np.sqrt(max(least - reference, 0.0)))
+
+
+def left_by_noise(device, base, signals, known=None):
+    """d over the best re-estimated white + Markov noise (on a grid of sigma and tau)."""
+    sigma, tau = base.markov[0]
+    models = [noise.Noise(base.white_dph, [(sigma * grow, tau * slow), *base.markov[1:]], base.others)
+              for grow in (1.0, 1.7, 3.5, 8.0) for slow in (1.0, 5.0, 40.0)]
+    return left_under(device, base, signals, [m.density for m in models], known)
 
 
 # ---- strength of noise -----------------------------------------------------------------------------------
