@@ -44,19 +44,14 @@ class Gauge:
         self.device, self.runs, self.known = device, device.train, known
         self.sizes = [r.n // BLOCK_S for r in self.runs]
         self.factor = cholesky(toeplitz(covariance_row(density, max(self.sizes))), lower=True)
-        shown = [device.x(blocks(r.shown_degc)) for r in self.runs]
-        e = self.whiten([np.stack([np.ones_like(x), x, x**2, x**3], 1) for x in shown])
-        more = [] if known is None else [self.whiten([blocks(s)[:, None] for s in known])]
-        self.q = basis(np.concatenate([self.own_constants(e), *more], 1))
+        self.columns = [self.nuisance(i, r) for i, r in enumerate(self.runs)]
+        self.q = basis(self.whiten(self.columns))
 
-    def own_constants(self, e):
-        """A constant for every run, slopes for all."""
-        design, row = np.zeros((e.shape[0], len(self.runs) + 3)), 0
-        for i, n in enumerate(self.sizes):
-            design[row: row + n, i] = e[row: row + n, 0]
-            row += n
-        design[:, len(self.runs):] = e[:, 1:]
-        return design
+    def nuisance(self, i, run):
+        """A constant for every run, slopes for all, what is known: columns of run i."""
+        x = self.device.x(blocks(run.shown_degc))
+        known = [] if self.known is None else [blocks(self.known[i])]
+        return np.stack([*np.eye(len(self.runs))[i][:, None] * np.ones_like(x), x, x**2, x**3, *known], 1)
 
     def whiten(self, per_run):
         """Columns on block means, one array (n_blocks, k) per run -> stacked whitened columns."""
@@ -139,16 +134,26 @@ def nearest(gauge, s, bias, name):
 
 
 def left_under(device, base, signals, densities, known=None):
-    """d of signals over the best of some noises (exact, by dense algebra)."""
-    truth = Gauge(device, base.density)
-    deviance = lambda g: 2 * sum(np.cumsum(np.log(np.diag(g.factor)))[n - 1] for n in g.sizes)
-    reference, least = deviance(truth) + sum(truth.sizes), np.inf
+    """d of signals over the best of some noises (exact, by dense algebra): expected restricted likelihood, in which constants
+    and slopes are free under both noises, so that slow noise pays nothing for constants it would make vary."""
+    truth = Gauge(device, base.density, known)
+    free = basis(np.concatenate(truth.columns, 0))
+    cuts = np.cumsum(truth.sizes)[:-1]
+    least = np.inf
+
+    def deviance(g):
+        q, r = np.linalg.qr(g.whiten(np.split(free, cuts)))
+        per_run = np.cumsum(np.log(np.diag(g.factor)))
+        return 2 * sum(per_run[n - 1] for n in g.sizes) + 2 * np.sum(np.log(np.abs(np.diag(r)))), np.split(q, cuts)
+
+    reference = deviance(truth)[0] + sum(truth.sizes) - free.shape[1]
     for density in densities:
         g = Gauge(device, density, known)
         mix = solve_triangular(g.factor, truth.factor, lower=True, check_finite=False)
-        rows = np.cumsum(np.sum(mix**2, 1))
+        rows, (fixed, q) = np.cumsum(np.sum(mix**2, 1)), deviance(g)
+        trace = sum(rows[n - 1] - np.sum((part.T @ mix[:n, :n]) ** 2) for n, part in zip(g.sizes, q))
         s = g.signature(signals)
-        least = min(least, deviance(g) + sum(rows[n - 1] for n in g.sizes) + float(s @ s))
+        least = min(least, fixed + trace + float(s @ s))
     return float(np.sqrt(max(least - reference, 0.0)))
 
 
