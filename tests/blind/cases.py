@@ -94,7 +94,7 @@ def to_strength(cause, target, device, base, bias, meter):
 
 
 def told_apart(cause, d, device, base, bias, meter):
-    """What of the cause no other explanation takes: label entries rho2_*, d_noise, can_tell_*."""
+    """What of the cause no other explanation takes: label entries rho2_*, d_noise, can_tell_*; d_library of outside causes."""
     name = cause["name"]
     out = {"rho2_sibling": 0.0, "sibling": "none", "rho2_other": 0.0, "other": "none", "d_noise": d}
     if name in causes.REPEATABLE or name in outside.SIGNALS and name != "drifting_tone":
@@ -102,12 +102,19 @@ def told_apart(cause, d, device, base, bias, meter):
         near = gauge.nearest(meter, meter.signature(signals), bias, name)
         for kind in ("sibling", "other"):
             out[kind], out["rho2_" + kind] = near[kind]
-        out["d_noise"] = min(d, gauge.left_by_noise(device, base, signals))
+        out["d_noise"] = min(d, gauge.left_by_noise(device, base, signals, meter.known))
+        if name in outside.SIGNALS:
+            out["d_library"] = min(out["d_noise"], gauge.left_by_library_noise(device, base, signals, meter.known))
     elif name in causes.SLOW + ("white_noise_vs_temperature", "noise_parameters") or name in outside.NOISES and name != "bursts":
         told_apart_noise(cause, d, device, base, out)
+    elif name == "bursts":
+        out["d_library"] = min(d, gauge.left_by_outliers(cause["p"], base.white_dph, float(sum(seconds(device)))))
     out["can_tell_member"] = bool(d * np.sqrt(1 - max(out["rho2_sibling"], out["rho2_other"])) >= gauge.TELL)
     taken = d if name in causes.SLOW + ("noise_parameters",) else out["d_noise"]  # re-tuned noise is of the family of slow noise itself
     out["can_tell_family"] = bool(d * np.sqrt(1 - out["rho2_other"]) >= gauge.TELL and taken >= gauge.TELL)
+    if name in outside.KINDS:  # of which library members are no family
+        out.setdefault("d_library", d)
+        out["can_tell_library"] = bool(d * np.sqrt(1 - out["rho2_other"]) >= gauge.TELL and out["d_library"] >= gauge.TELL)
     return out
 
 
@@ -127,6 +134,8 @@ def told_apart_noise(cause, d, device, base, out):
     if name == "telegraph_noise":
         left["second_markov"] = 0.0  # the same spectrum
     out["sibling"] = min(left, key=left.get)
+    if extra:
+        out["d_library"] = min(d, left[out["sibling"]])
     out["rho2_sibling"] = float(1 - min(left[out["sibling"]] / d, 1) ** 2)
 
 
@@ -228,7 +237,8 @@ def sick_axis(spec, names, case, axis, shape, rng, meter):
     second = to_strength(second, target, device, base, bias, meter)
     found, d = given_each_other([first, second], target, device, base, bias, meter)
     case.cross = float(rng.uniform(-0.12, 0.12)) if all(map(is_signal, found)) else 0.0
-    return found, d, [{}, {}]
+    told = [told_given(cause, other, device, base, bias, meter) for cause, other in (found, found[::-1])]
+    return found, d, told
 
 
 def given_each_other(found, target, device, base, bias, meter):
@@ -245,6 +255,17 @@ def given_each_other(found, target, device, base, bias, meter):
             break
         found = [causes.scaled(c, max(target / v, 1.0)) for c, v in zip(found, d)]
     return found, d
+
+
+def told_given(cause, other, device, base, bias, meter):
+    """`told_apart` of a cause where another one is known to be there: its signature is taken out, its noise is part of the noise."""
+    extra = causes.added_density(other)
+    if is_signal(cause) and is_signal(other):
+        meter = Gauge(device, base.density, training_signals(other, device, bias))
+    elif is_signal(cause) and extra:
+        base = noise.Noise(base.white_dph, base.markov, [extra])
+        meter = Gauge(device, base.density)
+    return told_apart(cause, strength(cause, device, base, bias, meter), device, base, bias, meter)
 
 
 def clean_signal(case, axis, r, without=()):

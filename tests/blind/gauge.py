@@ -5,7 +5,8 @@ d = sqrt(2 x log-likelihood that the true cause gains over the fitted nominal mo
 Repeatable causes: norm of the whitened signature (with its drawn start states) after constants and cubic are projected
 out, on means over 20 s.  Noise: Whittle divergence from the nominal noise.  Also:
   rho2    share of the signature that the nearest other library member explains when its own start states are free;
-  d_noise what is left of d when white noise and one Markov process are estimated anew (they may take a smooth signature).
+  d_noise what is left of d when white noise and one Markov process are estimated anew (they may take a smooth signature);
+  d_library the same over every noise of the library: also a second Markov process, random walk, flicker; outliers for bursts.
 """
 from __future__ import annotations
 
@@ -165,6 +166,28 @@ def left_by_noise(device, base, signals, known=None):
     return left_under(device, base, signals, [m.density for m in models], known)
 
 
+def periodogram(device, signals, bins=240):
+    """Power of per-run signals free of constants and cubic: frequencies, mean power, number of ordinates."""
+    f, power = [], []
+    for run, s in zip(device.train, signals):
+        e = np.vander(device.x(run.temp_degc), 4)
+        rest = s - e @ np.linalg.lstsq(e, s, rcond=None)[0]
+        f.append(np.arange(1, s.size // 2) / s.size)
+        power.append(np.abs(np.fft.rfft(rest)[1: s.size // 2]) ** 2 / s.size)
+    f, power = np.concatenate(f), np.concatenate(power)
+    order, first = np.argsort(f), np.unique(np.geomspace(1, f.size, bins).astype(int)) - 1
+    count = np.diff(np.append(first, f.size))
+    mean = lambda v: np.add.reduceat(v[order], first) / count
+    return mean(f), mean(power), count.astype(float)
+
+
+def left_by_library_noise(device, base, signals, known=None):
+    """d over the best noise that the library knows: found by Whittle divergence for each form, then gauged exactly."""
+    f, power, weight = periodogram(device, signals)
+    truth = base.density(f) + power
+    return left_under(device, base, signals, [noise.closest(truth, f, weight, base, form)[1] for form in noise.FAMILY_FITS], known)
+
+
 # ---- strength of noise -----------------------------------------------------------------------------------
 
 def temperatures(device, count=40):
@@ -217,6 +240,22 @@ def of_bursts(p, white_dph, seconds):
     mean = (1 - share) * white_dph**2 + share * inside
     gain = np.log(mean) - (1 - share) * np.log(white_dph**2) - share * np.log(inside)
     return float(np.sqrt(seconds * max(gain, 0.0)))
+
+
+def left_by_outliers(p, white_dph, seconds):
+    """What the best outliers of the library, drawn anew every second, leave of the bursts of `of_bursts`."""
+    share = min(p["_rate_per_h"] * p["_length_s"] / 3600, 0.5)
+    wide = np.sqrt(white_dph**2 + p["_size"] ** 2 * p["_dof"] / (p["_dof"] - 2))
+    y = np.sinh(np.linspace(-8, 8, 4001)) / np.sinh(8) * 10 * wide
+    log_normal = lambda s: -0.5 * (y / s) ** 2 - np.log(s * np.sqrt(2 * np.pi))
+    least = np.inf
+    for a in np.geomspace(share / 10, min(3 * share, 0.9), 24):
+        for s in np.geomspace(white_dph, 3 * wide, 40):
+            mix = np.logaddexp(np.log1p(-a) + log_normal(white_dph), np.log(a) + log_normal(s))
+            loss = sum(part * np.trapezoid(np.exp(log_normal(own)) * (log_normal(own) - mix), y)
+                       for part, own in ((1 - share, white_dph), (share, wide)))
+            least = min(least, loss)
+    return float(np.sqrt(2 * max(least, 0.0) * seconds))
 
 
 def of_run_to_run(gauge, sigma):

@@ -147,8 +147,8 @@ def starts(truth, f, weight, start, form):
     return out
 
 
-def least_divergence(truth, f, weight, start, form="nominal"):
-    """Gain of the truth over the best noise of a form; `start` is a Noise.  -> (nats, density)"""
+def closest(truth, f, weight, start, form):
+    """Gain of the truth over the best noise of a form; `start` is a Noise.  -> (nats, its density as a function of f)"""
     n_markov, walk, flicker = FAMILY_FITS[form]
     best, found = np.inf, None
     cost = lambda th: divergence(truth, fitted_density(th, f, n_markov, walk, flicker), weight)
@@ -156,5 +156,11 @@ def least_divergence(truth, f, weight, start, form="nominal"):
         fit = minimize(cost, np.log(theta), method="Nelder-Mead", options={"maxfev": 120 * len(theta), "fatol": 0.01,
                                                                           "xatol": 0.01, "adaptive": True})
         if fit.fun < best:
-            best, found = float(fit.fun), fitted_density(fit.x, f, n_markov, walk, flicker)
-    return max(best, 0.0), found
+            best, found = float(fit.fun), fit.x
+    return max(best, 0.0), lambda at: fitted_density(found, at, n_markov, walk, flicker)
+
+
+def least_divergence(truth, f, weight, start, form="nominal"):
+    """The same with the density at f."""
+    nats, density = closest(truth, f, weight, start, form)
+    return nats, density(f)

@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from . import causes, truth
+from . import causes, gauge, truth
 from . import outside as outside_causes
 from .intervals import rate
 
@@ -198,6 +198,16 @@ def invariance(labels, answers):
             "detail": [{key: r[key] for key in ("case", "truth", "d", "first_names")} for r in rows]}
 
 
+def tells_each(told):
+    """The logs can tell each of two causes where the other one is known; None where the label says nothing of it.
+
+    Re-tuned noise is no name beside another cause, so slow noise must be more than that.
+    """
+    if not all({"can_tell_family", "d_noise"} <= set(t) for t in told):
+        return None
+    return all(t["can_tell_family"] and t["d_noise"] >= gauge.TELL for t in told)
+
+
 def pair_rows(labels, answers):
     rows = []
     for label, axis, k, regime, answer in questions(labels, answers, ("pair",)):
@@ -208,15 +218,16 @@ def pair_rows(labels, answers):
         loose = any(kinds[0][i] and kinds[1][j] for i in range(len(kinds[0])) for j in range(len(kinds[0])) if i != j)
         one = any(w in read["names"] for w in want)
         repeatable = all(w in causes.REPEATABLE for w in want)
-        rows.append({"key": key_of(label, k, axis), "d": label["target"], "repeatable": repeatable, "both": strict, "both_or_family": strict or loose,
-                     "exactly": strict and len(read["names"]) == 2, "one": one})
+        rows.append({"key": key_of(label, k, axis), "d": label["target"], "tell": tells_each(label["told"][axis]), "repeatable": repeatable,
+                     "both": strict, "both_or_family": strict or loose, "exactly": strict and len(read["names"]) == 2, "one": one})
     return rows
 
 
 def pairs(labels, answers):
     out, rows = {}, pair_rows(labels, answers)
     for name, keep in {"all": lambda r: True, "repeatable + repeatable": lambda r: r["repeatable"],
-                       "repeatable + noise": lambda r: not r["repeatable"], "d = 25": lambda r: r["d"] == 25, "d = 40": lambda r: r["d"] == 40}.items():
+                       "repeatable + noise": lambda r: not r["repeatable"], "d = 25": lambda r: r["d"] == 25, "d = 40": lambda r: r["d"] == 40,
+                       "of which the logs can tell each": lambda r: r["tell"]}.items():
         part = [r for r in rows if keep(r)]
         out[name] = {key: rate(sum(r[key] for r in part), len(part)) for key in ("both", "both_or_family", "exactly", "one")}
     return out
@@ -244,8 +255,8 @@ def gap_free_rows(labels, answers):
 def false_names(labels, answers):
     """Names and gaps where there is none; per regime."""
     rows = gap_free_rows(labels, answers)
-    table = lambda part: {"tuned": rate(sum(r["tuned"] for r in part), len(part)), "names": rate(sum(r["name"] for r in part), len(part)), "gap": rate(sum(r["gap"] for r in part), len(part)),
-                          "failed": sum(r["failed"] for r in part), "second": sum(r["second"] for r in part)}
+    table = lambda part: {"tuned": rate(sum(r["tuned"] for r in part), len(part)), "names": rate(sum(r["name"] for r in part), len(part)),
+                          "gap": rate(sum(r["gap"] for r in part), len(part)), "failed": sum(r["failed"] for r in part), "second": sum(r["second"] for r in part)}
     out = {"all": table([r for r in rows if r["kind"] == "no_gap"])}
     out.update({k: table(v) for k, v in group_by([r for r in rows if r["kind"] == "no_gap"], lambda r: r["regime"]).items()})
     for title, left_out in (("noise that the belief can hold", False), ("a second process left out of the belief", True)):
@@ -271,13 +282,18 @@ def outside_outcome(read, families, cause):
     return "misnamed"
 
 
+def tells_library(told):
+    """No member of the library comes near an outside cause (labels of older draws say it by two fields)."""
+    return told.get("can_tell_library", told.get("can_tell_family", True) and told.get("can_tell_member", True))
+
+
 def outside_rows(labels, answers):
     rows = []
     for label, axis, k, regime, answer in questions(labels, answers, ("outside",)):
         cause, families = label["truth"][axis][0], [f for f in label["families"][axis][0] if f]
         read = reading(answer, axis, regime)
         rows.append({"key": key_of(label, k, axis), "d": label["target"], "cause": cause, "regime": regime, "outcome": outside_outcome(read, families, cause),
-                     "names": read["names"], "tell": label["told"][axis][0].get("can_tell_family", True)})
+                     "names": read["names"], "tell": tells_library(label["told"][axis][0])})
     return rows
 
 
