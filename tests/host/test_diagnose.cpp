@@ -17,6 +17,7 @@
 #include "analysis/diagnose/lines.h"
 #include "analysis/diagnose/seconds.h"
 #include "analysis/diagnose/shared.h"
+#include "analysis/diagnose/smoothing.h"
 #include "base/rng.h"
 #include "base/units.h"
 // After the others: it defines a macro `fail`.
@@ -105,6 +106,60 @@ static void test_slopes_beside_missing_rows_are_those_of_the_temperature(void**)
       assert_near(in.smooth_degc[i], 60 * (t < half ? t / half : 2 - t / half), 0.01 + noise_degc);
       assert_near(in.rate_degc_min[i], t < half ? 1.8 : -1.8, 0.01 + 4 * noise_degc);
     }
+  }
+}
+
+// The smoother against the dense normal equations, with holes.
+static void test_whittaker_solves_its_normal_equations(void**) {
+  for (const size_t n : {3u, 4u, 5u, 40u}) {
+    Rng rng(4, n, 0, Stream::kTool);
+    std::vector<double> y(n);
+    for (double& v : y) v = rng.normal();
+    MatrixXd a = MatrixXd::Zero(static_cast<long>(n), static_cast<long>(n));
+    VectorXd b = VectorXd::Zero(static_cast<long>(n));
+    const double tau = 2.5;
+    for (long t = 0; t + 2 < static_cast<long>(n); ++t) {
+      VectorXd bend = VectorXd::Zero(static_cast<long>(n));
+      bend[t] = 1, bend[t + 1] = -2, bend[t + 2] = 1;
+      a += std::pow(tau, 4) * bend * bend.transpose();
+    }
+    if (n == 40) y[0] = y[7] = y[8] = y[20] = std::nan("");
+    for (long t = 0; t < static_cast<long>(n); ++t)
+      if (std::isfinite(y[static_cast<size_t>(t)])) a(t, t) += 1, b[t] = y[static_cast<size_t>(t)];
+    const VectorXd expected = a.ldlt().solve(b);
+    const std::vector<double> z = whittaker(y, tau);
+    for (long t = 0; t < static_cast<long>(n); ++t) assert_near(z[static_cast<size_t>(t)], expected[t], 1e-9);
+  }
+}
+
+// Root mean square by which the smoothed temperature of a log misses that of its device, away from the ends.
+static double miss_degc(const std::vector<double>& device, double noise_degc, double step_degc, uint64_t seed) {
+  Log log = simulated_log(9, device.size(), false, 0);
+  Rng rng(seed, 0, 0, Stream::kTool);
+  for (size_t i = 0; i < device.size(); ++i) {
+    const double seen = device[i] + noise_degc * rng.normal();
+    log.temp_degc[i] = step_degc > 0 ? step_degc * std::round(seen / step_degc) : seen;
+  }
+  const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+  double squares = 0;
+  for (size_t i = 0; i < device.size(); ++i) squares += std::pow(campaign.runs[0].input.smooth_degc[i] - device[i], 2);
+  return std::sqrt(squares / static_cast<double>(device.size()));
+}
+
+// The cycle of a chamber, 0.05 degC in 82 s, and the corners of ramps stand in the smoothed temperature of a thermometer
+// with 0.03 degC of noise; where neither is, it is as quiet as before.
+static void test_a_chamber_s_cycle_and_corners_stay_in_the_smoothed_temperature(void**) {
+  std::vector<double> cycle, corners, ramp;
+  for (size_t i = 0; i < 6000; ++i) {
+    const double t = static_cast<double>(i);
+    ramp.push_back(0.01 * t);
+    cycle.push_back(0.01 * t + 0.05 * std::sin(2 * kPi * t / 82));
+    corners.push_back(30 + 10 * std::asin(std::sin(2 * kPi * t / 2400)));
+  }
+  for (uint64_t seed = 1; seed < 4; ++seed) {
+    assert_true(miss_degc(cycle, 0.03, 0.0625, seed) < 0.012);
+    assert_true(miss_degc(corners, 0.03, 0, seed) < 0.012);
+    assert_true(miss_degc(ramp, 0.03, 0, seed) < 0.006);
   }
 }
 
@@ -862,10 +917,12 @@ static void test_two_members_are_found_that_one_free_shape_stands_for(void**) {
 
 // What a free shape beside an answer foretells of logs that were not fitted decides whether the answer is a name.
 static void test_a_slope_that_ages_is_no_slow_noise(void**) {
-  // A free function of temperature and time takes it, which no effect is of; plain noise is no answer beside it.
+  // No effect is of temperature and time; plain noise is no answer beside what is left of them.  In logs that all follow one
+  // triangle, time is a function of temperature and its direction: they do not tell it from a memory of open shape.
   const auto ageing = [](double t, double temp) { return 200 * (temp - 30) / 30 * std::pow(t / 7200, 0.6); };
   const Selection said = answer_to(ageing, 151, 0, true);
-  assert_true(said.effects.empty());
+  for (const SelectedEffect& effect : said.effects)
+    assert_true(effect.family == Family::kThermalMemory && effect.doubt == Doubt::kShapeOpen);
   assert_true(said.verdict == Verdict::kUnexplained);
 }
 
@@ -1127,6 +1184,8 @@ int main() {
       cmocka_unit_test(test_slips_that_outweigh_the_answer_leave_no_name),
       cmocka_unit_test(test_slopes_beside_missing_rows_are_those_of_the_temperature),
       cmocka_unit_test(test_slopes_do_not_reach_across_a_long_gap),
+      cmocka_unit_test(test_whittaker_solves_its_normal_equations),
+      cmocka_unit_test(test_a_chamber_s_cycle_and_corners_stay_in_the_smoothed_temperature),
       cmocka_unit_test(test_kinds_of_noise_stand_beside_other_parameters),
       cmocka_unit_test(test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed),

@@ -5,15 +5,18 @@
 #include <cmath>
 #include <numeric>
 
+#include "analysis/diagnose/smoothing.h"
 #include "base/error.h"
 
 namespace imucal {
 namespace {
 
-constexpr double kSmoothing_s = 40.0;    // standard deviation of the Gaussian for a coarse or noisy thermometer
+constexpr double kSmoothing_s = 40.0; // standard deviation of the Gaussian for a coarse thermometer
+constexpr double kLeastTau_s = 1, kMostTau_s = 120, kNextTau = 1.4; // of the smoother for all others
+constexpr double kValidated_s = 10;                                 // means that choose among them
+constexpr double kDithered = 0.4;                                   // noise in steps, those of the rounding included
 constexpr double kLongestFilled_s = 300; // longer holes: what the temperature did in them is not known
 constexpr double kSameDegc = 1e-6;       // rounding of a printed temperature
-constexpr double kNoisy_degc = 0.01;     // thermometer noise that needs all of it
 constexpr double kCoarseFraction = 0.02; // fewer distinct temperatures than this part of the rows: coarse steps
 constexpr size_t kFewestSeconds = 60;
 constexpr double kLongestGap_s = 20000;
@@ -122,37 +125,33 @@ std::vector<double> smoothed(const std::vector<double>& x, size_t half) {
   return y;
 }
 
-// Noise of the thermometer from second differences, robustly; at least that of its step, which most second differences
-// do not show.
-double thermometer_noise(const std::vector<double>& temp) {
-  std::vector<double> bends;
-  double step = 1e300;
-  for (size_t i = 2; i < temp.size(); ++i) {
-    bends.push_back(std::fabs(temp[i] - 2 * temp[i - 1] + temp[i - 2]));
-    if (const double move = std::fabs(temp[i] - temp[i - 1]); move > kSameDegc) step = std::min(step, move);
-  }
-  if (bends.empty()) return 0;
-  std::nth_element(bends.begin(), bends.begin() + static_cast<long>(bends.size() / 2), bends.end());
-  const double noise = bends[bends.size() / 2] / 0.6745 / std::sqrt(6.0);
-  return step < 1e299 ? std::max(noise, step / std::sqrt(12.0)) : noise;
+// Whether the noise of a coarse thermometer spreads each temperature over its steps: then means know more than one step,
+// and straight lines through the transitions would follow the noise.
+bool is_dithered(const std::vector<double>& temp, double step_degc) {
+  double squares = 0;
+  for (size_t i = 2; i < temp.size(); ++i) squares += std::pow(temp[i] - 2 * temp[i - 1] + temp[i - 2], 2);
+  return squares / static_cast<double>(temp.size()) > 6 * std::pow(kDithered * step_degc, 2);
 }
 
-// As much smoothing as the noise of the slope asks for (its variance falls with the cube of the length): a
-// good thermometer keeps its corners.
-double smoothing_s(const std::vector<double>& temp, bool is_coarse) {
-  if (is_coarse) return kSmoothing_s;
-  return std::clamp(kSmoothing_s * std::pow(thermometer_noise(temp) / kNoisy_degc, 2.0 / 3.0), 1.0, kSmoothing_s);
+// One column on the grid of its seconds, without the noise of the thermometer.
+Column without_noise(const Column& grid, double dt_s) {
+  std::vector<double> taus;
+  for (double tau_s = kLeastTau_s; tau_s < kMostTau_s; tau_s *= kNextTau) taus.push_back(tau_s / dt_s);
+  return whittaker(grid, best_tau(grid, taus, std::max(1L, std::lround(kValidated_s / dt_s))));
 }
 
-// Smooth temperature and its slope in the rows [first, end), between which no more than short holes are: straight lines
-// fill them, so that a row smooths over its neighbours in time, not over the rows that happen to stand next to it.
-void smooth_stretch(const Column& temp, size_t first, size_t end, size_t half, RunInput* in) {
+// Smooth temperature and its slope in the rows [first, end), between which no more than short holes are, by seconds: a row
+// smooths over its neighbours in time, not over the rows that happen to stand next to it.
+void smooth_stretch(const Column& temp, size_t first, size_t end, bool is_stepped, RunInput* in) {
   const size_t from = static_cast<size_t>(in->tick[first]);
   const auto place = [&](size_t row) { return static_cast<size_t>(in->tick[row]) - from; };
   Column ticks(place(end - 1) + 1), grid(ticks.size(), std::nan(""));
   std::iota(ticks.begin(), ticks.end(), 0.0);
   for (size_t row = first; row < end; ++row) grid[place(row)] = temp[row];
-  grid = smoothed(filled(ticks, grid), half);
+  if (is_stepped || grid.size() < kFewestSeconds)
+    grid = smoothed(filled(ticks, grid), static_cast<size_t>(std::lround(kSmoothing_s / in->dt_s)));
+  else
+    grid = without_noise(grid, in->dt_s);
   for (size_t row = first; row < end; ++row) {
     const size_t k = place(row), before = k ? k - 1 : 0, after = k + 1 < grid.size() ? k + 1 : k;
     in->smooth_degc[row] = grid[k];
@@ -161,7 +160,8 @@ void smooth_stretch(const Column& temp, size_t first, size_t end, size_t half, R
   }
 }
 
-void derive(CampaignRun* run, bool is_coarse, bool has_temperature) {
+// step_degc: of a coarse thermometer, else 0.
+void derive(CampaignRun* run, double step_degc, bool has_temperature) {
   RunInput& in = run->input;
   const size_t n = in.size();
   in.tn.assign(n, 0.0);
@@ -169,12 +169,11 @@ void derive(CampaignRun* run, bool is_coarse, bool has_temperature) {
   in.smooth_degc = in.temp_degc;
   if (!has_temperature) return;
   for (size_t i = 0; i < n; ++i) in.tn[i] = in.normalised(in.temp_degc[i]);
-  const Column temp = is_coarse ? dequantised(in.t_s, in.temp_degc) : in.temp_degc;
-  const double smoothing = smoothing_s(in.temp_degc, is_coarse);
-  const double longest_hole_s = std::max(kLongestFilled_s, 2 * smoothing);
+  const bool is_stepped = step_degc > 0 && !is_dithered(in.temp_degc, step_degc);
+  const Column temp = is_stepped ? dequantised(in.t_s, in.temp_degc) : in.temp_degc;
   for (size_t first = 0, i = 1; i <= n; ++i) {
-    if (i < n && in.t_s[i] - in.t_s[i - 1] <= longest_hole_s) continue;
-    smooth_stretch(temp, first, i, static_cast<size_t>(std::lround(smoothing / in.dt_s)), &in);
+    if (i < n && in.t_s[i] - in.t_s[i - 1] <= kLongestFilled_s) continue;
+    smooth_stretch(temp, first, i, is_stepped, &in);
     first = i;
   }
 }
@@ -295,7 +294,7 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
   refuse_steady_temperature(temperatures, &campaign);
   campaign.lo_degc = 1e300, campaign.hi_degc = -1e300;
   for (CampaignRun& run : campaign.runs) {
-    derive(&run, campaign.temp_lsb_degc > 0, campaign.has_temperature);
+    derive(&run, campaign.temp_lsb_degc, campaign.has_temperature);
     for (double temp : run.input.smooth_degc) {
       campaign.lo_degc = std::min(campaign.lo_degc, temp);
       campaign.hi_degc = std::max(campaign.hi_degc, temp);

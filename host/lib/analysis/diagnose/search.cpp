@@ -573,9 +573,11 @@ struct SlowSearch::Impl {
         s.model = found, s.gain_nats = found.free_score();
     }
   }
-  // `with` at the best of these shapes, with the noise of `m`: it counts as one of the shapes of the grid.
+  // `with` at the best of these shapes, with the noise of `m`: it counts as one of the shapes of the grid, which are
+  // compared under that noise.
   SlowModel best_of(const SlowModel& m, const SlowModel& with, const std::vector<Theta>& shapes) const {
-    SlowModel best;
+    SlowModel best, of_grid = m;
+    of_grid.names.push_back(with.names.back());
     for (const Theta& shape : shapes) {
       SlowModel at = m;
       at.names.push_back(with.names.back());
@@ -585,7 +587,7 @@ struct SlowSearch::Impl {
     }
     if (best.names.empty()) return best;
     const double n = static_cast<double>(candidates[best.names.back().candidate].scan.shapes.size());
-    const double grid = with.value - with.names.back().charge;
+    const double grid = evaluate(of_grid) - with.names.back().charge;
     best.names.back().charge = best.value - log_sum_exp({grid, best.value - std::log(n)});
     return best;
   }
@@ -781,7 +783,7 @@ struct SlowSearch::Impl {
       for (SlowCandidateScore& s : beside)
         if (!s.model.names.empty()) found.push_back(std::move(s));
     }
-    consider_best(std::move(found), kPairsTried, constants.near_nats);
+    consider_best(std::move(found), kPairsTried, near_nats(score(out.best) - score(out.null)));
   }
   void one_more(const SlowModel& m) { one_more(m, m); }
   // `from`: where `m` comes from, of the same kind of noise.
@@ -790,7 +792,7 @@ struct SlowSearch::Impl {
     const OwnNode own = node_of(from);
     std::vector<SlowCandidateScore> found = scan(m, nodes_with(*own, out.best));
     if (!m.names.empty()) try_jumps(m, m, &found);
-    consider_best(std::move(found), kAddedTried, constants.near_nats);
+    consider_best(std::move(found), kAddedTried, near_nats(score(out.best) - score(out.null)));
   }
   static bool have_same_names(const SlowModel& a, const SlowModel& b) {
     const auto names = [](const SlowModel& m) {
@@ -826,6 +828,7 @@ struct SlowSearch::Impl {
     for (int round = 0; round < kRounds && !out.best.names.empty(); ++round) {
       const SlowModel from = out.best;
       members_for_shapes();
+      place_without_shapes(from);
       for (size_t i = 0; i < from.names.size() && from.names.size() + (from.noise_effect ? 1 : 0) > 1; ++i) {
         SlowModel less = from.without(i);
         try_about(less);
@@ -835,6 +838,8 @@ struct SlowSearch::Impl {
         SlowModel quiet = from;
         quiet.noise_effect = nullptr;
         try_about(quiet);
+        quiet.value = evaluate(quiet);
+        one_more(quiet); // its shapes as they are: alone it moves to where it takes what the noise took
       }
       if (score(out.best) < score(from) + kWorthwhile_nats) break;
     }
@@ -853,6 +858,14 @@ struct SlowSearch::Impl {
           found.push_back(std::move(both));
       // A free shape has no shape parameters to polish, members have.
       consider_best(std::move(found), kMembersTried, near_nats(score(from) - score(out.null)));
+    }
+  }
+  // A member beside a free shape stands where both together gain most: without the shape, each is placed anew.
+  void place_without_shapes(const SlowModel& from) {
+    for (size_t i = 0; i < from.names.size() && from.names.size() == kMostNames; ++i) {
+      if (candidates[from.names[i].candidate].effect) continue;
+      const SlowModel members = from.without(i);
+      for (size_t j = 0; j < members.names.size(); ++j) one_more(polished(members.without(j), kQuickEvaluations), from);
     }
   }
   // Members of the library beside `m`, the one that gains most first.

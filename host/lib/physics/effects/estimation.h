@@ -23,7 +23,7 @@ struct RunInput {
   std::vector<double> t_s;           // from the start of the log
   std::vector<long> tick;            // t_s in steps of dt_s, whole and increasing: a jump is a gap
   std::vector<double> temp_degc;     // as logged; where empty, interpolated in time
-  std::vector<double> smooth_degc;   // de-quantised and smoothed over 40 s
+  std::vector<double> smooth_degc;   // without the noise and the steps of the thermometer
   std::vector<double> rate_degc_min; // slope of smooth_degc
   std::vector<double> tn;            // normalised logged temperature
   std::vector<double> rate_dph;      // NaN where missing
