@@ -774,6 +774,42 @@ static void test_causes_of_no_family_are_not_named(void**) {
   assert_true(both.verdict == Verdict::kUnexplained);
 }
 
+// A sum of cosines of temperature, its direction and time: no effect of the library, and no free shape quite.
+static void test_members_are_no_names_beside_a_shape_that_holds_more(void**) {
+  for (const uint64_t seed : {901u, 906u, 911u, 912u, 914u, 918u}) {
+    Rng rng(seed, 7, 0, Stream::kTool);
+    double weight[8][3], height[8];
+    for (int i = 0; i < 8; ++i) {
+      for (double& w : weight[i]) w = 2.2 * rng.normal();
+      height[i] = rng.normal();
+    }
+    const auto f = [&](double t, double temp) {
+      double sum = 0;
+      for (int i = 0; i < 8; ++i)
+        sum += height[i] * std::cos(weight[i][0] * (temp - 30) / 30 + weight[i][1] * (t < 3000 ? 0.5 : -0.5) +
+                                    weight[i][2] * t / 6000);
+      return 45 * sum;
+    };
+    const Selection said = answer_to(f, 7 * seed, 0, true);
+    assert_true(said.verdict == Verdict::kUnexplained);
+    for (const SelectedEffect& effect : said.effects) assert_true(effect.doubt == Doubt::kShapeOpen);
+  }
+}
+
+// In one log slow noise explains what follows the direction of the temperature; three held-out logs tell that it comes back.
+static void test_held_out_logs_tell_a_cause_from_slow_noise(void**) {
+  const auto f = [](double t, double) {
+    return 30 * (t < 3000 ? -1 : 1) * (1 - std::exp(-(t < 3000 ? t : t - 3000) / 300));
+  };
+  for (const uint64_t seed : {303u, 305u, 307u}) {
+    const Selection said = answer_to(f, seed, 3);
+    assert_int_equal(said.effects.size(), 1);
+    assert_true(said.effects[0].family == Family::kThermalMemory && said.is_told_by_held_out);
+  }
+  for (uint64_t seed = 310; seed < 316; ++seed)
+    assert_true(answer_to([](double, double) { return 0.0; }, seed, 3).effects.empty());
+}
+
 // The members in the sets of an answer.
 static std::set<std::string> members_of(const Selection& selection) {
   std::set<std::string> all;
@@ -1171,6 +1207,8 @@ int main() {
       cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
       cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),
       cmocka_unit_test(test_causes_of_no_family_are_not_named),
+      cmocka_unit_test(test_members_are_no_names_beside_a_shape_that_holds_more),
+      cmocka_unit_test(test_held_out_logs_tell_a_cause_from_slow_noise),
       cmocka_unit_test(test_jumps_that_come_again_and_again_are_no_events),
       cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),
       cmocka_unit_test(test_what_held_out_logs_can_show_is_what_a_name_is_asked_for),

@@ -165,26 +165,38 @@ private:
     }
   }
 
-  // The same for a kind of slow noise that stands alone: a cause in the mean that makes all logs together more likely
-  // takes its place.
+  // The same where slow noise stands alone, of another kind or with other parameters: a cause in the mean that makes all
+  // logs together more likely takes its place.  What the fitted logs leave open the held-out ones may tell: there what
+  // all logs gain has to be worth a name.
   void weigh_noise() {
-    if (!held_blocks_ || !out_.slow.best.names.empty() || !out_.slow.best.noise_effect) return;
-    double highest = all_logs(out_.slow.best);
+    if (!held_blocks_ || !out_.slow.best.names.empty() || !out_.slow.best.steps.empty()) return;
+    const SlowModel noise = out_.slow.best;
+    const double alone = all_logs(noise);
+    double highest = noise.noise_effect ? alone : alone + constants().mean_nats;
     std::vector<std::pair<double, size_t>> order;
     for (size_t j = 0; j < out_.slow.singles.size(); ++j)
       if (!out_.slow.singles[j].model.names.empty()) order.push_back({out_.slow.singles[j].gain_nats, j});
     std::sort(order.rbegin(), order.rend());
     for (size_t i = 0; i < order.size() && i < kPredictionTried; ++i) {
       const SlowModel& single = out_.slow.singles[order[i].second].model;
-      const double evidence = single.free_score() - out_.slow.null.free_score() - constants().mean_nats;
-      if (evidence < 0) return;
-      if (const double value = all_logs(single); value > highest) {
+      double evidence = single.free_score() - out_.slow.null.free_score() - constants().mean_nats;
+      if (evidence < 0 && !is_undecided(noise, single)) return;
+      const double value = all_logs(single);
+      const bool is_told = evidence < 0;
+      if (is_told) evidence = value - alone - constants().mean_nats;
+      if (value > highest && evidence > 0) {
         highest = value;
+        selection().is_told_by_held_out = is_told;
         out_.slow.best = single;
         out_.slow.evidence = {evidence};
         out_.slow.rivals = {{}};
       }
     }
+  }
+  // A cause that gains hardly less than slow noise and takes most of what it takes.
+  bool is_undecided(const SlowModel& noise, const SlowModel& cause) const {
+    return noise.free_score() - cause.free_score() < constants().undecided_nats &&
+           part_left(cause) < constants().carried_part;
   }
 
   bool is_free_function(size_t i) const { return candidate(out_.slow.best.names[i].candidate).is_free_function; }
@@ -390,18 +402,24 @@ private:
     if (is_medley)
       leave_those([](const SelectedEffect&) { return true; }, &list);
     else if (has_free_function())
-      leave_small(&list);
+      leave_small(&list, 1e300);
     named_ = owned(members_before_shapes(list));
+    for (const SelectedEffect& effect : named_)
+      if (is_free(effect)) {
+        leave_small(&named_, effect.gain_nats);
+        break;
+      }
     for (size_t j : out_.slow.replaced) selection().remainders.push_back(evidence_of(j, 0, 0));
     open_by_lack();
     if (!best.steps.empty() && !is_medley) name_steps();
     if (best.noise_effect && !out_.slow.evidence.empty() && out_.slow.evidence.back() > 0 && !is_medley)
       name_slow_noise();
   }
-  // A name that holds little beside a free function of everything is what that function leaves.
-  void leave_small(std::vector<SelectedEffect>* list) {
+  // A member that holds less than a third of all, and less than the free shape beside it, is what that shape leaves.
+  void leave_small(std::vector<SelectedEffect>* list, double shape_nats) {
     const double all = out_.slow.best.free_score() - out_.slow.null.free_score();
-    leave_those([&](const SelectedEffect& e) { return e.gain_nats <= constants().least_share * all; }, list);
+    const double least = std::min(shape_nats, constants().beside_free_part * all);
+    leave_those([&](const SelectedEffect& e) { return !is_free(e) && e.gain_nats < least; }, list);
   }
   // More names than few, none of which could be left out: their sum is a stand-in for a cause of another shape.
   bool is_made_of_many(const std::vector<SelectedEffect>& list) const {
@@ -435,18 +453,22 @@ private:
     std::sort(kept.begin(), kept.end(), [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
     return kept;
   }
-  // Free shapes of different kinds together, or one of a kind that no effect is of, are no family: nothing is named then.
+  // Free shapes of different kinds together, or one of a kind that no effect is of, are no family: nothing is named then.  Where
+  // they hold much, a member alone beside them is not told from its family.
   std::vector<SelectedEffect> owned(const std::vector<SelectedEffect>& list) {
     size_t shapes = 0;
     bool has_owner = true;
     for (const SelectedEffect& effect : list)
       if (is_free(effect)) ++shapes, has_owner = has_owner && has_members(effect);
     std::vector<SelectedEffect> kept;
+    double left_nats = 0;
     for (const SelectedEffect& effect : list)
       if (is_free(effect) && (shapes > 1 || !has_owner))
-        leave(effect);
+        leave(effect), left_nats = std::max(left_nats, effect.gain_nats);
       else
         kept.push_back(effect);
+    const double all = out_.slow.best.free_score() - out_.slow.null.free_score();
+    if (kept.size() == 1 && left_nats > constants().lack_part * all) open_shape(&kept[0]);
     return kept;
   }
   static bool has_members(const SelectedEffect& effect) {
@@ -631,7 +653,7 @@ private:
       SlowModel m = out_.slow.singles[order[i].second].model;
       m.noise_effect = best.noise_effect, m.noise_theta = best.noise_theta, m.noise_charge = best.noise_charge;
       m = out_.search->polished(m);
-      if (best.free_score() - m.free_score() < constants().undecided_nats && part_left(m) < constants().carried_part)
+      if (is_undecided(best, m))
         rivals.push_back(evidence_of(order[i].second, m.free_score() - best.free_score(), constants().mean_nats));
     }
     std::sort(rivals.begin(), rivals.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
@@ -902,8 +924,8 @@ private:
       if (f.test != Rest::kLine) left = std::max(left, f.evidence_nats);
       has_jumps = has_jumps || (f.evidence_nats > 0 && f.test == Rest::kSuddenChanges);
     }
-    if (is_censored_ || !fires) return;
     leave_noise_beside_shapes();
+    if (is_censored_ || !fires) return;
     for (SelectedEffect& effect : named_) {
       if (!effect.term.effect || effect.is_family) continue;
       const Form form = effect.term.form();
@@ -939,12 +961,16 @@ private:
       if (effect.family == Family::kFastNoise || effect.family == Family::kTone) sum += effect.gain_nats;
     return sum;
   }
-  // A kind of noise that the tests contradict, beside a cause whose shape is open, is what that shape leaves.
+  // A kind of slow noise beside a cause whose shape is open is what that shape leaves, and so is one of fast noise that holds
+  // little beside it.
   void leave_noise_beside_shapes() {
     const auto is_open = [](const SelectedEffect& effect) { return effect.doubt == Doubt::kShapeOpen; };
-    if (std::none_of(named_.begin(), named_.end(), is_open)) return;
-    const auto is_noise = [](const SelectedEffect& effect) {
-      return effect.family == Family::kSlowNoise && effect.term.effect && effect.term.form() == Form::kNoise;
+    const bool leaves_shape = has_free_function() || std::any_of(named_.begin(), named_.end(), is_open);
+    if (!leaves_shape) return;
+    const double least = constants().beside_free_part * explained_nats();
+    const auto is_noise = [&](const SelectedEffect& effect) {
+      if (!effect.term.effect || effect.term.form() != Form::kNoise) return false;
+      return effect.family == Family::kSlowNoise || effect.gain_nats < least;
     };
     leave_those(is_noise, &named_);
   }
