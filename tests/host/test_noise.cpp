@@ -268,6 +268,34 @@ static void test_mixtures_of_white_noise_are_exact(void**) {
   assert_near(mixture_log_likelihood(c.times(), telegraph, y), expected, 1e-9 * std::fabs(expected));
 }
 
+// Beside white noise alone the levels are a hidden chain: every one of its 2^12 paths, with seconds missing.
+static void test_levels_of_telegraph_noise_are_those_of_all_paths(void**) {
+  constexpr long kN = 12;
+  const std::vector<int> steps = {1, 1, 1, 4, 1, 1, 2, 1, 1, 1, 1, 1};
+  NoiseModel noise = model_of(36, {});
+  noise.telegraph_dph = 30, noise.telegraph_tau_s = 6;
+  SampleTimes times{kN, steps.data()};
+  const VectorXd y = 45 * random_columns(kN, 1, 10);
+  VectorXd expected = VectorXd::Zero(kN);
+  double all = 0;
+  for (int path = 0; path < 1 << kN; ++path) {
+    const auto level = [&](long k) { return path >> k & 1 ? 30.0 : -30.0; };
+    double p = 1;
+    for (long k = 0; k < kN; ++k) {
+      p *= std::exp(-0.5 * std::pow((y[k] - level(k)) / 36, 2));
+      const double stays = 0.5 * (1 + std::exp(-times.seconds(static_cast<size_t>(k)) / 6));
+      if (k > 0) p *= level(k) == level(k - 1) ? stays : 1 - stays;
+    }
+    all += p;
+    for (long k = 0; k < kN; ++k) expected[k] += p * level(k);
+  }
+  const TelegraphLevel level = telegraph_level(times, noise, y);
+  for (long k = 0; k < kN; ++k) {
+    assert_near(level.mean_dph[k], expected[k] / all, 1e-9);
+    assert_near(level.variance_dph2[k], 900 - std::pow(expected[k] / all, 2), 1e-6);
+  }
+}
+
 static void test_too_many_states_are_refused(void**) {
   NoiseModel m = model_of(1, {});
   for (size_t k = 0; k <= kMostStates; ++k) m.markov.push_back({1, 1.0 + static_cast<double>(k)});
@@ -347,6 +375,7 @@ int main() {
       cmocka_unit_test(test_steps_in_seconds_are_steps_in_ticks),
       cmocka_unit_test(test_mixtures_reduce_to_the_gaussian_they_contain),
       cmocka_unit_test(test_mixtures_of_white_noise_are_exact),
+      cmocka_unit_test(test_levels_of_telegraph_noise_are_those_of_all_paths),
       cmocka_unit_test(test_too_many_states_are_refused),
       cmocka_unit_test(test_runs_side_by_side_have_the_likelihood_of_each_alone),
       cmocka_unit_test(test_column_products_are_those_of_the_matrices),

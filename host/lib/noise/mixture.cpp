@@ -68,7 +68,8 @@ public:
         states_(times, noise), mode_{Belief(states_), Belief(states_)}, mixed_{Belief(states_), Belief(states_)},
         phi_(states_.size()), q_(states_.size()) {}
 
-  double run(const Eigen::VectorXd& y, Eigen::VectorXd* scores) {
+  // `upper`, where given: probability of +a after each sample.
+  double run(const Eigen::VectorXd& y, Eigen::VectorXd* scores, Eigen::VectorXd* upper = nullptr) {
     double log_likelihood = 0;
     for (size_t k = 0; k < times_.n; ++k) {
       const auto at = static_cast<long>(k);
@@ -79,10 +80,13 @@ public:
         mode_[j].update(pair.nu[j] / pair.s[j], 1 / pair.s[j]);
         probability_[j] = pair.posterior[j];
       }
+      if (upper) (*upper)[at] = probability_[0];
       if (k + 1 < times_.n) predict(k);
     }
     return log_likelihood;
   }
+  // That a level has changed on the way to sample k.
+  double switching(size_t k) const { return -0.5 * std::expm1(-times_.seconds(k) / noise_.telegraph_tau_s); }
 
 private:
   Pair innovations(size_t k, double y) {
@@ -95,13 +99,21 @@ private:
     return pair;
   }
 
-  void predict(size_t k) {
-    const double switching = -0.5 * std::expm1(-times_.seconds(k + 1) / noise_.telegraph_tau_s);
-    const double next[2] = {(1 - switching) * probability_[0] + switching * probability_[1],
-                            switching * probability_[0] + (1 - switching) * probability_[1]};
-    const auto from_other = [&](int j) { return switching * probability_[1 - j] / std::max(next[j], 1e-300); };
-    for (int j = 0; j < 2; ++j) mixed_[j].set_mixture(mode_[j], mode_[1 - j], from_other(j));
+  // From sample k to k + 1: the same as before after as many seconds, unless the noise follows the temperature.
+  void set_transition(size_t k) {
+    const double step_s = times_.seconds(k + 1);
+    if (step_s == step_s_ && states_.has_constant_transitions()) return;
+    step_s_ = step_s, switching_ = switching(k + 1);
     states_.transition(k, phi_.data(), q_.data());
+  }
+
+  void predict(size_t k) {
+    set_transition(k);
+    const double s = switching_;
+    const double next[2] = {(1 - s) * probability_[0] + s * probability_[1],
+                            s * probability_[0] + (1 - s) * probability_[1]};
+    const auto from_other = [&](int j) { return s * probability_[1 - j] / std::max(next[j], 1e-300); };
+    for (int j = 0; j < 2; ++j) mixed_[j].set_mixture(mode_[j], mode_[1 - j], from_other(j));
     for (int j = 0; j < 2; ++j) {
       std::swap(mode_[j], mixed_[j]);
       mode_[j].predict(phi_.data(), q_.data());
@@ -115,6 +127,7 @@ private:
   Belief mode_[2], mixed_[2];
   double probability_[2] = {0.5, 0.5};
   std::vector<double> phi_, q_;
+  double step_s_ = -1, switching_ = 0;
 };
 
 } // namespace
@@ -126,6 +139,21 @@ double mixture_log_likelihood(const SampleTimes& times, const NoiseModel& noise,
   if (hit) hit->setZero(n);
   if (noise.hit_probability > 0) return hit_log_likelihood(times, noise, residual, scores, hit);
   return TelegraphFilter(times, noise).run(residual, scores);
+}
+
+TelegraphLevel telegraph_level(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& residual) {
+  const auto n = static_cast<long>(times.n);
+  Eigen::VectorXd upper(n);
+  TelegraphFilter filter(times, noise);
+  filter.run(residual, nullptr, &upper);
+  for (long k = n - 2; k >= 0; --k) {
+    const double s = filter.switching(static_cast<size_t>(k) + 1), p = upper[k];
+    const double next = (1 - s) * p + s * (1 - p); // of +a at k + 1, before that sample
+    const double up = upper[k + 1] / std::max(next, 1e-300), down = (1 - upper[k + 1]) / std::max(1 - next, 1e-300);
+    upper[k] = std::clamp(p * ((1 - s) * up + s * down), 0.0, 1.0);
+  }
+  const double a = noise.telegraph_dph;
+  return {a * (2 * upper.array() - 1), 4 * a * a * upper.array() * (1 - upper.array())};
 }
 
 } // namespace imucal

@@ -14,4 +14,11 @@ namespace imucal {
 double mixture_log_likelihood(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& residual,
                               Eigen::VectorXd* scores = nullptr, Eigen::VectorXd* hit = nullptr);
 
+// Telegraph noise: level of each sample [dph] as the whole residual shows it, and its variance: probabilities of the two
+// levels by the filter above, then from the end (Kim, J. Econometrics 60, 1994).
+struct TelegraphLevel {
+  Eigen::VectorXd mean_dph, variance_dph2;
+};
+TelegraphLevel telegraph_level(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& residual);
+
 } // namespace imucal

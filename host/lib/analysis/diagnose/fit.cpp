@@ -281,9 +281,73 @@ std::vector<VectorXd> residuals(const std::vector<MatrixXd>& xy, const VectorXd&
   return out;
 }
 
+constexpr double kBlur[] = {4, 2};       // of the first passes: factors on white noise
+constexpr int kLevelPasses = 8;          // after them, at most
+constexpr double kLevelGain_nats = 0.05; // of a pass worth another one
+
+double mixture_log_likelihood(const Campaign& campaign, const NoiseModel& noise, const Fit& fit) {
+  double sum = 0;
+  for (size_t r = 0; r < campaign.runs.size(); ++r)
+    sum += mixture_log_likelihood(campaign.runs[r], noise, fit.residual[r]);
+  return sum;
+}
+
+// The mean where telegraph noise has the levels that `told` finds in these residuals.  What is not known of a level lasts as
+// long as that noise does: with no jump in sight this is the fit under its Gaussian twin.
+Fit fit_less_levels(const Campaign& campaign, std::vector<MatrixXd> xy, const VectorXd& prior, const NoiseModel& noise,
+                    const NoiseModel& told, const std::vector<VectorXd>& residual) {
+  double unknown_dph2 = 0, n = 0;
+  std::vector<VectorXd> levels;
+  for (size_t r = 0; r < xy.size(); ++r) {
+    const TelegraphLevel level = telegraph_level(campaign.runs[r], told, residual[r]);
+    levels.push_back(level.mean_dph);
+    xy[r].rightCols(1) -= level.mean_dph;
+    unknown_dph2 += level.variance_dph2.sum(), n += static_cast<double>(level.mean_dph.size());
+  }
+  NoiseModel left = noise;
+  left.telegraph_dph = std::sqrt(unknown_dph2 / std::max(n, 1.0));
+  const Solution solution = gls(campaign, xy, prior, gaussian_equivalent(left), {}).solution;
+  Fit fit;
+  fit.residual = residuals(xy, solution.beta);
+  for (size_t r = 0; r < levels.size(); ++r) fit.residual[r] += levels[r];
+  fit.beta = solution.beta, fit.beta_errors = solution.errors, fit.log_det_r = solution.log_det;
+  fit.log_likelihood = mixture_log_likelihood(campaign, noise, fit);
+  return fit;
+}
+
+// The mean beside telegraph noise, in turn with its levels, from these residuals on; `fit` is what it becomes where it is
+// likelier so.
+void improve_levels(const Campaign& campaign, const std::vector<MatrixXd>& xy, const VectorXd& prior,
+                    const NoiseModel& noise, std::vector<VectorXd> residual, Fit* fit) {
+  double before = -1e300;
+  for (int i = 0; i < kLevelPasses; ++i) {
+    Fit next = fit_less_levels(campaign, xy, prior, noise, noise, residual);
+    const double gain = next.log_likelihood - before;
+    before = next.log_likelihood, residual = next.residual;
+    if (next.log_likelihood > fit->log_likelihood) *fit = std::move(next);
+    if (gain < kLevelGain_nats) return;
+  }
+}
+// The mean under the Gaussian twin of telegraph noise may be wrong by as much as a level, and keeps levels wrong then.  Told
+// through more white noise at first, levels are right on the whole before they are sharp (deterministic annealing: Ueda and
+// Nakano, Neural Networks 11, 1998).  The likeliest of both ways and of what is `near` counts.
+void fit_beside_levels(const Campaign& campaign, const std::vector<MatrixXd>& xy, const VectorXd& prior,
+                       const NoiseModel& noise, const std::vector<VectorXd>* near, Fit* fit) {
+  fit->log_likelihood = mixture_log_likelihood(campaign, noise, *fit);
+  std::vector<VectorXd> residual = fit->residual;
+  improve_levels(campaign, xy, prior, noise, residual, fit);
+  for (double blur : kBlur) {
+    NoiseModel blurred = noise;
+    blurred.white_sigma_dph *= blur;
+    residual = fit_less_levels(campaign, xy, prior, noise, blurred, residual).residual;
+  }
+  improve_levels(campaign, xy, prior, noise, residual, fit);
+  if (near) improve_levels(campaign, xy, prior, noise, *near, fit);
+}
+
 } // namespace
 
-Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis) {
+Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis, const std::vector<VectorXd>* near) {
   const NoiseModel noise = hypothesis.noise(), gaussian = gaussian_equivalent(noise);
   Design design = make_design(campaign, hypothesis);
   const std::vector<MatrixXd> xy = with_rates(&design, rates(campaign));
@@ -299,7 +363,10 @@ Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis) {
   fit.beta = pass.solution.beta;
   fit.beta_errors = pass.solution.errors;
   fit.log_det_r = pass.solution.log_det;
+  if (noise.telegraph_dph > 0 && noise.hit_probability == 0)
+    fit_beside_levels(campaign, xy, design.prior_precision, noise, near, &fit);
   if (noise.is_mixture()) {
+    fit.log_likelihood = 0;
     for (size_t r = 0; r < campaign.runs.size(); ++r) {
       VectorXd scores;
       fit.log_likelihood += mixture_log_likelihood(campaign.runs[r], noise, fit.residual[r], &scores);

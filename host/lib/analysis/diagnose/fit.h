@@ -53,7 +53,9 @@ struct Fit {
   double log_det_r = 0;                  // of the whitened design: REML = log_likelihood - log_det_r
   double reml() const { return log_likelihood - log_det_r; }
 };
-Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis);
+// `near`: a residual that the one beside telegraph noise may be like; levels are searched from there too.
+Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis,
+                   const std::vector<Eigen::VectorXd>* near = nullptr);
 // True only where both have the same fit to any campaign: nothing beside the nominal mean, and the same noise.
 bool is_same_fit(const Hypothesis& a, const Hypothesis& b);
 

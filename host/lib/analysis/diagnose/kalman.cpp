@@ -27,4 +27,8 @@ double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, c
   return mixture_log_likelihood(RunTimes(run, !noise.is_stationary()).times(), noise, residual, scores, hit);
 }
 
+TelegraphLevel telegraph_level(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual) {
+  return telegraph_level(RunTimes(run, !noise.is_stationary()).times(), noise, residual);
+}
+
 } // namespace imucal

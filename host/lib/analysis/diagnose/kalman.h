@@ -24,6 +24,8 @@ RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Ei
 double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual,
                               Eigen::VectorXd* scores = nullptr, Eigen::VectorXd* hit = nullptr);
 
+TelegraphLevel telegraph_level(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual);
+
 // Gains of one noise model, run after run.  A run with samples at the same times as the one before has the same gains,
 // unless the noise follows the temperature.
 class GainsByRun {
