@@ -1082,6 +1082,87 @@ static void test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed(vo
   assert_near(said.effects[0].term.shape[0], 34, 4);
 }
 
+// Two levels in turn, from a generator of its own.
+static std::function<double(double, double)> jumps_between_levels(uint64_t seed, double height_dph, double dwell_s) {
+  return [rng = Rng(seed, 0, 0, Stream::kTool), level = 0.5 * height_dph, dwell_s](double, double) mutable {
+    if (rng.uniform() < 1 / dwell_s) level = -level;
+    return level;
+  };
+}
+
+static void test_telegraph_noise_has_no_stand_ins_beside_it(void**) {
+  // The noise of the model is exact.  Block means take the jumps for other noise, jumps in time and jumps at temperatures.
+  for (const uint64_t seed : {301, 302, 303, 304}) {
+    const Selection said = answer_to(jumps_between_levels(seed, 90, 300), seed, 0, true);
+    assert_true(names_of(said) == std::set<std::string>{"telegraph_noise"});
+    assert_false(said.is_noise_retuned);
+    assert_near(said.effects[0].term.shape[0], 45, 4);
+  }
+}
+
+static void test_a_cause_is_found_beside_telegraph_noise(void**) {
+  const auto jumps = jumps_between_levels(311, 90, 300);
+  const auto both = [&](double t, double temp) {
+    return jumps(t, temp) + 70 * std::exp(-0.5 * std::pow((temp - 22) / 4, 2));
+  };
+  for (const size_t held_out : {0, 1}) {
+    const Selection said = answer_to(both, 311, held_out, true);
+    const std::set<std::string> names = names_of(said);
+    assert_int_equal(names.size(), 2);
+    assert_int_equal(names.count("thermal_anomaly"), 1);
+    assert_int_equal(members_of(said).count("telegraph_noise"), 1);
+    assert_false(said.is_noise_retuned);
+  }
+}
+
+static void test_levels_do_not_bend_the_mean(void**) {
+  // The mean beside telegraph noise is as good as without it; under its Gaussian twin it is not.
+  Log log = simulated_log(321, 6000, false, 0), plain = log;
+  auto jumps = jumps_between_levels(321, 90, 300);
+  for (double& rate : log.axes[0].rate_dph) rate += jumps(0, 0);
+  const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+  const auto with = [&](const char* name) {
+    Term term;
+    term.effect = &find_effect(name), term.estimator = term.effect->estimator(), term.shape = {45, 150};
+    Hypothesis h = nominal_hypothesis();
+    h.terms = {term};
+    return fit_hypothesis(campaign, h);
+  };
+  const auto without = fit_hypothesis(make_campaign({plain}, "gx_dph", nominal_model()), nominal_hypothesis());
+  const auto rms_off = [&](const Fit& fit) {
+    VectorXd off = fit.residual[0] - without.residual[0];
+    for (long k = 0; k < off.size(); ++k)
+      off[k] -= log.axes[0].rate_dph[static_cast<size_t>(k)] - plain.axes[0].rate_dph[static_cast<size_t>(k)];
+    return std::sqrt((off.array() - off.mean()).square().mean());
+  };
+  assert_true(rms_off(with("telegraph_noise")) < 3);
+  assert_true(rms_off(with("second_markov")) > 6);
+  assert_true(with("telegraph_noise").beta_errors[1] < 0.6 * with("second_markov").beta_errors[1]);
+}
+
+// Jumps up, each with an exponential way back: shots.
+static std::function<double(double, double)> shots(uint64_t seed, double height_dph, double interval_s) {
+  return [rng = Rng(seed, 0, 0, Stream::kTool), height_dph, interval_s, left = 0.0](double, double) mutable {
+    left *= std::exp(-1 / interval_s);
+    if (rng.uniform() < 1 / interval_s) left += height_dph;
+    return left;
+  };
+}
+
+static void test_shots_are_no_hits(void**) {
+  for (const double sign : {1.0, -1.0})
+    for (const uint64_t seed : {331, 332, 333}) {
+      const std::set<std::string> names = names_of(answer_to(shots(seed, sign * 150, 300), seed, 0, true));
+      assert_int_equal(names.count("outliers") + names.count("fast_noise") + names.count("telegraph_noise"), 0);
+    }
+  // Hits are gone with their sample.
+  Rng rng(341, 0, 0, Stream::kTool);
+  const Selection hits =
+      answer_to([&](double, double) { return rng.uniform() < 0.01 ? 200 * rng.normal() : 0.0; }, 341, 0, true);
+
+  assert_int_equal(names_of(hits).count("outliers"), 1);
+}
+
 static void test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit(void**) {
   // A process of 600 s beside one of 100 s that is all that was fitted.
   Log log = simulated_log(221, 9000, false, 0);
@@ -1095,7 +1176,7 @@ static void test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_
   from.log_likelihood = ResidualLikelihood(campaign, residual)(from.base);
   const auto has_second = [&](bool may_ask_slow) {
     for (const FastFinding& f :
-         scan_fast_noise(campaign, from, residual, effect_library(), all_active(), {}, may_ask_slow))
+         scan_fast_noise(campaign, from, residual, effect_library(), all_active(), {}, may_ask_slow).findings)
       if (f.effect == &find_effect("second_markov") && f.gain_nats > SelectorConstants().fast_nats) return true;
     return false;
   };
@@ -1228,6 +1309,10 @@ int main() {
       cmocka_unit_test(test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit),
+      cmocka_unit_test(test_telegraph_noise_has_no_stand_ins_beside_it),
+      cmocka_unit_test(test_a_cause_is_found_beside_telegraph_noise),
+      cmocka_unit_test(test_levels_do_not_bend_the_mean),
+      cmocka_unit_test(test_shots_are_no_hits),
       cmocka_unit_test(test_saw_teeth_are_no_telegraph_noise),
       cmocka_unit_test(test_what_settles_within_minutes_is_no_creep),
       cmocka_unit_test(test_noise_that_axes_share_is_told_from_slow_causes_of_both),

@@ -115,12 +115,25 @@ JUMPS = [(300, 90, 0), (300, 90, 1), (300, 150, 2), (700, 90, 0), (150, 60, 3000
 @pytest.mark.parametrize("kind", ["straight", "exponential"])
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("interval_s, height, seed", JUMPS)
-def test_teeth_are_not_called_telegraph_noise(tmp_path, interval_s, height, seed, sign, kind):
+def test_teeth_are_called_neither_telegraph_noise_nor_outliers(tmp_path, interval_s, height, seed, sign, kind):
     found = effects(tmp_path, write_logs(tmp_path, seed, 2, lambda rng, degc: sign * jumps(rng, len(degc), interval_s, height, kind)))
-    assert "telegraph_noise" not in [e["name"] for e in found]
+    assert not {"telegraph_noise", "outliers", "fast_noise"} & {e["name"] for e in found}
 
 
-@pytest.mark.parametrize("interval_s, height, seed", JUMPS)
-def test_a_telegraph_process_is_called_one(tmp_path, interval_s, height, seed):
-    found = effects(tmp_path, write_logs(tmp_path, seed, 2, lambda rng, degc: jumps(rng, len(degc), interval_s, height, "telegraph")))
-    assert found and "telegraph_noise" in [found[0]["name"], *(member["name"] for member in found[0]["set"])]
+@pytest.mark.parametrize("interval_s, height, seed, logs", [(*j, n) for j in JUMPS for n in (1, 2, 3) if 6900 * n > 15 * j[0]])
+def test_a_telegraph_process_is_called_one_and_nothing_stands_beside_it(tmp_path, interval_s, height, seed, logs):
+    """The noise of the model is exact, and there are 15 jumps or more."""
+    found = effects(tmp_path, write_logs(tmp_path, seed, logs, lambda rng, degc: jumps(rng, len(degc), interval_s, height, "telegraph")))
+    assert [e["name"] for e in found] == ["telegraph_noise"]
+    assert found[0]["parameters"]["amplitude_dph"] == pytest.approx(height / 2, abs=5 * found[0]["std_errors"]["amplitude_dph"])
+
+
+@pytest.mark.parametrize("seed", range(5100, 5104))
+def test_a_cause_is_told_beside_a_telegraph_process(tmp_path, seed):
+    def added(rng, degc):
+        return jumps(rng, len(degc), 250, 80, "telegraph") + 65 * np.exp(-0.5 * ((degc - 24) / 4.5) ** 2)
+    found = {e["name"]: e for e in effects(tmp_path, write_logs(tmp_path, seed, 3, added))}
+    assert set(found) == {"telegraph_noise", "thermal_anomaly"}
+    p, errors = found["thermal_anomaly"]["parameters"], found["thermal_anomaly"]["std_errors"]
+    for name, true in (("amplitude_dph", 65), ("center_degc", 24), ("width_degc", 4.5)):
+        assert p[name] == pytest.approx(true, abs=4 * errors[name])

@@ -1293,6 +1293,9 @@ NoiseModel SlowSearch::base_noise_of(const SlowModel& model) const {
 std::vector<MeanPart> SlowSearch::parts_on(const SlowData& data, const SlowModel& model) const {
   return impl_->parts_on(data, model);
 }
+bool SlowSearch::have_same_names(const SlowModel& a, const SlowModel& b) {
+  return Impl::have_same_names(a, b);
+}
 double SlowSearch::score(const SlowModel& model) const {
   return impl_->score(model);
 }

@@ -119,6 +119,7 @@ public:
   // The columns of a model on this or on other data: steps belong to the runs of the data searched, which come first.
   std::vector<MeanPart> parts_on(const SlowData& data, const SlowModel& model) const;
   RunGrams grams_of(const SlowModel& model) const;
+  static bool have_same_names(const SlowModel& a, const SlowModel& b);
   double score(const SlowModel& model) const; // less all thresholds: what the search maximises
   // What a name gains over the best hypothesis without it, less its threshold.
   double evidence_of(const SlowModel& model, size_t name) const;

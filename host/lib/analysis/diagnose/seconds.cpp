@@ -164,6 +164,33 @@ bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments&
   return !e.is_slow_noise() || example.markov.size() == 2 || (asks_slow && !e.needs_temperature());
 }
 
+// Where a noise effect is searched: factors on the noise beside it (none: that noise stays as it is), then its parameters.
+class FastPlace {
+public:
+  FastPlace(const EffectEstimator& e, const NoiseModel& base, bool is_base_free)
+      : e_(e), base_(base), n_factors_(is_base_free ? 3 : 0) {}
+
+  Theta lo() const { return at(n_factors_ ? Theta{-6, -9, -6} : Theta(), e_.theta_lo()); }
+  Theta hi() const { return at(n_factors_ ? Theta{6, 9, 6} : Theta(), e_.theta_hi()); }
+  Theta at(Theta factors, const Theta& theta) const {
+    for (double v : theta) factors.push_back(e_.is_logarithmic() ? std::log(v) : v);
+    return factors;
+  }
+  Theta start(const Theta& theta) const { return at(Theta(n_factors_, 0.0), theta); }
+  Theta theta(const Theta& x) const {
+    Theta out;
+    for (size_t i = n_factors_; i < x.size(); ++i) out.push_back(e_.is_logarithmic() ? std::exp(x[i]) : x[i]);
+    return out;
+  }
+  NoiseModel base(const Theta& x) const { return n_factors_ ? with_factors(base_, x) : base_; }
+  NoiseModel noise(const Theta& x) const { return e_.noise(base(x), theta(x)); }
+
+private:
+  const EffectEstimator& e_;
+  const NoiseModel& base_;
+  size_t n_factors_;
+};
+
 // Joint search over the parameters of the effect and of the noise beside it.
 FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNoise& from, const Effect& effect,
                      bool asks_slow) {
@@ -171,27 +198,14 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
   FastFinding best;
   best.effect = &effect;
   best.gain_nats = -1e300;
-  Theta lo{-6, -9, -6}, hi{6, 9, 6};
-  const auto in = [&](double v) { return e.is_logarithmic() ? std::log(v) : v; };
-  const auto outward = [&](double v) { return e.is_logarithmic() ? std::exp(v) : v; };
-  for (size_t i = 0; i < e.theta_lo().size(); ++i) lo.push_back(in(e.theta_lo()[i])), hi.push_back(in(e.theta_hi()[i]));
-  const auto theta_of = [&](const Theta& at) {
-    Theta theta;
-    for (size_t i = 3; i < at.size(); ++i) theta.push_back(outward(at[i]));
-    return theta;
-  };
-  const auto value = [&](const Theta& at) {
-    return log_likelihood(e.noise(with_factors(from.base, at), theta_of(at)));
-  };
-  const auto with_theta = [&](Theta at, const Theta& theta) {
-    for (double v : theta) at.push_back(in(v));
-    return at;
-  };
+  const FastPlace place(e, from.base, true);
+  const Theta lo = place.lo(), hi = place.hi();
+  const auto value = [&](const Theta& x) { return log_likelihood(place.noise(x)); };
   const auto best_start = [&] {
     Theta x;
     double highest = -1e300;
     for (const Theta& theta : e.starts(from.base)) {
-      const Theta at = with_theta({0, 0, 0}, theta);
+      const Theta at = place.start(theta);
       if (const double v = value(at); v > highest) highest = v, x = at;
     }
     return x;
@@ -200,7 +214,7 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
   if (const Theta x = best_start(); !x.empty()) starts.push_back(x);
   // The fitted noise has swallowed what jumps: it starts like that process, beside what a smaller and faster one leaves.
   if ((e.is_jumping() || (asks_slow && e.is_slow_noise())) && !from.base.markov.empty())
-    starts.push_back(with_theta(left_by_swallowed(), e.like(slowest(from.base))));
+    starts.push_back(place.at(left_by_swallowed(), e.like(slowest(from.base))));
   SearchOptions options;
   options.step = 0.3, options.max_evaluations = kProbe, options.tolerance = 0.02;
   Theta x;
@@ -210,30 +224,46 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
   if (top - from.log_likelihood < kHopeless_nats) return best;
   options.max_evaluations = kThorough;
   top = maximise(value, &x, lo, hi, options);
-  best.theta = theta_of(x);
-  best.base = with_factors(from.base, x);
+  best.theta = place.theta(x);
+  best.base = place.base(x);
   best.gain_nats = top - from.log_likelihood;
-  const auto alone = [&](const Theta& at) { return log_likelihood(e.noise(best.base, at)); };
-  best.theta_errors = curvature_errors(alone, best.theta, e.theta_lo(), e.theta_hi());
+  set_errors(log_likelihood, &best);
   return best;
 }
 
 } // namespace
 
-std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
-                                         const std::vector<VectorXd>& residual,
-                                         const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                                         const SelectorConstants& constants, bool may_ask_slow) {
+double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, FastFinding* finding) {
+  const NoiseModel base = finding->base;
+  const FastPlace place(*finding->effect->estimator(), base, is_base_free);
+  Theta x = place.start(finding->theta);
+  SearchOptions options;
+  options.step = 0.1, options.max_evaluations = kThorough, options.tolerance = 0.02;
+  const double top =
+      maximise([&](const Theta& at) { return log_likelihood(place.noise(at)); }, &x, place.lo(), place.hi(), options);
+  finding->theta = place.theta(x), finding->base = place.base(x);
+  return top;
+}
+void set_errors(const ResidualLikelihood& log_likelihood, FastFinding* finding) {
+  const EffectEstimator& e = *finding->effect->estimator();
+  const auto alone = [&](const Theta& at) { return log_likelihood(e.noise(finding->base, at)); };
+  finding->theta_errors = curvature_errors(alone, finding->theta, e.theta_lo(), e.theta_hi());
+}
+
+FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from, const std::vector<VectorXd>& residual,
+                         const std::vector<const Effect*>& library, const std::vector<bool>& active,
+                         const SelectorConstants& constants, bool may_ask_slow) {
   const std::vector<VectorXd> e_of_base = whitened(campaign, gaussian_equivalent(from.base), residual);
   const Moments m = moments(e_of_base);
-  const bool changes_suddenly = in_sudden_changes(campaign, e_of_base, m, constants.rest_rate).evidence_nats > 0;
+  FastScan scan;
+  scan.changes_suddenly = in_sudden_changes(campaign, e_of_base, m, constants.rest_rate).evidence_nats > 0;
   const bool asks_slow =
       may_ask_slow && in_spectrum(campaign, summed_power(campaign, e_of_base), constants.rest_rate).evidence_nats > 0;
   const ResidualLikelihood log_likelihood(campaign, residual);
-  std::vector<FastFinding> list;
+  std::vector<FastFinding>& list = scan.findings;
   for (size_t j = 0; j < library.size(); ++j) {
     const EffectEstimator* e = library[j]->estimator();
-    if (!e || !active[j] || !is_asked(*e, campaign, m, changes_suddenly, asks_slow)) continue;
+    if (!e || !active[j] || !is_asked(*e, campaign, m, scan.changes_suddenly, asks_slow)) continue;
     FastFinding f = fit_fast(log_likelihood, from, *library[j], asks_slow);
     if (f.theta.empty()) continue;
     const NoiseModel with = e->noise(f.base, f.theta);
@@ -242,7 +272,7 @@ std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const Seconds
     list.push_back(f);
   }
   std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
-  return list;
+  return scan;
 }
 
 namespace {
@@ -255,6 +285,7 @@ constexpr double kMomentTail = 1.4;                        // moments of so many
 constexpr double kPieceTaus = 10, kFewestSidedPieces = 30; // pieces that know nothing of each other, and enough of them
 constexpr double kSidedRate =
     0.01; // at which signs drawn at random look one-sided; jumps up and down in turn do far less
+constexpr long kAfterHit[] = {3, 10, 30}; // samples after a hit
 constexpr double kFewestInCell = 60;
 constexpr double kFewestPeriods = 6;          // of a frequency in the longest run: the mean takes what is slower
 constexpr double kFewestDegreesOfFreedom = 8; // of a bin of the spectrum
@@ -409,6 +440,27 @@ bool is_one_sided(const Campaign& campaign, const std::vector<VectorXd>& residua
     z = std::max(z, one_sided_moment(e, std::exp(-campaign.dt_s / tau_s), std::max(1L, piece)));
   }
   return z > 0 && finding(Rest::kSuddenChanges, z * z, 1, kSidedRate / std::size(kSudden_s)).evidence_nats > 0;
+}
+
+bool do_hits_stay(const Campaign& campaign, const std::vector<VectorXd>& residual, const NoiseModel& noise,
+                  const SelectorConstants& constants) {
+  double sum[std::size(kAfterHit)] = {}, squares[std::size(kAfterHit)] = {};
+  for (size_t r = 0; r < residual.size(); ++r) {
+    VectorXd score, hit;
+    mixture_log_likelihood(campaign.runs[r], noise, residual[r], &score, &hit);
+    for (long k = 0; k < score.size(); ++k)
+      for (size_t i = 0; i < std::size(kAfterHit); ++i) {
+        const long n = kAfterHit[i];
+        if (k + n >= score.size()) continue;
+        const double after = score.segment(k + 1, n).sum() / std::sqrt(static_cast<double>(n));
+        sum[i] += std::copysign(hit[k], score[k]) * after, squares[i] += hit[k] * hit[k];
+      }
+  }
+  double z = 0;
+  for (size_t i = 0; i < std::size(kAfterHit); ++i)
+    if (squares[i] > 0) z = std::max(z, sum[i] / std::sqrt(squares[i]));
+  const double rate = constants.rest_rate / std::size(kAfterHit);
+  return finding(Rest::kSuddenChanges, z * z, 1, rate).evidence_nats > 0;
 }
 
 std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<VectorXd>& e,

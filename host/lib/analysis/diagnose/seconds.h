@@ -48,16 +48,30 @@ struct FastFinding {
   NoiseModel base; // noise parameters beside it
   double gain_nats = 0;
 };
-// Every kind of fast noise of the library that may be asked, best first.  `from`: noise that all of them contain.
+struct FastScan {
+  std::vector<FastFinding> findings; // best first
+  bool changes_suddenly = false;     // the innovations under `from`
+};
+// Every kind of fast noise of the library that may be asked.  `from`: noise that all of them contain.
 // `may_ask_slow`: kinds of slow noise too where that noise does not fit the spectrum of the residual.
-std::vector<FastFinding> scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
-                                         const std::vector<Eigen::VectorXd>& residual,
-                                         const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                                         const SelectorConstants& constants, bool may_ask_slow = false);
+FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
+                         const std::vector<Eigen::VectorXd>& residual, const std::vector<const Effect*>& library,
+                         const std::vector<bool>& active, const SelectorConstants& constants,
+                         bool may_ask_slow = false);
+// The parameters of a finding searched again on another residual, those of the noise beside it where `is_base_free`.
+// Returns the log-likelihood that they reach.
+double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, FastFinding* finding);
+// Standard errors of its parameters, the noise beside it as it is.
+void set_errors(const ResidualLikelihood& log_likelihood, FastFinding* finding);
 
 // Whether sudden changes go one way more than the other, as teeth do; telegraph noise jumps up and down in turn.  Said at a
 // rate of 1 in 100 at most where they do not.  `residual`: rate less the fitted mean; `noise`: of any kind.
 bool is_one_sided(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual, const NoiseModel& noise);
+
+// Whether what noise with hits takes for hits stays: innovations after a hit have its sign, as after a jump.  A hit is gone
+// with its sample.  Said at rest_rate where it is.
+bool do_hits_stay(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual, const NoiseModel& noise,
+                  const SelectorConstants& constants);
 
 // Tests of innovations that no effect owns.
 enum class Rest {

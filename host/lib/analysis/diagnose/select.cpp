@@ -22,6 +22,8 @@ constexpr size_t kBesideTried = 2;
 constexpr size_t kFewNames = 2; // what the library is made for; more names have to be worth more
 constexpr size_t kMostLines = 3;
 constexpr size_t kFewToDrift = 200000; // samples: lines that drift are not looked for in longer logs
+constexpr int kJumpingRounds = 3;      // of levels and of what is found without them
+constexpr int kJumpingPasses = 2;      // of the mean and of the noise beside noise that jumps, in turn
 constexpr size_t kMostJumps = 2;       // more are a noise that jumps, not events
 
 // A line that stands in the mean.
@@ -47,10 +49,11 @@ public:
       return std::move(out_);
     }
     do {
-      slow_stage();
+      slow_stage(&campaign_, held_out_);
       seconds();
     } while (takes_line());
     if (!lines_.empty()) measure_with_lines();
+    fast_stage();
     name_slow();
     name_undecided();
     name_fast();
@@ -60,16 +63,21 @@ public:
   }
 
 private:
+  struct Beside {
+    size_t candidate;
+    double nats;
+  };
   // The search in block means, what held-out data say of it, and what is left beside it.
-  void slow_stage() {
-    const double block_s = block_length_s(campaign_);
-    out_.data.reset(new SlowData(block_means(campaign_, block_s)));
-    campaign_.spread_dph = out_.data->spread_dph;
+  void slow_stage(Campaign* logs, const Campaign* held_out) {
+    const double block_s = block_length_s(*logs);
+    out_.data.reset(new SlowData(block_means(*logs, block_s)));
+    logs->spread_dph = out_.data->spread_dph;
     out_.search.reset(new SlowSearch(*out_.data, belief_, library_, active_, options_.constants));
-    if (options_.calibrate && lines_.empty()) options_.constants.mean_nats = options_.calibrate(out_.search.get());
+    const bool is_first = logs == &campaign_ && lines_.empty();
+    if (options_.calibrate && is_first) options_.constants.mean_nats = options_.calibrate(out_.search.get());
     if (options_.calibrate) out_.search->set_mean_threshold(options_.constants.mean_nats);
     out_.slow = out_.search->run();
-    if (held_out_) held_blocks_.reset(new Campaign(block_means(*held_out_, block_s)));
+    if (held_out) held_blocks_.reset(new Campaign(block_means(*held_out, block_s)));
     weigh_steps();
     weigh_noise();
     hold_out();
@@ -764,11 +772,255 @@ private:
     return h;
   }
 
+  // What the seconds say beside the slow causes.
+  void fast_stage() {
+    if (is_censored_) return; // the spread of what is left is not that of the noise
+    fast_ =
+        scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_, constants(), may_ask_slow_noise());
+    leave_hits_that_stay();
+    ask_jumping_noise();
+  }
+
+  void leave_hits_that_stay() {
+    std::vector<FastFinding>& list = fast_.findings;
+    const auto stays = [&](const FastFinding& f) {
+      const NoiseModel noise = f.effect->estimator()->noise(f.base, f.theta);
+      return noise.hit_probability > 0 && do_hits_stay(campaign_, final_fit_.residual, noise, constants());
+    };
+    list.erase(std::remove_if(list.begin(), list.end(), stays), list.end());
+  }
+
+  // Noise that jumps, beside what a hypothesis of the slow stage puts into the mean.
+  struct Jumping {
+    SlowModel mean;
+    FastFinding noise;
+    Fit fit;
+    bool is_believed = false; // the noise beside it
+    double log_likelihood = -1e300, retuned_nats = 0;
+    double score = -1e300; // less what its names and its noise cost
+  };
+  // What the slow stage says.
+  struct Answer {
+    std::unique_ptr<SlowData> data;
+    std::unique_ptr<SlowSearch> search;
+    SlowResult slow;
+    GapResult gap;
+    std::unique_ptr<Campaign> held_blocks;
+    std::vector<Beside> beside;
+    std::vector<SelectedEffect> dropped;
+    bool is_told_by_held_out = false;
+  };
+  void swap_answer(Answer* other) {
+    std::swap(out_.data, other->data), std::swap(out_.search, other->search), std::swap(out_.slow, other->slow);
+    std::swap(out_.gap, other->gap), std::swap(held_blocks_, other->held_blocks), std::swap(beside_, other->beside);
+    std::swap(selection().dropped, other->dropped);
+    std::swap(selection().is_told_by_held_out, other->is_told_by_held_out);
+  }
+  // Block means know no noise that jumps: other noise parameters, other kinds of noise, jumps in time and causes in the mean
+  // stand in for it there.  Where the seconds change suddenly it is asked for without them, beside the noise as believed;
+  // the levels that the logs show are taken out, and everything is asked again.
+  void ask_jumping_noise() {
+    const FastFinding* found = jumping_finding();
+    if (!jumping_kind() || !(fast_.changes_suddenly || (found && found->gain_nats > constants().fast_nats))) return;
+    if (!found && !belief_.has_believed) return;
+    has_teeth_ = found && is_one_sided(campaign_, final_fit_.residual, with_jumps(*found));
+    if (has_teeth_) return;
+    const double gaussian = from_.log_likelihood - charges(out_.slow.best, is_believed_);
+    const double fast = fast_.findings.empty() ? 0 : fast_.findings.front().gain_nats - constants().fast_nats;
+    Jumping alone = beside_mean(out_.slow.null, jumping_start(out_.slow.null));
+    Jumping first = first_jumping(alone);
+    Answer other;
+    const Jumping with = ask_in_turn(first, &alone, &other);
+    has_teeth_ = is_one_sided(campaign_, with.fit.residual, with_jumps(with.noise));
+    if (!has_teeth_ && with.score > gaussian + std::max(0.0, fast))
+      take_jumping(with, gaussian, other);
+    else
+      swap_answer(&other);
+  }
+  // Levels, and what is found without them, until nothing else is found.  Jumps in time are levels that are wrong, unless
+  // the seconds are less likely without them.
+  // `before`: where the answer goes that stood.
+  Jumping ask_in_turn(Jumping first, Jumping* alone, Answer* before) {
+    Jumping with;
+    for (int round = 0; round < kJumpingRounds; ++round) {
+      Campaign quiet = campaign_, quiet_held;
+      take_levels(first.noise, first.fit.residual, &quiet);
+      if (held_out_) {
+        quiet_held = *held_out_;
+        take_levels(first.noise, fit_hypothesis(quiet_held, hypothesis_beside(first)).residual, &quiet_held);
+      }
+      if (round == 0) swap_answer(before);
+      slow_stage(&quiet, held_out_ ? &quiet_held : nullptr);
+      with = last_jumping(first, *alone);
+      SlowModel causes = out_.slow.best;
+      if (is_bare(causes)) return with;
+      if (causes.steps.empty() && SlowSearch::have_same_names(causes, first.mean)) return with;
+      if (causes.steps.empty() && !causes.noise_effect) {
+        first = with;
+        continue;
+      }
+      causes.steps.clear(), causes.noise_effect = nullptr;
+      first = beside_mean(causes, with.noise, less_steps(with));
+      if (!causes.names.empty()) continue;
+      if (first.score > alone->score) *alone = first;
+      if (first.score < with.score) continue;
+      forget_causes();
+      return first;
+    }
+    return with;
+  }
+  // What the mean would leave if it had no jumps in time.
+  std::vector<VectorXd> less_steps(const Jumping& jumping) const {
+    std::vector<VectorXd> residual = jumping.fit.residual;
+    const Hypothesis h = hypothesis_beside(jumping);
+    const Design design = make_design(campaign_, h);
+    for (size_t c = 0; c < design.cols(); ++c) {
+      const int term = design.term_of_column[c];
+      if (term < 0 || h.terms[static_cast<size_t>(term)].form() != Form::kSteps) continue;
+      const auto column = static_cast<long>(c);
+      for (size_t r = 0; r < residual.size(); ++r) residual[r] += jumping.fit.beta[column] * design.x[r].col(column);
+    }
+    return residual;
+  }
+  const Effect* jumping_kind() const {
+    for (size_t j = 0; j < library_.size(); ++j)
+      if (const EffectEstimator* e = library_[j]->estimator(); e && active_[j] && e->is_jumping()) return library_[j];
+    return nullptr;
+  }
+  const FastFinding* jumping_finding() const {
+    for (const FastFinding& f : fast_.findings)
+      if (f.effect->estimator()->is_jumping()) return &f;
+    return nullptr;
+  }
+  static bool is_bare(const SlowModel& m) { return m.names.empty() && m.steps.empty() && !m.noise_effect; }
+  static NoiseModel with_jumps(const FastFinding& f) { return f.effect->estimator()->noise(f.base, f.theta); }
+  // What the names of a hypothesis and other noise than the believed one cost.
+  double charges(const SlowModel& m, bool is_believed) const {
+    const bool is_retuned = belief_.has_believed && !is_believed;
+    return m.value - out_.search->score(m) + (is_retuned ? constants().retuned_nats : 0);
+  }
+  Hypothesis hypothesis_beside(const Jumping& jumping) const {
+    SlowModel mean = jumping.mean;
+    mean.noise_effect = nullptr;
+    Hypothesis h = hypothesis_of(mean, true);
+    h.base_noise = jumping.noise.base;
+    h.terms.push_back(term_of(jumping.noise.effect, jumping.noise.effect->estimator(), jumping.noise.theta));
+    return h;
+  }
+  NoiseModel believed_beside(SlowModel m) const {
+    m.is_believed = true;
+    return out_.search->seconds_noise_of(m);
+  }
+  // The mean and the noise in turn, from what they are; returns the log-likelihood.
+  double improve(bool is_base_free, Jumping* jumping) const {
+    const std::vector<VectorXd> near = jumping->fit.residual;
+    jumping->fit = fit_hypothesis(campaign_, hypothesis_beside(*jumping), near.empty() ? nullptr : &near);
+    return fit_again(ResidualLikelihood(campaign_, jumping->fit.residual), is_base_free, &jumping->noise);
+  }
+  // Beside this mean, from this start: beside the believed noise, and beside other parameters where these gain more than
+  // they cost.  They also stand in for levels that are wrong: where they gain, the believed ones are tried with theirs.
+  // `near`: a residual that may be like that of this mean.
+  Jumping beside_mean(const SlowModel& mean, const FastFinding& start, const std::vector<VectorXd>& near = {}) const {
+    const bool has_believed = belief_.has_believed;
+    Jumping out;
+    out.mean = mean, out.noise = start, out.fit.residual = near;
+    if (has_believed) out.noise.base = believed_beside(mean);
+    for (int pass = 0; pass < kJumpingPasses; ++pass) out.log_likelihood = improve(!has_believed, &out);
+    for (int pass = 0; has_believed && !out.is_believed && pass < kJumpingPasses; ++pass) {
+      Jumping free = out;
+      const double value = improve(true, &free);
+      out.fit = free.fit, out.noise.theta = free.noise.theta;
+      out.log_likelihood = improve(false, &out);
+      out.retuned_nats = value - out.log_likelihood;
+      out.is_believed = out.retuned_nats <= constants().retuned_nats;
+      if (out.is_believed || pass + 1 < kJumpingPasses) continue;
+      out.noise = free.noise, out.fit = free.fit, out.log_likelihood = value;
+    }
+    set_errors(ResidualLikelihood(campaign_, out.fit.residual), &out.noise);
+    out.score = out.log_likelihood - charges(mean, out.is_believed) - constants().fast_nats;
+    return out;
+  }
+  // Like the finding, or like the process that the noise without it has taken it for, beside the believed noise.
+  FastFinding jumping_start(const SlowModel& mean) const {
+    FastFinding best;
+    best.effect = jumping_kind();
+    const EffectEstimator& e = *best.effect->estimator();
+    const FastFinding* found = jumping_finding();
+    if (!belief_.has_believed) return *found;
+    SlowModel causes = mean;
+    causes.noise_effect = nullptr;
+    Hypothesis h = hypothesis_of(causes, true);
+    h.base_noise = hypothesis_of(out_.slow.null, false).base_noise;
+    const ResidualLikelihood log_likelihood(campaign_, fit_hypothesis(campaign_, h).residual);
+    best.base = believed_beside(mean);
+    std::vector<Theta> starts = e.starts(best.base);
+    if (found) starts.push_back(found->theta);
+    if (!h.base_noise.markov.empty()) starts.push_back(e.like(slowest(h.base_noise)));
+    double highest = -1e300;
+    for (const Theta& theta : starts)
+      if (const double v = log_likelihood(e.noise(best.base, theta)); best.theta.empty() || v > highest)
+        highest = v, best.theta = theta;
+    return best;
+  }
+  // Beside the causes that the slow stage named, or without them.
+  Jumping first_jumping(const Jumping& alone) const {
+    if (out_.slow.best.names.empty()) return alone;
+    SlowModel causes = out_.slow.best;
+    causes.steps.clear(), causes.noise_effect = nullptr;
+    const Jumping beside = beside_mean(causes, jumping_start(causes));
+    return beside.score > alone.score ? beside : alone;
+  }
+  // What these logs show of the levels goes.
+  static void take_levels(const FastFinding& jumping, const std::vector<VectorXd>& residual, Campaign* logs) {
+    const NoiseModel noise = with_jumps(jumping);
+    for (size_t r = 0; r < logs->runs.size(); ++r) {
+      CampaignRun& run = logs->runs[r];
+      const VectorXd level = telegraph_level(run, noise, residual[r]).mean_dph;
+      for (long k = 0; k < level.size(); ++k)
+        run.input.rate_dph[static_cast<size_t>(run.used[static_cast<size_t>(k)])] -= level[k];
+    }
+  }
+  // Beside what is found without the levels, as far as the seconds are more likely with it.
+  Jumping last_jumping(const Jumping& first, const Jumping& alone) {
+    const SlowModel& best = out_.slow.best;
+    if (is_bare(best)) return alone;
+    const Jumping with = beside_mean(best, first.noise);
+    if (alone.score < with.score) return with;
+    forget_causes();
+    return alone;
+  }
+  void forget_causes() {
+    out_.slow.best = out_.slow.null;
+    out_.slow.evidence.clear(), out_.slow.rivals.clear(), out_.slow.replaced.clear();
+    beside_.clear(), selection().dropped.clear(), selection().is_told_by_held_out = false;
+  }
+  // `gaussian`: score of the best answer without noise that jumps; `before`: that answer.
+  void take_jumping(const Jumping& jumping, double gaussian, const Answer& before) {
+    FastFinding found = jumping.noise;
+    found.gain_nats = jumping_nats_ = jumping.score + constants().fast_nats - gaussian;
+    std::vector<FastFinding>& list = fast_.findings;
+    list.erase(std::remove_if(list.begin(), list.end(), [&](const auto& f) { return f.effect == found.effect; }),
+               list.end());
+    list.insert(list.begin(), found);
+    final_fit_ = jumping.fit;
+    from_.base = found.base, from_.log_likelihood = jumping.log_likelihood;
+    is_believed_ = jumping.is_believed, retuned_nats_ = jumping.retuned_nats;
+    SlowModel& best = out_.slow.best;
+    if (belief_.has_believed) best.is_believed = is_believed_;
+    if (is_believed_ && is_bare(best)) out_.slow.null.is_believed = true; // no slow noise beside the jumps
+    selection().final = hypothesis_of(best, true);
+    fit_own_base();
+    // Of the logs as they are.
+    SlowModel nominal = before.slow.null, causes = best;
+    causes.noise_effect = nullptr;
+    causes.take_noise_of(nominal);
+    nominal.is_without_lines = !lines_.empty();
+    out_.gap = measure_gap(*before.search, *before.data, before.held_blocks.get(), nominal, causes);
+  }
+
   void name_fast() {
     for (const NamedLine& line : lines_) name_line(line);
-    if (is_censored_) return; // the spread of what is left is not that of the noise
-    const std::vector<FastFinding> found =
-        scan_fast_noise(campaign_, from_, final_fit_.residual, library_, active_, constants(), may_ask_slow_noise());
+    const std::vector<FastFinding>& found = fast_.findings;
     if (found.empty() || found.front().gain_nats < constants().fast_nats) return;
     const FastFinding& best = found.front();
     SelectedEffect effect;
@@ -784,9 +1036,10 @@ private:
         effect.set.push_back({f.effect, nullptr, false, f.effect->family(), f.gain_nats, constants().fast_nats});
     if (is_slow && effect.set.size() > 1) open_member(&effect);
     if (is_slow && !effect.term.estimator->is_jumping()) add_same_spectrum(&effect);
-    const EffectEstimator& kind = *best.effect->estimator();
-    if (kind.is_jumping() && is_one_sided(campaign_, final_fit_.residual, kind.noise(best.base, best.theta)))
+    if (has_teeth_ && best.effect->estimator()->is_jumping()) {
       open_member(&effect);
+      effect.statement = "the family of the cause, not its member: it jumps one way more than the other, as teeth do";
+    }
     // What the fast noise explains better than a kind of slow noise takes its place.
     insert_by_evidence(effect);
     from_.base = best.base;
@@ -907,7 +1160,7 @@ private:
       s.final_fit = s.nominal_fit;
       return;
     }
-    s.final_fit = fit_hypothesis(campaign_, s.final);
+    s.final_fit = fit_hypothesis(campaign_, s.final, &final_fit_.residual);
     s.after = test_rest(campaign_, s.final_fit.e, constants());
   }
   bool leaves_something() {
@@ -937,10 +1190,14 @@ private:
   // The tests contradict the kind that is most likely: likelihoods do not exclude the others, which gain at all.
   void open_noise(SelectedEffect* effect) const {
     open_member(effect);
-    if (effect->family != Family::kSlowNoise || !out_.slow.best.names.empty()) return;
-    add_kinds_within(out_.slow.best.free_score() - out_.slow.null.free_score() + constants().noise_kind_nats,
-                     out_.slow.best, effect);
-    add_same_spectrum(effect);
+    if (effect->family == Family::kSlowNoise && out_.slow.best.names.empty()) {
+      add_kinds_within(out_.slow.best.free_score() - out_.slow.null.free_score() + constants().noise_kind_nats,
+                       out_.slow.best, effect);
+      add_same_spectrum(effect);
+    }
+    if (effect->statement.empty() && effect->set.size() == 1)
+      effect->statement =
+          "the family of the cause, not its member: the only one that explains it leaves what is no noise";
   }
   // A line is what it is: it stands in for nothing, unless lines remain.
   bool is_member(const SelectedEffect& effect) const {
@@ -956,7 +1213,7 @@ private:
     leave_those([&](const SelectedEffect& effect) { return is_member(effect); }, &named_);
   }
   double explained_nats() const {
-    double sum = out_.slow.best.free_score() - out_.slow.null.free_score();
+    double sum = out_.slow.best.free_score() - out_.slow.null.free_score() + jumping_nats_;
     for (const SelectedEffect& effect : named_)
       if (effect.family == Family::kFastNoise || effect.family == Family::kTone) sum += effect.gain_nats;
     return sum;
@@ -1068,13 +1325,12 @@ private:
   Fit final_fit_;
   SecondsNoise from_;
   NoiseModel own_base_; // under a kind of slow noise
-  struct Beside {
-    size_t candidate;
-    double nats;
-  };
   std::vector<Beside> beside_;
   std::optional<double> answer_predicts_; // log density of what was not fitted
   std::vector<NamedLine> lines_;          // in the mean already
+  FastScan fast_;
+  bool has_teeth_ = false;  // sudden changes go one way
+  double jumping_nats_ = 0; // gained by noise that jumps and that was taken out before the slow causes were asked for
 };
 
 } // namespace
