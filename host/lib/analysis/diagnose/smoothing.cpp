@@ -3,21 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include "base/units.h"
+#include <complex>
 
 namespace imucal {
 namespace {
 
-// Part of noise of n numbers that the smoother keeps: the mean of 1 / (1 + tau^4 (2 - 2 cos w)^2) over its frequencies.
-double kept_part(size_t n, double tau) {
-  const size_t places = std::min<size_t>(n, 4096); // as good as all of a longer series
-  double sum = 0;
-  for (size_t k = 0; k < places; ++k) {
-    const double bend = 2 - 2 * std::cos(kPi * (static_cast<double>(k) + 0.5) / static_cast<double>(places));
-    sum += 1 / (1 + std::pow(tau, 4) * bend * bend);
-  }
-  return sum / static_cast<double>(places);
+// Part of white noise that the smoother keeps: the mean of 1 / (1 + tau^4 (2 - 2 cos w)^2) over all frequencies w, which is that
+// of the real part of 1 / (1 + i tau^2 (2 - 2 cos w)).
+double kept_part(double tau) {
+  return std::real(1.0 / std::sqrt(std::complex<double>(1, 4 * tau * tau)));
 }
 
 // Mean square of the means of full blocks of y - z.
@@ -66,7 +60,7 @@ std::vector<double> whittaker(const std::vector<double>& y, double tau) {
 double best_tau(const std::vector<double>& y, const std::vector<double>& candidates, size_t block) {
   double best = candidates.front(), least = 0;
   for (double tau : candidates) {
-    const double kept = kept_part(y.size(), tau) * static_cast<double>(block); // of the noise of a mean
+    const double kept = kept_part(tau) * static_cast<double>(block); // of the noise of a mean
     if (kept >= 1) continue;
     const double error = block_error(y, whittaker(y, tau), block) / ((1 - kept) * (1 - kept));
     if (least == 0 || error < least) best = tau, least = error;
