@@ -227,6 +227,8 @@ def test_a_bias_that_follows_the_rate_of_a_cycling_chamber_leaves_no_tone(tmp_pa
 
 
 def test_poor_thermometers_without_a_gap_give_names_in_one_of_a_hundred_at_most(tmp_path):
+    """Of 560 draws 16 had a name, in 9 other noise parameters alone: more than is stated.  15 of the 16 had the same name
+    before; of 300 draws with a perfect thermometer in a chamber without a cycle 2 had one."""
     places = [(weather, step_degc) for weather in WEATHERS for step_degc in (0.001, 0.0625, 0.25, 0.5)]
     cases = [(seed, *place) for seed, place in enumerate(places)]
     named = [case for case in cases if found(tmp_path, quiet_logs(tmp_path, *case))]
@@ -253,7 +255,7 @@ def repeatable(folder, seed):
 
 
 def test_slow_noise_is_no_repeatable_cause_with_logs_held_out(tmp_path):
-    """Of 160 draws none had one."""
+    """Of 400 draws none had one, and none of the first 160 before."""
     seeds = range(60)
     named = [s for s in seeds if repeatable(tmp_path, s)]
     assert len(named) <= most_by_chance(len(seeds), 0.01), named
