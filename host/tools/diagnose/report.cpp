@@ -343,7 +343,7 @@ std::vector<std::string> notes(const AxisResult& axis) {
         format(
             " would gain %.0f nats on the fitted logs, but the held-out data do not support it (%.1f nats): not named",
             e.gain_nats, e.held_out_nats));
-  if (s.is_told_by_held_out && !s.effects.empty())
+  if (s.is_told_by_held_out && !s.effects.empty() && s.effects.front().family != Family::kSlowNoise)
     out.push_back("slow noise would explain the fitted logs as well; what is named is told by all logs together");
   if (s.n_dropouts > 0)
     out.push_back(format("%zu exact zeros far from their neighbours are drop-outs and were left out", s.n_dropouts));

@@ -18,6 +18,7 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr size_t kUndecidedTried = 4;
 constexpr size_t kPredictionTried = 3;
+constexpr double kForetold = 0.5; // of what a right name foretells, whose mean is 1
 constexpr size_t kBesideTried = 2;
 constexpr size_t kFewNames = 2; // what the library is made for; more names have to be worth more
 constexpr size_t kMostLines = 3;
@@ -188,7 +189,7 @@ private:
     for (size_t i = 0; i < order.size() && i < kPredictionTried; ++i) {
       const SlowModel& single = out_.slow.singles[order[i].second].model;
       double evidence = single.free_score() - out_.slow.null.free_score() - constants().mean_nats;
-      if (evidence < 0 && !is_undecided(noise, single)) return;
+      if (evidence < 0 && !is_undecided(noise, single)) continue;
       const double value = all_logs(single);
       const bool is_told = evidence < 0;
       if (is_told) evidence = value - alone - constants().mean_nats;
@@ -832,10 +833,22 @@ private:
     Answer other;
     const Jumping with = ask_in_turn(first, &alone, &other);
     has_teeth_ = is_one_sided(campaign_, with.fit.residual, with_jumps(with.noise));
-    if (!has_teeth_ && with.score > gaussian + std::max(0.0, fast))
+    if (!has_teeth_ && with.score > gaussian + std::max(0.0, fast) && !gives_up_what_comes_back(other))
       take_jumping(with, gaussian, other);
     else
       swap_answer(&other);
+  }
+  // Levels follow a jump at a temperature as well as one by chance, but foretell nothing: a name that foretells logs that were
+  // not fitted as a right one does is not given up for them.
+  bool gives_up_what_comes_back(const Answer& before) const {
+    const std::vector<SlowModel::Name>& now = out_.slow.best.names;
+    for (size_t i = 0; i < before.slow.best.names.size() && i < before.gap.at_all.size(); ++i) {
+      const size_t j = before.slow.best.names[i].candidate;
+      const GapResult::Support& all = before.gap.at_all[i];
+      const bool is_kept = std::any_of(now.begin(), now.end(), [&](const auto& name) { return name.candidate == j; });
+      if (!is_kept && all.nats > constants().fast_nats && all.nats > kForetold * all.expected) return true;
+    }
+    return false;
   }
   // Levels, and what is found without them, until nothing else is found.  Jumps in time are levels that are wrong, unless
   // the seconds are less likely without them.
