@@ -833,22 +833,24 @@ private:
     Answer other;
     const Jumping with = ask_in_turn(first, &alone, &other);
     has_teeth_ = is_one_sided(campaign_, with.fit.residual, with_jumps(with.noise));
-    if (!has_teeth_ && with.score > gaussian + std::max(0.0, fast) && !gives_up_what_comes_back(other))
+    if (!has_teeth_ && with.score > gaussian + std::max(0.0, fast) + foretold_by_lost(other))
       take_jumping(with, gaussian, other);
     else
       swap_answer(&other);
   }
-  // Levels follow a jump at a temperature as well as one by chance, but foretell nothing: a name that foretells logs that were
-  // not fitted as a right one does is not given up for them.
-  bool gives_up_what_comes_back(const Answer& before) const {
+  // Levels follow a jump at a temperature as well as one by chance, but foretell nothing: what the names that would go
+  // foretell of logs that were not fitted, as right names do, stands against them.
+  double foretold_by_lost(const Answer& before) const {
+    if (before.gap.method == HeldOut::kQuarters) return 0; // parts of one passage foretell nothing of another
     const std::vector<SlowModel::Name>& now = out_.slow.best.names;
+    double sum = 0;
     for (size_t i = 0; i < before.slow.best.names.size() && i < before.gap.at_all.size(); ++i) {
       const size_t j = before.slow.best.names[i].candidate;
       const GapResult::Support& all = before.gap.at_all[i];
       const bool is_kept = std::any_of(now.begin(), now.end(), [&](const auto& name) { return name.candidate == j; });
-      if (!is_kept && all.nats > constants().fast_nats && all.nats > kForetold * all.expected) return true;
+      if (!is_kept && all.nats > kForetold * all.expected) sum += std::max(0.0, all.nats);
     }
-    return false;
+    return sum;
   }
   // Levels, and what is found without them, until nothing else is found.  Jumps in time are levels that are wrong, unless
   // the seconds are less likely without them.
