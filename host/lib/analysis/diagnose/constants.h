@@ -39,7 +39,7 @@ struct SelectorConstants {
   double lack_part = 0.1;
   double foretold_nats = 5;
   double least_share = 0.1;
-  double beside_free_part = 1.0 / 3;
+  double beside_free_part = 0.33;
   double noise_margin_nats = 6;
   double against_nats = 3;
   // Fast causes in the seconds (seconds.cpp, select.cpp, shared.cpp).
