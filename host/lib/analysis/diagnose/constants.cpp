@@ -69,6 +69,10 @@ std::vector<SelectorConstant> of_selection() {
       {"foretold_nats", &C::foretold_nats,
        "what a free shape that costs less than lack_nats beside an answer must gain on data that were not fitted",
        "likelihood ratio of data not fitted: 1 in 150 at most", false},
+      {"foretold_part", &C::foretold_part,
+       "part of what a right name foretells of other logs that noise which jumps has to make up for before it takes "
+       "its place",
+       "half of the mean of right names", true},
       {"least_share", &C::least_share, "share of the gain of the least of three causes from which they are a stand-in",
        "two causes hold nine tenths where there are not three", true},
       {"beside_free_part", &C::beside_free_part,

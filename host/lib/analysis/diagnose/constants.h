@@ -38,6 +38,7 @@ struct SelectorConstants {
   double lack_nats = 3;
   double lack_part = 0.1;
   double foretold_nats = 5;
+  double foretold_part = 0.5;
   double least_share = 0.1;
   double beside_free_part = 0.33;
   double noise_margin_nats = 6;

@@ -18,7 +18,6 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr size_t kUndecidedTried = 4;
 constexpr size_t kPredictionTried = 3;
-constexpr double kForetold = 0.5; // of what a right name foretells, whose mean is 1
 constexpr size_t kBesideTried = 2;
 constexpr size_t kFewNames = 2; // what the library is made for; more names have to be worth more
 constexpr size_t kMostLines = 3;
@@ -602,10 +601,9 @@ private:
   }
   // Noise that jumps between levels does so again and again.
   void add_jumping_noise(SelectedEffect* effect) const {
-    for (size_t j = 0; j < library_.size(); ++j)
-      if (const EffectEstimator* e = library_[j]->estimator(); e && active_[j] && e->is_jumping())
-        effect->set.push_back({library_[j], nullptr, false, library_[j]->family(), effect->gain_nats,
-                               effect->gain_nats - effect->evidence_nats});
+    if (const Effect* kind = jumping_kind())
+      effect->set.push_back(
+          {kind, nullptr, false, kind->family(), effect->gain_nats, effect->gain_nats - effect->evidence_nats});
   }
 
   // Slow noise explains it, but a repeatable cause that takes most of it would do so as well.
@@ -848,7 +846,7 @@ private:
       const size_t j = before.slow.best.names[i].candidate;
       const GapResult::Support& all = before.gap.at_all[i];
       const bool is_kept = std::any_of(now.begin(), now.end(), [&](const auto& name) { return name.candidate == j; });
-      if (!is_kept && all.nats > kForetold * all.expected) sum += std::max(0.0, all.nats);
+      if (!is_kept && all.nats > constants().foretold_part * all.expected) sum += std::max(0.0, all.nats);
     }
     return sum;
   }

@@ -36,10 +36,9 @@ std::vector<double> whittaker(const std::vector<double>& y, double tau) {
   std::vector<double> pivot(n), next(n, 0.0), after(n, 0.0), z(n);
   for (size_t t = 0; t < n; ++t) {
     const bool is_seen = std::isfinite(y[t]);
-    // D'D: 1 -2 1 / -2 5 -4 1 / 1 -4 6 -4 1 / ... and the same from the other end.
-    const size_t from_end = std::min(t, n - 1 - t);
-    const double centre = n == 3 ? (from_end == 1 ? 4 : 1) : from_end == 0 ? 1 : from_end == 1 ? 5 : 6;
-    const double beside = t == 0 || t + 2 == n ? -2 : -4;
+    // D'D: a number stands in the second differences that begin two and one before it and at it, as 1, -2 and 1.
+    const int last = t >= 2, middle = t >= 1 && t + 1 < n, first = t + 2 < n;
+    const int centre = last + 4 * middle + first, beside = -2 * (middle + first);
     double p = (is_seen ? 1 : 0) + weight * centre, b = weight * beside, x = is_seen ? y[t] : 0;
     if (t >= 1) p -= next[t - 1] * next[t - 1] * pivot[t - 1], b -= next[t - 1] * after[t - 1] * pivot[t - 1];
     if (t >= 2) p -= after[t - 2] * after[t - 2] * pivot[t - 2];
