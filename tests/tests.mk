@@ -39,7 +39,7 @@ system-test:  ## run the pytest tests of the built programs
 	$(Q)BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider $(if $(T),-k $(T)) tests/system tests/python; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
 
 # The host side again under AddressSanitizer and UndefinedBehaviorSanitizer, in its own build folder.
-sanitize:  ## unit tests and quick system tests under ASan and UBSan
+sanitize:  ## unit tests under ASan and UBSan
 	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize VENV=$(VENV) SANITIZE=1 -j2 host unit-programs
 	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize VENV=$(VENV) SANITIZE=1 unit-test
 

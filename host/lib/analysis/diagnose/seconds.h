@@ -13,8 +13,9 @@ namespace imucal {
 // Log-likelihood of noise models on a residual (rate minus fitted mean) of all runs; Gaussian models and mixtures.
 class ResidualLikelihood {
 public:
-  // Both must outlive it.
+  // Both must outlive it: the residual is no temporary.
   ResidualLikelihood(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual);
+  ResidualLikelihood(const Campaign& campaign, std::vector<Eigen::VectorXd>&& residual) = delete;
   double operator()(const NoiseModel& noise) const; // -1e300 where it is not finite
 
 private:

@@ -964,7 +964,8 @@ private:
     causes.noise_effect = nullptr;
     Hypothesis h = hypothesis_of(causes, true);
     h.base_noise = hypothesis_of(out_.slow.null, false).base_noise;
-    const ResidualLikelihood log_likelihood(campaign_, fit_hypothesis(campaign_, h).residual);
+    const Fit fit = fit_hypothesis(campaign_, h);
+    const ResidualLikelihood log_likelihood(campaign_, fit.residual);
     best.base = believed_beside(mean);
     std::vector<Theta> starts = e.starts(best.base);
     if (found) starts.push_back(found->theta);
