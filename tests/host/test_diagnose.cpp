@@ -796,6 +796,23 @@ static void test_members_are_no_names_beside_a_shape_that_holds_more(void**) {
   }
 }
 
+// A curve over temperature that wanders as far as it likes: what a jump at a temperature takes of it is a part of that curve.
+static void test_a_part_of_a_free_curve_over_temperature_is_no_name(void**) {
+  for (const uint64_t seed : {3u, 4u, 5u, 6u, 8u, 10u, 12u, 28u, 31u}) {
+    Rng rng(seed, 11, 0, Stream::kTool);
+    double walk[64] = {};
+    for (int i = 1; i < 64; ++i) walk[i] = walk[i - 1] + rng.normal();
+    const auto f = [&](double, double temp) {
+      const double x = std::clamp(temp + 2, 0.0, 62.0);
+      const int i = static_cast<int>(x);
+      return 20 * (walk[i] + (x - i) * (walk[i + 1] - walk[i]));
+    };
+    const Selection said = answer_to(f, 3 * seed, 0, true);
+    assert_true(said.verdict == Verdict::kUnexplained && said.effects.size() == 1);
+    assert_true(said.effects[0].doubt == Doubt::kShapeOpen && said.effects[0].family == Family::kFunctionOfTemperature);
+  }
+}
+
 // In one log slow noise explains what follows the direction of the temperature; three held-out logs tell that it comes back.
 static void test_held_out_logs_tell_a_cause_from_slow_noise(void**) {
   const auto f = [](double t, double) {
@@ -1289,6 +1306,7 @@ int main() {
       cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),
       cmocka_unit_test(test_causes_of_no_family_are_not_named),
       cmocka_unit_test(test_members_are_no_names_beside_a_shape_that_holds_more),
+      cmocka_unit_test(test_a_part_of_a_free_curve_over_temperature_is_no_name),
       cmocka_unit_test(test_held_out_logs_tell_a_cause_from_slow_noise),
       cmocka_unit_test(test_jumps_that_come_again_and_again_are_no_events),
       cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),

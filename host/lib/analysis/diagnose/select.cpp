@@ -419,6 +419,7 @@ private:
       }
     for (size_t j : out_.slow.replaced) selection().remainders.push_back(evidence_of(j, 0, 0));
     open_by_lack();
+    leave_beside_open_family();
     if (!best.steps.empty() && !is_medley) name_steps();
     if (best.noise_effect && !out_.slow.evidence.empty() && out_.slow.evidence.back() > 0 && !is_medley)
       name_slow_noise();
@@ -428,6 +429,19 @@ private:
     const double all = out_.slow.best.free_score() - out_.slow.null.free_score();
     const double least = std::min(shape_nats, constants().beside_free_part * all);
     leave_those([&](const SelectedEffect& e) { return !is_free(e) && e.gain_nats < least; }, list);
+  }
+  // Nor is a member told beside a larger answer of its family whose shape is open.
+  void leave_beside_open_family() {
+    std::vector<SelectedEffect> open;
+    for (const SelectedEffect& effect : named_)
+      if (effect.doubt == Doubt::kShapeOpen) open.push_back(effect);
+    const auto is_part = [&](const SelectedEffect& effect) {
+      return effect.doubt != Doubt::kShapeOpen &&
+             std::any_of(open.begin(), open.end(), [&](const SelectedEffect& whole) {
+               return whole.family == effect.family && whole.gain_nats > effect.gain_nats;
+             });
+    };
+    leave_those(is_part, &named_);
   }
   // More names than few, none of which could be left out: their sum is a stand-in for a cause of another shape.
   bool is_made_of_many(const std::vector<SelectedEffect>& list) const {
@@ -1232,8 +1246,8 @@ private:
       if (effect.family == Family::kFastNoise || effect.family == Family::kTone) sum += effect.gain_nats;
     return sum;
   }
-  // A kind of slow noise beside a cause whose shape is open is what that shape leaves, and so is one of fast noise that holds
-  // little beside it.
+  // A kind of slow noise beside a cause whose shape is open is what that shape leaves, and so are one of fast noise and
+  // other noise parameters that hold little beside it.
   void leave_noise_beside_shapes() {
     const auto is_open = [](const SelectedEffect& effect) { return effect.doubt == Doubt::kShapeOpen; };
     const bool leaves_shape = has_free_function() || std::any_of(named_.begin(), named_.end(), is_open);
@@ -1244,6 +1258,7 @@ private:
       return effect.family == Family::kSlowNoise || effect.gain_nats < least;
     };
     leave_those(is_noise, &named_);
+    leave_those([&](const SelectedEffect& effect) { return effect.gain_nats < least; }, &retuned_);
   }
 
   void fill_coefficients(const Fit& fit) {
