@@ -960,6 +960,28 @@ static void test_a_cause_is_found_beside_noise_that_follows_the_temperature(void
                        "markov_sigma_vs_temperature");
 }
 
+// Beside a cause as alone: kinds of slow noise that do nearly as well are in the set.
+static void test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well(void**) {
+  for (const uint64_t seed : {407u, 410u, 415u, 422u}) {
+    Rng rng(seed, 3, 0, Stream::kTool);
+    double states[6] = {};
+    // Flicker noise: Markov processes of one size, their time constants a factor of four apart.
+    const auto f = [&](double, double temp) {
+      double sum = 0;
+      for (int i = 0; i < 6; ++i) {
+        const double phi = std::exp(-1 / (4 * std::pow(4.0, i)));
+        states[i] = phi * states[i] + std::sqrt(1 - phi * phi) * rng.normal();
+        sum += states[i];
+      }
+      return 7 * sum + 90 * std::exp(-0.5 * std::pow((temp - 41) / 3, 2));
+    };
+    const Selection said = answer_to(f, 5 * seed, 0, true);
+    const std::set<std::string> members = members_of(said);
+    for (const char* kind : {"thermal_anomaly", "second_markov", "flicker_noise"})
+      assert_int_equal(members.count(kind), 1);
+  }
+}
+
 static void test_two_members_are_found_that_one_free_shape_stands_for(void**) {
   const auto f = [](double temp, double) {
     const double x = (temp - 30) / 30;
@@ -1314,6 +1336,7 @@ int main() {
       cmocka_unit_test(test_a_coarse_thermometer_has_a_quiet_slope_up_to_the_ends),
       cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),
       cmocka_unit_test(test_a_cause_is_found_beside_noise_that_follows_the_temperature),
+      cmocka_unit_test(test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well),
       cmocka_unit_test(test_two_members_are_found_that_one_free_shape_stands_for),
       cmocka_unit_test(test_a_slope_that_ages_is_no_slow_noise),
       cmocka_unit_test(test_what_a_free_shape_foretells_opens_a_name_to_its_family),

@@ -713,6 +713,11 @@ struct SlowSearch::Impl {
     start_like_best(m, &list);
     return list;
   }
+  std::vector<SlowCandidateScore> kinds_beside(const SlowModel& m) const {
+    SlowModel quiet = m;
+    quiet.noise_effect = nullptr;
+    return scan_noises(polished(quiet), noise_effects.size());
+  }
   // Kinds of noise that could be like the best of them, from there: a random walk is the end of a valley of Markov
   // processes, along which a search from elsewhere stops.
   void start_like_best(const SlowModel& m, std::vector<SlowCandidateScore>* list) const {
@@ -1304,6 +1309,9 @@ double SlowSearch::evidence_of(const SlowModel& model, size_t name) const {
 }
 std::vector<SlowCandidateScore> SlowSearch::free_beside(const SlowModel& model, size_t most) const {
   return impl_->free_beside(model, most);
+}
+std::vector<SlowCandidateScore> SlowSearch::kinds_beside(const SlowModel& model) const {
+  return impl_->kinds_beside(model);
 }
 SlowModel SlowSearch::with_free_function(const SlowModel& model, const SlowModel& also) const {
   return impl_->with_free_function(model, also);

@@ -132,6 +132,8 @@ public:
   SlowModel beside_believed(const SlowModel& model) const;
   // The same kind of noise where it takes most of what the rest of the noise held.
   SlowModel in_place_of_base(const SlowModel& model) const;
+  // Every kind of slow noise in the place of that of a model, beside the same names, each from its best start.
+  std::vector<SlowCandidateScore> kinds_beside(const SlowModel& model) const;
   // Noise and shape parameters estimated again.
   SlowModel polished(const SlowModel& model) const;
   // After a name of `best` was taken away: estimated again, members in the place of free shapes where they gain nearly as

@@ -563,7 +563,7 @@ private:
     effect.held_out_nats = kNaN;
     const double threshold = constants().noise_nats;
     effect.set = {{best.noise_effect, nullptr, false, effect.family, effect.gain_nats, threshold}};
-    if (best.names.empty()) add_kinds_within(constants().noise_margin_nats, best, &effect);
+    add_kinds_within(constants().noise_margin_nats, best, &effect);
     if (effect.set.size() > 1) open_member(&effect);
     add_same_spectrum(&effect);
     if (best.names.empty()) add_means_that_do_as_well(&effect);
@@ -591,7 +591,8 @@ private:
   // Kinds of slow noise that gain less than an answer by no more than this, best first.
   void add_kinds_within(double margin_nats, const SlowModel& answer, SelectedEffect* effect) const {
     std::vector<CandidateEvidence> kinds;
-    for (const SlowCandidateScore& s : out_.slow.noises) {
+    const bool is_alone = answer.names.empty() && answer.steps.empty();
+    for (const SlowCandidateScore& s : is_alone ? out_.slow.noises : out_.search->kinds_beside(answer)) {
       if (!s.model.noise_effect || is_in_set(*effect, s.model.noise_effect)) continue;
       const SlowModel m = is_needed(s.model) ? s.model : out_.search->in_place_of_base(s.model);
       const double gap = answer.free_score() - m.free_score();
