@@ -14,12 +14,6 @@ constexpr double kMostNegative = 0.97;        // of the white noise that the blo
 constexpr double kFar = 8;                    // noise standard deviations from the median of a block
 constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
 
-double median(std::vector<double> x) {
-  const size_t middle = x.size() / 2;
-  std::nth_element(x.begin(), x.begin() + static_cast<long>(middle), x.end());
-  return x[middle];
-}
-
 // Sums over the rows of one block.
 struct BlockSum {
   double rows = 0, t_s = 0, temp = 0, smooth = 0, slope = 0, tn = 0;
@@ -85,6 +79,12 @@ CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
 }
 
 } // namespace
+
+double median(std::vector<double> x) {
+  const size_t middle = x.size() / 2;
+  std::nth_element(x.begin(), x.begin() + static_cast<long>(middle), x.end());
+  return x[middle];
+}
 
 double block_length_s(const Campaign& seconds) {
   const double total_s = static_cast<double>(seconds.n()) * seconds.dt_s;
