@@ -18,6 +18,7 @@
 #include "analysis/diagnose/seconds.h"
 #include "analysis/diagnose/shared.h"
 #include "analysis/diagnose/smoothing.h"
+#include "analysis/diagnose/thermometer.h"
 #include "base/rng.h"
 #include "base/units.h"
 // After the others: it defines a macro `fail`.
@@ -170,6 +171,102 @@ static void test_slopes_do_not_reach_across_a_long_gap(void**) {
   const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
   const RunInput& in = campaign.runs[0].input;
   for (size_t i = 900; i < 1100; ++i) assert_near(in.rate_degc_min[i], 1.8, 1e-6);
+}
+
+// The temperature of a log up a ramp, through a soak of ten minutes and on, in steps of its thermometer.
+static std::vector<double> ramp_soak_ramp(double step_degc, double noise_degc, double after_degc_per_s) {
+  std::vector<double> degc;
+  Rng rng(11, 0, 0, Stream::kTool);
+  double at = 10;
+  for (size_t k = 0; k < 3000; ++k) {
+    at += k < 1200 ? 0.02 : k < 1800 ? 0 : k < 1900 ? after_degc_per_s : 0.02;
+    const double seen = at + noise_degc * rng.normal();
+    degc.push_back(step_degc > 0 ? step_degc * std::round(seen / step_degc) : seen);
+  }
+  return degc;
+}
+
+static std::vector<double> every_second(size_t n) {
+  std::vector<double> t_s;
+  for (size_t k = 0; k < n; ++k) t_s.push_back(static_cast<double>(k + 1));
+  return t_s;
+}
+
+static void stick(std::vector<double>* degc, size_t first, size_t end) {
+  for (size_t k = first; k < end; ++k) (*degc)[k] = (*degc)[first];
+}
+
+static void test_a_stuck_thermometer_is_found_with_its_seconds(void**) {
+  for (const double step_degc : {0.0, 0.001, 0.0625, 0.1}) {
+    std::vector<double> degc = ramp_soak_ramp(step_degc, 0.01, 0.02);
+    stick(&degc, 300, 400);
+    stick(&degc, 2000, 2300);
+    const std::vector<Hold> holds = stuck_thermometer(every_second(degc.size()), 1, degc);
+    assert_int_equal(holds.size(), 2);
+    // A coarse thermometer may have shown this reading some seconds before it was stuck.
+    assert_in_range(holds[0].first, 290, 300);
+    assert_int_equal(holds[0].end, 400);
+    assert_in_range(holds[1].first, 1990, 2000);
+    assert_int_equal(holds[1].end, 2300);
+  }
+}
+
+// Ten minutes with one reading: a soak that ends slowly, fast, with a wrong second or in missing rows.
+static void test_a_soak_is_no_stuck_thermometer(void**) {
+  for (const double step_degc : {0.001, 0.0625, 0.1, 0.5})
+    for (const double after_degc_per_s : {0.005, 0.02, 0.15, 2.5}) {
+      std::vector<double> degc = ramp_soak_ramp(step_degc, 0, after_degc_per_s);
+      std::vector<double> t_s = every_second(degc.size());
+      assert_true(stuck_thermometer(t_s, 1, degc).empty());
+      degc[1500] += 5;
+      assert_true(stuck_thermometer(t_s, 1, degc).empty());
+      stick(&degc, 300, 400);
+      for (size_t k = 400; k < t_s.size(); ++k) t_s[k] += 60;
+      assert_true(stuck_thermometer(t_s, 1, degc).empty());
+    }
+}
+
+static void test_thermometers_that_mostly_rest_are_not_stuck(void**) {
+  const std::vector<double> t_s = every_second(3000);
+  std::vector<double> degc = ramp_soak_ramp(0, 0.01, 0.02);
+  stick(&degc, 100, 1700); // more than half of the log
+  assert_true(stuck_thermometer(t_s, 1, degc).empty());
+  degc = ramp_soak_ramp(0, 0.01, 0.15); // read once in 90 s, also while the temperature runs
+  for (size_t k = 0; k < degc.size(); ++k) degc[k] = degc[k - k % 90];
+  assert_true(stuck_thermometer(t_s, 1, degc).empty());
+  assert_true(stuck_thermometer(t_s, 1, std::vector<double>(3000, 20.0)).empty());
+  assert_true(stuck_thermometer(t_s, 1, std::vector<double>(3000, std::nan(""))).empty());
+  assert_true(stuck_thermometer({}, 1, {}).empty());
+}
+
+template <typename T> static void erase_rows(std::vector<T>* column, size_t first, size_t end) {
+  column->erase(column->begin() + static_cast<long>(first), column->begin() + static_cast<long>(end));
+}
+
+// Flags and auxiliary columns included, a log with a stuck thermometer is one without these seconds.
+static void test_seconds_of_a_stuck_thermometer_are_as_if_missing(void**) {
+  Log log = simulated_log(9, 3000, false, 0);
+  Rng rng(12, 0, 0, Stream::kTool);
+  for (double& degc : log.temp_degc) degc += 0.01 * rng.normal();
+  for (size_t k = 0; k < log.size(); ++k) {
+    log.axes[0].flags.push_back(k % 50 == 7 ? kSaturated : 0);
+    log.auxiliary["supply_v"].push_back(5 + 0.001 * static_cast<double>(k));
+  }
+  stick(&log.temp_degc, 700, 1100); // longer than what is smoothed through
+  stick(&log.temp_degc, 2000, 2120);
+  Log without = log;
+  for (const auto& [first, end] : {std::pair<size_t, size_t>{2001, 2120}, {701, 1100}}) {
+    erase_rows(&without.t_s, first, end), erase_rows(&without.temp_degc, first, end);
+    erase_rows(&without.axes[0].rate_dph, first, end), erase_rows(&without.axes[0].flags, first, end);
+    erase_rows(&without.auxiliary["supply_v"], first, end);
+  }
+  const CampaignRun a = make_campaign({log}, "gx_dph", nominal_model()).runs[0];
+  const CampaignRun b = make_campaign({without}, "gx_dph", nominal_model()).runs[0];
+  assert_int_equal(a.holds.size(), 2);
+  assert_int_equal(b.holds.size(), 0);
+  assert_true(a.used == b.used && a.steps == b.steps && a.input.tick == b.input.tick);
+  assert_true(a.input.smooth_degc == b.input.smooth_degc && a.input.rate_degc_min == b.input.rate_degc_min);
+  assert_true(a.input.tn == b.input.tn && a.input.auxiliary == b.input.auxiliary);
 }
 
 static void test_likelihood_equals_that_of_the_dense_gaussian_with_gaps(void**) {
@@ -1346,6 +1443,10 @@ int main() {
       cmocka_unit_test(test_slopes_do_not_reach_across_a_long_gap),
       cmocka_unit_test(test_whittaker_solves_its_normal_equations),
       cmocka_unit_test(test_a_chamber_s_cycle_and_corners_stay_in_the_smoothed_temperature),
+      cmocka_unit_test(test_a_stuck_thermometer_is_found_with_its_seconds),
+      cmocka_unit_test(test_a_soak_is_no_stuck_thermometer),
+      cmocka_unit_test(test_thermometers_that_mostly_rest_are_not_stuck),
+      cmocka_unit_test(test_seconds_of_a_stuck_thermometer_are_as_if_missing),
       cmocka_unit_test(test_kinds_of_noise_stand_beside_other_parameters),
       cmocka_unit_test(test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed),

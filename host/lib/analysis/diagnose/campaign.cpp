@@ -251,21 +251,42 @@ Campaign empty_campaign(const std::vector<Log>& logs, const std::string& axis, c
   return campaign;
 }
 
+// Rows of a log but those in which its thermometer gave the reading of an earlier one.
+std::vector<size_t> rows_without(const std::vector<Hold>& holds, size_t n_rows) {
+  std::vector<size_t> rows;
+  size_t next = 0;
+  for (const Hold& hold : holds) {
+    for (; next <= hold.first; ++next) rows.push_back(next);
+    next = hold.end;
+  }
+  for (; next < n_rows; ++next) rows.push_back(next);
+  return rows;
+}
+
+Column picked(const Column& column, const std::vector<size_t>& rows) {
+  Column out;
+  out.reserve(rows.size());
+  for (size_t row : rows) out.push_back(column[row]);
+  return out;
+}
+
 CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
   const LogAxis& column = log.axis(campaign.axis);
   CampaignRun run;
+  if (campaign.has_temperature) run.holds = stuck_thermometer(log.t_s, campaign.dt_s, log.temp_degc);
+  const std::vector<size_t> rows = rows_without(run.holds, log.size());
   RunInput& in = run.input;
   in.log = place;
   in.dt_s = campaign.dt_s;
   in.t0_degc = campaign.t0_degc;
   in.range_degc = campaign.range_degc;
-  in.auxiliary = log.auxiliary;
+  for (const auto& [name, values] : log.auxiliary) in.auxiliary[name] = picked(values, rows);
   run.start_s = log.t_s.front();
-  set_times(log.t_s, campaign.dt_s, &in);
-  in.rate_dph = column.rate_dph;
-  for (size_t i = 0; i < column.flags.size(); ++i)
-    if (column.flags[i] & (kSaturated | kSensorFault)) in.rate_dph[i] = std::nan("");
-  in.temp_degc = campaign.has_temperature ? filled(in.t_s, log.temp_degc) : std::vector<double>(in.size(), 0.0);
+  set_times(picked(log.t_s, rows), campaign.dt_s, &in);
+  in.rate_dph = picked(column.rate_dph, rows);
+  for (size_t i = 0; i < rows.size() && !column.flags.empty(); ++i)
+    if (column.flags[rows[i]] & (kSaturated | kSensorFault)) in.rate_dph[i] = std::nan("");
+  in.temp_degc = campaign.has_temperature ? filled(in.t_s, picked(log.temp_degc, rows)) : Column(in.size(), 0.0);
   return run;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "analysis/diagnose/thermometer.h"
 #include "io/log.h"
 #include "physics/effects/estimation.h"
 
@@ -16,9 +17,10 @@ constexpr double kLeastSpan_degc = 2;
 
 struct CampaignRun {
   RunInput input;
-  std::vector<int> used;  // rows with a usable rate, increasing
-  std::vector<int> steps; // per used row: seconds (in units of dt) since the used row before; first: 0
-  double start_s = 0;     // t_s of the first row in the log
+  std::vector<int> used;   // rows with a usable rate, increasing
+  std::vector<int> steps;  // per used row: seconds (in units of dt) since the used row before; first: 0
+  double start_s = 0;      // t_s of the first row in the log
+  std::vector<Hold> holds; // rows of the log: all but the first of each are left out
   size_t n() const { return used.size(); }
 };
 
@@ -39,8 +41,9 @@ struct Campaign {
 };
 
 // The runs of one axis.  Seconds without a rate, or flagged as saturated or faulty, are left out: the filters
-// then predict over them.  `steps` counts seconds by time stamps, never rows. data_error: a log without that
-// axis, an axis that is not a gyro, fewer than 60 usable seconds.
+// then predict over them.  Seconds in which the thermometer was stuck have no row, as if they were missing in the
+// log.  `steps` counts seconds by time stamps, never rows. data_error: a log without that axis, an axis that is not
+// a gyro, fewer than 60 usable seconds.
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model);
 
 // Leave further samples out (those a structural effect has spoilt): per run and row.

@@ -228,6 +228,21 @@ void check_steady(const Campaign& campaign, std::vector<std::string>* warnings) 
   if (std::find(warnings->begin(), warnings->end(), text) == warnings->end()) warnings->push_back(text);
 }
 
+// A stuck thermometer is the engineer's to mend, and what he may look for in those minutes is not in the answer.
+void tell_stuck(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings) {
+  for (const CampaignRun& run : campaign.runs) {
+    const Log& log = logs[run.input.log];
+    for (const Hold& hold : run.holds) {
+      char text[200];
+      std::snprintf(text, sizeof text,
+                    ": the thermometer is stuck at %g degC from %.0f to %.0f s and then jumps to %g degC: "
+                    "these seconds are left out",
+                    log.temp_degc[hold.first], log.t_s[hold.first], log.t_s[hold.end - 1], log.temp_degc[hold.end]);
+      warnings->push_back(log.path + text);
+    }
+  }
+}
+
 // Sets and gets the threshold of the names in the mean: what draws of the fitted noise gain, kept by a hash of
 // everything that they depend on.
 struct Calibrated {
@@ -272,11 +287,13 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     axis.warnings.push_back(options.model_path + ": its effect " + left + " is not taken out of axis " + name +
                             ": it differs from run to run by chance");
   check_steady(axis.campaign, &axis.warnings);
+  tell_stuck(axis.campaign, logs, &axis.warnings);
   const NoiseBelief belief = belief_of(options, model, name);
   if (belief.has_believed) check_scale(axis.campaign, belief.model, &axis.warnings);
   Campaign unseen;
   if (!held_out.empty()) {
     unseen = make_campaign(held_out, name, model);
+    tell_stuck(unseen, held_out, &axis.warnings);
     take_out_known(model, name, &unseen);
   }
   const std::vector<const Effect*>& library = effect_library();
