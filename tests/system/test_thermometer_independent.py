@@ -140,7 +140,14 @@ def found(folder, logs, held_out=()):
     return [(e["name"], e["family"]) for e in json.loads(answer(folder, logs, held_out))["axes"][0]["effects"]]
 
 
-def rate_logs(folder, seed, step_degc, logs=2, seconds=4200):
+def stick(rng, degc, longest_s):
+    """Three times the thermometer is stuck for one minute or longer, and then says what is true."""
+    for first in rng.integers(100, len(degc) - 400, 3):
+        degc[first:first + rng.integers(60, longest_s)] = degc[first]
+    return degc
+
+
+def rate_logs(folder, seed, step_degc, logs=2, seconds=4200, is_stuck=False):
     """A bias that follows the gyro's rate of temperature, of 12 to 30 dph (root mean square)."""
     rng = np.random.default_rng(seed)
     runs = [Run(rng, seconds) for _ in range(logs)]
@@ -148,7 +155,10 @@ def rate_logs(folder, seed, step_degc, logs=2, seconds=4200):
     paths = []
     for i, run in enumerate(runs):
         rate = polynomial(per_second(run.sensed)) + k * per_second(run.rate_degc_per_min()) + noise(rng, seconds)
-        paths.append(write_log(folder / f"log{i}.csv", read(rng, run, step_degc), rate, rng, missing_minutes=seed // 3 % 3))
+        degc = read(rng, run, step_degc)
+        if is_stuck:
+            degc = stick(rng, degc, 300)
+        paths.append(write_log(folder / f"log{i}.csv", degc, rate, rng, missing_minutes=seed // 3 % 3))
     return paths
 
 
@@ -176,8 +186,7 @@ def quiet_logs(folder, seed, weather, step_degc, logs=2, seconds=3600):
         is_poor = weather in ("stuck", "spikes", "each minute") or step_degc > 0.1
         rate = polynomial(20 + (per_second(run.sensed) - 20) * (0.01 if is_poor else 1)) + noise(rng, seconds)
         if weather == "stuck":
-            for first in rng.integers(100, seconds - 400, 3):
-                degc[first:first + rng.integers(60, 360)] = degc[first]
+            degc = stick(rng, degc, 360)
         elif weather == "spikes":
             degc[rng.random(seconds) < 0.005] += rng.choice([-1, 1])
         elif weather == "each minute":
@@ -224,6 +233,26 @@ def test_a_bias_that_follows_the_rate_of_a_cycling_chamber_leaves_no_tone(tmp_pa
     names = found(tmp_path, rate_logs(tmp_path, seed, step_degc))
     assert "tone" not in [family for _, family in names]
     assert names[0][0] in ("temperature_rate", "thermal_memory")
+
+
+def test_a_rate_of_temperature_is_named_first_and_stuck_minutes_are_told_where_the_thermometer_sticks(tmp_path):
+    """Of 60 draws 58 had the rate first; of these seconds taken as read, 14.  At least as many as 9 in 10 give in all but 1 of
+    1000.  A hold over a soak does not show."""
+    cases = [(seed, (0.001, 0.0625, 0.1)[seed % 3]) for seed in range(18)]
+    first, told = [], 0
+    for case in cases:
+        report = json.loads(answer(tmp_path, rate_logs(tmp_path, *case, is_stuck=True)))
+        first.append([e["name"] for e in report["axes"][0]["effects"][:1]])
+        told += sum("thermometer is stuck" in warning for warning in report["warnings"])
+    assert first.count(["temperature_rate"]) >= int(binom.ppf(1e-3, len(cases), 0.9)), first
+    assert told > len(cases) * 4  # of six
+
+
+def test_soaks_and_coarse_thermometers_are_not_stuck(tmp_path):
+    """Of 170 pairs of logs of this file none was."""
+    for seed, step_degc in enumerate((0.001, 0.0625, 0.1, 0.25, 0.5)):
+        for logs in (rate_logs(tmp_path, seed, step_degc), quiet_logs(tmp_path, seed, WEATHERS[2 * (seed % 2)], step_degc)):
+            assert json.loads(answer(tmp_path, logs))["warnings"] == []
 
 
 def test_poor_thermometers_without_a_gap_give_names_in_one_of_a_hundred_at_most(tmp_path):
