@@ -1057,6 +1057,24 @@ static void test_a_cause_is_found_beside_noise_that_follows_the_temperature(void
                        "markov_sigma_vs_temperature");
 }
 
+// Three jumps of any size at any time in every log: two levels are not told from single events by so few.
+static void test_a_few_jumps_are_not_said_to_be_telegraph_noise(void**) {
+  for (const uint64_t seed : {601u, 602u, 603u, 608u, 611u}) {
+    Rng rng(seed, 5, 0, Stream::kTool);
+    double at_s[3] = {}, height[3] = {};
+    const auto f = [&](double t, double) {
+      if (t < 1.5)
+        for (int i = 0; i < 3; ++i) at_s[i] = 6000 * rng.uniform(), height[i] = 300 * rng.normal();
+      double sum = 0;
+      for (int i = 0; i < 3; ++i) sum += t > at_s[i] ? height[i] : 0;
+      return sum;
+    };
+    const Selection said = answer_to(f, 11 * seed, 3, true);
+    assert_true(said.effects[0].is_family && said.effects[0].family == Family::kSlowNoise);
+    for (const char* kind : {"telegraph_noise", "bias_step"}) assert_int_equal(members_of(said).count(kind), 1);
+  }
+}
+
 // Beside a cause as alone: kinds of slow noise that do nearly as well are in the set.
 static void test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well(void**) {
   for (const uint64_t seed : {407u, 410u, 415u, 422u}) {
@@ -1433,6 +1451,7 @@ int main() {
       cmocka_unit_test(test_a_coarse_thermometer_has_a_quiet_slope_up_to_the_ends),
       cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),
       cmocka_unit_test(test_a_cause_is_found_beside_noise_that_follows_the_temperature),
+      cmocka_unit_test(test_a_few_jumps_are_not_said_to_be_telegraph_noise),
       cmocka_unit_test(test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well),
       cmocka_unit_test(test_two_members_are_found_that_one_free_shape_stands_for),
       cmocka_unit_test(test_a_slope_that_ages_is_no_slow_noise),

@@ -1068,12 +1068,32 @@ private:
     if (has_teeth_ && best.effect->estimator()->is_jumping()) {
       open_member(&effect);
       effect.statement = "the family of the cause, not its member: it jumps one way more than the other, as teeth do";
+    } else if (jumps_seldom(best)) {
+      open_seldom_jumps(&effect);
     }
     // What the fast noise explains better than a kind of slow noise takes its place.
     insert_by_evidence(effect);
     from_.base = best.base;
     if (out_.slow.best.noise_effect) fit_own_base_beside(best.effect->estimator(), best.theta);
     selection().final.terms.push_back(effect.term);
+  }
+  // Whether a process that jumps is expected to do so no more often than what is said to be single events.
+  bool jumps_seldom(const FastFinding& found) const {
+    if (!found.effect->estimator()->is_jumping()) return false;
+    const NoiseModel noise = found.effect->estimator()->noise(found.base, found.theta);
+    const double seconds = static_cast<double>(campaign_.n()) * campaign_.dt_s;
+    return seconds / (2 * noise.telegraph_tau_s) <= static_cast<double>(kMostJumps);
+  }
+  // Two levels are not told from single jumps by so few of them.
+  void open_seldom_jumps(SelectedEffect* effect) {
+    open_member(effect);
+    effect->statement = "the family of the cause, not its member: so few jumps are single events or a noise that jumps";
+    const auto is_steps = [](const SelectedEffect& e) { return e.term.effect && e.term.form() == Form::kSteps; };
+    named_.erase(std::remove_if(named_.begin(), named_.end(), is_steps), named_.end());
+    for (size_t j = 0; j < library_.size(); ++j)
+      if (const EffectEstimator* e = library_[j]->estimator(); e && active_[j] && e->form() == Form::kSteps)
+        effect->set.push_back({library_[j], nullptr, false, library_[j]->family(), effect->gain_nats,
+                               effect->gain_nats - effect->evidence_nats});
   }
   // Block means were content with other parameters of the noise: where the spectrum of the seconds is not, they are asked.
   bool may_ask_slow_noise() const {
