@@ -615,10 +615,12 @@ private:
     add_to_set(std::move(means), effect);
   }
   // Noise that jumps between levels does so again and again.
-  void add_jumping_noise(SelectedEffect* effect) const {
-    if (const Effect* kind = jumping_kind())
-      effect->set.push_back(
-          {kind, nullptr, false, kind->family(), effect->gain_nats, effect->gain_nats - effect->evidence_nats});
+  void add_jumping_noise(SelectedEffect* effect) const { add_equal(jumping_kind(), effect); }
+  // What no likelihood tells from the effect.
+  static void add_equal(const Effect* kind, SelectedEffect* effect) {
+    if (!kind) return;
+    effect->set.push_back(
+        {kind, nullptr, false, kind->family(), effect->gain_nats, effect->gain_nats - effect->evidence_nats});
   }
 
   // Slow noise explains it, but a repeatable cause that takes most of it would do so as well.
@@ -910,10 +912,14 @@ private:
     }
     return residual;
   }
-  const Effect* jumping_kind() const {
+  // The first effect of the library that is asked for and is of a kind, if any.
+  template <class F> const Effect* first_kind(F is_it) const {
     for (size_t j = 0; j < library_.size(); ++j)
-      if (const EffectEstimator* e = library_[j]->estimator(); e && active_[j] && e->is_jumping()) return library_[j];
+      if (const EffectEstimator* e = library_[j]->estimator(); e && active_[j] && is_it(*e)) return library_[j];
     return nullptr;
+  }
+  const Effect* jumping_kind() const {
+    return first_kind([](const EffectEstimator& e) { return e.is_jumping(); });
   }
   const FastFinding* jumping_finding() const {
     for (const FastFinding& f : fast_.findings)
@@ -1090,10 +1096,7 @@ private:
     effect->statement = "the family of the cause, not its member: so few jumps are single events or a noise that jumps";
     const auto is_steps = [](const SelectedEffect& e) { return e.term.effect && e.term.form() == Form::kSteps; };
     named_.erase(std::remove_if(named_.begin(), named_.end(), is_steps), named_.end());
-    for (size_t j = 0; j < library_.size(); ++j)
-      if (const EffectEstimator* e = library_[j]->estimator(); e && active_[j] && e->form() == Form::kSteps)
-        effect->set.push_back({library_[j], nullptr, false, library_[j]->family(), effect->gain_nats,
-                               effect->gain_nats - effect->evidence_nats});
+    add_equal(first_kind([](const EffectEstimator& e) { return e.form() == Form::kSteps; }), effect);
   }
   // Block means were content with other parameters of the noise: where the spectrum of the seconds is not, they are asked.
   bool may_ask_slow_noise() const {
