@@ -8,41 +8,11 @@
 #include <vector>
 
 #include "analysis/diagnose/gap.h"
-#include "analysis/diagnose/lines.h"
 #include "analysis/diagnose/search.h"
 #include "analysis/diagnose/seconds.h"
+#include "analysis/diagnose/selected.h"
 
 namespace imucal {
-
-struct CandidateEvidence {
-  const Effect* effect = nullptr;       // or
-  const Reference* reference = nullptr; // a free shape, or
-  bool is_family = false;               // a family as a whole
-  Family family = Family::kSlowNoise;
-  double gain_nats = 0, threshold_nats = 0;
-  double evidence_nats() const { return gain_nats - threshold_nats; }
-};
-
-// Why a name is not more than that.
-enum class Doubt {
-  kNone,
-  kMemberOpen, // the family is told, its member is not
-  kShapeOpen,  // a free shape of the family explains it, no member does
-  kSlowNoise,  // slow noise would explain it as well: these logs cannot tell
-  kAgainst     // held-out data speak against it (it is then not named, only noted)
-};
-
-struct SelectedEffect {
-  Family family = Family::kSlowNoise;
-  bool is_family = false; // the family is the name
-  Term term;              // the best member; term.effect is nullptr where only a free shape explains it
-  double gain_nats = 0, evidence_nats = 0;
-  double held_out_nats = 0; // NaN: nothing to predict (steps, noise, structure)
-  Doubt doubt = Doubt::kNone;
-  std::vector<CandidateEvidence> set; // what cannot be excluded, the name first
-  bool is_structural = false;
-  std::string statement; // of a structural detector
-};
 
 enum class Verdict { kNoGap, kExplained, kPartlyExplained, kUnexplained };
 

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/slow_answer.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace imucal {
+
+using Eigen::VectorXd;
+
+CandidateEvidence SlowAnswer::evidence_of(size_t j, double gain, double threshold) const {
+  const Candidate& c = candidate(j);
+  return {c.effect, c.reference, false, c.family(), gain, threshold};
+}
+bool SlowAnswer::has_free_function() const {
+  for (size_t i = 0; i < found.best.names.size(); ++i)
+    if (is_free_function(i)) return true;
+  return false;
+}
+bool SlowAnswer::is_against(const SelectorConstants& constants) const {
+  return held_blocks && 0.5 * gap.delta_deviance < -constants.against_nats;
+}
+void SlowAnswer::forget_causes() {
+  found.best = found.null;
+  found.evidence.clear(), found.rivals.clear(), found.replaced.clear();
+  beside.clear(), dropped.clear(), is_told_by_held_out = false;
+}
+
+namespace {
+
+// The members of a family whose shape is open, by what each gains alone.
+void add_members(const SlowAnswer& slow, const SelectorConstants& constants, SelectedEffect* effect) {
+  std::vector<CandidateEvidence> members;
+  for (size_t j = 0; j < slow.found.singles.size(); ++j) {
+    const Effect* member = slow.candidate(j).effect;
+    const double gain = slow.found.singles[j].gain_nats - slow.found.null.free_score();
+    if (!member || member == effect->term.effect || member->family() != effect->family || gain <= 0) continue;
+    members.push_back(slow.evidence_of(j, gain, constants.mean_nats));
+  }
+  add_to_set(std::move(members), effect);
+}
+
+// Root mean square of what a hypothesis leaves, in means over `mean_s` (or in the blocks, where they are longer).
+double spread_left(const SlowAnswer& slow, const SlowModel& m, double mean_s) {
+  const std::vector<MeanPart> parts = slow.search->parts_on(*slow.data, m);
+  const RunGrams::Posterior at = slow.search->grams_of(m).posterior();
+  const long blocks = std::max(1L, std::lround(mean_s / slow.data->campaign.dt_s));
+  double sum = 0, n = 0;
+  for (size_t r = 0; r < slow.data->y.size(); ++r) {
+    const VectorXd rest = residual_of(*slow.data, parts, at, r);
+    for (long k = 0; k + blocks <= rest.size(); k += blocks) sum += std::pow(rest.segment(k, blocks).mean(), 2), n += 1;
+  }
+  return n > 0 ? std::sqrt(sum / n) : slow.data->spread_dph;
+}
+// Part of the spread of the data that a hypothesis leaves to the noise.  Lines in the mean are no part of that spread:
+// no hypothesis would have to take them.
+double part_left(const SlowAnswer& slow, bool has_lines, const SlowModel& m) {
+  const double spread = has_lines ? spread_left(slow, slow.found.null, 60) : slow.data->spread_dph;
+  return spread_left(slow, m, 0) / std::max(spread, 1e-6);
+}
+
+} // namespace
+
+SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& constants, size_t i) {
+  const SlowModel::Name& name = slow.found.best.names[i];
+  const Candidate& c = slow.candidate(name.candidate);
+  SelectedEffect effect;
+  effect.family = c.family();
+  effect.term = term_of(c.effect, c.scan.estimator, name.shape);
+  effect.evidence_nats = slow.found.evidence[i];
+  effect.gain_nats = effect.evidence_nats + constants.mean_nats;
+  effect.held_out_nats = c.scan.estimator->form() == Form::kRunRandom ? kPredictsNothing
+                         : i < slow.gap.beyond_start.size()           ? slow.gap.beyond_start[i].nats
+                                                                      : kPredictsNothing;
+  const double threshold = constants.mean_nats;
+  effect.set.push_back(slow.evidence_of(name.candidate, effect.gain_nats, threshold));
+  double nearest = 1e300; // of another member of the family
+  for (const SlowResult::Rival& rival : slow.found.rivals[i]) {
+    const Effect* other = rival.noise_effect ? rival.noise_effect : slow.candidate(rival.candidate).effect;
+    if (!other) continue;
+    if (other->family() == effect.family) nearest = std::min(nearest, rival.gap_nats);
+    effect.set.push_back({other, nullptr, false, other->family(), effect.gain_nats - rival.gap_nats, threshold});
+  }
+  if (!c.effect || name.is_at_bound) {
+    effect.is_family = true;
+    effect.doubt = Doubt::kShapeOpen;
+    add_members(slow, constants, &effect);
+  } else if (nearest < constants.family_margin_nats) {
+    open_member(&effect);
+  }
+  return effect;
+}
+
+bool is_undecided(const SlowAnswer& slow, const SelectorConstants& constants, bool has_lines, const SlowModel& noise,
+                  const SlowModel& cause) {
+  return noise.free_score() - cause.free_score() < constants.undecided_nats &&
+         part_left(slow, has_lines, cause) < constants.carried_part;
+}
+
+} // namespace imucal

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/slow_stage.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "analysis/diagnose/blocks.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr size_t kPredictionTried = 3;
+constexpr size_t kBesideTried = 2;
+
+class SlowStage {
+public:
+  SlowStage(const AxisQuestion& question, SlowAnswer* slow) : question_(question), slow_(*slow) {}
+
+  void run() {
+    slow_.found = slow_.search->run();
+    weigh_steps();
+    weigh_noise();
+    hold_out();
+    ask_free_function();
+    look_beside();
+  }
+  // Free shapes that still gain beside the answer, or cost little and make data that were not fitted more likely: what
+  // it leaves of a cause.
+  void look_beside() {
+    slow_.beside.clear(), answer_predicts_.reset();
+    const SlowModel& best = slow_.found.best;
+    if (best.names.empty() && !best.noise_effect) return;
+    for (const SlowCandidateScore& s : slow_.search->free_beside(best, kBesideTried)) {
+      const double nats = s.gain_nats - best.free_score();
+      if (leaves_much(nats) || (nats > -constants().lack_nats && predicts_more(s.model)))
+        slow_.beside.push_back({s.model.names.back().candidate, nats});
+    }
+  }
+
+private:
+  const SelectorConstants& constants() const { return question_.constants; }
+
+  // Score of the fitted logs and likelihood of the held-out ones together.
+  double all_logs(const SlowModel& m) const {
+    return slow_.search->score(m) + predicted_nats(*slow_.search, *slow_.data, slow_.held_blocks.get(), m);
+  }
+
+  // A jump in time predicts no other log; a cause that makes one at a temperature does.  Held-out logs count as data of
+  // the same likelihood: the answer without jumps stands where it makes all logs together more likely.
+  void weigh_steps() {
+    if (!slow_.held_blocks || !slow_.found.without_steps) return;
+    const SlowResult& other = *slow_.found.without_steps;
+    if (!other.best.names.empty() && all_logs(other.best) > all_logs(slow_.found.best)) {
+      const SlowResult chosen = other;
+      slow_.found = chosen;
+    }
+  }
+
+  // The same where slow noise stands alone, of another kind or with other parameters: a cause in the mean that makes all
+  // logs together more likely takes its place.  What the fitted logs leave open the held-out ones may tell: there what
+  // all logs gain has to be worth a name.
+  void weigh_noise() {
+    if (!slow_.held_blocks || !slow_.found.best.names.empty() || !slow_.found.best.steps.empty()) return;
+    const SlowModel noise = slow_.found.best;
+    const double alone = all_logs(noise);
+    double highest = noise.noise_effect ? alone : alone + constants().mean_nats;
+    std::vector<std::pair<double, size_t>> order;
+    for (size_t j = 0; j < slow_.found.singles.size(); ++j)
+      if (!slow_.found.singles[j].model.names.empty()) order.push_back({slow_.found.singles[j].gain_nats, j});
+    std::sort(order.rbegin(), order.rend());
+    for (size_t i = 0; i < order.size() && i < kPredictionTried; ++i) {
+      const SlowModel& single = slow_.found.singles[order[i].second].model;
+      double evidence = single.free_score() - slow_.found.null.free_score() - constants().mean_nats;
+      if (evidence < 0 && !is_undecided(slow_, constants(), !question_.lines.empty(), noise, single)) continue;
+      const double value = all_logs(single);
+      const bool is_told = evidence < 0;
+      if (is_told) evidence = value - alone - constants().mean_nats;
+      if (value > highest && evidence > 0) {
+        highest = value;
+        slow_.is_told_by_held_out = is_told;
+        slow_.found.best = single;
+        slow_.found.evidence = {evidence};
+        slow_.found.rivals = {{}};
+      }
+    }
+  }
+
+  // A free function of everything that repeats joins an answer where it makes all logs together more likely, and what
+  // does not do so beside it goes: that function holds what it stood for.  Other noise parameters are an answer too.
+  void ask_free_function() {
+    const SlowModel& answer = slow_.found.best;
+    const bool is_as_believed = answer.is_believed || !question_.belief.has_believed;
+    if (answer.names.empty() && !answer.noise_effect && is_as_believed) return;
+    if (slow_.gap.method == HeldOut::kQuarters) return; // parts of one passage foretell nothing of another
+    std::vector<SlowModel> beside = {answer};
+    if (!answer.names.empty() || answer.noise_effect) {
+      beside.push_back(answer);
+      beside.back().names.clear(), beside.back().noise_effect = nullptr;
+    }
+    double highest = all_logs(answer);
+    std::optional<SlowModel> with;
+    for (const SlowModel& less : beside) {
+      SlowModel m = slow_.search->with_free_function(less, slow_.found.null);
+      if (m.names.empty() || all_logs(m) < highest - constants().near_nats) continue;
+      m = slow_.search->polished(m);
+      if (const double value = all_logs(m); value > highest) highest = value, with = m;
+    }
+    if (!with) return;
+    slow_.found.best = without_needless(*with, highest);
+    slow_.search->judge_again(&slow_.found);
+    hold_out();
+  }
+  // Names beside the free function, which is the last, and a kind of noise go as long as all logs together do not become
+  // less likely.
+  SlowModel without_needless(const SlowModel& m, double value) const {
+    std::vector<SlowModel> fewer;
+    for (size_t i = 0; i + 1 < m.names.size(); ++i) fewer.push_back(m.without(i));
+    if (m.noise_effect) fewer.push_back(m), fewer.back().noise_effect = nullptr;
+    const SlowModel* best = nullptr;
+    for (SlowModel& less : fewer) {
+      less = slow_.search->polished(less);
+      if (const double v = all_logs(less); v >= value) value = v, best = &less;
+    }
+    return best ? without_needless(*best, value) : m;
+  }
+
+  // A free shape pays for its freedom in the fit, not in logs that it has not seen.  Were the answer right, their
+  // likelihood ratio would exceed exp(x) with probability exp(-x) at most (Markov's inequality: its mean is 1).
+  bool predicts_more(const SlowModel& with_shape) {
+    if (slow_.found.best.names.empty() || slow_.gap.method == HeldOut::kQuarters) return false;
+    const auto predicted = [&](const SlowModel& m) {
+      return predicted_nats(*slow_.search, *slow_.data, slow_.held_blocks.get(), m);
+    };
+    if (!answer_predicts_) answer_predicts_ = predicted(slow_.found.best);
+    return predicted(with_shape) - *answer_predicts_ > constants().foretold_nats;
+  }
+  bool leaves_much(double nats) const {
+    const double gain = slow_.gain_nats();
+    return nats > constants().lack_nats && nats > constants().lack_part * (std::max(0.0, gain) + nats);
+  }
+
+  // Names live by what they predict: one that the held-out data do not support goes, the least supported first.
+  void hold_out() {
+    slow_.dropped.clear();
+    SlowModel& best = slow_.found.best;
+    while (true) {
+      slow_.gap = measure_gap(*slow_.search, *slow_.data, slow_.held_blocks.get(), slow_.found.null, best);
+      size_t worst = 0;
+      for (size_t i = 1; i < best.names.size(); ++i)
+        if (lacking(i) > lacking(worst)) worst = i;
+      if (best.names.empty() || lacking(worst) <= 0) return;
+      SelectedEffect gone = effect_of_name(slow_, constants(), worst);
+      gone.doubt = Doubt::kAgainst;
+      slow_.dropped.push_back(gone);
+      best = best.without(worst);
+      slow_.found.evidence.erase(slow_.found.evidence.begin() + static_cast<long>(worst));
+      slow_.found.rivals.erase(slow_.found.rivals.begin() + static_cast<long>(worst));
+      if (best.names.empty()) {
+        best = best_without_names();
+        slow_.found.evidence.clear(), slow_.found.rivals.clear();
+        if (best.noise_effect) slow_.found.evidence.push_back(noise_evidence(best));
+      } else {
+        slow_.search->judge_again(&slow_.found);
+      }
+    }
+  }
+  // By how much a name predicts too little.  What is repeatable gains on every log about what it gained on the fitted
+  // ones, as far as those logs can show it: a log that only rises shows little of a memory, and a start state that is
+  // free hides a warm-up; where it hides most, what the whole of the name foretells stands beside what chance may take from
+  // the rest.  Quarters of one log are no passages of their own and are only asked for the least.  What
+  // differs from run to run by chance predicts nothing: it is not asked to.
+  double lacking(size_t i) const {
+    const double least = constants().least_held_out_nats, part = constants().predicted_part;
+    const GapResult::Support own = slow_.gap.beyond_start[i], all = slow_.gap.at_all[i];
+    if (slow_.candidate(slow_.found.best.names[i].candidate).scan.estimator->form() == Form::kRunRandom) return -1e9;
+    if (slow_.is_free_function(i)) return -1e9; // chosen for what it predicts
+    if (slow_.gap.method == HeldOut::kQuarters) return least - own.nats;
+    const double fitted_h = static_cast<double>(question_.campaign.n()) * question_.campaign.dt_s / 3600;
+    const double gain = slow_.found.evidence[i] + constants().mean_nats;
+    const double wanted = gain * std::min(1.0, slow_.gap.hours / fitted_h);
+    const auto can_show = [&](const GapResult::Support& s) { return part * s.expected > least; };
+    if (!can_show(own) && !can_show(all)) return -constants().against_nats - all.nats;
+    if (can_show(own) && can_show(all) && all.nats > part * std::min(wanted, all.expected) && is_by_chance(own))
+      return -least;
+    const GapResult::Support& s = can_show(own) ? own : all;
+    return std::max(least, part * std::min(wanted, s.expected)) - s.nats;
+  }
+  // Whether a right name could gain so little: of data as predicted it gains E, of data with noise E and a normal error of
+  // variance 2 E.
+  bool is_by_chance(const GapResult::Support& s) const {
+    return s.nats > s.expected - constants().short_by_chance * std::sqrt(2 * s.expected);
+  }
+  double noise_evidence(const SlowModel& m) const {
+    return m.free_score() + m.noise_charge - slow_.found.null.free_score() - constants().noise_nats;
+  }
+  SlowModel best_without_names() const {
+    SlowModel best = slow_.found.null;
+    for (const SlowCandidateScore& s : slow_.found.noises)
+      if (s.gain_nats > best.free_score()) best = s.model;
+    return best;
+  }
+
+  const AxisQuestion& question_;
+  SlowAnswer& slow_;
+  std::optional<double> answer_predicts_; // log density of what was not fitted
+};
+
+} // namespace
+
+void prepare_slow(const AxisQuestion& question, Campaign* logs, const Campaign* held_out, SlowAnswer* slow) {
+  const double block_s = block_length_s(*logs);
+  slow->data.reset(new SlowData(block_means(*logs, block_s)));
+  logs->spread_dph = slow->data->spread_dph;
+  slow->search.reset(
+      new SlowSearch(*slow->data, question.belief, question.library, question.active, question.constants));
+  if (held_out) slow->held_blocks.reset(new Campaign(block_means(*held_out, block_s)));
+}
+void run_slow(const AxisQuestion& question, SlowAnswer* slow) {
+  SlowStage(question, slow).run();
+}
+void look_beside(const AxisQuestion& question, SlowAnswer* slow) {
+  SlowStage(question, slow).look_beside();
+}
+
+} // namespace imucal
