@@ -8,6 +8,8 @@
 
 namespace imucal {
 
+constexpr size_t kMostLines = 3; // that are named
+
 // The line to name next, if any is strong enough.  `e`: innovations of what the answer leaves, run by run.
 std::optional<NamedLine> line_found(const AxisQuestion& question, const std::vector<Eigen::VectorXd>& e);
 // As an effect of the answer.

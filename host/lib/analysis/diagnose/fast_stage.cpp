@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/fast_stage.h"
+
+#include <algorithm>
+
+namespace imucal {
+
+namespace {
+
+// Block means were content with other parameters of the noise: where the spectrum of the seconds is not, they are asked.
+bool may_ask_slow_noise(const Found& found) {
+  const SlowModel& best = found.slow.found.best;
+  return best.names.empty() && !best.noise_effect && best.steps.empty() && !found.seconds.is_believed;
+}
+void leave_hits_that_stay(const AxisQuestion& question, const SecondsAnswer& seconds, FastScan* scan) {
+  std::vector<FastFinding>& list = scan->findings;
+  const auto stays = [&](const FastFinding& f) {
+    const NoiseModel noise = f.effect->estimator()->noise(f.base, f.theta);
+    return noise.hit_probability > 0 &&
+           do_hits_stay(question.campaign, seconds.fit.residual, noise, question.constants);
+  };
+  list.erase(std::remove_if(list.begin(), list.end(), stays), list.end());
+}
+
+// What the fast noise explains better than a kind of slow noise takes its place.
+void take_best(const AxisQuestion& question, Found* found) {
+  const FastFinding* best = found->fast.best(question.constants);
+  if (!best) return;
+  Term term = term_of(best->effect, best->effect->estimator(), best->theta);
+  term.shape_errors = best->theta_errors;
+  SecondsAnswer& seconds = found->seconds;
+  seconds.noise.base = best->base;
+  if (found->slow.found.best.noise_effect)
+    fit_own_base_beside(best->effect->estimator(), best->theta, question, found->slow, &seconds);
+  seconds.final.terms.push_back(term);
+}
+
+} // namespace
+
+const FastFinding* FastAnswer::best(const SelectorConstants& constants) const {
+  const bool has_one = !scan.findings.empty() && !(scan.findings.front().gain_nats < constants.fast_nats);
+  return has_one ? &scan.findings.front() : nullptr;
+}
+
+void ask_fast(const AxisQuestion& question, Found* found) {
+  if (question.is_censored) return; // the spread of what is left is not that of the noise
+  FastScan& scan = found->fast.scan;
+  SecondsAnswer& seconds = found->seconds;
+  scan = scan_fast_noise(question.campaign, seconds.noise, seconds.fit.residual, question.library, question.active,
+                         question.constants, may_ask_slow_noise(*found));
+  leave_hits_that_stay(question, seconds, &scan);
+  found->fast.jumping = ask_jumping_noise(question, &found->slow, &seconds, &scan);
+  take_best(question, found);
+}
+
+} // namespace imucal

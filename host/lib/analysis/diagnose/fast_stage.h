@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+// What the seconds say beside the slow causes: kinds of fast noise, and noise that jumps.
+#pragma once
+#include "analysis/diagnose/jumping.h"
+
+namespace imucal {
+
+struct FastAnswer {
+  FastScan scan; // the best first
+  JumpingAnswer jumping;
+  // The finding that is worth its name, or nullptr.
+  const FastFinding* best(const SelectorConstants& constants) const;
+};
+
+// What all stages found of one axis.
+struct Found {
+  SlowAnswer slow;
+  SecondsAnswer seconds;
+  FastAnswer fast;
+};
+
+// Asks the seconds of found->slow and found->seconds, which change where noise that jumps is found.  A finding that is worth
+// its name joins the hypothesis of the seconds.
+void ask_fast(const AxisQuestion& question, Found* found);
+
+} // namespace imucal

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/seconds_answer.h"
+
+#include "analysis/diagnose/slow_stage.h"
+
+namespace imucal {
+
+using Eigen::VectorXd;
+
+Hypothesis hypothesis_of(const AxisQuestion& question, const SlowSearch& search, const SlowModel& m, bool with_names) {
+  Hypothesis h;
+  h.base_noise = search.base_noise_of(m);
+  h.base_noise.extra_white_dph2 = question.extra_white_dph2;
+  for (const NoiseBelief::Known& known : question.belief.known)
+    if (known.estimator->form() != Form::kTone) h.known.push_back(term_of(nullptr, known.estimator, known.shape));
+  if (!with_names) return h;
+  for (const NamedLine& line : question.lines)
+    h.terms.push_back(term_of(line.effect, line.effect->estimator(), line.shape));
+  for (const SlowModel::Name& name : m.names) {
+    const Candidate& c = search.candidates()[name.candidate];
+    h.terms.push_back(term_of(c.effect, c.scan.estimator, name.shape));
+  }
+  if (!m.steps.empty()) {
+    Theta shape;
+    for (const Theta& step : m.steps) shape.insert(shape.end(), step.begin(), step.end());
+    for (const Effect* effect : question.library)
+      if (effect->estimator() && effect->estimator()->form() == Form::kSteps)
+        h.terms.push_back(term_of(effect, effect->estimator(), shape));
+  }
+  if (m.noise_effect) h.terms.push_back(term_of(m.noise_effect, m.noise_effect->estimator(), m.noise_theta));
+  return h;
+}
+
+void fit_own_base(const AxisQuestion& question, const SlowAnswer& slow, SecondsAnswer* seconds) {
+  const SlowModel& m = slow.found.best;
+  if (!m.noise_effect) return;
+  seconds->own_base = slow.search->base_noise_of(m);
+  seconds->own_base.extra_white_dph2 = question.extra_white_dph2;
+  if (seconds->is_believed) return;
+  fit_own_base_beside(nullptr, {}, question, slow, seconds);
+}
+void fit_own_base_beside(const EffectEstimator* fast, const Theta& theta, const AxisQuestion& question,
+                         const SlowAnswer& slow, SecondsAnswer* seconds) {
+  const SlowModel& m = slow.found.best;
+  const auto with = [&](const NoiseModel& base) {
+    const NoiseModel with_slow = m.noise_effect->estimator()->noise(base, m.noise_theta);
+    return fast ? fast->noise(with_slow, theta) : with_slow;
+  };
+  seconds->own_base = fit_seconds_noise(question.campaign, seconds->own_base, seconds->fit.residual, with).base;
+}
+
+namespace {
+
+// Whether the believed noise parameters hold is a question to the seconds, under the causes found.
+void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
+  seconds->is_believed = false;
+  if (!question.belief.has_believed) return;
+  SlowModel m = slow->found.best;
+  m.is_believed = true;
+  const NoiseModel believed = slow->search->seconds_noise_of(m);
+  seconds->retuned_nats =
+      seconds->noise.log_likelihood - ResidualLikelihood(question.campaign, seconds->fit.residual)(believed);
+  if (seconds->retuned_nats > question.constants.retuned_nats) return;
+  seconds->is_believed = true;
+  seconds->noise.base = believed, seconds->noise.log_likelihood -= seconds->retuned_nats;
+  slow->found.best.is_believed = true; // its noise is the believed one from here on
+  seconds->final = hypothesis_of(question, *slow->search, slow->found.best, true);
+}
+// The believed noise does beside a kind of noise that is not worth its name, and does not without it: other parameters
+// are the simpler answer.
+bool gives_up_unnamed_noise(const AxisQuestion& question, SlowAnswer* slow) {
+  SlowModel& best = slow->found.best;
+  if (!best.names.empty() || !best.steps.empty() || !best.noise_effect) return false;
+  if (slow->found.evidence.back() > 0 || slow->found.null.is_believed) return false;
+  best = slow->found.null;
+  slow->found.evidence.clear();
+  slow->gap = measure_gap(*slow->search, *slow->data, slow->held_blocks.get(), slow->found.null, best);
+  look_beside(question, slow);
+  return true;
+}
+
+} // namespace
+
+SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow) {
+  SecondsAnswer out;
+  SlowModel nominal = slow->found.null;
+  nominal.is_believed = nominal.is_believed || question.belief.has_believed;
+  out.nominal = hypothesis_of(question, *slow->search, nominal, false);
+  out.final = hypothesis_of(question, *slow->search, slow->found.best, true);
+  out.fit = fit_hypothesis(question.campaign, out.final);
+  out.noise = fit_seconds_noise(question.campaign, out.final.noise(), out.fit.residual);
+  believe_again(question, slow, &out);
+  if (out.is_believed && gives_up_unnamed_noise(question, slow)) return ask_seconds(question, slow);
+  fit_own_base(question, *slow, &out);
+  return out;
+}
+std::vector<VectorXd> whitened(const Campaign& campaign, const SecondsAnswer& seconds) {
+  std::vector<VectorXd> e = seconds.fit.residual;
+  for (size_t r = 0; r < e.size(); ++r)
+    whiten(compute_gains(campaign.runs[r], gaussian_equivalent(seconds.noise.base)), e[r].data(),
+           static_cast<size_t>(e[r].size()));
+  return e;
+}
+
+} // namespace imucal

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/undecided.h"
+
+#include <algorithm>
+
+#include "analysis/diagnose/noise_kinds.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr size_t kUndecidedTried = 4;
+
+// A kind of slow noise that is not worth its name is not what stands against a repeatable cause: the plain noise is.
+const SlowModel& slow_answer(const SlowAnswer& slow, const Names& names) {
+  return names.effects.empty() ? slow.found.null : slow.found.best;
+}
+// Repeatable causes that do as well as slow noise, beside the same kind of it, and take most of what it takes.
+std::vector<CandidateEvidence> repeatable_rivals(const AxisQuestion& question, const SlowAnswer& slow,
+                                                 const SlowModel& best) {
+  std::vector<std::pair<double, size_t>> order;
+  for (size_t j = 0; j < slow.found.singles.size(); ++j)
+    if (!slow.found.singles[j].model.names.empty() && slow.candidate(j).effect &&
+        slow.candidate(j).effect->estimator()->is_repeatable())
+      order.push_back({slow.found.singles[j].gain_nats, j});
+  std::sort(order.rbegin(), order.rend());
+  std::vector<CandidateEvidence> rivals;
+  for (size_t i = 0; i < order.size() && i < kUndecidedTried; ++i) {
+    SlowModel m = slow.found.singles[order[i].second].model;
+    m.noise_effect = best.noise_effect, m.noise_theta = best.noise_theta, m.noise_charge = best.noise_charge;
+    m = slow.search->polished(m);
+    if (is_undecided(slow, question.constants, !question.lines.empty(), best, m))
+      rivals.push_back(
+          slow.evidence_of(order[i].second, m.free_score() - best.free_score(), question.constants.mean_nats));
+  }
+  std::sort(rivals.begin(), rivals.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+  return rivals;
+}
+// Whether a noise has a process so slow that it could be taken for a repeatable cause.
+bool has_slow_noise(const AxisQuestion& question, const NoiseModel& noise) {
+  double longest = 0;
+  for (const CampaignRun& run : question.campaign.runs) longest = std::max(longest, run.input.t_s.back());
+  double slowest = 0;
+  for (const Markov& m : noise.markov) slowest = std::max(slowest, m.tau_s);
+  return !(slowest < question.constants.slow_tau_part * longest && !(noise.walk_dph_per_rt_s > 0));
+}
+
+} // namespace
+
+void name_undecided(const AxisQuestion& question, const SlowAnswer& slow, Names* names) {
+  // What is left of a shape that gains more is not slow noise.
+  if (!names->dropped.empty() || !names->remainders.empty()) return;
+  const SlowModel& best = slow_answer(slow, *names);
+  if (!names->effects.empty() && !(names->effects.size() == 1 && names->effects[0].family == Family::kSlowNoise))
+    return;
+  if (!has_slow_noise(question, slow.search->seconds_noise_of(best))) return;
+  const std::vector<CandidateEvidence> rivals = repeatable_rivals(question, slow, best);
+  if (rivals.empty()) return;
+  SelectedEffect effect;
+  if (!names->effects.empty()) effect = names->effects[0];
+  effect.family = Family::kSlowNoise;
+  effect.is_family = true;
+  effect.doubt = Doubt::kSlowNoise;
+  effect.held_out_nats = kPredictsNothing;
+  CandidateEvidence own;
+  own.is_family = true, own.family = Family::kSlowNoise;
+  effect.set.insert(effect.set.begin(), own);
+  std::vector<Family> seen;
+  for (const CandidateEvidence& rival : rivals)
+    if (std::find(seen.begin(), seen.end(), rival.family) == seen.end()) {
+      seen.push_back(rival.family);
+      CandidateEvidence family = rival;
+      family.effect = nullptr, family.is_family = true;
+      effect.set.push_back(family);
+    }
+  effect.set.insert(effect.set.end(), rivals.begin(), rivals.end());
+  if (names->effects.empty()) {
+    add_kinds_within(question, slow, question.constants.noise_margin_nats, best, &effect);
+    add_same_spectrum(question, &effect);
+  }
+  names->effects = {effect};
+}
+
+} // namespace imucal
