@@ -15,6 +15,7 @@
 #include "analysis/diagnose/diagnose.h"
 #include "analysis/diagnose/fourier.h"
 #include "analysis/diagnose/lines.h"
+#include "analysis/diagnose/null_draws.h"
 #include "analysis/diagnose/seconds.h"
 #include "analysis/diagnose/shared.h"
 #include "analysis/diagnose/smoothing.h"

@@ -9,7 +9,7 @@ namespace imucal {
 
 // Unit "nats": natural logarithm of a likelihood ratio.  Others are parts (no unit).
 struct SelectorConstants {
-  // Search: slow causes on block means (search.cpp).
+  // Search: slow causes on block means (search.h and what it uses).
   double mean_nats = 6;
   double noise_nats = 6;
   double step_nats = 8;
@@ -22,11 +22,11 @@ struct SelectorConstants {
   double more_names_nats = 3;
   double rivals_nats = 3;
   double member_share = 0.85;
-  // Threshold from draws of the fitted noise (null_threshold).
+  // Threshold from draws of the fitted noise (null_draws.h).
   double polish_gain_nats = 1;
   double least_threshold_nats = 4;
   double most_threshold_nats = 14;
-  // Selection: names, families, verdict (select.cpp).
+  // Selection: held-out data, names, families, verdict (slow_stage.h, slow_names.h, rest_names.h, select.h).
   double family_margin_nats = 2;
   double least_held_out_nats = 1;
   double predicted_part = 0.2;
@@ -43,7 +43,7 @@ struct SelectorConstants {
   double beside_free_part = 0.33;
   double noise_margin_nats = 6;
   double against_nats = 3;
-  // Fast causes in the seconds (seconds.cpp, select.cpp, shared.cpp).
+  // Fast causes in the seconds (seconds.h, mean_lines.h, jumping.h, shared.h).
   double fast_nats = 8;
   double line_nats = 22;
   double drift_nats = 28;

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "analysis/diagnose/blocks.h"
+#include "analysis/diagnose/null_draws.h"
 #include "analysis/diagnose/shared.h"
 #include "base/axis_unit.h"
 #include "base/clock.h"

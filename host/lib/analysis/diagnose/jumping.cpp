@@ -85,7 +85,7 @@ private:
       with = last_jumping(first, *alone);
       SlowModel causes = slow_.found.best;
       if (is_bare(causes)) return with;
-      if (causes.steps.empty() && SlowSearch::have_same_names(causes, first.mean)) return with;
+      if (causes.steps.empty() && have_same_names(causes, first.mean)) return with;
       if (causes.steps.empty() && !causes.noise_effect) {
         first = with;
         continue;

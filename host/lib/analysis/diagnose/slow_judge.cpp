@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/slow_judge.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "analysis/diagnose/slow_polish.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr double kMemberPart = 0.4; // of its gain, on the places of the grids
+
+} // namespace
+
+std::vector<SlowCandidateScore> SlowJudge::free_beside(const SlowModel& m, size_t most) const {
+  std::vector<SlowCandidateScore> list;
+  for (SlowCandidateScore& s : scans_.scan(m, scans_.likely_nodes(m), true))
+    if (!s.model.names.empty() && s.gain_nats > -1e299) list.push_back(std::move(s));
+  sort_by_gain(&list);
+  if (list.size() > most) list.resize(most);
+  for (SlowCandidateScore& s : list)
+    if (s.gain_nats > m.free_score() - space_.constants.near_nats) {
+      s.model = polished(likelihood_, s.model, kQuickEvaluations);
+      s.gain_nats = s.model.free_score();
+    }
+  sort_by_gain(&list);
+  return list;
+}
+
+SlowModel SlowJudge::with_free_function(const SlowModel& m, const SlowModel& also) const {
+  SlowModel best;
+  if (space_.candidates.empty() || !space_.candidates.back().is_free_function) return best;
+  std::vector<SlowModel> starts = {m, m};
+  starts[1].take_noise_of(also);
+  if (likelihood_.noise(starts[1]) == likelihood_.noise(m) && also.is_believed == m.is_believed) starts.pop_back();
+  const std::vector<Theta>& shapes = space_.candidates.back().scan.shapes;
+  for (const Theta& shape : shapes)
+    for (SlowModel with : starts) {
+      with.names.push_back({space_.candidates.size() - 1, shape, std::log(static_cast<double>(shapes.size())), false});
+      with.value = likelihood_.evaluate(with);
+      if (with.value > best.value) best = with;
+    }
+  return best;
+}
+
+// A free shape has more freedom than any member: where a member gains nearly as much, it is the answer, and what the
+// shape gains beyond it is a remainder.
+SlowModel SlowJudge::with_members(SlowModel best, std::vector<size_t>* replaced) const {
+  for (size_t i = 0; i < best.names.size(); ++i) {
+    const Candidate& c = space_.candidates[best.names[i].candidate];
+    if (c.effect || c.is_free_function) continue;
+    const SlowModel less = without(best, i);
+    const double free_gain = best.free_score() - less.free_score();
+    SlowModel top;
+    const SlowScan::OwnNode own = scans_.node_of(best);
+    const std::vector<SlowCandidateScore> found = scans_.scan_members(less, scans_.nodes_with(*own, best));
+    for (size_t k = 0; k < found.size() && k < kMembersTried; ++k) {
+      if (found[k].gain_nats < less.free_score() + kMemberPart * free_gain) break;
+      const SlowModel member = polished(likelihood_, found[k].model, kEvaluations);
+      if (member.free_score() > top.free_score()) top = member;
+    }
+    if (top.free_score() - less.free_score() < space_.constants.member_share * free_gain) continue;
+    if (best.free_score() > top.free_score()) replaced->push_back(best.names[i].candidate);
+    best = top;
+  }
+  return best;
+}
+
+// The hypothesis without one of its names, as good as it can be made.
+SlowModel SlowJudge::without(const SlowModel& m, size_t i) const {
+  SlowModel less = polished(likelihood_, m.without(i), kQuickEvaluations);
+  if (less.names.empty()) {
+    if (so_far_.null.free_score() > less.free_score()) less = so_far_.null;
+    for (const SlowCandidateScore& s : so_far_.noises)
+      if (s.model.free_score() > less.free_score()) less = s.model;
+  }
+  return less;
+}
+
+double SlowJudge::evidence_of(const SlowModel& m, size_t i) const {
+  return m.free_score() - without(m, i).free_score() - space_.constants.mean_nats;
+}
+
+void SlowJudge::judge_names(SlowResult* result) const {
+  result->best = with_members(result->best, &result->replaced);
+  const SlowModel best = result->best;
+  result->rivals.clear(), result->evidence.clear();
+  for (size_t i = 0; i < best.names.size(); ++i) {
+    result->evidence.push_back(evidence_of(best, i));
+    result->rivals.push_back(rivals(best, i));
+  }
+  if (best.noise_effect) {
+    SlowModel less = best;
+    less.noise_effect = nullptr;
+    less = polished(likelihood_, less, kQuickEvaluations);
+    result->evidence.push_back(best.free_score() + best.noise_charge - less.free_score() - space_.constants.noise_nats);
+  }
+}
+std::vector<SlowResult::Rival> SlowJudge::rivals(const SlowModel& best, size_t i) const {
+  std::vector<SlowCandidateScore> others = scans_.scan(best.without(i), scans_.likely_nodes(best));
+  others[best.names[i].candidate].model.names.clear();
+  for (SlowCandidateScore& s : others)
+    if (!s.model.names.empty() && s.gain_nats > best.free_score() - space_.constants.near_nats) {
+      s.model = polished(likelihood_, s.model, kQuickEvaluations);
+      s.gain_nats = s.model.free_score();
+    }
+  std::vector<SlowResult::Rival> list;
+  for (size_t j = 0; j < others.size(); ++j)
+    if (!others[j].model.names.empty() && others[j].gain_nats > best.free_score() - space_.constants.rivals_nats)
+      list.push_back({j, nullptr, best.free_score() - others[j].gain_nats});
+  if (best.names.size() == 1 && !best.noise_effect)
+    for (const SlowCandidateScore& s : so_far_.noises)
+      if (s.gain_nats + space_.constants.noise_kind_nats > best.free_score() - space_.constants.rivals_nats)
+        list.push_back({0, s.model.noise_effect, best.free_score() - s.gain_nats - space_.constants.noise_kind_nats});
+  std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gap_nats < b.gap_nats; });
+  return list;
+}
+
+} // namespace imucal
