@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/median.h"
+
 namespace imucal {
 namespace {
 
@@ -79,12 +81,6 @@ CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
 }
 
 } // namespace
-
-double median(std::vector<double> x) {
-  const size_t middle = x.size() / 2;
-  std::nth_element(x.begin(), x.begin() + static_cast<long>(middle), x.end());
-  return x[middle];
-}
 
 double block_length_s(const Campaign& seconds) {
   const double total_s = static_cast<double>(seconds.n()) * seconds.dt_s;

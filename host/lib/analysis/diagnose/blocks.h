@@ -7,9 +7,6 @@
 
 namespace imucal {
 
-// The upper one of an even number; x is not empty.
-double median(std::vector<double> x);
-
 // Length of the blocks: 10 s, longer where the logs hold more than about 3500 blocks of 10 s together.
 double block_length_s(const Campaign& seconds);
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "analysis/diagnose/blocks.h"
+#include "base/median.h"
 
 namespace imucal {
 namespace {

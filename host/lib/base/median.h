@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: MIT
+// The middle of a sample.
+#pragma once
+#include <vector>
+
+namespace imucal {
+
+// The upper one of an even number; x is not empty.
+double median(std::vector<double> x);
+
+} // namespace imucal
