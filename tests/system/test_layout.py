@@ -110,6 +110,34 @@ def test_rooms_have_no_cycle():
     assert not left, f"these rooms use each other: {sorted(left)}"
 
 
+# ---- files of one room ----
+def files_of(room):
+    """{file without its ending: the files of the same room that it includes} of headers and sources together."""
+    uses = {}
+    for name in host_sources():
+        if room_of(name) == room:
+            own = Path(name).stem
+            used = {Path(include).stem for include in includes(name) if f"lib/{Path(include).parent}" == room}
+            uses.setdefault(own, set()).update(used - {own})
+    return uses
+
+
+@pytest.mark.parametrize("room, at_least", [("lib/analysis/diagnose", 40)])
+def test_files_of_a_layered_room_use_no_file_above_them(room, at_least):
+    uses = files_of(room)
+    assert len(uses) > at_least and sum(map(len, uses.values())) > at_least  # they were found at all
+    left = set(uses)
+    while free := {name for name in left if not uses[name] & left}:
+        left -= free
+    assert not left, f"these files use each other, or files that do: {sorted(left)}"
+
+
+def test_readme_of_diagnose_names_every_file_of_the_room():
+    table = (ROOT / "host/lib/analysis/diagnose/README.md").read_text().split("## Files")[1].split("\n## ")[0]
+    named = set(re.findall(r"`(\w+)`", table))
+    assert not [name for name in files_of("lib/analysis/diagnose") if name not in named]
+
+
 # ---- size of functions ----
 MOST_LINES = 60
 
