@@ -13,6 +13,7 @@ struct SlowNode {
 
 class SlowScan {
 public:
+  // `likelihood` must outlive it.
   explicit SlowScan(const SlowLikelihood& likelihood) : space_(likelihood.space()), likelihood_(likelihood) {}
 
   // The nodes that serve all hypotheses, about the noise of this one.

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT
 // What the slow stage searches on one campaign: data, what is believed of the noise, and all that may be named.
 #pragma once
+#include <cmath>
+#include <memory>
+#include <vector>
+
 #include "analysis/diagnose/constants.h"
 #include "analysis/diagnose/slow_model.h"
 
