@@ -26,10 +26,17 @@ bool is_in_set(const SelectedEffect& effect, const Effect* member) {
 }
 void add_to_set(std::vector<CandidateEvidence> list, SelectedEffect* effect) {
   std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
-  effect->set.insert(effect->set.end(), list.begin(), list.end());
+  // Without an effect an entry is called by its family.
+  const auto has_name = [&](const CandidateEvidence& c) {
+    return std::any_of(effect->set.begin(), effect->set.end(), [&](const CandidateEvidence& e) {
+      return e.effect == c.effect && (c.effect || e.family == c.family);
+    });
+  };
+  for (const CandidateEvidence& candidate : list)
+    if (!has_name(candidate)) effect->set.push_back(candidate);
 }
 void add_equal(const Effect* kind, SelectedEffect* effect) {
-  if (!kind) return;
+  if (!kind || is_in_set(*effect, kind)) return;
   effect->set.push_back(
       {kind, nullptr, false, kind->family(), effect->gain_nats, effect->gain_nats - effect->evidence_nats});
 }

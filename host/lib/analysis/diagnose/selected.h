@@ -52,7 +52,7 @@ void open_member(SelectedEffect* effect);
 void open_shape(SelectedEffect* effect);
 
 bool is_in_set(const SelectedEffect& effect, const Effect* member);
-// Behind what is in the set already, what gains most first.
+// Behind what is in the set already, what gains most first; no name twice.
 void add_to_set(std::vector<CandidateEvidence> list, SelectedEffect* effect);
 // What no likelihood tells from the effect; nullptr: nothing.
 void add_equal(const Effect* kind, SelectedEffect* effect);

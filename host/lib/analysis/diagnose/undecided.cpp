@@ -65,15 +65,11 @@ void name_undecided(const AxisQuestion& question, const SlowAnswer& slow, Names*
   CandidateEvidence own;
   own.is_family = true, own.family = Family::kSlowNoise;
   effect.set.insert(effect.set.begin(), own);
-  std::vector<Family> seen;
-  for (const CandidateEvidence& rival : rivals)
-    if (std::find(seen.begin(), seen.end(), rival.family) == seen.end()) {
-      seen.push_back(rival.family);
-      CandidateEvidence family = rival;
-      family.effect = nullptr, family.is_family = true;
-      effect.set.push_back(family);
-    }
-  effect.set.insert(effect.set.end(), rivals.begin(), rivals.end());
+  for (CandidateEvidence family : rivals) {
+    family.effect = nullptr, family.is_family = true;
+    add_to_set({family}, &effect);
+  }
+  add_to_set(rivals, &effect);
   if (names->effects.empty()) {
     add_kinds_within(question, slow, question.constants.noise_margin_nats, best, &effect);
     add_same_spectrum(question, &effect);
