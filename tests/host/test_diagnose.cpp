@@ -16,6 +16,7 @@
 #include "analysis/diagnose/fourier.h"
 #include "analysis/diagnose/lines.h"
 #include "analysis/diagnose/null_draws.h"
+#include "analysis/diagnose/reduction.h"
 #include "analysis/diagnose/seconds.h"
 #include "analysis/diagnose/shared.h"
 #include "analysis/diagnose/smoothing.h"
@@ -994,6 +995,67 @@ static void test_what_held_out_logs_can_show_is_what_a_name_is_asked_for(void**)
   assert_near(loop.nats, loop.expected, 4 * std::sqrt(2 * loop.expected));
 }
 
+// One held-out log over a triangle in temperature.  The answer knows a loop of 15 dph but for its size and a slow wander;
+// the rates hold `noise_part` of the nominal noise.
+struct KnownReduction {
+  HeldOutUnit unit;
+  NoiseModel noise;
+  double shrinkage; // of the means without noise
+};
+static KnownReduction known_reduction(uint64_t seed, double noise_part) {
+  KnownReduction out;
+  const Campaign blocks =
+      block_means(make_campaign({simulated_log(seed, 5000, false, 0)}, "gx_dph", nominal_model()), 10);
+  HeldOutUnit& unit = out.unit;
+  unit.run = blocks.runs[0];
+  NoiseModel seconds = nominal_hypothesis().base_noise;
+  seconds.white_sigma_dph *= noise_part, seconds.markov[0].sigma_dph *= noise_part;
+  out.noise = block_equivalent(seconds, blocks.dt_s);
+  const long n = static_cast<long>(unit.run.n());
+  Rng rng(seed, 1, 0, Stream::kTool);
+  const double size = 0.3 * rng.normal(), wander = 2 * rng.normal();
+  VectorXd wrong(n);
+  unit.change.resize(n), unit.left.resize(n);
+  for (long k = 0; k < n; ++k) {
+    const double part = static_cast<double>(k) / static_cast<double>(n);
+    unit.change[k] = 15 * (part < 0.5 ? 1 : -1);
+    wrong[k] = size * unit.change[k] + wander * std::cos(9 * part);
+    unit.left[k] = rng.normal();
+  }
+  colour(compute_gains(unit.run, out.noise), unit.left.data(), static_cast<size_t>(n));
+  unit.left += wrong;
+  unit.starts.resize(n, 0);
+  unit.shapes = powers(unit.run, unit.run.input.tn, 3);
+  const auto spread = [](VectorXd x) { return (x.array() - x.mean()).matrix().squaredNorm(); };
+  out.shrinkage = 1 - spread(wrong) / spread(wrong + unit.change);
+  return out;
+}
+
+static void test_the_interval_of_one_held_out_log_holds_the_true_reduction(void**) {
+  int n_inside = 0;
+  double width = 0;
+  for (uint64_t seed = 0; seed < 100; ++seed) {
+    const KnownReduction known = known_reduction(seed, 0.5);
+    const Reduction found = reduction_of({known.unit}, known.noise);
+    assert_true(found.lo <= found.shrinkage && found.shrinkage <= found.hi && found.lo < found.hi);
+    n_inside += found.lo <= known.shrinkage && known.shrinkage <= found.hi;
+    width += (found.hi - found.lo) / 100;
+  }
+  // 86 and more: 95 % with a chance of 1 in 3000 to be below.
+  if (n_inside < 87 || width > 0.4) fail_msg("%d of 100 inside, mean width %g", n_inside, width);
+}
+
+static void test_noise_that_hides_the_gap_makes_the_interval_wide(void**) {
+  double loud = 0, quiet = 0;
+  for (uint64_t seed = 0; seed < 10; ++seed) {
+    const KnownReduction a = known_reduction(seed, 4), b = known_reduction(seed, 0.05);
+    const Reduction hidden = reduction_of({a.unit}, a.noise), clear = reduction_of({b.unit}, b.noise);
+    loud += (hidden.hi - hidden.lo) / 10, quiet += (clear.hi - clear.lo) / 10;
+  }
+  if (!(loud > kWidestFigure && quiet < 0.1)) fail_msg("mean widths %g (loud) and %g (quiet)", loud, quiet);
+  assert_true(reduction_of({}, nominal_hypothesis().base_noise).hi == 1);
+}
+
 static void test_a_coarse_thermometer_has_a_quiet_slope_up_to_the_ends(void**) {
   // Between two steps at the start and at the end: it shows now this, now that one.  Elsewhere it mostly stays as it is.
   Log log = simulated_log(121, 6000, false, 0);
@@ -1449,6 +1511,8 @@ int main() {
       cmocka_unit_test(test_jumps_that_come_again_and_again_are_no_events),
       cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),
       cmocka_unit_test(test_what_held_out_logs_can_show_is_what_a_name_is_asked_for),
+      cmocka_unit_test(test_the_interval_of_one_held_out_log_holds_the_true_reduction),
+      cmocka_unit_test(test_noise_that_hides_the_gap_makes_the_interval_wide),
       cmocka_unit_test(test_a_coarse_thermometer_has_a_quiet_slope_up_to_the_ends),
       cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),
       cmocka_unit_test(test_a_cause_is_found_beside_noise_that_follows_the_temperature),

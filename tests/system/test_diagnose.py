@@ -397,3 +397,50 @@ def test_what_repeats_but_is_no_effect_of_the_library_has_no_name(lab, change, s
     axis = lab.run(logs[:3], "--holdout", logs[3])["axes"][0]
     assert names(axis) == [] and axis["verdict"] == "unexplained", lab.text
     assert "free function of temperature" in lab.text
+
+
+# ---- what held-out logs can show --------------------------------------------------------------------------
+
+RATE = {"effects": [{"name": "temperature_rate", "parameters": {"k_dph_per_degc_min": 15}}]}
+SLOW_UP = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 0.6, "to_degc": 55}]}
+HOTTER = {"imucal_profile": 1, "start_degc": 0, "segments": [
+    {"rate_degc_per_min": 3, "to_degc": 80}, {"rate_degc_per_min": 3, "to_degc": 0}]}
+
+
+def test_one_held_out_log_gives_an_interval_with_two_sides(lab):
+    logs = lab.logs("one_held_out", RATE, n=4)
+    axis = lab.run(logs[:3], "--holdout", logs[3])["axes"][0]
+    assert [e["name"] for e in axis["effects"]] == ["temperature_rate"]
+    lo, hi = axis["gap"]["ci95"]
+    assert lo < axis["gap"]["shrinkage"] < hi and hi - lo < 0.4
+    assert "the gap shrinks by" in axis["gap"]["statement"] and axis["gap"]["statement"] in lab.text
+
+
+def test_a_held_out_log_that_hides_the_cause_gives_no_figure(lab):
+    """A steady ramp: what follows its rate is constant there, and a constant is free in every log."""
+    logs = lab.logs("hides", RATE, n=3)
+    steady = lab.logs("steady", RATE, n=1, seed=12, profile=lab.write("slow_up.json", SLOW_UP))
+    axis = lab.run(logs, "--holdout", steady[0])["axes"][0]
+    assert [e["name"] for e in axis["effects"]] == ["temperature_rate"]
+    assert axis["gap"]["shrinkage"] is None and axis["gap"]["ci95"] is None
+    assert "no figure: noise hides how far the gap shrinks" in lab.text and "shrinks by" not in lab.text
+
+
+def test_a_held_out_log_beyond_the_fitted_temperatures_is_told_and_judged_within(lab):
+    effects = {"effects": [{"name": "thermal_hysteresis", "parameters": {"amplitude_dph": 60, "width_degc": 5}}]}
+    logs = lab.logs("within", effects, n=3)
+    hotter = lab.logs("hotter", effects, n=1, seed=12, profile=lab.write("hotter.json", HOTTER))
+    answer = lab.run(logs, "--holdout", hotter[0])
+    warning = [w for w in answer["warnings"] if "degC above the temperatures of the fitted logs" in w]
+    assert len(warning) == 1 and hotter[0] in warning[0] and 17 < float(warning[0].split("goes ")[1].split()[0]) < 22
+    gap = answer["axes"][0]["gap"]
+    assert 0.6 < gap["part_within_fitted_temperatures"] < 0.85 and gap["ci95"][1] > 0.9
+
+
+def test_where_says_how_much_larger_or_smaller_the_residual_is(lab):
+    logs = lab.logs("where", {"effects": []}, n=3)
+    loud = lab.write("loud.json", {**MODEL, "arw_deg_rt_h": 1.8, "markov": [{"sigma_dph": 60, "tau_s": 100}]})
+    assert "where" in lab.run(logs, model=loud)["axes"][0]
+    times = lab.text.split("the residual is ")[1].split(" times what the model expects there (less noise than believed)")[0]
+    assert 0.3 < float(times) < 0.37
+    assert "standard deviations" not in lab.text

@@ -182,7 +182,7 @@ def gap_sentence(axis):
         if gap.get("stand_in_shrinkage") is not None:
             return (f"A flexible stand-in removes {100 * gap['stand_in_shrinkage']:.0f} % of the gap on held-out data: "
                     "that is not an explanation.")
-        return ""
+        return f"On data that were not fitted: {gap['statement']}." if gap.get("statement") else ""
     text = f"Adding what was found removes {100 * gap['shrinkage']:.0f} % of the gap on held-out data"
     ci = gap.get("ci95")
     if ci and None not in ci:

@@ -10,6 +10,8 @@
 namespace imucal {
 namespace {
 
+constexpr double kWeak_nats = 3;      // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
+constexpr double kScaleEnd = -0.995;  // a shrinkage is not told below -100 %
 constexpr double kAgainst_nats = 3.3; // by which held-out data speak against a name: 1 % of chi2, one degree
 
 Json number(double x) {
@@ -44,7 +46,8 @@ const char* doubt_text(Doubt doubt) {
   case Doubt::kMemberOpen:
     return "the logs tell the family of the cause, not its member";
   case Doubt::kShapeOpen:
-    return "no effect of the library has the shape that is there: the family is told, the cause is open";
+    return "a free shape of this family follows the logs more closely than any of its members: the family is told, "
+           "its member is open";
   case Doubt::kSlowNoise:
     return "slow noise and a repeatable cause explain these logs equally well: they cannot tell";
   case Doubt::kAgainst:
@@ -81,6 +84,10 @@ std::string name_of(const CandidateEvidence& c) {
 }
 std::string name_of(const SelectedEffect& e) {
   return e.is_family || !e.term.effect ? family_name(e.family) : e.term.effect->name();
+}
+
+bool is_weak(const SelectedEffect& e) {
+  return e.evidence_nats < kWeak_nats;
 }
 
 Json evidence_json(const CandidateEvidence& c) {
@@ -209,7 +216,12 @@ std::string remainder(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   const GapResult& g = axis.study.gap;
   std::string out;
-  const auto add = [&](const std::string& text) { out += (out.empty() ? "" : "; ") + text; };
+  std::vector<std::string> said;
+  const auto add = [&](const std::string& text) { // more than one candidate may be called the same
+    if (std::find(said.begin(), said.end(), text) != said.end()) return;
+    said.push_back(text);
+    out += (out.empty() ? "" : "; ") + text;
+  };
   for (const CandidateEvidence& c : s.remainders)
     add(std::string(c.reference ? c.reference->what : name_of(c).c_str()) + " would follow the logs more closely");
   for (const RestFinding& f : s.after)
@@ -217,14 +229,53 @@ std::string remainder(const AxisResult& axis) {
   for (const SelectedEffect& e : s.effects)
     if (e.doubt == Doubt::kShapeOpen) add("the shape is open: " + family_label(e.family));
   if (g.has_mean && g.rms_after_dph > 1.1 * g.rms_before_dph)
-    add("the predicted mean is further from the held-out rates than before");
+    add(std::string("the predicted mean is further from the held-out rates than before") +
+        (g.has_figure() ? "" : ", as far as their noise tells"));
   if (!g.has_mean && !s.effects.empty())
     add("nothing that was found predicts the mean of other data: its held-out residual does not shrink");
   return out.empty() ? "nothing detectable on the held-out data" : out;
 }
 
+// What is named is of the mean of other data, not of their noise alone.
+bool names_mean(const Selection& s) {
+  return std::any_of(s.effects.begin(), s.effects.end(), [](const SelectedEffect& e) {
+    return !e.term.effect || (e.term.form() != Form::kNoise && e.term.form() != Form::kSteps &&
+                              e.term.form() != Form::kStructural && e.term.form() != Form::kAxes);
+  });
+}
 bool claims_shrinkage(const AxisResult& axis) {
-  return axis.study.selection.verdict != Verdict::kUnexplained && axis.study.gap.has_mean;
+  const Selection& s = axis.study.selection;
+  return s.verdict != Verdict::kUnexplained && axis.study.gap.has_mean && names_mean(s);
+}
+bool has_figure(const AxisResult& axis) {
+  return claims_shrinkage(axis) && axis.study.gap.has_figure();
+}
+
+// In the axis' unit: a tenth of a dph, or three digits of a few mg.
+std::string figure(double value, const AxisResult& axis) {
+  return format(is_accelerometer(axis.axis) ? "%.3g" : "%.1f", value);
+}
+
+// How far the gap shrinks on data that were not fitted, or why that is not known; empty: not asked.
+std::string held_out_statement(const AxisResult& axis) {
+  const GapResult& g = axis.study.gap;
+  const std::string residual =
+      format("residual of one-minute means %s -> %s %s, noise alone %s", figure(g.rms_before_dph, axis).c_str(),
+             figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis), figure(g.noise_rms_dph, axis).c_str());
+  if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure())
+    return format("a flexible stand-in removes %.0f %% (%s -> %s %s): not an explanation", 100 * g.shrinkage,
+                  figure(g.rms_before_dph, axis).c_str(), figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis));
+  if (!claims_shrinkage(axis)) return "";
+  if (!(g.part_within > 0))
+    return "no figure: no rates at temperatures that were fitted (" + std::string(held_out_text(g.method)) + ")";
+  if (!g.has_figure())
+    return format("no figure: noise hides how far the gap shrinks (95 %%: %.0f to %.0f %%; %s); %s", 100 * g.ci_lo,
+                  100 * g.ci_hi, held_out_text(g.method), residual.c_str());
+  if (g.ci_hi <= kScaleEnd)
+    return format("the gap grows by more than 100 %% (%s); %s", held_out_text(g.method), residual.c_str());
+  return format("the gap %s by %.0f %% (95 %%: %.0f to %.0f; %s); %s", g.shrinkage < 0 ? "grows" : "shrinks",
+                100 * std::fabs(g.shrinkage), 100 * (g.shrinkage < 0 ? -g.ci_hi : g.ci_lo),
+                100 * (g.shrinkage < 0 ? -g.ci_lo : g.ci_hi), held_out_text(g.method), residual.c_str());
 }
 
 Json gap_json(const AxisResult& axis) {
@@ -234,22 +285,24 @@ Json gap_json(const AxisResult& axis) {
   Json gap = {
       {"before", g.before},
       {"after", g.after},
-      {"shrinkage", claims_shrinkage(axis) ? Json(g.shrinkage)
-                    : is_none              ? Json(0.0)
-                                           : Json(nullptr)},
-      {"ci95", claims_shrinkage(axis) ? Json{g.ci_lo, g.ci_hi}
-               : is_none              ? Json{0.0, 0.0}
-                                      : Json(nullptr)},
+      {"shrinkage", has_figure(axis) ? Json(g.shrinkage)
+                    : is_none        ? Json(0.0)
+                                     : Json(nullptr)},
+      {"ci95", has_figure(axis) ? Json{g.ci_lo, g.ci_hi}
+               : is_none        ? Json{0.0, 0.0}
+                                : Json(nullptr)},
       {"unit", unit + "^2: held-out one-minute means off the predicted mean, squared, above the noise"},
       {"method", held_out_text(g.method)},
       {"gain", g.gain},
       {"gain_unit", "deviance per hour, held out"},
       {"hours", g.hours},
       {"gain_by_unit", g.delta_by_unit},
+      {"statement", held_out_statement(axis)},
+      {"part_within_fitted_temperatures", g.part_within},
       {"remainder", remainder(axis)},
       {"residual_rms_dph", {{"before", g.rms_before_dph}, {"after", g.rms_after_dph}, {"noise", g.noise_rms_dph}}},
       {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
-  if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_mean) gap["stand_in_shrinkage"] = g.shrinkage;
+  if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure()) gap["stand_in_shrinkage"] = g.shrinkage;
   return gap;
 }
 
@@ -263,6 +316,7 @@ Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
                 {"parameters", has_values ? parameters_json(values) : Json::object()},
                 {"std_errors", has_values ? std_errors_json(values) : Json::object()},
                 {"evidence_nats", e.evidence_nats},
+                {"is_weak", is_weak(e)},
                 {"gain_nats", e.gain_nats},
                 {"p_value", std::min(1.0, rate * std::exp(-std::max(0.0, e.evidence_nats)))},
                 {"set", set},
@@ -287,6 +341,27 @@ std::string hidden_names(const AxisResult& axis) {
   return out;
 }
 
+// A gap that has no name: what comes nearest, where anything does.
+std::string unexplained(const Selection& s) {
+  std::vector<std::string> families, nearest;
+  const auto add = [](const std::string& name, std::vector<std::string>* to) {
+    if (std::find(to->begin(), to->end(), name) == to->end()) to->push_back(name);
+  };
+  const auto listed = [](const std::vector<std::string>& names) {
+    std::string out;
+    for (const std::string& name : names) out += (out.empty() ? "" : " and ") + name;
+    return out;
+  };
+  for (const SelectedEffect& e : s.effects) add(name_of(e), &families);
+  for (const CandidateEvidence& c : s.remainders)
+    if (!c.reference) add(name_of(c), &nearest);
+  if (!families.empty())
+    return "a gap, with a cause of the family " + listed(families) + "; no member of it is told by these logs";
+  if (!nearest.empty())
+    return "a gap without a sure name; nearest comes " + listed(nearest) + ", which these logs do not bear out";
+  return "a gap that no known effect explains";
+}
+
 // The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
 std::string headline(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
@@ -298,13 +373,15 @@ std::string headline(const AxisResult& axis) {
     return "no gap that these logs can show" + (hidden.empty() ? "" : "; not detectable on these profiles: " + hidden);
   }
   case Verdict::kExplained:
-    return "a gap, explained";
+    return std::all_of(s.effects.begin(), s.effects.end(), is_weak)
+               ? "a gap, explained by little more than a name must gain"
+               : "a gap, explained";
   case Verdict::kPartlyExplained:
     for (const SelectedEffect& e : s.effects)
       if (e.doubt == Doubt::kSlowNoise) return "a gap: slow noise or a repeatable cause, these logs cannot tell";
     return "a gap, partly explained";
   case Verdict::kUnexplained:
-    return "a gap that no known effect explains";
+    return unexplained(s);
   }
   return "";
 }
@@ -469,6 +546,9 @@ std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
   std::string out = "  effect  " + name_of(e);
   if (e.is_family && e.term.effect && !list.empty()) out += " (as " + e.term.effect->name() + ")";
   out += (list.empty() ? "" : ": " + list) + format(" (evidence %.1f nats)\n", e.evidence_nats);
+  if (is_weak(e))
+    out += format("          barely: %.2g to 1 beyond what a name must gain; another log should confirm it\n",
+                  std::exp(std::max(0.0, e.evidence_nats)));
   if (e.doubt != Doubt::kNone) out += std::string("          ") + doubt_text(e.doubt) + "\n";
   if (std::isfinite(e.held_out_nats) && e.held_out_nats < -kAgainst_nats)
     out += "          the held-out data speak against it\n";
@@ -479,28 +559,13 @@ std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
   return rivals.empty() ? out : out + "          cannot be told from:" + rivals + "\n";
 }
 
-// In the axis' unit: a tenth of a dph, or three digits of a few mg.
-std::string figure(double value, const AxisResult& axis) {
-  return format(is_accelerometer(axis.axis) ? "%.3g" : "%.1f", value);
-}
-
 std::string axis_text(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
-  const GapResult& g = axis.study.gap;
   std::string out = axis.axis + ": " + headline(axis) + "\n";
   if (!axis.refused.empty() || s.cannot_judge) return out;
   if (s.verdict != Verdict::kNoGap) out += "  where   " + axis.where.sentence + "\n";
   for (const SelectedEffect& e : s.effects) out += effect_text(axis, e);
-  if (claims_shrinkage(axis))
-    out += format("  held out  the gap shrinks by %.0f %% (95 %%: %.0f to %.0f; %s); residual of one-minute means %s "
-                  "-> %s %s, noise alone %s\n",
-                  100 * g.shrinkage, 100 * g.ci_lo, 100 * g.ci_hi, held_out_text(g.method),
-                  figure(g.rms_before_dph, axis).c_str(), figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
-                  figure(g.noise_rms_dph, axis).c_str());
-  if (s.verdict == Verdict::kUnexplained && g.has_mean)
-    out +=
-        format("  held out  a flexible stand-in removes %.0f %% (%s -> %s %s): not an explanation\n", 100 * g.shrinkage,
-               figure(g.rms_before_dph, axis).c_str(), figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis));
+  if (const std::string held_out = held_out_statement(axis); !held_out.empty()) out += "  held out  " + held_out + "\n";
   if (!s.effects.empty() || s.verdict == Verdict::kUnexplained) out += "            left: " + remainder(axis) + "\n";
   for (const std::string& note : notes(axis)) out += "  note    " + note + "\n";
   return out;

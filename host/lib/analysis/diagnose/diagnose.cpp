@@ -244,6 +244,24 @@ void tell_stuck(const Campaign& campaign, const std::vector<Log>& logs, std::vec
   }
 }
 
+// A polynomial that goes beyond what it was fitted to is off by itself.
+void tell_beyond(const Campaign& fitted, const Campaign& unseen, const std::vector<Log>& logs,
+                 std::vector<std::string>* warnings) {
+  if (!fitted.has_temperature || !unseen.has_temperature) return;
+  for (const CampaignRun& run : unseen.runs) {
+    const auto [lo, hi] = std::minmax_element(run.input.smooth_degc.begin(), run.input.smooth_degc.end());
+    const double below = fitted.lo_degc - *lo, above = *hi - fitted.hi_degc;
+    if (std::max(below, above) <= kBeyond_degc) continue;
+    char text[300];
+    std::snprintf(
+        text, sizeof text,
+        " goes %.0f degC %s the temperatures of the fitted logs (%.0f to %.0f degC), where every answer is an "
+        "extrapolated polynomial: the residual and how far the gap shrinks are judged without that part",
+        std::max(below, above), above > below ? "above" : "below", fitted.lo_degc, fitted.hi_degc);
+    warnings->push_back(logs[run.input.log].path + text);
+  }
+}
+
 // Sets and gets the threshold of the names in the mean: what draws of the fitted noise gain, kept by a hash of
 // everything that they depend on.
 struct Calibrated {
@@ -295,6 +313,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   if (!held_out.empty()) {
     unseen = make_campaign(held_out, name, model);
     tell_stuck(unseen, held_out, &axis.warnings);
+    tell_beyond(axis.campaign, unseen, held_out, &axis.warnings);
     take_out_known(model, name, &unseen);
   }
   const std::vector<const Effect*>& library = effect_library();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "analysis/diagnose/reduction.h"
 #include "base/rng.h"
 #include "base/units.h"
 
@@ -15,7 +16,6 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kMinute_s = 60;
-constexpr double kNoiseInDoubt = 0.5; // part of what counts as noise that may be left of the gap: lower limit
 constexpr double kOverlap = 1e-9;
 
 // A residual path as the nominal model's filter follows it.
@@ -83,11 +83,29 @@ Minutes minutes_of(VectorXd rest, double dt_s) {
 
 // What one hypothesis makes of the held-out units of a split.
 struct Prediction {
-  std::vector<double> nats;  // per unit
-  std::vector<Minutes> rest; // per unit
+  std::vector<double> nats; // per unit
   std::vector<std::vector<VectorXd>>
-      mean; // per split and unit: what it predicts there, constants and start states fitted
+      mean;                             // per split and unit: what it predicts there, constants and start states fitted
+  std::vector<VectorXd> left;           // per unit: the rates less that
+  std::vector<MatrixXd> starts, shapes; // per unit: columns with a coefficient of the run, and those common to all
 };
+MatrixXd side_by_side(const std::vector<const MatrixXd*>& parts) {
+  long cols = 0;
+  for (const MatrixXd* m : parts) cols += m->cols();
+  MatrixXd out(parts.front()->rows(), cols);
+  long at = 0;
+  for (const MatrixXd* m : parts) out.middleCols(at, m->cols()) = *m, at += m->cols();
+  return out;
+}
+void keep_columns(const SlowData& data, const std::vector<MeanPart>& parts, size_t run, Prediction* out) {
+  const MatrixXd none(data.y[run].size(), 0);
+  std::vector<const MatrixXd*> starts{&none}, shapes{&data.powers[run]};
+  for (const MeanPart& part : parts) {
+    starts.push_back(&part.local[run]), shapes.push_back(&part.common[run]);
+    if (!part.powers.empty()) shapes.push_back(&part.powers[run]);
+  }
+  out->starts.push_back(side_by_side(starts)), out->shapes.push_back(side_by_side(shapes));
+}
 Prediction predict(const SlowSearch& search, const Split& split, const SlowModel& model) {
   Prediction out;
   out.mean.emplace_back();
@@ -103,7 +121,8 @@ Prediction predict(const SlowSearch& search, const Split& split, const SlowModel
     out.nats.push_back(grams.log_marginal(1, with) - trained);
     const VectorXd rest = residual_of(split.data, parts, at, unit);
     out.mean.back().push_back(split.data.y[unit] - rest);
-    out.rest.push_back(minutes_of(rest, split.data.campaign.dt_s));
+    out.left.push_back(rest);
+    keep_columns(split.data, parts, unit, &out);
   }
   return out;
 }
@@ -158,9 +177,8 @@ Prediction predict_quarters(const SlowSearch& search, const SlowData& training, 
     std::vector<MeanPart> rest_parts;
     const RunGrams grams = grams_on(data, &rest_parts);
     out.nats.push_back(whole - grams.log_marginal(1));
-    VectorXd left = residual_of(training, parts, grams.posterior(), 0);
-    const long n = left.size(), first = static_cast<long>(q) * n / 4, last = static_cast<long>(q + 1) * n / 4;
-    out.rest.push_back(minutes_of(left.segment(first, last - first), training.campaign.dt_s));
+    out.left.push_back(residual_of(training, parts, grams.posterior(), 0));
+    keep_columns(training, parts, 0, &out);
   }
   return out;
 }
@@ -172,8 +190,10 @@ Prediction predict_all(const SlowSearch& search, const SlowData& training, const
   for (const Split& split : splits) {
     const Prediction one = predict(search, split, model);
     out.nats.insert(out.nats.end(), one.nats.begin(), one.nats.end());
-    out.rest.insert(out.rest.end(), one.rest.begin(), one.rest.end());
     out.mean.insert(out.mean.end(), one.mean.begin(), one.mean.end());
+    out.left.insert(out.left.end(), one.left.begin(), one.left.end());
+    out.starts.insert(out.starts.end(), one.starts.begin(), one.starts.end());
+    out.shapes.insert(out.shapes.end(), one.shapes.begin(), one.shapes.end());
   }
   return out;
 }
@@ -217,33 +237,95 @@ double noise_of_units(const NoiseModel& noise, const std::vector<Minutes>& rest)
   return n > 0 ? sum / n : 0;
 }
 
-// 95 % factor of Student's t for few units.
-double t_factor(size_t units) {
-  static const double table[] = {12.7, 12.7, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36};
-  return units < 2 ? 0 : units - 1 < 8 ? table[units - 1] : 2.1;
+// Places among the used rows of a run that count.
+std::vector<size_t> all_rows(const CampaignRun& run, size_t first, size_t end) {
+  std::vector<size_t> out;
+  for (size_t k = first; k < end && k < run.n(); ++k) out.push_back(k);
+  return out;
+}
+// Those at temperatures that the fitted runs pass, or nearly: beyond, every answer is an extrapolated polynomial.
+std::vector<size_t> rows_within(const Campaign& campaign, size_t unit, const std::vector<char>& is_fitted) {
+  if (!campaign.has_temperature) return all_rows(campaign.runs[unit], 0, campaign.runs[unit].n());
+  double lo = 1e300, hi = -1e300;
+  for (size_t r = 0; r < campaign.runs.size(); ++r)
+    for (size_t k = 0; is_fitted[r] && k < campaign.runs[r].n(); ++k) {
+      const double at = campaign.runs[r].input.smooth_degc[static_cast<size_t>(campaign.runs[r].used[k])];
+      lo = std::min(lo, at), hi = std::max(hi, at);
+    }
+  std::vector<size_t> out;
+  const CampaignRun& run = campaign.runs[unit];
+  for (size_t k = 0; k < run.n(); ++k) {
+    const double at = run.input.smooth_degc[static_cast<size_t>(run.used[k])];
+    if (at > lo - kBeyond_degc && at < hi + kBeyond_degc) out.push_back(k);
+  }
+  return out;
 }
 
-void set_shrinkage(const Prediction& before, const Prediction& after, GapResult* out) {
-  const double noise = std::min(out->noise_rms_dph * out->noise_rms_dph, mean_square(after.rest));
-  const double ms_before = mean_square(before.rest), ms_after = mean_square(after.rest);
-  out->before = std::max(0.0, ms_before - noise), out->after = std::max(0.0, ms_after - noise);
-  if (!(out->before > 1e-9 * ms_before)) return;
-  const double removed = ms_before - ms_after;
-  out->shrinkage = std::clamp(removed / out->before, -1.0, 1.0);
-  std::vector<double> parts;
-  double square = 0, n = 0;
-  for (const Minutes& m : before.rest) n += m.n;
-  for (size_t u = 0; u < before.rest.size(); ++u)
-    parts.push_back((before.rest[u].sum - after.rest[u].sum) / n * static_cast<double>(before.rest.size()));
-  for (double p : parts) square += std::pow(p - removed, 2);
-  const double units = static_cast<double>(parts.size());
-  const double error = units > 1 ? std::sqrt(square / (units - 1) / units) : std::fabs(removed);
-  const double half = t_factor(parts.size()) * error / out->before;
-  const double in_doubt = removed / std::max(out->before, ms_before - kNoiseInDoubt * noise);
-  // The spread between units is partly one of what there was to remove, which the ratio does not have.
-  const double lower = std::min(in_doubt, out->shrinkage - std::min(half, 0.35 * (1 + std::fabs(out->shrinkage))));
-  out->ci_lo = std::clamp(lower, -1.0, out->shrinkage);
-  out->ci_hi = std::clamp(out->shrinkage + half, out->shrinkage, 1.0);
+HeldOutUnit held_out_unit(const CampaignRun& run, const std::vector<size_t>& rows, const Prediction& before,
+                          const Prediction& after, size_t u) {
+  HeldOutUnit out;
+  out.run = run;
+  std::fill(out.run.input.rate_dph.begin(), out.run.input.rate_dph.end(), std::nan(""));
+  const long n = static_cast<long>(rows.size());
+  out.left.resize(n), out.change.resize(n);
+  out.starts.resize(n, after.starts[u].cols()), out.shapes.resize(n, after.shapes[u].cols());
+  for (long i = 0; i < n; ++i) {
+    const long k = static_cast<long>(rows[static_cast<size_t>(i)]);
+    const size_t row = static_cast<size_t>(run.used[rows[static_cast<size_t>(i)]]);
+    out.run.input.rate_dph[row] = run.input.rate_dph[row];
+    out.left[i] = after.left[u][k], out.change[i] = before.left[u][k] - after.left[u][k];
+    out.starts.row(i) = after.starts[u].row(k), out.shapes.row(i) = after.shapes[u].row(k);
+  }
+  find_used(&out.run);
+  return out;
+}
+
+std::vector<HeldOutUnit> held_out_units(const SlowData& training, const std::vector<Split>& splits,
+                                        const Prediction& before, const Prediction& after, bool only_within) {
+  std::vector<HeldOutUnit> out;
+  if (splits.empty()) {
+    const CampaignRun& run = training.campaign.runs[0];
+    for (size_t q = 0; q < 4; ++q)
+      out.push_back(
+          held_out_unit(run, all_rows(run, q * run.n() / 4, (q + 1) * run.n() / 4), before, after, out.size()));
+    return out;
+  }
+  for (const Split& split : splits)
+    for (size_t unit : split.units) {
+      const CampaignRun& run = split.data.campaign.runs[unit];
+      const std::vector<size_t> rows =
+          only_within ? rows_within(split.data.campaign, unit, split.train) : all_rows(run, 0, run.n());
+      out.push_back(held_out_unit(run, rows, before, after, out.size()));
+    }
+  return out;
+}
+size_t n_rows(const std::vector<HeldOutUnit>& units) {
+  size_t n = 0;
+  for (const HeldOutUnit& unit : units) n += unit.run.n();
+  return n;
+}
+
+// Of one-minute means.
+void set_residuals(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units, double dt_s,
+                   GapResult* out) {
+  std::vector<Minutes> before, after;
+  for (const HeldOutUnit& unit : units) {
+    before.push_back(minutes_of(unit.left + unit.change, dt_s));
+    after.push_back(minutes_of(unit.left, dt_s));
+  }
+  out->rms_before_dph = std::sqrt(mean_square(before)), out->rms_after_dph = std::sqrt(mean_square(after));
+  out->noise_rms_dph = std::sqrt(noise_of_units(search.seconds_noise_of(final), after));
+}
+
+void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,
+                   GapResult* out) {
+  if (!(out->part_within > 0)) {
+    out->ci_lo = -1, out->ci_hi = 1;
+    return;
+  }
+  const Reduction found = reduction_of(units, search.noise_of(final));
+  out->before = found.before_dph2, out->after = found.after_dph2;
+  out->shrinkage = found.shrinkage, out->ci_lo = found.lo, out->ci_hi = found.hi;
 }
 
 } // namespace
@@ -282,15 +364,17 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
     out.beyond_start.push_back(support(less));
     out.at_all.push_back(support(final.without(i)));
   }
-  double seconds = 0;
-  const Campaign& units = held_out ? *held_out : training.campaign;
-  seconds = static_cast<double>(units.n()) * units.dt_s;
+  const Campaign& campaign = held_out ? *held_out : training.campaign;
+  std::vector<HeldOutUnit> units = held_out_units(training, splits, before, after, true);
+  const size_t within = n_rows(units);
+  out.part_within = static_cast<double>(within) / static_cast<double>(campaign.n());
+  if (within == 0) units = held_out_units(training, splits, before, after, false);
+  const double seconds = static_cast<double>(campaign.n()) * campaign.dt_s;
   out.hours = std::max(kOverlap, seconds / 3600);
   out.gain = out.delta_deviance / out.hours;
-  out.rms_before_dph = std::sqrt(mean_square(before.rest)), out.rms_after_dph = std::sqrt(mean_square(after.rest));
-  out.noise_rms_dph = std::sqrt(noise_of_units(search.seconds_noise_of(final), after.rest));
+  set_residuals(search, final, units, campaign.dt_s, &out);
   out.has_mean = !final.names.empty();
-  if (out.has_mean) set_shrinkage(before, after, &out);
+  if (out.has_mean) set_shrinkage(search, final, units, &out);
   return out;
 }
 

@@ -16,12 +16,21 @@
 
 namespace imucal {
 
+// How far beyond the temperatures of the fitted logs held-out rates still count.
+constexpr double kBeyond_degc = 1;
+
+// Width of the 95 % interval of a shrinkage from which it is no figure: the noise of the held-out rates hides the gap.
+constexpr double kWidestFigure = 0.4;
+
 enum class HeldOut { kLogs, kEachLog, kQuarters };
 
 struct GapResult {
   HeldOut method = HeldOut::kEachLog;
   double before = 0, after = 0; // mean square above the noise, dph^2
   double shrinkage = 0, ci_lo = 0, ci_hi = 0;
+  double part_within = 1; // of the held-out rates that are at temperatures that were fitted
+  // The rates tell the shrinkage well enough for a figure.
+  bool has_figure() const { return has_mean && ci_hi - ci_lo < kWidestFigure; }
   bool has_mean = false;             // something in the mean predicts other data; else the figures are of the deviance
   double gain = 0;                   // deviance per hour that the names remove
   double delta_deviance = 0;         // of all held-out units

@@ -204,19 +204,31 @@ private:
         any = true;
       }
   }
-  void say(bool is_thermal) {
+  // How many times the residual is what the model expects, at the averaging times that stand out most.
+  std::string strongest_times() const {
+    const WhereCell& cell = out_.by_tau[strongest_];
+    const double times = std::sqrt(std::max(0.0, 1 + cell.excess / std::max(1.0, cell.n)));
     char text[300];
-    std::snprintf(text, sizeof text, "strongest at averaging times of %.0f to %.0f s (%+.1f standard deviations)",
-                  out_.tau_lo_s, out_.tau_hi_s, out_.by_tau[strongest_].z());
-    out_.sentence = text;
+    std::snprintf(
+        text, sizeof text,
+        "at averaging times of %.0f to %.0f s, most at %.0f to %.0f s: the residual is %.2g times what the model "
+        "expects there%s",
+        out_.tau_lo_s, out_.tau_hi_s, cell.lo, cell.hi, times, times < 1 ? " (less noise than believed)" : "");
+    return text;
+  }
+  void say(bool is_thermal) {
+    const auto add = [&](const std::string& part) { out_.sentence += (out_.sentence.empty() ? "" : ", ") + part; };
+    if (std::fabs(out_.by_tau[strongest_].z()) > kClear) add(strongest_times());
     if (is_thermal) {
-      std::snprintf(text, sizeof text, ", between %.0f and %.0f degC", out_.temp_lo_degc, out_.temp_hi_degc);
-      out_.sentence += text;
+      char text[100];
+      std::snprintf(text, sizeof text, "between %.0f and %.0f degC", out_.temp_lo_degc, out_.temp_hi_degc);
+      add(text);
     }
     if (out_.direction == "soak")
-      out_.sentence += ", while the temperature rests";
+      add("while the temperature rests");
     else if (out_.direction != "any")
-      out_.sentence += ", while the temperature goes " + out_.direction;
+      add("while the temperature goes " + out_.direction);
+    if (out_.sentence.empty()) out_.sentence = "no averaging time, temperature or direction stands out by itself";
   }
 
   const Campaign& campaign_;

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: MIT
+// What diagnose says in words: every line agrees with the others and with the figures.
+#include <cmath>
+#include <csetjmp>
+#include <cstdarg>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "diagnose/report.h"
+// After the others: it defines a macro `fail`.
+extern "C" {
+#include <cmocka.h>
+}
+
+using namespace imucal;
+
+// An answer of one axis with one effect, made by hand.
+static SelectedEffect effect_of(const char* name, double evidence_nats) {
+  SelectedEffect effect;
+  effect.term.effect = &find_effect(name), effect.term.estimator = effect.term.effect->estimator();
+  effect.term.fixed_parameters = {};
+  effect.family = effect.term.effect->family();
+  effect.evidence_nats = evidence_nats, effect.gain_nats = evidence_nats + 6;
+  effect.held_out_nats = kPredictsNothing;
+  effect.doubt = Doubt::kSlowNoise; // no parameters are told
+  effect.set = {{effect.term.effect, nullptr, false, effect.family, effect.gain_nats, 6}};
+  return effect;
+}
+static CandidateEvidence free_shape(Family family) {
+  for (const Reference& shape : free_shapes())
+    if (shape.family == family) return {nullptr, &shape, false, family, 20, 0};
+  return {};
+}
+static std::string said(Verdict verdict, std::vector<SelectedEffect> effects, std::vector<CandidateEvidence> remainders,
+                        const GapResult& gap = {}) {
+  DiagnoseResult result;
+  result.axes.resize(1);
+  AxisResult& axis = result.axes[0];
+  axis.axis = "gx_dph", axis.where.sentence = "somewhere";
+  axis.study.selection.verdict = verdict;
+  axis.study.selection.effects = std::move(effects), axis.study.selection.remainders = std::move(remainders);
+  axis.study.gap = gap;
+  return diagnosis_text({}, result);
+}
+static size_t count(const std::string& text, const std::string& part) {
+  size_t n = 0;
+  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++n;
+  return n;
+}
+static void assert_has(const std::string& text, const char* part) {
+  if (count(text, part) == 0) fail_msg("\"%s\" is not in:\n%s", part, text.c_str());
+}
+static void assert_lacks(const std::string& text, const char* part) {
+  if (count(text, part) > 0) fail_msg("\"%s\" is in:\n%s", part, text.c_str());
+}
+
+static void test_a_family_that_is_told_is_in_the_headline(void**) {
+  SelectedEffect open = effect_of("higher_order_polynomial", 60);
+  open_shape(&open);
+  const CandidateEvidence shape = free_shape(Family::kFunctionOfTemperature);
+  const std::string text = said(Verdict::kUnexplained, {open}, {shape, shape});
+  assert_has(text, "a cause of the family function_of_temperature");
+  assert_lacks(text, "no known effect explains");
+  // The member may be the very cause: that no member has the shape is more than is known.
+  assert_lacks(text, "no effect of the library");
+  assert_int_equal(count(text, "would follow the logs more closely"), 1);
+}
+
+static void test_a_name_that_is_left_is_nearest_in_the_headline(void**) {
+  const std::string text = said(Verdict::kUnexplained, {}, {effect_of("thermal_hysteresis", 60).set.front()});
+  assert_has(text, "nearest comes thermal_hysteresis");
+  assert_lacks(text, "no known effect explains");
+  assert_has(said(Verdict::kUnexplained, {}, {free_shape(Family::kThermalMemory)}),
+             "a gap that no known effect explains");
+}
+
+static void test_a_name_with_little_evidence_is_marked_as_weak(void**) {
+  const std::string weak = said(Verdict::kExplained, {effect_of("warm_up", 1.1)}, {});
+  assert_has(weak, "explained by little more than a name must gain");
+  assert_has(weak, "barely: 3 to 1");
+  const std::string strong = said(Verdict::kExplained, {effect_of("warm_up", 3.1)}, {});
+  assert_has(strong, "a gap, explained\n");
+  assert_lacks(strong, "barely");
+  const std::string beside = said(Verdict::kExplained, {effect_of("thermal_lag", 90), effect_of("warm_up", 1.1)}, {});
+  assert_has(beside, "a gap, explained\n");
+  assert_int_equal(count(beside, "barely"), 1);
+}
+
+static void test_no_name_is_twice_in_a_set(void**) {
+  SelectedEffect effect = effect_of("thermal_anomaly", 10);
+  const auto of = [](const char* name, double gain) {
+    return CandidateEvidence{&find_effect(name), nullptr, false, find_effect(name).family(), gain, 6};
+  };
+  add_to_set({of("thermal_step", 9), of("thermal_hysteresis", 8)}, &effect);
+  add_to_set({of("thermal_step", 5), of("thermal_anomaly", 4), of("higher_order_polynomial", 3)}, &effect);
+  add_equal(&find_effect("thermal_step"), &effect);
+  CandidateEvidence family;
+  family.is_family = true, family.family = Family::kThermalMemory;
+  add_to_set({family, family}, &effect);
+  assert_int_equal(effect.set.size(), 5);
+  assert_true(effect.set[1].gain_nats == 9);
+}
+
+int main() {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_a_family_that_is_told_is_in_the_headline),
+      cmocka_unit_test(test_a_name_that_is_left_is_nearest_in_the_headline),
+      cmocka_unit_test(test_a_name_with_little_evidence_is_marked_as_weak),
+      cmocka_unit_test(test_no_name_is_twice_in_a_set),
+  };
+  return cmocka_run_group_tests(tests, nullptr, nullptr);
+}
