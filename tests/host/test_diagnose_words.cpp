@@ -87,6 +87,34 @@ static void test_a_name_with_little_evidence_is_marked_as_weak(void**) {
   assert_int_equal(count(beside, "barely"), 1);
 }
 
+static void test_other_noise_parameters_beside_a_weak_name_do_not_make_it_strong(void**) {
+  const std::string text =
+      said(Verdict::kExplained, {effect_of("warm_up", 0.1), effect_of("noise_parameters", 9000)}, {});
+  assert_has(text, "explained by little more than a name must gain");
+  assert_has(said(Verdict::kExplained, {effect_of("noise_parameters", 9000)}, {}), "a gap, explained\n");
+}
+
+// An answer with a figure of the held-out data.
+static GapResult gap_of(double shrinkage, double lo, double hi) {
+  GapResult gap;
+  gap.has_mean = true, gap.shrinkage = shrinkage, gap.ci_lo = lo, gap.ci_hi = hi;
+  gap.rms_before_dph = 260, gap.rms_after_dph = 70, gap.noise_rms_dph = 12;
+  return gap;
+}
+static void test_figures_of_the_held_out_data_agree_with_the_words(void**) {
+  const std::vector<SelectedEffect> ramp = {effect_of("rate_ramp", 20)};
+  const std::string part = said(Verdict::kExplained, ramp, {}, gap_of(0.92, 0.91, 0.93));
+  assert_has(part, "the gap shrinks by 92 % (95 %: 91 to 93;");
+  assert_has(part, "left: 8 % of the gap on data that were not fitted");
+  assert_has(said(Verdict::kExplained, ramp, {}, gap_of(0.99, 0.95, 1)), "left: nothing detectable");
+  assert_has(said(Verdict::kPartlyExplained, ramp, {}, gap_of(-0.3, -0.4, -0.2)),
+             "the gap grows by 30 % (95 %: 20 to 40;");
+  assert_has(said(Verdict::kPartlyExplained, ramp, {}, gap_of(-1, -1, -1)), "the gap grows by more than 100 %");
+  const std::string hidden = said(Verdict::kExplained, ramp, {}, gap_of(0.8, 0.2, 1));
+  assert_has(hidden, "no figure: noise hides how far the gap shrinks (95 %: 20 to 100 %;");
+  assert_lacks(hidden, "shrinks by");
+}
+
 static void test_no_name_is_twice_in_a_set(void**) {
   SelectedEffect effect = effect_of("thermal_anomaly", 10);
   const auto of = [](const char* name, double gain) {
@@ -107,6 +135,8 @@ int main() {
       cmocka_unit_test(test_a_family_that_is_told_is_in_the_headline),
       cmocka_unit_test(test_a_name_that_is_left_is_nearest_in_the_headline),
       cmocka_unit_test(test_a_name_with_little_evidence_is_marked_as_weak),
+      cmocka_unit_test(test_other_noise_parameters_beside_a_weak_name_do_not_make_it_strong),
+      cmocka_unit_test(test_figures_of_the_held_out_data_agree_with_the_words),
       cmocka_unit_test(test_no_name_is_twice_in_a_set),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);

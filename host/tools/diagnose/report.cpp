@@ -11,6 +11,7 @@ namespace imucal {
 namespace {
 
 constexpr double kWeak_nats = 3;      // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
+constexpr double kNearlyAll = 0.95;   // a shrinkage that surely stays below leaves something
 constexpr double kScaleEnd = -0.995;  // a shrinkage is not told below -100 %
 constexpr double kAgainst_nats = 3.3; // by which held-out data speak against a name: 1 % of chi2, one degree
 
@@ -231,6 +232,8 @@ std::string remainder(const AxisResult& axis) {
   if (g.has_mean && g.rms_after_dph > 1.1 * g.rms_before_dph)
     add(std::string("the predicted mean is further from the held-out rates than before") +
         (g.has_figure() ? "" : ", as far as their noise tells"));
+  if (s.verdict != Verdict::kUnexplained && g.has_figure() && g.ci_hi < kNearlyAll)
+    add(format("%.0f %% of the gap on data that were not fitted", 100 * (1 - g.shrinkage)));
   if (!g.has_mean && !s.effects.empty())
     add("nothing that was found predicts the mean of other data: its held-out residual does not shrink");
   return out.empty() ? "nothing detectable on the held-out data" : out;
@@ -263,7 +266,8 @@ std::string held_out_statement(const AxisResult& axis) {
       format("residual of one-minute means %s -> %s %s, noise alone %s", figure(g.rms_before_dph, axis).c_str(),
              figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis), figure(g.noise_rms_dph, axis).c_str());
   if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure())
-    return format("a flexible stand-in removes %.0f %% (%s -> %s %s): not an explanation", 100 * g.shrinkage,
+    return format("a flexible stand-in%s removes %.0f %% (%s -> %s %s): not an explanation",
+                  axis.study.selection.effects.empty() ? "" : " of that family", 100 * g.shrinkage,
                   figure(g.rms_before_dph, axis).c_str(), figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis));
   if (!claims_shrinkage(axis)) return "";
   if (!(g.part_within > 0))
@@ -341,6 +345,16 @@ std::string hidden_names(const AxisResult& axis) {
   return out;
 }
 
+// Other parameters of the believed noise are beside the cause, if there is one.
+bool has_weak_causes_only(const Selection& s) {
+  const auto is_cause = [](const SelectedEffect& e) {
+    return !e.term.estimator || !e.term.estimator->is_nominal_noise();
+  };
+  const bool has_cause = std::any_of(s.effects.begin(), s.effects.end(), is_cause);
+  return std::all_of(s.effects.begin(), s.effects.end(),
+                     [&](const SelectedEffect& e) { return is_weak(e) || (has_cause && !is_cause(e)); });
+}
+
 // A gap that has no name: what comes nearest, where anything does.
 std::string unexplained(const Selection& s) {
   std::vector<std::string> families, nearest;
@@ -373,9 +387,7 @@ std::string headline(const AxisResult& axis) {
     return "no gap that these logs can show" + (hidden.empty() ? "" : "; not detectable on these profiles: " + hidden);
   }
   case Verdict::kExplained:
-    return std::all_of(s.effects.begin(), s.effects.end(), is_weak)
-               ? "a gap, explained by little more than a name must gain"
-               : "a gap, explained";
+    return has_weak_causes_only(s) ? "a gap, explained by little more than a name must gain" : "a gap, explained";
   case Verdict::kPartlyExplained:
     for (const SelectedEffect& e : s.effects)
       if (e.doubt == Doubt::kSlowNoise) return "a gap: slow noise or a repeatable cause, these logs cannot tell";

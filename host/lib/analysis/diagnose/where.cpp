@@ -211,7 +211,7 @@ private:
     char text[300];
     std::snprintf(
         text, sizeof text,
-        "at averaging times of %.0f to %.0f s, most at %.0f to %.0f s: the residual is %.2g times what the model "
+        "at averaging times of %.0f to %.0f s, most at %.0f to %.0f s: the residual is %.3g times what the model "
         "expects there%s",
         out_.tau_lo_s, out_.tau_hi_s, cell.lo, cell.hi, times, times < 1 ? " (less noise than believed)" : "");
     return text;
