@@ -140,6 +140,13 @@ def test_a_stand_in_is_not_called_an_explanation(tmp_path):
     assert "Adding what was found removes" not in text
 
 
+def test_a_shrinkage_without_a_figure_says_why(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    diagnosis["axes"][0].update(gap={"shrinkage": None, "ci95": None, "statement": "no figure: noise hides how far the gap shrinks"})
+    text = run(tmp_path, diagnosis)[1]
+    assert "On data that were not fitted: no figure: noise hides how far the gap shrinks." in text
+
+
 def test_hash_of_a_log_beside_the_diagnosis(tmp_path):
     (tmp_path / "a.csv").write_bytes(b"# device: unit <7>\nt_s\n")
     text = run(tmp_path, DIAGNOSIS)[1]
