@@ -22,6 +22,13 @@ void leave_hits_that_stay(const AxisQuestion& question, const SecondsAnswer& sec
   list.erase(std::remove_if(list.begin(), list.end(), stays), list.end());
 }
 
+// The noise of the seconds where a better one was found; the believed one stays.
+void take_plain(const AxisQuestion& question, const SecondsNoise& plain, SecondsAnswer* seconds) {
+  if (seconds->is_believed) return;
+  if (question.belief.has_believed) seconds->retuned_nats += plain.log_likelihood - seconds->noise.log_likelihood;
+  seconds->noise = plain;
+}
+
 // What the fast noise explains better than a kind of slow noise takes its place.
 void take_best(const AxisQuestion& question, Found* found) {
   const FastFinding* best = found->fast.best(question.constants);
@@ -48,6 +55,7 @@ void ask_fast(const AxisQuestion& question, Found* found) {
   SecondsAnswer& seconds = found->seconds;
   scan = scan_fast_noise(question.campaign, seconds.noise, seconds.fit.residual, question.library, question.active,
                          question.constants, may_ask_slow_noise(*found));
+  take_plain(question, scan.plain, &seconds);
   leave_hits_that_stay(question, seconds, &scan);
   found->fast.jumping = ask_jumping_noise(question, &found->slow, &seconds, &scan);
   take_best(question, found);

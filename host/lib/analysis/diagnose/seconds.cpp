@@ -272,6 +272,13 @@ FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from, con
     list.push_back(f);
   }
   std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+  scan.plain = from;
+  for (const FastFinding& f : list) {
+    if (f.gain_nats < constants.fast_nats) break;
+    const SecondsNoise alone = fit_seconds_noise(campaign, f.base, residual);
+    if (alone.log_likelihood > scan.plain.log_likelihood) scan.plain = alone;
+  }
+  for (FastFinding& f : list) f.gain_nats -= scan.plain.log_likelihood - from.log_likelihood;
   return scan;
 }
 

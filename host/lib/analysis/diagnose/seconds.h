@@ -51,7 +51,10 @@ struct FastFinding {
 };
 struct FastScan {
   std::vector<FastFinding> findings; // best first
-  bool changes_suddenly = false;     // the innovations under `from`
+  // The noise without any of them, from the start `from` and from that beside each that gains: a search beside a kind may
+  // come to a better noise, and what that gains alone is not the kind's.
+  SecondsNoise plain;
+  bool changes_suddenly = false; // the innovations under `from`
 };
 // Every kind of fast noise of the library that may be asked.  `from`: noise that all of them contain.
 // `may_ask_slow`: kinds of slow noise too where that noise does not fit the spectrum of the residual.
