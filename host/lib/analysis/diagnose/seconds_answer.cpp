@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/diagnose/seconds_answer.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "analysis/diagnose/slow_stage.h"
 
 namespace imucal {
@@ -66,6 +69,50 @@ void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer
   slow->found.best.is_believed = true; // its noise is the believed one from here on
   seconds->final = hypothesis_of(question, *slow->search, slow->found.best, true);
 }
+constexpr double kPlaceBlocks = 1.5; // how far from its place in block means a jump is looked for
+
+// The sample before which a jump came, by what is left where it comes earlier or later: from `residual` of its run, with
+// the jump of this size before sample `at`.
+long placed(const CampaignRun& run, const NoiseModel& noise, const VectorXd& residual, double size_dph, long at,
+            long reach) {
+  const RunGains gains = compute_gains(run, gaussian_equivalent(noise));
+  const long n = residual.size();
+  long best = at;
+  double least = 1e300;
+  for (long k = std::max(1L, at - reach); k <= std::min(n - 1, at + reach); ++k) {
+    VectorXd e = residual;
+    if (k < at) e.segment(k, at - k).array() -= size_dph;
+    if (k > at) e.segment(at, k - at).array() += size_dph;
+    whiten(gains, e.data(), static_cast<size_t>(n));
+    if (e.squaredNorm() < least) least = e.squaredNorm(), best = k;
+  }
+  return best;
+}
+// Block means tell the block of a jump, the seconds its sample.  Returns whether one has moved.
+bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
+  const Design design = make_design(question.campaign, seconds->final);
+  std::vector<double> sizes_dph;
+  for (size_t c = 0; c < design.cols(); ++c) {
+    const int term = design.term_of_column[c];
+    if (term >= 0 && seconds->final.terms[static_cast<size_t>(term)].form() == Form::kSteps)
+      sizes_dph.push_back(seconds->fit.beta[static_cast<long>(c)]);
+  }
+  std::vector<Theta>& steps = slow->found.best.steps;
+  const long reach = std::lround(kPlaceBlocks * slow->data->campaign.dt_s / question.campaign.dt_s);
+  bool has_moved = false;
+  for (size_t s = 0; s < steps.size() && s < sizes_dph.size(); ++s) {
+    const auto r = static_cast<size_t>(steps[s][0]);
+    const CampaignRun& run = question.campaign.runs[r];
+    const auto t_s = [&](long k) { return run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(k)])]; };
+    long at = 0;
+    while (at < static_cast<long>(run.n()) && t_s(at) < steps[s][1]) ++at;
+    const long k = placed(run, seconds->noise.base, seconds->fit.residual[r], sizes_dph[s], at, reach);
+    const double place_s = t_s(k) - 0.5 * question.campaign.dt_s;
+    if (k == at && std::fabs(place_s - steps[s][1]) < question.campaign.dt_s) continue;
+    steps[s][1] = place_s, has_moved = true;
+  }
+  return has_moved;
+}
 // The believed noise does beside a kind of noise that is not worth its name, and does not without it: other parameters
 // are the simpler answer.
 bool gives_up_unnamed_noise(const AxisQuestion& question, SlowAnswer* slow) {
@@ -89,6 +136,11 @@ SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow) {
   out.final = hypothesis_of(question, *slow->search, slow->found.best, true);
   out.fit = fit_hypothesis(question.campaign, out.final);
   out.noise = fit_seconds_noise(question.campaign, out.final.noise(), out.fit.residual);
+  if (!slow->found.best.steps.empty() && place_jumps(question, slow, &out)) {
+    out.final = hypothesis_of(question, *slow->search, slow->found.best, true);
+    out.fit = fit_hypothesis(question.campaign, out.final);
+    out.noise = fit_seconds_noise(question.campaign, out.noise.base, out.fit.residual);
+  }
   believe_again(question, slow, &out);
   if (out.is_believed && gives_up_unnamed_noise(question, slow)) return ask_seconds(question, slow);
   fit_own_base(question, *slow, &out);
