@@ -121,6 +121,14 @@ Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
   for (const StartColumns& start : starts) {
     design.term_of_column.insert(design.term_of_column.end(), static_cast<size_t>(start.cols()), -3);
   }
+  design.start_of_column.assign(design.cols(), -1);
+  size_t at = design.cols();
+  for (const StartColumns& start : starts) at -= static_cast<size_t>(start.cols());
+  for (size_t t = 0; t < starts.size(); ++t)
+    for (const MatrixXd& of_run : starts[t].of_run) {
+      if (t < hypothesis.terms.size() && of_run.cols() > 0) design.start_of_column[at] = static_cast<int>(t);
+      at += static_cast<size_t>(of_run.cols());
+    }
   const long p = static_cast<long>(design.cols());
   design.prior_precision = VectorXd::Zero(p);
   for (size_t r = 0; r < n_runs; ++r) {

@@ -2,6 +2,7 @@
 #include "analysis/diagnose/rest_names.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "analysis/diagnose/mean_lines.h"
 #include "analysis/diagnose/noise_kinds.h"
@@ -9,6 +10,23 @@
 namespace imucal {
 
 namespace {
+
+constexpr double kBeyondErrors = 3; // standard errors by which a start state is beyond its bound: 1 in 700 by chance
+
+// By how many standard errors a start state of a term is larger than the term itself; below 0: none is.
+double start_beyond(const Design& design, const Fit& fit, int term) {
+  double size = 0, size_error = 0, most = -1e300;
+  for (size_t c = design.cols(); c-- > 0;)
+    if (design.term_of_column[c] == term)
+      size = fit.beta[static_cast<long>(c)], size_error = fit.beta_errors[static_cast<long>(c)];
+  for (size_t c = 0; c < design.cols(); ++c)
+    if (design.start_of_column[c] == term) {
+      const auto column = static_cast<long>(c);
+      most = std::max(most, (std::fabs(fit.beta[column]) - std::fabs(size)) /
+                                std::hypot(fit.beta_errors[column], size_error));
+    }
+  return most;
+}
 
 class RestNames {
 public:
@@ -91,6 +109,27 @@ private:
 };
 
 } // namespace
+
+void leave_contradicted(const AxisQuestion& question, const Found& found, const Fit& fit, Names* names) {
+  const std::vector<Term>& terms = found.seconds.final.terms;
+  const Design design = make_design(question.campaign, found.seconds.final);
+  double stand_in_nats = -1;
+  const auto is_contradicted = [&](const SelectedEffect& effect) {
+    if (!effect.term.estimator || !effect.term.estimator->is_start_bounded()) return false;
+    for (size_t t = 0; t < terms.size(); ++t)
+      if (terms[t].estimator == effect.term.estimator &&
+          start_beyond(design, fit, static_cast<int>(t)) > kBeyondErrors) {
+        stand_in_nats = std::max(stand_in_nats, effect.gain_nats);
+        return true;
+      }
+    return false;
+  };
+  names->leave_those(is_contradicted, &names->effects);
+  const auto is_part = [&](const SelectedEffect& effect) {
+    return !effect.is_family && effect.gain_nats < stand_in_nats;
+  };
+  names->leave_those(is_part, &names->effects);
+}
 
 void open_by_rest(const AxisQuestion& question, const Found& found, const std::vector<RestFinding>& after,
                   Names* names) {

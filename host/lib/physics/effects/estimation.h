@@ -113,6 +113,9 @@ public:
   // could show.  Their number may differ from shape to shape and from run to run.  For kTemperature they are
   // about the fit with the temperature in equilibrium at the start; other columns start in the middle state.
   virtual std::vector<Column> start_columns(const RunInput&, const Theta&) const { return {}; }
+  // Whether that state lies between two extremes of the effect's own size: then no coefficient of the first start column of
+  // a run is larger than that of the first column.
+  virtual bool is_start_bounded() const { return false; }
   // Whether what the effect does at this shape happens at least twice in these runs.  What happens once cannot be told
   // from something that happened at that time, and is no candidate.
   virtual bool is_repeated(const std::vector<const RunInput*>& /*runs*/, const Theta& /*shape*/) const { return true; }

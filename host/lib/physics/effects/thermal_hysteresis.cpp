@@ -94,6 +94,7 @@ public:
     }
     return {difference, bend};
   }
+  bool is_start_bounded() const override { return true; } // the play lies within its two branches
   double notable() const override { return 0.8; }
   PriorScale prior() const override { return {1.5, false, 1}; }
   Parameters values(const Estimate& e) const override {
