@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "analysis/diagnose/blocks.h"
+#include "analysis/diagnose/names.h"
 
 namespace imucal {
 
@@ -108,9 +109,25 @@ private:
       if (const double value = all_logs(m); value > highest) highest = value, with = m;
     }
     if (!with) return;
+    if (holds_nearly_all(answer, highest)) {
+      slow_.found.replaced.push_back(with->names.back().candidate);
+      return;
+    }
     slow_.found.best = without_needless(*with, highest);
     slow_.search->judge_again(&slow_.found);
     hold_out();
+  }
+  // Whether one or two members are nearly all that the free function would be: what it has beside them, as the product of
+  // two causes, is no reason to doubt them.
+  bool holds_nearly_all(const SlowModel& answer, double highest) const {
+    const std::vector<SlowModel::Name>& names = answer.names;
+    const auto is_member = [&](const auto& name) {
+      return slow_.candidate(name.candidate).effect && !name.is_at_bound;
+    };
+    if (names.empty() || names.size() > kFewNames || !std::all_of(names.begin(), names.end(), is_member)) return false;
+    if (answer.noise_effect || !answer.steps.empty()) return false;
+    const double nothing = all_logs(slow_.found.null);
+    return all_logs(answer) - nothing > constants().member_share * (highest - nothing);
   }
   // Names beside the free function, which is the last, and a kind of noise go as long as all logs together do not become
   // less likely.
