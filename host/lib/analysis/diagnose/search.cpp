@@ -110,6 +110,8 @@ private:
       }
       if (out_.best.names.size() >= 2) more_noise(out_.best);
       refine();
+      if (!out_.best.names.empty() && !out_.best.noise_effect)
+        for (const SlowCandidateScore& s : kinds_beside(likelihood_, out_, out_.best)) consider(s.model);
     }
     SlowJudge(likelihood_, scans_, out_).judge_names(&out_);
   }
