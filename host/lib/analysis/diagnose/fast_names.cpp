@@ -16,12 +16,14 @@ void insert_by_evidence(const SelectedEffect& effect, Names* names) {
                                                    names->effects[0].evidence_nats < effect.evidence_nats);
   names->effects.insert(is_first ? names->effects.begin() : names->effects.end(), effect);
 }
-// Whether a process that jumps is expected to do so no more often than what is said to be single events.
+// Whether a process that jumps is expected to do so in a log no more often than what is said to be single events.
 bool jumps_seldom(const Campaign& campaign, const FastFinding& found) {
   if (!found.effect->estimator()->is_jumping()) return false;
   const NoiseModel noise = found.effect->estimator()->noise(found.base, found.theta);
-  const double seconds = static_cast<double>(campaign.n()) * campaign.dt_s;
-  return seconds / (2 * noise.telegraph_tau_s) <= static_cast<double>(kMostJumps);
+  double longest_s = 0;
+  for (const CampaignRun& run : campaign.runs)
+    longest_s = std::max(longest_s, static_cast<double>(run.used.size()) * campaign.dt_s);
+  return longest_s / (2 * noise.telegraph_tau_s) <= static_cast<double>(kMostJumps);
 }
 // Two levels are not told from single jumps by so few of them.
 void open_seldom_jumps(const AxisQuestion& question, Names* names, SelectedEffect* effect) {
