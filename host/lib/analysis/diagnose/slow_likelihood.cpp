@@ -68,7 +68,10 @@ std::vector<SlowLikelihood::Part> SlowLikelihood::parts(const SlowModel& m) cons
   std::vector<Part> list;
   for (MeanPart& part : parts_on(space_.data, beside))
     list.push_back(std::make_shared<const MeanPart>(std::move(part)));
-  for (const SlowModel::Name& name : m.names) list.push_back(part_at(name.candidate, name.shape));
+  for (const SlowModel::Name& name : m.names)
+    list.push_back(name.is_start_only ? std::make_shared<const MeanPart>(start_part(
+                                            space_.data, *space_.candidates[name.candidate].scan.estimator, name.shape))
+                                      : part_at(name.candidate, name.shape));
   return list;
 }
 std::vector<MeanPart> SlowLikelihood::parts_on(const SlowData& where, const SlowModel& m) const {
@@ -90,8 +93,9 @@ std::vector<MeanPart> SlowLikelihood::parts_on(const SlowData& where, const Slow
 // The columns of the last hypotheses: their noise is varied again and again.
 SlowLikelihood::Columns SlowLikelihood::columns(const SlowModel& m) const {
   std::vector<Theta> key = m.steps;
+  key.push_back({m.is_without_lines ? 1.0 : 0.0});
   for (const SlowModel::Name& name : m.names)
-    key.push_back({static_cast<double>(name.candidate)}), key.push_back(name.shape);
+    key.push_back({static_cast<double>(name.candidate), name.is_start_only ? 1.0 : 0.0}), key.push_back(name.shape);
   for (const KeptColumns& kept : kept_columns_)
     if (kept.n_names == m.names.size() && kept.key == key) return kept.columns;
   const std::vector<Part> own = parts(m);

@@ -21,6 +21,7 @@ public:
 
   void run() {
     slow_.found = slow_.search->run();
+    slow_.is_told_by_held_out = false;
     weigh_steps();
     weigh_noise();
     hold_out();
