@@ -71,6 +71,12 @@ void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer
 }
 constexpr double kPlaceBlocks = 1.5; // how far from its place in block means a jump is looked for
 
+// What is left of a run where a jump of this size comes before sample `to` and not before sample `from`.
+VectorXd moved(VectorXd e, double size_dph, long from, long to) {
+  if (to < from) e.segment(to, from - to).array() -= size_dph;
+  if (to > from) e.segment(from, to - from).array() += size_dph;
+  return e;
+}
 // The sample before which a jump came, by what is left where it comes earlier or later: from `residual` of its run, with
 // the jump of this size before sample `at`.
 long placed(const CampaignRun& run, const NoiseModel& noise, const VectorXd& residual, double size_dph, long at,
@@ -80,13 +86,18 @@ long placed(const CampaignRun& run, const NoiseModel& noise, const VectorXd& res
   long best = at;
   double least = 1e300;
   for (long k = std::max(1L, at - reach); k <= std::min(n - 1, at + reach); ++k) {
-    VectorXd e = residual;
-    if (k < at) e.segment(k, at - k).array() -= size_dph;
-    if (k > at) e.segment(at, k - at).array() += size_dph;
+    VectorXd e = moved(residual, size_dph, at, k);
     whiten(gains, e.data(), static_cast<size_t>(n));
     if (e.squaredNorm() < least) least = e.squaredNorm(), best = k;
   }
   return best;
+}
+// Two parts of one jump inside a block come to the same sample: they are one.
+void leave_doubles(std::vector<Theta>* steps) {
+  std::vector<Theta> apart;
+  for (const Theta& step : *steps)
+    if (std::find(apart.begin(), apart.end(), step) == apart.end()) apart.push_back(step);
+  *steps = apart;
 }
 // Block means tell the block of a jump, the seconds its sample.  Returns whether one has moved.
 bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
@@ -99,6 +110,7 @@ bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* 
   }
   std::vector<Theta>& steps = slow->found.best.steps;
   const long reach = std::lround(kPlaceBlocks * slow->data->campaign.dt_s / question.campaign.dt_s);
+  std::vector<VectorXd> residual = seconds->fit.residual;
   bool has_moved = false;
   for (size_t s = 0; s < steps.size() && s < sizes_dph.size(); ++s) {
     const auto r = static_cast<size_t>(steps[s][0]);
@@ -106,12 +118,15 @@ bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* 
     const auto t_s = [&](long k) { return run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(k)])]; };
     long at = 0;
     while (at < static_cast<long>(run.n()) && t_s(at) < steps[s][1]) ++at;
-    const long k = placed(run, seconds->noise.base, seconds->fit.residual[r], sizes_dph[s], at, reach);
+    const long k = placed(run, seconds->noise.base, residual[r], sizes_dph[s], at, reach);
+    residual[r] = moved(residual[r], sizes_dph[s], at, k);
     const double place_s = t_s(k) - 0.5 * question.campaign.dt_s;
-    if (k == at && std::fabs(place_s - steps[s][1]) < question.campaign.dt_s) continue;
-    steps[s][1] = place_s, has_moved = true;
+    has_moved = has_moved || k != at || std::fabs(place_s - steps[s][1]) >= question.campaign.dt_s;
+    steps[s][1] = place_s;
   }
-  return has_moved;
+  const size_t n_before = steps.size();
+  leave_doubles(&steps);
+  return has_moved || steps.size() < n_before;
 }
 // The believed noise does beside a kind of noise that is not worth its name, and does not without it: other parameters
 // are the simpler answer.
