@@ -1138,6 +1138,69 @@ static void test_a_few_jumps_are_not_said_to_be_telegraph_noise(void**) {
   }
 }
 
+// One slip of either sign in each of seven logs at any time: more than single jumps are looked for, and in each log no more
+// than an event.
+static void test_one_slip_in_each_of_many_logs_is_not_said_to_be_telegraph_noise(void**) {
+  for (const uint64_t seed : {1u, 2u, 3u}) {
+    Rng rng(seed, 5, 0, Stream::kTool);
+    std::vector<Log> logs;
+    for (uint64_t k = 0; k < 7; ++k) {
+      logs.push_back(simulated_log(11 * seed + k, 6000, false, 0));
+      const double at_s = 600 + 4800 * rng.uniform(), height = rng.uniform() < 0.5 ? 110 : -110;
+      for (size_t i = 0; i < 6000; ++i) logs.back().axes[0].rate_dph[i] += logs.back().t_s[i] > at_s ? height : 0;
+    }
+    DiagnoseOptions options;
+    options.nulls = 40, options.model_path = "given";
+    const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
+    assert_int_equal(said.effects.size(), 1);
+    assert_string_equal(said.effects[0].term.effect->name().c_str(), "telegraph_noise");
+    assert_true(said.effects[0].is_family);
+    assert_true(members_of(said) == (std::set<std::string>{"bias_step", "telegraph_noise"}));
+  }
+}
+
+// Jumps anywhere in a block, in each of four logs: said with the second before which they came, in seconds from the first row.
+static void test_a_jump_in_time_is_placed_to_its_second(void**) {
+  for (const size_t row : {2380u, 7095u, 15937u, 10666u, 14254u, 1100u}) {
+    size_t at = 0;
+    const auto jump = [&](double, double) {
+      const size_t k = at++;
+      return k / 6000 == row / 6000 && k >= row ? 300.0 : 0.0;
+    };
+    const Selection said = answer_to(jump, 7 * row, 0);
+    assert_true(names_of(said) == std::set<std::string>{"bias_step"}); // and no hits in between
+    const Theta& shape = said.effects[0].term.shape;
+    assert_int_equal(shape.size(), 2); // two parts of one jump are one
+    assert_near(shape[0], static_cast<double>(row / 6000), 0);
+    assert_near(shape[1], static_cast<double>(row % 6000) - 0.5, 1e-9);
+  }
+}
+
+// In every run an offset of its own that fades over 20 degC, as the start of a play does, and no loop.
+static void test_a_loop_whose_start_states_are_larger_than_itself_is_no_name(void**) {
+  for (const uint64_t seed : {1u, 3u, 4u, 5u})
+    for (const double bump : {0.0, 60.0}) {
+      size_t row = 0;
+      const auto fading = [&](double t, double temp) {
+        const double size = std::array{300., -310., 220., -260.}[row++ / 6000];
+        return (t < 3000 ? size * std::max(0.0, 1 - temp / 20) : 0) +
+               bump * std::exp(-0.5 * std::pow((temp - 42) / 3, 2));
+      };
+      const Selection said = answer_to(fading, 11 * seed, 0);
+      assert_true(said.effects.empty()); // nor what holds less beside it
+      assert_true(said.verdict == Verdict::kUnexplained);
+      assert_string_equal(said.remainders.at(0).effect->name().c_str(), "thermal_hysteresis");
+    }
+  // Runs that all come from the far side start at the end of the play, and not beyond.
+  double play = 0;
+  const auto loop = [&](double t, double temp) {
+    play = t < 1.5 ? temp + 4 : std::min(std::max(play, temp - 4), temp + 4);
+    return 600 * (play - temp) / 4;
+  };
+  for (const uint64_t seed : {31u, 62u})
+    assert_true(names_of(answer_to(loop, seed, 0)) == std::set<std::string>{"thermal_hysteresis"});
+}
+
 // Beside a cause as alone: kinds of slow noise that do nearly as well are in the set.
 static void test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well(void**) {
   for (const uint64_t seed : {407u, 410u, 415u, 422u}) {
@@ -1401,6 +1464,37 @@ static void test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_
   assert_false(has_second(false)); // it belongs to the slow stage
 }
 
+// White noise, a process of 6 s and nothing else, started from a slow process beside too much white noise: what leads out of
+// there is not what helps beside.
+static void test_what_better_plain_noise_gains_is_no_kind_of_fast_noise(void**) {
+  for (const uint64_t seed : {1u, 2u, 3u})
+    for (const Markov& slow : {Markov{11, 90}, Markov{13, 30}, Markov{5, 300}})
+      for (const double slope : {0.0, 0.3}) { // of the logarithm of the white noise over 30 degC
+        Log log = simulated_log(seed, 9000, false, 0);
+        Rng rng(seed, 3, 0, Stream::kTool);
+        double fast = 0;
+        for (size_t i = 0; i < log.size(); ++i) {
+          fast = std::exp(-1 / 6.0) * fast + 15 * std::sqrt(1 - std::exp(-2 / 6.0)) * rng.normal();
+          log.axes[0].rate_dph[i] = 36 * std::exp(slope * (log.temp_degc[i] - 30) / 30) * rng.normal() + fast;
+        }
+        const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+        const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+        SecondsNoise from;
+        from.base.white_sigma_dph = 39, from.base.markov = {slow};
+        from.log_likelihood = ResidualLikelihood(campaign, residual)(from.base);
+        const FastScan scan = scan_fast_noise(campaign, from, residual, effect_library(), all_active(), {});
+        assert_true(scan.plain.log_likelihood > from.log_likelihood + 2 * SelectorConstants().fast_nats);
+        assert_near(scan.plain.base.markov.at(0).tau_s, 6, 2);
+        double over_temperature = 0;
+        for (const FastFinding& f : scan.findings) {
+          const bool is_slope = f.effect == &find_effect("white_noise_vs_temperature");
+          if (is_slope) over_temperature = f.gain_nats;
+          if (!is_slope || slope == 0) assert_true(f.gain_nats < SelectorConstants().fast_nats);
+        }
+        if (slope > 0) assert_true(over_temperature > SelectorConstants().fast_nats);
+      }
+}
+
 static void test_saw_teeth_are_no_telegraph_noise(void**) {
   // Jumps all one way.  Noise that jumps up and down is what fits best among the members.
   Rng rng(212, 0, 0, Stream::kTool);
@@ -1517,6 +1611,9 @@ int main() {
       cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),
       cmocka_unit_test(test_a_cause_is_found_beside_noise_that_follows_the_temperature),
       cmocka_unit_test(test_a_few_jumps_are_not_said_to_be_telegraph_noise),
+      cmocka_unit_test(test_one_slip_in_each_of_many_logs_is_not_said_to_be_telegraph_noise),
+      cmocka_unit_test(test_a_jump_in_time_is_placed_to_its_second),
+      cmocka_unit_test(test_a_loop_whose_start_states_are_larger_than_itself_is_no_name),
       cmocka_unit_test(test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well),
       cmocka_unit_test(test_two_members_are_found_that_one_free_shape_stands_for),
       cmocka_unit_test(test_a_slope_that_ages_is_no_slow_noise),
@@ -1535,6 +1632,7 @@ int main() {
       cmocka_unit_test(test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit),
+      cmocka_unit_test(test_what_better_plain_noise_gains_is_no_kind_of_fast_noise),
       cmocka_unit_test(test_telegraph_noise_has_no_stand_ins_beside_it),
       cmocka_unit_test(test_a_cause_is_found_beside_telegraph_noise),
       cmocka_unit_test(test_levels_do_not_bend_the_mean),
