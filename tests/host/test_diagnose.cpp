@@ -1347,6 +1347,29 @@ static void test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed(vo
   assert_near(second, walk, 4);
 }
 
+// A second process of 600 s beside an effect of the direction of the temperature: noise that is fitted without it has
+// swallowed it, also beside the causes that are found.
+static void test_a_kind_of_noise_is_found_beside_causes_whose_noise_has_swallowed_it(void**) {
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 6; ++k) {
+    Log log = simulated_log(100 + k, 6000, false, 0);
+    Rng rng(1, k, 0, Stream::kTool);
+    const double phi = std::exp(-1 / 600.0);
+    double slow = 40 * rng.normal();
+    for (size_t i = 0; i < log.size(); ++i) {
+      slow = phi * slow + 40 * std::sqrt(1 - phi * phi) * rng.normal();
+      log.axes[0].rate_dph[i] += slow + 80 * (log.t_s[i] < 3000 ? 1 : -1);
+    }
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel best = search.run().best;
+  assert_true(best.noise_effect == &find_effect("second_markov"));
+  assert_true(search.candidates()[best.names.at(0).candidate].effect == &find_effect("temperature_rate"));
+}
+
 static void test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed(void**) {
   // Seldom jumps, each of two standard deviations of the white noise: samples have no heavy tails.
   Rng rng(211, 0, 0, Stream::kTool);
@@ -1630,6 +1653,7 @@ int main() {
       cmocka_unit_test(test_seconds_of_a_stuck_thermometer_are_as_if_missing),
       cmocka_unit_test(test_kinds_of_noise_stand_beside_other_parameters),
       cmocka_unit_test(test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed),
+      cmocka_unit_test(test_a_kind_of_noise_is_found_beside_causes_whose_noise_has_swallowed_it),
       cmocka_unit_test(test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit),
       cmocka_unit_test(test_what_better_plain_noise_gains_is_no_kind_of_fast_noise),
