@@ -11,21 +11,27 @@ namespace imucal {
 
 namespace {
 
-constexpr double kBeyondErrors = 3; // standard errors by which a start state is beyond its bound: 1 in 700 by chance
+constexpr double kBeyondErrors =
+    3; // standard errors by which a start state is beyond its bound: 1 in 700 by chance, and
+constexpr double kBeyondPart =
+    1.5; // that many times the bound: a start at the bound, with a little of another cause, is not
 
-// By how many standard errors a start state of a term is larger than the term itself; below 0: none is.
-double start_beyond(const Design& design, const Fit& fit, int term) {
-  double size = 0, size_error = 0, most = -1e300;
+// Whether a start state of a term is well beyond the size of the term itself.
+bool is_start_beyond(const Design& design, const Fit& fit, int term) {
+  double size = 0, size_error = 0;
   for (size_t c = design.cols(); c-- > 0;)
     if (design.term_of_column[c] == term)
-      size = fit.beta[static_cast<long>(c)], size_error = fit.beta_errors[static_cast<long>(c)];
-  for (size_t c = 0; c < design.cols(); ++c)
-    if (design.start_of_column[c] == term) {
-      const auto column = static_cast<long>(c);
-      most = std::max(most, (std::fabs(fit.beta[column]) - std::fabs(size)) /
-                                std::hypot(fit.beta_errors[column], size_error));
-    }
-  return most;
+      size = std::fabs(fit.beta[static_cast<long>(c)]), size_error = fit.beta_errors[static_cast<long>(c)];
+  for (size_t c = 0; c < design.cols(); ++c) {
+    if (design.start_of_column[c] != term) continue;
+    const double start = std::fabs(fit.beta[static_cast<long>(c)]), error = fit.beta_errors[static_cast<long>(c)];
+    if (start > kBeyondPart * size && start - size > kBeyondErrors * std::hypot(error, size_error)) return true;
+  }
+  return false;
+}
+// A line or a kind of noise is no part of a cause in the mean.
+bool is_in_mean(const SelectedEffect& effect) {
+  return effect.term.estimator && effect.term.form() != Form::kTone && effect.term.form() != Form::kNoise;
 }
 
 class RestNames {
@@ -115,10 +121,9 @@ void leave_contradicted(const AxisQuestion& question, const Found& found, const 
   const Design design = make_design(question.campaign, found.seconds.final);
   double stand_in_nats = -1;
   const auto is_contradicted = [&](const SelectedEffect& effect) {
-    if (!effect.term.estimator || !effect.term.estimator->is_start_bounded()) return false;
+    if (effect.is_family || !effect.term.estimator || !effect.term.estimator->is_start_bounded()) return false;
     for (size_t t = 0; t < terms.size(); ++t)
-      if (terms[t].estimator == effect.term.estimator &&
-          start_beyond(design, fit, static_cast<int>(t)) > kBeyondErrors) {
+      if (terms[t].estimator == effect.term.estimator && is_start_beyond(design, fit, static_cast<int>(t))) {
         stand_in_nats = std::max(stand_in_nats, effect.gain_nats);
         return true;
       }
@@ -126,7 +131,7 @@ void leave_contradicted(const AxisQuestion& question, const Found& found, const 
   };
   names->leave_those(is_contradicted, &names->effects);
   const auto is_part = [&](const SelectedEffect& effect) {
-    return !effect.is_family && effect.gain_nats < stand_in_nats;
+    return !effect.is_family && is_in_mean(effect) && effect.gain_nats < stand_in_nats;
   };
   names->leave_those(is_part, &names->effects);
 }

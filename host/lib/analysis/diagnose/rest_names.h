@@ -6,7 +6,7 @@
 
 namespace imucal {
 
-// A name that its own fit contradicts is left, and what holds less beside it with it: a memory whose runs began further out
+// A member that its own fit contradicts is left, and what holds less beside it with it: a memory whose runs began further out
 // than it ever goes stands in for another cause.  `fit`: of found.seconds.final.
 void leave_contradicted(const AxisQuestion& question, const Found& found, const Fit& fit, Names* names);
 // `after`: tests of the innovations under the answer.  Opens names to their families, or leaves them.

@@ -233,6 +233,21 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
 
 } // namespace
 
+namespace {
+
+// Where the noise without a kind is searched again: the noise beside it, and the process that the kind adds in the place of
+// that one's.
+std::vector<NoiseModel> plain_starts(const FastFinding& f) {
+  std::vector<NoiseModel> starts = {f.base};
+  const NoiseModel with = f.effect->estimator()->noise(f.base, f.theta);
+  if (with.is_mixture() || f.base.markov.empty() || with.markov.size() <= f.base.markov.size()) return starts;
+  starts.push_back(f.base);
+  starts.back().markov = {with.markov.back()};
+  return starts;
+}
+
+} // namespace
+
 double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, FastFinding* finding) {
   const NoiseModel base = finding->base;
   const FastPlace place(*finding->effect->estimator(), base, is_base_free);
@@ -275,8 +290,10 @@ FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from, con
   scan.plain = from;
   for (const FastFinding& f : list) {
     if (f.gain_nats < constants.fast_nats) break;
-    const SecondsNoise alone = fit_seconds_noise(campaign, f.base, residual);
-    if (alone.log_likelihood > scan.plain.log_likelihood) scan.plain = alone;
+    for (const NoiseModel& start : plain_starts(f)) {
+      const SecondsNoise alone = fit_seconds_noise(campaign, start, residual);
+      if (alone.log_likelihood > scan.plain.log_likelihood) scan.plain = alone;
+    }
   }
   for (FastFinding& f : list) f.gain_nats -= scan.plain.log_likelihood - from.log_likelihood;
   return scan;

@@ -118,6 +118,7 @@ bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* 
     const auto t_s = [&](long k) { return run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(k)])]; };
     long at = 0;
     while (at < static_cast<long>(run.n()) && t_s(at) < steps[s][1]) ++at;
+    if (at == static_cast<long>(run.n())) continue;
     const long k = placed(run, seconds->noise.base, residual[r], sizes_dph[s], at, reach);
     residual[r] = moved(residual[r], sizes_dph[s], at, k);
     const double place_s = t_s(k) - 0.5 * question.campaign.dt_s;
