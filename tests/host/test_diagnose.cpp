@@ -1467,16 +1467,18 @@ static void test_shots_are_no_hits(void**) {
 }
 
 static void test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit(void**) {
-  // A process of 600 s beside one of 100 s that is all that was fitted.
-  Log log = simulated_log(221, 9000, false, 0);
+  // Processes of 60 and of 6000 s; one process was fitted to both.
+  Log log = simulated_log(221, 40000, false, 0);
   Rng rng(221, 0, 0, Stream::kTool);
-  double slow = 0;
-  for (double& rate : log.axes[0].rate_dph) rate += slow = slow * std::exp(-1 / 600.0) + 4 * rng.normal();
+  double fast = 0, slow = 0;
+  for (double& rate : log.axes[0].rate_dph) {
+    fast = fast * std::exp(-1 / 60.0) + 200 * std::sqrt(2 / 60.0) * rng.normal();
+    slow = slow * std::exp(-1 / 6000.0) + 600 * std::sqrt(2 / 6000.0) * rng.normal();
+    rate += fast + slow;
+  }
   const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
   const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
-  SecondsNoise from;
-  from.base = nominal_hypothesis().base_noise;
-  from.log_likelihood = ResidualLikelihood(campaign, residual)(from.base);
+  const SecondsNoise from = fit_seconds_noise(campaign, nominal_hypothesis().base_noise, residual);
   const auto has_second = [&](bool may_ask_slow) {
     for (const FastFinding& f :
          scan_fast_noise(campaign, from, residual, effect_library(), all_active(), {}, may_ask_slow).findings)
