@@ -4,9 +4,7 @@
 The floors are what statistics justify, not what today's figures happen to be: a program whose true rate is the
 one stated beside each floor falls below it with a probability under 0.5 %.
 """
-import json
 import os
-import subprocess
 import sys
 
 import pytest
@@ -38,11 +36,15 @@ def specs():
     return out + [{"kind": "no_gap", "pool": [], **short} for _ in range(N_GAP_FREE)]
 
 
-@pytest.fixture(scope="module")
-def result(tmp_path_factory):
+def check_built():
     for path in TOOLS.values():
         if not os.access(path, os.X_OK):
             pytest.skip(f"SKIP: {path} is not built: run make")
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    check_built()
     folder = tmp_path_factory.mktemp("blind")
     logs = folder / "logs"
     drawn = [plan.draw_one((SEED, i, s, str(logs))) for i, s in enumerate(specs())]
@@ -91,16 +93,13 @@ def test_true_reductions_are_worked_out_for_every_verdict(result):
 def test_two_causes_keep_their_names_beside_their_product(tmp_path):
     """A pair of a development draw (seed 992, looked at): creep and rate of temperature, with the product term of all pairs.
     A free function of everything took the product, and neither cause was named."""
-    if not os.access(TOOLS["diagnose"], os.X_OK):
-        pytest.skip(f"SKIP: {TOOLS['diagnose']} is not built: run make")
+    check_built()
     pool = ["temperature_rate", "thermal_hysteresis", "thermal_lag", "thermal_creep", "thermal_anomaly", "thermal_step",
             "higher_order_polynomial", "rate_ramp", "warm_up"]
     spec = {"kind": "pair", "names": ["thermal_creep", "temperature_rate"], "target": 25, "regimes": ["over_3"], "pool": pool}
     label = plan.draw_one((992, 507, spec, str(tmp_path)))
     folder = str(tmp_path / label["case"])
-    line = runner.command(TOOLS["diagnose"], folder, runner.asks_of(folder)[0], str(tmp_path / "answer.json"))
-    subprocess.run(line + ["--no-cache"], capture_output=True, text=True, check=False)
-    with open(tmp_path / "answer.json", encoding="utf-8") as f:
-        axis = json.load(f)["axes"][0]
+    answer = runner.ask_once(TOOLS, folder, str(tmp_path), runner.asks_of(folder)[0], str(tmp_path / "answer.json"), ["--no-cache"], 60)
+    axis = answer["diagnosis"]["axes"][0]
     assert [sorted(t) for t in label["truth"].values() if t] == [sorted(spec["names"])]
     assert {e["set"][0]["name"] for e in axis["effects"]} >= set(spec["names"])

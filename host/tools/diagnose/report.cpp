@@ -15,6 +15,16 @@ constexpr double kNearlyAll = 0.95;   // a shrinkage that surely stays below lea
 constexpr double kScaleEnd = -0.995;  // a shrinkage is not told below -100 %
 constexpr double kAgainst_nats = 3.3; // by which held-out data speak against a name: 1 % of chi2, one degree
 
+// Behind what is said, unless it is said already: more than one candidate may be called the same.
+void add_once(const std::string& text, std::vector<std::string>* said) {
+  if (std::find(said->begin(), said->end(), text) == said->end()) said->push_back(text);
+}
+std::string joined(const std::vector<std::string>& list, const char* between) {
+  std::string out;
+  for (const std::string& text : list) out += (out.empty() ? "" : between) + text;
+  return out;
+}
+
 Json number(double x) {
   return std::isfinite(x) ? Json(x) : Json(nullptr);
 }
@@ -216,13 +226,8 @@ Json map_json(const Campaign& campaign, const Fit& fit) {
 std::string remainder(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   const GapResult& g = axis.study.gap;
-  std::string out;
   std::vector<std::string> said;
-  const auto add = [&](const std::string& text) { // more than one candidate may be called the same
-    if (std::find(said.begin(), said.end(), text) != said.end()) return;
-    said.push_back(text);
-    out += (out.empty() ? "" : "; ") + text;
-  };
+  const auto add = [&](const std::string& text) { add_once(text, &said); };
   for (const CandidateEvidence& c : s.remainders)
     add(std::string(c.reference ? c.reference->what : name_of(c).c_str()) + " would follow the logs more closely");
   for (const RestFinding& f : s.after)
@@ -236,7 +241,7 @@ std::string remainder(const AxisResult& axis) {
     add(format("%.0f %% of the gap on data that were not fitted", 100 * (1 - g.shrinkage)));
   if (!g.has_mean && !s.effects.empty())
     add("nothing that was found predicts the mean of other data: its held-out residual does not shrink");
-  return out.empty() ? "nothing detectable on the held-out data" : out;
+  return said.empty() ? "nothing detectable on the held-out data" : joined(said, "; ");
 }
 
 // What is named is of the mean of other data, not of their noise alone.
@@ -358,21 +363,14 @@ bool has_weak_causes_only(const Selection& s) {
 // A gap that has no name: what comes nearest, where anything does.
 std::string unexplained(const Selection& s) {
   std::vector<std::string> families, nearest;
-  const auto add = [](const std::string& name, std::vector<std::string>* to) {
-    if (std::find(to->begin(), to->end(), name) == to->end()) to->push_back(name);
-  };
-  const auto listed = [](const std::vector<std::string>& names) {
-    std::string out;
-    for (const std::string& name : names) out += (out.empty() ? "" : " and ") + name;
-    return out;
-  };
-  for (const SelectedEffect& e : s.effects) add(name_of(e), &families);
+  for (const SelectedEffect& e : s.effects) add_once(name_of(e), &families);
   for (const CandidateEvidence& c : s.remainders)
-    if (!c.reference) add(name_of(c), &nearest);
+    if (!c.reference) add_once(name_of(c), &nearest);
   if (!families.empty())
-    return "a gap, with a cause of the family " + listed(families) + "; no member of it is told by these logs";
+    return "a gap, with a cause of the family " + joined(families, " and ") + "; no member of it is told by these logs";
   if (!nearest.empty())
-    return "a gap without a sure name; nearest comes " + listed(nearest) + ", which these logs do not bear out";
+    return "a gap without a sure name; nearest comes " + joined(nearest, " and ") +
+           ", which these logs do not bear out";
   return "a gap that no known effect explains";
 }
 

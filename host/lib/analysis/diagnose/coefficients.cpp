@@ -34,15 +34,19 @@ void fill_coefficients(const AxisQuestion& question, const Fit& fit, Found* foun
   for (size_t t = 0; t < h.terms.size(); ++t) {
     Term& term = h.terms[t];
     term.coefficients.clear(), term.coefficient_errors.clear();
-    for (size_t c = 0; c < design.cols(); ++c)
-      if (design.term_of_column[c] == static_cast<int>(t)) {
-        term.coefficients.push_back(fit.beta[static_cast<long>(c)]);
-        term.coefficient_errors.push_back(fit.beta_errors[static_cast<long>(c)]);
-      }
+    term.starts.clear(), term.start_errors.clear();
+    for (size_t c = 0; c < design.cols(); ++c) {
+      const double value = fit.beta[static_cast<long>(c)], error = fit.beta_errors[static_cast<long>(c)];
+      if (design.term_of_column[c] == static_cast<int>(t))
+        term.coefficients.push_back(value), term.coefficient_errors.push_back(error);
+      if (design.start_of_column[c] == static_cast<int>(t))
+        term.starts.push_back(value), term.start_errors.push_back(error);
+    }
     for (SelectedEffect& effect : *effects)
       if (effect.term.estimator == term.estimator && (term.form() != Form::kTone || effect.term.shape == term.shape)) {
         effect.term.coefficients = term.coefficients;
         effect.term.coefficient_errors = term.coefficient_errors;
+        effect.term.starts = term.starts, effect.term.start_errors = term.start_errors;
         if (term.form() == Form::kTone)
           effect.term.shape_errors = line_errors(question.campaign, design, fit, found->seconds.noise.base, term, t);
         else if (effect.term.shape_errors.empty())

@@ -18,6 +18,7 @@ struct Term {
   Theta shape;                      // shape parameters, or theta of a noise effect; steps: run, t_s pairs
   std::vector<double> coefficients; // of its columns (common ones)
   std::vector<double> coefficient_errors;
+  std::vector<double> starts, start_errors; // coefficients of the first start column of each run that has one
   Theta shape_errors;
   Parameters fixed_parameters; // structural effects: measured, not fitted
 

@@ -11,21 +11,19 @@ namespace imucal {
 
 namespace {
 
-constexpr double kBeyondErrors =
-    3; // standard errors by which a start state is beyond its bound: 1 in 700 by chance, and
-constexpr double kBeyondPart =
-    1.5; // that many times the bound: a start at the bound, with a little of another cause, is not
+// A start state is beyond its bound by that many standard errors (by chance in 1 of 700 runs), and that many times the bound:
+// one at the bound, with a little of another cause, is not.
+constexpr double kBeyondErrors = 3;
+constexpr double kBeyondPart = 1.5;
 
-// Whether a start state of a term is well beyond the size of the term itself.
-bool is_start_beyond(const Design& design, const Fit& fit, int term) {
-  double size = 0, size_error = 0;
-  for (size_t c = design.cols(); c-- > 0;)
-    if (design.term_of_column[c] == term)
-      size = std::fabs(fit.beta[static_cast<long>(c)]), size_error = fit.beta_errors[static_cast<long>(c)];
-  for (size_t c = 0; c < design.cols(); ++c) {
-    if (design.start_of_column[c] != term) continue;
-    const double start = std::fabs(fit.beta[static_cast<long>(c)]), error = fit.beta_errors[static_cast<long>(c)];
-    if (start > kBeyondPart * size && start - size > kBeyondErrors * std::hypot(error, size_error)) return true;
+// Whether a run began well beyond the size of the term itself, which bounds it.
+bool is_start_beyond(const Term& term) {
+  if (!term.estimator || !term.estimator->is_start_bounded() || term.coefficients.empty()) return false;
+  const double size = std::fabs(term.coefficients[0]), size_error = term.coefficient_errors[0];
+  for (size_t i = 0; i < term.starts.size(); ++i) {
+    const double start = std::fabs(term.starts[i]);
+    if (start > kBeyondPart * size && start - size > kBeyondErrors * std::hypot(term.start_errors[i], size_error))
+      return true;
   }
   return false;
 }
@@ -116,18 +114,12 @@ private:
 
 } // namespace
 
-void leave_contradicted(const AxisQuestion& question, const Found& found, const Fit& fit, Names* names) {
-  const std::vector<Term>& terms = found.seconds.final.terms;
-  const Design design = make_design(question.campaign, found.seconds.final);
+void leave_contradicted(Names* names) {
   double stand_in_nats = -1;
   const auto is_contradicted = [&](const SelectedEffect& effect) {
-    if (effect.is_family || !effect.term.estimator || !effect.term.estimator->is_start_bounded()) return false;
-    for (size_t t = 0; t < terms.size(); ++t)
-      if (terms[t].estimator == effect.term.estimator && is_start_beyond(design, fit, static_cast<int>(t))) {
-        stand_in_nats = std::max(stand_in_nats, effect.gain_nats);
-        return true;
-      }
-    return false;
+    if (effect.is_family || !is_start_beyond(effect.term)) return false;
+    stand_in_nats = std::max(stand_in_nats, effect.gain_nats);
+    return true;
   };
   names->leave_those(is_contradicted, &names->effects);
   const auto is_part = [&](const SelectedEffect& effect) {

@@ -6,9 +6,9 @@
 
 namespace imucal {
 
-// A member that its own fit contradicts is left, and what holds less beside it with it: a memory whose runs began further out
-// than it ever goes stands in for another cause.  `fit`: of found.seconds.final.
-void leave_contradicted(const AxisQuestion& question, const Found& found, const Fit& fit, Names* names);
+// A member that its own coefficients contradict is left, and members in the mean that hold less with it: a memory whose runs
+// began further out than it ever goes stands in for another cause.
+void leave_contradicted(Names* names);
 // `after`: tests of the innovations under the answer.  Opens names to their families, or leaves them.
 void open_by_rest(const AxisQuestion& question, const Found& found, const std::vector<RestFinding>& after,
                   Names* names);

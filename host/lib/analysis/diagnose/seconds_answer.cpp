@@ -54,6 +54,8 @@ void fit_own_base_beside(const EffectEstimator* fast, const Theta& theta, const 
 
 namespace {
 
+constexpr double kPlaceBlocks = 1.5; // how far from its place in block means a jump is looked for
+
 // Whether the believed noise parameters hold is a question to the seconds, under the causes found.
 void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
   seconds->is_believed = false;
@@ -69,8 +71,6 @@ void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer
   slow->found.best.is_believed = true; // its noise is the believed one from here on
   seconds->final = hypothesis_of(question, *slow->search, slow->found.best, true);
 }
-constexpr double kPlaceBlocks = 1.5; // how far from its place in block means a jump is looked for
-
 // What is left of a run where a jump of this size comes before sample `to` and not before sample `from`.
 VectorXd moved(VectorXd e, double size_dph, long from, long to) {
   if (to < from) e.segment(to, from - to).array() -= size_dph;

@@ -99,7 +99,7 @@ private:
   void finish() {
     fit_and_test();
     fill_coefficients(question_, out_.final_fit, &found_, &names_.effects);
-    leave_contradicted(question_, found_, out_.final_fit, &names_);
+    leave_contradicted(&names_);
     open_by_rest(question_, found_, out_.after, &names_);
     scan_told();
     out_.effects = structural_;

@@ -52,14 +52,19 @@ NoiseModel SlowLikelihood::seconds_noise(const SlowModel& m) const {
 }
 
 // Polishing the noise asks for the same columns again and again.
-SlowLikelihood::Part SlowLikelihood::part_at(size_t candidate, const Theta& shape) const {
+SlowLikelihood::Part SlowLikelihood::part_at(const SlowModel::Name& name) const {
   for (const KeptPart& kept : kept_parts_)
-    if (kept.candidate == candidate && kept.shape == shape) return kept.part;
+    if (kept.candidate == name.candidate && kept.is_start_only == name.is_start_only && kept.shape == name.shape)
+      return kept.part;
   if (kept_parts_.size() < kPartsKept) kept_parts_.emplace_back();
   KeptPart& place = kept_parts_[next_part_++ % kPartsKept];
-  place = {candidate, shape,
-           std::make_shared<const MeanPart>(part_of(space_.data, space_.candidates[candidate].scan, shape))};
+  place = {name.candidate, name.shape, name.is_start_only,
+           std::make_shared<const MeanPart>(part_on(space_.data, name))};
   return place.part;
+}
+MeanPart SlowLikelihood::part_on(const SlowData& where, const SlowModel::Name& name) const {
+  const ScanCandidate& scan = space_.candidates[name.candidate].scan;
+  return name.is_start_only ? start_part(where, *scan.estimator, name.shape) : part_of(where, scan, name.shape);
 }
 
 std::vector<SlowLikelihood::Part> SlowLikelihood::parts(const SlowModel& m) const {
@@ -68,10 +73,7 @@ std::vector<SlowLikelihood::Part> SlowLikelihood::parts(const SlowModel& m) cons
   std::vector<Part> list;
   for (MeanPart& part : parts_on(space_.data, beside))
     list.push_back(std::make_shared<const MeanPart>(std::move(part)));
-  for (const SlowModel::Name& name : m.names)
-    list.push_back(name.is_start_only ? std::make_shared<const MeanPart>(start_part(
-                                            space_.data, *space_.candidates[name.candidate].scan.estimator, name.shape))
-                                      : part_at(name.candidate, name.shape));
+  for (const SlowModel::Name& name : m.names) list.push_back(part_at(name));
   return list;
 }
 std::vector<MeanPart> SlowLikelihood::parts_on(const SlowData& where, const SlowModel& m) const {
@@ -84,9 +86,7 @@ std::vector<MeanPart> SlowLikelihood::parts_on(const SlowData& where, const Slow
     for (const Theta& step : m.steps) all.insert(all.end(), step.begin(), step.end());
     list.push_back(mean_part(where, *space_.steps, all));
   }
-  for (const SlowModel::Name& name : m.names)
-    list.push_back(name.is_start_only ? start_part(where, *space_.candidates[name.candidate].scan.estimator, name.shape)
-                                      : part_of(where, space_.candidates[name.candidate].scan, name.shape));
+  for (const SlowModel::Name& name : m.names) list.push_back(part_on(where, name));
   return list;
 }
 

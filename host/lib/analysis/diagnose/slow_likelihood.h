@@ -32,17 +32,19 @@ public:
   double score(const SlowModel& m) const;
 
 private:
-  Part part_at(size_t candidate, const Theta& shape) const;
+  Part part_at(const SlowModel::Name& name) const; // on the data searched; kept
+  MeanPart part_on(const SlowData& where, const SlowModel::Name& name) const;
 
   const SlowSpace& space_;
   struct KeptPart {
     size_t candidate = 0;
     Theta shape;
+    bool is_start_only = false;
     Part part;
   };
   struct KeptColumns {
     size_t n_names = 0;
-    std::vector<Theta> key; // steps; candidate and shape of each name
+    std::vector<Theta> key; // steps, whether without lines; of each name what it is, and its shape
     Columns columns;
   };
   mutable std::vector<KeptPart> kept_parts_;

@@ -101,7 +101,8 @@ private:
       beside.push_back(answer);
       beside.back().names.clear(), beside.back().noise_effect = nullptr;
     }
-    double highest = all_logs(answer);
+    const double of_answer = all_logs(answer);
+    double highest = of_answer;
     std::optional<SlowModel> with;
     for (const SlowModel& less : beside) {
       SlowModel m = slow_.search->with_free_function(less, slow_.found.null);
@@ -110,7 +111,7 @@ private:
       if (const double value = all_logs(m); value > highest) highest = value, with = m;
     }
     if (!with) return;
-    if (holds_nearly_all(answer, highest)) {
+    if (holds_nearly_all(answer, of_answer, highest)) {
       slow_.found.replaced.push_back(with->names.back().candidate);
       return;
     }
@@ -120,7 +121,7 @@ private:
   }
   // Whether one or two members are nearly all that the free function would be: what it has beside them, as the product of
   // two causes, is no reason to doubt them.
-  bool holds_nearly_all(const SlowModel& answer, double highest) const {
+  bool holds_nearly_all(const SlowModel& answer, double of_answer, double highest) const {
     const std::vector<SlowModel::Name>& names = answer.names;
     const auto is_member = [&](const auto& name) {
       return slow_.candidate(name.candidate).effect && !name.is_at_bound;
@@ -128,7 +129,7 @@ private:
     if (names.empty() || names.size() > kFewNames || !std::all_of(names.begin(), names.end(), is_member)) return false;
     if (answer.noise_effect || !answer.steps.empty()) return false;
     const double nothing = all_logs(slow_.found.null);
-    return all_logs(answer) - nothing > constants().member_share * (highest - nothing);
+    return of_answer - nothing > constants().member_share * (highest - nothing);
   }
   // Names beside the free function, which is the last, and a kind of noise go as long as all logs together do not become
   // less likely.
