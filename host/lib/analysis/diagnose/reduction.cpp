@@ -6,6 +6,7 @@
 
 #include "analysis/diagnose/kalman.h"
 #include "base/rng.h"
+#include "base/units.h"
 #include "linear/linear.h"
 
 namespace imucal {
@@ -41,8 +42,7 @@ std::vector<VectorXd> time_cosines(const CampaignRun& run) {
   for (int j = 1; j <= kTimeCosines; ++j) {
     VectorXd x(static_cast<long>(run.n()));
     for (size_t k = 0; k < run.n(); ++k)
-      x[static_cast<long>(k)] =
-          std::cos(3.14159265358979323846 * j * (run.input.t_s[static_cast<size_t>(run.used[k])] - first) / length);
+      x[static_cast<long>(k)] = std::cos(kPi * j * (run.input.t_s[static_cast<size_t>(run.used[k])] - first) / length);
     out.push_back(std::move(x));
   }
   return out;
@@ -51,6 +51,7 @@ std::vector<VectorXd> time_cosines(const CampaignRun& run) {
 // One unit in coordinates in which what its rates say of c is independent from one to the next.
 struct Seen {
   double n = 0;                // rows
+  double left2 = 0;            // mean square of what is left, about its mean
   VectorXd precision, product; // of c: B'V^-1 B is diagonal, and B'V^-1 times the rates
   VectorXd change;             // what the answer changes, in the same coordinates
   // What it changes in start states: fitted to the rates themselves, so partly to their noise.
@@ -73,8 +74,7 @@ Basis basis_of(const HeldOutUnit& unit) {
   return out;
 }
 
-Seen seen(const HeldOutUnit& unit, const NoiseModel& noise) {
-  const Basis basis = basis_of(unit);
+Seen seen(const HeldOutUnit& unit, const Basis& basis, const NoiseModel& noise) {
   const long f = basis.n_free, k = static_cast<long>(basis.columns.size()) - f, n = unit.left.size();
   MatrixXd columns(n, f + k + 1);
   VectorXd change(f + k);
@@ -90,6 +90,7 @@ Seen seen(const HeldOutUnit& unit, const NoiseModel& noise) {
   const Spectrum spectrum = symmetric_spectrum(rest.topLeftCorner(k, k));
   Seen out;
   out.n = static_cast<double>(n);
+  out.left2 = (unit.left.array() - unit.left.mean()).square().mean();
   out.precision = spectrum.values.cwiseMax(0);
   out.product = spectrum.vectors.transpose() * rest.block(0, k, k, 1);
   out.change = spectrum.vectors.transpose() * change.tail(k);
@@ -101,15 +102,10 @@ Seen seen(const HeldOutUnit& unit, const NoiseModel& noise) {
   return out;
 }
 
-double mean_square_of_change(const std::vector<Seen>& units) {
+// Of a mean square of each unit, over all rows.
+template <class F> double mean_over_rows(const std::vector<Seen>& units, F mean_square) {
   double sum = 0, n = 0;
-  for (const Seen& u : units) sum += u.n * (u.change.squaredNorm() + u.of_starts.squaredNorm()), n += u.n;
-  return n > 0 ? sum / n : 0;
-}
-double mean_square_left(const std::vector<HeldOutUnit>& units) {
-  double sum = 0, n = 0;
-  for (const HeldOutUnit& u : units)
-    sum += (u.left.array() - u.left.mean()).square().sum(), n += static_cast<double>(u.left.size());
+  for (const Seen& u : units) sum += u.n * mean_square(u), n += u.n;
   return n > 0 ? sum / n : 0;
 }
 
@@ -171,15 +167,18 @@ double quantile(const std::vector<double>& sorted, double p) {
 Reduction reduction_of(const std::vector<HeldOutUnit>& units, const NoiseModel& noise) {
   std::vector<Seen> all;
   size_t width = 0;
-  for (const HeldOutUnit& unit : units)
-    if (unit.left.size() > 0) {
-      all.push_back(seen(unit, noise));
-      width += static_cast<size_t>(all.back().precision.size() + all.back().of_starts.size());
-    }
+  for (const HeldOutUnit& unit : units) {
+    if (unit.left.size() == 0) continue;
+    const Basis basis = basis_of(unit);
+    if (static_cast<long>(basis.columns.size()) == basis.n_free) continue;
+    all.push_back(seen(unit, basis, noise));
+    width += static_cast<size_t>(all.back().precision.size() + all.back().of_starts.size());
+  }
   Reduction out;
-  const double change2 = mean_square_of_change(all);
+  const double change2 =
+      mean_over_rows(all, [](const Seen& u) { return u.change.squaredNorm() + u.of_starts.squaredNorm(); });
   if (!(change2 > 0)) return out;
-  const Sizes sizes = sizes_of(all, change2, mean_square_left(units));
+  const Sizes sizes = sizes_of(all, change2, mean_over_rows(all, [](const Seen& u) { return u.left2; }));
   std::vector<double> normals(width), values;
   const Rng rng(kSeed, 0, 0, static_cast<uint32_t>(Stream::kTool) + 10);
   double sum = 0, mean = 0;

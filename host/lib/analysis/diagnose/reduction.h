@@ -31,7 +31,8 @@ struct Reduction {
   double shrinkage = 0, lo = -1, hi = 1;  // mean and 95 %; values below -1 count as -1
 };
 
-// Units without a row say nothing; without any the result is as it begins.
+// A unit without a row, or with no more rows than it has free columns, says nothing; without any other the result is as it
+// begins.
 Reduction reduction_of(const std::vector<HeldOutUnit>& units, const NoiseModel& noise);
 
 } // namespace imucal
