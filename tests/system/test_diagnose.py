@@ -444,3 +444,18 @@ def test_where_says_how_much_larger_or_smaller_the_residual_is(lab):
     times = lab.text.split("the residual is ")[1].split(" times what the model expects there (less noise than believed)")[0]
     assert 0.3 < float(times) < 0.37
     assert "standard deviations" not in lab.text
+
+
+@pytest.mark.parametrize("every", [700, 100])
+def test_logs_at_full_scale_are_left_out_with_a_warning(lab, every):
+    """A sensor that stands at its limit but for a few seconds: nothing of the log can be judged, the other logs are."""
+    logs = lab.logs(f"limit{every}", HYSTERESIS, n=4)
+    limit = 900.0
+    for path in logs[:2]:
+        rewrite(path, lambda t, temp, rate: (temp, [r if k % every == 0 else limit for k, r in enumerate(rate)]))
+    answer = lab.run(logs)
+    told = [w for w in answer["warnings"] if "this log is left out of its answer" in w]
+    assert len(told) == 2 and all(any(path in w for w in told) for path in logs[:2])
+    axis = answer["axes"][0]
+    assert {"saturation", "thermal_hysteresis"} <= {s["name"] for e in axis["effects"] for s in e["set"]}
+    assert set(axis["where"]["logs"]) <= {2, 3}

@@ -10,6 +10,7 @@ namespace imucal {
 namespace {
 
 constexpr double kBlock_s = 10;
+constexpr double kShortest_s = 60; // of block means that a run keeps
 constexpr double kMostBlocks = 3500;
 constexpr double kFastest = 4;                // blocks per time constant from which a process is white
 constexpr double kMostNegative = 0.97;        // of the white noise that the blocks of a Markov process may take off
@@ -110,6 +111,16 @@ Campaign block_means(const Campaign& seconds, double block_s) {
     find_used(&out.runs.back());
   }
   return out;
+}
+
+bool leave_short_runs(Campaign* seconds) {
+  const Campaign blocks = block_means(*seconds, block_length_s(*seconds));
+  std::vector<CampaignRun> kept;
+  for (size_t r = 0; r < seconds->runs.size(); ++r)
+    if (static_cast<double>(blocks.runs[r].n()) * blocks.dt_s >= kShortest_s) kept.push_back(seconds->runs[r]);
+  if (kept.empty()) return false;
+  if (kept.size() < seconds->runs.size()) seconds->runs = std::move(kept);
+  return true;
 }
 
 NoiseModel block_equivalent(NoiseModel noise, double block_s) {

@@ -293,6 +293,16 @@ Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double 
   return out;
 }
 
+// Logs of which too little stays to be judged on this axis.
+void tell_left_out(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings) {
+  for (size_t i = 0; i < logs.size(); ++i) {
+    const auto is_of_log = [&](const CampaignRun& run) { return run.input.log == i; };
+    if (std::none_of(campaign.runs.begin(), campaign.runs.end(), is_of_log))
+      warnings->push_back(logs[i].path + ": less than a minute of axis " + campaign.axis +
+                          " is usable: this log is left out of its answer");
+  }
+}
+
 // One axis from log to answer; `held_out` may be empty.
 AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
                          const std::vector<Log>& held_out, const std::string& name, double rate_per_axis,
@@ -315,6 +325,8 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     tell_stuck(unseen, held_out, &axis.warnings);
     tell_beyond(axis.campaign, unseen, held_out, &axis.warnings);
     take_out_known(model, name, &unseen);
+    if (!leave_short_runs(&unseen)) unseen.runs.clear();
+    tell_left_out(unseen, held_out, &axis.warnings);
   }
   const std::vector<const Effect*>& library = effect_library();
   const std::vector<bool> active = active_effects(options);
@@ -327,7 +339,8 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     axis.calibration_s = now_s() - from;
     return found.threshold_nats;
   };
-  axis.study = study_axis(&axis.campaign, held_out.empty() ? nullptr : &unseen, belief, library, active, select);
+  axis.study = study_axis(&axis.campaign, unseen.runs.empty() ? nullptr : &unseen, belief, library, active, select);
+  tell_left_out(axis.campaign, logs, &axis.warnings);
   if (!axis.study.selection.cannot_judge) {
     Selection& s = axis.study.selection;
     axis.nominal_fit = std::move(s.nominal_fit), axis.final_fit = std::move(s.final_fit);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/coefficients.h"
 #include "analysis/diagnose/fast_names.h"
 #include "analysis/diagnose/mean_lines.h"
@@ -27,7 +28,7 @@ public:
 
   AxisStudy run() {
     ask_structure();
-    if (campaign_.n() < 60) {
+    if (!leave_short_runs(&campaign_)) {
       out_.cannot_judge = true;
       out_.effects = structural_;
       out_.verdict = Verdict::kPartlyExplained;

@@ -49,9 +49,13 @@ SharedNoise shared_noise(const AxisRest& a, const AxisRest& b) {
   SharedNoise out;
   double xx = 0, yy = 0, xy = 0, dof = 0;
   const long block = std::max(2L, std::lround(kLocalMean_s / a.campaign->dt_s));
-  for (size_t r = 0; r < std::min(a.campaign->runs.size(), b.campaign->runs.size()); ++r) {
+  const std::vector<CampaignRun>&of_a = a.campaign->runs, &of_b = b.campaign->runs;
+  for (size_t r = 0, q = 0; r < of_a.size(); ++r) { // an axis may lack a log
+    while (q < of_b.size() && of_b[q].input.log < of_a[r].input.log) ++q;
+    if (q == of_b.size()) break;
+    if (of_b[q].input.log != of_a[r].input.log) continue;
     VectorXd x, y;
-    common_rows(a.campaign->runs[r], a.fit->e[r], b.campaign->runs[r], b.fit->e[r], &x, &y);
+    common_rows(of_a[r], a.fit->e[r], of_b[q], b.fit->e[q], &x, &y);
     take_off_means(&x, block), take_off_means(&y, block);
     xx += x.squaredNorm(), yy += y.squaredNorm(), xy += x.dot(y);
     out.n += static_cast<size_t>(x.size());
