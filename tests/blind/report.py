@@ -113,7 +113,7 @@ def shrinkage_pages(score):
 
 
 def markdown(meta, score):
-    out = ["# Blind check of `diagnose`", "", f"{meta['n_cases']} cases, {meta['n_asked']} questions, {meta['n_answered']} answered"
+    out = ["# Blind check of `diagnose`", "", f"{meta['n_cases']} cases, {meta['n_asked']} questions, {meta['n_answered'] - len(score['failures'])} answered"
            + "".join(f"; {n} skipped: the program has no option for noise '{k}'" for k, n in meta["skipped"].items())
            + f"; seed `{meta['seed']}`, labels sealed as sha256 `{meta['labels_sha256']}` before the first diagnosis. "
            "Intervals: 95 % Clopper-Pearson. \"met\": the figure reaches the aim; for false names, the interval reaches down to it.", ""]
