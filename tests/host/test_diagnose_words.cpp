@@ -19,11 +19,11 @@ using namespace imucal;
 static SelectedEffect effect_of(const char* name, double evidence_nats) {
   SelectedEffect effect;
   effect.term.effect = &find_effect(name), effect.term.estimator = effect.term.effect->estimator();
-  effect.term.fixed_parameters = {};
+  effect.term.fixed_parameters = {{"amplitude_dph", 3.0}}; // no campaign, from which they would be computed
   effect.family = effect.term.effect->family();
   effect.evidence_nats = evidence_nats, effect.gain_nats = evidence_nats + 6;
   effect.held_out_nats = kPredictsNothing;
-  effect.doubt = Doubt::kSlowNoise; // no parameters are told
+  effect.doubt = Doubt::kSlowNoise;
   effect.set = {{effect.term.effect, nullptr, false, effect.family, effect.gain_nats, 6}};
   return effect;
 }

@@ -58,7 +58,8 @@ DiagnoseResult diagnose(const DiagnoseOptions& options);
 DiagnoseResult diagnose_logs(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
                              const std::vector<Log>& held_out);
 
-// The parameters of a term with their standard errors, by the names of the contract.
+// The parameters of a term with their standard errors, by the names of the contract.  `campaign`: the one that the term
+// was fitted on, with one run at least; not looked at where term.fixed_parameters are given.
 Parameters effect_values(const Term& term, const Campaign& campaign);
 
 // $XDG_CACHE_HOME/imucal or ~/.cache/imucal; empty when neither is known.
