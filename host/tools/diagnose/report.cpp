@@ -430,6 +430,11 @@ std::vector<std::string> notes(const AxisResult& axis) {
         format(
             " would gain %.0f nats on the fitted logs, but the held-out data do not support it (%.1f nats): not named",
             e.gain_nats, e.held_out_nats));
+  for (const SelectedEffect& e : s.effects)
+    if (e.is_any_shape)
+      out.push_back(
+          e.term.effect->name() +
+          ": found in a shape that its parameters do not tell; they are those of the nearest shape that they do");
   if (s.is_told_by_held_out && !s.effects.empty() && s.effects.front().family != Family::kSlowNoise)
     out.push_back("slow noise would explain the fitted logs as well; what is named is told by all logs together");
   if (s.n_dropouts > 0)

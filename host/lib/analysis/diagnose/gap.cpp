@@ -306,26 +306,34 @@ size_t n_rows(const std::vector<HeldOutUnit>& units) {
 }
 
 // Of one-minute means.
-void set_residuals(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units, double dt_s,
-                   GapResult* out) {
+void set_residuals(const SlowSearch& search, const SlowModel& of_noise, const std::vector<HeldOutUnit>& units,
+                   double dt_s, GapResult* out) {
   std::vector<Minutes> before, after;
   for (const HeldOutUnit& unit : units) {
     before.push_back(minutes_of(unit.left + unit.change, dt_s));
     after.push_back(minutes_of(unit.left, dt_s));
   }
   out->rms_before_dph = std::sqrt(mean_square(before)), out->rms_after_dph = std::sqrt(mean_square(after));
-  out->noise_rms_dph = std::sqrt(noise_of_units(search.seconds_noise_of(final), after));
+  out->noise_rms_dph = std::sqrt(noise_of_units(search.seconds_noise_of(of_noise), after));
 }
 
-void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,
+void set_shrinkage(const SlowSearch& search, const SlowModel& of_noise, const std::vector<HeldOutUnit>& units,
                    GapResult* out) {
   if (!(out->part_within > 0)) {
     out->ci_lo = -1, out->ci_hi = 1;
     return;
   }
-  const Reduction found = reduction_of(units, search.noise_of(final));
+  const Reduction found = reduction_of(units, search.noise_of(of_noise));
   out->before = found.before_dph2, out->after = found.after_dph2;
   out->shrinkage = found.shrinkage, out->ci_lo = found.lo, out->ci_hi = found.hi;
+}
+
+// Where less is told than was found, all that is left beyond the noise may be gap, though no column that is known has its
+// shape.
+void widen_by_rest(GapResult* out) {
+  const double noise2 = std::pow(out->noise_rms_dph, 2);
+  const double before = std::pow(out->rms_before_dph, 2) - noise2, after = std::pow(out->rms_after_dph, 2) - noise2;
+  if (before > 0) out->ci_lo = std::clamp(1 - after / before, -1.0, out->ci_lo);
 }
 
 } // namespace
@@ -339,7 +347,7 @@ double predicted_nats(const SlowSearch& search, const SlowData& training, const 
 }
 
 GapResult measure_gap(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
-                      const SlowModel& null, const SlowModel& final) {
+                      const SlowModel& null, const SlowModel& final, const SlowModel* whole) {
   GapResult out;
   const bool is_single = !held_out && training.campaign.runs.size() == 1;
   std::vector<Split> splits;
@@ -348,7 +356,7 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   else
     splits = splits_of(training, held_out, &out.method);
   const Prediction before = predict_all(search, training, splits, null);
-  const Prediction after = predict_all(search, training, splits, final);
+  Prediction after = predict_all(search, training, splits, final);
   for (size_t u = 0; u < before.nats.size(); ++u) out.delta_by_unit.push_back(2 * (after.nats[u] - before.nats[u]));
   out.delta_deviance = sum_of(out.delta_by_unit);
   const std::vector<Split> ideal = as_predicted(splits, after);
@@ -364,6 +372,7 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
     out.beyond_start.push_back(support(less));
     out.at_all.push_back(support(final.without(i)));
   }
+  if (whole) after.shapes = predict_all(search, training, splits, *whole).shapes;
   const Campaign& campaign = held_out ? *held_out : training.campaign;
   std::vector<HeldOutUnit> units = held_out_units(training, splits, before, after, true);
   const size_t within = n_rows(units);
@@ -372,9 +381,11 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   const double seconds = static_cast<double>(campaign.n()) * campaign.dt_s;
   out.hours = std::max(kOverlap, seconds / 3600);
   out.gain = out.delta_deviance / out.hours;
-  set_residuals(search, final, units, campaign.dt_s, &out);
+  const SlowModel& of_noise = whole ? *whole : final;
+  set_residuals(search, of_noise, units, campaign.dt_s, &out);
   out.has_mean = !final.names.empty();
-  if (out.has_mean) set_shrinkage(search, final, units, &out);
+  if (out.has_mean) set_shrinkage(search, of_noise, units, &out);
+  if (out.has_mean && whole) widen_by_rest(&out);
   return out;
 }
 

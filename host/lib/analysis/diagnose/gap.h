@@ -49,9 +49,10 @@ struct GapResult {
   std::vector<double> dp2_tau_s, dp2_data_dph, dp2_nominal_dph, dp2_final_dph;
 };
 
-// `training`: block means of the fitted logs; `held_out`: of further logs, or nullptr.
+// `training`: block means of the fitted logs; `held_out`: of further logs, or nullptr.  `whole`: what was found, where
+// `final` tells less of it: its shapes are among what `final` may get wrong, and its noise is the noise.
 GapResult measure_gap(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
-                      const SlowModel& null, const SlowModel& final);
+                      const SlowModel& null, const SlowModel& final, const SlowModel* whole = nullptr);
 
 // log p(held-out units | training data, model): the same for one hypothesis alone.
 double predicted_nats(const SlowSearch& search, const SlowData& training, const Campaign* held_out,

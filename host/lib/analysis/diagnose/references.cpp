@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "base/units.h"
 
@@ -115,7 +116,7 @@ public:
   explicit FreeFunction(bool with_time) : variables_(with_time ? 3 : 2) {}
   Form form() const override { return Form::kColumns; }
   bool needs_temperature() const override { return true; }
-  size_t n_columns() const override { return static_cast<size_t>(relative_sd().size()); }
+  size_t n_columns() const override { return static_cast<size_t>(prior_sd().size()); }
   std::vector<Column> columns(const RunInput& in, const Theta& theta) const override {
     std::vector<Column> u = {unit_temperature(in), unit_past(in, theta[0], theta[1])};
     if (variables_ == 3) u.push_back(unit_time(in, theta[2]));
@@ -130,7 +131,7 @@ public:
     return out;
   }
   // Prior 1/order, as rough as the free functions of one variable.
-  Eigen::VectorXd relative_sd() const {
+  Eigen::VectorXd prior_sd() const {
     std::vector<double> sd;
     for (size_t v = 0; v < variables_; ++v)
       for (int i = 1; i <= kOrder; ++i) sd.push_back(1.5 / i);
@@ -170,12 +171,10 @@ const Reference& free_function(bool with_time) {
   static const FreeFunction with(true), without(false);
   static const Reference of_all = {Family::kFunctionOfTime,
                                    "a free function of temperature, its past and time",
-                                   {&with, {}, with.relative_sd()},
+                                   {&with, {}, with.prior_sd()},
                                    false};
-  static const Reference of_past = {Family::kThermalMemory,
-                                    "a free function of temperature and its past",
-                                    {&without, {}, without.relative_sd()},
-                                    false};
+  static const Reference of_past = {
+      Family::kThermalMemory, "a free function of temperature and its past", {&without, {}, without.prior_sd()}, false};
   return with_time ? of_all : of_past;
 }
 
@@ -189,6 +188,24 @@ std::vector<Theta> free_function_shapes(const Campaign& campaign, double longest
     shapes.push_back({delay_s, largest, longest_s});
   }
   return shapes;
+}
+
+const Reference* any_shape_of(const Effect& effect) {
+  static const std::map<const Effect*, Reference> all = [] {
+    std::map<const Effect*, Reference> out;
+    for (const Effect* e : effect_library()) {
+      if (!e->estimator()) continue;
+      const EffectEstimator::AnyShape any = e->estimator()->of_any_shape();
+      if (!any.estimator) continue;
+      const std::vector<double> sd = any.estimator->relative_sd();
+      out[e] = {e->family(),
+                any.what,
+                {any.estimator, {{}}, Eigen::Map<const Eigen::VectorXd>(sd.data(), static_cast<long>(sd.size()))}};
+    }
+    return out;
+  }();
+  const auto found = all.find(&effect);
+  return found == all.end() ? nullptr : &found->second;
 }
 
 const std::vector<Reference>& free_shapes() {

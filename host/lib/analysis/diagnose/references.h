@@ -17,6 +17,9 @@ struct Reference {
 // time since the start, and of temperature and time together.  Only those that the campaign can hold.
 const std::vector<Reference>& free_shapes();
 
+// The shape of an effect that its parameters do not tell (EffectEstimator::of_any_shape), or nullptr.
+const Reference* any_shape_of(const Effect& effect);
+
 // A free function of temperature, its past and (with several runs) the time since the start: cosines of each of them and
 // products of two.  What is smooth and repeats is near one of these, whatever made it.  It owns nothing and names nothing;
 // it stands against answers.

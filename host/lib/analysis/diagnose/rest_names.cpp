@@ -117,7 +117,7 @@ private:
 void leave_contradicted(Names* names) {
   double stand_in_nats = -1;
   const auto is_contradicted = [&](const SelectedEffect& effect) {
-    if (effect.is_family || !is_start_beyond(effect.term)) return false;
+    if (effect.is_family || effect.is_any_shape || !is_start_beyond(effect.term)) return false;
     stand_in_nats = std::max(stand_in_nats, effect.gain_nats);
     return true;
   };

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "analysis/diagnose/null_draws.h"
 #include "analysis/diagnose/slow_judge.h"
@@ -64,20 +65,21 @@ public:
   }
   // The best hypothesis with exactly these causes.
   SlowModel best_with(const std::vector<const Effect*>& effects) const {
-    std::vector<size_t> order;
     const Effect* noise = nullptr;
-    for (const Effect* effect : effects) {
-      for (size_t j = 0; j < space_.candidates.size(); ++j)
-        if (space_.candidates[j].effect == effect) order.push_back(j);
+    for (const Effect* effect : effects)
       if (std::find(space_.noise_effects.begin(), space_.noise_effects.end(), effect) != space_.noise_effects.end())
         noise = effect;
-    }
-    std::sort(order.begin(), order.end());
     SlowModel best;
-    do {
-      const SlowModel m = built(order);
-      if (m.free_score() > best.free_score()) best = m;
-    } while (std::next_permutation(order.begin(), order.end()));
+    for (const bool any_shape : {false, true}) {
+      std::vector<size_t> order;
+      for (const Effect* effect : effects)
+        if (const std::optional<size_t> j = candidate_of(*effect, any_shape)) order.push_back(*j);
+      std::sort(order.begin(), order.end());
+      do {
+        const SlowModel m = built(order);
+        if (m.free_score() > best.free_score()) best = m;
+      } while (std::next_permutation(order.begin(), order.end()));
+    }
     if (!noise) return best;
     SlowModel with;
     for (const SlowCandidateScore& s : scan_noises(likelihood_, out_, best, space_.noise_effects.size()))
@@ -86,6 +88,13 @@ public:
   }
 
 private:
+  // The candidate of an effect in the mean; where asked for and there is one, that of any shape.
+  std::optional<size_t> candidate_of(const Effect& effect, bool any_shape) const {
+    std::optional<size_t> found;
+    for (size_t j = 0; j < space_.candidates.size(); ++j)
+      if (space_.candidates[j].effect == &effect && (!found || any_shape)) found = j;
+    return found;
+  }
   // `in_time`: the null with the jumps in time that were found, or none.
   void run_with(const SlowModel& about, const SlowModel& null, const SlowModel* in_time) {
     scans_.make_nodes(about);
@@ -250,7 +259,7 @@ private:
   void members_for_shapes() {
     const SlowModel from = out_.best;
     for (size_t i = 0; i < from.names.size() && from.names.size() < kMostNames; ++i) {
-      if (space_.candidates[from.names[i].candidate].effect) continue;
+      if (space_.candidates[from.names[i].candidate].is_member()) continue;
       const SlowScan::OwnNode own = scans_.node_of(from);
       const std::vector<SlowCandidateScore> firsts = scans_.scan_members(from.without(i), {own.get()});
       std::vector<SlowCandidateScore> found;
@@ -264,7 +273,7 @@ private:
   // A member beside a free shape stands where both together gain most: without the shape, each is placed anew.
   void place_without_shapes(const SlowModel& from) {
     for (size_t i = 0; i < from.names.size() && from.names.size() == kMostNames; ++i) {
-      if (space_.candidates[from.names[i].candidate].effect) continue;
+      if (space_.candidates[from.names[i].candidate].is_member()) continue;
       const SlowModel members = from.without(i);
       for (size_t j = 0; j < members.names.size(); ++j)
         one_more(polished(likelihood_, members.without(j), kQuickEvaluations), from);
@@ -381,6 +390,9 @@ SlowModel SlowSearch::beside_believed(const SlowModel& model) const {
 }
 SlowModel SlowSearch::in_place_of_base(const SlowModel& model) const {
   return imucal::in_place_of_base(impl_->likelihood, model);
+}
+SlowModel SlowSearch::with_parameters(const SlowModel& model) const {
+  return impl_->judge().with_parameters(model);
 }
 void SlowSearch::judge_again(SlowResult* result) const {
   result->best = imucal::polished(impl_->likelihood, result->best);

@@ -56,6 +56,8 @@ public:
   std::vector<SlowCandidateScore> kinds_beside(const SlowModel& model) const;
   // Noise and shape parameters estimated again.
   SlowModel polished(const SlowModel& model) const;
+  // With every effect of any shape in that of its parameters which comes nearest, the rest estimated again.
+  SlowModel with_parameters(const SlowModel& model) const;
   // After a name of `best` was taken away: estimated again, members in the place of free shapes where they gain nearly as
   // much, evidence and rivals of every name anew.
   void judge_again(SlowResult* result) const;

@@ -99,6 +99,7 @@ private:
 
   void finish() {
     fit_and_test();
+    tell_parameters();
     fill_coefficients(question_, out_.final_fit, &found_, &names_.effects);
     leave_contradicted(&names_);
     open_by_rest(question_, found_, out_.after, &names_);
@@ -130,6 +131,33 @@ private:
     }
     out_.final_fit = fit_hypothesis(campaign_, seconds.final, &seconds.fit.residual);
     out_.after = test_rest(campaign_, out_.final_fit.e, constants());
+  }
+  // An effect of any shape is told in the shape of its parameters that comes nearest, and every figure is of what is told; what
+  // the shape has beyond it is left.
+  void tell_parameters() {
+    SlowAnswer& slow = found_.slow;
+    const std::vector<SlowModel::Name> names = slow.found.best.names;
+    const auto is_any = [&](const SlowModel::Name& name) { return slow.candidate(name.candidate).is_any_shape; };
+    if (std::none_of(names.begin(), names.end(), is_any)) return;
+    const SlowModel whole = slow.found.best;
+    slow.found.best = slow.search->with_parameters(whole);
+    const double beyond_nats = whole.free_score() - slow.found.best.free_score();
+    const bool is_much = beyond_nats > constants().lack_nats &&
+                         beyond_nats > constants().lack_part * (whole.free_score() - slow.found.null.free_score());
+    for (size_t i = 0; i < names.size(); ++i) {
+      if (!is_any(names[i])) continue;
+      const Candidate &any = slow.candidate(names[i].candidate),
+                      &told = slow.candidate(slow.found.best.names[i].candidate);
+      for (SelectedEffect& effect : names_.effects)
+        if (effect.term.estimator == any.scan.estimator) {
+          effect.term = term_of(told.effect, told.scan.estimator, slow.found.best.names[i].shape);
+          effect.is_any_shape = told.is_member();
+          if (is_much) names_.remainders.push_back({nullptr, any.reference, false, any.family(), beyond_nats, 0});
+        }
+    }
+    slow.gap = measure_gap(*slow.search, *slow.data, slow.held_blocks.get(), slow.found.null, slow.found.best, &whole);
+    found_.seconds.final = hypothesis_of(question_, *slow.search, slow.found.best, true);
+    out_.final_fit = fit_hypothesis(campaign_, found_.seconds.final);
   }
   // What every effect gained alone.
   void scan_told() {

@@ -33,8 +33,9 @@ constexpr double kPredictsNothing = std::numeric_limits<double>::quiet_NaN();
 
 struct SelectedEffect {
   Family family = Family::kSlowNoise;
-  bool is_family = false; // the family is the name
-  Term term;              // the best member; term.effect is nullptr where only a free shape explains it
+  bool is_family = false;    // the family is the name
+  Term term;                 // the best member; term.effect is nullptr where only a free shape explains it
+  bool is_any_shape = false; // found in a shape that its parameters do not tell: `term` is the nearest that they do
   double gain_nats = 0, evidence_nats = 0;
   double held_out_nats = 0; // or kPredictsNothing
   Doubt doubt = Doubt::kNone;

@@ -10,7 +10,7 @@ using Eigen::VectorXd;
 
 CandidateEvidence SlowAnswer::evidence_of(size_t j, double gain, double threshold) const {
   const Candidate& c = candidate(j);
-  return {c.effect, c.reference, false, c.family(), gain, threshold};
+  return {c.effect, c.effect ? nullptr : c.reference, false, c.family(), gain, threshold};
 }
 bool SlowAnswer::has_free_function() const {
   for (size_t i = 0; i < found.best.names.size(); ++i)
@@ -77,7 +77,7 @@ SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& c
   double nearest = 1e300; // of another member of the family
   for (const SlowResult::Rival& rival : slow.found.rivals[i]) {
     const Effect* other = rival.noise_effect ? rival.noise_effect : slow.candidate(rival.candidate).effect;
-    if (!other) continue;
+    if (!other || other == c.effect) continue;
     if (other->family() == effect.family) nearest = std::min(nearest, rival.gap_nats);
     effect.set.push_back({other, nullptr, false, other->family(), effect.gain_nats - rival.gap_nats, threshold});
   }

@@ -46,11 +46,12 @@ SlowModel SlowJudge::with_free_function(const SlowModel& m, const SlowModel& als
 }
 
 // A free shape has more freedom than any member: where a member gains nearly as much, it is the answer, and what the
-// shape gains beyond it is a remainder.
+// shape gains beyond it is a remainder.  An effect of any shape gives way to that of its parameters alone, and also stands where it
+// is better by what a free shape beside an answer would open it for.
 SlowModel SlowJudge::with_members(SlowModel best, std::vector<size_t>* replaced) const {
   for (size_t i = 0; i < best.names.size(); ++i) {
     const Candidate& c = space_.candidates[best.names[i].candidate];
-    if (c.effect || c.is_free_function) continue;
+    if (c.is_member() || c.is_free_function) continue;
     const SlowModel less = without(best, i);
     const double free_gain = best.free_score() - less.free_score();
     SlowModel top;
@@ -58,14 +59,33 @@ SlowModel SlowJudge::with_members(SlowModel best, std::vector<size_t>* replaced)
     const std::vector<SlowCandidateScore> found = scans_.scan_members(less, scans_.nodes_with(*own, best));
     for (size_t k = 0; k < found.size() && k < kMembersTried; ++k) {
       if (found[k].gain_nats < less.free_score() + kMemberPart * free_gain) break;
+      if (c.effect && space_.candidates[found[k].model.names.back().candidate].effect != c.effect) continue;
       const SlowModel member = polished(likelihood_, found[k].model, kEvaluations);
       if (member.free_score() > top.free_score()) top = member;
     }
-    if (top.free_score() - less.free_score() < space_.constants.member_share * free_gain) continue;
-    if (best.free_score() > top.free_score()) replaced->push_back(best.names[i].candidate);
+    double least = space_.constants.member_share * free_gain;
+    if (c.effect) least = std::max(least, free_gain - space_.constants.lack_nats);
+    if (top.free_score() - less.free_score() < least) continue;
+    if (!c.effect && best.free_score() > top.free_score()) replaced->push_back(best.names[i].candidate);
     best = top;
   }
   return best;
+}
+
+SlowModel SlowJudge::with_parameters(SlowModel m) const {
+  for (size_t i = 0; i < m.names.size(); ++i) {
+    const Candidate& c = space_.candidates[m.names[i].candidate];
+    if (!c.is_any_shape) continue;
+    const SlowScan::OwnNode own = scans_.node_of(m);
+    for (const SlowCandidateScore& s : scans_.scan_members(m.without(i), {own.get()})) {
+      const SlowModel::Name& member = s.model.names.back();
+      if (space_.candidates[member.candidate].effect != c.effect) continue;
+      m.names[i] = member;
+      m = polished(likelihood_, m, kEvaluations);
+      break;
+    }
+  }
+  return m;
 }
 
 // The hypothesis without one of its names, as good as it can be made.

@@ -24,6 +24,9 @@ public:
   // none.
   SlowModel with_free_function(const SlowModel& m, const SlowModel& also) const;
 
+  // The same with every effect of any shape in that of its parameters which comes nearest.
+  SlowModel with_parameters(SlowModel m) const;
+
 private:
   SlowModel with_members(SlowModel best, std::vector<size_t>* replaced) const;
   SlowModel without(const SlowModel& m, size_t name) const;

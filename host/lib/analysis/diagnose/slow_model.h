@@ -30,14 +30,16 @@ struct NoiseBelief {
   std::vector<Known> known = {};
 };
 
-// A candidate of the search: an effect of the library or a free shape.
+// A candidate of the search: an effect of the library, the same effect of any shape, or a free shape.
 struct Candidate {
-  const Effect* effect = nullptr; // nullptr: a free shape
-  const Reference* reference = nullptr;
-  size_t place = 0; // in the library or the list of free shapes
+  const Effect* effect = nullptr;       // nullptr: a free shape
+  const Reference* reference = nullptr; // of a free shape, or of an effect of any shape
+  size_t place = 0;                     // in the library or the list of free shapes
   ScanCandidate scan;
+  bool is_any_shape = false;     // the effect, of a shape that its parameters do not tell
   bool is_free_function = false; // of everything that repeats: no scan asks it, it stands against answers
   Family family() const { return effect ? effect->family() : reference->family; }
+  bool is_member() const { return effect && !is_any_shape; } // of a shape that a few parameters tell
 };
 
 // One hypothesis.

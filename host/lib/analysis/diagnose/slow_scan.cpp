@@ -109,7 +109,7 @@ std::vector<SlowCandidateScore> SlowScan::scan_members(const SlowModel& m,
                                                        const std::vector<const SlowNode*>& where) const {
   std::vector<SlowCandidateScore> list;
   for (SlowCandidateScore& s : scan(m, where))
-    if (!s.model.names.empty() && space_.candidates[s.model.names.back().candidate].effect)
+    if (!s.model.names.empty() && space_.candidates[s.model.names.back().candidate].is_member())
       list.push_back(std::move(s));
   sort_by_gain(&list);
   return list;

@@ -87,7 +87,14 @@ void add_effects(const std::vector<const Effect*>& library, const std::vector<bo
     c.effect = library[j], c.place = j;
     c.scan.estimator = estimator;
     c.scan.shapes = shapes_of(space, *estimator);
-    if (!c.scan.shapes.empty()) space.candidates.push_back(std::move(c));
+    if (c.scan.shapes.empty()) continue;
+    space.candidates.push_back(std::move(c));
+    if (const Reference* any = any_shape_of(*library[j])) {
+      Candidate other;
+      other.effect = library[j], other.reference = any, other.place = j, other.is_any_shape = true;
+      other.scan = any->candidate;
+      space.candidates.push_back(std::move(other));
+    }
   }
 }
 // Free shapes that the campaign can hold.

@@ -106,6 +106,15 @@ public:
   virtual bool is_near_thermometer() const { return false; }
   static constexpr double kNearby_s = 15;
   virtual size_t n_columns() const { return 1; }
+  // Per column: its prior in units of `prior`.  Empty: 1.
+  virtual std::vector<double> relative_sd() const { return {}; }
+  // The same effect of a shape that its parameters do not tell: more columns, the same start states.  It competes under the
+  // name of the effect; what is told are the parameters of the shape with parameters that comes nearest.
+  struct AnyShape {
+    const EffectEstimator* estimator = nullptr; // nullptr: the effect has no other shape
+    const char* what = "";                      // in words
+  };
+  virtual AnyShape of_any_shape() const { return {}; }
   // kColumns, kRunRandom, kTone: one value per row of the run, for each column.
   virtual std::vector<Column> columns(const RunInput&, const Theta&) const { return {}; }
   // The state in which an effect with a memory began the run is free: columns with coefficients of this run

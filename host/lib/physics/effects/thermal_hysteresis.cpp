@@ -7,7 +7,10 @@
 // down), uniform.  The cold start has come from the far side: u = +1 in the lower half of the temperatures of
 // the run, else -1.
 #include <algorithm>
+#include <array>
+#include <cmath>
 
+#include "base/units.h"
 #include "physics/effects/estimation.h"
 #include "physics/effects/start_state.h"
 
@@ -30,6 +33,62 @@ double cold_start(const std::vector<double>& temp) {
   const auto [lo, hi] = std::minmax_element(temp.begin(), temp.end());
   return temp[0] < 0.5 * (*lo + *hi) ? 1 : -1;
 }
+
+std::vector<Column> play_start_columns(const RunInput& run, double width) {
+  const Column high = play_column(run.smooth_degc, width, 1), low = play_column(run.smooth_degc, width, -1);
+  Column difference = play_column(run.smooth_degc, width, 0), bend = difference;
+  for (size_t i = 0; i < difference.size(); ++i) {
+    bend[i] = 0.5 * (high[i] + low[i]) - bend[i];
+    difference[i] = 0.5 * (high[i] - low[i]);
+  }
+  return {difference, bend};
+}
+
+// Any loop that does not depend on time: every Preisach operator is a sum of functions of plays of all widths (Brokate and
+// Sprekels, Hysteresis and Phase Transitions, 1996).  Three widths; of each the play itself and cosines of where it stands,
+// less the same cosines of the temperature: what is a function of temperature is another cause.
+class AnyLoop : public EffectEstimator {
+public:
+  Form form() const override { return Form::kColumns; }
+  size_t n_columns() const override { return kWidths.size() * (1 + kCosines); }
+  std::vector<Column> columns(const RunInput& run, const Theta&) const override {
+    std::vector<Column> out;
+    for (double width : kWidths) {
+      out.push_back(play_column(run.smooth_degc, width, 0));
+      for (int k = 1; k <= kCosines; ++k) {
+        Column c(run.size());
+        for (size_t i = 0; i < c.size(); ++i)
+          c[i] = cosine(k, run, run.smooth_degc[i] + width * out[out.size() - static_cast<size_t>(k)][i]) -
+                 cosine(k, run, run.smooth_degc[i]);
+        out.push_back(std::move(c));
+      }
+    }
+    return out;
+  }
+  std::vector<double> relative_sd() const override {
+    std::vector<double> out;
+    for (size_t w = 0; w < kWidths.size(); ++w) {
+      out.push_back(1);
+      for (int k = 1; k <= kCosines; ++k) out.push_back(1.0 / k);
+    }
+    return out;
+  }
+  std::vector<Column> start_columns(const RunInput& run, const Theta&) const override {
+    std::vector<Column> out;
+    for (double width : kWidths)
+      for (Column& c : play_start_columns(run, width)) out.push_back(std::move(c));
+    return out;
+  }
+  PriorScale prior() const override { return {1.5, false, 1}; }
+  Parameters values(const Estimate&) const override { return {}; }
+
+private:
+  static constexpr std::array<double, 3> kWidths = {1.5, 4, 10};
+  static constexpr int kCosines = 10;
+  static double cosine(int k, const RunInput& run, double temp) {
+    return std::cos(k * kPi * std::clamp((run.normalised(temp) + 1.2) / 2.4, 0.0, 1.0));
+  }
+};
 
 class ThermalHysteresis : public Effect, public EffectEstimator {
 public:
@@ -86,13 +145,11 @@ public:
   // line: with the first column alone up to 0.8 % of a loop's energy stays out, with both less than 0.1 %
   // (width up to 8 degC on a run of 60 degC).
   std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
-    const Column high = play_column(run.smooth_degc, shape[0], 1), low = play_column(run.smooth_degc, shape[0], -1);
-    Column difference = play_column(run.smooth_degc, shape[0], 0), bend = difference;
-    for (size_t i = 0; i < difference.size(); ++i) {
-      bend[i] = 0.5 * (high[i] + low[i]) - bend[i];
-      difference[i] = 0.5 * (high[i] - low[i]);
-    }
-    return {difference, bend};
+    return play_start_columns(run, shape[0]);
+  }
+  AnyShape of_any_shape() const override {
+    static const AnyLoop any;
+    return {&any, "a loop of another shape than that of one play"};
   }
   bool is_start_bounded() const override { return true; } // the play lies within its two branches
   double notable() const override { return 0.8; }
