@@ -1223,6 +1223,55 @@ static void test_a_loop_whose_start_states_are_larger_than_itself_is_no_name(voi
     assert_true(names_of(answer_to(loop, seed, 0)) == std::set<std::string>{"thermal_hysteresis"});
 }
 
+// A sum of relays (Preisach), none of which is a play: each is on above `up`, off below `down`, and stays between them.
+struct Relays {
+  std::vector<double> up, down, weight;
+  std::vector<char> is_on;
+  // Thresholds anywhere between 2 and 58 degC and `apart` degC apart at most.
+  Relays(uint64_t seed, size_t n, double apart) : is_on(n) {
+    Rng rng(seed, 8, 0, Stream::kTool);
+    double sum = 0;
+    for (size_t i = 0; i < n; ++i) {
+      const double gap = apart * std::sqrt(rng.uniform()), centre = 2 + gap / 2 + (56 - gap) * rng.uniform();
+      up.push_back(centre + gap / 2), down.push_back(centre - gap / 2);
+      weight.push_back(-std::log(1 - rng.uniform())), sum += weight.back();
+    }
+    for (double& w : weight) w /= sum;
+  }
+  // 1 on the branch that comes down, -1 on the one that goes up, where every relay is between its thresholds; less the curve
+  // between the branches.
+  double at(double temp) {
+    double sum = 0;
+    for (size_t i = 0; i < up.size(); ++i) {
+      if (temp > up[i]) is_on[i] = 1;
+      if (temp < down[i]) is_on[i] = 0;
+      sum += weight[i] * (2 * is_on[i] - 1 - (temp > 0.5 * (up[i] + down[i]) ? 1 : -1));
+    }
+    return sum;
+  }
+};
+// Of six such loops four are named (one without the shape of its own), of the others the family is told.  The play that comes
+// nearest gives the parameters.
+static void test_a_hysteresis_is_named_whatever_the_shape_of_its_loop(void**) {
+  size_t named = 0, of_any_shape = 0;
+  for (const uint64_t seed : {1u, 2u, 3u, 4u, 5u, 6u}) {
+    Relays relays(seed, 80, 24);
+    const Selection said = answer_to([&](double, double temp) { return 60 * relays.at(temp); }, 17 * seed, 0);
+    assert_false(said.effects.empty());
+    const SelectedEffect& first = said.effects[0];
+    assert_true(first.family == Family::kThermalMemory);
+    if (first.is_family) continue;
+    assert_string_equal(first.term.effect->name().c_str(), "thermal_hysteresis");
+    assert_int_equal(first.term.shape.size(), 1);
+    assert_int_equal(first.term.coefficients.size(), 1);
+    assert_true(first.term.coefficients[0] > 15 &&
+                first.term.coefficients[0] < 60); // most of the relays are apart by less
+    ++named, of_any_shape += first.is_any_shape ? 1 : 0;
+  }
+  assert_true(named >= 4);
+  assert_true(of_any_shape >= 2);
+}
+
 // Beside a cause as alone: kinds of slow noise that do nearly as well are in the set.
 static void test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well(void**) {
   for (const uint64_t seed : {407u, 410u, 415u, 422u}) {
@@ -1627,6 +1676,7 @@ int main() {
       cmocka_unit_test(test_scan_scores_are_those_of_the_marginal_likelihood),
       cmocka_unit_test(test_block_noise_has_the_covariance_of_block_means),
       cmocka_unit_test(test_search_names_hysteresis_whatever_noise_is_believed),
+      cmocka_unit_test(test_a_hysteresis_is_named_whatever_the_shape_of_its_loop),
       cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
       cmocka_unit_test(test_constants_that_are_handed_down_decide),
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),

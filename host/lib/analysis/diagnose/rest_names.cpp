@@ -20,6 +20,7 @@ constexpr double kBeyondPart = 1.5;
 bool is_start_beyond(const Term& term) {
   if (!term.estimator || !term.estimator->is_start_bounded() || term.coefficients.empty()) return false;
   const double size = std::fabs(term.coefficients[0]), size_error = term.coefficient_errors[0];
+  if (size > kBeyondErrors * size_error) return false; // a loop is there: start states of another shape are no argument
   for (size_t i = 0; i < term.starts.size(); ++i) {
     const double start = std::fabs(term.starts[i]);
     if (start > kBeyondPart * size && start - size > kBeyondErrors * std::hypot(term.start_errors[i], size_error))
