@@ -277,6 +277,9 @@ std::string held_out_statement(const AxisResult& axis) {
   if (!claims_shrinkage(axis)) return "";
   if (!(g.part_within > 0))
     return "no figure: no rates at temperatures that were fitted (" + std::string(held_out_text(g.method)) + ")";
+  if (g.is_of_nearest)
+    return format("no figure: what the nearest shape with parameters gets wrong is not known well enough (%s); %s",
+                  held_out_text(g.method), residual.c_str());
   if (!g.has_figure())
     return format("no figure: noise hides how far the gap shrinks (95 %%: %.0f to %.0f %%; %s); %s", 100 * g.ci_lo,
                   100 * g.ci_hi, held_out_text(g.method), residual.c_str());
@@ -431,10 +434,10 @@ std::vector<std::string> notes(const AxisResult& axis) {
             " would gain %.0f nats on the fitted logs, but the held-out data do not support it (%.1f nats): not named",
             e.gain_nats, e.held_out_nats));
   for (const SelectedEffect& e : s.effects)
-    if (e.is_any_shape)
+    if (e.is_any_shape && !e.is_family)
       out.push_back(
           e.term.effect->name() +
-          ": found in a shape that its parameters do not tell; they are those of the nearest shape that they do");
+          ": found in a shape that its parameters do not tell; they are those of the nearest one, which leaves more");
   if (s.is_told_by_held_out && !s.effects.empty() && s.effects.front().family != Family::kSlowNoise)
     out.push_back("slow noise would explain the fitted logs as well; what is named is told by all logs together");
   if (s.n_dropouts > 0)

@@ -328,14 +328,6 @@ void set_shrinkage(const SlowSearch& search, const SlowModel& of_noise, const st
   out->shrinkage = found.shrinkage, out->ci_lo = found.lo, out->ci_hi = found.hi;
 }
 
-// Where less is told than was found, all that is left beyond the noise may be gap, though no column that is known has its
-// shape.
-void widen_by_rest(GapResult* out) {
-  const double noise2 = std::pow(out->noise_rms_dph, 2);
-  const double before = std::pow(out->rms_before_dph, 2) - noise2, after = std::pow(out->rms_after_dph, 2) - noise2;
-  if (before > 0) out->ci_lo = std::clamp(1 - after / before, -1.0, out->ci_lo);
-}
-
 } // namespace
 
 double predicted_nats(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
@@ -385,7 +377,7 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   set_residuals(search, of_noise, units, campaign.dt_s, &out);
   out.has_mean = !final.names.empty();
   if (out.has_mean) set_shrinkage(search, of_noise, units, &out);
-  if (out.has_mean && whole) widen_by_rest(&out);
+  out.is_of_nearest = whole != nullptr;
   return out;
 }
 

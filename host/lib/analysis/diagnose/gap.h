@@ -30,7 +30,10 @@ struct GapResult {
   double shrinkage = 0, ci_lo = 0, ci_hi = 0;
   double part_within = 1; // of the held-out rates that are at temperatures that were fitted
   // The rates tell the shrinkage well enough for a figure.
-  bool has_figure() const { return has_mean && ci_hi - ci_lo < kWidestFigure; }
+  bool has_figure() const { return has_mean && !is_of_nearest && ci_hi - ci_lo < kWidestFigure; }
+  // Of a shape that only comes nearest to what was found: what it gets wrong has a shape of its own, of which the rates say too
+  // little for an interval (independent loops: 4 of 11 held the true value).
+  bool is_of_nearest = false;
   bool has_mean = false;             // something in the mean predicts other data; else the figures are of the deviance
   double gain = 0;                   // deviance per hour that the names remove
   double delta_deviance = 0;         // of all held-out units
