@@ -306,24 +306,24 @@ size_t n_rows(const std::vector<HeldOutUnit>& units) {
 }
 
 // Of one-minute means.
-void set_residuals(const SlowSearch& search, const SlowModel& of_noise, const std::vector<HeldOutUnit>& units,
-                   double dt_s, GapResult* out) {
+void set_residuals(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units, double dt_s,
+                   GapResult* out) {
   std::vector<Minutes> before, after;
   for (const HeldOutUnit& unit : units) {
     before.push_back(minutes_of(unit.left + unit.change, dt_s));
     after.push_back(minutes_of(unit.left, dt_s));
   }
   out->rms_before_dph = std::sqrt(mean_square(before)), out->rms_after_dph = std::sqrt(mean_square(after));
-  out->noise_rms_dph = std::sqrt(noise_of_units(search.seconds_noise_of(of_noise), after));
+  out->noise_rms_dph = std::sqrt(noise_of_units(search.seconds_noise_of(final), after));
 }
 
-void set_shrinkage(const SlowSearch& search, const SlowModel& of_noise, const std::vector<HeldOutUnit>& units,
+void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,
                    GapResult* out) {
   if (!(out->part_within > 0)) {
     out->ci_lo = -1, out->ci_hi = 1;
     return;
   }
-  const Reduction found = reduction_of(units, search.noise_of(of_noise));
+  const Reduction found = reduction_of(units, search.noise_of(final));
   out->before = found.before_dph2, out->after = found.after_dph2;
   out->shrinkage = found.shrinkage, out->ci_lo = found.lo, out->ci_hi = found.hi;
 }
@@ -339,7 +339,7 @@ double predicted_nats(const SlowSearch& search, const SlowData& training, const 
 }
 
 GapResult measure_gap(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
-                      const SlowModel& null, const SlowModel& final, const SlowModel* whole) {
+                      const SlowModel& null, const SlowModel& final) {
   GapResult out;
   const bool is_single = !held_out && training.campaign.runs.size() == 1;
   std::vector<Split> splits;
@@ -348,7 +348,7 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   else
     splits = splits_of(training, held_out, &out.method);
   const Prediction before = predict_all(search, training, splits, null);
-  Prediction after = predict_all(search, training, splits, final);
+  const Prediction after = predict_all(search, training, splits, final);
   for (size_t u = 0; u < before.nats.size(); ++u) out.delta_by_unit.push_back(2 * (after.nats[u] - before.nats[u]));
   out.delta_deviance = sum_of(out.delta_by_unit);
   const std::vector<Split> ideal = as_predicted(splits, after);
@@ -364,7 +364,6 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
     out.beyond_start.push_back(support(less));
     out.at_all.push_back(support(final.without(i)));
   }
-  if (whole) after.shapes = predict_all(search, training, splits, *whole).shapes;
   const Campaign& campaign = held_out ? *held_out : training.campaign;
   std::vector<HeldOutUnit> units = held_out_units(training, splits, before, after, true);
   const size_t within = n_rows(units);
@@ -373,11 +372,9 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   const double seconds = static_cast<double>(campaign.n()) * campaign.dt_s;
   out.hours = std::max(kOverlap, seconds / 3600);
   out.gain = out.delta_deviance / out.hours;
-  const SlowModel& of_noise = whole ? *whole : final;
-  set_residuals(search, of_noise, units, campaign.dt_s, &out);
+  set_residuals(search, final, units, campaign.dt_s, &out);
   out.has_mean = !final.names.empty();
-  if (out.has_mean) set_shrinkage(search, of_noise, units, &out);
-  out.is_of_nearest = whole != nullptr;
+  if (out.has_mean) set_shrinkage(search, final, units, &out);
   return out;
 }
 

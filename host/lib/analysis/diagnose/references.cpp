@@ -61,16 +61,18 @@ enum class Shape { kTemperature, kDirection, kResponse, kTime, kTemperatureTime 
 
 class FreeShape : public EffectEstimator {
 public:
-  FreeShape(Shape shape, size_t n) : shape_(shape), n_(n) {}
+  // `relative_sd`: of each column.
+  FreeShape(Shape shape, std::vector<double> relative_sd) : shape_(shape), relative_sd_(std::move(relative_sd)) {}
   Form form() const override { return Form::kColumns; }
   bool needs_temperature() const override { return shape_ != Shape::kTime; }
-  size_t n_columns() const override { return n_; }
+  size_t n_columns() const override { return relative_sd_.size(); }
+  std::vector<double> relative_sd() const override { return relative_sd_; }
   std::vector<Column> columns(const RunInput& in, const Theta& theta) const override {
     const double longest_s = theta.empty() ? kLongest_s : theta[0];
     std::vector<Column> out;
     switch (shape_) {
     case Shape::kTemperature:
-      add_cosines(unit_temperature(in), static_cast<int>(n_), nullptr, &out);
+      add_cosines(unit_temperature(in), static_cast<int>(n_columns()), nullptr, &out);
       break;
     case Shape::kDirection: {
       const Column d = direction(in), slow = low_pass(in, d, 300);
@@ -88,7 +90,7 @@ public:
       }
       break;
     case Shape::kTime:
-      add_cosines(unit_time(in, longest_s), static_cast<int>(n_), nullptr, &out);
+      add_cosines(unit_time(in, longest_s), static_cast<int>(n_columns()), nullptr, &out);
       break;
     case Shape::kTemperatureTime: {
       const Column u = unit_time(in, longest_s);
@@ -107,7 +109,7 @@ public:
 
 private:
   Shape shape_;
-  size_t n_;
+  std::vector<double> relative_sd_;
 };
 
 // Cosines of temperature, of its past and of the time, and products of two of them.
@@ -116,7 +118,7 @@ public:
   explicit FreeFunction(bool with_time) : variables_(with_time ? 3 : 2) {}
   Form form() const override { return Form::kColumns; }
   bool needs_temperature() const override { return true; }
-  size_t n_columns() const override { return static_cast<size_t>(prior_sd().size()); }
+  size_t n_columns() const override { return relative_sd().size(); }
   std::vector<Column> columns(const RunInput& in, const Theta& theta) const override {
     std::vector<Column> u = {unit_temperature(in), unit_past(in, theta[0], theta[1])};
     if (variables_ == 3) u.push_back(unit_time(in, theta[2]));
@@ -131,12 +133,12 @@ public:
     return out;
   }
   // Prior 1/order, as rough as the free functions of one variable.
-  Eigen::VectorXd prior_sd() const {
+  std::vector<double> relative_sd() const override {
     std::vector<double> sd;
     for (size_t v = 0; v < variables_; ++v)
       for (int i = 1; i <= kOrder; ++i) sd.push_back(1.5 / i);
     for_products([&](size_t, size_t, int i, int j) { sd.push_back(1.5 / (i + j)); });
-    return Eigen::Map<const Eigen::VectorXd>(sd.data(), static_cast<long>(sd.size()));
+    return sd;
   }
   PriorScale prior() const override { return {1, false, 1}; }
   Parameters values(const Estimate&) const override { return {}; }
@@ -156,25 +158,20 @@ private:
   size_t variables_;
 };
 
-Eigen::VectorXd falling(long n) {
-  Eigen::VectorXd out(n);
-  for (long k = 0; k < n; ++k) out[k] = 1.5 / static_cast<double>(k + 1);
+std::vector<double> falling(size_t n) {
+  std::vector<double> out(n);
+  for (size_t k = 0; k < n; ++k) out[k] = 1.5 / static_cast<double>(k + 1);
   return out;
-}
-Eigen::VectorXd level(long n, double sd) {
-  return Eigen::VectorXd::Constant(n, sd);
 }
 
 } // namespace
 
 const Reference& free_function(bool with_time) {
   static const FreeFunction with(true), without(false);
-  static const Reference of_all = {Family::kFunctionOfTime,
-                                   "a free function of temperature, its past and time",
-                                   {&with, {}, with.prior_sd()},
-                                   false};
+  static const Reference of_all = {
+      Family::kFunctionOfTime, "a free function of temperature, its past and time", {&with, {}}, false};
   static const Reference of_past = {
-      Family::kThermalMemory, "a free function of temperature and its past", {&without, {}, without.prior_sd()}, false};
+      Family::kThermalMemory, "a free function of temperature and its past", {&without, {}}, false};
   return with_time ? of_all : of_past;
 }
 
@@ -196,11 +193,7 @@ const Reference* any_shape_of(const Effect& effect) {
     for (const Effect* e : effect_library()) {
       if (!e->estimator()) continue;
       const EffectEstimator::AnyShape any = e->estimator()->of_any_shape();
-      if (!any.estimator) continue;
-      const std::vector<double> sd = any.estimator->relative_sd();
-      out[e] = {e->family(),
-                any.what,
-                {any.estimator, {{}}, Eigen::Map<const Eigen::VectorXd>(sd.data(), static_cast<long>(sd.size()))}};
+      if (any.estimator) out[e] = {e->family(), any.what, {any.estimator, {{}}}};
     }
     return out;
   }();
@@ -209,16 +202,16 @@ const Reference* any_shape_of(const Effect& effect) {
 }
 
 const std::vector<Reference>& free_shapes() {
-  static const FreeShape temperature(Shape::kTemperature, 24), direction(Shape::kDirection, 12),
-      response(Shape::kResponse, 14), time(Shape::kTime, 20), both(Shape::kTemperatureTime, 8);
+  static const FreeShape temperature(Shape::kTemperature, falling(24)),
+      direction(Shape::kDirection, std::vector<double>(12, 0.7)),
+      response(Shape::kResponse, std::vector<double>(14, 0.7)), time(Shape::kTime, falling(20)),
+      both(Shape::kTemperatureTime, std::vector<double>(8, 0.5));
   static const std::vector<Reference> list = {
-      {Family::kFunctionOfTemperature, "a free function of temperature", {&temperature, {{}}, falling(24)}},
-      {Family::kThermalMemory,
-       "a free function of temperature and the direction of its change",
-       {&direction, {{}}, level(12, 0.7)}},
-      {Family::kThermalMemory, "a free response to earlier temperature rates", {&response, {{}}, level(14, 0.7)}},
-      {Family::kFunctionOfTime, "a free function of the time since the start", {&time, {{}}, falling(20)}},
-      {Family::kFunctionOfTime, "a free function of temperature and time", {&both, {{}}, level(8, 0.5)}, false},
+      {Family::kFunctionOfTemperature, "a free function of temperature", {&temperature, {{}}}},
+      {Family::kThermalMemory, "a free function of temperature and the direction of its change", {&direction, {{}}}},
+      {Family::kThermalMemory, "a free response to earlier temperature rates", {&response, {{}}}},
+      {Family::kFunctionOfTime, "a free function of the time since the start", {&time, {{}}}},
+      {Family::kFunctionOfTime, "a free function of temperature and time", {&both, {{}}}, false},
   };
   return list;
 }

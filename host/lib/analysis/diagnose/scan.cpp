@@ -95,8 +95,8 @@ double log_of(const VectorXd& precision) {
 
 MeanPart part_of(const SlowData& data, const ScanCandidate& candidate, const Theta& shape) {
   MeanPart part = mean_part(data, *candidate.estimator, shape);
-  for (long c = 0; c < candidate.relative_sd.size() && c < part.common_precision.size(); ++c)
-    part.common_precision[c] /= candidate.relative_sd[c] * candidate.relative_sd[c];
+  const std::vector<double> sd = candidate.estimator->relative_sd();
+  for (size_t c = 0; c < sd.size(); ++c) part.common_precision[static_cast<long>(c)] /= sd[c] * sd[c];
   return part;
 }
 

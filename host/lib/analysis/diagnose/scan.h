@@ -21,7 +21,6 @@ struct ScanGroup {
 struct ScanCandidate {
   const EffectEstimator* estimator = nullptr;
   std::vector<Theta> shapes;
-  Eigen::VectorXd relative_sd = {}; // per column: prior, in units of the spread; empty: 1
 };
 MeanPart part_of(const SlowData& data, const ScanCandidate& candidate, const Theta& shape);
 

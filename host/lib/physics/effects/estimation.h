@@ -108,8 +108,8 @@ public:
   virtual size_t n_columns() const { return 1; }
   // Per column: its prior in units of `prior`.  Empty: 1.
   virtual std::vector<double> relative_sd() const { return {}; }
-  // The same effect of a shape that its parameters do not tell: more columns, the same start states.  It competes under the
-  // name of the effect; what is told are the parameters of the shape with parameters that comes nearest.
+  // The same effect of a shape that its parameters do not tell: it has more columns, and start states of its own.  It competes
+  // under the name of the effect; what is told are the parameters of the shape with parameters that comes nearest.
   struct AnyShape {
     const EffectEstimator* estimator = nullptr; // nullptr: the effect has no other shape
     const char* what = "";                      // in words
