@@ -31,8 +31,8 @@ struct GapResult {
   double part_within = 1; // of the held-out rates that are at temperatures that were fitted
   // The rates tell the shrinkage well enough for a figure.
   bool has_figure() const { return has_mean && !is_of_nearest && ci_hi - ci_lo < kWidestFigure; }
-  // Of a shape that only comes nearest to what was found: what it gets wrong has a shape of its own, of which the rates say too
-  // little for an interval (independent loops: 4 of 11 held the true value).
+  // Of a shape that only comes nearest to what was found.  What it gets wrong has a shape of its own; an interval that does not
+  // know that shape is too narrow.
   bool is_of_nearest = false;
   bool has_mean = false;             // something in the mean predicts other data; else the figures are of the deviance
   double gain = 0;                   // deviance per hour that the names remove
@@ -52,10 +52,9 @@ struct GapResult {
   std::vector<double> dp2_tau_s, dp2_data_dph, dp2_nominal_dph, dp2_final_dph;
 };
 
-// `training`: block means of the fitted logs; `held_out`: of further logs, or nullptr.  `whole`: what was found, where
-// `final` tells less of it: its shapes are among what `final` may get wrong, and its noise is the noise.
+// `training`: block means of the fitted logs; `held_out`: of further logs, or nullptr.
 GapResult measure_gap(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
-                      const SlowModel& null, const SlowModel& final, const SlowModel* whole = nullptr);
+                      const SlowModel& null, const SlowModel& final);
 
 // log p(held-out units | training data, model): the same for one hypothesis alone.
 double predicted_nats(const SlowSearch& search, const SlowData& training, const Campaign* held_out,

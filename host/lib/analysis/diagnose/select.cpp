@@ -38,7 +38,7 @@ public:
       ask_slow();
       found_.seconds = ask_seconds(question_, &found_.slow);
     } while (takes_line());
-    if (!question_.lines.empty()) measure_with_lines();
+    if (!question_.lines.empty()) measure(found_.slow.found.best);
     ask_fast(question_, &found_);
     names_ = name_slow(question_, found_.slow);
     name_undecided(question_, found_.slow, &names_);
@@ -89,12 +89,12 @@ private:
     question_.belief.known.push_back({line->effect->estimator(), line->shape});
     return true;
   }
-  // The lines are part of what was there before.
-  void measure_with_lines() {
+  // Lines are part of what was there before.
+  void measure(const SlowModel& final) {
     SlowAnswer& slow = found_.slow;
     SlowModel nominal = slow.found.null;
-    nominal.is_without_lines = true;
-    slow.gap = measure_gap(*slow.search, *slow.data, slow.held_blocks.get(), nominal, slow.found.best);
+    nominal.is_without_lines = !question_.lines.empty();
+    slow.gap = measure_gap(*slow.search, *slow.data, slow.held_blocks.get(), nominal, final);
   }
 
   void finish() {
@@ -132,32 +132,36 @@ private:
     out_.final_fit = fit_hypothesis(campaign_, seconds.final, &seconds.fit.residual);
     out_.after = test_rest(campaign_, out_.final_fit.e, constants());
   }
-  // An effect of any shape is told in the shape of its parameters that comes nearest, and every figure is of what is told; what
-  // the shape has beyond it is left.
+  // An effect of any shape is told in the shape of its parameters that comes nearest, and every figure is of what is told, under
+  // the noise of what was found.  What the shape has beyond it is left.
   void tell_parameters() {
     SlowAnswer& slow = found_.slow;
-    const std::vector<SlowModel::Name> names = slow.found.best.names;
-    const auto is_any = [&](const SlowModel::Name& name) { return slow.candidate(name.candidate).is_any_shape; };
-    if (std::none_of(names.begin(), names.end(), is_any)) return;
     const SlowModel whole = slow.found.best;
-    slow.found.best = slow.search->with_parameters(whole);
-    const double beyond_nats = whole.free_score() - slow.found.best.free_score();
-    const bool is_much = beyond_nats > constants().lack_nats &&
-                         beyond_nats > constants().lack_part * (whole.free_score() - slow.found.null.free_score());
-    for (size_t i = 0; i < names.size(); ++i) {
-      if (!is_any(names[i])) continue;
-      const Candidate &any = slow.candidate(names[i].candidate),
-                      &told = slow.candidate(slow.found.best.names[i].candidate);
+    SlowModel told = slow.search->with_parameters(whole);
+    const double beyond_nats = whole.free_score() - told.free_score();
+    told.take_noise_of(whole), told.noise_theta = whole.noise_theta;
+    slow.found.best = told;
+    bool is_other = false;
+    for (size_t i = 0; i < whole.names.size(); ++i) {
+      const Candidate &any = slow.candidate(whole.names[i].candidate),
+                      &member = slow.candidate(told.names[i].candidate);
+      if (any.is_member() || !member.is_member()) continue;
+      is_other = true;
+      const Term term = term_of(member.effect, member.scan.estimator, told.names[i].shape);
+      for (Term& of_final : found_.seconds.final.terms)
+        if (of_final.estimator == any.scan.estimator) of_final = term;
       for (SelectedEffect& effect : names_.effects)
         if (effect.term.estimator == any.scan.estimator) {
-          effect.term = term_of(told.effect, told.scan.estimator, slow.found.best.names[i].shape);
-          effect.is_any_shape = told.is_member();
-          if (is_much) names_.remainders.push_back({nullptr, any.reference, false, any.family(), beyond_nats, 0});
+          effect.term = term, effect.is_any_shape = true;
+          if (slow.leaves_much(beyond_nats, constants()))
+            names_.remainders.push_back({nullptr, any_shape_of(*any.effect), false, any.family(), beyond_nats, 0});
         }
     }
-    slow.gap = measure_gap(*slow.search, *slow.data, slow.held_blocks.get(), slow.found.null, slow.found.best, &whole);
-    found_.seconds.final = hypothesis_of(question_, *slow.search, slow.found.best, true);
+    if (!is_other) return;
     out_.final_fit = fit_hypothesis(campaign_, found_.seconds.final);
+    // Noise that jumps: the gap was measured on the logs as they are, and these are without its levels.
+    if (!(found_.fast.jumping.gain_nats > 0)) measure(told);
+    slow.gap.is_of_nearest = true;
   }
   // What every effect gained alone.
   void scan_told() {

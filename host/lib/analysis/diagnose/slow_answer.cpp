@@ -10,7 +10,10 @@ using Eigen::VectorXd;
 
 CandidateEvidence SlowAnswer::evidence_of(size_t j, double gain, double threshold) const {
   const Candidate& c = candidate(j);
-  return {c.effect, c.effect ? nullptr : c.reference, false, c.family(), gain, threshold};
+  return {c.effect, c.reference, false, c.family(), gain, threshold};
+}
+bool SlowAnswer::leaves_much(double nats, const SelectorConstants& constants) const {
+  return nats > constants.lack_nats && nats > constants.lack_part * (std::max(0.0, gain_nats()) + nats);
 }
 bool SlowAnswer::has_free_function() const {
   for (size_t i = 0; i < found.best.names.size(); ++i)

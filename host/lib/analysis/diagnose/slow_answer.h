@@ -31,6 +31,8 @@ struct SlowAnswer {
   CandidateEvidence evidence_of(size_t candidate, double gain_nats, double threshold_nats) const;
   // Of everything found over nothing but noise.
   double gain_nats() const { return found.best.free_score() - found.null.free_score(); }
+  // Whether a shape that gains so much beside the answer is held against it.
+  bool leaves_much(double nats, const SelectorConstants& constants) const;
   // Whether a name of found.best, or any, is the free function of everything that repeats.
   bool is_free_function(size_t name) const { return candidate(found.best.names[name].candidate).is_free_function; }
   bool has_free_function() const;

@@ -32,9 +32,9 @@ struct NoiseBelief {
 
 // A candidate of the search: an effect of the library, the same effect of any shape, or a free shape.
 struct Candidate {
-  const Effect* effect = nullptr;       // nullptr: a free shape
-  const Reference* reference = nullptr; // of a free shape, or of an effect of any shape
-  size_t place = 0;                     // in the library or the list of free shapes
+  const Effect* effect = nullptr; // nullptr: a free shape
+  const Reference* reference = nullptr;
+  size_t place = 0; // in the library or the list of free shapes
   ScanCandidate scan;
   bool is_any_shape = false;     // the effect, of a shape that its parameters do not tell
   bool is_free_function = false; // of everything that repeats: no scan asks it, it stands against answers

@@ -91,7 +91,7 @@ void add_effects(const std::vector<const Effect*>& library, const std::vector<bo
     space.candidates.push_back(std::move(c));
     if (const Reference* any = any_shape_of(*library[j])) {
       Candidate other;
-      other.effect = library[j], other.reference = any, other.place = j, other.is_any_shape = true;
+      other.effect = library[j], other.place = j, other.is_any_shape = true;
       other.scan = any->candidate;
       space.candidates.push_back(std::move(other));
     }

@@ -36,7 +36,7 @@ public:
     if (best.names.empty() && !best.noise_effect) return;
     for (const SlowCandidateScore& s : slow_.search->free_beside(best, kBesideTried)) {
       const double nats = s.gain_nats - best.free_score();
-      if (leaves_much(nats) || (nats > -constants().lack_nats && predicts_more(s.model)))
+      if (slow_.leaves_much(nats, constants()) || (nats > -constants().lack_nats && predicts_more(s.model)))
         slow_.beside.push_back({s.model.names.back().candidate, nats});
     }
   }
@@ -154,10 +154,6 @@ private:
     };
     if (!answer_predicts_) answer_predicts_ = predicted(slow_.found.best);
     return predicted(with_shape) - *answer_predicts_ > constants().foretold_nats;
-  }
-  bool leaves_much(double nats) const {
-    const double gain = slow_.gain_nats();
-    return nats > constants().lack_nats && nats > constants().lack_part * (std::max(0.0, gain) + nats);
   }
 
   // Names live by what they predict: one that the held-out data do not support goes, the least supported first.
