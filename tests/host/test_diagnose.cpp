@@ -1272,6 +1272,29 @@ static void test_a_hysteresis_is_named_whatever_the_shape_of_its_loop(void**) {
   assert_true(of_any_shape >= 2);
 }
 
+// Telling the nearest play changes nothing else of the answer: noise that was found in the seconds stays in it.
+static void test_the_nearest_play_keeps_the_noise_that_jumps(void**) {
+  size_t both = 0;
+  for (const uint64_t seed : {1u, 3u, 4u, 5u}) {
+    Relays relays(seed, 80, 24);
+    Rng rng(seed, 9, 0, Stream::kTool);
+    double level = 90;
+    const auto loop_and_levels = [&](double, double temp) {
+      if (rng.uniform() < 1 / 500.0) level = -level;
+      return 120 * relays.at(temp) + level;
+    };
+    const Selection said = answer_to(loop_and_levels, 19 * seed, 0);
+    bool has_loop = false, has_jumps = false, keeps_jumps = false;
+    for (const SelectedEffect& e : said.effects) {
+      has_loop = has_loop || e.is_any_shape;
+      has_jumps = has_jumps || (e.term.estimator && e.term.estimator->is_jumping());
+    }
+    for (const Term& term : said.final.terms) keeps_jumps = keeps_jumps || term.estimator->is_jumping();
+    if (has_loop && has_jumps) assert_true(keeps_jumps), ++both;
+  }
+  assert_true(both > 0);
+}
+
 // Beside a cause as alone: kinds of slow noise that do nearly as well are in the set.
 static void test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well(void**) {
   for (const uint64_t seed : {407u, 410u, 415u, 422u}) {
@@ -1677,6 +1700,7 @@ int main() {
       cmocka_unit_test(test_block_noise_has_the_covariance_of_block_means),
       cmocka_unit_test(test_search_names_hysteresis_whatever_noise_is_believed),
       cmocka_unit_test(test_a_hysteresis_is_named_whatever_the_shape_of_its_loop),
+      cmocka_unit_test(test_the_nearest_play_keeps_the_noise_that_jumps),
       cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
       cmocka_unit_test(test_constants_that_are_handed_down_decide),
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),
