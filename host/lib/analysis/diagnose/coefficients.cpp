@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/diagnose/coefficients.h"
 
+#include <cmath>
+
 #include "analysis/diagnose/mean_lines.h"
 
 namespace imucal {
@@ -34,19 +36,26 @@ void fill_coefficients(const AxisQuestion& question, const Fit& fit, Found* foun
   for (size_t t = 0; t < h.terms.size(); ++t) {
     Term& term = h.terms[t];
     term.coefficients.clear(), term.coefficient_errors.clear();
-    term.starts.clear(), term.start_errors.clear();
-    for (size_t c = 0; c < design.cols(); ++c) {
-      const double value = fit.beta[static_cast<long>(c)], error = fit.beta_errors[static_cast<long>(c)];
-      if (design.term_of_column[c] == static_cast<int>(t))
+    term.starts.clear(), term.start_errors.clear(), term.start_covariances.clear();
+    long first = -1;
+    for (long c = 0; c < fit.beta.size(); ++c) {
+      const double value = fit.beta[c], error = std::sqrt(fit.beta_covariance(c, c));
+      if (design.term_of_column[static_cast<size_t>(c)] == static_cast<int>(t)) {
+        if (term.coefficients.empty()) first = c;
         term.coefficients.push_back(value), term.coefficient_errors.push_back(error);
-      if (design.start_of_column[c] == static_cast<int>(t))
-        term.starts.push_back(value), term.start_errors.push_back(error);
+      }
     }
+    for (long c = 0; c < fit.beta.size(); ++c)
+      if (first >= 0 && design.start_of_column[static_cast<size_t>(c)] == static_cast<int>(t)) {
+        term.starts.push_back(fit.beta[c]), term.start_errors.push_back(std::sqrt(fit.beta_covariance(c, c)));
+        term.start_covariances.push_back(fit.beta_covariance(c, first));
+      }
     for (SelectedEffect& effect : *effects)
       if (effect.term.estimator == term.estimator && (term.form() != Form::kTone || effect.term.shape == term.shape)) {
         effect.term.coefficients = term.coefficients;
         effect.term.coefficient_errors = term.coefficient_errors;
         effect.term.starts = term.starts, effect.term.start_errors = term.start_errors;
+        effect.term.start_covariances = term.start_covariances;
         if (term.form() == Form::kTone)
           effect.term.shape_errors = line_errors(question.campaign, design, fit, found->seconds.noise.base, term, t);
         else if (effect.term.shape_errors.empty())

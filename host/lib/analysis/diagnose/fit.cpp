@@ -212,14 +212,15 @@ MatrixXd transform_of(const Triangle& t) {
 }
 
 struct Solution {
-  VectorXd beta, errors;
+  VectorXd beta;
+  MatrixXd covariance;
   double rss = 0, log_det = 0;
 };
 
 Solution solve(const Triangle& t) {
   const long p = t.scale.size();
   Solution out;
-  out.beta = out.errors = VectorXd::Zero(p);
+  out.beta = VectorXd::Zero(p), out.covariance = MatrixXd::Zero(p, p);
   const MatrixXd r = t.r.topLeftCorner(p, p);
   const VectorXd z = t.r.block(0, p, p, 1);
   out.rss = t.r(p, p) * t.r(p, p);
@@ -230,14 +231,15 @@ Solution solve(const Triangle& t) {
   const long rank = qr.rank();
   for (long i = 0; i < rank; ++i) out.log_det += qr.log_abs_r(i);
   // Covariance (R'R)^-1 on the columns that are determined.
-  VectorXd variance = VectorXd::Zero(p);
-  variance.head(rank) = qr.r_inverse().rowwise().squaredNorm();
-  variance = qr.permuted(variance);
+  MatrixXd half = MatrixXd::Zero(p, rank);
+  half.topRows(rank) = qr.r_inverse();
+  half = qr.permuted(half);
   for (long c = 0; c < p; ++c) {
     out.beta[c] = b[c] * t.scale[c];
-    out.errors[c] = std::sqrt(variance[c]) * t.scale[c];
+    half.row(c) *= t.scale[c];
     if (t.scale[c] > 0) out.log_det -= std::log(t.scale[c]);
   }
+  out.covariance.noalias() = half * half.transpose();
   return out;
 }
 
@@ -318,7 +320,7 @@ Fit fit_less_levels(const Campaign& campaign, std::vector<MatrixXd> xy, const Ve
   Fit fit;
   fit.residual = residuals(xy, solution.beta);
   for (size_t r = 0; r < levels.size(); ++r) fit.residual[r] += levels[r];
-  fit.beta = solution.beta, fit.beta_errors = solution.errors, fit.log_det_r = solution.log_det;
+  fit.beta = solution.beta, fit.beta_covariance = solution.covariance, fit.log_det_r = solution.log_det;
   fit.log_likelihood = mixture_log_likelihood(campaign, noise, fit);
   return fit;
 }
@@ -369,7 +371,7 @@ Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis, const
     }
   }
   fit.beta = pass.solution.beta;
-  fit.beta_errors = pass.solution.errors;
+  fit.beta_covariance = pass.solution.covariance;
   fit.log_det_r = pass.solution.log_det;
   if (noise.telegraph_dph > 0 && noise.hit_probability == 0)
     fit_beside_levels(campaign, xy, design.prior_precision, noise, near, &fit);

@@ -18,7 +18,8 @@ struct Term {
   Theta shape;                      // shape parameters, or theta of a noise effect; steps: run, t_s pairs
   std::vector<double> coefficients; // of its columns (common ones)
   std::vector<double> coefficient_errors;
-  std::vector<double> starts, start_errors; // coefficients of the first start column of each run that has one
+  // Of the first start column of each run that has one: coefficients, and their covariances with the first coefficient.
+  std::vector<double> starts, start_errors, start_covariances;
   Theta shape_errors;
   Parameters fixed_parameters; // structural effects: measured, not fitted
 
@@ -48,7 +49,8 @@ std::vector<Eigen::VectorXd> rates(const Campaign& campaign);
 
 // Generalised least squares by QR of the whitened, scaled columns.
 struct Fit {
-  Eigen::VectorXd beta, beta_errors;
+  Eigen::VectorXd beta;
+  Eigen::MatrixXd beta_covariance;       // 0 where the logs do not determine a coefficient
   std::vector<Eigen::VectorXd> e;        // standardised innovations of the residual (mixtures: normal scores)
   std::vector<Eigen::VectorXd> residual; // rate minus fitted mean [dph]
   double log_likelihood = 0;             // profile; without the constant of 2 pi

@@ -11,22 +11,35 @@ namespace imucal {
 
 namespace {
 
-// A start state is beyond its bound by that many standard errors (by chance in 1 of 700 runs), and that many times the bound:
-// one at the bound, with a little of another cause, is not.
-constexpr double kBeyondErrors = 3;
-constexpr double kBeyondPart = 1.5;
+// A loop that is not seen: its size is within that many standard errors of none.
+constexpr double kSeenErrors = 3;
+// Start states are bounded by the size, and by a half more: one at the bound, with a little of another cause, is not beyond it.
+constexpr double kBoundPart = 1.5;
+constexpr double kBeyondErrors = 3; // by chance in 1 of 370 runs
+constexpr int kSizes = 2001;        // that are tried within so many standard errors of the size found
 
-// Whether a run began well beyond the size of the term itself, which bounds it.
+// A term whose start states its size bounds, where the logs show no more than start states.
+bool is_unseen(const Term& term) {
+  return term.estimator && term.estimator->is_start_bounded() && !term.coefficients.empty() &&
+         std::fabs(term.coefficients[0]) <= kSeenErrors * term.coefficient_errors[0];
+}
+// Whether some run began beyond its bound whatever the size.  Logs that go one way tell the sum of the size and a start state
+// better than either: each start state is asked as it would be found if the size were known.
 bool is_start_beyond(const Term& term) {
-  if (!term.estimator || !term.estimator->is_start_bounded() || term.coefficients.empty()) return false;
-  const double size = std::fabs(term.coefficients[0]), size_error = term.coefficient_errors[0];
-  if (size > kBeyondErrors * size_error) return false; // a loop is there: start states of another shape are no argument
-  for (size_t i = 0; i < term.starts.size(); ++i) {
-    const double start = std::fabs(term.starts[i]);
-    if (start > kBeyondPart * size && start - size > kBeyondErrors * std::hypot(term.start_errors[i], size_error))
-      return true;
+  const double size = term.coefficients[0], size_error = term.coefficient_errors[0];
+  for (int i = 0; i < kSizes; ++i) {
+    const double off = kBeyondErrors * (2.0 * i / (kSizes - 1) - 1); // of the size [standard errors]
+    const double bound = kBoundPart * std::fabs(size + off * size_error);
+    double beyond = 0; // the start state that is furthest beyond [standard errors]
+    for (size_t r = 0; r < term.starts.size(); ++r) {
+      const double follows = size_error > 0 ? term.start_covariances[r] / size_error : 0;
+      const double error = std::sqrt(std::max(0.0, std::pow(term.start_errors[r], 2) - follows * follows));
+      const double start = std::fabs(term.starts[r] + off * follows);
+      if (start > bound) beyond = std::max(beyond, (start - bound) / error);
+    }
+    if (std::hypot(off, beyond) < kBeyondErrors) return false;
   }
-  return false;
+  return true;
 }
 // A line or a kind of noise is no part of a cause in the mean.
 bool is_in_mean(const SelectedEffect& effect) {
@@ -115,10 +128,11 @@ private:
 
 } // namespace
 
-void leave_contradicted(Names* names) {
+void judge_unseen(Names* names) {
   double stand_in_nats = -1;
   const auto is_contradicted = [&](const SelectedEffect& effect) {
-    if (effect.is_family || effect.is_any_shape || !is_start_beyond(effect.term)) return false;
+    if (effect.is_family || effect.is_any_shape || !is_unseen(effect.term) || !is_start_beyond(effect.term))
+      return false;
     stand_in_nats = std::max(stand_in_nats, effect.gain_nats);
     return true;
   };
@@ -127,6 +141,8 @@ void leave_contradicted(Names* names) {
     return !effect.is_family && is_in_mean(effect) && effect.gain_nats < stand_in_nats;
   };
   names->leave_those(is_part, &names->effects);
+  for (SelectedEffect& effect : names->effects)
+    if (!effect.is_family && is_unseen(effect.term)) open_loop(&effect);
 }
 
 void open_by_rest(const AxisQuestion& question, const Found& found, const std::vector<RestFinding>& after,

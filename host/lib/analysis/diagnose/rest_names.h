@@ -6,9 +6,10 @@
 
 namespace imucal {
 
-// A member that its own coefficients contradict is left, and members in the mean that hold less with it: a memory whose runs
-// began further out than it ever goes stands in for another cause.
-void leave_contradicted(Names* names);
+// A memory of which the logs show the start states of the runs and no loop.  Where runs began further out than a loop ever goes it
+// stands in for another cause: it is left, and members in the mean that hold less with it.  Else its family is told: what begins
+// anew in every run and fades looks alike.
+void judge_unseen(Names* names);
 // `after`: tests of the innovations under the answer.  Opens names to their families, or leaves them.
 void open_by_rest(const AxisQuestion& question, const Found& found, const std::vector<RestFinding>& after,
                   Names* names);

@@ -101,7 +101,7 @@ private:
     fit_and_test();
     tell_parameters();
     fill_coefficients(question_, out_.final_fit, &found_, &names_.effects);
-    leave_contradicted(&names_);
+    judge_unseen(&names_);
     open_by_rest(question_, found_, out_.after, &names_);
     scan_told();
     out_.effects = structural_;
@@ -186,9 +186,9 @@ private:
   void judge() {
     bool has_open = false, has_member = false, is_undecided = false;
     for (const SelectedEffect& e : out_.effects) {
-      has_open = has_open || e.doubt == Doubt::kShapeOpen;
+      has_open = has_open || is_shape_unknown(e);
       is_undecided = is_undecided || e.doubt == Doubt::kSlowNoise;
-      has_member = has_member || (e.doubt != Doubt::kShapeOpen && e.doubt != Doubt::kSlowNoise);
+      has_member = has_member || (!is_shape_unknown(e) && e.doubt != Doubt::kSlowNoise);
     }
     const GapResult& gap = found_.slow.gap;
     const bool has_mean = gap.has_mean || !found_.slow.found.best.steps.empty();

@@ -20,6 +20,12 @@ void open_member(SelectedEffect* effect) {
 void open_shape(SelectedEffect* effect) {
   effect->is_family = true, effect->doubt = Doubt::kShapeOpen;
 }
+void open_loop(SelectedEffect* effect) {
+  effect->is_family = true, effect->doubt = Doubt::kLoopOpen;
+}
+bool is_shape_unknown(const SelectedEffect& effect) {
+  return effect.doubt == Doubt::kShapeOpen || effect.doubt == Doubt::kLoopOpen;
+}
 
 bool is_in_set(const SelectedEffect& effect, const Effect* member) {
   return std::any_of(effect.set.begin(), effect.set.end(), [&](const auto& e) { return e.effect == member; });

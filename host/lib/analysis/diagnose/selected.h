@@ -24,6 +24,7 @@ enum class Doubt {
   kNone,
   kMemberOpen, // the family is told, its member is not
   kShapeOpen,  // a free shape of the family explains it, no member does
+  kLoopOpen,   // the states in which runs began are seen, and not the loop that they belong to
   kSlowNoise,  // slow noise would explain it as well: these logs cannot tell
   kAgainst     // held-out data speak against it (it is then not named, only noted)
 };
@@ -48,9 +49,12 @@ Term term_of(const Effect* effect, const EffectEstimator* estimator, const Theta
 
 // Explained by a free shape alone.
 bool is_free(const SelectedEffect& effect);
-// The family is told, for one of two reasons.
+// The family is told, for one of three reasons.
 void open_member(SelectedEffect* effect);
 void open_shape(SelectedEffect* effect);
+void open_loop(SelectedEffect* effect);
+// It explains nothing: its shape is open, or was not seen.
+bool is_shape_unknown(const SelectedEffect& effect);
 
 bool is_in_set(const SelectedEffect& effect, const Effect* member);
 // Behind what is in the set already, what gains most first; no name twice.
