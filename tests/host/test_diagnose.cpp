@@ -17,6 +17,7 @@
 #include "analysis/diagnose/lines.h"
 #include "analysis/diagnose/null_draws.h"
 #include "analysis/diagnose/reduction.h"
+#include "analysis/diagnose/rest_names.h"
 #include "analysis/diagnose/seconds.h"
 #include "analysis/diagnose/shared.h"
 #include "analysis/diagnose/smoothing.h"
@@ -1225,6 +1226,37 @@ static void test_a_loop_whose_start_states_are_larger_than_itself_is_no_name(voi
     assert_true(names_of(answer_to(loop, seed, 0)) == std::set<std::string>{"thermal_hysteresis"});
 }
 
+// A hysteresis by its size and the state in which a run began, with their errors and correlation, as Names have it.
+static Names memory_of(double size, double size_error, double start, double start_error, double correlation) {
+  const Effect& effect = find_effect("thermal_hysteresis");
+  SelectedEffect named;
+  named.family = effect.family(), named.term = term_of(&effect, effect.estimator(), {5});
+  named.term.coefficients = {size}, named.term.coefficient_errors = {size_error};
+  named.term.starts = {start}, named.term.start_errors = {start_error};
+  named.term.start_covariances = {correlation * size_error * start_error};
+  named.set = {{&effect, nullptr, false, effect.family(), 30, 5}};
+  Names names;
+  names.effects = {named};
+  judge_unseen(&names);
+  return names;
+}
+static void test_a_loop_that_is_not_seen_is_a_family_or_contradicted_given_its_size(void**) {
+  // Seen: a name, whatever the states are.
+  assert_true(!memory_of(100, 10, 300, 10, 0).effects.at(0).is_family);
+  // Not seen, and a start state that fits into a loop: as far as the logs tell.
+  const Names family = memory_of(20, 40, 100, 20, 0);
+  assert_true(family.effects.at(0).is_family && family.effects.at(0).doubt == Doubt::kLoopOpen);
+  // Beyond any size that is left open.
+  const Names beyond = memory_of(20, 20, 300, 20, 0);
+  assert_true(beyond.effects.empty() && beyond.remainders.size() == 1);
+  // The logs tell a sum: with a size that is as likely the run began further in, or it did not.
+  assert_true(memory_of(20, 60, 340, 60, -0.99).effects.size() == 1);
+  assert_true(memory_of(20, 60, 340, 10, 0).effects.empty());
+  // Any size within three standard errors is open: 208 holds 250 (and a half more), and not 330.
+  assert_true(memory_of(1, 69, 250, 5, 0).effects.size() == 1);
+  assert_true(memory_of(1, 69, 330, 5, 0).effects.empty());
+}
+
 // A sum of relays (Preisach), none of which is a play: each is on above `up`, off below `down`, and stays between them.
 struct Relays {
   std::vector<double> up, down, weight;
@@ -1738,6 +1770,7 @@ int main() {
       cmocka_unit_test(test_one_slip_in_each_of_many_logs_is_not_said_to_be_telegraph_noise),
       cmocka_unit_test(test_a_jump_in_time_is_placed_to_its_second),
       cmocka_unit_test(test_a_loop_whose_start_states_are_larger_than_itself_is_no_name),
+      cmocka_unit_test(test_a_loop_that_is_not_seen_is_a_family_or_contradicted_given_its_size),
       cmocka_unit_test(test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well),
       cmocka_unit_test(test_two_members_are_found_that_one_free_shape_stands_for),
       cmocka_unit_test(test_a_slope_that_ages_is_no_slow_noise),
