@@ -35,8 +35,9 @@ unit-programs: $(SELECTED_UNIT_TESTS)
 unit-test: unit-programs  ## run the CMocka tests of the core and the host library
 	$(Q)BUILD=$(BUILD) tests/run_unit $(SELECTED_UNIT_TESTS)
 
+# Two processes, each file in one of them: some files build or draw once for all of their tests.
 system-test:  ## run the pytest tests of the built programs
-	$(Q)BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider $(if $(T),-k $(T)) tests/system tests/python; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
+	$(Q)BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider -n 2 --dist loadfile $(if $(T),-k $(T)) tests/system tests/python; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
 
 # The host side again under AddressSanitizer and UndefinedBehaviorSanitizer, in its own build folder.
 sanitize:  ## unit tests under ASan and UBSan
