@@ -46,9 +46,9 @@ void fill_coefficients(const AxisQuestion& question, const Fit& fit, Found* foun
       }
     }
     for (long c = 0; c < fit.beta.size(); ++c)
-      if (first >= 0 && design.start_of_column[static_cast<size_t>(c)] == static_cast<int>(t)) {
+      if (design.start_of_column[static_cast<size_t>(c)] == static_cast<int>(t)) {
         term.starts.push_back(fit.beta[c]), term.start_errors.push_back(std::sqrt(fit.beta_covariance(c, c)));
-        term.start_covariances.push_back(fit.beta_covariance(c, first));
+        term.start_covariances.push_back(first < 0 ? 0 : fit.beta_covariance(c, first));
       }
     for (SelectedEffect& effect : *effects)
       if (effect.term.estimator == term.estimator && (term.form() != Form::kTone || effect.term.shape == term.shape)) {

@@ -18,7 +18,8 @@ struct Term {
   Theta shape;                      // shape parameters, or theta of a noise effect; steps: run, t_s pairs
   std::vector<double> coefficients; // of its columns (common ones)
   std::vector<double> coefficient_errors;
-  // Of the first start column of each run that has one: coefficients, and their covariances with the first coefficient.
+  // Of the first start column of each run that has one: coefficients, and their covariances with the first of the term (0: it
+  // has none).
   std::vector<double> starts, start_errors, start_covariances;
   Theta shape_errors;
   Parameters fixed_parameters; // structural effects: measured, not fitted
