@@ -127,8 +127,12 @@ def plays(rng, cold, hot):
 
 
 def bouc_wen(rng, cold, hot):
-    """dz/dT = (1 - |z|^n (b sign(z dT) + 1 - b)) / R, z from -1 to 1."""
-    scale_degc, n, b = rng.uniform(3, 15), rng.uniform(1, 2.5), rng.uniform(0.5, 1)
+    return bouc_wen_of(rng, rng.uniform(3, 15))
+
+
+def bouc_wen_of(rng, scale_degc):
+    """dz/dT = (1 - |z|^n (b sign(z dT) + 1 - b)) / R, z from -1 to 1; R: scale_degc."""
+    n, b = rng.uniform(1, 2.5), rng.uniform(0.5, 1)
 
     def rate(degc, run_rng):
         z, out = run_rng.uniform(-0.9, 0.9), np.empty(len(degc))
@@ -246,6 +250,10 @@ class Device:
         self.effect = [gain * e for e in effect]
         self.is_believed = seed % 2 == 0
         self.coeff = gain * np.array(cause.coeff) if mechanism == "lag" else rng.normal(0, [300, 150, 80, 60])
+        self.measure(rng, seconds)
+
+    def measure(self, rng, seconds):
+        """Rates with the cubic, a constant of every run and noise; temperatures as read."""
         self.rates = [cubic(degc, self.coeff) + e + rng.normal(0, 30) + noise(rng, seconds)
                       for degc, e in zip(self.runs, self.effect)]
         self.read = [degc + 0.01 * rng.standard_normal(seconds) for degc in self.runs]

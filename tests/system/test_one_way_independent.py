@@ -39,18 +39,6 @@ def approach(rng, seconds, cold, hot, profile):
     return loops.follows(degc, rng.uniform(20, 80), degc[0])
 
 
-def bouc_wen(rng, half):
-    n, b = rng.uniform(1, 2.5), rng.uniform(0.5, 1)
-
-    def rate(degc, of_run):
-        z, out = of_run.uniform(-0.9, 0.9), np.empty(len(degc))
-        for k, step in enumerate(np.diff(degc, prepend=degc[0]).tolist()):
-            z += step / half * (1 - abs(z) ** n * (b * math.copysign(1, z * step) + 1 - b))
-            out[k] = z
-        return out
-    return rate
-
-
 def fading(rng):
     """What every run begins with: as exp(-3 s) or 1 - s of the way s that temperature went."""
     way, is_exp = rng.uniform(15, 25), rng.random() < 0.5
@@ -78,7 +66,7 @@ class Device(loops.Device):
 
         if case == "loop":
             half = rng.uniform(4, 12)
-            cause = (lambda degc, r: loops.play(degc, half, r.uniform(-1, 1)) - degc) if seed // 2 % 2 else bouc_wen(rng, half)
+            cause = (lambda degc, r: loops.play(degc, half, r.uniform(-1, 1)) - degc) if seed // 2 % 2 else loops.bouc_wen_of(rng, half)
         else:
             cause = fading(rng)
         sign = rng.choice([-1, 1])
@@ -89,9 +77,7 @@ class Device(loops.Device):
             self.effect = [e + b for e, b in zip(self.effect, bump)]
         self.is_believed = seed % 2 == 0
         self.coeff = rng.normal(0, [300, 150, 80, 60])
-        self.rates = [loops.cubic(run, self.coeff) + e + rng.normal(0, 30) + loops.noise(rng, seconds)
-                      for run, e in zip(self.runs, self.effect)]
-        self.read = [run + 0.01 * rng.standard_normal(seconds) for run in self.runs]
+        self.measure(rng, seconds)
 
 
 def answer(case, seed, folder, program=loops.BIN / "diagnose"):

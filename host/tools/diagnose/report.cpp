@@ -60,9 +60,8 @@ const char* doubt_text(Doubt doubt) {
     return "a free shape of this family follows the logs more closely than any of its members: the family is told, "
            "its member is open";
   case Doubt::kLoopOpen:
-    return "only the states in which the runs began are seen, not a loop: whatever begins anew in every run and fades "
-           "looks "
-           "alike; logs that turn, and go far enough both ways, would tell";
+    return "only the states in which the runs began are seen, not a loop: whatever begins anew in every run and "
+           "fades looks alike; logs that turn, and go far enough both ways, would tell";
   case Doubt::kSlowNoise:
     return "slow noise and a repeatable cause explain these logs equally well: they cannot tell";
   case Doubt::kAgainst:
