@@ -1242,7 +1242,8 @@ static Names memory_of(double size, double size_error, double start, double star
 }
 static void test_a_loop_that_is_not_seen_is_a_family_or_contradicted_given_its_size(void**) {
   // Seen: a name, whatever the states are.
-  assert_true(!memory_of(100, 10, 300, 10, 0).effects.at(0).is_family);
+  const Names seen = memory_of(100, 10, 300, 10, 0);
+  assert_true(seen.effects.size() == 1 && !seen.effects[0].is_family);
   // Not seen, and a start state that fits into a loop: as far as the logs tell.
   const Names family = memory_of(20, 40, 100, 20, 0);
   assert_true(family.effects.at(0).is_family && family.effects.at(0).doubt == Doubt::kLoopOpen);
@@ -1251,6 +1252,8 @@ static void test_a_loop_that_is_not_seen_is_a_family_or_contradicted_given_its_s
   assert_true(beyond.effects.empty() && beyond.remainders.size() == 1);
   // The logs tell a sum: with a size that is as likely the run began further in, or it did not.
   assert_true(memory_of(20, 60, 340, 60, -0.99).effects.size() == 1);
+  assert_true(memory_of(20, 60, 430, 60, -0.99).effects.size() == 1);
+  assert_true(memory_of(20, 60, 430, 60, 0).effects.empty()); // each error alone
   assert_true(memory_of(20, 60, 340, 10, 0).effects.empty());
   // Any size within three standard errors is open: 208 holds 250 (and a half more), and not 330.
   assert_true(memory_of(1, 69, 250, 5, 0).effects.size() == 1);
