@@ -28,7 +28,9 @@ def must_show(score):
             line("the same, causes the profile can tell from other families and from slow noise",
                  pick(single["d20_up_decidable"], "decidable", "first"), 0.95),
             line("one cause, d ≥ 20, truth in the set", pick(single["d20_up"], "all", "set"), 0.98),
+            line("the same, causes that the logs can tell", pick(single["d20_up_decidable"], "decidable", "set"), 0.98),
             line("one cause, d = 10, named first", pick(single["by_strength"], "10", "first"), 0.90),
+            line("the same, causes that the logs can tell", pick(single["by_strength_decidable"], "10", "first"), 0.90),
             line("pairs, both named (members)", score["pair"]["all"]["both"], 0.80),
             line("pairs, both named (member or family)", score["pair"]["all"]["both_or_family"], 0.80),
             line("the same, pairs of which the logs can tell each", score["pair"]["of which the logs can tell each"]["both_or_family"], 0.80)]
