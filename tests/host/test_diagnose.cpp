@@ -1620,6 +1620,33 @@ static void test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_
   assert_false(has_second(false)); // it belongs to the slow stage
 }
 
+// A process of 4 s beside one of 100 s, and the one process that was fitted to these logs believed: its parameters are the
+// best there are, their spectrum is not that of the seconds.
+static void test_a_fast_process_is_found_where_the_fitted_noise_is_believed(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 231; seed < 235; ++seed) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 0, 0, Stream::kTool);
+    double fast = 0;
+    for (double& rate : log.axes[0].rate_dph) {
+      fast = fast * std::exp(-1 / 4.0) + 25 * std::sqrt(1 - std::exp(-2 / 4.0)) * rng.normal();
+      rate += fast;
+    }
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+  const NoiseModel fitted = fit_seconds_noise(campaign, nominal_hypothesis().base_noise, residual).base;
+  ErrorModel believed = nominal_model();
+  believed.arw_deg_rt_h = fitted.white_sigma_dph / 60, believed.markov = fitted.markov;
+  DiagnoseOptions options;
+  options.nulls = 40;
+  options.model_path = "given";
+  const Selection said = diagnose_logs(options, believed, logs, {}).axes.at(0).study.selection;
+  assert_int_equal(members_of(said).count("second_markov"), 1);
+  for (const RestFinding& f : said.after) assert_true(f.evidence_nats < 0);
+}
+
 // White noise, a process of 6 s and nothing else, started from a slow process beside too much white noise: what leads out of
 // there is not what helps beside.
 static void test_what_better_plain_noise_gains_is_no_kind_of_fast_noise(void**) {
@@ -1738,6 +1765,7 @@ int main() {
       cmocka_unit_test(test_search_names_hysteresis_whatever_noise_is_believed),
       cmocka_unit_test(test_a_hysteresis_is_named_whatever_the_shape_of_its_loop),
       cmocka_unit_test(test_the_nearest_play_keeps_the_noise_that_jumps),
+      cmocka_unit_test(test_a_fast_process_is_found_where_the_fitted_noise_is_believed),
       cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
       cmocka_unit_test(test_constants_that_are_handed_down_decide),
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),

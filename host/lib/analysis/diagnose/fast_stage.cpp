@@ -7,10 +7,10 @@ namespace imucal {
 
 namespace {
 
-// Block means were content with other parameters of the noise: where the spectrum of the seconds is not, they are asked.
+// Block means found no kind of slow noise: where the spectrum of the seconds does not fit theirs, the seconds are asked.
 bool may_ask_slow_noise(const Found& found) {
   const SlowModel& best = found.slow.found.best;
-  return best.names.empty() && !best.noise_effect && best.steps.empty() && !found.seconds.is_believed;
+  return !best.noise_effect && best.steps.empty();
 }
 void leave_hits_that_stay(const AxisQuestion& question, const SecondsAnswer& seconds, FastScan* scan) {
   std::vector<FastFinding>& list = scan->findings;
