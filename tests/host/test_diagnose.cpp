@@ -1332,6 +1332,27 @@ static void test_the_nearest_play_keeps_the_noise_that_jumps(void**) {
   assert_true(both > 0);
 }
 
+// Bumps that are no Gaussian: a resonance with the skirts of a Lorentz curve, a transition that is steep on one side.  Each is
+// named, and the Gaussian that comes nearest gives the parameters.
+static void test_an_anomaly_is_named_whatever_the_shape_of_its_bump(void**) {
+  const auto lorentz = [](double, double temp) { return -280 / (1 + std::pow((temp - 33) / 1.3, 2)); };
+  const auto skew = [](double, double temp) {
+    return temp < 41 ? 240 * std::exp(-(41 - temp) / 5) : 240 * std::exp(-(temp - 41) / 0.8);
+  };
+  for (const std::function<double(double, double)>& bump :
+       {std::function<double(double, double)>(lorentz), std::function<double(double, double)>(skew)}) {
+    const Selection said = answer_to(bump, 241, 0);
+    assert_int_equal(said.effects.size(), 1);
+    const SelectedEffect& anomaly = said.effects[0];
+    assert_false(anomaly.is_family);
+    assert_string_equal(anomaly.term.effect->name().c_str(), "thermal_anomaly");
+    assert_true(anomaly.is_any_shape);
+    assert_int_equal(anomaly.term.shape.size(), 2);
+    assert_int_equal(anomaly.term.coefficients.size(), 1);
+    assert_near(anomaly.term.shape[0], bump(0, 33) < -100 ? 33 : 40, 1.5);
+  }
+}
+
 // Beside a cause as alone: kinds of slow noise that do nearly as well are in the set.
 static void test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well(void**) {
   for (const uint64_t seed : {407u, 410u, 415u, 422u}) {
@@ -1765,6 +1786,7 @@ int main() {
       cmocka_unit_test(test_search_names_hysteresis_whatever_noise_is_believed),
       cmocka_unit_test(test_a_hysteresis_is_named_whatever_the_shape_of_its_loop),
       cmocka_unit_test(test_the_nearest_play_keeps_the_noise_that_jumps),
+      cmocka_unit_test(test_an_anomaly_is_named_whatever_the_shape_of_its_bump),
       cmocka_unit_test(test_a_fast_process_is_found_where_the_fitted_noise_is_believed),
       cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
       cmocka_unit_test(test_constants_that_are_handed_down_decide),

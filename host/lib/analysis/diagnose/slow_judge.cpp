@@ -73,19 +73,28 @@ SlowModel SlowJudge::with_members(SlowModel best, std::vector<size_t>* replaced)
 }
 
 SlowModel SlowJudge::with_parameters(SlowModel m) const {
-  for (size_t i = 0; i < m.names.size(); ++i) {
-    const Candidate& c = space_.candidates[m.names[i].candidate];
-    if (!c.is_any_shape) continue;
-    const SlowScan::OwnNode own = scans_.node_of(m);
-    for (const SlowCandidateScore& s : scans_.scan_members(m.without(i), {own.get()})) {
-      const SlowModel::Name& member = s.model.names.back();
-      if (space_.candidates[member.candidate].effect != c.effect) continue;
-      m.names[i] = member;
-      m = polished(likelihood_, m, kEvaluations);
-      break;
-    }
-  }
+  for (size_t i = 0; i < m.names.size(); ++i)
+    if (space_.candidates[m.names[i].candidate].is_any_shape) m = with_nearest(m, i);
   return m;
+}
+// From the best place of the grid, and from the place of the other shape where it has the same parameters.
+SlowModel SlowJudge::with_nearest(const SlowModel& m, size_t i) const {
+  const Candidate& any = space_.candidates[m.names[i].candidate];
+  const SlowScan::OwnNode own = scans_.node_of(m);
+  SlowModel best;
+  for (const SlowCandidateScore& s : scans_.scan_members(m.without(i), {own.get()})) {
+    const SlowModel::Name& member = s.model.names.back();
+    if (space_.candidates[member.candidate].effect != any.effect) continue;
+    for (const Theta& shape : {member.shape, m.names[i].shape}) {
+      if (shape.size() != member.shape.size()) continue;
+      SlowModel told = m;
+      told.names[i] = member, told.names[i].shape = shape;
+      told = polished(likelihood_, told, kEvaluations);
+      if (told.free_score() > best.free_score()) best = told;
+    }
+    break;
+  }
+  return best.names.empty() ? m : best;
 }
 
 // The hypothesis without one of its names, as good as it can be made.

@@ -29,6 +29,7 @@ public:
 
 private:
   SlowModel with_members(SlowModel best, std::vector<size_t>* replaced) const;
+  SlowModel with_nearest(const SlowModel& m, size_t name) const;
   SlowModel without(const SlowModel& m, size_t name) const;
   std::vector<SlowResult::Rival> rivals(const SlowModel& best, size_t name) const;
 

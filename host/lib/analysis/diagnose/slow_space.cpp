@@ -93,6 +93,7 @@ void add_effects(const std::vector<const Effect*>& library, const std::vector<bo
       Candidate other;
       other.effect = library[j], other.place = j, other.is_any_shape = true;
       other.scan = any->candidate;
+      other.scan.shapes = shapes_of(space, *other.scan.estimator);
       space.candidates.push_back(std::move(other));
     }
   }

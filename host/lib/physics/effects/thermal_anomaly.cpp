@@ -1,12 +1,51 @@
 // SPDX-License-Identifier: MIT
 // A local bump in the bias over temperature, A exp(-(T - T0)^2 / (2 w^2)): what a mode crossing or a package
 // resonance leaves, and no polynomial of low order follows.
+#include <array>
 #include <cmath>
 
 #include "physics/effects/estimation.h"
 
 namespace imucal {
 namespace {
+
+// Wider than 6 degC a bump would imitate a polynomial.
+constexpr double kWidest_degc = 6;
+
+std::vector<Theta> places(double lo, double hi, std::initializer_list<double> widths) {
+  std::vector<Theta> points;
+  for (double width : widths)
+    for (double center = lo + 0.5; center < hi; center += 1.3 * width) points.push_back({center, width});
+  return points;
+}
+
+// A bump of any shape about one temperature: a resonance has the wide skirts of a Lorentz curve, a transition is steep on
+// one side.  Gaussians of two widths about the same place, each with its first derivative (Hermite functions).
+class AnyBump : public EffectEstimator {
+public:
+  Form form() const override { return Form::kColumns; }
+  size_t n_columns() const override { return 2 * kWider.size(); }
+  std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, {1.6, 3.0}); }
+  Theta shape_lo() const override { return {-250, 0.4}; }
+  Theta shape_hi() const override { return {2000, kWidest_degc}; }
+  std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
+    std::vector<Column> out;
+    for (const double wider : kWider) {
+      Column even(run.size()), odd(run.size());
+      for (size_t i = 0; i < run.size(); ++i) {
+        const double z = (run.smooth_degc[i] - shape[0]) / (wider * shape[1]);
+        even[i] = std::exp(-0.5 * z * z), odd[i] = z * even[i];
+      }
+      out.push_back(std::move(even)), out.push_back(std::move(odd));
+    }
+    return out;
+  }
+  std::vector<double> relative_sd() const override { return {1, 0.5, 0.5, 0.5}; }
+  Parameters values(const Estimate&) const override { return {}; }
+
+private:
+  static constexpr std::array<double, 2> kWider = {1, 2.5};
+};
 
 class ThermalAnomaly : public Effect, public EffectEstimator {
 public:
@@ -44,15 +83,13 @@ public:
   }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
-  // Wider than 6 degC it would imitate a polynomial.
-  std::vector<Theta> grid(double lo, double hi) const override {
-    std::vector<Theta> points;
-    for (double width : {0.8, 1.6, 3.0, 5.5})
-      for (double center = lo + 0.5; center < hi; center += 1.3 * width) points.push_back({center, width});
-    return points;
-  }
+  std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, {0.8, 1.6, 3.0, 5.5}); }
   Theta shape_lo() const override { return {-250, 0.4}; }
-  Theta shape_hi() const override { return {2000, 6.0}; }
+  Theta shape_hi() const override { return {2000, kWidest_degc}; }
+  AnyShape of_any_shape() const override {
+    static const AnyBump any;
+    return {&any, "a bump of another shape than a Gaussian"};
+  }
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
     Column column(run.size());
     for (size_t i = 0; i < column.size(); ++i) {
