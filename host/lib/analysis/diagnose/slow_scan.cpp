@@ -46,7 +46,12 @@ std::vector<SlowCandidateScore> SlowScan::scan(const SlowModel& m, const std::ve
                                                bool only_free) const {
   std::vector<char> skip(space_.candidates.size(), 0);
   for (size_t j = 0; j < space_.candidates.size(); ++j) skip[j] = only_free && space_.candidates[j].effect ? 1 : 0;
-  for (const SlowModel::Name& name : m.names) skip[name.candidate] = 1;
+  // An effect and the same of any shape are one.
+  for (const SlowModel::Name& name : m.names)
+    for (size_t j = 0; j < space_.candidates.size(); ++j)
+      if (j == name.candidate ||
+          (space_.candidates[j].effect && space_.candidates[j].effect == space_.candidates[name.candidate].effect))
+        skip[j] = 1;
   const std::vector<SlowLikelihood::Part> own = likelihood_.parts(m);
   const std::vector<const MeanPart*> pointers = pointers_of(own);
   std::vector<SlowCandidateScore> best(space_.candidates.size());
