@@ -1353,6 +1353,37 @@ static void test_an_anomaly_is_named_whatever_the_shape_of_its_bump(void**) {
   }
 }
 
+// A gyro 4 s ahead of its thermometer.  Where that has steps of 3 degC, a place so near is no lag, and the steps are the cause.
+static void test_steps_of_a_coarse_thermometer_are_no_lag_of_seconds(void**) {
+  for (const double step_degc : {0.0, 3.0}) {
+    std::vector<Log> logs;
+    for (uint64_t k = 0; k < 3; ++k) {
+      Log log = simulated_log(271 + k, 6000, false, 0);
+      const std::vector<double> temp = log.temp_degc;
+      for (size_t i = 0; i < log.size(); ++i) {
+        log.axes[0].rate_dph[i] += 30 * temp[std::min(i + 4, log.size() - 1)];
+        if (step_degc > 0) log.temp_degc[i] = step_degc * std::round(temp[i] / step_degc);
+      }
+      logs.push_back(log);
+    }
+    const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+    const SlowData data(block_means(campaign, 10));
+    NoiseBelief belief;
+    SlowSearch search(data, belief, effect_library(), all_active(), {});
+    const SlowResult found = search.run();
+    const SlowModel lag = search.best_with({&find_effect("thermal_lag")});
+    assert_int_equal(lag.names.size(), 1);
+    if (step_degc > 0) {
+      assert_true(std::fabs(lag.names[0].shape[0]) >= EffectEstimator::kNearby_s);
+      assert_int_equal(found.best.names.size(), 1);
+      assert_string_equal(search.candidates()[found.best.names[0].candidate].effect->name().c_str(),
+                          "temperature_sensor_quantization");
+    } else {
+      assert_true(std::fabs(lag.names[0].shape[0]) < EffectEstimator::kNearby_s);
+    }
+  }
+}
+
 // Beside a cause as alone: kinds of slow noise that do nearly as well are in the set.
 static void test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well(void**) {
   for (const uint64_t seed : {407u, 410u, 415u, 422u}) {
@@ -1787,6 +1818,7 @@ int main() {
       cmocka_unit_test(test_a_hysteresis_is_named_whatever_the_shape_of_its_loop),
       cmocka_unit_test(test_the_nearest_play_keeps_the_noise_that_jumps),
       cmocka_unit_test(test_an_anomaly_is_named_whatever_the_shape_of_its_bump),
+      cmocka_unit_test(test_steps_of_a_coarse_thermometer_are_no_lag_of_seconds),
       cmocka_unit_test(test_a_fast_process_is_found_where_the_fitted_noise_is_believed),
       cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
       cmocka_unit_test(test_constants_that_are_handed_down_decide),

@@ -114,10 +114,12 @@ double SlowLikelihood::noise_value(const SlowModel& m) const {
   return space_.prior.at(m.log_noise) - (space_.belief.has_believed ? space_.constants.reestimated_nats : 0);
 }
 double SlowLikelihood::evaluate(const SlowModel& m) const {
-  for (const SlowModel::Name& name : m.names)
-    if (const Candidate& c = space_.candidates[name.candidate];
-        c.effect && !space_.is_repeated(*c.scan.estimator, name.shape))
-      return -1e300;
+  for (const SlowModel::Name& name : m.names) {
+    const Candidate& c = space_.candidates[name.candidate];
+    if (!c.effect) continue;
+    const EffectEstimator& e = *c.scan.estimator;
+    if (!space_.is_repeated(e, name.shape) || space_.is_of_steps(e, name.shape)) return -1e300;
+  }
   return grams(m).log_marginal_any_scale() + noise_value(m);
 }
 double SlowLikelihood::score(const SlowModel& m) const {

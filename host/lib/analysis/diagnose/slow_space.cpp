@@ -13,6 +13,10 @@ bool SlowSpace::is_repeated(const EffectEstimator& estimator, const Theta& shape
   for (const CampaignRun& run : data.campaign.runs) runs.push_back(&run.input);
   return estimator.is_repeated(runs, shape);
 }
+bool SlowSpace::is_of_steps(const EffectEstimator& estimator, const Theta& shape) const {
+  const auto is_about_steps = [](const Candidate& c) { return c.scan.estimator->concerns_coarse_thermometer(); };
+  return estimator.is_only_nearby(shape) && std::any_of(candidates.begin(), candidates.end(), is_about_steps);
+}
 
 namespace {
 

@@ -34,6 +34,8 @@ struct SlowSpace {
 
   // Whether the shape of an effect comes back: a jump at a temperature that is passed once is none.
   bool is_repeated(const EffectEstimator& estimator, const Theta& shape) const;
+  // Whether the steps of a coarse thermometer do the same as an effect at this shape.
+  bool is_of_steps(const EffectEstimator& estimator, const Theta& shape) const;
 };
 // `data` must outlive it.  `active`: effects of the library that may be named.
 SlowSpace make_slow_space(const SlowData& data, const NoiseBelief& belief, const std::vector<const Effect*>& library,

@@ -161,6 +161,9 @@ public:
   virtual bool is_structural() const { return form() == Form::kStructural; }
   // It is about the steps of the thermometer: there is nothing to look for where they are fine.
   virtual bool concerns_coarse_thermometer() const { return false; }
+  // Whether the effect, at this shape, does no more than that place near the thermometer does: where its steps are coarse,
+  // they are the cause then, and not the few seconds.
+  virtual bool is_only_nearby(const Theta& /*shape*/) const { return false; }
   // kStructural: what it spoils is missing by its value, so that the spread of the rest is distorted.
   virtual bool is_censoring() const { return false; }
   // kStructural: detectors are asked in this order, each on what those before left usable.

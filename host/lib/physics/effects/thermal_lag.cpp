@@ -82,6 +82,7 @@ public:
     }
     return {first, second};
   }
+  bool is_only_nearby(const Theta& shape) const override { return std::fabs(shape[0]) < kNearby_s; }
   double notable() const override { return 150; }
   PriorScale prior() const override { return {1, false, 2}; }
   Parameters values(const Estimate& e) const override { return {{"tau_s", e.shape_at(0)}}; }
