@@ -157,6 +157,17 @@ def test_up_only_profiles_say_what_they_cannot_show(lab):
     assert "thermal_hysteresis" not in {entry["name"] for entry in separating["not_detectable_here"]}
 
 
+def test_what_was_found_is_not_called_undetectable(lab):
+    up = lab.write("up.json", UP_ONLY)
+    for effect, parameters, n in (("thermal_hysteresis", {"amplitude_dph": 400, "width_degc": 10}, 3),
+                                  ("warm_up", {"amplitude_dph": 400, "tau_s": 3000}, 2)):
+        axis = lab.run(lab.logs("found_" + effect, [{"name": effect, "parameters": parameters}], n=n, profile=up))["axes"][0]
+        found = {member["name"] for named in axis["effects"] for member in named["set"]}
+        hidden = {entry["name"] for entry in axis["not_detectable_here"]}
+        assert effect in found and hidden and not hidden & found
+        assert all(f" {name}," not in axis["advice"][0] for name in found)
+
+
 def test_structural_effects_are_read_off_the_samples(lab):
     for name, parameters in (("quantization", {"lsb_dph": 60}), ("held_samples", {"probability": 0.03}),
                              ("dead_band", {"width_dph": 25}), ("saturation", {"limit_dph": 420})):

@@ -344,16 +344,24 @@ Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
   return entry;
 }
 
-// What these profiles would not show, less what they have just shown.
-std::string hidden_names(const AxisResult& axis) {
-  std::string out;
+// What these profiles would not show, less what they have just shown: names, and what a family stands for.
+std::vector<const Detectability*> hidden_effects(const AxisResult& axis) {
+  std::vector<const Detectability*> out;
   for (const Detectability& d : axis.identifiability.effects) {
-    const auto is_it = [&](const SelectedEffect& e) { return e.term.effect && e.term.effect->name() == d.name; };
+    const auto is_it = [&](const Effect* effect) { return effect && effect->name() == d.name; };
+    const auto shows_it = [&](const SelectedEffect& e) {
+      return is_it(e.term.effect) ||
+             std::any_of(e.set.begin(), e.set.end(), [&](const CandidateEvidence& c) { return is_it(c.effect); });
+    };
     const auto& named = axis.study.selection.effects;
-    if (d.is_notable || std::any_of(named.begin(), named.end(), is_it)) continue;
-    out += (out.empty() ? "" : ", ") + d.name;
+    if (!d.is_notable && std::none_of(named.begin(), named.end(), shows_it)) out.push_back(&d);
   }
   return out;
+}
+std::string hidden_names(const AxisResult& axis) {
+  std::vector<std::string> names;
+  for (const Detectability* d : hidden_effects(axis)) names.push_back(d->name);
+  return joined(names, ", ");
 }
 
 // Other parameters of the believed noise are beside the cause, if there is one.
@@ -511,11 +519,10 @@ Json axis_json(const AxisResult& axis, double rate) {
     out["verdict"] = verdict_name(s.verdict), out["effects"] = effects;
     return out;
   }
-  for (const Detectability& d : axis.identifiability.effects) {
-    const Json entry = {{"name", d.name}, {"smallest_detectable", parameters_json(d.smallest_detectable)}};
-    if (!d.is_notable) hidden.push_back(entry);
-    detectable.push_back(entry);
-  }
+  for (const Detectability& d : axis.identifiability.effects)
+    detectable.push_back({{"name", d.name}, {"smallest_detectable", parameters_json(d.smallest_detectable)}});
+  for (const Detectability* d : hidden_effects(axis))
+    hidden.push_back({{"name", d->name}, {"smallest_detectable", parameters_json(d->smallest_detectable)}});
   for (const auto& pair : axis.identifiability.indistinguishable) alike.push_back({pair.first, pair.second});
   const Campaign& campaign = axis.campaign;
   const NoiseModel& noise = s.fitted_noise;
