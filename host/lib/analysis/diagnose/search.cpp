@@ -340,6 +340,9 @@ std::vector<double> SlowSearch::null_gains(size_t draws, uint64_t seed) {
   impl_->scans.make_nodes(impl_->causes.start());
   return imucal::null_gains(impl_->likelihood, impl_->scans.all_nodes(), impl_->causes.start_null(), draws, seed);
 }
+void SlowSearch::forget_scans() {
+  impl_->scans.forget_white();
+}
 void SlowSearch::set_mean_threshold(double nats) {
   impl_->space.constants.mean_nats = nats;
 }

@@ -32,6 +32,7 @@ public:
   // Names everything that null_gains depends on, to the last bit: what is kept under it is what would be drawn.
   std::string null_key(size_t draws, uint64_t seed) const;
   void set_mean_threshold(double nats); // of a name in the mean
+  void forget_scans();                  // frees what is quick to make anew: of a long log, hundreds of megabytes
 
   const std::vector<Candidate>& candidates() const;
   NoiseModel noise_of(const SlowModel& model) const;         // of block means, with what its noise effect makes

@@ -24,6 +24,11 @@ public:
   // The noise of a hypothesis, its kind of slow noise included, is seldom near that of a node: a node of its own.
   using OwnNode = std::shared_ptr<const SlowNode>;
   OwnNode node_of(const SlowModel& m) const;
+  // Frees the whitened columns of all nodes, which are quick to make anew: of a long log, hundreds of megabytes.
+  void forget_white() {
+    kept_nodes_.clear();
+    for (const SlowNode& node : nodes_) node.scan->forget_white();
+  }
   // `own` and, where it has no kind of slow noise that the others lack, the nodes where `likely` is likely.
   std::vector<const SlowNode*> nodes_with(const SlowNode& own, const SlowModel& likely) const;
 

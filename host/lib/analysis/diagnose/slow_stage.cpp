@@ -234,9 +234,11 @@ void prepare_slow(const AxisQuestion& question, Campaign* logs, const Campaign* 
 }
 void run_slow(const AxisQuestion& question, SlowAnswer* slow) {
   SlowStage(question, slow).run();
+  slow->search->forget_scans();
 }
 void look_beside(const AxisQuestion& question, SlowAnswer* slow) {
   SlowStage(question, slow).look_beside();
+  slow->search->forget_scans();
 }
 
 } // namespace imucal
