@@ -26,7 +26,7 @@ public:
   OwnNode node_of(const SlowModel& m) const;
   // Frees the whitened columns of all nodes, which are quick to make anew: of a long log, hundreds of megabytes.
   void forget_white() {
-    kept_nodes_.clear();
+    kept_nodes_.clear(), next_node_ = 0;
     for (const SlowNode& node : nodes_) node.scan->forget_white();
   }
   // `own` and, where it has no kind of slow noise that the others lack, the nodes where `likely` is likely.
