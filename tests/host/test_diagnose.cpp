@@ -1365,6 +1365,27 @@ static void test_an_anomaly_is_named_whatever_the_shape_of_its_bump(void**) {
   }
 }
 
+// What a scan kept may be freed at any time: the same is found again.
+static void test_scans_that_were_freed_are_made_anew(void**) {
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 3; ++k) {
+    Log log = simulated_log(281 + k, 5000, false, 0);
+    for (size_t i = 0; i < log.size(); ++i)
+      log.axes[0].rate_dph[i] -= 280 / (1 + std::pow((log.temp_degc[i] - 33) / 1.3, 2));
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, 20));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel best = search.run().best;
+  assert_true(search.candidates()[best.names.at(0).candidate].is_any_shape);
+  const double before = search.with_parameters(best).value;
+  for (int again = 0; again < 3; ++again) {
+    search.forget_scans();
+    assert_true(search.with_parameters(best).value == before);
+  }
+}
+
 // A gyro 4 s ahead of its thermometer.  Where that has steps of 3 degC, a place so near is no lag, and the steps are the cause.
 static void test_steps_of_a_coarse_thermometer_are_no_lag_of_seconds(void**) {
   for (const double step_degc : {0.0, 3.0}) {
@@ -1830,6 +1851,7 @@ int main() {
       cmocka_unit_test(test_a_hysteresis_is_named_whatever_the_shape_of_its_loop),
       cmocka_unit_test(test_the_nearest_play_keeps_the_noise_that_jumps),
       cmocka_unit_test(test_an_anomaly_is_named_whatever_the_shape_of_its_bump),
+      cmocka_unit_test(test_scans_that_were_freed_are_made_anew),
       cmocka_unit_test(test_steps_of_a_coarse_thermometer_are_no_lag_of_seconds),
       cmocka_unit_test(test_a_fast_process_is_found_where_the_fitted_noise_is_believed),
       cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
