@@ -14,7 +14,7 @@ constexpr double kTurn_degc_min = 0.1; // slope of temperature below which it ha
 constexpr double kDelays_s[] = {0., 60., 150., 350., 800., 1800., 4000.};
 constexpr double kLongest_s = 40000; // beyond this the time functions are flat
 constexpr double kPasts_s[] = {60., 250., 800., 2500.};
-constexpr int kOrder = 5;     // of the smooth function: sum of the orders of a product
+constexpr int kOrder = 5; // of the smooth function: sum of the orders of a product
 constexpr size_t kRough = 60; // cosines over the range of temperature
 
 // cos(k pi u), k = 1 .. n, of a variable that runs over [0, 1]: prior 1/k, a rough but continuous function.
