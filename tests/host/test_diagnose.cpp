@@ -915,18 +915,6 @@ static void test_a_part_of_a_free_curve_over_temperature_is_no_name(void**) {
   }
 }
 
-// A slope over temperature that grows with the time since the start: it repeats, and is no member's.
-static void test_a_slope_that_ages_is_no_name(void**) {
-  for (const double power : {0.6, 1.0, 1.4}) {
-    const auto f = [&](double t, double temp) { return 80 * (temp - 30) / 30 * std::pow(t / 6000, power); };
-    const auto twice = [&](double t, double temp) { return 160 * (temp - 12) / 30 * std::pow(t / 6000, power); };
-    for (const Selection& said : {answer_to(f, 401, 1), answer_to(twice, 401, 1), answer_to(twice, 401, 0)}) {
-      assert_true(said.verdict == Verdict::kUnexplained);
-      assert_true(said.effects.empty());
-    }
-  }
-}
-
 // In one log slow noise explains what follows the direction of the temperature; three held-out logs tell that it comes back.
 static void test_held_out_logs_tell_a_cause_from_slow_noise(void**) {
   const auto f = [](double t, double) {
@@ -1875,7 +1863,6 @@ int main() {
       cmocka_unit_test(test_causes_of_no_family_are_not_named),
       cmocka_unit_test(test_members_are_no_names_beside_a_shape_that_holds_more),
       cmocka_unit_test(test_a_part_of_a_free_curve_over_temperature_is_no_name),
-      cmocka_unit_test(test_a_slope_that_ages_is_no_name),
       cmocka_unit_test(test_held_out_logs_tell_a_cause_from_slow_noise),
       cmocka_unit_test(test_jumps_that_come_again_and_again_are_no_events),
       cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),

@@ -14,8 +14,7 @@ constexpr double kTurn_degc_min = 0.1; // slope of temperature below which it ha
 constexpr double kDelays_s[] = {0., 60., 150., 350., 800., 1800., 4000.};
 constexpr double kLongest_s = 40000; // beyond this the time functions are flat
 constexpr double kPasts_s[] = {60., 250., 800., 2500.};
-constexpr int kOrder = 5; // of the smooth function: sum of the orders of a product
-constexpr size_t kRough = 60; // cosines over the range of temperature
+constexpr int kOrder = 5; // of the free function: sum of the orders of a product
 
 // cos(k pi u), k = 1 .. n, of a variable that runs over [0, 1]: prior 1/k, a rough but continuous function.
 void add_cosines(const Column& u, int n, const Column* factor, std::vector<Column>* out) {
@@ -114,9 +113,9 @@ private:
 };
 
 // Cosines of temperature, of its past and of the time, and products of two of them.
-class SmoothFunction : public EffectEstimator {
+class FreeFunction : public EffectEstimator {
 public:
-  explicit SmoothFunction(bool with_time) : variables_(with_time ? 3 : 2) {}
+  explicit FreeFunction(bool with_time) : variables_(with_time ? 3 : 2) {}
   Form form() const override { return Form::kColumns; }
   bool needs_temperature() const override { return true; }
   size_t n_columns() const override { return relative_sd().size(); }
@@ -159,31 +158,24 @@ private:
   size_t variables_;
 };
 
-// T^i t^j of normalised temperature and time: a polynomial of which the coefficients change with the time since the start.
-class AgeingPolynomial : public EffectEstimator {
-public:
-  Form form() const override { return Form::kColumns; }
-  bool needs_temperature() const override { return true; }
-  size_t n_columns() const override { return kPowersOfTemperature * kPowersOfTime; }
-  std::vector<Column> columns(const RunInput& in, const Theta& theta) const override {
-    const Column u = unit_time(in, theta[0]);
-    std::vector<Column> out;
-    for (int i = 0; i < kPowersOfTemperature; ++i)
-      for (int j = 1; j <= kPowersOfTime; ++j) {
-        Column c(in.size());
-        for (size_t k = 0; k < c.size(); ++k) c[k] = std::pow(in.tn[k], i) * std::pow(u[k], j);
-        out.push_back(std::move(c));
-      }
-    return out;
-  }
-  PriorScale prior() const override { return {1, false, 1}; }
-  Parameters values(const Estimate&) const override { return {}; }
+std::vector<double> falling(size_t n) {
+  std::vector<double> out(n);
+  for (size_t k = 0; k < n; ++k) out[k] = 1.5 / static_cast<double>(k + 1);
+  return out;
+}
 
-private:
-  static constexpr int kPowersOfTemperature = 4, kPowersOfTime = 3;
-};
+} // namespace
 
-std::vector<Theta> shapes_of_past(const Campaign& campaign, double longest_s) {
+const Reference& free_function(bool with_time) {
+  static const FreeFunction with(true), without(false);
+  static const Reference of_all = {
+      Family::kFunctionOfTime, "a free function of temperature, its past and time", {&with, {}}, false};
+  static const Reference of_past = {
+      Family::kThermalMemory, "a free function of temperature and its past", {&without, {}}, false};
+  return with_time ? of_all : of_past;
+}
+
+std::vector<Theta> free_function_shapes(const Campaign& campaign, double longest_s) {
   std::vector<Theta> shapes;
   for (const double delay_s : kPasts_s) {
     double largest = 1e-9;
@@ -193,31 +185,6 @@ std::vector<Theta> shapes_of_past(const Campaign& campaign, double longest_s) {
     shapes.push_back({delay_s, largest, longest_s});
   }
   return shapes;
-}
-std::vector<double> falling(size_t n) {
-  std::vector<double> out(n);
-  for (size_t k = 0; k < n; ++k) out[k] = 1.5 / static_cast<double>(k + 1);
-  return out;
-}
-
-} // namespace
-
-std::vector<FreeFunction> free_functions(const Campaign& campaign, double longest_s) {
-  static const SmoothFunction of_all(true), of_past(false);
-  static const FreeShape rough(Shape::kTemperature, falling(kRough));
-  static const AgeingPolynomial ageing;
-  static const Reference all = {
-      Family::kFunctionOfTime, "a free function of temperature, its past and time", {&of_all, {}}, false};
-  static const Reference past = {
-      Family::kThermalMemory, "a free function of temperature and its past", {&of_past, {}}, false};
-  static const Reference curve = {
-      Family::kFunctionOfTemperature, "a rough function of temperature", {&rough, {}}, false};
-  static const Reference aged = {
-      Family::kFunctionOfTime, "a polynomial of temperature that ages", {&ageing, {}}, false};
-  const bool has_several = campaign.runs.size() > 1;
-  std::vector<FreeFunction> list = {{has_several ? &all : &past, shapes_of_past(campaign, longest_s)}, {&curve, {{}}}};
-  if (has_several) list.push_back({&aged, {{longest_s}}});
-  return list;
 }
 
 const Reference* any_shape_of(const Effect& effect) {

@@ -20,14 +20,11 @@ const std::vector<Reference>& free_shapes();
 // The shape of an effect that its parameters do not tell (EffectEstimator::of_any_shape), or nullptr.
 const Reference* any_shape_of(const Effect& effect);
 
-// What stands against answers: functions that own nothing and name nothing.  What is smooth and repeats is near one of these,
-// whatever made it.
-struct FreeFunction {
-  const Reference* reference;
-  std::vector<Theta> shapes; // on this campaign
-};
-// Of temperature, its past and (with several runs) the time since the start: cosines of each of them and products of two.  Of
-// temperature alone, rough.  With several runs, of temperature and time: a polynomial that ages.  `longest_s`: the longest run.
-std::vector<FreeFunction> free_functions(const Campaign& campaign, double longest_s);
+// A free function of temperature, its past and (with several runs) the time since the start: cosines of each of them and
+// products of two.  What is smooth and repeats is near one of these, whatever made it.  It owns nothing and names nothing;
+// it stands against answers.
+const Reference& free_function(bool with_time);
+// Over which delay the past counts, how the past is scaled on this campaign, and the longest time.
+std::vector<Theta> free_function_shapes(const Campaign& campaign, double longest_s);
 
 } // namespace imucal

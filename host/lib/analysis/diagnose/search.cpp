@@ -382,8 +382,8 @@ std::vector<SlowCandidateScore> SlowSearch::free_beside(const SlowModel& model, 
 std::vector<SlowCandidateScore> SlowSearch::kinds_beside(const SlowModel& model) const {
   return imucal::kinds_beside(impl_->likelihood, impl_->causes.found(), model);
 }
-std::vector<SlowModel> SlowSearch::with_free_functions(const SlowModel& model, const SlowModel& also) const {
-  return impl_->judge().with_free_functions(model, also);
+SlowModel SlowSearch::with_free_function(const SlowModel& model, const SlowModel& also) const {
+  return impl_->judge().with_free_function(model, also);
 }
 SlowModel SlowSearch::polished(const SlowModel& model) const {
   return imucal::polished(impl_->likelihood, model);

@@ -46,9 +46,9 @@ public:
   double evidence_of(const SlowModel& model, size_t name) const;
   // Free shapes beside a model, the one that gains most first: what its names leave unexplained.
   std::vector<SlowCandidateScore> free_beside(const SlowModel& model, size_t most) const;
-  // Each function that stands against answers beside a model, with its noise or that of `also`, whichever is likelier (none: the
-  // campaign has no temperature).  Not estimated again.
-  std::vector<SlowModel> with_free_functions(const SlowModel& model, const SlowModel& also) const;
+  // The free function of everything that repeats beside a model, with its noise or that of `also`, whichever is likelier
+  // (no name at all: the campaign has no temperature).  Not estimated again.
+  SlowModel with_free_function(const SlowModel& model, const SlowModel& also) const;
   // The same kind of noise beside the noise as believed, its parameters estimated again.
   SlowModel beside_believed(const SlowModel& model) const;
   // The same kind of noise where it takes most of what the rest of the noise held.

@@ -29,23 +29,20 @@ std::vector<SlowCandidateScore> SlowJudge::free_beside(const SlowModel& m, size_
   return list;
 }
 
-std::vector<SlowModel> SlowJudge::with_free_functions(const SlowModel& m, const SlowModel& also) const {
-  std::vector<SlowModel> starts = {m, m}, out;
+SlowModel SlowJudge::with_free_function(const SlowModel& m, const SlowModel& also) const {
+  SlowModel best;
+  if (space_.candidates.empty() || !space_.candidates.back().is_free_function) return best;
+  std::vector<SlowModel> starts = {m, m};
   starts[1].take_noise_of(also);
   if (likelihood_.noise(starts[1]) == likelihood_.noise(m) && also.is_believed == m.is_believed) starts.pop_back();
-  for (size_t j = 0; j < space_.candidates.size(); ++j) {
-    if (!space_.candidates[j].is_free_function) continue;
-    const std::vector<Theta>& shapes = space_.candidates[j].scan.shapes;
-    SlowModel best;
-    for (const Theta& shape : shapes)
-      for (SlowModel with : starts) {
-        with.names.push_back({j, shape, std::log(static_cast<double>(shapes.size())), false});
-        with.value = likelihood_.evaluate(with);
-        if (with.value > best.value) best = with;
-      }
-    out.push_back(best);
-  }
-  return out;
+  const std::vector<Theta>& shapes = space_.candidates.back().scan.shapes;
+  for (const Theta& shape : shapes)
+    for (SlowModel with : starts) {
+      with.names.push_back({space_.candidates.size() - 1, shape, std::log(static_cast<double>(shapes.size())), false});
+      with.value = likelihood_.evaluate(with);
+      if (with.value > best.value) best = with;
+    }
+  return best;
 }
 
 // A free shape has more freedom than any member: where a member gains nearly as much, it is the answer, and what the

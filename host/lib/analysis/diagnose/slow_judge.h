@@ -20,9 +20,9 @@ public:
   double evidence_of(const SlowModel& m, size_t name) const;
   // Free shapes beside `m`, best first.
   std::vector<SlowCandidateScore> free_beside(const SlowModel& m, size_t most) const;
-  // Each function that stands against answers beside `m`, under its noise or that of `also`, at the likeliest shape; none where
-  // the campaign has no temperature.
-  std::vector<SlowModel> with_free_functions(const SlowModel& m, const SlowModel& also) const;
+  // The free function of everything beside `m`, under its noise or that of `also`, at the likelier shape; no names: there is
+  // none.
+  SlowModel with_free_function(const SlowModel& m, const SlowModel& also) const;
 
   // The same with every effect of any shape in that of its parameters which comes nearest.
   SlowModel with_parameters(SlowModel m) const;

@@ -37,7 +37,7 @@ struct Candidate {
   size_t place = 0; // in the library or the list of free shapes
   ScanCandidate scan;
   bool is_any_shape = false;     // the effect, of a shape that its parameters do not tell
-  bool is_free_function = false; // no scan asks it, it stands against answers
+  bool is_free_function = false; // of everything that repeats: no scan asks it, it stands against answers
   Family family() const { return effect ? effect->family() : reference->family; }
   bool is_member() const { return effect && !is_any_shape; } // of a shape that a few parameters tell
 };

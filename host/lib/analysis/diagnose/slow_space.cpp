@@ -118,18 +118,17 @@ void add_free_shapes(SlowSpace* out) {
     space.candidates.push_back(std::move(c));
   }
 }
-// What stands against answers: no scan asks it.
-void add_free_functions(SlowSpace* out) {
+// The free function of everything that repeats: no scan asks it.
+void add_free_function(SlowSpace* out) {
   SlowSpace& space = *out;
   const Campaign& campaign = space.data.campaign;
   if (!campaign.has_temperature || campaign.order < 1) return;
-  for (const FreeFunction& f : free_functions(campaign, space.longest_tau_s / 3)) {
-    Candidate all;
-    all.is_free_function = true;
-    all.reference = f.reference;
-    all.scan = {f.reference->candidate.estimator, f.shapes};
-    space.candidates.push_back(std::move(all));
-  }
+  Candidate all;
+  all.is_free_function = true;
+  all.reference = &free_function(campaign.runs.size() > 1);
+  all.scan = all.reference->candidate;
+  all.scan.shapes = free_function_shapes(campaign, space.longest_tau_s / 3);
+  space.candidates.push_back(std::move(all));
 }
 
 } // namespace
@@ -143,7 +142,7 @@ SlowSpace make_slow_space(const SlowData& data, const NoiseBelief& belief, const
   std::vector<ScanCandidate> scans;
   for (const Candidate& c : space.candidates) scans.push_back(c.scan);
   space.bank.reset(new ScanBank(data, scans));
-  add_free_functions(&space);
+  add_free_function(&space);
   return space;
 }
 

@@ -25,7 +25,7 @@ public:
     weigh_steps();
     weigh_noise();
     hold_out();
-    ask_free_functions();
+    ask_free_function();
     look_beside();
   }
   // Free shapes that still gain beside the answer, or cost little and make data that were not fitted more likely: what
@@ -89,13 +89,12 @@ private:
     }
   }
 
-  // A free function that repeats joins an answer where it makes all logs together more likely, and what does not do so beside
-  // it goes: that function holds what it stood for.  Other noise parameters are an answer too.  Where nothing was said,
-  // logs that were not fitted have to confirm it.
-  void ask_free_functions() {
+  // A free function of everything that repeats joins an answer where it makes all logs together more likely, and what
+  // does not do so beside it goes: that function holds what it stood for.  Other noise parameters are an answer too.
+  void ask_free_function() {
     const SlowModel& answer = slow_.found.best;
     const bool is_as_believed = answer.is_believed || !question_.belief.has_believed;
-    if (answer.names.empty() && !answer.noise_effect && is_as_believed && !slow_.held_blocks) return;
+    if (answer.names.empty() && !answer.noise_effect && is_as_believed) return;
     if (slow_.gap.method == HeldOut::kQuarters) return; // parts of one passage foretell nothing of another
     std::vector<SlowModel> beside = {answer};
     if (!answer.names.empty() || answer.noise_effect) {
@@ -105,12 +104,12 @@ private:
     const double of_answer = all_logs(answer);
     double highest = of_answer;
     std::optional<SlowModel> with;
-    for (const SlowModel& less : beside)
-      for (SlowModel m : slow_.search->with_free_functions(less, slow_.found.null)) {
-        if (all_logs(m) < highest - constants().near_nats) continue;
-        m = slow_.search->polished(m);
-        if (const double value = all_logs(m); value > highest) highest = value, with = m;
-      }
+    for (const SlowModel& less : beside) {
+      SlowModel m = slow_.search->with_free_function(less, slow_.found.null);
+      if (m.names.empty() || all_logs(m) < highest - constants().near_nats) continue;
+      m = slow_.search->polished(m);
+      if (const double value = all_logs(m); value > highest) highest = value, with = m;
+    }
     if (!with) return;
     if (holds_nearly_all(answer, of_answer, highest)) {
       slow_.found.replaced.push_back(with->names.back().candidate);
@@ -120,23 +119,17 @@ private:
     slow_.search->judge_again(&slow_.found);
     hold_out();
   }
-  // Whether one or two members, those of the answer or one alone where a free shape answers, are nearly all that the free
-  // function would be: what it has beside them, as the product of two causes, is no reason to doubt them.
+  // Whether one or two members are nearly all that the free function would be: what it has beside them, as the product of
+  // two causes, is no reason to doubt them.
   bool holds_nearly_all(const SlowModel& answer, double of_answer, double highest) const {
     const std::vector<SlowModel::Name>& names = answer.names;
-    if (names.empty() || names.size() > kFewNames || answer.noise_effect || !answer.steps.empty()) return false;
-    const double nothing = all_logs(slow_.found.null);
-    const auto is_nearly_all = [&](double value) {
-      return value - nothing > constants().member_share * (highest - nothing);
-    };
     const auto is_member = [&](const auto& name) {
       return slow_.candidate(name.candidate).effect && !name.is_at_bound;
     };
-    if (std::all_of(names.begin(), names.end(), is_member)) return is_nearly_all(of_answer);
-    return names.size() == 1 && std::any_of(slow_.found.singles.begin(), slow_.found.singles.end(), [&](const auto& s) {
-             return !s.model.names.empty() && is_member(s.model.names[0]) &&
-                    s.gain_nats > answer.free_score() - constants().near_nats && is_nearly_all(all_logs(s.model));
-           });
+    if (names.empty() || names.size() > kFewNames || !std::all_of(names.begin(), names.end(), is_member)) return false;
+    if (answer.noise_effect || !answer.steps.empty()) return false;
+    const double nothing = all_logs(slow_.found.null);
+    return of_answer - nothing > constants().member_share * (highest - nothing);
   }
   // Names beside the free function, which is the last, and a kind of noise go as long as all logs together do not become
   // less likely.
