@@ -519,10 +519,11 @@ Json axis_json(const AxisResult& axis, double rate) {
     out["verdict"] = verdict_name(s.verdict), out["effects"] = effects;
     return out;
   }
-  for (const Detectability& d : axis.identifiability.effects)
-    detectable.push_back({{"name", d.name}, {"smallest_detectable", parameters_json(d.smallest_detectable)}});
-  for (const Detectability* d : hidden_effects(axis))
-    hidden.push_back({{"name", d->name}, {"smallest_detectable", parameters_json(d->smallest_detectable)}});
+  const auto entry_of = [](const Detectability& d) {
+    return Json{{"name", d.name}, {"smallest_detectable", parameters_json(d.smallest_detectable)}};
+  };
+  for (const Detectability& d : axis.identifiability.effects) detectable.push_back(entry_of(d));
+  for (const Detectability* d : hidden_effects(axis)) hidden.push_back(entry_of(*d));
   for (const auto& pair : axis.identifiability.indistinguishable) alike.push_back({pair.first, pair.second});
   const Campaign& campaign = axis.campaign;
   const NoiseModel& noise = s.fitted_noise;

@@ -36,22 +36,23 @@ SlowScan::OwnNode SlowScan::node_of(const SlowModel& m) const {
   for (const OwnNode& kept : kept_nodes_)
     if (kept->at.noise_effect == m.noise_effect && kept->at.is_believed == m.is_believed && kept->scan->noise() == own)
       return kept;
-  if (kept_nodes_.size() < kNodesKept) kept_nodes_.emplace_back();
-  OwnNode& place = kept_nodes_[next_node_++ % kNodesKept];
-  place = std::make_shared<const SlowNode>(SlowNode{m, std::make_unique<ScanNode>(*space_.bank, own, true)});
-  return place;
+  if (kept_nodes_.size() == kNodesKept) kept_nodes_.erase(kept_nodes_.begin());
+  kept_nodes_.push_back(
+      std::make_shared<const SlowNode>(SlowNode{m, std::make_unique<ScanNode>(*space_.bank, own, true)}));
+  return kept_nodes_.back();
 }
 
 std::vector<SlowCandidateScore> SlowScan::scan(const SlowModel& m, const std::vector<const SlowNode*>& where,
                                                bool only_free) const {
   std::vector<char> skip(space_.candidates.size(), 0);
-  for (size_t j = 0; j < space_.candidates.size(); ++j) skip[j] = only_free && space_.candidates[j].effect ? 1 : 0;
-  // An effect and the same of any shape are one.
-  for (const SlowModel::Name& name : m.names)
-    for (size_t j = 0; j < space_.candidates.size(); ++j)
-      if (j == name.candidate ||
-          (space_.candidates[j].effect && space_.candidates[j].effect == space_.candidates[name.candidate].effect))
-        skip[j] = 1;
+  for (size_t j = 0; j < skip.size(); ++j) {
+    const Effect* effect = space_.candidates[j].effect;
+    // An effect and the same of any shape are one.
+    const auto is_it = [&](const SlowModel::Name& name) {
+      return name.candidate == j || (effect && effect == space_.candidates[name.candidate].effect);
+    };
+    skip[j] = (only_free && effect) || std::any_of(m.names.begin(), m.names.end(), is_it) ? 1 : 0;
+  }
   const std::vector<SlowLikelihood::Part> own = likelihood_.parts(m);
   const std::vector<const MeanPart*> pointers = pointers_of(own);
   std::vector<SlowCandidateScore> best(space_.candidates.size());

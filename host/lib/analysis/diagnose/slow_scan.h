@@ -26,7 +26,7 @@ public:
   OwnNode node_of(const SlowModel& m) const;
   // Frees the whitened columns of all nodes, which are quick to make anew: of a long log, hundreds of megabytes.
   void forget_white() {
-    kept_nodes_.clear(), next_node_ = 0;
+    kept_nodes_.clear();
     for (const SlowNode& node : nodes_) node.scan->forget_white();
   }
   // `own` and, where it has no kind of slow noise that the others lack, the nodes where `likely` is likely.
@@ -46,8 +46,7 @@ private:
   const SlowSpace& space_;
   const SlowLikelihood& likelihood_;
   std::vector<SlowNode> nodes_;
-  mutable std::vector<OwnNode> kept_nodes_;
-  mutable size_t next_node_ = 0;
+  mutable std::vector<OwnNode> kept_nodes_; // the last that were asked for, the oldest first
 };
 
 } // namespace imucal
