@@ -854,6 +854,17 @@ static void test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_ris
   assert_true(search.score(best) > search.score(truth) - 2);
 }
 
+// No effect is two names of an answer, nor two entries of a set.
+static void assert_names_stand_once(const Selection& said) {
+  std::set<const Effect*> names;
+  for (const SelectedEffect& e : said.effects) {
+    if (e.term.effect && !e.is_family) assert_true(names.insert(e.term.effect).second);
+    std::set<const Effect*> members;
+    for (const CandidateEvidence& c : e.set)
+      if (c.effect) assert_true(members.insert(c.effect).second);
+  }
+}
+
 // What is said of logs whose rate changes by f(t [s], temperature), with or without a log held out.
 static Selection answer_to(const std::function<double(double, double)>& f, uint64_t seed, size_t held_out,
                            bool is_believed = false) {
@@ -866,7 +877,10 @@ static Selection answer_to(const std::function<double(double, double)>& f, uint6
   DiagnoseOptions options;
   options.nulls = 40;
   if (is_believed) options.model_path = "given";
-  return diagnose_logs(options, is_believed ? nominal_model() : ErrorModel(), logs, unseen).axes.at(0).study.selection;
+  const Selection said =
+      diagnose_logs(options, is_believed ? nominal_model() : ErrorModel(), logs, unseen).axes.at(0).study.selection;
+  assert_names_stand_once(said);
+  return said;
 }
 
 static void test_causes_of_no_family_are_not_named(void**) {

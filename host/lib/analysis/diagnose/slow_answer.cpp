@@ -78,12 +78,14 @@ SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& c
   const double threshold = constants.mean_nats;
   effect.set.push_back(slow.evidence_of(name.candidate, effect.gain_nats, threshold));
   double nearest = 1e300; // of another member of the family
+  std::vector<CandidateEvidence> rivals;
   for (const SlowResult::Rival& rival : slow.found.rivals[i]) {
     const Effect* other = rival.noise_effect ? rival.noise_effect : slow.candidate(rival.candidate).effect;
     if (!other || other == c.effect) continue;
     if (other->family() == effect.family) nearest = std::min(nearest, rival.gap_nats);
-    effect.set.push_back({other, nullptr, false, other->family(), effect.gain_nats - rival.gap_nats, threshold});
+    rivals.push_back({other, nullptr, false, other->family(), effect.gain_nats - rival.gap_nats, threshold});
   }
+  add_to_set(std::move(rivals), &effect);
   if (!c.effect || name.is_at_bound) {
     effect.is_family = true;
     effect.doubt = Doubt::kShapeOpen;
