@@ -39,9 +39,13 @@ unit-test: unit-programs  ## run the CMocka tests of the core and the host libra
 system-test:  ## run the pytest tests of the built programs
 	$(Q)BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider -n 2 --dist loadfile $(if $(T),-k $(T)) tests/system tests/python; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
 
-# The host side again under AddressSanitizer and UndefinedBehaviorSanitizer, in its own build folder.
-sanitize:  ## unit tests under ASan and UBSan
+# The host side again under AddressSanitizer and UndefinedBehaviorSanitizer, in its own build folder.  An answer of diagnose
+# takes ten times as long there: SHORT leaves the longest out, and says so.
+sanitize: export SHORT ?= 1
+sanitize sanitize-long:
 	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize VENV=$(VENV) SANITIZE=1 -j2 host unit-programs
 	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize VENV=$(VENV) SANITIZE=1 unit-test
+sanitize:  ## unit tests under ASan and UBSan, without the longest answers of diagnose
+sanitize-long:  ## the same with all of them (an hour)
 
-.PHONY: test unit-programs unit-test system-test sanitize
+.PHONY: test unit-programs unit-test system-test sanitize sanitize-long

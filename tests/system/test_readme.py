@@ -125,7 +125,7 @@ LONG = {
     "line": "minutes; short forms in test_calibrate.py", "lint": "needs clang-tidy and cppcheck", "misra": "needs cppcheck",
     "month": "minutes", "mutate": "an hour; short form test_mutate.py", "portable": "compiles everything for two machines",
     "portable-core": "short form test_portable_core.py", "profile-table": "minutes", "profile-oscillations": "minutes",
-    "figures": "minutes", "prove": "needs Frama-C; minutes", "recorded": "minutes; short form test_recorded.py", "sanitize": "run by .ci/run", "sick": "minutes; its short form test_sick.py runs every fault",
+    "figures": "minutes", "prove": "needs Frama-C; minutes", "recorded": "minutes; short form test_recorded.py", "sanitize": "run by .ci/run", "sanitize-long": "an hour; short form make sanitize", "sick": "minutes; its short form test_sick.py runs every fault",
     "selector-table": "minutes; short form test_selector_table.py", "fuzz-imports": "minutes; short form test_fuzz_imports.py",
     "soak": "an hour; short form test_store_torn", "torn": "minutes; short form test_store_torn", "test-long": "minutes",
     "validation": "minutes; short form test_montecarlo.py", "formats-table": "minutes; short form test_formats.py",

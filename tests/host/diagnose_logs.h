@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: MIT
+// Logs, models and questions that the unit tests of diagnose share.
+#pragma once
+
+#include <Eigen/Dense>
+#include <array>
+#include <cmath>
+#include <csetjmp>
+#include <cstdarg>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <functional>
+#include <set>
+#include <string>
+
+#include "analysis/diagnose/blocks.h"
+#include "analysis/diagnose/diagnose.h"
+#include "analysis/diagnose/fourier.h"
+#include "analysis/diagnose/lines.h"
+#include "analysis/diagnose/null_draws.h"
+#include "analysis/diagnose/reduction.h"
+#include "analysis/diagnose/rest_names.h"
+#include "analysis/diagnose/seconds.h"
+#include "analysis/diagnose/shared.h"
+#include "analysis/diagnose/smoothing.h"
+#include "analysis/diagnose/thermometer.h"
+#include "base/rng.h"
+#include "base/units.h"
+// After the others: it defines a macro `fail`.
+extern "C" {
+#include <cmocka.h>
+}
+
+using namespace imucal;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+#define assert_near(a, b, tolerance)                                                                                   \
+  do {                                                                                                                 \
+    const double left_ = (a), right_ = (b);                                                                            \
+    if (!(std::fabs(left_ - right_) <= (tolerance))) fail_msg("%s = %.12g, expected %.12g", #a, left_, right_);        \
+  } while (0)
+
+// A log of one axis over a triangle in temperature, noise from the model, with seconds missing.
+inline Log simulated_log(uint64_t seed, size_t seconds, bool has_gaps, double hysteresis_dph) {
+  Log log;
+  log.path = "simulated.csv";
+  LogAxis axis;
+  axis.name = "gx_dph";
+  Rng rng(seed, 0, 0, Stream::kWhite);
+  double markov = 20 * rng.normal(), play = 5;
+  const double phi = std::exp(-0.01), q = 20 * std::sqrt(1 - phi * phi);
+  for (size_t k = 0; k < seconds; ++k) {
+    const double half = static_cast<double>(seconds) / 2, t = static_cast<double>(k);
+    const double temp = 60 * (t < half ? t / half : 2 - t / half), x = (temp - 30) / 30;
+    play = std::min(std::max(play, temp - 5), temp + 5);
+    if (k) markov = phi * markov + q * rng.normal();
+    const double white = 36 * rng.normal();
+    if (has_gaps && (k % 97 == 5 || (k > 500 && k < 620))) continue;
+    log.t_s.push_back(t + 1);
+    log.temp_degc.push_back(temp);
+    axis.rate_dph.push_back(100 + 300 * x + 150 * x * x - 100 * x * x * x + hysteresis_dph * (play - temp) / 5 +
+                            markov + white);
+  }
+  log.axes.push_back(axis);
+  return log;
+}
+
+inline ErrorModel nominal_model() {
+  ErrorModel model;
+  model.arw_deg_rt_h = 0.6;
+  model.markov = {{20, 100}};
+  model.bias = ThermalPolynomial{30, 30, {80, 300, 150, -100}};
+  return model;
+}
+
+inline Hypothesis nominal_hypothesis() {
+  Hypothesis h;
+  h.base_noise.white_sigma_dph = 36;
+  h.base_noise.markov = {{20, 100}};
+  return h;
+}
+
+// Block means, candidates and search on two logs.
+inline const std::vector<bool>& all_active() {
+  static const std::vector<bool> active(effect_library().size(), true);
+  return active;
+}
+
+inline NoiseBelief nothing_believed() {
+  return {};
+}
+
+// No effect is two names of an answer, nor two entries of a set.
+inline void assert_names_stand_once(const Selection& said) {
+  std::set<const Effect*> names;
+  for (const SelectedEffect& e : said.effects) {
+    if (e.term.effect && !e.is_family) assert_true(names.insert(e.term.effect).second);
+    std::set<const Effect*> members;
+    for (const CandidateEvidence& c : e.set)
+      if (c.effect) assert_true(members.insert(c.effect).second);
+  }
+}
+
+// What is said of logs whose rate changes by f(t [s], temperature), with or without a log held out.
+inline Selection answer_to(const std::function<double(double, double)>& f, uint64_t seed, size_t held_out,
+                           bool is_believed = false) {
+  std::vector<Log> logs, unseen;
+  for (uint64_t k = 0; k < 4; ++k) {
+    Log log = simulated_log(seed + k, 6000, false, 0);
+    for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += f(log.t_s[i], log.temp_degc[i]);
+    (k < 4 - held_out ? logs : unseen).push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  if (is_believed) options.model_path = "given";
+  const Selection said =
+      diagnose_logs(options, is_believed ? nominal_model() : ErrorModel(), logs, unseen).axes.at(0).study.selection;
+  assert_names_stand_once(said);
+  return said;
+}
+
+// The members in the sets of an answer.
+inline std::set<std::string> members_of(const Selection& selection) {
+  std::set<std::string> all;
+  for (const SelectedEffect& effect : selection.effects)
+    for (const CandidateEvidence& e : effect.set)
+      if (e.effect) all.insert(e.effect->name());
+  return all;
+}
+
+inline std::set<std::string> names_of(const Selection& selection) {
+  std::set<std::string> names;
+  for (const SelectedEffect& effect : selection.effects)
+    names.insert(effect.is_family ? family_name(effect.family) : effect.term.effect->name());
+  return names;
+}
+
+// Two levels in turn, from a generator of its own.
+inline std::function<double(double, double)> jumps_between_levels(uint64_t seed, double height_dph, double dwell_s) {
+  return [rng = Rng(seed, 0, 0, Stream::kTool), level = 0.5 * height_dph, dwell_s](double, double) mutable {
+    if (rng.uniform() < 1 / dwell_s) level = -level;
+    return level;
+  };
+}
+
+// SHORT=1 (`make sanitize`): without the questions that take more than four seconds each; `make sanitize-long` asks all.
+inline bool is_short_form() {
+  return std::getenv("SHORT") != nullptr;
+}
+
+inline void long_answers_are_left_out(void**) {
+  print_message("skip: the long answers are left out (SHORT); all of them: make sanitize-long\n");
+  skip();
+}

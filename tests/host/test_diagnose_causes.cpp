@@ -1,0 +1,534 @@
+// SPDX-License-Identifier: MIT
+// What diagnose answers where a cause repeats: hysteresis, lag, curves and jumps at a temperature, warm-up.
+#include "diagnose_logs.h"
+
+static void test_search_names_hysteresis_whatever_noise_is_believed(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 21; seed < 24; ++seed) logs.push_back(simulated_log(seed, 5000, false, 60));
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  for (double factor : {0.0, 1.0 / 3, 1.0, 3.0}) {
+    NoiseBelief belief = nothing_believed();
+    if (factor > 0) {
+      belief.has_believed = true;
+      belief.model.white_sigma_dph = 36;
+      belief.model.markov = {{20 * factor, 100 * factor}};
+    }
+    SlowSearch search(data, belief, effect_library(), all_active(), {});
+    const SlowResult result = search.run();
+    assert_int_equal(result.best.names.size(), 1);
+    const Candidate& found = search.candidates()[result.best.names[0].candidate];
+    assert_non_null(found.effect);
+    assert_string_equal(found.effect->name().c_str(), "thermal_hysteresis");
+    assert_near(result.best.names[0].shape[0], 5, 1.5);
+    assert_true(result.evidence[0] > 5);
+  }
+}
+
+static void test_both_thresholds_of_a_jump_at_a_temperature_are_found(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 61; seed < 64; ++seed) {
+    logs.push_back(simulated_log(seed, 5000, false, 0));
+    bool is_on = false;
+    for (size_t i = 0; i < logs.back().size(); ++i) {
+      const double temp = logs.back().temp_degc[i];
+      is_on = temp > 33.3 || (is_on && temp > 29.2);
+      logs.back().axes[0].rate_dph[i] += is_on ? 90 : 0;
+    }
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowResult result = search.run();
+  assert_int_equal(result.best.names.size(), 1);
+  assert_string_equal(search.candidates()[result.best.names[0].candidate].effect->name().c_str(), "thermal_step");
+  assert_near(result.best.names[0].shape[0], 33.3, 0.25);
+  assert_near(result.best.names[0].shape[0] - result.best.names[0].shape[1], 29.2, 0.25);
+}
+
+static void test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly(void**) {
+  // 0.6 degC/min: from one place of the grid to the next are 150 s, and on either the jump gains next to nothing.
+  std::vector<Log> logs;
+  for (uint64_t seed = 71; seed < 75; ++seed) {
+    Log log = simulated_log(seed, 12000, false, 0);
+    log.t_s.resize(6000), log.temp_degc.resize(6000), log.axes[0].rate_dph.resize(6000);
+    for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += log.temp_degc[i] > 35 ? 120 : 0;
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel best = search.run().best, truth = search.best_with({&find_effect("thermal_step")});
+  assert_int_equal(best.names.size(), 1);
+  assert_string_equal(search.candidates()[best.names[0].candidate].effect->name().c_str(), "thermal_step");
+  assert_near(best.names[0].shape[0], 35, 0.2);
+  assert_int_equal(best.steps.size(), 0);
+  assert_true(search.score(best) > search.score(truth) - 2);
+}
+
+static void test_causes_of_no_family_are_not_named(void**) {
+  // A wave over temperature that drifts with time: each alone would be a stand-in.
+  const Selection both = answer_to([](double t, double temp) { return 60 * std::sin(temp / 7 + t / 900); }, 71, 1);
+  assert_true(both.effects.empty());
+  assert_true(both.verdict == Verdict::kUnexplained);
+}
+
+// A sum of cosines of temperature, its direction and time: no effect of the library, and no free shape quite.
+static void test_members_are_no_names_beside_a_shape_that_holds_more(void**) {
+  for (const uint64_t seed : {901u, 906u, 911u, 912u, 914u, 918u}) {
+    Rng rng(seed, 7, 0, Stream::kTool);
+    double weight[8][3], height[8];
+    for (int i = 0; i < 8; ++i) {
+      for (double& w : weight[i]) w = 2.2 * rng.normal();
+      height[i] = rng.normal();
+    }
+    const auto f = [&](double t, double temp) {
+      double sum = 0;
+      for (int i = 0; i < 8; ++i)
+        sum += height[i] * std::cos(weight[i][0] * (temp - 30) / 30 + weight[i][1] * (t < 3000 ? 0.5 : -0.5) +
+                                    weight[i][2] * t / 6000);
+      return 45 * sum;
+    };
+    const Selection said = answer_to(f, 7 * seed, 0, true);
+    assert_true(said.verdict == Verdict::kUnexplained);
+    for (const SelectedEffect& effect : said.effects) assert_true(effect.doubt == Doubt::kShapeOpen);
+  }
+}
+
+// A curve over temperature that wanders as far as it likes: what a jump at a temperature takes of it is a part of that curve.
+static void test_a_part_of_a_free_curve_over_temperature_is_no_name(void**) {
+  for (const uint64_t seed : {3u, 4u, 5u, 6u, 8u, 10u, 12u, 28u, 31u}) {
+    Rng rng(seed, 11, 0, Stream::kTool);
+    double walk[64] = {};
+    for (int i = 1; i < 64; ++i) walk[i] = walk[i - 1] + rng.normal();
+    const auto f = [&](double, double temp) {
+      const double x = std::clamp(temp + 2, 0.0, 62.0);
+      const int i = static_cast<int>(x);
+      return 20 * (walk[i] + (x - i) * (walk[i + 1] - walk[i]));
+    };
+    const Selection said = answer_to(f, 3 * seed, 0, true);
+    assert_true(said.verdict == Verdict::kUnexplained && said.effects.size() == 1);
+    assert_true(said.effects[0].doubt == Doubt::kShapeOpen && said.effects[0].family == Family::kFunctionOfTemperature);
+  }
+}
+
+// In one log slow noise explains what follows the direction of the temperature; three held-out logs tell that it comes back.
+static void test_held_out_logs_tell_a_cause_from_slow_noise(void**) {
+  const auto f = [](double t, double) {
+    return 30 * (t < 3000 ? -1 : 1) * (1 - std::exp(-(t < 3000 ? t : t - 3000) / 300));
+  };
+  for (const uint64_t seed : {303u, 305u, 307u}) {
+    const Selection said = answer_to(f, seed, 3);
+    assert_int_equal(said.effects.size(), 1);
+    assert_true(said.effects[0].family == Family::kThermalMemory && said.is_told_by_held_out);
+  }
+  for (uint64_t seed = 310; seed < 316; ++seed)
+    assert_true(answer_to([](double, double) { return 0.0; }, seed, 3).effects.empty());
+}
+
+static void test_a_warm_up_of_another_size_in_every_run_is_kept(void**) {
+  // Its start state is free: beyond that the logs held out can show next to nothing of it, which is no reason against it.
+  size_t row = 0;
+  const auto warm = [&](double t, double) {
+    return 200 * std::array{1.2, 0.25, 0.2, 0.3}[row++ / 6000] * std::exp(-t / 450);
+  };
+  const Selection said = answer_to(warm, 101, 2);
+  assert_true(said.dropped.empty());
+  assert_true(names_of(said) == std::set<std::string>{"warm_up"});
+}
+
+static void test_what_held_out_logs_can_show_is_what_a_name_is_asked_for(void**) {
+  // A loop on logs that go up and down; one that only rises shows the start state of a play and nothing more.
+  std::vector<Log> logs;
+  for (uint64_t seed = 111; seed < 114; ++seed) logs.push_back(simulated_log(seed, 5000, false, 40));
+  Log rising = simulated_log(114, 5000, false, 40);
+  const size_t half = rising.size() / 2;
+  rising.t_s.resize(half), rising.temp_degc.resize(half), rising.axes[0].rate_dph.resize(half);
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel null = search.run().null, loops = search.best_with({&find_effect("thermal_hysteresis")});
+  assert_int_equal(loops.names.size(), 1);
+  const auto support_on = [&](const Log& log) {
+    const Campaign unseen = block_means(make_campaign({log}, "gx_dph", nominal_model()), data.campaign.dt_s);
+    return measure_gap(search, data, &unseen, null, loops).beyond_start.at(0);
+  };
+  const GapResult::Support loop = support_on(simulated_log(115, 5000, false, 40)), rise = support_on(rising);
+  if (!(loop.expected > 5 && rise.expected < 0.5 * loop.expected))
+    fail_msg("a loop can show %g nats, a rise %g", loop.expected, rise.expected);
+  // The logarithm of a likelihood ratio whose mean is m has the variance 2 m.
+  assert_near(loop.nats, loop.expected, 4 * std::sqrt(2 * loop.expected));
+}
+
+static void test_two_causes_are_found_that_stand_ins_hide_on_the_grids(void**) {
+  // A jump between two places of the grid and a drift in time: a sum of three free shapes gains more than either alone.
+  std::vector<Log> logs;
+  for (uint64_t seed = 131; seed < 134; ++seed) {
+    Log log = simulated_log(seed, 5000, false, 0);
+    for (size_t i = 0; i < log.size(); ++i)
+      log.axes[0].rate_dph[i] += (log.temp_degc[i] > 33.3 ? 150 : 0) - 250 * log.t_s[i] / 3600;
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel best = search.run().best;
+  const SlowModel truth = search.best_with({&find_effect("thermal_step"), &find_effect("rate_ramp")});
+  assert_int_equal(truth.names.size(), 2);
+  assert_true(search.score(best) > search.score(truth) - 2);
+}
+
+// The search reaches two causes, given as a change of the rate by f(temperature, direction of its change), under noise
+// whose slow part is `slow` times the nominal one at a temperature.
+static void assert_pair_is_found(const std::function<double(double, double)>& f, double slow_per_degc,
+                                 const char* first, const char* second) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 141; seed < 145; ++seed) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 1, 0, Stream::kTool);
+    double markov = 0, play = 5;
+    for (size_t i = 0; i < log.size(); ++i) {
+      const double temp = log.temp_degc[i], sigma = 20 * (std::exp(slow_per_degc * (temp - 30)) - 1);
+      markov = std::exp(-0.01) * markov + std::sqrt(1 - std::exp(-0.02)) * rng.normal();
+      play = std::min(std::max(play, temp - 5), temp + 5);
+      log.axes[0].rate_dph[i] += f(temp, (play - temp) / 5) + sigma * markov;
+    }
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel best = search.run().best;
+  const SlowModel truth = search.best_with({&find_effect(first), &find_effect(second)});
+  assert_int_equal(truth.names.size() + (truth.noise_effect ? 1 : 0), 2);
+  assert_true(search.score(best) > search.score(truth) - 2);
+}
+
+static void test_a_cause_is_found_beside_noise_that_follows_the_temperature(void**) {
+  assert_pair_is_found([](double, double play) { return 60 * play; }, 0.07, "thermal_hysteresis",
+                       "markov_sigma_vs_temperature");
+}
+
+// In every run an offset of its own that fades over 20 degC, as the start of a play does, and no loop.
+static void test_a_loop_whose_start_states_are_larger_than_itself_is_no_name(void**) {
+  for (const uint64_t seed : {1u, 3u, 4u, 5u})
+    for (const double bump : {0.0, 60.0}) {
+      size_t row = 0;
+      const auto fading = [&](double t, double temp) {
+        const double size = std::array{300., -310., 220., -260.}[row++ / 6000];
+        return (t < 3000 ? size * std::max(0.0, 1 - temp / 20) : 0) +
+               bump * std::exp(-0.5 * std::pow((temp - 42) / 3, 2));
+      };
+      const Selection said = answer_to(fading, 11 * seed, 0);
+      assert_true(said.effects.empty()); // nor what holds less beside it
+      assert_true(said.verdict == Verdict::kUnexplained);
+      assert_string_equal(said.remainders.at(0).effect->name().c_str(), "thermal_hysteresis");
+    }
+  // Runs that all come from the far side start at the end of the play, and not beyond.
+  double play = 0;
+  const auto loop = [&](double t, double temp) {
+    play = t < 1.5 ? temp + 4 : std::min(std::max(play, temp - 4), temp + 4);
+    return 600 * (play - temp) / 4;
+  };
+  for (const uint64_t seed : {31u, 62u})
+    assert_true(names_of(answer_to(loop, seed, 0)) == std::set<std::string>{"thermal_hysteresis"});
+}
+
+// A hysteresis by its size and the state in which a run began, with their errors and correlation, as Names have it.
+static Names memory_of(double size, double size_error, double start, double start_error, double correlation) {
+  const Effect& effect = find_effect("thermal_hysteresis");
+  SelectedEffect named;
+  named.family = effect.family(), named.term = term_of(&effect, effect.estimator(), {5});
+  named.term.coefficients = {size}, named.term.coefficient_errors = {size_error};
+  named.term.starts = {start}, named.term.start_errors = {start_error};
+  named.term.start_covariances = {correlation * size_error * start_error};
+  named.set = {{&effect, nullptr, false, effect.family(), 30, 5}};
+  Names names;
+  names.effects = {named};
+  judge_unseen(&names);
+  return names;
+}
+
+static void test_a_loop_that_is_not_seen_is_a_family_or_contradicted_given_its_size(void**) {
+  // Seen: a name, whatever the states are.
+  const Names seen = memory_of(100, 10, 300, 10, 0);
+  assert_true(seen.effects.size() == 1 && !seen.effects[0].is_family);
+  // Not seen, and a start state that fits into a loop: as far as the logs tell.
+  const Names family = memory_of(20, 40, 100, 20, 0);
+  assert_true(family.effects.at(0).is_family && family.effects.at(0).doubt == Doubt::kLoopOpen);
+  // Beyond any size that is left open.
+  const Names beyond = memory_of(20, 20, 300, 20, 0);
+  assert_true(beyond.effects.empty() && beyond.remainders.size() == 1);
+  // The logs tell a sum: with a size that is as likely the run began further in, or it did not.
+  assert_true(memory_of(20, 60, 340, 60, -0.99).effects.size() == 1);
+  assert_true(memory_of(20, 60, 430, 60, -0.99).effects.size() == 1);
+  assert_true(memory_of(20, 60, 430, 60, 0).effects.empty()); // each error alone
+  assert_true(memory_of(20, 60, 340, 10, 0).effects.empty());
+  // Any size within three standard errors is open: 208 holds 250 (and a half more), and not 330.
+  assert_true(memory_of(1, 69, 250, 5, 0).effects.size() == 1);
+  assert_true(memory_of(1, 69, 330, 5, 0).effects.empty());
+}
+
+// A sum of relays (Preisach), none of which is a play: each is on above `up`, off below `down`, and stays between them.
+struct Relays {
+  std::vector<double> up, down, weight;
+  std::vector<char> is_on;
+  // Thresholds anywhere between 2 and 58 degC and `apart` degC apart at most.
+  Relays(uint64_t seed, size_t n, double apart) : is_on(n) {
+    Rng rng(seed, 8, 0, Stream::kTool);
+    double sum = 0;
+    for (size_t i = 0; i < n; ++i) {
+      const double gap = apart * std::sqrt(rng.uniform()), centre = 2 + gap / 2 + (56 - gap) * rng.uniform();
+      up.push_back(centre + gap / 2), down.push_back(centre - gap / 2);
+      weight.push_back(-std::log(1 - rng.uniform())), sum += weight.back();
+    }
+    for (double& w : weight) w /= sum;
+  }
+  // 1 on the branch that comes down, -1 on the one that goes up, where every relay is between its thresholds; less the curve
+  // between the branches.
+  double at(double temp) {
+    double sum = 0;
+    for (size_t i = 0; i < up.size(); ++i) {
+      if (temp > up[i]) is_on[i] = 1;
+      if (temp < down[i]) is_on[i] = 0;
+      sum += weight[i] * (2 * is_on[i] - 1 - (temp > 0.5 * (up[i] + down[i]) ? 1 : -1));
+    }
+    return sum;
+  }
+};
+
+// Of six such loops four are named (one without the shape of its own), of the others the family is told.  The play that comes
+// nearest gives the parameters.
+static void test_a_hysteresis_is_named_whatever_the_shape_of_its_loop(void**) {
+  size_t named = 0, of_any_shape = 0;
+  for (const uint64_t seed : {1u, 2u, 3u, 4u, 5u, 6u}) {
+    Relays relays(seed, 80, 24);
+    const Selection said = answer_to([&](double, double temp) { return 60 * relays.at(temp); }, 17 * seed, 0);
+    assert_false(said.effects.empty());
+    const SelectedEffect& first = said.effects[0];
+    assert_true(first.family == Family::kThermalMemory);
+    if (first.is_family) continue;
+    assert_string_equal(first.term.effect->name().c_str(), "thermal_hysteresis");
+    assert_int_equal(first.term.shape.size(), 1);
+    assert_int_equal(first.term.coefficients.size(), 1);
+    assert_true(first.term.coefficients[0] > 15 &&
+                first.term.coefficients[0] < 60); // most of the relays are apart by less
+    ++named, of_any_shape += first.is_any_shape ? 1 : 0;
+  }
+  assert_true(named >= 4);
+  assert_true(of_any_shape >= 2);
+}
+
+// Telling the nearest play changes nothing else of the answer: noise that was found in the seconds stays in it.
+static void test_the_nearest_play_keeps_the_noise_that_jumps(void**) {
+  size_t both = 0;
+  for (const uint64_t seed : {1u, 3u, 4u, 5u}) {
+    Relays relays(seed, 80, 24);
+    Rng rng(seed, 9, 0, Stream::kTool);
+    double level = 90;
+    const auto loop_and_levels = [&](double, double temp) {
+      if (rng.uniform() < 1 / 500.0) level = -level;
+      return 120 * relays.at(temp) + level;
+    };
+    const Selection said = answer_to(loop_and_levels, 19 * seed, 0);
+    bool has_loop = false, has_jumps = false, keeps_jumps = false;
+    for (const SelectedEffect& e : said.effects) {
+      has_loop = has_loop || e.is_any_shape;
+      has_jumps = has_jumps || (e.term.estimator && e.term.estimator->is_jumping());
+    }
+    for (const Term& term : said.final.terms) keeps_jumps = keeps_jumps || term.estimator->is_jumping();
+    if (has_loop && has_jumps) assert_true(keeps_jumps), ++both;
+  }
+  assert_true(both > 0);
+}
+
+// Bumps that are no Gaussian: a resonance with the skirts of a Lorentz curve, a transition that is steep on one side.  Each is
+// named, and the Gaussian that comes nearest gives the parameters.
+static void test_an_anomaly_is_named_whatever_the_shape_of_its_bump(void**) {
+  const auto lorentz = [](double, double temp) { return -280 / (1 + std::pow((temp - 33) / 1.3, 2)); };
+  const auto skew = [](double, double temp) {
+    return temp < 41 ? 240 * std::exp(-(41 - temp) / 5) : 240 * std::exp(-(temp - 41) / 0.8);
+  };
+  for (const std::function<double(double, double)>& bump :
+       {std::function<double(double, double)>(lorentz), std::function<double(double, double)>(skew)}) {
+    const Selection said = answer_to(bump, 241, 0);
+    assert_int_equal(said.effects.size(), 1);
+    const SelectedEffect& anomaly = said.effects[0];
+    assert_false(anomaly.is_family);
+    assert_string_equal(anomaly.term.effect->name().c_str(), "thermal_anomaly");
+    assert_true(anomaly.is_any_shape);
+    assert_int_equal(anomaly.term.shape.size(), 2);
+    assert_int_equal(anomaly.term.coefficients.size(), 1);
+    assert_near(anomaly.term.shape[0], bump(0, 33) < -100 ? 33 : 40, 1.5);
+  }
+}
+
+// What a scan kept may be freed at any time: the same is found again.
+static void test_scans_that_were_freed_are_made_anew(void**) {
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 3; ++k) {
+    Log log = simulated_log(281 + k, 5000, false, 0);
+    for (size_t i = 0; i < log.size(); ++i)
+      log.axes[0].rate_dph[i] -= 280 / (1 + std::pow((log.temp_degc[i] - 33) / 1.3, 2));
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, 20));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel best = search.run().best;
+  assert_true(search.candidates()[best.names.at(0).candidate].is_any_shape);
+  const double before = search.with_parameters(best).value;
+  for (int again = 0; again < 3; ++again) {
+    search.forget_scans();
+    assert_true(search.with_parameters(best).value == before);
+  }
+}
+
+// A gyro 4 s ahead of its thermometer.  Where that has steps of 3 degC, a place so near is no lag, and the steps are the cause.
+static void test_steps_of_a_coarse_thermometer_are_no_lag_of_seconds(void**) {
+  for (const double step_degc : {0.0, 3.0}) {
+    std::vector<Log> logs;
+    for (uint64_t k = 0; k < 3; ++k) {
+      Log log = simulated_log(271 + k, 6000, false, 0);
+      const std::vector<double> temp = log.temp_degc;
+      for (size_t i = 0; i < log.size(); ++i) {
+        log.axes[0].rate_dph[i] += 30 * temp[std::min(i + 4, log.size() - 1)];
+        if (step_degc > 0) log.temp_degc[i] = step_degc * std::round(temp[i] / step_degc);
+      }
+      logs.push_back(log);
+    }
+    const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+    const SlowData data(block_means(campaign, 10));
+    NoiseBelief belief;
+    SlowSearch search(data, belief, effect_library(), all_active(), {});
+    const SlowResult found = search.run();
+    const SlowModel lag = search.best_with({&find_effect("thermal_lag")});
+    assert_int_equal(lag.names.size(), 1);
+    if (step_degc > 0) {
+      assert_true(std::fabs(lag.names[0].shape[0]) >= EffectEstimator::kNearby_s);
+      assert_int_equal(found.best.names.size(), 1);
+      assert_string_equal(search.candidates()[found.best.names[0].candidate].effect->name().c_str(),
+                          "temperature_sensor_quantization");
+    } else {
+      assert_true(std::fabs(lag.names[0].shape[0]) < EffectEstimator::kNearby_s);
+    }
+  }
+}
+
+// Beside a cause as alone: kinds of slow noise that do nearly as well are in the set.
+static void test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well(void**) {
+  for (const uint64_t seed : {407u, 410u, 415u, 422u}) {
+    Rng rng(seed, 3, 0, Stream::kTool);
+    double states[6] = {};
+    // Flicker noise: Markov processes of one size, their time constants a factor of four apart.
+    const auto f = [&](double, double temp) {
+      double sum = 0;
+      for (int i = 0; i < 6; ++i) {
+        const double phi = std::exp(-1 / (4 * std::pow(4.0, i)));
+        states[i] = phi * states[i] + std::sqrt(1 - phi * phi) * rng.normal();
+        sum += states[i];
+      }
+      return 7 * sum + 90 * std::exp(-0.5 * std::pow((temp - 41) / 3, 2));
+    };
+    const Selection said = answer_to(f, 5 * seed, 0, true);
+    const std::set<std::string> members = members_of(said);
+    for (const char* kind : {"thermal_anomaly", "second_markov", "flicker_noise"})
+      assert_int_equal(members.count(kind), 1);
+  }
+}
+
+static void test_two_members_are_found_that_one_free_shape_stands_for(void**) {
+  const auto f = [](double temp, double) {
+    const double x = (temp - 30) / 30;
+    return 500 * (8 * x * x * x * x - 8 * x * x + 1) / 2 + 300 * std::exp(-0.5 * std::pow((temp - 41.4) / 2.1, 2));
+  };
+  assert_pair_is_found(f, 0, "thermal_anomaly", "higher_order_polynomial");
+}
+
+// What a free shape beside an answer foretells of logs that were not fitted decides whether the answer is a name.
+static void test_a_slope_that_ages_is_no_slow_noise(void**) {
+  // No effect is of temperature and time; plain noise is no answer beside what is left of them.  In logs that all follow one
+  // triangle, time is a function of temperature and its direction: they do not tell it from a memory of open shape.
+  const auto ageing = [](double t, double temp) { return 200 * (temp - 30) / 30 * std::pow(t / 7200, 0.6); };
+  const Selection said = answer_to(ageing, 151, 0, true);
+  for (const SelectedEffect& effect : said.effects)
+    assert_true(effect.family == Family::kThermalMemory && effect.doubt == Doubt::kShapeOpen);
+  assert_true(said.verdict == Verdict::kUnexplained);
+}
+
+static void test_what_a_free_shape_foretells_opens_a_name_to_its_family(void**) {
+  // A rough curve in one log; in that log alone a bump explains it nearly as well, on the other three a free curve does better.
+  const std::array<double, 13> knots{0.4, -0.3, 0.1, 1.6, 0.2, -0.9, 0.3, 0.8, -0.6, 0.5, -0.4, 0.7, -0.2};
+  const auto rough = [&](double, double temp) {
+    const double u = std::min(temp / 5, 11.999);
+    const size_t k = static_cast<size_t>(u);
+    return 22 * (knots[k] + (u - static_cast<double>(k)) * (knots[k + 1] - knots[k]));
+  };
+  std::vector<Log> fitted, unseen;
+  for (uint64_t k = 0; k < 4; ++k) {
+    Log log = simulated_log(161 + 2 * k, 3000, false, 0);
+    const Log again = simulated_log(162 + 2 * k, 3000, false, 0);
+    for (size_t i = 0; i < again.size(); ++i) {
+      log.t_s.push_back(again.t_s[i] + 3000);
+      log.temp_degc.push_back(again.temp_degc[i]);
+      log.axes[0].rate_dph.push_back(again.axes[0].rate_dph[i]);
+    }
+    for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += rough(log.t_s[i], log.temp_degc[i]);
+    (k < 1 ? fitted : unseen).push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  const Selection said = diagnose_logs(options, {}, fitted, unseen).axes.at(0).study.selection;
+  assert_true(names_of(said) == std::set<std::string>{"function_of_temperature"});
+  options.constants.foretold_nats = 1e9;
+  const Selection before = diagnose_logs(options, {}, fitted, unseen).axes.at(0).study.selection;
+  assert_true(names_of(before) == std::set<std::string>{"thermal_anomaly"});
+}
+
+static void test_what_settles_within_minutes_is_no_creep(void**) {
+  const Effect& creep = find_effect("thermal_creep");
+  assert_true(creep.estimator()->shape_lo().at(1) >= 600);
+  for (const Theta& shape : creep.estimator()->grid(0, 60)) assert_true(shape.at(1) >= 2 * 600);
+  // Nor is what has a single time constant: the columns are those of a decade at least.
+  const Campaign campaign = make_campaign({simulated_log(191, 5000, false, 0)}, "gx_dph", nominal_model());
+  const RunInput& run = campaign.runs[0].input;
+  const Column narrow = creep.estimator()->columns(run, {1000, 1100}).at(0);
+  const Column decade = creep.estimator()->columns(run, {1000, 10000}).at(0);
+  for (size_t i = 0; i < run.size(); ++i) assert_near(narrow[i], decade[i], 1e-9);
+}
+
+int main() {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_search_names_hysteresis_whatever_noise_is_believed),
+      cmocka_unit_test(test_an_anomaly_is_named_whatever_the_shape_of_its_bump),
+      cmocka_unit_test(test_scans_that_were_freed_are_made_anew),
+      cmocka_unit_test(test_steps_of_a_coarse_thermometer_are_no_lag_of_seconds),
+      cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
+      cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),
+      cmocka_unit_test(test_causes_of_no_family_are_not_named),
+      cmocka_unit_test(test_held_out_logs_tell_a_cause_from_slow_noise),
+      cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),
+      cmocka_unit_test(test_what_held_out_logs_can_show_is_what_a_name_is_asked_for),
+      cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),
+      cmocka_unit_test(test_a_cause_is_found_beside_noise_that_follows_the_temperature),
+      cmocka_unit_test(test_a_loop_that_is_not_seen_is_a_family_or_contradicted_given_its_size),
+      cmocka_unit_test(test_two_members_are_found_that_one_free_shape_stands_for),
+      cmocka_unit_test(test_a_slope_that_ages_is_no_slow_noise),
+      cmocka_unit_test(test_what_a_free_shape_foretells_opens_a_name_to_its_family),
+      cmocka_unit_test(test_what_settles_within_minutes_is_no_creep),
+  };
+  const struct CMUnitTest long_tests[] = {
+      cmocka_unit_test(test_a_hysteresis_is_named_whatever_the_shape_of_its_loop),
+      cmocka_unit_test(test_the_nearest_play_keeps_the_noise_that_jumps),
+      cmocka_unit_test(test_members_are_no_names_beside_a_shape_that_holds_more),
+      cmocka_unit_test(test_a_part_of_a_free_curve_over_temperature_is_no_name),
+      cmocka_unit_test(test_a_loop_whose_start_states_are_larger_than_itself_is_no_name),
+      cmocka_unit_test(test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well),
+  };
+  int failed = cmocka_run_group_tests_name("diagnose: causes", tests, nullptr, nullptr);
+  const struct CMUnitTest left_out[] = {cmocka_unit_test(long_answers_are_left_out)};
+  failed += is_short_form()
+                ? cmocka_run_group_tests_name("diagnose: causes, short form", left_out, nullptr, nullptr)
+                : cmocka_run_group_tests_name("diagnose: causes, long answers", long_tests, nullptr, nullptr);
+  return failed;
+}

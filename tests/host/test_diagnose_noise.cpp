@@ -1,0 +1,398 @@
+// SPDX-License-Identifier: MIT
+// What diagnose answers to noise of other kinds and to jumps in time.
+#include "diagnose_logs.h"
+
+static void test_noise_of_the_seconds_is_fitted_beside_another_kind(void**) {
+  const Campaign campaign = make_campaign({simulated_log(24, 9000, false, 0)}, "gx_dph", nominal_model());
+  const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+  NoiseModel start = nominal_hypothesis().base_noise;
+  start.white_sigma_dph = 15; // what block means may leave it at
+  const auto doubled = [](NoiseModel base) {
+    base.white_sigma_dph *= 2, base.markov.push_back({1, 1000});
+    return base;
+  };
+  const SecondsNoise found = fit_seconds_noise(campaign, start, residual, doubled);
+  assert_near(found.base.white_sigma_dph, 18, 0.5);
+  assert_int_equal(found.base.markov.size(), 1);
+}
+
+static void test_noise_believed_too_small_is_no_other_kind_of_noise(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 51; seed < 54; ++seed) logs.push_back(simulated_log(seed, 5000, false, 0));
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  NoiseBelief belief = nothing_believed();
+  belief.has_believed = true;
+  belief.model.white_sigma_dph = 36;
+  belief.model.markov = {{20.0 / 3, 100.0 / 3}};
+  SlowSearch search(data, belief, effect_library(), all_active(), {});
+  const SlowResult result = search.run();
+  // Noise beside the believed one pays what other parameters pay.
+  for (const SlowCandidateScore& noise : result.noises)
+    assert_true(noise.gain_nats + SelectorConstants().noise_kind_nats < result.null.free_score() + 4);
+}
+
+static void test_jumps_that_come_again_and_again_are_no_events(void**) {
+  // One in each of four logs, each time at another place.
+  size_t row = 0;
+  const auto slips = [&](double t, double) {
+    return t > std::array{1500., 2600., 4100., 3300.}[row++ / 6000] ? 120. : 0.;
+  };
+  const Selection again = answer_to(slips, 81, 0);
+  assert_int_equal(again.effects.size(), 1);
+  assert_string_equal(again.effects[0].term.effect->name().c_str(), "bias_step");
+  assert_true(again.effects[0].is_family && again.effects[0].family == Family::kSlowNoise);
+  assert_int_equal(members_of(again).count("telegraph_noise"), 1); // it jumps again and again
+  // A single one is: in the first log only.
+  size_t rows = 0;
+  const Selection one = answer_to([&](double, double) { return ++rows > 2500 && rows <= 6000 ? 90.0 : 0.0; }, 91, 0);
+  assert_int_equal(one.effects.size(), 1);
+  assert_string_equal(one.effects[0].term.effect->name().c_str(), "bias_step");
+  assert_false(one.effects[0].is_family);
+}
+
+// Three jumps of any size at any time in every log: two levels are not told from single events by so few.
+static void test_a_few_jumps_are_not_said_to_be_telegraph_noise(void**) {
+  for (const uint64_t seed : {601u, 602u, 603u, 608u, 611u}) {
+    Rng rng(seed, 5, 0, Stream::kTool);
+    double at_s[3] = {}, height[3] = {};
+    const auto f = [&](double t, double) {
+      if (t < 1.5)
+        for (int i = 0; i < 3; ++i) at_s[i] = 6000 * rng.uniform(), height[i] = 300 * rng.normal();
+      double sum = 0;
+      for (int i = 0; i < 3; ++i) sum += t > at_s[i] ? height[i] : 0;
+      return sum;
+    };
+    const Selection said = answer_to(f, 11 * seed, 3, true);
+    assert_true(said.effects[0].is_family && said.effects[0].family == Family::kSlowNoise);
+    for (const char* kind : {"telegraph_noise", "bias_step"}) assert_int_equal(members_of(said).count(kind), 1);
+  }
+}
+
+// One slip of either sign in each of seven logs at any time: more than single jumps are looked for, and in each log no more
+// than an event.
+static void test_one_slip_in_each_of_many_logs_is_not_said_to_be_telegraph_noise(void**) {
+  for (const uint64_t seed : {1u, 2u, 3u}) {
+    Rng rng(seed, 5, 0, Stream::kTool);
+    std::vector<Log> logs;
+    for (uint64_t k = 0; k < 7; ++k) {
+      logs.push_back(simulated_log(11 * seed + k, 6000, false, 0));
+      const double at_s = 600 + 4800 * rng.uniform(), height = rng.uniform() < 0.5 ? 110 : -110;
+      for (size_t i = 0; i < 6000; ++i) logs.back().axes[0].rate_dph[i] += logs.back().t_s[i] > at_s ? height : 0;
+    }
+    DiagnoseOptions options;
+    options.nulls = 40, options.model_path = "given";
+    const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
+    assert_int_equal(said.effects.size(), 1);
+    assert_string_equal(said.effects[0].term.effect->name().c_str(), "telegraph_noise");
+    assert_true(said.effects[0].is_family);
+    assert_true(members_of(said) == (std::set<std::string>{"bias_step", "telegraph_noise"}));
+  }
+}
+
+// Jumps anywhere in a block, in each of four logs: said with the second before which they came, in seconds from the first row.
+static void test_a_jump_in_time_is_placed_to_its_second(void**) {
+  for (const size_t row : {2380u, 7095u, 15937u, 10666u, 14254u, 1100u}) {
+    size_t at = 0;
+    const auto jump = [&](double, double) {
+      const size_t k = at++;
+      return k / 6000 == row / 6000 && k >= row ? 300.0 : 0.0;
+    };
+    const Selection said = answer_to(jump, 7 * row, 0);
+    assert_true(names_of(said) == std::set<std::string>{"bias_step"}); // and no hits in between
+    const Theta& shape = said.effects[0].term.shape;
+    assert_int_equal(shape.size(), 2); // two parts of one jump are one
+    assert_near(shape[0], static_cast<double>(row / 6000), 0);
+    assert_near(shape[1], static_cast<double>(row % 6000) - 0.5, 1e-9);
+  }
+}
+
+static void test_a_small_jump_beside_two_large_ones_makes_no_noise_of_them(void**) {
+  size_t row = 0;
+  const auto jumps = [&](double, double) {
+    const size_t k = row++;
+    return (k > 2500 && k < 6000 ? 100.0 : 0.0) + (k > 9500 && k < 12000 ? 100.0 : 0.0) +
+           (k > 15000 && k < 18000 ? -36.0 : 0.0);
+  };
+  const Selection said = answer_to(jumps, 181, 0);
+  assert_int_equal(said.effects.size(), 1);
+  assert_string_equal(said.effects[0].term.effect->name().c_str(), "bias_step");
+  assert_int_equal(said.effects[0].term.shape.size(), 6); // all three were found
+  assert_false(said.effects[0].is_family);
+}
+
+static void test_slips_that_outweigh_the_answer_leave_no_name(void**) {
+  // Jumps at places drawn anew in every log, and back: now and then near the same temperature.
+  Rng rng(161, 0, 0, Stream::kTool);
+  size_t row = 0;
+  double level = 0;
+  const auto slips = [&](double, double) {
+    if (row++ % 6000 == 0) level = 0;
+    if (rng.uniform() < 1.0 / 1200) level = 150 * rng.normal();
+    return level;
+  };
+  const Selection said = answer_to(slips, 161, 0);
+  for (const SelectedEffect& effect : said.effects)
+    assert_true(effect.is_family || effect.family == Family::kSlowNoise);
+  assert_true(said.verdict != Verdict::kNoGap);
+}
+
+static void test_kinds_of_noise_stand_beside_other_parameters(void**) {
+  // A random walk, the noise believed as it is without: other parameters do as well, and are not all that does.
+  std::vector<Log> logs;
+  for (uint64_t seed = 171; seed < 173; ++seed) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 0, 0, Stream::kTool);
+    double walk = 0;
+    for (double& rate : log.axes[0].rate_dph) rate += walk += 0.8 * rng.normal();
+    logs.push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  options.model_path = "given";
+  const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
+  const std::set<std::string> all = members_of(said);
+  assert_true(all.count("rate_random_walk") == 1);
+  assert_int_equal(all.count("second_markov"), all.count("telegraph_noise")); // they have one spectrum
+}
+
+static void test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed(void**) {
+  // A fast process, a slow one of thirty times its time constant, and nothing believed: one process alone takes a middle.
+  std::vector<Log> logs;
+  for (uint64_t seed = 201; seed < 207; ++seed) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 0, 0, Stream::kTool);
+    const double phi = std::exp(-1 / 3000.0);
+    double slow = 60 * rng.normal();
+    for (double& rate : log.axes[0].rate_dph)
+      slow = phi * slow + 60 * std::sqrt(1 - phi * phi) * rng.normal(), rate += slow;
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowResult result = search.run();
+  double second = 0, walk = 0;
+  for (const SlowCandidateScore& s : result.noises) {
+    const double gain = s.gain_nats - result.null.free_score();
+    if (s.model.noise_effect == &find_effect("second_markov")) second = gain;
+    if (s.model.noise_effect == &find_effect("rate_random_walk")) walk = gain;
+  }
+  // Within logs that are short against its time constant the slow process is a random walk.
+  assert_true(second > SelectorConstants().noise_nats);
+  assert_near(second, walk, 4);
+}
+
+// A second process of 600 s beside an effect of the direction of the temperature: noise that is fitted without it has
+// swallowed it, also beside the causes that are found.
+static void test_a_kind_of_noise_is_found_beside_causes_whose_noise_has_swallowed_it(void**) {
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 6; ++k) {
+    Log log = simulated_log(100 + k, 6000, false, 0);
+    Rng rng(1, k, 0, Stream::kTool);
+    const double phi = std::exp(-1 / 600.0);
+    double slow = 40 * rng.normal();
+    for (size_t i = 0; i < log.size(); ++i) {
+      slow = phi * slow + 40 * std::sqrt(1 - phi * phi) * rng.normal();
+      log.axes[0].rate_dph[i] += slow + 80 * (log.t_s[i] < 3000 ? 1 : -1);
+    }
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel best = search.run().best;
+  assert_true(best.noise_effect == &find_effect("second_markov"));
+  assert_true(search.candidates()[best.names.at(0).candidate].effect == &find_effect("temperature_rate"));
+}
+
+static void test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed(void**) {
+  // Seldom jumps, each of two standard deviations of the white noise: samples have no heavy tails.
+  Rng rng(211, 0, 0, Stream::kTool);
+  double level = 34;
+  const Selection said = answer_to(
+      [&](double, double) {
+        if (rng.uniform() < 0.5 / 760) level = -level;
+        return level;
+      },
+      211, 0);
+  assert_int_equal(said.effects.size(), 1);
+  assert_string_equal(said.effects[0].term.effect->name().c_str(), "telegraph_noise");
+  assert_near(said.effects[0].term.shape[0], 34, 4);
+}
+
+static void test_telegraph_noise_has_no_stand_ins_beside_it(void**) {
+  // The noise of the model is exact.  Block means take the jumps for other noise, jumps in time and jumps at temperatures.
+  for (const uint64_t seed : {301, 302, 303, 304}) {
+    const Selection said = answer_to(jumps_between_levels(seed, 90, 300), seed, 0, true);
+    assert_true(names_of(said) == std::set<std::string>{"telegraph_noise"});
+    assert_false(said.is_noise_retuned);
+    assert_near(said.effects[0].term.shape[0], 45, 4);
+  }
+}
+
+static void test_a_cause_is_found_beside_telegraph_noise(void**) {
+  const auto jumps = jumps_between_levels(311, 90, 300);
+  const auto both = [&](double t, double temp) {
+    return jumps(t, temp) + 70 * std::exp(-0.5 * std::pow((temp - 22) / 4, 2));
+  };
+  for (const size_t held_out : {0, 1}) {
+    const Selection said = answer_to(both, 311, held_out, true);
+    const std::set<std::string> names = names_of(said);
+    assert_int_equal(names.size(), 2);
+    assert_int_equal(names.count("thermal_anomaly"), 1);
+    assert_int_equal(members_of(said).count("telegraph_noise"), 1);
+    assert_false(said.is_noise_retuned);
+  }
+}
+
+// Jumps up, each with an exponential way back: shots.
+static std::function<double(double, double)> shots(uint64_t seed, double height_dph, double interval_s) {
+  return [rng = Rng(seed, 0, 0, Stream::kTool), height_dph, interval_s, left = 0.0](double, double) mutable {
+    left *= std::exp(-1 / interval_s);
+    if (rng.uniform() < 1 / interval_s) left += height_dph;
+    return left;
+  };
+}
+
+static void test_shots_are_no_hits(void**) {
+  for (const double sign : {1.0, -1.0})
+    for (const uint64_t seed : {331, 332, 333}) {
+      const std::set<std::string> names = names_of(answer_to(shots(seed, sign * 150, 300), seed, 0, true));
+      assert_int_equal(names.count("outliers") + names.count("fast_noise") + names.count("telegraph_noise"), 0);
+    }
+  // Hits are gone with their sample.
+  Rng rng(341, 0, 0, Stream::kTool);
+  const Selection hits =
+      answer_to([&](double, double) { return rng.uniform() < 0.01 ? 200 * rng.normal() : 0.0; }, 341, 0, true);
+
+  assert_int_equal(names_of(hits).count("outliers"), 1);
+}
+
+static void test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit(void**) {
+  // Processes of 60 and of 6000 s; one process was fitted to both.
+  Log log = simulated_log(221, 40000, false, 0);
+  Rng rng(221, 0, 0, Stream::kTool);
+  double fast = 0, slow = 0;
+  for (double& rate : log.axes[0].rate_dph) {
+    fast = fast * std::exp(-1 / 60.0) + 200 * std::sqrt(2 / 60.0) * rng.normal();
+    slow = slow * std::exp(-1 / 6000.0) + 600 * std::sqrt(2 / 6000.0) * rng.normal();
+    rate += fast + slow;
+  }
+  const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+  const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+  const SecondsNoise from = fit_seconds_noise(campaign, nominal_hypothesis().base_noise, residual);
+  const auto has_second = [&](bool may_ask_slow) {
+    for (const FastFinding& f :
+         scan_fast_noise(campaign, from, residual, effect_library(), all_active(), {}, may_ask_slow).findings)
+      if (f.effect == &find_effect("second_markov") && f.gain_nats > SelectorConstants().fast_nats) return true;
+    return false;
+  };
+  assert_true(has_second(true));
+  assert_false(has_second(false)); // it belongs to the slow stage
+}
+
+// A process of 4 s beside one of 100 s, and the one process that was fitted to these logs believed: its parameters are the
+// best there are, their spectrum is not that of the seconds.
+static void test_a_fast_process_is_found_where_the_fitted_noise_is_believed(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 231; seed < 235; ++seed) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 0, 0, Stream::kTool);
+    double fast = 0;
+    for (double& rate : log.axes[0].rate_dph) {
+      fast = fast * std::exp(-1 / 4.0) + 25 * std::sqrt(1 - std::exp(-2 / 4.0)) * rng.normal();
+      rate += fast;
+    }
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+  const NoiseModel fitted = fit_seconds_noise(campaign, nominal_hypothesis().base_noise, residual).base;
+  ErrorModel believed = nominal_model();
+  believed.arw_deg_rt_h = fitted.white_sigma_dph / 60, believed.markov = fitted.markov;
+  DiagnoseOptions options;
+  options.nulls = 40;
+  options.model_path = "given";
+  const Selection said = diagnose_logs(options, believed, logs, {}).axes.at(0).study.selection;
+  assert_int_equal(members_of(said).count("second_markov"), 1);
+  for (const RestFinding& f : said.after) assert_true(f.evidence_nats < 0);
+}
+
+// White noise, a process of 6 s and nothing else, started from a slow process beside too much white noise: what leads out of
+// there is not what helps beside.
+static void test_what_better_plain_noise_gains_is_no_kind_of_fast_noise(void**) {
+  for (const uint64_t seed : {1u, 2u, 3u})
+    for (const Markov& slow : {Markov{11, 90}, Markov{13, 30}, Markov{5, 300}})
+      for (const double slope : {0.0, 0.3}) { // of the logarithm of the white noise over 30 degC
+        Log log = simulated_log(seed, 9000, false, 0);
+        Rng rng(seed, 3, 0, Stream::kTool);
+        double fast = 0;
+        for (size_t i = 0; i < log.size(); ++i) {
+          fast = std::exp(-1 / 6.0) * fast + 15 * std::sqrt(1 - std::exp(-2 / 6.0)) * rng.normal();
+          log.axes[0].rate_dph[i] = 36 * std::exp(slope * (log.temp_degc[i] - 30) / 30) * rng.normal() + fast;
+        }
+        const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+        const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+        SecondsNoise from;
+        from.base.white_sigma_dph = 39, from.base.markov = {slow};
+        from.log_likelihood = ResidualLikelihood(campaign, residual)(from.base);
+        const FastScan scan = scan_fast_noise(campaign, from, residual, effect_library(), all_active(), {});
+        assert_true(scan.plain.log_likelihood > from.log_likelihood + 2 * SelectorConstants().fast_nats);
+        assert_near(scan.plain.base.markov.at(0).tau_s, 6, 2);
+        double over_temperature = 0;
+        for (const FastFinding& f : scan.findings) {
+          const bool is_slope = f.effect == &find_effect("white_noise_vs_temperature");
+          if (is_slope) over_temperature = f.gain_nats;
+          if (!is_slope || slope == 0) assert_true(f.gain_nats < SelectorConstants().fast_nats);
+        }
+        if (slope > 0) assert_true(over_temperature > SelectorConstants().fast_nats);
+      }
+}
+
+static void test_saw_teeth_are_no_telegraph_noise(void**) {
+  // Jumps all one way.  Noise that jumps up and down is what fits best among the members.
+  Rng rng(212, 0, 0, Stream::kTool);
+  double tooth = 0, period_s = 400;
+  const Selection said = answer_to(
+      [&](double, double) {
+        tooth += 1 / period_s;
+        if (tooth >= 1) tooth = 0, period_s = 300 + 300 * rng.uniform();
+        return 44 * tooth;
+      },
+      212, 0);
+  for (const SelectedEffect& effect : said.effects) assert_true(effect.is_family);
+  assert_true(said.verdict != Verdict::kNoGap);
+}
+
+int main() {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_a_fast_process_is_found_where_the_fitted_noise_is_believed),
+      cmocka_unit_test(test_noise_of_the_seconds_is_fitted_beside_another_kind),
+      cmocka_unit_test(test_noise_believed_too_small_is_no_other_kind_of_noise),
+      cmocka_unit_test(test_jumps_that_come_again_and_again_are_no_events),
+      cmocka_unit_test(test_a_small_jump_beside_two_large_ones_makes_no_noise_of_them),
+      cmocka_unit_test(test_kinds_of_noise_stand_beside_other_parameters),
+      cmocka_unit_test(test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed),
+      cmocka_unit_test(test_a_kind_of_noise_is_found_beside_causes_whose_noise_has_swallowed_it),
+      cmocka_unit_test(test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed),
+      cmocka_unit_test(test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit),
+      cmocka_unit_test(test_what_better_plain_noise_gains_is_no_kind_of_fast_noise),
+      cmocka_unit_test(test_saw_teeth_are_no_telegraph_noise),
+  };
+  const struct CMUnitTest long_tests[] = {
+      cmocka_unit_test(test_a_few_jumps_are_not_said_to_be_telegraph_noise),
+      cmocka_unit_test(test_one_slip_in_each_of_many_logs_is_not_said_to_be_telegraph_noise),
+      cmocka_unit_test(test_a_jump_in_time_is_placed_to_its_second),
+      cmocka_unit_test(test_slips_that_outweigh_the_answer_leave_no_name),
+      cmocka_unit_test(test_telegraph_noise_has_no_stand_ins_beside_it),
+      cmocka_unit_test(test_a_cause_is_found_beside_telegraph_noise),
+      cmocka_unit_test(test_shots_are_no_hits),
+  };
+  int failed = cmocka_run_group_tests_name("diagnose: noise", tests, nullptr, nullptr);
+  const struct CMUnitTest left_out[] = {cmocka_unit_test(long_answers_are_left_out)};
+  failed += is_short_form()
+                ? cmocka_run_group_tests_name("diagnose: noise, short form", left_out, nullptr, nullptr)
+                : cmocka_run_group_tests_name("diagnose: noise, long answers", long_tests, nullptr, nullptr);
+  return failed;
+}
