@@ -12,10 +12,11 @@ namespace {
 // Wider than 6 degC a bump would imitate a polynomial.
 constexpr double kWidest_degc = 6;
 
-std::vector<Theta> places(double lo, double hi, std::initializer_list<double> widths) {
+// Every `apart` widths from end to end.
+std::vector<Theta> places(double lo, double hi, double apart, std::initializer_list<double> widths) {
   std::vector<Theta> points;
   for (double width : widths)
-    for (double center = lo + 0.5; center < hi; center += 1.3 * width) points.push_back({center, width});
+    for (double center = lo + 0.5; center < hi; center += apart * width) points.push_back({center, width});
   return points;
 }
 
@@ -25,7 +26,8 @@ class AnyBump : public EffectEstimator {
 public:
   Form form() const override { return Form::kColumns; }
   size_t n_columns() const override { return 2 * kWider.size(); }
-  std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, {1.6, 3.0}); }
+  // Its derivatives move and widen a bump: one width, twice as wide steps.
+  std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, 2, {1.5}); }
   Theta shape_lo() const override { return {-250, 0.4}; }
   Theta shape_hi() const override { return {2000, kWidest_degc}; }
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
@@ -83,7 +85,7 @@ public:
   }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
-  std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, {0.8, 1.6, 3.0, 5.5}); }
+  std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, 1.3, {0.8, 1.6, 3.0, 5.5}); }
   Theta shape_lo() const override { return {-250, 0.4}; }
   Theta shape_hi() const override { return {2000, kWidest_degc}; }
   AnyShape of_any_shape() const override {
