@@ -67,6 +67,23 @@ static void test_a_family_that_is_told_is_in_the_headline(void**) {
   assert_int_equal(count(text, "would follow the logs more closely"), 1);
 }
 
+// "No member is told" would not agree with a member that the set lists alone.
+static void test_a_family_is_told_with_what_is_open(void**) {
+  const auto said_of = [](SelectedEffect effect) { return said(Verdict::kUnexplained, {std::move(effect)}, {}); };
+  SelectedEffect open = effect_of("higher_order_polynomial", 60);
+  open_shape(&open);
+  assert_has(said_of(open), "; a free shape of it fits better than any member");
+  assert_lacks(said_of(open), "no member of it is told");
+  SelectedEffect loop = effect_of("thermal_hysteresis", 60);
+  open_loop(&loop);
+  assert_has(said_of(loop), "; the states in which runs began are seen, a loop is not");
+  SelectedEffect alone = effect_of("thermal_hysteresis", 60);
+  open_member(&alone);
+  assert_has(said_of(alone), "; of its members only thermal_hysteresis comes near");
+  SelectedEffect two = alone;
+  two.set.push_back({&find_effect("thermal_lag"), nullptr, false, alone.family, 50, 6});
+  assert_has(said_of(two), "; no member of it is told by these logs");
+}
 static void test_a_name_that_is_left_is_nearest_in_the_headline(void**) {
   const std::string text = said(Verdict::kUnexplained, {}, {effect_of("thermal_hysteresis", 60).set.front()});
   assert_has(text, "nearest comes thermal_hysteresis");
@@ -133,6 +150,7 @@ static void test_no_name_is_twice_in_a_set(void**) {
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_a_family_that_is_told_is_in_the_headline),
+      cmocka_unit_test(test_a_family_is_told_with_what_is_open),
       cmocka_unit_test(test_a_name_that_is_left_is_nearest_in_the_headline),
       cmocka_unit_test(test_a_name_with_little_evidence_is_marked_as_weak),
       cmocka_unit_test(test_other_noise_parameters_beside_a_weak_name_do_not_make_it_strong),

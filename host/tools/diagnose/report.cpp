@@ -374,6 +374,21 @@ bool has_weak_causes_only(const Selection& s) {
                      [&](const SelectedEffect& e) { return is_weak(e) || (has_cause && !is_cause(e)); });
 }
 
+// Why the family of a cause is told and no member of it.
+std::string what_is_open(const std::vector<SelectedEffect>& effects) {
+  const std::string no_member = "no member of it is told by these logs";
+  if (effects.size() != 1) return no_member;
+  const SelectedEffect& e = effects.front();
+  if (e.doubt == Doubt::kShapeOpen) return "a free shape of it fits better than any member";
+  if (e.doubt == Doubt::kLoopOpen) return "the states in which runs began are seen, a loop is not";
+  std::vector<std::string> members;
+  for (const CandidateEvidence& c : e.set)
+    if (c.effect && c.family == e.family) add_once(c.effect->name(), &members);
+  return members.size() == 1
+             ? "of its members only " + members.front() + " comes near, and these logs do not bear it out"
+             : no_member;
+}
+
 // A gap that has no name: what comes nearest, where anything does.
 std::string unexplained(const Selection& s) {
   std::vector<std::string> families, nearest;
@@ -381,7 +396,7 @@ std::string unexplained(const Selection& s) {
   for (const CandidateEvidence& c : s.remainders)
     if (!c.reference) add_once(name_of(c), &nearest);
   if (!families.empty())
-    return "a gap, with a cause of the family " + joined(families, " and ") + "; no member of it is told by these logs";
+    return "a gap, with a cause of the family " + joined(families, " and ") + "; " + what_is_open(s.effects);
   if (!nearest.empty())
     return "a gap without a sure name; nearest comes " + joined(nearest, " and ") +
            ", which these logs do not bear out";
