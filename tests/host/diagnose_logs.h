@@ -3,44 +3,23 @@
 #pragma once
 
 #include <Eigen/Dense>
-#include <array>
 #include <cmath>
-#include <csetjmp>
-#include <cstdarg>
-#include <cstddef>
 #include <cstdint>
 #include <cstdlib>
 #include <functional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/diagnose.h"
-#include "analysis/diagnose/fourier.h"
-#include "analysis/diagnose/lines.h"
-#include "analysis/diagnose/null_draws.h"
-#include "analysis/diagnose/reduction.h"
-#include "analysis/diagnose/rest_names.h"
-#include "analysis/diagnose/seconds.h"
-#include "analysis/diagnose/shared.h"
-#include "analysis/diagnose/smoothing.h"
-#include "analysis/diagnose/thermometer.h"
 #include "base/rng.h"
 #include "base/units.h"
-// After the others: it defines a macro `fail`.
-extern "C" {
-#include <cmocka.h>
-}
+#include "near.h" // after the others: it defines a macro `fail`
 
 using namespace imucal;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-#define assert_near(a, b, tolerance)                                                                                   \
-  do {                                                                                                                 \
-    const double left_ = (a), right_ = (b);                                                                            \
-    if (!(std::fabs(left_ - right_) <= (tolerance))) fail_msg("%s = %.12g, expected %.12g", #a, left_, right_);        \
-  } while (0)
 
 // A log of one axis over a triangle in temperature, noise from the model, with seconds missing.
 inline Log simulated_log(uint64_t seed, size_t seconds, bool has_gaps, double hysteresis_dph) {
@@ -82,7 +61,7 @@ inline Hypothesis nominal_hypothesis() {
   return h;
 }
 
-// Block means, candidates and search on two logs.
+// Every effect of the library is looked for.
 inline const std::vector<bool>& all_active() {
   static const std::vector<bool> active(effect_library().size(), true);
   return active;
@@ -145,12 +124,17 @@ inline std::function<double(double, double)> jumps_between_levels(uint64_t seed,
   };
 }
 
-// SHORT=1 (`make sanitize`): without the questions that take more than four seconds each; `make sanitize-long` asks all.
-inline bool is_short_form() {
-  return std::getenv("SHORT") != nullptr;
-}
-
 inline void long_answers_are_left_out(void**) {
   print_message("skip: the long answers are left out (SHORT); all of them: make sanitize-long\n");
   skip();
+}
+
+// Runs both groups and returns how many tests failed.  With SHORT in the environment (`make sanitize`) the long tests, which
+// take more than four seconds each, are left out and counted as one skipped test.
+template <size_t N, size_t M>
+int run_answers(const char* name, const CMUnitTest (&tests)[N], const CMUnitTest (&long_tests)[M]) {
+  const CMUnitTest left_out[] = {cmocka_unit_test(long_answers_are_left_out)};
+  const int failed = cmocka_run_group_tests_name(name, tests, nullptr, nullptr);
+  return failed + (std::getenv("SHORT") ? cmocka_run_group_tests_name(name, left_out, nullptr, nullptr)
+                                        : cmocka_run_group_tests_name(name, long_tests, nullptr, nullptr));
 }

@@ -1,5 +1,13 @@
 // SPDX-License-Identifier: MIT
 // The engine of diagnose against dense linear algebra and against what it was told.
+#include "analysis/diagnose/fourier.h"
+#include "analysis/diagnose/lines.h"
+#include "analysis/diagnose/null_draws.h"
+#include "analysis/diagnose/reduction.h"
+#include "analysis/diagnose/seconds.h"
+#include "analysis/diagnose/shared.h"
+#include "analysis/diagnose/smoothing.h"
+#include "analysis/diagnose/thermometer.h"
 #include "diagnose_logs.h"
 
 // Covariance of the used samples of a run, written out.

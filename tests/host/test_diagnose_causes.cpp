@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What diagnose answers where a cause repeats: hysteresis, lag, curves and jumps at a temperature, warm-up.
+#include "analysis/diagnose/rest_names.h"
 #include "diagnose_logs.h"
 
 static void test_search_names_hysteresis_whatever_noise_is_believed(void**) {
@@ -525,10 +526,5 @@ int main() {
       cmocka_unit_test(test_a_loop_whose_start_states_are_larger_than_itself_is_no_name),
       cmocka_unit_test(test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well),
   };
-  int failed = cmocka_run_group_tests_name("diagnose: causes", tests, nullptr, nullptr);
-  const struct CMUnitTest left_out[] = {cmocka_unit_test(long_answers_are_left_out)};
-  failed += is_short_form()
-                ? cmocka_run_group_tests_name("diagnose: causes, short form", left_out, nullptr, nullptr)
-                : cmocka_run_group_tests_name("diagnose: causes, long answers", long_tests, nullptr, nullptr);
-  return failed;
+  return run_answers("diagnose: causes", tests, long_tests);
 }

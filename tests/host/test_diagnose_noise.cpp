@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What diagnose answers to noise of other kinds and to jumps in time.
+#include "analysis/diagnose/seconds.h"
 #include "diagnose_logs.h"
 
 static void test_noise_of_the_seconds_is_fitted_beside_another_kind(void**) {
@@ -389,10 +390,5 @@ int main() {
       cmocka_unit_test(test_a_cause_is_found_beside_telegraph_noise),
       cmocka_unit_test(test_shots_are_no_hits),
   };
-  int failed = cmocka_run_group_tests_name("diagnose: noise", tests, nullptr, nullptr);
-  const struct CMUnitTest left_out[] = {cmocka_unit_test(long_answers_are_left_out)};
-  failed += is_short_form()
-                ? cmocka_run_group_tests_name("diagnose: noise, short form", left_out, nullptr, nullptr)
-                : cmocka_run_group_tests_name("diagnose: noise, long answers", long_tests, nullptr, nullptr);
-  return failed;
+  return run_answers("diagnose: noise", tests, long_tests);
 }

@@ -84,6 +84,7 @@ static void test_a_family_is_told_with_what_is_open(void**) {
   two.set.push_back({&find_effect("thermal_lag"), nullptr, false, alone.family, 50, 6});
   assert_has(said_of(two), "; no member of it is told by these logs");
 }
+
 static void test_a_name_that_is_left_is_nearest_in_the_headline(void**) {
   const std::string text = said(Verdict::kUnexplained, {}, {effect_of("thermal_hysteresis", 60).set.front()});
   assert_has(text, "nearest comes thermal_hysteresis");
