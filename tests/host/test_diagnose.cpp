@@ -7,6 +7,7 @@
 #include "analysis/diagnose/seconds.h"
 #include "analysis/diagnose/shared.h"
 #include "analysis/diagnose/smoothing.h"
+#include "analysis/diagnose/structure.h"
 #include "analysis/diagnose/thermometer.h"
 #include "diagnose_logs.h"
 
@@ -275,6 +276,15 @@ static void test_decomposition_adds_up(void**) {
   assert_near(by_temp, by_tau, 1e-6);
   assert_near(by_phase, by_tau, 1e-6);
   assert_near(by_log, by_tau, 1e-6);
+  // Times are those of the log, from the first to the last second of it.
+  Campaign later = campaign;
+  for (CampaignRun& run : later.runs) run.start_s += 5000;
+  Fit loud = fit;
+  loud.e[0].segment(1250, 400) *= 3;
+  const WhereResult event = locate(campaign, loud), at_later = locate(later, loud);
+  assert_true(event.time_lo_s > 500 && event.time_hi_s < 2400);
+  assert_near(at_later.time_lo_s, event.time_lo_s + 5000, 1e-9);
+  assert_near(at_later.time_hi_s, event.time_hi_s + 5000, 1e-9);
   // Orthonormal: the whole is the excess of the squares.
   assert_near(by_tau, fit.e[0].squaredNorm() - static_cast<double>(fit.e[0].size()), 1e-6);
 }
@@ -669,6 +679,52 @@ static void test_sudden_changes_show_in_smoothed_moments_and_noise_does_not(void
   assert_true(evidence_of_test(campaign, innovations_with_tone(campaign, 0.15, 0.002, 0), Rest::kSuddenChanges) < 0);
 }
 
+// Evidence of a test on white innovations of standard deviation `sigma` in runs of these lengths.
+static double evidence_on_white(const std::vector<size_t>& seconds, uint64_t seed, double sigma, Rest test) {
+  std::vector<Log> logs;
+  for (const size_t n : seconds) logs.push_back(simulated_log(seed, n, false, 0));
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  Rng rng(seed, 0, 0, Stream::kTool);
+  std::vector<VectorXd> e;
+  for (const CampaignRun& run : campaign.runs) {
+    e.emplace_back(static_cast<long>(run.n()));
+    for (double& x : e.back()) x = sigma * rng.normal();
+  }
+  return evidence_of_test(campaign, e, test);
+}
+
+static void test_a_flat_spectrum_is_flat_whatever_the_lengths_of_the_logs(void**) {
+  for (uint64_t seed = 61; seed < 65; ++seed) {
+    assert_true(evidence_on_white({30000, 4000, 4000}, seed, 1, Rest::kSpectrum) < 0);
+    assert_true(evidence_on_white({20000, 2000}, seed, 1, Rest::kSpectrum) < 0);
+  }
+}
+
+static void test_bursts_are_not_noise_of_another_size(void**) {
+  for (uint64_t seed = 71; seed < 75; ++seed) {
+    const double plain = evidence_on_white({8000}, seed, 1, Rest::kBursts);
+    assert_true(plain < 0);
+    assert_near(evidence_on_white({8000}, seed, 3, Rest::kBursts), plain, 1e-9);
+  }
+}
+
+// Rates in steps of 36 dph: of a level of 20 dph most samples are equal to the one before, and zero is the next step.
+static void test_zeros_of_coarse_rates_are_no_drop_outs(void**) {
+  Log log = simulated_log(76, 8000, false, 0);
+  Rng rng(76, 0, 0, Stream::kTool);
+  for (double& rate : log.axes[0].rate_dph) rate = 36 * std::round((20 + 10 * rng.normal()) / 36);
+  Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+  const StructureResult found = find_structure(&campaign, effect_library(), all_active());
+  assert_int_equal(found.n_dropouts, 0);
+  for (const StructureFinding& f : found.findings) assert_string_not_equal(f.effect->name().c_str(), "held_samples");
+  assert_int_equal(campaign.n(), 8000);
+  // Of a level of 5 dph nearly all are zero.
+  for (double& rate : log.axes[0].rate_dph) rate = 36 * std::round((5 + 7 * rng.normal()) / 36);
+  campaign = make_campaign({log}, "gx_dph", nominal_model());
+  for (const StructureFinding& f : find_structure(&campaign, effect_library(), all_active()).findings)
+    assert_string_not_equal(f.effect->name().c_str(), "held_samples");
+}
+
 static void test_short_bursts_are_told_from_single_hits(void**) {
   const Campaign campaign = make_campaign({simulated_log(23, 8000, false, 0)}, "gx_dph", nominal_model());
   std::vector<VectorXd> bursts = innovations_with_jumps(campaign, 0, 800), hits = bursts;
@@ -838,6 +894,32 @@ static void test_noise_that_axes_share_is_told_from_slow_causes_of_both(void**) 
   assert_true(shared_noise(rest_of(c, &fit_a), rest_of(d, &fit_b)).gain_nats < SelectorConstants().shared_nats);
 }
 
+// A lag of next to nothing predicts what no lag does, although its polynomial is made anew.
+static void test_a_polynomial_at_another_temperature_is_the_same_on_a_part_of_a_log(void**) {
+  const Campaign campaign = make_campaign({simulated_log(81, 6000, false, 0)}, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel null = search.run().null;
+  SlowModel lag = search.best_with({&find_effect("thermal_lag")});
+  assert_int_equal(lag.names.size(), 1);
+  lag.take_noise_of(null);
+  lag.names[0].shape[0] = 1e-3;
+  assert_near(predicted_nats(search, data, nullptr, lag), predicted_nats(search, data, nullptr, null), 0.05);
+}
+
+// The first and the last log rest where the normalised temperature is zero.
+static void test_a_log_between_logs_at_rest_tells_the_polynomial(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 83; seed < 86; ++seed) logs.push_back(simulated_log(seed, 3000, false, 0));
+  for (const size_t i : {0u, 2u})
+    for (double& temp : logs[i].temp_degc) temp = 30;
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  const RunGrams::Posterior at = RunGrams(data, {}, nominal_hypothesis().base_noise).posterior();
+  // The curve spans 600 dph; noise of 23 dph in ten seconds is left.
+  assert_true(residual_of(data, {}, at, 1).cwiseAbs().maxCoeff() < 100);
+}
+
 static void test_curvature_gives_the_errors_of_a_gaussian(void**) {
   // Standard deviations 0.3 and 20, correlation 0.8; a step of a tenth of the value is far from either.
   const auto f = [](const Theta& x) {
@@ -847,6 +929,12 @@ static void test_curvature_gives_the_errors_of_a_gaussian(void**) {
   const Theta errors = curvature_errors(f, {5, 100}, {0, 0}, {1000, 1000});
   assert_near(errors[0], 0.3, 1e-6);
   assert_near(errors[1], 20, 1e-4);
+  // A bound that is far away says nothing of the step.
+  const auto narrow = [](const Theta& x) { return -0.5 * std::pow((x[0] - 5) / 0.002, 2); };
+  assert_near(curvature_errors(narrow, {5}, {-250}, {2000})[0], 0.002, 1e-6);
+  const auto wings = [](const Theta& x) { return -0.5 * std::log1p(std::pow((x[0] - 5) / 0.002, 2)); };
+  assert_near(curvature_errors(wings, {5}, {-250}, {2000})[0], 0.003,
+              0.001); // it depends on the step: 0.6 to 1.7 errors
   // On a bound, and where the likelihood does not fall off: no error rather than a wrong one.
   assert_true(std::isnan(curvature_errors(f, {5, 100}, {5, 0}, {1000, 1000})[0]));
   assert_true(std::isnan(curvature_errors([](const Theta&) { return 1.0; }, {5}, {0}, {9})[0]));
@@ -876,6 +964,11 @@ int main() {
       cmocka_unit_test(test_lines_of_several_logs_add_up),
       cmocka_unit_test(test_gains_run_by_run_are_those_of_each_run),
       cmocka_unit_test(test_sudden_changes_show_in_smoothed_moments_and_noise_does_not),
+      cmocka_unit_test(test_a_flat_spectrum_is_flat_whatever_the_lengths_of_the_logs),
+      cmocka_unit_test(test_bursts_are_not_noise_of_another_size),
+      cmocka_unit_test(test_zeros_of_coarse_rates_are_no_drop_outs),
+      cmocka_unit_test(test_a_polynomial_at_another_temperature_is_the_same_on_a_part_of_a_log),
+      cmocka_unit_test(test_a_log_between_logs_at_rest_tells_the_polynomial),
       cmocka_unit_test(test_short_bursts_are_told_from_single_hits),
       cmocka_unit_test(test_the_interval_of_one_held_out_log_holds_the_true_reduction),
       cmocka_unit_test(test_units_of_few_rows_or_none_change_no_interval),

@@ -434,6 +434,9 @@ double maximise(const std::function<double(const Theta&)>& f, Theta* theta, cons
   return reached;
 }
 
+// Rounds in which a step is brought near one standard error: each changes it tenfold at most.
+constexpr int kMostRounds = 12;
+
 Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,
                        const Theta& hi) {
   const long n = static_cast<long>(theta.size());
@@ -454,9 +457,9 @@ Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta
     double h = std::min(0.5 * room, 0.1 * std::max(std::fabs(theta[at_i]), 0.1 * (hi[at_i] - lo[at_i])));
     if (!(h > 0)) return errors;
     double second = 0;
-    for (int round = 0; round < 4; ++round) {
+    for (int round = 1;; ++round) {
       second = at(i, h, i, 0) + at(i, -h, i, 0) - 2 * top;
-      if (!(second < 0)) break;
+      if (!(second < 0) || round == kMostRounds) break;
       const double wanted = h / std::sqrt(-second); // one standard error: the two drops sum to 1
       if (wanted > 0.6 * h && wanted < 1.7 * h) break;
       const double next = std::clamp(wanted, 0.1 * h, std::min(10 * h, 0.9 * room));

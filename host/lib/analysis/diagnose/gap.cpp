@@ -162,20 +162,20 @@ CampaignRun only_rows(const CampaignRun& run, size_t quarter, bool is_inside) {
 
 Prediction predict_quarters(const SlowSearch& search, const SlowData& training, const SlowModel& model) {
   Prediction out;
-  const auto grams_on = [&](const SlowData& data, std::vector<MeanPart>* parts) {
-    *parts = search.parts_on(data, model);
+  const auto grams_on = [&](const SlowData& data, const std::vector<MeanPart>& parts) {
     std::vector<const MeanPart*> pointers;
-    for (const MeanPart& part : *parts) pointers.push_back(&part);
+    for (const MeanPart& part : parts) pointers.push_back(&part);
     return RunGrams(data, pointers, search.noise_of(model));
   };
-  std::vector<MeanPart> parts;
-  const double whole = grams_on(training, &parts).log_marginal(1);
+  const std::vector<MeanPart> parts = search.parts_on(training, model);
+  const double whole = grams_on(training, parts).log_marginal(1);
   for (size_t q = 0; q < 4; ++q) {
     Campaign rest = training.campaign;
     rest.runs[0] = only_rows(training.campaign.runs[0], q, false);
-    SlowData data(rest, training);
-    std::vector<MeanPart> rest_parts;
-    const RunGrams grams = grams_on(data, &rest_parts);
+    const SlowData data(rest, training);
+    std::vector<MeanPart> rest_parts; // the polynomial of a name keeps its normalisation, as the nominal one does
+    for (const MeanPart& part : parts) rest_parts.push_back(rows_of(part, training, data));
+    const RunGrams grams = grams_on(data, rest_parts);
     out.nats.push_back(whole - grams.log_marginal(1));
     out.left.push_back(residual_of(training, parts, grams.posterior(), 0));
     keep_columns(training, parts, 0, &out);
@@ -224,7 +224,8 @@ double mean_of_markov(double t_over_tau) {
 // Mean square of one-minute means of the noise itself about their mean over a unit of `length_s`.
 double noise_of_minutes(const NoiseModel& noise, double length_s) {
   const double length = std::max(length_s, 2 * kMinute_s);
-  double sum = noise.white_sigma_dph * noise.white_sigma_dph * (1 / kMinute_s - 1 / length);
+  const double white = noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2;
+  double sum = white * (1 / kMinute_s - 1 / length);
   for (const Markov& m : noise.markov)
     sum += m.sigma_dph * m.sigma_dph * (mean_of_markov(kMinute_s / m.tau_s) - mean_of_markov(length / m.tau_s));
   const double walk = noise.walk_dph_per_rt_s;

@@ -80,6 +80,23 @@ void same_width(std::vector<MatrixXd>* columns) {
   }
 }
 
+// Where the rows of `some` stand among those of `all`, which has them in the same order.
+std::vector<long> places(const std::vector<int>& all, const std::vector<int>& some) {
+  std::vector<long> at;
+  size_t k = 0;
+  for (const int row : some) {
+    while (all[k] != row) ++k;
+    at.push_back(static_cast<long>(k));
+  }
+  return at;
+}
+
+template <typename Matrix> Matrix rows_at(const Matrix& all, const std::vector<long>& at) {
+  Matrix out(static_cast<long>(at.size()), all.cols());
+  for (size_t i = 0; i < at.size(); ++i) out.row(static_cast<long>(i)) = all.row(at[i]);
+  return out;
+}
+
 } // namespace
 
 SlowData::SlowData(Campaign blocks) : campaign(std::move(blocks)) {
@@ -111,17 +128,10 @@ SlowData::SlowData(Campaign blocks) : campaign(std::move(blocks)) {
 SlowData::SlowData(Campaign blocks, const SlowData& like) : campaign(std::move(blocks)) {
   spread_dph = like.spread_dph;
   for (size_t r = 0; r < campaign.runs.size(); ++r) {
-    const std::vector<int>& used = campaign.runs[r].used;
-    VectorXd rate(static_cast<long>(used.size()));
-    MatrixXd x(rate.size(), like.powers[r].cols());
-    for (size_t i = 0, k = 0; i < used.size(); ++i) {
-      while (like.rows_used[r][k] != used[i]) ++k;
-      rate[static_cast<long>(i)] = like.y[r][static_cast<long>(k)];
-      x.row(static_cast<long>(i)) = like.powers[r].row(static_cast<long>(k));
-    }
-    y.push_back(std::move(rate));
-    powers.push_back(std::move(x));
-    rows_used.push_back(used);
+    rows_used.push_back(campaign.runs[r].used);
+    const std::vector<long> kept = places(like.rows_used[r], rows_used[r]);
+    y.push_back(rows_at(like.y[r], kept));
+    powers.push_back(rows_at(like.powers[r], kept));
   }
 }
 
@@ -193,6 +203,14 @@ MeanPart mean_part(const SlowData& data, const EffectEstimator& estimator, const
   return part;
 }
 
+MeanPart rows_of(const MeanPart& part, const SlowData& all, const SlowData& some) {
+  MeanPart out = part;
+  for (std::vector<MatrixXd>* columns : {&out.common, &out.local, &out.powers})
+    for (size_t r = 0; r < columns->size(); ++r)
+      (*columns)[r] = rows_at((*columns)[r], places(all.rows_used[r], some.rows_used[r]));
+  return out;
+}
+
 MeanPart start_part(const SlowData& data, const EffectEstimator& estimator, const Theta& shape) {
   MeanPart part = mean_part(data, estimator, shape);
   part.common = none(data.campaign);
@@ -208,9 +226,11 @@ MeanColumns::MeanColumns(const SlowData& data, const std::vector<const MeanPart*
     if (!part->powers.empty()) powers = &part->powers;
     for (long c = 0; c < part->local_precision.size(); ++c) local.push_back(part->local_precision[c]);
   }
-  for (long c = 0; c < powers->front().cols(); ++c)
+  for (long c = 0; c < powers->front().cols(); ++c) {
     // A power that depends on the others is zero; a precision keeps its place harmless.
-    common.push_back(powers->front().col(c).squaredNorm() + powers->back().col(c).squaredNorm() > 0 ? 0.0 : 1.0);
+    const auto has = [c](const MatrixXd& x) { return x.col(c).squaredNorm() > 0; };
+    common.push_back(std::any_of(powers->begin(), powers->end(), has) ? 0.0 : 1.0);
+  }
   for (const MeanPart* part : parts)
     for (long c = 0; c < part->common_precision.size(); ++c) common.push_back(part->common_precision[c]);
   local_precision_ = Eigen::Map<VectorXd>(local.data(), static_cast<long>(local.size()));

@@ -45,6 +45,10 @@ std::vector<Eigen::MatrixXd> polynomial_columns(const Campaign& campaign, const 
 // The columns of an effect at one shape (kColumns, kTemperature, kRunRandom, kTone, kSteps).
 MeanPart mean_part(const SlowData& data, const EffectEstimator& estimator, const Theta& shape);
 
+// A part on the rows that `some`, made from `all`, still has: the same columns and priors, so that likelihoods and
+// coefficients of all rows and of some belong together.
+MeanPart rows_of(const MeanPart& part, const SlowData& all, const SlowData& some);
+
 // Only the start states of an effect.
 MeanPart start_part(const SlowData& data, const EffectEstimator& estimator, const Theta& shape);
 

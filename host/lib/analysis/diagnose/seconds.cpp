@@ -367,7 +367,7 @@ RestFinding in_bursts(const Campaign& campaign, const std::vector<VectorXd>& e, 
   for (const VectorXd& x : e) {
     double before = 0;
     for (long k = 0; k + block <= x.size(); k += block) {
-      const double excess = (x.segment(k, block).squaredNorm() / n - m.var) * std::sqrt(n / 2);
+      const double excess = (x.segment(k, block).squaredNorm() / (n * m.var) - 1) * std::sqrt(n / 2);
       if (k > 0) sum += excess * before, count += 1;
       before = excess;
     }
@@ -431,18 +431,23 @@ double one_sided_moment(const std::vector<VectorXd>& e, double a, long piece) {
   return squares > 0 ? std::fabs(sum) / std::sqrt(squares) : 0;
 }
 
-// Binned periodogram against a flat one; power as summed_power gives it.
+// Binned periodogram against a flat one; power as summed_power gives it.  A run of n samples has n/2 independent frequencies
+// of two degrees of freedom, however long its transform is.  The mean of R runs, each with a power of 1, has at K frequencies
+// of the transform the variance of 2 K R h/n_fft degrees of freedom, h: harmonic mean of the runs' samples.
 RestFinding in_spectrum(const Campaign& campaign, const std::vector<double>& power, double rate) {
   size_t longest = 0;
-  for (const CampaignRun& run : campaign.runs)
+  double sum_of_inverse = 0;
+  for (const CampaignRun& run : campaign.runs) {
     longest = std::max(longest, static_cast<size_t>(run.input.tick.back() + 1));
+    sum_of_inverse += 1 / static_cast<double>(run.n());
+  }
   const SpectrumBins bins(longest, campaign.dt_s);
   std::vector<double> sum(bins.n_bins(), 0.0), weight(bins.n_bins(), 0.0);
   bins.add(power, static_cast<double>(campaign.runs.size()), &sum, &weight);
   double statistic = 0, dof = 0;
-  const double padding = static_cast<double>(longest) / static_cast<double>(bins.n_fft);
+  const double samples = static_cast<double>(campaign.runs.size()) / sum_of_inverse; // harmonic mean
   for (size_t b = 0; b < sum.size(); ++b) {
-    const double n = 2 * weight[b] * padding; // degrees of freedom: neighbours of a padded transform depend
+    const double n = 2 * weight[b] * samples / static_cast<double>(bins.n_fft); // degrees of freedom
     if (bins.centres()[b] < kFewestPeriods / (static_cast<double>(longest) * campaign.dt_s) ||
         n < kFewestDegreesOfFreedom)
       continue;

@@ -13,9 +13,23 @@ constexpr double kFarZero = 8;    // noise standard deviations of the values aro
 constexpr double kGuard_s = 10;   // next to censored samples: those that just escaped are biased too
 constexpr double kMostLost = 0.5; // part of the samples that the guard may cost; else only the samples themselves go
 
-// Zeros between values that are far from zero: the recorder's, not the gyro's.
+// Smallest difference between two samples in turn: the step of rates that were rounded.
+double smallest_change(const Campaign& campaign) {
+  double smallest = 1e300;
+  for (const CampaignRun& run : campaign.runs)
+    for (size_t k = 1; k < run.n(); ++k) {
+      const double change = std::fabs(run.input.rate_dph[static_cast<size_t>(run.used[k])] -
+                                      run.input.rate_dph[static_cast<size_t>(run.used[k - 1])]);
+      if (change > 0) smallest = std::min(smallest, change);
+    }
+  return smallest;
+}
+
+// Zeros between values that are far from zero: the recorder's, not the gyro's.  Of coarse rates most are equal to the one
+// before, and zero may be the next step.
 size_t mask_dropouts(Campaign* campaign) {
-  const double noise = white_between_samples(*campaign) / std::sqrt(campaign->dt_s);
+  const double noise =
+      std::max(white_between_samples(*campaign) / std::sqrt(campaign->dt_s), smallest_change(*campaign));
   size_t count = 0;
   std::vector<std::vector<char>> unusable;
   for (const CampaignRun& run : campaign->runs) {

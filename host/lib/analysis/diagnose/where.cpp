@@ -150,7 +150,7 @@ private:
     const long length = std::max<long>(1, std::lround(kSection_s / campaign_.dt_s));
     for (long k = 0; k < e.size(); k += length) {
       const long n = std::min(length, static_cast<long>(e.size()) - k);
-      sections_.push_back({run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(k)])],
+      sections_.push_back({run.start_s + run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(k)])],
                            e.segment(k, n).squaredNorm() - static_cast<double>(n), static_cast<double>(n)});
     }
   }

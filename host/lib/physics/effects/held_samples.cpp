@@ -52,6 +52,7 @@ private:
   static constexpr size_t kFewestDropped = 8, kFewestRepeats = 6;
   static constexpr size_t kMoreOften = 5; // than any other value, than equal values two apart
   static constexpr double kFarShare = 0.8;
+  static constexpr double kMoreThanChance = 1.5; // held samples of rates in steps
 
   static size_t n_samples(const std::vector<RunInput>& runs) {
     size_t n = 0;
@@ -72,6 +73,7 @@ private:
     for (const double value : {0.0, lo, hi}) {
       const Pile pile = pile_at(runs, levels, value);
       if (pile.n < kFewestDropped || pile.n < kMoreOften * most_common_other(runs, value)) continue;
+      if (2 * pile.n > n_samples(runs)) continue; // what most samples read is the rate, in coarse steps
       if (value != 0 && static_cast<double>(pile.n_far) < kFarShare * static_cast<double>(pile.n)) continue;
       Signature found;
       const double n = static_cast<double>(pile.n);
@@ -83,6 +85,23 @@ private:
       return found;
     }
     return std::nullopt;
+  }
+
+  // Samples that are equal to the one before where each takes the values of all in a random order: of rates in coarse steps
+  // most are.
+  static double equal_by_chance(const std::vector<RunInput>& runs) {
+    std::vector<double> values;
+    for (const RunInput& run : runs)
+      for (const double y : run.rate_dph)
+        if (std::isfinite(y)) values.push_back(y);
+    std::sort(values.begin(), values.end());
+    double squares = 0;
+    for (auto first = values.begin(); first != values.end();) {
+      const auto last = std::upper_bound(first, values.end(), *first);
+      squares += std::pow(static_cast<double>(last - first), 2);
+      first = last;
+    }
+    return squares / static_cast<double>(values.size());
   }
 
   // Exact repeats of the value before, more than a lattice of values would give.
@@ -97,6 +116,7 @@ private:
         equal_two_apart += now == run.rate_dph[i - 2] && now != before;
       }
     if (n < kFewestRepeats || n < kMoreOften * equal_two_apart) return std::nullopt;
+    if (equal_two_apart > 0 && static_cast<double>(n) < kMoreThanChance * equal_by_chance(runs)) return std::nullopt;
     Signature found;
     found.parameters = {{"probability", static_cast<double>(n) / static_cast<double>(pairs)}};
     found.evidence_nats = 5.0 * static_cast<double>(n);
