@@ -124,6 +124,12 @@ inline std::function<double(double, double)> jumps_between_levels(uint64_t seed,
   };
 }
 
+// The first `n` of these seeds, or all of them with LONG in the environment (`make test-long`): for answers of many seconds.
+inline std::vector<uint64_t> seeds_of(size_t n, std::vector<uint64_t> all) {
+  if (!std::getenv("LONG") && n < all.size()) all.resize(n);
+  return all;
+}
+
 inline void long_answers_are_left_out(void**) {
   print_message("skip: the long answers are left out (SHORT); all of them: make sanitize-long\n");
   skip();

@@ -30,6 +30,12 @@ TONES = [(DRAW.uniform(0.12, 0.38), DRAW.choice([-1, 1]) * math.exp(DRAW.uniform
           int(DRAW.choice([2, 3])), 40 + i) for i in range(8)]  # Hz at T0, Hz/degC, logs, seed
 
 
+def long_after(n, cases):
+    """The first n cases of `make test`, and those that are left to `make test-long`."""
+    return [case if i < n else pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.long)
+            for i, case in enumerate(cases)]
+
+
 def temperature(corners):
     """Degrees at every fine step; the chamber follows its corners as a body with a time constant of 45 s would."""
     at, degc = zip(*corners)
@@ -88,7 +94,7 @@ def effects(folder, paths):
     return json.loads(done.stdout)["axes"][0]["effects"]
 
 
-@pytest.mark.parametrize("hz, drift, logs, seed", TONES)
+@pytest.mark.parametrize("hz, drift, logs, seed", long_after(4, TONES))
 def test_a_tone_that_drifts_fast_is_named_with_its_drift(tmp_path, hz, drift, logs, seed):
     """Five errors of the program, and half a beat over the longest log at either end of the temperatures."""
     samples = sum(PROFILES[i][-1][0] for i in range(logs))
@@ -113,14 +119,15 @@ JUMPS = [(300, 90, 0), (300, 90, 1), (300, 150, 2), (700, 90, 0), (150, 60, 3000
 
 
 @pytest.mark.parametrize("kind", ["straight", "exponential"])
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", [1, pytest.param(-1, marks=pytest.mark.long)])
 @pytest.mark.parametrize("interval_s, height, seed", JUMPS)
 def test_teeth_are_called_neither_telegraph_noise_nor_outliers(tmp_path, interval_s, height, seed, sign, kind):
     found = effects(tmp_path, write_logs(tmp_path, seed, 2, lambda rng, degc: sign * jumps(rng, len(degc), interval_s, height, kind)))
     assert not {"telegraph_noise", "outliers", "fast_noise"} & {e["name"] for e in found}
 
 
-@pytest.mark.parametrize("interval_s, height, seed, logs", [(*j, n) for j in JUMPS for n in (1, 2, 3) if 6900 * n > 15 * j[0]])
+@pytest.mark.parametrize("interval_s, height, seed, logs",
+                         long_after(6, [(*j, n) for n in (1, 2, 3) for j in JUMPS if 6900 * n > 15 * j[0]]))
 def test_a_telegraph_process_is_called_one_and_nothing_stands_beside_it(tmp_path, interval_s, height, seed, logs):
     """The noise of the model is exact, and there are 15 jumps or more."""
     found = effects(tmp_path, write_logs(tmp_path, seed, logs, lambda rng, degc: jumps(rng, len(degc), interval_s, height, "telegraph")))
@@ -128,7 +135,7 @@ def test_a_telegraph_process_is_called_one_and_nothing_stands_beside_it(tmp_path
     assert found[0]["parameters"]["amplitude_dph"] == pytest.approx(height / 2, abs=5 * found[0]["std_errors"]["amplitude_dph"])
 
 
-@pytest.mark.parametrize("seed", range(5100, 5104))
+@pytest.mark.parametrize("seed", long_after(2, range(5100, 5104)))
 def test_a_cause_is_told_beside_a_telegraph_process(tmp_path, seed):
     def added(rng, degc):
         return jumps(rng, len(degc), 250, 80, "telegraph") + 65 * np.exp(-0.5 * ((degc - 24) / 4.5) ** 2)
