@@ -2,6 +2,7 @@
 #include "noise/noise_model.h"
 
 #include <algorithm>
+#include <cmath>
 #include <tuple>
 
 #include "base/units.h"
@@ -17,6 +18,13 @@ bool operator==(const NoiseModel& a, const NoiseModel& b) {
     return x.sigma_dph == y.sigma_dph && x.tau_s == y.tau_s;
   };
   return rest(a) == rest(b) && std::equal(a.markov.begin(), a.markov.end(), b.markov.begin(), b.markov.end(), is_same);
+}
+
+NoiseModel with_factors(const NoiseModel& base, const double* x) {
+  NoiseModel out = base;
+  out.white_sigma_dph *= std::exp(x[0]);
+  for (Markov& m : out.markov) m.tau_s *= std::exp(x[2]), m.sigma_dph *= std::exp(0.5 * (x[1] + x[2]));
+  return out;
 }
 
 NoiseModel noise_of(const ErrorModel& model) {

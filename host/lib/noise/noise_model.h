@@ -26,6 +26,9 @@ struct NoiseModel {
 // Whether every number is the same.
 bool operator==(const NoiseModel& a, const NoiseModel& b);
 
+// White noise, density (2 sigma^2 / tau) and time constants of the Markov processes times exp(x[0]), exp(x[1]), exp(x[2]).
+NoiseModel with_factors(const NoiseModel& base, const double* x);
+
 // White noise and Gauss-Markov processes of an error model.  Its effects are ignored.
 NoiseModel noise_of(const ErrorModel& model);
 

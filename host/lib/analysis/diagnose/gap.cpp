@@ -16,7 +16,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kMinute_s = 60;
-constexpr double kOverlap = 1e-9;
+constexpr double kLeast_h = 1e-9; // of held-out data: a divisor
 
 // A residual path as the nominal model's filter follows it.
 struct FollowedPath {
@@ -371,7 +371,7 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   out.part_within = static_cast<double>(within) / static_cast<double>(campaign.n());
   if (within == 0) units = held_out_units(training, splits, before, after, false);
   const double seconds = static_cast<double>(campaign.n()) * campaign.dt_s;
-  out.hours = std::max(kOverlap, seconds / 3600);
+  out.hours = std::max(kLeast_h, seconds / 3600);
   out.gain = out.delta_deviance / out.hours;
   set_residuals(search, final, units, campaign.dt_s, &out);
   out.has_mean = !final.names.empty();

@@ -113,18 +113,6 @@ double ResidualLikelihood::of_whitened(const NoiseModel& noise) const {
   return sum;
 }
 
-namespace {
-
-// White, density and tau of the Markov terms by factors.
-NoiseModel with_factors(const NoiseModel& base, const Theta& x) {
-  NoiseModel out = base;
-  out.white_sigma_dph *= std::exp(x[0]);
-  for (Markov& m : out.markov) m.tau_s *= std::exp(x[2]), m.sigma_dph *= std::exp(0.5 * (x[1] + x[2]));
-  return out;
-}
-
-} // namespace
-
 SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start, const std::vector<VectorXd>& residual,
                                const std::function<NoiseModel(const NoiseModel&)>& with) {
   const ResidualLikelihood log_likelihood(campaign, residual);
@@ -134,11 +122,11 @@ SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start
   SecondsNoise out;
   out.log_likelihood = maximise(
       [&](const Theta& at) {
-        const NoiseModel noise = with_factors(start, at);
+        const NoiseModel noise = with_factors(start, at.data());
         return log_likelihood(with ? with(noise) : noise);
       },
       &x, {-6, -9, -6}, {6, 9, 6}, options);
-  out.base = with_factors(start, x);
+  out.base = with_factors(start, x.data());
   return out;
 }
 
@@ -182,7 +170,7 @@ public:
     for (size_t i = n_factors_; i < x.size(); ++i) out.push_back(e_.is_logarithmic() ? std::exp(x[i]) : x[i]);
     return out;
   }
-  NoiseModel base(const Theta& x) const { return n_factors_ ? with_factors(base_, x) : base_; }
+  NoiseModel base(const Theta& x) const { return n_factors_ ? with_factors(base_, x.data()) : base_; }
   NoiseModel noise(const Theta& x) const { return e_.noise(base(x), theta(x)); }
 
 private:

@@ -12,13 +12,6 @@ namespace {
 
 constexpr size_t kPartsKept = 12, kColumnsKept = 4;
 
-NoiseModel scaled(const NoiseModel& base, const double* x) {
-  NoiseModel out = base;
-  out.white_sigma_dph *= std::exp(x[0]);
-  for (Markov& m : out.markov) m.tau_s *= std::exp(x[2]), m.sigma_dph *= std::exp(0.5 * (x[1] + x[2]));
-  return out;
-}
-
 } // namespace
 
 double log_sum_exp(const std::vector<double>& x) {
@@ -38,7 +31,7 @@ std::vector<const MeanPart*> pointers_of(const std::vector<SlowLikelihood::Part>
 }
 
 NoiseModel SlowLikelihood::base_noise(const SlowModel& m) const {
-  NoiseModel noise = m.is_believed ? space_.belief.model : scaled(space_.base, m.log_noise);
+  NoiseModel noise = m.is_believed ? space_.belief.model : with_factors(space_.base, m.log_noise);
   for (Markov& markov : noise.markov)
     markov.tau_s = std::clamp(markov.tau_s, std::min(1.0, space_.data.campaign.dt_s), space_.longest_tau_s);
   return noise;

@@ -59,7 +59,9 @@ public:
           jumps.push_back(std::fabs(run.rate_dph[i] - run.rate_dph[i - 1]));
     std::nth_element(jumps.begin(), jumps.begin() + static_cast<long>(jumps.size() / 2), jumps.end());
     const double noise = jumps[jumps.size() / 2] / 0.954; // median of |N(0, 2 sigma^2)| = 0.954 sigma
-    if (lsb<0.2 * noise&& static_cast<double>(distinct.size())> 0.02 * static_cast<double>(n)) return std::nullopt;
+    const bool is_fine = lsb < 0.2 * noise;
+    const bool has_many_values = static_cast<double>(distinct.size()) > 0.02 * static_cast<double>(n);
+    if (is_fine && has_many_values) return std::nullopt;
     size_t off = 0;
     for (size_t i = 1; i < distinct.size(); ++i) {
       const double steps = (distinct[i] - distinct[i - 1]) / lsb;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "base/quantile.h"
+
 namespace imucal {
 
 namespace {
@@ -60,10 +62,6 @@ double robust_sigma(const std::vector<RunInput>& runs) {
   return *middle / kMedianJump;
 }
 
-double normal_below(double z) {
-  return 0.5 * std::erfc(-z / std::sqrt(2.0));
-}
-
 } // namespace
 
 LocalLevels local_levels(const std::vector<RunInput>& runs) {
@@ -79,7 +77,7 @@ double expected_between(const LocalLevels& levels, double lo, double hi) {
   for (const auto& run : levels.level_dph)
     for (const double level : run)
       if (std::isfinite(level))
-        sum += normal_below((hi - level) / levels.sigma_dph) - normal_below((lo - level) / levels.sigma_dph);
+        sum += normal_cdf((hi - level) / levels.sigma_dph) - normal_cdf((lo - level) / levels.sigma_dph);
   return sum;
 }
 
