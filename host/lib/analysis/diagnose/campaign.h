@@ -42,8 +42,8 @@ struct Campaign {
 
 // The runs of one axis.  Seconds without a rate, or flagged as saturated or faulty, are left out: the filters
 // then predict over them.  Seconds in which the thermometer was stuck have no row, as if they were missing in the
-// log.  `steps` counts seconds by time stamps, never rows. data_error: a log without that axis, an axis that is not
-// a gyro, fewer than 60 usable seconds.
+// log.  `steps` counts seconds by time stamps, never rows. data_error: a log without that axis, an axis whose rate is one
+// and the same in every second, fewer than 60 usable seconds.
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model);
 
 // Leave further samples out (those a structural effect has spoilt): per run and row.

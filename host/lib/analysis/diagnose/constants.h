@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Every constant that decides what the selector says, in one place.  The defaults are the ones in use; they are passed
-// down, so that `make selector-table` can run the same cases at half and at double of each.  What a constant means and
-// where its value comes from stands beside its name in constants.cpp.
+// The margins of the selector: what a name, a kind of noise, a free shape or held-out data must gain or may lose.  The
+// defaults are the ones in use; they are passed down, so that `make selector-table` can run the same cases at half and at
+// double of each.  What a constant means and where its value comes from stands beside its name in constants.cpp.  Other
+// numbers that bear on an answer (how many names or jumps are few, how many candidates are tried, cells and scales of the
+// tests of what is left) stand beside their one use.
 #pragma once
 #include <vector>
 

@@ -65,8 +65,8 @@ void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, 
                           " s, not every second: rates are taken as means over that step");
 }
 
-// White noise of the log from second differences, robustly: another order of magnitude than the model's is
-// most often a mistaken unit.
+// White noise of the log from differences of neighbouring seconds, robustly: another order of magnitude than the
+// model's is most often a mistaken unit.
 void check_scale(const Campaign& campaign, const NoiseModel& noise, std::vector<std::string>* warnings) {
   std::vector<double> jumps;
   for (const CampaignRun& run : campaign.runs)

@@ -18,7 +18,7 @@ namespace {
 constexpr double kMinute_s = 60;
 constexpr double kLeast_h = 1e-9; // of held-out data: a divisor
 
-// A residual path as the nominal model's filter follows it.
+// A residual path as the filter of the nominal model's white noise and first Markov process follows it.
 struct FollowedPath {
   VectorXd cumulative; // sum of the samples before k
   VectorXd estimate;   // of sample k, from those before it
@@ -35,7 +35,8 @@ FollowedPath followed(const VectorXd& x, double phi, double gain) {
   return out;
 }
 
-// DP2 of a residual path: error of the mean over the next n samples, predicted by the nominal model's filter.
+// DP2 of a residual path: error of the mean over the next n samples, predicted by a filter of the nominal model's white
+// noise and first Markov process alone: the same filter for the data and for simulations of both models.
 // Each tau is a whole number of steps dt, at least one.
 std::vector<double> dp2(const std::vector<VectorXd>& paths, const NoiseModel& nominal, double dt_s,
                         const std::vector<double>& tau_s) {

@@ -3,9 +3,9 @@
 //
 // A hypothesis M predicts a held-out unit u (a log, or a quarter of the only one) with log density
 // L(M; train + u) - L(M; train): constants and start states of u are integrated out.  In dph: the mean learned from the
-// training data is taken off the held-out rates, and what is left is averaged over minutes.
-//   shrinkage = (ms_before - ms_after) / (ms_before - noise)
-// with the mean squares ms of those minutes and what the noise model alone leaves in them.
+// training data is taken off the held-out rates; the mean square of what is left, averaged over minutes, is told beside what
+// the noise model alone leaves in them.  The shrinkage and its interval are those of reduction.h: of the mean without its
+// noise.
 #pragma once
 #include <cstdint>
 #include <string>

@@ -92,7 +92,7 @@ public:
   virtual bool needs_temperature() const { return true; }
 
   // kColumns, kTemperature: values of the shape parameters to scan, and how far they may be refined.
-  // span_degc: coldest and hottest temperature of all runs.
+  // lo_degc, hi_degc: coldest and hottest temperature of all runs.
   virtual std::vector<Theta> grid(double /*lo_degc*/, double /*hi_degc*/) const { return {Theta{}}; }
   // The same where the grid depends on what the log holds (auxiliary columns).
   virtual std::vector<Theta> grid_on(const RunInput& /*run*/, double lo_degc, double hi_degc) const {
