@@ -230,6 +230,19 @@ def test_wrong_input_is_refused_or_warned_of(lab):
     assert any("time constant" in w for w in lab.run([short])["warnings"])
 
 
+def test_an_effect_of_the_model_that_stays_in_the_rates_is_told_with_its_own_reason(lab):
+    held = {"run_to_run": {"sigma_dph": 5}, "saturation": {"limit_dph": 5000}, "quantization": {"lsb_dph": 1},
+            "dead_band": {"width_dph": 0.1}, "held_samples": {"probability": 0.001},
+            "common_mode": {"correlation": 0.5, "sigma_dph": 1}}
+    model = lab.write("held.json", {**MODEL, "effects": [{"name": n, "parameters": p} for n, p in held.items()]})
+    warnings = lab.run(lab.logs("held", [], n=1), model=model)["warnings"]
+    told = {name: w for name in held for w in warnings if f"its effect {name} is not taken out" in w}
+    assert set(told) == set(held)
+    assert [name for name in held if "by chance" in told[name]] == ["run_to_run"]
+    assert "noise that axes share" in told.pop("common_mode")
+    assert all("cannot be undone" in w for name, w in told.items() if name != "run_to_run")
+
+
 def test_list_of_effects(lab):
     out = lab.folder / "effects.json"
     subprocess.run([BIN / "diagnose", "--list-effects", "-q", "--json", str(out)], check=True)

@@ -141,10 +141,19 @@ NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseMo
   return noise;
 }
 
+// Why an effect that the model holds stays in the rates.
+std::string why_left(const EffectEstimator* estimator) {
+  if (estimator && estimator->form() == Form::kStructural) return "what it did to the samples cannot be undone";
+  if (estimator && estimator->form() == Form::kAxes)
+    return "it is noise that axes share, and they are fitted one by one";
+  return "it differs from run to run by chance";
+}
+
 // Takes the deterministic effects that the model itself already holds out of the rates, by their own
-// simulator. Returns the names of those that cannot be taken out: they differ from run to run by chance.
-std::vector<std::string> take_out_known(const ErrorModel& model, const std::string& axis, Campaign* campaign) {
-  std::vector<std::string> left;
+// simulator. Returns those that cannot be taken out: name and reason.
+std::vector<std::pair<std::string, std::string>> take_out_known(const ErrorModel& model, const std::string& axis,
+                                                                Campaign* campaign) {
+  std::vector<std::pair<std::string, std::string>> left;
   for (const EffectSpec& spec : model.effects) {
     if (!is_for(spec, axis)) continue;
     const Effect& effect = find_effect(spec.name);
@@ -152,7 +161,7 @@ std::vector<std::string> take_out_known(const ErrorModel& model, const std::stri
     const bool is_mean = estimator && (estimator->form() == Form::kColumns || estimator->form() == Form::kSteps ||
                                        estimator->form() == Form::kTemperature);
     if (!is_mean) {
-      if (!estimator || estimator->form() != Form::kNoise) left.push_back(spec.name);
+      if (!estimator || estimator->form() != Form::kNoise) left.push_back({spec.name, why_left(estimator)});
       continue;
     }
     const Parameters parameters = read_parameters(effect, spec.parameters);
@@ -312,9 +321,9 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   axis.axis = name;
   model.require_unit_of(name);
   axis.campaign = make_campaign(logs, name, model);
-  for (const std::string& left : take_out_known(model, name, &axis.campaign))
-    axis.warnings.push_back(options.model_path + ": its effect " + left + " is not taken out of axis " + name +
-                            ": it differs from run to run by chance");
+  for (const auto& [left, why] : take_out_known(model, name, &axis.campaign))
+    axis.warnings.push_back(options.model_path + ": its effect " + left + " is not taken out of axis " + name + ": " +
+                            why);
   check_steady(axis.campaign, &axis.warnings);
   tell_stuck(axis.campaign, logs, &axis.warnings);
   const NoiseBelief belief = belief_of(options, model, name);
