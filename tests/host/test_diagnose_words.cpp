@@ -23,7 +23,6 @@ static SelectedEffect effect_of(const char* name, double evidence_nats) {
   effect.family = effect.term.effect->family();
   effect.evidence_nats = evidence_nats, effect.gain_nats = evidence_nats + 6;
   effect.held_out_nats = kPredictsNothing;
-  effect.doubt = Doubt::kSlowNoise;
   effect.set = {{effect.term.effect, nullptr, false, effect.family, effect.gain_nats, 6}};
   return effect;
 }
@@ -43,6 +42,21 @@ static std::string said(Verdict verdict, std::vector<SelectedEffect> effects, st
   axis.study.gap = gap;
   return diagnosis_text({}, result);
 }
+// The same as JSON.
+static Json told(const Selection& selection, double false_alarm_rate = 0.01) {
+  DiagnoseResult result;
+  result.axes.resize(1);
+  AxisResult& axis = result.axes[0];
+  axis.axis = "gx_dph";
+  axis.campaign.runs.resize(1), axis.campaign.has_temperature = false;
+  Selection& s = axis.study.selection;
+  s.verdict = selection.verdict, s.effects = selection.effects, s.before = selection.before, s.after = selection.after;
+  s.cannot_judge = selection.cannot_judge;
+  axis.nominal_fit.residual.resize(1), axis.final_fit.residual.resize(1);
+  DiagnoseOptions options;
+  options.false_alarm_rate = false_alarm_rate;
+  return diagnosis_json(options, result)["axes"][0];
+}
 static size_t count(const std::string& text, const std::string& part) {
   size_t n = 0;
   for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++n;
@@ -50,6 +64,10 @@ static size_t count(const std::string& text, const std::string& part) {
 }
 static void assert_has(const std::string& text, const char* part) {
   if (count(text, part) == 0) fail_msg("\"%s\" is not in:\n%s", part, text.c_str());
+}
+static void assert_is(const Json& number, double value) {
+  assert_true(number.is_number());
+  if (std::fabs(double(number) / value - 1) > 1e-12) fail_msg("%.15g is not %.15g", double(number), value);
 }
 static void assert_lacks(const std::string& text, const char* part) {
   if (count(text, part) > 0) fail_msg("\"%s\" is in:\n%s", part, text.c_str());
@@ -133,6 +151,28 @@ static void test_figures_of_the_held_out_data_agree_with_the_words(void**) {
   assert_lacks(hidden, "shrinks by");
 }
 
+// The rate of the tests of what is left is not that of the names.
+static void test_p_values_have_the_rate_of_their_thresholds(void**) {
+  Selection s;
+  s.verdict = Verdict::kPartlyExplained;
+  s.before = {{Rest::kSpectrum, 2, -std::log(1e-3)}, {Rest::kLine, 1, 20, 4096}};
+  s.after = s.before;
+  SelectedEffect ramp = effect_of("rate_ramp", 2), noise = effect_of("flicker_noise", 2);
+  SelectedEffect jump = effect_of("bias_step", 2), shared = effect_of("common_mode", 2);
+  s.effects = {ramp, noise, jump, shared};
+  for (const double rate : {0.01, 0.2}) {
+    const Json axis = told(s, rate);
+    const Json& findings = axis["where"]["findings"];
+    assert_is(findings[0]["p_value"], 1e-3 * std::exp(-2));
+    assert_is(findings[1]["p_value"], 4096 * std::exp(-21));
+    assert_is(axis["effects"][0]["p_value"], rate * std::exp(-2));
+    for (size_t i = 1; i < 4; ++i) assert_true(axis["effects"][i]["p_value"].is_null());
+    const Json& tests = axis["plots"]["tests"];
+    assert_is(tests[0]["threshold_nats"], std::log(1000));
+    assert_is(tests[1]["threshold_nats"], 20);
+  }
+}
+
 static void test_no_name_is_twice_in_a_set(void**) {
   SelectedEffect effect = effect_of("thermal_anomaly", 10);
   const auto of = [](const char* name, double gain) {
@@ -156,6 +196,7 @@ int main() {
       cmocka_unit_test(test_a_name_with_little_evidence_is_marked_as_weak),
       cmocka_unit_test(test_other_noise_parameters_beside_a_weak_name_do_not_make_it_strong),
       cmocka_unit_test(test_figures_of_the_held_out_data_agree_with_the_words),
+      cmocka_unit_test(test_p_values_have_the_rate_of_their_thresholds),
       cmocka_unit_test(test_no_name_is_twice_in_a_set),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);

@@ -127,7 +127,7 @@ Json cells_json(const std::vector<WhereCell>& cells, const char* range, const ch
   }
   return list;
 }
-Json findings_json(const Selection& s, double rate) {
+Json findings_json(const Selection& s) {
   Json findings = Json::array();
   for (const RestFinding& f : s.before) {
     if (f.evidence_nats <= 0) continue;
@@ -135,13 +135,13 @@ Json findings_json(const Selection& s, double rate) {
     for (const RestFinding& a : s.after) remains = remains || (a.test == f.test && a.evidence_nats > 0);
     findings.push_back({{"probe", rest_name(f.test)},
                         {"evidence_nats", f.evidence_nats},
-                        {"p_value", std::min(1.0, rate * std::exp(-f.evidence_nats))},
+                        {"p_value", f.p_value()},
                         {"statement", rest_text(f.test)},
                         {"remains_after", remains}});
   }
   return findings;
 }
-Json where_json(const AxisResult& axis, double rate) {
+Json where_json(const AxisResult& axis) {
   const WhereResult& w = axis.where;
   return {{"tau_s", {w.tau_lo_s, w.tau_hi_s}},
           {"temp_degc", {w.temp_lo_degc, w.temp_hi_degc}},
@@ -149,7 +149,7 @@ Json where_json(const AxisResult& axis, double rate) {
           {"direction", w.direction},
           {"logs", w.logs},
           {"sentence", w.sentence},
-          {"findings", findings_json(axis.study.selection, rate)},
+          {"findings", findings_json(axis.study.selection)},
           {"by_tau", cells_json(w.by_tau, "tau_s", nullptr, false)},
           {"by_temperature", cells_json(w.by_temperature, "temp_degc", nullptr, false)},
           {"by_phase", cells_json(w.by_phase, nullptr, "phase", false)},
@@ -321,6 +321,16 @@ Json gap_json(const AxisResult& axis) {
   return gap;
 }
 
+// How often draws of the noise alone gain so much, in any axis of the call; null where no draws set what was to be gained.
+Json p_value(const Selection& s, const SelectedEffect& e, double rate) {
+  const auto is_drawn = [](Form form) {
+    return form == Form::kColumns || form == Form::kTemperature || form == Form::kRunRandom;
+  };
+  if (e.doubt == Doubt::kSlowNoise || s.is_told_by_held_out || e.is_structural) return Json(nullptr);
+  if (e.term.estimator && !is_drawn(e.term.form())) return Json(nullptr);
+  return Json(rate * std::exp(-std::max(0.0, e.evidence_nats)));
+}
+
 Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
   Json set = Json::array();
   for (const CandidateEvidence& c : e.set) set.push_back(evidence_json(c));
@@ -333,7 +343,7 @@ Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
                 {"evidence_nats", e.evidence_nats},
                 {"is_weak", is_weak(e)},
                 {"gain_nats", e.gain_nats},
-                {"p_value", std::min(1.0, rate * std::exp(-std::max(0.0, e.evidence_nats)))},
+                {"p_value", p_value(axis.study.selection, e, rate)},
                 {"set", set},
                 {"held_out_gain", number(2 * e.held_out_nats / std::max(1e-9, axis.study.gap.hours))}};
   if (e.is_family && e.term.effect) entry["member"] = e.term.effect->name();
@@ -511,7 +521,7 @@ Json plots_json(const AxisResult& axis) {
     tests.push_back({{"name", rest_name(s.before[i].test)},
                      {"evidence_before_nats", s.before[i].evidence_nats},
                      {"evidence_after_nats", s.after[i].evidence_nats},
-                     {"threshold_nats", 6.9}});
+                     {"threshold_nats", s.before[i].threshold_nats}});
   return {{"gap_map", campaign.has_temperature ? map_json(campaign, axis.nominal_fit) : Json(nullptr)},
           {"gap_map_after", campaign.has_temperature ? map_json(campaign, axis.final_fit) : Json(nullptr)},
           {"residual", residual_json(campaign, axis.nominal_fit, axis.final_fit)},
@@ -550,7 +560,7 @@ Json axis_json(const AxisResult& axis, double rate) {
       {"unit", axis_unit(axis.axis)},
       {"verdict", verdict_name(s.verdict)},
       {"statement", headline(axis)},
-      {"where", s.verdict == Verdict::kNoGap ? Json(nullptr) : where_json(axis, rate)},
+      {"where", s.verdict == Verdict::kNoGap ? Json(nullptr) : where_json(axis)},
       {"effects", effects},
       {"not_detectable_here", hidden},
       {"smallest_detectable", detectable},

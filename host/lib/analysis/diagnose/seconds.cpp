@@ -486,13 +486,23 @@ std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<V
   const Moments m = moments(e);
   const double heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
   const std::vector<double> power = summed_power(campaign, e);
-  return {over_temperature(campaign, e, rate),
-          over_time(campaign, e, rate),
-          finding(Rest::kDistribution, heavy * heavy, 1, rate),
-          in_bursts(campaign, e, m, rate),
-          in_spectrum(campaign, power, rate),
-          {Rest::kLine, steady_line(campaign, power).gain_nats - constants.rest_line_nats},
-          in_sudden_changes(campaign, e, m, rate)};
+  std::vector<RestFinding> out = {over_temperature(campaign, e, rate),
+                                  over_time(campaign, e, rate),
+                                  finding(Rest::kDistribution, heavy * heavy, 1, rate),
+                                  in_bursts(campaign, e, m, rate),
+                                  in_spectrum(campaign, power, rate),
+                                  {Rest::kLine, steady_line(campaign, power).gain_nats - constants.rest_line_nats},
+                                  in_sudden_changes(campaign, e, m, rate)};
+  for (RestFinding& f : out) {
+    const bool is_line = f.test == Rest::kLine;
+    f.threshold_nats = is_line ? constants.rest_line_nats : -std::log(rate);
+    if (is_line) f.n_places = static_cast<double>(power.size());
+  }
+  return out;
+}
+
+double RestFinding::p_value() const {
+  return std::min(1.0, n_places * std::exp(-evidence_nats - threshold_nats));
 }
 
 } // namespace imucal

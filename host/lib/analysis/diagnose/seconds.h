@@ -90,7 +90,12 @@ enum class Rest {
 };
 struct RestFinding {
   Rest test = Rest::kSpectrum;
-  double evidence_nats = 0; // > 0: fires; at rest_rate on a right model
+  double evidence_nats = 0;  // > 0: fires; at rest_rate on a right model
+  double threshold_nats = 0; // what -ln p has beyond it is the evidence; p of a line: of one place of the spectrum
+  double n_places = 1;       // that were looked at for the strongest line
+
+  // Probability of so much, or more, on a right model; of a line: at most.
+  double p_value() const;
 };
 std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e,
                                    const SelectorConstants& constants);
