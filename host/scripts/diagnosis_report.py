@@ -164,7 +164,7 @@ def evidence_fold(axis):
     dp2 = gap.get("dp2_distance_dph") or {}
     if dp2.get("before") is not None:
         text += f" Distance of the DP2 curves: {number(dp2['before'])} → {number(dp2.get('after'))} dph."
-    return fold("Likelihoods and tests", ("effect", "evidence [nats]", "held-out gain [deviance/h]; negative: those logs speak against it",
+    return fold("Likelihoods and tests", ("effect", "evidence [nats]", "held-out gain [deviance/h], start states apart",
                                           "cannot be excluded instead (evidence)"), body, evidence_figures(axis), text)
 
 

@@ -173,6 +173,16 @@ static void test_p_values_have_the_rate_of_their_thresholds(void**) {
   }
 }
 
+// What held-out data speak against has no name: the engine judges it, by the part that they can show.
+static void test_a_name_is_not_spoken_against_but_may_be_untested(void**) {
+  SelectedEffect effect = effect_of("warm_up", 20);
+  effect.held_out_nats = -5;
+  assert_lacks(said(Verdict::kExplained, {effect}, {}), "speak against");
+  assert_lacks(said(Verdict::kExplained, {effect}, {}), "cannot test it");
+  effect.is_untested = true;
+  assert_has(said(Verdict::kExplained, {effect}, {}), "the held-out logs cannot test it");
+}
+
 static void test_no_name_is_twice_in_a_set(void**) {
   SelectedEffect effect = effect_of("thermal_anomaly", 10);
   const auto of = [](const char* name, double gain) {
@@ -197,6 +207,7 @@ int main() {
       cmocka_unit_test(test_other_noise_parameters_beside_a_weak_name_do_not_make_it_strong),
       cmocka_unit_test(test_figures_of_the_held_out_data_agree_with_the_words),
       cmocka_unit_test(test_p_values_have_the_rate_of_their_thresholds),
+      cmocka_unit_test(test_a_name_is_not_spoken_against_but_may_be_untested),
       cmocka_unit_test(test_no_name_is_twice_in_a_set),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);

@@ -10,10 +10,9 @@
 namespace imucal {
 namespace {
 
-constexpr double kWeak_nats = 3;      // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
-constexpr double kNearlyAll = 0.95;   // a shrinkage that surely stays below leaves something
-constexpr double kScaleEnd = -0.995;  // a shrinkage is not told below -100 %
-constexpr double kAgainst_nats = 3.3; // by which held-out data speak against a name: 1 % of chi2, one degree
+constexpr double kWeak_nats = 3;     // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
+constexpr double kNearlyAll = 0.95;  // a shrinkage that surely stays below leaves something
+constexpr double kScaleEnd = -0.995; // a shrinkage is not told below -100 %
 
 // Behind what is said, unless it is said already: more than one candidate may be called the same.
 void add_once(const std::string& text, std::vector<std::string>* said) {
@@ -345,6 +344,7 @@ Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
                 {"gain_nats", e.gain_nats},
                 {"p_value", p_value(axis.study.selection, e, rate)},
                 {"set", set},
+                {"is_untested", e.is_untested},
                 {"held_out_gain", number(2 * e.held_out_nats / std::max(1e-9, axis.study.gap.hours))}};
   if (e.is_family && e.term.effect) entry["member"] = e.term.effect->name();
   if (!e.statement.empty())
@@ -604,8 +604,7 @@ std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
     out += format("          barely: %.2g to 1 beyond what a name must gain; another log should confirm it\n",
                   std::exp(std::max(0.0, e.evidence_nats)));
   if (e.doubt != Doubt::kNone) out += std::string("          ") + doubt_text(e.doubt) + "\n";
-  if (std::isfinite(e.held_out_nats) && e.held_out_nats < -kAgainst_nats)
-    out += "          the held-out data speak against it\n";
+  if (e.is_untested) out += "          the held-out logs cannot test it\n";
   std::string rivals;
   for (const CandidateEvidence& c : e.set)
     if (name_of(c) != name_of(e) && (!c.effect || c.effect != e.term.effect))

@@ -39,6 +39,7 @@ struct SelectedEffect {
   bool is_any_shape = false; // found in a shape that its parameters do not tell: `term` is the nearest that they do
   double gain_nats = 0, evidence_nats = 0;
   double held_out_nats = 0; // or kPredictsNothing
+  bool is_untested = false; // it predicts, but the logs held out can show neither it nor its start states
   Doubt doubt = Doubt::kNone;
   std::vector<CandidateEvidence> set; // what cannot be excluded, the name first
   bool is_structural = false;

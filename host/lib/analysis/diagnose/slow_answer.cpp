@@ -20,6 +20,10 @@ bool SlowAnswer::has_free_function() const {
     if (is_free_function(i)) return true;
   return false;
 }
+bool SlowAnswer::can_test(size_t i, const SelectorConstants& constants) const {
+  return gap.method == HeldOut::kQuarters || can_show(gap.beyond_start[i], constants) ||
+         can_show(gap.at_all[i], constants);
+}
 bool SlowAnswer::is_against(const SelectorConstants& constants) const {
   return held_blocks && 0.5 * gap.delta_deviance < -constants.against_nats;
 }
@@ -64,6 +68,10 @@ double part_left(const SlowAnswer& slow, bool has_lines, const SlowModel& m) {
 
 } // namespace
 
+bool can_show(const GapResult::Support& support, const SelectorConstants& constants) {
+  return constants.predicted_part * support.expected > constants.least_held_out_nats;
+}
+
 SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& constants, size_t i) {
   const SlowModel::Name& name = slow.found.best.names[i];
   const Candidate& c = slow.candidate(name.candidate);
@@ -75,6 +83,7 @@ SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& c
   effect.held_out_nats = c.scan.estimator->form() == Form::kRunRandom ? kPredictsNothing
                          : i < slow.gap.beyond_start.size()           ? slow.gap.beyond_start[i].nats
                                                                       : kPredictsNothing;
+  effect.is_untested = std::isfinite(effect.held_out_nats) && !slow.can_test(i, constants);
   const double threshold = constants.mean_nats;
   effect.set.push_back(slow.evidence_of(name.candidate, effect.gain_nats, threshold));
   double nearest = 1e300; // of another member of the family

@@ -36,11 +36,17 @@ struct SlowAnswer {
   // Whether a name of found.best, or any, is the free function of everything that repeats.
   bool is_free_function(size_t name) const { return candidate(found.best.names[name].candidate).is_free_function; }
   bool has_free_function() const;
+  // Whether held-out logs can show enough of a name of found.best, beyond its start states or with them, to be asked for it.
+  // Quarters of one log always are.
+  bool can_test(size_t name, const SelectorConstants& constants) const;
   // Whether held-out logs become less likely by the answer.
   bool is_against(const SelectorConstants& constants) const;
   // No cause is left in the answer.
   void forget_causes();
 };
+
+// Whether held-out logs can show so much of a name.
+bool can_show(const GapResult::Support& support, const SelectorConstants& constants);
 
 // A name of found.best as an effect of the answer, with the rivals that cannot be excluded.
 SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& constants, size_t name);

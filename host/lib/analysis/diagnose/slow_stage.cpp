@@ -195,11 +195,10 @@ private:
     const double fitted_h = static_cast<double>(question_.campaign.n()) * question_.campaign.dt_s / 3600;
     const double gain = slow_.found.evidence[i] + constants().mean_nats;
     const double wanted = gain * std::min(1.0, slow_.gap.hours / fitted_h);
-    const auto can_show = [&](const GapResult::Support& s) { return part * s.expected > least; };
-    if (!can_show(own) && !can_show(all)) return -constants().against_nats - all.nats;
-    if (can_show(own) && can_show(all) && all.nats > part * std::min(wanted, all.expected) && is_by_chance(own))
-      return -least;
-    const GapResult::Support& s = can_show(own) ? own : all;
+    const bool shows_own = can_show(own, constants()), shows_all = can_show(all, constants());
+    if (!shows_own && !shows_all) return -constants().against_nats - all.nats;
+    if (shows_own && shows_all && all.nats > part * std::min(wanted, all.expected) && is_by_chance(own)) return -least;
+    const GapResult::Support& s = shows_own ? own : all;
     return std::max(least, part * std::min(wanted, s.expected)) - s.nats;
   }
   // Whether a right name could gain so little: of data as predicted it gains E, of data with noise E and a normal error of
