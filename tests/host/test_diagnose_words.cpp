@@ -114,13 +114,25 @@ static void test_a_name_that_is_left_is_nearest_in_the_headline(void**) {
 static void test_a_name_with_little_evidence_is_marked_as_weak(void**) {
   const std::string weak = said(Verdict::kExplained, {effect_of("warm_up", 1.1)}, {});
   assert_has(weak, "explained by little more than a name must gain");
-  assert_has(weak, "barely: 3 to 1");
+  assert_has(weak, "weak evidence: odds of 3 to 1 beyond");
   const std::string strong = said(Verdict::kExplained, {effect_of("warm_up", 3.1)}, {});
   assert_has(strong, "a gap, explained\n");
-  assert_lacks(strong, "barely");
+  assert_lacks(strong, "weak evidence");
   const std::string beside = said(Verdict::kExplained, {effect_of("thermal_lag", 90), effect_of("warm_up", 1.1)}, {});
   assert_has(beside, "a gap, explained\n");
-  assert_int_equal(count(beside, "barely"), 1);
+  assert_int_equal(count(beside, "weak evidence"), 1);
+}
+
+// Slow noise and a repeatable cause that does as well: no gain of one over the other, so nothing that is weak.
+static void test_an_undecided_answer_has_no_evidence(void**) {
+  SelectedEffect open;
+  open.family = Family::kSlowNoise, open.is_family = true, open.doubt = Doubt::kSlowNoise;
+  open.set = {{nullptr, nullptr, true, Family::kSlowNoise, 0, 0}, effect_of("warm_up", 1).set.front()};
+  const std::string text = said(Verdict::kPartlyExplained, {open}, {});
+  assert_has(text, "effect  slow_noise\n");
+  assert_lacks(text, "evidence");
+  assert_int_equal(count(text, "explain these logs equally well"), 1);
+  assert_has(text, "cannot be told from: warm_up");
 }
 
 static void test_other_noise_parameters_beside_a_weak_name_do_not_make_it_strong(void**) {
@@ -204,6 +216,7 @@ int main() {
       cmocka_unit_test(test_a_family_is_told_with_what_is_open),
       cmocka_unit_test(test_a_name_that_is_left_is_nearest_in_the_headline),
       cmocka_unit_test(test_a_name_with_little_evidence_is_marked_as_weak),
+      cmocka_unit_test(test_an_undecided_answer_has_no_evidence),
       cmocka_unit_test(test_other_noise_parameters_beside_a_weak_name_do_not_make_it_strong),
       cmocka_unit_test(test_figures_of_the_held_out_data_agree_with_the_words),
       cmocka_unit_test(test_p_values_have_the_rate_of_their_thresholds),

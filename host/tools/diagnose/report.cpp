@@ -99,8 +99,12 @@ std::string name_of(const SelectedEffect& e) {
   return e.is_family || !e.term.effect ? family_name(e.family) : e.term.effect->name();
 }
 
+// Slow noise that a repeatable cause equals has no evidence of its own: neither gains over the other.
+bool has_evidence(const SelectedEffect& e) {
+  return e.doubt != Doubt::kSlowNoise;
+}
 bool is_weak(const SelectedEffect& e) {
-  return e.evidence_nats < kWeak_nats;
+  return has_evidence(e) && e.evidence_nats < kWeak_nats;
 }
 
 Json evidence_json(const CandidateEvidence& c) {
@@ -325,7 +329,7 @@ Json p_value(const Selection& s, const SelectedEffect& e, double rate) {
   const auto is_drawn = [](Form form) {
     return form == Form::kColumns || form == Form::kTemperature || form == Form::kRunRandom;
   };
-  if (e.doubt == Doubt::kSlowNoise || s.is_told_by_held_out || e.is_structural) return Json(nullptr);
+  if (!has_evidence(e) || s.is_told_by_held_out || e.is_structural) return Json(nullptr);
   if (e.term.estimator && !is_drawn(e.term.form())) return Json(nullptr);
   return Json(rate * std::exp(-std::max(0.0, e.evidence_nats)));
 }
@@ -599,10 +603,12 @@ std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
       list += (list.empty() ? "" : ", ") + text_of(p, axis_unit(axis.axis));
   std::string out = "  effect  " + name_of(e);
   if (e.is_family && e.term.effect && !list.empty()) out += " (as " + e.term.effect->name() + ")";
-  out += (list.empty() ? "" : ": " + list) + format(" (evidence %.1f nats)\n", e.evidence_nats);
+  out += list.empty() ? "" : ": " + list;
+  out += has_evidence(e) ? format(" (evidence %.1f nats)\n", e.evidence_nats) : "\n";
   if (is_weak(e))
-    out += format("          barely: %.2g to 1 beyond what a name must gain; another log should confirm it\n",
-                  std::exp(std::max(0.0, e.evidence_nats)));
+    out += format(
+        "          weak evidence: odds of %.2g to 1 beyond what a name must gain; another log should confirm it\n",
+        std::exp(std::max(0.0, e.evidence_nats)));
   if (e.doubt != Doubt::kNone) out += std::string("          ") + doubt_text(e.doubt) + "\n";
   if (e.is_untested) out += "          the held-out logs cannot test it\n";
   std::string rivals;
