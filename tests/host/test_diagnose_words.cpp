@@ -124,6 +124,21 @@ static void test_a_name_with_little_evidence_is_marked_as_weak(void**) {
 }
 
 // Slow noise and a repeatable cause that does as well: no gain of one over the other, so nothing that is weak.
+// The partner of common noise, what a structural detector saw, why a family stays open: as in the JSON.
+static void test_a_statement_is_printed_in_the_place_of_the_doubt(void**) {
+  SelectedEffect shared = effect_of("common_mode", 30);
+  shared.statement = "noise shared with gy_dph: correlation 0.50 from second to second";
+  assert_has(said(Verdict::kExplained, {shared}, {}), "          noise shared with gy_dph: correlation 0.50");
+  SelectedEffect teeth = effect_of("telegraph_noise", 30);
+  open_member(&teeth);
+  const char* const doubt = "the logs tell the family of the cause, not its member";
+  assert_has(said(Verdict::kExplained, {teeth}, {}), doubt);
+  teeth.statement = "the family of the cause, not its member: it jumps one way more than the other, as teeth do";
+  const std::string text = said(Verdict::kExplained, {teeth}, {});
+  assert_has(text, "as teeth do");
+  assert_lacks(text, doubt);
+}
+
 static void test_an_undecided_answer_has_no_evidence(void**) {
   SelectedEffect open;
   open.family = Family::kSlowNoise, open.is_family = true, open.doubt = Doubt::kSlowNoise;
@@ -216,6 +231,7 @@ int main() {
       cmocka_unit_test(test_a_family_is_told_with_what_is_open),
       cmocka_unit_test(test_a_name_that_is_left_is_nearest_in_the_headline),
       cmocka_unit_test(test_a_name_with_little_evidence_is_marked_as_weak),
+      cmocka_unit_test(test_a_statement_is_printed_in_the_place_of_the_doubt),
       cmocka_unit_test(test_an_undecided_answer_has_no_evidence),
       cmocka_unit_test(test_other_noise_parameters_beside_a_weak_name_do_not_make_it_strong),
       cmocka_unit_test(test_figures_of_the_held_out_data_agree_with_the_words),

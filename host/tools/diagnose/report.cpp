@@ -103,6 +103,10 @@ std::string name_of(const SelectedEffect& e) {
 bool has_evidence(const SelectedEffect& e) {
   return e.doubt != Doubt::kSlowNoise;
 }
+// What was seen, or why the name is not more than it is; empty: nothing beside the name.
+std::string statement_of(const SelectedEffect& e) {
+  return e.statement.empty() ? doubt_text(e.doubt) : e.statement;
+}
 bool is_weak(const SelectedEffect& e) {
   return has_evidence(e) && e.evidence_nats < kWeak_nats;
 }
@@ -351,10 +355,7 @@ Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
                 {"is_untested", e.is_untested},
                 {"held_out_gain", number(2 * e.held_out_nats / std::max(1e-9, axis.study.gap.hours))}};
   if (e.is_family && e.term.effect) entry["member"] = e.term.effect->name();
-  if (!e.statement.empty())
-    entry["statement"] = e.statement;
-  else if (e.doubt != Doubt::kNone)
-    entry["statement"] = doubt_text(e.doubt);
+  if (const std::string statement = statement_of(e); !statement.empty()) entry["statement"] = statement;
   return entry;
 }
 
@@ -609,7 +610,7 @@ std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
     out += format(
         "          weak evidence: odds of %.2g to 1 beyond what a name must gain; another log should confirm it\n",
         std::exp(std::max(0.0, e.evidence_nats)));
-  if (e.doubt != Doubt::kNone) out += std::string("          ") + doubt_text(e.doubt) + "\n";
+  if (const std::string statement = statement_of(e); !statement.empty()) out += "          " + statement + "\n";
   if (e.is_untested) out += "          the held-out logs cannot test it\n";
   std::string rivals;
   for (const CandidateEvidence& c : e.set)
