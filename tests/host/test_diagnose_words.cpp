@@ -210,6 +210,28 @@ static void test_a_name_is_not_spoken_against_but_may_be_untested(void**) {
   assert_has(said(Verdict::kExplained, {effect}, {}), "the held-out logs cannot test it");
 }
 
+// A free shape follows the logs more closely than the answer; a name that was taken back does not.
+static void test_names_that_were_rejected_are_told_apart_from_free_shapes(void**) {
+  const CandidateEvidence name = effect_of("thermal_hysteresis", 60).set.front();
+  const CandidateEvidence other = effect_of("warm_up", 60).set.front();
+  const CandidateEvidence shape = free_shape(Family::kThermalMemory);
+  const std::string text = said(Verdict::kUnexplained, {}, {name, shape, other, name});
+  assert_has(text, "nearest comes thermal_hysteresis");
+  assert_has(text, "; considered and rejected: thermal_hysteresis, warm_up\n");
+  assert_int_equal(count(text, "would follow the logs more closely"), 1);
+  assert_has(text, (std::string(shape.reference->what) + " would follow the logs more closely").c_str());
+}
+
+static void test_a_stand_in_does_not_remove_less_than_nothing(void**) {
+  const auto said_of = [](double part) {
+    return said(Verdict::kUnexplained, {}, {free_shape(Family::kThermalMemory)},
+                gap_of(part, part - 0.05, part + 0.05));
+  };
+  assert_has(said_of(0.7), "a flexible stand-in removes 70 % (");
+  assert_has(said_of(-0.5), "a flexible stand-in makes the gap 50 % worse (");
+  assert_has(said_of(-1), "a flexible stand-in makes the gap more than 100 % worse (");
+}
+
 static void test_no_name_is_twice_in_a_set(void**) {
   SelectedEffect effect = effect_of("thermal_anomaly", 10);
   const auto of = [](const char* name, double gain) {
@@ -237,6 +259,8 @@ int main() {
       cmocka_unit_test(test_figures_of_the_held_out_data_agree_with_the_words),
       cmocka_unit_test(test_p_values_have_the_rate_of_their_thresholds),
       cmocka_unit_test(test_a_name_is_not_spoken_against_but_may_be_untested),
+      cmocka_unit_test(test_names_that_were_rejected_are_told_apart_from_free_shapes),
+      cmocka_unit_test(test_a_stand_in_does_not_remove_less_than_nothing),
       cmocka_unit_test(test_no_name_is_twice_in_a_set),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);

@@ -138,6 +138,11 @@ def test_a_stand_in_is_not_called_an_explanation(tmp_path):
     text = run(tmp_path, diagnosis)[1]
     assert "A flexible stand-in removes 70 % of the gap on held-out data: that is not an explanation." in text
     assert "Adding what was found removes" not in text
+    axis.update(gap={"shrinkage": None, "ci95": None, "stand_in_shrinkage": -0.5})
+    assert "A flexible stand-in makes the gap 50 % worse on held-out data" in run(tmp_path, diagnosis)[1]
+    axis.update(verdict="partly_explained", gap={"shrinkage": -0.3, "ci95": [-0.4, -0.2]})
+    assert ("Adding what was found makes the gap 30 % worse on held-out data (95 % interval 20 to 40 %)"
+            in run(tmp_path, diagnosis)[1])
 
 
 def test_a_shrinkage_without_a_figure_says_why(tmp_path):

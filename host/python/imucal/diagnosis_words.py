@@ -173,6 +173,11 @@ def size_sentence(axis, loop):
     return "; ".join(parts) + "." if parts else ""
 
 
+def removes(part):
+    """'removes 94 % of the gap', or by how much it is larger then."""
+    return f"removes {100 * part:.0f} % of the gap" if part >= 0 else f"makes the gap {-100 * part:.0f} % worse"
+
+
 def gap_sentence(axis):
     """How far the held-out gap shrinks; a stand-in is called one."""
     gap = axis.get("gap") or {}
@@ -180,13 +185,14 @@ def gap_sentence(axis):
         return ""
     if gap.get("shrinkage") is None:
         if gap.get("stand_in_shrinkage") is not None:
-            return (f"A flexible stand-in removes {100 * gap['stand_in_shrinkage']:.0f} % of the gap on held-out data: "
-                    "that is not an explanation.")
+            return f"A flexible stand-in {removes(gap['stand_in_shrinkage'])} on held-out data: that is not an explanation."
         return f"On data that were not fitted: {gap['statement']}." if gap.get("statement") else ""
-    text = f"Adding what was found removes {100 * gap['shrinkage']:.0f} % of the gap on held-out data"
+    text = f"Adding what was found {removes(gap['shrinkage'])} on held-out data"
     ci = gap.get("ci95")
     if ci and None not in ci:
-        text += f" (95 % interval {100 * ci[0]:.0f} to {100 * ci[1]:.0f} %)"
+        sign = 1 if gap["shrinkage"] >= 0 else -1
+        lo, hi = sorted(100 * sign * part for part in ci)
+        text += f" (95 % interval {lo:.0f} to {hi:.0f} %)"
     text += "."
     if gap.get("remainder"):
         text += f" Remainder: {str(gap['remainder']).rstrip('.')}."

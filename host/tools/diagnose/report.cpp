@@ -238,8 +238,13 @@ std::string remainder(const AxisResult& axis) {
   const GapResult& g = axis.study.gap;
   std::vector<std::string> said;
   const auto add = [&](const std::string& text) { add_once(text, &said); };
+  std::vector<std::string> rejected; // names that were taken back: they stand for something else
   for (const CandidateEvidence& c : s.remainders)
-    add(std::string(c.reference ? c.reference->what : name_of(c).c_str()) + " would follow the logs more closely");
+    if (c.reference)
+      add(std::string(c.reference->what) + " would follow the logs more closely");
+    else
+      add_once(name_of(c), &rejected);
+  if (!rejected.empty()) add("considered and rejected: " + joined(rejected, ", "));
   for (const RestFinding& f : s.after)
     if (f.evidence_nats > 0) add(rest_text(f.test));
   for (const SelectedEffect& e : s.effects)
@@ -274,6 +279,12 @@ std::string figure(double value, const AxisResult& axis) {
   return format(is_accelerometer(axis.axis) ? "%.3g" : "%.1f", value);
 }
 
+std::string stand_in_does(double shrinkage) {
+  if (shrinkage >= 0) return format("removes %.0f %%", 100 * shrinkage);
+  if (shrinkage <= kScaleEnd) return "makes the gap more than 100 % worse";
+  return format("makes the gap %.0f %% worse", -100 * shrinkage);
+}
+
 // How far the gap shrinks on data that were not fitted, or why that is not known; empty: not asked.
 std::string held_out_statement(const AxisResult& axis) {
   const GapResult& g = axis.study.gap;
@@ -281,8 +292,8 @@ std::string held_out_statement(const AxisResult& axis) {
       format("residual of one-minute means %s -> %s %s, noise alone %s", figure(g.rms_before_dph, axis).c_str(),
              figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis), figure(g.noise_rms_dph, axis).c_str());
   if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure())
-    return format("a flexible stand-in%s removes %.0f %% (%s -> %s %s): not an explanation",
-                  axis.study.selection.effects.empty() ? "" : " of that family", 100 * g.shrinkage,
+    return format("a flexible stand-in%s %s (%s -> %s %s): not an explanation",
+                  axis.study.selection.effects.empty() ? "" : " of that family", stand_in_does(g.shrinkage).c_str(),
                   figure(g.rms_before_dph, axis).c_str(), figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis));
   if (!claims_shrinkage(axis)) return "";
   if (!(g.part_within > 0))
