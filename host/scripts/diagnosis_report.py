@@ -187,6 +187,8 @@ def where_folds(axis):
 
 def axis_view(axis, n_logs, library):
     title, color = VERDICTS.get(axis["verdict"], (plain(axis["verdict"]), draw.MUTED))
+    if axis.get("refused"):  # the verdict is one for want of another
+        title, color = "No answer", draw.MUTED
     profile = axis.get("advised_profile")
     effects = axis.get("effects") or []
     sentences = [size_sentence(axis, loop_of(axis)), open_sentence(axis, library), where_sentence(axis.get("where"), n_logs),

@@ -51,7 +51,6 @@ static Json told(const Selection& selection, double false_alarm_rate = 0.01) {
   axis.campaign.runs.resize(1), axis.campaign.has_temperature = false;
   Selection& s = axis.study.selection;
   s.verdict = selection.verdict, s.effects = selection.effects, s.before = selection.before, s.after = selection.after;
-  s.cannot_judge = selection.cannot_judge;
   axis.nominal_fit.residual.resize(1), axis.final_fit.residual.resize(1);
   DiagnoseOptions options;
   options.false_alarm_rate = false_alarm_rate;
@@ -232,6 +231,29 @@ static void test_a_stand_in_does_not_remove_less_than_nothing(void**) {
   assert_has(said_of(-1), "a flexible stand-in makes the gap more than 100 % worse (");
 }
 
+// The verdict of such an axis is one of the four that the contract knows: the words say that it is none.
+static void test_an_axis_that_cannot_be_judged_has_no_answer(void**) {
+  SelectedEffect held = effect_of("held_samples", 9000);
+  held.is_structural = true, held.statement = "samples repeat the one before exactly";
+  DiagnoseResult result;
+  result.axes.resize(1);
+  AxisResult& axis = result.axes[0];
+  axis.axis = "gx_dph";
+  Selection& s = axis.study.selection;
+  s.verdict = Verdict::kPartlyExplained, s.cannot_judge = true, s.effects = {held};
+  const std::string why = "what the recorder did to the samples leaves too few usable seconds to judge";
+  const std::string text = diagnosis_text({}, result);
+  assert_has(text, ("gx_dph: no answer: " + why + "\n").c_str());
+  assert_has(text, "effect  held_samples");
+  assert_has(text, "samples repeat the one before exactly");
+  const Json told_axis = diagnosis_json({}, result)["axes"][0];
+  assert_string_equal(told_axis["statement"].text().c_str(), ("no answer: " + why).c_str());
+  assert_string_equal(told_axis["refused"].text().c_str(), why.c_str());
+  assert_string_equal(told_axis["verdict"].text().c_str(), "partly_explained");
+  s.effects.clear();
+  assert_has(diagnosis_text({}, result), "gx_dph: no answer: too few usable seconds to judge\n");
+}
+
 static void test_no_name_is_twice_in_a_set(void**) {
   SelectedEffect effect = effect_of("thermal_anomaly", 10);
   const auto of = [](const char* name, double gain) {
@@ -261,6 +283,7 @@ int main() {
       cmocka_unit_test(test_a_name_is_not_spoken_against_but_may_be_untested),
       cmocka_unit_test(test_names_that_were_rejected_are_told_apart_from_free_shapes),
       cmocka_unit_test(test_a_stand_in_does_not_remove_less_than_nothing),
+      cmocka_unit_test(test_an_axis_that_cannot_be_judged_has_no_answer),
       cmocka_unit_test(test_no_name_is_twice_in_a_set),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);

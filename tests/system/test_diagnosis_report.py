@@ -145,6 +145,14 @@ def test_a_stand_in_is_not_called_an_explanation(tmp_path):
             in run(tmp_path, diagnosis)[1])
 
 
+def test_an_axis_without_an_answer_has_no_verdict(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    why = "what the recorder did to the samples leaves too few usable seconds to judge"
+    diagnosis["axes"] = [{**diagnosis["axes"][1], "verdict": "partly_explained", "refused": why}]
+    text = run(tmp_path, diagnosis)[1]
+    assert f"No answer: {why}" in text and "partly explained" not in text.lower()
+
+
 def test_a_shrinkage_without_a_figure_says_why(tmp_path):
     diagnosis = copy.deepcopy(DIAGNOSIS)
     diagnosis["axes"][0].update(gap={"shrinkage": None, "ci95": None, "statement": "no figure: noise hides how far the gap shrinks"})

@@ -429,11 +429,21 @@ std::string unexplained(const Selection& s) {
   return "a gap that no known effect explains";
 }
 
+// No answer, whatever the verdict: the axis has none that is made for this.
+bool is_refused(const AxisResult& axis) {
+  return !axis.refused.empty() || axis.study.selection.cannot_judge;
+}
+std::string why_refused(const AxisResult& axis) {
+  const Selection& s = axis.study.selection;
+  if (!axis.refused.empty()) return axis.refused;
+  if (s.effects.empty() && s.n_left_out == 0) return "too few usable seconds to judge";
+  return "what the recorder did to the samples leaves too few usable seconds to judge";
+}
+
 // The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
 std::string headline(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
-  if (!axis.refused.empty()) return "no answer: " + axis.refused;
-  if (s.cannot_judge) return "what the recorder did to the samples leaves too few to judge";
+  if (is_refused(axis)) return "no answer: " + why_refused(axis);
   switch (s.verdict) {
   case Verdict::kNoGap: {
     const std::string hidden = hidden_names(axis);
@@ -508,7 +518,7 @@ Json refused_json(const AxisResult& axis) {
           {"unit", axis_unit(axis.axis)},
           {"verdict", "unexplained"},
           {"statement", headline(axis)},
-          {"refused", axis.refused},
+          {"refused", why_refused(axis)},
           {"where", nullptr},
           {"effects", Json::array()},
           {"not_detectable_here", Json::array()},
@@ -633,7 +643,10 @@ std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
 std::string axis_text(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   std::string out = axis.axis + ": " + headline(axis) + "\n";
-  if (!axis.refused.empty() || s.cannot_judge) return out;
+  if (is_refused(axis)) {
+    for (const SelectedEffect& e : s.effects) out += effect_text(axis, e); // what the recorder did
+    return out;
+  }
   if (s.verdict != Verdict::kNoGap) out += "  where   " + axis.where.sentence + "\n";
   for (const SelectedEffect& e : s.effects) out += effect_text(axis, e);
   if (const std::string held_out = held_out_statement(axis); !held_out.empty()) out += "  held out  " + held_out + "\n";
@@ -682,7 +695,7 @@ std::string diagnosis_text(const DiagnoseOptions&, const DiagnoseResult& result)
   for (const AxisResult& axis : result.axes) text += axis_text(axis);
   // What the profiles cannot tell, once for all axes and on a line each.
   for (const AxisResult& axis : result.axes) {
-    if (!axis.refused.empty()) continue;
+    if (is_refused(axis)) continue;
     const std::vector<std::string> list = advice(axis);
     for (size_t i = 0; i + 1 < list.size(); ++i) // the last is the one of constant offsets, said in the JSON
       if (std::find(said.begin(), said.end(), list[i]) == said.end()) {
