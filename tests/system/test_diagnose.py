@@ -51,8 +51,10 @@ class Lab:
         return paths
 
     def run(self, logs, *extra, model=None, code=0):
+        """model=False: none is believed."""
         out = self.folder / "out.json"
-        done = subprocess.run([BIN / "diagnose", "--model", model or self.model, "--log", *logs, "--nulls", "150",
+        believed = [] if model is False else ["--model", model or self.model]
+        done = subprocess.run([BIN / "diagnose", *believed, "--log", *logs, "--nulls", "150",
                                "--threads", "1", "--cache", str(self.folder / "cache"), "--json", str(out),
                                *map(str, extra)], capture_output=True, text=True)
         assert done.returncode == code, done.stderr
@@ -484,3 +486,40 @@ def test_logs_at_full_scale_are_left_out_with_a_warning(lab, every):
     axis = answer["axes"][0]
     assert {"saturation", "thermal_hysteresis"} <= {s["name"] for e in axis["effects"] for s in e["set"]}
     assert set(axis["where"]["logs"]) <= {2, 3}
+
+
+# ---- the model that is written ----------------------------------------------------------------------------
+
+def slow_density(markov):
+    return sum(2 * m["sigma_dph"] ** 2 * m["tau_s"] for m in markov)
+
+
+def test_a_kind_of_noise_stands_once_in_the_model_that_is_written(lab):
+    """Believed again, the model holds the noise of the logs and no more: with the found process in it twice it was too loud."""
+    written = lab.folder / "noise_once.json"
+    logs = lab.logs("noise_once", [{"name": "second_markov", "parameters": {"sigma_dph": 60, "tau_s": 1500}}])
+    axis = lab.run(logs, "--model-out", written, model=False)["axes"][0]
+    assert axis["effects"][0].get("member", axis["effects"][0]["name"]) == "second_markov", lab.text
+    model = json.loads(written.read_text())
+    (found,) = (effect["parameters"] for effect in model["effects"])
+    assert len(model["markov"]) == 1
+    both = slow_density(axis["noise"]["markov"])
+    assert slow_density([*model["markov"], found]) == pytest.approx(both, rel=0.3)
+
+
+def test_the_model_that_is_written_has_the_noise_of_the_first_axis_that_was_judged(lab):
+    logs = lab.logs("first_axis", [], n=2, axes=3)
+    for i, path in enumerate(logs):
+        rows = [line.split(",") for line in Path(path).read_text().splitlines()]
+        at = next(i for i, row in enumerate(rows) if row[0] == "t_s")
+        x, z = rows[at].index("gx_dph"), rows[at].index("gz_dph")
+        for row in rows[at + 1:]:
+            row[x], row[z] = str(7 + i), repr(3 * float(row[z]))  # stuck, and louder than y
+        Path(path).write_text("\n".join(",".join(row) for row in rows) + "\n")
+    written = lab.folder / "first_axis.json"
+    result = lab.run(logs, "--model-out", written, model=False)
+    model = json.loads(written.read_text())
+    assert model["arw_deg_rt_h"] == pytest.approx(0.6, rel=0.05) and len(model["markov"]) == 1
+    told = [w for w in result["warnings"] if "the model that is written has the noise of axis gy_dph" in w]
+    assert len(told) == 1 and "that of axis gz_dph differs" in told[0]
+    assert not [w for w in lab.run(logs, model=False)["warnings"] if "is written" in w]

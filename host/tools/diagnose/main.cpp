@@ -101,7 +101,9 @@ Exit run(Request* r) {
   options.threads = common.thread_count();
   options.quiet = common.quiet;
   if (r->no_cache) options.cache_folder.clear();
-  const DiagnoseResult result = diagnose(options);
+  DiagnoseResult result = diagnose(options);
+  if (!r->model_out.empty())
+    result.warnings.insert(result.warnings.end(), result.model_warnings.begin(), result.model_warnings.end());
   if (common.wants_json()) write_json(common.json_path, diagnosis_json(options, result));
   if (!r->model_out.empty()) write_json(r->model_out, to_json(result.model));
   if (common.talks()) std::cout << diagnosis_text(options, result);

@@ -47,6 +47,7 @@ struct DiagnoseResult {
   std::vector<AxisResult> axes;
   ErrorModel model; // nominal with the effects found
   std::vector<std::string> warnings;
+  std::vector<std::string> model_warnings; // for who writes `model`
   double calibration_s = 0;
   bool has_model = false;
 };
