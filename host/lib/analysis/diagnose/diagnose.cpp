@@ -12,6 +12,7 @@
 #include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/null_draws.h"
 #include "analysis/diagnose/shared.h"
+#include "analysis/diagnose/written_model.h"
 #include "base/axis_unit.h"
 #include "base/clock.h"
 #include "base/error.h"
@@ -22,8 +23,6 @@
 namespace imucal {
 
 namespace {
-
-constexpr double kOtherNoise = 1.5; // between two axes: beyond this ratio a model of one is not one of the other
 
 std::string identity(const Log& log) {
   std::string out;
@@ -369,59 +368,6 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   return axis;
 }
 
-// Whether an effect of the answer stands in the model that reproduces it.
-bool is_written(const SelectedEffect& effect) {
-  return effect.term.effect && effect.doubt != Doubt::kSlowNoise;
-}
-
-// The model that reproduces what was found.
-void add_found(const AxisResult& axis, bool is_only_axis, ErrorModel* model) {
-  for (const SelectedEffect& effect : axis.study.selection.effects) {
-    if (!is_written(effect)) continue;
-    EffectSpec spec = spec_of(*effect.term.effect, effect_values(effect.term, axis.campaign));
-    if (!is_only_axis) spec.axis = axis.axis;
-    model->effects.push_back(spec);
-  }
-}
-
-bool is_judged(const AxisResult& axis) {
-  return axis.refused.empty() && !axis.study.selection.cannot_judge;
-}
-
-// The noise that the found effects act on, beside which they are written.  A kind of noise that is not written stays in it.
-NoiseModel noise_beside_found(const Selection& s) {
-  NoiseModel noise = s.final.base_noise;
-  for (const Term& term : s.final.terms) {
-    const auto is_it = [&](const SelectedEffect& e) { return is_written(e) && e.term.effect == term.effect; };
-    if (term.form() == Form::kNoise && std::none_of(s.effects.begin(), s.effects.end(), is_it))
-      noise = term.estimator->noise(noise, term.shape);
-  }
-  return gaussian_equivalent(noise);
-}
-void set_noise(const NoiseModel& noise, ErrorModel* model) {
-  model->arw_deg_rt_h = noise.white_sigma_dph / 60;
-  model->markov = noise.markov;
-}
-
-// Without a believed model the one that is written has the noise of the first axis that was judged: the format knows one for
-// all axes.
-void add_noise(const std::vector<AxisResult>& axes, DiagnoseResult* out) {
-  const auto first = std::find_if(axes.begin(), axes.end(), is_judged);
-  if (first == axes.end()) return;
-  set_noise(noise_beside_found(first->study.selection), &out->model);
-  const auto differs = [](double a, double b) { return std::max(a, b) > kOtherNoise * std::min(a, b); };
-  for (const AxisResult& axis : axes) {
-    if (!is_judged(axis)) continue;
-    ErrorModel own;
-    set_noise(noise_beside_found(axis.study.selection), &own);
-    if (differs(own.arw_deg_rt_h, out->model.arw_deg_rt_h) ||
-        differs(std::sqrt(own.slow_density_dph2_s()), std::sqrt(out->model.slow_density_dph2_s())))
-      out->model_warnings.push_back("the model that is written has the noise of axis " + first->axis +
-                                    "; that of axis " + axis.axis + " differs: write a model of its own with --axis " +
-                                    axis.axis);
-  }
-}
-
 // What the noise of an axis has in common with another axis, named on that axis.  The size and the correlation of the
 // additional noise can only be told apart where the axis's own white noise is believed: without, all of it is shared.
 void name_shared(const Effect& effect, const SharedNoise& found, const AxisResult& other, double shared_nats,
@@ -470,6 +416,10 @@ void find_shared(const std::vector<bool>& active, double shared_nats, std::vecto
 }
 
 } // namespace
+
+bool is_judged(const AxisResult& axis) {
+  return axis.refused.empty() && !axis.study.selection.cannot_judge;
+}
 
 Parameters effect_values(const Term& term, const Campaign& campaign) {
   if (!term.fixed_parameters.empty()) return term.fixed_parameters;
@@ -524,9 +474,7 @@ DiagnoseResult diagnose_logs(const DiagnoseOptions& options, const ErrorModel& m
   }
   if (n_refused == names.size()) throw data_error(why);
   find_shared(active_effects(options), options.constants.shared_nats, &out.axes);
-  for (const AxisResult& axis : out.axes)
-    if (axis.refused.empty()) add_found(axis, names.size() == 1, &out.model);
-  if (!out.has_model) add_noise(out.axes, &out);
+  complete_model(&out);
   return out;
 }
 

@@ -43,6 +43,8 @@ struct AxisResult {
   std::vector<std::string> warnings;
 };
 
+bool is_judged(const AxisResult& axis); // there is an answer
+
 struct DiagnoseResult {
   std::vector<AxisResult> axes;
   ErrorModel model; // nominal with the effects found

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/written_model.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace imucal {
+
+namespace {
+
+constexpr double kOtherNoise = 1.5; // between two axes: beyond this ratio a model of one is not one of the other
+
+// Whether an effect of the answer stands in the model that reproduces it.
+bool is_written(const SelectedEffect& effect) {
+  return effect.term.effect && effect.doubt != Doubt::kSlowNoise;
+}
+
+void add_found(const AxisResult& axis, bool is_only_axis, ErrorModel* model) {
+  for (const SelectedEffect& effect : axis.study.selection.effects) {
+    if (!is_written(effect)) continue;
+    EffectSpec spec = spec_of(*effect.term.effect, effect_values(effect.term, axis.campaign));
+    if (!is_only_axis) spec.axis = axis.axis;
+    model->effects.push_back(spec);
+  }
+}
+
+// The noise that the found effects act on, beside which they are written.  A kind of noise that is not written stays in it.
+NoiseModel noise_beside_found(const Selection& s) {
+  NoiseModel noise = s.final.base_noise;
+  for (const Term& term : s.final.terms) {
+    const auto is_it = [&](const SelectedEffect& e) { return is_written(e) && e.term.effect == term.effect; };
+    if (term.form() == Form::kNoise && std::none_of(s.effects.begin(), s.effects.end(), is_it))
+      noise = term.estimator->noise(noise, term.shape);
+  }
+  return gaussian_equivalent(noise);
+}
+void set_noise(const NoiseModel& noise, ErrorModel* model) {
+  model->arw_deg_rt_h = noise.white_sigma_dph / 60;
+  model->markov = noise.markov;
+}
+
+// Without a believed model the one that is written has the noise of the first axis that was judged: the format knows one for
+// all axes.
+void add_noise(const AxisResult& first, DiagnoseResult* out) {
+  set_noise(noise_beside_found(first.study.selection), &out->model);
+  const auto differs = [](double a, double b) { return std::max(a, b) > kOtherNoise * std::min(a, b); };
+  for (const AxisResult& axis : out->axes) {
+    if (!is_judged(axis)) continue;
+    ErrorModel own;
+    set_noise(noise_beside_found(axis.study.selection), &own);
+    if (differs(own.arw_deg_rt_h, out->model.arw_deg_rt_h) ||
+        differs(std::sqrt(own.slow_density_dph2_s()), std::sqrt(out->model.slow_density_dph2_s())))
+      out->model_warnings.push_back("the model that is written has the noise of axis " + first.axis +
+                                    "; that of axis " + axis.axis + " differs: write a model of its own with --axis " +
+                                    axis.axis);
+  }
+}
+
+} // namespace
+
+void complete_model(DiagnoseResult* result) {
+  const std::vector<AxisResult>& axes = result->axes;
+  for (const AxisResult& axis : axes)
+    if (axis.refused.empty()) add_found(axis, axes.size() == 1, &result->model);
+  const auto first = std::find_if(axes.begin(), axes.end(), is_judged);
+  if (first == axes.end()) return;
+  if (!result->has_model) add_noise(*first, result);
+}
+
+} // namespace imucal
