@@ -523,3 +523,37 @@ def test_the_model_that_is_written_has_the_noise_of_the_first_axis_that_was_judg
     told = [w for w in result["warnings"] if "the model that is written has the noise of axis gy_dph" in w]
     assert len(told) == 1 and "that of axis gz_dph differs" in told[0]
     assert not [w for w in lab.run(logs, model=False)["warnings"] if "is written" in w]
+
+
+def rates_of(path):
+    return [float(line.split(",")[2]) for line in Path(path).read_text().splitlines() if line[0].isdigit()]
+
+
+def test_a_function_of_temperature_is_written_with_its_normalisation(lab):
+    """Simulated and believed again: the rates are as large as those of the logs, and there is no gap."""
+    logs = lab.logs("curved", [{"name": "higher_order_polynomial", "parameters": {"p4_dph": 60, "p5_dph": -40}}])
+    written = lab.folder / "curved.json"
+    axis = lab.run(logs, "--model-out", written, model=False)["axes"][0]
+    assert names(axis) == ["higher_order_polynomial"], lab.text
+    bias = json.loads(written.read_text())["bias"]
+    assert (bias["t0_degc"], bias["range_degc"]) == (30, 30) and len(bias["coeff_dph"]) == 4
+    # The constant is free in every run: turn-on of 50 dph.
+    assert bias["coeff_dph"] == pytest.approx(MODEL["bias"]["coeff_dph"], abs=120)
+    (again,) = lab.logs("curved_again", [], n=1, model=str(written))
+    rates, truth = sorted(rates_of(again)), sorted(rates_of(logs[0]))
+    for place in (0.05, 0.5, 0.95):
+        assert rates[int(place * len(rates))] == pytest.approx(truth[int(place * len(truth))], abs=200)
+    assert lab.run(logs, model=str(written))["axes"][0]["verdict"] == "no_gap", lab.text
+
+
+def test_a_believed_function_of_temperature_needs_no_polynomial_beside_it(lab):
+    """What the model leaves open has the normalisation that the polynomial of the logs has."""
+    effects = [{"name": "higher_order_polynomial", "parameters": {"p4_dph": 60, "p5_dph": -40}}]
+    logs = lab.logs("curved_believed", effects)
+    without = {key: value for key, value in MODEL.items() if key != "bias"}
+    model = lab.write("no_bias.json", {**without, "effects": effects})
+    assert lab.run(logs, model=model)["axes"][0]["verdict"] == "no_gap", lab.text
+    # … and one that is found is written with it.
+    written = lab.folder / "no_bias_found.json"
+    lab.run(logs, "--model-out", written, model=lab.write("no_bias_no_effects.json", without))
+    assert json.loads(written.read_text())["bias"]["range_degc"] == 30

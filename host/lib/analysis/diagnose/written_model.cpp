@@ -56,6 +56,18 @@ void add_noise(const AxisResult& first, DiagnoseResult* out) {
   }
 }
 
+// The polynomial that was fitted, with the normalisation that found effects are written in; its constant is the mean of those
+// of the runs.  Logs without temperature say nothing of it, not even its order.
+void add_bias(const AxisResult& axis, ErrorModel* model) {
+  const Campaign& campaign = axis.campaign;
+  if (!campaign.has_temperature) return;
+  const Eigen::VectorXd& beta = axis.final_fit.beta;
+  const auto n_runs = static_cast<long>(campaign.runs.size());
+  ThermalPolynomial bias{campaign.t0_degc, campaign.range_degc, {beta.head(n_runs).mean()}};
+  for (int i = 0; i < campaign.order; ++i) bias.coeff_dph.push_back(beta[n_runs + i]);
+  model->bias = bias;
+}
+
 } // namespace
 
 void complete_model(DiagnoseResult* result) {
@@ -65,6 +77,7 @@ void complete_model(DiagnoseResult* result) {
   const auto first = std::find_if(axes.begin(), axes.end(), is_judged);
   if (first == axes.end()) return;
   if (!result->has_model) add_noise(*first, result);
+  if (!result->model.bias) add_bias(*first, &result->model);
 }
 
 } // namespace imucal
