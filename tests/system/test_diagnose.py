@@ -464,6 +464,20 @@ def test_a_held_out_log_beyond_the_fitted_temperatures_is_told_and_judged_within
     assert 0.6 < gap["part_within_fitted_temperatures"] < 0.85 and gap["ci95"][1] > 0.9
 
 
+def test_a_held_out_log_without_temperatures_is_refused_where_the_fitted_logs_have_them(lab):
+    """Its rates were predicted at one temperature before, and its polynomial was taken for a gap that nothing shrinks."""
+    logs = lab.logs("cold", HYSTERESIS, n=3)
+    bare = []
+    for i, path in enumerate(logs):
+        rows = [line.split(",") for line in Path(path).read_text().splitlines()]
+        at = next(k for k, row in enumerate(rows) if row[0] == "t_s")
+        bare.append(lab.write(f"cold_bare_{i}.csv", "\n".join(",".join(row if k <= at else [row[0], "", *row[2:]])
+                                                              for k, row in enumerate(rows)) + "\n"))
+    lab.run(logs[:2], "--holdout", bare[2], code=3)
+    assert bare[2] in lab.errors and "without temperatures" in lab.errors and "--holdout" in lab.errors
+    assert lab.run([bare[0], logs[1]], "--holdout", bare[2])["axes"]  # nothing thermal is asked
+
+
 def test_where_says_how_much_larger_or_smaller_the_residual_is(lab):
     logs = lab.logs("where", {"effects": []}, n=3)
     loud = lab.write("loud.json", {**MODEL, "arw_deg_rt_h": 1.8, "markov": [{"sigma_dph": 60, "tau_s": 100}]})

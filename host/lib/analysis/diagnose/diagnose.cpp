@@ -313,6 +313,14 @@ void tell_left_out(const Campaign& campaign, const std::vector<Log>& logs, std::
   }
 }
 
+// What follows temperature cannot be predicted where it is not known: a constant would be taken for it.
+void require_temperature(const std::vector<Log>& held_out) {
+  for (const Log& log : held_out)
+    if (!log.has_temperature())
+      throw data_error(log.path + ": held out, but without temperatures, which the fitted logs have: give a log with a "
+                                  "column temp_degc, or take it out of --holdout");
+}
+
 // One axis from log to answer; `held_out` may be empty.
 AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
                          const std::vector<Log>& held_out, const std::string& name, double rate_per_axis,
@@ -331,6 +339,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   if (belief.has_believed) check_scale(axis.campaign, belief.model, &axis.warnings);
   Campaign unseen;
   if (!held_out.empty()) {
+    if (axis.campaign.has_temperature) require_temperature(held_out);
     unseen = make_campaign(held_out, name, model);
     tell_stuck(unseen, held_out, &axis.warnings);
     tell_beyond(axis.campaign, unseen, held_out, &axis.warnings);
