@@ -206,6 +206,23 @@ def test_rows_may_be_any_regular_step_apart(lab):
         assert all(tau / step_s == pytest.approx(round(tau / step_s), abs=1e-9) for tau in taus)
 
 
+def with_step(lab, path, step_s):
+    """The rows of a log, another time apart."""
+    rows = [line.split(",") for line in Path(path).read_text().splitlines()]
+    changed = [[f"{float(row[0]) * step_s:g}", *row[1:]] if row[0][0].isdigit() else row for row in rows]
+    return lab.write(f"{Path(path).stem}_{step_s}.csv", "\n".join(",".join(row) for row in changed) + "\n")
+
+
+def test_logs_of_different_steps_are_refused(lab):
+    """At one step for all, the log of 10 Hz lasted ten times as long as it did."""
+    logs = lab.logs("steps", [], n=3)
+    fast, late = with_step(lab, logs[1], 0.1), with_step(lab, logs[1], 1.02)
+    for given in ([logs[0], fast], [fast, logs[0]], [logs[0], "--holdout", fast], [fast, "--holdout", logs[0]]):
+        lab.run(given, code=3)
+        assert f"{fast} has a row every 0.1 s, {logs[0]} every 1 s" in lab.errors and "average" in lab.errors
+    assert lab.run([logs[0], late], "--holdout", logs[2])["axes"][0]["verdict"] == "no_gap"  # a clock, not a rate
+
+
 def test_wrong_input_is_refused_or_warned_of(lab):
     logs = lab.logs("wrong", [], n=2)
     lab.run([logs[0], logs[0]], code=3)

@@ -24,6 +24,8 @@ namespace imucal {
 
 namespace {
 
+constexpr double kSameStep = 0.05; // by which the steps of two logs may differ: of a clock, not of another rate
+
 std::string identity(const Log& log) {
   std::string out;
   for (const char* key : {"device", "serial"}) {
@@ -31,6 +33,18 @@ std::string identity(const Log& log) {
     out += (it == log.metadata.end() ? std::string("?") : it->second) + "/";
   }
   return out;
+}
+
+// All logs are fitted and predicted as rows of one step.
+void require_one_step(const std::vector<const Log*>& logs) {
+  const auto is_faster = [](const Log* a, const Log* b) { return a->dt_s() < b->dt_s(); };
+  const auto [fastest, slowest] = std::minmax_element(logs.begin(), logs.end(), is_faster);
+  const double fast_s = (*fastest)->dt_s(), slow_s = (*slowest)->dt_s();
+  if (!(slow_s > (1 + kSameStep) * fast_s)) return;
+  std::ostringstream text;
+  text << (*fastest)->path << " has a row every " << fast_s << " s, " << (*slowest)->path << " every " << slow_s
+       << " s: all logs of one call need one step; average the rows of the first to that of the second";
+  throw data_error(text.str());
 }
 
 void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, const ErrorModel& model,
@@ -47,6 +61,7 @@ void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, 
   std::vector<const Log*> all;
   for (const Log& log : logs) all.push_back(&log);
   for (const Log& log : held_out) all.push_back(&log);
+  require_one_step(all);
   for (const Log* log : all)
     if (identity(*log) != identity(*all.front())) {
       warnings->push_back(log->path + " and " + all.front()->path +
