@@ -588,3 +588,39 @@ def test_a_believed_function_of_temperature_needs_no_polynomial_beside_it(lab):
     written = lab.folder / "no_bias_found.json"
     lab.run(logs, "--model-out", written, model=lab.write("no_bias_no_effects.json", without))
     assert json.loads(written.read_text())["bias"]["range_degc"] == 30
+
+
+# ---- columns of other quantities --------------------------------------------------------------------------
+
+def with_columns(path, columns, gain=0.0):
+    """The log with columns of its own; the rate follows the one named supply_v."""
+    head, rows = [], Path(path).read_text().splitlines()
+    while rows[0].startswith("#"):
+        head.append(rows.pop(0))
+    out = [",".join([rows.pop(0), *columns])]
+    for row in rows:
+        fields = row.split(",")
+        values = {name: f(float(fields[0])) for name, f in columns.items()}
+        fields[2] = repr(float(fields[2]) + gain * values.get("supply_v", 0))
+        out.append(",".join([*fields, *(f"{value:.6f}" for value in values.values())]))
+    Path(path).write_text("\n".join([*head, *out]) + "\n")
+
+
+def test_a_column_that_one_log_lacks_is_not_taken_for_another(lab):
+    """By its place among the columns of each log, accel_x of some was the supply of the others."""
+    supply = {"supply_v": lambda t: 5 + 0.2 * math.sin(t / 400)}
+    both = {"accel_x": lambda t: math.cos(t / 900), **supply}
+    logs = lab.logs("columns", [], n=4)
+    for path, columns in zip(logs, (both, supply, supply, both)):
+        with_columns(path, columns, gain=200)
+    result = lab.run(logs[:3], "--holdout", logs[3])
+    (found,) = result["axes"][0]["effects"]
+    assert found["name"] == "auxiliary_channel" and found["parameters"]["channel"] == "supply_v", lab.text
+    assert found["parameters"]["gain"] == pytest.approx(200, abs=4 * found["std_errors"]["gain"])
+    told = [w for w in result["warnings"] if "has no column accel_x" in w]
+    assert len(told) == 2 and told[0].startswith(logs[1]) and logs[0] in told[0] and told[1].startswith(logs[2])
+    # A held-out log alone may lack one, too.
+    with_columns(logs[1], {"accel_x": lambda t: math.sin(t / 700)})
+    result = lab.run(logs[:2], "--holdout", logs[2])
+    assert result["axes"][0]["effects"][0]["parameters"]["channel"] == "supply_v", lab.text
+    assert [w for w in result["warnings"] if w.startswith(f"{logs[2]} has no column accel_x")]

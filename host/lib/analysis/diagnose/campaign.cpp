@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 
 #include "analysis/diagnose/smoothing.h"
@@ -324,6 +325,20 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
     refuse_unusable(run, logs[run.input.log].path, axis);
   }
   return campaign;
+}
+
+void keep_common_columns(const std::vector<Campaign*>& campaigns) {
+  std::map<std::string, size_t> runs_with;
+  size_t n_runs = 0;
+  for (const Campaign* campaign : campaigns)
+    for (const CampaignRun& run : campaign->runs) {
+      ++n_runs;
+      for (const auto& column : run.input.auxiliary) ++runs_with[column.first];
+    }
+  for (const auto& [name, n] : runs_with)
+    for (Campaign* campaign : campaigns)
+      for (CampaignRun& run : campaign->runs)
+        if (n < n_runs) run.input.auxiliary.erase(name);
 }
 
 void mask(Campaign* campaign, const std::vector<std::vector<char>>& unusable) {

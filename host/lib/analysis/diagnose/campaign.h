@@ -46,6 +46,9 @@ struct Campaign {
 // and the same in every second, fewer than 60 usable seconds.
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model);
 
+// Leaves the auxiliary columns that every run of these campaigns has: a column is known by its place among those of a run.
+void keep_common_columns(const std::vector<Campaign*>& campaigns);
+
 // Leave further samples out (those a structural effect has spoilt): per run and row.
 void mask(Campaign* campaign, const std::vector<std::vector<char>>& unusable);
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <map>
 #include <mutex>
 #include <sstream>
 
@@ -47,6 +48,18 @@ void require_one_step(const std::vector<const Log*>& logs) {
   throw data_error(text.str());
 }
 
+// Columns that one log has and another has not: those are asked of none.
+void tell_missing_columns(const std::vector<const Log*>& logs, std::vector<std::string>* warnings) {
+  std::map<std::string, const Log*> with;
+  for (const Log* log : logs)
+    for (const auto& column : log->auxiliary) with.emplace(column.first, log);
+  for (const auto& [name, has] : with)
+    for (const Log* log : logs)
+      if (log->auxiliary.count(name) == 0)
+        warnings->push_back(log->path + " has no column " + name + ", " + has->path +
+                            " has: whether the rate follows it is not asked");
+}
+
 void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, const ErrorModel& model,
                 std::vector<std::string>* warnings) {
   for (size_t i = 0; i < logs.size(); ++i) {
@@ -62,6 +75,7 @@ void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, 
   for (const Log& log : logs) all.push_back(&log);
   for (const Log& log : held_out) all.push_back(&log);
   require_one_step(all);
+  tell_missing_columns(all, warnings);
   for (const Log* log : all)
     if (identity(*log) != identity(*all.front())) {
       warnings->push_back(log->path + " and " + all.front()->path +
@@ -348,6 +362,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   for (const auto& [left, why] : take_out_known(model, name, &axis.campaign))
     axis.warnings.push_back(options.model_path + ": its effect " + left + " is not taken out of axis " + name + ": " +
                             why);
+  keep_common_columns({&axis.campaign});
   check_steady(axis.campaign, &axis.warnings);
   tell_stuck(axis.campaign, logs, &axis.warnings);
   const NoiseBelief belief = belief_of(options, model, name);
@@ -359,6 +374,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     tell_stuck(unseen, held_out, &axis.warnings);
     tell_beyond(axis.campaign, unseen, held_out, &axis.warnings);
     take_out_known(model, name, &unseen);
+    keep_common_columns({&axis.campaign, &unseen});
     if (!leave_short_runs(&unseen)) unseen.runs.clear();
     tell_left_out(unseen, held_out, &axis.warnings);
   }
