@@ -420,6 +420,14 @@ static void test_block_noise_has_the_covariance_of_block_means(void**) {
   }
 }
 
+static void test_blocks_hold_telegraph_noise_by_its_covariance(void**) {
+  NoiseModel markov, telegraph;
+  markov.white_sigma_dph = telegraph.white_sigma_dph = 36;
+  markov.markov = {{20, 100}, {50, 600}}, telegraph.markov = {{20, 100}};
+  telegraph.telegraph_dph = 50, telegraph.telegraph_tau_s = 600;
+  assert_true(block_equivalent(telegraph, 10) == block_equivalent(markov, 10));
+}
+
 static void test_every_constant_of_the_selector_is_listed_once(void**) {
   const std::vector<SelectorConstant>& list = selector_constants();
   assert_int_equal(list.size() * sizeof(double), sizeof(SelectorConstants));
@@ -951,6 +959,7 @@ int main() {
       cmocka_unit_test(test_marginal_likelihood_equals_that_of_the_dense_gaussian),
       cmocka_unit_test(test_scan_scores_are_those_of_the_marginal_likelihood),
       cmocka_unit_test(test_block_noise_has_the_covariance_of_block_means),
+      cmocka_unit_test(test_blocks_hold_telegraph_noise_by_its_covariance),
       cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
       cmocka_unit_test(test_constants_that_are_handed_down_decide),
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),

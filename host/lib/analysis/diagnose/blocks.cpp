@@ -123,7 +123,8 @@ bool leave_short_runs(Campaign* seconds) {
   return true;
 }
 
-NoiseModel block_equivalent(NoiseModel noise, double block_s) {
+NoiseModel block_equivalent(const NoiseModel& seconds, double block_s) {
+  NoiseModel noise = gaussian_equivalent(seconds);
   const double white = noise.white_sigma_dph * noise.white_sigma_dph / block_s;
   double extra = noise.extra_white_dph2 / block_s;
   for (Markov& m : noise.markov) {

@@ -19,10 +19,11 @@ Campaign block_means(const Campaign& seconds, double block_s);
 // white noise alone would give.
 double white_between_samples(const Campaign& campaign);
 
-// The noise of means over `block_s` of noise that is `noise` in 1-s means.  The mean of a Gauss-Markov process over
+// The noise of means over `block_s` of noise that is `seconds` in 1-s means; telegraph noise as the process of its
+// covariance, hits left out (block_means does).  The mean of a Gauss-Markov process over
 // blocks of a = block/tau has the covariance sigma^2 2 (cosh a - 1)/a^2 exp(-a n) at distance n >= 1 and
 // sigma^2 2 (a - 1 + exp(-a))/a^2 at 0: a Markov process of larger variance and (negative) white noise.
-NoiseModel block_equivalent(NoiseModel noise, double block_s);
+NoiseModel block_equivalent(const NoiseModel& seconds, double block_s);
 
 // Leaves out runs of which less than a minute of block means stays.  False: none would stay, and nothing was changed.
 bool leave_short_runs(Campaign* seconds);

@@ -316,7 +316,7 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
     after.push_back(minutes_of(unit.left, dt_s));
   }
   out->rms_before_dph = std::sqrt(mean_square(before)), out->rms_after_dph = std::sqrt(mean_square(after));
-  out->noise_rms_dph = std::sqrt(noise_of_units(search.seconds_noise_of(final), after));
+  out->noise_rms_dph = std::sqrt(noise_of_units(gaussian_equivalent(search.seconds_noise_of(final)), after));
 }
 
 void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,

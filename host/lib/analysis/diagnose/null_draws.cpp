@@ -14,7 +14,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-const char kCalibrationVersion[] = "8"; // changes whenever a draw would gain something else
+const char kCalibrationVersion[] = "9"; // changes whenever a draw would gain something else
 
 // FNV-1a over the bits of what is added.
 class Hash {
