@@ -457,22 +457,6 @@ void find_shared(const std::vector<bool>& active, double shared_nats, std::vecto
 
 } // namespace
 
-bool is_judged(const AxisResult& axis) {
-  return axis.refused.empty() && !axis.study.selection.cannot_judge;
-}
-
-Parameters effect_values(const Term& term, const Campaign& campaign) {
-  if (!term.fixed_parameters.empty()) return term.fixed_parameters;
-  Estimate estimate = term.estimate();
-  if (term.form() == Form::kSteps)
-    for (size_t s = 0; s + 1 < estimate.shape.size(); s += 2) {
-      const CampaignRun& run = campaign.runs[static_cast<size_t>(term.shape[s])];
-      estimate.shape[s] = static_cast<double>(run.input.log);
-      estimate.shape[s + 1] += run.start_s;
-    }
-  return term.estimator->values_on(campaign.runs.front().input, estimate);
-}
-
 DiagnoseResult diagnose(const DiagnoseOptions& options) {
   ErrorModel model;
   if (!options.model_path.empty()) model = read_model(options.model_path);

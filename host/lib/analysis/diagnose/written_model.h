@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The model that reproduces what was found, for gyrosim, montecarlo and profile.
 #pragma once
-#include "analysis/diagnose/diagnose.h"
+#include "analysis/diagnose/result.h"
 
 namespace imucal {
 
