@@ -262,6 +262,17 @@ def test_an_effect_of_the_model_that_stays_in_the_rates_is_told_with_its_own_rea
     assert all("cannot be undone" in w for name, w in told.items() if name != "run_to_run")
 
 
+def test_a_column_that_a_believed_effect_reads_is_not_made_up(lab):
+    logs = lab.logs("lacks", [], n=2)
+    with_columns(logs[0], {"supply_v": lambda t: 5 + 0.2 * math.sin(t / 400)})
+    model = lab.write("supply.json", {**MODEL, "effects": [{"name": "auxiliary_channel", "parameters": {"channel": "supply_v", "gain": 300}}]})
+    result = lab.run(logs, model=model)
+    assert any("auxiliary_channel is not taken out" in w and "not every log has the column supply_v" in w for w in result["warnings"])
+    assert result["axes"][0]["verdict"] == "no_gap", lab.text
+    result = lab.run(logs[:1], "--holdout", logs[1], model=model)
+    assert any("auxiliary_channel is not taken out" in w for w in result["warnings"])
+
+
 def test_list_of_effects(lab):
     out = lab.folder / "effects.json"
     subprocess.run([BIN / "diagnose", "--list-effects", "-q", "--json", str(out)], check=True)

@@ -179,6 +179,17 @@ std::string why_left(const EffectEstimator* estimator) {
   return "it differs from run to run by chance";
 }
 
+// The column that an effect reads and a log lacks, which the simulator would make up; empty: all have it.
+std::string missing_column(const Effect& effect, const Parameters& parameters, const Campaign& campaign) {
+  for (const EffectParameter& p : effect.parameters()) {
+    if (p.name != "channel") continue;
+    const std::string column = parameters.text_or(p.name, "");
+    for (const CampaignRun& run : campaign.runs)
+      if (!run.input.auxiliary.count(column)) return column;
+  }
+  return "";
+}
+
 // Takes the deterministic effects that the model itself already holds out of the rates, by their own
 // simulator. Returns those that cannot be taken out: name and reason.
 std::vector<std::pair<std::string, std::string>> take_out_known(const ErrorModel& model, const std::string& axis,
@@ -195,6 +206,10 @@ std::vector<std::pair<std::string, std::string>> take_out_known(const ErrorModel
       continue;
     }
     const Parameters parameters = read_parameters(effect, spec.parameters);
+    if (const std::string column = missing_column(effect, parameters, *campaign); !column.empty()) {
+      left.push_back({spec.name, "not every log has the column " + column});
+      continue;
+    }
     for (CampaignRun& run : campaign->runs) {
       RunInput& in = run.input;
       SimRun sim;
@@ -359,9 +374,15 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   axis.axis = name;
   model.require_unit_of(name);
   axis.campaign = make_campaign(logs, name, model);
-  for (const auto& [left, why] : take_out_known(model, name, &axis.campaign))
-    axis.warnings.push_back(options.model_path + ": its effect " + left + " is not taken out of axis " + name + ": " +
-                            why);
+  const auto take_out = [&](Campaign* campaign) {
+    for (const auto& [left, why] : take_out_known(model, name, campaign)) {
+      const std::string text =
+          options.model_path + ": its effect " + left + " is not taken out of axis " + name + ": " + why;
+      if (std::find(axis.warnings.begin(), axis.warnings.end(), text) == axis.warnings.end())
+        axis.warnings.push_back(text);
+    }
+  };
+  take_out(&axis.campaign);
   keep_common_columns({&axis.campaign});
   check_steady(axis.campaign, &axis.warnings);
   tell_stuck(axis.campaign, logs, &axis.warnings);
@@ -373,7 +394,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     unseen = make_campaign(held_out, name, model);
     tell_stuck(unseen, held_out, &axis.warnings);
     tell_beyond(axis.campaign, unseen, held_out, &axis.warnings);
-    take_out_known(model, name, &unseen);
+    take_out(&unseen);
     keep_common_columns({&axis.campaign, &unseen});
     if (!leave_short_runs(&unseen)) unseen.runs.clear();
     tell_left_out(unseen, held_out, &axis.warnings);
