@@ -365,6 +365,16 @@ void require_temperature(const std::vector<Log>& held_out) {
                                   "column temp_degc, or take it out of --holdout");
 }
 
+// The effects of the model, taken out of an axis's fitted or held-out rates; what cannot be is told once.
+void take_out_and_warn(const DiagnoseOptions& options, const ErrorModel& model, Campaign* campaign, AxisResult* axis) {
+  for (const auto& [left, why] : take_out_known(model, axis->axis, campaign)) {
+    const std::string text =
+        options.model_path + ": its effect " + left + " is not taken out of axis " + axis->axis + ": " + why;
+    if (std::find(axis->warnings.begin(), axis->warnings.end(), text) == axis->warnings.end())
+      axis->warnings.push_back(text);
+  }
+}
+
 // One axis from log to answer; `held_out` may be empty.
 AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
                          const std::vector<Log>& held_out, const std::string& name, double rate_per_axis,
@@ -374,15 +384,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   axis.axis = name;
   model.require_unit_of(name);
   axis.campaign = make_campaign(logs, name, model);
-  const auto take_out = [&](Campaign* campaign) {
-    for (const auto& [left, why] : take_out_known(model, name, campaign)) {
-      const std::string text =
-          options.model_path + ": its effect " + left + " is not taken out of axis " + name + ": " + why;
-      if (std::find(axis.warnings.begin(), axis.warnings.end(), text) == axis.warnings.end())
-        axis.warnings.push_back(text);
-    }
-  };
-  take_out(&axis.campaign);
+  take_out_and_warn(options, model, &axis.campaign, &axis);
   keep_common_columns({&axis.campaign});
   check_steady(axis.campaign, &axis.warnings);
   tell_stuck(axis.campaign, logs, &axis.warnings);
@@ -394,7 +396,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     unseen = make_campaign(held_out, name, model);
     tell_stuck(unseen, held_out, &axis.warnings);
     tell_beyond(axis.campaign, unseen, held_out, &axis.warnings);
-    take_out(&unseen);
+    take_out_and_warn(options, model, &unseen, &axis);
     keep_common_columns({&axis.campaign, &unseen});
     if (!leave_short_runs(&unseen)) unseen.runs.clear();
     tell_left_out(unseen, held_out, &axis.warnings);
