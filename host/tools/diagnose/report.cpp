@@ -429,10 +429,7 @@ std::string unexplained(const Selection& s) {
   return "a gap that no known effect explains";
 }
 
-// No answer, whatever the verdict: the axis has none that is made for this.
-bool is_refused(const AxisResult& axis) {
-  return !axis.refused.empty() || axis.study.selection.cannot_judge;
-}
+// Of an axis that was not judged; its verdict is one for want of another.
 std::string why_refused(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   if (!axis.refused.empty()) return axis.refused;
@@ -443,7 +440,7 @@ std::string why_refused(const AxisResult& axis) {
 // The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
 std::string headline(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
-  if (is_refused(axis)) return "no answer: " + why_refused(axis);
+  if (!is_judged(axis)) return "no answer: " + why_refused(axis);
   switch (s.verdict) {
   case Verdict::kNoGap: {
     const std::string hidden = hidden_names(axis);
@@ -643,7 +640,7 @@ std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
 std::string axis_text(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   std::string out = axis.axis + ": " + headline(axis) + "\n";
-  if (is_refused(axis)) {
+  if (!is_judged(axis)) {
     for (const SelectedEffect& e : s.effects) out += effect_text(axis, e); // what the recorder did
     return out;
   }
@@ -695,7 +692,7 @@ std::string diagnosis_text(const DiagnoseOptions&, const DiagnoseResult& result)
   for (const AxisResult& axis : result.axes) text += axis_text(axis);
   // What the profiles cannot tell, once for all axes and on a line each.
   for (const AxisResult& axis : result.axes) {
-    if (is_refused(axis)) continue;
+    if (!is_judged(axis)) continue;
     const std::vector<std::string> list = advice(axis);
     for (size_t i = 0; i + 1 < list.size(); ++i) // the last is the one of constant offsets, said in the JSON
       if (std::find(said.begin(), said.end(), list[i]) == said.end()) {

@@ -89,15 +89,19 @@ double block_length_s(const Campaign& seconds) {
   return seconds.dt_s * std::max(1.0, std::round(wanted / seconds.dt_s));
 }
 
-double white_between_samples(const Campaign& campaign) {
-  std::vector<double> jumps;
+std::vector<double> changes_between_samples(const Campaign& campaign) {
+  std::vector<double> changes;
   for (const CampaignRun& run : campaign.runs)
     for (size_t k = 1; k < run.n(); ++k)
       if (run.steps[k] == 1)
-        jumps.push_back(std::fabs(run.input.rate_dph[static_cast<size_t>(run.used[k])] -
-                                  run.input.rate_dph[static_cast<size_t>(run.used[k - 1])]));
-  if (jumps.empty()) return 0;
-  return median(std::move(jumps)) / kMedianOfDifference * std::sqrt(campaign.dt_s);
+        changes.push_back(std::fabs(run.input.rate_dph[static_cast<size_t>(run.used[k])] -
+                                    run.input.rate_dph[static_cast<size_t>(run.used[k - 1])]));
+  return changes;
+}
+
+double white_between_samples(const Campaign& campaign) {
+  std::vector<double> changes = changes_between_samples(campaign);
+  return changes.empty() ? 0 : median(std::move(changes)) / kMedianOfDifference * std::sqrt(campaign.dt_s);
 }
 
 Campaign block_means(const Campaign& seconds, double block_s) {

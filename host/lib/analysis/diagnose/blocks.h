@@ -15,6 +15,9 @@ double block_length_s(const Campaign& seconds);
 // left out: hits are judged at full rate, and one of them would colour a whole block.
 Campaign block_means(const Campaign& seconds, double block_s);
 
+// Sizes of the differences of neighbouring used samples [dph].
+std::vector<double> changes_between_samples(const Campaign& campaign);
+
 // Noise of the used samples from the differences of neighbours, robustly, per square root of a second [dph]: what
 // white noise alone would give.
 double white_between_samples(const Campaign& campaign);

@@ -98,15 +98,7 @@ void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, 
 // White noise of the log from differences of neighbouring seconds, robustly: another order of magnitude than the
 // model's is most often a mistaken unit.
 void check_scale(const Campaign& campaign, const NoiseModel& noise, std::vector<std::string>* warnings) {
-  std::vector<double> jumps;
-  for (const CampaignRun& run : campaign.runs)
-    for (size_t k = 1; k < run.n(); ++k)
-      if (run.steps[k] == 1)
-        jumps.push_back(std::fabs(run.input.rate_dph[static_cast<size_t>(run.used[k])] -
-                                  run.input.rate_dph[static_cast<size_t>(run.used[k - 1])]));
-  if (jumps.empty()) return;
-  std::nth_element(jumps.begin(), jumps.begin() + static_cast<long>(jumps.size() / 2), jumps.end());
-  const double sigma = jumps[jumps.size() / 2] / 0.954;
+  const double sigma = white_between_samples(campaign) / std::sqrt(campaign.dt_s);
   if (sigma > 0 && (sigma > 100 * noise.white_sigma_dph || sigma < 0.01 * noise.white_sigma_dph)) {
     std::ostringstream text;
     text.precision(3);

@@ -13,15 +13,11 @@ constexpr double kFarZero = 8;    // noise standard deviations of the values aro
 constexpr double kGuard_s = 10;   // next to censored samples: those that just escaped are biased too
 constexpr double kMostLost = 0.5; // part of the samples that the guard may cost; else only the samples themselves go
 
-// Smallest difference between two samples in turn: the step of rates that were rounded.
+// Smallest difference between neighbours that differ: the step of rates that were rounded.
 double smallest_change(const Campaign& campaign) {
   double smallest = 1e300;
-  for (const CampaignRun& run : campaign.runs)
-    for (size_t k = 1; k < run.n(); ++k) {
-      const double change = std::fabs(run.input.rate_dph[static_cast<size_t>(run.used[k])] -
-                                      run.input.rate_dph[static_cast<size_t>(run.used[k - 1])]);
-      if (change > 0) smallest = std::min(smallest, change);
-    }
+  for (const double change : changes_between_samples(campaign))
+    if (change > 0) smallest = std::min(smallest, change);
   return smallest;
 }
 

@@ -54,12 +54,7 @@ private:
   static constexpr double kFarShare = 0.8;
   static constexpr double kMoreThanChance = 1.5; // held samples of rates in steps
 
-  static size_t n_samples(const std::vector<RunInput>& runs) {
-    size_t n = 0;
-    for (const RunInput& run : runs)
-      for (const double y : run.rate_dph) n += std::isfinite(y);
-    return n;
-  }
+  static size_t n_samples(const std::vector<RunInput>& runs) { return finite_rates(runs).size(); }
 
   // A value that comes back again and again as no other does: zero wherever the level is, an extreme one
   // where it lies far from the samples around it (near them it would be a limit).
@@ -90,18 +85,10 @@ private:
   // Samples that are equal to the one before where each takes the values of all in a random order: of rates in coarse steps
   // most are.
   static double equal_by_chance(const std::vector<RunInput>& runs) {
-    std::vector<double> values;
-    for (const RunInput& run : runs)
-      for (const double y : run.rate_dph)
-        if (std::isfinite(y)) values.push_back(y);
-    std::sort(values.begin(), values.end());
     double squares = 0;
-    for (auto first = values.begin(); first != values.end();) {
-      const auto last = std::upper_bound(first, values.end(), *first);
-      squares += std::pow(static_cast<double>(last - first), 2);
-      first = last;
-    }
-    return squares / static_cast<double>(values.size());
+    for (const auto& [value, n] : values_with_counts(finite_rates(runs)))
+      squares += std::pow(static_cast<double>(n), 2);
+    return squares / static_cast<double>(n_samples(runs));
   }
 
   // Exact repeats of the value before, more than a lattice of values would give.

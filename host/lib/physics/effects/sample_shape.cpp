@@ -32,23 +32,17 @@ std::vector<double> running_median(const std::vector<double>& x) {
 
 // The value that is found most often, and how often.
 std::pair<double, size_t> most_common(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
   std::pair<double, size_t> most = {0, 0};
-  for (size_t i = 0, first = 0; i < values.size(); ++i) {
-    if (!is_same_rate(values[i], values[first])) first = i;
-    if (i - first + 1 > most.second) most = {values[first], i - first + 1};
-  }
+  for (const auto& found : values_with_counts(std::move(values)))
+    if (found.second > most.second) most = found;
   return most;
 }
 
 // From the jumps between successive samples that differ: repeats say nothing about noise, and neither do
 // jumps to a value that many samples share, which may be far away.
 double robust_sigma(const std::vector<RunInput>& runs) {
-  std::vector<double> all, jumps;
-  for (const RunInput& run : runs)
-    for (const double y : run.rate_dph)
-      if (std::isfinite(y)) all.push_back(y);
-  const auto [shared, n_shared] = most_common(all);
+  std::vector<double> jumps;
+  const auto [shared, n_shared] = most_common(finite_rates(runs));
   const bool is_lattice = n_shared < kMoreOften * most_common_other(runs, shared);
   const auto is_left_out = [&, value = shared](double y) { return !is_lattice && is_same_rate(y, value); };
   for (const RunInput& run : runs)
@@ -83,6 +77,24 @@ double expected_between(const LocalLevels& levels, double lo, double hi) {
 
 bool is_same_rate(double a, double b) {
   return std::fabs(a - b) <= kSameRate * (1 + std::fabs(b));
+}
+
+std::vector<double> finite_rates(const std::vector<RunInput>& runs) {
+  std::vector<double> rates;
+  for (const RunInput& run : runs)
+    for (const double y : run.rate_dph)
+      if (std::isfinite(y)) rates.push_back(y);
+  return rates;
+}
+
+std::vector<std::pair<double, size_t>> values_with_counts(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  std::vector<std::pair<double, size_t>> out;
+  for (const double value : values) {
+    if (out.empty() || !is_same_rate(value, out.back().first)) out.push_back({value, 0});
+    ++out.back().second;
+  }
+  return out;
 }
 
 Pile pile_at(const std::vector<RunInput>& runs, const LocalLevels& levels, double value) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // How samples lie around their local level: what tells a clipped or emptied range from a wrong reading.
 #pragma once
+#include <utility>
 #include <vector>
 
 #include "physics/effects/estimation.h"
@@ -19,6 +20,12 @@ double expected_between(const LocalLevels& levels, double lo, double hi);
 
 // Are two rates the same but for the digits of a file?
 bool is_same_rate(double a, double b);
+
+// The finite rates of all runs.
+std::vector<double> finite_rates(const std::vector<RunInput>& runs);
+
+// Each of the values, in order of size, and how often it is found.
+std::vector<std::pair<double, size_t>> values_with_counts(std::vector<double> values);
 
 // Samples at one value: how many, and how many of them lie more than five sigma from their local level.
 struct Pile {
