@@ -16,7 +16,7 @@ struct StructureFinding {
 
 struct StructureResult {
   std::vector<StructureFinding> findings;
-  size_t n_dropouts = 0;       // exact zeros far from their neighbours
+  size_t n_dropouts = 0;       // exact zeros far from their neighbours that are in no finding: too few
   size_t n_left_out = 0;       // samples masked, with the neighbourhood that censoring has biased
   double extra_white_dph2 = 0; // of a lattice
   bool is_censored = false;    // values are missing because of their size

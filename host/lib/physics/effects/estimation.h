@@ -166,6 +166,8 @@ public:
   virtual bool is_only_nearby(const Theta& /*shape*/) const { return false; }
   // kStructural: what it spoils is missing by its value, so that the spread of the rest is distorted.
   virtual bool is_censoring() const { return false; }
+  // kStructural: whether zeros far from the rates around them, which other detectors do not see, are its to count.
+  virtual bool counts_drop_outs() const { return false; }
   // kStructural: detectors are asked in this order, each on what those before left usable.
   virtual int detection_order() const { return 0; }
 

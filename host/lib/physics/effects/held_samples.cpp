@@ -46,6 +46,7 @@ public:
     return dropped ? dropped : repeats(runs);
   }
   int detection_order() const override { return 3; }
+  bool counts_drop_outs() const override { return true; }
   Parameters values(const Estimate& e) const override { return {{"probability", e.shape_at(0)}}; }
 
 private:
