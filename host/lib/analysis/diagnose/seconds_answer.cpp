@@ -56,6 +56,19 @@ namespace {
 
 constexpr double kPlaceBlocks = 1.5; // how far from its place in block means a jump is looked for
 
+// What the seconds say for the fitted noise against another, the mean estimated under each and what it costs counted (REML):
+// a mean that was fitted beside one noise is no judge of the other.
+double gain_over(const AxisQuestion& question, const SlowAnswer& slow, const NoiseModel& other,
+                 const SecondsAnswer& seconds) {
+  SlowModel mean = slow.found.best;
+  mean.noise_effect = nullptr; // the noise of the seconds has it
+  Hypothesis h = hypothesis_of(question, *slow.search, mean, true);
+  const auto reml = [&](const NoiseModel& noise) {
+    h.base_noise = noise;
+    return fit_hypothesis(question.campaign, h).reml();
+  };
+  return reml(seconds.noise.base) - reml(other);
+}
 // Whether the believed noise parameters hold is a question to the seconds, under the causes found.
 void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
   seconds->is_believed = false;
@@ -63,11 +76,13 @@ void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer
   SlowModel m = slow->found.best;
   m.is_believed = true;
   const NoiseModel believed = slow->search->seconds_noise_of(m);
-  seconds->retuned_nats =
-      seconds->noise.log_likelihood - ResidualLikelihood(question.campaign, seconds->fit.residual)(believed);
+  const double as_believed = ResidualLikelihood(question.campaign, seconds->fit.residual)(believed);
+  seconds->retuned_nats = seconds->noise.log_likelihood - as_believed;
+  if (seconds->retuned_nats > question.constants.retuned_nats)
+    seconds->retuned_nats = gain_over(question, *slow, believed, *seconds);
   if (seconds->retuned_nats > question.constants.retuned_nats) return;
   seconds->is_believed = true;
-  seconds->noise.base = believed, seconds->noise.log_likelihood -= seconds->retuned_nats;
+  seconds->noise.base = believed, seconds->noise.log_likelihood = as_believed;
   slow->found.best.is_believed = true; // its noise is the believed one from here on
   seconds->final = hypothesis_of(question, *slow->search, slow->found.best, true);
 }
