@@ -15,29 +15,42 @@ constexpr double kMostBlocks = 3500;
 constexpr double kFastest = 4;                // blocks per time constant from which a process is white
 constexpr double kMostNegative = 0.97;        // of the white noise that the blocks of a Markov process may take off
 constexpr double kFar = 8;                    // noise standard deviations from the median of a block
+constexpr double kLike = 0.5;                 // of that: two rates of one level differ by less
 constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
 
 // Sums over the rows of one block.
 struct BlockSum {
   double rows = 0, t_s = 0, temp = 0, smooth = 0, slope = 0, tn = 0;
   std::vector<double> rates;
+  std::vector<char> stays;                                    // of each rate: the one before or after is like it
   std::map<std::string, std::pair<double, double>> auxiliary; // sum, count
 
-  void add(const RunInput& in, size_t i, bool is_used) {
+  void add(const RunInput& in, size_t i, bool is_used, bool is_like_neighbour) {
     rows += 1, t_s += in.t_s[i], temp += in.temp_degc[i], smooth += in.smooth_degc[i];
     slope += in.rate_degc_min[i], tn += in.tn[i];
-    if (is_used) rates.push_back(in.rate_dph[i]);
+    if (is_used) rates.push_back(in.rate_dph[i]), stays.push_back(is_like_neighbour);
     for (const auto& [name, column] : in.auxiliary)
       if (std::isfinite(column[i])) auxiliary[name].first += column[i], auxiliary[name].second += 1;
   }
 };
 
-double robust_mean(const std::vector<double>& rates, double far_dph) {
-  const double middle = median(rates);
+// Mean without hits, which are gone with their sample.  What is far from the median and stays is a jump inside the block: its
+// share of the mean tells when it came.
+double mean_without_hits(const BlockSum& s, double far_dph) {
+  const double middle = median(s.rates);
   double sum = 0, n = 0;
-  for (double rate : rates)
-    if (std::fabs(rate - middle) <= far_dph) sum += rate, n += 1;
+  for (size_t i = 0; i < s.rates.size(); ++i)
+    if (s.stays[i] || std::fabs(s.rates[i] - middle) <= far_dph) sum += s.rates[i], n += 1;
   return n > 0 ? sum / n : middle;
+}
+// Per row of a run: a used rate that is like the used one before or after it.
+std::vector<char> like_a_neighbour(const CampaignRun& run, double near_dph) {
+  std::vector<char> out(run.input.size(), 0);
+  for (size_t k = 1; k < run.n(); ++k) {
+    const auto before = static_cast<size_t>(run.used[k - 1]), now = static_cast<size_t>(run.used[k]);
+    if (std::fabs(run.input.rate_dph[now] - run.input.rate_dph[before]) <= near_dph) out[before] = out[now] = 1;
+  }
+  return out;
 }
 
 void append(const BlockSum& s, long tick, double fewest, double far_dph, RunInput* out) {
@@ -48,7 +61,7 @@ void append(const BlockSum& s, long tick, double fewest, double far_dph, RunInpu
   out->rate_degc_min.push_back(s.slope / s.rows);
   out->tn.push_back(s.tn / s.rows);
   const bool is_enough = static_cast<double>(s.rates.size()) >= fewest;
-  out->rate_dph.push_back(is_enough ? robust_mean(s.rates, far_dph) : std::nan(""));
+  out->rate_dph.push_back(is_enough ? mean_without_hits(s, far_dph) : std::nan(""));
   for (auto& [name, column] : out->auxiliary) {
     const auto it = s.auxiliary.find(name);
     column.push_back(it == s.auxiliary.end() ? std::nan("") : it->second.first / it->second.second);
@@ -65,6 +78,7 @@ CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
   for (const auto& entry : in.auxiliary) out.input.auxiliary[entry.first] = {};
   std::vector<char> is_used(in.size(), 0);
   for (int row : run.used) is_used[static_cast<size_t>(row)] = 1;
+  const std::vector<char> stays = like_a_neighbour(run, kLike * far_dph);
   const double fewest = 0.5 * static_cast<double>(length);
   BlockSum sum;
   long block = in.tick.empty() ? 0 : in.tick.front() / length;
@@ -75,7 +89,7 @@ CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
       sum = BlockSum();
     }
     block = at;
-    sum.add(in, i, is_used[i]);
+    sum.add(in, i, is_used[i], stays[i]);
   }
   if (sum.rows > 0) append(sum, block, fewest, far_dph, &out.input);
   return out;

@@ -39,15 +39,17 @@ std::vector<MatrixXd> columns_of(const Campaign& campaign,
   return out;
 }
 
+// Share of each row's time after a jump: a row is the mean over dt about its time.
 std::vector<MatrixXd> step_columns(const Campaign& campaign, const Theta& shape) {
   std::vector<MatrixXd> out;
   for (size_t r = 0; r < campaign.runs.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
     MatrixXd x = MatrixXd::Zero(static_cast<long>(run.n()), static_cast<long>(shape.size() / 2));
     for (size_t s = 0; s < shape.size() / 2; ++s)
-      for (size_t k = 0; shape[2 * s] == static_cast<double>(r) && k < run.n(); ++k)
-        x(static_cast<long>(k), static_cast<long>(s)) =
-            run.input.t_s[static_cast<size_t>(run.used[k])] >= shape[2 * s + 1] ? 1.0 : 0.0;
+      for (size_t k = 0; shape[2 * s] == static_cast<double>(r) && k < run.n(); ++k) {
+        const double after_s = run.input.t_s[static_cast<size_t>(run.used[k])] - shape[2 * s + 1];
+        x(static_cast<long>(k), static_cast<long>(s)) = std::clamp(after_s / campaign.dt_s + 0.5, 0.0, 1.0);
+      }
     out.push_back(std::move(x));
   }
   return out;

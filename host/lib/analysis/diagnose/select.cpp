@@ -2,6 +2,7 @@
 #include "analysis/diagnose/select.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include "analysis/diagnose/blocks.h"
@@ -17,6 +18,8 @@
 namespace imucal {
 
 namespace {
+
+constexpr double kJump_s = 3; // about a jump at a temperature: what the temperature leaves open of its moment
 
 // Asks the stages in turn and puts together what they say.
 class Study {
@@ -36,6 +39,7 @@ public:
     }
     do {
       ask_slow();
+      leave_jumps();
       found_.seconds = ask_seconds(question_, &found_.slow);
     } while (takes_line());
     if (!question_.lines.empty()) measure(found_.slow.found.best);
@@ -78,6 +82,23 @@ private:
       slow.search->set_mean_threshold(question_.constants.mean_nats);
     }
     run_slow(question_, &slow);
+  }
+  // When a jump at a temperature comes is known to a few seconds, as the temperature is: what these say besides is how wrong
+  // that is.  They are no hits, and are left out of the seconds.
+  void leave_jumps() {
+    std::vector<std::vector<char>> unusable;
+    for (const CampaignRun& run : campaign_.runs) {
+      unusable.emplace_back(run.input.size(), 0);
+      for (const SlowModel::Name& name : found_.slow.found.best.names) {
+        const EffectEstimator& effect = *found_.slow.candidate(name.candidate).scan.estimator;
+        if (!effect.can_jump()) continue;
+        const Column jumps = effect.columns(run.input, name.shape).front();
+        for (size_t i = 1; i < jumps.size(); ++i)
+          for (size_t k = 0; jumps[i] != jumps[i - 1] && k < jumps.size(); ++k)
+            if (std::fabs(run.input.t_s[k] - run.input.t_s[i]) <= kJump_s) unusable.back()[k] = 1;
+      }
+    }
+    mask(&campaign_, unusable);
   }
   // A line in the spectrum of what is left was in everybody's way: kinds of noise took its place, and the noise of all
   // hypotheses held it.  It joins the mean, in every run with its own amplitude and phase, and all is asked again.

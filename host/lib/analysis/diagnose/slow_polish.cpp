@@ -10,7 +10,8 @@ namespace imucal {
 
 namespace {
 
-constexpr int kPasses = 3; // of neighbours of a shape
+constexpr int kPasses = 3;     // of neighbours of a shape
+constexpr int kJumpLevels = 4; // of neighbours, each level a quarter as far apart
 
 struct PolishAxis {
   double* value;
@@ -124,16 +125,19 @@ void approach(const SlowLikelihood& of, SlowModel* m) {
   const SlowModel from = *m;
   const double spacing = std::fabs(c.scan.shapes[1][0] - c.scan.shapes[0][0]);
   double highest = of.evaluate(*m);
-  for (int pass = 0; pass < kPasses; ++pass) {
-    SlowModel best = *m;
-    for (const Theta& shape : c.scan.estimator->neighbours(m->names.back().shape, spacing)) {
-      SlowModel near = *m;
-      near.names.back().shape = shape;
-      if (const double value = of.evaluate(near); value > highest) highest = value, best = near;
+  // A jump has no slope that a search could follow: it is placed ever finer.
+  double apart = spacing;
+  for (int level = 0; level < (c.scan.estimator->can_jump() ? kJumpLevels : 1); ++level, apart /= 4)
+    for (int pass = 0; pass < kPasses; ++pass) {
+      SlowModel best = *m;
+      for (const Theta& shape : c.scan.estimator->neighbours(m->names.back().shape, apart)) {
+        SlowModel near = *m;
+        near.names.back().shape = shape;
+        if (const double value = of.evaluate(near); value > highest) highest = value, best = near;
+      }
+      if (best.names.back().shape == m->names.back().shape) break;
+      *m = best;
     }
-    if (best.names.back().shape == m->names.back().shape) break;
-    *m = best;
-  }
   if (m->names.back().shape != from.names.back().shape) charge_finer(of, from, highest, spacing, m);
 }
 // The shape found counts as one of the shapes of the grid, which are compared under the noise of `m`.

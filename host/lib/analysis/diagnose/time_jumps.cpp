@@ -11,6 +11,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr size_t kMostSteps = 6, kStepPlaces = 12;
+constexpr double kFinestPlace = 0.05; // of a row
 
 // Standardised innovations of a hypothesis, run by run.
 std::vector<VectorXd> innovations(const SlowLikelihood& of, const SlowModel& m) {
@@ -63,6 +64,18 @@ std::vector<JumpPlace> likely_jumps(const SlowLikelihood& of, const SlowModel& m
   return places;
 }
 
+// The last jump of a hypothesis where inside its rows the data have it, ever finer; the noise stays.
+void place_last(const SlowLikelihood& of, SlowModel* m) {
+  for (double apart_s = 0.5 * of.space().data.campaign.dt_s; apart_s > kFinestPlace * of.space().data.campaign.dt_s;
+       apart_s *= 0.5)
+    for (const double way_s : {-apart_s, apart_s}) {
+      SlowModel moved = *m;
+      moved.steps.back()[1] += way_s;
+      moved.value = of.evaluate(moved);
+      if (moved.value > m->value) *m = moved;
+    }
+}
+
 } // namespace
 
 // Jumps that earn their cost, one after the other, the noise estimated again with each.  More than a few are not
@@ -79,6 +92,7 @@ std::vector<Theta> find_steps(const SlowLikelihood& of, const SlowModel& null) {
       with.value = of.evaluate(with);
       if (with.value > best.value) best = with;
     }
+    if (best.value > -1e300) place_last(of, &best);
     if (best.value < now.value + of.space().constants.step_try_part * of.space().constants.step_nats) return now.steps;
     best = polished(of, best, kQuickEvaluations);
     if (best.value < now.value + of.space().constants.step_nats) return now.steps;
@@ -88,7 +102,8 @@ std::vector<Theta> find_steps(const SlowLikelihood& of, const SlowModel& null) {
 }
 
 // A jump between two places of the grid may gain next to nothing on either.  A candidate that jumps is also tried where
-// the innovations beside `m` are largest, and taken where it alone does better than `in_time`, which jumps at times.
+// the innovations beside `m` are largest, and taken where it alone does better than `in_time`, which jumps at times, or
+// where held-out logs are to tell the two.
 void try_jumps(const SlowLikelihood& of, const SlowModel& m, const SlowModel& in_time,
                std::vector<SlowCandidateScore>* scores) {
   std::vector<JumpPlace> places;
@@ -101,7 +116,7 @@ void try_jumps(const SlowLikelihood& of, const SlowModel& m, const SlowModel& in
     if (found.names.empty()) continue;
     approach(of, &found);
     found = polished(of, found);
-    if (of.score(found) > of.score(in_time) && found.free_score() > s.gain_nats)
+    if ((c.is_once || of.score(found) > of.score(in_time)) && found.free_score() > s.gain_nats)
       s.model = found, s.gain_nats = found.free_score();
   }
 }
