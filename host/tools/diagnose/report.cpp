@@ -599,9 +599,24 @@ Json axis_json(const AxisResult& axis, double rate) {
        is_advised ? to_json(separating_profile(campaign.lo_degc, campaign.hi_degc)) : Json(nullptr)}};
 }
 
-std::string text_of(const ParameterValue& p, const char* unit) {
+// Jumps in time, one after the other.
+std::string text_of(const std::vector<StepValue>& steps, size_t n_logs, const char* unit) {
+  std::string out;
+  for (const StepValue& step : steps) {
+    char line[120];
+    const Measured& size = step.amplitude_dph;
+    out += out.empty() ? "" : ", ";
+    std::snprintf(line, sizeof line, "%+.4g", size.value), out += line;
+    if (std::isfinite(size.std_error)) std::snprintf(line, sizeof line, " +- %.2g", size.std_error), out += line;
+    std::snprintf(line, sizeof line, " %s at %.0f s", unit, step.t_s), out += line;
+    if (n_logs > 1) out += " of log " + std::to_string(step.log + 1);
+  }
+  return out;
+}
+std::string text_of(const ParameterValue& p, const AxisResult& axis) {
   char line[120];
-  if (p.kind == EffectParameter::kSteps) return std::to_string(p.steps.size()) + " " + p.name;
+  const char* unit = axis_unit(axis.axis);
+  if (p.kind == EffectParameter::kSteps) return text_of(p.steps, axis.campaign.runs.size(), unit);
   if (p.kind == EffectParameter::kText) return p.name + " " + p.text;
   const bool is_white_mg = p.name == "arw_deg_rt_h" && std::string(unit) == "mg";
   const double factor = is_white_mg ? 60 : 1;
@@ -619,7 +634,7 @@ std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
   std::string list;
   if (e.term.effect && e.doubt != Doubt::kSlowNoise)
     for (const ParameterValue& p : effect_values(e.term, axis.campaign))
-      list += (list.empty() ? "" : ", ") + text_of(p, axis_unit(axis.axis));
+      list += (list.empty() ? "" : ", ") + text_of(p, axis);
   std::string out = "  effect  " + name_of(e);
   if (e.is_family && e.term.effect && !list.empty()) out += " (as " + e.term.effect->name() + ")";
   out += list.empty() ? "" : ": " + list;

@@ -16,6 +16,39 @@ bool is_needed(const SelectorConstants& constants, const SlowSearch& search, con
   return value(m) - value(less) > constants.rivals_nats;
 }
 
+// Temperatures at which the jumps of a hypothesis may have happened: at its moment and a part of a row before and after.
+std::vector<JumpPlace> places_of_steps(const SlowData& data, const SlowModel& m) {
+  std::vector<JumpPlace> places;
+  for (const Theta& step : m.steps) {
+    const RunInput& run = data.campaign.runs[static_cast<size_t>(step[0])].input;
+    const auto next = std::lower_bound(run.t_s.begin(), run.t_s.end(), step[1]);
+    if (next == run.t_s.begin() || next == run.t_s.end()) continue;
+    const size_t i = static_cast<size_t>(next - run.t_s.begin());
+    const double change_degc = run.smooth_degc[i] - run.smooth_degc[i - 1];
+    const double at = (step[1] - run.t_s[i - 1]) / (run.t_s[i] - run.t_s[i - 1]);
+    for (double part : {-0.2, 0.0, 0.2})
+      places.push_back({run.smooth_degc[i - 1] + (at + part) * change_degc, change_degc > 0});
+  }
+  return places;
+}
+// Likelihood of the data with these shapes of an effect, the best of them, in the place of the jumps in time.
+double best_in_place_of_steps(const SlowAnswer& slow, const EffectEstimator& estimator,
+                              const std::vector<Theta>& shapes) {
+  SlowModel without_steps = slow.found.best;
+  without_steps.steps.clear();
+  std::vector<MeanPart> parts = slow.search->parts_on(*slow.data, without_steps);
+  parts.emplace_back();
+  std::vector<const MeanPart*> pointers;
+  for (const MeanPart& part : parts) pointers.push_back(&part);
+  double best = -1e300;
+  for (const Theta& shape : shapes) {
+    parts.back() = mean_part(*slow.data, estimator, shape);
+    best =
+        std::max(best, RunGrams(*slow.data, pointers, slow.search->noise_of(without_steps)).log_marginal_any_scale());
+  }
+  return best;
+}
+
 } // namespace
 
 void add_kinds_within(const AxisQuestion& question, const SlowAnswer& slow, double margin_nats, const SlowModel& answer,
@@ -75,6 +108,25 @@ void add_same_spectrum(const AxisQuestion& question, SelectedEffect* effect) {
     if (question.active[j] && !is_in_set(*effect, question.library[j]) && has_markov_spectrum(other))
       effect->set.push_back(other);
   }
+}
+
+void add_jumps_at_temperature(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* steps) {
+  if (!question.campaign.has_temperature || question.campaign.order < 1) return;
+  const std::vector<JumpPlace> places = places_of_steps(*slow.data, slow.found.best);
+  const double in_time = slow.search->grams_of(slow.found.best).log_marginal_any_scale();
+  std::vector<CandidateEvidence> list;
+  for (size_t j = 0; j < question.library.size(); ++j) {
+    const Effect* effect = question.library[j];
+    if (!question.active[j] || !effect->estimator() || !effect->estimator()->can_jump()) continue;
+    const double gap =
+        in_time - best_in_place_of_steps(slow, *effect->estimator(), effect->estimator()->shapes_of_jumps(places));
+    if (gap < question.constants.rivals_nats)
+      list.push_back({effect, nullptr, false, effect->family(), steps->gain_nats - gap, question.constants.mean_nats});
+  }
+  if (list.empty()) return;
+  add_to_set(std::move(list), steps);
+  steps->statement = "these logs pass that temperature once: one that passes it again tells whether the time or the "
+                     "temperature decides";
 }
 
 void open_jumps(const AxisQuestion& question, SelectedEffect* effect) {

@@ -15,6 +15,9 @@ void add_kinds_of_noise(const AxisQuestion& question, const SlowAnswer& slow, Se
 // Telegraph noise has the spectrum of a Markov process: where this one stands in a set of slow noises and the seconds did
 // not tell the two by their distribution, neither is excluded.
 void add_same_spectrum(const AxisQuestion& question, SelectedEffect* effect);
+// Effects that jump at a temperature, where jumping there once is as likely as the jumps in time of slow.found.best: logs
+// that pass that temperature once do not tell the two.
+void add_jumps_at_temperature(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* steps);
 // Jumps in time that come again and again are a noise: its family is told.
 void open_jumps(const AxisQuestion& question, SelectedEffect* effect);
 

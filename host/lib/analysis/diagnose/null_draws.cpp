@@ -14,7 +14,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-const char kCalibrationVersion[] = "9"; // changes whenever a draw would gain something else
+const char kCalibrationVersion[] = "10"; // changes whenever a draw would gain something else
 
 // FNV-1a over the bits of what is added.
 class Hash {
@@ -84,7 +84,10 @@ std::string null_key(const SlowSpace& space, size_t draws, uint64_t seed) {
   Hash hash;
   hash.add(std::string(IMUCAL_VERSION) + kCalibrationVersion);
   hash.add(static_cast<double>(draws)), hash.add(static_cast<double>(seed));
-  for (const Candidate& c : space.candidates) hash.add(c.effect ? c.effect->name() : c.reference->what);
+  for (const Candidate& c : space.candidates) {
+    hash.add(c.effect ? c.effect->name() : c.reference->what);
+    for (const Theta& shape : c.scan.shapes) hash.add(shape);
+  }
   for (const SelectorConstant& c : selector_constants()) hash.add(space.constants.*c.value);
   hash.add(campaign.dt_s), hash.add(campaign.order), hash.add(campaign.temp_lsb_degc);
   for (const CampaignRun& run : campaign.runs) add_run(run, &hash);

@@ -51,11 +51,14 @@ public:
     polish(likelihood_, &jumped, kEvaluations);
     run_with(start_, start_null_, &jumped);
     // Names that take all the jumps: a search beside jumps would only come to them again.
-    if (likelihood_.score(out_.best) > likelihood_.score(jumped) && find_steps(likelihood_, out_.best).empty()) return;
+    const bool is_once = has_once(out_.best); // held-out logs choose then
+    if (!is_once && likelihood_.score(out_.best) > likelihood_.score(jumped) &&
+        find_steps(likelihood_, out_.best).empty())
+      return;
     const SlowResult plain = out_;
     out_ = SlowResult();
     run_with(jumped, space_.belief.has_believed ? polished(likelihood_, jumped, kQuickEvaluations) : jumped, nullptr);
-    if (likelihood_.score(out_.best) < likelihood_.score(plain.best)) {
+    if (!is_once && likelihood_.score(out_.best) < likelihood_.score(plain.best)) {
       out_ = plain;
       return;
     }
@@ -88,6 +91,10 @@ public:
   }
 
 private:
+  bool has_once(const SlowModel& m) const {
+    return std::any_of(m.names.begin(), m.names.end(),
+                       [&](const SlowModel::Name& name) { return space_.candidates[name.candidate].is_once; });
+  }
   // The candidate of an effect in the mean; where asked for and there is one, that of any shape.
   std::optional<size_t> candidate_of(const Effect& effect, bool any_shape) const {
     std::optional<size_t> found;
@@ -326,9 +333,9 @@ struct SlowSearch::Impl {
   CauseSearch causes;
 
   Impl(const SlowData& data, const NoiseBelief& belief, const std::vector<const Effect*>& library,
-       const std::vector<bool>& active, const SelectorConstants& constants)
-      : space(make_slow_space(data, belief, library, active, constants)), likelihood(space), scans(likelihood),
-        causes(likelihood, &scans) {}
+       const std::vector<bool>& active, const SelectorConstants& constants, const Campaign* held_out)
+      : space(make_slow_space(data, belief, library, active, constants, held_out)), likelihood(space),
+        scans(likelihood), causes(likelihood, &scans) {}
   SlowJudge judge() const { return SlowJudge(likelihood, scans, causes.found()); }
 };
 
@@ -348,8 +355,8 @@ void SlowSearch::set_mean_threshold(double nats) {
 }
 
 SlowSearch::SlowSearch(const SlowData& data, const NoiseBelief& belief, const std::vector<const Effect*>& library,
-                       const std::vector<bool>& active, const SelectorConstants& constants)
-    : impl_(new Impl(data, belief, library, active, constants)) {}
+                       const std::vector<bool>& active, const SelectorConstants& constants, const Campaign* held_out)
+    : impl_(new Impl(data, belief, library, active, constants, held_out)) {}
 SlowSearch::~SlowSearch() = default;
 SlowResult SlowSearch::run() {
   impl_->causes.run();

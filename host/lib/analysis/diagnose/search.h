@@ -20,8 +20,9 @@ namespace imucal {
 
 class SlowSearch {
 public:
+  // `data` and `held_out`, of which only the temperatures are read (nullptr: none), must outlive it.
   SlowSearch(const SlowData& data, const NoiseBelief& belief, const std::vector<const Effect*>& library,
-             const std::vector<bool>& active, const SelectorConstants& constants);
+             const std::vector<bool>& active, const SelectorConstants& constants, const Campaign* held_out = nullptr);
   ~SlowSearch();
 
   SlowResult run();

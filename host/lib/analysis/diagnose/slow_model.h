@@ -37,6 +37,8 @@ struct Candidate {
   size_t place = 0; // in the library or the list of free shapes
   ScanCandidate scan;
   bool is_any_shape = false;     // the effect, of a shape that its parameters do not tell
+  bool is_once = false;          // it happens once in the one fitted log, and again in those held out, which tell
+                                 // it from a jump in time: no name beside one
   bool is_free_function = false; // of everything that repeats: no scan asks it, it stands against answers
   Family family() const { return effect ? effect->family() : reference->family; }
   bool is_member() const { return effect && !is_any_shape; } // of a shape that a few parameters tell
@@ -49,6 +51,7 @@ struct SlowModel {
     Theta shape;
     double charge = 0; // of the shape
     bool is_at_bound = false;
+    double beyond_nats = 0;     // that the same effect of any shape gains more, where this one stands in its place
     bool is_start_only = false; // nothing but the state in which every run began: what is left without the cause itself
   };
   std::vector<Name> names;

@@ -162,6 +162,7 @@ private:
       effect.held_out_nats = kPredictsNothing;
       effect.set = {{question_.library[j], nullptr, false, effect.family, effect.gain_nats,
                      effect.gain_nats - effect.evidence_nats}};
+      add_jumps_at_temperature(question_, slow_, &effect);
       // Jumps that come again and again are a noise.
       if (jumps_of_weight() > kMostJumps || (names_.effects.empty() && slow_.is_against(constants())))
         open_jumps(question_, &effect);

@@ -51,7 +51,8 @@ std::vector<SlowCandidateScore> SlowScan::scan(const SlowModel& m, const std::ve
     const auto is_it = [&](const SlowModel::Name& name) {
       return name.candidate == j || (effect && effect == space_.candidates[name.candidate].effect);
     };
-    skip[j] = (only_free && effect) || std::any_of(m.names.begin(), m.names.end(), is_it) ? 1 : 0;
+    const bool is_in_time = space_.candidates[j].is_once && !m.steps.empty();
+    skip[j] = (only_free && effect) || is_in_time || std::any_of(m.names.begin(), m.names.end(), is_it) ? 1 : 0;
   }
   const std::vector<SlowLikelihood::Part> own = likelihood_.parts(m);
   const std::vector<const MeanPart*> pointers = pointers_of(own);

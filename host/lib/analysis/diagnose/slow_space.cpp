@@ -8,10 +8,12 @@
 
 namespace imucal {
 
-bool SlowSpace::is_repeated(const EffectEstimator& estimator, const Theta& shape) const {
+bool SlowSpace::is_seen(const Candidate& candidate, const Theta& shape) const {
   std::vector<const RunInput*> runs;
   for (const CampaignRun& run : data.campaign.runs) runs.push_back(&run.input);
-  return estimator.is_repeated(runs, shape);
+  if (candidate.is_once)
+    for (const CampaignRun& run : held_out->runs) runs.push_back(&run.input);
+  return candidate.scan.estimator->is_repeated(runs, shape);
 }
 bool SlowSpace::is_of_steps(const EffectEstimator& estimator, const Theta& shape) const {
   const auto is_about_steps = [](const Candidate& c) { return c.scan.estimator->concerns_coarse_thermometer(); };
@@ -67,16 +69,25 @@ std::vector<Theta> at_nearby_lags(const std::vector<Theta>& grid) {
     }
   return out;
 }
-std::vector<Theta> shapes_of(const SlowSpace& space, const EffectEstimator& estimator) {
+std::vector<Theta> shapes_of(const SlowSpace& space, const Candidate& candidate) {
+  const EffectEstimator& estimator = *candidate.scan.estimator;
   const RunInput& run = space.data.campaign.runs.front().input;
   if (estimator.form() == Form::kRunRandom) return {{space.data.spread_dph}};
   std::vector<Theta> grid = estimator.grid_on(run, space.data.campaign.lo_degc, space.data.campaign.hi_degc);
   if (estimator.concerns_coarse_thermometer()) grid = {{space.data.campaign.temp_lsb_degc}};
   if (estimator.is_near_thermometer()) grid = at_nearby_lags(grid);
-  grid.erase(
-      std::remove_if(grid.begin(), grid.end(), [&](const Theta& at) { return !space.is_repeated(estimator, at); }),
-      grid.end());
+  Candidate in_fitted = candidate;
+  in_fitted.is_once = false;
+  const auto is_out = [&](const Theta& at) {
+    return !space.is_seen(candidate, at) || (candidate.is_once && space.is_seen(in_fitted, at));
+  };
+  grid.erase(std::remove_if(grid.begin(), grid.end(), is_out), grid.end());
   return grid;
+}
+// A candidate with all of its shapes, where it has any.
+void add_candidate(Candidate candidate, SlowSpace* space) {
+  candidate.scan.shapes = shapes_of(*space, candidate);
+  if (!candidate.scan.shapes.empty()) space->candidates.push_back(std::move(candidate));
 }
 void add_effects(const std::vector<const Effect*>& library, const std::vector<bool>& active, SlowSpace* out) {
   SlowSpace& space = *out;
@@ -90,15 +101,18 @@ void add_effects(const std::vector<const Effect*>& library, const std::vector<bo
     Candidate c;
     c.effect = library[j], c.place = j;
     c.scan.estimator = estimator;
-    c.scan.shapes = shapes_of(space, *estimator);
-    if (c.scan.shapes.empty()) continue;
-    space.candidates.push_back(std::move(c));
+    add_candidate(c, &space);
+    // Several logs pass nearly every temperature more than once.
+    if (space.held_out && campaign.runs.size() == 1 && estimator->can_jump()) {
+      Candidate once = c;
+      once.is_once = true;
+      add_candidate(once, &space);
+    }
     if (const Reference* any = any_shape_of(*library[j])) {
-      Candidate other;
-      other.effect = library[j], other.place = j, other.is_any_shape = true;
+      Candidate other = c;
+      other.is_any_shape = true;
       other.scan = any->candidate;
-      other.scan.shapes = shapes_of(space, *other.scan.estimator);
-      space.candidates.push_back(std::move(other));
+      add_candidate(other, &space);
     }
   }
 }
@@ -134,8 +148,9 @@ void add_free_function(SlowSpace* out) {
 } // namespace
 
 SlowSpace make_slow_space(const SlowData& data, const NoiseBelief& belief, const std::vector<const Effect*>& library,
-                          const std::vector<bool>& active, const SelectorConstants& constants) {
-  SlowSpace space{data, belief, constants};
+                          const std::vector<bool>& active, const SelectorConstants& constants,
+                          const Campaign* held_out) {
+  SlowSpace space{data, belief, constants, held_out};
   set_noise(&space);
   add_effects(library, active, &space);
   add_free_shapes(&space);

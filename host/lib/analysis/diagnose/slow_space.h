@@ -24,7 +24,8 @@ struct SlowSpace {
   const SlowData& data;
   NoiseBelief belief;
   SelectorConstants constants;
-  NoiseModel base = {}; // what the factors of a hypothesis act on
+  const Campaign* held_out; // its temperatures alone; nullptr: none
+  NoiseModel base = {};     // what the factors of a hypothesis act on
   NoisePrior prior = {};
   double longest_tau_s = 1e4;                    // that is asked for
   std::vector<Candidate> candidates = {};        // the free function, where there is one, is the last
@@ -32,13 +33,15 @@ struct SlowSpace {
   const EffectEstimator* steps = nullptr;        // of jumps in time, where they may be named
   std::unique_ptr<ScanBank> bank = {};           // columns of all candidates but the free function
 
-  // Whether the shape of an effect comes back: a jump at a temperature that is passed once is none.
-  bool is_repeated(const EffectEstimator& estimator, const Theta& shape) const;
+  // Whether a candidate may have this shape, by how often what it does happens: a jump at a temperature that is passed once
+  // is none.
+  bool is_seen(const Candidate& candidate, const Theta& shape) const;
   // Whether the steps of a coarse thermometer do the same as an effect at this shape.
   bool is_of_steps(const EffectEstimator& estimator, const Theta& shape) const;
 };
-// `data` must outlive it.  `active`: effects of the library that may be named.
+// `data` and `held_out` (nullptr: none) must outlive it.  `active`: effects of the library that may be named.
 SlowSpace make_slow_space(const SlowData& data, const NoiseBelief& belief, const std::vector<const Effect*>& library,
-                          const std::vector<bool>& active, const SelectorConstants& constants);
+                          const std::vector<bool>& active, const SelectorConstants& constants,
+                          const Campaign* held_out);
 
 } // namespace imucal

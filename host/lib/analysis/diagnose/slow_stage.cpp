@@ -44,20 +44,22 @@ public:
 private:
   const SelectorConstants& constants() const { return question_.constants; }
 
-  // Score of the fitted logs and likelihood of the held-out ones together.
-  double all_logs(const SlowModel& m) const {
-    return slow_.search->score(m) + predicted_nats(*slow_.search, *slow_.data, slow_.held_blocks.get(), m);
+  double predicted(const SlowModel& m) const {
+    return predicted_nats(*slow_.search, *slow_.data, slow_.held_blocks.get(), m);
   }
+  // Score of the fitted logs and likelihood of the held-out ones together.
+  double all_logs(const SlowModel& m) const { return slow_.search->score(m) + predicted(m); }
 
   // A jump in time predicts no other log; a cause that makes one at a temperature does.  Held-out logs count as data of
-  // the same likelihood: the answer without jumps stands where it makes all logs together more likely.
+  // the same likelihood: the answer without jumps stands where it makes all logs together more likely, and the held-out ones
+  // more likely than its noise alone does.
   void weigh_steps() {
     if (!slow_.held_blocks || !slow_.found.without_steps) return;
     const SlowResult& other = *slow_.found.without_steps;
-    if (!other.best.names.empty() && all_logs(other.best) > all_logs(slow_.found.best)) {
-      const SlowResult chosen = other;
-      slow_.found = chosen;
-    }
+    if (other.best.names.empty() || all_logs(other.best) <= all_logs(slow_.found.best)) return;
+    if (predicted(other.best) < predicted(other.null) + constants().least_held_out_nats) return;
+    const SlowResult chosen = other;
+    slow_.found = chosen;
   }
 
   // The same where slow noise stands alone, of another kind or with other parameters: a cause in the mean that makes all
@@ -149,9 +151,6 @@ private:
   // likelihood ratio would exceed exp(x) with probability exp(-x) at most (Markov's inequality: its mean is 1).
   bool predicts_more(const SlowModel& with_shape) {
     if (slow_.found.best.names.empty() || slow_.gap.method == HeldOut::kQuarters) return false;
-    const auto predicted = [&](const SlowModel& m) {
-      return predicted_nats(*slow_.search, *slow_.data, slow_.held_blocks.get(), m);
-    };
     if (!answer_predicts_) answer_predicts_ = predicted(slow_.found.best);
     return predicted(with_shape) - *answer_predicts_ > constants().foretold_nats;
   }
@@ -227,9 +226,9 @@ void prepare_slow(const AxisQuestion& question, Campaign* logs, const Campaign* 
   const double block_s = block_length_s(*logs);
   slow->data.reset(new SlowData(block_means(*logs, block_s)));
   logs->spread_dph = slow->data->spread_dph;
-  slow->search.reset(
-      new SlowSearch(*slow->data, question.belief, question.library, question.active, question.constants));
   if (held_out) slow->held_blocks.reset(new Campaign(block_means(*held_out, block_s)));
+  slow->search.reset(new SlowSearch(*slow->data, question.belief, question.library, question.active, question.constants,
+                                    slow->held_blocks.get()));
 }
 void run_slow(const AxisQuestion& question, SlowAnswer* slow) {
   SlowStage(question, slow).run();

@@ -147,11 +147,13 @@ public:
     return out;
   }
   bool can_jump() const override { return true; }
-  // Every place alone, and every rising one with every falling one below it.
+  // Every place alone, with no band and with one that a ripple of the chamber does not cross, and every rising one with every
+  // falling one below it.
   std::vector<Theta> shapes_of_jumps(const std::vector<JumpPlace>& places) const override {
     std::vector<Theta> out;
     for (const JumpPlace& up : places) {
       out.push_back({up.temp_degc, 0});
+      out.push_back({up.is_rising ? up.temp_degc : up.temp_degc + kLeastBand_degc, kLeastBand_degc});
       for (const JumpPlace& down : places)
         if (up.is_rising && !down.is_rising && down.temp_degc < up.temp_degc)
           out.push_back({up.temp_degc, up.temp_degc - down.temp_degc});
