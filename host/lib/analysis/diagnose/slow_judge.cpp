@@ -11,6 +11,8 @@ namespace imucal {
 namespace {
 
 constexpr double kMemberPart = 0.4; // of its gain, on the places of the grids
+constexpr int kSettlings = 4;
+constexpr double kSettled_nats = 0.5;
 
 } // namespace
 
@@ -45,6 +47,18 @@ SlowModel SlowJudge::with_free_function(const SlowModel& m, const SlowModel& als
   return best;
 }
 
+// Searched anew from where a search of few evaluations ended, while that gains: a simplex along a ridge of several parameters
+// ends before its top.
+SlowModel SlowJudge::settled(SlowModel m) const {
+  for (int round = 0; round < kSettlings; ++round) {
+    const SlowModel again = polished(likelihood_, m, kEvaluations);
+    const bool is_there = again.value < m.value + kSettled_nats;
+    if (again.value > m.value) m = again;
+    if (is_there) break;
+  }
+  return m;
+}
+
 // A free shape has more freedom than any member: where a member gains nearly as much, it is the answer, and what the
 // shape gains beyond it is a remainder.  An effect of any shape gives way to that of its parameters alone, and also stands where it
 // is better by what a free shape beside an answer would open it for.
@@ -54,30 +68,41 @@ SlowModel SlowJudge::with_members(SlowModel best, std::vector<size_t>* replaced)
     if (c.is_member() || c.is_free_function) continue;
     const SlowModel less = without(best, i);
     const double free_gain = best.free_score() - less.free_score();
-    SlowModel top;
-    const SlowScan::OwnNode own = scans_.node_of(best);
-    const std::vector<SlowCandidateScore> found = scans_.scan_members(less, scans_.nodes_with(*own, best));
-    for (size_t k = 0; k < found.size() && k < kMembersTried; ++k) {
-      if (found[k].gain_nats < less.free_score() + kMemberPart * free_gain) break;
-      if (c.effect && space_.candidates[found[k].model.names.back().candidate].effect != c.effect) continue;
-      const SlowModel member = polished(likelihood_, found[k].model, kEvaluations);
-      if (member.free_score() > top.free_score()) top = member;
-    }
+    SlowModel top = c.effect ? with_nearest(best, i) : with_best_member(less, best, free_gain);
+    if (top.names.empty()) continue;
     double least = space_.constants.member_share * free_gain;
     if (c.effect) least = std::max(least, free_gain - space_.constants.lack_nats);
     if (top.free_score() - less.free_score() < least) continue;
     if (!c.effect && best.free_score() > top.free_score()) replaced->push_back(best.names[i].candidate);
+    if (c.effect) top.names[i].beyond_nats = std::max(0.0, best.free_score() - top.free_score());
     best = top;
   }
   return best;
 }
 
+// The member beside `less` that does best in the place of the free shape of `best`, which gains so much; no names: none does.
+SlowModel SlowJudge::with_best_member(const SlowModel& less, const SlowModel& best, double free_gain) const {
+  SlowModel top;
+  const SlowScan::OwnNode own = scans_.node_of(best);
+  const std::vector<SlowCandidateScore> found = scans_.scan_members(less, scans_.nodes_with(*own, best));
+  for (size_t k = 0; k < found.size() && k < kMembersTried; ++k) {
+    if (found[k].gain_nats < less.free_score() + kMemberPart * free_gain) break;
+    const SlowModel member = polished(likelihood_, found[k].model, kEvaluations);
+    if (member.free_score() > top.free_score()) top = member;
+  }
+  return top;
+}
+
 SlowModel SlowJudge::with_parameters(SlowModel m) const {
-  for (size_t i = 0; i < m.names.size(); ++i)
-    if (space_.candidates[m.names[i].candidate].is_any_shape) m = with_nearest(m, i);
+  for (size_t i = 0; i < m.names.size(); ++i) {
+    if (!space_.candidates[m.names[i].candidate].is_any_shape) continue;
+    const SlowModel told = with_nearest(m, i);
+    if (!told.names.empty()) m = told;
+  }
   return m;
 }
-// From the best place of the grid, and from the place of the other shape where it has the same parameters.
+// From the best place of the grid, and from the place of the other shape where it has the same parameters; no names: the
+// effect is not asked in its own shape.
 SlowModel SlowJudge::with_nearest(const SlowModel& m, size_t i) const {
   const Candidate& any = space_.candidates[m.names[i].candidate];
   const SlowScan::OwnNode own = scans_.node_of(m);
@@ -89,12 +114,12 @@ SlowModel SlowJudge::with_nearest(const SlowModel& m, size_t i) const {
       if (shape.size() != member.shape.size()) continue;
       SlowModel told = m;
       told.names[i] = member, told.names[i].shape = shape;
-      told = polished(likelihood_, told, kEvaluations);
+      told = settled(polished(likelihood_, told, kEvaluations));
       if (told.free_score() > best.free_score()) best = told;
     }
     break;
   }
-  return best.names.empty() ? m : best;
+  return best;
 }
 
 // The hypothesis without one of its names, as good as it can be made.
@@ -128,21 +153,22 @@ void SlowJudge::judge_names(SlowResult* result) const {
   }
 }
 std::vector<SlowResult::Rival> SlowJudge::rivals(const SlowModel& best, size_t i) const {
+  const double own = best.free_score() + best.names[i].beyond_nats; // the effect, of whatever shape
   std::vector<SlowCandidateScore> others = scans_.scan(best.without(i), scans_.likely_nodes(best));
   others[best.names[i].candidate].model.names.clear();
   for (SlowCandidateScore& s : others)
-    if (!s.model.names.empty() && s.gain_nats > best.free_score() - space_.constants.near_nats) {
+    if (!s.model.names.empty() && s.gain_nats > own - space_.constants.near_nats) {
       s.model = polished(likelihood_, s.model, kQuickEvaluations);
       s.gain_nats = s.model.free_score();
     }
   std::vector<SlowResult::Rival> list;
   for (size_t j = 0; j < others.size(); ++j)
-    if (!others[j].model.names.empty() && others[j].gain_nats > best.free_score() - space_.constants.rivals_nats)
-      list.push_back({j, nullptr, best.free_score() - others[j].gain_nats});
+    if (!others[j].model.names.empty() && others[j].gain_nats > own - space_.constants.rivals_nats)
+      list.push_back({j, nullptr, own - others[j].gain_nats});
   if (best.names.size() == 1 && !best.noise_effect)
     for (const SlowCandidateScore& s : so_far_.noises)
-      if (s.gain_nats + space_.constants.noise_kind_nats > best.free_score() - space_.constants.rivals_nats)
-        list.push_back({0, s.model.noise_effect, best.free_score() - s.gain_nats - space_.constants.noise_kind_nats});
+      if (s.gain_nats + space_.constants.noise_kind_nats > own - space_.constants.rivals_nats)
+        list.push_back({0, s.model.noise_effect, own - s.gain_nats - space_.constants.noise_kind_nats});
   std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gap_nats < b.gap_nats; });
   return list;
 }

@@ -29,7 +29,9 @@ public:
 
 private:
   SlowModel with_members(SlowModel best, std::vector<size_t>* replaced) const;
+  SlowModel with_best_member(const SlowModel& less, const SlowModel& best, double free_gain) const;
   SlowModel with_nearest(const SlowModel& m, size_t name) const;
+  SlowModel settled(SlowModel m) const;
   SlowModel without(const SlowModel& m, size_t name) const;
   std::vector<SlowResult::Rival> rivals(const SlowModel& best, size_t name) const;
 
