@@ -716,6 +716,48 @@ static void test_bursts_are_not_noise_of_another_size(void**) {
   }
 }
 
+// A jump inside a block has its share of the mean, whatever its size, and one second that is far off has none.
+static void test_a_block_holds_the_share_of_a_jump_and_no_hit(void**) {
+  for (const double height : {30.0, 3000.0})
+    for (const size_t second : {2u, 4u, 7u, 9u}) {
+      Log log = simulated_log(77, 2000, false, 0);
+      Rng rng(77, 0, 0, Stream::kTool);
+      for (double& rate : log.axes[0].rate_dph) rate = rng.normal();
+      for (size_t i = 1000 + second; i < log.size(); ++i) log.axes[0].rate_dph[i] += height;
+      log.axes[0].rate_dph[500] += height;
+      const Campaign blocks = block_means(make_campaign({log}, "gx_dph", nominal_model()), 10);
+      const std::vector<double>& y = blocks.runs[0].input.rate_dph;
+      const auto tenths = static_cast<double>(10 - second);
+      assert_near(y[100], 0.1 * tenths * height, 1.5); // means of ten are within 5 standard deviations
+      assert_near(y[50], 0, 1.6);
+      assert_near(y[101], height, 1.6);
+    }
+}
+
+// However far the rate is from zero.
+static void test_all_drop_outs_are_counted(void**) {
+  for (const double level : {40.0, 80.0, 100.0, 300.0}) {
+    Log log = simulated_log(78, 8000, false, 0);
+    Rng rng(78, 0, 0, Stream::kTool);
+    for (double& rate : log.axes[0].rate_dph) rate = level + 10 * rng.normal();
+    for (size_t i = 70; i < 8000; i += 160) log.axes[0].rate_dph[i] = 0;
+    Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+    const StructureResult found = find_structure(&campaign, effect_library(), all_active());
+    assert_int_equal(found.findings.size(), 1);
+    assert_string_equal(found.findings[0].effect->name().c_str(), "held_samples");
+    assert_near(found.findings[0].signature.parameters.number("probability"), 50.0 / 8000, 1e-12);
+    assert_int_equal(found.n_dropouts, 0); // none beside the finding
+    assert_int_equal(campaign.n(), 7950);
+  }
+  Log log = simulated_log(79, 8000, false, 0);
+  for (double& rate : log.axes[0].rate_dph) rate += 3000;
+  for (const size_t i : {70u, 900u, 7000u}) log.axes[0].rate_dph[i] = 0; // too few for a finding
+  Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+  const StructureResult found = find_structure(&campaign, effect_library(), all_active());
+  assert_int_equal(found.findings.size(), 0);
+  assert_int_equal(found.n_dropouts, 3);
+}
+
 // Rates in steps of 36 dph: of a level of 20 dph most samples are equal to the one before, and zero is the next step.
 static void test_zeros_of_coarse_rates_are_no_drop_outs(void**) {
   Log log = simulated_log(76, 8000, false, 0);
@@ -975,6 +1017,8 @@ int main() {
       cmocka_unit_test(test_sudden_changes_show_in_smoothed_moments_and_noise_does_not),
       cmocka_unit_test(test_a_flat_spectrum_is_flat_whatever_the_lengths_of_the_logs),
       cmocka_unit_test(test_bursts_are_not_noise_of_another_size),
+      cmocka_unit_test(test_a_block_holds_the_share_of_a_jump_and_no_hit),
+      cmocka_unit_test(test_all_drop_outs_are_counted),
       cmocka_unit_test(test_zeros_of_coarse_rates_are_no_drop_outs),
       cmocka_unit_test(test_a_polynomial_at_another_temperature_is_the_same_on_a_part_of_a_log),
       cmocka_unit_test(test_a_log_between_logs_at_rest_tells_the_polynomial),
