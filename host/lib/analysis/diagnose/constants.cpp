@@ -89,7 +89,7 @@ std::vector<SelectorConstant> of_selection() {
       {"drift_nats", &C::drift_nats, "the same for a line that drifts with temperature",
        "49 slopes more; largest of 10 draws was 25.6", false},
       {"retuned_nats", &C::retuned_nats, "what other noise parameters must gain in the seconds to be remarked",
-       "three parameters: chi2/2 at 1 in 300", false},
+       "three parameters: chi2/2 at 1 in 300, of REML likelihoods", false},
       {"rest_rate", &C::rest_rate, "rate at which each test of what is left fires on a right model", "stated", true},
       {"rest_line_nats", &C::rest_line_nats, "line in what is left that the tests object to",
        "1 in 1000 exceeds about 18", false},
