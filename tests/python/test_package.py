@@ -165,8 +165,8 @@ def test_other_threads_run_while_the_compiled_part_works():
 
 
 def test_interrupt_ends_a_program_s_work():
-    """The call is repeated until the signal comes, so that no machine is too fast for it; nothing goes on behind it."""
-    code = (f"import sys; sys.path[:0] = {sys.path!r}\nimport imucal\nprint('go', flush=True)\n"
+    """The call is repeated until the signal comes, so that no machine is too fast for it; nothing goes on behind it.  What it needs is imported before."""
+    code = (f"import sys; sys.path[:0] = {sys.path!r}\nimport imucal\nimucal.optimize_profile\nprint('go', flush=True)\n"
             f"while True:\n    imucal.optimize_profile({MODEL!r}, (0, 60), 0.6, 86400)\n")
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     process.stdout.readline()

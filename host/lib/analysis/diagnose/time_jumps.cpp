@@ -92,11 +92,11 @@ std::vector<Theta> find_steps(const SlowLikelihood& of, const SlowModel& null) {
       with.value = of.evaluate(with);
       if (with.value > best.value) best = with;
     }
-    if (best.value > -1e300) place_last(of, &best);
     if (best.value < now.value + of.space().constants.step_try_part * of.space().constants.step_nats) return now.steps;
     best = polished(of, best, kQuickEvaluations);
     if (best.value < now.value + of.space().constants.step_nats) return now.steps;
-    now = best;
+    place_last(of, &best); // it has earned its cost at the end of a row: a finer place costs nothing more
+    now = polished(of, best, kQuickEvaluations);
   }
   return {};
 }
