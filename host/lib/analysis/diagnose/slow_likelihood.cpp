@@ -110,7 +110,8 @@ double SlowLikelihood::evaluate(const SlowModel& m) const {
   for (const SlowModel::Name& name : m.names) {
     const Candidate& c = space_.candidates[name.candidate];
     if (!c.effect) continue;
-    if (!space_.is_seen(c, name.shape) || space_.is_of_steps(*c.scan.estimator, name.shape)) return -1e300;
+    const EffectEstimator& e = *c.scan.estimator;
+    if (!space_.is_repeated(e, name.shape, c.is_once) || space_.is_of_steps(e, name.shape)) return -1e300;
   }
   return grams(m).log_marginal_any_scale() + noise_value(m);
 }

@@ -8,12 +8,12 @@
 
 namespace imucal {
 
-bool SlowSpace::is_seen(const Candidate& candidate, const Theta& shape) const {
+bool SlowSpace::is_repeated(const EffectEstimator& estimator, const Theta& shape, bool with_held_out) const {
   std::vector<const RunInput*> runs;
   for (const CampaignRun& run : data.campaign.runs) runs.push_back(&run.input);
-  if (candidate.is_once)
+  if (with_held_out)
     for (const CampaignRun& run : held_out->runs) runs.push_back(&run.input);
-  return candidate.scan.estimator->is_repeated(runs, shape);
+  return estimator.is_repeated(runs, shape);
 }
 bool SlowSpace::is_of_steps(const EffectEstimator& estimator, const Theta& shape) const {
   const auto is_about_steps = [](const Candidate& c) { return c.scan.estimator->concerns_coarse_thermometer(); };
@@ -76,10 +76,9 @@ std::vector<Theta> shapes_of(const SlowSpace& space, const Candidate& candidate)
   std::vector<Theta> grid = estimator.grid_on(run, space.data.campaign.lo_degc, space.data.campaign.hi_degc);
   if (estimator.concerns_coarse_thermometer()) grid = {{space.data.campaign.temp_lsb_degc}};
   if (estimator.is_near_thermometer()) grid = at_nearby_lags(grid);
-  Candidate in_fitted = candidate;
-  in_fitted.is_once = false;
   const auto is_out = [&](const Theta& at) {
-    return !space.is_seen(candidate, at) || (candidate.is_once && space.is_seen(in_fitted, at));
+    return !space.is_repeated(estimator, at, candidate.is_once) ||
+           (candidate.is_once && space.is_repeated(estimator, at, false));
   };
   grid.erase(std::remove_if(grid.begin(), grid.end(), is_out), grid.end());
   return grid;

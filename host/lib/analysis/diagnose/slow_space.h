@@ -33,9 +33,9 @@ struct SlowSpace {
   const EffectEstimator* steps = nullptr;        // of jumps in time, where they may be named
   std::unique_ptr<ScanBank> bank = {};           // columns of all candidates but the free function
 
-  // Whether a candidate may have this shape, by how often what it does happens: a jump at a temperature that is passed once
-  // is none.
-  bool is_seen(const Candidate& candidate, const Theta& shape) const;
+  // Whether the shape of an effect comes back in the fitted logs, or in these and the held-out ones together: a jump at a
+  // temperature that is passed once is none.
+  bool is_repeated(const EffectEstimator& estimator, const Theta& shape, bool with_held_out) const;
   // Whether the steps of a coarse thermometer do the same as an effect at this shape.
   bool is_of_steps(const EffectEstimator& estimator, const Theta& shape) const;
 };

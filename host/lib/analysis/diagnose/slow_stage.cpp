@@ -56,8 +56,10 @@ private:
   void weigh_steps() {
     if (!slow_.held_blocks || !slow_.found.without_steps) return;
     const SlowResult& other = *slow_.found.without_steps;
-    if (other.best.names.empty() || all_logs(other.best) <= all_logs(slow_.found.best)) return;
-    if (predicted(other.best) < predicted(other.null) + constants().least_held_out_nats) return;
+    if (other.best.names.empty()) return;
+    const double foretold = predicted(other.best);
+    if (slow_.search->score(other.best) + foretold <= all_logs(slow_.found.best)) return;
+    if (foretold < predicted(other.null) + constants().least_held_out_nats) return;
     const SlowResult chosen = other;
     slow_.found = chosen;
   }

@@ -55,25 +55,23 @@ private:
   static constexpr double kFarShare = 0.8;
   static constexpr double kMoreThanChance = 1.5; // held samples of rates in steps
 
-  static size_t n_samples(const std::vector<RunInput>& runs) { return finite_rates(runs).size(); }
-
   // A value that comes back again and again as no other does: zero wherever the level is, an extreme one
   // where it lies far from the samples around it (near them it would be a limit).
   static std::optional<Signature> drop_outs(const std::vector<RunInput>& runs) {
-    double lo = 1e300, hi = -1e300;
-    for (const RunInput& run : runs)
-      for (const double y : run.rate_dph)
-        if (std::isfinite(y)) lo = std::min(lo, y), hi = std::max(hi, y);
+    const std::vector<double> rates = finite_rates(runs);
+    if (rates.empty()) return std::nullopt;
+    const auto [lowest, highest] = std::minmax_element(rates.begin(), rates.end());
+    const double lo = *lowest, hi = *highest;
     if (!(hi > lo)) return std::nullopt;
     const LocalLevels levels = local_levels(runs);
     for (const double value : {0.0, lo, hi}) {
       const Pile pile = pile_at(runs, levels, value);
       if (pile.n < kFewestDropped || pile.n < kMoreOften * most_common_other(runs, value)) continue;
-      if (2 * pile.n > n_samples(runs)) continue; // what most samples read is the rate, in coarse steps
+      if (2 * pile.n > rates.size()) continue; // what most samples read is the rate, in coarse steps
       if (value != 0 && static_cast<double>(pile.n_far) < kFarShare * static_cast<double>(pile.n)) continue;
       Signature found;
       const double n = static_cast<double>(pile.n);
-      found.parameters = {{"probability", n / static_cast<double>(n_samples(runs))}, {"reads_dph", value}};
+      found.parameters = {{"probability", n / static_cast<double>(rates.size())}, {"reads_dph", value}};
       found.evidence_nats = 5.0 * n;
       found.statement =
           std::to_string(pile.n) + " samples read exactly the same value among others that differ: drop-outs";
@@ -86,10 +84,10 @@ private:
   // Samples that are equal to the one before where each takes the values of all in a random order: of rates in coarse steps
   // most are.
   static double equal_by_chance(const std::vector<RunInput>& runs) {
+    const std::vector<double> rates = finite_rates(runs);
     double squares = 0;
-    for (const auto& [value, n] : values_with_counts(finite_rates(runs)))
-      squares += std::pow(static_cast<double>(n), 2);
-    return squares / static_cast<double>(n_samples(runs));
+    for (const auto& [value, n] : values_with_counts(rates)) squares += std::pow(static_cast<double>(n), 2);
+    return squares / static_cast<double>(rates.size());
   }
 
   // Exact repeats of the value before, more than a lattice of values would give.
