@@ -127,6 +127,49 @@ static void test_held_out_logs_tell_a_cause_from_slow_noise(void**) {
     assert_true(answer_to([](double, double) { return 0.0; }, seed, 3).effects.empty());
 }
 
+// One log, and three held out.  Its bias follows a temperature two minutes old: 48 to 32 dph on the ramps, with one slow process
+// of 20 dph in the noise.
+static Selection answer_to_a_lag(uint64_t seed, double tau_s) {
+  const double phi = std::exp(-1 / tau_s);
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 4; ++k) {
+    logs.push_back(simulated_log(seed + k, 6000, false, 0));
+    double lagged = logs[k].temp_degc[0] + 3 * (k % 2 ? 1 : -1);
+    const auto bias = [](double degc) {
+      const double x = (degc - 30) / 30;
+      return 300 * x + 150 * x * x - 100 * x * x * x;
+    };
+    for (size_t i = 0; i < logs[k].size(); ++i) {
+      lagged = phi * lagged + (1 - phi) * logs[k].temp_degc[i];
+      logs[k].axes[0].rate_dph[i] += bias(lagged) - bias(logs[k].temp_degc[i]);
+    }
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  return diagnose_logs(options, ErrorModel(), {logs[0]}, {logs[1], logs[2], logs[3]}).axes.at(0).study.selection;
+}
+static void test_held_out_logs_tell_a_cause_that_one_log_hardly_shows(void**) {
+  size_t right = 0;
+  for (const uint64_t seed : {701u, 711u, 721u, 731u, 741u}) {
+    const Selection said = answer_to_a_lag(seed, 100);
+    right += names_of(said) == std::set<std::string>{"thermal_lag"};
+  }
+  assert_true(right >= 4);
+}
+// What one log leaves open among members the others decide, or leave open in the set.
+static void test_held_out_logs_choose_among_members(void**) {
+  for (const uint64_t seed : {751u, 761u, 771u, 781u}) {
+    std::vector<Log> logs;
+    for (uint64_t k = 0; k < 4; ++k) logs.push_back(simulated_log(seed + k, 6000, false, 45));
+    DiagnoseOptions options;
+    options.nulls = 40;
+    const Selection said =
+        diagnose_logs(options, ErrorModel(), {logs[0]}, {logs[1], logs[2], logs[3]}).axes.at(0).study.selection;
+    assert_int_equal(said.effects.size(), 1);
+    assert_true(said.effects[0].family == Family::kThermalMemory && members_of(said).count("thermal_hysteresis"));
+  }
+}
+
 static void test_a_warm_up_of_another_size_in_every_run_is_kept(void**) {
   // Its start state is free: beyond that the logs held out can show next to nothing of it, which is no reason against it.
   size_t row = 0;
@@ -508,6 +551,8 @@ int main() {
       cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),
       cmocka_unit_test(test_causes_of_no_family_are_not_named),
       cmocka_unit_test(test_held_out_logs_tell_a_cause_from_slow_noise),
+      cmocka_unit_test(test_held_out_logs_tell_a_cause_that_one_log_hardly_shows),
+      cmocka_unit_test(test_held_out_logs_choose_among_members),
       cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),
       cmocka_unit_test(test_what_held_out_logs_can_show_is_what_a_name_is_asked_for),
       cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),

@@ -383,6 +383,14 @@ double SlowSearch::score(const SlowModel& model) const {
 double SlowSearch::evidence_of(const SlowModel& model, size_t name) const {
   return impl_->judge().evidence_of(model, name);
 }
+SlowModel SlowSearch::bare(SlowModel model) const {
+  model.names.clear();
+  model.value = impl_->likelihood.evaluate(model);
+  return model;
+}
+std::vector<SlowResult::Rival> SlowSearch::rivals(const SlowModel& model, size_t name) const {
+  return impl_->judge().rivals(model, name);
+}
 std::vector<SlowCandidateScore> SlowSearch::free_beside(const SlowModel& model, size_t most) const {
   return impl_->judge().free_beside(model, most);
 }

@@ -45,6 +45,10 @@ public:
   double score(const SlowModel& model) const; // less all thresholds: what the search maximises
   // What a name gains over the best hypothesis without it, less its threshold.
   double evidence_of(const SlowModel& model, size_t name) const;
+  // The noise of a model without its names, not estimated again.
+  SlowModel bare(SlowModel model) const;
+  // What comes near a name in its place, best first, by the data searched.
+  std::vector<SlowResult::Rival> rivals(const SlowModel& model, size_t name) const;
   // Free shapes beside a model, the one that gains most first: what its names leave unexplained.
   std::vector<SlowCandidateScore> free_beside(const SlowModel& model, size_t most) const;
   // The free function of everything that repeats beside a model, with its noise or that of `also`, whichever is likelier

@@ -202,7 +202,14 @@ private:
     const auto fires = [](const RestFinding& f) { return f.evidence_nats > 0; };
     return !question_.is_censored && std::any_of(out_.after.begin(), out_.after.end(), fires);
   }
-  bool leaves_something() const { return !names_.remainders.empty() || !names_.dropped.empty() || fires(); }
+  // What gained little beyond the threshold, and loses more where it was not fitted, came by chance: it leaves nothing.
+  bool is_by_chance(const SelectedEffect& dropped) const {
+    return dropped.evidence_nats < constants().lack_nats && dropped.gain_nats + dropped.held_out_nats < 0;
+  }
+  bool leaves_names(const std::vector<SelectedEffect>& dropped) const {
+    return !std::all_of(dropped.begin(), dropped.end(), [&](const SelectedEffect& e) { return is_by_chance(e); });
+  }
+  bool leaves_something() const { return !names_.remainders.empty() || leaves_names(names_.dropped) || fires(); }
 
   void judge() {
     bool has_open = false, has_member = false, is_undecided = false;
@@ -214,7 +221,7 @@ private:
     const GapResult& gap = found_.slow.gap;
     const bool has_mean = gap.has_mean || !found_.slow.found.best.steps.empty();
     const bool grows = has_mean && gap.rms_after_dph > (1 + constants().growth_part) * gap.rms_before_dph;
-    const bool leaves = fires() || !out_.dropped.empty();
+    const bool leaves = fires() || leaves_names(out_.dropped);
     if (out_.effects.empty() && !out_.remainders.empty())
       out_.verdict = Verdict::kUnexplained;
     else if (out_.effects.empty())

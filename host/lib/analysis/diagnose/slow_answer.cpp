@@ -90,7 +90,7 @@ SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& c
   std::vector<CandidateEvidence> rivals;
   for (const SlowResult::Rival& rival : slow.found.rivals[i]) {
     const Effect* other = rival.noise_effect ? rival.noise_effect : slow.candidate(rival.candidate).effect;
-    if (!other || other == c.effect) continue;
+    if (!other || other == c.effect || rival.gap_nats >= constants.rivals_nats) continue;
     if (other->family() == effect.family) nearest = std::min(nearest, rival.gap_nats);
     rivals.push_back({other, nullptr, false, other->family(), effect.gain_nats - rival.gap_nats, threshold});
   }

@@ -163,12 +163,12 @@ std::vector<SlowResult::Rival> SlowJudge::rivals(const SlowModel& best, size_t i
     }
   std::vector<SlowResult::Rival> list;
   for (size_t j = 0; j < others.size(); ++j)
-    if (!others[j].model.names.empty() && others[j].gain_nats > own - space_.constants.rivals_nats)
-      list.push_back({j, nullptr, own - others[j].gain_nats});
+    if (!others[j].model.names.empty() && others[j].gain_nats > own - space_.constants.near_nats)
+      list.push_back({j, nullptr, own - others[j].gain_nats, others[j].model});
   if (best.names.size() == 1 && !best.noise_effect)
     for (const SlowCandidateScore& s : so_far_.noises)
-      if (s.gain_nats + space_.constants.noise_kind_nats > own - space_.constants.rivals_nats)
-        list.push_back({0, s.model.noise_effect, own - s.gain_nats - space_.constants.noise_kind_nats});
+      if (s.gain_nats + space_.constants.noise_kind_nats > own - space_.constants.near_nats)
+        list.push_back({0, s.model.noise_effect, own - s.gain_nats - space_.constants.noise_kind_nats, s.model});
   std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gap_nats < b.gap_nats; });
   return list;
 }

@@ -18,6 +18,8 @@ public:
   void judge_names(SlowResult* result) const;
   // What a name gains over the best hypothesis without it, less its threshold.
   double evidence_of(const SlowModel& m, size_t name) const;
+  // What comes near a name in its place, best first.
+  std::vector<SlowResult::Rival> rivals(const SlowModel& m, size_t name) const;
   // Free shapes beside `m`, best first.
   std::vector<SlowCandidateScore> free_beside(const SlowModel& m, size_t most) const;
   // The free function of everything beside `m`, under its noise or that of `also`, at the likelier shape; no names: there is
@@ -33,7 +35,6 @@ private:
   SlowModel with_nearest(const SlowModel& m, size_t name) const;
   SlowModel settled(SlowModel m) const;
   SlowModel without(const SlowModel& m, size_t name) const;
-  std::vector<SlowResult::Rival> rivals(const SlowModel& best, size_t name) const;
 
   const SlowSpace& space_;
   const SlowLikelihood& likelihood_;

@@ -78,11 +78,13 @@ struct SlowResult {
   SlowModel null, best;
   // Per name of `best` (and, last, its noise effect): what it gains over the best hypothesis without it.
   std::vector<double> evidence;
-  // Per name of `best`: candidates that would do as well in its place (within rivals_nats), best first.
+  // Per name of `best`: what comes near in its place (within near_nats), best first.  Those within rivals_nats cannot be
+  // told from it.
   struct Rival {
     size_t candidate;
     const Effect* noise_effect; // or this
-    double gap_nats;            // by which it scores less
+    double gap_nats;            // by which it makes the logs less likely
+    SlowModel model;            // with it in the place of the name
   };
   std::vector<std::vector<Rival>> rivals;
   std::vector<SlowCandidateScore> singles; // per candidate

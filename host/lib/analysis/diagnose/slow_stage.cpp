@@ -12,8 +12,9 @@ namespace imucal {
 
 namespace {
 
-constexpr size_t kPredictionTried = 3;
+constexpr size_t kPredictionTried = 6;
 constexpr size_t kBesideTried = 2;
+constexpr int kExchanges = 3; // of a name for a rival that all logs together prefer
 
 class SlowStage {
 public:
@@ -24,6 +25,7 @@ public:
     slow_.is_told_by_held_out = false;
     weigh_steps();
     weigh_noise();
+    weigh_rivals();
     hold_out();
     ask_free_function();
     look_beside();
@@ -64,33 +66,79 @@ private:
     slow_.found = chosen;
   }
 
-  // The same where slow noise stands alone, of another kind or with other parameters: a cause in the mean that makes all
-  // logs together more likely takes its place.  What the fitted logs leave open the held-out ones may tell: there what
-  // all logs gain has to be worth a name.
+  // The same where slow noise stands alone, as believed or not: a cause in the mean takes its place where it makes all logs
+  // together more likely by what a name must gain.  What the fitted logs leave open the held-out ones may tell.
   void weigh_noise() {
     if (!slow_.held_blocks || !slow_.found.best.names.empty() || !slow_.found.best.steps.empty()) return;
-    const SlowModel noise = slow_.found.best;
-    const double alone = all_logs(noise);
-    double highest = noise.noise_effect ? alone : alone + constants().mean_nats;
+    const double alone = slow_.found.best.free_score() + predicted(slow_.found.best);
     std::vector<std::pair<double, size_t>> order;
     for (size_t j = 0; j < slow_.found.singles.size(); ++j)
       if (!slow_.found.singles[j].model.names.empty()) order.push_back({slow_.found.singles[j].gain_nats, j});
     std::sort(order.rbegin(), order.rend());
+    double most = 0;
     for (size_t i = 0; i < order.size() && i < kPredictionTried; ++i) {
       const SlowModel& single = slow_.found.singles[order[i].second].model;
-      double evidence = single.free_score() - slow_.found.null.free_score() - constants().mean_nats;
-      if (evidence < 0 && !is_undecided(slow_, constants(), !question_.lines.empty(), noise, single)) continue;
-      const double value = all_logs(single);
-      const bool is_told = evidence < 0;
-      if (is_told) evidence = value - alone - constants().mean_nats;
-      if (value > highest && evidence > 0) {
-        highest = value;
-        slow_.is_told_by_held_out = is_told;
-        slow_.found.best = single;
-        slow_.found.evidence = {evidence};
-        slow_.found.rivals = {{}};
-      }
+      const SlowModel bare = slow_.search->bare(single); // what its noise alone foretells is no merit of the cause
+      const double without = std::max(alone, bare.free_score() + predicted(bare));
+      const double evidence = single.free_score() + predicted(single) - without - constants().mean_nats;
+      if (evidence <= most) continue;
+      most = evidence;
+      const double fitted = single.free_score() - slow_.found.null.free_score() - constants().mean_nats;
+      slow_.is_told_by_held_out = fitted < 0;
+      slow_.found.best = single;
+      slow_.found.evidence = {fitted < 0 ? evidence : fitted};
     }
+    if (most > 0) slow_.found.rivals = {slow_.search->rivals(slow_.found.best, 0)};
+  }
+
+  // What comes near a name in the fitted logs may foretell the held-out ones better, or not at all: how far it falls behind is
+  // counted in all logs together.
+  void count_held_out() {
+    if (!slow_.held_blocks) return;
+    for (std::vector<SlowResult::Rival>& rivals : slow_.found.rivals) {
+      if (rivals.empty()) continue;
+      const double own = predicted(slow_.found.best);
+      for (SlowResult::Rival& rival : rivals) rival.gap_nats += own - predicted(rival.model);
+      std::sort(rivals.begin(), rivals.end(), [](const auto& a, const auto& b) { return a.gap_nats < b.gap_nats; });
+    }
+  }
+  void judge_again() {
+    slow_.search->judge_again(&slow_.found);
+    count_held_out();
+  }
+  // Of the effects that come near each other in the fitted logs all logs together choose.
+  void weigh_rivals() {
+    count_held_out();
+    for (int round = 0; round < kExchanges; ++round) {
+      const SlowResult::Rival* better = preferred();
+      if (!better) return;
+      exchange(*better);
+    }
+  }
+  void exchange(SlowResult::Rival by) {
+    slow_.found.best = by.model;
+    if (!slow_.is_told_by_held_out) return judge_again();
+    slow_.found.evidence[0] -= by.gap_nats;
+    slow_.found.rivals = {slow_.search->rivals(by.model, 0)};
+    count_held_out();
+  }
+  // Whether the held-out logs can show the last name of a model beyond its start states, which are free in every log: these
+  // tell no cause from another.
+  bool is_shown_beyond_start(const SlowModel& m) const {
+    const GapResult gap = measure_gap(*slow_.search, *slow_.data, slow_.held_blocks.get(), slow_.found.null, m);
+    return can_show(gap.beyond_start.back(), constants());
+  }
+  // An effect in the place of a name, more likely than it by all logs together; worth a name by the fitted ones, where the name is.
+  const SlowResult::Rival* preferred() const {
+    const SlowResult& found = slow_.found;
+    for (size_t i = 0; slow_.held_blocks && i < found.best.names.size(); ++i)
+      for (const SlowResult::Rival& rival : found.rivals[i]) {
+        if (rival.gap_nats >= 0) break;
+        if (rival.noise_effect || !slow_.candidate(rival.candidate).effect) continue;
+        const double fitted = rival.model.free_score() - found.best.free_score() + found.evidence[i];
+        if ((slow_.is_told_by_held_out || fitted > 0) && is_shown_beyond_start(rival.model)) return &rival;
+      }
+    return nullptr;
   }
 
   // A free function of everything that repeats joins an answer where it makes all logs together more likely, and what
@@ -120,7 +168,7 @@ private:
       return;
     }
     slow_.found.best = without_needless(*with, highest);
-    slow_.search->judge_again(&slow_.found);
+    judge_again();
     hold_out();
   }
   // Whether one or two members are nearly all that the free function would be: what it has beside them, as the product of
@@ -178,7 +226,7 @@ private:
         slow_.found.evidence.clear(), slow_.found.rivals.clear();
         if (best.noise_effect) slow_.found.evidence.push_back(noise_evidence(best));
       } else {
-        slow_.search->judge_again(&slow_.found);
+        judge_again();
       }
     }
   }

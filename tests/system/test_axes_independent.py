@@ -1,0 +1,388 @@
+# SPDX-License-Identifier: MIT
+"""Devices of three axes: one sick axis between healthy ones, what the axes share, what one axis follows, a lost axis.
+
+A chamber goes by ramps of 1.5 to 3 degC/min and soaks between -20 and 60 degC and overshoots; a row is a second, a log
+5000 to 9000 of them, a device has 2 to 4 logs and up to 2 held-out ones.  The bias of an axis is a cubic of the
+temperature, with a constant of its own in every log; its noise is white noise and one first-order process.  The
+thermometer has a noise of 0.01 degC.  Whatever remembers starts every log with a past of its own.  All of it is
+simulated by this file; no code is shared with the programs.
+
+The strength d of a cause is the square root of twice the log-likelihood that the fitted logs gain, on the average, to
+who knows its form and the noise, beside a free cubic and free constants: generalised least squares (whitened).
+Seeds were chosen before the first run, limits by the chances that are stated.  `make test` asks some of the devices,
+`make test-long` the others."""
+import json
+import math
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import binom
+
+BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+SEED = 20270824
+COLD, HOT = -20.0, 60.0
+AXES = ["gx", "gy", "gz"]
+FALSE_ALARM = 0.01  # stated by the program: a name where there is no gap, all axes of a question counted
+MISSED = 0.05  # of causes that are clearly visible
+MISSED_WEAK = 0.10  # of causes of d = 7 to 12
+
+FAMILY = {"play": "thermal_memory", "preisach": "thermal_memory", "lag": "thermal_memory", "creep": "thermal_memory",
+          "rate": "thermal_memory", "warm_up": "function_of_time", "bump": "function_of_temperature"}
+CAUSES = list(FAMILY)
+
+
+def draw(*question):
+    return np.random.default_rng([SEED, *question])
+
+
+# ---- physics
+
+
+def follows(x, tau_s, start=None):
+    """A body that is warmed by another one: Newton cooling, settled at the start or at a temperature of its own."""
+    phi = math.exp(-1 / tau_s)
+    out, _ = lfilter([1 - phi], [1, -phi], x, zi=[phi * (x[0] if start is None else start)])
+    return out
+
+
+def chamber(rng):
+    """The temperature of the device, every second: soaks and ramps in turn, air that overshoots, a body behind it."""
+    n = int(rng.integers(5000, 9001))
+    t, degc = 0.0, rng.choice([COLD, HOT, 20.0])
+    is_rising, at = degc < HOT and (degc == COLD or rng.random() < 0.5), []
+    while t < n:
+        soak_end = t + rng.uniform(200, 800)
+        at += [(t, degc), (soak_end, degc)]
+        goal = degc + rng.uniform(0.6, 1) * ((HOT if is_rising else COLD) - degc)
+        t = soak_end + abs(goal - degc) / rng.uniform(1.5, 3) * 60
+        degc, is_rising = goal, not is_rising
+    wanted = np.interp(np.arange(n) + 0.5, *zip(*at, (t, degc)))
+    pole = 2 * math.pi / rng.uniform(300, 600) * np.exp(1j * math.acos(rng.uniform(0.5, 0.8)))  # overshoots by 2 to 16 %
+    step = np.exp(-pole)
+    a = np.array([1, -2 * step.real, abs(step) ** 2])
+    air = wanted[0] + lfilter([a.sum()], a, wanted - wanted[0])
+    return follows(air, rng.uniform(30, 80))
+
+
+def before(rng, degc):
+    """The past of a device: a few temperatures that it went to before the log, and the first one of the log."""
+    ends = [*rng.uniform(COLD, HOT, 3), degc[0]]
+    return np.concatenate([np.linspace(a, b, 60) for a, b in zip(ends, ends[1:])])
+
+
+def play(degc, radius, past):
+    """Backlash: follows the temperature when pushed.  What is returned lies within +-radius of the temperature."""
+    x, path = past[0], np.concatenate([past, degc])
+    out = np.empty(len(path))
+    for i, value in enumerate(path):
+        x = min(max(x, value - radius), value + radius)
+        out[i] = x
+    return out[len(past):]
+
+
+def preisach(degc, rng_device, past):
+    """400 relays, each with a centre and a half-width of its own; up or down is +-1, their mean is returned."""
+    centre, half = rng_device.uniform(COLD - 5, HOT + 5, 400), rng_device.uniform(3, 15, 400)
+    path, state, last = np.concatenate([past, degc]), np.where(past[0] > centre, 1.0, -1.0), None
+    out = np.empty(len(path))
+    for i, value in enumerate(path):
+        if last is None or abs(value - last) > 0.02:
+            state = np.where(value > centre + half, 1.0, np.where(value < centre - half, -1.0, state))
+            last, mean = value, state.mean()
+        out[i] = mean
+    return out[len(past):]
+
+
+def cubic(degc, coeff):
+    return np.polynomial.polynomial.polyval((degc - 20) / 40, coeff)
+
+
+def shapes(cause, rng, runs, coeff, is_weak=False):
+    """What the cause adds to the bias in every run, of a size that is set later.  A lag adds B(behind) - B(read)."""
+    own = np.random.default_rng(rng.integers(2 ** 32))
+    half, tau = rng.uniform(4, 10), math.exp(rng.uniform(*np.log([300, 1200])))
+    centre, width = rng.uniform(0, 40), rng.uniform(3, 7)
+    lag, out = rng.uniform(*((40, 120) if is_weak else (100, 500))), []
+    taus = np.geomspace(60, 4000, 8)
+    relays = own.integers(2 ** 32)
+    for degc in runs:
+        past, wait = before(rng, degc), math.exp(rng.uniform(*np.log([60, 4000])))
+        if cause == "play":
+            x = degc - play(degc, half, past)
+        elif cause == "preisach":
+            x = preisach(degc, np.random.default_rng(relays), past)
+        elif cause == "lag":
+            x = cubic(follows(degc, lag, degc[0] + rng.normal(0, 4)), coeff) - cubic(degc, coeff)
+        elif cause == "creep":
+            x = degc - np.mean([follows(degc, s, degc[0] + (past[0] - degc[0]) * math.exp(-wait / s)) for s in taus], 0)
+        elif cause == "rate":
+            x = np.gradient(degc) * 60
+        elif cause == "warm_up":
+            x = rng.uniform(0.5, 1) * np.exp(-np.arange(len(degc)) / tau)
+        elif cause == "bump":
+            x = np.exp(-0.5 * ((degc - centre) / width) ** 2)
+        out.append(x)
+    return out
+
+
+def noise(rng, n, white, slow, tau_s):
+    phi = math.exp(-1 / tau_s)
+    drive = slow * rng.standard_normal(n)
+    drive[1:] *= math.sqrt(1 - phi ** 2)
+    return white * rng.standard_normal(n) + lfilter([1], [1, -phi], drive)
+
+
+def draw_noise(rng):
+    """White (dph per second's mean), slow (dph) and its time constant (s)."""
+    return rng.uniform(30, 60), rng.uniform(10, 20), math.exp(rng.uniform(*np.log([60, 300])))
+
+
+# ---- generalised least squares
+
+
+def whitened(x, white, slow, tau_s):
+    """White plus first-order noise of these parameters comes out white with a standard deviation of 1."""
+    phi = math.exp(-1 / tau_s)
+    q, r = slow ** 2 * (1 - phi ** 2), white ** 2
+    b = r * (1 - phi ** 2) - q
+    s = (-b + math.sqrt(b * b + 4 * q * r)) / 2 + r
+    return lfilter([1, -phi], [1, -phi * r / s], x, axis=0) / math.sqrt(s)
+
+
+def nuisance(runs):
+    """Free constants of the runs and one free cubic."""
+    x = []
+    for i, degc in enumerate(runs):
+        u = (degc - 20) / 40
+        x.append(np.column_stack([*(np.full(len(u), float(i == k)) for k in range(len(runs))), u, u ** 2, u ** 3]))
+    return x
+
+
+def strength(signals, runs, own):
+    a = np.concatenate([whitened(x, *own) for x in nuisance(runs)])
+    b = np.concatenate([whitened(x, *own) for x in signals])
+    left = b - a @ np.linalg.lstsq(a, b, rcond=None)[0]
+    return math.sqrt(left @ left)
+
+
+# ---- devices
+
+
+class Device:
+    """Logs of three axes in memory: runs (temperatures), what every axis reads in them, and the noise of each axis."""
+
+    def __init__(self, rng, is_one_noise=True):
+        self.n_fitted, n_held_out = int(rng.integers(2, 5)), int(rng.integers(0, 3))
+        self.runs = [chamber(rng) for _ in range(self.n_fitted + n_held_out)]
+        one = draw_noise(rng)
+        self.noise = {a: one if is_one_noise else draw_noise(rng) for a in AXES}
+        self.coeff = {a: rng.normal(0, [300, 300, 150, 80]) for a in AXES}
+        self.rates = {a: [cubic(t, self.coeff[a]) + rng.normal(0, 30) + noise(rng, len(t), *self.noise[a])
+                          for t in self.runs] for a in AXES}
+        self.auxiliary, self.causes, self.added = {}, {}, {}
+
+    def add(self, axis, cause, signals, d=None):
+        """The signals, made d strong."""
+        fitted = slice(self.n_fitted)
+        scale = d / strength(signals[fitted], self.runs[fitted], self.noise[axis]) if d else 1
+        self.rates[axis] = [y + scale * x for y, x in zip(self.rates[axis], signals)]
+        self.causes[axis], self.added[axis] = cause, [scale * x for x in signals]
+
+    def add_cause(self, rng, axis, cause, d):
+        """A lag of this strength comes from the slope of the cubic: the cubic grows with it."""
+        old = self.coeff[axis] * [0, 1, 1, 1]
+        old[1] = math.copysign(max(abs(old[1]), 150), old[1])
+        signals = shapes(cause, rng, self.runs, old, is_weak=d < 15)
+        sign = rng.choice([-1, 1])
+        self.add(axis, cause, [sign * x for x in signals], d)
+        if cause == "lag":
+            fitted = slice(self.n_fitted)
+            scale = sign * d / strength(signals[fitted], self.runs[fitted], self.noise[axis])
+            self.rates[axis] = [y + cubic(t, scale * old) - cubic(t, self.coeff[axis] * [0, 1, 1, 1])
+                                for y, t in zip(self.rates[axis], self.runs)]
+
+    def write(self, folder, rng, axes=AXES):
+        """Logs and held-out logs; not a number is a missing rate."""
+        files = []
+        for i, degc in enumerate(self.runs):
+            names = ["t_s", "temp_degc", *(a + "_dph" for a in axes), *self.auxiliary]
+            read = degc + 0.01 * rng.standard_normal(len(degc))
+            columns = [[f"{t}" for t in range(1, len(degc) + 1)]]
+            for x in [read, *(self.rates[a][i] for a in axes), *(v[i] for v in self.auxiliary.values())]:
+                columns.append(["" if math.isnan(v) else f"{v:.4f}" for v in x])
+            rows = "\n".join(map(",".join, zip(*columns)))
+            files.append(folder / f"run{i}.csv")
+            files[-1].write_text(f"# imucal-log = 1\n{','.join(names)}\n{rows}\n")
+        return files[:self.n_fitted], files[self.n_fitted:]
+
+
+def model_of(white, slow, tau_s):
+    return {"imucal_model": 1, "arw_deg_rt_h": white / 60, "markov": [{"sigma_dph": slow, "tau_s": tau_s}],
+            "bias": {"t0_degc": 20, "range_degc": 40, "coeff_dph": [0, 0, 0, 0]}}
+
+
+def believed(device, belief, rng):
+    """The model of a belief: exact, wrong by 3 in sigma and tau, or None."""
+    own = device.noise["gx"]
+    if belief == "wrong":
+        own = own[0], own[1] * rng.choice([1 / 3, 3]), own[2] * rng.choice([1 / 3, 3])
+    return None if belief == "absent" else model_of(*own)
+
+
+def diagnose(folder, logs, held_out=(), model=None, *more):
+    """The whole answer."""
+    if model:
+        (folder / "model.json").write_text(json.dumps(model))
+    command = [BIN / "diagnose", *(["--model", folder / "model.json"] if model else []), "--threads", "1", "--no-cache",
+               "--quiet", "--json", "-", *more, "--log", *logs, *(["--holdout", *held_out] if held_out else [])]
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=240)
+    (folder / "command.txt").write_text(" ".join(map(str, command)) + "\n")
+    assert done.returncode in (0, 1), done.stderr
+    (folder / "answer.json").write_text(done.stdout)
+    return {axis["axis"].removesuffix("_dph"): axis for axis in json.loads(done.stdout)["axes"]}
+
+
+def names(axis):
+    return [effect["name"] for effect in axis["effects"]]
+
+
+def first_family(axis):
+    return axis["effects"][0]["family"] if axis["effects"] else axis["verdict"]
+
+
+def most_by_chance(n, rate):
+    """More than these of n come in less than 1 of 100 draws where each has this probability."""
+    return int(binom.ppf(0.99, n, rate))
+
+
+def ask(device, belief, folder, rng):
+    folder.mkdir(parents=True, exist_ok=True)
+    logs, held_out = device.write(folder, rng)
+    return diagnose(folder, logs, held_out, believed(device, belief, rng))
+
+
+# ---- the devices of the questions
+
+
+BELIEFS = ["exact", "wrong", "absent"]
+
+
+def one_sick(cause, k):
+    """One axis with a cause of d = 35 to 70, two healthy ones."""
+    rng = draw(1, CAUSES.index(cause), k)
+    device, sick = Device(rng), AXES[rng.integers(3)]
+    device.add_cause(rng, sick, cause, math.exp(rng.uniform(*np.log([35, 70]))))
+    return device, rng
+
+
+def all_healthy(k, is_one_noise):
+    rng = draw(2, k)
+    return Device(rng, is_one_noise), rng
+
+
+def all_weak(cause, k):
+    """The same cause on all axes, d = 7 to 12, its sign and size by axis; play, relays and past are each axis' own."""
+    rng = draw(3, CAUSES.index(cause), k)
+    device = Device(rng)
+    for axis in AXES:
+        device.add_cause(rng, axis, cause, rng.uniform(7, 12))
+    return device, rng
+
+
+PAIRS = [("lag", "warm_up"), ("play", "bump"), ("creep", "warm_up"), ("rate", "bump"), ("preisach", "lag"),
+         ("warm_up", "bump")]
+
+
+def two_sick(k):
+    rng = draw(4, k)
+    device, axes = Device(rng), rng.permutation(AXES)
+    for axis, cause in zip(axes, PAIRS[k % len(PAIRS)]):
+        device.add_cause(rng, axis, cause, math.exp(rng.uniform(*np.log([35, 70]))))
+    return device, rng
+
+
+def shared_noise(k):
+    """White noise that all axes read, 0.5 to 0.8 of the white noise of each."""
+    rng = draw(5, 0, k)
+    device = Device(rng)
+    shared = rng.uniform(0.5, 0.8) * device.noise["gx"][0]
+    common = [shared * rng.standard_normal(len(t)) for t in device.runs]
+    for axis in AXES:
+        device.add(axis, "common", common)
+    return device, rng
+
+
+def slow_noise(kind, k):
+    """One axis jumps between two levels 80 to 120 dph apart, after 200 to 400 s on the average, or walks at random by
+    1 to 2 dph per root second."""
+    rng = draw(5, 1 + ["telegraph", "walk"].index(kind), k)
+    device, sick, signals = Device(rng), AXES[rng.integers(3)], []
+    step, dwell, pace = rng.uniform(80, 120), rng.uniform(200, 400), rng.uniform(1, 2)
+    for degc in device.runs:
+        if kind == "telegraph":
+            signals.append(step * ((np.cumsum(rng.random(len(degc)) < 1 / dwell) + rng.integers(2)) % 2))
+        else:
+            signals.append(pace * np.cumsum(rng.standard_normal(len(degc))))
+    device.add(sick, kind, signals)
+    return device, rng
+
+
+def supply(rng, n):
+    """Volts: a level of the day, load steps of 20 to 100 mV, slow wander and the noise of the converter."""
+    steps = np.interp(np.arange(n), np.sort(rng.uniform(0, n, 12)), rng.uniform(-0.1, 0.1, 12), left=0)
+    held = np.repeat(rng.uniform(-0.1, 0.1, n // 400 + 1), 400)[:n]
+    return 5 + rng.normal(0, 0.02) + steps / 2 + held + 0.002 * rng.standard_normal(n)
+
+
+def acceleration(rng, n):
+    """g: rests at the gravity of the pose of the day, with a table that creeps and a noise of 1 mg."""
+    return rng.normal(0, 0.01) + 0.01 * np.cumsum(rng.standard_normal(n)) / math.sqrt(n) + 0.001 * rng.standard_normal(n)
+
+
+def second_thermometer(degc, rng):
+    """degC: on the board, 90 s behind and 3 degC warmer."""
+    return follows(degc, 90) + 3 + 0.05 * rng.standard_normal(len(degc))
+
+
+def with_a_column(k, is_followed):
+    """A supply voltage (even devices) or an acceleration beside the rates; followed, d = 35 to 70, by one axis or none.
+    Where nobody follows, a third of the devices has a second thermometer in its place."""
+    rng = draw(6, int(is_followed), k)
+    device = Device(rng)
+    if not is_followed and k % 3 == 2:
+        device.auxiliary["board_degc"] = [second_thermometer(t, rng) for t in device.runs]
+    elif k % 2 == 0:
+        device.auxiliary["supply_v"] = [supply(rng, len(t)) for t in device.runs]
+    else:
+        device.auxiliary["ax_g"] = [acceleration(rng, len(t)) for t in device.runs]
+    if is_followed:
+        (column,) = device.auxiliary.values()
+        device.add(AXES[rng.integers(3)], "auxiliary", [x - x[0] for x in column], math.exp(rng.uniform(*np.log([35, 70]))))
+    return device, rng
+
+
+LOST = ["stuck", "stuck_half", "empty", "empty_half", "holes", "zero"]
+
+
+def one_lost(k):
+    """gx, gy or gz is lost in a way of the list, one of the others has a strong cause, the last is healthy."""
+    rng = draw(7, k)
+    device, (lost, sick, _), way = Device(rng), rng.permutation(AXES), LOST[k % len(LOST)]
+    device.add_cause(rng, sick, ["lag", "bump", "warm_up", "play"][k % 4], math.exp(rng.uniform(*np.log([35, 70]))))
+    for i, y in enumerate(device.rates[lost]):
+        y, n = y.copy(), len(y)
+        if way in ("stuck", "zero"):
+            y[:] = 123.0 if way == "stuck" else 0.0
+        elif way == "empty" or (way == "empty_half" and i % 2 == 0):
+            y[:] = math.nan
+        elif way in ("stuck_half", "empty_half"):
+            y[n // 2:] = y[n // 2] if way == "stuck_half" else math.nan
+        elif way == "holes":
+            y[rng.random(n) < 0.7] = math.nan
+        device.rates[lost][i] = y
+    device.causes[lost] = way
+    return device, rng
