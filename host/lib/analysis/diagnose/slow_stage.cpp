@@ -31,14 +31,15 @@ public:
     look_beside();
   }
   // Free shapes that still gain beside the answer, or cost little and make data that were not fitted more likely: what
-  // it leaves of a cause.
+  // it leaves of a cause.  Held-out logs are counted too.
   void look_beside() {
     slow_.beside.clear(), answer_predicts_.reset();
     const SlowModel& best = slow_.found.best;
     if (best.names.empty() && !best.noise_effect) return;
     for (const SlowCandidateScore& s : slow_.search->free_beside(best, kBesideTried)) {
       const double nats = s.gain_nats - best.free_score();
-      if (slow_.leaves_much(nats, constants()) || (nats > -constants().lack_nats && predicts_more(s.model)))
+      if (nats <= -constants().lack_nats) continue;
+      if (leaves_much(nats, s.model) || predicts_more(s.model))
         slow_.beside.push_back({s.model.names.back().candidate, nats});
     }
   }
@@ -51,6 +52,12 @@ private:
   }
   // Score of the fitted logs and likelihood of the held-out ones together.
   double all_logs(const SlowModel& m) const { return slow_.search->score(m) + predicted(m); }
+
+  bool leaves_much(double fitted_nats, const SlowModel& with_shape) {
+    if (!slow_.held_blocks || fitted_nats <= 0) return slow_.leaves_much(fitted_nats, constants());
+    const double nats = fitted_nats + predicted(with_shape) - predicted(slow_.found.best);
+    return slow_.leaves_much(fitted_nats, constants()) && nats > constants().lack_nats;
+  }
 
   // A jump in time predicts no other log; a cause that makes one at a temperature does.  Held-out logs count as data of
   // the same likelihood: the answer without jumps stands where it makes all logs together more likely, and the held-out ones
@@ -128,17 +135,26 @@ private:
     const GapResult gap = measure_gap(*slow_.search, *slow_.data, slow_.held_blocks.get(), slow_.found.null, m);
     return can_show(gap.beyond_start.back(), constants());
   }
-  // An effect in the place of a name, more likely than it by all logs together; worth a name by the fitted ones, where the name is.
+  // An effect in the place of a name: more likely by all logs together, or hardly less where the name has a parameter at its
+  // bound, which is no name.
   const SlowResult::Rival* preferred() const {
-    const SlowResult& found = slow_.found;
-    for (size_t i = 0; slow_.held_blocks && i < found.best.names.size(); ++i)
-      for (const SlowResult::Rival& rival : found.rivals[i]) {
-        if (rival.gap_nats >= 0) break;
-        if (rival.noise_effect || !slow_.candidate(rival.candidate).effect) continue;
-        const double fitted = rival.model.free_score() - found.best.free_score() + found.evidence[i];
-        if ((slow_.is_told_by_held_out || fitted > 0) && is_shown_beyond_start(rival.model)) return &rival;
-      }
+    for (size_t i = 0; i < slow_.found.best.names.size(); ++i)
+      for (const SlowResult::Rival& rival : slow_.found.rivals[i])
+        if (!rival.noise_effect && slow_.candidate(rival.candidate).effect && is_worth_a_name(rival, i) &&
+            (is_told_by_unseen(rival) || is_within_bounds(rival, i)))
+          return &rival;
     return nullptr;
+  }
+  bool is_worth_a_name(const SlowResult::Rival& rival, size_t i) const {
+    const double lost = slow_.found.best.free_score() - rival.model.free_score();
+    return slow_.is_told_by_held_out || slow_.found.evidence[i] > lost;
+  }
+  bool is_told_by_unseen(const SlowResult::Rival& rival) const {
+    return slow_.held_blocks && rival.gap_nats < 0 && is_shown_beyond_start(rival.model);
+  }
+  bool is_within_bounds(const SlowResult::Rival& rival, size_t i) const {
+    return slow_.found.best.names[i].is_at_bound && !rival.model.names.back().is_at_bound &&
+           rival.gap_nats < constants().family_margin_nats;
   }
 
   // A free function of everything that repeats joins an answer where it makes all logs together more likely, and what
