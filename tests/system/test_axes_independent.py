@@ -14,11 +14,13 @@ Seeds were chosen before the first run, limits by the chances that are stated.  
 import json
 import math
 import os
+import re
 import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 from scipy.signal import lfilter
 from scipy.stats import binom
 
@@ -61,7 +63,7 @@ def chamber(rng):
         t = soak_end + abs(goal - degc) / rng.uniform(1.5, 3) * 60
         degc, is_rising = goal, not is_rising
     wanted = np.interp(np.arange(n) + 0.5, *zip(*at, (t, degc)))
-    pole = 2 * math.pi / rng.uniform(300, 600) * np.exp(1j * math.acos(rng.uniform(0.5, 0.8)))  # overshoots by 2 to 16 %
+    pole = 2 * math.pi / rng.uniform(300, 600) * np.exp(1j * math.acos(rng.uniform(0.5, 0.8)))  # 2 to 16 %
     step = np.exp(-pole)
     a = np.array([1, -2 * step.real, abs(step) ** 2])
     air = wanted[0] + lfilter([a.sum()], a, wanted - wanted[0])
@@ -340,7 +342,8 @@ def supply(rng, n):
 
 def acceleration(rng, n):
     """g: rests at the gravity of the pose of the day, with a table that creeps and a noise of 1 mg."""
-    return rng.normal(0, 0.01) + 0.01 * np.cumsum(rng.standard_normal(n)) / math.sqrt(n) + 0.001 * rng.standard_normal(n)
+    pose, creep = rng.normal(0, 0.01), 0.01 * np.cumsum(rng.standard_normal(n)) / math.sqrt(n)
+    return pose + creep + 0.001 * rng.standard_normal(n)
 
 
 def second_thermometer(degc, rng):
@@ -361,7 +364,8 @@ def with_a_column(k, is_followed):
         device.auxiliary["ax_g"] = [acceleration(rng, len(t)) for t in device.runs]
     if is_followed:
         (column,) = device.auxiliary.values()
-        device.add(AXES[rng.integers(3)], "auxiliary", [x - x[0] for x in column], math.exp(rng.uniform(*np.log([35, 70]))))
+        follower, d = AXES[rng.integers(3)], math.exp(rng.uniform(*np.log([35, 70])))
+        device.add(follower, "auxiliary", [x - x[0] for x in column], d)
     return device, rng
 
 
@@ -386,3 +390,266 @@ def one_lost(k):
         device.rates[lost][i] = y
     device.causes[lost] = way
     return device, rng
+
+
+# ---- one sick axis between healthy ones
+
+
+# Noise parameters that are off are what a wrong model has.
+HEALTHY_NAMES = {"exact": set(), "absent": set(), "wrong": {"noise_parameters"}}
+ALL = [(cause, k) for cause in CAUSES for k in (0, 1)]
+
+
+def not_healthy(device, belief, answer):
+    """The axes without a cause that get a name, or a gap where the model holds or none is given."""
+    told = {a: names(answer[a]) or answer[a]["verdict"] for a in AXES if a not in device.causes}
+    return {a: t for a, t in told.items()
+            if t != "no_gap" and not (isinstance(t, list) and set(t) <= HEALTHY_NAMES[belief])}
+
+
+@pytest.mark.parametrize("belief, asked", [
+    pytest.param("exact", [("rate", 1)], id="exact-some"), pytest.param("wrong", [("warm_up", 1)], id="wrong-some"),
+    *(pytest.param(belief, ALL, id=f"{belief}-all", marks=pytest.mark.long) for belief in BELIEFS)])
+def test_a_sick_axis_is_named_and_its_neighbours_are_not(tmp_path, belief, asked):
+    """d = 35 to 70 is 600 nats and more.  Of 14 devices more than 3 are missed in 0.4 % of draws at the rate of 5 %;
+    false names on a healthy axis, in more than 1 device at the stated rate in 0.8 %.  A name beside the cause on the
+    sick axis is false as well, but for Preisach's relays, which are more than one play."""
+    missed, false, beside = {}, {}, {}
+    for cause, k in asked:
+        device, rng = one_sick(cause, k)
+        answer = ask(device, belief, tmp_path / f"{cause}{k}", rng)
+        (sick,) = device.causes
+        families = [e["family"] for e in answer[sick]["effects"] if e["name"] not in HEALTHY_NAMES[belief]]
+        if families[:1] != [FAMILY[cause]]:
+            missed[cause, k] = names(answer[sick])
+        elif len(families) > 1 and cause != "preisach":
+            beside[cause, k] = names(answer[sick])
+        false.update({(cause, k, a): told for a, told in not_healthy(device, belief, answer).items()})
+    n = len(asked)
+    assert len(missed) <= (most_by_chance(n, MISSED) if n > 1 else 0), missed
+    assert len({key[:2] for key in false}) <= (most_by_chance(n, FALSE_ALARM) if n > 1 else 0), false
+    assert len(beside) <= (most_by_chance(n, FALSE_ALARM) if n > 1 else 0), beside
+
+
+@pytest.mark.parametrize("k", [0, 1])
+@pytest.mark.long
+def test_healthy_neighbours_get_what_they_get_alone(tmp_path, k):
+    """A healthy axis has no gap if it is asked for by --axis beside a sick one that is in the logs only."""
+    device, rng = one_sick("play", k)
+    logs, held_out = device.write(tmp_path, rng)
+    healthy = [a for a in AXES if a not in device.causes]
+    model = believed(device, "exact", rng)
+    answer = diagnose(tmp_path, logs, held_out, model, "--axis", *(a + "_dph" for a in healthy))
+    assert sorted(answer) == healthy
+    assert not not_healthy(device, "exact", {**answer, **dict.fromkeys(device.causes)})
+
+
+# ---- bumps of every width
+
+
+@pytest.mark.parametrize("belief", ["exact", "absent"])
+@pytest.mark.long
+def test_a_bump_is_an_anomaly_whatever_its_width(tmp_path, belief):
+    """Three bumps of d = 50, with standard deviations of 5.5, 6.5 and 7.5 degC (the library states 0.05 to 200), one
+    on each axis.  The Gaussian is what the device does, so a free curve gains nothing beside it but noise; terms of
+    the fourth and fifth order fall short of it by 100 nats and more.  Of 12 more than 3 are missed in 0.2 % of draws
+    at the rate of 5 %."""
+    missed = {}
+    for k in range(4):
+        rng = draw(8, k)
+        device = Device(rng)
+        for axis, width in zip(AXES, (5.5, 6.5, 7.5)):
+            centre = rng.uniform(10, 30)
+            device.add(axis, "bump", [np.exp(-0.5 * ((t - centre) / width) ** 2) for t in device.runs], 50)
+        assert all(lost_by_two_more_orders(device, axis) > 100 for axis in AXES)
+        answer = ask(device, belief, tmp_path / str(k), rng)
+        for axis, width in zip(AXES, (5.5, 6.5, 7.5)):
+            if names(answer[axis]) != ["thermal_anomaly"] or answer[axis]["verdict"] != "explained":
+                missed[k, width] = answer[axis]["verdict"], names(answer[axis])
+    assert len(missed) <= most_by_chance(12, MISSED), missed
+
+
+def lost_by_two_more_orders(device, axis):
+    """Nats of the added bias that a polynomial of the fifth order cannot follow, with the noise known."""
+    n, own = device.n_fitted, device.noise[axis]
+    x = [np.column_stack([a, ((t - 20) / 40) ** 4, ((t - 20) / 40) ** 5])
+         for a, t in zip(nuisance(device.runs[:n]), device.runs)]
+    a = np.concatenate([whitened(v, *own) for v in x])
+    b = np.concatenate([whitened(v, *own) for v in device.added[axis][:n]])
+    left = b - a @ np.linalg.lstsq(a, b, rcond=None)[0]
+    return left @ left / 2
+
+
+# ---- healthy axes
+
+
+@pytest.mark.parametrize("is_one_noise, ks", [
+    pytest.param(True, range(1), id="model-some"),
+    pytest.param(True, range(12), id="model-all", marks=pytest.mark.long),
+    pytest.param(False, range(100, 112), id="absent-all", marks=pytest.mark.long)])
+def test_three_healthy_axes_have_no_names(tmp_path, is_one_noise, ks):
+    """With the exact model; without one, every axis with a noise of its own.  At the stated rate names come in more
+    than 1 of 12 devices in 0.6 % of draws."""
+    false = {}
+    for k in ks:
+        device, rng = all_healthy(k, is_one_noise)
+        belief = "exact" if is_one_noise else "absent"
+        told = not_healthy(device, belief, ask(device, belief, tmp_path / str(k), rng))
+        if told:
+            false[k] = told
+    assert len(false) <= (most_by_chance(len(ks), FALSE_ALARM) if len(ks) > 1 else 0), false
+
+
+# ---- the same weak cause on all axes
+
+
+@pytest.mark.parametrize("belief", ["exact", "absent"])
+@pytest.mark.long
+def test_a_weak_cause_of_all_axes_is_named(tmp_path, belief):
+    """d = 7 to 12 on each axis.  The logs can tell where the true form gains 20 nats beside noise that is fitted to the
+    same logs; only such axes count.  Of 30 more than 7 are missed in 1 % of draws at the rate of 10 %."""
+    told = {}
+    for cause, k in ALL:
+        device, rng = all_weak(cause, k)
+        answer = ask(device, belief, tmp_path / f"{cause}{k}", rng)
+        for axis in AXES:
+            if gain_beside_free_noise(device, axis) >= 20:
+                told[cause, k, axis] = first_family(answer[axis])
+    missed = {key: family for key, family in told.items() if family != FAMILY[key[0]]}
+    assert len(missed) <= most_by_chance(len(told), MISSED_WEAK), missed
+
+
+def log_likelihood(noise_of, ys, xs):
+    white, slow, tau_s = noise_of
+    phi = math.exp(-1 / tau_s)
+    a = np.concatenate([whitened(x, *noise_of) for x in xs])
+    b = np.concatenate([whitened(y, *noise_of) for y in ys])
+    left = b - a @ np.linalg.lstsq(a, b, rcond=None)[0]
+    q, r = slow ** 2 * (1 - phi ** 2), white ** 2
+    c = r * (1 - phi ** 2) - q
+    return -0.5 * (left @ left + len(left) * math.log((-c + math.sqrt(c * c + 4 * q * r)) / 2 + r))
+
+
+def gain_beside_free_noise(device, axis):
+    """Nats that the true form gains, of a free size, the noise's three parameters fitted with it and without it."""
+    n = device.n_fitted
+    ys, without = device.rates[axis][:n], nuisance(device.runs[:n])
+    with_it = [np.column_stack([x, s]) for x, s in zip(without, device.added[axis])]
+
+    def best(xs):
+        def cost(x):
+            return -log_likelihood(np.exp(x), ys, xs) if np.all(np.abs(x - start) < 4) else 1e12
+        start = np.log(device.noise[axis])
+        return -minimize(cost, start, method="Nelder-Mead", options={"maxfev": 100, "xatol": 1e-2, "fatol": 0.05}).fun
+    return best(with_it) - best(without)
+
+
+# ---- two axes with a cause each
+
+
+@pytest.mark.parametrize("belief, ks", [pytest.param("exact", range(6), id="exact", marks=pytest.mark.long),
+                                        pytest.param("absent", range(6), id="absent", marks=pytest.mark.long)])
+def test_two_axes_with_causes_of_their_own(tmp_path, belief, ks):
+    """Of 12 causes more than 3 are missed in 0.2 % of draws at the rate of 5 %; a false name on the third axis in more
+    than 1 of 6 in 0.1 %."""
+    missed, false = {}, {}
+    for k in ks:
+        device, rng = two_sick(k)
+        answer = ask(device, belief, tmp_path / str(k), rng)
+        for axis, cause in device.causes.items():
+            if first_family(answer[axis]) != FAMILY[cause]:
+                missed[k, axis, cause] = names(answer[axis])
+        if not_healthy(device, belief, answer):
+            false[k] = not_healthy(device, belief, answer)
+    assert len(missed) <= most_by_chance(2 * len(ks), MISSED), missed
+    assert len(false) <= most_by_chance(len(ks), FALSE_ALARM), false
+
+
+# ---- noise: shared, between two levels, at random
+
+
+@pytest.mark.parametrize("belief, k", [
+    pytest.param(belief, k, marks=[pytest.mark.long] * ((belief, k) != ("absent", 0)))
+    for belief in ("absent", "exact") for k in range(3)])
+def test_shared_white_noise_is_common_mode_on_every_axis(tmp_path, belief, k):
+    """A correlation of 0.2 to 0.4 between rates of over 10,000 seconds is 20 of its standard errors and more.  The
+    white noise of the exact model is that without the shared part: its parameters are off too, and may be named."""
+    device, rng = shared_noise(k)
+    answer = ask(device, belief, tmp_path, rng)
+    own = device.noise["gx"][0]
+    shared = np.std(np.concatenate(device.added["gx"][:device.n_fitted]))
+    for axis in AXES:
+        assert set(names(answer[axis])) - {"noise_parameters", "slow_noise"} == {"common_mode"}, names(answer[axis])
+        (common,) = (e for e in answer[axis]["effects"] if e["name"] == "common_mode")
+        # Two neighbours estimate it to 3 %; the slow noise is in the rates but not in the shared part.
+        assert common["parameters"]["sigma_dph"] == pytest.approx(shared, rel=0.1)
+        told = float(re.search(r"correlation (-?[\d.]+)", common["statement"])[1])
+        assert told == pytest.approx(shared ** 2 / (shared ** 2 + own ** 2), abs=0.05)
+
+
+@pytest.mark.parametrize("kind", ["telegraph", "walk"])
+@pytest.mark.parametrize("k", [0, 1, 2])
+@pytest.mark.long
+def test_slow_noise_of_one_axis_stays_there(tmp_path, kind, k):
+    """Beside the exact model either gains 40 nats and more, which no shape in time or temperature does.  Levels 80 dph
+    apart are told from Gaussian noise.  Without a model a walk is not asked for: one process with free parameters fits
+    it as well to 4 nats (computed)."""
+    device, rng = slow_noise(kind, k)
+    answer = ask(device, "exact", tmp_path, rng)
+    (sick,) = device.causes
+    assert first_family(answer[sick]) == "slow_noise"
+    assert kind == "walk" or "telegraph_noise" in names(answer[sick])
+    assert not not_healthy(device, "exact", answer)
+
+
+# ---- an auxiliary column
+
+
+@pytest.mark.parametrize("belief, k", [
+    pytest.param(belief, k, marks=[pytest.mark.long] * ((belief, k) != ("absent", 1)))
+    for belief in ("exact", "absent") for k in range(3)])
+def test_the_column_that_one_axis_follows_is_named(tmp_path, belief, k):
+    """d = 35 to 70; the gain is estimated to 1/d.  The column is named, the gain within five of its errors."""
+    device, rng = with_a_column(k, True)
+    answer = ask(device, belief, tmp_path, rng)
+    (sick,), ((column, values),) = device.causes, device.auxiliary.items()
+    assert names(answer[sick]) == ["auxiliary_channel"]
+    effect = answer[sick]["effects"][0]
+    true = np.ptp(device.added[sick][0]) / np.ptp(values[0])
+    true *= np.sign(np.corrcoef(device.added[sick][0], values[0])[0, 1])
+    assert effect["parameters"]["gain"] == pytest.approx(true, rel=5 / 35)
+    assert effect["parameters"]["channel"] == column
+    assert not not_healthy(device, belief, answer)
+
+
+@pytest.mark.parametrize("belief", ["exact", "absent"])
+@pytest.mark.long
+def test_a_column_that_nobody_follows_is_not_named(tmp_path, belief):
+    """Supply, acceleration, a second thermometer.  At the stated rate more than 1 of 6 devices in 0.1 % of draws."""
+    false = {}
+    for k in range(6):
+        device, rng = with_a_column(k, False)
+        told = not_healthy(device, belief, ask(device, belief, tmp_path / str(k), rng))
+        if told:
+            false[k] = told
+    assert len(false) <= most_by_chance(6, FALSE_ALARM), false
+
+
+# ---- a lost axis
+
+
+@pytest.mark.parametrize("k", [pytest.param(k, marks=[pytest.mark.long] * (k != 2)) for k in range(len(LOST))])
+def test_the_good_axes_beside_a_lost_one_are_answered(tmp_path, k):
+    """All the time stuck, from the half on, empty, empty in every second log, 7 of 10 seconds missing, zero: the lost
+    axis has no effect on what the others get, and no cause of physics, but for the one with holes, which is healthy."""
+    device, rng = one_lost(k)
+    answer = ask(device, "exact", tmp_path, rng)
+    assert sorted(answer) == AXES
+    for axis, cause in device.causes.items():
+        if cause in FAMILY:
+            assert first_family(answer[axis]) == FAMILY[cause]
+        elif cause in ("stuck", "zero", "empty"):
+            assert answer[axis]["refused"] and not names(answer[axis])
+        elif cause != "holes":  # a name of 1 in 100 is within the stated rate
+            assert answer[axis].get("refused") or set(names(answer[axis])) <= {"held_samples"}
+    assert not not_healthy(device, "exact", answer)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Kinds of noise that the error model leaves out: are they named, the same under every belief, and never as something that repeats?
+"""Kinds of noise that the error model leaves out: named, the same under every belief, and never as what repeats.
 
 A chamber of second order (it overshoots) goes by ramps of 1 to 2.5 degC/min and soaks between -20 and 60 degC; a row is
 a second.  The bias is a cubic of the temperature with a constant of its own in every log; the noise is white noise of
@@ -31,10 +31,9 @@ BELIEFS = ["exact", "x3", "/3", "fitted", "none"]
 SLOW_KINDS = {"rate_random_walk", "flicker_noise", "second_markov", "telegraph_noise", "markov_sigma_vs_temperature",
               "markov_tau_vs_temperature", "noise_parameters", "slow_noise"}
 FAST_KINDS = {"outliers", "held_samples", "white_noise_vs_temperature", "fast_noise", "quantization", "sinusoid"}
-# A cause and its names.  A second process or a random walk beside the first one, and 1/f noise, have spectra so nearly
-# alike on logs of 2 h that exact likelihoods of the members, each re-fitted, may differ by less than 3 nats: their
-# family is right.  The others differ from every other member by more than 10 nats: only the member is right.
-ANY_SLOW = {"slow_noise", "rate_random_walk", "flicker_noise", "second_markov", "telegraph_noise"}
+# A cause and its names.  A second process, a random walk and 1/f noise beside the first process have spectra that are
+# nearly alike on logs of 2 h: a random walk is a second process of very long time constant (0 nats apart in Whittle's
+# divergence), the others are 2 to 30 nats apart.  Their family is right.  Of the others only the member is.
 RIGHT = {"rate_random_walk": {"rate_random_walk", "slow_noise"}, "flicker_noise": {"flicker_noise", "slow_noise"},
          "second_markov": {"second_markov", "slow_noise"}}
 CAUSES = ["white_noise_vs_temperature", "outliers", "sinusoid", "held_samples", "quantization", "telegraph_noise",
@@ -82,12 +81,13 @@ def process(rng, n, sigma, tau_s):
 
 
 def power_law(rng, n, exponent):
-    """One-sided density f^-exponent: a window of a record that is 16 times as long."""
-    f = np.fft.rfftfreq(16 * n)
-    scale = np.concatenate([[0], np.sqrt(f[1:] ** -exponent * 16 * n / 4)])
+    """One-sided density f^-exponent up to 4 Hz: a window of a record that is 16 times as long; means of a second."""
+    m = 8 * 16 * n
+    f = np.fft.rfftfreq(m, 1 / 8)
+    scale = np.concatenate([[0], np.sqrt(f[1:] ** -exponent * 8 * m / 4)])
     start = rng.integers(15 * n)
-    record = np.fft.irfft(scale * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))), 16 * n)
-    return record[start:start + n]
+    record = np.fft.irfft(scale * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))), m)
+    return record.reshape(16 * n, 8).mean(axis=1)[start:start + n]
 
 
 def telegraph(rng, n, amplitude, tau_s):
@@ -136,7 +136,8 @@ SPECTRA = {  # of cause, strength x and time constant tau
     "white_noise_vs_temperature": lambda f, own, tn, x, tau: nominal(f, (own[0] * np.exp(x * tn / 2), *own[1:])),
 }
 # More is not drawn: the noise of a real sensor does not change by more over temperature.
-LARGEST = {"markov_sigma_vs_temperature": 5, "markov_tau_vs_temperature": 4, "white_noise_vs_temperature": 4, "flicker_noise": 120}
+LARGEST = {"markov_sigma_vs_temperature": 5, "markov_tau_vs_temperature": 4, "white_noise_vs_temperature": 4,
+           "flicker_noise": 120}
 
 
 def nominal(f, own):
@@ -144,15 +145,20 @@ def nominal(f, own):
 
 
 def strength_for(cause, own, degc, d, tau):
-    """The smallest strength that reaches d, or the largest that is drawn."""
-    for x in np.geomspace(0.05, LARGEST.get(cause, 100), 40):
-        if math.sqrt(2 * max(0, gain_nats(own, degc, lambda f, o, tn: SPECTRA[cause](f, o, tn, x, tau)))) >= d:
+    """The smallest strength that reaches d, or the one that comes nearest: too strong a process hides the first one.
+
+    Returned with its gain, which comes first."""
+    best = 0, 0
+    for x in np.geomspace(0.05, LARGEST.get(cause, 100), 24):
+        best = max(best, (gain_nats(own, degc, lambda f, o, tn: SPECTRA[cause](f, o, tn, x, tau)), x))
+        if best[0] >= d ** 2 / 2:
             break
-    return x
+    return best
 
 
 # ---- devices
 
+GAINS = {}  # nats, of check and device
 
 @functools.cache
 def device(check, number, cause, d, seconds=(5000, 9000), n_logs=None, held_out=None):
@@ -167,8 +173,9 @@ def device(check, number, cause, d, seconds=(5000, 9000), n_logs=None, held_out=
     fitted = n_logs or (5 if cause in SPECTRA else int(rng.integers(1, 6)))
     held_out = int(rng.integers(0, 3)) if held_out is None else held_out
     degc = [chamber(rng, int(rng.integers(*seconds))) for _ in range(fitted + held_out)]
-    tau, p, f_hz = rng.uniform(3, 6), math.exp(rng.uniform(math.log(0.003), math.log(0.02))), math.exp(rng.uniform(math.log(0.02), math.log(0.45)))
-    x = strength_for(cause, own, degc[:fitted], d, tau) if cause in SPECTRA else None
+    tau, p = rng.uniform(3, 6), math.exp(rng.uniform(math.log(0.003), math.log(0.02)))
+    f_hz = math.exp(rng.uniform(math.log(0.02), math.log(0.45)))
+    GAINS[check, number], x = strength_for(cause, own, degc[:fitted], d, tau) if cause in SPECTRA else (None, None)
     coeff, logs, n_all = rng.normal(0, [300, 200, 100, 60]), [], sum(len(t) for t in degc[:fitted])
     for t in degc:
         n, tn, (white, sigma, tau_s) = len(t), (t - T0_DEGC) / RANGE_DEGC, own
@@ -257,10 +264,10 @@ def causes(axis):
 # ---- noise of the believed kind
 
 
-@pytest.mark.parametrize("belief, devices", [("exact", 2), ("none", 2), *(
+@pytest.mark.parametrize("belief, devices", [("exact", 1), ("none", 1), *(
     pytest.param(b, 20, marks=pytest.mark.long) for b in ("exact", "fitted", "none"))])
 def test_noise_of_the_believed_kind_has_no_name(tmp_path, belief, devices):
-    """At the stated rate more than 1 of 20 have a name in 1.7 % of draws, one of 2 in 2 %."""
+    """At the stated rate more than 1 of 20 have a name in 1.7 % of draws, one of 1 in 1 %."""
     told = {}
     for number in range(devices):
         axis = answer(tmp_path, device(1, number, None, 0), belief)
@@ -272,24 +279,24 @@ def test_noise_of_the_believed_kind_has_no_name(tmp_path, belief, devices):
 @pytest.mark.parametrize("belief", ["x3", "/3"])
 @pytest.mark.parametrize("devices", [1, pytest.param(12, marks=pytest.mark.long)])
 def test_a_wrong_belief_is_wrong_noise_parameters_and_nothing_else(tmp_path, belief, devices):
-    """A factor of 3 in both is told by every one of these logs: Whittle's divergence is over 50 nats, the least is
-    asserted.  Another cause beside it comes at the stated rate: in over 1 of 12 devices in 0.6 % of draws."""
+    """A factor of 3 in both is told where Whittle's divergence is over 25 nats; one short log may have less, and then
+    may also have no name.  Another cause comes at the stated rate: in over 1 of 12 devices in 0.6 % of draws."""
     told, k = {}, {"x3": 3, "/3": 1 / 3}[belief]
     for number in range(devices):
         own, fitted, held_out = device(2, number, None, 0)
         f = np.arange(1, 2500) / 5000
         ratio = nominal(f, own) / nominal(f, (own[0], k * own[1], k * own[2]))
-        assert len(fitted) * np.sum(ratio - 1 - np.log(ratio)) > 25
+        can_tell = len(fitted) * np.sum(ratio - 1 - np.log(ratio)) > 25
         axis = answer(tmp_path, (own, fitted, held_out), belief)
-        if names(axis) != ["noise_parameters"]:
+        if names(axis) not in ([["noise_parameters"]] if can_tell else [["noise_parameters"], []]):
             told[number] = axis["verdict"], names(axis)
     assert len(told) <= (1 if devices == 12 else 0), told
 
 
-@pytest.mark.parametrize("devices", [2, pytest.param(16, marks=pytest.mark.long)])
+@pytest.mark.parametrize("devices", [1, pytest.param(16, marks=pytest.mark.long)])
 def test_two_believed_processes_that_are_there_have_no_name(tmp_path, devices):
     """Even devices have a second process of 4 to 20 s, odd ones of 600 to 2500 s.  At the stated rate more than 1 of 16
-    have a name in 1.1 % of draws, one of 2 in 2 %."""
+    have a name in 1.1 % of draws, one of 1 in 1 %."""
     told = {}
     for number in range(devices):
         rng, (own, *logs) = draw(3, 1000 + number), device(3, number, None, 0)
@@ -320,9 +327,10 @@ def questions(numbers, beliefs):
     return [(cause, number, belief) for cause in CAUSES for number in numbers for belief in beliefs]
 
 
-SHORT = [("white_noise_vs_temperature", 0, "none"), ("outliers", 0, "none"), ("held_samples", 0, "/3"),
+SHORT = [("white_noise_vs_temperature", 0, "none"), ("outliers", 0, "exact"), ("held_samples", 0, "/3"),
          ("markov_sigma_vs_temperature", 0, "none")]
-BOTH = pytest.mark.parametrize("which", [SHORT, pytest.param(questions(range(2), BELIEFS), marks=pytest.mark.long)], ids=["short", "all"])
+BOTH = pytest.mark.parametrize("which", [SHORT, pytest.param(questions(range(2), BELIEFS), marks=pytest.mark.long)],
+                               ids=["short", "all"])
 
 
 @BOTH
@@ -345,9 +353,20 @@ def test_nothing_that_repeats_is_told(asked, which):
     false = {}
     for cause, number, belief in which:
         axis = asked(cause, number, belief)
-        if set(names(axis)) - SLOW_KINDS - FAST_KINDS:
+        if set(names(axis)) - SLOW_KINDS - FAST_KINDS - {"structural", "tone"}:
             false.setdefault((cause, number), []).append((belief, names(axis)))
     assert len(false) <= most_by_chance(len({q[:2] for q in which}), FALSE_ALARM), false
+
+
+@pytest.mark.long
+def test_one_cause_of_the_library_leaves_no_remainder(asked):
+    """It is all that these logs have: "explained".  A remainder is told at the stated rate, per device."""
+    left = {}
+    for cause, number, belief in questions(range(2), BELIEFS):
+        axis = asked(cause, number, belief)
+        if axis["verdict"] != "explained":
+            left.setdefault((cause, number), []).append((belief, axis["verdict"], names(axis), axis["gap"]["remainder"]))
+    assert len(left) <= most_by_chance(2 * len(CAUSES), FALSE_ALARM), left
 
 
 @BOTH
@@ -360,6 +379,24 @@ def test_no_held_out_log_is_said_to_be_predicted(asked, which):
         if gap["shrinkage"] is not None and gap["ci95"][0] > 0:
             claims.setdefault((cause, number), []).append((belief, gap["shrinkage"], gap["ci95"]))
     assert len(claims) <= most_by_chance(len({q[:2] for q in which}), 0.05), claims
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("belief", ["none", "exact"])
+def test_a_fast_second_process_is_slow_noise_under_no_belief_and_the_exact_one(tmp_path, belief):
+    """Five logs, 3 to 6 s beside 60 to 300 s.  Asked are devices of d >= 10: 50 nats over the best single process.  A
+    program that misses one device of 10, as the README aims at, misses more than 2 of 6 in 1.6 % of draws."""
+    missed, asked_of = {}, 0
+    for number in range(20):
+        own, fitted, _ = device(6, number, "second_markov", 25)
+        if GAINS[6, number] < 50 or asked_of == 6:
+            continue
+        asked_of += 1
+        axis = answer(tmp_path, (own, fitted, []), belief)
+        if not causes(axis) or causes(axis)[0] not in RIGHT["second_markov"]:
+            missed[number] = round(float(GAINS[6, number]), 1), axis["verdict"], names(axis)
+    assert asked_of == 6
+    assert len(missed) <= most_by_chance(6, 0.1), missed
 
 
 @pytest.mark.long
@@ -381,7 +418,7 @@ def test_an_exact_belief_is_not_called_wrong_beside_fast_noise(asked, cause):
     of devices."""
     for number in range(1 if cause == "outliers" else 2):
         axis = asked(cause, number, "exact")
-        assert "noise_parameters" not in names(axis), [(e["name"], e["parameters"], e.get("gain_nats")) for e in axis["effects"]]
+        assert "noise_parameters" not in names(axis), [(e["name"], e["parameters"]) for e in axis["effects"]]
 
 
 @pytest.mark.parametrize("belief", ["none", *(pytest.param(b, marks=pytest.mark.long) for b in ("exact", "x3", "/3", "fitted"))])
@@ -389,5 +426,5 @@ def test_noise_of_f_to_the_minus_1_5_is_slow_noise_or_left_open(tmp_path, belief
     """Outside of the library, between flicker noise and random walk: no cause of another kind."""
     for number in range(1 if belief == "none" else 3):
         axis = answer(tmp_path, device(5, number, "power_law", 15, n_logs=3), belief)
-        assert axis["verdict"] != "no_gap" or belief == "none"
+        assert axis["verdict"] != "no_gap"
         assert set(names(axis)) <= SLOW_KINDS, names(axis)

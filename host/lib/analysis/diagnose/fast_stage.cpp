@@ -29,6 +29,25 @@ void take_plain(const AxisQuestion& question, const SecondsNoise& plain, Seconds
   seconds->noise = plain;
 }
 
+// Whether the believed noise holds was asked while hits, or a white noise that follows the temperature, passed for a part
+// of it: it is asked again beside them.
+void believe_beside(const AxisQuestion& question, Found* found) {
+  SecondsAnswer& seconds = found->seconds;
+  if (!question.belief.has_believed || seconds.is_believed || !found->fast.best(question.constants)) return;
+  FastFinding& best = found->fast.scan.findings.front();
+  if (best.effect->estimator()->is_jumping()) return;
+  SlowModel m = found->slow.found.best;
+  m.is_believed = true;
+  const ResidualLikelihood log_likelihood(question.campaign, seconds.fit.residual);
+  FastFinding refitted = best, believed = best;
+  believed.base = found->slow.search->seconds_noise_of(m);
+  seconds.retuned_nats = fit_again(log_likelihood, true, &refitted) - fit_again(log_likelihood, false, &believed);
+  if (seconds.retuned_nats > question.constants.retuned_nats) return;
+  set_errors(log_likelihood, &believed);
+  best = believed;
+  seconds.is_believed = found->slow.found.best.is_believed = true;
+}
+
 // What the fast noise explains better than a kind of slow noise takes its place.
 void take_best(const AxisQuestion& question, Found* found) {
   const FastFinding* best = found->fast.best(question.constants);
@@ -37,7 +56,9 @@ void take_best(const AxisQuestion& question, Found* found) {
   term.shape_errors = best->theta_errors;
   SecondsAnswer& seconds = found->seconds;
   seconds.noise.base = best->base;
-  if (found->slow.found.best.noise_effect)
+  if (seconds.is_believed)
+    fit_own_base(question, found->slow, &seconds);
+  else if (found->slow.found.best.noise_effect)
     fit_own_base_beside(best->effect->estimator(), best->theta, question, found->slow, &seconds);
   seconds.final.terms.push_back(term);
 }
@@ -58,6 +79,7 @@ void ask_fast(const AxisQuestion& question, Found* found) {
   take_plain(question, scan.plain, &seconds);
   leave_hits_that_stay(question, seconds, &scan);
   found->fast.jumping = ask_jumping_noise(question, &found->slow, &seconds, &scan);
+  believe_beside(question, found);
   take_best(question, found);
 }
 

@@ -14,7 +14,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-const char kCalibrationVersion[] = "10"; // changes whenever a draw would gain something else
+const char kCalibrationVersion[] = "11"; // changes whenever a draw would gain something else
 
 // FNV-1a over the bits of what is added.
 class Hash {

@@ -125,8 +125,8 @@ public:
   // Whether that state lies between two extremes of the effect's own size: then no coefficient of the first start column of
   // a run is larger than that of the first column.
   virtual bool is_start_bounded() const { return false; }
-  // Whether what the effect does at this shape happens at least twice in these runs.  What happens once cannot be told
-  // from something that happened at that time, and is no candidate.
+  // Whether these runs hold what the effect does at this shape: whole, and what comes at a moment at least twice.  What happens
+  // once cannot be told from something that happened at that time, and is no candidate.
   virtual bool is_repeated(const std::vector<const RunInput*>& /*runs*/, const Theta& /*shape*/) const { return true; }
   // Shapes about one of the grid that are tried before it is refined: where a small change of one parameter alone leads
   // over a ridge.  `spacing`: of the grid, in units of the first parameter.

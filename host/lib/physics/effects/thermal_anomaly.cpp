@@ -9,8 +9,8 @@
 namespace imucal {
 namespace {
 
-// Wider than 6 degC a bump would imitate a polynomial.
-constexpr double kWidest_degc = 6;
+// Over the usual 60 to 80 degC a wider bump is hardly local: fourth and fifth orders come near it.
+constexpr double kWidest_degc = 10;
 
 // Every `apart` widths from end to end.
 std::vector<Theta> places(double lo, double hi, double apart, std::initializer_list<double> widths) {
@@ -18,6 +18,18 @@ std::vector<Theta> places(double lo, double hi, double apart, std::initializer_l
   for (double width : widths)
     for (double center = lo + 0.5; center < hi; center += apart * width) points.push_back({center, width});
   return points;
+}
+
+// Whether the logs pass the top of a bump, to half a width: a flank alone tells neither its height nor its place.
+bool is_seen(const std::vector<const RunInput*>& runs, const Theta& shape) {
+  const double center_degc = shape[0], beyond_degc = 0.5 * shape[1];
+  bool is_below = false, is_above = false;
+  for (const RunInput* run : runs)
+    for (const double degc : run->smooth_degc) {
+      is_below = is_below || degc - beyond_degc <= center_degc, is_above = is_above || degc + beyond_degc >= center_degc;
+      if (is_below && is_above) return true;
+    }
+  return false;
 }
 
 // A bump of any shape about one temperature: a resonance has the wide skirts of a Lorentz curve, a transition is steep on
@@ -30,6 +42,9 @@ public:
   std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, 2, {1.5}); }
   Theta shape_lo() const override { return {-250, 0.4}; }
   Theta shape_hi() const override { return {2000, kWidest_degc}; }
+  bool is_repeated(const std::vector<const RunInput*>& runs, const Theta& shape) const override {
+    return is_seen(runs, shape);
+  }
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
     std::vector<Column> out;
     for (const double wider : kWider) {
@@ -85,9 +100,12 @@ public:
   }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
-  std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, 1.3, {0.8, 1.6, 3.0, 5.5}); }
+  std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, 1.3, {0.8, 1.6, 3.0, 5.5, 9.5}); }
   Theta shape_lo() const override { return {-250, 0.4}; }
   Theta shape_hi() const override { return {2000, kWidest_degc}; }
+  bool is_repeated(const std::vector<const RunInput*>& runs, const Theta& shape) const override {
+    return is_seen(runs, shape);
+  }
   AnyShape of_any_shape() const override {
     static const AnyBump any;
     return {&any, "a bump of another shape than a Gaussian"};
