@@ -2,6 +2,7 @@
 #include "analysis/diagnose/fast_stage.h"
 
 #include <algorithm>
+#include <optional>
 
 namespace imucal {
 
@@ -63,6 +64,93 @@ void take_best(const AxisQuestion& question, Found* found) {
   seconds.final.terms.push_back(term);
 }
 
+// What the slow stage named under noise that is the same at all temperatures, asked again beside noise that is not.
+class AskedAgain {
+public:
+  AskedAgain(const AxisQuestion& question, const FastFinding& fast, Found* found)
+      : question_(question), fast_(fast), slow_(found->slow), seconds_(found->seconds) {}
+
+  // Names that gained less than twice their threshold go where they gain less than it now.
+  void run() {
+    const bool leaves_noise = weigh_noise(), leaves_names = weigh_names();
+    if (!leaves_noise && !leaves_names) return;
+    seconds_.fit = fit_hypothesis(question_.campaign, hypothesis());
+    slow_.gap = measure_gap(*slow_.search, *slow_.data, slow_.held_blocks.get(), slow_.found.null, slow_.found.best);
+  }
+
+private:
+  SlowModel& best() const { return slow_.found.best; }
+  Hypothesis hypothesis() const {
+    Hypothesis h = hypothesis_of(question_, *slow_.search, best(), true);
+    h.base_noise = best().noise_effect ? seconds_.own_base : seconds_.noise.base;
+    h.terms.push_back(term_of(fast_.effect, fast_.effect->estimator(), fast_.theta));
+    return h;
+  }
+  bool weigh_noise() {
+    std::vector<double>& evidence = slow_.found.evidence;
+    const double threshold = question_.constants.noise_nats;
+    if (!best().noise_effect || evidence.back() > threshold) return false;
+    const Fit fit = fit_hypothesis(question_.campaign, hypothesis());
+    const ResidualLikelihood log_likelihood(question_.campaign, fit.residual);
+    const auto fast = [&](const NoiseModel& base) { return fast_.effect->estimator()->noise(base, fast_.theta); };
+    const NoiseModel slow = best().noise_effect->estimator()->noise(seconds_.own_base, best().noise_theta);
+    SecondsNoise without;
+    without.base = seconds_.own_base, without.log_likelihood = log_likelihood(fast(seconds_.own_base));
+    if (!seconds_.is_believed) without = fit_seconds_noise(question_.campaign, slow_base(slow), fit.residual, fast);
+    if (log_likelihood(fast(slow)) - without.log_likelihood > threshold) return false;
+    best().noise_effect = nullptr, evidence.pop_back();
+    seconds_.noise = without;
+    seconds_.final = hypothesis();
+    return true;
+  }
+  // The noise without the kind, from the process of it that holds most.
+  static NoiseModel slow_base(const NoiseModel& slow) {
+    NoiseModel base;
+    base.white_sigma_dph = slow.white_sigma_dph, base.extra_white_dph2 = slow.extra_white_dph2;
+    const auto by_sigma = [](const Markov& a, const Markov& b) { return a.sigma_dph < b.sigma_dph; };
+    if (!slow.markov.empty()) base.markov = {*std::max_element(slow.markov.begin(), slow.markov.end(), by_sigma)};
+    return base;
+  }
+  // Of a term, less what its further columns (start states of runs) gain by chance.
+  double gain_of(const Hypothesis& h, size_t term) const {
+    Hypothesis less = h;
+    less.terms.erase(less.terms.begin() + static_cast<long>(term));
+    const Fit with = fit_hypothesis(question_.campaign, h), without = fit_hypothesis(question_.campaign, less);
+    const auto further = static_cast<double>(with.beta.size() - without.beta.size() - 1);
+    return with.log_likelihood - without.log_likelihood - 0.5 * further;
+  }
+  bool weigh_names() {
+    std::vector<double>& evidence = slow_.found.evidence;
+    const double threshold = question_.constants.mean_nats;
+    bool has_left = false;
+    while (true) {
+      const Hypothesis h = hypothesis();
+      double least = threshold;
+      std::optional<size_t> weakest;
+      for (size_t i = 0; i < best().names.size(); ++i) {
+        if (evidence[i] > threshold) continue;
+        if (const double gain = gain_of(h, question_.lines.size() + i); gain < least) least = gain, weakest = i;
+      }
+      if (!weakest) return has_left;
+      const auto i = static_cast<long>(*weakest);
+      best() = best().without(*weakest);
+      evidence.erase(evidence.begin() + i);
+      slow_.found.rivals.erase(slow_.found.rivals.begin() + i);
+      seconds_.final = hypothesis();
+      has_left = true;
+    }
+  }
+
+  const AxisQuestion& question_;
+  const FastFinding& fast_;
+  SlowAnswer& slow_;
+  SecondsAnswer& seconds_;
+};
+void ask_slow_again(const AxisQuestion& question, Found* found) {
+  const FastFinding* best = found->fast.best(question.constants);
+  if (best && best->effect->estimator()->needs_temperature()) AskedAgain(question, *best, found).run();
+}
+
 } // namespace
 
 const FastFinding* FastAnswer::best(const SelectorConstants& constants) const {
@@ -81,6 +169,7 @@ void ask_fast(const AxisQuestion& question, Found* found) {
   found->fast.jumping = ask_jumping_noise(question, &found->slow, &seconds, &scan);
   believe_beside(question, found);
   take_best(question, found);
+  ask_slow_again(question, found);
 }
 
 } // namespace imucal

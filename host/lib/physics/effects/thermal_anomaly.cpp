@@ -26,7 +26,8 @@ bool is_seen(const std::vector<const RunInput*>& runs, const Theta& shape) {
   bool is_below = false, is_above = false;
   for (const RunInput* run : runs)
     for (const double degc : run->smooth_degc) {
-      is_below = is_below || degc - beyond_degc <= center_degc, is_above = is_above || degc + beyond_degc >= center_degc;
+      is_below = is_below || degc - beyond_degc <= center_degc,
+      is_above = is_above || degc + beyond_degc >= center_degc;
       if (is_below && is_above) return true;
     }
   return false;
@@ -100,7 +101,9 @@ public:
   }
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kColumns; }
-  std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, 1.3, {0.8, 1.6, 3.0, 5.5, 9.5}); }
+  std::vector<Theta> grid(double lo, double hi) const override {
+    return places(lo, hi, 1.3, {0.8, 1.6, 3.0, 5.5, 9.5});
+  }
   Theta shape_lo() const override { return {-250, 0.4}; }
   Theta shape_hi() const override { return {2000, kWidest_degc}; }
   bool is_repeated(const std::vector<const RunInput*>& runs, const Theta& shape) const override {
