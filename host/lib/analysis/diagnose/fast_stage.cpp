@@ -89,7 +89,7 @@ private:
   bool weigh_noise() {
     std::vector<double>& evidence = slow_.found.evidence;
     const double threshold = question_.constants.noise_nats;
-    if (!best().noise_effect || evidence.back() > threshold) return false;
+    if (!best().noise_effect || evidence.empty() || evidence.back() > threshold) return false;
     const Fit fit = fit_hypothesis(question_.campaign, hypothesis());
     const ResidualLikelihood log_likelihood(question_.campaign, fit.residual);
     const auto fast = [&](const NoiseModel& base) { return fast_.effect->estimator()->noise(base, fast_.theta); };
@@ -120,6 +120,7 @@ private:
     return with.log_likelihood - without.log_likelihood - 0.5 * further;
   }
   bool weigh_names() {
+    if (slow_.is_told_by_held_out) return false; // not by the fitted logs
     std::vector<double>& evidence = slow_.found.evidence;
     const double threshold = question_.constants.mean_nats;
     bool has_left = false;
