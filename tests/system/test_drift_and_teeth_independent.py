@@ -120,14 +120,14 @@ JUMPS = [(300, 90, 0), (300, 90, 1), (300, 150, 2), (700, 90, 0), (150, 60, 3000
 
 @pytest.mark.parametrize("kind", ["straight", "exponential"])
 @pytest.mark.parametrize("sign", [1, pytest.param(-1, marks=pytest.mark.long)])
-@pytest.mark.parametrize("interval_s, height, seed", JUMPS)
+@pytest.mark.parametrize("interval_s, height, seed", long_after(3, JUMPS))
 def test_teeth_are_called_neither_telegraph_noise_nor_outliers(tmp_path, interval_s, height, seed, sign, kind):
     found = effects(tmp_path, write_logs(tmp_path, seed, 2, lambda rng, degc: sign * jumps(rng, len(degc), interval_s, height, kind)))
     assert not {"telegraph_noise", "outliers", "fast_noise"} & {e["name"] for e in found}
 
 
 @pytest.mark.parametrize("interval_s, height, seed, logs",
-                         long_after(6, [(*j, n) for n in (1, 2, 3) for j in JUMPS if 6900 * n > 15 * j[0]]))
+                         long_after(4, [(*j, n) for n in (1, 2, 3) for j in JUMPS if 6900 * n > 15 * j[0]]))
 def test_a_telegraph_process_is_called_one_and_nothing_stands_beside_it(tmp_path, interval_s, height, seed, logs):
     """The noise of the model is exact, and there are 15 jumps or more."""
     found = effects(tmp_path, write_logs(tmp_path, seed, logs, lambda rng, degc: jumps(rng, len(degc), interval_s, height, "telegraph")))

@@ -380,7 +380,7 @@ def test_a_loop_close_to_one_play_is_named_and_its_told_play_shrinks_the_gap_as_
         assert low - 0.02 <= true_shrinkage(device, axis["effects"][0]["parameters"]) <= high + 0.02, seed
 
 
-@pytest.mark.parametrize("mechanism, seed", [(m, s) for m in CONTROLS for s in range(3)][:8])
+@pytest.mark.parametrize("mechanism, seed", [pytest.param(m, s, marks=[pytest.mark.long] * (s > 0)) for m in CONTROLS for s in range(3)][:8])
 def test_what_has_no_loop_is_no_hysteresis(tmp_path, mechanism, seed):
     """Of 15 draws of each none was, before or now."""
     names = [effect["name"] for effect in diagnosed(Device(mechanism, seed), tmp_path)["effects"]]

@@ -226,7 +226,8 @@ def most_by_chance(n, rate):
     return int(binom.isf(1e-3, n, rate))
 
 
-@pytest.mark.parametrize("seed, step_degc", [(seed, (0.001, 0.0625)[seed % 2]) for seed in range(14)])
+@pytest.mark.parametrize("seed, step_degc", [pytest.param(seed, (0.001, 0.0625)[seed % 2], marks=[pytest.mark.long] * (seed > 7))
+                                            for seed in range(14)])
 def test_a_bias_that_follows_the_rate_of_a_cycling_chamber_leaves_no_tone(tmp_path, seed, step_degc):
     """Of 60 draws none had a tone and 60 had the rate or its family first; before, 14 had a tone and 56 the rate or its
     family first.  (At steps of 0.5 degC, which lose the cycle, 8 of 30 had a tone, now as before: not asked here.)"""
@@ -265,12 +266,12 @@ def test_poor_thermometers_without_a_gap_give_names_in_one_of_a_hundred_at_most(
     assert len(named) <= most_by_chance(len(cases), 0.01), named
 
 
-def test_a_hysteresis_that_comes_back_in_the_held_out_logs_is_named(tmp_path):
-    """Of 60 draws 34 named the hysteresis or its family first, before 4; without held-out logs asked about slow noise 3 of these
-    24.  At least as many as 1 in 2 gives in all but 1 of 1000."""
-    seeds = range(24)
+@pytest.mark.parametrize("seeds", [range(16), pytest.param(range(16, 60), marks=pytest.mark.long)], ids=str)
+def test_a_hysteresis_that_comes_back_in_the_held_out_logs_is_named(tmp_path, seeds):
+    """Of 60 draws 52 named the hysteresis or its family first, before 36, and once 4.  At least as many as 3 in 4 gives in all but
+    1 of 1000."""
     named = [s for s in seeds if hysteresis_is_first(tmp_path, s)]
-    assert len(named) >= int(binom.ppf(1e-3, len(seeds), 0.5)), named
+    assert len(named) >= int(binom.ppf(1e-3, len(seeds), 0.75)), named
 
 
 def hysteresis_is_first(folder, seed):
@@ -284,7 +285,7 @@ def repeatable(folder, seed):
     return [name for name, family in found(folder, logs[:1], logs[1:]) if family in REPEATABLE and name != "bias_step"]
 
 
-@pytest.mark.parametrize("seeds", [range(16), pytest.param(range(16, 60), marks=pytest.mark.long)], ids=str)
+@pytest.mark.parametrize("seeds", [range(10), pytest.param(range(10, 60), marks=pytest.mark.long)], ids=str)
 def test_slow_noise_is_no_repeatable_cause_with_logs_held_out(tmp_path, seeds):
     """Of 400 draws none had one, and none of the first 160 before."""
     named = [s for s in seeds if repeatable(tmp_path, s)]

@@ -409,7 +409,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   if (!axis.study.selection.cannot_judge) {
     Selection& s = axis.study.selection;
     axis.nominal_fit = std::move(s.nominal_fit), axis.final_fit = std::move(s.final_fit);
-    axis.where = locate(axis.campaign, axis.nominal_fit);
+    axis.where = locate(axis.campaign, axis.nominal_fit, belief.has_believed);
     compare_dp2(axis.campaign, s.nominal.noise(), s.final.noise(), axis.nominal_fit, axis.final_fit, options.seed,
                 &axis.study.gap);
     std::vector<double> beta;

@@ -48,8 +48,8 @@ struct Section {
 
 class Locator {
 public:
-  Locator(const Campaign& campaign, const Fit& fit)
-      : campaign_(campaign), fit_(fit), lo_degc_(campaign.lo_degc),
+  Locator(const Campaign& campaign, const Fit& fit, bool has_model)
+      : campaign_(campaign), fit_(fit), has_model_(has_model), lo_degc_(campaign.lo_degc),
         span_degc_(std::max(1e-6, campaign.hi_degc - campaign.lo_degc)), n_temp_(count_cells()), slow_temp_(n_temp_),
         slow_phase_(3) {}
 
@@ -209,11 +209,12 @@ private:
     const WhereCell& cell = out_.by_tau[strongest_];
     const double times = std::sqrt(std::max(0.0, 1 + cell.excess / std::max(1.0, cell.n)));
     char text[300];
-    std::snprintf(
-        text, sizeof text,
-        "at averaging times of %.0f to %.0f s, most at %.0f to %.0f s: the residual is %.3g times what the model "
-        "expects there%s",
-        out_.tau_lo_s, out_.tau_hi_s, cell.lo, cell.hi, times, times < 1 ? " (less noise than believed)" : "");
+    std::snprintf(text, sizeof text,
+                  "at averaging times of %.0f to %.0f s, most at %.0f to %.0f s: the residual is %.3g times what %s "
+                  "expects there%s",
+                  out_.tau_lo_s, out_.tau_hi_s, cell.lo, cell.hi, times,
+                  has_model_ ? "the model" : "the noise that was estimated without a cause",
+                  has_model_ && times < 1 ? " (less noise than believed)" : "");
     return text;
   }
   void say(bool is_thermal) {
@@ -233,6 +234,7 @@ private:
 
   const Campaign& campaign_;
   const Fit& fit_;
+  bool has_model_;
   double lo_degc_, span_degc_;
   size_t n_temp_;
   SlowSums slow_temp_, slow_phase_;
@@ -243,8 +245,8 @@ private:
 
 } // namespace
 
-WhereResult locate(const Campaign& campaign, const Fit& fit) {
-  return Locator(campaign, fit).run();
+WhereResult locate(const Campaign& campaign, const Fit& fit, bool has_model) {
+  return Locator(campaign, fit, has_model).run();
 }
 
 } // namespace imucal

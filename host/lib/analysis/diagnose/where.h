@@ -29,6 +29,7 @@ struct WhereResult {
   std::string sentence;
 };
 
-WhereResult locate(const Campaign& campaign, const Fit& fit);
+// `has_model`: the noise is that of a model, and not estimated from these logs; for the words.
+WhereResult locate(const Campaign& campaign, const Fit& fit, bool has_model = true);
 
 } // namespace imucal
