@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <set>
 
 namespace imucal {
 
@@ -16,6 +18,19 @@ constexpr double kSeparate_d = 4; // d sqrt(1 - rho^2) from which two effects ar
 constexpr double kUsual_d = 10;   // strength at which pairs are judged
 constexpr double kNever = 1e9;    // size of what no size would show
 constexpr size_t kShapesTried = 30;
+
+// The shape of a grid that lies nearest to the middle of what each of its parameters takes.
+const Theta& middle_of(const std::vector<Theta>& grid) {
+  std::vector<double> far(grid.size(), 0.0);
+  for (size_t p = 0; p < grid.front().size(); ++p) {
+    std::set<double> values;
+    for (const Theta& shape : grid) values.insert(shape[p]);
+    const double middle = *std::next(values.begin(), static_cast<long>(values.size() / 2));
+    const double span = std::max(1e-12, *values.rbegin() - *values.begin());
+    for (size_t g = 0; g < grid.size(); ++g) far[g] += std::fabs(grid[g][p] - middle) / span;
+  }
+  return grid[static_cast<size_t>(std::min_element(far.begin(), far.end()) - far.begin())];
+}
 
 // One effect: its signal at the middle of its grid, and the signals it could take instead.
 struct Repertoire {
@@ -123,7 +138,7 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal, co
       const MatrixXd columns = signals_at(campaign, *estimator, grid[g], beta, project);
       for (long c = 0; c < columns.cols(); ++c) own.all.push_back(columns.col(c));
     }
-    const Theta& middle = grid[grid.size() / 2];
+    const Theta& middle = middle_of(grid);
     own.signal = signals_at(campaign, *estimator, middle, beta, project).col(0);
     out.effects.push_back(detectability(campaign, *estimator, own.name, middle, own.signal.squaredNorm(),
                                         nominal.noise().white_sigma_dph));
