@@ -144,6 +144,39 @@ bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* 
   leave_doubles(&steps);
   return has_moved || steps.size() < n_before;
 }
+// Single processes that several may be taken for: the first, the strongest, and one of all their variance.
+std::vector<Markov> in_one(const std::vector<Markov>& processes) {
+  double variance = 0, log_tau = 0;
+  Markov strongest = processes.front();
+  for (const Markov& m : processes) {
+    const double own = m.sigma_dph * m.sigma_dph;
+    variance += own, log_tau += own * std::log(m.tau_s);
+    if (m.sigma_dph > strongest.sigma_dph) strongest = m;
+  }
+  return {processes.front(), strongest, {std::sqrt(variance), std::exp(log_tau / std::max(1e-300, variance))}};
+}
+// Block means hardly show a process of few seconds.  What a kind of slow noise that is not worth its name in them gains in the
+// seconds, over one process alone and over the believed noise, tells too.
+void weigh_noise_in_seconds(const AxisQuestion& question, const SecondsAnswer& seconds, SlowAnswer* slow) {
+  const SlowModel& best = slow->found.best;
+  std::vector<double>& evidence = slow->found.evidence;
+  if (!best.noise_effect || evidence.size() != best.names.size() + 1 || evidence.back() > 0) return;
+  double without = -1e300;
+  if (question.belief.has_believed) {
+    SlowModel believed = best;
+    believed.noise_effect = nullptr, believed.is_believed = true;
+    const NoiseModel noise = slow->search->seconds_noise_of(believed);
+    without = ResidualLikelihood(question.campaign, seconds.fit.residual)(noise);
+  }
+  if (seconds.noise.base.markov.empty()) return;
+  for (const Markov& process : in_one(seconds.noise.base.markov)) {
+    NoiseModel alone;
+    alone.white_sigma_dph = seconds.noise.base.white_sigma_dph, alone.markov = {process};
+    alone.extra_white_dph2 = question.extra_white_dph2;
+    without = std::max(without, fit_seconds_noise(question.campaign, alone, seconds.fit.residual).log_likelihood);
+  }
+  evidence.back() = std::max(evidence.back(), seconds.noise.log_likelihood - without - question.constants.fast_nats);
+}
 // The believed noise does beside a kind of noise that is not worth its name, and does not without it: other parameters
 // are the simpler answer.
 bool gives_up_unnamed_noise(const AxisQuestion& question, SlowAnswer* slow) {
@@ -173,6 +206,7 @@ SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow) {
     out.noise = fit_seconds_noise(question.campaign, out.noise.base, out.fit.residual);
   }
   believe_again(question, slow, &out);
+  weigh_noise_in_seconds(question, out, slow);
   if (out.is_believed && gives_up_unnamed_noise(question, slow)) return ask_seconds(question, slow);
   fit_own_base(question, *slow, &out);
   return out;
