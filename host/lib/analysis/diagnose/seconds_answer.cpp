@@ -56,18 +56,19 @@ namespace {
 
 constexpr double kPlaceBlocks = 1.5; // how far from its place in block means a jump is looked for
 
+// What was found in the mean, beside this noise of the seconds.
+Fit fit_beside(const AxisQuestion& question, const SlowAnswer& slow, const NoiseModel& noise) {
+  SlowModel mean = slow.found.best;
+  mean.noise_effect = nullptr; // the noise of the seconds has it
+  Hypothesis h = hypothesis_of(question, *slow.search, mean, true);
+  h.base_noise = noise;
+  return fit_hypothesis(question.campaign, h);
+}
 // What the seconds say for the fitted noise against another, the mean estimated under each and what it costs counted (REML):
 // a mean that was fitted beside one noise is no judge of the other.
 double gain_over(const AxisQuestion& question, const SlowAnswer& slow, const NoiseModel& other,
                  const SecondsAnswer& seconds) {
-  SlowModel mean = slow.found.best;
-  mean.noise_effect = nullptr; // the noise of the seconds has it
-  Hypothesis h = hypothesis_of(question, *slow.search, mean, true);
-  const auto reml = [&](const NoiseModel& noise) {
-    h.base_noise = noise;
-    return fit_hypothesis(question.campaign, h).reml();
-  };
-  return reml(seconds.noise.base) - reml(other);
+  return fit_beside(question, slow, seconds.noise.base).reml() - fit_beside(question, slow, other).reml();
 }
 // Whether the believed noise parameters hold is a question to the seconds, under the causes found.
 void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
@@ -155,27 +156,32 @@ std::vector<Markov> in_one(const std::vector<Markov>& processes) {
   }
   return {processes.front(), strongest, {std::sqrt(variance), std::exp(log_tau / std::max(1e-300, variance))}};
 }
+// The likeliest noise of one process.
+NoiseModel noise_of_one(const AxisQuestion& question, const SlowAnswer& slow, const SecondsAnswer& seconds) {
+  SecondsNoise best;
+  for (const Markov& process : in_one(seconds.noise.base.markov)) {
+    NoiseModel alone;
+    alone.white_sigma_dph = seconds.noise.base.white_sigma_dph, alone.markov = {process};
+    alone.extra_white_dph2 = question.extra_white_dph2;
+    const SecondsNoise fitted = fit_seconds_noise(question.campaign, alone, seconds.fit.residual);
+    if (fitted.log_likelihood > best.log_likelihood) best = fitted;
+  }
+  return fit_seconds_noise(question.campaign, best.base, fit_beside(question, slow, best.base).residual).base;
+}
 // Block means hardly show a process of few seconds.  What a kind of slow noise that is not worth its name in them gains in the
 // seconds, over one process alone and over the believed noise, tells too.
 void weigh_noise_in_seconds(const AxisQuestion& question, const SecondsAnswer& seconds, SlowAnswer* slow) {
   const SlowModel& best = slow->found.best;
   std::vector<double>& evidence = slow->found.evidence;
   if (!best.noise_effect || evidence.size() != best.names.size() + 1 || evidence.back() > 0) return;
-  double without = -1e300;
+  if (seconds.noise.base.markov.empty()) return;
+  double gain = gain_over(question, *slow, noise_of_one(question, *slow, seconds), seconds);
   if (question.belief.has_believed) {
     SlowModel believed = best;
     believed.noise_effect = nullptr, believed.is_believed = true;
-    const NoiseModel noise = slow->search->seconds_noise_of(believed);
-    without = ResidualLikelihood(question.campaign, seconds.fit.residual)(noise);
+    gain = std::min(gain, gain_over(question, *slow, slow->search->seconds_noise_of(believed), seconds));
   }
-  if (seconds.noise.base.markov.empty()) return;
-  for (const Markov& process : in_one(seconds.noise.base.markov)) {
-    NoiseModel alone;
-    alone.white_sigma_dph = seconds.noise.base.white_sigma_dph, alone.markov = {process};
-    alone.extra_white_dph2 = question.extra_white_dph2;
-    without = std::max(without, fit_seconds_noise(question.campaign, alone, seconds.fit.residual).log_likelihood);
-  }
-  evidence.back() = std::max(evidence.back(), seconds.noise.log_likelihood - without - question.constants.fast_nats);
+  evidence.back() = std::max(evidence.back(), gain - question.constants.fast_nats);
 }
 // The believed noise does beside a kind of noise that is not worth its name, and does not without it: other parameters
 // are the simpler answer.
