@@ -31,33 +31,35 @@ void take_plain(const AxisQuestion& question, const SecondsNoise& plain, Seconds
 }
 
 // Whether the believed noise holds was asked while hits, or a white noise that follows the temperature, passed for a part
-// of it: it is asked again beside them.
-void believe_beside(const AxisQuestion& question, Found* found) {
+// of it: it is asked again beside them.  Returns whether it holds there.
+bool believe_beside(const AxisQuestion& question, Found* found) {
   SecondsAnswer& seconds = found->seconds;
-  if (!question.belief.has_believed || seconds.is_believed || !found->fast.best(question.constants)) return;
+  if (!question.belief.has_believed || seconds.is_believed || !found->fast.best(question.constants)) return false;
   FastFinding& best = found->fast.scan.findings.front();
-  if (best.effect->estimator()->is_jumping()) return;
+  if (best.effect->estimator()->is_jumping()) return false;
   SlowModel m = found->slow.found.best;
   m.is_believed = true;
   const ResidualLikelihood log_likelihood(question.campaign, seconds.fit.residual);
   FastFinding refitted = best, believed = best;
   believed.base = found->slow.search->seconds_noise_of(m);
   seconds.retuned_nats = fit_again(log_likelihood, true, &refitted) - fit_again(log_likelihood, false, &believed);
-  if (seconds.retuned_nats > question.constants.retuned_nats) return;
+  if (seconds.retuned_nats > question.constants.retuned_nats) return false;
   set_errors(log_likelihood, &believed);
   best = believed;
   seconds.is_believed = found->slow.found.best.is_believed = true;
+  return true;
 }
 
-// What the fast noise explains better than a kind of slow noise takes its place.
-void take_best(const AxisQuestion& question, Found* found) {
+// What the fast noise explains better than a kind of slow noise takes its place.  `holds_beside`: the believed noise does
+// beside it; else the noise is estimated there.
+void take_best(const AxisQuestion& question, bool holds_beside, Found* found) {
   const FastFinding* best = found->fast.best(question.constants);
   if (!best) return;
   Term term = term_of(best->effect, best->effect->estimator(), best->theta);
   term.shape_errors = best->theta_errors;
   SecondsAnswer& seconds = found->seconds;
   seconds.noise.base = best->base;
-  if (seconds.is_believed)
+  if (holds_beside)
     fit_own_base(question, found->slow, &seconds);
   else if (found->slow.found.best.noise_effect)
     fit_own_base_beside(best->effect->estimator(), best->theta, question, found->slow, &seconds);
@@ -67,8 +69,8 @@ void take_best(const AxisQuestion& question, Found* found) {
 // What the slow stage named under noise that is the same at all temperatures, asked again beside noise that is not.
 class AskedAgain {
 public:
-  AskedAgain(const AxisQuestion& question, const FastFinding& fast, Found* found)
-      : question_(question), fast_(fast), slow_(found->slow), seconds_(found->seconds) {}
+  AskedAgain(const AxisQuestion& question, const FastFinding& fast, bool holds_beside, Found* found)
+      : question_(question), fast_(fast), holds_beside_(holds_beside), slow_(found->slow), seconds_(found->seconds) {}
 
   // Names that gained less than twice their threshold go where they gain less than it now.
   void run() {
@@ -96,7 +98,7 @@ private:
     const NoiseModel slow = best().noise_effect->estimator()->noise(seconds_.own_base, best().noise_theta);
     SecondsNoise without;
     without.base = seconds_.own_base, without.log_likelihood = log_likelihood(fast(seconds_.own_base));
-    if (!seconds_.is_believed) without = fit_seconds_noise(question_.campaign, slow_base(slow), fit.residual, fast);
+    if (!holds_beside_) without = fit_seconds_noise(question_.campaign, slow_base(slow), fit.residual, fast);
     if (log_likelihood(fast(slow)) - without.log_likelihood > threshold) return false;
     best().noise_effect = nullptr, evidence.pop_back();
     seconds_.noise = without;
@@ -144,12 +146,13 @@ private:
 
   const AxisQuestion& question_;
   const FastFinding& fast_;
+  const bool holds_beside_; // the believed noise does beside it
   SlowAnswer& slow_;
   SecondsAnswer& seconds_;
 };
-void ask_slow_again(const AxisQuestion& question, Found* found) {
+void ask_slow_again(const AxisQuestion& question, bool holds_beside, Found* found) {
   const FastFinding* best = found->fast.best(question.constants);
-  if (best && best->effect->estimator()->needs_temperature()) AskedAgain(question, *best, found).run();
+  if (best && best->effect->estimator()->needs_temperature()) AskedAgain(question, *best, holds_beside, found).run();
 }
 
 } // namespace
@@ -168,9 +171,9 @@ void ask_fast(const AxisQuestion& question, Found* found) {
   take_plain(question, scan.plain, &seconds);
   leave_hits_that_stay(question, seconds, &scan);
   found->fast.jumping = ask_jumping_noise(question, &found->slow, &seconds, &scan);
-  believe_beside(question, found);
-  take_best(question, found);
-  ask_slow_again(question, found);
+  const bool holds_beside = believe_beside(question, found);
+  take_best(question, holds_beside, found);
+  ask_slow_again(question, holds_beside, found);
 }
 
 } // namespace imucal
