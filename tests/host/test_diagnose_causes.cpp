@@ -127,7 +127,7 @@ static void test_held_out_logs_tell_a_cause_from_slow_noise(void**) {
     assert_true(answer_to([](double, double) { return 0.0; }, seed, 3).effects.empty());
 }
 
-// One log, and three held out.  Its bias follows a temperature two minutes old: 48 to 32 dph on the ramps, with one slow process
+// One log, and three held out, of a bias that lags the thermometer: with 100 s up to 25 dph on the ramps, beside one slow process
 // of 20 dph in the noise.
 static Selection answer_to_a_lag(uint64_t seed, double tau_s) {
   const double phi = std::exp(-1 / tau_s);

@@ -43,8 +43,7 @@ void name_fast(const AxisQuestion& question, const Found& found, Names* names) {
   const FastFinding& best = *first;
   SelectedEffect effect;
   effect.family = best.effect->family();
-  effect.term = term_of(best.effect, best.effect->estimator(), best.theta);
-  effect.term.shape_errors = best.theta_errors;
+  effect.term = term_of(best);
   effect.gain_nats = best.gain_nats;
   effect.evidence_nats = best.gain_nats - question.constants.fast_nats;
   effect.held_out_nats = kPredictsNothing;

@@ -6,6 +6,12 @@
 
 namespace imucal {
 
+Term term_of(const FastFinding& finding) {
+  Term term = term_of(finding.effect, finding.effect->estimator(), finding.theta);
+  term.shape_errors = finding.theta_errors;
+  return term;
+}
+
 namespace {
 
 // Block means found no kind of slow noise: where the spectrum of the seconds does not fit theirs, the seconds are asked.
@@ -37,11 +43,9 @@ bool believe_beside(const AxisQuestion& question, Found* found) {
   if (!question.belief.has_believed || seconds.is_believed || !found->fast.best(question.constants)) return false;
   FastFinding& best = found->fast.scan.findings.front();
   if (best.effect->estimator()->is_jumping()) return false;
-  SlowModel m = found->slow.found.best;
-  m.is_believed = true;
   const ResidualLikelihood log_likelihood(question.campaign, seconds.fit.residual);
   FastFinding refitted = best, believed = best;
-  believed.base = found->slow.search->seconds_noise_of(m);
+  believed.base = believed_noise(*found->slow.search, found->slow.found.best);
   seconds.retuned_nats = fit_again(log_likelihood, true, &refitted) - fit_again(log_likelihood, false, &believed);
   if (seconds.retuned_nats > question.constants.retuned_nats) return false;
   set_errors(log_likelihood, &believed);
@@ -55,15 +59,13 @@ bool believe_beside(const AxisQuestion& question, Found* found) {
 void take_best(const AxisQuestion& question, bool holds_beside, Found* found) {
   const FastFinding* best = found->fast.best(question.constants);
   if (!best) return;
-  Term term = term_of(best->effect, best->effect->estimator(), best->theta);
-  term.shape_errors = best->theta_errors;
   SecondsAnswer& seconds = found->seconds;
   seconds.noise.base = best->base;
   if (holds_beside)
     fit_own_base(question, found->slow, &seconds);
   else if (found->slow.found.best.noise_effect)
     fit_own_base_beside(best->effect->estimator(), best->theta, question, found->slow, &seconds);
-  seconds.final.terms.push_back(term);
+  seconds.final.terms.push_back(term_of(*best));
 }
 
 // What the slow stage named under noise that is the same at all temperatures, asked again beside noise that is not.
@@ -85,7 +87,7 @@ private:
   Hypothesis hypothesis() const {
     Hypothesis h = hypothesis_of(question_, *slow_.search, best(), true);
     h.base_noise = best().noise_effect ? seconds_.own_base : seconds_.noise.base;
-    h.terms.push_back(term_of(fast_.effect, fast_.effect->estimator(), fast_.theta));
+    h.terms.push_back(term_of(fast_));
     return h;
   }
   bool weigh_noise() {
@@ -113,11 +115,11 @@ private:
     if (!slow.markov.empty()) base.markov = {*std::max_element(slow.markov.begin(), slow.markov.end(), by_sigma)};
     return base;
   }
-  // Of a term, less what its further columns (start states of runs) gain by chance.
-  double gain_of(const Hypothesis& h, size_t term) const {
+  // Of a term of `h`, whose fit is `with`, less what its further columns (start states of runs) gain by chance.
+  double gain_of(const Hypothesis& h, const Fit& with, size_t term) const {
     Hypothesis less = h;
     less.terms.erase(less.terms.begin() + static_cast<long>(term));
-    const Fit with = fit_hypothesis(question_.campaign, h), without = fit_hypothesis(question_.campaign, less);
+    const Fit without = fit_hypothesis(question_.campaign, less);
     const auto further = static_cast<double>(with.beta.size() - without.beta.size() - 1);
     return with.log_likelihood - without.log_likelihood - 0.5 * further;
   }
@@ -128,11 +130,13 @@ private:
     bool has_left = false;
     while (true) {
       const Hypothesis h = hypothesis();
+      std::optional<Fit> with; // where a name is asked
       double least = threshold;
       std::optional<size_t> weakest;
       for (size_t i = 0; i < best().names.size(); ++i) {
         if (evidence[i] > threshold) continue;
-        if (const double gain = gain_of(h, question_.lines.size() + i); gain < least) least = gain, weakest = i;
+        if (!with) with = fit_hypothesis(question_.campaign, h);
+        if (const double gain = gain_of(h, *with, question_.lines.size() + i); gain < least) least = gain, weakest = i;
       }
       if (!weakest) return has_left;
       const auto i = static_cast<long>(*weakest);

@@ -19,6 +19,9 @@ struct Found {
   FastAnswer fast;
 };
 
+// A finding in a hypothesis, with the errors of its parameters.
+Term term_of(const FastFinding& finding);
+
 // Asks the seconds of found->slow and found->seconds, which change where noise that jumps is found.  A finding that is worth
 // its name joins the hypothesis of the seconds.
 void ask_fast(const AxisQuestion& question, Found* found);

@@ -133,10 +133,6 @@ private:
     h.terms.push_back(term_of(jumping.noise.effect, jumping.noise.effect->estimator(), jumping.noise.theta));
     return h;
   }
-  NoiseModel believed_beside(SlowModel m) const {
-    m.is_believed = true;
-    return slow_.search->seconds_noise_of(m);
-  }
   // The mean and the noise in turn, from what they are; returns the log-likelihood.
   double improve(bool is_base_free, Jumping* jumping) const {
     const std::vector<VectorXd> near = jumping->fit.residual;
@@ -150,7 +146,7 @@ private:
     const bool has_believed = question_.belief.has_believed;
     Jumping out;
     out.mean = mean, out.noise = start, out.fit.residual = near;
-    if (has_believed) out.noise.base = believed_beside(mean);
+    if (has_believed) out.noise.base = believed_noise(*slow_.search, mean);
     for (int pass = 0; pass < kJumpingPasses; ++pass) out.log_likelihood = improve(!has_believed, &out);
     for (int pass = 0; has_believed && !out.is_believed && pass < kJumpingPasses; ++pass) {
       Jumping free = out;
@@ -179,7 +175,7 @@ private:
     h.base_noise = hypothesis_of(question_, *slow_.search, slow_.found.null, false).base_noise;
     const Fit fit = fit_hypothesis(question_.campaign, h);
     const ResidualLikelihood log_likelihood(question_.campaign, fit.residual);
-    best.base = believed_beside(mean);
+    best.base = believed_noise(*slow_.search, mean);
     std::vector<Theta> starts = e.starts(best.base);
     if (found) starts.push_back(found->theta);
     if (!h.base_noise.markov.empty()) starts.push_back(e.like(slowest(h.base_noise)));

@@ -34,6 +34,11 @@ Hypothesis hypothesis_of(const AxisQuestion& question, const SlowSearch& search,
   return h;
 }
 
+NoiseModel believed_noise(const SlowSearch& search, SlowModel m) {
+  m.is_believed = true;
+  return search.seconds_noise_of(m);
+}
+
 void fit_own_base(const AxisQuestion& question, const SlowAnswer& slow, SecondsAnswer* seconds) {
   const SlowModel& m = slow.found.best;
   if (!m.noise_effect) return;
@@ -64,23 +69,23 @@ Fit fit_beside(const AxisQuestion& question, const SlowAnswer& slow, const Noise
   h.base_noise = noise;
   return fit_hypothesis(question.campaign, h);
 }
-// What the seconds say for the fitted noise against another, the mean estimated under each and what it costs counted (REML):
-// a mean that was fitted beside one noise is no judge of the other.
-double gain_over(const AxisQuestion& question, const SlowAnswer& slow, const NoiseModel& other,
+// What the seconds say for the fitted noise against the likeliest of others, the mean estimated under each and what it costs
+// counted (REML): a mean that was fitted beside one noise is no judge of the other.
+double gain_over(const AxisQuestion& question, const SlowAnswer& slow, const std::vector<NoiseModel>& others,
                  const SecondsAnswer& seconds) {
-  return fit_beside(question, slow, seconds.noise.base).reml() - fit_beside(question, slow, other).reml();
+  double other = -1e300;
+  for (const NoiseModel& noise : others) other = std::max(other, fit_beside(question, slow, noise).reml());
+  return fit_beside(question, slow, seconds.noise.base).reml() - other;
 }
 // Whether the believed noise parameters hold is a question to the seconds, under the causes found.
 void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
   seconds->is_believed = false;
   if (!question.belief.has_believed) return;
-  SlowModel m = slow->found.best;
-  m.is_believed = true;
-  const NoiseModel believed = slow->search->seconds_noise_of(m);
+  const NoiseModel believed = believed_noise(*slow->search, slow->found.best);
   const double as_believed = ResidualLikelihood(question.campaign, seconds->fit.residual)(believed);
   seconds->retuned_nats = seconds->noise.log_likelihood - as_believed;
   if (seconds->retuned_nats > question.constants.retuned_nats)
-    seconds->retuned_nats = gain_over(question, *slow, believed, *seconds);
+    seconds->retuned_nats = gain_over(question, *slow, {believed}, *seconds);
   if (seconds->retuned_nats > question.constants.retuned_nats) return;
   seconds->is_believed = true;
   seconds->noise.base = believed, seconds->noise.log_likelihood = as_believed;
@@ -147,6 +152,7 @@ bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* 
 }
 // Single processes that several may be taken for: the first, the strongest, and one of all their variance.
 std::vector<Markov> in_one(const std::vector<Markov>& processes) {
+  if (processes.size() == 1) return processes;
   double variance = 0, log_tau = 0;
   Markov strongest = processes.front();
   for (const Markov& m : processes) {
@@ -175,12 +181,13 @@ void weigh_noise_in_seconds(const AxisQuestion& question, const SecondsAnswer& s
   std::vector<double>& evidence = slow->found.evidence;
   if (!best.noise_effect || evidence.size() != best.names.size() + 1 || evidence.back() > 0) return;
   if (seconds.noise.base.markov.empty()) return;
-  double gain = gain_over(question, *slow, noise_of_one(question, *slow, seconds), seconds);
+  std::vector<NoiseModel> others = {noise_of_one(question, *slow, seconds)};
   if (question.belief.has_believed) {
-    SlowModel believed = best;
-    believed.noise_effect = nullptr, believed.is_believed = true;
-    gain = std::min(gain, gain_over(question, *slow, slow->search->seconds_noise_of(believed), seconds));
+    SlowModel plain = best;
+    plain.noise_effect = nullptr;
+    others.push_back(believed_noise(*slow->search, plain));
   }
+  const double gain = gain_over(question, *slow, others, seconds);
   evidence.back() = std::max(evidence.back(), gain - question.constants.fast_nats);
 }
 // The believed noise does beside a kind of noise that is not worth its name, and does not without it: other parameters

@@ -22,6 +22,8 @@ SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow);
 
 // A hypothesis of the slow stage as one of the seconds; `with_names`: names, jumps, lines and kind of noise too.
 Hypothesis hypothesis_of(const AxisQuestion& question, const SlowSearch& search, const SlowModel& m, bool with_names);
+// Noise of the seconds under a hypothesis, its kind of slow noise included, with the base as believed.
+NoiseModel believed_noise(const SlowSearch& search, SlowModel m);
 // `seconds->own_base` anew, after `slow` or the noise was changed.
 void fit_own_base(const AxisQuestion& question, const SlowAnswer& slow, SecondsAnswer* seconds);
 // The same beside a kind of fast noise; nullptr: beside none.

@@ -203,11 +203,11 @@ private:
     return !question_.is_censored && std::any_of(out_.after.begin(), out_.after.end(), fires);
   }
   // What gained little beyond the threshold, and loses more where it was not fitted, came by chance: it leaves nothing.
-  bool is_by_chance(const SelectedEffect& dropped) const {
+  bool came_by_chance(const SelectedEffect& dropped) const {
     return dropped.evidence_nats < constants().lack_nats && dropped.gain_nats + dropped.held_out_nats < 0;
   }
   bool leaves_names(const std::vector<SelectedEffect>& dropped) const {
-    return !std::all_of(dropped.begin(), dropped.end(), [&](const SelectedEffect& e) { return is_by_chance(e); });
+    return !std::all_of(dropped.begin(), dropped.end(), [&](const SelectedEffect& e) { return came_by_chance(e); });
   }
   bool leaves_something() const { return !names_.remainders.empty() || leaves_names(names_.dropped) || fires(); }
 

@@ -51,9 +51,4 @@ bool can_show(const GapResult::Support& support, const SelectorConstants& consta
 // A name of found.best as an effect of the answer, with the rivals that cannot be excluded.
 SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& constants, size_t name);
 
-// Whether a cause gains hardly less than slow noise and takes most of what that takes.  `has_lines`: lines of the spectrum
-// stand in the mean; they are no part of what is to be taken.
-bool is_undecided(const SlowAnswer& slow, const SelectorConstants& constants, bool has_lines, const SlowModel& noise,
-                  const SlowModel& cause);
-
 } // namespace imucal

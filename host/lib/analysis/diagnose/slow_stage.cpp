@@ -38,9 +38,7 @@ public:
     if (best.names.empty() && !best.noise_effect) return;
     for (const SlowCandidateScore& s : slow_.search->free_beside(best, kBesideTried)) {
       const double nats = s.gain_nats - best.free_score();
-      if (nats <= -constants().lack_nats) continue;
-      if (leaves_much(nats, s.model) || predicts_more(s.model))
-        slow_.beside.push_back({s.model.names.back().candidate, nats});
+      if (is_left(nats, s.model)) slow_.beside.push_back({s.model.names.back().candidate, nats});
     }
   }
 
@@ -53,10 +51,21 @@ private:
   // Score of the fitted logs and likelihood of the held-out ones together.
   double all_logs(const SlowModel& m) const { return slow_.search->score(m) + predicted(m); }
 
-  bool leaves_much(double fitted_nats, const SlowModel& with_shape) {
-    if (!slow_.held_blocks || fitted_nats <= 0) return slow_.leaves_much(fitted_nats, constants());
-    const double nats = fitted_nats + predicted(with_shape) - predicted(slow_.found.best);
-    return slow_.leaves_much(fitted_nats, constants()) && nats > constants().lack_nats;
+  // Score without thresholds, the same.
+  double all_free(const SlowModel& m) const { return m.free_score() + predicted(m); }
+
+  // A free shape pays for its freedom in the fit, not in logs that it has not seen.  Were the answer right, their
+  // likelihood ratio would exceed exp(x) with probability exp(-x) at most (Markov's inequality: its mean is 1).
+  bool is_left(double fitted_nats, const SlowModel& with_shape) {
+    if (fitted_nats <= -constants().lack_nats) return false;
+    const bool is_much = slow_.leaves_much(fitted_nats, constants());
+    if (is_much && !slow_.held_blocks) return true;
+    const bool can_predict = !slow_.found.best.names.empty() && slow_.gap.method != HeldOut::kQuarters;
+    if (!is_much && !can_predict) return false;
+    if (!answer_predicts_) answer_predicts_ = predicted(slow_.found.best);
+    const double foretold = predicted(with_shape) - *answer_predicts_;
+    if (is_much && fitted_nats + foretold > constants().lack_nats) return true;
+    return can_predict && foretold > constants().foretold_nats;
   }
 
   // A jump in time predicts no other log; a cause that makes one at a temperature does.  Held-out logs count as data of
@@ -77,7 +86,7 @@ private:
   // together more likely by what a name must gain.  What the fitted logs leave open the held-out ones may tell.
   void weigh_noise() {
     if (!slow_.held_blocks || !slow_.found.best.names.empty() || !slow_.found.best.steps.empty()) return;
-    const double alone = slow_.found.best.free_score() + predicted(slow_.found.best);
+    const double alone = all_free(slow_.found.best);
     std::vector<std::pair<double, size_t>> order;
     for (size_t j = 0; j < slow_.found.singles.size(); ++j)
       if (!slow_.found.singles[j].model.names.empty()) order.push_back({slow_.found.singles[j].gain_nats, j});
@@ -86,8 +95,7 @@ private:
     for (size_t i = 0; i < order.size() && i < kPredictionTried; ++i) {
       const SlowModel& single = slow_.found.singles[order[i].second].model;
       const SlowModel bare = slow_.search->bare(single); // what its noise alone foretells is no merit of the cause
-      const double without = std::max(alone, bare.free_score() + predicted(bare));
-      const double evidence = single.free_score() + predicted(single) - without - constants().mean_nats;
+      const double evidence = all_free(single) - std::max(alone, all_free(bare)) - constants().mean_nats;
       if (evidence <= most) continue;
       most = evidence;
       const double fitted = single.free_score() - slow_.found.null.free_score() - constants().mean_nats;
@@ -101,10 +109,9 @@ private:
   // What comes near a name in the fitted logs may foretell the held-out ones better, or not at all: how far it falls behind is
   // counted in all logs together.
   void count_held_out() {
-    if (!slow_.held_blocks) return;
+    if (!slow_.held_blocks || slow_.found.rivals.empty()) return;
+    const double own = predicted(slow_.found.best);
     for (std::vector<SlowResult::Rival>& rivals : slow_.found.rivals) {
-      if (rivals.empty()) continue;
-      const double own = predicted(slow_.found.best);
       for (SlowResult::Rival& rival : rivals) rival.gap_nats += own - predicted(rival.model);
       std::sort(rivals.begin(), rivals.end(), [](const auto& a, const auto& b) { return a.gap_nats < b.gap_nats; });
     }
@@ -211,14 +218,6 @@ private:
       if (const double v = all_logs(less); v >= value) value = v, best = &less;
     }
     return best ? without_needless(*best, value) : m;
-  }
-
-  // A free shape pays for its freedom in the fit, not in logs that it has not seen.  Were the answer right, their
-  // likelihood ratio would exceed exp(x) with probability exp(-x) at most (Markov's inequality: its mean is 1).
-  bool predicts_more(const SlowModel& with_shape) {
-    if (slow_.found.best.names.empty() || slow_.gap.method == HeldOut::kQuarters) return false;
-    if (!answer_predicts_) answer_predicts_ = predicted(slow_.found.best);
-    return predicted(with_shape) - *answer_predicts_ > constants().foretold_nats;
   }
 
   // Names live by what they predict: one that the held-out data do not support goes, the least supported first.

@@ -2,14 +2,43 @@
 #include "analysis/diagnose/undecided.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "analysis/diagnose/noise_kinds.h"
 
 namespace imucal {
 
+using Eigen::VectorXd;
+
 namespace {
 
 constexpr size_t kUndecidedTried = 4;
+
+// Root mean square of what a hypothesis leaves, in means over `mean_s` (or in the blocks, where they are longer).
+double spread_left(const SlowAnswer& slow, const SlowModel& m, double mean_s) {
+  const std::vector<MeanPart> parts = slow.search->parts_on(*slow.data, m);
+  const RunGrams::Posterior at = slow.search->grams_of(m).posterior();
+  const long blocks = std::max(1L, std::lround(mean_s / slow.data->campaign.dt_s));
+  double sum = 0, n = 0;
+  for (size_t r = 0; r < slow.data->y.size(); ++r) {
+    const VectorXd rest = residual_of(*slow.data, parts, at, r);
+    for (long k = 0; k + blocks <= rest.size(); k += blocks) sum += std::pow(rest.segment(k, blocks).mean(), 2), n += 1;
+  }
+  return n > 0 ? std::sqrt(sum / n) : slow.data->spread_dph;
+}
+// Part of the spread of the data that a hypothesis leaves to the noise.  Lines in the mean are no part of that spread:
+// no hypothesis would have to take them.
+double part_left(const SlowAnswer& slow, bool has_lines, const SlowModel& m) {
+  const double spread = has_lines ? spread_left(slow, slow.found.null, 60) : slow.data->spread_dph;
+  return spread_left(slow, m, 0) / std::max(spread, 1e-6);
+}
+// Whether a cause gains hardly less than slow noise and takes most of what that takes.  `has_lines`: lines of the spectrum
+// stand in the mean; they are no part of what is to be taken.
+bool is_undecided(const SlowAnswer& slow, const SelectorConstants& constants, bool has_lines, const SlowModel& noise,
+                  const SlowModel& cause) {
+  return noise.free_score() - cause.free_score() < constants.undecided_nats &&
+         part_left(slow, has_lines, cause) < constants.carried_part;
+}
 
 // A kind of slow noise that is not worth its name is not what stands against a repeatable cause: the plain noise is.
 const SlowModel& slow_answer(const SlowAnswer& slow, const Names& names) {

@@ -30,6 +30,6 @@ struct WhereResult {
 };
 
 // `has_model`: the noise is that of a model, and not estimated from these logs; for the words.
-WhereResult locate(const Campaign& campaign, const Fit& fit, bool has_model = true);
+WhereResult locate(const Campaign& campaign, const Fit& fit, bool has_model);
 
 } // namespace imucal

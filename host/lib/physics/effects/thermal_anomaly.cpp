@@ -20,32 +20,33 @@ std::vector<Theta> places(double lo, double hi, double apart, std::initializer_l
   return points;
 }
 
-// Whether the logs pass the top of a bump, to half a width: a flank alone tells neither its height nor its place.
-bool is_seen(const std::vector<const RunInput*>& runs, const Theta& shape) {
-  const double center_degc = shape[0], beyond_degc = 0.5 * shape[1];
-  bool is_below = false, is_above = false;
-  for (const RunInput* run : runs)
-    for (const double degc : run->smooth_degc) {
-      is_below = is_below || degc - beyond_degc <= center_degc,
-      is_above = is_above || degc + beyond_degc >= center_degc;
-      if (is_below && is_above) return true;
-    }
-  return false;
-}
-
-// A bump of any shape about one temperature: a resonance has the wide skirts of a Lorentz curve, a transition is steep on
-// one side.  Gaussians of two widths about the same place, each with its first derivative (Hermite functions).
-class AnyBump : public EffectEstimator {
+// What bumps of all shapes share: centre and width, and that the logs pass their top, to half a width.  A flank alone tells
+// neither height nor place.
+class Bump : public EffectEstimator {
 public:
   Form form() const override { return Form::kColumns; }
-  size_t n_columns() const override { return 2 * kWider.size(); }
-  // Its derivatives move and widen a bump: one width, twice as wide steps.
-  std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, 2, {1.5}); }
   Theta shape_lo() const override { return {-250, 0.4}; }
   Theta shape_hi() const override { return {2000, kWidest_degc}; }
   bool is_repeated(const std::vector<const RunInput*>& runs, const Theta& shape) const override {
-    return is_seen(runs, shape);
+    const double lo_degc = shape[0] - 0.5 * shape[1], hi_degc = shape[0] + 0.5 * shape[1];
+    bool is_colder = false, is_hotter = false; // somewhere than the far side of the top
+    for (const RunInput* run : runs)
+      for (const double degc : run->smooth_degc) {
+        if (degc <= hi_degc) is_colder = true;
+        if (degc >= lo_degc) is_hotter = true;
+        if (is_colder && is_hotter) return true;
+      }
+    return false;
   }
+};
+
+// A bump of any shape about one temperature: a resonance has the wide skirts of a Lorentz curve, a transition is steep on
+// one side.  Gaussians of two widths about the same place, each with its first derivative (Hermite functions).
+class AnyBump : public Bump {
+public:
+  size_t n_columns() const override { return 2 * kWider.size(); }
+  // Its derivatives move and widen a bump: one width, twice as wide steps.
+  std::vector<Theta> grid(double lo, double hi) const override { return places(lo, hi, 2, {1.5}); }
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
     std::vector<Column> out;
     for (const double wider : kWider) {
@@ -65,7 +66,7 @@ private:
   static constexpr std::array<double, 2> kWider = {1, 2.5};
 };
 
-class ThermalAnomaly : public Effect, public EffectEstimator {
+class ThermalAnomaly : public Effect, public Bump {
 public:
   std::string name() const override { return "thermal_anomaly"; }
   std::string label() const override { return "a local bump of the bias at one temperature"; }
@@ -100,14 +101,8 @@ public:
     return TypicalSize{"bump", 7, false, {{"amplitude_dph", 20.0}, {"center_degc", 30.0}, {"width_degc", 2.5}}};
   }
   const EffectEstimator* estimator() const override { return this; }
-  Form form() const override { return Form::kColumns; }
   std::vector<Theta> grid(double lo, double hi) const override {
     return places(lo, hi, 1.3, {0.8, 1.6, 3.0, 5.5, 9.5});
-  }
-  Theta shape_lo() const override { return {-250, 0.4}; }
-  Theta shape_hi() const override { return {2000, kWidest_degc}; }
-  bool is_repeated(const std::vector<const RunInput*>& runs, const Theta& shape) const override {
-    return is_seen(runs, shape);
   }
   AnyShape of_any_shape() const override {
     static const AnyBump any;
