@@ -314,6 +314,13 @@ def test_a_control_has_no_name_of_something_repeatable(tmp_path, control):
         assert not any(is_repeatable(effect) for effect in told), told
 
 
+@pytest.mark.parametrize("number", [7, 21, 55])
+def test_noise_of_the_fitted_log_alone_makes_no_cause(tmp_path, number):
+    """Looked at: of 60 devices with slow noise these had a name while the noise was that of the fitted log alone."""
+    told = Device(tmp_path, "slow_noise", number).ask().effects()
+    assert not any(is_repeatable(effect) for effect in told), told
+
+
 @pytest.fixture(scope="module")
 def all_devices(tmp_path_factory):
     folder = tmp_path_factory.mktemp("one_log")

@@ -133,12 +133,11 @@ std::vector<Split> splits_of(const SlowData& training, const Campaign* held_out,
   const size_t n = training.campaign.runs.size();
   if (held_out) {
     *method = HeldOut::kLogs;
-    Campaign both = training.campaign;
-    for (const CampaignRun& run : held_out->runs) both.runs.push_back(run);
-    Split split{SlowData(both), std::vector<char>(both.runs.size(), 0), {}, {}};
+    Split split{with_held_out(training, *held_out), {}, {}, {}};
+    const size_t n_all = split.data.campaign.runs.size();
+    split.train.assign(n_all, 0);
     std::fill_n(split.train.begin(), n, 1);
-    for (size_t r = n; r < both.runs.size(); ++r) split.units.push_back(r);
-    split.data.spread_dph = training.spread_dph;
+    for (size_t r = n; r < n_all; ++r) split.units.push_back(r);
     out.push_back(std::move(split));
     return out;
   }
@@ -331,6 +330,14 @@ void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::
 }
 
 } // namespace
+
+SlowData with_held_out(const SlowData& training, const Campaign& held_out) {
+  Campaign both = training.campaign;
+  both.runs.insert(both.runs.end(), held_out.runs.begin(), held_out.runs.end());
+  SlowData out(std::move(both));
+  out.spread_dph = training.spread_dph;
+  return out;
+}
 
 double predicted_nats(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
                       const SlowModel& model) {

@@ -52,6 +52,9 @@ struct GapResult {
   std::vector<double> dp2_tau_s, dp2_data_dph, dp2_nominal_dph, dp2_final_dph;
 };
 
+// The fitted logs, and then the held-out ones, with the scale of priors of the fitted ones.
+SlowData with_held_out(const SlowData& training, const Campaign& held_out);
+
 // `training`: block means of the fitted logs; `held_out`: of further logs, or nullptr.
 GapResult measure_gap(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
                       const SlowModel& null, const SlowModel& final);

@@ -383,11 +383,6 @@ double SlowSearch::score(const SlowModel& model) const {
 double SlowSearch::evidence_of(const SlowModel& model, size_t name) const {
   return impl_->judge().evidence_of(model, name);
 }
-SlowModel SlowSearch::bare(SlowModel model) const {
-  model.names.clear();
-  model.value = impl_->likelihood.evaluate(model);
-  return model;
-}
 std::vector<SlowResult::Rival> SlowSearch::rivals(const SlowModel& model, size_t name) const {
   return impl_->judge().rivals(model, name);
 }
@@ -402,6 +397,9 @@ SlowModel SlowSearch::with_free_function(const SlowModel& model, const SlowModel
 }
 SlowModel SlowSearch::polished(const SlowModel& model) const {
   return imucal::polished(impl_->likelihood, model);
+}
+double SlowSearch::value_on(const SlowData& all, const SlowModel& model) const {
+  return imucal::value_on(impl_->likelihood, all, model);
 }
 SlowModel SlowSearch::beside_believed(const SlowModel& model) const {
   return imucal::beside_believed(impl_->likelihood, model);

@@ -45,8 +45,6 @@ public:
   double score(const SlowModel& model) const; // less all thresholds: what the search maximises
   // What a name gains over the best hypothesis without it, less its threshold.
   double evidence_of(const SlowModel& model, size_t name) const;
-  // The noise of a model without its names, not estimated again.
-  SlowModel bare(SlowModel model) const;
   // What comes near a name in its place, best first, by the data searched.
   std::vector<SlowResult::Rival> rivals(const SlowModel& model, size_t name) const;
   // Free shapes beside a model, the one that gains most first: what its names leave unexplained.
@@ -62,6 +60,8 @@ public:
   std::vector<SlowCandidateScore> kinds_beside(const SlowModel& model) const;
   // Noise and shape parameters estimated again.
   SlowModel polished(const SlowModel& model) const;
+  // The value of a model on more logs than those searched, which come first in `all`: noise parameters estimated there.
+  double value_on(const SlowData& all, const SlowModel& model) const;
   // With every effect of any shape in that of its parameters which comes nearest, the rest estimated again.
   SlowModel with_parameters(const SlowModel& model) const;
   // After a name of `best` was taken away: estimated again, members in the place of free shapes where they gain nearly as

@@ -26,7 +26,7 @@ double first_step(const Candidate& c, size_t i, double value) {
   const double usual = 0.15 * std::fabs(value);
   return std::max(0.05, nearest < 1e299 ? 0.5 * nearest : usual);
 }
-std::vector<PolishAxis> axes_of(const SlowLikelihood& of, SlowModel* m) {
+std::vector<PolishAxis> axes_of_noise(SlowModel* m) {
   std::vector<PolishAxis> axes;
   if (!m->is_believed)
     for (double& x : m->log_noise) axes.push_back({&x, 0.4, -15, 15, false});
@@ -36,6 +36,10 @@ std::vector<PolishAxis> axes_of(const SlowLikelihood& of, SlowModel* m) {
       axes.push_back(
           {&m->noise_theta[i], e.is_logarithmic() ? 0.4 : 0.3, e.theta_lo()[i], e.theta_hi()[i], e.is_logarithmic()});
   }
+  return axes;
+}
+std::vector<PolishAxis> axes_of(const SlowLikelihood& of, SlowModel* m) {
+  std::vector<PolishAxis> axes = axes_of_noise(m);
   for (SlowModel::Name& name : m->names) {
     const EffectEstimator& e = *of.space().candidates[name.candidate].scan.estimator;
     const double near_s = EffectEstimator::kNearby_s;
@@ -46,6 +50,31 @@ std::vector<PolishAxis> axes_of(const SlowLikelihood& of, SlowModel* m) {
                       e.shape_lo()[i], e.shape_hi()[i], false});
   }
   return axes;
+}
+// By a simplex from where they are; returns the largest value.
+template <class Value>
+double climb(const std::vector<PolishAxis>& axes, int evaluations, const Value& value) {
+  Theta x, lo, hi;
+  for (const PolishAxis& a : axes) {
+    const auto inward = [&](double v) { return (a.is_log ? std::log(v) : v) / a.step; };
+    x.push_back(inward(*a.value)), lo.push_back(inward(a.lo)), hi.push_back(inward(a.hi));
+  }
+  const auto set = [&](const Theta& at) {
+    for (size_t i = 0; i < axes.size(); ++i)
+      *axes[i].value = axes[i].is_log ? std::exp(at[i] * axes[i].step) : at[i] * axes[i].step;
+  };
+  if (!axes.empty()) {
+    SearchOptions options;
+    options.step = 1, options.max_evaluations = evaluations, options.tolerance = 0.02;
+    maximise(
+        [&](const Theta& at) {
+          set(at);
+          return value();
+        },
+        &x, lo, hi, options);
+    set(x);
+  }
+  return value();
 }
 void mark_bounds(const SlowLikelihood& of, SlowModel* m) {
   for (SlowModel::Name& name : m->names) {
@@ -83,29 +112,21 @@ void charge_finer(const SlowLikelihood& of, const SlowModel& from, double highes
 } // namespace
 
 void polish(const SlowLikelihood& of, SlowModel* m, int evaluations) {
-  std::vector<PolishAxis> axes = axes_of(of, m);
-  Theta x, lo, hi;
-  for (const PolishAxis& a : axes) {
-    const auto inward = [&](double v) { return (a.is_log ? std::log(v) : v) / a.step; };
-    x.push_back(inward(*a.value)), lo.push_back(inward(a.lo)), hi.push_back(inward(a.hi));
-  }
-  const auto set = [&](const Theta& at) {
-    for (size_t i = 0; i < axes.size(); ++i)
-      *axes[i].value = axes[i].is_log ? std::exp(at[i] * axes[i].step) : at[i] * axes[i].step;
-  };
-  if (!axes.empty()) {
-    SearchOptions options;
-    options.step = 1, options.max_evaluations = evaluations, options.tolerance = 0.02;
-    maximise(
-        [&](const Theta& at) {
-          set(at);
-          return of.evaluate(*m);
-        },
-        &x, lo, hi, options);
-    set(x);
-  }
-  m->value = of.evaluate(*m);
+  m->value = climb(axes_of(of, m), evaluations, [&] { return of.evaluate(*m); });
   mark_bounds(of, m);
+}
+double value_on(const SlowLikelihood& of, const SlowData& all, SlowModel m) {
+  std::vector<MeanPart> parts = of.parts_on(all, m);
+  std::vector<const MeanPart*> pointers;
+  for (const MeanPart& part : parts) pointers.push_back(&part);
+  const MeanColumns columns(all, pointers);
+  const auto value = [&] { return RunGrams(all, columns, of.noise(m)).log_marginal_any_scale() + of.noise_value(m); };
+  double best = climb(axes_of_noise(&m), kQuickEvaluations, value);
+  if (of.space().belief.has_believed) {
+    m.is_believed = !m.is_believed;
+    best = std::max(best, climb(axes_of_noise(&m), kQuickEvaluations, value));
+  }
+  return best;
 }
 SlowModel polished(const SlowLikelihood& of, SlowModel m, int evaluations) {
   if (of.space().belief.has_believed) {

@@ -83,27 +83,40 @@ private:
   }
 
   // The same where slow noise stands alone, as believed or not: a cause in the mean takes its place where it makes all logs
-  // together more likely by what a name must gain.  What the fitted logs leave open the held-out ones may tell.
+  // together more likely by what a name must gain.  What the fitted logs leave open the held-out ones may tell; the noise
+  // is estimated on all of them with the cause and without it, since what one log tells of it leaves much for a cause to
+  // take.
   void weigh_noise() {
     if (!slow_.held_blocks || !slow_.found.best.names.empty() || !slow_.found.best.steps.empty()) return;
-    const double alone = all_free(slow_.found.best);
-    std::vector<std::pair<double, size_t>> order;
-    for (size_t j = 0; j < slow_.found.singles.size(); ++j)
-      if (!slow_.found.singles[j].model.names.empty()) order.push_back({slow_.found.singles[j].gain_nats, j});
-    std::sort(order.rbegin(), order.rend());
+    const std::vector<const SlowModel*> singles = likeliest_singles(all_free(slow_.found.best));
+    if (singles.empty()) return;
+    const SlowData all = with_held_out(*slow_.data, *slow_.held_blocks);
+    const auto value = [&](const SlowModel& m) { return slow_.search->value_on(all, m) - m.charges(); };
+    double alone = value(slow_.found.best);
+    for (const SlowCandidateScore& s : slow_.found.noises) alone = std::max(alone, value(s.model));
     double most = 0;
-    for (size_t i = 0; i < order.size() && i < kPredictionTried; ++i) {
-      const SlowModel& single = slow_.found.singles[order[i].second].model;
-      const SlowModel bare = slow_.search->bare(single); // what its noise alone foretells is no merit of the cause
-      const double evidence = all_free(single) - std::max(alone, all_free(bare)) - constants().mean_nats;
+    for (const SlowModel* single : singles) {
+      const double evidence = value(*single) - alone - constants().mean_nats;
       if (evidence <= most) continue;
       most = evidence;
-      const double fitted = single.free_score() - slow_.found.null.free_score() - constants().mean_nats;
+      const double fitted = single->free_score() - slow_.found.null.free_score() - constants().mean_nats;
       slow_.is_told_by_held_out = fitted < 0;
-      slow_.found.best = single;
+      slow_.found.best = *single;
       slow_.found.evidence = {fitted < 0 ? evidence : fitted};
     }
     if (most > 0) slow_.found.rivals = {slow_.search->rivals(slow_.found.best, 0)};
+  }
+  // Of the causes that gain most alone those that make all logs together more likely than this.
+  std::vector<const SlowModel*> likeliest_singles(double than) const {
+    std::vector<const SlowCandidateScore*> order;
+    for (const SlowCandidateScore& s : slow_.found.singles)
+      if (!s.model.names.empty()) order.push_back(&s);
+    std::sort(order.begin(), order.end(), [](const auto* a, const auto* b) { return a->gain_nats > b->gain_nats; });
+    if (order.size() > kPredictionTried) order.resize(kPredictionTried);
+    std::vector<const SlowModel*> out;
+    for (const SlowCandidateScore* s : order)
+      if (all_free(s->model) > than) out.push_back(&s->model);
+    return out;
   }
 
   // What comes near a name in the fitted logs may foretell the held-out ones better, or not at all: how far it falls behind is
