@@ -52,8 +52,7 @@ std::vector<PolishAxis> axes_of(const SlowLikelihood& of, SlowModel* m) {
   return axes;
 }
 // By a simplex from where they are; returns the largest value.
-template <class Value>
-double climb(const std::vector<PolishAxis>& axes, int evaluations, const Value& value) {
+template <class Value> double climb(const std::vector<PolishAxis>& axes, int evaluations, const Value& value) {
   Theta x, lo, hi;
   for (const PolishAxis& a : axes) {
     const auto inward = [&](double v) { return (a.is_log ? std::log(v) : v) / a.step; };
