@@ -76,7 +76,7 @@ static void test_causes_of_no_family_are_not_named(void**) {
 
 // A sum of cosines of temperature, its direction and time: no effect of the library, and no free shape quite.
 static void test_members_are_no_names_beside_a_shape_that_holds_more(void**) {
-  for (const uint64_t seed : {901u, 906u, 911u, 912u, 914u, 918u}) {
+  for (const uint64_t seed : seeds_of(3, {901, 906, 911, 912, 914, 918})) {
     Rng rng(seed, 7, 0, Stream::kTool);
     double weight[8][3], height[8];
     for (int i = 0; i < 8; ++i) {
@@ -98,7 +98,7 @@ static void test_members_are_no_names_beside_a_shape_that_holds_more(void**) {
 
 // A curve over temperature that wanders as far as it likes: what a jump at a temperature takes of it is a part of that curve.
 static void test_a_part_of_a_free_curve_over_temperature_is_no_name(void**) {
-  for (const uint64_t seed : seeds_of(4, {3, 5, 10, 31, 4, 6, 8, 12, 28})) {
+  for (const uint64_t seed : seeds_of(2, {3, 5, 10, 31, 4, 6, 8, 12, 28})) {
     Rng rng(seed, 11, 0, Stream::kTool);
     double walk[64] = {};
     for (int i = 1; i < 64; ++i) walk[i] = walk[i - 1] + rng.normal();
@@ -265,7 +265,7 @@ static void test_a_cause_is_found_beside_noise_that_follows_the_temperature(void
 
 // In every run an offset of its own that fades over 20 degC, as the start of a play does, and no loop.
 static void test_a_loop_whose_start_states_are_larger_than_itself_is_no_name(void**) {
-  for (const uint64_t seed : {1u, 3u, 4u, 5u})
+  for (const uint64_t seed : seeds_of(2, {1, 3, 4, 5}))
     for (const double bump : {0.0, 60.0}) {
       size_t row = 0;
       const auto fading = [&](double t, double temp) {
@@ -376,7 +376,7 @@ static void test_a_hysteresis_is_named_whatever_the_shape_of_its_loop(void**) {
 // Telling the nearest play changes nothing else of the answer: noise that was found in the seconds stays in it.
 static void test_the_nearest_play_keeps_the_noise_that_jumps(void**) {
   size_t both = 0;
-  for (const uint64_t seed : seeds_of(2, {1, 3, 4, 5})) {
+  for (const uint64_t seed : seeds_of(1, {1, 3, 4, 5})) {
     Relays relays(seed, 80, 24);
     Rng rng(seed, 9, 0, Stream::kTool);
     double level = 90;
@@ -471,7 +471,7 @@ static void test_steps_of_a_coarse_thermometer_are_no_lag_of_seconds(void**) {
 
 // Beside a cause as alone: kinds of slow noise that do nearly as well are in the set.
 static void test_slow_noise_beside_a_cause_excludes_no_kind_that_does_as_well(void**) {
-  for (const uint64_t seed : {407u, 410u, 415u, 422u}) {
+  for (const uint64_t seed : seeds_of(2, {407, 410, 415, 422})) {
     Rng rng(seed, 3, 0, Stream::kTool);
     double states[6] = {};
     // Flicker noise: Markov processes of one size, their time constants a factor of four apart.

@@ -73,7 +73,7 @@ static void test_a_few_jumps_are_not_said_to_be_telegraph_noise(void**) {
 // One slip of either sign in each of seven logs at any time: more than single jumps are looked for, and in each log no more
 // than an event.
 static void test_one_slip_in_each_of_many_logs_is_not_said_to_be_telegraph_noise(void**) {
-  for (const uint64_t seed : {1u, 2u, 3u}) {
+  for (const uint64_t seed : seeds_of(1, {1, 2, 3})) {
     Rng rng(seed, 5, 0, Stream::kTool);
     std::vector<Log> logs;
     for (uint64_t k = 0; k < 7; ++k) {
@@ -93,7 +93,7 @@ static void test_one_slip_in_each_of_many_logs_is_not_said_to_be_telegraph_noise
 
 // Jumps anywhere in a block, in each of four logs: said with the second before which they came, in seconds from the first row.
 static void test_a_jump_in_time_is_placed_to_its_second(void**) {
-  for (const size_t row : {2380u, 7095u, 15937u, 10666u, 14254u, 1100u}) {
+  for (const uint64_t row : seeds_of(3, {2380, 7095, 15937, 10666, 14254, 1100})) {
     size_t at = 0;
     const auto jump = [&](double, double) {
       const size_t k = at++;
@@ -224,7 +224,7 @@ static void test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed(vo
 
 static void test_telegraph_noise_has_no_stand_ins_beside_it(void**) {
   // The noise of the model is exact.  Block means take the jumps for other noise, jumps in time and jumps at temperatures.
-  for (const uint64_t seed : {301, 302, 303, 304}) {
+  for (const uint64_t seed : seeds_of(2, {301, 302, 303, 304})) {
     const Selection said = answer_to(jumps_between_levels(seed, 90, 300), seed, 0, true);
     assert_true(names_of(said) == std::set<std::string>{"telegraph_noise"});
     assert_false(said.is_noise_retuned);

@@ -90,6 +90,7 @@ def test_true_reductions_are_worked_out_for_every_verdict(result):
     assert len(rows) >= 15 and all(-1 <= r["true"] <= 1 for r in rows)
 
 
+@pytest.mark.long
 def test_two_causes_keep_their_names_beside_their_product(tmp_path):
     """A pair of a development draw (seed 992, looked at): creep and rate of temperature, with the product term of all pairs.
     A free function of everything took the product, and neither cause was named."""

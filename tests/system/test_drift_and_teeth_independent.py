@@ -120,7 +120,7 @@ JUMPS = [(300, 90, 0), (300, 90, 1), (300, 150, 2), (700, 90, 0), (150, 60, 3000
 
 @pytest.mark.parametrize("kind", ["straight", "exponential"])
 @pytest.mark.parametrize("sign", [1, pytest.param(-1, marks=pytest.mark.long)])
-@pytest.mark.parametrize("interval_s, height, seed", long_after(3, JUMPS))
+@pytest.mark.parametrize("interval_s, height, seed", long_after(2, JUMPS))
 def test_teeth_are_called_neither_telegraph_noise_nor_outliers(tmp_path, interval_s, height, seed, sign, kind):
     found = effects(tmp_path, write_logs(tmp_path, seed, 2, lambda rng, degc: sign * jumps(rng, len(degc), interval_s, height, kind)))
     assert not {"telegraph_noise", "outliers", "fast_noise"} & {e["name"] for e in found}
@@ -135,7 +135,7 @@ def test_a_telegraph_process_is_called_one_and_nothing_stands_beside_it(tmp_path
     assert found[0]["parameters"]["amplitude_dph"] == pytest.approx(height / 2, abs=5 * found[0]["std_errors"]["amplitude_dph"])
 
 
-@pytest.mark.parametrize("seed", long_after(2, range(5100, 5104)))
+@pytest.mark.parametrize("seed", long_after(1, range(5100, 5104)))
 def test_a_cause_is_told_beside_a_telegraph_process(tmp_path, seed):
     def added(rng, degc):
         return jumps(rng, len(degc), 250, 80, "telegraph") + 65 * np.exp(-0.5 * ((degc - 24) / 4.5) ** 2)

@@ -352,10 +352,11 @@ def least_by_chance(n, rate):
     return int(binom.ppf(0.01, n, rate))
 
 
-def test_devices_that_were_named_stay_named(tmp_path):
-    """Of the first 18 rounded loops these six are the first that have the member first; the program before had it in 3 of the 18."""
-    names = named_first(tmp_path, "rounded", [0, 1, 3, 4, 6, 8])
-    assert names.count("thermal_hysteresis") >= 5, names
+@pytest.mark.parametrize("seeds", [[0, 1, 3], pytest.param([0, 1, 3, 4, 6, 8], marks=pytest.mark.long)], ids=["short", "all"])
+def test_devices_that_were_named_stay_named(tmp_path, seeds):
+    """Of the first 18 rounded loops these are the first that have the member first; the program before had it in 3 of the 18."""
+    names = named_first(tmp_path, "rounded", seeds)
+    assert names.count("thermal_hysteresis") >= len(seeds) - 1, names
 
 
 @pytest.mark.long
