@@ -203,9 +203,18 @@ private:
       slow_.found.replaced.push_back(with->names.back().candidate);
       return;
     }
+    const SlowResult before = slow_.found;
     slow_.found.best = without_needless(*with, highest);
     judge_again();
+    if (has_evidence(before) && !has_evidence(slow_.found)) { // what came of it is no name: it is a remainder
+      slow_.found = before;
+      slow_.found.replaced.push_back(with->names.back().candidate);
+      return;
+    }
     hold_out();
+  }
+  static bool has_evidence(const SlowResult& r) {
+    return std::any_of(r.evidence.begin(), r.evidence.end(), [](double nats) { return nats > 0; });
   }
   // Whether one or two members are nearly all that the free function would be: what it has beside them, as the product of
   // two causes, is no reason to doubt them.
