@@ -22,6 +22,9 @@ $(BUILD)/tests/%: $(BUILD)/obj/host/tests/%.o $(HOST_ARCHIVE)
 	$(if $(V),,@echo "  LINK $@")
 	$(Q)$(CXX) -pthread $(SANITIZE_FLAGS) $(filter %.o,$^) $(filter %.a,$^) $(LDFLAGS) $(HOST_LIBS) -lcmocka -lm -o $@
 
+# Decompositions that tests of the host side compare with: Eigen takes seconds to compile them in every program.
+$(filter $(BUILD)/tests/host/%,$(UNIT_TESTS)): $(BUILD)/obj/host/tests/host/dense.o
+
 .SECONDARY: $(patsubst $(BUILD)/tests/%,$(BUILD)/obj/host/tests/%.o,$(UNIT_TESTS))
 
 # `make test` on a bare machine installs first; the recursive call sees what was installed.

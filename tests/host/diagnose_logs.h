@@ -2,7 +2,7 @@
 // Logs, models and questions that the unit tests of diagnose share.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>

@@ -9,6 +9,7 @@
 #include "analysis/diagnose/smoothing.h"
 #include "analysis/diagnose/structure.h"
 #include "analysis/diagnose/thermometer.h"
+#include "dense.h"
 #include "diagnose_logs.h"
 
 // Covariance of the used samples of a run, written out.
@@ -62,7 +63,7 @@ static void test_whittaker_solves_its_normal_equations(void**) {
     if (n == 40) y[0] = y[7] = y[8] = y[20] = std::nan("");
     for (long t = 0; t < static_cast<long>(n); ++t)
       if (std::isfinite(y[static_cast<size_t>(t)])) a(t, t) += 1, b[t] = y[static_cast<size_t>(t)];
-    const VectorXd expected = a.ldlt().solve(b);
+    const VectorXd expected = dense_solve(a, b);
     const std::vector<double> z = whittaker(y, tau);
     for (long t = 0; t < static_cast<long>(n); ++t) assert_near(z[static_cast<size_t>(t)], expected[t], 1e-9);
   }
@@ -212,18 +213,16 @@ static void test_likelihood_equals_that_of_the_dense_gaussian_with_gaps(void**) 
   const Design design = make_design(campaign, h);
   const VectorXd y = rates(campaign).front();
   const MatrixXd v = dense_covariance(campaign.runs[0], h.base_noise);
-  const Eigen::LLT<MatrixXd> llt(v);
-  const MatrixXd x = llt.matrixL().solve(design.x[0]);
-  const VectorXd z = llt.matrixL().solve(y);
-  const VectorXd beta = x.colPivHouseholderQr().solve(z);
-  double log_det = 0;
-  for (long i = 0; i < v.rows(); ++i) log_det += 2 * std::log(llt.matrixLLT()(i, i));
-  const double expected = -0.5 * (log_det + (z - x * beta).squaredNorm());
+  const DenseFactor factor(v);
+  const MatrixXd x = factor.half_solve(design.x[0]);
+  const VectorXd z = factor.half_solve(y);
+  const VectorXd beta = dense_least_squares(x, z);
+  const double expected = -0.5 * (factor.log_det() + (z - x * beta).squaredNorm());
   const Fit fit = fit_hypothesis(campaign, h);
   assert_near(fit.log_likelihood, expected, 1e-6 * std::fabs(expected));
   for (long i = 0; i < beta.size(); ++i) assert_near(fit.beta[i], beta[i], 1e-6 * (1 + std::fabs(beta[i])));
   // Standard errors from the dense information matrix.
-  const MatrixXd covariance = (x.transpose() * x).inverse();
+  const MatrixXd covariance = dense_inverse(x.transpose() * x);
   for (long i = 0; i < beta.size(); ++i)
     for (long j = 0; j < beta.size(); ++j)
       assert_near(fit.beta_covariance(i, j), covariance(i, j),
@@ -326,7 +325,6 @@ static void test_marginal_likelihood_equals_that_of_the_dense_gaussian(void**) {
   per_tick.markov[0].tau_s /= data.campaign.dt_s;
   // Written out: y ~ N(0, V + X S X'), flat columns with a prior so wide that its size drops out of differences.
   const auto dense = [&](bool with_part) {
-    double sum = 0;
     long rows = 0;
     for (const VectorXd& y : data.y) rows += y.size();
     MatrixXd v = MatrixXd::Zero(rows, rows);
@@ -355,9 +353,8 @@ static void test_marginal_likelihood_equals_that_of_the_dense_gaussian(void**) {
       const double variance = is_power ? 1e8 : 1 / part.common_precision[c - data.powers[0].cols()];
       v += variance * common.col(c) * common.col(c).transpose();
     }
-    const Eigen::LLT<MatrixXd> llt(v);
-    for (long i = 0; i < rows; ++i) sum += 2 * std::log(llt.matrixLLT()(i, i));
-    return -0.5 * (sum + VectorXd(llt.matrixL().solve(y)).squaredNorm());
+    const DenseFactor factor(v);
+    return -0.5 * (factor.log_det() + factor.half_solve(y).squaredNorm());
   };
   const double expected = dense(true) - dense(false);
   const double found = grams.log_marginal() - RunGrams(data, {}, noise).log_marginal();

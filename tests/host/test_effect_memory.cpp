@@ -11,9 +11,10 @@
 #include <optional>
 #include <set>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "base/error.h"
+#include "dense.h"
 #include "io/json_file.h"
 #include "physics/effects/estimation.h"
 #include "physics/sim/simulate.h"
@@ -304,7 +305,7 @@ static Eigen::MatrixXd matrix_of(const std::vector<Column>& columns, size_t rows
 
 static double left_norm(const Eigen::MatrixXd& columns, const Eigen::VectorXd& y) {
   if (columns.cols() == 0) return y.norm();
-  return (y - columns * columns.colPivHouseholderQr().solve(y)).norm();
+  return (y - columns * dense_least_squares(columns, y)).norm();
 }
 
 static std::vector<Column> powers(const Column& temp) {

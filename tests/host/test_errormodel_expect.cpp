@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Closed forms: the figures of reference figures C, tests/README.md, brute force over covariance matrices, and a Monte Carlo as the check.
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <cmath>
 #include <limits>
 

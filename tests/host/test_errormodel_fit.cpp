@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Fits: the likelihood against dense matrices, the bounding program against vertices and random points, models back
 // from noise-free curves and from simulated tests.
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <cmath>
 #include <limits>
 
@@ -15,6 +15,7 @@
 #include "base/quantile.h"
 #include "base/rng.h"
 #include "base/units.h"
+#include "dense.h"
 
 #include "near.h"
 #include "physics/effects/closed_forms.h"
@@ -95,14 +96,13 @@ double dense_deviance(const Series& s, const Detrend& detrend, const ErrorModel&
             t.sigma_dph * t.sigma_dph * std::exp(-std::fabs(static_cast<double>(present[a] - present[b])) / t.tau_s);
     }
   }
-  const Eigen::LLT<Eigen::MatrixXd> cholesky(v);
-  const Eigen::VectorXd e = cholesky.matrixL().solve(y);
-  double deviance = 2 * cholesky.matrixLLT().diagonal().array().log().sum() + e.squaredNorm();
+  const DenseFactor factor(v);
+  const Eigen::VectorXd e = factor.half_solve(y);
+  double deviance = factor.log_det() + e.squaredNorm();
   if (x.cols() > 0) { // Eigen's triangular solve refers to the first column of its right side
-    const Eigen::MatrixXd whitened = cholesky.matrixL().solve(x);
-    const Eigen::MatrixXd gram = whitened.transpose() * whitened;
-    const Eigen::VectorXd cross = whitened.transpose() * e;
-    deviance += std::log(gram.determinant()) - cross.dot(gram.ldlt().solve(cross));
+    const Eigen::MatrixXd whitened = factor.half_solve(x);
+    const DenseFactor gram(whitened.transpose() * whitened);
+    deviance += gram.log_det() - gram.half_solve(whitened.transpose() * e).squaredNorm();
   }
   return deviance + static_cast<double>(n - x.cols()) * std::log(2 * kPi);
 }

@@ -7,13 +7,14 @@
 #include <cstdint>
 #include <limits>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <csetjmp>
 #include <string>
 
 #include "analysis/fit/fit.h"
 #include "base/error.h"
 #include "base/rng.h"
+#include "dense.h"
 
 extern "C" {
 #include <cmocka.h>
@@ -138,11 +139,10 @@ void dense_reference(const std::vector<Log>& logs, int order, Eigen::VectorXd* x
       for (int m = 1; m <= order; ++m) h(i, n_logs + m - 1) = std::pow((log.temp_degc[k] - 30) / 30, m);
       z[i] = log.axes[0].rate_dph[k];
     }
-    const Eigen::LDLT<Eigen::MatrixXd> solver(c);
-    information += h.transpose() * solver.solve(h);
-    right += h.transpose() * solver.solve(z);
+    information += h.transpose() * dense_solve(c, h);
+    right += h.transpose() * dense_solve(c, z);
   }
-  *covariance = information.inverse();
+  *covariance = dense_inverse(information);
   *x = *covariance * right;
 }
 
@@ -240,8 +240,8 @@ void test_polynomial_sigma_with_model_is_the_dense_sandwich(void**) {
     for (Eigen::Index j = 0; j < 660; ++j)
       c(i, j) =
           400 * std::exp(-std::abs(t[static_cast<size_t>(i)] - t[static_cast<size_t>(j)]) / 100) + (i == j ? 1296 : 0);
-  const Eigen::MatrixXd inverse = (a.transpose() * a).inverse();
-  const Eigen::MatrixXd expected = inverse * a.transpose() * c * a * inverse;
+  const Eigen::MatrixXd estimator = dense_inverse(a.transpose() * a) * a.transpose();
+  const Eigen::MatrixXd expected = estimator * c * estimator.transpose();
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j)
       assert_true(std::abs(axis.covariance_dph2[static_cast<size_t>(3 * i + j)] - expected(i, j)) <

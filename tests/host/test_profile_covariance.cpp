@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Calibration error: the paper's figures 7-10 (reference values: reference figures A, tests/README.md), dense matrices as a second
 // derivation, Monte Carlo of the very estimator.
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <cmath>
 #include <csetjmp>
 #include <cstdarg>
@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "base/rng.h"
 #include "base/units.h"
+#include "dense.h"
 #include "noise/whiten.h"
 // Last: its macros (fail) collide with the standard library.
 extern "C" {
@@ -139,9 +140,9 @@ static void test_error_equals_dense_matrices_with_gaps_turn_on_and_many_terms(vo
   for (Eigen::Index k = 0; k < n; ++k)
     for (Eigen::Index i = 0; i < p; ++i)
       x(k, i) = std::pow(setup.normalised(runs[0].temp_degc[static_cast<size_t>(k)]), static_cast<double>(i));
-  const MatrixXd u = dense_noise(setup.filter, runs[0], 25).ldlt().solve(x);
+  const MatrixXd u = dense_solve(dense_noise(setup.filter, runs[0], 25), x);
   const MatrixXd prior = MatrixXd::Identity(p, p) / 9e4;
-  const MatrixXd believed = (2 * x.transpose() * u + prior).inverse();
+  const MatrixXd believed = dense_inverse(2 * x.transpose() * u + prior);
   const MatrixXd actual = believed * (2 * u.transpose() * dense_noise(setup.truth, runs[0], 40) * u + prior) * believed;
   const CalibrationError e = calibration_error(runs, setup);
   for (Eigen::Index i = 0; i < p * p; ++i) {
@@ -177,7 +178,7 @@ static void check_against_monte_carlo(const ErrorModel& filter, const ErrorModel
           std::pow(setup.normalised(runs[0].temp_degc[k]), static_cast<double>(i));
   solve_rows(compute_gains(sample_times(runs[0]), noise_of(filter)), p, u.data());
   const Eigen::Map<const MatrixXd> ut(u.data(), 4, static_cast<Eigen::Index>(n));
-  const MatrixXd gain = (ut * x).ldlt().solve(ut);
+  const MatrixXd gain = dense_solve(ut * x, ut);
   double sums[3] = {};
   for (int run = 0; run < n_runs; ++run) {
     Rng white(seed, static_cast<uint64_t>(run), 0, Stream::kWhite),
