@@ -36,6 +36,15 @@ MatrixXd dense_inverse(const MatrixXd& a) {
   return dense_solve(a, MatrixXd::Identity(a.rows(), a.cols()));
 }
 
+MatrixXd dense_gram(const MatrixXd& x) {
+  return x.transpose() * x;
+}
+
+MatrixXd dense_sandwich(const MatrixXd& a, const MatrixXd& v) {
+  const MatrixXd left = a * v;
+  return left * a.transpose();
+}
+
 VectorXd dense_least_squares(const MatrixXd& a, const VectorXd& b) {
   return a.colPivHouseholderQr().solve(b);
 }

@@ -17,5 +17,9 @@ struct DenseFactor {
 Eigen::MatrixXd dense_solve(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
 Eigen::MatrixXd dense_inverse(const Eigen::MatrixXd& a);
 
+// Products: x' x and a v a'.
+Eigen::MatrixXd dense_gram(const Eigen::MatrixXd& x);
+Eigen::MatrixXd dense_sandwich(const Eigen::MatrixXd& a, const Eigen::MatrixXd& v);
+
 // The x with the smallest |a x - b|: Householder's QR with pivots.
 Eigen::VectorXd dense_least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& b);

@@ -222,7 +222,7 @@ static void test_likelihood_equals_that_of_the_dense_gaussian_with_gaps(void**) 
   assert_near(fit.log_likelihood, expected, 1e-6 * std::fabs(expected));
   for (long i = 0; i < beta.size(); ++i) assert_near(fit.beta[i], beta[i], 1e-6 * (1 + std::fabs(beta[i])));
   // Standard errors from the dense information matrix.
-  const MatrixXd covariance = dense_inverse(x.transpose() * x);
+  const MatrixXd covariance = dense_inverse(dense_gram(x));
   for (long i = 0; i < beta.size(); ++i)
     for (long j = 0; j < beta.size(); ++j)
       assert_near(fit.beta_covariance(i, j), covariance(i, j),
@@ -484,7 +484,7 @@ static void test_gram_of_wide_columns_is_that_of_whitened_ones(void**) {
     VectorXd alone = columns.col(9); // a single column takes another path
     whiten(gains, alone.data(), run.n());
     assert_near((white.col(9) - alone).norm(), 0, 1e-12 * alone.norm());
-    const MatrixXd expected = white.transpose() * white, found = WideColumns(columns).whitened_gram(gains);
+    const MatrixXd expected = dense_gram(white), found = WideColumns(columns).whitened_gram(gains);
     assert_near((found - expected).norm(), 0, 1e-11 * expected.norm());
   }
 }

@@ -101,7 +101,7 @@ double dense_deviance(const Series& s, const Detrend& detrend, const ErrorModel&
   double deviance = factor.log_det() + e.squaredNorm();
   if (x.cols() > 0) { // Eigen's triangular solve refers to the first column of its right side
     const Eigen::MatrixXd whitened = factor.half_solve(x);
-    const DenseFactor gram(whitened.transpose() * whitened);
+    const DenseFactor gram(dense_gram(whitened));
     deviance += gram.log_det() - gram.half_solve(whitened.transpose() * e).squaredNorm();
   }
   return deviance + static_cast<double>(n - x.cols()) * std::log(2 * kPi);

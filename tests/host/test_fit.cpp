@@ -139,8 +139,10 @@ void dense_reference(const std::vector<Log>& logs, int order, Eigen::VectorXd* x
       for (int m = 1; m <= order; ++m) h(i, n_logs + m - 1) = std::pow((log.temp_degc[k] - 30) / 30, m);
       z[i] = log.axes[0].rate_dph[k];
     }
-    information += h.transpose() * dense_solve(c, h);
-    right += h.transpose() * dense_solve(c, z);
+    const DenseFactor factor(c);
+    const Eigen::MatrixXd white = factor.half_solve(h);
+    information += dense_gram(white);
+    right += white.transpose() * factor.half_solve(z);
   }
   *covariance = dense_inverse(information);
   *x = *covariance * right;
@@ -164,7 +166,7 @@ void test_kalman_three_logs_equal_dense_least_squares(void**) {
   Eigen::MatrixXd to_mean = Eigen::MatrixXd::Zero(4, 6);
   to_mean.row(0).head(3).setConstant(1.0 / 3);
   to_mean.bottomRightCorner(3, 3).setIdentity();
-  const Eigen::MatrixXd expected = to_mean * covariance * to_mean.transpose();
+  const Eigen::MatrixXd expected = dense_sandwich(to_mean, covariance);
   for (int i = 0; i < 4; ++i)
     for (int j = 0; j < 4; ++j)
       assert_true(std::abs(axis.covariance_dph2[static_cast<size_t>(4 * i + j)] - expected(i, j)) <
@@ -240,8 +242,7 @@ void test_polynomial_sigma_with_model_is_the_dense_sandwich(void**) {
     for (Eigen::Index j = 0; j < 660; ++j)
       c(i, j) =
           400 * std::exp(-std::abs(t[static_cast<size_t>(i)] - t[static_cast<size_t>(j)]) / 100) + (i == j ? 1296 : 0);
-  const Eigen::MatrixXd estimator = dense_inverse(a.transpose() * a) * a.transpose();
-  const Eigen::MatrixXd expected = estimator * c * estimator.transpose();
+  const Eigen::MatrixXd expected = dense_sandwich(dense_solve(dense_gram(a), a.transpose()), c);
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j)
       assert_true(std::abs(axis.covariance_dph2[static_cast<size_t>(3 * i + j)] - expected(i, j)) <

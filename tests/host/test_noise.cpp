@@ -155,7 +155,7 @@ static void test_paths_of_whitening_agree_and_colour_inverts_them(void**) {
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = x;
       whiten_rows(gains, static_cast<size_t>(p), rows.data());
       assert_near((white - rows).norm(), 0, 1e-12 * white.norm());
-      const MatrixXd gram = white.transpose() * white;
+      const MatrixXd gram = dense_gram(white);
       assert_near((WideColumns(x).whitened_gram(gains) - gram).norm(), 0, 1e-11 * gram.norm());
       colour(gains, alone.data(), 3000);
       assert_near((alone - x.col(p - 1)).norm(), 0, 1e-9 * alone.norm());

@@ -143,7 +143,8 @@ static void test_error_equals_dense_matrices_with_gaps_turn_on_and_many_terms(vo
   const MatrixXd u = dense_solve(dense_noise(setup.filter, runs[0], 25), x);
   const MatrixXd prior = MatrixXd::Identity(p, p) / 9e4;
   const MatrixXd believed = dense_inverse(2 * x.transpose() * u + prior);
-  const MatrixXd actual = believed * (2 * u.transpose() * dense_noise(setup.truth, runs[0], 40) * u + prior) * believed;
+  const MatrixXd actual =
+      dense_sandwich(believed, 2 * dense_sandwich(u.transpose(), dense_noise(setup.truth, runs[0], 40)) + prior);
   const CalibrationError e = calibration_error(runs, setup);
   for (Eigen::Index i = 0; i < p * p; ++i) {
     assert_float_equal(e.believed_covariance[static_cast<size_t>(i)], believed.data()[i], 1e-8 * believed.norm());
