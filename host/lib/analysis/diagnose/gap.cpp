@@ -111,9 +111,7 @@ Prediction predict(const SlowSearch& search, const Split& split, const SlowModel
   Prediction out;
   out.mean.emplace_back();
   const std::vector<MeanPart> parts = search.parts_on(split.data, model);
-  std::vector<const MeanPart*> pointers;
-  for (const MeanPart& part : parts) pointers.push_back(&part);
-  const RunGrams grams(split.data, pointers, search.noise_of(model));
+  const RunGrams grams(split.data, pointers_of(parts), search.noise_of(model));
   const double trained = grams.log_marginal(1, split.train);
   const RunGrams::Posterior at = grams.posterior(split.train);
   for (size_t unit : split.units) {
@@ -163,9 +161,7 @@ CampaignRun only_rows(const CampaignRun& run, size_t quarter, bool is_inside) {
 Prediction predict_quarters(const SlowSearch& search, const SlowData& training, const SlowModel& model) {
   Prediction out;
   const auto grams_on = [&](const SlowData& data, const std::vector<MeanPart>& parts) {
-    std::vector<const MeanPart*> pointers;
-    for (const MeanPart& part : parts) pointers.push_back(&part);
-    return RunGrams(data, pointers, search.noise_of(model));
+    return RunGrams(data, pointers_of(parts), search.noise_of(model));
   };
   const std::vector<MeanPart> parts = search.parts_on(training, model);
   const double whole = grams_on(training, parts).log_marginal(1);

@@ -221,6 +221,12 @@ MeanPart start_part(const SlowData& data, const EffectEstimator& estimator, cons
   return part;
 }
 
+std::vector<const MeanPart*> pointers_of(const std::vector<MeanPart>& parts) {
+  std::vector<const MeanPart*> out;
+  for (const MeanPart& part : parts) out.push_back(&part);
+  return out;
+}
+
 MeanColumns::MeanColumns(const SlowData& data, const std::vector<const MeanPart*>& parts) {
   const std::vector<MatrixXd>* powers = &data.powers;
   std::vector<double> local{0.0}, common;

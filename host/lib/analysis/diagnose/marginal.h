@@ -25,6 +25,8 @@ struct MeanPart {
   std::vector<Eigen::MatrixXd> powers;               // per run, or empty: replaces the powers of temperature
 };
 
+std::vector<const MeanPart*> pointers_of(const std::vector<MeanPart>& parts);
+
 // What all hypotheses on a campaign share.
 struct SlowData {
   explicit SlowData(Campaign blocks);

@@ -38,13 +38,11 @@ double best_in_place_of_steps(const SlowAnswer& slow, const EffectEstimator& est
   without_steps.steps.clear();
   std::vector<MeanPart> parts = slow.search->parts_on(*slow.data, without_steps);
   parts.emplace_back();
-  std::vector<const MeanPart*> pointers;
-  for (const MeanPart& part : parts) pointers.push_back(&part);
   const NoiseModel noise = slow.search->noise_of(without_steps);
   double best = -1e300;
   for (const Theta& shape : shapes) {
     parts.back() = mean_part(*slow.data, estimator, shape);
-    best = std::max(best, RunGrams(*slow.data, pointers, noise).log_marginal_any_scale());
+    best = std::max(best, RunGrams(*slow.data, pointers_of(parts), noise).log_marginal_any_scale());
   }
   return best;
 }

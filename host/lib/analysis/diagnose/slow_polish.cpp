@@ -115,10 +115,8 @@ void polish(const SlowLikelihood& of, SlowModel* m, int evaluations) {
   mark_bounds(of, m);
 }
 double value_on(const SlowLikelihood& of, const SlowData& all, SlowModel m) {
-  std::vector<MeanPart> parts = of.parts_on(all, m);
-  std::vector<const MeanPart*> pointers;
-  for (const MeanPart& part : parts) pointers.push_back(&part);
-  const MeanColumns columns(all, pointers);
+  const std::vector<MeanPart> parts = of.parts_on(all, m);
+  const MeanColumns columns(all, pointers_of(parts));
   const auto value = [&] { return RunGrams(all, columns, of.noise(m)).log_marginal_any_scale() + of.noise_value(m); };
   double best = climb(axes_of_noise(&m), kQuickEvaluations, value);
   if (of.space().belief.has_believed) {

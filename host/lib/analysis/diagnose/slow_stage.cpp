@@ -199,19 +199,14 @@ private:
       if (const double value = all_logs(m); value > highest) highest = value, with = m;
     }
     if (!with) return;
-    if (holds_nearly_all(answer, of_answer, highest)) {
-      slow_.found.replaced.push_back(with->names.back().candidate);
-      return;
-    }
     const SlowResult before = slow_.found;
-    slow_.found.best = without_needless(*with, highest);
-    judge_again();
-    if (has_evidence(before) && !has_evidence(slow_.found)) { // what came of it is no name: it is a remainder
-      slow_.found = before;
-      slow_.found.replaced.push_back(with->names.back().candidate);
-      return;
+    if (!holds_nearly_all(answer, of_answer, highest)) {
+      slow_.found.best = without_needless(*with, highest);
+      judge_again();
+      if (has_evidence(slow_.found) || !has_evidence(before)) return hold_out();
     }
-    hold_out();
+    slow_.found = before; // and the function is what it leaves
+    slow_.found.replaced.push_back(with->names.back().candidate);
   }
   static bool has_evidence(const SlowResult& r) {
     return std::any_of(r.evidence.begin(), r.evidence.end(), [](double nats) { return nats > 0; });
