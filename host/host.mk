@@ -1,6 +1,6 @@
-# Host side.  Every folder of host/lib is a room and becomes one archive build/lib/<room>.a; host/tools/NAME/main.cpp is a
-# program, what stands beside it is its text and JSON.  A program links the rooms it names in ROOMS_<program>, so that
-# `make build/bin/gyrosim` compiles nothing it does not need.  The map of the rooms: host/README.md.
+# Host side.  Every folder of host/lib is a room and becomes one archive build/lib/<room>.a, with the rooms inside it;
+# host/tools/NAME/main.cpp is a program, what stands beside it is its text and JSON.  A program links the rooms it names in
+# ROOMS_<program>, so that `make build/bin/gyrosim` compiles nothing it does not need.  The map of the rooms: host/README.md.
 
 # From the highest tier to the lowest: the order is the link order, and an arrow goes down only (test_layout.py).
 ROOMS := device analysis/diagnose analysis/montecarlo analysis/profile analysis/fit analysis/errormodel analysis/dp \
@@ -43,19 +43,23 @@ HOST_ARCHIVE := $(BUILD)/lib/libimucal.a
 BY_FILE ?=
 # A source that is read from another one would pass for a header, whose types must not be of one file only.
 IN_ONE_PIECE := -iquote . $(if $(findstring clang,$(CXX)),,-Wno-subobject-linkage)
+# Sources of a folder and of the rooms inside it.
+sources_in = $(sort $(wildcard $1/*.cpp $1/*/*.cpp))
 # $1: a folder.  Its objects, program mains apart.
-folder_objects = $(if $(BY_FILE),$(call host_objects,$1/*.cpp),$(if $(call host_objects,$1/*.cpp),$(BUILD)/obj/host/$1/room.o))
+folder_objects = $(if $(BY_FILE),$(call host_objects,$1/*.cpp $1/*/*.cpp),$(if $(call host_objects,$1/*.cpp),$(BUILD)/obj/host/$1/room.o))
 
 # A piece is written again when a source is added or taken away.
 $(BUILD)/gen/%/room.cpp: %
 	@mkdir -p $(@D)
-	@printf '#include "%s"\n' $(filter-out %/main.cpp,$(sort $(wildcard $*/*.cpp))) > $@.new
+	@printf '#include "%s"\n' $(filter-out %/main.cpp,$(call sources_in,$*)) > $@.new
 	@if cmp -s $@.new $@; then rm -f $@.new; else mv $@.new $@; fi
 # A program: its main and what stands beside it, in one piece.
 $(BUILD)/gen/%/program.cpp: %
 	@mkdir -p $(@D)
-	@printf '#include "%s"\n' $(sort $(wildcard $*/*.cpp)) > $@.new
+	@printf '#include "%s"\n' $(call sources_in,$*) > $@.new
 	@if cmp -s $@.new $@; then rm -f $@.new; else mv $@.new $@; fi
+
+$(foreach room,$(ROOMS),$(eval $(BUILD)/gen/host/lib/$(room)/room.cpp: $(wildcard host/lib/$(room)/*/)))
 
 TOOLS := $(notdir $(patsubst %/,%,$(wildcard host/tools/*/)))
 HOST_OBJECTS := $(CORE_OBJECTS) $(foreach f,$(ROOMS:%=host/lib/%) $(TOOLS:%=host/tools/%),$(call folder_objects,$f))

@@ -9,8 +9,8 @@
 #include <iostream>
 #include <sstream>
 
-#include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/diagnose.h"
+#include "analysis/diagnose/logs/blocks.h"
 #include "base/error.h"
 #include "io/json_file.h"
 

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "analysis/diagnose/blocks.h"
 #include "analysis/diagnose/diagnose.h"
+#include "analysis/diagnose/logs/blocks.h"
 #include "base/rng.h"
 #include "base/units.h"
 #include "near.h" // after the others: it defines a macro `fail`

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
 // The engine of diagnose against dense linear algebra and against what it was told.
-#include "analysis/diagnose/fourier.h"
-#include "analysis/diagnose/lines.h"
-#include "analysis/diagnose/null_draws.h"
-#include "analysis/diagnose/reduction.h"
-#include "analysis/diagnose/seconds.h"
-#include "analysis/diagnose/shared.h"
-#include "analysis/diagnose/smoothing.h"
-#include "analysis/diagnose/structure.h"
-#include "analysis/diagnose/thermometer.h"
+#include "analysis/diagnose/evidence/fourier.h"
+#include "analysis/diagnose/evidence/lines.h"
+#include "analysis/diagnose/evidence/reduction.h"
+#include "analysis/diagnose/evidence/shared.h"
+#include "analysis/diagnose/logs/smoothing.h"
+#include "analysis/diagnose/logs/structure.h"
+#include "analysis/diagnose/logs/thermometer.h"
+#include "analysis/diagnose/search/null_draws.h"
+#include "analysis/diagnose/stages/seconds.h"
 #include "dense.h"
 #include "diagnose_logs.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What diagnose answers where a cause repeats: hysteresis, lag, curves and jumps at a temperature, warm-up.
-#include "analysis/diagnose/rest_names.h"
+#include "analysis/diagnose/judge/rest_names.h"
 #include "diagnose_logs.h"
 
 static void test_search_names_hysteresis_whatever_noise_is_believed(void**) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What diagnose answers to noise of other kinds and to jumps in time.
-#include "analysis/diagnose/seconds.h"
+#include "analysis/diagnose/stages/seconds.h"
 #include "diagnose_logs.h"
 
 static void test_noise_of_the_seconds_is_fitted_beside_another_kind(void**) {

@@ -55,7 +55,13 @@ TIERS = [
     ["lib/noise"],
     ["lib/physics/effects", "lib/physics/sim"],
     ["lib/analysis/dp", "lib/analysis/errormodel", "lib/analysis/fit", "lib/analysis/profile",
-     "lib/analysis/montecarlo", "lib/analysis/diagnose"],
+     "lib/analysis/montecarlo"],
+    ["lib/analysis/diagnose/logs"],
+    ["lib/analysis/diagnose/evidence"],
+    ["lib/analysis/diagnose/search"],
+    ["lib/analysis/diagnose/stages"],
+    ["lib/analysis/diagnose/judge"],
+    ["lib/analysis/diagnose"],
     ["lib/device"],
     ["tools/cli"],
     ["tools/calibrate", "tools/diagnose", "tools/dp", "tools/errormodel", "tools/gyrosim", "tools/imucal",
@@ -112,12 +118,15 @@ def test_rooms_have_no_cycle():
 
 # ---- files of one room ----
 def files_of(room):
-    """{file without its ending: the files of the same room that it includes} of headers and sources together."""
+    """{file without its ending: those of the room, and of the rooms inside it, that it includes} of headers and sources."""
+    def is_inside(folder):
+        return folder == room or folder.startswith(f"{room}/")
+
     uses = {}
     for name in host_sources():
-        if room_of(name) == room:
+        if is_inside(room_of(name)):
             own = Path(name).stem
-            used = {Path(include).stem for include in includes(name) if f"lib/{Path(include).parent}" == room}
+            used = {Path(include).stem for include in includes(name) if is_inside(f"lib/{Path(include).parent}")}
             uses.setdefault(own, set()).update(used - {own})
     return uses
 

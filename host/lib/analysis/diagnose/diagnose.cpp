@@ -10,9 +10,9 @@
 #include <mutex>
 #include <sstream>
 
-#include "analysis/diagnose/blocks.h"
-#include "analysis/diagnose/null_draws.h"
-#include "analysis/diagnose/shared.h"
+#include "analysis/diagnose/evidence/shared.h"
+#include "analysis/diagnose/logs/blocks.h"
+#include "analysis/diagnose/search/null_draws.h"
 #include "analysis/diagnose/written_model.h"
 #include "base/axis_unit.h"
 #include "base/clock.h"

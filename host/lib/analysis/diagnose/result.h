@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "analysis/diagnose/identify.h"
+#include "analysis/diagnose/evidence/identify.h"
+#include "analysis/diagnose/evidence/where.h"
 #include "analysis/diagnose/select.h"
-#include "analysis/diagnose/where.h"
 
 namespace imucal {
 

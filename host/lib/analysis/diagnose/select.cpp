@@ -5,15 +5,15 @@
 #include <cmath>
 #include <optional>
 
-#include "analysis/diagnose/blocks.h"
-#include "analysis/diagnose/coefficients.h"
-#include "analysis/diagnose/fast_names.h"
-#include "analysis/diagnose/mean_lines.h"
-#include "analysis/diagnose/rest_names.h"
-#include "analysis/diagnose/slow_names.h"
-#include "analysis/diagnose/slow_stage.h"
-#include "analysis/diagnose/structure.h"
-#include "analysis/diagnose/undecided.h"
+#include "analysis/diagnose/judge/coefficients.h"
+#include "analysis/diagnose/judge/fast_names.h"
+#include "analysis/diagnose/judge/rest_names.h"
+#include "analysis/diagnose/judge/slow_names.h"
+#include "analysis/diagnose/judge/undecided.h"
+#include "analysis/diagnose/logs/blocks.h"
+#include "analysis/diagnose/logs/structure.h"
+#include "analysis/diagnose/stages/mean_lines.h"
+#include "analysis/diagnose/stages/slow_stage.h"
 
 namespace imucal {
 

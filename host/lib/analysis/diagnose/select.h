@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "analysis/diagnose/gap.h"
-#include "analysis/diagnose/search.h"
-#include "analysis/diagnose/seconds.h"
-#include "analysis/diagnose/selected.h"
+#include "analysis/diagnose/search/search.h"
+#include "analysis/diagnose/stages/gap.h"
+#include "analysis/diagnose/stages/seconds.h"
+#include "analysis/diagnose/stages/selected.h"
 
 namespace imucal {
 

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: MIT
+// What the profiles of the logs can tell at all, whatever the data say: smallest detectable effects, pairs
+// that look alike, and a profile that would tell them apart.
+#pragma once
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "analysis/diagnose/evidence/fit.h"
+#include "io/profile.h"
+
+namespace imucal {
+
+struct Detectability {
+  std::string name;
+  Parameters smallest_detectable; // parameters of the effect at detection strength d = 5
+  double smallest = 0;            // its amplitude (thermal_lag: tau)
+  bool is_notable = true;         // small enough: an effect worth seeing would be seen
+};
+
+struct Identifiability {
+  std::vector<Detectability> effects;
+  std::vector<std::pair<std::string, std::string>> indistinguishable;
+};
+
+// `beta`: coefficients of the polynomial x, x^2, … [dph]: a lag shows only where B(T) has a slope.
+Identifiability identify(const Campaign& campaign, const Hypothesis& nominal, const std::vector<const Effect*>& library,
+                         const std::vector<bool>& active, const std::vector<double>& beta);
+
+// The separating staircase for a temperature range: up fast with soaks, down slowly with
+// soaks.
+Profile separating_profile(double lo_degc, double hi_degc);
+
+} // namespace imucal

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+// Where the gap lies: an additive decomposition of the standardised innovations of the nominal model.
+//
+// Each run's innovations are transformed by an orthonormal Haar transform; the excess w^2 - 1 of every
+// coefficient belongs to one averaging time, one temperature, one phase and one log, so that the cells of
+// each table add up to the whole excess.  Under a true model a cell of n coefficients has mean 0 and standard
+// deviation sqrt(2 n): its z.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "analysis/diagnose/evidence/fit.h"
+
+namespace imucal {
+
+struct WhereCell {
+  double lo = 0, hi = 0; // of averaging time [s] or temperature [degC]
+  std::string name;      // of a phase or log
+  double n = 0, excess = 0;
+  double mean_z = 0; // of the mean: sum e / sqrt(n) over slow changes, signed (temperature and phase cells)
+  double z() const;
+};
+
+struct WhereResult {
+  std::vector<WhereCell> by_tau, by_temperature, by_phase, by_log;
+  double tau_lo_s = 0, tau_hi_s = 0, temp_lo_degc = 0, temp_hi_degc = 0, time_lo_s = 0, time_hi_s = 0;
+  std::string direction = "any";
+  std::vector<int> logs;
+  std::string sentence;
+};
+
+// `has_model`: the noise is that of a model, and not estimated from these logs; for the words.
+WhereResult locate(const Campaign& campaign, const Fit& fit, bool has_model);
+
+} // namespace imucal

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/judge/fast_names.h"
+
+#include <algorithm>
+
+#include "analysis/diagnose/judge/noise_kinds.h"
+#include "analysis/diagnose/stages/mean_lines.h"
+
+namespace imucal {
+
+namespace {
+
+// The strongest first; but what these logs leave open stands before what is beside it.
+void insert_by_evidence(const SelectedEffect& effect, Names* names) {
+  const bool is_first = names->effects.empty() || (names->effects[0].doubt != Doubt::kSlowNoise &&
+                                                   names->effects[0].evidence_nats < effect.evidence_nats);
+  names->effects.insert(is_first ? names->effects.begin() : names->effects.end(), effect);
+}
+// Whether a process that jumps is expected to do so in a log no more often than what is said to be single events.
+bool jumps_seldom(const Campaign& campaign, const FastFinding& found) {
+  if (!found.effect->estimator()->is_jumping()) return false;
+  const NoiseModel noise = found.effect->estimator()->noise(found.base, found.theta);
+  double longest_s = 0;
+  for (const CampaignRun& run : campaign.runs)
+    longest_s = std::max(longest_s, static_cast<double>(run.used.size()) * campaign.dt_s);
+  return longest_s / (2 * noise.telegraph_tau_s) <= static_cast<double>(kMostJumps);
+}
+// Two levels are not told from single jumps by so few of them.
+void open_seldom_jumps(const AxisQuestion& question, Names* names, SelectedEffect* effect) {
+  open_member(effect);
+  effect->statement = "the family of the cause, not its member: so few jumps are single events or a noise that jumps";
+  const auto is_steps = [](const SelectedEffect& e) { return e.term.effect && e.term.form() == Form::kSteps; };
+  names->effects.erase(std::remove_if(names->effects.begin(), names->effects.end(), is_steps), names->effects.end());
+  add_equal(question.first_kind([](const EffectEstimator& e) { return e.form() == Form::kSteps; }), effect);
+}
+
+} // namespace
+
+void name_fast(const AxisQuestion& question, const Found& found, Names* names) {
+  for (const NamedLine& line : question.lines) insert_by_evidence(effect_of_line(line), names);
+  const FastFinding* first = found.fast.best(question.constants);
+  if (!first) return;
+  const FastFinding& best = *first;
+  SelectedEffect effect;
+  effect.family = best.effect->family();
+  effect.term = term_of(best);
+  effect.gain_nats = best.gain_nats;
+  effect.evidence_nats = best.gain_nats - question.constants.fast_nats;
+  effect.held_out_nats = kPredictsNothing;
+  const bool is_slow = effect.family == Family::kSlowNoise;
+  for (const FastFinding& f : found.fast.scan.findings)
+    if (f.gain_nats >
+        best.gain_nats - (is_slow ? question.constants.noise_margin_nats : question.constants.rivals_nats))
+      effect.set.push_back({f.effect, nullptr, false, f.effect->family(), f.gain_nats, question.constants.fast_nats});
+  if (is_slow && effect.set.size() > 1) open_member(&effect);
+  if (is_slow && !effect.term.estimator->is_jumping()) add_same_spectrum(question, &effect);
+  if (found.fast.jumping.has_teeth && best.effect->estimator()->is_jumping()) {
+    open_member(&effect);
+    effect.statement = "the family of the cause, not its member: it jumps one way more than the other, as teeth do";
+  } else if (jumps_seldom(question.campaign, best)) {
+    open_seldom_jumps(question, names, &effect);
+  }
+  insert_by_evidence(effect, names);
+}
+
+void name_retuned(const AxisQuestion& question, const Found& found, Names* names) {
+  if (!question.belief.has_believed || found.seconds.is_believed) return;
+  for (size_t j = 0; j < question.library.size(); ++j) {
+    const EffectEstimator* e = question.library[j]->estimator();
+    if (!e || !question.active[j] || !e->is_nominal_noise()) continue;
+    SelectedEffect effect;
+    effect.family = question.library[j]->family();
+    const NoiseModel& noise = found.seconds.noise.base;
+    effect.term = term_of(question.library[j], e,
+                          {noise.white_sigma_dph, noise.markov.empty() ? 0 : noise.markov[0].sigma_dph,
+                           noise.markov.empty() ? 1 : noise.markov[0].tau_s});
+    effect.gain_nats = found.seconds.retuned_nats;
+    effect.evidence_nats = found.seconds.retuned_nats - question.constants.retuned_nats;
+    effect.held_out_nats = kPredictsNothing;
+    effect.set = {
+        {question.library[j], nullptr, false, effect.family, effect.gain_nats, question.constants.retuned_nats}};
+    add_kinds_of_noise(question, found.slow, &effect);
+    names->retuned.push_back(effect);
+  }
+}
+
+} // namespace imucal

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/judge/rest_names.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "analysis/diagnose/judge/noise_kinds.h"
+#include "analysis/diagnose/stages/mean_lines.h"
+
+namespace imucal {
+
+namespace {
+
+// A loop that is not seen: its size is within that many standard errors of none.
+constexpr double kSeenErrors = 3;
+// Start states are bounded by the size, and by a half more: one at the bound, with a little of another cause, is not beyond it.
+constexpr double kBoundPart = 1.5;
+constexpr double kBeyondErrors = 3; // by chance in 1 of 370 runs
+constexpr int kSizes = 2001;        // that are tried within so many standard errors of the size found
+
+// A term whose start states its size bounds, where the logs show no more than start states.
+bool is_unseen(const Term& term) {
+  return term.estimator && term.estimator->is_start_bounded() && !term.coefficients.empty() &&
+         std::fabs(term.coefficients[0]) <= kSeenErrors * term.coefficient_errors[0];
+}
+// Whether some run began beyond its bound whatever the size.  Logs that go one way tell the sum of the size and a start state
+// better than either: each start state is asked as it would be found if the size were known.
+bool is_start_beyond(const Term& term) {
+  const double size = term.coefficients[0], size_error = term.coefficient_errors[0];
+  for (int i = 0; i < kSizes; ++i) {
+    const double off = kBeyondErrors * (2.0 * i / (kSizes - 1) - 1); // of the size [standard errors]
+    const double bound = kBoundPart * std::fabs(size + off * size_error);
+    double beyond = 0; // the start state that is furthest beyond [standard errors]
+    for (size_t r = 0; r < term.starts.size(); ++r) {
+      const double follows = size_error > 0 ? term.start_covariances[r] / size_error : 0;
+      const double error = std::sqrt(std::max(0.0, std::pow(term.start_errors[r], 2) - follows * follows));
+      const double start = std::fabs(term.starts[r] + off * follows);
+      if (start > bound) beyond = std::max(beyond, (start - bound) / error);
+    }
+    if (std::hypot(off, beyond) < kBeyondErrors) return false;
+  }
+  return true;
+}
+// A line or a kind of noise is no part of a cause in the mean.
+bool is_in_mean(const SelectedEffect& effect) {
+  return effect.term.estimator && effect.term.form() != Form::kTone && effect.term.form() != Form::kNoise;
+}
+
+class RestNames {
+public:
+  RestNames(const AxisQuestion& question, const Found& found, const std::vector<RestFinding>& after, Names* names)
+      : question_(question), found_(found), after_(after), names_(*names) {}
+
+  void run() {
+    bool fires = false, has_jumps = false;
+    double left = 0;
+    for (const RestFinding& f : after_) {
+      fires = fires || (f.evidence_nats > 0 && f.test != Rest::kLine);
+      if (f.test != Rest::kLine) left = std::max(left, f.evidence_nats);
+      has_jumps = has_jumps || (f.evidence_nats > 0 && f.test == Rest::kSuddenChanges);
+    }
+    leave_noise_beside_shapes();
+    if (question_.is_censored || !fires) return;
+    for (SelectedEffect& effect : names_.effects) {
+      if (!effect.term.effect || effect.is_family) continue;
+      const Form form = effect.term.form();
+      if (form == Form::kNoise) open_noise(&effect);
+      if (form == Form::kSteps && has_jumps) open_jumps(question_, &effect);
+    }
+    if (left > explained_nats() || n_members() > kFewNames) leave_members();
+  }
+
+private:
+  const SelectorConstants& constants() const { return question_.constants; }
+
+  // The tests contradict the kind that is most likely: likelihoods do not exclude the others, which gain at all.
+  void open_noise(SelectedEffect* effect) const {
+    open_member(effect);
+    if (effect->family == Family::kSlowNoise && found_.slow.found.best.names.empty()) {
+      add_kinds_within(question_, found_.slow, found_.slow.gain_nats() + constants().noise_kind_nats,
+                       found_.slow.found.best, effect);
+      add_same_spectrum(question_, effect);
+    }
+    if (effect->statement.empty() && effect->set.size() == 1)
+      effect->statement =
+          "the family of the cause, not its member: the only one that explains it leaves what is no noise";
+  }
+  // A line is what it is: it stands in for nothing, unless lines remain.
+  bool is_member(const SelectedEffect& effect) const {
+    return !effect.is_family && (effect.family != Family::kTone || question_.lines.size() == kMostLines);
+  }
+  size_t n_members() const {
+    return static_cast<size_t>(
+        std::count_if(names_.effects.begin(), names_.effects.end(), [&](const auto& e) { return is_member(e); }));
+  }
+  // More is left than was explained, or many causes together leave something: members stand in for another cause then.
+  // A family says no more than that.
+  void leave_members() {
+    names_.leave_those([&](const SelectedEffect& effect) { return is_member(effect); }, &names_.effects);
+  }
+  double explained_nats() const {
+    double sum = found_.slow.gain_nats() + found_.fast.jumping.gain_nats;
+    for (const SelectedEffect& effect : names_.effects)
+      if (effect.family == Family::kFastNoise || effect.family == Family::kTone) sum += effect.gain_nats;
+    return sum;
+  }
+  // A kind of slow noise beside a cause whose shape is open is what that shape leaves, and so are one of fast noise and
+  // other noise parameters that hold little beside it.
+  void leave_noise_beside_shapes() {
+    const auto is_open = [](const SelectedEffect& effect) { return effect.doubt == Doubt::kShapeOpen; };
+    const bool leaves_shape =
+        found_.slow.has_free_function() || std::any_of(names_.effects.begin(), names_.effects.end(), is_open);
+    if (!leaves_shape) return;
+    const double least = constants().beside_free_part * explained_nats();
+    const auto is_noise = [&](const SelectedEffect& effect) {
+      if (!effect.term.effect || effect.term.form() != Form::kNoise) return false;
+      return effect.family == Family::kSlowNoise || effect.gain_nats < least;
+    };
+    names_.leave_those(is_noise, &names_.effects);
+    names_.leave_those([&](const SelectedEffect& effect) { return effect.gain_nats < least; }, &names_.retuned);
+  }
+
+  const AxisQuestion& question_;
+  const Found& found_;
+  const std::vector<RestFinding>& after_;
+  Names& names_;
+};
+
+} // namespace
+
+void judge_unseen(Names* names) {
+  double stand_in_nats = -1;
+  const auto is_contradicted = [&](const SelectedEffect& effect) {
+    if (effect.is_family || effect.is_any_shape || !is_unseen(effect.term) || !is_start_beyond(effect.term))
+      return false;
+    stand_in_nats = std::max(stand_in_nats, effect.gain_nats);
+    return true;
+  };
+  names->leave_those(is_contradicted, &names->effects);
+  const auto is_part = [&](const SelectedEffect& effect) {
+    return !effect.is_family && is_in_mean(effect) && effect.gain_nats < stand_in_nats;
+  };
+  names->leave_those(is_part, &names->effects);
+  for (SelectedEffect& effect : names->effects)
+    if (!effect.is_family && is_unseen(effect.term)) open_loop(&effect);
+}
+
+void open_by_rest(const AxisQuestion& question, const Found& found, const std::vector<RestFinding>& after,
+                  Names* names) {
+  RestNames(question, found, after, names).run();
+}
+
+} // namespace imucal

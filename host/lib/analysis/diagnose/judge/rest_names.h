@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: MIT
+// Names against the tests of what is left: a kind of noise, or jumps, are names while what remains is noise by the tests.
+#pragma once
+#include "analysis/diagnose/stages/fast_stage.h"
+#include "analysis/diagnose/stages/names.h"
+
+namespace imucal {
+
+// A memory of which the logs show the start states of the runs and no loop.  Where runs began further out than a loop ever goes it
+// stands in for another cause: it is left, and members in the mean that hold less with it.  Else its family is told: what begins
+// anew in every run and fades looks alike.
+void judge_unseen(Names* names);
+// `after`: tests of the innovations under the answer.  Opens names to their families, or leaves them.
+void open_by_rest(const AxisQuestion& question, const Found& found, const std::vector<RestFinding>& after,
+                  Names* names);
+
+} // namespace imucal

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/judge/slow_names.h"
+
+#include <algorithm>
+
+#include "analysis/diagnose/judge/noise_kinds.h"
+
+namespace imucal {
+
+namespace {
+
+class SlowNames {
+public:
+  SlowNames(const AxisQuestion& question, const SlowAnswer& slow) : question_(question), slow_(slow) {
+    names_.dropped = slow.dropped;
+  }
+
+  Names run() {
+    const SlowModel& best = slow_.found.best;
+    std::vector<SelectedEffect> list;
+    for (size_t i = 0; i < best.names.size(); ++i)
+      if (slow_.found.evidence[i] > 0) list.push_back(effect_of_name(slow_, constants(), i));
+    std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
+    const bool is_medley = is_made_of_many(list);
+    if (is_medley)
+      names_.leave_those([](const SelectedEffect&) { return true; }, &list);
+    else if (slow_.has_free_function())
+      leave_small(&list, 1e300);
+    names_.effects = owned(members_before_shapes(list));
+    for (const SelectedEffect& effect : names_.effects)
+      if (is_free(effect)) {
+        leave_small(&names_.effects, effect.gain_nats);
+        break;
+      }
+    for (size_t j : slow_.found.replaced) names_.remainders.push_back(slow_.evidence_of(j, 0, 0));
+    open_by_lack();
+    leave_beside_open_family();
+    if (!best.steps.empty() && !is_medley) name_steps();
+    if (best.noise_effect && !slow_.found.evidence.empty() && slow_.found.evidence.back() > 0 && !is_medley)
+      name_slow_noise();
+    return std::move(names_);
+  }
+
+private:
+  const SelectorConstants& constants() const { return question_.constants; }
+
+  // A member that holds less than a third of all, and less than the free shape beside it, is what that shape leaves.
+  void leave_small(std::vector<SelectedEffect>* list, double shape_nats) {
+    const double all = slow_.gain_nats();
+    const double least = std::min(shape_nats, constants().beside_free_part * all);
+    names_.leave_those([&](const SelectedEffect& e) { return !is_free(e) && e.gain_nats < least; }, list);
+  }
+  // Nor is a member told beside a larger answer of its family whose shape is open.
+  void leave_beside_open_family() {
+    std::vector<SelectedEffect> open;
+    for (const SelectedEffect& effect : names_.effects)
+      if (effect.doubt == Doubt::kShapeOpen) open.push_back(effect);
+    const auto is_part = [&](const SelectedEffect& effect) {
+      return effect.doubt != Doubt::kShapeOpen &&
+             std::any_of(open.begin(), open.end(), [&](const SelectedEffect& whole) {
+               return whole.family == effect.family && whole.gain_nats > effect.gain_nats;
+             });
+    };
+    names_.leave_those(is_part, &names_.effects);
+  }
+  // More names than few, none of which could be left out: their sum is a stand-in for a cause of another shape.
+  bool is_made_of_many(const std::vector<SelectedEffect>& list) const {
+    if (list.size() + (slow_.found.best.steps.empty() ? 0 : 1) <= kFewNames) return false;
+    double sum = slow_.found.step_gain_nats, least = sum > 0 ? sum : 1e300;
+    for (const SelectedEffect& effect : list) sum += effect.gain_nats, least = std::min(least, effect.gain_nats);
+    return least > constants().least_share * sum;
+  }
+  // A free shape beside a member of the same family is what that member leaves, not another cause; where it is much, the
+  // member is not the cause.  Two free shapes of one family are one answer.
+  std::vector<SelectedEffect> members_before_shapes(const std::vector<SelectedEffect>& list) {
+    std::vector<SelectedEffect> kept;
+    const auto same_family = [&](const SelectedEffect& effect, bool free) {
+      return std::find_if(kept.begin(), kept.end(), [&](const SelectedEffect& other) {
+        return other.family == effect.family && is_free(other) == free;
+      });
+    };
+    for (const SelectedEffect& effect : list)
+      if (!is_free(effect)) kept.push_back(effect);
+    for (const SelectedEffect& effect : list) {
+      if (!is_free(effect)) continue;
+      const auto member = same_family(effect, false), shape = same_family(effect, true);
+      if (member == kept.end() && shape == kept.end()) {
+        kept.push_back(effect);
+        continue;
+      }
+      names_.leave(effect);
+      const double share = constants().member_share;
+      if (member != kept.end() && effect.gain_nats > (1 - share) / share * member->gain_nats) open_shape(&*member);
+    }
+    std::sort(kept.begin(), kept.end(), [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
+    return kept;
+  }
+  // Free shapes of different kinds together, or one of a kind that no effect is of, are no family: nothing is named then.  Where
+  // they hold much, a member alone beside them is not told from its family.
+  std::vector<SelectedEffect> owned(const std::vector<SelectedEffect>& list) {
+    size_t shapes = 0;
+    bool has_owner = true;
+    for (const SelectedEffect& effect : list)
+      if (is_free(effect)) ++shapes, has_owner = has_owner && has_members(effect);
+    std::vector<SelectedEffect> kept;
+    double left_nats = 0;
+    for (const SelectedEffect& effect : list)
+      if (is_free(effect) && (shapes > 1 || !has_owner))
+        names_.leave(effect), left_nats = std::max(left_nats, effect.gain_nats);
+      else
+        kept.push_back(effect);
+    const double all = slow_.gain_nats();
+    if (kept.size() == 1 && left_nats > constants().lack_part * all) open_shape(&kept[0]);
+    return kept;
+  }
+  static bool has_members(const SelectedEffect& effect) {
+    return !effect.set.front().reference || effect.set.front().reference->has_members;
+  }
+  // Members are names while no free shape beside them gains much.  One of another family that does as well alone shows
+  // that the family is not told either.
+  void open_by_lack() {
+    for (const Beside& rest : slow_.beside) {
+      const Family family = slow_.candidate(rest.candidate).family();
+      names_.remainders.push_back(slow_.evidence_of(rest.candidate, rest.nats, 0));
+      if (names_.effects.size() == 1 && names_.effects[0].family != family && does_as_well(rest.candidate)) {
+        names_.leave(names_.effects[0]);
+        names_.effects.clear();
+      }
+      for (SelectedEffect& effect : names_.effects)
+        if (effect.family == family || names_.effects.size() == 1) open_shape(&effect);
+    }
+  }
+  bool does_as_well(size_t free_shape) const {
+    const double null = slow_.found.null.free_score(), all = slow_.found.best.free_score() - null;
+    return slow_.found.singles[free_shape].gain_nats - null > constants().member_share * all;
+  }
+  // Jumps that hold a share of what all of them explain: a small one beside large ones is not their kind.
+  size_t jumps_of_weight() const {
+    const SlowModel& best = slow_.found.best;
+    if (best.steps.size() <= kMostJumps) return best.steps.size();
+    size_t n = 0;
+    for (size_t i = 0; i < best.steps.size(); ++i) {
+      SlowModel less = best;
+      less.steps.erase(less.steps.begin() + static_cast<long>(i));
+      less = slow_.search->polished(less);
+      n += best.free_score() - less.free_score() > constants().least_share * slow_.found.step_gain_nats ? 1 : 0;
+    }
+    return n;
+  }
+  void name_steps() {
+    for (size_t j = 0; j < question_.library.size(); ++j) {
+      const EffectEstimator* e = question_.library[j]->estimator();
+      if (!e || e->form() != Form::kSteps) continue;
+      Theta shape;
+      for (const Theta& step : slow_.found.best.steps) shape.insert(shape.end(), step.begin(), step.end());
+      SelectedEffect effect;
+      effect.family = question_.library[j]->family();
+      effect.term = term_of(question_.library[j], e, shape);
+      effect.gain_nats = slow_.found.step_gain_nats;
+      effect.evidence_nats =
+          effect.gain_nats - constants().step_nats * static_cast<double>(slow_.found.best.steps.size());
+      effect.held_out_nats = kPredictsNothing;
+      effect.set = {{question_.library[j], nullptr, false, effect.family, effect.gain_nats,
+                     effect.gain_nats - effect.evidence_nats}};
+      add_jumps_at_temperature(question_, slow_, &effect);
+      // Jumps that come again and again are a noise.
+      if (jumps_of_weight() > kMostJumps || (names_.effects.empty() && slow_.is_against(constants())))
+        open_jumps(question_, &effect);
+      names_.effects.push_back(effect);
+    }
+  }
+  void name_slow_noise() {
+    const SlowModel& best = slow_.found.best;
+    SelectedEffect effect;
+    effect.family = best.noise_effect->family();
+    effect.term = term_of(best.noise_effect, best.noise_effect->estimator(), best.noise_theta);
+    effect.evidence_nats = slow_.found.evidence.back();
+    effect.gain_nats = effect.evidence_nats + constants().noise_nats;
+    effect.held_out_nats = kPredictsNothing;
+    const double threshold = constants().noise_nats;
+    effect.set = {{best.noise_effect, nullptr, false, effect.family, effect.gain_nats, threshold}};
+    add_kinds_within(question_, slow_, constants().noise_margin_nats, best, &effect);
+    if (effect.set.size() > 1) open_member(&effect);
+    add_same_spectrum(question_, &effect);
+    if (best.names.empty()) add_means_that_do_as_well(question_, slow_, &effect);
+    if (slow_.has_free_function()) {
+      names_.leave(effect);
+    } else if (best.names.empty() && slow_.is_against(constants())) {
+      effect.doubt = Doubt::kAgainst, effect.held_out_nats = 0.5 * slow_.gap.delta_deviance;
+      names_.dropped.push_back(effect);
+    } else if (!best.names.empty() || slow_.beside.empty()) {
+      names_.effects.push_back(effect);
+    }
+  }
+
+  const AxisQuestion& question_;
+  const SlowAnswer& slow_;
+  Names names_;
+};
+
+} // namespace
+
+Names name_slow(const AxisQuestion& question, const SlowAnswer& slow) {
+  return SlowNames(question, slow).run();
+}
+
+} // namespace imucal

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/logs/blocks.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/median.h"
+
+namespace imucal {
+namespace {
+
+constexpr double kBlock_s = 10;
+constexpr double kShortest_s = 60; // of block means that a run keeps
+constexpr double kMostBlocks = 3500;
+constexpr double kFastest = 4;                // blocks per time constant from which a process is white
+constexpr double kMostNegative = 0.97;        // of the white noise that the blocks of a Markov process may take off
+constexpr double kFar = 8;                    // noise standard deviations from the median of a block
+constexpr double kLike = 0.5;                 // of that: two rates of one level differ by less
+constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
+
+// Sums over the rows of one block.
+struct BlockSum {
+  double rows = 0, t_s = 0, temp = 0, smooth = 0, slope = 0, tn = 0;
+  std::vector<double> rates;
+  std::vector<char> stays;                                    // of each rate: the one before or after is like it
+  std::map<std::string, std::pair<double, double>> auxiliary; // sum, count
+
+  void add(const RunInput& in, size_t i, bool is_used, bool is_like_neighbour) {
+    rows += 1, t_s += in.t_s[i], temp += in.temp_degc[i], smooth += in.smooth_degc[i];
+    slope += in.rate_degc_min[i], tn += in.tn[i];
+    if (is_used) rates.push_back(in.rate_dph[i]), stays.push_back(is_like_neighbour);
+    for (const auto& [name, column] : in.auxiliary)
+      if (std::isfinite(column[i])) auxiliary[name].first += column[i], auxiliary[name].second += 1;
+  }
+};
+
+// Mean without hits, which are gone with their sample.  What is far from the median and stays is a jump inside the block: its
+// share of the mean tells when it came.
+double mean_without_hits(const BlockSum& s, double far_dph) {
+  const double middle = median(s.rates);
+  double sum = 0, n = 0;
+  for (size_t i = 0; i < s.rates.size(); ++i)
+    if (s.stays[i] || std::fabs(s.rates[i] - middle) <= far_dph) sum += s.rates[i], n += 1;
+  return n > 0 ? sum / n : middle;
+}
+// Per row of a run: a used rate that is like the used one before or after it.
+std::vector<char> like_a_neighbour(const CampaignRun& run, double near_dph) {
+  std::vector<char> out(run.input.size(), 0);
+  for (size_t k = 1; k < run.n(); ++k) {
+    const auto before = static_cast<size_t>(run.used[k - 1]), now = static_cast<size_t>(run.used[k]);
+    if (std::fabs(run.input.rate_dph[now] - run.input.rate_dph[before]) <= near_dph) out[before] = out[now] = 1;
+  }
+  return out;
+}
+
+void append(const BlockSum& s, long tick, double fewest, double far_dph, RunInput* out) {
+  out->t_s.push_back(s.t_s / s.rows);
+  out->tick.push_back(tick);
+  out->temp_degc.push_back(s.temp / s.rows);
+  out->smooth_degc.push_back(s.smooth / s.rows);
+  out->rate_degc_min.push_back(s.slope / s.rows);
+  out->tn.push_back(s.tn / s.rows);
+  const bool is_enough = static_cast<double>(s.rates.size()) >= fewest;
+  out->rate_dph.push_back(is_enough ? mean_without_hits(s, far_dph) : std::nan(""));
+  for (auto& [name, column] : out->auxiliary) {
+    const auto it = s.auxiliary.find(name);
+    column.push_back(it == s.auxiliary.end() ? std::nan("") : it->second.first / it->second.second);
+  }
+}
+
+CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
+  CampaignRun out;
+  out.start_s = run.start_s;
+  const RunInput& in = run.input;
+  out.input.log = in.log;
+  out.input.dt_s = in.dt_s * static_cast<double>(length);
+  out.input.t0_degc = in.t0_degc, out.input.range_degc = in.range_degc;
+  for (const auto& entry : in.auxiliary) out.input.auxiliary[entry.first] = {};
+  std::vector<char> is_used(in.size(), 0);
+  for (int row : run.used) is_used[static_cast<size_t>(row)] = 1;
+  const std::vector<char> stays = like_a_neighbour(run, kLike * far_dph);
+  const double fewest = 0.5 * static_cast<double>(length);
+  BlockSum sum;
+  long block = in.tick.empty() ? 0 : in.tick.front() / length;
+  for (size_t i = 0; i < in.size(); ++i) {
+    const long at = in.tick[i] / length;
+    if (at != block && sum.rows > 0) {
+      append(sum, block, fewest, far_dph, &out.input);
+      sum = BlockSum();
+    }
+    block = at;
+    sum.add(in, i, is_used[i], stays[i]);
+  }
+  if (sum.rows > 0) append(sum, block, fewest, far_dph, &out.input);
+  return out;
+}
+
+} // namespace
+
+double block_length_s(const Campaign& seconds) {
+  const double total_s = static_cast<double>(seconds.n()) * seconds.dt_s;
+  const double wanted = std::max(kBlock_s, total_s / kMostBlocks);
+  return seconds.dt_s * std::max(1.0, std::round(wanted / seconds.dt_s));
+}
+
+std::vector<double> changes_between_samples(const Campaign& campaign) {
+  std::vector<double> changes;
+  for (const CampaignRun& run : campaign.runs)
+    for (size_t k = 1; k < run.n(); ++k)
+      if (run.steps[k] == 1)
+        changes.push_back(std::fabs(run.input.rate_dph[static_cast<size_t>(run.used[k])] -
+                                    run.input.rate_dph[static_cast<size_t>(run.used[k - 1])]));
+  return changes;
+}
+
+double white_between_samples(const Campaign& campaign) {
+  std::vector<double> changes = changes_between_samples(campaign);
+  return changes.empty() ? 0 : median(std::move(changes)) / kMedianOfDifference * std::sqrt(campaign.dt_s);
+}
+
+Campaign block_means(const Campaign& seconds, double block_s) {
+  Campaign out = seconds;
+  out.dt_s = block_s;
+  out.runs.clear();
+  const long length = std::max(1L, std::lround(block_s / seconds.dt_s));
+  const double white = white_between_samples(seconds) / std::sqrt(seconds.dt_s);
+  for (const CampaignRun& run : seconds.runs) {
+    out.runs.push_back(blocks_of(run, length, white > 0 ? kFar * white : 1e300));
+    find_used(&out.runs.back());
+  }
+  return out;
+}
+
+bool leave_short_runs(Campaign* seconds) {
+  const Campaign blocks = block_means(*seconds, block_length_s(*seconds));
+  std::vector<CampaignRun> kept;
+  for (size_t r = 0; r < seconds->runs.size(); ++r)
+    if (static_cast<double>(blocks.runs[r].n()) * blocks.dt_s >= kShortest_s) kept.push_back(seconds->runs[r]);
+  if (kept.empty()) return false;
+  if (kept.size() < seconds->runs.size()) seconds->runs = std::move(kept);
+  return true;
+}
+
+NoiseModel block_equivalent(const NoiseModel& seconds, double block_s) {
+  NoiseModel noise = gaussian_equivalent(seconds);
+  const double white = noise.white_sigma_dph * noise.white_sigma_dph / block_s;
+  double extra = noise.extra_white_dph2 / block_s;
+  for (Markov& m : noise.markov) {
+    const double a = block_s / m.tau_s, variance = m.sigma_dph * m.sigma_dph;
+    const double apart = a < 1e-3 ? 1 + a * a / 12 : 2 * (std::cosh(std::min(a, 50.0)) - 1) / (a * a);
+    const double together = a < 1e-3 ? 1 - a / 3 : 2 * (a + std::expm1(-a)) / (a * a);
+    if (a > kFastest) { // white at this length
+      extra += variance * together;
+      m.sigma_dph = 1e-9 * std::sqrt(white);
+      continue;
+    }
+    extra += variance * (together - apart);
+    m.sigma_dph *= std::sqrt(apart);
+  }
+  noise.extra_white_dph2 = std::max(extra, -kMostNegative * white);
+  return noise;
+}
+
+} // namespace imucal

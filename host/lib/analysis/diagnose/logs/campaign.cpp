@@ -1,0 +1,380 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/logs/campaign.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+#include "analysis/diagnose/logs/smoothing.h"
+#include "base/error.h"
+
+namespace imucal {
+namespace {
+
+constexpr double kSmoothing_s = 40.0; // standard deviation of the Gaussian for a coarse thermometer
+constexpr double kLeastTau_s = 1, kMostTau_s = 120, kNextTau = 1.4; // of the smoother for all others
+constexpr double kValidated_s = 10;                                 // means that choose among them
+constexpr double kDithered = 0.4;                                   // noise in steps, those of the rounding included
+constexpr double kLongestFilled_s = 300; // longer holes: what the temperature did in them is not known
+constexpr double kSameDegc = 1e-6;       // rounding of a printed temperature
+constexpr double kCoarseFraction = 0.02; // fewer distinct temperatures than this part of the rows: coarse steps
+constexpr size_t kFewestSeconds = 60;
+constexpr double kLongestGap_s = 20000;
+
+// Missing temperatures are interpolated in time; beyond the ends the nearest one holds.
+std::vector<double> filled(const std::vector<double>& t_s, const std::vector<double>& temp) {
+  std::vector<double> out = temp;
+  const size_t n = temp.size();
+  size_t last = n; // last finite row
+  for (size_t i = 0; i < n; ++i) {
+    if (!std::isfinite(temp[i])) continue;
+    if (last == n) {
+      for (size_t k = 0; k < i; ++k) out[k] = temp[i];
+    } else {
+      for (size_t k = last + 1; k < i; ++k)
+        out[k] = temp[last] + (temp[i] - temp[last]) * (t_s[k] - t_s[last]) / (t_s[i] - t_s[last]);
+    }
+    last = i;
+  }
+  for (size_t k = last + 1; last < n && k < n; ++k) out[k] = temp[last];
+  return out;
+}
+
+// Smallest distance of two different temperatures when there are few of them, else 0.  All rows of all runs, sorted.
+double coarse_step(const std::vector<double>& all) {
+  if (all.size() < 200) return 0;
+  std::vector<double> gaps;
+  for (size_t i = 1; i < all.size(); ++i)
+    if (all[i] - all[i - 1] > 1e-6) gaps.push_back(all[i] - all[i - 1]);
+  const double distinct = static_cast<double>(gaps.size()) + 1;
+  if (gaps.size() < 2 || distinct > kCoarseFraction * static_cast<double>(all.size())) return 0;
+  // The median: the end of the range and skipped levels leave odd gaps.
+  std::nth_element(gaps.begin(), gaps.begin() + static_cast<long>(gaps.size() / 2), gaps.end());
+  return gaps[gaps.size() / 2];
+}
+
+// Coarse temperatures: straight lines through the midpoints of the transitions; plateaus between two
+// transitions in opposite directions are held.
+std::vector<double> dequantised(const std::vector<double>& t_s, const std::vector<double>& temp) {
+  const size_t n = temp.size();
+  std::vector<double> knot_t{t_s[0]}, knot_v{temp[0]};
+  double previous_level = temp[0];
+  bool has_transition = false;
+  double last_sign = 0;
+  for (size_t i = 1; i < n; ++i) {
+    if (std::fabs(temp[i] - temp[i - 1]) <= 1e-9) continue;
+    const double sign = temp[i] > temp[i - 1] ? 1 : -1;
+    const double middle_t = 0.5 * (t_s[i] + t_s[i - 1]), middle_v = 0.5 * (temp[i] + temp[i - 1]);
+    if (!has_transition || sign != last_sign) {
+      // The plateau before this transition is a turning point (or the start): hold its level in the middle.
+      const double from = has_transition ? knot_t.back() : t_s[0];
+      knot_t.push_back(0.5 * (from + middle_t));
+      knot_v.push_back(previous_level);
+    }
+    knot_t.push_back(middle_t);
+    knot_v.push_back(middle_v);
+    has_transition = true;
+    last_sign = sign;
+    previous_level = temp[i];
+  }
+  knot_t.push_back(t_s[n - 1]);
+  knot_v.push_back(temp[n - 1]);
+  std::vector<double> out(n);
+  size_t k = 0;
+  for (size_t i = 0; i < n; ++i) {
+    while (k + 2 < knot_t.size() && knot_t[k + 1] < t_s[i]) ++k;
+    const double width = knot_t[k + 1] - knot_t[k];
+    const double part = width > 0 ? std::clamp((t_s[i] - knot_t[k]) / width, 0.0, 1.0) : 1.0;
+    out[i] = knot_v[k] + part * (knot_v[k + 1] - knot_v[k]);
+  }
+  return out;
+}
+
+// The straight line through the first samples of x, continued to the `n` places before them.
+std::vector<double> line_before(const std::vector<double>& x, size_t fitted, size_t n) {
+  const size_t m = std::min(fitted, x.size());
+  double mean = 0, sxy = 0, sxx = 0;
+  const double centre = 0.5 * static_cast<double>(m - 1);
+  for (size_t i = 0; i < m; ++i) mean += x[i] / static_cast<double>(m);
+  for (size_t i = 0; i < m; ++i) {
+    const double u = static_cast<double>(i) - centre;
+    sxy += u * (x[i] - mean), sxx += u * u;
+  }
+  std::vector<double> out(n);
+  for (size_t k = 0; k < n; ++k) out[k] = mean + sxy / sxx * (static_cast<double>(k) - static_cast<double>(n) - centre);
+  return out;
+}
+
+// Gaussian smoothing in time: three boxes of equal length have a standard deviation of half their length, so three passes
+// of a running mean do.  Beyond the ends the series goes on as the straight line through what is next to them: a ramp
+// stays a ramp, and the slope at an end is as quiet as elsewhere (a window that shrank there would show every step of a
+// coarse thermometer).
+std::vector<double> smoothed(const std::vector<double>& x, size_t half) {
+  if (x.size() < 3 || half == 0) return x;
+  std::vector<double> y = line_before(x, 2 * half + 1, 3 * half);
+  std::vector<double> after = line_before({x.rbegin(), x.rend()}, 2 * half + 1, 3 * half);
+  y.insert(y.end(), x.begin(), x.end());
+  y.insert(y.end(), after.rbegin(), after.rend());
+  for (int pass = 0; pass < 3; ++pass) {
+    std::vector<double> sum(y.size() + 1, 0.0);
+    for (size_t i = 0; i < y.size(); ++i) sum[i + 1] = sum[i] + (y[i] - x[0]);
+    y.resize(y.size() - 2 * half);
+    for (size_t i = 0; i < y.size(); ++i)
+      y[i] = x[0] + (sum[i + 2 * half + 1] - sum[i]) / static_cast<double>(2 * half + 1);
+  }
+  return y;
+}
+
+// Whether the noise of a coarse thermometer spreads each temperature over its steps: then means know more than one step,
+// and straight lines through the transitions would follow the noise.
+bool is_dithered(const std::vector<double>& temp, double step_degc) {
+  double squares = 0;
+  for (size_t i = 2; i < temp.size(); ++i) squares += std::pow(temp[i] - 2 * temp[i - 1] + temp[i - 2], 2);
+  return squares / static_cast<double>(temp.size()) > 6 * std::pow(kDithered * step_degc, 2);
+}
+
+// One column on the grid of its seconds, without the noise of the thermometer.
+Column without_noise(const Column& grid, double dt_s) {
+  std::vector<double> taus;
+  for (double tau_s = kLeastTau_s; tau_s < kMostTau_s; tau_s *= kNextTau) taus.push_back(tau_s / dt_s);
+  return whittaker(grid, best_tau(grid, taus, std::max(1L, std::lround(kValidated_s / dt_s))));
+}
+
+// Smooth temperature and its slope in the rows [first, end), between which no more than short holes are, by seconds: a row
+// smooths over its neighbours in time, not over the rows that happen to stand next to it.
+void smooth_stretch(const Column& temp, size_t first, size_t end, bool is_stepped, RunInput* in) {
+  const size_t from = static_cast<size_t>(in->tick[first]);
+  const auto place = [&](size_t row) { return static_cast<size_t>(in->tick[row]) - from; };
+  Column ticks(place(end - 1) + 1), grid(ticks.size(), std::nan(""));
+  std::iota(ticks.begin(), ticks.end(), 0.0);
+  for (size_t row = first; row < end; ++row) grid[place(row)] = temp[row];
+  if (is_stepped || grid.size() < kFewestSeconds)
+    grid = smoothed(filled(ticks, grid), static_cast<size_t>(std::lround(kSmoothing_s / in->dt_s)));
+  else
+    grid = without_noise(grid, in->dt_s);
+  for (size_t row = first; row < end; ++row) {
+    const size_t k = place(row), before = k ? k - 1 : 0, after = k + 1 < grid.size() ? k + 1 : k;
+    in->smooth_degc[row] = grid[k];
+    if (after > before)
+      in->rate_degc_min[row] = 60.0 * (grid[after] - grid[before]) / (static_cast<double>(after - before) * in->dt_s);
+  }
+}
+
+// step_degc: of a coarse thermometer, else 0.
+void derive(CampaignRun* run, double step_degc, bool has_temperature) {
+  RunInput& in = run->input;
+  const size_t n = in.size();
+  in.tn.assign(n, 0.0);
+  in.rate_degc_min.assign(n, 0.0);
+  in.smooth_degc = in.temp_degc;
+  if (!has_temperature) return;
+  for (size_t i = 0; i < n; ++i) in.tn[i] = in.normalised(in.temp_degc[i]);
+  const bool is_stepped = step_degc > 0 && !is_dithered(in.temp_degc, step_degc);
+  const Column temp = is_stepped ? dequantised(in.t_s, in.temp_degc) : in.temp_degc;
+  for (size_t first = 0, i = 1; i <= n; ++i) {
+    if (i < n && in.t_s[i] - in.t_s[i - 1] <= kLongestFilled_s) continue;
+    smooth_stretch(temp, first, i, is_stepped, &in);
+    first = i;
+  }
+}
+
+} // namespace
+
+void find_used(CampaignRun* run) {
+  run->used.clear();
+  run->steps.clear();
+  long last = 0;
+  for (size_t i = 0; i < run->input.size(); ++i) {
+    if (!std::isfinite(run->input.rate_dph[i])) continue;
+    run->steps.push_back(run->used.empty() ? 0 : static_cast<int>(run->input.tick[i] - last));
+    run->used.push_back(static_cast<int>(i));
+    last = run->input.tick[i];
+  }
+}
+
+size_t Campaign::n() const {
+  size_t sum = 0;
+  for (const CampaignRun& run : runs) sum += run.n();
+  return sum;
+}
+
+// Seconds from the start and ticks.  A jump of hours (a clock that was set) becomes one long gap: nothing is known
+// across it, and no filter runs over decades.
+static void set_times(const std::vector<double>& t_s, double dt_s, RunInput* in) {
+  double cut_s = 0;
+  for (size_t i = 0; i < t_s.size(); ++i) {
+    const double gap_s = i ? t_s[i] - t_s[i - 1] : 0.0;
+    if (gap_s > kLongestGap_s) cut_s += gap_s - kLongestGap_s;
+    in->t_s.push_back(t_s[i] - t_s[0] - cut_s);
+    const long tick = std::lround(in->t_s.back() / dt_s);
+    in->tick.push_back(i ? std::max(tick, in->tick.back() + 1) : tick);
+  }
+}
+
+static bool is_stuck(const CampaignRun& run) {
+  for (size_t k = 1; k < run.n(); ++k)
+    if (run.input.rate_dph[static_cast<size_t>(run.used[k])] != run.input.rate_dph[static_cast<size_t>(run.used[0])])
+      return false;
+  return run.n() > 1;
+}
+
+// Thermometer noise widens the range: its 1 and 99 % points count.  All rows of all runs, sorted.
+static void refuse_steady_temperature(const std::vector<double>& all, Campaign* campaign) {
+  if (!campaign->has_temperature) return;
+  const size_t n = all.size();
+  if (all[n - 1 - n / 100] - all[n / 100] >= kLeastSpan_degc) return;
+  campaign->has_temperature = false, campaign->is_temperature_steady = true;
+  campaign->order = 0, campaign->temp_lsb_degc = 0;
+}
+
+namespace {
+
+// Settings of the campaign: time step, temperature or none, polynomial and its normalisation.
+Campaign empty_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
+  Campaign campaign;
+  campaign.axis = axis;
+  std::vector<double> steps;
+  for (const Log& log : logs) {
+    campaign.has_temperature = campaign.has_temperature && log.has_temperature();
+    steps.push_back(log.dt_s());
+  }
+  std::sort(steps.begin(), steps.end());
+  campaign.dt_s = steps[steps.size() / 2];
+  if (std::fabs(campaign.dt_s - 1.0) < 0.05) campaign.dt_s = 1.0;
+  if (model.bias) {
+    campaign.order = static_cast<int>(model.bias->coeff_dph.size()) - 1;
+    campaign.t0_degc = model.bias->t0_degc;
+    campaign.range_degc = model.bias->range_degc;
+    campaign.coeff_dph = model.bias->coeff_dph;
+  }
+  if (!campaign.has_temperature) campaign.order = 0;
+  return campaign;
+}
+
+// Rows of a log but those in which its thermometer gave the reading of an earlier one.
+std::vector<size_t> rows_without(const std::vector<Hold>& holds, size_t n_rows) {
+  std::vector<size_t> rows;
+  size_t next = 0;
+  for (const Hold& hold : holds) {
+    for (; next <= hold.first; ++next) rows.push_back(next);
+    next = hold.end;
+  }
+  for (; next < n_rows; ++next) rows.push_back(next);
+  return rows;
+}
+
+Column picked(const Column& column, const std::vector<size_t>& rows) {
+  Column out;
+  out.reserve(rows.size());
+  for (size_t row : rows) out.push_back(column[row]);
+  return out;
+}
+
+CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
+  const LogAxis& column = log.axis(campaign.axis);
+  CampaignRun run;
+  if (campaign.has_temperature) run.holds = stuck_thermometer(log.t_s, campaign.dt_s, log.temp_degc);
+  const std::vector<size_t> rows = rows_without(run.holds, log.size());
+  RunInput& in = run.input;
+  in.log = place;
+  in.dt_s = campaign.dt_s;
+  in.t0_degc = campaign.t0_degc;
+  in.range_degc = campaign.range_degc;
+  for (const auto& [name, values] : log.auxiliary) in.auxiliary[name] = picked(values, rows);
+  run.start_s = log.t_s.front();
+  set_times(picked(log.t_s, rows), campaign.dt_s, &in);
+  in.rate_dph = picked(column.rate_dph, rows);
+  for (size_t i = 0; i < rows.size() && !column.flags.empty(); ++i)
+    if (column.flags[rows[i]] & (kSaturated | kSensorFault)) in.rate_dph[i] = std::nan("");
+  in.temp_degc = campaign.has_temperature ? filled(in.t_s, picked(log.temp_degc, rows)) : Column(in.size(), 0.0);
+  return run;
+}
+
+void refuse_unusable(const CampaignRun& run, const std::string& path, const std::string& axis) {
+  if (is_stuck(run))
+    throw data_error(path + ": axis " + axis +
+                     " has one and the same rate in every second: it is stuck or not connected; leave it out with "
+                     "--axis");
+  if (run.n() < kFewestSeconds)
+    throw data_error(path + ": axis " + axis + " has " + std::to_string(run.n()) + " usable seconds; at least " +
+                     std::to_string(kFewestSeconds) + " are needed");
+}
+
+} // namespace
+
+Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
+  Campaign campaign = empty_campaign(logs, axis, model);
+  std::vector<double> temperatures;
+  for (size_t r = 0; r < logs.size(); ++r) {
+    campaign.runs.push_back(run_of(campaign, logs[r], r));
+    const std::vector<double>& own = campaign.runs.back().input.temp_degc;
+    temperatures.insert(temperatures.end(), own.begin(), own.end());
+  }
+  if (campaign.has_temperature) std::sort(temperatures.begin(), temperatures.end());
+  campaign.temp_lsb_degc = campaign.has_temperature ? coarse_step(temperatures) : 0;
+  refuse_steady_temperature(temperatures, &campaign);
+  campaign.lo_degc = 1e300, campaign.hi_degc = -1e300;
+  for (CampaignRun& run : campaign.runs) {
+    derive(&run, campaign.temp_lsb_degc, campaign.has_temperature);
+    for (double temp : run.input.smooth_degc) {
+      campaign.lo_degc = std::min(campaign.lo_degc, temp);
+      campaign.hi_degc = std::max(campaign.hi_degc, temp);
+    }
+    find_used(&run);
+    refuse_unusable(run, logs[run.input.log].path, axis);
+  }
+  return campaign;
+}
+
+void keep_common_columns(const std::vector<Campaign*>& campaigns) {
+  std::map<std::string, size_t> runs_with;
+  size_t n_runs = 0;
+  for (const Campaign* campaign : campaigns)
+    for (const CampaignRun& run : campaign->runs) {
+      ++n_runs;
+      for (const auto& column : run.input.auxiliary) ++runs_with[column.first];
+    }
+  for (const auto& [name, n] : runs_with)
+    for (Campaign* campaign : campaigns)
+      for (CampaignRun& run : campaign->runs)
+        if (n < n_runs) run.input.auxiliary.erase(name);
+}
+
+void mask(Campaign* campaign, const std::vector<std::vector<char>>& unusable) {
+  for (size_t r = 0; r < campaign->runs.size() && r < unusable.size(); ++r) {
+    CampaignRun& run = campaign->runs[r];
+    for (size_t i = 0; i < run.input.size(); ++i)
+      if (unusable[r][i]) run.input.rate_dph[i] = std::nan("");
+    find_used(&run);
+  }
+}
+
+Eigen::MatrixXd used_rows(const CampaignRun& run, const std::vector<Column>& columns) {
+  Eigen::MatrixXd m(static_cast<long>(run.n()), static_cast<long>(columns.size()));
+  const bool is_all = run.n() > 0 && static_cast<size_t>(run.used.back()) + 1 == run.n(); // they increase
+  for (size_t c = 0; c < columns.size(); ++c) {
+    double* to = m.data() + c * run.n();
+    if (is_all)
+      std::copy_n(columns[c].begin(), run.n(), to);
+    else
+      for (size_t k = 0; k < run.n(); ++k) to[k] = columns[c][static_cast<size_t>(run.used[k])];
+  }
+  return m;
+}
+
+Column normalised(const RunInput& in, Column temp_degc) {
+  for (double& t : temp_degc) t = in.normalised(t);
+  return temp_degc;
+}
+
+Eigen::MatrixXd powers(const CampaignRun& run, const Column& tn, int order) {
+  Eigen::MatrixXd out(static_cast<long>(run.n()), order);
+  for (size_t k = 0; k < run.n(); ++k) {
+    double power = 1;
+    for (int i = 0; i < order; ++i) out(static_cast<long>(k), i) = power *= tn[static_cast<size_t>(run.used[k])];
+  }
+  return out;
+}
+
+} // namespace imucal

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: MIT
+// The logs of one call as the engine sees them: runs of one axis with derived inputs, and which of their
+// samples can be used.
+#pragma once
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "analysis/diagnose/logs/thermometer.h"
+#include "io/log.h"
+#include "physics/effects/estimation.h"
+
+namespace imucal {
+
+// Below this range of temperature nothing thermal can be asked.
+constexpr double kLeastSpan_degc = 2;
+
+struct CampaignRun {
+  RunInput input;
+  std::vector<int> used;   // rows with a usable rate, increasing
+  std::vector<int> steps;  // per used row: seconds (in units of dt) since the used row before; first: 0
+  double start_s = 0;      // t_s of the first row in the log
+  std::vector<Hold> holds; // rows of the log: all but the first of each are left out
+  size_t n() const { return used.size(); }
+};
+
+struct Campaign {
+  std::vector<CampaignRun> runs;
+  std::string axis;
+  bool has_temperature = true;        // and it moves
+  bool is_temperature_steady = false; // logged, but moves by less than kLeastSpan_degc
+  double lo_degc = 0, hi_degc = 0;    // over all runs
+  double temp_lsb_degc = 0;           // step of the thermometer where it is coarse; else 0
+  double dt_s = 1;
+  int order = 3; // of the polynomial
+  double t0_degc = 30, range_degc = 30;
+  double spread_dph = 0; // rms of what the polynomial alone leaves in minutes: scale of priors; 0: not known yet
+  std::vector<double> coeff_dph; // of the nominal model: only what nulls are simulated with
+
+  size_t n() const; // used samples
+};
+
+// The runs of one axis.  Seconds without a rate, or flagged as saturated or faulty, are left out: the filters
+// then predict over them.  Seconds in which the thermometer was stuck have no row, as if they were missing in the
+// log.  `steps` counts seconds by time stamps, never rows. data_error: a log without that axis, an axis whose rate is one
+// and the same in every second, fewer than 60 usable seconds.
+Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model);
+
+// Leaves the auxiliary columns that every run of these campaigns has: a column is known by its place among those of a run.
+void keep_common_columns(const std::vector<Campaign*>& campaigns);
+
+// Leave further samples out (those a structural effect has spoilt): per run and row.
+void mask(Campaign* campaign, const std::vector<std::vector<char>>& unusable);
+
+// Fills `used` and `steps` from the rates and ticks of the run.
+void find_used(CampaignRun* run);
+
+// Rows of columns that are used.
+Eigen::MatrixXd used_rows(const CampaignRun& run, const std::vector<Column>& columns);
+// Tn of a temperature, row by row.
+Column normalised(const RunInput& in, Column temp_degc);
+// Tn, Tn^2, .. Tn^order at the used rows.
+Eigen::MatrixXd powers(const CampaignRun& run, const Column& tn, int order);
+
+} // namespace imucal

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/logs/structure.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "analysis/diagnose/logs/blocks.h"
+
+namespace imucal {
+namespace {
+
+constexpr double kFarZero = 8;    // noise standard deviations of the values around a zero that is no rate
+constexpr double kGuard_s = 10;   // next to censored samples: those that just escaped are biased too
+constexpr double kMostLost = 0.5; // part of the samples that the guard may cost; else only the samples themselves go
+
+using Rows = std::vector<std::vector<char>>; // per run and row of the log
+
+// Smallest difference between neighbours that differ: the step of rates that were rounded.
+double smallest_change(const Campaign& campaign) {
+  double smallest = 1e300;
+  for (const double change : changes_between_samples(campaign))
+    if (change > 0) smallest = std::min(smallest, change);
+  return smallest;
+}
+
+// Zeros between values that are far from zero: the recorder's, not the gyro's.  Of coarse rates most are equal to the one
+// before, and zero may be the next step.
+Rows far_zeros(const Campaign& campaign) {
+  const double noise = std::max(white_between_samples(campaign) / std::sqrt(campaign.dt_s), smallest_change(campaign));
+  Rows zeros;
+  for (const CampaignRun& run : campaign.runs) {
+    std::vector<char> bad(run.input.size(), 0);
+    double last = std::nan(""); // the last rate that is not zero
+    std::vector<double> next(run.n() + 1, std::nan(""));
+    for (size_t k = run.n(); k-- > 0;) {
+      const double y = run.input.rate_dph[static_cast<size_t>(run.used[k])];
+      next[k] = y != 0 ? y : next[k + 1];
+    }
+    for (size_t k = 0; k < run.n(); ++k) {
+      const size_t row = static_cast<size_t>(run.used[k]);
+      const double y = run.input.rate_dph[row];
+      if (y != 0) {
+        last = y;
+        continue;
+      }
+      const double before = std::isfinite(last) ? last : next[k], after = std::isfinite(next[k]) ? next[k] : last;
+      if (std::isfinite(before) && before * after > 0 &&
+          std::min(std::fabs(before), std::fabs(after)) > kFarZero * noise)
+        bad[row] = 1;
+    }
+    zeros.push_back(std::move(bad));
+  }
+  return zeros;
+}
+// Rows of `some` that are not in `others` (empty: none are).
+size_t count_beside(const Rows& some, const Rows& others) {
+  size_t n = 0;
+  for (size_t r = 0; r < some.size(); ++r)
+    for (size_t i = 0; i < some[r].size(); ++i) n += some[r][i] && (others.empty() || !others[r][i]);
+  return n;
+}
+
+// Seconds within the guard of a censored one.
+Rows with_guard(const Campaign& campaign, const Rows& bad) {
+  const long guard = std::lround(kGuard_s / campaign.dt_s);
+  size_t lost = 0;
+  Rows wide = bad;
+  for (size_t r = 0; r < bad.size(); ++r) {
+    const std::vector<long>& tick = campaign.runs[r].input.tick;
+    long last = -10 * guard;
+    for (size_t i = 0; i < bad[r].size(); ++i) {
+      if (bad[r][i]) last = tick[i];
+      if (tick[i] - last <= guard) wide[r][i] = 1;
+    }
+    last = tick.empty() ? 0 : tick.back() + 10 * guard;
+    for (size_t i = bad[r].size(); i-- > 0;) {
+      if (bad[r][i]) last = tick[i];
+      if (last - tick[i] <= guard) wide[r][i] = 1;
+    }
+    for (char w : wide[r]) lost += w != 0;
+  }
+  return static_cast<double>(lost) < kMostLost * static_cast<double>(campaign.n()) ? wide : bad;
+}
+
+} // namespace
+
+StructureResult find_structure(Campaign* campaign, const std::vector<const Effect*>& library,
+                               const std::vector<bool>& active) {
+  StructureResult out;
+  const size_t before = campaign->n();
+  const Rows zeros = far_zeros(*campaign); // no detector takes them for a limit or a dead band
+  mask(campaign, zeros);
+  out.n_dropouts = count_beside(zeros, {});
+  std::vector<const Effect*> detectors;
+  for (size_t j = 0; j < library.size(); ++j)
+    if (active[j] && library[j]->estimator() && library[j]->estimator()->form() == Form::kStructural)
+      detectors.push_back(library[j]);
+  std::stable_sort(detectors.begin(), detectors.end(), [](const Effect* a, const Effect* b) {
+    return a->estimator()->detection_order() < b->estimator()->detection_order();
+  });
+  for (const Effect* effect : detectors) {
+    std::vector<RunInput> inputs;
+    for (const CampaignRun& run : campaign->runs) inputs.push_back(run.input);
+    if (effect->estimator()->counts_drop_outs())
+      for (size_t r = 0; r < zeros.size(); ++r)
+        for (size_t i = 0; i < zeros[r].size(); ++i)
+          if (zeros[r][i]) inputs[r].rate_dph[i] = 0;
+    const auto signature = effect->estimator()->detect(inputs);
+    if (!signature) continue;
+    out.findings.push_back({effect, *signature});
+    out.extra_white_dph2 += signature->extra_white_dph2;
+    const bool is_censoring = effect->estimator()->is_censoring();
+    out.is_censored = out.is_censored || is_censoring;
+    if (effect->estimator()->counts_drop_outs()) out.n_dropouts = count_beside(zeros, signature->unusable);
+    if (!signature->unusable.empty())
+      mask(campaign, is_censoring ? with_guard(*campaign, signature->unusable) : signature->unusable);
+  }
+  out.n_left_out = before - campaign->n();
+  return out;
+}
+
+} // namespace imucal

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/search/time_jumps.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace imucal {
+
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr size_t kMostSteps = 6, kStepPlaces = 12;
+constexpr double kFinestPlace = 0.05; // of a row
+
+// Standardised innovations of a hypothesis, run by run.
+std::vector<VectorXd> innovations(const SlowLikelihood& of, const SlowModel& m) {
+  const std::vector<MeanPart> own = of.parts_on(of.space().data, m);
+  const RunGrams::Posterior at = of.grams(m).posterior();
+  const NoiseModel model = of.noise(m);
+  std::vector<VectorXd> out_e;
+  for (size_t r = 0; r < of.space().data.y.size(); ++r) {
+    VectorXd e = residual_of(of.space().data, own, at, r);
+    whiten(compute_gains(of.space().data.campaign.runs[r], model), e.data(), static_cast<size_t>(e.size()));
+    out_e.push_back(std::move(e));
+  }
+  return out_e;
+}
+struct JumpBlock {
+  size_t run;
+  long k; // of its used rows
+};
+// The largest innovations, that of the largest first: where a jump would show.
+std::vector<JumpBlock> likely_jump_blocks(const SlowLikelihood& of, const SlowModel& m) {
+  std::vector<std::pair<double, JumpBlock>> list;
+  const std::vector<VectorXd> e = innovations(of, m);
+  for (size_t r = 0; r < e.size(); ++r)
+    for (long k = 3; k + 3 < e[r].size(); ++k) list.push_back({std::fabs(e[r][k]), {r, k}});
+  const size_t n = std::min(kStepPlaces, list.size());
+  std::partial_sort(list.begin(), list.begin() + static_cast<long>(n), list.end(),
+                    [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<JumpBlock> blocks;
+  for (size_t i = 0; i < n; ++i) blocks.push_back(list[i].second);
+  return blocks;
+}
+std::vector<Theta> likely_steps(const SlowLikelihood& of, const SlowModel& m) {
+  std::vector<Theta> places;
+  for (const JumpBlock& b : likely_jump_blocks(of, m)) {
+    const CampaignRun& run = of.space().data.campaign.runs[b.run];
+    const double t = run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(b.k)])];
+    places.push_back({static_cast<double>(b.run), t - 0.5 * of.space().data.campaign.dt_s});
+  }
+  return places;
+}
+std::vector<JumpPlace> likely_jumps(const SlowLikelihood& of, const SlowModel& m) {
+  std::vector<JumpPlace> places;
+  for (const JumpBlock& b : likely_jump_blocks(of, m)) {
+    const CampaignRun& run = of.space().data.campaign.runs[b.run];
+    const auto temp_degc = [&](long k) {
+      return run.input.smooth_degc[static_cast<size_t>(run.used[static_cast<size_t>(k)])];
+    };
+    places.push_back({0.5 * (temp_degc(b.k - 1) + temp_degc(b.k)), temp_degc(b.k + 3) > temp_degc(b.k - 3)});
+  }
+  return places;
+}
+
+// The last jump of a hypothesis where inside its rows the data have it, ever finer; the noise stays.
+void place_last(const SlowLikelihood& of, SlowModel* m) {
+  for (double apart_s = 0.5 * of.space().data.campaign.dt_s; apart_s > kFinestPlace * of.space().data.campaign.dt_s;
+       apart_s *= 0.5)
+    for (const double way_s : {-apart_s, apart_s}) {
+      SlowModel moved = *m;
+      moved.steps.back()[1] += way_s;
+      moved.value = of.evaluate(moved);
+      if (moved.value > m->value) *m = moved;
+    }
+}
+
+} // namespace
+
+// Jumps that earn their cost, one after the other, the noise estimated again with each.  More than a few are not
+// jumps but a noise: none then.
+std::vector<Theta> find_steps(const SlowLikelihood& of, const SlowModel& null) {
+  if (!of.space().steps) return {};
+  SlowModel now = null;
+  while (now.steps.size() < kMostSteps) {
+    SlowModel best = now;
+    best.value = -1e300;
+    for (const Theta& place : likely_steps(of, now)) {
+      SlowModel with = now;
+      with.steps.push_back(place);
+      with.value = of.evaluate(with);
+      if (with.value > best.value) best = with;
+    }
+    if (best.value < now.value + of.space().constants.step_try_part * of.space().constants.step_nats) return now.steps;
+    best = polished(of, best, kQuickEvaluations);
+    if (best.value < now.value + of.space().constants.step_nats) return now.steps;
+    place_last(of, &best); // it has earned its cost at the end of a row: a finer place costs nothing more
+    now = polished(of, best, kQuickEvaluations);
+  }
+  return {};
+}
+
+// A jump between two places of the grid may gain next to nothing on either.  A candidate that jumps is also tried where
+// the innovations beside `m` are largest, and taken where it alone does better than `in_time`, which jumps at times, or
+// where held-out logs are to tell the two.
+void try_jumps(const SlowLikelihood& of, const SlowModel& m, const SlowModel& in_time,
+               std::vector<SlowCandidateScore>* scores) {
+  std::vector<JumpPlace> places;
+  for (SlowCandidateScore& s : *scores) {
+    if (s.model.names.size() != m.names.size() + 1) continue;
+    const Candidate& c = of.space().candidates[s.model.names.back().candidate];
+    if (!c.effect || !c.scan.estimator->can_jump()) continue;
+    if (places.empty()) places = likely_jumps(of, m);
+    SlowModel found = best_of(of, m, s.model, c.scan.estimator->shapes_of_jumps(places));
+    if (found.names.empty()) continue;
+    approach(of, &found);
+    found = polished(of, found);
+    if ((c.is_once || of.score(found) > of.score(in_time)) && found.free_score() > s.gain_nats)
+      s.model = found, s.gain_nats = found.free_score();
+  }
+}
+
+} // namespace imucal

@@ -1,0 +1,439 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/stages/gap.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "analysis/diagnose/evidence/reduction.h"
+#include "base/rng.h"
+#include "base/units.h"
+
+namespace imucal {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr double kMinute_s = 60;
+constexpr double kLeast_h = 1e-9; // of held-out data: a divisor
+
+// A residual path as the filter of the nominal model's white noise and first Markov process follows it.
+struct FollowedPath {
+  VectorXd cumulative; // sum of the samples before k
+  VectorXd estimate;   // of sample k, from those before it
+};
+FollowedPath followed(const VectorXd& x, double phi, double gain) {
+  FollowedPath out{VectorXd(x.size() + 1), VectorXd(x.size() + 1)};
+  double sum = 0, estimate = 0;
+  for (long k = 0; k < x.size(); ++k) {
+    out.cumulative[k] = sum, out.estimate[k] = estimate;
+    sum += x[k];
+    estimate = phi * (estimate + gain * (x[k] - estimate));
+  }
+  out.cumulative[x.size()] = sum, out.estimate[x.size()] = estimate;
+  return out;
+}
+
+// DP2 of a residual path: error of the mean over the next n samples, predicted by a filter of the nominal model's white
+// noise and first Markov process alone: the same filter for the data and for simulations of both models.
+// Each tau is a whole number of steps dt, at least one.
+std::vector<double> dp2(const std::vector<VectorXd>& paths, const NoiseModel& nominal, double dt_s,
+                        const std::vector<double>& tau_s) {
+  constexpr long kStart = 300; // samples until the filter has settled
+  const double phi = nominal.markov.empty() ? 0 : nominal.markov[0].phi(dt_s);
+  const double q = nominal.markov.empty() ? 0 : nominal.markov[0].q_dph2(dt_s);
+  const double r = nominal.white_sigma_dph * nominal.white_sigma_dph / dt_s;
+  double p = q / std::max(1e-12, 1 - phi * phi);
+  for (int i = 0; i < 5000; ++i) p = phi * phi * p * r / (p + r) + q;
+  std::vector<FollowedPath> all;
+  for (const VectorXd& x : paths) all.push_back(followed(x, phi, p / (p + r)));
+  std::vector<double> out;
+  for (double tau : tau_s) {
+    const long n = std::lround(tau / dt_s), stride = std::max<long>(1, n / 10);
+    double sum = 0, count = 0;
+    for (const FollowedPath& path : all)
+      for (long k = (kStart / stride + 1) * stride; k + n < path.cumulative.size(); k += stride) {
+        const double mean = (path.cumulative[k + n] - path.cumulative[k]) / static_cast<double>(n);
+        sum += (mean - path.estimate[k]) * (mean - path.estimate[k]), count += 1;
+      }
+    out.push_back(count > 0 ? std::sqrt(sum / count / 2) : std::nan(""));
+  }
+  return out;
+}
+
+// Data with the places of what is learned from and what is predicted.
+struct Split {
+  SlowData data;
+  std::vector<char> train, all; // per run
+  std::vector<size_t> units;    // runs
+};
+
+// Mean squares of the minutes of one unit, and their number.
+struct Minutes {
+  double sum = 0, n = 0;
+};
+Minutes minutes_of(VectorXd rest, double dt_s) {
+  Minutes out;
+  const long minute = std::max(1L, std::lround(kMinute_s / dt_s));
+  if (rest.size() > 0) rest.array() -= rest.mean();
+  for (long k = 0; k + minute <= rest.size(); k += minute)
+    out.sum += std::pow(rest.segment(k, minute).mean(), 2), out.n += 1;
+  return out;
+}
+
+// What one hypothesis makes of the held-out units of a split.
+struct Prediction {
+  std::vector<double> nats; // per unit
+  std::vector<std::vector<VectorXd>>
+      mean;                             // per split and unit: what it predicts there, constants and start states fitted
+  std::vector<VectorXd> left;           // per unit: the rates less that
+  std::vector<MatrixXd> starts, shapes; // per unit: columns with a coefficient of the run, and those common to all
+};
+MatrixXd side_by_side(const std::vector<const MatrixXd*>& parts) {
+  long cols = 0;
+  for (const MatrixXd* m : parts) cols += m->cols();
+  MatrixXd out(parts.front()->rows(), cols);
+  long at = 0;
+  for (const MatrixXd* m : parts) out.middleCols(at, m->cols()) = *m, at += m->cols();
+  return out;
+}
+void keep_columns(const SlowData& data, const std::vector<MeanPart>& parts, size_t run, Prediction* out) {
+  const MatrixXd none(data.y[run].size(), 0);
+  std::vector<const MatrixXd*> starts{&none}, shapes{&data.powers[run]};
+  for (const MeanPart& part : parts) {
+    starts.push_back(&part.local[run]), shapes.push_back(&part.common[run]);
+    if (!part.powers.empty()) shapes.push_back(&part.powers[run]);
+  }
+  out->starts.push_back(side_by_side(starts)), out->shapes.push_back(side_by_side(shapes));
+}
+Prediction predict(const SlowSearch& search, const Split& split, const SlowModel& model) {
+  Prediction out;
+  out.mean.emplace_back();
+  const std::vector<MeanPart> parts = search.parts_on(split.data, model);
+  const RunGrams grams(split.data, pointers_of(parts), search.noise_of(model));
+  const double trained = grams.log_marginal(1, split.train);
+  const RunGrams::Posterior at = grams.posterior(split.train);
+  for (size_t unit : split.units) {
+    std::vector<char> with = split.train;
+    with[unit] = 1;
+    out.nats.push_back(grams.log_marginal(1, with) - trained);
+    const VectorXd rest = residual_of(split.data, parts, at, unit);
+    out.mean.back().push_back(split.data.y[unit] - rest);
+    out.left.push_back(rest);
+    keep_columns(split.data, parts, unit, &out);
+  }
+  return out;
+}
+
+std::vector<Split> splits_of(const SlowData& training, const Campaign* held_out, HeldOut* method) {
+  std::vector<Split> out;
+  const size_t n = training.campaign.runs.size();
+  if (held_out) {
+    *method = HeldOut::kLogs;
+    Split split{with_held_out(training, *held_out), {}, {}, {}};
+    const size_t n_all = split.data.campaign.runs.size();
+    split.train.assign(n_all, 0);
+    std::fill_n(split.train.begin(), n, 1);
+    for (size_t r = n; r < n_all; ++r) split.units.push_back(r);
+    out.push_back(std::move(split));
+    return out;
+  }
+  *method = HeldOut::kEachLog;
+  for (size_t r = 0; r < n; ++r) {
+    Split split{training, std::vector<char>(n, 1), {}, {r}};
+    split.train[r] = 0;
+    out.push_back(std::move(split));
+  }
+  return out;
+}
+
+// One log: its quarters.  The likelihood of a quarter is that of the whole less that of the rest.
+CampaignRun only_rows(const CampaignRun& run, size_t quarter, bool is_inside) {
+  CampaignRun out = run;
+  const size_t n = run.n();
+  for (size_t k = 0; k < n; ++k)
+    if ((k * 4 / n == quarter) != is_inside) out.input.rate_dph[static_cast<size_t>(run.used[k])] = std::nan("");
+  find_used(&out);
+  return out;
+}
+
+Prediction predict_quarters(const SlowSearch& search, const SlowData& training, const SlowModel& model) {
+  Prediction out;
+  const auto grams_on = [&](const SlowData& data, const std::vector<MeanPart>& parts) {
+    return RunGrams(data, pointers_of(parts), search.noise_of(model));
+  };
+  const std::vector<MeanPart> parts = search.parts_on(training, model);
+  const double whole = grams_on(training, parts).log_marginal(1);
+  for (size_t q = 0; q < 4; ++q) {
+    Campaign rest = training.campaign;
+    rest.runs[0] = only_rows(training.campaign.runs[0], q, false);
+    const SlowData data(rest, training);
+    std::vector<MeanPart> rest_parts; // the polynomial of a name keeps its normalisation, as the nominal one does
+    for (const MeanPart& part : parts) rest_parts.push_back(rows_of(part, training, data));
+    const RunGrams grams = grams_on(data, rest_parts);
+    out.nats.push_back(whole - grams.log_marginal(1));
+    out.left.push_back(residual_of(training, parts, grams.posterior(), 0));
+    keep_columns(training, parts, 0, &out);
+  }
+  return out;
+}
+
+Prediction predict_all(const SlowSearch& search, const SlowData& training, const std::vector<Split>& splits,
+                       const SlowModel& model) {
+  if (splits.empty()) return predict_quarters(search, training, model);
+  Prediction out;
+  for (const Split& split : splits) {
+    const Prediction one = predict(search, split, model);
+    out.nats.insert(out.nats.end(), one.nats.begin(), one.nats.end());
+    out.mean.insert(out.mean.end(), one.mean.begin(), one.mean.end());
+    out.left.insert(out.left.end(), one.left.begin(), one.left.end());
+    out.starts.insert(out.starts.end(), one.starts.begin(), one.starts.end());
+    out.shapes.insert(out.shapes.end(), one.shapes.begin(), one.shapes.end());
+  }
+  return out;
+}
+// The held-out units as a hypothesis predicts them.
+std::vector<Split> as_predicted(std::vector<Split> splits, const Prediction& by) {
+  for (size_t s = 0; s < splits.size(); ++s)
+    for (size_t u = 0; u < splits[s].units.size(); ++u) splits[s].data.y[splits[s].units[u]] = by.mean[s][u];
+  return splits;
+}
+
+double sum_of(const std::vector<double>& x) {
+  double sum = 0;
+  for (double v : x) sum += v;
+  return sum;
+}
+double mean_square(const std::vector<Minutes>& rest) {
+  double sum = 0, n = 0;
+  for (const Minutes& m : rest) sum += m.sum, n += m.n;
+  return n > 0 ? sum / n : 0;
+}
+
+// Variance of the mean of a Markov process of unit variance over a time of t/tau: its covariance exp(-|u|/tau), integrated
+// over the square of that time.
+double mean_of_markov(double t_over_tau) {
+  const double a = t_over_tau;
+  return a < 1e-4 ? 1 - a / 3 : 2 / (a * a) * (a + std::expm1(-a));
+}
+// Mean square of one-minute means of the noise itself about their mean over a unit of `length_s`.
+double noise_of_minutes(const NoiseModel& noise, double length_s) {
+  const double length = std::max(length_s, 2 * kMinute_s);
+  const double white = noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2;
+  double sum = white * (1 / kMinute_s - 1 / length);
+  for (const Markov& m : noise.markov)
+    sum += m.sigma_dph * m.sigma_dph * (mean_of_markov(kMinute_s / m.tau_s) - mean_of_markov(length / m.tau_s));
+  const double walk = noise.walk_dph_per_rt_s;
+  return sum + walk * walk * (length - kMinute_s) / 6;
+}
+// The same over units of different lengths, weighted by their minutes.
+double noise_of_units(const NoiseModel& noise, const std::vector<Minutes>& rest) {
+  double sum = 0, n = 0;
+  for (const Minutes& m : rest) sum += m.n * noise_of_minutes(noise, m.n * kMinute_s), n += m.n;
+  return n > 0 ? sum / n : 0;
+}
+
+// Places among the used rows of a run that count.
+std::vector<size_t> all_rows(const CampaignRun& run, size_t first, size_t end) {
+  std::vector<size_t> out;
+  for (size_t k = first; k < end && k < run.n(); ++k) out.push_back(k);
+  return out;
+}
+// Those at temperatures that the fitted runs pass, or nearly: beyond, every answer is an extrapolated polynomial.
+std::vector<size_t> rows_within(const Campaign& campaign, size_t unit, const std::vector<char>& is_fitted) {
+  if (!campaign.has_temperature) return all_rows(campaign.runs[unit], 0, campaign.runs[unit].n());
+  double lo = 1e300, hi = -1e300;
+  for (size_t r = 0; r < campaign.runs.size(); ++r)
+    for (size_t k = 0; is_fitted[r] && k < campaign.runs[r].n(); ++k) {
+      const double at = campaign.runs[r].input.smooth_degc[static_cast<size_t>(campaign.runs[r].used[k])];
+      lo = std::min(lo, at), hi = std::max(hi, at);
+    }
+  std::vector<size_t> out;
+  const CampaignRun& run = campaign.runs[unit];
+  for (size_t k = 0; k < run.n(); ++k) {
+    const double at = run.input.smooth_degc[static_cast<size_t>(run.used[k])];
+    if (at > lo - kBeyond_degc && at < hi + kBeyond_degc) out.push_back(k);
+  }
+  return out;
+}
+
+HeldOutUnit held_out_unit(const CampaignRun& run, const std::vector<size_t>& rows, const Prediction& before,
+                          const Prediction& after, size_t u) {
+  HeldOutUnit out;
+  out.run = run;
+  std::fill(out.run.input.rate_dph.begin(), out.run.input.rate_dph.end(), std::nan(""));
+  const long n = static_cast<long>(rows.size());
+  out.left.resize(n), out.change.resize(n);
+  out.starts.resize(n, after.starts[u].cols()), out.shapes.resize(n, after.shapes[u].cols());
+  for (long i = 0; i < n; ++i) {
+    const long k = static_cast<long>(rows[static_cast<size_t>(i)]);
+    const size_t row = static_cast<size_t>(run.used[rows[static_cast<size_t>(i)]]);
+    out.run.input.rate_dph[row] = run.input.rate_dph[row];
+    out.left[i] = after.left[u][k], out.change[i] = before.left[u][k] - after.left[u][k];
+    out.starts.row(i) = after.starts[u].row(k), out.shapes.row(i) = after.shapes[u].row(k);
+  }
+  find_used(&out.run);
+  return out;
+}
+
+std::vector<HeldOutUnit> held_out_units(const SlowData& training, const std::vector<Split>& splits,
+                                        const Prediction& before, const Prediction& after, bool only_within) {
+  std::vector<HeldOutUnit> out;
+  if (splits.empty()) {
+    const CampaignRun& run = training.campaign.runs[0];
+    for (size_t q = 0; q < 4; ++q)
+      out.push_back(
+          held_out_unit(run, all_rows(run, q * run.n() / 4, (q + 1) * run.n() / 4), before, after, out.size()));
+    return out;
+  }
+  for (const Split& split : splits)
+    for (size_t unit : split.units) {
+      const CampaignRun& run = split.data.campaign.runs[unit];
+      const std::vector<size_t> rows =
+          only_within ? rows_within(split.data.campaign, unit, split.train) : all_rows(run, 0, run.n());
+      out.push_back(held_out_unit(run, rows, before, after, out.size()));
+    }
+  return out;
+}
+size_t n_rows(const std::vector<HeldOutUnit>& units) {
+  size_t n = 0;
+  for (const HeldOutUnit& unit : units) n += unit.run.n();
+  return n;
+}
+
+// Of one-minute means.
+void set_residuals(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units, double dt_s,
+                   GapResult* out) {
+  std::vector<Minutes> before, after;
+  for (const HeldOutUnit& unit : units) {
+    before.push_back(minutes_of(unit.left + unit.change, dt_s));
+    after.push_back(minutes_of(unit.left, dt_s));
+  }
+  out->rms_before_dph = std::sqrt(mean_square(before)), out->rms_after_dph = std::sqrt(mean_square(after));
+  out->noise_rms_dph = std::sqrt(noise_of_units(gaussian_equivalent(search.seconds_noise_of(final)), after));
+}
+
+void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,
+                   GapResult* out) {
+  if (!(out->part_within > 0)) {
+    out->ci_lo = -1, out->ci_hi = 1;
+    return;
+  }
+  const Reduction found = reduction_of(units, search.noise_of(final));
+  out->before = found.before_dph2, out->after = found.after_dph2;
+  out->shrinkage = found.shrinkage, out->ci_lo = found.lo, out->ci_hi = found.hi;
+}
+
+} // namespace
+
+SlowData with_held_out(const SlowData& training, const Campaign& held_out) {
+  Campaign both = training.campaign;
+  both.runs.insert(both.runs.end(), held_out.runs.begin(), held_out.runs.end());
+  SlowData out(std::move(both));
+  out.spread_dph = training.spread_dph;
+  return out;
+}
+
+double predicted_nats(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
+                      const SlowModel& model) {
+  HeldOut method;
+  const bool is_single = !held_out && training.campaign.runs.size() == 1;
+  const std::vector<Split> splits = is_single ? std::vector<Split>() : splits_of(training, held_out, &method);
+  return sum_of(predict_all(search, training, splits, model).nats);
+}
+
+GapResult measure_gap(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
+                      const SlowModel& null, const SlowModel& final) {
+  GapResult out;
+  const bool is_single = !held_out && training.campaign.runs.size() == 1;
+  std::vector<Split> splits;
+  if (is_single)
+    out.method = HeldOut::kQuarters;
+  else
+    splits = splits_of(training, held_out, &out.method);
+  const Prediction before = predict_all(search, training, splits, null);
+  const Prediction after = predict_all(search, training, splits, final);
+  for (size_t u = 0; u < before.nats.size(); ++u) out.delta_by_unit.push_back(2 * (after.nats[u] - before.nats[u]));
+  out.delta_deviance = sum_of(out.delta_by_unit);
+  const std::vector<Split> ideal = as_predicted(splits, after);
+  const double ideal_nats = ideal.empty() ? std::nan("") : sum_of(predict_all(search, training, ideal, final).nats);
+  const auto support = [&](const SlowModel& less) {
+    return GapResult::Support{sum_of(after.nats) - sum_of(predict_all(search, training, splits, less).nats),
+                              ideal.empty() ? std::nan("")
+                                            : ideal_nats - sum_of(predict_all(search, training, ideal, less).nats)};
+  };
+  for (size_t i = 0; i < final.names.size(); ++i) {
+    SlowModel less = final;
+    less.names[i].is_start_only = true; // what is free in every run predicts none
+    out.beyond_start.push_back(support(less));
+    out.at_all.push_back(support(final.without(i)));
+  }
+  const Campaign& campaign = held_out ? *held_out : training.campaign;
+  std::vector<HeldOutUnit> units = held_out_units(training, splits, before, after, true);
+  const size_t within = n_rows(units);
+  out.part_within = static_cast<double>(within) / static_cast<double>(campaign.n());
+  if (within == 0) units = held_out_units(training, splits, before, after, false);
+  const double seconds = static_cast<double>(campaign.n()) * campaign.dt_s;
+  out.hours = std::max(kLeast_h, seconds / 3600);
+  out.gain = out.delta_deviance / out.hours;
+  set_residuals(search, final, units, campaign.dt_s, &out);
+  out.has_mean = !final.names.empty();
+  if (out.has_mean) set_shrinkage(search, final, units, &out);
+  return out;
+}
+
+namespace {
+
+std::vector<VectorXd> simulated(const Campaign& seconds, const NoiseModel& noise, uint64_t seed, uint64_t draw) {
+  std::vector<VectorXd> out;
+  const NoiseModel gaussian = gaussian_equivalent(noise);
+  for (size_t r = 0; r < seconds.runs.size(); ++r) {
+    const Rng rng(seed, draw, static_cast<uint32_t>(r), static_cast<uint32_t>(Stream::kTool) + 9);
+    const RunGains gains = compute_gains(seconds.runs[r], gaussian);
+    VectorXd x(static_cast<long>(seconds.runs[r].n()));
+    rng.normals(0, static_cast<size_t>(x.size()), x.data());
+    colour(gains, x.data(), static_cast<size_t>(x.size()));
+    out.push_back(std::move(x));
+  }
+  return out;
+}
+
+double distance(const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0, n = 0;
+  for (size_t i = 0; i < a.size(); ++i)
+    if (std::isfinite(a[i]) && std::isfinite(b[i])) sum += std::pow(a[i] - b[i], 2), n += 1;
+  return n > 0 ? std::sqrt(sum / n) : 0;
+}
+
+} // namespace
+
+void compare_dp2(const Campaign& seconds, const NoiseModel& nominal, const NoiseModel& final, const Fit& before,
+                 const Fit& after, uint64_t seed, GapResult* gap) {
+  double shortest = 1e300;
+  for (const CampaignRun& run : seconds.runs)
+    shortest = std::min(shortest, static_cast<double>(run.n()) * seconds.dt_s);
+  for (double tau = std::max(2.0, seconds.dt_s); tau <= shortest / 4; tau *= 1.6) {
+    const double whole = seconds.dt_s * std::round(tau / seconds.dt_s);
+    if (gap->dp2_tau_s.empty() || whole > gap->dp2_tau_s.back()) gap->dp2_tau_s.push_back(whole);
+  }
+  const auto curve_of = [&](const NoiseModel& noise) {
+    std::vector<double> square(gap->dp2_tau_s.size(), 0.0);
+    constexpr int kDraws = 2;
+    for (int d = 0; d < kDraws; ++d) {
+      const std::vector<double> c =
+          dp2(simulated(seconds, noise, seed, static_cast<uint64_t>(d)), nominal, seconds.dt_s, gap->dp2_tau_s);
+      for (size_t i = 0; i < square.size(); ++i) square[i] += c[i] * c[i] / kDraws;
+    }
+    for (double& s : square) s = std::sqrt(s);
+    return square;
+  };
+  gap->dp2_data_dph = dp2(before.residual, nominal, seconds.dt_s, gap->dp2_tau_s);
+  const std::vector<double> left = dp2(after.residual, nominal, seconds.dt_s, gap->dp2_tau_s);
+  gap->dp2_nominal_dph = curve_of(nominal);
+  gap->dp2_final_dph = final == nominal ? gap->dp2_nominal_dph : curve_of(final);
+  gap->dp2_before_dph = distance(gap->dp2_data_dph, gap->dp2_nominal_dph);
+  gap->dp2_after_dph = distance(left, gap->dp2_final_dph);
+}
+
+} // namespace imucal

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: MIT
+// How far the gap shrinks on data that were not fitted.
+//
+// A hypothesis M predicts a held-out unit u (a log, or a quarter of the only one) with log density
+// L(M; train + u) - L(M; train): constants and start states of u are integrated out.  In dph: the mean learned from the
+// training data is taken off the held-out rates; the mean square of what is left, averaged over minutes, is told beside what
+// the noise model alone leaves in them.  The shrinkage and its interval are those of reduction.h: of the mean without its
+// noise.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "analysis/diagnose/evidence/fit.h"
+#include "analysis/diagnose/search/search.h"
+
+namespace imucal {
+
+// How far beyond the temperatures of the fitted logs held-out rates still count.
+constexpr double kBeyond_degc = 1;
+
+// Width of the 95 % interval of a shrinkage from which it is no figure: the noise of the held-out rates hides the gap.
+constexpr double kWidestFigure = 0.4;
+
+enum class HeldOut { kLogs, kEachLog, kQuarters };
+
+struct GapResult {
+  HeldOut method = HeldOut::kEachLog;
+  double before = 0, after = 0; // mean square above the noise, dph^2
+  double shrinkage = 0, ci_lo = 0, ci_hi = 0;
+  double part_within = 1; // of the held-out rates that are at temperatures that were fitted
+  // The rates tell the shrinkage well enough for a figure.
+  bool has_figure() const { return has_mean && !is_of_nearest && ci_hi - ci_lo < kWidestFigure; }
+  // Of a shape that only comes nearest to what was found.  What it gets wrong has a shape of its own; an interval that does not
+  // know that shape is too narrow.
+  bool is_of_nearest = false;
+  bool has_mean = false;             // something in the mean predicts other data; else the figures are of the deviance
+  double gain = 0;                   // deviance per hour that the names remove
+  double delta_deviance = 0;         // of all held-out units
+  std::vector<double> delta_by_unit; // deviance
+  // What a name is worth to the held-out data, and what it would be worth to data without noise that are just as the
+  // fitted hypothesis predicts: what they can show of it.
+  struct Support {
+    double nats = 0;     // lost without the name; < 0: they speak against it
+    double expected = 0; // NaN: not worked out
+  };
+  std::vector<Support> beyond_start; // per name, against nothing but the start states it leaves
+  std::vector<Support> at_all;       // per name, against neither the name nor its start states
+  double hours = 0;
+  double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of one-minute means
+  double dp2_before_dph = 0, dp2_after_dph = 0;                    // distance of the DP2 curves of data and model
+  std::vector<double> dp2_tau_s, dp2_data_dph, dp2_nominal_dph, dp2_final_dph;
+};
+
+// The fitted logs, and then the held-out ones, with the scale of priors of the fitted ones.
+SlowData with_held_out(const SlowData& training, const Campaign& held_out);
+
+// `training`: block means of the fitted logs; `held_out`: of further logs, or nullptr.
+GapResult measure_gap(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
+                      const SlowModel& null, const SlowModel& final);
+
+// log p(held-out units | training data, model): the same for one hypothesis alone.
+double predicted_nats(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
+                      const SlowModel& model);
+
+// DP2 of the residuals of both models against simulations of both (in `gap`).
+void compare_dp2(const Campaign& seconds, const NoiseModel& nominal, const NoiseModel& final, const Fit& before,
+                 const Fit& after, uint64_t seed, GapResult* gap);
+
+} // namespace imucal

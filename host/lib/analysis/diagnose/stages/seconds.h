@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: MIT
+// The fast stage: what the single seconds say once the slow causes are in the mean.  Noise parameters of the
+// seconds, kinds of fast noise, tones, and tests of what is left that need no library.
+#pragma once
+#include <functional>
+#include <vector>
+
+#include "analysis/diagnose/evidence/fit.h"
+#include "analysis/diagnose/search/search.h"
+
+namespace imucal {
+
+// Log-likelihood of noise models on a residual (rate minus fitted mean) of all runs; Gaussian models and mixtures.
+class ResidualLikelihood {
+public:
+  // Both must outlive it: the residual is no temporary.
+  ResidualLikelihood(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual);
+  ResidualLikelihood(const Campaign& campaign, std::vector<Eigen::VectorXd>&& residual) = delete;
+  double operator()(const NoiseModel& noise) const; // -1e300 where it is not finite
+
+private:
+  double of_mixture(const NoiseModel& noise) const;
+  double of_followed(const NoiseModel& noise) const;
+  double of_whitened(const NoiseModel& noise) const;
+
+  const Campaign& campaign_;
+  const std::vector<Eigen::VectorXd>& residual_;
+  std::vector<RunTimes> times_;
+  struct Alike {
+    size_t first;            // run
+    Eigen::MatrixXd columns; // of it and of the next runs with samples at the same times
+  };
+  std::vector<Alike> alike_;
+};
+
+// White noise, slow density and time constant of a noise model fitted to a residual; its effects stay as they are.
+struct SecondsNoise {
+  NoiseModel base;
+  double log_likelihood = -1e300;
+};
+// `with`, where given: what an effect makes of the base that is varied.
+SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start,
+                               const std::vector<Eigen::VectorXd>& residual,
+                               const std::function<NoiseModel(const NoiseModel&)>& with = {});
+
+struct FastFinding {
+  const Effect* effect = nullptr;
+  Theta theta, theta_errors;
+  NoiseModel base; // noise parameters beside it
+  double gain_nats = 0;
+};
+struct FastScan {
+  std::vector<FastFinding> findings; // best first
+  // The noise without any of them, from the start `from` and from that beside each that gains: a search beside a kind may
+  // come to a better noise, and what that gains alone is not the kind's.
+  SecondsNoise plain;
+  bool changes_suddenly = false; // the innovations under `from`
+};
+// Every kind of fast noise of the library that may be asked.  `from`: noise that all of them contain.
+// `may_ask_slow`: kinds of slow noise too where that noise does not fit the spectrum of the residual.
+FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
+                         const std::vector<Eigen::VectorXd>& residual, const std::vector<const Effect*>& library,
+                         const std::vector<bool>& active, const SelectorConstants& constants,
+                         bool may_ask_slow = false);
+// The parameters of a finding searched again on another residual, those of the noise beside it where `is_base_free`.
+// Returns the log-likelihood that they reach.
+double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, FastFinding* finding);
+// Standard errors of its parameters, the noise beside it as it is.
+void set_errors(const ResidualLikelihood& log_likelihood, FastFinding* finding);
+
+// Whether sudden changes go one way more than the other, as teeth do; telegraph noise jumps up and down in turn.  Said at a
+// rate of 1 in 100 at most where they do not.  `residual`: rate less the fitted mean; `noise`: of any kind.
+bool is_one_sided(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual, const NoiseModel& noise);
+
+// Whether what noise with hits takes for hits stays: innovations after a hit have its sign, as after a jump.  A hit is gone
+// with its sample.  Said at rest_rate where it is.
+bool do_hits_stay(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual, const NoiseModel& noise,
+                  const SelectorConstants& constants);
+
+// Tests of innovations that no effect owns.
+enum class Rest {
+  kSpectrum,
+  kVarianceOverTemperature,
+  kVarianceOverTime,
+  kDistribution,
+  kBursts,
+  kLine,
+  kSuddenChanges,
+  kCount
+};
+struct RestFinding {
+  Rest test = Rest::kSpectrum;
+  double evidence_nats = 0;  // > 0: fires; at rest_rate on a right model
+  double threshold_nats = 0; // what -ln p has beyond it is the evidence; p of a line: of one place of the spectrum
+  double n_places = 1;       // that were looked at for the strongest line
+
+  // Probability of so much, or more, on a right model; of a line: at most.
+  double p_value() const;
+};
+std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e,
+                                   const SelectorConstants& constants);
+
+} // namespace imucal

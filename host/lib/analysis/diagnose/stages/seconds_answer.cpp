@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/stages/seconds_answer.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "analysis/diagnose/stages/slow_stage.h"
+
+namespace imucal {
+
+using Eigen::VectorXd;
+
+Hypothesis hypothesis_of(const AxisQuestion& question, const SlowSearch& search, const SlowModel& m, bool with_names) {
+  Hypothesis h;
+  h.base_noise = search.base_noise_of(m);
+  h.base_noise.extra_white_dph2 = question.extra_white_dph2;
+  for (const NoiseBelief::Known& known : question.belief.known)
+    if (known.estimator->form() != Form::kTone) h.known.push_back(term_of(nullptr, known.estimator, known.shape));
+  if (!with_names) return h;
+  for (const NamedLine& line : question.lines)
+    h.terms.push_back(term_of(line.effect, line.effect->estimator(), line.shape));
+  for (const SlowModel::Name& name : m.names) {
+    const Candidate& c = search.candidates()[name.candidate];
+    h.terms.push_back(term_of(c.effect, c.scan.estimator, name.shape));
+  }
+  if (!m.steps.empty()) {
+    Theta shape;
+    for (const Theta& step : m.steps) shape.insert(shape.end(), step.begin(), step.end());
+    for (const Effect* effect : question.library)
+      if (effect->estimator() && effect->estimator()->form() == Form::kSteps)
+        h.terms.push_back(term_of(effect, effect->estimator(), shape));
+  }
+  if (m.noise_effect) h.terms.push_back(term_of(m.noise_effect, m.noise_effect->estimator(), m.noise_theta));
+  return h;
+}
+
+NoiseModel believed_noise(const SlowSearch& search, SlowModel m) {
+  m.is_believed = true;
+  return search.seconds_noise_of(m);
+}
+
+void fit_own_base(const AxisQuestion& question, const SlowAnswer& slow, SecondsAnswer* seconds) {
+  const SlowModel& m = slow.found.best;
+  if (!m.noise_effect) return;
+  seconds->own_base = slow.search->base_noise_of(m);
+  seconds->own_base.extra_white_dph2 = question.extra_white_dph2;
+  if (seconds->is_believed) return;
+  fit_own_base_beside(nullptr, {}, question, slow, seconds);
+}
+void fit_own_base_beside(const EffectEstimator* fast, const Theta& theta, const AxisQuestion& question,
+                         const SlowAnswer& slow, SecondsAnswer* seconds) {
+  const SlowModel& m = slow.found.best;
+  const auto with = [&](const NoiseModel& base) {
+    const NoiseModel with_slow = m.noise_effect->estimator()->noise(base, m.noise_theta);
+    return fast ? fast->noise(with_slow, theta) : with_slow;
+  };
+  seconds->own_base = fit_seconds_noise(question.campaign, seconds->own_base, seconds->fit.residual, with).base;
+}
+
+namespace {
+
+constexpr double kPlaceBlocks = 1.5; // how far from its place in block means a jump is looked for
+
+// What was found in the mean, beside this noise of the seconds.
+Fit fit_beside(const AxisQuestion& question, const SlowAnswer& slow, const NoiseModel& noise) {
+  SlowModel mean = slow.found.best;
+  mean.noise_effect = nullptr; // the noise of the seconds has it
+  Hypothesis h = hypothesis_of(question, *slow.search, mean, true);
+  h.base_noise = noise;
+  return fit_hypothesis(question.campaign, h);
+}
+// What the seconds say for the fitted noise against the likeliest of others, the mean estimated under each and what it costs
+// counted (REML): a mean that was fitted beside one noise is no judge of the other.
+double gain_over(const AxisQuestion& question, const SlowAnswer& slow, const std::vector<NoiseModel>& others,
+                 const SecondsAnswer& seconds) {
+  double other = -1e300;
+  for (const NoiseModel& noise : others) other = std::max(other, fit_beside(question, slow, noise).reml());
+  return fit_beside(question, slow, seconds.noise.base).reml() - other;
+}
+// Whether the believed noise parameters hold is a question to the seconds, under the causes found.
+void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
+  seconds->is_believed = false;
+  if (!question.belief.has_believed) return;
+  const NoiseModel believed = believed_noise(*slow->search, slow->found.best);
+  const double as_believed = ResidualLikelihood(question.campaign, seconds->fit.residual)(believed);
+  seconds->retuned_nats = seconds->noise.log_likelihood - as_believed;
+  if (seconds->retuned_nats > question.constants.retuned_nats)
+    seconds->retuned_nats = gain_over(question, *slow, {believed}, *seconds);
+  if (seconds->retuned_nats > question.constants.retuned_nats) return;
+  seconds->is_believed = true;
+  seconds->noise.base = believed, seconds->noise.log_likelihood = as_believed;
+  slow->found.best.is_believed = true; // its noise is the believed one from here on
+  seconds->final = hypothesis_of(question, *slow->search, slow->found.best, true);
+}
+// What is left of a run where a jump of this size comes before sample `to` and not before sample `from`.
+VectorXd moved(VectorXd e, double size_dph, long from, long to) {
+  if (to < from) e.segment(to, from - to).array() -= size_dph;
+  if (to > from) e.segment(from, to - from).array() += size_dph;
+  return e;
+}
+// The sample before which a jump came, by what is left where it comes earlier or later: from `residual` of its run, with
+// the jump of this size before sample `at`.
+long placed(const CampaignRun& run, const NoiseModel& noise, const VectorXd& residual, double size_dph, long at,
+            long reach) {
+  const RunGains gains = compute_gains(run, gaussian_equivalent(noise));
+  const long n = residual.size();
+  long best = at;
+  double least = 1e300;
+  for (long k = std::max(1L, at - reach); k <= std::min(n - 1, at + reach); ++k) {
+    VectorXd e = moved(residual, size_dph, at, k);
+    whiten(gains, e.data(), static_cast<size_t>(n));
+    if (e.squaredNorm() < least) least = e.squaredNorm(), best = k;
+  }
+  return best;
+}
+// Two parts of one jump inside a block come to the same sample: they are one.
+void leave_doubles(std::vector<Theta>* steps) {
+  std::vector<Theta> apart;
+  for (const Theta& step : *steps)
+    if (std::find(apart.begin(), apart.end(), step) == apart.end()) apart.push_back(step);
+  *steps = apart;
+}
+// Block means tell the block of a jump, the seconds its sample.  Returns whether one has moved.
+bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
+  const Design design = make_design(question.campaign, seconds->final);
+  std::vector<double> sizes_dph;
+  for (size_t c = 0; c < design.cols(); ++c) {
+    const int term = design.term_of_column[c];
+    if (term >= 0 && seconds->final.terms[static_cast<size_t>(term)].form() == Form::kSteps)
+      sizes_dph.push_back(seconds->fit.beta[static_cast<long>(c)]);
+  }
+  std::vector<Theta>& steps = slow->found.best.steps;
+  const long reach = std::lround(kPlaceBlocks * slow->data->campaign.dt_s / question.campaign.dt_s);
+  std::vector<VectorXd> residual = seconds->fit.residual;
+  bool has_moved = false;
+  for (size_t s = 0; s < steps.size() && s < sizes_dph.size(); ++s) {
+    const auto r = static_cast<size_t>(steps[s][0]);
+    const CampaignRun& run = question.campaign.runs[r];
+    const auto t_s = [&](long k) { return run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(k)])]; };
+    long at = 0;
+    while (at < static_cast<long>(run.n()) && t_s(at) < steps[s][1]) ++at;
+    if (at == static_cast<long>(run.n())) continue;
+    const long k = placed(run, seconds->noise.base, residual[r], sizes_dph[s], at, reach);
+    residual[r] = moved(residual[r], sizes_dph[s], at, k);
+    const double place_s = t_s(k) - 0.5 * question.campaign.dt_s;
+    has_moved = has_moved || k != at || std::fabs(place_s - steps[s][1]) >= question.campaign.dt_s;
+    steps[s][1] = place_s;
+  }
+  const size_t n_before = steps.size();
+  leave_doubles(&steps);
+  return has_moved || steps.size() < n_before;
+}
+// Single processes that several may be taken for: the first, the strongest, and one of all their variance.
+std::vector<Markov> in_one(const std::vector<Markov>& processes) {
+  if (processes.size() == 1) return processes;
+  double variance = 0, log_tau = 0;
+  Markov strongest = processes.front();
+  for (const Markov& m : processes) {
+    const double own = m.sigma_dph * m.sigma_dph;
+    variance += own, log_tau += own * std::log(m.tau_s);
+    if (m.sigma_dph > strongest.sigma_dph) strongest = m;
+  }
+  return {processes.front(), strongest, {std::sqrt(variance), std::exp(log_tau / std::max(1e-300, variance))}};
+}
+// The likeliest noise of one process.
+NoiseModel noise_of_one(const AxisQuestion& question, const SlowAnswer& slow, const SecondsAnswer& seconds) {
+  SecondsNoise best;
+  for (const Markov& process : in_one(seconds.noise.base.markov)) {
+    NoiseModel alone;
+    alone.white_sigma_dph = seconds.noise.base.white_sigma_dph, alone.markov = {process};
+    alone.extra_white_dph2 = question.extra_white_dph2;
+    const SecondsNoise fitted = fit_seconds_noise(question.campaign, alone, seconds.fit.residual);
+    if (fitted.log_likelihood > best.log_likelihood) best = fitted;
+  }
+  return fit_seconds_noise(question.campaign, best.base, fit_beside(question, slow, best.base).residual).base;
+}
+// Block means hardly show a process of few seconds.  What a kind of slow noise that is not worth its name in them gains in the
+// seconds, over one process alone and over the believed noise, tells too.
+void weigh_noise_in_seconds(const AxisQuestion& question, const SecondsAnswer& seconds, SlowAnswer* slow) {
+  const SlowModel& best = slow->found.best;
+  std::vector<double>& evidence = slow->found.evidence;
+  if (!best.noise_effect || evidence.size() != best.names.size() + 1 || evidence.back() > 0) return;
+  if (seconds.noise.base.markov.empty()) return;
+  std::vector<NoiseModel> others = {noise_of_one(question, *slow, seconds)};
+  if (question.belief.has_believed) {
+    SlowModel plain = best;
+    plain.noise_effect = nullptr;
+    others.push_back(believed_noise(*slow->search, plain));
+  }
+  const double gain = gain_over(question, *slow, others, seconds);
+  evidence.back() = std::max(evidence.back(), gain - question.constants.fast_nats);
+}
+// The believed noise does beside a kind of noise that is not worth its name, and does not without it: other parameters
+// are the simpler answer.
+bool gives_up_unnamed_noise(const AxisQuestion& question, SlowAnswer* slow) {
+  SlowModel& best = slow->found.best;
+  if (!best.names.empty() || !best.steps.empty() || !best.noise_effect) return false;
+  if (slow->found.evidence.back() > 0 || slow->found.null.is_believed) return false;
+  best = slow->found.null;
+  slow->found.evidence.clear();
+  slow->gap = measure_gap(*slow->search, *slow->data, slow->held_blocks.get(), slow->found.null, best);
+  look_beside(question, slow);
+  return true;
+}
+
+} // namespace
+
+SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow) {
+  SecondsAnswer out;
+  SlowModel nominal = slow->found.null;
+  nominal.is_believed = nominal.is_believed || question.belief.has_believed;
+  out.nominal = hypothesis_of(question, *slow->search, nominal, false);
+  out.final = hypothesis_of(question, *slow->search, slow->found.best, true);
+  out.fit = fit_hypothesis(question.campaign, out.final);
+  out.noise = fit_seconds_noise(question.campaign, out.final.noise(), out.fit.residual);
+  if (!slow->found.best.steps.empty() && place_jumps(question, slow, &out)) {
+    out.final = hypothesis_of(question, *slow->search, slow->found.best, true);
+    out.fit = fit_hypothesis(question.campaign, out.final);
+    out.noise = fit_seconds_noise(question.campaign, out.noise.base, out.fit.residual);
+  }
+  believe_again(question, slow, &out);
+  weigh_noise_in_seconds(question, out, slow);
+  if (out.is_believed && gives_up_unnamed_noise(question, slow)) return ask_seconds(question, slow);
+  fit_own_base(question, *slow, &out);
+  return out;
+}
+std::vector<VectorXd> whitened(const Campaign& campaign, const SecondsAnswer& seconds) {
+  std::vector<VectorXd> e = seconds.fit.residual;
+  for (size_t r = 0; r < e.size(); ++r)
+    whiten(compute_gains(campaign.runs[r], gaussian_equivalent(seconds.noise.base)), e[r].data(),
+           static_cast<size_t>(e[r].size()));
+  return e;
+}
+
+} // namespace imucal

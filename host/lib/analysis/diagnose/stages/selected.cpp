@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/stages/selected.h"
+
+#include <algorithm>
+
+namespace imucal {
+
+Term term_of(const Effect* effect, const EffectEstimator* estimator, const Theta& shape) {
+  Term term;
+  term.effect = effect, term.estimator = estimator, term.shape = shape;
+  return term;
+}
+
+bool is_free(const SelectedEffect& effect) {
+  return !effect.term.effect;
+}
+void open_member(SelectedEffect* effect) {
+  effect->is_family = true, effect->doubt = Doubt::kMemberOpen;
+}
+void open_shape(SelectedEffect* effect) {
+  effect->is_family = true, effect->doubt = Doubt::kShapeOpen;
+}
+void open_loop(SelectedEffect* effect) {
+  effect->is_family = true, effect->doubt = Doubt::kLoopOpen;
+}
+bool is_shape_unknown(const SelectedEffect& effect) {
+  return effect.doubt == Doubt::kShapeOpen || effect.doubt == Doubt::kLoopOpen;
+}
+
+bool is_in_set(const SelectedEffect& effect, const Effect* member) {
+  return std::any_of(effect.set.begin(), effect.set.end(), [&](const auto& e) { return e.effect == member; });
+}
+void add_to_set(std::vector<CandidateEvidence> list, SelectedEffect* effect) {
+  std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+  // Without an effect an entry is called by its family.
+  const auto has_name = [&](const CandidateEvidence& c) {
+    return std::any_of(effect->set.begin(), effect->set.end(), [&](const CandidateEvidence& e) {
+      return e.effect == c.effect && (c.effect || e.family == c.family);
+    });
+  };
+  for (const CandidateEvidence& candidate : list)
+    if (!has_name(candidate)) effect->set.push_back(candidate);
+}
+void add_equal(const Effect* kind, SelectedEffect* effect) {
+  if (!kind || is_in_set(*effect, kind)) return;
+  effect->set.push_back(
+      {kind, nullptr, false, kind->family(), effect->gain_nats, effect->gain_nats - effect->evidence_nats});
+}
+
+} // namespace imucal

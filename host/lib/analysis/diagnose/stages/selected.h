@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT
+// One effect of the answer: its name or family, what speaks for it, and what cannot be excluded beside it.
+#pragma once
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "analysis/diagnose/evidence/fit.h"
+#include "analysis/diagnose/evidence/references.h"
+
+namespace imucal {
+
+struct CandidateEvidence {
+  const Effect* effect = nullptr;       // or
+  const Reference* reference = nullptr; // a free shape, or
+  bool is_family = false;               // a family as a whole
+  Family family = Family::kSlowNoise;
+  double gain_nats = 0, threshold_nats = 0;
+  double evidence_nats() const { return gain_nats - threshold_nats; }
+};
+
+// Why a name is not more than that.
+enum class Doubt {
+  kNone,
+  kMemberOpen, // the family is told, its member is not
+  kShapeOpen,  // a free shape of the family explains it, no member does
+  kLoopOpen,   // the states in which runs began are seen, and not the loop that they belong to
+  kSlowNoise,  // slow noise would explain it as well: these logs cannot tell
+  kAgainst     // held-out data speak against it (it is then not named, only noted)
+};
+
+// held_out_nats of what predicts nothing: jumps in time, noise, structure.
+constexpr double kPredictsNothing = std::numeric_limits<double>::quiet_NaN();
+
+struct SelectedEffect {
+  Family family = Family::kSlowNoise;
+  bool is_family = false;    // the family is the name
+  Term term;                 // the best member; term.effect is nullptr where only a free shape explains it
+  bool is_any_shape = false; // found in a shape that its parameters do not tell: `term` is the nearest that they do
+  double gain_nats = 0, evidence_nats = 0;
+  double held_out_nats = 0; // or kPredictsNothing
+  bool is_untested = false; // it predicts, but the logs held out can show neither it nor its start states
+  Doubt doubt = Doubt::kNone;
+  std::vector<CandidateEvidence> set; // what cannot be excluded, the name first
+  bool is_structural = false;
+  std::string statement; // of a structural detector
+};
+
+Term term_of(const Effect* effect, const EffectEstimator* estimator, const Theta& shape);
+
+// Explained by a free shape alone.
+bool is_free(const SelectedEffect& effect);
+// The family is told, for one of three reasons.
+void open_member(SelectedEffect* effect);
+void open_shape(SelectedEffect* effect);
+void open_loop(SelectedEffect* effect);
+// It explains nothing: its shape is open, or was not seen.
+bool is_shape_unknown(const SelectedEffect& effect);
+
+bool is_in_set(const SelectedEffect& effect, const Effect* member);
+// Behind what is in the set already, what gains most first; no name twice.
+void add_to_set(std::vector<CandidateEvidence> list, SelectedEffect* effect);
+// What no likelihood tells from the effect; nullptr: nothing.
+void add_equal(const Effect* kind, SelectedEffect* effect);
+
+} // namespace imucal

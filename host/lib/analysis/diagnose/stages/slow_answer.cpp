@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/stages/slow_answer.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace imucal {
+
+CandidateEvidence SlowAnswer::evidence_of(size_t j, double gain, double threshold) const {
+  const Candidate& c = candidate(j);
+  return {c.effect, c.reference, false, c.family(), gain, threshold};
+}
+bool SlowAnswer::leaves_much(double nats, const SelectorConstants& constants) const {
+  return nats > constants.lack_nats && nats > constants.lack_part * (std::max(0.0, gain_nats()) + nats);
+}
+bool SlowAnswer::has_free_function() const {
+  for (size_t i = 0; i < found.best.names.size(); ++i)
+    if (is_free_function(i)) return true;
+  return false;
+}
+bool SlowAnswer::can_test(size_t i, const SelectorConstants& constants) const {
+  return gap.method == HeldOut::kQuarters || can_show(gap.beyond_start[i], constants) ||
+         can_show(gap.at_all[i], constants);
+}
+bool SlowAnswer::is_against(const SelectorConstants& constants) const {
+  return held_blocks && 0.5 * gap.delta_deviance < -constants.against_nats;
+}
+void SlowAnswer::forget_causes() {
+  found.best = found.null;
+  found.evidence.clear(), found.rivals.clear(), found.replaced.clear();
+  beside.clear(), dropped.clear(), is_told_by_held_out = false;
+}
+
+namespace {
+
+// The members of a family whose shape is open, by what each gains alone.
+void add_members(const SlowAnswer& slow, const SelectorConstants& constants, SelectedEffect* effect) {
+  std::vector<CandidateEvidence> members;
+  for (size_t j = 0; j < slow.found.singles.size(); ++j) {
+    const Effect* member = slow.candidate(j).effect;
+    const double gain = slow.found.singles[j].gain_nats - slow.found.null.free_score();
+    if (!member || member == effect->term.effect || member->family() != effect->family || gain <= 0) continue;
+    members.push_back(slow.evidence_of(j, gain, constants.mean_nats));
+  }
+  add_to_set(std::move(members), effect);
+}
+
+} // namespace
+
+bool can_show(const GapResult::Support& support, const SelectorConstants& constants) {
+  return constants.predicted_part * support.expected > constants.least_held_out_nats;
+}
+
+SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& constants, size_t i) {
+  const SlowModel::Name& name = slow.found.best.names[i];
+  const Candidate& c = slow.candidate(name.candidate);
+  SelectedEffect effect;
+  effect.family = c.family();
+  effect.term = term_of(c.effect, c.scan.estimator, name.shape);
+  effect.evidence_nats = slow.found.evidence[i];
+  effect.gain_nats = effect.evidence_nats + constants.mean_nats;
+  effect.held_out_nats = c.scan.estimator->form() == Form::kRunRandom ? kPredictsNothing
+                         : i < slow.gap.beyond_start.size()           ? slow.gap.beyond_start[i].nats
+                                                                      : kPredictsNothing;
+  effect.is_untested = std::isfinite(effect.held_out_nats) && !slow.can_test(i, constants);
+  const double threshold = constants.mean_nats;
+  effect.set.push_back(slow.evidence_of(name.candidate, effect.gain_nats, threshold));
+  double nearest = 1e300; // of another member of the family
+  std::vector<CandidateEvidence> rivals;
+  for (const SlowResult::Rival& rival : slow.found.rivals[i]) {
+    const Effect* other = rival.noise_effect ? rival.noise_effect : slow.candidate(rival.candidate).effect;
+    if (!other || other == c.effect || rival.gap_nats >= constants.rivals_nats) continue;
+    if (other->family() == effect.family) nearest = std::min(nearest, rival.gap_nats);
+    rivals.push_back({other, nullptr, false, other->family(), effect.gain_nats - rival.gap_nats, threshold});
+  }
+  add_to_set(std::move(rivals), &effect);
+  if (!c.effect || name.is_at_bound) {
+    effect.is_family = true;
+    effect.doubt = Doubt::kShapeOpen;
+    add_members(slow, constants, &effect);
+  } else if (nearest < constants.family_margin_nats) {
+    open_member(&effect);
+  }
+  return effect;
+}
+
+} // namespace imucal

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+// What the slow stage says (slow_stage.h makes it): the hypothesis found in block means, what data that were not fitted
+// say of it, and what is left beside it.
+#pragma once
+#include <memory>
+#include <vector>
+
+#include "analysis/diagnose/stages/gap.h"
+#include "analysis/diagnose/stages/question.h"
+#include "analysis/diagnose/stages/selected.h"
+
+namespace imucal {
+
+// A free shape beside an answer.
+struct Beside {
+  size_t candidate;
+  double nats; // that it gains
+};
+
+struct SlowAnswer {
+  std::unique_ptr<SlowData> data;        // block means of the fitted logs
+  std::unique_ptr<SlowSearch> search;    // over them
+  std::unique_ptr<Campaign> held_blocks; // block means of the held-out logs, or nullptr
+  SlowResult found;
+  GapResult gap;                       // what found.best predicts
+  std::vector<Beside> beside;          // what found.best leaves of a cause
+  std::vector<SelectedEffect> dropped; // names that held-out data do not support
+  bool is_told_by_held_out = false;    // slow noise explains the fitted logs as well, not all logs together
+
+  const Candidate& candidate(size_t j) const { return search->candidates()[j]; }
+  CandidateEvidence evidence_of(size_t candidate, double gain_nats, double threshold_nats) const;
+  // Of everything found over nothing but noise.
+  double gain_nats() const { return found.best.free_score() - found.null.free_score(); }
+  // Whether a shape that gains so much beside the answer is held against it.
+  bool leaves_much(double nats, const SelectorConstants& constants) const;
+  // Whether a name of found.best, or any, is the free function of everything that repeats.
+  bool is_free_function(size_t name) const { return candidate(found.best.names[name].candidate).is_free_function; }
+  bool has_free_function() const;
+  // Whether held-out logs can show enough of a name of found.best, beyond its start states or with them, to be asked for it.
+  // Quarters of one log always are.
+  bool can_test(size_t name, const SelectorConstants& constants) const;
+  // Whether held-out logs become less likely by the answer.
+  bool is_against(const SelectorConstants& constants) const;
+  // No cause is left in the answer.
+  void forget_causes();
+};
+
+// Whether held-out logs can show so much of a name.
+bool can_show(const GapResult::Support& support, const SelectorConstants& constants);
+
+// A name of found.best as an effect of the answer, with the rivals that cannot be excluded.
+SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& constants, size_t name);
+
+} // namespace imucal
