@@ -7,7 +7,7 @@ ROOM = Path(__file__).resolve().parents[2] / "host/lib/analysis/diagnose"
 
 
 def in_code():
-    text = (ROOM / "constants.h").read_text(encoding="utf-8")
+    text = (ROOM / "evidence/constants.h").read_text(encoding="utf-8")
     text = text[text.index("struct SelectorConstants {"):text.index("};")]
     return {name: float(value) for name, value in re.findall(r"double (\w+) = ([-\d.e]+);", text)}
 
