@@ -5,8 +5,8 @@
     diagnosis_report.py DIAGNOSIS.json -o report.html
 
 The record comes first: rate and temperature against time, rate against temperature by its direction, the same after what
-was found; one headline; likelihoods in a fold.  Reads the contract's fields (host/formats.md, Diagnosis) and, where present,
-the member `plots` of each axis (host/lib/analysis/diagnose/README.md).  A figure whose data are missing is left out.
+was found; one headline; likelihoods in a fold.  Reads the contract's fields and, where present, the member `plots` of each
+axis (host/formats.md, Diagnosis).  A figure whose data are missing is left out.
 Exit status: 0 done, 2 usage, 3 the input is not a diagnosis.
 """
 from __future__ import annotations

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What each constant of the selector does: a fixed set of simulated cases, diagnosed with the constants as they are and
-// with each of them at half and at double.  Prints the table of host/lib/analysis/diagnose/README.md.
+// with each of them at half and at double.  Prints the tables of host/lib/analysis/diagnose/constants.md.
 //   selector_table CACHE_FOLDER [constant ...]
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The answer of diagnose as JSON (host/formats.md, Diagnosis, and host/lib/analysis/diagnose/README.md for what is added) and as text.
+// The answer of diagnose as JSON (host/formats.md, Diagnosis) and as text.
 #pragma once
 #include <string>
 

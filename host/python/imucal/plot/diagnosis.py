@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Figures of a diagnosis, as inline SVG: the record itself first, then what was made of it.
 
-Every function takes members of `plots` of one axis (host/lib/analysis/diagnose/README.md) and returns an <img> element.
+Every function takes members of `plots` of one axis (host/formats.md, Diagnosis) and returns an <img> element.
 """
 from __future__ import annotations
 
