@@ -3,7 +3,7 @@
 the result that its command saved in tests/saved, whose short form is run again and must print the same digits.
 
 Not compared: speeds, which are of a machine; the draws of `make blind`, which begin with fresh entropy and run for hours
-(tests/blind/README.md says which seed gives which cases); the counts of campaigns of an hour (`make torn`, `soak`, `month`, …)."""
+(tests/blind/README.md and HISTORY.md say which seed gives which cases); the counts of campaigns of an hour (`make torn`, `soak`, `month`, …)."""
 import os
 import pathlib
 import re
