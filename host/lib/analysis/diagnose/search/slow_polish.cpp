@@ -12,6 +12,7 @@ namespace {
 
 constexpr int kPasses = 3;     // of neighbours of a shape
 constexpr int kJumpLevels = 4; // of neighbours, each level a quarter as far apart
+constexpr double kNearBound = 0.01;
 
 struct PolishAxis {
   double* value;
@@ -75,17 +76,19 @@ template <class Value> double climb(const std::vector<PolishAxis>& axes, int eva
   }
   return value();
 }
+// Within a hundredth of the bound itself: a search seldom ends at the very bound.  A lower bound of zero is where the physics
+// ends, not where the search does.
+bool is_near_bound(double value, double lo, double hi) {
+  const bool is_low = lo != 0 && value < lo + kNearBound * std::fabs(lo);
+  return is_low || value > hi - kNearBound * std::fabs(hi);
+}
 void mark_bounds(const SlowLikelihood& of, SlowModel* m) {
   for (SlowModel::Name& name : m->names) {
     const EffectEstimator& e = *of.space().candidates[name.candidate].scan.estimator;
     name.is_at_bound = false;
     if (!of.space().candidates[name.candidate].effect || e.shape_lo().size() != name.shape.size()) continue;
-    for (size_t i = 0; i < name.shape.size(); ++i) {
-      const double margin = 1e-3 * (e.shape_hi()[i] - e.shape_lo()[i]);
-      // A lower bound of zero is where the physics ends, not where the search does.
-      const bool is_low = e.shape_lo()[i] != 0 && name.shape[i] < e.shape_lo()[i] + margin;
-      if (is_low || name.shape[i] > e.shape_hi()[i] - margin) name.is_at_bound = true;
-    }
+    for (size_t i = 0; i < name.shape.size(); ++i)
+      if (is_near_bound(name.shape[i], e.shape_lo()[i], e.shape_hi()[i])) name.is_at_bound = true;
   }
 }
 // A shape found between the places of the grid is one of many more.  The mean of the likelihood over shapes is that
