@@ -169,8 +169,12 @@ private:
     const double lost = slow_.found.best.free_score() - rival.model.free_score();
     return slow_.is_told_by_held_out || slow_.found.evidence[i] > lost;
   }
+  // What differs from run to run by chance has no start states to live off, and shows nothing but its spread: it has to be ahead.
   bool is_told_by_unseen(const SlowResult::Rival& rival) const {
-    return slow_.held_blocks && rival.gap_nats < 0 && is_shown_beyond_start(rival.model);
+    if (!slow_.held_blocks) return false;
+    if (slow_.candidate(rival.candidate).scan.estimator->form() == Form::kRunRandom)
+      return rival.gap_nats < -constants().rivals_nats;
+    return rival.gap_nats < 0 && is_shown_beyond_start(rival.model);
   }
   bool is_within_bounds(const SlowResult::Rival& rival, size_t i) const {
     return slow_.found.best.names[i].is_at_bound && !rival.model.names.back().is_at_bound &&
