@@ -184,15 +184,16 @@ private:
     if (!(found_.fast.jumping.gain_nats > 0)) measure(told);
     slow.gap.is_of_nearest = true;
   }
-  // What every effect gained alone.
+  // What every effect gained alone: without the jumps in time, if any.
   void scan_told() {
     const SlowAnswer& slow = found_.slow;
-    const double null = slow.found.null.free_score();
-    for (size_t j = 0; j < slow.found.singles.size(); ++j)
+    const SlowResult& alone = slow.found.without_steps ? *slow.found.without_steps : slow.found;
+    const double null = alone.null.free_score();
+    for (size_t j = 0; j < alone.singles.size(); ++j)
       if (slow.candidate(j).effect)
         out_.first_scan.push_back(
-            slow.evidence_of(j, std::max(0.0, slow.found.singles[j].gain_nats - null), constants().mean_nats));
-    for (const SlowCandidateScore& n : slow.found.noises)
+            slow.evidence_of(j, std::max(0.0, alone.singles[j].gain_nats - null), constants().mean_nats));
+    for (const SlowCandidateScore& n : alone.noises)
       if (n.model.noise_effect)
         out_.first_scan.push_back({n.model.noise_effect, nullptr, false, n.model.noise_effect->family(),
                                    std::max(0.0, n.gain_nats + constants().noise_kind_nats - null),
@@ -225,7 +226,9 @@ private:
     if (out_.effects.empty() && !out_.remainders.empty())
       out_.verdict = Verdict::kUnexplained;
     else if (out_.effects.empty())
-      out_.verdict = leaves ? Verdict::kUnexplained : Verdict::kNoGap;
+    // Beyond the rows of a quarter of one passage a polynomial says little: where nothing is found these prove nothing.
+    const bool leaves_alone = out_.leaves_mean && gap.method != HeldOut::kQuarters;
+      out_.verdict = leaves || leaves_alone ? Verdict::kUnexplained : Verdict::kNoGap;
     else if (!has_member && has_open)
       out_.verdict = Verdict::kUnexplained;
     else if (leaves || has_open || is_undecided || grows || !out_.remainders.empty())

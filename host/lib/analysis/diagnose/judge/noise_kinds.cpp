@@ -75,10 +75,24 @@ void add_means_that_do_as_well(const AxisQuestion& question, const SlowAnswer& s
   }
   add_to_set(std::move(means), effect);
 }
+void add_means_without_steps(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* steps) {
+  if (!slow.found.without_steps || !slow.found.best.names.empty()) return;
+  const double own = slow.search->score(slow.found.best);
+  std::vector<CandidateEvidence> means;
+  for (size_t j = 0; j < slow.found.without_steps->singles.size(); ++j) {
+    const SlowCandidateScore& s = slow.found.without_steps->singles[j];
+    if (!slow.candidate(j).effect || s.model.names.empty()) continue;
+    const double gap = own - slow.search->score(s.model);
+    if (gap < question.constants.rivals_nats)
+      means.push_back({slow.candidate(j).effect, nullptr, false, slow.candidate(j).family(),
+                       steps->evidence_nats - gap + question.constants.mean_nats, question.constants.mean_nats});
+  }
+  add_to_set(std::move(means), steps);
+}
 void add_kinds_of_noise(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* retuned) {
   const SlowModel& null = slow.found.null;
   const SlowModel& best = slow.found.best;
-  if (!best.names.empty() || (best.noise_effect && slow.found.evidence.back() > 0)) return;
+  if (!best.names.empty() || !best.steps.empty() || (best.noise_effect && slow.found.evidence.back() > 0)) return;
   std::vector<CandidateEvidence> kinds;
   for (const SlowCandidateScore& s : slow.found.noises) {
     if (!s.model.noise_effect) continue;

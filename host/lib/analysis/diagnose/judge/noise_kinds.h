@@ -10,6 +10,8 @@ void add_kinds_within(const AxisQuestion& question, const SlowAnswer& slow, doub
                       SelectedEffect* effect);
 // Causes in the mean, those that differ from run to run among them, that do as well as a kind of slow noise alone.
 void add_means_that_do_as_well(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* effect);
+// Causes in the mean that do as well as the jumps in time of slow.found.best without any.
+void add_means_without_steps(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* steps);
 // Kinds of noise beside the believed one, or beside other parameters, that do as well as these parameters.
 void add_kinds_of_noise(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* retuned);
 // Telegraph noise has the spectrum of a Markov process: where this one stands in a set of slow noises and the seconds did

@@ -163,6 +163,7 @@ private:
       effect.set = {{question_.library[j], nullptr, false, effect.family, effect.gain_nats,
                      effect.gain_nats - effect.evidence_nats}};
       add_jumps_at_temperature(question_, slow_, &effect);
+      add_means_without_steps(question_, slow_, &effect);
       // Jumps that come again and again are a noise.
       if (jumps_of_weight() > kMostJumps || (names_.effects.empty() && slow_.is_against(constants())))
         open_jumps(question_, &effect);
