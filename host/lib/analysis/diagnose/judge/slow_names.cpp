@@ -170,6 +170,14 @@ private:
       names_.effects.push_back(effect);
     }
   }
+  // Whether a spectrum that no kind owns does as well as the kind named, or better where that is one of those spectra.
+  bool is_of_another_spectrum() const {
+    const SlowModel& best = slow_.found.best;
+    if (best.noise_effect->estimator()->needs_temperature()) return false;
+    const double gain = slow_.search->with_free_spectrum(best).free_score() - best.free_score();
+    const bool is_one_of_them = !best.noise_effect->estimator()->has_markov_spectrum();
+    return gain > (is_one_of_them ? 1 : -1) * constants().rivals_nats;
+  }
   void name_slow_noise() {
     const SlowModel& best = slow_.found.best;
     SelectedEffect effect;
@@ -181,7 +189,7 @@ private:
     const double threshold = constants().noise_nats;
     effect.set = {{best.noise_effect, nullptr, false, effect.family, effect.gain_nats, threshold}};
     add_kinds_within(question_, slow_, constants().noise_margin_nats, best, &effect);
-    if (effect.set.size() > 1) open_member(&effect);
+    if (effect.set.size() > 1 || is_of_another_spectrum()) open_member(&effect);
     add_same_spectrum(question_, &effect);
     if (best.names.empty()) add_means_that_do_as_well(question_, slow_, &effect);
     if (slow_.has_free_function()) {

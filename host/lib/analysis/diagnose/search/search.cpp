@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "analysis/diagnose/evidence/free_spectrum.h"
 #include "analysis/diagnose/search/null_draws.h"
 #include "analysis/diagnose/search/slow_judge.h"
 #include "analysis/diagnose/search/slow_kinds.h"
@@ -391,6 +392,9 @@ std::vector<SlowCandidateScore> SlowSearch::free_beside(const SlowModel& model, 
 }
 std::vector<SlowCandidateScore> SlowSearch::kinds_beside(const SlowModel& model) const {
   return imucal::kinds_beside(impl_->likelihood, impl_->causes.found(), model);
+}
+SlowModel SlowSearch::with_free_spectrum(const SlowModel& model) const {
+  return with_kind(impl_->likelihood, impl_->causes.found(), model, free_spectrum());
 }
 SlowModel SlowSearch::with_free_function(const SlowModel& model, const SlowModel& also) const {
   return impl_->judge().with_free_function(model, also);

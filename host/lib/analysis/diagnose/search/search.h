@@ -58,6 +58,8 @@ public:
   SlowModel in_place_of_base(const SlowModel& model) const;
   // Every kind of slow noise in the place of that of a model, beside the same names, each from its best start.
   std::vector<SlowCandidateScore> kinds_beside(const SlowModel& model) const;
+  // A free spectrum in the place of the kind of slow noise of a model.
+  SlowModel with_free_spectrum(const SlowModel& model) const;
   // Noise and shape parameters estimated again.
   SlowModel polished(const SlowModel& model) const;
   // The value of a model on more logs than those searched, which come first in `all`: noise parameters estimated there.

@@ -123,6 +123,16 @@ std::vector<SlowCandidateScore> kinds_beside(const SlowLikelihood& of, const Slo
   quiet.noise_effect = nullptr;
   return scan_noises(of, so_far, polished(of, quiet), of.space().noise_effects.size());
 }
+SlowModel with_kind(const SlowLikelihood& of, const SlowResult& so_far, const SlowModel& m, const Effect& kind) {
+  SlowModel quiet = m;
+  quiet.noise_effect = nullptr;
+  quiet = polished(of, quiet);
+  std::vector<SlowModel> starts = noise_starts(of, so_far, quiet, kind);
+  for (SlowModel at : noise_starts(of, so_far, m, kind)) starts.push_back(at);
+  SlowModel with = best_with_noise(of, starts, kind);
+  if (const SlowModel hidden = at_hidden_start(of, quiet, kind); hidden.value > with.value) with = hidden;
+  return polished(of, with, kEvaluations);
+}
 SlowModel in_place_of_base(const SlowLikelihood& of, const SlowModel& m) {
   SlowModel plain = m;
   plain.noise_effect = nullptr;
