@@ -10,6 +10,8 @@ namespace imucal {
 
 namespace {
 
+constexpr double kBroadPart = 0.1;
+
 // The strongest first; but what these logs leave open stands before what is beside it.
 void insert_by_evidence(const SelectedEffect& effect, Names* names) {
   const bool is_first = names->effects.empty() || (names->effects[0].doubt != Doubt::kSlowNoise &&
@@ -34,10 +36,29 @@ void open_seldom_jumps(const AxisQuestion& question, Names* names, SelectedEffec
   add_equal(question.first_kind([](const EffectEstimator& e) { return e.form() == Form::kSteps; }), effect);
 }
 
+// As many lines as are looked for, two of them closer than a tenth of their frequency: a broad band has as many more, and is
+// no tone.
+bool is_broad_band(const AxisQuestion& question) {
+  if (question.lines.size() < kMostLines) return false;
+  std::vector<double> frequency_hz;
+  const double middle_degc = 0.5 * (question.campaign.lo_degc + question.campaign.hi_degc);
+  for (const NamedLine& line : question.lines)
+    frequency_hz.push_back(line.shape[0] + (line.shape.size() > 1 ? line.shape[1] * middle_degc : 0));
+  std::sort(frequency_hz.begin(), frequency_hz.end());
+  for (size_t i = 1; i < frequency_hz.size(); ++i)
+    if (frequency_hz[i] - frequency_hz[i - 1] < kBroadPart * frequency_hz[i]) return true;
+  return false;
+}
+
 } // namespace
 
 void name_fast(const AxisQuestion& question, const Found& found, Names* names) {
-  for (const NamedLine& line : question.lines) insert_by_evidence(effect_of_line(line), names);
+  const bool is_broad = is_broad_band(question);
+  for (const NamedLine& line : question.lines)
+    if (is_broad)
+      names->leave(effect_of_line(line));
+    else
+      insert_by_evidence(effect_of_line(line), names);
   const FastFinding* first = found.fast.best(question.constants);
   if (!first) return;
   const FastFinding& best = *first;
