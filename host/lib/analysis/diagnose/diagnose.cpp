@@ -110,6 +110,22 @@ void check_scale(const Campaign& campaign, const NoiseModel& noise, std::vector<
   }
 }
 
+// The line of a data sheet is known to about a factor of two: beyond that the sensor, or the unit, is another one.
+constexpr double kAsOnSheet = 2;
+void tell_data_sheet(const std::string& axis, const NoiseModel& sheet, const NoiseModel& fitted,
+                     std::vector<std::string>* warnings) {
+  const auto tell = [&](const char* what, const char* unit, double said, double found) {
+    if (!(said > 0) || !(found > 0) || std::max(said, found) < kAsOnSheet * std::min(said, found)) return;
+    char text[240];
+    std::snprintf(text, sizeof text,
+                  "axis %s: %s of %.3g %s was given, these logs show %.3g: give what they show, or look for "
+                  "what makes them %s",
+                  axis.c_str(), what, said, unit, found, found > said ? "noisier" : "quieter");
+    warnings->push_back(text);
+  };
+  tell("an angle random walk", "deg/sqrt(h)", sheet.white_sigma_dph / 60, fitted.white_sigma_dph / 60);
+}
+
 NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseModel noise);
 bool is_for(const EffectSpec& spec, const std::string& axis);
 Theta theta_of(const Effect& effect, const Parameters& parameters);
@@ -290,6 +306,29 @@ void tell_stuck(const Campaign& campaign, const std::vector<Log>& logs, std::vec
   }
 }
 
+// A log that ends while the thermometer stands still for that long, though it moves from row to row elsewhere: a rest of the
+// chamber or a thermometer that has stopped.  The log does not tell the two; whoever reads an answer about the time should know.
+constexpr double kLongRest_s = 1800, kLongRestPart = 0.25, kMovesWithin = 3; // seconds, of the log, rows
+void tell_frozen(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings) {
+  for (const CampaignRun& run : campaign.runs) {
+    const Log& log = logs[run.input.log];
+    if (!campaign.has_temperature || log.temp_degc.empty()) continue;
+    size_t first = log.temp_degc.size() - 1, changes = 0;
+    while (first > 0 && log.temp_degc[first - 1] == log.temp_degc.back()) --first;
+    for (size_t i = 1; i <= first; ++i) changes += log.temp_degc[i] != log.temp_degc[i - 1] ? 1 : 0;
+    const double rest_s = log.t_s.back() - log.t_s[first], all_s = log.t_s.back() - log.t_s.front();
+    if (rest_s < std::max(kLongRest_s, kLongRestPart * all_s) ||
+        kMovesWithin * static_cast<double>(changes) < static_cast<double>(first))
+      continue;
+    char text[240];
+    std::snprintf(text, sizeof text,
+                  ": the thermometer shows exactly %g degC from %.0f s to the end: if it has stopped, what is said to "
+                  "follow the time may follow the temperature; cut the log there",
+                  log.temp_degc.back(), log.t_s[first]);
+    warnings->push_back(log.path + text);
+  }
+}
+
 // A polynomial that goes beyond what it was fitted to is off by itself.
 void tell_beyond(const Campaign& fitted, const Campaign& unseen, const std::vector<Log>& logs,
                  std::vector<std::string>* warnings) {
@@ -367,6 +406,14 @@ void take_out_and_warn(const DiagnoseOptions& options, const ErrorModel& model, 
   }
 }
 
+// Slow noise bends the polynomial that is fitted beside it; nobody's table is fitted so.
+Fit plain_fit(const Campaign& campaign, Hypothesis nominal) {
+  NoiseModel white;
+  white.white_sigma_dph = nominal.base_noise.white_sigma_dph;
+  nominal.base_noise = white;
+  return fit_hypothesis(campaign, nominal);
+}
+
 // One axis from log to answer; `held_out` may be empty.
 AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
                          const std::vector<Log>& held_out, const std::string& name, double rate_per_axis,
@@ -380,6 +427,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   keep_common_columns({&axis.campaign});
   check_steady(axis.campaign, &axis.warnings);
   tell_stuck(axis.campaign, logs, &axis.warnings);
+  tell_frozen(axis.campaign, logs, &axis.warnings);
   const NoiseBelief belief = belief_of(options, model, name);
   if (belief.has_believed) check_scale(axis.campaign, belief.model, &axis.warnings);
   Campaign unseen;
@@ -406,9 +454,12 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   };
   axis.study = study_axis(&axis.campaign, unseen.runs.empty() ? nullptr : &unseen, belief, library, active, select);
   tell_left_out(axis.campaign, logs, &axis.warnings);
+  if (belief.has_data_sheet && !axis.study.selection.cannot_judge)
+    tell_data_sheet(name, belief.model, axis.study.selection.final.noise(), &axis.warnings);
   if (!axis.study.selection.cannot_judge) {
     Selection& s = axis.study.selection;
     axis.nominal_fit = std::move(s.nominal_fit), axis.final_fit = std::move(s.final_fit);
+    axis.plain_fit = plain_fit(axis.campaign, s.nominal);
     axis.where = locate(axis.campaign, axis.nominal_fit, belief.has_believed);
     compare_dp2(axis.campaign, s.nominal.noise(), s.final.noise(), axis.nominal_fit, axis.final_fit, options.seed,
                 &axis.study.gap);

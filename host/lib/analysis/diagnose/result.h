@@ -16,6 +16,7 @@ struct AxisResult {
   AxisStudy study;
   Campaign campaign; // as masked by structure
   Fit nominal_fit, final_fit;
+  Fit plain_fit; // of the nominal model by least squares: the polynomial that a table would hold
   WhereResult where;
   Identifiability identifiability;
   bool is_calibration_cached = false;
