@@ -252,6 +252,9 @@ std::string remainder(const AxisResult& axis) {
   if (g.has_mean && g.rms_after_dph > 1.1 * g.rms_before_dph)
     add(std::string("the predicted mean is further from the held-out rates than before") +
         (g.has_figure() ? "" : ", as far as their noise tells"));
+  if (s.leaves_mean)
+    add(format("the held-out residual is %.1f times what the noise alone would leave",
+               g.rms_after_dph / g.noise_rms_dph));
   if (s.verdict != Verdict::kUnexplained && g.has_figure() && g.ci_hi < kNearlyAll)
     add(format("%.0f %% of the gap on data that were not fitted", 100 * (1 - g.shrinkage)));
   if (!g.has_mean && !s.effects.empty())
@@ -315,26 +318,29 @@ Json gap_json(const AxisResult& axis) {
   const std::string unit = axis_unit(axis.axis);
   const GapResult& g = axis.study.gap;
   const bool is_none = axis.study.selection.verdict == Verdict::kNoGap;
-  Json gap = {
-      {"before", g.before},
-      {"after", g.after},
-      {"shrinkage", has_figure(axis) ? Json(g.shrinkage)
-                    : is_none        ? Json(0.0)
-                                     : Json(nullptr)},
-      {"ci95", has_figure(axis) ? Json{g.ci_lo, g.ci_hi}
-               : is_none        ? Json{0.0, 0.0}
-                                : Json(nullptr)},
-      {"unit", unit + "^2: held-out one-minute means off the predicted mean, squared, above the noise"},
-      {"method", held_out_text(g.method)},
-      {"gain", g.gain},
-      {"gain_unit", "deviance per hour, held out"},
-      {"hours", g.hours},
-      {"gain_by_unit", g.delta_by_unit},
-      {"statement", held_out_statement(axis)},
-      {"part_within_fitted_temperatures", g.part_within},
-      {"remainder", remainder(axis)},
-      {"residual_rms_dph", {{"before", g.rms_before_dph}, {"after", g.rms_after_dph}, {"noise", g.noise_rms_dph}}},
-      {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
+  Json gap = {{"before", g.before},
+              {"after", g.after},
+              {"shrinkage", has_figure(axis) ? Json(g.shrinkage)
+                            : is_none        ? Json(0.0)
+                                             : Json(nullptr)},
+              {"ci95", has_figure(axis) ? Json{g.ci_lo, g.ci_hi}
+                       : is_none        ? Json{0.0, 0.0}
+                                        : Json(nullptr)},
+              {"unit", unit + "^2: mean square of what the models leave in the noise-free mean of the held-out data, estimated"},
+              {"method", held_out_text(g.method)},
+              {"gain", g.gain},
+              {"gain_unit", "deviance per hour, held out"},
+              {"hours", g.hours},
+              {"gain_by_unit", g.delta_by_unit},
+              {"statement", held_out_statement(axis)},
+              {"part_within_fitted_temperatures", g.part_within},
+              {"remainder", remainder(axis)},
+              {"residual_rms_dph",
+               {{"before", g.rms_before_dph},
+                {"after", g.rms_after_dph},
+                {"noise", g.noise_rms_dph},
+                {"noise_error", g.noise_error_dph}}},
+              {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
   if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure()) gap["stand_in_shrinkage"] = g.shrinkage;
   return gap;
 }
@@ -547,7 +553,7 @@ Json plots_json(const AxisResult& axis) {
                      {"threshold_nats", s.before[i].threshold_nats}});
   return {{"gap_map", campaign.has_temperature ? map_json(campaign, axis.nominal_fit) : Json(nullptr)},
           {"gap_map_after", campaign.has_temperature ? map_json(campaign, axis.final_fit) : Json(nullptr)},
-          {"residual", residual_json(campaign, axis.nominal_fit, axis.final_fit)},
+          {"residual", residual_json(campaign, axis.plain_fit, axis.final_fit)},
           {"dp2",
            {{"tau_s", numbers(g.dp2_tau_s)},
             {"data_dph", numbers(g.dp2_data_dph)},

@@ -136,6 +136,9 @@ private:
     out_.total_gain_nats = found_.slow.gain_nats();
     out_.is_noise_retuned = question_.belief.has_believed && !found_.seconds.is_believed;
     out_.is_told_by_held_out = found_.slow.is_told_by_held_out;
+    GapResult& gap = found_.slow.gap;
+    out_.leaves_mean = gap.leaves_mean(constants());
+    gap.hold_what_minutes_show(constants());
     judge();
   }
   void fit_and_test() {
@@ -223,15 +226,15 @@ private:
     const bool has_mean = gap.has_mean || !found_.slow.found.best.steps.empty();
     const bool grows = has_mean && gap.rms_after_dph > (1 + constants().growth_part) * gap.rms_before_dph;
     const bool leaves = fires() || leaves_names(out_.dropped);
+    // Beyond the rows of a quarter of one passage a polynomial says little: where nothing is found these prove nothing.
+    const bool leaves_alone = out_.leaves_mean && gap.method != HeldOut::kQuarters;
     if (out_.effects.empty() && !out_.remainders.empty())
       out_.verdict = Verdict::kUnexplained;
     else if (out_.effects.empty())
-    // Beyond the rows of a quarter of one passage a polynomial says little: where nothing is found these prove nothing.
-    const bool leaves_alone = out_.leaves_mean && gap.method != HeldOut::kQuarters;
       out_.verdict = leaves || leaves_alone ? Verdict::kUnexplained : Verdict::kNoGap;
     else if (!has_member && has_open)
       out_.verdict = Verdict::kUnexplained;
-    else if (leaves || has_open || is_undecided || grows || !out_.remainders.empty())
+    else if (leaves || has_open || is_undecided || grows || out_.leaves_mean || !out_.remainders.empty())
       out_.verdict = Verdict::kPartlyExplained;
     else
       out_.verdict = Verdict::kExplained;

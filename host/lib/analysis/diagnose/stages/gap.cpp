@@ -16,7 +16,10 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kMinute_s = 60;
-constexpr double kLeast_h = 1e-9; // of held-out data: a divisor
+constexpr double kLeast_h = 1e-9;     // of held-out data: a divisor
+constexpr double kNoSlowNoise = -20;  // logarithm of a factor on the slow density
+constexpr double kHardlyReturns = 20; // time constant over the length of a unit
+constexpr double kClearlyLess = 0.95; // of a residual: the polynomial of least squares is what there was before
 
 // A residual path as the filter of the nominal model's white noise and first Markov process follows it.
 struct FollowedPath {
@@ -227,11 +230,41 @@ double noise_of_minutes(const NoiseModel& noise, double length_s) {
   const double walk = noise.walk_dph_per_rt_s;
   return sum + walk * walk * (length - kMinute_s) / 6;
 }
-// The same over units of different lengths, weighted by their minutes.
-double noise_of_units(const NoiseModel& noise, const std::vector<Minutes>& rest) {
-  double sum = 0, n = 0;
-  for (const Minutes& m : rest) sum += m.n * noise_of_minutes(noise, m.n * kMinute_s), n += m.n;
-  return n > 0 ? sum / n : 0;
+// A random walk over a unit as a Markov process that hardly returns within it.
+NoiseModel without_walk(NoiseModel noise, double length_s) {
+  const double tau_s = kHardlyReturns * length_s;
+  if (noise.walk_dph_per_rt_s > 0) noise.markov.push_back({noise.walk_dph_per_rt_s * std::sqrt(0.5 * tau_s), tau_s});
+  noise.walk_dph_per_rt_s = 0;
+  return noise;
+}
+// Variance of that mean square over the unit: 2/n^2 times the sum of the squared covariances of all minutes (Isserlis).
+double spread_of_minutes(const NoiseModel& noise, double length_s) {
+  const double length = std::max(length_s, 2 * kMinute_s), n = length / kMinute_s;
+  const NoiseModel stationary = without_walk(noise, length);
+  double of_mean = stationary.white_sigma_dph * stationary.white_sigma_dph / length;
+  for (const Markov& m : stationary.markov) of_mean += m.sigma_dph * m.sigma_dph * mean_of_markov(length / m.tau_s);
+  double sum = 0.5 * std::pow(noise_of_minutes(noise, length), 2);
+  for (double k = 1; k < n; ++k) {
+    double covariance = -of_mean;
+    for (const Markov& m : stationary.markov) {
+      const double part = -std::expm1(-kMinute_s / m.tau_s) * m.tau_s / kMinute_s;
+      covariance += m.sigma_dph * m.sigma_dph * part * part * std::exp(-(k - 1) * kMinute_s / m.tau_s);
+    }
+    sum += (1 - k / n) * covariance * covariance;
+  }
+  return 4 * sum / n;
+}
+// Of units of different lengths together, weighted by their minutes: mean square of the noise, and its standard error.
+struct NoiseOfMinutes {
+  double mean_square = 0, error = 0;
+};
+NoiseOfMinutes noise_of_units(const NoiseModel& noise, const std::vector<Minutes>& rest) {
+  double sum = 0, variance = 0, n = 0;
+  for (const Minutes& m : rest) {
+    sum += m.n * noise_of_minutes(noise, m.n * kMinute_s), n += m.n;
+    variance += m.n * m.n * spread_of_minutes(noise, m.n * kMinute_s);
+  }
+  return n > 0 ? NoiseOfMinutes{sum / n, std::sqrt(variance) / n} : NoiseOfMinutes();
 }
 
 // Places among the used rows of a run that count.
@@ -302,6 +335,19 @@ size_t n_rows(const std::vector<HeldOutUnit>& units) {
   return n;
 }
 
+double mean_square_left(const std::vector<HeldOutUnit>& units, double dt_s) {
+  std::vector<Minutes> minutes;
+  for (const HeldOutUnit& unit : units) minutes.push_back(minutes_of(unit.left, dt_s));
+  return mean_square(minutes);
+}
+
+// The same hypothesis with white noise alone: least squares.
+SlowModel with_white_noise(SlowModel m) {
+  m.noise_effect = nullptr, m.is_believed = false;
+  m.log_noise[1] = kNoSlowNoise;
+  return m;
+}
+
 // Of one-minute means.
 void set_residuals(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units, double dt_s,
                    GapResult* out) {
@@ -311,7 +357,9 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
     after.push_back(minutes_of(unit.left, dt_s));
   }
   out->rms_before_dph = std::sqrt(mean_square(before)), out->rms_after_dph = std::sqrt(mean_square(after));
-  out->noise_rms_dph = std::sqrt(noise_of_units(gaussian_equivalent(search.seconds_noise_of(final)), after));
+  const NoiseOfMinutes noise = noise_of_units(gaussian_equivalent(search.seconds_noise_of(final)), after);
+  out->noise_rms_dph = std::sqrt(noise.mean_square);
+  out->noise_error_dph = noise.mean_square > 0 ? 0.5 * noise.error / out->noise_rms_dph : 0;
 }
 
 void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,
@@ -326,6 +374,25 @@ void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::
 }
 
 } // namespace
+
+double GapResult::part_left() const {
+  const auto excess = [&](double rms_dph) { return std::max(0.0, rms_dph * rms_dph - noise_rms_dph * noise_rms_dph); };
+  return excess(rms_before_dph) > 0 ? excess(rms_after_dph) / excess(rms_before_dph) : 0;
+}
+bool GapResult::exceeds_noise(const SelectorConstants& constants) const {
+  const double excess = rms_after_dph * rms_after_dph - noise_rms_dph * noise_rms_dph;
+  return excess > constants.noise_errors * 2 * noise_rms_dph * noise_error_dph;
+}
+bool GapResult::leaves_mean(const SelectorConstants& constants) const {
+  return exceeds_noise(constants) && part_left() > constants.left_part &&
+         rms_after_dph > constants.noise_times * noise_rms_dph;
+}
+void GapResult::hold_what_minutes_show(const SelectorConstants& constants) {
+  const double removed = std::max(-1.0, 1 - part_left());
+  if (!has_mean || !exceeds_noise(constants) || (removed > ci_lo && removed < ci_hi)) return;
+  ci_lo = std::min(ci_lo, removed), ci_hi = std::max(ci_hi, removed);
+  shrinkage = 0.5 * (shrinkage + removed);
+}
 
 SlowData with_held_out(const SlowData& training, const Campaign& held_out) {
   Campaign both = training.campaign;
@@ -370,10 +437,18 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
     out.at_all.push_back(support(final.without(i)));
   }
   const Campaign& campaign = held_out ? *held_out : training.campaign;
-  std::vector<HeldOutUnit> units = held_out_units(training, splits, before, after, true);
-  const size_t within = n_rows(units);
-  out.part_within = static_cast<double>(within) / static_cast<double>(campaign.n());
-  if (within == 0) units = held_out_units(training, splits, before, after, false);
+  out.part_within = static_cast<double>(n_rows(held_out_units(training, splits, before, after, true))) /
+                    static_cast<double>(campaign.n());
+  const auto units_less = [&](const Prediction& less) {
+    return held_out_units(training, splits, before, less, out.part_within > 0);
+  };
+  std::vector<HeldOutUnit> units = units_less(after);
+  // Slow noise can bend the polynomial away from what a table would hold: an answer is worth what it does better than the
+  // plain polynomial, which needs no noise model.
+  const Prediction plain = predict_all(search, training, splits, with_white_noise(null));
+  if (std::sqrt(mean_square_left(units_less(plain), campaign.dt_s)) <
+      kClearlyLess * std::sqrt(mean_square_left(units_less(before), campaign.dt_s)))
+    units = held_out_units(training, splits, plain, after, out.part_within > 0);
   const double seconds = static_cast<double>(campaign.n()) * campaign.dt_s;
   out.hours = std::max(kLeast_h, seconds / 3600);
   out.gain = out.delta_deviance / out.hours;

@@ -48,7 +48,16 @@ struct GapResult {
   std::vector<Support> at_all;       // per name, against neither the name nor its start states
   double hours = 0;
   double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of one-minute means
-  double dp2_before_dph = 0, dp2_after_dph = 0;                    // distance of the DP2 curves of data and model
+  double noise_error_dph = 0; // standard error of noise_rms_dph: how far one draw of that noise may lie from it
+  // Of the held-out minutes more is left than the noise alone would leave, beyond the scatter of that noise; and so much more
+  // that the answer misses something of weight.
+  bool exceeds_noise(const SelectorConstants& constants) const;
+  bool leaves_mean(const SelectorConstants& constants) const;
+  // Where the minutes exceed the noise, the answer misses something whose shape the interval does not know: it then holds what
+  // the minutes themselves show too, and the figure lies between the two.
+  void hold_what_minutes_show(const SelectorConstants& constants);
+  double part_left() const;                     // of the mean square of the held-out minutes above the noise
+  double dp2_before_dph = 0, dp2_after_dph = 0; // distance of the DP2 curves of data and model
   std::vector<double> dp2_tau_s, dp2_data_dph, dp2_nominal_dph, dp2_final_dph;
 };
 
