@@ -98,7 +98,7 @@ Json judged(const Request& request) {
     for (const std::string& path : request.options.held_out) logs.push_back(read_log(path));
     const ErrorModel model = request.options.model_path.empty() ? ErrorModel() : read_model(request.options.model_path);
     const Campaign seconds = make_campaign(logs, axis.axis, model);
-    held_out.reset(new Campaign(block_means(seconds, study.data->campaign.dt_s)));
+    if (!seconds.runs.empty()) held_out.reset(new Campaign(block_means(seconds, study.data->campaign.dt_s)));
   }
   Json out = said(study.selection);
   out["threshold_nats"] = study.selection.threshold_nats;

@@ -941,6 +941,37 @@ static void test_noise_that_axes_share_is_told_from_slow_causes_of_both(void**) 
   assert_true(shared_noise(rest_of(c, &fit_a), rest_of(d, &fit_b)).gain_nats < SelectorConstants().shared_nats);
 }
 
+// Of two logs one is stuck on x and has no temperature: only on x are the seconds of the other's stuck thermometer left out.
+// The rows of both axes then differ, their seconds do not.
+static void test_noise_is_shared_second_by_second_where_axes_leave_out_other_logs(void**) {
+  std::vector<Log> logs = {simulated_log(41, 3000, false, 0), simulated_log(42, 3000, false, 0)};
+  Rng rng(13, 0, 0, Stream::kTool);
+  for (Log& log : logs) {
+    log.axes.push_back(log.axes[0]), log.axes[1].name = "gy_dph";
+    for (size_t i = 0; i < log.size(); ++i) {
+      const double common = 25 * rng.normal();
+      log.axes[0].rate_dph[i] += common, log.axes[1].rate_dph[i] = 36 * rng.normal() + common;
+    }
+  }
+  for (double& degc : logs[1].temp_degc) degc += 0.01 * rng.normal();
+  stick(&logs[1].temp_degc, 300, 700);
+  logs[0].temp_degc.assign(logs[0].size(), std::nan(""));
+  logs[0].axes[0].rate_dph.assign(logs[0].size(), 7);
+  const Campaign x = make_campaign(logs, "gx_dph", nominal_model()), y = make_campaign(logs, "gy_dph", nominal_model());
+  assert_int_equal(x.runs.size(), 1);
+  assert_int_equal(x.runs[0].input.log, 1);
+  assert_int_equal(x.left_out.size(), 1);
+  assert_int_equal(x.left_out[0].log, 0);
+  assert_int_equal(y.runs.size(), 2);
+  assert_true(x.has_temperature && !y.has_temperature && x.runs[0].n() + 399 == y.runs[1].n());
+  Hypothesis noise = nominal_hypothesis();
+  noise.base_noise.white_sigma_dph = 44;
+  const Fit fit_x = fit_hypothesis(x, noise), fit_y = fit_hypothesis(y, noise);
+  const SharedNoise found = shared_noise({&x, &fit_x, noise.base_noise}, {&y, &fit_y, noise.base_noise});
+  assert_int_equal(found.n, x.runs[0].n());
+  assert_true(found.correlation > 0.2);
+}
+
 // A lag of next to nothing predicts what no lag does, although its polynomial is made anew.
 static void test_a_polynomial_at_another_temperature_is_the_same_on_a_part_of_a_log(void**) {
   const Campaign campaign = make_campaign({simulated_log(81, 6000, false, 0)}, "gx_dph", nominal_model());
@@ -1034,6 +1065,7 @@ int main() {
       cmocka_unit_test(test_seconds_of_a_stuck_thermometer_are_as_if_missing),
       cmocka_unit_test(test_levels_do_not_bend_the_mean),
       cmocka_unit_test(test_noise_that_axes_share_is_told_from_slow_causes_of_both),
+      cmocka_unit_test(test_noise_is_shared_second_by_second_where_axes_leave_out_other_logs),
       cmocka_unit_test(test_curvature_gives_the_errors_of_a_gaussian),
   };
   return cmocka_run_group_tests_name("diagnose", tests, nullptr, nullptr);

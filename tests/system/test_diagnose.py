@@ -530,6 +530,83 @@ def test_logs_at_full_scale_are_left_out_with_a_warning(lab, every):
     assert set(axis["where"]["logs"]) <= {2, 3}
 
 
+def with_rates(path, axis, rates):
+    """The log with other rates of an axis: rates(row number, rate as written) -> rate as written."""
+    lines = Path(path).read_text().splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith("t_s"))
+    column = lines[at].split(",").index(axis)
+    for i in range(at + 1, len(lines)):
+        fields = lines[i].split(",")
+        fields[column] = rates(i - at - 1, fields[column])
+        lines[i] = ",".join(fields)
+    Path(path).write_text("\n".join(lines) + "\n")
+
+
+STUCK, EMPTY = lambda i, rate: "7", lambda i, rate: ""
+SHORT = lambda i, rate: rate if i < 30 else ""
+JUMPS_AND_SHARED = [{"name": "bias_step", "parameters": {"steps": [{"log": 2, "t_s": 3000, "amplitude_dph": 120}]}},
+                    {"name": "common_mode", "parameters": {"correlation": 0.5, "sigma_dph": 20}}]
+
+
+def without_places(axis):
+    """An answer without what counts logs and what differs between two calls."""
+    told = {k: v for k, v in axis.items() if k not in ("seconds", "left_out_logs", "where", "plots")}
+    told["gap"] = {k: v for k, v in axis["gap"].items() if k != "log_by_unit"}
+    steps = [s for e in axis["effects"] for s in e["parameters"].get("steps", [])]
+    return json.loads(json.dumps(told).replace(*(f'"log": {steps[0]["log"]}', '"log": 0') if steps else ("", "")))
+
+
+def test_a_bad_log_of_one_axis_is_left_out_there_and_no_number_shifts(lab):
+    logs = lab.logs("bad", JUMPS_AND_SHARED, n=4, axes=2)
+    with_rates(logs[0], "gx_dph", STUCK)
+    with_rates(logs[3], "gx_dph", SHORT)
+    with_rates(logs[1], "gy_dph", EMPTY)
+    result = lab.run(logs)
+    x, y = result["axes"]
+    assert "refused" not in x and "refused" not in y
+    for axis, used in ((x, [1, 2]), (y, [0, 2, 3])):
+        (steps,) = [e["parameters"]["steps"] for e in axis["effects"] if e["name"] == "bias_step"]
+        assert [step["log"] for step in steps] == [2] and "of log 3" in lab.text
+        assert [cell["log"] for cell in axis["where"]["by_log"]] == used == sorted(set(axis["plots"]["residual"]["log"]))
+        assert set(axis["where"]["logs"]) <= set(used) and axis["gap"]["log_by_unit"] == used
+        assert "common_mode" in names(axis)
+    assert [(e["log"], e["why"].split(";")[0]) for e in x["left_out_logs"]] == [
+        (logs[0], "has one and the same rate in every second: it is stuck or not connected"), (logs[3], "has 30 usable seconds")]
+    assert [e["log"] for e in y["left_out_logs"]] == [logs[1]]
+    told = [w for w in result["warnings"] if "left out of its answer" in w]
+    assert len(told) == 3
+    for log, axis, why in ((logs[0], "gx", "stuck"), (logs[3], "gx", "30 usable seconds"), (logs[1], "gy", "0 usable seconds")):
+        assert [w for w in told if w.startswith(f"{log}: axis {axis}_dph has") and why in w]
+    # As if those logs had not been given.
+    (alone,) = lab.run(logs, "--axis", "gx_dph")["axes"]
+    (without,) = lab.run(logs[1:3], "--axis", "gx_dph")["axes"]
+    assert "left_out_logs" not in without and without_places(alone) == without_places(without)
+
+
+def test_a_bad_held_out_log_is_left_out_for_its_axis(lab):
+    logs = lab.logs("bad_unseen", HYSTERESIS, n=4, axes=2)
+    with_rates(logs[2], "gx_dph", STUCK)
+    result = lab.run(logs[:2], "--holdout", *logs[2:])
+    assert [a["gap"]["log_by_unit"] for a in result["axes"]] == [[1], [0, 1]]
+    assert result["axes"][0]["left_out_logs"] == [
+        {"log": logs[2], "why": "has one and the same rate in every second: it is stuck or not connected"}]
+    (alone,) = lab.run(logs[:2], "--holdout", *logs[2:], "--axis", "gx_dph")["axes"]
+    (without,) = lab.run(logs[:2], "--holdout", logs[3], "--axis", "gx_dph")["axes"]
+    assert without_places(alone) == without_places(without)
+    result = lab.run(logs[:2], "--holdout", logs[2])  # none is left: as if none had been given
+    assert [a["gap"]["method"] for a in result["axes"]] == ["each log held out in turn", "held-out logs"]
+    assert [w for w in result["warnings"] if w.startswith("axis gx_dph: no held-out log can be used")]
+
+
+def test_an_axis_without_a_usable_log_says_why_of_each(lab):
+    logs = lab.logs("none_left", [], n=2)
+    with_rates(logs[0], "gx_dph", STUCK)
+    with_rates(logs[1], "gx_dph", SHORT)
+    lab.run(logs, code=3)
+    assert f"{logs[0]}: axis gx_dph has one and the same rate" in lab.errors and "--axis" in lab.errors
+    assert f"{logs[1]}: axis gx_dph has 30 usable seconds" in lab.errors
+
+
 # ---- the model that is written ----------------------------------------------------------------------------
 
 def slow_density(markov):

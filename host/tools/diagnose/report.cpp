@@ -332,6 +332,7 @@ Json gap_json(const AxisResult& axis) {
               {"gain_unit", "deviance per hour, held out"},
               {"hours", g.hours},
               {"gain_by_unit", g.delta_by_unit},
+              {"log_by_unit", g.log_by_unit},
               {"statement", held_out_statement(axis)},
               {"part_within_fitted_temperatures", g.part_within},
               {"remainder", remainder(axis)},
@@ -563,7 +564,7 @@ Json plots_json(const AxisResult& axis) {
           {"tests", tests}};
 }
 
-Json axis_json(const AxisResult& axis, double rate) {
+Json answer_json(const AxisResult& axis, double rate) {
   if (!axis.refused.empty()) return refused_json(axis);
   const Selection& s = axis.study.selection;
   Json effects = Json::array(), hidden = Json::array(), alike = Json::array(), detectable = Json::array();
@@ -605,6 +606,13 @@ Json axis_json(const AxisResult& axis, double rate) {
        is_advised ? to_json(separating_profile(campaign.lo_degc, campaign.hi_degc)) : Json(nullptr)}};
 }
 
+Json axis_json(const AxisResult& axis, double rate) {
+  Json out = answer_json(axis, rate), left_out = Json::array();
+  for (const UnusedLog& log : axis.left_out) left_out.push_back({{"log", log.path}, {"why", log.why}});
+  if (!axis.left_out.empty()) out["left_out_logs"] = left_out;
+  return out;
+}
+
 // Jumps in time, one after the other.
 std::string text_of(const std::vector<StepValue>& steps, size_t n_logs, const char* unit) {
   std::string out;
@@ -622,7 +630,8 @@ std::string text_of(const std::vector<StepValue>& steps, size_t n_logs, const ch
 std::string text_of(const ParameterValue& p, const AxisResult& axis) {
   char line[120];
   const char* unit = axis_unit(axis.axis);
-  if (p.kind == EffectParameter::kSteps) return text_of(p.steps, axis.campaign.runs.size(), unit);
+  const size_t n_logs = axis.campaign.runs.size() + axis.campaign.left_out.size();
+  if (p.kind == EffectParameter::kSteps) return text_of(p.steps, n_logs, unit);
   if (p.kind == EffectParameter::kText) return p.name + " " + p.text;
   const bool is_white_mg = p.name == "arw_deg_rt_h" && std::string(unit) == "mg";
   const double factor = is_white_mg ? 60 : 1;

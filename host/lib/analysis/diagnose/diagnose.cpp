@@ -378,22 +378,32 @@ Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double 
   return out;
 }
 
-// Logs of which too little stays to be judged on this axis.
-void tell_left_out(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings) {
-  for (size_t i = 0; i < logs.size(); ++i) {
-    const auto is_of_log = [&](const CampaignRun& run) { return run.input.log == i; };
-    if (std::none_of(campaign.runs.begin(), campaign.runs.end(), is_of_log))
-      warnings->push_back(logs[i].path + ": less than a minute of axis " + campaign.axis +
-                          " is usable: this log is left out of its answer");
+std::string why_left_out(const LeftOutLog& left, const Campaign& campaign, const std::vector<Log>& logs) {
+  return logs[left.log].path + ": axis " + campaign.axis + " " + left.why;
+}
+
+void tell_left_out(const Campaign& campaign, const std::vector<Log>& logs, AxisResult* axis) {
+  for (const LeftOutLog& left : campaign.left_out) {
+    axis->warnings.push_back(why_left_out(left, campaign, logs) + ": this log is left out of its answer");
+    axis->left_out.push_back({logs[left.log].path, left.why});
   }
 }
 
+void require_runs(const Campaign& campaign, const std::vector<Log>& logs) {
+  if (!campaign.runs.empty()) return;
+  std::string all;
+  for (const LeftOutLog& left : campaign.left_out) all += why_left_out(left, campaign, logs) + "; ";
+  throw data_error(all +
+                   "no log of this axis can be used: choose the other axes with --axis, or give logs that hold it");
+}
+
 // What follows temperature cannot be predicted where it is not known: a constant would be taken for it.
-void require_temperature(const std::vector<Log>& held_out) {
-  for (const Log& log : held_out)
-    if (!log.has_temperature())
-      throw data_error(log.path + ": held out, but without temperatures, which the fitted logs have: give a log with a "
-                                  "column temp_degc, or take it out of --holdout");
+void require_temperature(const Campaign& unseen, const std::vector<Log>& held_out) {
+  for (const CampaignRun& run : unseen.runs)
+    if (!held_out[run.input.log].has_temperature())
+      throw data_error(held_out[run.input.log].path +
+                       ": held out, but without temperatures, which the fitted logs have: give a log with a "
+                       "column temp_degc, or take it out of --holdout");
 }
 
 // The effects of the model, taken out of an axis's fitted or held-out rates; what cannot be is told once.
@@ -414,6 +424,24 @@ Fit plain_fit(const Campaign& campaign, Hypothesis nominal) {
   return fit_hypothesis(campaign, nominal);
 }
 
+// The held-out logs of an axis; no runs: none can be used, and each fitted log is held out in turn.
+Campaign held_out_campaign(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& held_out,
+                           AxisResult* axis) {
+  if (held_out.empty()) return {};
+  Campaign unseen = make_campaign(held_out, axis->axis, model);
+  if (axis->campaign.has_temperature) require_temperature(unseen, held_out);
+  tell_stuck(unseen, held_out, &axis->warnings);
+  tell_beyond(axis->campaign, unseen, held_out, &axis->warnings);
+  take_out_and_warn(options, model, &unseen, axis);
+  keep_common_columns({&axis->campaign, &unseen});
+  if (!leave_short_runs(&unseen)) leave_runs(std::vector<char>(unseen.runs.size(), 1), kTooShort, &unseen);
+  tell_left_out(unseen, held_out, axis);
+  if (unseen.runs.empty())
+    axis->warnings.push_back("axis " + axis->axis +
+                             ": no held-out log can be used: it is judged as if none had been given");
+  return unseen;
+}
+
 // One axis from log to answer; `held_out` may be empty.
 AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
                          const std::vector<Log>& held_out, const std::string& name, double rate_per_axis,
@@ -423,6 +451,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   axis.axis = name;
   model.require_unit_of(name);
   axis.campaign = make_campaign(logs, name, model);
+  require_runs(axis.campaign, logs);
   take_out_and_warn(options, model, &axis.campaign, &axis);
   keep_common_columns({&axis.campaign});
   check_steady(axis.campaign, &axis.warnings);
@@ -430,17 +459,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   tell_frozen(axis.campaign, logs, &axis.warnings);
   const NoiseBelief belief = belief_of(options, model, name);
   if (belief.has_believed) check_scale(axis.campaign, belief.model, &axis.warnings);
-  Campaign unseen;
-  if (!held_out.empty()) {
-    if (axis.campaign.has_temperature) require_temperature(held_out);
-    unseen = make_campaign(held_out, name, model);
-    tell_stuck(unseen, held_out, &axis.warnings);
-    tell_beyond(axis.campaign, unseen, held_out, &axis.warnings);
-    take_out_and_warn(options, model, &unseen, &axis);
-    keep_common_columns({&axis.campaign, &unseen});
-    if (!leave_short_runs(&unseen)) unseen.runs.clear();
-    tell_left_out(unseen, held_out, &axis.warnings);
-  }
+  const Campaign unseen = held_out_campaign(options, model, held_out, &axis);
   const std::vector<const Effect*>& library = effect_library();
   const std::vector<bool> active = active_effects(options);
   SelectOptions select;
@@ -453,7 +472,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     return found.threshold_nats;
   };
   axis.study = study_axis(&axis.campaign, unseen.runs.empty() ? nullptr : &unseen, belief, library, active, select);
-  tell_left_out(axis.campaign, logs, &axis.warnings);
+  tell_left_out(axis.campaign, logs, &axis);
   if (belief.has_data_sheet && !axis.study.selection.cannot_judge)
     tell_data_sheet(name, belief.model, axis.study.selection.final.noise(), &axis.warnings);
   if (!axis.study.selection.cannot_judge) {

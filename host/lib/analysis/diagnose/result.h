@@ -10,6 +10,11 @@
 
 namespace imucal {
 
+// A log, fitted or held out, that an axis is answered without.
+struct UnusedLog {
+  std::string path, why; // "has ..."
+};
+
 struct AxisResult {
   std::string axis;
   std::string refused; // why there is no answer; the rest is then empty
@@ -21,6 +26,7 @@ struct AxisResult {
   Identifiability identifiability;
   bool is_calibration_cached = false;
   double seconds = 0, calibration_s = 0; // wall clock, without and of the calibration
+  std::vector<UnusedLog> left_out;
   std::vector<std::string> warnings;
 };
 

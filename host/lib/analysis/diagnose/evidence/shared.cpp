@@ -12,14 +12,15 @@ namespace {
 
 constexpr double kLocalMean_s = 30;
 
-// Innovations of both axes at the rows that both use.
+// Innovations of both axes at the seconds that both use.
 void common_rows(const CampaignRun& a, const VectorXd& ea, const CampaignRun& b, const VectorXd& eb, VectorXd* x,
                  VectorXd* y) {
   std::vector<double> left, right;
+  const auto time_of = [](const CampaignRun& run, size_t k) { return run.input.t_s[static_cast<size_t>(run.used[k])]; };
   for (size_t i = 0, k = 0; i < a.n(); ++i) {
-    while (k < b.n() && b.used[k] < a.used[i]) ++k;
+    while (k < b.n() && time_of(b, k) < time_of(a, i)) ++k;
     if (k == b.n()) break;
-    if (b.used[k] != a.used[i]) continue;
+    if (time_of(b, k) != time_of(a, i)) continue;
     left.push_back(ea[static_cast<long>(i)]), right.push_back(eb[static_cast<long>(k)]);
   }
   *x = Eigen::Map<VectorXd>(left.data(), static_cast<long>(left.size()));

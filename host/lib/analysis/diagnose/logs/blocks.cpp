@@ -133,11 +133,11 @@ Campaign block_means(const Campaign& seconds, double block_s) {
 
 bool leave_short_runs(Campaign* seconds) {
   const Campaign blocks = block_means(*seconds, block_length_s(*seconds));
-  std::vector<CampaignRun> kept;
-  for (size_t r = 0; r < seconds->runs.size(); ++r)
-    if (static_cast<double>(blocks.runs[r].n()) * blocks.dt_s >= kShortest_s) kept.push_back(seconds->runs[r]);
-  if (kept.empty()) return false;
-  if (kept.size() < seconds->runs.size()) seconds->runs = std::move(kept);
+  std::vector<char> is_short;
+  for (const CampaignRun& run : blocks.runs)
+    is_short.push_back(static_cast<double>(run.n()) * blocks.dt_s < kShortest_s);
+  if (std::find(is_short.begin(), is_short.end(), 0) == is_short.end()) return false;
+  leave_runs(is_short, kTooShort, seconds);
   return true;
 }
 

@@ -28,7 +28,10 @@ double white_between_samples(const Campaign& campaign);
 // sigma^2 2 (a - 1 + exp(-a))/a^2 at 0: a Markov process of larger variance and (negative) white noise.
 NoiseModel block_equivalent(const NoiseModel& seconds, double block_s);
 
-// Leaves out runs of which less than a minute of block means stays.  False: none would stay, and nothing was changed.
+// Why a run of which less than a minute of block means stays is left out.
+constexpr char kTooShort[] = "has less than a minute of usable means";
+
+// Leaves out such runs.  False: none would stay, and nothing was changed.
 bool leave_short_runs(Campaign* seconds);
 
 } // namespace imucal

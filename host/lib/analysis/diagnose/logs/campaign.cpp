@@ -231,13 +231,14 @@ static void refuse_steady_temperature(const std::vector<double>& all, Campaign* 
 namespace {
 
 // Settings of the campaign: time step, temperature or none, polynomial and its normalisation.
-Campaign empty_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
+Campaign empty_campaign(const std::vector<Log>& logs, const std::vector<size_t>& places, const std::string& axis,
+                        const ErrorModel& model) {
   Campaign campaign;
   campaign.axis = axis;
   std::vector<double> steps;
-  for (const Log& log : logs) {
-    campaign.has_temperature = campaign.has_temperature && log.has_temperature();
-    steps.push_back(log.dt_s());
+  for (size_t place : places) {
+    campaign.has_temperature = campaign.has_temperature && logs[place].has_temperature();
+    steps.push_back(logs[place].dt_s());
   }
   std::sort(steps.begin(), steps.end());
   campaign.dt_s = steps[steps.size() / 2];
@@ -291,26 +292,47 @@ CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
   return run;
 }
 
-void refuse_unusable(const CampaignRun& run, const std::string& path, const std::string& axis) {
-  if (is_stuck(run))
-    throw data_error(path + ": axis " + axis +
-                     " has one and the same rate in every second: it is stuck or not connected; leave it out with "
-                     "--axis");
-  if (run.n() < kFewestSeconds)
-    throw data_error(path + ": axis " + axis + " has " + std::to_string(run.n()) + " usable seconds; at least " +
-                     std::to_string(kFewestSeconds) + " are needed");
+// Why nothing can be asked of a run; empty: it can.
+std::string why_unusable(const CampaignRun& run) {
+  if (is_stuck(run)) return "has one and the same rate in every second: it is stuck or not connected";
+  if (run.n() >= kFewestSeconds) return "";
+  return "has " + std::to_string(run.n()) + " usable seconds; at least " + std::to_string(kFewestSeconds) +
+         " are needed";
+}
+
+// The runs as they were recorded.  Where a log is left out the settings are made anew without it.
+Campaign usable_runs(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
+  std::vector<LeftOutLog> left_out;
+  std::vector<size_t> places(logs.size());
+  std::iota(places.begin(), places.end(), 0);
+  while (!places.empty()) {
+    Campaign campaign = empty_campaign(logs, places, axis, model);
+    std::vector<size_t> kept;
+    for (size_t place : places) {
+      CampaignRun run = run_of(campaign, logs[place], place);
+      find_used(&run);
+      if (const std::string why = why_unusable(run); !why.empty())
+        left_out.push_back({place, why});
+      else
+        kept.push_back(place), campaign.runs.push_back(std::move(run));
+    }
+    campaign.left_out = left_out;
+    if (kept.size() == places.size()) return campaign;
+    places = std::move(kept);
+  }
+  Campaign none;
+  none.axis = axis, none.left_out = std::move(left_out);
+  return none;
 }
 
 } // namespace
 
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
-  Campaign campaign = empty_campaign(logs, axis, model);
+  Campaign campaign = usable_runs(logs, axis, model);
+  if (campaign.runs.empty()) return campaign;
   std::vector<double> temperatures;
-  for (size_t r = 0; r < logs.size(); ++r) {
-    campaign.runs.push_back(run_of(campaign, logs[r], r));
-    const std::vector<double>& own = campaign.runs.back().input.temp_degc;
-    temperatures.insert(temperatures.end(), own.begin(), own.end());
-  }
+  for (const CampaignRun& run : campaign.runs)
+    temperatures.insert(temperatures.end(), run.input.temp_degc.begin(), run.input.temp_degc.end());
   if (campaign.has_temperature) std::sort(temperatures.begin(), temperatures.end());
   campaign.temp_lsb_degc = campaign.has_temperature ? coarse_step(temperatures) : 0;
   refuse_steady_temperature(temperatures, &campaign);
@@ -321,10 +343,18 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
       campaign.lo_degc = std::min(campaign.lo_degc, temp);
       campaign.hi_degc = std::max(campaign.hi_degc, temp);
     }
-    find_used(&run);
-    refuse_unusable(run, logs[run.input.log].path, axis);
   }
   return campaign;
+}
+
+void leave_runs(const std::vector<char>& is_left, const std::string& why, Campaign* campaign) {
+  std::vector<CampaignRun> kept;
+  for (size_t r = 0; r < campaign->runs.size(); ++r)
+    if (is_left[r])
+      campaign->left_out.push_back({campaign->runs[r].input.log, why});
+    else
+      kept.push_back(std::move(campaign->runs[r]));
+  campaign->runs = std::move(kept);
 }
 
 void keep_common_columns(const std::vector<Campaign*>& campaigns) {

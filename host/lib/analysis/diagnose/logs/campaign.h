@@ -24,8 +24,15 @@ struct CampaignRun {
   size_t n() const { return used.size(); }
 };
 
+// A log of which an axis has no run.
+struct LeftOutLog {
+  size_t log = 0;  // its place among those given, as RunInput::log
+  std::string why; // "has ..."
+};
+
 struct Campaign {
-  std::vector<CampaignRun> runs;
+  std::vector<CampaignRun> runs;    // increasing in input.log, which alone says of which log a run is
+  std::vector<LeftOutLog> left_out; // all other logs
   std::string axis;
   bool has_temperature = true;        // and it moves
   bool is_temperature_steady = false; // logged, but moves by less than kLeastSpan_degc
@@ -42,9 +49,13 @@ struct Campaign {
 
 // The runs of one axis.  Seconds without a rate, or flagged as saturated or faulty, are left out: the filters
 // then predict over them.  Seconds in which the thermometer was stuck have no row, as if they were missing in the
-// log.  `steps` counts seconds by time stamps, never rows. data_error: a log without that axis, an axis whose rate is one
-// and the same in every second, fewer than 60 usable seconds.
+// log.  `steps` counts seconds by time stamps, never rows.  Left out are logs in which the axis has one and the same rate in
+// every second or fewer than 60 usable seconds: all is as if they had not been given, but the places of the others.  No runs:
+// no log can be used.  data_error: a log without that axis.
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model);
+
+// Leaves out the runs of these places among `runs`, all for one reason.
+void leave_runs(const std::vector<char>& is_left, const std::string& why, Campaign* campaign);
 
 // Leaves the auxiliary columns that every run of these campaigns has: a column is known by its place among those of a run.
 void keep_common_columns(const std::vector<Campaign*>& campaigns);

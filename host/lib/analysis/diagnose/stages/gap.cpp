@@ -437,6 +437,8 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
     out.at_all.push_back(support(final.without(i)));
   }
   const Campaign& campaign = held_out ? *held_out : training.campaign;
+  for (size_t u = 0; u < out.delta_by_unit.size(); ++u)
+    out.log_by_unit.push_back(campaign.runs[is_single ? 0 : u].input.log);
   out.part_within = static_cast<double>(n_rows(held_out_units(training, splits, before, after, true))) /
                     static_cast<double>(campaign.n());
   const auto units_less = [&](const Prediction& less) {

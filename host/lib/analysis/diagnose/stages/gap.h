@@ -38,6 +38,7 @@ struct GapResult {
   double gain = 0;                   // deviance per hour that the names remove
   double delta_deviance = 0;         // of all held-out units
   std::vector<double> delta_by_unit; // deviance
+  std::vector<size_t> log_by_unit;   // place among the fitted, or the held-out logs
   // What a name is worth to the held-out data, and what it would be worth to data without noise that are just as the
   // fitted hypothesis predicts: what they can show of it.
   struct Support {
