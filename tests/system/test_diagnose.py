@@ -583,6 +583,20 @@ def test_a_bad_log_of_one_axis_is_left_out_there_and_no_number_shifts(lab):
     assert "left_out_logs" not in without and without_places(alone) == without_places(without)
 
 
+def test_logs_that_are_stuck_alike_are_not_one_log_given_twice(lab):
+    logs = lab.logs("alike", [], n=3, axes=2)
+    for path in logs[:2]:
+        with_rates(path, "gx_dph", STUCK)
+    x, y = lab.run(logs)["axes"]
+    assert x["gap"]["log_by_unit"] == [2, 2, 2, 2] and y["gap"]["log_by_unit"] == [0, 1, 2]  # quarters of the one log
+    assert [e["log"] for e in x["left_out_logs"]] == logs[:2]
+    for path in logs[:2]:
+        with_rates(path, "gy_dph", STUCK)
+    assert [a["gap"]["log_by_unit"] for a in lab.run(logs)["axes"]] == [[2, 2, 2, 2]] * 2
+    lab.run([logs[2], logs[2]], code=3)
+    assert "the same data" in lab.errors
+
+
 def test_a_bad_held_out_log_is_left_out_for_its_axis(lab):
     logs = lab.logs("bad_unseen", HYSTERESIS, n=4, axes=2)
     with_rates(logs[2], "gx_dph", STUCK)

@@ -403,12 +403,19 @@ const LogAxis& Log::axis(const std::string& name) const {
 }
 
 bool same_rows(const Log& a, const Log& b) {
-  if (a.size() != b.size() || a.axes.empty() || b.axes.empty()) return false;
-  for (size_t i = 0; i < a.size(); ++i) {
-    const double x = a.axes[0].rate_dph[i], y = b.axes[0].rate_dph[i];
-    if (x != y && !(std::isnan(x) && std::isnan(y))) return false;
+  if (a.size() != b.size()) return false;
+  const size_t n_axes = std::min(a.axes.size(), b.axes.size());
+  bool moves = false; // two logs of a stuck sensor are alike, too
+  for (size_t j = 0; j < n_axes; ++j) {
+    double first = std::nan("");
+    for (size_t i = 0; i < a.size(); ++i) {
+      const double x = a.axes[j].rate_dph[i], y = b.axes[j].rate_dph[i];
+      if (x != y && !(std::isnan(x) && std::isnan(y))) return false;
+      if (std::isnan(first)) first = x;
+      moves = moves || (std::isfinite(x) && x != first);
+    }
   }
-  return true;
+  return moves;
 }
 
 std::string Log::place(size_t row) const {

@@ -40,7 +40,8 @@ struct Log {
   std::string place(size_t row) const;                // "log.csv:17" for messages
 };
 
-// The same rates of the first axis, one by one: one record given twice.
+// The same rates, one by one, of all axes that stand at the same place in both, and not one and the same rate in every row:
+// one record given twice.
 bool same_rows(const Log& a, const Log& b);
 
 // path "-": standard input.  gzip is unpacked, a UTF-8 byte-order mark and CR LF are read.
