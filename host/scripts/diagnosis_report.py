@@ -187,7 +187,7 @@ def where_folds(axis):
 
 def axis_view(axis, n_logs, library):
     title, color = VERDICTS.get(axis["verdict"], (plain(axis["verdict"]), draw.MUTED))
-    if axis.get("refused"):  # the verdict is one for want of another
+    if axis.get("refused"):  # not judged: not a gap whose cause is open
         title, color = "No answer", draw.MUTED
     profile = axis.get("advised_profile")
     effects = axis.get("effects") or []

@@ -249,7 +249,8 @@ static void test_an_axis_that_cannot_be_judged_has_no_answer(void**) {
   const Json told_axis = diagnosis_json({}, result)["axes"][0];
   assert_string_equal(told_axis["statement"].text().c_str(), ("no answer: " + why).c_str());
   assert_string_equal(told_axis["refused"].text().c_str(), why.c_str());
-  assert_string_equal(told_axis["verdict"].text().c_str(), "partly_explained");
+  assert_string_equal(told_axis["verdict"].text().c_str(), "unexplained");
+  assert_int_equal(unanswered(result).size(), 1);
   s.effects.clear();
   assert_has(diagnosis_text({}, result), "gx_dph: no answer: too few usable seconds to judge\n");
 }

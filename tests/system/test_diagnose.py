@@ -59,7 +59,7 @@ class Lab:
                                *map(str, extra)], capture_output=True, text=True)
         assert done.returncode == code, done.stderr
         self.text, self.errors = done.stdout, done.stderr
-        return json.loads(out.read_text()) if code == 0 else None
+        return json.loads(out.read_text()) if code in (0, 1) else None
 
 
 HYSTERESIS = [{"name": "thermal_hysteresis", "parameters": {"amplitude_dph": 60, "width_degc": 5}}]
@@ -621,6 +621,21 @@ def test_an_axis_without_a_usable_log_says_why_of_each(lab):
     assert f"{logs[1]}: axis gx_dph has 30 usable seconds" in lab.errors
 
 
+@pytest.mark.parametrize("spoilt", ["stuck", "sparse"])
+def test_an_axis_that_was_not_judged_looks_neither_clean_nor_explained(lab, spoilt):
+    """To a script that reads the exit status, or the verdict alone."""
+    logs = lab.logs(f"lost_{spoilt}", [], n=2, axes=2)
+    for path in logs:
+        with_rates(path, "gx_dph", STUCK if spoilt == "stuck" else lambda i, rate: rate if i % 40 < 2 else "")
+    x, y = lab.run(logs, code=1)["axes"]
+    assert x["refused"] and x["verdict"] == "unexplained" and x["gap"]["shrinkage"] is None
+    assert "refused" not in y and y["verdict"] == "no_gap"
+    assert f"gx_dph: no answer: {x['refused']}" in lab.text
+    lab.run(logs, "--quiet", code=1)
+    assert f"diagnose: gx_dph: no answer: {x['refused']}" in lab.errors and "gy_dph" not in lab.errors
+    assert lab.run(logs, "--axis", "gy_dph")["axes"][0]["verdict"] == "no_gap"
+
+
 # ---- the model that is written ----------------------------------------------------------------------------
 
 def slow_density(markov):
@@ -650,12 +665,12 @@ def test_the_model_that_is_written_has_the_noise_of_the_first_axis_that_was_judg
             row[x], row[z] = str(7 + i), repr(3 * float(row[z]))  # stuck, and louder than y
         Path(path).write_text("\n".join(",".join(row) for row in rows) + "\n")
     written = lab.folder / "first_axis.json"
-    result = lab.run(logs, "--model-out", written, model=False)
+    result = lab.run(logs, "--model-out", written, model=False, code=1)
     model = json.loads(written.read_text())
     assert model["arw_deg_rt_h"] == pytest.approx(0.6, rel=0.05) and len(model["markov"]) == 1
     told = [w for w in result["warnings"] if "the model that is written has the noise of axis gy_dph" in w]
     assert len(told) == 1 and "that of axis gz_dph differs" in told[0]
-    assert not [w for w in lab.run(logs, model=False)["warnings"] if "is written" in w]
+    assert not [w for w in lab.run(logs, model=False, code=1)["warnings"] if "is written" in w]
 
 
 def rates_of(path):

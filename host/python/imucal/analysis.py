@@ -496,7 +496,7 @@ def diagnose(logs, model, holdout=(), axes=(), without=(), only=(), false_alarm_
 
     Returns
     -------
-    dict : as `diagnose --json` writes it (one entry of "axes" per axis)
+    dict : as `diagnose --json` writes it (one entry of "axes" per axis; one with "refused" could not be judged)
 
     Raises
     ------

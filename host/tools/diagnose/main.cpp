@@ -106,16 +106,22 @@ Exit run(Request* r) {
     result.warnings.insert(result.warnings.end(), result.model_warnings.begin(), result.model_warnings.end());
   if (common.wants_json()) write_json(common.json_path, diagnosis_json(options, result));
   if (!r->model_out.empty()) write_json(r->model_out, to_json(result.model));
-  if (common.talks()) std::cout << diagnosis_text(options, result);
-  if (!common.talks())
+  const std::vector<std::string> not_judged = unanswered(result);
+  if (common.talks()) {
+    std::cout << diagnosis_text(options, result);
+  } else {
     for (const std::string& warning : result.warnings) std::cerr << "diagnose: warning: " << warning << "\n";
-  return Exit::kDone;
+    for (const std::string& line : not_judged) std::cerr << "diagnose: " << line << "\n";
+  }
+  return not_judged.empty() ? Exit::kDone : Exit::kNegative;
 }
 
 } // namespace
 
 int main(int argc, char** argv) {
-  cli::App app("find what a gyro or an accelerometer does that its error model leaves out", "diagnose");
+  cli::App app("find what a gyro or an accelerometer does that its error model leaves out; exit status 1: an axis "
+               "could not be judged",
+               "diagnose");
   Request request;
   request.options.cache_folder = default_cache_folder();
   add_common_options(&app, &request.common, kWithSeed | kWithThreads);

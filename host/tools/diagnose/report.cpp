@@ -436,7 +436,6 @@ std::string unexplained(const Selection& s) {
   return "a gap that no known effect explains";
 }
 
-// Of an axis that was not judged; its verdict is one for want of another.
 std::string why_refused(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   if (!axis.refused.empty()) return axis.refused;
@@ -517,10 +516,11 @@ std::vector<std::string> notes(const AxisResult& axis) {
   return out;
 }
 
+// Of an axis that was not judged.  Who reads the verdict alone must take it neither for clean nor for explained.
 Json refused_json(const AxisResult& axis) {
   return {{"axis", axis.axis},
           {"unit", axis_unit(axis.axis)},
-          {"verdict", "unexplained"},
+          {"verdict", verdict_name(Verdict::kUnexplained)},
           {"statement", headline(axis)},
           {"refused", why_refused(axis)},
           {"where", nullptr},
@@ -571,7 +571,7 @@ Json answer_json(const AxisResult& axis, double rate) {
   for (const SelectedEffect& e : s.effects) effects.push_back(effect_json(axis, e, rate));
   if (s.cannot_judge) {
     Json out = refused_json(axis);
-    out["verdict"] = verdict_name(s.verdict), out["effects"] = effects;
+    out["effects"] = effects;
     return out;
   }
   const auto entry_of = [](const Detectability& d) {
@@ -714,6 +714,13 @@ Json diagnosis_json(const DiagnoseOptions& options, const DiagnoseResult& result
           {"warnings", result.warnings},
           {"library", library_json()},
           {"axes", axes}};
+}
+
+std::vector<std::string> unanswered(const DiagnoseResult& result) {
+  std::vector<std::string> out;
+  for (const AxisResult& axis : result.axes)
+    if (!is_judged(axis)) out.push_back(axis.axis + ": " + headline(axis));
+  return out;
 }
 
 std::string diagnosis_text(const DiagnoseOptions&, const DiagnoseResult& result) {

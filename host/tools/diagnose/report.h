@@ -2,6 +2,7 @@
 // The answer of diagnose as JSON (host/formats.md, Diagnosis) and as text.
 #pragma once
 #include <string>
+#include <vector>
 
 #include "analysis/diagnose/diagnose.h"
 #include "io/json_file.h"
@@ -9,6 +10,8 @@
 namespace imucal {
 
 Json diagnosis_json(const DiagnoseOptions& options, const DiagnoseResult& result);
+// The axes that were not judged, in a line each: name and why.
+std::vector<std::string> unanswered(const DiagnoseResult& result);
 std::string diagnosis_text(const DiagnoseOptions& options, const DiagnoseResult& result);
 
 // The library as JSON: names, words, families, parameters, properties.

@@ -570,6 +570,7 @@ DiagnoseResult diagnose_logs(const DiagnoseOptions& options, const ErrorModel& m
     } catch (const Error& error) {
       axis = AxisResult();
       axis.axis = name, axis.refused = error.what();
+      axis.study.selection.verdict = Verdict::kUnexplained;
     }
   });
   size_t n_refused = 0;

@@ -34,7 +34,7 @@ public:
     if (!leave_short_runs(&campaign_)) {
       out_.cannot_judge = true;
       out_.effects = structural_;
-      out_.verdict = Verdict::kPartlyExplained;
+      out_.verdict = Verdict::kUnexplained;
       return study();
     }
     do {
