@@ -741,3 +741,22 @@ def test_a_column_that_one_log_lacks_is_not_taken_for_another(lab):
     result = lab.run(logs[:2], "--holdout", logs[2])
     assert result["axes"][0]["effects"][0]["parameters"]["channel"] == "supply_v", lab.text
     assert [w for w in result["warnings"] if w.startswith(f"{logs[2]} has no column accel_x")]
+
+
+def test_a_column_that_hardly_moves_is_advised_to_be_varied(lab):
+    """No temperature profile makes a supply move."""
+    columns = {"accel_x": lambda t: math.sin(t / 300), "near_degc": lambda t: 0, "supply_v": lambda t: 5 + 0.001 * math.sin(t / 400)}
+    logs = lab.logs("resting", [], n=3)
+    for path in logs:
+        with_columns(path, columns)
+        temps = iter([line.split(",")[1] for line in Path(path).read_text().splitlines() if line[0].isdigit()])
+        with_rates(path, "near_degc", lambda i, was: next(temps))
+    axis = lab.run(logs)["axes"][0]
+    assert {d["smallest_detectable"]["channel"] for d in axis["not_detectable_here"] if d["name"] == "auxiliary_channel"} == {
+        "near_degc", "supply_v"}
+    (still,) = [a for a in axis["advice"] if "supply_v" in a]
+    assert "hardly moves: by 0.002 within a log at most" in still and "Vary it" in still and "profile" not in still
+    (thermal,) = [a for a in axis["advice"] if "near_degc" in a]
+    assert "moves by 60 within a log, but as the temperature does" in thermal and "apart from the temperature" in thermal
+    assert f"advice    {still}" in lab.text and not [a for a in axis["advice"] if "accel_x" in a]
+    assert not [a for a in axis["advice"] if "auxiliary_channel" in a and "profile" in a]

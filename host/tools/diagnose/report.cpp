@@ -393,8 +393,22 @@ std::vector<const Detectability*> hidden_effects(const AxisResult& axis) {
 }
 std::string hidden_names(const AxisResult& axis) {
   std::vector<std::string> names;
-  for (const Detectability* d : hidden_effects(axis)) names.push_back(d->name);
+  for (const Detectability* d : hidden_effects(axis)) add_once(d->name, &names);
   return joined(names, ", ");
+}
+// Those that another profile would show: no profile makes a column of another quantity move.
+std::string hidden_by_profile(const AxisResult& axis) {
+  std::vector<std::string> names;
+  for (const Detectability* d : hidden_effects(axis))
+    if (d->column.empty()) names.push_back(d->name);
+  return joined(names, ", ");
+}
+std::string advice_on_column(const Detectability& d) {
+  return "Column " + d.column +
+         format(d.is_column_thermal ? " moves by %.3g within a log, but as the temperature does"
+                                    : " hardly moves: by %.3g within a log at most",
+                d.column_range) +
+         "; whether the rate follows it cannot be seen. Vary it inside a run, apart from the temperature.";
 }
 
 // Other parameters of the believed noise are beside the cause, if there is one.
@@ -469,11 +483,13 @@ std::vector<std::string> advice(const AxisResult& axis) {
   std::string alike;
   for (const auto& pair : axis.identifiability.indistinguishable)
     alike += (alike.empty() ? "" : "; ") + pair.first + " and " + pair.second;
-  const std::string hidden = hidden_names(axis);
+  const std::string hidden = hidden_by_profile(axis);
   if (!hidden.empty())
     out.push_back("These profiles would not show " + hidden +
                   " of a size that matters: an answer without them is not an answer that they are absent. Run the "
                   "advised profile (half of the runs mirrored, starting hot).");
+  for (const Detectability* d : hidden_effects(axis))
+    if (!d->column.empty()) out.push_back(advice_on_column(*d));
   if (!alike.empty())
     out.push_back("Not distinguishable on these profiles: " + alike +
                   ". Reversals inside a run, two ramp rates and soaks on the way tell thermal effects apart.");
@@ -584,7 +600,7 @@ Json answer_json(const AxisResult& axis, double rate) {
   const NoiseModel& noise = s.fitted_noise;
   Json markov = Json::array();
   for (const Markov& m : noise.markov) markov.push_back({{"sigma_dph", m.sigma_dph}, {"tau_s", m.tau_s}});
-  const bool is_advised = campaign.has_temperature && (!hidden.empty() || !alike.empty());
+  const bool is_advised = campaign.has_temperature && (!hidden_by_profile(axis).empty() || !alike.empty());
   return {
       {"axis", axis.axis},
       {"unit", axis_unit(axis.axis)},

@@ -82,10 +82,13 @@ public:
     return {column};
   }
   Parameters values(const Estimate& e) const override { return {{"gain", e.coefficient(0)}}; }
-  Parameters values_on(const RunInput& run, const Estimate& e) const override {
+  std::string column_of(const RunInput& run, const Theta& shape) const override {
     auto it = run.auxiliary.begin();
-    if (!e.shape.empty()) std::advance(it, static_cast<long>(e.shape[0]));
-    return {{"channel", it->first}, {"gain", e.coefficient(0)}};
+    if (!shape.empty()) std::advance(it, static_cast<long>(shape[0]));
+    return it->first;
+  }
+  Parameters values_on(const RunInput& run, const Estimate& e) const override {
+    return {{"channel", column_of(run, e.shape)}, {"gain", e.coefficient(0)}};
   }
 };
 

@@ -115,6 +115,8 @@ public:
     const char* what = "";                      // in words
   };
   virtual AnyShape of_any_shape() const { return {}; }
+  // The auxiliary column of the log that the effect follows at this shape; empty: none.
+  virtual std::string column_of(const RunInput& /*run*/, const Theta& /*shape*/) const { return ""; }
   // kColumns, kRunRandom, kTone: one value per row of the run, for each column.
   virtual std::vector<Column> columns(const RunInput&, const Theta&) const { return {}; }
   // The state in which an effect with a memory began the run is free: columns with coefficients of this run

@@ -110,6 +110,40 @@ Detectability detectability(const Campaign& campaign, const EffectEstimator& est
   return d;
 }
 
+// By how much the first column of an effect moves within a run, at most.
+double range_within_runs(const Campaign& campaign, const EffectEstimator& estimator, const Theta& shape) {
+  double range = 0;
+  for (const CampaignRun& run : campaign.runs) {
+    const Column column = estimator.columns(run.input, shape).front();
+    const auto [lo, hi] = std::minmax_element(column.begin(), column.end());
+    range = std::max(range, *hi - *lo);
+  }
+  return range;
+}
+
+// An effect that follows a column of the log, for each of them: what a constant of each run leaves of it, and the polynomial.
+std::vector<Detectability> column_detectabilities(const Campaign& campaign, const Hypothesis& nominal,
+                                                  const EffectEstimator& estimator, const std::string& name,
+                                                  const std::vector<Theta>& shapes, const Projector& project) {
+  Campaign without_polynomial = campaign;
+  without_polynomial.order = 0;
+  const Projector project_constants(without_polynomial, nominal);
+  const double white_dph = nominal.noise().white_sigma_dph;
+  std::vector<Detectability> out;
+  for (const Theta& shape : shapes) {
+    const auto told = [&](const Projector& by) {
+      const double energy = signals_at(campaign, estimator, shape, {}, by).col(0).squaredNorm();
+      return detectability(campaign, estimator, name, shape, energy, white_dph);
+    };
+    Detectability d = told(project);
+    d.column = estimator.column_of(campaign.runs.front().input, shape);
+    d.column_range = range_within_runs(campaign, estimator, shape);
+    d.is_column_thermal = !d.is_notable && told(project_constants).is_notable;
+    out.push_back(std::move(d));
+  }
+  return out;
+}
+
 // How much of one signal another effect could take.
 double absorbed(const VectorXd& signal, const std::vector<VectorXd>& other) {
   double best = 0;
@@ -140,8 +174,13 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal, co
     }
     const Theta& middle = middle_of(grid);
     own.signal = signals_at(campaign, *estimator, middle, beta, project).col(0);
-    out.effects.push_back(detectability(campaign, *estimator, own.name, middle, own.signal.squaredNorm(),
-                                        nominal.noise().white_sigma_dph));
+    std::vector<Detectability> told;
+    if (estimator->column_of(campaign.runs.front().input, middle).empty())
+      told = {detectability(campaign, *estimator, own.name, middle, own.signal.squaredNorm(),
+                            nominal.noise().white_sigma_dph)};
+    else
+      told = column_detectabilities(campaign, nominal, *estimator, own.name, grid, project);
+    out.effects.insert(out.effects.end(), told.begin(), told.end());
     list.push_back(std::move(own));
   }
   for (size_t i = 0; i < list.size(); ++i)

@@ -13,13 +13,16 @@ namespace imucal {
 
 struct Detectability {
   std::string name;
+  std::string column;             // the auxiliary column that the effect follows; empty: none
+  double column_range = 0;        // by how much block means of it move within a log, at most
+  bool is_column_thermal = false; // it would be seen, but for moving as temperature and its powers do
   Parameters smallest_detectable; // parameters of the effect at detection strength d = 5
   double smallest = 0;            // its amplitude (thermal_lag: tau)
   bool is_notable = true;         // small enough: an effect worth seeing would be seen
 };
 
 struct Identifiability {
-  std::vector<Detectability> effects;
+  std::vector<Detectability> effects; // one per effect; per column of the log where it follows one
   std::vector<std::pair<std::string, std::string>> indistinguishable;
 };
 
