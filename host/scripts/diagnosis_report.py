@@ -117,7 +117,8 @@ def loop_of(axis):
 def effect_rows(axis, library):
     """Cause in words, and its size with the library's units."""
     return [(f"{library.label(e['name'])} ({plain(e['name'])}{', as ' + plain(e['member']) if e.get('member') else ''})",
-             library.parameters_text(e.get("parameters"), e.get("std_errors")) or e.get("statement") or "–")
+             ": ".join(t for t in (library.parameters_text(e.get("parameters"), e.get("std_errors")), e.get("in_words")) if t)
+             or e.get("statement") or "–")
             for e in axis.get("effects") or []]
 
 

@@ -707,6 +707,23 @@ def test_a_believed_function_of_temperature_needs_no_polynomial_beside_it(lab):
     assert json.loads(written.read_text())["bias"]["range_degc"] == 30
 
 
+@pytest.mark.parametrize("name, slope, words, times", [
+    ("white_noise_vs_temperature", 1.2, "the white noise is {} times as large at 60 degC as at 0 degC (slope: of its log-variance", 3.32),
+    ("markov_sigma_vs_temperature", -1.5, "the slow noise is {} times as large at 0 degC as at 60 degC (slope: of its log-variance", 4.48),
+])
+def test_noise_over_temperature_is_told_in_times(lab, name, slope, words, times):
+    """exp(0.5 slope dTn) with dTn = 2 between 0 and 60 degC, and what the slope is per."""
+    axis = lab.run(lab.logs(name, [{"name": name, "parameters": {"slope": slope}}], n=4))["axes"][0]
+    effect = next(e for e in axis["effects"] if name in (e["name"], e.get("member")))
+    said = effect["in_words"]
+    assert f"          {said}\n" in lab.text and said.endswith("per unit of (T - 30 degC) / 30 degC)")
+    head, tail = words.split("{}")
+    number = said.removeprefix(head).split(tail)[0]
+    assert said.startswith(head) and tail in said
+    assert float(number.split(" +- ")[0]) == pytest.approx(times, rel=0.25)
+    assert float(number.split(" +- ")[0]) == pytest.approx(math.exp(abs(effect["parameters"]["slope"])), rel=0.01)
+
+
 # ---- columns of other quantities --------------------------------------------------------------------------
 
 def with_columns(path, columns, gain=0.0):

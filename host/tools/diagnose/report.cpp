@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "base/axis_unit.h"
+#include "diagnose/noise_words.h"
 
 namespace imucal {
 namespace {
@@ -109,6 +110,15 @@ std::string statement_of(const SelectedEffect& e) {
 }
 bool is_weak(const SelectedEffect& e) {
   return has_evidence(e) && e.evidence_nats < kWeak_nats;
+}
+
+// Whether the numbers of the best member are told.
+bool has_values(const SelectedEffect& e) {
+  return e.term.effect && e.doubt != Doubt::kSlowNoise;
+}
+// What the numbers mean, where they alone do not say it.
+std::string in_words(const AxisResult& axis, const SelectedEffect& e) {
+  return has_values(e) ? noise_over_temperature(e.term, axis.campaign) : "";
 }
 
 Json evidence_json(const CandidateEvidence& c) {
@@ -359,12 +369,12 @@ Json p_value(const Selection& s, const SelectedEffect& e, double rate) {
 Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
   Json set = Json::array();
   for (const CandidateEvidence& c : e.set) set.push_back(evidence_json(c));
-  const bool has_values = e.term.effect && e.doubt != Doubt::kSlowNoise;
-  const Parameters values = has_values ? effect_values(e.term, axis.campaign) : Parameters();
+  const bool is_told = has_values(e);
+  const Parameters values = is_told ? effect_values(e.term, axis.campaign) : Parameters();
   Json entry = {{"name", name_of(e)},
                 {"family", family_name(e.family)},
-                {"parameters", has_values ? parameters_json(values) : Json::object()},
-                {"std_errors", has_values ? std_errors_json(values) : Json::object()},
+                {"parameters", is_told ? parameters_json(values) : Json::object()},
+                {"std_errors", is_told ? std_errors_json(values) : Json::object()},
                 {"evidence_nats", e.evidence_nats},
                 {"is_weak", is_weak(e)},
                 {"gain_nats", e.gain_nats},
@@ -372,6 +382,7 @@ Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
                 {"set", set},
                 {"is_untested", e.is_untested},
                 {"held_out_gain", number(2 * e.held_out_nats / std::max(1e-9, axis.study.gap.hours))}};
+  if (const std::string words = in_words(axis, e); !words.empty()) entry["in_words"] = words;
   if (e.is_family && e.term.effect) entry["member"] = e.term.effect->name();
   if (const std::string statement = statement_of(e); !statement.empty()) entry["statement"] = statement;
   return entry;
@@ -663,13 +674,14 @@ std::string text_of(const ParameterValue& p, const AxisResult& axis) {
 
 std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
   std::string list;
-  if (e.term.effect && e.doubt != Doubt::kSlowNoise)
+  if (has_values(e))
     for (const ParameterValue& p : effect_values(e.term, axis.campaign))
       list += (list.empty() ? "" : ", ") + text_of(p, axis);
   std::string out = "  effect  " + name_of(e);
   if (e.is_family && e.term.effect && !list.empty()) out += " (as " + e.term.effect->name() + ")";
   out += list.empty() ? "" : ": " + list;
   out += has_evidence(e) ? format(" (evidence %.1f nats)\n", e.evidence_nats) : "\n";
+  if (const std::string words = in_words(axis, e); !words.empty()) out += "          " + words + "\n";
   if (is_weak(e))
     out += format(
         "          weak evidence: odds of %.2g to 1 beyond what a name must gain; another log should confirm it\n",

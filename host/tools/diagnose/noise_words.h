@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: MIT
+// Noise that follows the temperature, in an engineer's words: a slope of a logarithm over a normalised temperature tells nobody
+// how much louder a warm sensor is.
+#pragma once
+#include <string>
+
+#include "analysis/diagnose/evidence/fit.h"
+
+namespace imucal {
+
+// How many times as large (long) at one end of the temperatures of the logs as at the other, and what its slope is per.
+// Empty: the term is no noise that follows the temperature.
+std::string noise_over_temperature(const Term& term, const Campaign& campaign);
+
+} // namespace imucal
