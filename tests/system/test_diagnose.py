@@ -724,6 +724,22 @@ def test_noise_over_temperature_is_told_in_times(lab, name, slope, words, times)
     assert float(number.split(" +- ")[0]) == pytest.approx(math.exp(abs(effect["parameters"]["slope"])), rel=0.01)
 
 
+def test_simulator_and_diagnosis_normalise_temperature_alike_without_a_polynomial(lab):
+    """By (T - 30) / 30: T itself made the white noise 4e15 times as loud at 60 degC."""
+    bare = lab.write("bare.json", {key: value for key, value in MODEL.items() if key != "bias"})
+    effects = [{"name": "white_noise_vs_temperature", "parameters": {"slope": 1.2}}]
+    logs = lab.logs("bare_noise", effects, model=bare)
+    effect = next(e for e in lab.run(logs, model=bare)["axes"][0]["effects"] if e["name"] == "white_noise_vs_temperature")
+    assert effect["parameters"]["slope"] == pytest.approx(1.2, abs=4 * effect["std_errors"]["slope"])
+    effects = [{"name": "higher_order_polynomial", "parameters": {"p4_dph": 60, "p5_dph": -40}}]
+    logs = lab.logs("bare_curve", effects, model=bare)
+    believed = lab.write("bare_curve.json", {**json.loads(Path(bare).read_text()), "effects": effects})
+    assert lab.run(logs, model=believed)["axes"][0]["verdict"] == "no_gap", lab.text
+    found = lab.run(logs, model=bare)["axes"][0]["effects"][0]
+    assert found["name"] == "higher_order_polynomial"
+    assert found["parameters"]["p4_dph"] == pytest.approx(60, abs=4 * found["std_errors"]["p4_dph"])
+
+
 # ---- columns of other quantities --------------------------------------------------------------------------
 
 def with_columns(path, columns, gain=0.0):

@@ -29,6 +29,9 @@ struct ThermalPolynomial {
   ThermalPolynomial renormalised(double to_t0_degc, double to_range_degc) const;
 };
 
+// By which effects normalise the temperature where a model has no `bias`, in the simulator and in diagnose alike.
+constexpr double kUsualT0_degc = 30, kUsualRange_degc = 30;
+
 // An effect by name, with its parameters as written in the file (names and units: diagnose --list-effects).  In a file:
 // {"name": "warm_up", "parameters": {…}, "axis": "gx", "log": 2}; the last two restrict where it is simulated.
 struct EffectSpec {
@@ -48,6 +51,10 @@ struct ErrorModel {
   std::vector<EffectSpec> effects;
   std::string unit = {}; // "dph" or "mg"; empty: the file does not say (a gyro's, by default)
 
+  // Where there is none: one without coefficients, of the usual normalisation.
+  ThermalPolynomial bias_or_none() const {
+    return bias.value_or(ThermalPolynomial{kUsualT0_degc, kUsualRange_degc, {}});
+  }
   std::string unit_or_dph() const { return unit.empty() ? "dph" : unit; }
   // data_error where the model is stated to be one of another kind of sensor than the axis.
   void require_unit_of(const std::string& axis) const;

@@ -224,7 +224,7 @@ std::vector<std::pair<std::string, std::string>> take_out_known(const ErrorModel
       sim.log = in.log;
       sim.model = &model;
       sim.start = StartState::kSettled; // what start states add is estimated beside it
-      sim.bias = model.bias.value_or(ThermalPolynomial{campaign->t0_degc, campaign->range_degc, {}});
+      sim.bias = model.bias_or_none();
       for (double t : in.t_s) sim.t_s.push_back(t + run.start_s);
       sim.case_temp_degc = sim.gyro_temp_degc = sim.thermometer_degc = in.smooth_degc;
       sim.auxiliary = in.auxiliary;

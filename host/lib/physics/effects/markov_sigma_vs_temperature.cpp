@@ -22,7 +22,9 @@ public:
              "Kirton and Uren, Advances in Physics 38 (1989)"}};
   }
   std::vector<EffectParameter> parameters() const override {
-    return {{"slope", -20, 20, "change of the log-variance per unit of normalised temperature"}};
+    return {{"slope", -20, 20,
+             "change of the log-variance per unit of Tn = (T - t0)/range of the model's bias (30 and 30 degC without "
+             "one)"}};
   }
 
   void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {

@@ -93,7 +93,7 @@ SimRun start_run(const ErrorModel& model, const std::vector<double>& t_s, const 
   run.case_temp_degc = temp_degc;
   run.gyro_temp_degc = temp_degc;
   run.thermometer_degc = temp_degc;
-  if (model.bias) run.bias = *model.bias;
+  run.bias = model.bias_or_none();
   run.rate_dph.assign(t_s.size(), 0.0);
   run.white_sigma_dph.assign(t_s.size(), white_sigma_dph(model.arw_deg_rt_h));
   for (const Markov& m : model.markov)

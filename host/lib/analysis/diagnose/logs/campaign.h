@@ -40,7 +40,7 @@ struct Campaign {
   double temp_lsb_degc = 0;           // step of the thermometer where it is coarse; else 0
   double dt_s = 1;
   int order = 3; // of the polynomial
-  double t0_degc = 30, range_degc = 30;
+  double t0_degc = kUsualT0_degc, range_degc = kUsualRange_degc;
   double spread_dph = 0; // rms of what the polynomial alone leaves in minutes: scale of priors; 0: not known yet
   std::vector<double> coeff_dph; // of the nominal model: only what nulls are simulated with
 
