@@ -328,30 +328,32 @@ Json gap_json(const AxisResult& axis) {
   const std::string unit = axis_unit(axis.axis);
   const GapResult& g = axis.study.gap;
   const bool is_none = axis.study.selection.verdict == Verdict::kNoGap;
-  Json gap = {{"before", g.before},
-              {"after", g.after},
-              {"shrinkage", has_figure(axis) ? Json(g.shrinkage)
-                            : is_none        ? Json(0.0)
-                                             : Json(nullptr)},
-              {"ci95", has_figure(axis) ? Json{g.ci_lo, g.ci_hi}
-                       : is_none        ? Json{0.0, 0.0}
-                                        : Json(nullptr)},
-              {"unit", unit + "^2: mean square of what the models leave in the noise-free mean of the held-out data, estimated"},
-              {"method", held_out_text(g.method)},
-              {"gain", g.gain},
-              {"gain_unit", "deviance per hour, held out"},
-              {"hours", g.hours},
-              {"gain_by_unit", g.delta_by_unit},
-              {"log_by_unit", g.log_by_unit},
-              {"statement", held_out_statement(axis)},
-              {"part_within_fitted_temperatures", g.part_within},
-              {"remainder", remainder(axis)},
-              {"residual_rms_dph",
-               {{"before", g.rms_before_dph},
-                {"after", g.rms_after_dph},
-                {"noise", g.noise_rms_dph},
-                {"noise_error", g.noise_error_dph}}},
-              {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
+  Json gap = {
+      {"before", g.before},
+      {"after", g.after},
+      {"shrinkage", has_figure(axis) ? Json(g.shrinkage)
+                    : is_none        ? Json(0.0)
+                                     : Json(nullptr)},
+      {"ci95", has_figure(axis) ? Json{g.ci_lo, g.ci_hi}
+               : is_none        ? Json{0.0, 0.0}
+                                : Json(nullptr)},
+      {"unit",
+       unit + "^2: mean square of what the models leave in the noise-free mean of the held-out data, estimated"},
+      {"method", held_out_text(g.method)},
+      {"gain", g.gain},
+      {"gain_unit", "deviance per hour, held out"},
+      {"hours", g.hours},
+      {"gain_by_unit", g.delta_by_unit},
+      {"log_by_unit", g.log_by_unit},
+      {"statement", held_out_statement(axis)},
+      {"part_within_fitted_temperatures", g.part_within},
+      {"remainder", remainder(axis)},
+      {"residual_rms_dph",
+       {{"before", g.rms_before_dph},
+        {"after", g.rms_after_dph},
+        {"noise", g.noise_rms_dph},
+        {"noise_error", g.noise_error_dph}}},
+      {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
   if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure()) gap["stand_in_shrinkage"] = g.shrinkage;
   return gap;
 }

@@ -378,21 +378,24 @@ Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double 
   return out;
 }
 
-std::string why_left_out(const LeftOutLog& left, const Campaign& campaign, const std::vector<Log>& logs) {
-  return logs[left.log].path + ": axis " + campaign.axis + " " + left.why;
-}
-
 void tell_left_out(const Campaign& campaign, const std::vector<Log>& logs, AxisResult* axis) {
   for (const LeftOutLog& left : campaign.left_out) {
-    axis->warnings.push_back(why_left_out(left, campaign, logs) + ": this log is left out of its answer");
-    axis->left_out.push_back({logs[left.log].path, left.why});
+    const std::string& path = logs[left.log].path;
+    axis->warnings.push_back(path + ": axis " + campaign.axis + " " + left.why +
+                             ": this log is left out of its answer");
+    axis->left_out.push_back({path, left.why});
   }
 }
 
 void require_runs(const Campaign& campaign, const std::vector<Log>& logs) {
   if (!campaign.runs.empty()) return;
+  std::map<std::string, std::string> paths; // by reason
+  for (const LeftOutLog& left : campaign.left_out) {
+    std::string& list = paths[left.why];
+    list += (list.empty() ? "" : ", ") + logs[left.log].path;
+  }
   std::string all;
-  for (const LeftOutLog& left : campaign.left_out) all += why_left_out(left, campaign, logs) + "; ";
+  for (const auto& [why, list] : paths) all += list + ": axis " + campaign.axis + " " + why + "; ";
   throw data_error(all +
                    "no log of this axis can be used: choose the other axes with --axis, or give logs that hold it");
 }
