@@ -89,6 +89,11 @@ std::vector<SelectorConstant> of_selection() {
        "power laws between them are nearer to one kind than to another by this", false},
       {"against_nats", &C::against_nats, "what held-out logs must lose by jumps or by a kind of noise to reject it",
        "odds of 20 to 1", false},
+  };
+}
+
+std::vector<SelectorConstant> of_seconds() {
+  return {
       {"fast_nats", &C::fast_nats, "what a kind of fast noise must gain", "three parameters and the choice of kinds",
        false},
       {"line_nats", &C::line_nats, "what a line in the spectrum must gain",
@@ -110,7 +115,7 @@ std::vector<SelectorConstant> of_selection() {
 const std::vector<SelectorConstant>& selector_constants() {
   static const std::vector<SelectorConstant> list = [] {
     std::vector<SelectorConstant> all = of_search();
-    for (const SelectorConstant& c : of_selection()) all.push_back(c);
+    for (const auto& more : {of_selection(), of_seconds()}) all.insert(all.end(), more.begin(), more.end());
     return all;
   }();
   return list;

@@ -73,8 +73,13 @@ void name_fast(const AxisQuestion& question, const Found& found, Names* names) {
     if (f.gain_nats >
         best.gain_nats - (is_slow ? question.constants.noise_margin_nats : question.constants.rivals_nats))
       effect.set.push_back({f.effect, nullptr, false, f.effect->family(), f.gain_nats, question.constants.fast_nats});
-  if (is_slow && effect.set.size() > 1) open_member(&effect);
-  if (is_slow && !effect.term.estimator->is_jumping()) add_same_spectrum(question, &effect);
+  const bool is_jumping = effect.term.estimator->is_jumping();
+  const auto has_no_owner = [&] {
+    const double gain = gain_of_free_spectrum(question.campaign, found.seconds.fit.residual, best);
+    return gain > (effect.term.estimator->has_markov_spectrum() ? -1 : 1) * question.constants.rivals_nats;
+  };
+  if (is_slow && (effect.set.size() > 1 || (!is_jumping && has_no_owner()))) open_member(&effect);
+  if (is_slow && !is_jumping) add_same_spectrum(question, &effect);
   if (found.fast.jumping.has_teeth && best.effect->estimator()->is_jumping()) {
     open_member(&effect);
     effect.statement = "the family of the cause, not its member: it jumps one way more than the other, as teeth do";

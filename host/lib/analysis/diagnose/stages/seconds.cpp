@@ -5,6 +5,7 @@
 #include <cmath>
 #include <iterator>
 
+#include "analysis/diagnose/evidence/free_spectrum.h"
 #include "analysis/diagnose/evidence/kalman.h"
 #include "analysis/diagnose/evidence/lines.h"
 #include "analysis/diagnose/evidence/spectrum.h"
@@ -235,6 +236,18 @@ std::vector<NoiseModel> plain_starts(const FastFinding& f) {
 }
 
 } // namespace
+
+// Beside the process of the noise or that of the kind: either may be the one that the sensor has.
+double gain_of_free_spectrum(const Campaign& campaign, const std::vector<VectorXd>& residual,
+                             const FastFinding& finding) {
+  const ResidualLikelihood log_likelihood(campaign, residual);
+  double best = -1e300;
+  for (const NoiseModel& base : plain_starts(finding)) {
+    const SecondsNoise from{base, log_likelihood(base)};
+    best = std::max(best, from.log_likelihood + fit_fast(log_likelihood, from, free_spectrum(), true).gain_nats);
+  }
+  return best - log_likelihood(finding.effect->estimator()->noise(finding.base, finding.theta));
+}
 
 double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, FastFinding* finding) {
   const NoiseModel base = finding->base;

@@ -65,6 +65,9 @@ FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
 // The parameters of a finding searched again on another residual, those of the noise beside it where `is_base_free`.
 // Returns the log-likelihood that they reach.
 double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, FastFinding* finding);
+// By how much a free spectrum beside the noise of a finding makes a residual likelier than the kind that was found.
+double gain_of_free_spectrum(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual,
+                             const FastFinding& finding);
 // Standard errors of its parameters, the noise beside it as it is.
 void set_errors(const ResidualLikelihood& log_likelihood, FastFinding* finding);
 
