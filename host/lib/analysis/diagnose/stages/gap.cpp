@@ -359,7 +359,11 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
   out->rms_before_dph = std::sqrt(mean_square(before)), out->rms_after_dph = std::sqrt(mean_square(after));
   const NoiseOfMinutes noise = noise_of_units(gaussian_equivalent(search.seconds_noise_of(final)), after);
   out->noise_rms_dph = std::sqrt(noise.mean_square);
-  out->noise_error_dph = noise.mean_square > 0 ? 0.5 * noise.error / out->noise_rms_dph : 0;
+  // Noise that follows the temperature is another at every minute: nothing is known of how far its sum scatters.
+  if (final.noise_effect && final.noise_effect->estimator()->needs_temperature())
+    out->noise_error_dph = std::nan("");
+  else
+    out->noise_error_dph = noise.mean_square > 0 ? 0.5 * noise.error / out->noise_rms_dph : 0;
 }
 
 void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,

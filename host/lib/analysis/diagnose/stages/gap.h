@@ -49,7 +49,8 @@ struct GapResult {
   std::vector<Support> at_all;       // per name, against neither the name nor its start states
   double hours = 0;
   double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of one-minute means
-  double noise_error_dph = 0; // standard error of noise_rms_dph: how far one draw of that noise may lie from it
+  double noise_error_dph =
+      0; // standard error of noise_rms_dph: how far one draw of that noise may lie from it; NaN: not known
   // Of the held-out minutes more is left than the noise alone would leave, beyond the scatter of that noise; and so much more
   // that the answer misses something of weight.
   bool exceeds_noise(const SelectorConstants& constants) const;
