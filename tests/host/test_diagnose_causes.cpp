@@ -180,6 +180,39 @@ static void test_a_wide_bump_is_one_and_a_flank_is_none(void**) {
     assert_true(!effect.term.effect || effect.term.effect->name() != "thermal_anomaly" || effect.term.shape[0] > -3);
 }
 
+// A bump wider than any that is looked for ends next to the bound of the search, not at it: its width is none that the logs tell.
+static void test_a_parameter_next_to_its_bound_is_no_value(void**) {
+  for (const double width_degc : {11.0, 12.5, 14.0})
+    for (const uint64_t seed : seeds_of(1, {901, 911, 921})) {
+      const auto bump = [&](double, double temp) {
+        return 150 * std::exp(-0.5 * std::pow((temp - 31) / width_degc, 2));
+      };
+      for (const SelectedEffect& effect : answer_to(bump, seed, 0).effects)
+        if (!effect.is_family && effect.term.effect->name() == "thermal_anomaly")
+          assert_true(effect.term.shape.at(1) < 0.99 * 10);
+    }
+}
+
+// A slope over temperature that is another in every run: a creep whose time constants are longer than the runs lives off its
+// start states, and did better on the fitted logs alone.
+static void test_what_changes_from_run_to_run_is_told_by_all_logs(void**) {
+  for (const uint64_t seed : seeds_of(2, {931, 941, 951, 961})) {
+    Rng rng(seed, 0, 0, Stream::kTool);
+    std::vector<Log> logs, unseen;
+    for (uint64_t k = 0; k < 8; ++k) {
+      Log log = simulated_log(seed + k, 6000, false, 0);
+      const double slope_dph = 40 * rng.normal();
+      for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += slope_dph * (log.temp_degc[i] - 30) / 30;
+      (k < 6 ? logs : unseen).push_back(log);
+    }
+    DiagnoseOptions options;
+    options.nulls = 40;
+    const Selection said = diagnose_logs(options, ErrorModel(), logs, unseen).axes.at(0).study.selection;
+    assert_int_equal(names_of(said).count("run_to_run"), 1);
+    assert_int_equal(names_of(said).count("thermal_creep"), 0);
+  }
+}
+
 static void test_a_warm_up_of_another_size_in_every_run_is_kept(void**) {
   // Its start state is free: beyond that the logs held out can show next to nothing of it, which is no reason against it.
   size_t row = 0;
@@ -564,6 +597,8 @@ int main() {
       cmocka_unit_test(test_held_out_logs_tell_a_cause_that_one_log_hardly_shows),
       cmocka_unit_test(test_held_out_logs_choose_among_members),
       cmocka_unit_test(test_a_wide_bump_is_one_and_a_flank_is_none),
+      cmocka_unit_test(test_a_parameter_next_to_its_bound_is_no_value),
+      cmocka_unit_test(test_what_changes_from_run_to_run_is_told_by_all_logs),
       cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),
       cmocka_unit_test(test_what_held_out_logs_can_show_is_what_a_name_is_asked_for),
       cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),

@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kPasses = 3;     // of neighbours of a shape
 constexpr int kJumpLevels = 4; // of neighbours, each level a quarter as far apart
-constexpr double kNearBound = 0.01;
+constexpr double kNearBound = 0.01, kNearInRange = 1e-3;
 
 struct PolishAxis {
   double* value;
@@ -76,11 +76,11 @@ template <class Value> double climb(const std::vector<PolishAxis>& axes, int eva
   }
   return value();
 }
-// Within a hundredth of the bound itself: a search seldom ends at the very bound.  A lower bound of zero is where the physics
-// ends, not where the search does.
+// Within a hundredth of the bound itself, or a thousandth of the range: a search seldom ends at the very bound.  A lower bound
+// of zero is where the physics ends, not where the search does.
 bool is_near_bound(double value, double lo, double hi) {
-  const bool is_low = lo != 0 && value < lo + kNearBound * std::fabs(lo);
-  return is_low || value > hi - kNearBound * std::fabs(hi);
+  const auto margin = [&](double bound) { return std::max(kNearBound * std::fabs(bound), kNearInRange * (hi - lo)); };
+  return (lo != 0 && value < lo + margin(lo)) || value > hi - margin(hi);
 }
 void mark_bounds(const SlowLikelihood& of, SlowModel* m) {
   for (SlowModel::Name& name : m->names) {
