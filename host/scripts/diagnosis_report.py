@@ -23,8 +23,8 @@ import markupsafe
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[1:1] = [os.path.join(HERE, os.pardir, "python"), os.path.join(HERE, os.pardir)]  # in the source tree; as installed
-from imucal.diagnosis_words import (VERDICTS, Library, gap_sentence, headline, joined, many, number, open_sentence, plain, sentence,  # noqa: E402
-                                    size_sentence, where_sentence)
+from imucal.diagnosis_words import (Library, chip, gap_sentence, headline, in_reading_order, many, number, open_sentences, plain, sentence, size_sentence,  # noqa: E402
+                                    titled, where_sentence)
 from imucal.plot import diagnosis as draw  # noqa: E402
 from imucal.plot.diagnosis import branches  # noqa: E402, F401  (part of this script's interface)
 
@@ -63,21 +63,27 @@ def has_raw(data):
 
 
 def raw_figures(axis):
-    """The record first: (a) against time, (b) against temperature, (c) less polynomial, and the same after."""
-    plots = axis.get("plots") or {}
+    """The record first: (a) against time, (b) against temperature, (c) less polynomial, and the same after where what was found has
+    a mean to draw."""
+    plots = dict(axis.get("plots") or {})
     data = plots.get("residual") or {}
     if not has_raw(data):
         return []
-    wanted = [("residual", "The record: rate and temperature against time",
-               f"Means over {number(data.get('mean_s', 60))} s; red while the temperature rises, blue while it falls, grey at rest.",
+    has_curve = any(e.get("has_curve", True) for e in axis.get("effects") or [])
+    if not has_curve:  # what another noise makes of the polynomial is no finding
+        data = plots["residual"] = {**data, "after_dph": data["before_dph"]}
+    has_temperature = any(t is not None for t in data["temp_degc"])
+    wanted = [("residual", f"The record: rate {'and temperature ' if has_temperature else ''}against time",
+               f"Means over {number(data.get('mean_s', 60))} s"
+               + ("; red while the temperature rises, blue while it falls, grey at rest." if has_temperature else "."),
                draw.draw_record, "wide")]
-    if any(t is not None for t in data["temp_degc"]):
+    if has_temperature:
         wanted.append(("residual", "Rate against temperature", "Each log without its own constant. Branches that part are a memory of the "
                        "temperature's past.", lambda d: draw.draw_against_temperature(d, "raw"), ""))
         wanted.append(("residual", "The same less the polynomial", "What the believed model leaves"
-                       + (", and what was found drawn through it." if axis.get("effects") else "."),
+                       + (", and what was found drawn through it." if has_curve else "."),
                        lambda d: draw.draw_against_temperature(d, "before"), ""))
-        if axis.get("effects"):
+        if has_curve:
             wanted.append(("residual", "The same after what was found", "On the scale of the figure before it.",
                            lambda d: draw.draw_against_temperature(d, "after"), ""))
     return drawn(plots, wanted)
@@ -116,22 +122,26 @@ def loop_of(axis):
 
 def effect_rows(axis, library):
     """Cause in words, and its size with the library's units."""
-    return [(f"{library.label(e['name'])} ({plain(e['name'])}{', as ' + plain(e['member']) if e.get('member') else ''})",
-             ": ".join(t for t in (library.parameters_text(e.get("parameters"), e.get("std_errors")), e.get("in_words")) if t)
+    return [(("Note: " if e.get("is_note") else "") + f"{e.get('label') or library.label(e['name'])} "
+             f"({plain(e['name'])}{', as ' + plain(e['member']) if e.get('member') else ''})",
+             e.get("measured") or ": ".join(t for t in (library.parameters_text(e.get("parameters"), e.get("std_errors")), e.get("in_words")) if t)
              or e.get("statement") or "–")
-            for e in axis.get("effects") or []]
+            for e in in_reading_order(axis)]
 
 
 def next_steps(axis, library):
     """Profile to run, model to use, cause to look for in the hardware."""
     out = list(axis.get("advice") or [])
-    pairs = axis.get("indistinguishable") or []
+    pairs = [] if "open_pairs" in axis else axis.get("indistinguishable") or []  # the advice names those that bear on the answer
     if pairs and not any(all(name in text for pair in pairs for name in pair) for text in out):  # else it is said already
         out.insert(0, "Cannot be told apart on these profiles: " + "; ".join(" and ".join(map(plain, pair)) for pair in pairs) + ".")
     if axis.get("effects") and axis["verdict"] in ("explained", "partly_explained"):
         out.append("Simulate with it: `diagnose … --model-out MODEL.json` writes the believed model with what was found, for gyrosim and montecarlo.")
-    for effect in axis.get("effects") or []:
-        for cause in library.hardware_causes(effect.get("member") or effect["name"]):
+    for effect in in_reading_order(axis):
+        if effect.get("is_note"):
+            continue
+        causes = effect.get("hardware_causes")  # as the signs of the parameters have it
+        for cause in library.hardware_causes(effect.get("member") or effect["name"]) if causes is None else causes:
             out.append(f"Look for in the hardware ({plain(effect.get('member') or effect['name'])}): {cause['what']} [{cause['source']}].")
     return [library.in_words(text) for text in dict.fromkeys(out)]
 
@@ -150,6 +160,10 @@ def limit_folds(axis, library):
             out.append(fold(f"{title} ({many(len(hidden), 'effect')})", ("effect", "smallest size that would show"),
                             [(plain(h["name"]), library.parameters_text(h.get("smallest_detectable")) or "none on these profiles")
                              for h in hidden]))
+    pairs = axis.get("indistinguishable") or []
+    if pairs:
+        out.append(fold(f"Look alike on these profiles at twice those sizes ({many(len(pairs), 'pair')})", ("effect", "and"),
+                        [map(plain, pair) for pair in pairs]))
     return out
 
 
@@ -182,20 +196,18 @@ def where_folds(axis):
         lines = [line for line in where.get(key) or [] if isinstance(line, dict)]
         if lines:
             header = list(lines[0])
-            out.append(fold(f"The gap by {title}", [plain(h) for h in header], [[cell(line.get(h)) for h in header] for line in lines]))
+            value = lambda line, h: cell(line[h] + 1 if h == "log" and isinstance(line.get(h), int) else line.get(h))  # people count from 1
+            out.append(fold(f"The gap by {title}", [plain(h) for h in header], [[value(line, h) for h in header] for line in lines]))
     return out
 
 
 def axis_view(axis, n_logs, library):
-    title, color = VERDICTS.get(axis["verdict"], (plain(axis["verdict"]), draw.MUTED))
-    if axis.get("refused"):  # not judged: not a gap whose cause is open
-        title, color = "No answer", draw.MUTED
+    title, color = titled(axis)
     profile = axis.get("advised_profile")
-    effects = axis.get("effects") or []
-    sentences = [size_sentence(axis, loop_of(axis)), open_sentence(axis, library), where_sentence(axis.get("where"), n_logs),
+    sentences = [*open_sentences(axis), size_sentence(axis, loop_of(axis)), where_sentence(axis.get("where"), n_logs),
                  gap_sentence(axis), *(axis.get("notes") or [])]
     return {"name": axis["axis"], "title": title, "color": color, "headline": headline(axis, library),
-            "chip": title + (": " + joined(dict.fromkeys(plain(e["name"]) for e in effects)) if effects else ""),
+            "chip": chip(axis, library),
             "sentences": [sentence(library.in_words(s)) for s in sentences if s], "effects": effect_rows(axis, library), "figures": raw_figures(axis),
             "next": next_steps(axis, library),
             "profile": figure("Profile to run instead", "It separates the causes that these runs leave open.", draw.draw_profile(profile), "small")
@@ -230,7 +242,8 @@ def command_line(diagnosis):
 
 
 def provenance(diagnosis, source, folder):
-    files = [file_row(p, role, folder) for key, role in (("logs", "fitted"), ("held_out_logs", "held out")) for p in diagnosis.get(key) or []]
+    files = [file_row(p, f"log {i + 1}, fitted", folder) for i, p in enumerate(diagnosis.get("logs") or [])]
+    files += [file_row(p, "held out", folder) for p in diagnosis.get("held_out_logs") or []]
     if isinstance(diagnosis.get("model"), str):
         files.append(file_row(diagnosis["model"], "believed model", folder))
     lines = [f"Command: {command_line(diagnosis)}"]

@@ -115,10 +115,10 @@ static void test_a_name_with_little_evidence_is_marked_as_weak(void**) {
   assert_has(weak, "explained by little more than a name must gain");
   assert_has(weak, "weak evidence: odds of 3 to 1 beyond");
   const std::string strong = said(Verdict::kExplained, {effect_of("warm_up", 3.1)}, {});
-  assert_has(strong, "a gap, explained\n");
+  assert_has(strong, "a gap, explained: warm_up\n");
   assert_lacks(strong, "weak evidence");
   const std::string beside = said(Verdict::kExplained, {effect_of("thermal_lag", 90), effect_of("warm_up", 1.1)}, {});
-  assert_has(beside, "a gap, explained\n");
+  assert_has(beside, "a gap, explained: thermal_lag, warm_up (weak)\n");
   assert_int_equal(count(beside, "weak evidence"), 1);
 }
 
@@ -127,7 +127,12 @@ static void test_a_name_with_little_evidence_is_marked_as_weak(void**) {
 static void test_a_statement_is_printed_in_the_place_of_the_doubt(void**) {
   SelectedEffect shared = effect_of("common_mode", 30);
   shared.statement = "noise shared with gy_dph: correlation 0.50 from second to second";
-  assert_has(said(Verdict::kExplained, {shared}, {}), "          noise shared with gy_dph: correlation 0.50");
+  shared.term.fixed_parameters = {{"correlation", 1.0}, {"sigma_dph", 46.68}};
+  const std::string both = said(Verdict::kExplained, {shared}, {});
+  // What was measured, once and first; what a simulation needs is said to be that.
+  assert_has(both, "effect  common_mode: noise shared with gy_dph: correlation 0.50");
+  assert_int_equal(count(both, "noise shared with"), 1);
+  assert_has(both, "a simulation gets that from white noise added to each axis: correlation 1, sigma_dph 46.7");
   SelectedEffect teeth = effect_of("telegraph_noise", 30);
   open_member(&teeth);
   const char* const doubt = "the logs tell the family of the cause, not its member";
@@ -153,7 +158,76 @@ static void test_other_noise_parameters_beside_a_weak_name_do_not_make_it_strong
   const std::string text =
       said(Verdict::kExplained, {effect_of("warm_up", 0.1), effect_of("noise_parameters", 9000)}, {});
   assert_has(text, "explained by little more than a name must gain");
-  assert_has(said(Verdict::kExplained, {effect_of("noise_parameters", 9000)}, {}), "a gap, explained\n");
+  assert_has(said(Verdict::kExplained, {effect_of("noise_parameters", 9000)}, {}),
+             "a gap, explained: noise_parameters\n");
+}
+
+// Text, JSON and page say one thing: what the JSON holds is what is printed.
+static void test_the_json_holds_what_is_printed(void**) {
+  Selection s;
+  s.verdict = Verdict::kExplained, s.effects = {effect_of("warm_up", 1.1)};
+  s.effects[0].is_untested = true;
+  s.effects[0].set.push_back(effect_of("thermal_lag", 1).set.front());
+  const std::string text = said(s.verdict, s.effects, {});
+  const Json axis = told(s);
+  assert_has(text, axis["statement"].text().c_str());
+  assert_string_equal(axis["title"].text().c_str(), "gap, weakly explained");
+  assert_true(axis["is_weak"] == Json(true));
+  const Json& remarks = axis["effects"][0]["remarks"];
+  assert_int_equal(remarks.size(), 3);
+  for (size_t i = 0; i < remarks.size(); ++i) assert_has(text, remarks[i].text().c_str());
+  assert_true(axis["effects"][0]["has_curve"] == Json(true));
+  for (const char* name : {"flicker_noise", "quantization", "common_mode"}) {
+    Selection noise;
+    noise.verdict = Verdict::kExplained, noise.effects = {effect_of(name, 10)};
+    assert_true(told(noise)["effects"][0]["has_curve"] == Json(false));
+  }
+  s.effects[0].doubt = Doubt::kSlowNoise, s.verdict = Verdict::kPartlyExplained;
+  assert_string_equal(told(s)["title"].text().c_str(), "gap, noise or cause open");
+}
+
+static void test_the_sign_of_a_lag_is_told(void**) {
+  Selection s;
+  s.verdict = Verdict::kExplained, s.effects = {effect_of("thermal_lag", 20)};
+  Parameters& tau = s.effects[0].term.fixed_parameters;
+  tau = {{"tau_s", 120.0}};
+  const std::string remark = "a negative tau_s: the thermometer lags the gyro";
+  assert_lacks(said(s.verdict, s.effects, {}), remark.c_str());
+  Json effect = told(s)["effects"][0];
+  assert_string_equal(effect["label"].text().c_str(), find_effect("thermal_lag").label().c_str());
+  assert_has(effect["hardware_causes"][1]["what"].text(), "thermal mass or poor contact");
+  tau = {{"tau_s", -120.0}};
+  assert_has(said(s.verdict, s.effects, {}), ("          " + remark + "\n").c_str());
+  effect = told(s)["effects"][0];
+  assert_string_equal(effect["label"].text().c_str(), "the thermometer lags the gyro's temperature");
+  assert_has(effect["hardware_causes"][0]["what"].text(), "the thermometer is slow");
+}
+
+// What adds most heads the answer; rounding far below the noise is a note.
+static void test_findings_stand_in_the_order_of_what_they_add(void**) {
+  SelectedEffect lattice = effect_of("quantization", 9000), small = effect_of("warm_up", 50),
+                 large = effect_of("thermal_lag", 9);
+  lattice.is_structural = true, lattice.rms_dph = 0.5, small.rms_dph = 20, large.rms_dph = 80;
+  DiagnoseResult result;
+  result.axes.resize(1);
+  AxisResult& axis = result.axes[0];
+  axis.axis = "gx_dph";
+  Selection& s = axis.study.selection;
+  s.verdict = Verdict::kExplained, s.fitted_noise.white_sigma_dph = 140;
+  s.effects = {lattice, small, large};
+  std::string text = diagnosis_text({}, result);
+  assert_has(text, "gx_dph: a gap, explained: thermal_lag, warm_up\n");
+  assert_has(text, "  note    quantization");
+  assert_has(text, "a small part of the noise: 0.5 of 140.0 dph from second to second");
+  assert_true(text.find("effect  thermal_lag") < text.find("effect  warm_up"));
+  assert_true(text.find("effect  warm_up") < text.find("note    quantization"));
+  s.effects = {lattice, effect_of("warm_up", 1.1)};
+  assert_has(diagnosis_text({}, result), "explained by little more than a name must gain: warm_up\n");
+  s.effects[0].rms_dph = 60; // more than a twentieth of the variance
+  assert_has(diagnosis_text({}, result), "gx_dph: a gap, explained: ");
+  assert_has(diagnosis_text({}, result), "effect  quantization");
+  s.effects.resize(1), s.effects[0].rms_dph = 0.5;
+  assert_has(diagnosis_text({}, result), "gx_dph: a gap, explained: quantization\n");
 }
 
 // An answer with a figure of the held-out data.
@@ -279,6 +353,9 @@ int main() {
       cmocka_unit_test(test_a_statement_is_printed_in_the_place_of_the_doubt),
       cmocka_unit_test(test_an_undecided_answer_has_no_evidence),
       cmocka_unit_test(test_other_noise_parameters_beside_a_weak_name_do_not_make_it_strong),
+      cmocka_unit_test(test_the_json_holds_what_is_printed),
+      cmocka_unit_test(test_the_sign_of_a_lag_is_told),
+      cmocka_unit_test(test_findings_stand_in_the_order_of_what_they_add),
       cmocka_unit_test(test_figures_of_the_held_out_data_agree_with_the_words),
       cmocka_unit_test(test_p_values_have_the_rate_of_their_thresholds),
       cmocka_unit_test(test_a_name_is_not_spoken_against_but_may_be_untested),

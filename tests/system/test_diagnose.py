@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import subprocess
 from pathlib import Path
 
@@ -122,6 +123,7 @@ def test_logs_of_the_model_have_no_gap_and_the_calibration_is_kept(lab):
     logs = lab.logs("null", [], n=3)
     first = lab.run(logs)
     assert first["axes"][0]["verdict"] == "no_gap"
+    assert first["axes"][0]["gap"]["shrinkage"] is None and first["axes"][0]["gap"]["ci95"] is None
     assert first["axes"][0]["where"] is None and first["axes"][0]["effects"] == []
     second = lab.run(logs)
     assert second["calibration"]["from_cache"] is True
@@ -170,6 +172,92 @@ def test_what_was_found_is_not_called_undetectable(lab):
         assert all(f" {name}," not in axis["advice"][0] for name in found)
 
 
+def test_advice_is_about_the_answer_and_tells_sizes(lab):
+    """A pair with a name that stands alone is no advice; what a profile would show comes with its size."""
+    axis = lab.run(lab.logs("hyst", HYSTERESIS, n=4)[:3])["axes"][0]
+    (effect,) = axis["effects"]
+    assert [c["name"] for c in effect["set"]] == ["thermal_hysteresis"] and axis["open_pairs"] == []
+    assert ["thermal_creep", "thermal_hysteresis"] in axis["indistinguishable"]  # on these profiles, at a smaller size
+    assert "tell apart" not in lab.text and "Reversals inside a run" not in lab.text and "of a size that matters" not in lab.text
+    up = lab.write("up.json", UP_ONLY)
+    axis = lab.run(lab.logs("up", [], n=2, profile=up))["axes"][0]
+    for entry in axis["not_detectable_here"]:
+        size = next(iter(entry["smallest_detectable"].values()))
+        (told,) = [line for line in axis["advice"] if line.startswith("These logs would not show")]
+        assert f"{entry['name']} of any size" in told or size == pytest.approx(
+            float(told.split(f"{entry['name']} below ")[1].split()[1].rstrip(",:")), rel=0.01)
+    (advised,) = [line for line in axis["advice"] if "advised profile" in line]
+    assert "show" in advised and "thermal_hysteresis from amplitude_dph" in advised and "mirrored (from the hottest" in advised
+    there, back = axis["advised_profile"], axis["advised_profile_mirrored"]
+    both = there["start_degc"] + back["start_degc"]
+    assert back["start_degc"] > there["start_degc"]
+    for a, b in zip(there["segments"], back["segments"]):
+        assert a.get("to_degc", 0) + b.get("to_degc", both) == pytest.approx(both) if a.get("rate_degc_per_min") else a == b
+    # What the advice says of the profile holds for it.
+    runs = [lab.logs(f"advised_{i}", [], n=2, seed=40 + i, profile=lab.write(f"advised_{i}.json", profile))
+            for i, profile in enumerate((there, back))]
+    shown = {d["name"]: d["smallest_detectable"] for d in lab.run([*runs[0], *runs[1]])["axes"][0]["smallest_detectable"]}
+    assert shown["thermal_hysteresis"]["amplitude_dph"] == pytest.approx(
+        float(advised.split("thermal_hysteresis from amplitude_dph ")[1].split()[0].rstrip(",.")), rel=0.1)
+
+
+def places(axis):
+    """What is named beside averaging times."""
+    return re.findall(r"between (-?\d+) and (-?\d+) degC|(from \d+ to \d+ s)|(while .*?)(?:,|$)|(in logs? .*)", axis["where"]["sentence"])
+
+
+def test_a_place_is_named_where_the_rest_is_clearly_lower(lab):
+    """A loop that is open everywhere and slow noise have none; a step at 35 degC has, and a log that is louder than the others."""
+    loop = lab.run(lab.logs("hyst", HYSTERESIS, n=4))["axes"][0]
+    assert names(loop) == ["thermal_hysteresis"] and places(loop) == [], loop["where"]["sentence"]
+    assert loop["where"]["logs"] == [0, 1, 2, 3] and loop["where"]["direction"] == "any"
+    walk = lab.run(lab.logs("walk", [{"name": "rate_random_walk", "parameters": {"k_dph_per_rt_s": 2}}], n=4))["axes"][0]
+    assert walk["effects"] and places(walk) == [], walk["where"]["sentence"]
+    step = lab.run(lab.logs("step_at", [{"name": "thermal_step", "parameters": {"amplitude_dph": 90, "temp_degc": 35, "width_degc": 4}}], n=4))["axes"][0]
+    (place,) = places(step)
+    assert 20 <= float(place[0]) < 35 < float(place[1]) <= 45
+    logs = lab.logs("louder", [], n=4)
+    rewrite(logs[2], lambda t, temp, rate: (temp, [200 + 1.5 * r for r in rate]))
+    (place,) = places(lab.run(logs)["axes"][0])
+    assert place[4] == "in log 3"
+
+
+def test_what_a_noise_leaves_is_told_beside_what_was_believed(lab):
+    effects = [{"name": "rate_random_walk", "parameters": {"k_dph_per_rt_s": 2}}]
+    for model, words in ((None, "the believed noise"), (False, "the noise that was estimated without a cause")):
+        axis = lab.run(lab.logs("walk", effects, n=4), model=model)["axes"][0]
+        if not axis["effects"]:  # swallowed by the noise that was estimated
+            continue
+        rms, gap = axis["gap"]["residual_rms_dph"], axis["gap"]
+        assert not gap["has_mean"] and "a noise has no mean to predict" in gap["remainder"] and "does not shrink" not in lab.text
+        told = [float(x) for x in re.findall(r"would leave ([\d.]+) dph, these logs show ([\d.]+); with the noise that was found ([\d.]+) is", lab.text)[0]]
+        assert words in gap["statement"] and gap["statement"] in lab.text
+        assert told == pytest.approx([rms["believed_noise"], rms["before"], rms["noise"]], abs=0.06)
+    assert rms["believed_noise"] > 0
+    axis = lab.run(lab.logs("walk", effects, n=4))["axes"][0]
+    rms = axis["gap"]["residual_rms_dph"]
+    # 20 dph and 100 s: 18 dph in one-minute means of runs of 85 min; a walk of 2 dph in the root of a second: 2 sqrt(5100 / 6).
+    assert rms["believed_noise"] == pytest.approx(18.5, rel=0.05) and 40 < rms["noise"] < 90 and 30 < rms["before"] < 120
+
+
+def test_logs_without_temperatures_are_advised_to_have_them(lab):
+    path = lab.logs("bare", [], n=1)[0]
+    rows = [line.split(",") for line in Path(path).read_text().splitlines()]
+    Path(path).write_text("\n".join(",".join([row[0], "", *row[2:]] if row[0][:1].isdigit() else row) for row in rows) + "\n")
+    axis = lab.run([path])["axes"][0]
+    assert axis["advised_profile"] is None and axis["open_pairs"] == []
+    assert "Record the temperature with the rates (column temp_degc)" in lab.text and "profile, " not in lab.text
+    if axis["not_detectable_here"]:
+        assert "Longer logs would show smaller ones" in lab.text
+
+
+def test_less_noise_than_estimated_is_no_place(lab):
+    for name, effects in (("none_est", []), ("walk_est", [{"name": "rate_random_walk", "parameters": {"k_dph_per_rt_s": 2}}])):
+        lab.run(lab.logs(name, effects, n=2), model=False)
+        for times in re.findall(r"the residual is ([\d.]+) times", lab.text):
+            assert float(times) >= 1
+
+
 def test_structural_effects_are_read_off_the_samples(lab):
     for name, parameters in (("quantization", {"lsb_dph": 60}), ("held_samples", {"probability": 0.03}),
                              ("dead_band", {"width_dph": 25}), ("saturation", {"limit_dph": 420})):
@@ -190,7 +278,7 @@ def test_no_temperature_gaps_and_a_single_log(lab):
     assert axis["verdict"] != "no_gap"
     named = {c["name"] for effect in axis["effects"] for c in effect["set"]}
     assert named & {"second_markov", "telegraph_noise", "noise_parameters", "flicker_noise"}
-    assert axis["gap"]["method"].startswith("quarters")
+    assert axis["gap"]["method"] == "quarters of the one log held out in turn, each with a constant of its own"
     assert not named & {"thermal_hysteresis", "temperature_rate", "thermal_lag"}
 
 
@@ -301,7 +389,8 @@ def test_noise_that_axes_share_is_named_on_each_of_them_and_not_where_there_is_n
     result = lab.run(lab.logs("shared", shared(0.5), n=2, axes=2, seed=5))
     for axis in result["axes"]:
         found = [e for e in axis["effects"] if e["name"] == "common_mode"]
-        assert len(found) == 1 and "shared with" in found[0]["statement"]
+        assert len(found) == 1 and "shared with" in found[0]["statement"] and found[0]["measured"] == found[0]["statement"]
+        assert f"common_mode: {found[0]['measured']} (evidence" in lab.text
         p = found[0]["parameters"]
         assert abs(p["correlation"] * p["sigma_dph"] ** 2 - 72) < 4 * 38**2 / 13000**0.5
     apart = lab.run(lab.logs("apart", shared(0.0), n=2, axes=2, seed=6))

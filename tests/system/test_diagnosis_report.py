@@ -6,10 +6,13 @@ import hashlib
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 
 import pytest
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "..", "host", "python"))
 
 SCRIPT = os.path.join(os.path.dirname(__file__), "..", "..", "host", "scripts", "diagnosis_report.py")
 
@@ -153,11 +156,143 @@ def test_an_axis_without_an_answer_has_no_verdict(tmp_path):
     assert f"No answer: {why}" in text and "partly explained" not in text.lower()
 
 
+def test_the_page_is_never_stronger_than_the_program(tmp_path):
+    """Headline, badge, chip and doubts are the program's own words."""
+    weak = "weak evidence: odds of 6.9 to 1 beyond what a name must gain; another log should confirm it"
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    axis = diagnosis["axes"][0]
+    axis.update(statement="a gap, explained by little more than a name must gain: thermal_hysteresis", title="gap, weakly explained", is_weak=True)
+    axis["effects"][0]["remarks"] = [weak, "cannot be told from: thermal_lag"]
+    text = run(tmp_path, diagnosis)[1]
+    assert text.count("A gap, explained by little more than a name must gain: thermal hysteresis") == 2  # headline and chip
+    assert f"hysteresis: {weak}." in text and "cannot be told from: thermal" in text and "Gap, weakly explained</span>" in text
+    assert "Gap explained" not in text and "#2b6cb0" not in text.split("</style>")[1].split("<section")[0]
+    open_line = "a gap: slow noise or a repeatable cause, these logs cannot tell"
+    axis.update(verdict="partly_explained", statement=open_line, title="gap, noise or cause open", is_weak=False)
+    text = run(tmp_path, diagnosis)[1]
+    assert text.count(open_line.capitalize()) == 2 and "partly explained" not in text.lower()
+
+
+def test_words_of_a_finding_go_before_those_of_the_library(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    diagnosis["axes"][0]["effects"][0].update(label="the loop the other way", hardware_causes=[{"what": "another part", "source": "a book"}])
+    text = run(tmp_path, diagnosis)[1]
+    assert "<td>the loop the other way (thermal hysteresis)</td>" in text and "another part [a book]" in text
+    assert "stress of the package" not in text
+
+
+def test_a_noise_does_not_remain(tmp_path):
+    """What it leaves on other data is not what it removed: the statement of the gap compares noises."""
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    axis = diagnosis["axes"][0]
+    axis["effects"][0].update(name="rate_random_walk", family="slow_noise")
+    statement = "one-minute means: the believed noise would leave 18 dph, these logs show 26; with the noise that was found 27 is expected"
+    axis["gap"].update(has_mean=False, shrinkage=None, statement=statement)
+    text = run(tmp_path, diagnosis)[1]
+    assert statement in text and "noise alone would leave" not in text and "with what was found 18 dph remain" not in text
+    axis["gap"].update(has_mean=True)
+    assert "the noise, with the slow noise found, would leave 18 dph" in run(tmp_path, diagnosis)[1]
+
+
+def test_without_temperatures_nothing_is_said_of_them(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    axis = diagnosis["axes"][0]
+    n = len(axis["plots"]["residual"]["temp_degc"])
+    axis["plots"]["residual"].update(temp_degc=[None] * n, rate_degc_per_min=[0] * n)
+    axis["plots"].update(gap_map=None, gap_map_after=None)
+    axis.update(advised_profile=None, advice=["No temperatures in the log."], where={**axis["where"], "direction": "any", "temp_degc": [0, 0]})
+    text = run(tmp_path, diagnosis)[1].split("<section")[1]
+    assert "ne-minute means lie 26 dph rms off their mean" in text and "The record: rate against time" in text
+    assert "off the polynomial" not in text and "while the temperature rises" not in text and "Profile to run" not in text
+    from imucal.plot import diagnosis as figures
+    assert figures.Record(axis["plots"]["residual"]).believed_mean == "mean of each log"
+
+
+def test_findings_are_listed_as_people_read_them(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    axis = diagnosis["axes"][0]
+    axis["effects"].insert(0, {"name": "quantization", "parameters": {"lsb_dph": 1.8}, "is_note": True, "hardware_causes": [{"what": "few bits", "source": "a book"}]})
+    axis["reading_order"] = [1, 0, 2]
+    axis["effects"].append({"name": "common_mode", "parameters": {"correlation": 1}, "measured": "noise shared with gy: measured correlation 0.02"})
+    text = run(tmp_path, diagnosis)[1]
+    assert text.index("<td>thermal hysteresis") < text.index("<td>Note: quantization") and "few bits" not in text
+    assert "<td>noise shared with gy: measured correlation 0.02</td>" in text
+
+
+def test_noise_is_not_drawn_as_a_cause(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    diagnosis["axes"][0]["effects"][0]["has_curve"] = False
+    text = run(tmp_path, diagnosis)[1]
+    assert "The same after what was found" not in text and "drawn through it" not in text and len(re.findall("data:image/svg", text)) == 7
+
+
+def test_one_log_says_what_is_free_in_its_quarters(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    diagnosis["axes"][0]["gap"]["method"] = "quarters of the one log held out in turn"
+    text = run(tmp_path, diagnosis)[1]
+    assert "off the polynomial in quarters of the one log, each predicted from the others but for its own constant; noise alone" in text
+
+
+def test_logs_are_counted_from_one_for_people(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    axis = diagnosis["axes"][0]
+    diagnosis["library"]["effects"].append({"name": "bias_step", "label": "steps", "parameters": [{"name": "steps", "unit": ""}]})
+    axis["effects"] = [{"name": "bias_step", "parameters": {"steps": [{"log": 1, "t_s": 93024, "amplitude_dph": 427.9}, {"log": 0, "t_s": 1020, "amplitude_dph": -12}]},
+                        "std_errors": {"steps": [{"amplitude_dph": 62}, {"amplitude_dph": None}]}}]
+    axis["where"].update(by_log=[{"log": 0, "z": 1.5}, {"log": 1, "z": 2.5}], logs=[0, 1])
+    text = run(tmp_path, diagnosis)[1]
+    assert "amplitude 428 ± 62 dph at 93024 s of log 2; amplitude -12 dph at 1020 s of log 1" in text
+    assert "<td>1</td><td>1.5</td>" in text and "<td>2</td><td>2.5</td>" in text and "in every log" in text
+    assert "<td>runs/a.csv</td><td>log 1, fitted</td>" in text
+    diagnosis["logs"] = diagnosis["logs"][:1]
+    axis["where"].update(logs=[0])
+    axis["effects"][0]["parameters"]["steps"] = axis["effects"][0]["parameters"]["steps"][1:]
+    text = run(tmp_path, diagnosis)[1]
+    assert "in every log" not in text and "amplitude -12 ± 62 dph at 1020 s</td>" in text
+
+
+def test_legends_do_not_lie_over_points():
+    import numpy as np
+    from imucal.plot import diagnosis as figures
+
+    data = DIAGNOSIS["axes"][0]["plots"]["residual"]
+    drawn = []
+    kept, figures.svg_image = figures.svg_image, lambda fig, alt: drawn.append(fig)
+    try:
+        figures.style()
+        figures.draw_record(data), figures.draw_against_temperature(data, "before"), figures.draw_dp2(DIAGNOSIS["axes"][0]["plots"]["dp2"])
+    finally:
+        figures.svg_image = kept
+    for fig in drawn:
+        fig.draw_without_rendering()
+        for ax in fig.axes:
+            if ax.get_legend():
+                assert ax.get_legend().get_window_extent().y0 >= ax.get_window_extent().y1 - 2
+                assert ax.get_legend().get_window_extent().x0 >= fig.bbox.x0 and np.isfinite(ax.get_legend().get_window_extent().x1)
+
+
+def test_folds_are_open_on_paper(page, tmp_path):
+    """In the words of the page; with a browser, on its paper."""
+    assert "beforeprint" in page and "details::details-content" in page.replace(":not([open])", "")
+    browser, reader = shutil.which("chromium"), shutil.which("pdftotext")
+    if not browser or not reader:
+        print("SKIP: no chromium or no pdftotext: the page was not printed")
+        return
+    (tmp_path / "r.html").write_text(page)
+    subprocess.run([browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+                    "--disable-component-update", "--disable-sync", f"--user-data-dir={tmp_path / 'profile'}", f"--print-to-pdf={tmp_path / 'r.pdf'}",
+                    f"file://{tmp_path / 'r.html'}"], check=True, capture_output=True, timeout=120)
+    text = subprocess.run([reader, "-layout", str(tmp_path / "r.pdf"), "-"], check=True, capture_output=True, text=True).stdout
+    assert "Likelihoods and tests" in text and "142 → 9.1" in text and "up and down differ" in text
+
+
 def test_a_shrinkage_without_a_figure_says_why(tmp_path):
     diagnosis = copy.deepcopy(DIAGNOSIS)
     diagnosis["axes"][0].update(gap={"shrinkage": None, "ci95": None, "statement": "no figure: noise hides how far the gap shrinks"})
     text = run(tmp_path, diagnosis)[1]
     assert "On data that were not fitted: no figure: noise hides how far the gap shrinks." in text
+    diagnosis["axes"][0]["gap"].update(statement="", remainder="jumps at single moments foretell no other data")
+    assert "<p>Remainder: jumps at single moments foretell no other data.</p>" in run(tmp_path, diagnosis)[1]
 
 
 def test_hash_of_a_log_beside_the_diagnosis(tmp_path):
@@ -190,9 +325,22 @@ def test_sentences_say_each_thing_once_and_in_words():
 
     assert where_sentence({"tau_s": [1, 16], "temp_degc": [0, 0], "time_s": [0, 900]}) == (
         "The gap shows at averaging times of 1 to 16 s, from 0 to 900 s after the start.")
+    assert where_sentence({"sentence": "between 28 and 37 degC, in log 2", "temp_degc": [28, 37]}) == "The gap shows between 28 and 37 °C, in log 2."
+    none = "no averaging time, temperature or direction stands out by itself"
+    assert where_sentence({"sentence": none, "temp_degc": [0, 60], "tau_s": [1, 2]}) == none.capitalize() + "."
     library = Library({"library": {"effects": [{"name": "thermal_creep"}], "families": [{"name": "slow_noise", "label": "wander"}]}})
     assert library.in_words("thermal_creep and slow_noise, not athermal_creep") == "thermal creep and slow noise, not athermal_creep"
     assert sentence("all rates lie on a lattice") == "All rates lie on a lattice." and sentence("Why?") == "Why?" and sentence("") == ""
+
+
+def test_pairs_that_do_not_bear_on_the_answer_are_no_advice(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    assert "Cannot be told apart on these profiles" in run(tmp_path, diagnosis)[1]
+    diagnosis["axes"][0]["open_pairs"] = []
+    diagnosis["axes"][0]["advice"] = ["These logs would not show rate_ramp below ramp_dph_per_h 11, thermal_hysteresis below amplitude_dph 42.5 (width_degc 8)."]
+    text = run(tmp_path, diagnosis)[1]
+    assert "Cannot be told apart" not in text and "<td>rate ramp</td><td>warm up</td>" in text
+    assert "would not show rate ramp below ramp 11 dph/h, thermal hysteresis below amplitude 42.5 dph (width 8 °C)." in text
 
 
 def test_what_the_advice_says_is_not_said_again(tmp_path):
@@ -203,4 +351,4 @@ def test_what_the_advice_says_is_not_said_again(tmp_path):
     diagnosis["library"]["effects"] += [{"name": "rate_ramp"}, {"name": "warm_up"}]
     done, text = run(tmp_path, diagnosis)
     assert done.returncode == 0 and "Cannot be told apart" not in text and text.count("rate ramp and warm up") == 1
-    assert f"Gap explained: {axis['effects'][0]['name'].replace('_', ' ')}</span>" in text
+    assert "Gap explained: thermal hysteresis: a loop over temperature</span>" in text

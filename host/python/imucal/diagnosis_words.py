@@ -16,6 +16,7 @@ VERDICTS = {
     "partly_explained": ("Gap partly explained", "#b7791f"),
     "unexplained": ("Gap, cause open", "#c53030"),
 }
+MUTED, WEAK = "#66727f", "#b7791f"
 UNIT_TEXT = {"degC": "°C", "dph per (degC/min)": "dph per °C/min", "deg/sqrt(h)": "°/√h", "dph/sqrt(s)": "dph/√s"}
 
 
@@ -57,13 +58,18 @@ class Library:
         library = diagnosis.get("library") or {}
         self.effects = {e["name"]: e for e in library.get("effects") or []}
         self.families = {f["name"]: f["label"] for f in library.get("families") or []}
+        self.n_logs = len(diagnosis.get("logs") or [])
         self.units = {p["name"]: p.get("unit") or "" for e in self.effects.values() for p in e.get("parameters") or []}
 
     def label(self, name):
         return self.effects.get(name, {}).get("label") or self.families.get(name) or plain(name)
 
     def in_words(self, text):
-        """The text with names of effects and families as people write them: thermal creep for thermal_creep."""
+        """The text with names and sizes as people write them: thermal creep for thermal_creep, tau 320 s for tau_s 320."""
+        sizes = sorted([n for n, unit in self.units.items() if unit and "_" in n], key=len, reverse=True)
+        if sizes:
+            text = re.sub(r"\b(" + "|".join(map(re.escape, sizes)) + r") ([+-]?\d[\d.]*(?:e[+-]?\d+)?)(?![\w])",
+                          lambda m: self.parameter_text(m[1], float(m[2].rstrip("."))) + "." * m[2].endswith("."), text)
         known = sorted([n for n in [*self.effects, *self.families] if "_" in n], key=len, reverse=True)
         return re.sub(r"\b(" + "|".join(map(re.escape, known)) + r")\b", lambda m: plain(m[0]), text) if known else text
 
@@ -73,9 +79,10 @@ class Library:
     def parameter_text(self, name, value, error=None):
         """'width 5.1 ± 0.3 °C' from width_degc = 5.1: the unit is the library's, its ending leaves the name."""
         if isinstance(value, list):
+            errors = error if isinstance(error, list) else []
             return f"{plain(name)}: " + "; ".join(
-                ", ".join(self.parameter_text(k, v) for k, v in item.items()) if isinstance(item, dict) else number(item)
-                for item in value)
+                self.step_text(item, errors[i] if i < len(errors) else {}) if isinstance(item, dict) else number(item)
+                for i, item in enumerate(value))
         unit = self.units.get(name, "")
         stem = name
         if unit:  # the ending of the name is the unit, written with underscores: as many words as the label keeps
@@ -85,6 +92,13 @@ class Library:
                     break
         spread = f" ± {number(error, 2)}" if isinstance(error, (int, float)) else ""
         return f"{plain(stem)} {number(value)}{spread}{' ' + UNIT_TEXT.get(unit, unit) if unit else ''}"
+
+    def step_text(self, item, errors):
+        """'amplitude 427.9 ± 62 dph at 93024 s of log 2': logs count from 1 for people."""
+        values = {k: v for k, v in item.items() if k not in ("t_s", "log")}
+        text = ", ".join(self.parameter_text(k, v, (errors or {}).get(k)) for k, v in values.items())
+        text += f" at {number(item['t_s'], 6)} s" if "t_s" in item else ""
+        return text + (f" of log {item['log'] + 1}" if "log" in item and self.n_logs != 1 else "")
 
     def parameters_text(self, parameters, errors=None):
         return ", ".join(self.parameter_text(k, v, (errors or {}).get(k)) for k, v in (parameters or {}).items())
@@ -111,6 +125,9 @@ def where_sentence(where, n_logs=0):
     """Where the gap lies, in one sentence; empty if the diagnosis does not say."""
     if not where:
         return ""
+    if where.get("sentence"):  # as the program says it: it knows which of the ranges below are places
+        said = where["sentence"].replace("degC", "°C")
+        return sentence(said if said.startswith("no ") else f"the gap shows {said}")
     def span(key):  # a pair; no width: there is no such quantity in the logs
         pair = where.get(key)
         return pair if isinstance(pair, list) and len(pair) == 2 and pair[0] != pair[1] else None
@@ -128,7 +145,7 @@ def where_sentence(where, n_logs=0):
         parts.append(direction)
     logs = where.get("logs") or []
     if logs and len(logs) == n_logs:
-        parts.append("in every log")
+        parts += ["in every log"] if n_logs > 1 else []
     elif logs and all(isinstance(log, int) for log in logs):
         parts.append(f"in log{'s' * (len(logs) > 1)} " + joined(str(log + 1) for log in logs))
     elif logs:
@@ -145,7 +162,9 @@ def cause_words(axis, library):
 
 
 def headline(axis, library):
-    """The one sentence that all figures below have to agree with."""
+    """The one sentence that all figures below have to agree with: as the program says it."""
+    if axis.get("statement"):
+        return sentence(library.in_words(axis["statement"]))
     title = VERDICTS.get(axis["verdict"], (plain(axis["verdict"]), ""))[0]
     words = cause_words(axis, library)
     if axis.get("refused"):
@@ -164,10 +183,16 @@ def size_sentence(axis, loop):
     if loop and axis["verdict"] != "no_gap":
         parts.append(f"Rising and falling temperature differ by up to {number(loop[0], 2)} dph (at {number(loop[1], 2)} °C)")
     if before is not None and axis["verdict"] != "no_gap":
-        text = f"one-minute means lie {number(before, 2)} dph rms off the polynomial on data that were not fitted"
-        if noise is not None:
-            text += f"; noise alone would leave {number(noise, 2)} dph"
-        if after is not None and axis.get("effects"):
+        temps = ((axis.get("plots") or {}).get("residual") or {}).get("temp_degc") or [0]
+        off = "the polynomial" if any(t is not None for t in temps) else "their mean"
+        quarters = str((axis.get("gap") or {}).get("method", "")).startswith("quarters")
+        unseen = "in quarters of the one log, each predicted from the others but for its own constant" if quarters else "on data that were not fitted"
+        text = f"one-minute means lie {number(before, 2)} dph rms off {off} {unseen}"
+        has_mean = (axis.get("gap") or {}).get("has_mean", True)  # else the statement of the gap says what a noise would leave
+        if noise is not None and (has_mean or not axis.get("effects")):
+            with_found = any(e.get("family") == "slow_noise" for e in axis.get("effects") or [])
+            text += f"; {'the noise, with the slow noise found,' if with_found else 'noise alone'} would leave {number(noise, 2)} dph"
+        if after is not None and axis.get("effects") and has_mean:
             text += f", with what was found {number(after, 2)} dph remain"
         parts.append(text[0].upper() + text[1:] if not parts else text)
     return "; ".join(parts) + "." if parts else ""
@@ -183,30 +208,50 @@ def gap_sentence(axis):
     gap = axis.get("gap") or {}
     if axis["verdict"] == "no_gap":
         return ""
+    left = str(gap.get("remainder") or "").rstrip(".")
+    left = f" Remainder: {left}." if left else ""
     if gap.get("shrinkage") is None:
         if gap.get("stand_in_shrinkage") is not None:
-            return f"A flexible stand-in {removes(gap['stand_in_shrinkage'])} on held-out data: that is not an explanation."
-        return f"On data that were not fitted: {gap['statement']}." if gap.get("statement") else ""
+            return f"A flexible stand-in {removes(gap['stand_in_shrinkage'])} on held-out data: that is not an explanation." + left
+        said = gap.get("statement") or ""
+        return ((said and f"On data that were not fitted{', ' if said.startswith('one-minute means') else ': '}{said}.") + left).strip()
     text = f"Adding what was found {removes(gap['shrinkage'])} on held-out data"
     ci = gap.get("ci95")
     if ci and None not in ci:
         sign = 1 if gap["shrinkage"] >= 0 else -1
         lo, hi = sorted(100 * sign * part for part in ci)
         text += f" (95 % interval {lo:.0f} to {hi:.0f} %)"
-    text += "."
-    if gap.get("remainder"):
-        text += f" Remainder: {str(gap['remainder']).rstrip('.')}."
-    return text
+    return text + "." + left
 
 
-def open_sentence(axis, library):
-    """What these logs cannot exclude instead of the first name."""
-    effects = axis.get("effects") or []
-    if not effects:
-        return ""
-    rivals = [c["name"] for c in effects[0].get("set") or [] if c["name"] not in (effects[0]["name"], effects[0].get("member"))]
-    statement = effects[0].get("statement") or ""
-    text = f"{statement[0].upper()}{statement[1:]}. " if statement else ""
-    if rivals:
-        text += "These logs cannot exclude " + joined(plain(r) for r in dict.fromkeys(rivals)) + " instead."
-    return text.strip()
+def in_reading_order(axis):
+    """What adds most first, notes last, as the program orders them."""
+    effects, order = axis.get("effects") or [], axis.get("reading_order") or []
+    return [effects[i] for i in order] if sorted(order) == list(range(len(effects))) else effects
+
+
+def open_sentences(axis):
+    """How sure each name is and what else it may be, as the program says it."""
+    effects = in_reading_order(axis)
+    if any("remarks" in e for e in effects):
+        return [f"{plain(e['name'])}: {remark}" for e in effects for remark in e.get("remarks") or []]
+    out = [e["statement"] for e in effects if e.get("statement")]
+    for e in effects[:1]:
+        rivals = [c["name"] for c in e.get("set") or [] if c["name"] not in (e["name"], e.get("member"))]
+        if rivals:
+            out.append("These logs cannot exclude " + joined(plain(r) for r in dict.fromkeys(rivals)) + " instead")
+    return out
+
+
+def titled(axis):
+    """Badge and colour: the words of the program, those of the verdict where it gives none."""
+    words, color = VERDICTS.get(axis["verdict"], (plain(axis["verdict"]), MUTED))
+    if axis.get("refused"):  # the verdict is one for want of another
+        return "No answer", MUTED
+    title = axis.get("title") or words
+    return title[0].upper() + title[1:], WEAK if axis.get("is_weak") else color
+
+
+def chip(axis, library):
+    """The headline without what the profiles would not show."""
+    return headline(axis, library).split("; not detectable")[0].rstrip(".")

@@ -4,26 +4,21 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
+#include <utility>
 
 #include "base/axis_unit.h"
+#include "diagnose/advice.h"
 #include "diagnose/noise_words.h"
+#include "diagnose/words.h"
 
 namespace imucal {
 namespace {
 
-constexpr double kWeak_nats = 3;     // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
-constexpr double kNearlyAll = 0.95;  // a shrinkage that surely stays below leaves something
+constexpr double kWeak_nats = 3;    // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
+constexpr double kSmallPart = 0.05; // of the variance from second to second: below, rounding and shared noise are notes
+constexpr double kNearlyAll = 0.95; // a shrinkage that surely stays below leaves something
 constexpr double kScaleEnd = -0.995; // a shrinkage is not told below -100 %
-
-// Behind what is said, unless it is said already: more than one candidate may be called the same.
-void add_once(const std::string& text, std::vector<std::string>* said) {
-  if (std::find(said->begin(), said->end(), text) == said->end()) said->push_back(text);
-}
-std::string joined(const std::vector<std::string>& list, const char* between) {
-  std::string out;
-  for (const std::string& text : list) out += (out.empty() ? "" : between) + text;
-  return out;
-}
 
 Json number(double x) {
   return std::isfinite(x) ? Json(x) : Json(nullptr);
@@ -33,12 +28,6 @@ Json numbers(const std::vector<double>& x) {
   for (double v : x) out.push_back(number(v));
   return out;
 }
-template <typename... Args> std::string format(const char* pattern, Args... args) {
-  char line[600];
-  std::snprintf(line, sizeof line, pattern, args...);
-  return line;
-}
-
 const char* verdict_name(Verdict verdict) {
   switch (verdict) {
   case Verdict::kNoGap:
@@ -90,14 +79,7 @@ const char* rest_text(Rest test) {
 const char* held_out_text(HeldOut method) {
   return method == HeldOut::kLogs      ? "held-out logs"
          : method == HeldOut::kEachLog ? "each log held out in turn"
-                                       : "quarters of the one log held out in turn";
-}
-
-std::string name_of(const CandidateEvidence& c) {
-  return c.effect ? c.effect->name() : family_name(c.family);
-}
-std::string name_of(const SelectedEffect& e) {
-  return e.is_family || !e.term.effect ? family_name(e.family) : e.term.effect->name();
+                                       : "quarters of the one log held out in turn, each with a constant of its own";
 }
 
 // Slow noise that a repeatable cause equals has no evidence of its own: neither gains over the other.
@@ -112,13 +94,75 @@ bool is_weak(const SelectedEffect& e) {
   return has_evidence(e) && e.evidence_nats < kWeak_nats;
 }
 
-// Whether the numbers of the best member are told.
-bool has_values(const SelectedEffect& e) {
-  return e.term.effect && e.doubt != Doubt::kSlowNoise;
-}
 // What the numbers mean, where they alone do not say it.
 std::string in_words(const AxisResult& axis, const SelectedEffect& e) {
-  return has_values(e) ? noise_over_temperature(e.term, axis.campaign) : "";
+  return e.term.effect && e.doubt != Doubt::kSlowNoise ? noise_over_temperature(e.term, axis.campaign) : "";
+}
+
+// In the axis' unit: a tenth of a dph, or three digits of a few mg.
+std::string figure(double value, const AxisResult& axis) {
+  return format(is_accelerometer(axis.axis) ? "%.3g" : "%.1f", value);
+}
+
+double white_dph(const AxisResult& axis) {
+  const NoiseModel& noise = axis.study.selection.fitted_noise;
+  return std::sqrt(noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2);
+}
+// True of what the recorder did, or axes share, where it is a small part of the noise from second to second: worth a note.
+bool is_note(const AxisResult& axis, const SelectedEffect& e) {
+  const bool is_beside = e.is_structural || (e.term.estimator && e.term.form() == Form::kAxes);
+  return is_beside && e.rms_dph * e.rms_dph < kSmallPart * white_dph(axis) * white_dph(axis);
+}
+// As people read: what adds most first (what is not known in dph before it), then other parameters of the believed noise, then
+// notes.
+std::vector<size_t> reading_order(const AxisResult& axis) {
+  const std::vector<SelectedEffect>& effects = axis.study.selection.effects;
+  std::vector<size_t> order(effects.size());
+  for (size_t i = 0; i < order.size(); ++i) order[i] = i;
+  const auto rank = [&](size_t i) {
+    const SelectedEffect& e = effects[i];
+    const bool is_retuned = e.term.estimator && e.term.estimator->is_nominal_noise();
+    return std::make_pair(is_note(axis, e) ? 2 : is_retuned ? 1 : 0, std::isfinite(e.rms_dph) ? -e.rms_dph : -HUGE_VAL);
+  };
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return rank(a) < rank(b); });
+  return order;
+}
+
+// Its values; none where it has none of its own.
+Parameters values_of(const AxisResult& axis, const SelectedEffect& e) {
+  return e.term.effect && e.doubt != Doubt::kSlowNoise ? effect_values(e.term, axis.campaign) : Parameters();
+}
+
+bool is_shared_noise(const SelectedEffect& e) {
+  return e.term.estimator && e.term.form() == Form::kAxes && !e.statement.empty();
+}
+// What the parameters of shared noise are: not what was measured.
+std::string as_simulated(const AxisResult& axis, const SelectedEffect& e) {
+  std::string list;
+  for (const ParameterValue& p : values_of(axis, e))
+    list += (list.empty() ? "" : ", ") + name_in_unit(p.name, axis_unit(axis.axis)) + format(" %.3g", p.number.value);
+  return "a simulation gets that from white noise added to each axis: " + list;
+}
+
+// How sure a name is and what else it may be, a line each: the same in text, JSON and on the page.
+std::vector<std::string> remarks_on(const AxisResult& axis, const SelectedEffect& e) {
+  std::vector<std::string> out;
+  const EffectMeaning meaning = e.term.effect ? e.term.effect->meaning(values_of(axis, e)) : EffectMeaning();
+  if (!meaning.remark.empty()) out.push_back(meaning.remark);
+  if (is_weak(e))
+    out.push_back(format("weak evidence: odds of %.2g to 1 beyond what a name must gain; another log should confirm it",
+                         std::exp(std::max(0.0, e.evidence_nats))));
+  if (const std::string statement = statement_of(e); !statement.empty()) out.push_back(statement);
+  if (is_shared_noise(e)) out.push_back(as_simulated(axis, e));
+  if (is_note(axis, e))
+    out.push_back(format("a small part of the noise: %s of %s %s from second to second",
+                         figure(e.rms_dph, axis).c_str(), figure(white_dph(axis), axis).c_str(), axis_unit(axis.axis)));
+  if (e.is_untested) out.push_back("the held-out logs cannot test it");
+  std::vector<std::string> rivals;
+  for (const CandidateEvidence& c : e.set)
+    if (name_of(c) != name_of(e) && (!c.effect || c.effect != e.term.effect)) rivals.push_back(name_of(c));
+  if (!rivals.empty()) out.push_back("cannot be told from: " + joined(rivals, ", "));
+  return out;
 }
 
 Json evidence_json(const CandidateEvidence& c) {
@@ -242,6 +286,16 @@ Json map_json(const Campaign& campaign, const Fit& fit) {
   return {{"tau_s", tau}, {"temp_edges_degc", temp}, {"z", z}};
 }
 
+bool is_noise(const SelectedEffect& e) {
+  return e.doubt != Doubt::kSlowNoise && e.term.estimator && e.term.form() == Form::kNoise;
+}
+bool is_slow_noise(const SelectedEffect& e) {
+  return is_noise(e) && e.term.estimator->is_slow_noise();
+}
+template <typename Is> bool finds(const Selection& s, const Is& is) {
+  return std::any_of(s.effects.begin(), s.effects.end(), is);
+}
+
 // What is left, in a sentence.
 std::string remainder(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
@@ -267,8 +321,10 @@ std::string remainder(const AxisResult& axis) {
                g.rms_after_dph / g.noise_rms_dph));
   if (s.verdict != Verdict::kUnexplained && g.has_figure() && g.ci_hi < kNearlyAll)
     add(format("%.0f %% of the gap on data that were not fitted", 100 * (1 - g.shrinkage)));
-  if (!g.has_mean && !s.effects.empty())
-    add("nothing that was found predicts the mean of other data: its held-out residual does not shrink");
+  if (!g.has_mean &&
+      finds(s, [](const SelectedEffect& e) { return e.term.estimator && e.term.form() == Form::kSteps; }))
+    add("jumps at single moments foretell no other data");
+  if (!g.has_mean && finds(s, is_noise)) add("a noise has no mean to predict");
   return said.empty() ? "nothing detectable on the held-out data" : joined(said, "; ");
 }
 
@@ -287,28 +343,36 @@ bool has_figure(const AxisResult& axis) {
   return claims_shrinkage(axis) && axis.study.gap.has_figure();
 }
 
-// In the axis' unit: a tenth of a dph, or three digits of a few mg.
-std::string figure(double value, const AxisResult& axis) {
-  return format(is_accelerometer(axis.axis) ? "%.3g" : "%.1f", value);
-}
-
 std::string stand_in_does(double shrinkage) {
   if (shrinkage >= 0) return format("removes %.0f %%", 100 * shrinkage);
   if (shrinkage <= kScaleEnd) return "makes the gap more than 100 % worse";
   return format("makes the gap %.0f %% worse", -100 * shrinkage);
 }
 
+// Slow noise that was found beside the noise that was believed.
+std::string noise_statement(const AxisResult& axis) {
+  const GapResult& g = axis.study.gap;
+  if (g.has_mean || !finds(axis.study.selection, is_slow_noise)) return "";
+  return format(
+      "one-minute means: %s would leave %s %s, these logs show %s; with the noise that was found %s is expected",
+      axis.is_believed ? "the believed noise" : "the noise that was estimated without a cause",
+      figure(g.believed_rms_dph, axis).c_str(), axis_unit(axis.axis), figure(g.rms_before_dph, axis).c_str(),
+      figure(g.noise_rms_dph, axis).c_str());
+}
+
 // How far the gap shrinks on data that were not fitted, or why that is not known; empty: not asked.
 std::string held_out_statement(const AxisResult& axis) {
   const GapResult& g = axis.study.gap;
   const std::string residual =
-      format("residual of one-minute means %s -> %s %s, noise alone %s", figure(g.rms_before_dph, axis).c_str(),
-             figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis), figure(g.noise_rms_dph, axis).c_str());
+      format("residual of one-minute means %s -> %s %s, %s %s", figure(g.rms_before_dph, axis).c_str(),
+             figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
+             finds(axis.study.selection, is_slow_noise) ? "noise with the slow noise found" : "noise alone",
+             figure(g.noise_rms_dph, axis).c_str());
   if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure())
     return format("a flexible stand-in%s %s (%s -> %s %s): not an explanation",
                   axis.study.selection.effects.empty() ? "" : " of that family", stand_in_does(g.shrinkage).c_str(),
                   figure(g.rms_before_dph, axis).c_str(), figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis));
-  if (!claims_shrinkage(axis)) return "";
+  if (!claims_shrinkage(axis)) return noise_statement(axis);
   if (!(g.part_within > 0))
     return "no figure: no rates at temperatures that were fitted (" + std::string(held_out_text(g.method)) + ")";
   if (g.is_of_nearest)
@@ -327,16 +391,11 @@ std::string held_out_statement(const AxisResult& axis) {
 Json gap_json(const AxisResult& axis) {
   const std::string unit = axis_unit(axis.axis);
   const GapResult& g = axis.study.gap;
-  const bool is_none = axis.study.selection.verdict == Verdict::kNoGap;
   Json gap = {
       {"before", g.before},
       {"after", g.after},
-      {"shrinkage", has_figure(axis) ? Json(g.shrinkage)
-                    : is_none        ? Json(0.0)
-                                     : Json(nullptr)},
-      {"ci95", has_figure(axis) ? Json{g.ci_lo, g.ci_hi}
-               : is_none        ? Json{0.0, 0.0}
-                                : Json(nullptr)},
+      {"shrinkage", has_figure(axis) ? Json(g.shrinkage) : Json(nullptr)},
+      {"ci95", has_figure(axis) ? Json{g.ci_lo, g.ci_hi} : Json(nullptr)},
       {"unit",
        unit + "^2: mean square of what the models leave in the noise-free mean of the held-out data, estimated"},
       {"method", held_out_text(g.method)},
@@ -348,11 +407,13 @@ Json gap_json(const AxisResult& axis) {
       {"statement", held_out_statement(axis)},
       {"part_within_fitted_temperatures", g.part_within},
       {"remainder", remainder(axis)},
+      {"has_mean", g.has_mean},
       {"residual_rms_dph",
        {{"before", g.rms_before_dph},
         {"after", g.rms_after_dph},
         {"noise", g.noise_rms_dph},
-        {"noise_error", g.noise_error_dph}}},
+        {"noise_error", g.noise_error_dph},
+        {"believed_noise", g.believed_rms_dph}}},
       {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
   if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure()) gap["stand_in_shrinkage"] = g.shrinkage;
   return gap;
@@ -368,66 +429,56 @@ Json p_value(const Selection& s, const SelectedEffect& e, double rate) {
   return Json(rate * std::exp(-std::max(0.0, e.evidence_nats)));
 }
 
+// It has a mean that can be drawn through the rates: noise and what the recorder did have none.
+bool has_curve(const SelectedEffect& e) {
+  if (e.doubt == Doubt::kSlowNoise) return false;
+  if (!e.term.estimator) return !e.term.effect;
+  const Form form = e.term.form();
+  return form != Form::kNoise && form != Form::kStructural && form != Form::kAxes;
+}
+
+Json causes_json(const std::vector<HardwareCause>& causes) {
+  Json out = Json::array();
+  for (const HardwareCause& cause : causes) out.push_back({{"what", cause.what}, {"source", cause.source}});
+  return out;
+}
+
 Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
   Json set = Json::array();
   for (const CandidateEvidence& c : e.set) set.push_back(evidence_json(c));
-  const bool is_told = has_values(e);
-  const Parameters values = is_told ? effect_values(e.term, axis.campaign) : Parameters();
+  const Parameters values = values_of(axis, e);
   Json entry = {{"name", name_of(e)},
                 {"family", family_name(e.family)},
-                {"parameters", is_told ? parameters_json(values) : Json::object()},
-                {"std_errors", is_told ? std_errors_json(values) : Json::object()},
+                {"parameters", parameters_json(values)},
+                {"std_errors", std_errors_json(values)},
                 {"evidence_nats", e.evidence_nats},
                 {"is_weak", is_weak(e)},
+                {"is_note", is_note(axis, e)},
+                {"has_curve", has_curve(e)},
+                {"rms_dph", number(e.rms_dph)},
                 {"gain_nats", e.gain_nats},
                 {"p_value", p_value(axis.study.selection, e, rate)},
                 {"set", set},
                 {"is_untested", e.is_untested},
+                {"remarks", remarks_on(axis, e)},
                 {"held_out_gain", number(2 * e.held_out_nats / std::max(1e-9, axis.study.gap.hours))}};
   if (const std::string words = in_words(axis, e); !words.empty()) entry["in_words"] = words;
+  if (is_shared_noise(e)) entry["measured"] = e.statement;
   if (e.is_family && e.term.effect) entry["member"] = e.term.effect->name();
+  if (e.term.effect && e.doubt != Doubt::kSlowNoise) {
+    const EffectMeaning meaning = e.term.effect->meaning(values);
+    entry["label"] = e.is_family ? family_label(e.family) : meaning.label;
+    entry["hardware_causes"] = causes_json(meaning.hardware_causes);
+  }
   if (const std::string statement = statement_of(e); !statement.empty()) entry["statement"] = statement;
   return entry;
 }
 
-// What these profiles would not show, less what they have just shown: names, and what a family stands for.
-std::vector<const Detectability*> hidden_effects(const AxisResult& axis) {
-  std::vector<const Detectability*> out;
-  for (const Detectability& d : axis.identifiability.effects) {
-    const auto is_it = [&](const Effect* effect) { return effect && effect->name() == d.name; };
-    const auto shows_it = [&](const SelectedEffect& e) {
-      return is_it(e.term.effect) ||
-             std::any_of(e.set.begin(), e.set.end(), [&](const CandidateEvidence& c) { return is_it(c.effect); });
-    };
-    const auto& named = axis.study.selection.effects;
-    if (!d.is_notable && std::none_of(named.begin(), named.end(), shows_it)) out.push_back(&d);
-  }
-  return out;
-}
-std::string hidden_names(const AxisResult& axis) {
-  std::vector<std::string> names;
-  for (const Detectability* d : hidden_effects(axis)) add_once(d->name, &names);
-  return joined(names, ", ");
-}
-// Those that another profile would show: no profile makes a column of another quantity move.
-std::string hidden_by_profile(const AxisResult& axis) {
-  std::vector<std::string> names;
-  for (const Detectability* d : hidden_effects(axis))
-    if (d->column.empty()) names.push_back(d->name);
-  return joined(names, ", ");
-}
-std::string advice_on_column(const Detectability& d) {
-  return "Column " + d.column +
-         format(d.is_column_thermal ? " moves by %.3g within a log, but as the temperature does"
-                                    : " hardly moves: by %.3g within a log at most",
-                d.column_range) +
-         "; whether the rate follows it cannot be seen. Vary it inside a run, apart from the temperature.";
-}
-
-// Other parameters of the believed noise are beside the cause, if there is one.
-bool has_weak_causes_only(const Selection& s) {
-  const auto is_cause = [](const SelectedEffect& e) {
-    return !e.term.estimator || !e.term.estimator->is_nominal_noise();
+// Other parameters of the believed noise, and notes, are beside the cause, if there is one.
+bool has_weak_causes_only(const AxisResult& axis) {
+  const Selection& s = axis.study.selection;
+  const auto is_cause = [&](const SelectedEffect& e) {
+    return !is_note(axis, e) && !(e.term.estimator && e.term.estimator->is_nominal_noise());
   };
   const bool has_cause = std::any_of(s.effects.begin(), s.effects.end(), is_cause);
   return std::all_of(s.effects.begin(), s.effects.end(),
@@ -470,52 +521,64 @@ std::string why_refused(const AxisResult& axis) {
   return "what the recorder did to the samples leaves too few usable seconds to judge";
 }
 
-// The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
-std::string headline(const AxisResult& axis) {
+bool is_undecided(const Selection& s) {
+  return std::any_of(s.effects.begin(), s.effects.end(),
+                     [](const SelectedEffect& e) { return e.doubt == Doubt::kSlowNoise; });
+}
+
+// The verdict in a few words, never more than the headline says.
+std::string title(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
-  if (!is_judged(axis)) return "no answer: " + why_refused(axis);
+  if (!is_judged(axis)) return "no answer";
   switch (s.verdict) {
-  case Verdict::kNoGap: {
-    const std::string hidden = hidden_names(axis);
-    return "no gap that these logs can show" + (hidden.empty() ? "" : "; not detectable on these profiles: " + hidden);
-  }
+  case Verdict::kNoGap:
+    return "no gap found";
   case Verdict::kExplained:
-    return has_weak_causes_only(s) ? "a gap, explained by little more than a name must gain" : "a gap, explained";
+    return has_weak_causes_only(axis) ? "gap, weakly explained" : "gap explained";
   case Verdict::kPartlyExplained:
-    for (const SelectedEffect& e : s.effects)
-      if (e.doubt == Doubt::kSlowNoise) return "a gap: slow noise or a repeatable cause, these logs cannot tell";
-    return "a gap, partly explained";
+    return is_undecided(s) ? "gap, noise or cause open" : "gap partly explained";
   case Verdict::kUnexplained:
-    return unexplained(s);
+    return "gap, cause open";
   }
   return "";
 }
 
-std::vector<std::string> advice(const AxisResult& axis) {
-  std::vector<std::string> out;
-  std::string alike;
-  for (const auto& pair : axis.identifiability.indistinguishable)
-    alike += (alike.empty() ? "" : "; ") + pair.first + " and " + pair.second;
-  const std::string hidden = hidden_by_profile(axis);
-  if (!hidden.empty())
-    out.push_back("These profiles would not show " + hidden +
-                  " of a size that matters: an answer without them is not an answer that they are absent. Run the "
-                  "advised profile (half of the runs mirrored, starting hot).");
-  for (const Detectability* d : hidden_effects(axis))
-    if (!d->column.empty()) out.push_back(advice_on_column(*d));
-  if (!alike.empty())
-    out.push_back("Not distinguishable on these profiles: " + alike +
-                  ". Reversals inside a run, two ramp rates and soaks on the way tell thermal effects apart.");
-  if (axis.campaign.is_temperature_steady)
-    out.push_back("The temperature hardly moves: only effects that need none were looked for.");
-  else if (!axis.campaign.has_temperature)
-    out.push_back("No temperatures in the log: only effects that need none were looked for.");
-  if (axis.campaign.runs.size() == 1)
-    out.push_back("One log only: what differs from run to run cannot be seen; record at least four runs.");
-  else if (axis.campaign.runs.size() < 4)
-    out.push_back("Fewer than four runs: run_to_run changes can hardly be told from the other effects.");
-  out.push_back("Constant offsets (earth rate, attitude) are absorbed by the constant of each log and cannot be seen.");
-  return out;
+// What was found, for the headline; notes only where there is nothing else.  Slow noise that may be a cause is told there in words.
+std::string names_told(const AxisResult& axis) {
+  const std::vector<SelectedEffect>& effects = axis.study.selection.effects;
+  const bool has_notes_only =
+      std::all_of(effects.begin(), effects.end(), [&](const SelectedEffect& e) { return is_note(axis, e); });
+  std::vector<std::string> names;
+  for (size_t i : reading_order(axis)) {
+    const SelectedEffect& e = effects[i];
+    if (e.doubt == Doubt::kSlowNoise || (is_note(axis, e) && !has_notes_only)) continue;
+    add_once(name_of(e) + (is_weak(e) && !has_weak_causes_only(axis) ? " (weak)" : ""), &names);
+  }
+  return joined(names, ", ");
+}
+
+// The answer in a sentence.  Silence of a profile is no answer on what it cannot show.
+std::string headline(const AxisResult& axis) {
+  const Selection& s = axis.study.selection;
+  if (!is_judged(axis)) return "no answer: " + why_refused(axis);
+  const std::string names = names_told(axis);
+  const auto with = [&](const char* between) { return names.empty() ? "" : between + names; };
+  switch (s.verdict) {
+  case Verdict::kNoGap: {
+    const std::string hidden = hidden_text(axis);
+    return "no gap that these logs can show" + (hidden.empty() ? "" : "; not detectable on these profiles: " + hidden);
+  }
+  case Verdict::kExplained:
+    return (has_weak_causes_only(axis) ? "a gap, explained by little more than a name must gain" : "a gap, explained") +
+           with(": ");
+  case Verdict::kPartlyExplained:
+    if (is_undecided(s))
+      return "a gap: slow noise or a repeatable cause, these logs cannot tell" + with("; beside it ");
+    return "a gap, partly explained" + with(": ");
+  case Verdict::kUnexplained:
+    return unexplained(s);
+  }
+  return "";
 }
 
 std::vector<std::string> notes(const AxisResult& axis) {
@@ -551,11 +614,13 @@ Json refused_json(const AxisResult& axis) {
           {"unit", axis_unit(axis.axis)},
           {"verdict", verdict_name(Verdict::kUnexplained)},
           {"statement", headline(axis)},
+          {"title", title(axis)},
           {"refused", why_refused(axis)},
           {"where", nullptr},
           {"effects", Json::array()},
           {"not_detectable_here", Json::array()},
           {"indistinguishable", Json::array()},
+          {"open_pairs", Json::array()},
           {"advice", Json::array()},
           {"advised_profile", nullptr},
           {"notes", Json::array()},
@@ -608,22 +673,30 @@ Json answer_json(const AxisResult& axis, double rate) {
   };
   for (const Detectability& d : axis.identifiability.effects) detectable.push_back(entry_of(d));
   for (const Detectability* d : hidden_effects(axis)) hidden.push_back(entry_of(*d));
-  for (const auto& pair : axis.identifiability.indistinguishable) alike.push_back({pair.first, pair.second});
+  for (const Alike& pair : axis.identifiability.indistinguishable) alike.push_back({pair.first, pair.second});
+  Json pairs = Json::array();
+  for (const Alike& pair : open_pairs(axis))
+    pairs.push_back({{"names", {pair.first, pair.second}}, {"told_from_times", number(pair.told_from)}});
   const Campaign& campaign = axis.campaign;
   const NoiseModel& noise = s.fitted_noise;
   Json markov = Json::array();
   for (const Markov& m : noise.markov) markov.push_back({{"sigma_dph", m.sigma_dph}, {"tau_s", m.tau_s}});
-  const bool is_advised = campaign.has_temperature && (!hidden_by_profile(axis).empty() || !alike.empty());
+  const bool is_advised = advised_profile_helps(axis);
+  const Profile profile = separating_profile(campaign.lo_degc, campaign.hi_degc);
   return {
       {"axis", axis.axis},
       {"unit", axis_unit(axis.axis)},
       {"verdict", verdict_name(s.verdict)},
       {"statement", headline(axis)},
+      {"title", title(axis)},
+      {"is_weak", !s.effects.empty() && has_weak_causes_only(axis)},
       {"where", s.verdict == Verdict::kNoGap ? Json(nullptr) : where_json(axis)},
       {"effects", effects},
+      {"reading_order", reading_order(axis)},
       {"not_detectable_here", hidden},
       {"smallest_detectable", detectable},
       {"indistinguishable", alike},
+      {"open_pairs", pairs},
       {"advice", advice(axis)},
       {"notes", notes(axis)},
       {"noise", {{"arw_deg_rt_h", noise.white_sigma_dph / 60}, {"markov", markov}, {"is_retuned", s.is_noise_retuned}}},
@@ -631,8 +704,9 @@ Json answer_json(const AxisResult& axis, double rate) {
       {"gap", gap_json(axis)},
       {"plots", plots_json(axis)},
       {"seconds", axis.seconds},
-      {"advised_profile",
-       is_advised ? to_json(separating_profile(campaign.lo_degc, campaign.hi_degc)) : Json(nullptr)}};
+      {"advised_profile", is_advised ? to_json(profile) : Json(nullptr)},
+      {"advised_profile_mirrored",
+       is_advised ? to_json(mirrored(profile, campaign.lo_degc, campaign.hi_degc)) : Json(nullptr)}};
 }
 
 Json axis_json(const AxisResult& axis, double rate) {
@@ -676,36 +750,29 @@ std::string text_of(const ParameterValue& p, const AxisResult& axis) {
 
 std::string effect_text(const AxisResult& axis, const SelectedEffect& e) {
   std::string list;
-  if (has_values(e))
-    for (const ParameterValue& p : effect_values(e.term, axis.campaign))
-      list += (list.empty() ? "" : ", ") + text_of(p, axis);
-  std::string out = "  effect  " + name_of(e);
+  const bool is_shared = is_shared_noise(e); // what was measured first: the parameters are those of a simulation
+  if (is_shared) list = e.statement;
+  for (const ParameterValue& p : is_shared ? Parameters() : values_of(axis, e))
+    list += (list.empty() ? "" : ", ") + text_of(p, axis);
+  std::string out = (is_note(axis, e) ? "  note    " : "  effect  ") + name_of(e);
   if (e.is_family && e.term.effect && !list.empty()) out += " (as " + e.term.effect->name() + ")";
   out += list.empty() ? "" : ": " + list;
   out += has_evidence(e) ? format(" (evidence %.1f nats)\n", e.evidence_nats) : "\n";
   if (const std::string words = in_words(axis, e); !words.empty()) out += "          " + words + "\n";
-  if (is_weak(e))
-    out += format(
-        "          weak evidence: odds of %.2g to 1 beyond what a name must gain; another log should confirm it\n",
-        std::exp(std::max(0.0, e.evidence_nats)));
-  if (const std::string statement = statement_of(e); !statement.empty()) out += "          " + statement + "\n";
-  if (e.is_untested) out += "          the held-out logs cannot test it\n";
-  std::string rivals;
-  for (const CandidateEvidence& c : e.set)
-    if (name_of(c) != name_of(e) && (!c.effect || c.effect != e.term.effect))
-      rivals += (rivals.empty() ? " " : ", ") + name_of(c);
-  return rivals.empty() ? out : out + "          cannot be told from:" + rivals + "\n";
+  for (const std::string& remark : remarks_on(axis, e))
+    if (!is_shared || remark != e.statement) out += "          " + remark + "\n";
+  return out;
 }
 
 std::string axis_text(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   std::string out = axis.axis + ": " + headline(axis) + "\n";
   if (!is_judged(axis)) {
-    for (const SelectedEffect& e : s.effects) out += effect_text(axis, e); // what the recorder did
+    for (size_t i : reading_order(axis)) out += effect_text(axis, s.effects[i]); // what the recorder did
     return out;
   }
   if (s.verdict != Verdict::kNoGap) out += "  where   " + axis.where.sentence + "\n";
-  for (const SelectedEffect& e : s.effects) out += effect_text(axis, e);
+  for (size_t i : reading_order(axis)) out += effect_text(axis, s.effects[i]);
   if (const std::string held_out = held_out_statement(axis); !held_out.empty()) out += "  held out  " + held_out + "\n";
   if (!s.effects.empty() || s.verdict == Verdict::kUnexplained) out += "            left: " + remainder(axis) + "\n";
   for (const std::string& note : notes(axis)) out += "  note    " + note + "\n";
@@ -755,18 +822,21 @@ std::vector<std::string> unanswered(const DiagnoseResult& result) {
 
 std::string diagnosis_text(const DiagnoseOptions&, const DiagnoseResult& result) {
   std::string text;
-  std::vector<std::string> said;
   for (const AxisResult& axis : result.axes) text += axis_text(axis);
-  // What the profiles cannot tell, once for all axes and on a line each.
+  // What the profiles cannot tell, on a line each: once for all axes, with their names where it is not of all.
+  std::vector<std::string> said;
+  std::map<std::string, std::vector<std::string>> of_axes;
+  size_t n_judged = 0;
   for (const AxisResult& axis : result.axes) {
     if (!is_judged(axis)) continue;
-    const std::vector<std::string> list = advice(axis);
-    for (size_t i = 0; i + 1 < list.size(); ++i) // the last is the one of constant offsets, said in the JSON
-      if (std::find(said.begin(), said.end(), list[i]) == said.end()) {
-        said.push_back(list[i]);
-        text += "advice    " + list[i] + "\n";
-      }
+    ++n_judged;
+    for (const std::string& line : advice(axis)) add_once(line, &said), add_once(axis.axis, &of_axes[line]);
   }
+  for (const std::string& line : said)
+    if (line != constant_offsets()) { // said in the JSON
+      const std::vector<std::string>& names = of_axes[line];
+      text += "advice    " + (names.size() < n_judged ? joined(names, ", ") + ": " : "") + line + "\n";
+    }
   for (const std::string& warning : result.warnings) text += "warning: " + warning + "\n";
   return text;
 }
@@ -782,15 +852,12 @@ Json library_json() {
       if (!p.words.empty()) entry["words"] = p.words;
       parameters.push_back(entry);
     }
-    Json causes = Json::array();
-    for (const HardwareCause& cause : effect->hardware_causes())
-      causes.push_back({{"what", cause.what}, {"source", cause.source}});
     list.push_back({{"name", effect->name()},
                     {"label", effect->label()},
                     {"description", effect->description()},
                     {"family", family_name(effect->family())},
                     {"parameters", parameters},
-                    {"hardware_causes", causes},
+                    {"hardware_causes", causes_json(effect->hardware_causes())},
                     {"properties", properties_json(effect->estimator())},
                     {"can_be_diagnosed", effect->estimator() != nullptr}});
   }

@@ -445,6 +445,19 @@ Campaign held_out_campaign(const DiagnoseOptions& options, const ErrorModel& mod
   return unseen;
 }
 
+// Slow noise that is the same at all times and temperatures, or may be; what structure shows is beside it.
+bool is_noise_everywhere(const std::vector<SelectedEffect>& effects) {
+  bool has_noise = false;
+  for (const SelectedEffect& e : effects) {
+    if (e.is_structural) continue;
+    const EffectEstimator* of = e.term.estimator;
+    const bool is_noise = of && of->form() == Form::kNoise && of->is_slow_noise() && !of->needs_temperature();
+    if (!is_noise && e.doubt != Doubt::kSlowNoise) return false;
+    has_noise = true;
+  }
+  return has_noise;
+}
+
 // One axis from log to answer; `held_out` may be empty.
 AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
                          const std::vector<Log>& held_out, const std::string& name, double rate_per_axis,
@@ -461,6 +474,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   tell_stuck(axis.campaign, logs, &axis.warnings);
   tell_frozen(axis.campaign, logs, &axis.warnings);
   const NoiseBelief belief = belief_of(options, model, name);
+  axis.is_believed = belief.has_believed;
   if (belief.has_believed) check_scale(axis.campaign, belief.model, &axis.warnings);
   const Campaign unseen = held_out_campaign(options, model, held_out, &axis);
   const std::vector<const Effect*>& library = effect_library();
@@ -482,7 +496,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     Selection& s = axis.study.selection;
     axis.nominal_fit = std::move(s.nominal_fit), axis.final_fit = std::move(s.final_fit);
     axis.plain_fit = plain_fit(axis.campaign, s.nominal);
-    axis.where = locate(axis.campaign, axis.nominal_fit, belief.has_believed);
+    axis.where = locate(axis.campaign, axis.nominal_fit, belief.has_believed, !is_noise_everywhere(s.effects));
     compare_dp2(axis.campaign, s.nominal.noise(), s.final.noise(), axis.nominal_fit, axis.final_fit, options.seed,
                 &axis.study.gap);
     std::vector<double> beta;
@@ -490,7 +504,10 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
       beta.push_back(axis.nominal_fit.beta[static_cast<long>(axis.campaign.runs.size()) + i]);
     Hypothesis blocks = s.nominal;
     blocks.base_noise = block_equivalent(s.nominal.noise(), axis.study.data->campaign.dt_s);
-    axis.identifiability = identify(axis.study.data->campaign, blocks, library, active, beta);
+    const Campaign& means = axis.study.data->campaign;
+    axis.identifiability = identify(means, blocks, library, active, beta);
+    if (means.has_temperature)
+      axis.with_advised = identify(advised_campaign(means, kAdvisedRuns), blocks, library, active, beta);
   }
   axis.seconds = now_s() - start - axis.calibration_s;
   return axis;
@@ -509,10 +526,10 @@ void name_shared(const Effect& effect, const SharedNoise& found, const AxisResul
   named.term.effect = &effect, named.term.estimator = effect.estimator();
   named.term.fixed_parameters = effect.estimator()->values({{found.covariance_dph2 / own, std::sqrt(own)}, {}, {}, {}});
   named.gain_nats = found.gain_nats, named.evidence_nats = found.gain_nats - shared_nats;
-  named.held_out_nats = std::nan("");
+  named.held_out_nats = std::nan(""), named.rms_dph = std::sqrt(shared);
   char text[200];
-  std::snprintf(text, sizeof text, "noise shared with %s: correlation %.2f from second to second", other.axis.c_str(),
-                found.correlation);
+  std::snprintf(text, sizeof text, "noise shared with %s: measured correlation %.2g from second to second",
+                other.axis.c_str(), found.correlation);
   named.statement = text;
   named.set = {{&effect, nullptr, false, named.family, named.gain_nats, shared_nats}};
   s.effects.push_back(named);

@@ -14,6 +14,8 @@ namespace imucal {
 struct UnusedLog {
   std::string path, why; // "has ..."
 };
+// Runs of the advised profile, half of them mirrored.
+constexpr size_t kAdvisedRuns = 4;
 
 struct AxisResult {
   std::string axis;
@@ -24,6 +26,8 @@ struct AxisResult {
   Fit plain_fit; // of the nominal model by least squares: the polynomial that a table would hold
   WhereResult where;
   Identifiability identifiability;
+  Identifiability with_advised; // of kAdvisedRuns of the advised profile; empty without temperatures
+  bool is_believed = false;     // the noise is that of a model
   bool is_calibration_cached = false;
   double seconds = 0, calibration_s = 0; // wall clock, without and of the calibration
   std::vector<UnusedLog> left_out;

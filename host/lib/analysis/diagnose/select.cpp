@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "analysis/diagnose/judge/coefficients.h"
+#include "analysis/diagnose/judge/contribution.h"
 #include "analysis/diagnose/judge/fast_names.h"
 #include "analysis/diagnose/judge/rest_names.h"
 #include "analysis/diagnose/judge/slow_names.h"
@@ -67,6 +68,7 @@ private:
       effect.term.fixed_parameters = f.signature.parameters;
       effect.is_structural = true;
       effect.statement = f.signature.statement;
+      if (f.signature.extra_white_dph2 > 0) effect.rms_dph = std::sqrt(f.signature.extra_white_dph2);
       effect.gain_nats = effect.evidence_nats = f.signature.evidence_nats;
       effect.held_out_nats = kPredictsNothing;
       effect.set = {{f.effect, nullptr, false, effect.family, f.signature.evidence_nats, 0}};
@@ -136,7 +138,10 @@ private:
     out_.total_gain_nats = found_.slow.gain_nats();
     out_.is_noise_retuned = question_.belief.has_believed && !found_.seconds.is_believed;
     out_.is_told_by_held_out = found_.slow.is_told_by_held_out;
+    fill_contributions(campaign_, out_.final, out_.final_fit, &out_.effects);
     GapResult& gap = found_.slow.gap;
+    gap.believed_rms_dph =
+        gap.rms_of_noise_dph(question_.belief.has_believed ? question_.belief.model : out_.nominal.noise());
     out_.leaves_mean = gap.leaves_mean(constants());
     gap.hold_what_minutes_show(constants());
     judge();

@@ -30,7 +30,7 @@ struct Selection {
   size_t n_left_out = 0; // seconds that structure has spoilt
   bool is_noise_retuned = false;
   bool is_told_by_held_out = false; // slow noise explains the fitted logs as well, not all logs together
-  bool leaves_mean = false;  // of the held-out minutes more than the noise alone would
+  bool leaves_mean = false;         // of the held-out minutes more than the noise alone would
   bool cannot_judge = false; // structure left too little: `effects` holds what the recorder did, nothing else is known
   double threshold_nats = 6;
   NoiseModel fitted_noise; // of the seconds, under the final hypothesis

@@ -81,6 +81,13 @@ struct HardwareCause {
   std::string what, source;
 };
 
+// What an effect of these parameters is: a sign may turn it round.
+struct EffectMeaning {
+  std::string label;
+  std::vector<HardwareCause> hardware_causes;
+  std::string remark; // what the sign says; empty: the label is that of the effect
+};
+
 // The size by which profiles are judged: can this effect be told from others at it (profile evaluate)?
 struct TypicalSize {
   std::string short_name;  // for command lines
@@ -100,6 +107,7 @@ public:
   virtual Family family() const = 0;
   virtual std::vector<HardwareCause> hardware_causes() const = 0;
   virtual std::vector<EffectParameter> parameters() const = 0;
+  virtual EffectMeaning meaning(const Parameters& /*values*/) const { return {label(), hardware_causes(), ""}; }
 
   // Adds the effect to a run at one stage.  `rng` is the effect's own stream for this run and axis; nullptr
   // asks for the expected, noise-free run: random effects then add nothing (or their mean), phases are zero,

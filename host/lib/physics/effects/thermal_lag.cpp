@@ -41,6 +41,15 @@ public:
              "Prikhodko et al., Sensors and Actuators A 201 (2013)"},
             {"a large thermal mass or poor contact between the two", "Newton cooling of a lumped capacity"}};
   }
+  EffectMeaning meaning(const Parameters& values) const override {
+    if (values.number_or("tau_s", 0) >= 0) return Effect::meaning(values);
+    return {"the thermometer lags the gyro's temperature",
+            {{"the thermometer is slow: a large thermal mass of its own, poor contact, or a filter on its readings",
+              "response time in the data sheet of the thermometer; settings of driver and log"},
+             {"the thermometer sits on another part (housing, other chip) that warms later than the sensing element",
+              "Prikhodko et al., Sensors and Actuators A 201 (2013)"}},
+            "a negative tau_s: the thermometer lags the gyro"};
+  }
   std::vector<EffectParameter> parameters() const override {
     return {{"tau_s", -3000, 30000, "time constant; negative: the thermometer lags the gyro"}, start_parameter()};
   }

@@ -41,6 +41,11 @@ def dense(record):
     return {"rasterized": record.t_s.size > MANY_POINTS}
 
 
+def legend_above(ax, columns, above=1.0):
+    """Beside the points and not over them: lines above the axes."""
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, above), ncols=columns, borderaxespad=0.2, columnspacing=1.2, handlelength=1.6)
+
+
 def svg_image(fig, alt):
     """<img> with the figure as inline SVG: nothing outside the page is needed."""
     buffer = io.BytesIO()
@@ -127,6 +132,7 @@ class Record:
         self.temp_degc, self.slope_degc_min = array(data["temp_degc"]), array(data["rate_degc_per_min"])
         self.has_temperature = bool(np.isfinite(self.temp_degc).any())
         self.logs = list(dict.fromkeys(self.log.tolist()))
+        self.believed_mean = "polynomial" if self.has_temperature else "mean of the log" if len(self.logs) == 1 else "mean of each log"
         still = np.abs(self.slope_degc_min) < RESTING_DEGC_MIN
         self.chosen = {"soak": still, "up": ~still & (self.slope_degc_min > 0), "down": ~still & (self.slope_degc_min < 0)}
         self.cause_dph = self.before_dph - self.after_dph
@@ -171,19 +177,20 @@ def draw_record(data):
             top.plot(hours[chosen], r.rate_dph[chosen], ".", markersize=3.2, color=DIRECTION[name] if r.has_temperature else DATA, **dense(r))
     for i, k in enumerate(r.logs):
         own = r.log == k
-        top.plot(hours[own], r.polynomial_dph[own], color=INK, linewidth=0.9, linestyle="--", label="polynomial" if i == 0 else None)
+        top.plot(hours[own], r.polynomial_dph[own], color=INK, linewidth=0.9, linestyle="--", label=r.believed_mean if i == 0 else None)
         if np.any(np.abs(r.cause_dph) > 0):
             top.plot(hours[own], (r.polynomial_dph + r.cause_dph)[own], color=INK, linewidth=1.1, label="with the cause" if i == 0 else None)
         if len(r.logs) > 1:
             top.text(begin[i], 1.0, f"log {k + 1:.0f}", transform=top.get_xaxis_transform(), fontsize=7.5, color=MUTED, va="bottom")
     top.set_ylabel("rate [dph]")
-    top.legend(loc="best")
+    legend_above(top, 2, 1.06 if len(r.logs) > 1 else 1.0)
     if rows == 2:
         for name, chosen in r.chosen.items():
             axes[1][0].plot(hours[chosen], r.temp_degc[chosen], ".", markersize=2.4, color=DIRECTION[name], **dense(r))
         axes[1][0].set_ylabel("temperature [°C]")
     axes[-1][0].set_xlabel("time [h]" + (", logs one after the other" if len(r.logs) > 1 else ""))
-    return svg_image(fig, "Rate and temperature against time, one-minute means coloured by the direction of the temperature")
+    return svg_image(fig, "Rate and temperature against time, one-minute means coloured by the direction of the temperature"
+                     if r.has_temperature else "Rate against time, one-minute means")
 
 
 def paths(x, y, groups):
@@ -210,7 +217,7 @@ def draw_against_temperature(data, what):
         ax.set_ylim(-limit, limit)
     ax.set(xlabel="temperature [°C]", ylabel="rate [dph]" if what == "raw" else "rate less polynomial [dph]" if what == "before"
            else "rate less polynomial and cause [dph]")
-    ax.legend(loc="best")
+    legend_above(ax, 3)
     return svg_image(fig, f"Rate against temperature by direction: {what}")
 
 
@@ -250,7 +257,7 @@ def draw_dp2(data):
     ax.yaxis.set_major_formatter(matplotlib.ticker.FuncFormatter(lambda v, _: f"{v:g}"))
     ax.yaxis.set_minor_formatter(matplotlib.ticker.LogFormatter(minor_thresholds=(1.5, 0.4)))
     ax.grid(True, which="both")
-    ax.legend(loc="best")
+    legend_above(ax, 3)
     return svg_image(fig, "DP2 prediction error of the logs against the model before and after")
 
 

@@ -187,7 +187,8 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal, co
     for (size_t j = i + 1; j < list.size(); ++j) {
       const double rho2 = std::max(absorbed(list[i].signal, list[j].all), absorbed(list[j].signal, list[i].all));
       if (kUsual_d * std::sqrt(std::max(0.0, 1 - rho2)) < kSeparate_d)
-        out.indistinguishable.push_back({list[i].name, list[j].name});
+        out.indistinguishable.push_back(
+            {list[i].name, list[j].name, kSeparate_d / std::sqrt(std::max(0.0, 1 - rho2)) / kDetect_d});
     }
   return out;
 }
@@ -208,6 +209,38 @@ Profile separating_profile(double lo_degc, double hi_degc) {
   ramp(-1, lo_degc);
   soak(300);
   return profile;
+}
+
+Profile mirrored(Profile profile, double lo_degc, double hi_degc) {
+  const double both = lo_degc + hi_degc;
+  profile.start_degc = both - profile.start_degc;
+  for (ProfileSegment& segment : profile.segments)
+    segment.rate_degc_per_min = -segment.rate_degc_per_min, segment.to_degc = both - segment.to_degc;
+  return profile;
+}
+
+Campaign advised_campaign(const Campaign& campaign, size_t n_runs) {
+  Campaign out = campaign;
+  out.runs.clear();
+  const Profile profile = separating_profile(campaign.lo_degc, campaign.hi_degc),
+                back = mirrored(profile, campaign.lo_degc, campaign.hi_degc);
+  for (size_t r = 0; r < n_runs; ++r) {
+    CampaignRun run;
+    RunInput& in = run.input;
+    in.log = r, in.dt_s = campaign.dt_s, in.t0_degc = campaign.t0_degc, in.range_degc = campaign.range_degc;
+    in.temp_degc = (r % 2 ? back : profile).temperatures(campaign.dt_s);
+    in.smooth_degc = in.temp_degc, in.tn = normalised(in, in.temp_degc);
+    in.rate_dph.assign(in.temp_degc.size(), 0.0);
+    for (size_t i = 0; i < in.temp_degc.size(); ++i) {
+      const size_t before = i ? i - 1 : 0, after = std::min(i + 1, in.temp_degc.size() - 1);
+      in.tick.push_back(static_cast<long>(i)), in.t_s.push_back(static_cast<double>(i) * campaign.dt_s);
+      in.rate_degc_min.push_back((in.temp_degc[after] - in.temp_degc[before]) * 60 /
+                                 (static_cast<double>(std::max<size_t>(1, after - before)) * campaign.dt_s));
+    }
+    find_used(&run);
+    out.runs.push_back(std::move(run));
+  }
+  return out;
 }
 
 } // namespace imucal

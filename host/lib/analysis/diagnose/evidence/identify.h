@@ -3,7 +3,6 @@
 // that look alike, and a profile that would tell them apart.
 #pragma once
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "analysis/diagnose/evidence/fit.h"
@@ -21,9 +20,15 @@ struct Detectability {
   bool is_notable = true;         // small enough: an effect worth seeing would be seen
 };
 
+// Two effects that look alike at twice their smallest detectable size.
+struct Alike {
+  std::string first, second;
+  double told_from = 0; // how many times that size has to be until one is told from the other; may be infinite
+};
+
 struct Identifiability {
   std::vector<Detectability> effects; // one per effect; per column of the log where it follows one
-  std::vector<std::pair<std::string, std::string>> indistinguishable;
+  std::vector<Alike> indistinguishable;
 };
 
 // `beta`: coefficients of the polynomial x, x^2, … [dph]: a lag shows only where B(T) has a slope.
@@ -33,5 +38,10 @@ Identifiability identify(const Campaign& campaign, const Hypothesis& nominal, co
 // The separating staircase for a temperature range: up fast with soaks, down slowly with
 // soaks.
 Profile separating_profile(double lo_degc, double hi_degc);
+// The same the other way: the hottest temperature for the coldest, a fall for every rise.
+Profile mirrored(Profile profile, double lo_degc, double hi_degc);
+
+// What `n_runs` of that profile, every other one mirrored, would be in the place of `campaign`: its settings and step, no rates.
+Campaign advised_campaign(const Campaign& campaign, size_t n_runs);
 
 } // namespace imucal

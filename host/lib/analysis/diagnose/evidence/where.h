@@ -5,6 +5,11 @@
 // coefficient belongs to one averaging time, one temperature, one phase and one log, so that the cells of
 // each table add up to the whole excess.  Under a true model a cell of n coefficients has mean 0 and standard
 // deviation sqrt(2 n): its z.
+//
+// A place (of temperature, time, direction, or logs) is named where the rest is clearly lower: its mean excess of a coefficient is
+// at least twice that of the rest, and their difference is three standard errors (four where many places are compared), each
+// coefficient with its own square as its variance.  So a few large coefficients of slow noise make no place.  A span of temperatures
+// is also named where it holds a share of the squares of mean_z that comes by chance in one of 500, were all temperatures alike.
 #pragma once
 #include <string>
 #include <vector>
@@ -17,6 +22,7 @@ struct WhereCell {
   double lo = 0, hi = 0; // of averaging time [s] or temperature [degC]
   std::string name;      // of a phase or log
   double n = 0, excess = 0;
+  double square = 0; // sum of (w^2 - 1)^2
   double mean_z = 0; // of the mean: sum e / sqrt(n) over slow changes, signed (temperature and phase cells)
   double z() const;
 };
@@ -29,7 +35,8 @@ struct WhereResult {
   std::string sentence;
 };
 
-// `has_model`: the noise is that of a model, and not estimated from these logs; for the words.
-WhereResult locate(const Campaign& campaign, const Fit& fit, bool has_model);
+// `has_model`: the noise is that of a model, and not estimated from these logs; for the words.  `has_place`: false where the answer
+// is a noise that is everywhere the same.
+WhereResult locate(const Campaign& campaign, const Fit& fit, bool has_model, bool has_place = true);
 
 } // namespace imucal

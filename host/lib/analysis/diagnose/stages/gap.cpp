@@ -254,17 +254,11 @@ double spread_of_minutes(const NoiseModel& noise, double length_s) {
   }
   return 4 * sum / n;
 }
-// Of units of different lengths together, weighted by their minutes: mean square of the noise, and its standard error.
-struct NoiseOfMinutes {
-  double mean_square = 0, error = 0;
-};
-NoiseOfMinutes noise_of_units(const NoiseModel& noise, const std::vector<Minutes>& rest) {
-  double sum = 0, variance = 0, n = 0;
-  for (const Minutes& m : rest) {
-    sum += m.n * noise_of_minutes(noise, m.n * kMinute_s), n += m.n;
-    variance += m.n * m.n * spread_of_minutes(noise, m.n * kMinute_s);
-  }
-  return n > 0 ? NoiseOfMinutes{sum / n, std::sqrt(variance) / n} : NoiseOfMinutes();
+// Standard error of the mean square over units of different lengths, weighted by their minutes.
+double error_of_units(const NoiseModel& noise, const std::vector<Minutes>& rest) {
+  double variance = 0, n = 0;
+  for (const Minutes& m : rest) variance += m.n * m.n * spread_of_minutes(noise, m.n * kMinute_s), n += m.n;
+  return n > 0 ? std::sqrt(variance) / n : 0;
 }
 
 // Places among the used rows of a run that count.
@@ -357,13 +351,14 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
     after.push_back(minutes_of(unit.left, dt_s));
   }
   out->rms_before_dph = std::sqrt(mean_square(before)), out->rms_after_dph = std::sqrt(mean_square(after));
-  const NoiseOfMinutes noise = noise_of_units(gaussian_equivalent(search.seconds_noise_of(final)), after);
-  out->noise_rms_dph = std::sqrt(noise.mean_square);
+  for (const Minutes& m : after) out->unit_minutes.push_back(m.n);
+  const NoiseModel noise = gaussian_equivalent(search.seconds_noise_of(final));
+  out->noise_rms_dph = out->rms_of_noise_dph(noise);
   // Noise that follows the temperature is another at every minute: nothing is known of how far its sum scatters.
-  if (final.noise_effect && final.noise_effect->estimator()->needs_temperature())
-    out->noise_error_dph = std::nan("");
-  else
-    out->noise_error_dph = noise.mean_square > 0 ? 0.5 * noise.error / out->noise_rms_dph : 0;
+  const bool is_known = !final.noise_effect || !final.noise_effect->estimator()->needs_temperature();
+  out->noise_error_dph = !is_known                ? std::nan("")
+                         : out->noise_rms_dph > 0 ? 0.5 * error_of_units(noise, after) / out->noise_rms_dph
+                                                  : 0;
 }
 
 void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,
@@ -378,6 +373,14 @@ void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::
 }
 
 } // namespace
+
+// Over units of different lengths, weighted by their minutes.
+double GapResult::rms_of_noise_dph(const NoiseModel& noise) const {
+  const NoiseModel gaussian = gaussian_equivalent(noise);
+  double sum = 0, n = 0;
+  for (double minutes : unit_minutes) sum += minutes * noise_of_minutes(gaussian, minutes * kMinute_s), n += minutes;
+  return n > 0 ? std::sqrt(sum / n) : 0;
+}
 
 double GapResult::part_left() const {
   const auto excess = [&](double rms_dph) { return std::max(0.0, rms_dph * rms_dph - noise_rms_dph * noise_rms_dph); };

@@ -49,8 +49,13 @@ struct GapResult {
   std::vector<Support> at_all;       // per name, against neither the name nor its start states
   double hours = 0;
   double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of one-minute means
-  double noise_error_dph =
-      0; // standard error of noise_rms_dph: how far one draw of that noise may lie from it; NaN: not known
+  std::vector<double> unit_minutes;                                // of the held-out units: how many means each has
+  // What a noise alone would leave in those means about that of their unit.
+  double rms_of_noise_dph(const NoiseModel& noise) const;
+  // What the believed noise, or that estimated without a cause, would leave; noise_rms_dph holds the noise that was found.
+  double believed_rms_dph = 0;
+  // Standard error of noise_rms_dph: by how far one draw of that noise scatters; NaN: not known.
+  double noise_error_dph = 0;
   // Of the held-out minutes more is left than the noise alone would leave, beyond the scatter of that noise; and so much more
   // that the answer misses something of weight.
   bool exceeds_noise(const SelectorConstants& constants) const;

@@ -42,6 +42,8 @@ struct SelectedEffect {
   bool is_untested = false; // it predicts, but the logs held out can show neither it nor its start states
   Doubt doubt = Doubt::kNone;
   std::vector<CandidateEvidence> set; // what cannot be excluded, the name first
+  // What it adds to the rates of a second, rms about the mean of the run [dph]; NaN: not known.  For the order of words.
+  double rms_dph = std::numeric_limits<double>::quiet_NaN();
   bool is_structural = false;
   std::string statement; // of a structural detector
 };

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: MIT
+// What each finding adds to the rates: what people want to read first.
+#pragma once
+#include <vector>
+
+#include "analysis/diagnose/stages/selected.h"
+
+namespace imucal {
+
+// Fills rms_dph of what `final` holds; `fit`: of that hypothesis to the seconds of `campaign`.
+void fill_contributions(const Campaign& campaign, const Hypothesis& final, const Fit& fit,
+                        std::vector<SelectedEffect>* effects);
+
+} // namespace imucal
