@@ -51,7 +51,7 @@ static Json told(const Selection& selection, double false_alarm_rate = 0.01) {
   axis.campaign.runs.resize(1), axis.campaign.has_temperature = false;
   Selection& s = axis.study.selection;
   s.verdict = selection.verdict, s.effects = selection.effects, s.before = selection.before, s.after = selection.after;
-  axis.nominal_fit.residual.resize(1), axis.final_fit.residual.resize(1);
+  axis.nominal_fit.residual.resize(1), axis.plain_fit.residual.resize(1), axis.final_fit.residual.resize(1);
   DiagnoseOptions options;
   options.false_alarm_rate = false_alarm_rate;
   return diagnosis_json(options, result)["axes"][0];

@@ -114,16 +114,17 @@ void check_scale(const Campaign& campaign, const NoiseModel& noise, std::vector<
 constexpr double kAsOnSheet = 2;
 void tell_data_sheet(const std::string& axis, const NoiseModel& sheet, const NoiseModel& fitted,
                      std::vector<std::string>* warnings) {
-  const auto tell = [&](const char* what, const char* unit, double said, double found) {
-    if (!(said > 0) || !(found > 0) || std::max(said, found) < kAsOnSheet * std::min(said, found)) return;
-    char text[240];
-    std::snprintf(text, sizeof text,
-                  "axis %s: %s of %.3g %s was given, these logs show %.3g: give what they show, or look for "
-                  "what makes them %s",
-                  axis.c_str(), what, said, unit, found, found > said ? "noisier" : "quieter");
-    warnings->push_back(text);
-  };
-  tell("an angle random walk", "deg/sqrt(h)", sheet.white_sigma_dph / 60, fitted.white_sigma_dph / 60);
+  const bool is_mg = is_accelerometer(axis);
+  const double per_unit = is_mg ? 1 : white_sigma_dph(1); // white noise of a 1-s mean
+  const double said = sheet.white_sigma_dph / per_unit, found = fitted.white_sigma_dph / per_unit;
+  if (!(said > 0) || !(found > 0) || std::max(said, found) < kAsOnSheet * std::min(said, found)) return;
+  char text[240];
+  std::snprintf(
+      text, sizeof text,
+      "axis %s: %s %.3g %s was given, these logs show %.3g: give what they show, or look for what makes them %s",
+      axis.c_str(), is_mg ? "white noise of" : "an angle random walk of", said, is_mg ? "mg/sqrt(Hz)" : "deg/sqrt(h)",
+      found, found > said ? "noisier" : "quieter");
+  warnings->push_back(text);
 }
 
 NoiseModel known_noise(const ErrorModel& model, const std::string& axis, NoiseModel noise);
@@ -434,6 +435,7 @@ Campaign held_out_campaign(const DiagnoseOptions& options, const ErrorModel& mod
   Campaign unseen = make_campaign(held_out, axis->axis, model);
   if (axis->campaign.has_temperature) require_temperature(unseen, held_out);
   tell_stuck(unseen, held_out, &axis->warnings);
+  tell_frozen(unseen, held_out, &axis->warnings);
   tell_beyond(axis->campaign, unseen, held_out, &axis->warnings);
   take_out_and_warn(options, model, &unseen, axis);
   keep_common_columns({&axis->campaign, &unseen});

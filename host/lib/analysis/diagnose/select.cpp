@@ -127,6 +127,7 @@ private:
     judge_unseen(&names_);
     open_by_rest(question_, found_, out_.after, &names_);
     scan_told();
+    for (SelectedEffect& effect : names_.effects) raise_family(&effect);
     out_.effects = structural_;
     out_.effects.insert(out_.effects.end(), names_.effects.begin(), names_.effects.end());
     // Beside something unexplained the noise parameters are those of a stand-in.

@@ -76,7 +76,8 @@ void add_means_that_do_as_well(const AxisQuestion& question, const SlowAnswer& s
   add_to_set(std::move(means), effect);
 }
 void add_means_without_steps(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* steps) {
-  if (!slow.found.without_steps || !slow.found.best.names.empty()) return;
+  // What held-out data took away is excluded, whatever the fitted logs say.
+  if (!slow.found.without_steps || !slow.found.best.names.empty() || !slow.dropped.empty()) return;
   const double own = slow.search->score(slow.found.best);
   std::vector<CandidateEvidence> means;
   for (size_t j = 0; j < slow.found.without_steps->singles.size(); ++j) {
@@ -145,6 +146,9 @@ void open_jumps(const AxisQuestion& question, SelectedEffect* effect) {
   effect->family = Family::kSlowNoise;
   open_member(effect);
   add_equal(question.jumping_kind(), effect);
+  // What is of the family that is told stands first.
+  std::stable_partition(effect->set.begin(), effect->set.end(),
+                        [&](const CandidateEvidence& e) { return e.family == effect->family; });
   effect->statement = "jumps come again and again: a noise that jumps, not single events; what makes it is open";
 }
 

@@ -97,6 +97,18 @@ void start_like_best(const SlowLikelihood& of, const SlowModel& m, std::vector<S
   }
 }
 
+// `m` with the process of its kind of noise in the place of that of the rest: either may be the one that the sensor has.
+SlowModel at_process(const SlowLikelihood& of, SlowModel m) {
+  const NoiseModel base = of.base_noise(m), all = of.seconds_noise(m);
+  if (base.markov.empty() || all.markov.size() != base.markov.size() + 1) return m;
+  const Markov &own = of.space().base.markov.front(), &process = all.markov.back();
+  m.is_believed = false;
+  m.log_noise[0] = std::log(all.white_sigma_dph / of.space().base.white_sigma_dph);
+  m.log_noise[1] = std::log(std::pow(process.sigma_dph / own.sigma_dph, 2) * own.tau_s / process.tau_s);
+  m.log_noise[2] = std::log(process.tau_s / own.tau_s);
+  return m;
+}
+
 } // namespace
 
 std::vector<SlowCandidateScore> scan_noises(const SlowLikelihood& of, const SlowResult& so_far, const SlowModel& m,
@@ -127,11 +139,15 @@ SlowModel with_kind(const SlowLikelihood& of, const SlowResult& so_far, const Sl
   SlowModel quiet = m;
   quiet.noise_effect = nullptr;
   quiet = polished(of, quiet);
-  std::vector<SlowModel> starts = noise_starts(of, so_far, quiet, kind);
-  for (SlowModel at : noise_starts(of, so_far, m, kind)) starts.push_back(at);
-  SlowModel with = best_with_noise(of, starts, kind);
-  if (const SlowModel hidden = at_hidden_start(of, quiet, kind); hidden.value > with.value) with = hidden;
-  return polished(of, with, kEvaluations);
+  std::vector<SlowModel> places = {quiet, m, at_process(of, m)};
+  if (of.space().belief.has_believed) places.push_back(quiet), places.back().is_believed = true;
+  SlowModel best;
+  for (const SlowModel& place : places) {
+    SlowModel with = best_with_noise(of, noise_starts(of, so_far, place, kind), kind);
+    polish(of, &with, kQuickEvaluations);
+    if (with.value > best.value) best = with;
+  }
+  return polished(of, best, kEvaluations);
 }
 SlowModel in_place_of_base(const SlowLikelihood& of, const SlowModel& m) {
   SlowModel plain = m;

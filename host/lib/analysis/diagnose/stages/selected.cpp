@@ -41,6 +41,13 @@ void add_to_set(std::vector<CandidateEvidence> list, SelectedEffect* effect) {
   for (const CandidateEvidence& candidate : list)
     if (!has_name(candidate)) effect->set.push_back(candidate);
 }
+void raise_family(SelectedEffect* effect) {
+  if (!effect->is_family || effect->doubt == Doubt::kSlowNoise) return;
+  double most = effect->evidence_nats;
+  for (const CandidateEvidence& e : effect->set) most = std::max(most, e.evidence_nats());
+  effect->gain_nats += most - effect->evidence_nats;
+  effect->evidence_nats = most;
+}
 void add_equal(const Effect* kind, SelectedEffect* effect) {
   if (!kind || is_in_set(*effect, kind)) return;
   effect->set.push_back(
