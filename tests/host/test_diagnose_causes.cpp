@@ -193,8 +193,7 @@ static void test_a_parameter_next_to_its_bound_is_no_value(void**) {
     }
 }
 
-// A slope over temperature that is another in every run: a creep whose time constants are longer than the runs lives off its
-// start states, and did better on the fitted logs alone.
+// A slope over temperature that is another in every run is told as that, and not as a memory that lives off its start states.
 static void test_what_changes_from_run_to_run_is_told_by_all_logs(void**) {
   for (const uint64_t seed : seeds_of(2, {931, 941, 951, 961})) {
     Rng rng(seed, 0, 0, Stream::kTool);
