@@ -47,6 +47,28 @@ static void test_both_thresholds_of_a_jump_at_a_temperature_are_found(void**) {
   assert_near(result.best.names[0].shape[0] - result.best.names[0].shape[1], 29.2, 0.25);
 }
 
+// The thermometer is 10 s late: rising and falling temperatures show the jump at two of them, in the wrong order for a band.
+static void test_a_jump_at_a_temperature_is_found_by_a_late_thermometer(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 161; seed < 164; ++seed) {
+    logs.push_back(simulated_log(seed, 5000, false, 0));
+    Log& log = logs.back();
+    for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += log.temp_degc[i] > 31 ? 90 : 0;
+    const std::vector<double> there = log.temp_degc;
+    for (size_t i = 0; i < log.size(); ++i) log.temp_degc[i] = there[i < 10 ? 0 : i - 10];
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel best = search.run().best;
+  assert_int_equal(best.names.size(), 1);
+  assert_int_equal(best.steps.size(), 0);
+  assert_string_equal(search.candidates()[best.names[0].candidate].effect->name().c_str(), "thermal_step");
+  assert_near(best.names[0].shape[0], 31, 0.1);
+  assert_near(best.names[0].shape[1], 0, 0.01);
+  assert_near(best.names[0].shape[2], -10, 2);
+}
+
 static void test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly(void**) {
   // 0.6 degC/min: from one place of the grid to the next are 150 s, and on either the jump gains next to nothing.
   std::vector<Log> logs;
@@ -590,6 +612,7 @@ int main() {
       cmocka_unit_test(test_scans_that_were_freed_are_made_anew),
       cmocka_unit_test(test_steps_of_a_coarse_thermometer_are_no_lag_of_seconds),
       cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
+      cmocka_unit_test(test_a_jump_at_a_temperature_is_found_by_a_late_thermometer),
       cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),
       cmocka_unit_test(test_causes_of_no_family_are_not_named),
       cmocka_unit_test(test_held_out_logs_tell_a_cause_from_slow_noise),

@@ -79,10 +79,10 @@ struct Signature {
   std::vector<std::vector<char>> unusable; // per run and row: samples that carry no rate
 };
 
-// Where a jump may lie: the temperature there, and whether it was rising.
+// Where a jump may lie: the temperature there, and its slope.
 struct JumpPlace {
-  double temp_degc = 0;
-  bool is_rising = true;
+  double temp_degc = 0, slope_degc_s = 0;
+  bool is_rising() const { return slope_degc_s > 0; }
 };
 
 class EffectEstimator {
@@ -105,6 +105,12 @@ public:
   // belongs to the measurement, not to the effect: nothing is said of it.
   virtual bool is_near_thermometer() const { return false; }
   static constexpr double kNearby_s = 15;
+  // The lags that a scan tries; between them and beyond, it is refined like the shape.
+  virtual std::vector<double> nearby_lags_s() const { return {-0.5 * kNearby_s, 0, 0.5 * kNearby_s}; }
+  // Whether a shape holds all that is refined: the parameters within shape_lo and shape_hi, and that lag.
+  bool is_refined(const Theta& shape) const {
+    return shape.size() == shape_lo().size() + (is_near_thermometer() ? 1 : 0);
+  }
   virtual size_t n_columns() const { return 1; }
   // Per column: its prior in units of `prior`.  Empty: 1.
   virtual std::vector<double> relative_sd() const { return {}; }

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
+#include "physics/effects/lagged.h"
 #include "physics/effects/start_state.h"
 
 namespace imucal {
@@ -116,13 +117,19 @@ public:
   }
   Theta shape_lo() const override { return {-250, 0}; }
   Theta shape_hi() const override { return {2000, 60}; }
+  // A jump is placed to the second, and the place that jumps is some seconds away from the thermometer: rising and falling
+  // temperatures then show it at two temperatures, in the wrong order where the thermometer is late.  Where there is a band, its
+  // thresholds are those that the thermometer shows, and hold these seconds.
+  bool is_near_thermometer() const override { return true; }
+  std::vector<double> nearby_lags_s() const override { return {0}; } // neighbours and pairs of jumps tell the others
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
-    return {relay_share(run.smooth_degc, shape[0], shape[1], false)};
+    return {relay_share(temperature_there(run, shape), shape[0], shape[1], false)};
   }
   // Where the run begins inside the band: until it first leaves it, s may be 1 as well.
   std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
-    Column difference = relay_share(run.smooth_degc, shape[0], shape[1], true);
-    const Column off = relay_share(run.smooth_degc, shape[0], shape[1], false);
+    const Column temp = temperature_there(run, shape);
+    Column difference = relay_share(temp, shape[0], shape[1], true);
+    const Column off = relay_share(temp, shape[0], shape[1], false);
     if (difference == off) return {};
     for (size_t i = 0; i < difference.size(); ++i) difference[i] -= off[i];
     return {difference};
@@ -136,27 +143,34 @@ public:
     }
     return all.up >= 2 || all.down >= 2 || (shape[1] <= kLeastBand_degc && all.up + all.down >= 2);
   }
-  // Either threshold alone: moved together they only trade one misplaced jump for the other.
+  // Either threshold alone: moved together they only trade one misplaced jump for the other.  Or the lag.
   std::vector<Theta> neighbours(const Theta& shape, double spacing) const override {
     std::vector<Theta> out;
+    const double lag_s = nearby_lag_s(shape, 2);
     for (int k = -4; k <= 4; ++k) {
       const double shift = 0.25 * spacing * k;
-      if (k != 0 && shape[1] + shift >= 0) out.push_back({shape[0] + shift, shape[1] + shift});
-      if (k != 0 && shape[1] - shift >= 0) out.push_back({shape[0], shape[1] - shift});
+      if (k != 0 && shape[1] + shift >= 0) out.push_back({shape[0] + shift, shape[1] + shift, lag_s});
+      if (k != 0 && shape[1] - shift >= 0) out.push_back({shape[0], shape[1] - shift, lag_s});
     }
+    for (double way_s : {-8., -4., -2., -1., 1., 2., 4., 8.})
+      if (!has_band(shape) && std::fabs(lag_s + way_s) <= kNearby_s) out.push_back({shape[0], shape[1], lag_s + way_s});
     return out;
   }
   bool can_jump() const override { return true; }
-  // Every place alone, with no band and with one that a ripple of the chamber does not cross, and every rising one with every
-  // falling one below it.
+  // Every place alone, with no band and with one that a ripple of the chamber does not cross; every rising one with every
+  // falling one below it; and without a band where that place is as far from the thermometer as the two tell.
   std::vector<Theta> shapes_of_jumps(const std::vector<JumpPlace>& places) const override {
     std::vector<Theta> out;
     for (const JumpPlace& up : places) {
-      out.push_back({up.temp_degc, 0});
-      out.push_back({up.is_rising ? up.temp_degc : up.temp_degc + kLeastBand_degc, kLeastBand_degc});
-      for (const JumpPlace& down : places)
-        if (up.is_rising && !down.is_rising && down.temp_degc < up.temp_degc)
-          out.push_back({up.temp_degc, up.temp_degc - down.temp_degc});
+      out.push_back({up.temp_degc, 0, 0});
+      out.push_back({up.is_rising() ? up.temp_degc : up.temp_degc + kLeastBand_degc, kLeastBand_degc, 0});
+      for (const JumpPlace& down : places) {
+        if (!up.is_rising() || down.is_rising()) continue;
+        const double band_degc = up.temp_degc - down.temp_degc;
+        if (band_degc > 0) out.push_back({up.temp_degc, band_degc, 0});
+        const double lag_s = band_degc / (up.slope_degc_s - down.slope_degc_s);
+        if (std::fabs(lag_s) <= kNearby_s) out.push_back({up.temp_degc - lag_s * up.slope_degc_s, 0, lag_s});
+      }
     }
     return out;
   }
@@ -167,6 +181,10 @@ public:
 
 private:
   static constexpr int kThresholds = 40;
+  static bool has_band(const Theta& shape) { return shape[1] > 0; }
+  static Column temperature_there(const RunInput& run, const Theta& shape) {
+    return has_band(shape) ? run.smooth_degc : lagged(run.t_s, run.smooth_degc, nearby_lag_s(shape, 2), 0);
+  }
 };
 
 } // namespace

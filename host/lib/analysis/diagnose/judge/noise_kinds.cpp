@@ -25,9 +25,9 @@ std::vector<JumpPlace> places_of_steps(const SlowData& data, const SlowModel& m)
     if (next == run.t_s.begin() || next == run.t_s.end()) continue;
     const size_t i = static_cast<size_t>(next - run.t_s.begin());
     const double change_degc = run.smooth_degc[i] - run.smooth_degc[i - 1];
-    const double at = (step[1] - run.t_s[i - 1]) / (run.t_s[i] - run.t_s[i - 1]);
+    const double row_s = run.t_s[i] - run.t_s[i - 1], at = (step[1] - run.t_s[i - 1]) / row_s;
     for (double part : {-0.2, 0.0, 0.2})
-      places.push_back({run.smooth_degc[i - 1] + (at + part) * change_degc, change_degc > 0});
+      places.push_back({run.smooth_degc[i - 1] + (at + part) * change_degc, change_degc / row_s});
   }
   return places;
 }

@@ -45,8 +45,8 @@ std::vector<PolishAxis> axes_of(const SlowLikelihood& of, SlowModel* m) {
     const EffectEstimator& e = *of.space().candidates[name.candidate].scan.estimator;
     const double near_s = EffectEstimator::kNearby_s;
     if (e.is_near_thermometer()) axes.push_back({&name.shape.back(), 0.25 * near_s, -near_s, near_s, false});
-    if (!of.space().candidates[name.candidate].effect || e.shape_lo().size() != name.shape.size()) continue;
-    for (size_t i = 0; i < name.shape.size(); ++i)
+    if (!of.space().candidates[name.candidate].effect || !e.is_refined(name.shape)) continue;
+    for (size_t i = 0; i < e.shape_lo().size(); ++i)
       axes.push_back({&name.shape[i], first_step(of.space().candidates[name.candidate], i, name.shape[i]),
                       e.shape_lo()[i], e.shape_hi()[i], false});
   }
@@ -86,8 +86,8 @@ void mark_bounds(const SlowLikelihood& of, SlowModel* m) {
   for (SlowModel::Name& name : m->names) {
     const EffectEstimator& e = *of.space().candidates[name.candidate].scan.estimator;
     name.is_at_bound = false;
-    if (!of.space().candidates[name.candidate].effect || e.shape_lo().size() != name.shape.size()) continue;
-    for (size_t i = 0; i < name.shape.size(); ++i)
+    if (!of.space().candidates[name.candidate].effect || !e.is_refined(name.shape)) continue;
+    for (size_t i = 0; i < e.shape_lo().size(); ++i)
       if (is_near_bound(name.shape[i], e.shape_lo()[i], e.shape_hi()[i])) name.is_at_bound = true;
   }
 }
@@ -96,17 +96,20 @@ void mark_bounds(const SlowLikelihood& of, SlowModel* m) {
 void charge_finer(const SlowLikelihood& of, const SlowModel& from, double highest, double spacing, SlowModel* m) {
   SlowModel::Name& name = m->names.back();
   const Candidate& c = of.space().candidates[name.candidate];
-  std::vector<double> first = {highest}, others = {highest}; // first parameter moved, or another
+  const size_t n_own = c.scan.estimator->shape_lo().size();
+  std::vector<std::vector<double>> moved(name.shape.size(), {highest}); // by the first parameter that is moved
   for (const Theta& shape : c.scan.estimator->neighbours(name.shape, spacing)) {
     double way = 0;
-    for (size_t i = 0; i < shape.size(); ++i) way = std::max(way, std::fabs(shape[i] - name.shape[i]));
+    for (size_t i = 0; i < n_own; ++i) way = std::max(way, std::fabs(shape[i] - name.shape[i]));
     if (way > 0.51 * spacing) continue;
     SlowModel near = *m;
     near.names.back().shape = shape;
-    (shape[0] != name.shape[0] ? first : others).push_back(of.evaluate(near));
+    const auto first = std::mismatch(shape.begin(), shape.end(), name.shape.begin()).first;
+    moved[static_cast<size_t>(first - shape.begin())].push_back(of.evaluate(near));
   }
-  const double cell = log_mean_exp(first) + log_mean_exp(others) - highest; // mean over the cell
-  const double grid = from.value - from.names.back().charge;                // mean over the grid
+  double cell = highest; // mean over the cell
+  for (const std::vector<double>& of_one : moved) cell += log_mean_exp(of_one) - highest;
+  const double grid = from.value - from.names.back().charge; // mean over the grid
   name.charge = highest - log_sum_exp({grid, cell - std::log(static_cast<double>(c.scan.shapes.size()))});
   m->value = highest;
 }

@@ -60,11 +60,11 @@ bool is_slow_kind(const Campaign& campaign, const NoiseModel& base, const Effect
   return !starts.empty() && !e.noise(base, starts.front()).is_mixture();
 }
 
-std::vector<Theta> at_nearby_lags(const std::vector<Theta>& grid) {
+std::vector<Theta> at_nearby_lags(const EffectEstimator& estimator, const std::vector<Theta>& grid) {
   std::vector<Theta> out;
-  for (double part : {-0.5, 0.0, 0.5})
+  for (double lag_s : estimator.nearby_lags_s())
     for (Theta shape : grid) {
-      shape.push_back(part * EffectEstimator::kNearby_s);
+      shape.push_back(lag_s);
       out.push_back(shape);
     }
   return out;
@@ -75,7 +75,7 @@ std::vector<Theta> shapes_of(const SlowSpace& space, const Candidate& candidate)
   if (estimator.form() == Form::kRunRandom) return {{space.data.spread_dph}};
   std::vector<Theta> grid = estimator.grid_on(run, space.data.campaign.lo_degc, space.data.campaign.hi_degc);
   if (estimator.concerns_coarse_thermometer()) grid = {{space.data.campaign.temp_lsb_degc}};
-  if (estimator.is_near_thermometer()) grid = at_nearby_lags(grid);
+  if (estimator.is_near_thermometer()) grid = at_nearby_lags(estimator, grid);
   const auto is_out = [&](const Theta& at) {
     return !space.is_repeated(estimator, at, candidate.is_once) ||
            (candidate.is_once && space.is_repeated(estimator, at, false));

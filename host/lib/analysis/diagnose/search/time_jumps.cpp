@@ -56,10 +56,11 @@ std::vector<JumpPlace> likely_jumps(const SlowLikelihood& of, const SlowModel& m
   std::vector<JumpPlace> places;
   for (const JumpBlock& b : likely_jump_blocks(of, m)) {
     const CampaignRun& run = of.space().data.campaign.runs[b.run];
-    const auto temp_degc = [&](long k) {
-      return run.input.smooth_degc[static_cast<size_t>(run.used[static_cast<size_t>(k)])];
-    };
-    places.push_back({0.5 * (temp_degc(b.k - 1) + temp_degc(b.k)), temp_degc(b.k + 3) > temp_degc(b.k - 3)});
+    const auto row = [&](long k) { return static_cast<size_t>(run.used[static_cast<size_t>(k)]); };
+    const auto temp_degc = [&](long k) { return run.input.smooth_degc[row(k)]; };
+    places.push_back(
+        {0.5 * (temp_degc(b.k - 1) + temp_degc(b.k)),
+         (temp_degc(b.k + 3) - temp_degc(b.k - 3)) / (run.input.t_s[row(b.k + 3)] - run.input.t_s[row(b.k - 3)])});
   }
   return places;
 }
