@@ -116,6 +116,23 @@ static void test_saturation_is_a_pile_within_reach_of_the_noise(void**) {
                   "saturation", "both tails");
 }
 
+// Rates in steps of 1.8 dph, compensated with a temperature whose noise covers many of its steps: equal neighbours come by
+// chance, and no two values are equal where the temperature is another.  Eight equal neighbours, and no equal values two apart,
+// as short logs may have by chance.
+static void test_repeats_of_compensated_steps_are_chance(void**) {
+  std::vector<RunInput> runs = rates(300, 0, 100);
+  Rng rng(1, 5, 0, Stream::kThermometer);
+  for (RunInput& run : runs)
+    for (size_t i = 0; i < run.size(); ++i) {
+      double& y = run.rate_dph[i];
+      const double temp_degc = 20 + 0.04 * std::round(2 * rng.normal());
+      y = 1.8 * std::round(y / 1.8) + 3.7 * temp_degc + 0.013 * temp_degc * temp_degc;
+      while (i > 1 && (y == run.rate_dph[i - 2] || y == run.rate_dph[i - 1])) y += 1.8;
+      if (i % 1500 == 700) y = run.rate_dph[i - 1];
+    }
+  assert_findings(runs, "", "compensated steps");
+}
+
 static void test_repeats_are_held_samples(void**) {
   auto runs = rates(200, 50, 36);
   for (size_t i = 50; i < 5900; i += 97) runs[0].rate_dph[i] = runs[0].rate_dph[i - 1];
@@ -145,6 +162,7 @@ int main() {
       cmocka_unit_test(test_drop_outs_are_told_with_what_they_read),
       cmocka_unit_test(test_a_lattice_around_zero_is_no_dead_band),
       cmocka_unit_test(test_saturation_is_a_pile_within_reach_of_the_noise),
+      cmocka_unit_test(test_repeats_of_compensated_steps_are_chance),
       cmocka_unit_test(test_repeats_are_held_samples),
       cmocka_unit_test(test_drop_outs_are_simulated_by_the_value_they_read),
   };

@@ -54,6 +54,8 @@ private:
   static constexpr size_t kMoreOften = 5; // than any other value, than equal values two apart
   static constexpr double kFarShare = 0.8;
   static constexpr double kMoreThanChance = 1.5; // held samples of rates in steps
+  static constexpr double kSameChange = 1e-9;    // of the usual change: the digits of a file, not of a sensor
+  static constexpr size_t kChance = 2;           // changes of one size that no lattice made
 
   // A value that comes back again and again as no other does: zero wherever the level is, an extreme one
   // where it lies far from the samples around it (near them it would be a limit).
@@ -90,6 +92,25 @@ private:
     return squares / static_cast<double>(rates.size());
   }
 
+  // Changes of zero, were they no more frequent than the change of another size that is found most often, up or down.  Rates in
+  // fine steps that a compensation has shifted are on a lattice only while the temperature rests: few of their values are
+  // equal, but many of their changes are.
+  static double unchanged_by_chance(const std::vector<RunInput>& runs) {
+    std::vector<double> sizes;
+    for (const RunInput& run : runs)
+      for (size_t i = 1; i < run.size(); ++i)
+        if (const double change = std::fabs(run.rate_dph[i] - run.rate_dph[i - 1]); change > 0) sizes.push_back(change);
+    if (sizes.empty()) return 0;
+    std::sort(sizes.begin(), sizes.end());
+    const double same = kSameChange * sizes[sizes.size() / 2];
+    size_t most = 1, n = 1;
+    for (size_t i = 1; i < sizes.size(); ++i) {
+      n = sizes[i] - sizes[i - 1] < same ? n + 1 : 1;
+      most = std::max(most, n);
+    }
+    return most > kChance ? 0.5 * static_cast<double>(most) : 0;
+  }
+
   // Exact repeats of the value before, more than a lattice of values would give.
   static std::optional<Signature> repeats(const std::vector<RunInput>& runs) {
     size_t n = 0, pairs = 0, equal_two_apart = 0;
@@ -103,6 +124,8 @@ private:
       }
     if (n < kFewestRepeats || n < kMoreOften * equal_two_apart) return std::nullopt;
     if (equal_two_apart > 0 && static_cast<double>(n) < kMoreThanChance * equal_by_chance(runs)) return std::nullopt;
+    const double unchanged = unchanged_by_chance(runs);
+    if (static_cast<double>(n) < kMoreThanChance * unchanged + 3 * std::sqrt(unchanged)) return std::nullopt;
     Signature found;
     found.parameters = {{"probability", static_cast<double>(n) / static_cast<double>(pairs)}};
     found.evidence_nats = 5.0 * static_cast<double>(n);
