@@ -16,11 +16,14 @@ constexpr double kSeenErrors = 3;
 // Start states are bounded by the size, and by a half more: one at the bound, with a little of another cause, is not beyond it.
 constexpr double kBoundPart = 1.5;
 constexpr double kBeyondErrors = 3; // by chance in 1 of 370 runs
-constexpr int kSizes = 2001;        // that are tried within so many standard errors of the size found
+// Times the believed white noise: kinds of slow noise beside it move it by up to 1.12 (development cases).
+constexpr double kWhiteTimes = 1.25;
+constexpr int kSizes = 2001; // that are tried within so many standard errors of the size found
 
-// A term whose start states its size bounds, where the logs show no more than start states.
+// A memory of which the logs show no more than start states.
 bool is_unseen(const Term& term) {
-  return term.estimator && term.estimator->is_start_bounded() && !term.coefficients.empty() &&
+  return term.effect && term.effect->family() == Family::kThermalMemory && term.form() == Form::kColumns &&
+         !term.starts.empty() && !term.coefficients.empty() &&
          std::fabs(term.coefficients[0]) <= kSeenErrors * term.coefficient_errors[0];
 }
 // Whether some run began beyond its bound whatever the size.  Logs that go one way tell the sum of the size and a start state
@@ -60,19 +63,53 @@ public:
       has_jumps = has_jumps || (f.evidence_nats > 0 && f.test == Rest::kSuddenChanges);
     }
     leave_noise_beside_shapes();
-    if (question_.is_censored || !fires) return;
-    for (SelectedEffect& effect : names_.effects) {
-      if (!effect.term.effect || effect.is_family) continue;
-      const Form form = effect.term.form();
-      if (form == Form::kNoise) open_noise(&effect);
-      if (form == Form::kSteps && has_jumps) open_jumps(question_, &effect);
+    if (!question_.is_censored && fires) {
+      for (SelectedEffect& effect : names_.effects) {
+        if (!effect.term.effect || effect.is_family) continue;
+        const Form form = effect.term.form();
+        if (form == Form::kNoise) open_noise(&effect);
+        if (form == Form::kSteps && has_jumps) open_jumps(question_, &effect);
+      }
+      if (left > explained_nats() || n_members() > kFewNames) leave_members();
     }
-    if (left > explained_nats() || n_members() > kFewNames) leave_members();
+    const auto is_open_noise = [](const SelectedEffect& effect) {
+      return effect.is_family && effect.family == Family::kSlowNoise;
+    };
+    const auto open = std::find_if(names_.effects.begin(), names_.effects.end(), is_open_noise);
+    if (open == names_.effects.end()) return;
+    SelectedEffect noise = *open;
+    join_parameters(&noise);
+    join_jumps(&noise);
+    *std::find_if(names_.effects.begin(), names_.effects.end(), is_open_noise) = noise;
   }
 
 private:
   const SelectorConstants& constants() const { return question_.constants; }
 
+  // Where the kind of slow noise is open, so is what of it the believed process holds: that it has other parameters is no finding
+  // of its own, but where the white noise has.
+  void join_parameters(SelectedEffect* open) {
+    const auto is_about_slow_noise = [&](const SelectedEffect& effect) {
+      const double times = effect.term.shape[0] / question_.belief.model.white_sigma_dph;
+      return times < kWhiteTimes && 1 / times < kWhiteTimes;
+    };
+    std::vector<SelectedEffect>& list = names_.retuned;
+    for (const SelectedEffect& effect : list)
+      if (is_about_slow_noise(effect)) add_equal(effect.term.effect, open);
+    list.erase(std::remove_if(list.begin(), list.end(), is_about_slow_noise), list.end());
+  }
+  // Single jumps that hold less than a noise that jumps are some of its own.
+  void join_jumps(SelectedEffect* open) {
+    if (!open->term.estimator || !open->term.estimator->is_jumping()) return;
+    const auto is_small_step = [&](const SelectedEffect& effect) {
+      return !effect.is_family && effect.term.effect && effect.term.form() == Form::kSteps &&
+             effect.gain_nats < open->gain_nats;
+    };
+    std::vector<SelectedEffect>& list = names_.effects;
+    for (const SelectedEffect& effect : list)
+      if (is_small_step(effect)) add_equal(effect.term.effect, open);
+    list.erase(std::remove_if(list.begin(), list.end(), is_small_step), list.end());
+  }
   // The tests contradict the kind that is most likely: likelihoods do not exclude the others, which gain at all.
   void open_noise(SelectedEffect* effect) const {
     open_member(effect);
@@ -131,7 +168,9 @@ private:
 void judge_unseen(Names* names) {
   double stand_in_nats = -1;
   const auto is_contradicted = [&](const SelectedEffect& effect) {
-    if (effect.is_family || effect.is_any_shape || !is_unseen(effect.term) || !is_start_beyond(effect.term))
+    const bool is_bounded = effect.term.estimator && effect.term.estimator->is_start_bounded();
+    if (effect.is_family || effect.is_any_shape || !is_bounded || !is_unseen(effect.term) ||
+        !is_start_beyond(effect.term))
       return false;
     stand_in_nats = std::max(stand_in_nats, effect.gain_nats);
     return true;

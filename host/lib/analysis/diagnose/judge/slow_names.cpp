@@ -35,7 +35,7 @@ public:
     for (size_t j : slow_.found.replaced) names_.remainders.push_back(slow_.evidence_of(j, 0, 0));
     open_by_lack();
     leave_beside_open_family();
-    if (!best.steps.empty() && !is_medley) name_steps();
+    if (!best.steps.empty() && !is_medley && !are_steps_small_beside_function()) name_steps();
     if (best.noise_effect && !slow_.found.evidence.empty() && slow_.found.evidence.back() > 0 && !is_medley)
       name_slow_noise();
     return std::move(names_);
@@ -146,6 +146,17 @@ private:
       n += best.free_score() - less.free_score() > constants().least_share * slow_.found.step_gain_nats ? 1 : 0;
     }
     return n;
+  }
+  // Jumps in time beside a free function that holds more, by what it foretells too: what that function leaves where it is not
+  // smooth.
+  bool are_steps_small_beside_function() const {
+    const size_t n = slow_.found.best.names.size();
+    for (size_t i = 0; i < n && i < slow_.gap.beyond_start.size(); ++i)
+      if (slow_.is_free_function(i)) {
+        const double all = slow_.gain_nats() + std::max(0.0, slow_.gap.beyond_start[i].nats);
+        return slow_.found.step_gain_nats < constants().beside_free_part * all;
+      }
+    return false;
   }
   void name_steps() {
     for (size_t j = 0; j < question_.library.size(); ++j) {

@@ -154,7 +154,8 @@ void SlowJudge::judge_names(SlowResult* result) const {
 }
 std::vector<SlowResult::Rival> SlowJudge::rivals(const SlowModel& best, size_t i) const {
   const double own = best.free_score() + best.names[i].beyond_nats; // the effect, of whatever shape
-  std::vector<SlowCandidateScore> others = scans_.scan(best.without(i), scans_.likely_nodes(best));
+  const SlowScan::OwnNode node = scans_.node_of(best); // a rival may be far below its best under every other noise
+  std::vector<SlowCandidateScore> others = scans_.scan(best.without(i), scans_.nodes_with(*node, best));
   others[best.names[i].candidate].model.names.clear();
   for (SlowCandidateScore& s : others)
     if (!s.model.names.empty() && s.gain_nats > own - space_.constants.near_nats) {

@@ -2,8 +2,10 @@
 #include "analysis/diagnose/stages/mean_lines.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "analysis/diagnose/evidence/lines.h"
+#include "base/units.h"
 
 namespace imucal {
 
@@ -12,8 +14,41 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr size_t kFewToDrift = 200000; // samples: lines that drift are not looked for in longer logs
+constexpr int kBeside = 10; // resolvable frequencies on either side with which a line is compared, but the nearest
+constexpr double kLineOfTemperature = 8; // times their mean power: 1 in 1000 and less of a noise, in one run
+
+// Power of the changes of the temperature at a frequency, over a run of this length that a window tapers (Hann).
+double power_of_changes(const RunInput& in, double hz) {
+  const double turn = 2 * kPi / (in.t_s.back() - in.t_s.front());
+  double re = 0, im = 0;
+  for (size_t i = 1; i < in.size(); ++i) {
+    const double t = in.t_s[i] - in.t_s.front();
+    const double change = (1 - std::cos(turn * t)) * (in.temp_degc[i] - in.temp_degc[i - 1]);
+    re += change * std::cos(2 * kPi * hz * t), im += change * std::sin(2 * kPi * hz * t);
+  }
+  return re * re + im * im;
+}
+// Power at a frequency in units of the mean power beside it, all runs together; 0 where the runs are too short to tell.
+double line_of_temperature(const Campaign& campaign, double hz) {
+  double own = 0, beside = 0;
+  for (const CampaignRun& run : campaign.runs) {
+    const double apart_hz = 1 / (run.input.t_s.back() - run.input.t_s.front());
+    if (hz < 2 * kBeside * apart_hz) return 0;
+    own += power_of_changes(run.input, hz);
+    for (int k = 3; k < 3 + kBeside; ++k)
+      for (const int side : {-1, 1}) beside += power_of_changes(run.input, hz + side * k * apart_hz);
+  }
+  return beside > 0 ? own * 2 * kBeside / beside : 0;
+}
 
 } // namespace
+
+bool is_of_temperature(const Campaign& campaign, const NamedLine& line) {
+  const bool drifts = line.shape.size() > 1 && line.shape[1] != 0;
+  if (!campaign.has_temperature || drifts) return false;
+  return line_of_temperature(campaign, line.shape[0]) > kLineOfTemperature ||
+         line_of_temperature(campaign, 0.5 * line.shape[0]) > kLineOfTemperature;
+}
 
 // A line that drifts stands still while the temperature rests, and one that stands still drifts a little by chance: the
 // one of more power, each above its threshold, is it.

@@ -70,7 +70,8 @@ SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& c
   for (const SlowResult::Rival& rival : slow.found.rivals[i]) {
     const Effect* other = rival.noise_effect ? rival.noise_effect : slow.candidate(rival.candidate).effect;
     if (!other || other == c.effect || rival.gap_nats >= constants.rivals_nats) continue;
-    if (other->family() == effect.family) nearest = std::min(nearest, rival.gap_nats);
+    const bool is_at_bound = !rival.noise_effect && rival.model.names.back().is_at_bound; // no name itself
+    if (other->family() == effect.family && !is_at_bound) nearest = std::min(nearest, rival.gap_nats);
     rivals.push_back({other, nullptr, false, other->family(), effect.gain_nats - rival.gap_nats, threshold});
   }
   add_to_set(std::move(rivals), &effect);

@@ -161,7 +161,7 @@ private:
     for (size_t i = 0; i < slow_.found.best.names.size(); ++i)
       for (const SlowResult::Rival& rival : slow_.found.rivals[i])
         if (!rival.noise_effect && slow_.candidate(rival.candidate).effect && is_worth_a_name(rival, i) &&
-            (is_told_by_unseen(rival) || is_within_bounds(rival, i)))
+            (is_told_by_unseen(rival, i) || is_within_bounds(rival, i)))
           return &rival;
     return nullptr;
   }
@@ -170,15 +170,24 @@ private:
     return slow_.is_told_by_held_out || slow_.found.evidence[i] > lost;
   }
   // What differs from run to run by chance has no start states to live off, and shows nothing but its spread: it has to be ahead.
-  bool is_told_by_unseen(const SlowResult::Rival& rival) const {
+  bool is_told_by_unseen(const SlowResult::Rival& rival, size_t i) const {
     if (!slow_.held_blocks) return false;
+    const bool is_within = !slow_.found.best.names[i].is_at_bound;
+    if (is_within && rival.model.names.back().is_at_bound && is_little(-rival.gap_nats, rival, i)) return false;
     if (slow_.candidate(rival.candidate).scan.estimator->form() == Form::kRunRandom)
       return rival.gap_nats < -constants().rivals_nats;
     return rival.gap_nats < 0 && is_shown_beyond_start(rival.model);
   }
   bool is_within_bounds(const SlowResult::Rival& rival, size_t i) const {
     return slow_.found.best.names[i].is_at_bound && !rival.model.names.back().is_at_bound &&
-           rival.gap_nats < constants().family_margin_nats;
+           is_little(rival.gap_nats, rival, i);
+  }
+  // What an effect with a parameter at its bound is ahead by and gives way all the same: to one of its family as little as any
+  // shape without a name may gain beside a name.
+  bool is_little(double nats, const SlowResult::Rival& rival, size_t i) const {
+    if (nats < constants().family_margin_nats) return true;
+    const Candidate& own = slow_.candidate(slow_.found.best.names[i].candidate);
+    return slow_.candidate(rival.candidate).family() == own.family() && !slow_.leaves_much(nats, constants());
   }
 
   // A free function of everything that repeats joins an answer where it makes all logs together more likely, and what
@@ -192,6 +201,10 @@ private:
     if (!answer.names.empty() || answer.noise_effect) {
       beside.push_back(answer);
       beside.back().names.clear(), beside.back().noise_effect = nullptr;
+    }
+    if (!answer.steps.empty()) {
+      beside.push_back(beside.back());
+      beside.back().steps.clear();
     }
     const double of_answer = all_logs(answer);
     double highest = of_answer;
@@ -207,6 +220,8 @@ private:
     if (!holds_nearly_all(answer, of_answer, highest)) {
       slow_.found.best = without_needless(*with, highest);
       judge_again();
+      const double evidence = highest - of_answer - constants().mean_nats; // of the function, by all logs together
+      if (evidence > 0) slow_.found.evidence[slow_.found.best.names.size() - 1] = evidence;
       if (has_evidence(slow_.found) || !has_evidence(before)) return hold_out();
     }
     slow_.found = before; // and the function is what it leaves
@@ -227,12 +242,13 @@ private:
     const double nothing = all_logs(slow_.found.null);
     return of_answer - nothing > constants().member_share * (highest - nothing);
   }
-  // Names beside the free function, which is the last, and a kind of noise go as long as all logs together do not become
+  // Names beside the free function, which is the last, a kind of noise and jumps in time go as long as all logs together do not become
   // less likely.
   SlowModel without_needless(const SlowModel& m, double value) const {
     std::vector<SlowModel> fewer;
     for (size_t i = 0; i + 1 < m.names.size(); ++i) fewer.push_back(m.without(i));
     if (m.noise_effect) fewer.push_back(m), fewer.back().noise_effect = nullptr;
+    if (!m.steps.empty()) fewer.push_back(m), fewer.back().steps.clear();
     const SlowModel* best = nullptr;
     for (SlowModel& less : fewer) {
       less = slow_.search->polished(less);
