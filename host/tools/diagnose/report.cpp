@@ -15,9 +15,8 @@
 namespace imucal {
 namespace {
 
-constexpr double kWeak_nats = 3;    // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
-constexpr double kSmallPart = 0.05; // of the variance from second to second: below, rounding and shared noise are notes
-constexpr double kNearlyAll = 0.95; // a shrinkage that surely stays below leaves something
+constexpr double kWeak_nats = 3;     // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
+constexpr double kNearlyAll = 0.95;  // a shrinkage that surely stays below leaves something
 constexpr double kScaleEnd = -0.995; // a shrinkage is not told below -100 %
 
 Json number(double x) {
@@ -104,14 +103,18 @@ std::string figure(double value, const AxisResult& axis) {
   return format(is_accelerometer(axis.axis) ? "%.3g" : "%.1f", value);
 }
 
+// Over the samples of the logs: white noise may follow the temperature.
 double white_dph(const AxisResult& axis) {
   const NoiseModel& noise = axis.study.selection.fitted_noise;
-  return std::sqrt(noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2);
+  const double slope = axis.study.selection.final.noise().white_slope;
+  double sum = 0, n = 0;
+  for (const CampaignRun& run : axis.campaign.runs)
+    for (const int k : run.used) sum += std::exp(slope * run.input.tn[static_cast<size_t>(k)]), n += 1;
+  const double times = n > 0 ? sum / n : 1;
+  return std::sqrt(noise.white_sigma_dph * noise.white_sigma_dph * times + noise.extra_white_dph2);
 }
-// True of what the recorder did, or axes share, where it is a small part of the noise from second to second: worth a note.
 bool is_note(const AxisResult& axis, const SelectedEffect& e) {
-  const bool is_beside = e.is_structural || (e.term.estimator && e.term.form() == Form::kAxes);
-  return is_beside && e.rms_dph * e.rms_dph < kSmallPart * white_dph(axis) * white_dph(axis);
+  return is_note(e, white_dph(axis));
 }
 // As people read: what adds most first (what is not known in dph before it), then other parameters of the believed noise, then
 // notes.
@@ -375,6 +378,9 @@ std::string held_out_statement(const AxisResult& axis) {
   if (!claims_shrinkage(axis)) return noise_statement(axis);
   if (!(g.part_within > 0))
     return "no figure: no rates at temperatures that were fitted (" + std::string(held_out_text(g.method)) + ")";
+  if (g.is_of_starts)
+    return format("no figure: only the states in which the runs began are seen, and these foretell nothing (%s); %s",
+                  held_out_text(g.method), residual.c_str());
   if (g.is_of_nearest)
     return format("no figure: what the nearest shape with parameters gets wrong is not known well enough (%s); %s",
                   held_out_text(g.method), residual.c_str());
@@ -501,13 +507,17 @@ std::string what_is_open(const std::vector<SelectedEffect>& effects) {
 }
 
 // A gap that has no name: what comes nearest, where anything does.
-std::string unexplained(const Selection& s) {
+std::string unexplained(const AxisResult& axis) {
+  const Selection& s = axis.study.selection;
+  std::vector<SelectedEffect> told;
+  for (const SelectedEffect& e : s.effects)
+    if (!is_note(axis, e)) told.push_back(e);
   std::vector<std::string> families, nearest;
-  for (const SelectedEffect& e : s.effects) add_once(name_of(e), &families);
+  for (const SelectedEffect& e : told) add_once(name_of(e), &families);
   for (const CandidateEvidence& c : s.remainders)
     if (!c.reference) add_once(name_of(c), &nearest);
   if (!families.empty())
-    return "a gap, with a cause of the family " + joined(families, " and ") + "; " + what_is_open(s.effects);
+    return "a gap, with a cause of the family " + joined(families, " and ") + "; " + what_is_open(told);
   if (!nearest.empty())
     return "a gap without a sure name; nearest comes " + joined(nearest, " and ") +
            ", which these logs do not bear out";
@@ -576,7 +586,7 @@ std::string headline(const AxisResult& axis) {
       return "a gap: slow noise or a repeatable cause, these logs cannot tell" + with("; beside it ");
     return "a gap, partly explained" + with(": ");
   case Verdict::kUnexplained:
-    return unexplained(s);
+    return unexplained(axis);
   }
   return "";
 }

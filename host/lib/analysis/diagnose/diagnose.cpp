@@ -337,11 +337,11 @@ void tell_beyond(const Campaign& fitted, const Campaign& unseen, const std::vect
   for (const CampaignRun& run : unseen.runs) {
     const auto [lo, hi] = std::minmax_element(run.input.smooth_degc.begin(), run.input.smooth_degc.end());
     const double below = fitted.lo_degc - *lo, above = *hi - fitted.hi_degc;
-    if (std::max(below, above) <= kBeyond_degc) continue;
+    if (std::max(below, above) <= beyond_degc(fitted.lo_degc, fitted.hi_degc)) continue;
     char text[300];
     std::snprintf(
         text, sizeof text,
-        " goes %.0f degC %s the temperatures of the fitted logs (%.0f to %.0f degC), where every answer is an "
+        " goes %.2g degC %s the temperatures of the fitted logs (%.0f to %.0f degC), where every answer is an "
         "extrapolated polynomial: the residual and how far the gap shrinks are judged without that part",
         std::max(below, above), above > below ? "above" : "below", fitted.lo_degc, fitted.hi_degc);
     warnings->push_back(logs[run.input.log].path + text);

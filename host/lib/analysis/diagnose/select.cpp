@@ -126,6 +126,7 @@ private:
     fill_coefficients(question_, out_.final_fit, &found_, &names_.effects);
     judge_unseen(&names_);
     open_by_rest(question_, found_, out_.after, &names_);
+    add_errors_of_shapes(found_.slow, &names_.effects);
     scan_told();
     for (SelectedEffect& effect : names_.effects) raise_family(&effect);
     out_.effects = structural_;
@@ -143,9 +144,21 @@ private:
     GapResult& gap = found_.slow.gap;
     gap.believed_rms_dph =
         gap.rms_of_noise_dph(question_.belief.has_believed ? question_.belief.model : out_.nominal.noise());
+    gap.is_of_starts = are_only_starts();
     out_.leaves_mean = gap.leaves_mean(constants());
-    gap.hold_what_minutes_show(constants());
+    gap.hold_what_minutes_show();
     judge();
+  }
+  // Whether all that is named in the mean is a memory of which the logs show how the runs began, and no more.
+  bool are_only_starts() const {
+    const auto is_in_mean = [](const SelectedEffect& effect) {
+      return effect.term.estimator && effect.term.estimator->is_repeatable();
+    };
+    const auto is_more = [&](const SelectedEffect& effect) {
+      return is_in_mean(effect) && effect.doubt != Doubt::kLoopOpen;
+    };
+    const std::vector<SelectedEffect>& list = names_.effects;
+    return std::any_of(list.begin(), list.end(), is_in_mean) && std::none_of(list.begin(), list.end(), is_more);
   }
   void fit_and_test() {
     SecondsAnswer& seconds = found_.seconds;
@@ -222,8 +235,12 @@ private:
   bool leaves_something() const { return !names_.remainders.empty() || leaves_names(names_.dropped) || fires(); }
 
   void judge() {
-    bool has_open = false, has_member = false, is_undecided = false;
+    bool has_open = false, has_member = false, is_undecided = false, has_answer = false;
+    const NoiseModel& noise = out_.fitted_noise;
+    const double white_dph = std::sqrt(noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2);
     for (const SelectedEffect& e : out_.effects) {
+      if (is_note(e, white_dph)) continue;
+      has_answer = true;
       has_open = has_open || is_shape_unknown(e);
       is_undecided = is_undecided || e.doubt == Doubt::kSlowNoise;
       has_member = has_member || (!is_shape_unknown(e) && e.doubt != Doubt::kSlowNoise);
@@ -234,11 +251,11 @@ private:
     const bool leaves = fires() || leaves_names(out_.dropped);
     // Beyond the rows of a quarter of one passage a polynomial says little: where nothing is found these prove nothing.
     const bool leaves_alone = out_.leaves_mean && gap.method != HeldOut::kQuarters;
-    if (out_.effects.empty() && !out_.remainders.empty())
+    if (!has_answer && (leaves || leaves_alone || !out_.remainders.empty()))
       out_.verdict = Verdict::kUnexplained;
     else if (out_.effects.empty())
-      out_.verdict = leaves || leaves_alone ? Verdict::kUnexplained : Verdict::kNoGap;
-    else if (!has_member && has_open)
+      out_.verdict = Verdict::kNoGap;
+    else if (has_answer && !has_member && has_open)
       out_.verdict = Verdict::kUnexplained;
     else if (leaves || has_open || is_undecided || grows || out_.leaves_mean || !out_.remainders.empty())
       out_.verdict = Verdict::kPartlyExplained;

@@ -437,10 +437,10 @@ double maximise(const std::function<double(const Theta&)>& f, Theta* theta, cons
 // Rounds in which a step is brought near one standard error: each changes it tenfold at most.
 constexpr int kMostRounds = 12;
 
-Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,
-                       const Theta& hi) {
+MatrixXd curvature_covariance(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,
+                              const Theta& hi) {
   const long n = static_cast<long>(theta.size());
-  Theta errors(theta.size(), std::nan(""));
+  const MatrixXd unknown = MatrixXd::Constant(n, n, std::nan(""));
   const double top = f(theta);
   const auto at = [&](long i, double di, long j, double dj) {
     Theta x = theta;
@@ -455,7 +455,7 @@ Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta
     // The smaller distance to a bound limits the step; a parameter on its bound has no curvature.
     const double room = std::min(theta[at_i] - lo[at_i], hi[at_i] - theta[at_i]);
     double h = std::min(0.5 * room, 0.1 * std::max(std::fabs(theta[at_i]), 0.1 * (hi[at_i] - lo[at_i])));
-    if (!(h > 0)) return errors;
+    if (!(h > 0)) return unknown;
     double second = 0;
     for (int round = 1;; ++round) {
       second = at(i, h, i, 0) + at(i, -h, i, 0) - 2 * top;
@@ -466,7 +466,7 @@ Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta
       if (std::fabs(next - h) < 0.05 * h) break;
       h = next;
     }
-    if (!(second < 0)) return errors;
+    if (!(second < 0)) return unknown;
     step[i] = h;
     hessian(i, i) = second / (h * h);
   }
@@ -477,9 +477,15 @@ Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta
            at(i, -0.5 * step[i], j, 0.5 * step[j]) + at(i, -0.5 * step[i], j, -0.5 * step[j])) /
           (step[i] * step[j]);
   const Cholesky information(-hessian);
-  if (!information.is_positive()) return errors;
-  const MatrixXd covariance = information.inverse();
-  for (long i = 0; i < n; ++i) errors[static_cast<size_t>(i)] = std::sqrt(covariance(i, i));
+  return information.is_positive() ? information.inverse() : unknown;
+}
+Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,
+                       const Theta& hi) {
+  return roots_of_diagonal(curvature_covariance(f, theta, lo, hi));
+}
+Theta roots_of_diagonal(const MatrixXd& covariance) {
+  Theta errors;
+  for (long i = 0; i < covariance.rows(); ++i) errors.push_back(std::sqrt(covariance(i, i)));
   return errors;
 }
 

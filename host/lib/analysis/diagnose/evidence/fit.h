@@ -77,10 +77,13 @@ struct SearchOptions {
 double maximise(const std::function<double(const Theta&)>& f, Theta* theta, const Theta& lo, const Theta& hi,
                 const SearchOptions& options);
 
-// Standard errors from the curvature of a log-likelihood at its maximum `theta`: roots of the diagonal of the
-// inverse of its negative Hessian, by central differences about one standard error wide.  NaN where a bound
-// is too near or the curvature is not that of a maximum.
+// Covariance from the curvature of a log-likelihood at its maximum `theta`: inverse of its negative Hessian, by central
+// differences about one standard error wide.  NaN where a bound is too near or the curvature is not that of a maximum.
+Eigen::MatrixXd curvature_covariance(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,
+                                     const Theta& hi);
+// Standard errors from it: roots of its diagonal.
 Theta curvature_errors(const std::function<double(const Theta&)>& f, const Theta& theta, const Theta& lo,
                        const Theta& hi);
+Theta roots_of_diagonal(const Eigen::MatrixXd& covariance);
 
 } // namespace imucal

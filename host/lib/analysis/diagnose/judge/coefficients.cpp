@@ -1,33 +1,96 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/diagnose/judge/coefficients.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "analysis/diagnose/stages/mean_lines.h"
 
 namespace imucal {
 
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
 namespace {
 
-// Curvature of the marginal likelihood over the shape of one name, the rest as found.
-Theta shape_errors(const SlowAnswer& slow, const SelectedEffect& effect) {
-  const SlowModel& best = slow.found.best;
-  for (size_t i = 0; i < best.names.size(); ++i) {
-    const EffectEstimator& e = *slow.candidate(best.names[i].candidate).scan.estimator;
-    if (&e != effect.term.estimator || e.shape_lo().size() != best.names[i].shape.size() || e.shape_lo().empty())
-      continue;
-    SlowModel m = best;
-    return curvature_errors(
-        [&](const Theta& shape) {
-          m.names[i].shape = shape;
-          return slow.search->grams_of(m).log_marginal(1);
-        },
-        best.names[i].shape, e.shape_lo(), e.shape_hi());
+// The shape of one name under the curvature of the marginal likelihood, the rest of the answer as found.
+class NamedShape {
+public:
+  NamedShape(const SlowAnswer& slow, size_t name)
+      : slow_(slow), name_(name), e_(*slow.candidate(slow.found.best.names[name].candidate).scan.estimator),
+        shape_(slow.found.best.names[name].shape), lo_(e_.shape_lo()), hi_(e_.shape_hi()) {
+    if (e_.is_near_thermometer()) lo_.push_back(-EffectEstimator::kNearby_s), hi_.push_back(EffectEstimator::kNearby_s);
   }
-  return {};
+
+  MatrixXd covariance() const {
+    return curvature_covariance([&](const Theta& shape) { return grams(at(shape)).log_marginal(1); }, shape_, lo_, hi_);
+  }
+  // By how much each coefficient of the name follows each parameter of the shape, of this standard error.
+  MatrixXd slopes(const Theta& errors) const {
+    const long n = static_cast<long>(e_.n_columns());
+    MatrixXd out(n, static_cast<long>(shape_.size()));
+    for (size_t i = 0; i < shape_.size(); ++i) {
+      const double way = std::min({errors[i], shape_[i] - lo_[i], hi_[i] - shape_[i]});
+      Theta less = shape_, more = shape_;
+      less[i] -= way, more[i] += way;
+      out.col(static_cast<long>(i)) = (coefficients(more) - coefficients(less)) / (2 * way);
+    }
+    return out;
+  }
+
+private:
+  SlowModel at(const Theta& shape) const {
+    SlowModel m = slow_.found.best;
+    m.names[name_].shape = shape;
+    return m;
+  }
+  RunGrams grams(const SlowModel& m) const { return slow_.search->grams_of(m); }
+  VectorXd coefficients(const Theta& shape) const {
+    const SlowModel m = at(shape);
+    const VectorXd common = grams(m).posterior().common; // powers first, the names last
+    long last = common.size();
+    for (size_t i = m.names.size(); i-- > name_;) last -= n_common(m.names[i]);
+    return common.segment(last, n_common(m.names[name_]));
+  }
+  long n_common(const SlowModel::Name& name) const {
+    const EffectEstimator& e = *slow_.candidate(name.candidate).scan.estimator;
+    return e.form() == Form::kColumns ? static_cast<long>(e.n_columns()) : 0;
+  }
+
+  const SlowAnswer& slow_;
+  const size_t name_;
+  const EffectEstimator& e_;
+  const Theta shape_;
+  Theta lo_, hi_;
+};
+
+bool has_shape(const SlowAnswer& slow, size_t name, const SelectedEffect& effect) {
+  const EffectEstimator& e = *slow.candidate(slow.found.best.names[name].candidate).scan.estimator;
+  return &e == effect.term.estimator && e.is_refined(slow.found.best.names[name].shape) && !e.shape_lo().empty();
 }
 
 } // namespace
+
+void add_errors_of_shapes(const SlowAnswer& slow, std::vector<SelectedEffect>* effects) {
+  for (SelectedEffect& effect : *effects)
+    for (size_t i = 0; i < slow.found.best.names.size(); ++i) {
+      if (!has_shape(slow, i, effect)) continue;
+      const NamedShape shape(slow, i);
+      const MatrixXd covariance = shape.covariance();
+      effect.term.shape_errors = roots_of_diagonal(covariance);
+      std::vector<double>& errors = effect.term.coefficient_errors;
+      if (effect.term.form() != Form::kColumns || effect.term.estimator->can_jump())
+        continue; // a jump is as high wherever it is
+      if (!covariance.allFinite()) {
+        std::fill(errors.begin(), errors.end(), kUnknown);
+        continue;
+      }
+      const MatrixXd slopes = shape.slopes(effect.term.shape_errors);
+      const VectorXd added = (slopes * covariance * slopes.transpose()).diagonal();
+      for (size_t k = 0; k < errors.size() && static_cast<long>(k) < added.size(); ++k)
+        errors[k] = std::hypot(errors[k], std::sqrt(std::max(0.0, added[static_cast<long>(k)])));
+    }
+}
 
 void fill_coefficients(const AxisQuestion& question, const Fit& fit, Found* found,
                        std::vector<SelectedEffect>* effects) {
@@ -58,8 +121,6 @@ void fill_coefficients(const AxisQuestion& question, const Fit& fit, Found* foun
         effect.term.start_covariances = term.start_covariances;
         if (term.form() == Form::kTone)
           effect.term.shape_errors = line_errors(question.campaign, design, fit, found->seconds.noise.base, term, t);
-        else if (effect.term.shape_errors.empty())
-          effect.term.shape_errors = shape_errors(found->slow, effect);
       }
   }
 }

@@ -8,5 +8,9 @@ namespace imucal {
 // Into the terms of found->seconds.final and into the effects that are named by them.  `fit`: of that hypothesis.
 void fill_coefficients(const AxisQuestion& question, const Fit& fit, Found* found,
                        std::vector<SelectedEffect>* effects);
+// Standard errors of the shapes of what is named in the mean, and what they add to those of its coefficients: with other time
+// constants an amplitude is another.  Not known where the likelihood has no curvature at the shape.  After what was seen is
+// judged, which asks for the error at the shape that was found.
+void add_errors_of_shapes(const SlowAnswer& slow, std::vector<SelectedEffect>* effects);
 
 } // namespace imucal

@@ -48,7 +48,6 @@ bool believe_beside(const AxisQuestion& question, Found* found) {
   believed.base = believed_noise(*found->slow.search, found->slow.found.best);
   seconds.retuned_nats = fit_again(log_likelihood, true, &refitted) - fit_again(log_likelihood, false, &believed);
   if (seconds.retuned_nats > question.constants.retuned_nats) return false;
-  set_errors(log_likelihood, &believed);
   best = believed;
   seconds.is_believed = found->slow.found.best.is_believed = true;
   return true;
@@ -60,6 +59,7 @@ void take_best(const AxisQuestion& question, bool holds_beside, Found* found) {
   const FastFinding* best = found->fast.best(question.constants);
   if (!best) return;
   SecondsAnswer& seconds = found->seconds;
+  set_errors(ResidualLikelihood(question.campaign, seconds.fit.residual), &found->fast.scan.findings.front());
   seconds.noise.base = best->base;
   if (holds_beside)
     fit_own_base(question, found->slow, &seconds);

@@ -19,6 +19,7 @@ constexpr double kMinute_s = 60;
 constexpr double kLeast_h = 1e-9;     // of held-out data: a divisor
 constexpr double kNoSlowNoise = -20;  // logarithm of a factor on the slow density
 constexpr double kHardlyReturns = 20; // time constant over the length of a unit
+constexpr double kLeastErrors = 1;    // above the noise from which the interval holds what the minutes show
 constexpr double kClearlyLess = 0.95; // of a residual: the polynomial of least squares is what there was before
 
 // A residual path as the filter of the nominal model's white noise and first Markov process follows it.
@@ -267,22 +268,42 @@ std::vector<size_t> all_rows(const CampaignRun& run, size_t first, size_t end) {
   for (size_t k = first; k < end && k < run.n(); ++k) out.push_back(k);
   return out;
 }
-// Those at temperatures that the fitted runs pass, or nearly: beyond, every answer is an extrapolated polynomial.
-std::vector<size_t> rows_within(const Campaign& campaign, size_t unit, const std::vector<char>& is_fitted) {
-  if (!campaign.has_temperature) return all_rows(campaign.runs[unit], 0, campaign.runs[unit].n());
-  double lo = 1e300, hi = -1e300;
-  for (size_t r = 0; r < campaign.runs.size(); ++r)
-    for (size_t k = 0; is_fitted[r] && k < campaign.runs[r].n(); ++k) {
-      const double at = campaign.runs[r].input.smooth_degc[static_cast<size_t>(campaign.runs[r].used[k])];
-      lo = std::min(lo, at), hi = std::max(hi, at);
-    }
-  std::vector<size_t> out;
-  const CampaignRun& run = campaign.runs[unit];
-  for (size_t k = 0; k < run.n(); ++k) {
-    const double at = run.input.smooth_degc[static_cast<size_t>(run.used[k])];
-    if (at > lo - kBeyond_degc && at < hi + kBeyond_degc) out.push_back(k);
+// Of these those at temperatures that are passed, or nearly, by what was fitted: beyond, every answer is an extrapolated
+// polynomial.
+class Fitted {
+public:
+  void add(const CampaignRun& run, size_t first, size_t end) {
+    for (size_t k : all_rows(run, first, end)) lo_ = std::min(lo_, at(run, k)), hi_ = std::max(hi_, at(run, k));
   }
-  return out;
+  std::vector<size_t> rows_within(const CampaignRun& run, const std::vector<size_t>& rows) const {
+    const double beyond = beyond_degc(lo_, hi_);
+    std::vector<size_t> out;
+    for (size_t k : rows)
+      if (at(run, k) > lo_ - beyond && at(run, k) < hi_ + beyond) out.push_back(k);
+    return out;
+  }
+
+private:
+  static double at(const CampaignRun& run, size_t k) { return run.input.smooth_degc[static_cast<size_t>(run.used[k])]; }
+  double lo_ = 1e300, hi_ = -1e300;
+};
+std::vector<size_t> rows_within(const Campaign& campaign, size_t unit, const std::vector<char>& is_fitted) {
+  const CampaignRun& run = campaign.runs[unit];
+  const std::vector<size_t> rows = all_rows(run, 0, run.n());
+  if (!campaign.has_temperature) return rows;
+  Fitted fitted;
+  for (size_t r = 0; r < campaign.runs.size(); ++r)
+    if (is_fitted[r]) fitted.add(campaign.runs[r], 0, campaign.runs[r].n());
+  return fitted.rows_within(run, rows);
+}
+std::vector<size_t> rows_of_quarter(const Campaign& campaign, size_t quarter, bool only_within) {
+  const CampaignRun& run = campaign.runs[0];
+  const size_t first = quarter * run.n() / 4, end = (quarter + 1) * run.n() / 4;
+  const std::vector<size_t> rows = all_rows(run, first, end);
+  if (!only_within || !campaign.has_temperature) return rows;
+  Fitted fitted;
+  fitted.add(run, 0, first), fitted.add(run, end, run.n());
+  return fitted.rows_within(run, rows);
 }
 
 HeldOutUnit held_out_unit(const CampaignRun& run, const std::vector<size_t>& rows, const Prediction& before,
@@ -308,10 +329,9 @@ std::vector<HeldOutUnit> held_out_units(const SlowData& training, const std::vec
                                         const Prediction& before, const Prediction& after, bool only_within) {
   std::vector<HeldOutUnit> out;
   if (splits.empty()) {
-    const CampaignRun& run = training.campaign.runs[0];
     for (size_t q = 0; q < 4; ++q)
-      out.push_back(
-          held_out_unit(run, all_rows(run, q * run.n() / 4, (q + 1) * run.n() / 4), before, after, out.size()));
+      out.push_back(held_out_unit(training.campaign.runs[0], rows_of_quarter(training.campaign, q, only_within), before,
+                                  after, out.size()));
     return out;
   }
   for (const Split& split : splits)
@@ -386,17 +406,21 @@ double GapResult::part_left() const {
   const auto excess = [&](double rms_dph) { return std::max(0.0, rms_dph * rms_dph - noise_rms_dph * noise_rms_dph); };
   return excess(rms_before_dph) > 0 ? excess(rms_after_dph) / excess(rms_before_dph) : 0;
 }
-bool GapResult::exceeds_noise(const SelectorConstants& constants) const {
+double GapResult::errors_above_noise() const {
   const double excess = rms_after_dph * rms_after_dph - noise_rms_dph * noise_rms_dph;
-  return excess > constants.noise_errors * 2 * noise_rms_dph * noise_error_dph;
+  return excess > 0 ? excess / (2 * noise_rms_dph * noise_error_dph) : 0; // NaN where the scatter is not known
+}
+bool GapResult::exceeds_noise(const SelectorConstants& constants) const {
+  return errors_above_noise() > constants.noise_errors;
 }
 bool GapResult::leaves_mean(const SelectorConstants& constants) const {
   return exceeds_noise(constants) && part_left() > constants.left_part &&
          rms_after_dph > constants.noise_times * noise_rms_dph;
 }
-void GapResult::hold_what_minutes_show(const SelectorConstants& constants) {
+void GapResult::hold_what_minutes_show() {
   const double removed = std::max(-1.0, 1 - part_left());
-  if (!has_mean || !exceeds_noise(constants) || (removed > ci_lo && removed < ci_hi)) return;
+  // Where the scatter of the noise is not known, all that is above it counts.
+  if (!has_mean || errors_above_noise() <= kLeastErrors || (removed > ci_lo && removed < ci_hi)) return;
   ci_lo = std::min(ci_lo, removed), ci_hi = std::max(ci_hi, removed);
   shrinkage = 0.5 * (shrinkage + removed);
 }

@@ -7,6 +7,7 @@
 // the noise model alone leaves in them.  The shrinkage and its interval are those of reduction.h: of the mean without its
 // noise.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -16,8 +17,12 @@
 
 namespace imucal {
 
-// How far beyond the temperatures of the fitted logs held-out rates still count.
-constexpr double kBeyond_degc = 1;
+// How far beyond the temperatures of the fitted logs held-out rates still count: so much, and no more than this part of their
+// range, since a polynomial leaves what it was fitted to the sooner the smaller that is.
+constexpr double kBeyond_degc = 1, kBeyondPart = 0.02;
+inline double beyond_degc(double lo_degc, double hi_degc) {
+  return std::min(kBeyond_degc, kBeyondPart * (hi_degc - lo_degc));
+}
 
 // Width of the 95 % interval of a shrinkage from which it is no figure: the noise of the held-out rates hides the gap.
 constexpr double kWidestFigure = 0.4;
@@ -30,10 +35,12 @@ struct GapResult {
   double shrinkage = 0, ci_lo = 0, ci_hi = 0;
   double part_within = 1; // of the held-out rates that are at temperatures that were fitted
   // The rates tell the shrinkage well enough for a figure.
-  bool has_figure() const { return has_mean && !is_of_nearest && ci_hi - ci_lo < kWidestFigure; }
+  bool has_figure() const { return has_mean && !is_of_nearest && !is_of_starts && ci_hi - ci_lo < kWidestFigure; }
   // Of a shape that only comes nearest to what was found.  What it gets wrong has a shape of its own; an interval that does not
   // know that shape is too narrow.
   bool is_of_nearest = false;
+  // Of states in which runs began, and no more: they are free in every run and foretell nothing.
+  bool is_of_starts = false;
   bool has_mean = false;             // something in the mean predicts other data; else the figures are of the deviance
   double gain = 0;                   // deviance per hour that the names remove
   double delta_deviance = 0;         // of all held-out units
@@ -58,11 +65,13 @@ struct GapResult {
   double noise_error_dph = 0;
   // Of the held-out minutes more is left than the noise alone would leave, beyond the scatter of that noise; and so much more
   // that the answer misses something of weight.
+  double errors_above_noise() const;
   bool exceeds_noise(const SelectorConstants& constants) const;
   bool leaves_mean(const SelectorConstants& constants) const;
-  // Where the minutes exceed the noise, the answer misses something whose shape the interval does not know: it then holds what
-  // the minutes themselves show too, and the figure lies between the two.
-  void hold_what_minutes_show(const SelectorConstants& constants);
+  // Where the minutes exceed the noise, by more than one standard error of it, the answer may miss something whose shape the
+  // interval does not know, or the noise is less than it is thought to be: the interval then holds what the minutes themselves
+  // show too, and the figure lies between the two.
+  void hold_what_minutes_show();
   double part_left() const;                     // of the mean square of the held-out minutes above the noise
   double dp2_before_dph = 0, dp2_after_dph = 0; // distance of the DP2 curves of data and model
   std::vector<double> dp2_tau_s, dp2_data_dph, dp2_nominal_dph, dp2_final_dph;

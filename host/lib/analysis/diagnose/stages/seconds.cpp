@@ -157,10 +157,14 @@ bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments&
 class FastPlace {
 public:
   FastPlace(const EffectEstimator& e, const NoiseModel& base, bool is_base_free)
-      : e_(e), base_(base), n_factors_(is_base_free ? 3 : 0) {}
+      : FastPlace(e, base, is_base_free ? kFactors : size_t{0}) {}
+  // Only the first factors are free: white noise, slow density, time constant.
+  FastPlace(const EffectEstimator& e, const NoiseModel& base, size_t n_factors)
+      : e_(e), base_(base), n_factors_(n_factors) {}
+  static constexpr size_t kFactors = 3;
 
-  Theta lo() const { return at(n_factors_ ? Theta{-6, -9, -6} : Theta(), e_.theta_lo()); }
-  Theta hi() const { return at(n_factors_ ? Theta{6, 9, 6} : Theta(), e_.theta_hi()); }
+  Theta lo() const { return at(first({-6, -9, -6}), e_.theta_lo()); }
+  Theta hi() const { return at(first({6, 9, 6}), e_.theta_hi()); }
   Theta at(Theta factors, const Theta& theta) const {
     for (double v : theta) factors.push_back(e_.is_logarithmic() ? std::log(v) : v);
     return factors;
@@ -171,10 +175,19 @@ public:
     for (size_t i = n_factors_; i < x.size(); ++i) out.push_back(e_.is_logarithmic() ? std::exp(x[i]) : x[i]);
     return out;
   }
-  NoiseModel base(const Theta& x) const { return n_factors_ ? with_factors(base_, x.data()) : base_; }
+  NoiseModel base(const Theta& x) const {
+    if (n_factors_ == 0) return base_;
+    double factors[kFactors] = {};
+    std::copy_n(x.begin(), n_factors_, factors);
+    return with_factors(base_, factors);
+  }
   NoiseModel noise(const Theta& x) const { return e_.noise(base(x), theta(x)); }
 
 private:
+  Theta first(Theta factors) const {
+    factors.resize(n_factors_);
+    return factors;
+  }
   const EffectEstimator& e_;
   const NoiseModel& base_;
   size_t n_factors_;
@@ -216,7 +229,6 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
   best.theta = place.theta(x);
   best.base = place.base(x);
   best.gain_nats = top - from.log_likelihood;
-  set_errors(log_likelihood, &best);
   return best;
 }
 
@@ -260,10 +272,21 @@ double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, Fa
   finding->theta = place.theta(x), finding->base = place.base(x);
   return top;
 }
+// A factor that the residual does not tell leaves no curvature: then fewer are free.
 void set_errors(const ResidualLikelihood& log_likelihood, FastFinding* finding) {
   const EffectEstimator& e = *finding->effect->estimator();
-  const auto alone = [&](const Theta& at) { return log_likelihood(e.noise(finding->base, at)); };
-  finding->theta_errors = curvature_errors(alone, finding->theta, e.theta_lo(), e.theta_hi());
+  const NoiseModel base = finding->base;
+  const bool is_slow_to_ask = e.noise(base, finding->theta).is_mixture();
+  for (const size_t n_free : {is_slow_to_ask ? size_t{1} : FastPlace::kFactors, size_t{1}, size_t{0}}) {
+    const FastPlace place(e, base, n_free);
+    const Theta errors = curvature_errors([&](const Theta& x) { return log_likelihood(place.noise(x)); },
+                                          place.start(finding->theta), place.lo(), place.hi());
+    finding->theta_errors.assign(errors.begin() + static_cast<long>(n_free), errors.end());
+    for (size_t i = 0; e.is_logarithmic() && i < finding->theta.size(); ++i)
+      finding->theta_errors[i] *= finding->theta[i];
+    const auto is_known = [](double error) { return std::isfinite(error); };
+    if (std::all_of(finding->theta_errors.begin(), finding->theta_errors.end(), is_known)) return;
+  }
 }
 
 FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from, const std::vector<VectorXd>& residual,

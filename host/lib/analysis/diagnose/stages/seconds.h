@@ -68,7 +68,8 @@ double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, Fa
 // By how much a free spectrum beside the noise of a finding makes a residual likelier than the kind that was found.
 double gain_of_free_spectrum(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual,
                              const FastFinding& finding);
-// Standard errors of its parameters, the noise beside it as it is.
+// Standard errors of its parameters, the noise beside it as free as the residual tells it: a slope over temperature has one
+// with the level free, not at the middle of a scale that the logs may never pass.
 void set_errors(const ResidualLikelihood& log_likelihood, FastFinding* finding);
 
 // Whether sudden changes go one way more than the other, as teeth do; telegraph noise jumps up and down in turn.  Said at a

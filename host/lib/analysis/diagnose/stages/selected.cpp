@@ -5,6 +5,12 @@
 
 namespace imucal {
 
+namespace {
+
+constexpr double kSmallPart = 0.05; // of the variance from second to second
+
+} // namespace
+
 Term term_of(const Effect* effect, const EffectEstimator* estimator, const Theta& shape) {
   Term term;
   term.effect = effect, term.estimator = estimator, term.shape = shape;
@@ -22,6 +28,10 @@ void open_shape(SelectedEffect* effect) {
 }
 void open_loop(SelectedEffect* effect) {
   effect->is_family = true, effect->doubt = Doubt::kLoopOpen;
+}
+bool is_note(const SelectedEffect& effect, double white_dph) {
+  const bool is_beside = effect.is_structural || (effect.term.estimator && effect.term.form() == Form::kAxes);
+  return is_beside && effect.rms_dph * effect.rms_dph < kSmallPart * white_dph * white_dph;
 }
 bool is_shape_unknown(const SelectedEffect& effect) {
   return effect.doubt == Doubt::kShapeOpen || effect.doubt == Doubt::kLoopOpen;

@@ -56,6 +56,9 @@ bool is_free(const SelectedEffect& effect);
 void open_member(SelectedEffect* effect);
 void open_shape(SelectedEffect* effect);
 void open_loop(SelectedEffect* effect);
+// What the recorder did, or axes share, where it is a small part of the noise from second to second: worth a note, and no answer
+// to what else is there.
+bool is_note(const SelectedEffect& effect, double white_dph);
 // It explains nothing: its shape is open, or was not seen.
 bool is_shape_unknown(const SelectedEffect& effect);
 
