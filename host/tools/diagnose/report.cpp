@@ -103,18 +103,8 @@ std::string figure(double value, const AxisResult& axis) {
   return format(is_accelerometer(axis.axis) ? "%.3g" : "%.1f", value);
 }
 
-// Over the samples of the logs: white noise may follow the temperature.
-double white_dph(const AxisResult& axis) {
-  const NoiseModel& noise = axis.study.selection.fitted_noise;
-  const double slope = axis.study.selection.final.noise().white_slope;
-  double sum = 0, n = 0;
-  for (const CampaignRun& run : axis.campaign.runs)
-    for (const int k : run.used) sum += std::exp(slope * run.input.tn[static_cast<size_t>(k)]), n += 1;
-  const double times = n > 0 ? sum / n : 1;
-  return std::sqrt(noise.white_sigma_dph * noise.white_sigma_dph * times + noise.extra_white_dph2);
-}
 bool is_note(const AxisResult& axis, const SelectedEffect& e) {
-  return is_note(e, white_dph(axis));
+  return is_note(e, axis.study.selection.white_dph);
 }
 // As people read: what adds most first (what is not known in dph before it), then other parameters of the believed noise, then
 // notes.
@@ -159,7 +149,8 @@ std::vector<std::string> remarks_on(const AxisResult& axis, const SelectedEffect
   if (is_shared_noise(e)) out.push_back(as_simulated(axis, e));
   if (is_note(axis, e))
     out.push_back(format("a small part of the noise: %s of %s %s from second to second",
-                         figure(e.rms_dph, axis).c_str(), figure(white_dph(axis), axis).c_str(), axis_unit(axis.axis)));
+                         figure(e.rms_dph, axis).c_str(), figure(axis.study.selection.white_dph, axis).c_str(),
+                         axis_unit(axis.axis)));
   if (e.is_untested) out.push_back("the held-out logs cannot test it");
   std::vector<std::string> rivals;
   for (const CandidateEvidence& c : e.set)
@@ -553,15 +544,13 @@ std::string title(const AxisResult& axis) {
   return "";
 }
 
-// What was found, for the headline; notes only where there is nothing else.  Slow noise that may be a cause is told there in words.
+// What was found, for the headline, which is without notes.  Slow noise that may be a cause is told there in words.
 std::string names_told(const AxisResult& axis) {
   const std::vector<SelectedEffect>& effects = axis.study.selection.effects;
-  const bool has_notes_only =
-      std::all_of(effects.begin(), effects.end(), [&](const SelectedEffect& e) { return is_note(axis, e); });
   std::vector<std::string> names;
   for (size_t i : reading_order(axis)) {
     const SelectedEffect& e = effects[i];
-    if (e.doubt == Doubt::kSlowNoise || (is_note(axis, e) && !has_notes_only)) continue;
+    if (e.doubt == Doubt::kSlowNoise || is_note(axis, e)) continue;
     add_once(name_of(e) + (is_weak(e) && !has_weak_causes_only(axis) ? " (weak)" : ""), &names);
   }
   return joined(names, ", ");

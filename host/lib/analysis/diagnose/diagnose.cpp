@@ -535,7 +535,7 @@ void name_shared(const Effect& effect, const SharedNoise& found, const AxisResul
   named.statement = text;
   named.set = {{&effect, nullptr, false, named.family, named.gain_nats, shared_nats}};
   s.effects.push_back(named);
-  if (s.verdict == Verdict::kNoGap) s.verdict = Verdict::kExplained;
+  if (s.verdict == Verdict::kNoGap && !is_note(named, s.white_dph)) s.verdict = Verdict::kExplained;
 }
 
 // Every pair of axes; an axis names the partner that shares most with it.

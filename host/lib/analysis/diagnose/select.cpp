@@ -141,6 +141,7 @@ private:
     out_.is_noise_retuned = question_.belief.has_believed && !found_.seconds.is_believed;
     out_.is_told_by_held_out = found_.slow.is_told_by_held_out;
     fill_contributions(campaign_, out_.final, out_.final_fit, &out_.effects);
+    out_.white_dph = white_of_samples_dph(campaign_, out_.final.noise());
     GapResult& gap = found_.slow.gap;
     gap.believed_rms_dph =
         gap.rms_of_noise_dph(question_.belief.has_believed ? question_.belief.model : out_.nominal.noise());
@@ -236,10 +237,8 @@ private:
 
   void judge() {
     bool has_open = false, has_member = false, is_undecided = false, has_answer = false;
-    const NoiseModel& noise = out_.fitted_noise;
-    const double white_dph = std::sqrt(noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2);
     for (const SelectedEffect& e : out_.effects) {
-      if (is_note(e, white_dph)) continue;
+      if (is_note(e, out_.white_dph)) continue;
       has_answer = true;
       has_open = has_open || is_shape_unknown(e);
       is_undecided = is_undecided || e.doubt == Doubt::kSlowNoise;
@@ -253,9 +252,9 @@ private:
     const bool leaves_alone = out_.leaves_mean && gap.method != HeldOut::kQuarters;
     if (!has_answer && (leaves || leaves_alone || !out_.remainders.empty()))
       out_.verdict = Verdict::kUnexplained;
-    else if (out_.effects.empty())
+    else if (!has_answer)
       out_.verdict = Verdict::kNoGap;
-    else if (has_answer && !has_member && has_open)
+    else if (!has_member && has_open)
       out_.verdict = Verdict::kUnexplained;
     else if (leaves || has_open || is_undecided || grows || out_.leaves_mean || !out_.remainders.empty())
       out_.verdict = Verdict::kPartlyExplained;

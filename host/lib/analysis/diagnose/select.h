@@ -34,6 +34,7 @@ struct Selection {
   bool cannot_judge = false; // structure left too little: `effects` holds what the recorder did, nothing else is known
   double threshold_nats = 6;
   NoiseModel fitted_noise; // of the seconds, under the final hypothesis
+  double white_dph = 0;    // white noise from second to second, over the samples of the logs
 };
 
 struct SelectOptions {

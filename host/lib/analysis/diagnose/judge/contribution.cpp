@@ -46,10 +46,12 @@ std::vector<VectorXd> mean_of(const Campaign& campaign, const Hypothesis& h, con
   return out;
 }
 
+double white_at(const NoiseModel& noise, double tn) {
+  return noise.white_sigma_dph * noise.white_sigma_dph * std::exp(noise.white_slope * tn) + noise.extra_white_dph2;
+}
 // Variance of the rates of a second about the mean of a run of length_s, at a normalised temperature.
 double variance_at(const NoiseModel& noise, double tn, double length_s) {
-  double sum =
-      noise.white_sigma_dph * noise.white_sigma_dph * std::exp(noise.white_slope * tn) + noise.extra_white_dph2;
+  double sum = white_at(noise, tn);
   for (const Markov& m : noise.markov) {
     const double turns = length_s / m.tau_s; // the mean of a run takes the slow part of a process with it
     const double in_mean = turns < 1e-4 ? 1 - turns / 3 : 2 / (turns * turns) * (turns + std::expm1(-turns));
@@ -94,6 +96,16 @@ void fill_contributions(const Campaign& campaign, const Hypothesis& final, const
     }
     if (square > 0) effect.rms_dph = std::sqrt(square);
   }
+}
+
+double white_of_samples_dph(const Campaign& campaign, const NoiseModel& noise) {
+  double sum = 0, n = 0;
+  for (const CampaignRun& run : campaign.runs)
+    for (const int k : run.used) {
+      const double tn = run.input.tn.empty() ? 0 : run.input.tn[static_cast<size_t>(k)];
+      sum += white_at(noise, tn), n += 1;
+    }
+  return n > 0 ? std::sqrt(sum / n) : 0;
 }
 
 } // namespace imucal

@@ -10,5 +10,7 @@ namespace imucal {
 // Fills rms_dph of what `final` holds; `fit`: of that hypothesis to the seconds of `campaign`.
 void fill_contributions(const Campaign& campaign, const Hypothesis& final, const Fit& fit,
                         std::vector<SelectedEffect>* effects);
+// White noise from second to second over the samples of the logs: it may follow the temperature.
+double white_of_samples_dph(const Campaign& campaign, const NoiseModel& noise);
 
 } // namespace imucal

@@ -220,7 +220,8 @@ private:
     if (!holds_nearly_all(answer, of_answer, highest)) {
       slow_.found.best = without_needless(*with, highest);
       judge_again();
-      const double evidence = highest - of_answer - constants().mean_nats; // of the function, by all logs together
+      // Of the function, by all logs together: over the answer, and over nothing.
+      const double evidence = highest - std::max(of_answer, all_logs(slow_.found.null)) - constants().mean_nats;
       if (evidence > 0) slow_.found.evidence[slow_.found.best.names.size() - 1] = evidence;
       if (has_evidence(slow_.found) || !has_evidence(before)) return hold_out();
     }
