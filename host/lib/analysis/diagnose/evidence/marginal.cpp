@@ -322,13 +322,13 @@ RunGrams::Posterior RunGrams::posterior(const std::vector<char>& runs) const {
   MatrixXd common = MatrixXd::Zero(q, q);
   for (size_t r = 0; r < gram_.size(); ++r)
     if (runs.empty() || runs[r]) one_run(r, 1, &common);
-  MatrixXd covariance = MatrixXd::Zero(c, c);
-  out.common = out.common_sd = VectorXd::Zero(c);
+  MatrixXd& covariance = out.common_covariance;
+  covariance = MatrixXd::Zero(c, c);
+  out.common = VectorXd::Zero(c);
   if (c > 0) {
     common.topLeftCorner(c, c).diagonal() += common_precision_;
     covariance = inverse_symmetric(common.topLeftCorner(c, c));
     out.common = covariance * common.block(0, c, c, 1);
-    out.common_sd = covariance.diagonal().cwiseMax(0).cwiseSqrt();
   }
   for (const MatrixXd& g : gram_) {
     MatrixXd a = g.topLeftCorner(l, l);

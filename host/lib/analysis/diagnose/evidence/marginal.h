@@ -79,7 +79,8 @@ public:
   double log_marginal_any_scale(const std::vector<char>& runs = {}) const;
 
   struct Posterior {
-    Eigen::VectorXd common, common_sd;            // coefficients: powers first, then parts
+    Eigen::VectorXd common; // coefficients: powers first, then parts
+    Eigen::MatrixXd common_covariance;
     std::vector<Eigen::VectorXd> local, local_sd; // per run: constant first
   };
   Posterior posterior(const std::vector<char>& runs = {}) const;

@@ -52,6 +52,7 @@ std::vector<VectorXd> time_cosines(const CampaignRun& run) {
 struct Seen {
   double n = 0;                // rows
   double left2 = 0;            // mean square of what is left, about its mean
+  double fit2 = 0;             // mean square error of the answer that the fit leaves
   VectorXd precision, product; // of c: B'V^-1 B is diagonal, and B'V^-1 times the rates
   VectorXd change;             // what the answer changes, in the same coordinates
   // What it changes in start states: fitted to the rates themselves, so partly to their noise.
@@ -90,6 +91,7 @@ Seen seen(const HeldOutUnit& unit, const Basis& basis, const NoiseModel& noise) 
   const Spectrum spectrum = symmetric_spectrum(rest.topLeftCorner(k, k));
   Seen out;
   out.n = static_cast<double>(n);
+  out.fit2 = unit.error_of_fit_dph2;
   out.left2 = (unit.left.array() - unit.left.mean()).square().mean();
   out.precision = spectrum.values.cwiseMax(0);
   out.product = spectrum.vectors.transpose() * rest.block(0, k, k, 1);
@@ -122,12 +124,12 @@ double log_evidence(const std::vector<Seen>& units, double g2) {
 struct Sizes {
   std::vector<double> g2, share;
 };
-Sizes sizes_of(const std::vector<Seen>& units, double change2, double left2) {
+Sizes sizes_of(const std::vector<Seen>& units, double change2, double left2, double fit2) {
   Sizes out;
   double columns = 1;
   for (const Seen& u : units) columns = std::max(columns, static_cast<double>(u.precision.size()));
-  const double most = 2 * std::sqrt(std::max(change2, left2));
-  for (double rms = kLeastPart * std::sqrt(change2); rms < kRatio * most; rms *= kRatio)
+  const double most = 2 * std::sqrt(std::max({change2, left2, fit2}));
+  for (double rms = std::max(kLeastPart * std::sqrt(change2), std::sqrt(fit2)); rms < kRatio * most; rms *= kRatio)
     out.g2.push_back(rms * rms / columns);
   double top = -1e300, sum = 0;
   for (double g2 : out.g2) out.share.push_back(log_evidence(units, g2)), top = std::max(top, out.share.back());
@@ -178,7 +180,8 @@ Reduction reduction_of(const std::vector<HeldOutUnit>& units, const NoiseModel& 
   const double change2 =
       mean_over_rows(all, [](const Seen& u) { return u.change.squaredNorm() + u.of_starts.squaredNorm(); });
   if (!(change2 > 0)) return out;
-  const Sizes sizes = sizes_of(all, change2, mean_over_rows(all, [](const Seen& u) { return u.left2; }));
+  const Sizes sizes = sizes_of(all, change2, mean_over_rows(all, [](const Seen& u) { return u.left2; }),
+                               mean_over_rows(all, [](const Seen& u) { return u.fit2; }));
   std::vector<double> normals(width), values;
   const Rng rng(kSeed, 0, 0, static_cast<uint32_t>(Stream::kTool) + 10);
   double sum = 0, mean = 0;

@@ -93,6 +93,8 @@ struct Prediction {
       mean;                             // per split and unit: what it predicts there, constants and start states fitted
   std::vector<VectorXd> left;           // per unit: the rates less that
   std::vector<MatrixXd> starts, shapes; // per unit: columns with a coefficient of the run, and those common to all
+  std::vector<MatrixXd> columns;        // per unit: those of the coefficients that were fitted elsewhere,
+  std::vector<MatrixXd> covariances;    // and how well these are known
 };
 MatrixXd side_by_side(const std::vector<const MatrixXd*>& parts) {
   long cols = 0;
@@ -102,14 +104,16 @@ MatrixXd side_by_side(const std::vector<const MatrixXd*>& parts) {
   for (const MatrixXd* m : parts) out.middleCols(at, m->cols()) = *m, at += m->cols();
   return out;
 }
-void keep_columns(const SlowData& data, const std::vector<MeanPart>& parts, size_t run, Prediction* out) {
+void keep_columns(const SlowData& data, const std::vector<MeanPart>& parts, const RunGrams::Posterior& at, size_t run,
+                  Prediction* out) {
   const MatrixXd none(data.y[run].size(), 0);
-  std::vector<const MatrixXd*> starts{&none}, shapes{&data.powers[run]};
+  std::vector<const MatrixXd*> starts{&none}, shapes{&data.powers[run]}, fitted{&data.powers[run]};
   for (const MeanPart& part : parts) {
-    starts.push_back(&part.local[run]), shapes.push_back(&part.common[run]);
-    if (!part.powers.empty()) shapes.push_back(&part.powers[run]);
+    starts.push_back(&part.local[run]), shapes.push_back(&part.common[run]), fitted.push_back(&part.common[run]);
+    if (!part.powers.empty()) shapes.push_back(&part.powers[run]), fitted[0] = &part.powers[run];
   }
   out->starts.push_back(side_by_side(starts)), out->shapes.push_back(side_by_side(shapes));
+  out->columns.push_back(side_by_side(fitted)), out->covariances.push_back(at.common_covariance);
 }
 Prediction predict(const SlowSearch& search, const Split& split, const SlowModel& model) {
   Prediction out;
@@ -125,7 +129,7 @@ Prediction predict(const SlowSearch& search, const Split& split, const SlowModel
     const VectorXd rest = residual_of(split.data, parts, at, unit);
     out.mean.back().push_back(split.data.y[unit] - rest);
     out.left.push_back(rest);
-    keep_columns(split.data, parts, unit, &out);
+    keep_columns(split.data, parts, at, unit, &out);
   }
   return out;
 }
@@ -176,9 +180,22 @@ Prediction predict_quarters(const SlowSearch& search, const SlowData& training, 
     std::vector<MeanPart> rest_parts; // the polynomial of a name keeps its normalisation, as the nominal one does
     for (const MeanPart& part : parts) rest_parts.push_back(rows_of(part, training, data));
     const RunGrams grams = grams_on(data, rest_parts);
+    const RunGrams::Posterior at = grams.posterior();
     out.nats.push_back(whole - grams.log_marginal(1));
-    out.left.push_back(residual_of(training, parts, grams.posterior(), 0));
-    keep_columns(training, parts, 0, &out);
+    out.left.push_back(residual_of(training, parts, at, 0));
+    keep_columns(training, parts, at, 0, &out);
+  }
+  return out;
+}
+
+// The quarters as a hypothesis fitted to all of them leaves them: what a table would be that was made from the only log.
+Prediction fitted_quarters(const SlowSearch& search, const SlowData& training, const SlowModel& model) {
+  Prediction out;
+  const std::vector<MeanPart> parts = search.parts_on(training, model);
+  const RunGrams::Posterior at = RunGrams(training, pointers_of(parts), search.noise_of(model)).posterior();
+  for (size_t q = 0; q < 4; ++q) {
+    out.left.push_back(residual_of(training, parts, at, 0));
+    keep_columns(training, parts, at, 0, &out);
   }
   return out;
 }
@@ -194,6 +211,8 @@ Prediction predict_all(const SlowSearch& search, const SlowData& training, const
     out.left.insert(out.left.end(), one.left.begin(), one.left.end());
     out.starts.insert(out.starts.end(), one.starts.begin(), one.starts.end());
     out.shapes.insert(out.shapes.end(), one.shapes.begin(), one.shapes.end());
+    out.columns.insert(out.columns.end(), one.columns.begin(), one.columns.end());
+    out.covariances.insert(out.covariances.end(), one.covariances.begin(), one.covariances.end());
   }
   return out;
 }
@@ -306,6 +325,12 @@ std::vector<size_t> rows_of_quarter(const Campaign& campaign, size_t quarter, bo
   return fitted.rows_within(run, rows);
 }
 
+// Mean square error, about its mean over some rows, of a sum of columns whose coefficients have this covariance.
+double error_of_fit_dph2(const MatrixXd& columns, const MatrixXd& covariance) {
+  const MatrixXd about = columns.rowwise() - columns.colwise().mean();
+  return columns.rows() > 0 ? (about * covariance).cwiseProduct(about).sum() / static_cast<double>(columns.rows()) : 0;
+}
+
 HeldOutUnit held_out_unit(const CampaignRun& run, const std::vector<size_t>& rows, const Prediction& before,
                           const Prediction& after, size_t u) {
   HeldOutUnit out;
@@ -314,13 +339,16 @@ HeldOutUnit held_out_unit(const CampaignRun& run, const std::vector<size_t>& row
   const long n = static_cast<long>(rows.size());
   out.left.resize(n), out.change.resize(n);
   out.starts.resize(n, after.starts[u].cols()), out.shapes.resize(n, after.shapes[u].cols());
+  MatrixXd columns(n, after.columns[u].cols());
   for (long i = 0; i < n; ++i) {
     const long k = static_cast<long>(rows[static_cast<size_t>(i)]);
     const size_t row = static_cast<size_t>(run.used[rows[static_cast<size_t>(i)]]);
     out.run.input.rate_dph[row] = run.input.rate_dph[row];
     out.left[i] = after.left[u][k], out.change[i] = before.left[u][k] - after.left[u][k];
     out.starts.row(i) = after.starts[u].row(k), out.shapes.row(i) = after.shapes[u].row(k);
+    columns.row(i) = after.columns[u].row(k);
   }
+  out.error_of_fit_dph2 = error_of_fit_dph2(columns, after.covariances[u]);
   find_used(&out.run);
   return out;
 }
@@ -477,8 +505,11 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   };
   std::vector<HeldOutUnit> units = units_less(after);
   // Slow noise can bend the polynomial away from what a table would hold: an answer is worth what it does better than the
-  // plain polynomial, which needs no noise model.
-  const Prediction plain = predict_all(search, training, splits, with_white_noise(null));
+  // plain polynomial, which needs no noise model.  Of one log it is that of the whole: one of three quarters goes astray in the
+  // fourth by itself.
+  const SlowModel white = with_white_noise(null);
+  const Prediction plain =
+      is_single ? fitted_quarters(search, training, white) : predict_all(search, training, splits, white);
   if (std::sqrt(mean_square_left(units_less(plain), campaign.dt_s)) <
       kClearlyLess * std::sqrt(mean_square_left(units_less(before), campaign.dt_s)))
     units = held_out_units(training, splits, plain, after, out.part_within > 0);
