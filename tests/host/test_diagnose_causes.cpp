@@ -69,6 +69,34 @@ static void test_a_jump_at_a_temperature_is_found_by_a_late_thermometer(void**) 
   assert_near(best.names[0].shape[2], -10, 2);
 }
 
+// Its size follows its time constants: the error holds those of all.  With the time constants taken as known it was four times
+// too small.
+static void test_the_error_of_a_creep_holds_its_time_constants(void**) {
+  int told = 0;
+  for (const uint64_t seed : seeds_of(5, {301, 311, 321, 331, 341, 351, 361, 371, 381, 391, 401, 411})) {
+    constexpr int kNodes = 9;
+    double place_degc[kNodes] = {};
+    const auto creep = [&](double t, double temp) {
+      double sum = 0;
+      for (int j = 0; j < kNodes; ++j) {
+        const double tau_s = 60 * std::pow(50.0, j / (kNodes - 1.0)); // 60 to 3000 s
+        if (t < 1.5) place_degc[j] = temp;
+        place_degc[j] += (temp - place_degc[j]) / tau_s;
+        sum += (place_degc[j] - temp) / kNodes;
+      }
+      return 8 * sum;
+    };
+    const Selection said = answer_to(creep, seed, 0);
+    for (const SelectedEffect& effect : said.effects) {
+      if (effect.term.effect != &find_effect("thermal_creep")) continue;
+      if (!std::isfinite(effect.term.coefficient_errors.at(0))) continue;
+      ++told;
+      assert_near(std::fabs(effect.term.coefficients.at(0)), 8, 3 * effect.term.coefficient_errors[0]);
+    }
+  }
+  assert_true(told >= 3);
+}
+
 static void test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly(void**) {
   // 0.6 degC/min: from one place of the grid to the next are 150 s, and on either the jump gains next to nothing.
   std::vector<Log> logs;
@@ -613,6 +641,7 @@ int main() {
       cmocka_unit_test(test_steps_of_a_coarse_thermometer_are_no_lag_of_seconds),
       cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
       cmocka_unit_test(test_a_jump_at_a_temperature_is_found_by_a_late_thermometer),
+      cmocka_unit_test(test_the_error_of_a_creep_holds_its_time_constants),
       cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),
       cmocka_unit_test(test_causes_of_no_family_are_not_named),
       cmocka_unit_test(test_held_out_logs_tell_a_cause_from_slow_noise),

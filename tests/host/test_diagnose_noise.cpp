@@ -351,6 +351,30 @@ static void test_what_better_plain_noise_gains_is_no_kind_of_fast_noise(void**) 
       }
 }
 
+// Log-variance = level + slope Tn with both free: the error of the slope is sqrt(2/n) over the spread of Tn, far from Tn = 0 too.
+static void test_the_error_of_a_slope_of_noise_has_the_level_free(void**) {
+  Log log = simulated_log(77, 9000, false, 0);
+  for (double& temp : log.temp_degc) temp = 5 + temp * 13 / 60;
+  const Campaign campaign = make_campaign({log}, "gx_dph", ErrorModel());
+  const std::vector<double>& tn = campaign.runs[0].input.tn;
+  Rng rng(77, 4, 0, Stream::kTool);
+  VectorXd residual(static_cast<long>(tn.size()));
+  for (long k = 0; k < residual.size(); ++k)
+    residual[k] = 300 * std::exp(-0.5 * 1.2 * tn[static_cast<size_t>(k)]) * rng.normal();
+  const std::vector<VectorXd> residuals = {residual};
+  FastFinding found;
+  found.effect = &find_effect("white_noise_vs_temperature");
+  found.base.white_sigma_dph = 300, found.theta = {-1.2};
+  const ResidualLikelihood log_likelihood(campaign, residuals);
+  fit_again(log_likelihood, true, &found);
+  set_errors(log_likelihood, &found);
+  const VectorXd x = Eigen::Map<const VectorXd>(tn.data(), residual.size());
+  const double spread = std::sqrt((x.array() - x.mean()).square().mean());
+  const double expected = std::sqrt(2.0 / static_cast<double>(x.size())) / spread;
+  assert_near(found.theta_errors.at(0), expected, 0.15 * expected);
+  assert_near(found.theta[0], -1.2, 4 * expected);
+}
+
 static void test_saw_teeth_are_no_telegraph_noise(void**) {
   // Jumps all one way.  Noise that jumps up and down is what fits best among the members.
   Rng rng(212, 0, 0, Stream::kTool);
@@ -379,6 +403,7 @@ int main() {
       cmocka_unit_test(test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit),
       cmocka_unit_test(test_what_better_plain_noise_gains_is_no_kind_of_fast_noise),
+      cmocka_unit_test(test_the_error_of_a_slope_of_noise_has_the_level_free),
       cmocka_unit_test(test_saw_teeth_are_no_telegraph_noise),
   };
   const struct CMUnitTest long_tests[] = {

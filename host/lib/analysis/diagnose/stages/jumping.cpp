@@ -13,6 +13,7 @@ namespace {
 
 constexpr int kJumpingRounds = 3; // of levels and of what is found without them
 constexpr int kJumpingPasses = 2; // of the mean and of the noise beside noise that jumps, in turn
+constexpr size_t kMany = 50000;   // samples from which one round and one pass have to do: each takes seconds there
 
 // Noise that jumps, beside what a hypothesis of the slow stage puts into the mean.
 struct Jumping {
@@ -52,6 +53,7 @@ public:
 
 private:
   const SelectorConstants& constants() const { return question_.constants; }
+  bool is_long() const { return question_.campaign.n() > kMany; }
 
   // Levels follow a jump at a temperature as well as one by chance, but foretell nothing: what the names that would go
   // foretell of logs that were not fitted, as right names do, stands against them.
@@ -72,7 +74,7 @@ private:
   // `before`: where the answer goes that stood.
   Jumping ask_in_turn(Jumping first, Jumping* alone, SlowAnswer* before) {
     Jumping with;
-    for (int round = 0; round < kJumpingRounds; ++round) {
+    for (int round = 0; round < (is_long() ? 1 : kJumpingRounds); ++round) {
       Campaign quiet = question_.campaign, quiet_held;
       take_levels(first.noise, first.fit.residual, &quiet);
       if (question_.held_out) {
@@ -147,18 +149,18 @@ private:
     Jumping out;
     out.mean = mean, out.noise = start, out.fit.residual = near;
     if (has_believed) out.noise.base = believed_noise(*slow_.search, mean);
-    for (int pass = 0; pass < kJumpingPasses; ++pass) out.log_likelihood = improve(!has_believed, &out);
-    for (int pass = 0; has_believed && !out.is_believed && pass < kJumpingPasses; ++pass) {
+    const int passes = is_long() ? 1 : kJumpingPasses;
+    for (int pass = 0; pass < passes; ++pass) out.log_likelihood = improve(!has_believed, &out);
+    for (int pass = 0; has_believed && !out.is_believed && pass < passes; ++pass) {
       Jumping free = out;
       const double value = improve(true, &free);
       out.fit = free.fit, out.noise.theta = free.noise.theta;
       out.log_likelihood = improve(false, &out);
       out.retuned_nats = value - out.log_likelihood;
       out.is_believed = out.retuned_nats <= constants().retuned_nats;
-      if (out.is_believed || pass + 1 < kJumpingPasses) continue;
+      if (out.is_believed || pass + 1 < passes) continue;
       out.noise = free.noise, out.fit = free.fit, out.log_likelihood = value;
     }
-    set_errors(ResidualLikelihood(question_.campaign, out.fit.residual), &out.noise);
     out.score = out.log_likelihood - charges(mean, out.is_believed) - constants().fast_nats;
     return out;
   }
