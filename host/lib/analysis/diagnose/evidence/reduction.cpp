@@ -48,13 +48,14 @@ std::vector<VectorXd> time_cosines(const CampaignRun& run) {
   return out;
 }
 
-// One unit in coordinates in which what its rates say of c is independent from one to the next.
+// One unit: what its rates say of c, and what was known before.
 struct Seen {
-  double n = 0;                // rows
-  double left2 = 0;            // mean square of what is left, about its mean
-  double fit2 = 0;             // mean square error of the answer that the fit leaves
-  VectorXd precision, product; // of c: B'V^-1 B is diagonal, and B'V^-1 times the rates
-  VectorXd change;             // what the answer changes, in the same coordinates
+  double n = 0;       // rows
+  double left2 = 0;   // mean square of what is left, about its mean
+  MatrixXd precision; // of c: B'V^-1 B
+  VectorXd product;   // B'V^-1 times the rates
+  MatrixXd of_fit;    // K
+  VectorXd change;    // what the answer changes
   // What it changes in start states: fitted to the rates themselves, so partly to their noise.
   VectorXd of_starts, of_starts_sd;
 };
@@ -88,14 +89,14 @@ Seen seen(const HeldOutUnit& unit, const Basis& basis, const NoiseModel& noise) 
   const MatrixXd g = WideColumns(columns).whitened_gram(compute_gains(unit.run, noise));
   const MatrixXd of_free = inverse_symmetric(g.topLeftCorner(f, f));
   const MatrixXd rest = g.bottomRightCorner(k + 1, k + 1) - g.block(f, 0, k + 1, f) * of_free * g.block(0, f, f, k + 1);
-  const Spectrum spectrum = symmetric_spectrum(rest.topLeftCorner(k, k));
   Seen out;
   out.n = static_cast<double>(n);
-  out.fit2 = unit.error_of_fit_dph2;
   out.left2 = (unit.left.array() - unit.left.mean()).square().mean();
-  out.precision = spectrum.values.cwiseMax(0);
-  out.product = spectrum.vectors.transpose() * rest.block(0, k, k, 1);
-  out.change = spectrum.vectors.transpose() * change.tail(k);
+  out.precision = rest.topLeftCorner(k, k);
+  out.product = rest.block(0, k, k, 1);
+  const MatrixXd to_basis = columns.middleCols(f, k).transpose() * unit.fitted / static_cast<double>(n);
+  out.of_fit = to_basis * unit.covariance * to_basis.transpose();
+  out.change = change.tail(k);
   out.of_starts = out.of_starts_sd = VectorXd::Zero(f - 1); // the constant is no start state
   for (long c = 1; c < f; ++c) {
     const double noise2 = of_free(c, c), part = std::max(0.0, 1 - noise2 / (change[c] * change[c])); // empirical Bayes
@@ -111,30 +112,51 @@ template <class F> double mean_over_rows(const std::vector<Seen>& units, F mean_
   return n > 0 ? sum / n : 0;
 }
 
-// ln p(rates | g), without what all g share.
-double log_evidence(const std::vector<Seen>& units, double g2) {
-  double sum = 0;
-  for (const Seen& u : units)
-    for (long c = 0; c < u.precision.size(); ++c)
-      sum += 0.5 * (u.product[c] * u.product[c] / (u.precision[c] + 1 / g2) - std::log1p(g2 * u.precision[c]));
-  return sum;
+// The posterior of c of one unit under one size, and ln p(rates | g) without what all g share.
+struct Posterior {
+  VectorXd mean;
+  MatrixXd root; // root root' is its covariance
+  double log_evidence = 0;
+};
+Posterior posterior_of(const Seen& u, double g2) {
+  const long k = u.precision.rows();
+  // With c = R z, z ~ N(0, 1): the precision of z is 1 + R'AR, which is safe however small or singular A is.
+  const Spectrum prior = symmetric_spectrum(u.of_fit + g2 * MatrixXd::Identity(k, k));
+  const MatrixXd r = prior.vectors * prior.values.cwiseMax(0).cwiseSqrt().asDiagonal();
+  const Spectrum seen = symmetric_spectrum(r.transpose() * u.precision * r);
+  const VectorXd precision = seen.values.cwiseMax(0).array() + 1;
+  const MatrixXd axes = r * seen.vectors;
+  const VectorXd product = axes.transpose() * u.product;
+  Posterior out;
+  out.mean = axes * product.cwiseQuotient(precision);
+  out.root = axes * precision.cwiseSqrt().cwiseInverse().asDiagonal();
+  out.log_evidence =
+      0.5 * product.cwiseProduct(product).cwiseQuotient(precision).sum() - 0.5 * precision.array().log().sum();
+  return out;
 }
 
-// Sizes of c per column, each as likely as the others before the rates are looked at, and their share of the draws after.
-struct Sizes {
-  std::vector<double> g2, share;
+// What c may be under one size, each size as likely as the others before the rates are looked at, and its share after.
+struct Size {
+  std::vector<Posterior> units;
+  double share = 0;
 };
-Sizes sizes_of(const std::vector<Seen>& units, double change2, double left2, double fit2) {
-  Sizes out;
+std::vector<Size> sizes_of(const std::vector<Seen>& units, double change2, double left2) {
+  std::vector<Size> out;
   double columns = 1;
-  for (const Seen& u : units) columns = std::max(columns, static_cast<double>(u.precision.size()));
-  const double most = 2 * std::sqrt(std::max({change2, left2, fit2}));
-  for (double rms = std::max(kLeastPart * std::sqrt(change2), std::sqrt(fit2)); rms < kRatio * most; rms *= kRatio)
-    out.g2.push_back(rms * rms / columns);
+  for (const Seen& u : units) columns = std::max(columns, static_cast<double>(u.precision.rows()));
+  const double most = 2 * std::sqrt(std::max(change2, left2));
   double top = -1e300, sum = 0;
-  for (double g2 : out.g2) out.share.push_back(log_evidence(units, g2)), top = std::max(top, out.share.back());
-  for (double& s : out.share) s = std::exp(s - top), sum += s;
-  for (double& s : out.share) s /= sum;
+  for (double rms = kLeastPart * std::sqrt(change2); rms < kRatio * most; rms *= kRatio) {
+    Size size;
+    for (const Seen& u : units) {
+      size.units.push_back(posterior_of(u, rms * rms / columns));
+      size.share += size.units.back().log_evidence;
+    }
+    top = std::max(top, size.share);
+    out.push_back(std::move(size));
+  }
+  for (Size& size : out) size.share = std::exp(size.share - top), sum += size.share;
+  for (Size& size : out) size.share /= sum;
   return out;
 }
 
@@ -142,19 +164,18 @@ Sizes sizes_of(const std::vector<Seen>& units, double change2, double left2, dou
 struct Draw {
   double before = 0, after = 0;
 };
-Draw drawn(const std::vector<Seen>& units, double g2, const double* normals) {
+Draw drawn(const std::vector<Seen>& units, const Size& size, const double* normals) {
   Draw out;
   double n = 0;
-  for (const Seen& u : units) {
-    double before = 0, after = 0;
+  for (size_t i = 0; i < units.size(); ++i) {
+    const Seen& u = units[i];
+    double before = 0;
     for (long c = 0; c < u.of_starts.size(); ++c)
       before += std::pow(u.of_starts[c] + u.of_starts_sd[c] * *normals++, 2);
-    for (long c = 0; c < u.precision.size(); ++c) {
-      const double precision = u.precision[c] + 1 / g2;
-      const double value = u.product[c] / precision + *normals++ / std::sqrt(precision);
-      after += value * value, before += (value + u.change[c]) * (value + u.change[c]);
-    }
-    out.before += u.n * before, out.after += u.n * after, n += u.n;
+    const long k = u.change.size();
+    const VectorXd value = size.units[i].mean + size.units[i].root * Eigen::Map<const VectorXd>(normals, k);
+    normals += k;
+    out.after += u.n * value.squaredNorm(), out.before += u.n * (before + (value + u.change).squaredNorm()), n += u.n;
   }
   out.before /= n, out.after /= n;
   return out;
@@ -174,22 +195,21 @@ Reduction reduction_of(const std::vector<HeldOutUnit>& units, const NoiseModel& 
     const Basis basis = basis_of(unit);
     if (static_cast<long>(basis.columns.size()) == basis.n_free) continue;
     all.push_back(seen(unit, basis, noise));
-    width += static_cast<size_t>(all.back().precision.size() + all.back().of_starts.size());
+    width += static_cast<size_t>(all.back().change.size() + all.back().of_starts.size());
   }
   Reduction out;
   const double change2 =
       mean_over_rows(all, [](const Seen& u) { return u.change.squaredNorm() + u.of_starts.squaredNorm(); });
   if (!(change2 > 0)) return out;
-  const Sizes sizes = sizes_of(all, change2, mean_over_rows(all, [](const Seen& u) { return u.left2; }),
-                               mean_over_rows(all, [](const Seen& u) { return u.fit2; }));
+  const std::vector<Size> sizes = sizes_of(all, change2, mean_over_rows(all, [](const Seen& u) { return u.left2; }));
   std::vector<double> normals(width), values;
   const Rng rng(kSeed, 0, 0, static_cast<uint32_t>(Stream::kTool) + 10);
   double sum = 0, mean = 0;
-  for (size_t i = 0, d = 0; i < sizes.g2.size(); ++i) {
-    sum += sizes.share[i];
+  for (size_t i = 0, d = 0; i < sizes.size(); ++i) {
+    sum += sizes[i].share;
     for (; static_cast<double>(d) + 0.5 < sum * kDraws && d < kDraws; ++d) {
       rng.normals(static_cast<uint32_t>(d * width), width, normals.data());
-      const Draw one = drawn(all, sizes.g2[i], normals.data());
+      const Draw one = drawn(all, sizes[i], normals.data());
       out.before_dph2 += one.before / kDraws, out.after_dph2 += one.after / kDraws;
       values.push_back(std::max(-1.0, 1 - one.after / std::max(1e-300, one.before)));
       mean += values.back() / kDraws;

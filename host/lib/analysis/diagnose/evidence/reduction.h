@@ -4,9 +4,8 @@
 // In a held-out unit the noise-free mean is  m = p1 + f + B c,  p1 what the answer predicts there, f a constant and start
 // states, which are free in every run, B columns of what an answer gets wrong (its own size, the polynomial, the shapes of
 // its names, the first cosines of time; orthogonal, unit rms).  The rates are m and the noise of the answer.  With
-// c ~ N(0, g^2) and every g from a twentieth of what the answer changes, or from the error that the fit leaves where that is
-// more, to what is left as likely as the others, the rates
-// leave a posterior of c, and with it one of
+// c ~ N(0, K + g^2), K what the fit to other data leaves of its coefficients, and every g from a twentieth of what the answer
+// changes to what is left as likely as the others, the rates leave a posterior of c, and with it one of
 //   shrinkage = 1 - |B c|^2 / |B c + p1 - p0|^2,   p0 what the nominal model predicts.
 // Noise that hides the gap leaves it wide; many quiet minutes leave it narrow, in one log too.
 #pragma once
@@ -25,8 +24,8 @@ struct HeldOutUnit {
   Eigen::VectorXd change; // what the answer predicts less what the nominal model predicts
   Eigen::MatrixXd starts; // free in every run beside a constant
   Eigen::MatrixXd shapes; // the polynomial, and the columns of the names
-  double error_of_fit_dph2 =
-      0; // mean square error of the answer here that the fit to other data leaves, as far as is known
+  // Columns of the coefficients that were fitted to other data, and their covariance.
+  Eigen::MatrixXd fitted, covariance;
 };
 
 struct Reduction {

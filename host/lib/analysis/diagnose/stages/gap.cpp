@@ -325,12 +325,6 @@ std::vector<size_t> rows_of_quarter(const Campaign& campaign, size_t quarter, bo
   return fitted.rows_within(run, rows);
 }
 
-// Mean square error, about its mean over some rows, of a sum of columns whose coefficients have this covariance.
-double error_of_fit_dph2(const MatrixXd& columns, const MatrixXd& covariance) {
-  const MatrixXd about = columns.rowwise() - columns.colwise().mean();
-  return columns.rows() > 0 ? (about * covariance).cwiseProduct(about).sum() / static_cast<double>(columns.rows()) : 0;
-}
-
 HeldOutUnit held_out_unit(const CampaignRun& run, const std::vector<size_t>& rows, const Prediction& before,
                           const Prediction& after, size_t u) {
   HeldOutUnit out;
@@ -339,16 +333,15 @@ HeldOutUnit held_out_unit(const CampaignRun& run, const std::vector<size_t>& row
   const long n = static_cast<long>(rows.size());
   out.left.resize(n), out.change.resize(n);
   out.starts.resize(n, after.starts[u].cols()), out.shapes.resize(n, after.shapes[u].cols());
-  MatrixXd columns(n, after.columns[u].cols());
+  out.fitted.resize(n, after.columns[u].cols()), out.covariance = after.covariances[u];
   for (long i = 0; i < n; ++i) {
     const long k = static_cast<long>(rows[static_cast<size_t>(i)]);
     const size_t row = static_cast<size_t>(run.used[rows[static_cast<size_t>(i)]]);
     out.run.input.rate_dph[row] = run.input.rate_dph[row];
     out.left[i] = after.left[u][k], out.change[i] = before.left[u][k] - after.left[u][k];
     out.starts.row(i) = after.starts[u].row(k), out.shapes.row(i) = after.shapes[u].row(k);
-    columns.row(i) = after.columns[u].row(k);
+    out.fitted.row(i) = after.columns[u].row(k);
   }
-  out.error_of_fit_dph2 = error_of_fit_dph2(columns, after.covariances[u]);
   find_used(&out.run);
   return out;
 }
