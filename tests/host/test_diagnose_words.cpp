@@ -213,7 +213,7 @@ static void test_findings_stand_in_the_order_of_what_they_add(void**) {
   AxisResult& axis = result.axes[0];
   axis.axis = "gx_dph";
   Selection& s = axis.study.selection;
-  s.verdict = Verdict::kExplained, s.fitted_noise.white_sigma_dph = 140;
+  s.verdict = Verdict::kExplained, s.white_dph = 140;
   s.effects = {lattice, small, large};
   std::string text = diagnosis_text({}, result);
   assert_has(text, "gx_dph: a gap, explained: thermal_lag, warm_up\n");
@@ -226,8 +226,12 @@ static void test_findings_stand_in_the_order_of_what_they_add(void**) {
   s.effects[0].rms_dph = 60; // more than a twentieth of the variance
   assert_has(diagnosis_text({}, result), "gx_dph: a gap, explained: ");
   assert_has(diagnosis_text({}, result), "effect  quantization");
-  s.effects.resize(1), s.effects[0].rms_dph = 0.5;
-  assert_has(diagnosis_text({}, result), "gx_dph: a gap, explained: quantization\n");
+  // Notes alone are no gap, and no part of the headline.
+  s.effects.resize(1), s.effects[0].rms_dph = 0.5, s.verdict = Verdict::kNoGap;
+  assert_has(diagnosis_text({}, result), "gx_dph: no gap that these logs can show\n");
+  assert_has(diagnosis_text({}, result), "  note    quantization");
+  s.verdict = Verdict::kUnexplained;
+  assert_has(diagnosis_text({}, result), "gx_dph: a gap that no known effect explains\n");
 }
 
 // An answer with a figure of the held-out data.

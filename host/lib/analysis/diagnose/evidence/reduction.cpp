@@ -76,6 +76,13 @@ Basis basis_of(const HeldOutUnit& unit) {
   return out;
 }
 
+// K in orthogonal columns of unit rms.
+MatrixXd left_by_fit(const HeldOutUnit& unit, const MatrixXd& basis) {
+  if (unit.fitted.cols() == 0) return MatrixXd::Zero(basis.cols(), basis.cols());
+  const MatrixXd to_basis = basis.transpose() * unit.fitted / static_cast<double>(basis.rows());
+  return to_basis * unit.covariance * to_basis.transpose();
+}
+
 Seen seen(const HeldOutUnit& unit, const Basis& basis, const NoiseModel& noise) {
   const long f = basis.n_free, k = static_cast<long>(basis.columns.size()) - f, n = unit.left.size();
   MatrixXd columns(n, f + k + 1);
@@ -94,8 +101,7 @@ Seen seen(const HeldOutUnit& unit, const Basis& basis, const NoiseModel& noise) 
   out.left2 = (unit.left.array() - unit.left.mean()).square().mean();
   out.precision = rest.topLeftCorner(k, k);
   out.product = rest.block(0, k, k, 1);
-  const MatrixXd to_basis = columns.middleCols(f, k).transpose() * unit.fitted / static_cast<double>(n);
-  out.of_fit = to_basis * unit.covariance * to_basis.transpose();
+  out.of_fit = left_by_fit(unit, columns.middleCols(f, k));
   out.change = change.tail(k);
   out.of_starts = out.of_starts_sd = VectorXd::Zero(f - 1); // the constant is no start state
   for (long c = 1; c < f; ++c) {

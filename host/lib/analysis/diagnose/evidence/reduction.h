@@ -24,7 +24,7 @@ struct HeldOutUnit {
   Eigen::VectorXd change; // what the answer predicts less what the nominal model predicts
   Eigen::MatrixXd starts; // free in every run beside a constant
   Eigen::MatrixXd shapes; // the polynomial, and the columns of the names
-  // Columns of the coefficients that were fitted to other data, and their covariance.
+  // Columns of the coefficients that were fitted to other data, and their covariance; empty: nothing is known of it.
   Eigen::MatrixXd fitted, covariance;
 };
 
