@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Does diagnose stay right on gyro noise that nobody simulated? An independent statistician's check.
 
 The noise is recorded: three logs of an ADIS16405 (10,000 s, three axes, no temperature) and two of an animal-tag gyro (91,000 s,
