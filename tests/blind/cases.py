@@ -273,7 +273,7 @@ def clean_signal(case, axis, r, without=()):
     device, bias = case.device, case.bias[axis]
     parts = [signature(c, device, r, bias) for c in case.found[axis] if is_signal(c) and c["name"] not in without]
     extra = np.sum(parts, axis=0) if parts else np.zeros(device.runs[r].n)
-    if len(parts) == 2 and case.cross:
+    if len(parts) == 2 and case.cross and all(np.ptp(p) > 0 for p in parts):  # a constant has no cross term, and no scale
         size = max(np.sqrt(np.std(parts[0]) * np.std(parts[1])), 1e-9)
         extra = extra + case.cross * parts[0] * parts[1] / size
     return causes.polynomial(bias, device.x(device.runs[r].temp_degc)), extra

@@ -69,6 +69,37 @@ static void test_a_jump_at_a_temperature_is_found_by_a_late_thermometer(void**) 
   assert_near(best.names[0].shape[2], -10, 2);
 }
 
+// Soaks settle just beyond the thresholds, so that a few hundredths of a degree are a minute there, and three logs pass both
+// thresholds: six jumps, as many as a noise has.
+static void test_many_jumps_at_a_temperature_near_a_soak_are_no_noise(void**) {
+  const auto polynomial = [](double temp) {
+    const double x = (temp - 30) / 30;
+    return 100 + 300 * x + 150 * x * x - 100 * x * x * x;
+  };
+  std::vector<Log> logs;
+  for (uint64_t seed = 261; seed < 264; ++seed) {
+    Log log = simulated_log(seed, 5000, false, 0);
+    bool is_on = false;
+    for (size_t i = 0; i < log.size(); ++i) {
+      const double t = log.t_s[i];
+      const double temp = t < 1000   ? 0.03 * t
+                          : t < 2500 ? 42 - 12 * std::exp(-(t - 1000) / 300)
+                          : t < 3400 ? 42 + 0.02 * (t - 2500)
+                          : t < 4000 ? 60 - 0.0333 * (t - 3400)
+                                     : 37 + 3 * std::exp(-(t - 4000) / 300);
+      is_on = temp > 41.8 || (is_on && temp > 37.2);
+      log.axes[0].rate_dph[i] += polynomial(temp) - polynomial(log.temp_degc[i]) + (is_on ? 470 : 0);
+      log.temp_degc[i] = temp;
+    }
+    logs.push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  const Selection said = diagnose_logs(options, ErrorModel(), logs, {}).axes.at(0).study.selection;
+  assert_true(names_of(said) == std::set<std::string>{"thermal_step"});
+  assert_near(said.effects.at(0).term.shape.at(0), 41.8, 0.05);
+}
+
 // Its size follows its time constants: the error holds those of all.  With the time constants taken as known it was four times
 // too small.
 static void test_the_error_of_a_creep_holds_its_time_constants(void**) {
@@ -641,6 +672,7 @@ int main() {
       cmocka_unit_test(test_steps_of_a_coarse_thermometer_are_no_lag_of_seconds),
       cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
       cmocka_unit_test(test_a_jump_at_a_temperature_is_found_by_a_late_thermometer),
+      cmocka_unit_test(test_many_jumps_at_a_temperature_near_a_soak_are_no_noise),
       cmocka_unit_test(test_the_error_of_a_creep_holds_its_time_constants),
       cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),
       cmocka_unit_test(test_causes_of_no_family_are_not_named),

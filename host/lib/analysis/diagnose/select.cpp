@@ -20,7 +20,8 @@ namespace imucal {
 
 namespace {
 
-constexpr double kJump_s = 3; // about a jump at a temperature: what the temperature leaves open of its moment
+// About a jump at a temperature: what the temperature leaves open of its moment, and how long that may be where it moves slowly.
+constexpr double kJump_s = 3, kJump_degc = 0.05, kLongJump_s = 60;
 
 // Asks the stages in turn and puts together what they say.
 class Study {
@@ -85,6 +86,11 @@ private:
     }
     run_slow(question_, &slow);
   }
+  static bool is_in_jump(const RunInput& in, size_t jump, size_t k) {
+    const double away_s = std::fabs(in.t_s[k] - in.t_s[jump]);
+    return away_s <= kJump_s ||
+           (away_s <= kLongJump_s && std::fabs(in.smooth_degc[k] - in.smooth_degc[jump]) <= kJump_degc);
+  }
   // When a jump at a temperature comes is known to a few seconds, as the temperature is: what these say besides is how wrong
   // that is.  They are no hits, and are left out of the seconds.
   void leave_jumps() {
@@ -97,7 +103,7 @@ private:
         const Column jumps = effect.columns(run.input, name.shape).front();
         for (size_t i = 1; i < jumps.size(); ++i)
           for (size_t k = 0; jumps[i] != jumps[i - 1] && k < jumps.size(); ++k)
-            if (std::fabs(run.input.t_s[k] - run.input.t_s[i]) <= kJump_s) unusable.back()[k] = 1;
+            if (is_in_jump(run.input, i, k)) unusable.back()[k] = 1;
       }
     }
     mask(&campaign_, unusable);

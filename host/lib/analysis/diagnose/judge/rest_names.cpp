@@ -72,43 +72,46 @@ public:
       }
       if (left > explained_nats() || n_members() > kFewNames) leave_members();
     }
-    const auto is_open_noise = [](const SelectedEffect& effect) {
-      return effect.is_family && effect.family == Family::kSlowNoise;
-    };
-    const auto open = std::find_if(names_.effects.begin(), names_.effects.end(), is_open_noise);
-    if (open == names_.effects.end()) return;
-    SelectedEffect noise = *open;
-    join_parameters(&noise);
-    join_jumps(&noise);
-    *std::find_if(names_.effects.begin(), names_.effects.end(), is_open_noise) = noise;
+    join_open_noise();
   }
 
 private:
   const SelectorConstants& constants() const { return question_.constants; }
 
-  // Where the kind of slow noise is open, so is what of it the believed process holds: that it has other parameters is no finding
-  // of its own, but where the white noise has.
+  // What stands beside slow noise whose kind is open, and may be of it, goes into its set.
+  void join_open_noise() {
+    const auto is_open = [](const SelectedEffect& effect) {
+      return effect.is_family && effect.family == Family::kSlowNoise;
+    };
+    const auto open = std::find_if(names_.effects.begin(), names_.effects.end(), is_open);
+    if (open == names_.effects.end()) return;
+    join_parameters(&*open);
+    join_jumps(&*open);
+  }
+  // What of the noise the believed process holds is open too: that it has other parameters is no finding of its own, but where
+  // the white noise has.
   void join_parameters(SelectedEffect* open) {
     const auto is_about_slow_noise = [&](const SelectedEffect& effect) {
       const double times = effect.term.shape[0] / question_.belief.model.white_sigma_dph;
       return times < kWhiteTimes && 1 / times < kWhiteTimes;
     };
-    std::vector<SelectedEffect>& list = names_.retuned;
-    for (const SelectedEffect& effect : list)
-      if (is_about_slow_noise(effect)) add_equal(effect.term.effect, open);
-    list.erase(std::remove_if(list.begin(), list.end(), is_about_slow_noise), list.end());
+    join(is_about_slow_noise, &names_.retuned, open);
   }
   // Single jumps that hold less than a noise that jumps are some of its own.
   void join_jumps(SelectedEffect* open) {
     if (!open->term.estimator || !open->term.estimator->is_jumping()) return;
-    const auto is_small_step = [&](const SelectedEffect& effect) {
+    const double most_nats = open->gain_nats;
+    const auto is_small_step = [most_nats](const SelectedEffect& effect) {
       return !effect.is_family && effect.term.effect && effect.term.form() == Form::kSteps &&
-             effect.gain_nats < open->gain_nats;
+             effect.gain_nats < most_nats;
     };
-    std::vector<SelectedEffect>& list = names_.effects;
-    for (const SelectedEffect& effect : list)
-      if (is_small_step(effect)) add_equal(effect.term.effect, open);
-    list.erase(std::remove_if(list.begin(), list.end(), is_small_step), list.end());
+    join(is_small_step, &names_.effects, open);
+  }
+  // Those of a list that are of the open noise; `open` may be one of the others.
+  template <class F> static void join(F is_of_it, std::vector<SelectedEffect>* list, SelectedEffect* open) {
+    for (const SelectedEffect& effect : *list)
+      if (is_of_it(effect)) add_equal(effect.term.effect, open);
+    list->erase(std::remove_if(list->begin(), list->end(), is_of_it), list->end());
   }
   // The tests contradict the kind that is most likely: likelihoods do not exclude the others, which gain at all.
   void open_noise(SelectedEffect* effect) const {

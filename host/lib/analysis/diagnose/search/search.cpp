@@ -45,16 +45,17 @@ public:
 
   void run() {
     prepare();
-    const std::vector<Theta> jumps = find_steps(likelihood_, start_null_);
-    if (jumps.empty()) return run_with(start_, start_null_, nullptr);
+    const TimeJumps jumps = find_steps(likelihood_, start_null_);
+    // Many jumps may be one at a temperature that the logs pass again and again.
+    if (jumps.places.empty()) return run_with(start_, start_null_, jumps.are_many ? &start_null_ : nullptr);
     SlowModel jumped = start_;
-    jumped.steps = jumps;
+    jumped.steps = jumps.places;
     polish(likelihood_, &jumped, kEvaluations);
     run_with(start_, start_null_, &jumped);
     // Names that take all the jumps: a search beside jumps would only come to them again.
     const bool is_once = has_once(out_.best); // held-out logs choose then
     if (!is_once && likelihood_.score(out_.best) > likelihood_.score(jumped) &&
-        find_steps(likelihood_, out_.best).empty())
+        find_steps(likelihood_, out_.best).places.empty())
       return;
     const SlowResult plain = out_;
     out_ = SlowResult();

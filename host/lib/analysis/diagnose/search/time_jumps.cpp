@@ -81,7 +81,7 @@ void place_last(const SlowLikelihood& of, SlowModel* m) {
 
 // Jumps that earn their cost, one after the other, the noise estimated again with each.  More than a few are not
 // jumps but a noise: none then.
-std::vector<Theta> find_steps(const SlowLikelihood& of, const SlowModel& null) {
+TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null) {
   if (!of.space().steps) return {};
   SlowModel now = null;
   while (now.steps.size() < kMostSteps) {
@@ -93,13 +93,14 @@ std::vector<Theta> find_steps(const SlowLikelihood& of, const SlowModel& null) {
       with.value = of.evaluate(with);
       if (with.value > best.value) best = with;
     }
-    if (best.value < now.value + of.space().constants.step_try_part * of.space().constants.step_nats) return now.steps;
+    if (best.value < now.value + of.space().constants.step_try_part * of.space().constants.step_nats)
+      return {now.steps, false};
     best = polished(of, best, kQuickEvaluations);
-    if (best.value < now.value + of.space().constants.step_nats) return now.steps;
+    if (best.value < now.value + of.space().constants.step_nats) return {now.steps, false};
     place_last(of, &best); // it has earned its cost at the end of a row: a finer place costs nothing more
     now = polished(of, best, kQuickEvaluations);
   }
-  return {};
+  return {{}, true};
 }
 
 // A jump between two places of the grid may gain next to nothing on either.  A candidate that jumps is also tried where
