@@ -101,9 +101,11 @@ void add_kinds_of_noise(const AxisQuestion& question, const SlowAnswer& slow, Se
     const double gap = null.free_score() - m.free_score() - question.constants.noise_kind_nats;
     const double gap_beside_others =
         is_needed(question.constants, *slow.search, s.model) ? best.free_score() - s.gain_nats : 1e300;
-    if (gap < question.constants.noise_margin_nats || gap_beside_others < question.constants.rivals_nats)
-      kinds.push_back({m.noise_effect, nullptr, false, retuned->family,
-                       retuned->gain_nats - std::min(gap, gap_beside_others), question.constants.noise_nats});
+    if (gap >= question.constants.noise_margin_nats && gap_beside_others >= question.constants.rivals_nats) continue;
+    // One that is ahead by less than its name costs does as well.
+    const double lost = std::max(0.0, std::min(gap, gap_beside_others));
+    kinds.push_back(
+        {m.noise_effect, nullptr, false, retuned->family, retuned->gain_nats - lost, question.constants.noise_nats});
   }
   add_to_set(std::move(kinds), retuned);
   add_same_spectrum(question, retuned);
