@@ -222,7 +222,8 @@ private:
       judge_again();
       // Of the function, by all logs together: over the answer, and over nothing.
       const double evidence = highest - std::max(of_answer, all_logs(slow_.found.null)) - constants().mean_nats;
-      if (evidence > 0) slow_.found.evidence[slow_.found.best.names.size() - 1] = evidence;
+      for (size_t i = 0; i < slow_.found.best.names.size(); ++i)
+        if (evidence > 0 && slow_.is_free_function(i)) slow_.found.evidence[i] = evidence;
       if (has_evidence(slow_.found) || !has_evidence(before)) return hold_out();
     }
     slow_.found = before; // and the function is what it leaves
