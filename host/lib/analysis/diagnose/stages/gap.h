@@ -69,7 +69,7 @@ struct GapResult {
   bool exceeds_noise(const SelectorConstants& constants) const;
   bool leaves_mean(const SelectorConstants& constants) const;
   // Where the minutes exceed the noise, by more than one standard error of it, the answer may miss something whose shape the
-  // interval does not know, or the noise is less than it is thought to be: the interval then holds what the minutes themselves
+  // interval does not know, or the noise is more than it is thought to be: the interval then holds what the minutes themselves
   // show too, and the figure lies between the two.
   void hold_what_minutes_show();
   double part_left() const;                     // of the mean square of the held-out minutes above the noise
