@@ -739,7 +739,7 @@ static void test_all_drop_outs_are_counted(void**) {
     for (double& rate : log.axes[0].rate_dph) rate = level + 10 * rng.normal();
     for (size_t i = 70; i < 8000; i += 160) log.axes[0].rate_dph[i] = 0;
     Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
-    const StructureResult found = find_structure(&campaign, effect_library(), all_active());
+    const StructureResult found = find_structure(&campaign, nullptr, effect_library(), all_active());
     assert_int_equal(found.findings.size(), 1);
     assert_string_equal(found.findings[0].effect->name().c_str(), "held_samples");
     assert_near(found.findings[0].signature.parameters.number("probability"), 50.0 / 8000, 1e-12);
@@ -750,7 +750,7 @@ static void test_all_drop_outs_are_counted(void**) {
   for (double& rate : log.axes[0].rate_dph) rate += 3000;
   for (const size_t i : {70u, 900u, 7000u}) log.axes[0].rate_dph[i] = 0; // too few for a finding
   Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
-  const StructureResult found = find_structure(&campaign, effect_library(), all_active());
+  const StructureResult found = find_structure(&campaign, nullptr, effect_library(), all_active());
   assert_int_equal(found.findings.size(), 0);
   assert_int_equal(found.n_dropouts, 3);
 }
@@ -761,14 +761,14 @@ static void test_zeros_of_coarse_rates_are_no_drop_outs(void**) {
   Rng rng(76, 0, 0, Stream::kTool);
   for (double& rate : log.axes[0].rate_dph) rate = 36 * std::round((20 + 10 * rng.normal()) / 36);
   Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
-  const StructureResult found = find_structure(&campaign, effect_library(), all_active());
+  const StructureResult found = find_structure(&campaign, nullptr, effect_library(), all_active());
   assert_int_equal(found.n_dropouts, 0);
   for (const StructureFinding& f : found.findings) assert_string_not_equal(f.effect->name().c_str(), "held_samples");
   assert_int_equal(campaign.n(), 8000);
   // Of a level of 5 dph nearly all are zero.
   for (double& rate : log.axes[0].rate_dph) rate = 36 * std::round((5 + 7 * rng.normal()) / 36);
   campaign = make_campaign({log}, "gx_dph", nominal_model());
-  for (const StructureFinding& f : find_structure(&campaign, effect_library(), all_active()).findings)
+  for (const StructureFinding& f : find_structure(&campaign, nullptr, effect_library(), all_active()).findings)
     assert_string_not_equal(f.effect->name().c_str(), "held_samples");
 }
 

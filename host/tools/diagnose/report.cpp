@@ -290,6 +290,21 @@ template <typename Is> bool finds(const Selection& s, const Is& is) {
   return std::any_of(s.effects.begin(), s.effects.end(), is);
 }
 
+// Jumps in time, one after the other.
+constexpr size_t kEachIsTold = 2; // logs: with more than one each is told
+std::string text_of(const std::vector<StepValue>& steps, size_t n_logs, const char* unit) {
+  std::string out;
+  for (const StepValue& step : steps) {
+    char line[120];
+    const Measured& size = step.amplitude_dph;
+    out += out.empty() ? "" : ", ";
+    std::snprintf(line, sizeof line, "%+.4g", size.value), out += line;
+    if (std::isfinite(size.std_error)) std::snprintf(line, sizeof line, " +- %.2g", size.std_error), out += line;
+    std::snprintf(line, sizeof line, " %s at %.0f s", unit, step.t_s), out += line;
+    if (n_logs > 1) out += " of log " + std::to_string(step.log + 1);
+  }
+  return out;
+}
 // What is left, in a sentence.
 std::string remainder(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
@@ -305,6 +320,11 @@ std::string remainder(const AxisResult& axis) {
   if (!rejected.empty()) add("considered and rejected: " + joined(rejected, ", "));
   for (const RestFinding& f : s.after)
     if (f.evidence_nats > 0) add(rest_text(f.test));
+  std::vector<std::string> unseen;
+  for (const RestFinding& f : s.unseen)
+    if (f.evidence_nats > 0) unseen.push_back(rest_text(f.test));
+  if (!unseen.empty()) add("in the held-out logs alone: " + joined(unseen, ", "));
+  if (!s.own_jumps.empty()) add("jumps in time that held-out logs have of their own");
   for (const SelectedEffect& e : s.effects)
     if (e.doubt == Doubt::kShapeOpen) add("the shape is open: " + family_label(e.family));
   if (g.has_mean && g.rms_after_dph > 1.1 * g.rms_before_dph)
@@ -388,6 +408,12 @@ std::string held_out_statement(const AxisResult& axis) {
 Json gap_json(const AxisResult& axis) {
   const std::string unit = axis_unit(axis.axis);
   const GapResult& g = axis.study.gap;
+  Json own_jumps = Json::array();
+  for (const StepValue& jump : axis.study.selection.own_jumps)
+    own_jumps.push_back({{"log", jump.log},
+                         {"t_s", jump.t_s},
+                         {"size_dph", jump.amplitude_dph.value},
+                         {"size_error_dph", jump.amplitude_dph.std_error}});
   Json gap = {
       {"before", g.before},
       {"after", g.after},
@@ -404,6 +430,7 @@ Json gap_json(const AxisResult& axis) {
       {"statement", held_out_statement(axis)},
       {"part_within_fitted_temperatures", g.part_within},
       {"remainder", remainder(axis)},
+      {"jumps_of_held_out_logs", own_jumps},
       {"has_mean", g.has_mean},
       {"residual_rms_dph",
        {{"before", g.rms_before_dph},
@@ -596,6 +623,10 @@ std::vector<std::string> notes(const AxisResult& axis) {
           ": found in a shape that its parameters do not tell; they are those of the nearest one, which leaves more");
   if (s.is_told_by_held_out && !s.effects.empty() && s.effects.front().family != Family::kSlowNoise)
     out.push_back("slow noise would explain the fitted logs as well; what is named is told by all logs together");
+  if (!s.own_jumps.empty())
+    out.push_back("held-out logs have jumps of their own, which no fitted log foretells: " +
+                  text_of(s.own_jumps, kEachIsTold, axis_unit(axis.axis)) +
+                  " held out; the level after each is left free");
   if (s.n_dropouts > 0)
     out.push_back(format("%zu exact zeros far from their neighbours are drop-outs and were left out", s.n_dropouts));
   if (s.n_left_out > s.n_dropouts)
@@ -715,20 +746,6 @@ Json axis_json(const AxisResult& axis, double rate) {
   return out;
 }
 
-// Jumps in time, one after the other.
-std::string text_of(const std::vector<StepValue>& steps, size_t n_logs, const char* unit) {
-  std::string out;
-  for (const StepValue& step : steps) {
-    char line[120];
-    const Measured& size = step.amplitude_dph;
-    out += out.empty() ? "" : ", ";
-    std::snprintf(line, sizeof line, "%+.4g", size.value), out += line;
-    if (std::isfinite(size.std_error)) std::snprintf(line, sizeof line, " +- %.2g", size.std_error), out += line;
-    std::snprintf(line, sizeof line, " %s at %.0f s", unit, step.t_s), out += line;
-    if (n_logs > 1) out += " of log " + std::to_string(step.log + 1);
-  }
-  return out;
-}
 std::string text_of(const ParameterValue& p, const AxisResult& axis) {
   char line[120];
   const char* unit = axis_unit(axis.axis);

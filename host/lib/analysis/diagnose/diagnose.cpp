@@ -428,7 +428,7 @@ Fit plain_fit(const Campaign& campaign, Hypothesis nominal) {
   return fit_hypothesis(campaign, nominal);
 }
 
-// The held-out logs of an axis; no runs: none can be used, and each fitted log is held out in turn.
+// The held-out logs of an axis; no runs: none can be used.
 Campaign held_out_campaign(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& held_out,
                            AxisResult* axis) {
   if (held_out.empty()) return {};
@@ -439,12 +439,13 @@ Campaign held_out_campaign(const DiagnoseOptions& options, const ErrorModel& mod
   tell_beyond(axis->campaign, unseen, held_out, &axis->warnings);
   take_out_and_warn(options, model, &unseen, axis);
   keep_common_columns({&axis->campaign, &unseen});
-  if (!leave_short_runs(&unseen)) leave_runs(std::vector<char>(unseen.runs.size(), 1), kTooShort, &unseen);
+  return unseen;
+}
+void tell_held_out(const Campaign& unseen, const std::vector<Log>& held_out, AxisResult* axis) {
   tell_left_out(unseen, held_out, axis);
-  if (unseen.runs.empty())
+  if (!held_out.empty() && unseen.runs.empty())
     axis->warnings.push_back("axis " + axis->axis +
                              ": no held-out log can be used: it is judged as if none had been given");
-  return unseen;
 }
 
 // Slow noise that is the same at all times and temperatures, or may be; what structure shows is beside it.
@@ -478,7 +479,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   const NoiseBelief belief = belief_of(options, model, name);
   axis.is_believed = belief.has_believed;
   if (belief.has_believed) check_scale(axis.campaign, belief.model, &axis.warnings);
-  const Campaign unseen = held_out_campaign(options, model, held_out, &axis);
+  Campaign unseen = held_out_campaign(options, model, held_out, &axis);
   const std::vector<const Effect*>& library = effect_library();
   const std::vector<bool> active = active_effects(options);
   SelectOptions select;
@@ -492,6 +493,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   };
   axis.study = study_axis(&axis.campaign, unseen.runs.empty() ? nullptr : &unseen, belief, library, active, select);
   tell_left_out(axis.campaign, logs, &axis);
+  tell_held_out(unseen, held_out, &axis);
   if (belief.has_data_sheet && !axis.study.selection.cannot_judge)
     tell_data_sheet(name, belief.model, axis.study.selection.final.noise(), &axis.warnings);
   if (!axis.study.selection.cannot_judge) {

@@ -14,6 +14,7 @@
 #include "analysis/diagnose/logs/blocks.h"
 #include "analysis/diagnose/logs/structure.h"
 #include "analysis/diagnose/stages/mean_lines.h"
+#include "analysis/diagnose/stages/own_jumps.h"
 #include "analysis/diagnose/stages/slow_stage.h"
 
 namespace imucal {
@@ -26,9 +27,10 @@ constexpr double kJump_s = 3, kJump_degc = 0.05, kLongJump_s = 60;
 // Asks the stages in turn and puts together what they say.
 class Study {
 public:
-  Study(Campaign* campaign, const Campaign* held_out, NoiseBelief belief, const std::vector<const Effect*>& library,
+  Study(Campaign* campaign, Campaign* held_out, NoiseBelief belief, const std::vector<const Effect*>& library,
         const std::vector<bool>& active, const SelectOptions& options)
-      : campaign_(*campaign), question_{*campaign, held_out, library, active, std::move(belief), options.constants},
+      : campaign_(*campaign),
+        held_out_(held_out), question_{*campaign, held_out, library, active, std::move(belief), options.constants},
         calibrate_(options.calibrate) {}
 
   AxisStudy run() {
@@ -58,7 +60,11 @@ private:
   const SelectorConstants& constants() const { return question_.constants; }
 
   void ask_structure() {
-    const StructureResult found = find_structure(&campaign_, question_.library, question_.active);
+    const StructureResult found = find_structure(&campaign_, held_out_, question_.library, question_.active);
+    if (held_out_ && !leave_short_runs(held_out_)) {
+      leave_runs(std::vector<char>(held_out_->runs.size(), 1), kTooShort, held_out_);
+      question_.held_out = nullptr;
+    }
     out_.n_dropouts = found.n_dropouts, out_.n_left_out = found.n_left_out;
     question_.extra_white_dph2 = question_.belief.model.extra_white_dph2 = found.extra_white_dph2;
     question_.is_censored = found.is_censored;
@@ -94,8 +100,12 @@ private:
   // When a jump at a temperature comes is known to a few seconds, as the temperature is: what these say besides is how wrong
   // that is.  They are no hits, and are left out of the seconds.
   void leave_jumps() {
+    leave_jumps_of(&campaign_);
+    if (question_.held_out) leave_jumps_of(held_out_);
+  }
+  void leave_jumps_of(Campaign* campaign) const {
     std::vector<std::vector<char>> unusable;
-    for (const CampaignRun& run : campaign_.runs) {
+    for (const CampaignRun& run : campaign->runs) {
       unusable.emplace_back(run.input.size(), 0);
       for (const SlowModel::Name& name : found_.slow.found.best.names) {
         const EffectEstimator& effect = *found_.slow.candidate(name.candidate).scan.estimator;
@@ -106,7 +116,7 @@ private:
             if (is_in_jump(run.input, i, k)) unusable.back()[k] = 1;
       }
     }
-    mask(&campaign_, unusable);
+    mask(campaign, unusable);
   }
   // A line in the spectrum of what is left was in everybody's way: kinds of noise took its place, and the noise of all
   // hypotheses held it.  It joins the mean, in every run with its own amplitude and phase, and all is asked again.
@@ -175,6 +185,15 @@ private:
     if (found_.slow.found.best.noise_effect) seconds.final.base_noise = seconds.own_base;
     out_.nominal_fit = fit_hypothesis(campaign_, seconds.nominal);
     out_.before = out_.after = test_rest(campaign_, out_.nominal_fit.e, constants());
+    if (question_.held_out) {
+      const Hypothesis foretold = without_jumps(seconds.final);
+      place_own_jumps(*found_.slow.held_blocks, foretold, held_out_);
+      for (const CampaignRun& run : held_out_->runs)
+        for (const OwnJump& jump : run.own_jumps)
+          out_.own_jumps.push_back(
+              {static_cast<int>(run.input.log), run.start_s + jump.t_s, {jump.size_dph, jump.error_dph}});
+      out_.unseen = test_unseen(*held_out_, foretold, constants());
+    }
     if (is_same_fit(seconds.nominal, seconds.final)) {
       out_.final_fit = out_.nominal_fit;
       return;
@@ -228,9 +247,9 @@ private:
                                    std::max(0.0, n.gain_nats + constants().noise_kind_nats - null),
                                    constants().noise_nats});
   }
-  bool fires() const {
+  bool fires(const std::vector<RestFinding>& tests) const {
     const auto fires = [](const RestFinding& f) { return f.evidence_nats > 0; };
-    return !question_.is_censored && std::any_of(out_.after.begin(), out_.after.end(), fires);
+    return !question_.is_censored && std::any_of(tests.begin(), tests.end(), fires);
   }
   // What gained little beyond the threshold, and loses more where it was not fitted, came by chance: it leaves nothing.
   bool came_by_chance(const SelectedEffect& dropped) const {
@@ -239,7 +258,9 @@ private:
   bool leaves_names(const std::vector<SelectedEffect>& dropped) const {
     return !std::all_of(dropped.begin(), dropped.end(), [&](const SelectedEffect& e) { return came_by_chance(e); });
   }
-  bool leaves_something() const { return !names_.remainders.empty() || leaves_names(names_.dropped) || fires(); }
+  bool leaves_something() const {
+    return !names_.remainders.empty() || leaves_names(names_.dropped) || fires(out_.after);
+  }
 
   void judge() {
     bool has_open = false, has_member = false, is_undecided = false, has_answer = false;
@@ -253,7 +274,8 @@ private:
     const GapResult& gap = found_.slow.gap;
     const bool has_mean = gap.has_mean || !found_.slow.found.best.steps.empty();
     const bool grows = has_mean && gap.rms_after_dph > (1 + constants().growth_part) * gap.rms_before_dph;
-    const bool leaves = fires() || leaves_names(out_.dropped);
+    const bool leaves =
+        fires(out_.after) || fires(out_.unseen) || !out_.own_jumps.empty() || leaves_names(out_.dropped);
     // Beyond the rows of a quarter of one passage a polynomial says little: where nothing is found these prove nothing.
     const bool leaves_alone = out_.leaves_mean && gap.method != HeldOut::kQuarters;
     if (!has_answer && (leaves || leaves_alone || !out_.remainders.empty()))
@@ -273,6 +295,7 @@ private:
   }
 
   Campaign& campaign_; // that of the question
+  Campaign* held_out_; // the same, or nullptr
   AxisQuestion question_;
   std::function<double(SlowSearch*)> calibrate_;
   Found found_;
@@ -283,7 +306,7 @@ private:
 
 } // namespace
 
-AxisStudy study_axis(Campaign* campaign, const Campaign* held_out, const NoiseBelief& belief,
+AxisStudy study_axis(Campaign* campaign, Campaign* held_out, const NoiseBelief& belief,
                      const std::vector<const Effect*>& library, const std::vector<bool>& active,
                      const SelectOptions& options) {
   return Study(campaign, held_out, belief, library, active, options).run();

@@ -24,6 +24,8 @@ struct Selection {
   Fit nominal_fit, final_fit;
   std::vector<CandidateEvidence> first_scan;
   std::vector<RestFinding> before, after;    // tests of innovations of the nominal and of the final model
+  std::vector<StepValue> own_jumps;          // of held-out logs, beside everything that is told
+  std::vector<RestFinding> unseen;           // tests of innovations of the held-out logs
   std::vector<CandidateEvidence> remainders; // free shapes that still gain beside the names
   double total_gain_nats = 0;
   size_t n_dropouts = 0; // exact zeros far from their neighbours, left out: too few for a finding
@@ -43,7 +45,8 @@ struct SelectOptions {
   std::function<double(SlowSearch*)> calibrate = {};
 };
 
-// All stages of one axis.  Masks what structure has spoilt in `campaign`.
+// All stages of one axis.  Masks what structure has spoilt in `campaign` and in `held_out`, and leaves out what is too short then;
+// no runs of `held_out` left: as if none had been given.
 struct AxisStudy {
   Selection selection;
   std::unique_ptr<SlowData> data;
@@ -51,7 +54,7 @@ struct AxisStudy {
   SlowResult slow;
   GapResult gap;
 };
-AxisStudy study_axis(Campaign* campaign, const Campaign* held_out, const NoiseBelief& belief,
+AxisStudy study_axis(Campaign* campaign, Campaign* held_out, const NoiseBelief& belief,
                      const std::vector<const Effect*>& library, const std::vector<bool>& active,
                      const SelectOptions& options);
 

@@ -31,9 +31,31 @@ public:
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kStructural; }
   bool needs_temperature() const override { return false; }
+  // One limit for all logs; else each log may have been recorded with one of its own.
+  std::optional<Signature> detect(const std::vector<RunInput>& runs) const override {
+    if (const std::optional<Signature> found = detect_one_limit(runs)) return found;
+    std::optional<Signature> all;
+    for (size_t r = 0; r < runs.size() && runs.size() > 1; ++r) {
+      const std::optional<Signature> found = detect_one_limit({runs[r]});
+      if (!found) continue;
+      if (!all) all = *found, all->evidence_nats = 0, all->unusable = no_samples(runs);
+      all->evidence_nats += found->evidence_nats;
+      all->unusable[r] = found->unusable.front();
+      all->statement = "samples of single logs pile up at the extreme value of their log";
+    }
+    return all;
+  }
+  bool is_censoring() const override { return true; }
+  int detection_order() const override { return 0; }
+  Parameters values(const Estimate& e) const override { return {{"limit_dph", e.shape_at(0)}}; }
+
+private:
+  static constexpr size_t kFewest = 8;
+  static constexpr double kBeyond = 4; // how many times more than the noise explains may be piled up
+
   // Many samples exactly at the extreme value, where noise around the local level reaches beyond it.  A pile
   // far from the level is wrong readings, not a limit; so is one at zero.
-  std::optional<Signature> detect(const std::vector<RunInput>& runs) const override {
+  static std::optional<Signature> detect_one_limit(const std::vector<RunInput>& runs) {
     double lo = 1e300, hi = -1e300;
     for (const RunInput& run : runs)
       for (const double y : run.rate_dph)
@@ -46,19 +68,16 @@ public:
     found.parameters = {{"limit_dph", std::fabs(n_hi > 0 ? hi : lo)}};
     found.evidence_nats = 5.0 * static_cast<double>(n_lo + n_hi);
     found.statement = "samples pile up at the extreme value";
-    found.unusable.resize(runs.size());
-    for (size_t r = 0; r < runs.size(); ++r) found.unusable[r].assign(runs[r].size(), 0);
+    found.unusable = no_samples(runs);
     if (n_lo > 0) add(samples_at(runs, lo), &found.unusable);
     if (n_hi > 0) add(samples_at(runs, hi), &found.unusable);
     return found;
   }
-  bool is_censoring() const override { return true; }
-  int detection_order() const override { return 0; }
-  Parameters values(const Estimate& e) const override { return {{"limit_dph", e.shape_at(0)}}; }
-
-private:
-  static constexpr size_t kFewest = 8;
-  static constexpr double kBeyond = 4; // how many times more than the noise explains may be piled up
+  static std::vector<std::vector<char>> no_samples(const std::vector<RunInput>& runs) {
+    std::vector<std::vector<char>> out;
+    for (const RunInput& run : runs) out.emplace_back(run.size(), 0);
+    return out;
+  }
 
   static void add(const std::vector<std::vector<char>>& more, std::vector<std::vector<char>>* all) {
     for (size_t r = 0; r < more.size(); ++r)

@@ -58,6 +58,20 @@ StartColumns start_columns(const Campaign& campaign, const Term& term) {
   return out;
 }
 
+// The levels after jumps that a run has of its own.
+StartColumns own_jump_columns(const Campaign& campaign) {
+  StartColumns out;
+  out.precision = 1e-6;
+  for (const CampaignRun& run : campaign.runs) {
+    out.of_run.emplace_back(MatrixXd::Zero(static_cast<long>(run.n()), static_cast<long>(run.own_jumps.size())));
+    for (size_t j = 0; j < run.own_jumps.size(); ++j)
+      for (size_t k = 0; k < run.n(); ++k)
+        out.of_run.back()(static_cast<long>(k), static_cast<long>(j)) =
+            run.input.t_s[static_cast<size_t>(run.used[k])] >= run.own_jumps[j].t_s ? 1.0 : 0.0;
+  }
+  return out;
+}
+
 TermColumns term_columns(const Campaign& campaign, const Term& term) {
   TermColumns out;
   const int n_runs = static_cast<int>(campaign.runs.size());
@@ -118,6 +132,7 @@ Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
   std::vector<StartColumns> starts;
   for (const Term& term : hypothesis.terms) starts.push_back(start_columns(campaign, term));
   for (const Term& term : hypothesis.known) starts.push_back(start_columns(campaign, term));
+  starts.push_back(own_jump_columns(campaign));
   for (const StartColumns& start : starts) {
     design.term_of_column.insert(design.term_of_column.end(), static_cast<size_t>(start.cols()), -3);
   }

@@ -15,6 +15,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kDependentColumn = 1e-9; // of its norm: what is left of a column that the others give
+constexpr double kFreeLevel = 10;         // times the spread of the data: prior of a level that may be any
 
 void centre(MatrixXd* m) {
   if (m->rows() > 0) m->rowwise() -= m->colwise().mean().eval();
@@ -202,6 +203,19 @@ MeanPart mean_part(const SlowData& data, const EffectEstimator& estimator, const
   same_width(&part.local);
   set_precision(data.spread_dph, prior, &part);
   part.local_precision = VectorXd::Constant(part.local.front().cols(), 1 / (local_sd * local_sd));
+  return part;
+}
+
+MeanPart own_jumps_part(const SlowData& data) {
+  Theta places;
+  for (size_t r = 0; r < data.campaign.runs.size(); ++r)
+    for (const OwnJump& jump : data.campaign.runs[r].own_jumps)
+      places.push_back(static_cast<double>(r)), places.push_back(jump.t_s);
+  MeanPart part;
+  part.common = none(data.campaign);
+  part.local = step_columns(data.campaign, places); // of other runs: zero
+  const double sd = kFreeLevel * data.spread_dph;
+  part.local_precision = VectorXd::Constant(part.local.front().cols(), 1 / (sd * sd));
   return part;
 }
 

@@ -47,6 +47,9 @@ std::vector<Eigen::MatrixXd> polynomial_columns(const Campaign& campaign, const 
 // The columns of an effect at one shape (kColumns, kTemperature, kRunRandom, kTone, kSteps).
 MeanPart mean_part(const SlowData& data, const EffectEstimator& estimator, const Theta& shape);
 
+// The levels after the jumps that runs have of their own; no columns where none has any.
+MeanPart own_jumps_part(const SlowData& data);
+
 // A part on the rows that `some`, made from `all`, still has: the same columns and priors, so that likelihoods and
 // coefficients of all rows and of some belong together.
 MeanPart rows_of(const MeanPart& part, const SlowData& all, const SlowData& some);

@@ -15,12 +15,18 @@ namespace imucal {
 // Below this range of temperature nothing thermal can be asked.
 constexpr double kLeastSpan_degc = 2;
 
+// A jump in time that only one log has.
+struct OwnJump {
+  double t_s = 0, size_dph = 0, error_dph = 0;
+};
+
 struct CampaignRun {
   RunInput input;
-  std::vector<int> used;   // rows with a usable rate, increasing
-  std::vector<int> steps;  // per used row: seconds (in units of dt) since the used row before; first: 0
-  double start_s = 0;      // t_s of the first row in the log
-  std::vector<Hold> holds; // rows of the log: all but the first of each are left out
+  std::vector<int> used;               // rows with a usable rate, increasing
+  std::vector<int> steps;              // per used row: seconds (in units of dt) since the used row before; first: 0
+  double start_s = 0;                  // t_s of the first row in the log
+  std::vector<Hold> holds;             // rows of the log: all but the first of each are left out
+  std::vector<OwnJump> own_jumps = {}; // of a held-out log: the level after each is free in every hypothesis
   size_t n() const { return used.size(); }
 };
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "analysis/diagnose/logs/blocks.h"
 
@@ -82,10 +83,8 @@ Rows with_guard(const Campaign& campaign, const Rows& bad) {
   return static_cast<double>(lost) < kMostLost * static_cast<double>(campaign.n()) ? wide : bad;
 }
 
-} // namespace
-
-StructureResult find_structure(Campaign* campaign, const std::vector<const Effect*>& library,
-                               const std::vector<bool>& active) {
+StructureResult find_in_all(Campaign* campaign, const std::vector<const Effect*>& library,
+                            const std::vector<bool>& active) {
   StructureResult out;
   const size_t before = campaign->n();
   const Rows zeros = far_zeros(*campaign); // no detector takes them for a limit or a dead band
@@ -116,6 +115,21 @@ StructureResult find_structure(Campaign* campaign, const std::vector<const Effec
       mask(campaign, is_censoring ? with_guard(*campaign, signature->unusable) : signature->unusable);
   }
   out.n_left_out = before - campaign->n();
+  return out;
+}
+void move_runs(std::vector<CampaignRun>* from, size_t first, std::vector<CampaignRun>* to) {
+  std::move(from->begin() + static_cast<long>(first), from->end(), std::back_inserter(*to));
+  from->resize(first);
+}
+
+} // namespace
+
+StructureResult find_structure(Campaign* fitted, Campaign* held_out, const std::vector<const Effect*>& library,
+                               const std::vector<bool>& active) {
+  const size_t n_fitted = fitted->runs.size();
+  if (held_out) move_runs(&held_out->runs, 0, &fitted->runs);
+  StructureResult out = find_in_all(fitted, library, active);
+  if (held_out) move_runs(&fitted->runs, n_fitted, &held_out->runs);
   return out;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What the converter or the recorder did to the samples: found first, said, and left out of what follows.  The rest of
-// the log is judged without it.
+// What the converter or the recorder did to the samples of all logs, fitted or held out: found first, said, and left out of what
+// follows.  The rest is judged without it.
 #pragma once
 #include <vector>
 
@@ -22,8 +22,8 @@ struct StructureResult {
   bool is_censored = false;    // values are missing because of their size
 };
 
-// Masks in `campaign` what cannot be used.  `active`: effects that may be named.
-StructureResult find_structure(Campaign* campaign, const std::vector<const Effect*>& library,
+// Masks what cannot be used.  `held_out`: or nullptr.  `active`: effects that may be named.
+StructureResult find_structure(Campaign* fitted, Campaign* held_out, const std::vector<const Effect*>& library,
                                const std::vector<bool>& active);
 
 } // namespace imucal

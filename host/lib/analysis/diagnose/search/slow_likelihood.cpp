@@ -74,6 +74,7 @@ std::vector<MeanPart> SlowLikelihood::parts_on(const SlowData& where, const Slow
   for (const NoiseBelief::Known& known : space_.belief.known)
     if (!m.is_without_lines || known.estimator->form() != Form::kTone)
       list.push_back(start_part(where, *known.estimator, known.shape));
+  if (MeanPart jumps = own_jumps_part(where); jumps.local_precision.size() > 0) list.push_back(std::move(jumps));
   if (!m.steps.empty()) {
     Theta all;
     for (const Theta& step : m.steps) all.insert(all.end(), step.begin(), step.end());

@@ -16,7 +16,7 @@ struct NamedLine {
 
 struct AxisQuestion {
   const Campaign& campaign; // the fitted logs, second by second; what structure has spoilt is masked
-  const Campaign* held_out; // further logs, or nullptr
+  const Campaign* held_out; // further logs, the same, or nullptr
   const std::vector<const Effect*>& library;
   const std::vector<bool>& active; // effects of the library that may be named
   NoiseBelief belief;              // with the lines in the mean among what is known

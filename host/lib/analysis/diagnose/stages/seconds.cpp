@@ -326,10 +326,14 @@ FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from, con
 namespace {
 
 constexpr double kTempCell_degc = 4, kTimeBlock_s = 600, kBurst_s = 30;
-constexpr long kNeighbours[] = {10, 60};                   // samples within which hits of one burst follow each other
-constexpr double kSudden_s[] = {5., 15., 50.};             // of innovations: where sudden changes show
-constexpr double kFewestSmoothed = 500;                    // smoothing times in all logs: fewer have no normal moments
-constexpr double kMomentTail = 1.4;                        // moments of so many reach this much further than a normal
+constexpr long kNeighbours[] = {10, 60};             // samples within which hits of one burst follow each other
+constexpr double kSudden_s[] = {5., 15., 50., 150.}; // of innovations: where sudden changes show
+// Smoothing times in all logs from which a moment is asked, and how much further than a normal one it reaches at 1 in 10,000
+// (draws of white noise): the fourth needs more of them, and reaches further.
+struct MomentTail {
+  double fewest, reach;
+};
+constexpr MomentTail kThird{100, 1.1}, kFourth{500, 1.4};
 constexpr double kPieceTaus = 10, kFewestSidedPieces = 30; // pieces that know nothing of each other, and enough of them
 constexpr double kSidedRate =
     0.01; // at which signs drawn at random look one-sided; jumps up and down in turn do far less
@@ -411,9 +415,9 @@ VectorXd smoothed(const VectorXd& e, double a) {
   return z;
 }
 
-// Largest third or fourth Hermite moment of innovations smoothed over tau, in standard errors: of N(0,1) samples with the
-// correlation a^n the sum of He_m has the variance m! n (1 + a^m)/(1 - a^m).
-double smoothed_moment(const std::vector<VectorXd>& e, double a) {
+// Larger of the third and the fourth Hermite moment of innovations smoothed over tau, in standard errors of a normal: of N(0,1)
+// samples with the correlation a^n the sum of He_m has the variance m! n (1 + a^m)/(1 - a^m).  times: of smoothing, in all logs.
+double smoothed_moment(const std::vector<VectorXd>& e, double a, double times) {
   double s2 = 0, s3 = 0, s4 = 0, n = 0;
   std::vector<VectorXd> smooth;
   for (const VectorXd& x : e) {
@@ -426,17 +430,18 @@ double smoothed_moment(const std::vector<VectorXd>& e, double a) {
     s3 += (u * (uu - 3)).sum(), s4 += (uu * uu - 6 * uu + 3).sum();
   }
   const double a3 = a * a * a, a4 = a3 * a;
-  return std::max(std::fabs(s3) / std::sqrt(6 * n * (1 + a3) / (1 - a3)),
-                  std::fabs(s4) / std::sqrt(24 * n * (1 + a4) / (1 - a4)));
+  const auto in_errors = [times](const MomentTail& tail, double sum, double variance) {
+    return times < tail.fewest ? 0 : std::fabs(sum) / (tail.reach * std::sqrt(variance));
+  };
+  return std::max(in_errors(kThird, s3, 6 * n * (1 + a3) / (1 - a3)),
+                  in_errors(kFourth, s4, 24 * n * (1 + a4) / (1 - a4)));
 }
 
 // Jumps, teeth and slips: a Gaussian noise takes their spectrum, not their moments.
 RestFinding in_sudden_changes(const Campaign& campaign, const std::vector<VectorXd>& e, const Moments& m, double rate) {
   double z = 0;
   for (double tau_s : kSudden_s)
-    if (m.n * campaign.dt_s > kFewestSmoothed * tau_s)
-      z = std::max(z, smoothed_moment(e, std::exp(-campaign.dt_s / tau_s)));
-  z /= kMomentTail;
+    z = std::max(z, smoothed_moment(e, std::exp(-campaign.dt_s / tau_s), m.n * campaign.dt_s / tau_s));
   return finding(Rest::kSuddenChanges, z * z, 1, rate / (2 * std::size(kSudden_s)));
 }
 
@@ -482,6 +487,25 @@ RestFinding in_spectrum(const Campaign& campaign, const std::vector<double>& pow
 }
 
 } // namespace
+
+VectorXd with_jump_moved(VectorXd residual, double size_dph, long from, long to) {
+  if (to < from) residual.segment(to, from - to).array() -= size_dph;
+  if (to > from) residual.segment(from, to - from).array() += size_dph;
+  return residual;
+}
+long sample_of_jump(const CampaignRun& run, const NoiseModel& noise, const VectorXd& residual, double size_dph, long at,
+                    long reach) {
+  const RunGains gains = compute_gains(run, gaussian_equivalent(noise));
+  const long n = residual.size();
+  long best = at;
+  double least = 1e300;
+  for (long k = std::max(1L, at - reach); k <= std::min(n - 1, at + reach); ++k) {
+    VectorXd e = with_jump_moved(residual, size_dph, at, k);
+    whiten(gains, e.data(), static_cast<size_t>(n));
+    if (e.squaredNorm() < least) least = e.squaredNorm(), best = k;
+  }
+  return best;
+}
 
 bool is_one_sided(const Campaign& campaign, const std::vector<VectorXd>& residual, const NoiseModel& noise) {
   const std::vector<VectorXd> e = whitened(campaign, gaussian_equivalent(noise), residual);
@@ -534,6 +558,25 @@ std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<V
     f.threshold_nats = is_line ? constants.rest_line_nats : -std::log(rate);
     if (is_line) f.n_places = static_cast<double>(power.size());
   }
+  return out;
+}
+
+Hypothesis without_jumps(Hypothesis h) {
+  const auto is_of_one_log = [](const Term& term) { return term.form() == Form::kSteps; };
+  h.terms.erase(std::remove_if(h.terms.begin(), h.terms.end(), is_of_one_log), h.terms.end());
+  return h;
+}
+std::vector<RestFinding> test_unseen(const Campaign& held_out, const Hypothesis& found,
+                                     const SelectorConstants& constants) {
+  std::vector<VectorXd> e = fit_hypothesis(held_out, found).e;
+  const Moments m = moments(e);
+  if (!(m.var > 0)) return {};
+  for (VectorXd& x : e) x /= std::sqrt(m.var);
+  const double rate = constants.rest_rate, heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
+  const Moments unit{m.n, m.mean / std::sqrt(m.var), 1, m.kurtosis};
+  std::vector<RestFinding> out = {over_time(held_out, e, rate), finding(Rest::kDistribution, heavy * heavy, 1, rate),
+                                  in_bursts(held_out, e, unit, rate), in_sudden_changes(held_out, e, unit, rate)};
+  for (RestFinding& f : out) f.threshold_nats = -std::log(rate);
   return out;
 }
 

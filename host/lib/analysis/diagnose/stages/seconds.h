@@ -72,6 +72,13 @@ double gain_of_free_spectrum(const Campaign& campaign, const std::vector<Eigen::
 // with the level free, not at the middle of a scale that the logs may never pass.
 void set_errors(const ResidualLikelihood& log_likelihood, FastFinding* finding);
 
+// What is left of a run where a jump of this size comes before sample `to` and not before sample `from`.
+Eigen::VectorXd with_jump_moved(Eigen::VectorXd residual, double size_dph, long from, long to);
+// The sample before which a jump came, by what is left where it comes earlier or later: from the residual of its run, with the
+// jump of this size before sample `at`.
+long sample_of_jump(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual, double size_dph,
+                    long at, long reach);
+
 // Whether sudden changes go one way more than the other, as teeth do; telegraph noise jumps up and down in turn.  Said at a
 // rate of 1 in 100 at most where they do not.  `residual`: rate less the fitted mean; `noise`: of any kind.
 bool is_one_sided(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual, const NoiseModel& noise);
@@ -103,5 +110,11 @@ struct RestFinding {
 };
 std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e,
                                    const SelectorConstants& constants);
+// Those of held-out logs that need no more of the noise than its kind: its parameters are known from other logs, to within
+// errors.  The coefficients of the mean are those of these logs.
+std::vector<RestFinding> test_unseen(const Campaign& held_out, const Hypothesis& found,
+                                     const SelectorConstants& constants);
+// A hypothesis without its jumps in time: they stay with the logs in which they were found.
+Hypothesis without_jumps(Hypothesis h);
 
 } // namespace imucal

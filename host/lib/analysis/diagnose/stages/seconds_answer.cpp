@@ -92,27 +92,6 @@ void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer
   slow->found.best.is_believed = true; // its noise is the believed one from here on
   seconds->final = hypothesis_of(question, *slow->search, slow->found.best, true);
 }
-// What is left of a run where a jump of this size comes before sample `to` and not before sample `from`.
-VectorXd moved(VectorXd e, double size_dph, long from, long to) {
-  if (to < from) e.segment(to, from - to).array() -= size_dph;
-  if (to > from) e.segment(from, to - from).array() += size_dph;
-  return e;
-}
-// The sample before which a jump came, by what is left where it comes earlier or later: from `residual` of its run, with
-// the jump of this size before sample `at`.
-long placed(const CampaignRun& run, const NoiseModel& noise, const VectorXd& residual, double size_dph, long at,
-            long reach) {
-  const RunGains gains = compute_gains(run, gaussian_equivalent(noise));
-  const long n = residual.size();
-  long best = at;
-  double least = 1e300;
-  for (long k = std::max(1L, at - reach); k <= std::min(n - 1, at + reach); ++k) {
-    VectorXd e = moved(residual, size_dph, at, k);
-    whiten(gains, e.data(), static_cast<size_t>(n));
-    if (e.squaredNorm() < least) least = e.squaredNorm(), best = k;
-  }
-  return best;
-}
 // Two parts of one jump inside a block come to the same sample: they are one.
 void leave_doubles(std::vector<Theta>* steps) {
   std::vector<Theta> apart;
@@ -140,8 +119,8 @@ bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* 
     long at = 0;
     while (at < static_cast<long>(run.n()) && t_s(at) < steps[s][1]) ++at;
     if (at == static_cast<long>(run.n())) continue;
-    const long k = placed(run, seconds->noise.base, residual[r], sizes_dph[s], at, reach);
-    residual[r] = moved(residual[r], sizes_dph[s], at, k);
+    const long k = sample_of_jump(run, seconds->noise.base, residual[r], sizes_dph[s], at, reach);
+    residual[r] = with_jump_moved(residual[r], sizes_dph[s], at, k);
     const double place_s = t_s(k) - 0.5 * question.campaign.dt_s;
     has_moved = has_moved || k != at || std::fabs(place_s - steps[s][1]) >= question.campaign.dt_s;
     steps[s][1] = place_s;

@@ -7,6 +7,7 @@
 
 #include "analysis/diagnose/logs/blocks.h"
 #include "analysis/diagnose/stages/names.h"
+#include "analysis/diagnose/stages/own_jumps.h"
 
 namespace imucal {
 
@@ -23,6 +24,7 @@ public:
   void run() {
     slow_.found = slow_.search->run();
     slow_.is_told_by_held_out = false;
+    if (slow_.held_blocks) find_own_jumps(question_, &slow_);
     weigh_steps();
     weigh_noise();
     weigh_rivals();

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: MIT
+// Held-out logs are logs of a real sensor too: what happens in them alone is told, and changes nothing of what is named.
+#include "analysis/diagnose/stages/seconds.h"
+#include "diagnose_logs.h"
+
+namespace {
+
+constexpr double kLoop_dph = 40;
+
+// Three fitted logs of a hysteresis and one held out; `spoil` changes the latter.
+Selection answer_with(const std::function<void(Log*)>& spoil, uint64_t seed = 700, double loop_dph = kLoop_dph) {
+  std::vector<Log> logs, unseen;
+  for (uint64_t k = 0; k < 4; ++k) (k < 3 ? logs : unseen).push_back(simulated_log(seed + k, 6000, false, loop_dph));
+  spoil(&unseen[0]);
+  DiagnoseOptions options;
+  options.nulls = 40, options.model_path = "given";
+  return diagnose_logs(options, nominal_model(), logs, unseen).axes.at(0).study.selection;
+}
+void nothing(Log*) {}
+
+bool fires(const std::vector<RestFinding>& tests, Rest which) {
+  for (const RestFinding& f : tests)
+    if (f.test == which) return f.evidence_nats > 0;
+  return false;
+}
+bool fires(const std::vector<RestFinding>& tests) {
+  for (const RestFinding& f : tests)
+    if (f.evidence_nats > 0) return true;
+  return false;
+}
+
+} // namespace
+
+static void test_a_clean_held_out_log_leaves_nothing(void**) {
+  const Selection said = answer_with(nothing);
+  assert_true(names_of(said).count("thermal_hysteresis") == 1);
+  assert_true(said.verdict == Verdict::kExplained);
+  assert_true(said.own_jumps.empty() && !fires(said.unseen) && said.unseen.size() >= 4);
+}
+
+// Only the held-out log was recorded with a small range: half of it is at the limit.
+static void test_structure_of_a_held_out_log_is_left_out(void**) {
+  const Selection said = answer_with([](Log* log) {
+    for (double& rate : log->axes[0].rate_dph) rate = std::min(rate, 150.0);
+  });
+  const std::set<std::string> names = names_of(said);
+  assert_true(names.count("thermal_hysteresis") == 1 && names.count("saturation") == 1);
+  assert_true(said.n_left_out > 1000);
+  const Selection dropped = answer_with([](Log* log) {
+    for (double& rate : log->axes[0].rate_dph) rate += 2000; // a zero is far from every rate
+    for (size_t i = 20; i < log->size(); i += 100) log->axes[0].rate_dph[i] = 0;
+  });
+  assert_true(names_of(dropped).count("thermal_hysteresis") == 1 && names_of(dropped).count("held_samples") == 1);
+  assert_int_equal(dropped.n_left_out, 60);
+}
+
+static void test_a_jump_of_a_held_out_log_is_told_and_takes_no_name_away(void**) {
+  const Selection said = answer_with([](Log* log) {
+    for (size_t i = 2500; i < log->size(); ++i) log->axes[0].rate_dph[i] += 150;
+  });
+  assert_true(names_of(said).count("thermal_hysteresis") == 1);
+  assert_true(said.verdict == Verdict::kPartlyExplained); // nothing named tells of the jump
+  assert_int_equal(said.own_jumps.size(), 1);
+  const StepValue& jump = said.own_jumps[0];
+  assert_int_equal(jump.log, 0);
+  assert_near(jump.t_s, 2501, 3);
+  assert_near(jump.amplitude_dph.value, 150, 4 * jump.amplitude_dph.std_error);
+  assert_true(jump.amplitude_dph.std_error < 15);
+  assert_true(!fires(said.unseen)); // it is found to the second
+}
+
+// As large, but over ten minutes: a cause may do that, and the held-out log speaks for or against it.
+static void test_a_slow_change_of_a_held_out_log_is_no_jump(void**) {
+  const Selection said = answer_with([](Log* log) {
+    for (size_t i = 0; i < log->size(); ++i)
+      log->axes[0].rate_dph[i] += 150 * std::clamp((static_cast<double>(i) - 2200) / 600, 0.0, 1.0);
+  });
+  assert_true(said.own_jumps.empty());
+  assert_true(said.verdict != Verdict::kExplained);
+}
+
+// What jumps in the fitted logs as well may come back in the held-out ones: they tell.
+static void test_a_jump_that_comes_back_is_not_left_free(void**) {
+  const auto jump = [](double, double temp_degc) { return temp_degc > 37.3 ? 90.0 : 0.0; };
+  const Selection said = answer_to(jump, 720, 1, true);
+  assert_true(names_of(said).count("thermal_step") == 1);
+  assert_true(said.own_jumps.empty());
+  // A jump in time of a fitted log: whether it comes again and again the held-out one tells.
+  const auto in_time = [n = 0](double t_s, double) mutable {
+    n += t_s < 1.5 ? 1 : 0; // the log
+    return (n == 2 && t_s > 1500) || (n == 4 && t_s > 4500) ? 120.0 : 0.0;
+  };
+  const Selection twice = answer_to(in_time, 721, 1, true);
+  assert_true(!twice.effects.empty() && twice.own_jumps.empty());
+}
+
+// A gap that the fitted logs do not have is one all the same.
+static void test_bursts_of_a_held_out_log_are_a_gap(void**) {
+  Rng rng(740, 0, 0, Stream::kTool);
+  const auto burst = [&](Log* log) {
+    for (size_t i = 3000; i < 3040; ++i) log->axes[0].rate_dph[i] += 200 * rng.normal();
+  };
+  assert_true(answer_with(nothing, 740, 0).verdict == Verdict::kNoGap);
+  const Selection said = answer_with(burst, 740, 0);
+  assert_true(said.verdict == Verdict::kUnexplained && said.effects.empty());
+  assert_true(fires(said.unseen, Rest::kBursts) && fires(said.unseen, Rest::kDistribution));
+}
+
+// Without anything: at 1 in 1000 each.
+static void test_right_held_out_logs_are_quiet(void**) {
+  int n_fire = 0;
+  for (uint64_t k = 0; k < 40; ++k) {
+    Campaign campaign = make_campaign({simulated_log(2000 + k, 6000, true, 0)}, "gx_dph", nominal_model());
+    n_fire += fires(test_unseen(campaign, nominal_hypothesis(), SelectorConstants())) ? 1 : 0;
+  }
+  assert_true(n_fire <= 2); // 0.16 are expected, more than 2 in 1 of 1600 such tests
+}
+
+// Teeth of 0.88 standard deviations of a second, 57 in all: their third moment tells some of them.
+static void test_small_teeth_are_sudden_changes(void**) {
+  const Campaign campaign = make_campaign({simulated_log(1, 28000, false, 0)}, "gx_dph", nominal_model());
+  int n_teeth = 0, n_none = 0;
+  for (uint64_t draw = 0; draw < 60; ++draw) {
+    Rng rng(900 + draw, 0, 0, Stream::kWhite);
+    VectorXd e(28000);
+    for (double& x : e) x = rng.normal();
+    const auto sudden = [&] { return fires(test_rest(campaign, {e}, SelectorConstants()), Rest::kSuddenChanges); };
+    n_none += sudden() ? 1 : 0;
+    for (long tooth = 200; tooth + 100 < e.size(); tooth += 490)
+      for (long k = 0; k < 60; ++k) e[tooth + k] -= 0.88 * std::exp(-static_cast<double>(k) / 15);
+    n_teeth += sudden() ? 1 : 0;
+  }
+  assert_int_equal(n_none, 0);
+  assert_in_range(n_teeth, 20, 60); // 27; 12 where the third moment counts as little as the fourth
+}
+
+int main() {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_a_clean_held_out_log_leaves_nothing),
+      cmocka_unit_test(test_structure_of_a_held_out_log_is_left_out),
+      cmocka_unit_test(test_a_jump_of_a_held_out_log_is_told_and_takes_no_name_away),
+      cmocka_unit_test(test_a_slow_change_of_a_held_out_log_is_no_jump),
+      cmocka_unit_test(test_a_jump_that_comes_back_is_not_left_free),
+      cmocka_unit_test(test_bursts_of_a_held_out_log_are_a_gap),
+      cmocka_unit_test(test_right_held_out_logs_are_quiet),
+      cmocka_unit_test(test_small_teeth_are_sudden_changes),
+  };
+  return cmocka_run_group_tests_name("diagnose: held-out logs", tests, nullptr, nullptr);
+}
