@@ -46,27 +46,12 @@ public:
   void run() {
     prepare();
     const TimeJumps jumps = find_steps(likelihood_, start_null_);
-    // Many jumps may be one at a temperature that the logs pass again and again.
-    if (jumps.places.empty()) return run_with(start_, start_null_, jumps.are_many ? &start_null_ : nullptr);
-    SlowModel jumped = start_;
-    jumped.steps = jumps.places;
-    polish(likelihood_, &jumped, kEvaluations);
-    run_with(start_, start_null_, &jumped);
-    // Names that take all the jumps: a search beside jumps would only come to them again.
-    const bool is_once = has_once(out_.best); // held-out logs choose then
-    if (!is_once && likelihood_.score(out_.best) > likelihood_.score(jumped) &&
-        find_steps(likelihood_, out_.best).places.empty())
-      return;
-    const SlowResult plain = out_;
-    out_ = SlowResult();
-    run_with(jumped, space_.belief.has_believed ? polished(likelihood_, jumped, kQuickEvaluations) : jumped, nullptr);
-    if (!is_once && likelihood_.score(out_.best) < likelihood_.score(plain.best)) {
-      out_ = plain;
-      return;
-    }
-    out_.step_gain_nats = out_.null.free_score() - plain.null.free_score();
-    out_.null = plain.null;
-    out_.without_steps = std::make_shared<const SlowResult>(plain);
+    if (jumps.places.empty())
+      // Many jumps may be one at a temperature that the logs pass again and again.
+      run_with(start_, start_null_, jumps.are_many ? &start_null_ : nullptr);
+    else
+      run_with_or_without(jumps.places);
+    if (!jumps.places.empty() || jumps.are_many) part_jumps();
   }
   // The best hypothesis with exactly these causes.
   SlowModel best_with(const std::vector<const Effect*>& effects) const {
@@ -93,6 +78,60 @@ public:
   }
 
 private:
+  SlowModel jumped(const std::vector<Theta>& places) const {
+    SlowModel m = start_;
+    m.steps = places;
+    polish(likelihood_, &m, kEvaluations);
+    return m;
+  }
+  void run_with_or_without(const std::vector<Theta>& places) {
+    const SlowModel in_time = jumped(places);
+    run_with(start_, start_null_, &in_time);
+    // Names that take all the jumps: a search beside jumps would only come to them again.
+    const bool is_once = has_once(out_.best); // held-out logs choose then
+    if (!is_once && likelihood_.score(out_.best) > likelihood_.score(in_time) &&
+        find_steps(likelihood_, out_.best).places.empty())
+      return;
+    const SlowResult plain = out_;
+    run_beside(in_time, plain);
+    if (!is_once && likelihood_.score(out_.best) < likelihood_.score(plain.best)) out_ = plain;
+  }
+  // The same search beside jumps in time.
+  void run_beside(const SlowModel& in_time, const SlowResult& plain) {
+    out_ = SlowResult();
+    run_with(in_time, space_.belief.has_believed ? polished(likelihood_, in_time, kQuickEvaluations) : in_time,
+             nullptr);
+    out_.step_gain_nats = out_.null.free_score() - plain.null.free_score();
+    out_.null = plain.null;
+    out_.without_steps = std::make_shared<const SlowResult>(plain);
+  }
+  // Some jumps may be one at a temperature, others single ones in time: taken all as jumps in time they are too many, or cost too
+  // much.  Those in time are looked for beside the likeliest one at a temperature.
+  void part_jumps() {
+    const SlowResult before = out_;
+    const SlowResult& plain = before.without_steps ? *before.without_steps : before;
+    const SlowModel* relay = nullptr;
+    for (const SlowCandidateScore& s : plain.singles)
+      if (!s.model.names.empty() && can_jump(s.model.names.back()) && (!relay || s.gain_nats > relay->free_score()))
+        relay = &s.model;
+    if (!relay || relay->free_score() < plain.null.free_score() + space_.constants.mean_nats) return;
+    const TimeJumps beside = find_steps(likelihood_, *relay);
+    if (beside.places.empty()) return;
+    SlowModel both = *relay;
+    both.steps = beside.places;
+    both = polished(likelihood_, both);
+    if (likelihood_.score(both) <= likelihood_.score(before.best)) return;
+    run_beside(jumped(beside.places), plain);
+    consider(both);
+    // Without one at a temperature these are the jumps in time that were weighed before.
+    if (!has_jump(out_.best) || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
+  }
+  bool can_jump(const SlowModel::Name& name) const {
+    return space_.candidates[name.candidate].scan.estimator->can_jump();
+  }
+  bool has_jump(const SlowModel& m) const {
+    return std::any_of(m.names.begin(), m.names.end(), [&](const auto& name) { return can_jump(name); });
+  }
   bool has_once(const SlowModel& m) const {
     return std::any_of(m.names.begin(), m.names.end(),
                        [&](const SlowModel::Name& name) { return space_.candidates[name.candidate].is_once; });
