@@ -390,6 +390,26 @@ static void test_saw_teeth_are_no_telegraph_noise(void**) {
   assert_true(said.verdict != Verdict::kNoGap);
 }
 
+// Hits, and white noise that grows with the temperature: each passes for a part of the other.
+static void test_two_kinds_of_fast_noise_are_told(void**) {
+  Rng rng(751, 0, 0, Stream::kTool);
+  const auto both = [&](double, double temp_degc) {
+    const double more = 36 * std::sqrt(std::exp(0.8 * (temp_degc - 30) / 30) - std::exp(-0.8));
+    return more * rng.normal() + (rng.uniform() < 0.003 ? 300 * rng.normal() : 0.0);
+  };
+  const Selection said = answer_to(both, 751, 0);
+  assert_true(names_of(said) == (std::set<std::string>{"outliers", "white_noise_vs_temperature"}));
+  for (const SelectedEffect& effect : said.effects) {
+    const Parameters values = effect.term.estimator->values(effect.term.estimate());
+    if (effect.term.effect->name() == "outliers") assert_near(values.number("probability"), 0.003, 0.001);
+    assert_true(effect.evidence_nats > 50);
+    assert_true(std::isfinite(effect.term.shape_errors.at(0)));
+  }
+  // One alone is one.
+  const auto hits = [&](double, double) { return rng.uniform() < 0.003 ? 300 * rng.normal() : 0.0; };
+  assert_true(names_of(answer_to(hits, 752, 0)) == std::set<std::string>{"outliers"});
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_a_fast_process_is_found_where_the_fitted_noise_is_believed),
@@ -405,6 +425,7 @@ int main() {
       cmocka_unit_test(test_what_better_plain_noise_gains_is_no_kind_of_fast_noise),
       cmocka_unit_test(test_the_error_of_a_slope_of_noise_has_the_level_free),
       cmocka_unit_test(test_saw_teeth_are_no_telegraph_noise),
+      cmocka_unit_test(test_two_kinds_of_fast_noise_are_told),
   };
   const struct CMUnitTest long_tests[] = {
       cmocka_unit_test(test_a_few_jumps_are_not_said_to_be_telegraph_noise),

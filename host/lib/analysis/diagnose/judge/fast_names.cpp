@@ -21,7 +21,7 @@ void insert_by_evidence(const SelectedEffect& effect, Names* names) {
 // Whether a process that jumps is expected to do so in a log no more often than what is said to be single events.
 bool jumps_seldom(const Campaign& campaign, const FastFinding& found) {
   if (!found.effect->estimator()->is_jumping()) return false;
-  const NoiseModel noise = found.effect->estimator()->noise(found.base, found.theta);
+  const NoiseModel noise = found.noise();
   double longest_s = 0;
   for (const CampaignRun& run : campaign.runs)
     longest_s = std::max(longest_s, static_cast<double>(run.used.size()) * campaign.dt_s);
@@ -48,6 +48,18 @@ bool is_broad_band(const AxisQuestion& question) {
   for (size_t i = 1; i < frequency_hz.size(); ++i)
     if (frequency_hz[i] - frequency_hz[i - 1] < kBroadPart * frequency_hz[i]) return true;
   return false;
+}
+
+void name_second(const AxisQuestion& question, const FastFinding& second, Names* names) {
+  if (!second.effect) return;
+  SelectedEffect effect;
+  effect.family = second.effect->family();
+  effect.term = term_of(second);
+  effect.gain_nats = second.gain_nats;
+  effect.evidence_nats = second.gain_nats - question.constants.fast_nats;
+  effect.held_out_nats = kPredictsNothing;
+  effect.set = {{second.effect, nullptr, false, effect.family, effect.gain_nats, question.constants.fast_nats}};
+  insert_by_evidence(effect, names);
 }
 
 } // namespace
@@ -87,6 +99,7 @@ void name_fast(const AxisQuestion& question, const Found& found, Names* names) {
     open_seldom_jumps(question, names, &effect);
   }
   insert_by_evidence(effect, names);
+  name_second(question, found.fast.second, names);
 }
 
 void name_retuned(const AxisQuestion& question, const Found& found, Names* names) {

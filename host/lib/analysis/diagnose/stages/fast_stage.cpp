@@ -2,6 +2,7 @@
 #include "analysis/diagnose/stages/fast_stage.h"
 
 #include <algorithm>
+#include <iterator>
 #include <optional>
 
 namespace imucal {
@@ -22,7 +23,7 @@ bool may_ask_slow_noise(const Found& found) {
 void leave_hits_that_stay(const AxisQuestion& question, const SecondsAnswer& seconds, FastScan* scan) {
   std::vector<FastFinding>& list = scan->findings;
   const auto stays = [&](const FastFinding& f) {
-    const NoiseModel noise = f.effect->estimator()->noise(f.base, f.theta);
+    const NoiseModel noise = f.noise();
     return noise.hit_probability > 0 &&
            do_hits_stay(question.campaign, seconds.fit.residual, noise, question.constants);
   };
@@ -34,6 +35,20 @@ void take_plain(const AxisQuestion& question, const SecondsNoise& plain, Seconds
   if (seconds->is_believed) return;
   if (question.belief.has_believed) seconds->retuned_nats += plain.log_likelihood - seconds->noise.log_likelihood;
   seconds->noise = plain;
+}
+
+// A single kind may pass for two: hits, and a white noise that follows the temperature.
+void ask_second(const AxisQuestion& question, Found* found) {
+  if (!found->fast.best(question.constants)) return;
+  std::vector<FastFinding>& list = found->fast.scan.findings;
+  const auto is_fast = [](const FastFinding& f) {
+    return f.effect->family() == Family::kFastNoise && !f.effect->estimator()->is_jumping();
+  };
+  if (!is_fast(list.front())) return;
+  std::vector<FastFinding> rest;
+  std::copy_if(list.begin() + 1, list.end(), std::back_inserter(rest), is_fast);
+  found->fast.second = second_kind(ResidualLikelihood(question.campaign, found->seconds.fit.residual),
+                                   !found->seconds.is_believed, rest, question.constants.fast_nats, &list.front());
 }
 
 // Whether the believed noise holds was asked while hits, or a white noise that follows the temperature, passed for a part
@@ -49,8 +64,14 @@ bool believe_beside(const AxisQuestion& question, Found* found) {
   seconds.retuned_nats = fit_again(log_likelihood, true, &refitted) - fit_again(log_likelihood, false, &believed);
   if (seconds.retuned_nats > question.constants.retuned_nats) return false;
   best = believed;
+  if (found->fast.second.effect) found->fast.second.base = best.base;
   seconds.is_believed = found->slow.found.best.is_believed = true;
   return true;
+}
+
+void add_terms(const FastAnswer& fast, const FastFinding& best, Hypothesis* h) {
+  h->terms.push_back(term_of(best));
+  if (fast.second.effect) h->terms.push_back(term_of(fast.second));
 }
 
 // What the fast noise explains better than a kind of slow noise takes its place.  `holds_beside`: the believed noise does
@@ -59,22 +80,27 @@ void take_best(const AxisQuestion& question, bool holds_beside, Found* found) {
   const FastFinding* best = found->fast.best(question.constants);
   if (!best) return;
   SecondsAnswer& seconds = found->seconds;
-  set_errors(ResidualLikelihood(question.campaign, seconds.fit.residual), &found->fast.scan.findings.front());
+  const ResidualLikelihood log_likelihood(question.campaign, seconds.fit.residual);
+  set_errors(log_likelihood, &found->fast.scan.findings.front());
+  if (found->fast.second.effect) set_errors(log_likelihood, &found->fast.second);
   seconds.noise.base = best->base;
   if (holds_beside)
     fit_own_base(question, found->slow, &seconds);
   else if (found->slow.found.best.noise_effect)
-    fit_own_base_beside(best->effect->estimator(), best->theta, question, found->slow, &seconds);
-  seconds.final.terms.push_back(term_of(*best));
+    fit_own_base_beside([best](const NoiseModel& base) { return best->noise_on(base); }, question, found->slow,
+                        &seconds);
+  add_terms(found->fast, *best, &seconds.final);
 }
 
 // What the slow stage named under noise that is the same at all temperatures, asked again beside noise that is not.
 class AskedAgain {
 public:
-  AskedAgain(const AxisQuestion& question, const FastFinding& fast, bool holds_beside, Found* found)
-      : question_(question), fast_(fast), holds_beside_(holds_beside), slow_(found->slow), seconds_(found->seconds) {}
+  AskedAgain(const AxisQuestion& question, const FastFinding& best, bool holds_beside, Found* found)
+      : question_(question), fast_(found->fast), best_kind_(best), holds_beside_(holds_beside), slow_(found->slow),
+        seconds_(found->seconds) {}
 
-  // Names that gained less than twice their threshold go where they gain less than it now.
+  // Names that gained less than twice their threshold go where they gain less than it now, and noise that follows the
+  // temperature whatever it gained.
   void run() {
     const bool leaves_noise = weigh_noise(), leaves_names = weigh_names();
     if (!leaves_noise && !leaves_names) return;
@@ -87,16 +113,18 @@ private:
   Hypothesis hypothesis() const {
     Hypothesis h = hypothesis_of(question_, *slow_.search, best(), true);
     h.base_noise = best().noise_effect ? seconds_.own_base : seconds_.noise.base;
-    h.terms.push_back(term_of(fast_));
+    add_terms(fast_, best_kind_, &h);
     return h;
   }
   bool weigh_noise() {
     std::vector<double>& evidence = slow_.found.evidence;
     const double threshold = question_.constants.noise_nats;
-    if (!best().noise_effect || evidence.empty() || evidence.back() > threshold) return false;
+    if (!best().noise_effect || evidence.empty()) return false;
+    // Whatever follows the temperature in block means may have been the white noise of their seconds.
+    if (evidence.back() > threshold && !best().noise_effect->estimator()->needs_temperature()) return false;
     const Fit fit = fit_hypothesis(question_.campaign, hypothesis());
     const ResidualLikelihood log_likelihood(question_.campaign, fit.residual);
-    const auto fast = [&](const NoiseModel& base) { return fast_.effect->estimator()->noise(base, fast_.theta); };
+    const auto fast = [&](const NoiseModel& base) { return best_kind_.noise_on(base); };
     const NoiseModel slow = best().noise_effect->estimator()->noise(seconds_.own_base, best().noise_theta);
     SecondsNoise without;
     without.base = seconds_.own_base, without.log_likelihood = log_likelihood(fast(seconds_.own_base));
@@ -149,14 +177,18 @@ private:
   }
 
   const AxisQuestion& question_;
-  const FastFinding& fast_;
+  const FastAnswer& fast_;
+  const FastFinding& best_kind_;
   const bool holds_beside_; // the believed noise does beside it
   SlowAnswer& slow_;
   SecondsAnswer& seconds_;
 };
 void ask_slow_again(const AxisQuestion& question, bool holds_beside, Found* found) {
   const FastFinding* best = found->fast.best(question.constants);
-  if (best && best->effect->estimator()->needs_temperature()) AskedAgain(question, *best, holds_beside, found).run();
+  const FastFinding& second = found->fast.second;
+  const bool follows_temperature = best && (best->effect->estimator()->needs_temperature() ||
+                                            (second.effect && second.effect->estimator()->needs_temperature()));
+  if (follows_temperature) AskedAgain(question, *best, holds_beside, found).run();
 }
 
 } // namespace
@@ -175,6 +207,7 @@ void ask_fast(const AxisQuestion& question, Found* found) {
   take_plain(question, scan.plain, &seconds);
   leave_hits_that_stay(question, seconds, &scan);
   found->fast.jumping = ask_jumping_noise(question, &found->slow, &seconds, &scan);
+  ask_second(question, found);
   const bool holds_beside = believe_beside(question, found);
   take_best(question, holds_beside, found);
   ask_slow_again(question, holds_beside, found);

@@ -8,6 +8,7 @@ namespace imucal {
 struct FastAnswer {
   FastScan scan; // the best first
   JumpingAnswer jumping;
+  FastFinding second; // another kind beside the best; no effect: none
   // The finding that is worth its name, or nullptr.
   const FastFinding* best(const SelectorConstants& constants) const;
 };

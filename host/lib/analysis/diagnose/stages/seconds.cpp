@@ -156,11 +156,9 @@ bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments&
 // Where a noise effect is searched: factors on the noise beside it (none: that noise stays as it is), then its parameters.
 class FastPlace {
 public:
-  FastPlace(const EffectEstimator& e, const NoiseModel& base, bool is_base_free)
-      : FastPlace(e, base, is_base_free ? kFactors : size_t{0}) {}
   // Only the first factors are free: white noise, slow density, time constant.
-  FastPlace(const EffectEstimator& e, const NoiseModel& base, size_t n_factors)
-      : e_(e), base_(base), n_factors_(n_factors) {}
+  FastPlace(const FastFinding& finding, size_t n_factors)
+      : finding_(finding), e_(*finding.effect->estimator()), n_factors_(n_factors) {}
   static constexpr size_t kFactors = 3;
 
   Theta lo() const { return at(first({-6, -9, -6}), e_.theta_lo()); }
@@ -176,20 +174,24 @@ public:
     return out;
   }
   NoiseModel base(const Theta& x) const {
-    if (n_factors_ == 0) return base_;
+    if (n_factors_ == 0) return finding_.base;
     double factors[kFactors] = {};
     std::copy_n(x.begin(), n_factors_, factors);
-    return with_factors(base_, factors);
+    return with_factors(finding_.base, factors);
   }
-  NoiseModel noise(const Theta& x) const { return e_.noise(base(x), theta(x)); }
+  NoiseModel noise(const Theta& x) const {
+    FastFinding at = finding_;
+    at.theta = theta(x);
+    return at.noise_on(base(x));
+  }
 
 private:
   Theta first(Theta factors) const {
     factors.resize(n_factors_);
     return factors;
   }
+  const FastFinding& finding_;
   const EffectEstimator& e_;
-  const NoiseModel& base_;
   size_t n_factors_;
 };
 
@@ -200,7 +202,9 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
   FastFinding best;
   best.effect = &effect;
   best.gain_nats = -1e300;
-  const FastPlace place(e, from.base, true);
+  FastFinding about;
+  about.effect = &effect, about.base = from.base;
+  const FastPlace place(about, FastPlace::kFactors);
   const Theta lo = place.lo(), hi = place.hi();
   const auto value = [&](const Theta& x) { return log_likelihood(place.noise(x)); };
   const auto best_start = [&] {
@@ -258,12 +262,15 @@ double gain_of_free_spectrum(const Campaign& campaign, const std::vector<VectorX
     const SecondsNoise from{base, log_likelihood(base)};
     best = std::max(best, from.log_likelihood + fit_fast(log_likelihood, from, free_spectrum(), true).gain_nats);
   }
-  return best - log_likelihood(finding.effect->estimator()->noise(finding.base, finding.theta));
+  return best - log_likelihood(finding.noise());
 }
 
+NoiseModel FastFinding::noise_on(const NoiseModel& any_base) const {
+  return effect->estimator()->noise(other ? other->noise(any_base, other_theta) : any_base, theta);
+}
 double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, FastFinding* finding) {
-  const NoiseModel base = finding->base;
-  const FastPlace place(*finding->effect->estimator(), base, is_base_free);
+  const FastFinding from = *finding;
+  const FastPlace place(from, is_base_free ? FastPlace::kFactors : size_t{0});
   Theta x = place.start(finding->theta);
   SearchOptions options;
   options.step = 0.1, options.max_evaluations = kThorough, options.tolerance = 0.02;
@@ -272,13 +279,37 @@ double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, Fa
   finding->theta = place.theta(x), finding->base = place.base(x);
   return top;
 }
+namespace {
+FastFinding beside(FastFinding kind, const FastFinding& other) {
+  kind.base = other.base, kind.other = other.effect->estimator(), kind.other_theta = other.theta;
+  return kind;
+}
+} // namespace
+FastFinding second_kind(const ResidualLikelihood& log_likelihood, bool is_base_free,
+                        const std::vector<FastFinding>& rest, double least_nats, FastFinding* first) {
+  const double alone = log_likelihood(first->noise());
+  FastFinding found, first_beside;
+  for (const FastFinding& kind : rest) {
+    if (kind.gain_nats < kHopeless_nats) continue;
+    FastFinding second = beside(kind, *first);
+    fit_again(log_likelihood, is_base_free, &second);
+    FastFinding again = beside(*first, second);
+    fit_again(log_likelihood, is_base_free, &again);
+    second = beside(second, again);
+    second.gain_nats = fit_again(log_likelihood, is_base_free, &second) - alone;
+    if (second.gain_nats < std::max(least_nats, found.gain_nats)) continue;
+    found = second, first_beside = beside(again, second);
+  }
+  if (found.effect) *first = first_beside;
+  return found;
+}
 // A factor that the residual does not tell leaves no curvature: then fewer are free.
 void set_errors(const ResidualLikelihood& log_likelihood, FastFinding* finding) {
   const EffectEstimator& e = *finding->effect->estimator();
-  const NoiseModel base = finding->base;
-  const bool is_slow_to_ask = e.noise(base, finding->theta).is_mixture();
+  const FastFinding from = *finding;
+  const bool is_slow_to_ask = from.noise().is_mixture();
   for (const size_t n_free : {is_slow_to_ask ? size_t{1} : FastPlace::kFactors, size_t{1}, size_t{0}}) {
-    const FastPlace place(e, base, n_free);
+    const FastPlace place(from, n_free);
     const Theta errors = curvature_errors([&](const Theta& x) { return log_likelihood(place.noise(x)); },
                                           place.start(finding->theta), place.lo(), place.hi());
     finding->theta_errors.assign(errors.begin() + static_cast<long>(n_free), errors.end());

@@ -48,6 +48,13 @@ struct FastFinding {
   Theta theta, theta_errors;
   NoiseModel base; // noise parameters beside it
   double gain_nats = 0;
+  // Another kind that is there too, as it was found; nullptr: none.
+  const EffectEstimator* other = nullptr;
+  Theta other_theta = {};
+
+  // Both make of a base; and of that beside them.
+  NoiseModel noise_on(const NoiseModel& any_base) const;
+  NoiseModel noise() const { return noise_on(base); }
 };
 struct FastScan {
   std::vector<FastFinding> findings; // best first
@@ -65,6 +72,10 @@ FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
 // The parameters of a finding searched again on another residual, those of the noise beside it where `is_base_free`.
 // Returns the log-likelihood that they reach.
 double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, FastFinding* finding);
+// A second kind beside the first, both searched in turn, where it gains `least_nats` over the first alone, which is changed
+// then; no effect: it does not.
+FastFinding second_kind(const ResidualLikelihood& log_likelihood, bool is_base_free,
+                        const std::vector<FastFinding>& rest, double least_nats, FastFinding* first);
 // By how much a free spectrum beside the noise of a finding makes a residual likelier than the kind that was found.
 double gain_of_free_spectrum(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual,
                              const FastFinding& finding);

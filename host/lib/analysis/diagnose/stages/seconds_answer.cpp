@@ -45,14 +45,14 @@ void fit_own_base(const AxisQuestion& question, const SlowAnswer& slow, SecondsA
   seconds->own_base = slow.search->base_noise_of(m);
   seconds->own_base.extra_white_dph2 = question.extra_white_dph2;
   if (seconds->is_believed) return;
-  fit_own_base_beside(nullptr, {}, question, slow, seconds);
+  fit_own_base_beside({}, question, slow, seconds);
 }
-void fit_own_base_beside(const EffectEstimator* fast, const Theta& theta, const AxisQuestion& question,
+void fit_own_base_beside(const std::function<NoiseModel(const NoiseModel&)>& fast, const AxisQuestion& question,
                          const SlowAnswer& slow, SecondsAnswer* seconds) {
   const SlowModel& m = slow.found.best;
   const auto with = [&](const NoiseModel& base) {
     const NoiseModel with_slow = m.noise_effect->estimator()->noise(base, m.noise_theta);
-    return fast ? fast->noise(with_slow, theta) : with_slow;
+    return fast ? fast(with_slow) : with_slow;
   };
   seconds->own_base = fit_seconds_noise(question.campaign, seconds->own_base, seconds->fit.residual, with).base;
 }

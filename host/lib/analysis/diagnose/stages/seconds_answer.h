@@ -26,8 +26,8 @@ Hypothesis hypothesis_of(const AxisQuestion& question, const SlowSearch& search,
 NoiseModel believed_noise(const SlowSearch& search, SlowModel m);
 // `seconds->own_base` anew, after `slow` or the noise was changed.
 void fit_own_base(const AxisQuestion& question, const SlowAnswer& slow, SecondsAnswer* seconds);
-// The same beside a kind of fast noise; nullptr: beside none.
-void fit_own_base_beside(const EffectEstimator* fast, const Theta& theta, const AxisQuestion& question,
+// The same beside what kinds of fast noise make of a noise; empty: beside none.
+void fit_own_base_beside(const std::function<NoiseModel(const NoiseModel&)>& fast, const AxisQuestion& question,
                          const SlowAnswer& slow, SecondsAnswer* seconds);
 // Innovations of the residual of `fit` under the noise of the seconds, run by run.
 std::vector<Eigen::VectorXd> whitened(const Campaign& campaign, const SecondsAnswer& seconds);
