@@ -324,6 +324,9 @@ std::string remainder(const AxisResult& axis) {
   for (const RestFinding& f : s.unseen)
     if (f.evidence_nats > 0) unseen.push_back(rest_text(f.test));
   if (!unseen.empty()) add("in the held-out logs alone: " + joined(unseen, ", "));
+  if (g.run_to_run_rms_dph > 0)
+    add(format("what differs from run to run, %s %s", figure(g.run_to_run_rms_dph, axis).c_str(),
+               axis_unit(axis.axis)));
   if (!s.own_jumps.empty()) add("jumps in time that held-out logs have of their own");
   for (const SelectedEffect& e : s.effects)
     if (e.doubt == Doubt::kShapeOpen) add("the shape is open: " + family_label(e.family));
@@ -381,11 +384,16 @@ std::string held_out_statement(const AxisResult& axis) {
       format("residual of one-minute means %s -> %s %s, %s %s", figure(g.rms_before_dph, axis).c_str(),
              figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
              finds(axis.study.selection, is_slow_noise) ? "noise with the slow noise found" : "noise alone",
-             figure(g.noise_rms_dph, axis).c_str());
+             figure(g.noise_rms_dph, axis).c_str()) +
+      (g.run_to_run_rms_dph > 0
+           ? format(", what differs from run to run %s", figure(g.run_to_run_rms_dph, axis).c_str())
+           : "");
   if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure())
     return format("a flexible stand-in%s %s (%s -> %s %s): not an explanation",
                   axis.study.selection.effects.empty() ? "" : " of that family", stand_in_does(g.shrinkage).c_str(),
                   figure(g.rms_before_dph, axis).c_str(), figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis));
+  if (!g.has_mean && g.run_to_run_rms_dph > 0)
+    return "no figure: what differs from run to run foretells no other run; " + residual;
   if (!claims_shrinkage(axis)) return noise_statement(axis);
   if (!(g.part_within > 0))
     return "no figure: no rates at temperatures that were fitted (" + std::string(held_out_text(g.method)) + ")";
@@ -436,6 +444,7 @@ Json gap_json(const AxisResult& axis) {
        {{"before", g.rms_before_dph},
         {"after", g.rms_after_dph},
         {"noise", g.noise_rms_dph},
+        {"run_to_run", g.run_to_run_rms_dph},
         {"noise_error", g.noise_error_dph},
         {"believed_noise", g.believed_rms_dph}}},
       {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};

@@ -115,10 +115,32 @@ void keep_columns(const SlowData& data, const std::vector<MeanPart>& parts, cons
   out->starts.push_back(side_by_side(starts)), out->shapes.push_back(side_by_side(shapes));
   out->columns.push_back(side_by_side(fitted)), out->covariances.push_back(at.common_covariance);
 }
-Prediction predict(const SlowSearch& search, const Split& split, const SlowModel& model) {
+// What differs from run to run by chance: other runs foretell nothing of it.
+bool is_by_chance(const SlowSearch& search, const SlowModel::Name& name) {
+  return search.candidates()[name.candidate].scan.estimator->form() == Form::kRunRandom;
+}
+bool has_chance(const SlowSearch& search, const SlowModel& model) {
+  return std::any_of(model.names.begin(), model.names.end(),
+                     [&](const auto& name) { return is_by_chance(search, name); });
+}
+enum class Chance { kFree, kLeft }; // in a run that was not fitted
+
+// Jumps in time of the units: no other run foretells them, and the level after each is the unit's own.
+void free_steps(const std::vector<size_t>& units, MeanPart* steps) {
+  steps->local.clear();
+  for (const MatrixXd& x : steps->common) steps->local.emplace_back(MatrixXd::Zero(x.rows(), x.cols()));
+  for (size_t unit : units) std::swap(steps->common[unit], steps->local[unit]);
+  steps->local_precision = steps->common_precision;
+}
+
+Prediction predict(const SlowSearch& search, const Split& split, const SlowModel& model, Chance chance) {
   Prediction out;
   out.mean.emplace_back();
-  const std::vector<MeanPart> parts = search.parts_on(split.data, model);
+  std::vector<MeanPart> parts = search.parts_on(split.data, model); // jumps in time, and then the names, last
+  if (!model.steps.empty()) free_steps(split.units, &parts[parts.size() - model.names.size() - 1]);
+  for (size_t i = 0; chance == Chance::kLeft && i < model.names.size(); ++i)
+    if (is_by_chance(search, model.names[i]))
+      for (size_t unit : split.units) parts[parts.size() - model.names.size() + i].local[unit].setZero();
   const RunGrams grams(split.data, pointers_of(parts), search.noise_of(model));
   const double trained = grams.log_marginal(1, split.train);
   const RunGrams::Posterior at = grams.posterior(split.train);
@@ -201,11 +223,11 @@ Prediction fitted_quarters(const SlowSearch& search, const SlowData& training, c
 }
 
 Prediction predict_all(const SlowSearch& search, const SlowData& training, const std::vector<Split>& splits,
-                       const SlowModel& model) {
+                       const SlowModel& model, Chance chance = Chance::kFree) {
   if (splits.empty()) return predict_quarters(search, training, model);
   Prediction out;
   for (const Split& split : splits) {
-    const Prediction one = predict(search, split, model);
+    const Prediction one = predict(search, split, model, chance);
     out.nats.insert(out.nats.end(), one.nats.begin(), one.nats.end());
     out.mean.insert(out.mean.end(), one.mean.begin(), one.mean.end());
     out.left.insert(out.left.end(), one.left.begin(), one.left.end());
@@ -423,20 +445,24 @@ double GapResult::rms_of_noise_dph(const NoiseModel& noise) const {
   return n > 0 ? std::sqrt(sum / n) : 0;
 }
 
-double GapResult::part_left() const {
-  const auto excess = [&](double rms_dph) { return std::max(0.0, rms_dph * rms_dph - noise_rms_dph * noise_rms_dph); };
-  return excess(rms_before_dph) > 0 ? excess(rms_after_dph) / excess(rms_before_dph) : 0;
+double GapResult::part_left(bool with_run_to_run) const {
+  const auto excess = [&](double ms_dph2) { return std::max(0.0, ms_dph2 - noise_rms_dph * noise_rms_dph); };
+  const double of_gap = excess(rms_before_dph * rms_before_dph);
+  return of_gap > 0 ? excess(ms_after_dph2(with_run_to_run)) / of_gap : 0;
 }
-double GapResult::errors_above_noise() const {
-  const double excess = rms_after_dph * rms_after_dph - noise_rms_dph * noise_rms_dph;
+double GapResult::ms_after_dph2(bool with_run_to_run) const {
+  return rms_after_dph * rms_after_dph - (with_run_to_run ? 0 : run_to_run_rms_dph * run_to_run_rms_dph);
+}
+double GapResult::errors_above_noise(bool with_run_to_run) const {
+  const double excess = ms_after_dph2(with_run_to_run) - noise_rms_dph * noise_rms_dph;
   return excess > 0 ? excess / (2 * noise_rms_dph * noise_error_dph) : 0; // NaN where the scatter is not known
 }
 bool GapResult::exceeds_noise(const SelectorConstants& constants) const {
-  return errors_above_noise() > constants.noise_errors;
+  return errors_above_noise(false) > constants.noise_errors;
 }
 bool GapResult::leaves_mean(const SelectorConstants& constants) const {
-  return exceeds_noise(constants) && part_left() > constants.left_part &&
-         rms_after_dph > constants.noise_times * noise_rms_dph;
+  return exceeds_noise(constants) && part_left(false) > constants.left_part &&
+         std::sqrt(ms_after_dph2(false)) > constants.noise_times * noise_rms_dph;
 }
 void GapResult::hold_what_minutes_show() {
   const double removed = std::max(-1.0, 1 - part_left());
@@ -493,24 +519,35 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
     out.log_by_unit.push_back(campaign.runs[is_single ? 0 : u].input.log);
   out.part_within = static_cast<double>(n_rows(held_out_units(training, splits, before, after, true))) /
                     static_cast<double>(campaign.n());
+  // Figures are of what other data foretell: jumps in time are free before and after.
+  SlowModel null_with_steps = null;
+  null_with_steps.steps = final.steps;
+  const Prediction beside_steps = final.steps.empty() ? before : predict_all(search, training, splits, null_with_steps);
   const auto units_less = [&](const Prediction& less) {
-    return held_out_units(training, splits, before, less, out.part_within > 0);
+    return held_out_units(training, splits, beside_steps, less, out.part_within > 0);
   };
-  std::vector<HeldOutUnit> units = units_less(after);
+  const Prediction foretold =
+      has_chance(search, final) ? predict_all(search, training, splits, final, Chance::kLeft) : after;
+  std::vector<HeldOutUnit> units = units_less(foretold);
   // Slow noise can bend the polynomial away from what a table would hold: an answer is worth what it does better than the
   // plain polynomial, which needs no noise model.  Of one log it is that of the whole: one of three quarters goes astray in the
   // fourth by itself.
-  const SlowModel white = with_white_noise(null);
+  const SlowModel white = with_white_noise(null_with_steps);
   const Prediction plain =
       is_single ? fitted_quarters(search, training, white) : predict_all(search, training, splits, white);
   if (std::sqrt(mean_square_left(units_less(plain), campaign.dt_s)) <
-      kClearlyLess * std::sqrt(mean_square_left(units_less(before), campaign.dt_s)))
-    units = held_out_units(training, splits, plain, after, out.part_within > 0);
+      kClearlyLess * std::sqrt(mean_square_left(units_less(beside_steps), campaign.dt_s)))
+    units = held_out_units(training, splits, plain, foretold, out.part_within > 0);
   const double seconds = static_cast<double>(campaign.n()) * campaign.dt_s;
   out.hours = std::max(kLeast_h, seconds / 3600);
   out.gain = out.delta_deviance / out.hours;
   set_residuals(search, final, units, campaign.dt_s, &out);
-  out.has_mean = !final.names.empty();
+  if (has_chance(search, final)) {
+    const double without = mean_square_left(units_less(after), campaign.dt_s);
+    out.run_to_run_rms_dph = std::sqrt(std::max(0.0, out.rms_after_dph * out.rms_after_dph - without));
+  }
+  out.has_mean = std::any_of(final.names.begin(), final.names.end(),
+                             [&](const auto& name) { return !is_by_chance(search, name); });
   if (out.has_mean) set_shrinkage(search, final, units, &out);
   return out;
 }

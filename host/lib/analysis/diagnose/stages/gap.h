@@ -41,7 +41,9 @@ struct GapResult {
   bool is_of_nearest = false;
   // Of states in which runs began, and no more: they are free in every run and foretell nothing.
   bool is_of_starts = false;
-  bool has_mean = false;             // something in the mean predicts other data; else the figures are of the deviance
+  // Something in the mean predicts other data; else the figures are of the deviance.  What differs from run to run by chance
+  // predicts none: it is left in what remains.
+  bool has_mean = false;
   double gain = 0;                   // deviance per hour that the names remove
   double delta_deviance = 0;         // of all held-out units
   std::vector<double> delta_by_unit; // deviance
@@ -56,7 +58,8 @@ struct GapResult {
   std::vector<Support> at_all;       // per name, against neither the name nor its start states
   double hours = 0;
   double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of one-minute means
-  std::vector<double> unit_minutes;                                // of the held-out units: how many means each has
+  double run_to_run_rms_dph = 0;    // of what is left: what an effect that differs from run to run by chance would take
+  std::vector<double> unit_minutes; // of the held-out units: how many means each has
   // What a noise alone would leave in those means about that of their unit.
   double rms_of_noise_dph(const NoiseModel& noise) const;
   // What the believed noise, or that estimated without a cause, would leave; noise_rms_dph holds the noise that was found.
@@ -64,15 +67,17 @@ struct GapResult {
   // Standard error of noise_rms_dph: by how far one draw of that noise scatters; NaN: not known.
   double noise_error_dph = 0;
   // Of the held-out minutes more is left than the noise alone would leave, beyond the scatter of that noise; and so much more
-  // that the answer misses something of weight.
-  double errors_above_noise() const;
+  // that the answer misses something of weight.  What is named as different from run to run is not missed.
+  double errors_above_noise(bool with_run_to_run = true) const;
   bool exceeds_noise(const SelectorConstants& constants) const;
   bool leaves_mean(const SelectorConstants& constants) const;
+  double ms_after_dph2(bool with_run_to_run) const;
   // Where the minutes exceed the noise, by more than one standard error of it, the answer may miss something whose shape the
   // interval does not know, or the noise is more than it is thought to be: the interval then holds what the minutes themselves
   // show too, and the figure lies between the two.
   void hold_what_minutes_show();
-  double part_left() const;                     // of the mean square of the held-out minutes above the noise
+  // Of the mean square of the held-out minutes above the noise.
+  double part_left(bool with_run_to_run = true) const;
   double dp2_before_dph = 0, dp2_after_dph = 0; // distance of the DP2 curves of data and model
   std::vector<double> dp2_tau_s, dp2_data_dph, dp2_nominal_dph, dp2_final_dph;
 };
