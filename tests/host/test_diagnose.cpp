@@ -266,7 +266,7 @@ static void test_steps_count_seconds_and_not_rows(void**) {
 static void test_decomposition_adds_up(void**) {
   const Campaign campaign = make_campaign({simulated_log(7, 2500, false, 60)}, "gx_dph", nominal_model());
   const Fit fit = fit_hypothesis(campaign, nominal_hypothesis());
-  const WhereResult where = locate(campaign, fit, true);
+  const WhereResult where = locate(campaign, fit, WhoseNoise::kModel);
   double by_tau = 0, by_temp = 0, by_phase = 0, by_log = 0;
   for (const WhereCell& c : where.by_tau) by_tau += c.excess;
   for (const WhereCell& c : where.by_temperature) by_temp += c.excess;
@@ -280,7 +280,8 @@ static void test_decomposition_adds_up(void**) {
   for (CampaignRun& run : later.runs) run.start_s += 5000;
   Fit loud = fit;
   loud.e[0].segment(1250, 400) *= 3;
-  const WhereResult event = locate(campaign, loud, true), at_later = locate(later, loud, true);
+  const WhereResult event = locate(campaign, loud, WhoseNoise::kModel),
+                    at_later = locate(later, loud, WhoseNoise::kModel);
   assert_true(event.time_lo_s > 500 && event.time_hi_s < 2400);
   assert_near(at_later.time_lo_s, event.time_lo_s + 5000, 1e-9);
   assert_near(at_later.time_hi_s, event.time_hi_s + 5000, 1e-9);

@@ -664,6 +664,72 @@ static void test_what_settles_within_minutes_is_no_creep(void**) {
   for (size_t i = 0; i < run.size(); ++i) assert_near(narrow[i], decade[i], 1e-9);
 }
 
+// A jump at a temperature in every log, and one in time in the second alone: together too many for jumps in time, and neither is a
+// noise that jumps.
+static void test_a_jump_in_time_is_found_beside_one_at_a_temperature(void**) {
+  const auto jumps = [log = 0](double t_s, double temp_degc) mutable {
+    log += t_s < 1.5 ? 1 : 0;
+    return (temp_degc > 37.3 ? 60.0 : 0.0) - (log == 2 && t_s > 4200 ? 220.0 : 0.0);
+  };
+  const Selection said = answer_to(jumps, 731, 0);
+  assert_true(names_of(said) == (std::set<std::string>{"bias_step", "thermal_step"}));
+  assert_true(said.verdict == Verdict::kExplained);
+  for (const SelectedEffect& effect : said.effects)
+    if (effect.term.form() == Form::kSteps) {
+      assert_int_equal(effect.term.shape.size(), 2);
+      assert_near(effect.term.shape[1], 4200, 3);
+      assert_near(effect.term.coefficients[0], -220, 4 * effect.term.coefficient_errors[0]);
+    }
+}
+
+// The likelihood over the width of a weak loop has several tops: the error is no curvature at one of them.
+static void test_the_error_of_a_width_knows_of_other_tops(void**) {
+  double squares = 0, n = 0;
+  for (const uint64_t seed : {801, 811, 821, 831, 841, 851}) {
+    std::vector<Log> logs;
+    for (uint64_t k = 0; k < 3; ++k) logs.push_back(simulated_log(seed + k, 6000, false, 40));
+    DiagnoseOptions options;
+    options.nulls = 40, options.model_path = "given";
+    const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
+    for (const SelectedEffect& effect : said.effects)
+      if (effect.term.effect && effect.term.effect->name() == "thermal_hysteresis" && !effect.is_any_shape) {
+        const double z = (effect.term.shape.at(0) - 5) / effect.term.shape_errors.at(0);
+        assert_true(std::fabs(z) < 4);
+        squares += z * z, n += 1;
+      }
+  }
+  assert_true(n >= 4 && squares / n < 4);
+}
+
+// The slope of each log differs by chance: no other log foretells it.
+static AxisStudy study_of_slopes(double loop_dph) {
+  const double slopes_dph[] = {60, -75, 40, -90, 80, -55};
+  std::vector<Log> logs, unseen;
+  for (uint64_t k = 0; k < 6; ++k) {
+    Log log = simulated_log(740 + k, 6000, false, loop_dph);
+    for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += slopes_dph[k] * (log.temp_degc[i] - 30) / 30;
+    (k < 4 ? logs : unseen).push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40, options.model_path = "given";
+  return std::move(diagnose_logs(options, nominal_model(), logs, unseen).axes.at(0).study);
+}
+static void test_what_differs_from_run_to_run_is_not_foretold(void**) {
+  const AxisStudy alone = study_of_slopes(0);
+  assert_true(names_of(alone.selection) == std::set<std::string>{"run_to_run"});
+  assert_true(!alone.gap.has_mean && !alone.gap.has_figure());
+  assert_in_range(alone.gap.run_to_run_rms_dph, 30, 50); // 80 and 55 dph at the ends: 46 and 32 dph rms
+  const AxisStudy both = study_of_slopes(120);
+  assert_true(names_of(both.selection) == (std::set<std::string>{"run_to_run", "thermal_hysteresis"}));
+  assert_true(both.selection.verdict == Verdict::kExplained); // nothing is missed
+  const GapResult& gap = both.gap;
+  assert_true(gap.has_figure() && gap.ci_hi < 0.97);
+  // What the minutes of the held-out logs show of it, less the noise.
+  const double left = gap.rms_after_dph * gap.rms_after_dph - gap.noise_rms_dph * gap.noise_rms_dph;
+  const double before = gap.rms_before_dph * gap.rms_before_dph - gap.noise_rms_dph * gap.noise_rms_dph;
+  assert_near(gap.shrinkage, 1 - left / before, 0.15);
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_search_names_hysteresis_whatever_noise_is_believed),
@@ -675,6 +741,9 @@ int main() {
       cmocka_unit_test(test_many_jumps_at_a_temperature_near_a_soak_are_no_noise),
       cmocka_unit_test(test_the_error_of_a_creep_holds_its_time_constants),
       cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),
+      cmocka_unit_test(test_a_jump_in_time_is_found_beside_one_at_a_temperature),
+      cmocka_unit_test(test_the_error_of_a_width_knows_of_other_tops),
+      cmocka_unit_test(test_what_differs_from_run_to_run_is_not_foretold),
       cmocka_unit_test(test_causes_of_no_family_are_not_named),
       cmocka_unit_test(test_held_out_logs_tell_a_cause_from_slow_noise),
       cmocka_unit_test(test_held_out_logs_tell_a_cause_that_one_log_hardly_shows),

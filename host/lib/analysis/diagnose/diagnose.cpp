@@ -461,6 +461,22 @@ bool is_noise_everywhere(const std::vector<SelectedEffect>& effects) {
   return has_noise;
 }
 
+// Where a cause in the mean shows is measured by the noise that was found beside it: by noise that was believed wrongly, it would
+// be where the belief is wrong.
+WhereResult where_is(const AxisResult& axis, bool has_believed) {
+  const Selection& s = axis.study.selection;
+  const auto is_in_mean = [](const SelectedEffect& e) {
+    return !e.is_structural && (!e.term.estimator || e.term.form() != Form::kNoise) && e.doubt != Doubt::kSlowNoise;
+  };
+  const bool has_place = !is_noise_everywhere(s.effects);
+  if (s.is_noise_retuned && std::any_of(s.effects.begin(), s.effects.end(), is_in_mean)) {
+    Hypothesis nominal = s.nominal;
+    nominal.base_noise = s.fitted_noise;
+    return locate(axis.campaign, fit_hypothesis(axis.campaign, nominal), WhoseNoise::kFound, has_place);
+  }
+  return locate(axis.campaign, axis.nominal_fit, has_believed ? WhoseNoise::kModel : WhoseNoise::kEstimated, has_place);
+}
+
 // One axis from log to answer; `held_out` may be empty.
 AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
                          const std::vector<Log>& held_out, const std::string& name, double rate_per_axis,
@@ -500,7 +516,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     Selection& s = axis.study.selection;
     axis.nominal_fit = std::move(s.nominal_fit), axis.final_fit = std::move(s.final_fit);
     axis.plain_fit = plain_fit(axis.campaign, s.nominal);
-    axis.where = locate(axis.campaign, axis.nominal_fit, belief.has_believed, !is_noise_everywhere(s.effects));
+    axis.where = where_is(axis, belief.has_believed);
     compare_dp2(axis.campaign, s.nominal.noise(), s.final.noise(), axis.nominal_fit, axis.final_fit, options.seed,
                 &axis.study.gap);
     std::vector<double> beta;

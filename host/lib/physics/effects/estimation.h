@@ -133,6 +133,9 @@ public:
   // Whether that state lies between two extremes of the effect's own size: then no coefficient of the first start column of
   // a run is larger than that of the first column.
   virtual bool is_start_bounded() const { return false; }
+  // Whether the likelihood over the shape, of one parameter, has corners and several tops: its curvature at one of them says
+  // little of where the others are.
+  virtual bool has_many_tops() const { return false; }
   // Whether these runs hold what the effect does at this shape: whole, and what comes at a moment at least twice.  What happens
   // once cannot be told from something that happened at that time, and is no candidate.
   virtual bool is_repeated(const std::vector<const RunInput*>& /*runs*/, const Theta& /*shape*/) const { return true; }

@@ -152,6 +152,8 @@ public:
     return {&any, "a loop of another shape than that of one play"};
   }
   bool is_start_bounded() const override { return true; } // the play lies within its two branches
+  // Every turn of the temperature is a corner, at the width that it just crosses.
+  bool has_many_tops() const override { return true; }
   double notable() const override { return 0.8; }
   PriorScale prior() const override { return {1.5, false, 1}; }
   Parameters values(const Estimate& e) const override {

@@ -75,8 +75,8 @@ struct Section {
 
 class Locator {
 public:
-  Locator(const Campaign& campaign, const Fit& fit, bool has_model, bool has_place)
-      : campaign_(campaign), fit_(fit), has_model_(has_model), has_place_(has_place), lo_degc_(campaign.lo_degc),
+  Locator(const Campaign& campaign, const Fit& fit, WhoseNoise noise, bool has_place)
+      : campaign_(campaign), fit_(fit), noise_(noise), has_place_(has_place), lo_degc_(campaign.lo_degc),
         span_degc_(std::max(1e-6, campaign.hi_degc - campaign.lo_degc)), n_temp_(count_cells()), slow_temp_(n_temp_),
         slow_phase_(3) {}
 
@@ -182,7 +182,7 @@ private:
   }
 
   // Whether an averaging time may be a place of the gap: with an estimated noise, less of it is none.
-  bool is_told(const WhereCell& cell) const { return has_model_ || cell.excess > 0; }
+  bool is_told(const WhereCell& cell) const { return noise_ == WhoseNoise::kModel || cell.excess > 0; }
   // The averaging times that stand out; the strongest where none is clear.
   void name_times() {
     for (size_t b = 0; b < out_.by_tau.size(); ++b) {
@@ -277,13 +277,14 @@ private:
   std::string strongest_times() const {
     const WhereCell& cell = out_.by_tau[strongest_];
     const double times = std::sqrt(std::max(0.0, 1 + cell.excess / std::max(1.0, cell.n)));
+    static const char* const kWhose[] = {"the model", "the noise that was estimated without a cause",
+                                         "the noise that was found"};
     char text[300];
     std::snprintf(text, sizeof text,
                   "at averaging times of %.0f to %.0f s, most at %.0f to %.0f s: the residual is %.3g times what %s "
                   "expects there%s",
-                  out_.tau_lo_s, out_.tau_hi_s, cell.lo, cell.hi, times,
-                  has_model_ ? "the model" : "the noise that was estimated without a cause",
-                  times < 1 ? " (less noise than believed)" : "");
+                  out_.tau_lo_s, out_.tau_hi_s, cell.lo, cell.hi, times, kWhose[static_cast<size_t>(noise_)],
+                  times < 1 && noise_ == WhoseNoise::kModel ? " (less noise than believed)" : "");
     return text;
   }
   std::string named_logs() const {
@@ -314,7 +315,8 @@ private:
 
   const Campaign& campaign_;
   const Fit& fit_;
-  bool has_model_, has_place_;
+  WhoseNoise noise_;
+  bool has_place_;
   bool is_thermal_ = false, has_time_ = false, has_logs_ = false; // a place of that kind is named
   double lo_degc_, span_degc_;
   size_t n_temp_;
@@ -326,8 +328,8 @@ private:
 
 } // namespace
 
-WhereResult locate(const Campaign& campaign, const Fit& fit, bool has_model, bool has_place) {
-  return Locator(campaign, fit, has_model, has_place).run();
+WhereResult locate(const Campaign& campaign, const Fit& fit, WhoseNoise noise, bool has_place) {
+  return Locator(campaign, fit, noise, has_place).run();
 }
 
 } // namespace imucal

@@ -35,8 +35,9 @@ struct WhereResult {
   std::string sentence;
 };
 
-// `has_model`: the noise is that of a model, and not estimated from these logs; for the words.  `has_place`: false where the answer
-// is a noise that is everywhere the same.
-WhereResult locate(const Campaign& campaign, const Fit& fit, bool has_model, bool has_place = true);
+// Whose noise a residual is measured by; for the words.
+enum class WhoseNoise { kModel, kEstimated, kFound };
+// `has_place`: false where the answer is a noise that is everywhere the same.
+WhereResult locate(const Campaign& campaign, const Fit& fit, WhoseNoise noise, bool has_place = true);
 
 } // namespace imucal

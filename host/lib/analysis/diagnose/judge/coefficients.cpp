@@ -13,6 +13,8 @@ using Eigen::VectorXd;
 
 namespace {
 
+constexpr double kLeastStep = 0.015, kLongerStep = 1.25, kFurthestTimes = 3; // of the search for other tops
+
 // The shape of one name under the curvature of the marginal likelihood, the rest of the answer as found.
 class NamedShape {
 public:
@@ -23,7 +25,11 @@ public:
   }
 
   MatrixXd covariance() const {
-    return curvature_covariance([&](const Theta& shape) { return grams(at(shape)).log_marginal(1); }, shape_, lo_, hi_);
+    MatrixXd out = curvature_covariance([&](const Theta& shape) { return value(shape); }, shape_, lo_, hi_);
+    if (!e_.has_many_tops()) return out;
+    const double spread = spread_about_found(std::sqrt(out(0, 0)));
+    if (!(out(0, 0) > spread * spread)) out(0, 0) = spread * spread;
+    return out;
   }
   // By how much each coefficient of the name follows each parameter of the shape, of this standard error.
   MatrixXd slopes(const Theta& errors) const {
@@ -39,6 +45,30 @@ public:
   }
 
 private:
+  double value(const Theta& shape) const { return grams(at(shape)).log_marginal(1); }
+  // Root mean square of how far the parameter may be from the one found, each place as likely as the logs make it: steps that
+  // become longer, from about the error of its curvature on.
+  double spread_about_found(double error) const {
+    const double least = kLeastStep * shape_[0];
+    std::vector<double> places = {0};
+    for (double step = std::isfinite(error) ? std::max(least, error) : least, off = step;
+         off < std::log(kFurthestTimes) * shape_[0]; step *= kLongerStep, off += step)
+      places.push_back(off), places.push_back(-off);
+    std::sort(places.begin(), places.end());
+    std::vector<double> where, values;
+    for (double off : places) {
+      const double x = shape_[0] * std::exp(off / shape_[0]);
+      if (x > lo_[0] && x < hi_[0]) where.push_back(x - shape_[0]), values.push_back(value({x}));
+    }
+    const double top = *std::max_element(values.begin(), values.end());
+    double sum = 0, squares = 0;
+    for (size_t i = 0; i < where.size(); ++i) {
+      const size_t before = i > 0 ? i - 1 : 0, after = std::min(i + 1, where.size() - 1);
+      const double weight = 0.5 * (where[after] - where[before]) * std::exp(values[i] - top);
+      sum += weight, squares += weight * where[i] * where[i];
+    }
+    return std::sqrt(squares / sum);
+  }
   SlowModel at(const Theta& shape) const {
     SlowModel m = slow_.found.best;
     m.names[name_].shape = shape;
