@@ -15,6 +15,7 @@ namespace {
 constexpr double kLeast_nats = 12; // that a jump gains over none: 1 in 100 over the places of a few logs of white noise
 constexpr double kSudden_nats = 5; // and over a change that lasts
 constexpr double kLasts_s[] = {200, 600};
+constexpr size_t kPlaces = 40;       // of a log where one is looked for
 constexpr size_t kMostJumps = 2;     // of one log
 constexpr double kReachBlocks = 1.5; // from its place in block means to its sample
 constexpr long kFromEnd = 3;         // rows: a jump nearer to the end of a log is one of a few rows
@@ -37,14 +38,23 @@ public:
     return {0.5 * product * product / square, product / square, 1 / std::sqrt(square)};
   }
   void take(double t_s, const Change& change) { rest_ -= change.size_dph * less_constant(white(share_after(t_s, 0))); }
+  // Where innovations are largest: a jump shows there.
+  std::vector<long> likely_rows() const {
+    std::vector<long> rows;
+    for (long k = kFromEnd; k + kFromEnd <= rest_.size(); ++k) rows.push_back(k);
+    const auto is_larger = [this](long a, long b) { return std::fabs(rest_[a]) > std::fabs(rest_[b]); };
+    const size_t n = std::min(kPlaces, rows.size());
+    std::partial_sort(rows.begin(), rows.begin() + static_cast<long>(n), rows.end(), is_larger);
+    rows.resize(n);
+    return rows;
+  }
   double t_s(long k) const { return run_.input.t_s[static_cast<size_t>(run_.used[static_cast<size_t>(k)])]; }
-  long size() const { return rest_.size(); }
   double dt_s() const { return dt_s_; }
 
 private:
   VectorXd share_after(double t_s_of_change, double lasts_s) const {
     const double over_s = std::max(dt_s_, lasts_s);
-    VectorXd out(constant_.size() > 0 ? constant_.size() : static_cast<long>(run_.n()));
+    VectorXd out(constant_.size());
     for (long k = 0; k < out.size(); ++k) out[k] = std::clamp((t_s(k) - t_s_of_change) / over_s + 0.5, 0.0, 1.0);
     return out;
   }
@@ -68,7 +78,7 @@ std::vector<OwnJump> jumps_of(LevelOfRun run) {
   while (true) {
     double t_s = 0;
     LevelOfRun::Change best;
-    for (long k = kFromEnd; k + kFromEnd <= run.size(); ++k) {
+    for (long k : run.likely_rows()) {
       const double at_s = run.t_s(k) - 0.5 * run.dt_s();
       const LevelOfRun::Change change = run.change_at(at_s, 0);
       if (change.gain_nats > best.gain_nats) best = change, t_s = at_s;
