@@ -444,7 +444,7 @@ Json gap_json(const AxisResult& axis) {
        {{"before", g.rms_before_dph},
         {"after", g.rms_after_dph},
         {"noise", g.noise_rms_dph},
-        {"run_to_run", g.run_to_run_rms_dph},
+        {"from_run_to_run", g.run_to_run_rms_dph},
         {"noise_error", g.noise_error_dph},
         {"believed_noise", g.believed_rms_dph}}},
       {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};

@@ -488,67 +488,94 @@ double predicted_nats(const SlowSearch& search, const SlowData& training, const 
   return sum_of(predict_all(search, training, splits, model).nats);
 }
 
+namespace {
+
+// What one measurement asks, and what both hypotheses predict.
+struct Measurement {
+  const SlowSearch& search;
+  const SlowData& training;
+  const Campaign& campaign; // that is predicted
+  const SlowModel &null, &final;
+  std::vector<Split> splits = {}; // none: quarters of the only log
+  Prediction before = {}, after = {};
+
+  Prediction predict(const SlowModel& m, Chance chance = Chance::kFree) const {
+    return predict_all(search, training, splits, m, chance);
+  }
+};
+
+// What each name is worth to the held-out data, and to data just as they are predicted.
+void set_support(const Measurement& m, GapResult* out) {
+  const std::vector<Split> ideal = as_predicted(m.splits, m.after);
+  const auto ideal_nats = [&](const SlowModel& model) {
+    return ideal.empty() ? std::nan("") : sum_of(predict_all(m.search, m.training, ideal, model).nats);
+  };
+  const double found = sum_of(m.after.nats), ideal_found = ideal_nats(m.final);
+  const auto support = [&](const SlowModel& less) {
+    return GapResult::Support{found - sum_of(m.predict(less).nats), ideal_found - ideal_nats(less)};
+  };
+  for (size_t i = 0; i < m.final.names.size(); ++i) {
+    SlowModel less = m.final;
+    less.names[i].is_start_only = true; // what is free in every run predicts none
+    out->beyond_start.push_back(support(less));
+    out->at_all.push_back(support(m.final.without(i)));
+  }
+}
+
+// Residuals and shrinkage: of what other data foretell.  Jumps in time are free before and after.
+void set_figures(const Measurement& m, GapResult* out) {
+  SlowModel null = m.null;
+  null.steps = m.final.steps;
+  const Prediction before = null.steps.empty() ? m.before : m.predict(null);
+  const bool only_within = out->part_within > 0;
+  const auto units_less = [&](const Prediction& less) {
+    return held_out_units(m.training, m.splits, before, less, only_within);
+  };
+  const auto rms_less = [&](const Prediction& less) {
+    return std::sqrt(mean_square_left(units_less(less), m.campaign.dt_s));
+  };
+  const bool leaves_chance = has_chance(m.search, m.final);
+  const Prediction after = leaves_chance ? m.predict(m.final, Chance::kLeft) : m.after;
+  std::vector<HeldOutUnit> units = units_less(after);
+  // Slow noise can bend the polynomial away from what a table would hold: an answer is worth what it does better than the
+  // plain polynomial, which needs no noise model.  Of one log it is that of the whole: one of three quarters goes astray in the
+  // fourth by itself.
+  const SlowModel white = with_white_noise(null);
+  const Prediction plain = m.splits.empty() ? fitted_quarters(m.search, m.training, white) : m.predict(white);
+  if (rms_less(plain) < kClearlyLess * rms_less(before))
+    units = held_out_units(m.training, m.splits, plain, after, only_within);
+  set_residuals(m.search, m.final, units, m.campaign.dt_s, out);
+  if (leaves_chance)
+    out->run_to_run_rms_dph =
+        std::sqrt(std::max(0.0, std::pow(out->rms_after_dph, 2) - std::pow(rms_less(m.after), 2)));
+  out->has_mean = std::any_of(m.final.names.begin(), m.final.names.end(),
+                              [&](const auto& name) { return !is_by_chance(m.search, name); });
+  if (out->has_mean) set_shrinkage(m.search, m.final, units, out);
+}
+
+} // namespace
+
 GapResult measure_gap(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
                       const SlowModel& null, const SlowModel& final) {
   GapResult out;
   const bool is_single = !held_out && training.campaign.runs.size() == 1;
-  std::vector<Split> splits;
+  Measurement m{search, training, held_out ? *held_out : training.campaign, null, final};
   if (is_single)
     out.method = HeldOut::kQuarters;
   else
-    splits = splits_of(training, held_out, &out.method);
-  const Prediction before = predict_all(search, training, splits, null);
-  const Prediction after = predict_all(search, training, splits, final);
-  for (size_t u = 0; u < before.nats.size(); ++u) out.delta_by_unit.push_back(2 * (after.nats[u] - before.nats[u]));
+    m.splits = splits_of(training, held_out, &out.method);
+  m.before = m.predict(null), m.after = m.predict(final);
+  for (size_t u = 0; u < m.before.nats.size(); ++u) {
+    out.delta_by_unit.push_back(2 * (m.after.nats[u] - m.before.nats[u]));
+    out.log_by_unit.push_back(m.campaign.runs[is_single ? 0 : u].input.log);
+  }
   out.delta_deviance = sum_of(out.delta_by_unit);
-  const std::vector<Split> ideal = as_predicted(splits, after);
-  const double ideal_nats = ideal.empty() ? std::nan("") : sum_of(predict_all(search, training, ideal, final).nats);
-  const auto support = [&](const SlowModel& less) {
-    return GapResult::Support{sum_of(after.nats) - sum_of(predict_all(search, training, splits, less).nats),
-                              ideal.empty() ? std::nan("")
-                                            : ideal_nats - sum_of(predict_all(search, training, ideal, less).nats)};
-  };
-  for (size_t i = 0; i < final.names.size(); ++i) {
-    SlowModel less = final;
-    less.names[i].is_start_only = true; // what is free in every run predicts none
-    out.beyond_start.push_back(support(less));
-    out.at_all.push_back(support(final.without(i)));
-  }
-  const Campaign& campaign = held_out ? *held_out : training.campaign;
-  for (size_t u = 0; u < out.delta_by_unit.size(); ++u)
-    out.log_by_unit.push_back(campaign.runs[is_single ? 0 : u].input.log);
-  out.part_within = static_cast<double>(n_rows(held_out_units(training, splits, before, after, true))) /
-                    static_cast<double>(campaign.n());
-  // Figures are of what other data foretell: jumps in time are free before and after.
-  SlowModel null_with_steps = null;
-  null_with_steps.steps = final.steps;
-  const Prediction beside_steps = final.steps.empty() ? before : predict_all(search, training, splits, null_with_steps);
-  const auto units_less = [&](const Prediction& less) {
-    return held_out_units(training, splits, beside_steps, less, out.part_within > 0);
-  };
-  const Prediction foretold =
-      has_chance(search, final) ? predict_all(search, training, splits, final, Chance::kLeft) : after;
-  std::vector<HeldOutUnit> units = units_less(foretold);
-  // Slow noise can bend the polynomial away from what a table would hold: an answer is worth what it does better than the
-  // plain polynomial, which needs no noise model.  Of one log it is that of the whole: one of three quarters goes astray in the
-  // fourth by itself.
-  const SlowModel white = with_white_noise(null_with_steps);
-  const Prediction plain =
-      is_single ? fitted_quarters(search, training, white) : predict_all(search, training, splits, white);
-  if (std::sqrt(mean_square_left(units_less(plain), campaign.dt_s)) <
-      kClearlyLess * std::sqrt(mean_square_left(units_less(beside_steps), campaign.dt_s)))
-    units = held_out_units(training, splits, plain, foretold, out.part_within > 0);
-  const double seconds = static_cast<double>(campaign.n()) * campaign.dt_s;
-  out.hours = std::max(kLeast_h, seconds / 3600);
+  set_support(m, &out);
+  out.part_within = static_cast<double>(n_rows(held_out_units(training, m.splits, m.before, m.after, true))) /
+                    static_cast<double>(m.campaign.n());
+  out.hours = std::max(kLeast_h, static_cast<double>(m.campaign.n()) * m.campaign.dt_s / 3600);
   out.gain = out.delta_deviance / out.hours;
-  set_residuals(search, final, units, campaign.dt_s, &out);
-  if (has_chance(search, final)) {
-    const double without = mean_square_left(units_less(after), campaign.dt_s);
-    out.run_to_run_rms_dph = std::sqrt(std::max(0.0, out.rms_after_dph * out.rms_after_dph - without));
-  }
-  out.has_mean = std::any_of(final.names.begin(), final.names.end(),
-                             [&](const auto& name) { return !is_by_chance(search, name); });
-  if (out.has_mean) set_shrinkage(search, final, units, &out);
+  set_figures(m, &out);
   return out;
 }
 
