@@ -291,8 +291,7 @@ template <typename Is> bool finds(const Selection& s, const Is& is) {
 }
 
 // Jumps in time, one after the other.
-constexpr size_t kEachIsTold = 2; // logs: with more than one each is told
-std::string text_of(const std::vector<StepValue>& steps, size_t n_logs, const char* unit) {
+std::string text_of(const std::vector<StepValue>& steps, bool tells_log, const char* unit) {
   std::string out;
   for (const StepValue& step : steps) {
     char line[120];
@@ -301,7 +300,7 @@ std::string text_of(const std::vector<StepValue>& steps, size_t n_logs, const ch
     std::snprintf(line, sizeof line, "%+.4g", size.value), out += line;
     if (std::isfinite(size.std_error)) std::snprintf(line, sizeof line, " +- %.2g", size.std_error), out += line;
     std::snprintf(line, sizeof line, " %s at %.0f s", unit, step.t_s), out += line;
-    if (n_logs > 1) out += " of log " + std::to_string(step.log + 1);
+    if (tells_log) out += " of log " + std::to_string(step.log + 1);
   }
   return out;
 }
@@ -634,8 +633,7 @@ std::vector<std::string> notes(const AxisResult& axis) {
     out.push_back("slow noise would explain the fitted logs as well; what is named is told by all logs together");
   if (!s.own_jumps.empty())
     out.push_back("held-out logs have jumps of their own, which no fitted log foretells: " +
-                  text_of(s.own_jumps, kEachIsTold, axis_unit(axis.axis)) +
-                  " held out; the level after each is left free");
+                  text_of(s.own_jumps, true, axis_unit(axis.axis)) + " held out; the level after each is left free");
   if (s.n_dropouts > 0)
     out.push_back(format("%zu exact zeros far from their neighbours are drop-outs and were left out", s.n_dropouts));
   if (s.n_left_out > s.n_dropouts)
@@ -759,7 +757,7 @@ std::string text_of(const ParameterValue& p, const AxisResult& axis) {
   char line[120];
   const char* unit = axis_unit(axis.axis);
   const size_t n_logs = axis.campaign.runs.size() + axis.campaign.left_out.size();
-  if (p.kind == EffectParameter::kSteps) return text_of(p.steps, n_logs, unit);
+  if (p.kind == EffectParameter::kSteps) return text_of(p.steps, n_logs > 1, unit);
   if (p.kind == EffectParameter::kText) return p.name + " " + p.text;
   const bool is_white_mg = p.name == "arw_deg_rt_h" && std::string(unit) == "mg";
   const double factor = is_white_mg ? 60 : 1;

@@ -63,7 +63,7 @@ private:
     const StructureResult found = find_structure(&campaign_, held_out_, question_.library, question_.active);
     if (held_out_ && !leave_short_runs(held_out_)) {
       leave_runs(std::vector<char>(held_out_->runs.size(), 1), kTooShort, held_out_);
-      question_.held_out = nullptr;
+      question_.held_out = held_out_ = nullptr;
     }
     out_.n_dropouts = found.n_dropouts, out_.n_left_out = found.n_left_out;
     question_.extra_white_dph2 = question_.belief.model.extra_white_dph2 = found.extra_white_dph2;
@@ -101,7 +101,7 @@ private:
   // that is.  They are no hits, and are left out of the seconds.
   void leave_jumps() {
     leave_jumps_of(&campaign_);
-    if (question_.held_out) leave_jumps_of(held_out_);
+    if (held_out_) leave_jumps_of(held_out_);
   }
   void leave_jumps_of(Campaign* campaign) const {
     std::vector<std::vector<char>> unusable;
@@ -185,14 +185,16 @@ private:
     if (found_.slow.found.best.noise_effect) seconds.final.base_noise = seconds.own_base;
     out_.nominal_fit = fit_hypothesis(campaign_, seconds.nominal);
     out_.before = out_.after = test_rest(campaign_, out_.nominal_fit.e, constants());
-    if (question_.held_out) {
+    if (held_out_) {
       const Hypothesis foretold = without_jumps(seconds.final);
       place_own_jumps(*found_.slow.held_blocks, foretold, held_out_);
+      const Fit fit = fit_hypothesis(*held_out_, foretold);
+      measure_own_jumps(fit, held_out_);
       for (const CampaignRun& run : held_out_->runs)
         for (const OwnJump& jump : run.own_jumps)
           out_.own_jumps.push_back(
               {static_cast<int>(run.input.log), run.start_s + jump.t_s, {jump.size_dph, jump.error_dph}});
-      out_.unseen = test_unseen(*held_out_, foretold, constants());
+      out_.unseen = test_unseen(*held_out_, fit.e, constants());
     }
     if (is_same_fit(seconds.nominal, seconds.final)) {
       out_.final_fit = out_.nominal_fit;

@@ -58,6 +58,13 @@ StartColumns start_columns(const Campaign& campaign, const Term& term) {
   return out;
 }
 
+// 1 in the seconds of a run from a jump on.
+VectorXd from_jump(const CampaignRun& run, double jump_s) {
+  VectorXd out(static_cast<long>(run.n()));
+  for (size_t k = 0; k < run.n(); ++k)
+    out[static_cast<long>(k)] = run.input.t_s[static_cast<size_t>(run.used[k])] >= jump_s ? 1.0 : 0.0;
+  return out;
+}
 // The levels after jumps that a run has of its own.
 StartColumns own_jump_columns(const Campaign& campaign) {
   StartColumns out;
@@ -65,9 +72,7 @@ StartColumns own_jump_columns(const Campaign& campaign) {
   for (const CampaignRun& run : campaign.runs) {
     out.of_run.emplace_back(MatrixXd::Zero(static_cast<long>(run.n()), static_cast<long>(run.own_jumps.size())));
     for (size_t j = 0; j < run.own_jumps.size(); ++j)
-      for (size_t k = 0; k < run.n(); ++k)
-        out.of_run.back()(static_cast<long>(k), static_cast<long>(j)) =
-            run.input.t_s[static_cast<size_t>(run.used[k])] >= run.own_jumps[j].t_s ? 1.0 : 0.0;
+      out.of_run.back().col(static_cast<long>(j)) = from_jump(run, run.own_jumps[j].t_s);
   }
   return out;
 }
@@ -102,13 +107,9 @@ TermColumns term_columns(const Campaign& campaign, const Term& term) {
   case Form::kSteps:
     out.n = static_cast<int>(term.shape.size() / 2);
     out.fill = [&campaign, &term](size_t r, MatrixXd* x, int first) {
-      const CampaignRun& run = campaign.runs[r];
-      for (size_t s = 0; s < term.shape.size() / 2; ++s) {
-        if (term.shape[2 * s] != static_cast<double>(r)) continue;
-        for (size_t k = 0; k < run.n(); ++k)
-          (*x)(static_cast<long>(k), first + static_cast<int>(s)) =
-              run.input.t_s[static_cast<size_t>(run.used[k])] >= term.shape[2 * s + 1] ? 1.0 : 0.0;
-      }
+      for (size_t s = 0; s < term.shape.size() / 2; ++s)
+        if (term.shape[2 * s] == static_cast<double>(r))
+          x->col(first + static_cast<int>(s)) = from_jump(campaign.runs[r], term.shape[2 * s + 1]);
     };
     break;
   default:

@@ -40,17 +40,15 @@ std::vector<MatrixXd> columns_of(const Campaign& campaign,
   return out;
 }
 
-// Share of each row's time after a jump: a row is the mean over dt about its time.
+// A row is the mean over dt about its time.
 std::vector<MatrixXd> step_columns(const Campaign& campaign, const Theta& shape) {
   std::vector<MatrixXd> out;
   for (size_t r = 0; r < campaign.runs.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
     MatrixXd x = MatrixXd::Zero(static_cast<long>(run.n()), static_cast<long>(shape.size() / 2));
     for (size_t s = 0; s < shape.size() / 2; ++s)
-      for (size_t k = 0; shape[2 * s] == static_cast<double>(r) && k < run.n(); ++k) {
-        const double after_s = run.input.t_s[static_cast<size_t>(run.used[k])] - shape[2 * s + 1];
-        x(static_cast<long>(k), static_cast<long>(s)) = std::clamp(after_s / campaign.dt_s + 0.5, 0.0, 1.0);
-      }
+      if (shape[2 * s] == static_cast<double>(r))
+        x.col(static_cast<long>(s)) = share_after(run, shape[2 * s + 1], campaign.dt_s);
     out.push_back(std::move(x));
   }
   return out;
@@ -204,6 +202,15 @@ MeanPart mean_part(const SlowData& data, const EffectEstimator& estimator, const
   set_precision(data.spread_dph, prior, &part);
   part.local_precision = VectorXd::Constant(part.local.front().cols(), 1 / (local_sd * local_sd));
   return part;
+}
+
+VectorXd share_after(const CampaignRun& run, double change_s, double over_s) {
+  VectorXd out(static_cast<long>(run.n()));
+  for (size_t k = 0; k < run.n(); ++k) {
+    const double after_s = run.input.t_s[static_cast<size_t>(run.used[k])] - change_s;
+    out[static_cast<long>(k)] = std::clamp(after_s / over_s + 0.5, 0.0, 1.0);
+  }
+  return out;
 }
 
 MeanPart own_jumps_part(const SlowData& data) {

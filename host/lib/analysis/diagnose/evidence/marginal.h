@@ -47,6 +47,9 @@ std::vector<Eigen::MatrixXd> polynomial_columns(const Campaign& campaign, const 
 // The columns of an effect at one shape (kColumns, kTemperature, kRunRandom, kTone, kSteps).
 MeanPart mean_part(const SlowData& data, const EffectEstimator& estimator, const Theta& shape);
 
+// Share of each used row of a run that lies after a change: rows and change together are over_s long, about their times.
+Eigen::VectorXd share_after(const CampaignRun& run, double change_s, double over_s);
+
 // The levels after the jumps that runs have of their own; no columns where none has any.
 MeanPart own_jumps_part(const SlowData& data);
 

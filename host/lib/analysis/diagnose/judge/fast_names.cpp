@@ -50,15 +50,22 @@ bool is_broad_band(const AxisQuestion& question) {
   return false;
 }
 
+// With nothing in its set yet.
+SelectedEffect effect_of(const FastFinding& finding, const SelectorConstants& constants) {
+  SelectedEffect effect;
+  effect.family = finding.effect->family();
+  effect.term = term_of(finding);
+  effect.gain_nats = finding.gain_nats, effect.evidence_nats = finding.gain_nats - constants.fast_nats;
+  effect.held_out_nats = kPredictsNothing;
+  return effect;
+}
+CandidateEvidence evidence_of(const FastFinding& finding, const SelectorConstants& constants) {
+  return {finding.effect, nullptr, false, finding.effect->family(), finding.gain_nats, constants.fast_nats};
+}
 void name_second(const AxisQuestion& question, const FastFinding& second, Names* names) {
   if (!second.effect) return;
-  SelectedEffect effect;
-  effect.family = second.effect->family();
-  effect.term = term_of(second);
-  effect.gain_nats = second.gain_nats;
-  effect.evidence_nats = second.gain_nats - question.constants.fast_nats;
-  effect.held_out_nats = kPredictsNothing;
-  effect.set = {{second.effect, nullptr, false, effect.family, effect.gain_nats, question.constants.fast_nats}};
+  SelectedEffect effect = effect_of(second, question.constants);
+  effect.set = {evidence_of(second, question.constants)};
   insert_by_evidence(effect, names);
 }
 
@@ -74,17 +81,12 @@ void name_fast(const AxisQuestion& question, const Found& found, Names* names) {
   const FastFinding* first = found.fast.best(question.constants);
   if (!first) return;
   const FastFinding& best = *first;
-  SelectedEffect effect;
-  effect.family = best.effect->family();
-  effect.term = term_of(best);
-  effect.gain_nats = best.gain_nats;
-  effect.evidence_nats = best.gain_nats - question.constants.fast_nats;
-  effect.held_out_nats = kPredictsNothing;
+  SelectedEffect effect = effect_of(best, question.constants);
   const bool is_slow = effect.family == Family::kSlowNoise;
   for (const FastFinding& f : found.fast.scan.findings)
     if (f.gain_nats >
         best.gain_nats - (is_slow ? question.constants.noise_margin_nats : question.constants.rivals_nats))
-      effect.set.push_back({f.effect, nullptr, false, f.effect->family(), f.gain_nats, question.constants.fast_nats});
+      effect.set.push_back(evidence_of(f, question.constants));
   const bool is_jumping = effect.term.estimator->is_jumping();
   const auto has_no_owner = [&] {
     const double gain = gain_of_free_spectrum(question.campaign, found.seconds.fit.residual, best);

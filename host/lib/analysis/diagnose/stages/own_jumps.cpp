@@ -32,12 +32,12 @@ public:
   };
   // Of a change over lasts_s (0: within a row) about t_s.
   Change change_at(double t_s, double lasts_s) const {
-    const VectorXd column = less_constant(white(share_after(t_s, lasts_s)));
+    const VectorXd column = changed(t_s, lasts_s);
     const double square = column.squaredNorm(), product = column.dot(rest_);
     if (!(square > 0)) return {};
     return {0.5 * product * product / square, product / square, 1 / std::sqrt(square)};
   }
-  void take(double t_s, const Change& change) { rest_ -= change.size_dph * less_constant(white(share_after(t_s, 0))); }
+  void take(double t_s, const Change& change) { rest_ -= change.size_dph * changed(t_s, 0); }
   // Where innovations are largest: a jump shows there.
   std::vector<long> likely_rows() const {
     std::vector<long> rows;
@@ -52,11 +52,8 @@ public:
   double dt_s() const { return dt_s_; }
 
 private:
-  VectorXd share_after(double t_s_of_change, double lasts_s) const {
-    const double over_s = std::max(dt_s_, lasts_s);
-    VectorXd out(constant_.size());
-    for (long k = 0; k < out.size(); ++k) out[k] = std::clamp((t_s(k) - t_s_of_change) / over_s + 0.5, 0.0, 1.0);
-    return out;
+  VectorXd changed(double t_s, double lasts_s) const {
+    return less_constant(white(share_after(run_, t_s, std::max(dt_s_, lasts_s))));
   }
   VectorXd white(VectorXd x) const {
     whiten(gains_, x.data(), static_cast<size_t>(x.size()));
@@ -101,19 +98,6 @@ bool jumps(const SlowAnswer& slow, const SlowModel& m) {
          (m.noise_effect && m.noise_effect->estimator()->is_jumping());
 }
 
-// Sizes as the mean of these logs leaves them; their columns are the last ones of a fit.
-void measure(const Hypothesis& found, Campaign* seconds) {
-  const Fit fit = fit_hypothesis(*seconds, found);
-  size_t n = 0;
-  for (const CampaignRun& run : seconds->runs) n += run.own_jumps.size();
-  long at = fit.beta.size() - static_cast<long>(n);
-  for (CampaignRun& run : seconds->runs)
-    for (OwnJump& jump : run.own_jumps) {
-      jump.size_dph = fit.beta[at], jump.error_dph = std::sqrt(fit.beta_covariance(at, at));
-      ++at;
-    }
-}
-
 } // namespace
 
 void find_own_jumps(const AxisQuestion& question, SlowAnswer* slow) {
@@ -153,7 +137,16 @@ void place_own_jumps(const Campaign& blocks, const Hypothesis& found, Campaign* 
       jump.t_s = t_s(k) - 0.5 * seconds->dt_s;
     }
   }
-  measure(found, seconds);
+}
+void measure_own_jumps(const Fit& fit, Campaign* seconds) {
+  size_t n = 0;
+  for (const CampaignRun& run : seconds->runs) n += run.own_jumps.size();
+  long at = fit.beta.size() - static_cast<long>(n); // their columns are the last ones
+  for (CampaignRun& run : seconds->runs)
+    for (OwnJump& jump : run.own_jumps) {
+      jump.size_dph = fit.beta[at], jump.error_dph = std::sqrt(fit.beta_covariance(at, at));
+      ++at;
+    }
 }
 
 } // namespace imucal

@@ -10,7 +10,9 @@ namespace imucal {
 // held-out ones one or two each: more are a noise.  A jump is a change that no change over minutes follows as well, by the noise
 // that was found.
 void find_own_jumps(const AxisQuestion& question, SlowAnswer* slow);
-// Into the seconds of the held-out logs, each to its sample and with its size, by what a hypothesis leaves of them.
+// Into the seconds of the held-out logs, each to its sample, by what a hypothesis leaves of them.
 void place_own_jumps(const Campaign& blocks, const Hypothesis& found, Campaign* seconds);
+// Their sizes as a fit of those seconds tells them.
+void measure_own_jumps(const Fit& fit, Campaign* seconds);
 
 } // namespace imucal

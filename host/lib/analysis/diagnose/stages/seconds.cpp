@@ -597,16 +597,15 @@ Hypothesis without_jumps(Hypothesis h) {
   h.terms.erase(std::remove_if(h.terms.begin(), h.terms.end(), is_of_one_log), h.terms.end());
   return h;
 }
-std::vector<RestFinding> test_unseen(const Campaign& held_out, const Hypothesis& found,
+std::vector<RestFinding> test_unseen(const Campaign& held_out, std::vector<VectorXd> e,
                                      const SelectorConstants& constants) {
-  std::vector<VectorXd> e = fit_hypothesis(held_out, found).e;
+  const double variance = moments(e).var;
+  if (!(variance > 0)) return {};
+  for (VectorXd& x : e) x /= std::sqrt(variance);
   const Moments m = moments(e);
-  if (!(m.var > 0)) return {};
-  for (VectorXd& x : e) x /= std::sqrt(m.var);
   const double rate = constants.rest_rate, heavy = (m.kurtosis - 3) * std::sqrt(m.n / 24);
-  const Moments unit{m.n, m.mean / std::sqrt(m.var), 1, m.kurtosis};
   std::vector<RestFinding> out = {over_time(held_out, e, rate), finding(Rest::kDistribution, heavy * heavy, 1, rate),
-                                  in_bursts(held_out, e, unit, rate), in_sudden_changes(held_out, e, unit, rate)};
+                                  in_bursts(held_out, e, m, rate), in_sudden_changes(held_out, e, m, rate)};
   for (RestFinding& f : out) f.threshold_nats = -std::log(rate);
   return out;
 }

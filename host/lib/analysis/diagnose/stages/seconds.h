@@ -122,8 +122,8 @@ struct RestFinding {
 std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e,
                                    const SelectorConstants& constants);
 // Those of held-out logs that need no more of the noise than its kind: its parameters are known from other logs, to within
-// errors.  The coefficients of the mean are those of these logs.
-std::vector<RestFinding> test_unseen(const Campaign& held_out, const Hypothesis& found,
+// errors.  `e`: of a fit of these logs, of any variance.
+std::vector<RestFinding> test_unseen(const Campaign& held_out, std::vector<Eigen::VectorXd> e,
                                      const SelectorConstants& constants);
 // A hypothesis without its jumps in time: they stay with the logs in which they were found.
 Hypothesis without_jumps(Hypothesis h);
