@@ -79,19 +79,67 @@ static void test_a_slow_change_of_a_held_out_log_is_no_jump(void**) {
   assert_true(said.verdict != Verdict::kExplained);
 }
 
-// What jumps in the fitted logs as well may come back in the held-out ones: they tell.
-static void test_a_jump_that_comes_back_is_not_left_free(void**) {
-  const auto jump = [](double, double temp_degc) { return temp_degc > 37.3 ? 90.0 : 0.0; };
-  const Selection said = answer_to(jump, 720, 1, true);
+// Up, and back after ten minutes: each edge alone is less than the two are.
+static void test_a_jump_and_its_return_are_told(void**) {
+  const Selection said = answer_with([](Log* log) {
+    for (size_t i = 2500; i < 3100; ++i) log->axes[0].rate_dph[i] += 150;
+  });
+  assert_true(names_of(said).count("thermal_hysteresis") == 1);
+  assert_int_equal(said.own_jumps.size(), 2);
+  for (const StepValue& jump : said.own_jumps) {
+    const bool is_up = jump.amplitude_dph.value > 0;
+    assert_near(jump.t_s, is_up ? 2501 : 3101, 3);
+    assert_near(std::fabs(jump.amplitude_dph.value), 150, 4 * jump.amplitude_dph.std_error);
+  }
+}
+
+// All of its noise is twice as strong: that is told, makes no jumps, and takes no name away.
+static void test_a_loud_held_out_log_is_told(void**) {
+  for (uint64_t seed : {750, 751, 752}) {
+    const Log other = simulated_log(seed + 100, 6000, false, 0);
+    const Selection said = answer_with(
+        [&](Log* log) {
+          for (size_t i = 0; i < log->size(); ++i) {
+            const double x = (other.temp_degc[i] - 30) / 30;
+            const double noise_dph = other.axes[0].rate_dph[i] - (100 + 300 * x + 150 * x * x - 100 * x * x * x);
+            log->axes[0].rate_dph[i] += std::sqrt(3.0) * noise_dph;
+          }
+        },
+        seed);
+    assert_true(names_of(said).count("thermal_hysteresis") == 1);
+    assert_true(said.own_jumps.empty() && said.verdict == Verdict::kPartlyExplained);
+    assert_int_equal(said.stronger_noise.size(), 1);
+    assert_int_equal(said.stronger_noise[0].log, 0);
+    assert_near(said.stronger_noise[0].times, 2, 0.2);
+  }
+}
+
+// Near the place of a named jump the held-out log speaks for or against it; elsewhere a jump is its own.
+static void test_a_jump_beside_one_at_a_temperature(void**) {
+  const auto at_temperature = [](double, double temp_degc) { return temp_degc > 37.3 ? 90.0 : 0.0; };
+  const Selection said = answer_to(at_temperature, 720, 1, true);
   assert_true(names_of(said).count("thermal_step") == 1);
   assert_true(said.own_jumps.empty());
-  // A jump in time of a fitted log: whether it comes again and again the held-out one tells.
+  const auto with_own = [n = 0, at_temperature](double t_s, double temp_degc) mutable {
+    n += t_s < 1.5 ? 1 : 0; // the log
+    return at_temperature(t_s, temp_degc) + (n == 4 && t_s > 4500 ? 120.0 : 0.0);
+  };
+  const Selection both = answer_to(with_own, 720, 1, true);
+  assert_true(names_of(both).count("thermal_step") == 1);
+  assert_int_equal(both.own_jumps.size(), 1);
+  assert_near(both.own_jumps[0].t_s, 4501, 5);
+}
+
+// A jump in time of a fitted log foretells nothing either.
+static void test_a_jump_beside_one_of_a_fitted_log(void**) {
   const auto in_time = [n = 0](double t_s, double) mutable {
     n += t_s < 1.5 ? 1 : 0; // the log
     return (n == 2 && t_s > 1500) || (n == 4 && t_s > 4500) ? 120.0 : 0.0;
   };
   const Selection twice = answer_to(in_time, 721, 1, true);
-  assert_true(!twice.effects.empty() && twice.own_jumps.empty());
+  assert_true(!twice.effects.empty());
+  assert_int_equal(twice.own_jumps.size(), 1);
+  assert_near(twice.own_jumps[0].t_s, 4501, 5);
 }
 
 // A gap that the fitted logs do not have is one all the same.
@@ -141,7 +189,10 @@ int main() {
       cmocka_unit_test(test_structure_of_a_held_out_log_is_left_out),
       cmocka_unit_test(test_a_jump_of_a_held_out_log_is_told_and_takes_no_name_away),
       cmocka_unit_test(test_a_slow_change_of_a_held_out_log_is_no_jump),
-      cmocka_unit_test(test_a_jump_that_comes_back_is_not_left_free),
+      cmocka_unit_test(test_a_jump_and_its_return_are_told),
+      cmocka_unit_test(test_a_loud_held_out_log_is_told),
+      cmocka_unit_test(test_a_jump_beside_one_at_a_temperature),
+      cmocka_unit_test(test_a_jump_beside_one_of_a_fitted_log),
       cmocka_unit_test(test_bursts_of_a_held_out_log_are_a_gap),
       cmocka_unit_test(test_right_held_out_logs_are_quiet),
       cmocka_unit_test(test_small_teeth_are_sudden_changes),

@@ -304,6 +304,7 @@ std::string text_of(const std::vector<StepValue>& steps, bool tells_log, const c
   }
   return out;
 }
+constexpr double kMoreThanNoise = 1.2; // times: worth a word
 // What is left, in a sentence.
 std::string remainder(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
@@ -332,7 +333,10 @@ std::string remainder(const AxisResult& axis) {
   if (g.has_mean && g.rms_after_dph > 1.1 * g.rms_before_dph)
     add(std::string("the predicted mean is further from the held-out rates than before") +
         (g.has_figure() ? "" : ", as far as their noise tells"));
-  if (s.leaves_mean)
+  for (const Selection::Strength& noise : s.stronger_noise)
+    add(format("the noise of held-out log %d is %.1f times as strong as that of the fitted logs", noise.log + 1,
+               noise.times));
+  if (s.leaves_mean || (s.exceeds_noise && g.rms_after_dph > kMoreThanNoise * g.noise_rms_dph))
     add(format("the held-out residual is %.1f times what the noise alone would leave",
                g.rms_after_dph / g.noise_rms_dph));
   if (s.verdict != Verdict::kUnexplained && g.has_figure() && g.ci_hi < kNearlyAll)
@@ -415,7 +419,9 @@ std::string held_out_statement(const AxisResult& axis) {
 Json gap_json(const AxisResult& axis) {
   const std::string unit = axis_unit(axis.axis);
   const GapResult& g = axis.study.gap;
-  Json own_jumps = Json::array();
+  Json own_jumps = Json::array(), stronger = Json::array();
+  for (const Selection::Strength& noise : axis.study.selection.stronger_noise)
+    stronger.push_back({{"log", noise.log}, {"times", noise.times}});
   for (const StepValue& jump : axis.study.selection.own_jumps)
     own_jumps.push_back({{"log", jump.log},
                          {"t_s", jump.t_s},
@@ -438,6 +444,7 @@ Json gap_json(const AxisResult& axis) {
       {"part_within_fitted_temperatures", g.part_within},
       {"remainder", remainder(axis)},
       {"jumps_of_held_out_logs", own_jumps},
+      {"stronger_noise_of_held_out_logs", stronger},
       {"has_mean", g.has_mean},
       {"residual_rms_dph",
        {{"before", g.rms_before_dph},

@@ -162,7 +162,7 @@ private:
     gap.believed_rms_dph =
         gap.rms_of_noise_dph(question_.belief.has_believed ? question_.belief.model : out_.nominal.noise());
     gap.is_of_starts = are_only_starts();
-    out_.leaves_mean = gap.leaves_mean(constants());
+    out_.leaves_mean = gap.leaves_mean(constants()), out_.exceeds_noise = gap.exceeds_noise(constants());
     gap.hold_what_minutes_show();
     judge();
   }
@@ -190,6 +190,8 @@ private:
       place_own_jumps(*found_.slow.held_blocks, foretold, held_out_);
       const Fit fit = fit_hypothesis(*held_out_, foretold);
       measure_own_jumps(fit, held_out_);
+      for (const CampaignRun& run : found_.slow.held_blocks->runs)
+        if (run.own_strength > 1) out_.stronger_noise.push_back({static_cast<int>(run.input.log), run.own_strength});
       for (const CampaignRun& run : held_out_->runs)
         for (const OwnJump& jump : run.own_jumps)
           out_.own_jumps.push_back(
@@ -276,8 +278,8 @@ private:
     const GapResult& gap = found_.slow.gap;
     const bool has_mean = gap.has_mean || !found_.slow.found.best.steps.empty();
     const bool grows = has_mean && gap.rms_after_dph > (1 + constants().growth_part) * gap.rms_before_dph;
-    const bool leaves =
-        fires(out_.after) || fires(out_.unseen) || !out_.own_jumps.empty() || leaves_names(out_.dropped);
+    const bool has_own = !out_.own_jumps.empty() || !out_.stronger_noise.empty();
+    const bool leaves = fires(out_.after) || fires(out_.unseen) || has_own || leaves_names(out_.dropped);
     // Beyond the rows of a quarter of one passage a polynomial says little: where nothing is found these prove nothing.
     const bool leaves_alone = out_.leaves_mean && gap.method != HeldOut::kQuarters;
     if (!has_answer && (leaves || leaves_alone || !out_.remainders.empty()))

@@ -25,6 +25,11 @@ struct Selection {
   std::vector<CandidateEvidence> first_scan;
   std::vector<RestFinding> before, after;    // tests of innovations of the nominal and of the final model
   std::vector<StepValue> own_jumps;          // of held-out logs, beside everything that is told
+  struct Strength {
+    int log;
+    double times;
+  };
+  std::vector<Strength> stronger_noise;      // of held-out logs, over that of the fitted ones
   std::vector<RestFinding> unseen;           // tests of innovations of the held-out logs
   std::vector<CandidateEvidence> remainders; // free shapes that still gain beside the names
   double total_gain_nats = 0;
@@ -32,7 +37,8 @@ struct Selection {
   size_t n_left_out = 0; // seconds that structure has spoilt
   bool is_noise_retuned = false;
   bool is_told_by_held_out = false; // slow noise explains the fitted logs as well, not all logs together
-  bool leaves_mean = false;         // of the held-out minutes more than the noise alone would
+  bool leaves_mean = false;         // of the held-out minutes so much more than the noise alone would that nothing is explained
+  bool exceeds_noise = false;       // more, as far as its scatter tells
   bool cannot_judge = false; // structure left too little: `effects` holds what the recorder did, nothing else is known
   double threshold_nats = 6;
   NoiseModel fitted_noise; // of the seconds, under the final hypothesis

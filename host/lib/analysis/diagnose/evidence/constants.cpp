@@ -67,8 +67,6 @@ std::vector<SelectorConstant> of_selection() {
       {"noise_times", &C::noise_times,
        "times the noise alone that the held-out residual is at most where a gap is 'explained', or is none",
        "170 right answers: 1.34 in 98 of 100 (development cases)", false},
-      {"left_part", &C::left_part, "part of the held-out excess over the noise that is left, too, where it is not",
-       "right answers above 1.25 times the noise left up to 0.06, one 0.35 and one 0.5 (development cases)", true},
       {"lack_nats", &C::lack_nats, "what a free shape must gain beside an answer to be held against it",
        "odds of 20 to 1", false},
       {"lack_part", &C::lack_part, "the same as a part of all that is explained then",

@@ -39,7 +39,6 @@ struct SelectorConstants {
   double growth_part = 0.02;
   double noise_errors = 3;
   double noise_times = 1.4;
-  double left_part = 0.15;
   double lack_nats = 3;
   double lack_part = 0.1;
   double foretold_nats = 5;

@@ -284,8 +284,9 @@ RunGrams::RunGrams(const SlowData& data, const MeanColumns& columns, const Noise
   GainsByRun by_run(noise);
   for (size_t r = 0; r < data.y.size(); ++r) {
     const RunGains& gains = by_run.of(data.campaign.runs[r]);
-    gram_.push_back(columns.wide_[r].whitened_gram(gains));
-    sum_log_s_.push_back(gains.sum_log_s);
+    const double times = data.campaign.runs[r].own_strength;
+    gram_.push_back(columns.wide_[r].whitened_gram(gains) / (times * times));
+    sum_log_s_.push_back(gains.sum_log_s + 2 * std::log(times) * static_cast<double>(data.campaign.runs[r].n()));
   }
 }
 

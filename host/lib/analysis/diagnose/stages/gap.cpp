@@ -461,8 +461,7 @@ bool GapResult::exceeds_noise(const SelectorConstants& constants) const {
   return errors_above_noise(false) > constants.noise_errors;
 }
 bool GapResult::leaves_mean(const SelectorConstants& constants) const {
-  return exceeds_noise(constants) && part_left(false) > constants.left_part &&
-         std::sqrt(ms_after_dph2(false)) > constants.noise_times * noise_rms_dph;
+  return exceeds_noise(constants) && std::sqrt(ms_after_dph2(false)) > constants.noise_times * noise_rms_dph;
 }
 void GapResult::hold_what_minutes_show() {
   const double removed = std::max(-1.0, 1 - part_left());

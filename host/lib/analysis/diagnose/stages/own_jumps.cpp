@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/diagnose/stages/own_jumps.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -8,6 +10,7 @@
 
 namespace imucal {
 
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 namespace {
@@ -16,44 +19,100 @@ constexpr double kLeast_nats = 12; // that a jump gains over none: 1 in 100 over
 constexpr double kSudden_nats = 5; // and over a change that lasts
 constexpr double kLasts_s[] = {200, 600};
 constexpr size_t kPlaces = 40;       // of a log where one is looked for
+constexpr double kStronger = 1.25; // times: noise that is not that of the fitted logs
 constexpr size_t kMostJumps = 2;     // of one log
+constexpr double kFinestOfRow = 0.05; // of a row
 constexpr double kReachBlocks = 1.5; // from its place in block means to its sample
 constexpr long kFromEnd = 3;         // rows: a jump nearer to the end of a log is one of a few rows
+constexpr double kOfNamed_s = 180;   // about a jump of a named cause that one here may be a part of
+constexpr double kLeastOfSquares = 1e-6; // two columns are one below it
+constexpr double kOfNormal = 1.4826; // standard deviations in a median magnitude
 
-// What is left of a run, and what a change of level in it would be, both less what a constant takes.
+// What is left of a run, and what changes of its level would be, both less what a constant takes.  The noise of a log may be
+// stronger than that of the others: its innovations tell by how much.
 class LevelOfRun {
 public:
   LevelOfRun(const CampaignRun& run, double dt_s, const NoiseModel& noise, const VectorXd& rest)
       : run_(run), dt_s_(dt_s), gains_(compute_gains(run, noise)), constant_(white(VectorXd::Ones(rest.size()))),
-        rest_(less_constant(white(rest))) {}
+        rest_(less_constant(white(rest))), strength_(std::max(1.0, kOfNormal * median_magnitude(rest_))) {}
 
-  struct Change {
-    double gain_nats = 0, size_dph = 0, error_dph = 0;
-  };
-  // Of a change over lasts_s (0: within a row) about t_s.
-  Change change_at(double t_s, double lasts_s) const {
-    const VectorXd column = changed(t_s, lasts_s);
-    const double square = column.squaredNorm(), product = column.dot(rest_);
-    if (!(square > 0)) return {};
-    return {0.5 * product * product / square, product / square, 1 / std::sqrt(square)};
+  // The columns of changes at some times.
+  MatrixXd changes(const Theta& times_s) const {
+    MatrixXd out(rest_.size(), static_cast<long>(times_s.size()));
+    for (size_t i = 0; i < times_s.size(); ++i) out.col(static_cast<long>(i)) = change(times_s[i], 0);
+    return out;
   }
-  void take(double t_s, const Change& change) { rest_ -= change.size_dph * changed(t_s, 0); }
-  // Where innovations are largest: a jump shows there.
-  std::vector<long> likely_rows() const {
+  // What changes of level gain together.
+  double gain_nats(const Theta& times_s) const { return gain_nats(changes(times_s)); }
+  // Each at once, and not over minutes.
+  bool is_sudden(const Theta& times_s) const {
+    const MatrixXd at_once = changes(times_s);
+    const double least_nats = gain_nats(at_once) - kSudden_nats;
+    for (size_t i = 0; i < times_s.size(); ++i)
+      for (const double lasts_s : kLasts_s) {
+        MatrixXd slow = at_once;
+        slow.col(static_cast<long>(i)) = change(times_s[i], lasts_s);
+        if (gain_nats(slow) > least_nats) return false;
+      }
+    return true;
+  }
+  // Inside their rows, where the data have them.
+  Theta placed(Theta times_s) const {
+    double best_nats = gain_nats(times_s);
+    for (double apart_s = 0.5 * dt_s_; apart_s > kFinestOfRow * dt_s_; apart_s *= 0.5)
+      for (size_t i = 0; i < times_s.size(); ++i)
+        for (const double way_s : {-apart_s, apart_s}) {
+          Theta moved_s = times_s;
+          moved_s[i] += way_s;
+          const double nats = gain_nats(moved_s);
+          if (nats > best_nats) best_nats = nats, times_s = moved_s;
+        }
+    return times_s;
+  }
+  // Before the rows whose innovations are largest: a jump shows there.  Those near `taken_s` are not asked.
+  Theta likely_times(const Theta& taken_s) const {
+    const auto is_taken = [&](long k) {
+      return std::any_of(taken_s.begin(), taken_s.end(),
+                         [&](double t_s) { return std::fabs(t_s - change_s(k)) < kOfNamed_s; });
+    };
     std::vector<long> rows;
-    for (long k = kFromEnd; k + kFromEnd <= rest_.size(); ++k) rows.push_back(k);
+    for (long k = kFromEnd; k + kFromEnd <= rest_.size(); ++k)
+      if (!is_taken(k)) rows.push_back(k);
     const auto is_larger = [this](long a, long b) { return std::fabs(rest_[a]) > std::fabs(rest_[b]); };
     const size_t n = std::min(kPlaces, rows.size());
     std::partial_sort(rows.begin(), rows.begin() + static_cast<long>(n), rows.end(), is_larger);
     rows.resize(n);
-    return rows;
+    Theta times_s;
+    for (long k : rows) times_s.push_back(change_s(k));
+    return times_s;
   }
-  double t_s(long k) const { return run_.input.t_s[static_cast<size_t>(run_.used[static_cast<size_t>(k)])]; }
-  double dt_s() const { return dt_s_; }
+  // With a level after each: what is left, and the jumps themselves.
+  std::vector<OwnJump> take(const Theta& times_s) {
+    const MatrixXd x = changes(times_s), inverse = (x.transpose() * x).inverse();
+    const VectorXd size_dph = inverse * (x.transpose() * rest_);
+    rest_ -= x * size_dph;
+    std::vector<OwnJump> out;
+    for (size_t i = 0; i < times_s.size(); ++i) {
+      const long j = static_cast<long>(i);
+      out.push_back({times_s[i], size_dph[j], strength_ * std::sqrt(inverse(j, j))});
+    }
+    return out;
+  }
+  const VectorXd& rest() const { return rest_; }
+  double strength() const { return strength_; }
 
 private:
-  VectorXd changed(double t_s, double lasts_s) const {
+  // Over lasts_s (0: at once) about a time.
+  VectorXd change(double t_s, double lasts_s) const {
     return less_constant(white(share_after(run_, t_s, std::max(dt_s_, lasts_s))));
+  }
+  double gain_nats(const MatrixXd& x) const {
+    const VectorXd product = x.transpose() * rest_;
+    return 0.5 * product.dot((x.transpose() * x).ldlt().solve(product)) / (strength_ * strength_);
+  }
+  // Before this row.
+  double change_s(long k) const {
+    return run_.input.t_s[static_cast<size_t>(run_.used[static_cast<size_t>(k)])] - 0.5 * dt_s_;
   }
   VectorXd white(VectorXd x) const {
     whiten(gains_, x.data(), static_cast<size_t>(x.size()));
@@ -62,50 +121,88 @@ private:
   VectorXd less_constant(const VectorXd& x) const {
     return x - constant_ * (constant_.dot(x) / constant_.squaredNorm());
   }
+  static double median_magnitude(const VectorXd& x) {
+    std::vector<double> e(x.data(), x.data() + x.size());
+    for (double& value : e) value = std::fabs(value);
+    const auto middle = e.begin() + static_cast<long>(e.size() / 2);
+    std::nth_element(e.begin(), middle, e.end());
+    return *middle;
+  }
 
   const CampaignRun& run_;
   double dt_s_;
   RunGains gains_;
   VectorXd constant_, rest_;
+  double strength_; // of the innovations, 1: as the noise says
 };
 
-// The jumps of one run, one after the other; more than a few: none.
-std::vector<OwnJump> jumps_of(LevelOfRun run) {
+// The likeliest two jumps of a run, of which each is one beside the other: up and back, of which each alone is less than it is; or
+// the likeliest one; or none.
+Theta likeliest(const LevelOfRun& run, const Theta& taken_s) {
+  const Theta times_s = run.likely_times(taken_s);
+  const auto time_s = [&](long i) { return times_s[static_cast<size_t>(i)]; };
+  const MatrixXd x = run.changes(times_s);
+  const MatrixXd square = x.transpose() * x;
+  const VectorXd product = x.transpose() * run.rest();
+  const double two_variances = 2 * run.strength() * run.strength();
+  const auto alone_nats = [&](long i) { return product[i] * product[i] / square(i, i) / two_variances; };
+  const auto both_nats = [&](long i, long j) {
+    const double determinant = square(i, i) * square(j, j) - square(i, j) * square(i, j);
+    if (!(determinant > kLeastOfSquares * square(i, i) * square(j, j))) return 0.0;
+    return (product[i] * product[i] * square(j, j) + product[j] * product[j] * square(i, i) -
+            2 * product[i] * product[j] * square(i, j)) /
+           determinant / two_variances;
+  };
+  const long n = product.size();
+  Theta one, two;
+  double one_nats = kLeast_nats, two_nats = 0;
+  for (long i = 0; i < n; ++i) {
+    const double own_nats = alone_nats(i);
+    if (own_nats > one_nats) one_nats = own_nats, one = {time_s(i)};
+    for (long j = 0; j < i; ++j) {
+      if (std::fabs(time_s(i) - time_s(j)) < kLasts_s[0]) continue; // nothing that stays
+      const double nats = both_nats(i, j);
+      if (nats > two_nats && nats - std::max(own_nats, alone_nats(j)) > kLeast_nats)
+        two_nats = nats, two = {time_s(i), time_s(j)};
+    }
+  }
+  if (!two.empty() && run.is_sudden(two = run.placed(two))) return two;
+  return !one.empty() && run.is_sudden(one = run.placed(one)) ? one : Theta();
+}
+
+// The jumps of one run; more than a few: none.
+std::vector<OwnJump> jumps_of(LevelOfRun run, const Theta& taken_s) {
   std::vector<OwnJump> out;
   while (true) {
-    double t_s = 0;
-    LevelOfRun::Change best;
-    for (long k : run.likely_rows()) {
-      const double at_s = run.t_s(k) - 0.5 * run.dt_s();
-      const LevelOfRun::Change change = run.change_at(at_s, 0);
-      if (change.gain_nats > best.gain_nats) best = change, t_s = at_s;
-    }
-    if (best.gain_nats < kLeast_nats) return out;
-    for (const double lasts_s : kLasts_s)
-      if (run.change_at(t_s, lasts_s).gain_nats > best.gain_nats - kSudden_nats) return out;
-    if (out.size() == kMostJumps) return {};
-    out.push_back({t_s, best.size_dph, best.error_dph});
-    run.take(t_s, best);
+    const Theta next = likeliest(run, taken_s);
+    if (next.empty()) return out;
+    if (out.size() + next.size() > kMostJumps) return {};
+    for (const OwnJump& jump : run.take(next)) out.push_back(jump);
   }
 }
 
-// Something in a hypothesis jumps.
-bool jumps(const SlowAnswer& slow, const SlowModel& m) {
-  const auto can_jump = [&](const SlowModel::Name& name) {
-    return slow.candidate(name.candidate).scan.estimator->can_jump();
-  };
-  return !m.steps.empty() || std::any_of(m.names.begin(), m.names.end(), can_jump) ||
-         (m.noise_effect && m.noise_effect->estimator()->is_jumping());
+// When the named causes jump in a run.
+Theta times_of_named_jumps(const SlowAnswer& slow, const CampaignRun& run) {
+  Theta out;
+  for (const SlowModel::Name& name : slow.found.best.names) {
+    const EffectEstimator& effect = *slow.candidate(name.candidate).scan.estimator;
+    if (!effect.can_jump()) continue;
+    const Column level = effect.columns(run.input, name.shape).front();
+    for (size_t k = 1; k < level.size(); ++k)
+      if (level[k] != level[k - 1]) out.push_back(0.5 * (run.input.t_s[k - 1] + run.input.t_s[k]));
+  }
+  return out;
 }
 
 } // namespace
 
-void find_own_jumps(const AxisQuestion& question, SlowAnswer* slow) {
-  for (CampaignRun& run : slow->held_blocks->runs) run.own_jumps.clear();
+void forget_own(SlowAnswer* slow) {
+  for (CampaignRun& run : slow->held_blocks->runs) run.own_jumps.clear(), run.own_strength = 1;
+}
+void find_own(const AxisQuestion& question, SlowAnswer* slow) {
   const bool can_be_named = question.first_kind([](const auto& e) { return e.form() == Form::kSteps; }) != nullptr;
   const SlowModel& best = slow->found.best;
-  if (!can_be_named || jumps(*slow, best)) return;
-  if (slow->found.without_steps && jumps(*slow, slow->found.without_steps->best)) return;
+  const bool is_noise_that_jumps = best.noise_effect && best.noise_effect->estimator()->is_jumping();
   const SlowData all = with_held_out(*slow->data, *slow->held_blocks);
   const std::vector<MeanPart> parts = slow->search->parts_on(all, best);
   const NoiseModel noise = slow->search->noise_of(best);
@@ -113,9 +210,12 @@ void find_own_jumps(const AxisQuestion& question, SlowAnswer* slow) {
   const size_t n_fitted = slow->data->campaign.runs.size();
   std::fill(is_fitted.begin() + static_cast<long>(n_fitted), is_fitted.end(), 0);
   const RunGrams::Posterior at = RunGrams(all, pointers_of(parts), noise).posterior(is_fitted);
-  for (size_t r = n_fitted; r < all.campaign.runs.size(); ++r)
-    slow->held_blocks->runs[r - n_fitted].own_jumps =
-        jumps_of({all.campaign.runs[r], all.campaign.dt_s, noise, residual_of(all, parts, at, r)});
+  for (size_t r = n_fitted; r < all.campaign.runs.size(); ++r) {
+    CampaignRun& run = slow->held_blocks->runs[r - n_fitted];
+    const LevelOfRun level(run, all.campaign.dt_s, noise, residual_of(all, parts, at, r));
+    if (level.strength() > kStronger) run.own_strength = level.strength();
+    if (can_be_named && !is_noise_that_jumps) run.own_jumps = jumps_of(level, times_of_named_jumps(*slow, run));
+  }
 }
 
 void place_own_jumps(const Campaign& blocks, const Hypothesis& found, Campaign* seconds) {

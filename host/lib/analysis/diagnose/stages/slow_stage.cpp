@@ -24,8 +24,9 @@ public:
   void run() {
     slow_.found = slow_.search->run();
     slow_.is_told_by_held_out = false;
-    if (slow_.held_blocks) find_own_jumps(question_, &slow_);
+    if (slow_.held_blocks) forget_own(&slow_);
     weigh_steps();
+    if (slow_.held_blocks) find_own(question_, &slow_);
     weigh_noise();
     weigh_rivals();
     hold_out();
