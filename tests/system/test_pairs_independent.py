@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Two causes at once, in logs that this file simulates itself: those that an independent check of 168 pairs found missed.
 
-The check was written by somebody who read neither the engine nor the blind check; this is a short form of it, with its
-chamber, its causes and sizes of its kind, and new draws. Seeds and limits were chosen before the first run; 16 of 16 passed, and
+The check was written by somebody who read neither the engine nor the blind check. This short form is not: the authors of the
+program wrote it from that check's generator, with its chamber, its causes and sizes of its kind, and new draws. Seeds and limits were chosen before the first run; 16 of 16 passed, and
 none on the program before. Of eight devices with a jump in time beside a jump at a temperature that program told one, of eight
 with outliers beside white noise that follows the temperature none, and a gap of what differs from run to run "shrank" by 99 %.
 
