@@ -756,6 +756,23 @@ static void test_all_drop_outs_are_counted(void**) {
   assert_int_equal(found.n_dropouts, 3);
 }
 
+// Where the rate itself passes zero too: among rates of 0.01 dph an exact zero is no rate.
+static void test_drop_outs_between_small_rates_are_counted(void**) {
+  for (const double step_dph : {0.01, 20.0}) {
+    Log log = simulated_log(80, 8000, false, 0);
+    for (double& rate : log.axes[0].rate_dph) rate = step_dph * std::round(rate / step_dph);
+    size_t n_zeros = 0;
+    for (size_t i = 70; i < 8000; i += 160) log.axes[0].rate_dph[i] = 0;
+    for (double rate : log.axes[0].rate_dph) n_zeros += rate == 0;
+    Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+    find_structure(&campaign, nullptr, effect_library(), all_active());
+    if (step_dph < 1)
+      assert_int_equal(campaign.n(), 8000 - n_zeros);
+    else
+      assert_true(n_zeros > 200 && campaign.n() > 8000 - 50); // most are rates
+  }
+}
+
 // Rates in steps of 36 dph: of a level of 20 dph most samples are equal to the one before, and zero is the next step.
 static void test_zeros_of_coarse_rates_are_no_drop_outs(void**) {
   Log log = simulated_log(76, 8000, false, 0);
@@ -1048,6 +1065,7 @@ int main() {
       cmocka_unit_test(test_bursts_are_not_noise_of_another_size),
       cmocka_unit_test(test_a_block_holds_the_share_of_a_jump_and_no_hit),
       cmocka_unit_test(test_all_drop_outs_are_counted),
+      cmocka_unit_test(test_drop_outs_between_small_rates_are_counted),
       cmocka_unit_test(test_zeros_of_coarse_rates_are_no_drop_outs),
       cmocka_unit_test(test_a_polynomial_at_another_temperature_is_the_same_on_a_part_of_a_log),
       cmocka_unit_test(test_a_log_between_logs_at_rest_tells_the_polynomial),

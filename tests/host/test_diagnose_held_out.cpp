@@ -46,6 +46,9 @@ static void test_structure_of_a_held_out_log_is_left_out(void**) {
   const std::set<std::string> names = names_of(said);
   assert_true(names.count("thermal_hysteresis") == 1 && names.count("saturation") == 1);
   assert_true(said.n_left_out > 1000);
+  const auto is_saturation = [](const SelectedEffect& e) { return e.term.effect && e.term.effect->name() == "saturation"; };
+  const auto told = std::find_if(said.effects.begin(), said.effects.end(), is_saturation);
+  assert_true(told->statement.find(": held-out log 1") != std::string::npos);
   const Selection dropped = answer_with([](Log* log) {
     for (double& rate : log->axes[0].rate_dph) rate += 2000; // a zero is far from every rate
     for (size_t i = 20; i < log->size(); i += 100) log->axes[0].rate_dph[i] = 0;

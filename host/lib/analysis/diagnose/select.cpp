@@ -74,7 +74,7 @@ private:
       effect.term = term_of(f.effect, f.effect->estimator(), {});
       effect.term.fixed_parameters = f.signature.parameters;
       effect.is_structural = true;
-      effect.statement = f.signature.statement;
+      effect.statement = f.signature.statement + (f.logs.empty() ? "" : ": " + f.logs);
       if (f.signature.extra_white_dph2 > 0) effect.rms_dph = std::sqrt(f.signature.extra_white_dph2);
       effect.gain_nats = effect.evidence_nats = f.signature.evidence_nats;
       effect.held_out_nats = kPredictsNothing;

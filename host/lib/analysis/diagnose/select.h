@@ -33,7 +33,7 @@ struct Selection {
   std::vector<RestFinding> unseen;           // tests of innovations of the held-out logs
   std::vector<CandidateEvidence> remainders; // free shapes that still gain beside the names
   double total_gain_nats = 0;
-  size_t n_dropouts = 0; // exact zeros far from their neighbours, left out: too few for a finding
+  size_t n_dropouts = 0; // exact zeros that are no rates, left out: too few for a finding
   size_t n_left_out = 0; // seconds that structure has spoilt
   bool is_noise_retuned = false;
   bool is_told_by_held_out = false; // slow noise explains the fitted logs as well, not all logs together

@@ -11,6 +11,9 @@ namespace imucal {
 namespace {
 
 constexpr double kFarZero = 8;    // noise standard deviations of the values around a zero that is no rate
+constexpr size_t kFewZeros = 3;   // of a run that make it one with drop-outs
+constexpr double kNearSteps = 5;  // rates so near to zero tell how many zeros are rates
+constexpr double kTimesExpected = 3;
 constexpr double kGuard_s = 10;   // next to censored samples: those that just escaped are biased too
 constexpr double kMostLost = 0.5; // part of the samples that the guard may cost; else only the samples themselves go
 
@@ -24,10 +27,26 @@ double smallest_change(const Campaign& campaign) {
   return smallest;
 }
 
+// All zeros of a run of which a few are drop-outs, where rates as near to zero as a few of their steps are too rare for as many
+// zeros: those between small rates are drop-outs as well.
+void add_near_zeros(const RunInput& in, double step_dph, std::vector<char>* bad) {
+  const size_t n_far = static_cast<size_t>(std::count(bad->begin(), bad->end(), 1));
+  if (n_far < kFewZeros) return;
+  size_t n_zeros = 0, n_near = 0;
+  for (size_t i = 0; i < in.size(); ++i) {
+    const double size_dph = std::fabs(in.rate_dph[i]);
+    n_zeros += size_dph == 0 && !(*bad)[i], n_near += size_dph > 0 && size_dph < (kNearSteps + 0.5) * step_dph;
+  }
+  const double expected = static_cast<double>(n_near) / (2 * kNearSteps);
+  if (static_cast<double>(n_zeros) < kFewZeros + kTimesExpected * expected) return;
+  for (size_t i = 0; i < in.size(); ++i)
+    if (in.rate_dph[i] == 0) (*bad)[i] = 1;
+}
 // Zeros between values that are far from zero: the recorder's, not the gyro's.  Of coarse rates most are equal to the one
 // before, and zero may be the next step.
-Rows far_zeros(const Campaign& campaign) {
-  const double noise = std::max(white_between_samples(campaign) / std::sqrt(campaign.dt_s), smallest_change(campaign));
+Rows drop_outs(const Campaign& campaign) {
+  const double step_dph = smallest_change(campaign);
+  const double noise = std::max(white_between_samples(campaign) / std::sqrt(campaign.dt_s), step_dph);
   Rows zeros;
   for (const CampaignRun& run : campaign.runs) {
     std::vector<char> bad(run.input.size(), 0);
@@ -49,6 +68,7 @@ Rows far_zeros(const Campaign& campaign) {
           std::min(std::fabs(before), std::fabs(after)) > kFarZero * noise)
         bad[row] = 1;
     }
+    add_near_zeros(run.input, step_dph, &bad);
     zeros.push_back(std::move(bad));
   }
   return zeros;
@@ -83,11 +103,23 @@ Rows with_guard(const Campaign& campaign, const Rows& bad) {
   return static_cast<double>(lost) < kMostLost * static_cast<double>(campaign.n()) ? wide : bad;
 }
 
-StructureResult find_in_all(Campaign* campaign, const std::vector<const Effect*>& library,
+// Where a finding is, if it is not in all logs.
+std::string logs_of(const Campaign& campaign, size_t n_fitted, const Rows& unusable) {
+  std::string out;
+  size_t n = 0;
+  for (size_t r = 0; r < unusable.size(); ++r) {
+    if (std::count(unusable[r].begin(), unusable[r].end(), 1) == 0) continue;
+    ++n, out += std::string(out.empty() ? "" : ", ") + (r < n_fitted ? "log " : "held-out log ") +
+                std::to_string(campaign.runs[r].input.log + 1);
+  }
+  return n == unusable.size() ? "" : out;
+}
+
+StructureResult find_in_all(Campaign* campaign, size_t n_fitted, const std::vector<const Effect*>& library,
                             const std::vector<bool>& active) {
   StructureResult out;
   const size_t before = campaign->n();
-  const Rows zeros = far_zeros(*campaign); // no detector takes them for a limit or a dead band
+  const Rows zeros = drop_outs(*campaign); // no detector takes them for a limit or a dead band
   mask(campaign, zeros);
   out.n_dropouts = count_beside(zeros, {});
   std::vector<const Effect*> detectors;
@@ -106,7 +138,7 @@ StructureResult find_in_all(Campaign* campaign, const std::vector<const Effect*>
           if (zeros[r][i]) inputs[r].rate_dph[i] = 0;
     const auto signature = effect->estimator()->detect(inputs);
     if (!signature) continue;
-    out.findings.push_back({effect, *signature});
+    out.findings.push_back({effect, *signature, logs_of(*campaign, n_fitted, signature->unusable)});
     out.extra_white_dph2 += signature->extra_white_dph2;
     const bool is_censoring = effect->estimator()->is_censoring();
     out.is_censored = out.is_censored || is_censoring;
@@ -128,7 +160,7 @@ StructureResult find_structure(Campaign* fitted, Campaign* held_out, const std::
                                const std::vector<bool>& active) {
   const size_t n_fitted = fitted->runs.size();
   if (held_out) move_runs(&held_out->runs, 0, &fitted->runs);
-  StructureResult out = find_in_all(fitted, library, active);
+  StructureResult out = find_in_all(fitted, n_fitted, library, active);
   if (held_out) move_runs(&fitted->runs, n_fitted, &held_out->runs);
   return out;
 }
