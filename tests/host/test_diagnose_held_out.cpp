@@ -46,7 +46,9 @@ static void test_structure_of_a_held_out_log_is_left_out(void**) {
   const std::set<std::string> names = names_of(said);
   assert_true(names.count("thermal_hysteresis") == 1 && names.count("saturation") == 1);
   assert_true(said.n_left_out > 1000);
-  const auto is_saturation = [](const SelectedEffect& e) { return e.term.effect && e.term.effect->name() == "saturation"; };
+  const auto is_saturation = [](const SelectedEffect& e) {
+    return e.term.effect && e.term.effect->name() == "saturation";
+  };
   const auto told = std::find_if(said.effects.begin(), said.effects.end(), is_saturation);
   assert_true(told->statement.find(": held-out log 1") != std::string::npos);
   const Selection dropped = answer_with([](Log* log) {
@@ -140,7 +142,8 @@ static void test_a_jump_beside_one_of_a_fitted_log(void**) {
     return (n == 2 && t_s > 1500) || (n == 4 && t_s > 4500) ? 120.0 : 0.0;
   };
   const Selection twice = answer_to(in_time, 721, 1, true);
-  assert_true(!twice.effects.empty());
+  assert_int_equal(twice.effects.size(), 1);
+  assert_true(twice.effects[0].is_family && twice.effects[0].family == Family::kSlowNoise); // they come again
   assert_int_equal(twice.own_jumps.size(), 1);
   assert_near(twice.own_jumps[0].t_s, 4501, 5);
 }

@@ -644,8 +644,9 @@ std::vector<std::string> notes(const AxisResult& axis) {
   if (s.n_dropouts > 0)
     out.push_back(format("%zu exact zeros that are no rates are drop-outs and were left out", s.n_dropouts));
   if (s.n_left_out > s.n_dropouts)
-    out.push_back(
-        format("%zu seconds in all were left out because of what the recorder or converter did to them, or to samples next to them", s.n_left_out));
+    out.push_back(format("%zu seconds in all were left out because of what the recorder or converter did to them, or "
+                         "to samples next to them",
+                         s.n_left_out));
   if (s.is_noise_retuned)
     out.push_back(
         "the believed noise parameters do not fit these logs: they were estimated again under every candidate");

@@ -23,8 +23,8 @@ struct Selection {
   Hypothesis nominal, final;           // of the seconds
   Fit nominal_fit, final_fit;
   std::vector<CandidateEvidence> first_scan;
-  std::vector<RestFinding> before, after;    // tests of innovations of the nominal and of the final model
-  std::vector<StepValue> own_jumps;          // of held-out logs, beside everything that is told
+  std::vector<RestFinding> before, after; // tests of innovations of the nominal and of the final model
+  std::vector<StepValue> own_jumps;       // of held-out logs, beside everything that is told
   struct Strength {
     int log;
     double times;
@@ -37,9 +37,9 @@ struct Selection {
   size_t n_left_out = 0; // seconds that structure has spoilt
   bool is_noise_retuned = false;
   bool is_told_by_held_out = false; // slow noise explains the fitted logs as well, not all logs together
-  bool leaves_mean = false;         // of the held-out minutes so much more than the noise alone would that nothing is explained
-  bool exceeds_noise = false;       // more, as far as its scatter tells
-  bool cannot_judge = false; // structure left too little: `effects` holds what the recorder did, nothing else is known
+  bool leaves_mean = false; // of the held-out minutes so much more than the noise alone would that nothing is explained
+  bool exceeds_noise = false; // more, as far as its scatter tells
+  bool cannot_judge = false;  // structure left too little: `effects` holds what the recorder did, nothing else is known
   double threshold_nats = 6;
   NoiseModel fitted_noise; // of the seconds, under the final hypothesis
   double white_dph = 0;    // white noise from second to second, over the samples of the logs

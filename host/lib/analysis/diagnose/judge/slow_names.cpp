@@ -158,6 +158,11 @@ private:
       }
     return false;
   }
+  bool held_out_logs_jump() const {
+    if (!slow_.held_blocks) return false;
+    const std::vector<CampaignRun>& runs = slow_.held_blocks->runs;
+    return std::any_of(runs.begin(), runs.end(), [](const CampaignRun& run) { return !run.own_jumps.empty(); });
+  }
   void name_steps() {
     for (size_t j = 0; j < question_.library.size(); ++j) {
       const EffectEstimator* e = question_.library[j]->estimator();
@@ -176,8 +181,8 @@ private:
       add_jumps_at_temperature(question_, slow_, &effect);
       add_means_without_steps(question_, slow_, &effect);
       // Jumps that come again and again are a noise.
-      if (jumps_of_weight() > kMostJumps || (names_.effects.empty() && slow_.is_against(constants())))
-        open_jumps(question_, &effect);
+      const bool is_against = names_.effects.empty() && slow_.is_against(constants());
+      if (jumps_of_weight() > kMostJumps || is_against || held_out_logs_jump()) open_jumps(question_, &effect);
       names_.effects.push_back(effect);
     }
   }

@@ -22,10 +22,10 @@ struct OwnJump {
 
 struct CampaignRun {
   RunInput input;
-  std::vector<int> used;               // rows with a usable rate, increasing
-  std::vector<int> steps;              // per used row: seconds (in units of dt) since the used row before; first: 0
-  double start_s = 0;                  // t_s of the first row in the log
-  std::vector<Hold> holds;             // rows of the log: all but the first of each are left out
+  std::vector<int> used;   // rows with a usable rate, increasing
+  std::vector<int> steps;  // per used row: seconds (in units of dt) since the used row before; first: 0
+  double start_s = 0;      // t_s of the first row in the log
+  std::vector<Hold> holds; // rows of the log: all but the first of each are left out
   // Of a held-out log:
   std::vector<OwnJump> own_jumps = {}; // the level after each is free in every hypothesis
   double own_strength = 1;             // standard deviations of its noise are so many times those of the fitted logs

@@ -10,9 +10,9 @@
 namespace imucal {
 namespace {
 
-constexpr double kFarZero = 8;    // noise standard deviations of the values around a zero that is no rate
-constexpr size_t kFewZeros = 3;   // of a run that make it one with drop-outs
-constexpr double kNearSteps = 5;  // rates so near to zero tell how many zeros are rates
+constexpr double kFarZero = 8;   // noise standard deviations of the values around a zero that is no rate
+constexpr size_t kFewZeros = 3;  // of a run that make it one with drop-outs
+constexpr double kNearSteps = 5; // rates so near to zero tell how many zeros are rates
 constexpr double kTimesExpected = 3;
 constexpr double kGuard_s = 10;   // next to censored samples: those that just escaped are biased too
 constexpr double kMostLost = 0.5; // part of the samples that the guard may cost; else only the samples themselves go

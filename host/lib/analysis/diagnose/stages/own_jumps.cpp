@@ -18,15 +18,15 @@ namespace {
 constexpr double kLeast_nats = 12; // that a jump gains over none: 1 in 100 over the places of a few logs of white noise
 constexpr double kSudden_nats = 5; // and over a change that lasts
 constexpr double kLasts_s[] = {200, 600};
-constexpr size_t kPlaces = 40;       // of a log where one is looked for
-constexpr double kStronger = 1.25; // times: noise that is not that of the fitted logs
-constexpr size_t kMostJumps = 2;     // of one log
-constexpr double kFinestOfRow = 0.05; // of a row
-constexpr double kReachBlocks = 1.5; // from its place in block means to its sample
-constexpr long kFromEnd = 3;         // rows: a jump nearer to the end of a log is one of a few rows
-constexpr double kOfNamed_s = 180;   // about a jump of a named cause that one here may be a part of
+constexpr size_t kPlaces = 40;           // of a log where one is looked for
+constexpr double kStronger = 1.25;       // times: noise that is not that of the fitted logs
+constexpr size_t kMostJumps = 2;         // of one log
+constexpr double kFinestOfRow = 0.05;    // of a row
+constexpr double kReachBlocks = 1.5;     // from its place in block means to its sample
+constexpr long kFromEnd = 3;             // rows: a jump nearer to the end of a log is one of a few rows
+constexpr double kOfNamed_s = 180;       // about a jump of a named cause that one here may be a part of
 constexpr double kLeastOfSquares = 1e-6; // two columns are one below it
-constexpr double kOfNormal = 1.4826; // standard deviations in a median magnitude
+constexpr double kOfNormal = 1.4826;     // standard deviations in a median magnitude
 
 // What is left of a run, and what changes of its level would be, both less what a constant takes.  The noise of a log may be
 // stronger than that of the others: its innovations tell by how much.
