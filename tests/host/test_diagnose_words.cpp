@@ -102,6 +102,17 @@ static void test_a_family_is_told_with_what_is_open(void**) {
   assert_has(said_of(two), "; no member of it is told by these logs");
 }
 
+// What slow noise would gain in its place is no evidence for a memory.
+static void test_a_family_is_worth_its_best_member(void**) {
+  SelectedEffect family = effect_of("thermal_hysteresis", 2);
+  open_member(&family);
+  family.set.push_back({&find_effect("thermal_lag"), nullptr, false, Family::kThermalMemory, 11, 6});
+  family.set.push_back({&find_effect("rate_random_walk"), nullptr, false, Family::kSlowNoise, 66, 6});
+  raise_family(&family);
+  assert_near(family.evidence_nats, 5, 1e-12);
+  assert_near(family.gain_nats, 11, 1e-12);
+}
+
 static void test_a_name_that_is_left_is_nearest_in_the_headline(void**) {
   const std::string text = said(Verdict::kUnexplained, {}, {effect_of("thermal_hysteresis", 60).set.front()});
   assert_has(text, "nearest comes thermal_hysteresis");
@@ -367,6 +378,7 @@ int main() {
       cmocka_unit_test(test_a_stand_in_does_not_remove_less_than_nothing),
       cmocka_unit_test(test_an_axis_that_cannot_be_judged_has_no_answer),
       cmocka_unit_test(test_no_name_is_twice_in_a_set),
+      cmocka_unit_test(test_a_family_is_worth_its_best_member),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);
 }

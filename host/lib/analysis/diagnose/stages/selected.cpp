@@ -54,7 +54,8 @@ void add_to_set(std::vector<CandidateEvidence> list, SelectedEffect* effect) {
 void raise_family(SelectedEffect* effect) {
   if (!effect->is_family || effect->doubt == Doubt::kSlowNoise) return;
   double most = effect->evidence_nats;
-  for (const CandidateEvidence& e : effect->set) most = std::max(most, e.evidence_nats());
+  for (const CandidateEvidence& e : effect->set)
+    if (e.family == effect->family) most = std::max(most, e.evidence_nats());
   effect->gain_nats += most - effect->evidence_nats;
   effect->evidence_nats = most;
 }

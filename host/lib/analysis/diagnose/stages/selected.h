@@ -65,7 +65,7 @@ bool is_shape_unknown(const SelectedEffect& effect);
 bool is_in_set(const SelectedEffect& effect, const Effect* member);
 // Behind what is in the set already, what gains most first; no name twice.
 void add_to_set(std::vector<CandidateEvidence> list, SelectedEffect* effect);
-// A family is worth what the best in its set is.
+// A family is worth what the best of its members in the set is.
 void raise_family(SelectedEffect* effect);
 // What no likelihood tells from the effect; nullptr: nothing.
 void add_equal(const Effect* kind, SelectedEffect* effect);
