@@ -72,6 +72,7 @@ static void test_a_jump_of_a_held_out_log_is_told_and_takes_no_name_away(void**)
   assert_near(jump.amplitude_dph.value, 150, 4 * jump.amplitude_dph.std_error);
   assert_true(jump.amplitude_dph.std_error < 15);
   assert_true(!fires(said.unseen)); // it is found to the second
+  assert_true(said.stronger_noise.empty());
 }
 
 // As large, but over ten minutes: a cause may do that, and the held-out log speaks for or against it.

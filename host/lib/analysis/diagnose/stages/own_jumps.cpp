@@ -34,7 +34,7 @@ class LevelOfRun {
 public:
   LevelOfRun(const CampaignRun& run, double dt_s, const NoiseModel& noise, const VectorXd& rest)
       : run_(run), dt_s_(dt_s), gains_(compute_gains(run, noise)), constant_(white(VectorXd::Ones(rest.size()))),
-        rest_(less_constant(white(rest))), strength_(std::max(1.0, kOfNormal * median_magnitude(rest_))) {}
+        rest_(less_constant(white(rest))), strength_(strength_of(rest_)) {}
 
   // The columns of changes at some times.
   MatrixXd changes(const Theta& times_s) const {
@@ -91,10 +91,12 @@ public:
     const MatrixXd x = changes(times_s), inverse = (x.transpose() * x).inverse();
     const VectorXd size_dph = inverse * (x.transpose() * rest_);
     rest_ -= x * size_dph;
+    const double strength = strength_; // in which the jumps were noise
+    strength_ = strength_of(rest_);
     std::vector<OwnJump> out;
     for (size_t i = 0; i < times_s.size(); ++i) {
       const long j = static_cast<long>(i);
-      out.push_back({times_s[i], size_dph[j], strength_ * std::sqrt(inverse(j, j))});
+      out.push_back({times_s[i], size_dph[j], strength * std::sqrt(inverse(j, j))});
     }
     return out;
   }
@@ -121,6 +123,7 @@ private:
   VectorXd less_constant(const VectorXd& x) const {
     return x - constant_ * (constant_.dot(x) / constant_.squaredNorm());
   }
+  static double strength_of(const VectorXd& e) { return std::max(1.0, kOfNormal * median_magnitude(e)); }
   static double median_magnitude(const VectorXd& x) {
     std::vector<double> e(x.data(), x.data() + x.size());
     for (double& value : e) value = std::fabs(value);
@@ -170,14 +173,14 @@ Theta likeliest(const LevelOfRun& run, const Theta& taken_s) {
   return !one.empty() && run.is_sudden(one = run.placed(one)) ? one : Theta();
 }
 
-// The jumps of one run; more than a few: none.
-std::vector<OwnJump> jumps_of(LevelOfRun run, const Theta& taken_s) {
+// The jumps of one run, which are taken off it; more than a few: none.
+std::vector<OwnJump> take_jumps(const Theta& taken_s, LevelOfRun* run) {
   std::vector<OwnJump> out;
   while (true) {
-    const Theta next = likeliest(run, taken_s);
+    const Theta next = likeliest(*run, taken_s);
     if (next.empty()) return out;
     if (out.size() + next.size() > kMostJumps) return {};
-    for (const OwnJump& jump : run.take(next)) out.push_back(jump);
+    for (const OwnJump& jump : run->take(next)) out.push_back(jump);
   }
 }
 
@@ -212,9 +215,9 @@ void find_own(const AxisQuestion& question, SlowAnswer* slow) {
   const RunGrams::Posterior at = RunGrams(all, pointers_of(parts), noise).posterior(is_fitted);
   for (size_t r = n_fitted; r < all.campaign.runs.size(); ++r) {
     CampaignRun& run = slow->held_blocks->runs[r - n_fitted];
-    const LevelOfRun level(run, all.campaign.dt_s, noise, residual_of(all, parts, at, r));
+    LevelOfRun level(run, all.campaign.dt_s, noise, residual_of(all, parts, at, r));
+    if (can_be_named && !is_noise_that_jumps) run.own_jumps = take_jumps(times_of_named_jumps(*slow, run), &level);
     if (level.strength() > kStronger) run.own_strength = level.strength();
-    if (can_be_named && !is_noise_that_jumps) run.own_jumps = jumps_of(level, times_of_named_jumps(*slow, run));
   }
 }
 
