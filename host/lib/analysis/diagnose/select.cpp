@@ -107,14 +107,9 @@ private:
     std::vector<std::vector<char>> unusable;
     for (const CampaignRun& run : campaign->runs) {
       unusable.emplace_back(run.input.size(), 0);
-      for (const SlowModel::Name& name : found_.slow.found.best.names) {
-        const EffectEstimator& effect = *found_.slow.candidate(name.candidate).scan.estimator;
-        if (!effect.can_jump()) continue;
-        const Column jumps = effect.columns(run.input, name.shape).front();
-        for (size_t i = 1; i < jumps.size(); ++i)
-          for (size_t k = 0; jumps[i] != jumps[i - 1] && k < jumps.size(); ++k)
-            if (is_in_jump(run.input, i, k)) unusable.back()[k] = 1;
-      }
+      for (size_t jump : found_.slow.rows_of_jumps(run.input))
+        for (size_t k = 0; k < run.input.size(); ++k)
+          if (is_in_jump(run.input, jump, k)) unusable.back()[k] = 1;
     }
     mask(campaign, unusable);
   }

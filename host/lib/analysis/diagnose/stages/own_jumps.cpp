@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "analysis/diagnose/stages/seconds.h"
+#include "base/median.h"
 
 namespace imucal {
 
@@ -123,13 +124,9 @@ private:
   VectorXd less_constant(const VectorXd& x) const {
     return x - constant_ * (constant_.dot(x) / constant_.squaredNorm());
   }
-  static double strength_of(const VectorXd& e) { return std::max(1.0, kOfNormal * median_magnitude(e)); }
-  static double median_magnitude(const VectorXd& x) {
-    std::vector<double> e(x.data(), x.data() + x.size());
-    for (double& value : e) value = std::fabs(value);
-    const auto middle = e.begin() + static_cast<long>(e.size() / 2);
-    std::nth_element(e.begin(), middle, e.end());
-    return *middle;
+  static double strength_of(const VectorXd& e) {
+    const VectorXd magnitude = e.cwiseAbs();
+    return std::max(1.0, kOfNormal * median({magnitude.data(), magnitude.data() + magnitude.size()}));
   }
 
   const CampaignRun& run_;
@@ -187,13 +184,7 @@ std::vector<OwnJump> take_jumps(const Theta& taken_s, LevelOfRun* run) {
 // When the named causes jump in a run.
 Theta times_of_named_jumps(const SlowAnswer& slow, const CampaignRun& run) {
   Theta out;
-  for (const SlowModel::Name& name : slow.found.best.names) {
-    const EffectEstimator& effect = *slow.candidate(name.candidate).scan.estimator;
-    if (!effect.can_jump()) continue;
-    const Column level = effect.columns(run.input, name.shape).front();
-    for (size_t k = 1; k < level.size(); ++k)
-      if (level[k] != level[k - 1]) out.push_back(0.5 * (run.input.t_s[k - 1] + run.input.t_s[k]));
-  }
+  for (size_t k : slow.rows_of_jumps(run.input)) out.push_back(0.5 * (run.input.t_s[k - 1] + run.input.t_s[k]));
   return out;
 }
 

@@ -22,6 +22,17 @@ bool SlowAnswer::can_test(size_t i, const SelectorConstants& constants) const {
   return gap.method == HeldOut::kQuarters || can_show(gap.beyond_start[i], constants) ||
          can_show(gap.at_all[i], constants);
 }
+std::vector<size_t> SlowAnswer::rows_of_jumps(const RunInput& in) const {
+  std::vector<size_t> rows;
+  for (const SlowModel::Name& name : found.best.names) {
+    const EffectEstimator& effect = *candidate(name.candidate).scan.estimator;
+    if (!effect.can_jump()) continue;
+    const Column level = effect.columns(in, name.shape).front();
+    for (size_t k = 1; k < level.size(); ++k)
+      if (level[k] != level[k - 1]) rows.push_back(k);
+  }
+  return rows;
+}
 bool SlowAnswer::is_against(const SelectorConstants& constants) const {
   return held_blocks && 0.5 * gap.delta_deviance < -constants.against_nats;
 }

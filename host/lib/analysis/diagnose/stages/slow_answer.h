@@ -39,6 +39,8 @@ struct SlowAnswer {
   // Whether held-out logs can show enough of a name of found.best, beyond its start states or with them, to be asked for it.
   // Quarters of one log always are.
   bool can_test(size_t name, const SelectorConstants& constants) const;
+  // Rows of a log before which a name of found.best jumps.
+  std::vector<size_t> rows_of_jumps(const RunInput& in) const;
   // Whether held-out logs become less likely by the answer.
   bool is_against(const SelectorConstants& constants) const;
   // No cause is left in the answer.
