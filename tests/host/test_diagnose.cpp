@@ -759,17 +759,23 @@ static void test_all_drop_outs_are_counted(void**) {
 // Where the rate itself passes zero too: among rates of 0.01 dph an exact zero is no rate.
 static void test_drop_outs_between_small_rates_are_counted(void**) {
   for (const double step_dph : {0.01, 20.0}) {
-    Log log = simulated_log(80, 8000, false, 0);
-    for (double& rate : log.axes[0].rate_dph) rate = step_dph * std::round(rate / step_dph);
-    size_t n_zeros = 0;
-    for (size_t i = 70; i < 8000; i += 160) log.axes[0].rate_dph[i] = 0;
-    for (double rate : log.axes[0].rate_dph) n_zeros += rate == 0;
-    Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
-    find_structure(&campaign, nullptr, effect_library(), all_active());
-    if (step_dph < 1)
-      assert_int_equal(campaign.n(), 8000 - n_zeros);
-    else
-      assert_true(n_zeros > 200 && campaign.n() > 8000 - 50); // most are rates
+    std::vector<Log> logs;
+    for (uint64_t k = 0; k < 3; ++k) {
+      logs.push_back(simulated_log(80 + k, 8000, false, 0));
+      for (double& rate : logs[k].axes[0].rate_dph) rate = step_dph * std::round(rate / step_dph);
+    }
+    std::vector<double>& rates = logs[2].axes[0].rate_dph;
+    for (size_t i = 70; i < 8000; i += 500) rates[i] = 0; // too few for a finding
+    const size_t n_zeros = static_cast<size_t>(std::count(rates.begin(), rates.end(), 0.0));
+    Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+    const StructureResult found = find_structure(&campaign, nullptr, effect_library(), all_active());
+    if (step_dph < 1) {
+      assert_true(found.findings.empty());
+      assert_int_equal(found.n_dropouts, n_zeros);
+      assert_int_equal(campaign.n(), 24000 - n_zeros);
+    } else {
+      assert_true(n_zeros > 100 && campaign.n() > 24000 - 16); // most are rates
+    }
   }
 }
 

@@ -126,6 +126,12 @@ static void test_a_jump_beside_one_at_a_temperature(void**) {
   const Selection said = answer_to(at_temperature, 720, 1, true);
   assert_true(names_of(said).count("thermal_step") == 1);
   assert_true(said.own_jumps.empty());
+  // A held-out log without it: that is no jump down and one up of its own.
+  const auto only_fitted = [n = 0, at_temperature](double t_s, double temp_degc) mutable {
+    n += t_s < 1.5 ? 1 : 0; // the log
+    return n == 4 ? 0.0 : at_temperature(t_s, temp_degc);
+  };
+  assert_true(answer_to(only_fitted, 720, 1, true).own_jumps.empty());
   const auto with_own = [n = 0, at_temperature](double t_s, double temp_degc) mutable {
     n += t_s < 1.5 ? 1 : 0; // the log
     return at_temperature(t_s, temp_degc) + (n == 4 && t_s > 4500 ? 120.0 : 0.0);
