@@ -57,7 +57,7 @@ public:
       }
     return true;
   }
-  // Inside their rows, where the data have them.
+  // Moved inside their rows to where they gain most.
   Theta placed(Theta times_s) const {
     double best_nats = gain_nats(times_s);
     for (double apart_s = 0.5 * dt_s_; apart_s > kFinestOfRow * dt_s_; apart_s *= 0.5)
@@ -136,8 +136,8 @@ private:
   double strength_; // of the innovations, 1: as the noise says
 };
 
-// The likeliest two jumps of a run, of which each is one beside the other: up and back, of which each alone is less than it is; or
-// the likeliest one; or none.
+// The likeliest two jumps of a run, if each gains enough beside the other; else the likeliest one; or none.  Two come first: of a
+// jump up and back each looks small, or gradual, as long as the other is not known.
 Theta likeliest(const LevelOfRun& run, const Theta& taken_s) {
   const Theta times_s = run.likely_times(taken_s);
   const auto time_s = [&](long i) { return times_s[static_cast<size_t>(i)]; };
