@@ -9,7 +9,8 @@
 namespace imucal {
 namespace {
 
-constexpr size_t kProductChunk = 512; // samples of all columns that stay in the second cache
+constexpr size_t kProductChunk = 512; // samples of a panel that stay in the second cache
+constexpr size_t kPanel = 64;         // columns of it
 
 // B vectors of columns; M: number of states where the compiler may know it, else 0.
 template <class V, size_t B, size_t M>
@@ -180,24 +181,35 @@ IMUCAL_WIDE_PART void column_block(const double* a, size_t lda, const double* b,
   });
 }
 
+// Columns `from` to `end` of b against as many strips of A columns of a as are left from `first`, which moves behind them.
 // Where `is_upper` only what column j of b needs of the columns up to j of a, and some more.
+template <class V, size_t A>
+IMUCAL_WIDE_PART void column_strips(const double* a, size_t lda, size_t na, const double* b, size_t ldb, size_t from,
+                                    size_t end, size_t n, bool is_upper, double* out, size_t* first) {
+  for (; *first + A <= na; *first += A)
+    for (size_t j = from; j < end; j += 2) {
+      if (is_upper && *first >= j + 2) continue;
+      const double *left = a + *first * lda, *right = b + j * ldb;
+      double* to = out + *first + j * na;
+      if (end - j >= 2)
+        column_block<V, A, 2>(left, lda, right, ldb, n, to, na);
+      else
+        column_block<V, A, 1>(left, lda, right, ldb, n, to, na);
+    }
+}
+
+// Strips of a stay in the first cache, panels of b in the second.
 template <class V>
 IMUCAL_WIDE_PART void column_products_by(const double* a, size_t lda, size_t na, const double* b, size_t ldb, size_t nb,
                                          size_t n, bool is_upper, double* out) {
-  constexpr size_t kMost = kWidth<V> / 2; // of sixteen registers eight are sums, or of 32
-  for (size_t j = 0; j < nb; j += nb - j < 2 ? 1 : 2)
-    for (size_t i = 0; i < (is_upper ? std::min(na, j + 2) : na); i += na - i < kMost ? 1 : kMost) {
-      const double *left = a + i * lda, *right = b + j * ldb;
-      double* to = out + i + j * na;
-      if (na - i >= kMost && nb - j >= 2)
-        column_block<V, kMost, 2>(left, lda, right, ldb, n, to, na);
-      else if (na - i >= kMost)
-        column_block<V, kMost, 1>(left, lda, right, ldb, n, to, na);
-      else if (nb - j >= 2)
-        column_block<V, 1, 2>(left, lda, right, ldb, n, to, na);
-      else
-        column_block<V, 1, 1>(left, lda, right, ldb, n, to, na);
-    }
+  constexpr size_t kMost = kWidth<V> == 8 ? 8 : 2; // sums with two columns of b take half of 32 registers, or of 16
+  for (size_t from = 0; from < nb; from += kPanel) {
+    const size_t end = std::min(nb, from + kPanel);
+    size_t first = 0;
+    column_strips<V, kMost>(a, lda, na, b, ldb, from, end, n, is_upper, out, &first);
+    column_strips<V, kMost / 2>(a, lda, na, b, ldb, from, end, n, is_upper, out, &first);
+    column_strips<V, 1>(a, lda, na, b, ldb, from, end, n, is_upper, out, &first);
+  }
 }
 IMUCAL_BY_LANES(column_products,
                 (const double* a, size_t lda, size_t na, const double* b, size_t ldb, size_t nb, size_t n,

@@ -51,22 +51,43 @@ template <class F> void for_samples(const RunGains& g, const F& f) {
 
 } // namespace
 
-void whiten(const RunGains& gains, Eigen::MatrixXd* columns) {
-  const size_t n = static_cast<size_t>(columns->rows()), p = static_cast<size_t>(columns->cols());
-  if (p == 1) return whiten(gains, columns->data(), n);
-  std::vector<double*> list;
-  for (size_t c = 0; c < p; ++c) list.push_back(columns->data() + c * n);
+namespace {
+
+// Column after column of `n` samples; may be in place.
+void whiten_to(const RunGains& gains, size_t n, const std::vector<const double*>& columns, double* to) {
   std::vector<double> chunk(kChunk * 8), state;
-  for_groups(list, [&](size_t, size_t lanes, double** group) {
+  for_groups(columns, [&](size_t first, size_t lanes, const double** group) {
+    double* out[8];
+    for (size_t c = 0; c < lanes; ++c) out[c] = to + std::min(first + c, columns.size() - 1) * n;
     state.assign(std::max<size_t>(1, gains.n_states) * lanes, 0.0);
     for (size_t k = 0; k < n; k += kChunk) {
       const size_t rows = std::min(kChunk, n - k);
       columns_to_rows(lanes, group, rows, chunk.data(), lanes);
       filter(gains, k, rows, lanes, chunk.data(), lanes, state.data());
-      rows_to_columns(lanes, chunk.data(), lanes, rows, group);
-      for (size_t c = 0; c < lanes; ++c) group[c] += rows;
+      rows_to_columns(lanes, chunk.data(), lanes, rows, out);
+      for (size_t c = 0; c < lanes; ++c) group[c] += rows, out[c] += rows;
     }
   });
+}
+
+std::vector<const double*> pointers_to(const Eigen::MatrixXd& columns) {
+  std::vector<const double*> list;
+  for (long c = 0; c < columns.cols(); ++c) list.push_back(columns.data() + c * columns.rows());
+  return list;
+}
+
+} // namespace
+
+void whiten(const RunGains& gains, Eigen::MatrixXd* columns) {
+  const size_t n = static_cast<size_t>(columns->rows());
+  if (columns->cols() == 1) return whiten(gains, columns->data(), n);
+  whiten_to(gains, n, pointers_to(*columns), columns->data());
+}
+
+Eigen::MatrixXd whitened(const RunGains& gains, const Eigen::MatrixXd& columns) {
+  Eigen::MatrixXd out(columns.rows(), columns.cols());
+  whiten_to(gains, static_cast<size_t>(columns.rows()), pointers_to(columns), out.data());
+  return out;
 }
 
 void whiten(const RunGains& gains, double* column, size_t n) {
@@ -129,16 +150,6 @@ Eigen::MatrixXd column_gram(const Eigen::Ref<const Eigen::MatrixXd>& a) {
                   static_cast<size_t>(a.rows()), out.data());
   return out;
 }
-
-namespace {
-
-std::vector<const double*> pointers_to(const Eigen::MatrixXd& columns) {
-  std::vector<const double*> list;
-  for (long c = 0; c < columns.cols(); ++c) list.push_back(columns.data() + c * columns.rows());
-  return list;
-}
-
-} // namespace
 
 WideColumns::WideColumns(const Eigen::MatrixXd& columns)
     : WideColumns(pointers_to(columns), static_cast<size_t>(columns.rows())) {}

@@ -154,9 +154,7 @@ ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise, bool keeps_ban
 }
 
 MatrixXd ScanNode::whitened_bank(size_t run) const {
-  MatrixXd x = bank_.columns_[run];
-  whiten(gains_[run], &x);
-  return x;
+  return whitened(gains_[run], bank_.columns_[run]);
 }
 
 const MatrixXd& ScanNode::white(size_t run) const {
