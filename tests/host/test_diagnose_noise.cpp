@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What diagnose answers to noise of other kinds and to jumps in time.
-#include "analysis/diagnose/stages/seconds.h"
+#include "analysis/diagnose/stages/bursts.h"
 #include "diagnose_logs.h"
 
 static void test_noise_of_the_seconds_is_fitted_beside_another_kind(void**) {
@@ -270,6 +270,47 @@ static void test_shots_are_no_hits(void**) {
   assert_int_equal(names_of(hits).count("outliers"), 1);
 }
 
+// Hits of any rate and size, one by one: the test fires at its rate, 1 in 1000.  In groups it fires, and no member is named.
+static void test_hits_in_bursts_are_no_outliers(void**) {
+  const Campaign campaign = make_campaign({simulated_log(351, 5000, false, 0)}, "gx_dph", nominal_model());
+  NoiseModel noise;
+  noise.white_sigma_dph = 36;
+  const auto fires = [&](const std::function<bool(long, Rng*)>& is_hit, uint64_t seed) {
+    Rng rng(seed, 6, 0, Stream::kTool);
+    VectorXd x(static_cast<long>(campaign.runs[0].n()));
+    for (long k = 0; k < x.size(); ++k) {
+      const double white = 36 * rng.normal();
+      x[k] = white + (is_hit(k, &rng) ? noise.hit_sigma_dph * rng.normal() : 0);
+    }
+    return hits_in_bursts(campaign, {x}, noise, {}).evidence_nats > 0;
+  };
+  int n_alone = 0, n_grouped = 0;
+  for (uint64_t seed = 0; seed < 400; ++seed) {
+    Rng rng(seed, 7, 0, Stream::kTool);
+    noise.hit_probability = 5e-4 * std::pow(100, rng.uniform()), noise.hit_sigma_dph = 36 * (2 + 18 * rng.uniform());
+    const double p = noise.hit_probability;
+    n_alone += fires([p](long, Rng* r) { return r->uniform() < p; }, seed) ? 1 : 0;
+  }
+  noise.hit_probability = 0.003, noise.hit_sigma_dph = 200;
+  for (uint64_t seed = 0; seed < 20; ++seed) // three in ten samples of half a minute, twice in an hour
+    n_grouped +=
+        fires([](long k, Rng* r) { return k % 1800 > 900 && k % 1800 < 930 && r->uniform() < 0.3; }, seed) ? 1 : 0;
+  assert_in_range(n_alone, 0, 4); // more in 1 of 10,000
+  assert_int_equal(n_grouped, 20);
+
+  long row = 0;
+  Rng rng(361, 0, 0, Stream::kTool);
+  const Selection said = answer_to(
+      [&](double, double) {
+        const long k = row++ % 1800; // twice in an hour
+        return k > 600 && k < 630 && rng.uniform() < 0.15 ? 300 * rng.normal() : 0.0;
+      },
+      361, 0, true);
+  assert_true(names_of(said) == std::set<std::string>{"fast_noise"});
+  assert_int_equal(members_of(said).count("outliers"), 1);
+  assert_true(said.verdict == Verdict::kPartlyExplained);
+}
+
 static void test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit(void**) {
   // Processes of 60 and of 6000 s; one process was fitted to both.
   Log log = simulated_log(221, 40000, false, 0);
@@ -425,6 +466,7 @@ int main() {
       cmocka_unit_test(test_what_better_plain_noise_gains_is_no_kind_of_fast_noise),
       cmocka_unit_test(test_the_error_of_a_slope_of_noise_has_the_level_free),
       cmocka_unit_test(test_saw_teeth_are_no_telegraph_noise),
+      cmocka_unit_test(test_hits_in_bursts_are_no_outliers),
       cmocka_unit_test(test_two_kinds_of_fast_noise_are_told),
   };
   const struct CMUnitTest long_tests[] = {

@@ -13,6 +13,7 @@
 #include "analysis/diagnose/judge/undecided.h"
 #include "analysis/diagnose/logs/blocks.h"
 #include "analysis/diagnose/logs/structure.h"
+#include "analysis/diagnose/stages/bursts.h"
 #include "analysis/diagnose/stages/mean_lines.h"
 #include "analysis/diagnose/stages/own_jumps.h"
 #include "analysis/diagnose/stages/slow_stage.h"
@@ -199,6 +200,9 @@ private:
     }
     out_.final_fit = fit_hypothesis(campaign_, seconds.final, &seconds.fit.residual);
     out_.after = test_rest(campaign_, out_.final_fit.e, constants());
+    const RestFinding hits = hits_in_bursts(campaign_, out_.final_fit.residual, seconds.final.noise(), constants());
+    for (RestFinding& f : out_.after)
+      if (f.test == hits.test && f.evidence_nats < hits.evidence_nats) f = hits;
   }
   // An effect of any shape is told in the shape of its parameters that comes nearest, and every figure is of what is told, under
   // the noise of what was found.  What the shape has beyond it is left.
