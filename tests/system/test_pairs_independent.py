@@ -168,7 +168,12 @@ def effects(answer):
     return {e["name"]: e for e in answer["effects"] if e["name"] != "noise_parameters"}
 
 
-@pytest.mark.parametrize("k", range(5))
+def long_after(n, numbers):
+    """The first n of them in `make test`, the others in `make test-long`."""
+    return [k if i < n else pytest.param(k, marks=pytest.mark.long) for i, k in enumerate(numbers)]
+
+
+@pytest.mark.parametrize("k", long_after(3, range(5)))
 def test_a_jump_in_time_stands_beside_one_at_a_temperature(k):
     device, answer = told(k, "relay", "jump")
     found = effects(answer)
@@ -182,7 +187,7 @@ def test_a_jump_in_time_stands_beside_one_at_a_temperature(k):
     assert abs(at["temp_degc"] - up_degc) < 0.5 and abs(at["amplitude_dph"] - height) < 0.2 * abs(height)
 
 
-@pytest.mark.parametrize("k", range(10, 14))
+@pytest.mark.parametrize("k", long_after(2, range(10, 14)))
 def test_hits_stand_beside_white_noise_that_follows_the_temperature(k):
     device, answer = told(k, "slope_of_white_noise", "outliers")
     found = effects(answer)
@@ -198,7 +203,7 @@ def test_what_differs_from_run_to_run_alone_has_no_figure():
     assert answer["gap"]["shrinkage"] is None and answer["gap"]["residual_rms_dph"]["from_run_to_run"] > 10
 
 
-@pytest.mark.parametrize("k", range(30, 33))
+@pytest.mark.parametrize("k", long_after(2, range(30, 33)))
 def test_what_differs_from_run_to_run_is_left(k):
     answer = told(k, "loop", "run_to_run")[1]
     if "run_to_run" not in effects(answer):
@@ -211,7 +216,7 @@ def test_what_differs_from_run_to_run_is_left(k):
         assert gap["ci95"][0] - 0.1 < seen < gap["ci95"][1] + 0.1
 
 
-@pytest.mark.parametrize("k", range(40, 43))
+@pytest.mark.parametrize("k", long_after(2, range(40, 43)))
 def test_a_jump_of_a_held_out_log_takes_no_name_away(k):
     device = Device(SEED + k)
     device.add_loop()

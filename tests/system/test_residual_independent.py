@@ -251,7 +251,7 @@ def check_before_in_white_noise(lab, n_draws):
 
 
 def test_before_is_not_worse_than_an_ordinary_cubic(lab):
-    check_before(lab, 6)
+    check_before(lab, 4)
 
 
 def test_before_is_the_ordinary_cubic_in_white_noise(lab):
@@ -361,11 +361,11 @@ def check_spread(lab, n_draws):
 
 
 def test_noise_and_its_error_are_those_of_the_law(lab):
-    check_figures(lab, 8)
+    check_figures(lab, 5)
 
 
 def test_after_is_off_the_noise_by_as_much_as_is_told(lab):
-    check_spread(lab, 8)
+    check_spread(lab, 5)
 
 
 @pytest.mark.long
@@ -574,11 +574,11 @@ def check_two_processes(lab, n_draws):
 
 
 def test_a_power_law_is_no_certain_second_process(lab):
-    check_power_law(lab, 6)
+    check_power_law(lab, 4)
 
 
 def test_a_second_process_is_told(lab):
-    check_two_processes(lab, 5)
+    check_two_processes(lab, 4)
 
 
 @pytest.mark.long
