@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 #include <utility>
 
 #include "base/quantile.h"
@@ -36,11 +37,12 @@ struct Pair {
 };
 
 // Outliers: each sample is normal or a hit; the state's density is collapsed to one Gaussian after each sample.
+template <size_t M>
 double hit_log_likelihood(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& y,
                           Eigen::VectorXd* scores, Eigen::VectorXd* hit) {
   const NoiseStates states(times, noise);
-  Belief belief(states);
-  std::vector<double> phi(states.size()), q(states.size());
+  Belief<M> belief(states);
+  Transitions transitions(times, states);
   const double extra = noise.hit_sigma_dph * noise.hit_sigma_dph, p = noise.hit_probability;
   double log_likelihood = 0;
   for (size_t k = 0; k < times.n; ++k) {
@@ -54,19 +56,25 @@ double hit_log_likelihood(const SampleTimes& times, const NoiseModel& noise, con
     // First and second derivative of the log-density by nu (Masreliez 1975).
     belief.update(((1 - w) * is + w * ih) * nu, (1 - w) * is + w * ih - w * (1 - w) * nu * nu * (is - ih) * (is - ih));
     if (k + 1 == times.n) break;
-    states.transition(k, phi.data(), q.data());
-    belief.predict(phi.data(), q.data());
+    transitions.set(k);
+    belief.predict(transitions.phi(), transitions.q());
   }
   return log_likelihood;
 }
 
+// That a level has changed on the way to sample k.
+double switching(const SampleTimes& times, const NoiseModel& noise, size_t k) {
+  return -0.5 * std::expm1(-times.seconds(k) / noise.telegraph_tau_s);
+}
+
 // Telegraph noise: two modes (+a, -a), each with a Kalman filter of its own, mixed before every prediction.
-class TelegraphFilter {
+template <size_t M> class TelegraphFilter {
 public:
   TelegraphFilter(const SampleTimes& times, const NoiseModel& noise)
       : times_(times), noise_(noise),
-        states_(times, noise), mode_{Belief(states_), Belief(states_)}, mixed_{Belief(states_), Belief(states_)},
-        phi_(states_.size()), q_(states_.size()) {}
+        states_(times, noise), mode_{Belief<M>(states_), Belief<M>(states_)}, mixed_{Belief<M>(states_),
+                                                                                     Belief<M>(states_)},
+        transitions_(times, states_) {}
 
   // `upper`, where given: probability of +a after each sample.
   double run(const Eigen::VectorXd& y, Eigen::VectorXd* scores, Eigen::VectorXd* upper = nullptr) {
@@ -85,8 +93,6 @@ public:
     }
     return log_likelihood;
   }
-  // That a level has changed on the way to sample k.
-  double switching(size_t k) const { return -0.5 * std::expm1(-times_.seconds(k) / noise_.telegraph_tau_s); }
 
 private:
   Pair innovations(size_t k, double y) {
@@ -99,16 +105,8 @@ private:
     return pair;
   }
 
-  // From sample k to k + 1: the same as before after as many seconds, unless the noise follows the temperature.
-  void set_transition(size_t k) {
-    const double step_s = times_.seconds(k + 1);
-    if (step_s == step_s_ && states_.has_constant_transitions()) return;
-    step_s_ = step_s, switching_ = switching(k + 1);
-    states_.transition(k, phi_.data(), q_.data());
-  }
-
   void predict(size_t k) {
-    set_transition(k);
+    if (transitions_.set(k)) switching_ = switching(times_, noise_, k + 1);
     const double s = switching_;
     const double next[2] = {(1 - s) * probability_[0] + s * probability_[1],
                             s * probability_[0] + (1 - s) * probability_[1]};
@@ -116,7 +114,7 @@ private:
     for (int j = 0; j < 2; ++j) mixed_[j].set_mixture(mode_[j], mode_[1 - j], from_other(j));
     for (int j = 0; j < 2; ++j) {
       std::swap(mode_[j], mixed_[j]);
-      mode_[j].predict(phi_.data(), q_.data());
+      mode_[j].predict(transitions_.phi(), transitions_.q());
       probability_[j] = next[j];
     }
   }
@@ -124,11 +122,19 @@ private:
   const SampleTimes& times_;
   const NoiseModel& noise_;
   NoiseStates states_;
-  Belief mode_[2], mixed_[2];
+  Belief<M> mode_[2], mixed_[2];
   double probability_[2] = {0.5, 0.5};
-  std::vector<double> phi_, q_;
-  double step_s_ = -1, switching_ = 0;
+  Transitions transitions_;
+  double switching_ = 0;
 };
+
+// f(number of states), which the compiler knows for those that most noises have.
+template <class F> auto for_states(const NoiseModel& noise, const F& f) {
+  const size_t n = noise.markov.size() + (noise.walk_dph_per_rt_s > 0 ? 1 : 0);
+  if (n == 1) return f(std::integral_constant<size_t, 1>());
+  if (n == 2) return f(std::integral_constant<size_t, 2>());
+  return f(std::integral_constant<size_t, 0>());
+}
 
 } // namespace
 
@@ -137,17 +143,21 @@ double mixture_log_likelihood(const SampleTimes& times, const NoiseModel& noise,
   const auto n = static_cast<long>(times.n);
   if (scores) scores->resize(n);
   if (hit) hit->setZero(n);
-  if (noise.hit_probability > 0) return hit_log_likelihood(times, noise, residual, scores, hit);
-  return TelegraphFilter(times, noise).run(residual, scores);
+  return for_states(noise, [&](auto states) {
+    constexpr size_t M = decltype(states)::value;
+    if (noise.hit_probability > 0) return hit_log_likelihood<M>(times, noise, residual, scores, hit);
+    return TelegraphFilter<M>(times, noise).run(residual, scores);
+  });
 }
 
 TelegraphLevel telegraph_level(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& residual) {
   const auto n = static_cast<long>(times.n);
   Eigen::VectorXd upper(n);
-  TelegraphFilter filter(times, noise);
-  filter.run(residual, nullptr, &upper);
+  for_states(noise, [&](auto states) {
+    return TelegraphFilter<decltype(states)::value>(times, noise).run(residual, nullptr, &upper);
+  });
   for (long k = n - 2; k >= 0; --k) {
-    const double s = filter.switching(static_cast<size_t>(k) + 1), p = upper[k];
+    const double s = switching(times, noise, static_cast<size_t>(k) + 1), p = upper[k];
     const double next = (1 - s) * p + s * (1 - p); // of +a at k + 1, before that sample
     const double up = upper[k + 1] / std::max(next, 1e-300), down = (1 - upper[k + 1]) / std::max(1 - next, 1e-300);
     upper[k] = std::clamp(p * ((1 - s) * up + s * down), 0.0, 1.0);

@@ -25,30 +25,4 @@ void NoiseStates::transition(size_t k, double* phi, double* q) const {
   }
 }
 
-Belief::Belief(const NoiseStates& states) : n_(states.size()), mean_(n_, 0.0), cross_(n_, 0.0), covariance_(states) {}
-
-double Belief::mean() const {
-  double sum = 0;
-  for (const double m : mean_) sum += m;
-  return sum;
-}
-
-void Belief::update(double score, double weight) {
-  for (size_t i = 0; i < n_; ++i) mean_[i] += cross_[i] * score;
-  covariance_.update(cross_.data(), weight);
-}
-
-void Belief::predict(const double* phi, const double* q) {
-  for (size_t i = 0; i < n_; ++i) mean_[i] *= phi[i];
-  covariance_.predict(phi, q);
-}
-
-void Belief::set_mixture(const Belief& a, const Belief& b, double share) {
-  for (size_t i = 0; i < n_; ++i) mean_[i] = (1 - share) * a.mean_[i] + share * b.mean_[i];
-  for (size_t i = 0; i < n_; ++i)
-    for (size_t j = 0; j < n_; ++j)
-      covariance_.at(i, j) = (1 - share) * a.covariance_.at(i, j) + share * b.covariance_.at(i, j) +
-                             share * (1 - share) * (a.mean_[i] - b.mean_[i]) * (a.mean_[j] - b.mean_[j]);
-}
-
 } // namespace imucal

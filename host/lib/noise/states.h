@@ -79,23 +79,67 @@ private:
   std::conditional_t<M == 0, std::vector<double>, std::array<double, M * M>> p_;
 };
 
-// Mean and covariance of the states; calls in the order of Covariance.
-class Belief {
+// Mean and covariance of the states; calls in the order of Covariance.  M as there.
+template <size_t M> class Belief {
 public:
-  explicit Belief(const NoiseStates& states);
+  explicit Belief(const NoiseStates& states) : n_(states.size()), covariance_(states) {
+    if constexpr (M == 0) mean_.resize(n_), cross_.resize(n_);
+    for (size_t i = 0; i < n(); ++i) mean_[i] = cross_[i] = 0;
+  }
   // Variance of the sum of the states.
   double spread() { return covariance_.spread(cross_.data()); }
-  double mean() const;
+  double mean() const {
+    double sum = 0;
+    for (size_t i = 0; i < n(); ++i) sum += mean_[i];
+    return sum;
+  }
   // mean += cross score, covariance -= cross cross' weight, cross as `spread` left it.  Gaussian: score = innovation/s.
-  void update(double score, double weight);
-  void predict(const double* phi, const double* q);
+  void update(double score, double weight) {
+    for (size_t i = 0; i < n(); ++i) mean_[i] += cross_[i] * score;
+    covariance_.update(cross_.data(), weight);
+  }
+  void predict(const double* phi, const double* q) {
+    for (size_t i = 0; i < n(); ++i) mean_[i] *= phi[i];
+    covariance_.predict(phi, q);
+  }
   // Takes the mean and covariance of a mixture: the part `share` of b and the rest of a.
-  void set_mixture(const Belief& a, const Belief& b, double share);
+  void set_mixture(const Belief& a, const Belief& b, double share) {
+    for (size_t i = 0; i < n(); ++i) mean_[i] = (1 - share) * a.mean_[i] + share * b.mean_[i];
+    for (size_t i = 0; i < n(); ++i)
+      for (size_t j = 0; j < n(); ++j)
+        covariance_.at(i, j) = (1 - share) * a.covariance_.at(i, j) + share * b.covariance_.at(i, j) +
+                               share * (1 - share) * (a.mean_[i] - b.mean_[i]) * (a.mean_[j] - b.mean_[j]);
+  }
 
 private:
+  size_t n() const { return M ? M : n_; }
+
   size_t n_;
-  std::vector<double> mean_, cross_;
-  Covariance<0> covariance_;
+  std::conditional_t<M == 0, std::vector<double>, std::array<double, M>> mean_, cross_;
+  Covariance<M> covariance_;
+};
+
+// Phi and q from sample to sample: the same before after as many seconds, unless the noise follows the temperature.
+class Transitions {
+public:
+  Transitions(const SampleTimes& times, const NoiseStates& states)
+      : times_(times), states_(states), phi_(states.size()), q_(states.size()) {}
+  // To those from sample k to k + 1; returns whether they have changed.
+  bool set(size_t k) {
+    const double step_s = times_.seconds(k + 1);
+    if (step_s == step_s_ && states_.has_constant_transitions()) return false;
+    step_s_ = step_s;
+    states_.transition(k, phi_.data(), q_.data());
+    return true;
+  }
+  const double* phi() const { return phi_.data(); }
+  const double* q() const { return q_.data(); }
+
+private:
+  const SampleTimes& times_;
+  const NoiseStates& states_;
+  std::vector<double> phi_, q_;
+  double step_s_ = -1;
 };
 
 } // namespace imucal
