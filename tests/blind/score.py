@@ -17,7 +17,8 @@ from . import outside as outside_causes
 from .intervals import rate
 
 KNOWN = ("exact",)
-ONE_PROCESS = ("fitted", "absent", "data_sheet")  # believed noise that holds one Markov process at most
+WITHOUT_MODEL = ("absent", "data_sheet")
+ONE_PROCESS = ("fitted", *WITHOUT_MODEL)  # believed noise that holds one Markov process at most
 SLACK = 0.02  # of the true reduction: polynomial of the shown temperature, start states, block means
 UNIT_TO_MEASURE = (("deviance", "deviance"), ("rms", "rms"), ("dph", "power"))
 
@@ -379,7 +380,7 @@ def rights(labels, answers):
 # ---- shrinkage --------------------------------------------------------------------------------------------
 
 def claims_of(labels, answers):
-    """[(label, [(key, axis, effects)])] of everything with an answer whose truth can be worked out."""
+    """[(label, [(key, axis, effects, has_model)])] of everything with an answer whose truth can be worked out."""
     out = []
     for case, label in labels.items():
         claims = []
@@ -390,7 +391,7 @@ def claims_of(labels, answers):
                 if noise_only and label["regimes"][k] not in KNOWN:
                     continue  # what the gap of a noise is before, hangs on the noise that is believed
                 if entry is not None and label["kind"] not in ("structural", "beside", "constant"):
-                    claims.append((f"{case}_{k}", axis, entry.get("effects") or []))
+                    claims.append((f"{case}_{k}", axis, entry.get("effects") or [], label["regimes"][k] not in WITHOUT_MODEL))
         if claims:
             out.append((label, claims))
     return out
@@ -418,7 +419,7 @@ def shrinkage(labels, answers, processes):
             trues.update(part)
     rows, skipped = [], Counter()
     for label, claims in tasks:
-        for key, axis, _ in claims:
+        for key, axis, *_ in claims:
             true, entry = trues[f"{key}/{axis}"], entry_of(answers[key], axis)
             if "unscorable" in true:
                 skipped[true["unscorable"].split(":")[0]] += 1

@@ -15,6 +15,7 @@ from .gauge import blocks
 from .sensor import low_pass
 
 TONES = ("sinusoid", "drifting_tone")  # faster than the block means: counted with the noise
+SCALE_WITHOUT_MODEL = (30.0, 30.0)  # t0, range [degC]
 NO_GAP_DEVIANCE = 4.0  # less than this in all held-out runs is no gap that anything could shrink
 
 
@@ -81,26 +82,26 @@ def own_columns(device, run, claims, is_foretold=False):
     return columns[:, np.concatenate([[True], np.ptp(columns[:, 1:], axis=0) > 1e-9])]
 
 
-def fixed_part(device, r, claims):
-    """Signature with the claimed parameters, start states in the middle."""
+def fixed_part(device, r, claims, scale):
+    """Signature with the claimed parameters, start states in the middle.  scale: t0 and range of normalised temperatures."""
     run = device.runs[r]
     total = np.zeros(run.n)
     smooth = type(run)(run.t_s, low_pass(run.shown_degc, 5.0), run.shown_degc, run.keep, run.aux)
-    stand_in = type(device)(device.profile, [smooth] * (r + 1), [], device.t0_degc, device.range_degc, device.lsb_degc)
+    stand_in = type(device)(device.profile, [smooth] * (r + 1), [], *scale, device.lsb_degc)
     for c in claims:
         if c["name"] in causes.REPEATABLE and c["name"] != "thermal_lag" or c["name"] in ("auxiliary_channel", "bias_step"):
             total += causes.signature(c, stand_in, r, np.zeros(4))
     return blocks(total)
 
 
-def residuals(case, axis, claims, meter):
+def residuals(case, axis, claims, meter, scale):
     """Mean residual on the held-out runs under a model: whitened (own columns out) and raw block means."""
     device = case.device
     n_train = len(device.train)
     target, own, common = [], [], []
     for r, run in enumerate(device.runs):
         curve, extra = cases.clean_signal(case, axis, r, TONES)
-        target.append(blocks(curve + extra) - fixed_part(device, r, claims))
+        target.append(blocks(curve + extra) - fixed_part(device, r, claims, scale))
         own.append(own_columns(device, run, claims))
         common.append(slopes_of(device, run, claims))
     white = lambda v: gauge.solve_triangular(meter.factor[: len(v), : len(v)], v, lower=True)
@@ -188,8 +189,12 @@ def tones_left(case, axis, claims):
     return left
 
 
-def reduction(case, axis, effects):
-    """{"deviance", "power", "rms"} of what the claimed effects remove; {"no_gap": True} where nothing is there to remove."""
+def reduction(case, axis, effects, has_model=True):
+    """{"deviance", "power", "rms"} of what the claimed effects remove; {"no_gap": True} where nothing is there to remove.
+
+    has_model: whether the answer knew a polynomial; without one it tells normalised temperatures as (T - 30 degC)/30 degC
+    (host/formats.md, `bias`).
+    """
     claims = [claimed_member(e) for e in effects]
     if any(c["name"] == "common_mode" for c in claims):
         raise Unscorable("common_mode")
@@ -200,8 +205,9 @@ def reduction(case, axis, effects):
     meter = gauge.Gauge(type(device)(device.profile, device.runs, [], device.t0_degc, device.range_degc, device.lsb_degc),
                         case.base.density)
     lengths = [r.n for r in (device.hold or device.train)]
-    before, raw0 = residuals(case, axis, [], meter)
-    after, raw1 = residuals(case, axis, claims, meter)
+    scale = (device.t0_degc, device.range_degc) if has_model else SCALE_WITHOUT_MODEL
+    before, raw0 = residuals(case, axis, [], meter, scale)
+    after, raw1 = residuals(case, axis, claims, meter, scale)
     before += noise_deviance(case, axis, [], lengths)
     after += noise_deviance(case, axis, claims, lengths)
     out = {"no_gap": before < NO_GAP_DEVIANCE, "deviance_before": before, "deviance_after": after, "rms_before_dph": raw0,
@@ -214,15 +220,15 @@ def reduction(case, axis, effects):
 
 
 def judge(task):
-    """Redraws a case and scores claims: task = (label, [(key, axis, effects)]) -> {key + axis: reduction or reason}."""
+    """Redraws a case and scores claims: task = (label, [(key, axis, effects, has_model)]) -> {key + axis: reduction or reason}."""
     label, claims = task
     case = cases.build(label["seed"], label["index"], label["planned"])
     if any(not np.allclose(case.bias[a], b) for a, b in label["bias_dph"].items()):
-        return {f"{key}/{axis}": {"unscorable": "drawn by another version of the check"} for key, axis, _ in claims}
+        return {f"{key}/{axis}": {"unscorable": "drawn by another version of the check"} for key, axis, *_ in claims}
     out = {}
-    for key, axis, effects in claims:
+    for key, axis, effects, has_model in claims:
         try:
-            out[f"{key}/{axis}"] = reduction(case, axis, effects)
+            out[f"{key}/{axis}"] = reduction(case, axis, effects, has_model)
         except (Unscorable, KeyError, ValueError, np.linalg.LinAlgError) as problem:
             out[f"{key}/{axis}"] = {"unscorable": f"{type(problem).__name__}: {problem}"}
     return out

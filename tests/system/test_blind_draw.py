@@ -270,6 +270,17 @@ def test_true_reduction_is_near_one_for_the_truth_none_for_nothing_and_negative_
         assert wrong["deviance"] < -1 and wrong["rms_after_dph"] > 1.5 * wrong["rms_before_dph"]
 
 
+def test_a_polynomial_is_scored_in_the_scale_in_which_it_is_told():
+    """Without a model (T - 30 degC)/30 degC, not the scale of the device; what is left of lower orders any cubic takes."""
+    case = cases.build(21, 1, {"kind": "single", "names": ["higher_order_polynomial"], "target": 30, "regimes": ["absent"],
+                               "pool": ["higher_order_polynomial"], "seconds": 4000.0, "profile": "mixed"})
+    device, p = case.device, case.found["gx_dph"][0]["p"]
+    a, b = (30 - device.t0_degc) / device.range_degc, 30 / device.range_degc  # x = a + b u; Legendre: 35/8 x^4, 63/8 x^5
+    told = {"p4_dph": b**4 * (p["p4_dph"] + 9 * a * p["p5_dph"]), "p5_dph": b**5 * p["p5_dph"]}
+    score_of = lambda has_model: truth.reduction(case, "gx_dph", [{"name": "higher_order_polynomial", "parameters": told}], has_model)["deviance"]
+    assert score_of(False) > 0.95 and score_of(True) < 0.8, (score_of(False), score_of(True), a, b)
+
+
 def test_a_program_that_never_answers_is_stopped_by_its_cpu_time(tmp_path):
     answer = runner.run_one([sys.executable, "-c", "while True: pass"], str(tmp_path / "x"), str(tmp_path), 1)
     assert answer["status"] == -1 and "CPU" in answer["error"]
