@@ -38,13 +38,18 @@ def claimed_member(effect):
     return {"name": name, "p": {k: v for k, v in p.items() if v is not None}}
 
 
+def smoothed(shown_degc):
+    """Thermometer without most of its noise, and no later: a delay would count as one of the answer."""
+    return 0.5 * (low_pass(shown_degc, 5.0) + low_pass(shown_degc[::-1], 5.0)[::-1])
+
+
 def delays_of(claims):
     return [c["p"]["tau_s"] for c in claims if c["name"] == "thermal_lag"]
 
 
 def slopes_of(device, run, claims):
     """Columns whose coefficients are common to the runs."""
-    shown = run.shown_degc if not delays_of(claims) else low_pass(low_pass(run.shown_degc, 5.0), delays_of(claims)[0])
+    shown = run.shown_degc if not delays_of(claims) else low_pass(smoothed(run.shown_degc), delays_of(claims)[0])
     if any(c["name"] == "temperature_sensor_quantization" for c in claims):
         shown = run.temp_degc  # the best a model of the step could do
     x = device.x(shown)
@@ -56,7 +61,7 @@ def own_columns(device, run, claims, is_foretold=False):
 
     What differs from run to run by chance is free in the runs that teach the slopes; other runs foretell nothing of it.
     """
-    t, temp = run.t_s, low_pass(run.shown_degc, 5.0)
+    t, temp = run.t_s, smoothed(run.shown_degc)
     columns = [np.ones(run.n)]
     for c in claims:
         name, p = c["name"], c["p"]
@@ -86,7 +91,7 @@ def fixed_part(device, r, claims, scale):
     """Signature with the claimed parameters, start states in the middle.  scale: t0 and range of normalised temperatures."""
     run = device.runs[r]
     total = np.zeros(run.n)
-    smooth = type(run)(run.t_s, low_pass(run.shown_degc, 5.0), run.shown_degc, run.keep, run.aux)
+    smooth = type(run)(run.t_s, smoothed(run.shown_degc), run.shown_degc, run.keep, run.aux)
     stand_in = type(device)(device.profile, [smooth] * (r + 1), [], *scale, device.lsb_degc)
     for c in claims:
         if c["name"] in causes.REPEATABLE and c["name"] != "thermal_lag" or c["name"] in ("auxiliary_channel", "bias_step"):

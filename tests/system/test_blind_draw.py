@@ -281,6 +281,14 @@ def test_a_polynomial_is_scored_in_the_scale_in_which_it_is_told():
     assert score_of(False) > 0.95 and score_of(True) < 0.8, (score_of(False), score_of(True), a, b)
 
 
+def test_the_scorer_does_not_delay_the_thermometer():
+    """Five seconds of it, counted as a lag of the answer, made right small lags false."""
+    ramp = 20 + np.arange(4000) / 60
+    assert np.abs(truth.smoothed(ramp) - ramp)[60:-60].max() < 1e-5
+    noise = np.random.default_rng(5).standard_normal(4000)
+    assert truth.smoothed(noise).std() < 0.4
+
+
 def test_a_program_that_never_answers_is_stopped_by_its_cpu_time(tmp_path):
     answer = runner.run_one([sys.executable, "-c", "while True: pass"], str(tmp_path / "x"), str(tmp_path), 1)
     assert answer["status"] == -1 and "CPU" in answer["error"]
