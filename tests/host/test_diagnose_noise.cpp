@@ -287,7 +287,7 @@ static void test_hits_in_bursts_are_no_outliers(void**) {
   int n_alone = 0, n_grouped = 0;
   for (uint64_t seed = 0; seed < 400; ++seed) {
     Rng rng(seed, 7, 0, Stream::kTool);
-    noise.hit_probability = 5e-4 * std::pow(100, rng.uniform()), noise.hit_sigma_dph = 36 * (2 + 18 * rng.uniform());
+    noise.hit_probability = 5e-4 * std::pow(600, rng.uniform()), noise.hit_sigma_dph = 36 * (2 + 18 * rng.uniform());
     const double p = noise.hit_probability;
     n_alone += fires([p](long, Rng* r) { return r->uniform() < p; }, seed) ? 1 : 0;
   }

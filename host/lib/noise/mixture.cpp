@@ -69,11 +69,12 @@ double switching(const SampleTimes& times, const NoiseModel& noise, size_t k) {
 
 // Telegraph noise: two modes (+a, -a), each with a Kalman filter of its own, mixed before every prediction.
 template <size_t M> class TelegraphFilter {
+  using State = Belief<M>;
+
 public:
   TelegraphFilter(const SampleTimes& times, const NoiseModel& noise)
       : times_(times), noise_(noise),
-        states_(times, noise), mode_{Belief<M>(states_), Belief<M>(states_)}, mixed_{Belief<M>(states_),
-                                                                                     Belief<M>(states_)},
+        states_(times, noise), mode_{State(states_), State(states_)}, mixed_{State(states_), State(states_)},
         transitions_(times, states_) {}
 
   // `upper`, where given: probability of +a after each sample.
@@ -122,7 +123,7 @@ private:
   const SampleTimes& times_;
   const NoiseModel& noise_;
   NoiseStates states_;
-  Belief<M> mode_[2], mixed_[2];
+  State mode_[2], mixed_[2];
   double probability_[2] = {0.5, 0.5};
   Transitions transitions_;
   double switching_ = 0;

@@ -14,9 +14,10 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kPerhapsHit = 0.02;                     // probability of a sample that may be one
-constexpr long kNear[] = {10, 60};                       // samples within which hits of one burst follow each other
-constexpr int kMostScatters = 20000, kEnoughAsMany = 10; // draws of the hits at other samples
+constexpr double kPerhapsHit = 0.02;                   // probability of a sample that may be one
+constexpr long kNear[] = {10, 60};                     // samples within which hits of one burst follow each other
+constexpr int kMostScatters = 6000, kEnoughAsMany = 3; // draws of the hits at other samples
+constexpr double kMostHits = 1000;                     // more are thinned: time
 
 // Samples of a run that may be hits.
 struct Hits {
@@ -29,6 +30,19 @@ Hits hits_of(const VectorXd& hit) {
   for (long k = 0; k < hit.size(); ++k)
     if (hit[k] > kPerhapsHit) out.at.push_back(static_cast<double>(k)), out.probability.push_back(hit[k]);
   return out;
+}
+// About `most` of the hits of all runs, whichever.
+void thin(double most, std::vector<Hits>* runs, Rng* rng) {
+  double all = 0;
+  for (const Hits& hits : *runs) all += static_cast<double>(hits.at.size());
+  if (all <= most) return;
+  for (Hits& hits : *runs) {
+    Hits kept;
+    kept.samples = hits.samples;
+    for (size_t k = 0; k < hits.at.size(); ++k)
+      if (rng->uniform() * all < most) kept.at.push_back(hits.at[k]), kept.probability.push_back(hits.probability[k]);
+    hits = kept;
+  }
 }
 // How many pairs of hits are expected within `reach` samples.
 double near_pairs(const Hits& hits, double reach) {
@@ -58,7 +72,7 @@ void scatter(std::vector<Hits>* runs, Rng* rng) {
 
 } // namespace
 
-// Draws of the hits at other samples, until ten have as many pairs (Besag and Clifford, Biometrika 78, 1991).
+// Draws of the hits at other samples, until three have as many pairs (Besag and Clifford, Biometrika 78, 1991).
 RestFinding hits_in_bursts(const Campaign& campaign, const std::vector<VectorXd>& residual, const NoiseModel& noise,
                            const SelectorConstants& constants) {
   RestFinding strongest = {Rest::kBursts, std::log(constants.rest_rate), -std::log(constants.rest_rate)};
@@ -69,11 +83,12 @@ RestFinding hits_in_bursts(const Campaign& campaign, const std::vector<VectorXd>
     mixture_log_likelihood(campaign.runs[r], noise, residual[r], nullptr, &hit);
     hits.push_back(hits_of(hit));
   }
+  Rng rng(1, 0, 0, Stream::kTool);
+  thin(kMostHits, &hits, &rng);
   for (const long neighbours : kNear) {
     const auto reach = static_cast<double>(neighbours);
     const double found = near_pairs(hits, reach);
     std::vector<Hits> drawn = hits;
-    Rng rng(1, static_cast<uint64_t>(neighbours), 0, Stream::kTool);
     int draws = 0, as_many = 0;
     for (; draws < kMostScatters && as_many < kEnoughAsMany; ++draws) {
       scatter(&drawn, &rng);
