@@ -68,7 +68,7 @@ private:
 template <size_t M> class GainRun {
 public:
   GainRun(const SampleTimes& times, const NoiseModel& noise, const NoiseStates& states)
-      : times_(times), states_(states), covariance_(states), settling_(times, noise) {
+      : times_(times), states_(states), covariance_(states), transitions_(states), settling_(times, noise) {
     out_.n = times.n;
     out_.n_states = states.size();
     if (!states.is_constant()) set_room(times.n); // nothing settles: a row for every sample
@@ -87,7 +87,7 @@ private:
 
   size_t settled_stretch(size_t begin) {
     size_t end = begin;
-    while (end < times_.n && has_step(end, step_s_)) ++end;
+    while (end < times_.n && has_step(end, transitions_.step_s())) ++end;
     const size_t row = n_rows_ - 1;
     if (end > begin) out_.stretches.push_back({begin, end, row, true});
     log_w_.add(out_.inv_sqrt_s[row], end - begin);
@@ -101,8 +101,8 @@ private:
     set_row(k, row);
     const bool is_even = k > 0 && k + 1 < times_.n && times_.seconds(k) == times_.seconds(k + 1);
     predict(k);
-    std::copy_n(phi_, n(), out_.phi.data() + row * n());
-    is_settled_ = states_.is_constant() && is_even && settling_.is_settled(out_, row, step_s_);
+    std::copy_n(transitions_.phi(), n(), out_.phi.data() + row * n());
+    is_settled_ = states_.is_constant() && is_even && settling_.is_settled(out_, row, transitions_.step_s());
     return k + 1;
   }
 
@@ -124,10 +124,8 @@ private:
 
   void predict(size_t k) {
     if (k + 1 == times_.n) return;
-    const double step_s = times_.seconds(k + 1);
-    if (step_s != step_s_ || !states_.has_constant_transitions()) states_.transition(k, phi_, q_);
-    step_s_ = step_s;
-    covariance_.predict(phi_, q_);
+    transitions_.set(states_, k);
+    covariance_.predict(transitions_.phi(), transitions_.q());
   }
 
   static constexpr size_t kLeastRoom = 256; // rows
@@ -135,8 +133,7 @@ private:
   const SampleTimes& times_;
   const NoiseStates& states_;
   Covariance<M> covariance_;
-  double phi_[M ? M : kMostStates] = {}, q_[M ? M : kMostStates] = {};
-  double step_s_ = -1; // that phi_ and q_ are for
+  Transitions<M> transitions_;
   bool is_settled_ = false;
   size_t n_rows_ = 0;
   Settling settling_;

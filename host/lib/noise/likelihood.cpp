@@ -62,27 +62,23 @@ void follow_one(const Followed& in, size_t n, Standing* at) {
 class Runner {
 public:
   Runner(const SampleTimes& times, const NoiseModel& noise, const double* y)
-      : times_(times), y_(y), states_(times, noise) {}
+      : times_(times), y_(y), states_(times, noise), transitions_(states_) {}
   double start_dph2() const { return states_.size() > 0 ? states_.start_dph2(0) : 0; }
   // Samples first .. first + n into the place of one run.
   void fill(size_t first, size_t n, size_t place, Followed* out) {
     for (size_t i = 0; i < n; ++i) {
       const size_t k = first + i, at = i * kAbreast + place;
-      if (k + 1 < times_.n && states_.size() > 0) move_from(k);
-      out->y[at] = y_[k], out->white[at] = states_.white_dph2(k), out->phi[at] = phi_, out->q[at] = q_;
+      if (k + 1 < times_.n && states_.size() > 0) transitions_.set(states_, k);
+      out->y[at] = y_[k], out->white[at] = states_.white_dph2(k), out->phi[at] = *transitions_.phi(),
+      out->q[at] = *transitions_.q();
     }
   }
 
 private:
-  void move_from(size_t k) {
-    const double step_s = times_.seconds(k + 1);
-    if (step_s != step_s_ || !states_.has_constant_transitions()) states_.transition(k, &phi_, &q_);
-    step_s_ = step_s;
-  }
   const SampleTimes& times_;
   const double* y_;
   NoiseStates states_;
-  double step_s_ = -1, phi_ = 0, q_ = 0; // that phi_ and q_ are for
+  Transitions<1> transitions_; // of one state at most
 };
 
 // Up to four runs: side by side as far as the shortest goes, then each alone.

@@ -42,7 +42,7 @@ double hit_log_likelihood(const SampleTimes& times, const NoiseModel& noise, con
                           Eigen::VectorXd* scores, Eigen::VectorXd* hit) {
   const NoiseStates states(times, noise);
   Belief<M> belief(states);
-  Transitions transitions(times, states);
+  Transitions<M> transitions(states);
   const double extra = noise.hit_sigma_dph * noise.hit_sigma_dph, p = noise.hit_probability;
   double log_likelihood = 0;
   for (size_t k = 0; k < times.n; ++k) {
@@ -56,7 +56,7 @@ double hit_log_likelihood(const SampleTimes& times, const NoiseModel& noise, con
     // First and second derivative of the log-density by nu (Masreliez 1975).
     belief.update(((1 - w) * is + w * ih) * nu, (1 - w) * is + w * ih - w * (1 - w) * nu * nu * (is - ih) * (is - ih));
     if (k + 1 == times.n) break;
-    transitions.set(k);
+    transitions.set(states, k);
     belief.predict(transitions.phi(), transitions.q());
   }
   return log_likelihood;
@@ -75,7 +75,7 @@ public:
   TelegraphFilter(const SampleTimes& times, const NoiseModel& noise)
       : times_(times), noise_(noise),
         states_(times, noise), mode_{State(states_), State(states_)}, mixed_{State(states_), State(states_)},
-        transitions_(times, states_) {}
+        transitions_(states_) {}
 
   // `upper`, where given: probability of +a after each sample.
   double run(const Eigen::VectorXd& y, Eigen::VectorXd* scores, Eigen::VectorXd* upper = nullptr) {
@@ -107,7 +107,7 @@ private:
   }
 
   void predict(size_t k) {
-    if (transitions_.set(k)) switching_ = switching(times_, noise_, k + 1);
+    if (transitions_.set(states_, k)) switching_ = switching(times_, noise_, k + 1);
     const double s = switching_;
     const double next[2] = {(1 - s) * probability_[0] + s * probability_[1],
                             s * probability_[0] + (1 - s) * probability_[1]};
@@ -125,7 +125,7 @@ private:
   NoiseStates states_;
   State mode_[2], mixed_[2];
   double probability_[2] = {0.5, 0.5};
-  Transitions transitions_;
+  Transitions<M> transitions_;
   double switching_ = 0;
 };
 

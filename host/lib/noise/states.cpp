@@ -11,7 +11,7 @@ double NoiseStates::sigma(size_t i, size_t k) const {
 }
 
 void NoiseStates::transition(size_t k, double* phi, double* q) const {
-  const double step_s = times_.seconds(k + 1);
+  const double step_s = this->step_s(k);
   for (size_t i = 0; i < noise_.markov.size(); ++i) {
     double tau_s = noise_.markov[i].tau_s;
     if (i == 0 && noise_.tau_slope != 0) tau_s *= std::exp(noise_.tau_slope * times_.tn[k]);

@@ -26,6 +26,7 @@ public:
     return here + noise_.extra_white_dph2 + (extra_dph2_ ? (*extra_dph2_)[static_cast<long>(k)] : 0.0);
   }
   double start_dph2(size_t i) const { return i < noise_.markov.size() ? sigma(i, 0) * sigma(i, 0) : 0.0; }
+  double step_s(size_t k) const { return times_.seconds(k + 1); } // from sample k to k + 1
   // From sample k to k + 1.
   void transition(size_t k, double* phi, double* q) const;
 
@@ -119,27 +120,27 @@ private:
   Covariance<M> covariance_;
 };
 
-// Phi and q from sample to sample: the same before after as many seconds, unless the noise follows the temperature.
-class Transitions {
+// Phi and q from sample to sample: the same as before after as many seconds, unless the noise follows the temperature.
+template <size_t M> class Transitions {
 public:
-  Transitions(const SampleTimes& times, const NoiseStates& states)
-      : times_(times), states_(states), phi_(states.size()), q_(states.size()) {}
+  explicit Transitions(const NoiseStates& states) {
+    if constexpr (M == 0) phi_.resize(states.size()), q_.resize(states.size());
+  }
   // To those from sample k to k + 1; returns whether they have changed.
-  bool set(size_t k) {
-    const double step_s = times_.seconds(k + 1);
-    if (step_s == step_s_ && states_.has_constant_transitions()) return false;
+  bool set(const NoiseStates& states, size_t k) {
+    const double step_s = states.step_s(k);
+    if (step_s == step_s_ && states.has_constant_transitions()) return false;
     step_s_ = step_s;
-    states_.transition(k, phi_.data(), q_.data());
+    states.transition(k, phi_.data(), q_.data());
     return true;
   }
   const double* phi() const { return phi_.data(); }
   const double* q() const { return q_.data(); }
+  double step_s() const { return step_s_; }
 
 private:
-  const SampleTimes& times_;
-  const NoiseStates& states_;
-  std::vector<double> phi_, q_;
-  double step_s_ = -1;
+  std::conditional_t<M == 0, std::vector<double>, std::array<double, M>> phi_ = {}, q_ = {};
+  double step_s_ = -1; // that they are for
 };
 
 } // namespace imucal

@@ -31,10 +31,10 @@ void filter(const RunGains& g, size_t first, size_t n, size_t lanes, double* row
 }
 
 // f(columns, lanes) for groups of 8 or 4 of them; the last group is filled up with its own last column.
-template <class T, class F> void for_groups(const std::vector<T*>& columns, const F& f) {
+template <class F> void for_groups(const std::vector<const double*>& columns, const F& f) {
   for (size_t first = 0; first < columns.size(); first += 8) {
     const size_t left = columns.size() - first, lanes = left > 4 ? 8 : 4;
-    T* group[8];
+    const double* group[8];
     for (size_t c = 0; c < lanes; ++c) group[c] = columns[first + std::min(c, left - 1)];
     f(first, lanes, group);
   }
@@ -48,10 +48,6 @@ template <class F> void for_samples(const RunGains& g, const F& f) {
       f(k, g.gain.data() + row * g.n_states, g.phi.data() + row * g.n_states, g.inv_sqrt_s[row]);
     }
 }
-
-} // namespace
-
-namespace {
 
 // Column after column of `n` samples; may be in place.
 void whiten_to(const RunGains& gains, size_t n, const std::vector<const double*>& columns, double* to) {

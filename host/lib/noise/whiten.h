@@ -14,7 +14,7 @@ namespace imucal {
 // In place: each innovation over its standard deviation.
 void whiten(const RunGains& gains, Eigen::MatrixXd* columns);
 void whiten(const RunGains& gains, double* column, size_t n);
-Eigen::MatrixXd whitened(const RunGains& gains, const Eigen::MatrixXd& columns); // not in place
+Eigen::MatrixXd whitened(const RunGains& gains, const Eigen::MatrixXd& columns); // the columns stay
 // The same for n rows of `width` values, row after row.
 void whiten_rows(const RunGains& gains, size_t width, double* rows);
 // Rows become V^-1 rows: the backward recursion of the disturbance smoother (de Jong 1988; Durbin and Koopman 2012,

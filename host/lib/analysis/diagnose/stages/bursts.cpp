@@ -15,7 +15,6 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kPerhapsHit = 0.02;                   // probability of a sample that may be one
-constexpr long kNear[] = {10, 60};                     // samples within which hits of one burst follow each other
 constexpr int kMostScatters = 6000, kEnoughAsMany = 3; // draws of the hits at other samples
 constexpr double kMostHits = 1000;                     // more are thinned: time
 
@@ -85,7 +84,7 @@ RestFinding hits_in_bursts(const Campaign& campaign, const std::vector<VectorXd>
   }
   Rng rng(1, 0, 0, Stream::kTool);
   thin(kMostHits, &hits, &rng);
-  for (const long neighbours : kNear) {
+  for (const long neighbours : kOfOneBurst) {
     const auto reach = static_cast<double>(neighbours);
     const double found = near_pairs(hits, reach);
     std::vector<Hits> drawn = hits;
@@ -96,7 +95,7 @@ RestFinding hits_in_bursts(const Campaign& campaign, const std::vector<VectorXd>
     }
     const double p = static_cast<double>(as_many + 1) / static_cast<double>(draws + 1);
     strongest.evidence_nats =
-        std::max(strongest.evidence_nats, std::log(constants.rest_rate / std::size(kNear)) - std::log(p));
+        std::max(strongest.evidence_nats, std::log(constants.rest_rate / std::size(kOfOneBurst)) - std::log(p));
   }
   return strongest;
 }

@@ -357,7 +357,6 @@ FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from, con
 namespace {
 
 constexpr double kTempCell_degc = 4, kTimeBlock_s = 600, kBurst_s = 30;
-constexpr long kNeighbours[] = {10, 60};             // samples within which hits of one burst follow each other
 constexpr double kSudden_s[] = {5., 15., 50., 150.}; // of innovations: where sudden changes show
 // Smoothing times in all logs from which a moment is asked, and how much further than a normal one it reaches at 1 in 10,000
 // (draws of white noise): the fourth needs more of them, and reaches further.
@@ -432,8 +431,8 @@ RestFinding in_bursts(const Campaign& campaign, const std::vector<VectorXd>& e, 
     }
   }
   double z = count > 0 ? std::max(0.0, sum / std::sqrt(count)) : 0;
-  for (long reach : kNeighbours) z = std::max(z, strong_neighbours(e, m, reach));
-  return finding(Rest::kBursts, z * z, 1, rate / (1 + std::size(kNeighbours)));
+  for (long reach : kOfOneBurst) z = std::max(z, strong_neighbours(e, m, reach));
+  return finding(Rest::kBursts, z * z, 1, rate / (1 + std::size(kOfOneBurst)));
 }
 
 // Innovations smoothed by a^n, of the same variance.  The filter forgets what it knew, so that a jump is a run of innovations

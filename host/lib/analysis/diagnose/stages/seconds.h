@@ -99,6 +99,8 @@ bool is_one_sided(const Campaign& campaign, const std::vector<Eigen::VectorXd>& 
 bool do_hits_stay(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual, const NoiseModel& noise,
                   const SelectorConstants& constants);
 
+constexpr long kOfOneBurst[] = {10, 60}; // samples within which hits of one burst follow each other
+
 // Tests of innovations that no effect owns.
 enum class Rest {
   kSpectrum,
