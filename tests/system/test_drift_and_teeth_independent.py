@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from draws import long_after
 from scipy.signal import lfilter
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,12 +29,6 @@ PROFILES = [[(0, 24), (400, 24), (1700, -12), (2500, -12), (4700, 51), (5600, 51
 DRAW = np.random.default_rng(20261123)
 TONES = [(DRAW.uniform(0.12, 0.38), DRAW.choice([-1, 1]) * math.exp(DRAW.uniform(math.log(1.3e-4), math.log(9e-4))),
           int(DRAW.choice([2, 3])), 40 + i) for i in range(8)]  # Hz at T0, Hz/degC, logs, seed
-
-
-def long_after(n, cases):
-    """The first n cases of `make test`, and those that are left to `make test-long`."""
-    return [case if i < n else pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.long)
-            for i, case in enumerate(cases)]
 
 
 def temperature(corners):

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import test_loops_independent as loops
+from draws import long_after
 
 CASES = ["loop", "fade", "fade_anomaly"]
 PROFILES = ["rises", "falls", "returns"]
@@ -88,7 +89,7 @@ def names(axis):
     return [e["name"] for e in axis["effects"]]
 
 
-@pytest.mark.parametrize("seed", [0, 9, 10, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("seed", long_after(3, [0, 9, 10, 1]))
 def test_what_fades_in_every_run_beside_an_anomaly_is_no_hysteresis(tmp_path, seed):
     axis = answer("fade_anomaly", seed, tmp_path)
     assert "thermal_anomaly" in names(axis), "the true anomaly is lost"
@@ -98,7 +99,7 @@ def test_what_fades_in_every_run_beside_an_anomaly_is_no_hysteresis(tmp_path, se
     assert all("begins anew in every run" in e["statement"] for e in family)
 
 
-@pytest.mark.parametrize("seed", [2, 7, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.parametrize("seed", long_after(2, [2, 7, 3]))
 def test_a_loop_that_such_logs_show_is_named(tmp_path, seed):
     assert names(answer("loop", seed, tmp_path)) == ["thermal_hysteresis"]
 

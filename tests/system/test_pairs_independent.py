@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from draws import long_after
 
 BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
 SEED = 7300000
@@ -166,11 +167,6 @@ def told(k, *causes):
 
 def effects(answer):
     return {e["name"]: e for e in answer["effects"] if e["name"] != "noise_parameters"}
-
-
-def long_after(n, numbers):
-    """The first n of them in `make test`, the others in `make test-long`."""
-    return [k if i < n else pytest.param(k, marks=pytest.mark.long) for i, k in enumerate(numbers)]
 
 
 @pytest.mark.parametrize("k", long_after(3, range(5)))

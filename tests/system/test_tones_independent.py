@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from draws import long_after
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
@@ -163,7 +164,7 @@ def test_a_tone_is_told_at_any_frequency_or_at_its_alias(tmp_path, amplitude, hz
 
 
 @pytest.mark.parametrize("period_s", [123.4, 163.9, 211.7, 303.7, 391])
-@pytest.mark.parametrize("seed", [3, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("seed", long_after(1, [3, 1]))
 def test_a_slow_tone_is_no_slow_noise(tmp_path, period_s, seed):
     """The tone is in the mean: what a repeatable cause would have to take is what is left without it."""
     paths, kept = write_logs(tmp_path, [(40, 1 / period_s, 0)], seed=seed)
