@@ -65,18 +65,17 @@ private:
     const auto [lowest, highest] = std::minmax_element(rates.begin(), rates.end());
     const double lo = *lowest, hi = *highest;
     if (!(hi > lo)) return std::nullopt;
-    const LocalLevels levels = local_levels(runs);
     for (const double value : {0.0, lo, hi}) {
-      const Pile pile = pile_at(runs, levels, value);
-      if (pile.n < kFewestDropped || pile.n < kMoreOften * most_common_other(runs, value)) continue;
-      if (2 * pile.n > rates.size()) continue; // what most samples read is the rate, in coarse steps
-      if (value != 0 && static_cast<double>(pile.n_far) < kFarShare * static_cast<double>(pile.n)) continue;
+      const size_t n_at = count_at(runs, value);
+      if (n_at < kFewestDropped || n_at < kMoreOften * most_common_other(runs, value)) continue;
+      if (2 * n_at > rates.size()) continue; // what most samples read is the rate, in coarse steps
+      const double n = static_cast<double>(n_at);
+      if (value != 0 && static_cast<double>(count_far_at(runs, local_levels(runs), value)) < kFarShare * n) continue;
       Signature found;
-      const double n = static_cast<double>(pile.n);
       found.parameters = {{"probability", n / static_cast<double>(rates.size())}, {"reads_dph", value}};
       found.evidence_nats = 5.0 * n;
       found.statement =
-          std::to_string(pile.n) + " samples read exactly the same value among others that differ: drop-outs";
+          std::to_string(n_at) + " samples read exactly the same value among others that differ: drop-outs";
       found.unusable = samples_at(runs, value);
       return found;
     }

@@ -97,15 +97,20 @@ std::vector<std::pair<double, size_t>> values_with_counts(std::vector<double> va
   return out;
 }
 
-Pile pile_at(const std::vector<RunInput>& runs, const LocalLevels& levels, double value) {
-  Pile pile;
+size_t count_at(const std::vector<RunInput>& runs, double value) {
+  size_t n = 0;
+  for (const RunInput& run : runs)
+    for (const double y : run.rate_dph) n += is_same_rate(y, value);
+  return n;
+}
+
+size_t count_far_at(const std::vector<RunInput>& runs, const LocalLevels& levels, double value) {
+  size_t n = 0;
   for (size_t r = 0; r < runs.size(); ++r)
-    for (size_t i = 0; i < runs[r].rate_dph.size(); ++i) {
-      if (!is_same_rate(runs[r].rate_dph[i], value)) continue;
-      ++pile.n;
-      pile.n_far += std::fabs(levels.level_dph[r][i] - value) > kFar_sigma * levels.sigma_dph;
-    }
-  return pile;
+    for (size_t i = 0; i < runs[r].rate_dph.size(); ++i)
+      n += is_same_rate(runs[r].rate_dph[i], value) &&
+           std::fabs(levels.level_dph[r][i] - value) > kFar_sigma * levels.sigma_dph;
+  return n;
 }
 
 size_t most_common_other(const std::vector<RunInput>& runs, double value) {

@@ -28,10 +28,8 @@ std::vector<double> finite_rates(const std::vector<RunInput>& runs);
 std::vector<std::pair<double, size_t>> values_with_counts(std::vector<double> values);
 
 // Samples at one value: how many, and how many of them lie more than five sigma from their local level.
-struct Pile {
-  size_t n = 0, n_far = 0;
-};
-Pile pile_at(const std::vector<RunInput>& runs, const LocalLevels& levels, double value);
+size_t count_at(const std::vector<RunInput>& runs, double value);
+size_t count_far_at(const std::vector<RunInput>& runs, const LocalLevels& levels, double value);
 
 // How often the value that is found most often, other than `value`, is found.
 size_t most_common_other(const std::vector<RunInput>& runs, double value);

@@ -61,8 +61,7 @@ private:
       for (const double y : run.rate_dph)
         if (std::isfinite(y)) lo = std::min(lo, y), hi = std::max(hi, y);
     if (!(hi > lo)) return std::nullopt;
-    const LocalLevels levels = local_levels(runs);
-    const size_t n_lo = limited(runs, levels, lo, 1), n_hi = limited(runs, levels, hi, -1);
+    const size_t n_lo = limited(runs, lo, 1), n_hi = limited(runs, hi, -1);
     if (n_lo + n_hi == 0) return std::nullopt;
     Signature found;
     found.parameters = {{"limit_dph", std::fabs(n_hi > 0 ? hi : lo)}};
@@ -97,11 +96,12 @@ private:
   }
 
   // How many samples lie at this extreme because a limit holds them there; else 0.
-  static size_t limited(const std::vector<RunInput>& runs, const LocalLevels& levels, double extreme, double inward) {
-    const size_t n = pile_at(runs, levels, extreme).n;
+  static size_t limited(const std::vector<RunInput>& runs, double extreme, double inward) {
+    const size_t n = count_at(runs, extreme);
     if (n < kFewest || extreme == 0) return 0;
     // On a lattice the extreme repeats too, but less often than the value beside it.
     if (n <= 2 * n_beside(runs, extreme, inward)) return 0;
+    const LocalLevels levels = local_levels(runs);
     const double beyond =
         inward > 0 ? expected_between(levels, -1e300, extreme) : expected_between(levels, extreme, 1e300);
     return kBeyond * beyond >= static_cast<double>(n) ? n : 0;

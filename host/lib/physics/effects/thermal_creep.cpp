@@ -10,6 +10,7 @@
 // between the two time constants.  Cold and settled: delta = 0.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/error.h"
 #include "physics/effects/estimation.h"
@@ -27,19 +28,24 @@ std::vector<double> time_constants(double first_s, double last_s, double step) {
   return taus;
 }
 
-// T - x of one time constant, exact for a temperature that is linear between the seconds; `offset_degc`: T -
-// x at the start.
-void add_behind(const std::vector<double>& t_s, const std::vector<double>& temp, double tau, double offset_degc,
-                double weight, Column* sum) {
-  double behind = offset_degc, last_dt = -1, a = 0;
+// Adds the mean of T - x_i to `sum`; exact for a temperature that is linear between the seconds.  `offset_degc`: T - x_i at the
+// start, one per time constant.
+void add_behind(const std::vector<double>& t_s, const std::vector<double>& temp, const std::vector<double>& taus,
+                std::vector<double> offset_degc, Column* sum) {
+  std::vector<double> decay(taus.size()), &behind = offset_degc;
+  const double weight = 1.0 / static_cast<double>(taus.size());
+  double last_dt = -1;
   for (size_t i = 0; i < temp.size(); ++i) {
     if (i > 0) {
-      const double dt = t_s[i] - t_s[i - 1];
-      if (dt != last_dt) a = std::exp(-dt / tau), last_dt = dt;
-      const double distance = tau * (temp[i] - temp[i - 1]) / dt; // to which a steady ramp tends
-      behind = a * (behind - distance) + distance;
+      const double dt = t_s[i] - t_s[i - 1], slope = (temp[i] - temp[i - 1]) / dt;
+      for (size_t j = 0; dt != last_dt && j < taus.size(); ++j) decay[j] = std::exp(-dt / taus[j]);
+      last_dt = dt;
+      for (size_t j = 0; j < taus.size(); ++j) {
+        const double distance = taus[j] * slope; // to which a steady ramp tends
+        behind[j] = decay[j] * (behind[j] - distance) + distance;
+      }
     }
-    (*sum)[i] += weight * behind;
+    for (const double degc : behind) (*sum)[i] += weight * degc;
   }
 }
 
@@ -81,9 +87,9 @@ public:
     run->start_state[name() + ".since_s"] = start.since_s;
     const std::vector<double> taus = time_constants(first, last, kStep);
     Column behind(temp.size(), 0.0);
-    for (const double tau : taus)
-      add_behind(run->t_s, temp, tau, start.offset_degc * std::exp(-start.since_s / tau),
-                 1.0 / static_cast<double>(taus.size()), &behind);
+    std::vector<double> offset_degc;
+    for (const double tau : taus) offset_degc.push_back(start.offset_degc * std::exp(-start.since_s / tau));
+    add_behind(run->t_s, temp, taus, std::move(offset_degc), &behind);
     for (size_t i = 0; i < behind.size(); ++i) run->rate_dph[i] += amplitude * behind[i];
   }
 
@@ -99,8 +105,7 @@ public:
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
     const std::vector<double> taus = time_constants(shape[0], last_s(shape), kStep);
     Column behind(run.size(), 0.0);
-    for (const double tau : taus)
-      add_behind(run.t_s, run.smooth_degc, tau, 0, 1.0 / static_cast<double>(taus.size()), &behind);
+    add_behind(run.t_s, run.smooth_degc, taus, std::vector<double>(taus.size(), 0.0), &behind);
     return {behind};
   }
   // Any earlier change of temperature: exponentials a factor of five apart span their sums (least 0.999).
