@@ -264,6 +264,7 @@ MeanColumns::MeanColumns(const SlowData& data, const std::vector<const MeanPart*
     for (long c = 0; c < part->common_precision.size(); ++c) common.push_back(part->common_precision[c]);
   local_precision_ = Eigen::Map<VectorXd>(local.data(), static_cast<long>(local.size()));
   common_precision_ = Eigen::Map<VectorXd>(common.data(), static_cast<long>(common.size()));
+  wide_.reserve(data.y.size());
   for (size_t r = 0; r < data.y.size(); ++r) {
     const VectorXd ones = VectorXd::Ones(data.y[r].size());
     std::vector<const double*> columns{ones.data()};

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 
 #include "base/units.h"
@@ -16,13 +17,19 @@ constexpr double kLongest_s = 40000; // beyond this the time functions are flat
 constexpr double kPasts_s[] = {60., 250., 800., 2500.};
 constexpr int kOrder = 5; // of the free function: sum of the orders of a product
 
-// cos(k pi u), k = 1 .. n, of a variable that runs over [0, 1]: prior 1/k, a rough but continuous function.
+// cos(k pi u), k = 1 .. n, of a variable that runs over [0, 1]: prior 1/k, a rough but continuous function.  Each from the
+// two before it: cos((k + 1) a) = 2 cos(a) cos(k a) - cos((k - 1) a).
 void add_cosines(const Column& u, int n, const Column* factor, std::vector<Column>* out) {
-  for (int k = 1; k <= n; ++k) {
-    Column c(u.size());
-    for (size_t i = 0; i < u.size(); ++i)
-      c[i] = std::cos(k * kPi * std::clamp(u[i], 0.0, 1.0)) * (factor ? (*factor)[i] : 1.0);
-    out->push_back(std::move(c));
+  const size_t first = out->size();
+  out->resize(first + static_cast<size_t>(n), Column(u.size()));
+  for (size_t i = 0; i < u.size(); ++i) {
+    const double scale = factor ? (*factor)[i] : 1.0, one = std::cos(kPi * std::clamp(u[i], 0.0, 1.0));
+    double before = 1, now = one;
+    for (size_t k = first; k < out->size(); ++k) {
+      (*out)[k][i] = now * scale;
+      const double next = 2 * one * now - before;
+      before = now, now = next;
+    }
   }
 }
 
@@ -48,10 +55,11 @@ Column direction(const RunInput& in) {
 Column low_pass(const RunInput& in, const Column& x, double tau_s) {
   if (!(tau_s > 0)) return x;
   Column out(x.size());
-  double state = 0;
+  double state = 0, last_dt = -1, share = 0;
   for (size_t i = 0; i < x.size(); ++i) {
     const double dt = i ? in.t_s[i] - in.t_s[i - 1] : in.dt_s;
-    state += (1 - std::exp(-dt / tau_s)) * (x[i] - state);
+    if (dt != last_dt) share = 1 - std::exp(-dt / tau_s), last_dt = dt;
+    state += share * (x[i] - state);
     out[i] = state;
   }
   return out;
@@ -83,8 +91,8 @@ public:
     }
     case Shape::kResponse:
       for (double delay : kDelays_s) out.push_back(low_pass(in, in.rate_degc_min, delay));
-      for (double delay : kDelays_s) {
-        Column c = low_pass(in, in.rate_degc_min, delay);
+      for (size_t j = 0; j < std::size(kDelays_s); ++j) {
+        Column c = out[j];
         for (size_t i = 0; i < c.size(); ++i) c[i] *= in.tn[i];
         out.push_back(std::move(c));
       }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/diagnose/evidence/scan.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "linear/linear.h"
@@ -19,6 +20,9 @@ struct Base {
   std::vector<MatrixXd> white;  // per run: local (constant first), parts, powers
   VectorXd local_precision, part_precision;
   long common() const { return parts + powers; }
+  // Columns that the bank has met in every base, at the end, and those between the constant and them.
+  long usual_powers() const { return has_usual_powers ? powers : 0; }
+  long n_new() const { return local + common() - 1 - usual_powers(); }
   long expanded(long runs) const { return runs * local + common(); }
 };
 
@@ -144,10 +148,12 @@ ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise, bool keeps_ban
       const auto own = x.middleCols(bank.places_[g].first, bank.places_[g].width());
       self_[g].push_back(column_gram(own));
     }
-    usual_.push_back(column_products(usual.white[r], x));
-    MatrixXd y = bank.data_.y[r];
+    MatrixXd y = bank.data_.y[r], both(y.rows(), usual.white[r].cols() + 1); // the bank is read once
     whiten(gains_[r], &y);
-    own_.with_bank.push_back(column_products(x, y));
+    both << usual.white[r], y;
+    const MatrixXd products = column_products(both, x);
+    usual_.push_back(products.topRows(products.rows() - 1));
+    own_.with_bank.push_back(products.bottomRows(1).transpose());
     own_.y.push_back(std::move(y));
     if (keeps_bank) white_[r] = std::move(x);
   }
@@ -228,48 +234,63 @@ struct ScanNode::Products {
 };
 
 // The columns of the bank from the first that is asked for to the last.
-ScanNode::Range ScanNode::asked_columns(const std::vector<char>& skip) const {
+ScanNode::Range ScanNode::asked_columns(const std::vector<Asked>& asked) const {
   Range range;
   for (size_t g = 0; g < bank_.groups_.size(); ++g) {
     const ScanBank::Place& at = bank_.places_[g];
-    if (skip[bank_.groups_[g].candidate]) continue;
+    const auto asks = [&](const Asked& a) { return !a.skip[bank_.groups_[g].candidate]; };
+    if (!std::any_of(asked.begin(), asked.end(), asks)) continue;
     if (range.n == 0) range.first = at.first;
     range.n = at.first + at.width() - range.first;
   }
   return range;
 }
 
-// Base times bank of one run: only the columns of parts are new, the usual ones are known.  Outside of `range` nothing
+// Bases times bank of one run: only the columns of parts are new, the usual ones are known.  Outside of `range` nothing
 // that can be used.
-MatrixXd ScanNode::with_bank(const MatrixXd& base, long usual_powers, size_t run, const Range& range) const {
+void ScanNode::multiply_with_bank(const Range& range, size_t run, std::vector<Products>* all) const {
   const MatrixXd& usual = usual_[run];
-  MatrixXd out(base.cols(), usual.cols());
-  const long n_new = out.rows() - 1 - usual_powers;
-  out.row(0) = usual.row(0);
-  if (n_new > 0)
-    out.block(1, range.first, n_new, range.n) =
-        column_products(base.middleCols(1, n_new), white(run).middleCols(range.first, range.n));
-  out.bottomRows(usual_powers) = usual.bottomRows(usual_powers);
-  return out;
+  long n_new = 0;
+  for (const Products& p : *all) n_new += p.base.n_new();
+  MatrixXd fresh(gains_[run].n, n_new), with_range;
+  long at = 0;
+  for (const Products& p : *all) {
+    fresh.middleCols(at, p.base.n_new()) = p.base.white[run].middleCols(1, p.base.n_new());
+    at += p.base.n_new();
+  }
+  if (n_new > 0) with_range = column_products(fresh, white(run).middleCols(range.first, range.n));
+  at = 0;
+  for (Products& p : *all) {
+    const long own = p.base.n_new(), powers = p.base.usual_powers();
+    MatrixXd out(1 + own + powers, usual.cols());
+    out.row(0) = usual.row(0);
+    if (own > 0) out.block(1, range.first, own, range.n) = with_range.middleRows(at, own);
+    out.bottomRows(powers) = usual.bottomRows(powers);
+    p.with_columns.push_back(std::move(out));
+    at += own;
+  }
 }
 
-ScanNode::Products ScanNode::products(const std::vector<const MeanPart*>& parts, const WhiteData& y,
-                                      const std::vector<char>& skip) const {
-  const Range range = asked_columns(skip);
-  Products p;
-  p.base = base_of(bank_.data_, parts, gains_);
-  p.data = &y;
-  p.draws = y.y.front().cols();
-  p.factor = Cholesky(normal_matrix(p.base));
-  p.energy = VectorXd::Zero(p.draws);
-  std::vector<MatrixXd> with_y;
-  for (size_t r = 0; r < y.y.size(); ++r) {
-    p.energy += y.y[r].colwise().squaredNorm().transpose();
-    p.with_columns.push_back(with_bank(p.base.white[r], p.base.has_usual_powers ? p.base.powers : 0, r, range));
-    with_y.push_back(column_products(p.base.white[r], y.y[r]));
+std::vector<ScanNode::Products> ScanNode::products(const std::vector<Asked>& asked, const WhiteData& y) const {
+  std::vector<Products> all;
+  for (const Asked& a : asked) {
+    Products p;
+    p.base = base_of(bank_.data_, a.base, gains_);
+    p.data = &y;
+    p.draws = y.y.front().cols();
+    p.factor = Cholesky(normal_matrix(p.base));
+    p.energy = VectorXd::Zero(p.draws);
+    std::vector<MatrixXd> with_y;
+    for (size_t r = 0; r < y.y.size(); ++r) {
+      p.energy += y.y[r].colwise().squaredNorm().transpose();
+      with_y.push_back(column_products(p.base.white[r], y.y[r]));
+    }
+    p.ay = p.factor.half_solve(expanded_products(p.base, with_y));
+    all.push_back(std::move(p));
   }
-  p.ay = p.factor.half_solve(expanded_products(p.base, with_y));
-  return p;
+  const Range range = asked_columns(asked);
+  for (size_t r = 0; r < y.y.size(); ++r) multiply_with_bank(range, r, &all);
+  return all;
 }
 
 // Products of the base with the columns of a group, solved: common columns and the local ones of every run.
@@ -319,16 +340,21 @@ Eigen::RowVectorXd ScanNode::score_group(const Products& p, size_t group, long r
 
 ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, const std::vector<MatrixXd>& y,
                                  const std::vector<char>& skip) const {
-  return score_white(parts, white_data(y), skip);
+  return score_white({{parts, skip}}, white_data(y)).front();
 }
 
-ScanNode::Scores ScanNode::score(const std::vector<const MeanPart*>& parts, const std::vector<char>& skip) const {
-  return score_white(parts, own_, skip);
+std::vector<ScanNode::Scores> ScanNode::score(const std::vector<Asked>& asked) const {
+  return score_white(asked, own_);
 }
 
-ScanNode::Scores ScanNode::score_white(const std::vector<const MeanPart*>& parts, const WhiteData& y,
-                                       const std::vector<char>& skip) const {
-  const Products p = products(parts, y, skip);
+std::vector<ScanNode::Scores> ScanNode::score_white(const std::vector<Asked>& asked, const WhiteData& y) const {
+  const std::vector<Products> all = products(asked, y);
+  std::vector<Scores> out;
+  for (size_t i = 0; i < asked.size(); ++i) out.push_back(score_one(all[i], asked[i]));
+  return out;
+}
+
+ScanNode::Scores ScanNode::score_one(const Products& p, const Asked& asked) const {
   const long n_base = p.ay.rows(), n_free = p.n_free();
   double log_det = 0, log_det_free = 0;
   for (long i = 0; i < n_base; ++i) {
@@ -337,16 +363,16 @@ ScanNode::Scores ScanNode::score_white(const std::vector<const MeanPart*>& parts
     if (i < n_free) log_det_free += term;
   }
   const double log_prior =
-      static_cast<double>(y.y.size()) * log_of(p.base.local_precision) + log_of(p.base.part_precision);
+      static_cast<double>(p.data->y.size()) * log_of(p.base.local_precision) + log_of(p.base.part_precision);
   Scores out;
   out.base = base_value(p.energy, p.ay, n_base, sum_log_s_ + log_det - log_prior);
   const VectorXd free = base_value(p.energy, p.ay, n_free, sum_log_s_ + log_det_free - log_prior);
   bool is_replaced = false;
-  for (const MeanPart* part : parts) is_replaced = is_replaced || !part->powers.empty();
+  for (const MeanPart* part : asked.base) is_replaced = is_replaced || !part->powers.empty();
   out.group = MatrixXd::Constant(static_cast<long>(bank_.groups_.size()), p.draws, -1e300);
   for (size_t g = 0; g < bank_.groups_.size(); ++g) {
     const bool replaces = bank_.places_[g].powers > 0; // its own powers take the place of the base's
-    if (skip[bank_.groups_[g].candidate] || (replaces && is_replaced)) continue;
+    if (asked.skip[bank_.groups_[g].candidate] || (replaces && is_replaced)) continue;
     out.group.row(static_cast<long>(g)) = score_group(p, g, replaces ? n_free : n_base, replaces ? free : out.base);
   }
   return out;

@@ -66,8 +66,12 @@ public:
   // `skip`: per candidate, 1: leave out (its scores are -1e300).
   Scores score(const std::vector<const MeanPart*>& base, const std::vector<Eigen::MatrixXd>& y,
                const std::vector<char>& skip) const;
-  // The same of the data themselves.
-  Scores score(const std::vector<const MeanPart*>& base, const std::vector<char>& skip) const;
+  // The same of the data themselves, for several bases: the bank is read once.
+  struct Asked {
+    std::vector<const MeanPart*> base;
+    std::vector<char> skip;
+  };
+  std::vector<Scores> score(const std::vector<Asked>& asked) const;
 
 private:
   // Data under the node's noise, per run: whitened, and their products with the bank.
@@ -78,13 +82,14 @@ private:
   Eigen::MatrixXd whitened_bank(size_t run) const;
   const Eigen::MatrixXd& white(size_t run) const;
   WhiteData white_data(const std::vector<Eigen::MatrixXd>& y) const;
-  Scores score_white(const std::vector<const MeanPart*>& base, const WhiteData& y, const std::vector<char>& skip) const;
+  std::vector<Scores> score_white(const std::vector<Asked>& asked, const WhiteData& y) const;
+  Scores score_one(const Products& products, const Asked& asked) const;
   struct Range {
     long first = 0, n = 0;
   };
-  Range asked_columns(const std::vector<char>& skip) const;
-  Eigen::MatrixXd with_bank(const Eigen::MatrixXd& base, long usual_powers, size_t run, const Range& range) const;
-  Products products(const std::vector<const MeanPart*>& base, const WhiteData& y, const std::vector<char>& skip) const;
+  Range asked_columns(const std::vector<Asked>& asked) const;
+  void multiply_with_bank(const Range& range, size_t run, std::vector<Products>* all) const;
+  std::vector<Products> products(const std::vector<Asked>& asked, const WhiteData& y) const;
   Eigen::MatrixXd solved_with(const Products& products, size_t group, long rows) const;
   Eigen::RowVectorXd score_group(const Products& products, size_t group, long rows, const Eigen::VectorXd& start) const;
 

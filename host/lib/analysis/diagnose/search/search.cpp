@@ -236,17 +236,19 @@ private:
     const SlowScan::OwnNode own = scans_.node_of(singles[order[0]].model);
     std::vector<const SlowNode*> where = scans_.all_nodes();
     where.push_back(own.get());
-    for (size_t i = 0; i < order.size(); ++i) {
-      std::vector<SlowCandidateScore> beside = scans_.scan(singles[order[i]].model, where);
-      if (i == 0) {
-        add_partners(beside, singles, &order);
-        const auto best = std::max_element(beside.begin(), beside.end(),
-                                           [](const auto& a, const auto& b) { return a.gain_nats < b.gain_nats; });
-        if (!best->model.names.empty()) where = scans_.nodes_with(*own, best->model);
-      }
-      for (SlowCandidateScore& s : beside)
+    std::vector<SlowCandidateScore> beside = scans_.scan(singles[order[0]].model, where);
+    add_partners(beside, singles, &order);
+    const auto best = std::max_element(beside.begin(), beside.end(),
+                                       [](const auto& a, const auto& b) { return a.gain_nats < b.gain_nats; });
+    if (!best->model.names.empty()) where = scans_.nodes_with(*own, best->model);
+    const auto add = [&found](std::vector<SlowCandidateScore>& scores) {
+      for (SlowCandidateScore& s : scores)
         if (!s.model.names.empty()) found.push_back(std::move(s));
-    }
+    };
+    add(beside);
+    std::vector<SlowModel> others;
+    for (size_t i = 1; i < order.size(); ++i) others.push_back(singles[order[i]].model);
+    for (std::vector<SlowCandidateScore>& scores : scans_.scan_each(others, where)) add(scores);
     consider_best(std::move(found), kPairsTried,
                   near_nats(likelihood_.score(out_.best) - likelihood_.score(out_.null)));
   }

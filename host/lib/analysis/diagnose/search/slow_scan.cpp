@@ -42,8 +42,8 @@ SlowScan::OwnNode SlowScan::node_of(const SlowModel& m) const {
   return kept_nodes_.back();
 }
 
-std::vector<SlowCandidateScore> SlowScan::scan(const SlowModel& m, const std::vector<const SlowNode*>& where,
-                                               bool only_free) const {
+// Per candidate, 1: not asked beside `m`.
+std::vector<char> SlowScan::left_out(const SlowModel& m, bool only_free) const {
   std::vector<char> skip(space_.candidates.size(), 0);
   for (size_t j = 0; j < skip.size(); ++j) {
     const Effect* effect = space_.candidates[j].effect;
@@ -54,13 +54,29 @@ std::vector<SlowCandidateScore> SlowScan::scan(const SlowModel& m, const std::ve
     const bool is_in_time = space_.candidates[j].is_once && !m.steps.empty();
     skip[j] = (only_free && effect) || is_in_time || std::any_of(m.names.begin(), m.names.end(), is_it) ? 1 : 0;
   }
-  const std::vector<SlowLikelihood::Part> own = likelihood_.parts(m);
-  const std::vector<const MeanPart*> pointers = pointers_of(own);
-  std::vector<SlowCandidateScore> best(space_.candidates.size());
-  for (SlowCandidateScore& b : best) b.gain_nats = -1e300;
+  return skip;
+}
+
+std::vector<SlowCandidateScore> SlowScan::scan(const SlowModel& m, const std::vector<const SlowNode*>& where,
+                                               bool only_free) const {
+  return scan_each({m}, where, only_free).front();
+}
+std::vector<std::vector<SlowCandidateScore>> SlowScan::scan_each(const std::vector<SlowModel>& models,
+                                                                 const std::vector<const SlowNode*>& where,
+                                                                 bool only_free) const {
+  std::vector<std::vector<SlowLikelihood::Part>> own;
+  std::vector<ScanNode::Asked> asked;
+  for (const SlowModel& m : models) {
+    own.push_back(likelihood_.parts(m));
+    asked.push_back({pointers_of(own.back()), left_out(m, only_free)});
+  }
+  SlowCandidateScore none;
+  none.gain_nats = -1e300;
+  std::vector<std::vector<SlowCandidateScore>> best(models.size(),
+                                                    std::vector<SlowCandidateScore>(space_.candidates.size(), none));
   for (const SlowNode* node : where) {
-    const ScanNode::Scores scores = node->scan->score(pointers, skip);
-    take_best(m, *node, scores, &best);
+    const std::vector<ScanNode::Scores> scores = node->scan->score(asked);
+    for (size_t i = 0; i < models.size(); ++i) take_best(models[i], *node, scores[i], &best[i]);
   }
   return best;
 }

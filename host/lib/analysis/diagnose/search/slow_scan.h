@@ -36,10 +36,15 @@ public:
   // the likelihood over its shapes; no names: it is in `m`, or left out.
   std::vector<SlowCandidateScore> scan(const SlowModel& m, const std::vector<const SlowNode*>& where,
                                        bool only_free = false) const;
+  // The same of several hypotheses, with fewer passes over the columns.
+  std::vector<std::vector<SlowCandidateScore>> scan_each(const std::vector<SlowModel>& models,
+                                                         const std::vector<const SlowNode*>& where,
+                                                         bool only_free = false) const;
   // Members of the library beside `m`, the one that gains most first.
   std::vector<SlowCandidateScore> scan_members(const SlowModel& m, const std::vector<const SlowNode*>& where) const;
 
 private:
+  std::vector<char> left_out(const SlowModel& m, bool only_free) const;
   void take_best(const SlowModel& m, const SlowNode& node, const ScanNode::Scores& scores,
                  std::vector<SlowCandidateScore>* best) const;
 
