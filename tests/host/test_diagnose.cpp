@@ -8,6 +8,7 @@
 #include "analysis/diagnose/logs/structure.h"
 #include "analysis/diagnose/logs/thermometer.h"
 #include "analysis/diagnose/search/null_draws.h"
+#include "analysis/diagnose/stages/mean_lines.h"
 #include "analysis/diagnose/stages/seconds.h"
 #include "dense.h"
 #include "diagnose_logs.h"
@@ -611,6 +612,29 @@ static void test_a_line_is_placed_between_the_places_of_the_grid(void**) {
   }
 }
 
+// A chamber that goes up and down every 87 s: what follows its cycle, or half of it, is not a tone of the gyro, with or without
+// a drift that chance gave it; what has another frequency is, and so is what drifts far across the cycle.
+static void test_a_line_of_the_temperature_is_known(void**) {
+  constexpr double kCycle_hz = 1 / 87.0;
+  Log log = simulated_log(23, 7000, false, 0);
+  Rng rng(23, 0, 0, Stream::kWhite);
+  for (size_t k = 0; k < log.temp_degc.size(); ++k)
+    log.temp_degc[k] += 0.1 * std::sin(2 * kPi * kCycle_hz * log.t_s[k]) + 0.01 * rng.normal();
+  const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+  const auto is_its = [&](double hz, double hz_per_degc) {
+    const double at_0_degc = hz - hz_per_degc * 30; // `hz`: in the middle of 0 to 60 degC
+    const Theta shape = hz_per_degc == 0 ? Theta{hz} : Theta{at_0_degc, hz_per_degc};
+    return is_of_temperature(campaign, NamedLine{&find_effect("sinusoid"), shape, 100, 20});
+  };
+  for (const double times : {1.0, 2.0}) {
+    assert_true(is_its(times * kCycle_hz, 0));
+    for (const double hz_per_degc : {4e-6, -1e-5}) assert_true(is_its(times * kCycle_hz, times * hz_per_degc));
+  }
+  for (const double hz : {0.02, 0.11, 0.3})
+    for (const double hz_per_degc : {0.0, 1e-5, -3e-4}) assert_true(!is_its(hz, hz_per_degc));
+  assert_true(!is_its(0.04, 1e-3)); // 0.01 to 0.07 Hz
+}
+
 static void test_a_strong_line_in_many_logs_has_a_finite_gain(void**) {
   std::vector<Log> logs;
   for (uint64_t seed = 1; seed <= 80; ++seed) logs.push_back(simulated_log(seed, 600, false, 0));
@@ -1063,6 +1087,7 @@ int main() {
       cmocka_unit_test(test_a_line_that_drifts_with_temperature_is_found_as_one),
       cmocka_unit_test(test_a_line_that_drifts_between_two_slopes_of_the_grid_is_found),
       cmocka_unit_test(test_a_line_is_placed_between_the_places_of_the_grid),
+      cmocka_unit_test(test_a_line_of_the_temperature_is_known),
       cmocka_unit_test(test_a_strong_line_in_many_logs_has_a_finite_gain),
       cmocka_unit_test(test_lines_of_several_logs_add_up),
       cmocka_unit_test(test_gains_run_by_run_are_those_of_each_run),

@@ -17,26 +17,32 @@ constexpr size_t kFewToDrift = 200000; // samples: lines that drift are not look
 constexpr int kBeside = 10; // resolvable frequencies on either side with which a line is compared, but the nearest
 constexpr double kLineOfTemperature = 8; // times their mean power: 1 in 1000 and less of a noise, in one run
 
-// Power of the changes of the temperature at a frequency, over a run of this length that a window tapers (Hann).
-double power_of_changes(const RunInput& in, double hz) {
+// Power of the changes of the temperature in the two columns of a line, over a run that a window tapers (Hann).
+double power_of_changes(const RunInput& in, const EffectEstimator& tone, const Theta& shape) {
+  const std::vector<Column> columns = tone.columns(in, shape);
   const double turn = 2 * kPi / (in.t_s.back() - in.t_s.front());
   double re = 0, im = 0;
   for (size_t i = 1; i < in.size(); ++i) {
-    const double t = in.t_s[i] - in.t_s.front();
-    const double change = (1 - std::cos(turn * t)) * (in.temp_degc[i] - in.temp_degc[i - 1]);
-    re += change * std::cos(2 * kPi * hz * t), im += change * std::sin(2 * kPi * hz * t);
+    const double tapered = 1 - std::cos(turn * (in.t_s[i] - in.t_s.front()));
+    const double change = tapered * (in.temp_degc[i] - in.temp_degc[i - 1]);
+    re += change * columns[0][i], im += change * columns[1][i];
   }
   return re * re + im * im;
 }
-// Power at a frequency in units of the mean power beside it, all runs together; 0 where the runs are too short to tell.
-double line_of_temperature(const Campaign& campaign, double hz) {
+// Power at a line in units of the mean power beside it, all runs together; 0 where the runs are too short to tell.
+double line_of_temperature(const Campaign& campaign, const EffectEstimator& tone, const Theta& shape) {
   double own = 0, beside = 0;
   for (const CampaignRun& run : campaign.runs) {
     const double apart_hz = 1 / (run.input.t_s.back() - run.input.t_s.front());
-    if (hz < 2 * kBeside * apart_hz) return 0;
-    own += power_of_changes(run.input, hz);
+    const double swept_hz = shape.size() > 1 ? std::fabs(shape[1]) * (campaign.hi_degc - campaign.lo_degc) : 0;
+    if (shape[0] < 2 * kBeside * apart_hz + swept_hz) return 0;
+    own += power_of_changes(run.input, tone, shape);
     for (int k = 3; k < 3 + kBeside; ++k)
-      for (const int side : {-1, 1}) beside += power_of_changes(run.input, hz + side * k * apart_hz);
+      for (const int side : {-1, 1}) {
+        Theta near = shape;
+        near[0] += side * (k * apart_hz + swept_hz);
+        beside += power_of_changes(run.input, tone, near);
+      }
   }
   return beside > 0 ? own * 2 * kBeside / beside : 0;
 }
@@ -44,10 +50,12 @@ double line_of_temperature(const Campaign& campaign, double hz) {
 } // namespace
 
 bool is_of_temperature(const Campaign& campaign, const NamedLine& line) {
-  const bool drifts = line.shape.size() > 1 && line.shape[1] != 0;
-  if (!campaign.has_temperature || drifts) return false;
-  return line_of_temperature(campaign, line.shape[0]) > kLineOfTemperature ||
-         line_of_temperature(campaign, 0.5 * line.shape[0]) > kLineOfTemperature;
+  if (!campaign.has_temperature) return false;
+  Theta half = line.shape;
+  for (double& hz : half) hz *= 0.5;
+  const EffectEstimator& tone = *line.effect->estimator();
+  return line_of_temperature(campaign, tone, line.shape) > kLineOfTemperature ||
+         line_of_temperature(campaign, tone, half) > kLineOfTemperature;
 }
 
 // A line that drifts stands still while the temperature rests, and one that stands still drifts a little by chance: the
