@@ -40,6 +40,8 @@ def must_show(score):
         rows.append(line(f"outside causes, d = {d}: abstains or right family only", pick(outside, d, "good"), aim))
     for d, aim in (("20", 0.85), ("40", 0.95)):
         rows.append(line(f"the same, d = {d}, those that no library member comes near", pick(score["outside"]["by_strength_tellable"], d, "good"), aim))
+    for d, aim in (("20", 0.85), ("40", 0.95)):
+        rows.append(line(f"of these, d = {d}: abstains or names families only, be they right or not", pick(score["outside"]["by_strength_tellable"], d, "no_member"), aim))
     if score["shrinkage"]:
         tables = score["shrinkage"]["tables"]
         rows.append(line("claimed shrinkage's interval holds the true reduction, all verdicts", tables["all verdicts"]["all"], 0.90))
@@ -94,8 +96,8 @@ def other_pages(score):
     out += [f"Names given falsely: {dict(score['false_names']['named']) or 'none'}", "", "## Outside causes", ""]
     for title, key in (("By strength", "by_strength"), ("By strength, only those that no library member comes near", "by_strength_tellable"),
                        ("By cause, d ≥ 20", "by_cause")):
-        out += [f"{title}:", ""] + table(("cases", "n", "abstains or right family only", *(o.replace("_", " ") for o in OUTSIDE)), [
-            [k, v["n"], text(v["good"]), *(v.get(o, 0) for o in OUTSIDE)] for k, v in score["outside"][key].items()])
+        out += [f"{title}:", ""] + table(("cases", "n", "abstains or right family only", "abstains or any family only", *(o.replace("_", " ") for o in OUTSIDE)), [
+            [k, v["n"], text(v["good"]), text(v["no_member"]), *(v.get(o, 0) for o in OUTSIDE)] for k, v in score["outside"][key].items()])
     out += table(("cause", "names given"), [[k, ", ".join(f"{n} {c}" for n, c in v.items()) or "none"] for k, v in score["outside"]["named"].items()])
     a = score["axes"]
     return out + ["## Several axes", "", f"False names on healthy axes: {text(a['healthy_false'])} {dict(a['healthy_named'])}; the sick axis right: "

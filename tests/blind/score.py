@@ -304,8 +304,10 @@ def outside_rows(labels, answers):
     for label, axis, k, regime, answer in questions(labels, answers, ("outside",)):
         cause, families = label["truth"][axis][0], [f for f in label["families"][axis][0] if f]
         read = reading(answer, axis, regime)
-        rows.append({"key": key_of(label, k, axis), "d": label["target"], "cause": cause, "regime": regime, "outcome": outside_outcome(read, families, cause),
-                     "names": read["names"], "tell": tells_library(label["told"][axis][0])})
+        outcome_ = outside_outcome(read, families, cause)
+        no_member = outcome_ in GOOD_OUTSIDE or bool(read["names"]) and all(map(is_family, read["names"]))
+        rows.append({"key": key_of(label, k, axis), "d": label["target"], "cause": cause, "regime": regime, "outcome": outcome_,
+                     "no_member": no_member, "names": read["names"], "tell": tells_library(label["told"][axis][0])})
     return rows
 
 
@@ -314,7 +316,8 @@ def outside(labels, answers):
 
     def table(part):
         c = Counter(r["outcome"] for r in part)
-        return {"n": len(part), "good": rate(sum(c[o] for o in GOOD_OUTSIDE), len(part)), **c}
+        return {"n": len(part), "good": rate(sum(c[o] for o in GOOD_OUTSIDE), len(part)),
+                "no_member": rate(sum(r["no_member"] for r in part), len(part)), **c}
 
     return {"by_strength": {k: table(v) for k, v in group_by(rows, lambda r: f"{r['d']:02.0f}").items()},
             "by_strength_tellable": {k: table(v) for k, v in group_by([r for r in rows if r["tell"]], lambda r: f"{r['d']:02.0f}").items()},

@@ -220,14 +220,16 @@ def rows_of(labels, answers):
 def test_ceilings_stand_below_the_plain_rows_which_count_as_before():
     near, far, two = told(can_tell_library=False), told(can_tell_library=True), ["rate_ramp", "flicker_noise"]
     labels = [label_of("o0", "outside", ["power_law"], [near]), label_of("o1", "outside", ["saw_tooth"], [far]),
-              label_of("o2", "outside", ["saw_tooth"], [far]), label_of("p0", "pair", two, [told(), told(d_noise=1.0)]),
+              label_of("o2", "outside", ["saw_tooth"], [far]), label_of("o3", "outside", ["saw_tooth"], [far]), label_of("p0", "pair", two, [told(), told(d_noise=1.0)]),
               label_of("p1", "pair", two, [told(), told()])]
     answers = {"o0_0": answer("explained", "flicker_noise"), "o1_0": answer("unexplained"), "o2_0": answer("explained", "warm_up"),
+               "o3_0": answer("explained", "thermal_memory"),
                "p0_0": answer("explained", "rate_ramp"), "p1_0": answer("explained", *two)}
     titles = [title for title, _ in rows_of(labels, answers)]
     rows = dict(rows_of(labels, answers))
     plain, told_ones = "outside causes, d = 40: abstains or right family only", "the same, d = 40, those that no library member comes near"
-    assert (rows[plain], rows[told_ones]) == ("1/3", "1/2") and titles.index(plain) < titles.index(told_ones)
+    assert (rows[plain], rows[told_ones]) == ("1/4", "1/3") and titles.index(plain) < titles.index(told_ones)
+    assert rows["of these, d = 40: abstains or names families only, be they right or not"] == "2/3"
     plain, told_ones = "pairs, both named (member or family)", "the same, pairs of which the logs can tell each"
     assert (rows[plain], rows[told_ones]) == ("1/2", "1/1") and titles.index(plain) + 1 == titles.index(told_ones)
     old = copy.deepcopy(labels)
