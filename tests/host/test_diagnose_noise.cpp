@@ -416,6 +416,28 @@ static void test_the_error_of_a_slope_of_noise_has_the_level_free(void**) {
   assert_near(found.theta[0], -1.2, 4 * expected);
 }
 
+// A drift that jumps back once in two hours or so: both parts are found, and neither is a cause of its own.  A drift beside
+// jumps that do not take it back is one.
+static void test_a_drift_that_jumps_back_is_no_ramp(void**) {
+  for (const uint64_t seed : {51, 61}) {
+    const auto saw = [rng = Rng(seed, 0, 0, Stream::kTool), level = 0.0, next = 0.0](double t_s, double) mutable {
+      if (t_s < 2) next = 150 + 30 * rng.uniform(), level = next * (0.3 + 0.5 * rng.uniform());
+      level += 200 / 7200.0;
+      if (level > next) level = 0;
+      return level;
+    };
+    const Selection said = answer_to(saw, seed, 0);
+    assert_true(names_of(said) == std::set<std::string>{"slow_noise"});
+    assert_true(said.verdict == Verdict::kPartlyExplained);
+  }
+  const auto drift_and_jumps = [log = 0](double t_s, double) mutable {
+    if (t_s < 2) ++log;
+    const double up = log == 1 || log == 4 ? 1 : -1; // as often with the drift as against it
+    return 200 * t_s / 7200 + (t_s > 1500 + 800 * log ? up * 150 : 0);
+  };
+  assert_true(names_of(answer_to(drift_and_jumps, 51, 0)).count("rate_ramp") == 1);
+}
+
 static void test_saw_teeth_are_no_telegraph_noise(void**) {
   // Jumps all one way.  Noise that jumps up and down is what fits best among the members.
   Rng rng(212, 0, 0, Stream::kTool);
@@ -465,6 +487,7 @@ int main() {
       cmocka_unit_test(test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit),
       cmocka_unit_test(test_what_better_plain_noise_gains_is_no_kind_of_fast_noise),
       cmocka_unit_test(test_the_error_of_a_slope_of_noise_has_the_level_free),
+      cmocka_unit_test(test_a_drift_that_jumps_back_is_no_ramp),
       cmocka_unit_test(test_saw_teeth_are_no_telegraph_noise),
       cmocka_unit_test(test_hits_in_bursts_are_no_outliers),
       cmocka_unit_test(test_two_kinds_of_fast_noise_are_told),

@@ -137,6 +137,7 @@ private:
     tell_parameters();
     fill_coefficients(question_, out_.final_fit, &found_, &names_.effects);
     judge_unseen(&names_);
+    judge_teeth(campaign_, &names_);
     open_by_rest(question_, found_, out_.after, &names_);
     add_errors_of_shapes(found_.slow, &names_.effects);
     scan_told();

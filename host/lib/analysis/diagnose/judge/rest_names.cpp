@@ -18,7 +18,9 @@ constexpr double kBoundPart = 1.5;
 constexpr double kBeyondErrors = 3; // by chance in 1 of 370 runs
 // Times the believed white noise: kinds of slow noise beside it move it by up to 1.12 (development cases).
 constexpr double kWhiteTimes = 1.25;
-constexpr int kSizes = 2001; // that are tried within so many standard errors of the size found
+constexpr size_t kFewestTeeth = 3;
+constexpr double kTakenBack = 0.5; // of what the drift brings, and not more than 1/kTakenBack of it
+constexpr int kSizes = 2001;       // that are tried within so many standard errors of the size found
 
 // A memory of which the logs show no more than start states.
 bool is_unseen(const Term& term) {
@@ -43,6 +45,17 @@ bool is_start_beyond(const Term& term) {
     if (std::hypot(off, beyond) < kBeyondErrors) return false;
   }
   return true;
+}
+// What a drift in time brings from the first second of the runs to the last, all together [dph]; 0: not such a cause.
+double brought_by(const Campaign& campaign, const SelectedEffect& effect) {
+  const bool is_drift = effect.term.effect && !effect.is_family && effect.family == Family::kFunctionOfTime &&
+                        effect.term.form() == Form::kColumns && effect.term.coefficients.size() == 1;
+  double sum = 0;
+  for (size_t r = 0; is_drift && r < campaign.runs.size(); ++r) {
+    const Column column = effect.term.estimator->columns(campaign.runs[r].input, effect.term.shape).front();
+    sum += effect.term.coefficients.front() * (column.back() - column.front());
+  }
+  return sum;
 }
 // A line or a kind of noise is no part of a cause in the mean.
 bool is_in_mean(const SelectedEffect& effect) {
@@ -185,6 +198,27 @@ void judge_unseen(Names* names) {
   names->leave_those(is_part, &names->effects);
   for (SelectedEffect& effect : names->effects)
     if (!effect.is_family && is_unseen(effect.term)) open_loop(&effect);
+}
+
+void judge_teeth(const Campaign& campaign, Names* names) {
+  for (SelectedEffect& jumps : names->effects) {
+    if (!jumps.term.effect || jumps.term.form() != Form::kSteps) continue;
+    const std::vector<double>& sizes = jumps.term.coefficients;
+    const auto is_up = [](double size_dph) { return size_dph > 0; };
+    const auto n_up = static_cast<size_t>(std::count_if(sizes.begin(), sizes.end(), is_up));
+    if (sizes.size() < kFewestTeeth || (n_up > 0 && n_up < sizes.size())) continue;
+    double sum = 0;
+    for (const double size_dph : sizes) sum += size_dph;
+    const auto is_taken_back = [&](const SelectedEffect& effect) {
+      const double part = -sum / brought_by(campaign, effect); // infinite where it is no drift
+      return part > kTakenBack && part < 1 / kTakenBack;
+    };
+    if (std::none_of(names->effects.begin(), names->effects.end(), is_taken_back)) continue;
+    jumps.statement =
+        "the family of the cause, not its member: jumps that take back what a drift brings, as the teeth of a saw";
+    names->leave_those(is_taken_back, &names->effects);
+    return;
+  }
 }
 
 void open_by_rest(const AxisQuestion& question, const Found& found, const std::vector<RestFinding>& after,

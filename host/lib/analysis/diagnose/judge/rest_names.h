@@ -10,6 +10,9 @@ namespace imucal {
 // stands in for another cause: it is left, and members in the mean that hold less with it.  Else its family is told: what begins
 // anew in every run and fades looks alike.
 void judge_unseen(Names* names);
+// Jumps in time that all go one way and take back what a drift in time brings are the teeth of a saw: the drift is no cause of
+// its own, and is left.
+void judge_teeth(const Campaign& campaign, Names* names);
 // `after`: tests of the innovations under the answer.  Opens names to their families, or leaves them.
 void open_by_rest(const AxisQuestion& question, const Found& found, const std::vector<RestFinding>& after,
                   Names* names);
