@@ -49,6 +49,7 @@ def must_show(score):
         rows.append(line("the same, outside causes", tables.get("kind: outside", {}).get("all"), 0.90))
     rows.append(line("invariance: same cause named under four believed noises", score["invariance"]["same"], 0.95))
     rows.append(line("healthy axes beside a sick one: false names", score["axes"]["healthy_false"], 0.01, False))
+    rows.append(line("the same, noise that the belief can hold", score["axes"]["healthy_false_held"], 0.01, False))
     for regime, entry in score["memory"]["by_regime"].items():
         rows.append(line(f"hysteresis and lag, random starts, noise {regime}: first (member or family)", entry["family"], 0.90))
     return rows + [seconds("CPU per axis, nothing named, calibration cold", score["cost"]["without_names"]),
@@ -100,7 +101,8 @@ def other_pages(score):
             [k, v["n"], text(v["good"]), text(v["no_member"]), *(v.get(o, 0) for o in OUTSIDE)] for k, v in score["outside"][key].items()])
     out += table(("cause", "names given"), [[k, ", ".join(f"{n} {c}" for n, c in v.items()) or "none"] for k, v in score["outside"]["named"].items()])
     a = score["axes"]
-    return out + ["## Several axes", "", f"False names on healthy axes: {text(a['healthy_false'])} {dict(a['healthy_named'])}; the sick axis right: "
+    return out + ["## Several axes", "", f"False names on healthy axes: {text(a['healthy_false'])} {dict(a['healthy_named'])}, "
+                  f"of them the second process that is there: {a['healthy_second']}; the sick axis right: "
                   f"{text(a['sick_first'])}; a cause of d 7 to 12 on each of three axes, right per axis: {text(a['pooled_first'])}", ""]
 
 

@@ -245,20 +245,25 @@ def pairs(labels, answers):
     return out
 
 
-def gap_free_rows(labels, answers):
-    """Names and gaps where there is none.
+def second_process(label, regime, read):
+    """(is a second process left out of the belief, is it what the answer names).
 
     Some devices have two Markov processes.  Where one at most is believed, the second is really left out, and slow noise whose
     set holds it is a true remark.  It is counted as a name all the same, and again as `second`.
     """
+    is_left_out = regime in ONE_PROCESS and len(label["noise"]["markov"]) > 1
+    is_told = all(family_of(e["name"]) == "slow_noise" and holds(e, "second_markov") for e in read["effects"])
+    return is_left_out, is_left_out and bool(read["names"]) and is_told
+
+
+def gap_free_rows(labels, answers):
+    """Names and gaps where there is none."""
     rows = []
     for label, axis, k, regime, answer in questions(labels, answers, ("no_gap", "constant")):
         read = reading(answer, axis, regime)
-        is_left_out = regime in ONE_PROCESS and len(label["noise"]["markov"]) > 1
+        is_left_out, is_second = second_process(label, regime, read)
         rows.append({"key": key_of(label, k, axis), "regime": regime, "kind": label["kind"], "name": bool(read["names"]),
-                     "names": read["names"], "left_out": is_left_out,
-                     "second": is_left_out and bool(read["names"]) and all(
-                         family_of(e["name"]) == "slow_noise" and holds(e, "second_markov") for e in read["effects"]),
+                     "names": read["names"], "left_out": is_left_out, "second": is_second,
                      "gap": read["verdict"] not in ("no_gap", "failed") and not (read["tuned"] and read["verdict"] == "explained" and not read["names"]),
                      "failed": read["verdict"] == "failed", "tuned": read["tuned"]})
     return rows
@@ -333,7 +338,9 @@ def axis_rows(labels, answers):
             read = reading(answer, axis, regime)
             good = outcome(read, causes_here[0], label["told"][axis][0]) in RIGHT if causes_here else not read["names"]
             what = "healthy" if not causes_here else "sick" if label["kind"] == "healthy" else "shared"
-            rows.append({"key": key_of(label, k, axis), "what": what, "right": good, "names": read["names"]})
+            is_left_out, is_second = second_process(label, regime, read)
+            rows.append({"key": key_of(label, k, axis), "what": what, "right": good, "names": read["names"], "left_out": is_left_out,
+                         "second": is_second})
     return rows
 
 
@@ -341,7 +348,9 @@ def axes(labels, answers):
     rows = axis_rows(labels, answers)
     part = {what: [r for r in rows if r["what"] == what] for what in ("healthy", "sick", "shared")}
     first = lambda what: rate(sum(r["right"] for r in part[what]), len(part[what]))
+    held = [r for r in part["healthy"] if not r["left_out"]]
     return {"healthy_false": rate(sum(not r["right"] for r in part["healthy"]), len(part["healthy"])),
+            "healthy_false_held": rate(sum(not r["right"] for r in held), len(held)), "healthy_second": sum(r["second"] for r in part["healthy"]),
             "healthy_named": Counter(n for r in part["healthy"] for n in r["names"]), "sick_first": first("sick"), "pooled_first": first("shared")}
 
 

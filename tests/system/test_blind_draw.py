@@ -245,6 +245,10 @@ def test_a_second_process_that_the_belief_leaves_out_is_counted_as_a_name_and_ap
     held, left_out = table["noise that the belief can hold"], table["a second process left out of the belief"]
     assert (table["all"]["names"]["k"], table["all"]["second"]) == (5, 1)
     assert (held["names"]["n"], held["second"], left_out["names"]["n"], left_out["second"]) == (2, 0, 3, 1)
+    for x in labels.values():  # the same beside a sick axis
+        x["kind"] = "healthy"
+    axes = score.everything(labels, answers, redraw=False)["axes"]
+    assert (axes["healthy_false"]["k"], axes["healthy_false_held"]["k"], axes["healthy_false_held"]["n"], axes["healthy_second"]) == (5, 2, 2, 1)
 
 
 @pytest.mark.parametrize("gap, true, expected", [
