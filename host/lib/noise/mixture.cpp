@@ -24,11 +24,13 @@ struct Pair {
 
   // Logarithm of the density, without 1/2 ln 2 pi; relative to the larger exponent: no underflow.
   double log_density() {
-    const double e[2] = {-0.5 * nu[0] * nu[0] / s[0], -0.5 * nu[1] * nu[1] / s[1]}, top = std::max(e[0], e[1]);
-    double sum = 0;
-    for (int j = 0; j < 2; ++j) sum += posterior[j] = prior[j] * std::exp(e[j] - top) / std::sqrt(s[j]);
+    const double e[2] = {-0.5 * nu[0] * nu[0] / s[0], -0.5 * nu[1] * nu[1] / s[1]};
+    const int top = e[0] < e[1] ? 1 : 0;
+    const double less = std::exp(e[1 - top] - e[top]); // of the larger one: 1
+    for (int j = 0; j < 2; ++j) posterior[j] = prior[j] * (j == top ? 1 : less) / std::sqrt(s[j]);
+    const double sum = posterior[0] + posterior[1];
     for (double& d : posterior) d /= sum;
-    return top + std::log(sum);
+    return e[top] + std::log(sum);
   }
   double score() const {
     return normal_score(prior[0] * normal_cdf(nu[0] / std::sqrt(s[0])) +
