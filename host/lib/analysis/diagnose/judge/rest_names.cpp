@@ -70,9 +70,10 @@ public:
   void run() {
     bool fires = false, has_jumps = false;
     double left = 0;
+    Rest strongest = Rest::kCount;
     for (const RestFinding& f : after_) {
       fires = fires || (f.evidence_nats > 0 && f.test != Rest::kLine);
-      if (f.test != Rest::kLine) left = std::max(left, f.evidence_nats);
+      if (f.test != Rest::kLine && f.evidence_nats > left) left = f.evidence_nats, strongest = f.test;
       has_jumps = has_jumps || (f.evidence_nats > 0 && f.test == Rest::kSuddenChanges);
     }
     leave_noise_beside_shapes();
@@ -83,7 +84,7 @@ public:
         if (form == Form::kNoise) open_noise(&effect);
         if (form == Form::kSteps && has_jumps) open_jumps(question_, &effect);
       }
-      if (left > explained_nats() || n_members() > kFewNames) leave_members();
+      if (left > explained_nats() || n_members() > kFewNames) leave_members(strongest);
     }
     join_open_noise();
   }
@@ -147,8 +148,12 @@ private:
         std::count_if(names_.effects.begin(), names_.effects.end(), [&](const auto& e) { return is_member(e); }));
   }
   // More is left than was explained, or many causes together leave something: members stand in for another cause then.
-  // A family says no more than that.
-  void leave_members() {
+  // A family says no more than that: of sudden changes what foretells logs that were not fitted is told as one, since a loop of
+  // relays jumps.
+  void leave_members(Rest strongest) {
+    for (SelectedEffect& effect : names_.effects)
+      if (strongest == Rest::kSuddenChanges && is_member(effect) && effect.held_out_nats > constants().foretold_nats)
+        open_member(&effect);
     names_.leave_those([&](const SelectedEffect& effect) { return is_member(effect); }, &names_.effects);
   }
   double explained_nats() const {
