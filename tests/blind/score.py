@@ -309,9 +309,9 @@ def outside_rows(labels, answers):
     for label, axis, k, regime, answer in questions(labels, answers, ("outside",)):
         cause, families = label["truth"][axis][0], [f for f in label["families"][axis][0] if f]
         read = reading(answer, axis, regime)
-        outcome_ = outside_outcome(read, families, cause)
-        no_member = outcome_ in GOOD_OUTSIDE or bool(read["names"]) and all(map(is_family, read["names"]))
-        rows.append({"key": key_of(label, k, axis), "d": label["target"], "cause": cause, "regime": regime, "outcome": outcome_,
+        how = outside_outcome(read, families, cause)
+        no_member = how in GOOD_OUTSIDE or bool(read["names"]) and all(map(is_family, read["names"]))
+        rows.append({"key": key_of(label, k, axis), "d": label["target"], "cause": cause, "regime": regime, "outcome": how,
                      "no_member": no_member, "names": read["names"], "tell": tells_library(label["told"][axis][0])})
     return rows
 

@@ -89,10 +89,7 @@ private:
     for (const RunInput& run : runs)
       for (const double y : run.rate_dph)
         if (std::isfinite(y) && !is_same_rate(y, extreme)) next = std::min(next, inward * y);
-    size_t n = 0;
-    for (const RunInput& run : runs)
-      for (const double y : run.rate_dph) n += is_same_rate(y, inward * next);
-    return n;
+    return count_at(runs, inward * next);
   }
 
   // How many samples lie at this extreme because a limit holds them there; else 0.

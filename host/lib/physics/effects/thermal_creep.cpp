@@ -28,10 +28,11 @@ std::vector<double> time_constants(double first_s, double last_s, double step) {
   return taus;
 }
 
-// Adds the mean of T - x_i to `sum`; exact for a temperature that is linear between the seconds.  `offset_degc`: T - x_i at the
-// start, one per time constant.
-void add_behind(const std::vector<double>& t_s, const std::vector<double>& temp, const std::vector<double>& taus,
-                std::vector<double> offset_degc, Column* sum) {
+// The mean of T - x_i; exact for a temperature that is linear between the seconds.  `offset_degc`: T - x_i at the start, one per
+// time constant.
+Column mean_behind(const std::vector<double>& t_s, const std::vector<double>& temp, const std::vector<double>& taus,
+                   std::vector<double> offset_degc) {
+  Column sum(temp.size(), 0.0);
   std::vector<double> decay(taus.size()), &behind = offset_degc;
   const double weight = 1.0 / static_cast<double>(taus.size());
   double last_dt = -1;
@@ -45,8 +46,9 @@ void add_behind(const std::vector<double>& t_s, const std::vector<double>& temp,
         behind[j] = decay[j] * (behind[j] - distance) + distance;
       }
     }
-    for (const double degc : behind) (*sum)[i] += weight * degc;
+    for (const double degc : behind) sum[i] += weight * degc;
   }
+  return sum;
 }
 
 constexpr double kStep = 0.35; // of log time: the sum is the integral within 2e-3 of its start value
@@ -86,10 +88,9 @@ public:
     run->start_state[name() + ".offset_degc"] = start.offset_degc;
     run->start_state[name() + ".since_s"] = start.since_s;
     const std::vector<double> taus = time_constants(first, last, kStep);
-    Column behind(temp.size(), 0.0);
     std::vector<double> offset_degc;
     for (const double tau : taus) offset_degc.push_back(start.offset_degc * std::exp(-start.since_s / tau));
-    add_behind(run->t_s, temp, taus, std::move(offset_degc), &behind);
+    const Column behind = mean_behind(run->t_s, temp, taus, std::move(offset_degc));
     for (size_t i = 0; i < behind.size(); ++i) run->rate_dph[i] += amplitude * behind[i];
   }
 
@@ -104,9 +105,7 @@ public:
   Theta shape_hi() const override { return {5000, 2e5}; }
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
     const std::vector<double> taus = time_constants(shape[0], last_s(shape), kStep);
-    Column behind(run.size(), 0.0);
-    add_behind(run.t_s, run.smooth_degc, taus, std::vector<double>(taus.size(), 0.0), &behind);
-    return {behind};
+    return {mean_behind(run.t_s, run.smooth_degc, taus, std::vector<double>(taus.size(), 0.0))};
   }
   // Any earlier change of temperature: exponentials a factor of five apart span their sums (least 0.999).
   std::vector<Column> start_columns(const RunInput& run, const Theta& shape) const override {
