@@ -45,13 +45,16 @@ public:
 
   void run() {
     prepare();
-    const TimeJumps jumps = find_steps(likelihood_, start_null_);
-    if (jumps.places.empty())
-      // Many jumps may be one at a temperature that the logs pass again and again.
-      run_with(start_, start_null_, jumps.are_many ? &start_null_ : nullptr);
+    const TimeJumps jumps = find_steps(likelihood_, start_null_, kManyJumps);
+    if (jumps.are_many)
+      run_with(start_, start_null_,
+               &start_null_); // they may be one at a temperature that the logs pass again and again
+    else if (jumps.places.empty())
+      run_with(start_, start_null_, nullptr);
     else
       run_with_or_without(jumps.places);
     if (!jumps.places.empty() || jumps.are_many) part_jumps();
+    if (!jumps.places.empty() && jumps.are_many) weigh_many(jumps.places);
   }
   // The best hypothesis with exactly these causes.
   SlowModel best_with(const std::vector<const Effect*>& effects) const {
@@ -125,6 +128,20 @@ private:
     consider(both);
     // Without one at a temperature these are the jumps in time that were weighed before.
     if (!has_jump(out_.best) || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
+  }
+  // Many jumps in time are a noise, of which the seconds tell more than single jumps do; but a name that is not found beside
+  // them was a part of it, where they hold much more than it does.  Those that all go one way are the teeth of a saw, and what
+  // rises between them is no name either way.
+  void weigh_many(const std::vector<Theta>& places) {
+    if (out_.best.names.empty()) return;
+    const SlowModel in_time = jumped(places);
+    const double null = likelihood_.score(start_null_), of_jumps = likelihood_.score(in_time) - null;
+    if (likelihood_.score(out_.best) - null > space_.constants.member_share * of_jumps) return;
+    if (go_one_way(likelihood_, in_time)) return;
+    const SlowResult before = out_;
+    run_beside(in_time, before.without_steps ? *before.without_steps : before);
+    const bool is_one_less = out_.best.names.size() < before.best.names.size();
+    if (!is_one_less || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
   }
   bool can_jump(const SlowModel::Name& name) const {
     return space_.candidates[name.candidate].scan.estimator->can_jump();

@@ -10,7 +10,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr size_t kMostSteps = 6, kStepPlaces = 12;
+constexpr size_t kStepPlaces = 12;
 constexpr double kFinestPlace = 0.05; // of a row
 
 // Standardised innovations of a hypothesis, run by run.
@@ -79,12 +79,11 @@ void place_last(const SlowLikelihood& of, SlowModel* m) {
 
 } // namespace
 
-// Jumps that earn their cost, one after the other, the noise estimated again with each.  More than a few are not
-// jumps but a noise: none then.
-TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null) {
+TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null, size_t most) {
   if (!of.space().steps) return {};
   SlowModel now = null;
-  while (now.steps.size() < kMostSteps) {
+  const auto found = [&] { return TimeJumps{now.steps, now.steps.size() > kFewJumps}; };
+  while (now.steps.size() <= most) {
     SlowModel best = now;
     best.value = -1e300;
     for (const Theta& place : likely_steps(of, now)) {
@@ -93,14 +92,19 @@ TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null) {
       with.value = of.evaluate(with);
       if (with.value > best.value) best = with;
     }
-    if (best.value < now.value + of.space().constants.step_try_part * of.space().constants.step_nats)
-      return {now.steps, false};
+    if (best.value < now.value + of.space().constants.step_try_part * of.space().constants.step_nats) return found();
     best = polished(of, best, kQuickEvaluations);
-    if (best.value < now.value + of.space().constants.step_nats) return {now.steps, false};
+    if (best.value < now.value + of.space().constants.step_nats) return found();
     place_last(of, &best); // it has earned its cost at the end of a row: a finer place costs nothing more
     now = polished(of, best, kQuickEvaluations);
   }
   return {{}, true};
+}
+
+bool go_one_way(const SlowLikelihood& of, const SlowModel& m) {
+  const auto n = static_cast<long>(m.steps.size());
+  const VectorXd size_dph = of.grams(m).posterior().common.segment(of.space().data.powers.front().cols(), n);
+  return (size_dph.array() > 0).all() || (size_dph.array() < 0).all();
 }
 
 // A jump between two places of the grid may gain next to nothing on either.  A candidate that jumps is also tried where

@@ -6,14 +6,21 @@
 
 namespace imucal {
 
+// More than a few jumps are no events but a noise that jumps; more than many are not told one by one.
+constexpr size_t kFewJumps = 5, kManyJumps = 13;
+
 // Jumps in time beside a hypothesis, as the effect of steps takes them.
 struct TimeJumps {
   std::vector<Theta> places;
-  bool are_many = false; // more than a few: a noise, or an effect that jumps again and again; no places then
+  bool are_many =
+      false; // more than a few: a noise, or an effect that jumps again and again; no places if they are too many
 };
 
-// Jumps in time beside `null` that earn their cost, one after the other (run, t_s); more than a few are a noise: none then.
-TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null);
+// Jumps in time beside `null` that earn their cost, one after the other (run, t_s), the noise estimated again with each; no places
+// where there are more than `most`.
+TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null, size_t most = kFewJumps);
+// Whether the jumps in time of a hypothesis are all up, or all down.
+bool go_one_way(const SlowLikelihood& of, const SlowModel& m);
 // `scores`: candidates added to `m`.  Those that jump are also tried at the likely places, and taken there where they alone do
 // better than `in_time`, which jumps at times, or where held-out logs are to tell the two.
 void try_jumps(const SlowLikelihood& of, const SlowModel& m, const SlowModel& in_time,
