@@ -69,6 +69,34 @@ static void test_a_jump_at_a_temperature_is_found_by_a_late_thermometer(void**) 
   assert_near(best.names[0].shape[2], -10, 2);
 }
 
+// A lag shorter than the blocks, seen only where the temperature settles after steps of 7 degC.
+static void test_a_lag_of_seconds_is_found(void**) {
+  const auto polynomial = [](double temp) {
+    const double x = (temp - 30) / 30;
+    return 100 + 300 * x + 150 * x * x - 100 * x * x * x;
+  };
+  for (const uint64_t seed : {400u, 416u, 464u}) {
+    std::vector<Log> logs;
+    for (uint64_t k = 0; k < 4; ++k) {
+      Log log = simulated_log(seed + k, 6000, false, 0);
+      double temp = 0, gyro = 0;
+      for (size_t i = 0; i < log.size(); ++i) {
+        const size_t step = i / 400;
+        temp += (7.0 * static_cast<double>(step < 8 ? step : 15 - step) - temp) / 20;
+        gyro += (temp - gyro) / 7;
+        log.axes[0].rate_dph[i] += polynomial(gyro) - polynomial(log.temp_degc[i]);
+        log.temp_degc[i] = temp;
+      }
+      logs.push_back(log);
+    }
+    DiagnoseOptions options;
+    options.nulls = 40, options.model_path = "given";
+    const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
+    assert_true(names_of(said) == std::set<std::string>{"thermal_lag"});
+    assert_near(said.effects.at(0).term.shape.at(0), 7, 2);
+  }
+}
+
 // Soaks settle just beyond the thresholds, so that a few hundredths of a degree are a minute there, and three logs pass both
 // thresholds: six jumps, as many as a noise has.
 static void test_many_jumps_at_a_temperature_near_a_soak_are_no_noise(void**) {
@@ -739,6 +767,7 @@ int main() {
       cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
       cmocka_unit_test(test_a_jump_at_a_temperature_is_found_by_a_late_thermometer),
       cmocka_unit_test(test_many_jumps_at_a_temperature_near_a_soak_are_no_noise),
+      cmocka_unit_test(test_a_lag_of_seconds_is_found),
       cmocka_unit_test(test_the_error_of_a_creep_holds_its_time_constants),
       cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),
       cmocka_unit_test(test_a_jump_in_time_is_found_beside_one_at_a_temperature),

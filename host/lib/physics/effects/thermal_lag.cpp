@@ -71,7 +71,7 @@ public:
   Form form() const override { return Form::kTemperature; }
   std::vector<Theta> grid(double, double) const override {
     std::vector<Theta> taus;
-    for (double tau : {-240., -120., -60., -25., 25., 60., 110., 180., 280., 420., 640., 1000., 1500.})
+    for (double tau : {-240., -120., -60., -25., -10., 10., 25., 60., 110., 180., 280., 420., 640., 1000., 1500.})
       taus.push_back({tau});
     return taus;
   }

@@ -88,6 +88,13 @@ void add_candidate(Candidate candidate, SlowSpace* space) {
   candidate.scan.shapes = shapes_of(*space, candidate);
   if (!candidate.scan.shapes.empty()) space->candidates.push_back(std::move(candidate));
 }
+// Shapes that do the same as the steps of a coarse thermometer are left to these, where they are asked.
+void leave_shapes_of_steps(SlowSpace* space) {
+  for (Candidate& c : space->candidates) {
+    const auto is_of_steps = [&](const Theta& at) { return space->is_of_steps(*c.scan.estimator, at); };
+    c.scan.shapes.erase(std::remove_if(c.scan.shapes.begin(), c.scan.shapes.end(), is_of_steps), c.scan.shapes.end());
+  }
+}
 void add_effects(const std::vector<const Effect*>& library, const std::vector<bool>& active, SlowSpace* out) {
   SlowSpace& space = *out;
   const Campaign& campaign = space.data.campaign;
@@ -114,6 +121,7 @@ void add_effects(const std::vector<const Effect*>& library, const std::vector<bo
       add_candidate(other, &space);
     }
   }
+  leave_shapes_of_steps(&space);
 }
 // Free shapes that the campaign can hold.
 void add_free_shapes(SlowSpace* out) {
