@@ -35,6 +35,7 @@ public:
     for (size_t j : slow_.found.replaced) names_.remainders.push_back(slow_.evidence_of(j, 0, 0));
     open_by_lack();
     leave_beside_open_family();
+    leave_relays_of_loops();
     if (!best.steps.empty() && !is_medley && !are_steps_small_beside_function()) name_steps();
     if (best.noise_effect && !slow_.found.evidence.empty() && slow_.found.evidence.back() > 0 && !is_medley)
       name_slow_noise();
@@ -62,6 +63,19 @@ private:
              });
     };
     names_.leave_those(is_part, &names_.effects);
+  }
+  // A loop is plays and relays of many widths (Preisach): a jump at a temperature that holds less than a third of all beside a
+  // play that holds more is what that play leaves of it.
+  void leave_relays_of_loops() {
+    double loop_nats = 0;
+    for (const SelectedEffect& effect : names_.effects)
+      if (effect.term.effect && effect.term.effect->estimator()->is_start_bounded()) // of any shape too
+        loop_nats = std::max(loop_nats, effect.gain_nats);
+    const double least = std::min(loop_nats, constants().beside_free_part * slow_.gain_nats());
+    const auto is_relay = [&](const SelectedEffect& effect) {
+      return effect.term.estimator && effect.term.estimator->can_jump() && effect.gain_nats < least;
+    };
+    names_.leave_those(is_relay, &names_.effects);
   }
   // More names than few, none of which could be left out: their sum is a stand-in for a cause of another shape.
   bool is_made_of_many(const std::vector<SelectedEffect>& list) const {

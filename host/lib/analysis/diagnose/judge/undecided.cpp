@@ -56,6 +56,7 @@ std::vector<CandidateEvidence> repeatable_rivals(const AxisQuestion& question, c
   std::vector<CandidateEvidence> rivals;
   for (size_t i = 0; i < order.size() && i < kUndecidedTried; ++i) {
     SlowModel m = slow.found.singles[order[i].second].model;
+    m.steps.clear(); // jumps in time are what it would have to take, too
     m.noise_effect = best.noise_effect, m.noise_theta = best.noise_theta, m.noise_charge = best.noise_charge;
     m = slow.search->polished(m);
     if (is_undecided(slow, question.constants, !question.lines.empty(), best, m))
