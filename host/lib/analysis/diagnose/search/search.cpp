@@ -130,14 +130,14 @@ private:
     if (!has_jump(out_.best) || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
   }
   // Many jumps in time are a noise, of which the seconds tell more than single jumps do; but a name that is not found beside
-  // them was a part of it, where they hold much more than it does.  Those that all go one way are the teeth of a saw, and what
-  // rises between them is no name either way.
+  // them was a part of it, where they hold much more than it does.  Those with a pattern are the teeth of a saw, or two
+  // levels, of which the seconds tell more.
   void weigh_many(const std::vector<Theta>& places) {
     if (out_.best.names.empty()) return;
     const SlowModel in_time = jumped(places);
     const double null = likelihood_.score(start_null_), of_jumps = likelihood_.score(in_time) - null;
     if (likelihood_.score(out_.best) - null > space_.constants.member_share * of_jumps) return;
-    if (go_one_way(likelihood_, in_time)) return;
+    if (have_pattern(likelihood_, in_time)) return;
     const SlowResult before = out_;
     run_beside(in_time, before.without_steps ? *before.without_steps : before);
     const bool is_one_less = out_.best.names.size() < before.best.names.size();

@@ -101,10 +101,17 @@ TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null, size_t mos
   return {{}, true};
 }
 
-bool go_one_way(const SlowLikelihood& of, const SlowModel& m) {
+bool have_pattern(const SlowLikelihood& of, const SlowModel& m) {
   const auto n = static_cast<long>(m.steps.size());
   const VectorXd size_dph = of.grams(m).posterior().common.segment(of.space().data.powers.front().cols(), n);
-  return (size_dph.array() > 0).all() || (size_dph.array() < 0).all();
+  std::vector<size_t> order(m.steps.size());
+  for (size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return m.steps[a] < m.steps[b]; });
+  bool do_turn = true;
+  for (size_t i = 1; i < order.size(); ++i)
+    if (m.steps[order[i]][0] == m.steps[order[i - 1]][0])
+      do_turn = do_turn && size_dph[static_cast<long>(order[i])] * size_dph[static_cast<long>(order[i - 1])] < 0;
+  return do_turn || (size_dph.array() > 0).all() || (size_dph.array() < 0).all();
 }
 
 // A jump between two places of the grid may gain next to nothing on either.  A candidate that jumps is also tried where
