@@ -21,6 +21,12 @@ using namespace imucal;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+// The bias of the simulated logs: a cubic polynomial of temperature.
+inline double bias_dph(double temp_degc) {
+  const double x = (temp_degc - 30) / 30;
+  return 100 + 300 * x + 150 * x * x - 100 * x * x * x;
+}
+
 // A log of one axis over a triangle in temperature, noise from the model, with seconds missing.
 inline Log simulated_log(uint64_t seed, size_t seconds, bool has_gaps, double hysteresis_dph) {
   Log log;
@@ -32,15 +38,14 @@ inline Log simulated_log(uint64_t seed, size_t seconds, bool has_gaps, double hy
   const double phi = std::exp(-0.01), q = 20 * std::sqrt(1 - phi * phi);
   for (size_t k = 0; k < seconds; ++k) {
     const double half = static_cast<double>(seconds) / 2, t = static_cast<double>(k);
-    const double temp = 60 * (t < half ? t / half : 2 - t / half), x = (temp - 30) / 30;
+    const double temp = 60 * (t < half ? t / half : 2 - t / half);
     play = std::min(std::max(play, temp - 5), temp + 5);
     if (k) markov = phi * markov + q * rng.normal();
     const double white = 36 * rng.normal();
     if (has_gaps && (k % 97 == 5 || (k > 500 && k < 620))) continue;
     log.t_s.push_back(t + 1);
     log.temp_degc.push_back(temp);
-    axis.rate_dph.push_back(100 + 300 * x + 150 * x * x - 100 * x * x * x + hysteresis_dph * (play - temp) / 5 +
-                            markov + white);
+    axis.rate_dph.push_back(bias_dph(temp) + hysteresis_dph * (play - temp) / 5 + markov + white);
   }
   log.axes.push_back(axis);
   return log;

@@ -69,12 +69,31 @@ static void test_a_jump_at_a_temperature_is_found_by_a_late_thermometer(void**) 
   assert_near(best.names[0].shape[2], -10, 2);
 }
 
+// A loop of one play and one relay.  A small relay is a part of the loop, a large one is a cause of its own.
+static void test_a_small_relay_of_a_loop_is_no_jump_at_a_temperature(void**) {
+  for (const double height_dph : {30., 60.}) {
+    std::vector<Log> logs;
+    for (uint64_t seed = 521; seed < 525; ++seed) {
+      Log log = simulated_log(seed, 6000, false, 120);
+      bool is_on = false;
+      for (size_t i = 0; i < log.size(); ++i) {
+        is_on = log.temp_degc[i] > 42 || (is_on && log.temp_degc[i] > 35);
+        log.axes[0].rate_dph[i] += is_on ? height_dph : 0;
+      }
+      logs.push_back(log);
+    }
+    DiagnoseOptions options;
+    options.nulls = 40, options.model_path = "given";
+    const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
+    const bool is_small = height_dph < 50;
+    assert_true(names_of(said) == (is_small ? std::set<std::string>{"thermal_hysteresis"}
+                                            : std::set<std::string>{"thermal_hysteresis", "thermal_step"}));
+    assert_true(said.verdict == (is_small ? Verdict::kPartlyExplained : Verdict::kExplained));
+  }
+}
+
 // A lag shorter than the blocks, seen only where the temperature settles after steps of 7 degC.
 static void test_a_lag_of_seconds_is_found(void**) {
-  const auto polynomial = [](double temp) {
-    const double x = (temp - 30) / 30;
-    return 100 + 300 * x + 150 * x * x - 100 * x * x * x;
-  };
   for (const uint64_t seed : {400u, 416u, 464u}) {
     std::vector<Log> logs;
     for (uint64_t k = 0; k < 4; ++k) {
@@ -84,7 +103,7 @@ static void test_a_lag_of_seconds_is_found(void**) {
         const size_t step = i / 400;
         temp += (7.0 * static_cast<double>(step < 8 ? step : 15 - step) - temp) / 20;
         gyro += (temp - gyro) / 7;
-        log.axes[0].rate_dph[i] += polynomial(gyro) - polynomial(log.temp_degc[i]);
+        log.axes[0].rate_dph[i] += bias_dph(gyro) - bias_dph(log.temp_degc[i]);
         log.temp_degc[i] = temp;
       }
       logs.push_back(log);
@@ -100,10 +119,6 @@ static void test_a_lag_of_seconds_is_found(void**) {
 // Soaks settle just beyond the thresholds, so that a few hundredths of a degree are a minute there, and three logs pass both
 // thresholds: six jumps, as many as a noise has.
 static void test_many_jumps_at_a_temperature_near_a_soak_are_no_noise(void**) {
-  const auto polynomial = [](double temp) {
-    const double x = (temp - 30) / 30;
-    return 100 + 300 * x + 150 * x * x - 100 * x * x * x;
-  };
   std::vector<Log> logs;
   for (uint64_t seed = 261; seed < 264; ++seed) {
     Log log = simulated_log(seed, 5000, false, 0);
@@ -116,7 +131,7 @@ static void test_many_jumps_at_a_temperature_near_a_soak_are_no_noise(void**) {
                           : t < 4000 ? 60 - 0.0333 * (t - 3400)
                                      : 37 + 3 * std::exp(-(t - 4000) / 300);
       is_on = temp > 41.8 || (is_on && temp > 37.2);
-      log.axes[0].rate_dph[i] += polynomial(temp) - polynomial(log.temp_degc[i]) + (is_on ? 470 : 0);
+      log.axes[0].rate_dph[i] += bias_dph(temp) - bias_dph(log.temp_degc[i]) + (is_on ? 470 : 0);
       log.temp_degc[i] = temp;
     }
     logs.push_back(log);
@@ -767,6 +782,7 @@ int main() {
       cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
       cmocka_unit_test(test_a_jump_at_a_temperature_is_found_by_a_late_thermometer),
       cmocka_unit_test(test_many_jumps_at_a_temperature_near_a_soak_are_no_noise),
+      cmocka_unit_test(test_a_small_relay_of_a_loop_is_no_jump_at_a_temperature),
       cmocka_unit_test(test_a_lag_of_seconds_is_found),
       cmocka_unit_test(test_the_error_of_a_creep_holds_its_time_constants),
       cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),

@@ -106,8 +106,7 @@ static void test_a_loud_held_out_log_is_told(void**) {
     const Selection said = answer_with(
         [&](Log* log) {
           for (size_t i = 0; i < log->size(); ++i) {
-            const double x = (other.temp_degc[i] - 30) / 30;
-            const double noise_dph = other.axes[0].rate_dph[i] - (100 + 300 * x + 150 * x * x - 100 * x * x * x);
+            const double noise_dph = other.axes[0].rate_dph[i] - bias_dph(other.temp_degc[i]);
             log->axes[0].rate_dph[i] += std::sqrt(3.0) * noise_dph;
           }
         },

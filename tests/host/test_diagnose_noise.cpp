@@ -85,7 +85,8 @@ static void test_one_slip_in_each_of_many_logs_is_not_said_to_be_telegraph_noise
     options.nulls = 40, options.model_path = "given";
     const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
     assert_int_equal(said.effects.size(), 1);
-    assert_true(names_of(said) == std::set<std::string>{"slow_noise"});
+    assert_string_equal(said.effects[0].term.effect->name().c_str(), "telegraph_noise");
+    assert_true(said.effects[0].is_family);
     assert_true(members_of(said) == (std::set<std::string>{"bias_step", "telegraph_noise"}));
   }
 }
@@ -451,6 +452,8 @@ static void test_many_slips_are_nothing_but_slow_noise(void**) {
     const Selection said = answer_to(slips, seed, 0);
     assert_true(names_of(said) == std::set<std::string>{"slow_noise"});
     assert_int_equal(said.effects.size(), 1);
+    for (const CandidateEvidence& other : said.effects[0].set)
+      assert_false(other.is_family); // no curve would do as well
   }
 }
 

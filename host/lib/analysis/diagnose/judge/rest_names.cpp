@@ -94,13 +94,10 @@ private:
 
   // What stands beside slow noise whose kind is open, and may be of it, goes into its set.
   void join_open_noise() {
-    const auto is_open = [](const SelectedEffect& effect) {
-      return effect.is_family && effect.family == Family::kSlowNoise;
-    };
-    const auto open = std::find_if(names_.effects.begin(), names_.effects.end(), is_open);
-    if (open == names_.effects.end()) return;
-    join_parameters(&*open);
-    join_jumps(&*open);
+    SelectedEffect* open = names_.open_slow_noise();
+    if (!open) return;
+    join_parameters(open);
+    join_jumps(open);
   }
   // What of the noise the believed process holds is open too: that it has other parameters is no finding of its own, but where
   // the white noise has.

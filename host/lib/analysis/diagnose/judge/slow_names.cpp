@@ -208,12 +208,6 @@ private:
     const bool is_one_of_them = !best.noise_effect->estimator()->has_markov_spectrum();
     return gain > (is_one_of_them ? 1 : -1) * constants().rivals_nats;
   }
-  // Jumps in time that are told as slow noise, or none.
-  SelectedEffect* noise_that_jumps() {
-    for (SelectedEffect& effect : names_.effects)
-      if (effect.is_family && effect.family == Family::kSlowNoise) return &effect;
-    return nullptr;
-  }
   void name_slow_noise() {
     const SlowModel& best = slow_.found.best;
     SelectedEffect effect;
@@ -233,8 +227,8 @@ private:
     } else if (best.names.empty() && slow_.is_against(constants())) {
       effect.doubt = Doubt::kAgainst, effect.held_out_nats = 0.5 * slow_.gap.delta_deviance;
       names_.dropped.push_back(effect);
-    } else if (SelectedEffect* jumps = noise_that_jumps()) {
-      add_to_set(effect.set, jumps); // it may be a part of them
+    } else if (SelectedEffect* jumps = names_.open_slow_noise()) {
+      add_to_set(effect.set, jumps); // it may be a part of jumps that are told as noise
     } else if (!best.names.empty() || slow_.beside.empty()) {
       names_.effects.push_back(effect);
     }

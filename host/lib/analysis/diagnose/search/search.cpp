@@ -46,15 +46,13 @@ public:
   void run() {
     prepare();
     const TimeJumps jumps = find_steps(likelihood_, start_null_, kManyJumps);
-    if (jumps.are_many)
-      run_with(start_, start_null_,
-               &start_null_); // they may be one at a temperature that the logs pass again and again
-    else if (jumps.places.empty())
-      run_with(start_, start_null_, nullptr);
+    if (jumps.are_many || jumps.places.empty())
+      // Many jumps may be one at a temperature that the logs pass again and again.
+      run_with(start_, start_null_, jumps.are_many ? &start_null_ : nullptr);
     else
       run_with_or_without(jumps.places);
     if (!jumps.places.empty() || jumps.are_many) part_jumps();
-    if (!jumps.places.empty() && jumps.are_many) weigh_many(jumps.places);
+    if (jumps.are_many && !jumps.places.empty()) weigh_many(jumps.places);
   }
   // The best hypothesis with exactly these causes.
   SlowModel best_with(const std::vector<const Effect*>& effects) const {
@@ -129,9 +127,8 @@ private:
     // Without one at a temperature these are the jumps in time that were weighed before.
     if (!has_jump(out_.best) || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
   }
-  // Many jumps in time are a noise, of which the seconds tell more than single jumps do; but a name that is not found beside
-  // them was a part of it, where they hold much more than it does.  Those with a pattern are the teeth of a saw, or two
-  // levels, of which the seconds tell more.
+  // Many jumps in time are a noise.  Where they hold much more than the names do, a name that is not found beside them was a
+  // part of that noise.  Jumps with a pattern are teeth of a saw, or a noise of two levels: the seconds tell these.
   void weigh_many(const std::vector<Theta>& places) {
     if (out_.best.names.empty()) return;
     const SlowModel in_time = jumped(places);

@@ -103,15 +103,17 @@ TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null, size_t mos
 
 bool have_pattern(const SlowLikelihood& of, const SlowModel& m) {
   const auto n = static_cast<long>(m.steps.size());
-  const VectorXd size_dph = of.grams(m).posterior().common.segment(of.space().data.powers.front().cols(), n);
-  std::vector<size_t> order(m.steps.size());
-  for (size_t i = 0; i < order.size(); ++i) order[i] = i;
-  std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return m.steps[a] < m.steps[b]; });
-  bool do_turn = true;
-  for (size_t i = 1; i < order.size(); ++i)
-    if (m.steps[order[i]][0] == m.steps[order[i - 1]][0])
-      do_turn = do_turn && size_dph[static_cast<long>(order[i])] * size_dph[static_cast<long>(order[i - 1])] < 0;
-  return do_turn || (size_dph.array() > 0).all() || (size_dph.array() < 0).all();
+  const VectorXd sizes_dph = of.grams(m).posterior().common.segment(of.space().data.powers.front().cols(), n);
+  std::vector<std::pair<Theta, bool>> is_up; // by run and time
+  for (long i = 0; i < n; ++i) is_up.push_back({m.steps[static_cast<size_t>(i)], sizes_dph[i] > 0});
+  std::sort(is_up.begin(), is_up.end());
+  bool go_one_way = true, take_turns = true;
+  for (size_t i = 1; i < is_up.size(); ++i) {
+    const bool turns = is_up[i].second != is_up[i - 1].second;
+    go_one_way = go_one_way && !turns;
+    take_turns = take_turns && (turns || is_up[i].first[0] != is_up[i - 1].first[0]);
+  }
+  return go_one_way || take_turns;
 }
 
 // A jump between two places of the grid may gain next to nothing on either.  A candidate that jumps is also tried where

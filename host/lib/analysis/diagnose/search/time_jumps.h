@@ -6,14 +6,14 @@
 
 namespace imucal {
 
-// More than a few jumps are no events but a noise that jumps; more than many are not told one by one.
-constexpr size_t kFewJumps = 5, kManyJumps = 13;
+constexpr size_t kFewJumps = 5;   // more are no events but a noise that jumps
+constexpr size_t kManyJumps = 13; // more are not told one by one
 
 // Jumps in time beside a hypothesis, as the effect of steps takes them.
 struct TimeJumps {
   std::vector<Theta> places;
-  bool are_many =
-      false; // more than a few: a noise, or an effect that jumps again and again; no places if they are too many
+  // More than a few: a noise, or an effect that jumps again and again.  Without places they are too many to tell one by one.
+  bool are_many = false;
 };
 
 // Jumps in time beside `null` that earn their cost, one after the other (run, t_s), the noise estimated again with each; no places

@@ -17,6 +17,12 @@ struct Names {
   std::vector<SelectedEffect> dropped;       // names that held-out data do not support
   std::vector<CandidateEvidence> remainders; // what gains beside the names, or in their place, and is no name
 
+  // Slow noise whose kind is open, or none.
+  SelectedEffect* open_slow_noise() {
+    const auto is_it = [](const SelectedEffect& e) { return e.is_family && e.family == Family::kSlowNoise; };
+    const auto found = std::find_if(effects.begin(), effects.end(), is_it);
+    return found == effects.end() ? nullptr : &*found;
+  }
   // Not named: a remainder.
   void leave(const SelectedEffect& effect) { remainders.push_back(effect.set.front()); }
   // The same of every effect of a list (one of these) for which goes(effect).
