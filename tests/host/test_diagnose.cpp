@@ -363,6 +363,34 @@ static void test_marginal_likelihood_equals_that_of_the_dense_gaussian(void**) {
   assert_near(found, expected, 2e-3 * (1 + std::fabs(expected)));
 }
 
+// Beside a loop, with start states of every run: the same as a step whose size is free, at rows of every part of either run.
+static void test_gains_of_steps_are_those_of_steps_in_the_mean(void**) {
+  const Campaign campaign =
+      make_campaign({simulated_log(3, 1500, true, 0), simulated_log(4, 2500, false, 0)}, "gx_dph", nominal_model());
+  SlowData data(block_means(campaign, 10));
+  data.campaign.runs[1].own_strength = 1.3;
+  NoiseModel noise;
+  noise.white_sigma_dph = 36;
+  noise.markov = {{20, 100}};
+  const std::vector<MeanPart> parts = {mean_part(data, *find_effect("thermal_hysteresis").estimator(), {5})};
+  const RunGrams::Posterior at = RunGrams(data, pointers_of(parts), noise).posterior();
+  for (size_t r = 0; r < 2; ++r) {
+    const VectorXd gains = step_gains(data, parts, noise, at, r);
+    assert_near(gains[0], 0, 0);
+    const CampaignRun& run = data.campaign.runs[r];
+    for (size_t k = 1; k < run.n(); k += 13) {
+      MeanPart step = mean_part(data, *find_effect("rate_ramp").estimator(), {});
+      for (size_t i = 0; i < 2; ++i) step.common[i].setZero();
+      step.common[r].bottomRows(static_cast<long>(run.n() - k)).setOnes();
+      step.common_precision.setZero();
+      const RunGrams::Posterior with = RunGrams(data, {&parts[0], &step}, noise).posterior();
+      const long last = with.common.size() - 1;
+      const double expected = 0.5 * std::pow(with.common[last], 2) / with.common_covariance(last, last);
+      assert_near(gains[static_cast<long>(k)], expected, 1e-6 * (1 + expected));
+    }
+  }
+}
+
 static void test_scan_scores_are_those_of_the_marginal_likelihood(void**) {
   const Campaign campaign =
       make_campaign({simulated_log(5, 3000, true, 30), simulated_log(6, 3000, false, 30)}, "gx_dph", nominal_model());
@@ -662,10 +690,12 @@ static void test_lines_of_several_logs_add_up(void**) {
   assert_near(mean, std::log(3000.0) + 0.58, 1.3);
 }
 
-// Runs share gains only where their samples lie at the same times and the noise does not follow the temperature.
+// Runs share gains only where their samples lie at the same times, as far as they go, and the noise does not follow the
+// temperature.
 static void test_gains_run_by_run_are_those_of_each_run(void**) {
-  Campaign campaign =
-      make_campaign({simulated_log(22, 900, false, 0), simulated_log(23, 900, false, 0)}, "gx_dph", nominal_model());
+  Campaign campaign = make_campaign({simulated_log(22, 900, false, 0), simulated_log(23, 900, false, 0),
+                                     simulated_log(24, 40, false, 0), simulated_log(25, 700, false, 0)},
+                                    "gx_dph", nominal_model());
   campaign.runs.push_back(campaign.runs.front());
   for (size_t i = 300; i < 400; ++i) campaign.runs.back().input.rate_dph[i] = std::nan("");
   find_used(&campaign.runs.back());
@@ -673,7 +703,7 @@ static void test_gains_run_by_run_are_those_of_each_run(void**) {
   for (const double slope : {0.0, 0.7}) {
     NoiseModel noise;
     noise.white_sigma_dph = 36, noise.markov = {{20, 100}}, noise.white_slope = slope;
-    GainsByRun by_run(noise);
+    GainsByRun by_run(campaign.runs, noise);
     for (const CampaignRun& run : campaign.runs) {
       const RunGains alone = compute_gains(run, noise), &found = by_run.of(run);
       assert_true(found.gain == alone.gain && found.inv_sqrt_s == alone.inv_sqrt_s && found.n == alone.n);
@@ -1075,6 +1105,7 @@ int main() {
       cmocka_unit_test(test_decomposition_adds_up),
       cmocka_unit_test(test_smallest_detectable_size_has_the_strength_that_is_stated),
       cmocka_unit_test(test_marginal_likelihood_equals_that_of_the_dense_gaussian),
+      cmocka_unit_test(test_gains_of_steps_are_those_of_steps_in_the_mean),
       cmocka_unit_test(test_scan_scores_are_those_of_the_marginal_likelihood),
       cmocka_unit_test(test_block_noise_has_the_covariance_of_block_means),
       cmocka_unit_test(test_blocks_hold_telegraph_noise_by_its_covariance),

@@ -112,8 +112,8 @@ static void test_a_small_jump_beside_two_large_ones_makes_no_noise_of_them(void*
   size_t row = 0;
   const auto jumps = [&](double, double) {
     const size_t k = row++;
-    return (k > 2500 && k < 6000 ? 100.0 : 0.0) + (k > 9500 && k < 12000 ? 100.0 : 0.0) +
-           (k > 15000 && k < 18000 ? -36.0 : 0.0);
+    return (k > 2500 && k < 6000 ? 150.0 : 0.0) + (k > 9500 && k < 12000 ? 150.0 : 0.0) +
+           (k > 15000 && k < 18000 ? -28.0 : 0.0);
   };
   const Selection said = answer_to(jumps, 181, 0);
   assert_int_equal(said.effects.size(), 1);

@@ -131,6 +131,17 @@ static void test_solve_equals_the_dense_inverse(void**) {
   }
 }
 
+static void test_norms_of_steps_equal_those_of_the_dense_inverse(void**) {
+  for (const NoiseModel& model : models()) {
+    const Case c(300, model);
+    const VectorXd norms = step_norms(compute_gains(c.times(), c.noise));
+    MatrixXd steps = MatrixXd::Zero(300, 300); // column k: 1 from sample k on
+    for (long k = 0; k < 300; ++k) steps.col(k).tail(300 - k).setOnes();
+    const VectorXd expected = steps.cwiseProduct(dense_solve(dense(c), steps)).colwise().sum();
+    assert_near((norms - expected).norm(), 0, 1e-8 * expected.norm());
+  }
+}
+
 static void test_covariance_times_equals_the_dense_product(void**) {
   for (const NoiseModel& model : models()) {
     if (!model.is_stationary()) continue;
@@ -155,6 +166,7 @@ static void test_paths_of_whitening_agree_and_colour_inverts_them(void**) {
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = x;
       whiten_rows(gains, static_cast<size_t>(p), rows.data());
       assert_near((white - rows).norm(), 0, 1e-12 * white.norm());
+      assert_true(LaneColumns(x).whitened(gains) == white);
       const MatrixXd gram = dense_gram(white);
       assert_near((WideColumns(x).whitened_gram(gains) - gram).norm(), 0, 1e-11 * gram.norm());
       colour(gains, alone.data(), 3000);
@@ -366,6 +378,7 @@ int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_whitening_equals_the_dense_factor_with_gaps),
       cmocka_unit_test(test_solve_equals_the_dense_inverse),
+      cmocka_unit_test(test_norms_of_steps_equal_those_of_the_dense_inverse),
       cmocka_unit_test(test_covariance_times_equals_the_dense_product),
       cmocka_unit_test(test_paths_of_whitening_agree_and_colour_inverts_them),
       cmocka_unit_test(test_settled_gains_are_within_the_stated_error),

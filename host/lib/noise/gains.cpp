@@ -158,4 +158,26 @@ RunGains compute_gains(const SampleTimes& times, const NoiseModel& noise, const 
   }
 }
 
+RunGains first_samples(const RunGains& gains, size_t n) {
+  RunGains out;
+  out.n = n, out.n_states = gains.n_states;
+  size_t rows = 0;
+  LogSum log_w;
+  for (RunGains::Stretch s : gains.stretches) {
+    if (s.begin >= n) break;
+    s.end = std::min(s.end, n);
+    out.stretches.push_back(s);
+    rows = s.is_settled ? s.row + 1 : s.row + s.end - s.begin;
+    if (s.is_settled) log_w.add(gains.inv_sqrt_s[s.row], s.end - s.begin);
+    for (size_t row = s.row; !s.is_settled && row < rows; ++row) log_w.add(gains.inv_sqrt_s[row]);
+  }
+  const auto first = [](const std::vector<double>& x, size_t count) {
+    return std::vector<double>(x.begin(), x.begin() + static_cast<long>(count));
+  };
+  out.inv_sqrt_s = first(gains.inv_sqrt_s, rows);
+  out.gain = first(gains.gain, rows * gains.n_states), out.phi = first(gains.phi, rows * gains.n_states);
+  out.sum_log_s = -2 * log_w.value();
+  return out;
+}
+
 } // namespace imucal

@@ -57,4 +57,7 @@ struct RunGains {
 // `extra_dph2`: additional white variance of every sample (expected hits), or nullptr; with it nothing settles.
 RunGains compute_gains(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd* extra_dph2 = nullptr);
 
+// The gains of the first n samples alone: what compute_gains makes of their times, bit for bit.
+RunGains first_samples(const RunGains& gains, size_t n);
+
 } // namespace imucal

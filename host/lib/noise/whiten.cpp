@@ -49,20 +49,34 @@ template <class F> void for_samples(const RunGains& g, const F& f) {
     }
 }
 
+// Whitens a group of columns chunk by chunk; load(first sample, samples, chunk) brings its rows.
+template <class F> void whiten_group(const RunGains& gains, size_t n, size_t lanes, const F& load, double** out) {
+  double chunk[kChunk * 8];
+  std::vector<double> state(std::max<size_t>(1, gains.n_states) * lanes, 0.0);
+  for (size_t k = 0; k < n; k += kChunk) {
+    const size_t rows = std::min(kChunk, n - k);
+    load(k, rows, chunk);
+    filter(gains, k, rows, lanes, chunk, lanes, state.data());
+    rows_to_columns(lanes, chunk, lanes, rows, out);
+    for (size_t c = 0; c < lanes; ++c) out[c] += rows;
+  }
+}
+
+// Where the columns of a group go: `first` of `p` columns of n samples, the last of them for lanes that fill up.
+void place_group(size_t first, size_t lanes, size_t p, size_t n, double* to, double** out) {
+  for (size_t c = 0; c < lanes; ++c) out[c] = to + std::min(first + c, p - 1) * n;
+}
+
 // Column after column of `n` samples; may be in place.
 void whiten_to(const RunGains& gains, size_t n, const std::vector<const double*>& columns, double* to) {
-  std::vector<double> chunk(kChunk * 8), state;
   for_groups(columns, [&](size_t first, size_t lanes, const double** group) {
     double* out[8];
-    for (size_t c = 0; c < lanes; ++c) out[c] = to + std::min(first + c, columns.size() - 1) * n;
-    state.assign(std::max<size_t>(1, gains.n_states) * lanes, 0.0);
-    for (size_t k = 0; k < n; k += kChunk) {
-      const size_t rows = std::min(kChunk, n - k);
-      columns_to_rows(lanes, group, rows, chunk.data(), lanes);
-      filter(gains, k, rows, lanes, chunk.data(), lanes, state.data());
-      rows_to_columns(lanes, chunk.data(), lanes, rows, out);
-      for (size_t c = 0; c < lanes; ++c) group[c] += rows, out[c] += rows;
-    }
+    place_group(first, lanes, columns.size(), n, to, out);
+    const auto load = [&](size_t, size_t rows, double* chunk) {
+      columns_to_rows(lanes, group, rows, chunk, lanes);
+      for (size_t c = 0; c < lanes; ++c) group[c] += rows;
+    };
+    whiten_group(gains, n, lanes, load, out);
   });
 }
 
@@ -78,12 +92,6 @@ void whiten(const RunGains& gains, Eigen::MatrixXd* columns) {
   const size_t n = static_cast<size_t>(columns->rows());
   if (columns->cols() == 1) return whiten(gains, columns->data(), n);
   whiten_to(gains, n, pointers_to(*columns), columns->data());
-}
-
-Eigen::MatrixXd whitened(const RunGains& gains, const Eigen::MatrixXd& columns) {
-  Eigen::MatrixXd out(columns.rows(), columns.cols());
-  whiten_to(gains, static_cast<size_t>(columns.rows()), pointers_to(columns), out.data());
-  return out;
 }
 
 void whiten(const RunGains& gains, double* column, size_t n) {
@@ -118,6 +126,36 @@ void solve_rows(const RunGains& gains, size_t width, double* rows) {
         row[c] = u;
       }
     }
+}
+
+// Filtered with the states x at sample k, the samples k.. of the step have a sum of squared innovations that is a quadratic
+// of x: x'Ax - 2 b'x + c.  At the start of the step x is 0.  Backwards, with the innovation (1 - 1'x) and the states
+// Phi (x + gain (1 - 1'x)) = F x + d of the next sample.
+Eigen::VectorXd step_norms(const RunGains& gains) {
+  using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostStates, kMostStates>;
+  using State = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostStates, 1>;
+  const auto m = static_cast<long>(gains.n_states);
+  Eigen::VectorXd norms(static_cast<long>(gains.n));
+  Small a = Small::Zero(m, m), f(m, m), af(m, m);
+  State b = State::Zero(m), d(m);
+  double c = 0;
+  for (auto s = gains.stretches.rbegin(); s != gains.stretches.rend(); ++s)
+    for (size_t k = s->end; k-- > s->begin;) {
+      const size_t row = gains.row_of(*s, k);
+      const Eigen::Map<const Eigen::VectorXd> gain(&gains.gain[row * gains.n_states], m),
+          phi(&gains.phi[row * gains.n_states], m);
+      const double information = gains.inv_sqrt_s[row] * gains.inv_sqrt_s[row];
+      d = phi.cwiseProduct(gain);
+      f = -d.replicate(1, m);
+      f.diagonal() += phi;
+      af.noalias() = a.lazyProduct(f);
+      c += information - 2 * b.dot(d) + d.dot(a.lazyProduct(d));
+      const State rest = b - a.lazyProduct(d);
+      b = State::Constant(m, information) + f.transpose().lazyProduct(rest);
+      a = Small::Constant(m, m, information) + f.transpose().lazyProduct(af);
+      norms[static_cast<long>(k)] = c;
+    }
+  return norms;
 }
 
 void colour(const RunGains& gains, double* column, size_t) {
@@ -174,6 +212,27 @@ Eigen::MatrixXd WideColumns::whitened_gram(const RunGains& gains) const {
       gram(static_cast<long>(i), static_cast<long>(j)) = gram(static_cast<long>(j), static_cast<long>(i)) =
           sums[i * width_ + j];
   return gram;
+}
+
+LaneColumns::LaneColumns(const Eigen::MatrixXd& columns)
+    : n_(static_cast<size_t>(columns.rows())), p_(static_cast<size_t>(columns.cols())), data_(n_ * ((p_ + 3) / 4 * 4)) {
+  for_groups(pointers_to(columns), [&](size_t first, size_t lanes, const double** group) {
+    columns_to_rows(lanes, group, n_, &data_[first * n_], lanes);
+  });
+}
+
+Eigen::MatrixXd LaneColumns::whitened(const RunGains& gains) const {
+  Eigen::MatrixXd columns(static_cast<long>(n_), static_cast<long>(p_));
+  for (size_t first = 0; first < p_; first += 8) {
+    const size_t lanes = p_ - first > 4 ? 8 : 4;
+    double* out[8];
+    place_group(first, lanes, p_, n_, columns.data(), out);
+    const auto load = [&](size_t k, size_t rows, double* chunk) {
+      std::copy_n(&data_[first * n_ + k * lanes], rows * lanes, chunk);
+    };
+    whiten_group(gains, n_, lanes, load, out);
+  }
+  return columns;
 }
 
 } // namespace imucal

@@ -14,12 +14,13 @@ namespace imucal {
 // In place: each innovation over its standard deviation.
 void whiten(const RunGains& gains, Eigen::MatrixXd* columns);
 void whiten(const RunGains& gains, double* column, size_t n);
-Eigen::MatrixXd whitened(const RunGains& gains, const Eigen::MatrixXd& columns); // the columns stay
 // The same for n rows of `width` values, row after row.
 void whiten_rows(const RunGains& gains, size_t width, double* rows);
 // Rows become V^-1 rows: the backward recursion of the disturbance smoother (de Jong 1988; Durbin and Koopman 2012,
 // 4.5) after whitening.
 void solve_rows(const RunGains& gains, size_t width, double* rows);
+// u' V^-1 u of every step u that is 0 before sample k and 1 from there on: what a step of 1 dph there adds to a sum of squares.
+Eigen::VectorXd step_norms(const RunGains& gains);
 // The inverse of whitening: the sample path whose whitened innovations are `column`.
 void colour(const RunGains& gains, double* column, size_t n);
 
@@ -39,6 +40,18 @@ public:
 private:
   size_t n_, p_, width_;     // samples, columns, and these with what fills the last vector
   std::vector<double> data_; // sample after sample
+};
+
+// The same for many columns whose whitened values are wanted: eight columns or fewer lie together.
+class LaneColumns {
+public:
+  explicit LaneColumns(const Eigen::MatrixXd& columns); // one row per sample
+  Eigen::MatrixXd whitened(const RunGains& gains) const;
+  size_t n() const { return n_; }
+
+private:
+  size_t n_, p_;             // samples, columns
+  std::vector<double> data_; // group after group, in each sample after sample
 };
 
 } // namespace imucal

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/diagnose/evidence/kalman.h"
 
+#include <algorithm>
+
 namespace imucal {
 
 RunTimes::RunTimes(const CampaignRun& run, bool reads_temperature) : times_{run.n(), run.steps.data(), run.input.dt_s} {
@@ -14,12 +16,21 @@ RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Ei
   return compute_gains(RunTimes(run, !noise.is_stationary()).times(), noise, extra_dph2);
 }
 
+GainsByRun::GainsByRun(const std::vector<CampaignRun>& runs, const NoiseModel& noise) : noise_(noise) {
+  if (runs.empty() || !noise.is_stationary()) return;
+  const auto is_shorter = [](const CampaignRun& a, const CampaignRun& b) { return a.n() < b.n(); };
+  longest_ = &*std::max_element(runs.begin(), runs.end(), is_shorter);
+  of_longest_ = compute_gains(*longest_, noise_);
+}
+// The first of the steps has no sample before it and is not read.
+bool GainsByRun::is_beginning_of_longest(const CampaignRun& run) const {
+  if (!longest_ || run.n() == 0 || run.n() > longest_->n() || run.input.dt_s != longest_->input.dt_s) return false;
+  return std::equal(run.steps.begin() + 1, run.steps.end(), longest_->steps.begin() + 1);
+}
 const RunGains& GainsByRun::of(const CampaignRun& run) {
-  const bool is_same =
-      last_ && noise_.is_stationary() && last_->steps == run.steps && last_->input.dt_s == run.input.dt_s;
-  if (!is_same) gains_ = compute_gains(run, noise_);
-  last_ = &run;
-  return gains_;
+  const bool serves = is_beginning_of_longest(run);
+  if (serves && run.n() == longest_->n()) return of_longest_;
+  return of_another_ = serves ? first_samples(of_longest_, run.n()) : compute_gains(run, noise_);
 }
 
 double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual,

@@ -26,18 +26,20 @@ double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, c
 
 TelegraphLevel telegraph_level(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual);
 
-// Gains of one noise model, run after run.  A run with samples at the same times as the one before has the same gains,
-// unless the noise follows the temperature.
+// Gains of one noise model for the runs of a campaign.  A run with samples at the same times as another one, as far as it goes,
+// has the same gains, unless the noise follows the temperature: those of the longest run serve such runs.
 class GainsByRun {
 public:
-  explicit GainsByRun(const NoiseModel& noise) : noise_(noise) {}
-  // Good until the next call; `run` must live until then too.
+  GainsByRun(const std::vector<CampaignRun>& runs, const NoiseModel& noise); // the runs must outlive it
+  // Good until the next call.
   const RunGains& of(const CampaignRun& run);
 
 private:
+  bool is_beginning_of_longest(const CampaignRun& run) const;
+
   NoiseModel noise_;
-  const CampaignRun* last_ = nullptr;
-  RunGains gains_;
+  const CampaignRun* longest_ = nullptr; // where its gains can serve
+  RunGains of_longest_, of_another_;
 };
 
 } // namespace imucal

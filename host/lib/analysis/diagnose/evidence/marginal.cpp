@@ -15,6 +15,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kDependentColumn = 1e-9; // of its norm: what is left of a column that the others give
+constexpr double kDependentStep = 1e-6;   // of its information alone: what is left of a step that the columns give
 constexpr double kFreeLevel = 10;         // times the spread of the data: prior of a level that may be any
 
 void centre(MatrixXd* m) {
@@ -282,7 +283,7 @@ MeanColumns::MeanColumns(const SlowData& data, const std::vector<const MeanPart*
 RunGrams::RunGrams(const SlowData& data, const MeanColumns& columns, const NoiseModel& noise)
     : n_local_(columns.local_precision_.size()), n_common_(columns.common_precision_.size()),
       local_precision_(columns.local_precision_), common_precision_(columns.common_precision_) {
-  GainsByRun by_run(noise);
+  GainsByRun by_run(data.campaign.runs, noise);
   for (size_t r = 0; r < data.y.size(); ++r) {
     const RunGains& gains = by_run.of(data.campaign.runs[r]);
     const double times = data.campaign.runs[r].own_strength;
@@ -363,21 +364,69 @@ RunGrams::Posterior RunGrams::posterior(const std::vector<char>& runs) const {
   return out;
 }
 
-VectorXd residual_of(const SlowData& data, const std::vector<MeanPart>& parts, const RunGrams::Posterior& at,
-                     size_t run) {
+namespace {
+
+const std::vector<MatrixXd>& powers_of(const SlowData& data, const std::vector<MeanPart>& parts) {
   const std::vector<MatrixXd>* powers = &data.powers;
   for (const MeanPart& part : parts)
     if (!part.powers.empty()) powers = &part.powers;
+  return *powers;
+}
+
+} // namespace
+
+VectorXd residual_of(const SlowData& data, const std::vector<MeanPart>& parts, const RunGrams::Posterior& at,
+                     size_t run) {
+  const MatrixXd& powers = powers_of(data, parts)[run];
   VectorXd e = data.y[run];
   e.array() -= at.local[run][0];
-  long l = 1, c = (*powers)[run].cols();
-  e -= (*powers)[run] * at.common.head(c);
+  long l = 1, c = powers.cols();
+  e -= powers * at.common.head(c);
   for (const MeanPart& part : parts) {
     const long nl = part.local[run].cols(), nc = part.common[run].cols();
     e -= part.local[run] * at.local[run].segment(l, nl) + part.common[run] * at.common.segment(c, nc);
     l += nl, c += nc;
   }
   return e;
+}
+
+// A step u beside the columns X of the run, local and common, with the priors Q of the local ones and the covariance C of the
+// common ones over all runs.  Its score is u'V^-1 e, its information
+//   u'V^-1 u - t (L'V^-1 L + Q)^-1 t' - w C w',   t = u'V^-1 L,   w = u'V^-1 X - t (L'V^-1 L + Q)^-1 L'V^-1 X.
+// V^-1 is applied once, to the columns: products with the steps are sums of it from a row to the last.
+VectorXd step_gains(const SlowData& data, const std::vector<MeanPart>& parts, const NoiseModel& noise,
+                    const RunGrams::Posterior& at, size_t run) {
+  const CampaignRun& times = data.campaign.runs[run];
+  const auto n = static_cast<long>(times.n());
+  std::vector<double> precision{0.0};
+  MatrixXd local = MatrixXd::Ones(n, 1), common = powers_of(data, parts)[run];
+  const auto put = [](const MatrixXd& columns, MatrixXd* to) {
+    to->conservativeResize(Eigen::NoChange, to->cols() + columns.cols());
+    to->rightCols(columns.cols()) = columns;
+  };
+  for (const MeanPart& part : parts) {
+    put(part.local[run], &local), put(part.common[run], &common);
+    precision.insert(precision.end(), part.local_precision.begin(), part.local_precision.end());
+  }
+  const long l = local.cols(), c = common.cols();
+  const double variance = times.own_strength * times.own_strength;
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows(n, l + c + 1);
+  rows << local, common, residual_of(data, parts, at, run);
+  const RunGains gains = compute_gains(times, noise);
+  solve_rows(gains, static_cast<size_t>(l + c + 1), rows.data());
+  MatrixXd own = local.transpose() * rows.leftCols(l);
+  own.diagonal() += Eigen::Map<const VectorXd>(precision.data(), l) * variance;
+  const MatrixXd inverse = inverse_symmetric(own), cross = inverse * (local.transpose() * rows.middleCols(l, c));
+  for (long k = n - 1; k-- > 0;) rows.row(k) += rows.row(k + 1);
+  const MatrixXd t = rows.leftCols(l), w = rows.middleCols(l, c) - t * cross;
+  const VectorXd alone = step_norms(gains);
+  const VectorXd information = alone - (t * inverse).cwiseProduct(t).rowwise().sum() -
+                               (w * at.common_covariance).cwiseProduct(w).rowwise().sum() / variance;
+  VectorXd gain = VectorXd::Zero(n);
+  for (long k = 1; k < n; ++k)
+    if (information[k] > kDependentStep * alone[k])
+      gain[k] = 0.5 * std::pow(rows(k, l + c), 2) / (information[k] * variance);
+  return gain;
 }
 
 } // namespace imucal

@@ -104,4 +104,9 @@ private:
 Eigen::VectorXd residual_of(const SlowData& data, const std::vector<MeanPart>& parts, const RunGrams::Posterior& at,
                             size_t run);
 
+// What a step between every used row of a run and the one before would gain at its best size, beside a mean at its posterior
+// under a noise: half the squared score over the information [nats].  Prior scale 1; the first row gains nothing.
+Eigen::VectorXd step_gains(const SlowData& data, const std::vector<MeanPart>& parts, const NoiseModel& noise,
+                           const RunGrams::Posterior& at, size_t run);
+
 } // namespace imucal

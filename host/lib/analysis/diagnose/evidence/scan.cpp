@@ -128,7 +128,7 @@ ScanBank::ScanBank(const SlowData& data, const std::vector<ScanCandidate>& candi
       if (at.powers > 0) x.middleCols(at.first + at.common, at.powers) = part.powers[r];
       x.middleCols(at.first + at.common + at.powers, at.local) = part.local[r];
     }
-    columns_.push_back(std::move(x));
+    columns_.emplace_back(x);
   }
   for (ScanGroup& group : groups_) // kept in columns_
     group.part.common.clear(), group.part.local.clear(), group.part.powers.clear();
@@ -136,7 +136,7 @@ ScanBank::ScanBank(const SlowData& data, const std::vector<ScanCandidate>& candi
 
 ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise, bool keeps_bank)
     : bank_(bank), noise_(noise), self_(bank.places_.size()), white_(bank.columns_.size()) {
-  GainsByRun by_run(noise);
+  GainsByRun by_run(bank.data_.campaign.runs, noise);
   for (size_t r = 0; r < bank.columns_.size(); ++r) {
     gains_.push_back(by_run.of(bank.data_.campaign.runs[r]));
     sum_log_s_ += gains_.back().sum_log_s;
@@ -160,7 +160,7 @@ ScanNode::ScanNode(const ScanBank& bank, const NoiseModel& noise, bool keeps_ban
 }
 
 MatrixXd ScanNode::whitened_bank(size_t run) const {
-  return whitened(gains_[run], bank_.columns_[run]);
+  return bank_.columns_[run].whitened(gains_[run]);
 }
 
 const MatrixXd& ScanNode::white(size_t run) const {

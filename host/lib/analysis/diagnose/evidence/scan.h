@@ -42,7 +42,7 @@ private:
   size_t n_candidates_;
   std::vector<ScanGroup> groups_;
   std::vector<Place> places_;
-  std::vector<Eigen::MatrixXd> columns_; // per run: used samples x all columns
+  std::vector<LaneColumns> columns_; // per run: all columns
 };
 
 // The bank under one noise model.

@@ -52,6 +52,7 @@ public:
     else
       run_with_or_without(jumps.places);
     if (!jumps.places.empty() || jumps.are_many) part_jumps();
+    more_jumps(kFewJumps);
     if (jumps.are_many && !jumps.places.empty()) weigh_many(jumps.places);
   }
   // The best hypothesis with exactly these causes.
@@ -127,6 +128,29 @@ private:
     // Without one at a temperature these are the jumps in time that were weighed before.
     if (!has_jump(out_.best) || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
   }
+  // Jumps are looked for beside the hypothesis without a name: a cause that is left there hides some of them, and another name
+  // then stands in for these.  More are looked for beside the names, and beside all but one of them.
+  void more_jumps(size_t at_most) {
+    if (out_.best.names.empty() || out_.best.steps.empty()) return;
+    const SlowResult before = out_;
+    std::vector<SlowModel> bases = {before.best};
+    for (size_t i = 0; i < before.best.names.size() && before.best.names.size() > 1; ++i)
+      bases.push_back(polished(likelihood_, before.best.without(i), kQuickEvaluations));
+    SlowModel most = before.best;
+    for (const SlowModel& base : bases) {
+      SlowModel with = base;
+      with.steps = find_steps(likelihood_, base, at_most).places;
+      if (with.steps.size() <= base.steps.size()) continue;
+      with = polished(likelihood_, with);
+      if (likelihood_.score(with) > likelihood_.score(most)) most = with;
+    }
+    if (most.steps.size() == before.best.steps.size()) return;
+    run_beside(jumped(most.steps), before.without_steps ? *before.without_steps : before);
+    if (likelihood_.score(out_.best) < likelihood_.score(most)) {
+      out_.best = most;
+      SlowJudge(likelihood_, scans_, out_).judge_names(&out_);
+    }
+  }
   // Many jumps in time are a noise.  Where they hold much more than the names do, a name that is not found beside them was a
   // part of that noise.  Jumps with a pattern are teeth of a saw, or a noise of two levels: the seconds tell these.
   void weigh_many(const std::vector<Theta>& places) {
@@ -137,6 +161,7 @@ private:
     if (have_pattern(likelihood_, in_time)) return;
     const SlowResult before = out_;
     run_beside(in_time, before.without_steps ? *before.without_steps : before);
+    more_jumps(kManyJumps);
     const bool is_one_less = out_.best.names.size() < before.best.names.size();
     if (!is_one_less || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
   }

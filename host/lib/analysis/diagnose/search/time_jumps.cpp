@@ -10,33 +10,29 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr size_t kStepPlaces = 12;
+constexpr size_t kStepPlaces = 4, kJumpPlaces = 12; // that are tried: of one step, of jumps at a temperature
+constexpr long kNear = 3;                           // rows about a step that show the same
+constexpr double kOneHeight = 2;                    // jumps between two levels differ by less, as found
 constexpr double kFinestPlace = 0.05; // of a row
 
-// Standardised innovations of a hypothesis, run by run.
-std::vector<VectorXd> innovations(const SlowLikelihood& of, const SlowModel& m) {
-  const std::vector<MeanPart> own = of.parts_on(of.space().data, m);
-  const RunGrams::Posterior at = of.grams(m).posterior();
-  const NoiseModel model = of.noise(m);
-  std::vector<VectorXd> out_e;
-  for (size_t r = 0; r < of.space().data.y.size(); ++r) {
-    VectorXd e = residual_of(of.space().data, own, at, r);
-    whiten(compute_gains(of.space().data.campaign.runs[r], model), e.data(), static_cast<size_t>(e.size()));
-    out_e.push_back(std::move(e));
-  }
-  return out_e;
-}
 struct JumpBlock {
   size_t run;
   long k; // of its used rows
 };
-// The largest innovations, that of the largest first: where a jump would show.
-std::vector<JumpBlock> likely_jump_blocks(const SlowLikelihood& of, const SlowModel& m) {
+// Where a step would gain most, the largest first: one of rows that stand together.
+std::vector<JumpBlock> likely_jump_blocks(const SlowLikelihood& of, const SlowModel& m, size_t most) {
   std::vector<std::pair<double, JumpBlock>> list;
-  const std::vector<VectorXd> e = innovations(of, m);
-  for (size_t r = 0; r < e.size(); ++r)
-    for (long k = 3; k + 3 < e[r].size(); ++k) list.push_back({std::fabs(e[r][k]), {r, k}});
-  const size_t n = std::min(kStepPlaces, list.size());
+  const std::vector<MeanPart> parts = of.parts_on(of.space().data, m);
+  const RunGrams::Posterior at = of.grams(m).posterior();
+  const NoiseModel noise = of.noise(m);
+  for (size_t r = 0; r < of.space().data.y.size(); ++r) {
+    const VectorXd gain = step_gains(of.space().data, parts, noise, at, r);
+    for (long k = 1; k < gain.size(); ++k) {
+      const long first = std::max(0L, k - kNear), last = std::min<long>(gain.size() - 1, k + kNear);
+      if (gain[k] == gain.segment(first, last - first + 1).maxCoeff()) list.push_back({gain[k], {r, k}});
+    }
+  }
+  const size_t n = std::min(most, list.size());
   std::partial_sort(list.begin(), list.begin() + static_cast<long>(n), list.end(),
                     [](const auto& a, const auto& b) { return a.first > b.first; });
   std::vector<JumpBlock> blocks;
@@ -45,7 +41,7 @@ std::vector<JumpBlock> likely_jump_blocks(const SlowLikelihood& of, const SlowMo
 }
 std::vector<Theta> likely_steps(const SlowLikelihood& of, const SlowModel& m) {
   std::vector<Theta> places;
-  for (const JumpBlock& b : likely_jump_blocks(of, m)) {
+  for (const JumpBlock& b : likely_jump_blocks(of, m, kStepPlaces)) {
     const CampaignRun& run = of.space().data.campaign.runs[b.run];
     const double t = run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(b.k)])];
     places.push_back({static_cast<double>(b.run), t - 0.5 * of.space().data.campaign.dt_s});
@@ -54,13 +50,13 @@ std::vector<Theta> likely_steps(const SlowLikelihood& of, const SlowModel& m) {
 }
 std::vector<JumpPlace> likely_jumps(const SlowLikelihood& of, const SlowModel& m) {
   std::vector<JumpPlace> places;
-  for (const JumpBlock& b : likely_jump_blocks(of, m)) {
+  for (const JumpBlock& b : likely_jump_blocks(of, m, kJumpPlaces)) {
     const CampaignRun& run = of.space().data.campaign.runs[b.run];
     const auto row = [&](long k) { return static_cast<size_t>(run.used[static_cast<size_t>(k)]); };
     const auto temp_degc = [&](long k) { return run.input.smooth_degc[row(k)]; };
-    places.push_back(
-        {0.5 * (temp_degc(b.k - 1) + temp_degc(b.k)),
-         (temp_degc(b.k + 3) - temp_degc(b.k - 3)) / (run.input.t_s[row(b.k + 3)] - run.input.t_s[row(b.k - 3)])});
+    const long first = std::max(0L, b.k - kNear), last = std::min<long>(static_cast<long>(run.n()) - 1, b.k + kNear);
+    places.push_back({0.5 * (temp_degc(b.k - 1) + temp_degc(b.k)),
+                      (temp_degc(last) - temp_degc(first)) / (run.input.t_s[row(last)] - run.input.t_s[row(first)])});
   }
   return places;
 }
@@ -107,13 +103,14 @@ bool have_pattern(const SlowLikelihood& of, const SlowModel& m) {
   std::vector<std::pair<Theta, bool>> is_up; // by run and time
   for (long i = 0; i < n; ++i) is_up.push_back({m.steps[static_cast<size_t>(i)], sizes_dph[i] > 0});
   std::sort(is_up.begin(), is_up.end());
+  const VectorXd heights = sizes_dph.cwiseAbs();
   bool go_one_way = true, take_turns = true;
   for (size_t i = 1; i < is_up.size(); ++i) {
     const bool turns = is_up[i].second != is_up[i - 1].second;
     go_one_way = go_one_way && !turns;
     take_turns = take_turns && (turns || is_up[i].first[0] != is_up[i - 1].first[0]);
   }
-  return go_one_way || take_turns;
+  return go_one_way || (take_turns && heights.maxCoeff() < kOneHeight * heights.minCoeff());
 }
 
 // A jump between two places of the grid may gain next to nothing on either.  A candidate that jumps is also tried where

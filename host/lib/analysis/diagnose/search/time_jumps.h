@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Jumps: at times, and at temperatures between the places of a grid.  Both are looked for where the innovations of a
-// hypothesis are largest.
+// Jumps: at times, and at temperatures between the places of a grid.  Both are looked for where a step beside
+// a hypothesis would gain most.
 #pragma once
 #include "analysis/diagnose/search/slow_polish.h"
 
@@ -19,8 +19,8 @@ struct TimeJumps {
 // Jumps in time beside `null` that earn their cost, one after the other (run, t_s), the noise estimated again with each; no places
 // where there are more than `most`.
 TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null, size_t most = kFewJumps);
-// Whether the jumps in time of a hypothesis are all up or all down, as the teeth of a saw, or go up and down in turn in every
-// run, as a noise of two levels.
+// Whether the jumps in time of a hypothesis are all up or all down, as the teeth of a saw, or of one height and up and down
+// in turn in every run, as a noise of two levels.
 bool have_pattern(const SlowLikelihood& of, const SlowModel& m);
 // `scores`: candidates added to `m`.  Those that jump are also tried at the likely places, and taken there where they alone do
 // better than `in_time`, which jumps at times, or where held-out logs are to tell the two.

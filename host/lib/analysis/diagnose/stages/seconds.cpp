@@ -58,7 +58,7 @@ Moments moments(const std::vector<VectorXd>& e) {
 }
 
 std::vector<VectorXd> whitened(const Campaign& campaign, const NoiseModel& noise, std::vector<VectorXd> x) {
-  GainsByRun gains(noise);
+  GainsByRun gains(campaign.runs, noise);
   for (size_t r = 0; r < x.size(); ++r)
     whiten(gains.of(campaign.runs[r]), x[r].data(), static_cast<size_t>(x[r].size()));
   return x;
