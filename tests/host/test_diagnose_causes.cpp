@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What diagnose answers where a cause repeats: hysteresis, lag, curves and jumps at a temperature, warm-up.
+#include <algorithm>
+
 #include "analysis/diagnose/judge/rest_names.h"
 #include "diagnose_logs.h"
 
@@ -67,6 +69,35 @@ static void test_a_jump_at_a_temperature_is_found_by_a_late_thermometer(void**) 
   assert_near(best.names[0].shape[0], 31, 0.1);
   assert_near(best.names[0].shape[1], 0, 0.01);
   assert_near(best.names[0].shape[2], -10, 2);
+}
+
+// What the loop makes of the rates hides the smaller slips until it is named, and a second name would stand in for them.
+static void test_slips_beside_a_loop_are_found_one_by_one(void**) {
+  struct Slip {
+    size_t log, at_s;
+    double size_dph;
+  };
+  const Slip slips[] = {{0, 1480, -110}, {0, 4470, 85}, {1, 3210, 95}, {1, 5300, -90}, {2, 2215, 85}};
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 3; ++k) {
+    logs.push_back(simulated_log(571 + k, 6000, false, 90));
+    for (const Slip& slip : slips)
+      for (size_t i = slip.at_s; slip.log == k && i < 6000; ++i) logs[k].axes[0].rate_dph[i] += slip.size_dph;
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  NoiseBelief belief = nothing_believed();
+  belief.has_believed = true;
+  belief.model.white_sigma_dph = 36, belief.model.markov = {{20, 100}};
+  SlowSearch search(data, belief, effect_library(), all_active(), {});
+  const SlowModel best = search.run().best;
+  assert_int_equal(best.names.size(), 1);
+  assert_string_equal(search.candidates()[best.names[0].candidate].effect->name().c_str(), "thermal_hysteresis");
+  assert_int_equal(best.steps.size(), 5);
+  for (const Slip& slip : slips)
+    assert_true(std::any_of(best.steps.begin(), best.steps.end(), [&](const Theta& step) {
+      return step[0] == static_cast<double>(slip.log) && std::fabs(step[1] - static_cast<double>(slip.at_s)) < 30;
+    }));
 }
 
 // A loop of one play and one relay.  A small relay is a part of the loop, a large one is a cause of its own.
@@ -782,6 +813,7 @@ int main() {
       cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
       cmocka_unit_test(test_a_jump_at_a_temperature_is_found_by_a_late_thermometer),
       cmocka_unit_test(test_many_jumps_at_a_temperature_near_a_soak_are_no_noise),
+      cmocka_unit_test(test_slips_beside_a_loop_are_found_one_by_one),
       cmocka_unit_test(test_a_small_relay_of_a_loop_is_no_jump_at_a_temperature),
       cmocka_unit_test(test_a_lag_of_seconds_is_found),
       cmocka_unit_test(test_the_error_of_a_creep_holds_its_time_constants),

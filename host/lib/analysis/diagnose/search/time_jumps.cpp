@@ -27,8 +27,9 @@ std::vector<JumpBlock> likely_jump_blocks(const SlowLikelihood& of, const SlowMo
   const NoiseModel noise = of.noise(m);
   for (size_t r = 0; r < of.space().data.y.size(); ++r) {
     const VectorXd gain = step_gains(of.space().data, parts, noise, at, r);
-    for (long k = 1; k < gain.size(); ++k) {
-      const long first = std::max(0L, k - kNear), last = std::min<long>(gain.size() - 1, k + kNear);
+    const long begin = kNear, end = gain.size() - kNear; // how a run starts is no jump
+    for (long k = begin; k < end; ++k) {
+      const long first = std::max(begin, k - kNear), last = std::min(end - 1, k + kNear);
       if (gain[k] == gain.segment(first, last - first + 1).maxCoeff()) list.push_back({gain[k], {r, k}});
     }
   }
@@ -54,7 +55,7 @@ std::vector<JumpPlace> likely_jumps(const SlowLikelihood& of, const SlowModel& m
     const CampaignRun& run = of.space().data.campaign.runs[b.run];
     const auto row = [&](long k) { return static_cast<size_t>(run.used[static_cast<size_t>(k)]); };
     const auto temp_degc = [&](long k) { return run.input.smooth_degc[row(k)]; };
-    const long first = std::max(0L, b.k - kNear), last = std::min<long>(static_cast<long>(run.n()) - 1, b.k + kNear);
+    const long first = b.k - kNear, last = b.k + kNear;
     places.push_back({0.5 * (temp_degc(b.k - 1) + temp_degc(b.k)),
                       (temp_degc(last) - temp_degc(first)) / (run.input.t_s[row(last)] - run.input.t_s[row(first)])});
   }
