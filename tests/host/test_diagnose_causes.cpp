@@ -475,6 +475,71 @@ static void test_a_loop_whose_start_states_are_larger_than_itself_is_no_name(voi
     assert_true(names_of(answer_to(loop, seed, 0)) == std::set<std::string>{"thermal_hysteresis"});
 }
 
+// One effect of an answer as Names have it: a name, or a family whose shape is open.
+static SelectedEffect told(const char* name, double gain_nats, double threshold_nats, bool is_open = false) {
+  const Effect& effect = find_effect(name);
+  SelectedEffect out;
+  out.family = effect.family(), out.term = term_of(&effect, effect.estimator(), {0, 0, 0});
+  out.gain_nats = gain_nats, out.evidence_nats = gain_nats - threshold_nats;
+  out.set = {{&effect, nullptr, false, effect.family(), gain_nats, threshold_nats}};
+  if (is_open) open_shape(&out);
+  return out;
+}
+
+// What is still named of these effects, which gain 100 nats together, where the tests find so much left.
+static std::set<std::string> named_beside_rest(std::vector<SelectedEffect> effects, double left_nats,
+                                               std::vector<CandidateEvidence> remainders = {}) {
+  const Campaign campaign;
+  const AxisQuestion question{campaign, nullptr, effect_library(), all_active(), nothing_believed(), {}};
+  Found found;
+  found.slow.found.null.value = -100, found.slow.found.best.value = 0;
+  Names names;
+  names.effects = std::move(effects), names.remainders = std::move(remainders);
+  open_by_rest(question, found, {{Rest::kSpectrum, left_nats, 5}}, &names);
+  std::set<std::string> out;
+  for (const SelectedEffect& e : names.effects) out.insert(e.is_family ? family_name(e.family) : e.term.effect->name());
+  assert_true(names.effects.size() + names.remainders.size() >= 2); // nothing is lost
+  return out;
+}
+
+static void test_a_small_name_beside_what_is_left_is_no_name(void**) {
+  using Names = std::set<std::string>;
+  // Beside an open shape: less than a tenth of all, or more.
+  const auto beside_open = [](double nats) {
+    return named_beside_rest({told("thermal_lag", 90, 5, true), told("bias_step", nats, 1)}, -5);
+  };
+  assert_true(beside_open(9) == Names{"thermal_memory"});
+  assert_true(beside_open(11) == (Names{"thermal_memory", "bias_step"}));
+  // Beside a name: little beyond its threshold, and less than the tests find left.
+  const auto beside_rest = [](double threshold_nats, double left_nats) {
+    return named_beside_rest({told("thermal_lag", 90, 5), told("bias_step", 10, threshold_nats)}, left_nats);
+  };
+  assert_true(beside_rest(8, 12) == Names{"thermal_lag"});
+  assert_true(beside_rest(8, 9) == (Names{"thermal_lag", "bias_step"}));
+  assert_true(beside_rest(6, 12) == (Names{"thermal_lag", "bias_step"}));
+}
+
+static void test_slow_noise_beside_causes_that_have_no_name_is_none(void**) {
+  using Names = std::set<std::string>;
+  const std::vector<CandidateEvidence> left = {told("thermal_anomaly", 60, 5).set.front()};
+  assert_true(named_beside_rest({told("telegraph_noise", 40, 5)}, -5, left).empty());
+  const std::vector<SelectedEffect> both = {told("thermal_lag", 60, 5), told("telegraph_noise", 40, 5)};
+  assert_true(named_beside_rest(both, -5, left) == (Names{"thermal_lag", "telegraph_noise"}));
+}
+
+// Slow noise whose kind is open, a noise that jumps in its set: a jump of little weight may be one of its own.
+static void test_a_weak_jump_beside_noise_that_may_jump_is_of_it(void**) {
+  using Names = std::set<std::string>;
+  const auto beside_noise = [](double step_nats) {
+    SelectedEffect noise = told("second_markov", 60, 7);
+    open_member(&noise);
+    noise.set.push_back(told("telegraph_noise", 55, 7).set.front());
+    return named_beside_rest({noise, told("bias_step", step_nats, 8), told("thermal_lag", 40, 5)}, -5);
+  };
+  assert_true(beside_noise(10) == (Names{"slow_noise", "thermal_lag"}));
+  assert_true(beside_noise(12) == (Names{"slow_noise", "thermal_lag", "bias_step"}));
+}
+
 // A hysteresis by its size and the state in which a run began, with their errors and correlation, as Names have it.
 static Names memory_of(double size, double size_error, double start, double start_error, double correlation) {
   const Effect& effect = find_effect("thermal_hysteresis");
@@ -833,6 +898,9 @@ int main() {
       cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),
       cmocka_unit_test(test_a_cause_is_found_beside_noise_that_follows_the_temperature),
       cmocka_unit_test(test_a_loop_that_is_not_seen_is_a_family_or_contradicted_given_its_size),
+      cmocka_unit_test(test_a_small_name_beside_what_is_left_is_no_name),
+      cmocka_unit_test(test_slow_noise_beside_causes_that_have_no_name_is_none),
+      cmocka_unit_test(test_a_weak_jump_beside_noise_that_may_jump_is_of_it),
       cmocka_unit_test(test_two_members_are_found_that_one_free_shape_stands_for),
       cmocka_unit_test(test_a_slope_that_ages_is_no_slow_noise),
       cmocka_unit_test(test_what_a_free_shape_foretells_opens_a_name_to_its_family),

@@ -122,13 +122,18 @@ private:
     };
     join(is_about_slow_noise, &names_.retuned, open);
   }
-  // Single jumps that hold less than a noise that jumps are some of its own.
+  // Single jumps that hold less than a noise that jumps are some of its own; where it may be one, those that hold little at all.
   void join_jumps(SelectedEffect* open) {
-    if (!open->term.estimator || !open->term.estimator->is_jumping()) return;
+    const auto is_jumping = [](const EffectEstimator* e) { return e && e->is_jumping(); };
+    const bool jumps = is_jumping(open->term.estimator);
+    const bool may_jump = std::any_of(open->set.begin(), open->set.end(), [&](const CandidateEvidence& member) {
+      return member.effect && is_jumping(member.effect->estimator());
+    });
     const double most_nats = open->gain_nats;
-    const auto is_small_step = [most_nats](const SelectedEffect& effect) {
-      return !effect.is_family && effect.term.effect && effect.term.form() == Form::kSteps &&
-             effect.gain_nats < most_nats;
+    const auto is_small_step = [&](const SelectedEffect& effect) {
+      const bool is_step = !effect.is_family && effect.term.effect && effect.term.form() == Form::kSteps;
+      const bool is_weak = effect.evidence_nats < constants().lack_nats;
+      return is_step && effect.gain_nats < most_nats && (jumps || (may_jump && is_weak));
     };
     join(is_small_step, &names_.effects, open);
   }

@@ -13,7 +13,7 @@ namespace {
 constexpr size_t kStepPlaces = 4, kJumpPlaces = 12; // that are tried: of one step, of jumps at a temperature
 constexpr long kNear = 3;                           // rows about a step that show the same
 constexpr double kOneHeight = 2;                    // jumps between two levels differ by less, as found
-constexpr double kFinestPlace = 0.05; // of a row
+constexpr double kFinestPlace = 0.05;               // of a row
 
 struct JumpBlock {
   size_t run;
