@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: MIT
 """The HTML page of a diagnosis, from outside: what it says, what it draws, what it refuses."""
 import base64
+import contextlib
 import copy
 import hashlib
+import io
 import json
 import os
 import re
@@ -12,9 +14,12 @@ import sys
 
 import pytest
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "..", "host", "python"))
+HOST = os.path.join(os.path.dirname(__file__), "..", "..", "host")
+sys.path[:0] = [os.path.join(HOST, "scripts"), os.path.join(HOST, "python")]
 
-SCRIPT = os.path.join(os.path.dirname(__file__), "..", "..", "host", "scripts", "diagnosis_report.py")
+import diagnosis_report  # noqa: E402  (its folder is known only now)
+
+SCRIPT = os.path.join(HOST, "scripts", "diagnosis_report.py")
 
 DIAGNOSIS = {
     "imucal_diagnosis": 1, "version": "3.2.1", "model": "model.json", "logs": ["runs/a.csv", "runs/<b>.csv"], "held_out_logs": [],
@@ -59,16 +64,23 @@ DIAGNOSIS = {
          "indistinguishable": [], "advice": [], "gap": {}}]}
 
 
-def run(tmp_path, diagnosis):
+def run(tmp_path, diagnosis, is_program=False):
+    """The end of the script, and its page; in this process, unless it is to be a program of its own."""
     source, out = tmp_path / "d.json", tmp_path / "r.html"
     source.write_text(diagnosis if isinstance(diagnosis, str) else json.dumps(diagnosis))
-    done = subprocess.run([sys.executable, SCRIPT, str(source), "-o", str(out)], capture_output=True, text=True)
+    words = [str(source), "-o", str(out)]
+    if is_program:
+        done = subprocess.run([sys.executable, SCRIPT, *words], capture_output=True, text=True)
+    else:
+        with contextlib.redirect_stderr(io.StringIO()) as stderr:
+            code = diagnosis_report.main(words)
+        done = subprocess.CompletedProcess(words, code, "", stderr.getvalue())
     return done, out.read_text() if out.exists() else ""
 
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    done, text = run(tmp_path_factory.mktemp("page"), DIAGNOSIS)
+    done, text = run(tmp_path_factory.mktemp("page"), DIAGNOSIS, is_program=True)
     assert done.returncode == 0, done.stderr
     return text
 
@@ -303,9 +315,6 @@ def test_hash_of_a_log_beside_the_diagnosis(tmp_path):
 
 def test_branches_are_the_means_by_direction():
     """Rising branch 5 + mean, falling branch -5 + mean, with errors of the size of the scatter."""
-    sys.path.insert(0, os.path.dirname(SCRIPT))
-    import diagnosis_report
-
     parts = diagnosis_report.branches(DIAGNOSIS["axes"][0]["plots"]["residual"], "before_dph", n_bins=3)
     assert set(parts) == {"up", "down"}
     assert abs((parts["up"][1] - parts["down"][1]).mean() - 10) < 1

@@ -124,7 +124,7 @@ private:
     both = polished(likelihood_, both);
     if (likelihood_.score(both) <= likelihood_.score(before.best)) return;
     run_beside(jumped(beside.places), plain);
-    consider(both);
+    take_if_better(both);
     // Without one at a temperature these are the jumps in time that were weighed before.
     if (!has_jump(out_.best) || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
   }
@@ -146,10 +146,13 @@ private:
     }
     if (most.steps.size() == before.best.steps.size()) return;
     run_beside(jumped(most.steps), before.without_steps ? *before.without_steps : before);
-    if (likelihood_.score(out_.best) < likelihood_.score(most)) {
-      out_.best = most;
-      SlowJudge(likelihood_, scans_, out_).judge_names(&out_);
-    }
+    take_if_better(most);
+  }
+  // After the names were judged: they are judged again.
+  void take_if_better(const SlowModel& m) {
+    if (likelihood_.score(out_.best) >= likelihood_.score(m)) return;
+    out_.best = m;
+    SlowJudge(likelihood_, scans_, out_).judge_names(&out_);
   }
   // Many jumps in time are a noise.  Where they hold much more than the names do, a name that is not found beside them was a
   // part of that noise.  Jumps with a pattern are teeth of a saw, or a noise of two levels: the seconds tell these.
