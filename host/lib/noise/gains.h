@@ -57,7 +57,8 @@ struct RunGains {
 // `extra_dph2`: additional white variance of every sample (expected hits), or nullptr; with it nothing settles.
 RunGains compute_gains(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd* extra_dph2 = nullptr);
 
-// The gains of the first n samples alone: what compute_gains makes of their times, bit for bit.
+// The gains of the first n samples alone (n <= gains.n): what compute_gains makes of their times.  Where a gap follows them, the
+// last may differ as far as settling lets it (kSettledChange).
 RunGains first_samples(const RunGains& gains, size_t n);
 
 } // namespace imucal

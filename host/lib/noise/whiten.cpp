@@ -142,8 +142,8 @@ Eigen::VectorXd step_norms(const RunGains& gains) {
   for (auto s = gains.stretches.rbegin(); s != gains.stretches.rend(); ++s)
     for (size_t k = s->end; k-- > s->begin;) {
       const size_t row = gains.row_of(*s, k);
-      const Eigen::Map<const Eigen::VectorXd> gain(&gains.gain[row * gains.n_states], m),
-          phi(&gains.phi[row * gains.n_states], m);
+      const Eigen::Map<const Eigen::VectorXd> gain(gains.gain.data() + row * gains.n_states, m),
+          phi(gains.phi.data() + row * gains.n_states, m);
       const double information = gains.inv_sqrt_s[row] * gains.inv_sqrt_s[row];
       d = phi.cwiseProduct(gain);
       f = -d.replicate(1, m);
@@ -217,7 +217,7 @@ Eigen::MatrixXd WideColumns::whitened_gram(const RunGains& gains) const {
 LaneColumns::LaneColumns(const Eigen::MatrixXd& columns)
     : n_(static_cast<size_t>(columns.rows())), p_(static_cast<size_t>(columns.cols())), data_(n_ * ((p_ + 3) / 4 * 4)) {
   for_groups(pointers_to(columns), [&](size_t first, size_t lanes, const double** group) {
-    columns_to_rows(lanes, group, n_, &data_[first * n_], lanes);
+    columns_to_rows(lanes, group, n_, data_.data() + first * n_, lanes);
   });
 }
 
@@ -228,7 +228,7 @@ Eigen::MatrixXd LaneColumns::whitened(const RunGains& gains) const {
     double* out[8];
     place_group(first, lanes, p_, n_, columns.data(), out);
     const auto load = [&](size_t k, size_t rows, double* chunk) {
-      std::copy_n(&data_[first * n_ + k * lanes], rows * lanes, chunk);
+      std::copy_n(data_.data() + first * n_ + k * lanes, rows * lanes, chunk);
     };
     whiten_group(gains, n_, lanes, load, out);
   }

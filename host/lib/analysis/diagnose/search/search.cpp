@@ -151,7 +151,7 @@ private:
   // After the names were judged: they are judged again.
   void take_if_better(const SlowModel& m) {
     if (likelihood_.score(out_.best) >= likelihood_.score(m)) return;
-    out_.best = m;
+    out_.best = m, out_.replaced.clear();
     SlowJudge(likelihood_, scans_, out_).judge_names(&out_);
   }
   // Many jumps in time are a noise.  Where they hold much more than the names do, a name that is not found beside them was a
