@@ -503,41 +503,41 @@ static std::set<std::string> named_beside_rest(std::vector<SelectedEffect> effec
 }
 
 static void test_a_small_name_beside_what_is_left_is_no_name(void**) {
-  using Names = std::set<std::string>;
+  using Told = std::set<std::string>;
   // Beside an open shape: less than a tenth of all, or more.
   const auto beside_open = [](double nats) {
     return named_beside_rest({told("thermal_lag", 90, 5, true), told("bias_step", nats, 1)}, -5);
   };
-  assert_true(beside_open(9) == Names{"thermal_memory"});
-  assert_true(beside_open(11) == (Names{"thermal_memory", "bias_step"}));
+  assert_true(beside_open(9) == Told{"thermal_memory"});
+  assert_true(beside_open(11) == (Told{"thermal_memory", "bias_step"}));
   // Beside a name: little beyond its threshold, and less than the tests find left.
   const auto beside_rest = [](double threshold_nats, double left_nats) {
     return named_beside_rest({told("thermal_lag", 90, 5), told("bias_step", 10, threshold_nats)}, left_nats);
   };
-  assert_true(beside_rest(8, 12) == Names{"thermal_lag"});
-  assert_true(beside_rest(8, 9) == (Names{"thermal_lag", "bias_step"}));
-  assert_true(beside_rest(6, 12) == (Names{"thermal_lag", "bias_step"}));
+  assert_true(beside_rest(8, 12) == Told{"thermal_lag"});
+  assert_true(beside_rest(8, 9) == (Told{"thermal_lag", "bias_step"}));
+  assert_true(beside_rest(6, 12) == (Told{"thermal_lag", "bias_step"}));
 }
 
 static void test_slow_noise_beside_causes_that_have_no_name_is_none(void**) {
-  using Names = std::set<std::string>;
+  using Told = std::set<std::string>;
   const std::vector<CandidateEvidence> left = {told("thermal_anomaly", 60, 5).set.front()};
   assert_true(named_beside_rest({told("telegraph_noise", 40, 5)}, -5, left).empty());
   const std::vector<SelectedEffect> both = {told("thermal_lag", 60, 5), told("telegraph_noise", 40, 5)};
-  assert_true(named_beside_rest(both, -5, left) == (Names{"thermal_lag", "telegraph_noise"}));
+  assert_true(named_beside_rest(both, -5, left) == (Told{"thermal_lag", "telegraph_noise"}));
 }
 
 // Slow noise whose kind is open, a noise that jumps in its set: a jump of little weight may be one of its own.
 static void test_a_weak_jump_beside_noise_that_may_jump_is_of_it(void**) {
-  using Names = std::set<std::string>;
+  using Told = std::set<std::string>;
   const auto beside_noise = [](double step_nats) {
     SelectedEffect noise = told("second_markov", 60, 7);
     open_member(&noise);
     noise.set.push_back(told("telegraph_noise", 55, 7).set.front());
     return named_beside_rest({noise, told("bias_step", step_nats, 8), told("thermal_lag", 40, 5)}, -5);
   };
-  assert_true(beside_noise(10) == (Names{"slow_noise", "thermal_lag"}));
-  assert_true(beside_noise(12) == (Names{"slow_noise", "thermal_lag", "bias_step"}));
+  assert_true(beside_noise(10) == (Told{"slow_noise", "thermal_lag"}));
+  assert_true(beside_noise(12) == (Told{"slow_noise", "thermal_lag", "bias_step"}));
 }
 
 // A hysteresis by its size and the state in which a run began, with their errors and correlation, as Names have it.
@@ -805,6 +805,34 @@ static void test_what_settles_within_minutes_is_no_creep(void**) {
 
 // A jump at a temperature in every log, and one in time in the second alone: together too many for jumps in time, and neither is a
 // noise that jumps.
+// Jumps of both kinds in one log, beside noise of a strength that follows the temperature: jumps in time join the answer after
+// its names were judged, and everything said of it is of the new one.
+static void test_what_is_said_of_an_answer_is_of_that_one(void**) {
+  for (const uint64_t seed : seeds_of(1, {15, 407, 487})) {
+    Log log = simulated_log(1, 6000, false, 0);
+    Rng rng(seed, 1, 0, Stream::kTool);
+    const double phi = std::exp(-1 / 91.0);
+    double level = rng.normal();
+    bool is_on = false;
+    for (size_t i = 0; i < log.size(); ++i) {
+      const double temp = log.temp_degc[i];
+      level = phi * level + std::sqrt(1 - phi * phi) * rng.normal();
+      is_on = temp > 40 || (is_on && temp > 34);
+      log.axes[0].rate_dph[i] = bias_dph(temp) + 6.4 * rng.normal() + 4.6 * std::exp(1.6 * (temp - 30) / 30) * level +
+                                (is_on ? 15 : 0) + (i > 1500 ? 12 : 0) - (i > 4700 ? 14 : 0);
+    }
+    const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
+    const SlowData data(block_means(campaign, block_length_s(campaign)));
+    NoiseBelief belief = nothing_believed();
+    belief.has_believed = true;
+    belief.model.white_sigma_dph = 6.4, belief.model.markov = {{4.6, 91}};
+    const SlowResult result = SlowSearch(data, belief, effect_library(), all_active(), {}).run();
+    assert_true(!result.best.names.empty() && !result.best.steps.empty());
+    assert_int_equal(result.rivals.size(), result.best.names.size());
+    assert_int_equal(result.evidence.size(), result.best.names.size() + (result.best.noise_effect ? 1 : 0));
+  }
+}
+
 static void test_a_jump_in_time_is_found_beside_one_at_a_temperature(void**) {
   const auto jumps = [log = 0](double t_s, double temp_degc) mutable {
     log += t_s < 1.5 ? 1 : 0;
@@ -883,6 +911,7 @@ int main() {
       cmocka_unit_test(test_a_lag_of_seconds_is_found),
       cmocka_unit_test(test_the_error_of_a_creep_holds_its_time_constants),
       cmocka_unit_test(test_a_jump_between_two_places_of_the_grid_is_found_in_logs_that_rise_slowly),
+      cmocka_unit_test(test_what_is_said_of_an_answer_is_of_that_one),
       cmocka_unit_test(test_a_jump_in_time_is_found_beside_one_at_a_temperature),
       cmocka_unit_test(test_the_error_of_a_width_knows_of_other_tops),
       cmocka_unit_test(test_what_differs_from_run_to_run_is_not_foretold),

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What diagnose answers to noise of other kinds and to jumps in time.
+#include "analysis/diagnose/search/time_jumps.h"
 #include "analysis/diagnose/stages/bursts.h"
 #include "diagnose_logs.h"
 
@@ -438,6 +439,27 @@ static void test_a_drift_that_jumps_back_is_no_ramp(void**) {
   assert_true(names_of(answer_to(drift_and_jumps, 51, 0)).count("rate_ramp") == 1);
 }
 
+// Up and down in turn, in each of two logs: of one height a noise of two levels, of others not; nor where two in a row go up.
+static void test_jumps_between_two_levels_have_a_pattern(void**) {
+  const auto has_pattern = [](std::array<double, 4> sizes_dph) {
+    std::vector<Log> logs = {simulated_log(71, 6000, false, 0), simulated_log(72, 6000, false, 0)};
+    SlowModel m;
+    for (size_t i = 0; i < sizes_dph.size(); ++i) {
+      const double at_s = i % 2 == 0 ? 1999.5 : 3999.5; // of the first row
+      m.steps.push_back({static_cast<double>(i / 2), at_s});
+      for (size_t k = i % 2 == 0 ? 2000 : 4000; k < 6000; ++k) logs[i / 2].axes[0].rate_dph[k] += sizes_dph[i];
+    }
+    const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+    const SlowData data(block_means(campaign, block_length_s(campaign)));
+    const SlowSpace space = make_slow_space(data, nothing_believed(), effect_library(), all_active(), {}, nullptr);
+    return have_pattern(SlowLikelihood(space), m);
+  };
+  assert_true(has_pattern({300, -450, 300, -450}));
+  assert_false(has_pattern({300, -900, 300, -900}));
+  assert_false(has_pattern({300, 450, 300, -450}));
+  assert_true(has_pattern({300, 900, 300, 900})); // all up: teeth
+}
+
 // Three slips of any size at any time in every log: what seems to follow temperature, or wanders, beside them is a part of them.
 static void test_many_slips_are_nothing_but_slow_noise(void**) {
   for (const uint64_t seed : {33u, 42u}) {
@@ -508,6 +530,7 @@ int main() {
       cmocka_unit_test(test_the_error_of_a_slope_of_noise_has_the_level_free),
       cmocka_unit_test(test_a_drift_that_jumps_back_is_no_ramp),
       cmocka_unit_test(test_saw_teeth_are_no_telegraph_noise),
+      cmocka_unit_test(test_jumps_between_two_levels_have_a_pattern),
       cmocka_unit_test(test_many_slips_are_nothing_but_slow_noise),
       cmocka_unit_test(test_hits_in_bursts_are_no_outliers),
       cmocka_unit_test(test_two_kinds_of_fast_noise_are_told),

@@ -18,20 +18,18 @@ how far a moment may be off is where q² passes 32 (argmax of a Brownian motion 
 rows.  Size: four standard errors, which are size / d (1 miss in 16 000).  The believed noise is the true model with even
 devices, a data sheet with every figure wrong by up to 1.5 with every other odd one, and nothing with the rest.
 
-Counts, chosen with the seed before the first run: none of the first devices may miss; of more of them 23 of 24 (A: who misses
+Counts, chosen with the seed before the first run: none of the first devices may miss (that of B does: known); of more of them 23 of 24 (A: who misses
 1 in 100 fails 1 time in 40) and 14 of 16 (B) must be right.  Of 100 devices without a jump none may be told one: 3 in 100
 would be seen 19 times in 20.  All of it is simulated by this file; no code is shared with the programs."""
-import json
 import math
-import os
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from asking import BIN, axis_told, belief, found, write_log
+
 SEED = 20330419
 KINDS = ["jumps", "beside", "none"]
 MOMENT_COST, SIZE_ERRORS = 32, 4  # q² and standard errors: see above
@@ -170,19 +168,6 @@ class Device:
         drive[1:] *= math.sqrt(1 - phi ** 2)
         return self.white * self.rng.standard_normal(n) + lfilter([1], [1, -phi], drive)
 
-    def belief(self):
-        if self.number % 2 == 0:
-            path = self.path.with_suffix(".json")
-            path.write_text(json.dumps({
-                "imucal_model": 1, "arw_deg_rt_h": self.white / 60, "markov": [{"sigma_dph": self.sigma, "tau_s": self.tau_s}],
-                "bias": {"t0_degc": 27.5, "range_degc": 27.5, "coeff_dph": [0, 0, 0, 0]}}))
-            return ["--model", path]
-        wrong = np.exp(self.rng.uniform(-math.log(1.5), math.log(1.5), 3))
-        if self.number % 4 == 3:
-            return []
-        arw, sigma, tau_s = np.array([self.white / 60, self.sigma, self.tau_s]) * wrong
-        return ["--arw", f"{arw:.3f}", "--instability", f"{sigma:.2f}:{tau_s:.1f}"]
-
     def answer(self, program, hits=False):
         paths = []
         for i, (n, rows) in enumerate(zip(self.lengths, self.rows)):
@@ -190,20 +175,13 @@ class Device:
             if hits:
                 rate = rate + 8 * self.white * self.rng.choice([-1, 1], n) * (self.rng.random(n) < 1 / 2000)
             paths.append(Path(f"{self.path}_{i}.csv"))
-            table = np.column_stack([np.arange(1, n + 1), self.degc[i] + 0.01 * self.rng.standard_normal(n), rate])[rows]
-            np.savetxt(paths[-1], table, fmt=["%d", "%.3f", "%.2f"], delimiter=",",
-                       header="# imucal-log = 1\nt_s,temp_degc,gx_dph", comments="")
-        fitted, held_out = paths[:self.n_fitted], paths[self.n_fitted:]
-        command = [program, "--threads", "1", "--no-cache", "--quiet", "--json", "-", *self.belief(), "--log", *fitted,
-                   *(["--holdout", *held_out] if held_out else [])]
-        done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120,
-                              env={**os.environ, "OMP_NUM_THREADS": "1"})
-        assert done.returncode == 0, done.stderr
-        axis, = json.loads(done.stdout)["axes"]
-        belief = "none" if self.number % 4 == 3 else "sheet" if self.number % 2 else "true"
-        found = [(e["name"], e["parameters"], [m["name"] for m in e["set"]]) for e in axis["effects"]]
-        drawn = f"{len(self.lengths)} logs, white {self.white:.0f}, slow {self.sigma:.1f} dph {self.tau_s:.0f} s, belief {belief}"
-        print(f"{self.path.name}: {drawn};{self.note}:", axis["verdict"], "|", axis["title"], *found, own_jumps(axis) or "")
+            degc = self.degc[i] + 0.01 * self.rng.standard_normal(n)
+            write_log(paths[-1], np.arange(1, n + 1)[rows], degc[rows], rate[rows])
+        options = belief(self.path, self.rng, self.number, self.white, self.sigma, self.tau_s)
+        axis = axis_told(program, options, paths[:self.n_fitted], paths[self.n_fitted:])
+        knows = "none" if self.number % 4 == 3 else "sheet" if self.number % 2 else "true"
+        drawn = f"{len(self.lengths)} logs, white {self.white:.0f}, slow {self.sigma:.1f} dph {self.tau_s:.0f} s, belief {knows}"
+        print(f"{self.path.name}: {drawn};{self.note}:", axis["verdict"], "|", axis["title"], *found(axis), own_jumps(axis) or "")
         return axis
 
 

@@ -19,17 +19,15 @@ the slips.  The true noise is the model of even devices; of odd ones every other
 1.5, and the rest nothing.  All of it is simulated by this file; no code is shared with the programs.  Seeds and limits were
 chosen before the first run: none of the first devices may miss, and of more of them 5 of 6 slips, 5 of 6 lags and 3 of 4
 loops must be right."""
-import json
 import math
-import os
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from asking import BIN, axis_told, belief, found, write_log
+
 SEED = 20310911
 FINE = 10  # steps of a second
 MEMORIES = {"temperature_rate", "thermal_creep", "thermal_hysteresis", "thermal_lag", "thermal_memory"}
@@ -134,19 +132,6 @@ class Device:
         y, x = rows[:, 0], rows[:, 1:]
         return float(np.linalg.norm(y - x @ np.linalg.lstsq(x, y, rcond=None)[0]))
 
-    def belief(self):
-        if self.number % 2 == 0:
-            path = self.path.with_suffix(".json")
-            path.write_text(json.dumps({
-                "imucal_model": 1, "arw_deg_rt_h": self.white / 60, "markov": [{"sigma_dph": self.sigma, "tau_s": self.tau_s}],
-                "bias": {"t0_degc": 27.5, "range_degc": 27.5, "coeff_dph": [0, 0, 0, 0]}}))
-            return ["--model", path]
-        wrong = np.exp(self.rng.uniform(-math.log(1.5), math.log(1.5), 3))
-        if self.number % 4 == 3:
-            return []
-        arw, sigma, tau_s = np.array([self.white / 60, self.sigma, self.tau_s]) * wrong
-        return ["--arw", f"{arw:.3f}", "--instability", f"{sigma:.2f}:{tau_s:.1f}"]
-
     def answer(self, degc, bias, program):
         """The effects and the verdict for true temperatures and biases at fine steps."""
         paths = []
@@ -154,19 +139,11 @@ class Device:
             n = len(temp)
             rate = rate + self.rng.normal(0, 30) + self.noise(n)
             paths.append(Path(f"{self.path}_{i}.csv"))
-            rows = np.column_stack([np.arange(1, n + 1), temp + 0.01 * self.rng.standard_normal(n), rate])
-            np.savetxt(paths[-1], rows, fmt=["%d", "%.3f", "%.2f"], delimiter=",",
-                       header="# imucal-log = 1\nt_s,temp_degc,gx_dph", comments="")
-        fitted, held_out = paths[:self.n_fitted], paths[self.n_fitted:]
-        command = [program, "--threads", "1", "--no-cache", "--quiet", "--json", "-", *self.belief(), "--log", *fitted,
-                   *(["--holdout", *held_out] if held_out else [])]
-        done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120,
-                              env={**os.environ, "OMP_NUM_THREADS": "1"})
-        assert done.returncode == 0, done.stderr
-        axis, = json.loads(done.stdout)["axes"]
+            write_log(paths[-1], np.arange(1, n + 1), temp + 0.01 * self.rng.standard_normal(n), rate)
+        options = belief(self.path, self.rng, self.number, self.white, self.sigma, self.tau_s)
+        axis = axis_told(program, options, paths[:self.n_fitted], paths[self.n_fitted:])
         drawn = f"{self.n_logs} logs, white {self.white:.0f}, slow {self.sigma:.1f} dph {self.tau_s:.0f} s;{self.note}"
-        found = [(e["name"], e["parameters"], [m["name"] for m in e["set"]]) for e in axis["effects"]]
-        print(f"{self.path.name}: {drawn}:", axis["verdict"], "|", axis["title"], *found)
+        print(f"{self.path.name}: {drawn}:", axis["verdict"], "|", axis["title"], *found(axis))
         return axis
 
 

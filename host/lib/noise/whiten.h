@@ -35,23 +35,21 @@ public:
   WideColumns(const std::vector<const double*>& columns, size_t n);
   // W'W of the whitened columns W.
   Eigen::MatrixXd whitened_gram(const RunGains& gains) const;
-  size_t n() const { return n_; }
 
 private:
   size_t n_, p_, width_;     // samples, columns, and these with what fills the last vector
   std::vector<double> data_; // sample after sample
 };
 
-// The same for many columns whose whitened values are wanted: eight columns or fewer lie together.
+// For columns whose whitened values are wanted: they lie in groups of eight, the last of four or eight.
 class LaneColumns {
 public:
   explicit LaneColumns(const Eigen::MatrixXd& columns); // one row per sample
   Eigen::MatrixXd whitened(const RunGains& gains) const;
-  size_t n() const { return n_; }
 
 private:
   size_t n_, p_;             // samples, columns
-  std::vector<double> data_; // group after group, in each sample after sample
+  std::vector<double> data_; // group after group; in a group sample after sample
 };
 
 } // namespace imucal

@@ -31,7 +31,7 @@ struct Selection {
   };
   std::vector<Strength> stronger_noise;      // of held-out logs, over that of the fitted ones
   std::vector<RestFinding> unseen;           // tests of innovations of the held-out logs
-  std::vector<CandidateEvidence> remainders; // free shapes that still gain beside the names
+  std::vector<CandidateEvidence> remainders; // what gains beside the names, or in their place, and is no name
   double total_gain_nats = 0;
   size_t n_dropouts = 0; // exact zeros that are no rates, left out: too few for a finding
   size_t n_left_out = 0; // seconds that structure has spoilt

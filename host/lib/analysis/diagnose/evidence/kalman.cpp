@@ -5,6 +5,17 @@
 
 namespace imucal {
 
+namespace {
+
+// Whether a run has its samples at the times of another one, as far as it goes.  The first step is not read: no sample is
+// before it.
+bool is_beginning(const CampaignRun& run, const CampaignRun& of) {
+  if (run.n() == 0 || run.n() > of.n() || run.input.dt_s != of.input.dt_s) return false;
+  return std::equal(run.steps.begin() + 1, run.steps.end(), of.steps.begin() + 1);
+}
+
+} // namespace
+
 RunTimes::RunTimes(const CampaignRun& run, bool reads_temperature) : times_{run.n(), run.steps.data(), run.input.dt_s} {
   if (!reads_temperature) return;
   tn_.reserve(run.n());
@@ -22,15 +33,15 @@ GainsByRun::GainsByRun(const std::vector<CampaignRun>& runs, const NoiseModel& n
   longest_ = &*std::max_element(runs.begin(), runs.end(), is_shorter);
   of_longest_ = compute_gains(*longest_, noise_);
 }
-// The first of the steps has no sample before it and is not read.
-bool GainsByRun::is_beginning_of_longest(const CampaignRun& run) const {
-  if (!longest_ || run.n() == 0 || run.n() > longest_->n() || run.input.dt_s != longest_->input.dt_s) return false;
-  return std::equal(run.steps.begin() + 1, run.steps.end(), longest_->steps.begin() + 1);
-}
 const RunGains& GainsByRun::of(const CampaignRun& run) {
-  const bool serves = is_beginning_of_longest(run);
-  if (serves && run.n() == longest_->n()) return of_longest_;
-  return of_another_ = serves ? first_samples(of_longest_, run.n()) : compute_gains(run, noise_);
+  if (longest_ && is_beginning(run, *longest_)) {
+    if (run.n() == longest_->n()) return of_longest_;
+    return of_beginning_ = first_samples(of_longest_, run.n());
+  }
+  const bool is_as_last = last_ && run.n() == last_->n() && is_beginning(run, *last_);
+  if (!is_as_last) of_last_ = compute_gains(run, noise_);
+  if (noise_.is_stationary()) last_ = &run;
+  return of_last_;
 }
 
 double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual,

@@ -27,19 +27,19 @@ double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, c
 TelegraphLevel telegraph_level(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual);
 
 // Gains of one noise model for the runs of a campaign.  A run with samples at the same times as another one, as far as it goes,
-// has the same gains, unless the noise follows the temperature: those of the longest run serve such runs.
+// has the same gains, unless the noise follows the temperature: those of the longest run and of the one asked for last serve
+// such runs.
 class GainsByRun {
 public:
-  GainsByRun(const std::vector<CampaignRun>& runs, const NoiseModel& noise); // the runs must outlive it
+  GainsByRun(const std::vector<CampaignRun>& runs,
+             const NoiseModel& noise); // these and those asked for must outlive it
   // Good until the next call.
   const RunGains& of(const CampaignRun& run);
 
 private:
-  bool is_beginning_of_longest(const CampaignRun& run) const;
-
   NoiseModel noise_;
-  const CampaignRun* longest_ = nullptr; // where its gains can serve
-  RunGains of_longest_, of_another_;
+  const CampaignRun *longest_ = nullptr, *last_ = nullptr; // where their gains can serve
+  RunGains of_longest_, of_last_, of_beginning_;
 };
 
 } // namespace imucal

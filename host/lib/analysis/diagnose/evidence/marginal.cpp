@@ -82,6 +82,14 @@ void same_width(std::vector<MatrixXd>* columns) {
   }
 }
 
+// The powers of temperature in a mean: those of a part that replaces them, or the usual ones.
+const std::vector<MatrixXd>& powers_of(const SlowData& data, const std::vector<const MeanPart*>& parts) {
+  const std::vector<MatrixXd>* powers = &data.powers;
+  for (const MeanPart* part : parts)
+    if (!part->powers.empty()) powers = &part->powers;
+  return *powers;
+}
+
 // Where the rows of `some` stand among those of `all`, which has them in the same order.
 std::vector<long> places(const std::vector<int>& all, const std::vector<int>& some) {
   std::vector<long> at;
@@ -250,16 +258,14 @@ std::vector<const MeanPart*> pointers_of(const std::vector<MeanPart>& parts) {
 }
 
 MeanColumns::MeanColumns(const SlowData& data, const std::vector<const MeanPart*>& parts) {
-  const std::vector<MatrixXd>* powers = &data.powers;
+  const std::vector<MatrixXd>& powers = powers_of(data, parts);
   std::vector<double> local{0.0}, common;
-  for (const MeanPart* part : parts) {
-    if (!part->powers.empty()) powers = &part->powers;
+  for (const MeanPart* part : parts)
     for (long c = 0; c < part->local_precision.size(); ++c) local.push_back(part->local_precision[c]);
-  }
-  for (long c = 0; c < powers->front().cols(); ++c) {
+  for (long c = 0; c < powers.front().cols(); ++c) {
     // A power that depends on the others is zero; a precision keeps its place harmless.
     const auto has = [c](const MatrixXd& x) { return x.col(c).squaredNorm() > 0; };
-    common.push_back(std::any_of(powers->begin(), powers->end(), has) ? 0.0 : 1.0);
+    common.push_back(std::any_of(powers.begin(), powers.end(), has) ? 0.0 : 1.0);
   }
   for (const MeanPart* part : parts)
     for (long c = 0; c < part->common_precision.size(); ++c) common.push_back(part->common_precision[c]);
@@ -273,7 +279,7 @@ MeanColumns::MeanColumns(const SlowData& data, const std::vector<const MeanPart*
       for (long c = 0; c < m.cols(); ++c) columns.push_back(m.col(c).data());
     };
     for (const MeanPart* part : parts) put(part->local[r]);
-    put((*powers)[r]);
+    put(powers[r]);
     for (const MeanPart* part : parts) put(part->common[r]);
     columns.push_back(data.y[r].data());
     wide_.emplace_back(columns, data.campaign.runs[r].n());
@@ -364,20 +370,9 @@ RunGrams::Posterior RunGrams::posterior(const std::vector<char>& runs) const {
   return out;
 }
 
-namespace {
-
-const std::vector<MatrixXd>& powers_of(const SlowData& data, const std::vector<MeanPart>& parts) {
-  const std::vector<MatrixXd>* powers = &data.powers;
-  for (const MeanPart& part : parts)
-    if (!part.powers.empty()) powers = &part.powers;
-  return *powers;
-}
-
-} // namespace
-
 VectorXd residual_of(const SlowData& data, const std::vector<MeanPart>& parts, const RunGrams::Posterior& at,
                      size_t run) {
-  const MatrixXd& powers = powers_of(data, parts)[run];
+  const MatrixXd& powers = powers_of(data, pointers_of(parts))[run];
   VectorXd e = data.y[run];
   e.array() -= at.local[run][0];
   long l = 1, c = powers.cols();
@@ -390,16 +385,17 @@ VectorXd residual_of(const SlowData& data, const std::vector<MeanPart>& parts, c
   return e;
 }
 
-// A step u beside the columns X of the run, local and common, with the priors Q of the local ones and the covariance C of the
-// common ones over all runs.  Its score is u'V^-1 e, its information
-//   u'V^-1 u - t (L'V^-1 L + Q)^-1 t' - w C w',   t = u'V^-1 L,   w = u'V^-1 X - t (L'V^-1 L + Q)^-1 L'V^-1 X.
-// V^-1 is applied once, to the columns: products with the steps are sums of it from a row to the last.
-VectorXd step_gains(const SlowData& data, const std::vector<MeanPart>& parts, const NoiseModel& noise,
+// A step u beside the local columns L and the common columns X of its run.  The noise has the covariance s V, s the square of
+// own_strength; Q: prior precisions of the local columns, C: covariance of the common coefficients over all runs.
+//   score        u'V^-1 e / s
+//   information  [ u'V^-1 u - t A t' - w C w' / s ] / s,   A = (L'V^-1 L + s Q)^-1,  t = u'V^-1 L,  w = u'V^-1 X - t A L'V^-1 X
+// V^-1 is applied once, to the columns: their products with all steps are sums from a row to the last.
+VectorXd step_gains(const SlowData& data, const std::vector<MeanPart>& parts, const RunGains& gains,
                     const RunGrams::Posterior& at, size_t run) {
-  const CampaignRun& times = data.campaign.runs[run];
-  const auto n = static_cast<long>(times.n());
+  const auto n = static_cast<long>(gains.n);
+  const double strength2 = std::pow(data.campaign.runs[run].own_strength, 2);
   std::vector<double> precision{0.0};
-  MatrixXd local = MatrixXd::Ones(n, 1), common = powers_of(data, parts)[run];
+  MatrixXd local = MatrixXd::Ones(n, 1), common = powers_of(data, pointers_of(parts))[run];
   const auto put = [](const MatrixXd& columns, MatrixXd* to) {
     to->conservativeResize(Eigen::NoChange, to->cols() + columns.cols());
     to->rightCols(columns.cols()) = columns;
@@ -409,23 +405,21 @@ VectorXd step_gains(const SlowData& data, const std::vector<MeanPart>& parts, co
     precision.insert(precision.end(), part.local_precision.begin(), part.local_precision.end());
   }
   const long l = local.cols(), c = common.cols();
-  const double variance = times.own_strength * times.own_strength;
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows(n, l + c + 1);
   rows << local, common, residual_of(data, parts, at, run);
-  const RunGains gains = compute_gains(times, noise);
   solve_rows(gains, static_cast<size_t>(l + c + 1), rows.data());
   MatrixXd own = local.transpose() * rows.leftCols(l);
-  own.diagonal() += Eigen::Map<const VectorXd>(precision.data(), l) * variance;
-  const MatrixXd inverse = inverse_symmetric(own), cross = inverse * (local.transpose() * rows.middleCols(l, c));
+  own.diagonal() += Eigen::Map<const VectorXd>(precision.data(), l) * strength2;
+  const MatrixXd a = inverse_symmetric(own), cross = a * (local.transpose() * rows.middleCols(l, c));
   for (long k = n - 1; k-- > 0;) rows.row(k) += rows.row(k + 1);
   const MatrixXd t = rows.leftCols(l), w = rows.middleCols(l, c) - t * cross;
   const VectorXd alone = step_norms(gains);
-  const VectorXd information = alone - (t * inverse).cwiseProduct(t).rowwise().sum() -
-                               (w * at.common_covariance).cwiseProduct(w).rowwise().sum() / variance;
+  const VectorXd information = alone - (t * a).cwiseProduct(t).rowwise().sum() -
+                               (w * at.common_covariance).cwiseProduct(w).rowwise().sum() / strength2;
   VectorXd gain = VectorXd::Zero(n);
   for (long k = 1; k < n; ++k)
     if (information[k] > kDependentStep * alone[k])
-      gain[k] = 0.5 * std::pow(rows(k, l + c), 2) / (information[k] * variance);
+      gain[k] = 0.5 * std::pow(rows(k, l + c), 2) / (information[k] * strength2);
   return gain;
 }
 

@@ -104,9 +104,10 @@ private:
 Eigen::VectorXd residual_of(const SlowData& data, const std::vector<MeanPart>& parts, const RunGrams::Posterior& at,
                             size_t run);
 
-// What a step between every used row of a run and the one before would gain at its best size, beside a mean at its posterior
-// under a noise: half the squared score over the information [nats].  Prior scale 1; the first row gains nothing.
-Eigen::VectorXd step_gains(const SlowData& data, const std::vector<MeanPart>& parts, const NoiseModel& noise,
+// What a step just before every used row of a run would gain at its best size, without a prior of its own, beside a mean at its
+// posterior: half the squared score over the information [nats].  The first row, where a step is the constant of the run, gains
+// nothing.  `gains`: of the run.
+Eigen::VectorXd step_gains(const SlowData& data, const std::vector<MeanPart>& parts, const RunGains& gains,
                            const RunGrams::Posterior& at, size_t run);
 
 } // namespace imucal

@@ -93,13 +93,11 @@ public:
 private:
   const SelectorConstants& constants() const { return question_.constants; }
 
-  // What a name must gain is known where the rest is noise.  Beside an open shape a member or a jump in time that holds less than a
-  // tenth of all may be of that shape; one that gains little beyond its threshold, and less than the tests find left, of what
-  // is left.
+  // The threshold of a name holds where what is left is noise.  Beside an open shape a member or a jump in time that holds less
+  // than a tenth of what the slow search explains may be of that shape; one that gains little beyond its threshold, and less than
+  // the tests find left, may be of what is left.
   void leave_small_beside_rest(double left_nats) {
-    const auto is_open = [](const SelectedEffect& effect) { return effect.doubt == Doubt::kShapeOpen; };
-    const bool has_open = std::any_of(names_.effects.begin(), names_.effects.end(), is_open);
-    const double least = has_open ? constants().lack_part * found_.slow.gain_nats() : 0;
+    const double least = has_open_shape() ? constants().lack_part * found_.slow.gain_nats() : 0;
     const auto is_small = [&](const SelectedEffect& effect) {
       const bool is_weak = effect.evidence_nats < constants().lack_nats && effect.gain_nats < left_nats;
       return !effect.is_family && is_in_mean(effect) && (effect.gain_nats < least || is_weak);
@@ -172,6 +170,7 @@ private:
         open_member(&effect);
     names_.leave_those([&](const SelectedEffect& effect) { return is_member(effect); }, &names_.effects);
   }
+  bool has_open_shape() const { return std::any_of(names_.effects.begin(), names_.effects.end(), is_shape_open); }
   double explained_nats() const {
     double sum = found_.slow.gain_nats() + found_.fast.jumping.gain_nats;
     for (const SelectedEffect& effect : names_.effects)
@@ -181,11 +180,9 @@ private:
   // A kind of slow noise beside a cause whose shape is open, or beside causes of which none is named, is what that shape leaves,
   // and so are one of fast noise and other noise parameters that hold little beside it.
   void leave_noise_beside_shapes() {
-    const auto is_open = [](const SelectedEffect& effect) { return effect.doubt == Doubt::kShapeOpen; };
     const bool is_mean_left =
         !names_.remainders.empty() && std::none_of(names_.effects.begin(), names_.effects.end(), is_in_mean);
-    const bool leaves_shape = is_mean_left || found_.slow.has_free_function() ||
-                              std::any_of(names_.effects.begin(), names_.effects.end(), is_open);
+    const bool leaves_shape = is_mean_left || found_.slow.has_free_function() || has_open_shape();
     if (!leaves_shape) return;
     const double least = constants().beside_free_part * explained_nats();
     const auto is_noise = [&](const SelectedEffect& effect) {

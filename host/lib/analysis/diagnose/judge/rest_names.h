@@ -13,7 +13,8 @@ void judge_unseen(Names* names);
 // Jumps in time that all go one way and take back what a drift in time brings are the teeth of a saw: the drift is no cause of
 // its own, and is left.
 void judge_teeth(const Campaign& campaign, Names* names);
-// `after`: tests of the innovations under the answer.  Opens names to their families, or leaves them.
+// `after`: tests of the innovations under the answer.  Opens names to their families, or leaves them: also small ones in the mean
+// beside an open shape, or beside what the tests find left.
 void open_by_rest(const AxisQuestion& question, const Found& found, const std::vector<RestFinding>& after,
                   Names* names);
 

@@ -55,12 +55,11 @@ private:
   void leave_beside_open_family() {
     std::vector<SelectedEffect> open;
     for (const SelectedEffect& effect : names_.effects)
-      if (effect.doubt == Doubt::kShapeOpen) open.push_back(effect);
+      if (is_shape_open(effect)) open.push_back(effect);
     const auto is_part = [&](const SelectedEffect& effect) {
-      return effect.doubt != Doubt::kShapeOpen &&
-             std::any_of(open.begin(), open.end(), [&](const SelectedEffect& whole) {
-               return whole.family == effect.family && whole.gain_nats > effect.gain_nats;
-             });
+      return !is_shape_open(effect) && std::any_of(open.begin(), open.end(), [&](const SelectedEffect& whole) {
+        return whole.family == effect.family && whole.gain_nats > effect.gain_nats;
+      });
     };
     names_.leave_those(is_part, &names_.effects);
   }

@@ -129,7 +129,8 @@ private:
     if (!has_jump(out_.best) || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
   }
   // Jumps are looked for beside the hypothesis without a name: a cause that is left there hides some of them, and another name
-  // then stands in for these.  More are looked for beside the names, and beside all but one of them.
+  // then stands in for these.  More are looked for beside the names, and beside all but one of them;
+  // beside what needs more than `at_most` in all none are taken.
   void more_jumps(size_t at_most) {
     if (out_.best.names.empty() || out_.best.steps.empty()) return;
     const SlowResult before = out_;

@@ -12,7 +12,7 @@ namespace {
 
 constexpr size_t kStepPlaces = 4, kJumpPlaces = 12; // that are tried: of one step, of jumps at a temperature
 constexpr long kNear = 3;                           // rows about a step that show the same
-constexpr double kOneHeight = 2;                    // jumps between two levels differ by less, as found
+constexpr double kOneHeight = 2;                    // times: of jumps between two levels, the highest over the lowest
 constexpr double kFinestPlace = 0.05;               // of a row
 
 struct JumpBlock {
@@ -24,10 +24,11 @@ std::vector<JumpBlock> likely_jump_blocks(const SlowLikelihood& of, const SlowMo
   std::vector<std::pair<double, JumpBlock>> list;
   const std::vector<MeanPart> parts = of.parts_on(of.space().data, m);
   const RunGrams::Posterior at = of.grams(m).posterior();
-  const NoiseModel noise = of.noise(m);
-  for (size_t r = 0; r < of.space().data.y.size(); ++r) {
-    const VectorXd gain = step_gains(of.space().data, parts, noise, at, r);
-    const long begin = kNear, end = gain.size() - kNear; // how a run starts is no jump
+  const std::vector<CampaignRun>& runs = of.space().data.campaign.runs;
+  GainsByRun gains(runs, of.noise(m));
+  for (size_t r = 0; r < runs.size(); ++r) {
+    const VectorXd gain = step_gains(of.space().data, parts, gains.of(runs[r]), at, r);
+    const long begin = kNear, end = gain.size() - kNear; // how a run starts or ends is no jump
     for (long k = begin; k < end; ++k) {
       const long first = std::max(begin, k - kNear), last = std::min(end - 1, k + kNear);
       if (gain[k] == gain.segment(first, last - first + 1).maxCoeff()) list.push_back({gain[k], {r, k}});
@@ -115,7 +116,7 @@ bool have_pattern(const SlowLikelihood& of, const SlowModel& m) {
 }
 
 // A jump between two places of the grid may gain next to nothing on either.  A candidate that jumps is also tried where
-// the innovations beside `m` are largest, and taken where it alone does better than `in_time`, which jumps at times, or
+// a step beside `m` would gain most, and taken where it alone does better than `in_time`, which jumps at times, or
 // where held-out logs are to tell the two.
 void try_jumps(const SlowLikelihood& of, const SlowModel& m, const SlowModel& in_time,
                std::vector<SlowCandidateScore>* scores) {

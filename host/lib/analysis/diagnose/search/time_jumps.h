@@ -19,7 +19,7 @@ struct TimeJumps {
 // Jumps in time beside `null` that earn their cost, one after the other (run, t_s), the noise estimated again with each; no places
 // where there are more than `most`.
 TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null, size_t most = kFewJumps);
-// Whether the jumps in time of a hypothesis are all up or all down, as the teeth of a saw, or of one height and up and down
+// Whether the jumps in time of a hypothesis, one at least, are all up or all down, as the teeth of a saw, or of one height and up and down
 // in turn in every run, as a noise of two levels.
 bool have_pattern(const SlowLikelihood& of, const SlowModel& m);
 // `scores`: candidates added to `m`.  Those that jump are also tried at the likely places, and taken there where they alone do

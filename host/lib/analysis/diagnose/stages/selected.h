@@ -52,6 +52,10 @@ Term term_of(const Effect* effect, const EffectEstimator* estimator, const Theta
 
 // Explained by a free shape alone.
 bool is_free(const SelectedEffect& effect);
+// The family is told, and no member has its shape.
+inline bool is_shape_open(const SelectedEffect& effect) {
+  return effect.doubt == Doubt::kShapeOpen;
+}
 // The family is told, for one of three reasons.
 void open_member(SelectedEffect* effect);
 void open_shape(SelectedEffect* effect);
