@@ -441,7 +441,7 @@ static void test_a_drift_that_jumps_back_is_no_ramp(void**) {
 
 // Up and down in turn, in each of two logs: of one height a noise of two levels, of others not; nor where two in a row go up.
 static void test_jumps_between_two_levels_have_a_pattern(void**) {
-  const auto has_pattern = [](std::array<double, 4> sizes_dph) {
+  const auto pattern = [](std::array<double, 4> sizes_dph) {
     std::vector<Log> logs = {simulated_log(71, 6000, false, 0), simulated_log(72, 6000, false, 0)};
     SlowModel m;
     for (size_t i = 0; i < sizes_dph.size(); ++i) {
@@ -452,12 +452,13 @@ static void test_jumps_between_two_levels_have_a_pattern(void**) {
     const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
     const SlowData data(block_means(campaign, block_length_s(campaign)));
     const SlowSpace space = make_slow_space(data, nothing_believed(), effect_library(), all_active(), {}, nullptr);
-    return have_pattern(SlowLikelihood(space), m);
+    return pattern_of(SlowLikelihood(space), m);
   };
-  assert_true(has_pattern({300, -450, 300, -450}));
-  assert_false(has_pattern({300, -900, 300, -900}));
-  assert_false(has_pattern({300, 450, 300, -450}));
-  assert_true(has_pattern({300, 900, 300, 900})); // all up: teeth
+  assert_true(pattern({300, -450, 300, -450}).are_two_levels);
+  assert_false(pattern({300, -900, 300, -900}).are_two_levels);
+  assert_false(pattern({300, 450, 300, -450}).are_two_levels || pattern({300, 450, 300, -450}).go_one_way);
+  assert_true(pattern({300, 900, 300, 900}).go_one_way); // teeth
+  assert_int_equal(pattern({300, 900, 300, 900}).n_followed, 2);
 }
 
 // Three slips of any size at any time in every log: what seems to follow temperature, or wanders, beside them is a part of them.

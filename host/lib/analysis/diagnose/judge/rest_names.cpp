@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "analysis/diagnose/judge/noise_kinds.h"
+#include "analysis/diagnose/search/time_jumps.h"
 #include "analysis/diagnose/stages/mean_lines.h"
 
 namespace imucal {
@@ -18,7 +19,6 @@ constexpr double kBoundPart = 1.5;
 constexpr double kBeyondErrors = 3; // by chance in 1 of 370 runs
 // Times the believed white noise: kinds of slow noise beside it move it by up to 1.12 (development cases).
 constexpr double kWhiteTimes = 1.25;
-constexpr size_t kFewestTeeth = 3;
 constexpr double kTakenBack = 0.5; // of what the drift brings, and not more than 1/kTakenBack of it
 constexpr int kSizes = 2001;       // that are tried within so many standard errors of the size found
 

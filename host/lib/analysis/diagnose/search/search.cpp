@@ -52,7 +52,7 @@ public:
     else
       run_with_or_without(jumps.places);
     if (!jumps.places.empty() || jumps.are_many) part_jumps();
-    more_jumps(kFewJumps);
+    more_jumps();
     if (jumps.are_many && !jumps.places.empty()) weigh_many(jumps.places);
   }
   // The best hypothesis with exactly these causes.
@@ -129,9 +129,8 @@ private:
     if (!has_jump(out_.best) || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
   }
   // Jumps are looked for beside the hypothesis without a name: a cause that is left there hides some of them, and another name
-  // then stands in for these.  More are looked for beside the names, and beside all but one of them;
-  // beside what needs more than `at_most` in all none are taken.
-  void more_jumps(size_t at_most) {
+  // then stands in for these.  More are looked for beside the names, and beside all but one of them.
+  void more_jumps() {
     if (out_.best.names.empty() || out_.best.steps.empty()) return;
     const SlowResult before = out_;
     std::vector<SlowModel> bases = {before.best};
@@ -140,7 +139,7 @@ private:
     SlowModel most = before.best;
     for (const SlowModel& base : bases) {
       SlowModel with = base;
-      with.steps = find_steps(likelihood_, base, at_most).places;
+      with.steps = find_steps(likelihood_, base, kManyJumps).places;
       if (with.steps.size() <= base.steps.size()) continue;
       with = polished(likelihood_, with);
       if (likelihood_.score(with) > likelihood_.score(most)) most = with;
@@ -162,10 +161,11 @@ private:
     const SlowModel in_time = jumped(places);
     const double null = likelihood_.score(start_null_), of_jumps = likelihood_.score(in_time) - null;
     if (likelihood_.score(out_.best) - null > space_.constants.member_share * of_jumps) return;
-    if (have_pattern(likelihood_, in_time)) return;
+    const JumpPattern pattern = pattern_of(likelihood_, in_time);
+    if (pattern.go_one_way || pattern.are_two_levels) return;
     const SlowResult before = out_;
     run_beside(in_time, before.without_steps ? *before.without_steps : before);
-    more_jumps(kManyJumps);
+    more_jumps();
     const bool is_one_less = out_.best.names.size() < before.best.names.size();
     if (!is_one_less || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
   }
@@ -495,6 +495,11 @@ SlowModel SlowSearch::beside_believed(const SlowModel& model) const {
 }
 SlowModel SlowSearch::in_place_of_base(const SlowModel& model) const {
   return imucal::in_place_of_base(impl_->likelihood, model);
+}
+bool SlowSearch::has_teeth(const SlowModel& model) const {
+  if (model.steps.size() < kFewestTeeth) return false;
+  const JumpPattern pattern = pattern_of(impl_->likelihood, model);
+  return pattern.go_one_way && pattern.n_followed > 0;
 }
 SlowModel SlowSearch::with_parameters(const SlowModel& model) const {
   return impl_->judge().with_parameters(model);

@@ -66,6 +66,8 @@ public:
   double value_on(const SlowData& all, const SlowModel& model) const;
   // With every effect of any shape in that of its parameters which comes nearest, the rest estimated again.
   SlowModel with_parameters(const SlowModel& model) const;
+  // Whether its jumps in time all go one way, one after another in a log: no noise of two levels.
+  bool has_teeth(const SlowModel& model) const;
   // After a name of `best` was taken away: estimated again, members in the place of free shapes where they gain nearly as
   // much, evidence and rivals of every name anew.
   void judge_again(SlowResult* result) const;

@@ -99,20 +99,23 @@ TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null, size_t mos
   return {{}, true};
 }
 
-bool have_pattern(const SlowLikelihood& of, const SlowModel& m) {
+JumpPattern pattern_of(const SlowLikelihood& of, const SlowModel& m) {
   const auto n = static_cast<long>(m.steps.size());
   const VectorXd sizes_dph = of.grams(m).posterior().common.segment(of.space().data.powers.front().cols(), n);
   std::vector<std::pair<Theta, bool>> is_up; // by run and time
   for (long i = 0; i < n; ++i) is_up.push_back({m.steps[static_cast<size_t>(i)], sizes_dph[i] > 0});
   std::sort(is_up.begin(), is_up.end());
   const VectorXd heights = sizes_dph.cwiseAbs();
-  bool go_one_way = true, take_turns = true;
+  JumpPattern out;
+  out.are_two_levels = heights.maxCoeff() < kOneHeight * heights.minCoeff();
   for (size_t i = 1; i < is_up.size(); ++i) {
     const bool turns = is_up[i].second != is_up[i - 1].second;
-    go_one_way = go_one_way && !turns;
-    take_turns = take_turns && (turns || is_up[i].first[0] != is_up[i - 1].first[0]);
+    out.go_one_way = out.go_one_way && !turns;
+    if (is_up[i].first[0] != is_up[i - 1].first[0]) continue; // another run
+    out.are_two_levels = out.are_two_levels && turns;
+    ++out.n_followed;
   }
-  return go_one_way || (take_turns && heights.maxCoeff() < kOneHeight * heights.minCoeff());
+  return out;
 }
 
 // A jump between two places of the grid may gain next to nothing on either.  A candidate that jumps is also tried where

@@ -6,8 +6,9 @@
 
 namespace imucal {
 
-constexpr size_t kFewJumps = 5;   // more are no events but a noise that jumps
-constexpr size_t kManyJumps = 13; // more are not told one by one
+constexpr size_t kFewJumps = 5;    // more are no events but a noise that jumps
+constexpr size_t kManyJumps = 13;  // more are not told one by one
+constexpr size_t kFewestTeeth = 3; // jumps all one way: fewer may be chance
 
 // Jumps in time beside a hypothesis, as the effect of steps takes them.
 struct TimeJumps {
@@ -19,9 +20,13 @@ struct TimeJumps {
 // Jumps in time beside `null` that earn their cost, one after the other (run, t_s), the noise estimated again with each; no places
 // where there are more than `most`.
 TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null, size_t most = kFewJumps);
-// Whether the jumps in time of a hypothesis, one at least, are all up or all down, as the teeth of a saw, or of one height and up and down
-// in turn in every run, as a noise of two levels.
-bool have_pattern(const SlowLikelihood& of, const SlowModel& m);
+// How the jumps in time of a hypothesis, one at least, follow each other.
+struct JumpPattern {
+  bool go_one_way = true;     // all up or all down, as the teeth of a saw
+  bool are_two_levels = true; // of one height, up and down in turn in every run, as a noise of two levels
+  size_t n_followed = 0;      // jumps that another one of the same run follows
+};
+JumpPattern pattern_of(const SlowLikelihood& of, const SlowModel& m);
 // `scores`: candidates added to `m`.  Those that jump are also tried at the likely places, and taken there where they alone do
 // better than `in_time`, which jumps at times, or where held-out logs are to tell the two.
 void try_jumps(const SlowLikelihood& of, const SlowModel& m, const SlowModel& in_time,

@@ -35,7 +35,7 @@ public:
     if (!question_.jumping_kind() || !(fast_.changes_suddenly || (found && found->gain_nats > constants().fast_nats)))
       return out_;
     if (!found && !question_.belief.has_believed) return out_;
-    out_.has_teeth = found && is_one_sided(question_.campaign, seconds_.fit.residual, with_jumps(*found));
+    out_.has_teeth = found && has_teeth(seconds_.fit.residual, *found);
     if (out_.has_teeth) return out_;
     const double gaussian = seconds_.noise.log_likelihood - charges(slow_.found.best, seconds_.is_believed);
     const double fast = fast_.findings.empty() ? 0 : fast_.findings.front().gain_nats - constants().fast_nats;
@@ -43,7 +43,7 @@ public:
     Jumping first = first_jumping(alone);
     SlowAnswer other;
     const Jumping with = ask_in_turn(first, &alone, &other);
-    out_.has_teeth = is_one_sided(question_.campaign, with.fit.residual, with_jumps(with.noise));
+    out_.has_teeth = has_teeth(with.fit.residual, with.noise);
     if (!out_.has_teeth && with.score > gaussian + std::max(0.0, fast) + foretold_by_lost(other))
       take_jumping(with, gaussian, other);
     else
@@ -53,6 +53,10 @@ public:
 
 private:
   const SelectorConstants& constants() const { return question_.constants; }
+  // By the jumps in time that are found, or by what the levels leave.
+  bool has_teeth(const std::vector<VectorXd>& residual, const FastFinding& noise) const {
+    return slow_.search->has_teeth(slow_.found.best) || is_one_sided(question_.campaign, residual, with_jumps(noise));
+  }
   bool is_long() const { return question_.campaign.n() > kMany; }
 
   // Levels follow a jump at a temperature as well as one by chance, but foretell nothing: what the names that would go
