@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "analysis/diagnose/judge/rest_names.h"
+#include "analysis/diagnose/search/slow_likelihood.h"
 #include "diagnose_logs.h"
 
 static void test_search_names_hysteresis_whatever_noise_is_believed(void**) {
@@ -98,6 +99,79 @@ static void test_slips_beside_a_loop_are_found_one_by_one(void**) {
     assert_true(std::any_of(best.steps.begin(), best.steps.end(), [&](const Theta& step) {
       return step[0] == static_cast<double>(slip.log) && std::fabs(step[1] - static_cast<double>(slip.at_s)) < 30;
     }));
+}
+
+// A soak, a ramp and the way back to where it is colder: a lag of 430 s, and in the second log a slip where the temperature has
+// just left the soak, or in all logs a relay that jumps there.
+struct LagAndSlip {
+  static constexpr size_t kSlip_s = 1500;
+  static constexpr double kBand_degc = 4;
+  std::vector<Log> logs;
+  LagAndSlip(double slope_dph_degc, double slip_dph, bool is_at_temperature) {
+    for (uint64_t k = 0; k < 3; ++k) {
+      logs.push_back(simulated_log(3011 + 3 * k, 6000, false, 0));
+      Log& log = logs.back();
+      double gyro = soak_degc(k);
+      bool is_on = false;
+      for (size_t i = 0; i < log.size(); ++i) {
+        const double temp = temp_degc(k, i);
+        gyro += (temp - gyro) / 430;
+        if (temp > up_degc()) is_on = true;
+        if (temp < up_degc() - kBand_degc) is_on = false;
+        const bool is_beyond = is_at_temperature ? is_on : k == 1 && i >= kSlip_s;
+        log.axes[0].rate_dph[i] +=
+            bias_dph(gyro) + slope_dph_degc * gyro - bias_dph(log.temp_degc[i]) + (is_beyond ? slip_dph : 0);
+        log.temp_degc[i] = temp;
+      }
+    }
+  }
+  static double soak_degc(size_t k) { return 5 + static_cast<double>(k); }
+  static double temp_degc(size_t k, size_t i) {
+    const double ramp =
+        std::clamp((2000 - std::fabs(static_cast<double>(i) - 3400)) / 2000, i < 3400 ? 0.0 : -1.0, 1.0);
+    return std::max(1.0, soak_degc(k) + 45 * ramp);
+  }
+  static double up_degc() { return temp_degc(1, kSlip_s); }
+};
+
+static void test_a_slip_that_a_lag_hides_is_found_beside_it(void**) {
+  const Campaign campaign = make_campaign(LagAndSlip(60, 60, false).logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  NoiseBelief belief = nothing_believed();
+  belief.has_believed = true;
+  belief.model.white_sigma_dph = 36, belief.model.markov = {{20, 100}};
+  SlowSearch search(data, belief, effect_library(), all_active(), {});
+  const SlowResult found = search.run();
+  assert_int_equal(found.best.names.size(), 1);
+  assert_string_equal(search.candidates()[found.best.names[0].candidate].effect->name().c_str(), "thermal_lag");
+  assert_int_equal(found.best.steps.size(), 1);
+  assert_near(found.best.steps[0][0], 1, 0);
+  assert_near(found.best.steps[0][1], LagAndSlip::kSlip_s, 20);
+  // What the jump gains beside the lag, not beside nothing.
+  SlowModel less = found.best;
+  less.steps.clear();
+  assert_near(found.step_gain_nats, found.best.free_score() - search.polished(less).free_score(), 1e-6);
+}
+
+// In the band where the logs begin the start state of a relay is free, and could take a slip without the height of the relay.
+static void test_a_jump_at_a_temperature_that_only_start_states_show_is_none(void**) {
+  for (const bool is_at_temperature : {false, true}) {
+    const LagAndSlip simulated(0, 90, is_at_temperature);
+    const Campaign campaign = make_campaign(simulated.logs, "gx_dph", nominal_model());
+    const SlowData data(block_means(campaign, block_length_s(campaign)));
+    const SlowSpace space = make_slow_space(data, nothing_believed(), effect_library(), all_active(), {}, nullptr);
+    const SlowLikelihood likelihood(space);
+    SlowModel with;
+    for (size_t j = 0; j < space.candidates.size(); ++j)
+      if (space.candidates[j].scan.estimator->can_jump())
+        with.names = {{j, {LagAndSlip::up_degc(), LagAndSlip::kBand_degc, 0}}};
+    assert_int_equal(with.names.size(), 1);
+    const double gain = likelihood.evaluate(with) - likelihood.evaluate(SlowModel());
+    if (is_at_temperature)
+      assert_true(gain > 20);
+    else
+      assert_true(gain < -1e299);
+  }
 }
 
 // A loop of one play and one relay.  A small relay is a part of the loop, a large one is a cause of its own.
@@ -907,6 +981,8 @@ int main() {
       cmocka_unit_test(test_a_jump_at_a_temperature_is_found_by_a_late_thermometer),
       cmocka_unit_test(test_many_jumps_at_a_temperature_near_a_soak_are_no_noise),
       cmocka_unit_test(test_slips_beside_a_loop_are_found_one_by_one),
+      cmocka_unit_test(test_a_slip_that_a_lag_hides_is_found_beside_it),
+      cmocka_unit_test(test_a_jump_at_a_temperature_that_only_start_states_show_is_none),
       cmocka_unit_test(test_a_small_relay_of_a_loop_is_no_jump_at_a_temperature),
       cmocka_unit_test(test_a_lag_of_seconds_is_found),
       cmocka_unit_test(test_the_error_of_a_creep_holds_its_time_constants),

@@ -12,8 +12,6 @@ namespace imucal {
 
 namespace {
 
-// A loop that is not seen: its size is within that many standard errors of none.
-constexpr double kSeenErrors = 3;
 // Start states are bounded by the size, and by a half more: one at the bound, with a little of another cause, is not beyond it.
 constexpr double kBoundPart = 1.5;
 constexpr double kBeyondErrors = 3; // by chance in 1 of 370 runs

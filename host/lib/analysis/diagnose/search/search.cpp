@@ -52,7 +52,7 @@ public:
     else
       run_with_or_without(jumps.places);
     if (!jumps.places.empty() || jumps.are_many) part_jumps();
-    more_jumps();
+    more_jumps(jumps.are_many);
     if (jumps.are_many && !jumps.places.empty()) weigh_many(jumps.places);
   }
   // The best hypothesis with exactly these causes.
@@ -103,7 +103,6 @@ private:
     out_ = SlowResult();
     run_with(in_time, space_.belief.has_believed ? polished(likelihood_, in_time, kQuickEvaluations) : in_time,
              nullptr);
-    out_.step_gain_nats = out_.null.free_score() - plain.null.free_score();
     out_.null = plain.null;
     out_.without_steps = std::make_shared<const SlowResult>(plain);
   }
@@ -130,8 +129,9 @@ private:
   }
   // Jumps are looked for beside the hypothesis without a name: a cause that is left there hides some of them, and another name
   // then stands in for these.  More are looked for beside the names, and beside all but one of them.
-  void more_jumps() {
-    if (out_.best.names.empty() || out_.best.steps.empty()) return;
+  void more_jumps(bool are_many) {
+    const bool has_steps = !out_.best.steps.empty();
+    if (out_.best.names.empty() || (!has_steps && are_many)) return;
     const SlowResult before = out_;
     std::vector<SlowModel> bases = {before.best};
     for (size_t i = 0; i < before.best.names.size() && before.best.names.size() > 1; ++i)
@@ -139,7 +139,7 @@ private:
     SlowModel most = before.best;
     for (const SlowModel& base : bases) {
       SlowModel with = base;
-      with.steps = find_steps(likelihood_, base, kManyJumps).places;
+      with.steps = find_steps(likelihood_, base, has_steps ? kManyJumps : kFewJumps).places;
       if (with.steps.size() <= base.steps.size()) continue;
       with = polished(likelihood_, with);
       if (likelihood_.score(with) > likelihood_.score(most)) most = with;
@@ -165,7 +165,7 @@ private:
     if (pattern.go_one_way || pattern.are_two_levels) return;
     const SlowResult before = out_;
     run_beside(in_time, before.without_steps ? *before.without_steps : before);
-    more_jumps();
+    more_jumps(true);
     const bool is_one_less = out_.best.names.size() < before.best.names.size();
     if (!is_one_less || likelihood_.score(out_.best) < likelihood_.score(before.best)) out_ = before;
   }

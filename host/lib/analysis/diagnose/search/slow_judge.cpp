@@ -140,10 +140,16 @@ double SlowJudge::evidence_of(const SlowModel& m, size_t i) const {
 void SlowJudge::judge_names(SlowResult* result) const {
   result->best = with_members(result->best, &result->replaced);
   const SlowModel best = result->best;
-  result->rivals.clear(), result->evidence.clear();
+  result->rivals.clear(), result->evidence.clear(), result->step_gain_nats = 0;
   for (size_t i = 0; i < best.names.size(); ++i) {
     result->evidence.push_back(evidence_of(best, i));
     result->rivals.push_back(rivals(best, i));
+  }
+  if (!best.steps.empty()) {
+    SlowModel less = best;
+    less.steps.clear();
+    less = polished(likelihood_, less, kQuickEvaluations);
+    result->step_gain_nats = best.free_score() - less.free_score();
   }
   if (best.noise_effect) {
     SlowModel less = best;

@@ -114,7 +114,25 @@ double SlowLikelihood::evaluate(const SlowModel& m) const {
     const EffectEstimator& e = *c.scan.estimator;
     if (!space_.is_repeated(e, name.shape, c.is_once) || space_.is_of_steps(e, name.shape)) return -1e300;
   }
-  return grams(m).log_marginal_any_scale() + noise_value(m);
+  const RunGrams grams = this->grams(m);
+  if (!are_jumps_seen(m, grams)) return -1e300;
+  return grams.log_marginal_any_scale() + noise_value(m);
+}
+// A relay is on or off where a run begins, so that a start state is its height or nothing.  The start states are free here: where
+// the height is not seen, they are what a jump in time, or another cause, leaves to them.
+bool SlowLikelihood::are_jumps_seen(const SlowModel& m, const RunGrams& grams) const {
+  const auto can_jump = [&](const SlowModel::Name& name) {
+    return !name.is_start_only && space_.candidates[name.candidate].scan.estimator->can_jump();
+  };
+  if (std::none_of(m.names.begin(), m.names.end(), can_jump)) return true;
+  const RunGrams::Posterior at = grams.posterior();
+  Eigen::Index column = at.common.size(); // names come last
+  for (auto name = m.names.rbegin(); name != m.names.rend(); ++name) {
+    column -= part_at(*name)->common_precision.size();
+    if (!can_jump(*name)) continue;
+    if (std::fabs(at.common[column]) <= kSeenErrors * std::sqrt(at.common_covariance(column, column))) return false;
+  }
+  return true;
 }
 double SlowLikelihood::score(const SlowModel& m) const {
   return m.free_score() - space_.constants.mean_nats * static_cast<double>(m.names.size()) -

@@ -34,6 +34,7 @@ public:
 private:
   Part part_at(const SlowModel::Name& name) const; // on the data searched; kept
   MeanPart part_on(const SlowData& where, const SlowModel::Name& name) const;
+  bool are_jumps_seen(const SlowModel& m, const RunGrams& grams) const;
 
   const SlowSpace& space_;
   struct KeptPart {

@@ -11,6 +11,9 @@
 
 namespace imucal {
 
+// A size that is seen is more than so many standard errors from none.
+constexpr double kSeenErrors = 3;
+
 // Another kind of noise may have been swallowed by a process of the fitted one.  What that process then leaves, where a
 // search for the other kind starts: logarithms of factors on white noise, slow density and tau.
 Theta left_by_swallowed();
@@ -90,7 +93,7 @@ struct SlowResult {
   std::vector<SlowCandidateScore> singles; // per candidate
   std::vector<SlowCandidateScore> noises;  // per slow noise effect of the library that was tried
   std::vector<const Effect*> noise_effects;
-  double step_gain_nats = 0; // of all jumps of `best` over the null without them
+  double step_gain_nats = 0; // the same of all jumps of `best` together
   // Where jumps in time were found: the answer without them.  Other data choose between the two.
   std::shared_ptr<const SlowResult> without_steps;
   std::vector<size_t> replaced; // free shapes that gain somewhat more than the member named in their place
