@@ -95,6 +95,7 @@ static void test_slips_beside_a_loop_are_found_one_by_one(void**) {
   assert_int_equal(best.names.size(), 1);
   assert_string_equal(search.candidates()[best.names[0].candidate].effect->name().c_str(), "thermal_hysteresis");
   assert_int_equal(best.steps.size(), 5);
+  assert_true(std::is_sorted(best.steps.begin(), best.steps.end())); // by run and time
   for (const Slip& slip : slips)
     assert_true(std::any_of(best.steps.begin(), best.steps.end(), [&](const Theta& step) {
       return step[0] == static_cast<double>(slip.log) && std::fabs(step[1] - static_cast<double>(slip.at_s)) < 30;
@@ -560,9 +561,9 @@ static SelectedEffect told(const char* name, double gain_nats, double threshold_
   return out;
 }
 
-// What is still named of these effects, which gain 100 nats together, where the tests find so much left.
-static std::set<std::string> named_beside_rest(std::vector<SelectedEffect> effects, double left_nats,
-                                               std::vector<CandidateEvidence> remainders = {}) {
+// What becomes of these effects, which gain 100 nats together, where the tests find so much left.
+static Names judged_beside_rest(std::vector<SelectedEffect> effects, double left_nats,
+                                std::vector<CandidateEvidence> remainders = {}) {
   const Campaign campaign;
   const AxisQuestion question{campaign, nullptr, effect_library(), all_active(), nothing_believed(), {}};
   Found found;
@@ -570,9 +571,14 @@ static std::set<std::string> named_beside_rest(std::vector<SelectedEffect> effec
   Names names;
   names.effects = std::move(effects), names.remainders = std::move(remainders);
   open_by_rest(question, found, {{Rest::kSpectrum, left_nats, 5}}, &names);
-  std::set<std::string> out;
-  for (const SelectedEffect& e : names.effects) out.insert(e.is_family ? family_name(e.family) : e.term.effect->name());
   assert_true(names.effects.size() + names.remainders.size() >= 2); // nothing is lost
+  return names;
+}
+static std::set<std::string> named_beside_rest(std::vector<SelectedEffect> effects, double left_nats,
+                                               std::vector<CandidateEvidence> remainders = {}) {
+  std::set<std::string> out;
+  for (const SelectedEffect& e : judged_beside_rest(std::move(effects), left_nats, std::move(remainders)).effects)
+    out.insert(e.is_family ? family_name(e.family) : e.term.effect->name());
   return out;
 }
 
@@ -599,19 +605,26 @@ static void test_slow_noise_beside_causes_that_have_no_name_is_none(void**) {
   assert_true(named_beside_rest({told("telegraph_noise", 40, 5)}, -5, left).empty());
   const std::vector<SelectedEffect> both = {told("thermal_lag", 60, 5), told("telegraph_noise", 40, 5)};
   assert_true(named_beside_rest(both, -5, left) == (Told{"thermal_lag", "telegraph_noise"}));
+  // A line that was left is no cause in the mean.
+  const std::vector<CandidateEvidence> line = {told("sinusoid", 60, 5).set.front()};
+  assert_true(named_beside_rest({told("telegraph_noise", 40, 5)}, -5, line) == Told{"telegraph_noise"});
 }
 
 // Slow noise whose kind is open, a noise that jumps in its set: a jump of little weight may be one of its own.
 static void test_a_weak_jump_beside_noise_that_may_jump_is_of_it(void**) {
   using Told = std::set<std::string>;
-  const auto beside_noise = [](double step_nats) {
+  const auto with_noise = [](double step_nats) -> std::vector<SelectedEffect> {
     SelectedEffect noise = told("second_markov", 60, 7);
     open_member(&noise);
     noise.set.push_back(told("telegraph_noise", 55, 7).set.front());
-    return named_beside_rest({noise, told("bias_step", step_nats, 8), told("thermal_lag", 40, 5)}, -5);
+    return {noise, told("bias_step", step_nats, 8), told("thermal_lag", 40, 5)};
   };
-  assert_true(beside_noise(10) == (Told{"slow_noise", "thermal_lag"}));
-  assert_true(beside_noise(12) == (Told{"slow_noise", "thermal_lag", "bias_step"}));
+  assert_true(named_beside_rest(with_noise(10), -5) == (Told{"slow_noise", "thermal_lag"}));
+  assert_true(named_beside_rest(with_noise(12), -5) == (Told{"slow_noise", "thermal_lag", "bias_step"}));
+  // More is left than it gains: of the noise all the same, not of what is left.
+  const Names weak = judged_beside_rest(with_noise(10), 12);
+  assert_true(weak.remainders.empty());
+  assert_int_equal(weak.effects.at(0).set.size(), 3);
 }
 
 // A hysteresis by its size and the state in which a run began, with their errors and correlation, as Names have it.

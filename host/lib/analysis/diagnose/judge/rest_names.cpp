@@ -56,8 +56,15 @@ double brought_by(const Campaign& campaign, const SelectedEffect& effect) {
   return sum;
 }
 // A line or a kind of noise is no part of a cause in the mean.
+bool is_in_mean(const EffectEstimator* estimator) {
+  return estimator && estimator->form() != Form::kTone && estimator->form() != Form::kNoise;
+}
 bool is_in_mean(const SelectedEffect& effect) {
-  return effect.term.estimator && effect.term.form() != Form::kTone && effect.term.form() != Form::kNoise;
+  return is_in_mean(effect.term.estimator);
+}
+bool is_in_mean(const CandidateEvidence& cause) {
+  if (cause.effect) return is_in_mean(cause.effect->estimator());
+  return cause.reference && is_in_mean(cause.reference->candidate.estimator);
 }
 
 class RestNames {
@@ -84,8 +91,8 @@ public:
       }
       if (left > explained_nats() || n_members() > kFewNames) leave_members(strongest);
     }
-    leave_small_beside_rest(question_.is_censored ? 0 : left);
     join_open_noise();
+    leave_small_beside_rest(question_.is_censored ? 0 : left);
   }
 
 private:
@@ -178,8 +185,9 @@ private:
   // A kind of slow noise beside a cause whose shape is open, or beside causes of which none is named, is what that shape leaves,
   // and so are one of fast noise and other noise parameters that hold little beside it.
   void leave_noise_beside_shapes() {
-    const bool is_mean_left =
-        !names_.remainders.empty() && std::none_of(names_.effects.begin(), names_.effects.end(), is_in_mean);
+    const auto is_of_mean = [](const auto& cause) { return is_in_mean(cause); };
+    const auto has_mean = [&](const auto& list) { return std::any_of(list.begin(), list.end(), is_of_mean); };
+    const bool is_mean_left = has_mean(names_.remainders) && !has_mean(names_.effects);
     const bool leaves_shape = is_mean_left || found_.slow.has_free_function() || has_open_shape();
     if (!leaves_shape) return;
     const double least = constants().beside_free_part * explained_nats();

@@ -54,6 +54,7 @@ public:
     if (!jumps.places.empty() || jumps.are_many) part_jumps();
     more_jumps(jumps.are_many);
     if (jumps.are_many && !jumps.places.empty()) weigh_many(jumps.places);
+    std::sort(out_.best.steps.begin(), out_.best.steps.end()); // as they are told: by run and time
   }
   // The best hypothesis with exactly these causes.
   SlowModel best_with(const std::vector<const Effect*>& effects) const {
