@@ -154,6 +154,30 @@ static void test_a_slip_that_a_lag_hides_is_found_beside_it(void**) {
   assert_near(found.step_gain_nats, found.best.free_score() - search.polished(less).free_score(), 1e-6);
 }
 
+// Beside the noise as fitted without jumps, slow enough to follow both, neither is worth a try.
+static void test_jumps_that_the_noise_has_swallowed_are_found(void**) {
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 3; ++k) {
+    logs.push_back(simulated_log(7054, 6000, false, 0));
+    Rng rng(7054, k, 0, Stream::kTool);
+    double slow_dph = 7.5 * rng.normal();
+    for (size_t i = 0; i < 6000; ++i) {
+      slow_dph = std::exp(-0.01) * slow_dph + 7.5 * std::sqrt(1 - std::exp(-0.02)) * rng.normal();
+      const double jumped_dph = k == 0 && i >= 2500 ? 25 : k == 2 && i >= 3000 ? 33 : 0;
+      logs[k].axes[0].rate_dph[i] = bias_dph(logs[k].temp_degc[i]) + jumped_dph + slow_dph + 36 * rng.normal();
+    }
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  const SlowModel best = search.run().best;
+  assert_true(best.names.empty() && !best.noise_effect);
+  assert_int_equal(best.steps.size(), 2);
+  assert_near(best.steps[0][0], 0, 0);
+  assert_near(best.steps[1][0], 2, 0);
+  assert_near(best.steps[1][1], 3000, 20);
+}
+
 // In the band where the logs begin the start state of a relay is free, and could take a slip without the height of the relay.
 static void test_a_jump_at_a_temperature_that_only_start_states_show_is_none(void**) {
   for (const bool is_at_temperature : {false, true}) {
@@ -993,6 +1017,7 @@ int main() {
       cmocka_unit_test(test_both_thresholds_of_a_jump_at_a_temperature_are_found),
       cmocka_unit_test(test_a_jump_at_a_temperature_is_found_by_a_late_thermometer),
       cmocka_unit_test(test_many_jumps_at_a_temperature_near_a_soak_are_no_noise),
+      cmocka_unit_test(test_jumps_that_the_noise_has_swallowed_are_found),
       cmocka_unit_test(test_slips_beside_a_loop_are_found_one_by_one),
       cmocka_unit_test(test_a_slip_that_a_lag_hides_is_found_beside_it),
       cmocka_unit_test(test_a_jump_at_a_temperature_that_only_start_states_show_is_none),
