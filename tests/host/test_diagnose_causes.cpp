@@ -2,6 +2,7 @@
 // What diagnose answers where a cause repeats: hysteresis, lag, curves and jumps at a temperature, warm-up.
 #include <algorithm>
 
+#include "analysis/diagnose/judge/noise_kinds.h"
 #include "analysis/diagnose/judge/rest_names.h"
 #include "analysis/diagnose/search/slow_likelihood.h"
 #include "diagnose_logs.h"
@@ -651,6 +652,20 @@ static void test_a_weak_jump_beside_noise_that_may_jump_is_of_it(void**) {
   assert_int_equal(weak.effects.at(0).set.size(), 3);
 }
 
+// Of one jump nobody says that it comes again and again.
+static void test_what_is_said_of_open_jumps_is_of_as_many(void**) {
+  const Campaign campaign;
+  const AxisQuestion question{campaign, nullptr, effect_library(), all_active(), nothing_believed(), {}};
+  for (const size_t jumps : {1u, 2u, 5u}) {
+    SelectedEffect effect = told("bias_step", 50, 8);
+    effect.term.shape.assign(2 * jumps, 0);
+    open_jumps(question, &effect);
+    assert_true(effect.is_family && effect.family == Family::kSlowNoise);
+    assert_int_equal(effect.statement.find("again and again") != std::string::npos, jumps > 1);
+    assert_int_equal(effect.statement.find("one jump") != std::string::npos, jumps == 1);
+  }
+}
+
 // A hysteresis by its size and the state in which a run began, with their errors and correlation, as Names have it.
 static Names memory_of(double size, double size_error, double start, double start_error, double correlation) {
   const Effect& effect = find_effect("thermal_hysteresis");
@@ -1044,6 +1059,7 @@ int main() {
       cmocka_unit_test(test_a_small_name_beside_what_is_left_is_no_name),
       cmocka_unit_test(test_slow_noise_beside_causes_that_have_no_name_is_none),
       cmocka_unit_test(test_a_weak_jump_beside_noise_that_may_jump_is_of_it),
+      cmocka_unit_test(test_what_is_said_of_open_jumps_is_of_as_many),
       cmocka_unit_test(test_two_members_are_found_that_one_free_shape_stands_for),
       cmocka_unit_test(test_a_slope_that_ages_is_no_slow_noise),
       cmocka_unit_test(test_what_a_free_shape_foretells_opens_a_name_to_its_family),

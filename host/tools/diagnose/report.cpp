@@ -72,7 +72,7 @@ const char* rest_text(Rest test) {
                                       "noise that is not Gaussian",
                                       "noise that comes in bursts",
                                       "a line in the spectrum",
-                                      "sudden changes that come again and again"};
+                                      "sudden changes of the bias"};
   return texts[static_cast<size_t>(test)];
 }
 const char* held_out_text(HeldOut method) {

@@ -151,7 +151,11 @@ void open_jumps(const AxisQuestion& question, SelectedEffect* effect) {
   // What is of the family that is told stands first.
   std::stable_partition(effect->set.begin(), effect->set.end(),
                         [&](const CandidateEvidence& e) { return e.family == effect->family; });
-  effect->statement = "jumps come again and again: a noise that jumps, not single events; what makes it is open";
+  const bool is_one = effect->term.shape.size() == 2; // run, t_s
+  effect->statement =
+      is_one ? "one jump is placed, but these logs do not bear out that it is a single event: perhaps a noise "
+               "that jumps; what makes it is open"
+             : "jumps come again and again: a noise that jumps, not single events; what makes it is open";
 }
 
 } // namespace imucal
