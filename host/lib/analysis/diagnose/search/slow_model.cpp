@@ -24,6 +24,10 @@ void SlowModel::take_noise_of(const SlowModel& other) {
   std::copy(other.log_noise, other.log_noise + 3, log_noise);
   is_believed = other.is_believed;
 }
+void SlowModel::leave_swallowed() {
+  const Theta left = left_by_swallowed();
+  for (size_t i = 0; i < left.size(); ++i) log_noise[i] += left[i];
+}
 double SlowModel::charges() const {
   double sum = noise_effect ? noise_charge : 0;
   for (const Name& name : names) sum += name.charge;

@@ -13,7 +13,7 @@ namespace {
 constexpr size_t kStepPlaces = 4, kJumpPlaces = 12; // that are tried: of one step, of jumps at a temperature
 constexpr long kNear = 3;                           // rows about a step that show the same
 constexpr double kOneHeight = 2;                    // times: of jumps between two levels, the highest over the lowest
-constexpr double kMakesUp = 0.5;                    // of 141 logs without a step the largest: 0.53, 0.43, 0.38
+constexpr double kMakesUp = 0.5;                    // of what less noise costs: most of it
 constexpr double kFinestPlace = 0.05;               // of a row
 
 struct JumpBlock {
@@ -93,8 +93,7 @@ SlowModel with_likely_step(const SlowLikelihood& of, const SlowModel& m) {
 SlowModel with_swallowed_step(const SlowLikelihood& of, const SlowModel& m) {
   if (m.is_believed) return m;
   SlowModel less = m;
-  const Theta left = left_by_swallowed();
-  for (size_t i = 0; i < left.size(); ++i) less.log_noise[i] += left[i];
+  less.leave_swallowed();
   less.value = of.evaluate(less);
   const SlowModel with = with_likely_step(of, less);
   return with.value - less.value > kMakesUp * (m.value - less.value) ? polished(of, with, kQuickEvaluations) : m;
