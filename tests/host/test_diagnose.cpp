@@ -101,6 +101,18 @@ static void test_a_chamber_s_cycle_and_corners_stay_in_the_smoothed_temperature(
   }
 }
 
+// A thermometer is coarse by how long one of its steps lasts in a log, not by how many logs there are.
+static void test_a_thermometer_is_as_coarse_in_one_log_as_in_six(void**) {
+  for (const double step_degc : {0.44, 0.15}) {
+    Log log = simulated_log(9, 4000, true, 0); // 0 to 60 degC and back
+    for (double& temp : log.temp_degc) temp = step_degc * std::round(temp / step_degc);
+    const double one = make_campaign({log}, "gx_dph", nominal_model()).temp_lsb_degc;
+    const double six = make_campaign({log, log, log, log, log, log}, "gx_dph", nominal_model()).temp_lsb_degc;
+    assert_near(one, step_degc > 0.2 ? step_degc : 0, 1e-9);
+    assert_near(six, one, 1e-9);
+  }
+}
+
 // Across hours without a row nothing is known: each stretch is smoothed alone.
 static void test_slopes_do_not_reach_across_a_long_gap(void**) {
   Log log = simulated_log(9, 4000, false, 0);
@@ -1141,6 +1153,7 @@ int main() {
       cmocka_unit_test(test_slopes_beside_missing_rows_are_those_of_the_temperature),
       cmocka_unit_test(test_slopes_do_not_reach_across_a_long_gap),
       cmocka_unit_test(test_whittaker_solves_its_normal_equations),
+      cmocka_unit_test(test_a_thermometer_is_as_coarse_in_one_log_as_in_six),
       cmocka_unit_test(test_a_chamber_s_cycle_and_corners_stay_in_the_smoothed_temperature),
       cmocka_unit_test(test_a_stuck_thermometer_is_found_with_its_seconds),
       cmocka_unit_test(test_a_soak_is_no_stuck_thermometer),

@@ -18,7 +18,7 @@ constexpr double kValidated_s = 10;                                 // means tha
 constexpr double kDithered = 0.4;                                   // noise in steps, those of the rounding included
 constexpr double kLongestFilled_s = 300; // longer holes: what the temperature did in them is not known
 constexpr double kSameDegc = 1e-6;       // rounding of a printed temperature
-constexpr double kCoarseFraction = 0.02; // fewer distinct temperatures than this part of the rows: coarse steps
+constexpr double kCoarseRows = 12.5;     // rows of a log, its mean, to each distinct temperature: coarse steps
 constexpr size_t kFewestSeconds = 60;
 constexpr double kLongestGap_s = 20000;
 
@@ -41,14 +41,16 @@ std::vector<double> filled(const std::vector<double>& t_s, const std::vector<dou
   return out;
 }
 
-// Smallest distance of two different temperatures when there are few of them, else 0.  All rows of all runs, sorted.
-double coarse_step(const std::vector<double>& all) {
+// Distance of neighbouring temperatures when there are few of them to a log, else 0.  All rows of all runs, sorted.  Logs
+// pass the same temperatures: how many there are says nothing of how long one lasts, but for the rows of one log.
+double coarse_step(const std::vector<double>& all, size_t n_runs) {
   if (all.size() < 200) return 0;
   std::vector<double> gaps;
   for (size_t i = 1; i < all.size(); ++i)
     if (all[i] - all[i - 1] > 1e-6) gaps.push_back(all[i] - all[i - 1]);
   const double distinct = static_cast<double>(gaps.size()) + 1;
-  if (gaps.size() < 2 || distinct > kCoarseFraction * static_cast<double>(all.size())) return 0;
+  if (gaps.size() < 2 || kCoarseRows * distinct * static_cast<double>(n_runs) > static_cast<double>(all.size()))
+    return 0;
   // The median: the end of the range and skipped levels leave odd gaps.
   std::nth_element(gaps.begin(), gaps.begin() + static_cast<long>(gaps.size() / 2), gaps.end());
   return gaps[gaps.size() / 2];
@@ -334,7 +336,7 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
   for (const CampaignRun& run : campaign.runs)
     temperatures.insert(temperatures.end(), run.input.temp_degc.begin(), run.input.temp_degc.end());
   if (campaign.has_temperature) std::sort(temperatures.begin(), temperatures.end());
-  campaign.temp_lsb_degc = campaign.has_temperature ? coarse_step(temperatures) : 0;
+  campaign.temp_lsb_degc = campaign.has_temperature ? coarse_step(temperatures, campaign.runs.size()) : 0;
   refuse_steady_temperature(temperatures, &campaign);
   campaign.lo_degc = 1e300, campaign.hi_degc = -1e300;
   for (CampaignRun& run : campaign.runs) {
