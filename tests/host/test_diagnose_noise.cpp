@@ -393,6 +393,33 @@ static void test_what_better_plain_noise_gains_is_no_kind_of_fast_noise(void**) 
       }
 }
 
+// White noise follows the temperature; block means make a process of 5 s do so instead.  In the seconds that process must not
+// shrink to a fraction of a second: it would be the white noise itself, under the name of slow noise.
+static void test_white_noise_that_follows_the_temperature_is_no_slow_process(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 261; seed < 264; ++seed) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 3, 0, Stream::kTool);
+    double slow = 12 * rng.normal();
+    for (size_t i = 0; i < log.size(); ++i) {
+      slow = std::exp(-1 / 45.0) * slow + 12 * std::sqrt(1 - std::exp(-2 / 45.0)) * rng.normal();
+      log.axes[0].rate_dph[i] = 54 * std::exp(0.35 * (log.temp_degc[i] - 30) / 30) * rng.normal() + slow;
+    }
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+  NoiseModel follows;
+  follows.white_sigma_dph = 42, follows.markov = {{25, 5}}, follows.markov_slope = 0.6;
+  const SecondsNoise from = fit_seconds_noise(campaign, follows, residual);
+  assert_true(from.base.markov.at(0).tau_s > 2.9);
+  const FastScan scan = scan_fast_noise(campaign, from, residual, effect_library(), all_active(), {});
+  assert_false(scan.findings.empty());
+  assert_ptr_equal(scan.findings.front().effect, &find_effect("white_noise_vs_temperature"));
+  assert_true(scan.findings.front().gain_nats > 100);
+  assert_near(scan.findings.front().base.markov.at(0).tau_s, 45, 25);
+}
+
 // Log-variance = level + slope Tn with both free: the error of the slope is sqrt(2/n) over the spread of Tn, far from Tn = 0 too.
 static void test_the_error_of_a_slope_of_noise_has_the_level_free(void**) {
   Log log = simulated_log(77, 9000, false, 0);
@@ -528,6 +555,7 @@ int main() {
       cmocka_unit_test(test_telegraph_noise_is_found_that_the_fitted_noise_has_swallowed),
       cmocka_unit_test(test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit),
       cmocka_unit_test(test_what_better_plain_noise_gains_is_no_kind_of_fast_noise),
+      cmocka_unit_test(test_white_noise_that_follows_the_temperature_is_no_slow_process),
       cmocka_unit_test(test_the_error_of_a_slope_of_noise_has_the_level_free),
       cmocka_unit_test(test_a_drift_that_jumps_back_is_no_ramp),
       cmocka_unit_test(test_saw_teeth_are_no_telegraph_noise),

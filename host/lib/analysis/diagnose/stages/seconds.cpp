@@ -22,6 +22,7 @@ namespace {
 constexpr double kHeavy = 4;               // standard errors of the kurtosis from which hits are looked for
 constexpr int kProbe = 30, kThorough = 80; // evaluations of a kind of fast noise; thorough where a probe gains
 constexpr double kHopeless_nats = 2;       // after the probe: what gains 8 in the end has gained this by then
+constexpr double kWhiteSamples = 3;        // a process that follows the temperature and forgets within so many is white
 constexpr double kFastTau_s = 30;          // a second Markov process slower than this belongs to the slow stage
 
 // Upper tail of chi-square as -ln p, by Wilson and Hilferty's cube root.
@@ -114,10 +115,25 @@ double ResidualLikelihood::of_whitened(const NoiseModel& noise) const {
   return sum;
 }
 
+namespace {
+
+// Of white noise, slow density and time constant, as logarithms.  A process that follows the temperature and forgets within a
+// few samples is white noise that does: it would pass for that one under the name of slow noise.
+std::pair<Theta, Theta> bounds_of_factors(double dt_s, const NoiseModel& noise) {
+  Theta lo{-6, -9, -6};
+  if (noise.markov_slope == 0 && noise.tau_slope == 0) return {lo, {6, 9, 6}};
+  for (const Markov& m : noise.markov) lo[2] = std::max(lo[2], std::log(kWhiteSamples * dt_s / m.tau_s));
+  lo[2] = std::min(lo[2], 0.0);
+  return {lo, {6, 9, 6}};
+}
+
+} // namespace
+
 SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start, const std::vector<VectorXd>& residual,
                                const std::function<NoiseModel(const NoiseModel&)>& with) {
   const ResidualLikelihood log_likelihood(campaign, residual);
   Theta x{0, 0, 0};
+  const auto [lo, hi] = bounds_of_factors(campaign.dt_s, with ? with(start) : start);
   SearchOptions options;
   options.step = 0.3, options.max_evaluations = 60, options.tolerance = 0.02;
   SecondsNoise out;
@@ -126,7 +142,7 @@ SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start
         const NoiseModel noise = with_factors(start, at.data());
         return log_likelihood(with ? with(noise) : noise);
       },
-      &x, {-6, -9, -6}, {6, 9, 6}, options);
+      &x, lo, hi, options);
   out.base = with_factors(start, x.data());
   return out;
 }
@@ -157,12 +173,13 @@ bool is_asked(const EffectEstimator& e, const Campaign& campaign, const Moments&
 class FastPlace {
 public:
   // Only the first factors are free: white noise, slow density, time constant.
-  FastPlace(const FastFinding& finding, size_t n_factors)
-      : finding_(finding), e_(*finding.effect->estimator()), n_factors_(n_factors) {}
+  FastPlace(const ResidualLikelihood& log_likelihood, const FastFinding& finding, size_t n_factors)
+      : finding_(finding), e_(*finding.effect->estimator()), n_factors_(n_factors),
+        bounds_(bounds_of_factors(log_likelihood.dt_s(), finding.base)) {}
   static constexpr size_t kFactors = 3;
 
-  Theta lo() const { return at(first({-6, -9, -6}), e_.theta_lo()); }
-  Theta hi() const { return at(first({6, 9, 6}), e_.theta_hi()); }
+  Theta lo() const { return at(first(bounds_.first), e_.theta_lo()); }
+  Theta hi() const { return at(first(bounds_.second), e_.theta_hi()); }
   Theta at(Theta factors, const Theta& theta) const {
     for (double v : theta) factors.push_back(e_.is_logarithmic() ? std::log(v) : v);
     return factors;
@@ -193,6 +210,7 @@ private:
   const FastFinding& finding_;
   const EffectEstimator& e_;
   size_t n_factors_;
+  std::pair<Theta, Theta> bounds_;
 };
 
 // Joint search over the parameters of the effect and of the noise beside it.
@@ -204,7 +222,7 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
   best.gain_nats = -1e300;
   FastFinding about;
   about.effect = &effect, about.base = from.base;
-  const FastPlace place(about, FastPlace::kFactors);
+  const FastPlace place(log_likelihood, about, FastPlace::kFactors);
   const Theta lo = place.lo(), hi = place.hi();
   const auto value = [&](const Theta& x) { return log_likelihood(place.noise(x)); };
   const auto best_start = [&] {
@@ -270,7 +288,7 @@ NoiseModel FastFinding::noise_on(const NoiseModel& any_base) const {
 }
 double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, FastFinding* finding) {
   const FastFinding from = *finding;
-  const FastPlace place(from, is_base_free ? FastPlace::kFactors : size_t{0});
+  const FastPlace place(log_likelihood, from, is_base_free ? FastPlace::kFactors : size_t{0});
   Theta x = place.start(finding->theta);
   SearchOptions options;
   options.step = 0.1, options.max_evaluations = kThorough, options.tolerance = 0.02;
@@ -309,7 +327,7 @@ void set_errors(const ResidualLikelihood& log_likelihood, FastFinding* finding) 
   const FastFinding from = *finding;
   const bool is_slow_to_ask = from.noise().is_mixture();
   for (const size_t n_free : {is_slow_to_ask ? size_t{1} : FastPlace::kFactors, size_t{1}, size_t{0}}) {
-    const FastPlace place(from, n_free);
+    const FastPlace place(log_likelihood, from, n_free);
     const Theta errors = curvature_errors([&](const Theta& x) { return log_likelihood(place.noise(x)); },
                                           place.start(finding->theta), place.lo(), place.hi());
     finding->theta_errors.assign(errors.begin() + static_cast<long>(n_free), errors.end());

@@ -17,6 +17,7 @@ public:
   ResidualLikelihood(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual);
   ResidualLikelihood(const Campaign& campaign, std::vector<Eigen::VectorXd>&& residual) = delete;
   double operator()(const NoiseModel& noise) const; // -1e300 where it is not finite
+  double dt_s() const { return campaign_.dt_s; }
 
 private:
   double of_mixture(const NoiseModel& noise) const;
