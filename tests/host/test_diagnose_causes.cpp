@@ -478,6 +478,27 @@ static void test_a_warm_up_of_another_size_in_every_run_is_kept(void**) {
   assert_true(names_of(said) == std::set<std::string>{"warm_up"});
 }
 
+// A small jump at a temperature beside a large loop.  Without the loop it is not seen, and goes too: the loop gains what it gains
+// over neither, not all there is.
+static void test_a_jump_that_is_seen_beside_a_loop_alone_goes_with_it(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 191; seed < 194; ++seed) {
+    Log log = simulated_log(seed, 5000, false, 150);
+    for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] -= log.temp_degc[i] > 33.3 ? 18 : 0;
+    logs.push_back(log);
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  SlowResult result = search.run();
+  result.best = search.best_with({&find_effect("thermal_hysteresis"), &find_effect("thermal_step")});
+  search.judge_again(&result);
+  assert_int_equal(result.best.names.size(), 2);
+  for (size_t i = 0; i < 2; ++i)
+    if (search.candidates()[result.best.names[i].candidate].effect == &find_effect("thermal_hysteresis"))
+      assert_true(result.evidence[i] > 20 && result.evidence[i] < 500);
+}
+
 static void test_what_held_out_logs_can_show_is_what_a_name_is_asked_for(void**) {
   // A loop on logs that go up and down; one that only rises shows the start state of a play and nothing more.
   std::vector<Log> logs;
@@ -1052,6 +1073,7 @@ int main() {
       cmocka_unit_test(test_a_parameter_next_to_its_bound_is_no_value),
       cmocka_unit_test(test_what_changes_from_run_to_run_is_told_by_all_logs),
       cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),
+      cmocka_unit_test(test_a_jump_that_is_seen_beside_a_loop_alone_goes_with_it),
       cmocka_unit_test(test_what_held_out_logs_can_show_is_what_a_name_is_asked_for),
       cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),
       cmocka_unit_test(test_a_cause_is_found_beside_noise_that_follows_the_temperature),

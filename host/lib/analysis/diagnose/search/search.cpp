@@ -506,7 +506,7 @@ SlowModel SlowSearch::with_parameters(const SlowModel& model) const {
   return impl_->judge().with_parameters(model);
 }
 void SlowSearch::judge_again(SlowResult* result) const {
-  result->best = imucal::polished(impl_->likelihood, result->best);
+  result->best = impl_->judge().at_its_best(result->best);
   impl_->judge().judge_names(result);
 }
 SlowModel SlowSearch::best_with(const std::vector<const Effect*>& effects) const {

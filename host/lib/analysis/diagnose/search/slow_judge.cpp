@@ -122,9 +122,16 @@ SlowModel SlowJudge::with_nearest(const SlowModel& m, size_t i) const {
   return best;
 }
 
+SlowModel SlowJudge::at_its_best(const SlowModel& m) const {
+  SlowModel best = polished(likelihood_, m, kQuickEvaluations);
+  if (best.can_be()) return best;
+  for (size_t i = 0; i < m.names.size(); ++i)
+    if (const SlowModel less = at_its_best(m.without(i)); less.free_score() > best.free_score()) best = less;
+  return best;
+}
 // The hypothesis without one of its names, as good as it can be made.
 SlowModel SlowJudge::without(const SlowModel& m, size_t i) const {
-  SlowModel less = polished(likelihood_, m.without(i), kQuickEvaluations);
+  SlowModel less = at_its_best(m.without(i));
   if (less.names.empty()) {
     if (so_far_.null.free_score() > less.free_score()) less = so_far_.null;
     for (const SlowCandidateScore& s : so_far_.noises)
@@ -133,8 +140,10 @@ SlowModel SlowJudge::without(const SlowModel& m, size_t i) const {
   return less;
 }
 
+// Nothing named at all is without it, too: what is left of several names may be far from its best noise.
 double SlowJudge::evidence_of(const SlowModel& m, size_t i) const {
-  return m.free_score() - without(m, i).free_score() - space_.constants.mean_nats;
+  const double less = std::max(without(m, i).free_score(), so_far_.null.free_score());
+  return m.free_score() - less - space_.constants.mean_nats;
 }
 
 void SlowJudge::judge_names(SlowResult* result) const {
@@ -148,13 +157,13 @@ void SlowJudge::judge_names(SlowResult* result) const {
   if (!best.steps.empty()) {
     SlowModel less = best;
     less.steps.clear();
-    less = polished(likelihood_, less, kQuickEvaluations);
+    less = at_its_best(less);
     result->step_gain_nats = best.free_score() - less.free_score();
   }
   if (best.noise_effect) {
     SlowModel less = best;
     less.noise_effect = nullptr;
-    less = polished(likelihood_, less, kQuickEvaluations);
+    less = at_its_best(less);
     result->evidence.push_back(best.free_score() + best.noise_charge - less.free_score() - space_.constants.noise_nats);
   }
 }

@@ -70,6 +70,7 @@ struct SlowModel {
   void take_noise_of(const SlowModel& other); // its parameters, not its kind
   void leave_swallowed();                     // its noise as left_by_swallowed has it
   double charges() const;
+  bool can_be() const { return value > -1e299; }          // else its shapes contradict each other or the logs
   double free_score() const { return value - charges(); } // without thresholds
 };
 
