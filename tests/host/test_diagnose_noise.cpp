@@ -420,6 +420,32 @@ static void test_white_noise_that_follows_the_temperature_is_no_slow_process(voi
   assert_near(scan.findings.front().base.markov.at(0).tau_s, 45, 25);
 }
 
+// The time constant of the process follows the temperature, 30 s at 30 degC.  Means over 10 s blur it: they make its slope too small,
+// and what that leaves passed for white noise that follows the temperature.
+static void test_the_slope_of_slow_noise_is_that_of_the_seconds(void**) {
+  const double slope = 1.6; // per 30 degC
+  std::vector<Log> logs;
+  for (uint64_t seed = 271; seed < 275; ++seed) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 3, 0, Stream::kTool);
+    double slow = 25 * rng.normal();
+    for (size_t i = 0; i < log.size(); ++i) {
+      const double phi = std::exp(-std::exp(-slope * (log.temp_degc[i] - 30) / 30) / 30);
+      slow = phi * slow + 25 * std::sqrt(1 - phi * phi) * rng.normal();
+      log.axes[0].rate_dph[i] = bias_dph(log.temp_degc[i]) + 12 * rng.normal() + slow;
+    }
+    logs.push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  const Selection said = diagnose_logs(options, ErrorModel(), logs, {}).axes.at(0).study.selection;
+  assert_true(names_of(said) == std::set<std::string>{"markov_tau_vs_temperature"});
+  assert_true(said.verdict == Verdict::kExplained);
+  const Term& term = said.effects[0].term;
+  assert_near(term.shape.at(0), slope, 4 * term.shape_errors.at(0));
+  assert_true(term.shape_errors[0] > 0.02 && term.shape_errors[0] < 0.15);
+}
+
 // Log-variance = level + slope Tn with both free: the error of the slope is sqrt(2/n) over the spread of Tn, far from Tn = 0 too.
 static void test_the_error_of_a_slope_of_noise_has_the_level_free(void**) {
   Log log = simulated_log(77, 9000, false, 0);
@@ -556,6 +582,7 @@ int main() {
       cmocka_unit_test(test_the_seconds_are_asked_for_slow_noise_where_their_spectrum_does_not_fit),
       cmocka_unit_test(test_what_better_plain_noise_gains_is_no_kind_of_fast_noise),
       cmocka_unit_test(test_white_noise_that_follows_the_temperature_is_no_slow_process),
+      cmocka_unit_test(test_the_slope_of_slow_noise_is_that_of_the_seconds),
       cmocka_unit_test(test_the_error_of_a_slope_of_noise_has_the_level_free),
       cmocka_unit_test(test_a_drift_that_jumps_back_is_no_ramp),
       cmocka_unit_test(test_saw_teeth_are_no_telegraph_noise),

@@ -140,6 +140,7 @@ private:
     judge_teeth(campaign_, &names_);
     open_by_rest(question_, found_, out_.after, &names_);
     add_errors_of_shapes(found_.slow, &names_.effects);
+    add_errors_of_noise(question_, found_, &names_.effects);
     scan_told();
     for (SelectedEffect& effect : names_.effects) raise_family(&effect);
     out_.effects = structural_;

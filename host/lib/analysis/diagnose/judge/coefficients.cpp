@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "analysis/diagnose/stages/mean_lines.h"
+#include "analysis/diagnose/stages/sloped_noise.h"
 
 namespace imucal {
 
@@ -120,6 +121,19 @@ void add_errors_of_shapes(const SlowAnswer& slow, std::vector<SelectedEffect>* e
       for (size_t k = 0; k < errors.size() && static_cast<long>(k) < added.size(); ++k)
         errors[k] = std::hypot(errors[k], std::sqrt(std::max(0.0, added[static_cast<long>(k)])));
     }
+}
+
+void add_errors_of_noise(const AxisQuestion& question, const Found& found, std::vector<SelectedEffect>* effects) {
+  const SlowModel& best = found.slow.found.best;
+  for (SelectedEffect& effect : *effects) {
+    if (!is_noise_sloped(best) || effect.term.effect != best.noise_effect || effect.is_family) continue;
+    FastFinding slope;
+    slope.effect = best.noise_effect, slope.theta = effect.term.shape, slope.base = found.seconds.own_base;
+    if (const FastFinding* fast = found.fast.best(question.constants))
+      slope.other = fast->effect->estimator(), slope.other_theta = fast->theta;
+    set_errors(ResidualLikelihood(question.campaign, found.seconds.fit.residual), &slope);
+    effect.term.shape_errors = slope.theta_errors;
+  }
 }
 
 void fill_coefficients(const AxisQuestion& question, const Fit& fit, Found* found,

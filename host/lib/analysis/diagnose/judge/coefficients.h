@@ -12,5 +12,7 @@ void fill_coefficients(const AxisQuestion& question, const Fit& fit, Found* foun
 // constants an amplitude is another.  Not known where the likelihood has no curvature at the shape.  After what was seen is
 // judged, which asks for the error at the shape that was found.
 void add_errors_of_shapes(const SlowAnswer& slow, std::vector<SelectedEffect>* effects);
+// The same of slow noise that follows the temperature, beside the fast noise that was found.
+void add_errors_of_noise(const AxisQuestion& question, const Found& found, std::vector<SelectedEffect>* effects);
 
 } // namespace imucal

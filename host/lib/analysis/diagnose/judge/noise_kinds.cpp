@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "analysis/diagnose/stages/sloped_noise.h"
+
 namespace imucal {
 
 namespace {
@@ -14,6 +16,12 @@ bool is_needed(const SelectorConstants& constants, const SlowSearch& search, con
   less.noise_effect = nullptr;
   const auto value = [&](const SlowModel& at) { return search.grams_of(at).log_marginal_any_scale(); };
   return value(m) - value(less) > constants.rivals_nats;
+}
+
+// What the seconds say of kinds of noise that follow the temperature, where an answer has one.
+const std::vector<SlopedKind>& sloped_kinds(const SlowAnswer& slow, const SlowModel& answer) {
+  static const std::vector<SlopedKind> kNone;
+  return is_noise_sloped(answer) ? slow.sloped : kNone;
 }
 
 // Temperatures at which the jumps of a hypothesis may have happened: at its moment and a part of a row before and after.
@@ -52,9 +60,13 @@ double best_in_place_of_steps(const SlowAnswer& slow, const EffectEstimator& est
 void add_kinds_within(const AxisQuestion& question, const SlowAnswer& slow, double margin_nats, const SlowModel& answer,
                       SelectedEffect* effect) {
   std::vector<CandidateEvidence> kinds;
+  const std::vector<SlopedKind>& by_seconds = sloped_kinds(slow, answer);
+  const auto is_told = [&](const Effect* kind) {
+    return std::any_of(by_seconds.begin(), by_seconds.end(), [&](const SlopedKind& k) { return k.effect == kind; });
+  };
   const bool is_alone = answer.names.empty() && answer.steps.empty();
   for (const SlowCandidateScore& s : is_alone ? slow.found.noises : slow.search->kinds_beside(answer)) {
-    if (!s.model.noise_effect || is_in_set(*effect, s.model.noise_effect)) continue;
+    if (!s.model.noise_effect || is_in_set(*effect, s.model.noise_effect) || is_told(s.model.noise_effect)) continue;
     const SlowModel m =
         is_needed(question.constants, *slow.search, s.model) ? s.model : slow.search->in_place_of_base(s.model);
     const double gap = answer.free_score() - m.free_score();
@@ -62,6 +74,10 @@ void add_kinds_within(const AxisQuestion& question, const SlowAnswer& slow, doub
     kinds.push_back({s.model.noise_effect, nullptr, false, Family::kSlowNoise, effect->gain_nats - gap,
                      question.constants.noise_nats});
   }
+  for (const SlopedKind& kind : by_seconds)
+    if (kind.gap_nats < margin_nats && !is_in_set(*effect, kind.effect))
+      kinds.push_back({kind.effect, nullptr, false, Family::kSlowNoise, effect->gain_nats - kind.gap_nats,
+                       question.constants.noise_nats});
   add_to_set(std::move(kinds), effect);
 }
 void add_means_that_do_as_well(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* effect) {

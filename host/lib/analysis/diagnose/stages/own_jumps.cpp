@@ -24,6 +24,7 @@ constexpr double kStronger = 1.25;       // times: noise that is not that of the
 constexpr size_t kMostJumps = 2;         // of one log
 constexpr double kFinestOfRow = 0.05;    // of a row
 constexpr double kReachBlocks = 1.5;     // from its place in block means to its sample
+constexpr size_t kFewestRows = 30;       // from which a log is asked
 constexpr long kFromEnd = 3;             // rows: a jump nearer to the end of a log is one of a few rows
 constexpr double kOfNamed_s = 180;       // about a jump of a named cause that one here may be a part of
 constexpr double kLeastOfSquares = 1e-6; // two columns are one below it
@@ -181,6 +182,28 @@ std::vector<OwnJump> take_jumps(const Theta& taken_s, LevelOfRun* run) {
   }
 }
 
+// The rows of a run at temperatures that were fitted.  Beyond, what is foretold is an extrapolated polynomial: how wrong it is looks
+// like stronger noise, or like jumps.
+CampaignRun within_fitted(const Campaign& fitted, CampaignRun run) {
+  if (!fitted.has_temperature) return run;
+  const double beyond = beyond_degc(fitted.lo_degc, fitted.hi_degc);
+  for (size_t i = 0; i < run.input.size(); ++i)
+    if (run.input.smooth_degc[i] < fitted.lo_degc - beyond || run.input.smooth_degc[i] > fitted.hi_degc + beyond)
+      run.input.rate_dph[i] = std::nan("");
+  find_used(&run);
+  return run;
+}
+// Of what is left of a run that of the rows of `part`.
+VectorXd rest_of_part(const CampaignRun& run, const VectorXd& rest, const CampaignRun& part) {
+  VectorXd out(static_cast<long>(part.n()));
+  size_t k = 0;
+  for (size_t j = 0; j < part.n(); ++j) {
+    while (run.used[k] != part.used[j]) ++k;
+    out[static_cast<long>(j)] = rest[static_cast<long>(k)];
+  }
+  return out;
+}
+
 // When the named causes jump in a run.
 Theta times_of_named_jumps(const SlowAnswer& slow, const CampaignRun& run) {
   Theta out;
@@ -206,7 +229,9 @@ void find_own(const AxisQuestion& question, SlowAnswer* slow) {
   const RunGrams::Posterior at = RunGrams(all, pointers_of(parts), noise).posterior(is_fitted);
   for (size_t r = n_fitted; r < all.campaign.runs.size(); ++r) {
     CampaignRun& run = slow->held_blocks->runs[r - n_fitted];
-    LevelOfRun level(run, all.campaign.dt_s, noise, residual_of(all, parts, at, r));
+    const CampaignRun within = within_fitted(slow->data->campaign, run);
+    if (within.n() < kFewestRows) continue;
+    LevelOfRun level(within, all.campaign.dt_s, noise, rest_of_part(run, residual_of(all, parts, at, r), within));
     if (can_be_named && !is_noise_that_jumps) run.own_jumps = take_jumps(times_of_named_jumps(*slow, run), &level);
     if (level.strength() > kStronger) run.own_strength = level.strength();
   }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "analysis/diagnose/stages/sloped_noise.h"
 #include "analysis/diagnose/stages/slow_stage.h"
 
 namespace imucal {
@@ -81,7 +82,9 @@ double gain_over(const AxisQuestion& question, const SlowAnswer& slow, const std
 void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
   seconds->is_believed = false;
   if (!question.belief.has_believed) return;
-  const NoiseModel believed = believed_noise(*slow->search, slow->found.best);
+  SlowModel beside = slow->found.best;
+  if (is_noise_sloped(beside)) beside.noise_theta = slope_beside_believed(question, *slow, *seconds);
+  const NoiseModel believed = believed_noise(*slow->search, beside);
   const double as_believed = ResidualLikelihood(question.campaign, seconds->fit.residual)(believed);
   seconds->retuned_nats = seconds->noise.log_likelihood - as_believed;
   if (seconds->retuned_nats > question.constants.retuned_nats)
@@ -89,6 +92,7 @@ void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer
   if (seconds->retuned_nats > question.constants.retuned_nats) return;
   seconds->is_believed = true;
   seconds->noise.base = believed, seconds->noise.log_likelihood = as_believed;
+  slow->found.best = beside;
   slow->found.best.is_believed = true; // its noise is the believed one from here on
   seconds->final = hypothesis_of(question, *slow->search, slow->found.best, true);
 }
@@ -197,6 +201,7 @@ SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow) {
     out.fit = fit_hypothesis(question.campaign, out.final);
     out.noise = fit_seconds_noise(question.campaign, out.noise.base, out.fit.residual);
   }
+  fit_sloped_noise(question, slow, &out);
   believe_again(question, slow, &out);
   weigh_noise_in_seconds(question, out, slow);
   if (out.is_believed && gives_up_unnamed_noise(question, slow)) return ask_seconds(question, slow);

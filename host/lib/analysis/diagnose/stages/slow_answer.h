@@ -17,6 +17,12 @@ struct Beside {
   double nats; // that it gains
 };
 
+// A kind of noise that follows the temperature, and how much less likely the seconds are by it than by the likeliest of these.
+struct SlopedKind {
+  const Effect* effect;
+  double gap_nats;
+};
+
 struct SlowAnswer {
   std::unique_ptr<SlowData> data;        // block means of the fitted logs
   std::unique_ptr<SlowSearch> search;    // over them
@@ -25,6 +31,7 @@ struct SlowAnswer {
   GapResult gap;                       // what found.best predicts
   std::vector<Beside> beside;          // what found.best leaves of a cause
   std::vector<SelectedEffect> dropped; // names that held-out data do not support
+  std::vector<SlopedKind> sloped;      // where found.best has one: what the seconds say of them (sloped_noise.h)
   bool is_told_by_held_out = false;    // slow noise explains the fitted logs as well, not all logs together
 
   const Candidate& candidate(size_t j) const { return search->candidates()[j]; }

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/stages/sloped_noise.h"
+
+#include <algorithm>
+
+#include "analysis/diagnose/stages/slow_stage.h"
+
+namespace imucal {
+
+namespace {
+
+constexpr int kSlopeRounds = 5;
+constexpr double kSlopeGains_nats = 0.5;
+
+NoiseModel base_of(const AxisQuestion& question, const SlowAnswer& slow) {
+  NoiseModel base = slow.search->base_noise_of(slow.found.best);
+  base.extra_white_dph2 = question.extra_white_dph2;
+  return base;
+}
+bool is_slow(const FastFinding& kind) {
+  return kind.effect->estimator()->is_slow_noise();
+}
+
+// A kind with its slope and the parameters of the noise beside it, searched anew from where a search ended while that gains: block
+// means may be far off.  gain_nats: over `level`, the log-likelihood without a slope.
+FastFinding fitted(const ResidualLikelihood& log_likelihood, double level, const Effect& kind, const Theta& theta,
+                   const NoiseModel& base) {
+  FastFinding f;
+  f.effect = &kind, f.theta = theta, f.base = base, f.gain_nats = -1e300;
+  for (int round = 0; round < kSlopeRounds; ++round) {
+    const double before = f.gain_nats;
+    f.gain_nats = fit_again(log_likelihood, true, &f) - level;
+    if (f.gain_nats < before + kSlopeGains_nats) break;
+  }
+  return f;
+}
+// Every kind of noise that follows the temperature, slow or fast, the likeliest first.
+std::vector<FastFinding> sloped_kinds(const AxisQuestion& question, const SlowModel& best, const NoiseModel& base,
+                                      const ResidualLikelihood& log_likelihood, double level) {
+  std::vector<FastFinding> kinds;
+  for (size_t j = 0; j < question.library.size(); ++j) {
+    const Effect& kind = *question.library[j];
+    const EffectEstimator* e = kind.estimator();
+    if (!question.active[j] || !e || e->form() != Form::kNoise || !e->needs_temperature()) continue;
+    const bool is_named = &kind == best.noise_effect;
+    for (const Theta& theta : is_named ? std::vector<Theta>{best.noise_theta} : e->starts(base))
+      kinds.push_back(fitted(log_likelihood, level, kind, theta, base));
+  }
+  std::sort(kinds.begin(), kinds.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+  return kinds;
+}
+// The hypothesis with another kind: as likely in block means as it can be, with the slope of the seconds.
+SlowModel with_kind(const SlowAnswer& slow, const FastFinding& kind) {
+  SlowModel m = slow.found.best;
+  m.noise_effect = kind.effect, m.noise_theta = kind.theta;
+  m = slow.search->polished(m);
+  m.noise_theta = kind.theta;
+  return m;
+}
+void measure(SlowAnswer* slow) {
+  slow->gap = measure_gap(*slow->search, *slow->data, slow->held_blocks.get(), slow->found.null, slow->found.best);
+}
+// Block means took white noise for slow noise: the seconds are asked for it later.
+void leave_kind(const AxisQuestion& question, SlowAnswer* slow) {
+  SlowModel& best = slow->found.best;
+  best.noise_effect = nullptr;
+  best = best.names.empty() && best.steps.empty() ? slow->found.null : slow->search->polished(best);
+  slow->found.evidence.pop_back();
+  measure(slow);
+  look_beside(question, slow);
+}
+
+} // namespace
+
+bool is_noise_sloped(const SlowModel& m) {
+  return m.noise_effect && m.noise_effect->estimator()->needs_temperature();
+}
+
+void fit_sloped_noise(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
+  slow->sloped.clear();
+  SlowModel& best = slow->found.best;
+  if (!is_noise_sloped(best) || slow->found.evidence.size() != best.names.size() + 1) return;
+  const std::vector<Eigen::VectorXd>& residual = seconds->fit.residual;
+  const ResidualLikelihood log_likelihood(question.campaign, residual);
+  const SecondsNoise level = fit_seconds_noise(question.campaign, base_of(question, *slow), residual);
+  std::vector<FastFinding> kinds =
+      sloped_kinds(question, best, base_of(question, *slow), log_likelihood, level.log_likelihood);
+  FastFinding first = kinds.front();
+  kinds.erase(std::stable_partition(kinds.begin(), kinds.end(), is_slow), kinds.end());
+  if (is_slow(first)) {
+    for (const FastFinding& kind : kinds) slow->sloped.push_back({kind.effect, first.gain_nats - kind.gain_nats});
+  } else {
+    FastFinding white = first;
+    first = second_kind(log_likelihood, true, kinds, question.constants.noise_nats, &white);
+    if (!first.effect) {
+      leave_kind(question, slow);
+      seconds->final = hypothesis_of(question, *slow->search, best, true);
+      seconds->noise = level;
+      return;
+    }
+  }
+  if (first.effect != best.noise_effect) best = with_kind(*slow, first), measure(slow);
+  best.noise_theta = first.theta;
+  double& evidence = slow->found.evidence.back();
+  evidence = std::max(evidence, first.gain_nats - question.constants.noise_nats);
+  seconds->final = hypothesis_of(question, *slow->search, best, true);
+  const NoiseModel noise = first.effect->estimator()->noise(first.base, first.theta);
+  seconds->noise = fit_seconds_noise(question.campaign, noise, residual);
+}
+
+Theta slope_beside_believed(const AxisQuestion& question, const SlowAnswer& slow, const SecondsAnswer& seconds) {
+  SlowModel plain = slow.found.best;
+  plain.noise_effect = nullptr;
+  FastFinding f;
+  f.effect = slow.found.best.noise_effect, f.theta = slow.found.best.noise_theta;
+  f.base = believed_noise(*slow.search, plain);
+  fit_again(ResidualLikelihood(question.campaign, seconds.fit.residual), false, &f);
+  return f.theta;
+}
+
+} // namespace imucal
