@@ -83,7 +83,11 @@ void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer
   seconds->is_believed = false;
   if (!question.belief.has_believed) return;
   SlowModel beside = slow->found.best;
-  if (is_noise_sloped(beside)) beside.noise_theta = slope_beside_believed(question, *slow, *seconds);
+  if (is_noise_sloped(beside)) {
+    SlowModel plain = beside;
+    plain.noise_effect = nullptr;
+    beside.noise_theta = slope_beside(question, seconds->fit.residual, beside, believed_noise(*slow->search, plain));
+  }
   const NoiseModel believed = believed_noise(*slow->search, beside);
   const double as_believed = ResidualLikelihood(question.campaign, seconds->fit.residual)(believed);
   seconds->retuned_nats = seconds->noise.log_likelihood - as_believed;
@@ -201,7 +205,10 @@ SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow) {
     out.fit = fit_hypothesis(question.campaign, out.final);
     out.noise = fit_seconds_noise(question.campaign, out.noise.base, out.fit.residual);
   }
-  fit_sloped_noise(question, slow, &out);
+  if (const SecondsNoise sloped = fit_sloped_noise(question, out.fit.residual, slow); !sloped.base.markov.empty()) {
+    out.noise = sloped;
+    out.final = hypothesis_of(question, *slow->search, slow->found.best, true);
+  }
   believe_again(question, slow, &out);
   weigh_noise_in_seconds(question, out, slow);
   if (out.is_believed && gives_up_unnamed_noise(question, slow)) return ask_seconds(question, slow);

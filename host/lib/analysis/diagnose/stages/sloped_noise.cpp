@@ -21,8 +21,8 @@ bool is_slow(const FastFinding& kind) {
   return kind.effect->estimator()->is_slow_noise();
 }
 
-// A kind with its slope and the parameters of the noise beside it, searched anew from where a search ended while that gains: block
-// means may be far off.  gain_nats: over `level`, the log-likelihood without a slope.
+// A kind with its slope and the parameters of the noise beside it, searched anew from where a search ended while that gains:
+// block means may be far off.  gain_nats: over `level`, the log-likelihood without a slope.
 FastFinding fitted(const ResidualLikelihood& log_likelihood, double level, const Effect& kind, const Theta& theta,
                    const NoiseModel& base) {
   FastFinding f;
@@ -76,15 +76,15 @@ bool is_noise_sloped(const SlowModel& m) {
   return m.noise_effect && m.noise_effect->estimator()->needs_temperature();
 }
 
-void fit_sloped_noise(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
+SecondsNoise fit_sloped_noise(const AxisQuestion& question, const std::vector<Eigen::VectorXd>& residual,
+                              SlowAnswer* slow) {
   slow->sloped.clear();
   SlowModel& best = slow->found.best;
-  if (!is_noise_sloped(best) || slow->found.evidence.size() != best.names.size() + 1) return;
-  const std::vector<Eigen::VectorXd>& residual = seconds->fit.residual;
+  if (!is_noise_sloped(best) || slow->found.evidence.size() != best.names.size() + 1) return {};
   const ResidualLikelihood log_likelihood(question.campaign, residual);
-  const SecondsNoise level = fit_seconds_noise(question.campaign, base_of(question, *slow), residual);
-  std::vector<FastFinding> kinds =
-      sloped_kinds(question, best, base_of(question, *slow), log_likelihood, level.log_likelihood);
+  const NoiseModel base = base_of(question, *slow);
+  const SecondsNoise level = fit_seconds_noise(question.campaign, base, residual);
+  std::vector<FastFinding> kinds = sloped_kinds(question, best, base, log_likelihood, level.log_likelihood);
   FastFinding first = kinds.front();
   kinds.erase(std::stable_partition(kinds.begin(), kinds.end(), is_slow), kinds.end());
   if (is_slow(first)) {
@@ -94,28 +94,23 @@ void fit_sloped_noise(const AxisQuestion& question, SlowAnswer* slow, SecondsAns
     first = second_kind(log_likelihood, true, kinds, question.constants.noise_nats, &white);
     if (!first.effect) {
       leave_kind(question, slow);
-      seconds->final = hypothesis_of(question, *slow->search, best, true);
-      seconds->noise = level;
-      return;
+      return level;
     }
   }
   if (first.effect != best.noise_effect) best = with_kind(*slow, first), measure(slow);
   best.noise_theta = first.theta;
   double& evidence = slow->found.evidence.back();
   evidence = std::max(evidence, first.gain_nats - question.constants.noise_nats);
-  seconds->final = hypothesis_of(question, *slow->search, best, true);
   const NoiseModel noise = first.effect->estimator()->noise(first.base, first.theta);
-  seconds->noise = fit_seconds_noise(question.campaign, noise, residual);
+  return fit_seconds_noise(question.campaign, noise, residual);
 }
 
-Theta slope_beside_believed(const AxisQuestion& question, const SlowAnswer& slow, const SecondsAnswer& seconds) {
-  SlowModel plain = slow.found.best;
-  plain.noise_effect = nullptr;
-  FastFinding f;
-  f.effect = slow.found.best.noise_effect, f.theta = slow.found.best.noise_theta;
-  f.base = believed_noise(*slow.search, plain);
-  fit_again(ResidualLikelihood(question.campaign, seconds.fit.residual), false, &f);
-  return f.theta;
+Theta slope_beside(const AxisQuestion& question, const std::vector<Eigen::VectorXd>& residual, const SlowModel& m,
+                   const NoiseModel& noise) {
+  FastFinding slope;
+  slope.effect = m.noise_effect, slope.theta = m.noise_theta, slope.base = noise;
+  fit_again(ResidualLikelihood(question.campaign, residual), false, &slope);
+  return slope.theta;
 }
 
 } // namespace imucal
