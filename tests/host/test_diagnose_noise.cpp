@@ -393,20 +393,27 @@ static void test_what_better_plain_noise_gains_is_no_kind_of_fast_noise(void**) 
       }
 }
 
+// White noise and one process, both as functions of Tn, beside the bias of the simulated logs.
+static Log log_of_noise(uint64_t seed, const std::function<double(double)>& white_dph, double sigma_dph,
+                        const std::function<double(double)>& tau_s) {
+  Log log = simulated_log(seed, 6000, false, 0);
+  Rng rng(seed, 3, 0, Stream::kTool);
+  double slow = sigma_dph * rng.normal();
+  for (size_t i = 0; i < log.size(); ++i) {
+    const double tn = (log.temp_degc[i] - 30) / 30, phi = std::exp(-1 / tau_s(tn));
+    slow = phi * slow + sigma_dph * std::sqrt(1 - phi * phi) * rng.normal();
+    log.axes[0].rate_dph[i] = bias_dph(log.temp_degc[i]) + white_dph(tn) * rng.normal() + slow;
+  }
+  return log;
+}
+
 // White noise follows the temperature; block means make a process of 5 s do so instead.  In the seconds that process must not
 // shrink to a fraction of a second: it would be the white noise itself, under the name of slow noise.
 static void test_white_noise_that_follows_the_temperature_is_no_slow_process(void**) {
+  const auto white_dph = [](double tn) { return 54 * std::exp(0.35 * tn); };
   std::vector<Log> logs;
-  for (uint64_t seed = 261; seed < 264; ++seed) {
-    Log log = simulated_log(seed, 6000, false, 0);
-    Rng rng(seed, 3, 0, Stream::kTool);
-    double slow = 12 * rng.normal();
-    for (size_t i = 0; i < log.size(); ++i) {
-      slow = std::exp(-1 / 45.0) * slow + 12 * std::sqrt(1 - std::exp(-2 / 45.0)) * rng.normal();
-      log.axes[0].rate_dph[i] = 54 * std::exp(0.35 * (log.temp_degc[i] - 30) / 30) * rng.normal() + slow;
-    }
-    logs.push_back(log);
-  }
+  for (uint64_t seed = 261; seed < 264; ++seed)
+    logs.push_back(log_of_noise(seed, white_dph, 12, [](double) { return 45.0; }));
   const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
   const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
   NoiseModel follows;
@@ -424,18 +431,11 @@ static void test_white_noise_that_follows_the_temperature_is_no_slow_process(voi
 // and what that leaves passed for white noise that follows the temperature.
 static void test_the_slope_of_slow_noise_is_that_of_the_seconds(void**) {
   const double slope = 1.6; // per 30 degC
+  const auto tau_s = [&](double tn) { return 30 * std::exp(slope * tn); };
   std::vector<Log> logs;
-  for (uint64_t seed = 271; seed < 275; ++seed) {
-    Log log = simulated_log(seed, 6000, false, 0);
-    Rng rng(seed, 3, 0, Stream::kTool);
-    double slow = 25 * rng.normal();
-    for (size_t i = 0; i < log.size(); ++i) {
-      const double phi = std::exp(-std::exp(-slope * (log.temp_degc[i] - 30) / 30) / 30);
-      slow = phi * slow + 25 * std::sqrt(1 - phi * phi) * rng.normal();
-      log.axes[0].rate_dph[i] = bias_dph(log.temp_degc[i]) + 12 * rng.normal() + slow;
-    }
-    logs.push_back(log);
-  }
+  for (uint64_t seed = 271; seed < 275; ++seed)
+    logs.push_back(log_of_noise(
+        seed, [](double) { return 12.0; }, 25, tau_s));
   DiagnoseOptions options;
   options.nulls = 40;
   const Selection said = diagnose_logs(options, ErrorModel(), logs, {}).axes.at(0).study.selection;

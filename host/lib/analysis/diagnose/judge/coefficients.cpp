@@ -125,8 +125,9 @@ void add_errors_of_shapes(const SlowAnswer& slow, std::vector<SelectedEffect>* e
 
 void add_errors_of_noise(const AxisQuestion& question, const Found& found, std::vector<SelectedEffect>* effects) {
   const SlowModel& best = found.slow.found.best;
+  if (!is_noise_sloped(best)) return;
   for (SelectedEffect& effect : *effects) {
-    if (!is_noise_sloped(best) || effect.term.effect != best.noise_effect || effect.is_family) continue;
+    if (effect.term.effect != best.noise_effect || effect.is_family) continue;
     FastFinding slope;
     slope.effect = best.noise_effect, slope.theta = effect.term.shape, slope.base = found.seconds.own_base;
     if (const FastFinding* fast = found.fast.best(question.constants))

@@ -19,7 +19,7 @@ bool is_needed(const SelectorConstants& constants, const SlowSearch& search, con
 }
 
 // What the seconds say of kinds of noise that follow the temperature, where an answer has one.
-const std::vector<SlopedKind>& sloped_kinds(const SlowAnswer& slow, const SlowModel& answer) {
+const std::vector<SlopedKind>& told_by_seconds(const SlowAnswer& slow, const SlowModel& answer) {
   static const std::vector<SlopedKind> kNone;
   return is_noise_sloped(answer) ? slow.sloped : kNone;
 }
@@ -60,7 +60,7 @@ double best_in_place_of_steps(const SlowAnswer& slow, const EffectEstimator& est
 void add_kinds_within(const AxisQuestion& question, const SlowAnswer& slow, double margin_nats, const SlowModel& answer,
                       SelectedEffect* effect) {
   std::vector<CandidateEvidence> kinds;
-  const std::vector<SlopedKind>& by_seconds = sloped_kinds(slow, answer);
+  const std::vector<SlopedKind>& by_seconds = told_by_seconds(slow, answer);
   const auto is_told = [&](const Effect* kind) {
     return std::any_of(by_seconds.begin(), by_seconds.end(), [&](const SlopedKind& k) { return k.effect == kind; });
   };

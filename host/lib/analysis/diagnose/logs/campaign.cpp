@@ -18,7 +18,7 @@ constexpr double kValidated_s = 10;                                 // means tha
 constexpr double kDithered = 0.4;                                   // noise in steps, those of the rounding included
 constexpr double kLongestFilled_s = 300; // longer holes: what the temperature did in them is not known
 constexpr double kSameDegc = 1e-6;       // rounding of a printed temperature
-constexpr double kCoarseRows = 12.5;     // rows of a log, its mean, to each distinct temperature: coarse steps
+constexpr double kCoarseRows = 12.5;     // rows of a log to each temperature, on average: coarse steps
 constexpr size_t kFewestSeconds = 60;
 constexpr double kLongestGap_s = 20000;
 
@@ -41,8 +41,8 @@ std::vector<double> filled(const std::vector<double>& t_s, const std::vector<dou
   return out;
 }
 
-// Distance of neighbouring temperatures when there are few of them to a log, else 0.  All rows of all runs, sorted.  Logs
-// pass the same temperatures: how many there are says nothing of how long one lasts, but for the rows of one log.
+// Distance of neighbouring temperatures where a log has many rows to each, else 0.  All rows of all runs, sorted.  Logs pass the
+// same temperatures, so further logs add rows and no temperatures: the rows of one log count, on average.
 double coarse_step(const std::vector<double>& all, size_t n_runs) {
   if (all.size() < 200) return 0;
   std::vector<double> gaps;

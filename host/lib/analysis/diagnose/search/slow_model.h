@@ -70,7 +70,7 @@ struct SlowModel {
   void take_noise_of(const SlowModel& other); // its parameters, not its kind
   void leave_swallowed();                     // its noise as left_by_swallowed has it
   double charges() const;
-  bool can_be() const { return value > -1e299; }          // else its shapes contradict each other or the logs
+  bool can_be() const { return value > -1e299; }          // not: a jump is not seen, or the logs do not hold a shape
   double free_score() const { return value - charges(); } // without thresholds
 };
 

@@ -105,7 +105,7 @@ public:
     const bool leaves_noise = weigh_noise(), leaves_names = weigh_names();
     if (!leaves_noise && !leaves_names) return;
     seconds_.fit = fit_hypothesis(question_.campaign, hypothesis());
-    slow_.gap = measure_gap(*slow_.search, *slow_.data, slow_.held_blocks.get(), slow_.found.null, slow_.found.best);
+    slow_.measure();
   }
 
 private:

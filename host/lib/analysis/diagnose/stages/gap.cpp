@@ -317,10 +317,9 @@ public:
     for (size_t k : all_rows(run, first, end)) lo_ = std::min(lo_, at(run, k)), hi_ = std::max(hi_, at(run, k));
   }
   std::vector<size_t> rows_within(const CampaignRun& run, const std::vector<size_t>& rows) const {
-    const double beyond = beyond_degc(lo_, hi_);
     std::vector<size_t> out;
     for (size_t k : rows)
-      if (at(run, k) > lo_ - beyond && at(run, k) < hi_ + beyond) out.push_back(k);
+      if (is_near_fitted(at(run, k), lo_, hi_)) out.push_back(k);
     return out;
   }
 

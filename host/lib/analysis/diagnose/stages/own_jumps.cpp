@@ -182,18 +182,16 @@ std::vector<OwnJump> take_jumps(const Theta& taken_s, LevelOfRun* run) {
   }
 }
 
-// The rows of a run at temperatures that were fitted.  Beyond, what is foretold is an extrapolated polynomial: how wrong it is looks
-// like stronger noise, or like jumps.
+// The rows of a run at temperatures that were fitted.  Beyond them an extrapolated polynomial is foretold.  Its error looks like
+// stronger noise, or like jumps.
 CampaignRun within_fitted(const Campaign& fitted, CampaignRun run) {
   if (!fitted.has_temperature) return run;
-  const double beyond = beyond_degc(fitted.lo_degc, fitted.hi_degc);
   for (size_t i = 0; i < run.input.size(); ++i)
-    if (run.input.smooth_degc[i] < fitted.lo_degc - beyond || run.input.smooth_degc[i] > fitted.hi_degc + beyond)
-      run.input.rate_dph[i] = std::nan("");
+    if (!is_near_fitted(run.input.smooth_degc[i], fitted.lo_degc, fitted.hi_degc)) run.input.rate_dph[i] = std::nan("");
   find_used(&run);
   return run;
 }
-// Of what is left of a run that of the rows of `part`.
+// What is left of a run, in the rows that `part` of it uses.
 VectorXd rest_of_part(const CampaignRun& run, const VectorXd& rest, const CampaignRun& part) {
   VectorXd out(static_cast<long>(part.n()));
   size_t k = 0;

@@ -13,8 +13,7 @@ using Eigen::VectorXd;
 
 Hypothesis hypothesis_of(const AxisQuestion& question, const SlowSearch& search, const SlowModel& m, bool with_names) {
   Hypothesis h;
-  h.base_noise = search.base_noise_of(m);
-  h.base_noise.extra_white_dph2 = question.extra_white_dph2;
+  h.base_noise = base_noise_of(question, search, m);
   for (const NoiseBelief::Known& known : question.belief.known)
     if (known.estimator->form() != Form::kTone) h.known.push_back(term_of(nullptr, known.estimator, known.shape));
   if (!with_names) return h;
@@ -43,8 +42,7 @@ NoiseModel believed_noise(const SlowSearch& search, SlowModel m) {
 void fit_own_base(const AxisQuestion& question, const SlowAnswer& slow, SecondsAnswer* seconds) {
   const SlowModel& m = slow.found.best;
   if (!m.noise_effect) return;
-  seconds->own_base = slow.search->base_noise_of(m);
-  seconds->own_base.extra_white_dph2 = question.extra_white_dph2;
+  seconds->own_base = base_noise_of(question, *slow.search, m);
   if (seconds->is_believed) return;
   fit_own_base_beside({}, question, slow, seconds);
 }
@@ -185,7 +183,7 @@ bool gives_up_unnamed_noise(const AxisQuestion& question, SlowAnswer* slow) {
   if (slow->found.evidence.back() > 0 || slow->found.null.is_believed) return false;
   best = slow->found.null;
   slow->found.evidence.clear();
-  slow->gap = measure_gap(*slow->search, *slow->data, slow->held_blocks.get(), slow->found.null, best);
+  slow->measure();
   look_beside(question, slow);
   return true;
 }
@@ -205,8 +203,8 @@ SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow) {
     out.fit = fit_hypothesis(question.campaign, out.final);
     out.noise = fit_seconds_noise(question.campaign, out.noise.base, out.fit.residual);
   }
-  if (const SecondsNoise sloped = fit_sloped_noise(question, out.fit.residual, slow); !sloped.base.markov.empty()) {
-    out.noise = sloped;
+  if (const std::optional<SecondsNoise> sloped = fit_sloped_noise(question, out.fit.residual, slow)) {
+    out.noise = *sloped;
     out.final = hypothesis_of(question, *slow->search, slow->found.best, true);
   }
   believe_again(question, slow, &out);

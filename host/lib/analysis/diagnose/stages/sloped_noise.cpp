@@ -12,11 +12,6 @@ namespace {
 constexpr int kSlopeRounds = 5;
 constexpr double kSlopeGains_nats = 0.5;
 
-NoiseModel base_of(const AxisQuestion& question, const SlowAnswer& slow) {
-  NoiseModel base = slow.search->base_noise_of(slow.found.best);
-  base.extra_white_dph2 = question.extra_white_dph2;
-  return base;
-}
 bool is_slow(const FastFinding& kind) {
   return kind.effect->estimator()->is_slow_noise();
 }
@@ -57,16 +52,13 @@ SlowModel with_kind(const SlowAnswer& slow, const FastFinding& kind) {
   m.noise_theta = kind.theta;
   return m;
 }
-void measure(SlowAnswer* slow) {
-  slow->gap = measure_gap(*slow->search, *slow->data, slow->held_blocks.get(), slow->found.null, slow->found.best);
-}
 // Block means took white noise for slow noise: the seconds are asked for it later.
 void leave_kind(const AxisQuestion& question, SlowAnswer* slow) {
   SlowModel& best = slow->found.best;
   best.noise_effect = nullptr;
   best = best.names.empty() && best.steps.empty() ? slow->found.null : slow->search->polished(best);
   slow->found.evidence.pop_back();
-  measure(slow);
+  slow->measure();
   look_beside(question, slow);
 }
 
@@ -76,13 +68,13 @@ bool is_noise_sloped(const SlowModel& m) {
   return m.noise_effect && m.noise_effect->estimator()->needs_temperature();
 }
 
-SecondsNoise fit_sloped_noise(const AxisQuestion& question, const std::vector<Eigen::VectorXd>& residual,
-                              SlowAnswer* slow) {
+std::optional<SecondsNoise> fit_sloped_noise(const AxisQuestion& question, const std::vector<Eigen::VectorXd>& residual,
+                                             SlowAnswer* slow) {
   slow->sloped.clear();
   SlowModel& best = slow->found.best;
-  if (!is_noise_sloped(best) || slow->found.evidence.size() != best.names.size() + 1) return {};
+  if (!is_noise_sloped(best) || slow->found.evidence.size() != best.names.size() + 1) return std::nullopt;
   const ResidualLikelihood log_likelihood(question.campaign, residual);
-  const NoiseModel base = base_of(question, *slow);
+  const NoiseModel base = base_noise_of(question, *slow->search, best);
   const SecondsNoise level = fit_seconds_noise(question.campaign, base, residual);
   std::vector<FastFinding> kinds = sloped_kinds(question, best, base, log_likelihood, level.log_likelihood);
   FastFinding first = kinds.front();
@@ -97,7 +89,7 @@ SecondsNoise fit_sloped_noise(const AxisQuestion& question, const std::vector<Ei
       return level;
     }
   }
-  if (first.effect != best.noise_effect) best = with_kind(*slow, first), measure(slow);
+  if (first.effect != best.noise_effect) best = with_kind(*slow, first), slow->measure();
   best.noise_theta = first.theta;
   double& evidence = slow->found.evidence.back();
   evidence = std::max(evidence, first.gain_nats - question.constants.noise_nats);

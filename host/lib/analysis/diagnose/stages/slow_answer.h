@@ -52,7 +52,12 @@ struct SlowAnswer {
   bool is_against(const SelectorConstants& constants) const;
   // No cause is left in the answer.
   void forget_causes();
+  // What found.best predicts, after it was changed.
+  void measure();
 };
+
+// The noise of the seconds under a hypothesis, without its kind of slow noise and with what structure adds.
+NoiseModel base_noise_of(const AxisQuestion& question, const SlowSearch& search, const SlowModel& m);
 
 // Whether held-out logs can show so much of a name.
 bool can_show(const GapResult::Support& support, const SelectorConstants& constants);

@@ -267,7 +267,7 @@ private:
     slow_.dropped.clear();
     SlowModel& best = slow_.found.best;
     while (true) {
-      slow_.gap = measure_gap(*slow_.search, *slow_.data, slow_.held_blocks.get(), slow_.found.null, best);
+      slow_.measure();
       size_t worst = 0;
       for (size_t i = 1; i < best.names.size(); ++i)
         if (lacking(i) > lacking(worst)) worst = i;
