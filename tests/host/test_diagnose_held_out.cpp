@@ -99,6 +99,26 @@ static void test_a_jump_and_its_return_are_told(void**) {
   }
 }
 
+// Beside white noise a jump is no large innovation: it shifts all that follow, and with them the median by which noise is measured.
+static void test_a_jump_beside_white_noise_is_told(void**) {
+  for (uint64_t seed : {760, 761, 762, 763}) {
+    std::vector<Log> logs, unseen;
+    for (uint64_t k = 0; k < 4; ++k) {
+      Log log = simulated_log(seed + 10 * k, 6000, false, 0);
+      Rng rng(seed, k, 1, Stream::kTool);
+      for (size_t i = 0; i < log.size(); ++i)
+        log.axes[0].rate_dph[i] = bias_dph(log.temp_degc[i]) + 50 * rng.normal() + (k == 3 && i >= 2500 ? 90 : 0);
+      (k < 3 ? logs : unseen).push_back(log);
+    }
+    DiagnoseOptions options;
+    options.nulls = 40;
+    const Selection said = diagnose_logs(options, ErrorModel(), logs, unseen).axes.at(0).study.selection;
+    assert_true(said.effects.empty() && said.stronger_noise.empty());
+    assert_int_equal(said.own_jumps.size(), 1);
+    assert_near(said.own_jumps[0].t_s, 2501, 10);
+  }
+}
+
 // All of its noise is twice as strong: that is told, makes no jumps, and takes no name away.
 static void test_a_loud_held_out_log_is_told(void**) {
   for (uint64_t seed : {750, 751, 752}) {
@@ -250,6 +270,7 @@ int main() {
       cmocka_unit_test(test_a_jump_of_a_held_out_log_is_told_and_takes_no_name_away),
       cmocka_unit_test(test_a_slow_change_of_a_held_out_log_is_no_jump),
       cmocka_unit_test(test_a_jump_and_its_return_are_told),
+      cmocka_unit_test(test_a_jump_beside_white_noise_is_told),
       cmocka_unit_test(test_a_loud_held_out_log_is_told),
       cmocka_unit_test(test_a_jump_beside_one_at_a_temperature),
       cmocka_unit_test(test_a_jump_beside_one_of_a_fitted_log),

@@ -176,8 +176,7 @@ def test_coarse_thermometers_short_lags_and_logs_beyond_the_fitted_ones(kind, tm
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", [
-    "Q", "E",
-    pytest.param("F", marks=pytest.mark.xfail(strict=True, reason="known: some lags of 5 s are told by their family alone")),
-    pytest.param("J", marks=pytest.mark.xfail(strict=True, reason="known: a large jump raises the noise it is measured by"))])
+    "Q", "E", "J",
+    pytest.param("F", marks=pytest.mark.xfail(strict=True, reason="known: some lags of 5 s are told by their family alone"))])
 def test_many_of_the_same(kind, tmp_path):
     check(kind, range(2, 64), 3, tmp_path)

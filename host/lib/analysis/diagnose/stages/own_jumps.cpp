@@ -19,7 +19,10 @@ namespace {
 constexpr double kLeast_nats = 12; // that a jump gains over none: 1 in 100 over the places of a few logs of white noise
 constexpr double kSudden_nats = 5; // and over a change that lasts
 constexpr double kLasts_s[] = {200, 600};
-constexpr size_t kPlaces = 40;           // of a log where one is looked for
+constexpr size_t kPlaces = 16; // of a log where one is looked for, by each reach
+// Rows to both sides over which innovations are compared: beside a process of long memory a jump is one large innovation, beside
+// white noise a change of their level.
+constexpr long kReaches[] = {1, 4, 16};
 constexpr double kStronger = 1.25;       // times: noise that is not that of the fitted logs
 constexpr size_t kMostJumps = 2;         // of one log
 constexpr double kFinestOfRow = 0.05;    // of a row
@@ -71,21 +74,26 @@ public:
         }
     return times_s;
   }
-  // Before the rows whose innovations are largest: a jump shows there.  Those near `taken_s` are not asked.
+  // Where the innovations change most.  Those near `taken_s` are not asked.
   Theta likely_times(const Theta& taken_s) const {
     const auto is_taken = [&](long k) {
       return std::any_of(taken_s.begin(), taken_s.end(),
                          [&](double t_s) { return std::fabs(t_s - change_s(k)) < kOfNamed_s; });
     };
-    std::vector<long> rows;
-    for (long k = kFromEnd; k + kFromEnd <= rest_.size(); ++k)
-      if (!is_taken(k)) rows.push_back(k);
-    const auto is_larger = [this](long a, long b) { return std::fabs(rest_[a]) > std::fabs(rest_[b]); };
-    const size_t n = std::min(kPlaces, rows.size());
-    std::partial_sort(rows.begin(), rows.begin() + static_cast<long>(n), rows.end(), is_larger);
-    rows.resize(n);
     Theta times_s;
-    for (long k : rows) times_s.push_back(change_s(k));
+    for (const long reach : kReaches) {
+      std::vector<std::pair<double, long>> places;
+      for (long k = kFromEnd; k + kFromEnd <= rest_.size(); ++k)
+        if (!is_taken(k)) places.push_back({-contrast(k, reach), k});
+      std::sort(places.begin(), places.end());
+      std::vector<long> rows;
+      for (const auto& [minus_contrast, k] : places) {
+        if (rows.size() == kPlaces) break;
+        const auto is_near = [k = k, reach](long row) { return 2 * std::labs(row - k) < reach; };
+        if (std::none_of(rows.begin(), rows.end(), is_near)) rows.push_back(k);
+      }
+      for (const long k : rows) times_s.push_back(change_s(k));
+    }
     return times_s;
   }
   // With a level after each: what is left, and the jumps themselves.
@@ -114,6 +122,12 @@ private:
     const VectorXd product = x.transpose() * rest_;
     return 0.5 * product.dot((x.transpose() * x).ldlt().solve(product)) / (strength_ * strength_);
   }
+  // How far the means of as many innovations from this row on and before it lie apart, in standard deviations of white ones.
+  double contrast(long k, long reach) const {
+    const long after = std::min(reach, rest_.size() - k), before = std::min(reach, k);
+    const double apart = rest_.segment(k, after).mean() - rest_.segment(k - before, before).mean();
+    return std::fabs(apart) / std::sqrt(1.0 / static_cast<double>(after) + 1.0 / static_cast<double>(before));
+  }
   // Before this row.
   double change_s(long k) const {
     return run_.input.t_s[static_cast<size_t>(run_.used[static_cast<size_t>(k)])] - 0.5 * dt_s_;
@@ -125,9 +139,10 @@ private:
   VectorXd less_constant(const VectorXd& x) const {
     return x - constant_ * (constant_.dot(x) / constant_.squaredNorm());
   }
+  // By their differences from row to row: a jump that is not taken yet shifts the level of the others.
   static double strength_of(const VectorXd& e) {
-    const VectorXd magnitude = e.cwiseAbs();
-    return std::max(1.0, kOfNormal * median({magnitude.data(), magnitude.data() + magnitude.size()}));
+    const VectorXd apart = (e.tail(e.size() - 1) - e.head(e.size() - 1)).cwiseAbs() / std::sqrt(2.0);
+    return std::max(1.0, kOfNormal * median({apart.data(), apart.data() + apart.size()}));
   }
 
   const CampaignRun& run_;
