@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "analysis/diagnose/evidence/minutes.h"
 #include "analysis/diagnose/evidence/reduction.h"
 #include "base/rng.h"
 #include "base/units.h"
@@ -15,10 +16,8 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kMinute_s = 60;
 constexpr double kLeast_h = 1e-9;     // of held-out data: a divisor
 constexpr double kNoSlowNoise = -20;  // logarithm of a factor on the slow density
-constexpr double kHardlyReturns = 20; // time constant over the length of a unit
 constexpr double kLeastErrors = 1;    // above the noise from which the interval holds what the minutes show
 constexpr double kClearlyLess = 0.95; // of a residual: the polynomial of least squares is what there was before
 
@@ -72,19 +71,6 @@ struct Split {
   std::vector<char> train, all; // per run
   std::vector<size_t> units;    // runs
 };
-
-// Mean squares of the minutes of one unit, and their number.
-struct Minutes {
-  double sum = 0, n = 0;
-};
-Minutes minutes_of(VectorXd rest, double dt_s) {
-  Minutes out;
-  const long minute = std::max(1L, std::lround(kMinute_s / dt_s));
-  if (rest.size() > 0) rest.array() -= rest.mean();
-  for (long k = 0; k + minute <= rest.size(); k += minute)
-    out.sum += std::pow(rest.segment(k, minute).mean(), 2), out.n += 1;
-  return out;
-}
 
 // What one hypothesis makes of the held-out units of a split.
 struct Prediction {
@@ -250,59 +236,6 @@ double sum_of(const std::vector<double>& x) {
   for (double v : x) sum += v;
   return sum;
 }
-double mean_square(const std::vector<Minutes>& rest) {
-  double sum = 0, n = 0;
-  for (const Minutes& m : rest) sum += m.sum, n += m.n;
-  return n > 0 ? sum / n : 0;
-}
-
-// Variance of the mean of a Markov process of unit variance over a time of t/tau: its covariance exp(-|u|/tau), integrated
-// over the square of that time.
-double mean_of_markov(double t_over_tau) {
-  const double a = t_over_tau;
-  return a < 1e-4 ? 1 - a / 3 : 2 / (a * a) * (a + std::expm1(-a));
-}
-// Mean square of one-minute means of the noise itself about their mean over a unit of `length_s`.
-double noise_of_minutes(const NoiseModel& noise, double length_s) {
-  const double length = std::max(length_s, 2 * kMinute_s);
-  const double white = noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2;
-  double sum = white * (1 / kMinute_s - 1 / length);
-  for (const Markov& m : noise.markov)
-    sum += m.sigma_dph * m.sigma_dph * (mean_of_markov(kMinute_s / m.tau_s) - mean_of_markov(length / m.tau_s));
-  const double walk = noise.walk_dph_per_rt_s;
-  return sum + walk * walk * (length - kMinute_s) / 6;
-}
-// A random walk over a unit as a Markov process that hardly returns within it.
-NoiseModel without_walk(NoiseModel noise, double length_s) {
-  const double tau_s = kHardlyReturns * length_s;
-  if (noise.walk_dph_per_rt_s > 0) noise.markov.push_back({noise.walk_dph_per_rt_s * std::sqrt(0.5 * tau_s), tau_s});
-  noise.walk_dph_per_rt_s = 0;
-  return noise;
-}
-// Variance of that mean square over the unit: 2/n^2 times the sum of the squared covariances of all minutes (Isserlis).
-double spread_of_minutes(const NoiseModel& noise, double length_s) {
-  const double length = std::max(length_s, 2 * kMinute_s), n = length / kMinute_s;
-  const NoiseModel stationary = without_walk(noise, length);
-  double of_mean = stationary.white_sigma_dph * stationary.white_sigma_dph / length;
-  for (const Markov& m : stationary.markov) of_mean += m.sigma_dph * m.sigma_dph * mean_of_markov(length / m.tau_s);
-  double sum = 0.5 * std::pow(noise_of_minutes(noise, length), 2);
-  for (double k = 1; k < n; ++k) {
-    double covariance = -of_mean;
-    for (const Markov& m : stationary.markov) {
-      const double part = -std::expm1(-kMinute_s / m.tau_s) * m.tau_s / kMinute_s;
-      covariance += m.sigma_dph * m.sigma_dph * part * part * std::exp(-(k - 1) * kMinute_s / m.tau_s);
-    }
-    sum += (1 - k / n) * covariance * covariance;
-  }
-  return 4 * sum / n;
-}
-// Standard error of the mean square over units of different lengths, weighted by their minutes.
-double error_of_units(const NoiseModel& noise, const std::vector<Minutes>& rest) {
-  double variance = 0, n = 0;
-  for (const Minutes& m : rest) variance += m.n * m.n * spread_of_minutes(noise, m.n * kMinute_s), n += m.n;
-  return n > 0 ? std::sqrt(variance) / n : 0;
-}
-
 // Places among the used rows of a run that count.
 std::vector<size_t> all_rows(const CampaignRun& run, size_t first, size_t end) {
   std::vector<size_t> out;
@@ -419,7 +352,7 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
   // Noise that follows the temperature is another at every minute: nothing is known of how far its sum scatters.
   const bool is_known = !final.noise_effect || !final.noise_effect->estimator()->needs_temperature();
   out->noise_error_dph = !is_known                ? std::nan("")
-                         : out->noise_rms_dph > 0 ? 0.5 * error_of_units(noise, after) / out->noise_rms_dph
+                         : out->noise_rms_dph > 0 ? 0.5 * error_of_minutes(noise, after) / out->noise_rms_dph
                                                   : 0;
 }
 
