@@ -9,6 +9,11 @@
 
 namespace imucal {
 
+double variance_of_mean(double time_over_tau) {
+  const double a = time_over_tau;
+  return a < 1e-3 ? 1 - a / 3 : 2 * (a + std::expm1(-a)) / (a * a);
+}
+
 bool operator==(const NoiseModel& a, const NoiseModel& b) {
   const auto rest = [](const NoiseModel& m) {
     return std::make_tuple(m.white_sigma_dph, m.walk_dph_per_rt_s, m.white_slope, m.markov_slope, m.tau_slope,

@@ -15,13 +15,17 @@ struct NoiseModel {
   std::vector<Markov> markov;
   double walk_dph_per_rt_s = 0;                            // rate random walk
   double white_slope = 0, markov_slope = 0, tau_slope = 0; // log-variances and log-tau per unit of Tn
-  double extra_white_dph2 = 0;                             // quantisation and the like
-  double hit_probability = 0, hit_sigma_dph = 0;           // outliers
+  double extra_white_dph2 = 0; // of 1-s means, beside white_sigma_dph^2: quantisation and the like; may be negative
+  double hit_probability = 0, hit_sigma_dph = 0; // outliers
   double telegraph_dph = 0, telegraph_tau_s = 0;
 
   bool is_mixture() const { return hit_probability > 0 || telegraph_dph > 0; }
   bool is_stationary() const { return white_slope == 0 && markov_slope == 0 && tau_slope == 0; }
 };
+
+// Variance of the mean of a Markov process of variance one over a time of so many time constants: its covariance exp(-|u|/tau),
+// integrated over the square of that time.
+double variance_of_mean(double time_over_tau);
 
 // Whether every number is the same.
 bool operator==(const NoiseModel& a, const NoiseModel& b);

@@ -34,7 +34,7 @@ void merge_terms(const NoiseModel& noise, double step_s, SecularEquation* eq) {
 
 SecularEquation secular_equation(const NoiseModel& noise, double step_s, double dt_s) {
   SecularEquation eq;
-  eq.r = noise.white_sigma_dph * noise.white_sigma_dph / dt_s + noise.extra_white_dph2;
+  eq.r = (noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2) / dt_s;
   merge_terms(noise, step_s, &eq);
   for (size_t i = 0; i < eq.alpha.size(); ++i) {
     const double half = std::sinh(0.5 * eq.alpha[i]);

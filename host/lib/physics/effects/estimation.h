@@ -75,7 +75,7 @@ struct Signature {
   Parameters parameters;
   std::string statement;
   double evidence_nats = 0;
-  double extra_white_dph2 = 0;             // variance it adds everywhere
+  double extra_white_dph2 = 0;             // variance it adds to every sample
   std::vector<std::vector<char>> unusable; // per run and row: samples that carry no rate
 };
 

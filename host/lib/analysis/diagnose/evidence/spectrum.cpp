@@ -9,7 +9,7 @@ namespace imucal {
 
 std::vector<double> spectral_density(const NoiseModel& noise, const std::vector<double>& hz, double dt_s) {
   std::vector<double> out(hz.size());
-  const double white = noise.white_sigma_dph * noise.white_sigma_dph / dt_s + noise.extra_white_dph2;
+  const double white = (noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2) / dt_s;
   std::vector<double> phi, q;
   for (const Markov& m : noise.markov) {
     phi.push_back(m.phi(dt_s));

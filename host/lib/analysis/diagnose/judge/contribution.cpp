@@ -46,15 +46,16 @@ std::vector<VectorXd> mean_of(const Campaign& campaign, const Hypothesis& h, con
   return out;
 }
 
-double white_at(const NoiseModel& noise, double tn) {
-  return noise.white_sigma_dph * noise.white_sigma_dph * std::exp(noise.white_slope * tn) + noise.extra_white_dph2;
+// Variance of white noise from sample to sample, at a normalised temperature.
+double white_at(const NoiseModel& noise, double tn, double dt_s) {
+  const double white = noise.white_sigma_dph * noise.white_sigma_dph * std::exp(noise.white_slope * tn);
+  return (white + noise.extra_white_dph2) / dt_s;
 }
-// Variance of the rates of a second about the mean of a run of length_s, at a normalised temperature.
-double variance_at(const NoiseModel& noise, double tn, double length_s) {
-  double sum = white_at(noise, tn);
+// Variance of the samples about the mean of a run of length_s, at a normalised temperature.
+double variance_at(const NoiseModel& noise, double tn, double dt_s, double length_s) {
+  double sum = white_at(noise, tn, dt_s);
   for (const Markov& m : noise.markov) {
-    const double turns = length_s / m.tau_s; // the mean of a run takes the slow part of a process with it
-    const double in_mean = turns < 1e-4 ? 1 - turns / 3 : 2 / (turns * turns) * (turns + std::expm1(-turns));
+    const double in_mean = variance_of_mean(length_s / m.tau_s); // takes the slow part of a process with it
     sum += m.sigma_dph * m.sigma_dph * std::exp(noise.markov_slope * tn) * (1 - in_mean);
   }
   return sum + noise.walk_dph_per_rt_s * noise.walk_dph_per_rt_s * length_s / 6;
@@ -69,7 +70,8 @@ double noise_change(const Campaign& campaign, const NoiseModel& with, const Nois
     const double length_s = static_cast<double>(run.n()) * campaign.dt_s;
     for (size_t k = 0; k < run.n(); k += 1 + run.n() / 100) {
       const double tn = run.input.tn.empty() ? 0 : run.input.tn[static_cast<size_t>(run.used[k])];
-      sum += std::fabs(variance_at(a, tn, length_s) - variance_at(b, tn, length_s)), n += 1;
+      sum += std::fabs(variance_at(a, tn, campaign.dt_s, length_s) - variance_at(b, tn, campaign.dt_s, length_s)),
+          n += 1;
     }
   }
   return hits + (n > 0 ? sum / n : 0);
@@ -103,7 +105,7 @@ double white_of_samples_dph(const Campaign& campaign, const NoiseModel& noise) {
   for (const CampaignRun& run : campaign.runs)
     for (const int k : run.used) {
       const double tn = run.input.tn.empty() ? 0 : run.input.tn[static_cast<size_t>(k)];
-      sum += white_at(noise, tn), n += 1;
+      sum += white_at(noise, tn, campaign.dt_s), n += 1;
     }
   return n > 0 ? std::sqrt(sum / n) : 0;
 }

@@ -143,18 +143,18 @@ bool leave_short_runs(Campaign* seconds) {
 
 NoiseModel block_equivalent(const NoiseModel& seconds, double block_s) {
   NoiseModel noise = gaussian_equivalent(seconds);
-  const double white = noise.white_sigma_dph * noise.white_sigma_dph / block_s;
-  double extra = noise.extra_white_dph2 / block_s;
+  const double white = noise.white_sigma_dph * noise.white_sigma_dph; // of 1-s means
+  double extra = noise.extra_white_dph2;
   for (Markov& m : noise.markov) {
     const double a = block_s / m.tau_s, variance = m.sigma_dph * m.sigma_dph;
     const double apart = a < 1e-3 ? 1 + a * a / 12 : 2 * (std::cosh(std::min(a, 50.0)) - 1) / (a * a);
-    const double together = a < 1e-3 ? 1 - a / 3 : 2 * (a + std::expm1(-a)) / (a * a);
+    const double together = variance_of_mean(a);
     if (a > kFastest) { // white at this length
-      extra += variance * together;
-      m.sigma_dph = 1e-9 * std::sqrt(white);
+      extra += block_s * variance * together;
+      m.sigma_dph = 1e-9 * std::sqrt(white / block_s);
       continue;
     }
-    extra += variance * (together - apart);
+    extra += block_s * variance * (together - apart);
     m.sigma_dph *= std::sqrt(apart);
   }
   noise.extra_white_dph2 = std::max(extra, -kMostNegative * white);

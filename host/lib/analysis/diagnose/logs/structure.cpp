@@ -139,7 +139,7 @@ StructureResult find_in_all(Campaign* campaign, size_t n_fitted, const std::vect
     const auto signature = effect->estimator()->detect(inputs);
     if (!signature) continue;
     out.findings.push_back({effect, *signature, logs_of(*campaign, n_fitted, signature->unusable)});
-    out.extra_white_dph2 += signature->extra_white_dph2;
+    out.extra_white_dph2 += signature->extra_white_dph2 * campaign->dt_s;
     const bool is_censoring = effect->estimator()->is_censoring();
     out.is_censored = out.is_censored || is_censoring;
     if (effect->estimator()->counts_drop_outs()) out.n_dropouts = count_beside(zeros, signature->unusable);

@@ -20,7 +20,7 @@ struct StructureResult {
   std::vector<StructureFinding> findings;
   size_t n_dropouts = 0;       // exact zeros that are no rates and in no finding: too few
   size_t n_left_out = 0;       // samples masked, with the neighbourhood that censoring has biased
-  double extra_white_dph2 = 0; // of a lattice
+  double extra_white_dph2 = 0; // of a lattice, in 1-s means
   bool is_censored = false;    // values are missing because of their size
 };
 
