@@ -2,6 +2,7 @@
 // The engine of diagnose against dense linear algebra and against what it was told.
 #include "analysis/diagnose/evidence/fourier.h"
 #include "analysis/diagnose/evidence/lines.h"
+#include "analysis/diagnose/evidence/minutes.h"
 #include "analysis/diagnose/evidence/reduction.h"
 #include "analysis/diagnose/evidence/shared.h"
 #include "analysis/diagnose/logs/smoothing.h"
@@ -454,9 +455,53 @@ static void test_block_noise_has_the_covariance_of_block_means(void**) {
       for (int j = 0; j < 1000; ++j) expected += 400 * std::exp(-std::fabs(0.01 * (i - j) + 10.0 * apart) / 100) / 1e6;
     if (apart == 0) expected += 36.0 * 36 / 10;
     double found = blocks.markov[0].sigma_dph * blocks.markov[0].sigma_dph * std::exp(-10.0 * apart / 100);
-    if (apart == 0) found += 36.0 * 36 / 10 + blocks.extra_white_dph2;
+    if (apart == 0) found += (36.0 * 36 + blocks.extra_white_dph2) / 10;
     assert_near(found, expected, 1e-4 * expected);
   }
+}
+
+static CampaignRun run_of_rows(long n, double dt_s) {
+  CampaignRun run;
+  RunInput& in = run.input;
+  in.dt_s = dt_s;
+  for (long i = 0; i < n; ++i)
+    in.t_s.push_back(dt_s * static_cast<double>(i)), in.rate_dph.push_back(0), in.tn.push_back(0), in.tick.push_back(i);
+  find_used(&run);
+  return run;
+}
+
+// Rows of 14 s make minutes of 56 s, rows of 286 s one each: what the noise makes of them agrees with draws.
+static void test_noise_of_minutes_is_that_of_their_length(void**) {
+  NoiseModel noise;
+  noise.white_sigma_dph = 36;
+  noise.markov = {{4, 2000}};
+  for (const double dt_s : {1.0, 14.0, 41.0, 286.0}) {
+    const long n = static_cast<long>(20000 / dt_s);
+    const CampaignRun run = run_of_rows(n, dt_s);
+    const RunGains gains = compute_gains(run, block_equivalent(noise, dt_s));
+    std::vector<Minutes> all;
+    for (uint64_t draw = 0; draw < 200; ++draw) {
+      const Rng rng(91, draw, 0, static_cast<uint32_t>(Stream::kTool));
+      VectorXd x(n);
+      rng.normals(0, static_cast<size_t>(n), x.data());
+      colour(gains, x.data(), static_cast<size_t>(n));
+      all.push_back(minutes_of(x, dt_s));
+    }
+    const double expected = noise_of_all(noise, minute_s(dt_s), all);
+    const double error = error_of_minutes(noise, minute_s(dt_s), all);
+    assert_near(mean_square(all), expected, 4 * error);
+    assert_true(error < 0.05 * expected);
+    for (Minutes& m : all) m.strength = 2;
+    assert_near(noise_of_all(noise, minute_s(dt_s), all), 4 * expected, 1e-9 * expected);
+  }
+}
+
+// Of samples of 2 s, a variance that each has is twice as much in 1-s means, and as in all means falls with their number.
+static void test_variance_of_samples_is_theirs_at_any_step(void**) {
+  NoiseModel noise;
+  noise.extra_white_dph2 = 7 * 2;
+  assert_near(compute_gains(run_of_rows(4, 2), noise).sum_log_s, 4 * std::log(7.0), 1e-9);
+  assert_near(block_equivalent(noise, 10).extra_white_dph2 / 10, 7.0 / 5, 1e-9);
 }
 
 static void test_blocks_hold_telegraph_noise_by_its_covariance(void**) {
@@ -961,6 +1006,19 @@ static void test_noise_that_hides_the_gap_makes_the_interval_wide(void**) {
   assert_true(reduction_of({}, nominal_hypothesis().base_noise).hi == 1);
 }
 
+// A log with noise of twice the strength says as little of the gap as if all noise were so strong.
+static void test_a_loud_log_says_less_of_the_reduction(void**) {
+  KnownReduction known = known_reduction(5, 0.5);
+  const NoiseModel twice = with_factors(known.noise, std::vector<double>{std::log(2.0), std::log(4.0), 0}.data());
+  NoiseModel louder = twice;
+  louder.extra_white_dph2 *= 4;
+  const Reduction expected = reduction_of({known.unit}, louder);
+  known.unit.run.own_strength = 2;
+  const Reduction found = reduction_of({known.unit}, known.noise);
+  assert_near(found.lo, expected.lo, 1e-6);
+  assert_near(found.hi, expected.hi, 1e-6);
+}
+
 static void test_a_coarse_thermometer_has_a_quiet_slope_up_to_the_ends(void**) {
   // Between two steps at the start and at the end: it shows now this, now that one.  Elsewhere it mostly stays as it is.
   Log log = simulated_log(121, 6000, false, 0);
@@ -1122,6 +1180,8 @@ int main() {
       cmocka_unit_test(test_gains_of_steps_are_those_of_steps_in_the_mean),
       cmocka_unit_test(test_scan_scores_are_those_of_the_marginal_likelihood),
       cmocka_unit_test(test_block_noise_has_the_covariance_of_block_means),
+      cmocka_unit_test(test_noise_of_minutes_is_that_of_their_length),
+      cmocka_unit_test(test_variance_of_samples_is_theirs_at_any_step),
       cmocka_unit_test(test_blocks_hold_telegraph_noise_by_its_covariance),
       cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
       cmocka_unit_test(test_constants_that_are_handed_down_decide),
@@ -1148,6 +1208,7 @@ int main() {
       cmocka_unit_test(test_short_bursts_are_told_from_single_hits),
       cmocka_unit_test(test_the_interval_of_one_held_out_log_holds_the_true_reduction),
       cmocka_unit_test(test_units_of_few_rows_or_none_change_no_interval),
+      cmocka_unit_test(test_a_loud_log_says_less_of_the_reduction),
       cmocka_unit_test(test_noise_that_hides_the_gap_makes_the_interval_wide),
       cmocka_unit_test(test_a_coarse_thermometer_has_a_quiet_slope_up_to_the_ends),
       cmocka_unit_test(test_slopes_beside_missing_rows_are_those_of_the_temperature),

@@ -175,6 +175,12 @@ def headline(axis, library):
     return f"{title}: {words}." if words else f"{title}."
 
 
+def means_text(gap):
+    """What the residuals of a gap are means of."""
+    mean_s = gap.get("residual_mean_s") or 60
+    return "one-minute means" if round(mean_s) == 60 else f"means over {mean_s:.0f} s"
+
+
 def size_sentence(axis, loop):
     """What the gap costs, in dph; `loop`: (dph, degC) of the measured branches, or None."""
     rms = (axis.get("gap") or {}).get("residual_rms_dph") or {}
@@ -187,7 +193,7 @@ def size_sentence(axis, loop):
         off = "the polynomial" if any(t is not None for t in temps) else "their mean"
         quarters = str((axis.get("gap") or {}).get("method", "")).startswith("quarters")
         unseen = "in quarters of the one log, each predicted from the others but for its own constant" if quarters else "on data that were not fitted"
-        text = f"one-minute means lie {number(before, 2)} dph rms off {off} {unseen}"
+        text = f"{means_text(axis['gap'])} lie {number(before, 2)} dph rms off {off} {unseen}"
         has_mean = (axis.get("gap") or {}).get("has_mean", True)  # else the statement of the gap says what a noise would leave
         if noise is not None and (has_mean or not axis.get("effects")):
             with_found = any(e.get("family") == "slow_noise" for e in axis.get("effects") or [])
@@ -214,7 +220,7 @@ def gap_sentence(axis):
         if gap.get("stand_in_shrinkage") is not None:
             return f"A flexible stand-in {removes(gap['stand_in_shrinkage'])} on held-out data: that is not an explanation." + left
         said = gap.get("statement") or ""
-        return ((said and f"On data that were not fitted{', ' if said.startswith('one-minute means') else ': '}{said}.") + left).strip()
+        return ((said and f"On data that were not fitted{', ' if said.startswith(means_text(gap)) else ': '}{said}.") + left).strip()
     text = f"Adding what was found {removes(gap['shrinkage'])} on held-out data"
     ci = gap.get("ci95")
     if ci and None not in ci:

@@ -215,7 +215,7 @@ Json where_json(const AxisResult& axis) {
 Json residual_json(const Campaign& campaign, const Fit& before, const Fit& after) {
   Json temp = Json::array(), rate = Json::array(), time = Json::array(), log = Json::array(), raw = Json::array(),
        b = Json::array(), a = Json::array(), fitted_b = Json::array(), fitted_a = Json::array();
-  const long block = std::max(std::lround(60 / campaign.dt_s), static_cast<long>(campaign.n() / 1500));
+  const long block = std::max(rows_of_minute(campaign.dt_s), static_cast<long>(campaign.n() / 1500));
   for (size_t r = 0; r < campaign.runs.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
     for (long k = 0; k + block <= before.residual[r].size(); k += block) {
@@ -369,22 +369,27 @@ std::string stand_in_does(double shrinkage) {
   return format("makes the gap %.0f %% worse", -100 * shrinkage);
 }
 
+// What the residuals are means of.
+std::string means_text(const GapResult& gap) {
+  return std::lround(gap.minute_s) == 60 ? "one-minute means" : format("means over %.0f s", gap.minute_s);
+}
+
 // Slow noise that was found beside the noise that was believed.
 std::string noise_statement(const AxisResult& axis) {
   const GapResult& g = axis.study.gap;
   if (g.has_mean || !finds(axis.study.selection, is_slow_noise)) return "";
-  return format(
-      "one-minute means: %s would leave %s %s, these logs show %s; with the noise that was found %s is expected",
-      axis.is_believed ? "the believed noise" : "the noise that was estimated without a cause",
-      figure(g.believed_rms_dph, axis).c_str(), axis_unit(axis.axis), figure(g.rms_before_dph, axis).c_str(),
-      figure(g.noise_rms_dph, axis).c_str());
+  return format("%s: %s would leave %s %s, these logs show %s; with the noise that was found %s is expected",
+                means_text(g).c_str(),
+                axis.is_believed ? "the believed noise" : "the noise that was estimated without a cause",
+                figure(g.believed_rms_dph, axis).c_str(), axis_unit(axis.axis), figure(g.rms_before_dph, axis).c_str(),
+                figure(g.noise_rms_dph, axis).c_str());
 }
 
 // How far the gap shrinks on data that were not fitted, or why that is not known; empty: not asked.
 std::string held_out_statement(const AxisResult& axis) {
   const GapResult& g = axis.study.gap;
   const std::string residual =
-      format("residual of one-minute means %s -> %s %s, %s %s", figure(g.rms_before_dph, axis).c_str(),
+      format("residual of %s %s -> %s %s, %s %s", means_text(g).c_str(), figure(g.rms_before_dph, axis).c_str(),
              figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
              finds(axis.study.selection, is_slow_noise) ? "noise with the slow noise found" : "noise alone",
              figure(g.noise_rms_dph, axis).c_str()) +
@@ -446,6 +451,7 @@ Json gap_json(const AxisResult& axis) {
       {"jumps_of_held_out_logs", own_jumps},
       {"stronger_noise_of_held_out_logs", stronger},
       {"has_mean", g.has_mean},
+      {"residual_mean_s", g.minute_s},
       {"residual_rms_dph",
        {{"before", g.rms_before_dph},
         {"after", g.rms_after_dph},

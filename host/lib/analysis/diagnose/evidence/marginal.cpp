@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 
+#include "analysis/diagnose/evidence/minutes.h"
 #include "linear/linear.h"
 
 namespace imucal {
@@ -125,7 +126,7 @@ SlowData::SlowData(Campaign blocks) : campaign(std::move(blocks)) {
     rows_used.push_back(campaign.runs[r].used);
   }
   const VectorXd beta = p > 0 ? solve_symmetric(xx, xy) : VectorXd();
-  const long minute = std::max(1L, std::lround(60 / campaign.dt_s));
+  const long minute = rows_of_minute(campaign.dt_s);
   double sum = 0, n = 0;
   for (size_t r = 0; r < y.size(); ++r) {
     const VectorXd rest = p > 0 ? VectorXd(y[r] - powers[r] * beta) : y[r];

@@ -12,12 +12,6 @@ namespace {
 
 constexpr double kHardlyReturns = 20; // time constant over the length of a stretch
 
-// Variance of the mean of a Markov process of unit variance over a time of t/tau: its covariance exp(-|u|/tau), integrated
-// over the square of that time.
-double mean_of_markov(double t_over_tau) {
-  const double a = t_over_tau;
-  return a < 1e-4 ? 1 - a / 3 : 2 / (a * a) * (a + std::expm1(-a));
-}
 // A random walk over a stretch as a Markov process that hardly returns within it.
 NoiseModel without_walk(NoiseModel noise, double length_s) {
   const double tau_s = kHardlyReturns * length_s;
@@ -26,17 +20,17 @@ NoiseModel without_walk(NoiseModel noise, double length_s) {
   return noise;
 }
 // Variance of that mean square over a stretch: 2/n^2 times the sum of the squared covariances of all minutes (Isserlis).
-double spread_of_minutes(const NoiseModel& noise, double length_s) {
-  const double length = std::max(length_s, 2 * kMinute_s), n = length / kMinute_s;
+double spread_of_minutes(const NoiseModel& noise, double minute_s, double length_s) {
+  const double length = std::max(length_s, 2 * minute_s), n = length / minute_s;
   const NoiseModel stationary = without_walk(noise, length);
   double of_mean = stationary.white_sigma_dph * stationary.white_sigma_dph / length;
-  for (const Markov& m : stationary.markov) of_mean += m.sigma_dph * m.sigma_dph * mean_of_markov(length / m.tau_s);
-  double sum = 0.5 * std::pow(noise_of_minutes(noise, length), 2);
+  for (const Markov& m : stationary.markov) of_mean += m.sigma_dph * m.sigma_dph * variance_of_mean(length / m.tau_s);
+  double sum = 0.5 * std::pow(noise_of_minutes(noise, minute_s, length), 2);
   for (double k = 1; k < n; ++k) {
     double covariance = -of_mean;
     for (const Markov& m : stationary.markov) {
-      const double part = -std::expm1(-kMinute_s / m.tau_s) * m.tau_s / kMinute_s;
-      covariance += m.sigma_dph * m.sigma_dph * part * part * std::exp(-(k - 1) * kMinute_s / m.tau_s);
+      const double part = -std::expm1(-minute_s / m.tau_s) * m.tau_s / minute_s;
+      covariance += m.sigma_dph * m.sigma_dph * part * part * std::exp(-(k - 1) * minute_s / m.tau_s);
     }
     sum += (1 - k / n) * covariance * covariance;
   }
@@ -45,9 +39,16 @@ double spread_of_minutes(const NoiseModel& noise, double length_s) {
 
 } // namespace
 
+long rows_of_minute(double dt_s) {
+  return std::max(1L, std::lround(60 / dt_s));
+}
+double minute_s(double dt_s) {
+  return dt_s * static_cast<double>(rows_of_minute(dt_s));
+}
+
 Minutes minutes_of(VectorXd rest, double dt_s) {
   Minutes out;
-  const long minute = std::max(1L, std::lround(kMinute_s / dt_s));
+  const long minute = rows_of_minute(dt_s);
   if (rest.size() > 0) rest.array() -= rest.mean();
   for (long k = 0; k + minute <= rest.size(); k += minute)
     out.sum += std::pow(rest.segment(k, minute).mean(), 2), out.n += 1;
@@ -59,18 +60,27 @@ double mean_square(const std::vector<Minutes>& rest) {
   return n > 0 ? sum / n : 0;
 }
 
-double noise_of_minutes(const NoiseModel& noise, double length_s) {
-  const double length = std::max(length_s, 2 * kMinute_s);
+double noise_of_minutes(const NoiseModel& noise, double minute_s, double length_s) {
+  const double length = std::max(length_s, 2 * minute_s);
   const double white = noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2;
-  double sum = white * (1 / kMinute_s - 1 / length);
+  double sum = white * (1 / minute_s - 1 / length);
   for (const Markov& m : noise.markov)
-    sum += m.sigma_dph * m.sigma_dph * (mean_of_markov(kMinute_s / m.tau_s) - mean_of_markov(length / m.tau_s));
+    sum += m.sigma_dph * m.sigma_dph * (variance_of_mean(minute_s / m.tau_s) - variance_of_mean(length / m.tau_s));
   const double walk = noise.walk_dph_per_rt_s;
-  return sum + walk * walk * (length - kMinute_s) / 6;
+  return sum + walk * walk * (length - minute_s) / 6;
 }
-double error_of_minutes(const NoiseModel& noise, const std::vector<Minutes>& rest) {
+double noise_of_all(const NoiseModel& noise, double minute_s, const std::vector<Minutes>& rest) {
+  double sum = 0, n = 0;
+  for (const Minutes& m : rest)
+    sum += m.n * std::pow(m.strength, 2) * noise_of_minutes(noise, minute_s, m.n * minute_s), n += m.n;
+  return n > 0 ? sum / n : 0;
+}
+double error_of_minutes(const NoiseModel& noise, double minute_s, const std::vector<Minutes>& rest) {
   double variance = 0, n = 0;
-  for (const Minutes& m : rest) variance += m.n * m.n * spread_of_minutes(noise, m.n * kMinute_s), n += m.n;
+  for (const Minutes& m : rest) {
+    const double weight = m.n * std::pow(m.strength, 2);
+    variance += weight * weight * spread_of_minutes(noise, minute_s, m.n * minute_s), n += m.n;
+  }
   return n > 0 ? std::sqrt(variance) / n : 0;
 }
 

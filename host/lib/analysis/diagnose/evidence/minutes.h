@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Means over a minute: what an engineer reads off a chart, and what is left of it when the noise is taken into account.
+// Means over a minute, of which an engineer reads how far rates are off, and what the noise alone would make of them.
+//
+// A minute is as many whole rows as come nearest to 60 s, one at least: of the blocks of a long log, 17 s each, it has four, 68 s.
 #pragma once
 #include <Eigen/Core>
 #include <vector>
@@ -8,11 +10,13 @@
 
 namespace imucal {
 
-constexpr double kMinute_s = 60;
+long rows_of_minute(double dt_s);
+double minute_s(double dt_s); // how long these last
 
-// Squares of the minutes of one stretch of rates, and their number.
+// Squares of the minutes of one stretch of rates, their number, and how strong the noise is there (CampaignRun::own_strength).
 struct Minutes {
   double sum = 0, n = 0;
+  double strength = 1;
 };
 // About the mean of the stretch; rows at its end that make no whole minute are left out.
 Minutes minutes_of(Eigen::VectorXd rest, double dt_s);
@@ -20,8 +24,9 @@ Minutes minutes_of(Eigen::VectorXd rest, double dt_s);
 double mean_square(const std::vector<Minutes>& rest);
 
 // What the noise itself would make of the minutes of a stretch of `length_s`: their mean square about the mean of the stretch.
-double noise_of_minutes(const NoiseModel& noise, double length_s);
-// Standard error of the mean square over stretches of different lengths, weighted by their minutes.
-double error_of_minutes(const NoiseModel& noise, const std::vector<Minutes>& rest);
+double noise_of_minutes(const NoiseModel& noise, double minute_s, double length_s);
+// The same over stretches of different lengths and strengths, weighted by their minutes, and the standard error of that mean square.
+double noise_of_all(const NoiseModel& noise, double minute_s, const std::vector<Minutes>& rest);
+double error_of_minutes(const NoiseModel& noise, double minute_s, const std::vector<Minutes>& rest);
 
 } // namespace imucal

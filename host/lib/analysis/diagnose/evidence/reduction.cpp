@@ -93,7 +93,8 @@ Seen seen(const HeldOutUnit& unit, const Basis& basis, const NoiseModel& noise) 
     change[c] = column.dot(unit.change) / static_cast<double>(n);
   }
   columns.col(f + k) = unit.left;
-  const MatrixXd g = WideColumns(columns).whitened_gram(compute_gains(unit.run, noise));
+  const double strength = unit.run.own_strength; // of the noise of this log
+  const MatrixXd g = WideColumns(columns).whitened_gram(compute_gains(unit.run, noise)) / (strength * strength);
   const MatrixXd of_free = inverse_symmetric(g.topLeftCorner(f, f));
   const MatrixXd rest = g.bottomRightCorner(k + 1, k + 1) - g.block(f, 0, k + 1, f) * of_free * g.block(0, f, f, k + 1);
   Seen out;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "analysis/diagnose/evidence/minutes.h"
 #include "base/quantile.h"
 
 namespace imucal {
@@ -163,7 +164,7 @@ private:
   // Means of 60 s: where the mean is off.
   void add_minutes(const CampaignRun& run, const VectorXd& e) {
     if (!n_temp_) return;
-    const long block = std::max<long>(1, std::lround(60 / campaign_.dt_s));
+    const long block = rows_of_minute(campaign_.dt_s);
     for (long k = 0; k + block <= e.size(); k += block) {
       const double s = e.segment(k, block).sum() / std::sqrt(static_cast<double>(block));
       const size_t row = static_cast<size_t>(run.used[static_cast<size_t>(k + block / 2)]);

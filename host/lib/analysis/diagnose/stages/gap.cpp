@@ -337,23 +337,24 @@ SlowModel with_white_noise(SlowModel m) {
   return m;
 }
 
-// Of one-minute means.
 void set_residuals(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units, double dt_s,
                    GapResult* out) {
   std::vector<Minutes> before, after;
   for (const HeldOutUnit& unit : units) {
     before.push_back(minutes_of(unit.left + unit.change, dt_s));
     after.push_back(minutes_of(unit.left, dt_s));
+    after.back().strength = unit.run.own_strength;
   }
   out->rms_before_dph = std::sqrt(mean_square(before)), out->rms_after_dph = std::sqrt(mean_square(after));
-  for (const Minutes& m : after) out->unit_minutes.push_back(m.n);
+  out->minutes = after, out->minute_s = minute_s(dt_s);
   const NoiseModel noise = gaussian_equivalent(search.seconds_noise_of(final));
   out->noise_rms_dph = out->rms_of_noise_dph(noise);
   // Noise that follows the temperature is another at every minute: nothing is known of how far its sum scatters.
   const bool is_known = !final.noise_effect || !final.noise_effect->estimator()->needs_temperature();
-  out->noise_error_dph = !is_known                ? std::nan("")
-                         : out->noise_rms_dph > 0 ? 0.5 * error_of_minutes(noise, after) / out->noise_rms_dph
-                                                  : 0;
+  out->noise_error_dph = !is_known ? std::nan("")
+                         : out->noise_rms_dph > 0
+                             ? 0.5 * error_of_minutes(noise, out->minute_s, after) / out->noise_rms_dph
+                             : 0;
 }
 
 void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,
@@ -369,12 +370,8 @@ void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::
 
 } // namespace
 
-// Over units of different lengths, weighted by their minutes.
 double GapResult::rms_of_noise_dph(const NoiseModel& noise) const {
-  const NoiseModel gaussian = gaussian_equivalent(noise);
-  double sum = 0, n = 0;
-  for (double minutes : unit_minutes) sum += minutes * noise_of_minutes(gaussian, minutes * kMinute_s), n += minutes;
-  return n > 0 ? std::sqrt(sum / n) : 0;
+  return std::sqrt(noise_of_all(gaussian_equivalent(noise), minute_s, minutes));
 }
 
 double GapResult::part_left(bool with_run_to_run) const {

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "analysis/diagnose/evidence/fit.h"
+#include "analysis/diagnose/evidence/minutes.h"
 #include "analysis/diagnose/search/search.h"
 
 namespace imucal {
@@ -62,10 +63,11 @@ struct GapResult {
   std::vector<Support> beyond_start; // per name, against nothing but the start states it leaves
   std::vector<Support> at_all;       // per name, against neither the name nor its start states
   double hours = 0;
-  double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of one-minute means
-  double run_to_run_rms_dph = 0;    // of what is left: what an effect that differs from run to run by chance would take
-  std::vector<double> unit_minutes; // of the held-out units: how many means each has
-  // What a noise alone would leave in those means about that of their unit.
+  double minute_s = 60;                                            // length of the means of what follows (minutes.h)
+  double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of minutes
+  double run_to_run_rms_dph = 0; // of what is left: what an effect that differs from run to run by chance would take
+  std::vector<Minutes> minutes;  // of the held-out units, after
+  // What a noise alone would leave in them about the mean of their unit, in each log as strong as it is there.
   double rms_of_noise_dph(const NoiseModel& noise) const;
   // What the believed noise, or that estimated without a cause, would leave; noise_rms_dph holds the noise that was found.
   double believed_rms_dph = 0;
