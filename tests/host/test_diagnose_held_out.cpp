@@ -99,6 +99,45 @@ static void test_a_jump_and_its_return_are_told(void**) {
   }
 }
 
+// What the recorder did is looked for before what the model knows is taken out: less that, a zero is no zero.
+static void test_drop_outs_are_found_beside_a_known_effect(void**) {
+  ErrorModel model = nominal_model();
+  model.effects.push_back({"thermal_hysteresis", {{"amplitude_dph", 40.0}, {"width_degc", 5.0}}});
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 3; ++k) {
+    logs.push_back(simulated_log(780 + k, 6000, false, 40));
+    for (double& rate : logs.back().axes[0].rate_dph) rate += 2000; // a zero is far from every rate
+    for (size_t i = 20; i < 6000; i += 100) logs.back().axes[0].rate_dph[i] = 0;
+  }
+  DiagnoseOptions options;
+  options.nulls = 40, options.model_path = "given";
+  const Selection said = diagnose_logs(options, model, logs, {}).axes.at(0).study.selection;
+  assert_true(names_of(said) == std::set<std::string>{"held_samples"});
+  assert_int_equal(said.n_left_out, 180);
+}
+
+// A soak is a natural log to hold out.  Its temperature moves by less than 2 degC, and the polynomial holds it as it holds all.
+static void test_a_soak_is_judged_by_the_polynomial_of_the_fitted_logs(void**) {
+  for (const double span_degc : {0.4, 1.6}) {
+    std::vector<Log> logs, unseen;
+    for (uint64_t k = 0; k < 4; ++k) {
+      Log log = simulated_log(770 + k, 6000, false, 0);
+      for (size_t i = 0; k == 3 && i < log.size(); ++i) {
+        const double soak_degc = 48 + span_degc * (log.temp_degc[i] / 60 - 0.5);
+        log.axes[0].rate_dph[i] += bias_dph(soak_degc) - bias_dph(log.temp_degc[i]);
+        log.temp_degc[i] = soak_degc;
+      }
+      (k < 3 ? logs : unseen).push_back(log);
+    }
+    DiagnoseOptions options;
+    options.nulls = 40, options.model_path = "given";
+    const DiagnoseResult result = diagnose_logs(options, nominal_model(), logs, unseen);
+    assert_true(result.axes.at(0).study.selection.verdict == Verdict::kNoGap);
+    const GapResult& gap = result.axes[0].study.gap;
+    assert_true(gap.rms_after_dph < 1.4 * gap.noise_rms_dph);
+  }
+}
+
 // Beside white noise a jump is no large innovation: it shifts all that follow, and with them the median by which noise is measured.
 static void test_a_jump_beside_white_noise_is_told(void**) {
   for (uint64_t seed : {760, 761, 762, 763}) {
@@ -270,6 +309,8 @@ int main() {
       cmocka_unit_test(test_a_jump_of_a_held_out_log_is_told_and_takes_no_name_away),
       cmocka_unit_test(test_a_slow_change_of_a_held_out_log_is_no_jump),
       cmocka_unit_test(test_a_jump_and_its_return_are_told),
+      cmocka_unit_test(test_drop_outs_are_found_beside_a_known_effect),
+      cmocka_unit_test(test_a_soak_is_judged_by_the_polynomial_of_the_fitted_logs),
       cmocka_unit_test(test_a_jump_beside_white_noise_is_told),
       cmocka_unit_test(test_a_loud_held_out_log_is_told),
       cmocka_unit_test(test_a_jump_beside_one_at_a_temperature),

@@ -429,15 +429,13 @@ Fit plain_fit(const Campaign& campaign, Hypothesis nominal) {
 }
 
 // The held-out logs of an axis; no runs: none can be used.
-Campaign held_out_campaign(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& held_out,
-                           AxisResult* axis) {
+Campaign held_out_campaign(const ErrorModel& model, const std::vector<Log>& held_out, AxisResult* axis) {
   if (held_out.empty()) return {};
-  Campaign unseen = make_campaign(held_out, axis->axis, model);
+  Campaign unseen = make_campaign_like(axis->campaign, held_out, model);
   if (axis->campaign.has_temperature) require_temperature(unseen, held_out);
   tell_stuck(unseen, held_out, &axis->warnings);
   tell_frozen(unseen, held_out, &axis->warnings);
   tell_beyond(axis->campaign, unseen, held_out, &axis->warnings);
-  take_out_and_warn(options, model, &unseen, axis);
   keep_common_columns({&axis->campaign, &unseen});
   return unseen;
 }
@@ -487,7 +485,6 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   model.require_unit_of(name);
   axis.campaign = make_campaign(logs, name, model);
   require_runs(axis.campaign, logs);
-  take_out_and_warn(options, model, &axis.campaign, &axis);
   keep_common_columns({&axis.campaign});
   check_steady(axis.campaign, &axis.warnings);
   tell_stuck(axis.campaign, logs, &axis.warnings);
@@ -495,10 +492,15 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   const NoiseBelief belief = belief_of(options, model, name);
   axis.is_believed = belief.has_believed;
   if (belief.has_believed) check_scale(axis.campaign, belief.model, &axis.warnings);
-  Campaign unseen = held_out_campaign(options, model, held_out, &axis);
+  Campaign unseen = held_out_campaign(model, held_out, &axis);
+  Campaign* held_out_runs = unseen.runs.empty() ? nullptr : &unseen;
   const std::vector<const Effect*>& library = effect_library();
   const std::vector<bool> active = active_effects(options);
   SelectOptions select;
+  // What the recorder did shows in the rates as they are: less a known effect, a zero is no zero.
+  select.structure = find_structure(&axis.campaign, held_out_runs, library, active);
+  take_out_and_warn(options, model, &axis.campaign, &axis);
+  if (held_out_runs) take_out_and_warn(options, model, held_out_runs, &axis);
   select.constants = options.constants;
   select.calibrate = [&](SlowSearch* search) {
     const double from = now_s();
@@ -507,7 +509,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     axis.calibration_s = now_s() - from;
     return found.threshold_nats;
   };
-  axis.study = study_axis(&axis.campaign, unseen.runs.empty() ? nullptr : &unseen, belief, library, active, select);
+  axis.study = study_axis(&axis.campaign, held_out_runs, belief, library, active, select);
   tell_left_out(axis.campaign, logs, &axis);
   tell_held_out(unseen, held_out, &axis);
   if (belief.has_data_sheet && !axis.study.selection.cannot_judge)

@@ -12,7 +12,6 @@
 #include "analysis/diagnose/judge/slow_names.h"
 #include "analysis/diagnose/judge/undecided.h"
 #include "analysis/diagnose/logs/blocks.h"
-#include "analysis/diagnose/logs/structure.h"
 #include "analysis/diagnose/stages/bursts.h"
 #include "analysis/diagnose/stages/mean_lines.h"
 #include "analysis/diagnose/stages/own_jumps.h"
@@ -32,10 +31,10 @@ public:
         const std::vector<bool>& active, const SelectOptions& options)
       : campaign_(*campaign),
         held_out_(held_out), question_{*campaign, held_out, library, active, std::move(belief), options.constants},
-        calibrate_(options.calibrate) {}
+        calibrate_(options.calibrate), structure_(options.structure) {}
 
   AxisStudy run() {
-    ask_structure();
+    take_structure();
     if (!leave_short_runs(&campaign_)) {
       out_.cannot_judge = true;
       out_.effects = structural_;
@@ -60,8 +59,8 @@ public:
 private:
   const SelectorConstants& constants() const { return question_.constants; }
 
-  void ask_structure() {
-    const StructureResult found = find_structure(&campaign_, held_out_, question_.library, question_.active);
+  void take_structure() {
+    const StructureResult& found = structure_;
     if (held_out_ && !leave_short_runs(held_out_)) {
       leave_runs(std::vector<char>(held_out_->runs.size(), 1), kTooShort, held_out_);
       question_.held_out = held_out_ = nullptr;
@@ -303,6 +302,7 @@ private:
   Campaign* held_out_; // the same, or nullptr
   AxisQuestion question_;
   std::function<double(SlowSearch*)> calibrate_;
+  StructureResult structure_;
   Found found_;
   Names names_;
   std::vector<SelectedEffect> structural_;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "analysis/diagnose/logs/structure.h"
 #include "analysis/diagnose/search/search.h"
 #include "analysis/diagnose/stages/gap.h"
 #include "analysis/diagnose/stages/seconds.h"
@@ -47,12 +48,13 @@ struct Selection {
 
 struct SelectOptions {
   SelectorConstants constants;
+  StructureResult structure = {}; // what is masked in the campaigns already
   // The threshold of names in the mean for this campaign, found before the search; empty: as given.
   std::function<double(SlowSearch*)> calibrate = {};
 };
 
-// All stages of one axis.  Masks what structure has spoilt in `campaign` and in `held_out`, and leaves out what is too short then;
-// no runs of `held_out` left: as if none had been given.
+// All stages of one axis.  Leaves out of `campaign` and `held_out` what is too short; no runs of `held_out` left: as if none had
+// been given.
 struct AxisStudy {
   Selection selection;
   std::unique_ptr<SlowData> data;

@@ -329,23 +329,45 @@ Campaign usable_runs(const std::vector<Log>& logs, const std::string& axis, cons
 
 } // namespace
 
+// Temperatures of all runs, sorted; none where there are no temperatures.
+static std::vector<double> sorted_temperatures(const Campaign& campaign) {
+  std::vector<double> all;
+  if (!campaign.has_temperature) return all;
+  for (const CampaignRun& run : campaign.runs)
+    all.insert(all.end(), run.input.temp_degc.begin(), run.input.temp_degc.end());
+  std::sort(all.begin(), all.end());
+  return all;
+}
+static void derive_all(Campaign* campaign) {
+  campaign->lo_degc = 1e300, campaign->hi_degc = -1e300;
+  for (CampaignRun& run : campaign->runs) {
+    derive(&run, campaign->temp_lsb_degc, campaign->has_temperature);
+    for (double temp : run.input.smooth_degc) {
+      campaign->lo_degc = std::min(campaign->lo_degc, temp);
+      campaign->hi_degc = std::max(campaign->hi_degc, temp);
+    }
+  }
+}
+
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
   Campaign campaign = usable_runs(logs, axis, model);
   if (campaign.runs.empty()) return campaign;
-  std::vector<double> temperatures;
-  for (const CampaignRun& run : campaign.runs)
-    temperatures.insert(temperatures.end(), run.input.temp_degc.begin(), run.input.temp_degc.end());
-  if (campaign.has_temperature) std::sort(temperatures.begin(), temperatures.end());
-  campaign.temp_lsb_degc = campaign.has_temperature ? coarse_step(temperatures, campaign.runs.size()) : 0;
+  const std::vector<double> temperatures = sorted_temperatures(campaign);
+  campaign.temp_lsb_degc = coarse_step(temperatures, campaign.runs.size());
   refuse_steady_temperature(temperatures, &campaign);
-  campaign.lo_degc = 1e300, campaign.hi_degc = -1e300;
-  for (CampaignRun& run : campaign.runs) {
-    derive(&run, campaign.temp_lsb_degc, campaign.has_temperature);
-    for (double temp : run.input.smooth_degc) {
-      campaign.lo_degc = std::min(campaign.lo_degc, temp);
-      campaign.hi_degc = std::max(campaign.hi_degc, temp);
-    }
-  }
+  derive_all(&campaign);
+  return campaign;
+}
+
+Campaign make_campaign_like(const Campaign& fitted, const std::vector<Log>& logs, const ErrorModel& model) {
+  Campaign campaign = usable_runs(logs, fitted.axis, model);
+  if (campaign.runs.empty()) return campaign;
+  const double own_lsb_degc = coarse_step(sorted_temperatures(campaign), campaign.runs.size());
+  campaign.temp_lsb_degc = fitted.temp_lsb_degc > 0 ? fitted.temp_lsb_degc : own_lsb_degc;
+  campaign.has_temperature = campaign.has_temperature && fitted.has_temperature;
+  campaign.is_temperature_steady = fitted.is_temperature_steady;
+  campaign.order = campaign.has_temperature ? fitted.order : 0;
+  derive_all(&campaign);
   return campaign;
 }
 

@@ -61,6 +61,9 @@ struct Campaign {
 // every second or fewer than 60 usable seconds: all is as if they had not been given, but the places of the others.  No runs:
 // no log can be used.  data_error: a log without that axis.
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model);
+// Further logs, seen as the fitted ones are: the same polynomial and thermometer, and thermal questions if and only if those
+// ask them, however little their own temperatures move.
+Campaign make_campaign_like(const Campaign& fitted, const std::vector<Log>& logs, const ErrorModel& model);
 
 // Leaves out the runs of these places among `runs`, all for one reason.
 void leave_runs(const std::vector<char>& is_left, const std::string& why, Campaign* campaign);
