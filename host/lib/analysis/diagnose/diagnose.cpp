@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <map>
 #include <mutex>
+#include <set>
 #include <sstream>
 
 #include "analysis/diagnose/evidence/shared.h"
@@ -60,17 +61,27 @@ void tell_missing_columns(const std::vector<const Log*>& logs, std::vector<std::
                             " has: whether the rate follows it is not asked");
 }
 
+// A log that is given twice counts twice, and one that is fitted foretells itself.
+void require_distinct(const std::vector<Log>& logs, const std::vector<Log>& held_out) {
+  const auto refuse_pairs = [](const std::vector<Log>& list) {
+    for (size_t i = 0; i < list.size(); ++i)
+      for (size_t j = i + 1; j < list.size(); ++j)
+        if (same_rows(list[i], list[j]))
+          throw data_error(list[j].path + ": the same data as " + list[i].path + ": give every log once");
+  };
+  refuse_pairs(logs);
+  refuse_pairs(held_out);
+  for (const Log& fitted : logs)
+    for (const Log& log : held_out)
+      if (same_rows(fitted, log))
+        throw data_error(log.path + ": held out, but the same data as " + fitted.path +
+                         ", which is fitted: take it out of --log or --holdout");
+}
+
 void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, const ErrorModel& model,
                 std::vector<std::string>* warnings) {
-  for (size_t i = 0; i < logs.size(); ++i) {
-    for (size_t j = i + 1; j < logs.size(); ++j)
-      if (same_rows(logs[i], logs[j]))
-        throw data_error(logs[j].path + ": the same data as " + logs[i].path + ": give every log once");
-    for (const Log& log : held_out)
-      if (same_rows(logs[i], log))
-        throw data_error(log.path + ": held out, but the same data as " + logs[i].path +
-                         ", which is fitted: take it out of --log or --holdout");
-  }
+  if (logs.empty()) throw data_error("no log is given that could be fitted: name one with --log");
+  require_distinct(logs, held_out);
   std::vector<const Log*> all;
   for (const Log& log : logs) all.push_back(&log);
   for (const Log& log : held_out) all.push_back(&log);
@@ -266,7 +277,10 @@ std::vector<Log> read_all(const std::vector<std::string>& paths) {
 // Those asked for; else of one kind of sensor: what the model is of, gyros by default.
 std::vector<std::string> axes_of(const Log& log, const std::vector<std::string>& wanted, const ErrorModel& model) {
   if (!wanted.empty()) {
-    for (const std::string& name : wanted) log.axis(name);
+    std::set<std::string> seen;
+    for (const std::string& name : wanted)
+      if (!seen.insert(log.axis(name).name).second)
+        throw data_error(log.path + ": its axis " + name + " is asked for twice: name every axis once with --axis");
     return wanted;
   }
   std::vector<std::string> gyros, accels;

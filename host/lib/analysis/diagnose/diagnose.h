@@ -28,8 +28,8 @@ struct DiagnoseOptions {
   bool quiet = true;
 };
 
-// data_error: unreadable files, an axis that is not there, identical logs, a held-out log that is fitted too,
-// an effect that is not in the library, no axis that can be judged.
+// data_error: no log to fit, unreadable files, two identical logs among all that are fitted or held out, an axis that is not
+// there or is asked for twice, an effect that is not in the library, no axis that can be judged.
 DiagnoseResult diagnose(const DiagnoseOptions& options);
 // The same of what has been read already.  `model` is believed where options.model_path names it, otherwise not looked at.
 DiagnoseResult diagnose_logs(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
