@@ -1,9 +1,29 @@
 // SPDX-License-Identifier: MIT
-// Logs as they come: given twice.
+// Logs as they come: given twice, with a pause of hours.
 #include "base/error.h"
 #include "diagnose_logs.h"
 
 namespace {
+
+constexpr double kPauseAt_s = 2000, kPause_s = 36000;
+
+// A log whose recorder pauses for ten hours; the bias jumps at row `jump`.
+Log paused_log(uint64_t seed, size_t jump, double height_dph) {
+  Log log = simulated_log(seed, 6000, false, 0);
+  for (size_t i = 0; i < log.size(); ++i) {
+    if (i >= jump) log.axes[0].rate_dph[i] += height_dph;
+    if (log.t_s[i] > kPauseAt_s) log.t_s[i] += kPause_s;
+  }
+  return log;
+}
+
+DiagnoseResult answer(const std::vector<Log>& logs, const std::vector<Log>& held_out,
+                      const ErrorModel* model = nullptr) {
+  DiagnoseOptions options;
+  options.nulls = 40;
+  if (model) options.model_path = "given";
+  return diagnose_logs(options, model ? *model : ErrorModel(), logs, held_out);
+}
 
 // Why a call is refused; empty: it is answered.
 std::string refusal(const std::vector<Log>& logs, const std::vector<Log>& held_out,
@@ -44,9 +64,32 @@ static void test_what_is_given_twice_is_refused(void**) {
   assert_true(refusal({logs[0]}, {logs[1]}, {"gx_dph"}).empty());
 }
 
+// The bias jumps after the pause: the model that is written and the answer tell when by the clock of the log.
+static void test_times_after_a_pause_are_those_of_the_log(void**) {
+  const Log log = paused_log(11, 5000, 200), unseen = paused_log(12, 4000, -300);
+  const DiagnoseResult found = answer({log}, {unseen});
+  const auto jumps = std::find_if(found.model.effects.begin(), found.model.effects.end(),
+                                  [](const EffectSpec& spec) { return spec.name == "bias_step"; });
+  assert_true(jumps != found.model.effects.end());
+  const std::vector<StepValue> steps = read_parameters(find_effect("bias_step"), jumps->parameters).steps("steps");
+  assert_int_equal(steps.size(), 1);
+  assert_near(steps[0].t_s, log.t_s[5000], 3);
+  const AxisResult& axis = found.axes.at(0);
+  assert_int_equal(axis.study.selection.own_jumps.size(), 1);
+  assert_near(axis.study.selection.own_jumps[0].t_s, unseen.t_s[4000], 3);
+  assert_true(axis.where.time_lo_s > kPauseAt_s + kPause_s || axis.where.time_lo_s == log.t_s.front());
+  assert_true(axis.where.time_hi_s > kPauseAt_s + kPause_s && axis.where.time_hi_s <= log.t_s.back());
+  // Believed, it is taken out where it happened: nothing is left to be told.
+  ErrorModel model = nominal_model();
+  model.effects = {
+      spec_of(find_effect("bias_step"), {{"steps", std::vector<StepValue>{{0, log.t_s[5000], {200, 0}}}}})};
+  assert_true(answer({log}, {}, &model).axes.at(0).study.selection.effects.empty());
+}
+
 int main() {
   const CMUnitTest tests[] = {
       cmocka_unit_test(test_what_is_given_twice_is_refused),
+      cmocka_unit_test(test_times_after_a_pause_are_those_of_the_log),
   };
   return cmocka_run_group_tests_name("diagnose: logs", tests, nullptr, nullptr);
 }

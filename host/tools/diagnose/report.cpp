@@ -228,7 +228,7 @@ Json residual_json(const Campaign& campaign, const Fit& before, const Fit& after
                    left_a = after.residual[r].segment(k, block).mean();
       temp.push_back(campaign.has_temperature ? Json(run.input.smooth_degc[row]) : Json(nullptr));
       rate.push_back(run.input.rate_degc_min[row]);
-      time.push_back(run.start_s + run.input.t_s[row]);
+      time.push_back(time_in_log_s(run, run.input.t_s[row]));
       log.push_back(run.input.log);
       raw.push_back(mean), b.push_back(left_b), a.push_back(left_a);
       fitted_b.push_back(mean - left_b), fitted_a.push_back(mean - left_a);

@@ -237,7 +237,7 @@ std::vector<std::pair<std::string, std::string>> take_out_known(const ErrorModel
       sim.model = &model;
       sim.start = StartState::kSettled; // what start states add is estimated beside it
       sim.bias = model.bias_or_none();
-      for (double t : in.t_s) sim.t_s.push_back(t + run.start_s);
+      for (double t : in.t_s) sim.t_s.push_back(time_in_log_s(run, t));
       sim.case_temp_degc = sim.gyro_temp_degc = sim.thermometer_degc = in.smooth_degc;
       sim.auxiliary = in.auxiliary;
       sim.rate_dph.assign(in.size(), 0.0);

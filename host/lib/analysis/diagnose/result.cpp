@@ -14,7 +14,7 @@ Parameters effect_values(const Term& term, const Campaign& campaign) {
     for (size_t s = 0; s + 1 < estimate.shape.size(); s += 2) {
       const CampaignRun& run = campaign.runs[static_cast<size_t>(term.shape[s])];
       estimate.shape[s] = static_cast<double>(run.input.log);
-      estimate.shape[s + 1] += run.start_s;
+      estimate.shape[s + 1] = time_in_log_s(run, estimate.shape[s + 1]);
     }
   return term.estimator->values_on(campaign.runs.front().input, estimate);
 }

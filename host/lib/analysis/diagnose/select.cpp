@@ -192,7 +192,7 @@ private:
       for (const CampaignRun& run : held_out_->runs)
         for (const OwnJump& jump : run.own_jumps)
           out_.own_jumps.push_back(
-              {static_cast<int>(run.input.log), run.start_s + jump.t_s, {jump.size_dph, jump.error_dph}});
+              {static_cast<int>(run.input.log), time_in_log_s(run, jump.t_s), {jump.size_dph, jump.error_dph}});
       out_.unseen = test_unseen(*held_out_, fit.e, constants());
     }
     if (is_same_fit(seconds.nominal, seconds.final)) {

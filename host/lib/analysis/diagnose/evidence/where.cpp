@@ -176,7 +176,7 @@ private:
     const long length = std::max<long>(1, std::lround(kSection_s / campaign_.dt_s));
     for (long k = 0; k < e.size(); k += length) {
       const long n = std::min(length, static_cast<long>(e.size()) - k);
-      sections_.push_back({run.start_s + run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(k)])],
+      sections_.push_back({time_in_log_s(run, run.input.t_s[static_cast<size_t>(run.used[static_cast<size_t>(k)])]),
                            e.segment(k, n).squaredNorm() - static_cast<double>(n), static_cast<double>(n),
                            (e.segment(k, n).array().square() - 1).square().sum()});
     }
@@ -201,7 +201,7 @@ private:
     out_.temp_lo_degc = campaign_.lo_degc, out_.temp_hi_degc = campaign_.hi_degc;
     out_.time_lo_s = campaign_.runs.front().start_s, out_.time_hi_s = 0;
     for (const CampaignRun& run : campaign_.runs) {
-      out_.time_hi_s = std::max(out_.time_hi_s, run.start_s + run.input.t_s.back());
+      out_.time_hi_s = std::max(out_.time_hi_s, time_in_log_s(run, run.input.t_s.back()));
       out_.logs.push_back(static_cast<int>(run.input.log));
     }
   }

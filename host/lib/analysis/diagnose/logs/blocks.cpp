@@ -70,7 +70,7 @@ void append(const BlockSum& s, long tick, double fewest, double far_dph, RunInpu
 
 CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
   CampaignRun out;
-  out.start_s = run.start_s;
+  out.start_s = run.start_s, out.cuts = run.cuts;
   const RunInput& in = run.input;
   out.input.log = in.log;
   out.input.dt_s = in.dt_s * static_cast<double>(length);

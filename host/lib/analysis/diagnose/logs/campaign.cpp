@@ -203,15 +203,27 @@ size_t Campaign::n() const {
 
 // Seconds from the start and ticks.  A jump of hours (a clock that was set) becomes one long gap: nothing is known
 // across it, and no filter runs over decades.
-static void set_times(const std::vector<double>& t_s, double dt_s, RunInput* in) {
+static void set_times(const std::vector<double>& t_s, double dt_s, CampaignRun* run) {
+  RunInput& in = run->input;
+  run->start_s = t_s.front();
   double cut_s = 0;
   for (size_t i = 0; i < t_s.size(); ++i) {
     const double gap_s = i ? t_s[i] - t_s[i - 1] : 0.0;
-    if (gap_s > kLongestGap_s) cut_s += gap_s - kLongestGap_s;
-    in->t_s.push_back(t_s[i] - t_s[0] - cut_s);
-    const long tick = std::lround(in->t_s.back() / dt_s);
-    in->tick.push_back(i ? std::max(tick, in->tick.back() + 1) : tick);
+    if (gap_s > kLongestGap_s) {
+      run->cuts.push_back({in.t_s.back() + 0.5 * kLongestGap_s, gap_s - kLongestGap_s});
+      cut_s += gap_s - kLongestGap_s;
+    }
+    in.t_s.push_back(t_s[i] - t_s[0] - cut_s);
+    const long tick = std::lround(in.t_s.back() / dt_s);
+    in.tick.push_back(i ? std::max(tick, in.tick.back() + 1) : tick);
   }
+}
+
+double time_in_log_s(const CampaignRun& run, double t_s) {
+  double out = run.start_s + t_s;
+  for (const CutPause& pause : run.cuts)
+    if (t_s > pause.t_s) out += pause.cut_s;
+  return out;
 }
 
 static bool is_stuck(const CampaignRun& run) {
@@ -285,8 +297,7 @@ CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
   in.t0_degc = campaign.t0_degc;
   in.range_degc = campaign.range_degc;
   for (const auto& [name, values] : log.auxiliary) in.auxiliary[name] = picked(values, rows);
-  run.start_s = log.t_s.front();
-  set_times(picked(log.t_s, rows), campaign.dt_s, &in);
+  set_times(picked(log.t_s, rows), campaign.dt_s, &run);
   in.rate_dph = picked(column.rate_dph, rows);
   for (size_t i = 0; i < rows.size() && !column.flags.empty(); ++i)
     if (column.flags[rows[i]] & (kSaturated | kSensorFault)) in.rate_dph[i] = std::nan("");

@@ -20,12 +20,18 @@ struct OwnJump {
   double t_s = 0, size_dph = 0, error_dph = 0;
 };
 
+// A pause that is shorter in the seconds of a run than in its log: later rows came so much later.  The moment is in its middle.
+struct CutPause {
+  double t_s = 0, cut_s = 0;
+};
+
 struct CampaignRun {
   RunInput input;
-  std::vector<int> used;   // rows with a usable rate, increasing
-  std::vector<int> steps;  // per used row: seconds (in units of dt) since the used row before; first: 0
-  double start_s = 0;      // t_s of the first row in the log
-  std::vector<Hold> holds; // rows of the log: all but the first of each are left out
+  std::vector<int> used;      // rows with a usable rate, increasing
+  std::vector<int> steps;     // per used row: seconds (in units of dt) since the used row before; first: 0
+  double start_s = 0;         // t_s of the first row in the log
+  std::vector<CutPause> cuts; // increasing
+  std::vector<Hold> holds;    // rows of the log: all but the first of each are left out
   // Of a held-out log:
   std::vector<OwnJump> own_jumps = {}; // the level after each is free in every hypothesis
   double own_strength = 1;             // standard deviations of its noise are so many times those of the fitted logs
@@ -54,6 +60,9 @@ struct Campaign {
 
   size_t n() const; // used samples
 };
+
+// A moment of a run, in seconds as RunInput::t_s, by the clock of the log: what is told, and what a simulator is given.
+double time_in_log_s(const CampaignRun& run, double t_s);
 
 // The runs of one axis.  Seconds without a rate, or flagged as saturated or faulty, are left out: the filters
 // then predict over them.  Seconds in which the thermometer was stuck have no row, as if they were missing in the
