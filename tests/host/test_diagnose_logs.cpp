@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Logs as they come: given twice, with a pause of hours.
+// Logs as they come: given twice, with a pause of hours, with rows missing.
+#include "analysis/diagnose/logs/smoothing.h"
 #include "base/error.h"
 #include "diagnose_logs.h"
 
@@ -86,10 +87,45 @@ static void test_times_after_a_pause_are_those_of_the_log(void**) {
   assert_true(answer({log}, {}, &model).axes.at(0).study.selection.effects.empty());
 }
 
+// A recorder that loses one row in ten: no ten seconds in a row are whole.
+static void test_a_row_missing_in_ten_does_not_change_the_smoothed_temperature(void**) {
+  Log log = simulated_log(9, 4000, false, 0);
+  Rng rng(9, 0, 0, Stream::kWhite);
+  for (size_t i = 0; i < log.size(); ++i)
+    log.temp_degc[i] += 0.5 * std::sin(2 * kPi * log.t_s[i] / 120) + 0.01 * rng.normal();
+  Log less = log;
+  less.t_s.clear(), less.temp_degc.clear(), less.axes[0].rate_dph.clear();
+  std::vector<size_t> rows;
+  for (size_t i = 0; i < log.size(); ++i) {
+    if (i % 10 == 4) continue;
+    rows.push_back(i);
+    less.t_s.push_back(log.t_s[i]), less.temp_degc.push_back(log.temp_degc[i]);
+    less.axes[0].rate_dph.push_back(log.axes[0].rate_dph[i]);
+  }
+  const Campaign whole = make_campaign({log}, "gx_dph", nominal_model()),
+                 part = make_campaign({less}, "gx_dph", nominal_model());
+  const RunInput &a = whole.runs[0].input, &b = part.runs[0].input;
+  for (size_t k = 0; k < rows.size(); ++k) {
+    assert_near(b.smooth_degc[k], a.smooth_degc[rows[k]], 0.02);
+    assert_near(b.rate_degc_min[k], a.rate_degc_min[rows[k]], 0.1); // the cycle: 1.6 degC/min
+  }
+}
+
+// Where no means tell how much to smooth, the least is done.
+static void test_the_least_is_smoothed_where_nothing_tells_how_much(void**) {
+  std::vector<double> y(40, std::nan(""));
+  for (size_t t = 0; t < y.size(); t += 3) y[t] = static_cast<double>(t * t);
+  const std::vector<double> candidates = {20, 40, 80};
+  assert_near(best_tau(y, candidates, 10), 20, 0); // a third of each mean is seen
+  assert_near(best_tau({1, 2, 4, 8}, candidates, 10), 20, 0);
+}
+
 int main() {
   const CMUnitTest tests[] = {
       cmocka_unit_test(test_what_is_given_twice_is_refused),
       cmocka_unit_test(test_times_after_a_pause_are_those_of_the_log),
+      cmocka_unit_test(test_a_row_missing_in_ten_does_not_change_the_smoothed_temperature),
+      cmocka_unit_test(test_the_least_is_smoothed_where_nothing_tells_how_much),
   };
   return cmocka_run_group_tests_name("diagnose: logs", tests, nullptr, nullptr);
 }

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <limits>
+#include <optional>
 
 namespace imucal {
 namespace {
@@ -14,16 +16,19 @@ double kept_part(double tau) {
   return std::real(1.0 / std::sqrt(std::complex<double>(1, 4 * tau * tau)));
 }
 
-// Mean square of the means of full blocks of y - z.
-double block_error(const std::vector<double>& y, const std::vector<double>& z, size_t block) {
+// Mean square of the means of y - z over blocks, of which at least half was seen; nullopt: there is no such block.
+std::optional<double> block_error(const std::vector<double>& y, const std::vector<double>& z, size_t block) {
   double squares = 0, n = 0;
   for (size_t first = 0; first + block <= y.size(); first += block) {
     double sum = 0;
-    for (size_t t = first; t < first + block; ++t) sum += y[t] - z[t];
-    const double mean = sum / static_cast<double>(block);
-    if (std::isfinite(mean)) squares += mean * mean, n += 1;
+    size_t n_seen = 0;
+    for (size_t t = first; t < first + block; ++t)
+      if (std::isfinite(y[t])) sum += y[t] - z[t], ++n_seen;
+    if (2 * n_seen < block) continue;
+    squares += std::pow(sum / static_cast<double>(n_seen), 2), n += 1;
   }
-  return n > 0 ? squares / n : 0;
+  if (n == 0) return std::nullopt;
+  return squares / n;
 }
 
 } // namespace
@@ -57,12 +62,14 @@ std::vector<double> whittaker(const std::vector<double>& y, double tau) {
 }
 
 double best_tau(const std::vector<double>& y, const std::vector<double>& candidates, size_t block) {
-  double best = candidates.front(), least = 0;
+  double best = candidates.front(), least = std::numeric_limits<double>::infinity();
   for (double tau : candidates) {
     const double kept = kept_part(tau) * static_cast<double>(block); // of the noise of a mean
     if (kept >= 1) continue;
-    const double error = block_error(y, whittaker(y, tau), block) / ((1 - kept) * (1 - kept));
-    if (least == 0 || error < least) best = tau, least = error;
+    const std::optional<double> error = block_error(y, whittaker(y, tau), block);
+    if (!error) break;
+    const double validated = *error / ((1 - kept) * (1 - kept));
+    if (validated < least) best = tau, least = validated;
   }
   return best;
 }

@@ -14,8 +14,9 @@ namespace imucal {
 // y: equal steps; NaN where nothing was seen.  tau in steps.  At least three numbers must be seen.
 std::vector<double> whittaker(const std::vector<double>& y, double tau);
 
-// The candidate with the least generalised cross-validation of means over `block` numbers: what is left of a thermometer's
-// steps is alike in neighbours, and single numbers would ask for next to no smoothing.
+// The candidate with the least generalised cross-validation of means over `block` numbers, half of which are seen at least:
+// what is left of a thermometer's steps is alike in neighbours, and single numbers would ask for next to no smoothing.  Where
+// there are no such means, the first one: candidates increase, and it smooths least.
 double best_tau(const std::vector<double>& y, const std::vector<double>& candidates, size_t block);
 
 } // namespace imucal
