@@ -720,6 +720,25 @@ static void test_a_line_of_the_temperature_is_known(void**) {
   assert_true(!is_its(0.04, 1e-3)); // 0.01 to 0.07 Hz
 }
 
+// A run of a few cycles, first or last, takes nothing away from what the long ones show.
+static void test_a_short_log_hides_no_line_of_the_temperature(void**) {
+  constexpr double kCycle_hz = 1 / 60.0;
+  std::vector<Log> logs;
+  for (const size_t seconds : {7000u, 7000u, 400u}) {
+    logs.push_back(simulated_log(24 + logs.size(), seconds, false, 0));
+    for (size_t k = 0; k < seconds; ++k)
+      logs.back().temp_degc[k] += 0.4 * std::sin(2 * kPi * kCycle_hz * logs.back().t_s[k]);
+  }
+  const auto has_line = [](const std::vector<Log>& of) {
+    return is_of_temperature(make_campaign(of, "gx_dph", nominal_model()),
+                             NamedLine{&find_effect("sinusoid"), {kCycle_hz}, 100, 20});
+  };
+  assert_true(has_line({logs[0], logs[1]}));
+  assert_true(has_line(logs));
+  assert_true(has_line({logs[2], logs[0], logs[1]}));
+  assert_true(!has_line({logs[2]})); // it alone cannot tell
+}
+
 static void test_a_strong_line_in_many_logs_has_a_finite_gain(void**) {
   std::vector<Log> logs;
   for (uint64_t seed = 1; seed <= 80; ++seed) logs.push_back(simulated_log(seed, 600, false, 0));
@@ -1193,6 +1212,7 @@ int main() {
       cmocka_unit_test(test_a_line_that_drifts_between_two_slopes_of_the_grid_is_found),
       cmocka_unit_test(test_a_line_is_placed_between_the_places_of_the_grid),
       cmocka_unit_test(test_a_line_of_the_temperature_is_known),
+      cmocka_unit_test(test_a_short_log_hides_no_line_of_the_temperature),
       cmocka_unit_test(test_a_strong_line_in_many_logs_has_a_finite_gain),
       cmocka_unit_test(test_lines_of_several_logs_add_up),
       cmocka_unit_test(test_gains_run_by_run_are_those_of_each_run),

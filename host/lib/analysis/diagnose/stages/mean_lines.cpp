@@ -29,13 +29,13 @@ double power_of_changes(const RunInput& in, const EffectEstimator& tone, const T
   }
   return re * re + im * im;
 }
-// Power at a line in units of the mean power beside it, all runs together; 0 where the runs are too short to tell.
+// Power at a line in units of the mean power beside it, over all runs that are long enough to tell; 0: none is.
 double line_of_temperature(const Campaign& campaign, const EffectEstimator& tone, const Theta& shape) {
   double own = 0, beside = 0;
   for (const CampaignRun& run : campaign.runs) {
     const double apart_hz = 1 / (run.input.t_s.back() - run.input.t_s.front());
     const double swept_hz = shape.size() > 1 ? std::fabs(shape[1]) * (campaign.hi_degc - campaign.lo_degc) : 0;
-    if (shape[0] < 2 * kBeside * apart_hz + swept_hz) return 0;
+    if (shape[0] < 2 * kBeside * apart_hz + swept_hz) continue;
     own += power_of_changes(run.input, tone, shape);
     for (int k = 3; k < 3 + kBeside; ++k)
       for (const int side : {-1, 1}) {
