@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Logs as they come: given twice, with a pause of hours, with rows missing.
+// Logs as they come: given twice, with a pause of hours, with rows missing; and the model that is written of them.
 #include "analysis/diagnose/logs/smoothing.h"
 #include "base/error.h"
 #include "diagnose_logs.h"
@@ -120,12 +120,41 @@ static void test_the_least_is_smoothed_where_nothing_tells_how_much(void**) {
   assert_near(best_tau({1, 2, 4, 8}, candidates, 10), 20, 0);
 }
 
+// What the biases of two axes have in common a model can hold, and no more.
+static void test_a_model_of_axes_with_other_biases_is_told(void**) {
+  Log log = simulated_log(21, 6000, false, 0), again = simulated_log(22, 6000, false, 0);
+  const auto add_axis = [](Log* to, const Log& noise, double x, double square) {
+    LogAxis axis = noise.axes[0];
+    axis.name = "gy_dph";
+    for (size_t i = 0; i < axis.rate_dph.size(); ++i) {
+      const double tn = (noise.temp_degc[i] - 30) / 30;
+      axis.rate_dph[i] += x + square * tn * tn;
+    }
+    to->axes.push_back(axis);
+  };
+  const auto warned = [&](double constant, double square) {
+    Log two = log, other = simulated_log(24, 6000, false, 0);
+    add_axis(&two, again, constant, square), add_axis(&other, simulated_log(25, 6000, false, 0), constant, square);
+    const DiagnoseResult found = answer({two, other}, {});
+    const auto is_of_bias = [](const std::string& w) {
+      return w.find("polynomial of axis gx_dph") != std::string::npos;
+    };
+    assert_true(found.model.bias.has_value());
+    for (const std::string& w : found.model_warnings) assert_true(is_of_bias(w) && holds(w, {"--axis gy_dph"}));
+    return !found.model_warnings.empty();
+  };
+  assert_true(!warned(0, 0));
+  assert_true(warned(0, 150));
+  assert_true(warned(300, 0));
+}
+
 int main() {
   const CMUnitTest tests[] = {
       cmocka_unit_test(test_what_is_given_twice_is_refused),
       cmocka_unit_test(test_times_after_a_pause_are_those_of_the_log),
       cmocka_unit_test(test_a_row_missing_in_ten_does_not_change_the_smoothed_temperature),
       cmocka_unit_test(test_the_least_is_smoothed_where_nothing_tells_how_much),
+      cmocka_unit_test(test_a_model_of_axes_with_other_biases_is_told),
   };
   return cmocka_run_group_tests_name("diagnose: logs", tests, nullptr, nullptr);
 }

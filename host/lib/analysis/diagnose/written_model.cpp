@@ -9,6 +9,8 @@ namespace imucal {
 namespace {
 
 constexpr double kOtherNoise = 1.5; // between two axes: beyond this ratio a model of one is not one of the other
+constexpr double kOtherBias = 3;    // the same of two polynomials: standard errors of their difference
+constexpr int kBiasPlaces = 9;      // where they are compared, as many as a table has
 
 // Whether an effect of the answer stands in the model that reproduces it.
 bool is_written(const SelectedEffect& effect) {
@@ -39,6 +41,12 @@ void set_noise(const NoiseModel& noise, ErrorModel* model) {
   model->markov = noise.markov;
 }
 
+void tell_other(const std::string& what, const AxisResult& written, const AxisResult& other, DiagnoseResult* out) {
+  out->model_warnings.push_back("the model that is written has the " + what + " of axis " + written.axis +
+                                "; that of axis " + other.axis + " differs: write a model of its own with --axis " +
+                                other.axis);
+}
+
 // Without a believed model the one that is written has the noise of the first axis that was judged: the format knows one for
 // all axes.
 void add_noise(const AxisResult& first, DiagnoseResult* out) {
@@ -50,22 +58,48 @@ void add_noise(const AxisResult& first, DiagnoseResult* out) {
     set_noise(noise_beside_found(axis.study.selection), &own);
     if (differs(own.arw_deg_rt_h, out->model.arw_deg_rt_h) ||
         differs(std::sqrt(own.slow_density_dph2_s()), std::sqrt(out->model.slow_density_dph2_s())))
-      out->model_warnings.push_back("the model that is written has the noise of axis " + first.axis +
-                                    "; that of axis " + axis.axis + " differs: write a model of its own with --axis " +
-                                    axis.axis);
+      tell_other("noise", first, axis, out);
   }
 }
 
 // The polynomial that was fitted, with the normalisation that found effects are written in; its constant is the mean of those
-// of the runs.  Logs without temperature say nothing of it, not even its order.
-void add_bias(const AxisResult& axis, ErrorModel* model) {
+// of the runs.
+ThermalPolynomial bias_of(const AxisResult& axis) {
   const Campaign& campaign = axis.campaign;
-  if (!campaign.has_temperature) return;
   const Eigen::VectorXd& beta = axis.final_fit.beta;
   const auto n_runs = static_cast<long>(campaign.runs.size());
   ThermalPolynomial bias{campaign.t0_degc, campaign.range_degc, {beta.head(n_runs).mean()}};
   for (int i = 0; i < campaign.order; ++i) bias.coeff_dph.push_back(beta[n_runs + i]);
-  model->bias = bias;
+  return bias;
+}
+// Its variance at a temperature.
+double variance_of_bias(const AxisResult& axis, double temp_degc) {
+  const Campaign& campaign = axis.campaign;
+  const auto n_runs = static_cast<long>(campaign.runs.size());
+  Eigen::VectorXd weight = Eigen::VectorXd::Zero(axis.final_fit.beta.size());
+  weight.head(n_runs).setConstant(1 / static_cast<double>(n_runs));
+  const double tn = bias_of(axis).normalised(temp_degc);
+  for (int i = 0; i < campaign.order; ++i) weight[n_runs + i] = std::pow(tn, i + 1);
+  return weight.dot(axis.final_fit.beta_covariance * weight);
+}
+bool has_same_bias(const AxisResult& a, const AxisResult& b) {
+  const ThermalPolynomial of_a = bias_of(a), of_b = bias_of(b);
+  const double lo_degc = std::max(a.campaign.lo_degc, b.campaign.lo_degc),
+               hi_degc = std::min(a.campaign.hi_degc, b.campaign.hi_degc);
+  for (int k = 0; k < kBiasPlaces; ++k) {
+    const double temp_degc = lo_degc + k * (hi_degc - lo_degc) / (kBiasPlaces - 1);
+    const double error = std::sqrt(variance_of_bias(a, temp_degc) + variance_of_bias(b, temp_degc));
+    if (std::fabs(of_a.at(temp_degc) - of_b.at(temp_degc)) > kOtherBias * error) return false;
+  }
+  return true;
+}
+// The format knows one polynomial, too.  Logs without temperature say nothing of it, not even its order.
+void add_bias(const AxisResult& first, DiagnoseResult* out) {
+  if (!first.campaign.has_temperature) return;
+  out->model.bias = bias_of(first);
+  for (const AxisResult& axis : out->axes)
+    if (is_judged(axis) && axis.campaign.has_temperature && !has_same_bias(first, axis))
+      tell_other("bias polynomial", first, axis, out);
 }
 
 } // namespace
@@ -77,7 +111,7 @@ void complete_model(DiagnoseResult* result) {
   const auto first = std::find_if(axes.begin(), axes.end(), is_judged);
   if (first == axes.end()) return;
   if (!result->has_model) add_noise(*first, result);
-  if (!result->model.bias) add_bias(*first, &result->model);
+  if (!result->model.bias) add_bias(*first, result);
 }
 
 } // namespace imucal
