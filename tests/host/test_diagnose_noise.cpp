@@ -568,6 +568,39 @@ static void test_two_kinds_of_fast_noise_are_told(void**) {
   assert_true(names_of(answer_to(hits, 752, 0)) == std::set<std::string>{"outliers"});
 }
 
+// Where the logs are warm the white noise is up to 4.5 times that of 30 degC: so much less exactly a tone is placed.
+static void test_the_error_of_a_tone_is_that_of_noise_that_follows_the_temperature(void**) {
+  constexpr double kHz = 0.11, kAmplitude_dph = 40, kSlope = 3;
+  const auto white_dph = [](double temp_degc) { return 36 * std::exp(0.5 * kSlope * (temp_degc - 30) / 30); };
+  std::vector<Log> logs;
+  double information = 0; // of the frequency, phase and amplitude of each run free
+  for (uint64_t seed = 771; seed < 774; ++seed) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    Rng rng(seed, 1, 0, Stream::kTool);
+    double sum = 0, first = 0, second = 0;
+    for (size_t i = 0; i < log.size(); ++i) {
+      const double t = log.t_s[i];
+      log.temp_degc[i] = 40 + log.temp_degc[i] / 3;
+      const double sigma = white_dph(log.temp_degc[i]), weight = 1 / (sigma * sigma);
+      log.axes[0].rate_dph[i] +=
+          kAmplitude_dph * std::sin(2 * kPi * kHz * t) + std::sqrt(sigma * sigma - 36 * 36) * rng.normal();
+      sum += weight, first += weight * t, second += weight * t * t;
+    }
+    information += 0.5 * std::pow(2 * kPi * kAmplitude_dph, 2) * (second - first * first / sum);
+    logs.push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  const Selection said = diagnose_logs(options, ErrorModel(), logs, {}).axes.at(0).study.selection;
+  assert_true(names_of(said) == (std::set<std::string>{"sinusoid", "white_noise_vs_temperature"}));
+  for (const SelectedEffect& effect : said.effects) {
+    if (effect.term.effect->name() != "sinusoid") continue;
+    const double error = effect.term.shape_errors.at(0);
+    assert_near(error * std::sqrt(information), 1, 0.2);
+    assert_near(effect.term.shape[0], kHz, 4 * error);
+  }
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_a_fast_process_is_found_where_the_fitted_noise_is_believed),
@@ -590,6 +623,7 @@ int main() {
       cmocka_unit_test(test_many_slips_are_nothing_but_slow_noise),
       cmocka_unit_test(test_hits_in_bursts_are_no_outliers),
       cmocka_unit_test(test_two_kinds_of_fast_noise_are_told),
+      cmocka_unit_test(test_the_error_of_a_tone_is_that_of_noise_that_follows_the_temperature),
   };
   const struct CMUnitTest long_tests[] = {
       cmocka_unit_test(test_a_few_jumps_are_not_said_to_be_telegraph_noise),

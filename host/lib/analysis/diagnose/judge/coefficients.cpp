@@ -165,7 +165,7 @@ void fill_coefficients(const AxisQuestion& question, const Fit& fit, Found* foun
         effect.term.starts = term.starts, effect.term.start_errors = term.start_errors;
         effect.term.start_covariances = term.start_covariances;
         if (term.form() == Form::kTone)
-          effect.term.shape_errors = line_errors(question.campaign, design, fit, found->seconds.noise.base, term, t);
+          effect.term.shape_errors = line_errors(question.campaign, design, fit, found->seconds.final.noise(), term, t);
       }
   }
 }
