@@ -45,6 +45,96 @@ bool holds(const std::string& text, const std::vector<std::string>& parts) {
 
 } // namespace
 
+// Two exports of one record: trimmed, rounded to other digits, about another mean.
+static void test_logs_that_share_a_stretch_are_refused(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 1; seed < 4; ++seed) {
+    logs.push_back(simulated_log(seed, 1200, false, 0));
+    logs.back().path = std::to_string(seed) + ".csv";
+  }
+  assert_true(refusal({logs[0], logs[1], logs[2]}, {}, {}).empty());
+  Log part = logs[0];
+  part.path = "part.csv";
+  part.t_s.erase(part.t_s.begin(), part.t_s.begin() + 900);
+  part.temp_degc.erase(part.temp_degc.begin(), part.temp_degc.begin() + 900);
+  std::vector<double>& rates = part.axes[0].rate_dph;
+  rates.erase(rates.begin(), rates.begin() + 900);
+  for (double& rate : rates) rate = std::round(2 * rate) / 2 + 500;
+  for (const bool is_held_out : {false, true}) {
+    const std::vector<Log> fitted = is_held_out ? logs : std::vector<Log>{logs[1], part, logs[0]};
+    const std::string text = refusal(fitted, is_held_out ? std::vector<Log>{part} : std::vector<Log>{}, {});
+    assert_true(holds(text, {"part.csv", "1.csv", "a part of one record", "cut it off"}));
+  }
+}
+
+// Three logs without an effect; `spoil` changes the temperatures of the first one.
+static DiagnoseResult answer_with_spoilt(const std::function<void(Log*)>& spoil, double hysteresis_dph = 0) {
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 3; ++k) {
+    logs.push_back(simulated_log(810 + k, 6000, false, hysteresis_dph));
+    logs.back().path = std::to_string(k + 1) + ".csv";
+    spoil(&logs.back());
+  }
+  const ErrorModel model = nominal_model();
+  return answer(logs, {}, &model);
+}
+static bool warns(const DiagnoseResult& result, const std::vector<std::string>& parts) {
+  return std::any_of(result.warnings.begin(), result.warnings.end(),
+                     [&](const std::string& text) { return holds(text, parts); });
+}
+
+// What a sensor gives at power-up, disconnected or unread.
+static void test_wrong_readings_of_the_thermometer_are_missing(void**) {
+  for (const double wrong_degc : {85.0, -127.0, 0.0}) {
+    const auto spoil = [&](Log* log) {
+      log->temp_degc[0] = log->temp_degc[1] = log->temp_degc[1500] = log->temp_degc[2500] = wrong_degc;
+      log->temp_degc[2501] = -0.5 * wrong_degc, log->temp_degc[5999] = wrong_degc;
+    };
+    const DiagnoseResult result = answer_with_spoilt(spoil);
+    assert_true(result.axes.at(0).study.selection.verdict == Verdict::kNoGap);
+    assert_true(warns(result, {"2.csv", "wrong readings of the thermometer", "taken as missing"}));
+    assert_true(names_of(answer_with_spoilt(spoil, 40).axes.at(0).study.selection) ==
+                std::set<std::string>{"thermal_hysteresis"});
+  }
+  assert_true(answer_with_spoilt([](Log*) {}).warnings.empty());
+}
+
+// The recorder stopped for a while; its time stamps go on as if it had not.
+static void test_a_pause_that_the_log_hides_is_one(void**) {
+  const auto hide = [](Log* log) {
+    for (size_t i = 1200; i + 2000 < log->size(); ++i) {
+      log->temp_degc[i] = log->temp_degc[i + 2000];
+      log->axes[0].rate_dph[i] = log->axes[0].rate_dph[i + 2000];
+    }
+    log->t_s.resize(4000), log->temp_degc.resize(4000), log->axes[0].rate_dph.resize(4000);
+  };
+  const DiagnoseResult result = answer_with_spoilt(hide);
+  assert_true(result.axes.at(0).study.selection.verdict == Verdict::kNoGap);
+  assert_true(warns(result, {"3.csv", "from 1201 s on", "the recorder had stopped"}));
+  const CampaignRun& run = result.axes[0].campaign.runs[0];
+  assert_near(run.input.t_s[1200] - run.input.t_s[1199], 3600, 1);
+  for (const size_t i : {0, 1199, 1200, 3999}) assert_near(time_in_log_s(run, run.input.t_s[i]), i + 1, 1e-6);
+}
+
+static void test_a_log_in_kelvin_is_left_out(void**) {
+  const DiagnoseResult result = answer_with_spoilt(
+      [n = 0](Log* log) mutable {
+        for (double& temp : log->temp_degc) temp += n == 1 ? 273.15 : 0;
+        ++n;
+      },
+      40);
+  assert_true(names_of(result.axes.at(0).study.selection) == std::set<std::string>{"thermal_hysteresis"});
+  assert_int_equal(result.axes[0].left_out.size(), 1);
+  assert_true(warns(result, {"2.csv", "not in degC", "left out"}));
+}
+
+static void test_a_log_without_temperatures_beside_others_is_refused(void**) {
+  std::vector<Log> logs = {simulated_log(1, 1200, false, 0), simulated_log(2, 1200, false, 0)};
+  logs[0].path = "without.csv", logs[1].path = "with.csv";
+  std::fill(logs[0].temp_degc.begin(), logs[0].temp_degc.end(), std::nan(""));
+  assert_true(holds(refusal(logs, {}, {}), {"without.csv: without temperatures, which with.csv has", "--log"}));
+}
+
 static void test_what_is_given_twice_is_refused(void**) {
   std::vector<Log> logs;
   for (uint64_t seed = 1; seed < 4; ++seed) {
@@ -151,6 +241,11 @@ static void test_a_model_of_axes_with_other_biases_is_told(void**) {
 int main() {
   const CMUnitTest tests[] = {
       cmocka_unit_test(test_what_is_given_twice_is_refused),
+      cmocka_unit_test(test_logs_that_share_a_stretch_are_refused),
+      cmocka_unit_test(test_wrong_readings_of_the_thermometer_are_missing),
+      cmocka_unit_test(test_a_pause_that_the_log_hides_is_one),
+      cmocka_unit_test(test_a_log_in_kelvin_is_left_out),
+      cmocka_unit_test(test_a_log_without_temperatures_beside_others_is_refused),
       cmocka_unit_test(test_times_after_a_pause_are_those_of_the_log),
       cmocka_unit_test(test_a_row_missing_in_ten_does_not_change_the_smoothed_temperature),
       cmocka_unit_test(test_the_least_is_smoothed_where_nothing_tells_how_much),

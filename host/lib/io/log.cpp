@@ -8,6 +8,7 @@
 #include <cstring>
 #include <limits>
 #include <ostream>
+#include <unordered_map>
 
 #include "base/error.h"
 #include "base/suggest.h"
@@ -400,6 +401,57 @@ const LogAxis& Log::axis(const std::string& name) const {
     names.push_back(a.name);
   }
   throw data_error(path + ": no axis \"" + name + "\"" + did_you_mean(name, names) + " (there are: " + list + ")");
+}
+
+namespace {
+
+constexpr size_t kStretch = 64;       // rows
+constexpr size_t kFewestChanges = 48; // in a stretch
+constexpr double kSameNoise =
+    0.2; // of its standard deviation: rates that differ by less are one record, printed otherwise
+
+// Per row whether the rate rises from there, in the bits of the stretch that begins there; 0: it holds no number, or changes seldom.
+std::vector<uint64_t> ways_of(const std::vector<double>& x) {
+  std::vector<uint64_t> out(x.size(), 0);
+  uint64_t way = 0;
+  size_t n_changes = 0, n_missing = kStretch; // among the last rows
+  std::vector<char> changes(x.size() + 1, 0), missing(x.size() + 1, 0);
+  for (size_t i = 0; i + 1 < x.size(); ++i) {
+    way = way << 1 | (x[i + 1] > x[i] ? 1 : 0);
+    changes[i] = x[i + 1] != x[i], missing[i] = !std::isfinite(x[i]) || !std::isfinite(x[i + 1]);
+    n_changes += changes[i];
+    n_missing = missing[i] ? kStretch : n_missing - (n_missing > 0);
+    if (i >= kStretch) n_changes -= changes[i - kStretch];
+    if (n_missing == 0 && n_changes >= kFewestChanges) out[i + 1 - kStretch] = way;
+  }
+  return out;
+}
+bool is_same_noise(const double* x, const double* y) {
+  constexpr double kN = static_cast<double>(kStretch);
+  double mean = 0, mean_apart = 0, square = 0, furthest = 0;
+  for (size_t i = 0; i < kStretch; ++i) mean += x[i] / kN, mean_apart += (x[i] - y[i]) / kN;
+  for (size_t i = 0; i < kStretch; ++i) {
+    square += (x[i] - mean) * (x[i] - mean) / kN;
+    furthest = std::max(furthest, std::fabs(x[i] - y[i] - mean_apart));
+  }
+  return furthest < kSameNoise * std::sqrt(square);
+}
+
+} // namespace
+
+std::optional<std::pair<size_t, size_t>> shared_rows(const Log& a, const Log& b) {
+  if (a.axes.empty() || b.axes.empty()) return std::nullopt;
+  const std::vector<double>&x = a.axes[0].rate_dph, &y = b.axes[0].rate_dph;
+  const std::vector<uint64_t> of_a = ways_of(x), of_b = ways_of(y);
+  std::unordered_multimap<uint64_t, size_t> places;
+  for (size_t i = 0; i < of_a.size(); i += kStretch)
+    if (of_a[i]) places.emplace(of_a[i], i);
+  for (size_t k = 0; k < of_b.size(); ++k) {
+    const auto [first, end] = places.equal_range(of_b[k]);
+    for (auto it = first; it != end; ++it)
+      if (is_same_noise(&x[it->second], &y[k])) return std::pair{it->second, k};
+  }
+  return std::nullopt;
 }
 
 bool same_rows(const Log& a, const Log& b) {

@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace imucal {
@@ -43,6 +45,10 @@ struct Log {
 // The same rates, one by one, of all axes that stand at the same place in both, and not one and the same rate in every row:
 // one record given twice.
 bool same_rows(const Log& a, const Log& b);
+// Where a stretch of 64 rows begins whose rates of the first axis are one record, in a and in b: two exports that overlap, printed
+// with other digits or about another mean perhaps.  Rates that hardly change from row to row, as those of a coarse converter, are
+// not compared.
+std::optional<std::pair<size_t, size_t>> shared_rows(const Log& a, const Log& b);
 
 // path "-": standard input.  gzip is unpacked, a UTF-8 byte-order mark and CR LF are read.
 // A last row without line end is left out, with a notice (io/notice.h): it may be cut off inside a number.

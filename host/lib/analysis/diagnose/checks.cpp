@@ -52,7 +52,29 @@ void tell_missing_columns(const std::vector<const Log*>& logs, std::vector<std::
                             " has: whether the rate follows it is not asked");
 }
 
+// Without temperatures in all of them nothing thermal could be asked of any.
+void require_all_temperatures(const std::vector<Log>& logs) {
+  const auto has = [](const Log& log) { return log.has_temperature(); };
+  const auto with = std::find_if(logs.begin(), logs.end(), has),
+             without = std::find_if_not(logs.begin(), logs.end(), has);
+  if (with != logs.end() && without != logs.end())
+    throw data_error(without->path + ": without temperatures, which " + with->path +
+                     " has: give a log with a column temp_degc, or take it out of --log");
+}
+
 // A log that is given twice counts twice, and one that is fitted foretells itself.
+void refuse_shared_rows(const std::vector<const Log*>& logs) {
+  for (size_t i = 0; i < logs.size(); ++i)
+    for (size_t j = i + 1; j < logs.size(); ++j) {
+      const auto shared = shared_rows(*logs[i], *logs[j]);
+      if (!shared) continue;
+      std::ostringstream text;
+      text << logs[j]->path << ": its rates from " << logs[j]->t_s[shared->second] << " s on are those of "
+           << logs[i]->path << " from " << logs[i]->t_s[shared->first]
+           << " s on: both hold a part of one record, which must not count twice; cut it off one of them";
+      throw data_error(text.str());
+    }
+}
 void require_distinct(const std::vector<Log>& logs, const std::vector<Log>& held_out) {
   const auto refuse_pairs = [](const std::vector<Log>& list) {
     for (size_t i = 0; i < list.size(); ++i)
@@ -75,9 +97,11 @@ void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, 
                 std::vector<std::string>* warnings) {
   if (logs.empty()) throw data_error("no log is given that could be fitted: name one with --log");
   require_distinct(logs, held_out);
+  require_all_temperatures(logs);
   std::vector<const Log*> all;
   for (const Log& log : logs) all.push_back(&log);
   for (const Log& log : held_out) all.push_back(&log);
+  refuse_shared_rows(all);
   require_one_step(all);
   tell_missing_columns(all, warnings);
   for (const Log* log : all)
@@ -138,6 +162,27 @@ void check_steady(const Campaign& campaign, std::vector<std::string>* warnings) 
       "the temperature moves by less than " + std::to_string(std::lround(kLeastSpan_degc)) +
       " degC over all logs: nothing thermal can be asked, and no polynomial is fitted; the rest is answered";
   if (std::find(warnings->begin(), warnings->end(), text) == warnings->end()) warnings->push_back(text);
+}
+
+void tell_impossible(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings) {
+  for (const CampaignRun& run : campaign.runs) {
+    const Log& log = logs[run.input.log];
+    char text[300];
+    if (const std::vector<size_t>& wrong = run.impossible.wrong; !wrong.empty()) {
+      std::snprintf(text, sizeof text,
+                    ": %zu wrong reading%s of the thermometer, the first of %g degC at %.0f s: no board changes its "
+                    "temperature so fast; taken as missing",
+                    wrong.size(), wrong.size() == 1 ? "" : "s", log.temp_degc[wrong[0]], log.t_s[wrong[0]]);
+      warnings->push_back(log.path + text);
+    }
+    for (const size_t row : run.impossible.pauses) {
+      std::snprintf(text, sizeof text,
+                    ": the temperature is another one from %.0f s on (%g degC) than before: the recorder had stopped; "
+                    "taken as a pause of an hour",
+                    log.t_s[row], log.temp_degc[row]);
+      warnings->push_back(log.path + text);
+    }
+  }
 }
 
 // A stuck thermometer is the engineer's to mend, and what he may look for in those minutes is not in the answer.

@@ -12,7 +12,7 @@
 
 namespace imucal {
 
-// data_error: no log, one given twice, steps that differ.  Told: other devices, columns that some lack, logs that are too short.
+// data_error: no log, one given twice, logs that share rows, fitted ones with and without temperatures, steps that differ.  Told: other devices, columns that some lack, logs that are too short.
 void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, const ErrorModel& model,
                 std::vector<std::string>* warnings);
 // data_error: no log of this axis can be used.
@@ -27,6 +27,8 @@ void tell_data_sheet(const std::string& axis, const NoiseModel& sheet, const Noi
                      std::vector<std::string>* warnings);
 // The temperature does not move.
 void check_steady(const Campaign& campaign, std::vector<std::string>* warnings);
+// Wrong readings of the thermometer; pauses that the recorder hid.
+void tell_impossible(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings);
 // The thermometer was stuck, or may have stopped; held-out logs go beyond the temperatures of the fitted ones.
 void tell_stuck(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings);
 void tell_frozen(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings);

@@ -240,6 +240,7 @@ Campaign held_out_campaign(const ErrorModel& model, const std::vector<Log>& held
   if (held_out.empty()) return {};
   Campaign unseen = make_campaign_like(axis->campaign, held_out, model);
   if (axis->campaign.has_temperature) require_temperature(unseen, held_out);
+  tell_impossible(unseen, held_out, &axis->warnings);
   tell_stuck(unseen, held_out, &axis->warnings);
   tell_frozen(unseen, held_out, &axis->warnings);
   tell_beyond(axis->campaign, unseen, held_out, &axis->warnings);
@@ -287,6 +288,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   require_runs(axis.campaign, logs);
   keep_common_columns({&axis.campaign});
   check_steady(axis.campaign, &axis.warnings);
+  tell_impossible(axis.campaign, logs, &axis.warnings);
   tell_stuck(axis.campaign, logs, &axis.warnings);
   tell_frozen(axis.campaign, logs, &axis.warnings);
   const NoiseBelief belief = belief_of(options, model, name);

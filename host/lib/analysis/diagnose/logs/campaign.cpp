@@ -8,6 +8,7 @@
 
 #include "analysis/diagnose/logs/smoothing.h"
 #include "base/error.h"
+#include "base/median.h"
 
 namespace imucal {
 namespace {
@@ -21,6 +22,8 @@ constexpr double kSameDegc = 1e-6;       // rounding of a printed temperature
 constexpr double kCoarseRows = 12.5;     // rows of a log to each temperature, on average: coarse steps
 constexpr size_t kFewestSeconds = 60;
 constexpr double kLongestGap_s = 20000;
+constexpr double kHiddenPause_s = 3600; // long enough that little of before is left
+constexpr double kLeastKelvin = 200;    // and no board calibrated in air is so hot in degC
 
 // Missing temperatures are interpolated in time; beyond the ends the nearest one holds.
 std::vector<double> filled(const std::vector<double>& t_s, const std::vector<double>& temp) {
@@ -202,16 +205,17 @@ size_t Campaign::n() const {
 }
 
 // Seconds from the start and ticks.  A jump of hours (a clock that was set) becomes one long gap: nothing is known
-// across it, and no filter runs over decades.
-static void set_times(const std::vector<double>& t_s, double dt_s, CampaignRun* run) {
+// across it, and no filter runs over decades.  `pauses`: places before which the recorder had stopped.
+static void set_times(const std::vector<double>& t_s, const std::vector<char>& pauses, double dt_s, CampaignRun* run) {
   RunInput& in = run->input;
   run->start_s = t_s.front();
   double cut_s = 0;
   for (size_t i = 0; i < t_s.size(); ++i) {
     const double gap_s = i ? t_s[i] - t_s[i - 1] : 0.0;
-    if (gap_s > kLongestGap_s) {
-      run->cuts.push_back({in.t_s.back() + 0.5 * kLongestGap_s, gap_s - kLongestGap_s});
-      cut_s += gap_s - kLongestGap_s;
+    const double kept_s = pauses[i] ? std::max(gap_s, kHiddenPause_s) : std::min(gap_s, kLongestGap_s);
+    if (kept_s != gap_s) {
+      run->cuts.push_back({in.t_s.back() + 0.5 * kept_s, gap_s - kept_s});
+      cut_s += gap_s - kept_s;
     }
     in.t_s.push_back(t_s[i] - t_s[0] - cut_s);
     const long tick = std::lround(in.t_s.back() / dt_s);
@@ -279,17 +283,34 @@ std::vector<size_t> rows_without(const std::vector<Hold>& holds, size_t n_rows) 
   return rows;
 }
 
-Column picked(const Column& column, const std::vector<size_t>& rows) {
-  Column out;
+template <class T> std::vector<T> picked(const std::vector<T>& column, const std::vector<size_t>& rows) {
+  std::vector<T> out;
   out.reserve(rows.size());
   for (size_t row : rows) out.push_back(column[row]);
   return out;
 }
 
+// The jump at the end of a hold is the thermometer's: the recorder went on.
+void drop_ends_of_holds(CampaignRun* run) {
+  const auto is_end = [&](size_t row) {
+    return std::any_of(run->holds.begin(), run->holds.end(), [row](const Hold& hold) { return hold.end == row; });
+  };
+  std::vector<size_t>& rows = run->impossible.pauses;
+  rows.erase(std::remove_if(rows.begin(), rows.end(), is_end), rows.end());
+}
+
 CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
   const LogAxis& column = log.axis(campaign.axis);
   CampaignRun run;
-  if (campaign.has_temperature) run.holds = stuck_thermometer(log.t_s, campaign.dt_s, log.temp_degc);
+  Column temp_degc = campaign.has_temperature ? log.temp_degc : Column(log.size(), 0.0);
+  std::vector<char> pauses(log.size(), 0);
+  if (campaign.has_temperature) {
+    run.impossible = impossible_readings(log.t_s, temp_degc);
+    for (size_t row : run.impossible.wrong) temp_degc[row] = std::nan("");
+    run.holds = stuck_thermometer(log.t_s, campaign.dt_s, temp_degc);
+    drop_ends_of_holds(&run);
+    for (size_t row : run.impossible.pauses) pauses[row] = 1;
+  }
   const std::vector<size_t> rows = rows_without(run.holds, log.size());
   RunInput& in = run.input;
   in.log = place;
@@ -297,17 +318,21 @@ CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
   in.t0_degc = campaign.t0_degc;
   in.range_degc = campaign.range_degc;
   for (const auto& [name, values] : log.auxiliary) in.auxiliary[name] = picked(values, rows);
-  set_times(picked(log.t_s, rows), campaign.dt_s, &run);
+  set_times(picked(log.t_s, rows), picked(pauses, rows), campaign.dt_s, &run);
   in.rate_dph = picked(column.rate_dph, rows);
   for (size_t i = 0; i < rows.size() && !column.flags.empty(); ++i)
     if (column.flags[rows[i]] & (kSaturated | kSensorFault)) in.rate_dph[i] = std::nan("");
-  in.temp_degc = campaign.has_temperature ? filled(in.t_s, picked(log.temp_degc, rows)) : Column(in.size(), 0.0);
+  in.temp_degc = filled(in.t_s, picked(temp_degc, rows));
   return run;
 }
 
 // Why nothing can be asked of a run; empty: it can.
 std::string why_unusable(const CampaignRun& run) {
   if (is_stuck(run)) return "has one and the same rate in every second: it is stuck or not connected";
+  const std::vector<double>& temp = run.input.temp_degc;
+  if (!temp.empty() && median(temp) > kLeastKelvin)
+    return "has temperatures about " + std::to_string(std::lround(median(temp))) +
+           ": they are not in degC (kelvin?), convert them";
   if (run.n() >= kFewestSeconds) return "";
   return "has " + std::to_string(run.n()) + " usable seconds; at least " + std::to_string(kFewestSeconds) +
          " are needed";

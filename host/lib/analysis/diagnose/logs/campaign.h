@@ -21,17 +21,19 @@ struct OwnJump {
 };
 
 // A pause that is shorter in the seconds of a run than in its log: later rows came so much later.  The moment is in its middle.
+// Negative: a pause that the log hides.
 struct CutPause {
   double t_s = 0, cut_s = 0;
 };
 
 struct CampaignRun {
   RunInput input;
-  std::vector<int> used;      // rows with a usable rate, increasing
-  std::vector<int> steps;     // per used row: seconds (in units of dt) since the used row before; first: 0
-  double start_s = 0;         // t_s of the first row in the log
-  std::vector<CutPause> cuts; // increasing
-  std::vector<Hold> holds;    // rows of the log: all but the first of each are left out
+  std::vector<int> used;         // rows with a usable rate, increasing
+  std::vector<int> steps;        // per used row: seconds (in units of dt) since the used row before; first: 0
+  double start_s = 0;            // t_s of the first row in the log
+  std::vector<CutPause> cuts;    // increasing
+  std::vector<Hold> holds;       // rows of the log: all but the first of each are left out
+  ImpossibleReadings impossible; // rows of the log: no temperature; a pause before them
   // Of a held-out log:
   std::vector<OwnJump> own_jumps = {}; // the level after each is free in every hypothesis
   double own_strength = 1;             // standard deviations of its noise are so many times those of the fitted logs
@@ -66,8 +68,9 @@ double time_in_log_s(const CampaignRun& run, double t_s);
 
 // The runs of one axis.  Seconds without a rate, or flagged as saturated or faulty, are left out: the filters
 // then predict over them.  Seconds in which the thermometer was stuck have no row, as if they were missing in the
-// log.  `steps` counts seconds by time stamps, never rows.  Left out are logs in which the axis has one and the same rate in
-// every second or fewer than 60 usable seconds: all is as if they had not been given, but the places of the others.  No runs:
+// log.  Wrong readings of the thermometer count as missing; where the recorder hid a pause an hour has passed.  `steps` counts
+// seconds by time stamps, never rows.  Left out are logs in which the axis has one and the same rate in every second, fewer than
+// 60 usable seconds, or temperatures that are not in degC: all is as if they had not been given, but the places of the others.  No runs:
 // no log can be used.  data_error: a log without that axis.
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model);
 // Further logs, seen as the fitted ones are: the same polynomial and thermometer, and thermal questions if and only if those

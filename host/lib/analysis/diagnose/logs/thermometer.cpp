@@ -14,6 +14,8 @@ constexpr double kUnusual = 5;     // times the median number of rows with one r
 constexpr double kJump = 3;        // times the median change, and every change within the next rows:
 constexpr size_t kAfterwards = 60;
 constexpr double kMostHeld = 0.5; // of the rows
+constexpr double kFastest_degc = 5, kFastest_degc_s = 1;
+constexpr size_t kMostWrong = 10; // readings in a row
 
 // By how much the reading changes at each row; the first row: 0.
 std::vector<double> changes(const std::vector<double>& temp_degc) {
@@ -29,7 +31,35 @@ double largest_after(const std::vector<double>& change, size_t row) {
   return largest;
 }
 
+// Rows with readings, cut where one is further from the one before than the temperature can go.
+std::vector<std::vector<size_t>> cut_at_jumps(const std::vector<double>& t_s, const std::vector<double>& temp_degc,
+                                              const std::vector<size_t>& rows) {
+  std::vector<std::vector<size_t>> pieces;
+  for (size_t k = 0; k < rows.size(); ++k) {
+    const size_t row = rows[k], last = k ? rows[k - 1] : row;
+    const double furthest_degc = std::max(kFastest_degc, kFastest_degc_s * (t_s[row] - t_s[last]));
+    if (k == 0 || std::fabs(temp_degc[row] - temp_degc[last]) > furthest_degc) pieces.emplace_back();
+    pieces.back().push_back(row);
+  }
+  return pieces;
+}
+
 } // namespace
+
+ImpossibleReadings impossible_readings(const std::vector<double>& t_s, const std::vector<double>& temp_degc) {
+  ImpossibleReadings out;
+  std::vector<size_t> rows, right;
+  for (size_t row = 0; row < temp_degc.size(); ++row)
+    if (std::isfinite(temp_degc[row])) rows.push_back(row);
+  for (const std::vector<size_t>& piece : cut_at_jumps(t_s, temp_degc, rows)) {
+    std::vector<size_t>& to = piece.size() > kMostWrong ? right : out.wrong;
+    to.insert(to.end(), piece.begin(), piece.end());
+  }
+  if (right.empty()) return {}; // readings that jump all the time are no thermometer's
+  for (const std::vector<size_t>& piece : cut_at_jumps(t_s, temp_degc, right))
+    if (piece.front() != right.front()) out.pauses.push_back(piece.front());
+  return out;
+}
 
 std::vector<Hold> stuck_thermometer(const std::vector<double>& t_s, double dt_s, const std::vector<double>& temp_degc) {
   const std::vector<double> change = changes(temp_degc);

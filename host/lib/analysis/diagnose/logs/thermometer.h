@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Minutes in which a thermometer was stuck.
+// What the readings of a thermometer show that is not the temperature: minutes in which it was stuck, single wrong readings, and
+// pauses of the recorder that its time stamps hide.
 //
 // A stuck thermometer gives exactly one reading far longer than is usual for it, then jumps to the temperature of that
 // second, further than it moves at any time soon after.  Both are asked: a coarse thermometer in a soak rests as long but
@@ -18,5 +19,15 @@ struct Hold {
 // In increasing order.  One number per row; t_s increases, mostly by dt_s; temp_degc is NaN where missing, which ends a hold.
 // A hold that ends in missing rows is not told from a soak.  None where holds would be more than half of the log.
 std::vector<Hold> stuck_thermometer(const std::vector<double>& t_s, double dt_s, const std::vector<double>& temp_degc);
+
+// No board changes its temperature faster: 5 degC from one row to the next, or 1 degC/s where rows are further apart.
+struct ImpossibleReadings {
+  std::vector<size_t>
+      wrong; // rows, increasing: a few readings far from those before and after them, or at an end of the log
+  std::vector<size_t> pauses; // rows, increasing: from here on the readings stay as far from those before
+};
+// Wrong readings are what a sensor gives at power-up (85 degC), disconnected (-127) or unread (0).  After a hidden pause the log
+// goes on as if nothing had been: the recorder had stopped.  One number per row; t_s increases; temp_degc is NaN where missing.
+ImpossibleReadings impossible_readings(const std::vector<double>& t_s, const std::vector<double>& temp_degc);
 
 } // namespace imucal
