@@ -280,7 +280,7 @@ private:
       slow_.found.rivals.erase(slow_.found.rivals.begin() + static_cast<long>(worst));
       if (best.names.empty()) {
         best = best_without_names();
-        slow_.found.evidence.clear(), slow_.found.rivals.clear();
+        slow_.found.evidence.clear(), slow_.found.rivals.clear(), slow_.is_told_by_held_out = false;
         if (best.noise_effect) slow_.found.evidence.push_back(noise_evidence(best));
       } else {
         judge_again();
