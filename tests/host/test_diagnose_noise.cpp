@@ -31,7 +31,7 @@ static void test_noise_believed_too_small_is_no_other_kind_of_noise(void**) {
   const SlowResult result = search.run();
   // Noise beside the believed one pays what other parameters pay.
   for (const SlowCandidateScore& noise : result.noises)
-    assert_true(noise.gain_nats + SelectorConstants().noise_kind_nats < result.null.free_score() + 4);
+    assert_true(noise.score_nats + SelectorConstants().noise_kind_nats < result.null.free_score() + 4);
 }
 
 static void test_jumps_that_come_again_and_again_are_no_events(void**) {
@@ -176,7 +176,7 @@ static void test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed(vo
   const SlowResult result = search.run();
   double second = 0, walk = 0;
   for (const SlowCandidateScore& s : result.noises) {
-    const double gain = s.gain_nats - result.null.free_score();
+    const double gain = s.score_nats - result.null.free_score();
     if (s.model.noise_effect == &find_effect("second_markov")) second = gain;
     if (s.model.noise_effect == &find_effect("rate_random_walk")) walk = gain;
   }

@@ -244,11 +244,11 @@ private:
     for (size_t j = 0; j < alone.singles.size(); ++j)
       if (slow.candidate(j).effect)
         out_.first_scan.push_back(
-            slow.evidence_of(j, std::max(0.0, alone.singles[j].gain_nats - null), constants().mean_nats));
+            slow.evidence_of(j, std::max(0.0, alone.singles[j].score_nats - null), constants().mean_nats));
     for (const SlowCandidateScore& n : alone.noises)
       if (n.model.noise_effect)
         out_.first_scan.push_back({n.model.noise_effect, nullptr, false, n.model.noise_effect->family(),
-                                   std::max(0.0, n.gain_nats + constants().noise_kind_nats - null),
+                                   std::max(0.0, n.score_nats + constants().noise_kind_nats - null),
                                    constants().noise_nats});
   }
   bool fires(const std::vector<RestFinding>& tests) const {

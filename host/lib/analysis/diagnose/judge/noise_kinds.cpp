@@ -85,7 +85,7 @@ void add_means_that_do_as_well(const AxisQuestion& question, const SlowAnswer& s
   std::vector<CandidateEvidence> means;
   for (size_t j = 0; j < slow.found.singles.size(); ++j) {
     const SlowCandidateScore& s = slow.found.singles[j];
-    const double gap = best.free_score() + best.noise_charge - s.gain_nats;
+    const double gap = best.free_score() + best.noise_charge - s.score_nats;
     if (!slow.candidate(j).effect || s.model.names.empty() || gap >= question.constants.rivals_nats) continue;
     means.push_back(slow.evidence_of(j, effect->gain_nats - gap, question.constants.mean_nats));
   }
@@ -116,7 +116,7 @@ void add_kinds_of_noise(const AxisQuestion& question, const SlowAnswer& slow, Se
     const SlowModel m = slow.search->beside_believed(s.model);
     const double gap = null.free_score() - m.free_score() - question.constants.noise_kind_nats;
     const double gap_beside_others =
-        is_needed(question.constants, *slow.search, s.model) ? best.free_score() - s.gain_nats : 1e300;
+        is_needed(question.constants, *slow.search, s.model) ? best.free_score() - s.score_nats : 1e300;
     if (gap >= question.constants.noise_margin_nats && gap_beside_others >= question.constants.rivals_nats) continue;
     // One that is ahead by less than its name costs does as well.
     const double lost = std::max(0.0, std::min(gap, gap_beside_others));

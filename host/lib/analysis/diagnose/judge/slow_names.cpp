@@ -145,7 +145,7 @@ private:
   }
   bool does_as_well(size_t free_shape) const {
     const double null = slow_.found.null.free_score(), all = slow_.found.best.free_score() - null;
-    return slow_.found.singles[free_shape].gain_nats - null > constants().member_share * all;
+    return slow_.found.singles[free_shape].score_nats - null > constants().member_share * all;
   }
   // Jumps that hold a share of what all of them explain: a small one beside large ones is not their kind.
   size_t jumps_of_weight() const {

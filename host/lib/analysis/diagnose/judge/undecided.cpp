@@ -51,7 +51,7 @@ std::vector<CandidateEvidence> repeatable_rivals(const AxisQuestion& question, c
   for (size_t j = 0; j < slow.found.singles.size(); ++j)
     if (!slow.found.singles[j].model.names.empty() && slow.candidate(j).effect &&
         slow.candidate(j).effect->estimator()->is_repeatable())
-      order.push_back({slow.found.singles[j].gain_nats, j});
+      order.push_back({slow.found.singles[j].score_nats, j});
   std::sort(order.rbegin(), order.rend());
   std::vector<CandidateEvidence> rivals;
   for (size_t i = 0; i < order.size() && i < kUndecidedTried; ++i) {

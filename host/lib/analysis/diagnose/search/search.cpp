@@ -114,7 +114,7 @@ private:
     const SlowResult& plain = before.without_steps ? *before.without_steps : before;
     const SlowModel* relay = nullptr;
     for (const SlowCandidateScore& s : plain.singles)
-      if (!s.model.names.empty() && can_jump(s.model.names.back()) && (!relay || s.gain_nats > relay->free_score()))
+      if (!s.model.names.empty() && can_jump(s.model.names.back()) && (!relay || s.score_nats > relay->free_score()))
         relay = &s.model;
     if (!relay || relay->free_score() < plain.null.free_score() + space_.constants.mean_nats) return;
     const TimeJumps beside = find_steps(likelihood_, *relay);
@@ -200,7 +200,7 @@ private:
     for (const SlowCandidateScore& s : out_.singles) consider(s.model);
     for (const SlowCandidateScore& s : out_.noises) consider(s.model);
     double strongest = -1e300;
-    for (const SlowCandidateScore& s : out_.singles) strongest = std::max(strongest, s.gain_nats);
+    for (const SlowCandidateScore& s : out_.singles) strongest = std::max(strongest, s.score_nats);
     if (strongest > out_.null.free_score() + space_.constants.more_names_nats) {
       more_noise_beside(out_.singles);
       pairs(out_.singles);
@@ -239,14 +239,14 @@ private:
     std::vector<size_t> order(scores->size());
     for (size_t j = 0; j < order.size(); ++j) order[j] = j;
     std::sort(order.begin(), order.end(),
-              [&](size_t a, size_t b) { return (*scores)[a].gain_nats > (*scores)[b].gain_nats; });
-    const double best = order.empty() ? 0 : (*scores)[order[0]].gain_nats;
+              [&](size_t a, size_t b) { return (*scores)[a].score_nats > (*scores)[b].score_nats; });
+    const double best = order.empty() ? 0 : (*scores)[order[0]].score_nats;
     for (size_t i = 0; i < order.size() && i < count; ++i) {
       SlowCandidateScore& s = (*scores)[order[i]];
-      if (s.model.names.empty() || s.gain_nats < floor || s.gain_nats < best - near_nats(best - floor)) break;
+      if (s.model.names.empty() || s.score_nats < floor || s.score_nats < best - near_nats(best - floor)) break;
       approach(likelihood_, &s.model);
       s.model = polished(likelihood_, s.model, evaluations);
-      s.gain_nats = s.model.free_score();
+      s.score_nats = s.model.free_score();
     }
   }
 
@@ -258,7 +258,7 @@ private:
   // that of a stand-in for both.
   static void add_partners(std::vector<SlowCandidateScore> beside, const std::vector<SlowCandidateScore>& singles,
                            std::vector<size_t>* bases) {
-    sort_by_gain(&beside);
+    sort_by_score(&beside);
     for (size_t i = 0, added = 0; i < beside.size() && added < kPartners; ++i) {
       if (beside[i].model.names.empty()) continue;
       const size_t j = beside[i].model.names.back().candidate;
@@ -273,7 +273,7 @@ private:
     for (size_t j = 0; j < singles.size(); ++j)
       if (!singles[j].model.names.empty()) order.push_back(j);
     std::sort(order.begin(), order.end(),
-              [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
+              [&](size_t a, size_t b) { return singles[a].score_nats > singles[b].score_nats; });
     if (order.size() > kPairBases) order.resize(kPairBases);
     std::vector<SlowCandidateScore> found;
     if (order.empty()) return;
@@ -283,7 +283,7 @@ private:
     std::vector<SlowCandidateScore> beside = scans_.scan(singles[order[0]].model, where);
     add_partners(beside, singles, &order);
     const auto best = std::max_element(beside.begin(), beside.end(),
-                                       [](const auto& a, const auto& b) { return a.gain_nats < b.gain_nats; });
+                                       [](const auto& a, const auto& b) { return a.score_nats < b.score_nats; });
     if (!best->model.names.empty()) where = scans_.nodes_with(*own, best->model);
     const auto add = [&found](std::vector<SlowCandidateScore>& scores) {
       for (SlowCandidateScore& s : scores)
@@ -309,7 +309,7 @@ private:
   // The best of a scan, each first brought near its own best shape: places of a grid lie so far apart that a right cause
   // may gain less there than a wrong one.
   void consider_best(std::vector<SlowCandidateScore> found, size_t tried, double near) {
-    sort_by_gain(&found);
+    sort_by_score(&found);
     std::vector<SlowCandidateScore> list;
     for (SlowCandidateScore& s : found) {
       if (list.size() == tried || s.model.names.empty()) break;
@@ -317,13 +317,13 @@ private:
         continue;
       approach(likelihood_, &s.model);
       s.model.value = likelihood_.evaluate(s.model);
-      s.gain_nats = likelihood_.score(s.model);
+      s.score_nats = likelihood_.score(s.model);
       list.push_back(std::move(s));
     }
-    sort_by_gain(&list);
+    sort_by_score(&list);
     if (list.size() > kPairsPolished) list.resize(kPairsPolished);
     for (const SlowCandidateScore& s : list)
-      if (s.gain_nats > likelihood_.score(out_.best) - near)
+      if (s.score_nats > likelihood_.score(out_.best) - near)
         consider(polished(likelihood_, s.model, kQuickEvaluations));
   }
   // One name exchanged, one less, one more, or the kind of noise left out: what singles and pairs miss where a stand-in
@@ -389,7 +389,7 @@ private:
     std::vector<size_t> order(singles.size());
     for (size_t j = 0; j < order.size(); ++j) order[j] = j;
     std::sort(order.begin(), order.end(),
-              [&](size_t a, size_t b) { return singles[a].gain_nats > singles[b].gain_nats; });
+              [&](size_t a, size_t b) { return singles[a].score_nats > singles[b].score_nats; });
     for (size_t i = 0; i < order.size() && i < kNoiseBases; ++i)
       if (!singles[order[i]].model.names.empty()) more_noise(singles[order[i]].model);
   }

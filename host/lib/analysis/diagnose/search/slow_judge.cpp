@@ -19,15 +19,15 @@ constexpr double kSettled_nats = 0.5;
 std::vector<SlowCandidateScore> SlowJudge::free_beside(const SlowModel& m, size_t most) const {
   std::vector<SlowCandidateScore> list;
   for (SlowCandidateScore& s : scans_.scan(m, scans_.likely_nodes(m), true))
-    if (!s.model.names.empty() && s.gain_nats > -1e299) list.push_back(std::move(s));
-  sort_by_gain(&list);
+    if (!s.model.names.empty() && s.score_nats > -1e299) list.push_back(std::move(s));
+  sort_by_score(&list);
   if (list.size() > most) list.resize(most);
   for (SlowCandidateScore& s : list)
-    if (s.gain_nats > m.free_score() - space_.constants.near_nats) {
+    if (s.score_nats > m.free_score() - space_.constants.near_nats) {
       s.model = polished(likelihood_, s.model, kQuickEvaluations);
-      s.gain_nats = s.model.free_score();
+      s.score_nats = s.model.free_score();
     }
-  sort_by_gain(&list);
+  sort_by_score(&list);
   return list;
 }
 
@@ -86,7 +86,7 @@ SlowModel SlowJudge::with_best_member(const SlowModel& less, const SlowModel& be
   const SlowScan::OwnNode own = scans_.node_of(best);
   const std::vector<SlowCandidateScore> found = scans_.scan_members(less, scans_.nodes_with(*own, best));
   for (size_t k = 0; k < found.size() && k < kMembersTried; ++k) {
-    if (found[k].gain_nats < less.free_score() + kMemberPart * free_gain) break;
+    if (found[k].score_nats < less.free_score() + kMemberPart * free_gain) break;
     const SlowModel member = polished(likelihood_, found[k].model, kEvaluations);
     if (member.free_score() > top.free_score()) top = member;
   }
@@ -173,18 +173,18 @@ std::vector<SlowResult::Rival> SlowJudge::rivals(const SlowModel& best, size_t i
   std::vector<SlowCandidateScore> others = scans_.scan(best.without(i), scans_.nodes_with(*node, best));
   others[best.names[i].candidate].model.names.clear();
   for (SlowCandidateScore& s : others)
-    if (!s.model.names.empty() && s.gain_nats > own - space_.constants.near_nats) {
+    if (!s.model.names.empty() && s.score_nats > own - space_.constants.near_nats) {
       s.model = polished(likelihood_, s.model, kQuickEvaluations);
-      s.gain_nats = s.model.free_score();
+      s.score_nats = s.model.free_score();
     }
   std::vector<SlowResult::Rival> list;
   for (size_t j = 0; j < others.size(); ++j)
-    if (!others[j].model.names.empty() && others[j].gain_nats > own - space_.constants.near_nats)
-      list.push_back({j, nullptr, own - others[j].gain_nats, others[j].model});
+    if (!others[j].model.names.empty() && others[j].score_nats > own - space_.constants.near_nats)
+      list.push_back({j, nullptr, own - others[j].score_nats, others[j].model});
   if (best.names.size() == 1 && !best.noise_effect)
     for (const SlowCandidateScore& s : so_far_.noises)
-      if (s.gain_nats + space_.constants.noise_kind_nats > own - space_.constants.near_nats)
-        list.push_back({0, s.model.noise_effect, own - s.gain_nats - space_.constants.noise_kind_nats, s.model});
+      if (s.score_nats + space_.constants.noise_kind_nats > own - space_.constants.near_nats)
+        list.push_back({0, s.model.noise_effect, own - s.score_nats - space_.constants.noise_kind_nats, s.model});
   std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.gap_nats < b.gap_nats; });
   return list;
 }

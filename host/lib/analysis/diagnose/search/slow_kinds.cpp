@@ -75,8 +75,8 @@ std::vector<SlowModel> noise_starts(const SlowLikelihood& of, const SlowResult& 
 // processes, along which a search from elsewhere stops.
 void start_like_best(const SlowLikelihood& of, const SlowModel& m, std::vector<SlowCandidateScore>* list) {
   const auto best = std::max_element(list->begin(), list->end(),
-                                     [](const auto& a, const auto& b) { return a.gain_nats < b.gain_nats; });
-  if (best == list->end() || best->gain_nats <= m.free_score()) return;
+                                     [](const auto& a, const auto& b) { return a.score_nats < b.score_nats; });
+  if (best == list->end() || best->score_nats <= m.free_score()) return;
   const SlowModel from = best->model;
   const NoiseModel base_of_best = of.base_noise(from);
   const NoiseModel all = from.noise_effect->estimator()->noise(base_of_best, from.noise_theta);
@@ -92,7 +92,7 @@ void start_like_best(const SlowLikelihood& of, const SlowModel& m, std::vector<S
     with = best_with_noise(of, {with}, *s.model.noise_effect);
     if (with.value <= s.model.value) continue;
     s.model = polished(of, with, kQuickEvaluations);
-    s.gain_nats = s.model.free_score();
+    s.score_nats = s.model.free_score();
   }
 }
 
@@ -119,12 +119,12 @@ std::vector<SlowCandidateScore> scan_noises(const SlowLikelihood& of, const Slow
   }
   std::vector<size_t> order(list.size());
   for (size_t j = 0; j < order.size(); ++j) order[j] = j;
-  std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return list[a].gain_nats > list[b].gain_nats; });
+  std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return list[a].score_nats > list[b].score_nats; });
   for (size_t i = 0; i < order.size() && i < polish_most; ++i) {
     SlowCandidateScore& s = list[order[i]];
     if (!s.model.noise_effect || !is_hopeful(of, m, &s.model)) continue;
     s.model = polished(of, s.model, kQuickEvaluations);
-    s.gain_nats = s.model.free_score();
+    s.score_nats = s.model.free_score();
   }
   start_like_best(of, m, &list);
   return list;

@@ -43,8 +43,8 @@ bool have_same_names(const SlowModel& a, const SlowModel& b) {
   };
   return names(a) == names(b);
 }
-void sort_by_gain(std::vector<SlowCandidateScore>* scores) {
-  std::sort(scores->begin(), scores->end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
+void sort_by_score(std::vector<SlowCandidateScore>* scores) {
+  std::sort(scores->begin(), scores->end(), [](const auto& a, const auto& b) { return a.score_nats > b.score_nats; });
 }
 
 } // namespace imucal

@@ -75,7 +75,9 @@ struct SlowModel {
 };
 
 struct SlowCandidateScore {
-  double gain_nats = 0; // over the best hypothesis without a name, shape charged
+  // Of `model`, over no other hypothesis: its free_score(), or score() where thresholds count; from a scan the mean likelihood
+  // over the shapes of its last name.
+  double score_nats = 0;
   SlowModel model;
 };
 
@@ -103,7 +105,7 @@ struct SlowResult {
 
 // Whether both name the same candidates, in any order.
 bool have_same_names(const SlowModel& a, const SlowModel& b);
-// What gains most first.
-void sort_by_gain(std::vector<SlowCandidateScore>* scores);
+// The highest first.
+void sort_by_score(std::vector<SlowCandidateScore>* scores);
 
 } // namespace imucal

@@ -71,7 +71,7 @@ std::vector<std::vector<SlowCandidateScore>> SlowScan::scan_each(const std::vect
     asked.push_back({pointers_of(own.back()), left_out(m, only_free)});
   }
   SlowCandidateScore none;
-  none.gain_nats = -1e300;
+  none.score_nats = -1e300;
   std::vector<std::vector<SlowCandidateScore>> best(models.size(),
                                                     std::vector<SlowCandidateScore>(space_.candidates.size(), none));
   for (const SlowNode* node : where) {
@@ -94,9 +94,9 @@ void SlowScan::take_best(const SlowModel& m, const SlowNode& node, const ScanNod
   for (size_t j = 0; j < space_.candidates.size(); ++j) {
     if (values[j].empty()) continue;
     const double mean = log_mean_exp(values[j]) + likelihood_.noise_value(node.at);
-    if (mean <= (*best)[j].gain_nats) continue;
+    if (mean <= (*best)[j].score_nats) continue;
     SlowCandidateScore& b = (*best)[j];
-    b.gain_nats = mean;
+    b.score_nats = mean;
     b.model = m;
     b.model.take_noise_of(node.at);
     if (node.at.noise_effect) b.model.noise_theta = node.at.noise_theta;
@@ -134,7 +134,7 @@ std::vector<SlowCandidateScore> SlowScan::scan_members(const SlowModel& m,
   for (SlowCandidateScore& s : scan(m, where))
     if (!s.model.names.empty() && space_.candidates[s.model.names.back().candidate].is_member())
       list.push_back(std::move(s));
-  sort_by_gain(&list);
+  sort_by_score(&list);
   return list;
 }
 

@@ -32,7 +32,7 @@ public:
   // `own` and, where it has no kind of slow noise that the others lack, the nodes where `likely` is likely.
   std::vector<const SlowNode*> nodes_with(const SlowNode& own, const SlowModel& likely) const;
 
-  // Every candidate added to `m`, noise by node, shapes on their grids: per candidate of the space, gain_nats is the mean of
+  // Every candidate added to `m`, noise by node, shapes on their grids: per candidate of the space, score_nats is the mean of
   // the likelihood over its shapes; no names: it is in `m`, or left out.
   std::vector<SlowCandidateScore> scan(const SlowModel& m, const std::vector<const SlowNode*>& where,
                                        bool only_free = false) const;

@@ -156,8 +156,8 @@ void try_jumps(const SlowLikelihood& of, const SlowModel& m, const SlowModel& in
     if (found.names.empty()) continue;
     approach(of, &found);
     found = polished(of, found);
-    if ((c.is_once || of.score(found) > of.score(in_time)) && found.free_score() > s.gain_nats)
-      s.model = found, s.gain_nats = found.free_score();
+    if ((c.is_once || of.score(found) > of.score(in_time)) && found.free_score() > s.score_nats)
+      s.model = found, s.score_nats = found.free_score();
   }
 }
 

@@ -52,7 +52,7 @@ void add_members(const SlowAnswer& slow, const SelectorConstants& constants, Sel
   std::vector<CandidateEvidence> members;
   for (size_t j = 0; j < slow.found.singles.size(); ++j) {
     const Effect* member = slow.candidate(j).effect;
-    const double gain = slow.found.singles[j].gain_nats - slow.found.null.free_score();
+    const double gain = slow.found.singles[j].score_nats - slow.found.null.free_score();
     if (!member || member == effect->term.effect || member->family() != effect->family || gain <= 0) continue;
     members.push_back(slow.evidence_of(j, gain, constants.mean_nats));
   }

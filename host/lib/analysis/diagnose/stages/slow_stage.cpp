@@ -40,7 +40,7 @@ public:
     const SlowModel& best = slow_.found.best;
     if (best.names.empty() && !best.noise_effect) return;
     for (const SlowCandidateScore& s : slow_.search->free_beside(best, kBesideTried)) {
-      const double nats = s.gain_nats - best.free_score();
+      const double nats = s.score_nats - best.free_score();
       if (is_left(nats, s.model)) slow_.beside.push_back({s.model.names.back().candidate, nats});
     }
   }
@@ -114,7 +114,7 @@ private:
     std::vector<const SlowCandidateScore*> order;
     for (const SlowCandidateScore& s : slow_.found.singles)
       if (!s.model.names.empty()) order.push_back(&s);
-    std::sort(order.begin(), order.end(), [](const auto* a, const auto* b) { return a->gain_nats > b->gain_nats; });
+    std::sort(order.begin(), order.end(), [](const auto* a, const auto* b) { return a->score_nats > b->score_nats; });
     if (order.size() > kPredictionTried) order.resize(kPredictionTried);
     std::vector<const SlowModel*> out;
     for (const SlowCandidateScore* s : order)
@@ -318,7 +318,7 @@ private:
   SlowModel best_without_names() const {
     SlowModel best = slow_.found.null;
     for (const SlowCandidateScore& s : slow_.found.noises)
-      if (s.gain_nats > best.free_score()) best = s.model;
+      if (s.score_nats > best.free_score()) best = s.model;
     return best;
   }
 
