@@ -19,7 +19,7 @@ std::vector<SelectorConstant> of_search() {
        "a place between two blocks loses up to two thirds", true},
       {"reestimated_nats", &C::reestimated_nats, "what other noise parameters than the believed ones cost",
        "three parameters at 1 in 140; tried in the study of the method", false},
-      {"noise_kind_nats", &C::noise_kind_nats, "what another kind of slow noise costs beside a cause in the mean",
+      {"noise_kind_nats", &C::noise_kind_nats, "what another kind of slow noise costs, alone too",
        "a repeatable cause must lose by odds of 20 to 1", false},
       {"near_nats", &C::near_nats, "how far below the best a candidate is still polished",
        "what polishing gains at most", false},

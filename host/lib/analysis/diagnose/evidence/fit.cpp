@@ -31,7 +31,7 @@ Column polynomial_input(const RunInput& in, const Hypothesis& hypothesis) {
   return replaces ? normalised(in, replaces->estimator->temperature(in, replaces->shape)) : in.tn;
 }
 
-// Columns of one term; `local` says that the column belongs to run `r` alone.
+// Columns of one term: `fill` writes them, from column `first` on, into the design of a run.
 struct TermColumns {
   int n = 0;
   std::function<void(size_t run, MatrixXd* x, int first)> fill;

@@ -14,7 +14,7 @@ struct Reference {
 };
 
 // Free functions of temperature, of temperature with the direction of its change, of earlier temperature rates, of the
-// time since the start, and of temperature and time together.  Only those that the campaign can hold.
+// time since the start, and of temperature and time together: all of them, also those that a campaign cannot hold.
 const std::vector<Reference>& free_shapes();
 
 // The shape of an effect that its parameters do not tell (EffectEstimator::of_any_shape), or nullptr.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What is asked of one axis.  Every stage reads it; none changes it.
+// What is asked of one axis.  Every stage reads it; prepare_slow alone writes the scale of priors into its campaign.
 #pragma once
 #include <vector>
 

@@ -9,11 +9,11 @@ namespace imucal {
 
 struct SecondsAnswer {
   Hypothesis nominal, final; // without and with the names
-  Fit fit;                   // of `final`
-  SecondsNoise noise;        // under `final`, what kinds of slow noise make of it included
-  NoiseModel own_base;       // under a kind of slow noise: what that acts on
-  bool is_believed = false;  // the noise as believed does under `final`
-  double retuned_nats = 0;   // what other parameters than the believed ones gain
+  Fit fit;                   // of the mean of `final`; noise that was found after it is in `final` alone
+  SecondsNoise noise;       // under `final`, what kinds of slow noise make of it included, without a kind of fast noise
+  NoiseModel own_base;      // under a kind of slow noise: what that acts on
+  bool is_believed = false; // the noise as believed does under `final`
+  double retuned_nats = 0;  // what other parameters than the believed ones gain
 };
 
 // The seconds under what the slow stage found.  Where the believed noise does without a kind of slow noise that is not
