@@ -647,12 +647,16 @@ static void test_powers_of_two_sequences_are_those_of_each(void**) {
   assert_near(energy, expected, 1e-8);
 }
 
+static Line strongest_of_all(const Campaign& campaign, const std::vector<VectorXd>& e) {
+  return stronger_drifting(campaign, e, strongest_line(campaign, e));
+}
+
 static void test_a_line_that_drifts_with_temperature_is_found_as_one(void**) {
   const Campaign campaign = make_campaign({simulated_log(21, 6000, false, 0)}, "gx_dph", nominal_model());
   constexpr double kHz = 0.11;
   for (const double hz_per_degc : {2e-3 * 0.25, -2e-3 * 0.25}) { // slopes of the grid: (12/24)^2 of its largest
     const std::vector<VectorXd> drifting = innovations_with_tone(campaign, 0.25, kHz, hz_per_degc);
-    const Line steady = strongest_line(campaign, drifting, false), line = strongest_line(campaign, drifting, true);
+    const Line steady = strongest_line(campaign, drifting), line = stronger_drifting(campaign, drifting, steady);
     assert_near(line.hz, kHz, 2.0 / 8192);
     assert_near(line.hz_per_degc, hz_per_degc, 1e-9);
     // Energy n A^2 / 4 of a line that is in one bin; smeared over 60 degC * slope = 200 bins otherwise.
@@ -660,7 +664,7 @@ static void test_a_line_that_drifts_with_temperature_is_found_as_one(void**) {
     assert_true(steady.gain_nats < 22);
   }
   const std::vector<VectorXd> nothing = innovations_with_tone(campaign, 0, kHz, 0);
-  assert_true(strongest_line(campaign, nothing, true).gain_nats < 28);
+  assert_true(strongest_of_all(campaign, nothing).gain_nats < 28);
 }
 
 // A slope half the way between two of the grid, where the steps of the grid spread a line over some forty bins.
@@ -668,7 +672,7 @@ static void test_a_line_that_drifts_between_two_slopes_of_the_grid_is_found(void
   const Campaign campaign = make_campaign({simulated_log(21, 6000, false, 0)}, "gx_dph", nominal_model());
   for (const double hz_per_degc : {2e-3 * 12.5 * 12.5 / 576, -2e-3 * 20.5 * 20.5 / 576}) {
     const std::vector<VectorXd> drifting = innovations_with_tone(campaign, 0.25, 0.21, hz_per_degc);
-    const Line line = strongest_line(campaign, drifting, true);
+    const Line line = strongest_of_all(campaign, drifting);
     assert_near(line.hz, 0.21, 2.0 / 8192);
     assert_near(line.hz_per_degc, hz_per_degc, 2e-3 / 576);
     assert_near(line.gain_nats, 6000 * 0.25 * 0.25 / 4, 50);
@@ -683,14 +687,14 @@ static void test_a_line_is_placed_between_the_places_of_the_grid(void**) {
   const double t0_degc = campaign.runs[0].input.t0_degc;
   constexpr double kHz = 0.11 + 0.4 / 8192, kAmplitude = 0.6, kAll = 6000 * kAmplitude * kAmplitude / 4;
   const std::vector<VectorXd> steady = innovations_with_tone(campaign, kAmplitude, kHz, 0);
-  const Line line = strongest_line(campaign, steady, false);
+  const Line line = strongest_line(campaign, steady);
   const PlacedLine placed = place_of(campaign, steady, tone, line);
   assert_near(placed.shape[0], kHz, 0.1 / 6000);
   assert_near(placed.power_nats, kAll, 60);
   assert_true(line.gain_nats < 0.9 * placed.power_nats);
   for (const double hz_per_degc : {2e-3 * 0.1, -2e-3 * 0.1}) { // between (7/24)^2 and (8/24)^2 of the largest
     const std::vector<VectorXd> drifting = innovations_with_tone(campaign, kAmplitude, kHz, hz_per_degc);
-    const PlacedLine found = place_of(campaign, drifting, tone, strongest_line(campaign, drifting, true));
+    const PlacedLine found = place_of(campaign, drifting, tone, strongest_of_all(campaign, drifting));
     assert_near(found.shape[1], hz_per_degc, 1e-6);
     assert_near(found.shape[0] + found.shape[1] * t0_degc, kHz, 0.1 / 6000);
     assert_near(found.power_nats, kAll, 60);
@@ -743,7 +747,7 @@ static void test_a_strong_line_in_many_logs_has_a_finite_gain(void**) {
   std::vector<Log> logs;
   for (uint64_t seed = 1; seed <= 80; ++seed) logs.push_back(simulated_log(seed, 600, false, 0));
   const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
-  const Line line = strongest_line(campaign, innovations_with_tone(campaign, 10, 0.11, 0), false);
+  const Line line = strongest_line(campaign, innovations_with_tone(campaign, 10, 0.11, 0));
   assert_near(line.hz, 0.11, 2.0 / 1024);
   assert_true(std::isfinite(line.gain_nats) &&
               line.gain_nats > 1e4); // less than n A^2 / 4: its own leakage is around it
@@ -756,13 +760,13 @@ static void test_lines_of_several_logs_add_up(void**) {
   for (uint64_t seed = 31; seed < 35; ++seed) logs.push_back(simulated_log(seed, 6000, false, 0));
   const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
   const double amplitude = 2 * std::sqrt(13.0 / 6000); // 13 nats in each log
-  const Line line = strongest_line(campaign, innovations_with_tone(campaign, amplitude, 0.11, 0), false);
+  const Line line = strongest_line(campaign, innovations_with_tone(campaign, amplitude, 0.11, 0));
   assert_near(line.hz, 0.11, 2.0 / 8192);
   assert_near(line.gain_nats, 56 - std::log(56.0 * 56 * 56 / 6), 25);
   double mean = 0;
   constexpr int kDraws = 12;
   for (uint64_t draw = 1; draw <= kDraws; ++draw)
-    mean += strongest_line(campaign, innovations_with_tone(campaign, 0, 0, 0, draw), false).gain_nats / kDraws;
+    mean += strongest_line(campaign, innovations_with_tone(campaign, 0, 0, 0, draw)).gain_nats / kDraws;
   assert_near(mean, std::log(3000.0) + 0.58, 1.3);
 }
 

@@ -30,6 +30,7 @@ struct Request {
   bool list = false, no_cache = false;
   std::string model_out, instability;
   double arw = 0, white_mg = 0;
+  double model_seconds = 0; // taken and not looked at
   cli::Option *arw_option = nullptr, *white_option = nullptr;
 };
 
@@ -69,7 +70,7 @@ void add_calibration_options(cli::App* app, Request* r) {
       ->capture_default_str();
   app->add_option("--cache", o.cache_folder, "folder of calibrations")->type_name("DIR")->capture_default_str();
   app->add_flag("--no-cache", r->no_cache, "calibrate anew and keep nothing");
-  app->add_option("--model-seconds", o.model_seconds,
+  app->add_option("--model-seconds", r->model_seconds,
                   "kept for old command lines: the noise is estimated again in any case")
       ->check(cli::NonNegativeNumber);
   app->add_option("--model-out", r->model_out, "write the model with the effects found")->type_name("MODEL.json");
@@ -99,7 +100,6 @@ Exit run(Request* r) {
   if (!r->instability.empty()) options.instability = parse_instability(r->instability);
   options.seed = common.seed;
   options.threads = common.thread_count();
-  options.quiet = common.quiet;
   if (r->no_cache) options.cache_folder.clear();
   DiagnoseResult result = diagnose(options);
   if (!r->model_out.empty())

@@ -24,8 +24,6 @@ struct DiagnoseOptions {
   SelectorConstants constants;
   uint64_t seed = 1;
   int threads = 1;
-  double model_seconds = 0; // kept for old command lines: the noise is estimated again in any case
-  bool quiet = true;
 };
 
 // data_error: no log to fit, unreadable files, two identical logs among all that are fitted or held out, an axis that is not

@@ -288,9 +288,8 @@ Line steady_line(const Campaign& campaign, const std::vector<double>& power) {
   return best;
 }
 
-Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e, bool with_drift) {
-  const Line steady = steady_line(campaign, summed_power(campaign, e));
-  return with_drift ? stronger_drifting(campaign, e, steady) : steady;
+Line strongest_line(const Campaign& campaign, const std::vector<VectorXd>& e) {
+  return steady_line(campaign, summed_power(campaign, e));
 }
 
 Line stronger_drifting(const Campaign& campaign, const std::vector<VectorXd>& e, const Line& steady) {

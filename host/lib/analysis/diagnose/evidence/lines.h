@@ -16,10 +16,10 @@ struct Line {
 std::vector<double> summed_power(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e);
 // The strongest line that does not drift; power as summed_power gives it.
 Line steady_line(const Campaign& campaign, const std::vector<double>& power);
-// The strongest line above its surroundings, on a grid of frequencies; `with_drift` also looks along f0 + k (T - t0), on a
-// grid of k.  What the grid loses on a line between its places is not given back: thresholds are those of the grid.
-Line strongest_line(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e, bool with_drift);
-// The second part of this: the strongest that drifts where it gains more than `steady`, else `steady`.
+// The strongest line above its surroundings, on a grid of frequencies, that does not drift.  What the grid loses on a line
+// between its places is not given back: thresholds are those of the grid.
+Line strongest_line(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e);
+// The strongest along f0 + k (T - t0), on a grid of k, where it gains more than `steady`, else `steady`.
 Line stronger_drifting(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e, const Line& steady);
 // A line found, with frequency and drift where the power along its cosine and sine is largest near the place on the grid.
 // A run of N seconds tells a frequency to a part of 1/N Hz, and what misses it leaves a beat behind.

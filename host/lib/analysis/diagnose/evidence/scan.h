@@ -52,7 +52,6 @@ public:
   ScanNode(const ScanBank& bank, const NoiseModel& noise, bool keeps_bank = false);
 
   const NoiseModel& noise() const { return noise_; }
-  const std::vector<RunGains>& gains() const { return gains_; }
   // Frees the whitened columns that were kept; they are made anew where they are asked for.
   void forget_white() {
     for (Eigen::MatrixXd& x : white_) x.resize(0, 0);

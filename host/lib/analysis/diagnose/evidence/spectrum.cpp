@@ -3,27 +3,7 @@
 
 #include <cmath>
 
-#include "base/units.h"
-
 namespace imucal {
-
-std::vector<double> spectral_density(const NoiseModel& noise, const std::vector<double>& hz, double dt_s) {
-  std::vector<double> out(hz.size());
-  const double white = (noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2) / dt_s;
-  std::vector<double> phi, q;
-  for (const Markov& m : noise.markov) {
-    phi.push_back(m.phi(dt_s));
-    q.push_back(m.q_dph2(dt_s));
-  }
-  for (size_t i = 0; i < hz.size(); ++i) {
-    const double w = 2 * kPi * hz[i] * dt_s, half = std::sin(0.5 * w);
-    const double c = 4 * half * half; // 2 - 2 cos w without cancellation
-    double density = white + noise.walk_dph_per_rt_s * noise.walk_dph_per_rt_s * dt_s / c;
-    for (size_t m = 0; m < phi.size(); ++m) density += q[m] / ((1 - phi[m]) * (1 - phi[m]) + phi[m] * c);
-    out[i] = density;
-  }
-  return out;
-}
 
 SpectrumBins::SpectrumBins(size_t longest_samples, double dt_s) : dt_s_(dt_s) {
   while (n_fft < longest_samples) n_fft *= 2;

@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Spectral density of noise models and the logarithmic bins of the periodogram of innovations.
+// The logarithmic bins of the periodogram of innovations.
 #pragma once
+#include <cstddef>
 #include <vector>
 
-#include "physics/effects/estimation.h"
-
 namespace imucal {
-
-// Density of the sampled process per sample [dph^2], two-sided, at frequencies in Hz: white R, Markov
-// sigma^2 (1 - phi^2)/(1 - 2 phi cos w + phi^2), random walk K^2 dt/(2 - 2 cos w).
-std::vector<double> spectral_density(const NoiseModel& noise, const std::vector<double>& hz, double dt_s);
 
 class SpectrumBins {
 public:

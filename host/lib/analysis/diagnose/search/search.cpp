@@ -38,7 +38,7 @@ public:
   // Fits the hypothesis without a name, once.
   void prepare() {
     if (is_prepared_) return;
-    start_ = fit_null({});
+    start_ = fit_null();
     start_null_ = space_.belief.has_believed ? polished(likelihood_, start_, kQuickEvaluations) : start_;
     is_prepared_ = true;
   }
@@ -195,7 +195,6 @@ private:
     out_.singles = scans_.scan(out_.null, scans_.all_nodes());
     if (in_time) try_jumps(likelihood_, out_.null, *in_time, &out_.singles);
     polish_best(&out_.singles, kPolished, out_.null.free_score() - space_.constants.below_null_nats, kEvaluations);
-    out_.noise_effects = space_.noise_effects;
     out_.noises = scan_noises(likelihood_, out_, out_.null, space_.noise_effects.size());
     for (const SlowCandidateScore& s : out_.singles) consider(s.model);
     for (const SlowCandidateScore& s : out_.noises) consider(s.model);
@@ -216,11 +215,10 @@ private:
     }
     SlowJudge(likelihood_, scans_, out_).judge_names(&out_);
   }
-  SlowModel fit_null(const std::vector<Theta>& jumps) const {
+  SlowModel fit_null() const {
     SlowModel best;
     for (double tau : kStartTaus_s) {
       SlowModel m;
-      m.steps = jumps;
       m.log_noise[0] = space_.prior.centre[0];
       m.log_noise[1] = space_.prior.centre[1];
       m.log_noise[2] = std::log(tau / space_.base.markov[0].tau_s);
@@ -466,9 +464,6 @@ std::vector<MeanPart> SlowSearch::parts_on(const SlowData& data, const SlowModel
 }
 double SlowSearch::score(const SlowModel& model) const {
   return impl_->likelihood.score(model);
-}
-double SlowSearch::evidence_of(const SlowModel& model, size_t name) const {
-  return impl_->judge().evidence_of(model, name);
 }
 std::vector<SlowResult::Rival> SlowSearch::rivals(const SlowModel& model, size_t name) const {
   return impl_->judge().rivals(model, name);

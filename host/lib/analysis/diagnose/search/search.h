@@ -43,8 +43,6 @@ public:
   std::vector<MeanPart> parts_on(const SlowData& data, const SlowModel& model) const;
   RunGrams grams_of(const SlowModel& model) const;
   double score(const SlowModel& model) const; // less all thresholds: what the search maximises
-  // What a name gains over the best hypothesis without it, less its threshold.
-  double evidence_of(const SlowModel& model, size_t name) const;
   // What comes near a name in its place, best first, by the data searched.
   std::vector<SlowResult::Rival> rivals(const SlowModel& model, size_t name) const;
   // Free shapes beside a model, the one that gains most first: what its names leave unexplained.

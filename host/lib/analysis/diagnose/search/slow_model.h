@@ -96,8 +96,7 @@ struct SlowResult {
   std::vector<std::vector<Rival>> rivals;
   std::vector<SlowCandidateScore> singles; // per candidate
   std::vector<SlowCandidateScore> noises;  // per slow noise effect of the library that was tried
-  std::vector<const Effect*> noise_effects;
-  double step_gain_nats = 0; // the same of all jumps of `best` together
+  double step_gain_nats = 0;               // the same of all jumps of `best` together
   // Where jumps in time were found: the answer without them.  Other data choose between the two.
   std::shared_ptr<const SlowResult> without_steps;
   std::vector<size_t> replaced; // free shapes that gain somewhat more than the member named in their place

@@ -68,7 +68,7 @@ std::optional<NamedLine> line_found(const AxisQuestion& question, const std::vec
     return std::nullopt;
   std::optional<NamedLine> best;
   double highest = 0;
-  const Line steady = strongest_line(question.campaign, e, false);
+  const Line steady = strongest_line(question.campaign, e);
   for (const bool drifts : {false, true}) {
     if (drifts && question.campaign.n() >= kFewToDrift) break;
     const Line line = drifts ? stronger_drifting(question.campaign, e, steady) : steady;
