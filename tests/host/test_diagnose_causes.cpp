@@ -1070,9 +1070,27 @@ static void test_what_differs_from_run_to_run_is_not_foretold(void**) {
   assert_near(gap.shrinkage, 1 - left / before, 0.15);
 }
 
+// A fan runs in half of two logs.  The tests of its noise object by more than the loop gains; they say nothing of the loop.
+static void test_louder_noise_of_some_hours_takes_no_name_away(void**) {
+  for (const uint64_t seed : {830, 840}) {
+    std::vector<Log> logs;
+    for (uint64_t k = 0; k < 4; ++k) {
+      logs.push_back(simulated_log(seed + k, 6000, false, 40));
+      Rng rng(seed, k, 3, Stream::kTool);
+      for (size_t i = 3000; i < 6000 && k % 2 == 0; ++i) logs.back().axes[0].rate_dph[i] += 22 * rng.normal();
+    }
+    DiagnoseOptions options;
+    options.nulls = 40, options.model_path = "given";
+    const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
+    assert_true(names_of(said).count("thermal_hysteresis") == 1);
+    assert_true(said.verdict == Verdict::kPartlyExplained);
+  }
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_search_names_hysteresis_whatever_noise_is_believed),
+      cmocka_unit_test(test_louder_noise_of_some_hours_takes_no_name_away),
       cmocka_unit_test(test_an_anomaly_is_named_whatever_the_shape_of_its_bump),
       cmocka_unit_test(test_scans_that_were_freed_are_made_anew),
       cmocka_unit_test(test_steps_of_a_coarse_thermometer_are_no_lag_of_seconds),

@@ -116,6 +116,19 @@ static void test_drop_outs_are_found_beside_a_known_effect(void**) {
   assert_int_equal(said.n_left_out, 180);
 }
 
+// The only log that reached the hot end is left out: up there every answer is extrapolated, whatever was recorded.
+static void test_only_rows_that_were_fitted_count_as_fitted_temperatures(void**) {
+  const Campaign campaign = make_campaign({simulated_log(790, 3000, false, 0)}, "gx_dph", nominal_model());
+  CampaignRun run = campaign.runs[0];
+  for (size_t i = 0; i < run.input.size(); ++i)
+    if (run.input.smooth_degc[i] > 40) run.input.rate_dph[i] = std::nan("");
+  find_used(&run);
+  FittedSpan span;
+  assert_true(!span.holds(20));
+  span.add(run, 0, run.n());
+  assert_true(span.holds(20) && span.holds(40.5) && !span.holds(42));
+}
+
 // A soak is a natural log to hold out.  Its temperature moves by less than 2 degC, and the polynomial holds it as it holds all.
 static void test_a_soak_is_judged_by_the_polynomial_of_the_fitted_logs(void**) {
   for (const double span_degc : {0.4, 1.6}) {
@@ -309,6 +322,7 @@ int main() {
       cmocka_unit_test(test_a_jump_of_a_held_out_log_is_told_and_takes_no_name_away),
       cmocka_unit_test(test_a_slow_change_of_a_held_out_log_is_no_jump),
       cmocka_unit_test(test_a_jump_and_its_return_are_told),
+      cmocka_unit_test(test_only_rows_that_were_fitted_count_as_fitted_temperatures),
       cmocka_unit_test(test_drop_outs_are_found_beside_a_known_effect),
       cmocka_unit_test(test_a_soak_is_judged_by_the_polynomial_of_the_fitted_logs),
       cmocka_unit_test(test_a_jump_beside_white_noise_is_told),

@@ -166,15 +166,25 @@ private:
     return static_cast<size_t>(
         std::count_if(names_.effects.begin(), names_.effects.end(), [&](const auto& e) { return is_member(e); }));
   }
+  // The strength of the noise, its tails and its bursts say nothing of the mean: what foretells logs that were not fitted is no
+  // stand-in for them.  Lines, other spectra and sudden changes may be a part of what such a cause leaves.
+  static bool is_of_strength(Rest test) {
+    return test == Rest::kVarianceOverTemperature || test == Rest::kVarianceOverTime || test == Rest::kDistribution ||
+           test == Rest::kBursts;
+  }
   // More is left than was explained, or many causes together leave something: members stand in for another cause then.
   // A family says no more than that: of sudden changes what foretells logs that were not fitted is told as one, since a loop of
   // relays jumps.
   void leave_members(Rest strongest) {
     for (SelectedEffect& effect : names_.effects)
-      if (strongest == Rest::kSuddenChanges && is_member(effect) && effect.held_out_nats > constants().foretold_nats)
-        open_member(&effect);
-    names_.leave_those([&](const SelectedEffect& effect) { return is_member(effect); }, &names_.effects);
+      if (strongest == Rest::kSuddenChanges && is_member(effect) && foretells(effect)) open_member(&effect);
+    const auto is_left = [&](const SelectedEffect& effect) {
+      const bool is_kept = is_of_strength(strongest) && is_in_mean(effect) && foretells(effect);
+      return is_member(effect) && !is_kept;
+    };
+    names_.leave_those(is_left, &names_.effects);
   }
+  bool foretells(const SelectedEffect& effect) const { return effect.held_out_nats > constants().foretold_nats; }
   bool has_open_shape() const { return std::any_of(names_.effects.begin(), names_.effects.end(), is_shape_open); }
   double explained_nats() const {
     double sum = found_.slow.gain_nats() + found_.fast.jumping.gain_nats;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "analysis/diagnose/evidence/minutes.h"
 #include "analysis/diagnose/judge/noise_kinds.h"
 
 namespace imucal {
@@ -14,11 +15,11 @@ namespace {
 
 constexpr size_t kUndecidedTried = 4;
 
-// Root mean square of what a hypothesis leaves, in means over `mean_s` (or in the blocks, where they are longer).
-double spread_left(const SlowAnswer& slow, const SlowModel& m, double mean_s) {
+// Root mean square of what a hypothesis leaves, in minutes.
+double spread_left(const SlowAnswer& slow, const SlowModel& m) {
   const std::vector<MeanPart> parts = slow.search->parts_on(*slow.data, m);
   const RunGrams::Posterior at = slow.search->grams_of(m).posterior();
-  const long blocks = std::max(1L, std::lround(mean_s / slow.data->campaign.dt_s));
+  const long blocks = rows_of_minute(slow.data->campaign.dt_s);
   double sum = 0, n = 0;
   for (size_t r = 0; r < slow.data->y.size(); ++r) {
     const VectorXd rest = residual_of(*slow.data, parts, at, r);
@@ -29,8 +30,8 @@ double spread_left(const SlowAnswer& slow, const SlowModel& m, double mean_s) {
 // Part of the spread of the data that a hypothesis leaves to the noise.  Lines in the mean are no part of that spread:
 // no hypothesis would have to take them.
 double part_left(const SlowAnswer& slow, bool has_lines, const SlowModel& m) {
-  const double spread = has_lines ? spread_left(slow, slow.found.null, 60) : slow.data->spread_dph;
-  return spread_left(slow, m, 0) / std::max(spread, 1e-6);
+  const double spread = has_lines ? spread_left(slow, slow.found.null) : slow.data->spread_dph;
+  return spread_left(slow, m) / std::max(spread, 1e-6);
 }
 // Whether a cause gains hardly less than slow noise and takes most of what that takes.  `has_lines`: lines of the spectrum
 // stand in the mean; they are no part of what is to be taken.

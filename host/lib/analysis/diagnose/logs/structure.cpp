@@ -14,7 +14,8 @@ constexpr double kFarZero = 8;   // noise standard deviations of the values arou
 constexpr size_t kFewZeros = 3;  // of a run that make it one with drop-outs
 constexpr double kNearSteps = 5; // rates so near to zero tell how many zeros are rates
 constexpr double kTimesExpected = 3;
-constexpr double kGuard_s = 10;   // next to censored samples: those that just escaped are biased too
+constexpr double kGuard_s = 10; // next to censored samples: those that just escaped are biased too
+constexpr long kFarTicks = 1L << 40;
 constexpr double kMostLost = 0.5; // part of the samples that the guard may cost; else only the samples themselves go
 
 using Rows = std::vector<std::vector<char>>; // per run and row of the log
@@ -88,12 +89,12 @@ Rows with_guard(const Campaign& campaign, const Rows& bad) {
   Rows wide = bad;
   for (size_t r = 0; r < bad.size(); ++r) {
     const std::vector<long>& tick = campaign.runs[r].input.tick;
-    long last = -10 * guard;
+    long last = -kFarTicks; // tick of the bad sample before, and then of the one after
     for (size_t i = 0; i < bad[r].size(); ++i) {
       if (bad[r][i]) last = tick[i];
       if (tick[i] - last <= guard) wide[r][i] = 1;
     }
-    last = tick.empty() ? 0 : tick.back() + 10 * guard;
+    last = kFarTicks;
     for (size_t i = bad[r].size(); i-- > 0;) {
       if (bad[r][i]) last = tick[i];
       if (last - tick[i] <= guard) wide[r][i] = 1;

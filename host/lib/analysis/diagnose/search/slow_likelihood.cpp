@@ -31,6 +31,11 @@ std::vector<const MeanPart*> pointers_of(const std::vector<SlowLikelihood::Part>
 }
 
 NoiseModel SlowLikelihood::base_noise(const SlowModel& m) const {
+  if (m.is_noise_white) {
+    NoiseModel white;
+    white.white_sigma_dph = space_.base.white_sigma_dph * std::exp(m.log_noise[0]);
+    return white;
+  }
   NoiseModel noise = m.is_believed ? space_.belief.model : with_factors(space_.base, m.log_noise);
   for (Markov& markov : noise.markov)
     markov.tau_s = std::clamp(markov.tau_s, std::min(1.0, space_.data.campaign.dt_s), space_.longest_tau_s);

@@ -64,6 +64,7 @@ struct SlowModel {
   double noise_charge = 0;
   double log_noise[3] = {0, 0, 0}; // white noise, slow density, tau: logarithms of factors on the base
   bool is_believed = false;        // with the noise as believed
+  bool is_noise_white = false;     // and nothing else: least squares
   bool is_without_lines = false;   // lines of the spectrum that were taken into the mean are left in the rates
   double value = -1e300;           // log marginal likelihood with the prior of the noise and its cost
   SlowModel without(size_t name) const;

@@ -17,7 +17,6 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kLeast_h = 1e-9;     // of held-out data: a divisor
-constexpr double kNoSlowNoise = -20;  // logarithm of a factor on the slow density
 constexpr double kLeastErrors = 1;    // above the noise from which the interval holds what the minutes show
 constexpr double kClearlyLess = 0.95; // of a residual: the polynomial of least squares is what there was before
 
@@ -244,39 +243,29 @@ std::vector<size_t> all_rows(const CampaignRun& run, size_t first, size_t end) {
 }
 // Of these those at temperatures that are passed, or nearly, by what was fitted: beyond, every answer is an extrapolated
 // polynomial.
-class Fitted {
-public:
-  void add(const CampaignRun& run, size_t first, size_t end) {
-    for (size_t k : all_rows(run, first, end)) lo_ = std::min(lo_, at(run, k)), hi_ = std::max(hi_, at(run, k));
-  }
-  std::vector<size_t> rows_within(const CampaignRun& run, const std::vector<size_t>& rows) const {
-    std::vector<size_t> out;
-    for (size_t k : rows)
-      if (is_near_fitted(at(run, k), lo_, hi_)) out.push_back(k);
-    return out;
-  }
-
-private:
-  static double at(const CampaignRun& run, size_t k) { return run.input.smooth_degc[static_cast<size_t>(run.used[k])]; }
-  double lo_ = 1e300, hi_ = -1e300;
-};
+std::vector<size_t> rows_in(const FittedSpan& fitted, const CampaignRun& run, const std::vector<size_t>& rows) {
+  std::vector<size_t> out;
+  for (size_t k : rows)
+    if (fitted.holds(run.input.smooth_degc[static_cast<size_t>(run.used[k])])) out.push_back(k);
+  return out;
+}
 std::vector<size_t> rows_within(const Campaign& campaign, size_t unit, const std::vector<char>& is_fitted) {
   const CampaignRun& run = campaign.runs[unit];
   const std::vector<size_t> rows = all_rows(run, 0, run.n());
   if (!campaign.has_temperature) return rows;
-  Fitted fitted;
+  FittedSpan fitted;
   for (size_t r = 0; r < campaign.runs.size(); ++r)
     if (is_fitted[r]) fitted.add(campaign.runs[r], 0, campaign.runs[r].n());
-  return fitted.rows_within(run, rows);
+  return rows_in(fitted, run, rows);
 }
 std::vector<size_t> rows_of_quarter(const Campaign& campaign, size_t quarter, bool only_within) {
   const CampaignRun& run = campaign.runs[0];
   const size_t first = quarter * run.n() / 4, end = (quarter + 1) * run.n() / 4;
   const std::vector<size_t> rows = all_rows(run, first, end);
   if (!only_within || !campaign.has_temperature) return rows;
-  Fitted fitted;
+  FittedSpan fitted;
   fitted.add(run, 0, first), fitted.add(run, end, run.n());
-  return fitted.rows_within(run, rows);
+  return rows_in(fitted, run, rows);
 }
 
 HeldOutUnit held_out_unit(const CampaignRun& run, const std::vector<size_t>& rows, const Prediction& before,
@@ -332,8 +321,7 @@ double mean_square_left(const std::vector<HeldOutUnit>& units, double dt_s) {
 
 // The same hypothesis with white noise alone: least squares.
 SlowModel with_white_noise(SlowModel m) {
-  m.noise_effect = nullptr, m.is_believed = false;
-  m.log_noise[1] = kNoSlowNoise;
+  m.noise_effect = nullptr, m.is_believed = false, m.is_noise_white = true;
   return m;
 }
 
@@ -369,6 +357,17 @@ void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::
 }
 
 } // namespace
+
+void FittedSpan::add(const CampaignRun& run, size_t first, size_t end) {
+  for (size_t k = first; k < end; ++k) {
+    const double temp_degc = run.input.smooth_degc[static_cast<size_t>(run.used[k])];
+    lo_degc_ = std::min(lo_degc_, temp_degc), hi_degc_ = std::max(hi_degc_, temp_degc);
+  }
+}
+bool FittedSpan::holds(double temp_degc) const {
+  const double beyond = beyond_degc(lo_degc_, hi_degc_);
+  return temp_degc > lo_degc_ - beyond && temp_degc < hi_degc_ + beyond;
+}
 
 double GapResult::rms_of_noise_dph(const NoiseModel& noise) const {
   return std::sqrt(noise_of_all(gaussian_equivalent(noise), minute_s, minutes));

@@ -24,11 +24,17 @@ constexpr double kBeyond_degc = 1, kBeyondPart = 0.02;
 inline double beyond_degc(double lo_degc, double hi_degc) {
   return std::min(kBeyond_degc, kBeyondPart * (hi_degc - lo_degc));
 }
-// Whether a held-out rate at this temperature counts.
-inline bool is_near_fitted(double temp_degc, double lo_degc, double hi_degc) {
-  const double beyond = beyond_degc(lo_degc, hi_degc);
-  return temp_degc > lo_degc - beyond && temp_degc < hi_degc + beyond;
-}
+// The temperatures of the rows that were fitted.
+class FittedSpan {
+public:
+  // Used rows [first, end) of a run.
+  void add(const CampaignRun& run, size_t first, size_t end);
+  // Whether a held-out rate at this temperature counts; no rows: none does.
+  bool holds(double temp_degc) const;
+
+private:
+  double lo_degc_ = 1e300, hi_degc_ = -1e300;
+};
 
 // Width of the 95 % interval of a shrinkage from which it is no figure: the noise of the held-out rates hides the gap.
 constexpr double kWidestFigure = 0.4;

@@ -201,8 +201,10 @@ std::vector<OwnJump> take_jumps(const Theta& taken_s, LevelOfRun* run) {
 // stronger noise, or like jumps.
 CampaignRun within_fitted(const Campaign& fitted, CampaignRun run) {
   if (!fitted.has_temperature) return run;
+  FittedSpan span;
+  for (const CampaignRun& of : fitted.runs) span.add(of, 0, of.n());
   for (size_t i = 0; i < run.input.size(); ++i)
-    if (!is_near_fitted(run.input.smooth_degc[i], fitted.lo_degc, fitted.hi_degc)) run.input.rate_dph[i] = std::nan("");
+    if (!span.holds(run.input.smooth_degc[i])) run.input.rate_dph[i] = std::nan("");
   find_used(&run);
   return run;
 }
