@@ -129,6 +129,19 @@ static void test_only_rows_that_were_fitted_count_as_fitted_temperatures(void**)
   assert_true(span.holds(20) && span.holds(40.5) && !span.holds(42));
 }
 
+// A jump that the model holds of the first fitted log is no jump of the first held-out one.
+static void test_a_known_jump_of_a_fitted_log_is_taken_out_of_that_log_alone(void**) {
+  ErrorModel model = nominal_model();
+  model.effects.push_back({"bias_step", {{"steps", {{{"log", 0}, {"t_s", 2500.0}, {"amplitude_dph", 200.0}}}}}});
+  std::vector<Log> logs, unseen;
+  for (uint64_t k = 0; k < 4; ++k) (k < 3 ? logs : unseen).push_back(simulated_log(795 + k, 6000, false, 0));
+  for (size_t i = 2500; i < 6000; ++i) logs[0].axes[0].rate_dph[i] += 200;
+  DiagnoseOptions options;
+  options.nulls = 40, options.model_path = "given";
+  const Selection said = diagnose_logs(options, model, logs, unseen).axes.at(0).study.selection;
+  assert_true(said.verdict == Verdict::kNoGap && said.own_jumps.empty());
+}
+
 // A soak is a natural log to hold out.  Its temperature moves by less than 2 degC, and the polynomial holds it as it holds all.
 static void test_a_soak_is_judged_by_the_polynomial_of_the_fitted_logs(void**) {
   for (const double span_degc : {0.4, 1.6}) {
@@ -322,6 +335,7 @@ int main() {
       cmocka_unit_test(test_a_jump_of_a_held_out_log_is_told_and_takes_no_name_away),
       cmocka_unit_test(test_a_slow_change_of_a_held_out_log_is_no_jump),
       cmocka_unit_test(test_a_jump_and_its_return_are_told),
+      cmocka_unit_test(test_a_known_jump_of_a_fitted_log_is_taken_out_of_that_log_alone),
       cmocka_unit_test(test_only_rows_that_were_fitted_count_as_fitted_temperatures),
       cmocka_unit_test(test_drop_outs_are_found_beside_a_known_effect),
       cmocka_unit_test(test_a_soak_is_judged_by_the_polynomial_of_the_fitted_logs),

@@ -100,9 +100,10 @@ std::string missing_column(const Effect& effect, const Parameters& parameters, c
 }
 
 // Takes the deterministic effects that the model itself already holds out of the rates, by their own
-// simulator. Returns those that cannot be taken out: name and reason.
+// simulator. Returns those that cannot be taken out: name and reason.  The logs of the campaign count from `first_log` on: what a
+// model holds of one log alone is of a fitted one, and held-out logs come behind these.
 std::vector<std::pair<std::string, std::string>> take_out_known(const ErrorModel& model, const std::string& axis,
-                                                                Campaign* campaign) {
+                                                                size_t first_log, Campaign* campaign) {
   std::vector<std::pair<std::string, std::string>> left;
   for (const EffectSpec& spec : model.effects) {
     if (!is_for(spec, axis)) continue;
@@ -122,7 +123,8 @@ std::vector<std::pair<std::string, std::string>> take_out_known(const ErrorModel
     for (CampaignRun& run : campaign->runs) {
       RunInput& in = run.input;
       SimRun sim;
-      sim.log = in.log;
+      sim.log = first_log + in.log;
+      if (spec.log >= 0 && sim.log != static_cast<size_t>(spec.log)) continue;
       sim.model = &model;
       sim.start = StartState::kSettled; // what start states add is estimated beside it
       sim.bias = model.bias_or_none();
@@ -218,8 +220,9 @@ Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double 
 }
 
 // The effects of the model, taken out of an axis's fitted or held-out rates; what cannot be is told once.
-void take_out_and_warn(const DiagnoseOptions& options, const ErrorModel& model, Campaign* campaign, AxisResult* axis) {
-  for (const auto& [left, why] : take_out_known(model, axis->axis, campaign)) {
+void take_out_and_warn(const DiagnoseOptions& options, const ErrorModel& model, size_t first_log, Campaign* campaign,
+                       AxisResult* axis) {
+  for (const auto& [left, why] : take_out_known(model, axis->axis, first_log, campaign)) {
     const std::string text =
         options.model_path + ": its effect " + left + " is not taken out of axis " + axis->axis + ": " + why;
     if (std::find(axis->warnings.begin(), axis->warnings.end(), text) == axis->warnings.end())
@@ -301,8 +304,8 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   SelectOptions select;
   // What the recorder did shows in the rates as they are: less a known effect, a zero is no zero.
   select.structure = find_structure(&axis.campaign, held_out_runs, library, active);
-  take_out_and_warn(options, model, &axis.campaign, &axis);
-  if (held_out_runs) take_out_and_warn(options, model, held_out_runs, &axis);
+  take_out_and_warn(options, model, 0, &axis.campaign, &axis);
+  if (held_out_runs) take_out_and_warn(options, model, logs.size(), held_out_runs, &axis);
   select.constants = options.constants;
   select.calibrate = [&](SlowSearch* search) {
     const double from = now_s();
