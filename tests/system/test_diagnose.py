@@ -592,7 +592,9 @@ def test_a_held_out_log_without_temperatures_is_refused_where_the_fitted_logs_ha
                                                               for k, row in enumerate(rows)) + "\n"))
     lab.run(logs[:2], "--holdout", bare[2], code=3)
     assert bare[2] in lab.errors and "without temperatures" in lab.errors and "--holdout" in lab.errors
-    assert lab.run([bare[0], logs[1]], "--holdout", bare[2])["axes"]  # nothing thermal is asked
+    lab.run([bare[0], logs[1]], code=3)
+    assert bare[0] in lab.errors and "without temperatures" in lab.errors and "--log" in lab.errors
+    assert lab.run(bare[:2], "--holdout", bare[2])["axes"]  # nothing thermal is asked
 
 
 def test_where_says_how_much_larger_or_smaller_the_residual_is(lab):
