@@ -67,6 +67,20 @@ static void test_sound_samples_have_no_finding(void**) {
   assert_findings(few, "", "seven zeros");
 }
 
+static std::vector<RunInput> rounded(std::vector<RunInput> runs, double step) {
+  return changed(std::move(runs), [step](double y, double) { return step * std::round(y / step); });
+}
+
+// However small the noise is beside the mean: a fog on a turning table, an accelerometer along gravity.
+static void test_a_large_mean_makes_no_finding_and_hides_none(void**) {
+  const auto table = rates(1.0001e6, 6, 0.1), gravity = rates(1000.2, 0.006, 0.0001);
+  assert_findings(rounded(table, 0.001), "", "three decimals");
+  assert_findings(rounded(gravity, 1e-6), "", "six decimals");
+  assert_findings(rounded(table, 0.1), "quantization", "coarse steps");
+  const auto clip = [](double y, double) { return std::min(y, 1.0001e6 + 5.0); };
+  assert_findings(changed(table, clip), "saturation", "the top of a swing");
+}
+
 static void test_dead_band_is_found_by_its_shape(void**) {
   const auto dead = [](double width) { return [width](double y, double) { return std::fabs(y) < width ? 0.0 : y; }; };
   assert_findings(changed(rates(0, 0, 36), dead(3)), "dead_band", "narrow, around zero");
@@ -156,6 +170,7 @@ static void test_drop_outs_are_simulated_by_the_value_they_read(void**) {
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_sound_samples_have_no_finding),
+      cmocka_unit_test(test_a_large_mean_makes_no_finding_and_hides_none),
       cmocka_unit_test(test_dead_band_is_found_by_its_shape),
       cmocka_unit_test(test_dead_band_has_the_width_of_the_band),
       cmocka_unit_test(test_zeros_far_from_the_rate_are_drop_outs),

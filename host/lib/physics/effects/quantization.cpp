@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "physics/effects/estimation.h"
+#include "physics/effects/sample_shape.h"
 
 namespace imucal {
 namespace {
@@ -41,11 +42,8 @@ public:
       for (double y : run.rate_dph)
         if (std::isfinite(y)) values.push_back(y);
     const size_t n = values.size();
-    std::sort(values.begin(), values.end());
-    // Values that differ by less than the digits of the file are the same.
     std::vector<double> distinct;
-    for (double v : values)
-      if (distinct.empty() || v - distinct.back() > 1e-6 * (1 + std::fabs(v))) distinct.push_back(v);
+    for (const auto& [value, count] : values_with_counts(std::move(values))) distinct.push_back(value);
     if (n < 200 || distinct.size() < 3 || static_cast<double>(distinct.size()) > 0.5 * static_cast<double>(n))
       return std::nullopt;
     double lsb = 1e300;

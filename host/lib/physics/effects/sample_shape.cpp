@@ -14,7 +14,7 @@ namespace {
 constexpr size_t kHalfWindow = 20;     // rows on either side
 constexpr size_t kMoreOften = 5;       // than any other value: no step of a lattice
 constexpr double kFar_sigma = 5;       // once in 1.7 million normal samples
-constexpr double kSameRate = 1e-6;     // relative; logs carry six digits and more
+constexpr double kSameRate = 1e-12;    // relative: rounding of doubles and of short sums of them, far below any digit
 constexpr double kMedianJump = 0.9539; // median of |N(0, 2 sigma^2)| over sigma
 
 // Medians of the finite values within kHalfWindow rows; NaN where `x` is NaN.
@@ -76,7 +76,7 @@ double expected_between(const LocalLevels& levels, double lo, double hi) {
 }
 
 bool is_same_rate(double a, double b) {
-  return std::fabs(a - b) <= kSameRate * (1 + std::fabs(b));
+  return std::fabs(a - b) <= kSameRate * std::max(std::fabs(a), std::fabs(b));
 }
 
 std::vector<double> finite_rates(const std::vector<RunInput>& runs) {

@@ -18,7 +18,8 @@ LocalLevels local_levels(const std::vector<RunInput>& runs);
 // How many samples normal noise about the local levels would put between lo and hi.
 double expected_between(const LocalLevels& levels, double lo, double hi);
 
-// Are two rates the same but for the digits of a file?
+// Are two rates the same but for the rounding of doubles?  A mean may be a million times the noise about it, and the steps of a
+// file finer than that: no digit of a rate may count as rounding.
 bool is_same_rate(double a, double b);
 
 // The finite rates of all runs.
