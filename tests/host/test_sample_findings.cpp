@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What the converter or the recorder did to the samples: which finding each defect gets, and which it must
 // not.
+#include <algorithm>
 #include <cmath>
 #include <csetjmp>
 #include <cstdarg>
@@ -71,6 +72,13 @@ static std::vector<RunInput> rounded(std::vector<RunInput> runs, double step) {
   return changed(std::move(runs), [step](double y, double) { return step * std::round(y / step); });
 }
 
+// One log for each step.
+static std::vector<RunInput> rounded_each(double mean, double swing, const std::vector<double>& steps, uint64_t seed) {
+  std::vector<RunInput> out;
+  for (const double step : steps) out.push_back(rounded(rates(mean, swing, 36, seed++), step).front());
+  return out;
+}
+
 // However small the noise is beside the mean: a fog on a turning table, an accelerometer along gravity.
 static void test_a_large_mean_makes_no_finding_and_hides_none(void**) {
   const auto table = rates(1.0001e6, 6, 0.1), gravity = rates(1000.2, 0.006, 0.0001);
@@ -121,6 +129,23 @@ static void test_a_lattice_around_zero_is_no_dead_band(void**) {
     assert_null(find_effect("dead_band").estimator()->detect(runs) ? "dead band" : nullptr);
     assert_findings(runs, "quantization", "lattice around zero");
   }
+}
+
+// Logs of one device that were exported with different numbers of digits: zero is a step of the lattice of its log.
+static void test_zeros_of_rounded_logs_among_finer_ones_are_no_dead_band(void**) {
+  for (const double mean : {0.0, 60.0, 75.0, 90.0})
+    for (uint64_t seed = 1; seed < 40; seed += 4)
+      assert_findings(rounded_each(mean, 0, {1e-4, 0.01, 0.1, 0.5}, seed), "", "small beside the noise");
+  std::vector<RunInput> dead = rates(0, 200, 36, 5);
+  dead.push_back(rounded(rates(0, 200, 36, 7), 0.5).front());
+  dead = changed(dead, [](double y, double) { return std::fabs(y) < 60 ? 0.0 : y; });
+  dead.push_back(rounded(rates(0, 200, 36, 8), 60).front()); // that shows nothing of a band
+  const auto found = find_effect("dead_band").estimator()->detect(dead);
+  assert_true(found.has_value());
+  const double width = found->parameters.number("width_dph");
+  assert_true(width >= 60 && width < 61);
+  for (size_t r = 0; r < dead.size(); ++r)
+    assert_int_equal(std::count(found->unusable[r].begin(), found->unusable[r].end(), 1) > 0, r < 3);
 }
 
 static void test_saturation_is_a_pile_within_reach_of_the_noise(void**) {
@@ -176,6 +201,7 @@ int main() {
       cmocka_unit_test(test_zeros_far_from_the_rate_are_drop_outs),
       cmocka_unit_test(test_drop_outs_are_told_with_what_they_read),
       cmocka_unit_test(test_a_lattice_around_zero_is_no_dead_band),
+      cmocka_unit_test(test_zeros_of_rounded_logs_among_finer_ones_are_no_dead_band),
       cmocka_unit_test(test_saturation_is_a_pile_within_reach_of_the_noise),
       cmocka_unit_test(test_repeats_of_compensated_steps_are_chance),
       cmocka_unit_test(test_repeats_are_held_samples),

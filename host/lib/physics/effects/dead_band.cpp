@@ -35,19 +35,19 @@ public:
   bool needs_temperature() const override { return false; }
   // A dead band has a shape of its own: no value between zero and an edge, and at zero about as many samples
   // as noise around the local level would put inside.  Zeros far from the level are drop-outs; where all
-  // small values are multiples of the edge, zero is one step of a lattice.
+  // small values of a log are multiples of the edge, zero is one step of its lattice and tells nothing of a band.
   std::optional<Signature> detect(const std::vector<RunInput>& runs) const override {
-    const Zeros zeros = count_zeros(runs);
+    const std::vector<RunInput> asked = without_lattices(runs);
+    const Zeros zeros = count_zeros(asked);
     if (zeros.n < kFewest || !(zeros.edge_dph > 0)) return std::nullopt;
-    if (2 * zeros.n_multiples > zeros.n_near) return std::nullopt;
-    const double expected = expected_between(local_levels(runs), -zeros.edge_dph, zeros.edge_dph);
+    const double expected = expected_between(local_levels(asked), -zeros.edge_dph, zeros.edge_dph);
     const double n = static_cast<double>(zeros.n);
     if (expected < n / kAlike || n < expected / kAlike) return std::nullopt;
     Signature found;
     found.parameters = {{"width_dph", zeros.edge_dph}};
     found.evidence_nats = 5.0 * n;
     found.statement = "rates pile up at zero, and none lies between zero and the edge of a band";
-    found.unusable = samples_at(runs, 0.0);
+    found.unusable = samples_at(asked, 0.0);
     return found;
   }
   bool is_censoring() const override { return true; }
@@ -58,10 +58,8 @@ private:
   static constexpr size_t kFewest = 8;
   static constexpr double kAlike = 3; // how far the pile may be from what noise would put inside
   struct Zeros {
-    size_t n = 0;           // samples at zero
-    double edge_dph = 0;    // smallest other rate
-    size_t n_near = 0;      // other rates within six times the edge
-    size_t n_multiples = 0; // those of them that are whole multiples of it
+    size_t n = 0;        // samples at zero
+    double edge_dph = 0; // smallest other rate
   };
 
   static Zeros count_zeros(const std::vector<RunInput>& runs) {
@@ -73,14 +71,25 @@ private:
         if (std::isfinite(y) && y != 0) edge = std::min(edge, std::fabs(y));
       }
     out.edge_dph = edge < 1e300 ? edge : 0;
-    for (const RunInput& run : runs)
-      for (const double y : run.rate_dph) {
-        if (!(std::fabs(y) <= 6.5 * edge) || y == 0) continue;
-        const double steps = std::fabs(y) / edge;
-        ++out.n_near;
-        out.n_multiples += std::fabs(steps - std::round(steps)) < 1e-3;
-      }
     return out;
+  }
+  // Whether most rates within six times the smallest one are whole multiples of it.
+  static bool is_zero_a_step(const RunInput& run) {
+    const double edge = count_zeros({run}).edge_dph;
+    size_t n_near = 0, n_multiples = 0;
+    for (const double y : run.rate_dph) {
+      if (!(std::fabs(y) <= 6.5 * edge) || y == 0) continue;
+      const double steps = std::fabs(y) / edge;
+      ++n_near;
+      n_multiples += std::fabs(steps - std::round(steps)) < 1e-3;
+    }
+    return 2 * n_multiples > n_near;
+  }
+  // Logs of one device may be rounded to different steps.  Those of which zero is a step are left without rates.
+  static std::vector<RunInput> without_lattices(std::vector<RunInput> runs) {
+    for (RunInput& run : runs)
+      if (is_zero_a_step(run)) run.rate_dph.assign(run.size(), std::nan(""));
+    return runs;
   }
 };
 
