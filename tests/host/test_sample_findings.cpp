@@ -153,6 +153,30 @@ static void test_saturation_is_a_pile_within_reach_of_the_noise(void**) {
   assert_findings(changed(rates(1000, 200, 36), clip), "saturation", "the top of a swing");
   assert_findings(changed(rates(0, 0, 36), [](double y, double) { return std::max(-70.0, std::min(70.0, y)); }),
                   "saturation", "both tails");
+  std::vector<RunInput> runs = rates(0, 200, 36); // two logs that stand at the limit but for single samples
+  for (RunInput& run : rates(0, 200, 36, 7)) {
+    for (size_t i = 0; i < run.size(); ++i)
+      if (i % 700 > 0) run.rate_dph[i] = 900;
+    runs.push_back(run);
+  }
+  assert_findings(runs, "saturation", "full scale");
+}
+
+// The extreme of the coarsest log is beyond those of the others, and all its samples there are one value.
+static void test_the_extreme_of_a_coarse_log_among_finer_ones_is_no_limit(void**) {
+  for (const double lower : {0.0, 15.0, 30.0, 45.0})
+    for (uint64_t seed = 1; seed < 40; seed += 4) {
+      std::vector<RunInput> runs = rounded_each(0, 60, {1, 18, 7}, seed);
+      runs.push_back(rounded(rates(-lower, 90, 36, seed + 3), 60).front());
+      assert_null(find_effect("saturation").estimator()->detect(runs) ? "saturation" : nullptr);
+    }
+  const auto clip = [](double y, double) { return std::max(-110.0, std::min(110.0, y)); };
+  std::vector<RunInput> runs = changed(rounded_each(0, 60, {1, 1e-4, 7}, 1), clip);
+  runs.push_back(rounded(rates(0, 0, 36, 4), 60).front()); // reaches further by itself
+  const auto found = find_effect("saturation").estimator()->detect(runs);
+  assert_true(found.has_value());
+  for (size_t r = 0; r < runs.size(); ++r)
+    assert_int_equal(std::count(found->unusable[r].begin(), found->unusable[r].end(), 1) > 0, r < 3);
 }
 
 // Rates in steps of 1.8 dph, compensated with a temperature whose noise covers many of its steps: equal neighbours come by
@@ -203,6 +227,7 @@ int main() {
       cmocka_unit_test(test_a_lattice_around_zero_is_no_dead_band),
       cmocka_unit_test(test_zeros_of_rounded_logs_among_finer_ones_are_no_dead_band),
       cmocka_unit_test(test_saturation_is_a_pile_within_reach_of_the_noise),
+      cmocka_unit_test(test_the_extreme_of_a_coarse_log_among_finer_ones_is_no_limit),
       cmocka_unit_test(test_repeats_of_compensated_steps_are_chance),
       cmocka_unit_test(test_repeats_are_held_samples),
       cmocka_unit_test(test_drop_outs_are_simulated_by_the_value_they_read),

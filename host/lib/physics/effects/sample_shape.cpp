@@ -97,10 +97,14 @@ std::vector<std::pair<double, size_t>> values_with_counts(std::vector<double> va
   return out;
 }
 
+size_t count_at(const RunInput& run, double value) {
+  size_t n = 0;
+  for (const double y : run.rate_dph) n += is_same_rate(y, value);
+  return n;
+}
 size_t count_at(const std::vector<RunInput>& runs, double value) {
   size_t n = 0;
-  for (const RunInput& run : runs)
-    for (const double y : run.rate_dph) n += is_same_rate(y, value);
+  for (const RunInput& run : runs) n += count_at(run, value);
   return n;
 }
 

@@ -29,6 +29,7 @@ std::vector<double> finite_rates(const std::vector<RunInput>& runs);
 std::vector<std::pair<double, size_t>> values_with_counts(std::vector<double> values);
 
 // Samples at one value: how many, and how many of them lie more than five sigma from their local level.
+size_t count_at(const RunInput& run, double value);
 size_t count_at(const std::vector<RunInput>& runs, double value);
 size_t count_far_at(const std::vector<RunInput>& runs, const LocalLevels& levels, double value);
 

@@ -83,22 +83,28 @@ private:
       for (size_t i = 0; i < more[r].size(); ++i) (*all)[r][i] = (*all)[r][i] || more[r][i];
   }
 
-  // Samples at the value beside the extreme one; `inward`: +1 from the lowest, -1 from the highest.
-  static size_t n_beside(const std::vector<RunInput>& runs, double extreme, double inward) {
+  // Samples at the value of a log beside the extreme one; `inward`: +1 from the lowest, -1 from the highest.
+  static size_t n_beside(const RunInput& run, double extreme, double inward) {
     double next = 1e300;
-    for (const RunInput& run : runs)
-      for (const double y : run.rate_dph)
-        if (std::isfinite(y) && !is_same_rate(y, extreme)) next = std::min(next, inward * y);
-    return count_at(runs, inward * next);
+    for (const double y : run.rate_dph)
+      if (std::isfinite(y) && !is_same_rate(y, extreme)) next = std::min(next, inward * y);
+    return count_at(run, inward * next);
   }
 
-  // How many samples lie at this extreme because a limit holds them there; else 0.
+  // How many samples lie at this extreme because a limit holds them there; else 0.  Logs that do not reach it say nothing of it
+  // but what the noise is: they may be rounded to other steps.
   static size_t limited(const std::vector<RunInput>& runs, double extreme, double inward) {
     const size_t n = count_at(runs, extreme);
     if (n < kFewest || extreme == 0) return 0;
+    LocalLevels levels = local_levels(runs);
+    size_t beside = 0;
+    for (size_t r = 0; r < runs.size(); ++r)
+      if (count_at(runs[r], extreme) > 0)
+        beside += n_beside(runs[r], extreme, inward);
+      else
+        levels.level_dph[r].clear();
     // On a lattice the extreme repeats too, but less often than the value beside it.
-    if (n <= 2 * n_beside(runs, extreme, inward)) return 0;
-    const LocalLevels levels = local_levels(runs);
+    if (n <= 2 * beside) return 0;
     const double beyond =
         inward > 0 ? expected_between(levels, -1e300, extreme) : expected_between(levels, extreme, 1e300);
     return kBeyond * beyond >= static_cast<double>(n) ? n : 0;
