@@ -5,6 +5,7 @@
 #include "analysis/diagnose/evidence/minutes.h"
 #include "analysis/diagnose/evidence/reduction.h"
 #include "analysis/diagnose/evidence/shared.h"
+#include "analysis/diagnose/judge/contribution.h"
 #include "analysis/diagnose/logs/smoothing.h"
 #include "analysis/diagnose/logs/structure.h"
 #include "analysis/diagnose/logs/thermometer.h"
@@ -770,8 +771,8 @@ static void test_lines_of_several_logs_add_up(void**) {
   assert_near(mean, std::log(3000.0) + 0.58, 1.3);
 }
 
-// Runs share gains only where their samples lie at the same times, as far as they go, and the noise does not follow the
-// temperature.
+// Runs share gains only where their samples lie at the same times, as far as they go, their rates are rounded alike, and the noise
+// does not follow the temperature.
 static void test_gains_run_by_run_are_those_of_each_run(void**) {
   Campaign campaign = make_campaign({simulated_log(22, 900, false, 0), simulated_log(23, 900, false, 0),
                                      simulated_log(24, 40, false, 0), simulated_log(25, 700, false, 0)},
@@ -780,18 +781,49 @@ static void test_gains_run_by_run_are_those_of_each_run(void**) {
   for (size_t i = 300; i < 400; ++i) campaign.runs.back().input.rate_dph[i] = std::nan("");
   find_used(&campaign.runs.back());
   for (double& tn : campaign.runs[1].input.tn) tn += 0.5;
+  campaign.runs.push_back(campaign.runs.front());
+  campaign.runs.back().own_white_dph2 = 300;
   for (const double slope : {0.0, 0.7}) {
     NoiseModel noise;
     noise.white_sigma_dph = 36, noise.markov = {{20, 100}}, noise.white_slope = slope;
     GainsByRun by_run(campaign.runs, noise);
     std::vector<CampaignRun> asked = campaign.runs;
-    asked.push_back(asked.back()); // no beginning of the longest, twice
+    asked.push_back(asked[4]), asked.push_back(asked[4]); // no beginning of the longest, twice
     for (const CampaignRun& run : asked) {
       const RunGains alone = compute_gains(run, noise), &found = by_run.of(run);
       assert_true(found.gain == alone.gain && found.inv_sqrt_s == alone.inv_sqrt_s && found.n == alone.n);
       assert_true(found.stretches.size() == alone.stretches.size() && found.sum_log_s == alone.sum_log_s);
     }
   }
+}
+
+// Rounding of one run: seconds, their blocks and their minutes have its variance there and nowhere else.
+static void test_rounding_of_one_run_is_noise_of_that_run(void**) {
+  constexpr double kStep_dph = 60, kAdded_dph2 = kStep_dph * kStep_dph / 12;
+  const Campaign plain =
+      make_campaign({simulated_log(26, 900, false, 0), simulated_log(27, 900, false, 0)}, "gx_dph", nominal_model());
+  Campaign mixed = plain;
+  mixed.runs[1].own_white_dph2 = kAdded_dph2;
+  const NoiseModel noise = nominal_hypothesis().base_noise;
+  NoiseModel louder = noise;
+  louder.extra_white_dph2 = kAdded_dph2;
+  std::vector<VectorXd> rates;
+  for (const CampaignRun& run : plain.runs) rates.push_back(used_rows(run, {run.input.rate_dph}));
+  const auto one = [&](size_t r, const NoiseModel& of) {
+    Campaign alone = plain;
+    alone.runs = {plain.runs[r]};
+    const std::vector<VectorXd> of_run = {rates[r]};
+    return ResidualLikelihood(alone, of_run)(of);
+  };
+  const double expected = one(0, noise) + one(1, louder);
+  assert_near(ResidualLikelihood(mixed, rates)(noise), expected, 1e-9 * std::fabs(expected));
+  const Campaign blocks = block_means(mixed, 10);
+  assert_near(blocks.runs[0].own_white_dph2, 0, 0);
+  assert_near(blocks.runs[1].own_white_dph2, kAdded_dph2 / 10, 1e-9);
+  const double minutes = noise_of_minutes(noise, {{0, 15, 0}}), of_louder = noise_of_minutes(louder, {{0, 15, 0}});
+  assert_near(noise_of_minutes(noise, {{0, 15, 0}, {0, 15, kAdded_dph2}}), 0.5 * (minutes + of_louder), 1e-9);
+  const double white = white_of_samples_dph(mixed, noise);
+  assert_near(white * white, 36 * 36 + kAdded_dph2 / 2, 1e-9);
 }
 
 // Innovations of a filter that loses a jump within 30 s, of noise that is white otherwise.
@@ -1220,6 +1252,7 @@ int main() {
       cmocka_unit_test(test_a_strong_line_in_many_logs_has_a_finite_gain),
       cmocka_unit_test(test_lines_of_several_logs_add_up),
       cmocka_unit_test(test_gains_run_by_run_are_those_of_each_run),
+      cmocka_unit_test(test_rounding_of_one_run_is_noise_of_that_run),
       cmocka_unit_test(test_sudden_changes_show_in_smoothed_moments_and_noise_does_not),
       cmocka_unit_test(test_a_flat_spectrum_is_flat_whatever_the_lengths_of_the_logs),
       cmocka_unit_test(test_bursts_are_not_noise_of_another_size),

@@ -152,6 +152,24 @@ static void test_covariance_times_equals_the_dense_product(void**) {
   }
 }
 
+// The white noise that a run has of its own is as much noise as that of the model, where nothing settles and where all does.
+static void test_white_noise_of_one_run_is_that_of_a_model(void**) {
+  for (const NoiseModel& model : models()) {
+    const Case c(700, model);
+    SampleTimes own = c.times();
+    own.own_white_dph2 = 300;
+    NoiseModel of_all = c.noise;
+    of_all.extra_white_dph2 += 300;
+    const RunGains found = compute_gains(own, c.noise), expected = compute_gains(c.times(), of_all);
+    assert_true(found.inv_sqrt_s == expected.inv_sqrt_s && found.gain == expected.gain);
+    assert_true(found.sum_log_s == expected.sum_log_s);
+    assert_true(found.sum_log_s != compute_gains(c.times(), c.noise).sum_log_s);
+    if (!model.is_stationary()) continue;
+    const VectorXd x = random_columns(700, 1, 5);
+    assert_near((covariance_times(own, c.noise, x) - covariance_times(c.times(), of_all, x)).norm(), 0, 1e-9);
+  }
+}
+
 static void test_paths_of_whitening_agree_and_colour_inverts_them(void**) {
   for (const NoiseModel& model : models()) {
     const Case c(3000, model);
@@ -380,6 +398,7 @@ int main() {
       cmocka_unit_test(test_solve_equals_the_dense_inverse),
       cmocka_unit_test(test_norms_of_steps_equal_those_of_the_dense_inverse),
       cmocka_unit_test(test_covariance_times_equals_the_dense_product),
+      cmocka_unit_test(test_white_noise_of_one_run_is_that_of_a_model),
       cmocka_unit_test(test_paths_of_whitening_agree_and_colour_inverts_them),
       cmocka_unit_test(test_settled_gains_are_within_the_stated_error),
       cmocka_unit_test(test_gains_end_at_the_closed_form),

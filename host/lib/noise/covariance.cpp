@@ -40,7 +40,8 @@ void add_walk(const SampleTimes& times, double q_dph2_per_s, const Eigen::Vector
 Eigen::VectorXd covariance_times(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& v) {
   if (!noise.is_stationary() || noise.is_mixture())
     throw std::logic_error("covariance_times: a model with slopes or a mixture");
-  Eigen::VectorXd out = ((noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2) / times.dt_s) * v;
+  const double white = (noise.white_sigma_dph * noise.white_sigma_dph + noise.extra_white_dph2) / times.dt_s;
+  Eigen::VectorXd out = (white + times.own_white_dph2) * v;
   for (const Markov& m : noise.markov) add_markov(times, m, v, &out);
   if (noise.walk_dph_per_rt_s > 0) add_walk(times, noise.walk_dph_per_rt_s * noise.walk_dph_per_rt_s, v, &out);
   return out;

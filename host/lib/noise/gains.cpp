@@ -41,9 +41,11 @@ private:
     return change;
   }
   double rate_on(double step_s) {
-    if (step_s != step_s_) rate_ = std::pow(slowest_pole(noise_, step_s, times_.dt_s), 2);
+    if (step_s == step_s_) return rate_;
+    NoiseModel of_run = noise_;
+    of_run.extra_white_dph2 += times_.own_white_dph2 * times_.dt_s; // of 1-s means
     step_s_ = step_s;
-    return rate_;
+    return rate_ = std::pow(slowest_pole(of_run, step_s, times_.dt_s), 2);
   }
 
   const SampleTimes& times_;

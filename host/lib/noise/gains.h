@@ -23,7 +23,7 @@ namespace imucal {
 constexpr double kSettledChange = 1e-12;
 constexpr size_t kMostStates = 32;
 
-// When the samples of one run were taken.  A view: the arrays belong to the caller and must outlive the call.
+// When the samples of one run were taken, and what white noise they alone have.  A view: the arrays belong to the caller and must outlive the call.
 struct SampleTimes {
   size_t n = 0;
   const int* steps = nullptr;     // [n] ticks of dt_s since the sample before, >= 1; the first is not read;
@@ -31,6 +31,7 @@ struct SampleTimes {
   double dt_s = 1;                // one tick; a sample is the mean over it
   const double* tn = nullptr;     // [n] normalised temperature; read only where the model has slopes
   const double* step_s = nullptr; // [n] instead of steps where they are no whole ticks
+  double own_white_dph2 = 0;      // white variance of every sample beside that of the model: rounding of this run
 
   // Time from sample k - 1 to sample k.
   double seconds(size_t k) const { return step_s ? step_s[k] : (steps ? steps[k] * dt_s : dt_s); }

@@ -23,7 +23,8 @@ public:
   double white_dph2(size_t k) const {
     const double here =
         noise_.white_slope != 0 ? white_dph2_ * std::exp(noise_.white_slope * times_.tn[k]) : white_dph2_;
-    return here + noise_.extra_white_dph2 / times_.dt_s + (extra_dph2_ ? (*extra_dph2_)[static_cast<long>(k)] : 0.0);
+    return here + noise_.extra_white_dph2 / times_.dt_s + times_.own_white_dph2 +
+           (extra_dph2_ ? (*extra_dph2_)[static_cast<long>(k)] : 0.0);
   }
   double start_dph2(size_t i) const { return i < noise_.markov.size() ? sigma(i, 0) * sigma(i, 0) : 0.0; }
   double step_s(size_t k) const { return times_.seconds(k + 1); } // from sample k to k + 1

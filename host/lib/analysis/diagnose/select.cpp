@@ -24,6 +24,10 @@ namespace {
 // About a jump at a temperature: what the temperature leaves open of its moment, and how long that may be where it moves slowly.
 constexpr double kJump_s = 3, kJump_degc = 0.05, kLongJump_s = 60;
 
+double most(const std::vector<double>& values) {
+  return values.empty() ? 0 : *std::max_element(values.begin(), values.end());
+}
+
 // Asks the stages in turn and puts together what they say.
 class Study {
 public:
@@ -66,7 +70,6 @@ private:
       question_.held_out = held_out_ = nullptr;
     }
     out_.n_dropouts = found.n_dropouts, out_.n_left_out = found.n_left_out;
-    question_.extra_white_dph2 = question_.belief.model.extra_white_dph2 = found.extra_white_dph2;
     question_.is_censored = found.is_censored;
     for (const StructureFinding& f : found.findings) {
       SelectedEffect effect;
@@ -75,7 +78,8 @@ private:
       effect.term.fixed_parameters = f.signature.parameters;
       effect.is_structural = true;
       effect.statement = f.signature.statement + (f.logs.empty() ? "" : ": " + f.logs);
-      if (f.signature.extra_white_dph2 > 0) effect.rms_dph = std::sqrt(f.signature.extra_white_dph2);
+      if (const double white_dph2 = most(f.signature.white_dph2); white_dph2 > 0)
+        effect.rms_dph = std::sqrt(white_dph2);
       effect.gain_nats = effect.evidence_nats = f.signature.evidence_nats;
       effect.held_out_nats = kPredictsNothing;
       effect.set = {{f.effect, nullptr, false, effect.family, f.signature.evidence_nats, 0}};
@@ -177,7 +181,6 @@ private:
   void fit_and_test() {
     SecondsAnswer& seconds = found_.seconds;
     seconds.final.base_noise = seconds.noise.base;
-    seconds.final.base_noise.extra_white_dph2 = question_.extra_white_dph2;
     // Noise terms act on the base; the base was fitted with them in it.
     if (found_.slow.found.best.noise_effect) seconds.final.base_noise = seconds.own_base;
     out_.nominal_fit = fit_hypothesis(campaign_, seconds.nominal);

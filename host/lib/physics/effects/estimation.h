@@ -75,7 +75,7 @@ struct Signature {
   Parameters parameters;
   std::string statement;
   double evidence_nats = 0;
-  double extra_white_dph2 = 0;             // variance it adds to every sample
+  std::vector<double> white_dph2;          // per run: variance that it adds to every sample; empty: none
   std::vector<std::vector<char>> unusable; // per run and row: samples that carry no rate
 };
 

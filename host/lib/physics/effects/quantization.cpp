@@ -69,7 +69,7 @@ public:
     Signature found;
     found.parameters = {{"lsb_dph", lsb}};
     found.evidence_nats = 0.5 * static_cast<double>(n) * std::log(2.0);
-    found.extra_white_dph2 = lsb * lsb / 12.0;
+    found.white_dph2.assign(runs.size(), lsb * lsb / 12.0);
     found.statement = "all rates lie on a lattice";
     return found;
   }

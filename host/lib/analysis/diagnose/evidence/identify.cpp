@@ -226,6 +226,7 @@ Campaign advised_campaign(const Campaign& campaign, size_t n_runs) {
                 back = mirrored(profile, campaign.lo_degc, campaign.hi_degc);
   for (size_t r = 0; r < n_runs; ++r) {
     CampaignRun run;
+    run.own_white_dph2 = campaign.runs[r % campaign.runs.size()].own_white_dph2;
     RunInput& in = run.input;
     in.log = r, in.dt_s = campaign.dt_s, in.t0_degc = campaign.t0_degc, in.range_degc = campaign.range_degc;
     in.temp_degc = (r % 2 ? back : profile).temperatures(campaign.dt_s);

@@ -7,16 +7,18 @@ namespace imucal {
 
 namespace {
 
-// Whether a run has its samples at the times of another one, as far as it goes.  The first step is not read: no sample is
-// before it.
+// Whether a run has its samples at the times of another one, as far as it goes, and as much noise of its own.  The first step is
+// not read: no sample is before it.
 bool is_beginning(const CampaignRun& run, const CampaignRun& of) {
   if (run.n() == 0 || run.n() > of.n() || run.input.dt_s != of.input.dt_s) return false;
+  if (run.own_white_dph2 != of.own_white_dph2) return false;
   return std::equal(run.steps.begin() + 1, run.steps.end(), of.steps.begin() + 1);
 }
 
 } // namespace
 
 RunTimes::RunTimes(const CampaignRun& run, bool reads_temperature) : times_{run.n(), run.steps.data(), run.input.dt_s} {
+  times_.own_white_dph2 = run.own_white_dph2;
   if (!reads_temperature) return;
   tn_.reserve(run.n());
   for (const int row : run.used) tn_.push_back(run.input.tn[static_cast<size_t>(row)]);

@@ -36,6 +36,10 @@ double spread_of_minutes(const NoiseModel& noise, double minute_s, double length
   }
   return 4 * sum / n;
 }
+NoiseModel noise_of(NoiseModel noise, const Minutes& stretch) {
+  noise.extra_white_dph2 += stretch.own_white_dph2;
+  return noise;
+}
 
 } // namespace
 
@@ -72,14 +76,14 @@ double noise_of_minutes(const NoiseModel& noise, double minute_s, double length_
 double noise_of_all(const NoiseModel& noise, double minute_s, const std::vector<Minutes>& rest) {
   double sum = 0, n = 0;
   for (const Minutes& m : rest)
-    sum += m.n * std::pow(m.strength, 2) * noise_of_minutes(noise, minute_s, m.n * minute_s), n += m.n;
+    sum += m.n * std::pow(m.strength, 2) * noise_of_minutes(noise_of(noise, m), minute_s, m.n * minute_s), n += m.n;
   return n > 0 ? sum / n : 0;
 }
 double error_of_minutes(const NoiseModel& noise, double minute_s, const std::vector<Minutes>& rest) {
   double variance = 0, n = 0;
   for (const Minutes& m : rest) {
     const double weight = m.n * std::pow(m.strength, 2);
-    variance += weight * weight * spread_of_minutes(noise, minute_s, m.n * minute_s), n += m.n;
+    variance += weight * weight * spread_of_minutes(noise_of(noise, m), minute_s, m.n * minute_s), n += m.n;
   }
   return n > 0 ? std::sqrt(variance) / n : 0;
 }

@@ -17,6 +17,7 @@ double minute_s(double dt_s); // how long these last
 struct Minutes {
   double sum = 0, n = 0;
   double strength = 1;
+  double own_white_dph2 = 0; // white variance of its means over 1 s beside that of the noise of all
 };
 // About the mean of the stretch; rows at its end that make no whole minute are left out.
 Minutes minutes_of(Eigen::VectorXd rest, double dt_s);

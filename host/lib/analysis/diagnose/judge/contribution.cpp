@@ -105,7 +105,7 @@ double white_of_samples_dph(const Campaign& campaign, const NoiseModel& noise) {
   for (const CampaignRun& run : campaign.runs)
     for (const int k : run.used) {
       const double tn = run.input.tn.empty() ? 0 : run.input.tn[static_cast<size_t>(k)];
-      sum += white_at(noise, tn, campaign.dt_s), n += 1;
+      sum += white_at(noise, tn, campaign.dt_s) + run.own_white_dph2, n += 1;
     }
   return n > 0 ? std::sqrt(sum / n) : 0;
 }

@@ -71,6 +71,7 @@ void append(const BlockSum& s, long tick, double fewest, double far_dph, RunInpu
 CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
   CampaignRun out;
   out.start_s = run.start_s, out.cuts = run.cuts;
+  out.own_white_dph2 = run.own_white_dph2 / static_cast<double>(length);
   const RunInput& in = run.input;
   out.input.log = in.log;
   out.input.dt_s = in.dt_s * static_cast<double>(length);

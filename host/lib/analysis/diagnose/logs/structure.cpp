@@ -104,16 +104,20 @@ Rows with_guard(const Campaign& campaign, const Rows& bad) {
   return static_cast<double>(lost) < kMostLost * static_cast<double>(campaign.n()) ? wide : bad;
 }
 
+bool is_in(const Signature& found, size_t r) {
+  const bool spoils = !found.unusable.empty() && std::count(found.unusable[r].begin(), found.unusable[r].end(), 1) > 0;
+  return spoils || (!found.white_dph2.empty() && found.white_dph2[r] > 0);
+}
 // Where a finding is, if it is not in all logs.
-std::string logs_of(const Campaign& campaign, size_t n_fitted, const Rows& unusable) {
+std::string logs_of(const Campaign& campaign, size_t n_fitted, const Signature& found) {
   std::string out;
   size_t n = 0;
-  for (size_t r = 0; r < unusable.size(); ++r) {
-    if (std::count(unusable[r].begin(), unusable[r].end(), 1) == 0) continue;
+  for (size_t r = 0; r < campaign.runs.size(); ++r) {
+    if (!is_in(found, r)) continue;
     ++n, out += std::string(out.empty() ? "" : ", ") + (r < n_fitted ? "log " : "held-out log ") +
                 std::to_string(campaign.runs[r].input.log + 1);
   }
-  return n == unusable.size() ? "" : out;
+  return n == campaign.runs.size() ? "" : out;
 }
 
 StructureResult find_in_all(Campaign* campaign, size_t n_fitted, const std::vector<const Effect*>& library,
@@ -139,8 +143,9 @@ StructureResult find_in_all(Campaign* campaign, size_t n_fitted, const std::vect
           if (zeros[r][i]) inputs[r].rate_dph[i] = 0;
     const auto signature = effect->estimator()->detect(inputs);
     if (!signature) continue;
-    out.findings.push_back({effect, *signature, logs_of(*campaign, n_fitted, signature->unusable)});
-    out.extra_white_dph2 += signature->extra_white_dph2 * campaign->dt_s;
+    out.findings.push_back({effect, *signature, logs_of(*campaign, n_fitted, *signature)});
+    for (size_t r = 0; r < signature->white_dph2.size(); ++r)
+      campaign->runs[r].own_white_dph2 += signature->white_dph2[r];
     const bool is_censoring = effect->estimator()->is_censoring();
     out.is_censored = out.is_censored || is_censoring;
     if (effect->estimator()->counts_drop_outs()) out.n_dropouts = count_beside(zeros, signature->unusable);

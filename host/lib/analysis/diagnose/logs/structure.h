@@ -18,13 +18,12 @@ struct StructureFinding {
 
 struct StructureResult {
   std::vector<StructureFinding> findings;
-  size_t n_dropouts = 0;       // exact zeros that are no rates and in no finding: too few
-  size_t n_left_out = 0;       // samples masked, with the neighbourhood that censoring has biased
-  double extra_white_dph2 = 0; // of a lattice, in 1-s means
-  bool is_censored = false;    // values are missing because of their size
+  size_t n_dropouts = 0;    // exact zeros that are no rates and in no finding: too few
+  size_t n_left_out = 0;    // samples masked, with the neighbourhood that censoring has biased
+  bool is_censored = false; // values are missing because of their size
 };
 
-// Masks what cannot be used.  `held_out`: or nullptr.  `active`: effects that may be named.
+// Masks what cannot be used, and gives each run the white noise that its rounding adds.  `held_out`: or nullptr.  `active`: effects that may be named.
 StructureResult find_structure(Campaign* fitted, Campaign* held_out, const std::vector<const Effect*>& library,
                                const std::vector<bool>& active);
 

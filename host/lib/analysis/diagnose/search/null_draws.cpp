@@ -45,6 +45,7 @@ void add_run(const CampaignRun& run, Hash* hash) {
     hash->add(*column);
   for (const auto& [name, values] : in.auxiliary) hash->add(name), hash->add(values);
   hash->add(run.used), hash->add(run.steps), hash->add(run.start_s);
+  hash->add(run.own_white_dph2);
 }
 
 void add_noise(const NoiseModel& noise, Hash* hash) {

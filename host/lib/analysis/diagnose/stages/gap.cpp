@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "analysis/diagnose/evidence/minutes.h"
 #include "analysis/diagnose/evidence/reduction.h"
 #include "base/rng.h"
 #include "base/units.h"
@@ -332,6 +331,7 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
     before.push_back(minutes_of(unit.left + unit.change, dt_s));
     after.push_back(minutes_of(unit.left, dt_s));
     after.back().strength = unit.run.own_strength;
+    after.back().own_white_dph2 = unit.run.own_white_dph2 * dt_s;
   }
   out->rms_before_dph = std::sqrt(mean_square(before)), out->rms_after_dph = std::sqrt(mean_square(after));
   out->minutes = after, out->minute_s = minute_s(dt_s);

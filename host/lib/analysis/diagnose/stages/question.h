@@ -21,7 +21,6 @@ struct AxisQuestion {
   const std::vector<bool>& active; // effects of the library that may be named
   NoiseBelief belief;              // with the lines in the mean among what is known
   SelectorConstants constants;
-  double extra_white_dph2 = 0;       // of a lattice of the rates, in 1-s means
   bool is_censored = false;          // large values are missing: the spread of what is left is not that of the noise
   std::vector<NamedLine> lines = {}; // in the mean already
 

@@ -72,7 +72,9 @@ ResidualLikelihood::ResidualLikelihood(const Campaign& campaign, const std::vect
   for (size_t r = 0; r < residual.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
     times_.emplace_back(run, true);
-    if (alike_.empty() || campaign.runs[alike_.back().first].steps != run.steps) alike_.push_back({r, {}});
+    const CampaignRun* before = alike_.empty() ? nullptr : &campaign.runs[alike_.back().first];
+    if (!before || before->steps != run.steps || before->own_white_dph2 != run.own_white_dph2)
+      alike_.push_back({r, {}});
     Eigen::MatrixXd& columns = alike_.back().columns;
     columns.conservativeResize(residual[r].size(), columns.cols() + 1);
     columns.rightCols(1) = residual[r];
@@ -100,7 +102,7 @@ double ResidualLikelihood::of_followed(const NoiseModel& noise) const {
   return follow_log_likelihood(times, noise, columns);
 }
 
-// Gains that follow the temperature are those of one run; others serve all runs of the same times.
+// Gains that follow the temperature are those of one run; others serve all runs of the same times and rounding.
 double ResidualLikelihood::of_whitened(const NoiseModel& noise) const {
   double sum = 0;
   for (const Alike& runs : alike_) {

@@ -13,7 +13,7 @@ using Eigen::VectorXd;
 
 Hypothesis hypothesis_of(const AxisQuestion& question, const SlowSearch& search, const SlowModel& m, bool with_names) {
   Hypothesis h;
-  h.base_noise = base_noise_of(question, search, m);
+  h.base_noise = search.base_noise_of(m);
   for (const NoiseBelief::Known& known : question.belief.known)
     if (known.estimator->form() != Form::kTone) h.known.push_back(term_of(nullptr, known.estimator, known.shape));
   if (!with_names) return h;
@@ -42,7 +42,7 @@ NoiseModel believed_noise(const SlowSearch& search, SlowModel m) {
 void fit_own_base(const AxisQuestion& question, const SlowAnswer& slow, SecondsAnswer* seconds) {
   const SlowModel& m = slow.found.best;
   if (!m.noise_effect) return;
-  seconds->own_base = base_noise_of(question, *slow.search, m);
+  seconds->own_base = slow.search->base_noise_of(m);
   if (seconds->is_believed) return;
   fit_own_base_beside({}, question, slow, seconds);
 }
@@ -153,7 +153,6 @@ NoiseModel noise_of_one(const AxisQuestion& question, const SlowAnswer& slow, co
   for (const Markov& process : in_one(seconds.noise.base.markov)) {
     NoiseModel alone;
     alone.white_sigma_dph = seconds.noise.base.white_sigma_dph, alone.markov = {process};
-    alone.extra_white_dph2 = question.extra_white_dph2;
     const SecondsNoise fitted = fit_seconds_noise(question.campaign, alone, seconds.fit.residual);
     if (fitted.log_likelihood > best.log_likelihood) best = fitted;
   }

@@ -74,7 +74,7 @@ std::optional<SecondsNoise> fit_sloped_noise(const AxisQuestion& question, const
   SlowModel& best = slow->found.best;
   if (!is_noise_sloped(best) || slow->found.evidence.size() != best.names.size() + 1) return std::nullopt;
   const ResidualLikelihood log_likelihood(question.campaign, residual);
-  const NoiseModel base = base_noise_of(question, *slow->search, best);
+  const NoiseModel base = slow->search->base_noise_of(best);
   const SecondsNoise level = fit_seconds_noise(question.campaign, base, residual);
   std::vector<FastFinding> kinds = sloped_kinds(question, best, base, log_likelihood, level.log_likelihood);
   FastFinding first = kinds.front();

@@ -61,11 +61,6 @@ void add_members(const SlowAnswer& slow, const SelectorConstants& constants, Sel
 
 } // namespace
 
-NoiseModel base_noise_of(const AxisQuestion& question, const SlowSearch& search, const SlowModel& m) {
-  NoiseModel base = search.base_noise_of(m);
-  base.extra_white_dph2 = question.extra_white_dph2;
-  return base;
-}
 bool can_show(const GapResult::Support& support, const SelectorConstants& constants) {
   return constants.predicted_part * support.expected > constants.least_held_out_nats;
 }

@@ -56,9 +56,6 @@ struct SlowAnswer {
   void measure();
 };
 
-// The noise of the seconds under a hypothesis, without its kind of slow noise and with what structure adds.
-NoiseModel base_noise_of(const AxisQuestion& question, const SlowSearch& search, const SlowModel& m);
-
 // Whether held-out logs can show so much of a name.
 bool can_show(const GapResult::Support& support, const SelectorConstants& constants);
 
