@@ -12,6 +12,7 @@
 #include "analysis/diagnose/search/null_draws.h"
 #include "analysis/diagnose/stages/mean_lines.h"
 #include "analysis/diagnose/stages/seconds.h"
+#include "analysis/diagnose/written_model.h"
 #include "dense.h"
 #include "diagnose_logs.h"
 
@@ -947,6 +948,43 @@ static void test_drop_outs_between_small_rates_are_counted(void**) {
   }
 }
 
+// One step for each log: a finding for each that matters, its logs, and its variance in their runs alone.
+static void test_rounding_is_told_log_by_log(void**) {
+  std::vector<Log> logs;
+  for (const double step_dph : {1e-4, 60.0, 18.0, 60.0}) {
+    logs.push_back(simulated_log(84 + logs.size(), 8000, false, 0));
+    for (double& rate : logs.back().axes[0].rate_dph) rate = step_dph * std::round(rate / step_dph);
+  }
+  Campaign fitted = make_campaign({logs[0], logs[1], logs[2]}, "gx_dph", nominal_model());
+  Campaign held_out = make_campaign({logs[3]}, "gx_dph", nominal_model());
+  const StructureResult found = find_structure(&fitted, &held_out, effect_library(), all_active());
+  assert_int_equal(found.findings.size(), 2);
+  assert_near(found.findings[0].signature.parameters.number("lsb_dph"), 60, 1e-9);
+  assert_string_equal(found.findings[0].logs.c_str(), "log 2, held-out log 1");
+  assert_near(found.findings[1].signature.parameters.number("lsb_dph"), 18, 1e-9);
+  assert_string_equal(found.findings[1].logs.c_str(), "log 3");
+  const double expected_dph2[] = {0, 300, 27};
+  for (size_t r = 0; r < 3; ++r) assert_near(fitted.runs[r].own_white_dph2, expected_dph2[r], 1e-6);
+  assert_near(held_out.runs[0].own_white_dph2, 300, 1e-6);
+  assert_int_equal(found.n_left_out, 0);
+}
+
+// A model is one of the device: a simulation would round all of its logs.
+static void test_rounding_of_single_logs_is_not_in_the_written_model(void**) {
+  for (const bool is_of_some_logs : {false, true}) {
+    DiagnoseResult result;
+    result.has_model = true, result.model = nominal_model();
+    SelectedEffect rounding;
+    rounding.term = term_of(&find_effect("quantization"), find_effect("quantization").estimator(), {});
+    rounding.term.fixed_parameters = {{"lsb_dph", 60.0}};
+    rounding.is_structural = true, rounding.is_of_some_logs = is_of_some_logs;
+    result.axes.emplace_back();
+    result.axes[0].study.selection.effects = {rounding};
+    complete_model(&result);
+    assert_int_equal(result.model.effects.size(), is_of_some_logs ? 0 : 1);
+  }
+}
+
 // Rates in steps of 36 dph: of a level of 20 dph most samples are equal to the one before, and zero is the next step.
 static void test_zeros_of_coarse_rates_are_no_drop_outs(void**) {
   Log log = simulated_log(76, 8000, false, 0);
@@ -1259,6 +1297,8 @@ int main() {
       cmocka_unit_test(test_a_block_holds_the_share_of_a_jump_and_no_hit),
       cmocka_unit_test(test_all_drop_outs_are_counted),
       cmocka_unit_test(test_drop_outs_between_small_rates_are_counted),
+      cmocka_unit_test(test_rounding_is_told_log_by_log),
+      cmocka_unit_test(test_rounding_of_single_logs_is_not_in_the_written_model),
       cmocka_unit_test(test_zeros_of_coarse_rates_are_no_drop_outs),
       cmocka_unit_test(test_a_polynomial_at_another_temperature_is_the_same_on_a_part_of_a_log),
       cmocka_unit_test(test_a_log_between_logs_at_rest_tells_the_polynomial),

@@ -45,12 +45,12 @@ static std::string findings(std::vector<RunInput> runs) {
     for (const Effect* effect : effect_library()) {
       const EffectEstimator& estimator = *effect->estimator();
       if (!estimator.is_structural() || estimator.detection_order() != order) continue;
-      const auto found = estimator.detect(runs);
-      if (!found) continue;
-      out += (out.empty() ? "" : ", ") + effect->name();
-      for (size_t r = 0; r < found->unusable.size(); ++r)
-        for (size_t i = 0; i < runs[r].size(); ++i)
-          if (found->unusable[r][i]) runs[r].rate_dph[i] = std::nan("");
+      for (const Signature& found : estimator.detect(runs)) {
+        out += (out.empty() ? "" : ", ") + effect->name();
+        for (size_t r = 0; r < found.unusable.size(); ++r)
+          for (size_t i = 0; i < runs[r].size(); ++i)
+            if (found.unusable[r][i]) runs[r].rate_dph[i] = std::nan("");
+      }
     }
   return out;
 }
@@ -99,8 +99,8 @@ static void test_dead_band_is_found_by_its_shape(void**) {
 static void test_dead_band_has_the_width_of_the_band(void**) {
   const auto runs = changed(rates(0, 200, 36), [](double y, double) { return std::fabs(y) < 60 ? 0.0 : y; });
   const auto found = find_effect("dead_band").estimator()->detect(runs);
-  assert_true(found.has_value());
-  const double width = found->parameters.number("width_dph");
+  assert_int_equal(found.size(), 1);
+  const double width = found[0].parameters.number("width_dph");
   assert_true(width >= 60 && width < 61);
 }
 
@@ -116,17 +116,17 @@ static void test_zeros_far_from_the_rate_are_drop_outs(void**) {
 static void test_drop_outs_are_told_with_what_they_read(void**) {
   const auto runs = changed(rates(300, 50, 20), [](double y, double u) { return u < 0.01 ? -32768.0 : y; });
   const auto found = find_effect("held_samples").estimator()->detect(runs);
-  assert_true(found.has_value());
-  assert_true(found->parameters.number("reads_dph") == -32768.0);
-  assert_true(std::fabs(found->parameters.number("probability") - 0.01) < 0.004); // four standard errors
-  assert_null(find_effect("saturation").estimator()->detect(runs) ? "saturation" : nullptr);
+  assert_int_equal(found.size(), 1);
+  assert_true(found[0].parameters.number("reads_dph") == -32768.0);
+  assert_true(std::fabs(found[0].parameters.number("probability") - 0.01) < 0.004); // four standard errors
+  assert_true(find_effect("saturation").estimator()->detect(runs).empty());
 }
 
 static void test_a_lattice_around_zero_is_no_dead_band(void**) {
   for (double lsb : {10.0, 36.0, 80.0, 150.0}) {
     const auto on_lattice = [lsb](double y, double) { return lsb * std::round(y / lsb); };
     const auto runs = changed(rates(0, 100, 36), on_lattice);
-    assert_null(find_effect("dead_band").estimator()->detect(runs) ? "dead band" : nullptr);
+    assert_true(find_effect("dead_band").estimator()->detect(runs).empty());
     assert_findings(runs, "quantization", "lattice around zero");
   }
 }
@@ -141,11 +141,56 @@ static void test_zeros_of_rounded_logs_among_finer_ones_are_no_dead_band(void**)
   dead = changed(dead, [](double y, double) { return std::fabs(y) < 60 ? 0.0 : y; });
   dead.push_back(rounded(rates(0, 200, 36, 8), 60).front()); // that shows nothing of a band
   const auto found = find_effect("dead_band").estimator()->detect(dead);
-  assert_true(found.has_value());
-  const double width = found->parameters.number("width_dph");
+  assert_int_equal(found.size(), 1);
+  const double width = found[0].parameters.number("width_dph");
   assert_true(width >= 60 && width < 61);
   for (size_t r = 0; r < dead.size(); ++r)
-    assert_int_equal(std::count(found->unusable[r].begin(), found->unusable[r].end(), 1) > 0, r < 3);
+    assert_int_equal(std::count(found[0].unusable[r].begin(), found[0].unusable[r].end(), 1) > 0, r < 3);
+}
+
+static std::vector<Signature> lattices_found(const std::vector<RunInput>& runs) {
+  return find_effect("quantization").estimator()->detect(runs);
+}
+
+// Each step is told with its logs, and adds its variance there alone.
+static void test_logs_rounded_to_other_steps_are_told_one_by_one(void**) {
+  const std::vector<Signature> found = lattices_found(rounded_each(0, 100, {1, 18, 60, 1e-4, 18, 60}, 1));
+  assert_int_equal(found.size(), 2);
+  const double steps[] = {18, 60};
+  for (size_t i = 0; i < 2; ++i) {
+    assert_true(std::fabs(found[i].parameters.number("lsb_dph") - steps[i]) < 1e-9);
+    for (size_t r = 0; r < 6; ++r)
+      assert_true(std::fabs(found[i].white_dph2[r] - (r % 3 == 1 + i ? steps[i] * steps[i] / 12 : 0)) < 1e-6);
+    assert_string_equal(found[i].statement.c_str(), "rates lie on a lattice");
+  }
+  assert_findings(rounded_each(0, 100, {1e-4, 1e-4, 60, 1e-4}, 1), "quantization", "one log of four");
+  assert_findings(rounded_each(0, 100, {1, 1, 0.5, 0.1}, 1), "", "steps that add nothing to the noise");
+}
+
+static void test_one_step_of_all_logs_is_one_lattice(void**) {
+  std::vector<RunInput> runs = rounded_each(0, 100, {36, 36, 36, 36}, 1);
+  for (size_t r = 0; r < 3; ++r) runs[r].rate_dph.resize(100), runs[r].t_s.resize(100); // too short to tell alone
+  for (const size_t n : {4u, 3u}) {
+    runs.erase(runs.begin() + static_cast<long>(n), runs.end());
+    const std::vector<Signature> found = lattices_found(runs);
+    assert_int_equal(found.size(), 1);
+    assert_true(std::fabs(found[0].parameters.number("lsb_dph") - 36) < 1e-9);
+    for (const double white_dph2 : found[0].white_dph2) assert_true(std::fabs(white_dph2 - 108) < 1e-6);
+    assert_string_equal(found[0].statement.c_str(), "all rates lie on a lattice");
+  }
+}
+
+// Steps that the digits of a file do not hold exactly, and what has few values without any step.
+static void test_a_lattice_is_known_by_its_whole_steps(void**) {
+  std::vector<RunInput> runs = rounded(rounded(rates(50, 5, 0.3), 1.0 / 7), 1e-3);
+  runs[0].rate_dph[100] = 1e6; // a hit
+  const std::vector<Signature> found = lattices_found(runs);
+  assert_int_equal(found.size(), 1);
+  assert_true(std::fabs(found[0].parameters.number("lsb_dph") - 1.0 / 7) < 1e-4);
+  std::vector<RunInput> held = rates(50, 5, 0.3);
+  for (RunInput& run : held)
+    for (size_t i = 0; i < run.size(); ++i) run.rate_dph[i] = run.rate_dph[i - i % 60];
+  assert_int_equal(lattices_found(held).size(), 0);
 }
 
 static void test_saturation_is_a_pile_within_reach_of_the_noise(void**) {
@@ -168,15 +213,15 @@ static void test_the_extreme_of_a_coarse_log_among_finer_ones_is_no_limit(void**
     for (uint64_t seed = 1; seed < 40; seed += 4) {
       std::vector<RunInput> runs = rounded_each(0, 60, {1, 18, 7}, seed);
       runs.push_back(rounded(rates(-lower, 90, 36, seed + 3), 60).front());
-      assert_null(find_effect("saturation").estimator()->detect(runs) ? "saturation" : nullptr);
+      assert_true(find_effect("saturation").estimator()->detect(runs).empty());
     }
   const auto clip = [](double y, double) { return std::max(-110.0, std::min(110.0, y)); };
   std::vector<RunInput> runs = changed(rounded_each(0, 60, {1, 1e-4, 7}, 1), clip);
   runs.push_back(rounded(rates(0, 0, 36, 4), 60).front()); // reaches further by itself
   const auto found = find_effect("saturation").estimator()->detect(runs);
-  assert_true(found.has_value());
+  assert_int_equal(found.size(), 1);
   for (size_t r = 0; r < runs.size(); ++r)
-    assert_int_equal(std::count(found->unusable[r].begin(), found->unusable[r].end(), 1) > 0, r < 3);
+    assert_int_equal(std::count(found[0].unusable[r].begin(), found[0].unusable[r].end(), 1) > 0, r < 3);
 }
 
 // Rates in steps of 1.8 dph, compensated with a temperature whose noise covers many of its steps: equal neighbours come by
@@ -226,6 +271,9 @@ int main() {
       cmocka_unit_test(test_drop_outs_are_told_with_what_they_read),
       cmocka_unit_test(test_a_lattice_around_zero_is_no_dead_band),
       cmocka_unit_test(test_zeros_of_rounded_logs_among_finer_ones_are_no_dead_band),
+      cmocka_unit_test(test_logs_rounded_to_other_steps_are_told_one_by_one),
+      cmocka_unit_test(test_one_step_of_all_logs_is_one_lattice),
+      cmocka_unit_test(test_a_lattice_is_known_by_its_whole_steps),
       cmocka_unit_test(test_saturation_is_a_pile_within_reach_of_the_noise),
       cmocka_unit_test(test_the_extreme_of_a_coarse_log_among_finer_ones_is_no_limit),
       cmocka_unit_test(test_repeats_of_compensated_steps_are_chance),

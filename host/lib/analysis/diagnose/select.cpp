@@ -77,6 +77,7 @@ private:
       effect.term = term_of(f.effect, f.effect->estimator(), {});
       effect.term.fixed_parameters = f.signature.parameters;
       effect.is_structural = true;
+      effect.is_of_some_logs = !f.logs.empty() && !f.signature.white_dph2.empty();
       effect.statement = f.signature.statement + (f.logs.empty() ? "" : ": " + f.logs);
       if (const double white_dph2 = most(f.signature.white_dph2); white_dph2 > 0)
         effect.rms_dph = std::sqrt(white_dph2);

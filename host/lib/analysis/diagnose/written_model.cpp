@@ -14,7 +14,7 @@ constexpr int kBiasPlaces = 9;      // where they are compared, as many as a tab
 
 // Whether an effect of the answer stands in the model that reproduces it.
 bool is_written(const SelectedEffect& effect) {
-  return effect.term.effect && effect.doubt != Doubt::kSlowNoise;
+  return effect.term.effect && effect.doubt != Doubt::kSlowNoise && !effect.is_of_some_logs;
 }
 
 void add_found(const AxisResult& axis, bool is_only_axis, ErrorModel* model) {

@@ -36,19 +36,19 @@ public:
   // A dead band has a shape of its own: no value between zero and an edge, and at zero about as many samples
   // as noise around the local level would put inside.  Zeros far from the level are drop-outs; where all
   // small values of a log are multiples of the edge, zero is one step of its lattice and tells nothing of a band.
-  std::optional<Signature> detect(const std::vector<RunInput>& runs) const override {
+  std::vector<Signature> detect(const std::vector<RunInput>& runs) const override {
     const std::vector<RunInput> asked = without_lattices(runs);
     const Zeros zeros = count_zeros(asked);
-    if (zeros.n < kFewest || !(zeros.edge_dph > 0)) return std::nullopt;
+    if (zeros.n < kFewest || !(zeros.edge_dph > 0)) return {};
     const double expected = expected_between(local_levels(asked), -zeros.edge_dph, zeros.edge_dph);
     const double n = static_cast<double>(zeros.n);
-    if (expected < n / kAlike || n < expected / kAlike) return std::nullopt;
+    if (expected < n / kAlike || n < expected / kAlike) return {};
     Signature found;
     found.parameters = {{"width_dph", zeros.edge_dph}};
     found.evidence_nats = 5.0 * n;
     found.statement = "rates pile up at zero, and none lies between zero and the edge of a band";
     found.unusable = samples_at(asked, 0.0);
-    return found;
+    return {found};
   }
   bool is_censoring() const override { return true; }
   int detection_order() const override { return 1; }

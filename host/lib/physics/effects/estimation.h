@@ -186,8 +186,8 @@ public:
   // of 1-s means (kTemperature: in units of its shape).  A profile that cannot show it is said to be unfit.
   virtual double notable() const { return 1.7; }
 
-  // kStructural.
-  virtual std::optional<Signature> detect(const std::vector<RunInput>&) const { return std::nullopt; }
+  // kStructural.  Several where logs show it with other parameters.
+  virtual std::vector<Signature> detect(const std::vector<RunInput>&) const { return {}; }
 
   // The parameters by their names of the contract, with standard errors.  kSteps: shape holds the log and
   // the time since the start of its file of every step.

@@ -41,9 +41,10 @@ public:
   Form form() const override { return Form::kStructural; }
   bool needs_temperature() const override { return false; }
   // Drop-outs first: consecutive ones are no repeats.
-  std::optional<Signature> detect(const std::vector<RunInput>& runs) const override {
-    const std::optional<Signature> dropped = drop_outs(runs);
-    return dropped ? dropped : repeats(runs);
+  std::vector<Signature> detect(const std::vector<RunInput>& runs) const override {
+    std::optional<Signature> found = drop_outs(runs);
+    if (!found) found = repeats(runs);
+    return found ? std::vector<Signature>{*found} : std::vector<Signature>();
   }
   int detection_order() const override { return 3; }
   bool counts_drop_outs() const override { return true; }

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 // The rate is rounded to a lattice: lsb round(rate / lsb).
-#include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include "base/median.h"
 #include "physics/effects/estimation.h"
+#include "physics/effects/lattice.h"
 #include "physics/effects/sample_shape.h"
 
 namespace imucal {
@@ -35,46 +37,42 @@ public:
   const EffectEstimator* estimator() const override { return this; }
   Form form() const override { return Form::kStructural; }
   bool needs_temperature() const override { return false; }
-  // Few distinct values, all on a lattice.
-  std::optional<Signature> detect(const std::vector<RunInput>& runs) const override {
-    std::vector<double> values;
-    for (const RunInput& run : runs)
-      for (double y : run.rate_dph)
-        if (std::isfinite(y)) values.push_back(y);
-    const size_t n = values.size();
-    std::vector<double> distinct;
-    for (const auto& [value, count] : values_with_counts(std::move(values))) distinct.push_back(value);
-    if (n < 200 || distinct.size() < 3 || static_cast<double>(distinct.size()) > 0.5 * static_cast<double>(n))
-      return std::nullopt;
-    double lsb = 1e300;
-    for (size_t i = 1; i < distinct.size(); ++i) lsb = std::min(lsb, distinct[i] - distinct[i - 1]);
-    // Files with few digits are a lattice too, a fine one: only a step that matters beside the noise is an
-    // effect.
-    std::vector<double> jumps;
-    for (const RunInput& run : runs)
-      for (size_t i = 1; i < run.rate_dph.size(); ++i)
-        if (std::isfinite(run.rate_dph[i] - run.rate_dph[i - 1]))
-          jumps.push_back(std::fabs(run.rate_dph[i] - run.rate_dph[i - 1]));
-    std::nth_element(jumps.begin(), jumps.begin() + static_cast<long>(jumps.size() / 2), jumps.end());
-    const double noise = jumps[jumps.size() / 2] / 0.954; // median of |N(0, 2 sigma^2)| = 0.954 sigma
-    const bool is_fine = lsb < 0.2 * noise;
-    const bool has_many_values = static_cast<double>(distinct.size()) > 0.02 * static_cast<double>(n);
-    if (is_fine && has_many_values) return std::nullopt;
-    size_t off = 0;
-    for (size_t i = 1; i < distinct.size(); ++i) {
-      const double steps = (distinct[i] - distinct[i - 1]) / lsb;
-      off += std::fabs(steps - std::round(steps)) > 0.02 * std::max(1.0, steps);
+  // Few distinct values, all on a lattice: one finding for each step.
+  std::vector<Signature> detect(const std::vector<RunInput>& runs) const override {
+    std::vector<Signature> out;
+    for (const Lattice& lattice : lattices(runs)) {
+      std::vector<RunInput> rounded;
+      for (const size_t r : lattice.runs) rounded.push_back(runs[r]);
+      if (!is_coarse(rounded, lattice.step_dph)) continue;
+      Signature found;
+      found.parameters = {{"lsb_dph", lattice.step_dph}};
+      found.evidence_nats = 0.5 * static_cast<double>(finite_rates(rounded).size()) * std::log(2.0);
+      found.white_dph2.assign(runs.size(), 0);
+      for (const size_t r : lattice.runs) found.white_dph2[r] = std::pow(lattice.step_dph, 2) / 12;
+      const bool is_everywhere = rounded.size() == runs.size();
+      found.statement = is_everywhere ? "all rates lie on a lattice" : "rates lie on a lattice";
+      out.push_back(found);
     }
-    if (off * 50 > distinct.size()) return std::nullopt;
-    Signature found;
-    found.parameters = {{"lsb_dph", lsb}};
-    found.evidence_nats = 0.5 * static_cast<double>(n) * std::log(2.0);
-    found.white_dph2.assign(runs.size(), lsb * lsb / 12.0);
-    found.statement = "all rates lie on a lattice";
-    return found;
+    return out;
   }
   int detection_order() const override { return 2; }
   Parameters values(const Estimate& e) const override { return {{"lsb_dph", e.shape_at(0)}}; }
+
+private:
+  static constexpr double kFine = 0.2;       // of the noise: what is finer adds nothing to it
+  static constexpr double kFewValues = 0.02; // per sample
+
+  // Files with few digits are a lattice too, a fine one: only a step that matters beside the noise is an effect.
+  static bool is_coarse(const std::vector<RunInput>& runs, double step_dph) {
+    std::vector<double> jumps, rates = finite_rates(runs);
+    const double n = static_cast<double>(rates.size());
+    const bool has_few_values = static_cast<double>(values_with_counts(std::move(rates)).size()) <= kFewValues * n;
+    for (const RunInput& run : runs)
+      for (size_t i = 1; i < run.rate_dph.size(); ++i)
+        if (const double jump = run.rate_dph[i] - run.rate_dph[i - 1]; std::isfinite(jump))
+          jumps.push_back(std::fabs(jump));
+    return has_few_values || jumps.empty() || step_dph >= kFine * median(std::move(jumps)) / kMedianJump;
+  }
 };
 
 } // namespace

@@ -11,11 +11,10 @@ namespace imucal {
 
 namespace {
 
-constexpr size_t kHalfWindow = 20;     // rows on either side
-constexpr size_t kMoreOften = 5;       // than any other value: no step of a lattice
-constexpr double kFar_sigma = 5;       // once in 1.7 million normal samples
-constexpr double kSameRate = 1e-12;    // relative: rounding of doubles and of short sums of them, far below any digit
-constexpr double kMedianJump = 0.9539; // median of |N(0, 2 sigma^2)| over sigma
+constexpr size_t kHalfWindow = 20;  // rows on either side
+constexpr size_t kMoreOften = 5;    // than any other value: no step of a lattice
+constexpr double kFar_sigma = 5;    // once in 1.7 million normal samples
+constexpr double kSameRate = 1e-12; // relative: rounding of doubles and of short sums of them, far below any digit
 
 // Medians of the finite values within kHalfWindow rows; NaN where `x` is NaN.
 std::vector<double> running_median(const std::vector<double>& x) {
@@ -79,11 +78,18 @@ bool is_same_rate(double a, double b) {
   return std::fabs(a - b) <= kSameRate * std::max(std::fabs(a), std::fabs(b));
 }
 
+std::vector<double> finite_rates(const RunInput& run) {
+  std::vector<double> rates;
+  for (const double y : run.rate_dph)
+    if (std::isfinite(y)) rates.push_back(y);
+  return rates;
+}
 std::vector<double> finite_rates(const std::vector<RunInput>& runs) {
   std::vector<double> rates;
-  for (const RunInput& run : runs)
-    for (const double y : run.rate_dph)
-      if (std::isfinite(y)) rates.push_back(y);
+  for (const RunInput& run : runs) {
+    const std::vector<double> own = finite_rates(run);
+    rates.insert(rates.end(), own.begin(), own.end());
+  }
   return rates;
 }
 

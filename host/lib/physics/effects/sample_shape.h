@@ -22,7 +22,11 @@ double expected_between(const LocalLevels& levels, double lo, double hi);
 // file finer than that: no digit of a rate may count as rounding.
 bool is_same_rate(double a, double b);
 
-// The finite rates of all runs.
+// Median of |N(0, 2 sigma^2)| over sigma: of the jumps between samples of white noise.
+constexpr double kMedianJump = 0.9539;
+
+// The finite rates of a run, or of all runs.
+std::vector<double> finite_rates(const RunInput& run);
 std::vector<double> finite_rates(const std::vector<RunInput>& runs);
 
 // Each of the values, in order of size, and how often it is found.

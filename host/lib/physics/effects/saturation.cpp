@@ -32,18 +32,24 @@ public:
   Form form() const override { return Form::kStructural; }
   bool needs_temperature() const override { return false; }
   // One limit for all logs; else each log may have been recorded with one of its own.
-  std::optional<Signature> detect(const std::vector<RunInput>& runs) const override {
-    if (const std::optional<Signature> found = detect_one_limit(runs)) return found;
-    std::optional<Signature> all;
+  std::vector<Signature> detect(const std::vector<RunInput>& runs) const override {
+    if (const std::optional<Signature> found = detect_one_limit(runs)) return {*found};
+    std::vector<Signature> out;
     for (size_t r = 0; r < runs.size() && runs.size() > 1; ++r) {
-      const std::optional<Signature> found = detect_one_limit({runs[r]});
-      if (!found) continue;
-      if (!all) all = *found, all->evidence_nats = 0, all->unusable = no_samples(runs);
-      all->evidence_nats += found->evidence_nats;
-      all->unusable[r] = found->unusable.front();
-      all->statement = "samples of single logs pile up at the extreme value of their log";
+      const std::optional<Signature> of_log = detect_one_limit({runs[r]});
+      if (!of_log) continue;
+      const double limit_dph = of_log->parameters.number("limit_dph");
+      const auto has_limit = [&](const Signature& s) { return s.parameters.number("limit_dph") == limit_dph; };
+      auto found = std::find_if(out.begin(), out.end(), has_limit);
+      if (found == out.end()) {
+        out.push_back(*of_log);
+        found = out.end() - 1;
+        found->evidence_nats = 0, found->unusable = no_samples(runs);
+      }
+      found->evidence_nats += of_log->evidence_nats;
+      found->unusable[r] = of_log->unusable.front();
     }
-    return all;
+    return out;
   }
   bool is_censoring() const override { return true; }
   int detection_order() const override { return 0; }

@@ -120,6 +120,12 @@ std::string logs_of(const Campaign& campaign, size_t n_fitted, const Signature& 
   return n == campaign.runs.size() ? "" : out;
 }
 
+// What a finding leaves of the samples, and of what it makes noise.
+void take(const Signature& found, bool is_censoring, Campaign* campaign) {
+  for (size_t r = 0; r < found.white_dph2.size(); ++r) campaign->runs[r].own_white_dph2 += found.white_dph2[r];
+  if (!found.unusable.empty()) mask(campaign, is_censoring ? with_guard(*campaign, found.unusable) : found.unusable);
+}
+
 StructureResult find_in_all(Campaign* campaign, size_t n_fitted, const std::vector<const Effect*>& library,
                             const std::vector<bool>& active) {
   StructureResult out;
@@ -141,16 +147,12 @@ StructureResult find_in_all(Campaign* campaign, size_t n_fitted, const std::vect
       for (size_t r = 0; r < zeros.size(); ++r)
         for (size_t i = 0; i < zeros[r].size(); ++i)
           if (zeros[r][i]) inputs[r].rate_dph[i] = 0;
-    const auto signature = effect->estimator()->detect(inputs);
-    if (!signature) continue;
-    out.findings.push_back({effect, *signature, logs_of(*campaign, n_fitted, *signature)});
-    for (size_t r = 0; r < signature->white_dph2.size(); ++r)
-      campaign->runs[r].own_white_dph2 += signature->white_dph2[r];
-    const bool is_censoring = effect->estimator()->is_censoring();
-    out.is_censored = out.is_censored || is_censoring;
-    if (effect->estimator()->counts_drop_outs()) out.n_dropouts = count_beside(zeros, signature->unusable);
-    if (!signature->unusable.empty())
-      mask(campaign, is_censoring ? with_guard(*campaign, signature->unusable) : signature->unusable);
+    for (const Signature& found : effect->estimator()->detect(inputs)) {
+      out.findings.push_back({effect, found, logs_of(*campaign, n_fitted, found)});
+      if (effect->estimator()->counts_drop_outs()) out.n_dropouts = count_beside(zeros, found.unusable);
+      out.is_censored = out.is_censored || effect->estimator()->is_censoring();
+      take(found, effect->estimator()->is_censoring(), campaign);
+    }
   }
   out.n_left_out = before - campaign->n();
   return out;

@@ -45,7 +45,8 @@ struct SelectedEffect {
   // What it adds to the rates of a second, rms about the mean of the run [dph]; NaN: not known.  For the order of words.
   double rms_dph = std::numeric_limits<double>::quiet_NaN();
   bool is_structural = false;
-  std::string statement; // of a structural detector
+  bool is_of_some_logs = false; // what single logs were rounded to: nothing of the device, nothing for its model
+  std::string statement;        // of a structural detector
 };
 
 Term term_of(const Effect* effect, const EffectEstimator* estimator, const Theta& shape);
