@@ -995,6 +995,11 @@ static void test_zeros_of_coarse_rates_are_no_drop_outs(void**) {
   assert_int_equal(found.n_dropouts, 0);
   for (const StructureFinding& f : found.findings) assert_string_not_equal(f.effect->name().c_str(), "held_samples");
   assert_int_equal(campaign.n(), 8000);
+  // Halfway between two steps, beside logs in finer ones.
+  std::vector<Log> logs = {simulated_log(77, 8000, false, 0), simulated_log(78, 8000, false, 0), log};
+  for (double& rate : logs[2].axes[0].rate_dph) rate = 400 * std::round((200 + 36 * rng.normal()) / 400);
+  campaign = make_campaign(logs, "gx_dph", nominal_model());
+  assert_int_equal(find_structure(&campaign, nullptr, effect_library(), all_active()).n_dropouts, 0);
   // Of a level of 5 dph nearly all are zero.
   for (double& rate : log.axes[0].rate_dph) rate = 36 * std::round((5 + 7 * rng.normal()) / 36);
   campaign = make_campaign({log}, "gx_dph", nominal_model());

@@ -247,6 +247,32 @@ static void test_repeats_are_held_samples(void**) {
   assert_findings(runs, "held_samples", "repeats");
 }
 
+// A quiet log in coarse steps reads zero most of the time, or stays at a step for minutes; that it is one of several changes
+// nothing.
+static void test_coarse_steps_are_neither_drop_outs_nor_repeats(void**) {
+  const std::vector<RunInput> zero = rounded(rates(10, 0, 10, 4), 60), slow = rounded(rates(0, 100, 2, 5), 10);
+  std::vector<RunInput> mixed = rates(0, 100, 36, 6);
+  assert_findings(slow, "quantization", "a slow swing in all logs");
+  mixed.push_back(rates(0, 100, 36, 7).front()), mixed.push_back(zero.front());
+  const Effect& held = find_effect("held_samples");
+  assert_true(held.estimator()->detect(mixed).empty());
+  mixed.back() = slow.front();
+  assert_true(held.estimator()->detect(mixed).empty());
+}
+
+static void test_drop_outs_and_repeats_are_found_beside_a_log_in_coarse_steps(void**) {
+  std::vector<RunInput> dropped = changed(rates(300, 50, 20), [](double y, double u) { return u < 0.01 ? 0.0 : y; });
+  std::vector<RunInput> held = rates(200, 50, 36);
+  for (size_t i = 50; i < 5900; i += 97) held[0].rate_dph[i] = held[0].rate_dph[i - 1];
+  dropped.push_back(rounded(rates(0, 50, 36, 3), 60).front()), held.push_back(dropped.back());
+  assert_findings(dropped, "quantization, held_samples", "zeros far from the rate");
+  const auto found = find_effect("held_samples").estimator()->detect(dropped);
+  assert_int_equal(found.size(), 1);
+  assert_int_equal(std::count(found[0].unusable[2].begin(), found[0].unusable[2].end(), 1), 0);
+  for (double& y : held.back().rate_dph) y = 30 * std::round(y / 30 + 100); // fewer equal ones
+  assert_findings(held, "quantization, held_samples", "repeats");
+}
+
 // A drop-out that was diagnosed can be simulated.
 static void test_drop_outs_are_simulated_by_the_value_they_read(void**) {
   const Effect& effect = find_effect("held_samples");
@@ -278,6 +304,8 @@ int main() {
       cmocka_unit_test(test_the_extreme_of_a_coarse_log_among_finer_ones_is_no_limit),
       cmocka_unit_test(test_repeats_of_compensated_steps_are_chance),
       cmocka_unit_test(test_repeats_are_held_samples),
+      cmocka_unit_test(test_coarse_steps_are_neither_drop_outs_nor_repeats),
+      cmocka_unit_test(test_drop_outs_and_repeats_are_found_beside_a_log_in_coarse_steps),
       cmocka_unit_test(test_drop_outs_are_simulated_by_the_value_they_read),
   };
   return cmocka_run_group_tests_name("sample findings", tests, nullptr, nullptr);

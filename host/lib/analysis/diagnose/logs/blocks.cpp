@@ -104,18 +104,21 @@ double block_length_s(const Campaign& seconds) {
   return seconds.dt_s * std::max(1.0, std::round(wanted / seconds.dt_s));
 }
 
-std::vector<double> changes_between_samples(const Campaign& campaign) {
+std::vector<double> changes_between_samples(const CampaignRun& run) {
   std::vector<double> changes;
-  for (const CampaignRun& run : campaign.runs)
-    for (size_t k = 1; k < run.n(); ++k)
-      if (run.steps[k] == 1)
-        changes.push_back(std::fabs(run.input.rate_dph[static_cast<size_t>(run.used[k])] -
-                                    run.input.rate_dph[static_cast<size_t>(run.used[k - 1])]));
+  for (size_t k = 1; k < run.n(); ++k)
+    if (run.steps[k] == 1)
+      changes.push_back(std::fabs(run.input.rate_dph[static_cast<size_t>(run.used[k])] -
+                                  run.input.rate_dph[static_cast<size_t>(run.used[k - 1])]));
   return changes;
 }
 
 double white_between_samples(const Campaign& campaign) {
-  std::vector<double> changes = changes_between_samples(campaign);
+  std::vector<double> changes;
+  for (const CampaignRun& run : campaign.runs) {
+    const std::vector<double> own = changes_between_samples(run);
+    changes.insert(changes.end(), own.begin(), own.end());
+  }
   return changes.empty() ? 0 : median(std::move(changes)) / kMedianOfDifference * std::sqrt(campaign.dt_s);
 }
 

@@ -16,7 +16,7 @@ double block_length_s(const Campaign& seconds);
 Campaign block_means(const Campaign& seconds, double block_s);
 
 // Sizes of the differences of neighbouring used samples [dph].
-std::vector<double> changes_between_samples(const Campaign& campaign);
+std::vector<double> changes_between_samples(const CampaignRun& run);
 
 // Noise of the used samples from the differences of neighbours, robustly, per square root of a second [dph]: what
 // white noise alone would give.

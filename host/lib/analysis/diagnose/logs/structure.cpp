@@ -20,10 +20,10 @@ constexpr double kMostLost = 0.5; // part of the samples that the guard may cost
 
 using Rows = std::vector<std::vector<char>>; // per run and row of the log
 
-// Smallest difference between neighbours that differ: the step of rates that were rounded.
-double smallest_change(const Campaign& campaign) {
+// Smallest difference between neighbours that differ: the step to which the rates of a log were rounded.
+double smallest_change(const CampaignRun& run) {
   double smallest = 1e300;
-  for (const double change : changes_between_samples(campaign))
+  for (const double change : changes_between_samples(run))
     if (change > 0) smallest = std::min(smallest, change);
   return smallest;
 }
@@ -46,10 +46,10 @@ void add_near_zeros(const RunInput& in, double step_dph, std::vector<char>* bad)
 // Zeros between values that are far from zero: the recorder's, not the gyro's.  Of coarse rates most are equal to the one
 // before, and zero may be the next step.
 Rows drop_outs(const Campaign& campaign) {
-  const double step_dph = smallest_change(campaign);
-  const double noise = std::max(white_between_samples(campaign) / std::sqrt(campaign.dt_s), step_dph);
+  const double of_all_dph = white_between_samples(campaign) / std::sqrt(campaign.dt_s);
   Rows zeros;
   for (const CampaignRun& run : campaign.runs) {
+    const double step_dph = smallest_change(run), noise = std::max(of_all_dph, step_dph);
     std::vector<char> bad(run.input.size(), 0);
     double last = std::nan(""); // the last rate that is not zero
     std::vector<double> next(run.n() + 1, std::nan(""));
