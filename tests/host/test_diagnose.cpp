@@ -821,8 +821,8 @@ static void test_rounding_of_one_run_is_noise_of_that_run(void**) {
   const Campaign blocks = block_means(mixed, 10);
   assert_near(blocks.runs[0].own_white_dph2, 0, 0);
   assert_near(blocks.runs[1].own_white_dph2, kAdded_dph2 / 10, 1e-9);
-  const double minutes = noise_of_minutes(noise, {{0, 15, 0}}), of_louder = noise_of_minutes(louder, {{0, 15, 0}});
-  assert_near(noise_of_minutes(noise, {{0, 15, 0}, {0, 15, kAdded_dph2}}), 0.5 * (minutes + of_louder), 1e-9);
+  const double minutes = noise_of_minutes(noise, 60, 900), of_louder = noise_of_minutes(louder, 60, 900);
+  assert_near(noise_of_all(noise, 60, {{0, 15, 1, 0}, {0, 15, 1, kAdded_dph2}}), 0.5 * (minutes + of_louder), 1e-9);
   const double white = white_of_samples_dph(mixed, noise);
   assert_near(white * white, 36 * 36 + kAdded_dph2 / 2, 1e-9);
 }
