@@ -601,8 +601,21 @@ static void test_the_error_of_a_tone_is_that_of_noise_that_follows_the_temperatu
   }
 }
 
+// A few samples of any size are hits.  The search for a second kind of noise found a better place for the first, and called that a
+// gain of its own: white noise that follows the temperature by a slope of nothing.
+static void test_a_few_wrong_samples_are_hits_and_nothing_else(void**) {
+  constexpr double kSize_dph = 1e4;
+  const auto hits = [](double t_s, double) {
+    const long second = std::lround(t_s);
+    return second % 1400 == 700 ? (second % 2800 == 700 ? kSize_dph : -kSize_dph) : 0;
+  };
+  for (const uint64_t seed : {860, 865, 870})
+    assert_true(names_of(answer_to(hits, seed, 1, true)) == std::set<std::string>{"outliers"});
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_a_few_wrong_samples_are_hits_and_nothing_else),
       cmocka_unit_test(test_a_fast_process_is_found_where_the_fitted_noise_is_believed),
       cmocka_unit_test(test_noise_of_the_seconds_is_fitted_beside_another_kind),
       cmocka_unit_test(test_noise_believed_too_small_is_no_other_kind_of_noise),

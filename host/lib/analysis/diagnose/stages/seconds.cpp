@@ -307,7 +307,7 @@ FastFinding beside(FastFinding kind, const FastFinding& other) {
 } // namespace
 FastFinding second_kind(const ResidualLikelihood& log_likelihood, bool is_base_free,
                         const std::vector<FastFinding>& rest, double least_nats, FastFinding* first) {
-  const double alone = log_likelihood(first->noise());
+  double alone = log_likelihood(first->noise()), both = -1e300;
   FastFinding found, first_beside;
   for (const FastFinding& kind : rest) {
     if (kind.gain_nats < kHopeless_nats) continue;
@@ -316,11 +316,19 @@ FastFinding second_kind(const ResidualLikelihood& log_likelihood, bool is_base_f
     FastFinding again = beside(*first, second);
     fit_again(log_likelihood, is_base_free, &again);
     second = beside(second, again);
-    second.gain_nats = fit_again(log_likelihood, is_base_free, &second) - alone;
-    if (second.gain_nats < std::max(least_nats, found.gain_nats)) continue;
-    found = second, first_beside = beside(again, second);
+    const double top = fit_again(log_likelihood, is_base_free, &second);
+    if (top < std::max(alone + least_nats, both)) continue;
+    both = top, found = second, first_beside = beside(again, second);
+    // The search for two may have led the first to a better place: what it gains there alone is not the second's.
+    FastFinding moved = *first;
+    moved.theta = first_beside.theta, moved.base = first_beside.base;
+    const double gain = fit_again(log_likelihood, is_base_free, &moved) - alone;
+    if (gain > 0) *first = moved, first->gain_nats += gain, alone += gain;
   }
-  if (found.effect) *first = first_beside;
+  if (!found.effect || both - alone < least_nats) return {};
+  found.gain_nats = both - alone;
+  first_beside.gain_nats = first->gain_nats;
+  *first = first_beside;
   return found;
 }
 // A factor that the residual does not tell leaves no curvature: then fewer are free.
