@@ -67,7 +67,7 @@ def by_hand(alpha, size, seconds):
     return left
 
 
-@pytest.mark.parametrize("alpha", [pytest.param(0.5, marks=pytest.mark.long), 1.0, pytest.param(1.6, marks=pytest.mark.long)])
+@pytest.mark.parametrize("alpha", [pytest.param(alpha, marks=pytest.mark.long) for alpha in (0.5, 1.0, 1.6)])
 def test_library_noise_comes_as_near_to_a_power_law_as_brute_force_finds(device, base, meter, alpha):
     cause = {"name": "power_law", "p": {"_size": 1.0, "_alpha": alpha}, "families": ["slow_noise"]}
     cause = cases.to_strength(cause, 40.0, device, base, BIAS, meter)
