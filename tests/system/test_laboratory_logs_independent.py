@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: MIT
 """Logs as laboratories make them: what does `diagnose` say of faults of recorder, thermometer and engineer?
 
-The simulator and the faults are those of an engineer who had read neither the engine of `diagnose` nor the blind check, and who asked
-some 530 questions of logs like these.  The program then named a lag for one wrong reading of the thermometer (10 of 10), a rate of
-temperature for a pause that time stamps hide (3 of 4), a curve for a log in kelvin, white noise over temperature beside a few wrong
-samples (8 of 8), a dead band for logs printed with other digits, and lost loops and lags beside a fan (16 of 16).  It was mended on his
-logs; the seeds here are others, and what is demanded was written down before the first run.
+The simulator and the faults are those of an engineer who had read neither the engine of `diagnose` nor the blind check.  On logs
+like these the program named a lag for one wrong reading of the thermometer, a rate of temperature for a pause that time stamps
+hide, a curve for a log in kelvin, white noise over temperature beside a few wrong samples, a dead band for logs printed with
+other digits, and lost loops and lags beside a fan.  It was mended on his logs.  The seeds here are others, and what is
+demanded was written down before the first run.
 
-Four logs of 1.5 to 3 h over 0 to 60 degC, the last held out: white noise of 36 dph, a process of 20 dph and 100 s, a cubic, 50 dph from
-turn-on to turn-on.  Causes: none, a play of half width 3 to 6 degC and 60 dph, a lag of 150 to 300 s.  With even numbers the
-noise is believed as it is, else none is given.
+Four logs of 1.5 to 3 h over 0 to 60 degC, the last held out: white noise of 36 dph, a process of 20 dph and 100 s, a cubic, and
+50 dph from turn-on to turn-on.  Causes: none, a play of half width 3 to 6 degC and 60 dph, a lag of 150 to 300 s.  With even
+numbers the noise is believed as it is, else none is given.
 
-Without a cause nothing may be named (hits, where there are hits; rounding of a log); with one it is named.  Records given in parts, and
-fitted logs without temperatures beside others, are refused with the file and the remedy.
+Without a cause nothing may be named (but hits, where there are hits, and rounding of a log); with one it is named.  Records
+given in parts, and fitted logs without temperatures beside others, are refused with the file and the remedy.
 """
 import json
 import os
@@ -32,7 +32,8 @@ def profile(rng, kind):
     """Where the chamber starts, and (soak in s, None) or (None, (target degC, degC/min))."""
     rate, soak, to = rng.uniform(0.9, 1.4), lambda s: (s, None), lambda degc, r: (None, (degc, r))
     if kind == "triangles":
-        return 30.0, [soak(300), to(HI, rate), to(rng.uniform(18, 30), rate), to(55, rate), to(LO, rate), to(30, rate), soak(300)]
+        turns = [to(degc, rate) for degc in (HI, rng.uniform(18, 30), 55, LO, 30)]
+        return 30.0, [soak(300), *turns, soak(300)]
     if kind == "stairs":
         levels = [15, 30, 45, 60, 45, 30, 15, 0]
         return LO, [leg for degc in levels for leg in (soak(500), to(degc, 2.0))] + [soak(500)]

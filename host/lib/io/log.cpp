@@ -407,10 +407,10 @@ namespace {
 
 constexpr size_t kStretch = 64;       // rows
 constexpr size_t kFewestChanges = 48; // in a stretch
-constexpr double kSameNoise =
-    0.2; // of its standard deviation: rates that differ by less are one record, printed otherwise
+constexpr double kSameNoise = 0.2;    // of its standard deviation: rates that differ by less are one record
 
-// Per row whether the rate rises from there, in the bits of the stretch that begins there; 0: it holds no number, or changes seldom.
+// Per row, for the stretch that begins there: one bit for each change, set where the rate rises.  0: a rate is missing there, or it
+// changes seldom.
 std::vector<uint64_t> ways_of(const std::vector<double>& x) {
   std::vector<uint64_t> out(x.size(), 0);
   uint64_t way = 0;

@@ -45,9 +45,9 @@ struct Log {
 // The same rates, one by one, of all axes that stand at the same place in both, and not one and the same rate in every row:
 // one record given twice.
 bool same_rows(const Log& a, const Log& b);
-// Where a stretch of 64 rows begins whose rates of the first axis are one record, in a and in b: two exports that overlap, printed
-// with other digits or about another mean perhaps.  Rates that hardly change from row to row, as those of a coarse converter, are
-// not compared.
+// The first rows, in a and in b, of 64 whose rates of the first axis are one record: two exports that overlap, perhaps printed
+// with other digits or about another mean.  Rates that hardly change from row to row, as those of a coarse converter, are not
+// compared.
 std::optional<std::pair<size_t, size_t>> shared_rows(const Log& a, const Log& b);
 
 // path "-": standard input.  gzip is unpacked, a UTF-8 byte-order mark and CR LF are read.

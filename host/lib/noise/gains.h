@@ -23,7 +23,8 @@ namespace imucal {
 constexpr double kSettledChange = 1e-12;
 constexpr size_t kMostStates = 32;
 
-// When the samples of one run were taken, and what white noise they alone have.  A view: the arrays belong to the caller and must outlive the call.
+// When the samples of one run were taken, and what white noise they alone have.  A view: the arrays belong to the caller and must
+// outlive the call.
 struct SampleTimes {
   size_t n = 0;
   const int* steps = nullptr;     // [n] ticks of dt_s since the sample before, >= 1; the first is not read;

@@ -15,7 +15,7 @@ struct NoiseModel {
   std::vector<Markov> markov;
   double walk_dph_per_rt_s = 0;                            // rate random walk
   double white_slope = 0, markov_slope = 0, tau_slope = 0; // log-variances and log-tau per unit of Tn
-  double extra_white_dph2 = 0; // of 1-s means, beside white_sigma_dph^2: quantisation and the like; may be negative
+  double extra_white_dph2 = 0; // of 1-s means, beside white_sigma_dph^2: processes faster than a block; may be negative
   double hit_probability = 0, hit_sigma_dph = 0; // outliers
   double telegraph_dph = 0, telegraph_tau_s = 0;
 

@@ -62,33 +62,24 @@ void require_all_temperatures(const std::vector<Log>& logs) {
                      " has: give a log with a column temp_degc, or take it out of --log");
 }
 
-// A log that is given twice counts twice, and one that is fitted foretells itself.
-void refuse_shared_rows(const std::vector<const Log*>& logs) {
+// A record that is given twice counts twice, and one that is fitted foretells itself.  The first `n_fitted` logs are fitted.
+void require_distinct(const std::vector<const Log*>& logs, size_t n_fitted) {
   for (size_t i = 0; i < logs.size(); ++i)
     for (size_t j = i + 1; j < logs.size(); ++j) {
-      const auto shared = shared_rows(*logs[i], *logs[j]);
+      const Log &a = *logs[i], &b = *logs[j];
+      if (same_rows(a, b))
+        throw data_error(i < n_fitted && j >= n_fitted
+                             ? b.path + ": held out, but the same data as " + a.path +
+                                   ", which is fitted: take it out of --log or --holdout"
+                             : b.path + ": the same data as " + a.path + ": give every log once");
+      const auto shared = shared_rows(a, b);
       if (!shared) continue;
       std::ostringstream text;
-      text << logs[j]->path << ": its rates from " << logs[j]->t_s[shared->second] << " s on are those of "
-           << logs[i]->path << " from " << logs[i]->t_s[shared->first]
+      text << b.path << ": its rates from " << b.t_s[shared->second] << " s on are those of " << a.path << " from "
+           << a.t_s[shared->first]
            << " s on: both hold a part of one record, which must not count twice; cut it off one of them";
       throw data_error(text.str());
     }
-}
-void require_distinct(const std::vector<Log>& logs, const std::vector<Log>& held_out) {
-  const auto refuse_pairs = [](const std::vector<Log>& list) {
-    for (size_t i = 0; i < list.size(); ++i)
-      for (size_t j = i + 1; j < list.size(); ++j)
-        if (same_rows(list[i], list[j]))
-          throw data_error(list[j].path + ": the same data as " + list[i].path + ": give every log once");
-  };
-  refuse_pairs(logs);
-  refuse_pairs(held_out);
-  for (const Log& fitted : logs)
-    for (const Log& log : held_out)
-      if (same_rows(fitted, log))
-        throw data_error(log.path + ": held out, but the same data as " + fitted.path +
-                         ", which is fitted: take it out of --log or --holdout");
 }
 
 } // namespace
@@ -96,12 +87,11 @@ void require_distinct(const std::vector<Log>& logs, const std::vector<Log>& held
 void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, const ErrorModel& model,
                 std::vector<std::string>* warnings) {
   if (logs.empty()) throw data_error("no log is given that could be fitted: name one with --log");
-  require_distinct(logs, held_out);
   require_all_temperatures(logs);
   std::vector<const Log*> all;
   for (const Log& log : logs) all.push_back(&log);
   for (const Log& log : held_out) all.push_back(&log);
-  refuse_shared_rows(all);
+  require_distinct(all, logs.size());
   require_one_step(all);
   tell_missing_columns(all, warnings);
   for (const Log* log : all)

@@ -12,7 +12,8 @@
 
 namespace imucal {
 
-// data_error: no log, one given twice, logs that share rows, fitted ones with and without temperatures, steps that differ.  Told: other devices, columns that some lack, logs that are too short.
+// data_error: no log, a record given twice or in parts, fitted logs with and without temperatures, steps that differ.  Told: other
+// devices, columns that some lack, logs that are too short.
 void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, const ErrorModel& model,
                 std::vector<std::string>* warnings);
 // data_error: no log of this axis can be used.

@@ -6,17 +6,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <map>
 #include <mutex>
 #include <set>
-#include <sstream>
 
 #include "analysis/diagnose/checks.h"
 #include "analysis/diagnose/evidence/shared.h"
 #include "analysis/diagnose/logs/blocks.h"
 #include "analysis/diagnose/search/null_draws.h"
 #include "analysis/diagnose/written_model.h"
-#include "base/axis_unit.h"
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/parallel.h"

@@ -27,8 +27,8 @@ double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, c
 TelegraphLevel telegraph_level(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual);
 
 // Gains of one noise model for the runs of a campaign.  A run with samples at the same times as another one, as far as it goes,
-// has the same gains, unless the noise follows the temperature or one of them is rounded to other steps: those of the longest run and of the one asked for last serve
-// such runs.
+// has the same gains, unless the noise follows the temperature or one of them is rounded to other steps: those of the longest run
+// and of the one asked for last serve such runs.
 class GainsByRun {
 public:
   GainsByRun(const std::vector<CampaignRun>& runs,

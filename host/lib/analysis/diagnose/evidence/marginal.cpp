@@ -126,13 +126,10 @@ SlowData::SlowData(Campaign blocks) : campaign(std::move(blocks)) {
     rows_used.push_back(campaign.runs[r].used);
   }
   const VectorXd beta = p > 0 ? solve_symmetric(xx, xy) : VectorXd();
-  const long minute = rows_of_minute(campaign.dt_s);
-  double sum = 0, n = 0;
-  for (size_t r = 0; r < y.size(); ++r) {
-    const VectorXd rest = p > 0 ? VectorXd(y[r] - powers[r] * beta) : y[r];
-    for (long k = 0; k + minute <= rest.size(); k += minute) sum += std::pow(rest.segment(k, minute).mean(), 2), n += 1;
-  }
-  spread_dph = n > 0 ? std::sqrt(sum / n) : 1;
+  Minutes left;
+  for (size_t r = 0; r < y.size(); ++r)
+    add_minutes(p > 0 ? VectorXd(y[r] - powers[r] * beta) : y[r], campaign.dt_s, &left);
+  spread_dph = left.n > 0 ? std::sqrt(mean_square({left})) : 1;
   if (!(spread_dph > 0)) spread_dph = 1e-6;
 }
 

@@ -50,12 +50,15 @@ double minute_s(double dt_s) {
   return dt_s * static_cast<double>(rows_of_minute(dt_s));
 }
 
+void add_minutes(const VectorXd& rest, double dt_s, Minutes* to) {
+  const long minute = rows_of_minute(dt_s);
+  for (long k = 0; k + minute <= rest.size(); k += minute)
+    to->sum += std::pow(rest.segment(k, minute).mean(), 2), to->n += 1;
+}
 Minutes minutes_of(VectorXd rest, double dt_s) {
   Minutes out;
-  const long minute = rows_of_minute(dt_s);
   if (rest.size() > 0) rest.array() -= rest.mean();
-  for (long k = 0; k + minute <= rest.size(); k += minute)
-    out.sum += std::pow(rest.segment(k, minute).mean(), 2), out.n += 1;
+  add_minutes(rest, dt_s, &out);
   return out;
 }
 double mean_square(const std::vector<Minutes>& rest) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Means over a minute, of which an engineer reads how far rates are off, and what the noise alone would make of them.
+// Means over a minute: an engineer reads from them how far rates are off.  And what the noise alone would make of them.
 //
-// A minute is as many whole rows as come nearest to 60 s, one at least: of the blocks of a long log, 17 s each, it has four, 68 s.
+// A minute is as many whole rows as come nearest to 60 s, one at least: four blocks of a long log, 17 s each, are 68 s.
 #pragma once
 #include <Eigen/Core>
 #include <vector>
@@ -19,15 +19,18 @@ struct Minutes {
   double strength = 1;
   double own_white_dph2 = 0; // white variance of its means over 1 s beside that of the noise of all
 };
-// About the mean of the stretch; rows at its end that make no whole minute are left out.
+// Adds those of a stretch; rows at its end that make no whole minute are left out.
+void add_minutes(const Eigen::VectorXd& rest, double dt_s, Minutes* to);
+// Of one stretch about its mean.
 Minutes minutes_of(Eigen::VectorXd rest, double dt_s);
-// Over all stretches; none: 0.
+// Of the minutes of all stretches; none: 0.
 double mean_square(const std::vector<Minutes>& rest);
 
 // What the noise itself would make of the minutes of a stretch of `length_s`: their mean square about the mean of the stretch.
 double noise_of_minutes(const NoiseModel& noise, double minute_s, double length_s);
-// The same over stretches of different lengths and strengths, weighted by their minutes, and the standard error of that mean square.
+// The same over stretches of different lengths and strengths, weighted by their minutes.
 double noise_of_all(const NoiseModel& noise, double minute_s, const std::vector<Minutes>& rest);
+// Standard error of that.
 double error_of_minutes(const NoiseModel& noise, double minute_s, const std::vector<Minutes>& rest);
 
 } // namespace imucal

@@ -33,8 +33,8 @@ struct Reduction {
   double shrinkage = 0, lo = -1, hi = 1;  // mean and 95 %; values below -1 count as -1
 };
 
-// `noise`: of the fitted logs; of each unit as strong as its run says.  A unit without a row, or with no more rows than it has free columns, says nothing; without any other the result is as it
-// begins.
+// `noise`: of the fitted logs; in each unit it is as strong as its run says.  A unit without a row, or with no more rows than it
+// has free columns, says nothing; without any other the result is as it begins.
 Reduction reduction_of(const std::vector<HeldOutUnit>& units, const NoiseModel& noise);
 
 } // namespace imucal

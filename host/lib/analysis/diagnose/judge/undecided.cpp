@@ -19,13 +19,10 @@ constexpr size_t kUndecidedTried = 4;
 double spread_left(const SlowAnswer& slow, const SlowModel& m) {
   const std::vector<MeanPart> parts = slow.search->parts_on(*slow.data, m);
   const RunGrams::Posterior at = slow.search->grams_of(m).posterior();
-  const long blocks = rows_of_minute(slow.data->campaign.dt_s);
-  double sum = 0, n = 0;
-  for (size_t r = 0; r < slow.data->y.size(); ++r) {
-    const VectorXd rest = residual_of(*slow.data, parts, at, r);
-    for (long k = 0; k + blocks <= rest.size(); k += blocks) sum += std::pow(rest.segment(k, blocks).mean(), 2), n += 1;
-  }
-  return n > 0 ? std::sqrt(sum / n) : slow.data->spread_dph;
+  Minutes left;
+  for (size_t r = 0; r < slow.data->y.size(); ++r)
+    add_minutes(residual_of(*slow.data, parts, at, r), slow.data->campaign.dt_s, &left);
+  return left.n > 0 ? std::sqrt(mean_square({left})) : slow.data->spread_dph;
 }
 // Part of the spread of the data that a hypothesis leaves to the noise.  Lines in the mean are no part of that spread:
 // no hypothesis would have to take them.

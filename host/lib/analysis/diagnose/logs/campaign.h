@@ -20,8 +20,8 @@ struct OwnJump {
   double t_s = 0, size_dph = 0, error_dph = 0;
 };
 
-// A pause that is shorter in the seconds of a run than in its log: later rows came so much later.  The moment is in its middle.
-// Negative: a pause that the log hides.
+// A pause that lasts another time in the seconds of a run than in its log.  t_s is in its middle; later rows came cut_s later than
+// t_s says, or earlier, where it is negative: the log hides the pause.
 struct CutPause {
   double t_s = 0, cut_s = 0;
 };
@@ -71,8 +71,8 @@ double time_in_log_s(const CampaignRun& run, double t_s);
 // then predict over them.  Seconds in which the thermometer was stuck have no row, as if they were missing in the
 // log.  Wrong readings of the thermometer count as missing; where the recorder hid a pause an hour has passed.  `steps` counts
 // seconds by time stamps, never rows.  Left out are logs in which the axis has one and the same rate in every second, fewer than
-// 60 usable seconds, or temperatures that are not in degC: all is as if they had not been given, but the places of the others.  No runs:
-// no log can be used.  data_error: a log without that axis.
+// 60 usable seconds, or temperatures that are not in degC: all is as if they had not been given, but the places of the others.
+// No runs: no log can be used.  data_error: a log without that axis.
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model);
 // Further logs, seen as the fitted ones are: the same polynomial and thermometer, and thermal questions if and only if those
 // ask them, however little their own temperatures move.

@@ -23,7 +23,8 @@ struct StructureResult {
   bool is_censored = false; // values are missing because of their size
 };
 
-// Masks what cannot be used, and gives each run the white noise that its rounding adds.  `held_out`: or nullptr.  `active`: effects that may be named.
+// Masks what cannot be used, and gives each run the white noise that its rounding adds.  `held_out`: or nullptr.  `active`: effects
+// that may be named.
 StructureResult find_structure(Campaign* fitted, Campaign* held_out, const std::vector<const Effect*>& library,
                                const std::vector<bool>& active);
 

@@ -13,9 +13,9 @@ constexpr double kFewestHeld = 30; // rows
 constexpr double kUnusual = 5;     // times the median number of rows with one reading
 constexpr double kJump = 3;        // times the median change, and every change within the next rows:
 constexpr size_t kAfterwards = 60;
-constexpr double kMostHeld = 0.5; // of the rows
-constexpr double kFastest_degc = 5, kFastest_degc_s = 1;
-constexpr size_t kMostWrong = 10; // readings in a row
+constexpr double kMostHeld = 0.5;                        // of the rows
+constexpr double kFastest_degc = 5, kFastest_degc_s = 1; // of a board: from row to row; where rows are further apart
+constexpr size_t kMostWrong = 10;                        // readings in a row
 
 // By how much the reading changes at each row; the first row: 0.
 std::vector<double> changes(const std::vector<double>& temp_degc) {

@@ -20,11 +20,11 @@ struct Hold {
 // A hold that ends in missing rows is not told from a soak.  None where holds would be more than half of the log.
 std::vector<Hold> stuck_thermometer(const std::vector<double>& t_s, double dt_s, const std::vector<double>& temp_degc);
 
-// No board changes its temperature faster: 5 degC from one row to the next, or 1 degC/s where rows are further apart.
+// Readings that are further apart than the temperature of a board can go: 5 degC from one row to the next, or 1 degC/s where rows
+// are further apart.  Rows, increasing.
 struct ImpossibleReadings {
-  std::vector<size_t>
-      wrong; // rows, increasing: a few readings far from those before and after them, or at an end of the log
-  std::vector<size_t> pauses; // rows, increasing: from here on the readings stay as far from those before
+  std::vector<size_t> wrong;  // a few that are far from those before and after them, or at an end of the log
+  std::vector<size_t> pauses; // from here on all are far from those before
 };
 // Wrong readings are what a sensor gives at power-up (85 degC), disconnected (-127) or unread (0).  After a hidden pause the log
 // goes on as if nothing had been: the recorder had stopped.  One number per row; t_s increases; temp_degc is NaN where missing.

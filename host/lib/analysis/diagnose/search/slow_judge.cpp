@@ -60,8 +60,8 @@ SlowModel SlowJudge::settled(SlowModel m) const {
 }
 
 // A free shape has more freedom than any member: where a member gains nearly as much, it is the answer, and what the
-// shape gains beyond it is a remainder.  An effect of any shape gives way to that of its parameters alone, and also stands where it
-// is better by what a free shape beside an answer would open it for.
+// shape gains beyond it is a remainder.  An effect of any shape gives way to that of its parameters alone, and also stands where
+// it is better by what a free shape beside an answer would open it for.
 SlowModel SlowJudge::with_members(SlowModel best, std::vector<size_t>* replaced) const {
   for (size_t i = 0; i < best.names.size(); ++i) {
     const Candidate& c = space_.candidates[best.names[i].candidate];

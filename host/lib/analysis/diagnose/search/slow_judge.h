@@ -26,8 +26,8 @@ public:
   // none.
   SlowModel with_free_function(const SlowModel& m, const SlowModel& also) const;
 
-  // The hypothesis as good as it can be made.  Where a jump at a temperature is not seen in it, it cannot be: then the best of those
-  // with one name less.
+  // The hypothesis as good as it can be made.  Where a jump at a temperature is not seen in it, it cannot be: then the best of
+  // those with one name less.
   SlowModel at_its_best(const SlowModel& m) const;
 
   // The same with every effect of any shape in that of its parameters which comes nearest.
