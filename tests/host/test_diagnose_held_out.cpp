@@ -144,6 +144,7 @@ static void test_a_known_jump_of_a_fitted_log_is_taken_out_of_that_log_alone(voi
 
 // A soak is a natural log to hold out.  Its temperature moves by less than 2 degC, and the polynomial holds it as it holds all.
 static void test_a_soak_is_judged_by_the_polynomial_of_the_fitted_logs(void**) {
+  constexpr double kSlope_dph_degc = 80; // steep enough that 1.6 degC show
   for (const double span_degc : {0.4, 1.6}) {
     std::vector<Log> logs, unseen;
     for (uint64_t k = 0; k < 4; ++k) {
@@ -153,6 +154,7 @@ static void test_a_soak_is_judged_by_the_polynomial_of_the_fitted_logs(void**) {
         log.axes[0].rate_dph[i] += bias_dph(soak_degc) - bias_dph(log.temp_degc[i]);
         log.temp_degc[i] = soak_degc;
       }
+      for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += kSlope_dph_degc * log.temp_degc[i];
       (k < 3 ? logs : unseen).push_back(log);
     }
     DiagnoseOptions options;
