@@ -40,7 +40,7 @@ unit-test: unit-programs  ## run the CMocka tests of the core and the host libra
 
 # Two processes, each file in one of them: some files build or draw once for all of their tests.  What has a short form
 # leaves its other draws (`long`) to test-long.
-PYTEST = BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider --dist loadfile $(if $(T),-k $(T)) tests/system tests/python
+PYTEST = BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider --dist loadfile --no-loadscope-reorder $(if $(T),-k $(T)) tests/system tests/python
 system-test:  ## run the pytest tests of the built programs
 	$(Q)$(PYTEST) -n 2 -m 'not long'; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
 
