@@ -985,6 +985,35 @@ static void test_rounding_of_single_logs_is_not_in_the_written_model(void**) {
   }
 }
 
+// Beside a free shape the polynomial may be any: the shape follows part of it.  What is written is fitted as it is written.
+static void test_the_written_model_follows_the_logs_where_a_free_shape_was_found(void**) {
+  const Reference& response = free_shapes()[2];
+  for (const bool has_member : {true, false}) {
+    DiagnoseResult result;
+    AxisResult& axis = result.axes.emplace_back();
+    axis.axis = "gx_dph";
+    axis.campaign =
+        make_campaign({simulated_log(3, 8000, false, 60), simulated_log(4, 6000, false, 60)}, axis.axis, {});
+    Selection& said = axis.study.selection;
+    said.final = nominal_hypothesis();
+    said.final.terms = {term_of(nullptr, response.candidate.estimator, response.candidate.shapes[0])};
+    axis.final_fit = fit_hypothesis(axis.campaign, said.final);
+    SelectedEffect memory;
+    memory.family = Family::kThermalMemory, memory.is_family = true, memory.doubt = Doubt::kShapeOpen;
+    if (has_member)
+      memory.term = term_of(&find_effect("thermal_hysteresis"), find_effect("thermal_hysteresis").estimator(), {5});
+    said.effects = {memory};
+    complete_model(&result);
+    assert_int_equal(result.model.effects.size(), has_member ? 1 : 0);
+    if (has_member) assert_near(result.model.effects[0].parameters.number("amplitude_dph"), 60, 6);
+    for (const double temp_degc : {5.0, 30.0, 55.0}) // a loop alone tilts it by 5 dph and more
+      assert_near(result.model.bias->at(temp_degc) - result.model.bias->at(20), bias_dph(temp_degc) - bias_dph(20),
+                  has_member ? 10 : 40);
+    const bool warns = !result.model_warnings.empty();
+    assert_true(warns == has_member);
+  }
+}
+
 // Rates in steps of 36 dph: of a level of 20 dph most samples are equal to the one before, and zero is the next step.
 static void test_zeros_of_coarse_rates_are_no_drop_outs(void**) {
   Log log = simulated_log(76, 8000, false, 0);
@@ -1304,6 +1333,7 @@ int main() {
       cmocka_unit_test(test_drop_outs_between_small_rates_are_counted),
       cmocka_unit_test(test_rounding_is_told_log_by_log),
       cmocka_unit_test(test_rounding_of_single_logs_is_not_in_the_written_model),
+      cmocka_unit_test(test_the_written_model_follows_the_logs_where_a_free_shape_was_found),
       cmocka_unit_test(test_zeros_of_coarse_rates_are_no_drop_outs),
       cmocka_unit_test(test_a_polynomial_at_another_temperature_is_the_same_on_a_part_of_a_log),
       cmocka_unit_test(test_a_log_between_logs_at_rest_tells_the_polynomial),

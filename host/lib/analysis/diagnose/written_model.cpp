@@ -17,11 +17,62 @@ bool is_written(const SelectedEffect& effect) {
   return effect.term.effect && effect.doubt != Doubt::kSlowNoise && !effect.is_of_some_logs;
 }
 
-void add_found(const AxisResult& axis, bool is_only_axis, ErrorModel* model) {
-  for (const SelectedEffect& effect : axis.study.selection.effects) {
-    if (!is_written(effect)) continue;
-    EffectSpec spec = spec_of(*effect.term.effect, effect_values(effect.term, axis.campaign));
-    if (!is_only_axis) spec.axis = axis.axis;
+bool is_in_mean(const Term& term) {
+  return term.form() == Form::kColumns || term.form() == Form::kTemperature;
+}
+
+// What is written of one axis: its effects, the polynomial beside them, and the fit of both.
+struct Written {
+  const AxisResult& axis;
+  std::vector<Term> effects;
+  Fit fit;
+};
+
+// The answer with the causes that are written.  Others stand in its mean too, free shapes above all, and may follow part of what
+// the polynomial and the members do.
+Hypothesis with_written(const Hypothesis& answer, const std::vector<Term>& effects, bool* is_other) {
+  Hypothesis out = answer;
+  out.terms.clear();
+  const auto has = [](const std::vector<Term>& terms, const Term& term) {
+    return std::any_of(terms.begin(), terms.end(), [&](const Term& t) { return t.estimator == term.estimator; });
+  };
+  for (const Term& term : answer.terms)
+    if (!is_in_mean(term) || has(effects, term)) out.terms.push_back(term);
+  *is_other = out.terms.size() < answer.terms.size();
+  for (const Term& effect : effects)
+    if (is_in_mean(effect) && !has(out.terms, effect)) out.terms.push_back(effect), *is_other = true;
+  return out;
+}
+
+Written written_of(const AxisResult& axis) {
+  Written out{axis, {}, {}};
+  if (!axis.refused.empty()) return out;
+  const Selection& selection = axis.study.selection;
+  for (const SelectedEffect& effect : selection.effects)
+    if (is_written(effect)) out.effects.push_back(effect.term);
+  bool is_other = false;
+  const Hypothesis h = with_written(selection.final, out.effects, &is_other);
+  if (!is_other) {
+    out.fit = axis.final_fit;
+    return out;
+  }
+  out.fit = fit_hypothesis(axis.campaign, h);
+  const Design design = make_design(axis.campaign, h);
+  for (Term& effect : out.effects)
+    for (size_t t = 0; t < h.terms.size(); ++t)
+      if (is_in_mean(effect) && h.terms[t].estimator == effect.estimator) {
+        effect.coefficients.clear();
+        for (size_t c = 0; c < design.cols(); ++c)
+          if (design.term_of_column[c] == static_cast<int>(t))
+            effect.coefficients.push_back(out.fit.beta[static_cast<long>(c)]);
+      }
+  return out;
+}
+
+void add_found(const Written& written, bool is_only_axis, ErrorModel* model) {
+  for (const Term& effect : written.effects) {
+    EffectSpec spec = spec_of(*effect.effect, effect_values(effect, written.axis.campaign));
+    if (!is_only_axis) spec.axis = written.axis.axis;
     model->effects.push_back(spec);
   }
 }
@@ -47,6 +98,16 @@ void tell_other(const std::string& what, const AxisResult& written, const AxisRe
                                 other.axis);
 }
 
+// A model holds members, and the answer may be a family.
+void tell_stand_ins(const AxisResult& axis, DiagnoseResult* out) {
+  if (!axis.refused.empty()) return;
+  for (const SelectedEffect& effect : axis.study.selection.effects)
+    if (is_written(effect) && effect.is_family)
+      out->model_warnings.push_back("axis " + axis.axis + ": the model that is written has " +
+                                    effect.term.effect->name() + " in the place of the family " +
+                                    family_name(effect.family) + ", whose member these logs do not tell");
+}
+
 // Without a believed model the one that is written has the noise of the first axis that was judged: the format knows one for
 // all axes.
 void add_noise(const AxisResult& first, DiagnoseResult* out) {
@@ -64,28 +125,28 @@ void add_noise(const AxisResult& first, DiagnoseResult* out) {
 
 // The polynomial that was fitted, with the normalisation that found effects are written in; its constant is the mean of those
 // of the runs.
-ThermalPolynomial bias_of(const AxisResult& axis) {
-  const Campaign& campaign = axis.campaign;
-  const Eigen::VectorXd& beta = axis.final_fit.beta;
+ThermalPolynomial bias_of(const Written& written) {
+  const Campaign& campaign = written.axis.campaign;
+  const Eigen::VectorXd& beta = written.fit.beta;
   const auto n_runs = static_cast<long>(campaign.runs.size());
   ThermalPolynomial bias{campaign.t0_degc, campaign.range_degc, {beta.head(n_runs).mean()}};
   for (int i = 0; i < campaign.order; ++i) bias.coeff_dph.push_back(beta[n_runs + i]);
   return bias;
 }
 // Its variance at a temperature.
-double variance_of_bias(const AxisResult& axis, double temp_degc) {
-  const Campaign& campaign = axis.campaign;
+double variance_of_bias(const Written& written, double temp_degc) {
+  const Campaign& campaign = written.axis.campaign;
   const auto n_runs = static_cast<long>(campaign.runs.size());
-  Eigen::VectorXd weight = Eigen::VectorXd::Zero(axis.final_fit.beta.size());
+  Eigen::VectorXd weight = Eigen::VectorXd::Zero(written.fit.beta.size());
   weight.head(n_runs).setConstant(1 / static_cast<double>(n_runs));
-  const double tn = bias_of(axis).normalised(temp_degc);
+  const double tn = bias_of(written).normalised(temp_degc);
   for (int i = 0; i < campaign.order; ++i) weight[n_runs + i] = std::pow(tn, i + 1);
-  return weight.dot(axis.final_fit.beta_covariance * weight);
+  return weight.dot(written.fit.beta_covariance * weight);
 }
-bool has_same_bias(const AxisResult& a, const AxisResult& b) {
+bool has_same_bias(const Written& a, const Written& b) {
   const ThermalPolynomial of_a = bias_of(a), of_b = bias_of(b);
-  const double lo_degc = std::max(a.campaign.lo_degc, b.campaign.lo_degc),
-               hi_degc = std::min(a.campaign.hi_degc, b.campaign.hi_degc);
+  const double lo_degc = std::max(a.axis.campaign.lo_degc, b.axis.campaign.lo_degc),
+               hi_degc = std::min(a.axis.campaign.hi_degc, b.axis.campaign.hi_degc);
   for (int k = 0; k < kBiasPlaces; ++k) {
     const double temp_degc = lo_degc + k * (hi_degc - lo_degc) / (kBiasPlaces - 1);
     const double error = std::sqrt(variance_of_bias(a, temp_degc) + variance_of_bias(b, temp_degc));
@@ -94,24 +155,27 @@ bool has_same_bias(const AxisResult& a, const AxisResult& b) {
   return true;
 }
 // The format knows one polynomial, too.  Logs without temperature say nothing of it, not even its order.
-void add_bias(const AxisResult& first, DiagnoseResult* out) {
-  if (!first.campaign.has_temperature) return;
+void add_bias(const Written& first, const std::vector<Written>& all, DiagnoseResult* out) {
+  if (!first.axis.campaign.has_temperature) return;
   out->model.bias = bias_of(first);
-  for (const AxisResult& axis : out->axes)
-    if (is_judged(axis) && axis.campaign.has_temperature && !has_same_bias(first, axis))
-      tell_other("bias polynomial", first, axis, out);
+  for (const Written& other : all)
+    if (is_judged(other.axis) && other.axis.campaign.has_temperature && !has_same_bias(first, other))
+      tell_other("bias polynomial", first.axis, other.axis, out);
 }
 
 } // namespace
 
 void complete_model(DiagnoseResult* result) {
-  const std::vector<AxisResult>& axes = result->axes;
-  for (const AxisResult& axis : axes)
-    if (axis.refused.empty()) add_found(axis, axes.size() == 1, &result->model);
-  const auto first = std::find_if(axes.begin(), axes.end(), is_judged);
-  if (first == axes.end()) return;
-  if (!result->has_model) add_noise(*first, result);
-  if (!result->model.bias) add_bias(*first, result);
+  std::vector<Written> all;
+  for (const AxisResult& axis : result->axes) {
+    all.push_back(written_of(axis));
+    tell_stand_ins(axis, result);
+  }
+  for (const Written& written : all) add_found(written, all.size() == 1, &result->model);
+  const auto first = std::find_if(all.begin(), all.end(), [](const Written& w) { return is_judged(w.axis); });
+  if (first == all.end()) return;
+  if (!result->has_model) add_noise(first->axis, result);
+  if (!result->model.bias) add_bias(*first, all, result);
 }
 
 } // namespace imucal
