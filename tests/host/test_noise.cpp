@@ -287,6 +287,9 @@ static void test_mixtures_of_white_noise_are_exact(void**) {
     assert_near(hit[k], loud / (quiet + loud), 1e-12);
   }
   assert_near(found, expected, 1e-9 * std::fabs(expected));
+  const VectorXd further = expected_hit_dph2(c.times(), hits, y);
+  for (long k = 0; k < y.size(); ++k) // precision of the white noise, as expected
+    assert_near(1 / (36 * 36 + further[k]), (1 - hit[k]) / (36 * 36) + hit[k] / (36 * 36 + 150 * 150), 1e-12);
   // A telegraph that switches at every step without memory: half and half, independent.
   NoiseModel telegraph = c.noise;
   telegraph.telegraph_dph = 50, telegraph.telegraph_tau_s = 1e-6;
@@ -294,6 +297,19 @@ static void test_mixtures_of_white_noise_are_exact(void**) {
   for (long k = 0; k < y.size(); ++k)
     expected += std::log(0.5 * density(y[k] - 50, 36 * 36) + 0.5 * density(y[k] + 50, 36 * 36));
   assert_near(mixture_log_likelihood(c.times(), telegraph, y), expected, 1e-9 * std::fabs(expected));
+}
+
+// Beside rare hits of 30,000 times the noise a sample that is none keeps its weight, and one that is has none.
+static void test_rare_large_hits_leave_other_samples_their_weight(void**) {
+  Case c(300, model_of(36, {{20, 100}}));
+  VectorXd y = 36 * random_columns(300, 1, 10);
+  y[150] = -9e5;
+  NoiseModel hits = c.noise;
+  hits.hit_probability = 4e-4, hits.hit_sigma_dph = 1e6;
+  const VectorXd further = expected_hit_dph2(c.times(), hits, y);
+  assert_near(further[150], 1e12, 1e6);
+  for (long k = 0; k < y.size(); ++k)
+    if (k != 150) assert_true(further[k] >= 0 && further[k] < 0.01 * 36 * 36);
 }
 
 // Beside white noise alone the levels are a hidden chain: every one of its 2^12 paths, with seconds missing.
@@ -405,6 +421,7 @@ int main() {
       cmocka_unit_test(test_steps_in_seconds_are_steps_in_ticks),
       cmocka_unit_test(test_mixtures_reduce_to_the_gaussian_they_contain),
       cmocka_unit_test(test_mixtures_of_white_noise_are_exact),
+      cmocka_unit_test(test_rare_large_hits_leave_other_samples_their_weight),
       cmocka_unit_test(test_levels_of_telegraph_noise_are_those_of_all_paths),
       cmocka_unit_test(test_too_many_states_are_refused),
       cmocka_unit_test(test_runs_side_by_side_have_the_likelihood_of_each_alone),

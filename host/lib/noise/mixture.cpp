@@ -10,6 +10,9 @@
 #include "noise/states.h"
 
 namespace imucal {
+
+using Eigen::VectorXd;
+
 namespace {
 
 // Standard normal score of a probability that rounding may have pushed to 0 or 1.
@@ -40,8 +43,8 @@ struct Pair {
 
 // Outliers: each sample is normal or a hit; the state's density is collapsed to one Gaussian after each sample.
 template <size_t M>
-double hit_log_likelihood(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& y,
-                          Eigen::VectorXd* scores, Eigen::VectorXd* hit) {
+double hit_log_likelihood(const SampleTimes& times, const NoiseModel& noise, const VectorXd& y, VectorXd* scores,
+                          VectorXd* hit) {
   const NoiseStates states(times, noise);
   Belief<M> belief(states);
   Transitions<M> transitions(states);
@@ -80,7 +83,7 @@ public:
         transitions_(states_) {}
 
   // `upper`, where given: probability of +a after each sample.
-  double run(const Eigen::VectorXd& y, Eigen::VectorXd* scores, Eigen::VectorXd* upper = nullptr) {
+  double run(const VectorXd& y, VectorXd* scores, VectorXd* upper = nullptr) {
     double log_likelihood = 0;
     for (size_t k = 0; k < times_.n; ++k) {
       const auto at = static_cast<long>(k);
@@ -141,8 +144,8 @@ template <class F> auto for_states(const NoiseModel& noise, const F& f) {
 
 } // namespace
 
-double mixture_log_likelihood(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& residual,
-                              Eigen::VectorXd* scores, Eigen::VectorXd* hit) {
+double mixture_log_likelihood(const SampleTimes& times, const NoiseModel& noise, const VectorXd& residual,
+                              VectorXd* scores, VectorXd* hit) {
   const auto n = static_cast<long>(times.n);
   if (scores) scores->resize(n);
   if (hit) hit->setZero(n);
@@ -153,9 +156,21 @@ double mixture_log_likelihood(const SampleTimes& times, const NoiseModel& noise,
   });
 }
 
-TelegraphLevel telegraph_level(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& residual) {
+VectorXd expected_hit_dph2(const SampleTimes& times, const NoiseModel& noise, const VectorXd& residual) {
+  VectorXd hit;
+  mixture_log_likelihood(times, noise, residual, nullptr, &hit);
+  const NoiseStates states(times, noise);
+  const double extra = noise.hit_sigma_dph * noise.hit_sigma_dph;
+  for (long k = 0; k < hit.size(); ++k) {
+    const double white = states.white_dph2(static_cast<size_t>(k));
+    hit[k] = hit[k] * extra * white / (white + (1 - hit[k]) * extra); // precision (1 - w)/white + w/(white + extra)
+  }
+  return hit;
+}
+
+TelegraphLevel telegraph_level(const SampleTimes& times, const NoiseModel& noise, const VectorXd& residual) {
   const auto n = static_cast<long>(times.n);
-  Eigen::VectorXd upper(n);
+  VectorXd upper(n);
   for_states(noise, [&](auto states) {
     return TelegraphFilter<decltype(states)::value>(times, noise).run(residual, nullptr, &upper);
   });

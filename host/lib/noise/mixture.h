@@ -14,6 +14,11 @@ namespace imucal {
 double mixture_log_likelihood(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& residual,
                               Eigen::VectorXd* scores = nullptr, Eigen::VectorXd* hit = nullptr);
 
+// Outliers: the further white variance of each sample [dph^2] under which it has its expected precision, as in the
+// expectation step for a scale mixture (Dempster, Laird and Rubin, 1980).  The expected variance would give every sample,
+// by the small probability that it is a hit, more than its own noise where hits are ten thousand times as large.
+Eigen::VectorXd expected_hit_dph2(const SampleTimes& times, const NoiseModel& noise, const Eigen::VectorXd& residual);
+
 // Telegraph noise: level of each sample [dph] as the whole residual shows it, and its variance: probabilities of the two
 // levels by the filter above, then from the end (Kim, J. Econometrics 60, 1994).
 struct TelegraphLevel {

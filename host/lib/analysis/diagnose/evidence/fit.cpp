@@ -269,16 +269,12 @@ std::vector<MatrixXd> with_rates(Design* design, const std::vector<VectorXd>& y)
   return xy;
 }
 
-// Expected additional variance of hits, per run; empty without outliers.
+// Additional variance of hits, per run.
 std::vector<VectorXd> hit_variance(const Campaign& campaign, const NoiseModel& noise,
                                    const std::vector<VectorXd>& residual) {
   std::vector<VectorXd> out;
-  if (!(noise.hit_probability > 0)) return out;
-  for (size_t r = 0; r < campaign.runs.size(); ++r) {
-    VectorXd hit;
-    mixture_log_likelihood(campaign.runs[r], noise, residual[r], nullptr, &hit);
-    out.push_back(hit * noise.hit_sigma_dph * noise.hit_sigma_dph);
-  }
+  for (size_t r = 0; r < campaign.runs.size(); ++r)
+    out.push_back(expected_hit_dph2(campaign.runs[r], noise, residual[r]));
   return out;
 }
 

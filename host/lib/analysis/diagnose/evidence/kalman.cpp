@@ -51,6 +51,10 @@ double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, c
   return mixture_log_likelihood(RunTimes(run, !noise.is_stationary()).times(), noise, residual, scores, hit);
 }
 
+Eigen::VectorXd expected_hit_dph2(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual) {
+  return expected_hit_dph2(RunTimes(run, !noise.is_stationary()).times(), noise, residual);
+}
+
 TelegraphLevel telegraph_level(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual) {
   return telegraph_level(RunTimes(run, !noise.is_stationary()).times(), noise, residual);
 }

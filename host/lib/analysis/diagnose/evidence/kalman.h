@@ -23,6 +23,7 @@ private:
 RunGains compute_gains(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd* extra_dph2 = nullptr);
 double mixture_log_likelihood(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual,
                               Eigen::VectorXd* scores = nullptr, Eigen::VectorXd* hit = nullptr);
+Eigen::VectorXd expected_hit_dph2(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual);
 
 TelegraphLevel telegraph_level(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual);
 
