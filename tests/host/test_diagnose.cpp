@@ -901,6 +901,20 @@ static void test_a_block_holds_the_share_of_a_jump_and_no_hit(void**) {
     }
 }
 
+// Two samples of 5 s have no middle that is neither.
+static void test_a_block_of_few_samples_holds_no_hit(void**) {
+  Log log = simulated_log(79, 400, false, 0);
+  Rng rng(79, 0, 0, Stream::kTool);
+  for (size_t i = 0; i < log.size(); ++i) log.t_s[i] *= 5, log.axes[0].rate_dph[i] = rng.normal();
+  log.axes[0].rate_dph[200] += 1e6, log.axes[0].rate_dph[301] -= 1e6;
+  const Campaign seconds = make_campaign({log}, "gx_dph", nominal_model());
+  const VectorXd hits = hits_of(seconds).front();
+  assert_int_equal((hits.array() != 0).count(), 2);
+  assert_near(hits[200], 1e6, 5);
+  assert_near(hits[301], -1e6, 5);
+  for (double y : block_means(seconds, 10).runs[0].input.rate_dph) assert_near(y, 0, 5);
+}
+
 // However far the rate is from zero.
 static void test_all_drop_outs_are_counted(void**) {
   for (const double level : {40.0, 80.0, 100.0, 300.0}) {
@@ -1329,6 +1343,7 @@ int main() {
       cmocka_unit_test(test_a_flat_spectrum_is_flat_whatever_the_lengths_of_the_logs),
       cmocka_unit_test(test_bursts_are_not_noise_of_another_size),
       cmocka_unit_test(test_a_block_holds_the_share_of_a_jump_and_no_hit),
+      cmocka_unit_test(test_a_block_of_few_samples_holds_no_hit),
       cmocka_unit_test(test_all_drop_outs_are_counted),
       cmocka_unit_test(test_drop_outs_between_small_rates_are_counted),
       cmocka_unit_test(test_rounding_is_told_log_by_log),

@@ -7,61 +7,75 @@
 #include "base/median.h"
 
 namespace imucal {
+
+using Eigen::VectorXd;
+
 namespace {
 
 constexpr double kBlock_s = 10;
 constexpr double kShortest_s = 60; // of block means that a run keeps
 constexpr double kMostBlocks = 3500;
+constexpr long kFewestAround = 5;             // samples whose median is no hit of its own
 constexpr double kFastest = 4;                // blocks per time constant from which a process is white
 constexpr double kMostNegative = 0.97;        // of the white noise that the blocks of a Markov process may take off
 constexpr double kFar = 8;                    // noise standard deviations from the median of a block
 constexpr double kLike = 0.5;                 // of that: two rates of one level differ by less
 constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
 
-// Sums over the rows of one block.
-struct BlockSum {
-  double rows = 0, t_s = 0, temp = 0, smooth = 0, slope = 0, tn = 0;
-  std::vector<double> rates;
-  std::vector<char> stays;                                    // of each rate: the one before or after is like it
-  std::map<std::string, std::pair<double, double>> auxiliary; // sum, count
-
-  void add(const RunInput& in, size_t i, bool is_used, bool is_like_neighbour) {
-    rows += 1, t_s += in.t_s[i], temp += in.temp_degc[i], smooth += in.smooth_degc[i];
-    slope += in.rate_degc_min[i], tn += in.tn[i];
-    if (is_used) rates.push_back(in.rate_dph[i]), stays.push_back(is_like_neighbour);
-    for (const auto& [name, column] : in.auxiliary)
-      if (std::isfinite(column[i])) auxiliary[name].first += column[i], auxiliary[name].second += 1;
-  }
-};
-
-// Mean without hits, which are gone with their sample.  What is far from the median and stays is a jump inside the block: its
-// share of the mean tells when it came.
-double mean_without_hits(const BlockSum& s, double far_dph) {
-  const double middle = median(s.rates);
-  double sum = 0, n = 0;
-  for (size_t i = 0; i < s.rates.size(); ++i)
-    if (s.stays[i] || std::fabs(s.rates[i] - middle) <= far_dph) sum += s.rates[i], n += 1;
-  return n > 0 ? sum / n : middle;
-}
-// Per row of a run: a used rate that is like the used one before or after it.
+// Per used sample of a run: one that is like the used one before or after it.
 std::vector<char> like_a_neighbour(const CampaignRun& run, double near_dph) {
-  std::vector<char> out(run.input.size(), 0);
+  std::vector<char> out(run.n(), 0);
   for (size_t k = 1; k < run.n(); ++k) {
     const auto before = static_cast<size_t>(run.used[k - 1]), now = static_cast<size_t>(run.used[k]);
-    if (std::fabs(run.input.rate_dph[now] - run.input.rate_dph[before]) <= near_dph) out[before] = out[now] = 1;
+    if (std::fabs(run.input.rate_dph[now] - run.input.rate_dph[before]) <= near_dph) out[k - 1] = out[k] = 1;
+  }
+  return out;
+}
+// What is far from the median of its block and stays is a jump inside the block: its share of the mean tells when it came.
+VectorXd hits_of(const CampaignRun& run, long length, double far_dph) {
+  VectorXd out = VectorXd::Zero(static_cast<long>(run.n()));
+  const std::vector<char> stays = like_a_neighbour(run, kLike * far_dph);
+  const auto block_of = [&](size_t k) { return run.input.tick[static_cast<size_t>(run.used[k])] / length; };
+  for (size_t first = 0, end = 0; first < run.n(); first = end) {
+    std::vector<double> rates;
+    for (end = first; end < run.n() && block_of(end) == block_of(first); ++end)
+      rates.push_back(run.input.rate_dph[static_cast<size_t>(run.used[end])]);
+    if (std::find(&stays[first], &stays[first] + rates.size(), 0) == &stays[first] + rates.size()) continue;
+    const double middle = median(rates);
+    for (size_t k = first; k < end; ++k)
+      if (!stays[k] && std::fabs(rates[k - first] - middle) > far_dph)
+        out[static_cast<long>(k)] = rates[k - first] - middle;
   }
   return out;
 }
 
-void append(const BlockSum& s, long tick, double fewest, double far_dph, RunInput* out) {
+// Sums over the rows of one block.
+struct BlockSum {
+  double rows = 0, t_s = 0, temp = 0, smooth = 0, slope = 0, tn = 0;
+  double used = 0, rate = 0, counted = 0;                     // rates; sum and number of those that are no hits
+  double level = 0;                                           // without its hits, where all are
+  std::map<std::string, std::pair<double, double>> auxiliary; // sum, count
+
+  void add(const RunInput& in, size_t i) {
+    rows += 1, t_s += in.t_s[i], temp += in.temp_degc[i], smooth += in.smooth_degc[i];
+    slope += in.rate_degc_min[i], tn += in.tn[i];
+    for (const auto& [name, column] : in.auxiliary)
+      if (std::isfinite(column[i])) auxiliary[name].first += column[i], auxiliary[name].second += 1;
+  }
+  void add_rate(double rate_dph, double hit_dph) {
+    used += 1, level = rate_dph - hit_dph;
+    if (hit_dph == 0) rate += rate_dph, counted += 1;
+  }
+};
+
+void append(const BlockSum& s, long tick, double fewest, RunInput* out) {
   out->t_s.push_back(s.t_s / s.rows);
   out->tick.push_back(tick);
   out->temp_degc.push_back(s.temp / s.rows);
   out->smooth_degc.push_back(s.smooth / s.rows);
   out->rate_degc_min.push_back(s.slope / s.rows);
   out->tn.push_back(s.tn / s.rows);
-  const bool is_enough = static_cast<double>(s.rates.size()) >= fewest;
-  out->rate_dph.push_back(is_enough ? mean_without_hits(s, far_dph) : std::nan(""));
+  out->rate_dph.push_back(s.used < fewest ? std::nan("") : s.counted > 0 ? s.rate / s.counted : s.level);
   for (auto& [name, column] : out->auxiliary) {
     const auto it = s.auxiliary.find(name);
     column.push_back(it == s.auxiliary.end() ? std::nan("") : it->second.first / it->second.second);
@@ -77,23 +91,32 @@ CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
   out.input.dt_s = in.dt_s * static_cast<double>(length);
   out.input.t0_degc = in.t0_degc, out.input.range_degc = in.range_degc;
   for (const auto& entry : in.auxiliary) out.input.auxiliary[entry.first] = {};
-  std::vector<char> is_used(in.size(), 0);
-  for (int row : run.used) is_used[static_cast<size_t>(row)] = 1;
-  const std::vector<char> stays = like_a_neighbour(run, kLike * far_dph);
+  const VectorXd hits = hits_of(run, std::max(length, kFewestAround), far_dph);
   const double fewest = 0.5 * static_cast<double>(length);
   BlockSum sum;
   long block = in.tick.empty() ? 0 : in.tick.front() / length;
-  for (size_t i = 0; i < in.size(); ++i) {
+  for (size_t i = 0, k = 0; i < in.size(); ++i) {
     const long at = in.tick[i] / length;
     if (at != block && sum.rows > 0) {
-      append(sum, block, fewest, far_dph, &out.input);
+      append(sum, block, fewest, &out.input);
       sum = BlockSum();
     }
     block = at;
-    sum.add(in, i, is_used[i], stays[i]);
+    sum.add(in, i);
+    if (k == run.n() || static_cast<size_t>(run.used[k]) != i) continue;
+    sum.add_rate(in.rate_dph[i], hits[static_cast<long>(k)]);
+    ++k;
   }
-  if (sum.rows > 0) append(sum, block, fewest, far_dph, &out.input);
+  if (sum.rows > 0) append(sum, block, fewest, &out.input);
   return out;
+}
+
+long samples_of(const Campaign& seconds, double block_s) {
+  return std::max(1L, std::lround(block_s / seconds.dt_s));
+}
+double far_dph(const Campaign& seconds) {
+  const double white = white_between_samples(seconds) / std::sqrt(seconds.dt_s);
+  return white > 0 ? kFar * white : 1e300;
 }
 
 } // namespace
@@ -124,14 +147,21 @@ double white_between_samples(const Campaign& campaign) {
 
 Campaign block_means(const Campaign& seconds, double block_s) {
   Campaign out = seconds;
+  const double far = far_dph(seconds);
   out.dt_s = block_s;
   out.runs.clear();
-  const long length = std::max(1L, std::lround(block_s / seconds.dt_s));
-  const double white = white_between_samples(seconds) / std::sqrt(seconds.dt_s);
   for (const CampaignRun& run : seconds.runs) {
-    out.runs.push_back(blocks_of(run, length, white > 0 ? kFar * white : 1e300));
+    out.runs.push_back(blocks_of(run, samples_of(seconds, block_s), far));
     find_used(&out.runs.back());
   }
+  return out;
+}
+
+std::vector<VectorXd> hits_of(const Campaign& seconds) {
+  const double far = far_dph(seconds);
+  std::vector<VectorXd> out;
+  const long length = std::max(samples_of(seconds, block_length_s(seconds)), kFewestAround);
+  for (const CampaignRun& run : seconds.runs) out.push_back(hits_of(run, length, far));
   return out;
 }
 
