@@ -613,6 +613,41 @@ static void test_a_few_wrong_samples_are_hits_and_nothing_else(void**) {
     assert_true(names_of(answer_to(hits, seed, 1, true)) == std::set<std::string>{"outliers"});
 }
 
+// Four logs with two hits each, of this size or the other way.
+static std::vector<Log> logs_with_hits(double size_dph) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 771; seed < 775; ++seed) {
+    logs.push_back(simulated_log(seed, 6000, false, 0));
+    Rng rng(seed, 4, 0, Stream::kTool);
+    for (int i = 0; i < 2; ++i)
+      logs.back().axes[0].rate_dph[static_cast<size_t>(6000 * rng.uniform())] +=
+          rng.uniform() < 0.5 ? size_dph : -size_dph;
+  }
+  return logs;
+}
+
+// One of a million dph among 6000 seconds would move their mean by 170 dph.
+static void test_a_hit_that_stands_out_does_not_move_the_mean(void**) {
+  const auto fit_of = [](double size_dph) {
+    const Campaign campaign = make_campaign(logs_with_hits(size_dph), "gx_dph", nominal_model());
+    return std::make_pair(rates(campaign), fit_hypothesis(campaign, nominal_hypothesis()));
+  };
+  const auto [with_hits, with] = fit_of(1e6);
+  const auto [plain_rates, without] = fit_of(0);
+  for (size_t r = 0; r < plain_rates.size(); ++r) {
+    const VectorXd moved = (with_hits[r] - with.residual[r]) - (plain_rates[r] - without.residual[r]);
+    assert_true(moved.array().abs().maxCoeff() < 1);
+    assert_true(with.e[r].array().abs().maxCoeff() > 1e4); // it is left whole
+  }
+  // Nor, once hits are known, does it widen the errors.
+  Hypothesis known = nominal_hypothesis();
+  known.base_noise.hit_probability = 8 / 24e3, known.base_noise.hit_sigma_dph = 1e6;
+  const Campaign campaign = make_campaign(logs_with_hits(1e6), "gx_dph", nominal_model());
+  const MatrixXd covariance = fit_hypothesis(campaign, known).beta_covariance;
+  for (long i = 0; i < covariance.rows(); ++i)
+    assert_near(std::sqrt(covariance(i, i) / without.beta_covariance(i, i)), 1, 0.02);
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_a_few_wrong_samples_are_hits_and_nothing_else),
@@ -637,6 +672,7 @@ int main() {
       cmocka_unit_test(test_hits_in_bursts_are_no_outliers),
       cmocka_unit_test(test_two_kinds_of_fast_noise_are_told),
       cmocka_unit_test(test_the_error_of_a_tone_is_that_of_noise_that_follows_the_temperature),
+      cmocka_unit_test(test_a_hit_that_stands_out_does_not_move_the_mean),
   };
   const struct CMUnitTest long_tests[] = {
       cmocka_unit_test(test_a_few_jumps_are_not_said_to_be_telegraph_noise),

@@ -6,6 +6,7 @@
 #include <nlopt.hpp>
 #include <numeric>
 
+#include "analysis/diagnose/logs/blocks.h"
 #include "base/units.h"
 #include "linear/linear.h"
 
@@ -278,6 +279,16 @@ std::vector<VectorXd> hit_variance(const Campaign& campaign, const NoiseModel& n
   return out;
 }
 
+// A hit that stands out counts as little as it is far off, before it is known whether the noise has hits: squares of one of a
+// million dph moved the polynomial by hundreds.  Empty: no run has any.
+std::vector<VectorXd> variance_of_hits(const Campaign& campaign) {
+  std::vector<VectorXd> out = hits_of(campaign);
+  bool has_any = false;
+  for (VectorXd& hits : out) has_any = has_any || hits.any(), hits = hits.array().square();
+  if (!has_any) out.clear();
+  return out;
+}
+
 struct GlsPass {
   Solution solution;
   std::vector<MatrixXd> white; // whitened [X y]
@@ -295,6 +306,11 @@ GlsPass gls(const Campaign& campaign, const std::vector<MatrixXd>& xy, const Vec
   }
   pass.solution = solve(triangle(pass.white, prior));
   return pass;
+}
+
+VectorXd innovations(const CampaignRun& run, const NoiseModel& noise, VectorXd residual) {
+  whiten(compute_gains(run, noise), residual.data(), static_cast<size_t>(residual.size()));
+  return residual;
 }
 
 std::vector<VectorXd> residuals(const std::vector<MatrixXd>& xy, const VectorXd& beta) {
@@ -373,7 +389,8 @@ Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis, const
   const NoiseModel noise = hypothesis.noise(), gaussian = gaussian_equivalent(noise);
   Design design = make_design(campaign, hypothesis);
   const std::vector<MatrixXd> xy = with_rates(&design, rates(campaign));
-  GlsPass pass = gls(campaign, xy, design.prior_precision, gaussian, {});
+  const std::vector<VectorXd> of_hits = variance_of_hits(campaign);
+  GlsPass pass = gls(campaign, xy, design.prior_precision, gaussian, of_hits);
   Fit fit;
   fit.residual = residuals(xy, pass.solution.beta);
   if (noise.hit_probability > 0) {
@@ -394,10 +411,14 @@ Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis, const
       fit.log_likelihood += mixture_log_likelihood(campaign.runs[r], noise, fit.residual[r], &scores);
       fit.e.push_back(scores);
     }
-    return fit;
+  } else {
+    fit.log_likelihood = -0.5 * (pass.sum_log_s + pass.solution.rss);
+    for (size_t r = 0; r < campaign.runs.size(); ++r) {
+      const MatrixXd& m = pass.white[r];
+      fit.e.push_back(of_hits.empty() ? m.rightCols(1) - m.leftCols(m.cols() - 1) * fit.beta
+                                      : innovations(campaign.runs[r], gaussian, fit.residual[r]));
+    }
   }
-  fit.log_likelihood = -0.5 * (pass.sum_log_s + pass.solution.rss);
-  for (const MatrixXd& m : pass.white) fit.e.push_back(m.rightCols(1) - m.leftCols(m.cols() - 1) * fit.beta);
   return fit;
 }
 

@@ -54,8 +54,8 @@ struct Fit {
   Eigen::MatrixXd beta_covariance;       // 0 where the logs do not determine a coefficient
   std::vector<Eigen::VectorXd> e;        // standardised innovations of the residual (mixtures: normal scores)
   std::vector<Eigen::VectorXd> residual; // rate minus fitted mean [dph]
-  double log_likelihood = 0;             // profile; without the constant of 2 pi
-  double log_det_r = 0;                  // of the whitened design: REML = log_likelihood - log_det_r
+  double log_likelihood = 0; // profile; without the constant of 2 pi; hits that stand out as likely as they can be
+  double log_det_r = 0;      // of the whitened design: REML = log_likelihood - log_det_r
   double reml() const { return log_likelihood - log_det_r; }
 };
 // `near`: a residual that the one beside telegraph noise may be like; levels are searched from there too.
