@@ -648,6 +648,79 @@ static void test_a_hit_that_stands_out_does_not_move_the_mean(void**) {
     assert_near(std::sqrt(covariance(i, i) / without.beta_covariance(i, i)), 1, 0.02);
 }
 
+// The noise that was fitted to them has swallowed such hits: white noise of 1e4 dph.
+static void test_hits_are_found_that_the_fitted_noise_has_swallowed(void**) {
+  for (const double size_dph : {1e4, 1e6}) {
+    const Campaign campaign = make_campaign(logs_with_hits(size_dph), "gx_dph", nominal_model());
+    const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+    const NoiseModel start = nominal_hypothesis().base_noise;
+    const SecondsNoise swallowed = fit_seconds_noise(campaign, start, residual);
+    assert_true(swallowed.base.white_sigma_dph > 100);
+    std::optional<StandingOut> hits = standing_out(campaign, residual);
+    assert_true(hits.has_value());
+    assert_near(hits->part, 8 / 24e3, 1e-9);
+    assert_near(hits->rms_dph, size_dph, 50);
+    hits->beside = fit_seconds_noise(campaign, start, hits->left);
+    assert_near(hits->beside.base.white_sigma_dph, 36, 1);
+    const FastScan scan =
+        scan_fast_noise(campaign, swallowed, residual, effect_library(), all_active(), {}, false, hits);
+    NoiseModel drawn = start;
+    drawn.hit_probability = hits->part, drawn.hit_sigma_dph = size_dph;
+    const FastFinding& first = scan.findings.front();
+    const ResidualLikelihood log_likelihood(campaign, residual);
+    assert_string_equal(first.effect->name().c_str(), "outliers");
+    assert_true(log_likelihood(first.noise()) > log_likelihood(drawn) - 1);
+    // They are sudden, and nothing jumps.
+    assert_false(scan.changes_suddenly);
+    for (const FastFinding& f : scan.findings) assert_false(f.effect->estimator()->is_jumping());
+  }
+}
+
+// Where the search for hits ended too early, a search for two ends better: that is not what the second kind gains.
+static void test_what_a_better_place_of_the_first_kind_gains_is_no_second_kind(void**) {
+  const Campaign campaign = make_campaign(logs_with_hits(1e4), "gx_dph", nominal_model());
+  const std::vector<VectorXd> residual = fit_hypothesis(campaign, nominal_hypothesis()).residual;
+  const ResidualLikelihood log_likelihood(campaign, residual);
+  FastFinding first, slope;
+  first.effect = &find_effect("outliers"), first.theta = {0.002, 5e4};
+  first.base = nominal_hypothesis().base_noise;
+  first.base.white_sigma_dph = 39, first.base.markov = {{40, 600}};
+  slope.effect = &find_effect("white_noise_vs_temperature"), slope.theta = {0}, slope.gain_nats = 100;
+  const double too_early = log_likelihood(first.noise());
+  assert_true(second_kind(log_likelihood, true, {slope}, 8, &first).effect == nullptr);
+  assert_true(log_likelihood(first.noise()) > too_early + 30);
+  assert_near(first.gain_nats, log_likelihood(first.noise()) - too_early, 0.1);
+}
+
+// One hit in each of four logs, another cause in all of them.
+static std::set<std::string> names_beside_hits(const std::function<double(double, double)>& cause, uint64_t seed) {
+  size_t row = 0;
+  return names_of(answer_to(
+      [&](double t, double temp_degc) { return cause(t, temp_degc) + (row++ % 6000 == 2345 ? 1e6 : 0.0); }, seed, 0));
+}
+static void test_large_hits_hide_nothing(void**) {
+  Rng rng(791, 0, 0, Stream::kTool);
+  const auto warm = [&](double, double temp_degc) {
+    return 36 * std::sqrt(std::exp(0.4 * (temp_degc - 30) / 30) - std::exp(-0.4)) * rng.normal();
+  };
+  assert_true(names_beside_hits(warm, 791) == (std::set<std::string>{"outliers", "white_noise_vs_temperature"}));
+  const auto tone = [](double t, double) { return 20 * std::cos(2 * kPi * 0.031 * t); };
+  assert_true(names_beside_hits(tone, 792) == (std::set<std::string>{"outliers", "sinusoid"}));
+}
+
+static void test_few_large_hits_bring_no_second_name(void**) {
+  for (const bool is_believed : {false, true}) {
+    size_t row = 0;
+    const auto hits = [&](double, double) { return row++ % 6000 == 2345 ? 1e6 : 0.0; };
+    const Selection said = answer_to(hits, 781, 1, is_believed);
+    assert_true(names_of(said) == std::set<std::string>{"outliers"});
+    assert_true(said.verdict == Verdict::kExplained);
+    assert_false(said.is_noise_retuned);
+    const SelectedEffect& effect = said.effects.front();
+    assert_near(effect.term.estimator->values(effect.term.estimate()).number("sigma_dph"), 1e6, 3e5);
+  }
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_a_few_wrong_samples_are_hits_and_nothing_else),
@@ -673,6 +746,10 @@ int main() {
       cmocka_unit_test(test_two_kinds_of_fast_noise_are_told),
       cmocka_unit_test(test_the_error_of_a_tone_is_that_of_noise_that_follows_the_temperature),
       cmocka_unit_test(test_a_hit_that_stands_out_does_not_move_the_mean),
+      cmocka_unit_test(test_hits_are_found_that_the_fitted_noise_has_swallowed),
+      cmocka_unit_test(test_what_a_better_place_of_the_first_kind_gains_is_no_second_kind),
+      cmocka_unit_test(test_few_large_hits_bring_no_second_name),
+      cmocka_unit_test(test_large_hits_hide_nothing),
   };
   const struct CMUnitTest long_tests[] = {
       cmocka_unit_test(test_a_few_jumps_are_not_said_to_be_telegraph_noise),

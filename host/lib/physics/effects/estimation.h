@@ -154,6 +154,8 @@ public:
   virtual std::vector<Theta> starts(const NoiseModel& /*base*/) const { return {}; }
   // Parameters with which it is most like a Markov process: a start where the base has swallowed it.  Empty: none.
   virtual Theta like(const Markov& /*process*/) const { return {}; }
+  // Parameters with which it is most like single samples that stand out, such a part of all and so far off.  Empty: none.
+  virtual Theta like_hits(double /*part*/, double /*rms_dph*/) const { return {}; }
   virtual Theta theta_lo() const { return {}; }
   virtual Theta theta_hi() const { return {}; }
   virtual bool is_logarithmic() const { return true; }

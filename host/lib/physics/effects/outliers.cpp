@@ -40,8 +40,9 @@ public:
   std::vector<Theta> starts(const NoiseModel& base) const override {
     return {{0.003, 6 * base.white_sigma_dph}, {0.03, 2.5 * base.white_sigma_dph}};
   }
+  Theta like_hits(double part, double rms_dph) const override { return {part, rms_dph}; }
   Theta theta_lo() const override { return {2e-5, 1e-2}; }
-  Theta theta_hi() const override { return {0.2, 1e6}; }
+  Theta theta_hi() const override { return {0.2, 1e7}; }
   NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
     NoiseModel out = base;
     out.hit_probability = theta[0];

@@ -2,7 +2,6 @@
 #include "analysis/diagnose/stages/fast_stage.h"
 
 #include <algorithm>
-#include <iterator>
 #include <optional>
 
 namespace imucal {
@@ -30,6 +29,18 @@ void leave_hits_that_stay(const AxisQuestion& question, const SecondsAnswer& sec
   list.erase(std::remove_if(list.begin(), list.end(), stays), list.end());
 }
 
+// Where hits stand out, the noise that swallows them is not what it is without them; nor, mostly, what was believed.
+void give_back_hits(const AxisQuestion& question, SecondsAnswer* seconds) {
+  if (!seconds->hits) return;
+  const double as_believed = ResidualLikelihood(question.campaign, seconds->fit.residual)(seconds->noise.base);
+  const SecondsNoise with = fit_seconds_noise(question.campaign, seconds->noise.base, seconds->fit.residual);
+  seconds->hits->beside = seconds->noise;
+  if (seconds->is_believed) {
+    seconds->retuned_nats = with.log_likelihood - as_believed;
+    seconds->is_believed = !(seconds->retuned_nats > question.constants.retuned_nats);
+  }
+  seconds->noise = with;
+}
 // The noise of the seconds where a better one was found; the believed one stays.
 void take_plain(const AxisQuestion& question, const SecondsNoise& plain, SecondsAnswer* seconds) {
   if (seconds->is_believed) return;
@@ -37,6 +48,15 @@ void take_plain(const AxisQuestion& question, const SecondsNoise& plain, Seconds
   seconds->noise = plain;
 }
 
+// Kinds that may be there beside the best; where that has hits which stand out, of what is left without them.
+std::vector<FastFinding> kinds_beside_best(const AxisQuestion& question, const Found& found) {
+  const FastFinding& best = found.fast.scan.findings.front();
+  const std::optional<StandingOut>& hits = found.seconds.hits;
+  if (!hits || !(best.noise().hit_probability > 0)) return found.fast.scan.findings;
+  return scan_fast_noise(question.campaign, hits->beside, hits->left, question.library, question.active,
+                         question.constants)
+      .findings;
+}
 // A single kind may pass for two: hits, and a white noise that follows the temperature.
 void ask_second(const AxisQuestion& question, Found* found) {
   if (!found->fast.best(question.constants)) return;
@@ -45,8 +65,9 @@ void ask_second(const AxisQuestion& question, Found* found) {
     return f.effect->family() == Family::kFastNoise && !f.effect->estimator()->is_jumping();
   };
   if (!is_fast(list.front())) return;
-  std::vector<FastFinding> rest;
-  std::copy_if(list.begin() + 1, list.end(), std::back_inserter(rest), is_fast);
+  std::vector<FastFinding> rest = kinds_beside_best(question, *found);
+  const auto is_none = [&](const FastFinding& f) { return f.effect == list.front().effect || !is_fast(f); };
+  rest.erase(std::remove_if(rest.begin(), rest.end(), is_none), rest.end());
   found->fast.second = second_kind(ResidualLikelihood(question.campaign, found->seconds.fit.residual),
                                    !found->seconds.is_believed, rest, question.constants.fast_nats, &list.front());
 }
@@ -202,8 +223,9 @@ void ask_fast(const AxisQuestion& question, Found* found) {
   if (question.is_censored) return; // the spread of what is left is not that of the noise
   FastScan& scan = found->fast.scan;
   SecondsAnswer& seconds = found->seconds;
+  give_back_hits(question, &seconds);
   scan = scan_fast_noise(question.campaign, seconds.noise, seconds.fit.residual, question.library, question.active,
-                         question.constants, may_ask_slow_noise(*found));
+                         question.constants, may_ask_slow_noise(*found), seconds.hits);
   take_plain(question, scan.plain, &seconds);
   leave_hits_that_stay(question, seconds, &scan);
   found->fast.jumping = ask_jumping_noise(question, &found->slow, &seconds, &scan);

@@ -226,7 +226,7 @@ private:
     list.erase(std::remove_if(list.begin(), list.end(), [&](const auto& f) { return f.effect == found.effect; }),
                list.end());
     list.insert(list.begin(), found);
-    seconds_.fit = jumping.fit;
+    seconds_.fit = jumping.fit, seconds_.hits.reset();
     seconds_.noise.base = found.base, seconds_.noise.log_likelihood = jumping.log_likelihood;
     seconds_.is_believed = jumping.is_believed, seconds_.retuned_nats = jumping.retuned_nats;
     SlowModel& best = slow_.found.best;

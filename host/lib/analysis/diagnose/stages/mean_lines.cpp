@@ -97,7 +97,8 @@ SelectedEffect effect_of_line(const NamedLine& line) {
 // A line was placed while the noise still held a part of it; the noise of the answer does not.
 Theta line_errors(const Campaign& campaign, const Design& design, const Fit& fit, const NoiseModel& noise,
                   const Term& line, size_t i_term) {
-  std::vector<VectorXd> e = fit.residual;
+  const std::optional<StandingOut> hits = standing_out(campaign, fit.residual);
+  std::vector<VectorXd> e = hits ? hits->left : fit.residual;
   for (size_t r = 0; r < e.size(); ++r) {
     for (size_t c = 0; c < design.cols(); ++c)
       if (design.term_of_column[c] == static_cast<int>(i_term))

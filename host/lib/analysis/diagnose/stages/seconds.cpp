@@ -9,6 +9,7 @@
 #include "analysis/diagnose/evidence/kalman.h"
 #include "analysis/diagnose/evidence/lines.h"
 #include "analysis/diagnose/evidence/spectrum.h"
+#include "analysis/diagnose/logs/blocks.h"
 #include "base/quantile.h"
 #include "base/units.h"
 #include "noise/likelihood.h"
@@ -149,6 +150,18 @@ SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start
   return out;
 }
 
+std::optional<StandingOut> standing_out(const Campaign& campaign, const std::vector<VectorXd>& residual) {
+  StandingOut out;
+  double n = 0, squares = 0;
+  for (const VectorXd& hits : hits_of(campaign)) {
+    n += static_cast<double>((hits.array() != 0).count()), squares += hits.squaredNorm();
+    out.left.push_back(residual[out.left.size()] - hits);
+  }
+  if (n == 0) return std::nullopt;
+  out.part = n / static_cast<double>(campaign.n()), out.rms_dph = std::sqrt(squares / n);
+  return out;
+}
+
 namespace {
 
 RestFinding in_sudden_changes(const Campaign& campaign, const std::vector<VectorXd>& e, const Moments& m, double rate);
@@ -217,7 +230,7 @@ private:
 
 // Joint search over the parameters of the effect and of the noise beside it.
 FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNoise& from, const Effect& effect,
-                     bool asks_slow) {
+                     bool asks_slow, const Theta& further_start = {}) {
   const EffectEstimator& e = *effect.estimator();
   FastFinding best;
   best.effect = &effect;
@@ -230,7 +243,9 @@ FastFinding fit_fast(const ResidualLikelihood& log_likelihood, const SecondsNois
   const auto best_start = [&] {
     Theta x;
     double highest = -1e300;
-    for (const Theta& theta : e.starts(from.base)) {
+    std::vector<Theta> all = e.starts(from.base);
+    if (!further_start.empty()) all.push_back(further_start);
+    for (const Theta& theta : all) {
       const Theta at = place.start(theta);
       if (const double v = value(at); v > highest) highest = v, x = at;
     }
@@ -350,19 +365,26 @@ void set_errors(const ResidualLikelihood& log_likelihood, FastFinding* finding) 
 
 FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from, const std::vector<VectorXd>& residual,
                          const std::vector<const Effect*>& library, const std::vector<bool>& active,
-                         const SelectorConstants& constants, bool may_ask_slow) {
+                         const SelectorConstants& constants, bool may_ask_slow,
+                         const std::optional<StandingOut>& hits) {
   const std::vector<VectorXd> e_of_base = whitened(campaign, gaussian_equivalent(from.base), residual);
-  const Moments m = moments(e_of_base);
+  // Hits that stand out are sudden and no jumps.
+  const std::vector<VectorXd> e_less_hits =
+      hits ? whitened(campaign, gaussian_equivalent(hits->beside.base), hits->left) : e_of_base;
+  const Moments m = moments(e_of_base), less = moments(e_less_hits);
   FastScan scan;
-  scan.changes_suddenly = in_sudden_changes(campaign, e_of_base, m, constants.rest_rate).evidence_nats > 0;
+  scan.changes_suddenly = in_sudden_changes(campaign, e_less_hits, less, constants.rest_rate).evidence_nats > 0;
   const bool asks_slow =
       may_ask_slow && in_spectrum(campaign, summed_power(campaign, e_of_base), constants.rest_rate).evidence_nats > 0;
   const ResidualLikelihood log_likelihood(campaign, residual);
   std::vector<FastFinding>& list = scan.findings;
   for (size_t j = 0; j < library.size(); ++j) {
     const EffectEstimator* e = library[j]->estimator();
-    if (!e || !active[j] || !is_asked(*e, campaign, m, scan.changes_suddenly, asks_slow)) continue;
-    FastFinding f = fit_fast(log_likelihood, from, *library[j], asks_slow);
+    if (!e || !active[j]) continue;
+    if (!is_asked(*e, campaign, e->is_jumping() ? less : m, scan.changes_suddenly, asks_slow)) continue;
+    const Theta like_hits = hits ? e->like_hits(hits->part, hits->rms_dph) : Theta();
+    const SecondsNoise start = like_hits.empty() ? from : SecondsNoise{hits->beside.base, from.log_likelihood};
+    FastFinding f = fit_fast(log_likelihood, start, *library[j], asks_slow, like_hits);
     if (f.theta.empty()) continue;
     const NoiseModel with = e->noise(f.base, f.theta);
     const bool is_markov = !with.is_mixture() && with.markov.size() > f.base.markov.size();

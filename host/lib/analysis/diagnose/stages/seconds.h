@@ -3,6 +3,7 @@
 // seconds, kinds of fast noise, tones, and tests of what is left that need no library.
 #pragma once
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "analysis/diagnose/evidence/fit.h"
@@ -44,6 +45,15 @@ SecondsNoise fit_seconds_noise(const Campaign& campaign, const NoiseModel& start
                                const std::vector<Eigen::VectorXd>& residual,
                                const std::function<NoiseModel(const NoiseModel&)>& with = {});
 
+// Samples that stand out of all noise, as block means leave them out.
+struct StandingOut {
+  std::vector<Eigen::VectorXd> left; // the residual without them
+  double part = 0, rms_dph = 0;      // of all samples; how far they are off
+  SecondsNoise beside = {};          // the noise of what is left, where somebody has fitted it
+};
+// Nothing: there are none.
+std::optional<StandingOut> standing_out(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual);
+
 struct FastFinding {
   const Effect* effect = nullptr;
   Theta theta, theta_errors;
@@ -62,14 +72,15 @@ struct FastScan {
   // The noise without any of them, from the start `from` and from that beside each that gains: a search beside a kind may
   // come to a better noise, and what that gains alone is not the kind's.
   SecondsNoise plain;
-  bool changes_suddenly = false; // the innovations under `from`
+  bool changes_suddenly = false; // the innovations, hits that stand out apart
 };
 // Every kind of fast noise of the library that may be asked.  `from`: noise that all of them contain.
 // `may_ask_slow`: kinds of slow noise too where that noise does not fit the spectrum of the residual.
+// `hits`: `from` has swallowed them, kinds with hits are searched from the noise beside them.
 FastScan scan_fast_noise(const Campaign& campaign, const SecondsNoise& from,
                          const std::vector<Eigen::VectorXd>& residual, const std::vector<const Effect*>& library,
-                         const std::vector<bool>& active, const SelectorConstants& constants,
-                         bool may_ask_slow = false);
+                         const std::vector<bool>& active, const SelectorConstants& constants, bool may_ask_slow = false,
+                         const std::optional<StandingOut>& hits = std::nullopt);
 // The parameters of a finding searched again on another residual, those of the noise beside it where `is_base_free`.
 // Returns the log-likelihood that they reach.
 double fit_again(const ResidualLikelihood& log_likelihood, bool is_base_free, FastFinding* finding);

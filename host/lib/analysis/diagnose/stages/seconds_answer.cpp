@@ -53,10 +53,16 @@ void fit_own_base_beside(const std::function<NoiseModel(const NoiseModel&)>& fas
     const NoiseModel with_slow = m.noise_effect->estimator()->noise(base, m.noise_theta);
     return fast ? fast(with_slow) : with_slow;
   };
-  seconds->own_base = fit_seconds_noise(question.campaign, seconds->own_base, seconds->fit.residual, with).base;
+  const std::vector<VectorXd>& residual = fast ? seconds->fit.residual : seconds->without_hits();
+  seconds->own_base = fit_seconds_noise(question.campaign, seconds->own_base, residual, with).base;
 }
 
 namespace {
+
+void fit_final(const AxisQuestion& question, SecondsAnswer* seconds) {
+  seconds->fit = fit_hypothesis(question.campaign, seconds->final);
+  seconds->hits = standing_out(question.campaign, seconds->fit.residual);
+}
 
 constexpr double kPlaceBlocks = 1.5; // how far from its place in block means a jump is looked for
 
@@ -84,10 +90,10 @@ void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer
   if (is_noise_sloped(beside)) {
     SlowModel plain = beside;
     plain.noise_effect = nullptr;
-    beside.noise_theta = slope_beside(question, seconds->fit.residual, beside, believed_noise(*slow->search, plain));
+    beside.noise_theta = slope_beside(question, seconds->without_hits(), beside, believed_noise(*slow->search, plain));
   }
   const NoiseModel believed = believed_noise(*slow->search, beside);
-  const double as_believed = ResidualLikelihood(question.campaign, seconds->fit.residual)(believed);
+  const double as_believed = ResidualLikelihood(question.campaign, seconds->without_hits())(believed);
   seconds->retuned_nats = seconds->noise.log_likelihood - as_believed;
   if (seconds->retuned_nats > question.constants.retuned_nats)
     seconds->retuned_nats = gain_over(question, *slow, {believed}, *seconds);
@@ -116,7 +122,7 @@ bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* 
   }
   std::vector<Theta>& steps = slow->found.best.steps;
   const long reach = std::lround(kPlaceBlocks * slow->data->campaign.dt_s / question.campaign.dt_s);
-  std::vector<VectorXd> residual = seconds->fit.residual;
+  std::vector<VectorXd> residual = seconds->without_hits();
   bool has_moved = false;
   for (size_t s = 0; s < steps.size() && s < sizes_dph.size(); ++s) {
     const auto r = static_cast<size_t>(steps[s][0]);
@@ -153,10 +159,13 @@ NoiseModel noise_of_one(const AxisQuestion& question, const SlowAnswer& slow, co
   for (const Markov& process : in_one(seconds.noise.base.markov)) {
     NoiseModel alone;
     alone.white_sigma_dph = seconds.noise.base.white_sigma_dph, alone.markov = {process};
-    const SecondsNoise fitted = fit_seconds_noise(question.campaign, alone, seconds.fit.residual);
+    const SecondsNoise fitted = fit_seconds_noise(question.campaign, alone, seconds.without_hits());
     if (fitted.log_likelihood > best.log_likelihood) best = fitted;
   }
-  return fit_seconds_noise(question.campaign, best.base, fit_beside(question, slow, best.base).residual).base;
+  SecondsAnswer beside;
+  beside.fit = fit_beside(question, slow, best.base);
+  beside.hits = standing_out(question.campaign, beside.fit.residual);
+  return fit_seconds_noise(question.campaign, best.base, beside.without_hits()).base;
 }
 // Block means hardly show a process of few seconds.  What a kind of slow noise that is not worth its name in them gains in the
 // seconds, over one process alone and over the believed noise, tells too.
@@ -195,14 +204,14 @@ SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow) {
   nominal.is_believed = nominal.is_believed || question.belief.has_believed;
   out.nominal = hypothesis_of(question, *slow->search, nominal, false);
   out.final = hypothesis_of(question, *slow->search, slow->found.best, true);
-  out.fit = fit_hypothesis(question.campaign, out.final);
-  out.noise = fit_seconds_noise(question.campaign, out.final.noise(), out.fit.residual);
+  fit_final(question, &out);
+  out.noise = fit_seconds_noise(question.campaign, out.final.noise(), out.without_hits());
   if (!slow->found.best.steps.empty() && place_jumps(question, slow, &out)) {
     out.final = hypothesis_of(question, *slow->search, slow->found.best, true);
-    out.fit = fit_hypothesis(question.campaign, out.final);
-    out.noise = fit_seconds_noise(question.campaign, out.noise.base, out.fit.residual);
+    fit_final(question, &out);
+    out.noise = fit_seconds_noise(question.campaign, out.noise.base, out.without_hits());
   }
-  if (const std::optional<SecondsNoise> sloped = fit_sloped_noise(question, out.fit.residual, slow)) {
+  if (const std::optional<SecondsNoise> sloped = fit_sloped_noise(question, out.without_hits(), slow)) {
     out.noise = *sloped;
     out.final = hypothesis_of(question, *slow->search, slow->found.best, true);
   }
@@ -213,7 +222,7 @@ SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow) {
   return out;
 }
 std::vector<VectorXd> whitened(const Campaign& campaign, const SecondsAnswer& seconds) {
-  std::vector<VectorXd> e = seconds.fit.residual;
+  std::vector<VectorXd> e = seconds.without_hits();
   for (size_t r = 0; r < e.size(); ++r)
     whiten(compute_gains(campaign.runs[r], gaussian_equivalent(seconds.noise.base)), e[r].data(),
            static_cast<size_t>(e[r].size()));
