@@ -62,6 +62,12 @@ def has_raw(data):
     return bool(data) and all(data.get(k) for k in ("rate_dph", "polynomial_dph", "before_dph", "after_dph"))
 
 
+def without_hits(data):
+    n = data.get("n_hits") or 0
+    samples = "1 sample that stands" if n == 1 else f"{n} samples that stand"
+    return f" without {samples} out of all noise" if n else ""
+
+
 def raw_figures(axis):
     """The record first: (a) against time, (b) against temperature, (c) less polynomial, and the same after where what was found has
     a mean to draw."""
@@ -74,7 +80,7 @@ def raw_figures(axis):
         data = plots["residual"] = {**data, "after_dph": data["before_dph"]}
     has_temperature = any(t is not None for t in data["temp_degc"])
     wanted = [("residual", f"The record: rate {'and temperature ' if has_temperature else ''}against time",
-               f"Means over {number(data.get('mean_s', 60))} s"
+               f"Means over {number(data.get('mean_s', 60))} s" + without_hits(data)
                + ("; red while the temperature rises, blue while it falls, grey at rest." if has_temperature else "."),
                draw.draw_record, "wide")]
     if has_temperature:

@@ -56,6 +56,29 @@ static Json told(const Selection& selection, double false_alarm_rate = 0.01) {
   options.false_alarm_rate = false_alarm_rate;
   return diagnosis_json(options, result)["axes"][0];
 }
+// A second of a million dph is no part of a minute's mean, before or after.
+static void test_means_that_are_drawn_hold_no_hit(void**) {
+  Log log;
+  log.axes.resize(1);
+  log.axes[0].name = "gx_dph";
+  for (int k = 0; k < 600; ++k) {
+    log.t_s.push_back(k + 1), log.temp_degc.push_back(20 + 0.05 * k);
+    log.axes[0].rate_dph.push_back(100 + (k % 7 - 3) * 10 + (k == 345 ? 1e6 : 0));
+  }
+  DiagnoseResult result;
+  result.axes.resize(1);
+  AxisResult& axis = result.axes[0];
+  axis.axis = "gx_dph";
+  axis.campaign = make_campaign({log}, "gx_dph", {});
+  axis.nominal_fit.residual = axis.plain_fit.residual = axis.final_fit.residual = rates(axis.campaign);
+  axis.nominal_fit.e = axis.plain_fit.e = axis.final_fit.e = rates(axis.campaign);
+  const Json drawn = diagnosis_json({}, result)["axes"][0]["plots"]["residual"];
+  assert_true(drawn["n_hits"] == Json(1));
+  assert_int_equal(drawn["rate_dph"].size(), 10);
+  for (const char* key : {"rate_dph", "before_dph", "after_dph"})
+    for (const Json& mean : drawn[key]) assert_true(std::fabs(static_cast<double>(mean) - 100) < 2);
+}
+
 static size_t count(const std::string& text, const std::string& part) {
   size_t n = 0;
   for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++n;
@@ -361,6 +384,7 @@ static void test_no_name_is_twice_in_a_set(void**) {
 
 int main() {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_means_that_are_drawn_hold_no_hit),
       cmocka_unit_test(test_a_family_that_is_told_is_in_the_headline),
       cmocka_unit_test(test_a_family_is_told_with_what_is_open),
       cmocka_unit_test(test_a_name_that_is_left_is_nearest_in_the_headline),

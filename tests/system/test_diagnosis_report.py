@@ -220,6 +220,16 @@ def test_without_temperatures_nothing_is_said_of_them(tmp_path):
     assert figures.Record(axis["plots"]["residual"]).believed_mean == "mean of each log"
 
 
+def test_hits_left_out_of_means_are_counted(tmp_path):
+    diagnosis = copy.deepcopy(DIAGNOSIS)
+    residual = diagnosis["axes"][0]["plots"]["residual"]
+    assert "out of all noise" not in run(tmp_path, diagnosis)[1]
+    for n_hits, words in ((1, "Means over 60 s without 1 sample that stands out of all noise"),
+                          (4, "Means over 60 s without 4 samples that stand out of all noise")):
+        residual["n_hits"] = n_hits
+        assert words in run(tmp_path, diagnosis)[1]
+
+
 def test_findings_are_listed_as_people_read_them(tmp_path):
     diagnosis = copy.deepcopy(DIAGNOSIS)
     axis = diagnosis["axes"][0]

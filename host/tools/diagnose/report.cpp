@@ -7,6 +7,7 @@
 #include <map>
 #include <utility>
 
+#include "analysis/diagnose/logs/blocks.h"
 #include "base/axis_unit.h"
 #include "diagnose/advice.h"
 #include "diagnose/noise_words.h"
@@ -212,20 +213,25 @@ Json where_json(const AxisResult& axis) {
 }
 
 // One-minute means: what was measured, what the polynomial and the whole answer make of it, and what is left.
+// Means of what is left, without hits: one of a million dph is no part of what a minute was.
 Json residual_json(const Campaign& campaign, const Fit& before, const Fit& after) {
   Json temp = Json::array(), rate = Json::array(), time = Json::array(), log = Json::array(), raw = Json::array(),
        b = Json::array(), a = Json::array(), fitted_b = Json::array(), fitted_a = Json::array();
   const long block = std::max(rows_of_minute(campaign.dt_s), static_cast<long>(campaign.n() / 1500));
+  const std::vector<Eigen::VectorXd> hits = hits_of(campaign);
+  long n_hits = 0;
   for (size_t r = 0; r < campaign.runs.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
+    n_hits += (hits[r].array() != 0).count();
     for (long k = 0; k + block <= before.residual[r].size(); k += block) {
-      double sum = 0;
-      for (long i = k; i < k + block; ++i)
-        sum += run.input.rate_dph[static_cast<size_t>(run.used[static_cast<size_t>(i)])];
-      const double mean = sum / static_cast<double>(block);
+      const Eigen::ArrayXd counts = (hits[r].segment(k, block).array() == 0).cast<double>();
+      const auto mean_of = [&](const auto& x) { return (x.array() * counts).sum() / std::max(1.0, counts.sum()); };
+      Eigen::VectorXd rates(block);
+      for (long i = 0; i < block; ++i)
+        rates[i] = run.input.rate_dph[static_cast<size_t>(run.used[static_cast<size_t>(k + i)])];
+      const double mean = mean_of(rates), left_b = mean_of(before.residual[r].segment(k, block)),
+                   left_a = mean_of(after.residual[r].segment(k, block));
       const size_t row = static_cast<size_t>(run.used[static_cast<size_t>(k + block / 2)]);
-      const double left_b = before.residual[r].segment(k, block).mean(),
-                   left_a = after.residual[r].segment(k, block).mean();
       temp.push_back(campaign.has_temperature ? Json(run.input.smooth_degc[row]) : Json(nullptr));
       rate.push_back(run.input.rate_degc_min[row]);
       time.push_back(time_in_log_s(run, run.input.t_s[row]));
@@ -235,6 +241,7 @@ Json residual_json(const Campaign& campaign, const Fit& before, const Fit& after
     }
   }
   return {{"mean_s", static_cast<double>(block) * campaign.dt_s},
+          {"n_hits", n_hits},
           {"temp_degc", temp},
           {"rate_degc_per_min", rate},
           {"t_s", time},
