@@ -10,10 +10,10 @@ namespace imucal {
 struct SecondsAnswer {
   Hypothesis nominal, final; // without and with the names
   Fit fit;                   // of the mean of `final`; noise that was found after it is in `final` alone
-  SecondsNoise noise;        // under `final`, what kinds of slow noise make of it included, without a kind of fast noise
-  NoiseModel own_base;       // under a kind of slow noise: what that acts on
-  bool is_believed = false;  // the noise as believed does under `final`
-  double retuned_nats = 0;   // what other parameters than the believed ones gain
+  SecondsNoise noise;       // under `final`, what kinds of slow noise make of it included, without a kind of fast noise
+  NoiseModel own_base;      // under a kind of slow noise: what that acts on
+  bool is_believed = false; // the noise as believed does under `final`
+  double retuned_nats = 0;  // what other parameters than the believed ones gain
   // Samples of the residual of `fit` that stand out: the noise is that of what is left, until kinds of fast noise are asked.
   std::optional<StandingOut> hits;
   const std::vector<Eigen::VectorXd>& without_hits() const { return hits ? hits->left : fit.residual; }
