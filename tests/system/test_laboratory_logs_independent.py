@@ -123,6 +123,12 @@ def wrong_samples(d):
         rate[d.rng.integers(0, len(rate), 4)] = d.rng.choice([-1e4, 1e4], 4)
 
 
+def one_sample(d):
+    """Not among his faults: added when samples of any size had been mended."""
+    for rate in d.rate:
+        rate[d.rng.integers(0, len(rate))] = d.rng.choice([-1e6, 1e6])
+
+
 def digits(d):
     for rate, step in zip(d.rate, (0.0001, 0.01, 0.1, 0.5)):
         rate[:] = step * np.round(rate / step)
@@ -146,9 +152,9 @@ def no_temperature(d):
 
 FAULTS = {"nothing": lambda d: None, "power-up": wrong_readings(85, 0, 2), "unread": wrong_readings(0, 3, 0),
           "disconnected": wrong_readings(-127, 1, 0), "now and then": wrong_readings(85, 5, 2), "hidden pause": hidden_pause,
-          "kelvin": kelvin, "fan": fan, "wrong samples": wrong_samples, "digits": digits, "parts": parts, "windows": windows,
-          "no temperature": no_temperature}
-MAY_STAND = {"wrong samples": {"outliers", "fast_noise"}, "digits": {"quantization"}}
+          "kelvin": kelvin, "fan": fan, "wrong samples": wrong_samples, "one sample": one_sample, "digits": digits,
+          "parts": parts, "windows": windows, "no temperature": no_temperature}
+MAY_STAND = {"wrong samples": {"outliers", "fast_noise"}, "one sample": {"outliers", "fast_noise"}, "digits": {"quantization"}}
 REFUSED = {"parts": "one record", "windows": "one record", "no temperature": "without temperatures"}
 
 
