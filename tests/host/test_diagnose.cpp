@@ -915,6 +915,17 @@ static void test_a_block_of_few_samples_holds_no_hit(void**) {
   for (double y : block_means(seconds, 10).runs[0].input.rate_dph) assert_near(y, 0, 5);
 }
 
+// What a run begins with may fade within a few seconds; a hit is gone with its sample.
+static void test_what_fades_from_the_start_is_no_hit(void**) {
+  for (const double kept : {0.68, 0.0}) {
+    Log log = simulated_log(79, 4000, false, 0);
+    double off_dph = 1000;
+    for (size_t i = 0; i < 20; ++i) log.axes[0].rate_dph[i] += off_dph, off_dph *= kept;
+    const Campaign seconds = make_campaign({log}, "gx_dph", nominal_model());
+    assert_int_equal((hits_of(seconds).front().array() != 0).count(), kept > 0 ? 0 : 1);
+  }
+}
+
 // However far the rate is from zero.
 static void test_all_drop_outs_are_counted(void**) {
   for (const double level : {40.0, 80.0, 100.0, 300.0}) {
@@ -1347,6 +1358,7 @@ int main() {
       cmocka_unit_test(test_bursts_are_not_noise_of_another_size),
       cmocka_unit_test(test_a_block_holds_the_share_of_a_jump_and_no_hit),
       cmocka_unit_test(test_a_block_of_few_samples_holds_no_hit),
+      cmocka_unit_test(test_what_fades_from_the_start_is_no_hit),
       cmocka_unit_test(test_all_drop_outs_are_counted),
       cmocka_unit_test(test_drop_outs_between_small_rates_are_counted),
       cmocka_unit_test(test_rounding_is_told_log_by_log),

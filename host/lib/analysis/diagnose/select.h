@@ -10,7 +10,7 @@
 #include "analysis/diagnose/logs/structure.h"
 #include "analysis/diagnose/search/search.h"
 #include "analysis/diagnose/stages/gap.h"
-#include "analysis/diagnose/stages/seconds.h"
+#include "analysis/diagnose/stages/rest.h"
 #include "analysis/diagnose/stages/selected.h"
 
 namespace imucal {

@@ -22,6 +22,12 @@ NoiseModel Hypothesis::noise() const {
   return out;
 }
 
+Hypothesis without_jumps(Hypothesis h) {
+  const auto is_of_one_log = [](const Term& term) { return term.form() == Form::kSteps; };
+  h.terms.erase(std::remove_if(h.terms.begin(), h.terms.end(), is_of_one_log), h.terms.end());
+  return h;
+}
+
 namespace {
 
 // Tn of the polynomial: that of the last term that replaces the temperature, else the logged one.

@@ -36,6 +36,9 @@ struct Hypothesis {
   NoiseModel noise() const; // with what the noise terms make of it
 };
 
+// A hypothesis without its jumps in time: they stay with the logs in which they were found.
+Hypothesis without_jumps(Hypothesis h);
+
 // Regressors of one hypothesis: per run a constant, then the polynomial, then the columns of the terms.
 struct Design {
   std::vector<Eigen::MatrixXd> x;   // per run: used samples x columns

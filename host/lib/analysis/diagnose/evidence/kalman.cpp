@@ -59,4 +59,12 @@ TelegraphLevel telegraph_level(const CampaignRun& run, const NoiseModel& noise, 
   return telegraph_level(RunTimes(run, !noise.is_stationary()).times(), noise, residual);
 }
 
+std::vector<Eigen::VectorXd> whitened(const std::vector<CampaignRun>& runs, const NoiseModel& noise,
+                                      std::vector<Eigen::VectorXd> residual) {
+  GainsByRun gains(runs, noise);
+  for (size_t r = 0; r < residual.size(); ++r)
+    whiten(gains.of(runs[r]), residual[r].data(), static_cast<size_t>(residual[r].size()));
+  return residual;
+}
+
 } // namespace imucal

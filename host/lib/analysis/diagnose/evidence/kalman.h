@@ -43,4 +43,8 @@ private:
   RunGains of_longest_, of_last_, of_beginning_;
 };
 
+// Innovations of a residual, run by run.
+std::vector<Eigen::VectorXd> whitened(const std::vector<CampaignRun>& runs, const NoiseModel& noise,
+                                      std::vector<Eigen::VectorXd> residual);
+
 } // namespace imucal

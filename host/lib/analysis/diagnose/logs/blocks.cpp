@@ -15,11 +15,12 @@ namespace {
 constexpr double kBlock_s = 10;
 constexpr double kShortest_s = 60; // of block means that a run keeps
 constexpr double kMostBlocks = 3500;
-constexpr long kFewestAround = 5;             // samples whose median is no hit of its own
-constexpr double kFastest = 4;                // blocks per time constant from which a process is white
-constexpr double kMostNegative = 0.97;        // of the white noise that the blocks of a Markov process may take off
-constexpr double kFar = 8;                    // noise standard deviations from the median of a block
-constexpr double kLike = 0.5;                 // of that: two rates of one level differ by less
+constexpr long kFewestAround = 5;      // samples whose median is no hit of its own
+constexpr double kFastest = 4;         // blocks per time constant from which a process is white
+constexpr double kMostNegative = 0.97; // of the white noise that the blocks of a Markov process may take off
+constexpr double kFar = 8;             // noise standard deviations from the median of a block
+constexpr double kLike = 0.5;          // of that: two rates of one level differ by less
+constexpr double kFading = 0.3;        // of a sample at the start of a run, in the next: no hit, gone with its sample
 constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
 
 // Per used sample of a run: one that is like the used one before or after it.
@@ -157,11 +158,23 @@ Campaign block_means(const Campaign& seconds, double block_s) {
   return out;
 }
 
+// A memory that fades within seconds begins with samples that are far off, each less so than the one before.
+static void keep_fading_start(const CampaignRun& run, VectorXd* hits) {
+  const auto rate = [&](long k) { return run.input.rate_dph[static_cast<size_t>(run.used[static_cast<size_t>(k)])]; };
+  long n = 0;
+  while (n + 1 < hits->size() && (*hits)[n] != 0) ++n;
+  if (n == 0) return;
+  const double last = (*hits)[n - 1], next = rate(n) - (rate(n - 1) - last); // both off the middle of the block
+  if (next / last > kFading) hits->head(n).setZero();
+}
 std::vector<VectorXd> hits_of(const Campaign& seconds) {
   const double far = far_dph(seconds);
   std::vector<VectorXd> out;
   const long length = std::max(samples_of(seconds, block_length_s(seconds)), kFewestAround);
-  for (const CampaignRun& run : seconds.runs) out.push_back(hits_of(run, length, far));
+  for (const CampaignRun& run : seconds.runs) {
+    out.push_back(hits_of(run, length, far));
+    keep_fading_start(run, &out.back());
+  }
   return out;
 }
 

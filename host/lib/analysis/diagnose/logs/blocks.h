@@ -15,7 +15,8 @@ double block_length_s(const Campaign& seconds);
 // left out where neither neighbour is like them: hits are judged at full rate, and one of them would colour a whole block.
 Campaign block_means(const Campaign& seconds, double block_s);
 
-// By how much the used samples of each run that those means leave out are off the median of their block [dph]; of others 0.
+// By how much the used samples of each run that those means leave out are off the median of their block [dph]; of others 0, and
+// of those with which a memory that fades within seconds begins.
 std::vector<Eigen::VectorXd> hits_of(const Campaign& seconds);
 
 // Sizes of the differences of neighbouring used samples [dph].

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Whether hits come one by one, as outliers do, or in bursts.
 #pragma once
-#include "analysis/diagnose/stages/seconds.h"
+#include "analysis/diagnose/stages/rest.h"
 
 namespace imucal {
 

@@ -99,12 +99,11 @@ Theta line_errors(const Campaign& campaign, const Design& design, const Fit& fit
                   const Term& line, size_t i_term) {
   const std::optional<StandingOut> hits = standing_out(campaign, fit.residual);
   std::vector<VectorXd> e = hits ? hits->left : fit.residual;
-  for (size_t r = 0; r < e.size(); ++r) {
+  for (size_t r = 0; r < e.size(); ++r)
     for (size_t c = 0; c < design.cols(); ++c)
       if (design.term_of_column[c] == static_cast<int>(i_term))
         e[r] += fit.beta[static_cast<long>(c)] * design.x[r].col(static_cast<long>(c));
-    whiten(compute_gains(campaign.runs[r], gaussian_equivalent(noise)), e[r].data(), static_cast<size_t>(e[r].size()));
-  }
+  e = whitened(campaign.runs, gaussian_equivalent(noise), e);
   return errors_of_place(campaign, e, *line.estimator, line.shape);
 }
 

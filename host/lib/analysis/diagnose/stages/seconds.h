@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The fast stage: what the single seconds say once the slow causes are in the mean.  Noise parameters of the
-// seconds, kinds of fast noise, tones, and tests of what is left that need no library.
+// seconds, kinds of fast noise, the sample of a jump.
 #pragma once
 #include <functional>
 #include <optional>
@@ -101,45 +101,5 @@ Eigen::VectorXd with_jump_moved(Eigen::VectorXd residual, double size_dph, long 
 // jump of this size before sample `at`.
 long sample_of_jump(const CampaignRun& run, const NoiseModel& noise, const Eigen::VectorXd& residual, double size_dph,
                     long at, long reach);
-
-// Whether sudden changes go one way more than the other, as teeth do; telegraph noise jumps up and down in turn.  Said at a
-// rate of 1 in 100 at most where they do not.  `residual`: rate less the fitted mean; `noise`: of any kind.
-bool is_one_sided(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual, const NoiseModel& noise);
-
-// Whether what noise with hits takes for hits stays: innovations after a hit have its sign, as after a jump.  A hit is gone
-// with its sample.  Said at rest_rate where it is.
-bool do_hits_stay(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual, const NoiseModel& noise,
-                  const SelectorConstants& constants);
-
-constexpr long kOfOneBurst[] = {10, 60}; // samples within which hits of one burst follow each other
-
-// Tests of innovations that no effect owns.
-enum class Rest {
-  kSpectrum,
-  kVarianceOverTemperature,
-  kVarianceOverTime,
-  kDistribution,
-  kBursts,
-  kLine,
-  kSuddenChanges,
-  kCount
-};
-struct RestFinding {
-  Rest test = Rest::kSpectrum;
-  double evidence_nats = 0;  // > 0: fires; at rest_rate on a right model
-  double threshold_nats = 0; // what -ln p has beyond it is the evidence; p of a line: of one place of the spectrum
-  double n_places = 1;       // that were looked at for the strongest line
-
-  // Probability of so much, or more, on a right model; of a line: at most.
-  double p_value() const;
-};
-std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e,
-                                   const SelectorConstants& constants);
-// Those of held-out logs that need no more of the noise than its kind: its parameters are known from other logs, to within
-// errors.  `e`: of a fit of these logs, of any variance.
-std::vector<RestFinding> test_unseen(const Campaign& held_out, std::vector<Eigen::VectorXd> e,
-                                     const SelectorConstants& constants);
-// A hypothesis without its jumps in time: they stay with the logs in which they were found.
-Hypothesis without_jumps(Hypothesis h);
 
 } // namespace imucal

@@ -222,11 +222,7 @@ SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow) {
   return out;
 }
 std::vector<VectorXd> whitened(const Campaign& campaign, const SecondsAnswer& seconds) {
-  std::vector<VectorXd> e = seconds.without_hits();
-  for (size_t r = 0; r < e.size(); ++r)
-    whiten(compute_gains(campaign.runs[r], gaussian_equivalent(seconds.noise.base)), e[r].data(),
-           static_cast<size_t>(e[r].size()));
-  return e;
+  return whitened(campaign.runs, gaussian_equivalent(seconds.noise.base), seconds.without_hits());
 }
 
 } // namespace imucal
