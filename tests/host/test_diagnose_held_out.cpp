@@ -253,13 +253,22 @@ static void test_bursts_of_a_held_out_log_are_a_gap(void**) {
   assert_true(fires(said.unseen, Rest::kBursts) && fires(said.unseen, Rest::kDistribution));
 }
 
+// One wrong sample is no strength that changes, no burst and no jump.
+static void test_a_wrong_sample_of_a_held_out_log_is_one_sample(void**) {
+  for (const double size_dph : {2e3, 1e6}) {
+    const Selection said = answer_with([&](Log* log) { log->axes[0].rate_dph[3000] -= size_dph; }, 740, 0);
+    assert_true(said.verdict == Verdict::kUnexplained && said.effects.empty() && said.stronger_noise.empty());
+    for (const RestFinding& f : said.unseen) assert_true((f.evidence_nats > 0) == (f.test == Rest::kDistribution));
+  }
+}
+
 // Without anything: at 1 in 1000 each.
 static void test_right_held_out_logs_are_quiet(void**) {
   int n_fire = 0;
   for (uint64_t k = 0; k < 40; ++k) {
     Campaign campaign = make_campaign({simulated_log(2000 + k, 6000, true, 0)}, "gx_dph", nominal_model());
-    n_fire +=
-        fires(test_unseen(campaign, fit_hypothesis(campaign, nominal_hypothesis()).e, SelectorConstants())) ? 1 : 0;
+    const Fit fit = fit_hypothesis(campaign, nominal_hypothesis());
+    n_fire += fires(test_unseen(campaign, fit.e, fit.e, SelectorConstants())) ? 1 : 0;
   }
   assert_true(n_fire <= 2); // 0.16 are expected, more than 2 in 1 of 1600 such tests
 }
@@ -346,6 +355,7 @@ int main() {
       cmocka_unit_test(test_a_jump_beside_one_at_a_temperature),
       cmocka_unit_test(test_a_jump_beside_one_of_a_fitted_log),
       cmocka_unit_test(test_bursts_of_a_held_out_log_are_a_gap),
+      cmocka_unit_test(test_a_wrong_sample_of_a_held_out_log_is_one_sample),
       cmocka_unit_test(test_right_held_out_logs_are_quiet),
       cmocka_unit_test(test_small_teeth_are_sudden_changes),
       cmocka_unit_test(test_a_loop_of_relays_is_told_though_it_jumps),

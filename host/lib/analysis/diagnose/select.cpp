@@ -197,7 +197,8 @@ private:
         for (const OwnJump& jump : run.own_jumps)
           out_.own_jumps.push_back(
               {static_cast<int>(run.input.log), time_in_log_s(run, jump.t_s), {jump.size_dph, jump.error_dph}});
-      out_.unseen = test_unseen(*held_out_, fit.e, constants());
+      out_.unseen =
+          test_unseen(*held_out_, fit.e, innovations_less_hits(*held_out_, foretold.noise(), fit), constants());
     }
     if (is_same_fit(seconds.nominal, seconds.final)) {
       out_.final_fit = out_.nominal_fit;

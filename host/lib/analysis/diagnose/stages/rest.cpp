@@ -281,15 +281,16 @@ std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<V
   return out;
 }
 
-std::vector<RestFinding> test_unseen(const Campaign& held_out, std::vector<VectorXd> e,
-                                     const SelectorConstants& constants) {
-  const double variance = moments(e).var;
+std::vector<RestFinding> test_unseen(const Campaign& held_out, const std::vector<VectorXd>& e,
+                                     std::vector<VectorXd> e_less_hits, const SelectorConstants& constants) {
+  const double variance = moments(e_less_hits).var;
   if (!(variance > 0)) return {};
-  for (VectorXd& x : e) x /= std::sqrt(variance);
-  const Moments m = moments(e);
-  const double rate = constants.rest_rate, tails = heavy(m);
-  std::vector<RestFinding> out = {over_time(held_out, e, rate), finding(Rest::kDistribution, tails * tails, 1, rate),
-                                  in_bursts(held_out, e, m, rate), in_sudden_changes(held_out, e, m, rate)};
+  for (VectorXd& x : e_less_hits) x /= std::sqrt(variance);
+  const Moments m = moments(e_less_hits);
+  const double rate = constants.rest_rate, tails = heavy_tails(e);
+  std::vector<RestFinding> out = {
+      over_time(held_out, e_less_hits, rate), finding(Rest::kDistribution, tails * tails, 1, rate),
+      in_bursts(held_out, e_less_hits, m, rate), in_sudden_changes(held_out, e_less_hits, m, rate)};
   for (RestFinding& f : out) f.threshold_nats = -std::log(rate);
   return out;
 }

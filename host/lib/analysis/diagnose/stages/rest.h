@@ -31,13 +31,14 @@ struct RestFinding {
 std::vector<RestFinding> test_rest(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e,
                                    const SelectorConstants& constants);
 // Those of held-out logs that need no more of the noise than its kind: its parameters are known from other logs, to within
-// errors.  `e`: of a fit of these logs, of any variance.
-std::vector<RestFinding> test_unseen(const Campaign& held_out, std::vector<Eigen::VectorXd> e,
-                                     const SelectorConstants& constants);
+// errors.  `e`: of a fit of these logs, of any variance; `e_less_hits`: without samples that stand out, which only make tails.
+std::vector<RestFinding> test_unseen(const Campaign& held_out, const std::vector<Eigen::VectorXd>& e,
+                                     std::vector<Eigen::VectorXd> e_less_hits, const SelectorConstants& constants);
 // By how many standard errors the kurtosis of the innovations is off that of a normal.
 double heavy_tails(const std::vector<Eigen::VectorXd>& e);
 // Two of the tests alone.
-bool changes_suddenly(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e, const SelectorConstants& constants);
+bool changes_suddenly(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e,
+                      const SelectorConstants& constants);
 bool has_spectrum(const Campaign& campaign, const std::vector<Eigen::VectorXd>& e, const SelectorConstants& constants);
 
 // Whether sudden changes go one way more than the other, as teeth do; telegraph noise jumps up and down in turn.  Said at a

@@ -118,6 +118,12 @@ std::optional<StandingOut> standing_out(const Campaign& campaign, const std::vec
   return out;
 }
 
+std::vector<VectorXd> innovations_less_hits(const Campaign& campaign, const NoiseModel& noise, const Fit& fit) {
+  const std::optional<StandingOut> hits = standing_out(campaign, fit.residual);
+  if (!hits || noise.is_mixture()) return fit.e;
+  return whitened(campaign.runs, gaussian_equivalent(noise), hits->left);
+}
+
 namespace {
 
 // What the seconds can show of a kind of noise: hits and telegraph noise where the distribution says so, that one also

@@ -54,6 +54,9 @@ struct StandingOut {
 // Nothing: there are none.
 std::optional<StandingOut> standing_out(const Campaign& campaign, const std::vector<Eigen::VectorXd>& residual);
 
+// Innovations without them; normal scores of noise with hits hold none.
+std::vector<Eigen::VectorXd> innovations_less_hits(const Campaign& campaign, const NoiseModel& noise, const Fit& fit);
+
 struct FastFinding {
   const Effect* effect = nullptr;
   Theta theta, theta_errors;
