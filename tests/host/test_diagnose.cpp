@@ -2,6 +2,7 @@
 // The engine of diagnose against dense linear algebra and against what it was told.
 #include "analysis/diagnose/evidence/fourier.h"
 #include "analysis/diagnose/evidence/lines.h"
+#include "analysis/diagnose/evidence/maximise.h"
 #include "analysis/diagnose/evidence/minutes.h"
 #include "analysis/diagnose/evidence/reduction.h"
 #include "analysis/diagnose/evidence/shared.h"

@@ -13,6 +13,7 @@
 #include "analysis/diagnose/evidence/shared.h"
 #include "analysis/diagnose/logs/blocks.h"
 #include "analysis/diagnose/search/null_draws.h"
+#include "analysis/diagnose/stages/dp2.h"
 #include "analysis/diagnose/written_model.h"
 #include "base/clock.h"
 #include "base/error.h"

@@ -6,6 +6,7 @@
 #include <complex>
 
 #include "analysis/diagnose/evidence/fourier.h"
+#include "analysis/diagnose/evidence/maximise.h"
 #include "base/units.h"
 
 namespace imucal {

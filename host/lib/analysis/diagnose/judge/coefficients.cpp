@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "analysis/diagnose/evidence/maximise.h"
 #include "analysis/diagnose/stages/mean_lines.h"
 #include "analysis/diagnose/stages/sloped_noise.h"
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "analysis/diagnose/evidence/fit.h"
+#include "analysis/diagnose/evidence/maximise.h"
 
 namespace imucal {
 

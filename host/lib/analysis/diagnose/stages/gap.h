@@ -8,7 +8,6 @@
 // noise.
 #pragma once
 #include <algorithm>
-#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -105,9 +104,5 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
 // log p(held-out units | training data, model): the same for one hypothesis alone.
 double predicted_nats(const SlowSearch& search, const SlowData& training, const Campaign* held_out,
                       const SlowModel& model);
-
-// DP2 of the residuals of both models against simulations of both (in `gap`).
-void compare_dp2(const Campaign& seconds, const NoiseModel& nominal, const NoiseModel& final, const Fit& before,
-                 const Fit& after, uint64_t seed, GapResult* gap);
 
 } // namespace imucal

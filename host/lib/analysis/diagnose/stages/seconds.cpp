@@ -6,6 +6,7 @@
 
 #include "analysis/diagnose/evidence/free_spectrum.h"
 #include "analysis/diagnose/evidence/kalman.h"
+#include "analysis/diagnose/evidence/maximise.h"
 #include "analysis/diagnose/logs/blocks.h"
 #include "analysis/diagnose/stages/rest.h"
 #include "noise/likelihood.h"
