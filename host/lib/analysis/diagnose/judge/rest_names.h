@@ -3,6 +3,7 @@
 #pragma once
 #include "analysis/diagnose/stages/fast_stage.h"
 #include "analysis/diagnose/stages/names.h"
+#include "analysis/diagnose/stages/rest.h"
 
 namespace imucal {
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/diagnose/stages/fast_stage.h"
+#include "analysis/diagnose/stages/rest.h"
 
 #include <algorithm>
 #include <optional>

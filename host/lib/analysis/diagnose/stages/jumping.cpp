@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "analysis/diagnose/stages/rest.h"
 #include "analysis/diagnose/stages/slow_stage.h"
 
 namespace imucal {
