@@ -733,8 +733,10 @@ static void test_a_short_log_hides_no_line_of_the_temperature(void**) {
   std::vector<Log> logs;
   for (const size_t seconds : {7000u, 7000u, 400u}) {
     logs.push_back(simulated_log(24 + logs.size(), seconds, false, 0));
-    for (size_t k = 0; k < seconds; ++k)
-      logs.back().temp_degc[k] += 0.4 * std::sin(2 * kPi * kCycle_hz * logs.back().t_s[k]);
+    for (size_t k = 0; k < seconds; ++k) {
+      const double cycle = std::sin(2 * kPi * kCycle_hz * logs.back().t_s[k]);
+      logs.back().temp_degc[k] += 0.4 * cycle, logs.back().axes[0].rate_dph[k] += 20 * cycle;
+    }
   }
   const auto has_line = [](const std::vector<Log>& of) {
     return is_of_temperature(make_campaign(of, "gx_dph", nominal_model()),
@@ -744,6 +746,30 @@ static void test_a_short_log_hides_no_line_of_the_temperature(void**) {
   assert_true(has_line(logs));
   assert_true(has_line({logs[2], logs[0], logs[1]}));
   assert_true(!has_line({logs[2]})); // it alone cannot tell
+}
+
+// A tone of the gyro that has the frequency of the chamber's cycle by chance, or twice that, does not keep to its phases.
+static void test_a_tone_with_phases_of_its_own_is_not_of_the_temperature(void**) {
+  constexpr double kCycle_hz = 1 / 87.0, kLag_s = 9;
+  for (const double times : {1.0, 2.0})
+    for (const bool follows : {true, false}) {
+      std::vector<Log> logs;
+      Rng rng(61, 0, 0, Stream::kTool);
+      for (uint64_t seed = 61; seed < 66; ++seed) {
+        Log log = simulated_log(seed, 7000, false, 0);
+        const double phase = 2 * kPi * rng.uniform(), own = 2 * kPi * rng.uniform();
+        for (size_t k = 0; k < log.size(); ++k) {
+          const double turn = 2 * kPi * kCycle_hz * log.t_s[k];
+          log.temp_degc[k] += 0.1 * std::sin(turn + phase);
+          log.axes[0].rate_dph[k] +=
+              10 * std::sin(times * (turn - 2 * kPi * kCycle_hz * kLag_s) + (follows ? times * phase : own));
+        }
+        log.axes[0].rate_dph[1000] += 1e6; // a hit tells nothing of a phase
+        logs.push_back(log);
+      }
+      const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+      assert_true(follows == is_of_temperature(campaign, {&find_effect("sinusoid"), {times * kCycle_hz}, 100, 20}));
+    }
 }
 
 static void test_a_strong_line_in_many_logs_has_a_finite_gain(void**) {
@@ -1350,6 +1376,7 @@ int main() {
       cmocka_unit_test(test_a_line_is_placed_between_the_places_of_the_grid),
       cmocka_unit_test(test_a_line_of_the_temperature_is_known),
       cmocka_unit_test(test_a_short_log_hides_no_line_of_the_temperature),
+      cmocka_unit_test(test_a_tone_with_phases_of_its_own_is_not_of_the_temperature),
       cmocka_unit_test(test_a_strong_line_in_many_logs_has_a_finite_gain),
       cmocka_unit_test(test_lines_of_several_logs_add_up),
       cmocka_unit_test(test_gains_run_by_run_are_those_of_each_run),

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 
 #include "analysis/diagnose/evidence/lines.h"
+#include "analysis/diagnose/logs/blocks.h"
 #include "base/units.h"
 
 namespace imucal {
@@ -16,35 +18,70 @@ namespace {
 constexpr size_t kFewToDrift = 200000; // samples: lines that drift are not looked for in longer logs
 constexpr int kBeside = 10; // resolvable frequencies on either side with which a line is compared, but the nearest
 constexpr double kLineOfTemperature = 8; // times their mean power: 1 in 1000 and less of a noise, in one run
+constexpr double kCoherent = 0.5;        // of lines that follow; a tone has it in 1 of 2^(n - 1) campaigns of n runs
 
-// Power of the changes of the temperature in the two columns of a line, over a run that a window tapers (Hann).
-double power_of_changes(const RunInput& in, const EffectEstimator& tone, const Theta& shape) {
+double length_s(const CampaignRun& run) {
+  return run.input.t_s.back() - run.input.t_s.front();
+}
+double swept_hz(const Campaign& campaign, const Theta& shape) {
+  return shape.size() > 1 ? std::fabs(shape[1]) * (campaign.hi_degc - campaign.lo_degc) : 0;
+}
+// A line in the changes of the temperature or the rate, over a run that a window tapers (Hann): size and phase.
+std::complex<double> line_in_changes(const RunInput& in, const Column& values, const EffectEstimator& tone,
+                                     const Theta& shape) {
   const std::vector<Column> columns = tone.columns(in, shape);
   const double turn = 2 * kPi / (in.t_s.back() - in.t_s.front());
-  double re = 0, im = 0;
+  std::complex<double> sum = 0;
   for (size_t i = 1; i < in.size(); ++i) {
     const double tapered = 1 - std::cos(turn * (in.t_s[i] - in.t_s.front()));
-    const double change = tapered * (in.temp_degc[i] - in.temp_degc[i - 1]);
-    re += change * columns[0][i], im += change * columns[1][i];
+    const double change = tapered * (values[i] - values[i - 1]);
+    if (std::isfinite(change)) sum += change * std::complex<double>(columns[0][i], columns[1][i]);
   }
-  return re * re + im * im;
+  return sum;
+}
+bool is_resolved(const Campaign& campaign, const CampaignRun& run, const Theta& shape) {
+  return shape[0] >= 2 * kBeside / length_s(run) + swept_hz(campaign, shape);
 }
 // Power at a line in units of the mean power beside it, over all runs that are long enough to tell; 0: none is.
 double line_of_temperature(const Campaign& campaign, const EffectEstimator& tone, const Theta& shape) {
   double own = 0, beside = 0;
   for (const CampaignRun& run : campaign.runs) {
-    const double apart_hz = 1 / (run.input.t_s.back() - run.input.t_s.front());
-    const double swept_hz = shape.size() > 1 ? std::fabs(shape[1]) * (campaign.hi_degc - campaign.lo_degc) : 0;
-    if (shape[0] < 2 * kBeside * apart_hz + swept_hz) continue;
-    own += power_of_changes(run.input, tone, shape);
+    if (!is_resolved(campaign, run, shape)) continue;
+    own += std::norm(line_in_changes(run.input, run.input.temp_degc, tone, shape));
     for (int k = 3; k < 3 + kBeside; ++k)
       for (const int side : {-1, 1}) {
         Theta near = shape;
-        near[0] += side * (k * apart_hz + swept_hz);
-        beside += power_of_changes(run.input, tone, near);
+        near[0] += side * (k / length_s(run) + swept_hz(campaign, shape));
+        beside += std::norm(line_in_changes(run.input, run.input.temp_degc, tone, near));
       }
   }
   return beside > 0 ? own * 2 * kBeside / beside : 0;
+}
+// NaN where there is a hit.
+Column rates_less(const CampaignRun& run, const VectorXd& hits) {
+  Column out = run.input.rate_dph;
+  for (size_t k = 0; k < run.n(); ++k)
+    if (hits[static_cast<long>(k)] != 0) out[static_cast<size_t>(run.used[k])] = std::nan("");
+  return out;
+}
+// How well one gain makes the lines of the rates, run by run, from those of the temperatures, or from their squares (half the
+// frequency): 1 where the rates follow, 1/n on average where the lines of n runs have phases of their own.
+double coherence(const Campaign& campaign, const EffectEstimator& tone, const Theta& shape, bool of_squares) {
+  Theta of_temperature = shape;
+  if (of_squares)
+    for (double& hz : of_temperature) hz *= 0.5;
+  const std::vector<VectorXd> hits = hits_of(campaign);
+  std::complex<double> product = 0;
+  double rates = 0, temperatures = 0;
+  for (size_t r = 0; r < hits.size(); ++r) {
+    const CampaignRun& run = campaign.runs[r];
+    if (!is_resolved(campaign, run, of_temperature)) continue;
+    const std::complex<double> rate = line_in_changes(run.input, rates_less(run, hits[r]), tone, shape),
+                               once = line_in_changes(run.input, run.input.temp_degc, tone, of_temperature),
+                               degc = of_squares ? once * once : once;
+    product += rate * std::conj(degc), rates += std::norm(rate), temperatures += std::norm(degc);
+  }
+  return rates > 0 && temperatures > 0 ? std::norm(product) / (rates * temperatures) : 0;
 }
 
 } // namespace
@@ -54,8 +91,10 @@ bool is_of_temperature(const Campaign& campaign, const NamedLine& line) {
   Theta half = line.shape;
   for (double& hz : half) hz *= 0.5;
   const EffectEstimator& tone = *line.effect->estimator();
-  return line_of_temperature(campaign, tone, line.shape) > kLineOfTemperature ||
-         line_of_temperature(campaign, tone, half) > kLineOfTemperature;
+  return (line_of_temperature(campaign, tone, line.shape) > kLineOfTemperature &&
+          coherence(campaign, tone, line.shape, false) > kCoherent) ||
+         (line_of_temperature(campaign, tone, half) > kLineOfTemperature &&
+          coherence(campaign, tone, line.shape, true) > kCoherent);
 }
 
 // A line that drifts stands still while the temperature rests, and one that stands still drifts a little by chance: the

@@ -12,8 +12,8 @@ constexpr size_t kMostLines = 3; // that are named
 
 // The line to name next, if any is strong enough.  `e`: innovations of what the answer leaves, run by run.
 std::optional<NamedLine> line_found(const AxisQuestion& question, const std::vector<Eigen::VectorXd>& e);
-// Whether the temperatures of these logs have that line too, or one of half its frequency: what follows the cycle of a chamber,
-// in proportion or by its size, is no tone, however little it seems to drift.
+// Whether the temperatures of these logs have that line too, or one of half its frequency, and the rates follow it from run to
+// run: what follows the cycle of a chamber, in proportion or by its size, is no tone, however little it seems to drift.
 bool is_of_temperature(const Campaign& campaign, const NamedLine& line);
 // As an effect of the answer.
 SelectedEffect effect_of_line(const NamedLine& line);
