@@ -99,6 +99,46 @@ static void test_wrong_readings_of_the_thermometer_are_missing(void**) {
   assert_true(answer_with_spoilt([](Log*) {}).warnings.empty());
 }
 
+// A thermometer that is read once a minute, in steps of 0.001 or 0.1 degC.
+static void test_a_thermometer_that_is_read_seldom_is_no_coarse_one(void**) {
+  for (const double step_degc : {0.001, 0.1}) {
+    Rng rng(51, 0, 0, Stream::kTool);
+    const auto repeat = [&](Log* log) {
+      for (double& temp : log->temp_degc) temp += 0.02 * rng.normal();
+      for (size_t i = 0; i < log->size(); ++i)
+        log->temp_degc[i] =
+            i % 60 != 17 && i > 0 ? log->temp_degc[i - 1] : step_degc * std::round(log->temp_degc[i] / step_degc);
+    };
+    const DiagnoseResult result = answer_with_spoilt(repeat);
+    assert_true(result.axes.at(0).study.selection.verdict == Verdict::kNoGap);
+    assert_true(warns(result, {"2.csv", "read every 60 s", "straight line"}));
+    const RunInput& in = result.axes[0].campaign.runs[0].input;
+    for (size_t i = 100; i < 2900; i += 7) assert_near(in.smooth_degc[i], 60 * in.t_s[i] / 3000, 0.1);
+    // Between two readings the temperature turns where nobody sees it, so that the member may be open.
+    const std::set<std::string> names = names_of(answer_with_spoilt(repeat, 40).axes.at(0).study.selection);
+    assert_true(names == std::set<std::string>{"thermal_hysteresis"} ||
+                names == std::set<std::string>{"thermal_memory"});
+  }
+}
+
+// Steps of a converter come at any rows, or, over a ramp of one slope, in as many rows each and all of one size.
+static void test_steps_of_a_converter_are_no_repeated_readings(void**) {
+  for (const double lsb_degc : {0.0625, 0.5})
+    for (const double noise_degc : {0.0, 0.02, 0.2}) {
+      std::vector<long> ticks;
+      std::vector<double> temp_degc;
+      Rng rng(52, 0, 0, Stream::kTool);
+      for (long k = 0; k < 6000; ++k) {
+        const double temp = k < 3000 ? k / 60.0 : 50 - (k - 3000) / 90.0;
+        ticks.push_back(k), temp_degc.push_back(lsb_degc * std::round((temp + noise_degc * rng.normal()) / lsb_degc));
+      }
+      assert_int_equal(repeated_readings(ticks, temp_degc).every, 0);
+      for (long k = 1; k < 6000; ++k) // and beside missing readings
+        if (k % 5 != 2) temp_degc[static_cast<size_t>(k)] = std::nan("");
+      assert_int_equal(repeated_readings(ticks, temp_degc).every, 0);
+    }
+}
+
 // The recorder stopped for a while; its time stamps go on as if it had not.
 static void test_a_pause_that_the_log_hides_is_one(void**) {
   const auto hide = [](Log* log) {
@@ -243,6 +283,8 @@ int main() {
       cmocka_unit_test(test_what_is_given_twice_is_refused),
       cmocka_unit_test(test_logs_that_share_a_stretch_are_refused),
       cmocka_unit_test(test_wrong_readings_of_the_thermometer_are_missing),
+      cmocka_unit_test(test_a_thermometer_that_is_read_seldom_is_no_coarse_one),
+      cmocka_unit_test(test_steps_of_a_converter_are_no_repeated_readings),
       cmocka_unit_test(test_a_pause_that_the_log_hides_is_one),
       cmocka_unit_test(test_a_log_in_kelvin_is_left_out),
       cmocka_unit_test(test_a_log_without_temperatures_beside_others_is_refused),

@@ -28,7 +28,7 @@ void tell_data_sheet(const std::string& axis, const NoiseModel& sheet, const Noi
                      std::vector<std::string>* warnings);
 // The temperature does not move.
 void check_steady(const Campaign& campaign, std::vector<std::string>* warnings);
-// Wrong readings of the thermometer; pauses that the recorder hid.
+// Readings of the thermometer that are repeated, or wrong; pauses that the recorder hid.
 void tell_impossible(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings);
 // The thermometer was stuck, or may have stopped; held-out logs go beyond the temperatures of the fitted ones.
 void tell_stuck(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings);

@@ -305,6 +305,11 @@ CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
   Column temp_degc = campaign.has_temperature ? log.temp_degc : Column(log.size(), 0.0);
   std::vector<char> pauses(log.size(), 0);
   if (campaign.has_temperature) {
+    std::vector<long> ticks;
+    for (double t_s : log.t_s) ticks.push_back(std::lround((t_s - log.t_s.front()) / campaign.dt_s));
+    run.repeated = repeated_readings(ticks, temp_degc);
+    for (size_t row = 0; row < ticks.size(); ++row)
+      if (!run.repeated.is_new(ticks[row])) temp_degc[row] = std::nan("");
     run.impossible = impossible_readings(log.t_s, temp_degc);
     for (size_t row : run.impossible.wrong) temp_degc[row] = std::nan("");
     run.holds = stuck_thermometer(log.t_s, campaign.dt_s, temp_degc);

@@ -34,6 +34,7 @@ struct CampaignRun {
   std::vector<CutPause> cuts;    // increasing
   std::vector<Hold> holds;       // rows of the log: all but the first of each are left out
   ImpossibleReadings impossible; // rows of the log: no temperature; a pause before them
+  RepeatedReadings repeated;     // between readings the temperature is on a straight line
   double own_white_dph2 = 0;     // white variance of every row that is of this log: its rates are rounded
   // Of a held-out log:
   std::vector<OwnJump> own_jumps = {}; // the level after each is free in every hypothesis

@@ -16,6 +16,11 @@ constexpr size_t kAfterwards = 60;
 constexpr double kMostHeld = 0.5;                        // of the rows
 constexpr double kFastest_degc = 5, kFastest_degc_s = 1; // of a board: from row to row; where rows are further apart
 constexpr size_t kMostWrong = 10;                        // readings in a row
+constexpr size_t kFewestReadings = 20;
+constexpr long kShortestRepeat = 3, kLongestRepeat = 600; // rows
+constexpr double kOnGrid = 0.95;                          // of the changes come at one row of so many
+constexpr double kBeyondStep = 1.5,
+                 kSame_degc = 1e-6; // times the least distance of two readings; of two that are the same
 
 // By how much the reading changes at each row; the first row: 0.
 std::vector<double> changes(const std::vector<double>& temp_degc) {
@@ -29,6 +34,15 @@ double largest_after(const std::vector<double>& change, size_t row) {
   double largest = 0;
   for (size_t i = row + 1; i <= row + kAfterwards && i < change.size(); ++i) largest = std::fmax(largest, change[i]);
   return largest;
+}
+
+// Of two different readings.
+double least_distance(std::vector<double> temp_degc) {
+  std::sort(temp_degc.begin(), temp_degc.end());
+  double least = 1e300;
+  for (size_t i = 1; i < temp_degc.size(); ++i)
+    if (const double d = temp_degc[i] - temp_degc[i - 1]; d > kSame_degc) least = std::min(least, d);
+  return least;
 }
 
 // Rows with readings, cut where one is further from the one before than the temperature can go.
@@ -45,6 +59,29 @@ std::vector<std::vector<size_t>> cut_at_jumps(const std::vector<double>& t_s, co
 }
 
 } // namespace
+
+RepeatedReadings repeated_readings(const std::vector<long>& ticks, const std::vector<double>& temp_degc) {
+  std::vector<long> rows; // ticks at which the reading changes
+  std::vector<double> sizes, readings;
+  for (size_t i = 0; i < ticks.size(); ++i) {
+    if (!std::isfinite(temp_degc[i])) continue;
+    const double change = readings.empty() ? 0 : std::fabs(temp_degc[i] - readings.back());
+    if (change > 0) rows.push_back(ticks[i]), sizes.push_back(change);
+    readings.push_back(temp_degc[i]);
+  }
+  if (rows.size() < kFewestReadings || kShortestRepeat * rows.size() > readings.size()) return {};
+  if (median(sizes) < kBeyondStep * least_distance(readings)) return {}; // one step of a converter
+  const double enough = kOnGrid * static_cast<double>(rows.size());
+  const long at_most = std::min(kLongestRepeat, (ticks.back() - ticks.front()) / static_cast<long>(kFewestReadings));
+  RepeatedReadings out;
+  for (long every = kShortestRepeat; every <= at_most; ++every) {
+    std::vector<size_t> at(static_cast<size_t>(every), 0);
+    for (const long row : rows) ++at[static_cast<size_t>(row % every)];
+    const auto most = std::max_element(at.begin(), at.end());
+    if (static_cast<double>(*most) >= enough) out = {every, most - at.begin()};
+  }
+  return out;
+}
 
 ImpossibleReadings impossible_readings(const std::vector<double>& t_s, const std::vector<double>& temp_degc) {
   ImpossibleReadings out;

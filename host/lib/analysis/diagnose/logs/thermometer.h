@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What the readings of a thermometer show that is not the temperature: minutes in which it was stuck, single wrong readings, and
-// pauses of the recorder that its time stamps hide.
+// What the readings of a thermometer show that is not the temperature: minutes in which it was stuck, single wrong readings,
+// pauses of the recorder that its time stamps hide, and readings that are repeated until the next one.
 //
 // A stuck thermometer gives exactly one reading far longer than is usual for it, then jumps to the temperature of that
 // second, further than it moves at any time soon after.  Both are asked: a coarse thermometer in a soak rests as long but
@@ -15,6 +15,15 @@ namespace imucal {
 struct Hold {
   size_t first = 0, end = 0;
 };
+
+// A thermometer that is read less often than the rates: its reading changes at one row of so many only, and stands in the others
+// again.  A step of a coarse thermometer is as far as two of its readings are apart at least.
+struct RepeatedReadings {
+  long every = 0, first = 0; // rows by dt_s; 0: every row has a reading of its own
+  bool is_new(long tick) const { return every == 0 || (tick - first) % every == 0; }
+};
+// One number per row, ticks (seconds in units of dt_s) increase; temp_degc is NaN where missing.
+RepeatedReadings repeated_readings(const std::vector<long>& ticks, const std::vector<double>& temp_degc);
 
 // In increasing order.  One number per row; t_s increases, mostly by dt_s; temp_degc is NaN where missing, which ends a hold.
 // A hold that ends in missing rows is not told from a soak.  None where holds would be more than half of the log.
