@@ -156,6 +156,45 @@ static void test_a_pause_that_the_log_hides_is_one(void**) {
   for (const size_t i : {0, 1199, 1200, 3999}) assert_near(time_in_log_s(run, run.input.t_s[i]), i + 1, 1e-6);
 }
 
+// A slip in one log of three: its rates turned, or its temperatures in degF.
+static void test_a_log_with_a_slip_is_left_out(void**) {
+  const auto turn = [](Log* log) {
+    for (double& rate : log->axes[0].rate_dph) rate = 500 - rate;
+  };
+  const auto fahrenheit = [](Log* log) {
+    for (double& temp : log->temp_degc) temp = 1.8 * temp + 32;
+  };
+  const std::vector<std::pair<std::function<void(Log*)>, const char*>> slips = {{turn, "of the other sign"},
+                                                                                {fahrenheit, "in degF"}};
+  for (const auto& [slip, words] : slips)
+    for (const double loop_dph : {0.0, 40.0}) {
+      const DiagnoseResult result = answer_with_spoilt(
+          [n = 0, slip = slip](Log* log) mutable {
+            if (n++ == 1) slip(log);
+          },
+          loop_dph);
+      const std::set<std::string> names = names_of(result.axes.at(0).study.selection);
+      assert_true(names == (loop_dph > 0 ? std::set<std::string>{"thermal_hysteresis"} : std::set<std::string>{}));
+      assert_int_equal(result.axes[0].left_out.size(), 1);
+      assert_true(warns(result, {"2.csv", words, "left out"}));
+    }
+}
+
+// Held out, and beside a single fitted log.
+static void test_a_held_out_log_with_a_slip_is_left_out(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 830; seed < 833; ++seed) {
+    logs.push_back(simulated_log(seed, 6000, false, 0));
+    logs.back().path = std::to_string(seed) + ".csv";
+  }
+  for (double& rate : logs[1].axes[0].rate_dph) rate = -rate;
+  for (double& temp : logs[2].temp_degc) temp = 1.8 * temp + 32;
+  const DiagnoseResult result = answer({logs[0]}, {logs[1], logs[2]}, nullptr);
+  assert_int_equal(result.axes.at(0).left_out.size(), 2);
+  assert_true(warns(result, {"831.csv", "of the other sign"}) && warns(result, {"832.csv", "in degF"}));
+  assert_true(result.axes[0].study.selection.verdict == Verdict::kNoGap);
+}
+
 static void test_a_log_in_kelvin_is_left_out(void**) {
   const DiagnoseResult result = answer_with_spoilt(
       [n = 0](Log* log) mutable {
@@ -286,6 +325,8 @@ int main() {
       cmocka_unit_test(test_a_thermometer_that_is_read_seldom_is_no_coarse_one),
       cmocka_unit_test(test_steps_of_a_converter_are_no_repeated_readings),
       cmocka_unit_test(test_a_pause_that_the_log_hides_is_one),
+      cmocka_unit_test(test_a_log_with_a_slip_is_left_out),
+      cmocka_unit_test(test_a_held_out_log_with_a_slip_is_left_out),
       cmocka_unit_test(test_a_log_in_kelvin_is_left_out),
       cmocka_unit_test(test_a_log_without_temperatures_beside_others_is_refused),
       cmocka_unit_test(test_times_after_a_pause_are_those_of_the_log),

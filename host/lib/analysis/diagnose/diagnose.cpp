@@ -12,6 +12,7 @@
 #include "analysis/diagnose/checks.h"
 #include "analysis/diagnose/evidence/shared.h"
 #include "analysis/diagnose/logs/blocks.h"
+#include "analysis/diagnose/logs/unlike.h"
 #include "analysis/diagnose/search/null_draws.h"
 #include "analysis/diagnose/stages/dp2.h"
 #include "analysis/diagnose/written_model.h"
@@ -236,11 +237,31 @@ Fit plain_fit(const Campaign& campaign, Hypothesis nominal) {
   return fit_hypothesis(campaign, nominal);
 }
 
+// The fitted logs of an axis.  What an engineer's slip made unlike the others is left out, and all settings are made anew.
+Campaign fitted_campaign(const std::vector<Log>& logs, const std::string& name, const ErrorModel& model) {
+  Campaign campaign = make_campaign(logs, name, model);
+  std::vector<LeftOutLog> left_out;
+  const std::vector<std::string> why = unlike_others(campaign);
+  for (size_t r = 0; r < why.size(); ++r)
+    if (!why[r].empty()) left_out.push_back({campaign.runs[r].input.log, why[r]});
+  return left_out.empty() ? campaign : make_campaign(logs, name, model, left_out);
+}
+// Those of the held-out logs.
+void leave_unlike(const Campaign& fitted, Campaign* unseen) {
+  const std::vector<std::string> why = unlike_those_of(fitted, *unseen);
+  for (size_t r = why.size(); r-- > 0;) {
+    std::vector<char> is_left(unseen->runs.size(), 0);
+    is_left[r] = !why[r].empty();
+    leave_runs(is_left, why[r], unseen);
+  }
+}
+
 // The held-out logs of an axis; no runs: none can be used.
 Campaign held_out_campaign(const ErrorModel& model, const std::vector<Log>& held_out, AxisResult* axis) {
   if (held_out.empty()) return {};
   Campaign unseen = make_campaign_like(axis->campaign, held_out, model);
   if (axis->campaign.has_temperature) require_temperature(unseen, held_out);
+  leave_unlike(axis->campaign, &unseen);
   tell_impossible(unseen, held_out, &axis->warnings);
   tell_stuck(unseen, held_out, &axis->warnings);
   tell_frozen(unseen, held_out, &axis->warnings);
@@ -285,7 +306,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   AxisResult axis;
   axis.axis = name;
   model.require_unit_of(name);
-  axis.campaign = make_campaign(logs, name, model);
+  axis.campaign = fitted_campaign(logs, name, model);
   require_runs(axis.campaign, logs);
   keep_common_columns({&axis.campaign});
   check_steady(axis.campaign, &axis.warnings);

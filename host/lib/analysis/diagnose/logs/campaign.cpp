@@ -344,10 +344,12 @@ std::string why_unusable(const CampaignRun& run) {
 }
 
 // The runs as they were recorded.  Where a log is left out the settings are made anew without it.
-Campaign usable_runs(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
-  std::vector<LeftOutLog> left_out;
-  std::vector<size_t> places(logs.size());
-  std::iota(places.begin(), places.end(), 0);
+Campaign usable_runs(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model,
+                     std::vector<LeftOutLog> left_out) {
+  std::vector<size_t> places;
+  for (size_t place = 0; place < logs.size(); ++place)
+    if (std::none_of(left_out.begin(), left_out.end(), [&](const LeftOutLog& l) { return l.log == place; }))
+      places.push_back(place);
   while (!places.empty()) {
     Campaign campaign = empty_campaign(logs, places, axis, model);
     std::vector<size_t> kept;
@@ -390,8 +392,9 @@ static void derive_all(Campaign* campaign) {
   }
 }
 
-Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model) {
-  Campaign campaign = usable_runs(logs, axis, model);
+Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model,
+                       const std::vector<LeftOutLog>& left_out) {
+  Campaign campaign = usable_runs(logs, axis, model, left_out);
   if (campaign.runs.empty()) return campaign;
   const std::vector<double> temperatures = sorted_temperatures(campaign);
   campaign.temp_lsb_degc = coarse_step(temperatures, campaign.runs.size());
@@ -401,7 +404,7 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
 }
 
 Campaign make_campaign_like(const Campaign& fitted, const std::vector<Log>& logs, const ErrorModel& model) {
-  Campaign campaign = usable_runs(logs, fitted.axis, model);
+  Campaign campaign = usable_runs(logs, fitted.axis, model, {});
   if (campaign.runs.empty()) return campaign;
   const double own_lsb_degc = coarse_step(sorted_temperatures(campaign), campaign.runs.size());
   campaign.temp_lsb_degc = fitted.temp_lsb_degc > 0 ? fitted.temp_lsb_degc : own_lsb_degc;

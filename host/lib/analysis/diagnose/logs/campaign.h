@@ -73,8 +73,9 @@ double time_in_log_s(const CampaignRun& run, double t_s);
 // log.  Wrong readings of the thermometer count as missing; where the recorder hid a pause an hour has passed.  `steps` counts
 // seconds by time stamps, never rows.  Left out are logs in which the axis has one and the same rate in every second, fewer than
 // 60 usable seconds, or temperatures that are not in degC: all is as if they had not been given, but the places of the others.
-// No runs: no log can be used.  data_error: a log without that axis.
-Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model);
+// `left_out`: further ones.  No runs: no log can be used.  data_error: a log without that axis.
+Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model,
+                       const std::vector<LeftOutLog>& left_out = {});
 // Further logs, seen as the fitted ones are: the same polynomial and thermometer, and thermal questions if and only if those
 // ask them, however little their own temperatures move.
 Campaign make_campaign_like(const Campaign& fitted, const std::vector<Log>& logs, const ErrorModel& model);

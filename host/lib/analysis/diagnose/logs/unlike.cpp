@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: MIT
+#include "analysis/diagnose/logs/unlike.h"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+namespace imucal {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr double kMean_s = 60;
+constexpr size_t kFewestRuns = 3;
+constexpr long kFewestMeans = 20;                // of a run
+constexpr double kFarTimes = 4, kLikeTimes = 1.5; // what the other logs leave
+
+struct Slip {
+  double sign, degc_per_unit, zero_degc; // of the rates; temperature = zero + reading * degc_per_unit
+  const char* what;
+};
+constexpr Slip kSlips[] = {
+    {-1, 1, 0, "has rates of the other sign than the other logs: turn them, or the axis"},
+    {1, 1 / 1.8, -32 / 1.8, "has temperatures that agree with the other logs only if they are in degF: convert them"},
+    {1, 1.8, 32, "has temperatures that agree with the other logs only if those are in degF: convert them"},
+};
+constexpr Slip kNone = {1, 1, 0, ""};
+
+// Means over a minute.
+struct Means {
+  VectorXd temp_degc, rate_dph;
+};
+Means means_of(const CampaignRun& run, double dt_s) {
+  const size_t length = static_cast<size_t>(std::max(1L, std::lround(kMean_s / dt_s))), n = run.n() / length;
+  Means out{VectorXd::Zero(static_cast<long>(n)), VectorXd::Zero(static_cast<long>(n))};
+  for (size_t k = 0; k < n * length; ++k) {
+    const auto row = static_cast<size_t>(run.used[k]);
+    const auto at = static_cast<long>(k / length);
+    out.temp_degc[at] += run.input.smooth_degc[row] / static_cast<double>(length);
+    out.rate_dph[at] += run.input.rate_dph[row] / static_cast<double>(length);
+  }
+  return out;
+}
+
+// The polynomial of some logs, each with its own constant, and what it leaves of them.
+class Polynomial {
+public:
+  Polynomial(const std::vector<Means>& logs, int order) : order_(order) {
+    double lo = 1e300, hi = -1e300;
+    long n = 0;
+    for (const Means& m : logs)
+      lo = std::min(lo, m.temp_degc.minCoeff()), hi = std::max(hi, m.temp_degc.maxCoeff()), n += m.rate_dph.size();
+    middle_degc_ = 0.5 * (lo + hi), half_degc_ = std::max(1e-9, 0.5 * (hi - lo));
+    MatrixXd x(n, order);
+    VectorXd y(n);
+    long first = 0;
+    for (const Means& m : logs) {
+      const long size = m.rate_dph.size();
+      x.middleRows(first, size) = about_mean(powers_at(m.temp_degc));
+      y.segment(first, size) = m.rate_dph.array() - m.rate_dph.mean();
+      first += size;
+    }
+    coefficients_ = x.colPivHouseholderQr().solve(y);
+    rms_dph_ = std::sqrt((y - x * coefficients_).squaredNorm() / static_cast<double>(n));
+  }
+  double rms_dph() const { return rms_dph_; }
+  // What it leaves of another log, once the slip is taken back.
+  double rms_of_dph(const Means& m, const Slip& slip) const {
+    const VectorXd temp = (slip.zero_degc + slip.degc_per_unit * m.temp_degc.array()).matrix();
+    const VectorXd rate = slip.sign * (m.rate_dph.array() - m.rate_dph.mean()).matrix();
+    return std::sqrt((rate - about_mean(powers_at(temp)) * coefficients_).squaredNorm() /
+                     static_cast<double>(rate.size()));
+  }
+
+private:
+  MatrixXd powers_at(const VectorXd& temp_degc) const {
+    MatrixXd out(temp_degc.size(), order_);
+    for (int i = 0; i < order_; ++i) out.col(i) = ((temp_degc.array() - middle_degc_) / half_degc_).pow(i + 1);
+    return out;
+  }
+  static MatrixXd about_mean(const MatrixXd& x) { return x.rowwise() - x.colwise().mean(); }
+
+  int order_;
+  double middle_degc_, half_degc_, rms_dph_;
+  VectorXd coefficients_;
+};
+
+std::string why_unlike(const Polynomial& others, const Means& log) {
+  const double far = kFarTimes * others.rms_dph(), like = kLikeTimes * others.rms_dph();
+  if (log.rate_dph.size() < kFewestMeans || others.rms_of_dph(log, kNone) < far) return "";
+  const auto takes_back = [&](const Slip& slip) { return others.rms_of_dph(log, slip) < like; };
+  const auto slip = std::find_if(std::begin(kSlips), std::end(kSlips), takes_back);
+  return slip == std::end(kSlips) ? "" : slip->what;
+}
+
+std::vector<Means> all_means(const Campaign& campaign) {
+  std::vector<Means> out;
+  for (const CampaignRun& run : campaign.runs) out.push_back(means_of(run, campaign.dt_s));
+  return out;
+}
+// Those that are long enough to say something of a polynomial.
+std::vector<Means> long_ones(std::vector<Means> logs) {
+  logs.erase(std::remove_if(logs.begin(), logs.end(), [](const Means& m) { return m.rate_dph.size() < kFewestMeans; }),
+             logs.end());
+  return logs;
+}
+
+} // namespace
+
+std::vector<std::string> unlike_others(const Campaign& campaign) {
+  std::vector<std::string> out(campaign.runs.size());
+  if (campaign.runs.size() < kFewestRuns || campaign.order < 1) return out;
+  const std::vector<Means> all = all_means(campaign);
+  for (size_t r = 0; r < all.size(); ++r) {
+    std::vector<Means> others = all;
+    others.erase(others.begin() + static_cast<long>(r));
+    others = long_ones(others);
+    if (others.size() + 1 >= kFewestRuns) out[r] = why_unlike(Polynomial(others, campaign.order), all[r]);
+  }
+  return out;
+}
+
+std::vector<std::string> unlike_those_of(const Campaign& campaign, const Campaign& other) {
+  std::vector<std::string> out(other.runs.size());
+  const std::vector<Means> others = long_ones(all_means(campaign));
+  if (others.empty() || campaign.order < 1) return out;
+  const Polynomial polynomial(others, campaign.order);
+  for (size_t r = 0; r < out.size(); ++r) out[r] = why_unlike(polynomial, means_of(other.runs[r], other.dt_s));
+  return out;
+}
+
+} // namespace imucal
