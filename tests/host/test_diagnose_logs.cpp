@@ -195,6 +195,21 @@ static void test_a_held_out_log_with_a_slip_is_left_out(void**) {
   assert_true(result.axes[0].study.selection.verdict == Verdict::kNoGap);
 }
 
+// Two columns of one channel share all of their noise; nothing is said of the second.
+static void test_one_channel_in_two_columns_is_one(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 840; seed < 842; ++seed) {
+    logs.push_back(simulated_log(seed, 3000, true, 0));
+    logs.back().axes.push_back(logs.back().axes[0]);
+    logs.back().axes[1].name = "gy_dph";
+  }
+  const DiagnoseResult twice = answer(logs, {});
+  assert_true(twice.axes.at(0).refused.empty() && twice.axes[0].study.selection.verdict == Verdict::kNoGap);
+  assert_true(holds(twice.axes.at(1).refused, {"gy_dph", "of axis gx_dph", "recorded twice"}));
+  logs[1].axes[1].rate_dph[5] += 1;
+  assert_true(answer(logs, {}).axes.at(1).refused.empty());
+}
+
 static void test_a_log_in_kelvin_is_left_out(void**) {
   const DiagnoseResult result = answer_with_spoilt(
       [n = 0](Log* log) mutable {
@@ -327,6 +342,7 @@ int main() {
       cmocka_unit_test(test_a_pause_that_the_log_hides_is_one),
       cmocka_unit_test(test_a_log_with_a_slip_is_left_out),
       cmocka_unit_test(test_a_held_out_log_with_a_slip_is_left_out),
+      cmocka_unit_test(test_one_channel_in_two_columns_is_one),
       cmocka_unit_test(test_a_log_in_kelvin_is_left_out),
       cmocka_unit_test(test_a_log_without_temperatures_beside_others_is_refused),
       cmocka_unit_test(test_times_after_a_pause_are_those_of_the_log),

@@ -247,6 +247,21 @@ void tell_left_out(const Campaign& campaign, const std::vector<Log>& logs, AxisR
   }
 }
 
+void require_own_channel(const std::vector<Log>& logs, const std::vector<std::string>& axes, const std::string& axis) {
+  const auto is_one = [](double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); };
+  for (const std::string& before : axes) {
+    if (before == axis) return;
+    const bool is_same = std::all_of(logs.begin(), logs.end(), [&](const Log& log) {
+      const std::vector<double>&a = log.axis(before).rate_dph, &b = log.axis(axis).rate_dph;
+      return std::equal(a.begin(), a.end(), b.begin(), b.end(), is_one);
+    });
+    if (is_same)
+      throw data_error(
+          "axis " + axis + " has the rates of axis " + before +
+          " in every second: one channel was recorded twice; look at the wiring, or at the columns of the recorder");
+  }
+}
+
 void require_runs(const Campaign& campaign, const std::vector<Log>& logs) {
   if (!campaign.runs.empty()) return;
   std::map<std::string, std::string> paths; // by reason

@@ -16,6 +16,8 @@ namespace imucal {
 // devices, columns that some lack, logs that are too short.
 void check_logs(const std::vector<Log>& logs, const std::vector<Log>& held_out, const ErrorModel& model,
                 std::vector<std::string>* warnings);
+// data_error: in all logs an axis, one of these that stands before it, has the same rates.
+void require_own_channel(const std::vector<Log>& logs, const std::vector<std::string>& axes, const std::string& axis);
 // data_error: no log of this axis can be used.
 void require_runs(const Campaign& campaign, const std::vector<Log>& logs);
 // data_error: a held-out log without temperatures.

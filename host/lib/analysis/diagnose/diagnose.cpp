@@ -432,6 +432,7 @@ DiagnoseResult diagnose_logs(const DiagnoseOptions& options, const ErrorModel& m
     AxisResult& axis = out.axes[static_cast<size_t>(i)];
     const std::string& name = names[static_cast<size_t>(i)];
     try {
+      require_own_channel(logs, names, name);
       axis = diagnose_axis(options, model, logs, held_out, name, rate, &cache);
     } catch (const Error& error) {
       axis = AxisResult();

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kMean_s = 60;
 constexpr size_t kFewestRuns = 3;
-constexpr long kFewestMeans = 20;                // of a run
+constexpr long kFewestMeans = 20;                 // of a run
 constexpr double kFarTimes = 4, kLikeTimes = 1.5; // what the other logs leave
 
 struct Slip {
