@@ -710,8 +710,11 @@ static void test_a_line_of_the_temperature_is_known(void**) {
   constexpr double kCycle_hz = 1 / 87.0;
   Log log = simulated_log(23, 7000, false, 0);
   Rng rng(23, 0, 0, Stream::kWhite);
-  for (size_t k = 0; k < log.temp_degc.size(); ++k)
-    log.temp_degc[k] += 0.1 * std::sin(2 * kPi * kCycle_hz * log.t_s[k]) + 0.01 * rng.normal();
+  for (size_t k = 0; k < log.temp_degc.size(); ++k) {
+    const double cycle = std::sin(2 * kPi * kCycle_hz * log.t_s[k]);
+    log.temp_degc[k] += 0.1 * cycle + 0.01 * rng.normal();
+    log.axes[0].rate_dph[k] += 20 * cycle + 20 * cycle * cycle;
+  }
   const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
   const auto is_its = [&](double hz, double hz_per_degc) {
     const double at_0_degc = hz - hz_per_degc * 30; // `hz`: in the middle of 0 to 60 degC

@@ -18,7 +18,8 @@ namespace {
 constexpr size_t kFewToDrift = 200000; // samples: lines that drift are not looked for in longer logs
 constexpr int kBeside = 10; // resolvable frequencies on either side with which a line is compared, but the nearest
 constexpr double kLineOfTemperature = 8; // times their mean power: 1 in 1000 and less of a noise, in one run
-constexpr double kCoherent = 0.5;        // of lines that follow; a tone has it in 1 of 2^(n - 1) campaigns of n runs
+constexpr int kPiecesOfRun = 5;          // of a run, four cycles of its line and more
+constexpr double kCoherent = 0.5;        // of lines that follow; a tone has it by chance in exp(-n/4) of n pieces
 
 double length_s(const CampaignRun& run) {
   return run.input.t_s.back() - run.input.t_s.front();
@@ -26,18 +27,21 @@ double length_s(const CampaignRun& run) {
 double swept_hz(const Campaign& campaign, const Theta& shape) {
   return shape.size() > 1 ? std::fabs(shape[1]) * (campaign.hi_degc - campaign.lo_degc) : 0;
 }
-// A line in the changes of the temperature or the rate, over a run that a window tapers (Hann): size and phase.
-std::complex<double> line_in_changes(const RunInput& in, const Column& values, const EffectEstimator& tone,
-                                     const Theta& shape) {
-  const std::vector<Column> columns = tone.columns(in, shape);
-  const double turn = 2 * kPi / (in.t_s.back() - in.t_s.front());
+// A line in the changes of the temperature or the rate over some seconds, which a window tapers (Hann): size and phase.
+std::complex<double> line_in_changes(const std::vector<double>& t_s, const Column& values,
+                                     const std::vector<Column>& columns, double from_s, double to_s) {
+  const double turn = 2 * kPi / (to_s - from_s);
   std::complex<double> sum = 0;
-  for (size_t i = 1; i < in.size(); ++i) {
-    const double tapered = 1 - std::cos(turn * (in.t_s[i] - in.t_s.front()));
+  for (size_t i = 1; i < t_s.size(); ++i) {
+    if (t_s[i] < from_s || t_s[i] > to_s) continue;
+    const double tapered = 1 - std::cos(turn * (t_s[i] - from_s));
     const double change = tapered * (values[i] - values[i - 1]);
     if (std::isfinite(change)) sum += change * std::complex<double>(columns[0][i], columns[1][i]);
   }
   return sum;
+}
+std::complex<double> line_of_run(const RunInput& in, const EffectEstimator& tone, const Theta& shape) {
+  return line_in_changes(in.t_s, in.temp_degc, tone.columns(in, shape), in.t_s.front(), in.t_s.back());
 }
 bool is_resolved(const Campaign& campaign, const CampaignRun& run, const Theta& shape) {
   return shape[0] >= 2 * kBeside / length_s(run) + swept_hz(campaign, shape);
@@ -47,12 +51,12 @@ double line_of_temperature(const Campaign& campaign, const EffectEstimator& tone
   double own = 0, beside = 0;
   for (const CampaignRun& run : campaign.runs) {
     if (!is_resolved(campaign, run, shape)) continue;
-    own += std::norm(line_in_changes(run.input, run.input.temp_degc, tone, shape));
+    own += std::norm(line_of_run(run.input, tone, shape));
     for (int k = 3; k < 3 + kBeside; ++k)
       for (const int side : {-1, 1}) {
         Theta near = shape;
         near[0] += side * (k / length_s(run) + swept_hz(campaign, shape));
-        beside += std::norm(line_in_changes(run.input, run.input.temp_degc, tone, near));
+        beside += std::norm(line_of_run(run.input, tone, near));
       }
   }
   return beside > 0 ? own * 2 * kBeside / beside : 0;
@@ -64,24 +68,32 @@ Column rates_less(const CampaignRun& run, const VectorXd& hits) {
     if (hits[static_cast<long>(k)] != 0) out[static_cast<size_t>(run.used[k])] = std::nan("");
   return out;
 }
-// How well one gain makes the lines of the rates, run by run, from those of the temperatures, or from their squares (half the
-// frequency): 1 where the rates follow, 1/n on average where the lines of n runs have phases of their own.
+// How well the line of the rates keeps to that of the temperatures, or of their squares (half the frequency), from piece to piece
+// of all runs: 1 where its phase to that line is always the same, 1/sqrt(n) on average where n pieces have phases of their own.  A
+// sign does not count: what follows the square of the rate of temperature turns with the direction of the ramps.
 double coherence(const Campaign& campaign, const EffectEstimator& tone, const Theta& shape, bool of_squares) {
   Theta of_temperature = shape;
   if (of_squares)
     for (double& hz : of_temperature) hz *= 0.5;
   const std::vector<VectorXd> hits = hits_of(campaign);
-  std::complex<double> product = 0;
-  double rates = 0, temperatures = 0;
+  std::complex<double> sum = 0;
+  double all = 0;
   for (size_t r = 0; r < hits.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];
     if (!is_resolved(campaign, run, of_temperature)) continue;
-    const std::complex<double> rate = line_in_changes(run.input, rates_less(run, hits[r]), tone, shape),
-                               once = line_in_changes(run.input, run.input.temp_degc, tone, of_temperature),
-                               degc = of_squares ? once * once : once;
-    product += rate * std::conj(degc), rates += std::norm(rate), temperatures += std::norm(degc);
+    const RunInput& in = run.input;
+    const Column rates = rates_less(run, hits[r]);
+    const std::vector<Column> own = tone.columns(in, shape), other = tone.columns(in, of_temperature);
+    const double piece_s = length_s(run) / kPiecesOfRun;
+    for (int k = 0; k < kPiecesOfRun; ++k) {
+      const double from_s = in.t_s.front() + k * piece_s, to_s = from_s + piece_s;
+      const std::complex<double> rate = line_in_changes(in.t_s, rates, own, from_s, to_s),
+                                 once = line_in_changes(in.t_s, in.temp_degc, other, from_s, to_s),
+                                 product = rate * std::conj(of_squares ? once * once : once);
+      sum += product * product, all += std::norm(product);
+    }
   }
-  return rates > 0 && temperatures > 0 ? std::norm(product) / (rates * temperatures) : 0;
+  return all > 0 ? std::abs(sum) / all : 0;
 }
 
 } // namespace
