@@ -153,6 +153,7 @@ static void test_a_pause_that_the_log_hides_is_one(void**) {
   assert_true(warns(result, {"3.csv", "from 1201 s on", "the recorder had stopped"}));
   const CampaignRun& run = result.axes[0].campaign.runs[0];
   assert_near(run.input.t_s[1200] - run.input.t_s[1199], 3600, 1);
+  assert_true(run.input.restarts == std::vector<size_t>{1200});
   for (const size_t i : {0, 1199, 1200, 3999}) assert_near(time_in_log_s(run, run.input.t_s[i]), i + 1, 1e-6);
 }
 

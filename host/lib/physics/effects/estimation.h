@@ -29,6 +29,9 @@ struct RunInput {
   std::vector<double> rate_dph;      // NaN where missing
   std::map<std::string, std::vector<double>> auxiliary;
   double t0_degc = 0, range_degc = 1; // normalisation
+  // Rows before which the recorder had stopped for longer than its seconds tell, increasing: what an effect with a memory did
+  // meanwhile is as unknown as what it did before the log.
+  std::vector<size_t> restarts = {};
 
   size_t size() const { return t_s.size(); }
   double normalised(double temp) const { return (temp - t0_degc) / range_degc; }
@@ -200,5 +203,8 @@ public:
 
 // Legendre polynomial by its recursion.
 double legendre(int degree, double x);
+
+// The start columns of an effect on a run, and those of the states in which it is free again (RunInput::restarts).
+std::vector<Column> free_states(const EffectEstimator& effect, const RunInput& run, const Theta& shape);
 
 } // namespace imucal

@@ -60,7 +60,7 @@ StartColumns start_columns(const Campaign& campaign, const Term& term) {
   const double sd = term.estimator->prior().start * campaign.spread_dph;
   out.precision = sd > 0 ? 1 / (sd * sd) : 1e-6;
   for (const CampaignRun& run : campaign.runs)
-    out.of_run.push_back(used_rows(run, term.estimator->start_columns(run.input, term.shape)));
+    out.of_run.push_back(used_rows(run, free_states(*term.estimator, run.input, term.shape)));
   return out;
 }
 

@@ -180,7 +180,7 @@ MeanPart mean_part(const SlowData& data, const EffectEstimator& estimator, const
   const PriorScale prior = estimator.prior();
   double local_sd = prior.start * data.spread_dph;
   const auto columns = [&](const RunInput& in) { return estimator.columns(in, shape); };
-  const auto starts = [&](const RunInput& in) { return estimator.start_columns(in, shape); };
+  const auto starts = [&](const RunInput& in) { return free_states(estimator, in, shape); };
   switch (estimator.form()) {
   case Form::kColumns:
     part.common = columns_of(campaign, columns);

@@ -109,6 +109,11 @@ CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
     ++k;
   }
   if (sum.rows > 0) append(sum, block, fewest, &out.input);
+  for (const size_t row : in.restarts) {
+    const std::vector<long>& ticks = out.input.tick;
+    const auto at = std::lower_bound(ticks.begin(), ticks.end(), in.tick[row] / length);
+    out.input.restarts.push_back(static_cast<size_t>(at - ticks.begin()));
+  }
   return out;
 }
 

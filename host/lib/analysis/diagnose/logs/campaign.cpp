@@ -214,6 +214,7 @@ static void set_times(const std::vector<double>& t_s, const std::vector<char>& p
     const double gap_s = i ? t_s[i] - t_s[i - 1] : 0.0;
     const double kept_s = pauses[i] ? std::max(gap_s, kHiddenPause_s) : std::min(gap_s, kLongestGap_s);
     if (kept_s != gap_s) {
+      in.restarts.push_back(i);
       run->cuts.push_back({in.t_s.back() + 0.5 * kept_s, gap_s - kept_s});
       cut_s += gap_s - kept_s;
     }
