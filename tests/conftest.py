@@ -15,7 +15,8 @@ def pytest_configure(config):
 
 @pytest.hookimpl(trylast=True)  # after `-m` has left out its tests
 def pytest_collection_modifyitems(items):
-    """Files with few tests first: these ask the longest questions, and the many short tests of the others fill the last gaps
-    between two processes.  The order within a file stays."""
+    """Files that ask `diagnose` first, those with most tests before the others: they take longest, and the short files fill the
+    last gaps between the processes.  The order within a file stays."""
     tests_in = collections.Counter(item.path for item in items)
-    items.sort(key=lambda item: tests_in[item.path])
+    asks = {path: "diagnose" in path.read_text(encoding="utf-8") for path in tests_in}
+    items.sort(key=lambda item: (not asks[item.path], -tests_in[item.path], item.path))

@@ -38,11 +38,11 @@ unit-programs: $(SELECTED_UNIT_TESTS)
 unit-test: unit-programs  ## run the CMocka tests of the core and the host library
 	$(Q)BUILD=$(BUILD) tests/run_unit $(SELECTED_UNIT_TESTS)
 
-# Two processes, each file in one of them: some files build or draw once for all of their tests.  What has a short form
-# leaves its other draws (`long`) to test-long.
+# Three processes on two cores, since some tests wait for a device; each file in one of them: some files build or draw once for all
+# of their tests.  What has a short form leaves its other draws (`long`) to test-long.
 PYTEST = BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider --dist loadfile --no-loadscope-reorder $(if $(T),-k $(T)) tests/system tests/python
 system-test:  ## run the pytest tests of the built programs
-	$(Q)$(PYTEST) -n 2 -m 'not long'; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
+	$(Q)$(PYTEST) -n 3 -m 'not long'; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
 
 test-long:: host unit-programs  ## what `make test` leaves out: many more draws of tests that have a short form, tests of minutes
 	$(Q)LONG=1 BUILD=$(BUILD) tests/run_unit $(filter %/test_diagnose_causes %/test_diagnose_noise,$(UNIT_TESTS))

@@ -331,7 +331,7 @@ static void test_causes_of_no_family_are_not_named(void**) {
 
 // A sum of cosines of temperature, its direction and time: no effect of the library, and no free shape quite.
 static void test_members_are_no_names_beside_a_shape_that_holds_more(void**) {
-  for (const uint64_t seed : seeds_of(3, {901, 906, 911, 912, 914, 918})) {
+  for (const uint64_t seed : seeds_of(2, {901, 906, 911, 912, 914, 918})) {
     Rng rng(seed, 7, 0, Stream::kTool);
     double weight[8][3], height[8];
     for (int i = 0; i < 8; ++i) {
@@ -353,7 +353,7 @@ static void test_members_are_no_names_beside_a_shape_that_holds_more(void**) {
 
 // A curve over temperature that wanders as far as it likes: what a jump at a temperature takes of it is a part of that curve.
 static void test_a_part_of_a_free_curve_over_temperature_is_no_name(void**) {
-  for (const uint64_t seed : seeds_of(2, {3, 5, 10, 31, 4, 6, 8, 12, 28})) {
+  for (const uint64_t seed : seeds_of(1, {3, 5, 10, 31, 4, 6, 8, 12, 28})) {
     Rng rng(seed, 11, 0, Stream::kTool);
     double walk[64] = {};
     for (int i = 1; i < 64; ++i) walk[i] = walk[i - 1] + rng.normal();
@@ -599,7 +599,7 @@ static void test_a_cause_is_found_beside_noise_that_follows_the_temperature(void
 
 // In every run an offset of its own that fades over 20 degC, as the start of a play does, and no loop.
 static void test_a_loop_whose_start_states_are_larger_than_itself_is_no_name(void**) {
-  for (const uint64_t seed : seeds_of(2, {1, 3, 4, 5}))
+  for (const uint64_t seed : seeds_of(1, {1, 3, 4, 5}))
     for (const double bump : {0.0, 60.0}) {
       size_t row = 0;
       const auto fading = [&](double t, double temp) {

@@ -14,10 +14,12 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
 SEED = 20290417
 N_DEVICES = 6
+DEVICES = pytest.mark.parametrize("n_devices", [4, pytest.param(N_DEVICES, marks=pytest.mark.long)])  # the first of them
 MAY_MISS = 1
 WHITE = 30.0  # dph in a second: 0.5 deg/sqrt(h)
 # Of A: probability of a hit, smallest and largest size in multiples of the white noise.
@@ -99,14 +101,16 @@ def device(folder, make_hits, number):
     return n_hits, names, axis["verdict"], is_burst
 
 
-def test_hits_one_by_one_are_outliers(tmp_path):
-    found = [device(tmp_path, hits_one_by_one, k) for k in range(N_DEVICES)]
+@DEVICES
+def test_hits_one_by_one_are_outliers(tmp_path, n_devices):
+    found = [device(tmp_path, hits_one_by_one, k) for k in range(n_devices)]
     wrong = [(k, f) for k, f in enumerate(found) if "outliers" not in f[1] or f[3]]
     assert len(wrong) <= MAY_MISS, wrong
 
 
-def test_hits_in_clusters_are_no_outliers(tmp_path):
-    found = [device(tmp_path, hits_in_clusters, k) for k in range(N_DEVICES)]
+@DEVICES
+def test_hits_in_clusters_are_no_outliers(tmp_path, n_devices):
+    found = [device(tmp_path, hits_in_clusters, k) for k in range(n_devices)]
     assert min(f[0] for f in found) >= 30, found
     wrong = [(k, f) for k, f in enumerate(found) if "outliers" in f[1] or f[2] == "explained"]
     assert len(wrong) <= MAY_MISS, wrong

@@ -574,11 +574,11 @@ def check_two_processes(lab, n_draws):
 
 
 def test_a_power_law_is_no_certain_second_process(lab):
-    check_power_law(lab, 4)
+    check_power_law(lab, 3)
 
 
 def test_a_second_process_is_told(lab):
-    check_two_processes(lab, 4)
+    check_two_processes(lab, 3)
 
 
 @pytest.mark.long

@@ -16,6 +16,7 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
 SEED = 20310822
@@ -112,13 +113,18 @@ def ripple_device(folder, number, has_tone):
     return answer(folder, f"{'tone' if has_tone else 'square'}{number}", logs, f"{ripple_degc:.2f} degC {period_s:.0f} s, {note}")
 
 
-def test_saw_is_neither_rate_ramp_nor_telegraph_noise(tmp_path):
-    found = [saw_device(tmp_path, k) for k in range(3)]
+DEVICES = pytest.mark.parametrize("n_devices", [2, pytest.param(3, marks=pytest.mark.long)])  # the first of them
+
+
+@DEVICES
+def test_saw_is_neither_rate_ramp_nor_telegraph_noise(tmp_path, n_devices):
+    found = [saw_device(tmp_path, k) for k in range(n_devices)]
     assert not [f for f in found if {"rate_ramp", "telegraph_noise"} & set(f[0]) or f[1] == "no_gap"], found
 
 
-def test_ripple_of_the_chamber_is_no_tone(tmp_path):
-    found = [ripple_device(tmp_path, k, False) for k in range(3)]
+@DEVICES
+def test_ripple_of_the_chamber_is_no_tone(tmp_path, n_devices):
+    found = [ripple_device(tmp_path, k, False) for k in range(n_devices)]
     assert not [f for f in found if "sinusoid" in f[0]], found
 
 
