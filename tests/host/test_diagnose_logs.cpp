@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Logs as they come: given twice, with a pause of hours, with rows missing; and the model that is written of them.
 #include "analysis/diagnose/logs/smoothing.h"
+#include "analysis/diagnose/logs/unlike.h"
 #include "base/error.h"
 #include "diagnose_logs.h"
 
@@ -181,6 +182,22 @@ static void test_a_log_with_a_slip_is_left_out(void**) {
     }
 }
 
+// Three soaks, one of them at 70 degC, as if that were 21 in degF: a soak agrees with anything.
+static void test_a_warm_soak_is_no_log_in_fahrenheit(void**) {
+  std::vector<Log> logs;
+  for (const double soak_degc : {20.0, 23.0, 70.0}) {
+    logs.push_back(simulated_log(850 + logs.size(), 6000, false, 0));
+    for (size_t i = 0; i < logs.back().size(); ++i) {
+      double& temp = logs.back().temp_degc[i];
+      logs.back().axes[0].rate_dph[i] -= bias_dph(temp);
+      temp = soak_degc + 0.5 * std::sin(logs.back().t_s[i] / 300);
+      logs.back().axes[0].rate_dph[i] += bias_dph(temp);
+    }
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  for (const std::string& why : unlike_others(campaign)) assert_string_equal(why.c_str(), "");
+}
+
 // Held out, and beside a single fitted log.
 static void test_a_held_out_log_with_a_slip_is_left_out(void**) {
   std::vector<Log> logs;
@@ -343,6 +360,7 @@ int main() {
       cmocka_unit_test(test_a_pause_that_the_log_hides_is_one),
       cmocka_unit_test(test_a_log_with_a_slip_is_left_out),
       cmocka_unit_test(test_a_held_out_log_with_a_slip_is_left_out),
+      cmocka_unit_test(test_a_warm_soak_is_no_log_in_fahrenheit),
       cmocka_unit_test(test_one_channel_in_two_columns_is_one),
       cmocka_unit_test(test_a_log_in_kelvin_is_left_out),
       cmocka_unit_test(test_a_log_without_temperatures_beside_others_is_refused),

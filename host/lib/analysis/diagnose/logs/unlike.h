@@ -4,7 +4,7 @@
 //
 // The polynomial of the other logs is fitted to means over a minute.  A log is unlike them where it leaves four times what they
 // leave themselves, and with one of these changes no more than they do.  No cause does that: a change from run to run is not the
-// polynomial turned, nor its temperatures stretched by 1.8.
+// polynomial turned, nor its temperatures stretched by 1.8.  Asked of logs that pass 20 degC and more.
 #pragma once
 #include <string>
 #include <vector>
