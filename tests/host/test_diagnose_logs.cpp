@@ -122,6 +122,26 @@ static void test_a_thermometer_that_is_read_seldom_is_no_coarse_one(void**) {
   }
 }
 
+// The clock of the thermometer is its own, a reading comes a row late now and then, and its phase may change in the log.
+static void test_readings_by_another_clock_are_found(void**) {
+  for (const double every : {60.006, 30.01, 120.02, 10.002, 60.5})
+    for (const long shift : {0L, 25L}) {
+      std::vector<long> ticks;
+      std::vector<double> temp_degc;
+      Rng rng(53, 0, 0, Stream::kTool);
+      double next = 7, reading = 20;
+      for (long k = 0; k < 9000; ++k) {
+        const double temp = 20 + k / 240.0 + 0.02 * rng.normal();
+        if (k == 4000) next += static_cast<double>(shift);
+        if (k >= next) reading = 0.01 * std::round(100 * temp), next += every;
+        ticks.push_back(k), temp_degc.push_back(reading);
+      }
+      const RepeatedReadings found = repeated_readings(ticks, temp_degc);
+      assert_near(found.every, every, 0.02);
+      assert_near(static_cast<double>(found.rows.size()), 9000 / every, 3);
+    }
+}
+
 // Steps of a converter come at any rows, or, over a ramp of one slope, in as many rows each and all of one size.
 static void test_steps_of_a_converter_are_no_repeated_readings(void**) {
   for (const double lsb_degc : {0.0625, 0.5})
@@ -133,10 +153,10 @@ static void test_steps_of_a_converter_are_no_repeated_readings(void**) {
         const double temp = k < 3000 ? k / 60.0 : 50 - (k - 3000) / 90.0;
         ticks.push_back(k), temp_degc.push_back(lsb_degc * std::round((temp + noise_degc * rng.normal()) / lsb_degc));
       }
-      assert_int_equal(repeated_readings(ticks, temp_degc).every, 0);
+      assert_true(repeated_readings(ticks, temp_degc).every == 0);
       for (long k = 1; k < 6000; ++k) // and beside missing readings
         if (k % 5 != 2) temp_degc[static_cast<size_t>(k)] = std::nan("");
-      assert_int_equal(repeated_readings(ticks, temp_degc).every, 0);
+      assert_true(repeated_readings(ticks, temp_degc).every == 0);
     }
 }
 
@@ -196,6 +216,27 @@ static void test_a_warm_soak_is_no_log_in_fahrenheit(void**) {
   }
   const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
   for (const std::string& why : unlike_others(campaign)) assert_string_equal(why.c_str(), "");
+}
+
+// A healthy log beyond the temperatures of the others, over which the bias turns; and one in degF beside a larger loop.
+static void test_a_slip_is_told_by_temperatures_in_common(void**) {
+  const auto log_of = [](uint64_t seed, double lo_degc, double hi_degc) {
+    Log log = simulated_log(seed, 6000, false, 0);
+    for (size_t i = 0; i < log.size(); ++i) {
+      double& temp = log.temp_degc[i];
+      log.axes[0].rate_dph[i] -= bias_dph(temp);
+      temp = lo_degc + (hi_degc - lo_degc) * temp / 60;
+      log.axes[0].rate_dph[i] += 150 * std::fabs(temp - 30) / 30;
+    }
+    return log;
+  };
+  const Campaign apart = make_campaign({log_of(861, 0, 30), log_of(862, 30, 60), log_of(863, 0, 30)}, "gx_dph", {});
+  for (const std::string& why : unlike_others(apart)) assert_string_equal(why.c_str(), "");
+  std::vector<Log> logs = {simulated_log(864, 6000, false, 80), simulated_log(865, 6000, false, 80),
+                           simulated_log(866, 6000, false, 80)};
+  for (double& temp : logs[1].temp_degc) temp = 1.8 * temp + 32;
+  const std::vector<std::string> why = unlike_others(make_campaign(logs, "gx_dph", {}));
+  assert_true(why[0].empty() && holds(why[1], {"degF"}) && why[2].empty());
 }
 
 // Held out, and beside a single fitted log.
@@ -356,9 +397,11 @@ int main() {
       cmocka_unit_test(test_logs_that_share_a_stretch_are_refused),
       cmocka_unit_test(test_wrong_readings_of_the_thermometer_are_missing),
       cmocka_unit_test(test_a_thermometer_that_is_read_seldom_is_no_coarse_one),
+      cmocka_unit_test(test_readings_by_another_clock_are_found),
       cmocka_unit_test(test_steps_of_a_converter_are_no_repeated_readings),
       cmocka_unit_test(test_a_pause_that_the_log_hides_is_one),
       cmocka_unit_test(test_a_log_with_a_slip_is_left_out),
+      cmocka_unit_test(test_a_slip_is_told_by_temperatures_in_common),
       cmocka_unit_test(test_a_held_out_log_with_a_slip_is_left_out),
       cmocka_unit_test(test_a_warm_soak_is_no_log_in_fahrenheit),
       cmocka_unit_test(test_one_channel_in_two_columns_is_one),

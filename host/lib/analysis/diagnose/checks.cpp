@@ -160,9 +160,9 @@ void tell_impossible(const Campaign& campaign, const std::vector<Log>& logs, std
     char text[300];
     if (run.repeated.every > 0) {
       std::snprintf(text, sizeof text,
-                    ": the thermometer is read every %g s, and its reading stands in the rows between again: the "
+                    ": the thermometer is read every %.4g s, and its reading stands in the rows between again: the "
                     "temperature there is taken to be on a straight line",
-                    static_cast<double>(run.repeated.every) * campaign.dt_s);
+                    run.repeated.every * campaign.dt_s);
       warnings->push_back(log.path + text);
     }
     if (const std::vector<size_t>& wrong = run.impossible.wrong; !wrong.empty()) {

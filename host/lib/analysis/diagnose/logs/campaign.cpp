@@ -309,8 +309,11 @@ CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
     std::vector<long> ticks;
     for (double t_s : log.t_s) ticks.push_back(std::lround((t_s - log.t_s.front()) / campaign.dt_s));
     run.repeated = repeated_readings(ticks, temp_degc);
-    for (size_t row = 0; row < ticks.size(); ++row)
-      if (!run.repeated.is_new(ticks[row])) temp_degc[row] = std::nan("");
+    if (run.repeated.every > 0) {
+      Column read(temp_degc.size(), std::nan(""));
+      for (size_t row : run.repeated.rows) read[row] = temp_degc[row];
+      temp_degc = read;
+    }
     run.impossible = impossible_readings(log.t_s, temp_degc);
     for (size_t row : run.impossible.wrong) temp_degc[row] = std::nan("");
     run.holds = stuck_thermometer(log.t_s, campaign.dt_s, temp_degc);

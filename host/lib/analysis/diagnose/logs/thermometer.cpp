@@ -17,8 +17,11 @@ constexpr double kMostHeld = 0.5;                        // of the rows
 constexpr double kFastest_degc = 5, kFastest_degc_s = 1; // of a board: from row to row; where rows are further apart
 constexpr size_t kMostWrong = 10;                        // readings in a row
 constexpr size_t kFewestReadings = 20;
-constexpr long kShortestRepeat = 3, kLongestRepeat = 600; // rows
-constexpr double kOnGrid = 0.95;                          // of the changes come at one row of so many
+constexpr double kShortestRepeat = 3, kLongestRepeat = 600; // rows
+constexpr double kOnGrid = 0.95;              // of the steps between changes are whole times of one period,
+constexpr double kARow = 1.01, kNoRow = 0.25; // to a row, where that says something and no converter's steps are near
+constexpr double kLooseRepeat = 10, kFarBeyondStep = 3;
+constexpr int kRefinements = 3;
 constexpr double kBeyondStep = 1.5,
                  kSame_degc = 1e-6; // times the least distance of two readings; of two that are the same
 
@@ -60,27 +63,70 @@ std::vector<std::vector<size_t>> cut_at_jumps(const std::vector<double>& t_s, co
 
 } // namespace
 
+namespace {
+
+// Steps of time that are whole times of one period: the period, to which it is refined from `guess`; 0: too few of them are.
+double period_of(const std::vector<long>& steps, double guess, double tolerance) {
+  double period = guess, on_it = 0;
+  for (int pass = 0; pass < kRefinements; ++pass) {
+    double sum = 0, times = 0;
+    on_it = 0;
+    for (const long step : steps) {
+      const double n = std::max(1.0, std::round(static_cast<double>(step) / period));
+      if (std::fabs(static_cast<double>(step) - n * period) > tolerance) continue;
+      sum += static_cast<double>(step), times += n, on_it += 1;
+    }
+    if (on_it == 0) return 0;
+    period = sum / times;
+  }
+  return on_it >= kOnGrid * static_cast<double>(steps.size()) ? period : 0;
+}
+// Where a reading is new: where it changes, and, between two changes, where it would have.
+std::vector<size_t> new_readings(const std::vector<long>& ticks, const std::vector<size_t>& changes, double period) {
+  std::vector<size_t> rows = {0};
+  for (size_t k = 0; k < changes.size(); ++k) {
+    const size_t last = rows.back(), next = changes[k];
+    const double n = std::round(static_cast<double>(ticks[next] - ticks[last]) / period);
+    for (int i = 1; k > 0 && i < n; ++i) {
+      const double at = static_cast<double>(ticks[last]) + i * static_cast<double>(ticks[next] - ticks[last]) / n;
+      const auto row = std::lower_bound(ticks.begin(), ticks.end(), std::lround(at)) - ticks.begin();
+      if (static_cast<size_t>(row) > rows.back() && static_cast<size_t>(row) < next)
+        rows.push_back(static_cast<size_t>(row));
+    }
+    if (next > rows.back()) rows.push_back(next);
+  }
+  return rows;
+}
+
+} // namespace
+
 RepeatedReadings repeated_readings(const std::vector<long>& ticks, const std::vector<double>& temp_degc) {
-  std::vector<long> rows; // ticks at which the reading changes
-  std::vector<double> sizes, readings;
+  std::vector<size_t> changes; // rows
+  std::vector<double> sizes, readings, lengths;
+  std::vector<long> steps;
   for (size_t i = 0; i < ticks.size(); ++i) {
     if (!std::isfinite(temp_degc[i])) continue;
     const double change = readings.empty() ? 0 : std::fabs(temp_degc[i] - readings.back());
-    if (change > 0) rows.push_back(ticks[i]), sizes.push_back(change);
     readings.push_back(temp_degc[i]);
+    if (!(change > 0)) continue;
+    if (!changes.empty())
+      steps.push_back(ticks[i] - ticks[changes.back()]), lengths.push_back(static_cast<double>(steps.back()));
+    changes.push_back(i), sizes.push_back(change);
   }
-  if (rows.size() < kFewestReadings || kShortestRepeat * rows.size() > readings.size()) return {};
-  if (median(sizes) < kBeyondStep * least_distance(readings)) return {}; // one step of a converter
-  const double enough = kOnGrid * static_cast<double>(rows.size());
-  const long at_most = std::min(kLongestRepeat, (ticks.back() - ticks.front()) / static_cast<long>(kFewestReadings));
-  RepeatedReadings out;
-  for (long every = kShortestRepeat; every <= at_most; ++every) {
-    std::vector<size_t> at(static_cast<size_t>(every), 0);
-    for (const long row : rows) ++at[static_cast<size_t>(row % every)];
-    const auto most = std::max_element(at.begin(), at.end());
-    if (static_cast<double>(*most) >= enough) out = {every, most - at.begin()};
+  if (changes.size() < kFewestReadings ||
+      kShortestRepeat * static_cast<double>(changes.size()) > static_cast<double>(readings.size()))
+    return {};
+  const double beyond = median(sizes) / least_distance(readings);
+  if (beyond < kBeyondStep) return {}; // one step of a converter
+  const double usual = median(lengths);
+  for (const double parts : {1.0, 2.0, 3.0}) {
+    const double guess = usual / parts;
+    if (guess < kShortestRepeat || guess > kLongestRepeat) continue;
+    const bool is_loose = guess >= kLooseRepeat && beyond > kFarBeyondStep;
+    const double period = period_of(steps, guess, is_loose ? kARow : kNoRow);
+    if (period > 0) return {period, new_readings(ticks, changes, period)};
   }
-  return out;
+  return {};
 }
 
 ImpossibleReadings impossible_readings(const std::vector<double>& t_s, const std::vector<double>& temp_degc) {

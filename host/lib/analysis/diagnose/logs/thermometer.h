@@ -19,10 +19,11 @@ struct Hold {
 // A thermometer that is read less often than the rates: its reading changes at one row of so many only, and stands in the others
 // again.  A step of a coarse thermometer is as far as two of its readings are apart at least.
 struct RepeatedReadings {
-  long every = 0, first = 0; // rows by dt_s; 0: every row has a reading of its own
-  bool is_new(long tick) const { return every == 0 || (tick - first) % every == 0; }
+  double every = 0;         // rows by dt_s, on average; 0: every row has a reading of its own
+  std::vector<size_t> rows; // of the new readings
 };
-// One number per row, ticks (seconds in units of dt_s) increase; temp_degc is NaN where missing.
+// Readings come in even steps of time, to a row; the clock of the thermometer is its own, and the steps may begin anew.  One
+// number per row, ticks (seconds in units of dt_s) increase; temp_degc is NaN where missing.
 RepeatedReadings repeated_readings(const std::vector<long>& ticks, const std::vector<double>& temp_degc);
 
 // In increasing order.  One number per row; t_s increases, mostly by dt_s; temp_degc is NaN where missing, which ends a hold.

@@ -14,10 +14,10 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kMean_s = 60;
-constexpr double kLeastRange_degc = 20;
+constexpr double kLeastCommon_degc = 20;
 constexpr size_t kFewestRuns = 3;
-constexpr long kFewestMeans = 20;                                  // of a run
-constexpr double kFarTimes = 4, kShownTimes = 2, kLikeTimes = 1.5; // what the other logs leave
+constexpr long kFewestMeans = 20;                 // of a run
+constexpr double kFarTimes = 3, kLikeTimes = 1.5; // what the other logs leave
 
 struct Slip {
   double sign, degc_per_unit, zero_degc; // of the rates; temperature = zero + reading * degc_per_unit
@@ -68,7 +68,12 @@ public:
     rms_dph_ = std::sqrt((y - x * coefficients_).squaredNorm() / static_cast<double>(n));
   }
   double rms_dph() const { return rms_dph_; }
-  double span_degc() const { return 2 * half_degc_; }
+  // What it has of temperatures in common with another log, once the slip is taken back.
+  double common_degc(const Means& m, const Slip& slip) const {
+    const double lo = slip.zero_degc + slip.degc_per_unit * m.temp_degc.minCoeff(),
+                 hi = slip.zero_degc + slip.degc_per_unit * m.temp_degc.maxCoeff();
+    return std::min(hi, middle_degc_ + half_degc_) - std::max(lo, middle_degc_ - half_degc_);
+  }
   // What it leaves of another log, once the slip is taken back.
   double rms_of_dph(const Means& m, const Slip& slip) const {
     const VectorXd temp = (slip.zero_degc + slip.degc_per_unit * m.temp_degc.array()).matrix();
@@ -90,16 +95,14 @@ private:
   VectorXd coefficients_;
 };
 
-// A soak agrees with any polynomial, and a polynomial of soaks with any log.
-bool tells(const Polynomial& others, const Means& log) {
-  const double span_degc = log.temp_degc.maxCoeff() - log.temp_degc.minCoeff();
-  const double own_dph = std::sqrt((log.rate_dph.array() - log.rate_dph.mean()).square().mean());
-  return std::min(span_degc, others.span_degc()) > kLeastRange_degc && own_dph > kShownTimes * others.rms_dph();
-}
 std::string why_unlike(const Polynomial& others, const Means& log) {
-  const double far = kFarTimes * others.rms_dph(), like = kLikeTimes * others.rms_dph();
-  if (log.rate_dph.size() < kFewestMeans || !tells(others, log) || others.rms_of_dph(log, kNone) < far) return "";
-  const auto takes_back = [&](const Slip& slip) { return others.rms_of_dph(log, slip) < like; };
+  if (log.rate_dph.size() < kFewestMeans) return "";
+  const double left_dph = others.rms_dph();
+  if (others.rms_of_dph(log, kNone) < kFarTimes * left_dph) return "";
+  // A soak agrees with any polynomial, and a polynomial says little beyond what it was fitted to.
+  const auto takes_back = [&](const Slip& slip) {
+    return others.common_degc(log, slip) > kLeastCommon_degc && others.rms_of_dph(log, slip) < kLikeTimes * left_dph;
+  };
   const auto slip = std::find_if(std::begin(kSlips), std::end(kSlips), takes_back);
   return slip == std::end(kSlips) ? "" : slip->what;
 }

@@ -2,9 +2,9 @@
 // Logs that are those of the others only after a slip of the engineer is taken back: rates of the other sign, temperatures in
 // another unit.
 //
-// The polynomial of the other logs is fitted to means over a minute.  A log is unlike them where it leaves four times what they
+// The polynomial of the other logs is fitted to means over a minute.  A log is unlike them where it leaves three times what they
 // leave themselves, and with one of these changes no more than they do.  No cause does that: a change from run to run is not the
-// polynomial turned, nor its temperatures stretched by 1.8.  Asked of logs that pass 20 degC and more.
+// polynomial turned, nor its temperatures stretched by 1.8.  The logs have 20 degC and more in common then.
 #pragma once
 #include <string>
 #include <vector>
