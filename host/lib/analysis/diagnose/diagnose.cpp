@@ -246,22 +246,13 @@ Campaign fitted_campaign(const std::vector<Log>& logs, const std::string& name, 
     if (!why[r].empty()) left_out.push_back({campaign.runs[r].input.log, why[r]});
   return left_out.empty() ? campaign : make_campaign(logs, name, model, left_out);
 }
-// Those of the held-out logs.
-void leave_unlike(const Campaign& fitted, Campaign* unseen) {
-  const std::vector<std::string> why = unlike_those_of(fitted, *unseen);
-  for (size_t r = why.size(); r-- > 0;) {
-    std::vector<char> is_left(unseen->runs.size(), 0);
-    is_left[r] = !why[r].empty();
-    leave_runs(is_left, why[r], unseen);
-  }
-}
 
 // The held-out logs of an axis; no runs: none can be used.
 Campaign held_out_campaign(const ErrorModel& model, const std::vector<Log>& held_out, AxisResult* axis) {
   if (held_out.empty()) return {};
   Campaign unseen = make_campaign_like(axis->campaign, held_out, model);
   if (axis->campaign.has_temperature) require_temperature(unseen, held_out);
-  leave_unlike(axis->campaign, &unseen);
+  leave_runs(unlike_those_of(axis->campaign, unseen), &unseen);
   tell_impossible(unseen, held_out, &axis->warnings);
   tell_stuck(unseen, held_out, &axis->warnings);
   tell_frozen(unseen, held_out, &axis->warnings);

@@ -66,7 +66,7 @@ private:
   void take_structure() {
     const StructureResult& found = structure_;
     if (held_out_ && !leave_short_runs(held_out_)) {
-      leave_runs(std::vector<char>(held_out_->runs.size(), 1), kTooShort, held_out_);
+      leave_runs(std::vector<std::string>(held_out_->runs.size(), kTooShort), held_out_);
       question_.held_out = held_out_ = nullptr;
     }
     out_.n_dropouts = found.n_dropouts, out_.n_left_out = found.n_left_out;

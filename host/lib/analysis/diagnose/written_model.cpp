@@ -62,9 +62,7 @@ Written written_of(const AxisResult& axis) {
     for (size_t t = 0; t < h.terms.size(); ++t)
       if (is_in_mean(effect) && h.terms[t].estimator == effect.estimator) {
         effect.coefficients.clear();
-        for (size_t c = 0; c < design.cols(); ++c)
-          if (design.term_of_column[c] == static_cast<int>(t))
-            effect.coefficients.push_back(out.fit.beta[static_cast<long>(c)]);
+        for (const long c : columns_of(design, t)) effect.coefficients.push_back(out.fit.beta[c]);
       }
   return out;
 }

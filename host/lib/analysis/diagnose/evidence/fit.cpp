@@ -184,6 +184,13 @@ Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
   return design;
 }
 
+std::vector<long> columns_of(const Design& design, size_t term) {
+  std::vector<long> out;
+  for (size_t c = 0; c < design.cols(); ++c)
+    if (design.term_of_column[c] == static_cast<int>(term)) out.push_back(static_cast<long>(c));
+  return out;
+}
+
 std::vector<VectorXd> rates(const Campaign& campaign) {
   std::vector<VectorXd> out;
   for (const CampaignRun& run : campaign.runs) out.push_back(used_rows(run, {run.input.rate_dph}));
@@ -313,11 +320,6 @@ GlsPass gls(const Campaign& campaign, const std::vector<MatrixXd>& xy, const Vec
   return pass;
 }
 
-VectorXd innovations(const CampaignRun& run, const NoiseModel& noise, VectorXd residual) {
-  whiten(compute_gains(run, noise), residual.data(), static_cast<size_t>(residual.size()));
-  return residual;
-}
-
 std::vector<VectorXd> residuals(const std::vector<MatrixXd>& xy, const VectorXd& beta) {
   std::vector<VectorXd> out;
   for (const MatrixXd& m : xy) out.push_back(m.rightCols(1) - m.leftCols(m.cols() - 1) * beta);
@@ -418,11 +420,7 @@ Fit fit_hypothesis(const Campaign& campaign, const Hypothesis& hypothesis, const
     }
   } else {
     fit.log_likelihood = -0.5 * (pass.sum_log_s + pass.solution.rss);
-    for (size_t r = 0; r < campaign.runs.size(); ++r) {
-      const MatrixXd& m = pass.white[r];
-      fit.e.push_back(of_hits.empty() ? m.rightCols(1) - m.leftCols(m.cols() - 1) * fit.beta
-                                      : innovations(campaign.runs[r], gaussian, fit.residual[r]));
-    }
+    fit.e = of_hits.empty() ? residuals(pass.white, fit.beta) : whitened(campaign.runs, gaussian, fit.residual);
   }
   return fit;
 }

@@ -47,6 +47,8 @@ struct Design {
   size_t cols() const { return term_of_column.size(); }
 };
 Design make_design(const Campaign& campaign, const Hypothesis& hypothesis);
+// The columns of one term of its hypothesis: those with a coefficient, no start states.
+std::vector<long> columns_of(const Design& design, size_t term);
 // Rates of the used samples, per run.
 std::vector<Eigen::VectorXd> rates(const Campaign& campaign);
 

@@ -146,13 +146,11 @@ void fill_coefficients(const AxisQuestion& question, const Fit& fit, Found* foun
     Term& term = h.terms[t];
     term.coefficients.clear(), term.coefficient_errors.clear();
     term.starts.clear(), term.start_errors.clear(), term.start_covariances.clear();
-    long first = -1;
-    for (long c = 0; c < fit.beta.size(); ++c) {
-      const double value = fit.beta[c], error = std::sqrt(fit.beta_covariance(c, c));
-      if (design.term_of_column[static_cast<size_t>(c)] == static_cast<int>(t)) {
-        if (term.coefficients.empty()) first = c;
-        term.coefficients.push_back(value), term.coefficient_errors.push_back(error);
-      }
+    const std::vector<long> own = columns_of(design, t);
+    const long first = own.empty() ? -1 : own.front();
+    for (const long c : own) {
+      term.coefficients.push_back(fit.beta[c]);
+      term.coefficient_errors.push_back(std::sqrt(fit.beta_covariance(c, c)));
     }
     for (long c = 0; c < fit.beta.size(); ++c)
       if (design.start_of_column[static_cast<size_t>(c)] == static_cast<int>(t)) {

@@ -185,11 +185,11 @@ std::vector<VectorXd> hits_of(const Campaign& seconds) {
 
 bool leave_short_runs(Campaign* seconds) {
   const Campaign blocks = block_means(*seconds, block_length_s(*seconds));
-  std::vector<char> is_short;
+  std::vector<std::string> why;
   for (const CampaignRun& run : blocks.runs)
-    is_short.push_back(static_cast<double>(run.n()) * blocks.dt_s < kShortest_s);
-  if (std::find(is_short.begin(), is_short.end(), 0) == is_short.end()) return false;
-  leave_runs(is_short, kTooShort, seconds);
+    why.push_back(static_cast<double>(run.n()) * blocks.dt_s < kShortest_s ? kTooShort : "");
+  if (std::find(why.begin(), why.end(), "") == why.end()) return false;
+  leave_runs(why, seconds);
   return true;
 }
 

@@ -419,13 +419,13 @@ Campaign make_campaign_like(const Campaign& fitted, const std::vector<Log>& logs
   return campaign;
 }
 
-void leave_runs(const std::vector<char>& is_left, const std::string& why, Campaign* campaign) {
+void leave_runs(const std::vector<std::string>& why, Campaign* campaign) {
   std::vector<CampaignRun> kept;
   for (size_t r = 0; r < campaign->runs.size(); ++r)
-    if (is_left[r])
-      campaign->left_out.push_back({campaign->runs[r].input.log, why});
-    else
+    if (why[r].empty())
       kept.push_back(std::move(campaign->runs[r]));
+    else
+      campaign->left_out.push_back({campaign->runs[r].input.log, why[r]});
   campaign->runs = std::move(kept);
 }
 

@@ -80,8 +80,8 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
 // ask them, however little their own temperatures move.
 Campaign make_campaign_like(const Campaign& fitted, const std::vector<Log>& logs, const ErrorModel& model);
 
-// Leaves out the runs of these places among `runs`, all for one reason.
-void leave_runs(const std::vector<char>& is_left, const std::string& why, Campaign* campaign);
+// Leaves out runs: of each why ("has ..."); empty: it stays.
+void leave_runs(const std::vector<std::string>& why, Campaign* campaign);
 
 // Leaves the auxiliary columns that every run of these campaigns has: a column is known by its place among those of a run.
 void keep_common_columns(const std::vector<Campaign*>& campaigns);

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <iterator>
 
+#include "analysis/diagnose/logs/blocks.h"
+
 namespace imucal {
 
 using Eigen::MatrixXd;
@@ -34,15 +36,10 @@ constexpr Slip kNone = {1, 1, 0, ""};
 struct Means {
   VectorXd temp_degc, rate_dph;
 };
-Means means_of(const CampaignRun& run, double dt_s) {
-  const size_t length = static_cast<size_t>(std::max(1L, std::lround(kMean_s / dt_s))), n = run.n() / length;
-  Means out{VectorXd::Zero(static_cast<long>(n)), VectorXd::Zero(static_cast<long>(n))};
-  for (size_t k = 0; k < n * length; ++k) {
-    const auto row = static_cast<size_t>(run.used[k]);
-    const auto at = static_cast<long>(k / length);
-    out.temp_degc[at] += run.input.smooth_degc[row] / static_cast<double>(length);
-    out.rate_dph[at] += run.input.rate_dph[row] / static_cast<double>(length);
-  }
+std::vector<Means> means_of(const Campaign& campaign) {
+  std::vector<Means> out;
+  for (const CampaignRun& run : block_means(campaign, kMean_s).runs)
+    out.push_back({used_rows(run, {run.input.smooth_degc}), used_rows(run, {run.input.rate_dph})});
   return out;
 }
 
@@ -107,11 +104,6 @@ std::string why_unlike(const Polynomial& others, const Means& log) {
   return slip == std::end(kSlips) ? "" : slip->what;
 }
 
-std::vector<Means> all_means(const Campaign& campaign) {
-  std::vector<Means> out;
-  for (const CampaignRun& run : campaign.runs) out.push_back(means_of(run, campaign.dt_s));
-  return out;
-}
 // Those that are long enough to say something of a polynomial.
 std::vector<Means> long_ones(std::vector<Means> logs) {
   logs.erase(std::remove_if(logs.begin(), logs.end(), [](const Means& m) { return m.rate_dph.size() < kFewestMeans; }),
@@ -124,7 +116,7 @@ std::vector<Means> long_ones(std::vector<Means> logs) {
 std::vector<std::string> unlike_others(const Campaign& campaign) {
   std::vector<std::string> out(campaign.runs.size());
   if (campaign.runs.size() < kFewestRuns || campaign.order < 1) return out;
-  const std::vector<Means> all = all_means(campaign);
+  const std::vector<Means> all = means_of(campaign);
   for (size_t r = 0; r < all.size(); ++r) {
     std::vector<Means> others = all;
     others.erase(others.begin() + static_cast<long>(r));
@@ -136,10 +128,11 @@ std::vector<std::string> unlike_others(const Campaign& campaign) {
 
 std::vector<std::string> unlike_those_of(const Campaign& campaign, const Campaign& other) {
   std::vector<std::string> out(other.runs.size());
-  const std::vector<Means> others = long_ones(all_means(campaign));
+  const std::vector<Means> others = long_ones(means_of(campaign));
   if (others.empty() || campaign.order < 1) return out;
   const Polynomial polynomial(others, campaign.order);
-  for (size_t r = 0; r < out.size(); ++r) out[r] = why_unlike(polynomial, means_of(other.runs[r], other.dt_s));
+  const std::vector<Means> all = means_of(other);
+  for (size_t r = 0; r < out.size(); ++r) out[r] = why_unlike(polynomial, all[r]);
   return out;
 }
 

@@ -112,11 +112,10 @@ private:
     std::vector<VectorXd> residual = jumping.fit.residual;
     const Hypothesis h = hypothesis_beside(jumping);
     const Design design = make_design(question_.campaign, h);
-    for (size_t c = 0; c < design.cols(); ++c) {
-      const int term = design.term_of_column[c];
-      if (term < 0 || h.terms[static_cast<size_t>(term)].form() != Form::kSteps) continue;
-      const auto column = static_cast<long>(c);
-      for (size_t r = 0; r < residual.size(); ++r) residual[r] += jumping.fit.beta[column] * design.x[r].col(column);
+    for (size_t t = 0; t < h.terms.size(); ++t) {
+      if (h.terms[t].form() != Form::kSteps) continue;
+      for (const long c : columns_of(design, t))
+        for (size_t r = 0; r < residual.size(); ++r) residual[r] += jumping.fit.beta[c] * design.x[r].col(c);
     }
     return residual;
   }

@@ -71,10 +71,8 @@ Column rates_less(const CampaignRun& run, const VectorXd& hits) {
 // How well the line of the rates keeps to that of the temperatures, or of their squares (half the frequency), from piece to piece
 // of all runs: 1 where its phase to that line is always the same, 1/sqrt(n) on average where n pieces have phases of their own.  A
 // sign does not count: what follows the square of the rate of temperature turns with the direction of the ramps.
-double coherence(const Campaign& campaign, const EffectEstimator& tone, const Theta& shape, bool of_squares) {
-  Theta of_temperature = shape;
-  if (of_squares)
-    for (double& hz : of_temperature) hz *= 0.5;
+double coherence(const Campaign& campaign, const EffectEstimator& tone, const Theta& shape,
+                 const Theta& of_temperature) {
   const std::vector<VectorXd> hits = hits_of(campaign);
   std::complex<double> sum = 0;
   double all = 0;
@@ -89,7 +87,7 @@ double coherence(const Campaign& campaign, const EffectEstimator& tone, const Th
       const double from_s = in.t_s.front() + k * piece_s, to_s = from_s + piece_s;
       const std::complex<double> rate = line_in_changes(in.t_s, rates, own, from_s, to_s),
                                  once = line_in_changes(in.t_s, in.temp_degc, other, from_s, to_s),
-                                 product = rate * std::conj(of_squares ? once * once : once);
+                                 product = rate * std::conj(of_temperature == shape ? once : once * once);
       sum += product * product, all += std::norm(product);
     }
   }
@@ -103,10 +101,11 @@ bool is_of_temperature(const Campaign& campaign, const NamedLine& line) {
   Theta half = line.shape;
   for (double& hz : half) hz *= 0.5;
   const EffectEstimator& tone = *line.effect->estimator();
-  return (line_of_temperature(campaign, tone, line.shape) > kLineOfTemperature &&
-          coherence(campaign, tone, line.shape, false) > kCoherent) ||
-         (line_of_temperature(campaign, tone, half) > kLineOfTemperature &&
-          coherence(campaign, tone, line.shape, true) > kCoherent);
+  const auto follows = [&](const Theta& of_temperature) {
+    return line_of_temperature(campaign, tone, of_temperature) > kLineOfTemperature &&
+           coherence(campaign, tone, line.shape, of_temperature) > kCoherent;
+  };
+  return follows(line.shape) || follows(half);
 }
 
 // A line that drifts stands still while the temperature rests, and one that stands still drifts a little by chance: the
@@ -151,9 +150,7 @@ Theta line_errors(const Campaign& campaign, const Design& design, const Fit& fit
   const std::optional<StandingOut> hits = standing_out(campaign, fit.residual);
   std::vector<VectorXd> e = hits ? hits->left : fit.residual;
   for (size_t r = 0; r < e.size(); ++r)
-    for (size_t c = 0; c < design.cols(); ++c)
-      if (design.term_of_column[c] == static_cast<int>(i_term))
-        e[r] += fit.beta[static_cast<long>(c)] * design.x[r].col(static_cast<long>(c));
+    for (const long c : columns_of(design, i_term)) e[r] += fit.beta[c] * design.x[r].col(c);
   e = whitened(campaign.runs, gaussian_equivalent(noise), e);
   return errors_of_place(campaign, e, *line.estimator, line.shape);
 }

@@ -115,11 +115,9 @@ void leave_doubles(std::vector<Theta>* steps) {
 bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* seconds) {
   const Design design = make_design(question.campaign, seconds->final);
   std::vector<double> sizes_dph;
-  for (size_t c = 0; c < design.cols(); ++c) {
-    const int term = design.term_of_column[c];
-    if (term >= 0 && seconds->final.terms[static_cast<size_t>(term)].form() == Form::kSteps)
-      sizes_dph.push_back(seconds->fit.beta[static_cast<long>(c)]);
-  }
+  for (size_t t = 0; t < seconds->final.terms.size(); ++t)
+    if (seconds->final.terms[t].form() == Form::kSteps)
+      for (const long c : columns_of(design, t)) sizes_dph.push_back(seconds->fit.beta[c]);
   std::vector<Theta>& steps = slow->found.best.steps;
   const long reach = std::lround(kPlaceBlocks * slow->data->campaign.dt_s / question.campaign.dt_s);
   std::vector<VectorXd> residual = seconds->without_hits();
