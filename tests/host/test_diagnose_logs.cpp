@@ -230,7 +230,10 @@ static void test_a_slip_is_told_by_temperatures_in_common(void**) {
     }
     return log;
   };
-  const Campaign apart = make_campaign({log_of(861, 0, 30), log_of(862, 30, 60), log_of(863, 0, 30)}, "gx_dph", {});
+  ErrorModel straight;
+  straight.bias = ThermalPolynomial{30, 30, {80, 300}};
+  const Campaign apart =
+      make_campaign({log_of(861, 0, 30), log_of(862, 30, 60), log_of(863, 0, 30)}, "gx_dph", straight);
   for (const std::string& why : unlike_others(apart)) assert_string_equal(why.c_str(), "");
   std::vector<Log> logs = {simulated_log(864, 6000, false, 80), simulated_log(865, 6000, false, 80),
                            simulated_log(866, 6000, false, 80)};
