@@ -942,7 +942,8 @@ static void test_a_block_of_few_samples_holds_no_hit(void**) {
   assert_int_equal((hits.array() != 0).count(), 2);
   assert_near(hits[200], 1e6, 5);
   assert_near(hits[301], -1e6, 5);
-  for (double y : block_means(seconds, 10).runs[0].input.rate_dph) assert_near(y, 0, 5);
+  const Campaign blocks = block_means(seconds, 10);
+  for (double y : blocks.runs[0].input.rate_dph) assert_near(y, 0, 5);
 }
 
 // What a run begins with may fade within a few seconds; a hit is gone with its sample.

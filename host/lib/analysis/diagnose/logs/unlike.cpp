@@ -37,8 +37,9 @@ struct Means {
   VectorXd temp_degc, rate_dph;
 };
 std::vector<Means> means_of(const Campaign& campaign) {
+  const Campaign means = block_means(campaign, kMean_s);
   std::vector<Means> out;
-  for (const CampaignRun& run : block_means(campaign, kMean_s).runs)
+  for (const CampaignRun& run : means.runs)
     out.push_back({used_rows(run, {run.input.smooth_degc}), used_rows(run, {run.input.rate_dph})});
   return out;
 }
