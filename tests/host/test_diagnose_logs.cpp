@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Logs as they come: given twice, with a pause of hours, with rows missing; and the model that is written of them.
 #include "analysis/diagnose/logs/smoothing.h"
+#include "analysis/diagnose/logs/thermometer_noise.h"
 #include "analysis/diagnose/logs/unlike.h"
 #include "base/error.h"
 #include "diagnose_logs.h"
@@ -257,6 +258,35 @@ static void test_a_held_out_log_with_a_slip_is_left_out(void**) {
   assert_true(result.axes[0].study.selection.verdict == Verdict::kNoGap);
 }
 
+// A bias of 280 dph/degC.  The gyro feels what the temperature does, `felt`, and not the noise of the thermometer, `read`.
+static std::vector<Log> steep_logs(uint64_t seed, double felt_degc, double read_degc) {
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 3; ++k) {
+    logs.push_back(simulated_log(seed + k, 6000, false, 0));
+    Rng rng(seed, k, 0, Stream::kTool);
+    for (size_t i = 0; i < logs[k].size(); ++i) {
+      const double felt = felt_degc * rng.normal();
+      logs[k].axes[0].rate_dph[i] += 270 * (logs[k].temp_degc[i] - 30 + felt) + 10 * felt;
+      logs[k].temp_degc[i] += felt + read_degc * rng.normal();
+    }
+  }
+  return logs;
+}
+static void test_noise_of_the_thermometer_is_no_lag(void**) {
+  const DiagnoseResult noisy = answer(steep_logs(870, 0, 0.05), {});
+  assert_true(noisy.axes.at(0).study.selection.verdict == Verdict::kNoGap);
+  assert_true(warns(noisy, {"gx_dph", "noise of the thermometer", "smooth it in the device too"}));
+  const std::optional<ThermometerNoise> seen = thermometer_noise(make_campaign(steep_logs(870, 0, 0.05), "gx_dph", {}));
+  assert_true(seen.has_value());
+  assert_near(seen->rms_degc, 0.05, 0.002);
+  assert_near(seen->rms_dph, 280 * 0.05, 1);
+  const DiagnoseResult felt = answer(steep_logs(873, 0.05, 0), {});
+  assert_true(felt.axes.at(0).study.selection.verdict == Verdict::kNoGap);
+  assert_true(!warns(felt, {"noise of the thermometer"}));
+  // What cannot be seen in the rates changes nothing.
+  assert_true(!thermometer_noise(make_campaign(steep_logs(876, 0, 0.0002), "gx_dph", {})));
+}
+
 // Two columns of one channel share all of their noise; nothing is said of the second.
 static void test_one_channel_in_two_columns_is_one(void**) {
   std::vector<Log> logs;
@@ -407,6 +437,7 @@ int main() {
       cmocka_unit_test(test_a_slip_is_told_by_temperatures_in_common),
       cmocka_unit_test(test_a_held_out_log_with_a_slip_is_left_out),
       cmocka_unit_test(test_a_warm_soak_is_no_log_in_fahrenheit),
+      cmocka_unit_test(test_noise_of_the_thermometer_is_no_lag),
       cmocka_unit_test(test_one_channel_in_two_columns_is_one),
       cmocka_unit_test(test_a_log_in_kelvin_is_left_out),
       cmocka_unit_test(test_a_log_without_temperatures_beside_others_is_refused),

@@ -220,6 +220,17 @@ void tell_frozen(const Campaign& campaign, const std::vector<Log>& logs, std::ve
   }
 }
 
+void tell_thermometer_noise(const std::string& axis, const ThermometerNoise& noise,
+                            std::vector<std::string>* warnings) {
+  char text[320];
+  std::snprintf(
+      text, sizeof text,
+      "%s does not follow the noise of the thermometer, %.2g degC rms about the smoothed temperature: compensated "
+      "at every reading it gets %.2g %s of it.  Here the temperature is smoothed; smooth it in the device too",
+      axis.c_str(), noise.rms_degc, noise.rms_dph, is_accelerometer(axis) ? "mg" : "dph");
+  warnings->push_back(text);
+}
+
 // A polynomial that goes beyond what it was fitted to is off by itself.
 void tell_beyond(const Campaign& fitted, const Campaign& unseen, const std::vector<Log>& logs,
                  std::vector<std::string>* warnings) {

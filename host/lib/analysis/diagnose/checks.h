@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "analysis/diagnose/logs/campaign.h"
+#include "analysis/diagnose/logs/thermometer_noise.h"
 #include "analysis/diagnose/result.h"
 #include "io/log.h"
 #include "io/model.h"
@@ -37,6 +38,8 @@ void tell_stuck(const Campaign& campaign, const std::vector<Log>& logs, std::vec
 void tell_frozen(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings);
 void tell_beyond(const Campaign& fitted, const Campaign& unseen, const std::vector<Log>& logs,
                  std::vector<std::string>* warnings);
+// The rates do without the noise of the thermometer.
+void tell_thermometer_noise(const std::string& axis, const ThermometerNoise& noise, std::vector<std::string>* warnings);
 // Logs of which the axis has no run; no held-out log can be used.
 void tell_left_out(const Campaign& campaign, const std::vector<Log>& logs, AxisResult* axis);
 void tell_held_out(const Campaign& unseen, const std::vector<Log>& held_out, AxisResult* axis);

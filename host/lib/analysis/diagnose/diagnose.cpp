@@ -12,6 +12,7 @@
 #include "analysis/diagnose/checks.h"
 #include "analysis/diagnose/evidence/shared.h"
 #include "analysis/diagnose/logs/blocks.h"
+#include "analysis/diagnose/logs/thermometer_noise.h"
 #include "analysis/diagnose/logs/unlike.h"
 #include "analysis/diagnose/search/null_draws.h"
 #include "analysis/diagnose/stages/dp2.h"
@@ -247,12 +248,21 @@ Campaign fitted_campaign(const std::vector<Log>& logs, const std::string& name, 
   return left_out.empty() ? campaign : make_campaign(logs, name, model, left_out);
 }
 
-// The held-out logs of an axis; no runs: none can be used.
-Campaign held_out_campaign(const ErrorModel& model, const std::vector<Log>& held_out, AxisResult* axis) {
+// The noise of a thermometer that the gyro does not feel is nothing that the gyro does.
+std::optional<ThermometerNoise> leave_thermometer_noise(Campaign* campaign) {
+  const std::optional<ThermometerNoise> noise = thermometer_noise(*campaign);
+  if (noise) take_smoothed(campaign);
+  return noise;
+}
+
+// The held-out logs of an axis; no runs: none can be used.  `is_smoothed`: the polynomial is taken at smoothed temperatures.
+Campaign held_out_campaign(const ErrorModel& model, const std::vector<Log>& held_out, bool is_smoothed,
+                           AxisResult* axis) {
   if (held_out.empty()) return {};
   Campaign unseen = make_campaign_like(axis->campaign, held_out, model);
   if (axis->campaign.has_temperature) require_temperature(unseen, held_out);
   leave_runs(unlike_those_of(axis->campaign, unseen), &unseen);
+  if (is_smoothed) take_smoothed(&unseen);
   tell_impossible(unseen, held_out, &axis->warnings);
   tell_stuck(unseen, held_out, &axis->warnings);
   tell_frozen(unseen, held_out, &axis->warnings);
@@ -304,10 +314,12 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   tell_impossible(axis.campaign, logs, &axis.warnings);
   tell_stuck(axis.campaign, logs, &axis.warnings);
   tell_frozen(axis.campaign, logs, &axis.warnings);
+  const std::optional<ThermometerNoise> thermometer = leave_thermometer_noise(&axis.campaign);
+  if (thermometer && thermometer->is_notable()) tell_thermometer_noise(name, *thermometer, &axis.warnings);
   const NoiseBelief belief = belief_of(options, model, name);
   axis.is_believed = belief.has_believed;
   if (belief.has_believed) check_scale(axis.campaign, belief.model, &axis.warnings);
-  Campaign unseen = held_out_campaign(model, held_out, &axis);
+  Campaign unseen = held_out_campaign(model, held_out, thermometer.has_value(), &axis);
   Campaign* held_out_runs = unseen.runs.empty() ? nullptr : &unseen;
   const std::vector<const Effect*>& library = effect_library();
   const std::vector<bool> active = active_effects(options);

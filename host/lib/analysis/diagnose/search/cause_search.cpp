@@ -234,7 +234,8 @@ std::optional<size_t> candidate_of(const SlowSpace& space, const Effect& effect,
   return found;
 }
 // The candidates added in this order, each where the grid is best, all polished; empty: one of them cannot be added.
-SlowModel built(const SlowLikelihood& of, const SlowScan& scans, const SlowModel& null, const std::vector<size_t>& order) {
+SlowModel built(const SlowLikelihood& of, const SlowScan& scans, const SlowModel& null,
+                const std::vector<size_t>& order) {
   SlowModel m = null;
   for (const size_t j : order) {
     std::vector<SlowCandidateScore> found = scans.scan(m, scans.all_nodes());
@@ -266,7 +267,8 @@ SlowResult search_causes(const SlowLikelihood& of, SlowScan* scans, const SlowMo
   return CauseSearch(of, scans).run(about, null, in_time);
 }
 
-SlowModel best_with(const SlowLikelihood& of, const SlowScan& scans, const SlowResult& found, const std::vector<const Effect*>& effects) {
+SlowModel best_with(const SlowLikelihood& of, const SlowScan& scans, const SlowResult& found,
+                    const std::vector<const Effect*>& effects) {
   const SlowSpace& space = of.space();
   const Effect* noise = nullptr;
   for (const Effect* effect : effects)
