@@ -131,6 +131,23 @@ static void test_a_lattice_around_zero_is_no_dead_band(void**) {
   }
 }
 
+// Steps of a converter, turned into dph and printed with few decimals: no two places are whole multiples of one number.
+static void test_a_printed_lattice_is_no_dead_band(void**) {
+  const struct {
+    double step_dph, printed_dph, sigma_dph;
+  } cases[] = {{0.206265, 1e-3, 30}, {27.4809, 0.1, 100}, {27.4809, 1, 100}, {27.4809, 1, 30}, {27.4809, 0.36, 60}};
+  for (const auto& c : cases)
+    for (uint64_t seed = 1; seed < 8; ++seed) {
+      const auto print = [&](double y, double) {
+        return c.printed_dph * std::round(std::round(y / c.step_dph) * c.step_dph / c.printed_dph);
+      };
+      assert_true(find_effect("dead_band").estimator()->detect(changed(rates(0, 0, c.sigma_dph, seed), print)).empty());
+    }
+  const auto dead = [](double y, double) { return std::fabs(y) < 60 ? 0.0 : std::round(y); };
+  for (uint64_t seed = 1; seed < 8; ++seed)
+    assert_int_equal(find_effect("dead_band").estimator()->detect(changed(rates(0, 200, 36, seed), dead)).size(), 1);
+}
+
 // Logs of one device that were exported with different numbers of digits: zero is a step of the lattice of its log.
 static void test_zeros_of_rounded_logs_among_finer_ones_are_no_dead_band(void**) {
   for (const double mean : {0.0, 60.0, 75.0, 90.0})
@@ -296,6 +313,7 @@ int main() {
       cmocka_unit_test(test_zeros_far_from_the_rate_are_drop_outs),
       cmocka_unit_test(test_drop_outs_are_told_with_what_they_read),
       cmocka_unit_test(test_a_lattice_around_zero_is_no_dead_band),
+      cmocka_unit_test(test_a_printed_lattice_is_no_dead_band),
       cmocka_unit_test(test_zeros_of_rounded_logs_among_finer_ones_are_no_dead_band),
       cmocka_unit_test(test_logs_rounded_to_other_steps_are_told_one_by_one),
       cmocka_unit_test(test_one_step_of_all_logs_is_one_lattice),

@@ -2,7 +2,9 @@
 // Small rates read as zero: |rate| < width becomes 0.  Source: dead band of IEEE Std 1431-2004.
 #include <algorithm>
 #include <cmath>
+#include <map>
 
+#include "base/median.h"
 #include "physics/effects/estimation.h"
 #include "physics/effects/sample_shape.h"
 
@@ -57,6 +59,7 @@ public:
 private:
   static constexpr size_t kFewest = 8;
   static constexpr double kAlike = 3; // how far the pile may be from what noise would put inside
+  static constexpr double kSteps = 6, kNearStep = 0.15, kSamePlace = 1e-3; // of the smallest rate
   struct Zeros {
     size_t n = 0;        // samples at zero
     double edge_dph = 0; // smallest other rate
@@ -73,17 +76,23 @@ private:
     out.edge_dph = edge < 1e300 ? edge : 0;
     return out;
   }
-  // Whether most rates within six times the smallest one are whole multiples of it.
+  // Whether most rates within six times the smallest one share places near its whole multiples: a lattice, printed with few decimals
+  // perhaps (steps of 27.48 dph stand as 27, 55, 82).  Rates beyond the edge of a band have no place in common.
   static bool is_zero_a_step(const RunInput& run) {
     const double edge = count_zeros({run}).edge_dph;
-    size_t n_near = 0, n_multiples = 0;
-    for (const double y : run.rate_dph) {
-      if (!(std::fabs(y) <= 6.5 * edge) || y == 0) continue;
-      const double steps = std::fabs(y) / edge;
-      ++n_near;
-      n_multiples += std::fabs(steps - std::round(steps)) < 1e-3;
+    std::map<long, std::vector<double>> by_step;
+    size_t n_near = 0, n_shared = 0;
+    for (const double y : run.rate_dph)
+      if (std::fabs(y) <= (kSteps + 0.5) * edge && y != 0)
+        by_step[std::lround(std::fabs(y) / edge)].push_back(std::fabs(y)), ++n_near;
+    for (const auto& [step, rates] : by_step) {
+      const double place = median(rates);
+      if (std::fabs(place / edge - static_cast<double>(step)) > kNearStep) continue;
+      const auto n =
+          std::count_if(rates.begin(), rates.end(), [&](double y) { return std::fabs(y - place) < kSamePlace * edge; });
+      if (n > 1) n_shared += static_cast<size_t>(n);
     }
-    return 2 * n_multiples > n_near;
+    return 2 * n_shared > n_near;
   }
   // Logs of one device may be rounded to different steps.  Those of which zero is a step are left without rates.
   static std::vector<RunInput> without_lattices(std::vector<RunInput> runs) {
