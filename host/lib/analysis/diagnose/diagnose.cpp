@@ -248,6 +248,12 @@ Campaign fitted_campaign(const std::vector<Log>& logs, const std::string& name, 
   return left_out.empty() ? campaign : make_campaign(logs, name, model, left_out);
 }
 
+// What is odd with the readings of the thermometer.
+void tell_readings(const Campaign& campaign, const std::vector<Log>& logs, std::vector<std::string>* warnings) {
+  tell_impossible(campaign, logs, warnings);
+  tell_stuck(campaign, logs, warnings);
+  tell_frozen(campaign, logs, warnings);
+}
 // The noise of a thermometer that the gyro does not feel is nothing that the gyro does.
 std::optional<ThermometerNoise> leave_thermometer_noise(Campaign* campaign) {
   const std::optional<ThermometerNoise> noise = thermometer_noise(*campaign);
@@ -263,9 +269,7 @@ Campaign held_out_campaign(const ErrorModel& model, const std::vector<Log>& held
   if (axis->campaign.has_temperature) require_temperature(unseen, held_out);
   leave_runs(unlike_those_of(axis->campaign, unseen), &unseen);
   if (is_smoothed) take_smoothed(&unseen);
-  tell_impossible(unseen, held_out, &axis->warnings);
-  tell_stuck(unseen, held_out, &axis->warnings);
-  tell_frozen(unseen, held_out, &axis->warnings);
+  tell_readings(unseen, held_out, &axis->warnings);
   tell_beyond(axis->campaign, unseen, held_out, &axis->warnings);
   keep_common_columns({&axis->campaign, &unseen});
   return unseen;
@@ -299,6 +303,26 @@ WhereResult where_is(const AxisResult& axis, bool has_believed) {
   return locate(axis.campaign, axis.nominal_fit, has_believed ? WhoseNoise::kModel : WhoseNoise::kEstimated, has_place);
 }
 
+// What is told beside the answer: the fits that are drawn, where the gap lies, what these profiles can show.
+void add_pictures(const DiagnoseOptions& options, const NoiseBelief& belief, const std::vector<const Effect*>& library,
+                  const std::vector<bool>& active, AxisResult* axis) {
+  Selection& s = axis->study.selection;
+  axis->nominal_fit = std::move(s.nominal_fit), axis->final_fit = std::move(s.final_fit);
+  axis->plain_fit = plain_fit(axis->campaign, s.nominal);
+  axis->where = where_is(*axis, belief.has_believed);
+  compare_dp2(axis->campaign, s.nominal.noise(), s.final.noise(), axis->nominal_fit, axis->final_fit, options.seed,
+              &axis->study.gap);
+  std::vector<double> beta;
+  for (int i = 0; i < axis->campaign.order; ++i)
+    beta.push_back(axis->nominal_fit.beta[static_cast<long>(axis->campaign.runs.size()) + i]);
+  Hypothesis blocks = s.nominal;
+  blocks.base_noise = block_equivalent(s.nominal.noise(), axis->study.data->campaign.dt_s);
+  const Campaign& means = axis->study.data->campaign;
+  axis->identifiability = identify(means, blocks, library, active, beta);
+  if (means.has_temperature)
+    axis->with_advised = identify(advised_campaign(means, kAdvisedRuns), blocks, library, active, beta);
+}
+
 // One axis from log to answer; `held_out` may be empty.
 AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model, const std::vector<Log>& logs,
                          const std::vector<Log>& held_out, const std::string& name, double rate_per_axis,
@@ -311,9 +335,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   require_runs(axis.campaign, logs);
   keep_common_columns({&axis.campaign});
   check_steady(axis.campaign, &axis.warnings);
-  tell_impossible(axis.campaign, logs, &axis.warnings);
-  tell_stuck(axis.campaign, logs, &axis.warnings);
-  tell_frozen(axis.campaign, logs, &axis.warnings);
+  tell_readings(axis.campaign, logs, &axis.warnings);
   const std::optional<ThermometerNoise> thermometer = leave_thermometer_noise(&axis.campaign);
   if (thermometer && thermometer->is_notable()) tell_thermometer_noise(name, *thermometer, &axis.warnings);
   const NoiseBelief belief = belief_of(options, model, name);
@@ -341,23 +363,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   tell_held_out(unseen, held_out, &axis);
   if (belief.has_data_sheet && !axis.study.selection.cannot_judge)
     tell_data_sheet(name, belief.model, axis.study.selection.final.noise(), &axis.warnings);
-  if (!axis.study.selection.cannot_judge) {
-    Selection& s = axis.study.selection;
-    axis.nominal_fit = std::move(s.nominal_fit), axis.final_fit = std::move(s.final_fit);
-    axis.plain_fit = plain_fit(axis.campaign, s.nominal);
-    axis.where = where_is(axis, belief.has_believed);
-    compare_dp2(axis.campaign, s.nominal.noise(), s.final.noise(), axis.nominal_fit, axis.final_fit, options.seed,
-                &axis.study.gap);
-    std::vector<double> beta;
-    for (int i = 0; i < axis.campaign.order; ++i)
-      beta.push_back(axis.nominal_fit.beta[static_cast<long>(axis.campaign.runs.size()) + i]);
-    Hypothesis blocks = s.nominal;
-    blocks.base_noise = block_equivalent(s.nominal.noise(), axis.study.data->campaign.dt_s);
-    const Campaign& means = axis.study.data->campaign;
-    axis.identifiability = identify(means, blocks, library, active, beta);
-    if (means.has_temperature)
-      axis.with_advised = identify(advised_campaign(means, kAdvisedRuns), blocks, library, active, beta);
-  }
+  if (!axis.study.selection.cannot_judge) add_pictures(options, belief, library, active, &axis);
   axis.seconds = now_s() - start - axis.calibration_s;
   return axis;
 }

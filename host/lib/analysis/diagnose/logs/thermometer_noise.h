@@ -13,8 +13,8 @@
 namespace imucal {
 
 struct ThermometerNoise {
-  double rms_degc = 0; // of readings about the smoothed temperatures
-  double rms_dph = 0;  // that they put into compensated rates
+  double rms_degc = 0;  // of readings about the smoothed temperatures
+  double rms_dph = 0;   // that they put into compensated rates
   double white_dph = 0; // of the rates themselves, from sample to sample
   // Whether rates that are compensated at every reading are noisier by 1 % and more.
   bool is_notable() const { return rms_dph > 0.14 * white_dph; }
