@@ -38,8 +38,8 @@ public:
   Form form() const override { return Form::kNoise; }
   bool is_logarithmic() const override { return false; }
   std::vector<Theta> starts(const NoiseModel&) const override { return {{0.0}}; }
-  Theta theta_lo() const override { return {-3}; }
-  Theta theta_hi() const override { return {3}; }
+  Theta theta_lo() const override { return {-8}; }
+  Theta theta_hi() const override { return {8}; }
   NoiseModel noise(const NoiseModel& base, const Theta& theta) const override {
     NoiseModel out = base;
     out.tau_slope = theta[0];
