@@ -287,6 +287,15 @@ static void test_noise_of_the_thermometer_is_no_lag(void**) {
   assert_true(!thermometer_noise(make_campaign(steep_logs(876, 0, 0.0002), "gx_dph", {})));
 }
 
+// Turned by hand: the angle comes and goes.  A bias over temperature does not do that.
+static void test_a_device_that_is_turned_is_told(void**) {
+  Log log = simulated_log(879, 1200, false, 0);
+  log.axes[0].rate_dph[7] = 1e7;
+  assert_true(!warns(answer({log}, {}), {"turned"}));
+  for (size_t i = 300; i < 360; ++i) log.axes[0].rate_dph[i] += (i < 330 ? 1 : -1) * 10 * 3600;
+  assert_true(warns(answer({log}, {}), {"gx_dph", "deg/s within a log", "at rest"}));
+}
+
 // Two columns of one channel share all of their noise; nothing is said of the second.
 static void test_one_channel_in_two_columns_is_one(void**) {
   std::vector<Log> logs;
@@ -438,6 +447,7 @@ int main() {
       cmocka_unit_test(test_a_held_out_log_with_a_slip_is_left_out),
       cmocka_unit_test(test_a_warm_soak_is_no_log_in_fahrenheit),
       cmocka_unit_test(test_noise_of_the_thermometer_is_no_lag),
+      cmocka_unit_test(test_a_device_that_is_turned_is_told),
       cmocka_unit_test(test_one_channel_in_two_columns_is_one),
       cmocka_unit_test(test_a_log_in_kelvin_is_left_out),
       cmocka_unit_test(test_a_log_without_temperatures_beside_others_is_refused),

@@ -289,6 +289,19 @@ static void test_figures_of_the_held_out_data_agree_with_the_words(void**) {
   assert_lacks(hidden, "shrinks by");
 }
 
+// Logs at other temperatures than all others, each held out in turn: an extrapolated polynomial is off by anything.
+static void test_an_extrapolated_residual_is_not_told(void**) {
+  GapResult far = gap_of(0.5, 0.4, 0.6);
+  far.rms_before_dph = far.rms_after_dph = 4e8, far.part_within = 0, far.noise_error_dph = 1;
+  assert_true(far.errors_above_noise() == 0);
+  for (const char* name : {"rate_ramp", "flicker_noise"}) {
+    const std::string text = said(Verdict::kPartlyExplained, {effect_of(name, 20)}, {}, far);
+    assert_has(text, "no figure: no rates at temperatures that were fitted");
+    assert_lacks(text, "400000000");
+    assert_lacks(text, "times what the noise alone");
+  }
+}
+
 // The rate of the tests of what is left is not that of the names.
 static void test_p_values_have_the_rate_of_their_thresholds(void**) {
   Selection s;
@@ -333,14 +346,29 @@ static void test_names_that_were_rejected_are_told_apart_from_free_shapes(void**
   assert_has(text, (std::string(shape.reference->what) + " would follow the logs more closely").c_str());
 }
 
+// What axes share is measured: it is no family of which a member comes near.
+static void test_shared_noise_beside_a_gap_is_no_open_family(void**) {
+  SelectedEffect shared = effect_of("common_mode", 30);
+  shared.statement = "noise shared with gy_dph: correlation 0.50";
+  const std::string text = said(Verdict::kUnexplained, {shared}, {});
+  assert_has(text, "a gap that no known effect explains; beside it common_mode");
+  assert_lacks(text, "of the family");
+}
+
 static void test_a_stand_in_does_not_remove_less_than_nothing(void**) {
   const auto said_of = [](double part) {
     return said(Verdict::kUnexplained, {}, {free_shape(Family::kThermalMemory)},
                 gap_of(part, part - 0.05, part + 0.05));
   };
-  assert_has(said_of(0.7), "a flexible stand-in removes 70 % (");
-  assert_has(said_of(-0.5), "a flexible stand-in makes the gap 50 % worse (");
-  assert_has(said_of(-1), "a flexible stand-in makes the gap more than 100 % worse (");
+  assert_has(said_of(0.7),
+             "a flexible stand-in removes 70 % of the gap: not an explanation; residual of one-minute means ");
+  GapResult grows = gap_of(0.7, 0.65, 0.75);
+  grows.rms_after_dph = 300;
+  const std::string contrary = said(Verdict::kUnexplained, {}, {free_shape(Family::kThermalMemory)}, grows);
+  assert_has(contrary, "a flexible stand-in leaves more than before: not an explanation; residual");
+  assert_lacks(contrary, "70 %");
+  assert_has(said_of(-0.5), "a flexible stand-in makes the gap 50 % worse: not");
+  assert_has(said_of(-1), "a flexible stand-in makes the gap more than 100 % worse: not");
 }
 
 // The verdict of such an axis is one of the four that the contract knows: the words say that it is none.
@@ -399,6 +427,8 @@ int main() {
       cmocka_unit_test(test_p_values_have_the_rate_of_their_thresholds),
       cmocka_unit_test(test_a_name_is_not_spoken_against_but_may_be_untested),
       cmocka_unit_test(test_names_that_were_rejected_are_told_apart_from_free_shapes),
+      cmocka_unit_test(test_an_extrapolated_residual_is_not_told),
+      cmocka_unit_test(test_shared_noise_beside_a_gap_is_no_open_family),
       cmocka_unit_test(test_a_stand_in_does_not_remove_less_than_nothing),
       cmocka_unit_test(test_an_axis_that_cannot_be_judged_has_no_answer),
       cmocka_unit_test(test_no_name_is_twice_in_a_set),

@@ -40,8 +40,15 @@ std::string size_text(const Detectability& d, const AxisResult& axis, double tim
   const std::vector<std::string> shape(parts.begin() + (parts.empty() ? 0 : 1), parts.end());
   return (parts.empty() ? "" : parts.front()) + (shape.empty() ? "" : " (" + joined(shape, ", ") + ")");
 }
+// Beyond it a size makes no sense: that of the parameter which is the size, as its effect takes it.
+double largest_size(const std::string& name) {
+  const std::vector<EffectParameter> parameters = find_effect(name).parameters();
+  return parameters.empty() || parameters.front().kind != EffectParameter::kNumber
+             ? kNoSize
+             : std::min(kNoSize, parameters.front().hi);
+}
 std::string below_text(const std::string& name, const Detectability* d, const AxisResult& axis, double times = 1) {
-  if (!d || !(d->smallest * times < kNoSize)) return name + " of any size";
+  if (!d || !(d->smallest * times < largest_size(name))) return name + " of any size";
   return name + " below " + size_text(*d, axis, times);
 }
 

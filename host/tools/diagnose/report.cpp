@@ -337,7 +337,7 @@ std::string remainder(const AxisResult& axis) {
   if (!s.own_jumps.empty()) add("jumps in time that held-out logs have of their own");
   for (const SelectedEffect& e : s.effects)
     if (e.doubt == Doubt::kShapeOpen) add("the shape is open: " + family_label(e.family));
-  if (g.has_mean && g.rms_after_dph > 1.1 * g.rms_before_dph)
+  if (g.has_mean && g.has_residual() && g.rms_after_dph > 1.1 * g.rms_before_dph)
     add(std::string("the predicted mean is further from the held-out rates than before") +
         (g.has_figure() ? "" : ", as far as their noise tells"));
   for (const Selection::Strength& noise : s.stronger_noise)
@@ -370,8 +370,14 @@ bool has_figure(const AxisResult& axis) {
   return claims_shrinkage(axis) && axis.study.gap.has_figure();
 }
 
+// What a stand-in removes; a figure of which the residual says the contrary is none.
+bool has_stand_in(const AxisResult& axis) {
+  const GapResult& g = axis.study.gap;
+  const bool is_contradicted = g.shrinkage > 0 && g.rms_after_dph > g.rms_before_dph;
+  return axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure() && !is_contradicted;
+}
 std::string stand_in_does(double shrinkage) {
-  if (shrinkage >= 0) return format("removes %.0f %%", 100 * shrinkage);
+  if (shrinkage >= 0) return format("removes %.0f %% of the gap", 100 * shrinkage);
   if (shrinkage <= kScaleEnd) return "makes the gap more than 100 % worse";
   return format("makes the gap %.0f %% worse", -100 * shrinkage);
 }
@@ -395,6 +401,10 @@ std::string noise_statement(const AxisResult& axis) {
 // How far the gap shrinks on data that were not fitted, or why that is not known; empty: not asked.
 std::string held_out_statement(const AxisResult& axis) {
   const GapResult& g = axis.study.gap;
+  if (!g.has_residual())
+    return axis.study.selection.verdict == Verdict::kNoGap
+               ? ""
+               : "no figure: no rates at temperatures that were fitted (" + std::string(held_out_text(g.method)) + ")";
   const std::string residual =
       format("residual of %s %s -> %s %s, %s %s", means_text(g).c_str(), figure(g.rms_before_dph, axis).c_str(),
              figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
@@ -404,14 +414,13 @@ std::string held_out_statement(const AxisResult& axis) {
            ? format(", what differs from run to run %s", figure(g.run_to_run_rms_dph, axis).c_str())
            : "");
   if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure())
-    return format("a flexible stand-in%s %s (%s -> %s %s): not an explanation",
-                  axis.study.selection.effects.empty() ? "" : " of that family", stand_in_does(g.shrinkage).c_str(),
-                  figure(g.rms_before_dph, axis).c_str(), figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis));
+    return format("a flexible stand-in%s %s: not an explanation; %s",
+                  axis.study.selection.effects.empty() ? "" : " of that family",
+                  has_stand_in(axis) ? stand_in_does(g.shrinkage).c_str() : "leaves more than before",
+                  residual.c_str());
   if (!g.has_mean && g.run_to_run_rms_dph > 0)
     return "no figure: what differs from run to run foretells no other run; " + residual;
   if (!claims_shrinkage(axis)) return noise_statement(axis);
-  if (!(g.part_within > 0))
-    return "no figure: no rates at temperatures that were fitted (" + std::string(held_out_text(g.method)) + ")";
   if (g.is_of_starts)
     return format("no figure: only the states in which the runs began are seen, and these foretell nothing (%s); %s",
                   held_out_text(g.method), residual.c_str());
@@ -460,14 +469,14 @@ Json gap_json(const AxisResult& axis) {
       {"has_mean", g.has_mean},
       {"residual_mean_s", g.minute_s},
       {"residual_rms_dph",
-       {{"before", g.rms_before_dph},
-        {"after", g.rms_after_dph},
+       {{"before", number(g.has_residual() ? g.rms_before_dph : std::nan(""))},
+        {"after", number(g.has_residual() ? g.rms_after_dph : std::nan(""))},
         {"noise", g.noise_rms_dph},
         {"from_run_to_run", g.run_to_run_rms_dph},
         {"noise_error", g.noise_error_dph},
         {"believed_noise", g.believed_rms_dph}}},
       {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
-  if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure()) gap["stand_in_shrinkage"] = g.shrinkage;
+  if (has_stand_in(axis)) gap["stand_in_shrinkage"] = g.shrinkage;
   return gap;
 }
 
@@ -556,18 +565,22 @@ std::string what_is_open(const std::vector<SelectedEffect>& effects) {
 std::string unexplained(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
   std::vector<SelectedEffect> told;
+  std::vector<std::string> families, nearest, shared; // what axes share is measured, whatever else there is
   for (const SelectedEffect& e : s.effects)
-    if (!is_note(axis, e)) told.push_back(e);
-  std::vector<std::string> families, nearest;
+    if (is_shared_noise(e) && !is_note(axis, e))
+      add_once(name_of(e), &shared);
+    else if (!is_note(axis, e))
+      told.push_back(e);
+  const std::string beside = shared.empty() ? "" : "; beside it " + joined(shared, " and ");
   for (const SelectedEffect& e : told) add_once(name_of(e), &families);
   for (const CandidateEvidence& c : s.remainders)
     if (!c.reference) add_once(name_of(c), &nearest);
   if (!families.empty())
-    return "a gap, with a cause of the family " + joined(families, " and ") + "; " + what_is_open(told);
+    return "a gap, with a cause of the family " + joined(families, " and ") + "; " + what_is_open(told) + beside;
   if (!nearest.empty())
     return "a gap without a sure name; nearest comes " + joined(nearest, " and ") +
-           ", which these logs do not bear out";
-  return "a gap that no known effect explains";
+           ", which these logs do not bear out" + beside;
+  return "a gap that no known effect explains" + beside;
 }
 
 std::string why_refused(const AxisResult& axis) {

@@ -145,6 +145,31 @@ void tell_data_sheet(const std::string& axis, const NoiseModel& sheet, const Noi
   warnings->push_back(text);
 }
 
+// No bias moves so far: 10 deg/s, or a third of gravity.  Single hits are no motion.
+static constexpr double kTurned_dph = 36000, kTurned_mg = 330;
+void check_rest(const Campaign& campaign, std::vector<std::string>* warnings) {
+  const bool is_mg = is_accelerometer(campaign.axis);
+  double widest = 0;
+  for (const CampaignRun& run : campaign.runs) {
+    std::vector<double> rates;
+    for (const int row : run.used) rates.push_back(run.input.rate_dph[static_cast<size_t>(row)]);
+    const auto value_at = [&](size_t place) {
+      std::nth_element(rates.begin(), rates.begin() + static_cast<long>(place), rates.end());
+      return rates[place];
+    };
+    const size_t hundredth = rates.size() / 100;
+    widest = std::max(widest, value_at(rates.size() - 1 - hundredth) - value_at(hundredth));
+  }
+  if (widest < (is_mg ? kTurned_mg : kTurned_dph)) return;
+  char text[240];
+  std::snprintf(
+      text, sizeof text,
+      "axis %s moves by %.3g %s within a log: the device seems to have been turned; give logs of a device at rest, "
+      "or look at the unit of the column",
+      campaign.axis.c_str(), is_mg ? widest : widest / 3600, is_mg ? "mg" : "deg/s");
+  warnings->push_back(text);
+}
+
 // A temperature that does not move says nothing about thermal causes.
 void check_steady(const Campaign& campaign, std::vector<std::string>* warnings) {
   if (!campaign.is_temperature_steady) return;

@@ -29,6 +29,8 @@ void check_scale(const Campaign& campaign, const NoiseModel& noise, std::vector<
 // It is not what the data sheet says.
 void tell_data_sheet(const std::string& axis, const NoiseModel& sheet, const NoiseModel& fitted,
                      std::vector<std::string>* warnings);
+// The rates move as those of a device that is turned.
+void check_rest(const Campaign& campaign, std::vector<std::string>* warnings);
 // The temperature does not move.
 void check_steady(const Campaign& campaign, std::vector<std::string>* warnings);
 // Readings of the thermometer that are repeated, or wrong; pauses that the recorder hid.

@@ -334,6 +334,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   axis.campaign = fitted_campaign(logs, name, model);
   require_runs(axis.campaign, logs);
   keep_common_columns({&axis.campaign});
+  check_rest(axis.campaign, &axis.warnings);
   check_steady(axis.campaign, &axis.warnings);
   tell_readings(axis.campaign, logs, &axis.warnings);
   const std::optional<ThermometerNoise> thermometer = leave_thermometer_noise(&axis.campaign);

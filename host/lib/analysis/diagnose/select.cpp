@@ -282,7 +282,8 @@ private:
     }
     const GapResult& gap = found_.slow.gap;
     const bool has_mean = gap.has_mean || !found_.slow.found.best.steps.empty();
-    const bool grows = has_mean && gap.rms_after_dph > (1 + constants().growth_part) * gap.rms_before_dph;
+    const bool grows =
+        has_mean && gap.has_residual() && gap.rms_after_dph > (1 + constants().growth_part) * gap.rms_before_dph;
     const bool has_own = !out_.own_jumps.empty() || !out_.stronger_noise.empty();
     const bool leaves = fires(out_.after) || fires(out_.unseen) || has_own || leaves_names(out_.dropped);
     // Beyond the rows of a quarter of one passage a polynomial says little: where nothing is found these prove nothing.

@@ -156,7 +156,7 @@ private:
     }
     if (effect->statement.empty() && effect->set.size() == 1)
       effect->statement =
-          "the family of the cause, not its member: the only one that explains it leaves what is no noise";
+          "the family of the cause, not its member: the only one that comes near leaves more than plain noise";
   }
   // A line is what it is: it stands in for nothing, unless lines remain.
   bool is_member(const SelectedEffect& effect) const {

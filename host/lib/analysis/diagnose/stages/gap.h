@@ -45,6 +45,8 @@ struct GapResult {
   double before = 0, after = 0; // mean square above the noise, dph^2
   double shrinkage = 0, ci_lo = 0, ci_hi = 0;
   double part_within = 1; // of the held-out rates that are at temperatures that were fitted
+  // Without any such rate the residual is that of an extrapolated polynomial, which may be anything.
+  bool has_residual() const { return part_within > 0; }
   // The rates tell the shrinkage well enough for a figure.
   bool has_figure() const { return has_mean && !is_of_nearest && !is_of_starts && ci_hi - ci_lo < kWidestFigure; }
   // Of a shape that only comes nearest to what was found.  What it gets wrong has a shape of its own; an interval that does not
