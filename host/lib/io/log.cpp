@@ -475,6 +475,13 @@ std::string Log::place(size_t row) const {
   return path + ": row at t_s = " + std::to_string(t_s[row]);
 }
 
+// Means over it would have rows enough in each: two of the usual steps and more, in whole seconds as people count them.
+static long even_step_s(double usual_s) {
+  for (const long s : {1, 2, 5, 10, 20, 30, 60, 120, 300, 600})
+    if (static_cast<double>(s) >= 2 * usual_s) return s;
+  return 3600;
+}
+
 // Steps must be multiples of the median one, as well as a clock can keep them.  Of a few rows nobody can say which step
 // is the usual one.
 static void check_steps(const Log& log) {
@@ -490,7 +497,7 @@ static void check_steps(const Log& log) {
   if (static_cast<double>(n_irregular) <= kMaxIrregularPart * static_cast<double>(log.size() - 1)) return;
   throw data_error(log.place(first) + ": the rows are irregular: " + std::to_string(n_irregular) + " of " +
                    std::to_string(log.size() - 1) + " steps are no multiple of the usual " + std::to_string(dt_s) +
-                   " s; average the log to even seconds");
+                   " s; average the log to even steps, of " + std::to_string(even_step_s(dt_s)) + " s for instance");
 }
 
 double Log::dt_s() const {

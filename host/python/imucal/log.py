@@ -119,6 +119,11 @@ def _check_values(path, columns, table, lines):
             _refuse(path, lines, ~is_bits, f"column {name}: expected whole bits 0..255")
 
 
+def _even_step_s(usual_s):
+    """Means over it would have rows enough in each: two of the usual steps and more, in whole seconds as people count them."""
+    return next((s for s in (1, 2, 5, 10, 20, 30, 60, 120, 300, 600) if s >= 2 * usual_s), 3600)
+
+
 def _check_steps(path, t_s, lines):
     """Jumps are a clock that was set; the other steps are multiples of the usual one."""
     step = np.diff(t_s, prepend=t_s[0])
@@ -133,7 +138,7 @@ def _check_steps(path, t_s, lines):
     odd = np.concatenate([[False], (steps < 0.5) | (np.abs(steps - np.round(steps)) > _STEP_ERROR)])
     if odd.sum() > _IRREGULAR_PART * (len(t_s) - 1):
         _refuse(path, lines, odd, f"the rows are irregular: {odd.sum()} of {len(t_s) - 1} steps are no multiple of the usual "
-                f"{usual:g} s; average the log to even seconds")
+                f"{usual:g} s; average the log to even steps, of {_even_step_s(usual)} s for instance")
 
 
 def _axis_of_flags(name, axes):
