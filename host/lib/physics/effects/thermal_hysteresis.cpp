@@ -56,15 +56,16 @@ public:
   Form form() const override { return Form::kColumns; }
   size_t n_columns() const override { return kWidths.size() * (1 + kCosines); }
   std::vector<Column> columns(const RunInput& run, const Theta&) const override {
+    const std::vector<Column> still = cosines(run, run.smooth_degc);
     std::vector<Column> out;
     for (double width : kWidths) {
-      const Column play = play_column(run.smooth_degc, width, 0);
-      out.push_back(play);
-      for (int k = 1; k <= kCosines; ++k) {
-        Column c(run.size());
-        for (size_t i = 0; i < c.size(); ++i)
-          c[i] = cosine(k, run, run.smooth_degc[i] + width * play[i]) - cosine(k, run, run.smooth_degc[i]);
-        out.push_back(std::move(c));
+      Column play = play_column(run.smooth_degc, width, 0), stands = run.smooth_degc;
+      for (size_t i = 0; i < stands.size(); ++i) stands[i] += width * play[i];
+      out.push_back(std::move(play));
+      std::vector<Column> moved = cosines(run, stands);
+      for (size_t k = 0; k < moved.size(); ++k) {
+        for (size_t i = 0; i < stands.size(); ++i) moved[k][i] -= still[k][i];
+        out.push_back(std::move(moved[k]));
       }
     }
     return out;
@@ -89,8 +90,20 @@ public:
 private:
   static constexpr std::array<double, 3> kWidths = {1.5, 4, 10};
   static constexpr int kCosines = 10;
-  static double cosine(int k, const RunInput& run, double temp) {
-    return std::cos(k * kPi * std::clamp((run.normalised(temp) + 1.2) / 2.4, 0.0, 1.0));
+  // cos(k pi u), k = 1 .. kCosines, u over the temperatures from 0 to 1 and a tenth of that beyond.  Each from the two before it:
+  // cos((k + 1) a) = 2 cos(a) cos(k a) - cos((k - 1) a).
+  static std::vector<Column> cosines(const RunInput& run, const Column& temp_degc) {
+    std::vector<Column> out(kCosines, Column(temp_degc.size()));
+    for (size_t i = 0; i < temp_degc.size(); ++i) {
+      const double one = std::cos(kPi * std::clamp((run.normalised(temp_degc[i]) + 1.2) / 2.4, 0.0, 1.0));
+      double last = 1, now = one;
+      for (Column& column : out) {
+        column[i] = now;
+        const double next = 2 * one * now - last;
+        last = now, now = next;
+      }
+    }
+    return out;
   }
 };
 

@@ -89,7 +89,9 @@ private:
       if (round == 0) std::swap(slow_, *before);
       prepare_slow(question_, &quiet, question_.held_out ? &quiet_held : nullptr, &slow_);
       run_slow(question_, &slow_);
+      const double before_score = with.score;
       with = last_jumping(first, *alone);
+      if (with.score < before_score) return with; // this way it only gets worse
       SlowModel causes = slow_.found.best;
       if (is_bare(causes)) return with;
       if (causes.steps.empty() && have_same_names(causes, first.mean)) return with;
