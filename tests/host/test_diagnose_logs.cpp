@@ -69,6 +69,23 @@ static void test_logs_that_share_a_stretch_are_refused(void**) {
   }
 }
 
+// Where the bias rises by more than the noise from row to row, logs rise and fall alike on the same ramps; they are no copies.
+static void test_steep_logs_are_no_copies(void**) {
+  std::vector<Log> logs;
+  for (uint64_t seed = 11; seed < 14; ++seed) {
+    logs.push_back(simulated_log(seed, 1200, false, 0));
+    logs.back().path = std::to_string(seed) + ".csv";
+    for (size_t i = 0; i < logs.back().size(); ++i) logs.back().axes[0].rate_dph[i] += 3000 * logs.back().temp_degc[i];
+  }
+  assert_string_equal(refusal(logs, {}, {}).c_str(), "");
+  Log part = logs[0];
+  part.path = "part.csv";
+  for (std::vector<double>* column : {&part.t_s, &part.temp_degc, &part.axes[0].rate_dph})
+    column->erase(column->begin(), column->begin() + 700);
+  for (double& rate : part.axes[0].rate_dph) rate = std::round(10 * rate) / 10 - 80;
+  assert_true(holds(refusal({logs[1], part, logs[0]}, {}, {}), {"part.csv", "a part of one record"}));
+}
+
 // Three logs without an effect; `spoil` changes the temperatures of the first one.
 static DiagnoseResult answer_with_spoilt(const std::function<void(Log*)>& spoil, double hysteresis_dph = 0) {
   std::vector<Log> logs;
@@ -280,6 +297,12 @@ static void test_noise_of_the_thermometer_is_no_lag(void**) {
   assert_true(seen.has_value());
   assert_near(seen->rms_degc, 0.05, 0.002);
   assert_near(seen->rms_dph, 280 * 0.05, 1);
+  assert_near(seen->felt, 0, 0.05);
+  const std::optional<ThermometerNoise> half =
+      thermometer_noise(make_campaign(steep_logs(882, 0.05, 0.05), "gx_dph", {}));
+  assert_true(half.has_value());
+  assert_near(half->felt, 0.5, 0.05);
+  assert_true(answer(steep_logs(882, 0.05, 0.05), {}).axes.at(0).study.selection.verdict == Verdict::kNoGap);
   const DiagnoseResult felt = answer(steep_logs(873, 0.05, 0), {});
   assert_true(felt.axes.at(0).study.selection.verdict == Verdict::kNoGap);
   assert_true(!warns(felt, {"noise of the thermometer"}));
@@ -437,6 +460,7 @@ int main() {
   const CMUnitTest tests[] = {
       cmocka_unit_test(test_what_is_given_twice_is_refused),
       cmocka_unit_test(test_logs_that_share_a_stretch_are_refused),
+      cmocka_unit_test(test_steep_logs_are_no_copies),
       cmocka_unit_test(test_wrong_readings_of_the_thermometer_are_missing),
       cmocka_unit_test(test_a_thermometer_that_is_read_seldom_is_no_coarse_one),
       cmocka_unit_test(test_readings_by_another_clock_are_found),

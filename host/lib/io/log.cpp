@@ -409,29 +409,34 @@ constexpr size_t kStretch = 64;       // rows
 constexpr size_t kFewestChanges = 48; // in a stretch
 constexpr double kSameNoise = 0.2;    // of its standard deviation: rates that differ by less are one record
 
-// Per row, for the stretch that begins there: one bit for each change, set where the rate rises.  0: a rate is missing there, or it
+// What the noise does from row to row: a bias that follows a ramp has none of it, and rises in all logs alike.
+double bend_of(const double* x) {
+  return x[0] - 2 * x[1] + x[2];
+}
+// Per row, for the stretch that begins there: one bit for each bend, set where it is positive.  0: a rate is missing there, or it
 // changes seldom.
-std::vector<uint64_t> ways_of(const std::vector<double>& x) {
+std::vector<uint64_t> bends_of(const std::vector<double>& x) {
   std::vector<uint64_t> out(x.size(), 0);
-  uint64_t way = 0;
+  uint64_t bends = 0;
   size_t n_changes = 0, n_missing = kStretch; // among the last rows
-  std::vector<char> changes(x.size() + 1, 0), missing(x.size() + 1, 0);
-  for (size_t i = 0; i + 1 < x.size(); ++i) {
-    way = way << 1 | (x[i + 1] > x[i] ? 1 : 0);
-    changes[i] = x[i + 1] != x[i], missing[i] = !std::isfinite(x[i]) || !std::isfinite(x[i + 1]);
+  std::vector<char> changes(x.size() + 1, 0);
+  for (size_t i = 0; i + 2 < x.size(); ++i) {
+    const double bend = bend_of(&x[i]);
+    bends = bends << 1 | (bend > 0 ? 1 : 0);
+    changes[i] = x[i + 1] != x[i];
     n_changes += changes[i];
-    n_missing = missing[i] ? kStretch : n_missing - (n_missing > 0);
+    n_missing = std::isfinite(bend) ? n_missing - (n_missing > 0) : kStretch;
     if (i >= kStretch) n_changes -= changes[i - kStretch];
-    if (n_missing == 0 && n_changes >= kFewestChanges) out[i + 1 - kStretch] = way;
+    if (n_missing == 0 && n_changes >= kFewestChanges) out[i + 1 - kStretch] = bends;
   }
   return out;
 }
 bool is_same_noise(const double* x, const double* y) {
   constexpr double kN = static_cast<double>(kStretch);
-  double mean = 0, mean_apart = 0, square = 0, furthest = 0;
-  for (size_t i = 0; i < kStretch; ++i) mean += x[i] / kN, mean_apart += (x[i] - y[i]) / kN;
+  double mean_apart = 0, square = 0, furthest = 0;
+  for (size_t i = 0; i < kStretch; ++i) mean_apart += (x[i] - y[i]) / kN;
   for (size_t i = 0; i < kStretch; ++i) {
-    square += (x[i] - mean) * (x[i] - mean) / kN;
+    square += std::pow(bend_of(x + i), 2) / (6 * kN); // of white noise: its variance
     furthest = std::max(furthest, std::fabs(x[i] - y[i] - mean_apart));
   }
   return furthest < kSameNoise * std::sqrt(square);
@@ -442,7 +447,7 @@ bool is_same_noise(const double* x, const double* y) {
 std::optional<std::pair<size_t, size_t>> shared_rows(const Log& a, const Log& b) {
   if (a.axes.empty() || b.axes.empty()) return std::nullopt;
   const std::vector<double>&x = a.axes[0].rate_dph, &y = b.axes[0].rate_dph;
-  const std::vector<uint64_t> of_a = ways_of(x), of_b = ways_of(y);
+  const std::vector<uint64_t> of_a = bends_of(x), of_b = bends_of(y);
   std::unordered_multimap<uint64_t, size_t> places;
   for (size_t i = 0; i < of_a.size(); i += kStretch)
     if (of_a[i]) places.emplace(of_a[i], i);

@@ -257,18 +257,18 @@ void tell_readings(const Campaign& campaign, const std::vector<Log>& logs, std::
 // The noise of a thermometer that the gyro does not feel is nothing that the gyro does.
 std::optional<ThermometerNoise> leave_thermometer_noise(Campaign* campaign) {
   const std::optional<ThermometerNoise> noise = thermometer_noise(*campaign);
-  if (noise) take_smoothed(campaign);
+  if (noise) take_smoothed(noise->felt, campaign);
   return noise;
 }
 
-// The held-out logs of an axis; no runs: none can be used.  `is_smoothed`: the polynomial is taken at smoothed temperatures.
-Campaign held_out_campaign(const ErrorModel& model, const std::vector<Log>& held_out, bool is_smoothed,
-                           AxisResult* axis) {
+// The held-out logs of an axis; no runs: none can be used.  `thermometer`: what the fitted ones lack of its noise.
+Campaign held_out_campaign(const ErrorModel& model, const std::vector<Log>& held_out,
+                           const std::optional<ThermometerNoise>& thermometer, AxisResult* axis) {
   if (held_out.empty()) return {};
   Campaign unseen = make_campaign_like(axis->campaign, held_out, model);
   if (axis->campaign.has_temperature) require_temperature(unseen, held_out);
   leave_runs(unlike_those_of(axis->campaign, unseen), &unseen);
-  if (is_smoothed) take_smoothed(&unseen);
+  if (thermometer) take_smoothed(thermometer->felt, &unseen);
   tell_readings(unseen, held_out, &axis->warnings);
   tell_beyond(axis->campaign, unseen, held_out, &axis->warnings);
   keep_common_columns({&axis->campaign, &unseen});
@@ -342,7 +342,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   const NoiseBelief belief = belief_of(options, model, name);
   axis.is_believed = belief.has_believed;
   if (belief.has_believed) check_scale(axis.campaign, belief.model, &axis.warnings);
-  Campaign unseen = held_out_campaign(model, held_out, thermometer.has_value(), &axis);
+  Campaign unseen = held_out_campaign(model, held_out, thermometer, &axis);
   Campaign* held_out_runs = unseen.runs.empty() ? nullptr : &unseen;
   const std::vector<const Effect*>& library = effect_library();
   const std::vector<bool> active = active_effects(options);

@@ -21,7 +21,6 @@ constexpr double kMostNegative = 0.97; // of the white noise that the blocks of 
 constexpr double kFar = 8;             // noise standard deviations from the median of a block
 constexpr double kLike = 0.5;          // of that: two rates of one level differ by less
 constexpr double kFading = 0.3;        // of a sample at the start of a run, in the next: no hit, gone with its sample
-constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
 
 // Per used sample of a run: one that is like the used one before or after it.
 std::vector<char> like_a_neighbour(const CampaignRun& run, double near_dph) {

@@ -19,6 +19,7 @@ Campaign block_means(const Campaign& seconds, double block_s);
 // of those with which a memory that fades within seconds begins.
 std::vector<Eigen::VectorXd> hits_of(const Campaign& seconds);
 
+constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
 // Sizes of the differences of neighbouring used samples [dph].
 std::vector<double> changes_between_samples(const CampaignRun& run);
 

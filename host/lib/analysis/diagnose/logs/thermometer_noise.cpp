@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "analysis/diagnose/logs/thermometer_noise.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "analysis/diagnose/logs/blocks.h"
 #include "analysis/diagnose/logs/mean_polynomial.h"
+#include "base/median.h"
 
 namespace imucal {
 
@@ -12,20 +14,39 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kSeen_nats = 5;     // of smoothed temperatures over readings
+constexpr double kSeen_nats = 5;     // of a part over the readings as they are
 constexpr double kMostChange_sd = 8; // of rates from sample to sample: larger ones are hits and jumps
 
-// Sums over samples that follow each other without a hole, of what the readings put into the rates (x) and the rates (y), from one
-// to the next.
+// Per used sample of a run: what the readings put into the rates (x), and the rates (y), both less the smooth bias.
+struct LessSmooth {
+  VectorXd x, y;
+  double degc2 = 0; // sum of squares of readings less smoothed temperatures
+};
+LessSmooth less_smooth(const CampaignRun& run, const MeanPolynomial& b) {
+  const VectorXd read = used_rows(run, {run.input.temp_degc}), smooth = used_rows(run, {run.input.smooth_degc}),
+                 of_smooth = b.at(smooth);
+  return {b.at(read) - of_smooth, used_rows(run, {run.input.rate_dph}) - of_smooth, (read - smooth).squaredNorm()};
+}
+
+// White noise of the rates from sample to sample, robustly.  The bias of a steep sensor moves by more from row to row where a row
+// lasts many seconds: it must be gone.
+double white_of(const Campaign& campaign, const std::vector<LessSmooth>& runs) {
+  std::vector<double> changes;
+  for (size_t r = 0; r < runs.size(); ++r)
+    for (long k = 1; k < runs[r].y.size(); ++k)
+      if (campaign.runs[r].steps[static_cast<size_t>(k)] == 1)
+        changes.push_back(std::fabs(runs[r].y[k] - runs[r].y[k - 1]));
+  return changes.empty() ? 0 : median(std::move(changes)) / kMedianOfDifference;
+}
+
+// Sums over samples that follow each other without a hole, of changes from one to the next.
 struct FollowSums {
   double xx = 0, xy = 0, x2x2 = 0; // x2: second differences, as white noise of the rates enters xy
   double degc2 = 0, dph2 = 0, n = 0;
 
-  void add(const CampaignRun& run, const MeanPolynomial& b, double most_change_dph) {
-    const VectorXd read = used_rows(run, {run.input.temp_degc}), smooth = used_rows(run, {run.input.smooth_degc}),
-                   of_smooth = b.at(smooth), x = b.at(read) - of_smooth,
-                   y = used_rows(run, {run.input.rate_dph}) - of_smooth;
-    degc2 += (read - smooth).squaredNorm(), dph2 += x.squaredNorm(), n += static_cast<double>(x.size());
+  void add(const CampaignRun& run, const LessSmooth& of, double most_change_dph) {
+    const VectorXd &x = of.x, &y = of.y;
+    degc2 += of.degc2, dph2 += x.squaredNorm(), n += static_cast<double>(x.size());
     double before = 0; // the change of x that ends at the last sample
     for (long k = 1; k < x.size(); ++k) {
       const double dx = x[k] - x[k - 1], dy = y[k] - y[k - 1];
@@ -43,19 +64,29 @@ struct FollowSums {
 std::optional<ThermometerNoise> thermometer_noise(const Campaign& campaign) {
   if (!campaign.has_temperature || campaign.order < 1 || campaign.temp_lsb_degc > 0) return std::nullopt;
   const std::vector<MinuteMeans> means = long_ones(minute_means(campaign));
-  const double white_dph = white_between_samples(campaign) / std::sqrt(campaign.dt_s);
-  if (means.empty() || !(white_dph > 0)) return std::nullopt;
+  if (means.empty()) return std::nullopt;
   const MeanPolynomial polynomial(means, campaign.order);
+  std::vector<LessSmooth> runs;
+  for (const CampaignRun& run : campaign.runs) runs.push_back(less_smooth(run, polynomial));
+  const double white_dph = white_of(campaign, runs);
   FollowSums sums;
-  for (const CampaignRun& run : campaign.runs) sums.add(run, polynomial, kMostChange_sd * std::sqrt(2.0) * white_dph);
-  if (!(sums.xx > 0)) return std::nullopt;
+  for (size_t r = 0; r < runs.size(); ++r)
+    sums.add(campaign.runs[r], runs[r], kMostChange_sd * std::sqrt(2.0) * white_dph);
+  if (!(white_dph > 0) || !(sums.xx > 0)) return std::nullopt;
   const double c = sums.xy / sums.xx, variance = white_dph * white_dph * sums.x2x2 / (sums.xx * sums.xx);
-  if ((1 - 2 * c) / (2 * variance) < kSeen_nats) return std::nullopt;
-  return ThermometerNoise{std::sqrt(sums.degc2 / sums.n), std::sqrt(sums.dph2 / sums.n), white_dph};
+  const double felt = std::clamp(c, 0.0, 1.0), lacks = 1 - felt;
+  // Below 0 it is as likely as it is at 0.
+  if (lacks * (1 + felt - 2 * c) / (2 * variance) < kSeen_nats) return std::nullopt;
+  return ThermometerNoise{felt, lacks * std::sqrt(sums.degc2 / sums.n), lacks * std::sqrt(sums.dph2 / sums.n),
+                          white_dph};
 }
 
-void take_smoothed(Campaign* campaign) {
-  for (CampaignRun& run : campaign->runs) run.input.tn = normalised(run.input, run.input.smooth_degc);
+void take_smoothed(double felt, Campaign* campaign) {
+  for (CampaignRun& run : campaign->runs) {
+    RunInput& in = run.input;
+    for (size_t i = 0; i < in.size(); ++i)
+      in.tn[i] = in.normalised(in.smooth_degc[i] + felt * (in.temp_degc[i] - in.smooth_degc[i]));
+  }
 }
 
 } // namespace imucal
