@@ -35,6 +35,24 @@ static void test_noise_believed_too_small_is_no_other_kind_of_noise(void**) {
     assert_true(noise.score_nats + SelectorConstants().noise_kind_nats < result.null.free_score() + 4);
 }
 
+// Over 7 degC the noise falls to less than a half: per 30 degC that is a slope of -9.
+static void test_the_slope_of_noise_over_a_narrow_range_is_not_cut(void**) {
+  Log log = simulated_log(883, 6000, false, 0);
+  Rng rng(883, 0, 0, Stream::kTool);
+  for (size_t i = 0; i < log.size(); ++i) {
+    log.temp_degc[i] = 25 + 7 * log.temp_degc[i] / 60;
+    log.axes[0].rate_dph[i] = 200 * std::exp(-4.5 * (log.temp_degc[i] - 28.5) / 30) * rng.normal();
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  const Selection said = diagnose_logs(options, {}, {log}, {}).axes.at(0).study.selection;
+  assert_int_equal(said.effects.size(), 1);
+  assert_string_equal(said.effects[0].term.effect->name().c_str(), "white_noise_vs_temperature");
+  const double error = said.effects[0].term.shape_errors.at(0);
+  assert_true(error > 0 && error < 0.5);
+  assert_near(said.effects[0].term.shape.at(0), -9, 4 * error);
+}
+
 static void test_jumps_that_come_again_and_again_are_no_events(void**) {
   // One in each of four logs, each time at another place.
   size_t row = 0;
@@ -728,6 +746,7 @@ int main() {
       cmocka_unit_test(test_a_fast_process_is_found_where_the_fitted_noise_is_believed),
       cmocka_unit_test(test_noise_of_the_seconds_is_fitted_beside_another_kind),
       cmocka_unit_test(test_noise_believed_too_small_is_no_other_kind_of_noise),
+      cmocka_unit_test(test_the_slope_of_noise_over_a_narrow_range_is_not_cut),
       cmocka_unit_test(test_jumps_that_come_again_and_again_are_no_events),
       cmocka_unit_test(test_a_small_jump_beside_two_large_ones_makes_no_noise_of_them),
       cmocka_unit_test(test_kinds_of_noise_stand_beside_other_parameters),

@@ -15,12 +15,13 @@ namespace {
 constexpr double kBlock_s = 10;
 constexpr double kShortest_s = 60; // of block means that a run keeps
 constexpr double kMostBlocks = 3500;
-constexpr long kFewestAround = 5;      // samples whose median is no hit of its own
-constexpr double kFastest = 4;         // blocks per time constant from which a process is white
-constexpr double kMostNegative = 0.97; // of the white noise that the blocks of a Markov process may take off
-constexpr double kFar = 8;             // noise standard deviations from the median of a block
-constexpr double kLike = 0.5;          // of that: two rates of one level differ by less
-constexpr double kFading = 0.3;        // of a sample at the start of a run, in the next: no hit, gone with its sample
+constexpr long kFewestAround = 5;             // samples whose median is no hit of its own
+constexpr double kFastest = 4;                // blocks per time constant from which a process is white
+constexpr double kMostNegative = 0.97;        // of the white noise that the blocks of a Markov process may take off
+constexpr double kFar = 8;                    // noise standard deviations from the median of a block
+constexpr double kLike = 0.5;                 // of that: two rates of one level differ by less
+constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
+constexpr double kFading = 0.3; // of a sample at the start of a run, in the next: no hit, gone with its sample
 
 // Per used sample of a run: one that is like the used one before or after it.
 std::vector<char> like_a_neighbour(const CampaignRun& run, double near_dph) {
@@ -132,22 +133,29 @@ double block_length_s(const Campaign& seconds) {
   return seconds.dt_s * std::max(1.0, std::round(wanted / seconds.dt_s));
 }
 
-std::vector<double> changes_between_samples(const CampaignRun& run) {
+static std::vector<double> changes_between(const CampaignRun& run, const VectorXd& rates_dph) {
   std::vector<double> changes;
   for (size_t k = 1; k < run.n(); ++k)
     if (run.steps[k] == 1)
-      changes.push_back(std::fabs(run.input.rate_dph[static_cast<size_t>(run.used[k])] -
-                                  run.input.rate_dph[static_cast<size_t>(run.used[k - 1])]));
+      changes.push_back(std::fabs(rates_dph[static_cast<long>(k)] - rates_dph[static_cast<long>(k) - 1]));
   return changes;
 }
+std::vector<double> changes_between_samples(const CampaignRun& run) {
+  return changes_between(run, used_rows(run, {run.input.rate_dph}));
+}
 
-double white_between_samples(const Campaign& campaign) {
+double white_between_samples(const Campaign& campaign, const std::vector<VectorXd>& rates_dph) {
   std::vector<double> changes;
-  for (const CampaignRun& run : campaign.runs) {
-    const std::vector<double> own = changes_between_samples(run);
+  for (size_t r = 0; r < campaign.runs.size(); ++r) {
+    const std::vector<double> own = changes_between(campaign.runs[r], rates_dph[r]);
     changes.insert(changes.end(), own.begin(), own.end());
   }
   return changes.empty() ? 0 : median(std::move(changes)) / kMedianOfDifference * std::sqrt(campaign.dt_s);
+}
+double white_between_samples(const Campaign& campaign) {
+  std::vector<VectorXd> rates_dph;
+  for (const CampaignRun& run : campaign.runs) rates_dph.emplace_back(used_rows(run, {run.input.rate_dph}));
+  return white_between_samples(campaign, rates_dph);
 }
 
 Campaign block_means(const Campaign& seconds, double block_s) {

@@ -19,13 +19,14 @@ Campaign block_means(const Campaign& seconds, double block_s);
 // of those with which a memory that fades within seconds begins.
 std::vector<Eigen::VectorXd> hits_of(const Campaign& seconds);
 
-constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
 // Sizes of the differences of neighbouring used samples [dph].
 std::vector<double> changes_between_samples(const CampaignRun& run);
 
 // Noise of the used samples from the differences of neighbours, robustly, per square root of a second [dph]: what
 // white noise alone would give.
 double white_between_samples(const Campaign& campaign);
+// The same of other rates of the used samples, per run.
+double white_between_samples(const Campaign& campaign, const std::vector<Eigen::VectorXd>& rates_dph);
 
 // The noise of means over `block_s` of noise that is `seconds` in 1-s means; telegraph noise as the process of its
 // covariance, hits left out (block_means does).  The mean of a Gauss-Markov process over

@@ -6,7 +6,6 @@
 
 #include "analysis/diagnose/logs/blocks.h"
 #include "analysis/diagnose/logs/mean_polynomial.h"
-#include "base/median.h"
 
 namespace imucal {
 
@@ -17,36 +16,11 @@ namespace {
 constexpr double kSeen_nats = 5;     // of a part over the readings as they are
 constexpr double kMostChange_sd = 8; // of rates from sample to sample: larger ones are hits and jumps
 
-// Per used sample of a run: what the readings put into the rates (x), and the rates (y), both less the smooth bias.
-struct LessSmooth {
-  VectorXd x, y;
-  double degc2 = 0; // sum of squares of readings less smoothed temperatures
-};
-LessSmooth less_smooth(const CampaignRun& run, const MeanPolynomial& b) {
-  const VectorXd read = used_rows(run, {run.input.temp_degc}), smooth = used_rows(run, {run.input.smooth_degc}),
-                 of_smooth = b.at(smooth);
-  return {b.at(read) - of_smooth, used_rows(run, {run.input.rate_dph}) - of_smooth, (read - smooth).squaredNorm()};
-}
-
-// White noise of the rates from sample to sample, robustly.  The bias of a steep sensor moves by more from row to row where a row
-// lasts many seconds: it must be gone.
-double white_of(const Campaign& campaign, const std::vector<LessSmooth>& runs) {
-  std::vector<double> changes;
-  for (size_t r = 0; r < runs.size(); ++r)
-    for (long k = 1; k < runs[r].y.size(); ++k)
-      if (campaign.runs[r].steps[static_cast<size_t>(k)] == 1)
-        changes.push_back(std::fabs(runs[r].y[k] - runs[r].y[k - 1]));
-  return changes.empty() ? 0 : median(std::move(changes)) / kMedianOfDifference;
-}
-
 // Sums over samples that follow each other without a hole, of changes from one to the next.
 struct FollowSums {
   double xx = 0, xy = 0, x2x2 = 0; // x2: second differences, as white noise of the rates enters xy
-  double degc2 = 0, dph2 = 0, n = 0;
 
-  void add(const CampaignRun& run, const LessSmooth& of, double most_change_dph) {
-    const VectorXd &x = of.x, &y = of.y;
-    degc2 += of.degc2, dph2 += x.squaredNorm(), n += static_cast<double>(x.size());
+  void add(const CampaignRun& run, const VectorXd& x, const VectorXd& y, double most_change_dph) {
     double before = 0; // the change of x that ends at the last sample
     for (long k = 1; k < x.size(); ++k) {
       const double dx = x[k] - x[k - 1], dy = y[k] - y[k - 1];
@@ -66,19 +40,27 @@ std::optional<ThermometerNoise> thermometer_noise(const Campaign& campaign) {
   const std::vector<MinuteMeans> means = long_ones(minute_means(campaign));
   if (means.empty()) return std::nullopt;
   const MeanPolynomial polynomial(means, campaign.order);
-  std::vector<LessSmooth> runs;
-  for (const CampaignRun& run : campaign.runs) runs.push_back(less_smooth(run, polynomial));
-  const double white_dph = white_of(campaign, runs);
+  std::vector<VectorXd> x, y; // what the readings put into the rates, and the rates, both less the smooth bias
+  double degc2 = 0, dph2 = 0;
+  for (const CampaignRun& run : campaign.runs) {
+    const VectorXd read = used_rows(run, {run.input.temp_degc}), smooth = used_rows(run, {run.input.smooth_degc}),
+                   of_smooth = polynomial.at(smooth);
+    x.emplace_back(polynomial.at(read) - of_smooth);
+    y.emplace_back(used_rows(run, {run.input.rate_dph}) - of_smooth);
+    degc2 += (read - smooth).squaredNorm(), dph2 += x.back().squaredNorm();
+  }
+  // Of the rates themselves it would hold the bias of a steep sensor, where a row lasts many seconds.
+  const double white_dph = white_between_samples(campaign, y) / std::sqrt(campaign.dt_s);
   FollowSums sums;
-  for (size_t r = 0; r < runs.size(); ++r)
-    sums.add(campaign.runs[r], runs[r], kMostChange_sd * std::sqrt(2.0) * white_dph);
+  for (size_t r = 0; r < y.size(); ++r)
+    sums.add(campaign.runs[r], x[r], y[r], kMostChange_sd * std::sqrt(2.0) * white_dph);
   if (!(white_dph > 0) || !(sums.xx > 0)) return std::nullopt;
   const double c = sums.xy / sums.xx, variance = white_dph * white_dph * sums.x2x2 / (sums.xx * sums.xx);
   const double felt = std::clamp(c, 0.0, 1.0), lacks = 1 - felt;
   // Below 0 it is as likely as it is at 0.
   if (lacks * (1 + felt - 2 * c) / (2 * variance) < kSeen_nats) return std::nullopt;
-  return ThermometerNoise{felt, lacks * std::sqrt(sums.degc2 / sums.n), lacks * std::sqrt(sums.dph2 / sums.n),
-                          white_dph};
+  const auto n = static_cast<double>(campaign.n());
+  return ThermometerNoise{felt, lacks * std::sqrt(degc2 / n), lacks * std::sqrt(dph2 / n), white_dph};
 }
 
 void take_smoothed(double felt, Campaign* campaign) {

@@ -303,7 +303,7 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
 
 void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,
                    GapResult* out) {
-  if (!(out->part_within > 0)) {
+  if (!out->has_residual()) {
     out->ci_lo = -1, out->ci_hi = 1;
     return;
   }
@@ -411,7 +411,7 @@ void set_figures(const Measurement& m, GapResult* out) {
   SlowModel null = m.null;
   null.steps = m.final.steps;
   const Prediction before = null.steps.empty() ? m.before : m.predict(null);
-  const bool only_within = out->part_within > 0;
+  const bool only_within = out->has_residual();
   const auto units_less = [&](const Prediction& less) {
     return held_out_units(m.training, m.splits, before, less, only_within);
   };
