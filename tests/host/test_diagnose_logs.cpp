@@ -290,13 +290,13 @@ static std::vector<Log> steep_logs(uint64_t seed, double felt_degc, double read_
   return logs;
 }
 static void test_noise_of_the_thermometer_is_no_lag(void**) {
-  const DiagnoseResult noisy = answer(steep_logs(870, 0, 0.05), {});
+  const DiagnoseResult noisy = answer(steep_logs(870, 0, 0.15), {});
   assert_true(noisy.axes.at(0).study.selection.verdict == Verdict::kNoGap);
   assert_true(warns(noisy, {"gx_dph", "noise of the thermometer", "smooth it in the device too"}));
-  const std::optional<ThermometerNoise> seen = thermometer_noise(make_campaign(steep_logs(870, 0, 0.05), "gx_dph", {}));
+  const std::optional<ThermometerNoise> seen = thermometer_noise(make_campaign(steep_logs(870, 0, 0.15), "gx_dph", {}));
   assert_true(seen.has_value());
-  assert_near(seen->rms_degc, 0.05, 0.002);
-  assert_near(seen->rms_dph, 280 * 0.05, 1);
+  assert_near(seen->rms_degc, 0.15, 0.006);
+  assert_near(seen->rms_dph, 280 * 0.15, 3);
   assert_near(seen->felt, 0, 0.05);
   const std::optional<ThermometerNoise> half =
       thermometer_noise(make_campaign(steep_logs(882, 0.05, 0.05), "gx_dph", {}));
