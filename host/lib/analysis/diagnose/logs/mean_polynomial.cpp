@@ -59,7 +59,10 @@ MeanPolynomial::MeanPolynomial(const std::vector<MinuteMeans>& runs, int order) 
 }
 
 VectorXd MeanPolynomial::at(const VectorXd& temp_degc) const {
-  return powers_at(temp_degc) * coefficients_;
+  const Eigen::ArrayXd x = (temp_degc.array() - middle_degc_) / half_degc_;
+  Eigen::ArrayXd out = Eigen::ArrayXd::Zero(x.size());
+  for (long i = order_; i-- > 0;) out = (out + coefficients_[i]) * x; // Horner
+  return out.matrix();
 }
 
 MatrixXd MeanPolynomial::powers_at(const VectorXd& temp_degc) const {
