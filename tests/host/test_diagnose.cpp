@@ -946,6 +946,22 @@ static void test_a_block_of_few_samples_holds_no_hit(void**) {
   for (double y : blocks.runs[0].input.rate_dph) assert_near(y, 0, 5);
 }
 
+// Rests, and a bias so steep that rows on a ramp are far from those before and after them: no hits, however many; one on the ramp is.
+static void test_a_steep_ramp_holds_no_hits(void**) {
+  Log log = simulated_log(79, 800, false, 0);
+  Rng rng(79, 0, 0, Stream::kTool);
+  const auto ramp = [](size_t row) { return 500.0 * std::clamp(static_cast<double>(row % 200) - 140, 0.0, 59.0); };
+  for (size_t i = 0; i < log.size(); ++i) log.t_s[i] *= 14, log.axes[0].rate_dph[i] = ramp(i) + 15 * rng.normal();
+  log.axes[0].rate_dph[371] += 1e4, log.axes[0].rate_dph[373] -= 2e4;
+  const Campaign rows = make_campaign({log}, "gx_dph", nominal_model());
+  const VectorXd hits = hits_of(rows).front();
+  assert_int_equal((hits.array() != 0).count(), 2);
+  assert_near(hits[371], 1e4, 600);
+  assert_near(hits[373], -2e4, 600);
+  const std::vector<double> y = block_means(rows, 14).runs[0].input.rate_dph;
+  for (size_t i = 0; i < y.size(); ++i) assert_near(y[i], ramp(i), i == 371 || i == 373 ? 600 : 75);
+}
+
 // What a run begins with may fade within a few seconds; a hit is gone with its sample.
 static void test_what_fades_from_the_start_is_no_hit(void**) {
   for (const double kept : {0.68, 0.0}) {
@@ -1390,6 +1406,7 @@ int main() {
       cmocka_unit_test(test_bursts_are_not_noise_of_another_size),
       cmocka_unit_test(test_a_block_holds_the_share_of_a_jump_and_no_hit),
       cmocka_unit_test(test_a_block_of_few_samples_holds_no_hit),
+      cmocka_unit_test(test_a_steep_ramp_holds_no_hits),
       cmocka_unit_test(test_what_fades_from_the_start_is_no_hit),
       cmocka_unit_test(test_all_drop_outs_are_counted),
       cmocka_unit_test(test_drop_outs_between_small_rates_are_counted),

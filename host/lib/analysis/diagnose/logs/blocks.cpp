@@ -20,6 +20,8 @@ constexpr double kFastest = 4;                // blocks per time constant from w
 constexpr double kMostNegative = 0.97;        // of the white noise that the blocks of a Markov process may take off
 constexpr double kFar = 8;                    // noise standard deviations from the median of a block
 constexpr double kLike = 0.5;                 // of that: two rates of one level differ by less
+constexpr long kMostOnRamp = 20;              // samples of a block that lie on a ramp
+constexpr double kOnRamp = 0.5;               // of the spread of a block, what a ramp leaves at most
 constexpr double kMedianOfDifference = 0.954; // of |a - b|, a and b N(0,1)
 constexpr double kFading = 0.3; // of a sample at the start of a run, in the next: no hit, gone with its sample
 
@@ -32,20 +34,44 @@ std::vector<char> like_a_neighbour(const CampaignRun& run, double near_dph) {
   }
   return out;
 }
-// What is far from the median of its block and stays is a jump inside the block: its share of the mean tells when it came.
+// Half of them are nearer to their median.
+double spread_of(std::vector<double> x) {
+  const double middle = median(x);
+  for (double& value : x) value = std::fabs(value - middle);
+  return median(std::move(x));
+}
+// Rates at increasing ticks less the ramp that they are on: its slope is the median over all pairs (Theil 1950), which a few hits do
+// not bend.  As they are, where no ramp leaves half of their spread, where samples are few, and where they are so many that they follow
+// each other closely.
+std::vector<double> without_ramp(const std::vector<double>& rates, const std::vector<double>& ticks) {
+  const auto n = static_cast<long>(rates.size());
+  if (n < kFewestAround || n > kMostOnRamp) return rates;
+  std::vector<double> slopes;
+  for (size_t k = 1; k < rates.size(); ++k)
+    for (size_t j = 0; j < k; ++j) slopes.push_back((rates[k] - rates[j]) / (ticks[k] - ticks[j]));
+  const double slope = median(std::move(slopes));
+  std::vector<double> levels = rates;
+  for (size_t k = 0; k < rates.size(); ++k) levels[k] -= slope * ticks[k];
+  return spread_of(levels) < kOnRamp * spread_of(rates) ? levels : rates;
+}
+// What is far from the median of its block and stays is a jump inside the block: its share of the mean tells when it came.  Nor is it a
+// hit on a ramp that a steep bias makes of the few samples of a block.
 VectorXd hits_of(const CampaignRun& run, long length, double far_dph) {
   VectorXd out = VectorXd::Zero(static_cast<long>(run.n()));
   const std::vector<char> stays = like_a_neighbour(run, kLike * far_dph);
   const auto block_of = [&](size_t k) { return run.input.tick[static_cast<size_t>(run.used[k])] / length; };
   for (size_t first = 0, end = 0; first < run.n(); first = end) {
-    std::vector<double> rates;
-    for (end = first; end < run.n() && block_of(end) == block_of(first); ++end)
-      rates.push_back(run.input.rate_dph[static_cast<size_t>(run.used[end])]);
+    std::vector<double> rates, ticks;
+    for (end = first; end < run.n() && block_of(end) == block_of(first); ++end) {
+      const auto row = static_cast<size_t>(run.used[end]);
+      rates.push_back(run.input.rate_dph[row]), ticks.push_back(static_cast<double>(run.input.tick[row] % length));
+    }
     if (std::find(&stays[first], &stays[first] + rates.size(), 0) == &stays[first] + rates.size()) continue;
-    const double middle = median(rates);
-    for (size_t k = first; k < end; ++k)
-      if (!stays[k] && std::fabs(rates[k - first] - middle) > far_dph)
-        out[static_cast<long>(k)] = rates[k - first] - middle;
+    const std::vector<double> levels = without_ramp(rates, ticks);
+    const double middle = median(rates), level = median(levels);
+    for (size_t i = 0; i < rates.size(); ++i)
+      if (!stays[first + i] && std::fabs(rates[i] - middle) > far_dph && std::fabs(levels[i] - level) > far_dph)
+        out[static_cast<long>(first + i)] = levels[i] - level;
   }
   return out;
 }
