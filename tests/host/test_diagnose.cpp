@@ -558,6 +558,12 @@ static void test_draws_of_the_fitted_noise_seldom_exceed_the_threshold(void**) {
   assert_true(null_threshold(gains, 0.001) >= null_threshold(gains, 0.1));
 }
 
+static void test_a_jump_must_gain_more_at_a_lower_rate(void**) {
+  assert_near(jump_threshold(0.01), SelectorConstants().first_step_nats, 1e-12);
+  assert_true(jump_threshold(0.001) > jump_threshold(0.01) + 2);
+  assert_near(jump_threshold(0.9), 0, 1e-12);
+}
+
 static void test_gram_of_wide_columns_is_that_of_whitened_ones(void**) {
   const Campaign campaign = make_campaign({simulated_log(5, 1500, true, 0)}, "gx_dph", nominal_model());
   const CampaignRun& run = campaign.runs.front();
@@ -1388,6 +1394,7 @@ int main() {
       cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
       cmocka_unit_test(test_constants_that_are_handed_down_decide),
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),
+      cmocka_unit_test(test_a_jump_must_gain_more_at_a_lower_rate),
       cmocka_unit_test(test_gram_of_wide_columns_is_that_of_whitened_ones),
       cmocka_unit_test(test_a_transform_is_the_sum_it_stands_for),
       cmocka_unit_test(test_powers_of_two_sequences_are_those_of_each),

@@ -164,7 +164,7 @@ static void test_jumps_that_the_noise_has_swallowed_are_found(void**) {
     double slow_dph = 7.5 * rng.normal();
     for (size_t i = 0; i < 6000; ++i) {
       slow_dph = std::exp(-0.01) * slow_dph + 7.5 * std::sqrt(1 - std::exp(-0.02)) * rng.normal();
-      const double jumped_dph = k == 0 && i >= 2500 ? 25 : k == 2 && i >= 3000 ? 33 : 0;
+      const double jumped_dph = k == 0 && i >= 2500 ? 28 : k == 2 && i >= 3000 ? 37 : 0;
       logs[k].axes[0].rate_dph[i] = bias_dph(logs[k].temp_degc[i]) + jumped_dph + slow_dph + 36 * rng.normal();
     }
   }
@@ -992,7 +992,7 @@ static void test_what_is_said_of_an_answer_is_of_that_one(void**) {
       level = phi * level + std::sqrt(1 - phi * phi) * rng.normal();
       is_on = temp > 40 || (is_on && temp > 34);
       log.axes[0].rate_dph[i] = bias_dph(temp) + 6.4 * rng.normal() + 4.6 * std::exp(1.6 * (temp - 30) / 30) * level +
-                                (is_on ? 15 : 0) + (i > 1500 ? 12 : 0) - (i > 4700 ? 14 : 0);
+                                (is_on ? 18 : 0) + (i > 1500 ? 14 : 0) - (i > 4700 ? 16 : 0);
     }
     const Campaign campaign = make_campaign({log}, "gx_dph", nominal_model());
     const SlowData data(block_means(campaign, block_length_s(campaign)));

@@ -159,22 +159,27 @@ static void test_slips_that_outweigh_the_answer_leave_no_name(void**) {
 }
 
 static void test_kinds_of_noise_stand_beside_other_parameters(void**) {
-  // A random walk, the noise believed as it is without: other parameters do as well, and are not all that does.
-  std::vector<Log> logs;
-  for (uint64_t seed = 171; seed < 173; ++seed) {
-    Log log = simulated_log(seed, 6000, false, 0);
-    Rng rng(seed, 0, 0, Stream::kTool);
-    double walk = 0;
-    for (double& rate : log.axes[0].rate_dph) rate += walk += 0.8 * rng.normal();
-    logs.push_back(log);
+  // A random walk, the noise believed as it is without: other parameters do as well, and are not all that does.  Beside a cause too.
+  for (const double height_dph : {0.0, 300.0}) {
+    std::vector<Log> logs;
+    for (uint64_t seed = 171; seed < 173; ++seed) {
+      Log log = simulated_log(seed, 6000, false, 0);
+      Rng rng(seed, 0, 0, Stream::kTool);
+      double walk = 0;
+      for (size_t i = 0; i < log.size(); ++i)
+        log.axes[0].rate_dph[i] +=
+            (walk += 0.8 * rng.normal()) + height_dph * std::exp(-0.5 * std::pow((log.temp_degc[i] - 30) / 4, 2));
+      logs.push_back(log);
+    }
+    DiagnoseOptions options;
+    options.nulls = 40;
+    options.model_path = "given";
+    const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
+    const std::set<std::string> all = members_of(said);
+    assert_int_equal(all.count("thermal_anomaly"), height_dph > 0 ? 1 : 0);
+    assert_true(all.count("rate_random_walk") == 1);
+    assert_int_equal(all.count("second_markov"), all.count("telegraph_noise")); // they have one spectrum
   }
-  DiagnoseOptions options;
-  options.nulls = 40;
-  options.model_path = "given";
-  const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
-  const std::set<std::string> all = members_of(said);
-  assert_true(all.count("rate_random_walk") == 1);
-  assert_int_equal(all.count("second_markov"), all.count("telegraph_noise")); // they have one spectrum
 }
 
 static void test_kinds_of_noise_are_found_that_the_fitted_noise_has_swallowed(void**) {

@@ -188,10 +188,9 @@ void make_folder(const std::string& folder) {
     if (slash == folder.size() || folder[slash] == '/') ::mkdir(folder.substr(0, slash).c_str(), 0777);
 }
 
-// Sets and gets the threshold of the names in the mean: what draws of the fitted noise gain, kept by a hash of
-// everything that they depend on.
+// Gets the thresholds.  What draws of the fitted noise gain is kept by a hash of everything that they depend on.
 struct Calibrated {
-  double threshold_nats = 6;
+  Thresholds thresholds = {};
   bool is_cached = false;
 };
 Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double rate_per_axis, std::mutex* cache) {
@@ -215,7 +214,8 @@ Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double 
     } catch (const Error&) { // a cache that cannot be written is no reason to fail
     }
   }
-  out.threshold_nats = null_threshold(gains, rate_per_axis, options.constants);
+  out.thresholds = {null_threshold(gains, rate_per_axis, options.constants),
+                    jump_threshold(rate_per_axis, options.constants)};
   return out;
 }
 
@@ -357,7 +357,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     const Calibrated found = calibrate(search, options, rate_per_axis, cache);
     axis.is_calibration_cached = found.is_cached;
     axis.calibration_s = now_s() - from;
-    return found.threshold_nats;
+    return found.thresholds;
   };
   axis.study = study_axis(&axis.campaign, held_out_runs, belief, library, active, select);
   tell_left_out(axis.campaign, logs, &axis);

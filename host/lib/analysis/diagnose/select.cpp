@@ -87,13 +87,14 @@ private:
       structural_.push_back(effect);
     }
   }
-  // The threshold of names is found once, by the search that is asked first.
+  // The thresholds are found once, by the search that is asked first.
   void ask_slow() {
     SlowAnswer& slow = found_.slow;
     prepare_slow(question_, &campaign_, question_.held_out, &slow);
     if (calibrate_ && question_.lines.empty()) {
-      question_.constants.mean_nats = calibrate_(slow.search.get());
-      slow.search->set_mean_threshold(question_.constants.mean_nats);
+      const Thresholds found = calibrate_(slow.search.get());
+      question_.constants.mean_nats = found.mean_nats, question_.constants.first_step_nats = found.first_step_nats;
+      slow.search->set_thresholds(found);
     }
     run_slow(question_, &slow);
   }
@@ -307,7 +308,7 @@ private:
   Campaign& campaign_; // that of the question
   Campaign* held_out_; // the same, or nullptr
   AxisQuestion question_;
-  std::function<double(SlowSearch*)> calibrate_;
+  std::function<Thresholds(SlowSearch*)> calibrate_;
   StructureResult structure_;
   Found found_;
   Names names_;

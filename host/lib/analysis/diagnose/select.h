@@ -49,8 +49,8 @@ struct Selection {
 struct SelectOptions {
   SelectorConstants constants;
   StructureResult structure = {}; // what is masked in the campaigns already
-  // The threshold of names in the mean for this campaign, found before the search; empty: as given.
-  std::function<double(SlowSearch*)> calibrate = {};
+  // The thresholds for this campaign, found before the search; empty: as given.
+  std::function<Thresholds(SlowSearch*)> calibrate = {};
 };
 
 // All stages of one axis.  Leaves out of `campaign` and `held_out` what is too short; no runs of `held_out` left: as if none had

@@ -15,6 +15,7 @@ struct SelectorConstants {
   double mean_nats = 6;
   double noise_nats = 6;
   double step_nats = 8;
+  double first_step_nats = 1.5;
   double step_try_part = 0.3;
   double reestimated_nats = 6;
   double noise_kind_nats = 3;
@@ -35,7 +36,7 @@ struct SelectorConstants {
   double short_by_chance = 2.33;
   double undecided_nats = 4;
   double carried_part = 0.75;
-  double slow_tau_part = 0.02;
+  double slow_tau_part = 0.05;
   double growth_part = 0.02;
   double noise_errors = 3;
   double noise_times = 1.4;
@@ -55,6 +56,9 @@ struct SelectorConstants {
   double rest_rate = 1e-3;
   double rest_line_nats = 20;
   double shared_nats = 8;
+
+  // Of so many jumps in time.
+  double cost_of_jumps(size_t n) const { return n ? first_step_nats + step_nats * static_cast<double>(n) : 0; }
 };
 
 // One of them, for tables and tests.

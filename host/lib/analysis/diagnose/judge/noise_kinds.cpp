@@ -107,16 +107,18 @@ void add_means_without_steps(const AxisQuestion& question, const SlowAnswer& slo
   add_to_set(std::move(means), steps);
 }
 void add_kinds_of_noise(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* retuned) {
-  const SlowModel& null = slow.found.null;
   const SlowModel& best = slow.found.best;
-  if (!best.names.empty() || !best.steps.empty() || (best.noise_effect && slow.found.evidence.back() > 0)) return;
+  if (best.noise_effect && slow.found.evidence.back() > 0) return;
+  const bool is_alone = best.names.empty() && best.steps.empty();
+  const SlowModel& plain = is_alone ? slow.found.null : best; // with other parameters, and no kind
+  if (plain.noise_effect) return;
   std::vector<CandidateEvidence> kinds;
-  for (const SlowCandidateScore& s : slow.found.noises) {
+  for (const SlowCandidateScore& s : is_alone ? slow.found.noises : slow.search->kinds_beside(best)) {
     if (!s.model.noise_effect) continue;
     const SlowModel m = slow.search->beside_believed(s.model);
-    const double gap = null.free_score() - m.free_score() - question.constants.noise_kind_nats;
+    const double gap = plain.free_score() - m.free_score() - question.constants.noise_kind_nats;
     const double gap_beside_others =
-        is_needed(question.constants, *slow.search, s.model) ? best.free_score() - s.score_nats : 1e300;
+        is_needed(question.constants, *slow.search, s.model) ? best.free_score() - s.model.free_score() : 1e300;
     if (gap >= question.constants.noise_margin_nats && gap_beside_others >= question.constants.rivals_nats) continue;
     // One that is ahead by less than its name costs does as well.
     const double lost = std::max(0.0, std::min(gap, gap_beside_others));

@@ -186,8 +186,7 @@ private:
       effect.family = question_.library[j]->family();
       effect.term = term_of(question_.library[j], e, shape);
       effect.gain_nats = slow_.found.step_gain_nats;
-      effect.evidence_nats =
-          effect.gain_nats - constants().step_nats * static_cast<double>(slow_.found.best.steps.size());
+      effect.evidence_nats = effect.gain_nats - constants().cost_of_jumps(slow_.found.best.steps.size());
       effect.held_out_nats = kPredictsNothing;
       effect.set = {{question_.library[j], nullptr, false, effect.family, effect.gain_nats,
                      effect.gain_nats - effect.evidence_nats}};

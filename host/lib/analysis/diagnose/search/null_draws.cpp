@@ -15,6 +15,8 @@ using Eigen::VectorXd;
 namespace {
 
 const char kCalibrationVersion[] = "11"; // changes whenever a draw would gain something else
+// Of 770 devices without a gap 84, 43, 22 and 10 gained 5, 6, 7 and 8 nats by a jump in time.
+constexpr double kStatedRate = 0.01, kJumpTail_nats = 1.4;
 
 // FNV-1a over the bits of what is added.
 class Hash {
@@ -134,6 +136,10 @@ double null_threshold(std::vector<double> gains, double rate, const SelectorCons
   const double scale = std::max(1.0, n > 0 ? excess / n : 1.0);
   const double level = q80 + scale * std::log(0.2 / std::min(0.2, rate));
   return std::clamp(level + constants.polish_gain_nats, constants.least_threshold_nats, constants.most_threshold_nats);
+}
+
+double jump_threshold(double rate, const SelectorConstants& constants) {
+  return std::max(0.0, constants.first_step_nats + kJumpTail_nats * std::log(kStatedRate / rate));
 }
 
 } // namespace imucal

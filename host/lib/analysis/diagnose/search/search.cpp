@@ -45,8 +45,9 @@ std::vector<double> SlowSearch::null_gains(size_t draws, uint64_t seed) {
 void SlowSearch::forget_scans() {
   impl_->scans.forget_white();
 }
-void SlowSearch::set_mean_threshold(double nats) {
-  impl_->space.constants.mean_nats = nats;
+void SlowSearch::set_thresholds(const Thresholds& thresholds) {
+  impl_->space.constants.mean_nats = thresholds.mean_nats;
+  impl_->space.constants.first_step_nats = thresholds.first_step_nats;
 }
 
 SlowSearch::SlowSearch(const SlowData& data, const NoiseBelief& belief, const std::vector<const Effect*>& library,

@@ -18,6 +18,11 @@
 
 namespace imucal {
 
+// What must be gained: by a name in the mean; by jumps in time together, beyond what each must.
+struct Thresholds {
+  double mean_nats, first_step_nats;
+};
+
 class SlowSearch {
 public:
   // `data` and `held_out`, of which only the temperatures are read (nullptr: none), must outlive it.
@@ -32,8 +37,8 @@ public:
   std::vector<double> null_gains(size_t draws, uint64_t seed);
   // Names everything that null_gains depends on, to the last bit: what is kept under it is what would be drawn.
   std::string null_key(size_t draws, uint64_t seed) const;
-  void set_mean_threshold(double nats); // of a name in the mean
-  void forget_scans();                  // frees what is quick to make anew: of a long log, hundreds of megabytes
+  void set_thresholds(const Thresholds& thresholds);
+  void forget_scans(); // frees what is quick to make anew: of a long log, hundreds of megabytes
 
   const std::vector<Candidate>& candidates() const;
   NoiseModel noise_of(const SlowModel& model) const;         // of block means, with what its noise effect makes

@@ -141,7 +141,7 @@ bool SlowLikelihood::are_jumps_seen(const SlowModel& m, const RunGrams& grams) c
 }
 double SlowLikelihood::score(const SlowModel& m) const {
   return m.free_score() - space_.constants.mean_nats * static_cast<double>(m.names.size()) -
-         space_.constants.step_nats * static_cast<double>(m.steps.size());
+         space_.constants.cost_of_jumps(m.steps.size());
 }
 
 } // namespace imucal
