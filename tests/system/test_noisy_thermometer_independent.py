@@ -304,8 +304,8 @@ def test_thermometers_with_noise_of_their_own(kind, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("kind", [
     pytest.param("N", marks=pytest.mark.xfail(strict=True, reason=(
-        "known: 8 of 42 wrong, 4 of them with a row every 14 s (residual too high, slow noise, or a gap with cause open); in 3 "
-        "what smoothing leaves of strong noise is told as slow noise that follows the temperature"))),
+        "known: 4 of 42 wrong; in 3 of them what smoothing leaves of strong noise is told as slow noise that follows the "
+        "temperature"))),
     *"MRLHT", pytest.param("S", marks=SLOW_THERMOMETER)])
 def test_many_of_the_same(kind, tmp_path):
     check(kind, range(2, 42), 3, tmp_path)
