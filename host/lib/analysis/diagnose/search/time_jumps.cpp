@@ -111,10 +111,11 @@ SlowModel with_earned_step(const SlowLikelihood& of, const SlowModel& m, const S
 TimeJumps find_steps(const SlowLikelihood& of, const SlowModel& null, size_t most) {
   if (!of.space().steps) return {};
   SlowModel now = null;
-  const auto cost = [&](const SlowModel& m) { return of.space().constants.cost_of_jumps(m.steps.size()); };
-  const auto found = [&]() -> TimeJumps {
-    if (now.value - cost(now) < null.value - cost(null)) return {null.steps};
-    return {now.steps, now.steps.size() > kFewJumps};
+  const auto worth = [&](const SlowModel& m) { return m.value - of.space().constants.cost_of_jumps(m.steps.size()); };
+  // Each has earned its own cost; together they may not have earned that of the first.
+  const auto found = [&] {
+    const SlowModel& better = worth(now) < worth(null) ? null : now;
+    return TimeJumps{better.steps, better.steps.size() > kFewJumps};
   };
   while (now.steps.size() <= most) {
     SlowModel best = with_earned_step(of, now, with_likely_step(of, now));
