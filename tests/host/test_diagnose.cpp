@@ -965,7 +965,11 @@ static void test_a_steep_ramp_holds_no_hits(void**) {
   assert_near(hits[371], 1e4, 600);
   assert_near(hits[373], -2e4, 600);
   const std::vector<double> y = block_means(rows, 14).runs[0].input.rate_dph;
-  for (size_t i = 0; i < y.size(); ++i) assert_near(y[i], ramp(i), i == 371 || i == 373 ? 600 : 75);
+  for (size_t i = 0; i < y.size(); ++i)
+    if (i == 371 || i == 373)
+      assert_false(std::isfinite(y[i])); // its place on the ramp would be a guess
+    else
+      assert_near(y[i], ramp(i), 75);
 }
 
 // What a run begins with may fade within a few seconds; a hit is gone with its sample.

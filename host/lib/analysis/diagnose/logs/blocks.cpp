@@ -80,7 +80,6 @@ VectorXd hits_of(const CampaignRun& run, long length, double far_dph) {
 struct BlockSum {
   double rows = 0, t_s = 0, temp = 0, smooth = 0, slope = 0, tn = 0;
   double used = 0, rate = 0, counted = 0;                     // rates; sum and number of those that are no hits
-  double level = 0;                                           // without its hits, where all are
   std::map<std::string, std::pair<double, double>> auxiliary; // sum, count
 
   void add(const RunInput& in, size_t i) {
@@ -89,9 +88,9 @@ struct BlockSum {
     for (const auto& [name, column] : in.auxiliary)
       if (std::isfinite(column[i])) auxiliary[name].first += column[i], auxiliary[name].second += 1;
   }
-  void add_rate(double rate_dph, double hit_dph) {
-    used += 1, level = rate_dph - hit_dph;
-    if (hit_dph == 0) rate += rate_dph, counted += 1;
+  void add_rate(double rate_dph, bool is_hit) {
+    used += 1;
+    if (!is_hit) rate += rate_dph, counted += 1;
   }
 };
 
@@ -102,7 +101,7 @@ void append(const BlockSum& s, long tick, double fewest, RunInput* out) {
   out->smooth_degc.push_back(s.smooth / s.rows);
   out->rate_degc_min.push_back(s.slope / s.rows);
   out->tn.push_back(s.tn / s.rows);
-  out->rate_dph.push_back(s.used < fewest ? std::nan("") : s.counted > 0 ? s.rate / s.counted : s.level);
+  out->rate_dph.push_back(s.used < fewest || s.counted == 0 ? std::nan("") : s.rate / s.counted);
   for (auto& [name, column] : out->auxiliary) {
     const auto it = s.auxiliary.find(name);
     column.push_back(it == s.auxiliary.end() ? std::nan("") : it->second.first / it->second.second);
@@ -131,7 +130,7 @@ CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
     block = at;
     sum.add(in, i);
     if (k == run.n() || static_cast<size_t>(run.used[k]) != i) continue;
-    sum.add_rate(in.rate_dph[i], hits[static_cast<long>(k)]);
+    sum.add_rate(in.rate_dph[i], hits[static_cast<long>(k)] != 0);
     ++k;
   }
   if (sum.rows > 0) append(sum, block, fewest, &out.input);

@@ -11,7 +11,7 @@ namespace imucal {
 double block_length_s(const Campaign& seconds);
 
 // The same campaign with one row per block (dt_s = block_s).  A block of which less than half of the seconds are
-// used has no rate.  Single seconds far from the median of their block (eight times the noise between seconds) are
+// used, or all are hits, has no rate.  Single seconds far from the median of their block (eight times the noise between seconds) are
 // left out where neither neighbour is like them: hits are judged at full rate, and one of them would colour a whole block.
 Campaign block_means(const Campaign& seconds, double block_s);
 
