@@ -21,10 +21,10 @@ Of A and B the verdict may not be "unexplained".  No answer at all is wrong in e
 Limits, from before any result: of the first two devices of a kind none may be wrong, of 30 more 3.  They are the first draw of
 this simulator; nothing in it was changed after a result.
 
-Found: A 32 of 32 right, C 32 of 32.  Of B first 27 of 32, and 34 of 40 more that are not asked here: `outliers` was always named, but
-beside it a `bias_step` of 2 to 44 dph, less than twice its own error, that began with the row after a wrong one.  The program had put
-a value of its own in the place of that row; now the row is missing, and 32 of 32 and 38 of 40 are right.  The program before this
-check had 26 of 32 of A, 28 of B, 31 of C."""
+Found: A 32 of 32 right, C 32 of 32.  Of B first 27 of 32, and 34 of 40 more that are not asked here: `outliers` was always
+named, but beside it a `bias_step` of 2 to 44 dph, less than twice its own error, that began with the row after a wrong one.
+The program had put a value of its own in the place of that row; now the row is missing, and 32 of 32 and 38 of 40 are right.
+The program before this check had 26 of 32 of A, 28 of B, 31 of C."""
 import json
 import math
 import os
