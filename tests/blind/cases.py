@@ -162,6 +162,22 @@ def coarse_thermometer(spec, case, axis, rng, meter):
     return [found], [float(spec["target"])], [told]
 
 
+def strength_of_steps(bias, device, meter, white_dph):
+    """d of the steps of the thermometer, to who knows the temperature between them: block means, and what is faster against white noise.
+
+    `draw_bias` keeps the means small and the variance of what is faster, not this.  Noise of the thermometer has its share of the
+    error by its variance."""
+    if device.profile == "constant":
+        return 0.0
+    error, step_degc = thermometer_error(bias, device), device.lsb_degc / np.sqrt(12)
+    d = np.hypot(np.linalg.norm(meter.signature(error)), np.linalg.norm(faster(error)) / white_dph)
+    return float(d * step_degc / np.hypot(step_degc, device.note["meter"]["noise_degc"]))
+
+
+def faster(error):
+    return np.concatenate([e - sensor.low_pass(e, gauge.BLOCK_S) for e in error])
+
+
 def draw_bias(rng, device, meter, white_dph):
     """Thermal polynomial; made flatter where the thermometer would otherwise be the gap."""
     bias = rng.standard_normal(4) * [100.0, 300.0, 150.0, 100.0]
@@ -169,7 +185,7 @@ def draw_bias(rng, device, meter, white_dph):
         return bias * [1, 0, 0, 0]
     error = thermometer_error(bias, device)
     slow = float(np.linalg.norm(meter.signature(error)))
-    fast = np.concatenate([e - sensor.low_pass(e, gauge.BLOCK_S) for e in error])
+    fast = faster(error)
     inflation = np.sqrt(fast.size / 2) * np.mean(fast**2) / white_dph**2  # d of a white variance that grew by this
     bias[1:] *= min(1.0, NUISANCE_D / max(slow, 1e-9), np.sqrt(NUISANCE_D / max(inflation, 1e-9)))
     return bias
@@ -214,7 +230,8 @@ def place(spec, rng):
         case.found[axis], ds[axis], told[axis] = found, d, apart
         shape = shape or found[0]
     case.label = {"d": ds, "told": told, "sick": [a for a in sick if names], "n_train": n_train, "n_hold": n_hold,
-                  "n_axes": n_axes, "profile": device.profile, "lsb_degc": device.lsb_degc, **device.note}
+                  "n_axes": n_axes, "profile": device.profile, "lsb_degc": device.lsb_degc, **device.note,
+                  "d_steps": {a: strength_of_steps(b, device, meter, base.white_dph) for a, b in case.bias.items()}}
     return case
 
 

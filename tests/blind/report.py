@@ -36,6 +36,8 @@ def must_show(score):
             line("the same, pairs of which the logs can tell each", score["pair"]["of which the logs can tell each"]["both_or_family"], 0.80)]
     for regime, entry in score["false_names"]["table"].items():
         rows.append(line(f"false names, no gap: {regime}", entry["names"], 0.01, False))
+    for what in ("all", "noise that the belief can hold"):
+        rows.append(line(f"the same, {what}, without names of what is there", score["false_names"]["table"][what]["not_there"], 0.01, False))
     for d, aim in (("20", 0.85), ("40", 0.95)):
         rows.append(line(f"outside causes, d = {d}: abstains or right family only", pick(outside, d, "good"), aim))
     for d, aim in (("20", 0.85), ("40", 0.95)):
@@ -91,9 +93,9 @@ def other_pages(score):
                  [[r["truth"], r["d"], ", ".join(f"{k}: {v}" for k, v in r["first_names"].items())] for r in inv["detail"]])
     out += ["## Two causes", ""] + table(("cases", "both as members", "both, members or families", "exactly those two", "at least one"), [
         [k, text(v["both"]), text(v["both_or_family"]), text(v["exactly"]), text(v["one"])] for k, v in score["pair"].items()])
-    out += ["## No gap", ""] + table(("believed noise", "false names", "of them the second process that is there", "any gap said",
+    out += ["## No gap", ""] + table(("believed noise", "false names", "of them what is there all the same", "the others", "any gap said",
                                       "re-tuned noise said", "failed"), [
-        [k, text(v["names"]), v["second"], text(v["gap"]), text(v["tuned"]), v["failed"]] for k, v in score["false_names"]["table"].items()])
+        [k, text(v["names"]), v["there"], text(v["not_there"]), text(v["gap"]), text(v["tuned"]), v["failed"]] for k, v in score["false_names"]["table"].items()])
     out += [f"Names given falsely: {dict(score['false_names']['named']) or 'none'}", "", "## Outside causes", ""]
     for title, key in (("By strength", "by_strength"), ("By strength, only those that no library member comes near", "by_strength_tellable"),
                        ("By cause, d ≥ 20", "by_cause")):
@@ -102,7 +104,7 @@ def other_pages(score):
     out += table(("cause", "names given"), [[k, ", ".join(f"{n} {c}" for n, c in v.items()) or "none"] for k, v in score["outside"]["named"].items()])
     a = score["axes"]
     return out + ["## Several axes", "", f"False names on healthy axes: {text(a['healthy_false'])} {dict(a['healthy_named'])}, "
-                  f"of them the second process that is there: {a['healthy_second']}; the sick axis right: "
+                  f"of them a second process or steps that are there: {a['healthy_there']}; the sick axis right: "
                   f"{text(a['sick_first'])}; a cause of d 7 to 12 on each of three axes, right per axis: {text(a['pooled_first'])}", ""]
 
 

@@ -19,6 +19,7 @@ from .intervals import rate
 KNOWN = ("exact",)
 WITHOUT_MODEL = ("absent", "data_sheet")
 ONE_PROCESS = ("fitted", *WITHOUT_MODEL)  # believed noise that holds one Markov process at most
+STEPS_D = 2.0  # a name takes about 10 nats, d 4.5: chance alone gives that 2000 times less often than beside a d of 2
 SLACK = 0.02  # of the true reduction: polynomial of the shown temperature, start states, block means
 UNIT_TO_MEASURE = (("deviance", "deviance"), ("rms", "rms"), ("dph", "power"))
 
@@ -249,11 +250,27 @@ def second_process(label, regime, read):
     """(is a second process left out of the belief, is it what the answer names).
 
     Some devices have two Markov processes.  Where one at most is believed, the second is really left out, and slow noise whose
-    set holds it is a true remark.  It is counted as a name all the same, and again as `second`.
+    set holds it is a true remark.  It is counted as a name all the same, and again as `there`.
     """
     is_left_out = regime in ONE_PROCESS and len(label["noise"]["markov"]) > 1
     is_told = all(family_of(e["name"]) == "slow_noise" and holds(e, "second_markov") for e in read["effects"])
     return is_left_out, is_left_out and bool(read["names"]) and is_told
+
+
+def steps_of_thermometer(label, axis, read):
+    """Does the answer name the steps of a thermometer that the device has, and nothing else, where they and not chance made it?
+
+    Labels of older draws lack `d_steps`; there the name counts as false.
+    """
+    is_it = lambda e: (e["name"] == "temperature_sensor_quantization"
+                       and abs(e["parameters"].get("lsb_degc", 0.0) - label["lsb_degc"]) < 0.02 * label["lsb_degc"])
+    return label.get("d_steps", {}).get(axis, 0.0) >= STEPS_D and bool(read["effects"]) and all(is_it(e) for e in read["effects"])
+
+
+def is_there(label, axis, regime, read):
+    """(is a second process left out of the belief, is what the answer names no sick axis's cause and there all the same)."""
+    is_left_out, is_second = second_process(label, regime, read)
+    return is_left_out, is_second or steps_of_thermometer(label, axis, read)
 
 
 def gap_free_rows(labels, answers):
@@ -261,9 +278,9 @@ def gap_free_rows(labels, answers):
     rows = []
     for label, axis, k, regime, answer in questions(labels, answers, ("no_gap", "constant")):
         read = reading(answer, axis, regime)
-        is_left_out, is_second = second_process(label, regime, read)
+        is_left_out, there = is_there(label, axis, regime, read)
         rows.append({"key": key_of(label, k, axis), "regime": regime, "kind": label["kind"], "name": bool(read["names"]),
-                     "names": read["names"], "left_out": is_left_out, "second": is_second,
+                     "names": read["names"], "left_out": is_left_out, "there": there,
                      "gap": read["verdict"] not in ("no_gap", "failed") and not (read["tuned"] and read["verdict"] == "explained" and not read["names"]),
                      "failed": read["verdict"] == "failed", "tuned": read["tuned"]})
     return rows
@@ -273,7 +290,9 @@ def false_names(labels, answers):
     """Names and gaps where there is none; per regime."""
     rows = gap_free_rows(labels, answers)
     table = lambda part: {"tuned": rate(sum(r["tuned"] for r in part), len(part)), "names": rate(sum(r["name"] for r in part), len(part)),
-                          "gap": rate(sum(r["gap"] for r in part), len(part)), "failed": sum(r["failed"] for r in part), "second": sum(r["second"] for r in part)}
+                          "gap": rate(sum(r["gap"] for r in part), len(part)), "failed": sum(r["failed"] for r in part),
+                          "there": sum(r["there"] for r in part),
+                          "not_there": rate(sum(r["name"] and not r["there"] for r in part), len(part))}
     out = {"all": table([r for r in rows if r["kind"] == "no_gap"])}
     out.update({k: table(v) for k, v in group_by([r for r in rows if r["kind"] == "no_gap"], lambda r: r["regime"]).items()})
     for title, left_out in (("noise that the belief can hold", False), ("a second process left out of the belief", True)):
@@ -338,9 +357,9 @@ def axis_rows(labels, answers):
             read = reading(answer, axis, regime)
             good = outcome(read, causes_here[0], label["told"][axis][0]) in RIGHT if causes_here else not read["names"]
             what = "healthy" if not causes_here else "sick" if label["kind"] == "healthy" else "shared"
-            is_left_out, is_second = second_process(label, regime, read)
+            is_left_out, there = is_there(label, axis, regime, read)
             rows.append({"key": key_of(label, k, axis), "what": what, "right": good, "names": read["names"], "left_out": is_left_out,
-                         "second": is_second})
+                         "there": there})
     return rows
 
 
@@ -350,7 +369,8 @@ def axes(labels, answers):
     first = lambda what: rate(sum(r["right"] for r in part[what]), len(part[what]))
     held = [r for r in part["healthy"] if not r["left_out"]]
     return {"healthy_false": rate(sum(not r["right"] for r in part["healthy"]), len(part["healthy"])),
-            "healthy_false_held": rate(sum(not r["right"] for r in held), len(held)), "healthy_second": sum(r["second"] for r in part["healthy"]),
+            "healthy_false_held": rate(sum(not r["right"] for r in held), len(held)), "healthy_there": sum(r["there"] for r in part["healthy"]),
+            "healthy_not_there": rate(sum(not r["right"] and not r["there"] for r in part["healthy"]), len(part["healthy"])),
             "healthy_named": Counter(n for r in part["healthy"] for n in r["names"]), "sick_first": first("sick"), "pooled_first": first("shared")}
 
 

@@ -243,12 +243,46 @@ def test_a_second_process_that_the_belief_leaves_out_is_counted_as_a_name_and_ap
                "memory_0": answer("explained", ("thermal_memory", ["thermal_lag", "second_markov"]))}
     table = score.everything(labels, answers, redraw=False)["false_names"]["table"]
     held, left_out = table["noise that the belief can hold"], table["a second process left out of the belief"]
-    assert (table["all"]["names"]["k"], table["all"]["second"]) == (5, 1)
-    assert (held["names"]["n"], held["second"], left_out["names"]["n"], left_out["second"]) == (2, 0, 3, 1)
+    assert (table["all"]["names"]["k"], table["all"]["there"], table["all"]["not_there"]["k"]) == (5, 1, 4)
+    assert (held["names"]["n"], held["there"], left_out["names"]["n"], left_out["there"]) == (2, 0, 3, 1)
     for x in labels.values():  # the same beside a sick axis
         x["kind"] = "healthy"
     axes = score.everything(labels, answers, redraw=False)["axes"]
-    assert (axes["healthy_false"]["k"], axes["healthy_false_held"]["k"], axes["healthy_false_held"]["n"], axes["healthy_second"]) == (5, 2, 2, 1)
+    assert (axes["healthy_false"]["k"], axes["healthy_false_held"]["k"], axes["healthy_false_held"]["n"], axes["healthy_there"]) == (5, 2, 2, 1)
+
+
+def test_steps_of_a_thermometer_that_are_there_are_counted_apart():
+    def said(lsb_degc, *more):
+        out = answer("explained", "temperature_sensor_quantization", *more)
+        out["diagnosis"]["axes"][0]["effects"][0]["parameters"] = {"lsb_degc": lsb_degc}
+        return out
+
+    steps = lambda d: {"lsb_degc": 0.5, "d_steps": {"gx_dph": d}}
+    labels = {c: label(c, "no_gap", [], ["exact"], **steps(d)) for c, d in (("strong", 3.0), ("weak", 1.0), ("other", 3.0), ("beside", 3.0))}
+    labels["old"] = label("old", "no_gap", [], ["exact"], lsb_degc=0.5)
+    answers = {"strong_0": said(0.5), "weak_0": said(0.5), "other_0": said(0.25), "beside_0": said(0.5, "thermal_lag"), "old_0": said(0.5)}
+    told = score.everything(labels, answers, redraw=False)["false_names"]["table"]["all"]
+    assert (told["names"]["k"], told["there"], told["not_there"]["k"]) == (5, 1, 4)
+
+
+def test_strength_of_steps_is_that_of_the_error_whitened_at_one_second(base):
+    """Second way: the Kalman filter at one second, and the temperature before it was rounded."""
+    rng = np.random.default_rng(8)
+    device = sensor.draw_device(rng, 3, 0, "triangle", 3000.0, lsb_degc=0.5)  # its thermometer has a noise of 0.01 degC
+    meter, bias = gauge.Gauge(device, base.density), BIAS * 0.5
+    e = cases.thermometer_error(bias, device)
+    columns = []
+    for r, run in enumerate(device.train):
+        x = device.x(run.shown_degc)
+        own = np.eye(3)[r][None, :] * np.ones((run.n, 1))
+        columns.append(np.column_stack([own, x, x**2, x**3, e[r]]))
+    padded, keep = whiten.pad(columns)
+    white, _ = whiten.kalman(padded, whiten.Noise(base.white_dph**2, [whiten.markov_part(*m) for m in base.markov]), keep)
+    white = white.reshape(-1, white.shape[-1])
+    q = gauge.basis(white[:, :6])
+    exact = np.linalg.norm(white[:, 6] - q @ (q.T @ white[:, 6]))
+    assert cases.strength_of_steps(bias, device, meter, base.white_dph) == pytest.approx(exact, rel=0.15)
+    assert cases.strength_of_steps(2 * bias, device, meter, base.white_dph) == pytest.approx(2 * exact, rel=0.15)
 
 
 @pytest.mark.parametrize("gap, true, expected", [
