@@ -188,6 +188,10 @@ void make_folder(const std::string& folder) {
     if (slash == folder.size() || folder[slash] == '/') ::mkdir(folder.substr(0, slash).c_str(), 0777);
 }
 
+// Slow noise of a kind that is not believed, too little to be named, is in one device of ten: there chance may make a name ten times
+// as often for the same rate over all devices.
+constexpr double kInOtherNoise = 10;
+
 // Gets the thresholds.  What draws of the fitted noise gain is kept by a hash of everything that they depend on.
 struct Calibrated {
   Thresholds thresholds = {};
@@ -358,6 +362,10 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     axis.is_calibration_cached = found.is_cached;
     axis.calibration_s = now_s() - from;
     return found.thresholds;
+  };
+  select.threshold_under = [&](const SlowSearch& search, const SlowModel& noise) {
+    return null_threshold(search.gains_under(noise, options.nulls, options.seed), kInOtherNoise * rate_per_axis,
+                          options.constants);
   };
   axis.study = study_axis(&axis.campaign, held_out_runs, belief, library, active, select);
   tell_left_out(axis.campaign, logs, &axis);

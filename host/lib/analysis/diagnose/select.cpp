@@ -24,6 +24,9 @@ namespace {
 // About a jump at a temperature: what the temperature leaves open of its moment, and how long that may be where it moves slowly.
 constexpr double kJump_s = 3, kJump_degc = 0.05, kLongJump_s = 60;
 
+// Of the gap: an answer that surely takes less of it explains a part.
+constexpr double kExplainedPart = 0.9;
+
 double most(const std::vector<double>& values) {
   return values.empty() ? 0 : *std::max_element(values.begin(), values.end());
 }
@@ -35,7 +38,9 @@ public:
         const std::vector<bool>& active, const SelectOptions& options)
       : campaign_(*campaign),
         held_out_(held_out), question_{*campaign, held_out, library, active, std::move(belief), options.constants},
-        calibrate_(options.calibrate), structure_(options.structure) {}
+        calibrate_(options.calibrate), structure_(options.structure) {
+    question_.threshold_under = options.threshold_under;
+  }
 
   AxisStudy run() {
     take_structure();
@@ -295,7 +300,8 @@ private:
       out_.verdict = Verdict::kNoGap;
     else if (!has_member && has_open)
       out_.verdict = Verdict::kUnexplained;
-    else if (leaves || has_open || is_undecided || grows || out_.leaves_mean || !out_.remainders.empty())
+    else if (leaves || has_open || is_undecided || grows || out_.leaves_mean || !out_.remainders.empty() ||
+             (gap.has_figure() && gap.ci_hi < kExplainedPart))
       out_.verdict = Verdict::kPartlyExplained;
     else
       out_.verdict = Verdict::kExplained;

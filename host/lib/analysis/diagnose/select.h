@@ -51,6 +51,8 @@ struct SelectOptions {
   StructureResult structure = {}; // what is masked in the campaigns already
   // The thresholds for this campaign, found before the search; empty: as given.
   std::function<Thresholds(SlowSearch*)> calibrate = {};
+  // See AxisQuestion.
+  std::function<double(const SlowSearch&, const SlowModel&)> threshold_under = {};
 };
 
 // All stages of one axis.  Leaves out of `campaign` and `held_out` what is too short; no runs of `held_out` left: as if none had

@@ -110,7 +110,7 @@ std::vector<double> null_gains(const SlowLikelihood& likelihood, const std::vect
   std::vector<double> base(draws, -1e300), best(draws, -1e300);
   for (const SlowNode* node : nodes) {
     const ScanNode::Scores scores = node->scan->score({}, y, std::vector<char>(n, 0));
-    const double extra = likelihood.noise_value(node->at);
+    const double extra = likelihood.noise_value(node->at) - node->at.noise_charge;
     for (size_t d = 0; d < draws; ++d) {
       const long column = static_cast<long>(d);
       base[d] = std::max(base[d], scores.base[column] + extra);

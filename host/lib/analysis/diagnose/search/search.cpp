@@ -42,6 +42,12 @@ std::vector<double> SlowSearch::null_gains(size_t draws, uint64_t seed) {
   impl_->scans.make_nodes(impl_->start);
   return imucal::null_gains(impl_->likelihood, impl_->scans.all_nodes(), impl_->start_null, draws, seed);
 }
+std::vector<double> SlowSearch::gains_under(const SlowModel& noise, size_t draws, uint64_t seed) const {
+  std::vector<const SlowNode*> nodes = impl_->scans.all_nodes();
+  const SlowScan::OwnNode own = impl_->scans.node_of(noise);
+  nodes.push_back(own.get());
+  return imucal::null_gains(impl_->likelihood, nodes, noise, draws, seed);
+}
 void SlowSearch::forget_scans() {
   impl_->scans.forget_white();
 }

@@ -35,6 +35,8 @@ public:
   // Calibration: draws of the fitted noise (with the fitted polynomial), each searched over all candidates and nodes of
   // noise as the data are; the largest gain of each draw over its own best noise.
   std::vector<double> null_gains(size_t draws, uint64_t seed);
+  // The same of draws of another noise without a name, one with a kind of slow noise; its own node is searched too.
+  std::vector<double> gains_under(const SlowModel& noise, size_t draws, uint64_t seed) const;
   // Names everything that null_gains depends on, to the last bit: what is kept under it is what would be drawn.
   std::string null_key(size_t draws, uint64_t seed) const;
   void set_thresholds(const Thresholds& thresholds);

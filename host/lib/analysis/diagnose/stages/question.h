@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What is asked of one axis.  Every stage reads it; prepare_slow alone writes the scale of priors into its campaign.
 #pragma once
+#include <functional>
 #include <vector>
 
 #include "analysis/diagnose/search/search.h"
@@ -23,6 +24,8 @@ struct AxisQuestion {
   SelectorConstants constants;
   bool is_censored = false;          // large values are missing: the spread of what is left is not that of the noise
   std::vector<NamedLine> lines = {}; // in the mean already
+  // The threshold of a name by draws of this noise without a name; empty: the constants hold the only one.
+  std::function<double(const SlowSearch&, const SlowModel&)> threshold_under = {};
 
   // The first effect that may be named and whose estimator is of a kind, or nullptr.
   template <class F> const Effect* first_kind(F is_it) const {

@@ -166,12 +166,12 @@ NoiseModel noise_of_one(const AxisQuestion& question, const SlowAnswer& slow, co
   return fit_seconds_noise(question.campaign, best.base, beside.without_hits()).base;
 }
 // Block means hardly show a process of few seconds.  What a kind of slow noise that is not worth its name in them gains in the
-// seconds, over one process alone and over the believed noise, tells too.
-void weigh_noise_in_seconds(const AxisQuestion& question, const SecondsAnswer& seconds, SlowAnswer* slow) {
+// seconds, over one process alone and over the believed noise, tells too.  Returns whether it is less likely than these there.
+bool weigh_noise_in_seconds(const AxisQuestion& question, const SecondsAnswer& seconds, SlowAnswer* slow) {
   const SlowModel& best = slow->found.best;
   std::vector<double>& evidence = slow->found.evidence;
-  if (!best.noise_effect || evidence.size() != best.names.size() + 1 || evidence.back() > 0) return;
-  if (seconds.noise.base.markov.empty()) return;
+  if (!best.noise_effect || evidence.size() != best.names.size() + 1 || evidence.back() > 0) return false;
+  if (seconds.noise.base.markov.empty()) return false;
   std::vector<NoiseModel> others = {noise_of_one(question, *slow, seconds)};
   if (question.belief.has_believed) {
     SlowModel plain = best;
@@ -180,9 +180,10 @@ void weigh_noise_in_seconds(const AxisQuestion& question, const SecondsAnswer& s
   }
   const double gain = gain_over(question, *slow, others, seconds);
   evidence.back() = std::max(evidence.back(), gain - question.constants.fast_nats);
+  return gain < 0;
 }
-// The believed noise does beside a kind of noise that is not worth its name, and does not without it: other parameters
-// are the simpler answer.
+// The believed noise does beside a kind of noise that is not worth its name, and does not without it; or the seconds are likelier
+// without it: other parameters are the simpler answer.
 bool gives_up_unnamed_noise(const AxisQuestion& question, SlowAnswer* slow) {
   SlowModel& best = slow->found.best;
   if (!best.names.empty() || !best.steps.empty() || !best.noise_effect) return false;
@@ -214,8 +215,8 @@ SecondsAnswer ask_seconds(const AxisQuestion& question, SlowAnswer* slow) {
     out.final = hypothesis_of(question, *slow->search, slow->found.best, true);
   }
   believe_again(question, slow, &out);
-  weigh_noise_in_seconds(question, out, slow);
-  if (out.is_believed && gives_up_unnamed_noise(question, slow)) return ask_seconds(question, slow);
+  const bool is_less_likely = weigh_noise_in_seconds(question, out, slow);
+  if ((out.is_believed || is_less_likely) && gives_up_unnamed_noise(question, slow)) return ask_seconds(question, slow);
   fit_own_base(question, *slow, &out);
   return out;
 }

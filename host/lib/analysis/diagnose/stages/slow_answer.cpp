@@ -77,6 +77,8 @@ SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& c
                          : i < slow.gap.beyond_start.size()           ? slow.gap.beyond_start[i].nats
                                                                       : kPredictsNothing;
   effect.is_untested = std::isfinite(effect.held_out_nats) && !slow.can_test(i, constants);
+  effect.is_of_starts = effect.held_out_nats <= 0 && i < slow.gap.at_all.size() &&
+                        slow.gap.at_all[i].nats > constants.least_held_out_nats;
   const double threshold = constants.mean_nats;
   effect.set.push_back(slow.evidence_of(name.candidate, effect.gain_nats, threshold));
   double nearest = 1e300; // of another member of the family

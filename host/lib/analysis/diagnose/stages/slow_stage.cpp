@@ -31,6 +31,7 @@ public:
     weigh_rivals();
     hold_out();
     ask_free_function();
+    ask_other_noise();
     look_beside();
   }
   // Free shapes that still gain beside the answer, or cost little and make data that were not fitted more likely: what
@@ -278,14 +279,29 @@ private:
       best = best.without(worst);
       slow_.found.evidence.erase(slow_.found.evidence.begin() + static_cast<long>(worst));
       slow_.found.rivals.erase(slow_.found.rivals.begin() + static_cast<long>(worst));
-      if (best.names.empty()) {
-        best = best_without_names();
-        slow_.found.evidence.clear(), slow_.found.rivals.clear(), slow_.is_told_by_held_out = false;
-        if (best.noise_effect) slow_.found.evidence.push_back(noise_evidence(best));
-      } else {
-        judge_again();
-      }
+      best.names.empty() ? take_best_without_names() : judge_again();
     }
+  }
+  void take_best_without_names() {
+    SlowModel& best = slow_.found.best;
+    best = best_without_names();
+    slow_.found.evidence.clear(), slow_.found.rivals.clear(), slow_.is_told_by_held_out = false;
+    if (best.noise_effect) slow_.found.evidence.push_back(noise_evidence(best));
+  }
+
+  // The threshold of a name was drawn from noise of the believed kind.  Slow noise of another kind that the logs may hold, too
+  // little of it to be named, makes more by chance: one name alone must also gain what it gains in draws of the likeliest kind.
+  void ask_other_noise() {
+    const SlowModel& best = slow_.found.best;
+    if (!question_.threshold_under || best.names.size() != 1 || best.noise_effect || !best.steps.empty()) return;
+    const double gain = slow_.found.evidence[0] + constants().mean_nats;
+    if (gain <= constants().mean_nats || gain > constants().most_threshold_nats) return;
+    const SlowModel* kind = nullptr;
+    for (const SlowCandidateScore& s : slow_.found.noises)
+      if (!kind || s.model.value > kind->value) kind = &s.model;
+    if (!kind || !kind->noise_effect || gain > question_.threshold_under(*slow_.search, *kind)) return;
+    take_best_without_names();
+    hold_out();
   }
   // By how much a name predicts too little.  What is repeatable gains on every log about what it gained on the fitted
   // ones, as far as those logs can show it: a log that only rises shows little of a memory, and a start state that is
