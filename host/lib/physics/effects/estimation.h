@@ -136,6 +136,8 @@ public:
   // Whether that state lies between two extremes of the effect's own size: then no coefficient of the first start column of
   // a run is larger than that of the first column.
   virtual bool is_start_bounded() const { return false; }
+  // Whether logs of this length can show the shape; else any slow change would do, and it is no name.
+  virtual bool is_shown_in(double /*log_s*/, const Theta& /*shape*/) const { return true; }
   // Whether the likelihood over the shape, of one parameter, has corners and several tops: its curvature at one of them says
   // little of where the others are.
   virtual bool has_many_tops() const { return false; }

@@ -103,6 +103,7 @@ public:
   // time constant is that time constant times the rate of temperature.
   Theta shape_lo() const override { return {5, kShortestLast_s}; }
   Theta shape_hi() const override { return {5000, 2e5}; }
+  bool is_shown_in(double log_s, const Theta& shape) const override { return shape[0] < log_s / kLeastSpan; }
   std::vector<Column> columns(const RunInput& run, const Theta& shape) const override {
     const std::vector<double> taus = time_constants(shape[0], last_s(shape), kStep);
     return {mean_behind(run.t_s, run.smooth_degc, taus, std::vector<double>(taus.size(), 0.0))};
@@ -130,6 +131,7 @@ private:
   static double last_s(const Theta& shape) { return std::max(kNarrowest * shape[0], shape[1]); }
   static constexpr double kNarrowest = 10;
   static constexpr double kStartFactor = 5;
+  static constexpr double kLeastSpan = 6; // from the first time constant to the end of a log: less is no law in log time
   static constexpr double kShortestLast_s = 600; // housings: one to ten minutes
   struct Start {
     double offset_degc = 0, since_s = 0;
