@@ -558,6 +558,39 @@ static void test_draws_of_the_fitted_noise_seldom_exceed_the_threshold(void**) {
   assert_true(null_threshold(gains, 0.001) >= null_threshold(gains, 0.1));
 }
 
+// Draws of a noise that has a slow process beside the believed one gain more than those of the believed kind: what a second process
+// makes by chance is no name.
+static void test_draws_of_another_kind_of_slow_noise_gain_more(void**) {
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 4; ++k) {
+    logs.push_back(simulated_log(7100 + k, 6000, false, 0));
+    Rng rng(7100 + k, 1, 0, Stream::kTool);
+    double slow = 10 * rng.normal();
+    const double phi = std::exp(-1 / 600.0);
+    for (double& rate : logs.back().axes[0].rate_dph) {
+      rate += slow;
+      slow = phi * slow + 10 * std::sqrt(1 - phi * phi) * rng.normal();
+    }
+  }
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  NoiseBelief belief = nothing_believed();
+  belief.has_believed = true;
+  belief.model.white_sigma_dph = 36, belief.model.markov = {{20, 100}};
+  SlowSearch search(data, belief, effect_library(), all_active(), {});
+  std::vector<double> plain = search.null_gains(100, 1);
+  const SlowResult found = search.run();
+  const auto second = std::find_if(found.noises.begin(), found.noises.end(), [](const SlowCandidateScore& s) {
+    return s.model.noise_effect == &find_effect("second_markov");
+  });
+  assert_true(second != found.noises.end());
+  std::vector<double> other = search.gains_under(second->model, 100, 1);
+  assert_true(other == search.gains_under(second->model, 100, 1)); // and the same draws again
+  std::sort(plain.begin(), plain.end()), std::sort(other.begin(), other.end());
+  assert_true(other[90] > plain[90]);
+  print_message("%.2f %.2f  %.2f %.2f  %.2f %.2f\n", plain[80], other[80], plain[90], other[90], plain[97], other[97]);
+}
+
 static void test_a_jump_must_gain_more_at_a_lower_rate(void**) {
   assert_near(jump_threshold(0.01), SelectorConstants().first_step_nats, 1e-12);
   assert_true(jump_threshold(0.001) > jump_threshold(0.01) + 2);
@@ -1398,6 +1431,7 @@ int main() {
       cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
       cmocka_unit_test(test_constants_that_are_handed_down_decide),
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),
+      cmocka_unit_test(test_draws_of_another_kind_of_slow_noise_gain_more),
       cmocka_unit_test(test_a_jump_must_gain_more_at_a_lower_rate),
       cmocka_unit_test(test_gram_of_wide_columns_is_that_of_whitened_ones),
       cmocka_unit_test(test_a_transform_is_the_sum_it_stands_for),

@@ -502,6 +502,49 @@ static void test_a_warm_up_of_another_size_in_every_run_is_kept(void**) {
   const Selection said = answer_to(warm, 101, 2);
   assert_true(said.dropped.empty());
   assert_true(names_of(said) == std::set<std::string>{"warm_up"});
+  assert_true(said.effects[0].is_of_starts); // its size foretells no other log, and that is said
+  const Selection same = answer_to([](double t, double) { return 200 * std::exp(-t / 450); }, 101, 2);
+  assert_true(names_of(same) == std::set<std::string>{"warm_up"} && !same.effects[0].is_of_starts);
+}
+
+// A bump over temperature that is elsewhere in every log: the bump that comes nearest takes a part.
+static void test_what_surely_leaves_a_part_does_not_explain(void**) {
+  const auto answer = [](double moves_degc, uint64_t seed) {
+    const auto bump = [=, row = size_t{0}](double, double temp) mutable {
+      const double center = 30 + moves_degc * std::array{-1.0, 1.0, -0.6, 0.4}[row++ / 6000];
+      return 90 * std::exp(-0.5 * std::pow((temp - center) / 2.5, 2));
+    };
+    return answer_to(bump, seed, 0);
+  };
+  for (const uint64_t seed : {131u, 151u}) {
+    const Selection moving = answer(4, seed), still = answer(0, seed);
+    for (const Selection& said : {moving, still})
+      assert_true(names_of(said) == std::set<std::string>{"thermal_anomaly"});
+    assert_true(moving.verdict == Verdict::kPartlyExplained && still.verdict == Verdict::kExplained);
+  }
+}
+
+// One name that gains a little more than its threshold stays only where draws of another kind of slow noise seldom gain so much; a
+// name that gains much is not asked.
+static void test_a_weak_name_is_held_against_another_kind_of_slow_noise(void**) {
+  const auto names_with = [](double loop_dph, double threshold, size_t* asked) {
+    std::vector<Log> logs;
+    for (uint64_t k = 0; k < 3; ++k) logs.push_back(simulated_log(211 + k, 6000, false, loop_dph));
+    Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+    SelectOptions options;
+    options.threshold_under = [=](const SlowSearch&, const SlowModel& noise) {
+      assert_true(noise.names.empty() && noise.noise_effect);
+      ++*asked;
+      return threshold;
+    };
+    return names_of(
+        study_axis(&campaign, nullptr, nothing_believed(), effect_library(), all_active(), options).selection);
+  };
+  const std::set<std::string> loop = {"thermal_hysteresis"};
+  size_t asked = 0;
+  assert_true(names_with(20, 0, &asked) == loop && asked == 1);
+  assert_true(names_with(20, 1e9, &asked).empty() && asked == 2);
+  assert_true(names_with(60, 1e9, &asked) == loop && asked == 2);
 }
 
 // A small jump at a temperature beside a large loop.  Without the loop it is not seen, and goes too: the loop gains what it gains
@@ -976,6 +1019,24 @@ static void test_what_settles_within_minutes_is_no_creep(void**) {
   for (size_t i = 0; i < run.size(); ++i) assert_near(narrow[i], decade[i], 1e-9);
 }
 
+// The law is seen over a factor of time: from the first time constant to the end of the longest log.
+static void test_a_creep_that_hardly_begins_is_its_family(void**) {
+  const Effect& creep = find_effect("thermal_creep");
+  assert_true(creep.estimator()->is_shown_in(6000, {990, 20000}));
+  assert_false(creep.estimator()->is_shown_in(6000, {1010, 20000}));
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 3; ++k) logs.push_back(simulated_log(221 + k, 6000, false, 0));
+  const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+  const SlowData data(block_means(campaign, block_length_s(campaign)));
+  SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
+  SlowModel model = search.run().null;
+  for (size_t j = 0; j < search.candidates().size(); ++j)
+    if (search.candidates()[j].effect == &creep) model.names = {{j, {2000, 60000}}};
+  assert_int_equal(model.names.size(), 1);
+  model = search.polished(model);
+  assert_true(model.names[0].is_at_bound && model.names[0].shape[0] > 1000 && model.names[0].shape[0] < 4990);
+}
+
 // A jump at a temperature in every log, and one in time in the second alone: together too many for jumps in time, and neither is a
 // noise that jumps.
 // Jumps of both kinds in one log, beside noise of a strength that follows the temperature: jumps in time join the answer after
@@ -1118,6 +1179,8 @@ int main() {
       cmocka_unit_test(test_a_parameter_next_to_its_bound_is_no_value),
       cmocka_unit_test(test_what_changes_from_run_to_run_is_told_by_all_logs),
       cmocka_unit_test(test_a_warm_up_of_another_size_in_every_run_is_kept),
+      cmocka_unit_test(test_what_surely_leaves_a_part_does_not_explain),
+      cmocka_unit_test(test_a_weak_name_is_held_against_another_kind_of_slow_noise),
       cmocka_unit_test(test_a_jump_that_is_seen_beside_a_loop_alone_goes_with_it),
       cmocka_unit_test(test_what_held_out_logs_can_show_is_what_a_name_is_asked_for),
       cmocka_unit_test(test_two_causes_are_found_that_stand_ins_hide_on_the_grids),
@@ -1131,6 +1194,7 @@ int main() {
       cmocka_unit_test(test_a_slope_that_ages_is_no_slow_noise),
       cmocka_unit_test(test_what_a_free_shape_foretells_opens_a_name_to_its_family),
       cmocka_unit_test(test_what_settles_within_minutes_is_no_creep),
+      cmocka_unit_test(test_a_creep_that_hardly_begins_is_its_family),
   };
   const struct CMUnitTest long_tests[] = {
       cmocka_unit_test(test_a_hysteresis_is_named_whatever_the_shape_of_its_loop),

@@ -33,7 +33,11 @@ where its set holds only slow noise;
 
 Limits, from before any result.  Without a cause (40 a kind, stated: 1 %): wrong at most 2 of a kind; open at most 8, misnamed
 at most 4.  With a cause (12 of each): wrong at most 1, right at least 9.  Short form, the first of every kind: right with and not
-wrong without a cause.  The devices are the first draw of this simulator."""
+wrong without a cause.  The devices are the first draw of this simulator.
+
+Found: all 36 causes right.  Without a cause 3 of 200 wrong (i 36, iii 28, v 26), all of them "unexplained" and no name, 10 open,
+none misnamed.  75 further devices that are not asked here (fitted belief; i, iii, iv, from number 40 on) were worse: 10 wrong, 7
+of them among the 25 of iii; of the 10, 7 are "unexplained" and 3 name thermal_memory, bias_step and run_to_run; 7 open."""
 import json
 import math
 import os

@@ -24,8 +24,8 @@ namespace {
 // About a jump at a temperature: what the temperature leaves open of its moment, and how long that may be where it moves slowly.
 constexpr double kJump_s = 3, kJump_degc = 0.05, kLongJump_s = 60;
 
-// Of the gap: an answer that surely takes less of it explains a part.
-constexpr double kExplainedPart = 0.9;
+// Of the gap: an answer that surely takes less of it (95 % interval) explains a part.
+constexpr double kExplainedPart = 0.95;
 
 double most(const std::vector<double>& values) {
   return values.empty() ? 0 : *std::max_element(values.begin(), values.end());
@@ -301,10 +301,14 @@ private:
     else if (!has_member && has_open)
       out_.verdict = Verdict::kUnexplained;
     else if (leaves || has_open || is_undecided || grows || out_.leaves_mean || !out_.remainders.empty() ||
-             (gap.has_figure() && gap.ci_hi < kExplainedPart))
+             takes_a_part(gap))
       out_.verdict = Verdict::kPartlyExplained;
     else
       out_.verdict = Verdict::kExplained;
+  }
+  // What is named as different from run to run is not missed: it is in what is left.
+  static bool takes_a_part(const GapResult& gap) {
+    return gap.has_figure() && gap.ci_hi < kExplainedPart && !(gap.run_to_run_rms_dph > 0);
   }
   AxisStudy study() {
     SlowAnswer& slow = found_.slow;

@@ -34,12 +34,12 @@ std::vector<size_t> SlowAnswer::rows_of_jumps(const RunInput& in) const {
   return rows;
 }
 bool SlowAnswer::is_against(const SelectorConstants& constants) const {
-  return held_blocks && 0.5 * gap.delta_deviance < -constants.against_nats;
+  return held_blocks && !is_noise_of_all && 0.5 * gap.delta_deviance < -constants.against_nats;
 }
 void SlowAnswer::forget_causes() {
   found.best = found.null;
   found.evidence.clear(), found.rivals.clear(), found.replaced.clear();
-  beside.clear(), dropped.clear(), is_told_by_held_out = false;
+  beside.clear(), dropped.clear(), is_told_by_held_out = false, is_noise_of_all = false;
 }
 void SlowAnswer::measure() {
   gap = measure_gap(*search, *data, held_blocks.get(), found.null, found.best);

@@ -33,6 +33,7 @@ struct SlowAnswer {
   std::vector<SelectedEffect> dropped; // names that held-out data do not support
   std::vector<SlopedKind> sloped;      // where found.best has one: what the seconds say of them (sloped_noise.h)
   bool is_told_by_held_out = false;    // slow noise explains the fitted logs as well, not all logs together
+  bool is_noise_of_all = false;        // all logs together tell the kind of slow noise, its parameters estimated on all
 
   const Candidate& candidate(size_t j) const { return search->candidates()[j]; }
   CandidateEvidence evidence_of(size_t candidate, double gain_nats, double threshold_nats) const;
@@ -48,7 +49,7 @@ struct SlowAnswer {
   bool can_test(size_t name, const SelectorConstants& constants) const;
   // Rows of a log before which a name of found.best jumps.
   std::vector<size_t> rows_of_jumps(const RunInput& in) const;
-  // Whether held-out logs become less likely by the answer.
+  // Whether held-out logs become less likely by the answer, and all logs together do not speak for its noise.
   bool is_against(const SelectorConstants& constants) const;
   // No cause is left in the answer.
   void forget_causes();

@@ -23,7 +23,7 @@ public:
 
   void run() {
     slow_.found = slow_.search->run();
-    slow_.is_told_by_held_out = false;
+    slow_.is_told_by_held_out = slow_.is_noise_of_all = false;
     if (slow_.held_blocks) forget_own(&slow_);
     weigh_steps();
     if (slow_.held_blocks) find_own(question_, &slow_);
@@ -32,6 +32,7 @@ public:
     hold_out();
     ask_free_function();
     ask_other_noise();
+    weigh_kinds();
     look_beside();
   }
   // Free shapes that still gain beside the answer, or cost little and make data that were not fitted more likely: what
@@ -95,12 +96,10 @@ private:
     const std::vector<const SlowModel*> singles = likeliest_singles(all_free(slow_.found.best));
     if (singles.empty()) return;
     const SlowData all = with_held_out(*slow_.data, *slow_.held_blocks);
-    const auto value = [&](const SlowModel& m) { return slow_.search->value_on(all, m) - m.charges(); };
-    double alone = value(slow_.found.best);
-    for (const SlowCandidateScore& s : slow_.found.noises) alone = std::max(alone, value(s.model));
+    const double alone = likeliest_noise_on(all, slow_.found.best);
     double most = 0;
     for (const SlowModel* single : singles) {
-      const double evidence = value(*single) - alone - constants().mean_nats;
+      const double evidence = value_on(all, *single) - alone - constants().mean_nats;
       if (evidence <= most) continue;
       most = evidence;
       const double fitted = single->free_score() - slow_.found.null.free_score() - constants().mean_nats;
@@ -109,6 +108,15 @@ private:
       slow_.found.evidence = {fitted < 0 ? evidence : fitted};
     }
     if (most > 0) slow_.found.rivals = {slow_.search->rivals(slow_.found.best, 0)};
+  }
+  // Score without thresholds, the noise estimated on these logs; that of the likeliest noise without a name.
+  double value_on(const SlowData& all, const SlowModel& m) const {
+    return slow_.search->value_on(all, m) - m.charges();
+  }
+  double likeliest_noise_on(const SlowData& all, const SlowModel& plain) const {
+    double most = value_on(all, plain);
+    for (const SlowCandidateScore& s : slow_.found.noises) most = std::max(most, value_on(all, s.model));
+    return most;
   }
   // Of the causes that gain most alone those that make all logs together more likely than this.
   std::vector<const SlowModel*> likeliest_singles(double than) const {
@@ -291,18 +299,44 @@ private:
 
   // The threshold of a name was drawn from noise of the believed kind.  Slow noise of another kind that the logs may hold, too
   // little of it to be named, makes more by chance: one name alone must also gain what it gains in draws of the likeliest kind.
+  // What comes by chance on the fitted logs does not come back on the others: where there are such, all together are asked.
   void ask_other_noise() {
     const SlowModel& best = slow_.found.best;
     if (!question_.threshold_under || best.names.size() != 1 || best.noise_effect || !best.steps.empty()) return;
     const double gain = slow_.found.evidence[0] + constants().mean_nats;
-    if (gain <= constants().mean_nats || gain > constants().most_threshold_nats) return;
+    if (slow_.found.evidence[0] <= 0 || gain > constants().most_threshold_nats) return;
     const SlowModel* kind = nullptr;
     for (const SlowCandidateScore& s : slow_.found.noises)
-      if (!kind || s.model.value > kind->value) kind = &s.model;
-    if (!kind || !kind->noise_effect || gain > question_.threshold_under(*slow_.search, *kind)) return;
+      if (s.model.noise_effect && (!kind || s.model.value > kind->value)) kind = &s.model;
+    if (!kind || (slow_.held_blocks ? gain_on_all() : gain) > question_.threshold_under(*slow_.search, *kind)) return;
     take_best_without_names();
     hold_out();
   }
+  double gain_on_all() const {
+    const SlowData all = with_held_out(*slow_.data, *slow_.held_blocks);
+    return value_on(all, slow_.found.best) - likeliest_noise_on(all, slow_.found.null);
+  }
+  // Of slow noise one log holds little, and parameters that the fitted logs tell may be wrong for the others.  Where the held-out logs
+  // speak against the kind that was found, or leave more than a noise without one, all logs together are asked.
+  void weigh_kinds() {
+    const SlowModel& best = slow_.found.best;
+    if (!slow_.held_blocks || !best.names.empty() || !best.steps.empty()) return;
+    if (best.noise_effect ? !slow_.is_against(constants()) : !slow_.gap.leaves_mean(constants())) return;
+    const SlowData all = with_held_out(*slow_.data, *slow_.held_blocks);
+    const SlowModel* kind = nullptr;
+    double most = value_on(all, slow_.found.null) + constants().noise_nats;
+    const double least = most;
+    for (const SlowCandidateScore& s : slow_.found.noises) {
+      const double value = s.model.noise_effect ? value_on(all, s.model) + s.model.noise_charge : -1e300;
+      if (value > most) most = value, kind = &s.model;
+    }
+    if (!kind) return;
+    slow_.found.best = *kind;
+    slow_.found.evidence = {most - least}, slow_.found.rivals.clear();
+    slow_.is_noise_of_all = true;
+    slow_.measure();
+  }
+
   // By how much a name predicts too little.  What is repeatable gains on every log about what it gained on the fitted
   // ones, as far as those logs can show it: a log that only rises shows little of a memory, and a start state that is
   // free hides a warm-up; where it hides most, what the whole of the name foretells stands beside what chance may take from
