@@ -154,8 +154,9 @@ std::vector<std::string> remarks_on(const AxisResult& axis, const SelectedEffect
                          axis_unit(axis.axis)));
   if (e.is_untested) out.push_back("the held-out logs cannot test it");
   if (e.is_of_starts)
-    out.push_back("in the held-out logs only the state in which each began is seen, read from that log itself: by the size "
-                  "told here alone a new log is not foretold, and the gap shrinks by less");
+    out.push_back(
+        "in the held-out logs only the state in which each began is seen, read from that log itself: by the size "
+        "told here alone a new log is not foretold, and the gap shrinks by less");
   std::vector<std::string> rivals;
   for (const CandidateEvidence& c : e.set)
     if (name_of(c) != name_of(e) && (!c.effect || c.effect != e.term.effect)) rivals.push_back(name_of(c));

@@ -40,7 +40,8 @@ struct SelectedEffect {
   double gain_nats = 0, evidence_nats = 0;
   double held_out_nats = 0; // or kPredictsNothing
   bool is_untested = false; // it predicts, but the logs held out can show neither it nor its start states
-  bool is_of_starts = false; // held-out logs show the states in which they began, read from themselves, and no more of it
+  bool is_of_starts =
+      false; // held-out logs show the states in which they began, read from themselves, and no more of it
   Doubt doubt = Doubt::kNone;
   std::vector<CandidateEvidence> set; // what cannot be excluded, the name first
   // What it adds to the rates of a second, rms about the mean of the run [dph]; NaN: not known.  For the order of words.
