@@ -39,7 +39,7 @@ Found: all 36 causes right.  Without a cause 3 of 200 wrong (i 36, iii 28, v 26)
 none misnamed.  75 further devices that are not asked here (fitted belief; i, iii, iv, from number 40 on) were worse: 10 wrong, 7
 of them among the 25 of iii; of the 10, 7 are "unexplained" and 3 name thermal_memory, bias_step and run_to_run; 7 open.  The
 program was then mended: i 36 is slow noise (all logs together tell it, where the held-out ones speak against parameters that the
-fitted ones told), and run_to_run is named for iii 28 but not for iii 46; the others stand."""
+fitted ones told), and run_to_run is named for iii 28; the others stand."""
 import json
 import math
 import os

@@ -298,8 +298,8 @@ private:
   }
 
   // The threshold of a name was drawn from noise of the believed kind.  Slow noise of another kind that the logs may hold, too
-  // little of it to be named, makes more by chance: one name alone must also gain what it gains in draws of the likeliest kind.
-  // What comes by chance on the fitted logs does not come back on the others: where there are such, all together are asked.
+  // little of it to be named, makes more by chance: one name alone must also gain what it gains in draws of the likeliest kind,
+  // on the fitted logs or on all of them: what came by chance does not come back.
   void ask_other_noise() {
     const SlowModel& best = slow_.found.best;
     if (!question_.threshold_under || best.names.size() != 1 || best.noise_effect || !best.steps.empty()) return;
@@ -308,7 +308,9 @@ private:
     const SlowModel* kind = nullptr;
     for (const SlowCandidateScore& s : slow_.found.noises)
       if (s.model.noise_effect && (!kind || s.model.value > kind->value)) kind = &s.model;
-    if (!kind || (slow_.held_blocks ? gain_on_all() : gain) > question_.threshold_under(*slow_.search, *kind)) return;
+    if (!kind) return;
+    const double threshold = question_.threshold_under(*slow_.search, *kind);
+    if (gain > threshold || (slow_.held_blocks && gain_on_all() > threshold)) return;
     take_best_without_names();
     hold_out();
   }
