@@ -343,7 +343,10 @@ double GapResult::errors_above_noise(bool with_run_to_run) const {
   return excess > 0 ? excess / (2 * noise_rms_dph * noise_error_dph) : 0; // NaN where the scatter is not known
 }
 bool GapResult::exceeds_noise(const SelectorConstants& constants) const {
-  return errors_above_noise(false) > constants.noise_errors;
+  if (!has_residual()) return false;
+  const double times = ms_after_dph2(false) / (noise_rms_dph * noise_rms_dph);
+  const double own = 2 * noise_error_dph / noise_rms_dph, estimated = hours_fitted > 0 ? hours / hours_fitted : 0;
+  return times > 1 && std::log(times) > constants.noise_errors * own * std::sqrt(1 + estimated);
 }
 bool GapResult::leaves_mean(const SelectorConstants& constants) const {
   return exceeds_noise(constants) && std::sqrt(ms_after_dph2(false)) > constants.noise_times * noise_rms_dph;
@@ -458,6 +461,8 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   out.part_within = static_cast<double>(n_rows(held_out_units(training, m.splits, m.before, m.after, true))) /
                     static_cast<double>(m.campaign.n());
   out.hours = std::max(kLeast_h, static_cast<double>(m.campaign.n()) * m.campaign.dt_s / 3600);
+  if (held_out && !final.is_believed)
+    out.hours_fitted = static_cast<double>(training.campaign.n()) * training.campaign.dt_s / 3600;
   out.gain = out.delta_deviance / out.hours;
   set_figures(m, &out);
   return out;

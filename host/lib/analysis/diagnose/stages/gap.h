@@ -69,7 +69,7 @@ struct GapResult {
   };
   std::vector<Support> beyond_start; // per name, against nothing but the start states it leaves
   std::vector<Support> at_all;       // per name, against neither the name nor its start states
-  double hours = 0;
+  double hours = 0, hours_fitted = 0; // the latter where the noise was estimated on other logs; 0: believed, or on the same
   double minute_s = 60;                                            // length of the means of what follows (minutes.h)
   double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of minutes
   double run_to_run_rms_dph = 0; // of what is left: what an effect that differs from run to run by chance would take
@@ -80,9 +80,11 @@ struct GapResult {
   double believed_rms_dph = 0;
   // Standard error of noise_rms_dph: by how far one draw of that noise scatters; NaN: not known.
   double noise_error_dph = 0;
-  // Of the held-out minutes more is left than the noise alone would leave, beyond the scatter of that noise; and so much more
-  // that the answer misses something of weight.  What is named as different from run to run is not missed.
   double errors_above_noise(bool with_run_to_run = true) const;
+  // Of the held-out minutes more is left than the noise alone would leave, beyond the scatter of that noise and, where the fitted
+  // logs told it, of what they told (the same per hour): the ratio of two such mean squares has an F distribution, its logarithm
+  // is nearly normal.  And so much more that the answer misses something of weight.  What is named as different from run to run
+  // is not missed.
   bool exceeds_noise(const SelectorConstants& constants) const;
   bool leaves_mean(const SelectorConstants& constants) const;
   double ms_after_dph2(bool with_run_to_run) const;
