@@ -338,8 +338,37 @@ static void test_an_extrapolated_polynomial_is_no_noise_of_held_out_logs(void**)
   }
 }
 
+// Mean squares of 16 free values of held-out logs and 24 of the fitted ones, which told the noise: by chance the first exceeds the
+// second in less than four of a thousand, and a residual of twice the noise does exceed it.
+static void test_few_minutes_seldom_exceed_the_noise_that_few_others_told(void**) {
+  constexpr int kHeld = 16, kFitted = 24, kDraws = 20000;
+  Rng rng(31, 0, 0, Stream::kTool);
+  const auto mean_square = [&](int n) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) sum += std::pow(rng.normal(), 2);
+    return sum / n;
+  };
+  const auto exceeds = [](double after2, double noise2, double hours_fitted) {
+    GapResult gap;
+    gap.rms_after_dph = std::sqrt(after2), gap.noise_rms_dph = std::sqrt(noise2);
+    gap.noise_error_dph = 0.5 * std::sqrt(2.0 / kHeld) * gap.noise_rms_dph;
+    gap.hours = kHeld, gap.hours_fitted = hours_fitted;
+    return gap.exceeds_noise({});
+  };
+  int estimated = 0, known = 0;
+  for (int i = 0; i < kDraws; ++i) {
+    const double held2 = mean_square(kHeld);
+    known += exceeds(held2, 1, 0) ? 1 : 0;
+    estimated += exceeds(held2, mean_square(kFitted), kFitted) ? 1 : 0;
+  }
+  assert_true(known < 0.004 * kDraws && estimated < 0.004 * kDraws);
+  assert_true(exceeds(4, 1, 0) && exceeds(4, 1, kFitted) && !exceeds(3, 1, kFitted) && exceeds(3, 1, 0));
+  assert_false(exceeds(0.5, 1, 0));
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_few_minutes_seldom_exceed_the_noise_that_few_others_told),
       cmocka_unit_test(test_an_extrapolated_polynomial_is_no_noise_of_held_out_logs),
       cmocka_unit_test(test_a_clean_held_out_log_leaves_nothing),
       cmocka_unit_test(test_structure_of_a_held_out_log_is_left_out),
