@@ -69,8 +69,9 @@ struct GapResult {
   };
   std::vector<Support> beyond_start; // per name, against nothing but the start states it leaves
   std::vector<Support> at_all;       // per name, against neither the name nor its start states
-  double hours = 0, hours_fitted = 0; // the latter where the noise was estimated on other logs; 0: believed, or on the same
-  double minute_s = 60;                                            // length of the means of what follows (minutes.h)
+  double hours = 0,
+         hours_fitted = 0; // the latter where the noise was estimated on other logs; 0: believed, or on the same
+  double minute_s = 60;    // length of the means of what follows (minutes.h)
   double rms_before_dph = 0, rms_after_dph = 0, noise_rms_dph = 0; // of minutes
   double run_to_run_rms_dph = 0; // of what is left: what an effect that differs from run to run by chance would take
   std::vector<Minutes> minutes;  // of the held-out units, after
