@@ -76,6 +76,14 @@ inline NoiseBelief nothing_believed() {
   return {};
 }
 
+// The noise of simulated_log.
+inline NoiseBelief true_noise_believed() {
+  NoiseBelief belief;
+  belief.has_believed = true;
+  belief.model.white_sigma_dph = 36, belief.model.markov = {{20, 100}};
+  return belief;
+}
+
 // No effect is two names of an answer, nor two entries of a set.
 inline void assert_names_stand_once(const Selection& said) {
   std::set<const Effect*> names;

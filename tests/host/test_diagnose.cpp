@@ -574,10 +574,7 @@ static void test_draws_of_another_kind_of_slow_noise_gain_more(void**) {
   }
   const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
   const SlowData data(block_means(campaign, block_length_s(campaign)));
-  NoiseBelief belief = nothing_believed();
-  belief.has_believed = true;
-  belief.model.white_sigma_dph = 36, belief.model.markov = {{20, 100}};
-  SlowSearch search(data, belief, effect_library(), all_active(), {});
+  SlowSearch search(data, true_noise_believed(), effect_library(), all_active(), {});
   std::vector<double> plain = search.null_gains(100, 1);
   const SlowResult found = search.run();
   const auto second = std::find_if(found.noises.begin(), found.noises.end(), [](const SlowCandidateScore& s) {
@@ -588,7 +585,6 @@ static void test_draws_of_another_kind_of_slow_noise_gain_more(void**) {
   assert_true(other == search.gains_under(second->model, 100, 1)); // and the same draws again
   std::sort(plain.begin(), plain.end()), std::sort(other.begin(), other.end());
   assert_true(other[90] > plain[90]);
-  print_message("%.2f %.2f  %.2f %.2f  %.2f %.2f\n", plain[80], other[80], plain[90], other[90], plain[97], other[97]);
 }
 
 static void test_a_jump_must_gain_more_at_a_lower_rate(void**) {

@@ -88,10 +88,7 @@ static void test_slips_beside_a_loop_are_found_one_by_one(void**) {
   }
   const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
   const SlowData data(block_means(campaign, block_length_s(campaign)));
-  NoiseBelief belief = nothing_believed();
-  belief.has_believed = true;
-  belief.model.white_sigma_dph = 36, belief.model.markov = {{20, 100}};
-  SlowSearch search(data, belief, effect_library(), all_active(), {});
+  SlowSearch search(data, true_noise_believed(), effect_library(), all_active(), {});
   const SlowModel best = search.run().best;
   assert_int_equal(best.names.size(), 1);
   assert_string_equal(search.candidates()[best.names[0].candidate].effect->name().c_str(), "thermal_hysteresis");
@@ -139,10 +136,7 @@ struct LagAndSlip {
 static void test_a_slip_that_a_lag_hides_is_found_beside_it(void**) {
   const Campaign campaign = make_campaign(LagAndSlip(60, 60, false).logs, "gx_dph", nominal_model());
   const SlowData data(block_means(campaign, block_length_s(campaign)));
-  NoiseBelief belief = nothing_believed();
-  belief.has_believed = true;
-  belief.model.white_sigma_dph = 36, belief.model.markov = {{20, 100}};
-  SlowSearch search(data, belief, effect_library(), all_active(), {});
+  SlowSearch search(data, true_noise_believed(), effect_library(), all_active(), {});
   const SlowResult found = search.run();
   assert_int_equal(found.best.names.size(), 1);
   assert_string_equal(search.candidates()[found.best.names[0].candidate].effect->name().c_str(), "thermal_lag");

@@ -34,15 +34,35 @@ def belief(path, rng, number, white, sigma, tau_s):
     return ["--arw", f"{arw:.3f}", "--instability", f"{sigma:.2f}:{tau_s:.1f}"]
 
 
+def run(program, options, fitted, held_out, timeout_s=120):
+    """What the program did with these logs, its answer on standard output; and the command."""
+    command = [str(c) for c in (program, "--threads", "1", "--no-cache", "--quiet", "--json", "-", *options, "--log", *fitted,
+                                *(["--holdout", *held_out] if held_out else []))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    return done, " ".join(command)
+
+
+def axis_of(done):
+    """The one axis, or in words why there is none: the logs, or the axis, are refused."""
+    if done.returncode == 3:
+        return done.stderr
+    assert done.returncode in (0, 1), done.stderr
+    axis, = json.loads(done.stdout)["axes"]
+    return axis.get("refused") or axis
+
+
 def axis_told(program, options, fitted, held_out):
     """What the program says of the one axis of these logs."""
-    command = [program, "--threads", "1", "--no-cache", "--quiet", "--json", "-", *options, "--log", *fitted,
-               *(["--holdout", *held_out] if held_out else [])]
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120,
-                          env={**os.environ, "OMP_NUM_THREADS": "1"})
+    done, _ = run(program, options, fitted, held_out)
     assert done.returncode == 0, done.stderr
     axis, = json.loads(done.stdout)["axes"]
     return axis
+
+
+def at_most_wrong(most, devices, is_right):
+    """Asks all devices; at most so many may be wrong."""
+    wrong = [k for k in devices if not is_right(k)]
+    assert len(wrong) <= most, (wrong, "of", len(devices))
 
 
 def found(axis):

@@ -56,8 +56,6 @@ import functools
 import itertools
 import json
 import math
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -65,7 +63,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from asking import BIN, found, write_log
+from asking import BIN, axis_of, found, run, write_log
 
 SEED, BLOCK, LAG, CREEP = 20360518, 10, "thermal_lag", "thermal_creep"
 KINDS = ["gradient", "loop", "warm", "contact", "relax", "mode", "stress"]
@@ -470,18 +468,12 @@ def ask(device, folder, program=BIN / "diagnose"):
     factor = believed(device)
     belief = [] if factor is None else ["--arw", f"{factor * device.white / 60:.4f}", "--instability",
                                         f"{factor * device.sigma:.3f}:{device.tau:.1f}"]
-    command = [str(c) for c in (program, "--threads", "1", "--no-cache", "--quiet", "--json", "-", "--model-out",
-                                folder / "found.json", *belief, "--log", *paths[:n],
-                                *(["--holdout", *paths[n:]] if paths[n:] else []))]
-    (folder / "command.txt").write_text(" ".join(command) + "\n")
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    written = folder / "found.json"
+    done, command = run(program, ["--model-out", written, *belief], paths[:n], paths[n:], timeout_s=300)
+    (folder / "command.txt").write_text(command + "\n")
     (folder / "answer.json").write_text(done.stdout)
-    if done.returncode == 3:
-        return done.stderr, [], " ".join(command)
-    assert done.returncode in (0, 1), done.stderr
-    axis, = json.loads(done.stdout)["axes"]
-    model = json.loads((folder / "found.json").read_text()) if (folder / "found.json").exists() else {}
-    return axis.get("refused") or axis, model.get("effects", []), " ".join(command)
+    model = json.loads(written.read_text()) if written.exists() else {}
+    return axis_of(done), model.get("effects", []), command
 
 
 def believed(device):

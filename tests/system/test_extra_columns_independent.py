@@ -39,15 +39,13 @@ one of 4 s, which are 25 nats less likely than the true single one, and the spec
 was then mended (two processes that are not worth their name, and that the seconds find less likely than one, go): F6 is right."""
 import json
 import math
-import os
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from asking import BIN, found
+from asking import BIN, at_most_wrong, axis_of, found, run
 
 SEED, MG_OF_DPH = 20360214, 1 / 300
 MEMORY = ["thermal_memory", "temperature_rate", "thermal_hysteresis", "thermal_lag", "thermal_creep"]
@@ -377,14 +375,9 @@ class Device:
 def told(device, folder, program):
     """The one axis, or in words why there is none; and the command."""
     paths, n = device.write(folder), device.n_fitted
-    command = [str(c) for c in (program, "--threads", "1", "--no-cache", "--quiet", "--json", "-", *device.belief(folder),
-                                "--log", *paths[:n], *(["--holdout", *paths[n:]] if paths[n:] else []))]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env={**os.environ, "OMP_NUM_THREADS": "1"})
-    if done.returncode not in (0, 1):
-        return f"status {done.returncode}: {done.stderr}", " ".join(command)
+    done, command = run(program, device.belief(folder), paths[:n], paths[n:])
     (folder / f"{device.kind}{device.number}_answer.json").write_text(done.stdout)
-    axis, = json.loads(done.stdout)["axes"]
-    return axis.get("refused") or axis, " ".join(command)
+    return axis_of(done), command
 
 
 def column_is_named(device, axis):
@@ -456,8 +449,7 @@ def is_right(folder, kind, number, program=BIN / "diagnose"):
 
 
 def check(kind, devices, most, folder):
-    wrong = [k for k in devices if not is_right(folder, kind, k)]
-    assert len(wrong) <= most, (wrong, "of", len(devices))
+    at_most_wrong(most, devices, lambda k: is_right(folder, kind, k))
 
 
 @pytest.mark.parametrize("kind", "ABCDEFG")

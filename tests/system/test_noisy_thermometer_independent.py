@@ -31,14 +31,12 @@ leaves the fitted temperatures by much, and the residual without held-out logs. 
 was set by the result."""
 import json
 import math
-import os
-import subprocess
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from asking import BIN, found, write_log
+from asking import BIN, found, run, write_log
 
 SEED, LEAST_LEFT = 20340611, 6
 FIRST = {"L": ["thermal_lag", "thermal_memory"], "H": ["thermal_hysteresis", "thermal_memory"]}
@@ -229,12 +227,7 @@ def told(device, folder, program=BIN / "diagnose"):
     paths = [folder / f"{device.kind}{device.number}_{i}.csv" for i in range(len(device.rate))]
     for path, shown, rate in zip(paths, device.shown, device.rate):
         write_log(path, device.every * np.arange(1, len(rate) + 1), shown, rate)
-    n = device.n_fitted
-    command = [program, "--threads", "1", "--no-cache", "--quiet", "--json", "-", *device.believed, "--log", *paths[:n],
-               *(["--holdout", *paths[n:]] if paths[n:] else [])]
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120,
-                          env={**os.environ, "OMP_NUM_THREADS": "1"})
-    command = " ".join(str(c) for c in command)
+    done, command = run(program, device.believed, paths[:device.n_fitted], paths[device.n_fitted:])
     if done.returncode == 3 and REFUSAL in done.stderr:
         return None, command
     assert done.returncode == 0, done.stderr

@@ -42,7 +42,6 @@ program was then mended: i 36 is slow noise (all logs together tell it, where th
 fitted ones told), and run_to_run is named for iii 28; the others stand."""
 import json
 import math
-import os
 import subprocess
 
 import numpy as np
@@ -50,7 +49,7 @@ import pytest
 from scipy.linalg import solve_triangular, toeplitz
 from scipy.signal import bilinear, lfilter, lfilter_zi
 
-from asking import BIN, found, write_log
+from asking import BIN, axis_of, found, run, write_log
 
 SEED, BLOCK = 20360219, 10
 NOISES, CAUSES = ["i", "ii", "iii", "iv", "v"], ["thermal_hysteresis", "thermal_lag", "thermal_anomaly"]
@@ -244,18 +243,7 @@ class Device:
         for path, shown, rate in zip(paths, self.shown, self.rate):
             write_log(path, np.arange(1, len(rate) + 1), shown, rate)
         fitted, held_out = paths[:self.fitted], paths[self.fitted:]
-        options = [*self.believed(folder, fitted), "--log", *fitted, *(["--holdout", *held_out] if held_out else [])]
-        return [str(c) for c in options]
-
-
-def ask(program, options):
-    """The one axis, or in words why there is none; and the command."""
-    command = [str(program), "--threads", "1", "--no-cache", "--quiet", "--json", "-", *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env={**os.environ, "OMP_NUM_THREADS": "1"})
-    if done.returncode not in (0, 1):
-        return done.stderr, " ".join(command)
-    axis, = json.loads(done.stdout)["axes"]
-    return axis.get("refused") or axis, " ".join(command)
+        return self.believed(folder, fitted), fitted, held_out
 
 
 def meant(effect):
@@ -299,7 +287,8 @@ def answers(kind, numbers, folder, program=BIN / "diagnose"):
     words = []
     for number in numbers:
         device = Device(kind, number)
-        axis, command = ask(program, device.written(folder))
+        done, command = run(program, *device.written(folder))
+        axis = axis_of(done)
         words.append(judged(device, axis))
         said = axis if isinstance(axis, str) else (axis["verdict"], axis["title"], *found(axis))
         print(f"{kind} {number}: {words[-1]}: {device.note} | {said} | {command}")

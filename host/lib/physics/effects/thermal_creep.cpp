@@ -131,8 +131,7 @@ private:
   static double last_s(const Theta& shape) { return std::max(kNarrowest * shape[0], shape[1]); }
   static constexpr double kNarrowest = 10;
   static constexpr double kStartFactor = 5;
-  static constexpr double kLeastSpan =
-      6; // from the first time constant to the end of a log: less is no law in log time
+  static constexpr double kLeastSpan = 6;        // from the first time constant to the end of a log
   static constexpr double kShortestLast_s = 600; // housings: one to ten minutes
   struct Start {
     double offset_degc = 0, since_s = 0;

@@ -80,7 +80,7 @@ void start_like_best(const SlowLikelihood& of, const SlowModel& m, std::vector<S
   const SlowModel from = best->model;
   const NoiseModel base_of_best = of.base_noise(from);
   const NoiseModel all = from.noise_effect->estimator()->noise(base_of_best, from.noise_theta);
-  Markov process{all.walk_dph_per_rt_s * std::sqrt(of.space().longest_tau_s / 6), of.space().longest_tau_s / 3};
+  Markov process{all.walk_dph_per_rt_s * std::sqrt(0.5 * of.space().longest_log_s()), of.space().longest_log_s()};
   if (all.markov.size() == base_of_best.markov.size() + 1) process = all.markov.back();
   if (!(process.sigma_dph > 0)) return;
   for (SlowCandidateScore& s : *list) {

@@ -86,7 +86,7 @@ bool is_near_bound(double value, double lo, double hi) {
 void mark_bounds(const SlowLikelihood& of, SlowModel* m) {
   for (SlowModel::Name& name : m->names) {
     const EffectEstimator& e = *of.space().candidates[name.candidate].scan.estimator;
-    name.is_at_bound = !e.is_shown_in(of.space().longest_tau_s / 3, name.shape);
+    name.is_at_bound = !e.is_shown_in(of.space().longest_log_s(), name.shape);
     if (!of.space().candidates[name.candidate].effect || !e.is_refined(name.shape)) continue;
     for (size_t i = 0; i < e.shape_lo().size(); ++i)
       if (is_near_bound(name.shape[i], e.shape_lo()[i], e.shape_hi()[i])) name.is_at_bound = true;

@@ -135,7 +135,7 @@ void add_free_shapes(SlowSpace* out) {
       continue;
     Candidate c;
     c.reference = &free, c.place = j, c.scan = free.candidate;
-    c.scan.shapes = {{space.longest_tau_s / 3}};
+    c.scan.shapes = {{space.longest_log_s()}};
     space.candidates.push_back(std::move(c));
   }
 }
@@ -148,7 +148,7 @@ void add_free_function(SlowSpace* out) {
   all.is_free_function = true;
   all.reference = &free_function(campaign.runs.size() > 1);
   all.scan = all.reference->candidate;
-  all.scan.shapes = free_function_shapes(campaign, space.longest_tau_s / 3);
+  all.scan.shapes = free_function_shapes(campaign, space.longest_log_s());
   space.candidates.push_back(std::move(all));
 }
 

@@ -27,7 +27,8 @@ struct SlowSpace {
   const Campaign* held_out; // its temperatures alone; nullptr: none
   NoiseModel base = {};     // what the factors of a hypothesis act on
   NoisePrior prior = {};
-  double longest_tau_s = 1e4;                    // that is asked for
+  double longest_tau_s = 1e4; // that is asked for: three times the longest log
+  double longest_log_s() const { return longest_tau_s / 3; }
   std::vector<Candidate> candidates = {};        // the free function, where there is one, is the last
   std::vector<const Effect*> noise_effects = {}; // kinds of slow noise that block means can show
   const EffectEstimator* steps = nullptr;        // of jumps in time, where they may be named

@@ -337,9 +337,9 @@ double GapResult::part_left(bool with_run_to_run) const {
 double GapResult::ms_after_dph2(bool with_run_to_run) const {
   return rms_after_dph * rms_after_dph - (with_run_to_run ? 0 : run_to_run_rms_dph * run_to_run_rms_dph);
 }
-double GapResult::errors_above_noise(bool with_run_to_run) const {
+double GapResult::errors_above_noise() const {
   if (!has_residual()) return 0;
-  const double excess = ms_after_dph2(with_run_to_run) - noise_rms_dph * noise_rms_dph;
+  const double excess = ms_after_dph2(true) - noise_rms_dph * noise_rms_dph;
   return excess > 0 ? excess / (2 * noise_rms_dph * noise_error_dph) : 0; // NaN where the scatter is not known
 }
 bool GapResult::exceeds_noise(const SelectorConstants& constants) const {

@@ -81,7 +81,8 @@ struct GapResult {
   double believed_rms_dph = 0;
   // Standard error of noise_rms_dph: by how far one draw of that noise scatters; NaN: not known.
   double noise_error_dph = 0;
-  double errors_above_noise(bool with_run_to_run = true) const;
+  // Of noise_rms_dph, by which the minutes exceed it.
+  double errors_above_noise() const;
   // Of the held-out minutes more is left than the noise alone would leave, beyond the scatter of that noise and, where the fitted
   // logs told it, of what they told (the same per hour): the ratio of two such mean squares has an F distribution, its logarithm
   // is nearly normal.  And so much more that the answer misses something of weight.  What is named as different from run to run

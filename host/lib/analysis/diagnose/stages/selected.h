@@ -38,10 +38,9 @@ struct SelectedEffect {
   Term term;                 // the best member; term.effect is nullptr where only a free shape explains it
   bool is_any_shape = false; // found in a shape that its parameters do not tell: `term` is the nearest that they do
   double gain_nats = 0, evidence_nats = 0;
-  double held_out_nats = 0; // or kPredictsNothing
-  bool is_untested = false; // it predicts, but the logs held out can show neither it nor its start states
-  bool is_of_starts =
-      false; // held-out logs show the states in which they began, read from themselves, and no more of it
+  double held_out_nats = 0;  // or kPredictsNothing
+  bool is_untested = false;  // it predicts, but the logs held out can show neither it nor its start states
+  bool is_of_starts = false; // held-out logs show no more of it than the states in which they began
   Doubt doubt = Doubt::kNone;
   std::vector<CandidateEvidence> set; // what cannot be excluded, the name first
   // What it adds to the rates of a second, rms about the mean of the run [dph]; NaN: not known.  For the order of words.
