@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Held-out logs are logs of a real sensor too: what happens in them alone is told, and changes nothing of what is named.
+#include "analysis/diagnose/stages/gap.h"
 #include "analysis/diagnose/stages/seconds.h"
 #include "diagnose_logs.h"
 
@@ -366,8 +367,40 @@ static void test_few_minutes_seldom_exceed_the_noise_that_few_others_told(void**
   assert_false(exceeds(0.5, 1, 0));
 }
 
+// The polynomial of one log goes astray in another.  Over devices with the noise that is believed, the minutes of a held-out log
+// leave, on the average, what the noise and the stated errors of the fit make of them, and scatter as is stated.
+static void test_what_the_polynomial_of_one_log_leaves_in_another_is_expected(void**) {
+  constexpr int kDevices = 100;
+  const std::vector<bool> none(effect_library().size(), false);
+  double excess = 0, excess2 = 0, of_fit = 0, of_noise = 0, variance = 0;
+  int told = 0;
+  for (uint64_t k = 0; k < kDevices; ++k) {
+    const auto campaign_of = [](uint64_t seed) {
+      return make_campaign({simulated_log(seed, 2400, false, 0)}, "gx_dph", nominal_model());
+    };
+    const Campaign fitted = campaign_of(9000 + 2 * k);
+    const SlowData data(block_means(fitted, block_length_s(fitted)));
+    const Campaign unseen = block_means(campaign_of(9001 + 2 * k), data.campaign.dt_s);
+    SlowSearch search(data, true_noise_believed(), effect_library(), none, {});
+    const SlowModel null = search.run().null;
+    const GapResult gap = measure_gap(search, data, &unseen, null, null);
+    const double noise2 = std::pow(gap.noise_rms_dph, 2), left = std::pow(gap.rms_after_dph, 2) - noise2;
+    excess += left / kDevices, excess2 += left * left / kDevices;
+    of_fit += gap.fit_ms_dph2 / kDevices, of_noise += noise2 / kDevices;
+    variance +=
+        (std::pow(2 * gap.noise_rms_dph * gap.noise_error_dph, 2) + std::pow(gap.fit_ms_error_dph2, 2)) / kDevices;
+    told += gap.exceeds_noise({}) ? 1 : 0;
+  }
+  const double scatter2 = excess2 - excess * excess;
+  if (!(of_fit > 0.15 * of_noise)) fail_msg("errors of the fit %g, noise %g dph^2: nothing to see", of_fit, of_noise);
+  assert_near(excess, of_fit, 3 * std::sqrt(scatter2 / kDevices));
+  if (!(scatter2 > variance / 2 && scatter2 < 2 * variance)) fail_msg("scatter^2 %g, stated %g", scatter2, variance);
+  assert_true(told <= 2);
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_what_the_polynomial_of_one_log_leaves_in_another_is_expected),
       cmocka_unit_test(test_few_minutes_seldom_exceed_the_noise_that_few_others_told),
       cmocka_unit_test(test_an_extrapolated_polynomial_is_no_noise_of_held_out_logs),
       cmocka_unit_test(test_a_clean_held_out_log_leaves_nothing),

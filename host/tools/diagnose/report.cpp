@@ -316,6 +316,10 @@ std::string text_of(const std::vector<StepValue>& steps, bool tells_log, const c
   return out;
 }
 constexpr double kMoreThanNoise = 1.2; // times: worth a word
+// What the fit gets wrong in other logs is worth a word beside the noise.
+bool has_errors_of_fit(const GapResult& g) {
+  return g.fit_ms_dph2 > 0.1 * g.noise_rms_dph * g.noise_rms_dph;
+}
 // What is left, in a sentence.
 std::string remainder(const AxisResult& axis) {
   const Selection& s = axis.study.selection;
@@ -347,9 +351,9 @@ std::string remainder(const AxisResult& axis) {
   for (const Selection::Strength& noise : s.stronger_noise)
     add(format("the noise of held-out log %d is %.1f times as strong as that of the fitted logs", noise.log + 1,
                noise.times));
-  if (s.leaves_mean || (s.exceeds_noise && g.rms_after_dph > kMoreThanNoise * g.noise_rms_dph))
-    add(format("the held-out residual is %.1f times what the noise alone would leave",
-               g.rms_after_dph / g.noise_rms_dph));
+  if (s.leaves_mean || (s.exceeds_noise && g.times_expected() > kMoreThanNoise))
+    add(format("the held-out residual is %.1f times what %s would leave", g.times_expected(),
+               has_errors_of_fit(g) ? "noise and errors of the fit" : "the noise alone"));
   if (s.verdict != Verdict::kUnexplained && g.has_figure() && g.ci_hi < kNearlyAll)
     add(format("%.0f %% of the gap on data that were not fitted", 100 * (1 - g.shrinkage)));
   if (!g.has_mean &&
@@ -414,6 +418,7 @@ std::string held_out_statement(const AxisResult& axis) {
              figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
              finds(axis.study.selection, is_slow_noise) ? "noise with the slow noise found" : "noise alone",
              figure(g.noise_rms_dph, axis).c_str()) +
+      (has_errors_of_fit(g) ? format(", errors of the fit %s", figure(std::sqrt(g.fit_ms_dph2), axis).c_str()) : "") +
       (g.run_to_run_rms_dph > 0
            ? format(", what differs from run to run %s", figure(g.run_to_run_rms_dph, axis).c_str())
            : "");
@@ -478,6 +483,7 @@ Json gap_json(const AxisResult& axis) {
         {"noise", g.noise_rms_dph},
         {"from_run_to_run", g.run_to_run_rms_dph},
         {"noise_error", g.noise_error_dph},
+        {"errors_of_fit", std::sqrt(g.fit_ms_dph2)},
         {"believed_noise", g.believed_rms_dph}}},
       {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
   if (has_stand_in(axis)) gap["stand_in_shrinkage"] = g.shrinkage;

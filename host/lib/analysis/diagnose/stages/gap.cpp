@@ -280,6 +280,25 @@ SlowModel with_white_noise(SlowModel m) {
   return m;
 }
 
+// What the errors of the fitted coefficients are expected to add to the mean square of the minutes, each unit about its mean, and
+// the standard deviation of it: a quadratic form e'Ge of e ~ N(0, C) has mean tr(CG) and variance 2 tr(CGCG).  The deviations of
+// units add up, as where one fit foretells all of them; where each has a fit of its own this is more than it is.  How noise and
+// errors scatter together (4 tr of the product of both covariances) is left out.
+void set_errors_of_fit(const std::vector<HeldOutUnit>& units, double dt_s, GapResult* out) {
+  double sum = 0, deviation = 0, n = 0;
+  for (const HeldOutUnit& unit : units) {
+    const long rows = rows_of_minute(dt_s), minutes = unit.left.size() / rows;
+    n += static_cast<double>(minutes);
+    if (minutes == 0 || unit.covariance.size() == 0) continue;
+    MatrixXd means(minutes, unit.fitted.cols());
+    for (long m = 0; m < minutes; ++m) means.row(m) = unit.fitted.middleRows(m * rows, rows).colwise().mean();
+    means.rowwise() -= means.colwise().mean().eval();
+    const MatrixXd product = unit.covariance * (means.transpose() * means);
+    sum += product.trace(), deviation += std::sqrt(2 * std::max(0.0, (product * product).trace()));
+  }
+  if (n > 0) out->fit_ms_dph2 = sum / n, out->fit_ms_error_dph2 = deviation / n;
+}
+
 void set_residuals(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units, double dt_s,
                    GapResult* out) {
   std::vector<Minutes> before, after;
@@ -293,6 +312,7 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
   out->minutes = after, out->minute_s = minute_s(dt_s);
   const NoiseModel noise = gaussian_equivalent(search.seconds_noise_of(final));
   out->noise_rms_dph = out->rms_of_noise_dph(noise);
+  set_errors_of_fit(units, dt_s, out);
   // Noise that follows the temperature is another at every minute: nothing is known of how far its sum scatters.
   const bool is_known = !final.noise_effect || !final.noise_effect->estimator()->needs_temperature();
   out->noise_error_dph = !is_known ? std::nan("")
@@ -342,14 +362,19 @@ double GapResult::errors_above_noise() const {
   const double excess = ms_after_dph2(true) - noise_rms_dph * noise_rms_dph;
   return excess > 0 ? excess / (2 * noise_rms_dph * noise_error_dph) : 0; // NaN where the scatter is not known
 }
+double GapResult::times_expected() const {
+  return std::sqrt(ms_after_dph2(false) / (noise_rms_dph * noise_rms_dph + fit_ms_dph2));
+}
 bool GapResult::exceeds_noise(const SelectorConstants& constants) const {
   if (!has_residual()) return false;
-  const double times = ms_after_dph2(false) / (noise_rms_dph * noise_rms_dph);
-  const double own = 2 * noise_error_dph / noise_rms_dph, estimated = hours_fitted > 0 ? hours / hours_fitted : 0;
-  return times > 1 && std::log(times) > constants.noise_errors * own * std::sqrt(1 + estimated);
+  const double noise_ms_error_dph2 = 2 * noise_rms_dph * noise_error_dph;
+  const double estimated = hours_fitted > 0 ? hours / hours_fitted : 0;
+  const double error_dph2 = std::hypot(noise_ms_error_dph2 * std::sqrt(1 + estimated), fit_ms_error_dph2);
+  const double excess = 2 * std::log(times_expected());
+  return excess > 0 && excess > constants.noise_errors * error_dph2 / (noise_rms_dph * noise_rms_dph + fit_ms_dph2);
 }
 bool GapResult::leaves_mean(const SelectorConstants& constants) const {
-  return exceeds_noise(constants) && std::sqrt(ms_after_dph2(false)) > constants.noise_times * noise_rms_dph;
+  return exceeds_noise(constants) && times_expected() > constants.noise_times;
 }
 void GapResult::hold_what_minutes_show() {
   const double removed = std::max(-1.0, 1 - part_left());

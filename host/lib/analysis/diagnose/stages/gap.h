@@ -81,12 +81,17 @@ struct GapResult {
   double believed_rms_dph = 0;
   // Standard error of noise_rms_dph: by how far one draw of that noise scatters; NaN: not known.
   double noise_error_dph = 0;
+  // What the errors of the fitted coefficients are expected to add to the mean square of these minutes (a polynomial of one log
+  // goes astray in others), and its standard deviation.
+  double fit_ms_dph2 = 0, fit_ms_error_dph2 = 0;
+  // How many times what noise and errors of the fit are expected to leave is left, without what differs from run to run.
+  double times_expected() const;
   // Of noise_rms_dph, by which the minutes exceed it.
   double errors_above_noise() const;
-  // Of the held-out minutes more is left than the noise alone would leave, beyond the scatter of that noise and, where the fitted
-  // logs told it, of what they told (the same per hour): the ratio of two such mean squares has an F distribution, its logarithm
-  // is nearly normal.  And so much more that the answer misses something of weight.  What is named as different from run to run
-  // is not missed.
+  // Of the held-out minutes more is left than noise and errors of the fit are expected to leave, beyond the scatter of both and,
+  // where the fitted logs told the noise, of what they told (the same per hour): the ratio of two such mean squares has an
+  // F distribution, its logarithm is nearly normal.  And so much more that the answer misses something of weight.  What is named
+  // as different from run to run is not missed.
   bool exceeds_noise(const SelectorConstants& constants) const;
   bool leaves_mean(const SelectorConstants& constants) const;
   double ms_after_dph2(bool with_run_to_run) const;
