@@ -1142,8 +1142,42 @@ static void test_louder_noise_of_some_hours_takes_no_name_away(void**) {
   }
 }
 
+// A free shape is laid over the temperatures of the logs.  Without a model, or with one for other temperatures, it moves at either
+// end of a wide range as in its middle; laid over the polynomial of the model it stood still outside -6 to 66 degC.
+static void test_free_shapes_move_over_all_temperatures_of_the_logs(void**) {
+  Log log = simulated_log(641, 6000, false, 0);
+  for (double& temp_degc : log.temp_degc) temp_degc = -40 + temp_degc * 125 / 60;
+  ErrorModel noise = nominal_model();
+  noise.bias.reset();
+  const Campaign campaign = make_campaign({log}, "gx_dph", noise);
+  const Campaign unseen = make_campaign_like(campaign, {simulated_log(642, 6000, false, 0)}, noise);
+  assert_near(unseen.runs[0].input.place_in_span(22.5), 0.5, 0.01); // laid over the fitted temperatures there too
+  for (const Campaign& of : {campaign, block_means(campaign, 10)}) {
+    const RunInput& in = of.runs[0].input;
+    const auto moves_at = [&](const EffectEstimator& shape, const Theta& theta, double temp_degc) {
+      const auto from = std::lower_bound(in.smooth_degc.begin(), in.smooth_degc.begin() + static_cast<long>(in.size() / 2),
+                                         temp_degc),
+                 to = std::lower_bound(from, in.smooth_degc.begin() + static_cast<long>(in.size() / 2), temp_degc + 8);
+      double most = 0;
+      for (const Column& column : shape.columns(in, theta))
+        most = std::max(most, std::fabs(column[static_cast<size_t>(from - in.smooth_degc.begin())] -
+                                        column[static_cast<size_t>(to - in.smooth_degc.begin())]));
+      return most;
+    };
+    for (const Reference& shape : free_shapes()) {
+      if (shape.family != Family::kFunctionOfTemperature) continue;
+      for (double temp_degc : {-38.0, 20.0, 76.0})
+        assert_true(moves_at(*shape.candidate.estimator, {}, temp_degc) > 0.3);
+    }
+    const Reference* loop = any_shape_of(find_effect("thermal_hysteresis"));
+    assert_non_null(loop);
+    for (double temp_degc : {-38.0, 20.0, 76.0}) assert_true(moves_at(*loop->candidate.estimator, {}, temp_degc) > 0.3);
+  }
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_free_shapes_move_over_all_temperatures_of_the_logs),
       cmocka_unit_test(test_search_names_hysteresis_whatever_noise_is_believed),
       cmocka_unit_test(test_louder_noise_of_some_hours_takes_no_name_away),
       cmocka_unit_test(test_an_anomaly_is_named_whatever_the_shape_of_its_bump),

@@ -3,6 +3,7 @@
 // estimated returns one of these from Effect::estimator(); the engine (host/lib/analysis/diagnose) knows
 // forms, never names.
 #pragma once
+#include <algorithm>
 #include <map>
 #include <optional>
 #include <string>
@@ -29,12 +30,15 @@ struct RunInput {
   std::vector<double> rate_dph;      // NaN where missing
   std::map<std::string, std::vector<double>> auxiliary;
   double t0_degc = 0, range_degc = 1; // normalisation
+  double lo_degc = 0, hi_degc = 60;   // span of the fitted logs, which free shapes are laid over
   // Rows before which the recorder had stopped for longer than its seconds tell, increasing: what an effect with a memory did
   // meanwhile is as unknown as what it did before the log.
   std::vector<size_t> restarts = {};
 
   size_t size() const { return t_s.size(); }
   double normalised(double temp) const { return (temp - t0_degc) / range_degc; }
+  // 0 and 1 a tenth of the span of the fitted logs beyond its ends.
+  double place_in_span(double temp) const { return ((temp - lo_degc) / std::max(1e-6, hi_degc - lo_degc) + 0.1) / 1.2; }
 };
 
 // How an effect enters the likelihood.

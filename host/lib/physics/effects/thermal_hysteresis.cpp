@@ -95,7 +95,7 @@ private:
   static std::vector<Column> cosines(const RunInput& run, const Column& temp_degc) {
     std::vector<Column> out(kCosines, Column(temp_degc.size()));
     for (size_t i = 0; i < temp_degc.size(); ++i) {
-      const double one = std::cos(kPi * std::clamp((run.normalised(temp_degc[i]) + 1.2) / 2.4, 0.0, 1.0));
+      const double one = std::cos(kPi * std::clamp(run.place_in_span(temp_degc[i]), 0.0, 1.0));
       double last = 1, now = one;
       for (Column& column : out) {
         column[i] = now;

@@ -33,10 +33,10 @@ void add_cosines(const Column& u, int n, const Column* factor, std::vector<Colum
   }
 }
 
-// Temperature over the range of the polynomial, widened: [-1.2, 1.2] of Tn goes to [0, 1].
+// Temperature over the span of the fitted logs, widened by a tenth at either end, goes to [0, 1].
 Column unit_temperature(const RunInput& in) {
   Column u(in.size());
-  for (size_t i = 0; i < u.size(); ++i) u[i] = (in.normalised(in.smooth_degc[i]) + 1.2) / 2.4;
+  for (size_t i = 0; i < u.size(); ++i) u[i] = in.place_in_span(in.smooth_degc[i]);
   return u;
 }
 Column unit_time(const RunInput& in, double longest_s) {

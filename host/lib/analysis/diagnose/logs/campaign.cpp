@@ -395,6 +395,10 @@ static void derive_all(Campaign* campaign) {
     }
   }
 }
+// Free shapes are laid over the temperatures that are fitted, in all logs alike.
+static void set_span(double lo_degc, double hi_degc, Campaign* campaign) {
+  for (CampaignRun& run : campaign->runs) run.input.lo_degc = lo_degc, run.input.hi_degc = hi_degc;
+}
 
 Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, const ErrorModel& model,
                        const std::vector<LeftOutLog>& left_out) {
@@ -404,6 +408,7 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
   campaign.temp_lsb_degc = coarse_step(temperatures, campaign.runs.size());
   refuse_steady_temperature(temperatures, &campaign);
   derive_all(&campaign);
+  set_span(campaign.lo_degc, campaign.hi_degc, &campaign);
   return campaign;
 }
 
@@ -416,6 +421,7 @@ Campaign make_campaign_like(const Campaign& fitted, const std::vector<Log>& logs
   campaign.is_temperature_steady = fitted.is_temperature_steady;
   campaign.order = campaign.has_temperature ? fitted.order : 0;
   derive_all(&campaign);
+  set_span(fitted.lo_degc, fitted.hi_degc, &campaign);
   return campaign;
 }
 
