@@ -548,14 +548,29 @@ static void test_draws_of_the_fitted_noise_seldom_exceed_the_threshold(void**) {
   const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
   const SlowData data(block_means(campaign, 10));
   SlowSearch search(data, nothing_believed(), effect_library(), all_active(), {});
-  const double threshold = null_threshold(search.null_gains(100, 21), 0.1);
+  const double threshold = null_tail(search.null_gains(100, 21), 0.1).threshold_nats;
   int alarms = 0;
   for (double gain : search.null_gains(100, 22)) alarms += gain > threshold;
   // 10 at most expected; the floor of the threshold and the charge for polishing make it fewer.
   assert_true(alarms <= 20);
   // Thresholds rise as the rate falls.
   const std::vector<double> gains = search.null_gains(100, 23);
-  assert_true(null_threshold(gains, 0.001) >= null_threshold(gains, 0.1));
+  assert_true(null_tail(gains, 0.001).threshold_nats >= null_tail(gains, 0.1).threshold_nats);
+}
+
+// An exponential tail of 2 nats is seen as one, also where the threshold is held at its highest.
+static void test_the_tail_of_chance_is_that_of_the_draws(void**) {
+  Rng rng(77, 0, 0, Stream::kTool);
+  std::vector<double> gains;
+  for (int i = 0; i < 4000; ++i) gains.push_back(-2 * std::log(rng.uniform()));
+  const SelectorConstants constants;
+  const double at_1e2 = 2 * std::log(100.0) + constants.polish_gain_nats, at_1e4 = at_1e2 + 2 * std::log(100.0);
+  const NullTail often = null_tail(gains, 0.01), seldom = null_tail(gains, 1e-4);
+  assert_near(often.scale_nats, 2, 0.15);
+  assert_near(often.threshold_nats, at_1e2, 0.6);
+  assert_near(often.over_nats, 0, 1e-12);
+  assert_near(seldom.threshold_nats, constants.most_threshold_nats, 1e-12);
+  assert_near(seldom.over_nats, at_1e4 - constants.most_threshold_nats, 1.2);
 }
 
 // Draws of a noise that has a slow process beside the believed one gain more than those of the believed kind: what a second process
@@ -1427,6 +1442,7 @@ int main() {
       cmocka_unit_test(test_every_constant_of_the_selector_is_listed_once),
       cmocka_unit_test(test_constants_that_are_handed_down_decide),
       cmocka_unit_test(test_draws_of_the_fitted_noise_seldom_exceed_the_threshold),
+      cmocka_unit_test(test_the_tail_of_chance_is_that_of_the_draws),
       cmocka_unit_test(test_draws_of_another_kind_of_slow_noise_gain_more),
       cmocka_unit_test(test_a_jump_must_gain_more_at_a_lower_rate),
       cmocka_unit_test(test_gram_of_wide_columns_is_that_of_whitened_ones),

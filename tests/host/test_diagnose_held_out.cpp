@@ -398,8 +398,29 @@ static void test_what_the_polynomial_of_one_log_leaves_in_another_is_expected(vo
   assert_true(told <= 2);
 }
 
+// A loop that the held-out log has the other way goes, and the jumps in time beside it stay: slow noise is not credited with what
+// these gain.
+static void test_what_jumps_in_time_gain_is_not_that_of_slow_noise(void**) {
+  std::vector<Log> logs, unseen;
+  for (uint64_t k = 0; k < 3; ++k)
+    (k < 2 ? logs : unseen).push_back(simulated_log(2300 + k, 6000, false, k < 2 ? 30 : -30));
+  for (size_t i = 2000; i < 6000; ++i) logs[0].axes[0].rate_dph[i] += 120;
+  for (size_t i = 4200; i < 6000; ++i) logs[1].axes[0].rate_dph[i] -= 120;
+  DiagnoseOptions options;
+  options.nulls = 40, options.model_path = "given";
+  const Selection said = diagnose_logs(options, nominal_model(), logs, unseen).axes.at(0).study.selection;
+  double of_jumps = 0, of_noise = 0;
+  for (const SelectedEffect& effect : said.effects) {
+    const bool is_jump = effect.term.estimator && effect.term.form() == Form::kSteps;
+    (is_jump ? of_jumps : of_noise) += effect.evidence_nats;
+  }
+  assert_int_equal(said.dropped.size(), 1);
+  assert_true(of_jumps > 30 && of_noise < 15);
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_what_jumps_in_time_gain_is_not_that_of_slow_noise),
       cmocka_unit_test(test_what_the_polynomial_of_one_log_leaves_in_another_is_expected),
       cmocka_unit_test(test_few_minutes_seldom_exceed_the_noise_that_few_others_told),
       cmocka_unit_test(test_an_extrapolated_polynomial_is_no_noise_of_held_out_logs),

@@ -51,6 +51,7 @@ static Json told(const Selection& selection, double false_alarm_rate = 0.01) {
   axis.campaign.runs.resize(1), axis.campaign.has_temperature = false;
   Selection& s = axis.study.selection;
   s.verdict = selection.verdict, s.effects = selection.effects, s.before = selection.before, s.after = selection.after;
+  s.dropped = selection.dropped, s.chance = selection.chance;
   axis.nominal_fit.residual.resize(1), axis.plain_fit.residual.resize(1), axis.final_fit.residual.resize(1);
   DiagnoseOptions options;
   options.false_alarm_rate = false_alarm_rate;
@@ -318,10 +319,24 @@ static void test_p_values_have_the_rate_of_their_thresholds(void**) {
     assert_is(findings[1]["p_value"], 4096 * std::exp(-21));
     assert_is(axis["effects"][0]["p_value"], rate * std::exp(-2));
     for (size_t i = 1; i < 4; ++i) assert_true(axis["effects"][i]["p_value"].is_null());
+    // Draws whose gains fall off by e in 2 nats, and exceed the highest threshold by 1 at this rate.
+    Selection wide = s;
+    wide.chance = {14, 2, 1};
+    assert_is(told(wide, rate)["effects"][0]["p_value"], rate * std::exp(-0.5));
     const Json& tests = axis["plots"]["tests"];
     assert_is(tests[0]["threshold_nats"], std::log(1000));
     assert_is(tests[1]["threshold_nats"], 20);
   }
+}
+
+// A name that held-out data do not support, and that did not come by chance, is left: the verdict says so, and so do the words.
+static void test_a_name_that_went_is_told_as_left(void**) {
+  Selection s;
+  s.verdict = Verdict::kUnexplained;
+  s.dropped = {effect_of("warm_up", 20)};
+  assert_has(told(s)["gap"]["remainder"].text(), "what warm_up took in the fitted logs and held-out data do not support");
+  s.verdict = Verdict::kNoGap, s.dropped[0].came_by_chance = true;
+  assert_lacks(told(s)["gap"]["remainder"].text(), "warm_up");
 }
 
 // What held-out data speak against has no name: the engine judges it, by the part that they can show.
@@ -425,6 +440,7 @@ int main() {
       cmocka_unit_test(test_findings_stand_in_the_order_of_what_they_add),
       cmocka_unit_test(test_figures_of_the_held_out_data_agree_with_the_words),
       cmocka_unit_test(test_p_values_have_the_rate_of_their_thresholds),
+      cmocka_unit_test(test_a_name_that_went_is_told_as_left),
       cmocka_unit_test(test_a_name_is_not_spoken_against_but_may_be_untested),
       cmocka_unit_test(test_names_that_were_rejected_are_told_apart_from_free_shapes),
       cmocka_unit_test(test_an_extrapolated_residual_is_not_told),

@@ -61,8 +61,10 @@ void add_data_options(cli::App* app, Request* r) {
 
 void add_calibration_options(cli::App* app, Request* r) {
   DiagnoseOptions& o = r->options;
-  app->add_option("--false-alarm-rate", o.false_alarm_rate,
-                  "probability of naming anything when there is no gap, all candidates and axes counted")
+  app->add_option(
+         "--false-alarm-rate", o.false_alarm_rate,
+         "probability of naming a cause in the mean when there is no gap, all candidates and axes counted; the "
+         "tests of what is left have rates of their own")
       ->check(cli::Range(1e-6, 0.5))
       ->capture_default_str();
   app->add_option("--nulls", o.nulls, "simulations of the fitted noise for calibration")

@@ -333,6 +333,8 @@ std::string remainder(const AxisResult& axis) {
     else
       add_once(name_of(c), &rejected);
   if (!rejected.empty()) add("considered and rejected: " + joined(rejected, ", "));
+  for (const SelectedEffect& e : s.dropped)
+    if (!e.came_by_chance) add("what " + name_of(e) + " took in the fitted logs and held-out data do not support");
   for (const RestFinding& f : s.after)
     if (f.evidence_nats > 0) add(rest_text(f.test));
   std::vector<std::string> unseen;
@@ -497,7 +499,8 @@ Json p_value(const Selection& s, const SelectedEffect& e, double rate) {
   };
   if (!has_evidence(e) || s.is_told_by_held_out || e.is_structural) return Json(nullptr);
   if (e.term.estimator && !is_drawn(e.term.form())) return Json(nullptr);
-  return Json(rate * std::exp(-std::max(0.0, e.evidence_nats)));
+  return Json(
+      std::min(1.0, rate * std::exp((s.chance.over_nats - std::max(0.0, e.evidence_nats)) / s.chance.scale_nats)));
 }
 
 // It has a mean that can be drawn through the rates: noise and what the recorder did have none.
@@ -781,7 +784,7 @@ Json answer_json(const AxisResult& axis, double rate) {
       {"advice", advice(axis)},
       {"notes", notes(axis)},
       {"noise", {{"arw_deg_rt_h", noise.white_sigma_dph / 60}, {"markov", markov}, {"is_retuned", s.is_noise_retuned}}},
-      {"threshold_nats", s.threshold_nats},
+      {"threshold_nats", s.chance.threshold_nats},
       {"gap", gap_json(axis)},
       {"plots", plots_json(axis)},
       {"seconds", axis.seconds},

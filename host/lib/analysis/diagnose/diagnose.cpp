@@ -218,7 +218,7 @@ Calibrated calibrate(SlowSearch* search, const DiagnoseOptions& options, double 
     } catch (const Error&) { // a cache that cannot be written is no reason to fail
     }
   }
-  out.thresholds = {null_threshold(gains, rate_per_axis, options.constants),
+  out.thresholds = {null_tail(gains, rate_per_axis, options.constants),
                     jump_threshold(rate_per_axis, options.constants)};
   return out;
 }
@@ -364,8 +364,9 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
     return found.thresholds;
   };
   select.threshold_under = [&](const SlowSearch& search, const SlowModel& noise) {
-    return null_threshold(search.gains_under(noise, options.nulls, options.seed), kInOtherNoise * rate_per_axis,
-                          options.constants);
+    return null_tail(search.gains_under(noise, options.nulls, options.seed), kInOtherNoise * rate_per_axis,
+                     options.constants)
+        .threshold_nats;
   };
   axis.study = study_axis(&axis.campaign, held_out_runs, belief, library, active, select);
   tell_left_out(axis.campaign, logs, &axis);

@@ -55,7 +55,7 @@ public:
       leave_jumps();
       found_.seconds = ask_seconds(question_, &found_.slow);
     } while (takes_line());
-    if (!question_.lines.empty()) measure(found_.slow.found.best);
+    if (!question_.lines.empty()) found_.slow.has_lines = true, found_.slow.measure();
     ask_fast(question_, &found_);
     names_ = name_slow(question_, found_.slow);
     name_undecided(question_, found_.slow, &names_);
@@ -98,7 +98,9 @@ private:
     prepare_slow(question_, &campaign_, question_.held_out, &slow);
     if (calibrate_ && question_.lines.empty()) {
       const Thresholds found = calibrate_(slow.search.get());
-      question_.constants.mean_nats = found.mean_nats, question_.constants.first_step_nats = found.first_step_nats;
+      out_.chance = found.mean;
+      question_.constants.mean_nats = found.mean.threshold_nats;
+      question_.constants.first_step_nats = found.first_step_nats;
       slow.search->set_thresholds(found);
     }
     run_slow(question_, &slow);
@@ -134,13 +136,6 @@ private:
     question_.belief.known.push_back({line->effect->estimator(), line->shape});
     return true;
   }
-  // Lines are part of what was there before.
-  void measure(const SlowModel& final) {
-    SlowAnswer& slow = found_.slow;
-    SlowModel nominal = slow.found.null;
-    nominal.is_without_lines = !question_.lines.empty();
-    slow.gap = measure_gap(*slow.search, *slow.data, slow.held_blocks.get(), nominal, final);
-  }
 
   void finish() {
     fit_and_test();
@@ -155,12 +150,13 @@ private:
     for (SelectedEffect& effect : names_.effects) raise_family(&effect);
     out_.effects = structural_;
     out_.effects.insert(out_.effects.end(), names_.effects.begin(), names_.effects.end());
+    tell_chance();
     // Beside something unexplained the noise parameters are those of a stand-in.
     if (!leaves_something()) out_.effects.insert(out_.effects.end(), names_.retuned.begin(), names_.retuned.end());
     out_.dropped = std::move(names_.dropped), out_.remainders = std::move(names_.remainders);
     out_.nominal = found_.seconds.nominal, out_.final = found_.seconds.final;
     out_.fitted_noise = found_.seconds.noise.base;
-    out_.threshold_nats = constants().mean_nats;
+    out_.chance.threshold_nats = constants().mean_nats;
     out_.total_gain_nats = found_.slow.gain_nats();
     out_.is_noise_retuned = question_.belief.has_believed && !found_.seconds.is_believed;
     out_.is_told_by_held_out = found_.slow.is_told_by_held_out;
@@ -244,7 +240,7 @@ private:
     if (!is_other) return;
     out_.final_fit = fit_hypothesis(campaign_, found_.seconds.final);
     // Noise that jumps: the gap was measured on the logs as they are, and these are without its levels.
-    if (!(found_.fast.jumping.gain_nats > 0)) measure(told);
+    if (!(found_.fast.jumping.gain_nats > 0)) slow.measure();
     slow.gap.is_of_nearest = true;
   }
   // What every effect gained alone: without the jumps in time, if any.
@@ -267,11 +263,12 @@ private:
     return !question_.is_censored && std::any_of(tests.begin(), tests.end(), fires);
   }
   // What gained little beyond the threshold, and loses more where it was not fitted, came by chance: it leaves nothing.
-  bool came_by_chance(const SelectedEffect& dropped) const {
-    return dropped.evidence_nats < constants().lack_nats && dropped.gain_nats + dropped.held_out_nats < 0;
+  void tell_chance() {
+    for (SelectedEffect& e : names_.dropped)
+      e.came_by_chance = e.evidence_nats < constants().lack_nats && e.gain_nats + e.held_out_nats < 0;
   }
-  bool leaves_names(const std::vector<SelectedEffect>& dropped) const {
-    return !std::all_of(dropped.begin(), dropped.end(), [&](const SelectedEffect& e) { return came_by_chance(e); });
+  static bool leaves_names(const std::vector<SelectedEffect>& dropped) {
+    return !std::all_of(dropped.begin(), dropped.end(), [](const SelectedEffect& e) { return e.came_by_chance; });
   }
   bool leaves_something() const {
     return !names_.remainders.empty() || leaves_names(names_.dropped) || fires(out_.after);

@@ -38,12 +38,13 @@ struct Selection {
   size_t n_left_out = 0; // seconds that structure has spoilt
   bool is_noise_retuned = false;
   bool is_told_by_held_out = false; // slow noise explains the fitted logs as well, not all logs together
-  bool leaves_mean = false; // of the held-out minutes so much more than noise and errors of the fit that nothing is explained
+  bool leaves_mean =
+      false; // of the held-out minutes so much more than noise and errors of the fit that nothing is explained
   bool exceeds_noise = false; // more, as far as its scatter tells
   bool cannot_judge = false;  // structure left too little: `effects` holds what the recorder did, nothing else is known
-  double threshold_nats = 6;
-  NoiseModel fitted_noise; // of the seconds, under the final hypothesis
-  double white_dph = 0;    // white noise from second to second, over the samples of the logs
+  NullTail chance;            // what noise alone gains in the search for names
+  NoiseModel fitted_noise;    // of the seconds, under the final hypothesis
+  double white_dph = 0;       // white noise from second to second, over the samples of the logs
 };
 
 struct SelectOptions {

@@ -250,6 +250,7 @@ void judge_teeth(const Campaign& campaign, Names* names) {
       return part > kTakenBack && part < 1 / kTakenBack;
     };
     if (std::none_of(names->effects.begin(), names->effects.end(), is_taken_back)) continue;
+    open_member(&jumps);
     jumps.statement =
         "the family of the cause, not its member: jumps that take back what a drift brings, as the teeth of a saw";
     names->leave_those(is_taken_back, &names->effects);

@@ -126,8 +126,8 @@ std::vector<double> null_gains(const SlowLikelihood& likelihood, const std::vect
   return best;
 }
 
-double null_threshold(std::vector<double> gains, double rate, const SelectorConstants& constants) {
-  if (gains.size() < 20) return constants.mean_nats;
+NullTail null_tail(std::vector<double> gains, double rate, const SelectorConstants& constants) {
+  if (gains.size() < 20) return {constants.mean_nats};
   std::sort(gains.begin(), gains.end());
   const double q80 = gains[gains.size() * 4 / 5];
   double excess = 0, n = 0;
@@ -135,8 +135,9 @@ double null_threshold(std::vector<double> gains, double rate, const SelectorCons
     if (g > q80) excess += g - q80, n += 1;
   // A Bayes factor falls off at least as fast as exp(-gain); few draws must not promise a faster fall.
   const double scale = std::max(1.0, n > 0 ? excess / n : 1.0);
-  const double level = q80 + scale * std::log(0.2 / std::min(0.2, rate));
-  return std::clamp(level + constants.polish_gain_nats, constants.least_threshold_nats, constants.most_threshold_nats);
+  const double level = q80 + scale * std::log(0.2 / std::min(0.2, rate)) + constants.polish_gain_nats;
+  return {std::clamp(level, constants.least_threshold_nats, constants.most_threshold_nats), scale,
+          std::max(0.0, level - constants.most_threshold_nats)};
 }
 
 double jump_threshold(double rate, const SelectorConstants& constants) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 
+#include "analysis/diagnose/search/null_tail.h"
 #include "analysis/diagnose/search/slow_scan.h"
 
 namespace imucal {
@@ -15,7 +16,7 @@ std::vector<double> null_gains(const SlowLikelihood& likelihood, const std::vect
 // Names everything that null_gains depends on, to the last bit: what is kept under it is what would be drawn.
 std::string null_key(const SlowSpace& space, size_t draws, uint64_t seed);
 // The threshold that the largest gain of a draw exceeds with probability `rate`: exponential tail above the upper fifth.
-double null_threshold(std::vector<double> gains, double rate, const SelectorConstants& constants = {});
+NullTail null_tail(std::vector<double> gains, double rate, const SelectorConstants& constants = {});
 // What jumps in time must gain together beyond step_nats each: constants.first_step_nats at 1 in 100, with which half of the rate is
 // left to names.
 double jump_threshold(double rate, const SelectorConstants& constants = {});

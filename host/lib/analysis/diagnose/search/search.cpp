@@ -43,6 +43,7 @@ std::vector<double> SlowSearch::null_gains(size_t draws, uint64_t seed) {
   return imucal::null_gains(impl_->likelihood, impl_->scans.all_nodes(), impl_->start_null, draws, seed);
 }
 std::vector<double> SlowSearch::gains_under(const SlowModel& noise, size_t draws, uint64_t seed) const {
+  impl_->scans.make_nodes(impl_->start); // as null_gains has them, whatever was searched last
   std::vector<const SlowNode*> nodes = impl_->scans.all_nodes();
   const SlowScan::OwnNode own = impl_->scans.node_of(noise);
   nodes.push_back(own.get());
@@ -52,7 +53,7 @@ void SlowSearch::forget_scans() {
   impl_->scans.forget_white();
 }
 void SlowSearch::set_thresholds(const Thresholds& thresholds) {
-  impl_->space.constants.mean_nats = thresholds.mean_nats;
+  impl_->space.constants.mean_nats = thresholds.mean.threshold_nats;
   impl_->space.constants.first_step_nats = thresholds.first_step_nats;
 }
 

@@ -14,13 +14,15 @@
 #include <vector>
 
 #include "analysis/diagnose/evidence/constants.h"
+#include "analysis/diagnose/search/null_tail.h"
 #include "analysis/diagnose/search/slow_model.h"
 
 namespace imucal {
 
 // What must be gained: by a name in the mean; by jumps in time together, beyond what each must.
 struct Thresholds {
-  double mean_nats, first_step_nats;
+  NullTail mean;
+  double first_step_nats;
 };
 
 class SlowSearch {

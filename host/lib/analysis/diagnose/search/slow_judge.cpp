@@ -60,7 +60,7 @@ SlowModel SlowJudge::settled(SlowModel m) const {
 }
 
 // A free shape has more freedom than any member: where a member gains nearly as much, it is the answer, and what the
-// shape gains beyond it is a remainder.  An effect of any shape gives way to that of its parameters alone, and also stands where
+// shape gains beyond it is a remainder where it is as much as one beside the answer must gain.  An effect of any shape gives way to that of its parameters alone, and also stands where
 // it is better by what a free shape beside an answer would open it for.
 SlowModel SlowJudge::with_members(SlowModel best, std::vector<size_t>* replaced) const {
   for (size_t i = 0; i < best.names.size(); ++i) {
@@ -73,8 +73,10 @@ SlowModel SlowJudge::with_members(SlowModel best, std::vector<size_t>* replaced)
     double least = space_.constants.member_share * free_gain;
     if (c.effect) least = std::max(least, free_gain - space_.constants.lack_nats);
     if (top.free_score() - less.free_score() < least) continue;
-    if (!c.effect && best.free_score() > top.free_score()) replaced->push_back(best.names[i].candidate);
-    if (c.effect) top.names[i].beyond_nats = std::max(0.0, best.free_score() - top.free_score());
+    const double beyond = best.free_score() - top.free_score();
+    if (!c.effect && beyond > std::max(space_.constants.lack_nats, space_.constants.lack_part * free_gain))
+      replaced->push_back(best.names[i].candidate);
+    if (c.effect) top.names[i].beyond_nats = std::max(0.0, beyond);
     best = top;
   }
   return best;

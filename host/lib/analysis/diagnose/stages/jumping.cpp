@@ -242,6 +242,7 @@ private:
     causes.take_noise_of(nominal);
     nominal.is_without_lines = !question_.lines.empty();
     slow_.gap = measure_gap(*before.search, *before.data, before.held_blocks.get(), nominal, causes);
+    slow_.over_null_nats = 0.5 * slow_.gap.delta_deviance;
   }
 
   const AxisQuestion& question_;

@@ -42,6 +42,8 @@ struct SelectedEffect {
   bool is_untested = false;  // it predicts, but the logs held out can show neither it nor its start states
   bool is_of_starts = false; // held-out logs show no more of it than the states in which they began
   Doubt doubt = Doubt::kNone;
+  // Held-out data speak against it, and it gained little: it came by chance and leaves nothing behind.
+  bool came_by_chance = false;
   std::vector<CandidateEvidence> set; // what cannot be excluded, the name first
   // What it adds to the rates of a second, rms about the mean of the run [dph]; NaN: not known.  For the order of words.
   double rms_dph = std::numeric_limits<double>::quiet_NaN();

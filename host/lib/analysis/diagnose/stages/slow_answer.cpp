@@ -34,7 +34,7 @@ std::vector<size_t> SlowAnswer::rows_of_jumps(const RunInput& in) const {
   return rows;
 }
 bool SlowAnswer::is_against(const SelectorConstants& constants) const {
-  return held_blocks && !is_noise_of_all && 0.5 * gap.delta_deviance < -constants.against_nats;
+  return held_blocks && !is_noise_of_all && over_null_nats < -constants.against_nats;
 }
 void SlowAnswer::forget_causes() {
   found.best = found.null;
@@ -42,7 +42,15 @@ void SlowAnswer::forget_causes() {
   beside.clear(), dropped.clear(), is_told_by_held_out = false, is_noise_of_all = false;
 }
 void SlowAnswer::measure() {
-  gap = measure_gap(*search, *data, held_blocks.get(), found.null, found.best);
+  const auto over = [&](const SlowModel& null) {
+    return measure_gap(*search, *data, held_blocks.get(), null, found.best);
+  };
+  gap = over(found.null);
+  over_null_nats = 0.5 * gap.delta_deviance;
+  if (!has_lines) return;
+  SlowModel nothing = found.null;
+  nothing.is_without_lines = true;
+  gap = over(nothing);
 }
 
 namespace {

@@ -28,11 +28,13 @@ struct SlowAnswer {
   std::unique_ptr<SlowSearch> search;    // over them
   std::unique_ptr<Campaign> held_blocks; // block means of the held-out logs, or nullptr
   SlowResult found;
-  GapResult gap;                       // what found.best predicts
+  GapResult gap;                       // what found.best predicts, over nothing
+  double over_null_nats = 0;           // by how much it makes what was not fitted more likely than found.null does
   std::vector<Beside> beside;          // what found.best leaves of a cause
   std::vector<SelectedEffect> dropped; // names that held-out data do not support
   std::vector<SlopedKind> sloped;      // where found.best has one: what the seconds say of them (sloped_noise.h)
   bool is_told_by_held_out = false;    // slow noise explains the fitted logs as well, not all logs together
+  bool has_lines = false;              // lines of the spectrum are in every mean: the gap counts what they take
   bool is_noise_of_all = false;        // all logs together tell the kind of slow noise, its parameters estimated on all
 
   const Candidate& candidate(size_t j) const { return search->candidates()[j]; }

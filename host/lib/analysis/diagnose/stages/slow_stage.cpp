@@ -290,11 +290,12 @@ private:
       best.names.empty() ? take_best_without_names() : judge_again();
     }
   }
+  // Jumps in time, slow noise, both, or neither.  What each gains is judged anew: of noise beside jumps, what it gains beside them.
   void take_best_without_names() {
-    SlowModel& best = slow_.found.best;
-    best = best_without_names();
-    slow_.found.evidence.clear(), slow_.found.rivals.clear(), slow_.is_told_by_held_out = false;
-    if (best.noise_effect) slow_.found.evidence.push_back(noise_evidence(best));
+    slow_.found.best = best_without_names();
+    slow_.is_told_by_held_out = false;
+    slow_.found.replaced.clear();
+    judge_again();
   }
 
   // The threshold of a name was drawn from noise of the believed kind.  Slow noise of another kind that the logs may hold, too
@@ -312,7 +313,7 @@ private:
     const double threshold = question_.threshold_under(*slow_.search, *kind);
     if (gain > threshold || (slow_.held_blocks && gain_on_all() > threshold)) return;
     take_best_without_names();
-    hold_out();
+    slow_.measure();
   }
   double gain_on_all() const {
     const SlowData all = with_held_out(*slow_.data, *slow_.held_blocks);
@@ -364,13 +365,17 @@ private:
   bool is_by_chance(const GapResult::Support& s) const {
     return s.nats > s.expected - constants().short_by_chance * std::sqrt(2 * s.expected);
   }
-  double noise_evidence(const SlowModel& m) const {
-    return m.free_score() + m.noise_charge - slow_.found.null.free_score() - constants().noise_nats;
-  }
   SlowModel best_without_names() const {
+    std::vector<SlowModel> others;
+    for (const SlowCandidateScore& s : slow_.found.noises) others.push_back(s.model);
+    if (!slow_.found.best.steps.empty()) {
+      SlowModel jumps = slow_.found.null;
+      jumps.steps = slow_.found.best.steps;
+      others.push_back(slow_.search->polished(jumps));
+    }
     SlowModel best = slow_.found.null;
-    for (const SlowCandidateScore& s : slow_.found.noises)
-      if (s.score_nats > best.free_score()) best = s.model;
+    for (const SlowModel& m : others)
+      if (slow_.search->score(m) > slow_.search->score(best)) best = m;
     return best;
   }
 
