@@ -1155,8 +1155,8 @@ static void test_free_shapes_move_over_all_temperatures_of_the_logs(void**) {
   for (const Campaign& of : {campaign, block_means(campaign, 10)}) {
     const RunInput& in = of.runs[0].input;
     const auto moves_at = [&](const EffectEstimator& shape, const Theta& theta, double temp_degc) {
-      const auto from = std::lower_bound(in.smooth_degc.begin(), in.smooth_degc.begin() + static_cast<long>(in.size() / 2),
-                                         temp_degc),
+      const auto from = std::lower_bound(in.smooth_degc.begin(),
+                                         in.smooth_degc.begin() + static_cast<long>(in.size() / 2), temp_degc),
                  to = std::lower_bound(from, in.smooth_degc.begin() + static_cast<long>(in.size() / 2), temp_degc + 8);
       double most = 0;
       for (const Column& column : shape.columns(in, theta))

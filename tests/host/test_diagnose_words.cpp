@@ -334,7 +334,8 @@ static void test_a_name_that_went_is_told_as_left(void**) {
   Selection s;
   s.verdict = Verdict::kUnexplained;
   s.dropped = {effect_of("warm_up", 20)};
-  assert_has(told(s)["gap"]["remainder"].text(), "what warm_up took in the fitted logs and held-out data do not support");
+  assert_has(told(s)["gap"]["remainder"].text(),
+             "what warm_up took in the fitted logs and held-out data do not support");
   s.verdict = Verdict::kNoGap, s.dropped[0].came_by_chance = true;
   assert_lacks(told(s)["gap"]["remainder"].text(), "warm_up");
 }
