@@ -8,6 +8,7 @@
 #include <string>
 
 #include "diagnose/report.h"
+#include "diagnose/report_text.h"
 // After the others: it defines a macro `fail`.
 extern "C" {
 #include <cmocka.h>
@@ -40,7 +41,7 @@ static std::string said(Verdict verdict, std::vector<SelectedEffect> effects, st
   axis.study.selection.verdict = verdict;
   axis.study.selection.effects = std::move(effects), axis.study.selection.remainders = std::move(remainders);
   axis.study.gap = gap;
-  return diagnosis_text({}, result);
+  return diagnosis_text(result);
 }
 // The same as JSON.
 static Json told(const Selection& selection, double false_alarm_rate = 0.01) {
@@ -250,23 +251,23 @@ static void test_findings_stand_in_the_order_of_what_they_add(void**) {
   Selection& s = axis.study.selection;
   s.verdict = Verdict::kExplained, s.white_dph = 140;
   s.effects = {lattice, small, large};
-  std::string text = diagnosis_text({}, result);
+  std::string text = diagnosis_text(result);
   assert_has(text, "gx_dph: a gap, explained: thermal_lag, warm_up\n");
   assert_has(text, "  note    quantization");
   assert_has(text, "a small part of the noise: 0.5 of 140.0 dph from second to second");
   assert_true(text.find("effect  thermal_lag") < text.find("effect  warm_up"));
   assert_true(text.find("effect  warm_up") < text.find("note    quantization"));
   s.effects = {lattice, effect_of("warm_up", 1.1)};
-  assert_has(diagnosis_text({}, result), "explained by little more than a name must gain: warm_up\n");
+  assert_has(diagnosis_text(result), "explained by little more than a name must gain: warm_up\n");
   s.effects[0].rms_dph = 60; // more than a twentieth of the variance
-  assert_has(diagnosis_text({}, result), "gx_dph: a gap, explained: ");
-  assert_has(diagnosis_text({}, result), "effect  quantization");
+  assert_has(diagnosis_text(result), "gx_dph: a gap, explained: ");
+  assert_has(diagnosis_text(result), "effect  quantization");
   // Notes alone are no gap, and no part of the headline.
   s.effects.resize(1), s.effects[0].rms_dph = 0.5, s.verdict = Verdict::kNoGap;
-  assert_has(diagnosis_text({}, result), "gx_dph: no gap that these logs can show\n");
-  assert_has(diagnosis_text({}, result), "  note    quantization");
+  assert_has(diagnosis_text(result), "gx_dph: no gap that these logs can show\n");
+  assert_has(diagnosis_text(result), "  note    quantization");
   s.verdict = Verdict::kUnexplained;
-  assert_has(diagnosis_text({}, result), "gx_dph: a gap that no known effect explains\n");
+  assert_has(diagnosis_text(result), "gx_dph: a gap that no known effect explains\n");
 }
 
 // An answer with a figure of the held-out data.
@@ -398,7 +399,7 @@ static void test_an_axis_that_cannot_be_judged_has_no_answer(void**) {
   Selection& s = axis.study.selection;
   s.verdict = Verdict::kPartlyExplained, s.cannot_judge = true, s.effects = {held};
   const std::string why = "what the recorder did to the samples leaves too few usable seconds to judge";
-  const std::string text = diagnosis_text({}, result);
+  const std::string text = diagnosis_text(result);
   assert_has(text, ("gx_dph: no answer: " + why + "\n").c_str());
   assert_has(text, "effect  held_samples");
   assert_has(text, "samples repeat the one before exactly");
@@ -408,7 +409,7 @@ static void test_an_axis_that_cannot_be_judged_has_no_answer(void**) {
   assert_string_equal(told_axis["verdict"].text().c_str(), "unexplained");
   assert_int_equal(unanswered(result).size(), 1);
   s.effects.clear();
-  assert_has(diagnosis_text({}, result), "gx_dph: no answer: too few usable seconds to judge\n");
+  assert_has(diagnosis_text(result), "gx_dph: no answer: too few usable seconds to judge\n");
 }
 
 static void test_no_name_is_twice_in_a_set(void**) {

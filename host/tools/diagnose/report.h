@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The answer of diagnose as JSON (host/formats.md, Diagnosis) and as text.
+// The answer of diagnose as JSON (host/formats.md, Diagnosis).
 #pragma once
 #include <string>
 #include <vector>
@@ -12,9 +12,5 @@ namespace imucal {
 Json diagnosis_json(const DiagnoseOptions& options, const DiagnoseResult& result);
 // The axes that were not judged, in a line each: name and why.
 std::vector<std::string> unanswered(const DiagnoseResult& result);
-std::string diagnosis_text(const DiagnoseOptions& options, const DiagnoseResult& result);
-
-// The library as JSON: names, words, families, parameters, properties.
-Json library_json();
 
 } // namespace imucal

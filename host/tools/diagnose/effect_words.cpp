@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: MIT
+#include "diagnose/effect_words.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "base/axis_unit.h"
+#include "diagnose/noise_words.h"
+#include "diagnose/words.h"
+
+namespace imucal {
+namespace {
+
+constexpr double kWeak_nats = 3; // of evidence; below, odds of less than 20 to 1 beyond what a name must gain
+
+const char* doubt_text(Doubt doubt) {
+  switch (doubt) {
+  case Doubt::kMemberOpen:
+    return "the logs tell the family of the cause, not its member";
+  case Doubt::kShapeOpen:
+    return "a free shape of this family follows the logs more closely than any of its members: the family is told, "
+           "its member is open";
+  case Doubt::kLoopOpen:
+    return "only the states in which the runs began are seen, not a loop: whatever begins anew in every run and "
+           "fades looks alike; logs that turn, and go far enough both ways, would tell";
+  case Doubt::kSlowNoise:
+    return "slow noise and a repeatable cause explain these logs equally well: they cannot tell";
+  case Doubt::kAgainst:
+    return "held-out data do not support it";
+  case Doubt::kNone:
+    break;
+  }
+  return "";
+}
+
+} // namespace
+
+// Slow noise that a repeatable cause equals has no evidence of its own: neither gains over the other.
+bool has_evidence(const SelectedEffect& e) {
+  return e.doubt != Doubt::kSlowNoise;
+}
+
+// What was seen, or why the name is not more than it is; empty: nothing beside the name.
+std::string statement_of(const SelectedEffect& e) {
+  return e.statement.empty() ? doubt_text(e.doubt) : e.statement;
+}
+
+bool is_weak(const SelectedEffect& e) {
+  return has_evidence(e) && e.evidence_nats < kWeak_nats;
+}
+
+// What the numbers mean, where they alone do not say it.
+std::string in_words(const AxisResult& axis, const SelectedEffect& e) {
+  return e.term.effect && e.doubt != Doubt::kSlowNoise ? noise_over_temperature(e.term, axis.campaign) : "";
+}
+
+// In the axis' unit: a tenth of a dph, or three digits of a few mg.
+std::string figure(double value, const AxisResult& axis) {
+  return format(is_accelerometer(axis.axis) ? "%.3g" : "%.1f", value);
+}
+
+bool is_note(const AxisResult& axis, const SelectedEffect& e) {
+  return is_note(e, axis.study.selection.white_dph);
+}
+
+// As people read: what adds most first (what is not known in dph before it), then other parameters of the believed noise, then
+// notes.
+std::vector<size_t> reading_order(const AxisResult& axis) {
+  const std::vector<SelectedEffect>& effects = axis.study.selection.effects;
+  std::vector<size_t> order(effects.size());
+  for (size_t i = 0; i < order.size(); ++i) order[i] = i;
+  const auto rank = [&](size_t i) {
+    const SelectedEffect& e = effects[i];
+    const bool is_retuned = e.term.estimator && e.term.estimator->is_nominal_noise();
+    return std::make_pair(is_note(axis, e) ? 2 : is_retuned ? 1 : 0, std::isfinite(e.rms_dph) ? -e.rms_dph : -HUGE_VAL);
+  };
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return rank(a) < rank(b); });
+  return order;
+}
+
+// Its values; none where it has none of its own.
+Parameters values_of(const AxisResult& axis, const SelectedEffect& e) {
+  return e.term.effect && e.doubt != Doubt::kSlowNoise ? effect_values(e.term, axis.campaign) : Parameters();
+}
+
+bool is_shared_noise(const SelectedEffect& e) {
+  return e.term.estimator && e.term.form() == Form::kAxes && !e.statement.empty();
+}
+
+namespace {
+
+// What the parameters of shared noise are: not what was measured.
+std::string as_simulated(const AxisResult& axis, const SelectedEffect& e) {
+  std::string list;
+  for (const ParameterValue& p : values_of(axis, e))
+    list += (list.empty() ? "" : ", ") + name_in_unit(p.name, axis_unit(axis.axis)) + format(" %.3g", p.number.value);
+  return "a simulation gets that from white noise added to each axis: " + list;
+}
+
+} // namespace
+
+// How sure a name is and what else it may be, a line each: the same in text, JSON and on the page.
+std::vector<std::string> remarks_on(const AxisResult& axis, const SelectedEffect& e) {
+  std::vector<std::string> out;
+  const EffectMeaning meaning = e.term.effect ? e.term.effect->meaning(values_of(axis, e)) : EffectMeaning();
+  if (!meaning.remark.empty()) out.push_back(meaning.remark);
+  if (is_weak(e))
+    out.push_back(format("weak evidence: odds of %.2g to 1 beyond what a name must gain; another log should confirm it",
+                         std::exp(std::max(0.0, e.evidence_nats))));
+  if (const std::string statement = statement_of(e); !statement.empty()) out.push_back(statement);
+  if (is_shared_noise(e)) out.push_back(as_simulated(axis, e));
+  if (is_note(axis, e))
+    out.push_back(format("a small part of the noise: %s of %s %s from second to second",
+                         figure(e.rms_dph, axis).c_str(), figure(axis.study.selection.white_dph, axis).c_str(),
+                         axis_unit(axis.axis)));
+  if (e.is_untested) out.push_back("the held-out logs cannot test it");
+  if (e.is_of_starts)
+    out.push_back(
+        "in the held-out logs only the state in which each began is seen, read from that log itself: by the size "
+        "told here alone a new log is not foretold, and the gap shrinks by less");
+  std::vector<std::string> rivals;
+  for (const CandidateEvidence& c : e.set)
+    if (name_of(c) != name_of(e) && (!c.effect || c.effect != e.term.effect)) rivals.push_back(name_of(c));
+  if (!rivals.empty()) out.push_back("cannot be told from: " + joined(rivals, ", "));
+  return out;
+}
+
+bool is_noise(const SelectedEffect& e) {
+  return e.doubt != Doubt::kSlowNoise && e.term.estimator && e.term.form() == Form::kNoise;
+}
+
+bool is_slow_noise(const SelectedEffect& e) {
+  return is_noise(e) && e.term.estimator->is_slow_noise();
+}
+
+} // namespace imucal

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: MIT
+#include "diagnose/gap_words.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/axis_unit.h"
+#include "diagnose/effect_words.h"
+#include "diagnose/words.h"
+
+namespace imucal {
+namespace {
+
+constexpr double kNearlyAll = 0.95;  // a shrinkage that surely stays below leaves something
+constexpr double kScaleEnd = -0.995; // a shrinkage is not told below -100 %
+constexpr double kMoreThanNoise = 1.2; // times: worth a word
+
+template <typename Is> bool finds(const Selection& s, const Is& is) {
+  return std::any_of(s.effects.begin(), s.effects.end(), is);
+}
+
+} // namespace
+
+const char* rest_text(Rest test) {
+  static const char* const texts[] = {"noise of another spectrum than the model's",
+                                      "noise of a strength that depends on temperature",
+                                      "noise of a strength that changes with time",
+                                      "noise that is not Gaussian",
+                                      "noise that comes in bursts",
+                                      "a line in the spectrum",
+                                      "sudden changes of the bias"};
+  return texts[static_cast<size_t>(test)];
+}
+
+const char* held_out_text(HeldOut method) {
+  return method == HeldOut::kLogs      ? "held-out logs"
+         : method == HeldOut::kEachLog ? "each log held out in turn"
+                                       : "quarters of the one log held out in turn, each with a constant of its own";
+}
+
+// Jumps in time, one after the other.
+std::string steps_text(const std::vector<StepValue>& steps, bool tells_log, const char* unit) {
+  std::string out;
+  for (const StepValue& step : steps) {
+    char line[120];
+    const Measured& size = step.amplitude_dph;
+    out += out.empty() ? "" : ", ";
+    std::snprintf(line, sizeof line, "%+.4g", size.value), out += line;
+    if (std::isfinite(size.std_error)) std::snprintf(line, sizeof line, " +- %.2g", size.std_error), out += line;
+    std::snprintf(line, sizeof line, " %s at %.0f s", unit, step.t_s), out += line;
+    if (tells_log) out += " of log " + std::to_string(step.log + 1);
+  }
+  return out;
+}
+
+namespace {
+
+// What the fit gets wrong in other logs is worth a word beside the noise.
+bool has_errors_of_fit(const GapResult& g) {
+  return g.fit_ms_dph2 > 0.1 * g.noise_rms_dph * g.noise_rms_dph;
+}
+
+} // namespace
+
+// What is left, in a sentence.
+std::string remainder(const AxisResult& axis) {
+  const Selection& s = axis.study.selection;
+  const GapResult& g = axis.study.gap;
+  std::vector<std::string> said;
+  const auto add = [&](const std::string& text) { add_once(text, &said); };
+  std::vector<std::string> rejected; // names that were taken back: they stand for something else
+  for (const CandidateEvidence& c : s.remainders)
+    if (c.reference)
+      add(std::string(c.reference->what) + " would follow the logs more closely");
+    else
+      add_once(name_of(c), &rejected);
+  if (!rejected.empty()) add("considered and rejected: " + joined(rejected, ", "));
+  for (const SelectedEffect& e : s.dropped)
+    if (!e.came_by_chance) add("what " + name_of(e) + " took in the fitted logs and held-out data do not support");
+  for (const RestFinding& f : s.after)
+    if (f.evidence_nats > 0) add(rest_text(f.test));
+  std::vector<std::string> unseen;
+  for (const RestFinding& f : s.unseen)
+    if (f.evidence_nats > 0) unseen.push_back(rest_text(f.test));
+  if (!unseen.empty()) add("in the held-out logs alone: " + joined(unseen, ", "));
+  if (g.run_to_run_rms_dph > 0)
+    add(format("what differs from run to run, %s %s", figure(g.run_to_run_rms_dph, axis).c_str(),
+               axis_unit(axis.axis)));
+  if (!s.own_jumps.empty()) add("jumps in time that held-out logs have of their own");
+  for (const SelectedEffect& e : s.effects)
+    if (e.doubt == Doubt::kShapeOpen) add("the shape is open: " + family_label(e.family));
+  if (g.has_mean && g.has_residual() && g.rms_after_dph > 1.1 * g.rms_before_dph)
+    add(std::string("the predicted mean is further from the held-out rates than before") +
+        (g.has_figure() ? "" : ", as far as their noise tells"));
+  for (const Selection::Strength& noise : s.stronger_noise)
+    add(format("the noise of held-out log %d is %.1f times as strong as that of the fitted logs", noise.log + 1,
+               noise.times));
+  if (s.leaves_mean || (s.exceeds_noise && g.times_expected() > kMoreThanNoise))
+    add(format("the held-out residual is %.1f times what %s would leave", g.times_expected(),
+               has_errors_of_fit(g) ? "noise and errors of the fit" : "the noise alone"));
+  if (s.verdict != Verdict::kUnexplained && g.has_figure() && g.ci_hi < kNearlyAll)
+    add(format("%.0f %% of the gap on data that were not fitted", 100 * (1 - g.shrinkage)));
+  if (!g.has_mean &&
+      finds(s, [](const SelectedEffect& e) { return e.term.estimator && e.term.form() == Form::kSteps; }))
+    add("jumps at single moments foretell no other data");
+  if (!g.has_mean && finds(s, is_noise)) add("a noise has no mean to predict");
+  return said.empty() ? "nothing detectable on the held-out data" : joined(said, "; ");
+}
+
+namespace {
+
+// What is named is of the mean of other data, not of their noise alone.
+bool names_mean(const Selection& s) {
+  return std::any_of(s.effects.begin(), s.effects.end(), [](const SelectedEffect& e) {
+    return !e.term.effect || (e.term.form() != Form::kNoise && e.term.form() != Form::kSteps &&
+                              e.term.form() != Form::kStructural && e.term.form() != Form::kAxes);
+  });
+}
+
+bool claims_shrinkage(const AxisResult& axis) {
+  const Selection& s = axis.study.selection;
+  return s.verdict != Verdict::kUnexplained && axis.study.gap.has_mean && names_mean(s);
+}
+
+} // namespace
+
+bool has_figure(const AxisResult& axis) {
+  return claims_shrinkage(axis) && axis.study.gap.has_figure();
+}
+
+// What a stand-in removes; a figure of which the residual says the contrary is none.
+bool has_stand_in(const AxisResult& axis) {
+  const GapResult& g = axis.study.gap;
+  const bool is_contradicted = g.shrinkage > 0 && g.rms_after_dph > g.rms_before_dph;
+  return axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure() && !is_contradicted;
+}
+
+namespace {
+
+std::string stand_in_does(double shrinkage) {
+  if (shrinkage >= 0) return format("removes %.0f %% of the gap", 100 * shrinkage);
+  if (shrinkage <= kScaleEnd) return "makes the gap more than 100 % worse";
+  return format("makes the gap %.0f %% worse", -100 * shrinkage);
+}
+
+// What the residuals are means of.
+std::string means_text(const GapResult& gap) {
+  return std::lround(gap.minute_s) == 60 ? "one-minute means" : format("means over %.0f s", gap.minute_s);
+}
+
+// Slow noise that was found beside the noise that was believed.
+std::string noise_statement(const AxisResult& axis) {
+  const GapResult& g = axis.study.gap;
+  if (g.has_mean || !finds(axis.study.selection, is_slow_noise)) return "";
+  return format("%s: %s would leave %s %s, these logs show %s; with the noise that was found %s is expected",
+                means_text(g).c_str(),
+                axis.is_believed ? "the believed noise" : "the noise that was estimated without a cause",
+                figure(g.believed_rms_dph, axis).c_str(), axis_unit(axis.axis), figure(g.rms_before_dph, axis).c_str(),
+                figure(g.noise_rms_dph, axis).c_str());
+}
+
+} // namespace
+
+// How far the gap shrinks on data that were not fitted, or why that is not known; empty: not asked.
+std::string held_out_statement(const AxisResult& axis) {
+  const GapResult& g = axis.study.gap;
+  if (!g.has_residual())
+    return axis.study.selection.verdict == Verdict::kNoGap
+               ? ""
+               : "no figure: no rates at temperatures that were fitted (" + std::string(held_out_text(g.method)) + ")";
+  const std::string residual =
+      format("residual of %s %s -> %s %s, %s %s", means_text(g).c_str(), figure(g.rms_before_dph, axis).c_str(),
+             figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
+             finds(axis.study.selection, is_slow_noise) ? "noise with the slow noise found" : "noise alone",
+             figure(g.noise_rms_dph, axis).c_str()) +
+      (has_errors_of_fit(g) ? format(", errors of the fit %s", figure(std::sqrt(g.fit_ms_dph2), axis).c_str()) : "") +
+      (g.run_to_run_rms_dph > 0
+           ? format(", what differs from run to run %s", figure(g.run_to_run_rms_dph, axis).c_str())
+           : "");
+  if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure())
+    return format("a flexible stand-in%s %s: not an explanation; %s",
+                  axis.study.selection.effects.empty() ? "" : " of that family",
+                  has_stand_in(axis) ? stand_in_does(g.shrinkage).c_str() : "leaves more than before",
+                  residual.c_str());
+  if (!g.has_mean && g.run_to_run_rms_dph > 0)
+    return "no figure: what differs from run to run foretells no other run; " + residual;
+  if (!claims_shrinkage(axis)) return noise_statement(axis);
+  if (g.is_of_starts)
+    return format("no figure: only the states in which the runs began are seen, and these foretell nothing (%s); %s",
+                  held_out_text(g.method), residual.c_str());
+  if (g.is_of_nearest)
+    return format("no figure: what the nearest shape with parameters gets wrong is not known well enough (%s); %s",
+                  held_out_text(g.method), residual.c_str());
+  if (!g.has_figure())
+    return format("no figure: noise hides how far the gap shrinks (95 %%: %.0f to %.0f %%; %s); %s", 100 * g.ci_lo,
+                  100 * g.ci_hi, held_out_text(g.method), residual.c_str());
+  if (g.ci_hi <= kScaleEnd)
+    return format("the gap grows by more than 100 %% (%s); %s", held_out_text(g.method), residual.c_str());
+  return format("the gap %s by %.0f %% (95 %%: %.0f to %.0f; %s); %s", g.shrinkage < 0 ? "grows" : "shrinks",
+                100 * std::fabs(g.shrinkage), 100 * (g.shrinkage < 0 ? -g.ci_hi : g.ci_lo),
+                100 * (g.shrinkage < 0 ? -g.ci_lo : g.ci_hi), held_out_text(g.method), residual.c_str());
+}
+
+} // namespace imucal

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: MIT
+#include "diagnose/plots_json.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "analysis/diagnose/logs/blocks.h"
+#include "diagnose/gap_words.h"
+#include "diagnose/json_parts.h"
+
+namespace imucal {
+namespace {
+
+const char* rest_name(Rest test) {
+  static const char* const names[] = {
+      "spectrum",      "variance_over_temperature", "variance_over_time", "distribution", "bursts", "line",
+      "sudden_changes"};
+  return names[static_cast<size_t>(test)];
+}
+
+Json cell_json(const WhereCell& c) {
+  Json out = {{"excess", c.excess}, {"n", c.n}, {"z", c.z()}, {"noise_floor", std::sqrt(2 * c.n)}};
+  if (c.mean_z != 0) out["mean_z"] = c.mean_z;
+  return out;
+}
+
+Json cells_json(const std::vector<WhereCell>& cells, const char* range, const char* name, bool is_log) {
+  Json list = Json::array();
+  for (const WhereCell& c : cells) {
+    Json cell = range ? Json{{range, {c.lo, c.hi}}} : is_log ? Json{{name, std::stoi(c.name)}} : Json{{name, c.name}};
+    cell.update(cell_json(c));
+    list.push_back(cell);
+  }
+  return list;
+}
+
+Json findings_json(const Selection& s) {
+  Json findings = Json::array();
+  for (const RestFinding& f : s.before) {
+    if (f.evidence_nats <= 0) continue;
+    bool remains = false;
+    for (const RestFinding& a : s.after) remains = remains || (a.test == f.test && a.evidence_nats > 0);
+    findings.push_back({{"probe", rest_name(f.test)},
+                        {"evidence_nats", f.evidence_nats},
+                        {"p_value", f.p_value()},
+                        {"statement", rest_text(f.test)},
+                        {"remains_after", remains}});
+  }
+  return findings;
+}
+
+} // namespace
+
+Json where_json(const AxisResult& axis) {
+  const WhereResult& w = axis.where;
+  return {{"tau_s", {w.tau_lo_s, w.tau_hi_s}},
+          {"temp_degc", {w.temp_lo_degc, w.temp_hi_degc}},
+          {"time_s", {w.time_lo_s, w.time_hi_s}},
+          {"direction", w.direction},
+          {"logs", w.logs},
+          {"sentence", w.sentence},
+          {"findings", findings_json(axis.study.selection)},
+          {"by_tau", cells_json(w.by_tau, "tau_s", nullptr, false)},
+          {"by_temperature", cells_json(w.by_temperature, "temp_degc", nullptr, false)},
+          {"by_phase", cells_json(w.by_phase, nullptr, "phase", false)},
+          {"by_log", cells_json(w.by_log, nullptr, "log", true)}};
+}
+
+namespace {
+
+// One-minute means: what was measured, what the polynomial and the whole answer make of it, and what is left.
+// Means of what is left, without hits: one of a million dph is no part of what a minute was.
+Json residual_json(const Campaign& campaign, const Fit& before, const Fit& after) {
+  Json temp = Json::array(), rate = Json::array(), time = Json::array(), log = Json::array(), raw = Json::array(),
+       b = Json::array(), a = Json::array(), fitted_b = Json::array(), fitted_a = Json::array();
+  const long block = std::max(rows_of_minute(campaign.dt_s), static_cast<long>(campaign.n() / 1500));
+  const std::vector<Eigen::VectorXd> hits = hits_of(campaign);
+  long n_hits = 0;
+  for (size_t r = 0; r < campaign.runs.size(); ++r) {
+    const CampaignRun& run = campaign.runs[r];
+    n_hits += (hits[r].array() != 0).count();
+    for (long k = 0; k + block <= before.residual[r].size(); k += block) {
+      const Eigen::ArrayXd counts = (hits[r].segment(k, block).array() == 0).cast<double>();
+      const auto mean_of = [&](const auto& x) { return (x.array() * counts).sum() / std::max(1.0, counts.sum()); };
+      Eigen::VectorXd rates(block);
+      for (long i = 0; i < block; ++i)
+        rates[i] = run.input.rate_dph[static_cast<size_t>(run.used[static_cast<size_t>(k + i)])];
+      const double mean = mean_of(rates), left_b = mean_of(before.residual[r].segment(k, block)),
+                   left_a = mean_of(after.residual[r].segment(k, block));
+      const size_t row = static_cast<size_t>(run.used[static_cast<size_t>(k + block / 2)]);
+      temp.push_back(campaign.has_temperature ? Json(run.input.smooth_degc[row]) : Json(nullptr));
+      rate.push_back(run.input.rate_degc_min[row]);
+      time.push_back(time_in_log_s(run, run.input.t_s[row]));
+      log.push_back(run.input.log);
+      raw.push_back(mean), b.push_back(left_b), a.push_back(left_a);
+      fitted_b.push_back(mean - left_b), fitted_a.push_back(mean - left_a);
+    }
+  }
+  return {{"mean_s", static_cast<double>(block) * campaign.dt_s},
+          {"n_hits", n_hits},
+          {"temp_degc", temp},
+          {"rate_degc_per_min", rate},
+          {"t_s", time},
+          {"log", log},
+          {"rate_dph", raw},
+          {"polynomial_dph", fitted_b},
+          {"answer_dph", fitted_a},
+          {"before_dph", b},
+          {"after_dph", a}};
+}
+
+// Energy of the slow innovations over averaging time and temperature: z of every cell.
+Json map_json(const Campaign& campaign, const Fit& fit) {
+  constexpr size_t kTemps = 12;
+  const double lo = campaign.lo_degc, span = std::max(1e-9, campaign.hi_degc - lo);
+  std::vector<std::vector<double>> sum, n;
+  for (size_t r = 0; r < campaign.runs.size(); ++r) {
+    const CampaignRun& run = campaign.runs[r];
+    std::vector<double> level(fit.e[r].data(), fit.e[r].data() + fit.e[r].size());
+    for (size_t band = 0; level.size() >= 2; ++band) {
+      if (sum.size() <= band) sum.push_back(std::vector<double>(kTemps, 0.0)), n.push_back(sum.back());
+      std::vector<double> next;
+      const double scale = std::ldexp(1.0, static_cast<int>(band));
+      for (size_t i = 0; i + 1 < level.size(); i += 2) {
+        const double w = (level[i] - level[i + 1]) * 0.7071067811865476;
+        const size_t k = std::min(run.n() - 1, static_cast<size_t>((static_cast<double>(i) + 1) * scale));
+        const double temp = run.input.smooth_degc[static_cast<size_t>(run.used[k])];
+        const size_t b = std::min(kTemps - 1, static_cast<size_t>(std::max(0.0, (temp - lo) / span * kTemps)));
+        sum[band][b] += w * w - 1, n[band][b] += 1;
+        next.push_back((level[i] + level[i + 1]) * 0.7071067811865476);
+      }
+      level.swap(next);
+    }
+  }
+  Json tau = Json::array(), temp = Json::array(), z = Json::array();
+  for (size_t b = 0; b <= kTemps; ++b) temp.push_back(lo + span * static_cast<double>(b) / kTemps);
+  for (size_t band = 0; band < sum.size(); ++band) {
+    tau.push_back(campaign.dt_s * std::ldexp(1.0, static_cast<int>(band)));
+    Json row = Json::array();
+    for (size_t b = 0; b < kTemps; ++b) row.push_back(n[band][b] > 0 ? sum[band][b] / std::sqrt(2 * n[band][b]) : 0.0);
+    z.push_back(row);
+  }
+  return {{"tau_s", tau}, {"temp_edges_degc", temp}, {"z", z}};
+}
+
+} // namespace
+
+Json plots_json(const AxisResult& axis) {
+  const GapResult& g = axis.study.gap;
+  const Selection& s = axis.study.selection;
+  const Campaign& campaign = axis.campaign;
+  Json candidates = Json::array(), tests = Json::array();
+  for (const CandidateEvidence& c : s.first_scan) candidates.push_back(evidence_json(c));
+  for (size_t i = 0; i < s.before.size(); ++i)
+    tests.push_back({{"name", rest_name(s.before[i].test)},
+                     {"evidence_before_nats", s.before[i].evidence_nats},
+                     {"evidence_after_nats", s.after[i].evidence_nats},
+                     {"threshold_nats", s.before[i].threshold_nats}});
+  return {{"gap_map", campaign.has_temperature ? map_json(campaign, axis.nominal_fit) : Json(nullptr)},
+          {"gap_map_after", campaign.has_temperature ? map_json(campaign, axis.final_fit) : Json(nullptr)},
+          {"residual", residual_json(campaign, axis.plain_fit, axis.final_fit)},
+          {"dp2",
+           {{"tau_s", numbers(g.dp2_tau_s)},
+            {"data_dph", numbers(g.dp2_data_dph)},
+            {"model_before_dph", numbers(g.dp2_nominal_dph)},
+            {"model_after_dph", numbers(g.dp2_final_dph)}}},
+          {"candidates", candidates},
+          {"tests", tests}};
+}
+
+} // namespace imucal
