@@ -11,8 +11,8 @@
 namespace imucal {
 namespace {
 
-constexpr double kNearlyAll = 0.95;  // a shrinkage that surely stays below leaves something
-constexpr double kScaleEnd = -0.995; // a shrinkage is not told below -100 %
+constexpr double kNearlyAll = 0.95;    // a shrinkage that surely stays below leaves something
+constexpr double kScaleEnd = -0.995;   // a shrinkage is not told below -100 %
 constexpr double kMoreThanNoise = 1.2; // times: worth a word
 
 template <typename Is> bool finds(const Selection& s, const Is& is) {

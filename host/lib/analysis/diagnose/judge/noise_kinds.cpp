@@ -108,7 +108,7 @@ void add_means_without_steps(const AxisQuestion& question, const SlowAnswer& slo
 }
 void add_kinds_of_noise(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* retuned) {
   const SlowModel& best = slow.found.best;
-  if (best.noise_effect && slow.found.evidence.back() > 0) return;
+  if (slow.found.has_noise()) return;
   const bool is_alone = best.names.empty() && best.steps.empty();
   const SlowModel& plain = is_alone ? slow.found.null : best; // with other parameters, and no kind
   if (plain.noise_effect) return;

@@ -37,8 +37,7 @@ public:
     leave_beside_open_family();
     leave_relays_of_loops();
     if (!best.steps.empty() && !is_medley && !are_steps_small_beside_function()) name_steps();
-    if (best.noise_effect && !slow_.found.evidence.empty() && slow_.found.evidence.back() > 0 && !is_medley)
-      name_slow_noise();
+    if (slow_.found.has_noise() && !is_medley) name_slow_noise();
     return std::move(names_);
   }
 
@@ -211,7 +210,7 @@ private:
     SelectedEffect effect;
     effect.family = best.noise_effect->family();
     effect.term = term_of(best.noise_effect, best.noise_effect->estimator(), best.noise_theta);
-    effect.evidence_nats = slow_.found.evidence.back();
+    effect.evidence_nats = *slow_.found.noise_evidence;
     effect.gain_nats = effect.evidence_nats + constants().noise_nats;
     effect.held_out_nats = kPredictsNothing;
     const double threshold = constants().noise_nats;

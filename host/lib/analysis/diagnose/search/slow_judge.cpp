@@ -151,7 +151,7 @@ double SlowJudge::evidence_of(const SlowModel& m, size_t i) const {
 void SlowJudge::judge_names(SlowResult* result) const {
   result->best = with_members(result->best, &result->replaced);
   const SlowModel best = result->best;
-  result->rivals.clear(), result->evidence.clear(), result->step_gain_nats = 0;
+  result->rivals.clear(), result->evidence.clear(), result->noise_evidence.reset(), result->step_gain_nats = 0;
   for (size_t i = 0; i < best.names.size(); ++i) {
     result->evidence.push_back(evidence_of(best, i));
     result->rivals.push_back(rivals(best, i));
@@ -166,7 +166,7 @@ void SlowJudge::judge_names(SlowResult* result) const {
     SlowModel less = best;
     less.noise_effect = nullptr;
     less = at_its_best(less);
-    result->evidence.push_back(best.free_score() + best.noise_charge - less.free_score() - space_.constants.noise_nats);
+    result->noise_evidence = best.free_score() + best.noise_charge - less.free_score() - space_.constants.noise_nats;
   }
 }
 std::vector<SlowResult::Rival> SlowJudge::rivals(const SlowModel& best, size_t i) const {

@@ -3,6 +3,7 @@
 // which they are judged, and what a search over them says.
 #pragma once
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "analysis/diagnose/evidence/references.h"
@@ -84,8 +85,10 @@ struct SlowCandidateScore {
 
 struct SlowResult {
   SlowModel null, best;
-  // Per name of `best` (and, last, its noise effect): what it gains over the best hypothesis without it.
+  // Per name of `best`: what it gains over the best hypothesis without it, beyond its threshold.
   std::vector<double> evidence;
+  std::optional<double> noise_evidence; // the same of its kind of slow noise; none: it has none, or was not judged
+  bool has_noise() const { return best.noise_effect && noise_evidence.value_or(0) > 0; } // worth its name
   // Per name of `best`: what comes near in its place (within near_nats), best first.  Those within rivals_nats cannot be
   // told from it.
   struct Rival {

@@ -139,11 +139,11 @@ private:
     return h;
   }
   bool weigh_noise() {
-    std::vector<double>& evidence = slow_.found.evidence;
+    std::optional<double>& evidence = slow_.found.noise_evidence;
     const double threshold = question_.constants.noise_nats;
-    if (!best().noise_effect || evidence.empty()) return false;
+    if (!best().noise_effect || !evidence) return false;
     // Whatever follows the temperature in block means may have been the white noise of their seconds.
-    if (evidence.back() > threshold && !best().noise_effect->estimator()->needs_temperature()) return false;
+    if (*evidence > threshold && !best().noise_effect->estimator()->needs_temperature()) return false;
     const Fit fit = fit_hypothesis(question_.campaign, hypothesis());
     const ResidualLikelihood log_likelihood(question_.campaign, fit.residual);
     const auto fast = [&](const NoiseModel& base) { return best_kind_.noise_on(base); };
@@ -152,7 +152,7 @@ private:
     without.base = seconds_.own_base, without.log_likelihood = log_likelihood(fast(seconds_.own_base));
     if (!holds_beside_) without = fit_seconds_noise(question_.campaign, slow_base(slow), fit.residual, fast);
     if (log_likelihood(fast(slow)) - without.log_likelihood > threshold) return false;
-    best().noise_effect = nullptr, evidence.pop_back();
+    best().noise_effect = nullptr, evidence.reset();
     seconds_.noise = without;
     seconds_.final = hypothesis();
     return true;

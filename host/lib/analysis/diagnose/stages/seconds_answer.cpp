@@ -169,8 +169,8 @@ NoiseModel noise_of_one(const AxisQuestion& question, const SlowAnswer& slow, co
 // seconds, over one process alone and over the believed noise, tells too.  Returns whether it is less likely than these there.
 bool weigh_noise_in_seconds(const AxisQuestion& question, const SecondsAnswer& seconds, SlowAnswer* slow) {
   const SlowModel& best = slow->found.best;
-  std::vector<double>& evidence = slow->found.evidence;
-  if (!best.noise_effect || evidence.size() != best.names.size() + 1 || evidence.back() > 0) return false;
+  std::optional<double>& evidence = slow->found.noise_evidence;
+  if (!best.noise_effect || !evidence || *evidence > 0) return false;
   if (seconds.noise.base.markov.empty()) return false;
   std::vector<NoiseModel> others = {noise_of_one(question, *slow, seconds)};
   if (question.belief.has_believed) {
@@ -179,7 +179,7 @@ bool weigh_noise_in_seconds(const AxisQuestion& question, const SecondsAnswer& s
     others.push_back(believed_noise(*slow->search, plain));
   }
   const double gain = gain_over(question, *slow, others, seconds);
-  evidence.back() = std::max(evidence.back(), gain - question.constants.fast_nats);
+  evidence = std::max(*evidence, gain - question.constants.fast_nats);
   return gain < 0;
 }
 // The believed noise does beside a kind of noise that is not worth its name, and does not without it; or the seconds are likelier
@@ -187,9 +187,9 @@ bool weigh_noise_in_seconds(const AxisQuestion& question, const SecondsAnswer& s
 bool gives_up_unnamed_noise(const AxisQuestion& question, SlowAnswer* slow) {
   SlowModel& best = slow->found.best;
   if (!best.names.empty() || !best.steps.empty() || !best.noise_effect) return false;
-  if (slow->found.evidence.back() > 0 || slow->found.null.is_believed) return false;
+  if (slow->found.has_noise() || slow->found.null.is_believed) return false;
   best = slow->found.null;
-  slow->found.evidence.clear();
+  slow->found.noise_evidence.reset();
   slow->measure();
   look_beside(question, slow);
   return true;

@@ -57,7 +57,7 @@ void leave_kind(const AxisQuestion& question, SlowAnswer* slow) {
   SlowModel& best = slow->found.best;
   best.noise_effect = nullptr;
   best = best.names.empty() && best.steps.empty() ? slow->found.null : slow->search->polished(best);
-  slow->found.evidence.pop_back();
+  slow->found.noise_evidence.reset();
   slow->measure();
   look_beside(question, slow);
 }
@@ -72,7 +72,7 @@ std::optional<SecondsNoise> fit_sloped_noise(const AxisQuestion& question, const
                                              SlowAnswer* slow) {
   slow->sloped.clear();
   SlowModel& best = slow->found.best;
-  if (!is_noise_sloped(best) || slow->found.evidence.size() != best.names.size() + 1) return std::nullopt;
+  if (!is_noise_sloped(best) || !slow->found.noise_evidence) return std::nullopt;
   const ResidualLikelihood log_likelihood(question.campaign, residual);
   const NoiseModel base = slow->search->base_noise_of(best);
   const SecondsNoise level = fit_seconds_noise(question.campaign, base, residual);
@@ -91,7 +91,7 @@ std::optional<SecondsNoise> fit_sloped_noise(const AxisQuestion& question, const
   }
   if (first.effect != best.noise_effect) best = with_kind(*slow, first), slow->measure();
   best.noise_theta = first.theta;
-  double& evidence = slow->found.evidence.back();
+  double& evidence = *slow->found.noise_evidence;
   evidence = std::max(evidence, first.gain_nats - question.constants.noise_nats);
   const NoiseModel noise = first.effect->estimator()->noise(first.base, first.theta);
   return fit_seconds_noise(question.campaign, noise, residual);

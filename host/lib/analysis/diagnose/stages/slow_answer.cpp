@@ -38,7 +38,7 @@ bool SlowAnswer::is_against(const SelectorConstants& constants) const {
 }
 void SlowAnswer::forget_causes() {
   found.best = found.null;
-  found.evidence.clear(), found.rivals.clear(), found.replaced.clear();
+  found.evidence.clear(), found.noise_evidence.reset(), found.rivals.clear(), found.replaced.clear();
   beside.clear(), dropped.clear(), is_told_by_held_out = false, is_noise_of_all = false;
 }
 void SlowAnswer::measure() {

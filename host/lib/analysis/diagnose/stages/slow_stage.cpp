@@ -105,7 +105,7 @@ private:
       const double fitted = single->free_score() - slow_.found.null.free_score() - constants().mean_nats;
       slow_.is_told_by_held_out = fitted < 0;
       slow_.found.best = *single;
-      slow_.found.evidence = {fitted < 0 ? evidence : fitted};
+      slow_.found.evidence = {fitted < 0 ? evidence : fitted}, slow_.found.noise_evidence.reset();
     }
     if (most > 0) slow_.found.rivals = {slow_.search->rivals(slow_.found.best, 0)};
   }
@@ -242,7 +242,7 @@ private:
     slow_.found.replaced.push_back(with->names.back().candidate);
   }
   static bool has_evidence(const SlowResult& r) {
-    return std::any_of(r.evidence.begin(), r.evidence.end(), [](double nats) { return nats > 0; });
+    return r.has_noise() || std::any_of(r.evidence.begin(), r.evidence.end(), [](double nats) { return nats > 0; });
   }
   // Whether one or two members are nearly all that the free function would be: what it has beside them, as the product of
   // two causes, is no reason to doubt them.
@@ -335,7 +335,7 @@ private:
     }
     if (!kind) return;
     slow_.found.best = *kind;
-    slow_.found.evidence = {most - least}, slow_.found.rivals.clear();
+    slow_.found.noise_evidence = most - least, slow_.found.rivals.clear();
     slow_.is_noise_of_all = true;
     slow_.measure();
   }
