@@ -396,7 +396,7 @@ void name_shared(const Effect& effect, const SharedNoise& found, const AxisResul
   std::snprintf(text, sizeof text, "noise shared with %s: measured correlation %.2g from second to second",
                 other.axis.c_str(), found.correlation);
   named.statement = text;
-  named.set = {{&effect, nullptr, false, named.family, named.gain_nats, shared_nats}};
+  named.set = {evidence_for(effect, named.gain_nats, shared_nats)};
   s.effects.push_back(named);
   if (s.verdict == Verdict::kNoGap && !is_note(named, s.white_dph)) s.verdict = Verdict::kExplained;
 }

@@ -88,7 +88,7 @@ private:
         effect.rms_dph = std::sqrt(white_dph2);
       effect.gain_nats = effect.evidence_nats = f.signature.evidence_nats;
       effect.held_out_nats = kPredictsNothing;
-      effect.set = {{f.effect, nullptr, false, effect.family, f.signature.evidence_nats, 0}};
+      effect.set = {evidence_for(*f.effect, f.signature.evidence_nats, 0)};
       structural_.push_back(effect);
     }
   }
@@ -254,9 +254,9 @@ private:
             slow.evidence_of(j, std::max(0.0, alone.singles[j].score_nats - null), constants().mean_nats));
     for (const SlowCandidateScore& n : alone.noises)
       if (n.model.noise_effect)
-        out_.first_scan.push_back({n.model.noise_effect, nullptr, false, n.model.noise_effect->family(),
-                                   std::max(0.0, n.score_nats + constants().noise_kind_nats - null),
-                                   constants().noise_nats});
+        out_.first_scan.push_back(evidence_for(*n.model.noise_effect,
+                                               std::max(0.0, n.score_nats + constants().noise_kind_nats - null),
+                                               constants().noise_nats));
   }
   bool fires(const std::vector<RestFinding>& tests) const {
     const auto fires = [](const RestFinding& f) { return f.evidence_nats > 0; };

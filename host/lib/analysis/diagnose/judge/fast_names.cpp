@@ -60,7 +60,7 @@ SelectedEffect effect_of(const FastFinding& finding, const SelectorConstants& co
   return effect;
 }
 CandidateEvidence evidence_of(const FastFinding& finding, const SelectorConstants& constants) {
-  return {finding.effect, nullptr, false, finding.effect->family(), finding.gain_nats, constants.fast_nats};
+  return evidence_for(*finding.effect, finding.gain_nats, constants.fast_nats);
 }
 void name_second(const AxisQuestion& question, const FastFinding& second, Names* names) {
   if (!second.effect) return;
@@ -118,8 +118,7 @@ void name_retuned(const AxisQuestion& question, const Found& found, Names* names
     effect.gain_nats = found.seconds.retuned_nats;
     effect.evidence_nats = found.seconds.retuned_nats - question.constants.retuned_nats;
     effect.held_out_nats = kPredictsNothing;
-    effect.set = {
-        {question.library[j], nullptr, false, effect.family, effect.gain_nats, question.constants.retuned_nats}};
+    effect.set = {evidence_for(*question.library[j], effect.gain_nats, question.constants.retuned_nats)};
     add_kinds_of_noise(question, found.slow, &effect);
     names->retuned.push_back(effect);
   }

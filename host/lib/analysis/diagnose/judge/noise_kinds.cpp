@@ -71,13 +71,11 @@ void add_kinds_within(const AxisQuestion& question, const SlowAnswer& slow, doub
         is_needed(question.constants, *slow.search, s.model) ? s.model : slow.search->in_place_of_base(s.model);
     const double gap = answer.free_score() - m.free_score();
     if (gap >= margin_nats || !is_needed(question.constants, *slow.search, m)) continue;
-    kinds.push_back({s.model.noise_effect, nullptr, false, Family::kSlowNoise, effect->gain_nats - gap,
-                     question.constants.noise_nats});
+    kinds.push_back(evidence_for(*s.model.noise_effect, effect->gain_nats - gap, question.constants.noise_nats));
   }
   for (const SlopedKind& kind : by_seconds)
     if (kind.gap_nats < margin_nats && !is_in_set(*effect, kind.effect))
-      kinds.push_back({kind.effect, nullptr, false, Family::kSlowNoise, effect->gain_nats - kind.gap_nats,
-                       question.constants.noise_nats});
+      kinds.push_back(evidence_for(*kind.effect, effect->gain_nats - kind.gap_nats, question.constants.noise_nats));
   add_to_set(std::move(kinds), effect);
 }
 void add_means_that_do_as_well(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* effect) {
@@ -101,8 +99,8 @@ void add_means_without_steps(const AxisQuestion& question, const SlowAnswer& slo
     if (!slow.candidate(j).effect || s.model.names.empty()) continue;
     const double gap = own - slow.search->score(s.model);
     if (gap < question.constants.rivals_nats)
-      means.push_back({slow.candidate(j).effect, nullptr, false, slow.candidate(j).family(),
-                       steps->evidence_nats - gap + question.constants.mean_nats, question.constants.mean_nats});
+      means.push_back(evidence_for(*slow.candidate(j).effect, steps->evidence_nats - gap + question.constants.mean_nats,
+                                   question.constants.mean_nats));
   }
   add_to_set(std::move(means), steps);
 }
@@ -122,8 +120,7 @@ void add_kinds_of_noise(const AxisQuestion& question, const SlowAnswer& slow, Se
     if (gap >= question.constants.noise_margin_nats && gap_beside_others >= question.constants.rivals_nats) continue;
     // One that is ahead by less than its name costs does as well.
     const double lost = std::max(0.0, std::min(gap, gap_beside_others));
-    kinds.push_back(
-        {m.noise_effect, nullptr, false, retuned->family, retuned->gain_nats - lost, question.constants.noise_nats});
+    kinds.push_back(evidence_for(*m.noise_effect, retuned->gain_nats - lost, question.constants.noise_nats));
   }
   add_to_set(std::move(kinds), retuned);
   add_same_spectrum(question, retuned);
@@ -154,7 +151,7 @@ void add_jumps_at_temperature(const AxisQuestion& question, const SlowAnswer& sl
     const double gap =
         in_time - best_in_place_of_steps(slow, *effect->estimator(), effect->estimator()->shapes_of_jumps(places));
     if (gap < question.constants.rivals_nats)
-      list.push_back({effect, nullptr, false, effect->family(), steps->gain_nats - gap, question.constants.mean_nats});
+      list.push_back(evidence_for(*effect, steps->gain_nats - gap, question.constants.mean_nats));
   }
   if (list.empty()) return;
   add_to_set(std::move(list), steps);

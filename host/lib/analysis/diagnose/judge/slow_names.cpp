@@ -187,8 +187,7 @@ private:
       effect.gain_nats = slow_.found.step_gain_nats;
       effect.evidence_nats = effect.gain_nats - constants().cost_of_jumps(slow_.found.best.steps.size());
       effect.held_out_nats = kPredictsNothing;
-      effect.set = {{question_.library[j], nullptr, false, effect.family, effect.gain_nats,
-                     effect.gain_nats - effect.evidence_nats}};
+      effect.set = {evidence_for(*question_.library[j], effect.gain_nats, effect.gain_nats - effect.evidence_nats)};
       add_jumps_at_temperature(question_, slow_, &effect);
       add_means_without_steps(question_, slow_, &effect);
       // Jumps that come again and again are a noise.
@@ -213,8 +212,7 @@ private:
     effect.evidence_nats = *slow_.found.noise_evidence;
     effect.gain_nats = effect.evidence_nats + constants().noise_nats;
     effect.held_out_nats = kPredictsNothing;
-    const double threshold = constants().noise_nats;
-    effect.set = {{best.noise_effect, nullptr, false, effect.family, effect.gain_nats, threshold}};
+    effect.set = {evidence_for(*best.noise_effect, effect.gain_nats, constants().noise_nats)};
     add_kinds_within(question_, slow_, constants().noise_margin_nats, best, &effect);
     if (effect.set.size() > 1 || is_of_another_spectrum()) open_member(&effect);
     add_same_spectrum(question_, &effect);

@@ -66,11 +66,10 @@ std::vector<CandidateEvidence> repeatable_rivals(const AxisQuestion& question, c
 }
 // Whether a noise has a process so slow that it could be taken for a repeatable cause.
 bool has_slow_noise(const AxisQuestion& question, const NoiseModel& noise) {
-  double longest = 0;
-  for (const CampaignRun& run : question.campaign.runs) longest = std::max(longest, run.input.t_s.back());
   double slowest = 0;
   for (const Markov& m : noise.markov) slowest = std::max(slowest, m.tau_s);
-  return !(slowest < question.constants.slow_tau_part * longest && !(noise.walk_dph_per_rt_s > 0));
+  return !(slowest < question.constants.slow_tau_part * question.campaign.longest_s() &&
+           !(noise.walk_dph_per_rt_s > 0));
 }
 
 } // namespace

@@ -198,6 +198,11 @@ void find_used(CampaignRun* run) {
   }
 }
 
+double Campaign::longest_s() const {
+  double longest = 0;
+  for (const CampaignRun& run : runs) longest = std::max(longest, run.input.t_s.back());
+  return longest;
+}
 size_t Campaign::n() const {
   size_t sum = 0;
   for (const CampaignRun& run : runs) sum += run.n();
@@ -266,7 +271,6 @@ Campaign empty_campaign(const std::vector<Log>& logs, const std::vector<size_t>&
     campaign.order = static_cast<int>(model.bias->coeff_dph.size()) - 1;
     campaign.t0_degc = model.bias->t0_degc;
     campaign.range_degc = model.bias->range_degc;
-    campaign.coeff_dph = model.bias->coeff_dph;
   }
   if (!campaign.has_temperature) campaign.order = 0;
   return campaign;

@@ -60,9 +60,9 @@ struct Campaign {
   int order = 3; // of the polynomial
   double t0_degc = kUsualT0_degc, range_degc = kUsualRange_degc;
   double spread_dph = 0; // rms of what the polynomial alone leaves in minutes: scale of priors; 0: not known yet
-  std::vector<double> coeff_dph; // of the nominal model: only what nulls are simulated with
 
-  size_t n() const; // used samples
+  size_t n() const;         // used samples
+  double longest_s() const; // time from the start to the end of its longest log
 };
 
 // A moment of a run, in seconds as RunInput::t_s, by the clock of the log: what is told, and what a simulator is given.

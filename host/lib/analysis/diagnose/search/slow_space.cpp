@@ -26,9 +26,7 @@ constexpr double kUsualTau_s = 300;
 
 void set_noise(SlowSpace* out) {
   SlowSpace& space = *out;
-  double longest = 0;
-  for (const CampaignRun& run : space.data.campaign.runs) longest = std::max(longest, run.input.t_s.back());
-  space.longest_tau_s = std::max(3 * longest, 1000.0);
+  space.longest_tau_s = std::max(3 * space.data.campaign.longest_s(), 1000.0);
   space.base = space.belief.model;
   if (space.base.markov.empty()) space.base.markov.push_back({space.data.spread_dph, kUsualTau_s});
   if (!(space.base.markov[0].sigma_dph > 0)) space.base.markov[0].sigma_dph = space.data.spread_dph;

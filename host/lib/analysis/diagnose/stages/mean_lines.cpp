@@ -140,7 +140,7 @@ SelectedEffect effect_of_line(const NamedLine& line) {
   found.gain_nats = line.gain_nats;
   found.evidence_nats = line.gain_nats - line.threshold_nats;
   found.held_out_nats = kPredictsNothing;
-  found.set = {{line.effect, nullptr, false, found.family, found.gain_nats, line.threshold_nats}};
+  found.set = {evidence_for(*line.effect, found.gain_nats, line.threshold_nats)};
   return found;
 }
 

@@ -11,6 +11,10 @@ constexpr double kSmallPart = 0.05; // of the variance from second to second
 
 } // namespace
 
+CandidateEvidence evidence_for(const Effect& effect, double gain_nats, double threshold_nats) {
+  return {&effect, nullptr, false, effect.family(), gain_nats, threshold_nats};
+}
+
 Term term_of(const Effect* effect, const EffectEstimator* estimator, const Theta& shape) {
   Term term;
   term.effect = effect, term.estimator = estimator, term.shape = shape;
@@ -61,8 +65,7 @@ void raise_family(SelectedEffect* effect) {
 }
 void add_equal(const Effect* kind, SelectedEffect* effect) {
   if (!kind || is_in_set(*effect, kind)) return;
-  effect->set.push_back(
-      {kind, nullptr, false, kind->family(), effect->gain_nats, effect->gain_nats - effect->evidence_nats});
+  effect->set.push_back(evidence_for(*kind, effect->gain_nats, effect->gain_nats - effect->evidence_nats));
 }
 
 } // namespace imucal

@@ -18,6 +18,7 @@ struct CandidateEvidence {
   double gain_nats = 0, threshold_nats = 0;
   double evidence_nats() const { return gain_nats - threshold_nats; }
 };
+CandidateEvidence evidence_for(const Effect& effect, double gain_nats, double threshold_nats);
 
 // Why a name is not more than that.
 enum class Doubt {

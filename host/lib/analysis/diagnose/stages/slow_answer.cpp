@@ -96,7 +96,7 @@ SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& c
     if (!other || other == c.effect || rival.gap_nats >= constants.rivals_nats) continue;
     const bool is_at_bound = !rival.noise_effect && rival.model.names.back().is_at_bound; // no name itself
     if (other->family() == effect.family && !is_at_bound) nearest = std::min(nearest, rival.gap_nats);
-    rivals.push_back({other, nullptr, false, other->family(), effect.gain_nats - rival.gap_nats, threshold});
+    rivals.push_back(evidence_for(*other, effect.gain_nats - rival.gap_nats, threshold));
   }
   add_to_set(std::move(rivals), &effect);
   if (!c.effect || name.is_at_bound) {
