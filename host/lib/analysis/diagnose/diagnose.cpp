@@ -259,7 +259,7 @@ void tell_readings(const Campaign& campaign, const std::vector<Log>& logs, std::
   tell_frozen(campaign, logs, warnings);
 }
 // The noise of a thermometer that the gyro does not feel is nothing that the gyro does.
-std::optional<ThermometerNoise> leave_thermometer_noise(Campaign* campaign) {
+std::optional<ThermometerNoise> smooth_thermometer_noise(Campaign* campaign) {
   const std::optional<ThermometerNoise> noise = thermometer_noise(*campaign);
   if (noise) take_smoothed(noise->felt, campaign);
   return noise;
@@ -271,7 +271,7 @@ Campaign held_out_campaign(const ErrorModel& model, const std::vector<Log>& held
   if (held_out.empty()) return {};
   Campaign unseen = make_campaign_like(axis->campaign, held_out, model);
   if (axis->campaign.has_temperature) require_temperature(unseen, held_out);
-  leave_runs(unlike_those_of(axis->campaign, unseen), &unseen);
+  drop_runs(unlike_those_of(axis->campaign, unseen), &unseen);
   if (thermometer) take_smoothed(thermometer->felt, &unseen);
   tell_readings(unseen, held_out, &axis->warnings);
   tell_beyond(axis->campaign, unseen, held_out, &axis->warnings);
@@ -341,7 +341,7 @@ AxisResult diagnose_axis(const DiagnoseOptions& options, const ErrorModel& model
   check_rest(axis.campaign, &axis.warnings);
   check_steady(axis.campaign, &axis.warnings);
   tell_readings(axis.campaign, logs, &axis.warnings);
-  const std::optional<ThermometerNoise> thermometer = leave_thermometer_noise(&axis.campaign);
+  const std::optional<ThermometerNoise> thermometer = smooth_thermometer_noise(&axis.campaign);
   if (thermometer && thermometer->is_notable()) tell_thermometer_noise(name, *thermometer, &axis.warnings);
   const NoiseBelief belief = belief_of(options, model, name);
   axis.is_believed = belief.has_believed;

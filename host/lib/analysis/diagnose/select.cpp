@@ -44,7 +44,7 @@ public:
 
   AxisStudy run() {
     take_structure();
-    if (!leave_short_runs(&campaign_)) {
+    if (!drop_short_runs(&campaign_)) {
       out_.cannot_judge = true;
       out_.effects = structural_;
       out_.verdict = Verdict::kUnexplained;
@@ -52,7 +52,7 @@ public:
     }
     do {
       ask_slow();
-      leave_jumps();
+      mask_jumps();
       found_.seconds = ask_seconds(question_, &found_.slow);
     } while (takes_line());
     if (!question_.lines.empty()) found_.slow.has_lines = true, found_.slow.measure();
@@ -70,8 +70,8 @@ private:
 
   void take_structure() {
     const StructureResult& found = structure_;
-    if (held_out_ && !leave_short_runs(held_out_)) {
-      leave_runs(std::vector<std::string>(held_out_->runs.size(), kTooShort), held_out_);
+    if (held_out_ && !drop_short_runs(held_out_)) {
+      drop_runs(std::vector<std::string>(held_out_->runs.size(), kTooShort), held_out_);
       question_.held_out = held_out_ = nullptr;
     }
     out_.n_dropouts = found.n_dropouts, out_.n_left_out = found.n_left_out;
@@ -112,11 +112,11 @@ private:
   }
   // When a jump at a temperature comes is known to a few seconds, as the temperature is: what these say besides is how wrong
   // that is.  They are no hits, and are left out of the seconds.
-  void leave_jumps() {
-    leave_jumps_of(&campaign_);
-    if (held_out_) leave_jumps_of(held_out_);
+  void mask_jumps() {
+    mask_jumps_of(&campaign_);
+    if (held_out_) mask_jumps_of(held_out_);
   }
-  void leave_jumps_of(Campaign* campaign) const {
+  void mask_jumps_of(Campaign* campaign) const {
     std::vector<std::vector<char>> unusable;
     for (const CampaignRun& run : campaign->runs) {
       unusable.emplace_back(run.input.size(), 0);

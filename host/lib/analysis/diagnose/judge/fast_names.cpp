@@ -75,7 +75,7 @@ void name_fast(const AxisQuestion& question, const Found& found, Names* names) {
   const bool is_broad = is_broad_band(question);
   for (const NamedLine& line : question.lines)
     if (is_broad || is_of_temperature(question.campaign, line))
-      names->leave(effect_of_line(line));
+      names->reject(effect_of_line(line));
     else
       insert_by_evidence(effect_of_line(line), names);
   const FastFinding* first = found.fast.best(question.constants);

@@ -81,7 +81,7 @@ public:
       if (f.test != Rest::kLine && f.evidence_nats > left) left = f.evidence_nats, strongest = f.test;
       has_jumps = has_jumps || (f.evidence_nats > 0 && f.test == Rest::kSuddenChanges);
     }
-    leave_noise_beside_shapes();
+    reject_noise_beside_shapes();
     if (!question_.is_censored && fires) {
       for (SelectedEffect& effect : names_.effects) {
         if (!effect.term.effect || effect.is_family) continue;
@@ -89,10 +89,10 @@ public:
         if (form == Form::kNoise) open_noise(&effect);
         if (form == Form::kSteps && has_jumps) open_jumps(question_, &effect);
       }
-      if (left > explained_nats() || n_members() > kFewNames) leave_members(strongest);
+      if (left > explained_nats() || n_members() > kFewNames) reject_members(strongest);
     }
     join_open_noise();
-    leave_small_beside_rest(question_.is_censored ? 0 : left);
+    reject_small_beside_rest(question_.is_censored ? 0 : left);
   }
 
 private:
@@ -101,13 +101,13 @@ private:
   // The threshold of a name holds where what is left is noise.  Beside an open shape a member or a jump in time that holds less
   // than a tenth of what the slow search explains may be of that shape; one that gains little beyond its threshold, and less than
   // the tests find left, may be of what is left.
-  void leave_small_beside_rest(double left_nats) {
+  void reject_small_beside_rest(double left_nats) {
     const double least = has_open_shape() ? constants().lack_part * found_.slow.gain_nats() : 0;
     const auto is_small = [&](const SelectedEffect& effect) {
       const bool is_weak = effect.evidence_nats < constants().lack_nats && effect.gain_nats < left_nats;
       return !effect.is_family && is_in_mean(effect) && (effect.gain_nats < least || is_weak);
     };
-    names_.leave_those(is_small, &names_.effects);
+    names_.reject_those(is_small, &names_.effects);
   }
   // What stands beside slow noise whose kind is open, and may be of it, goes into its set.
   void join_open_noise() {
@@ -175,14 +175,14 @@ private:
   // More is left than was explained, or many causes together leave something: members stand in for another cause then.
   // A family says no more than that: of sudden changes what foretells logs that were not fitted is told as one, since a loop of
   // relays jumps.
-  void leave_members(Rest strongest) {
+  void reject_members(Rest strongest) {
     for (SelectedEffect& effect : names_.effects)
       if (strongest == Rest::kSuddenChanges && is_member(effect) && foretells(effect)) open_member(&effect);
     const auto is_left = [&](const SelectedEffect& effect) {
       const bool is_kept = is_of_strength(strongest) && is_in_mean(effect) && foretells(effect);
       return is_member(effect) && !is_kept;
     };
-    names_.leave_those(is_left, &names_.effects);
+    names_.reject_those(is_left, &names_.effects);
   }
   bool foretells(const SelectedEffect& effect) const { return effect.held_out_nats > constants().foretold_nats; }
   bool has_open_shape() const { return std::any_of(names_.effects.begin(), names_.effects.end(), is_shape_open); }
@@ -194,7 +194,7 @@ private:
   }
   // A kind of slow noise beside a cause whose shape is open, or beside causes of which none is named, is what that shape leaves,
   // and so are one of fast noise and other noise parameters that hold little beside it.
-  void leave_noise_beside_shapes() {
+  void reject_noise_beside_shapes() {
     const auto is_of_mean = [](const auto& cause) { return is_in_mean(cause); };
     const auto has_mean = [&](const auto& list) { return std::any_of(list.begin(), list.end(), is_of_mean); };
     const bool is_mean_left = has_mean(names_.remainders) && !has_mean(names_.effects);
@@ -205,8 +205,8 @@ private:
       if (!effect.term.effect || effect.term.form() != Form::kNoise) return false;
       return effect.family == Family::kSlowNoise || effect.gain_nats < least;
     };
-    names_.leave_those(is_noise, &names_.effects);
-    names_.leave_those([&](const SelectedEffect& effect) { return effect.gain_nats < least; }, &names_.retuned);
+    names_.reject_those(is_noise, &names_.effects);
+    names_.reject_those([&](const SelectedEffect& effect) { return effect.gain_nats < least; }, &names_.retuned);
   }
 
   const AxisQuestion& question_;
@@ -227,11 +227,11 @@ void judge_unseen(Names* names) {
     stand_in_nats = std::max(stand_in_nats, effect.gain_nats);
     return true;
   };
-  names->leave_those(is_contradicted, &names->effects);
+  names->reject_those(is_contradicted, &names->effects);
   const auto is_part = [&](const SelectedEffect& effect) {
     return !effect.is_family && is_in_mean(effect) && effect.gain_nats < stand_in_nats;
   };
-  names->leave_those(is_part, &names->effects);
+  names->reject_those(is_part, &names->effects);
   for (SelectedEffect& effect : names->effects)
     if (!effect.is_family && is_unseen(effect.term)) open_loop(&effect);
 }
@@ -253,7 +253,7 @@ void judge_teeth(const Campaign& campaign, Names* names) {
     open_member(&jumps);
     jumps.statement =
         "the family of the cause, not its member: jumps that take back what a drift brings, as the teeth of a saw";
-    names->leave_those(is_taken_back, &names->effects);
+    names->reject_those(is_taken_back, &names->effects);
     return;
   }
 }

@@ -23,19 +23,19 @@ public:
     std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.evidence_nats > b.evidence_nats; });
     const bool is_medley = is_made_of_many(list);
     if (is_medley)
-      names_.leave_those([](const SelectedEffect&) { return true; }, &list);
+      names_.reject_those([](const SelectedEffect&) { return true; }, &list);
     else if (slow_.has_free_function())
-      leave_small(&list, 1e300);
+      reject_small(&list, 1e300);
     names_.effects = owned(members_before_shapes(list));
     for (const SelectedEffect& effect : names_.effects)
       if (is_free(effect)) {
-        leave_small(&names_.effects, effect.gain_nats);
+        reject_small(&names_.effects, effect.gain_nats);
         break;
       }
     for (size_t j : slow_.found.replaced) names_.remainders.push_back(slow_.evidence_of(j, 0, 0));
     open_by_lack();
-    leave_beside_open_family();
-    leave_relays_of_loops();
+    reject_beside_open_family();
+    reject_relays_of_loops();
     if (!best.steps.empty() && !is_medley && !are_steps_small_beside_function()) name_steps();
     if (slow_.found.has_noise() && !is_medley) name_slow_noise();
     return std::move(names_);
@@ -45,13 +45,13 @@ private:
   const SelectorConstants& constants() const { return question_.constants; }
 
   // A member that holds less than a third of all, and less than the free shape beside it, is what that shape leaves.
-  void leave_small(std::vector<SelectedEffect>* list, double shape_nats) {
+  void reject_small(std::vector<SelectedEffect>* list, double shape_nats) {
     const double all = slow_.gain_nats();
     const double least = std::min(shape_nats, constants().beside_free_part * all);
-    names_.leave_those([&](const SelectedEffect& e) { return !is_free(e) && e.gain_nats < least; }, list);
+    names_.reject_those([&](const SelectedEffect& e) { return !is_free(e) && e.gain_nats < least; }, list);
   }
   // Nor is a member told beside a larger answer of its family whose shape is open.
-  void leave_beside_open_family() {
+  void reject_beside_open_family() {
     std::vector<SelectedEffect> open;
     for (const SelectedEffect& effect : names_.effects)
       if (is_shape_open(effect)) open.push_back(effect);
@@ -60,11 +60,11 @@ private:
         return whole.family == effect.family && whole.gain_nats > effect.gain_nats;
       });
     };
-    names_.leave_those(is_part, &names_.effects);
+    names_.reject_those(is_part, &names_.effects);
   }
   // A loop is plays and relays of many widths (Preisach): a jump at a temperature that holds less than a third of all beside a
   // play that holds more is what that play leaves of it.
-  void leave_relays_of_loops() {
+  void reject_relays_of_loops() {
     double loop_nats = 0;
     for (const SelectedEffect& effect : names_.effects)
       if (effect.term.effect && effect.term.effect->estimator()->is_start_bounded()) // of any shape too
@@ -73,7 +73,7 @@ private:
     const auto is_relay = [&](const SelectedEffect& effect) {
       return effect.term.estimator && effect.term.estimator->can_jump() && effect.gain_nats < least;
     };
-    names_.leave_those(is_relay, &names_.effects);
+    names_.reject_those(is_relay, &names_.effects);
   }
   // More names than few, none of which could be left out: their sum is a stand-in for a cause of another shape.
   bool is_made_of_many(const std::vector<SelectedEffect>& list) const {
@@ -100,7 +100,7 @@ private:
         kept.push_back(effect);
         continue;
       }
-      names_.leave(effect);
+      names_.reject(effect);
       const double share = constants().member_share;
       if (member != kept.end() && effect.gain_nats > (1 - share) / share * member->gain_nats) open_shape(&*member);
     }
@@ -118,7 +118,7 @@ private:
     double left_nats = 0;
     for (const SelectedEffect& effect : list)
       if (is_free(effect) && (shapes > 1 || !has_owner))
-        names_.leave(effect), left_nats = std::max(left_nats, effect.gain_nats);
+        names_.reject(effect), left_nats = std::max(left_nats, effect.gain_nats);
       else
         kept.push_back(effect);
     const double all = slow_.gain_nats();
@@ -135,7 +135,7 @@ private:
       const Family family = slow_.candidate(rest.candidate).family();
       names_.remainders.push_back(slow_.evidence_of(rest.candidate, rest.nats, 0));
       if (names_.effects.size() == 1 && names_.effects[0].family != family && does_as_well(rest.candidate)) {
-        names_.leave(names_.effects[0]);
+        names_.reject(names_.effects[0]);
         names_.effects.clear();
       }
       for (SelectedEffect& effect : names_.effects)
@@ -218,7 +218,7 @@ private:
     add_same_spectrum(question_, &effect);
     if (best.names.empty()) add_means_that_do_as_well(question_, slow_, &effect);
     if (slow_.has_free_function()) {
-      names_.leave(effect);
+      names_.reject(effect);
     } else if (best.names.empty() && slow_.is_against(constants())) {
       effect.doubt = Doubt::kAgainst, effect.held_out_nats = 0.5 * slow_.gap.delta_deviance;
       names_.dropped.push_back(effect);

@@ -216,13 +216,13 @@ std::vector<VectorXd> hits_of(const Campaign& seconds) {
   return out;
 }
 
-bool leave_short_runs(Campaign* seconds) {
+bool drop_short_runs(Campaign* seconds) {
   const Campaign blocks = block_means(*seconds, block_length_s(*seconds));
   std::vector<std::string> why;
   for (const CampaignRun& run : blocks.runs)
     why.push_back(static_cast<double>(run.n()) * blocks.dt_s < kShortest_s ? kTooShort : "");
   if (std::find(why.begin(), why.end(), "") == why.end()) return false;
-  leave_runs(why, seconds);
+  drop_runs(why, seconds);
   return true;
 }
 

@@ -38,6 +38,6 @@ NoiseModel block_equivalent(const NoiseModel& seconds, double block_s);
 constexpr char kTooShort[] = "has less than a minute of usable means";
 
 // Leaves out such runs.  False: none would stay, and nothing was changed.
-bool leave_short_runs(Campaign* seconds);
+bool drop_short_runs(Campaign* seconds);
 
 } // namespace imucal

@@ -429,7 +429,7 @@ Campaign make_campaign_like(const Campaign& fitted, const std::vector<Log>& logs
   return campaign;
 }
 
-void leave_runs(const std::vector<std::string>& why, Campaign* campaign) {
+void drop_runs(const std::vector<std::string>& why, Campaign* campaign) {
   std::vector<CampaignRun> kept;
   for (size_t r = 0; r < campaign->runs.size(); ++r)
     if (why[r].empty())

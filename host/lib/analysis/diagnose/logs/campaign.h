@@ -81,7 +81,7 @@ Campaign make_campaign(const std::vector<Log>& logs, const std::string& axis, co
 Campaign make_campaign_like(const Campaign& fitted, const std::vector<Log>& logs, const ErrorModel& model);
 
 // Leaves out runs: of each why ("has ..."); empty: it stays.
-void leave_runs(const std::vector<std::string>& why, Campaign* campaign);
+void drop_runs(const std::vector<std::string>& why, Campaign* campaign);
 
 // Leaves the auxiliary columns that every run of these campaigns has: a column is known by its place among those of a run.
 void keep_common_columns(const std::vector<Campaign*>& campaigns);

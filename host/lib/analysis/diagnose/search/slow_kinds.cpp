@@ -34,7 +34,7 @@ SlowModel at_hidden_start(const SlowLikelihood& of, const SlowModel& m, const Ef
   if (slow.empty()) return {};
   SlowModel quieter = free, less = free, believed = m;
   quieter.log_noise[0] += std::log(white / own.white_sigma_dph);
-  less.leave_swallowed();
+  less.drop_swallowed();
   quieter.noise_theta = fast, less.noise_theta = believed.noise_theta = slow;
   if (!of.space().belief.has_believed || of.space().belief.model.markov.empty())
     return best_with_noise(of, {quieter, less}, kind);

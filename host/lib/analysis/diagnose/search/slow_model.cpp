@@ -24,7 +24,7 @@ void SlowModel::take_noise_of(const SlowModel& other) {
   std::copy(other.log_noise, other.log_noise + 3, log_noise);
   is_believed = other.is_believed;
 }
-void SlowModel::leave_swallowed() {
+void SlowModel::drop_swallowed() {
   const Theta left = left_by_swallowed();
   for (size_t i = 0; i < left.size(); ++i) log_noise[i] += left[i];
 }

@@ -70,7 +70,7 @@ struct SlowModel {
   double value = -1e300;           // log marginal likelihood with the prior of the noise and its cost
   SlowModel without(size_t name) const;
   void take_noise_of(const SlowModel& other); // its parameters, not its kind
-  void leave_swallowed();                     // its noise as left_by_swallowed has it
+  void drop_swallowed();                      // its noise as left_by_swallowed has it
   double charges() const;
   bool can_be() const { return value > -1e299; }          // not: a jump is not seen, or the logs do not hold a shape
   double free_score() const { return value - charges(); } // without thresholds

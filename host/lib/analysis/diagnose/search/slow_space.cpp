@@ -87,7 +87,7 @@ void add_candidate(Candidate candidate, SlowSpace* space) {
   if (!candidate.scan.shapes.empty()) space->candidates.push_back(std::move(candidate));
 }
 // Shapes that do the same as the steps of a coarse thermometer are left to these, where they are asked.
-void leave_shapes_of_steps(SlowSpace* space) {
+void drop_shapes_of_steps(SlowSpace* space) {
   for (Candidate& c : space->candidates) {
     const auto is_of_steps = [&](const Theta& at) { return space->is_of_steps(*c.scan.estimator, at); };
     c.scan.shapes.erase(std::remove_if(c.scan.shapes.begin(), c.scan.shapes.end(), is_of_steps), c.scan.shapes.end());
@@ -119,7 +119,7 @@ void add_effects(const std::vector<const Effect*>& library, const std::vector<bo
       add_candidate(other, &space);
     }
   }
-  leave_shapes_of_steps(&space);
+  drop_shapes_of_steps(&space);
 }
 // Free shapes that the campaign can hold.
 void add_free_shapes(SlowSpace* out) {

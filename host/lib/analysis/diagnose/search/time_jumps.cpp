@@ -93,7 +93,7 @@ SlowModel with_likely_step(const SlowLikelihood& of, const SlowModel& m) {
 SlowModel with_swallowed_step(const SlowLikelihood& of, const SlowModel& m) {
   if (m.is_believed) return m;
   SlowModel less = m;
-  less.leave_swallowed();
+  less.drop_swallowed();
   less.value = of.evaluate(less);
   const SlowModel with = with_likely_step(of, less);
   return with.value - less.value > kMakesUp * (m.value - less.value) ? polished(of, with, kQuickEvaluations) : m;

@@ -20,7 +20,7 @@ bool may_ask_slow_noise(const Found& found) {
   const SlowModel& best = found.slow.found.best;
   return !best.noise_effect && best.steps.empty();
 }
-void leave_hits_that_stay(const AxisQuestion& question, const SecondsAnswer& seconds, FastScan* scan) {
+void drop_hits_that_stay(const AxisQuestion& question, const SecondsAnswer& seconds, FastScan* scan) {
   std::vector<FastFinding>& list = scan->findings;
   const auto stays = [&](const FastFinding& f) {
     const NoiseModel noise = f.noise();
@@ -228,7 +228,7 @@ void ask_fast(const AxisQuestion& question, Found* found) {
   scan = scan_fast_noise(question.campaign, seconds.noise, seconds.fit.residual, question.library, question.active,
                          question.constants, may_ask_slow_noise(*found), seconds.hits);
   take_plain(question, scan.plain, &seconds);
-  leave_hits_that_stay(question, seconds, &scan);
+  drop_hits_that_stay(question, seconds, &scan);
   found->fast.jumping = ask_jumping_noise(question, &found->slow, &seconds, &scan);
   ask_second(question, found);
   const bool holds_beside = believe_beside(question, found);

@@ -24,12 +24,12 @@ struct Names {
     return found == effects.end() ? nullptr : &*found;
   }
   // Not named: a remainder.
-  void leave(const SelectedEffect& effect) { remainders.push_back(effect.set.front()); }
+  void reject(const SelectedEffect& effect) { remainders.push_back(effect.set.front()); }
   // The same of every effect of a list (one of these) for which goes(effect).
-  template <class F> void leave_those(F goes, std::vector<SelectedEffect>* list) {
+  template <class F> void reject_those(F goes, std::vector<SelectedEffect>* list) {
     const auto kept = [&](const SelectedEffect& effect) { return !goes(effect); };
     const auto gone = std::stable_partition(list->begin(), list->end(), kept);
-    for (auto effect = gone; effect != list->end(); ++effect) leave(*effect);
+    for (auto effect = gone; effect != list->end(); ++effect) reject(*effect);
     list->erase(gone, list->end());
   }
 };

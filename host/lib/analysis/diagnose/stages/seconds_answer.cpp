@@ -105,7 +105,7 @@ void believe_again(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer
   seconds->final = hypothesis_of(question, *slow->search, slow->found.best, true);
 }
 // Two parts of one jump inside a block come to the same sample: they are one.
-void leave_doubles(std::vector<Theta>* steps) {
+void drop_doubles(std::vector<Theta>* steps) {
   std::vector<Theta> apart;
   for (const Theta& step : *steps)
     if (std::find(apart.begin(), apart.end(), step) == apart.end()) apart.push_back(step);
@@ -136,7 +136,7 @@ bool place_jumps(const AxisQuestion& question, SlowAnswer* slow, SecondsAnswer* 
     steps[s][1] = place_s;
   }
   const size_t n_before = steps.size();
-  leave_doubles(&steps);
+  drop_doubles(&steps);
   return has_moved || steps.size() < n_before;
 }
 // Single processes that several may be taken for: the first, the strongest, and one of all their variance.

@@ -53,7 +53,7 @@ SlowModel with_kind(const SlowAnswer& slow, const FastFinding& kind) {
   return m;
 }
 // Block means took white noise for slow noise: the seconds are asked for it later.
-void leave_kind(const AxisQuestion& question, SlowAnswer* slow) {
+void drop_kind(const AxisQuestion& question, SlowAnswer* slow) {
   SlowModel& best = slow->found.best;
   best.noise_effect = nullptr;
   best = best.names.empty() && best.steps.empty() ? slow->found.null : slow->search->polished(best);
@@ -85,7 +85,7 @@ std::optional<SecondsNoise> fit_sloped_noise(const AxisQuestion& question, const
     FastFinding white = first;
     first = second_kind(log_likelihood, true, kinds, question.constants.noise_nats, &white);
     if (!first.effect) {
-      leave_kind(question, slow);
+      drop_kind(question, slow);
       return level;
     }
   }
