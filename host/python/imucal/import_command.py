@@ -58,7 +58,7 @@ def run(arguments):
     options = _options(given)
     if given.list:
         name, streams = open_file(given.file, options)
-        sensors = [describe(s) for s in streams]
+        sensors = [describe(s, options.rate_hz) for s in streams]
         for s in sensors:
             print(f"{s['instance']}: {s['name']}: {' '.join(s['axes'])} at {s['rate_hz']:g} Hz, "
                   f"{'with' if s['has_temperature'] else 'without'} temperature")

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .clock import clock_of
 from .errors import DataError
 from .log import Log
-from .seconds import FLAG_MISSING, cut_seconds, in_order, keep_in_order, nominal_rate_hz
+from .seconds import FLAG_MISSING, cut_seconds, keep_in_order, nominal_rate_hz
 from .still import accel_moves, gyro_moves, widen
 
 #: a temperature is interpolated between readings no further apart than this
@@ -28,6 +29,7 @@ class Imported:
     gap_seconds: int
     moving_seconds: int
     n_duplicate: int
+    n_same: int
     n_backward: int
     source_sha256: str
     notes: list = field(default_factory=list)
@@ -36,7 +38,7 @@ class Imported:
         """The fields of the contract and more."""
         return {"format": self.format, "sensors": self.sensors, "chosen": self.chosen, "seconds": len(self.log.t_s),
                 "gaps": self.gaps, "gap_seconds": self.gap_seconds, "moving_seconds": self.moving_seconds,
-                "duplicates": self.n_duplicate, "steps_back": self.n_backward, "source_sha256": self.source_sha256,
+                "duplicates": self.n_duplicate, "same_stamps": self.n_same, "steps_back": self.n_backward, "source_sha256": self.source_sha256,
                 "has_temperature": self.log.has_temperature, "axes": self.log.axes, "notes": self.notes}
 
 
@@ -52,19 +54,24 @@ def usable_temperature(temp_degc):
     return None
 
 
-def describe(stream):
-    """One entry of "sensors" in the JSON of import."""
+def describe(stream, rate_hz=None):
+    """One entry of "sensors" in the JSON of import; rate_hz: as the user gave it."""
     has = stream.temp_degc is not None and usable_temperature(stream.temp_degc) is None
-    rate = stream.rate_hz or (nominal_rate_hz(in_order(stream.t_us)) if len(stream.t_us) > 1 else 0.0)
-    return {"instance": stream.instance, "name": stream.name, "axes": list(stream.axes), "rate_hz": round(rate, 4),
+    return {"instance": stream.instance, "name": stream.name, "axes": list(stream.axes), "rate_hz": round(_clock(stream, rate_hz).rate_hz, 4),
             "has_temperature": bool(has)}
 
 
-def _seconds_temperature(stream, seconds, keep, t_us):
+def _clock(stream, rate_hz):
+    """The stream's clock, found once."""
+    if stream.clock is None:
+        stream.clock = clock_of(stream, rate_hz)
+    return stream.clock
+
+
+def _seconds_temperature(stream, seconds):
     """Mean temperature of each second; between slower readings, interpolated."""
     temp_t, temp = stream.temp_t_us, stream.temp_degc
     if temp_t is stream.t_us:
-        temp_t, temp = t_us, temp[keep]
         mean = seconds.nanmean(temp)
         if np.isfinite(mean).all():
             return mean
@@ -153,36 +160,47 @@ def _as_seconds(stream, keep_t, values):
     return Seconds(keep_t // 1_000_000, np.arange(len(keep_t)), n, none, none)
 
 
+def _settle(stream, clock, has_temperature):
+    """Leaves the stream with the samples that are taken, at their times less whole seconds, which are returned."""
+    offset_s = 0 if stream.is_seconds else _offset_s(clock.t_us)
+    before, rows = stream.t_us, clock.rows
+    stream.t_us = clock.t_us - offset_s * 1_000_000
+    own_times, all_have_rates = stream.temp_t_us is before, rows is None or len(rows) == len(before)
+    if has_temperature:
+        stream.temp_degc = np.asarray(stream.temp_degc, float)
+        if not own_times:
+            stream.temp_t_us = stream.temp_t_us - offset_s * 1_000_000
+        else:
+            stream.temp_t_us, stream.temp_degc = stream.t_us, stream.temp_degc if all_have_rates else stream.temp_degc[rows]
+    for other in stream.motion:
+        if other.t_us is before:
+            other.t_us, other.values = stream.t_us, other.values if all_have_rates else other.values[rows]
+        else:
+            other.t_us = other.t_us - offset_s * 1_000_000
+    stream.values = stream.values if all_have_rates else stream.values[rows]
+    return offset_s
+
+
 def to_log(path, stream, rate_hz=None, temperature=True, keep_moving=False):
     """1-s means of a stream at rest.
 
     Returns
     -------
     log : Log
-    counts : dict    gaps, gap_seconds, moving_seconds, n_duplicate, n_backward
+    counts : dict    gaps, gap_seconds, moving_seconds, n_duplicate, n_same, n_backward
     """
     if len(stream.t_us) == 0:
         raise DataError(f"{path}: sensor {stream.instance} ({stream.name}) has no samples")
     has_temperature = _check_temperature(path, stream, temperature)
-    offset_s = 0 if stream.is_seconds else _offset_s(stream.t_us)
-    shifted = stream.t_us - offset_s * 1_000_000
-    if has_temperature:
-        own_times = stream.temp_t_us is stream.t_us
-        stream.temp_t_us = shifted if own_times else stream.temp_t_us - offset_s * 1_000_000
-        stream.temp_degc = np.asarray(stream.temp_degc, float)
-    for other in stream.motion:
-        other.t_us = other.t_us - offset_s * 1_000_000
-    stream.t_us = shifted
-    keep, n_duplicate, n_backward = keep_in_order(shifted)
-    if n_backward > 0.01 * len(keep) + 5:
-        stream.notes.append(f"{n_backward} samples lie before newer ones and are left out: if the clock was set back, cut the file there")
-    if not np.issubdtype(stream.values.dtype, np.integer):
-        finite = _finite_rows(stream.values, np.any if stream.is_seconds else np.all)  # a row of 1-s means may miss an axis, a sample may not
-        keep &= True if finite is None else finite
-    t_us, values = shifted[keep], stream.values[keep]
-    if len(t_us) == 0:
+    clock = _clock(stream, rate_hz)
+    if clock.problem:
+        raise DataError(f"{path}: sensor {stream.instance} ({stream.name}): {clock.problem}")
+    if len(clock.t_us) == 0:
         raise DataError(f"{path}: sensor {stream.instance} ({stream.name}) has no finite samples")
-    rate = rate_hz or stream.rate_hz or nominal_rate_hz(t_us)
+    stream.notes += clock.notes
+    offset_s = _settle(stream, clock, has_temperature)
+    t_us, values = stream.t_us, stream.values
+    rate = rate_hz or clock.rate_hz or 1.0
     seconds = _as_seconds(stream, t_us, values) if stream.is_seconds else cut_seconds(t_us, rate)
     is_gyro, names = _axis_names(stream)
     moves = _motion_of(stream, seconds, t_us, values, is_gyro) if not keep_moving else np.zeros(len(seconds.n), bool)
@@ -194,7 +212,7 @@ def to_log(path, stream, rate_hz=None, temperature=True, keep_moving=False):
     else:
         mean = seconds.mean(values) * stream.to_internal
     mean[seconds.is_gap] = np.nan
-    temp = _seconds_temperature(stream, seconds, keep, t_us) if has_temperature else np.full(len(seconds.n), np.nan)
+    temp = _seconds_temperature(stream, seconds) if has_temperature else np.full(len(seconds.n), np.nan)
     t_s = t_us / 1e6 if stream.is_seconds else seconds.end_s.astype(float)
     flags = np.where(seconds.is_missing, FLAG_MISSING, 0)[still]
     log = Log(t_s[still], temp[still], {n: mean[still, i] for i, n in enumerate(names)}, {n: flags for n in names}, dict(stream.metadata),
@@ -203,5 +221,5 @@ def to_log(path, stream, rate_hz=None, temperature=True, keep_moving=False):
         log.metadata["t_s_origin_s"] = offset_s
     gaps, gap_seconds = _gaps(log.t_s)
     log.metadata.update(source_unit=stream.unit, source_rate_hz=f"{rate:g}")
-    return log, {"gaps": gaps, "gap_seconds": gap_seconds, "moving_seconds": int(moves.sum()), "n_duplicate": n_duplicate,
-                 "n_backward": n_backward}
+    return log, {"gaps": gaps, "gap_seconds": gap_seconds, "moving_seconds": int(moves.sum()), "n_duplicate": clock.n_duplicate,
+                 "n_same": clock.n_same, "n_backward": clock.n_late}

@@ -4,6 +4,7 @@ import gc
 import json
 import os
 import subprocess
+import sys
 import tempfile
 import warnings
 
@@ -246,5 +247,7 @@ def _look(given):
     save_page(look_page(log, looks), output, os.path.basename(given.file), lines)
     if not given.quiet and given.json != "-":
         print("\n".join(lines + [f"page: {output}"]))
+    for note in imported.notes if imported else ():
+        print(f"imucal look: {os.path.basename(given.file)}: note: {note}", file=sys.stderr)
     finish_json(given.json, _result(lines, looks, log, imported))
     return 0

@@ -47,3 +47,4 @@ class Stream:
     notes: list = field(default_factory=list)
     rate_hz: float = 0.0
     is_seconds: bool = False  # rows are 1-s means already, t is the second's end
+    clock: object = None  # clock.Clock, once it is found

@@ -228,6 +228,6 @@ def _attach_accel(path, stream, accel, options, whole):
 def _take_seconds(stream):
     """Rows that come once a second, on the second, are 1-s means as they stand."""
     steps = np.diff(stream.t_us)
-    if len(steps) and abs(float(np.median(steps)) - 1e6) < 2e4 and np.mean(np.abs(steps - np.rint(steps / 1e6) * 1e6) < 2e5) > 0.9:
+    if len(steps) and abs(float(np.median(steps)) - 1e6) < 2e4 and np.mean((np.abs(steps - np.rint(steps / 1e6) * 1e6) < 2e5) & (steps > 5e5)) > 0.9:
         stream.is_seconds, stream.rate_hz = True, 1.0
         stream.notes.append("one row a second: taken as 1-s means as they stand; single samples would carry their full noise")

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: MIT
+"""Time stamps as loggers write them: coarse, frozen, set back.  A sample is lost with a word, and not by the thousand."""
+import json
+
+import numpy as np
+import pytest
+
+import imucal
+from imucal.__main__ import main
+
+N, RATE_HZ = 12000, 100
+HEAD = "time_s,gx_dps,gy_dps,gz_dps,temp\n"
+
+
+def samples():
+    """(times of N samples at 100 Hz, text of their other columns)."""
+    rng = np.random.default_rng(1)
+    gyro = 0.01 * rng.standard_normal((N, 3)) + [0.1, -0.2, 0.05]
+    return np.arange(N) / RATE_HZ, [f"{x:.6f},{y:.6f},{z:.6f},{20 + i / 1000:.3f}" for i, (x, y, z) in enumerate(gyro)]
+
+
+def table(path, times, rows):
+    path.write_text(HEAD + "".join(f"{t},{row}\n" for t, row in zip(times, rows)))
+    return path
+
+
+def taken(path, capsys, *options, expect=0):
+    """(log or None, JSON or None, standard error) of `imucal import`."""
+    out, result = path.with_suffix(".out"), path.with_suffix(".json")
+    status = main(["import", str(path), "-o", str(out), "--json", str(result), *options])
+    said = capsys.readouterr()
+    assert status == expect, said
+    assert out.exists() == result.exists() == (expect == 0)
+    return (imucal.read_log(out), json.loads(result.read_text()), said.err) if expect == 0 else (None, None, said.err)
+
+
+def coarse(t_s, resolution_s):
+    return [f"{np.floor(t / resolution_s + 1e-9) * resolution_s:.3f}" for t in t_s]
+
+
+def bursts(t_s):
+    """The times at which a buffer was emptied, now and then."""
+    at = np.concatenate([[0.0], np.sort(np.random.default_rng(5).uniform(0, t_s[-1], 60))])
+    return at[np.searchsorted(at, t_s, side="right") - 1]
+
+
+@pytest.mark.parametrize("resolution_s", [1.0, 0.1, 0.016, 2.0])
+def test_samples_that_share_a_coarse_stamp_are_spread_over_it(tmp_path, capsys, resolution_s):
+    t_s, rows = samples()
+    fine, _, _ = taken(table(tmp_path / "fine.csv", [f"{t:.3f}" for t in t_s], rows), capsys)
+    log, result, said = taken(table(tmp_path / "coarse.csv", coarse(t_s, resolution_s), rows), capsys)
+    assert "time stamps are coarse" in said and f"{resolution_s:g} s" in said and "--rate" in said
+    assert result["duplicates"] == 0 and result["sensors"][0]["rate_hz"] == pytest.approx(RATE_HZ, rel=0.03)
+    np.testing.assert_array_equal(log.t_s, fine.t_s)
+    inner = slice(3, -3)
+    tolerance = 1e-6 if resolution_s in (1.0, 0.1) else 0.3 * 0.01 * 3600  # a few of a hundred samples lie in the second beside
+    np.testing.assert_allclose(log.rates["gx_dph"][inner], fine.rates["gx_dph"][inner], atol=tolerance)
+    assert not log.flags
+
+
+def test_recording_that_begins_and_ends_within_a_stamp_keeps_its_place(tmp_path, capsys):
+    t_s, rows = samples()
+    t_s = t_s + 7.63
+    fine, _, _ = taken(table(tmp_path / "fine.csv", [f"{t:.3f}" for t in t_s], rows), capsys)
+    log, _, _ = taken(table(tmp_path / "coarse.csv", coarse(t_s, 1.0), rows), capsys)
+    np.testing.assert_array_equal(log.t_s, fine.t_s)
+    np.testing.assert_allclose(log.rates["gx_dph"], fine.rates["gx_dph"], atol=1e-6)
+
+
+@pytest.mark.parametrize("name, times, words", [
+    ("frozen", lambda t: ["5.0"] * N, "1 time stamp"),
+    ("of float32 since 1970", lambda t: [f"{float(np.float32(1.7643e9 + v)):.1f}" for v in t], "time stamp"),
+    ("in bursts", lambda t: [f"{v:.3f}" for v in bursts(t)], "time stamp")])
+def test_stamps_that_tell_no_time_are_refused_and_the_rate_is_the_remedy(tmp_path, capsys, name, times, words):
+    t_s, rows = samples()
+    path = table(tmp_path / "log.csv", times(t_s), rows)
+    _, _, said = taken(path, capsys, expect=3)
+    assert "log.csv" in said and words in said and "--rate HZ" in said and "differ" in said
+    log, result, said = taken(path, capsys, "--rate", "100")
+    fine, _, _ = taken(table(tmp_path / "fine.csv", [f"{t:.3f}" for t in t_s], rows), capsys)
+    assert "counted" in said and len(log.t_s) == N // RATE_HZ
+    np.testing.assert_allclose(log.rates["gx_dph"], fine.rates["gx_dph"], atol=1e-6)
+
+
+def test_rows_that_stand_twice_are_taken_once(tmp_path, capsys):
+    t_s, rows = samples()
+    stamps = [f"{t:.3f}" for t in t_s]
+    once, _, _ = taken(table(tmp_path / "once.csv", stamps, rows), capsys)
+    log, result, said = taken(table(tmp_path / "twice.csv", np.repeat(stamps, 2), np.repeat(rows, 2)), capsys)
+    assert result["duplicates"] == N and "rate_hz" in result["sensors"][0] and result["sensors"][0]["rate_hz"] == RATE_HZ
+    assert "stand twice" in said
+    np.testing.assert_array_equal(log.rates["gx_dph"], once.rates["gx_dph"])
+
+
+@pytest.mark.parametrize("name, order", [("backwards", np.arange(N)[::-1]), ("second half first", np.r_[N // 2:N, :N // 2]),
+                                         ("shuffled", np.random.default_rng(3).permutation(N))])
+def test_record_of_which_much_would_be_lost_as_late_is_refused(tmp_path, capsys, name, order):
+    t_s, rows = samples()
+    _, _, said = taken(table(tmp_path / "log.csv", [f"{t_s[i]:.3f}" for i in order], [rows[i] for i in order]), capsys, expect=3)
+    assert "log.csv" in said and "before newer ones" in said and "sort" in said and "cut" in said
+
+
+def test_a_few_late_samples_and_doubled_stamps_are_left_out_and_counted(tmp_path, capsys):
+    t_s, rows = samples()
+    stamps = [f"{t:.3f}" for t in t_s]
+    stamps[500], stamps[700] = stamps[499], stamps[690]
+    log, result, said = taken(table(tmp_path / "log.csv", stamps, rows), capsys)
+    assert (result["duplicates"], result["same_stamps"], result["steps_back"]) == (0, 1, 1)
+    assert "1 sample with the time of another" in said and len(log.t_s) == N // RATE_HZ
+
+
+def test_look_says_what_became_of_the_stamps(tmp_path, capsys):
+    t_s, rows = samples()
+    path = table(tmp_path / "coarse.csv", coarse(t_s, 1.0), rows)
+    assert main(["look", str(path), "-o", str(tmp_path / "p.png"), "--no-ml"]) == 0
+    assert "time stamps are coarse" in capsys.readouterr().err
