@@ -178,6 +178,7 @@ def _settle(stream, clock, has_temperature):
         else:
             other.t_us = other.t_us - offset_s * 1_000_000
     stream.values = stream.values if all_have_rates else stream.values[rows]
+    stream.flags = stream.flags if stream.flags is None or all_have_rates else stream.flags[rows]
     return offset_s
 
 
@@ -214,8 +215,8 @@ def to_log(path, stream, rate_hz=None, temperature=True, keep_moving=False):
     mean[seconds.is_gap] = np.nan
     temp = _seconds_temperature(stream, seconds) if has_temperature else np.full(len(seconds.n), np.nan)
     t_s = t_us / 1e6 if stream.is_seconds else seconds.end_s.astype(float)
-    flags = np.where(seconds.is_missing, FLAG_MISSING, 0)[still]
-    log = Log(t_s[still], temp[still], {n: mean[still, i] for i, n in enumerate(names)}, {n: flags for n in names}, dict(stream.metadata),
+    flags = np.repeat(np.where(seconds.is_missing, FLAG_MISSING, 0)[:, None], len(names), axis=1) if stream.flags is None else stream.flags
+    log = Log(t_s[still], temp[still], {n: mean[still, i] for i, n in enumerate(names)}, {n: flags[still, i] for i, n in enumerate(names)}, dict(stream.metadata),
               os.fspath(path))
     if offset_s:
         log.metadata["t_s_origin_s"] = offset_s

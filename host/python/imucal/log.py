@@ -183,6 +183,8 @@ def read_log(path):
                     continue
                 elif columns is None:
                     columns, header_line = [c.strip() for c in line.split(",")], number
+                    if columns[:2] == ["t_s", "temp_degc"] and any(c.endswith("_counts") for c in columns):
+                        return _read_raw(path)
                 else:
                     lines.append((number, line))
     except OSError as error:
@@ -195,8 +197,6 @@ def read_log(path):
         raise DataError(f"{path}: the header begins with t_s,temp_degc, found \"{','.join(columns[:2])}\"; "
                         f"imucal import {path} -o LOG.csv reads other tables")
     _check_header(path, header_line, columns, metadata)
-    if any(c.endswith("_counts") for c in columns):
-        return _decimate_raw(path, metadata, columns, lines)
     if not lines:
         raise DataError(f"{path}: empty log: a header and no whole row")
     return _log_of(path, metadata, columns, _rows(path, lines, columns), lines)
@@ -231,36 +231,18 @@ def _log_of(path, metadata, columns, table, lines):
     return log
 
 
-def _decimate_raw(path, metadata, columns, lines):
-    """A raw log of counts, by the core's rules and rounding."""
-    from .seconds import FLAG_MISSING, cut_seconds, keep_in_order
+def _read_raw(path):
+    """A raw log of counts, by the programs' own reader: one rule and one rounding for what is a sample and what is a second."""
+    from .native import core
 
-    if not lines:
-        raise DataError(f"{path}: empty log: a header and no whole row")
     try:
-        rate_hz = float(metadata["rate_hz"])
-    except (KeyError, ValueError):
-        raise DataError(f"{path}: a raw log needs its sample rate: \"# rate_hz = 100\"") from None
-    table = _rows(path, lines, columns)
-    counts = [i for i, c in enumerate(columns) if c.endswith("_counts")]
-    table = table[np.isfinite(table[:, counts]).all(axis=1)]
-    t_us = np.rint(table[:, 0] * 1e6).astype(np.int64)
-    keep, _, _ = keep_in_order(t_us)
-    table, t_us = table[keep], t_us[keep]
-    seconds = cut_seconds(t_us, rate_hz)
-    temp = seconds.mean_of_counts(np.rint(np.nan_to_num(table[:, 1]) * 65536), 1.0)
-    temp = np.where(np.isfinite(seconds.mean(table[:, 1])), temp / 65536, np.nan)
-    log = Log(seconds.end_s.astype(float), temp, {}, {}, metadata, path)
-    for i in counts:
-        stem = columns[i][: -len("_counts")]
-        scale = next(((u, float(metadata[f"{columns[i]}_scale_{u}"])) for u in _UNITS if f"{columns[i]}_scale_{u}" in metadata), None)
-        if scale is None:
-            raise DataError(f"{path}: column {columns[i]} needs its scale: \"# {columns[i]}_scale_dph = …\"")
-        name = f"{stem}_{'mg' if scale[0] in ('mg', 'ms2') else 'dph'}"
-        mean = seconds.mean_of_counts(table[:, i], scale[1] * _UNITS[scale[0]])
-        log.rates[name] = np.where(seconds.is_gap, np.nan, mean)
-        log.flags[name] = np.where(seconds.is_missing, FLAG_MISSING, 0)
-    return log
+        t_s, temp_degc, axes, metadata, notices = core().read_log(path)
+    except ValueError as error:
+        raise DataError(str(error)) from None
+    for text in notices:
+        warnings.warn(text, DataWarning, stacklevel=3)
+    return Log(t_s, temp_degc, {name: rate for name, (rate, _) in axes.items()}, {name: flags.astype(int) for name, (_, flags) in axes.items()},
+               metadata, path)
 
 
 def _text(values, digits):

@@ -47,4 +47,5 @@ class Stream:
     notes: list = field(default_factory=list)
     rate_hz: float = 0.0
     is_seconds: bool = False  # rows are 1-s means already, t is the second's end
+    flags: np.ndarray = None  # (n, k) bits of the rows, where the file has them (log.Log)
     clock: object = None  # clock.Clock, once it is found

@@ -15,7 +15,9 @@
 #include "analysis/errormodel/confidence.h"
 #include "base/error.h"
 #include "io/json_file.h"
+#include "io/log.h"
 #include "io/model.h"
+#include "io/notice.h"
 #include "kf.h"
 #include "number_table.h"
 #include "seconds.h"
@@ -223,6 +225,38 @@ nb::object running_median(const Table& values, size_t half) {
   return nb::cast(take_over(std::move(medians), {n, k}));
 }
 
+// What the library has to say while this lives, for Python to say; no two at a time: they are made with the GIL held.
+class Notices {
+public:
+  Notices() {
+    set_notice_sink([this](const std::string& message) { messages_.push_back(message); });
+  }
+  ~Notices() {
+    set_notice_sink([](const std::string&) {});
+  }
+  Notices(const Notices&) = delete;
+  Notices& operator=(const Notices&) = delete;
+  const std::vector<std::string>& messages() const { return messages_; }
+
+private:
+  std::vector<std::string> messages_;
+};
+
+// (times, temperatures, {axis: (rates, flags)}, {metadata}, [notices]) of a log, by the programs' own reader: io/log.h.
+nb::object read_log_of(const std::string& path) {
+  try {
+    const Notices notices;
+    const Log log = read_log(path);
+    nb::dict axes, metadata;
+    for (const LogAxis& axis : log.axes)
+      axes[nb::str(axis.name.c_str())] = nb::make_tuple(copied(axis.rate_dph), copied(axis.flags));
+    for (const auto& [key, value] : log.metadata) metadata[nb::str(key.c_str())] = nb::str(value.c_str());
+    return nb::make_tuple(copied(log.t_s), copied(log.temp_degc), axes, metadata, notices.messages());
+  } catch (const Error& e) {
+    throw nb::value_error(e.what());
+  }
+}
+
 // imucal_kf_t with exceptions for refused configurations.
 class Filter {
 public:
@@ -306,6 +340,7 @@ NB_MODULE(_core, m) {
   m.def("split_ulog", &split_ulog, nb::arg("file"), nb::arg("topics"));
   m.def("read_numbers", &read_numbers, nb::arg("text"), nb::arg("begin"), nb::arg("end"), nb::arg("delimiter"),
         nb::arg("n_columns"));
+  m.def("read_log", &read_log_of, nb::arg("path"));
   m.def("steps_and_counts", &steps_and_counts, nb::arg("t_us"));
   m.def("running_median", &running_median, nb::arg("values"), nb::arg("half"));
   m.def("spread_of_seconds", &spread_of_seconds, nb::arg("values"), nb::arg("first"), nb::arg("n"));

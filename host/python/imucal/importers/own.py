@@ -12,6 +12,8 @@ def streams(path, options):
     t_us = np.rint(log.t_s * 1e6).astype(np.int64)
     axes = [name.rpartition("_")[0] if name.endswith("_dph") else "a" + name.rpartition("_")[0].lstrip("a") for name in log.axes]
     values = np.stack(list(log.rates.values()), axis=1)
+    none = np.zeros(len(t_us), int)
+    flags = np.stack([log.flags.get(name, none) for name in log.axes], axis=1)
     return [Stream(0, log.metadata.get("device", "log"), axes, t_us, values, np.ones(len(axes)), "dph, mg", t_us, log.temp_degc,
                    metadata={k: v for k, v in log.metadata.items() if k not in ("imucal-log", "rate_hz") and "_counts" not in k},
-                   rate_hz=1.0, is_seconds=True)]
+                   rate_hz=1.0, is_seconds=True, flags=flags)]
