@@ -13,7 +13,9 @@ from imucal.check import check_file, positions
 BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
 MODEL = '{\n "imucal_model": 1,\n "arw_deg_rt_h": 0.6,\n "markov": [\n  {"sigma_dph": 20, "tau_s": 100},\n  {"sigma_dph": 3,\n   "tau_s": 10}\n ]\n}\n'
 TABLE = json.dumps({"imucal_table": 1, "serial": "x", "sequence": 1, "created": "2026-11-21T06:22:00Z", "degc_per_count": 0.01, "degc_at_zero": 25,
-                    "axes": [{"axis": "gx_dph", "order": 3, "t0_degc": 25, "range_degc": 50, "coeff_dph": [1, 2, 3, 4], "span_degc": [-20, 70]}]}, indent=1)
+                    "axes": [{"axis": "gx_dph", "order": 3, "t0_degc": 25, "range_degc": 50, "coeff_dph": [1, 2, 3, 4], "span_degc": [-20, 70],
+                              "sigma_dph": [6, 5, 4, 4, 4, 4, 4, 5, 5], "model": {"arw_deg_rt_h": 0.6, "markov": []}, "dph_per_count": 18,
+                              "full_scale_counts": 32767, "n_seconds": 8400}]}, indent=1)
 
 
 @pytest.mark.parametrize("text, line, words", [
@@ -67,7 +69,7 @@ def test_example_script_leads_to_a_table_that_names_no_missing_step(tmp_path, mo
 
 def _limits(tmp_path, **limits):
     table = json.loads(TABLE)
-    table["axes"][0].update(temp_degc=[-20 + 11.25 * i for i in range(9)], sigma_dph=[6, 5, 4, 4, 4, 4, 4, 5, 5])
+    table["axes"][0].update(temp_degc=[-20 + 11.25 * i for i in range(9)])
     (tmp_path / "table.json").write_text(json.dumps(table))
     (tmp_path / "limits.json").write_text(json.dumps({"imucal_limits": 1, **limits}))
     return main(["check", str(tmp_path / "table.json"), "--limits", str(tmp_path / "limits.json")])

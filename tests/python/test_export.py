@@ -23,10 +23,15 @@ def table_json(order=3, seed=1, names=("gx_dph", "gy_dph", "gz_dph"), span=(-20.
     rng = np.random.default_rng(seed)
     return {"imucal_table": 1, "serial": "DEMO-1", "sequence": 3, "created": "2026-11-21T06:22:00Z", "degc_per_count": 0.01, "degc_at_zero": 25,
             "axes": [{"axis": n, "order": order, "t0_degc": 25.0, "range_degc": 50.0,
-                      f"coeff_{n[-3:] if n.endswith('dph') else 'mg'}": [float(F(v)) for v in rng.normal(0, 500, order + 1)],
+                      f"coeff_{n[-3:] if n.endswith('dph') else 'mg'}": [float(F(v)) for v in rng.normal(0, 500, order + 1)] if order else [0.0],
                       "scale_coeff": list(scale), "span_degc": list(span), "temp_degc": np.linspace(*span, 9).tolist(),
                       f"sigma_{'dph' if n.endswith('dph') else 'mg'}": [5.0] * 9, "model": {"arw_deg_rt_h": 0.6, "markov": []},
                       f"{'dph' if n.endswith('dph') else 'mg'}_per_count": 18.0, "full_scale_counts": 32767, "n_seconds": 8400} for n in names]}
+
+
+def valid_from(axis, lo, hi):
+    """Gives an axis a span, and a polynomial that reaches over it."""
+    axis.update(span_degc=[lo, hi], temp_degc=np.linspace(lo, hi, 9).tolist(), t0_degc=(lo + hi) / 2, range_degc=(hi - lo) / 2)
 
 
 @pytest.fixture
@@ -133,7 +138,7 @@ def test_ardupilot_parameters_give_the_table_in_ardupilot_s_own_formula(table, s
 def test_ardupilot_has_one_span_for_gyro_and_accelerometer(table, tmp_path):
     content = table_json(names=("gx_dph", "gy_dph", "gz_dph", "ax_mg", "ay_mg", "az_mg"))
     for axis in content["axes"][3:]:
-        axis["span_degc"] = [-5.0, 80.0]
+        valid_from(axis, -5.0, 80.0)
     (tmp_path / "two.json").write_text(json.dumps(content))
     text, notes = ardupilot.export(read_table(tmp_path / "two.json"), NOTHING)
     params = dict(line.split() for line in text.splitlines() if not line.startswith("#"))
@@ -143,7 +148,7 @@ def test_ardupilot_has_one_span_for_gyro_and_accelerometer(table, tmp_path):
 
 def test_axes_without_a_common_span_are_refused(table, tmp_path):
     content = table_json()
-    content["axes"][1]["span_degc"] = [75.0, 85.0]
+    valid_from(content["axes"][1], 75.0, 85.0)
     (tmp_path / "apart.json").write_text(json.dumps(content))
     for module in (px4, ardupilot):
         with pytest.raises(DataError, match="no temperature in common"):
@@ -284,7 +289,7 @@ def test_allan_of_a_model_tends_to_its_asymptotes():
 @pytest.mark.parametrize("content, to, words", [
     (MODEL, "px4", "not a calibration table"), (table_json(), "kalibr", "needs an error model"),
     (table_json(names=("gx_dph", "gy_dph")), "px4", "no axis gz"), (table_json(names=("temp_dph",)), "ardupilot", "no axes gx, gy, gz"),
-    ({"imucal_table": 1, "axes": [{"axis": "gx_dph"}]}, "px4", "t0_degc is missing")])
+    ({"imucal_table": 1, "axes": [{"axis": "gx_dph"}]}, "px4", 'field "serial" is missing')])
 def test_export_of_the_wrong_file_says_so_and_writes_nothing(tmp_path, capsys, content, to, words):
     (tmp_path / "f.json").write_text(json.dumps(content))
     assert main(["export", str(tmp_path / "f.json"), "--to", to, "-o", str(tmp_path / "out")]) == 3

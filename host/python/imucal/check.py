@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
 """``imucal check``: is a file one of ours, and valid?  Messages name file and line."""
 import json
-import json.decoder
 import os
 from pathlib import Path
 
@@ -9,40 +8,11 @@ from .cli import common_options, finish_json, parser_of
 from .errors import DataError
 from .limits import judge
 from .log import read_log
+from .strict import line_of, parse, positions, refusal, table_contradiction
 
 KINDS = {"imucal_model": "model", "imucal_profile": "profile", "imucal_table": "table", "imucal_diagnosis": "diagnosis",
          "imucal_limits": "limits"}
 _SCHEMAS = Path(__file__).with_name("schema")
-
-
-def _skip(text, at):
-    while at < len(text) and text[at] in " \t\r\n,:":
-        at += 1
-    return at
-
-
-def positions(text):
-    """{path: index in the text} of every value of a JSON text that parses; a path is a tuple of keys and places."""
-    found, decoder = {}, json.decoder.JSONDecoder()
-
-    def walk(at, path):
-        at = _skip(text, at)
-        found[path] = at
-        if text[at] == "{":
-            at = _skip(text, at + 1)
-            while text[at] != "}":
-                key, at = json.decoder.scanstring(text, at + 1)
-                at = _skip(text, walk(at, (*path, key)))
-            return at + 1
-        if text[at] == "[":
-            at, i = _skip(text, at + 1), 0
-            while text[at] != "]":
-                at, i = _skip(text, walk(at, (*path, i))), i + 1
-            return at + 1
-        return decoder.raw_decode(text, at)[1]
-
-    walk(0, ())
-    return found
 
 
 def _dotted(path):
@@ -66,9 +36,9 @@ def _words(error):
 def check_json(path, text):
     """(kind, list of messages) of a JSON file."""
     try:
-        data = json.loads(text)
-    except json.JSONDecodeError as error:
-        return "json", [f"{path}:{error.lineno}: column {error.colno}: {error.msg}"]
+        data = parse(path, text)
+    except DataError as error:
+        return "json", [str(error)]
     kind = next((k for tag, k in KINDS.items() if isinstance(data, dict) and tag in data), None)
     if kind is None:
         return "json", [f"{path}:1: a JSON file, but none of ours: it has none of the members {', '.join(KINDS)}"]
@@ -80,27 +50,28 @@ def check_json(path, text):
     places, messages = positions(text), []
     for error in sorted(validator.iter_errors(data), key=lambda e: places.get(tuple(e.absolute_path), 0)):
         at = tuple(error.absolute_path)
-        line = text.count("\n", 0, places.get(at, 0)) + 1
-        messages.append(f"{path}:{line}: {_dotted(at) + ': ' if at else ''}{_words(error)}")
-    return kind, messages + _beyond_schema(path, kind, data, places, text, messages)
+        messages.append(f"{path}:{line_of(text, places.get(at, 0))}: {_dotted(at) + ': ' if at else ''}{_words(error)}")
+    return kind, messages or _beyond_schema(path, kind, data, places, text)
 
 
-def _beyond_schema(path, kind, data, places, text, messages):
-    """What a schema cannot say: numbers of coefficients, order of a span."""
-    found = []
-    if kind == "model" and not messages:
-        return _accelerometer_names(path, data, places, text)
-    if kind != "table" or messages:
+def _beyond_schema(path, kind, data, places, text):
+    """What a schema cannot say: names of a unit, numbers of coefficients, an order, the limits of the programs."""
+    found = _accelerometer_names(path, data, places, text) if kind == "model" else _numbers_of_coefficients(path, data, places, text) if kind == "table" else []
+    if found or kind not in ("model", "profile", "table"):
         return found
+    message = refusal(path, text, kind) or (table_contradiction(path, data, text) if kind == "table" else None)
+    return [message] if message else []
+
+
+def _numbers_of_coefficients(path, data, places, text):
+    found = []
     for i, axis in enumerate(data["axes"]):
-        coeff = axis.get("coeff_dph", axis.get("coeff_mg"))
         key = "coeff_dph" if "coeff_dph" in axis else "coeff_mg"
-        if len(coeff) != axis["order"] + 1:
-            line = text.count("\n", 0, places[("axes", i, key)]) + 1
-            found.append(f"{path}:{line}: axes[{i}].{key}: {len(coeff)} coefficients for order {axis['order']}: {axis['order'] + 1} are expected")
+        if len(axis[key]) != axis["order"] + 1:
+            found.append(f"{path}:{line_of(text, places[('axes', i, key)])}: axes[{i}].{key}: {len(axis[key])} coefficients for order {axis['order']}: "
+                         f"{axis['order'] + 1} are expected")
         if not axis["span_degc"][0] < axis["span_degc"][1]:
-            line = text.count("\n", 0, places[("axes", i, "span_degc")]) + 1
-            found.append(f"{path}:{line}: axes[{i}].span_degc: the lower temperature comes first")
+            found.append(f"{path}:{line_of(text, places[('axes', i, 'span_degc')])}: axes[{i}].span_degc: the lower temperature comes first")
     return found
 
 
@@ -111,7 +82,7 @@ def _accelerometer_names(path, data, places, text):
     found = []
     for at in places:
         if at and at[0] != "effects" and str(at[-1]).endswith(("_mg", "_mg_rt_hz")):
-            found.append(f"{path}:{text.count(chr(10), 0, places[at]) + 1}: {_dotted(at)}: only in a model with \"unit\": \"mg\"")
+            found.append(f"{path}:{line_of(text, places[at])}: {_dotted(at)}: only in a model with \"unit\": \"mg\"")
     return found
 
 

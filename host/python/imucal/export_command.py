@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: MIT
 """``imucal export``."""
 import importlib
+import math
+import re
 import sys
 
 from .cli import common_options, finish_json, parser_of
-from .errors import DataError
+from .errors import DataError, UsageError
 from .log import keep_input, write_text
-from .table import read_json, read_table
+from .strict import read_json
+from .table import read_table
 
 _TABLE = {"px4": "px4", "ardupilot": "ardupilot", "c-header": "c_header", "json": "plain_json"}
 _MODEL = ["kalibr", "ros", "matlab", "datasheet"]
@@ -26,12 +29,21 @@ def _parser():
     return parser
 
 
+def _check_options(given):
+    """UsageError: what no target could hold."""
+    if given.rate_hz is not None and not 0 < given.rate_hz < math.inf:
+        raise UsageError(f"--rate-hz {given.rate_hz:g}: expected the samples per second, more than 0")
+    if given.prefix is not None and not re.fullmatch(r"[A-Za-z_]\w*", given.prefix, re.ASCII):
+        raise UsageError(f"--prefix {given.prefix}: expected letters, digits and _, and no digit first: names in C begin with it")
+
+
 def _export(given):
     if given.to in _TABLE:
         module = importlib.import_module(f".export.{_TABLE[given.to]}", __package__)
         return module.export(read_table(given.file), given)
     from .export.noise import TARGETS, read_noise
-    if "imucal_table" in read_json(given.file):
+    data = read_json(given.file)
+    if isinstance(data, dict) and "imucal_table" in data:
         raise DataError(f"{given.file}: a calibration table; --to {given.to} needs an error model: imucal errormodel fit LOG.csv --markov 1 "
                         "--criterion ml -o model.json")
     return TARGETS[given.to](read_noise(given.file), given)
@@ -40,6 +52,7 @@ def _export(given):
 def run(arguments):
     """Run the command; returns the exit status."""
     given = _parser().parse_args(arguments)
+    _check_options(given)
     keep_input(given.file, given.output, given.json)
     text, notes = _export(given)
     write_text(given.output, text)

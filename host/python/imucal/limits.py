@@ -3,7 +3,8 @@
 predicted error, and the size and slope of its bias inside the span.  A finding is an answer, not an error."""
 import numpy as np
 
-from .table import read_json, read_table
+from .strict import read_json
+from .table import read_table
 
 
 def _largest(values, temp_degc):

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Calibration tables and error models as their JSON files hold them."""
-import json
 import os
 from dataclasses import dataclass
 
 import numpy as np
 
-from .errors import DataError
+from .strict import read_valid
 
 
 @dataclass
@@ -72,20 +71,6 @@ class Table:
     path: str = ""
 
 
-def read_json(path):
-    """A JSON file as a dict; DataError names file, line and column."""
-    path = os.fspath(path)
-    try:
-        with open(path, encoding="utf-8") as file:
-            return json.load(file)
-    except OSError as error:
-        raise DataError(f"{path}: cannot open: {error.strerror}") from None
-    except json.JSONDecodeError as error:
-        raise DataError(f"{path}:{error.lineno}:{error.colno}: not JSON: {error.msg}") from None
-    except UnicodeDecodeError:
-        raise DataError(f"{path}: not a JSON file (no text)") from None
-
-
 def gyro_names(model):
     """A model of unit "mg" with the members' names of the contract: white_mg_rt_hz over 60 is arw_deg_rt_h, sigma_mg sigma_dph …"""
     if not isinstance(model, dict):
@@ -101,21 +86,13 @@ def gyro_names(model):
     return named
 
 
-def _channel(path, i, axis):
-    place = f"{path}: axes[{i}]"
-    try:
-        name = axis["axis"]
-        unit = name.rpartition("_")[2] or "dph"
-        channel = Channel(name, unit, float(axis["t0_degc"]), float(axis["range_degc"]), np.array(axis[f"coeff_{unit}"], float),
-                       np.array(axis.get("scale_coeff", [0]), float), tuple(map(float, axis["span_degc"])), np.array(axis.get("temp_degc", []), float),
-                       np.array(axis.get(f"sigma_{unit}", []), float), float(axis.get(f"{unit}_per_count", 0)))
-    except KeyError as error:
-        raise DataError(f"{place}: {error.args[0]} is missing; imucal check {path} tells more") from None
-    except (TypeError, ValueError) as error:
-        raise DataError(f"{place}: {error}; imucal check {path} tells more") from None
-    if not channel.range_degc > 0:
-        raise DataError(f"{place}.range_degc: is {channel.range_degc:g}, and has to be above 0; imucal check {path} tells more")
-    return channel
+def _channel(axis):
+    name = axis["axis"]
+    unit = name.rpartition("_")[2] or "dph"
+    return Channel(name, unit, float(axis["t0_degc"]), float(axis["range_degc"]), np.array(axis[f"coeff_{unit}"], float),
+                   np.array(axis.get("scale_coeff", [0]), float), tuple(map(float, axis["span_degc"])),
+                   np.array(axis.get("temp_degc", np.linspace(*axis["span_degc"], 9)), float), np.array(axis[f"sigma_{unit}"], float),
+                   float(axis[f"{unit}_per_count"]))
 
 
 def read_table(path):
@@ -131,13 +108,8 @@ def read_table(path):
 
     Raises
     ------
-    DataError : names file and field
+    DataError : names file, line and field: a table that the programs refuse, or that contradicts itself
     """
-    data = read_json(path)
-    if not isinstance(data, dict) or data.get("imucal_table") != 1:
-        raise DataError(f"{path}: not a calibration table (no \"imucal_table\": 1); imucal check {path} tells what it is")
-    channels = [_channel(path, i, a) for i, a in enumerate(data.get("axes", []))]
-    if not channels:
-        raise DataError(f"{path}: axes is empty")
-    return Table(data.get("serial", ""), data.get("sequence", 0), data.get("created", ""), float(data.get("degc_per_count", 0)),
-                 float(data.get("degc_at_zero", 0)), channels, os.fspath(path))
+    data = read_valid(path, "table", "imucal_table", "not a calibration table (no \"imucal_table\": 1)")
+    return Table(data["serial"], data["sequence"], data["created"], float(data["degc_per_count"]), float(data["degc_at_zero"]),
+                 [_channel(axis) for axis in data["axes"]], os.fspath(path))

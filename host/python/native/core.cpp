@@ -18,8 +18,11 @@
 #include "io/log.h"
 #include "io/model.h"
 #include "io/notice.h"
+#include "io/profile.h"
+#include "io/table_json.h"
 #include "kf.h"
 #include "number_table.h"
+#include "physics/effects/effect.h"
 #include "seconds.h"
 #include "ulog_split.h"
 
@@ -257,6 +260,35 @@ nb::object read_log_of(const std::string& path) {
   }
 }
 
+// The library knows the effects of a model and their parameters; a model's own reader takes any.
+void check_effects(const ErrorModel& model, const std::string& place) {
+  for (size_t i = 0; i < model.effects.size(); ++i) {
+    const std::string here = place + ": effects[" + std::to_string(i) + "]";
+    const Effect* effect = nullptr;
+    try {
+      effect = &find_effect(model.effects[i].name);
+    } catch (const Error& e) {
+      throw data_error(here + ".name: " + e.what());
+    }
+    (void)read_parameters(*effect, model.effects[i].parameters, here);
+  }
+}
+
+// The error of reading a text as a "model", "profile", "table" or, "", as JSON alone, as it stands behind the file's name
+// (":17: …" or ": axes[0].order: …"); None where it is taken.
+nb::object check_json(const std::string& text, const std::string& kind) {
+  static const std::string kName = "@";
+  try {
+    const JsonField field = parse_json(text, kName);
+    if (kind == "model") check_effects(model_from_json(field), kName);
+    if (kind == "profile") (void)profile_from_json(field);
+    if (kind == "table") (void)table_from_json(field);
+  } catch (const Error& e) {
+    return nb::str(e.what() + kName.size());
+  }
+  return nb::none();
+}
+
 // imucal_kf_t with exceptions for refused configurations.
 class Filter {
 public:
@@ -341,6 +373,7 @@ NB_MODULE(_core, m) {
   m.def("read_numbers", &read_numbers, nb::arg("text"), nb::arg("begin"), nb::arg("end"), nb::arg("delimiter"),
         nb::arg("n_columns"));
   m.def("read_log", &read_log_of, nb::arg("path"));
+  m.def("check_json", &check_json, nb::arg("text"), nb::arg("kind"));
   m.def("steps_and_counts", &steps_and_counts, nb::arg("t_us"));
   m.def("running_median", &running_median, nb::arg("values"), nb::arg("half"));
   m.def("spread_of_seconds", &spread_of_seconds, nb::arg("values"), nb::arg("first"), nb::arg("n"));

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import DataError
-from ..table import gyro_names, read_json
+from ..strict import read_valid
+from ..table import gyro_names
 from ..units import DPH_PER_RADPS, MG_PER_MS2
 
 _FLAT = math.sqrt(2 * math.log(2) / math.pi)  # Allan deviation of flicker noise over its B: 0.664 (IEEE 952, C.1)
@@ -67,17 +68,12 @@ class Noise:
 
 def read_noise(path):
     """Noise of a model file."""
-    data = read_json(path)
-    if not isinstance(data, dict) or data.get("imucal_model") != 1:
-        raise DataError(f"{path}: not an error model (no \"imucal_model\": 1); imucal check {path} tells what it is")
-    try:
-        unit = data.get("unit", "dph")
-        if unit == "mg":
-            data = gyro_names(data)
-        markov = [(float(m["sigma_dph"]), float(m["tau_s"])) for m in data.get("markov", [])]
-        return Noise(float(data["arw_deg_rt_h"]), markov, float(data.get("turn_on_sigma_dph", 0)), data.get("bias"), data.get("effects", []), str(path), unit)
-    except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{path}: {error}; imucal check {path} tells more") from None
+    data = read_valid(path, "model", "imucal_model", "not an error model (no \"imucal_model\": 1)")
+    unit = data.get("unit", "dph")
+    if unit == "mg":
+        data = gyro_names(data)
+    markov = [(float(m["sigma_dph"]), float(m["tau_s"])) for m in data.get("markov", [])]
+    return Noise(float(data["arw_deg_rt_h"]), markov, float(data.get("turn_on_sigma_dph", 0)), data.get("bias"), data.get("effects", []), str(path), unit)
 
 
 def _not_held(noise, target):

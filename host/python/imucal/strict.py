@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: MIT
+"""JSON as the programs read it: no NaN, no member twice, and of our own kinds the programs' own fields and limits (host/lib/io, by the
+compiled part).  Messages name file, line and field."""
+import json
+import json.decoder
+import os
+import re
+
+from .errors import DataError
+from .native import core
+
+_PLACE = re.compile(r"((?:[A-Za-z_]\w*)(?:\[\d+\]|\.[A-Za-z_]\w*)*)(?: \([^)]*\) ([A-Za-z_]\w*))?")
+
+
+class _Constant(ValueError):
+    """NaN or an infinity, which JSON has not."""
+
+
+def _no_constant(name):
+    raise _Constant(name)
+
+
+def _skip(text, at):
+    while at < len(text) and text[at] in " \t\r\n,:":
+        at += 1
+    return at
+
+
+def positions(text):
+    """{path: index in the text} of every value of a JSON text that parses; a path is a tuple of keys and places."""
+    found, decoder = {}, json.decoder.JSONDecoder()
+
+    def walk(at, path):
+        at = _skip(text, at)
+        found[path] = at
+        if text[at] == "{":
+            at = _skip(text, at + 1)
+            while text[at] != "}":
+                key, at = json.decoder.scanstring(text, at + 1)
+                at = _skip(text, walk(at, (*path, key)))
+            return at + 1
+        if text[at] == "[":
+            at, i = _skip(text, at + 1), 0
+            while text[at] != "]":
+                at, i = _skip(text, walk(at, (*path, i))), i + 1
+            return at + 1
+        return decoder.raw_decode(text, at)[1]
+
+    walk(0, ())
+    return found
+
+
+def line_of(text, at):
+    """Number of the line that holds text[at], from 1."""
+    return text.count("\n", 0, at) + 1
+
+
+def _asked(path, text, kind):
+    """The programs' message on a text of a kind ("" : any JSON) with file and line, or None where they take it."""
+    message = core().check_json(text, kind)
+    if message is None:
+        return None
+    stated = re.match(r":(\d+): (.*)", message, re.S)
+    if stated:
+        return f"{path}:{stated[1]}: {stated[2]}"
+    words, places, at = message.removeprefix(": "), positions(text) if kind else {(): 0}, ()
+    named = _PLACE.match(words)
+    for name in re.findall(r"\w+", f"{named[1]} {named[2] or ''}") if named else ():
+        deeper = [(*at, int(name) if name.isdigit() else name), (*at, f"{name}_dph"), (*at, f"{name}_mg")]  # a table's "coeff" is coeff_dph
+        if not any(way in places for way in deeper):
+            break
+        at = next(way for way in deeper if way in places)
+    return f"{path}:{line_of(text, places[at])}: {words}"
+
+
+def parse(path, text):
+    """The value of a JSON text; DataError where the programs would not read it."""
+    data = None
+    try:
+        data = json.loads(text, parse_constant=_no_constant)
+    except json.JSONDecodeError as error:
+        raise DataError(f"{path}:{error.lineno}: column {error.colno}: {error.msg}") from None
+    except _Constant as error:
+        at = next(m.start() for m in re.finditer(r'"(?:\\.|[^"\\])*"|NaN|-?Infinity', text, re.S) if not m[0].startswith('"'))
+        raise DataError(f"{path}:{line_of(text, at)}: {error} is not a finite number, and no JSON; give a number or leave the field out") from None
+    except RecursionError:  # the programs say how deep is too deep
+        pass
+    message = _asked(path, text, "")
+    if message:
+        raise DataError(message)
+    return data
+
+
+def refusal(path, text, kind):
+    """Why the programs refuse a text that parses as a "model", "profile" or "table"; None: they take it."""
+    return _asked(path, text, kind)
+
+
+def table_contradiction(path, data, text):
+    """What a table that the programs take says twice and differently, or None: they derive temp_degc from the span, and know an axis by its place."""
+    places, names = positions(text), set()
+    for i, axis in enumerate(data["axes"]):
+        if axis["axis"] in names:
+            return f"{path}:{line_of(text, places[('axes', i, 'axis')])}: axes[{i}].axis: {axis['axis']} is there already; each axis has a table of its own"
+        names.add(axis["axis"])
+        lo, hi = axis["span_degc"]
+        temp = axis.get("temp_degc")
+        if temp is not None and (len(temp) != 9 or any(abs(t - (lo + (hi - lo) * k / 8)) > 1e-3 * (hi - lo) for k, t in enumerate(temp))):
+            return (f"{path}:{line_of(text, places[('axes', i, 'temp_degc')])}: axes[{i}].temp_degc: expected nine temperatures evenly from {lo:g} to {hi:g} degC, "
+                    "the span")
+    return None
+
+
+def read_text(path):
+    """A text file; DataError where it is none."""
+    path = os.fspath(path)
+    try:
+        with open(path, encoding="utf-8-sig") as file:
+            return file.read()
+    except OSError as error:
+        raise DataError(f"{path}: cannot open: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise DataError(f"{path}: not a JSON file (no text)") from None
+
+
+def read_json(path):
+    """A JSON file's value, as the programs read it."""
+    path = os.fspath(path)
+    return parse(path, read_text(path))
+
+
+def read_valid(path, kind, tag, otherwise):
+    """The dict of a "model" or "table" that the programs take; `otherwise`: what to say of a JSON file without the member `tag`."""
+    path = os.fspath(path)
+    text = read_text(path)
+    data = parse(path, text)
+    if not isinstance(data, dict) or tag not in data:
+        raise DataError(f"{path}: {otherwise}; imucal check {path} tells what it is")
+    message = refusal(path, text, kind) or (table_contradiction(path, data, text) if kind == "table" else None)
+    if message:
+        raise DataError(message)
+    return data
