@@ -114,3 +114,48 @@ def test_look_says_what_became_of_the_stamps(tmp_path, capsys):
     path = table(tmp_path / "coarse.csv", coarse(t_s, 1.0), rows)
     assert main(["look", str(path), "-o", str(tmp_path / "p.png"), "--no-ml"]) == 0
     assert "time stamps are coarse" in capsys.readouterr().err
+
+
+# --- the rate, and samples without values ---
+
+@pytest.mark.parametrize("rate_hz, expect", [("1000", 3), ("210", 3), ("45", 3), ("120", 0), ("100", 0)])
+def test_rate_that_contradicts_the_stamps_is_refused(tmp_path, capsys, rate_hz, expect):
+    t_s, rows = samples()
+    log, _, said = taken(table(tmp_path / "log.csv", [f"{t:.3f}" for t in t_s], rows), capsys, "--rate", rate_hz, expect=expect)
+    if expect:
+        assert f"--rate {rate_hz}" in said and "100 Hz" in said and "leave --rate out" in said
+    else:
+        assert np.isfinite(log.rates["gx_dph"]).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_samples_without_a_value_are_counted_and_their_seconds_flagged(tmp_path, capsys, seed):
+    rng = np.random.default_rng(seed)
+    t_s, rows = samples()
+    empty = rng.uniform(size=N) < 1 / 3
+    rows = ["," + row.split(",", 1)[1] if e else row for row, e in zip(rows, empty)]
+    log, result, said = taken(table(tmp_path / "log.csv", [f"{t:.3f}" for t in t_s], rows), capsys)
+    assert result["sensors"][0]["rate_hz"] == RATE_HZ and result["empty_samples"] == empty.sum()
+    assert f"{empty.sum()} of {N} rows have no rate" in said
+    assert (log.flags["gx_dph"] & 2).all() and np.isfinite(log.rates["gx_dph"]).all()
+
+
+def test_seconds_with_less_than_half_of_their_samples_have_no_rate(tmp_path, capsys):
+    t_s, rows = samples()
+    rows = [",,," + row.rsplit(",", 1)[1] if i % 100 >= 30 and 20 <= t_s[i] < 40 else row for i, row in enumerate(rows)]
+    log, result, _ = taken(table(tmp_path / "log.csv", [f"{t:.3f}" for t in t_s], rows), capsys)
+    np.testing.assert_array_equal(np.isnan(log.rates["gx_dph"]), (log.t_s > 20) & (log.t_s <= 40))
+
+
+def test_gyro_in_every_other_row_of_a_table_is_a_gyro_at_half_the_rate(tmp_path, capsys):
+    t_s, rows = samples()
+    rows = [",,," + row.rsplit(",", 1)[1] if i % 2 else row for i, row in enumerate(rows)]
+    log, result, said = taken(table(tmp_path / "log.csv", [f"{t:.3f}" for t in t_s], rows), capsys)
+    assert result["sensors"][0]["rate_hz"] == RATE_HZ / 2 and "come at 50 Hz" in said and not log.flags
+
+
+def test_a_log_without_any_rate_is_refused(tmp_path, capsys):
+    t_s, rows = samples()
+    rows = [row if i % 100 < 30 else ",,," + row.rsplit(",", 1)[1] for i, row in enumerate(rows)]
+    _, _, said = taken(table(tmp_path / "log.csv", [f"{t:.3f}" for t in t_s], rows), capsys, expect=3)
+    assert "no second has half of its" in said and "log.csv" in said

@@ -28,19 +28,22 @@ class Clock:
     rows : int array (m,), or None    places in the stream; None: all of them
     t_us : int64 array (m,)           increasing
     rate_hz : float                   samples per second
-    n_duplicate, n_same, n_late : int    rows that stand twice; left out with the time of another sample, or one before it
+    n_empty, n_duplicate, n_same, n_late : int    rows without rates; rows that stand twice; left out with the time of another sample, or one before it
     notes : list of str               what the user should know
+    is_made : bool                    the times are not the stamps of the file
     problem : str                     why the samples cannot be used, and what to do; empty: they can
     """
 
     rows: np.ndarray
     t_us: np.ndarray
     rate_hz: float = 0.0
+    n_empty: int = 0
     n_duplicate: int = 0
     n_same: int = 0
     n_late: int = 0
     notes: list = None
     problem: str = ""
+    is_made: bool = False
 
 
 def too_many(n_lost, n_all):
@@ -158,13 +161,13 @@ def _spread_or_count(clock, rate_hz, n_differ):
     n_stamps = 1 + int(np.count_nonzero(np.diff(clock.t_us)))
     spread = _spread(clock.t_us)
     if spread:
-        clock.t_us = spread[0]
+        clock.t_us, clock.is_made = spread[0], True
         clock.notes.append(f"the time stamps are coarse: {samples(len(clock.t_us))} share {samples(n_stamps, 'stamp')}, usually {spread[1] / 1e6:g} s apart; they are "
                            "spread evenly over the time of each stamp. Where another column holds finer times name it with --time; --rate HZ states the rate")
     elif rate_hz:
         clock.notes.append(f"{samples(len(clock.t_us))} share {samples(n_stamps, 'time stamp')}: they are counted instead, at --rate {rate_hz:g} Hz from the first stamp "
                            "on; a gap could not be seen")
-        clock.t_us = clock.t_us[0] + np.rint(np.arange(len(clock.t_us)) * (1e6 / rate_hz)).astype(np.int64)
+        clock.is_made, clock.t_us = True, clock.t_us[0] + np.rint(np.arange(len(clock.t_us)) * (1e6 / rate_hz)).astype(np.int64)
     else:
         clock.problem = (f"{samples(len(clock.t_us))} share {samples(n_stamps, 'time stamp')}, which do not come evenly, and {n_differ} differ from the sample before with the "
                          "same stamp: the times of the samples cannot be known. Name a column of finer times (--time COLUMN), or give the sample rate, "
@@ -175,10 +178,30 @@ def clock_of(stream, rate_hz=None):
     """The Clock of a Stream; rate_hz: as the user gave it."""
     rows = _finite_rows(stream)
     clock = Clock(rows, np.asarray(stream.t_us, np.int64) if rows is None else stream.t_us[rows], notes=[])
+    n_rated = len(clock.t_us)
     if len(clock.t_us) > 1 and not (np.diff(clock.t_us) > 0).all():
         _without_late(clock, len(clock.t_us))
         if not clock.problem:
             _untangle(stream, clock, rate_hz)
     stamps = in_order(clock.t_us)  # where there is a problem some stand in another order, or twice
     clock.rate_hz = stream.rate_hz or (nominal_rate_hz(stamps) if len(stamps) > 1 else 0.0)
+    if n_rated < len(stream.t_us):
+        _count_empty(stream, clock, len(stream.t_us), n_rated)
     return clock
+
+
+def _count_empty(stream, clock, n_rows, n_rated):
+    """Says which rows have no rate.  Samples that were lost are missing at the rate of the rows, and their seconds are flagged; a gyro that is written
+    into every k-th row has a rate of its own."""
+    clock.n_empty = n_rows - n_rated
+    text = f"{clock.n_empty} of {samples(n_rows, 'row')} have no rate"
+    steps = np.diff(clock.t_us)
+    if not stream.is_seconds and not stream.rate_hz and len(steps) and not clock.problem:
+        usual = float(np.median(steps))
+        is_even = np.mean(np.abs(steps - usual) > _STEP_ERROR * usual) <= _ODD_PART and abs(1e6 / usual / clock.rate_hz - 1) < _STEP_ERROR
+        of_rows = nominal_rate_hz(in_order(np.asarray(stream.t_us, np.int64))) if not clock.is_made else clock.rate_hz * n_rows / n_rated
+        if is_even and clock.rate_hz < (1 - _STEP_ERROR) * of_rows:
+            text += f": the rates come at {clock.rate_hz:.4g} Hz, the rows at {of_rows:.4g} Hz"
+        else:
+            clock.rate_hz = of_rows
+    clock.notes.append(text)

@@ -28,6 +28,7 @@ class Imported:
     gaps: int
     gap_seconds: int
     moving_seconds: int
+    n_empty: int
     n_duplicate: int
     n_same: int
     n_backward: int
@@ -38,7 +39,7 @@ class Imported:
         """The fields of the contract and more."""
         return {"format": self.format, "sensors": self.sensors, "chosen": self.chosen, "seconds": len(self.log.t_s),
                 "gaps": self.gaps, "gap_seconds": self.gap_seconds, "moving_seconds": self.moving_seconds,
-                "duplicates": self.n_duplicate, "same_stamps": self.n_same, "steps_back": self.n_backward, "source_sha256": self.source_sha256,
+                "empty_samples": self.n_empty, "duplicates": self.n_duplicate, "same_stamps": self.n_same, "steps_back": self.n_backward, "source_sha256": self.source_sha256,
                 "has_temperature": self.log.has_temperature, "axes": self.log.axes, "notes": self.notes}
 
 
@@ -182,13 +183,22 @@ def _settle(stream, clock, has_temperature):
     return offset_s
 
 
+def _rate(path, clock, given_hz):
+    """Nominal samples per second: as given where the stamps do not contradict it, else what they show."""
+    shown_hz = clock.rate_hz or 1.0
+    if given_hz and not 0.5 <= given_hz / shown_hz <= 2:
+        raise DataError(f"{path}: --rate {given_hz:g} contradicts the time stamps, which show {shown_hz:.4g} Hz: leave --rate out, or, where the stamps are in another "
+                        "unit, name it: --time COLUMN:UNIT")
+    return given_hz or shown_hz
+
+
 def to_log(path, stream, rate_hz=None, temperature=True, keep_moving=False):
     """1-s means of a stream at rest.
 
     Returns
     -------
     log : Log
-    counts : dict    gaps, gap_seconds, moving_seconds, n_duplicate, n_same, n_backward
+    counts : dict    gaps, gap_seconds, moving_seconds, n_empty, n_duplicate, n_same, n_backward
     """
     if len(stream.t_us) == 0:
         raise DataError(f"{path}: sensor {stream.instance} ({stream.name}) has no samples")
@@ -201,7 +211,7 @@ def to_log(path, stream, rate_hz=None, temperature=True, keep_moving=False):
     stream.notes += clock.notes
     offset_s = _settle(stream, clock, has_temperature)
     t_us, values = stream.t_us, stream.values
-    rate = rate_hz or clock.rate_hz or 1.0
+    rate = _rate(path, clock, rate_hz)
     seconds = _as_seconds(stream, t_us, values) if stream.is_seconds else cut_seconds(t_us, rate)
     is_gyro, names = _axis_names(stream)
     moves = _motion_of(stream, seconds, t_us, values, is_gyro) if not keep_moving else np.zeros(len(seconds.n), bool)
@@ -213,6 +223,9 @@ def to_log(path, stream, rate_hz=None, temperature=True, keep_moving=False):
     else:
         mean = seconds.mean(values) * stream.to_internal
     mean[seconds.is_gap] = np.nan
+    if seconds.is_gap.all():
+        raise DataError(f"{path}: sensor {stream.instance} ({stream.name}): no second has half of its {rate:.4g} samples, so none has a rate; is the sample rate "
+                        "right (--rate HZ), are the gyro's columns nearly empty?")
     temp = _seconds_temperature(stream, seconds) if has_temperature else np.full(len(seconds.n), np.nan)
     t_s = t_us / 1e6 if stream.is_seconds else seconds.end_s.astype(float)
     flags = np.repeat(np.where(seconds.is_missing, FLAG_MISSING, 0)[:, None], len(names), axis=1) if stream.flags is None else stream.flags
@@ -222,5 +235,5 @@ def to_log(path, stream, rate_hz=None, temperature=True, keep_moving=False):
         log.metadata["t_s_origin_s"] = offset_s
     gaps, gap_seconds = _gaps(log.t_s)
     log.metadata.update(source_unit=stream.unit, source_rate_hz=f"{rate:g}")
-    return log, {"gaps": gaps, "gap_seconds": gap_seconds, "moving_seconds": int(moves.sum()), "n_duplicate": clock.n_duplicate,
+    return log, {"gaps": gaps, "gap_seconds": gap_seconds, "moving_seconds": int(moves.sum()), "n_empty": clock.n_empty, "n_duplicate": clock.n_duplicate,
                  "n_same": clock.n_same, "n_backward": clock.n_late}
