@@ -50,8 +50,10 @@ def test_the_input_is_never_written_over(tmp_path, command, by, capsys):
 
 @pytest.mark.parametrize("range_degc", [0, -30])
 def test_a_table_without_a_range_is_refused_by_its_field(tmp_path, range_degc, capsys):
-    table = {"imucal_table": 1, "serial": "S", "axes": [{"axis": "gx_dph", "t0_degc": 30, "range_degc": range_degc, "coeff_dph": [1, 2], "order": 1,
-                                                         "span_degc": [0, 60], "dph_per_count": 18}]}
-    (tmp_path / "table.json").write_text(json.dumps(table))
+    table = {"imucal_table": 1, "serial": "S", "sequence": 1, "created": "2026-11-21T06:22:00Z", "degc_per_count": 0.01, "degc_at_zero": 25,
+             "axes": [{"axis": "gx_dph", "t0_degc": 30, "range_degc": range_degc, "coeff_dph": [1, 2], "order": 1, "span_degc": [0, 60], "sigma_dph": [5] * 9,
+                       "model": {"arw_deg_rt_h": 0.6}, "dph_per_count": 18, "full_scale_counts": 32767, "n_seconds": 100}]}
+    (tmp_path / "table.json").write_text(json.dumps(table, indent=1))
     assert main(["export", str(tmp_path / "table.json"), "--to", "c-header", "-o", str(tmp_path / "cal.h")]) == 3
-    assert "table.json: axes[0].range_degc" in capsys.readouterr().err and not (tmp_path / "cal.h").exists()
+    said = capsys.readouterr().err
+    assert "table.json:12: axes[0] (gx_dph) range" in said and not (tmp_path / "cal.h").exists()

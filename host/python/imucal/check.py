@@ -7,7 +7,7 @@ from pathlib import Path
 from .cli import common_options, finish_json, parser_of
 from .errors import DataError
 from .limits import judge
-from .log import read_log
+from .log import need_one_a_second, read_log
 from .strict import line_of, parse, positions, refusal, table_contradiction
 
 KINDS = {"imucal_model": "model", "imucal_profile": "profile", "imucal_table": "table", "imucal_diagnosis": "diagnosis",
@@ -102,7 +102,7 @@ def check_file(path):
     if text.lstrip().startswith(("{", "[")):
         return check_json(path, text)
     try:
-        read_log(path)
+        need_one_a_second(path, read_log(path).t_s)
     except DataError as error:
         return "log", [str(error)]
     return "log", []

@@ -10,11 +10,15 @@ from .errors import DataError
 from .log import Log
 from .seconds import FLAG_MISSING, cut_seconds, keep_in_order, nominal_rate_hz
 from .still import accel_moves, gyro_moves, widen
+from .units import TIME_UNITS
 
 #: a temperature is interpolated between readings no further apart than this
 MAX_TEMP_GAP_S = 120.0
 #: a boot-relative clock stays below this; larger ones are epochs, and the log then counts from its first second
 MAX_BOOT_S = 1e8
+#: samples further apart make no mean of every second, and no gyro gives more of them
+MAX_STEP_S, MAX_RATE_HZ = 1.5, 5e4
+MIN_LIKELY_STEP_S = 1 / 8500
 
 
 @dataclass
@@ -183,6 +187,21 @@ def _settle(stream, clock, has_temperature):
     return offset_s
 
 
+def _check_step(path, stream, clock):
+    """DataError where the samples come seldom or faster than from any gyro: their times are in another unit, or no mean can be made of them."""
+    if len(clock.t_us) < 3:
+        return
+    step_s = float(np.median(np.diff(clock.t_us))) / 1e6
+    if step_s <= MAX_STEP_S and clock.rate_hz <= MAX_RATE_HZ:
+        return
+    shown = f"samples are {step_s:g} s apart" if step_s > MAX_STEP_S else f"there are {clock.rate_hz:.4g} a second"
+    remedies = ["record at least one sample once a second"] if step_s > MAX_STEP_S else []
+    name, us_per_unit = stream.time_column or (None, None)
+    likely = [u for u, us in TIME_UNITS.items() if us_per_unit and us != us_per_unit and MIN_LIKELY_STEP_S <= step_s * us / us_per_unit <= 1.1]
+    remedies += [f"if the times are in {unit}: --time {name}:{unit}" for unit in likely] or ["if the times are in another unit: --time COLUMN:UNIT"]
+    raise DataError(f"{path}: sensor {stream.instance} ({stream.name}): {shown}, and a log holds a mean of every second: {'; '.join(remedies)}")
+
+
 def _rate(path, clock, given_hz):
     """Nominal samples per second: as given where the stamps do not contradict it, else what they show."""
     shown_hz = clock.rate_hz or 1.0
@@ -208,6 +227,7 @@ def to_log(path, stream, rate_hz=None, temperature=True, keep_moving=False):
         raise DataError(f"{path}: sensor {stream.instance} ({stream.name}): {clock.problem}")
     if len(clock.t_us) == 0:
         raise DataError(f"{path}: sensor {stream.instance} ({stream.name}) has no finite samples")
+    _check_step(path, stream, clock)
     stream.notes += clock.notes
     offset_s = _settle(stream, clock, has_temperature)
     t_us, values = stream.t_us, stream.values

@@ -16,7 +16,7 @@ from .diagnosis_words import many
 from .errors import DataError, DataWarning
 from .firstlook import lattice_of, look_at_axis
 from .importers import Options, detect, import_log
-from .log import keep_input, read_log, write_log
+from .log import keep_input, need_one_a_second, read_log, write_log
 from .plot import look_page, save_page
 from .plot.loading import load_renderer
 from .programs import find
@@ -66,11 +66,7 @@ def _axes(log, wanted):
 
 def _usable(path, log, axes):
     """The axes that can be looked at.  Seconds that are flagged as saturated or faulty lose their rate, as in all programs."""
-    usual_s = np.median(np.diff(log.t_s))
-    if abs(usual_s - 1) > 0.01:
-        remedy = "are these milliseconds? t_s is in seconds" if abs(usual_s / 1000 - 1) < 0.01 else \
-            "average them to seconds" if usual_s < 1 else "dp and errormodel take any regular step"
-        raise DataError(f"{path}: rows are {usual_s:g} s apart, a look takes one a second: {remedy}")
+    need_one_a_second(path, log.t_s)
     for axis in axes:
         if axis in log.flags:
             log.rates[axis] = np.where(log.flags[axis] & _NO_RATE, np.nan, log.rates[axis])

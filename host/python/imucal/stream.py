@@ -48,4 +48,5 @@ class Stream:
     rate_hz: float = 0.0
     is_seconds: bool = False  # rows are 1-s means already, t is the second's end
     flags: np.ndarray = None  # (n, k) bits of the rows, where the file has them (log.Log)
+    time_column: tuple = None  # its name and microseconds per unit, of a table
     clock: object = None  # clock.Clock, once it is found

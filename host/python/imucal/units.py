@@ -14,6 +14,8 @@ MG_PER_MS2 = 1000.0 / STANDARD_GRAVITY_MS2
 RATE_UNITS = {"dph": 1.0, "dps": DPH_PER_DPS, "mdps": DPH_PER_DPS / 1000, "radps": DPH_PER_RADPS}
 #: unit name -> factor to mg
 ACCEL_UNITS = {"mg": 1.0, "g": 1000.0, "ms2": MG_PER_MS2}
+#: unit name -> microseconds
+TIME_UNITS = {"s": 1e6, "ms": 1e3, "us": 1.0, "ns": 1e-3}
 
 _SPELLINGS = [
     (r"mdps|mdeg/s|m°/s", "mdps"), (r"rad/s|rad s-1|rads|radps|rad/sec", "radps"), (r"dph|deg/h|deg/hr|°/h", "dph"),

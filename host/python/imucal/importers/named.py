@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..stream import Motion, Stream
-from ..units import ACCEL_UNITS, RATE_UNITS, unit_in_name
+from ..units import ACCEL_UNITS, RATE_UNITS, TIME_UNITS, unit_in_name
 
 #: times are microseconds in 64 bits; this is three thousand years
 MAX_TIME_US = 1e17
@@ -20,7 +20,6 @@ _TEMP = [r"temp(erature)?(_?degc)?", r"t(emp)?_?c", r"imu_?temp(erature)?", r"gy
 _GYRO = ["gyro", "gyr", "gyroscope", "gyrounfilt", "gyroraw", "gyroadc", "g", "w", "omega", "angular_velocity", "angularvelocity", "rate", "gyrodata",
          "gyro_rad", "rotation_rate"]
 _ACCEL = ["accel", "acc", "accelerometer", "a", "linear_acceleration", "acceleration", "accsmooth"]
-_TIME_UNITS = {"s": 1e6, "ms": 1e3, "us": 1.0, "ns": 1e-3}
 
 
 class Columns(dict):
@@ -73,37 +72,37 @@ def _given(path, names, text, what):
 def _time_scale(path, name, values, unit):
     """us per unit of the time column."""
     if unit:
-        return _TIME_UNITS[unit]
+        return TIME_UNITS[unit]
     stated = re.search(r"(?:[\[(]\s*|_)(us|ms|ns|s|sec|µs|seconds|milliseconds|microseconds)\s*[\])]?$", name.strip(), re.I)
     if stated:
         word = stated.group(1).lower().replace("µs", "us")
-        return _TIME_UNITS[{"sec": "s", "seconds": "s", "milliseconds": "ms", "microseconds": "us"}.get(word, word)]
+        return TIME_UNITS[{"sec": "s", "seconds": "s", "milliseconds": "ms", "microseconds": "us"}.get(word, word)]
     if re.fullmatch("timeus", name.strip(), re.I):
         return 1.0
     step = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
-    likely = [u for u, f in _TIME_UNITS.items() if step > 0 and 0.9 <= 1e6 / (step * f) <= 8500]
+    likely = [u for u, f in TIME_UNITS.items() if step > 0 and 0.9 <= 1e6 / (step * f) <= 8500]
     if len(likely) == 1:
-        return _TIME_UNITS[likely[0]]
+        return TIME_UNITS[likely[0]]
     raise DataError(f"{path}: the unit of the time column \"{name}\" is not clear (median step {step:g}): give it as --time \"{name}:s\" "
                     "(s, ms, us or ns)")
 
 
 def _times(path, columns, options):
-    """(int64 us, name of the column or None)."""
+    """(int64 us, name of the column or None, us per unit or None)."""
     n = len(next(iter(columns.values())))
     text, _, unit = (options.time or "").partition(":")
     if text and text not in columns and (options.time or "") in columns:
         text, unit = options.time, ""
-    if unit and unit not in _TIME_UNITS:
+    if unit and unit not in TIME_UNITS:
         raise DataError(f"{path}: --time {options.time}: unit {unit} is none of s, ms, us, ns")
     name = _given(path, columns, text, "--time")[0] if text else _find(columns, _TIME)
     if name is None:
         if options.rate_hz:
-            return np.rint(np.arange(n) * (1e6 / options.rate_hz)).astype(np.int64), None
+            return np.rint(np.arange(n) * (1e6 / options.rate_hz)).astype(np.int64), None, None
         raise DataError(f"{path}: no time column found among {', '.join(columns)}; name it: --time COLUMN, or give the sample rate: --rate HZ")
     values = columns[name]
     if np.issubdtype(values.dtype, np.datetime64):
-        return values.astype("datetime64[us]").astype(np.int64), name
+        return values.astype("datetime64[us]").astype(np.int64), name, None
     if values.dtype.kind not in "iuf":
         raise DataError(f"{path}: the time column \"{name}\" holds no numbers (first: {values[0]!r}); name another: --time COLUMN")
     fine = values[np.isfinite(values.astype(float))]
@@ -114,8 +113,8 @@ def _times(path, columns, options):
         whole = values.astype(np.int64)
         if whole.max() < 2 ** 32 and len(whole) > 1 and np.diff(whole).min() < -(2 ** 31):
             whole = unwrap(whole, 32)
-        return np.rint(whole * scale).astype(np.int64) if scale < 1 else whole * np.int64(scale), name
-    return np.rint(np.where(np.isfinite(values), values, -1) * scale).astype(np.int64), name
+        return np.rint(whole * scale).astype(np.int64) if scale < 1 else whole * np.int64(scale), name, scale
+    return np.rint(np.where(np.isfinite(values), values, -1) * scale).astype(np.int64), name, scale
 
 
 def _unit_of(path, gyro, options, default):
@@ -194,12 +193,13 @@ def stream_of(path, columns, options, name, default_unit=None, metadata=None):
     if not gyro:
         raise DataError(f"{path}: no gyro columns found among {', '.join(list(columns)[:40])}; name them: --gyro X,Y,Z --unit dps")
     unit, factor = _unit_of(path, gyro, options, default_unit)
-    t_us, time_name = _times(path, columns, options)
+    t_us, time_name, us_per_unit = _times(path, columns, options)
     parts = [numbers(path, columns, n) for n in gyro]
     whole = options.unit == "counts" and all(p.dtype.kind in "iu" for p in parts)
     values = np.stack([p.astype(np.int64 if whole else np.float64) for p in parts], axis=1)
     stream = Stream(options.instance or 0, name, _axis_stems(gyro), t_us, values, np.full(len(gyro), factor), unit,
                     metadata={"columns": " ".join(f"{a}={n}" for a, n in zip(_axis_stems(gyro), gyro)), **(metadata or {})})
+    stream.time_column = (time_name, us_per_unit) if us_per_unit else None
     temp = _given(path, columns, options.temp, "--temp")[0] if options.temp else _find([n for n in columns if n not in gyro + [time_name]], _TEMP)
     if temp:
         stream.temp_t_us, stream.temp_degc = t_us, numbers(path, columns, temp).astype(float)

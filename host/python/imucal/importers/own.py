@@ -2,13 +2,14 @@
 """imucal's own logs: 1-s means already; raw logs of counts are decimated when read."""
 import numpy as np
 
-from ..log import read_log
+from ..log import need_one_a_second, read_log
 from ..stream import Stream
 
 
 def streams(path, options):
     """One stream of the log's rows."""
     log = read_log(path)
+    need_one_a_second(path, log.t_s)
     t_us = np.rint(log.t_s * 1e6).astype(np.int64)
     axes = [name.rpartition("_")[0] if name.endswith("_dph") else "a" + name.rpartition("_")[0].lstrip("a") for name in log.axes]
     values = np.stack(list(log.rates.values()), axis=1)
