@@ -245,3 +245,73 @@ def test_recorded_loop_of_the_chamber_log_is_suspected(tmp_path, capsys):
     main(["look", str(path), "-o", str(tmp_path / "p.png"), "--no-ml", "--axis", "gx_dph"])
     text = capsys.readouterr().out
     assert "gx_dph a loop" in text and "imucal diagnose" in text
+
+
+# --- sick logs ---
+
+def looked(tmp_path, capsys, log, *options):
+    """(lines, JSON) of a look at a Log."""
+    write_log(tmp_path / "run.csv", log)
+    assert main(["look", str(tmp_path / "run.csv"), "-o", str(tmp_path / "p.png"), "--no-ml", "--json", str(tmp_path / "j"), *options]) == 0
+    said = capsys.readouterr()
+    assert said.err == ""
+    return said.out.splitlines(), json.loads((tmp_path / "j").read_text())
+
+
+def line_of(lines, head):
+    return next(line for line in lines if line.startswith(head))
+
+
+def with_axes(log, **rates):
+    return Log(log.t_s, log.temp_degc, {f"{name}_dph": values for name, values in rates.items()}, {}, {}, "simulated")
+
+
+@pytest.mark.parametrize("value", [12.5, 0.0, -1e6])
+def test_axis_that_never_changes_is_said_and_nothing_is_read_off_it(tmp_path, capsys, value):
+    log = simulated(n=2000)
+    lines, result = looked(tmp_path, capsys, with_axes(log, gx=np.full(2000, value), gy=log.rates["gx_dph"]))
+    assert f"gx_dph never changes: {value:g} dph in every second" in line_of(lines, "suspected")
+    assert "gx_dph a" not in line_of(lines, "suspected") and not [line for line in lines if line.startswith("gx_dph: read off")]
+    assert "--axis gy_dph" in line_of(lines, "next") and "gx_dph" not in line_of(lines, "next")
+    assert result["axes"][0]["is_constant"] and not result["axes"][1]["is_constant"]
+    lines, _ = looked(tmp_path, capsys, with_axes(log, gx=np.full(2000, value)))
+    assert "never changes" in line_of(lines, "suspected") and "record again" in line_of(lines, "next") and "calibrate" not in line_of(lines, "next")
+
+
+@pytest.mark.parametrize("lattice_dph", [0, 18, 200])
+def test_axis_that_is_frozen_for_a_part_is_said(tmp_path, capsys, lattice_dph):
+    """In steps of many times the noise a long run of one value is no wonder."""
+    log = simulated(n=4000)
+    rate = log.rates["gx_dph"] if not lattice_dph else lattice_dph * np.round(log.rates["gx_dph"] / lattice_dph)
+    lines, result = looked(tmp_path, capsys, with_axes(log, gx=rate))
+    assert "frozen" not in line_of(lines, "suspected") and result["axes"][0]["frozen_s"] == 0
+    if lattice_dph == 200:
+        return
+    frozen = rate.copy()
+    frozen[2000:3000] = frozen[2000]
+    lines, result = looked(tmp_path, capsys, with_axes(log, gx=frozen))
+    assert "gx_dph is frozen for 100" in line_of(lines, "suspected") and 1000 <= result["axes"][0]["frozen_s"] < 1020
+    assert "record again" in line_of(lines, "next")
+
+
+def test_temperatures_that_no_sensor_has_are_said(tmp_path, capsys):
+    log = simulated(n=2000)
+    swapped = Log(log.t_s, np.clip(log.rates["gx_dph"], -270, None), {"gx_dph": log.temp_degc}, {}, {}, "simulated")
+    lines, _ = looked(tmp_path, capsys, swapped)
+    assert "temp_degc" in line_of(lines, "suspected") and "swapped" in line_of(lines, "suspected") and "temp_degc" in line_of(lines, "next")
+    kelvin = Log(log.t_s, log.temp_degc + 273.15, log.rates, {}, {}, "simulated")
+    assert "kelvin" in line_of(looked(tmp_path, capsys, kelvin)[0], "suspected")
+    assert "temp_degc" not in line_of(looked(tmp_path, capsys, log)[0], "suspected")
+
+
+def test_two_axes_of_one_and_the_same_record_are_said(tmp_path, capsys):
+    log = simulated(n=2000)
+    lines, _ = looked(tmp_path, capsys, with_axes(log, gx=log.rates["gx_dph"], gy=log.rates["gx_dph"], gz=-log.rates["gx_dph"]))
+    assert "gx_dph and gy_dph are the same in every second" in line_of(lines, "suspected") and "gz_dph" not in line_of(lines, "suspected")
+
+
+def test_a_warm_up_is_of_a_size_that_the_rates_can_show(tmp_path, capsys):
+    """Rounding of a polynomial through values that hardly change is none."""
+    log = simulated(n=2000)
+    lines, _ = looked(tmp_path, capsys, with_axes(log, gx=np.where(np.arange(2000) % 400 == 7, 12.5 + 1e-5, 12.5)))
+    assert "warm-up" not in line_of(lines, "suspected") and "frozen" in line_of(lines, "suspected")

@@ -12,6 +12,9 @@ SMOOTH_S = 61
 MIN_SPAN_DEGC = 1.0
 _NEAR_S = 9
 _OUTLIER_SIGMA = 6
+#: a run of one value is frozen where it is so long, and so many times as long as any other
+_FROZEN_S, _FROZEN_TIMES = 30, 5
+_NO_NOISE = 1e-9  # of the largest rate
 
 
 @dataclass
@@ -40,6 +43,10 @@ class AxisLook:
     loop_share: float = 0.0        # its part of the smoothed residual's variance
     warm_up: float = 0.0
     warm_up_z: float = 0.0
+    is_constant: bool = False      # one and the same value in every second
+    frozen_s: int = 0              # longest run of one value, where it stands out; from the row frozen_from
+    frozen_from: int = 0
+    repeats: float = 0.0           # part of the seconds that equal the one before
     ml: dict = field(default_factory=dict)
 
     @property
@@ -167,7 +174,29 @@ def _fit(look, order):
     look.residual = look.rate - np.polynomial.polynomial.polyval(tn, look.poly)
 
 
+def _runs(values):
+    """(first rows, lengths) of the runs of one finite value."""
+    starts = np.flatnonzero(np.concatenate([[True], ~(values[1:] == values[:-1])]))
+    lengths = np.diff(starts, append=len(values))
+    fine = np.isfinite(values[starts])
+    return starts[fine], lengths[fine]
+
+
+def _repeats(look):
+    """What repeats itself: a whole record, a run of one value that is far longer than any other, many seconds."""
+    fine = look.rate[np.isfinite(look.rate)]
+    look.is_constant = bool(np.ptp(fine) == 0)
+    starts, lengths = _runs(look.rate)
+    look.repeats = float((len(fine) - len(lengths)) / max(len(fine) - 1, 1))
+    longest = int(np.argmax(lengths))
+    others = np.delete(lengths, longest)
+    if not look.is_constant and lengths[longest] >= max(_FROZEN_S, _FROZEN_TIMES * others.max(initial=1)):
+        look.frozen_s, look.frozen_from = int(lengths[longest]), int(starts[longest])
+
+
 def _suspicions(look):
+    if look.white <= _NO_NOISE * np.nanmax(np.abs(look.rate), initial=1e-300):  # rounding is no finding
+        return
     slow_density = 2 * look.slow_sigma ** 2 * max(look.slow_tau_s, 1.0) + look.white ** 2
     if len(look.poly) > 1:
         look.loop, look.loop_share = _loop(look)
@@ -186,12 +215,13 @@ def look_at_axis(log, axis, order=3):
     noise = grid - moving_mean(grid, _NEAR_S)
     # 1.4826 MAD: outliers do not widen it; the 9-s mean takes a ninth of the white variance away.
     look.white = 1.4826 * float(np.nanmedian(np.abs(noise - np.nanmedian(noise)))) / np.sqrt(1 - 1 / _NEAR_S)
-    look.n_outliers = len(outliers_of(grid, noise, look.white))
+    look.n_outliers = len(outliers_of(grid, noise, look.white)) if look.white > _NO_NOISE * np.nanmax(np.abs(look.rate), initial=1e-300) else 0
     white_left = look.white ** 2 / SMOOTH_S
     look.slow_sigma = float(np.sqrt(max(np.nanvar(smooth) - white_left, 0.0)))
     look.slow_tau_s = _correlation_time(smooth, white_left)
     look.smooth = smooth[np.rint(log.t_s - log.t_s[0]).astype(int)]
     look.allan_tau_s, look.allan = allan_deviation_of(grid)
     look.lattice = lattice_of(look.rate)
+    _repeats(look)
     _suspicions(look)
     return look

@@ -23,6 +23,9 @@ from .programs import find
 
 
 _FEWEST_S = 100
+#: what no thermometer of a sensor reads, and where kelvin begin to be likely
+_COLDEST_DEGC, _HOTTEST_DEGC, _KELVIN_FROM = -100.0, 200.0, 200.0
+_MOST_REPEATS = 0.95
 _NO_RATE = 1 | 4  # flags: saturated, sensor fault
 #: above this share of the smoothed residual's variance a loop is suspected
 LOOP_SHARE = 0.5
@@ -133,9 +136,44 @@ def _noise_line(look):
     return f"{look.axis}: read off: {white}, instability {look.slow_sigma:.3g} {look.unit} with {look.slow_tau_s:.0f} s{beside}"
 
 
-def _suspicion_line(looks):
+def _odd_temperature(log):
+    """What is wrong with the temperatures, or None."""
+    if not log.has_temperature:
+        return None
+    lo, hi = np.nanmin(log.temp_degc), np.nanmax(log.temp_degc)
+    if lo > _KELVIN_FROM:
+        return f"temp_degc of {lo:.1f} to {hi:.1f}: are they in kelvin? temp_degc is in degrees Celsius"
+    if lo < _COLDEST_DEGC or hi > _HOTTEST_DEGC:
+        return f"temp_degc goes from {lo:.1f} to {hi:.1f} degC, where no sensor works: are temp_degc and an axis swapped?"
+    return None
+
+
+def _repetitions(look):
+    """Sentences on an axis that does not move."""
+    if look.is_constant:
+        return [f"{look.axis} never changes: {look.rate[np.isfinite(look.rate)][0]:g} {look.unit} in every second: a dead sensor, or a wrong register or column"]
+    if look.frozen_s:
+        return [f"{look.axis} is frozen for {look.frozen_s} s from t_s = {look.t_s[look.frozen_from]:g} on: one value, while it moves elsewhere"]
+    if look.repeats > _MOST_REPEATS:
+        return [f"{look.axis} repeats itself: {100 * look.repeats:.1f} % of the seconds equal the one before: its steps are far coarser than its noise, or it is frozen"]
+    return []
+
+
+def _same_axes(looks):
+    """Sentences on axes that are one record."""
     found = []
+    for i, look in enumerate(looks):
+        if not look.is_constant:
+            found += [f"{look.axis} and {other.axis} are the same in every second: one register or column taken twice?" for other in looks[i + 1:]
+                      if np.array_equal(look.rate, other.rate, equal_nan=True)]
+    return found
+
+
+def _suspicion_line(log, looks):
+    odd = _odd_temperature(log)
+    found = ([odd] if odd else []) + _same_axes(looks)
     for look in looks:
+        found += _repetitions(look)
         if look.loop_share > LOOP_SHARE:
             found.append(f"{look.axis} a loop of {look.loop:.3g} {look.unit} rms: {100 * look.loop_share:.0f} % of the smoothed residual goes with "
                          "rising and falling (or slow noise that happens to: diagnose weighs them)")
@@ -149,17 +187,23 @@ def _suspicion_line(looks):
 
 
 def _next_line(given, log, looks, imported):
+    if _odd_temperature(log):
+        return "next: put temp_degc right, then look again"
+    moving = [look.axis for look in looks if not look.is_constant and not look.frozen_s]
+    if not moving:
+        return "next: find out why no axis changes throughout (sensor, register, column), and record again"
+    axes = "" if len(moving) == len(looks) else "".join(f" --axis {axis}" for axis in moving)
     name = given.file
     if imported:
         name = os.path.splitext(os.path.basename(given.file))[0] + ".csv"
         first = f"imucal import {given.file}" + (f" --instance {imported.chosen}" if len(imported.sensors) > 1 else "") + f" -o {name}; "
     else:
         first = ""
-    if not log.has_temperature or len(looks[0].poly) == 1:
-        return f"next: {first}imucal errormodel fit {name} --markov 1 --criterion ml -o model.json   (no thermal calibration: the temperature hardly moves)"
+    if not log.has_temperature or all(len(look.poly) == 1 for look in looks):
+        return f"next: {first}imucal errormodel fit {name}{axes} --markov 1 --criterion ml -o model.json   (no thermal calibration: the temperature hardly moves)"
     if any(look.loop_share > LOOP_SHARE or abs(look.warm_up_z) > 3 for look in looks):
-        return f"next: {first}imucal diagnose --log {name} ...   (names the effect; then imucal calibrate fit {name} --method poly --order {given.order} -o table.json)"
-    return f"next: {first}imucal calibrate fit {name} --method poly --order {given.order} -o table.json"
+        return f"next: {first}imucal diagnose --log {name}{axes} ...   (names the effect; then imucal calibrate fit {name}{axes} --method poly --order {given.order} -o table.json)"
+    return f"next: {first}imucal calibrate fit {name}{axes} --method poly --order {given.order} -o table.json"
 
 
 def _gap_line(log, imported):
@@ -196,8 +240,8 @@ def text_lines(given, log, looks, imported):
                      f"{np.sqrt(np.nanmean(look.smooth ** 2)):.3g}, {least}")
     if any(look.unit == "mg" for look in looks):
         lines.append("accelerometer: the mean, and b0 of the polynomial, hold gravity as it lay: a static test cannot tell it from the bias")
-    lines += [_noise_line(look) for look in looks]
-    lines += [_suspicion_line(looks), _next_line(given, log, looks, imported)]
+    lines += [_noise_line(look) for look in looks if not look.is_constant]
+    lines += [_suspicion_line(log, looks), _next_line(given, log, looks, imported)]
     return lines
 
 
@@ -205,6 +249,7 @@ def _result(lines, looks, log, imported):
     axes = [{"axis": k.axis, "unit": k.unit, "coeff": k.poly, "t0_degc": k.t0_degc, "range_degc": k.range_degc, "arw_deg_rt_h": k.arw_deg_rt_h if k.unit == "dph" else None,
              "white_1s": k.white, "instability": k.slow_sigma, "instability_tau_s": k.slow_tau_s, "likelihood": k.ml, "lattice": k.lattice,
              "n_outliers": k.n_outliers, "loop": k.loop, "loop_share": k.loop_share, "warm_up": k.warm_up, "warm_up_z": k.warm_up_z,
+             "is_constant": k.is_constant, "frozen_s": k.frozen_s, "repeats": k.repeats,
              "allan": {"tau_s": k.allan_tau_s, "adev": k.allan}} for k in looks]
     return {"text": lines, "axes": axes, "seconds": len(log.t_s), "import": imported.to_json() if imported else None}
 
