@@ -15,7 +15,7 @@ from .cli import common_options, finish_json, parser_of
 from .diagnosis_words import many
 from .errors import DataError, DataWarning
 from .firstlook import lattice_of, look_at_axis
-from .importers import Options, detect, import_log
+from .importers import Options, check_options, detect, import_log
 from .log import keep_input, need_one_a_second, read_log, write_log
 from .plot import look_page, save_page
 from .plot.loading import load_renderer
@@ -52,10 +52,11 @@ def _parser():
 
 def _load(given):
     """(log, what the import said or None)."""
-    if detect(given.file)[0] == "imucal-log":
-        return read_log(given.file), None
     options = Options(given.instance, given.time, given.gyro, None, given.unit, given.scale, given.temp, given.rate, with_accel=given.accel,
                       temperature=False)
+    if detect(given.file)[0] == "imucal-log":
+        check_options(given.file, "imucal-log", options)
+        return read_log(given.file), None
     result = import_log(given.file, options)
     return result.log, result
 

@@ -29,6 +29,10 @@ MAGICS = [
 ]
 FORMATS = "PX4 ULog, ArduPilot .bin, ROS 1 and ROS 2 bags, MATLAB .mat, Parquet, CSV, CXD5602PWBIMU hex text, imucal logs"
 
+_OF_TABLES = ("time", "gyro", "accel", "unit", "scale", "temp")
+#: format -> what may be said of it besides --instance, --rate, --accel, --keep-moving and --without-temp
+_KNOWN_OPTIONS = {"px4-ulog": ("topic",), "rosbag1": ("topic", "temp"), "rosbag2": ("topic", "temp"), "matlab": _OF_TABLES, "parquet": _OF_TABLES, "csv": _OF_TABLES}
+_OPTION_NAMES = {"accel": "--accel-columns", "rate_hz": "--rate"}
 _WARMER_THAN_ANY_SENSOR_DEGC = 200
 
 
@@ -55,6 +59,8 @@ class Options:
             raise UsageError(f"--rate {self.rate_hz:g}: expected the samples per second, more than 0")
         if self.scale is not None and not 0 < abs(self.scale) < math.inf:
             raise UsageError(f"--scale {self.scale:g}: expected the dph of one count, not 0")
+        if self.scale is not None and self.unit != "counts":
+            raise UsageError(f"--scale {self.scale:g}: is of counts; give --unit counts with it")
         time = (self.time or "").rpartition(":")
         named = [*(self.gyro or "").split(","), *(self.accel or "").split(","), time[0] or time[2], self.temp or ""]
         for name in filter(None, named):
@@ -140,9 +146,20 @@ def _choose(path, streams, instance):
     raise DataError(f"{path}: no sensor {instance} (there are: {names})")
 
 
+def check_options(path, name, options):
+    """UsageError: something was said that a file of this format does not leave open."""
+    known = _KNOWN_OPTIONS.get(name, ())
+    for field in (*_OF_TABLES, "topic", *(["rate_hz"] if name == "imucal-log" else [])):
+        if getattr(options, field) is not None and field not in known:
+            raise UsageError(f"{path}: {_OPTION_NAMES.get(field, '--' + field)} {getattr(options, field)}: a {name} file states this itself; leave it out")
+    if name == "px4-ulog" and options.topic not in (None, "sensor_gyro", "sensor_combined"):
+        raise UsageError(f"{path}: --topic {options.topic}: of a ULog sensor_gyro or sensor_combined is read")
+
+
 def open_file(path, options):
     """(format, streams) of a file."""
     name, module = detect(path)
+    check_options(path, name, options)
     streams = importlib.import_module(f"{__name__}.{module}").streams(os.fspath(path), options)
     if not streams:
         raise DataError(f"{path}: {name}: no gyro found")

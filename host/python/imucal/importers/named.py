@@ -118,7 +118,7 @@ def _times(path, columns, options):
 
 
 def _unit_of(path, gyro, options, default):
-    """(unit, factor to dph, note)."""
+    """(unit, factor to dph)."""
     if options.unit == "counts":
         if not options.scale:
             raise DataError(f"{path}: counts need their scale: --unit counts --scale DPH_PER_COUNT (16.4 counts per deg/s: --scale 219.512)")
@@ -197,8 +197,11 @@ def stream_of(path, columns, options, name, default_unit=None, metadata=None):
     parts = [numbers(path, columns, n) for n in gyro]
     whole = options.unit == "counts" and all(p.dtype.kind in "iu" for p in parts)
     values = np.stack([p.astype(np.int64 if whole else np.float64) for p in parts], axis=1)
-    stream = Stream(options.instance or 0, name, _axis_stems(gyro), t_us, values, np.full(len(gyro), factor), unit,
+    stream = Stream(0, name, _axis_stems(gyro), t_us, values, np.full(len(gyro), factor), unit,
                     metadata={"columns": " ".join(f"{a}={n}" for a, n in zip(_axis_stems(gyro), gyro)), **(metadata or {})})
+    stated = {unit_in_name(n) for n in gyro} - {None, options.unit}
+    if options.unit and stated:
+        stream.notes.append(f"--unit {options.unit} is taken, though the columns {', '.join(gyro)} say {' and '.join(sorted(stated))}")
     stream.time_column = (time_name, us_per_unit) if us_per_unit else None
     temp = _given(path, columns, options.temp, "--temp")[0] if options.temp else _find([n for n in columns if n not in gyro + [time_name]], _TEMP)
     if temp:

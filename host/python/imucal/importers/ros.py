@@ -86,6 +86,9 @@ def streams(path, options):
     imus = {t: rows for (t, kind), rows in samples.items() if kind == IMU and (options.topic in (None, t))}
     temperatures = {t: rows for (t, kind), rows in samples.items() if kind == TEMPERATURE}
     if not imus:
+        there = sorted(t for t, kind in samples if kind == IMU)
+        if options.topic and there:
+            raise DataError(f"{path}: no topic {options.topic} of sensor_msgs/Imu (there are: {', '.join(there)})")
         listed = ", ".join(f"{t} ({k})" for t, k in sorted(topics.items())[:12]) or "none"
         raise DataError(f"{path}: a ROS bag without sensor_msgs/Imu; its topics: {listed}")
     found = []
