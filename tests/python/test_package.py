@@ -95,6 +95,48 @@ def test_wrong_arguments_are_errors_with_their_reason(call, words):
         call()
 
 
+def noise(n=1000):
+    return np.random.default_rng(1).normal(0, 36, n)
+
+
+def with_value(value, at=17):
+    rate = noise()
+    rate[at] = value
+    return rate
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize("call, words", [
+    (lambda: imucal.allan_deviation(with_value(np.inf)), r"rate_dph\[17\] is inf.*NaN"), (lambda: imucal.allan_deviation(with_value(-np.inf)), r"rate_dph\[17\] is -inf"),
+    (lambda: imucal.direct_predictor(with_value(np.inf), type="av", estimator="max"), r"rate_dph\[17\] is inf"),
+    (lambda: imucal.as_log(noise(), temp_degc=with_value(np.inf)), r"temp_degc\[17\] is inf"),
+    (lambda: imucal.allan_deviation(noise(), dt_s=-1), "dt_s: -1"), (lambda: imucal.allan_deviation(noise(), dt_s=0), "dt_s: 0"),
+    (lambda: imucal.allan_deviation(noise(), dt_s=NAN), "dt_s: nan"), (lambda: imucal.allan_deviation(noise(), dt_s=np.inf), "dt_s: inf"),
+    (lambda: imucal.as_log(noise(), dt_s=0), "dt_s: 0"), (lambda: imucal.allan_deviation([]), "no sample.*two"), (lambda: imucal.allan_deviation([3.0]), "1 sample.*two"),
+    (lambda: imucal.allan_deviation(np.full(100, NAN)), "no sample"), (lambda: imucal.allan_deviation(["a", "b"]), "rate_dph: expected numbers"),
+    (lambda: imucal.allan_deviation(noise() * 1j), "rate_dph: expected numbers"), (lambda: imucal.direct_predictor(noise(), type="av", min_fill=0), "min_fill: 0"),
+    (lambda: imucal.direct_predictor(noise(), type="av", min_fill=NAN), "min_fill: nan"), (lambda: imucal.direct_predictor(noise(), type="av", min_fill=1.5), "min_fill: 1.5"),
+    (lambda: imucal.direct_predictor(noise(), nominal={"imucal_model": 1, "arw_deg_rt_h": NAN}), "NaN"),
+    (lambda: imucal.expect({"imucal_model": 1, "arw_deg_rt_h": NAN}, [1, 2]), "NaN")])
+def test_arrays_and_numbers_that_cannot_be_are_refused(call, words):
+    with pytest.raises(imucal.DataError, match=words):
+        call()
+
+
+def test_a_mask_marks_what_is_missing():
+    rate = noise(3000)
+    rate[1000:1100] = 1e6
+    masked = np.ma.masked_greater(rate, 1e5)
+    holes = np.where(rate > 1e5, np.nan, rate)
+    a, b = imucal.allan_deviation(masked), imucal.allan_deviation(holes)
+    assert np.array_equal(a.adev_dph, b.adev_dph) and a.adev_dph[0] < 40
+    log = imucal.as_log(masked, temp_degc=np.ma.masked_less(np.linspace(0, 60, 3000), 1))
+    assert np.isnan(log.rates["gx_dph"][1000:1100]).all() and np.isnan(log.temp_degc[:10]).all()
+    assert np.array_equal(imucal.allan_deviation(np.ma.masked_array(rate[:500].astype(int), mask=False)).adev_dph, imucal.allan_deviation(rate[:500].astype(int)).adev_dph)
+
+
 def test_direct_predictor_of_simulated_noise_follows_its_expectation():
     rng = np.random.default_rng(3)
     n, phi = 100_000, np.exp(-1 / 100)

@@ -12,7 +12,7 @@ import numpy as np
 from .errors import DataError
 from .log import Log, read_log
 from .native import core
-from .programs import Folder, run
+from .programs import Folder, model_text, run
 
 
 @dataclass
@@ -118,10 +118,39 @@ class OptimizedProfile:
     duration_s: float
 
 
-def _array(rate_dph, name="rate_dph"):
-    values = np.ascontiguousarray(rate_dph, np.float64)
+def _array(values, name="rate_dph"):
+    """Doubles of shape (n,), as they lie where they are doubles; NaN where missing or masked.  DataError: something else, or an infinity."""
+    if isinstance(values, np.ma.MaskedArray):
+        values = values.astype(np.float64).filled(np.nan)
+    try:
+        if np.iscomplexobj(values):
+            raise TypeError
+        values = np.ascontiguousarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise DataError(f"{name}: expected numbers, found {np.asarray(values).dtype}") from None
     if values.ndim != 1:
         raise DataError(f"{name}: expected an array of shape (n,), found {values.shape}")
+    with np.errstate(over="ignore", invalid="ignore"):
+        is_finite = np.isfinite(values.sum())  # a tenth of the time of a look at each
+    if not is_finite and np.isinf(values).any():
+        at = int(np.argmax(np.isinf(values)))
+        raise DataError(f"{name}[{at}] is {values[at]:g}; a missing value is NaN")
+    return values
+
+
+def _step(dt_s):
+    """dt_s as a number above 0."""
+    if not 0 < dt_s < np.inf:
+        raise DataError(f"dt_s: {dt_s:g} is no time between samples; expected seconds, more than 0")
+    return float(dt_s)
+
+
+def _samples(rate_dph):
+    """An array of two samples at least."""
+    values = _array(rate_dph)
+    if len(values) < 2 or np.isnan(values[:2]).any() and np.isfinite(values).sum() < 2:
+        n = int(np.isfinite(values).sum())
+        raise DataError(f"rate_dph has {n or 'no'} sample{'' if n == 1 else 's'}{' that is not NaN' if len(values) > n else ''}: two are the fewest")
     return values
 
 
@@ -140,7 +169,7 @@ def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=Non
 
     Parameters
     ----------
-    rate_dph : array (n,)        NaN where missing
+    rate_dph : array (n,)        NaN or masked where missing
     dt_s : float                 between samples
     tau_s : array, or text       "octave", "2:600:2", "log:2:600" …
     type : str                   "av", "dp1", "dp2" or "dp3"
@@ -163,8 +192,11 @@ def direct_predictor(rate_dph, dt_s=1.0, tau_s="octave", type="dp2", nominal=Non
     ----------
     Z. Berman, "Inertial Sensors: Further Developments in Low-Cost Calibration and Testing", section II.
     """
+    rates, step_s = _samples(rate_dph), _step(dt_s)
+    if not 0 < min_fill <= 1:
+        raise DataError(f"min_fill: {min_fill:g} is no part of a window; expected more than 0, at most 1")
     try:
-        curve = core().direct_predictor(_array(rate_dph), float(dt_s), type, _taus(tau_s), estimator, None if nominal is None else json.dumps(nominal),
+        curve = core().direct_predictor(rates, step_s, type, _taus(tau_s), estimator, None if nominal is None else model_text(nominal),
                                         float(estimation_s), detrend, float(min_fill), bool(intervals))
     except ValueError as error:
         raise DataError(str(error)) from None
@@ -176,7 +208,7 @@ def allan_deviation(rate_dph, dt_s=1.0, tau_s="octave", intervals=True):
 
     Parameters
     ----------
-    rate_dph : array (n,)        NaN where missing: windows with a missing sample are left out
+    rate_dph : array (n,)        NaN or masked where missing: windows with a missing sample are left out
     dt_s : float                 between samples
     tau_s : array, or text       "octave", "2:600:2", "log:2:600" …
     intervals : bool             False: ci95_dph is NaN, which saves time on short records
@@ -262,7 +294,7 @@ def as_log(value, temp_degc=None, dt_s=1.0, axis="gx_dph"):
     temp = np.full(len(rate), np.nan) if temp_degc is None else _array(temp_degc, "temp_degc")
     if len(temp) != len(rate):
         raise DataError(f"rate_dph has {len(rate)} samples, temp_degc {len(temp)}")
-    return Log(dt_s * np.arange(1, len(rate) + 1), temp, {axis: rate}, {}, {}, "array")
+    return Log(_step(dt_s) * np.arange(1, len(rate) + 1), temp, {axis: rate}, {}, {}, "array")
 
 
 def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau_s=None, type=None, nominal=None):

@@ -48,6 +48,14 @@ def run(name, *arguments, negative_is_answer=False):
     raise kind(message.partition(": ")[2] or message)
 
 
+def model_text(value):
+    """JSON of a dict, or of what has to_json; DataError: a number that JSON has not."""
+    try:
+        return json.dumps(value.to_json() if hasattr(value, "to_json") else value, allow_nan=False)
+    except ValueError:
+        raise DataError("a dict with NaN or an infinity in it: no file can hold it, and no program reads it; give numbers, or leave the member out") from None
+
+
 class Folder:
     """A temporary folder whose files are models, profiles and logs given as objects or as paths."""
 
@@ -72,7 +80,7 @@ class Folder:
             return os.fspath(value)
         path = self.new(".json")
         with open(path, "w", encoding="utf-8") as file:
-            json.dump(value.to_json() if hasattr(value, "to_json") else value, file)
+            file.write(model_text(value))
         return path
 
     def log(self, value):
