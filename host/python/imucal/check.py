@@ -6,6 +6,7 @@ from pathlib import Path
 
 from .cli import common_options, finish_json, parser_of
 from .errors import DataError
+from .inputs import plain_file
 from .limits import judge
 from .log import need_one_a_second, read_log
 from .strict import line_of, parse, positions, refusal, table_contradiction
@@ -88,7 +89,12 @@ def _accelerometer_names(path, data, places, text):
 
 def check_file(path):
     """(kind, list of messages); an empty list: valid."""
-    path = os.fspath(path)
+    with plain_file(path) as source:
+        kind, messages = _check(source.path)
+        return kind, [source.said(message) for message in messages]
+
+
+def _check(path):
     try:
         with open(path, "rb") as file:
             raw = file.read()
@@ -128,12 +134,13 @@ def run(arguments):
     if given.limits:
         _need_limits(given.limits)
     for path in given.files:
-        kind, messages = check_file(path)
-        results.append({"file": path, "kind": kind, "valid": not messages, "messages": messages})
-        if given.limits and kind == "table" and not messages:
-            results[-1]["beyond_limits"] = judge(path, given.limits)
-        if not messages and not given.quiet and given.json != "-":
-            print(f"{path}: a valid {kind}")
+        with plain_file(path) as source:
+            kind, messages = check_file(source)
+            results.append({"file": path, "kind": kind, "valid": not messages, "messages": [source.said(message) for message in messages]})
+            if given.limits and kind == "table" and not messages:
+                results[-1]["beyond_limits"] = judge(source, given.limits)
+            if not messages and not given.quiet and given.json != "-":
+                print(f"{source.name}: a valid {kind}")
     finish_json(given.json, {"files": results})
     bad = [m for r in results for m in r["messages"]]
     if bad:

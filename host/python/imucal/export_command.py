@@ -7,6 +7,7 @@ import sys
 
 from .cli import common_options, finish_json, parser_of
 from .errors import DataError, UsageError
+from .inputs import plain_file
 from .log import keep_input, write_text
 from .strict import read_json
 from .table import read_table
@@ -37,16 +38,16 @@ def _check_options(given):
         raise UsageError(f"--prefix {given.prefix}: expected letters, digits and _, and no digit first: names in C begin with it")
 
 
-def _export(given):
+def _export(given, source):
     if given.to in _TABLE:
         module = importlib.import_module(f".export.{_TABLE[given.to]}", __package__)
-        return module.export(read_table(given.file), given)
+        return module.export(read_table(source), given)
     from .export.noise import TARGETS, read_noise
-    data = read_json(given.file)
+    data = read_json(source)
     if isinstance(data, dict) and "imucal_table" in data:
-        raise DataError(f"{given.file}: a calibration table; --to {given.to} needs an error model: imucal errormodel fit LOG.csv --markov 1 "
+        raise DataError(f"{source.path}: a calibration table; --to {given.to} needs an error model: imucal errormodel fit LOG.csv --markov 1 "
                         "--criterion ml -o model.json")
-    return TARGETS[given.to](read_noise(given.file), given)
+    return TARGETS[given.to](read_noise(source), given)
 
 
 def run(arguments):
@@ -54,7 +55,9 @@ def run(arguments):
     given = _parser().parse_args(arguments)
     _check_options(given)
     keep_input(given.file, given.output, given.json)
-    text, notes = _export(given)
+    with plain_file(given.file) as source:
+        text, notes = _export(given, source)
+        notes = [source.said(note) for note in notes]
     write_text(given.output, text)
     for note in notes:
         print(f"imucal export: note: {note}", file=sys.stderr)

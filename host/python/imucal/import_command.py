@@ -4,8 +4,9 @@ import os
 import sys
 
 from .cli import common_options, finish_json, parser_of
-from .errors import DataError
+from .errors import DataError, UsageError
 from .importers import FORMATS, Options, describe, import_log, open_file
+from .inputs import plain_file
 from .log import keep_input, write_log
 
 
@@ -36,10 +37,12 @@ def _options(given):
                    given.accel or bool(given.accel_columns), given.keep_moving, not given.without_temp)
 
 
-def _default_output(path):
-    name = os.path.splitext(os.path.basename(os.path.normpath(path)))[0] + ".csv"
+def _default_output(source):
+    name = source.stem + ".csv"
+    if source.name == "standard input":
+        raise UsageError("of standard input: name the log to write: imucal import - -o LOG.csv")
     if os.path.exists(name):
-        raise DataError(f"{name}: is there already; name the log to write: imucal import {path} -o LOG.csv")
+        raise DataError(f"{name}: is there already; name the log to write: imucal import {source.name} -o LOG.csv")
     return name
 
 
@@ -56,21 +59,26 @@ def run(arguments):
     """Run the command; returns the exit status."""
     given = _parser().parse_args(arguments)
     options = _options(given)
+    with plain_file(given.file) as source:
+        return _import(given, source, options)
+
+
+def _import(given, source, options):
     if given.list:
-        name, streams = open_file(given.file, options)
+        name, streams = open_file(source, options)
         sensors = [describe(s, options.rate_hz) for s in streams]
         for s in sensors:
             print(f"{s['instance']}: {s['name']}: {' '.join(s['axes'])} at {s['rate_hz']:g} Hz, "
                   f"{'with' if s['has_temperature'] else 'without'} temperature")
         finish_json(given.json, {"format": name, "sensors": sensors})
         return 0
-    output = given.output or _default_output(given.file)
+    output = given.output or _default_output(source)
     keep_input(given.file, output, given.json)
-    result = import_log(given.file, options)
+    result = import_log(source, options)
     write_log(output, result.log)
     if not given.notes_only and not given.quiet and output != "-" and given.json != "-":
         _print(result, output)
     for note in result.notes:
-        print(f"imucal import: {os.path.basename(given.file)}: note: {note}", file=sys.stderr)
+        print(f"imucal import: {source.base}: note: {note}", file=sys.stderr)
     finish_json(given.json, result.to_json())
     return 0

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .errors import DataError, DataWarning
+from .inputs import plain_file
 from .units import DPH_PER_DPS, DPH_PER_RADPS, MG_PER_MS2
 
 _UNITS = {"dph": DPH_PER_DPS / 3600, "dps": DPH_PER_DPS, "radps": DPH_PER_RADPS, "mg": 1.0, "ms2": MG_PER_MS2}
@@ -173,7 +174,7 @@ def read_log(path):
 
     Parameters
     ----------
-    path : str
+    path : str                   plain or gzip; "-": standard input
 
     Returns
     -------
@@ -183,7 +184,13 @@ def read_log(path):
     ------
     DataError : names file and line
     """
-    path = os.fspath(path)
+    with plain_file(path) as source:
+        log = _read(source.path)
+        log.path = source.name
+    return log
+
+
+def _read(path):
     metadata, columns, lines = {}, None, []
     try:
         with open(path, encoding="utf-8-sig", newline="\n") as file:

@@ -16,6 +16,7 @@ from .diagnosis_words import many
 from .errors import DataError, DataWarning
 from .firstlook import lattice_of, look_at_axis
 from .importers import Options, check_options, detect, import_log
+from .inputs import plain_file
 from .log import keep_input, need_one_a_second, read_log, write_log
 from .plot import look_page, save_page
 from .plot.loading import load_renderer
@@ -50,14 +51,14 @@ def _parser():
     return parser
 
 
-def _load(given):
+def _load(given, source):
     """(log, what the import said or None)."""
     options = Options(given.instance, given.time, given.gyro, None, given.unit, given.scale, given.temp, given.rate, with_accel=given.accel,
                       temperature=False)
-    if detect(given.file)[0] == "imucal-log":
-        check_options(given.file, "imucal-log", options)
-        return read_log(given.file), None
-    result = import_log(given.file, options)
+    if detect(source)[0] == "imucal-log":
+        check_options(source.path, "imucal-log", options)
+        return read_log(source), None
+    result = import_log(source, options)
     return result.log, result
 
 
@@ -187,7 +188,7 @@ def _suspicion_line(log, looks):
     return "suspected: " + ("; ".join(found) if found else nothing)
 
 
-def _next_line(given, log, looks, imported):
+def _next_line(given, source, log, looks, imported):
     if _odd_temperature(log):
         return "next: put temp_degc right, then look again"
     moving = [look.axis for look in looks if not look.is_constant and not look.frozen_s]
@@ -196,7 +197,7 @@ def _next_line(given, log, looks, imported):
     axes = "" if len(moving) == len(looks) else "".join(f" --axis {axis}" for axis in moving)
     name = given.file
     if imported:
-        name = os.path.splitext(os.path.basename(given.file))[0] + ".csv"
+        name = source.stem + ".csv"
         first = f"imucal import {given.file}" + (f" --instance {imported.chosen}" if len(imported.sensors) > 1 else "") + f" -o {name}; "
     else:
         first = ""
@@ -226,11 +227,11 @@ def _lattice_line(log, looks):
     return "lattice: " + ("; ".join(parts) if parts else "none seen")
 
 
-def text_lines(given, log, looks, imported):
+def text_lines(given, source, log, looks, imported):
     """The lines for people."""
     span = f"{np.nanmin(log.temp_degc):.2f} to {np.nanmax(log.temp_degc):.2f} degC" if log.has_temperature else "no temperature"
     sensor = f"{imported.format}, sensor {log.metadata.get('sensor', '')}" if imported else "imucal log"
-    lines = [f"{given.file}: {sensor}: {np.ptp(log.t_s) + 1:.0f} s ({(np.ptp(log.t_s) + 1) / 60:.0f} min), {span}, {len(log.axes)} axes",
+    lines = [f"{source.name}: {sensor}: {np.ptp(log.t_s) + 1:.0f} s ({(np.ptp(log.t_s) + 1) / 60:.0f} min), {span}, {len(log.axes)} axes",
              _gap_line(log, imported), _lattice_line(log, looks)]
     for look in looks:
         fine = np.isfinite(look.residual)
@@ -242,7 +243,7 @@ def text_lines(given, log, looks, imported):
     if any(look.unit == "mg" for look in looks):
         lines.append("accelerometer: the mean, and b0 of the polynomial, hold gravity as it lay: a static test cannot tell it from the bias")
     lines += [_noise_line(look) for look in looks if not look.is_constant]
-    lines += [_suspicion_line(log, looks), _next_line(given, log, looks, imported)]
+    lines += [_suspicion_line(log, looks), _next_line(given, source, log, looks, imported)]
     return lines
 
 
@@ -262,34 +263,35 @@ def run(arguments):
     was_on = gc.isenabled()
     gc.disable()
     try:
-        return _look(given)
+        with plain_file(given.file) as source:
+            return _look(given, source)
     finally:
         if was_on:
             gc.enable()
 
 
-def _look(given):
-    output = given.output or os.path.splitext(os.path.basename(given.file))[0] + ".look.png"
+def _look(given, source):
+    output = given.output or source.stem + ".look.png"
     keep_input(given.file, output, given.json)
     matplotlib_is_there = ahead(load_renderer)  # takes as long as reading the log
-    log, imported = _load(given)
+    log, imported = _load(given, source)
     axes = _axes(log, given.axis)
     if len(log.t_s) < _FEWEST_S:
-        raise DataError(f"{given.file}: {len(log.t_s)} s at rest are too short to look at; record at least some minutes (a calibration: an hour or more)")
-    axes = _usable(given.file, log, axes)
-    likelihood = Likelihood(given.file, log, [] if given.no_ml else axes, given.order, imported)
+        raise DataError(f"{source.path}: {len(log.t_s)} s at rest are too short to look at; record at least some minutes (a calibration: an hour or more)")
+    axes = _usable(source.path, log, axes)
+    likelihood = Likelihood(source.path, log, [] if given.no_ml else axes, given.order, imported)
     try:
         looks = [look_at_axis(log, axis, given.order) for axis in axes]
         for look in looks:
             look.ml = likelihood.read(look.axis)
     finally:
         likelihood.close()
-    lines = text_lines(given, log, looks, imported)
+    lines = text_lines(given, source, log, looks, imported)
     matplotlib_is_there()
-    save_page(look_page(log, looks), output, os.path.basename(given.file), lines)
+    save_page(look_page(log, looks), output, source.base, lines)
     if not given.quiet and given.json != "-":
         print("\n".join(lines + [f"page: {output}"]))
     for note in imported.notes if imported else ():
-        print(f"imucal look: {os.path.basename(given.file)}: note: {note}", file=sys.stderr)
+        print(f"imucal look: {source.base}: note: {note}", file=sys.stderr)
     finish_json(given.json, _result(lines, looks, log, imported))
     return 0

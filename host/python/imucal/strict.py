@@ -7,6 +7,7 @@ import os
 import re
 
 from .errors import DataError
+from .inputs import plain_file
 from .native import core
 
 _PLACE = re.compile(r"((?:[A-Za-z_]\w*)(?:\[\d+\]|\.[A-Za-z_]\w*)*)(?: \([^)]*\) ([A-Za-z_]\w*))?")
@@ -113,7 +114,11 @@ def table_contradiction(path, data, text):
 
 def read_text(path):
     """A text file; DataError where it is none."""
-    path = os.fspath(path)
+    with plain_file(path) as source:
+        return _text_of(source.path)
+
+
+def _text_of(path):
     try:
         with open(path, encoding="utf-8-sig") as file:
             return file.read()

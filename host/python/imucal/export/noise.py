@@ -7,6 +7,7 @@ not.  Several terms add in power.
 Of an accelerometer (unit "mg") the same members are in mg: 60 a mg/sqrt(Hz), sigma in mg (host/formats.md, Model).
 """
 import math
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,7 +74,7 @@ def read_noise(path):
     if unit == "mg":
         data = gyro_names(data)
     markov = [(float(m["sigma_dph"]), float(m["tau_s"])) for m in data.get("markov", [])]
-    return Noise(float(data["arw_deg_rt_h"]), markov, float(data.get("turn_on_sigma_dph", 0)), data.get("bias"), data.get("effects", []), str(path), unit)
+    return Noise(float(data["arw_deg_rt_h"]), markov, float(data.get("turn_on_sigma_dph", 0)), data.get("bias"), data.get("effects", []), os.fspath(path), unit)
 
 
 def _not_held(noise, target):

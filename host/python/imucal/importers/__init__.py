@@ -14,6 +14,7 @@ import numpy as np
 from ..ahead import ahead
 from ..errors import DataError, UsageError
 from ..ingest import Imported, describe, to_log
+from ..inputs import plain_file
 from ..version import VERSION
 
 #: first bytes -> (format, module)
@@ -171,7 +172,7 @@ def import_log(path, options=None, **settings):
 
     Parameters
     ----------
-    path : str
+    path : str                   plain or gzip; "-": standard input
     options : Options
     settings :                   the fields of Options as keywords: instance, time, gyro, unit, temp, rate_hz, …
 
@@ -184,16 +185,22 @@ def import_log(path, options=None, **settings):
     DataError : what was found, what is missing, the command that helps
     """
     options = options or Options(**settings)
-    sha256_of_file = ahead(file_sha256, path)
+    with plain_file(path) as source:
+        return _import(source, options)
+
+
+def _import(source, options):
+    path = source.path
+    sha256_of_file = ahead(file_sha256, source.given)
     name, streams = open_file(path, options)
     sensors = [describe(s, options.rate_hz) for s in streams]
     stream = _choose(path, streams, options.instance)
-    log, counts = to_log(os.fspath(path), stream, options.rate_hz, options.temperature, options.keep_moving)
-    sha256 = sha256_of_file()
-    log.metadata = {"source": os.path.basename(os.path.normpath(path)), "source_format": name, "source_sha256": sha256,
+    log, counts = to_log(path, stream, options.rate_hz, options.temperature, options.keep_moving)
+    sha256, log.path = sha256_of_file(), source.name
+    log.metadata = {"source": source.base, "source_format": name, "source_sha256": sha256,
                     "imported_by": f"imucal {VERSION}", "sensor": f"{stream.instance} {stream.name}", **log.metadata,
                     "seconds_moving_left_out": counts["moving_seconds"], "seconds_missing": counts["gap_seconds"]}
     if log.has_temperature and np.nanmin(log.temp_degc) > _WARMER_THAN_ANY_SENSOR_DEGC:
         stream.notes.append(f"temperatures of {np.nanmin(log.temp_degc):.1f} to {np.nanmax(log.temp_degc):.1f}: are they in kelvin? temp_degc is in degrees "
                             "Celsius")
-    return Imported(log, name, sensors, stream.instance, source_sha256=sha256, notes=stream.notes, **counts)
+    return Imported(log, name, sensors, stream.instance, source_sha256=sha256, notes=[source.said(n) for n in stream.notes], **counts)

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: MIT
+"""Input as the programs take it: a file, plain or gzip, or standard input ("-").  Readers want a plain file with a name: a packed or
+piped one is copied into a folder of its own for the time it is read, and errors and warnings name what the user gave."""
+import contextlib
+import gzip
+import os
+import shutil
+import sys
+import tempfile
+import warnings
+import zlib
+
+from .errors import DataError, ImucalError
+
+_GZIP = b"\x1f\x8b"
+
+
+class Input:
+    """A plain file to read (os.fspath), what the user calls it, and the bytes as they were given."""
+
+    def __init__(self, path, name=None, given=None):
+        self.path, self.name, self.given = path, name or path, given or path
+
+    def __fspath__(self):
+        return self.path
+
+    @property
+    def base(self):
+        """The last part of the user's name."""
+        return os.path.basename(os.path.normpath(self.name))
+
+    @property
+    def stem(self):
+        """The same without what tells the format, for the name of a result."""
+        return os.path.splitext(os.path.basename(os.path.normpath(self.path)))[0]
+
+    def said(self, text):
+        """A message about the plain file as one about the user's."""
+        return text if self.path == self.name else text.replace(self.path, self.name)
+
+
+def _is_gzip(path):
+    if not os.path.isfile(path):
+        return False
+    try:
+        with open(path, "rb") as file:
+            return file.read(2) == _GZIP
+    except OSError:  # the reader says why
+        return False
+
+
+def _unpack(given, to, name):
+    try:
+        with gzip.open(given, "rb") as packed, open(to, "wb") as plain:
+            shutil.copyfileobj(packed, plain, 1 << 20)
+    except EOFError:
+        raise DataError(f"{name}: cannot be read: the gzip data end too early; copy the file again") from None
+    except (zlib.error, gzip.BadGzipFile):
+        raise DataError(f"{name}: cannot be read: the gzip data are damaged; copy the file again") from None
+
+
+def _copy(path, folder):
+    """An Input of a plain copy."""
+    name, given = path, path
+    if path == "-":
+        name, given = "standard input", os.path.join(folder, "given")
+        with open(given, "wb") as file:
+            shutil.copyfileobj(sys.stdin.buffer, file, 1 << 20)
+        if not _is_gzip(given):
+            plain = os.path.join(folder, "standard_input")
+            os.rename(given, plain)
+            return Input(plain, name)
+    base = "standard_input" if path == "-" else os.path.basename(path)
+    plain = os.path.join(folder, base[:-3] if base.endswith(".gz") else base)
+    _unpack(given, plain, name)
+    return Input(plain, name, given)
+
+
+@contextlib.contextmanager
+def plain_file(path):
+    """The Input of a path, or of an Input, while the context lasts.
+
+    Raises
+    ------
+    DataError : gzip that is damaged or cut short
+    """
+    if isinstance(path, Input):
+        yield path
+        return
+    path = os.fspath(path)
+    if path != "-" and not _is_gzip(path):
+        yield Input(path)
+        return
+    with tempfile.TemporaryDirectory(prefix="imucal-") as folder:
+        source = _copy(path, folder)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                yield source
+            except ImucalError as error:
+                raise type(error)(source.said(str(error))) from None
+            finally:
+                said = [type(w.message)(source.said(str(w.message))) for w in caught]
+        for message in said:
+            warnings.warn(message, stacklevel=4)
