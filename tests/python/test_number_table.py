@@ -19,8 +19,8 @@ pytest.importorskip("imucal._core")
 def both(path, text):
     """What either way reads of a table whose header is the first line."""
     path.write_bytes(text.encode() if isinstance(text, str) else text)
-    at, delimiter, _ = columns._header_line(path)
-    return columns._plain_table(path, at, delimiter), columns._any_table(path, at, delimiter)
+    layout = columns._layout(path)
+    return columns._plain_table(path, layout.at, layout.delimiter), columns._any_table(path, layout)
 
 
 def check_equal(plain, other):

@@ -12,6 +12,8 @@ import zlib
 
 from .errors import DataError, ImucalError
 
+#: said of a text that begins with the mark of UTF-16
+UTF16 = "the file is UTF-16; save it as UTF-8"
 _GZIP = b"\x1f\x8b"
 
 
@@ -37,6 +39,17 @@ class Input:
     def said(self, text):
         """A message about the plain file as one about the user's."""
         return text if self.path == self.name else text.replace(self.path, self.name)
+
+
+def not_utf8(path, otherwise):
+    """Why a file is no text in UTF-8."""
+    with open(path, "rb") as file:
+        return f"{path}: {UTF16 if is_utf16(file.read(2)) else otherwise}"
+
+
+def is_utf16(head):
+    """Do these bytes begin with the mark of UTF-16?"""
+    return head[:2] in (b"\xff\xfe", b"\xfe\xff")
 
 
 def _is_gzip(path):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .errors import DataError, DataWarning
-from .inputs import plain_file
+from .inputs import not_utf8, plain_file
 from .units import DPH_PER_DPS, DPH_PER_RADPS, MG_PER_MS2
 
 _UNITS = {"dph": DPH_PER_DPS / 3600, "dps": DPH_PER_DPS, "radps": DPH_PER_RADPS, "mg": 1.0, "ms2": MG_PER_MS2}
@@ -87,7 +87,8 @@ def _rows(path, lines, columns):
     for number, text in lines:
         fields = text.split(",")
         if len(fields) != len(columns):
-            raise DataError(f"{path}:{number}: expected {len(columns)} fields, found {len(fields)}")
+            commas = ": a decimal comma makes two fields of one number; write points, or export with another separator and let imucal import read it"
+            raise DataError(f"{path}:{number}: expected {len(columns)} fields, found {len(fields)}{commas if len(fields) > len(columns) else ''}")
         rows.append([_number(f, path, number, c) for f, c in zip(fields, columns)])
     return np.array(rows)
 
@@ -211,7 +212,7 @@ def _read(path):
     except OSError as error:
         raise DataError(f"{path}: cannot open: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise DataError(f"{path}: not text: not an imucal log; imucal import {path} -o LOG.csv reads other formats") from None
+        raise DataError(not_utf8(path, f"not text: not an imucal log; imucal import {path} -o LOG.csv reads other formats")) from None
     if columns is None:
         raise DataError(f"{path}: empty log: no header line (t_s,temp_degc,…)")
     if columns[:2] != ["t_s", "temp_degc"]:

@@ -7,7 +7,7 @@ import os
 import re
 
 from .errors import DataError
-from .inputs import plain_file
+from .inputs import not_utf8, plain_file
 from .native import core
 
 _PLACE = re.compile(r"((?:[A-Za-z_]\w*)(?:\[\d+\]|\.[A-Za-z_]\w*)*)(?: \([^)]*\) ([A-Za-z_]\w*))?")
@@ -125,7 +125,7 @@ def _text_of(path):
     except OSError as error:
         raise DataError(f"{path}: cannot open: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise DataError(f"{path}: not a JSON file (no text)") from None
+        raise DataError(not_utf8(path, "not a JSON file (no text)")) from None
 
 
 def read_json(path):

@@ -14,7 +14,7 @@ import numpy as np
 from ..ahead import ahead
 from ..errors import DataError, UsageError
 from ..ingest import Imported, describe, to_log
-from ..inputs import plain_file
+from ..inputs import UTF16, is_utf16, plain_file
 from ..version import VERSION
 
 #: first bytes -> (format, module)
@@ -83,6 +83,8 @@ def detect(path):
         raise DataError(f"{path}: cannot open: {error.strerror}") from None
     if not head:
         raise DataError(f"{path}: the file is empty")
+    if is_utf16(head):
+        raise DataError(f"{path}: {UTF16}")
     for magic, name, module in MAGICS:
         if head.startswith(magic):
             return name, module

@@ -4,6 +4,7 @@ import csv
 import io
 import mmap
 import re
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,26 +24,85 @@ def _to_numpy(frame):
             for name, values in columns.items()}
 
 
-def _header_line(path):
-    """(place of the header line, its delimiter, preface lines): the first line most of whose fields are words and whose
-    next line has as many fields, mostly numbers."""
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+([eE][+-]?\d+)?\s*")
+_DECIMAL_POINT = re.compile(r"\s*[+-]?\d*\.\d+([eE][+-]?\d+)?\s*")
+_GROUPED = re.compile(r"\s*[+-]?\d{1,3}([.' ]\d{3})+,\d+\s*")
+
+
+@dataclass
+class _Layout:
+    """Where a table's header line stands, what separates its fields, and whether its numbers have decimal commas; the lines before it."""
+
+    at: int
+    delimiter: str
+    has_decimal_commas: bool
+    preface: list
+
+
+def _fields(line, delimiter):
+    """The fields of a line; none of one that is no line of a table."""
+    try:
+        return next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error:  # a field longer than any table has
+        return []
+
+
+def _is_value(text, delimiter):
+    return _is_number(text) or not text.strip() or delimiter != "," and bool(_DECIMAL_COMMA.fullmatch(text) or _GROUPED.fullmatch(text))
+
+
+def _delimiter(line):
+    return max(",;\t", key=line.count)
+
+
+def _is_header(names):
+    return len(names) >= 2 and sum(not _is_number(n) for n in names) > len(names) / 2
+
+
+def _layout(path):
+    """The _Layout: the header is the first line most of whose fields are words and whose next line has as many fields, mostly numbers."""
     with open(path, encoding="utf-8-sig", errors="replace") as file:
         lines = [line for _, line in zip(range(400), file)]
     for i, line in enumerate(lines[:-1]):
-        if line.startswith("#") or not line.strip():
+        delimiter = _delimiter(line)
+        if line.startswith("#") or line.count(delimiter) == 0:
             continue
-        delimiter = max(",;\t", key=line.count)
-        if line.count(delimiter) == 0:
-            continue
-        try:
-            names, values = (next(csv.reader([text], delimiter=delimiter)) for text in (line, lines[i + 1]))
-        except csv.Error:  # a field longer than any table has
-            continue
-        words = [n for n in names if not _is_number(n)]
-        numbers = [v for v in values if _is_number(v) or not v.strip()]
-        if len(names) >= 2 and len(values) == len(names) and len(words) > len(names) / 2 and len(numbers) >= len(names) / 2:
-            return i, delimiter, lines[:i]
-    return None, ",", lines
+        names, values = (_fields(text, delimiter) for text in (line, lines[i + 1]))
+        if _is_header(names) and len(values) == len(names) and sum(_is_value(v, delimiter) for v in values) >= len(names) / 2:
+            return _Layout(i, delimiter, delimiter != "," and _decimal_commas(path, i + 2, delimiter, lines[i + 1:]), lines[:i])
+    raise DataError(_no_table(path, lines))
+
+
+def _decimal_commas(path, number, delimiter, lines):
+    """Do these rows, the first of which is line `number` of the file, have decimal commas?  DataError: some, and points beside them."""
+    has_commas = has_points = False
+    for line in lines:
+        for value in _fields(line, delimiter):
+            has_commas = has_commas or bool(_DECIMAL_COMMA.fullmatch(value))
+            has_points = has_points or bool(_DECIMAL_POINT.fullmatch(value))
+            if _GROUPED.fullmatch(value) or has_commas and has_points:
+                raise DataError(f"{path}:{number}: \"{value.strip()}\": points or commas that group digits, or both for the decimals; export the table without "
+                                "grouping, and with one of them for all decimals")
+        number += 1
+    return has_commas
+
+
+def _no_table(path, lines):
+    """Why there is no table in a text."""
+    told = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
+    first = told[0][1] if told else next((line.strip() for line in lines if line.strip()), "")
+    delimiter = _delimiter(first)
+    names = _fields(first, delimiter)
+    if len(names) >= 2 and all(_is_value(v, delimiter) for v in names):
+        return f"{path}:{told[0][0]}: numbers, and no line of names above them; write one there, such as time_s,gx_dps,gy_dps,gz_dps,temp"
+    if told and len(told) == 1 and _is_header(names):
+        return f"{path}:{told[0][0]}: a header and no rows"
+    if len(told) > 1 and _is_header(names):
+        values = _fields(told[1][1], delimiter)
+        if delimiter == "," and len(values) > len(names) and all(_is_number(v) for v in values):
+            return (f"{path}:{told[1][0]}: {len(names)} names over {len(values)} numbers: a decimal comma makes two fields of one number; export with decimal points, or "
+                    "with semicolons as the separator")
+    return f"{path}: text, but no table: no line of column names over lines of numbers (first line: \"{first[:60]}\")"
 
 
 def _is_number(text):
@@ -76,29 +136,31 @@ def _plain_table(path, at, delimiter):
 
 
 def _read_csv(path):
-    at, delimiter, preface = _header_line(path)
-    if at is None:
-        first = next((line.strip() for line in preface if line.strip()), "")
-        raise DataError(f"{path}: text, but no table: no line of column names over lines of numbers (first line: \"{first[:60]}\")")
-    arrays, note = _plain_table(path, at, delimiter) or _any_table(path, at, delimiter)
+    """(columns, lines before the table, notes)."""
+    layout = _layout(path)
+    plain = None if layout.has_decimal_commas else _plain_table(path, layout.at, layout.delimiter)
+    arrays, note = plain or _any_table(path, layout)
     columns = Columns(arrays)
-    columns.first_line = at + 2
-    return columns, preface, note
+    columns.first_line = layout.at + 2
+    commas = ["the commas in its numbers are taken as decimal commas"] if layout.has_decimal_commas else []
+    return columns, layout.preface, commas + ([note] if note else [])
 
 
-def _any_table(path, at, delimiter):
+def _any_table(path, layout):
     """The same of whatever polars reads."""
+    at, delimiter = layout.at, layout.delimiter
     polars = need("polars", "polars", path, "a CSV table")
     with open(path, "rb") as file:
         body = file.read().split(b"\n", at)[-1] if at else file.seek(0) or file.read()
-    options = dict(separator=delimiter, has_header=True, infer_schema_length=2000, null_values=["", "NaN", "nan", "null", "NA"])
+    options = dict(separator=delimiter, has_header=True, infer_schema_length=2000, null_values=["", "NaN", "nan", "null", "NA"],
+                   decimal_comma=layout.has_decimal_commas)
     if body.startswith(b"\xef\xbb\xbf"):
         body = body[3:]
     body, note = _whole_rows(body, at)
     try:
         frame = polars.read_csv(io.BytesIO(body), comment_prefix="#", **options)
     except Exception as error:
-        raise DataError(_place(path, body, at, delimiter, error)) from None
+        raise DataError(_place(path, body.replace(b",", b".") if layout.has_decimal_commas else body, at, delimiter, error)) from None
     return {name.strip(): values for name, values in _to_numpy(frame).items()}, note
 
 
@@ -154,15 +216,15 @@ def streams(path, options):
     if is_parquet:
         polars = need("polars", "polars", path, "a Parquet table")
         try:
-            columns, preface, note = _to_numpy(polars.read_parquet(path)), [], None
+            columns, preface, notes = _to_numpy(polars.read_parquet(path)), [], []
         except Exception as error:
             raise DataError(f"{path}: a Parquet table that cannot be read ({str(error).splitlines()[0]}); it may be cut short") from None
     else:
-        columns, preface, note = _read_csv(path)
+        columns, preface, notes = _read_csv(path)
     is_blackbox = any(n.startswith("gyroADC") or n.startswith("gyroUnfilt") for n in columns)
     if not is_blackbox:
         stream = stream_of(path, columns, options, "parquet" if is_parquet else "csv")
-        stream.notes += [note] if note else []
+        stream.notes += notes
         return [stream]
     first_line = getattr(columns, "first_line", None)
     columns = Columns({re.sub(r"^(gyro\w+)\[", r"\1[", n): v for n, v in columns.items()})
@@ -174,6 +236,6 @@ def streams(path, options):
     stream = stream_of(path, columns, options, "blackbox", "dps", {"device": "Betaflight/INAV blackbox"})
     if options.unit is None:
         stream.to_internal = stream.to_internal * _blackbox_scale(preface, columns)
-    stream.notes += [note] if note else []
+    stream.notes += notes
     stream.notes.append("blackbox rates are less the flight controller's own offset, measured at every start: the constant is not the sensor's")
     return [stream]
