@@ -21,7 +21,7 @@ def _parser():
     parser.add_argument("--gyro", metavar="X,Y,Z", help="gyro columns of a table")
     parser.add_argument("--unit", choices=["dph", "dps", "mdps", "radps", "counts"], help="of the gyro columns")
     parser.add_argument("--scale", type=float, metavar="DPH", help="dph per count, with --unit counts")
-    parser.add_argument("--temp", metavar="COL", help="temperature column (ROS: topic)")
+    parser.add_argument("--temp", metavar="COL[:UNIT]", help="temperature column of a table, unit C, K or F (ROS: topic)")
     parser.add_argument("--rate", type=float, metavar="HZ", help="nominal sample rate; default: what the time stamps show")
     parser.add_argument("--accel", action="store_true", help="import the accelerometer's axes too (mg)")
     parser.add_argument("--accel-columns", metavar="X,Y,Z", help="accelerometer columns of a table")

@@ -150,6 +150,7 @@ def _check_temperature(path, stream, wanted):
     reason = "it has no temperature" if stream.temp_degc is None else usable_temperature(np.asarray(stream.temp_degc, float))
     if reason is None:
         return True
+    reason += f" ({stream.temp_hint})" if stream.temp_hint else ""
     if wanted:
         raise DataError(f"{path}: sensor {stream.instance} ({stream.name}): {reason}. A thermal calibration needs one. "
                         f"Without (Allan deviation, noise): imucal import {path} -o LOG.csv --instance {stream.instance} --without-temp")

@@ -43,7 +43,7 @@ def _parser():
     parser.add_argument("--gyro", metavar="X,Y,Z")
     parser.add_argument("--unit", choices=["dph", "dps", "mdps", "radps", "counts"])
     parser.add_argument("--scale", type=float, metavar="DPH")
-    parser.add_argument("--temp", metavar="COL")
+    parser.add_argument("--temp", metavar="COL[:UNIT]")
     parser.add_argument("--rate", type=float, metavar="HZ")
     parser.add_argument("--accel", action="store_true", help="the accelerometer's axes too")
     parser.add_argument("--no-ml", action="store_true", help="no maximum-likelihood noise beside what is read off")

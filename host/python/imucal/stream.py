@@ -45,6 +45,7 @@ class Stream:
     motion: list = field(default_factory=list)
     metadata: dict = field(default_factory=dict)
     notes: list = field(default_factory=list)
+    temp_hint: str = ""  # where a temperature may be found, where none was
     rate_hz: float = 0.0
     is_seconds: bool = False  # rows are 1-s means already, t is the second's end
     flags: np.ndarray = None  # (n, k) bits of the rows, where the file has them (log.Log)

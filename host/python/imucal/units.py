@@ -34,6 +34,18 @@ def unit_in_name(name):
     return None
 
 
+#: unit of temperature -> (what a degree is, what 0 is, its name)
+TEMP_UNITS = {"C": (1.0, 0.0, "degrees Celsius"), "K": (1.0, -273.15, "kelvin"), "F": (1 / 1.8, -32 / 1.8, "degrees Fahrenheit")}
+
+
+def temp_unit_in_name(name):
+    """C, K or F as a column's name states it ("temp [K]", "Temperature (°F)", "temp_degf"), or None."""
+    bracket = re.search(r"[\[(]([^\])]+)[\])]\s*$", name)
+    text = bracket.group(1) if bracket else name.rsplit("_", 1)[-1] if "_" in name else ""
+    found = re.fullmatch(r"(?:°|deg(?:rees)?)?[ _]?(c|celsius|k|kelvin|f|fahrenheit)", text.strip(), re.I)
+    return found.group(1)[0].upper() if found else None
+
+
 def rate_factor(unit, where):
     """dph per unit of a rate; DataError names the units there are."""
     if unit not in RATE_UNITS:

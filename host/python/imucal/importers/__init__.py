@@ -7,6 +7,7 @@ import hashlib
 import importlib
 import math
 import os
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,7 +64,7 @@ class Options:
         if self.scale is not None and self.unit != "counts":
             raise UsageError(f"--scale {self.scale:g}: is of counts; give --unit counts with it")
         time = (self.time or "").rpartition(":")
-        named = [*(self.gyro or "").split(","), *(self.accel or "").split(","), time[0] or time[2], self.temp or ""]
+        named = [*(self.gyro or "").split(","), *(self.accel or "").split(","), time[0] or time[2], re.sub(r":[CKFckf]$", "", self.temp or "")]
         for name in filter(None, named):
             if named.count(name) > 1:
                 raise UsageError(f"column {name} is named twice: each of time, axes and temperature has a column of its own")

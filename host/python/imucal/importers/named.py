@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..stream import Motion, Stream
-from ..units import ACCEL_UNITS, RATE_UNITS, TIME_UNITS, unit_in_name
+from ..units import ACCEL_UNITS, RATE_UNITS, TEMP_UNITS, TIME_UNITS, temp_unit_in_name, unit_in_name
 
 #: times are microseconds in 64 bits; this is three thousand years
 MAX_TIME_US = 1e17
@@ -20,6 +20,8 @@ _TEMP = [r"temp(erature)?(_?degc)?", r"t(emp)?_?c", r"imu_?temp(erature)?", r"gy
 _GYRO = ["gyro", "gyr", "gyroscope", "gyrounfilt", "gyroraw", "gyroadc", "g", "w", "omega", "angular_velocity", "angularvelocity", "rate", "gyrodata",
          "gyro_rad", "rotation_rate"]
 _ACCEL = ["accel", "acc", "accelerometer", "a", "linear_acceleration", "acceleration", "accsmooth"]
+
+_DATE = re.compile(r"\s*(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:\.\d+)?)?)(Z|[+-]\d\d:?\d\d)?\s*")
 
 
 class Columns(dict):
@@ -36,7 +38,7 @@ def _plain(name):
 def _find(names, patterns):
     for pattern in patterns:
         for name in names:
-            plain = re.sub(r"_(s|ms|us|ns|degc|c)$", "", _plain(name))
+            plain = re.sub(r"_(s|ms|us|ns|degc|c|degf|fahrenheit|degk|kelvin)$", "", _plain(name))
             if re.fullmatch(pattern, plain) or re.fullmatch(pattern, _plain(name)):
                 return name
     return None
@@ -87,6 +89,51 @@ def _time_scale(path, name, values, unit):
                     "(s, ms, us or ns)")
 
 
+def _counted(n, rate_hz):
+    """Times of n samples, in us, at a rate."""
+    return np.rint(np.arange(n) * (1e6 / rate_hz)).astype(np.int64)
+
+
+def _dates(values):
+    """Microseconds since 1970 of texts that are dates of ISO 8601, or None."""
+    parts = [_DATE.fullmatch(str(value)) for value in values]
+    if not all(parts):
+        return None
+    try:
+        times = np.array([part[1].replace(" ", "T") for part in parts], "datetime64[us]").astype(np.int64)
+    except ValueError:  # a thirteenth month
+        return None
+    offsets_min = [0 if part[2] in (None, "Z") else int(part[2][0] + "1") * (60 * int(part[2][1:3]) + int(part[2][-2:])) for part in parts]
+    return times - 60_000_000 * np.array(offsets_min, np.int64)
+
+
+def _temperature(path, columns, options, others):
+    """(name or None, readings in degC, note or None): the column that is named, or found among those that are not `others`."""
+    if options.temp:
+        name, _, unit = options.temp.rpartition(":")
+        if options.temp in columns or unit.upper() not in TEMP_UNITS or name not in columns:
+            name, unit = _given(path, columns, options.temp, "--temp")[0], None
+    else:
+        name, unit = _find([n for n in columns if n not in others], _TEMP), None
+    if name is None:
+        return None, None, None
+    unit = unit.upper() if unit else temp_unit_in_name(name) or "C"
+    degree, zero, words = TEMP_UNITS[unit]
+    readings = numbers(path, columns, name).astype(float)
+    return name, readings if unit == "C" else degree * readings + zero, \
+        f"column {name} is taken as {words} and converted; if it is in degC: --temp \"{name}:C\"" if unit != "C" else None
+
+
+def _temp_hint(columns, others):
+    """Where a temperature may be found."""
+    free = [name for name in columns if name not in others]
+    likely = [name for name in free if re.search("temp|therm|kelvin|celsius|fahrenheit|deg_?c", name, re.I)]
+    if not likely:
+        return f"no column is named so; its other columns: {', '.join(free[:20]) or 'none'}; name one: --temp COLUMN"
+    first = f"\"{likely[0]}\"" if re.search(r"\W", likely[0]) else likely[0]
+    return f"columns that may be one: {', '.join(likely)}; choose: --temp {first}"
+
+
 def _times(path, columns, options):
     """(int64 us, name of the column or None, us per unit or None)."""
     n = len(next(iter(columns.values())))
@@ -98,13 +145,19 @@ def _times(path, columns, options):
     name = _given(path, columns, text, "--time")[0] if text else _find(columns, _TIME)
     if name is None:
         if options.rate_hz:
-            return np.rint(np.arange(n) * (1e6 / options.rate_hz)).astype(np.int64), None, None
+            return _counted(n, options.rate_hz), None, None
         raise DataError(f"{path}: no time column found among {', '.join(columns)}; name it: --time COLUMN, or give the sample rate: --rate HZ")
     values = columns[name]
     if np.issubdtype(values.dtype, np.datetime64):
         return values.astype("datetime64[us]").astype(np.int64), name, None
     if values.dtype.kind not in "iuf":
-        raise DataError(f"{path}: the time column \"{name}\" holds no numbers (first: {values[0]!r}); name another: --time COLUMN")
+        dates = _dates(values)
+        if dates is not None:
+            return dates, name, None
+        if options.rate_hz and not text:
+            return _counted(n, options.rate_hz), None, None
+        raise DataError(f"{path}: the time column \"{name}\" holds neither numbers nor dates as 2026-11-28T10:00:00.25 (first: \"{values[0]}\"); name another: "
+                        "--time COLUMN, or count the samples: --rate HZ")
     fine = values[np.isfinite(values.astype(float))]
     scale = _time_scale(path, name, fine.astype(float), unit)
     _refuse_far_times(path, columns, name, scale)
@@ -203,10 +256,15 @@ def stream_of(path, columns, options, name, default_unit=None, metadata=None):
     if options.unit and stated:
         stream.notes.append(f"--unit {options.unit} is taken, though the columns {', '.join(gyro)} say {' and '.join(sorted(stated))}")
     stream.time_column = (time_name, us_per_unit) if us_per_unit else None
-    temp = _given(path, columns, options.temp, "--temp")[0] if options.temp else _find([n for n in columns if n not in gyro + [time_name]], _TEMP)
+    if time_name is None:
+        stream.notes.append(f"no column of times: the samples are counted, at {options.rate_hz:g} Hz; a gap could not be seen")
+    temp, readings, note = _temperature(path, columns, options, gyro + [time_name])
     if temp:
-        stream.temp_t_us, stream.temp_degc = t_us, numbers(path, columns, temp).astype(float)
+        stream.temp_t_us, stream.temp_degc = t_us, readings
         stream.metadata["columns"] += f" temp={temp}"
+        stream.notes += [note] if note else []
+    else:
+        stream.temp_hint = _temp_hint(columns, gyro + [time_name])
     accel = _accel(path, columns, options)
     if accel and set(accel[0]).isdisjoint(gyro):
         _attach_accel(path, stream, accel, options, whole)

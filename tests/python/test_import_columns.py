@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: MIT
+"""Columns of tables: which is the temperature, in which unit, and times that are dates."""
+import numpy as np
+import pytest
+
+import imucal
+from imucal.__main__ import main
+from imucal.errors import DataError
+
+N = 3000
+
+
+def table(path, time=lambda t: f"{t:.3f}", time_name="time_s", **columns):
+    """100 Hz, three gyros, and columns of temperature by name: functions of degC."""
+    rng = np.random.default_rng(4)
+    gyro = 0.01 * rng.standard_normal((N, 3))
+    temp = 20 + np.arange(N) / 1000
+    lines = [",".join([time_name, "gx_dps", "gy_dps", "gz_dps", *columns])]
+    lines += [",".join([time(i / 100), *(f"{v:.6f}" for v in gyro[i]), *(f"{of(temp[i]):.3f}" for of in columns.values())]) for i in range(N)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+SAME = float
+KELVIN, FAHRENHEIT = (lambda c: c + 273.15), (lambda c: 1.8 * c + 32)
+
+
+@pytest.mark.parametrize("columns, named", [({"temp_baro": SAME, "temp_gyro": SAME}, "temp_baro, temp_gyro"), ({"t_board_temp": SAME, "supply_v": SAME}, "t_board_temp"),
+                                            ({"Thermometer 1": SAME, "Thermistor": SAME}, "Thermometer 1, Thermistor")])
+def test_columns_that_may_be_the_temperature_are_listed_with_the_option(tmp_path, capsys, columns, named):
+    path = table(tmp_path / "board.csv", **columns)
+    assert main(["import", str(path), "-o", str(tmp_path / "o.csv")]) == 3
+    said = capsys.readouterr().err
+    first = named.split(", ")[0]
+    assert named in said and (f'--temp "{first}"' if " " in first else f"--temp {first}") in said
+    assert main(["import", str(path), "-o", str(tmp_path / "o.csv"), "--temp", first]) == 0
+
+
+def test_no_column_that_may_be_one_lists_all(tmp_path, capsys):
+    path = table(tmp_path / "board.csv", pressure=SAME)
+    assert main(["import", str(path), "-o", str(tmp_path / "o.csv")]) == 3
+    said = capsys.readouterr().err
+    assert "pressure" in said and "--temp COLUMN" in said and "--without-temp" in said
+
+
+@pytest.mark.parametrize("name, of, unit", [
+    ("temp_k", KELVIN, "kelvin"), ("temp [K]", KELVIN, "kelvin"), ("temperature_kelvin", KELVIN, "kelvin"), ("temp_f", FAHRENHEIT, "Fahrenheit"),
+    ("Temperature (°F)", FAHRENHEIT, "Fahrenheit"), ("temp_degf", FAHRENHEIT, "Fahrenheit"), ("temp_degc", SAME, None), ("temp [°C]", SAME, None), ("temp_c", SAME, None)])
+@pytest.mark.parametrize("way", ["found", "named"])
+def test_unit_that_a_column_of_temperature_states_is_converted_and_said(tmp_path, name, of, unit, way):
+    path = table(tmp_path / "board.csv", **{name: of})
+    if way == "found" and name in ("temp_k", "temp_f"):  # "f" may be "filtered"
+        with pytest.raises(DataError, match=f"columns that may be one: {name}; choose: --temp {name}"):
+            imucal.import_log(path)
+        return
+    result = imucal.import_log(path, **({"temp": name} if way == "named" else {}))
+    np.testing.assert_allclose(result.log.temp_degc, 20.0495 + 0.1 * np.arange(30), atol=2e-3)
+    assert bool([n for n in result.notes if unit and unit in n]) == bool(unit)
+
+
+@pytest.mark.parametrize("name, of, unit", [("t1", KELVIN, "K"), ("temp_f", SAME, "C"), ("t1", FAHRENHEIT, "f")])
+def test_unit_may_be_named_with_the_column(tmp_path, name, of, unit):
+    result = imucal.import_log(table(tmp_path / "board.csv", **{name: of}), temp=f"{name}:{unit}")
+    np.testing.assert_allclose(result.log.temp_degc, 20.0495 + 0.1 * np.arange(30), atol=2e-3)
+
+
+ISO = [("2026-11-28T10:%02d:%09.6fZ", "UTC"), ("2026-11-28T10:%02d:%09.6f", "plain"), ("2026-11-28 10:%02d:%09.6f", "blank"),
+       ("2026-11-28T15:%02d:%09.6f+05:00", "zone")]
+
+
+@pytest.mark.parametrize("form", [f for f, _ in ISO], ids=[i for _, i in ISO])
+def test_dates_of_iso_8601_are_times(tmp_path, form):
+    plain = imucal.import_log(table(tmp_path / "s.csv", temp=SAME))
+    result = imucal.import_log(table(tmp_path / "iso.csv", time=lambda t: form % (t // 60, t % 60), time_name="time", temp=SAME))
+    np.testing.assert_array_equal(result.log.t_s, plain.log.t_s)
+    np.testing.assert_allclose(result.log.rates["gx_dph"], plain.log.rates["gx_dph"], atol=1e-9)
+    assert result.log.metadata["t_s_origin_s"] == int(np.datetime64("2026-11-28T10:00:00", "s").astype(int))
+
+
+def test_times_that_are_words_are_refused_with_both_ways_out(tmp_path):
+    path = table(tmp_path / "words.csv", time=lambda t: f"{t:.2f} s", time_name="time", temp=SAME)
+    with pytest.raises(DataError, match=r"time.*\"0\.00 s\".*--time COLUMN.*--rate HZ"):
+        imucal.import_log(path)
+    result = imucal.import_log(path, rate_hz=100)
+    assert len(result.log.t_s) == 30 and [n for n in result.notes if "counted" in n and "time" in n]
