@@ -182,7 +182,7 @@ def _bad_files(folder):
     savemat(folder / "no_arrays.mat", {"note": "nothing"})
 
 
-BAD = [("no_gyro.ulg", "without sensor_gyro", "SDLOG_PROFILE"), ("no_temp.ulg", "no temperature", "--without-temp"), ("header.ulg", "ULog", "SDLOG_PROFILE"),
+BAD = [("no_gyro.ulg", "without sensor_gyro", "SDLOG_PROFILE"), ("no_temp.ulg", "no temperature", "--without-temp"), ("header.ulg", "ends before its first gyro data", "copy it"),
        ("no_imu.bin", "without IMU", "LOG_BITMASK"), ("no_imu.bag", "/imu/temperature", "without sensor_msgs/Imu"), ("cut.bag", "cannot be read", "reindex"),
        ("cut.parquet", "cannot be read", "cut short"), ("photo.csv", "ff d8 ff e0", "PX4 ULog"), ("words.csv", "no table", "this is"),
        ("empty.csv", "empty", "empty"), ("model.json", "a JSON file", "imucal check"), ("no_unit.csv", "the unit of gx, gy, gz", "--unit"),

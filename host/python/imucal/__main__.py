@@ -16,6 +16,7 @@ def main(arguments=None):
         return 2
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices here are small: threads only cost
     from .errors import DataWarning, ImucalError
+    warnings.simplefilter("ignore")  # a library's words name neither file nor remedy
     warnings.simplefilter("always", DataWarning)
     warnings.showwarning = lambda message, *_: print(f"imucal {arguments[0]}: note: {message}", file=sys.stderr)
     try:

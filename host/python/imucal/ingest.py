@@ -153,7 +153,7 @@ def _check_temperature(path, stream, wanted):
     reason += f" ({stream.temp_hint})" if stream.temp_hint else ""
     if wanted:
         raise DataError(f"{path}: sensor {stream.instance} ({stream.name}): {reason}. A thermal calibration needs one. "
-                        f"Without (Allan deviation, noise): imucal import {path} -o LOG.csv --instance {stream.instance} --without-temp")
+                        f"Without (Allan deviation, noise): imucal import {path} -o LOG.csv {stream.chosen_by} --without-temp")
     stream.notes.append(f"{reason}; temp_degc is left empty")
     return False
 
@@ -190,7 +190,7 @@ def _settle(stream, clock, has_temperature):
 
 def _check_step(path, stream, clock):
     """DataError where the samples come seldom or faster than from any gyro: their times are in another unit, or no mean can be made of them."""
-    if len(clock.t_us) < 3:
+    if stream.is_seconds or len(clock.t_us) < 3:
         return
     step_s = float(np.median(np.diff(clock.t_us))) / 1e6
     if step_s <= MAX_STEP_S and clock.rate_hz <= MAX_RATE_HZ:
@@ -254,6 +254,7 @@ def to_log(path, stream, rate_hz=None, temperature=True, keep_moving=False):
               os.fspath(path))
     if offset_s:
         log.metadata["t_s_origin_s"] = offset_s
+    stream.notes += [f"axis {name} has no value in any second" for name, rate in log.rates.items() if np.isnan(rate).all()]
     gaps, gap_seconds = _gaps(log.t_s)
     log.metadata.update(source_unit=stream.unit, source_rate_hz=f"{rate:g}")
     return log, {"gaps": gaps, "gap_seconds": gap_seconds, "moving_seconds": int(moves.sum()), "n_empty": clock.n_empty, "n_duplicate": clock.n_duplicate,

@@ -194,7 +194,7 @@ def _next_line(given, source, log, looks, imported):
     moving = [look.axis for look in looks if not look.is_constant and not look.frozen_s]
     if not moving:
         return "next: find out why no axis changes throughout (sensor, register, column), and record again"
-    axes = "" if len(moving) == len(looks) else "".join(f" --axis {axis}" for axis in moving)
+    axes = "" if len(moving) == len(log.axes) else "".join(f" --axis {axis}" for axis in moving)
     name = given.file
     if imported:
         name = source.stem + ".csv"

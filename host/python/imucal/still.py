@@ -6,6 +6,8 @@ accelerometer shows at rest, or where its mean rate stands out of its neighbourh
 thermal drift must never look like motion.  One second on either side of a moving one goes with it, and rests shorter than
 MIN_REST_S between two motions too.
 """
+import warnings
+
 import numpy as np
 
 from .native import core_or_none
@@ -46,7 +48,14 @@ def running_median(values, width):
         return _core.running_median(np.ascontiguousarray(values, np.float64), half)
     padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=0)
-    return (np.nanmedian if np.isnan(padded).any() else np.median)(windows, axis=-1)
+    return (_nanmedian if np.isnan(padded).any() else np.median)(windows, axis=-1)
+
+
+def _nanmedian(values, axis):
+    """NaN, and no warning, where nothing is finite."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return np.nanmedian(values, axis=axis)
 
 
 def gyro_moves(seconds, rate_dph):
@@ -56,7 +65,7 @@ def gyro_moves(seconds, rate_dph):
     moves |= (np.abs(mean) > MAX_STILL_RATE_DPH).any(axis=1)
     if len(mean) >= 5:
         step = np.abs(mean - running_median(mean, NEIGHBOURS_S))
-        level = np.nanmedian(step, axis=0)
+        level = _nanmedian(step, axis=0)
         moves |= (step > np.maximum(20 * level, MIN_MOVING_STEP_DPH)).any(axis=1)
     return moves
 

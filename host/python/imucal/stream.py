@@ -48,6 +48,12 @@ class Stream:
     temp_hint: str = ""  # where a temperature may be found, where none was
     rate_hz: float = 0.0
     is_seconds: bool = False  # rows are 1-s means already, t is the second's end
+    option: str = ""  # that chooses this sensor; empty: --instance N
     flags: np.ndarray = None  # (n, k) bits of the rows, where the file has them (log.Log)
     time_column: tuple = None  # its name and microseconds per unit, of a table
     clock: object = None  # clock.Clock, once it is found
+
+    @property
+    def chosen_by(self):
+        """The option that chooses this sensor of its file."""
+        return self.option or f"--instance {self.instance}"

@@ -6,6 +6,9 @@ GYR holds raw rates where INS_RAW_LOG_OPT asks for them; IMU holds the rates Ard
 The messages are described by FMT messages in the file; pymavlink finds them, numpy decodes them.
 Source: ArduPilot AP_Logger/LogStructure.h, AP_InertialSensor/LogStructure.h.
 """
+import contextlib
+import io
+
 import numpy as np
 
 from ..errors import DataError
@@ -27,7 +30,8 @@ class _Messages:
     def __init__(self, path):
         reader = need("pymavlink.DFReader", "pymavlink", path, "an ArduPilot .bin")
         try:
-            self._log = reader.DFReader_binary(path)
+            with contextlib.redirect_stdout(io.StringIO()):  # it prints what it does not know
+                self._log = reader.DFReader_binary(path)
         except Exception as error:
             raise DataError(f"{path}: an ArduPilot log that cannot be read ({type(error).__name__}: {error}); download it again") from None
         self._bytes = np.frombuffer(self._log.data_map, np.uint8)

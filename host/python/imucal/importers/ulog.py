@@ -5,6 +5,7 @@ sensor_gyro holds the sensor's own rates with the temperature of the same chip. 
 that PX4 has corrected (CAL_GYROn_*OFF and TC_G*): they serve as a fallback and to see motion.
 Source: PX4 user guide, "ULog file format"; msg/SensorGyro.msg, msg/SensorCombined.msg.
 """
+import contextlib
 import io
 import mmap
 import os
@@ -89,6 +90,7 @@ def _combined_stream(log, topics, data):
     """Without sensor_gyro, or on demand: what PX4 had already corrected."""
     stream = Stream(0, COMBINED, ["gx", "gy", "gz"], data["timestamp"].astype(np.int64), _xyz(data, [f"gyro_rad[{i}]" for i in range(3)]),
                     np.full(3, DPH_PER_RADPS), "rad/s", None, None, _combined_motion(topics), _metadata(log, None, 0))
+    stream.option = f"--topic {COMBINED}"
     stream.notes.append("sensor_combined holds rates after PX4's own corrections (CAL_GYRO*, TC_G*): a calibration from it adds to them")
     temps = topics.get(GYRO, {})
     if len(temps) == 1 and "temperature" in temps[min(temps)]:
@@ -118,7 +120,9 @@ def _records(topic, block):
 
 
 def _parse(pyulog, source):
-    return pyulog.ULog(source, message_name_filter_list=[GYRO, ACCEL, COMBINED], disable_str_exceptions=True)
+    """pyulog prints what it stumbles over, into the result on standard output too; what matters of it is said by `streams`."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        return pyulog.ULog(source, message_name_filter_list=[GYRO, ACCEL, COMBINED], disable_str_exceptions=True)
 
 
 def _whole(pyulog, path):
@@ -154,6 +158,10 @@ def streams(path, options):
     """One stream per gyro."""
     log, topics = _read(path)
     if options.topic == COMBINED or GYRO not in topics:
+        if COMBINED not in topics and GYRO not in topics and ulog_is_cut(path):
+            raise DataError(f"{path}: a ULog that ends before its first gyro data, as where the card was taken out or a copy broke off: copy it from the card again")
+        if options.instance is not None and options.topic is None:
+            raise DataError(f"{path}: no {GYRO} in this ULog, so no sensor {options.instance}; --topic {COMBINED} takes the rates that PX4 has corrected")
         if COMBINED not in topics:
             raise DataError(f"{path}: a ULog without {GYRO} and {COMBINED} (topics that carry a gyro); "
                             "log it with SDLOG_PROFILE = 4 (thermal calibration) and record again")
