@@ -2,11 +2,11 @@
 """Figures of temperature profiles: the paper's figures 7-10, the error over temperature with its bounds, best
 profiles, the trade-off of duration against error, and what a profile can tell apart.
 
-Usage: figures_profile.py FOLDER.  Everything is computed by the program PROFILE (environment variable) and drawn by
+Everything is computed by the program PROFILE (environment variable) and drawn by
 imucal.plot.profiles."""
+import argparse
 import json
 import os
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -15,6 +15,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 from imucal.plot import profiles as draw  # noqa: E402
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from profile_table import program  # noqa: E402
 
 NOMINAL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}
 SLOW_DENSITY_DPH2_S = 2 * 20**2 * 100 + 36**2  # of NOMINAL
@@ -34,11 +37,7 @@ class Work:
         return path
 
     def profile(self, *args):
-        done = subprocess.run([os.environ.get("PROFILE", "build/bin/profile"), *map(str, args), "--json", "-"],
-                              capture_output=True, text=True)
-        if done.returncode > 1:
-            sys.exit(done.stderr)
-        return json.loads(done.stdout)
+        return program(*args)
 
     def error(self, profile, *args):
         return self.profile("error", self.file("profile", profile), "--model", self.model, "--order", 3, *args)
@@ -102,14 +101,15 @@ def tell_apart(work, folder):
 
 
 def main():
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    os.makedirs(sys.argv[1], exist_ok=True)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", metavar="FOLDER", help="for the figures; made where it is not there")
+    folder = parser.parse_args().folder
+    os.makedirs(folder, exist_ok=True)
     work = Work()
-    paper_figures(work, sys.argv[1])
-    best_profiles(work, sys.argv[1])
-    trade_off(work, sys.argv[1])
-    tell_apart(work, sys.argv[1])
+    paper_figures(work, folder)
+    best_profiles(work, folder)
+    trade_off(work, folder)
+    tell_apart(work, folder)
 
 
 if __name__ == "__main__":

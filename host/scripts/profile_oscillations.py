@@ -3,6 +3,7 @@
 and what oscillations about the soaks really gain (lib/analysis/profile/README.md).  Runs the program PROFILE.
 
 Model 0.6 deg/sqrt(h), 20 dph, 100 s; order 3; 0..60 degC; 140 min."""
+import argparse
 import math
 import sys
 import tempfile
@@ -65,6 +66,7 @@ def oscillating(profile, amplitude_degc, at_ends):
 
 def main():
     """Print both."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     allowed, corner = allowed_by_the_proof()
     ends, inner = allowed[0] + allowed[3], allowed[1] + allowed[2]
     print(f"Motion at {RATE:g} degC/min for all time, {1 / corner:.1f} s or more one way, would add to the information of four soaks {100 * ends:.1f} % at "

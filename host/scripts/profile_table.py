@@ -13,8 +13,12 @@ MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "t
 
 
 def program(*args):
-    done = subprocess.run([os.environ.get("PROFILE", "build/bin/profile"), *map(str, args), "--json", "-"],
-                          capture_output=True, text=True)
+    """The result of the program PROFILE; ends the script where there is none."""
+    path = os.environ.get("PROFILE", "build/bin/profile")
+    try:
+        done = subprocess.run([path, *map(str, args), "--json", "-"], capture_output=True, text=True)
+    except OSError as error:
+        sys.exit(f"{path}: cannot be run: {error.strerror}; build it (make host) and name it: PROFILE=build/bin/profile")
     if done.returncode > 1:
         sys.exit(done.stderr)
     return json.loads(done.stdout)
