@@ -87,6 +87,14 @@ def dp_says(path):
     return done.returncode, done.stderr
 
 
+def test_a_log_without_any_rate_is_refused_as_dp_does(tmp_path, capsys):
+    path = tmp_path / "log.csv"
+    path.write_text(text([[*row[:2], "", ""] for row in healthy()]))
+    assert dp_says(path)[0] == 3
+    assert main(["check", str(path)]) == 3
+    assert "log.csv: no axis has a rate in any second" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", LOGS)
 def test_check_and_the_programs_agree_on_a_log(tmp_path, name, capfd):
     content, line = LOGS[name]

@@ -97,3 +97,10 @@ def test_rows_without_names_are_named(tmp_path, capsys, head, separator, point):
     (tmp_path / "bare.csv").write_text(text(None, rows(300), separator, point, head))
     for words in refused(tmp_path / "bare.csv", capsys):
         assert "no line of names above" in words and "time_s" in words and "gx_dps" in words
+
+
+def test_one_row_that_is_too_long_is_no_matter_of_decimal_commas(tmp_path, capsys):
+    body = "".join(f"{i},20,1{i % 7}\n" for i in range(1, 300))
+    (tmp_path / "long.csv").write_text("t_s,temp_degc,gx_dph\n" + body.replace("200,20,", "200,20,5,"))
+    for words in refused(tmp_path / "long.csv", capsys):
+        assert "long.csv:201: expected 3 fields, found 4" in words and "decimal comma" not in words

@@ -159,3 +159,28 @@ def test_a_log_without_any_rate_is_refused(tmp_path, capsys):
     rows = [row if i % 100 < 30 else ",,," + row.rsplit(",", 1)[1] for i, row in enumerate(rows)]
     _, _, said = taken(table(tmp_path / "log.csv", [f"{t:.3f}" for t in t_s], rows), capsys, expect=3)
     assert "no second has half of its" in said and "log.csv" in said
+
+
+@pytest.mark.parametrize("rows_without_time", [[0], [0, 1, 5000], [N - 1], list(range(2000, 2040))])
+def test_rows_without_a_time_are_left_out_and_said(tmp_path, capsys, rows_without_time):
+    """An empty time was -1 s: in the first row it moved the whole log by a second."""
+    t_s, rows = samples()
+    stamps = [f"{t:.3f}" for t in t_s]
+    there = np.delete(np.arange(N), rows_without_time)
+    without, _, _ = taken(table(tmp_path / "without.csv", [stamps[i] for i in there], [rows[i] for i in there]), capsys)
+    for i in rows_without_time:
+        stamps[i] = ""
+    log, result, said = taken(table(tmp_path / "empty.csv", stamps, rows), capsys)
+    np.testing.assert_array_equal(log.t_s, without.t_s)
+    np.testing.assert_array_equal(log.rates["gx_dph"], without.rates["gx_dph"])
+    np.testing.assert_allclose(log.temp_degc, without.temp_degc, atol=1e-9)
+    assert f"{len(rows_without_time)} row" in said and "no time" in said and "t_s_origin_s" not in log.metadata
+
+
+def test_words_of_one_are_of_one(tmp_path, capsys):
+    t_s, rows = samples()
+    rows[77] = ",,," + rows[77].rsplit(",", 1)[1]
+    _, _, said = taken(table(tmp_path / "log.csv", [f"{t:.3f}" for t in t_s], rows), capsys)
+    assert f"1 of {N} rows has no rate" in said
+    _, _, said = taken(table(tmp_path / "frozen.csv", ["5.0"] * N, rows), capsys, expect=3)
+    assert "1 time stamp, too few to tell" in said

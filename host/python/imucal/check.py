@@ -4,6 +4,8 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
+
 from .cli import common_options, finish_json, parser_of
 from .errors import DataError
 from .inputs import plain_file
@@ -108,7 +110,10 @@ def _check(path):
     if text.lstrip().startswith(("{", "[")):
         return check_json(path, text)
     try:
-        need_one_a_second(path, read_log(path).t_s)
+        log = read_log(path)
+        need_one_a_second(path, log.t_s)
+        if not any(np.isfinite(rate).any() for rate in log.rates.values()):
+            raise DataError(f"{path}: no axis has a rate in any second; are the columns empty, or is rate_hz of a raw log too high?")
     except DataError as error:
         return "log", [str(error)]
     return "log", []

@@ -169,7 +169,8 @@ def _spread_or_count(clock, rate_hz, n_differ):
                            "on; a gap could not be seen")
         clock.is_made, clock.t_us = True, clock.t_us[0] + np.rint(np.arange(len(clock.t_us)) * (1e6 / rate_hz)).astype(np.int64)
     else:
-        clock.problem = (f"{samples(len(clock.t_us))} share {samples(n_stamps, 'time stamp')}, which do not come evenly, and {n_differ} differ from the sample before with the "
+        why = "too few to tell the rate" if n_stamps < _FEWEST_STAMPS else "which do not come evenly"
+        clock.problem = (f"{samples(len(clock.t_us))} share {samples(n_stamps, 'time stamp')}, {why}, and {n_differ} differ from the sample before with the "
                          "same stamp: the times of the samples cannot be known. Name a column of finer times (--time COLUMN), or give the sample rate, "
                          "and the samples are counted: --rate HZ")
 
@@ -194,7 +195,7 @@ def _count_empty(stream, clock, n_rows, n_rated):
     """Says which rows have no rate.  Samples that were lost are missing at the rate of the rows, and their seconds are flagged; a gyro that is written
     into every k-th row has a rate of its own."""
     clock.n_empty = n_rows - n_rated
-    text = f"{clock.n_empty} of {samples(n_rows, 'row')} have no rate"
+    text = f"{clock.n_empty} of {samples(n_rows, 'row')} {'has' if clock.n_empty == 1 else 'have'} no rate"
     steps = np.diff(clock.t_us)
     if not stream.is_seconds and not stream.rate_hz and len(steps) and not clock.problem:
         usual = float(np.median(steps))

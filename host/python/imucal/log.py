@@ -87,8 +87,9 @@ def _rows(path, lines, columns):
     for number, text in lines:
         fields = text.split(",")
         if len(fields) != len(columns):
-            commas = ": a decimal comma makes two fields of one number; write points, or export with another separator and let imucal import read it"
-            raise DataError(f"{path}:{number}: expected {len(columns)} fields, found {len(fields)}{commas if len(fields) > len(columns) else ''}")
+            commas = ": a decimal comma makes two fields of one number; write points, or export with another separator and let imucal import read it" \
+                if len(fields) > len(columns) and not rows else ""
+            raise DataError(f"{path}:{number}: expected {len(columns)} fields, found {len(fields)}{commas}")
         rows.append([_number(f, path, number, c) for f, c in zip(fields, columns)])
     return np.array(rows)
 

@@ -14,6 +14,8 @@ from ..units import ACCEL_UNITS, RATE_UNITS, TEMP_UNITS, TIME_UNITS, temp_unit_i
 
 #: times are microseconds in 64 bits; this is three thousand years
 MAX_TIME_US = 1e17
+#: of a row without one
+NO_TIME = -(2 ** 62)
 _TIME = [r"t_s", r"t", r"time[_ ]?stamp(_?sample)?", r"time", r"timeus", r"sample[_ ]?time[_ ]?fine", r"packetcounter", r"datetime", r"date", r"sec(onds)?"]
 _TEMP = [r"temp(erature)?(_?degc)?", r"t(emp)?_?c", r"imu_?temp(erature)?", r"gyro_?temp(erature)?", r"(die|chip|sensor)_?temp(erature)?", r"temp_?out",
          r"sens0temp"]
@@ -167,7 +169,8 @@ def _times(path, columns, options):
         if whole.max() < 2 ** 32 and len(whole) > 1 and np.diff(whole).min() < -(2 ** 31):
             whole = unwrap(whole, 32)
         return np.rint(whole * scale).astype(np.int64) if scale < 1 else whole * np.int64(scale), name, scale
-    return np.rint(np.where(np.isfinite(values), values, -1) * scale).astype(np.int64), name, scale
+    there = np.isfinite(values)
+    return np.where(there, np.rint(np.where(there, values, 0) * scale).astype(np.int64), NO_TIME), name, scale
 
 
 def _unit_of(path, gyro, options, default):
@@ -250,12 +253,19 @@ def stream_of(path, columns, options, name, default_unit=None, metadata=None):
     parts = [numbers(path, columns, n) for n in gyro]
     whole = options.unit == "counts" and all(p.dtype.kind in "iu" for p in parts)
     values = np.stack([p.astype(np.int64 if whole else np.float64) for p in parts], axis=1)
+    timeless = t_us == NO_TIME
+    if timeless.any():  # a row without a rate is left out
+        values = np.where(timeless[:, None], np.nan, values)
+        whole = False
     stream = Stream(0, name, _axis_stems(gyro), t_us, values, np.full(len(gyro), factor), unit,
                     metadata={"columns": " ".join(f"{a}={n}" for a, n in zip(_axis_stems(gyro), gyro)), **(metadata or {})})
     stated = {unit_in_name(n) for n in gyro} - {None, options.unit}
     if options.unit and stated:
         stream.notes.append(f"--unit {options.unit} is taken, though the columns {', '.join(gyro)} say {' and '.join(sorted(stated))}")
     stream.time_column = (time_name, us_per_unit) if us_per_unit else None
+    if timeless.any():
+        n = int(timeless.sum())
+        stream.notes.append("1 row has no time, and is left out" if n == 1 else f"{n} rows have no time, and are left out")
     if time_name is None:
         stream.notes.append(f"no column of times: the samples are counted, at {options.rate_hz:g} Hz; a gap could not be seen")
     temp, readings, note = _temperature(path, columns, options, gyro + [time_name])
