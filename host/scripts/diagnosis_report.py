@@ -25,6 +25,9 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[1:1] = [os.path.join(HERE, os.pardir, "python"), os.path.join(HERE, os.pardir)]  # in the source tree; as installed
 from imucal.diagnosis_words import (Library, chip, gap_sentence, headline, in_reading_order, many, number, open_sentences, plain, sentence, size_sentence,  # noqa: E402
                                     titled, where_sentence)
+from imucal.errors import DataError  # noqa: E402
+from imucal.inputs import plain_file  # noqa: E402
+from imucal.log import write_text  # noqa: E402
 from imucal.plot import diagnosis as draw  # noqa: E402
 from imucal.plot.diagnosis import branches  # noqa: E402, F401  (part of this script's interface)
 
@@ -284,8 +287,10 @@ def page(diagnosis, source):
 def load(path):
     """The diagnosis, checked as far as the page needs it."""
     try:
-        with open(path, encoding="utf-8") as f:
+        with plain_file(path) as source, open(source.path, encoding="utf-8-sig") as f:
             diagnosis = json.load(f)
+    except DataError as problem:  # gzip that is cut short or damaged
+        raise BadInput(str(problem)) from None
     except OSError as problem:
         raise BadInput(f"{path}: {problem.strerror}: give the file that `diagnose --json` wrote") from None
     except ValueError as problem:
@@ -300,18 +305,14 @@ def load(path):
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description="HTML page of a diagnosis.")
-    parser.add_argument("diagnosis", help="file written by diagnose --json")
+    parser.add_argument("diagnosis", help="file written by diagnose --json, plain or gzip; - for standard input")
     parser.add_argument("-o", "--output", required=True, help="page to write")
     args = parser.parse_args(argv)
     try:
-        text = page(load(args.diagnosis), args.diagnosis)
-    except BadInput as problem:
+        write_text(args.output, page(load(args.diagnosis), "standard input" if args.diagnosis == "-" else args.diagnosis))
+    except (BadInput, DataError) as problem:
         print(f"diagnosis_report: {problem}", file=sys.stderr)
         return 3
-    temporary = args.output + ".part"
-    with open(temporary, "w", encoding="utf-8") as f:
-        f.write(text)
-    os.replace(temporary, args.output)
     return 0
 
 

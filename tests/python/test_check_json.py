@@ -154,3 +154,13 @@ def test_read_table_refuses_what_check_refuses(tmp_path):
         (tmp_path / "table.json").write_text(ALL[name][1])
         with pytest.raises(imucal.DataError, match="table.json"):
             imucal.read_table(tmp_path / "table.json")
+
+
+@pytest.mark.parametrize("target, option", [("json", ["--prefix", "cal"]), ("px4", ["--prefix", "cal"]), ("ardupilot", ["--device-id", "5"]), ("c-header", ["--instance", "1"]),
+                                            ("json", ["--rate-hz", "100"]), ("datasheet", ["--rate-hz", "100"]), ("matlab", ["--accel", "x.json"]), ("kalibr", ["--instance", "1"])])
+def test_an_option_of_another_target_is_a_usage_error(tmp_path, target, option, capsys):
+    is_table = target in ("json", "px4", "ardupilot", "c-header")
+    (tmp_path / "in.json").write_text(EXAMPLES["table.json" if is_table else "model.json"])
+    assert main(["export", str(tmp_path / "in.json"), "--to", target, "-o", str(tmp_path / "out"), *option]) == 2
+    said = capsys.readouterr().err
+    assert option[0] in said and f"--to {target}" in said and not (tmp_path / "out").exists()

@@ -144,3 +144,24 @@ def test_import_of_standard_input_wants_a_name(monkeypatch, capsys):
     give(monkeypatch, OWN.encode())
     assert main(["import", "-"]) == 2
     assert "-o LOG.csv" in capsys.readouterr().err
+
+
+def test_report_takes_both_and_refuses_a_page_that_cannot_be_written(tmp_path):
+    import subprocess
+    text = re.search(r"<!-- result: diagnosis.json -->\n```json\n(.*?)```", (ROOT / "host/formats.md").read_text(encoding="utf-8"), re.S).group(1).encode()
+    (tmp_path / "d.json").write_bytes(text)
+    (tmp_path / "d.json.gz").write_bytes(gzip.compress(text))
+
+    def report(source, page, data=b""):
+        return subprocess.run([sys.executable, "-m", "imucal", "report", source, "-o", page], cwd=tmp_path, input=data, capture_output=True, timeout=60)
+    pages = []
+    for source, data in (("d.json", b""), ("d.json.gz", b""), ("-", text), ("-", gzip.compress(text))):
+        assert report(source, "page.html", data).returncode == 0
+        text_of = re.sub(r"<[^>]*>", " ", (tmp_path / "page.html").read_text()).replace("d.json.gz", "d.json").replace("standard input", "d.json")
+        pages.append([word for word in text_of.split() if not re.match(r"[\d:-]+$|UTC|written", word)])
+    assert all(words == pages[0] for words in pages[1:2]) and "explained" in pages[3] and pages[2] == pages[3]
+    (tmp_path / "cut.gz").write_bytes(gzip.compress(text)[:-20])
+    for source, page, words in (("cut.gz", "new.html", b"cut.gz: cannot be read: the gzip data end too early"), ("d.json", "no/such/folder.html", b"cannot write")):
+        done = report(source, page)
+        assert done.returncode == 3 and words in done.stderr and b"Traceback" not in done.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["cut.gz", "d.json", "d.json.gz", "page.html"]

@@ -13,6 +13,9 @@ from .strict import read_json
 from .table import read_table
 
 _TABLE = {"px4": "px4", "ardupilot": "ardupilot", "c-header": "c_header", "json": "plain_json"}
+#: what a target takes besides
+_OPTIONS = {"px4": ("instance", "device_id"), "ardupilot": ("instance",), "c-header": ("prefix",), "kalibr": ("accel", "rate_hz"), "ros": ("accel", "rate_hz"),
+            "matlab": ("rate_hz",)}
 _MODEL = ["kalibr", "ros", "matlab", "datasheet"]
 
 
@@ -31,7 +34,10 @@ def _parser():
 
 
 def _check_options(given):
-    """UsageError: what no target could hold."""
+    """UsageError: what the target does not take, or no target could hold."""
+    for option in ("instance", "device_id", "prefix", "accel", "rate_hz"):
+        if getattr(given, option) is not None and option not in _OPTIONS.get(given.to, ()):
+            raise UsageError(f"--{option.replace('_', '-')} says nothing to --to {given.to}; leave it out")
     if given.rate_hz is not None and not 0 < given.rate_hz < math.inf:
         raise UsageError(f"--rate-hz {given.rate_hz:g}: expected the samples per second, more than 0")
     if given.prefix is not None and not re.fullmatch(r"[A-Za-z_]\w*", given.prefix, re.ASCII):
