@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A log has one row a second.  Rows at another step, or times in another unit, are said by check, import and look, and not taken."""
+"""A log has one row a second.  Rows at another step are remarked by check; they, and times in another unit, are refused by import and look."""
 import numpy as np
 import pytest
 
@@ -24,10 +24,13 @@ GAPS = ONES[(ONES < 400) | (ONES > 900)]
     ("ten a second", 0.1 * ONES, "0.1 s apart"), ("milliseconds", 1000 * ONES, "milliseconds"), ("one in ten seconds", 10 * ONES, "10 s apart")])
 def test_rows_that_are_not_a_second_apart_are_refused(tmp_path, name, times, words, capsys):
     path = log(tmp_path / "log.csv", times)
-    for command in (["check", path], ["import", path, "-o", str(tmp_path / "o.csv")], ["look", path, "-o", str(tmp_path / "p.png"), "--no-ml"]):
+    for command in (["import", path, "-o", str(tmp_path / "o.csv")], ["look", path, "-o", str(tmp_path / "p.png"), "--no-ml"]):
         assert main(command) == 3, command
         said = capsys.readouterr().err
         assert "log.csv" in said and words in said and "one row a second" in said, said
+    assert main(["check", path]) == 0  # the programs take it, and say so too
+    said = capsys.readouterr().err
+    assert "log.csv" in said and words in said and "not 1 s" in said, said
     assert not (tmp_path / "o.csv").exists() and not (tmp_path / "p.png").exists()
 
 

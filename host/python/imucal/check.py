@@ -2,15 +2,16 @@
 """``imucal check``: is a file one of ours, and valid?  Messages name file and line."""
 import json
 import os
+import warnings
 from pathlib import Path
 
 import numpy as np
 
 from .cli import common_options, finish_json, parser_of
-from .errors import DataError
+from .errors import DataError, DataWarning
 from .inputs import plain_file
 from .limits import judge
-from .log import need_one_a_second, read_log
+from .log import other_step_s, read_log
 from .strict import line_of, parse, positions, refusal, table_contradiction
 
 KINDS = {"imucal_model": "model", "imucal_profile": "profile", "imucal_table": "table", "imucal_diagnosis": "diagnosis",
@@ -111,12 +112,19 @@ def _check(path):
         return check_json(path, text)
     try:
         log = read_log(path)
-        need_one_a_second(path, log.t_s)
+        _remark_step(path, other_step_s(log.t_s))
         if not any(np.isfinite(rate).any() for rate in log.rates.values()):
             raise DataError(f"{path}: no axis has a rate in any second; are the columns empty, or is rate_hz of a raw log too high?")
     except DataError as error:
         return "log", [str(error)]
     return "log", []
+
+
+def _remark_step(path, step_s):
+    """dp, errormodel, diagnose and calibrate take such rows, with the same remark; import and look make means of seconds, and refuse them."""
+    if step_s is not None:
+        warnings.warn(f"{path}: rows are {step_s:.6g} s apart, not 1 s: each is taken as the mean over {step_s:.6g} s"
+                      f"{'; are these milliseconds? t_s is in seconds' if abs(step_s / 1000 - 1) < 0.05 else ''}", DataWarning, stacklevel=2)
 
 
 def _need_limits(path):

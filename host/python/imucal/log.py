@@ -18,7 +18,7 @@ _TEMP_DEGC = (-273.15, 2000.0)
 _LARGEST = 1e12
 _LONGEST_JUMP_S, _LONGEST_S = 7 * 86400.0, 366 * 86400.0
 _FEW_ROWS, _STEP_ERROR, _IRREGULAR_PART = 10, 0.25, 0.1
-_SECOND_ERROR = 0.01
+_SECOND_ERROR = 0.05
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 #: said of a last row without line end
 CUT_ROW = "the last row has no line end, as where writing was cut off, and is left out; end it with a line end if it is whole"
@@ -145,12 +145,18 @@ def _check_steps(path, t_s, lines):
                 f"{usual:g} s; average the log to even steps, of {_even_step_s(usual)} s for instance")
 
 
+def other_step_s(t_s):
+    """The usual step of a log's rows where it is another than a second, or None."""
+    if len(t_s) < _FEW_ROWS:
+        return None
+    usual_s = float(np.median(np.diff(t_s)))
+    return None if abs(usual_s - 1) <= _SECOND_ERROR else usual_s
+
+
 def need_one_a_second(path, t_s):
     """DataError where a log's rows come at another step than a second: they would be taken for means of a second, or for gaps without end."""
-    if len(t_s) < _FEW_ROWS:
-        return
-    usual_s = float(np.median(np.diff(t_s)))
-    if abs(usual_s - 1) <= _SECOND_ERROR:
+    usual_s = other_step_s(t_s)
+    if usual_s is None:
         return
     remedy = "are these milliseconds? t_s is in seconds" if abs(usual_s / 1000 - 1) <= _SECOND_ERROR else \
         "average them to seconds, or, where t_s is in another unit, bring it to seconds" if usual_s < 1 else \
