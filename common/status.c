@@ -50,7 +50,7 @@ const char* imucal_status_text(imucal_status status) {
     TEXT(IMUCAL_ERR_VERIFY, "flash does not hold what was programmed");
     TEXT(IMUCAL_ERR_COMMIT, "write was cut before its commit");
     TEXT(IMUCAL_ERR_SEQUENCE, "sequence number too small or used up");
-    TEXT(IMUCAL_ERR_NO_MARK, "the older table was rolled back to too often; flash it instead");
+    TEXT(IMUCAL_ERR_NO_MARK, "no mark is left to note this rollback; flash the older table instead");
     TEXT(IMUCAL_ERR_SUPPLY, "the supply is too low to erase or program the flash");
   }
   return "unknown status";

@@ -76,7 +76,7 @@ typedef enum imucal_status {
   IMUCAL_ERR_VERIFY = -81,   /* what was read back is not what was programmed */
   IMUCAL_ERR_COMMIT = -82,   /* slot without a (whole) commit word: a write was cut */
   IMUCAL_ERR_SEQUENCE = -83, /* sequence number not above the ruling one */
-  IMUCAL_ERR_NO_MARK = -84,  /* rollback: the older slot has no room left to note one more */
+  IMUCAL_ERR_NO_MARK = -84,  /* rollback: no mark is left in flash to note it with */
   IMUCAL_ERR_SUPPLY = -85    /* the supply is too low to erase or program the flash; nothing was changed */
 } imucal_status;
 

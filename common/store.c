@@ -311,6 +311,8 @@ imucal_status imucal_store_rollback(const imucal_flash_t* flash, const char* ser
   if (report->slot_status[older] != IMUCAL_OK) return IMUCAL_ERR_NO_OTHER;
   const uint32_t mark = endorse_mark(flash, report, older, report->sequence[newer]);
   if (mark == n_marks(flash)) return IMUCAL_ERR_NO_MARK;
+  /* A mark that a cut left begun, without bits enough to revoke, is not programmed again: units with ECC refuse it. */
+  if (is_begun(flash, older, mark) || is_begun(flash, newer, revoke_mark(flash))) return IMUCAL_ERR_NO_MARK;
   status = set_mark(flash, older, mark, report->sequence[newer]);
   if (status == IMUCAL_OK) status = set_mark(flash, newer, revoke_mark(flash), report->sequence[newer]);
   if (status != IMUCAL_OK) return status;

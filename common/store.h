@@ -32,8 +32,10 @@
  *      R's marks note it; with no commit mark left the number is chosen beyond all endorse marks.
  *  (4) Cut in a commit mark added to R: R is as valid as before, O untouched.  Next time another mark is taken; a mark that
  *      was caught and reads erased is programmed again, to the same value: whole then.
- *  (5) Cut in endorse: either table rules, both are whole, the rollback was not reported as done.  Revoke is begun only
- *      when endorse was read back: it says the same and stays when the older table rots.
+ *  (5) Cut in endorse: either table rules, both are whole, the rollback was not reported as done.  Where the newer one
+ *      rules, the mark may be begun with fewer than the four bits that revoke: it is not programmed again, and a rollback
+ *      of this pair is refused (IMUCAL_ERR_NO_MARK) until the next write.  Revoke is begun only when endorse was read
+ *      back: it says the same and stays when the older table rots.
  *  (6) Nothing rules: both slots are erased before the write, so that nothing half erased comes back over the new
  *      table later.
  *  (7) Erase: a commit mark for R, then O, then R; a cut leaves R or nothing, as asked for.
@@ -125,9 +127,10 @@ imucal_store_origin_t imucal_store_origin(const imucal_flash_t* flash, const imu
                                           uint32_t n_channels);
 
 /* Revoke the ruling table; the other valid one rules (loaded into *table).  IMUCAL_ERR_NO_OTHER: nothing to go back
- * to, nothing changed; IMUCAL_ERR_NO_TABLE; IMUCAL_ERR_NO_MARK: the older slot has no room to note one more (after 7
- * rollbacks to the same table; 1 in the smallest slot; fewer where writes were cut and each took a mark), nothing changed; IMUCAL_ERR_FLASH, IMUCAL_ERR_VERIFY: it
- * did not take, load tells which rules. */
+ * to, nothing changed; IMUCAL_ERR_NO_TABLE; IMUCAL_ERR_NO_MARK: no mark is left to note it with, nothing changed: flash the
+ * older table again instead.  So after 7 rollbacks to the same table (1 in the smallest slot; fewer where writes were cut
+ * and each took a mark), and where a cut rollback or bits flipped at rest left the mark of this pair begun.
+ * IMUCAL_ERR_FLASH, IMUCAL_ERR_VERIFY: it did not take, load tells which rules. */
 IMUCAL_MUST_USE imucal_status imucal_store_rollback(const imucal_flash_t* flash, const char* serial,
                                                     uint32_t n_channels, imucal_store_work_t* work,
                                                     imucal_table_t* table, imucal_store_report_t* report);

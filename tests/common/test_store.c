@@ -235,6 +235,30 @@ static void test_rollback_without_a_mark_left_is_refused(void** state) {
   assert_int_equal(nor.n_violations, 0);
 }
 
+/* A mark that a cut left begun (or where bits flipped) is not programmed again: units with ECC would refuse it at every try. */
+static void test_rollback_over_a_begun_mark_is_refused(void** state) {
+  (void)state;
+  static const struct {
+    uint32_t slot, mark;
+  } begun[] = {{0, 9}, {1, 8}}; /* the endorse mark of this pair in the older slot, the revoke mark in the newer */
+  for (int i = 0; i < 2; i++)
+    for (int n_bits = 1; n_bits <= 3; n_bits++) { /* four revoke */
+      nor_t nor;
+      prepare(&nor);
+      nor.bytes[begun[i].slot][SLOT_BYTES - (begun[i].mark + 1) * 8] = (uint8_t)(0xFF << n_bits);
+      for (int start = 0; start < 3; start++) {
+        assert_int_equal(roll_back(&nor), IMUCAL_ERR_NO_MARK);
+        assert_int_equal(ruling_mark(&nor), 2);
+        nor_power_on(&nor);
+      }
+      assert_int_equal(nor.n_programs, 0);
+      assert_int_equal(nor.n_violations, 0);
+      assert_int_equal(write_mark(&nor, 1), IMUCAL_OK); /* flashed instead */
+      assert_int_equal(ruling_mark(&nor), 1);
+      assert_int_equal(nor.n_violations, 0);
+    }
+}
+
 /* A revoke or endorse mark that does not take: rollback must not say done. */
 static void test_rollback_that_did_not_take_says_so(void** state) {
   (void)state;
@@ -838,6 +862,7 @@ int main(void) {
       cmocka_unit_test(test_sizes_of_flash_out_of_range_are_refused),
       cmocka_unit_test(test_sequence_numbers_used_up_are_refused),
       cmocka_unit_test(test_rollback_without_a_mark_left_is_refused),
+      cmocka_unit_test(test_rollback_over_a_begun_mark_is_refused),
       cmocka_unit_test(test_rollback_that_did_not_take_says_so),
       cmocka_unit_test(test_write_erase_that_did_nothing_is_found),
       cmocka_unit_test(test_write_commit_that_did_nothing_is_found),

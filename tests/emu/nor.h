@@ -148,12 +148,21 @@ static inline imucal_status nor_erase(void* ctx, uint32_t slot) {
   return IMUCAL_OK;
 }
 
+// Does every read of the unit show that it is not erased?  A caller who programs it did not look.
+static inline int nor_is_surely_begun(const nor_t* nor, uint32_t slot, uint32_t at) {
+  if (nor->mode == NOR_UNREADABLE && nor->is_torn[slot][at]) return 1;
+  for (uint32_t i = 0; i < nor->geometry.unit_bytes; i++)
+    if ((nor->bytes[slot][at + i] | nor->wavers[slot][at + i]) != 0xFF) return 1;
+  return 0;
+}
+
 // As the controller of a chip with ECC: a unit that does not read erased is refused.
 static inline imucal_status nor_program_unit(nor_t* nor, uint32_t slot, uint32_t at, const uint8_t* data) {
   const uint32_t n = nor->geometry.unit_bytes;
-  int is_erased = !(nor->mode == NOR_UNREADABLE && nor->is_torn[slot][at]);
+  const int is_begun = nor_is_surely_begun(nor, slot, at);
+  int is_erased = !is_begun;
   for (uint32_t i = 0; i < n; i++) is_erased = is_erased && nor_get(nor, slot, at + i) == 0xFF;
-  if (!is_erased && !nor->is_torn[slot][at]) nor_violate(nor, "program of a unit that is not erased");
+  if (is_begun) nor_violate(nor, "program of a unit that is not erased");
   if (nor->is_used[slot][at] && !nor->is_torn[slot][at]) nor_violate(nor, "unit programmed twice");
   if (!is_erased) return IMUCAL_ERR_FLASH;
   nor->is_used[slot][at] = 1;

@@ -169,26 +169,39 @@ static int torn_check_commit(const torn_state_t* from, const torn_path_t* path, 
   return torn_check(&s, path, counts);
 }
 
-static int torn_target(const torn_state_t* s, int action, int channels) {
+// May this be the answer with the power on?  A rollback may have nothing to go back to or no mark left.  It has one mark and
+// no second choice: cells that read erased when it looked and not when it programs make it fail.
+static int torn_is_answer(const torn_state_t* s, int action, imucal_status status) {
+  if (status == IMUCAL_OK) return 1;
+  if (action != TORN_ROLLBACK) return 0;
+  return status == IMUCAL_ERR_NO_TABLE || status == IMUCAL_ERR_NO_OTHER || status == IMUCAL_ERR_NO_MARK ||
+         s->nor.mode == NOR_PER_READ;
+}
+
+// What is to rule after the action, -1: it is refused.
+static int torn_target(const torn_state_t* s, const torn_path_t* path, int action, torn_counts_t* counts) {
   static nor_t trial;
   if (action == TORN_WRITE) return s->n_written + 1;
   if (action == TORN_ERASE) return 0;
   trial = s->nor;
-  return torn_act(&trial, TORN_ROLLBACK, channels, 0) == IMUCAL_OK ? torn_ruling(&trial, channels) : -1;
+  const imucal_status status = torn_act(&trial, TORN_ROLLBACK, path->channels, 0);
+  if (!torn_is_answer(s, TORN_ROLLBACK, status)) torn_fail(&counts->n_stuck, path, "a rollback fails", status);
+  if (trial.n_violations) torn_fail(&counts->n_violations, path, trial.violation, trial.n_violations);
+  return status == IMUCAL_OK ? torn_ruling(&trial, path->channels) : -1;
 }
 
 // The last cut of the path, from `s`.  0: the action ended before its step (the path is one step too long).
 static int torn_cut(torn_state_t* s, const torn_path_t* path, torn_counts_t* counts) {
   const torn_cut_t* cut = &path->cut[path->n_cuts - 1];
   s->nor.random = torn_hash(path);
-  const int target = torn_target(s, cut->action, path->channels);
+  const int target = torn_target(s, path, cut->action, counts);
   if (target < 0) return 0;
   s->nor.steps_left = cut->step;
   s->nor.pattern = cut->pattern;
   s->nor.steps_used = 0;
   const imucal_status status = torn_act(&s->nor, cut->action, path->channels, target);
   if (!s->nor.is_off) {
-    if (status != IMUCAL_OK && cut->action != TORN_ROLLBACK)
+    if (!torn_is_answer(s, cut->action, status))
       torn_fail(&counts->n_stuck, path, "an action fails with the power on", status);
     return 0;
   }
@@ -197,6 +210,7 @@ static int torn_cut(torn_state_t* s, const torn_path_t* path, torn_counts_t* cou
   s->allowed |= 1ull << target;
   (void)torn_check(s, path, counts);
   (void)torn_check_commit(s, path, counts);
+  (void)torn_target(s, path, TORN_ROLLBACK, counts); // from here a rollback is done or refused for a reason
   return 1;
 }
 
@@ -305,7 +319,7 @@ static inline void torn_failures(uint64_t seed, torn_counts_t* counts, uint64_t*
         for (int how = 0; how < 3; how++) {
           const torn_path_t path = {.seed = seed, .geometry = g, .mode = NOR_STABLE, .channels = 3, .start = start};
           torn_start(from, &path);
-          const int target = torn_target(from, action, 3);
+          const int target = torn_target(from, &path, action, counts);
           if (target < 0) continue;
           for (int call = 1;; call++) {
             *s = *from;
