@@ -40,8 +40,9 @@ imucal_status app_guard_unlock(imucal_app_guard_t* guard, const imucal_link_unlo
 }
 
 imucal_status app_guard_take(imucal_app_guard_t* guard, uint32_t token, uint32_t number, uint64_t now_us) {
-  if (app_guard_left_s(guard, now_us) == 0) return IMUCAL_ERR_LOCKED;
+  /* This first: LOCKED tells the host to send the command once more, and this one may have been done. */
   if (token != guard->token || number <= guard->number) return IMUCAL_ERR_STALE;
+  if (app_guard_left_s(guard, now_us) == 0) return IMUCAL_ERR_LOCKED;
   guard->number = number;
   return IMUCAL_OK;
 }

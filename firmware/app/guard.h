@@ -26,8 +26,9 @@ uint16_t app_guard_left_s(imucal_app_guard_t* guard, uint64_t now_us);
 IMUCAL_MUST_USE imucal_status app_guard_unlock(imucal_app_guard_t* guard, const imucal_link_unlock_t* request,
                                                const char* serial, uint64_t now_us, imucal_link_unlock_reply_t* reply);
 
-/* May a command with this token and number be done?  IMUCAL_ERR_LOCKED: no unlock, or its time is over;
- * IMUCAL_ERR_STALE: another token, or the number came before. */
+/* May a command with this token and number be done?  IMUCAL_ERR_STALE: another token (as from before the last start), or the
+ * number came before, whether the unlock still lasts or not: it may have been done.  IMUCAL_ERR_LOCKED: the time of its
+ * unlock is over; it was never done. */
 IMUCAL_MUST_USE imucal_status app_guard_take(imucal_app_guard_t* guard, uint32_t token, uint32_t number,
                                              uint64_t now_us);
 #endif

@@ -208,7 +208,7 @@ static void test_commands_late_doubled_or_of_another_token_do_nothing(void** sta
   assert_int_equal(device_state()->refused_stale, 3);
   bench_power_cycle(&bench);
   command.token = old_token;
-  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_LOCKED);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_STALE);
   bench_unlock(&bench);
   assert_true(bench.token != old_token);
   assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_STALE);
@@ -225,6 +225,23 @@ static void test_unlock_expires(void** state) {
   command = bench_command(&bench, IMUCAL_LINK_ID_STREAM, &stream);
   assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_LOCKED);
   assert_int_equal(device_state()->unlocked_s, 0);
+}
+
+/* LOCKED says "nothing was done": never to a command that may have been, whose reply was lost. */
+static void test_command_sent_again_after_a_restart_or_too_late_is_stale(void** state) {
+  (void)state;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 55.0f, bytes)), IMUCAL_OK);
+  assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 66.0f, bytes)), IMUCAL_OK);
+  const imucal_link_rollback_t rollback = {0};
+  const imucal_link_command_t command = bench_command(&bench, IMUCAL_LINK_ID_ROLLBACK, &rollback);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_OK);
+  bench.time_us += (uint64_t)IMUCAL_LINK_MAX_UNLOCK_S * 1000000u;
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_STALE);
+  bench_power_cycle(&bench);
+  assert_int_equal(send_frame(IMUCAL_LINK_ID_COMMAND, &command), IMUCAL_ERR_STALE);
+  assert_int_equal(device_state()->refused_stale, 1);
+  assert_true(bench_ruling_b0(&bench) == 55.0f);
 }
 
 static void test_command_of_wrong_content_is_refused(void** state) {
@@ -710,6 +727,7 @@ int main(void) {
       CASE(test_unlock_names_the_serial_and_the_newest_challenge),
       CASE(test_commands_late_doubled_or_of_another_token_do_nothing),
       CASE(test_unlock_expires),
+      CASE(test_command_sent_again_after_a_restart_or_too_late_is_stale),
       CASE(test_command_of_wrong_content_is_refused),
       CASE(test_reserved_fields_are_checked),
       CASE(test_state_tells_crc_time_and_origin_of_the_ruling_table),

@@ -263,6 +263,55 @@ void test_connect_refuses_another_protocol(void**) {
   }
 }
 
+// A device that refuses ROLLBACK the first time, and whose starts are numbered.
+struct RefusingDevice {
+  imucal_status refusal;
+  uint32_t boot_id = 1;
+  bool restarts = false; // before it refuses
+  int n_rollbacks = 0, n_done = 0;
+
+  Bytes answer(uint8_t id, uint8_t sequence) {
+    if (id == IMUCAL_LINK_ID_HELLO) {
+      imucal_link_hello_reply_t reply{};
+      reply.protocol = IMUCAL_LINK_PROTOCOL;
+      reply.boot_id = boot_id;
+      return frame(IMUCAL_LINK_ID_HELLO_REPLY, sequence, reply);
+    }
+    assert_int_equal(id, IMUCAL_LINK_ID_ROLLBACK);
+    if (++n_rollbacks > 1) return ++n_done, done(id, sequence);
+    boot_id += restarts;
+    return done(id, sequence, refusal);
+  }
+};
+
+void test_command_is_sent_once_more_where_only_the_unlock_was_over(void**) {
+  RefusingDevice refusing{IMUCAL_ERR_LOCKED};
+  Bench bench([&](uint8_t id, uint8_t sequence, const imucal_link_any_t&) { return refusing.answer(id, sequence); });
+  bench.device.connect();
+  bench.device.rollback();
+  assert_int_equal(refusing.n_rollbacks, 2);
+  assert_int_equal(refusing.n_done, 1);
+}
+
+// The reply may have been lost with the restart: what was done would be done twice.
+void test_command_is_not_sent_once_more_to_a_device_that_restarted(void**) {
+  for (const imucal_status refusal : {IMUCAL_ERR_LOCKED, IMUCAL_ERR_STALE}) {
+    RefusingDevice refusing{refusal};
+    refusing.restarts = true;
+    Bench bench([&](uint8_t id, uint8_t sequence, const imucal_link_any_t&) { return refusing.answer(id, sequence); });
+    bench.device.connect();
+    try {
+      bench.device.rollback();
+      fail_msg("a command was repeated over a restart");
+    } catch (const Error& e) {
+      assert_non_null(std::strstr(e.what(), "restarted"));
+    }
+    assert_int_equal(refusing.n_rollbacks, 1);
+    bench.device.rollback(); // asked for again: the new start is unlocked
+    assert_int_equal(refusing.n_done, 1);
+  }
+}
+
 } // namespace
 
 int main() {
@@ -277,6 +326,8 @@ int main() {
       cmocka_unit_test(test_records_between_request_and_reply_reach_the_handler),
       cmocka_unit_test(test_tables_go_in_parts_both_ways),
       cmocka_unit_test(test_connect_refuses_another_protocol),
+      cmocka_unit_test(test_command_is_sent_once_more_where_only_the_unlock_was_over),
+      cmocka_unit_test(test_command_is_not_sent_once_more_to_a_device_that_restarted),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);
 }

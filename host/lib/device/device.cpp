@@ -204,6 +204,16 @@ void Device::unlock() {
   number_ = 0;
 }
 
+// A command that was refused may have been done before the device restarted, and its reply lost.
+void Device::refuse_restarted(uint8_t id) {
+  const uint32_t boot_id = greet().boot_id;
+  if (boot_id == hello_.boot_id) return;
+  hello_.boot_id = boot_id;
+  token_ = 0; // the next command unlocks anew
+  throw device_error(port() + ": the device restarted while it was asked for " + request_name(id) +
+                     ": it may have been done or not; see what rules now (calibrate info), then repeat the command");
+}
+
 imucal_link_any_t Device::request(uint8_t id, const void* message, uint8_t reply_id, double patience,
                                   imucal_status* status) {
   imucal_status outcome = IMUCAL_OK;
@@ -224,7 +234,9 @@ imucal_link_any_t Device::request(uint8_t id, const void* message, uint8_t reply
         throw device_error(port() + ": " + request_name(id) + ": " + imucal_status_text(packed));
       command.length = static_cast<uint8_t>(length);
       reply = exchange(IMUCAL_LINK_ID_COMMAND, &command, id, reply_id, patience, &outcome);
-      if (outcome != IMUCAL_ERR_LOCKED) break;
+      if (outcome != IMUCAL_ERR_LOCKED && outcome != IMUCAL_ERR_STALE) break;
+      refuse_restarted(id);
+      if (outcome == IMUCAL_ERR_STALE) break;
       unlock(); // its time was over: nothing was done, so once more
     }
   }
@@ -239,11 +251,15 @@ imucal_link_any_t Device::command(uint8_t id, const void* message, double patien
   return request(id, message, IMUCAL_LINK_ID_DONE, patience);
 }
 
-void Device::connect() {
+imucal_link_hello_reply_t Device::greet() {
   imucal_link_hello_t greeting{};
   greeting.protocol = IMUCAL_LINK_PROTOCOL;
   greeting.nonce = std::random_device{}();
-  hello_ = request(IMUCAL_LINK_ID_HELLO, &greeting, IMUCAL_LINK_ID_HELLO_REPLY).hello_reply;
+  return request(IMUCAL_LINK_ID_HELLO, &greeting, IMUCAL_LINK_ID_HELLO_REPLY).hello_reply;
+}
+
+void Device::connect() {
+  hello_ = greet();
   if (hello_.protocol != IMUCAL_LINK_PROTOCOL)
     throw device_error(port() + ": the device speaks protocol version " + std::to_string(hello_.protocol) +
                        ", this program " + std::to_string(IMUCAL_LINK_PROTOCOL) + "; update the older one");

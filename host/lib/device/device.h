@@ -9,6 +9,7 @@
 //
 // A request that changes anything goes out inside COMMAND.  The device is unlocked for it when first needed, by the serial
 // number it told, and again when the time is over; where another program unlocked it since, that is an error, not a race.
+// So it is where the device restarted: nobody knows whether a command whose reply was lost was done.
 #pragma once
 #include <functional>
 #include <memory>
@@ -105,7 +106,9 @@ public:
 
 private:
   imucal_link_any_t command(uint8_t id, const void* message, double patience = 1.0);
+  imucal_link_hello_reply_t greet();
   void unlock();
+  void refuse_restarted(uint8_t id);
   imucal_link_any_t exchange(uint8_t id, const void* message, uint8_t request_id, uint8_t reply_id, double patience,
                              imucal_status* status);
   bool receive(double timeout_s, const std::function<bool()>& on_frame);
