@@ -104,46 +104,51 @@ IMUCAL_COLD static int64_t q40_from_float(float temp_degc) {
   return q40_from_degc(mantissa, exponent);
 }
 
+/* degC = counts * degc_per_count + degc_at_zero. */
+typedef struct thermometer {
+  float degc_per_count, degc_at_zero;
+} thermometer_t;
+
 /* Counts nearest to a temperature; TOO_LARGE or beyond int32 where there are none. */
-IMUCAL_COLD static int64_t counts_from_degc(float temp_degc, const imucal_table_t* table) {
-  return quotient(q40_from_float(temp_degc) - q40_from_float(table->degc_at_zero), -40, table->degc_per_count,
-                  TO_NEAREST);
+IMUCAL_COLD static int64_t counts_from_degc(float temp_degc, const thermometer_t* thermometer) {
+  return quotient(q40_from_float(temp_degc) - q40_from_float(thermometer->degc_at_zero), -40,
+                  thermometer->degc_per_count, TO_NEAREST);
 }
 
 /* Tn of temperature counts in units of 2^-30, to the integer above. */
-IMUCAL_COLD static int64_t tn_of_counts(const imucal_table_t* table, const imucal_table_channel_t* c,
+IMUCAL_COLD static int64_t tn_of_counts(const thermometer_t* thermometer, const imucal_table_channel_t* c,
                                         int64_t temp_counts) {
   int32_t exponent = 0;
-  const int32_t mantissa = split(table->degc_per_count, &exponent);
-  int64_t temp_q40 = q40_from_degc(mantissa * temp_counts, exponent) + q40_from_float(table->degc_at_zero);
+  const int32_t mantissa = split(thermometer->degc_per_count, &exponent);
+  int64_t temp_q40 = q40_from_degc(mantissa * temp_counts, exponent) + q40_from_float(thermometer->degc_at_zero);
   return quotient(temp_q40 - q40_from_float(c->t0_degc), -10, c->range_degc, TO_ABOVE);
 }
 
-IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const imucal_table_t* table,
+IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const thermometer_t* thermometer,
                                                      const imucal_table_channel_t* c) {
   /* A step of more than 4 ranges leaves no two counts in the span; below, all temperatures fit 2^-40 degC. */
-  if (c->range_degc < MIN_RANGE_DEGC || table->degc_per_count > 4.0f * c->range_degc) return IMUCAL_ERR_PRECISION;
+  if (c->range_degc < MIN_RANGE_DEGC || thermometer->degc_per_count > 4.0f * c->range_degc) return IMUCAL_ERR_PRECISION;
   const float at_degc[3] = {c->t0_degc, c->span_lo_degc, c->span_hi_degc};
   int64_t counts[3];
   for (uint32_t i = 0; i < 3; i++) {
-    counts[i] = counts_from_degc(at_degc[i], table);
+    counts[i] = counts_from_degc(at_degc[i], thermometer);
     if (absolute(counts[i]) > INT32_MAX) return IMUCAL_ERR_PRECISION;
   }
   const int64_t mid = counts[0];
   int64_t lo = counts[1], hi = counts[2];
   /* The nearest count may lie a little outside t0 +- range. */
-  for (uint32_t i = 0; tn_of_counts(table, c, lo) < -ONE_Q30; i++, lo++)
+  for (uint32_t i = 0; tn_of_counts(thermometer, c, lo) < -ONE_Q30; i++, lo++)
     if (i == 2) return IMUCAL_ERR_PRECISION;
-  for (uint32_t i = 0; tn_of_counts(table, c, hi) > ONE_Q30 + 1; i++, hi--)
+  for (uint32_t i = 0; tn_of_counts(thermometer, c, hi) > ONE_Q30 + 1; i++, hi--)
     if (i == 2) return IMUCAL_ERR_PRECISION;
   const int64_t reach = mid - lo > hi - mid ? mid - lo : hi - mid;
   if (lo >= hi || reach > MAX_DISTANCE) return IMUCAL_ERR_PRECISION;
   const uint32_t distance = (uint32_t)reach; /* 1 .. 2^30, since lo < hi: at most 30 rounds, and none overflows */
   while (distance << (comp->tn_shift + 1) <= (uint32_t)INT32_MAX) comp->tn_shift++;
-  const int64_t gain = float_quotient(table->degc_per_count, 61 - comp->tn_shift, c->range_degc, TO_NEAREST);
+  const int64_t gain = float_quotient(thermometer->degc_per_count, 61 - comp->tn_shift, c->range_degc, TO_NEAREST);
   if (gain > (int64_t)INT32_MAX + 1) return IMUCAL_ERR_PRECISION;
   comp->tn_gain = gain > INT32_MAX ? INT32_MAX : (int32_t)gain;
-  comp->tn_mid_q30 = (int32_t)tn_of_counts(table, c, mid);
+  comp->tn_mid_q30 = (int32_t)tn_of_counts(thermometer, c, mid);
   comp->temp_mid_counts = (int32_t)mid;
   comp->temp_lo_counts = (int32_t)lo;
   comp->temp_hi_counts = (int32_t)hi;
@@ -189,11 +194,12 @@ IMUCAL_COLD static bool fits(const imucal_comp_t* comp, int32_t bias_sum, int32_
   return effect <= MAX_SCALE_EFFECT && effect <= INT32_MAX - (int32_t)rate;
 }
 
-IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* table, uint32_t i_channel) {
-  if (comp == NULL || table == NULL || i_channel >= table->n_channels) return IMUCAL_ERR_ARGUMENT;
-  const imucal_table_channel_t* c = &table->channel[i_channel];
+IMUCAL_COLD imucal_status imucal_comp_prepare_channel(imucal_comp_t* comp, const imucal_table_channel_t* channel,
+                                                      float degc_per_count, float degc_at_zero) {
+  const imucal_table_channel_t* c = channel;
+  const thermometer_t thermometer = {degc_per_count, degc_at_zero};
   imucal_comp_t made = {0};
-  imucal_status status = prepare_temperature(&made, table, c);
+  imucal_status status = prepare_temperature(&made, &thermometer, c);
   if (status == IMUCAL_OK) status = prepare_scale(&made, c);
   if (status != IMUCAL_OK) return status;
   made.order = c->order;
@@ -206,6 +212,11 @@ IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_
     return IMUCAL_OK;
   }
   return IMUCAL_ERR_PRECISION;
+}
+
+IMUCAL_COLD imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* table, uint32_t i_channel) {
+  if (comp == NULL || table == NULL || i_channel >= table->n_channels) return IMUCAL_ERR_ARGUMENT;
+  return imucal_comp_prepare_channel(comp, &table->channel[i_channel], table->degc_per_count, table->degc_at_zero);
 }
 
 IMUCAL_COLD imucal_status imucal_comp_pass(imucal_comp_t* comp, float unit_per_count, int32_t full_scale_counts) {

@@ -46,6 +46,10 @@ typedef struct imucal_comp {
  * out_frac_bits as for a table of zeros. */
 IMUCAL_MUST_USE imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* table, uint32_t i_channel);
 
+/* The same of a channel alone: valid, in a table with this thermometer. */
+IMUCAL_MUST_USE imucal_status imucal_comp_prepare_channel(imucal_comp_t* comp, const imucal_table_channel_t* channel,
+                                                          float degc_per_count, float degc_at_zero);
+
 /* Pass-through without a table: B = 0, M = 0. */
 IMUCAL_MUST_USE imucal_status imucal_comp_pass(imucal_comp_t* comp, float unit_per_count, int32_t full_scale_counts);
 

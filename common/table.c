@@ -151,13 +151,17 @@ typedef struct header {
   float degc_per_count, degc_at_zero;
 } header_t;
 
+static field_t judge_thermometer(float degc_per_count, float degc_at_zero) {
+  if (!is_scale(degc_per_count)) return IMUCAL_FIELD_DEGC_PER_COUNT;
+  if (!imucal_is_within(degc_at_zero, -1e6f, 1e6f)) return IMUCAL_FIELD_DEGC_AT_ZERO;
+  return IMUCAL_FIELD_NONE;
+}
+
 static field_t judge_header(const header_t* header) {
   if (!is_text(header->serial, IMUCAL_SERIAL_LEN)) return IMUCAL_FIELD_SERIAL;
   if (header->sequence == 0 || header->sequence == UINT32_MAX) return IMUCAL_FIELD_SEQUENCE;
   if (header->n_channels == 0 || header->n_channels > IMUCAL_MAX_CHANNELS) return IMUCAL_FIELD_CHANNELS;
-  if (!is_scale(header->degc_per_count)) return IMUCAL_FIELD_DEGC_PER_COUNT;
-  if (!imucal_is_within(header->degc_at_zero, -1e6f, 1e6f)) return IMUCAL_FIELD_DEGC_AT_ZERO;
-  return IMUCAL_FIELD_NONE;
+  return judge_thermometer(header->degc_per_count, header->degc_at_zero);
 }
 
 imucal_status imucal_table_validate(const imucal_table_t* table, imucal_table_place_t* place) {
@@ -169,6 +173,12 @@ imucal_status imucal_table_validate(const imucal_table_t* table, imucal_table_pl
     if (wrong != IMUCAL_FIELD_NONE) return tell(wrong, (int32_t)i, place);
   }
   return IMUCAL_OK;
+}
+
+imucal_status imucal_table_validate_channel(const imucal_table_channel_t* channel, float degc_per_count,
+                                            float degc_at_zero) {
+  const field_t wrong = judge_thermometer(degc_per_count, degc_at_zero);
+  return (imucal_status)status_of[wrong != IMUCAL_FIELD_NONE ? wrong : judge_channel(channel)];
 }
 
 /* ---- bytes (table.md) ---- */

@@ -106,6 +106,10 @@ const char* imucal_table_field_text(uint32_t field);
 /* Check every field of a struct.  place may be null. */
 IMUCAL_MUST_USE imucal_status imucal_table_validate(const imucal_table_t* table, imucal_table_place_t* place);
 
+/* The same for one channel of a table with this thermometer, where there is no room for a whole table. */
+IMUCAL_MUST_USE imucal_status imucal_table_validate_channel(const imucal_table_channel_t* channel, float degc_per_count,
+                                                            float degc_at_zero);
+
 /* Validate and write.  *len_bytes = bytes written.  IMUCAL_ERR_SPACE or the status of validate. */
 IMUCAL_MUST_USE imucal_status imucal_table_encode(const imucal_table_t* table, uint8_t* bytes, size_t max_bytes,
                                                   size_t* len_bytes);

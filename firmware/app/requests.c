@@ -8,7 +8,6 @@
 #include "parts.h"
 
 #define BIT(i) (1u << (i))
-#define SPAN_SLACK 1.00001f /* t0 +- range in float32 may round outward (as in table.c) */
 
 /* ---- replies ---- */
 
@@ -194,8 +193,32 @@ static void serve_reboot(imucal_app_t* app) {
 
 /* ---- calibration ---- */
 
-static bool is_model_number(float value) {
-  return imucal_is_finite(value) && value >= 0.0f;
+/* What a table says of the board. */
+static void describe_channel(const imucal_app_t* app, uint32_t i, imucal_table_channel_t* channel) {
+  memcpy(channel->name, app->board->channel[i].name, sizeof channel->name);
+  channel->unit_per_count = app->board->channel[i].unit_per_count;
+  channel->full_scale_counts = app->board->channel[i].full_scale_counts;
+}
+
+/* May a table hold what this request brings?  Judged on a channel that has learnt zeros: what must be refused is refused
+ * now, not after the hours of learning. */
+static imucal_status check_candidate(const imucal_app_t* app, const imucal_link_cal_start_t* request) {
+  const imucal_board_t* board = app->board;
+  imucal_table_channel_t channel = {.order = request->order,
+                                    .t0_degc = request->t0_degc,
+                                    .range_degc = request->range_degc,
+                                    .span_lo_degc = request->span_lo_degc,
+                                    .span_hi_degc = request->span_hi_degc,
+                                    .arw = request->arw,
+                                    .n_markov = request->n_markov};
+  describe_channel(app, request->channel, &channel);
+  for (uint32_t k = 0; k < IMUCAL_TABLE_SIGMA_N; k++) channel.sigma[k] = 1.0f;
+  memcpy(channel.markov_sigma, request->markov_sigma, sizeof channel.markov_sigma);
+  memcpy(channel.markov_tau_s, request->markov_tau_s, sizeof channel.markov_tau_s);
+  const imucal_status status = imucal_table_validate_channel(&channel, board->degc_per_count, board->degc_at_zero);
+  if (status != IMUCAL_OK) return status;
+  imucal_comp_t trial;
+  return imucal_comp_prepare_channel(&trial, &channel, board->degc_per_count, board->degc_at_zero);
 }
 
 static imucal_status check_cal_start(const imucal_app_t* app, const imucal_link_cal_start_t* request) {
@@ -203,16 +226,7 @@ static imucal_status check_cal_start(const imucal_app_t* app, const imucal_link_
   if (!imucal_is_finite(request->t0_degc) || !imucal_is_finite(request->range_degc) ||
       !imucal_is_finite(request->span_lo_degc) || !imucal_is_finite(request->span_hi_degc))
     return IMUCAL_ERR_NOT_FINITE;
-  const float reach_degc = request->range_degc * SPAN_SLACK;
-  if (!(request->span_lo_degc < request->span_hi_degc) || request->t0_degc - request->span_lo_degc > reach_degc ||
-      request->span_hi_degc - request->t0_degc > reach_degc)
-    return IMUCAL_ERR_SPAN;
-  if (!is_model_number(request->arw)) return IMUCAL_ERR_MODEL;
-  for (uint32_t k = 0; k < request->n_markov; k++)
-    if (!is_model_number(request->markov_sigma[k]) || !is_model_number(request->markov_tau_s[k]) ||
-        request->markov_tau_s[k] <= 0.0f)
-      return IMUCAL_ERR_MODEL;
-  return IMUCAL_OK;
+  return check_candidate(app, request);
 }
 
 /* The first channel started after a session has ended begins a new one: the old filters are gone. */
@@ -375,12 +389,6 @@ static void commit_candidate(imucal_app_t* app, uint8_t origin) {
   done(app, status, status == IMUCAL_OK ? app->table.sequence : detail);
 }
 
-static void describe_channel(const imucal_app_t* app, uint32_t i, imucal_table_channel_t* channel) {
-  memcpy(channel->name, app->board->channel[i].name, sizeof channel->name);
-  channel->unit_per_count = app->board->channel[i].unit_per_count;
-  channel->full_scale_counts = app->board->channel[i].full_scale_counts;
-}
-
 /* An uncalibrated channel: order 0, no bias; the span must still be one. */
 static void clear_channel(imucal_table_channel_t* channel) {
   memset(channel, 0, sizeof *channel);
@@ -394,10 +402,8 @@ static imucal_status channel_from_filter(const imucal_app_t* app, uint32_t i, im
   clear_channel(channel);
   channel->arw = learnt->arw;
   channel->n_markov = learnt->n_markov;
-  for (uint32_t k = 0; k < learnt->n_markov; k++) {
-    channel->markov_sigma[k] = learnt->markov_sigma[k];
-    channel->markov_tau_s[k] = learnt->markov_tau_s[k];
-  }
+  memcpy(channel->markov_sigma, learnt->markov_sigma, sizeof channel->markov_sigma);
+  memcpy(channel->markov_tau_s, learnt->markov_tau_s, sizeof channel->markov_tau_s);
   return imucal_table_from_kf(channel, &learnt->learn.kf, learnt->span_lo_degc, learnt->span_hi_degc);
 }
 

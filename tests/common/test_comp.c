@@ -231,6 +231,20 @@ static void test_prepare_refuses_what_it_cannot_hold(void** state) {
   assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_ERR_PRECISION);
 }
 
+static void test_prepare_channel_alone_is_as_in_its_table(void** state) {
+  (void)state;
+  const float coeff[4] = {80, 300, 150, -100};
+  imucal_comp_t in_table, alone;
+  memset(&in_table, 0, sizeof in_table), memset(&alone, 0, sizeof alone);
+  imucal_table_t table = table_of(3, coeff, 18.0f, 32767);
+  const imucal_table_channel_t* channel = &table.channel[0];
+  assert_int_equal(imucal_comp_prepare(&in_table, &table, 0), IMUCAL_OK);
+  assert_int_equal(imucal_comp_prepare_channel(&alone, channel, table.degc_per_count, table.degc_at_zero), IMUCAL_OK);
+  assert_memory_equal(&alone, &in_table, sizeof alone);
+  assert_int_equal(imucal_comp_prepare_channel(&alone, channel, 100.0f, table.degc_at_zero), IMUCAL_ERR_PRECISION);
+  assert_memory_equal(&alone, &in_table, sizeof alone); /* refused: as it was */
+}
+
 /* A gyro whose bias is 0 and whose scale factor is `scale` at every temperature. */
 static imucal_status prepare_scaled(imucal_comp_t* comp, float scale, int64_t full_scale) {
   const float coeff[2] = {0, 0};
@@ -543,6 +557,7 @@ int main(void) {
       cmocka_unit_test(test_apply_beyond_full_scale_saturates_and_is_flagged),
       cmocka_unit_test(test_pass_gives_counts_back),
       cmocka_unit_test(test_prepare_refuses_what_it_cannot_hold),
+      cmocka_unit_test(test_prepare_channel_alone_is_as_in_its_table),
       cmocka_unit_test(test_prepare_bound_of_the_scale_effect_is_exact),
       cmocka_unit_test(test_prepare_bound_of_the_result_is_exact),
       cmocka_unit_test(test_prepare_bound_of_the_coefficients_is_exact),

@@ -162,6 +162,19 @@ static void test_validate_field_nonsense_has_its_own_status_and_place(void** sta
   assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
 }
 
+static void test_validate_channel_says_what_validate_says_of_its_table(void** state) {
+  (void)state;
+  imucal_table_t t = example_table(1, 2);
+  const imucal_table_channel_t* c = &t.channel[0];
+  assert_int_equal(imucal_table_validate_channel(c, t.degc_per_count, t.degc_at_zero), IMUCAL_OK);
+  assert_int_equal(imucal_table_validate_channel(c, 0.0f, t.degc_at_zero), IMUCAL_ERR_SCALE);
+  assert_int_equal(imucal_table_validate_channel(c, t.degc_per_count, 2e6f), IMUCAL_ERR_SCALE);
+  t.channel[0].arw = -1.0f;
+  assert_int_equal(imucal_table_validate_channel(c, t.degc_per_count, t.degc_at_zero), IMUCAL_ERR_MODEL);
+  t.channel[0].span_hi_degc = t.channel[0].span_lo_degc; /* the first field that is wrong */
+  assert_int_equal(imucal_table_validate_channel(c, t.degc_per_count, t.degc_at_zero), IMUCAL_ERR_SPAN);
+}
+
 static void test_text_set_refuses_what_does_not_fit(void** state) {
   (void)state;
   char text[12];
@@ -466,6 +479,7 @@ int main(void) {
       cmocka_unit_test(test_decode_any_flipped_bit_is_refused),
       cmocka_unit_test(test_decode_header_nonsense_has_its_own_status),
       cmocka_unit_test(test_validate_field_nonsense_has_its_own_status_and_place),
+      cmocka_unit_test(test_validate_channel_says_what_validate_says_of_its_table),
       cmocka_unit_test(test_validate_takes_each_bound_and_not_the_next_number),
       cmocka_unit_test(test_validate_takes_what_is_allowed_to_be_zero_or_largest),
       cmocka_unit_test(test_every_field_has_a_name),

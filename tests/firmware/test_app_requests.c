@@ -495,6 +495,32 @@ static void test_cal_start_bad_numbers_are_refused(void** state) {
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &good), IMUCAL_OK);
 }
 
+/* What the table of the filters must be refused for is refused before the hours of learning, not after them. */
+static void test_cal_start_refuses_what_no_table_can_hold(void** state) {
+  (void)state;
+  const imucal_link_cal_start_t good = bench_cal_start_request(0, 3);
+  imucal_link_cal_start_t bad = good;
+  bad.arw = 2e4f;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_MODEL);
+  bad = good, bad.markov_sigma[0] = 2e6f;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_MODEL);
+  bad = good, bad.markov_tau_s[0] = 1e-4f;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_MODEL);
+  bad = good, bad.markov_tau_s[0] = 2e9f;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_MODEL);
+  bad = good, bad.t0_degc = bad.range_degc = 1000.0f, bad.span_hi_degc = 1500.0f; /* no sensor is so hot */
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_SPAN);
+  bad = good, bad.t0_degc = 25.0f, bad.range_degc = 0.05f, bad.span_lo_degc = 24.96f, bad.span_hi_degc = 25.04f;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_PRECISION);
+  assert_int_equal(info()->session, IMUCAL_SESSION_IDLE);
+  bench.board.degc_at_zero = 2e6f; /* no table of this board at all */
+  bench_power_cycle(&bench);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &good), IMUCAL_ERR_SCALE);
+  bench.board.degc_at_zero = 25.0f;
+  bench_power_cycle(&bench);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &good), IMUCAL_OK);
+}
+
 static void test_cal_filter_gives_the_filters_bits(void** state) {
   (void)state;
   calibrate(1);
@@ -742,6 +768,7 @@ int main(void) {
       CASE(test_session_one_channel_without_table_leaves_others_uncalibrated),
       CASE(test_session_rules),
       CASE(test_cal_start_bad_numbers_are_refused),
+      CASE(test_cal_start_refuses_what_no_table_can_hold),
       CASE(test_cal_filter_gives_the_filters_bits),
       CASE(test_cal_filter_reads_as_documented),
       CASE(test_upload_bad_tables_leave_the_last_good_one),
