@@ -198,9 +198,10 @@ IMUCAL_COLD imucal_status imucal_comp_prepare_channel(imucal_comp_t* comp, const
                                                       float degc_per_count, float degc_at_zero) {
   const imucal_table_channel_t* c = channel;
   const thermometer_t thermometer = {degc_per_count, degc_at_zero};
-  imucal_comp_t made = {0};
-  imucal_status status = prepare_temperature(&made, &thermometer, c);
-  if (status == IMUCAL_OK) status = prepare_scale(&made, c);
+  imucal_comp_t made = {.temp_lo_counts = INT32_MIN, .temp_hi_counts = INT32_MAX};
+  imucal_status status = prepare_scale(&made, c);
+  /* Without a polynomial of the temperature no temperature is outside its span. */
+  if (status == IMUCAL_OK && (c->order > 0 || made.has_scale)) status = prepare_temperature(&made, &thermometer, c);
   if (status != IMUCAL_OK) return status;
   made.order = c->order;
   for (uint32_t lost = 0; lost <= MAX_OUT_FRAC_BITS; lost++) {

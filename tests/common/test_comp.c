@@ -231,6 +231,29 @@ static void test_prepare_refuses_what_it_cannot_hold(void** state) {
   assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_ERR_PRECISION);
 }
 
+/* It has no polynomial: no temperature is outside of it, and no thermometer too coarse for it. */
+static void test_prepare_uncalibrated_channel_has_no_span(void** state) {
+  (void)state;
+  const float none[1] = {0};
+  imucal_comp_t comp;
+  imucal_table_t table = table_of(0, none, 18.0f, 32767);
+  table.channel[0].t0_degc = 0.0f, table.channel[0].range_degc = 1.0f;
+  table.channel[0].span_lo_degc = -1.0f, table.channel[0].span_hi_degc = 1.0f;
+  for (int coarse = 0; coarse < 2; coarse++) {
+    if (coarse) table.degc_per_count = 2.5f;
+    assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_OK);
+    for (int i = 0; i < 3; i++) {
+      const int32_t temp_counts = i == 0 ? 500 : i == 1 ? INT32_MIN : INT32_MAX;
+      uint32_t flags = 0;
+      assert_int_equal(imucal_comp_apply(&comp, temp_counts, 1000, &flags), 1000 << comp.out_frac_bits);
+      assert_int_equal(imucal_comp_tn_q30(&comp, temp_counts, &flags), 0);
+      assert_int_equal(flags, 0);
+    }
+  }
+  table.channel[0].scale_coeff[0] = 0.05f; /* a scale factor has a span */
+  assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_ERR_PRECISION);
+}
+
 static void test_prepare_channel_alone_is_as_in_its_table(void** state) {
   (void)state;
   const float coeff[4] = {80, 300, 150, -100};
@@ -446,6 +469,11 @@ static double sum_of_exact(const float* value, int order, double unit) {
 
 static void expect_temperature(const imucal_comp_t* comp, const imucal_table_t* table) {
   const imucal_table_channel_t* c = &table->channel[0];
+  if (c->order == 0 && !comp->has_scale) { /* not calibrated */
+    assert_true(comp->temp_lo_counts == INT32_MIN && comp->temp_hi_counts == INT32_MAX);
+    assert_true(comp->tn_gain == 0 && comp->tn_mid_q30 == 0);
+    return;
+  }
   const long double per = table->degc_per_count, zero = table->degc_at_zero, t0 = c->t0_degc, range = c->range_degc;
   const int64_t mid = comp->temp_mid_counts, lo = comp->temp_lo_counts, hi = comp->temp_hi_counts;
   expect_rounded(mid, (t0 - zero) / per, -0.5, 0.5);
@@ -521,8 +549,8 @@ static void test_prepare_makes_the_exact_values_rounded_as_the_proof_says(void**
     assert_int_equal(comp.has_scale, sum_of_exact(c->scale_coeff, c->scale_order, 1) > 0);
     crc = digest(crc, &comp);
   }
-  assert_int_equal(n_prepared, 10360);
-  assert_int_equal(crc, 0x050A9D5D);
+  assert_int_equal(n_prepared, 10629);
+  assert_int_equal(crc, 0xCBC88277);
 }
 
 /* Tn as the bias sees it: -1, 0 and 1 at the ends and the middle of the span, clamped and flagged beyond. */
@@ -557,6 +585,7 @@ int main(void) {
       cmocka_unit_test(test_apply_beyond_full_scale_saturates_and_is_flagged),
       cmocka_unit_test(test_pass_gives_counts_back),
       cmocka_unit_test(test_prepare_refuses_what_it_cannot_hold),
+      cmocka_unit_test(test_prepare_uncalibrated_channel_has_no_span),
       cmocka_unit_test(test_prepare_channel_alone_is_as_in_its_table),
       cmocka_unit_test(test_prepare_bound_of_the_scale_effect_is_exact),
       cmocka_unit_test(test_prepare_bound_of_the_result_is_exact),

@@ -444,6 +444,24 @@ static void test_session_one_channel_without_table_leaves_others_uncalibrated(vo
   assert_int_equal(bench.reply.channel_info_reply.is_compensated, 0);
   bench_ask(&bench, IMUCAL_LINK_ID_CHANNEL_INFO, &second);
   assert_int_equal(bench.reply.channel_info_reply.is_compensated, 1);
+  bench.t_us = 300000000; /* 30 degC */
+  assert_int_equal(bench_stream(&bench, IMUCAL_STREAM_SECOND), IMUCAL_OK);
+  bench_feed(&bench, 3);
+  assert_int_equal(bench.second.temp_clamped, 0); /* of what is not calibrated no temperature is outside the span */
+  assert_int_equal(bench.second.compensated, 2);
+}
+
+/* The other channels must not be refused for a polynomial that they do not have. */
+static void test_session_one_channel_with_a_coarse_thermometer_makes_a_table(void** state) {
+  (void)state;
+  bench.board.degc_per_count = 2.5f;
+  bench_power_cycle(&bench);
+  assert_int_equal(bench_cal_start(&bench, 0, 1), IMUCAL_OK);
+  assert_int_equal(bench_stream(&bench, IMUCAL_STREAM_SECOND), IMUCAL_OK);
+  bench_feed(&bench, 20);
+  assert_int_equal(stop(IMUCAL_STOP_KEEP), IMUCAL_OK);
+  assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_OK);
+  assert_int_equal(info()->table_status, IMUCAL_OK);
 }
 
 static void test_session_rules(void** state) {
@@ -766,6 +784,7 @@ int main(void) {
       CASE(test_session_learns_stores_and_compensates),
       CASE(test_session_one_channel_keeps_others_of_ruling_table),
       CASE(test_session_one_channel_without_table_leaves_others_uncalibrated),
+      CASE(test_session_one_channel_with_a_coarse_thermometer_makes_a_table),
       CASE(test_session_rules),
       CASE(test_cal_start_bad_numbers_are_refused),
       CASE(test_cal_start_refuses_what_no_table_can_hold),
