@@ -417,6 +417,7 @@ static void serve_table_from_cal(imucal_app_t* app, const imucal_link_table_from
     done(app, IMUCAL_ERR_NOT_LEARNT, 0);
     return;
   }
+  app->upload_total = 0; /* whatever comes of it, the staging area is the store's from here on */
   const bool has_old = app->table_status == IMUCAL_OK;
   imucal_table_t* table = &app->table; /* channels without a filter keep what the ruling table says of them */
   memcpy(table->serial, app->board->serial, sizeof table->serial);
@@ -437,7 +438,6 @@ static void serve_table_from_cal(imucal_app_t* app, const imucal_link_table_from
     }
     describe_channel(app, i, &table->channel[i]);
   }
-  app->upload_total = 0;
   commit_candidate(app, IMUCAL_ORIGIN_FILTERS);
 }
 

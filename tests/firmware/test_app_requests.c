@@ -590,6 +590,26 @@ static void test_cal_filter_reads_as_documented(void** state) {
 
 /* ---- tables ---- */
 
+/* It takes the staging area, so what comes after is refused at once and not as a damaged table at the end. */
+static void test_upload_is_closed_by_a_table_of_the_filters_that_fails(void** state) {
+  (void)state;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  const size_t n = bench_table(&bench, 55.0f, bytes);
+  assert_int_equal(bench_upload(&bench, bytes, n), IMUCAL_OK);
+  assert_int_equal(bench_cal_start(&bench, 0, 1), IMUCAL_OK);
+  assert_int_equal(stop(IMUCAL_STOP_KEEP), IMUCAL_OK);
+  const imucal_link_table_begin_t begin = {.total = (uint16_t)n, .crc = imucal_crc32(bytes, n)};
+  imucal_link_table_data_t data = {.length = 200};
+  memcpy(data.data, bytes, 200);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_BEGIN, &begin), IMUCAL_OK);
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_OK);
+  assert_int_equal(from_cal(BENCH_SERIAL), IMUCAL_ERR_NOT_LEARNT); /* not one second was measured */
+  data.offset = 200;
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_TABLE_DATA, &data), IMUCAL_ERR_STATE);
+  assert_true(bench_ruling_b0(&bench) == 55.0f);
+  assert_int_equal(bench_upload(&bench, bytes, n), IMUCAL_OK);
+}
+
 static void refresh_crc(uint8_t* bytes, size_t n) {
   imucal_put_u32(bytes + n - 4, imucal_crc32(bytes, n - 4));
 }
@@ -788,6 +808,7 @@ int main(void) {
       CASE(test_session_rules),
       CASE(test_cal_start_bad_numbers_are_refused),
       CASE(test_cal_start_refuses_what_no_table_can_hold),
+      CASE(test_upload_is_closed_by_a_table_of_the_filters_that_fails),
       CASE(test_cal_filter_gives_the_filters_bits),
       CASE(test_cal_filter_reads_as_documented),
       CASE(test_upload_bad_tables_leave_the_last_good_one),
