@@ -22,13 +22,15 @@
 
 #define IMUCAL_FIRMWARE_VERSION IMUCAL_VERSION
 
-/* Bytes waiting for the line.  One second's records of six channels take at most IMUCAL_APP_BURST_BYTES. */
+/* Bytes waiting for the line.  What one sample brings takes at most IMUCAL_APP_BURST_BYTES: with six channels a second's
+ * records are 292 bytes, an event is 18, and behind a gap the sample that was doubted ends a second and the next one
+ * another.  A replay reads a sample where so much is free. */
 #ifndef IMUCAL_APP_TX_BYTES
 #define IMUCAL_APP_TX_BYTES 1024
 #endif
-#define IMUCAL_APP_BURST_BYTES 400
-#if IMUCAL_APP_TX_BYTES < 700
-#error "IMUCAL_APP_TX_BYTES must hold a burst of records and a reply: at least 700"
+#define IMUCAL_APP_BURST_BYTES 700
+#if IMUCAL_APP_TX_BYTES < IMUCAL_APP_BURST_BYTES
+#error "IMUCAL_APP_TX_BYTES must hold the records of two seconds: at least 700"
 #endif
 
 /* A calibration that hears nothing from a host for so long stops and keeps its filters; the device is free again. */

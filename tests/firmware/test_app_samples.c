@@ -70,6 +70,61 @@ static void test_replay_full_line_loses_nothing(void** state) {
   assert_int_equal(counters()->tx_dropped, 0);
 }
 
+/* One sample per second, then a gap: the first sample behind it is doubted until the second one.  Every channel reports a
+ * fault of its own. */
+static void sparse(uint64_t t_us, imucal_sample_t* sample) {
+  static const uint8_t stamps_s[] = {10, 11, 12, 20, 21};
+  const uint64_t i = t_us / 1000000u;
+  sample->t_us = stamps_s[i] * 1000000u;
+  sample->n_channels = IMUCAL_MAX_CHANNELS;
+  sample->fault = (uint8_t)(1u << i);
+}
+
+/* Another of the sensor's counts grows at each look: an event each time. */
+static void two_troubles(void* ctx, imucal_link_sensor_reply_t* report) {
+  static uint32_t n_looks;
+  (void)ctx;
+  n_looks++;
+  report->overruns = (n_looks + 1) / 2;
+  report->bus_errors = n_looks / 2;
+}
+
+/* The most that one sample can bring finds room where a replay reads one: two seconds with all their records and events. */
+static void test_replay_doubted_sample_ends_two_seconds_and_loses_nothing(void** state) {
+  (void)state;
+  bench.board.n_channels = IMUCAL_MAX_CHANNELS;
+  bench.board.rate_hz = 1;
+  for (int i = 3; i < IMUCAL_MAX_CHANNELS; i++) {
+    bench.board.channel[i] = bench.board.channel[0];
+    bench.board.channel[i].name[1] = (char)('a' + i);
+  }
+  bench.port.sensor_report = two_troubles;
+  bench.shape = sparse;
+  bench.step_us = 1000000;
+  bench_power_cycle(&bench);
+  for (uint8_t i = 0; i < IMUCAL_MAX_CHANNELS; i++) assert_int_equal(bench_cal_start(&bench, i, 3), IMUCAL_OK);
+  const imucal_link_stream_t all = {.what = 15, .channels = 63, .period_s = 1};
+  assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_STREAM, &all), IMUCAL_OK);
+  bench.n_left = 3;
+  bench_run(&bench);
+  assert_int_equal(bench.n_second, 2);
+  const uint32_t n_faults = bench_events(&bench, IMUCAL_EVENT_SENSOR_FAULT);
+  bench.line_room = 0; /* what waits is as much as lets a replay go on */
+  memset(bench.app.tx, 0, sizeof bench.app.tx);
+  bench.app.tx_at = 0, bench.app.tx_end = sizeof bench.app.tx - IMUCAL_APP_BURST_BYTES;
+  bench.time_us += 2000000;
+  bench.n_left = 2;
+  for (int i = 0; i < 5; i++) (void)imucal_app_step(&bench.app);
+  assert_int_equal(bench.n_left, 0);
+  bench.line_room = UINT32_MAX;
+  bench_run(&bench);
+  assert_int_equal(bench.n_second, 4);
+  assert_int_equal(bench.n_innovation, 4 * IMUCAL_MAX_CHANNELS - 4); /* faulty: not measured */
+  assert_int_equal(bench.n_progress, 4);
+  assert_int_equal(bench_events(&bench, IMUCAL_EVENT_SENSOR_FAULT), n_faults + 2);
+  assert_int_equal(counters()->tx_dropped, 0);
+}
+
 static void test_live_full_line_drops_and_counts(void** state) {
   (void)state;
   bench.port.is_replay = false;
@@ -228,6 +283,7 @@ int main(void) {
       CASE(test_replay_waits_for_the_host),
       CASE(test_live_sensor_is_always_read),
       CASE(test_replay_full_line_loses_nothing),
+      CASE(test_replay_doubted_sample_ends_two_seconds_and_loses_nothing),
       CASE(test_live_full_line_drops_and_counts),
       CASE(test_sensor_end_is_told_and_a_new_stream_starts_anew),
       CASE(test_spoilt_seconds_are_bridged_channel_by_channel),
