@@ -28,6 +28,8 @@ static bool is_wrapped(const imucal_clock_t* clock, uint64_t stamp_us, uint64_t 
 
 static bool is_sure(const imucal_clock_t* clock) {
   if (clock->candidate_us > clock->last_us) return true;
+  /* They go on where the stamp before the last good one was: that last one was wrong, and they are about to pass it. */
+  if (is_neighbour(clock->before_us, clock->first_us)) return false;
   return clock->candidate_us - clock->first_us >= IMUCAL_CLOCK_AGREEMENT_US;
 }
 
@@ -44,14 +46,17 @@ static void follow(imucal_clock_t* clock) {
   clock->n_set++;
 }
 
-/* A stamp that does not follow the last good one; true where it is followed all the same. */
+/* A stamp that does not follow the last good one; true where it is followed all the same: the one before it, with which it
+ * agrees, is the last good one then. */
 static bool doubt(imucal_clock_t* clock, uint64_t stamp_us) {
-  const bool agrees = clock->has_candidate && is_neighbour(clock->candidate_us, stamp_us);
+  const uint64_t previous_us = clock->candidate_us;
+  const bool agrees = clock->has_candidate && is_neighbour(previous_us, stamp_us);
   if (!agrees) clock->first_us = stamp_us;
   clock->candidate_us = stamp_us;
   clock->has_candidate = true;
   if (agrees && is_sure(clock)) {
     follow(clock);
+    clock->last_us = previous_us;
     return true;
   }
   if (stamp_us > clock->last_us)
@@ -74,6 +79,10 @@ bool imucal_clock_take(imucal_clock_t* clock, uint64_t stamp_us, uint64_t* t_us)
       return false;
     }
   }
+  if (!clock->has_last)
+    clock->before_us = stamp_us;
+  else if (stamp_us != clock->last_us)
+    clock->before_us = clock->last_us;
   clock->last_us = stamp_us;
   clock->has_last = true;
   clock->has_candidate = false;

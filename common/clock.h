@@ -12,7 +12,11 @@
  *     ahead                     two of them: the samples between are missing, the time is theirs; the first of the two is
  *                               given back (released_us), so that a gap costs nothing
  *     behind                    for 1 s: the clock was set; the time goes on where it was, with a gap of that second
- * So one wrong stamp costs its own sample; one less than 2 s ahead costs what comes until the clock has caught up. */
+ *     behind, but next to the   the last good one was a wrong stamp: they are left out until they have passed it, for 2 s
+ *     last good one but one     at most, and the time stays theirs
+ * So one wrong stamp costs its own sample; one up to 2 s ahead, which looks like the next sample, costs what comes until the
+ * clock has caught up.  Neither moves the time of the samples after it.  A clock that is set back by less than a second, or
+ * by less than its last two steps, has caught up before it is sure: its time lacks what it was set back by. */
 #ifndef IMUCAL_CLOCK_H
 #define IMUCAL_CLOCK_H
 
@@ -28,6 +32,7 @@ extern "C" {
 /* Readable by anybody, written only by the functions below. */
 typedef struct imucal_clock {
   uint64_t last_us;      /* raw stamp of the last good sample */
+  uint64_t before_us;    /* and of the good one before it; the same where there is none */
   uint64_t offset_us;    /* continuous time = raw + offset, modulo 2^64 */
   uint64_t first_us;     /* of those that were left out and agree: the first */
   uint64_t candidate_us; /* and the newest */
