@@ -42,8 +42,8 @@ typedef struct imucal_comp {
 
 /* Prepare channel i of a valid table.  IMUCAL_ERR_PRECISION: no fixed-point form within the bound (the sum of
  * |b_i| exceeds 2^24 counts, the thermometer has too few or too many counts over the range, …);
- * IMUCAL_ERR_ARGUMENT: no such channel.  An uncalibrated channel (order 0) passes counts through, with
- * out_frac_bits as for a table of zeros; it has no span, so no temperature is clamped. */
+ * IMUCAL_ERR_ARGUMENT: no such channel.  A channel of order 0 has B = 0; where its scale factor is 0 too (uncalibrated)
+ * it passes counts through, with out_frac_bits as for a table of zeros, and has no span: no temperature is clamped. */
 IMUCAL_MUST_USE imucal_status imucal_comp_prepare(imucal_comp_t* comp, const imucal_table_t* table, uint32_t i_channel);
 
 /* The same of a channel alone: valid, in a table with this thermometer. */

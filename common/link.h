@@ -85,7 +85,7 @@ extern "C" {
   A(chr, name, 12, "with its unit: gx_dph, ax_mg")                                                                     \
   F(f32, unit_per_count, "unit of the channel per count")                                                              \
   F(i32, full_scale_counts, "largest |counts|")                                                                        \
-  F(u8, is_compensated, "1: the ruling table calibrates this channel")                                                 \
+  F(u8, is_compensated, "1: the ruling table has a bias or scale factor for it")                                       \
   F(u8, out_frac_bits, "LSB of compensated samples = 2^-this counts")                                                  \
   F(f32, degc_per_count, "degC per count of the thermometer")                                                          \
   F(f32, degc_at_zero, "degC at count 0")

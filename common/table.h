@@ -36,12 +36,12 @@ enum {
 
 /* One channel.  unit: dph or mg, from the name's ending (gx_dph, ax_mg). */
 typedef struct imucal_table_channel {
-  char name[IMUCAL_NAME_LEN];    /* printable ASCII, padded with 0 */
-  uint8_t order;                 /* 1..IMUCAL_MAX_ORDER; 0: this channel is not calibrated (coefficients all 0) */
-  uint8_t scale_order;           /* 0..2, order of the scale-factor polynomial M(T) */
-  uint8_t n_markov;              /* 0..IMUCAL_TABLE_MARKOV_N */
-  float t0_degc, range_degc;     /* Tn = (T - t0)/range, range > 0 */
-  float coeff[IMUCAL_MAX_COEFF]; /* b0.., unit; 0 above the order */
+  char name[IMUCAL_NAME_LEN];              /* printable ASCII, padded with 0 */
+  uint8_t order;                           /* of B(T), 1..IMUCAL_MAX_ORDER; 0: no bias is known (coefficients all 0) */
+  uint8_t scale_order;                     /* 0..2, order of the scale-factor polynomial M(T) */
+  uint8_t n_markov;                        /* 0..IMUCAL_TABLE_MARKOV_N */
+  float t0_degc, range_degc;               /* Tn = (T - t0)/range, range > 0 */
+  float coeff[IMUCAL_MAX_COEFF];           /* b0.., unit; 0 above the order */
   float scale_coeff[IMUCAL_TABLE_SCALE_N]; /* m0..: rate = (raw - B(T)) (1 + M(T)); sum |m_i| <= 1/16 */
   float span_lo_degc, span_hi_degc;        /* valid span, inside t0 +- range, lo < hi */
   float sigma[IMUCAL_TABLE_SIGMA_N];       /* one-sigma calibration error at lo + i (hi - lo)/8, unit, > 0 */

@@ -16,6 +16,7 @@ imucal_status app_load_table(imucal_app_t* app);
 imucal_status app_check_table(imucal_app_t* app, uint32_t* detail);
 
 /* seconds.c */
+bool app_is_compensated(const imucal_app_t* app, uint32_t i);
 imucal_status app_restart_sums(imucal_app_t* app);
 imucal_status app_restart_out_sum(imucal_app_t* app);
 void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample);

@@ -155,11 +155,10 @@ static void serve_channel_info(imucal_app_t* app, const imucal_link_channel_info
     return;
   }
   const uint32_t i = request->channel;
-  const bool is_compensated = app->table_status == IMUCAL_OK && app->table.channel[i].order > 0;
   imucal_link_channel_info_reply_t answer = {.channel = request->channel,
                                              .unit_per_count = app->board->channel[i].unit_per_count,
                                              .full_scale_counts = app->board->channel[i].full_scale_counts,
-                                             .is_compensated = is_compensated,
+                                             .is_compensated = app_is_compensated(app, i),
                                              .out_frac_bits = app->channel[i].comp.out_frac_bits,
                                              .degc_per_count = app->board->degc_per_count,
                                              .degc_at_zero = app->board->degc_at_zero};

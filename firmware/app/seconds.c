@@ -55,10 +55,16 @@ static void learn_channel(imucal_app_t* app, uint32_t i, const imucal_second_t* 
   app_stream(app, IMUCAL_STREAM_INNOVATION, IMUCAL_LINK_ID_INNOVATION, &record);
 }
 
+/* Does the ruling table change the channel's counts?  By a bias, or by a scale factor alone. */
+bool app_is_compensated(const imucal_app_t* app, uint32_t i) {
+  const imucal_comp_t* comp = &app->channel[i].comp;
+  return comp->order > 0 || comp->has_scale;
+}
+
 static uint8_t compensated_channels(const imucal_app_t* app) {
   uint8_t bits = 0;
-  for (uint32_t i = 0; app->table_status == IMUCAL_OK && i < app->board->n_channels; i++)
-    if (app->table.channel[i].order > 0) bits = (uint8_t)(bits | 1u << i);
+  for (uint32_t i = 0; i < app->board->n_channels; i++)
+    if (app_is_compensated(app, i)) bits = (uint8_t)(bits | 1u << i);
   return bits;
 }
 

@@ -451,6 +451,33 @@ static void test_session_one_channel_without_table_leaves_others_uncalibrated(vo
   assert_int_equal(bench.second.compensated, 2);
 }
 
+/* A table may hold the scale factor of a channel alone: its counts are changed, and the device says so. */
+static void test_channel_with_a_scale_factor_alone_is_compensated(void** state) {
+  (void)state;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  imucal_table_t table;
+  size_t n = bench_table(&bench, 0.0f, bytes);
+  assert_int_equal(imucal_table_decode(bytes, n, &table, NULL), IMUCAL_OK);
+  for (uint32_t i = 0; i < 2; i++) { /* channel 1: scale factor alone; channel 0: nothing */
+    table.channel[i].order = 0;
+    memset(table.channel[i].coeff, 0, sizeof table.channel[i].coeff);
+    table.channel[i].scale_coeff[0] = i == 1 ? 0.05f : 0.0f;
+  }
+  assert_int_equal(imucal_table_encode(&table, bytes, sizeof bytes, &n), IMUCAL_OK);
+  assert_int_equal(bench_upload(&bench, bytes, n), IMUCAL_OK);
+  bench.shape = ramp;
+  assert_int_equal(bench_stream(&bench, IMUCAL_STREAM_SECOND), IMUCAL_OK);
+  bench_feed(&bench, 3);
+  assert_true(bench.second.out[0] == bench.second.raw[0]);
+  assert_float_equal(bench.second.out[1], 1.05f * bench.second.raw[1], 0.01f);
+  assert_int_equal(bench.second.compensated, 6);
+  for (uint8_t i = 0; i < 3; i++) {
+    const imucal_link_channel_info_t which = {.channel = i};
+    assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_CHANNEL_INFO, &which), IMUCAL_LINK_ID_CHANNEL_INFO_REPLY);
+    assert_int_equal(bench.reply.channel_info_reply.is_compensated, i > 0);
+  }
+}
+
 /* The other channels must not be refused for a polynomial that they do not have. */
 static void test_session_one_channel_with_a_coarse_thermometer_makes_a_table(void** state) {
   (void)state;
@@ -804,6 +831,7 @@ int main(void) {
       CASE(test_session_learns_stores_and_compensates),
       CASE(test_session_one_channel_keeps_others_of_ruling_table),
       CASE(test_session_one_channel_without_table_leaves_others_uncalibrated),
+      CASE(test_channel_with_a_scale_factor_alone_is_compensated),
       CASE(test_session_one_channel_with_a_coarse_thermometer_makes_a_table),
       CASE(test_session_rules),
       CASE(test_cal_start_bad_numbers_are_refused),
