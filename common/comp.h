@@ -11,7 +11,8 @@
  * holds; IMUCAL_ERR_PRECISION when there is none.
  *
  * Error: against exact real arithmetic on the table's float32 values, at most one LSB of the output (2^-out_frac_bits
- * counts) for every int32 temperature and every |counts| <= full_scale_counts; proof in comp.c. Beyond full scale the
+ * counts) for every int32 temperature, clamped to the counts nearest to the ends of the valid span (where such a count lies
+ * outside t0 +- range, the next inside), and every |counts| <= full_scale_counts; proof in comp.c.  Beyond full scale the
  * result saturates at int32 and is flagged. */
 #ifndef IMUCAL_COMP_H
 #define IMUCAL_COMP_H

@@ -62,7 +62,7 @@ typedef enum imucal_kf_sum {
   IMUCAL_KF_NIS,      /* sum nu^2/S;                 with a right model sum/n -> 1 */
   IMUCAL_KF_WEIGHTED, /* sum nu/S;                   / sqrt(inverse) ~ N(0,1) */
   IMUCAL_KF_INVERSE,  /* sum 1/S */
-  IMUCAL_KF_LAG1,     /* sum nu(k) nu(k-1)/S(k) over consecutive seconds;  sum/n -> 0 */
+  IMUCAL_KF_LAG1,     /* sum nu(k) nu(k-1)/max(S(k), S(k-1)) over consecutive seconds;  sum/n -> 0 */
   IMUCAL_KF_N_SUMS
 } imucal_kf_sum_t;
 

@@ -70,11 +70,11 @@ extern "C" {
   F(u32, rx_unknown, "frames of unknown type or with a payload that does not fit it")                                  \
   F(u32, rx_repeated, "requests answered again from the kept reply")                                                   \
   F(u32, tx_dropped, "streamed records dropped because the line was full")                                             \
-  F(u32, samples, "samples taken")                                                                                     \
+  F(u32, samples, "samples delivered by the sensor (SAMPLES: what became of them)")                                    \
   F(u32, duplicates, "samples with the time stamp of the one before")                                                  \
   F(u32, backward, "samples older than the newest")                                                                    \
   F(u32, jumps, "times at least one whole second was missing")                                                         \
-  F(u32, feed_errors, "records of the sensor that could not be read")                                                  \
+  F(u32, feed_errors, "records of the sensor that could not be read, and samples refused")                             \
   F(u32, seconds, "seconds finished")                                                                                  \
   F(u32, gaps, "seconds with fewer than half of their samples")                                                        \
   F(u32, filter_refused, "filter inputs refused")                                                                      \
@@ -245,7 +245,7 @@ extern "C" {
 #define IMUCAL_LINK_DONE(F, A, N, V)                                                                                   \
   F(u8, request, "type of the request")                                                                                \
   F(i16, status, "imucal_status")                                                                                      \
-  F(u32, detail, "by request: sequence number of the new table, expected offset, table field; else 0")
+  F(u32, detail, "by request: sequence of the new table, offset expected, channel + 1 that was refused; else 0")
 #define IMUCAL_LINK_SECOND(F, A, N, V)                                                                                 \
   F(u16, counter, "of this stream, +1 each")                                                                           \
   F(u32, t_s, "end of the second")                                                                                     \
@@ -274,7 +274,7 @@ extern "C" {
   V(f32, mean_nis, 6, "mean of nu^2/S; 0: no filter")
 #define IMUCAL_LINK_EVENT(F, A, N, V)                                                                                  \
   F(u16, counter, "of this stream, +1 each")                                                                           \
-  F(u8, code, "imucal_link_event_t")                                                                                   \
+  F(u8, code, "imucal_link_event_code")                                                                                \
   F(i16, status, "imucal_status")                                                                                      \
   F(u32, detail, "by code: slot, sequence number, time")
 
@@ -454,7 +454,8 @@ void imucal_link_rx_init(imucal_link_rx_t* rx);
 
 /* Take one byte: bounded work (the CRC runs at the delimiter).  IMUCAL_FRAME_READY: a valid frame is in rx (type,
  * sequence, payload below); IMUCAL_OK: nothing yet; IMUCAL_ERR_CRC, IMUCAL_ERR_FRAME, IMUCAL_ERR_SPACE (too long):
- * the frame that ended here was dropped and counted, the next byte starts anew. */
+ * the frame was dropped and counted.  After CRC and FRAME, which come at its delimiter, the next byte starts anew; after
+ * SPACE the next delimiter does. */
 IMUCAL_MUST_USE imucal_status imucal_link_rx_put(imucal_link_rx_t* rx, uint8_t byte);
 
 static inline uint8_t imucal_link_rx_type(const imucal_link_rx_t* rx) {

@@ -45,8 +45,8 @@ typedef struct imucal_track {
 /* Start: nothing known. */
 void imucal_track_init(imucal_track_t* track);
 
-/* One second: mean temperature in units of 2^-16 count (imucal_mean_q16_rne), |mean| <= 2^47; beyond 2^31
- * counts it is handed back as it is.  Returns the estimate in the same unit. */
+/* One second: mean temperature in units of 2^-16 count (imucal_mean_q16_rne), |mean| <= 2^47.  Returns the estimate in the
+ * same unit.  A mean beyond 2^30 counts is handed back as it is, and leaves *track (is_sure too) as it was. */
 int64_t imucal_track_update(imucal_track_t* track, int64_t mean_q16);
 
 /* n_s seconds without a reading. */

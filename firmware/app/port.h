@@ -51,8 +51,8 @@ typedef struct imucal_port {
   /* Microseconds since start. */
   uint64_t (*time_us)(void* ctx);
 
-  /* Feed the watchdog: called once per step.  The longest step holds one flash write: one slot erased, 900
-   * bytes programmed and read back. */
+  /* Feed the watchdog: called once per step.  The longest step holds the first flash write, or ERASE: two slots erased; and
+   * 900 bytes programmed and read back. */
   void (*watchdog)(void* ctx);
 
   /* Let the sent bytes out, then restart the device.  May return (then the main loop does the restart). */
