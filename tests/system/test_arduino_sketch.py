@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from child import Child
-from device_link import BUILD
+from device_link import BUILD, Line
 
 
 class Sketch(Child):
@@ -59,6 +59,17 @@ def test_a_table_is_flashed_verified_and_outlives_the_power(tmp_path):
         with open(tmp_path / "log.csv") as lines:
             rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))[2:]
         assert all(abs(float(row["gx_dph"])) < 100 for row in rows)  # 3600 before
+
+
+def test_each_start_is_counted_and_reboot_is_one(tmp_path):
+    boot_ids = []
+    for _ in range(2):
+        with Sketch(tmp_path / "eeprom") as sketch:
+            line = Line(sketch.name).greet()
+            boot_ids.append(line.hello["boot_id"])
+            assert line.done("reboot", reserved=0) == 0
+            boot_ids.append(line.greet().hello["boot_id"])
+    assert boot_ids == [boot_ids[0] + i for i in range(4)]
 
 
 def test_without_a_sensor_the_line_works_and_info_says_why(tmp_path):

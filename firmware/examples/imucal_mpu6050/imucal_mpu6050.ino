@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 /* An MPU-6050 on a hobby board that speaks the link: `calibrate --port /dev/ttyACM0 info` works with it.
- * Board: 32 KB of RAM and a processor of 32 bits (ESP32, RP2040, Teensy, SAMD, STM32), EEPROM library of 2 KB; on cores
- * without EEPROM.begin and commit delete these two lines.  Wiring: SDA, SCL, 3V3, GND; AD0 low (address 68h).
+ * Board: 32 KB of RAM and a processor of 32 bits (ESP32, RP2040, Teensy, SAMD, STM32), EEPROM library of 2052 bytes; on
+ * cores without EEPROM.begin and commit delete these lines.  Wiring: SDA, SCL, 3V3, GND; AD0 low (address 68h).
  * To build: copy common/, firmware/app and firmware/sensors into the sketch's folder src/ and add src/common and src to the
  * include path, or make a library of them.  Compiled here for a Cortex-M4, and run on a PC against a modelled MPU-6050 over a
  * pseudo-terminal (tests/system/test_arduino_sketch.py); never run on a board. */
@@ -16,11 +16,13 @@ extern "C" {
 
 static const uint8_t ADDRESS = 0x68;
 static const uint32_t SLOT_BYTES = 1024;
+static const uint32_t N_STARTS_AT = 2 * SLOT_BYTES;
 static imucal_mpu6050_t sensor;
 static imucal_source_t source; /* starts the sensor again when it fails, and counts */
 static imucal_app_t app;
 static imucal_board_t board;
 static imucal_port_t port;
+static bool is_restart_due;
 
 static imucal_status transfer(void*, uint8_t, const uint8_t* out, size_t n_out, uint8_t* in, size_t n_in) {
   Wire.beginTransmission(ADDRESS);
@@ -64,6 +66,8 @@ static size_t serial_write(void*, const uint8_t* data, size_t length) {
   return room <= 0 ? 0 : Serial.write(data, (size_t)room < length ? (size_t)room : length);
 }
 
+/* Where the EEPROM library rewrites a whole sector at commit, a power cut in it costs both tables: what store.h promises
+ * needs flash of two slots that are erased apart. */
 static imucal_status flash_program(void*, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t n) {
   for (uint32_t i = 0; i < n; i++) EEPROM.write((int)(slot * SLOT_BYTES + offset + i), data[i]);
   return EEPROM.commit() ? IMUCAL_OK : IMUCAL_ERR_FLASH;
@@ -80,6 +84,26 @@ static imucal_status flash_read(void*, uint32_t slot, uint32_t offset, uint8_t* 
 }
 
 static void nothing(void*) {
+}
+
+/* loop() does it, behind the step that sent the reply. */
+static void reboot(void*) {
+  is_restart_due = true;
+}
+
+/* No start is numbered as the one before: a frame from before it must do nothing. */
+static uint32_t count_start() {
+  uint32_t n_starts = 0;
+  for (int i = 0; i < 4; i++) n_starts |= (uint32_t)EEPROM.read((int)N_STARTS_AT + i) << 8 * i;
+  n_starts++;
+  for (int i = 0; i < 4; i++) EEPROM.write((int)N_STARTS_AT + i, (uint8_t)(n_starts >> 8 * i));
+  EEPROM.commit();
+  return n_starts;
+}
+
+static bool start_app() {
+  port.boot_id = count_start();
+  return imucal_app_init(&app, &port, &board) == IMUCAL_OK;
 }
 
 /* 200 Hz, 500 dps, 4 g, 42 Hz, WHO_AM_I 68h alone: for an MPU-6500 write 0x70 and sensor.is_6500 = true. */
@@ -105,7 +129,7 @@ static bool describe_board() {
 void setup() {
   static const imucal_sensor_bus_t bus = {nullptr, transfer, wait_us, false};
   Serial.begin(115200);
-  EEPROM.begin(2 * SLOT_BYTES);
+  EEPROM.begin(N_STARTS_AT + 4);
   Wire.begin();
   Wire.setClock(400000);
   /* Where no MPU-6050 answers at 68h the line works all the same, and `calibrate info` says so. */
@@ -122,13 +146,15 @@ void setup() {
   port.flash.program_bytes = 4;
   port.time_us = time_us;
   port.watchdog = nothing;
-  port.reboot = nothing;
-  port.boot_id = micros();
+  port.reboot = reboot;
   port.device = "arduino mpu6050";
-  if (!describe_board() || imucal_app_init(&app, &port, &board) != IMUCAL_OK)
+  if (!describe_board() || !start_app())
     for (;;) delay(1000);
 }
 
 void loop() {
   imucal_app_step(&app);
+  if (!is_restart_due) return;
+  is_restart_due = false;
+  start_app();
 }

@@ -32,7 +32,7 @@ namespace {
 constexpr double kSpeed = 50.0, kSlack_us = 1e5, kTurn_us = 500.0;
 int pty = -1;
 const char* eeprom_path;
-uint8_t eeprom[2048];
+uint8_t eeprom[2052];
 
 constexpr size_t kWireBytes = 32; // the smallest buffer among the cores' Wire libraries
 uint8_t out[kWireBytes], in[kWireBytes];
