@@ -1,41 +1,46 @@
 // SPDX-License-Identifier: MIT
-/* Purpose: is this channel fit to be calibrated, and did the filter's model hold?  One verdict for the device
- * and for logs: no table is to be made of a sick channel in silence. Data: every second its 1-s mean, flags
- * and temperature; where a filter runs also its innovation.  Out: whether the second may be learnt from, and
- * at any time a verdict: a bit, a figure and its limit for every rule. Order: init; per second second(), then
- * gate() if a filter took it (n_skipped: seconds without any sample before it). Memory:
- * sizeof(imucal_health_t) per channel, no heap.  Time: bounded, no loop longer than the rules.  No libm.
+/* Purpose: is this channel fit to be calibrated, and did the filter's model hold?  One verdict for the device and for
+ * logs: no table is to be made of a sick channel in silence.
+ * Data: every second its 1-s mean, flags and temperature; where a filter runs also its innovation.  Out: whether the
+ * second may be learnt from, and at any time a verdict: a bit, a figure and its limit for every rule.
+ * Order: init; per second second(), then gate() if a filter took it (n_skipped: seconds without any sample before it).
+ * Memory: sizeof(imucal_health_t) per channel, no heap.  Time: bounded, no loop longer than the rules.  No libm.
  * Thread/ISR: one context per struct.
  *
- * False alarms.  Statistical rules are judged at IMUCAL_HEALTH_Z = 4 standard deviations (3.2e-5 one-sided,
- * per rule and channel) *beyond* what a model may be wrong by without harm (the tolerances below): an
- * identified model is never exact.  Rules of counts have limits that noise of any quantum up to twice its own
- * standard deviation does not reach. Checked on simulated healthy runs: tests/common/test_health.c, `make
- * sick`.
+ * False alarms.  Statistical rules are judged at IMUCAL_HEALTH_Z = 4 standard deviations (3.2e-5 one-sided, per rule and
+ * channel) *beyond* what a model may be wrong by without harm (the tolerances below): an identified model is never exact.
+ * Rules of counts have limits that noise of any quantum up to twice its own standard deviation does not reach.
+ * Checked on simulated healthy runs: tests/common/test_health.c, `make sick`.
  *
  *   rule        figure                                                           limit
  *   no-noise    mean squared step between seconds over 2 r                       below 0.05 (r unknown: 0)
- *   repeated    longest run of equal means, seconds                              40: chance 0.52^40 per
- * second saturated   share of seconds with a sample at the rail                       0.01 faulty      share
- * of seconds with a fault of the sensor                      0.01 temp-stuck  largest move of the rate (means
- * of 128 s) while the temperature stands, over its standard deviation under the model 6 temp-jump   steps of
- * the temperature to another level that no sensor makes   0 temp-spikes share of seconds with a temperature
- * that no sensor reaches       0.01 temp-ramp   largest change of temperature in 64 s over the wanted span
- * 64/300: crossed in less than 5 min span        share of the wanted span that was seen below 0.5 nis mean of
- * innovation^2/S                                           0.2 .. 1.25, + 4 sqrt(2/n) lag1        lag-1
- * correlation of the innovations                             +- (0.1 + 4/sqrt(n)) slow        mean over
- * blocks of 256 s of (sum nu/S)^2 / sum 1/S: the noise as slow motions of temperature see it 1.5 times its
- * chi-square quantile rejects     share of seconds that the gate left out, or 1 after a minute of them in a
- * row           0.01
+ *   repeated    longest run of equal means, seconds                              40: chance 0.52^40 per second
+ *   saturated   share of seconds with a sample at the rail                       0.01
+ *   faulty      share of seconds with a fault of the sensor                      0.01
+ *   temp-stuck  largest move of the rate (means of 128 s) while the temperature
+ *               stands, over its standard deviation under the model              6
+ *   temp-jump   steps of the temperature to another level that no sensor makes   0
+ *   temp-spikes share of seconds with a temperature that no sensor reaches       0.01
+ *   temp-ramp   largest change of temperature in 64 s over the wanted span       64/300: crossed in less than 5 min
+ *   span        share of the wanted span that was seen                           below 0.5
+ *   nis         mean of innovation^2/S                                           0.2 .. 1.25, + 4 sqrt(2/n)
+ *   lag1        lag-1 correlation of the innovations                             +- (0.1 + 4/sqrt(n))
+ *   slow        mean over blocks of 256 s of (sum nu/S)^2 / sum 1/S: the noise
+ *               as slow motions of temperature see it                            1.5 times its chi-square quantile
+ *   rejects     share of seconds that the gate left out, or 1 after a minute of
+ *               them in a row                                                    0.01
  *
- * `slow` is what matters most: the calibration error grows with the noise at low frequency (design of the
- * test: 2 sigma^2 tau + r), of which nis says little.  The claimed error is too small by its square root
+ * When a rule counts.  All are judged at any time, from what was seen so far.  `span` speaks against every run from its
+ * first seconds on, until half of the span was seen: it says something of the channel only at the end.
+ *
+ * `slow` is what matters most: the calibration error grows with the noise at low frequency (design of the test:
+ * 2 sigma^2 tau + r), of which nis says little.  The claimed error is too small by its square root
  * (imucal_health_error_factor).
  *
- * The gate.  An innovation beyond 6 standard deviations (2e-9 of healthy seconds) is left out and counted: a
- * knock, a bump of a minute.  What lasts longer is no bump: then the gate opens, and the rule speaks.  The
- * temperature has its own: a reading further from the last good one than 1 degC and 0.2 degC/s is left out;
- * ten that agree with each other are a new level. */
+ * The gate.  An innovation beyond 6 standard deviations (2e-9 of healthy seconds) is left out and counted: a knock, a
+ * bump of a minute.  What lasts longer is no bump: then the gate opens, and the rule speaks.  The temperature has its
+ * own: a reading further from the last good one than 1 degC and 0.2 degC/s is left out; ten that agree with each other
+ * are a new level. */
 #ifndef IMUCAL_HEALTH_H
 #define IMUCAL_HEALTH_H
 

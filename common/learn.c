@@ -69,8 +69,8 @@ imucal_learn_outcome_t imucal_learn_checked(imucal_learn_t* learn, imucal_health
 }
 
 /* Is the second a measurement of this channel?  The first reason against it. */
-static imucal_learn_outcome_t judge(const imucal_thermometer_t* thermometer, const imucal_second_t* second,
-                                    uint32_t flags) {
+static imucal_learn_outcome_t verdict_of(const imucal_thermometer_t* thermometer, const imucal_second_t* second,
+                                         uint32_t flags) {
   if (second->is_gap) return IMUCAL_LEARN_MISSING;
   if ((flags & IMUCAL_FLAG_FAULT) != 0) return IMUCAL_LEARN_FAULT;
   if ((flags & IMUCAL_FLAG_SATURATED) != 0) return IMUCAL_LEARN_SATURATED;
@@ -84,7 +84,7 @@ imucal_learn_input_t imucal_learn_input_of(const imucal_thermometer_t* thermomet
                                 .temp_degc = thermometer->temp_degc,
                                 .noise_ratio = imucal_sum_noise_ratio(sum, second, i_channel),
                                 .gap_s = second->n_skipped,
-                                .verdict = judge(thermometer, second, second->flags[i_channel])};
+                                .verdict = verdict_of(thermometer, second, second->flags[i_channel])};
 }
 
 imucal_learn_outcome_t imucal_learn_second(imucal_learn_t* learn, const imucal_thermometer_t* thermometer,

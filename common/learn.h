@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: MIT
 /* Purpose: what is done with a second that has come: bridge the time before it, read the thermometer, update
  * the filter or say why not, count.  Every program that learns (firmware, offline fit, Monte Carlo, checks)
- * does it here. Data: a finished second of sum.h in; the filter's state and one count per outcome out. Order:
- * imucal_thermometer_init and imucal_learn_init; then for every second imucal_thermometer_read once, and
+ * does it here.
+ * Data: a finished second of sum.h in; the filter's state and one count per outcome out.
+ * Order: imucal_thermometer_init and imucal_learn_init; then for every second imucal_thermometer_read once, and
  * imucal_learn_second (or imucal_learn_checked of imucal_learn_input_of) for every channel that learns.
- * Memory: sizeof(imucal_learn_t) per channel, sizeof(imucal_thermometer_t) per device; no heap.  Time: that
- * of imucal_track_update once, of imucal_kf_skip and imucal_kf_update_scaled per channel.  Thread: one
- * context per struct.
+ * Memory: sizeof(imucal_learn_t) per channel, sizeof(imucal_thermometer_t) per device; no heap.
+ * Time: that of imucal_track_update once, of imucal_kf_skip and imucal_kf_update_scaled per channel.
+ * Thread: one context per struct.
  *
  * The rule of a second.  Whole seconds without a sample are bridged by the time update.  A second is a
  * measurement unless too few samples, a fault, the rail or an unsure thermometer spoil it, or the filter
  * refuses it; then it is bridged too.  A second with lost samples counts less: its white variance is that of
  * the samples it has.
  *
- * Where a new rule goes.  A rule that looks at a second alone, or at the seconds before it: into `judge` in
+ * Where a new rule goes.  A rule that looks at a second alone, or at the seconds before it: into `verdict_of` in
  * learn.c, with its own outcome.  A rule that looks at the innovation: into imucal_learn_take, before the
  * update.  A rule about the thermometer: into imucal_thermometer_read.  What a rule remembers goes into the
  * struct beside the counts. */

@@ -185,7 +185,7 @@ static bool is_outranked(const imucal_flash_t* flash, const imucal_store_report_
 }
 
 /* Name the ruling slot of the valid ones. */
-static void judge(const imucal_flash_t* flash, imucal_store_report_t* report) {
+static void name_ruling(const imucal_flash_t* flash, imucal_store_report_t* report) {
   const bool is_ok[] = {report->slot_status[0] == IMUCAL_OK, report->slot_status[1] == IMUCAL_OK};
   report->ruling = is_ok[0] ? 0 : is_ok[1] ? 1 : NONE;
   if (!is_ok[0] || !is_ok[1]) return;
@@ -206,7 +206,7 @@ static uint32_t survey(const imucal_flash_t* flash, const char* serial, uint32_t
     if (report->sequence[slot] > newest) newest = report->sequence[slot];
     if (noted > newest && report->slot_status[slot] == IMUCAL_OK) newest = noted;
   }
-  judge(flash, report);
+  name_ruling(flash, report);
   return newest;
 }
 
@@ -223,7 +223,7 @@ imucal_status imucal_store_load(const imucal_flash_t* flash, const char* serial,
       status = imucal_table_decode((const uint8_t*)work->words, IMUCAL_TABLE_MAX_BYTES, table, NULL);
     if (status == IMUCAL_OK) return IMUCAL_OK;
     report->slot_status[slot] = status;
-    judge(flash, report);
+    name_ruling(flash, report);
   }
   return IMUCAL_ERR_NO_TABLE;
 }

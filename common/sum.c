@@ -12,7 +12,8 @@ IMUCAL_COLD imucal_status imucal_sum_init(imucal_sum_t* sum, uint32_t n_channels
   *sum = (imucal_sum_t){0};
   sum->run.n_channels = (uint8_t)n_channels;
   sum->nominal_n = rate_hz;
-  sum->hole_us = US_PER_S / rate_hz + US_PER_S / (2 * rate_hz);
+  sum->period_us = US_PER_S / rate_hz;
+  sum->hole_us = sum->period_us + US_PER_S / (2 * rate_hz);
   return IMUCAL_OK;
 }
 
@@ -41,10 +42,10 @@ IMUCAL_COLD static void close_second(imucal_sum_t* sum, imucal_second_t* second)
 /* A hole over the edge of two seconds belongs to the one a sample was due in: a nominal period after the last sample,
  * a nominal period before the next. */
 static bool is_due_before_end(const imucal_sum_t* sum) {
-  return sum->last_us + sum->hole_us - sum->hole_us / 3 < sum->end_us;
+  return sum->last_us + sum->period_us < sum->end_us;
 }
 static bool is_due_after_start(const imucal_sum_t* sum, uint64_t next_us) {
-  return next_us - (sum->hole_us - sum->hole_us / 3) >= sum->end_us - US_PER_S;
+  return next_us - sum->period_us >= sum->end_us - US_PER_S;
 }
 
 /* Begin the second that holds t_us.  Pre: t_us / 1e6 + 1 fits 32 bits. */
@@ -102,7 +103,7 @@ static inline void take(imucal_sum_t* sum, const imucal_sample_t* sample) {
 }
 
 /* Any other sample than the next of the running second: refused, left out, behind a hole, the first of a later second. */
-IMUCAL_APART static imucal_status judge(imucal_sum_t* sum, const imucal_sample_t* sample, imucal_second_t* second) {
+IMUCAL_APART static imucal_status add_odd(imucal_sum_t* sum, const imucal_sample_t* sample, imucal_second_t* second) {
   const uint64_t t_us = sample->t_us;
   if (t_us >= (uint64_t)UINT32_MAX * US_PER_S) {
     sum->n_refused++;
@@ -135,7 +136,7 @@ imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, i
     sum->n_refused++;
     return IMUCAL_ERR_RANGE;
   }
-  if (!is_next(sum, sample->t_us)) return judge(sum, sample, second);
+  if (!is_next(sum, sample->t_us)) return add_odd(sum, sample, second);
   take(sum, sample);
   return IMUCAL_OK;
 }

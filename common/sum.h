@@ -38,9 +38,10 @@ typedef struct imucal_second {
 } imucal_second_t;
 
 typedef struct imucal_sum {
-  uint64_t end_us;  /* end of the running second; 0 before the first sample */
-  uint64_t last_us; /* newest time stamp taken */
-  uint32_t hole_us; /* two samples further apart than this: samples are missing (1.5 nominal periods) */
+  uint64_t end_us;    /* end of the running second; 0 before the first sample */
+  uint64_t last_us;   /* newest time stamp taken */
+  uint32_t hole_us;   /* two samples further apart than this: samples are missing (1.5 nominal periods) */
+  uint32_t period_us; /* nominal, between two samples */
   imucal_second_t run;
   uint8_t saturated, fault; /* channel bits seen in the running second */
   uint32_t nominal_n;       /* samples per second expected */

@@ -20,8 +20,7 @@
 
 /* ---- texts of fixed size ---- */
 
-/* Printable, not blank, not empty, then zeros to the end. */
-static bool is_text(const char* text, size_t size) {
+bool imucal_text_is_valid(const char* text, size_t size) {
   size_t n = 0;
   while (n < size && text[n] > ' ' && text[n] <= '~') n++;
   if (n == 0) return false;
@@ -134,7 +133,7 @@ static bool is_scale(float value) {
 }
 
 static field_t judge_channel(const imucal_table_channel_t* c) {
-  if (!is_text(c->name, IMUCAL_NAME_LEN)) return IMUCAL_FIELD_NAME;
+  if (!imucal_text_is_valid(c->name, IMUCAL_NAME_LEN)) return IMUCAL_FIELD_NAME;
   if (c->order > IMUCAL_MAX_ORDER) return IMUCAL_FIELD_ORDER;
   if (c->scale_order >= IMUCAL_TABLE_SCALE_N) return IMUCAL_FIELD_SCALE_ORDER;
   if (c->n_markov > IMUCAL_TABLE_MARKOV_N) return IMUCAL_FIELD_MARKOV;
@@ -158,7 +157,7 @@ static field_t judge_thermometer(float degc_per_count, float degc_at_zero) {
 }
 
 static field_t judge_header(const header_t* header) {
-  if (!is_text(header->serial, IMUCAL_SERIAL_LEN)) return IMUCAL_FIELD_SERIAL;
+  if (!imucal_text_is_valid(header->serial, IMUCAL_SERIAL_LEN)) return IMUCAL_FIELD_SERIAL;
   if (header->sequence == 0 || header->sequence == UINT32_MAX) return IMUCAL_FIELD_SEQUENCE;
   if (header->n_channels == 0 || header->n_channels > IMUCAL_MAX_CHANNELS) return IMUCAL_FIELD_CHANNELS;
   return judge_thermometer(header->degc_per_count, header->degc_at_zero);

@@ -126,6 +126,8 @@ IMUCAL_MUST_USE imucal_status imucal_table_decode(const uint8_t* bytes, size_t h
 
 /* Set a fixed-size name or serial from text (zero-terminated); IMUCAL_ERR_NAME: empty, too long, not printable. */
 IMUCAL_MUST_USE imucal_status imucal_text_set(char* to, size_t size, const char* text);
+/* Is it such a text?  Printable ASCII without blanks, not empty, then zeros to the end. */
+bool imucal_text_is_valid(const char* text, size_t size);
 /* Equal as fixed-size texts. */
 bool imucal_text_equal(const char* a, const char* b, size_t size);
 

@@ -2,9 +2,10 @@
 /* Purpose: the temperature between the steps of a coarse thermometer (quantum 1 degC or so), from the times
  * at which its reading changes.  On a ramp a reading is wrong by a sawtooth of half a quantum; times dB/dT
  * that is an error of the rate with the period of the steps, which the filter takes for instability of the
- * gyro. Data: one 1-s mean of temperature counts in, the estimate in counts out.  Order: init; then per
- * second update (or skip).  Memory: sizeof(imucal_track_t).  Time: bounded, at most one division.  Integers
- * only: same bits everywhere.
+ * gyro.
+ * Data: one 1-s mean of temperature counts in, the estimate in counts out.
+ * Order: init; then per second update (or skip).
+ * Memory: sizeof(imucal_track_t).  Time: bounded, at most one division.  Integers only: same bits everywhere.
  *
  * Method.  When the mean passes k + 1/2 counts (and then by 1/4, against noise), the temperature is there: a
  * known point.  Two points in the same direction give the rate; until the next one the estimate moves on at

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 /* Purpose: the life of a device: boot, load the table, take samples, compensate them at full rate, sum them
  * to seconds, calibrate, stream, and serve every request of common/link.h.  A pure function of the callbacks
- * in port.h: no globals, no heap, no waiting. Data:  sample_read -> comp -> sample_out;  raw and compensated
- * -> clock -> sum -> SECOND;  raw seconds -> health, learn per channel; filters -> table -> store -> comp. Order: imucal_app_init
- * once per start, then imucal_app_step for ever. Memory: sizeof(imucal_app_t), all of it the caller's.
- * Thread/ISR: one context. */
+ * in port.h: no globals, no heap, no waiting.
+ * Data: sample_read -> comp -> sample_out;  raw and compensated -> clock -> sum -> SECOND;
+ *       raw seconds -> health, learn per channel;  filters -> table -> store -> comp.
+ * Order: imucal_app_init once per start, then imucal_app_step for ever.
+ * Memory: sizeof(imucal_app_t), all of it the caller's.  Thread/ISR: one context. */
 #ifndef IMUCAL_APP_H
 #define IMUCAL_APP_H
 #include "board.h"

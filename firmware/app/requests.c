@@ -653,12 +653,9 @@ static bool dispatch_table(imucal_app_t* app, const imucal_link_any_t* message) 
   }
 }
 
-/* A request that may be done: alone, or out of its COMMAND.  Each group takes its own and leaves the others'. */
+/* A request that may be done: alone, or out of its COMMAND.  The first group that knows it serves it. */
 static bool dispatch(imucal_app_t* app, const imucal_link_any_t* message) {
-  const bool is_device = dispatch_device(app, message);
-  const bool is_calibration = dispatch_calibration(app, message);
-  const bool is_table = dispatch_table(app, message);
-  return is_device || is_calibration || is_table;
+  return dispatch_device(app, message) || dispatch_calibration(app, message) || dispatch_table(app, message);
 }
 
 /* Requests of one reserved byte: another value may mean something one day. */

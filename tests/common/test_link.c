@@ -14,12 +14,12 @@ static imucal_status feed(imucal_link_rx_t* rx, const uint8_t* bytes, size_t len
 
 static void test_pack_hello_golden_frame(void** state) {
   (void)state;
-  const imucal_link_hello_t hello = {.protocol = 1, .nonce = 0x44003322u};
+  const imucal_link_hello_t hello = {.protocol = IMUCAL_LINK_PROTOCOL, .nonce = 0x44003322u};
   uint8_t frame[IMUCAL_LINK_MAX_FRAME];
   size_t len = 0;
   assert_int_equal(imucal_link_pack(IMUCAL_LINK_ID_HELLO, 7, &hello, frame, sizeof frame, &len), IMUCAL_OK);
-  /* raw: 01 07 01 22 33 00 44 | CRC-32 of these by Python zlib.crc32 = 0x46d97437 */
-  const uint8_t expected[] = {0, 6, 0x01, 0x07, 0x01, 0x22, 0x33, 6, 0x44, 0x37, 0x74, 0xD9, 0x46, 0};
+  /* raw: 01 07 02 22 33 00 44 | CRC-32 of these by Python zlib.crc32 = 0x01790ee7; the example of link.md */
+  const uint8_t expected[] = {0, 6, 0x01, 0x07, 0x02, 0x22, 0x33, 6, 0x44, 0xE7, 0x0E, 0x79, 0x01, 0};
   assert_int_equal(len, sizeof expected);
   assert_memory_equal(frame, expected, sizeof expected);
 }

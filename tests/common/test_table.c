@@ -188,6 +188,16 @@ static void test_text_set_refuses_what_does_not_fit(void** state) {
   assert_false(imucal_text_equal("ab", "ac", 3));
 }
 
+static void test_text_is_valid_up_to_its_zeros(void** state) {
+  (void)state;
+  assert_true(imucal_text_is_valid("ab\0\0", 4));
+  assert_true(imucal_text_is_valid("abcd", 4)); /* full: no zero */
+  assert_false(imucal_text_is_valid("\0\0\0\0", 4));
+  assert_false(imucal_text_is_valid("a b\0", 4));
+  assert_false(imucal_text_is_valid("ab\x7F\0", 4));
+  assert_false(imucal_text_is_valid("a\0b\0", 4));
+}
+
 static void test_from_kf_takes_what_the_filter_learnt(void** state) {
   (void)state;
   imucal_kf_config_t config = {.order = 2,
@@ -487,6 +497,7 @@ int main(void) {
       cmocka_unit_test(test_decode_header_refusals_are_of_the_header),
       cmocka_unit_test(test_text_first_and_last_character_count),
       cmocka_unit_test(test_text_set_refuses_what_does_not_fit),
+      cmocka_unit_test(test_text_is_valid_up_to_its_zeros),
       cmocka_unit_test(test_from_kf_takes_what_the_filter_learnt),
       cmocka_unit_test(test_from_kf_never_initialised_is_not_learnt),
       cmocka_unit_test(test_encode_refuses_what_validate_refuses_and_writes_nothing),

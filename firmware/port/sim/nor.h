@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 /* Purpose: emulated NOR flash, stricter than a chip: erase sets whole pages to ones, programming only clears
- * bits, is aligned to words and refuses a word that is not erased; the power can be cut at any operation and at any byte inside it. Data: the bytes live where `load` and `save` say
- * (memory, a file of the emulator's host); every word programmed and every part of a page erased is saved at
- * once, so that killing the process is a power cut too. Memory: this struct.  Time: linear in the bytes
- * touched. */
+ * bits, is aligned to words and refuses a word that is not erased; the power can be cut at any operation and at
+ * any byte inside it.
+ * Data: the bytes live where `load` and `save` say (memory, a file of the emulator's host); every word programmed
+ * and every part of a page erased is saved at once, so that killing the process is a power cut too.
+ * Memory: this struct.  Time: linear in the bytes touched. */
 #ifndef IMUCAL_PORT_SIM_NOR_H
 #define IMUCAL_PORT_SIM_NOR_H
 #include <stdbool.h>
