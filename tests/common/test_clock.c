@@ -264,6 +264,17 @@ static void test_restart_compares_nothing_with_before(void** state) {
   assert_true(newest_us == 17);
 }
 
+/* Stamps that go on where the stream before it ended are no sign that this one's first stamp was wrong. */
+static void test_restart_forgets_the_stamps_before(void** state) {
+  (void)state;
+  const uint64_t next_us = put_run(1000000, 100);
+  imucal_clock_restart(&timing);
+  newest_us = n_taken = 0;
+  assert_true(put(HOUR_US));
+  put_run(next_us, 200); /* set back */
+  assert_int_equal(timing.n_set, 1);
+}
+
 static void test_take_step_of_two_seconds_is_a_neighbour_one_more_is_not(void** state) {
   (void)state;
   assert_true(put(1000000));
@@ -338,6 +349,7 @@ int main(void) {
       TEST(test_take_extreme_stamps_do_no_harm),
       TEST(test_init_leaves_nothing_of_before),
       TEST(test_restart_compares_nothing_with_before),
+      TEST(test_restart_forgets_the_stamps_before),
       TEST(test_take_step_of_two_seconds_is_a_neighbour_one_more_is_not),
       TEST(test_take_doubted_equal_stamps_do_not_agree),
       TEST(test_take_good_stamp_between_makes_doubted_ones_start_anew),
