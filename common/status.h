@@ -57,7 +57,7 @@ typedef enum imucal_status {
   IMUCAL_ERR_NAME = -26,        /* name or serial: empty or not printable ASCII */
   IMUCAL_ERR_SCALE = -27,       /* unit per count or degC per count: zero, negative or not finite */
   IMUCAL_ERR_SIGMA = -28,       /* one-sigma calibration error negative or not finite */
-  IMUCAL_ERR_MODEL = -29,       /* error model: negative or not finite */
+  IMUCAL_ERR_MODEL = -29,       /* error model: negative, not finite or out of a table's limits */
   IMUCAL_ERR_CHANNELS = -30,    /* number of channels outside 1..IMUCAL_MAX_CHANNELS, or not this device's */
   IMUCAL_ERR_PRECISION = -31,   /* the fixed-point form cannot hold this table within one LSB */
   IMUCAL_ERR_RESERVED = -32,    /* reserved byte not zero */
