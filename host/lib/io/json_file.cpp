@@ -79,11 +79,14 @@ private:
     return first < last && last != std::string::npos ? shortened(message.substr(first + 1, last - first - 1)) : "";
   }
   Json* place(Json value) {
-    if (open_.empty()) return &(root_ = std::move(value));
-    Json& parent = *open_.back();
-    if (parent.is_object()) return &(parent[key_] = std::move(value));
-    parent.push_back(std::move(value));
-    return &parent[parent.size() - 1];
+    Json* at = &root_;
+    if (!open_.empty()) {
+      Json& parent = *open_.back();
+      if (!parent.is_object()) parent.push_back(nullptr);
+      at = parent.is_object() ? &parent[key_] : &parent[parent.size() - 1];
+    }
+    *at = std::move(value);
+    return at;
   }
   bool add(Json value) {
     place(std::move(value));

@@ -30,15 +30,19 @@ const Detectability* found_in(const Identifiability& list, const std::string& na
 
 // "amplitude_dph 61 (tau_s 320)": the size first, then the shape it is of.
 std::string size_text(const Detectability& d, const AxisResult& axis, double times = 1) {
-  std::vector<std::string> parts;
+  std::string size; // the first of its numbers; the others are its shape
+  std::vector<std::string> shape;
   for (const ParameterValue& p : d.smallest_detectable) {
-    if (p.kind != EffectParameter::kNumber || (!parts.empty() && p.number.value == 0)) continue;
-    const double value = parts.empty() ? times * p.number.value : p.number.value;
-    parts.push_back(name_in_unit(p.name, axis_unit(axis.axis)) +
-                    format(std::fabs(value) < kThreeDigits ? " %.3g" : " %.0f", value));
+    if (p.kind != EffectParameter::kNumber || (!size.empty() && p.number.value == 0)) continue;
+    const double value = size.empty() ? times * p.number.value : p.number.value;
+    const std::string text = name_in_unit(p.name, axis_unit(axis.axis)) +
+                             format(std::fabs(value) < kThreeDigits ? " %.3g" : " %.0f", value);
+    if (size.empty())
+      size = text;
+    else
+      shape.push_back(text);
   }
-  const std::vector<std::string> shape(parts.begin() + (parts.empty() ? 0 : 1), parts.end());
-  return (parts.empty() ? "" : parts.front()) + (shape.empty() ? "" : " (" + joined(shape, ", ") + ")");
+  return size + (shape.empty() ? "" : " (" + joined(shape, ", ") + ")");
 }
 // Beyond it a size makes no sense: that of the parameter which is the size, as its effect takes it.
 double largest_size(const std::string& name) {

@@ -32,7 +32,8 @@ std::vector<double> running_median(const std::vector<double>& x) {
 // The value that is found most often, and how often.
 std::pair<double, size_t> most_common(std::vector<double> values) {
   std::pair<double, size_t> most = {0, 0};
-  for (const auto& found : values_with_counts(std::move(values)))
+  const auto all = values_with_counts(std::move(values));
+  for (const auto& found : all)
     if (found.second > most.second) most = found;
   return most;
 }

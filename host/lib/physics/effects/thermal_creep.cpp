@@ -31,9 +31,9 @@ std::vector<double> time_constants(double first_s, double last_s, double step) {
 // The mean of T - x_i; exact for a temperature that is linear between the seconds.  `offset_degc`: T - x_i at the start, one per
 // time constant.
 Column mean_behind(const std::vector<double>& t_s, const std::vector<double>& temp, const std::vector<double>& taus,
-                   std::vector<double> offset_degc) {
+                   const std::vector<double>& offset_degc) {
   Column sum(temp.size(), 0.0);
-  std::vector<double> decay(taus.size()), &behind = offset_degc;
+  std::vector<double> decay(taus.size()), behind = offset_degc;
   const double weight = 1.0 / static_cast<double>(taus.size());
   double last_dt = -1;
   for (size_t i = 0; i < temp.size(); ++i) {
