@@ -35,8 +35,8 @@ std::string size_text(const Detectability& d, const AxisResult& axis, double tim
   for (const ParameterValue& p : d.smallest_detectable) {
     if (p.kind != EffectParameter::kNumber || (!size.empty() && p.number.value == 0)) continue;
     const double value = size.empty() ? times * p.number.value : p.number.value;
-    const std::string text = name_in_unit(p.name, axis_unit(axis.axis)) +
-                             format(std::fabs(value) < kThreeDigits ? " %.3g" : " %.0f", value);
+    const std::string text =
+        name_in_unit(p.name, axis_unit(axis.axis)) + format(std::fabs(value) < kThreeDigits ? " %.3g" : " %.0f", value);
     if (size.empty())
       size = text;
     else
