@@ -105,6 +105,8 @@ static void test_quantiles_are_those_of_the_tables(void**) {
     for (const double p : {1e-4, 0.025, 0.5, 0.975, 0.9999})
       assert_relative(chi2_cdf(chi2_quantile(p, dof), dof), p, 1e-9);
   // 3 of 10: Clopper and Pearson 1934, 95 %.
+  assert_relative(student_quantile(0.975, 7), 2.364624251592785, 1e-12);
+  assert_relative(student_quantile(0.975, 120), 1.979930405052777, 1e-10);
   assert_relative(beta_quantile(0.025, 3, 8), 0.0667395111777345, 1e-12);
   assert_relative(beta_quantile(0.975, 4, 7), 0.6524528500599972, 1e-12);
   const Interval interval = rms_interval(2, 10);

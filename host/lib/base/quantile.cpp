@@ -31,6 +31,11 @@ double beta_quantile(double p, double a, double b) {
   return boost::math::ibeta_inv(a, b, p, Doubles());
 }
 
+double student_quantile(double p, double dof) {
+  const double x = beta_quantile(2 * (1 - p), 0.5 * dof, 0.5); // of dof / (dof + t^2)
+  return std::sqrt(dof * (1 / x - 1));
+}
+
 Interval rms_interval(double rms, double dof, double confidence) {
   const double tail = 0.5 * (1 - confidence);
   return {rms * std::sqrt(dof / chi2_quantile(1 - tail, dof)), rms * std::sqrt(dof / chi2_quantile(tail, dof))};

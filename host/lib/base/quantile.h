@@ -11,6 +11,7 @@ double chi2_cdf(double x, double dof);
 double chi2_quantile(double p, double dof);
 // Clopper and Pearson's interval of a proportion is made of these: k of n, beta_quantile(p, k, n - k + 1).
 double beta_quantile(double p, double a, double b);
+double student_quantile(double p, double dof); // p > 0.5
 
 // Interval for a true rms from a measured rms with `dof` equivalent degrees of freedom:
 // rms * [sqrt(dof / chi2(hi)), sqrt(dof / chi2(lo))].

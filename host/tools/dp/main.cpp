@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // dp: Allan deviation and Direct Predictor curves and distribution ratios of logs.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -26,7 +27,23 @@ struct Options {
   bool no_ratios = false, stream = false;
 };
 
-Json curve_json(const DpCurve& c, const std::vector<Interval>& ci) {
+// 95 % intervals of a curve, and the blocks that each rests on (empty: all on --ci-model).
+struct Intervals {
+  std::vector<Interval> ci;
+  std::vector<long> blocks;
+};
+
+Intervals intervals_of(const DpCurve& c, const DpOperator& op, const std::vector<NoiseComponent>& components) {
+  return {curve_intervals(c, op, components), components.empty() ? interval_blocks(c, op) : std::vector<long>()};
+}
+
+// What an interval rests on where fewer than kFewestBlocks blocks fit.
+const char* assumed_noise(DpType type) {
+  return type == DpType::kDp2 || type == DpType::kDp3 ? "the nominal model's noise"
+                                                      : "white noise or random walk, whichever is wider";
+}
+
+Json curve_json(const DpCurve& c, const Intervals& intervals) {
   Json json = {{"log", c.log},
                {"axis", c.axis},
                {"type", to_text(c.type)},
@@ -36,7 +53,8 @@ Json curve_json(const DpCurve& c, const std::vector<Interval>& ci) {
                {"ci95_dph", Json::array()},
                {"n", c.n},
                {"unit", axis_unit(c.axis)}};
-  for (const Interval& i : ci) json["ci95_dph"].push_back({i.lo, i.hi});
+  for (const Interval& i : intervals.ci) json["ci95_dph"].push_back({i.lo, i.hi});
+  if (!intervals.blocks.empty()) json["ci_blocks"] = intervals.blocks;
   return json;
 }
 
@@ -82,13 +100,19 @@ Json across_json(const std::vector<DpCurve>& curves) {
   return json;
 }
 
-void print_curve(const DpCurve& c, const std::vector<Interval>& ci) {
+void print_curve(const DpCurve& c, const Intervals& intervals) {
+  const std::vector<Interval>& ci = intervals.ci;
   std::printf("%s %s %s %s\n%10s %12s %25s %9s\n", c.log.c_str(), c.axis.c_str(), to_text(c.type).c_str(),
               to_text(c.estimator).c_str(), "tau_s", (std::string("dp_") + axis_unit(c.axis)).c_str(), "95 %",
               "windows");
   const size_t step = std::max<size_t>(1, c.tau_s.size() / 24);
   for (size_t i = 0; i < c.tau_s.size(); i += step)
     std::printf("%10g %12.4f %12.4f %12.4f %9ld\n", c.tau_s[i], c.dp_dph[i], ci[i].lo, ci[i].hi, c.n[i]);
+  const auto few = std::find(intervals.blocks.begin(), intervals.blocks.end(), 0);
+  if (few != intervals.blocks.end())
+    std::printf(
+        "95 %%: from %g s on fewer than %ld blocks fit into the record: %s is assumed (known better: --ci-model)\n",
+        c.tau_s[static_cast<size_t>(few - intervals.blocks.begin())], kFewestBlocks, assumed_noise(c.type));
 }
 
 // Curves of one log in bounded memory: once through for lengths and means, once for the curves.
@@ -165,7 +189,7 @@ Session make_session(const Options& o) {
   return session;
 }
 
-void add_curve(const DpCurve& c, const std::vector<Interval>& ci, Session* session) {
+void add_curve(const DpCurve& c, const Intervals& ci, Session* session) {
   session->json["curves"].push_back(curve_json(c, ci));
   if (c.estimator == dp_estimator_from_text(session->o.estimators[0])) session->first_estimator.push_back(c);
   if (session->o.common.talks()) print_curve(c, ci);
@@ -200,7 +224,7 @@ void add_ratios(const DpRatios& r, Session* session) {
 struct AxisResult {
   double quantum_dph = 0;
   std::vector<DpCurve> curves; // one for each estimator
-  std::vector<std::vector<Interval>> intervals;
+  std::vector<Intervals> intervals;
   std::optional<DpRatios> ratios;
 };
 
@@ -218,7 +242,7 @@ AxisResult analyse(Series s, const std::vector<double>& temp_degc, const Session
   const std::vector<NoiseComponent> components = session.components(s.dt_s);
   for (const std::string& estimator : o.estimators) {
     out.curves.push_back(dp_curve(s, record, tau_s, dp_estimator_from_text(estimator)));
-    out.intervals.push_back(curve_intervals(out.curves.back(), op, components));
+    out.intervals.push_back(intervals_of(out.curves.back(), op, components));
   }
   if (o.no_ratios) return out;
   const DpCurve& last = out.curves.back();
@@ -265,7 +289,7 @@ Exit run(const Options& o) {
   for (const std::string& log : o.logs) {
     if (o.stream) {
       stream_log(o, log, session.detrend, session.nominal, [&](const DpCurve& c, const DpOperator& op) {
-        add_curve(c, curve_intervals(c, op, session.components(op.dt_s)), &session);
+        add_curve(c, intervals_of(c, op, session.components(op.dt_s)), &session);
       });
       continue;
     }
@@ -273,7 +297,9 @@ Exit run(const Options& o) {
   }
   Json& json = session.json;
   json["across"] = across_json(session.first_estimator);
-  json["ci_method"] = session.ci_model ? "model" : "blocks (white-noise model where fewer than six blocks)";
+  json["ci_method"] = session.ci_model ? std::string("model")
+                                       : "blocks (ci_blocks; where 0, fewer than " + std::to_string(kFewestBlocks) +
+                                             ": " + assumed_noise(dp_type_from_text(o.type)) + ")";
   json["detrend"] = session.detrend.text();
   json["false_alarm_rate"] = o.false_alarm_rate;
   if (o.common.wants_json()) write_json(o.common.json_path, json);
@@ -303,7 +329,9 @@ int main(int argc, char** argv) {
                  "part of a window's samples that must be present; below 1, windows may miss some")
       ->check(cli::Range(0.01, 1.0))
       ->capture_default_str();
-  app.add_option("--ci-model", o.ci_model, "model for the confidence intervals; default: blocks of the data")
+  app.add_option("--ci-model", o.ci_model,
+                 "model for the confidence intervals; default: blocks of the data; where fewer than 8 fit, the nominal "
+                 "model (dp2, dp3) or the wider of white noise and random walk (av, dp1)")
       ->type_name("MODEL.json");
   app.add_option("--false-alarm-rate", o.false_alarm_rate, "of the distribution's verdict")
       ->check(cli::Range(1e-9, 0.5))

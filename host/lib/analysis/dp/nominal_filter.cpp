@@ -19,6 +19,7 @@ NominalFilter make_nominal_filter(const ErrorModel& nominal, double dt_s) {
   NominalFilter f;
   static_cast<SteadyFilter&>(f) = steady_filter(noise, dt_s, dt_s);
   f.dt_s = dt_s;
+  f.components = model_components(nominal, dt_s);
   return f;
 }
 

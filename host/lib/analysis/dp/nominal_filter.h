@@ -3,12 +3,14 @@
 // Its gains, poles and responses: noise/steady_filter.h   (reference figures C, tests/README.md).
 #pragma once
 #include "io/model.h"
+#include "noise/components.h"
 #include "noise/steady_filter.h"
 
 namespace imucal {
 
 struct NominalFilter : SteadyFilter {
   double dt_s = 1;
+  std::vector<NoiseComponent> components; // of the nominal model
 
   size_t size() const { return phi.size(); }
   // Samples after which the part of the estimate's weight still missing is below 1e-4: the burn-in of DP2 and

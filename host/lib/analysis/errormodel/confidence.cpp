@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "analysis/errormodel/expect.h"
+#include "base/quantile.h"
 
 namespace imucal {
 
@@ -196,8 +197,16 @@ double model_dof(const std::vector<NoiseComponent>& components, const DpOperator
   return std::max(1.0, windows * windows * r[0] * r[0] / sum);
 }
 
-double block_dof(const DpRecord::Moments& moments, const DpOperator& op, long n) {
-  const long wanted = 2 * (n + op.history_n(n));
+namespace {
+
+// Where the data tell too little: the noise that the operator's nominal filter was made for; else the wider of two kinds.
+double assumed_dof(const DpOperator& op, long n, long n_windows) {
+  n_windows = std::max(1L, n_windows);
+  if (!op.filter.components.empty()) return model_dof(op.filter.components, op, n, n_windows);
+  return std::min(model_dof({white_component(1)}, op, n, n_windows), model_dof({walk_component(1)}, op, n, n_windows));
+}
+
+std::vector<double> block_means(const DpRecord::Moments& moments, long wanted) {
   std::vector<double> mean;
   double sum = 0;
   long count = 0;
@@ -208,13 +217,24 @@ double block_dof(const DpRecord::Moments& moments, const DpOperator& op, long n)
     mean.push_back(sum / static_cast<double>(count));
     sum = 0, count = 0;
   }
-  if (mean.size() < 6) return model_dof({white_component(1)}, op, n, std::max(1L, moments.n_windows()));
-  double centre = 0, square = 0;
-  for (double m : mean) centre += m / static_cast<double>(mean.size());
-  for (double m : mean) square += (m - centre) * (m - centre);
+  return mean;
+}
+
+} // namespace
+
+BlockDof block_dof(const DpRecord::Moments& moments, const DpOperator& op, long n) {
+  const std::vector<double> mean = block_means(moments, 2 * (n + op.history_n(n)));
+  if (static_cast<long>(mean.size()) < kFewestBlocks) return {assumed_dof(op, n, moments.n_windows()), 0};
   const auto blocks = static_cast<double>(mean.size());
-  const double variance = square / (blocks * (blocks - 1));
-  return std::clamp(2 * centre * centre / std::max(variance, 1e-300), 1.0, 1e9);
+  double centre = 0, square = 0, next = 0;
+  for (double m : mean) centre += m / blocks;
+  for (double m : mean) square += (m - centre) * (m - centre);
+  for (size_t b = 1; b < mean.size(); ++b) next += (mean[b] - centre) * (mean[b - 1] - centre);
+  // Of independent blocks the lag-1 products would be -1/blocks of the squares, since their mean is taken off.
+  const double correlated = 2 * std::max(0.0, next + square / blocks);
+  const double t = student_quantile(0.975, blocks - 1) / normal_quantile(0.975);
+  const double variance = t * t * (square + correlated) / (blocks * (blocks - 1));
+  return {std::clamp(2 * centre * centre / std::max(variance, 1e-300), 1.0, 1e9), static_cast<long>(mean.size())};
 }
 
 std::vector<Interval> curve_intervals(const DpCurve& curve, const DpOperator& op,
@@ -222,11 +242,19 @@ std::vector<Interval> curve_intervals(const DpCurve& curve, const DpOperator& op
   std::vector<Interval> out;
   for (size_t i = 0; i < curve.tau_s.size(); ++i) {
     const long n = std::lround(curve.tau_s[i] / op.dt_s);
-    const double dof = components.empty() ? (curve.moments.empty() ? model_dof({white_component(1)}, op, n, curve.n[i])
-                                                                   : block_dof(curve.moments[i], op, n))
-                                          : model_dof(components, op, n, curve.n[i]);
+    const double dof = !components.empty()     ? model_dof(components, op, n, curve.n[i])
+                       : curve.moments.empty() ? assumed_dof(op, n, curve.n[i])
+                                               : block_dof(curve.moments[i], op, n).dof;
     out.push_back(rms_interval(curve.dp_dph[i], dof));
   }
+  return out;
+}
+
+std::vector<long> interval_blocks(const DpCurve& curve, const DpOperator& op) {
+  std::vector<long> out;
+  for (size_t i = 0; i < curve.tau_s.size(); ++i)
+    out.push_back(
+        curve.moments.empty() ? 0 : block_dof(curve.moments[i], op, std::lround(curve.tau_s[i] / op.dt_s)).blocks);
   return out;
 }
 
