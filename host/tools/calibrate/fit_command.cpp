@@ -21,6 +21,15 @@ void take_range(const std::string& text, FitOptions* options) {
   options->range_degc = range.width() / 2;
 }
 
+// What the predicted error rests on where no model was given.
+void print_basis(const NoiseModel& noise, const char* unit) {
+  std::printf("    of the noise that the residuals show: white %.3g %s (1-s means)", noise.white_sigma_dph, unit);
+  for (const Markov& m : noise.markov) std::printf(", slow about %.3g %s over %.2g s", m.sigma_dph, unit, m.tau_s);
+  std::printf(
+      ", and of how little they show of it;\n    noise slower than a tenth of the log is not seen: give --model "
+      "where it is known\n");
+}
+
 void print(const FitResult& result) {
   std::printf("%s over %zu log%s\n", result.method == FitOptions::Method::kKalman ? "Kalman filter" : "least squares",
               result.logs.size(), result.logs.size() == 1 ? "" : "s");
@@ -34,6 +43,7 @@ void print(const FitResult& result) {
     for (size_t i = 0; i < axis.temp_degc.size(); i += 2)
       std::printf("  %.4g at %.4g", axis.sigma_dph[i], axis.temp_degc[i]);
     std::printf(" degC\n");
+    if (axis.residual_noise) print_basis(*axis.residual_noise, unit);
     if (axis.holds_gravity())
       std::printf("  b0 holds gravity along the axis, as it lay: a static test cannot tell it from the bias\n");
     if (axis.n_rejected + axis.n_bad_temperature > 0)
@@ -75,10 +85,10 @@ void add_fit_options(cli::App* app, FitArguments* a) {
   app->add_option("--order", a->options.order, "order of the polynomial")
       ->check(cli::Range(1, IMUCAL_MAX_ORDER))
       ->capture_default_str();
-  app->add_option(
-         "--model", a->model_paths,
-         "error model (kf: required; poly: makes the predicted error honest); repeat: one of the gyros and one "
-         "of the accelerometers (\"unit\": \"mg\")")
+  app->add_option("--model", a->model_paths,
+                  "error model (kf: required; poly: without it the noise is what the residuals show); repeat: one of "
+                  "the gyros and one "
+                  "of the accelerometers (\"unit\": \"mg\")")
       ->allow_extra_args(false)
       ->type_name("MODEL.json");
   app->add_option("--axis", a->options.axes, "axis to fit (repeat; default: all gyros, or all that the models are of)")

@@ -32,6 +32,12 @@ Json health_json(const imucal_health_verdict_t& verdict) {
   return json;
 }
 
+Json noise_json(const NoiseModel& noise) {
+  Json json = {{"white_1s_dph", noise.white_sigma_dph}, {"markov", Json::array()}};
+  for (const Markov& m : noise.markov) json["markov"].push_back({{"sigma_dph", m.sigma_dph}, {"tau_s", m.tau_s}});
+  return json;
+}
+
 } // namespace
 
 Json to_json(const FitResult& result) {
@@ -55,6 +61,7 @@ Json to_json(const FitResult& result) {
     a["temp_degc"] = axis.temp_degc;
     a["sigma_dph"] = axis.sigma_dph;
     a["sigma_basis"] = axis.sigma_basis;
+    if (axis.residual_noise) a["residual_noise"] = noise_json(*axis.residual_noise);
     a["residual_rms_dph"] = axis.residual_rms_dph;
     a["span_degc"] = {axis.span_lo_degc, axis.span_hi_degc};
     a["n_used"] = axis.n_used;

@@ -236,6 +236,18 @@ imucal_health_t check_through_gate(imucal_health_config_t* expected, const std::
   return all;
 }
 
+ChebyshevFit fit_polynomial(const std::vector<FitRun>& runs, const FitOptions& options, double dt_s, FitAxis* axis) {
+  const std::optional<ErrorModel>& model = options.model_of(axis->axis);
+  const NoiseBelief belief =
+      model ? NoiseBelief{{noise_of(*model)}, {1}}
+            : noise_of_residuals(runs, options.order, axis->t0_degc, axis->range_degc, dt_s, options.shared_turn_on);
+  if (!model) axis->residual_noise = belief.noise[0];
+  ChebyshevFit fit =
+      fit_polynomial_qr(runs, options.order, axis->t0_degc, axis->range_degc, belief, dt_s, options.shared_turn_on);
+  fit.sigma_basis = model ? "model" : "residuals";
+  return fit;
+}
+
 FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const FitOptions& options, FitResult* result) {
   const double dt_s = logs[0].dt_s();
   FitAxis axis;
@@ -268,8 +280,7 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
         run.rate_dph[k] = kUnused;
   const ChebyshevFit fit = options.method == FitOptions::Method::kKalman
                                ? fit_kalman(runs, *config, options.shared_turn_on)
-                               : fit_polynomial_qr(runs, options.order, axis.t0_degc, axis.range_degc,
-                                                   model ? &*model : nullptr, dt_s, options.shared_turn_on);
+                               : fit_polynomial(runs, options, dt_s, &axis);
   take_fit(fit, &axis);
   take_residuals(runs, &axis);
   if (fit.n_refused > 0)

@@ -6,6 +6,7 @@
 
 #include "analysis/fit/factors.h"
 #include "analysis/fit/fit.h"
+#include "analysis/fit/residual_noise.h"
 
 namespace imucal {
 
@@ -47,8 +48,10 @@ void judge_fit(const FitOptions& options, double dt_s, FitResult* result);
 
 ChebyshevFit fit_kalman(const std::vector<FitRun>& runs, const imucal_kf_config_t& config, bool shared_turn_on);
 
-// model null: sigma from the residuals.  dt_s: step of the grid.
+// dt_s: step of the grid.
+NoiseBelief noise_of_residuals(const std::vector<FitRun>& runs, int order, double t0_degc, double range_degc,
+                               double dt_s, bool shared_turn_on);
 ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, double t0_degc, double range_degc,
-                               const ErrorModel* model, double dt_s, bool shared_turn_on);
+                               const NoiseBelief& belief, double dt_s, bool shared_turn_on);
 
 } // namespace imucal

@@ -34,20 +34,6 @@ std::vector<int> steps_of(const std::vector<long>& second) {
   return steps;
 }
 
-// Density of the residuals at low frequency per second: length of a batch times the variance of batch means.
-double batch_variance(const std::vector<Eigen::VectorXd>& residuals) {
-  double sum = 0;
-  long n_batches = 0;
-  for (const Eigen::VectorXd& r : residuals) {
-    const Eigen::Index length = std::max<Eigen::Index>(1, r.size() / 30);
-    for (Eigen::Index at = 0; at + length <= r.size(); at += length, ++n_batches) {
-      const double mean = r.segment(at, length).mean();
-      sum += mean * mean * static_cast<double>(length);
-    }
-  }
-  return n_batches > 0 ? sum / static_cast<double>(n_batches) : 0;
-}
-
 // The least squares problem z = A x + noise.  x: the constants of the runs, then c1 .. cM.
 struct Design {
   std::vector<std::vector<long>> seconds; // of each run: those that have a rate, in the order of the rows
@@ -92,33 +78,27 @@ PivotedQr solver_of(const Design& d) {
   return qr;
 }
 
-// Q' C Q, C the covariance of the noise as the model has it; runs are independent.
-Eigen::MatrixXd projected_noise(const PivotedQr& qr, const Design& d, const ErrorModel& model, double dt_s) {
-  const Eigen::Index n = d.a.rows(), p = d.a.cols();
-  const Eigen::MatrixXd q = qr.q();
-  Eigen::MatrixXd cq = Eigen::MatrixXd::Zero(n, p);
+// Q' C Q, C the covariance of the noise; runs are independent.
+Eigen::MatrixXd projected_noise(const Eigen::MatrixXd& q, const Design& d, const NoiseModel& noise, double dt_s) {
+  Eigen::MatrixXd cq = Eigen::MatrixXd::Zero(q.rows(), q.cols());
   Eigen::Index at = 0;
   for (const auto& list : d.seconds) {
     const auto len = static_cast<Eigen::Index>(list.size());
     const std::vector<int> steps = steps_of(list);
-    for (Eigen::Index c = 0; c < p; ++c)
+    for (Eigen::Index c = 0; c < q.cols(); ++c)
       cq.col(c).segment(at, len) =
-          covariance_times({steps.size(), steps.data(), dt_s}, noise_of(model), q.col(c).segment(at, len));
+          covariance_times({steps.size(), steps.data(), dt_s}, noise, q.col(c).segment(at, len));
     at += len;
   }
   return q.transpose() * cq;
 }
 
-// The same from the residuals: as if they were white with the density that they have at low frequency.
-Eigen::MatrixXd projected_residuals(const Design& d, const Eigen::VectorXd& x) {
-  const Eigen::VectorXd residual = d.z_dph - d.a * x;
-  std::vector<Eigen::VectorXd> of_run;
-  Eigen::Index at = 0;
-  for (const auto& list : d.seconds) {
-    of_run.emplace_back(residual.segment(at, static_cast<Eigen::Index>(list.size())));
-    at += static_cast<Eigen::Index>(list.size());
-  }
-  return batch_variance(of_run) * Eigen::MatrixXd::Identity(d.a.cols(), d.a.cols());
+Eigen::MatrixXd projected_noise(const PivotedQr& qr, const Design& d, const NoiseBelief& belief, double dt_s) {
+  const Eigen::MatrixXd q = qr.q();
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(q.cols(), q.cols());
+  for (size_t i = 0; i < belief.noise.size(); ++i)
+    sum += belief.weight[i] * projected_noise(q, d, belief.noise[i], dt_s);
+  return sum;
 }
 
 // cov x = (A'A)^-1 A' C A (A'A)^-1 = Pi R^-1 (Q' C Q) R^-T Pi'; middle: Q' C Q.
@@ -137,18 +117,33 @@ Eigen::MatrixXd mean_of_constants(Eigen::Index n_constants, int order) {
 
 } // namespace
 
+NoiseBelief noise_of_residuals(const std::vector<FitRun>& runs, int order, double t0_degc, double range_degc,
+                               double dt_s, bool shared_turn_on) {
+  const Design design = make_design(runs, order, t0_degc, range_degc, shared_turn_on);
+  const Eigen::VectorXd residual = design.z_dph - design.a * solver_of(design).solve(design.z_dph); // digits
+  std::vector<ResidualRun> rows;
+  Eigen::Index at = 0;
+  for (const auto& list : design.seconds) {
+    const auto len = static_cast<Eigen::Index>(list.size());
+    ResidualRun run{steps_of(list), Eigen::MatrixXd(len, order + 2)};
+    run.columns.col(0) = residual.segment(at, len);
+    run.columns.col(1).setOnes();
+    run.columns.rightCols(order) = design.a.block(at, design.n_constants, len, order);
+    rows.push_back(std::move(run));
+    at += len;
+  }
+  return believe_residuals(rows, dt_s, shared_turn_on);
+}
+
 ChebyshevFit fit_polynomial_qr(const std::vector<FitRun>& runs, int order, double t0_degc, double range_degc,
-                               const ErrorModel* model, double dt_s, bool shared_turn_on) {
+                               const NoiseBelief& belief, double dt_s, bool shared_turn_on) {
   const Design design = make_design(runs, order, t0_degc, range_degc, shared_turn_on);
   const PivotedQr qr = solver_of(design);
   const Eigen::VectorXd x = qr.solve(design.z_dph);
-  const Eigen::MatrixXd middle =
-      model != nullptr ? projected_noise(qr, design, *model, dt_s) : projected_residuals(design, x);
   const Eigen::MatrixXd to_mean = mean_of_constants(design.n_constants, order);
   ChebyshevFit fit;
-  fit.sigma_basis = model != nullptr ? "model" : "residuals";
   fit.coeff = to_mean * x;
-  fit.covariance = to_mean * covariance_of(qr, middle) * to_mean.transpose();
+  fit.covariance = to_mean * covariance_of(qr, projected_noise(qr, design, belief, dt_s)) * to_mean.transpose();
   for (Eigen::Index l = 0; l < design.n_constants; ++l) fit.constant.push_back(x[l]);
   return fit;
 }

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: MIT
+// The noise of a least-squares problem whose noise is not known: white noise and one Markov process, by what the residuals show.
+//
+// Restricted likelihood (the unknowns x of z = A x + noise are integrated out under a flat prior, as errormodel fit does) over a
+// grid of the time constant and of g, how many times the Markov process' density at low frequency is that of the white noise.
+// Priors: flat in the logarithm of the time constant, up to a third of the record, beyond which nothing is known; half-Cauchy
+// in sqrt(g) (Gelman 2006, Bayesian Analysis 1, 515: of a scale that may be 0).  The scale is at its best value.  Every point of
+// the grid keeps its weight: what is not known of the noise is then part of the predicted error.
+#pragma once
+#include <Eigen/Core>
+#include <vector>
+
+#include "noise/noise_model.h"
+
+namespace imucal {
+
+// One run's rows: z, the column of ones (its constant), then the columns that all runs share.
+struct ResidualRun {
+  std::vector<int> steps; // rows of the grid from the row before (noise/gains.h)
+  Eigen::MatrixXd columns;
+};
+
+// Noise models and their weights, which sum to one; the likeliest one first.
+struct NoiseBelief {
+  std::vector<NoiseModel> noise;
+  std::vector<double> weight;
+};
+
+// dt_s: step of the grid.  is_shared: one constant for all runs.
+NoiseBelief believe_residuals(const std::vector<ResidualRun>& runs, double dt_s, bool is_shared);
+
+} // namespace imucal
