@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // fit: the core's own bits for one log; against dense generalised least squares for several; NIST's Wampler1 for the
 // QR; honest sigma; errors that name what is wrong; the table.
+#include <algorithm>
 #include <cmath>
 #include <cstdarg>
 #include <cstddef>
@@ -314,6 +315,60 @@ void test_polynomial_without_model_tells_the_noise(void**) {
   assert_true(std::abs(axis.bias_sigma_dph(30) / with_model.bias_sigma_dph(30) - 1) < 0.3);
 }
 
+bool has_reason(const FitResult& result, const std::string& rule) {
+  return std::any_of(result.reasons.begin(), result.reasons.end(),
+                     [&](const FitReason& reason) { return reason.rule == rule; });
+}
+
+FitOptions unmodelled() {
+  FitOptions options = options_of(FitOptions::Method::kPolynomial, 3);
+  options.model.reset();
+  return options;
+}
+
+// A knock of a second is left out, counted and named; the coefficients are those without it.
+void test_polynomial_without_model_leaves_knocks_out(void**) {
+  const Log log = profile_log(1, 36, 20, 100);
+  const FitAxis clean = fit_logs({log}, unmodelled()).axes.at(0);
+  Log knocked = log;
+  knocked.axes[0].rate_dph[4000] = 1e5;
+  knocked.axes[0].rate_dph[4001] = -800;
+  const FitResult result = fit_logs({knocked}, unmodelled());
+  assert_true(result.is_accepted());
+  const FitAxis& axis = result.axes.at(0);
+  assert_int_equal(clean.n_rejected, 0);
+  assert_int_equal(axis.n_rejected, 2);
+  assert_true(says(axis.first_left_out, "run1.csv") && says(axis.first_left_out, "4000"));
+  for (size_t i = 0; i < 4; ++i) assert_true(std::abs(axis.coeff_dph[i] - clean.coeff_dph[i]) < 0.5);
+}
+
+// A thermometer that freezes on the ramp; soaks, where it stands as well, are none.
+void test_polynomial_without_model_sees_a_frozen_thermometer(void**) {
+  Log log = profile_log(1, 36, 20, 100);
+  assert_true(fit_logs({log}, unmodelled()).is_accepted());
+  for (size_t k = 4000; k < log.size(); ++k) log.temp_degc[k] = log.temp_degc[4000];
+  FitOptions options = unmodelled();
+  options.t0_degc.reset(), options.range_degc.reset();
+  assert_true(has_reason(fit_logs({log}, options), "temp-stuck"));
+}
+
+// Rows of a millisecond: a minute's ramp is no ramp that sensor and thermometer follow, however many rows it has.
+void test_fast_rows_do_not_hide_a_fast_ramp(void**) {
+  Log log = profile_log(1, 36, 20, 100);
+  assert_false(has_reason(fit_logs({log}, unmodelled()), "temp-ramp"));
+  for (double& t_s : log.t_s) t_s /= 1000;
+  assert_true(has_reason(fit_logs({log}, unmodelled()), "temp-ramp"));
+}
+
+// What compares with a model is not judged without one, and that is said.
+void test_rules_that_are_not_judged_are_named(void**) {
+  const Log log = profile_log(1, 36, 20, 100);
+  const std::vector<std::string> expected = {"nis", "lag1", "slow", "residual"};
+  assert_true(fit_logs({log}, unmodelled()).axes.at(0).not_judged == expected);
+  for (const auto method : {FitOptions::Method::kKalman, FitOptions::Method::kPolynomial})
+    assert_true(fit_logs({log}, options_of(method, 3)).axes.at(0).not_judged.empty());
+}
+
 void test_both_methods_find_the_truth_within_their_sigma(void**) {
   for (const auto method : {FitOptions::Method::kKalman, FitOptions::Method::kPolynomial}) {
     double chi2 = 0;
@@ -426,6 +481,10 @@ int main() {
       cmocka_unit_test(test_polynomial_sigma_with_model_is_the_dense_sandwich),
       cmocka_unit_test(test_polynomial_sigma_without_model_covers),
       cmocka_unit_test(test_polynomial_without_model_tells_the_noise),
+      cmocka_unit_test(test_polynomial_without_model_leaves_knocks_out),
+      cmocka_unit_test(test_polynomial_without_model_sees_a_frozen_thermometer),
+      cmocka_unit_test(test_fast_rows_do_not_hide_a_fast_ramp),
+      cmocka_unit_test(test_rules_that_are_not_judged_are_named),
       cmocka_unit_test(test_both_methods_find_the_truth_within_their_sigma),
       cmocka_unit_test(test_flagged_seconds_are_not_used),
       cmocka_unit_test(test_bad_input_is_refused_with_its_reason),

@@ -21,6 +21,12 @@ void take_range(const std::string& text, FitOptions* options) {
   options->range_degc = range.width() / 2;
 }
 
+std::string join(const std::vector<std::string>& names) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  return list;
+}
+
 // What the predicted error rests on where no model was given.
 void print_basis(const NoiseModel& noise, const char* unit) {
   std::printf("    of the noise that the residuals show: white %.3g %s (1-s means)", noise.white_sigma_dph, unit);
@@ -49,18 +55,16 @@ void print(const FitResult& result) {
     if (axis.n_rejected + axis.n_bad_temperature > 0)
       std::printf("  left out: %ld seconds with a knock, %ld with a temperature out of reach\n", axis.n_rejected,
                   axis.n_bad_temperature);
+    if (!axis.first_left_out.empty()) std::printf("    the first of them: %s\n", axis.first_left_out.c_str());
+    if (!axis.not_judged.empty())
+      std::printf("  not judged: %s%s\n", join(axis.not_judged).c_str(),
+                  axis.residual_noise ? " (what compares with a model needs --model)" : "");
     if (!axis.turn_on_dph.empty()) {
       std::printf("  turn-on constants:");
       for (const double a : axis.turn_on_dph) std::printf(" %.4g", a);
       std::printf(" %s\n", unit);
     }
   }
-}
-
-std::string join(const std::vector<std::string>& names) {
-  std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-  return list;
 }
 
 // Why there is no table, also with --quiet: it is the answer.

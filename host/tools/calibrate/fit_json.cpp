@@ -72,6 +72,8 @@ Json to_json(const FitResult& result) {
       a["lag1"] = axis.lag1;
     }
     a["n_rejected"] = axis.n_rejected;
+    if (!axis.first_left_out.empty()) a["first_left_out"] = axis.first_left_out;
+    a["not_judged"] = axis.not_judged;
     a["n_bad_temperature"] = axis.n_bad_temperature;
     a["error_factor"] = axis.error_factor;
     if (axis.error_factor > 1) a["rescaled_sigma_dph"] = scaled(axis.sigma_dph, axis.error_factor);

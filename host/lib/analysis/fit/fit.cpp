@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 
 #include "analysis/fit/judge.h"
@@ -17,6 +18,7 @@ namespace {
 constexpr double kMinSpanDegc = 0.5;
 constexpr double kWarmerThanAnySensor_degc = 200; // lowest temperature of a log
 constexpr size_t kTemperatures = IMUCAL_TABLE_SIGMA_N;
+constexpr size_t kStand_rows = 128; // as the core's rule on a thermometer that is stuck
 constexpr double kUnused = std::numeric_limits<double>::quiet_NaN();
 
 std::string stem_of(const std::string& axis) {
@@ -236,6 +238,118 @@ imucal_health_t check_through_gate(imucal_health_config_t* expected, const std::
   return all;
 }
 
+// Beyond |Tn| = 1.5 the core refuses and a polynomial has no meaning: left out for both methods.
+void leave_out_beyond(const FitAxis& axis, std::vector<FitRun>* runs) {
+  for (FitRun& run : *runs)
+    for (size_t k = 0; k < run.rate_dph.size(); ++k)
+      if (std::abs((run.temp_degc[k] - axis.t0_degc) / axis.range_degc) > static_cast<double>(IMUCAL_KF_MAX_TN))
+        run.rate_dph[k] = kUnused;
+}
+
+// Where the thermometer stands, or has frozen: there the rate shows more than noise if it has.
+void leave_out_stands(std::vector<FitRun>* runs) {
+  for (FitRun& run : *runs) {
+    size_t begin = 0;
+    for (size_t k = 1; k <= run.temp_degc.size(); ++k) {
+      if (k < run.temp_degc.size() && run.temp_degc[k] == run.temp_degc[begin]) continue;
+      if (k - begin >= kStand_rows) std::fill_n(run.rate_dph.begin() + static_cast<long>(begin), k - begin, kUnused);
+      begin = k;
+    }
+  }
+}
+
+// What a polynomial without a model is judged by: the noise of its own residuals, as a filter would believe it.
+struct OwnNoise {
+  std::optional<imucal_kf_config_t> config; // empty: nothing that a filter could believe
+  bool is_of_moving = false;                // found where the temperature moves: judges what is seen where it stands
+};
+
+OwnNoise own_noise(std::vector<FitRun> runs, const imucal_health_config_t& expected, const FitOptions& options,
+                   double dt_s, const FitAxis& axis) {
+  check_runs(expected, nullptr, options.shared_turn_on, &runs);
+  leave_out_beyond(axis, &runs);
+  leave_out_far_off(options.order, axis.t0_degc, axis.range_degc, options.shared_turn_on, &runs);
+  OwnNoise own;
+  std::vector<FitRun> moving = runs;
+  leave_out_stands(&moving);
+  for (const bool is_of_moving : {true, false}) try {
+      const NoiseModel noise = noise_of_residuals(is_of_moving ? moving : runs, options.order, axis.t0_degc,
+                                                  axis.range_degc, dt_s, options.shared_turn_on)
+                                   .noise[0];
+      ErrorModel model;
+      model.arw_deg_rt_h = arw_from_white_sigma(noise.white_sigma_dph);
+      model.markov = noise.markov;
+      own.config = kf_config(model, options.order, axis.t0_degc, axis.range_degc, options.prior_sigma_dph, dt_s);
+      own.is_of_moving = is_of_moving;
+      return own;
+    } catch (const Error&) { // too few rows, or no noise
+    }
+  return own;
+}
+
+void forget_rule(uint32_t rule, FitAxis* axis) {
+  axis->health.judged &= ~(1U << rule);
+  axis->health.bits &= ~(1U << rule);
+}
+
+// The core counts 64 rows; of rows that are no second apart the same rule by their times.
+void judge_ramp_by_time(const std::vector<FitRun>& runs, const imucal_health_config_t& expected, double dt_s,
+                        FitAxis* axis) {
+  if (std::abs(dt_s - 1) < 0.01 || !(axis->health.judged >> IMUCAL_HEALTH_TEMP_RAMP & 1U)) return;
+  forget_rule(IMUCAL_HEALTH_TEMP_RAMP, axis);
+  if (2 * dt_s > 64) return; // fewer than two rows
+  const double part = fastest_ramp_degc(runs, dt_s) / static_cast<double>(expected.hi_degc - expected.lo_degc);
+  axis->health.value[IMUCAL_HEALTH_TEMP_RAMP] = static_cast<float>(part);
+  axis->health.judged |= 1U << IMUCAL_HEALTH_TEMP_RAMP;
+  if (part > static_cast<double>(axis->health.limit[IMUCAL_HEALTH_TEMP_RAMP]))
+    axis->health.bits |= 1U << IMUCAL_HEALTH_TEMP_RAMP;
+}
+
+// Without a model: no verdict on what compares with one, for the noise of the residuals always fits them.
+void name_what_is_not_judged(bool has_model, FitAxis* axis) {
+  if (!has_model) {
+    for (const uint32_t rule : {IMUCAL_HEALTH_NIS, IMUCAL_HEALTH_LAG1, IMUCAL_HEALTH_SLOW}) forget_rule(rule, axis);
+    axis->error_factor = 1;
+  }
+  for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule)
+    if (!(axis->health.judged >> rule & 1U)) axis->not_judged.emplace_back(imucal_health_rule_name(rule));
+  if (!has_model) axis->not_judged.emplace_back("residual");
+}
+
+// The first second that the rules or the gate left out.
+std::string first_left_out(const std::vector<Log>& logs, const std::vector<FitRun>& before,
+                           const std::vector<FitRun>& after, double dt_s) {
+  for (size_t l = 0; l < logs.size(); ++l)
+    for (size_t k = 0; k < before[l].rate_dph.size(); ++k) {
+      if (std::isnan(before[l].rate_dph[k]) || !std::isnan(after[l].rate_dph[k])) continue;
+      char time[32];
+      std::snprintf(time, sizeof time, "%.10g", logs[l].t_s[0] + static_cast<double>(k) * dt_s);
+      return logs[l].path + " at " + time + " s";
+    }
+  return "";
+}
+
+// Every second through the rules and the gate, by the model's noise or by the residuals' own.
+void check_axis(const std::vector<Log>& logs, const FitOptions& options, imucal_health_config_t expected,
+                std::optional<imucal_kf_config_t> config, std::vector<FitRun>* runs, FitAxis* axis) {
+  const double dt_s = logs[0].dt_s();
+  const bool has_model = config.has_value();
+  bool judges_stands = true;
+  if (!has_model) {
+    const OwnNoise own = own_noise(*runs, expected, options, dt_s, *axis);
+    config = own.config;
+    judges_stands = own.is_of_moving;
+  }
+  if (config) expected.r = config->r, expected.markov_variance = config->markov_variance;
+  const std::vector<FitRun> before = *runs;
+  take_health(check_through_gate(&expected, config, options.shared_turn_on, runs), axis);
+  if (!judges_stands) forget_rule(IMUCAL_HEALTH_TEMP_STUCK, axis);
+  judge_ramp_by_time(*runs, expected, dt_s, axis);
+  name_what_is_not_judged(has_model, axis);
+  if (axis->n_rejected + axis->n_bad_temperature > 0) axis->first_left_out = first_left_out(logs, before, *runs, dt_s);
+  leave_out_beyond(*axis, runs);
+}
+
 ChebyshevFit fit_polynomial(const std::vector<FitRun>& runs, const FitOptions& options, double dt_s, FitAxis* axis) {
   const std::optional<ErrorModel>& model = options.model_of(axis->axis);
   const NoiseBelief belief =
@@ -267,17 +381,8 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   expected.lo_degc = static_cast<float>(axis.t0_degc - axis.range_degc);
   expected.hi_degc = static_cast<float>(axis.t0_degc + axis.range_degc);
   std::optional<imucal_kf_config_t> config;
-  if (model) {
-    config = kf_config(*model, options.order, axis.t0_degc, axis.range_degc, options.prior_sigma_dph, dt_s);
-    expected.r = config->r;
-    expected.markov_variance = config->markov_variance;
-  }
-  take_health(check_through_gate(&expected, config, options.shared_turn_on, &runs), &axis);
-  // Beyond |Tn| = 1.5 the core refuses and a polynomial has no meaning: leave out for both methods.
-  for (FitRun& run : runs)
-    for (size_t k = 0; k < run.rate_dph.size(); ++k)
-      if (std::abs((run.temp_degc[k] - axis.t0_degc) / axis.range_degc) > static_cast<double>(IMUCAL_KF_MAX_TN))
-        run.rate_dph[k] = kUnused;
+  if (model) config = kf_config(*model, options.order, axis.t0_degc, axis.range_degc, options.prior_sigma_dph, dt_s);
+  check_axis(logs, options, expected, config, &runs, &axis);
   const ChebyshevFit fit = options.method == FitOptions::Method::kKalman
                                ? fit_kalman(runs, *config, options.shared_turn_on)
                                : fit_polynomial(runs, options, dt_s, &axis);

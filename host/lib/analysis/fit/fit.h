@@ -73,8 +73,10 @@ struct FitAxis {
   double residual_rms_dph = 0;               // rate - B(T) - a_l over all seconds used
   long n_used = 0, n_missing = 0;   // seconds used; flagged, empty, refused or missing between the first and last
   double mean_nis = 0, lag1 = 0;    // kKalman: innovation statistics (1 and 0 with a right model)
-  imucal_health_verdict_t health{}; // the core's rules; those on innovations only where a model was given
+  imucal_health_verdict_t health{}; // the core's rules; those that compare with a model only where one was given
   long n_rejected = 0, n_bad_temperature = 0; // seconds left out: knocks, readings that no thermometer reaches
+  std::string first_left_out;                 // "LOG at T s" of the first one, empty where there is none
+  std::vector<std::string> not_judged;        // rules that the logs, or no model, leave without a verdict
   double error_factor = 1;                    // how many times sigma_dph is too small by what the innovations say
   const char* unit() const { return axis_unit(axis); } // of every member named _dph
   // Gravity along the axis, as it lay in the test: a static test cannot tell it from the bias.

@@ -119,8 +119,6 @@ void judge_residual(const ErrorModel& model, double dt_s, const FitAxis& axis, s
 void judge_axis(const JudgeOptions& options, const ErrorModel* model, double dt_s, const FitAxis& axis, long best_n,
                 std::vector<FitReason>* reasons) {
   for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule) {
-    // "in 64 s" means 64 rows: of rows further apart it says nothing
-    if (rule == IMUCAL_HEALTH_TEMP_RAMP && dt_s > 1.5) continue;
     if (axis.health.bits >> rule & 1U)
       reasons->push_back({axis.axis, imucal_health_rule_name(rule), static_cast<double>(axis.health.value[rule]),
                           static_cast<double>(axis.health.limit[rule]), text_of(rule, axis)});
@@ -160,6 +158,19 @@ Checked check_runs(const imucal_health_config_t& expected, const imucal_kf_confi
   }
   checked.has_span = imucal_health_span(&checked.health, &checked.lo_degc, &checked.hi_degc);
   return checked;
+}
+
+double fastest_ramp_degc(const std::vector<FitRun>& runs, double dt_s) {
+  const auto window = static_cast<size_t>(64 / dt_s) + 1;
+  double most = 0;
+  for (const FitRun& run : runs)
+    for (size_t begin = 0; begin < run.rate_dph.size(); begin += window) {
+      double lo = std::numeric_limits<double>::infinity(), hi = -lo;
+      for (size_t k = begin; k < std::min(begin + window, run.rate_dph.size()); ++k)
+        if (std::isfinite(run.rate_dph[k])) lo = std::min(lo, run.temp_degc[k]), hi = std::max(hi, run.temp_degc[k]);
+      most = std::max(most, hi - lo); // none: -inf
+    }
+  return most;
 }
 
 double temperature_step(const std::vector<FitRun>& runs) {

@@ -40,6 +40,9 @@ struct Checked {
 Checked check_runs(const imucal_health_config_t& expected, const imucal_kf_config_t* config, bool shared_turn_on,
                    std::vector<FitRun>* runs);
 
+// Largest change of temperature within 64 s, as the core's rule of ramps has it, at any distance of the rows.
+double fastest_ramp_degc(const std::vector<FitRun>& runs, double dt_s);
+
 // Smallest step between neighbouring readings: the thermometer's quantum or finer.
 double temperature_step(const std::vector<FitRun>& runs);
 
@@ -47,6 +50,10 @@ double temperature_step(const std::vector<FitRun>& runs);
 void judge_fit(const FitOptions& options, double dt_s, FitResult* result);
 
 ChebyshevFit fit_kalman(const std::vector<FitRun>& runs, const imucal_kf_config_t& config, bool shared_turn_on);
+
+// Marks as unused what lies far off the polynomial: a second of 1e5 dph would turn the noise of all others into its own.  Only
+// for a look at that noise; what is left out of the fit the core's gate decides (check_runs).
+void leave_out_far_off(int order, double t0_degc, double range_degc, bool shared_turn_on, std::vector<FitRun>* runs);
 
 // dt_s: step of the grid.
 NoiseBelief noise_of_residuals(const std::vector<FitRun>& runs, int order, double t0_degc, double range_degc,

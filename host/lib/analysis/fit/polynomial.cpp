@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "analysis/fit/parts.h"
 #include "base/error.h"
+#include "base/median.h"
 #include "linear/linear.h"
 #include "noise/covariance.h"
 
@@ -27,6 +29,11 @@ Eigen::MatrixXd power_from_chebyshev(int order) {
 }
 
 namespace {
+
+// Of the residuals' own spread, slow noise in it; the core's gate has 6 standard deviations of what a filter does not foresee.
+constexpr double kFarOff = 8;
+constexpr double kSigmaOfMedian = 1.4826; // standard deviation of a Gaussian over the median of its size
+constexpr int kMostRounds = 10;
 
 std::vector<int> steps_of(const std::vector<long>& second) {
   std::vector<int> steps(second.size(), 1);
@@ -116,6 +123,25 @@ Eigen::MatrixXd mean_of_constants(Eigen::Index n_constants, int order) {
 }
 
 } // namespace
+
+void leave_out_far_off(int order, double t0_degc, double range_degc, bool shared_turn_on, std::vector<FitRun>* runs) {
+  for (int round = 0; round < kMostRounds; ++round) {
+    const Design design = make_design(*runs, order, t0_degc, range_degc, shared_turn_on);
+    const Eigen::VectorXd residual = design.z_dph - design.a * solver_of(design).solve(design.z_dph);
+    std::vector<double> sizes(residual.data(), residual.data() + residual.size());
+    for (double& size : sizes) size = std::abs(size);
+    const double limit = kFarOff * kSigmaOfMedian * median(sizes);
+    bool is_any = false;
+    Eigen::Index row = 0;
+    for (size_t l = 0; l < runs->size(); ++l)
+      for (const long k : design.seconds[l])
+        if (std::abs(residual[row++]) > limit) {
+          (*runs)[l].rate_dph[static_cast<size_t>(k)] = std::numeric_limits<double>::quiet_NaN();
+          is_any = true;
+        }
+    if (!is_any) return;
+  }
+}
 
 NoiseBelief noise_of_residuals(const std::vector<FitRun>& runs, int order, double t0_degc, double range_degc,
                                double dt_s, bool shared_turn_on) {
