@@ -5,8 +5,11 @@
 #include <cstdio>
 
 #include "analysis/dp/tau_grid.h"
+#include "analysis/errormodel/sanity.h"
 #include "analysis/errormodel/study.h"
 #include "base/axis_unit.h"
+#include "base/error.h"
+#include "base/suggest.h"
 #include "cli/program.h"
 #include "errormodel/trend.h"
 
@@ -16,7 +19,7 @@ namespace {
 
 struct Options {
   CommonOptions common;
-  std::vector<std::string> logs, axes, types;
+  std::vector<std::string> logs, axes, types, accept;
   std::string model, versus, nominal, type, tau, detrend, criterion = "bound", across = "rms", output;
   double estimation_s = 20, duration_s = 0, dt_s = 1, confidence = 0;
   int markov = -1, bootstrap = 40, runs = 5, draws = 200;
@@ -240,6 +243,74 @@ FitInput read_fit_input(const Options& o) {
   return in;
 }
 
+void require_rules(const std::vector<std::string>& names) {
+  const std::vector<std::string> rules = sanity_rules();
+  for (const std::string& name : names)
+    if (std::find(rules.begin(), rules.end(), name) == rules.end())
+      throw usage_error("--accept " + name + ": there is no such rule" + did_you_mean(name, rules));
+}
+
+// What speaks against the data that are fitted.
+struct Judgement {
+  std::vector<SanityReason> reasons;
+  std::vector<std::string> accept;
+
+  bool accepts(const SanityReason& reason) const {
+    return std::find(accept.begin(), accept.end(), reason.rule) != accept.end();
+  }
+  bool is_accepted() const {
+    return std::all_of(reasons.begin(), reasons.end(), [&](const SanityReason& r) { return accepts(r); });
+  }
+};
+
+// Temperatures of the series, which the fit may have read without.
+void take_temperatures(const Options& o, std::vector<Series>* all) {
+  size_t at = 0;
+  for (const std::string& log : o.logs) {
+    if (log == "-") return; // cannot be read twice
+    for (Series& s : load_one_kind(log, o.axes, true)) {
+      Series& into = (*all)[at++];
+      if (into.temp_degc.empty()) into.temp_degc = std::move(s.temp_degc);
+    }
+  }
+}
+
+// Every axis by itself; told on standard error, also with --quiet: it may be the answer.
+Judgement judge_data(const Options& o, const FitInput& in) {
+  Judgement out{{}, o.accept};
+  std::vector<Series> raw = in.raw;
+  take_temperatures(o, &raw);
+  for (size_t i = 0; i < raw.size(); ++i) {
+    const Sanity sanity = sanity_of(raw[i], in.detrended[i]);
+    const std::string place = printable(raw[i].log) + ": axis " + raw[i].axis + ": ";
+    for (const SanityReason& r : sanity.reasons) {
+      std::fprintf(stderr, "errormodel: %s%s%s: %s\n", out.accepts(r) ? "accepted: " : "", place.c_str(),
+                   r.rule.c_str(), r.text.c_str());
+      out.reasons.push_back(r);
+    }
+    if (!sanity.note.empty()) std::fprintf(stderr, "errormodel: note: %s%s\n", place.c_str(), sanity.note.c_str());
+  }
+  if (!out.is_accepted())
+    std::fprintf(
+        stderr,
+        "errormodel: not accepted%s: mend or cut the log, or choose axes with --axis; to insist: --accept RULE\n",
+        o.output.empty() ? "" : ", no model written");
+  return out;
+}
+
+Json judgement_json(const Judgement& judgement) {
+  Json reasons = Json::array();
+  for (const SanityReason& r : judgement.reasons)
+    reasons.push_back({{"log", r.log},
+                       {"axis", r.axis},
+                       {"rule", r.rule},
+                       {"value", r.value},
+                       {"limit", r.limit},
+                       {"text", r.text},
+                       {"accepted", judgement.accepts(r)}});
+  return {{"accepted", judgement.is_accepted()}, {"reasons", reasons}};
+}
+
 // What a criterion finds, and how well each number of Markov terms did.
 struct Fitted {
   ErrorModel model;
@@ -369,16 +440,19 @@ Exit fit(const Options& given) {
   Options o = given;
   choose_detrend(o.logs, o.axes, &o.detrend);
   check_fit_options(o);
+  require_rules(o.accept);
   const FitInput in = read_fit_input(o);
+  const Judgement judgement = judge_data(o, in);
   Fitted fitted = o.criterion == "ml" ? fit_to_samples(o, in) : fit_to_curve(o, in);
   fitted.model.unit = in.unit == "dph" ? "" : in.unit; // a gyro's file stays as it always was
   judge_parameters(in.data.record_s, in.op.dt_s, &fitted.errors);
   const Comparison c = compare(in.data, fitted.model);
-  const Json json = fit_json(o, in, fitted, c);
+  Json json = fit_json(o, in, fitted, c);
+  json["judgement"] = judgement_json(judgement);
   if (o.common.talks()) print_fit(in, fitted, c);
-  if (!o.output.empty()) write_json(o.output, to_json(fitted.model));
+  if (judgement.is_accepted() && !o.output.empty()) write_json(o.output, to_json(fitted.model));
   finish(o, json);
-  return o.criterion == "bound" && !c.bounded() ? Exit::kNegative : Exit::kDone;
+  return !judgement.is_accepted() || (o.criterion == "bound" && !c.bounded()) ? Exit::kNegative : Exit::kDone;
 }
 
 // The check of one log and axis alone.
@@ -614,6 +688,11 @@ void add_fit(cli::App* app, Options* o) {
   app->add_option("--bootstrap", o->bootstrap, "refits of simulated records for the errors of bound and ls (0: none)")
       ->check(cli::Range(0, 100000))
       ->capture_default_str();
+  std::string rules;
+  for (const std::string& rule : sanity_rules()) rules += (rules.empty() ? "" : ", ") + rule;
+  app->add_option("--accept", o->accept, "make a model although this rule speaks against the data (repeat): " + rules)
+      ->allow_extra_args(false)
+      ->type_name("RULE");
   app->add_option("-o,--output", o->output, "model to write")->type_name("MODEL.json");
   add_common_options(app, &o->common, kWithSeed | kWithThreads);
 }
