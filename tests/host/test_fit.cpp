@@ -438,6 +438,23 @@ void test_bad_input_is_refused_with_its_reason(void**) {
   assert_true(says(message_of({}, kf), "no log"));
 }
 
+// A wrong register or column: two axes that are one.  Alone each of them is as good as any; constant ones are another matter.
+void test_two_axes_that_are_one_are_refused_by_name(void**) {
+  Log log = profile_log(1, 36, 20, 100);
+  log.axes[0].rate_dph[500] = kNan; // missing in both
+  log.axes.push_back(log.axes[0]);
+  log.axes[1].name = "gy_dph";
+  for (const auto method : {FitOptions::Method::kKalman, FitOptions::Method::kPolynomial}) {
+    FitOptions options = options_of(method, 3);
+    for (const char* part : {"run1.csv", "gx_dph", "gy_dph", "--axis"})
+      assert_true(says(message_of({log}, options), part));
+    options.axes = {"gy_dph"};
+    assert_true(message_of({log}, options).empty());
+  }
+  log.axes[1].rate_dph[700] += 0.001;
+  assert_true(message_of({log}, options_of(FitOptions::Method::kKalman, 3)).empty());
+}
+
 void test_several_markov_terms_are_merged_with_a_warning(void**) {
   FitOptions options = options_of(FitOptions::Method::kKalman, 3);
   options.model->markov = {{14, 20}, {14, 70}};
@@ -488,6 +505,7 @@ int main() {
       cmocka_unit_test(test_both_methods_find_the_truth_within_their_sigma),
       cmocka_unit_test(test_flagged_seconds_are_not_used),
       cmocka_unit_test(test_bad_input_is_refused_with_its_reason),
+      cmocka_unit_test(test_two_axes_that_are_one_are_refused_by_name),
       cmocka_unit_test(test_several_markov_terms_are_merged_with_a_warning),
       cmocka_unit_test(test_table_holds_the_fit_and_is_valid),
   };

@@ -71,6 +71,19 @@ def test_sick_log_makes_no_model_in_silence(tmp_path, sicken, rule, words):
     assert "--accept" in done.stderr
 
 
+@pytest.mark.parametrize("command", [("errormodel", "fit", "--criterion", "ml", "--markov", "1"), ("dp",),
+                                     ("calibrate", "fit", "--method", "poly")])
+def test_two_axes_that_are_one(tmp_path, command):
+    temp, rates = healthy(3)
+    rows = "\n".join(f"{k},{temp[k]:.4f},{rates[0][k]:.3f},{rates[0][k]:.3f}" for k in range(N))
+    (tmp_path / "twins.csv").write_text(f"t_s,temp_degc,gx_dph,gy_dph\n{rows}\n")
+    done = subprocess.run([BIN / command[0], *command[1:], "twins.csv"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode == (0 if command == ("dp",) else 3), done.stderr
+    assert all(word in done.stderr for word in ("twins.csv", "gx_dph", "gy_dph", "same")), done.stderr
+    one = subprocess.run([BIN / command[0], *command[1:], "twins.csv", "--axis", "gy_dph"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert one.returncode == 0 and "gx_dph" not in one.stderr, one.stderr
+
+
 def test_accept_insists(tmp_path):
     done, result = fit(tmp_path, one_knock, "--accept", "outliers")
     assert done.returncode == 0 and (tmp_path / "m.json").exists()

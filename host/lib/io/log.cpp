@@ -459,6 +459,26 @@ std::optional<std::pair<size_t, size_t>> shared_rows(const Log& a, const Log& b)
   return std::nullopt;
 }
 
+bool same_values(const std::vector<double>& a, const std::vector<double>& b) {
+  if (a.size() != b.size()) return false;
+  bool moves = false;
+  double first = std::nan("");
+  for (size_t i = 0; i < a.size(); ++i) {
+    if (a[i] != b[i] && !(std::isnan(a[i]) && std::isnan(b[i]))) return false;
+    if (std::isnan(first)) first = a[i];
+    moves = moves || (std::isfinite(a[i]) && a[i] != first);
+  }
+  return moves;
+}
+
+std::string twin_axes_text(const std::string& path, const std::string& axis, const std::string& twin) {
+  return path + ": axes " + axis + " and " + twin +
+         " are the same in every row: is one register or column read twice? Mend the recorder, or take one of them "
+         "alone "
+         "(--axis " +
+         axis + ")";
+}
+
 bool same_rows(const Log& a, const Log& b) {
   if (a.size() != b.size()) return false;
   const size_t n_axes = std::min(a.axes.size(), b.axes.size());

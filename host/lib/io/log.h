@@ -42,6 +42,11 @@ struct Log {
   std::string place(size_t row) const;                // "log.csv:17" for messages
 };
 
+// The same value, or a missing one, in every row, and not one and the same all along: one column given twice.
+bool same_values(const std::vector<double>& a, const std::vector<double>& b);
+// What is to be said of two axes of a log whose values are the same.
+std::string twin_axes_text(const std::string& path, const std::string& axis, const std::string& twin);
+
 // The same rates, one by one, of all axes that stand at the same place in both, and not one and the same rate in every row:
 // one record given twice.
 bool same_rows(const Log& a, const Log& b);

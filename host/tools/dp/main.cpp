@@ -13,6 +13,8 @@
 #include "base/axis_unit.h"
 #include "base/parallel.h"
 #include "cli/program.h"
+#include "io/log.h"
+#include "io/notice.h"
 #include "physics/effects/closed_forms.h"
 
 using namespace imucal;
@@ -266,11 +268,19 @@ std::vector<double> shared_temperature(const Detrend& detrend, std::vector<Serie
   return shared;
 }
 
+void note_twins(const std::vector<Series>& axes) {
+  for (size_t i = 0; i < axes.size(); ++i)
+    for (size_t j = 0; j < i; ++j)
+      if (axes[i].axis != axes[j].axis && same_values(axes[i].rate_dph, axes[j].rate_dph))
+        notice(twin_axes_text(axes[i].log, axes[j].axis, axes[i].axis));
+}
+
 // The axes of one log, side by side; told in their order.
 void analyse_log(const std::string& log, Session* session) {
   std::vector<Series> axes = load_series(log, session->o.axes, true);
   if (session->nominal)
     for (const Series& s : axes) check_unit(*session->nominal, session->o.nominal, s.axis);
+  note_twins(axes);
   const std::vector<double> temp_degc = shared_temperature(session->detrend, &axes);
   std::vector<AxisResult> results(axes.size());
   parallel_for(static_cast<long>(axes.size()), session->o.common.thread_count(), [&](long a) {

@@ -12,6 +12,7 @@
 #include "base/suggest.h"
 #include "cli/program.h"
 #include "errormodel/trend.h"
+#include "io/log.h"
 
 using namespace imucal;
 
@@ -48,6 +49,9 @@ std::vector<Series> load_all(const Options& o, bool raw) {
       if (!all.empty() && std::fabs(s.dt_s / all[0].dt_s - 1) > 1e-3)
         throw data_error(log + ": sampling time " + std::to_string(s.dt_s) + " s, but " + all[0].log + " has " +
                          std::to_string(all[0].dt_s) + " s: fit them apart");
+      for (const Series& before : all)
+        if (before.log == s.log && before.axis != s.axis && same_values(before.rate_dph, s.rate_dph))
+          throw data_error(twin_axes_text(log, before.axis, s.axis));
       for (const Series& before : all)
         if (before.axis == s.axis && are_same(before, s))
           throw data_error(log + ": the same data as " + before.log +

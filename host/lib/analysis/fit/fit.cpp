@@ -111,6 +111,15 @@ void check_logs(const std::vector<Log>& logs, bool ignore_metadata) {
                          ": the predicted error would be too small; give every log once");
 }
 
+void check_twins(const Log& log, const std::vector<std::string>& names) {
+  for (size_t i = 0; i < names.size(); ++i)
+    for (size_t j = 0; j < i; ++j) {
+      const LogAxis &a = find_axis(log, names[j]), &b = find_axis(log, names[i]);
+      if (a.name != b.name && same_values(a.rate_dph, b.rate_dph))
+        throw data_error(twin_axes_text(log.path, a.name, b.name));
+    }
+}
+
 // Normalisation of temperature: asked for, the model's, or the logs' own span.
 void normalise(const FitOptions& options, const Span& seen, FitAxis* axis) {
   const std::optional<ErrorModel>& model = options.model_of(axis->axis);
@@ -465,8 +474,9 @@ FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options) {
     result.warnings.push_back("the filter has one Markov state: the model's " +
                               std::to_string(options.model->markov.size()) +
                               " terms were merged into one of the same variance and low-frequency density");
-  for (const std::string& name : axes_of(logs[0], options))
-    result.axes.push_back(fit_axis(logs, name, options, &result));
+  const std::vector<std::string> names = axes_of(logs[0], options);
+  for (const Log& log : logs) check_twins(log, names);
+  for (const std::string& name : names) result.axes.push_back(fit_axis(logs, name, options, &result));
   judge_fit(options, logs[0].dt_s(), &result);
   return result;
 }
