@@ -92,6 +92,25 @@ def test_times_in_milliseconds_are_remarked(folder, command):
     assert "1000 s apart" not in run(*command, folder / "log.csv").stderr
 
 
+@pytest.mark.parametrize("command", [("dp", "--no-ratios"), ("dp", "--stream"), ("errormodel", "fit", "--markov", "1", "--bootstrap", "0"),
+                                     ("calibrate", "fit", "--method", "poly")])
+@pytest.mark.parametrize("step_s, words", [(7, "left out"), (0.5, "average them to seconds")])
+def test_rows_that_are_no_second_apart_are_remarked(folder, command, step_s, words):
+    (folder / "step.csv").write_text(log_text(step_s=step_s))
+    done = run(*command, folder / "step.csv")
+    assert f"step.csv: rows are {step_s} s apart, not 1 s" in done.stderr and words in done.stderr
+    assert done.stderr.count("apart") == 1
+    assert "apart" not in run(*command, folder / "log.csv").stderr
+
+
+def test_a_table_counts_seconds_and_not_rows(folder):
+    (folder / "step.csv").write_text(log_text(step_s=0.5))
+    done = run("calibrate", "fit", "--method", "poly", "--serial", "1", "--max-error", "1e6", *[w for r in ("temp-ramp", "no-noise", "repeated", "span")
+               for w in ("--accept", r)], folder / "step.csv", "-o", folder / "step.json")
+    assert "4000 rows of 0.5 s" in done.stdout, done.stdout + done.stderr
+    assert json.loads((folder / "step.json").read_text())["axes"][0]["n_seconds"] == 2000
+
+
 def test_temperatures_in_kelvin_are_remarked(folder):
     (folder / "kelvin.csv").write_text(log_text(kelvin=273.15))
     assert "kelvin?" in run("calibrate", "fit", "--method", "poly", folder / "kelvin.csv").stderr

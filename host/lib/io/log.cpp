@@ -11,6 +11,7 @@
 #include <unordered_map>
 
 #include "base/error.h"
+#include "base/median.h"
 #include "base/suggest.h"
 #include "base/units.h"
 #include "io/input.h"
@@ -27,7 +28,8 @@ constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMaxJumpS = 7 * 86400.0;   // a longer step of the time is a clock that was set
 constexpr double kMaxSpanS = 366 * 86400.0; // a year of seconds still fits into memory
 constexpr double kMinTempDegc = -273.15, kMaxTempDegc = 2000;
-constexpr size_t kStepProbe = 10;         // steps by which times in milliseconds are known
+constexpr size_t kStepProbe = 10;         // steps by which the usual one is known
+constexpr double kMostOffSecond = 0.05;   // as diagnose and the replay have it
 constexpr double kMaxValue = 1e12;        // of a rate or another column
 constexpr double kMaxIrregularPart = 0.1; // of the steps that are no multiples of the median one
 constexpr double kMaxStepError = 0.25;    // of the median step
@@ -368,10 +370,26 @@ private:
                " days; cut the log where its clock was set, or bring its times to seconds");
     if (n_rows_ > 0 && t_s <= last_t_s_)
       in_.fail("t_s does not increase; sort the log or cut it where the clock was set back");
-    if (n_rows_ == kStepProbe && std::abs((t_s - first_t_s_) / (1000 * kStepProbe) - 1) < 0.01)
-      notice(header_.path + ": rows are 1000 s apart: are these milliseconds? t_s is in seconds");
+    if (n_rows_ > 0 && n_rows_ <= kStepProbe) note_step(t_s - last_t_s_);
     if (t_s - first_t_s_ > kMaxSpanS) in_.fail("the log spans more than 366 days; cut it");
     last_t_s_ = t_s;
+  }
+
+  // Every program takes a row as the mean over the usual step; a log has one a second.
+  void note_step(double step_s) {
+    first_steps_s_.push_back(step_s);
+    if (first_steps_s_.size() < kStepProbe || is_raw(columns_)) return;
+    const double usual_s = median(first_steps_s_);
+    if (std::abs(usual_s / 1000 - 1) < 0.01)
+      notice(header_.path + ": rows are 1000 s apart: are these milliseconds? t_s is in seconds");
+    if (std::abs(usual_s / 1000 - 1) < 0.01 || std::abs(usual_s - 1) <= kMostOffSecond) return;
+    char text[240];
+    std::snprintf(text, sizeof text, ": rows are %.6g s apart, not 1 s: each is taken as the mean over %.6g s. %s",
+                  usual_s, usual_s,
+                  usual_s > 1
+                      ? "If seconds were left out, noise and errors come out too large: give every second, or means"
+                      : "If they are readings and no means, average them to seconds");
+    notice(header_.path + text);
   }
 
   const std::string kTime = "t_s", kTemp = "temp_degc";
@@ -383,6 +401,7 @@ private:
   bool is_small_ = false; // all numbers of the row are plain ones, which are far below the largest allowed
   FieldEnds ends_{','};
   double first_t_s_ = 0, last_t_s_ = 0;
+  std::vector<double> first_steps_s_;
   size_t n_rows_ = 0;
 };
 

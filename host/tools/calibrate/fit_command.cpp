@@ -36,13 +36,19 @@ void print_basis(const NoiseModel& noise, const char* unit) {
       "where it is known\n");
 }
 
+std::string rows_of(double dt_s) {
+  char text[40];
+  std::snprintf(text, sizeof text, "rows of %.6g s", dt_s);
+  return std::abs(dt_s - 1) < 0.01 ? "seconds" : text;
+}
+
 void print(const FitResult& result) {
   std::printf("%s over %zu log%s\n", result.method == FitOptions::Method::kKalman ? "Kalman filter" : "least squares",
               result.logs.size(), result.logs.size() == 1 ? "" : "s");
   for (const FitAxis& axis : result.axes) {
     const char* unit = axis.unit();
-    std::printf("%-12s order %d, %ld seconds (%ld without a measurement), residual %.4g %s rms\n", axis.axis.c_str(),
-                axis.order, axis.n_used, axis.n_missing, axis.residual_rms_dph, unit);
+    std::printf("%-12s order %d, %ld %s (%ld without a measurement), residual %.4g %s rms\n", axis.axis.c_str(),
+                axis.order, axis.n_used, rows_of(axis.dt_s).c_str(), axis.n_missing, axis.residual_rms_dph, unit);
     std::printf("  B(T) = sum b_i ((T - %.6g)/%.6g)^i, b =", axis.t0_degc, axis.range_degc);
     for (const double b : axis.coeff_dph) std::printf(" %.6g", b);
     std::printf(" %s\n  predicted one-sigma error:", unit);

@@ -374,6 +374,7 @@ ChebyshevFit fit_polynomial(const std::vector<FitRun>& runs, const FitOptions& o
 FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const FitOptions& options, FitResult* result) {
   const double dt_s = logs[0].dt_s();
   FitAxis axis;
+  axis.dt_s = dt_s;
   const LogAxis& first = find_axis(logs[0], name);
   axis.axis = stem_of(first.name) + (first.is_gyro ? "_dph" : "_mg");
   const std::optional<ErrorModel>& model = options.model_of(axis.axis);

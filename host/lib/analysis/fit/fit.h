@@ -71,6 +71,7 @@ struct FitAxis {
   std::optional<NoiseModel> residual_noise;  // the likeliest by the residuals, where sigma rests on them
   std::vector<double> turn_on_dph;           // a_l, one per log, mean 0; empty for one log or shared_turn_on
   double residual_rms_dph = 0;               // rate - B(T) - a_l over all seconds used
+  double dt_s = 1;                           // step of the rows that n_used and n_missing count
   long n_used = 0, n_missing = 0;   // seconds used; flagged, empty, refused or missing between the first and last
   double mean_nis = 0, lag1 = 0;    // kKalman: innovation statistics (1 and 0 with a right model)
   imucal_health_verdict_t health{}; // the core's rules; those that compare with a model only where one was given

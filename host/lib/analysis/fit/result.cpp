@@ -50,7 +50,7 @@ imucal_table_channel_t channel_of(const FitResult& result, const FitAxis& axis, 
       static_cast<float>(info.unit_per_count.value_or(metadata_number(result, stem + "_counts_scale" + unit, scale)));
   channel.full_scale_counts = static_cast<int32_t>(static_cast<double>(
       info.full_scale_counts.value_or(static_cast<long>(metadata_number(result, stem + "_full_scale_counts", 32767)))));
-  channel.n_seconds = static_cast<uint32_t>(axis.n_used);
+  channel.n_seconds = static_cast<uint32_t>(std::llround(static_cast<double>(axis.n_used) * axis.dt_s));
   return channel;
 }
 
