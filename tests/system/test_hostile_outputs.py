@@ -115,3 +115,17 @@ def test_temperatures_in_kelvin_are_remarked(folder):
     (folder / "kelvin.csv").write_text(log_text(kelvin=273.15))
     assert "kelvin?" in run("calibrate", "fit", "--method", "poly", folder / "kelvin.csv").stderr
     assert "kelvin?" not in run("calibrate", "fit", "--method", "poly", folder / "log.csv").stderr
+    profile_error = ("profile", "error", "--model", folder / "model.json", "--order", "3")
+    assert "kelvin.csv" in (said := run(*profile_error, folder / "kelvin.csv").stderr) and "kelvin?" in said
+    assert "kelvin?" not in run(*profile_error, folder / "log.csv").stderr
+
+
+def test_a_log_that_names_no_device_is_remarked(folder):
+    """Beside one that does: it may be of another device."""
+    (folder / "named.csv").write_text(log_text(seed=2).replace("t_s,", "# serial = 7.0\nt_s,"))
+    fit = ("calibrate", "fit", "--method", "poly")
+    for logs in (("named.csv", "log.csv"), ("log.csv", "named.csv")):
+        done = run(*fit, *(folder / log for log in logs))
+        assert done.returncode == 0 and "log.csv: no # serial" in done.stderr and "7.0" in done.stderr, done.stderr
+    assert "serial" not in run(*fit, folder / "log.csv").stderr
+    assert "serial" not in run(*fit, *(folder / log for log in logs), "--ignore-metadata").stderr

@@ -42,6 +42,9 @@ struct Log {
   std::string place(size_t row) const;                // "log.csv:17" for messages
 };
 
+// A log whose lowest temperature is above it is in kelvin, most likely.
+constexpr double kWarmerThanAnySensor_degc = 200;
+
 // The same value, or a missing one, in every row, and not one and the same all along: one column given twice.
 bool same_values(const std::vector<double>& a, const std::vector<double>& b);
 // What is to be said of two axes of a log whose values are the same.

@@ -16,7 +16,6 @@ namespace imucal {
 namespace {
 
 constexpr double kMinSpanDegc = 0.5;
-constexpr double kWarmerThanAnySensor_degc = 200; // lowest temperature of a log
 constexpr size_t kTemperatures = IMUCAL_TABLE_SIGMA_N;
 constexpr size_t kStand_rows = 128; // as the core's rule on a thermometer that is stuck
 constexpr double kUnused = std::numeric_limits<double>::quiet_NaN();
@@ -92,6 +91,19 @@ void check_same_device(const std::vector<Log>& logs) {
                        first->second +
                        ": logs of different devices make no table; fit them apart, or insist with --ignore-metadata");
     }
+}
+
+// A log that does not say whose it is, beside one that does, may be of another device.
+void note_nameless(const std::vector<Log>& logs, FitResult* result) {
+  for (const char* key : {"device", "serial"}) {
+    const auto named =
+        std::find_if(logs.begin(), logs.end(), [&](const Log& log) { return log.metadata.count(key) > 0; });
+    if (named == logs.end()) continue;
+    for (const Log& log : logs)
+      if (log.metadata.count(key) == 0)
+        result->warnings.push_back(log.path + ": no # " + key + " in its metadata, but " + named->path + " has " +
+                                   named->metadata.at(key) + ": is it a log of the same device?");
+  }
 }
 
 void check_logs(const std::vector<Log>& logs, bool ignore_metadata) {
@@ -471,6 +483,7 @@ FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options) {
   result.accel_model = options.accel_model;
   result.metadata = logs[0].metadata;
   for (const Log& log : logs) result.logs.push_back(log.path);
+  if (!options.ignore_metadata) note_nameless(logs, &result);
   if (options.method == FitOptions::Method::kKalman && options.model->markov.size() > 1)
     result.warnings.push_back("the filter has one Markov state: the model's " +
                               std::to_string(options.model->markov.size()) +

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "io/notice.h"
 #include "linear/linear.h"
 #include "noise/covariance.h"
 #include "noise/whiten.h"
@@ -67,6 +68,9 @@ CalibrationRun run_of_log(const Log& log) {
   }
   if (run.temp_degc.empty())
     throw data_error(log.path + ": no temperature in column temp_degc; the calibration error needs temperatures");
+  if (*std::min_element(run.temp_degc.begin(), run.temp_degc.end()) > kWarmerThanAnySensor_degc)
+    notice(log.path + ": temperatures above " + shown(kWarmerThanAnySensor_degc) +
+           " throughout: are they in kelvin? temp_degc is in degrees Celsius");
   if (even) run.step_s.clear();
   return run;
 }
