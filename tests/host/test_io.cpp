@@ -430,6 +430,38 @@ static void test_profile_repeat_continues_where_it_ended(void**) {
   assert_true(std::abs(profile.at(1650) - 5.0) < 1e-9);
 }
 
+// What a profile says but nobody follows is remarked: a ramp that the second time starts where it ends, a duration of a ramp that is
+// not the one that its rate takes, an end of a soak.
+static void test_profile_notes_what_it_does_not_follow(void**) {
+  std::vector<std::string> heard;
+  set_notice_sink([&](const std::string& message) { heard.push_back(message); });
+  const auto notes_of = [&](const std::string& name, const std::string& text) {
+    heard.clear();
+    const std::string path = file_with(name, text);
+    read_profile(path);
+    std::remove(path.c_str());
+    return heard;
+  };
+  const std::string head = R"({"imucal_profile":1,"start_degc":0,"repeat":)";
+  auto notes = notes_of("one_way.json", head + R"(2,"segments":[{"rate_degc_per_min":0,"duration_s":60},
+      {"rate_degc_per_min":1,"to_degc":60}]})");
+  assert_int_equal(notes.size(), 1);
+  for (const char* part : {"one_way.json", "repeat", "segments[1]", "60 degC", "0 degC"}) assert_says(notes[0], part);
+  notes = notes_of("duration.json", head + R"(1,"segments":[{"rate_degc_per_min":1,"to_degc":60,"duration_s":600}]})");
+  assert_int_equal(notes.size(), 1);
+  for (const char* part : {"segments[0].duration_s", "3600 s", "600"}) assert_says(notes[0], part);
+  notes = notes_of("soak.json", head + R"(1,"segments":[{"rate_degc_per_min":0,"to_degc":60,"duration_s":600}]})");
+  assert_int_equal(notes.size(), 1);
+  for (const char* part : {"segments[0].to_degc", "stays at 0 degC"}) assert_says(notes[0], part);
+  notes = notes_of("way_back.json", head + R"(2,"segments":[{"rate_degc_per_min":1,"to_degc":60,"duration_s":3600},
+      {"rate_degc_per_min":2,"to_degc":0}]})");
+  assert_int_equal(notes.size(), 0);
+  notes = notes_of("partly.json", head + R"(2,"segments":[{"rate_degc_per_min":1,"to_degc":60},
+      {"rate_degc_per_min":2,"to_degc":20}]})");
+  assert_int_equal(notes.size(), 0);
+  set_notice_sink([](const std::string&) {});
+}
+
 static void test_profile_malformed_is_refused(void**) {
   const auto says = [](const std::string& text, const std::string& part) {
     const std::string path = file_with("profile.json", text);
@@ -534,6 +566,7 @@ int main() {
       cmocka_unit_test(test_text_of_unknown_origin_is_made_printable),
       cmocka_unit_test(test_profile_basic_lasts_140_min),
       cmocka_unit_test(test_profile_repeat_continues_where_it_ended),
+      cmocka_unit_test(test_profile_notes_what_it_does_not_follow),
       cmocka_unit_test(test_profile_malformed_is_refused),
       cmocka_unit_test(test_write_failing_writer_leaves_the_old_file),
       cmocka_unit_test(test_kept_numbers_written_are_read_with_the_same_bits),

@@ -3,11 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "io/json_file.h"
+#include "io/notice.h"
 
 namespace imucal {
 
+static constexpr double kSameMember = 0.01;            // of a number that says what is known already: it was rounded
 static constexpr double kMaxDurationS = 366 * 86400.0; // what it is for takes hours; a year still fits into memory
 
 std::vector<ProfileLeg> legs(const Profile& profile) {
@@ -72,6 +75,62 @@ std::vector<double> Profile::temperatures(double dt_s) const {
   return out;
 }
 
+// A member that is given and not followed; format: of what is followed and what is given.
+static void note_ignored(const JsonField& member, double followed, const char* format) {
+  const double given = member.number();
+  if (std::abs(given - followed) <= kSameMember * std::max(1.0, std::abs(followed))) return;
+  char text[160];
+  std::snprintf(text, sizeof text, format, followed, given);
+  notice(member.place() + ": " + text);
+}
+
+// `is_only_first`: no other segment or cycle has moved the temperature before it.
+static ProfileSegment segment_from_json(const JsonField& f, bool is_only_first, double* temp_degc) {
+  f.only({"rate_degc_per_min", "duration_s", "to_degc"});
+  ProfileSegment s;
+  s.rate_degc_per_min = f.at("rate_degc_per_min").number(-1e4, 1e4);
+  if (s.rate_degc_per_min == 0) {
+    s.duration_s = f.at("duration_s").number(0.0, 1e9);
+    s.to_degc = *temp_degc;
+    if (const auto to = f.find("to_degc"))
+      note_ignored(*to, s.to_degc,
+                   "a soak (rate 0) stays at %.6g degC; %.6g is not followed: for a ramp give its rate");
+    return s;
+  }
+  s.to_degc = f.at("to_degc").number(-273.15, 2000.0);
+  if (s.to_degc == *temp_degc && is_only_first)
+    f.refuse("a ramp to the temperature it starts from; give a soak (rate 0, duration_s) instead");
+  s.duration_s = std::abs((s.to_degc - *temp_degc) / s.rate_degc_per_min) * 60.0;
+  if (const auto duration = f.find("duration_s"))
+    note_ignored(
+        *duration, s.duration_s,
+        "a ramp lasts as long as its rate takes, %.6g s; %.6g s are not followed: change the rate, or leave it out");
+  // The sign of a rate says nothing that to_degc does not; both spellings are taken.
+  s.rate_degc_per_min = std::copysign(s.rate_degc_per_min, s.to_degc - *temp_degc);
+  *temp_degc = s.to_degc;
+  return s;
+}
+
+// From the second cycle on the segments start where the last one ended: a ramp to that temperature takes no time there.
+static void note_lost_ramps(const JsonField& field, const Profile& profile) {
+  if (profile.repeat < 2 || profile.segments.empty()) return;
+  double temp_degc = profile.segments.back().to_degc;
+  if (temp_degc == profile.start_degc) return;
+  for (size_t i = 0; i < profile.segments.size(); ++i) {
+    const ProfileSegment& s = profile.segments[i];
+    if (s.rate_degc_per_min != 0 && s.to_degc == temp_degc && s.duration_s > 0) {
+      char text[240];
+      std::snprintf(
+          text, sizeof text,
+          ": repeat: each further cycle starts where the last one ended, at %.6g degC: the ramp of segments[%zu] "
+          "to %.6g degC is there only the first time; add a ramp back to %.6g degC at the end",
+          profile.segments.back().to_degc, i, s.to_degc, profile.start_degc);
+      return notice(field.place() + text);
+    }
+    if (s.rate_degc_per_min != 0) temp_degc = s.to_degc;
+  }
+}
+
 Profile profile_from_json(const JsonField& field) {
   if (field.at("imucal_profile").integer(0, 1000000) != 1)
     field.at("imucal_profile").refuse("version not known to this program (it knows 1)");
@@ -79,24 +138,9 @@ Profile profile_from_json(const JsonField& field) {
   Profile profile;
   profile.start_degc = field.at("start_degc").number(-273.15, 2000.0);
   double temp_degc = profile.start_degc;
-  for (const JsonField& f : field.at("segments").elements()) {
-    f.only({"rate_degc_per_min", "duration_s", "to_degc"});
-    ProfileSegment s;
-    s.rate_degc_per_min = f.at("rate_degc_per_min").number(-1e4, 1e4);
-    if (s.rate_degc_per_min == 0) {
-      s.duration_s = f.at("duration_s").number(0.0, 1e9);
-      s.to_degc = temp_degc;
-    } else {
-      s.to_degc = f.at("to_degc").number(-273.15, 2000.0);
-      if (s.to_degc == temp_degc && profile.segments.empty() && field.number_or("repeat", 1) == 1)
-        f.refuse("a ramp to the temperature it starts from; give a soak (rate 0, duration_s) instead");
-      s.duration_s = std::abs((s.to_degc - temp_degc) / s.rate_degc_per_min) * 60.0;
-      // The sign of a rate says nothing that to_degc does not; both spellings are taken.
-      s.rate_degc_per_min = std::copysign(s.rate_degc_per_min, s.to_degc - temp_degc);
-      temp_degc = s.to_degc;
-    }
-    profile.segments.push_back(s);
-  }
+  for (const JsonField& f : field.at("segments").elements())
+    profile.segments.push_back(
+        segment_from_json(f, profile.segments.empty() && field.number_or("repeat", 1) == 1, &temp_degc));
   profile.repeat = field.find("repeat") ? static_cast<int>(field.at("repeat").integer(1, 10000)) : 1;
   if (profile.duration_s() > kMaxDurationS)
     field.at("segments")
@@ -104,6 +148,7 @@ Profile profile_from_json(const JsonField& field) {
                 " days; at most 366 are possible");
   if (profile.duration_s() < 1.0)
     field.at("segments").refuse("the profile lasts less than one second; add a soak or a ramp");
+  note_lost_ramps(field, profile);
   return profile;
 }
 
