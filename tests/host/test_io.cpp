@@ -124,7 +124,7 @@ static void test_log_malformed_names_the_line(void**) {
   assert_says(log_refusal(header + "0,20,nan\n"), ":2: column gx_dph: is not a finite number");
   assert_says(log_refusal(header + "0,inf,1\n"), ":2: column temp_degc");
   assert_says(log_refusal(header + "0,20\n"), ":2: expected 3 fields, found 2");
-  assert_says(log_refusal(header + "0,20,1,5\n"), ":2: column gx_dph: expected a number");
+  assert_says(log_refusal(header + "0,20,1,5\n"), ":2: expected 3 fields, found 4");
   assert_says(log_refusal(header + "1,20,1\n1,20,1\n"), ":3: t_s does not increase");
   assert_says(log_refusal(header + ",20,1\n"), ":2: t_s is empty");
   assert_says(log_refusal("time,temp,gx\n0,1,2\n"), ":1: the header must be");

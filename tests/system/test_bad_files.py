@@ -76,6 +76,39 @@ def test_bad_profiles_are_refused(folder, change, parts):
     refused(run(BIN / "gyrosim", "log", "--model", folder / "model.json", "--profile", folder / "bad_profile.json", "-o", folder / "x.csv"), *parts)
 
 
+def test_words_of_refusals_say_what_to_do(folder):
+    """Another of our files than asked for, a syntax error in our own words, a known name once."""
+    refused(expect(folder / "profile.json"), b'"imucal_model" is missing'.decode(), "a profile (imucal_profile)", "an error model")
+    (folder / "syntax.json").write_text('{"imucal_model": 1,\n "arw_deg_rt_h": 0.6,,}')
+    result = expect(folder / "syntax.json")
+    refused(result, "syntax.json:2: not valid JSON")
+    assert b"json.exception" not in result.stderr and b"parse error" not in result.stderr, result.stderr
+    (folder / "unknown.json").write_text('{"imucal_model": 1, "arw_deg_rt_h": 0.6, "nothing_like_it": 1}')
+    known = expect(folder / "unknown.json").stderr.decode().split("known: ")[1].split(")")[0].split(", ")
+    assert len(known) == len(set(known)) and "arw_deg_rt_h" in known
+
+
+@pytest.mark.parametrize("row, parts", [
+    ("3,20,5,6,7", (":4:", "expected 3 fields, found 5", "header")), ("3,20", (":4:", "expected 3 fields, found 2", "header")),
+    ("3,20,1e13", (":4:", "beyond +-1e12", "leave it empty"))])
+def test_rows_that_are_none_say_what_to_do(folder, row, parts):
+    (folder / "row.csv").write_text(f"t_s,temp_degc,gx_dph\n1,20,5\n2,20,5\n{row}\n4,20,5\n")
+    refused(run(BIN / "dp", folder / "row.csv"), "row.csv", *parts)
+
+
+@pytest.mark.parametrize("program", [("montecarlo", "--order", 3), ("gyrosim", "log", "-o", "x.csv")])
+@pytest.mark.parametrize("rate", ["0", "-5", "nan", "inf"])
+def test_raw_rates_that_cannot_be_are_usage_errors(folder, program, rate):
+    result = run(BIN / program[0], *program[1:], "--model", folder / "model.json", "--profile", folder / "profile.json", f"--rate-hz={rate}", cwd=folder)
+    assert result.returncode == 2 and b"--rate-hz" in result.stderr, result.stderr
+
+
+def test_help_shows_the_raw_rate_that_is_taken():
+    said = run(BIN / "montecarlo", "--help").stdout.decode()
+    assert "--rate-hz FLOAT:POSITIVE=10 " in " ".join(said.split()) + " ", [line for line in said.splitlines() if "rate-hz" in line]
+    assert "--counts-scale-dph FLOAT:POSITIVE=1 " in " ".join(said.split()) + " "
+
+
 def test_byte_order_mark_gzip_and_standard_input_are_read(folder):
     text = (folder / "model.json").read_bytes()
     plain = expect(folder / "model.json").stdout

@@ -64,7 +64,7 @@ public:
   }
   bool parse_error(size_t byte, const std::string&, const nlohmann::json::exception& error) {
     if (const auto* syntax = dynamic_cast<const nlohmann::json::parse_error*>(&error))
-      throw data_error(name_ + ":" + line_at(syntax->byte) + ": not valid JSON: " + error.what());
+      throw data_error(name_ + ":" + line_at(syntax->byte) + ": not valid JSON: " + from_the_place_on(error.what()));
     throw data_error(name_ + ":" + line_at(byte) + ": the number " + number_in(error.what()) + " is too large");
   }
 
@@ -72,6 +72,12 @@ private:
   std::string line_at(size_t byte) const {
     const auto end = text_.begin() + static_cast<long>(std::min(text_.size(), byte));
     return std::to_string(1 + std::count(text_.begin(), end, '\n'));
+  }
+  // "[json.exception.parse_error.101] parse error at line 2, column 5: syntax error while …": from the place on.
+  static std::string from_the_place_on(const std::string& message) {
+    const std::string head = "parse error ";
+    const size_t at = message.find(head);
+    return at == std::string::npos ? message : message.substr(at + head.size());
   }
   // "... number overflow parsing '1e999'": the number stands between the quotes
   static std::string number_in(const std::string& message) {
@@ -162,6 +168,21 @@ JsonField JsonField::at(const std::string& key) const {
   return {*value, place_ + (place_.find(": ") == std::string::npos ? ": " : ".") + key};
 }
 
+JsonField JsonField::version_of(const std::string& key, const std::string& what) const {
+  if (find(key)) return at(key);
+  static const struct {
+    const char *key, *what;
+  } kinds[] = {{"imucal_model", "an error model"},
+               {"imucal_profile", "a profile"},
+               {"imucal_table", "a table"},
+               {"imucal_diagnosis", "a diagnosis"}};
+  for (const auto& kind : kinds)
+    if (find(kind.key))
+      refuse("field \"" + key + "\" is missing: this is " + kind.what + " (" + kind.key + "), and " + what +
+             " is wanted");
+  refuse("field \"" + key + "\" is missing: is it " + what + "? host/formats.md has a complete example");
+}
+
 std::optional<JsonField> JsonField::find(const std::string& key) const {
   if (!value_.is_object()) refuse("expected an object {...}");
   const Json* value = value_.find(key);
@@ -217,7 +238,10 @@ void JsonField::only(std::initializer_list<const char*> known) const {
     if (key == "comment" || key.compare(0, 1, "_") == 0 || std::find(names.begin(), names.end(), key) != names.end())
       continue;
     std::string list;
-    for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+    for (size_t i = 0; i < names.size(); ++i)
+      if (std::find(names.begin(), names.begin() + static_cast<long>(i), names[i]) ==
+          names.begin() + static_cast<long>(i))
+        list += (list.empty() ? "" : ", ") + names[i];
     refuse("unknown field \"" + shortened(key) + "\"" + did_you_mean(key, names) + " (known: " + list + ")");
   }
 }

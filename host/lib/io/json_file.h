@@ -23,6 +23,9 @@ public:
   std::vector<JsonField> elements() const;
   std::optional<JsonField> find(const std::string& key) const; // absent or null: empty
 
+  // The member that says what file it is, and its version; a file of another kind is refused by its name.
+  JsonField version_of(const std::string& key, const std::string& what) const;
+
   // Typed values; a number must be finite and inside [lo, hi].
   double number(double lo = -1e300, double hi = 1e300) const;
   double number_or(const std::string& key, double fallback, double lo = -1e300, double hi = 1e300) const;

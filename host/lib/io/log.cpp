@@ -249,7 +249,8 @@ double parse_number(const LineReader& in, const char* first, const char* last, c
 }
 
 void check_value(const LineReader& in, const Column& column, double value) {
-  if (std::abs(value) > kMaxValue) in.fail("column " + column.name + ": is beyond +-1e12");
+  if (std::abs(value) > kMaxValue)
+    in.fail("column " + column.name + ": is beyond +-1e12, as no rate is: mend the number, or leave it empty");
   if (column.kind != Column::kFlags) return;
   const bool is_bits = std::isnan(value) || (value >= 0 && value <= 255 && value == std::floor(value));
   if (!is_bits) in.fail("column " + column.name + ": expected whole bits 0..255");
@@ -340,6 +341,11 @@ private:
     return false;
   }
 
+  [[noreturn]] void fail_of_fields(size_t found) const {
+    in_.fail("expected " + std::to_string(fields_.size()) + " fields, found " + std::to_string(found) +
+             ": one for each column of the header; mend the row, or delete it");
+  }
+
   // The next row whatever its numbers look like; false at the end of the file.
   bool read_text() {
     do {
@@ -352,7 +358,9 @@ private:
     for (size_t f = 0; f < fields_.size(); ++f) {
       const bool is_last = f + 1 == fields_.size();
       const char* comma = is_last ? end : static_cast<const char*>(std::memchr(at, ',', static_cast<size_t>(end - at)));
-      if (!comma) in_.fail("expected " + std::to_string(fields_.size()) + " fields, found " + std::to_string(f + 1));
+      if (!comma) fail_of_fields(f + 1);
+      if (is_last && std::memchr(at, ',', static_cast<size_t>(end - at)))
+        fail_of_fields(fields_.size() + static_cast<size_t>(std::count(at, end, ',')));
       fields_[f] = parse_number(in_, at, comma, f == 0 ? kTime : f == 1 ? kTemp : columns_[f - 2].name);
       at = comma + 1;
     }

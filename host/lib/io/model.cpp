@@ -127,7 +127,7 @@ void check_unit(const ErrorModel& model, const std::string& path, const std::str
 }
 
 ErrorModel model_from_json(const JsonField& field) {
-  if (field.at("imucal_model").integer(0, 1000000) != 1)
+  if (field.version_of("imucal_model", "an error model").integer(0, 1000000) != 1)
     field.at("imucal_model").refuse("version not known to this program (it knows 1)");
   ErrorModel model;
   model.unit = unit_from_json(field);

@@ -132,7 +132,7 @@ static void note_lost_ramps(const JsonField& field, const Profile& profile) {
 }
 
 Profile profile_from_json(const JsonField& field) {
-  if (field.at("imucal_profile").integer(0, 1000000) != 1)
+  if (field.version_of("imucal_profile", "a profile").integer(0, 1000000) != 1)
     field.at("imucal_profile").refuse("version not known to this program (it knows 1)");
   field.only({"imucal_profile", "start_degc", "segments", "repeat"});
   Profile profile;

@@ -239,7 +239,7 @@ Json to_json(const imucal_table_t& table) {
 }
 
 imucal_table_t table_from_json(const JsonField& field) {
-  const JsonField version = field.at("imucal_table");
+  const JsonField version = field.version_of("imucal_table", "a table");
   if (version.integer(0, 1000000) != IMUCAL_TABLE_VERSION)
     version.refuse("table version not known to this program (it knows " + std::to_string(IMUCAL_TABLE_VERSION) +
                    "); update imucal or calibrate again");

@@ -23,7 +23,10 @@ struct Options {
 
 void add_raw_options(cli::App* app, RawFormat* raw) {
   const std::string group = "The simulated sensor";
-  app->add_option("--rate-hz", raw->rate_hz, "raw samples per second")->capture_default_str()->group(group);
+  app->add_option("--rate-hz", raw->rate_hz, "raw samples per second")
+      ->capture_default_str()
+      ->check(FinitePositive)
+      ->group(group);
   app->add_option("--counts-scale-dph", raw->counts_scale_dph, "one count of the gyro")
       ->capture_default_str()
       ->check(FinitePositive)
@@ -149,9 +152,9 @@ Exit run_campaign_command(Options o) {
 int main(int argc, char** argv) {
   cli::App app("simulated calibration tests through the C core, scored against the truth", "montecarlo");
   Options run, merged;
-  add_options(&app, &run);
-  run.campaign.raw.rate_hz = 10;
+  run.campaign.raw.rate_hz = 10; // before add_options, which shows them in --help
   run.campaign.raw.counts_scale_dph = 1;
+  add_options(&app, &run);
   cli::App* merge = app.add_subcommand("merge", "merge partial results of shards into the result of the whole");
   merge->add_option("FILES", merged.merge_paths, "partial results")->required();
   merge->add_flag("--strict", merged.strict, "exit with 1 where NEES or NIS are outside their intervals");
