@@ -4,6 +4,7 @@ import json
 import math
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -161,6 +162,21 @@ def test_bad_input_is_refused_with_its_place(tmp_path, nominal):
     for args, code, text in cases:
         done = run(*args, expect=code)
         assert text in done.stderr, f"{args}: {done.stderr}"
+
+
+def test_taus_between_samples_are_remarked(tmp_path):
+    log = write_log(tmp_path / "a.csv", markov_noise(600, 1))
+    done = run("dp", log, "--tau", "1.5,4", "--no-ratios")
+    assert "1.5 s is taken as 2 s" in done.stderr
+    for tau in ("1,4", "1:20:2", "octave", "log:1:50:20"):
+        assert "is taken as" not in run("dp", log, "--tau", tau, "--no-ratios").stderr, tau
+
+
+@pytest.mark.parametrize("script", ["figures_profile.py", "profile_oscillations.py"])
+def test_help_of_a_script_does_no_work(tmp_path, script):
+    done = subprocess.run([sys.executable, ROOT / "host/scripts" / script, "--help"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and "usage" in done.stdout.lower() and "Traceback" not in done.stderr, done.stderr
+    assert not list(tmp_path.iterdir())
 
 
 def test_expect_reproduces_the_paper_model(tmp_path, nominal):

@@ -3,14 +3,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <utility>
 
 #include "base/error.h"
+#include "io/notice.h"
 
 namespace imucal {
 
 namespace {
+
+constexpr double kSameTau = 0.01; // samples: a clock's rounding
 
 std::vector<double> numbers(const std::string& text, char separator, const std::string& whole) {
   std::vector<double> out;
@@ -32,6 +36,18 @@ std::vector<double> numbers(const std::string& text, char separator, const std::
 
 bool starts_with(const std::string& text, const std::string& head) {
   return text.rfind(head, 0) == 0;
+}
+
+// Of averaging times that were asked for one by one (a logarithmic grid lies between the samples anyway).
+void note_between_samples(const std::vector<double>& tau_s, double dt_s, const std::string& what) {
+  for (const double t : tau_s) {
+    const double taken_s = std::max(1.0, std::round(t / dt_s)) * dt_s;
+    if (std::fabs(t - taken_s) <= kSameTau * dt_s || t < 0.5 * dt_s) continue;
+    char text[160];
+    std::snprintf(text, sizeof text, ": averaging times are whole samples of %.6g s: %.6g s is taken as %.6g s", dt_s,
+                  t, taken_s);
+    return notice(what + text);
+  }
 }
 
 } // namespace
@@ -70,8 +86,10 @@ std::vector<double> parse_tau(const std::string& text, double dt_s, double longe
     const double step = v.size() > 2 ? v[2] : 1;
     if ((v[1] - v[0]) / step > 1e6) throw usage_error("--tau " + text + ": more than a million points");
     for (double k = 0; v[0] + k * step <= v[1] * (1 + 1e-12); ++k) tau.push_back(v[0] + k * step);
+    note_between_samples(tau, dt_s, "--tau " + text);
   } else {
     tau = numbers(text, ',', text);
+    note_between_samples(tau, dt_s, "--tau " + text);
   }
   return whole_taus(std::move(tau), dt_s, "--tau " + text);
 }
