@@ -120,6 +120,16 @@ def test_temperatures_in_kelvin_are_remarked(folder):
     assert "kelvin?" not in run(*profile_error, folder / "log.csv").stderr
 
 
+@pytest.mark.parametrize("given, words", [({"kelvin": 273.15}, "kelvin?"), ({"step_s": 1000}, "milliseconds?")])
+def test_no_table_in_other_units_in_silence(folder, given, words):
+    (folder / "units.csv").write_text(log_text(**given))
+    fit = ("calibrate", "fit", "--method", "poly", folder / "units.csv", "--serial", "1", "-o", folder / "t.json", "--json", folder / "r.json")
+    done = run(*fit)
+    assert done.returncode == 1 and words in done.stderr and not (folder / "t.json").exists(), done.stderr
+    assert [r["rule"] for r in json.loads((folder / "r.json").read_text())["judgement"]["reasons"]] == ["units"]
+    assert run(*fit, "--accept", "units").returncode == 0 and (folder / "t.json").exists()
+
+
 def test_a_log_that_names_no_device_is_remarked(folder):
     """Beside one that does: it may be of another device."""
     (folder / "named.csv").write_text(log_text(seed=2).replace("t_s,", "# serial = 7.0\nt_s,"))

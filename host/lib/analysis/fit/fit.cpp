@@ -147,9 +147,6 @@ void judge_span(const std::string& path, const Span& seen, FitAxis* axis, FitRes
     throw data_error(path + ": the temperature never moves (" + std::to_string(span) +
                      " degC in all): a thermal calibration needs a profile that does");
   }
-  if (seen.lo > kWarmerThanAnySensor_degc)
-    result->warnings.push_back(axis->axis + ": temperatures of " + std::to_string(seen.lo) + ".." +
-                               std::to_string(seen.hi) + ": are they in kelvin? temp_degc is in degrees Celsius");
   const double lo = axis->t0_degc - axis->range_degc, hi = axis->t0_degc + axis->range_degc;
   axis->span_lo_degc = std::max(seen.lo, lo);
   axis->span_hi_degc = std::min(seen.hi, hi);

@@ -101,6 +101,7 @@ struct FitResult {
 //   residual      rate - B(T), rms over what the model predicts: 4 standard deviations beyond 1.5 in variance
 //   measurements  an axis with less than 90 % of the seconds of the best one
 //   error         worst predicted error above max_error_dph
+//   units         temperatures above 200 degC throughout (kelvin?), rows 1000 s apart (milliseconds?)
 std::vector<std::string> fit_rules();
 
 // usage_error: kKalman without model, order outside 1..5.  data_error names the log and what is wrong: axis missing,

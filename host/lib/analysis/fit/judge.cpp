@@ -186,7 +186,7 @@ double temperature_step(const std::vector<FitRun>& runs) {
 std::vector<std::string> fit_rules() {
   std::vector<std::string> names;
   for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule) names.emplace_back(imucal_health_rule_name(rule));
-  names.insert(names.end(), {"residual", "measurements", "error"});
+  names.insert(names.end(), {"residual", "measurements", "error", "units"});
   return names;
 }
 
@@ -216,6 +216,24 @@ std::vector<FitReason> judge_axes(const std::vector<FitAxis>& axes, const std::v
   return reasons;
 }
 
+namespace {
+
+// A table of a device that nobody has: it would be in other units than the device's.
+void judge_units(const FitAxis& axis, const std::vector<std::string>& accept, std::vector<FitReason>* reasons) {
+  const bool is_accepted = std::find(accept.begin(), accept.end(), "units") != accept.end();
+  if (axis.span_lo_degc > kWarmerThanAnySensor_degc)
+    reasons->push_back({axis.axis, "units", axis.span_lo_degc, kWarmerThanAnySensor_degc,
+                        "temperatures of " + number(axis.span_lo_degc) + ".." + number(axis.span_hi_degc) +
+                            ": are they in kelvin? temp_degc is in degrees Celsius: take 273.15 off",
+                        is_accepted});
+  if (std::abs(axis.dt_s / 1000 - 1) < 0.01)
+    reasons->push_back({axis.axis, "units", axis.dt_s, 1000,
+                        "rows are 1000 s apart: are these milliseconds? t_s is in seconds: divide by 1000",
+                        is_accepted});
+}
+
+} // namespace
+
 void judge_fit(const FitOptions& options, double dt_s, FitResult* result) {
   std::vector<const ErrorModel*> models;
   for (const FitAxis& axis : result->axes) {
@@ -223,6 +241,7 @@ void judge_fit(const FitOptions& options, double dt_s, FitResult* result) {
     models.push_back(model ? &*model : nullptr);
   }
   result->reasons = judge_axes(result->axes, models, dt_s, {options.accept, options.max_error_dph});
+  for (const FitAxis& axis : result->axes) judge_units(axis, options.accept, &result->reasons);
 }
 
 } // namespace imucal
