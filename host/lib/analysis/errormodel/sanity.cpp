@@ -20,9 +20,9 @@ constexpr double kPercentileRatio = 0.99768; // of Gaussian errors: ratios.h
 constexpr double kPercentileSpread = 0.70;   // times 1/sqrt(dof): ratios.h
 constexpr double kLeastDof = 20;             // ratios.h
 
-std::string formatted(const char* format, double a, double b = 0, double c = 0) {
-  char text[200];
-  std::snprintf(text, sizeof text, format, a, b, c);
+template <typename... Numbers> std::string formatted(const char* format, Numbers... numbers) {
+  char text[240];
+  std::snprintf(text, sizeof text, format, numbers...);
   return text;
 }
 
