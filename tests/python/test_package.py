@@ -256,3 +256,17 @@ def test_taus_as_numbers_and_as_text_give_the_same_curve_and_wrong_numbers_are_n
     for wrong in ([], [-1.0], [np.nan], [0.1, 5], [5000.0]):
         with pytest.raises(imucal.DataError, match="tau"):
             imucal.allan_deviation(rate, tau_s=wrong)
+
+
+def test_sick_sensors_make_no_model_and_no_table_unless_their_rule_is_accepted():
+    rng = np.random.default_rng(6)
+    rate, temp = rng.normal(0, 36, 4000), 30 - 30 * np.cos(np.arange(4000) * np.pi / 2000)
+    rate[2000] = 1e5
+    with pytest.raises(imucal.DataError, match=r"gx_dph: outliers: .*accept=\[rule\] insists"):
+        imucal.fit_error_model(rate)
+    assert imucal.fit_error_model(rate, accept=["outliers"]).model["arw_deg_rt_h"] > 1
+    frozen = np.where(np.arange(4000) < 2000, rng.normal(0, 36, 4000), 7.0)
+    log = imucal.Log(np.arange(1.0, 4001), temp, {"gx_dph": frozen})
+    with pytest.raises(imucal.DataError, match="gx_dph: repeated"):
+        imucal.calibrate(log)
+    assert imucal.calibrate(log, accept=["repeated"]).axes["gx_dph"].order == 3

@@ -4,7 +4,6 @@ import json
 import math
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -170,13 +169,6 @@ def test_taus_between_samples_are_remarked(tmp_path):
     assert "1.5 s is taken as 2 s" in done.stderr
     for tau in ("1,4", "1:20:2", "octave", "log:1:50:20"):
         assert "is taken as" not in run("dp", log, "--tau", tau, "--no-ratios").stderr, tau
-
-
-@pytest.mark.parametrize("script", ["figures_profile.py", "profile_oscillations.py"])
-def test_help_of_a_script_does_no_work(tmp_path, script):
-    done = subprocess.run([sys.executable, ROOT / "host/scripts" / script, "--help"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0 and "usage" in done.stdout.lower() and "Traceback" not in done.stderr, done.stderr
-    assert not list(tmp_path.iterdir())
 
 
 def test_expect_reproduces_the_paper_model(tmp_path, nominal):

@@ -297,7 +297,16 @@ def as_log(value, temp_degc=None, dt_s=1.0, axis="gx_dph"):
     return Log(_step(dt_s) * np.arange(1, len(rate) + 1), temp, {axis: rate}, {}, {}, "array")
 
 
-def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau_s=None, type=None, nominal=None):
+def _judged(result):
+    """A program's result; DataError where its judgement refuses the data, with every reason."""
+    judgement = result.get("judgement") or {}
+    if judgement.get("accepted", True):
+        return result
+    reasons = [f"{r.get('axis') or 'all axes'}: {r['rule']}: {r['text']}" for r in judgement["reasons"] if not r.get("accepted")]
+    raise DataError("; ".join(reasons) + " (accept=[rule] insists)")
+
+
+def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau_s=None, type=None, nominal=None, accept=()):
     """Error model from logs: "ml" (maximum likelihood), "bound" (tightest bounding) or "ls" (least squares).
 
     Parameters
@@ -310,6 +319,7 @@ def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau
     tau_s : array, or text       of the curves ("bound", "ls")
     type : str                   of the curves: "av", "dp1", "dp2" or "dp3"
     nominal : dict or path       model whose filter predicts (dp2, dp3)
+    accept : list of str         rules that may speak against the data: "outliers", "repeated" …
 
     Returns
     -------
@@ -317,7 +327,7 @@ def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau
 
     Raises
     ------
-    DataError : a log or an option that cannot be used
+    DataError : a log or an option that cannot be used, or data of a sick sensor, with the rule
 
     References
     ----------
@@ -328,8 +338,10 @@ def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau
         options += ["--type", type] if type else []
         options += ["--nominal", folder.json(nominal)] if nominal is not None else []
         options += [word for axis in axes for word in ("--axis", axis)]
+        options += [word for rule in accept for word in ("--accept", rule)]
         r = run("errormodel", "fit", *_logs(folder, logs), "--markov", markov, "--criterion", criterion, "--detrend", detrend, "-o", folder.new(".json"),
                 *options)
+    _judged(r)
     return ErrorModelFit(r["model"], r.get("std_errors", {}), r["bounded"], r["excess"]["worst"], r["excess"]["mean"], r.get("log_likelihood"), r)
 
 
@@ -363,7 +375,7 @@ def check_bound(logs, model, axes=(), detrend="mean", tau_s=None, type=None, nom
     return BoundCheck(r["bounded"], r["worst_ratio"], r["at_tau_s"], r)
 
 
-def calibrate(logs, order=3, model=None, method=None, axes=()):
+def calibrate(logs, order=3, model=None, method=None, axes=(), accept=()):
     """Thermal calibration of recorded logs: the C core's filter ("kf", needs a model) or least squares ("poly").
 
     The constant b_0 of an accelerometer's axis (_mg) holds gravity as it lay in the test.
@@ -375,6 +387,7 @@ def calibrate(logs, order=3, model=None, method=None, axes=()):
     model : dict or path         error model of the filter; or two: of the gyros, and of the accelerometers ("unit": "mg")
     method : str                 "kf" or "poly"; default: "kf" with a model, else "poly"
     axes : list of str           default: the gyros; with a model of the accelerometers these
+    accept : list of str         rules that may speak against an axis: "span", "units" …
 
     Returns
     -------
@@ -382,15 +395,17 @@ def calibrate(logs, order=3, model=None, method=None, axes=()):
 
     Raises
     ------
-    DataError : a log that cannot be used, or that contradicts the model
+    DataError : a log that cannot be used, or that contradicts the model, with the rule
     """
     with Folder() as folder:
         table = folder.new(".json")
         models = [] if model is None else model if isinstance(model, (list, tuple)) else [model]
         options = [word for m in models for word in ("--model", folder.json(m))]
         options += [word for axis in axes for word in ("--axis", axis)]
+        options += [word for rule in accept for word in ("--accept", rule)]
         r = run("calibrate", "fit", *_logs(folder, logs), "--method", method or ("kf" if model is not None else "poly"), "--order", order, "-o", table,
                 *options)
+        _judged(r)
         with open(table, encoding="utf-8") as file:
             table = json.load(file)
     found = {}
