@@ -471,8 +471,38 @@ static void test_families_are_those_of_the_contract(void**) {
     assert_int_equal(effect->estimator()->is_slow_noise(), effect->family() == Family::kSlowNoise);
 }
 
+// Whatever t0 and range a model has, the columns are P4 and P5 over the temperatures of the logs, and what is told of them is that
+// curve: its parameters in those units, and the cubic that the polynomial takes.
+static void test_higher_orders_are_estimated_over_the_logs_and_told_in_the_units_of_the_model(void**) {
+  const EffectEstimator& poly = *find_effect("higher_order_polynomial").estimator();
+  RunInput run;
+  run.t0_degc = 30, run.range_degc = 30, run.lo_degc = -40, run.hi_degc = 0;
+  run.smooth_degc = {-40, -33, -20, -9.5, 0}, run.t_s = {1, 2, 3, 4, 5};
+  const Estimate estimate = {{}, {2, -3}, {}, {0.1, 0.2}};
+  const auto told_at = [&](size_t i) {
+    const double z = run.normalised(run.smooth_degc[i]);
+    const Parameters told = poly.values_on(run, estimate);
+    double sum = told.number("p4_dph") * legendre(4, z) + told.number("p5_dph") * legendre(5, z), power = 1;
+    for (double coefficient : poly.polynomial_beside(run, estimate)) sum += coefficient * power, power *= z;
+    return sum;
+  };
+  for (const int order : {3, 2}) {
+    run.order = order;
+    const std::vector<Column> columns = poly.columns(run, {});
+    for (size_t i = 0; i < run.size(); ++i) {
+      const double sum = 2 * columns[0][i] - 3 * columns[1][i];
+      assert_near(told_at(i), sum, 1e-9 * (1 + std::fabs(sum)), "what is told");
+    }
+    if (order == 3) assert_near(columns[1][0], -1, 1e-12, "P5 at the cold end");
+    if (order == 2) // the polynomial would not take the rest
+      for (double coefficient : poly.polynomial_beside(run, estimate))
+        assert_near(coefficient, 0, 1e-9, "the polynomial beside");
+  }
+}
+
 int main() {
   const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_higher_orders_are_estimated_over_the_logs_and_told_in_the_units_of_the_model),
       cmocka_unit_test(test_hysteresis_is_a_sum_of_relays),
       cmocka_unit_test(test_lag_is_newtons_cooling),
       cmocka_unit_test(test_creep_after_a_step_is_the_box_spectrum),

@@ -14,7 +14,7 @@ FUNCTIONS = {n: getattr(imucal, n) for n in imucal.__all__ if inspect.isfunction
 METHODS = {f"ThermalCalibrator.{n}": f for n, f in vars(imucal.ThermalCalibrator).items() if inspect.isfunction(f) and not n.startswith("_")}
 UNITS = ("_s", "_dph", "_degc", "_hz", "_degc_per_min", "_deg_rt_h", "_rate")
 #: what is a number and has no unit, or is no number
-NO_UNIT = {"order", "seed", "markov", "n_axes", "log_index", "n_logs", "threads", "min_fill", "intervals", "type", "nominal", "estimator", "detrend", "criterion", "model",
+NO_UNIT = {"order", "seed", "markov", "n_axes", "log_index", "n_logs", "threads", "min_fill", "intervals", "type", "nominal", "estimator", "detrend", "accept", "criterion", "model",
            "profile", "effects", "filter_model", "method", "axes", "axis", "without", "only", "logs", "holdout", "path", "log", "options", "settings", "channel",
            "value", "rate", "seconds"}
 

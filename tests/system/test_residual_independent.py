@@ -413,7 +413,7 @@ def check_interval(lab, n_both, n_of_each, at_least):
 
 
 def test_the_interval_agrees_with_the_minutes(lab):
-    check_interval(lab, 8, 2, 2)
+    check_interval(lab, 12, 2, 2)
 
 
 @pytest.mark.long

@@ -319,7 +319,7 @@ def fit_error_model(logs, markov=1, criterion="ml", axes=(), detrend="mean", tau
     tau_s : array, or text       of the curves ("bound", "ls")
     type : str                   of the curves: "av", "dp1", "dp2" or "dp3"
     nominal : dict or path       model whose filter predicts (dp2, dp3)
-    accept : list of str         rules that may speak against the data: "outliers", "repeated" …
+    accept : list of str         rules that may speak against the data: "repeated", "temp-jump" …
 
     Returns
     -------

@@ -121,14 +121,20 @@ void add_noise(const AxisResult& first, DiagnoseResult* out) {
   }
 }
 
-// The polynomial that was fitted, with the normalisation that found effects are written in; its constant is the mean of those
-// of the runs.
+// The polynomial that was fitted, with the normalisation that found effects are written in, and what their columns hold of it;
+// its constant is the mean of those of the runs.
 ThermalPolynomial bias_of(const Written& written) {
   const Campaign& campaign = written.axis.campaign;
   const Eigen::VectorXd& beta = written.fit.beta;
   const auto n_runs = static_cast<long>(campaign.runs.size());
   ThermalPolynomial bias{campaign.t0_degc, campaign.range_degc, {beta.head(n_runs).mean()}};
   for (int i = 0; i < campaign.order; ++i) bias.coeff_dph.push_back(beta[n_runs + i]);
+  for (const Term& effect : written.effects) {
+    if (!is_in_mean(effect)) continue;
+    const std::vector<double> beside =
+        effect.estimator->polynomial_beside(campaign.runs.front().input, effect.estimate());
+    for (size_t i = 0; i < beside.size() && i < bias.coeff_dph.size(); ++i) bias.coeff_dph[i] += beside[i];
+  }
   return bias;
 }
 // Its variance at a temperature.

@@ -30,6 +30,7 @@ struct RunInput {
   std::vector<double> rate_dph;      // NaN where missing
   std::map<std::string, std::vector<double>> auxiliary;
   double t0_degc = 0, range_degc = 1; // normalisation
+  int order = 3;                      // of the polynomial that is estimated beside everything
   double lo_degc = 0, hi_degc = 60;   // span of the fitted logs, which free shapes are laid over
   // Rows before which the recorder had stopped for longer than its seconds tell, increasing: what an effect with a memory did
   // meanwhile is as unknown as what it did before the log.
@@ -205,6 +206,8 @@ public:
   virtual Parameters values(const Estimate&) const = 0;
   // The same where the names depend on what the log holds (auxiliary columns).
   virtual Parameters values_on(const RunInput& /*run*/, const Estimate& estimate) const { return values(estimate); }
+  // What its columns hold beside what those parameters say, and the polynomial of the bias takes: coefficients of powers of Tn.
+  virtual std::vector<double> polynomial_beside(const RunInput& /*run*/, const Estimate&) const { return {}; }
 };
 
 // Legendre polynomial by its recursion.

@@ -229,7 +229,7 @@ Campaign advised_campaign(const Campaign& campaign, size_t n_runs) {
     run.own_white_dph2 = campaign.runs[r % campaign.runs.size()].own_white_dph2;
     RunInput& in = run.input;
     in.log = r, in.dt_s = campaign.dt_s, in.t0_degc = campaign.t0_degc, in.range_degc = campaign.range_degc;
-    in.lo_degc = campaign.lo_degc, in.hi_degc = campaign.hi_degc;
+    in.lo_degc = campaign.lo_degc, in.hi_degc = campaign.hi_degc, in.order = campaign.order;
     in.temp_degc = (r % 2 ? back : profile).temperatures(campaign.dt_s);
     in.smooth_degc = in.temp_degc, in.tn = normalised(in, in.temp_degc);
     in.rate_dph.assign(in.temp_degc.size(), 0.0);

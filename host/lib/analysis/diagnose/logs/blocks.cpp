@@ -116,7 +116,7 @@ CampaignRun blocks_of(const CampaignRun& run, long length, double far_dph) {
   out.input.log = in.log;
   out.input.dt_s = in.dt_s * static_cast<double>(length);
   out.input.t0_degc = in.t0_degc, out.input.range_degc = in.range_degc;
-  out.input.lo_degc = in.lo_degc, out.input.hi_degc = in.hi_degc;
+  out.input.lo_degc = in.lo_degc, out.input.hi_degc = in.hi_degc, out.input.order = in.order;
   for (const auto& entry : in.auxiliary) out.input.auxiliary[entry.first] = {};
   const VectorXd hits = hits_of(run, std::max(length, kFewestAround), far_dph);
   const double fewest = 0.5 * static_cast<double>(length);

@@ -330,6 +330,7 @@ CampaignRun run_of(const Campaign& campaign, const Log& log, size_t place) {
   in.dt_s = campaign.dt_s;
   in.t0_degc = campaign.t0_degc;
   in.range_degc = campaign.range_degc;
+  in.order = campaign.order;
   for (const auto& [name, values] : log.auxiliary) in.auxiliary[name] = picked(values, rows);
   set_times(picked(log.t_s, rows), picked(pauses, rows), campaign.dt_s, &run);
   in.rate_dph = picked(column.rate_dph, rows);

@@ -14,7 +14,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-const char kCalibrationVersion[] = "12"; // changes whenever a draw would gain something else
+const char kCalibrationVersion[] = "13"; // changes whenever a draw would gain something else
 // At which first_step_nats is stated, and by how many nats more chance jumps e times less often: the tail of what jumps gained in
 // devices without a gap (HISTORY.md, Chance that jumps).
 constexpr double kStatedRate = 0.01, kJumpTail_nats = 1.4;
