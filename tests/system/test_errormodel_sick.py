@@ -55,7 +55,8 @@ def test_healthy_log_is_accepted(tmp_path):
     done, result = fit(tmp_path, None)
     assert done.returncode == 0, done.stderr
     assert result["judgement"] == {"accepted": True, "reasons": []}
-    assert json.loads((tmp_path / "m.json").read_text())["arw_deg_rt_h"] == pytest.approx(0.6, rel=0.05)
+    model = json.loads((tmp_path / "m.json").read_text())
+    assert model["arw_deg_rt_h"] == pytest.approx(0.6, rel=0.05) and "comment" not in model
 
 
 @pytest.mark.parametrize("sicken, rule, words", [(one_knock, "outliers", "2001 s"), (frozen_half, "repeated", "3000"),
@@ -63,7 +64,7 @@ def test_healthy_log_is_accepted(tmp_path):
 def test_sick_log_makes_no_model_in_silence(tmp_path, sicken, rule, words):
     done, result = fit(tmp_path, sicken)
     assert done.returncode == 1, done.stdout + done.stderr
-    assert not (tmp_path / "m.json").exists()
+    assert f"gx_dph: {rule}: " in json.loads((tmp_path / "m.json").read_text())["comment"]
     reasons = result["judgement"]["reasons"]
     assert not result["judgement"]["accepted"] and rule in [r["rule"] for r in reasons]
     assert all({"axis", "rule", "value", "limit", "text"} <= set(r) for r in reasons)

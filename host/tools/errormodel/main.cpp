@@ -298,7 +298,7 @@ Judgement judge_data(const Options& o, const FitInput& in) {
     std::fprintf(
         stderr,
         "errormodel: not accepted%s: mend or cut the log, or choose axes with --axis; to insist: --accept RULE\n",
-        o.output.empty() ? "" : ", no model written");
+        o.output.empty() ? "" : ", as the model that is written says");
   return out;
 }
 
@@ -313,6 +313,16 @@ Json judgement_json(const Judgement& judgement) {
                        {"text", r.text},
                        {"accepted", judgement.accepts(r)}});
   return {{"accepted", judgement.is_accepted()}, {"reasons", reasons}};
+}
+
+// A model of data that are not accepted says so itself: the status is gone when somebody else reads it.
+Json model_json(const ErrorModel& model, const Judgement& judgement) {
+  Json json = to_json(model);
+  std::string why;
+  for (const SanityReason& r : judgement.reasons)
+    if (!judgement.accepts(r)) why += (why.empty() ? "" : "; ") + r.axis + ": " + r.rule + ": " + r.text;
+  if (!why.empty()) json["comment"] = "the data are not accepted: " + why;
+  return json;
 }
 
 // What a criterion finds, and how well each number of Markov terms did.
@@ -454,7 +464,7 @@ Exit fit(const Options& given) {
   Json json = fit_json(o, in, fitted, c);
   json["judgement"] = judgement_json(judgement);
   if (o.common.talks()) print_fit(in, fitted, c);
-  if (judgement.is_accepted() && !o.output.empty()) write_json(o.output, to_json(fitted.model));
+  if (!o.output.empty()) write_json(o.output, model_json(fitted.model, judgement));
   finish(o, json);
   return !judgement.is_accepted() || (o.criterion == "bound" && !c.bounded()) ? Exit::kNegative : Exit::kDone;
 }
