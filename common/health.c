@@ -11,14 +11,14 @@
 #define RAMP_BLOCK_S 64u
 #define LONG_GAP_S 60u /* after it any temperature may follow */
 
-#define MAX_RUN 40.0f
+#define MAX_RUN IMUCAL_HEALTH_MOST_REPEATED
 #define MIN_NOISE 0.05f
 #define MAX_SHARE 0.01f
 #define MAX_MOVE 6.0f
 #define MAX_RAMP (64.0f / 300.0f)
 #define MIN_SPAN 0.5f
 #define MIN_NIS 0.2f
-#define MAX_NIS 1.25f
+#define MAX_NIS IMUCAL_HEALTH_MOST_NIS
 #define MAX_LAG1 0.1f
 #define MAX_SLOW 1.5f
 #define MIN_SLOW_BLOCKS 4u

@@ -277,9 +277,9 @@ void test_intervals_cover(void**) {
       s.rate_dph = simulate_noise(components, 6000, 77, run);
       remove_trend(Detrend::parse("mean"), &s);
       const DpCurve c = dp_curve(s, DpRecord(s, op), tau, DpEstimator::kRms);
-      blocks = interval_blocks(c, op);
       for (int which = 0; which < 2; ++which) {
-        const auto ci = curve_intervals(c, op, which ? components : std::vector<NoiseComponent>());
+        const auto [ci, of_blocks] = curve_intervals(c, op, which ? components : std::vector<NoiseComponent>());
+        if (!which) blocks = of_blocks;
         for (size_t i = 0; i < tau.size(); ++i)
           covered[which][i] += (ci[i].lo <= truth[i] && truth[i] <= ci[i].hi) / 400.0;
       }

@@ -486,39 +486,35 @@ std::optional<std::pair<size_t, size_t>> shared_rows(const Log& a, const Log& b)
   return std::nullopt;
 }
 
-bool same_values(const std::vector<double>& a, const std::vector<double>& b) {
+// The same value, or a missing one, in every row; sets *moves where they are not one and the same all along.
+static bool are_equal(const std::vector<double>& a, const std::vector<double>& b, bool* moves) {
   if (a.size() != b.size()) return false;
-  bool moves = false;
   double first = std::nan("");
   for (size_t i = 0; i < a.size(); ++i) {
     if (a[i] != b[i] && !(std::isnan(a[i]) && std::isnan(b[i]))) return false;
     if (std::isnan(first)) first = a[i];
-    moves = moves || (std::isfinite(a[i]) && a[i] != first);
+    *moves = *moves || (std::isfinite(a[i]) && a[i] != first);
   }
-  return moves;
+  return true;
+}
+
+bool same_values(const std::vector<double>& a, const std::vector<double>& b) {
+  bool moves = false;
+  return are_equal(a, b, &moves) && moves;
 }
 
 std::string twin_axes_text(const std::string& path, const std::string& axis, const std::string& twin) {
   return path + ": axes " + axis + " and " + twin +
          " are the same in every row: is one register or column read twice? Mend the recorder, or take one of them "
-         "alone "
-         "(--axis " +
+         "alone (--axis " +
          axis + ")";
 }
 
 bool same_rows(const Log& a, const Log& b) {
-  if (a.size() != b.size()) return false;
   const size_t n_axes = std::min(a.axes.size(), b.axes.size());
   bool moves = false; // two logs of a stuck sensor are alike, too
-  for (size_t j = 0; j < n_axes; ++j) {
-    double first = std::nan("");
-    for (size_t i = 0; i < a.size(); ++i) {
-      const double x = a.axes[j].rate_dph[i], y = b.axes[j].rate_dph[i];
-      if (x != y && !(std::isnan(x) && std::isnan(y))) return false;
-      if (std::isnan(first)) first = x;
-      moves = moves || (std::isfinite(x) && x != first);
-    }
-  }
+  for (size_t j = 0; j < n_axes; ++j)
+    if (!are_equal(a.axes[j].rate_dph, b.axes[j].rate_dph, &moves)) return false;
   return moves;
 }
 

@@ -12,7 +12,7 @@ from .errors import DataError, DataWarning
 from .inputs import plain_file
 from .limits import judge
 from .log import other_step_s, read_log
-from .strict import line_of, parse, positions, refusal, table_contradiction
+from .strict import line_of, parse, positions, refusal
 
 KINDS = {"imucal_model": "model", "imucal_profile": "profile", "imucal_table": "table", "imucal_diagnosis": "diagnosis",
          "imucal_limits": "limits"}
@@ -63,7 +63,7 @@ def _beyond_schema(path, kind, data, places, text):
     found = _accelerometer_names(path, data, places, text) if kind == "model" else _numbers_of_coefficients(path, data, places, text) if kind == "table" else []
     if found or kind not in ("model", "profile", "table"):
         return found
-    message = refusal(path, text, kind) or (table_contradiction(path, data, text) if kind == "table" else None)
+    message = refusal(path, data, text, kind)
     return [message] if message else []
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .diagnosis_words import many
 from .seconds import in_order, nominal_rate_hz
 
 #: more than this part of the samples, and more than so many, are not left out in silence
@@ -49,11 +50,6 @@ class Clock:
 def too_many(n_lost, n_all):
     """Are these more than may be left out with a count alone?"""
     return n_lost > max(MOST_LOST, MOST_LOST_PART * n_all)
-
-
-def samples(n, word="sample"):
-    """"1 sample", "2 samples"."""
-    return f"{n} {word}" + ("s" if n != 1 else "")
 
 
 def _finite_rows(stream):
@@ -128,7 +124,7 @@ def _without_late(clock, n_all):
         return
     if too_many(clock.n_late, n_all):
         at = int(np.argmax(late))
-        clock.problem = (f"{clock.n_late} of {samples(n_all)} lie before newer ones (the first is number {at + 1}, at {clock.t_us[at] / 1e6:.6f} s, after "
+        clock.problem = (f"{clock.n_late} of {many(n_all, 'sample')} lie before newer ones (the first is number {at + 1}, at {clock.t_us[at] / 1e6:.6f} s, after "
                          f"one at {newest[at] / 1e6:.6f} s): sort the file by its times or, where the clock was set back, cut it there")
     _take(clock, np.flatnonzero(~late))
 
@@ -150,9 +146,9 @@ def _untangle(stream, clock, rate_hz):
         return
     clock.n_duplicate, clock.n_same = len(places) - n_differ, n_differ
     if too_many(clock.n_duplicate, n):
-        clock.notes.append(f"{clock.n_duplicate} of {samples(n, 'row')} stand twice, time and values: each is taken once")
+        clock.notes.append(f"{clock.n_duplicate} of {many(n, 'row')} stand twice, time and values: each is taken once")
     if n_differ:
-        clock.notes.append(f"{samples(n_differ)} with the time of another, and other values, left out")
+        clock.notes.append(f"{many(n_differ, 'sample')} with the time of another, and other values, left out")
     _take(clock, np.delete(np.arange(n), places))
 
 
@@ -162,15 +158,15 @@ def _spread_or_count(clock, rate_hz, n_differ):
     spread = _spread(clock.t_us)
     if spread:
         clock.t_us, clock.is_made = spread[0], True
-        clock.notes.append(f"the time stamps are coarse: {samples(len(clock.t_us))} share {samples(n_stamps, 'stamp')}, usually {spread[1] / 1e6:g} s apart; they are "
+        clock.notes.append(f"the time stamps are coarse: {many(len(clock.t_us), 'sample')} share {many(n_stamps, 'stamp')}, usually {spread[1] / 1e6:g} s apart; they are "
                            "spread evenly over the time of each stamp. Where another column holds finer times name it with --time; --rate HZ states the rate")
     elif rate_hz:
-        clock.notes.append(f"{samples(len(clock.t_us))} share {samples(n_stamps, 'time stamp')}: they are counted instead, at --rate {rate_hz:g} Hz from the first stamp "
+        clock.notes.append(f"{many(len(clock.t_us), 'sample')} share {many(n_stamps, 'time stamp')}: they are counted instead, at --rate {rate_hz:g} Hz from the first stamp "
                            "on; a gap could not be seen")
         clock.is_made, clock.t_us = True, clock.t_us[0] + np.rint(np.arange(len(clock.t_us)) * (1e6 / rate_hz)).astype(np.int64)
     else:
         why = "too few to tell the rate" if n_stamps < _FEWEST_STAMPS else "which do not come evenly"
-        clock.problem = (f"{samples(len(clock.t_us))} share {samples(n_stamps, 'time stamp')}, {why}, and {n_differ} differ from the sample before with the "
+        clock.problem = (f"{many(len(clock.t_us), 'sample')} share {many(n_stamps, 'time stamp')}, {why}, and {n_differ} differ from the sample before with the "
                          "same stamp: the times of the samples cannot be known. Name a column of finer times (--time COLUMN), or give the sample rate, "
                          "and the samples are counted: --rate HZ")
 
@@ -195,7 +191,7 @@ def _count_empty(stream, clock, n_rows, n_rated):
     """Says which rows have no rate.  Samples that were lost are missing at the rate of the rows, and their seconds are flagged; a gyro that is written
     into every k-th row has a rate of its own."""
     clock.n_empty = n_rows - n_rated
-    text = f"{clock.n_empty} of {samples(n_rows, 'row')} {'has' if clock.n_empty == 1 else 'have'} no rate"
+    text = f"{clock.n_empty} of {many(n_rows, 'row')} {'has' if clock.n_empty == 1 else 'have'} no rate"
     steps = np.diff(clock.t_us)
     if not stream.is_seconds and not stream.rate_hz and len(steps) and not clock.problem:
         usual = float(np.median(steps))

@@ -194,8 +194,12 @@ def _repeats(look):
         look.frozen_s, look.frozen_from = int(lengths[longest]), int(starts[longest])
 
 
+def _has_noise(look):
+    return look.white > _NO_NOISE * np.nanmax(np.abs(look.rate), initial=1e-300)
+
+
 def _suspicions(look):
-    if look.white <= _NO_NOISE * np.nanmax(np.abs(look.rate), initial=1e-300):  # rounding is no finding
+    if not _has_noise(look):  # rounding is no finding
         return
     slow_density = 2 * look.slow_sigma ** 2 * max(look.slow_tau_s, 1.0) + look.white ** 2
     if len(look.poly) > 1:
@@ -215,7 +219,7 @@ def look_at_axis(log, axis, order=3):
     noise = grid - moving_mean(grid, _NEAR_S)
     # 1.4826 MAD: outliers do not widen it; the 9-s mean takes a ninth of the white variance away.
     look.white = 1.4826 * float(np.nanmedian(np.abs(noise - np.nanmedian(noise)))) / np.sqrt(1 - 1 / _NEAR_S)
-    look.n_outliers = len(outliers_of(grid, noise, look.white)) if look.white > _NO_NOISE * np.nanmax(np.abs(look.rate), initial=1e-300) else 0
+    look.n_outliers = len(outliers_of(grid, noise, look.white)) if _has_noise(look) else 0
     white_left = look.white ** 2 / SMOOTH_S
     look.slow_sigma = float(np.sqrt(max(np.nanvar(smooth) - white_left, 0.0)))
     look.slow_tau_s = _correlation_time(smooth, white_left)

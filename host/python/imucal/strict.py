@@ -92,12 +92,7 @@ def parse(path, text):
     return data
 
 
-def refusal(path, text, kind):
-    """Why the programs refuse a text that parses as a "model", "profile" or "table"; None: they take it."""
-    return _asked(path, text, kind)
-
-
-def table_contradiction(path, data, text):
+def _table_contradiction(path, data, text):
     """What a table that the programs take says twice and differently, or None: they derive temp_degc from the span, and know an axis by its place."""
     places, names = positions(text), set()
     for i, axis in enumerate(data["axes"]):
@@ -110,6 +105,11 @@ def table_contradiction(path, data, text):
             return (f"{path}:{line_of(text, places[('axes', i, 'temp_degc')])}: axes[{i}].temp_degc: expected nine temperatures evenly from {lo:g} to {hi:g} degC, "
                     "the span")
     return None
+
+
+def refusal(path, data, text, kind):
+    """Why a "model", "profile" or "table" that parses is not taken, by the programs or for what a table says twice; None: it is."""
+    return _asked(path, text, kind) or (_table_contradiction(path, data, text) if kind == "table" else None)
 
 
 def read_text(path):
@@ -141,7 +141,7 @@ def read_valid(path, kind, tag, otherwise):
     data = parse(path, text)
     if not isinstance(data, dict) or tag not in data:
         raise DataError(f"{path}: {otherwise}; imucal check {path} tells what it is")
-    message = refusal(path, text, kind) or (table_contradiction(path, data, text) if kind == "table" else None)
+    message = refusal(path, data, text, kind)
     if message:
         raise DataError(message)
     return data

@@ -144,7 +144,7 @@ Curve direct_predictor(const Array& rate_dph, double dt_s, const std::string& ty
       result.ci95_dph.assign(2 * result.tau_s.size(), std::numeric_limits<double>::quiet_NaN());
       return result;
     }
-    for (const Interval& i : curve_intervals(curve, op, {}))
+    for (const Interval& i : curve_intervals(curve, op, {}).ci)
       result.ci95_dph.push_back(i.lo), result.ci95_dph.push_back(i.hi);
   } catch (const Error& e) {
     throw nb::value_error(e.what());

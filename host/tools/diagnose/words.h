@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Names and lists in words, for all that diagnose prints.
 #pragma once
-#include <cstdio>
 #include <string>
 #include <vector>
 
 #include "analysis/diagnose/diagnose.h"
+#include "base/format.h"
 
 namespace imucal {
-
-template <typename... Args> std::string format(const char* pattern, Args... args) {
-  char line[600];
-  std::snprintf(line, sizeof line, pattern, args...);
-  return line;
-}
 
 // Behind what is said, unless it is said already: more than one candidate may be called the same.
 void add_once(const std::string& text, std::vector<std::string>* said);

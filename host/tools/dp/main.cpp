@@ -29,23 +29,13 @@ struct Options {
   bool no_ratios = false, stream = false;
 };
 
-// 95 % intervals of a curve, and the blocks that each rests on (empty: all on --ci-model).
-struct Intervals {
-  std::vector<Interval> ci;
-  std::vector<long> blocks;
-};
-
-Intervals intervals_of(const DpCurve& c, const DpOperator& op, const std::vector<NoiseComponent>& components) {
-  return {curve_intervals(c, op, components), components.empty() ? interval_blocks(c, op) : std::vector<long>()};
-}
-
 // What an interval rests on where fewer than kFewestBlocks blocks fit.
 const char* assumed_noise(DpType type) {
   return type == DpType::kDp2 || type == DpType::kDp3 ? "the nominal model's noise"
                                                       : "white noise or random walk, whichever is wider";
 }
 
-Json curve_json(const DpCurve& c, const Intervals& intervals) {
+Json curve_json(const DpCurve& c, const CurveIntervals& intervals) {
   Json json = {{"log", c.log},
                {"axis", c.axis},
                {"type", to_text(c.type)},
@@ -102,7 +92,7 @@ Json across_json(const std::vector<DpCurve>& curves) {
   return json;
 }
 
-void print_curve(const DpCurve& c, const Intervals& intervals) {
+void print_curve(const DpCurve& c, const CurveIntervals& intervals) {
   const std::vector<Interval>& ci = intervals.ci;
   std::printf("%s %s %s %s\n%10s %12s %25s %9s\n", c.log.c_str(), c.axis.c_str(), to_text(c.type).c_str(),
               to_text(c.estimator).c_str(), "tau_s", (std::string("dp_") + axis_unit(c.axis)).c_str(), "95 %",
@@ -191,7 +181,7 @@ Session make_session(const Options& o) {
   return session;
 }
 
-void add_curve(const DpCurve& c, const Intervals& ci, Session* session) {
+void add_curve(const DpCurve& c, const CurveIntervals& ci, Session* session) {
   session->json["curves"].push_back(curve_json(c, ci));
   if (c.estimator == dp_estimator_from_text(session->o.estimators[0])) session->first_estimator.push_back(c);
   if (session->o.common.talks()) print_curve(c, ci);
@@ -226,7 +216,7 @@ void add_ratios(const DpRatios& r, Session* session) {
 struct AxisResult {
   double quantum_dph = 0;
   std::vector<DpCurve> curves; // one for each estimator
-  std::vector<Intervals> intervals;
+  std::vector<CurveIntervals> intervals;
   std::optional<DpRatios> ratios;
 };
 
@@ -244,7 +234,7 @@ AxisResult analyse(Series s, const std::vector<double>& temp_degc, const Session
   const std::vector<NoiseComponent> components = session.components(s.dt_s);
   for (const std::string& estimator : o.estimators) {
     out.curves.push_back(dp_curve(s, record, tau_s, dp_estimator_from_text(estimator)));
-    out.intervals.push_back(intervals_of(out.curves.back(), op, components));
+    out.intervals.push_back(curve_intervals(out.curves.back(), op, components));
   }
   if (o.no_ratios) return out;
   const DpCurve& last = out.curves.back();
@@ -299,7 +289,7 @@ Exit run(const Options& o) {
   for (const std::string& log : o.logs) {
     if (o.stream) {
       stream_log(o, log, session.detrend, session.nominal, [&](const DpCurve& c, const DpOperator& op) {
-        add_curve(c, intervals_of(c, op, session.components(op.dt_s)), &session);
+        add_curve(c, curve_intervals(c, op, session.components(op.dt_s)), &session);
       });
       continue;
     }

@@ -3,18 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
+#include "base/format.h"
 #include "base/quantile.h"
 
 namespace imucal {
 
 namespace {
 
-constexpr double kPercentileRatio = 0.99768; // 95.4th percentile of |N(0,1)| over 2
-constexpr double kPercentileSpread = 0.70;   // times 1/sqrt(dof); simulated: errormodel validate, tests
-constexpr double kLeastDof = 20;
 constexpr size_t kMostOutliers = 20;
 
 // Joins windows that stand out at nearly the same time into events, keeping the most conspicuous.
@@ -72,12 +69,6 @@ double common_temperature(const std::vector<double>& temp_degc, const std::vecto
   *share = static_cast<double>(most) / static_cast<double>(events.size());
   // By chance alone a tenth of the span holds a tenth of the events: two of two or three would still be chance.
   return most >= 2 && *share >= 0.5 && events.size() >= 3 ? best : nan;
-}
-
-std::string formatted(const char* format, double a, double b = 0, double c = 0) {
-  char text[240];
-  std::snprintf(text, sizeof text, format, a, b, c);
-  return text;
 }
 
 // Two-sided limits of one record.  Half of the false-alarm rate goes to the outliers and half to the percentile, and each
@@ -145,11 +136,11 @@ Verdict verdict_of_events(const std::vector<double>& temp_degc, const std::vecto
   double share = 0;
   const double at_degc = common_temperature(temp_degc, events, &share);
   if (std::isfinite(at_degc))
-    return {"singularity", formatted("%.0f events, %.0f %% of them near %.1f degC: a thermal singularity", n_events,
-                                     100 * share, at_degc)};
+    return {"singularity", format("%.0f events, %.0f %% of them near %.1f degC: a thermal singularity", n_events,
+                                  100 * share, at_degc)};
   return {"outliers",
-          formatted("%.0f event(s); the largest at t = %.0f s, %.1f sigma; look there, and use --estimator p95",
-                    n_events, events[0].t_s, events[0].sigmas)};
+          format("%.0f event(s); the largest at t = %.0f s, %.1f sigma; look there, and use --estimator p95", n_events,
+                 events[0].t_s, events[0].sigmas)};
 }
 
 Verdict verdict_of(const std::vector<double>& temp_degc, const std::vector<DpOutlier>& events, const WorstRatio& worst,
@@ -159,7 +150,7 @@ Verdict verdict_of(const std::vector<double>& temp_degc, const std::vector<DpOut
   if (std::fabs(worst.off) <= z_percentile)
     return {"gaussian", "ratios as a Gaussian error has them: rms is the right estimator"};
   const std::string ratio =
-      formatted("percentile over rms is %.3f at tau = %.0f s (Gaussian 0.998): ", worst.ratio, worst.tau_s);
+      format("percentile over rms is %.3f at tau = %.0f s (Gaussian 0.998): ", worst.ratio, worst.tau_s);
   if (worst.off < 0) return {"heavy_tails", ratio + "the noise level changes along the record"};
   return {"light_tails", ratio + "the error has no tails (a limit, a few values, a drift)"};
 }

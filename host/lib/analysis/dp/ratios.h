@@ -17,6 +17,10 @@
 
 namespace imucal {
 
+constexpr double kPercentileRatio = 0.99768; // 95.4th percentile of |N(0,1)| over 2
+constexpr double kPercentileSpread = 0.70;   // times 1/sqrt(dof); simulated: errormodel validate, tests
+constexpr double kLeastDof = 20;             // below it the ratio says nothing
+
 struct DpOutlier {
   double t_s = 0;       // of the prediction's start
   double temp_degc = 0; // NaN without temperature

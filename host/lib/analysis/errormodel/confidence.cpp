@@ -237,24 +237,21 @@ BlockDof block_dof(const DpRecord::Moments& moments, const DpOperator& op, long 
   return {std::clamp(2 * centre * centre / std::max(variance, 1e-300), 1.0, 1e9), static_cast<long>(mean.size())};
 }
 
-std::vector<Interval> curve_intervals(const DpCurve& curve, const DpOperator& op,
-                                      const std::vector<NoiseComponent>& components) {
-  std::vector<Interval> out;
+CurveIntervals curve_intervals(const DpCurve& curve, const DpOperator& op,
+                               const std::vector<NoiseComponent>& components) {
+  CurveIntervals out;
   for (size_t i = 0; i < curve.tau_s.size(); ++i) {
     const long n = std::lround(curve.tau_s[i] / op.dt_s);
-    const double dof = !components.empty()     ? model_dof(components, op, n, curve.n[i])
-                       : curve.moments.empty() ? assumed_dof(op, n, curve.n[i])
-                                               : block_dof(curve.moments[i], op, n).dof;
-    out.push_back(rms_interval(curve.dp_dph[i], dof));
+    BlockDof found;
+    if (!components.empty())
+      found.dof = model_dof(components, op, n, curve.n[i]);
+    else if (curve.moments.empty())
+      found.dof = assumed_dof(op, n, curve.n[i]);
+    else
+      found = block_dof(curve.moments[i], op, n);
+    out.ci.push_back(rms_interval(curve.dp_dph[i], found.dof));
+    if (components.empty()) out.blocks.push_back(found.blocks);
   }
-  return out;
-}
-
-std::vector<long> interval_blocks(const DpCurve& curve, const DpOperator& op) {
-  std::vector<long> out;
-  for (size_t i = 0; i < curve.tau_s.size(); ++i)
-    out.push_back(
-        curve.moments.empty() ? 0 : block_dof(curve.moments[i], op, std::lround(curve.tau_s[i] / op.dt_s)).blocks);
   return out;
 }
 

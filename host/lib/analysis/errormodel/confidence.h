@@ -33,10 +33,13 @@ struct BlockDof {
 constexpr long kFewestBlocks = 8; // test_intervals_cover: with 5 and fewer 49 to 57 %
 BlockDof block_dof(const DpRecord::Moments& moments, const DpOperator& op, long n);
 
-// 95 % intervals of a curve by rms; `components` empty: from the data.
-std::vector<Interval> curve_intervals(const DpCurve& curve, const DpOperator& op,
-                                      const std::vector<NoiseComponent>& components);
-// Blocks that each interval from the data rests on.
-std::vector<long> interval_blocks(const DpCurve& curve, const DpOperator& op);
+// 95 % intervals of a curve by rms, and the blocks that each rests on (empty: all on a model).
+struct CurveIntervals {
+  std::vector<Interval> ci;
+  std::vector<long> blocks;
+};
+// `components` empty: from the data.
+CurveIntervals curve_intervals(const DpCurve& curve, const DpOperator& op,
+                               const std::vector<NoiseComponent>& components);
 
 } // namespace imucal

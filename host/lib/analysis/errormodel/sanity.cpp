@@ -3,28 +3,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "analysis/errormodel/confidence.h"
 #include "base/error.h"
+#include "base/format.h"
 #include "health.h"
 
 namespace imucal {
 
 namespace {
 
-constexpr double kMostRepeated = 40;         // common/health.c, MAX_RUN
-constexpr double kMostVariance = 1.25;       // common/health.c, MAX_NIS
-constexpr double kZ = IMUCAL_HEALTH_Z;       // standard deviations beyond the tolerance
-constexpr double kPercentileRatio = 0.99768; // of Gaussian errors: ratios.h
-constexpr double kPercentileSpread = 0.70;   // times 1/sqrt(dof): ratios.h
-constexpr double kLeastDof = 20;             // ratios.h
-
-template <typename... Numbers> std::string formatted(const char* format, Numbers... numbers) {
-  char text[240];
-  std::snprintf(text, sizeof text, format, numbers...);
-  return text;
-}
+constexpr double kMostRepeated = IMUCAL_HEALTH_MOST_REPEATED;
+constexpr double kMostVariance = IMUCAL_HEALTH_MOST_NIS;
+constexpr double kZ = IMUCAL_HEALTH_Z; // standard deviations beyond the tolerance
 
 void add_repeated(const Series& s, Sanity* out) {
   long run = 0, longest = 0, end = 0;
@@ -34,17 +25,16 @@ void add_repeated(const Series& s, Sanity* out) {
     if (run > longest) longest = run, end = k;
   }
   if (static_cast<double>(longest) <= kMostRepeated) return;
-  out->reasons.push_back(
-      {s.log, s.axis, "repeated", static_cast<double>(longest), kMostRepeated,
-       formatted("%.0f rows in a row, from %.10g s on, have the same value: the output is frozen, or "
-                 "far coarser than its noise",
-                 static_cast<double>(longest), s.t_s(end - longest + 1))});
+  out->reasons.push_back({s.log, s.axis, "repeated", static_cast<double>(longest), kMostRepeated,
+                          format("%.0f rows in a row, from %.10g s on, have the same value: the output is frozen, or "
+                                 "far coarser than its noise",
+                                 static_cast<double>(longest), s.t_s(end - longest + 1))});
 }
 
 std::string what_stands_out(const DpRatios& ratios) {
   if (ratios.outliers.empty()) return "the noise level changes along the record: cut it there";
-  return formatted("%.0f event(s), the largest at t = %.0f s, %.1f sigma: look there",
-                   static_cast<double>(ratios.n_events), ratios.outliers[0].t_s, ratios.outliers[0].sigmas);
+  return format("%.0f event(s), the largest at t = %.0f s, %.1f sigma: look there",
+                static_cast<double>(ratios.n_events), ratios.outliers[0].t_s, ratios.outliers[0].sigmas);
 }
 
 // Curve and ratios of the Allan deviation at a few taus from one row on; short records have no verdict.
@@ -70,12 +60,11 @@ void add_outliers(const Series& s, Sanity* out) {
     const double variance = std::pow(kPercentileRatio / out->ratios.p95_over_rms[i], 2);
     const double limit = kMostVariance * (1 + kZ * 2 * kPercentileSpread / std::sqrt(dof[i]));
     if (variance <= limit) continue;
-    out->reasons.push_back(
-        {s.log, s.axis, "outliers", variance, limit,
-         formatted("over %g s the mean square is %.3g times that of all but the largest values (limit "
-                   "%.3g): ",
-                   tau_s[i], variance, limit) +
-             what_stands_out(out->ratios)});
+    out->reasons.push_back({s.log, s.axis, "outliers", variance, limit,
+                            format("over %g s the mean square is %.3g times that of all but the largest values (limit "
+                                   "%.3g): ",
+                                   tau_s[i], variance, limit) +
+                                what_stands_out(out->ratios)});
     return;
   }
 }
@@ -105,11 +94,10 @@ void add_temperature_rules(const Series& s, Sanity* out) {
     out->reasons.push_back(
         {s.log, s.axis, imucal_health_rule_name(rule), value, static_cast<double>(verdict.limit[rule]),
          rule == IMUCAL_HEALTH_TEMP_JUMP
-             ? formatted("the temperature jumps to another level %.0f times: no sensor does that", value)
-             : formatted(
-                   "%.3g %% of the temperatures are out of reach of their neighbours: is the column a temperature, "
-                   "the thermometer's line good?",
-                   100 * value)});
+             ? format("the temperature jumps to another level %.0f times: no sensor does that", value)
+             : format("%.3g %% of the temperatures are out of reach of their neighbours: is the column a temperature, "
+                      "the thermometer's line good?",
+                      100 * value)});
   }
 }
 

@@ -197,6 +197,11 @@ void require_rules(const std::vector<std::string>& names) {
       throw usage_error("--accept " + name + ": there is no such rule" + did_you_mean(name, rules));
 }
 
+static void mark_accepted(const std::vector<std::string>& accept, std::vector<FitReason>* reasons) {
+  for (FitReason& reason : *reasons)
+    reason.is_accepted = std::find(accept.begin(), accept.end(), reason.rule) != accept.end();
+}
+
 bool is_accepted(const std::vector<FitReason>& reasons) {
   return std::all_of(reasons.begin(), reasons.end(), [](const FitReason& r) { return r.is_accepted; });
 }
@@ -211,25 +216,21 @@ std::vector<FitReason> judge_axes(const std::vector<FitAxis>& axes, const std::v
   long best_n = 1;
   for (const FitAxis& axis : axes) best_n = std::max(best_n, axis.n_used);
   for (size_t i = 0; i < axes.size(); ++i) judge_axis(options, models[i], dt_s, axes[i], best_n, &reasons);
-  for (FitReason& reason : reasons)
-    reason.is_accepted = std::find(options.accept.begin(), options.accept.end(), reason.rule) != options.accept.end();
+  mark_accepted(options.accept, &reasons);
   return reasons;
 }
 
 namespace {
 
 // A table of a device that nobody has: it would be in other units than the device's.
-void judge_units(const FitAxis& axis, const std::vector<std::string>& accept, std::vector<FitReason>* reasons) {
-  const bool is_accepted = std::find(accept.begin(), accept.end(), "units") != accept.end();
+void judge_units(const FitAxis& axis, std::vector<FitReason>* reasons) {
   if (axis.span_lo_degc > kWarmerThanAnySensor_degc)
     reasons->push_back({axis.axis, "units", axis.span_lo_degc, kWarmerThanAnySensor_degc,
                         "temperatures of " + number(axis.span_lo_degc) + ".." + number(axis.span_hi_degc) +
-                            ": are they in kelvin? temp_degc is in degrees Celsius: take 273.15 off",
-                        is_accepted});
+                            ": are they in kelvin? temp_degc is in degrees Celsius: take 273.15 off"});
   if (std::abs(axis.dt_s / 1000 - 1) < 0.01)
     reasons->push_back({axis.axis, "units", axis.dt_s, 1000,
-                        "rows are 1000 s apart: are these milliseconds? t_s is in seconds: divide by 1000",
-                        is_accepted});
+                        "rows are 1000 s apart: are these milliseconds? t_s is in seconds: divide by 1000"});
 }
 
 } // namespace
@@ -241,7 +242,8 @@ void judge_fit(const FitOptions& options, double dt_s, FitResult* result) {
     models.push_back(model ? &*model : nullptr);
   }
   result->reasons = judge_axes(result->axes, models, dt_s, {options.accept, options.max_error_dph});
-  for (const FitAxis& axis : result->axes) judge_units(axis, options.accept, &result->reasons);
+  for (const FitAxis& axis : result->axes) judge_units(axis, &result->reasons);
+  mark_accepted(options.accept, &result->reasons);
 }
 
 } // namespace imucal

@@ -82,10 +82,6 @@ NoiseModel scaled(NoiseModel noise, double variance) {
   return noise;
 }
 
-} // namespace
-
-namespace {
-
 using Point = Restricted::Point;
 
 // Of the logarithms of g and of the time constant in rows of the grid.

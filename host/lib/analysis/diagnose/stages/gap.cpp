@@ -363,7 +363,7 @@ double GapResult::errors_above_noise() const {
   return excess > 0 ? excess / (2 * noise_rms_dph * noise_error_dph) : 0; // NaN where the scatter is not known
 }
 double GapResult::times_expected() const {
-  return std::sqrt(ms_after_dph2(false) / (noise_rms_dph * noise_rms_dph + fit_ms_dph2));
+  return std::sqrt(ms_after_dph2(false) / expected_ms_dph2());
 }
 bool GapResult::exceeds_noise(const SelectorConstants& constants) const {
   if (!has_residual()) return false;
@@ -371,7 +371,7 @@ bool GapResult::exceeds_noise(const SelectorConstants& constants) const {
   const double estimated = hours_fitted > 0 ? hours / hours_fitted : 0;
   const double error_dph2 = std::hypot(noise_ms_error_dph2 * std::sqrt(1 + estimated), fit_ms_error_dph2);
   const double excess = 2 * std::log(times_expected());
-  return excess > 0 && excess > constants.noise_errors * error_dph2 / (noise_rms_dph * noise_rms_dph + fit_ms_dph2);
+  return excess > 0 && excess > constants.noise_errors * error_dph2 / expected_ms_dph2();
 }
 bool GapResult::leaves_mean(const SelectorConstants& constants) const {
   return exceeds_noise(constants) && times_expected() > constants.noise_times;

@@ -84,6 +84,7 @@ struct GapResult {
   // What the errors of the fitted coefficients are expected to add to the mean square of these minutes (a polynomial of one log
   // goes astray in others), and its standard deviation.
   double fit_ms_dph2 = 0, fit_ms_error_dph2 = 0;
+  double expected_ms_dph2() const { return noise_rms_dph * noise_rms_dph + fit_ms_dph2; } // of noise and these errors
   // How many times what noise and errors of the fit are expected to leave is left, without what differs from run to run.
   double times_expected() const;
   // Of noise_rms_dph, by which the minutes exceed it.
