@@ -168,7 +168,7 @@ private:
     gap.is_of_starts = are_only_starts();
     out_.leaves_mean = gap.leaves_mean(constants()), out_.exceeds_noise = gap.exceeds_noise(constants());
     gap.hold_what_minutes_show();
-    judge();
+    out_.verdict = verdict_of(told(), left());
   }
   // Whether all that is named in the mean is a memory of which the logs show how the runs began, and no more.
   bool are_only_starts() const {
@@ -274,37 +274,33 @@ private:
     return !names_.remainders.empty() || leaves_names(names_.dropped) || fires(out_.after);
   }
 
-  void judge() {
-    bool has_open = false, has_member = false, is_undecided = false, has_answer = false;
+  Told told() const {
+    Told told;
     for (const SelectedEffect& e : out_.effects) {
       if (is_note(e, out_.white_dph)) continue;
-      has_answer = true;
-      has_open = has_open || is_shape_unknown(e);
-      is_undecided = is_undecided || e.doubt == Doubt::kSlowNoise;
-      has_member = has_member || (!is_shape_unknown(e) && e.doubt != Doubt::kSlowNoise);
+      told.answer = true;
+      told.open_shape |= is_shape_unknown(e);
+      told.undecided |= e.doubt == Doubt::kSlowNoise;
+      told.cause |= !is_shape_unknown(e) && e.doubt != Doubt::kSlowNoise;
     }
+    return told;
+  }
+  Left left() const {
     const GapResult& gap = found_.slow.gap;
-    const bool has_mean = gap.has_mean || !found_.slow.found.best.steps.empty();
-    const bool grows =
-        has_mean && gap.has_residual() && gap.rms_after_dph > (1 + constants().growth_part) * gap.rms_before_dph;
-    const bool has_own = !out_.own_jumps.empty() || !out_.stronger_noise.empty();
-    const bool leaves = fires(out_.after) || fires(out_.unseen) || has_own || leaves_names(out_.dropped);
-    // Beyond the rows of a quarter of one passage a polynomial says little: where nothing is found these prove nothing.
-    const bool leaves_alone = out_.leaves_mean && gap.method != HeldOut::kQuarters;
-    if (!has_answer && (leaves || leaves_alone || !out_.remainders.empty()))
-      out_.verdict = Verdict::kUnexplained;
-    else if (!has_answer)
-      out_.verdict = Verdict::kNoGap;
-    else if (!has_member && has_open)
-      out_.verdict = Verdict::kUnexplained;
-    else if (leaves || has_open || is_undecided || grows || out_.leaves_mean || !out_.remainders.empty() ||
-             takes_a_part(gap))
-      out_.verdict = Verdict::kPartlyExplained;
-    else
-      out_.verdict = Verdict::kExplained;
+    const bool tells_mean = gap.has_mean || !found_.slow.found.best.steps.empty();
+    Left left;
+    left.finding = fires(out_.after) || fires(out_.unseen) || !out_.own_jumps.empty() || !out_.stronger_noise.empty() ||
+                   leaves_names(out_.dropped);
+    left.shape = !out_.remainders.empty();
+    left.minutes = out_.leaves_mean;
+    left.are_of_one_passage = gap.method == HeldOut::kQuarters;
+    left.growth =
+        tells_mean && gap.has_residual() && gap.rms_after_dph > (1 + constants().growth_part) * gap.rms_before_dph;
+    left.part = leaves_part(gap);
+    return left;
   }
   // What is named as different from run to run is not missed: it is in what is left.
-  static bool takes_a_part(const GapResult& gap) {
+  static bool leaves_part(const GapResult& gap) {
     return gap.has_figure() && gap.ci_hi < kExplainedPart && !(gap.run_to_run_rms_dph > 0);
   }
   AxisStudy study() {

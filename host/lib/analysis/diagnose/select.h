@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "analysis/diagnose/judge/verdict.h"
 #include "analysis/diagnose/logs/structure.h"
 #include "analysis/diagnose/search/search.h"
 #include "analysis/diagnose/stages/gap.h"
@@ -14,8 +15,6 @@
 #include "analysis/diagnose/stages/selected.h"
 
 namespace imucal {
-
-enum class Verdict { kNoGap, kExplained, kPartlyExplained, kUnexplained };
 
 struct Selection {
   Verdict verdict = Verdict::kNoGap;
@@ -38,8 +37,8 @@ struct Selection {
   size_t n_left_out = 0; // seconds that structure has spoilt
   bool is_noise_retuned = false;
   bool is_told_by_held_out = false; // slow noise explains the fitted logs as well, not all logs together
-  bool leaves_mean =
-      false; // of the held-out minutes so much more than noise and errors of the fit that nothing is explained
+  // Of the held-out minutes so much more than noise and errors of the fit that nothing is explained.
+  bool leaves_mean = false;
   bool exceeds_noise = false; // more, as far as its scatter tells
   bool cannot_judge = false;  // structure left too little: `effects` holds what the recorder did, nothing else is known
   NullTail chance;            // what noise alone gains in the search for names
