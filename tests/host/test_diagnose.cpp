@@ -12,7 +12,7 @@
 #include "analysis/diagnose/logs/thermometer.h"
 #include "analysis/diagnose/search/null_draws.h"
 #include "analysis/diagnose/stages/mean_lines.h"
-#include "analysis/diagnose/stages/seconds.h"
+#include "analysis/diagnose/stages/seconds_noise.h"
 #include "analysis/diagnose/written_model.h"
 #include "dense.h"
 #include "diagnose_logs.h"

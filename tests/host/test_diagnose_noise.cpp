@@ -2,7 +2,7 @@
 // What diagnose answers to noise of other kinds and to jumps in time.
 #include "analysis/diagnose/search/time_jumps.h"
 #include "analysis/diagnose/stages/bursts.h"
-#include "analysis/diagnose/stages/seconds.h"
+#include "analysis/diagnose/stages/seconds_noise.h"
 #include "diagnose_logs.h"
 
 static void test_noise_of_the_seconds_is_fitted_beside_another_kind(void**) {

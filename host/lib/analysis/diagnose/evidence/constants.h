@@ -48,7 +48,7 @@ struct SelectorConstants {
   double beside_free_part = 0.33;
   double noise_margin_nats = 6;
   double against_nats = 3;
-  // Fast causes in the seconds (seconds.h, mean_lines.h, jumping.h, shared.h).
+  // Fast causes in the seconds (seconds_noise.h, mean_lines.h, jumping.h, shared.h).
   double fast_nats = 8;
   double line_nats = 22;
   double drift_nats = 28;

@@ -130,8 +130,8 @@ Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
   Design design;
   const size_t n_runs = campaign.runs.size();
   std::vector<TermColumns> of_terms;
-  for (size_t r = 0; r < n_runs; ++r) design.term_of_column.push_back(-2);
-  for (int i = 0; i < campaign.order; ++i) design.term_of_column.push_back(-1);
+  for (size_t r = 0; r < n_runs; ++r) design.term_of_column.push_back(kColumnOfConstant);
+  for (int i = 0; i < campaign.order; ++i) design.term_of_column.push_back(kColumnOfPolynomial);
   for (size_t t = 0; t < hypothesis.terms.size(); ++t) {
     of_terms.push_back(term_columns(campaign, hypothesis.terms[t]));
     for (int i = 0; i < of_terms.back().n; ++i) design.term_of_column.push_back(static_cast<int>(t));
@@ -141,7 +141,7 @@ Design make_design(const Campaign& campaign, const Hypothesis& hypothesis) {
   for (const Term& term : hypothesis.known) starts.push_back(start_columns(campaign, term));
   starts.push_back(own_jump_columns(campaign));
   for (const StartColumns& start : starts) {
-    design.term_of_column.insert(design.term_of_column.end(), static_cast<size_t>(start.cols()), -3);
+    design.term_of_column.insert(design.term_of_column.end(), static_cast<size_t>(start.cols()), kColumnOfStart);
   }
   design.start_of_column.assign(design.cols(), -1);
   size_t at = design.cols();

@@ -38,11 +38,14 @@ struct Hypothesis {
 // A hypothesis without its jumps in time: they stay with the logs in which they were found.
 Hypothesis without_jumps(Hypothesis h);
 
+// What a column of a design is, where it is of no term.
+enum ColumnOf : int { kColumnOfStart = -3, kColumnOfConstant = -2, kColumnOfPolynomial = -1 };
+
 // Regressors of one hypothesis: per run a constant, then the polynomial, then the columns of the terms.
 struct Design {
   std::vector<Eigen::MatrixXd> x;   // per run: used samples x columns
   Eigen::VectorXd prior_precision;  // per column: 1/s^2 of a random coefficient, else 0
-  std::vector<int> term_of_column;  // -3: start state of a run, -2: its constant, -1: polynomial, else the term
+  std::vector<int> term_of_column;  // the term, or a ColumnOf
   std::vector<int> start_of_column; // of the first start state of a run: its term, else -1
   size_t cols() const { return term_of_column.size(); }
 };

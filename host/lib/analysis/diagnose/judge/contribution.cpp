@@ -28,7 +28,7 @@ std::vector<VectorXd> mean_of(const Campaign& campaign, const Hypothesis& h, con
   std::vector<long> of_term, of_polynomial;
   for (size_t c = 0; c < design.cols(); ++c) {
     if (design.term_of_column[c] == static_cast<int>(term)) of_term.push_back(static_cast<long>(c));
-    if (design.term_of_column[c] == -1) of_polynomial.push_back(static_cast<long>(c));
+    if (design.term_of_column[c] == kColumnOfPolynomial) of_polynomial.push_back(static_cast<long>(c));
   }
   for (size_t r = 0; r < campaign.runs.size(); ++r) {
     const CampaignRun& run = campaign.runs[r];

@@ -16,10 +16,12 @@ struct Told {
 
 // What the answer leaves, or does wrong.
 struct Left {
-  bool finding = false; // tests of what is left, in fitted or held-out logs; jumps or stronger noise that held-out logs have of
-                        // their own; a name that they do not support
-  bool shape = false;   // a free shape, or a cause that may not be named, gains beside the answer
-  bool minutes = false; // held-out minutes scatter so much more than noise and errors of the fit that nothing is explained
+  bool finding =
+      false; // tests of what is left, in fitted or held-out logs; jumps or stronger noise that held-out logs have of
+             // their own; a name that they do not support
+  bool shape = false; // a free shape, or a cause that may not be named, gains beside the answer
+  bool minutes =
+      false; // held-out minutes scatter so much more than noise and errors of the fit that nothing is explained
   bool are_of_one_passage = false; // these minutes: a polynomial says little beyond the rows that it was fitted to
   bool growth = false;             // the residual of held-out minutes grows by what is told
   bool part = false;               // surely a part of the gap, by the interval of the shrinkage

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Logs that are those of the others only after a slip of the engineer is taken back: rates of the other sign, temperatures in
+// Logs that are those of the others only after a mistake of the engineer is taken back: rates of the other sign, temperatures in
 // another unit.
 //
 // The polynomial of the other logs is fitted to means over a minute.  A log is unlike them where it leaves three times what they

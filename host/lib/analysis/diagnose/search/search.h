@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The slow stage: which causes in the mean and which kind of slow noise explain the block means of a campaign, the
+// The slow search, which the slow stage (stages/slow_stage.h) asks: which causes in the mean and which kind of slow noise explain the block means of a campaign, the
 // noise parameters estimated again under every hypothesis.
 //
 // Score of a hypothesis M (names a_1 .. a_k in the mean, one kind of noise):

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Hypotheses of the slow stage: causes in the mean, jumps in time and a kind of slow noise, with the noise parameters under
+// Hypotheses of the slow search: causes in the mean, jumps in time and a kind of slow noise, with the noise parameters under
 // which they are judged, and what a search over them says.
 #pragma once
 #include <memory>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the slow stage searches on one campaign: data, what is believed of the noise, and all that may be named.
+// What the slow search looks through on one campaign: data, what is believed of the noise, and all that may be named.
 #pragma once
 #include <cmath>
 #include <memory>

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "analysis/diagnose/stages/seconds.h"
+#include "analysis/diagnose/stages/seconds_noise.h"
 #include "base/median.h"
 
 namespace imucal {
@@ -24,7 +24,7 @@ constexpr size_t kPlaces = 16; // of a log where one is looked for, by each reac
 // white noise a change of their level.
 constexpr long kReaches[] = {1, 4, 16};
 constexpr double kStronger = 1.25;       // times: noise that is not that of the fitted logs
-constexpr size_t kMostJumps = 2;         // of one log
+constexpr size_t kMostOwnJumps = 2;      // of one log
 constexpr double kFinestOfRow = 0.05;    // of a row
 constexpr double kReachBlocks = 1.5;     // from its place in block means to its sample
 constexpr size_t kFewestRows = 30;       // from which a log is asked
@@ -192,7 +192,7 @@ std::vector<OwnJump> take_jumps(const Theta& taken_s, LevelOfRun* run) {
   while (true) {
     const Theta next = likeliest(*run, taken_s);
     if (next.empty()) return out;
-    if (out.size() + next.size() > kMostJumps) return {};
+    if (out.size() + next.size() > kMostOwnJumps) return {};
     for (const OwnJump& jump : run->take(next)) out.push_back(jump);
   }
 }

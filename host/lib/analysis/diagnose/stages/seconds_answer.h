@@ -2,7 +2,7 @@
 // The hypotheses of the seconds that the slow stage leads to, and the noise of the seconds under them: whether the believed
 // one holds there, and what it is beside a kind of slow noise.
 #pragma once
-#include "analysis/diagnose/stages/seconds.h"
+#include "analysis/diagnose/stages/seconds_noise.h"
 #include "analysis/diagnose/stages/slow_answer.h"
 
 namespace imucal {

@@ -4,7 +4,7 @@
 #pragma once
 #include <optional>
 
-#include "analysis/diagnose/stages/seconds.h"
+#include "analysis/diagnose/stages/seconds_noise.h"
 #include "analysis/diagnose/stages/slow_answer.h"
 
 namespace imucal {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "analysis/diagnose/stages/seconds.h"
+#include "analysis/diagnose/stages/seconds_noise.h"
 
 #include <algorithm>
 #include <cmath>

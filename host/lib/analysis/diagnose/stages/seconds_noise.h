@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The fast stage: what the single seconds say once the slow causes are in the mean.  Noise parameters of the
-// seconds, kinds of fast noise, the sample of a jump.
+// Noise of the seconds once the slow causes are in the mean: its parameters, fits of kinds of fast noise, hits that stand out,
+// the sample of a jump.  Several stages ask it; fast_stage.h decides.
 #pragma once
 #include <functional>
 #include <optional>
