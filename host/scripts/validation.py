@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""How well does it calibrate?  The tables of the README: simulated calibration tests through the C core.
+"""How well does it calibrate?  The tables of host/lib/analysis/montecarlo/README.md: simulated calibration tests through the C core.
 
 usage: validation.py MONTECARLO [--runs N] [--seed N] [--out FOLDER] [--check] [--save FILE.md] [--short]
 
@@ -167,7 +167,7 @@ def method_tables(campaigns, runs):
 
 
 def sentences(rows):
-    """Figures that stand in the README's text."""
+    """Figures that stand in the text of that README."""
     double = [r["double_reference"] for _, r in rows[:2]]
     apart = [r["least_squares"]["mean_largest_difference_dph"] for _, r in rows[:2]]
     return [f"- B(T) within {max(d['largest_bias_difference_dph'] for d in double):.1g} dph, "

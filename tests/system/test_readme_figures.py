@@ -33,10 +33,17 @@ def cells(row):
 # ---- make validation ----
 
 def test_tables_of_make_validation_are_those_it_saved():
-    assert rows_of(ROOT / "README.md", "How well does it calibrate?") == rows_of(SAVED / "validation.md")
-    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    chapter, room = "How well does it calibrate?", ROOT / "host/lib/analysis/montecarlo/README.md"
+    saved = rows_of(SAVED / "validation.md")
+    assert rows_of(room, chapter) == saved
+    assert rows_of(ROOT / "README.md", chapter) == saved[:5]  # the campaigns
+    text = " ".join(room.read_text(encoding="utf-8").split())
     stated = re.findall(r"(?m)^- (.*)$", (SAVED / "validation.md").read_text(encoding="utf-8"))
     assert len(stated) == 3 and [part for part in stated if part not in text] == []
+    front = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    kalman, bins = re.search(r"worst error over temperature is ([\d.]+) dph, where the bins .*? have ([\d.]+);", front).groups()
+    soaks, = (cells(row) for row in saved if row.startswith("| ramp and 20-min soaks | fine |"))
+    assert (kalman, bins) == (soaks[2].split(" / ")[0], soaks[4].split(" / ")[0])
 
 
 def test_validation_prints_the_same_digits_for_the_same_seed(tmp_path):
@@ -49,6 +56,22 @@ def test_validation_prints_the_same_digits_for_the_same_seed(tmp_path):
     assert [cells(row)[0] for row in short if "tests" not in row] == [cells(row)[0] for row in long if "tests" not in row]
     for name in ("it believes", "truth covariance"):
         assert [row for row in short if row.startswith(f"| {name} ")] == [row for row in long if row.startswith(f"| {name} ")] != []
+
+
+# ---- make blind ----
+
+def test_figures_of_the_blind_check_are_those_of_its_own_readme():
+    """The front page copies some of them; each stands there as `n/m` and here as `n of m`, with its interval."""
+    table = " ".join(rows_of(ROOT / "tests/blind/README.md", "Figures"))
+    rows = [cells(row) for row in rows_of(ROOT / "README.md", "How well does it diagnose?")]
+    figures = [row for row in rows if row[0] != "question"]
+    assert len(figures) == 10
+    for question, figure, aim in figures:
+        n, m, interval = re.fullmatch(r"(\d+) of (\d+) (\[[\d., ]+\])", figure).groups()
+        assert re.search(r"\b%s(?:/| of )%s\b" % (n, m), table), question
+        assert interval in table and aim in table, question
+    seed, = re.findall(r"`BLIND_SEED=(\d+)`", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert f"BLIND_SEED={seed}" in (ROOT / "tests/blind/README.md").read_text(encoding="utf-8")
 
 
 # ---- what it costs on the microcontroller ----
