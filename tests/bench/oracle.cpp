@@ -57,13 +57,13 @@ Json told(const AxisStudy& study, const Campaign* held_out, const SlowModel& nul
     names.push_back({{"name", c.effect ? c.effect->name() : c.reference->what}, {"shape", name.shape}});
   }
   const GapResult gap = measure_gap(search, *study.data, held_out, null, m);
-  for (size_t i = 0; i < gap.at_all.size(); ++i)
-    held.push_back(
-        {gap.beyond_start[i].nats, gap.beyond_start[i].expected, gap.at_all[i].nats, gap.at_all[i].expected});
+  for (size_t i = 0; i < gap.foretold.at_all.size(); ++i)
+    held.push_back({gap.foretold.beyond_start[i].nats, gap.foretold.beyond_start[i].expected,
+                    gap.foretold.at_all[i].nats, gap.foretold.at_all[i].expected});
   out["names"] = names, out["steps"] = m.steps.size();
   out["noise"] = m.noise_effect ? m.noise_effect->name() : "";
   out["score_nats"] = search.score(m) - search.score(null), out["gain_nats"] = m.free_score() - null.free_score();
-  out["held_out_nats"] = 0.5 * gap.delta_deviance, out["held_out_by_name_nats"] = held;
+  out["held_out_nats"] = 0.5 * gap.foretold.delta_deviance, out["held_out_by_name_nats"] = held;
   return out;
 }
 

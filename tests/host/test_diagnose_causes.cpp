@@ -576,9 +576,9 @@ static void test_what_held_out_logs_can_show_is_what_a_name_is_asked_for(void**)
   assert_int_equal(loops.names.size(), 1);
   const auto support_on = [&](const Log& log) {
     const Campaign unseen = block_means(make_campaign({log}, "gx_dph", nominal_model()), data.campaign.dt_s);
-    return measure_gap(search, data, &unseen, null, loops).beyond_start.at(0);
+    return measure_gap(search, data, &unseen, null, loops).foretold.beyond_start.at(0);
   };
-  const GapResult::Support loop = support_on(simulated_log(115, 5000, false, 40)), rise = support_on(rising);
+  const Support loop = support_on(simulated_log(115, 5000, false, 40)), rise = support_on(rising);
   if (!(loop.expected > 5 && rise.expected < 0.5 * loop.expected))
     fail_msg("a loop can show %g nats, a rise %g", loop.expected, rise.expected);
   // The logarithm of a likelihood ratio whose mean is m has the variance 2 m.
@@ -1114,15 +1114,17 @@ static void test_what_differs_from_run_to_run_is_not_foretold(void**) {
   const AxisStudy alone = study_of_slopes(0);
   assert_true(names_of(alone.selection) == std::set<std::string>{"run_to_run"});
   assert_true(!alone.gap.has_mean && !alone.gap.has_figure());
-  assert_in_range(alone.gap.run_to_run_rms_dph, 30, 50); // 80 and 55 dph at the ends: 46 and 32 dph rms
+  assert_in_range(alone.gap.minutes.run_to_run_rms_dph, 30, 50); // 80 and 55 dph at the ends: 46 and 32 dph rms
   const AxisStudy both = study_of_slopes(120);
   assert_true(names_of(both.selection) == (std::set<std::string>{"run_to_run", "thermal_hysteresis"}));
   assert_true(both.selection.verdict == Verdict::kExplained); // nothing is missed
   const GapResult& gap = both.gap;
   assert_true(gap.has_figure() && gap.ci_hi < 0.97);
   // What the minutes of the held-out logs show of it, less the noise.
-  const double left = gap.rms_after_dph * gap.rms_after_dph - gap.noise_rms_dph * gap.noise_rms_dph;
-  const double before = gap.rms_before_dph * gap.rms_before_dph - gap.noise_rms_dph * gap.noise_rms_dph;
+  const double left =
+      gap.minutes.rms_after_dph * gap.minutes.rms_after_dph - gap.minutes.noise_rms_dph * gap.minutes.noise_rms_dph;
+  const double before =
+      gap.minutes.rms_before_dph * gap.minutes.rms_before_dph - gap.minutes.noise_rms_dph * gap.minutes.noise_rms_dph;
   assert_near(gap.shrinkage, 1 - left / before, 0.15);
 }
 

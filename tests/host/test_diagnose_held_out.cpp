@@ -163,7 +163,7 @@ static void test_a_soak_is_judged_by_the_polynomial_of_the_fitted_logs(void**) {
     const DiagnoseResult result = diagnose_logs(options, nominal_model(), logs, unseen);
     assert_true(result.axes.at(0).study.selection.verdict == Verdict::kNoGap);
     const GapResult& gap = result.axes[0].study.gap;
-    assert_true(gap.rms_after_dph < 1.4 * gap.noise_rms_dph);
+    assert_true(gap.minutes.rms_after_dph < 1.4 * gap.minutes.noise_rms_dph);
   }
 }
 
@@ -351,10 +351,10 @@ static void test_few_minutes_seldom_exceed_the_noise_that_few_others_told(void**
   };
   const auto exceeds = [](double after2, double noise2, double hours_fitted) {
     GapResult gap;
-    gap.rms_after_dph = std::sqrt(after2), gap.noise_rms_dph = std::sqrt(noise2);
-    gap.noise_error_dph = 0.5 * std::sqrt(2.0 / kHeld) * gap.noise_rms_dph;
-    gap.hours = kHeld, gap.hours_fitted = hours_fitted;
-    return gap.exceeds_noise({});
+    gap.minutes.rms_after_dph = std::sqrt(after2), gap.minutes.noise_rms_dph = std::sqrt(noise2);
+    gap.minutes.noise_error_dph = 0.5 * std::sqrt(2.0 / kHeld) * gap.minutes.noise_rms_dph;
+    gap.minutes.per_hour_fitted = hours_fitted > 0 ? kHeld / hours_fitted : 0;
+    return gap.minutes.exceed_noise({});
   };
   int estimated = 0, known = 0;
   for (int i = 0; i < kDraws; ++i) {
@@ -384,12 +384,14 @@ static void test_what_the_polynomial_of_one_log_leaves_in_another_is_expected(vo
     SlowSearch search(data, true_noise_believed(), effect_library(), none, {});
     const SlowModel null = search.run().null;
     const GapResult gap = measure_gap(search, data, &unseen, null, null);
-    const double noise2 = std::pow(gap.noise_rms_dph, 2), left = std::pow(gap.rms_after_dph, 2) - noise2;
+    const double noise2 = std::pow(gap.minutes.noise_rms_dph, 2),
+                 left = std::pow(gap.minutes.rms_after_dph, 2) - noise2;
     excess += left / kDevices, excess2 += left * left / kDevices;
-    of_fit += gap.fit_ms_dph2 / kDevices, of_noise += noise2 / kDevices;
-    variance +=
-        (std::pow(2 * gap.noise_rms_dph * gap.noise_error_dph, 2) + std::pow(gap.fit_ms_error_dph2, 2)) / kDevices;
-    told += gap.exceeds_noise({}) ? 1 : 0;
+    of_fit += gap.minutes.fit_ms_dph2 / kDevices, of_noise += noise2 / kDevices;
+    variance += (std::pow(2 * gap.minutes.noise_rms_dph * gap.minutes.noise_error_dph, 2) +
+                 std::pow(gap.minutes.fit_ms_error_dph2, 2)) /
+                kDevices;
+    told += gap.minutes.exceed_noise({}) ? 1 : 0;
   }
   const double scatter2 = excess2 - excess * excess;
   if (!(of_fit > 0.15 * of_noise)) fail_msg("errors of the fit %g, noise %g dph^2: nothing to see", of_fit, of_noise);

@@ -274,7 +274,7 @@ static void test_findings_stand_in_the_order_of_what_they_add(void**) {
 static GapResult gap_of(double shrinkage, double lo, double hi) {
   GapResult gap;
   gap.has_mean = true, gap.shrinkage = shrinkage, gap.ci_lo = lo, gap.ci_hi = hi;
-  gap.rms_before_dph = 260, gap.rms_after_dph = 70, gap.noise_rms_dph = 12;
+  gap.minutes.rms_before_dph = 260, gap.minutes.rms_after_dph = 70, gap.minutes.noise_rms_dph = 12;
   return gap;
 }
 static void test_figures_of_the_held_out_data_agree_with_the_words(void**) {
@@ -294,8 +294,9 @@ static void test_figures_of_the_held_out_data_agree_with_the_words(void**) {
 // Logs at other temperatures than all others, each held out in turn: an extrapolated polynomial is off by anything.
 static void test_an_extrapolated_residual_is_not_told(void**) {
   GapResult far = gap_of(0.5, 0.4, 0.6);
-  far.rms_before_dph = far.rms_after_dph = 4e8, far.part_within = 0, far.noise_error_dph = 1;
-  assert_true(far.errors_above_noise() == 0);
+  far.minutes.rms_before_dph = far.minutes.rms_after_dph = 4e8, far.minutes.part_within = 0,
+  far.minutes.noise_error_dph = 1;
+  assert_true(far.minutes.errors_above_noise() == 0);
   for (const char* name : {"rate_ramp", "flicker_noise"}) {
     const std::string text = said(Verdict::kPartlyExplained, {effect_of(name, 20)}, {}, far);
     assert_has(text, "no figure: no rates at temperatures that were fitted");
@@ -380,7 +381,7 @@ static void test_a_stand_in_does_not_remove_less_than_nothing(void**) {
   assert_has(said_of(0.7),
              "a flexible stand-in removes 70 % of the gap: not an explanation; residual of one-minute means ");
   GapResult grows = gap_of(0.7, 0.65, 0.75);
-  grows.rms_after_dph = 300;
+  grows.minutes.rms_after_dph = 300;
   const std::string contrary = said(Verdict::kUnexplained, {}, {free_shape(Family::kThermalMemory)}, grows);
   assert_has(contrary, "a flexible stand-in leaves more than before: not an explanation; residual");
   assert_lacks(contrary, "70 %");

@@ -57,7 +57,7 @@ namespace {
 
 // What the fit gets wrong in other logs is worth a word beside the noise.
 bool has_errors_of_fit(const GapResult& g) {
-  return g.fit_ms_dph2 > 0.1 * g.noise_rms_dph * g.noise_rms_dph;
+  return g.minutes.fit_ms_dph2 > 0.1 * g.minutes.noise_rms_dph * g.minutes.noise_rms_dph;
 }
 
 } // namespace
@@ -83,20 +83,20 @@ std::string remainder(const AxisResult& axis) {
   for (const RestFinding& f : s.unseen)
     if (f.evidence_nats > 0) unseen.push_back(rest_text(f.test));
   if (!unseen.empty()) add("in the held-out logs alone: " + joined(unseen, ", "));
-  if (g.run_to_run_rms_dph > 0)
-    add(format("what differs from run to run, %s %s", figure(g.run_to_run_rms_dph, axis).c_str(),
+  if (g.minutes.run_to_run_rms_dph > 0)
+    add(format("what differs from run to run, %s %s", figure(g.minutes.run_to_run_rms_dph, axis).c_str(),
                axis_unit(axis.axis)));
   if (!s.own_jumps.empty()) add("jumps in time that held-out logs have of their own");
   for (const SelectedEffect& e : s.effects)
     if (e.doubt == Doubt::kShapeOpen) add("the shape is open: " + family_label(e.family));
-  if (g.has_mean && g.has_residual() && g.rms_after_dph > 1.1 * g.rms_before_dph)
+  if (g.has_mean && g.minutes.has_residual() && g.minutes.rms_after_dph > 1.1 * g.minutes.rms_before_dph)
     add(std::string("the predicted mean is further from the held-out rates than before") +
         (g.has_figure() ? "" : ", as far as their noise tells"));
   for (const Selection::Strength& noise : s.stronger_noise)
     add(format("the noise of held-out log %d is %.1f times as strong as that of the fitted logs", noise.log + 1,
                noise.times));
-  if (s.leaves_mean || (s.exceeds_noise && g.times_expected() > kMoreThanNoise))
-    add(format("the held-out residual is %.1f times what %s would leave", g.times_expected(),
+  if (s.leaves_mean || (s.exceeds_noise && g.minutes.times_expected() > kMoreThanNoise))
+    add(format("the held-out residual is %.1f times what %s would leave", g.minutes.times_expected(),
                has_errors_of_fit(g) ? "noise and errors of the fit" : "the noise alone"));
   if (s.verdict != Verdict::kUnexplained && g.has_figure() && g.ci_hi < kNearlyAll)
     add(format("%.0f %% of the gap on data that were not fitted", 100 * (1 - g.shrinkage)));
@@ -131,7 +131,7 @@ bool has_figure(const AxisResult& axis) {
 // What a stand-in removes; a figure of which the residual says the contrary is none.
 bool has_stand_in(const AxisResult& axis) {
   const GapResult& g = axis.study.gap;
-  const bool is_contradicted = g.shrinkage > 0 && g.rms_after_dph > g.rms_before_dph;
+  const bool is_contradicted = g.shrinkage > 0 && g.minutes.rms_after_dph > g.minutes.rms_before_dph;
   return axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure() && !is_contradicted;
 }
 
@@ -145,7 +145,8 @@ std::string stand_in_does(double shrinkage) {
 
 // What the residuals are means of.
 std::string means_text(const GapResult& gap) {
-  return std::lround(gap.minute_s) == 60 ? "one-minute means" : format("means over %.0f s", gap.minute_s);
+  return std::lround(gap.minutes.minute_s) == 60 ? "one-minute means"
+                                                 : format("means over %.0f s", gap.minutes.minute_s);
 }
 
 // Slow noise that was found beside the noise that was believed.
@@ -155,8 +156,8 @@ std::string noise_statement(const AxisResult& axis) {
   return format("%s: %s would leave %s %s, these logs show %s; with the noise that was found %s is expected",
                 means_text(g).c_str(),
                 axis.is_believed ? "the believed noise" : "the noise that was estimated without a cause",
-                figure(g.believed_rms_dph, axis).c_str(), axis_unit(axis.axis), figure(g.rms_before_dph, axis).c_str(),
-                figure(g.noise_rms_dph, axis).c_str());
+                figure(g.minutes.believed_rms_dph, axis).c_str(), axis_unit(axis.axis),
+                figure(g.minutes.rms_before_dph, axis).c_str(), figure(g.minutes.noise_rms_dph, axis).c_str());
 }
 
 } // namespace
@@ -164,25 +165,26 @@ std::string noise_statement(const AxisResult& axis) {
 // How far the gap shrinks on data that were not fitted, or why that is not known; empty: not asked.
 std::string held_out_statement(const AxisResult& axis) {
   const GapResult& g = axis.study.gap;
-  if (!g.has_residual())
+  if (!g.minutes.has_residual())
     return axis.study.selection.verdict == Verdict::kNoGap
                ? ""
                : "no figure: no rates at temperatures that were fitted (" + std::string(held_out_text(g.method)) + ")";
   const std::string residual =
-      format("residual of %s %s -> %s %s, %s %s", means_text(g).c_str(), figure(g.rms_before_dph, axis).c_str(),
-             figure(g.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
+      format("residual of %s %s -> %s %s, %s %s", means_text(g).c_str(), figure(g.minutes.rms_before_dph, axis).c_str(),
+             figure(g.minutes.rms_after_dph, axis).c_str(), axis_unit(axis.axis),
              finds(axis.study.selection, is_slow_noise) ? "noise with the slow noise found" : "noise alone",
-             figure(g.noise_rms_dph, axis).c_str()) +
-      (has_errors_of_fit(g) ? format(", errors of the fit %s", figure(std::sqrt(g.fit_ms_dph2), axis).c_str()) : "") +
-      (g.run_to_run_rms_dph > 0
-           ? format(", what differs from run to run %s", figure(g.run_to_run_rms_dph, axis).c_str())
+             figure(g.minutes.noise_rms_dph, axis).c_str()) +
+      (has_errors_of_fit(g) ? format(", errors of the fit %s", figure(std::sqrt(g.minutes.fit_ms_dph2), axis).c_str())
+                            : "") +
+      (g.minutes.run_to_run_rms_dph > 0
+           ? format(", what differs from run to run %s", figure(g.minutes.run_to_run_rms_dph, axis).c_str())
            : "");
   if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure())
     return format("a flexible stand-in%s %s: not an explanation; %s",
                   axis.study.selection.effects.empty() ? "" : " of that family",
                   has_stand_in(axis) ? stand_in_does(g.shrinkage).c_str() : "leaves more than before",
                   residual.c_str());
-  if (!g.has_mean && g.run_to_run_rms_dph > 0)
+  if (!g.has_mean && g.minutes.run_to_run_rms_dph > 0)
     return "no figure: what differs from run to run foretells no other run; " + residual;
   if (!claims_shrinkage(axis)) return noise_statement(axis);
   if (g.is_of_starts)

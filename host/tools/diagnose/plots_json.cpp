@@ -146,7 +146,6 @@ Json map_json(const Campaign& campaign, const Fit& fit) {
 } // namespace
 
 Json plots_json(const AxisResult& axis) {
-  const GapResult& g = axis.study.gap;
   const Selection& s = axis.study.selection;
   const Campaign& campaign = axis.campaign;
   Json candidates = Json::array(), tests = Json::array();
@@ -160,10 +159,10 @@ Json plots_json(const AxisResult& axis) {
           {"gap_map_after", campaign.has_temperature ? map_json(campaign, axis.final_fit) : Json(nullptr)},
           {"residual", residual_json(campaign, axis.plain_fit, axis.final_fit)},
           {"dp2",
-           {{"tau_s", numbers(g.dp2_tau_s)},
-            {"data_dph", numbers(g.dp2_data_dph)},
-            {"model_before_dph", numbers(g.dp2_nominal_dph)},
-            {"model_after_dph", numbers(g.dp2_final_dph)}}},
+           {{"tau_s", numbers(axis.dp2.tau_s)},
+            {"data_dph", numbers(axis.dp2.data_dph)},
+            {"model_before_dph", numbers(axis.dp2.nominal_dph)},
+            {"model_after_dph", numbers(axis.dp2.final_dph)}}},
           {"candidates", candidates},
           {"tests", tests}};
 }

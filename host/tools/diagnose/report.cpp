@@ -50,27 +50,27 @@ Json gap_json(const AxisResult& axis) {
       {"unit",
        unit + "^2: mean square of what the models leave in the noise-free mean of the held-out data, estimated"},
       {"method", held_out_text(g.method)},
-      {"gain", g.gain},
+      {"gain", g.foretold.gain()},
       {"gain_unit", "deviance per hour, held out"},
-      {"hours", g.hours},
-      {"gain_by_unit", g.delta_by_unit},
-      {"log_by_unit", g.log_by_unit},
+      {"hours", g.foretold.hours},
+      {"gain_by_unit", g.foretold.delta_by_unit},
+      {"log_by_unit", g.foretold.log_by_unit},
       {"statement", held_out_statement(axis)},
-      {"part_within_fitted_temperatures", g.part_within},
+      {"part_within_fitted_temperatures", g.minutes.part_within},
       {"remainder", remainder(axis)},
       {"jumps_of_held_out_logs", own_jumps},
       {"stronger_noise_of_held_out_logs", stronger},
       {"has_mean", g.has_mean},
-      {"residual_mean_s", g.minute_s},
+      {"residual_mean_s", g.minutes.minute_s},
       {"residual_rms_dph",
-       {{"before", number(g.has_residual() ? g.rms_before_dph : std::nan(""))},
-        {"after", number(g.has_residual() ? g.rms_after_dph : std::nan(""))},
-        {"noise", g.noise_rms_dph},
-        {"from_run_to_run", g.run_to_run_rms_dph},
-        {"noise_error", g.noise_error_dph},
-        {"errors_of_fit", std::sqrt(g.fit_ms_dph2)},
-        {"believed_noise", g.believed_rms_dph}}},
-      {"dp2_distance_dph", {{"before", g.dp2_before_dph}, {"after", g.dp2_after_dph}}}};
+       {{"before", number(g.minutes.has_residual() ? g.minutes.rms_before_dph : std::nan(""))},
+        {"after", number(g.minutes.has_residual() ? g.minutes.rms_after_dph : std::nan(""))},
+        {"noise", g.minutes.noise_rms_dph},
+        {"from_run_to_run", g.minutes.run_to_run_rms_dph},
+        {"noise_error", g.minutes.noise_error_dph},
+        {"errors_of_fit", std::sqrt(g.minutes.fit_ms_dph2)},
+        {"believed_noise", g.minutes.believed_rms_dph}}},
+      {"dp2_distance_dph", {{"before", axis.dp2.before_dph}, {"after", axis.dp2.after_dph}}}};
   if (has_stand_in(axis)) gap["stand_in_shrinkage"] = g.shrinkage;
   return gap;
 }
@@ -112,7 +112,7 @@ Json effect_json(const AxisResult& axis, const SelectedEffect& e, double rate) {
                 {"set", set},
                 {"is_untested", e.is_untested},
                 {"remarks", remarks_on(axis, e)},
-                {"held_out_gain", number(2 * e.held_out_nats / std::max(1e-9, axis.study.gap.hours))}};
+                {"held_out_gain", number(2 * e.held_out_nats / std::max(1e-9, axis.study.gap.foretold.hours))}};
   if (const std::string words = in_words(axis, e); !words.empty()) entry["in_words"] = words;
   if (is_shared_noise(e)) entry["measured"] = e.statement;
   if (e.is_family && e.term.effect) entry["member"] = e.term.effect->name();

@@ -314,8 +314,8 @@ void add_pictures(const DiagnoseOptions& options, const NoiseBelief& belief, con
   axis->nominal_fit = std::move(s.nominal_fit), axis->final_fit = std::move(s.final_fit);
   axis->plain_fit = plain_fit(axis->campaign, s.nominal);
   axis->where = where_is(*axis, belief.has_believed);
-  compare_dp2(axis->campaign, s.nominal.noise(), s.final.noise(), axis->nominal_fit, axis->final_fit, options.seed,
-              &axis->study.gap);
+  axis->dp2 =
+      compare_dp2(axis->campaign, s.nominal.noise(), s.final.noise(), axis->nominal_fit, axis->final_fit, options.seed);
   std::vector<double> beta;
   for (int i = 0; i < axis->campaign.order; ++i)
     beta.push_back(axis->nominal_fit.beta[static_cast<long>(axis->campaign.runs.size()) + i]);

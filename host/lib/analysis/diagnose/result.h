@@ -7,6 +7,7 @@
 #include "analysis/diagnose/evidence/identify.h"
 #include "analysis/diagnose/evidence/where.h"
 #include "analysis/diagnose/select.h"
+#include "analysis/diagnose/stages/dp2.h"
 
 namespace imucal {
 
@@ -25,6 +26,7 @@ struct AxisResult {
   Fit nominal_fit, final_fit;
   Fit plain_fit; // of the nominal model by least squares: the polynomial that a table would hold
   WhereResult where;
+  Dp2Comparison dp2;
   Identifiability identifiability;
   Identifiability with_advised; // of kAdvisedRuns of the advised profile; empty without temperatures
   bool is_believed = false;     // the noise is that of a model

@@ -163,10 +163,10 @@ private:
     fill_contributions(campaign_, out_.final, out_.final_fit, &out_.effects);
     out_.white_dph = white_of_samples_dph(campaign_, out_.final.noise());
     GapResult& gap = found_.slow.gap;
-    gap.believed_rms_dph =
-        gap.rms_of_noise_dph(question_.belief.has_believed ? question_.belief.model : out_.nominal.noise());
+    gap.minutes.believed_rms_dph =
+        gap.minutes.rms_of_noise_dph(question_.belief.has_believed ? question_.belief.model : out_.nominal.noise());
     gap.is_of_starts = are_only_starts();
-    out_.leaves_mean = gap.leaves_mean(constants()), out_.exceeds_noise = gap.exceeds_noise(constants());
+    out_.leaves_mean = gap.minutes.leave_mean(constants()), out_.exceeds_noise = gap.minutes.exceed_noise(constants());
     gap.hold_what_minutes_show();
     out_.verdict = verdict_of(told(), left());
   }
@@ -287,6 +287,7 @@ private:
   }
   Left left() const {
     const GapResult& gap = found_.slow.gap;
+    const MinutesLeft& minutes = gap.minutes;
     const bool tells_mean = gap.has_mean || !found_.slow.found.best.steps.empty();
     Left left;
     left.finding = fires(out_.after) || fires(out_.unseen) || !out_.own_jumps.empty() || !out_.stronger_noise.empty() ||
@@ -294,14 +295,14 @@ private:
     left.shape = !out_.remainders.empty();
     left.minutes = out_.leaves_mean;
     left.are_of_one_passage = gap.method == HeldOut::kQuarters;
-    left.growth =
-        tells_mean && gap.has_residual() && gap.rms_after_dph > (1 + constants().growth_part) * gap.rms_before_dph;
+    left.growth = tells_mean && minutes.has_residual() &&
+                  minutes.rms_after_dph > (1 + constants().growth_part) * minutes.rms_before_dph;
     left.part = leaves_part(gap);
     return left;
   }
   // What is named as different from run to run is not missed: it is in what is left.
   static bool leaves_part(const GapResult& gap) {
-    return gap.has_figure() && gap.ci_hi < kExplainedPart && !(gap.run_to_run_rms_dph > 0);
+    return gap.has_figure() && gap.ci_hi < kExplainedPart && !(gap.minutes.run_to_run_rms_dph > 0);
   }
   AxisStudy study() {
     SlowAnswer& slow = found_.slow;

@@ -163,9 +163,9 @@ private:
   // smooth.
   bool are_steps_small_beside_function() const {
     const size_t n = slow_.found.best.names.size();
-    for (size_t i = 0; i < n && i < slow_.gap.beyond_start.size(); ++i)
+    for (size_t i = 0; i < n && i < slow_.gap.foretold.beyond_start.size(); ++i)
       if (slow_.is_free_function(i)) {
-        const double all = slow_.gain_nats() + std::max(0.0, slow_.gap.beyond_start[i].nats);
+        const double all = slow_.gain_nats() + std::max(0.0, slow_.gap.foretold.beyond_start[i].nats);
         return slow_.found.step_gain_nats < constants().beside_free_part * all;
       }
     return false;
@@ -220,7 +220,7 @@ private:
     if (slow_.has_free_function()) {
       names_.reject(effect);
     } else if (best.names.empty() && slow_.is_against(constants())) {
-      effect.doubt = Doubt::kAgainst, effect.held_out_nats = 0.5 * slow_.gap.delta_deviance;
+      effect.doubt = Doubt::kAgainst, effect.held_out_nats = 0.5 * slow_.gap.foretold.delta_deviance;
       names_.dropped.push_back(effect);
     } else if (SelectedEffect* jumps = names_.open_slow_noise()) {
       add_to_set(effect.set, jumps); // it may be a part of jumps that are told as noise

@@ -80,32 +80,34 @@ double distance(const std::vector<double>& a, const std::vector<double>& b) {
 
 } // namespace
 
-void compare_dp2(const Campaign& seconds, const NoiseModel& nominal, const NoiseModel& final, const Fit& before,
-                 const Fit& after, uint64_t seed, GapResult* gap) {
+Dp2Comparison compare_dp2(const Campaign& seconds, const NoiseModel& nominal, const NoiseModel& final,
+                          const Fit& before, const Fit& after, uint64_t seed) {
+  Dp2Comparison out;
   double shortest = 1e300;
   for (const CampaignRun& run : seconds.runs)
     shortest = std::min(shortest, static_cast<double>(run.n()) * seconds.dt_s);
   for (double tau = std::max(2.0, seconds.dt_s); tau <= shortest / 4; tau *= 1.6) {
     const double whole = seconds.dt_s * std::round(tau / seconds.dt_s);
-    if (gap->dp2_tau_s.empty() || whole > gap->dp2_tau_s.back()) gap->dp2_tau_s.push_back(whole);
+    if (out.tau_s.empty() || whole > out.tau_s.back()) out.tau_s.push_back(whole);
   }
   const auto curve_of = [&](const NoiseModel& noise) {
-    std::vector<double> square(gap->dp2_tau_s.size(), 0.0);
+    std::vector<double> square(out.tau_s.size(), 0.0);
     constexpr int kDraws = 2;
     for (int d = 0; d < kDraws; ++d) {
       const std::vector<double> c =
-          dp2(simulated(seconds, noise, seed, static_cast<uint64_t>(d)), nominal, seconds.dt_s, gap->dp2_tau_s);
+          dp2(simulated(seconds, noise, seed, static_cast<uint64_t>(d)), nominal, seconds.dt_s, out.tau_s);
       for (size_t i = 0; i < square.size(); ++i) square[i] += c[i] * c[i] / kDraws;
     }
     for (double& s : square) s = std::sqrt(s);
     return square;
   };
-  gap->dp2_data_dph = dp2(before.residual, nominal, seconds.dt_s, gap->dp2_tau_s);
-  const std::vector<double> left = dp2(after.residual, nominal, seconds.dt_s, gap->dp2_tau_s);
-  gap->dp2_nominal_dph = curve_of(nominal);
-  gap->dp2_final_dph = final == nominal ? gap->dp2_nominal_dph : curve_of(final);
-  gap->dp2_before_dph = distance(gap->dp2_data_dph, gap->dp2_nominal_dph);
-  gap->dp2_after_dph = distance(left, gap->dp2_final_dph);
+  out.data_dph = dp2(before.residual, nominal, seconds.dt_s, out.tau_s);
+  const std::vector<double> left = dp2(after.residual, nominal, seconds.dt_s, out.tau_s);
+  out.nominal_dph = curve_of(nominal);
+  out.final_dph = final == nominal ? out.nominal_dph : curve_of(final);
+  out.before_dph = distance(out.data_dph, out.nominal_dph);
+  out.after_dph = distance(left, out.final_dph);
+  return out;
 }
 
 } // namespace imucal

@@ -2,13 +2,20 @@
 // The Direct Predictor of what the model and the answer leave, beside that of simulations of both.
 #pragma once
 #include <cstdint>
+#include <vector>
 
-#include "analysis/diagnose/stages/gap.h"
+#include "analysis/diagnose/evidence/fit.h"
 
 namespace imucal {
 
-// DP2 of the residuals of both models against simulations of both (in `gap`).
-void compare_dp2(const Campaign& seconds, const NoiseModel& nominal, const NoiseModel& final, const Fit& before,
-                 const Fit& after, uint64_t seed, GapResult* gap);
+// Curves over tau, and how far those of the logs are from those of simulations (rms).
+struct Dp2Comparison {
+  std::vector<double> tau_s, data_dph, nominal_dph, final_dph;
+  double before_dph = 0, after_dph = 0; // of the model, of the answer
+};
+
+// DP2 of the residuals of both models against simulations of both.
+Dp2Comparison compare_dp2(const Campaign& seconds, const NoiseModel& nominal, const NoiseModel& final,
+                          const Fit& before, const Fit& after, uint64_t seed);
 
 } // namespace imucal

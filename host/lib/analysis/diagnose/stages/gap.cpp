@@ -185,6 +185,9 @@ std::vector<Split> as_predicted(std::vector<Split> splits, const Prediction& by)
   return splits;
 }
 
+double hours_of(const Campaign& campaign) {
+  return static_cast<double>(campaign.n()) * campaign.dt_s / kSecondsPerHour;
+}
 double sum_of(const std::vector<double>& x) {
   double sum = 0;
   for (double v : x) sum += v;
@@ -284,7 +287,7 @@ SlowModel with_white_noise(SlowModel m) {
 // the standard deviation of it: a quadratic form e'Ge of e ~ N(0, C) has mean tr(CG) and variance 2 tr(CGCG).  The deviations of
 // units add up, as where one fit foretells all of them; where each has a fit of its own this is more than it is.  How noise and
 // errors scatter together (4 tr of the product of both covariances) is left out.
-void set_errors_of_fit(const std::vector<HeldOutUnit>& units, double dt_s, GapResult* out) {
+void set_errors_of_fit(const std::vector<HeldOutUnit>& units, double dt_s, MinutesLeft* out) {
   double sum = 0, deviation = 0, n = 0;
   for (const HeldOutUnit& unit : units) {
     const long rows = rows_of_minute(dt_s), minutes = unit.left.size() / rows;
@@ -300,7 +303,7 @@ void set_errors_of_fit(const std::vector<HeldOutUnit>& units, double dt_s, GapRe
 }
 
 void set_residuals(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units, double dt_s,
-                   GapResult* out) {
+                   MinutesLeft* out) {
   std::vector<Minutes> before, after;
   for (const HeldOutUnit& unit : units) {
     before.push_back(minutes_of(unit.left + unit.change, dt_s));
@@ -309,7 +312,7 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
     after.back().own_white_dph2 = unit.run.own_white_dph2 * dt_s;
   }
   out->rms_before_dph = std::sqrt(mean_square(before)), out->rms_after_dph = std::sqrt(mean_square(after));
-  out->minutes = after, out->minute_s = minute_s(dt_s);
+  out->after = after, out->minute_s = minute_s(dt_s);
   const NoiseModel noise = gaussian_equivalent(search.seconds_noise_of(final));
   out->noise_rms_dph = out->rms_of_noise_dph(noise);
   set_errors_of_fit(units, dt_s, out);
@@ -323,7 +326,7 @@ void set_residuals(const SlowSearch& search, const SlowModel& final, const std::
 
 void set_shrinkage(const SlowSearch& search, const SlowModel& final, const std::vector<HeldOutUnit>& units,
                    GapResult* out) {
-  if (!out->has_residual()) {
+  if (!out->minutes.has_residual()) {
     out->ci_lo = -1, out->ci_hi = 1;
     return;
   }
@@ -345,41 +348,10 @@ bool FittedSpan::holds(double temp_degc) const {
   return temp_degc > lo_degc_ - beyond && temp_degc < hi_degc_ + beyond;
 }
 
-double GapResult::rms_of_noise_dph(const NoiseModel& noise) const {
-  return std::sqrt(noise_of_all(gaussian_equivalent(noise), minute_s, minutes));
-}
-
-double GapResult::part_left(bool with_run_to_run) const {
-  const auto excess = [&](double ms_dph2) { return std::max(0.0, ms_dph2 - noise_rms_dph * noise_rms_dph); };
-  const double of_gap = excess(rms_before_dph * rms_before_dph);
-  return of_gap > 0 ? excess(ms_after_dph2(with_run_to_run)) / of_gap : 0;
-}
-double GapResult::ms_after_dph2(bool with_run_to_run) const {
-  return rms_after_dph * rms_after_dph - (with_run_to_run ? 0 : run_to_run_rms_dph * run_to_run_rms_dph);
-}
-double GapResult::errors_above_noise() const {
-  if (!has_residual()) return 0;
-  const double excess = ms_after_dph2(true) - noise_rms_dph * noise_rms_dph;
-  return excess > 0 ? excess / (2 * noise_rms_dph * noise_error_dph) : 0; // NaN where the scatter is not known
-}
-double GapResult::times_expected() const {
-  return std::sqrt(ms_after_dph2(false) / expected_ms_dph2());
-}
-bool GapResult::exceeds_noise(const SelectorConstants& constants) const {
-  if (!has_residual()) return false;
-  const double noise_ms_error_dph2 = 2 * noise_rms_dph * noise_error_dph;
-  const double estimated = hours_fitted > 0 ? hours / hours_fitted : 0;
-  const double error_dph2 = std::hypot(noise_ms_error_dph2 * std::sqrt(1 + estimated), fit_ms_error_dph2);
-  const double excess = 2 * std::log(times_expected());
-  return excess > 0 && excess > constants.noise_errors * error_dph2 / expected_ms_dph2();
-}
-bool GapResult::leaves_mean(const SelectorConstants& constants) const {
-  return exceeds_noise(constants) && times_expected() > constants.noise_times;
-}
 void GapResult::hold_what_minutes_show() {
-  const double removed = std::max(-1.0, 1 - part_left());
+  const double removed = std::max(-1.0, 1 - minutes.part_left());
   // Where the scatter of the noise is not known, all that is above it counts.
-  if (!has_mean || errors_above_noise() <= kLeastErrors || (removed > ci_lo && removed < ci_hi)) return;
+  if (!has_mean || minutes.errors_above_noise() <= kLeastErrors || (removed > ci_lo && removed < ci_hi)) return;
   ci_lo = std::min(ci_lo, removed), ci_hi = std::max(ci_hi, removed);
   shrinkage = 0.5 * (shrinkage + removed);
 }
@@ -417,14 +389,14 @@ struct Measurement {
 };
 
 // What each name is worth to the held-out data, and to data just as they are predicted.
-void set_support(const Measurement& m, GapResult* out) {
+void set_support(const Measurement& m, Foretold* out) {
   const std::vector<Split> ideal = as_predicted(m.splits, m.after);
   const auto ideal_nats = [&](const SlowModel& model) {
     return ideal.empty() ? std::nan("") : sum_of(predict_all(m.search, m.training, ideal, model).nats);
   };
   const double found = sum_of(m.after.nats), ideal_found = ideal_nats(m.final);
   const auto support = [&](const SlowModel& less) {
-    return GapResult::Support{found - sum_of(m.predict(less).nats), ideal_found - ideal_nats(less)};
+    return Support{found - sum_of(m.predict(less).nats), ideal_found - ideal_nats(less)};
   };
   for (size_t i = 0; i < m.final.names.size(); ++i) {
     SlowModel less = m.final;
@@ -439,7 +411,7 @@ void set_figures(const Measurement& m, GapResult* out) {
   SlowModel null = m.null;
   null.steps = m.final.steps;
   const Prediction before = null.steps.empty() ? m.before : m.predict(null);
-  const bool only_within = out->has_residual();
+  const bool only_within = out->minutes.has_residual();
   const auto units_less = [&](const Prediction& less) {
     return held_out_units(m.training, m.splits, before, less, only_within);
   };
@@ -456,10 +428,10 @@ void set_figures(const Measurement& m, GapResult* out) {
   const Prediction plain = m.splits.empty() ? fitted_quarters(m.search, m.training, white) : m.predict(white);
   if (rms_less(plain) < kClearlyLess * rms_less(before))
     units = held_out_units(m.training, m.splits, plain, after, only_within);
-  set_residuals(m.search, m.final, units, m.campaign.dt_s, out);
+  set_residuals(m.search, m.final, units, m.campaign.dt_s, &out->minutes);
   if (leaves_chance)
-    out->run_to_run_rms_dph =
-        std::sqrt(std::max(0.0, std::pow(out->rms_after_dph, 2) - std::pow(rms_less(m.after), 2)));
+    out->minutes.run_to_run_rms_dph =
+        std::sqrt(std::max(0.0, std::pow(out->minutes.rms_after_dph, 2) - std::pow(rms_less(m.after), 2)));
   out->has_mean = std::any_of(m.final.names.begin(), m.final.names.end(),
                               [&](const auto& name) { return !is_by_chance(m.search, name); });
   if (out->has_mean) set_shrinkage(m.search, m.final, units, out);
@@ -477,18 +449,17 @@ GapResult measure_gap(const SlowSearch& search, const SlowData& training, const 
   else
     m.splits = splits_of(training, held_out, &out.method);
   m.before = m.predict(null), m.after = m.predict(final);
+  Foretold& foretold = out.foretold;
   for (size_t u = 0; u < m.before.nats.size(); ++u) {
-    out.delta_by_unit.push_back(2 * (m.after.nats[u] - m.before.nats[u]));
-    out.log_by_unit.push_back(m.campaign.runs[is_single ? 0 : u].input.log);
+    foretold.delta_by_unit.push_back(2 * (m.after.nats[u] - m.before.nats[u]));
+    foretold.log_by_unit.push_back(m.campaign.runs[is_single ? 0 : u].input.log);
   }
-  out.delta_deviance = sum_of(out.delta_by_unit);
-  set_support(m, &out);
-  out.part_within = static_cast<double>(n_rows(held_out_units(training, m.splits, m.before, m.after, true))) /
-                    static_cast<double>(m.campaign.n());
-  out.hours = std::max(kLeast_h, static_cast<double>(m.campaign.n()) * m.campaign.dt_s / 3600);
-  if (held_out && !final.is_believed)
-    out.hours_fitted = static_cast<double>(training.campaign.n()) * training.campaign.dt_s / 3600;
-  out.gain = out.delta_deviance / out.hours;
+  foretold.delta_deviance = sum_of(foretold.delta_by_unit);
+  foretold.hours = std::max(kLeast_h, hours_of(m.campaign));
+  set_support(m, &out.foretold);
+  out.minutes.part_within = static_cast<double>(n_rows(held_out_units(training, m.splits, m.before, m.after, true))) /
+                            static_cast<double>(m.campaign.n());
+  if (held_out && !final.is_believed) out.minutes.per_hour_fitted = foretold.hours / hours_of(training.campaign);
   set_figures(m, &out);
   return out;
 }

@@ -66,9 +66,9 @@ private:
     if (before.gap.method == HeldOut::kQuarters) return 0; // parts of one passage foretell nothing of another
     const std::vector<SlowModel::Name>& now = slow_.found.best.names;
     double sum = 0;
-    for (size_t i = 0; i < before.found.best.names.size() && i < before.gap.at_all.size(); ++i) {
+    for (size_t i = 0; i < before.found.best.names.size() && i < before.gap.foretold.at_all.size(); ++i) {
       const size_t j = before.found.best.names[i].candidate;
-      const GapResult::Support& all = before.gap.at_all[i];
+      const Support& all = before.gap.foretold.at_all[i];
       const bool is_kept = std::any_of(now.begin(), now.end(), [&](const auto& name) { return name.candidate == j; });
       if (!is_kept && all.nats > constants().foretold_part * all.expected) sum += std::max(0.0, all.nats);
     }
@@ -242,7 +242,7 @@ private:
     causes.take_noise_of(nominal);
     nominal.is_without_lines = !question_.lines.empty();
     slow_.gap = measure_gap(*before.search, *before.data, before.held_blocks.get(), nominal, causes);
-    slow_.over_null_nats = 0.5 * slow_.gap.delta_deviance;
+    slow_.over_null_nats = 0.5 * slow_.gap.foretold.delta_deviance;
   }
 
   const AxisQuestion& question_;

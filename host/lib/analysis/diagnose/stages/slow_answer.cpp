@@ -19,8 +19,8 @@ bool SlowAnswer::has_free_function() const {
   return false;
 }
 bool SlowAnswer::can_test(size_t i, const SelectorConstants& constants) const {
-  return gap.method == HeldOut::kQuarters || can_show(gap.beyond_start[i], constants) ||
-         can_show(gap.at_all[i], constants);
+  return gap.method == HeldOut::kQuarters || can_show(gap.foretold.beyond_start[i], constants) ||
+         can_show(gap.foretold.at_all[i], constants);
 }
 std::vector<size_t> SlowAnswer::rows_of_jumps(const RunInput& in) const {
   std::vector<size_t> rows;
@@ -46,7 +46,7 @@ void SlowAnswer::measure() {
     return measure_gap(*search, *data, held_blocks.get(), null, found.best);
   };
   gap = over(found.null);
-  over_null_nats = 0.5 * gap.delta_deviance;
+  over_null_nats = 0.5 * gap.foretold.delta_deviance;
   if (!has_lines) return;
   SlowModel nothing = found.null;
   nothing.is_without_lines = true;
@@ -69,7 +69,7 @@ void add_members(const SlowAnswer& slow, const SelectorConstants& constants, Sel
 
 } // namespace
 
-bool can_show(const GapResult::Support& support, const SelectorConstants& constants) {
+bool can_show(const Support& support, const SelectorConstants& constants) {
   return constants.predicted_part * support.expected > constants.least_held_out_nats;
 }
 
@@ -82,11 +82,11 @@ SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& c
   effect.evidence_nats = slow.found.evidence[i];
   effect.gain_nats = effect.evidence_nats + constants.mean_nats;
   effect.held_out_nats = c.scan.estimator->form() == Form::kRunRandom ? kPredictsNothing
-                         : i < slow.gap.beyond_start.size()           ? slow.gap.beyond_start[i].nats
+                         : i < slow.gap.foretold.beyond_start.size()  ? slow.gap.foretold.beyond_start[i].nats
                                                                       : kPredictsNothing;
   effect.is_untested = std::isfinite(effect.held_out_nats) && !slow.can_test(i, constants);
-  effect.is_of_starts = effect.held_out_nats <= 0 && i < slow.gap.at_all.size() &&
-                        slow.gap.at_all[i].nats > constants.least_held_out_nats;
+  effect.is_of_starts = effect.held_out_nats <= 0 && i < slow.gap.foretold.at_all.size() &&
+                        slow.gap.foretold.at_all[i].nats > constants.least_held_out_nats;
   const double threshold = constants.mean_nats;
   effect.set.push_back(slow.evidence_of(name.candidate, effect.gain_nats, threshold));
   double nearest = 1e300; // of another member of the family

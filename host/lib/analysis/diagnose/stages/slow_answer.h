@@ -60,7 +60,7 @@ struct SlowAnswer {
 };
 
 // Whether held-out logs can show so much of a name.
-bool can_show(const GapResult::Support& support, const SelectorConstants& constants);
+bool can_show(const Support& support, const SelectorConstants& constants);
 
 // A name of found.best as an effect of the answer, with the rivals that cannot be excluded.
 SelectedEffect effect_of_name(const SlowAnswer& slow, const SelectorConstants& constants, size_t name);

@@ -165,7 +165,7 @@ private:
   // tell no cause from another.
   bool is_shown_beyond_start(const SlowModel& m) const {
     const GapResult gap = measure_gap(*slow_.search, *slow_.data, slow_.held_blocks.get(), slow_.found.null, m);
-    return can_show(gap.beyond_start.back(), constants());
+    return can_show(gap.foretold.beyond_start.back(), constants());
   }
   // An effect in the place of a name: more likely by all logs together, or hardly less where the name has a parameter at its
   // bound, which is no name.
@@ -324,7 +324,7 @@ private:
   void weigh_kinds() {
     const SlowModel& best = slow_.found.best;
     if (!slow_.held_blocks || !best.names.empty() || !best.steps.empty()) return;
-    if (best.noise_effect ? !slow_.is_against(constants()) : !slow_.gap.leaves_mean(constants())) return;
+    if (best.noise_effect ? !slow_.is_against(constants()) : !slow_.gap.minutes.leave_mean(constants())) return;
     const SlowData all = with_held_out(*slow_.data, *slow_.held_blocks);
     const SlowModel* kind = nullptr;
     double most = value_on(all, slow_.found.null) + constants().noise_nats;
@@ -347,22 +347,22 @@ private:
   // differs from run to run by chance predicts nothing: it is not asked to.
   double lacking(size_t i) const {
     const double least = constants().least_held_out_nats, part = constants().predicted_part;
-    const GapResult::Support own = slow_.gap.beyond_start[i], all = slow_.gap.at_all[i];
+    const Support own = slow_.gap.foretold.beyond_start[i], all = slow_.gap.foretold.at_all[i];
     if (slow_.candidate(slow_.found.best.names[i].candidate).scan.estimator->form() == Form::kRunRandom) return -1e9;
     if (slow_.is_free_function(i)) return -1e9; // chosen for what it predicts
     if (slow_.gap.method == HeldOut::kQuarters) return least - own.nats;
     const double fitted_h = static_cast<double>(question_.campaign.n()) * question_.campaign.dt_s / 3600;
     const double gain = slow_.found.evidence[i] + constants().mean_nats;
-    const double wanted = gain * std::min(1.0, slow_.gap.hours / fitted_h);
+    const double wanted = gain * std::min(1.0, slow_.gap.foretold.hours / fitted_h);
     const bool shows_own = can_show(own, constants()), shows_all = can_show(all, constants());
     if (!shows_own && !shows_all) return -constants().against_nats - all.nats;
     if (shows_own && shows_all && all.nats > part * std::min(wanted, all.expected) && is_by_chance(own)) return -least;
-    const GapResult::Support& s = shows_own ? own : all;
+    const Support& s = shows_own ? own : all;
     return std::max(least, part * std::min(wanted, s.expected)) - s.nats;
   }
   // Whether a right name could gain so little: of data as predicted it gains E, of data with noise E and a normal error of
   // variance 2 E.
-  bool is_by_chance(const GapResult::Support& s) const {
+  bool is_by_chance(const Support& s) const {
     return s.nats > s.expected - constants().short_by_chance * std::sqrt(2 * s.expected);
   }
   SlowModel best_without_names() const {
