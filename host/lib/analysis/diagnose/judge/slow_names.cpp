@@ -25,7 +25,7 @@ public:
     if (is_medley)
       names_.reject_those([](const SelectedEffect&) { return true; }, &list);
     else if (slow_.has_free_function())
-      reject_small(&list, 1e300);
+      reject_small_beside_function(&list);
     names_.effects = owned(members_before_shapes(list));
     for (const SelectedEffect& effect : names_.effects)
       if (is_free(effect)) {
@@ -49,6 +49,23 @@ private:
     const double all = slow_.gain_nats();
     const double least = std::min(shape_nats, constants().beside_free_part * all);
     names_.reject_those([&](const SelectedEffect& e) { return !is_free(e) && e.gain_nats < least; }, list);
+  }
+  // Beside the free function the same, and what both foretell counts: that function is there for what it foretells.
+  void reject_small_beside_function(std::vector<SelectedEffect>* list) {
+    const double third = constants().beside_free_part * slow_.gain_nats(), function = function_nats();
+    names_.reject_those(
+        [&](const SelectedEffect& e) {
+          return !is_free(e) && e.gain_nats < third && e.gain_nats + std::max(0.0, e.held_out_nats) < function;
+        },
+        list);
+  }
+  // What the free function gains in the fitted logs and foretells of others.
+  double function_nats() const {
+    const SlowResult& found = slow_.found;
+    for (size_t i = 0; i < found.best.names.size() && i < slow_.gap.foretold.beyond_start.size(); ++i)
+      if (slow_.is_free_function(i))
+        return found.evidence[i] + constants().mean_nats + std::max(0.0, slow_.gap.foretold.beyond_start[i].nats);
+    return 0;
   }
   // Nor is a member told beside a larger answer of its family whose shape is open.
   void reject_beside_open_family() {
