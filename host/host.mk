@@ -3,14 +3,14 @@
 # ROOMS_<program>, so that `make build/bin/gyrosim` compiles nothing it does not need.  The map of the rooms: host/README.md.
 
 # From the highest tier to the lowest: the order is the link order, and an arrow goes down only (test_layout.py).
-ROOMS := device analysis/diagnose analysis/montecarlo analysis/profile analysis/fit analysis/errormodel analysis/dp \
-         physics/sim physics/effects noise linear io base
+HOST_ROOMS := device analysis/diagnose analysis/montecarlo analysis/profile analysis/fit analysis/errormodel analysis/dp \
+              physics/sim physics/effects noise linear io base
 
 ROOMS_calibrate := device analysis/fit physics/sim physics/effects noise linear io base
 ROOMS_gyrosim := device analysis/fit physics/sim physics/effects noise linear io base
 ROOMS_dp := analysis/errormodel analysis/dp physics/sim physics/effects noise linear io base
 ROOMS_errormodel := $(ROOMS_dp)
-ROOMS_montecarlo := $(filter-out device analysis/diagnose,$(ROOMS))
+ROOMS_montecarlo := $(filter-out device analysis/diagnose,$(HOST_ROOMS))
 ROOMS_diagnose := analysis/diagnose physics/effects noise linear io base
 ROOMS_imucal := base
 
@@ -59,10 +59,10 @@ $(BUILD)/gen/%/program.cpp: %
 	@printf '#include "%s"\n' $(call sources_in,$*) > $@.new
 	@if cmp -s $@.new $@; then rm -f $@.new; else mv $@.new $@; fi
 
-$(foreach room,$(ROOMS),$(eval $(BUILD)/gen/host/lib/$(room)/room.cpp: $(wildcard host/lib/$(room)/*/)))
+$(foreach room,$(HOST_ROOMS),$(eval $(BUILD)/gen/host/lib/$(room)/room.cpp: $(wildcard host/lib/$(room)/*/)))
 
 TOOLS := $(notdir $(patsubst %/,%,$(wildcard host/tools/*/)))
-HOST_OBJECTS := $(CORE_OBJECTS) $(foreach f,$(ROOMS:%=host/lib/%) $(TOOLS:%=host/tools/%),$(call folder_objects,$f))
+HOST_OBJECTS := $(CORE_OBJECTS) $(foreach f,$(HOST_ROOMS:%=host/lib/%) $(TOOLS:%=host/tools/%),$(call folder_objects,$f))
 
 host: $(HOST_PROGRAMS)  ## build the host programs into build/bin
 
@@ -108,7 +108,7 @@ $(BUILD)/obj/host/%/room.o: $(BUILD)/gen/%/room.cpp
 $(BUILD)/obj/host/%/program.o: $(BUILD)/gen/%/program.cpp
 	$(piece)
 
-PIECES := $(foreach f,$(ROOMS:%=host/lib/%) $(TOOLS:%=host/tools/%),$(BUILD)/obj/host/$f/room.o $(BUILD)/obj/host/$f/program.o)
+PIECES := $(foreach f,$(HOST_ROOMS:%=host/lib/%) $(TOOLS:%=host/tools/%),$(BUILD)/obj/host/$f/room.o $(BUILD)/obj/host/$f/program.o)
 # Text, JSON and command lines take no time at run time, and -Og compiles a third quicker than -O2.
 QUICK_TO_COMPILE := host/tools/% host/lib/device/%
 $(filter $(QUICK_TO_COMPILE:%=$(BUILD)/obj/host/%),$(PIECES)): private OPTIMISE := $(if $(DEBUG),$(OPTIMISE),-Og)
@@ -124,7 +124,7 @@ endef
 define tool_archive
 $(BUILD)/lib/tools/$1.a: $(call folder_objects,host/tools/$1)
 endef
-$(foreach room,$(ROOMS),$(eval $(call room_archive,$(room))))
+$(foreach room,$(HOST_ROOMS),$(eval $(call room_archive,$(room))))
 $(foreach tool,$(TOOLS),$(eval $(call tool_archive,$(tool))))
 $(BUILD)/lib/common.a: $(CORE_OBJECTS)
 $(HOST_ARCHIVE): $(HOST_OBJECTS)
@@ -137,7 +137,7 @@ $(BUILD)/lib/%.a:
 define program_links
 $(BUILD)/bin/$1: $(if $(BY_FILE),$(BUILD)/obj/host/host/tools/$1/main.o $(BUILD)/lib/tools/$1.a,$(BUILD)/obj/host/host/tools/$1/program.o) \
                  $(BUILD)/lib/tools/cli.a \
-                 $(patsubst %,$(BUILD)/lib/%.a,$(or $(ROOMS_$1),$(ROOMS)) common)
+                 $(patsubst %,$(BUILD)/lib/%.a,$(or $(ROOMS_$1),$(HOST_ROOMS)) common)
 endef
 $(foreach tool,$(notdir $(HOST_PROGRAMS)),$(eval $(call program_links,$(tool))))
 
@@ -147,6 +147,6 @@ $(BUILD)/bin/%:
 	$(Q)$(CXX) -pthread $(SANITIZE_FLAGS) $^ $(LDFLAGS) $(HOST_LIBS) -o $@
 
 .SECONDARY: $(HOST_MAINS:%.cpp=$(BUILD)/obj/host/%.o) $(HOST_MAINS:%/main.cpp=$(BUILD)/gen/%/program.cpp) \
-            $(patsubst %,$(BUILD)/gen/host/%/room.cpp,$(ROOMS:%=lib/%) $(TOOLS:%=tools/%))
+            $(patsubst %,$(BUILD)/gen/host/%/room.cpp,$(HOST_ROOMS:%=lib/%) $(TOOLS:%=tools/%))
 
 -include $(shell find $(BUILD)/obj/host -name '*.d' 2>/dev/null)

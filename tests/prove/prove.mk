@@ -27,7 +27,7 @@ lint-host:  ## cppcheck on the host's C++ (half a minute)
 
 # A room in one piece, as it is compiled: Eigen and JSON are read once for it.  ROOM=host/lib/io for one.
 ROOM ?=
-TIDY_PIECES := $(ROOMS:%=host/lib/%/room) $(foreach t,$(TOOLS),host/tools/$t/$(if $(wildcard host/tools/$t/main.cpp),program,room))
+TIDY_PIECES := $(HOST_ROOMS:%=host/lib/%/room) $(foreach t,$(TOOLS),host/tools/$t/$(if $(wildcard host/tools/$t/main.cpp),program,room))
 TIDY_PIECES := $(patsubst %,$(BUILD)/gen/%.cpp,$(if $(ROOM),$(filter $(ROOM)/%,$(TIDY_PIECES)),$(TIDY_PIECES)))
 lint-tidy-host: $(TIDY_PIECES)  ## clang-tidy (host/.clang-tidy) on the host's C++: no finding (ROOM=host/lib/io for one; ten minutes for all)
 	$(NEEDS_TIDY)

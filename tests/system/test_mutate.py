@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """A sample of `make mutate`: do the unit tests of the core see small errors?  Rooms whose tests take well under a second."""
+import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -47,3 +49,20 @@ def test_every_room_has_mutants_and_every_judged_one_exists():
              if line.strip() and not line.startswith("# ")]
     entries = list(zip(lines[0::4], lines[1::4], (line[3:] for line in lines[2::4])))
     assert entries and not [entry for entry in entries if entry not in pairs]
+
+
+def words_of_make_mutate(*knobs):
+    """What `make mutate` would run."""
+    environment = {key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "ROOMS")}
+    printed = subprocess.run(["make", "-n", "mutate", *knobs], cwd=ROOT, env=environment, check=True, capture_output=True,
+                             text=True).stdout
+    (line,) = [line for line in printed.splitlines() if "mutate.py" in line]
+    return shlex.split(line.split("mutate.py", 1)[1])
+
+
+@pytest.mark.parametrize("knobs, rooms", [([], {path.stem for path in (ROOT / "common").glob("*.c")} - {"status"}),
+                                          (["ROOMS=crc sum"], {"crc", "sum"})], ids=["all", "some"])
+def test_make_mutate_asks_rooms_of_the_core(knobs, rooms):
+    listed = mutate(*words_of_make_mutate(*knobs), "--list")
+    assert listed.returncode == 0, listed.stderr
+    assert set(re.findall(r"(?m)^(\w+)\.c:\d+: ", listed.stdout)) == rooms
