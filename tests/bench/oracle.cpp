@@ -101,7 +101,7 @@ Json judged(const Request& request) {
     if (!seconds.runs.empty()) held_out.reset(new Campaign(block_means(seconds, study.data->campaign.dt_s)));
   }
   Json out = said(study.selection);
-  out["threshold_nats"] = study.selection.threshold_nats;
+  out["threshold_nats"] = study.selection.chance.threshold_nats;
   out["searched"] = told(study, held_out.get(), searched.null, searched.best);
   if (searched.without_steps)
     out["without_steps"] = told(study, held_out.get(), searched.null, searched.without_steps->best);
