@@ -30,10 +30,13 @@ $(filter $(BUILD)/tests/host/%,$(UNIT_TESTS)): $(BUILD)/obj/host/tests/host/dens
 # `make test` on a bare machine installs first; the recursive call sees what was installed.
 test:  ## install what is missing, build, and run all tests (T=<filter> for some)
 	@$(MAKE) --no-print-directory deps
-	@$(MAKE) --no-print-directory -j2 all unit-programs python-core
+	@$(MAKE) --no-print-directory -j2 all unit-programs campaign-programs python-core
 	@$(MAKE) --no-print-directory unit-test system-test
 
 unit-programs: $(SELECTED_UNIT_TESTS)
+
+# What no test runs is compiled all the same, so that it keeps up with the library.  Each *.mk names its own (test_campaigns.py).
+campaign-programs:  ## build what only campaigns run (bench, blind-confusions, fuzz, soak, torn)
 
 unit-test: unit-programs  ## run the CMocka tests of the core and the host library
 	$(Q)BUILD=$(BUILD) tests/run_unit $(SELECTED_UNIT_TESTS)
@@ -57,4 +60,4 @@ sanitize sanitize-long:
 sanitize:  ## unit tests under ASan and UBSan, without the longest answers of diagnose
 sanitize-long:  ## the same with all of them (an hour)
 
-.PHONY: test unit-programs unit-test system-test test-long sanitize sanitize-long
+.PHONY: test unit-programs campaign-programs unit-test system-test test-long sanitize sanitize-long

@@ -38,6 +38,8 @@ fuzz-device: $(BUILD)/tests/fuzz/fuzz_device  ## random operations on the whole 
 	$(BUILD)/tests/fuzz/libfuzzer_device -max_total_time=$(FUZZ_SECONDS) -seed=$(SEED) -max_len=1000 -print_final_stats=1 -verbosity=0 \
 	  -artifact_prefix=$(BUILD)/tests/fuzz/ $(BUILD)/fuzz_device_corpus
 
+campaign-programs: $(BUILD)/tests/fuzz/fuzz_core $(BUILD)/tests/fuzz/fuzz_device $(BUILD)/obj/host/tests/fuzz/fuzz_files.o
+
 .PHONY: fuzz-device
 
 # The files that the host programs read, by libFuzzer's coverage; all of the library that it meets is instrumented, in a

@@ -19,4 +19,6 @@ $(BUILD)/tests/soak/month: tests/soak/month.c tests/emu/nor.h $(wildcard firmwar
 month: $(BUILD)/tests/soak/month  ## the app calibrates six axes for 30 simulated days, with faults (MONTH_DAYS, SEED)
 	$(Q)$< $(MONTH_DAYS) $(SEED)
 
+campaign-programs: $(BUILD)/tests/soak/soak $(BUILD)/tests/soak/month
+
 .PHONY: month

@@ -9,4 +9,6 @@ $(BUILD)/tests/torn/torn: tests/torn/torn.c tests/torn/torn.h tests/emu/nor.h $(
 torn: $(BUILD)/tests/torn/torn  ## power cuts everywhere in the flash store (TORN_THREE, SEED); exit 1 on any loss
 	$(Q)$< --seed $(SEED) --three $(TORN_THREE)
 
+campaign-programs: $(BUILD)/tests/torn/torn
+
 .PHONY: torn

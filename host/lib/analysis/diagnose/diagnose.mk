@@ -19,4 +19,6 @@ $(SELECTOR_TABLE) $(ORACLE): $(BUILD)/bench/%: tests/bench/%.cpp \
 	$(Q)$(CCACHE) $(CXX) $(HOST_CXXFLAGS) $(OPTIMISE) $(HOST_CPPFLAGS) $(CXXFLAGS) -c $< -o $@.o
 	$(Q)$(CXX) -pthread $@.o $(filter %.a,$^) $(LDFLAGS) $(HOST_LIBS) -o $@
 
+campaign-programs: $(SELECTOR_TABLE) $(ORACLE)
+
 .PHONY: bench selector-table oracle

@@ -7,6 +7,8 @@ $(BUILD)/tests/bench_dp $(BUILD)/tests/bench_log: $(BUILD)/tests/bench_%: $(BUIL
 	@mkdir -p $(@D)
 	$(Q)$(CXX) -pthread $^ $(LDFLAGS) $(HOST_LIBS) -o $@
 
+campaign-programs: $(BUILD)/tests/bench_dp $(BUILD)/tests/bench_log
+
 $(BUILD)/venv-bench/installed: host/scripts/requirements-bench.txt
 	$(Q)/usr/bin/python3 -m venv $(BUILD)/venv-bench
 	$(Q)$(BUILD)/venv-bench/bin/pip install --quiet --disable-pip-version-check -r $<

@@ -23,4 +23,6 @@ $(BUILD)/bench/profile_%: tests/bench/profile_%.cpp $(HOST_ARCHIVE)
 	$(Q)$(CCACHE) $(CXX) $(HOST_CXXFLAGS) $(OPTIMISE) $(HOST_CPPFLAGS) $(CXXFLAGS) -c $< -o $@.o
 	$(Q)$(CXX) -pthread $@.o $(HOST_ARCHIVE) $(LDFLAGS) $(HOST_LIBS) -o $@
 
+campaign-programs: $(BUILD)/bench/profile_speed $(BUILD)/bench/profile_long
+
 .PHONY: figures bench test-long profile-oscillations profile-table
