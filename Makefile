@@ -1,5 +1,5 @@
 # imucal: static thermal calibration of inertial sensors.   `make help` lists the targets.
-# Knobs: CC CXX CROSS BUILD SEED T=<test name filter> V=1 DEBUG=1 CFLAGS CXXFLAGS LDFLAGS (yours win).
+# Knobs: CC CXX CROSS BUILD SEED T=<parts of test names> V=1 DEBUG=1 CFLAGS CXXFLAGS LDFLAGS (yours win).
 # Rules live with what they build: host/host.mk, firmware/firmware.mk, tests/tests.mk and */*/*.mk.
 
 BUILD ?= build
@@ -18,6 +18,12 @@ OPTIMISE := $(if $(DEBUG),-Og -g3,-O2)
 # The core's arithmetic is the same on every machine: no contraction into fused operations.
 CORE_CFLAGS := -std=c99 -pedantic -ffreestanding -ffp-contract=off -fno-common $(WARNINGS) -Wstrict-prototypes -Wdouble-promotion
 Q := $(if $(V),,@)
+space := $(subst ,, )
+# T means the same everywhere: the tests of whose names one of its words is a part.  $1: names of tests, or their programs.
+is_selected = $(strip $(foreach word,$(T),$(findstring $(word),$(1:$(BUILD)/tests/%=%))))
+selected = $(if $(T),$(strip $(foreach t,$1,$(if $(call is_selected,$t),$t))),$1)
+# Where a target would go on with no test at all: a T that is mistyped must not look like a pass.
+some_selected = $(or $(call selected,$1),$(error T=$(T) is part of no name of these tests: $(notdir $1)))
 
 all: host firmware  ## build the host programs and the firmware images (default)
 .DEFAULT_GOAL := all

@@ -4,8 +4,9 @@
 UNIT_TESTS := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/common/test_*.c tests/firmware/test_*.c)) \
               $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(wildcard tests/host/test_*.cpp))
 
-# T=<filter> runs the unit tests and pytest cases whose name contains it.
-SELECTED_UNIT_TESTS := $(if $(T),$(foreach t,$(UNIT_TESTS),$(if $(findstring $(T),$(t)),$(t))),$(UNIT_TESTS))
+# T="one two" runs the unit tests and pytest cases whose name contains one of the words.
+SELECTED_UNIT_TESTS := $(call selected,$(UNIT_TESTS))
+PYTEST_T := $(if $(T),-k '$(subst $(space), or ,$(strip $(T)))')
 
 $(BUILD)/obj/host/tests/%.o: CFLAGS += -D_GNU_SOURCE
 $(BUILD)/obj/host/tests/%.o: tests/%.c
@@ -43,7 +44,7 @@ unit-test: unit-programs  ## run the CMocka tests of the core and the host libra
 
 # Three processes on two cores, since some tests wait for a device; each file in one of them: some files build or draw once for all
 # of their tests.  What has a short form leaves its other draws (`long`) to test-long.
-PYTEST = BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider --dist loadfile --no-loadscope-reorder $(if $(T),-k $(T)) tests/system tests/python
+PYTEST = BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider --dist loadfile --no-loadscope-reorder $(PYTEST_T) tests/system tests/python
 system-test:  ## run the pytest tests of the built programs
 	$(Q)$(PYTEST) -n 3 -m 'not long'; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
 

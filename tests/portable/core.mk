@@ -1,6 +1,6 @@
 # The core on other machines: compiled for each with all warnings, its unit tests run under qemu-user, and the same bits as
 # on this machine for the same log (firmware/check).  Big-endian: mips.  32 bits: mips, i686.
-#   make portable-core [PORTABLE_CORE=mips] [T="test_link test_num"]
+#   make portable-core [PORTABLE_CORE=mips] [T="link num"]
 # tests/system/test_portable_core.py runs a short form: big-endian, without the long runs of kf and health.
 
 PORTABLE_CORE ?= mips i686
@@ -15,7 +15,7 @@ PORTABLE_FLAGS_i686 := -msse2 -mfpmath=sse
 
 # Tests of rooms of the core; what a test needs beside the core it includes.
 PORTABLE_CORE_TESTS := $(patsubst tests/common/%.c,%,$(wildcard tests/common/test_*.c))
-PORTABLE_CORE_SELECTED := $(if $(T),$(foreach t,$(PORTABLE_CORE_TESTS),$(if $(filter $(T),$(t)),$(t))),$(PORTABLE_CORE_TESTS))
+PORTABLE_CORE_SELECTED = $(call some_selected,$(PORTABLE_CORE_TESTS))
 PORTABLE_CORE_FLAGS := -std=c99 -ffp-contract=off -Wall -Wextra -Werror -D_GNU_SOURCE -O2 -Itests/portable/include -Icommon -Ifirmware -Itests
 
 # $1 machine

@@ -6,7 +6,7 @@
 PORTABLE := $(BUILD)/portable
 # T=<filter> as in `make test`: the short form for CI is T=noise.
 PORTABLE_TESTS = $(patsubst tests/%.cpp,%,$(wildcard tests/host/test_*.cpp))
-PORTABLE_SELECTED = $(if $(T),$(foreach t,$(PORTABLE_TESTS),$(if $(findstring $(T),$(t)),$(t))),$(PORTABLE_TESTS))
+PORTABLE_SELECTED = $(call some_selected,$(PORTABLE_TESTS))
 
 # $1 Debian architecture, $2 GNU triplet of the compiler, $3 its folder of libraries
 root_of = $(CURDIR)/$(PORTABLE)/$1/root
