@@ -33,6 +33,23 @@ include host/host.mk
 include tests/tests.mk
 -include $(wildcard host/*/*.mk host/lib/*/*.mk host/lib/*/*/*.mk host/tools/*/*.mk tests/*/*.mk)
 
+# ---- flags ----
+# An object is compiled again when its flags change (DEBUG=1, CFLAGS, CC, HSE_HZ): it needs $(BUILD)/flags/NAME, which holds the
+# text of FLAGS_NAME and is written when that text is another one.  No path of BUILD in it: the same folder has more names.
+# Written by a recipe, so that `make -n` and `make help` change nothing; read without a process (make 4.3 may leave the end of the
+# line).
+# $1 name
+define flag_stamp
+FLAGS_$1 := $$(strip $$(FLAGS_$1))
+$(BUILD)/flags/$1: $$(if $$(call is_same,$$(FLAGS_$1),$$(strip $$(file <$(BUILD)/flags/$1))),,OTHER_FLAGS)
+	@mkdir -p $$(@D)
+	@printf '%s\n' '$$(subst ','\'',$$(FLAGS_$1))' >$$@
+endef
+is_same = $(and $(findstring $1,$2),$(findstring $2,$1))
+OTHER_FLAGS:
+.PHONY: OTHER_FLAGS
+$(foreach name,$(patsubst FLAGS_%,%,$(filter FLAGS_%,$(.VARIABLES))),$(eval $(call flag_stamp,$(name))))
+
 deps:  ## install Debian and Python packages that are missing
 	@.ci/bootstrap $(VENV)
 

@@ -19,7 +19,7 @@ firmware: $(FIRMWARE_IMAGES)  ## build the firmware images into build/firmware
 
 # ---- this machine: the posix port, and what the unit tests link ----
 
-$(BUILD)/obj/host/firmware/%.o: firmware/%.c
+$(BUILD)/obj/host/firmware/%.o: firmware/%.c $(BUILD)/flags/host_c
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CC   $<")
 	$(Q)$(CCACHE) $(CC) $(FIRMWARE_CFLAGS) -D_GNU_SOURCE $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP $(FIRMWARE_CPPFLAGS) $(CFLAGS) -c $< -o $@
@@ -79,7 +79,8 @@ FAST_nrf51_float_v6m := -O2
 
 # $1 port
 define mcu_rules
-$(BUILD)/obj/$1/%.o: %.c
+FLAGS_$1 = $$(CROSS)gcc $$(CPU_$1) $$(FIRMWARE_CFLAGS) $$(MCU_OPTIMISE) $$(FIRMWARE_CPPFLAGS) $$(LINK_$1)
+$(BUILD)/obj/$1/%.o: %.c $(BUILD)/flags/$1
 	@mkdir -p $$(@D)
 	$$(if $$(V),,@echo "  CC   $$< ($1)")
 	$$(Q)$$(CCACHE) $$(CROSS)gcc $$(CPU_$1) $$(FIRMWARE_CFLAGS) $$(if $$(filter common/%,$$<),-ffreestanding) \

@@ -77,7 +77,7 @@ NEEDS_PCH := $(if $(PCH),$(PCH_HEADER).gch)
 export CCACHE_PCH_EXTSUM ?= 1
 export CCACHE_SLOPPINESS ?= pch_defines,time_macros,include_file_ctime,include_file_mtime
 
-$(PCH_HEADER).gch: host/pch/heavy.h
+$(PCH_HEADER).gch: host/pch/heavy.h $(BUILD)/flags/host_cxx
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  PCH  $<")
 	$(Q)cp $< $(PCH_HEADER) && $(COMPILE_CXX) -x c++-header -MMD -MP -MF $@.d -MT $@ $(PCH_HEADER) -o $@.new
@@ -85,15 +85,18 @@ $(PCH_HEADER).gch: host/pch/heavy.h
 -include $(PCH_HEADER).gch.d
 
 # ---- objects ----
+# Not in them: what single files and rooms take beside.  The libraries are: what links has no stamp of its own.
+FLAGS_host_c = $(CC) $(CORE_CFLAGS) $(FIRMWARE_CFLAGS) $(PIC) $(OPTIMISE) $(SANITIZE_FLAGS) $(CFLAGS) $(LDFLAGS)
+FLAGS_host_cxx = $(COMPILE_CXX) $(IN_ONE_PIECE) $(if $(PCH),PCH) $(LDFLAGS) $(HOST_LIBS)
 # The filter reads pairs of floats that it has just written one by one: loaded as one vector they wait for both stores.
 # Without such vectors an update takes two thirds of the time; the bits are the same.
 $(BUILD)/obj/host/common/kf.o: private OPTIMISE += -fno-tree-slp-vectorize
-$(BUILD)/obj/host/%.o: %.c
+$(BUILD)/obj/host/%.o: %.c $(BUILD)/flags/host_c
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CC   $<")
 	$(Q)$(CCACHE) $(CC) $(CORE_CFLAGS) $(PIC) $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP -Icommon $(CFLAGS) -c $< -o $@
 
-$(BUILD)/obj/host/%.o: %.cpp | $(NEEDS_PCH)
+$(BUILD)/obj/host/%.o: %.cpp $(BUILD)/flags/host_cxx | $(NEEDS_PCH)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CXX  $<")
 	$(Q)$(CCACHE) $(COMPILE_CXX) $(USE_PCH) -MMD -MP -c $< -o $@
@@ -103,9 +106,9 @@ define piece
 $(if $(V),,@echo "  CXX  $*")
 $(Q)$(CCACHE) $(COMPILE_CXX) $(IN_ONE_PIECE) -MMD -MP -c $< -o $@
 endef
-$(BUILD)/obj/host/%/room.o: $(BUILD)/gen/%/room.cpp
+$(BUILD)/obj/host/%/room.o: $(BUILD)/gen/%/room.cpp $(BUILD)/flags/host_cxx
 	$(piece)
-$(BUILD)/obj/host/%/program.o: $(BUILD)/gen/%/program.cpp
+$(BUILD)/obj/host/%/program.o: $(BUILD)/gen/%/program.cpp $(BUILD)/flags/host_cxx
 	$(piece)
 
 PIECES := $(foreach f,$(HOST_ROOMS:%=host/lib/%) $(TOOLS:%=host/tools/%),$(BUILD)/obj/host/$f/room.o $(BUILD)/obj/host/$f/program.o)

@@ -9,11 +9,11 @@ SELECTED_UNIT_TESTS := $(call selected,$(UNIT_TESTS))
 PYTEST_T := $(if $(T),-k '$(subst $(space), or ,$(strip $(T)))')
 
 $(BUILD)/obj/host/tests/%.o: CFLAGS += -D_GNU_SOURCE
-$(BUILD)/obj/host/tests/%.o: tests/%.c
+$(BUILD)/obj/host/tests/%.o: tests/%.c $(BUILD)/flags/host_c
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CC   $<")
 	$(Q)$(CCACHE) $(CC) -std=c99 -ffp-contract=off $(WARNINGS) -Wno-conversion $(OPTIMISE) $(SANITIZE_FLAGS) -MMD -MP -Icommon -Ifirmware -Itests $(CFLAGS) -c $< -o $@
-$(BUILD)/obj/host/tests/%.o: tests/%.cpp | $(NEEDS_PCH)
+$(BUILD)/obj/host/tests/%.o: tests/%.cpp $(BUILD)/flags/host_cxx | $(NEEDS_PCH)
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CXX  $<")
 	$(Q)$(CCACHE) $(COMPILE_CXX) $(USE_PCH) -Wno-conversion -MMD -MP -Itests -c $< -o $@

@@ -6,7 +6,8 @@ EXAMPLE_FLAGS := $(EXAMPLE_PLAIN_FLAGS) -flto
 BUDGET_COMPENSATE_BYTES := 4608
 EXAMPLES := $(BUILD)/firmware/examples/compensate.elf $(BUILD)/firmware/examples/calibrate.elf $(BUILD)/firmware/examples/imucal_mpu6050.o
 
-$(BUILD)/obj/examples/%.o: %.c
+FLAGS_examples = $(CROSS)gcc $(EXAMPLE_FLAGS) $(FIRMWARE_CPPFLAGS)
+$(BUILD)/obj/examples/%.o: %.c $(BUILD)/flags/examples
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CC   $< (example)")
 	$(Q)$(CCACHE) $(CROSS)gcc $(EXAMPLE_FLAGS) -MMD -MP $(FIRMWARE_CPPFLAGS) -c $< -o $@
@@ -18,7 +19,7 @@ $(BUILD)/firmware/examples/%.elf: $(BUILD)/obj/examples/firmware/examples/%.o $(
 	$(Q)$(CROSS)gcc $(EXAMPLE_FLAGS) -nostartfiles --specs=nano.specs -Wl,--gc-sections,-e,imu_loop,--unresolved-symbols=ignore-all $^ -o $@
 
 # The same without link-time optimisation, for who cannot use it.
-$(BUILD)/obj/examples_plain/%.o: %.c
+$(BUILD)/obj/examples_plain/%.o: %.c $(BUILD)/flags/examples
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CC   $< (example, no -flto)")
 	$(Q)$(CCACHE) $(CROSS)gcc $(EXAMPLE_PLAIN_FLAGS) -MMD -MP $(FIRMWARE_CPPFLAGS) -c $< -o $@
@@ -29,7 +30,7 @@ $(BUILD)/firmware/examples/compensate_plain.elf: $(BUILD)/obj/examples_plain/fir
 EXAMPLES += $(BUILD)/firmware/examples/compensate_plain.elf
 
 # The sketch against the few declarations of the Arduino API that it uses (tests/emu/arduino).
-$(BUILD)/firmware/examples/imucal_mpu6050.o: firmware/examples/imucal_mpu6050/imucal_mpu6050.ino
+$(BUILD)/firmware/examples/imucal_mpu6050.o: firmware/examples/imucal_mpu6050/imucal_mpu6050.ino $(BUILD)/flags/examples
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CXX  $<")
 	$(Q)$(CROSS)g++ $(EXAMPLE_CPU) -x c++ -std=gnu++17 -Os -fno-exceptions -fno-rtti -Wall -Wextra -Werror -MMD -MP -Itests/emu/arduino $(FIRMWARE_CPPFLAGS) -include Arduino.h -c $< -o $@
@@ -37,11 +38,12 @@ $(BUILD)/firmware/examples/imucal_mpu6050.o: firmware/examples/imucal_mpu6050/im
 # The same sketch as a process: Serial a pseudo-terminal, Wire a modelled MPU-6050 (tests/emu/arduino/native.cpp).
 SKETCH_C := $(BUILD)/obj/host/tests/emu/arduino/wire_model.o
 SKETCH_FLAGS := -std=gnu++17 -O1 -Wall -Wextra -Werror -MMD -MP -Itests -Itests/emu/arduino $(FIRMWARE_CPPFLAGS) $(SANITIZE_FLAGS)
-$(BUILD)/obj/host/sketch/%.o: tests/emu/arduino/%.cpp
+FLAGS_sketch = $(CXX) $(SKETCH_FLAGS) $(LDFLAGS)
+$(BUILD)/obj/host/sketch/%.o: tests/emu/arduino/%.cpp $(BUILD)/flags/sketch
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CXX  $<")
 	$(Q)$(CCACHE) $(CXX) $(SKETCH_FLAGS) -c $< -o $@
-$(BUILD)/obj/host/sketch/imucal_mpu6050.o: firmware/examples/imucal_mpu6050/imucal_mpu6050.ino
+$(BUILD)/obj/host/sketch/imucal_mpu6050.o: firmware/examples/imucal_mpu6050/imucal_mpu6050.ino $(BUILD)/flags/sketch
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CXX  $<")
 	$(Q)$(CXX) $(SKETCH_FLAGS) -x c++ -include Arduino.h -c $< -o $@

@@ -6,14 +6,15 @@ PY_CORE := $(BUILD)/python/_core.so
 # The rooms that it takes: the objects of the host programs, position independent as they are.
 PY_CORE_ROOMS := $(patsubst %,$(BUILD)/lib/%.a,analysis/errormodel analysis/dp physics/sim physics/effects noise linear io base common)
 
+FLAGS_python = $(CXX) $(HOST_CPPFLAGS)
 # nanobind's own source, and what includes it: not held to our warnings.
-$(BUILD)/obj/pic/host/python/native/%.o: host/python/native/%.cpp
+$(BUILD)/obj/pic/host/python/native/%.o: host/python/native/%.cpp $(BUILD)/flags/python
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CXX  $< (pic)")
 	$(Q)$(CCACHE) $(CXX) -std=c++17 -ffp-contract=off -O2 -fPIC -fvisibility=hidden -fno-strict-aliasing -Wall -Wextra -MMD -MP $(HOST_CPPFLAGS) \
 	  -isystem $(PY_NANOBIND) -isystem $(PY_NANOBIND)/../ext/robin_map/include -isystem $(PY_INCLUDE) -c $< -o $@
 
-$(BUILD)/obj/pic/nanobind.o:
+$(BUILD)/obj/pic/nanobind.o: $(BUILD)/flags/python
 	@mkdir -p $(@D)
 	@[ -n "$(PY_NANOBIND)" ] || { echo "imucal: the Python library nanobind is missing: make deps" >&2; exit 1; }
 	@echo "  CXX  nanobind"

@@ -3,7 +3,7 @@
 KEPT = python3 tests/bench/kept.py
 CHECK_IMAGES := $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/check.elf)
 
-$(BUILD)/bench/kernels: tests/bench/kernels.cpp $(HOST_ARCHIVE)
+$(BUILD)/bench/kernels: tests/bench/kernels.cpp $(BUILD)/flags/host_cxx $(HOST_ARCHIVE)
 	@mkdir -p $(@D)
 	$(Q)$(CCACHE) $(CXX) $(HOST_CXXFLAGS) $(OPTIMISE) $(SANITIZE_FLAGS) $(HOST_CPPFLAGS) $(CXXFLAGS) -c $< -o $@.o
 	$(Q)$(CXX) -pthread $(SANITIZE_FLAGS) $@.o $(HOST_ARCHIVE) $(LDFLAGS) $(HOST_LIBS) -o $@

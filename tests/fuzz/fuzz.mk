@@ -2,12 +2,13 @@
 FUZZ_SECONDS ?= 20
 FUZZ_CLANG ?= clang-14
 FUZZ_FLAGS := -std=c99 -g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -Icommon -Itests -D_GNU_SOURCE
+FLAGS_fuzz = $(CC) $(FUZZ_CLANG) $(FUZZ_FLAGS)
 
-$(BUILD)/tests/fuzz/fuzz_core: tests/fuzz/fuzz_core.c $(CORE_SOURCES) $(wildcard common/*.h)
+$(BUILD)/tests/fuzz/fuzz_core: tests/fuzz/fuzz_core.c $(BUILD)/flags/fuzz $(CORE_SOURCES) $(wildcard common/*.h)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(FUZZ_FLAGS) -DIMUCAL_FUZZ_MAIN $< $(CORE_SOURCES) -lcmocka -lm -o $@
 
-$(BUILD)/tests/fuzz/libfuzzer_core: tests/fuzz/fuzz_core.c $(CORE_SOURCES) $(wildcard common/*.h)
+$(BUILD)/tests/fuzz/libfuzzer_core: tests/fuzz/fuzz_core.c $(BUILD)/flags/fuzz $(CORE_SOURCES) $(wildcard common/*.h)
 	@mkdir -p $(@D)
 	$(Q)$(FUZZ_CLANG) $(FUZZ_FLAGS) -fsanitize=fuzzer $< $(CORE_SOURCES) -o $@
 
@@ -22,7 +23,7 @@ fuzz-clang:: $(BUILD)/tests/fuzz/libfuzzer_core  ## the same by libFuzzer (needs
 # The whole app: operations chosen by libFuzzer's coverage where clang is there (FUZZ_CLANG), else drawn at random.
 FUZZ_INPUTS ?= 20000
 FUZZ_DEVICE_SOURCES := $(wildcard firmware/app/*.c)
-FUZZ_DEVICE_NEEDS := tests/fuzz/fuzz_device.c tests/fuzz/fuzz_device.h tests/emu/nor.h $(FUZZ_DEVICE_SOURCES) $(CORE_SOURCES) \
+FUZZ_DEVICE_NEEDS := tests/fuzz/fuzz_device.c $(BUILD)/flags/fuzz tests/fuzz/fuzz_device.h tests/emu/nor.h $(FUZZ_DEVICE_SOURCES) $(CORE_SOURCES) \
                      $(wildcard common/*.h firmware/app/*.h)
 $(BUILD)/tests/fuzz/fuzz_device: $(FUZZ_DEVICE_NEEDS)
 	@mkdir -p $(@D)

@@ -20,7 +20,8 @@ PORTABLE_CORE_FLAGS := -std=c99 -ffp-contract=off -Wall -Wextra -Werror -D_GNU_S
 
 # $1 machine
 define portable_core_rules
-$(BUILD)/portable/$1/common/%.o: common/%.c
+FLAGS_portable_$1 = $$(PORTABLE_CC_$1) $$(CORE_CFLAGS) $$(PORTABLE_FLAGS_$1) $$(PORTABLE_CORE_FLAGS)
+$(BUILD)/portable/$1/common/%.o: common/%.c $(BUILD)/flags/portable_$1
 	@mkdir -p $$(@D)
 	$$(if $$(V),,@echo "  CC   $$< ($1)")
 	$$(Q)$$(PORTABLE_CC_$1) $$(CORE_CFLAGS) -O2 $$(PORTABLE_FLAGS_$1) -MMD -MP -Icommon -c $$< -o $$@

@@ -5,7 +5,8 @@ CROSS_RISCV ?= riscv64-unknown-elf-
 RISCV_FLAGS := -march=rv32imac -misa-spec=2.2 -mabi=ilp32 -mcmodel=medlow --specs=picolibc.specs $(FIRMWARE_CFLAGS) -Os -ffunction-sections -fdata-sections
 RISCV_SOURCES := $(wildcard firmware/port/riscv_virt/*.c) $(FIRMWARE_APP) $(FIRMWARE_SIM) $(FIRMWARE_BUS) $(addprefix firmware/port/arm/semihost,.c _sim.c _bus.c)
 
-$(BUILD)/obj/riscv_virt/%.o: %.c
+FLAGS_riscv_virt = $(CROSS_RISCV)gcc $(RISCV_FLAGS) $(FIRMWARE_CPPFLAGS)
+$(BUILD)/obj/riscv_virt/%.o: %.c $(BUILD)/flags/riscv_virt
 	@mkdir -p $(@D)
 	$(if $(V),,@echo "  CC   $< (riscv_virt)")
 	$(Q)$(CCACHE) $(CROSS_RISCV)gcc $(RISCV_FLAGS) -MMD -MP $(FIRMWARE_CPPFLAGS) -c $< -o $@

@@ -14,7 +14,8 @@ STM32_QEMU := firmware/port/stm32f405/board_emulated.c firmware/port/arm/semihos
 # they differ in the sources that they link.
 # $1 folder in build/obj
 define stm32_objects
-$(BUILD)/obj/$1/%.o: %.c
+FLAGS_$1 = $$(CROSS)gcc $$(CPU_$1) $$(FIRMWARE_CFLAGS) $$(MCU_OPTIMISE) $$(FIRMWARE_CPPFLAGS)
+$(BUILD)/obj/$1/%.o: %.c $(BUILD)/flags/$1
 	@mkdir -p $$(@D)
 	$$(if $$(V),,@echo "  CC   $$< ($1)")
 	$$(Q)$$(CCACHE) $$(CROSS)gcc $$(CPU_$1) $$(FIRMWARE_CFLAGS) $$(MCU_OPTIMISE) \

@@ -1,6 +1,6 @@
 # `calibrate`: the device client and its tests' helpers.
 
-$(BUILD)/tests/tty_shim.so: tests/emu/tty_shim.c
+$(BUILD)/tests/tty_shim.so: tests/emu/tty_shim.c $(BUILD)/flags/host_c
 	@mkdir -p $(@D)
 	$(Q)$(CC) -shared -fPIC -O1 $(WARNINGS) $< -o $@
 

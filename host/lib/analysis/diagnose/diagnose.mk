@@ -13,7 +13,7 @@ selector-table: $(SELECTOR_TABLE)  ## what each constant of diagnose's selector 
 
 oracle: $(ORACLE)
 
-$(SELECTOR_TABLE) $(ORACLE): $(BUILD)/bench/%: tests/bench/%.cpp \
+$(SELECTOR_TABLE) $(ORACLE): $(BUILD)/bench/%: tests/bench/%.cpp $(BUILD)/flags/host_cxx \
                    $(patsubst %,$(BUILD)/lib/%.a,analysis/diagnose physics/sim physics/effects noise linear io base common)
 	@mkdir -p $(@D)
 	$(Q)$(CCACHE) $(CXX) $(HOST_CXXFLAGS) $(OPTIMISE) $(HOST_CPPFLAGS) $(CXXFLAGS) -c $< -o $@.o

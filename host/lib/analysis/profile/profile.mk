@@ -18,7 +18,7 @@ bench:: $(BUILD)/bench/profile_speed
 test-long:: $(BUILD)/bench/profile_long
 	$(Q)$(BUILD)/bench/profile_long $(SEED)
 
-$(BUILD)/bench/profile_%: tests/bench/profile_%.cpp $(HOST_ARCHIVE)
+$(BUILD)/bench/profile_%: tests/bench/profile_%.cpp $(BUILD)/flags/host_cxx $(HOST_ARCHIVE)
 	@mkdir -p $(@D)
 	$(Q)$(CCACHE) $(CXX) $(HOST_CXXFLAGS) $(OPTIMISE) $(HOST_CPPFLAGS) $(CXXFLAGS) -c $< -o $@.o
 	$(Q)$(CXX) -pthread $@.o $(HOST_ARCHIVE) $(LDFLAGS) $(HOST_LIBS) -o $@
