@@ -5,7 +5,6 @@ not depend on what else the machine does; --before FOLDER shows the programs of 
 import argparse
 import json
 import re
-import resource
 import statistics
 import subprocess
 import tempfile

@@ -29,8 +29,8 @@ from imucal.errors import DataError  # noqa: E402
 from imucal.inputs import plain_file  # noqa: E402
 from imucal.log import write_text  # noqa: E402
 from imucal.plot import diagnosis as draw  # noqa: E402
-from imucal.plot.diagnosis import branches  # noqa: E402, F401  (part of this script's interface)
 
+branches = draw.branches  # part of this script's interface
 TEMPLATES = os.path.join(HERE, "templates")
 LARGEST_HASHED_BYTES = 2**30
 

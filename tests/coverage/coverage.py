@@ -6,7 +6,6 @@ usage: coverage.py [--build DIR] [--verbose] [FILE ...]
 Every line of common/*.c and firmware/app/*.c must be run.  A branch that no test takes must stand in uncovered.txt with
 the reason why none can; an entry whose branch is taken, or is no more, is an error too.  Exit status: 0 so it is, 1 not."""
 import argparse
-import gzip
 import json
 import os
 import subprocess

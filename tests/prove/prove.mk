@@ -10,15 +10,22 @@ prove:  ## the core under Frama-C Eva: no alarm, or each argued in tests/prove/a
 CPPCHECK := cppcheck -q --error-exitcode=1 --suppress=missingIncludeSystem --inline-suppr
 NEEDS_CPPCHECK = @command -v cppcheck >/dev/null || { echo "needs cppcheck; install it with: apt-get install cppcheck" >&2; exit 3; }
 NEEDS_TIDY = @command -v clang-tidy >/dev/null || { echo "needs clang-tidy; install it with: apt-get install clang-tidy" >&2; exit 3; }
+PYFLAKES ?= pyflakes3
 LINTED := common/*.c firmware/app/*.c firmware/flash/*.c
 LINTED_FIRMWARE := firmware/sensors firmware/port/stm32f405 firmware/port/nrf51 firmware/port/riscv_virt firmware/port/arm firmware/port/posix firmware/port/sim
-lint: lint-host  ## clang-tidy (.clang-tidy) and cppcheck on core and firmware, cppcheck on the host's C++: no finding
-	$(NEEDS_CPPCHECK)
+lint: lint-c lint-host lint-python  ## clang-tidy (.clang-tidy) on core and app, and all that lint-c, lint-host and lint-python see: no finding
 	$(NEEDS_TIDY)
 	$(Q)clang-tidy --quiet $(LINTED) -- -std=c99 -ffp-contract=off -Icommon -Ifirmware 2>/dev/null
+
+lint-c:  ## cppcheck on core and firmware (seconds)
+	$(NEEDS_CPPCHECK)
 	$(Q)$(CPPCHECK) --std=c99 --enable=warning,style,performance,portability --suppress=ctuuninitvar:common/kf.c \
 	  -Icommon -Ifirmware $(LINTED)
 	$(Q)$(CPPCHECK) --std=c99 --enable=warning,performance,portability -Icommon -Ifirmware $(LINTED_FIRMWARE)
+
+lint-python:  ## pyflakes on every Python file (seconds)
+	@command -v $(PYFLAKES) >/dev/null || { echo "needs pyflakes; install it with: apt-get install pyflakes3" >&2; exit 3; }
+	$(Q)git ls-files '*.py' | xargs $(PYFLAKES)
 
 lint-host:  ## cppcheck on the host's C++ (half a minute)
 	$(NEEDS_CPPCHECK)
@@ -38,4 +45,4 @@ misra:  ## MISRA C:2012 rules that the core deviates from, with their counts (co
 	$(NEEDS_CPPCHECK)
 	$(Q)cd common && cppcheck --std=c99 -q --addon=misra -I. *.c 2>&1 | grep -oE 'misra-c2012-[0-9.]+' | sort | uniq -c | sort -rn
 
-.PHONY: lint lint-host lint-tidy-host misra
+.PHONY: lint lint-c lint-python lint-host lint-tidy-host misra

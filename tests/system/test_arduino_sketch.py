@@ -5,8 +5,6 @@ import csv
 import json
 import subprocess
 
-import pytest
-
 from child import Child
 from device_link import BUILD, Line
 

@@ -10,7 +10,7 @@ from scipy.linalg import null_space
 from scipy.signal import freqz
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), ".."))
-from blind import cases, causes, gauge, noise, outside, report, score, sensor, whiten  # noqa: E402
+from blind import cases, causes, gauge, noise, report, score, sensor, whiten  # noqa: E402
 
 BIAS = np.array([80.0, 300.0, 150.0, -100.0])
 WHITE_DPH, SIGMA_DPH, TAU_S = 36.0, 20.0, 100.0

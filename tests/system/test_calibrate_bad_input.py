@@ -2,11 +2,10 @@
 """What can be wrong with tables, logs, models, ports and devices: each ends in a clear message and the right exit
 status, and the device keeps its last good table."""
 import json
-import os
 import time
 
 import pytest
-from imu import BASIC, IMPATIENT, MODEL, QUICK, RESTING, Imu, wait_until
+from imu import IMPATIENT, MODEL, QUICK, RESTING, Imu, wait_until
 from noisy_line import NoisyLine
 
 

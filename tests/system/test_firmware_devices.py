@@ -2,7 +2,6 @@
 """The running devices from outside: posix process, MPS2 AN386 and nRF51 in QEMU, over their serial line."""
 import os
 import random
-import socket
 import struct
 import subprocess
 import sys
@@ -11,7 +10,7 @@ import time
 
 import pytest
 
-from device_link import BUILD, MESSAGES, ROOT, Device, Line, Silence, connect, frame, free_port, sample_record
+from device_link import BUILD, ROOT, Device, Line, Silence, connect, frame, free_port, sample_record
 
 PORTS = ["posix", "mps2_an386", "nrf51"]
 RATE_HZ, DURATION_S = 20, 400

@@ -142,9 +142,9 @@ def make_flash(folder, *arguments, tools=("openocd", "dfu-util")):
 
 
 def test_flash_by_openocd_writes_the_image_that_was_asked_for(tmp_path):
-    for sensor, store, image in (("icm42688p", "chip", "stm32f405"), ("mpu6050", "chip", "stm32f405_mpu6050"),
+    for sensor, tables, image in (("icm42688p", "chip", "stm32f405"), ("mpu6050", "chip", "stm32f405_mpu6050"),
                                  ("icm42688p", "w25q", "stm32f405_w25q"), ("mpu6050", "w25q", "stm32f405_mpu6050_w25q")):
-        result, calls = make_flash(tmp_path / image, "SENSOR=" + sensor, "STORE=" + store)
+        result, calls = make_flash(tmp_path / image, "SENSOR=" + sensor, "STORE=" + tables)
         assert result.returncode == 0, result.stderr
         elf = BUILD / "firmware" / image / "imucal.elf"
         assert elf.exists()

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
 """``imucal check``: is a file one of ours, and valid?  Messages name file and line."""
 import json
-import os
 import warnings
 from pathlib import Path
 
