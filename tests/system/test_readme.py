@@ -117,27 +117,38 @@ def test_command_line_of_a_readme_runs_as_printed(folder, device, path, number, 
 
 # Run by this file, or what `make test` itself is made of.
 RUN_HERE = {"demo": "test_demo_prints_the_figures_of_the_readmes", "help": "test_make_lines_run"}
-# Not run by tests: campaigns of minutes, and what installs or writes outside build/.
+# Not run by tests as they stand: campaigns of minutes, and what installs or writes outside build/.
 LONG = {
-    "bench": "speed of an idle machine, minutes", "bench-package": "speed of an idle machine", "blind": "hours; short form test_blind.py",
-    "core-figures": "minutes", "coverage": "run by .ci/run", "fuzz": "runs for a time; short form test_link", "fuzz-clang": "needs clang",
-    "fuzz-device": "minutes; short form test_app_fuzz", "fuzz-files": "needs clang; short form test_fuzz_files",
-    "line": "minutes; short forms in test_calibrate.py", "lint": "needs clang-tidy and cppcheck", "misra": "needs cppcheck",
-    "month": "minutes", "mutate": "an hour; short form test_mutate.py", "portable": "compiles everything for two machines",
-    "portable-core": "short form test_portable_core.py", "profile-table": "minutes", "profile-oscillations": "minutes",
-    "figures": "minutes", "prove": "needs Frama-C; minutes", "recorded": "minutes; short form test_recorded.py", "sanitize": "run by .ci/run", "sanitize-long": "an hour; short form make sanitize", "sick": "minutes; its short form test_sick.py runs every fault",
-    "selector-table": "minutes; short form test_selector_table.py", "fuzz-imports": "minutes; short form test_fuzz_imports.py",
-    "soak": "an hour; short form test_store_torn", "torn": "minutes; short form test_store_torn", "test-long": "minutes",
-    "validation": "minutes; short form test_montecarlo.py", "formats-table": "minutes; short form test_formats.py",
-    "cost-diff": "run with every firmware change", "cycles": "QEMU, minutes", "size": "part of cost-diff", "stack": "part of cost-diff",
-    "budget": "links three applications", "docs": "needs Sphinx", "install": "writes outside build/; test_imucal_install.py",
-    "flash": "needs a board", "test": "this is it", "deps": "make test begins with it", "all": "make test begins with it",
-    "firmware": "make test begins with it", "python": "make test begins with it", "firmware-riscv": "test_firmware_riscv.py",
-    "sensor-table": "counts what the sensors' unit tests run", "bench-diff": "speed of an idle machine", "blind-dev": "as blind",
-    "clean": "removes", "distclean": "removes", "deb": "packages", "deb-check": "installs packages", "dist": "packages",
-    "uninstall": "writes outside build/; test_imucal_install.py", "host": "make test begins with it", "python-core": "make test begins with it",
-    "system-test": "part of make test", "unit-test": "part of make test",
-    "format": "rewrites sources", "format-check": "run by .ci/run"}
+    "all": "make test begins with it", "bench": "speed of an idle machine, minutes", "bench-diff": "speed of an idle machine",
+    "bench-package": "speed of an idle machine", "blind": "hours", "core-figures": "minutes",
+    "cost-diff": "run with every firmware change", "coverage": "run by .ci/run", "cycles": "QEMU, minutes",
+    "deps": "make test begins with it", "docs": "MkDocs in a venv of its own", "figures": "minutes",
+    "firmware": "make test begins with it", "flash": "needs a board; run with stand-ins for its tools", "format": "rewrites sources",
+    "formats-table": "a file of 100 MB, speed of an idle machine", "fuzz": "runs for a time; compiled by make test",
+    "fuzz-clang": "needs clang", "fuzz-device": "minutes", "fuzz-files": "needs clang", "fuzz-imports": "minutes",
+    "firmware-riscv": "where its compiler is", "install": "writes outside build/", "line": "minutes",
+    "lint": "needs clang-tidy; the rest of it is run by .ci/run", "misra": "needs cppcheck",
+    "month": "minutes; compiled by make test", "mutate": "an hour", "portable": "compiles everything for two machines",
+    "portable-core": "two machines", "profile-oscillations": "minutes", "profile-table": "minutes",
+    "prove": "needs Frama-C; minutes",
+    "python": "writes into the venv; its compiled part is python-core, which make test builds",
+    "recorded": "minutes, and needs the logs", "sanitize": "run by .ci/run", "selector-table": "minutes; compiled by make test",
+    "sensor-table": "counts what the sensors' unit tests run", "sick": "minutes", "size": "part of cost-diff",
+    "soak": "an hour", "stack": "part of cost-diff", "test": "this is it", "test-long": "minutes", "torn": "minutes",
+    "unit-test": "part of make test", "validation": "minutes"}
+# What make test runs of them, or beside them: its file, and a word of what both of them run.
+SHORT_FORM = {
+    "blind": ("system/test_blind.py", "blind"), "budget": ("system/test_readme_figures.py", "budget"),
+    "firmware-riscv": ("system/test_firmware_riscv.py", "firmware-riscv"),
+    "flash": ("system/test_firmware_stm32f405.py", "openocd"), "fuzz-device": ("firmware/test_app_fuzz.c", "fuzz_device"),
+    "fuzz-files": ("host/test_fuzz_files.cpp", "fuzz/corpus"), "fuzz-imports": ("python/test_fuzz_imports.py", "fuzz_imports"),
+    "install": ("system/test_imucal_install.py", "install.sh"), "line": ("system/test_calibrate.py", "noisy_line"),
+    "mutate": ("system/test_mutate.py", "mutate.py"), "portable-core": ("system/test_portable_core.py", "portable-core"),
+    "recorded": ("system/test_recorded.py", "recorded"), "sick": ("system/test_sick.py", "sick"),
+    "soak": ("common/test_store_torn.c", "torn/torn.h"), "torn": ("common/test_store_torn.c", "torn/torn.h"),
+    "validation": ("system/test_readme_figures.py", "validation.py")}
+# bench-whole and coverage-errormodel: as bench and coverage.
+STATED = set(RUN_HERE) | set(LONG) | set(SHORT_FORM)
 
 
 def make_words():
@@ -153,9 +164,17 @@ def make_words():
     return found
 
 
+def make_files():
+    return [p for p in ROOT.rglob("*") if (p.suffix == ".mk" or p.name == "Makefile") and not {"build", ".git"} & set(p.relative_to(ROOT).parts)]
+
+
 def make_text():
-    files = [p for p in ROOT.rglob("*") if (p.suffix == ".mk" or p.name == "Makefile") and not {"build", ".git"} & set(p.relative_to(ROOT).parts)]
-    return "\n".join(p.read_text() for p in files)
+    return "\n".join(p.read_text() for p in make_files())
+
+
+def rule(target):
+    """A pattern of the line that makes it a target."""
+    return r"(?m)^(?:[\w. -]* )?%s(?: [\w. -]*)?::?(?: |$)" % re.escape(target)
 
 
 def test_make_targets_of_the_readmes_exist_and_are_run_or_stated():
@@ -166,9 +185,19 @@ def test_make_targets_of_the_readmes_exist_and_are_run_or_stated():
             assert re.search(r"(?m)^%s *[?:]?=|\$[({]%s[)}]" % (knob, knob), rules) or knob in ("CXX", "CC"), (target, knob)
         if target.startswith("build/"):
             continue
-        assert re.search(r"(?m)^(?:[\w. -]* )?%s(?: [\w. -]*)?::?(?: |$)" % re.escape(target), rules), f"no target: make {target}"
-        family = target.split("-")[0]  # bench-whole and coverage-errormodel: as bench and coverage
-        assert target in RUN_HERE or target in LONG or family in LONG, f"make {target}: run it here or say in LONG why not"
+        assert re.search(rule(target), rules), f"no target: make {target}"
+        assert {target, target.split("-")[0]} & STATED, f"make {target}: run it here or say in LONG why not"
+    assert STATED <= {target for target, _ in words}, "no README names these"
+
+
+def test_what_is_stated_of_targets_that_are_not_run_is_so():
+    for target, (name, word) in SHORT_FORM.items():
+        assert word in (ROOT / "tests" / name).read_text(), (target, name)
+        texts = [path.read_text() for path in make_files() if re.search(rule(target), path.read_text())]
+        scripts = {script for text in texts for script in re.findall(r"\b(?:tests|host|firmware)/[\w/]+\.(?:py|sh|c|cpp)\b", text)}
+        assert any(word in text for text in [*texts, *((ROOT / script).read_text() for script in scripts)]), (target, word)
+    for target in (target for target, reason in LONG.items() if "run by .ci/run" in reason):
+        assert re.search(r"(?m)^make (?:.* )?%s\b" % target, (ROOT / ".ci/run").read_text()), target
 
 
 def test_make_lines_run():
