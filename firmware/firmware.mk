@@ -15,7 +15,7 @@ FIRMWARE_IMAGES := $(BUILD)/firmware/posix/imucal $(BUILD)/firmware/posix/check 
                    $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf) \
                    $(foreach image,stm32f405 stm32f405_mpu6050 stm32f405_w25q stm32f405_mpu6050_w25q stm32f405_qemu,$(BUILD)/firmware/$(image)/imucal.elf) \
                    $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/check.elf)
-firmware: $(FIRMWARE_IMAGES)  ## build the firmware images into build/firmware
+firmware: $(FIRMWARE_IMAGES)  ## build: build the firmware images into build/firmware
 
 # ---- this machine: the posix port, and what the unit tests link ----
 
@@ -110,15 +110,15 @@ include firmware/port/riscv_virt/riscv_virt.mk
 # ---- what it costs (firmware/cost.py --help) ----
 
 COST := python3 firmware/cost.py --build $(BUILD) --cross $(CROSS)
-size: firmware  ## flash of each core object, RAM of its structures, on Cortex-M4F and Cortex-M0
+size: firmware  ## figure: flash of each core object, RAM of its structures, on Cortex-M4F and Cortex-M0
 	@$(COST) size
-stack: firmware  ## worst stack of the firmware: call graph, and painted stack in QEMU
+stack: firmware  ## figure: worst stack of the firmware: call graph, and painted stack in QEMU
 	@$(COST) stack
-cycles: firmware  ## instructions per call of the core's functions, counted in QEMU
+cycles: firmware  ## figure: instructions per call of the core's functions, counted in QEMU
 	@$(COST) cycles
-cost-diff: firmware  ## all three against firmware/cost_baseline.json (cost.py save writes it)
+cost-diff: firmware  ## figure: all three against firmware/cost_baseline.json (cost.py save writes it)
 	@$(COST) diff
 
-sensor-table: firmware host  ## what stands behind each sensor driver: lines, checks, faults injected and found
+sensor-table: firmware host  ## figure: what stands behind each sensor driver: lines, checks, faults injected and found
 	$(Q)BUILD=$(BUILD) $(PYTHON) tests/emu/sensor_table.py
 .PHONY: size stack cycles cost-diff sensor-table

@@ -19,7 +19,6 @@ HOST_LIBS ?= -Wl,--as-needed -lserialport -lnlopt -lClp -lz
 
 HOST_CPPFLAGS := -Icommon -Ihost/lib -Ihost/tools -isystem /usr/include/eigen3 -DIMUCAL_VERSION='"$(VERSION)"' -DEIGEN_MPL2_ONLY
 HOST_CXXFLAGS := -std=c++17 -pedantic -ffp-contract=off -pthread $(WARNINGS)
-comma := ,
 SANITIZE_FLAGS := $(if $(SANITIZE),-fsanitize=address$(comma)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g1)
 # Position independent once for all: the same objects serve the programs and the Python package.
 PIC := -fPIC -fvisibility=hidden
@@ -64,7 +63,7 @@ $(foreach room,$(HOST_ROOMS),$(eval $(BUILD)/gen/host/lib/$(room)/room.cpp: $(wi
 TOOLS := $(notdir $(patsubst %/,%,$(wildcard host/tools/*/)))
 HOST_OBJECTS := $(CORE_OBJECTS) $(foreach f,$(HOST_ROOMS:%=host/lib/%) $(TOOLS:%=host/tools/%),$(call folder_objects,$f))
 
-host: $(HOST_PROGRAMS)  ## build the host programs into build/bin
+host: $(HOST_PROGRAMS)  ## build: build the host programs into build/bin
 
 # ---- precompiled headers ----
 # For sources that are compiled by themselves: tests, and everything with BY_FILE=1.  A room in one piece is as quick

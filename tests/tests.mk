@@ -29,7 +29,7 @@ $(filter $(BUILD)/tests/host/%,$(UNIT_TESTS)): $(BUILD)/obj/host/tests/host/dens
 .SECONDARY: $(patsubst $(BUILD)/tests/%,$(BUILD)/obj/host/tests/%.o,$(UNIT_TESTS))
 
 # `make test` on a bare machine installs first; the recursive call sees what was installed.
-test:  ## install what is missing, build, and run all tests (T=<filter> for some)
+test:  ## test: install what is missing, build, and run all tests (T=<filter> for some)
 	@$(MAKE) --no-print-directory deps
 	@$(MAKE) --no-print-directory -j2 all unit-programs campaign-programs python-core
 	@$(MAKE) --no-print-directory unit-test system-test
@@ -37,18 +37,18 @@ test:  ## install what is missing, build, and run all tests (T=<filter> for some
 unit-programs: $(SELECTED_UNIT_TESTS)
 
 # What no test runs is compiled all the same, so that it keeps up with the library.  Each *.mk names its own (test_campaigns.py).
-campaign-programs:  ## build what only campaigns run (bench, blind-confusions, fuzz, soak, torn)
+campaign-programs:  ## test: build what only campaigns run (bench, blind-confusions, fuzz, soak, torn)
 
-unit-test: unit-programs  ## run the CMocka tests of the core and the host library
+unit-test: unit-programs  ## test: run the CMocka tests of the core and the host library
 	$(Q)BUILD=$(BUILD) tests/run_unit $(SELECTED_UNIT_TESTS)
 
 # Three processes on two cores, since some tests wait for a device; each file in one of them: some files build or draw once for all
 # of their tests.  What has a short form leaves its other draws (`long`) to test-long.
 PYTEST = BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider --dist loadfile --no-loadscope-reorder $(PYTEST_T) tests/system tests/python
-system-test:  ## run the pytest tests of the built programs
+system-test:  ## test: run the pytest tests of the built programs
 	$(Q)$(PYTEST) -n 3 -m 'not long'; code=$$?; [ $$code -eq 0 ] || { [ -n "$(T)" ] && [ $$code -eq 5 ]; }
 
-test-long:: host unit-programs  ## what `make test` leaves out: many more draws of tests that have a short form, tests of minutes
+test-long:: host unit-programs  ## test: what `make test` leaves out: many more draws of tests that have a short form, tests of minutes
 	$(Q)LONG=1 BUILD=$(BUILD) tests/run_unit $(filter %/test_diagnose_causes %/test_diagnose_noise,$(UNIT_TESTS))
 	$(Q)$(PYTEST) -n 2 -m long
 
@@ -58,7 +58,7 @@ sanitize: export SHORT ?= 1
 sanitize sanitize-long:
 	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize VENV=$(VENV) SANITIZE=1 -j2 host unit-programs
 	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize VENV=$(VENV) SANITIZE=1 unit-test
-sanitize:  ## unit tests under ASan and UBSan, without the longest answers of diagnose
-sanitize-long:  ## the same with all of them (an hour)
+sanitize:  ## test: unit tests under ASan and UBSan, without the longest answers of diagnose
+sanitize-long:  ## test: the same with all of them (an hour)
 
 .PHONY: test unit-programs campaign-programs unit-test system-test test-long sanitize sanitize-long

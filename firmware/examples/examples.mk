@@ -58,7 +58,7 @@ EXAMPLES += $(BUILD)/tests/emu/sketch
 firmware: $(EXAMPLES)
 
 BUDGET_IMAGES := $(addprefix $(BUILD)/firmware/,examples/compensate.elf examples/compensate_plain.elf examples/calibrate.elf stm32f405/imucal.elf stm32f405_w25q/imucal.elf)
-budget: $(BUDGET_IMAGES)  ## flash of the core where it only compensates, where it learns too, and of the whole device
+budget: $(BUDGET_IMAGES)  ## figure: flash of the core where it only compensates, where it learns too, and of the whole device
 	@python3 firmware/examples/budget.py $(BUDGET_COMPENSATE_BYTES) $(CROSS)nm $(filter %.elf,$^)
 .PHONY: budget
 -include $(shell find $(BUILD)/obj/examples $(BUILD)/obj/host/sketch $(BUILD)/firmware/examples -name '*.d' 2>/dev/null)

@@ -26,17 +26,17 @@ $(PY_CORE): $(BUILD)/obj/pic/nanobind.o $(BUILD)/obj/pic/host/python/native/core
 	$(if $(V),,@echo "  LINK $@")
 	$(Q)$(CXX) -shared -pthread $^ -o $@ -Wl,--gc-sections $(HOST_LIBS)
 
-python-core: $(PY_CORE)  ## build the compiled part of the Python package
+python-core: $(PY_CORE)  ## build: build the compiled part of the Python package
 
-python:  ## install the Python package imucal into build/venv
+python:  ## build: install the Python package imucal into build/venv
 	@$(MAKE) --no-print-directory deps
 	$(Q)$(PYTHON) -m pip install --quiet --disable-pip-version-check ./host/python
 	@$(PYTHON) -I -c 'import imucal, numpy; c = imucal.allan_deviation(numpy.random.default_rng(1).normal(size=1000)); print("imucal", imucal.__version__, "installed:", len(c.tau_s), "points of an Allan deviation")'
 
-formats-table: $(PY_CORE)  ## the importers' table: fields, round-trip error, real files, MB/s; a 100-MB ULog against pyulog
+formats-table: $(PY_CORE)  ## figure: the importers' table: fields, round-trip error, real files, MB/s; a 100-MB ULog against pyulog
 	$(Q)IMUCAL_BIN=$(abspath $(BUILD))/bin $(PYTHON) tests/bench/bench_import.py
 
-bench-package: $(PY_CORE) $(BUILD)/tests/bench_dp  ## allan_deviation of the Python package against the C++ time
+bench-package: $(PY_CORE) $(BUILD)/tests/bench_dp  ## figure: allan_deviation of the Python package against the C++ time
 	$(Q)$(PYTHON) tests/bench/bench_package.py --build $(BUILD)
 
 system-test: $(PY_CORE)

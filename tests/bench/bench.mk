@@ -13,7 +13,7 @@ unit-programs: $(BUILD)/bench/kernels
 bench:: $(BUILD)/bench/kernels $(CHECK_IMAGES)
 	$(Q)$(KEPT) measure --build $(BUILD)
 
-bench-diff: $(BUILD)/bench/kernels $(CHECK_IMAGES)  ## instructions of kernels and of the core against tests/bench/saved.json: status 1 at a loss of 20 %
+bench-diff: $(BUILD)/bench/kernels $(CHECK_IMAGES)  ## figure: instructions of kernels and of the core against tests/bench/saved.json: status 1 at a loss of 20 %
 	$(Q)$(KEPT) diff --build $(BUILD)
 
 .PHONY: bench bench-diff

@@ -12,10 +12,10 @@ $(BUILD)/tests/fuzz/libfuzzer_core: tests/fuzz/fuzz_core.c $(BUILD)/flags/fuzz $
 	@mkdir -p $(@D)
 	$(Q)$(FUZZ_CLANG) $(FUZZ_FLAGS) -fsanitize=fuzzer $< $(CORE_SOURCES) -o $@
 
-fuzz:: $(BUILD)/tests/fuzz/fuzz_core  ## random bytes into link receiver and table decoder, under ASan and UBSan
+fuzz:: $(BUILD)/tests/fuzz/fuzz_core  ## campaign: random bytes into link receiver and table decoder, under ASan and UBSan
 	$(Q)$< $(FUZZ_SECONDS) $(SEED)
 
-fuzz-clang:: $(BUILD)/tests/fuzz/libfuzzer_core  ## the same by libFuzzer (needs clang-14)
+fuzz-clang:: $(BUILD)/tests/fuzz/libfuzzer_core  ## campaign: as fuzz, by libFuzzer (needs clang-14)
 	$(Q)mkdir -p $(BUILD)/fuzz_corpus && $< -max_total_time=$(FUZZ_SECONDS) -seed=$(SEED) -max_len=2048 -print_final_stats=1 $(BUILD)/fuzz_corpus
 
 .PHONY: fuzz fuzz-clang
@@ -32,7 +32,7 @@ $(BUILD)/tests/fuzz/libfuzzer_device: $(FUZZ_DEVICE_NEEDS)
 	@mkdir -p $(@D)
 	$(Q)$(FUZZ_CLANG) $(FUZZ_FLAGS) -Ifirmware -fsanitize=fuzzer $< $(FUZZ_DEVICE_SOURCES) $(CORE_SOURCES) -o $@
 
-fuzz-device: $(BUILD)/tests/fuzz/fuzz_device  ## random operations on the whole app, then by libFuzzer (FUZZ_INPUTS, FUZZ_SECONDS, SEED)
+fuzz-device: $(BUILD)/tests/fuzz/fuzz_device  ## campaign: random operations on the whole app, then by libFuzzer (FUZZ_INPUTS, FUZZ_SECONDS, SEED)
 	$(Q)$< $(FUZZ_INPUTS) $(SEED) 2>$(BUILD)/tests/fuzz/fuzz_device.log || { tail -3 $(BUILD)/tests/fuzz/fuzz_device.log; exit 1; }
 	$(Q)command -v $(FUZZ_CLANG) >/dev/null || { echo "fuzz-device: SKIP: no $(FUZZ_CLANG) for libFuzzer (apt-get install clang-14)"; exit 0; }; \
 	$(MAKE) --no-print-directory $(BUILD)/tests/fuzz/libfuzzer_device && mkdir -p $(BUILD)/fuzz_device_corpus && \
@@ -59,7 +59,7 @@ fuzz-files-program:
 	$(Q)$(MAKE) --no-print-directory BUILD=$(BUILD)/fuzz VENV=$(VENV) CC=$(FUZZ_CLANG) CXX=$(FUZZ_CXX) PCH= \
 	  SANITIZE_FLAGS='$(FUZZ_FILES_FLAGS)' $(BUILD)/fuzz/tests/fuzz/libfuzzer_files
 
-fuzz-files: fuzz-files-program  ## logs, JSON and tables by libFuzzer under ASan and UBSan (FUZZ_FILES_RUNS, FUZZ_FILES_SECONDS, SEED)
+fuzz-files: fuzz-files-program  ## campaign: logs, JSON and tables by libFuzzer under ASan and UBSan (FUZZ_FILES_RUNS, FUZZ_FILES_SECONDS, SEED)
 	$(Q)mkdir -p $(BUILD)/fuzz_files_corpus $(BUILD)/tests/fuzz && $(BUILD)/fuzz/tests/fuzz/libfuzzer_files -runs=$(FUZZ_FILES_RUNS) -max_total_time=$(FUZZ_FILES_SECONDS) -seed=$(SEED) -max_len=4096 \
 	  -dict=tests/fuzz/files.dict -timeout=20 -print_final_stats=1 -verbosity=0 -artifact_prefix=$(BUILD)/tests/fuzz/ \
 	  $(BUILD)/fuzz_files_corpus tests/fuzz/corpus
@@ -68,7 +68,7 @@ fuzz-files: fuzz-files-program  ## logs, JSON and tables by libFuzzer under ASan
 
 # The files of other programs that the Python package imports, and JSON: damage at random, each batch in a process of its own.
 FUZZ_IMPORTS_RUNS ?= 20000
-fuzz-imports: python  ## damaged ULog, .bin, bags, .mat, tables, JSON: taken or refused by name (FUZZ_IMPORTS_RUNS, SEED)
+fuzz-imports: python  ## campaign: damaged ULog, .bin, bags, .mat, tables, JSON: taken or refused by name (FUZZ_IMPORTS_RUNS, SEED)
 	$(Q)$(PYTHON) tests/fuzz/fuzz_imports.py --runs $(FUZZ_IMPORTS_RUNS) --seed $(SEED) --keep $(BUILD)/fuzz_imports
 
 .PHONY: fuzz-imports

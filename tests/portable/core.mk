@@ -49,5 +49,5 @@ portable-tools-$1:
 endef
 $(foreach machine,mips i686,$(eval $(call portable_core_rules,$(machine))))
 
-portable-core: $(PORTABLE_CORE:%=portable-core-%)  ## the core's tests big-endian and 32-bit under qemu-user, and the same bits
+portable-core: $(PORTABLE_CORE:%=portable-core-%)  ## test: the core's tests big-endian and 32-bit under qemu-user, and the same bits
 .PHONY: portable-core

@@ -17,7 +17,7 @@ foreign_make = $(MAKE) --no-print-directory BUILD=$(PORTABLE)/$1/build PCH= CC=$
 $(PORTABLE)/%/done:
 	$(Q)tests/portable/fetch_libraries $* $(@D)
 
-portable:: portable-clang portable-arm64 portable-i386  ## unit tests of the host with clang, as aarch64 and as 32-bit x86 (T=<filter> for some)
+portable:: portable-clang portable-arm64 portable-i386  ## test: unit tests of the host with clang, as aarch64 and as 32-bit x86 (T=<filter> for some)
 
 portable-clang:
 	$(Q)$(MAKE) --no-print-directory BUILD=$(PORTABLE)/clang PCH= CC=clang CXX=clang++ $(addprefix $(PORTABLE)/clang/tests/,$(PORTABLE_SELECTED))

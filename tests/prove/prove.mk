@@ -1,5 +1,5 @@
 # No input within its stated range makes the core overflow, leave an array or divide by zero (Frama-C Eva).
-prove:  ## the core under Frama-C Eva: no alarm, or each argued in tests/prove/argued.txt
+prove:  ## test: the core under Frama-C Eva: no alarm, or each argued in tests/prove/argued.txt
 	$(Q)python3 tests/prove/prove.py --build $(BUILD)
 
 .PHONY: prove
@@ -13,21 +13,21 @@ NEEDS_TIDY = @command -v clang-tidy >/dev/null || { echo "needs clang-tidy; inst
 PYFLAKES ?= pyflakes3
 LINTED := common/*.c firmware/app/*.c firmware/flash/*.c
 LINTED_FIRMWARE := firmware/sensors firmware/port/stm32f405 firmware/port/nrf51 firmware/port/riscv_virt firmware/port/arm firmware/port/posix firmware/port/sim
-lint: lint-c lint-host lint-python  ## clang-tidy (.clang-tidy) on core and app, and all that lint-c, lint-host and lint-python see: no finding
+lint: lint-c lint-host lint-python  ## test: clang-tidy (.clang-tidy) on core and app, and all that lint-c, lint-host and lint-python see: no finding
 	$(NEEDS_TIDY)
 	$(Q)clang-tidy --quiet $(LINTED) -- -std=c99 -ffp-contract=off -Icommon -Ifirmware 2>/dev/null
 
-lint-c:  ## cppcheck on core and firmware (seconds)
+lint-c:  ## test: cppcheck on core and firmware (seconds)
 	$(NEEDS_CPPCHECK)
 	$(Q)$(CPPCHECK) --std=c99 --enable=warning,style,performance,portability --suppress=ctuuninitvar:common/kf.c \
 	  -Icommon -Ifirmware $(LINTED)
 	$(Q)$(CPPCHECK) --std=c99 --enable=warning,performance,portability -Icommon -Ifirmware $(LINTED_FIRMWARE)
 
-lint-python:  ## pyflakes on every Python file (seconds)
+lint-python:  ## test: pyflakes on every Python file (seconds)
 	@command -v $(PYFLAKES) >/dev/null || { echo "needs pyflakes; install it with: apt-get install pyflakes3" >&2; exit 3; }
 	$(Q)git ls-files '*.py' | xargs $(PYFLAKES)
 
-lint-host:  ## cppcheck on the host's C++ (half a minute)
+lint-host:  ## test: cppcheck on the host's C++ (half a minute)
 	$(NEEDS_CPPCHECK)
 	$(Q)$(CPPCHECK) --std=c++17 --enable=warning,performance,portability --suppressions-list=tests/prove/cppcheck_host.txt \
 	  -Icommon -Ihost/lib -Ihost/tools host/lib host/tools host/python/native
@@ -36,12 +36,12 @@ lint-host:  ## cppcheck on the host's C++ (half a minute)
 ROOM ?=
 TIDY_PIECES := $(HOST_ROOMS:%=host/lib/%/room) $(foreach t,$(TOOLS),host/tools/$t/$(if $(wildcard host/tools/$t/main.cpp),program,room))
 TIDY_PIECES := $(patsubst %,$(BUILD)/gen/%.cpp,$(if $(ROOM),$(filter $(ROOM)/%,$(TIDY_PIECES)),$(TIDY_PIECES)))
-lint-tidy-host: $(TIDY_PIECES)  ## clang-tidy (host/.clang-tidy) on the host's C++: no finding (ROOM=host/lib/io for one; ten minutes for all)
+lint-tidy-host: $(TIDY_PIECES)  ## test: clang-tidy (host/.clang-tidy) on the host's C++: no finding (ROOM=host/lib/io for one; ten minutes for all)
 	$(NEEDS_TIDY)
 	$(Q)printf '%s\n' $^ | xargs -P 2 -I{} sh -c 'clang-tidy --quiet --config-file=host/.clang-tidy {} -- -std=c++17 -iquote . \
 	  $(filter-out -DIMUCAL_VERSION%,$(HOST_CPPFLAGS)) "-DIMUCAL_VERSION=\"$(VERSION)\"" -I$(BUILD)/gen 2>/dev/null || { echo "lint-tidy-host: {}" >&2; exit 1; }'
 
-misra:  ## MISRA C:2012 rules that the core deviates from, with their counts (common/README.md says why)
+misra:  ## test: MISRA C:2012 rules that the core deviates from, with their counts (common/README.md says why)
 	$(NEEDS_CPPCHECK)
 	$(Q)cd common && cppcheck --std=c99 -q --addon=misra -I. *.c 2>&1 | grep -oE 'misra-c2012-[0-9.]+' | sort | uniq -c | sort -rn
 

@@ -6,7 +6,7 @@ $(BUILD)/tests/soak/soak: tests/soak/soak.c $(BUILD)/flags/torn tests/torn/torn.
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(TORN_FLAGS) $< $(CORE_SOURCES) -o $@
 
-soak: $(BUILD)/tests/soak/soak  ## a million commits with power cuts, ten million frames over a bad line (SOAK_COMMITS, SOAK_FRAMES, SEED)
+soak: $(BUILD)/tests/soak/soak  ## campaign: a million commits with power cuts, ten million frames over a bad line (SOAK_COMMITS, SOAK_FRAMES, SEED)
 	$(Q)$< --seed $(SEED) --commits $(SOAK_COMMITS) --frames $(SOAK_FRAMES)
 
 .PHONY: soak
@@ -16,7 +16,7 @@ $(BUILD)/tests/soak/month: tests/soak/month.c $(BUILD)/flags/torn tests/emu/nor.
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(TORN_FLAGS) -Ifirmware $< $(wildcard firmware/app/*.c) $(CORE_SOURCES) -lm -o $@
 
-month: $(BUILD)/tests/soak/month  ## the app calibrates six axes for 30 simulated days, with faults (MONTH_DAYS, SEED)
+month: $(BUILD)/tests/soak/month  ## campaign: the app calibrates six axes for 30 simulated days, with faults (MONTH_DAYS, SEED)
 	$(Q)$< $(MONTH_DAYS) $(SEED)
 
 campaign-programs: $(BUILD)/tests/soak/soak $(BUILD)/tests/soak/month

@@ -203,6 +203,9 @@ def test_what_is_stated_of_targets_that_are_not_run_is_so():
 def test_make_lines_run():
     out = subprocess.run(["make", "--no-print-directory", "help"], cwd=ROOT, capture_output=True, text=True)
     assert out.returncode == 0 and "make demo" in out.stdout and "make test" in out.stdout
+    listed = re.findall(r"(?m)^  make (\S+) ", out.stdout)
+    assert len(listed) == len(set(listed)), "a target is listed twice"
+    assert sorted(listed) == sorted(re.findall(r"(?m)^([a-z0-9-]+):.*## ", make_text())), "a group that HELP_GROUPS does not name"
 
 
 # ---- figures ----

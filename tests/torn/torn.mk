@@ -7,7 +7,7 @@ $(BUILD)/tests/torn/torn: tests/torn/torn.c $(BUILD)/flags/torn tests/torn/torn.
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(TORN_FLAGS) $< $(CORE_SOURCES) -o $@
 
-torn: $(BUILD)/tests/torn/torn  ## power cuts everywhere in the flash store (TORN_THREE, SEED); exit 1 on any loss
+torn: $(BUILD)/tests/torn/torn  ## campaign: power cuts everywhere in the flash store (TORN_THREE, SEED); exit 1 on any loss
 	$(Q)$< --seed $(SEED) --three $(TORN_THREE)
 
 campaign-programs: $(BUILD)/tests/torn/torn

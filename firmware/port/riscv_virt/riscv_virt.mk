@@ -16,7 +16,7 @@ $(BUILD)/firmware/riscv_virt/imucal.elf: $(patsubst %.c,$(BUILD)/obj/riscv_virt/
 	$(if $(V),,@echo "  LINK $@")
 	$(Q)$(CROSS_RISCV)gcc $(RISCV_FLAGS) -nostartfiles -Wl,--gc-sections,--no-warn-rwx-segments -T firmware/port/riscv_virt/link.ld $(filter %.o,$^) -o $@
 
-firmware-riscv: $(BUILD)/firmware/riscv_virt/imucal.elf  ## build the image for QEMU's RISC-V (apt-get install gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf qemu-system-misc)
+firmware-riscv: $(BUILD)/firmware/riscv_virt/imucal.elf  ## build: build the image for QEMU's RISC-V (apt-get install gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf qemu-system-misc)
 	$(Q)$(CROSS_RISCV)size $<
 .PHONY: firmware-riscv
 -include $(shell find $(BUILD)/obj/riscv_virt -name '*.d' 2>/dev/null)

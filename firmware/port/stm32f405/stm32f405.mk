@@ -43,7 +43,7 @@ $(eval $(call stm32_image,stm32f405_qemu,stm32f405_qemu,$(STM32_QEMU)))
 STM32_NAMES := stm32f405 stm32f405_mpu6050 stm32f405_w25q stm32f405_mpu6050_w25q stm32f405_qemu
 
 STM32_IMAGES := $(STM32_NAMES:%=$(BUILD)/firmware/%/imucal.elf)
-firmware-stm32f405: $(STM32_IMAGES)  ## build the STM32F405's images (ICM-42688-P, MPU-6050, each with the tables on chip or in a W25Q), and QEMU's (HSE_HZ, W25Q_BASE)
+firmware-stm32f405: $(STM32_IMAGES)  ## build: build the STM32F405's images (ICM-42688-P, MPU-6050, each with the tables on chip or in a W25Q), and QEMU's (HSE_HZ, W25Q_BASE)
 	$(Q)$(CROSS)size $^
 
 # FLASHER=openocd (ST-Link on SWD) or dfu (USB boot loader: BOOT0 high, reset); Debian packages openocd, dfu-util.
@@ -59,7 +59,7 @@ stm32_one_of = $(if $(filter $1,$2),,$(error make flash: $3=$1 is unknown; it ma
 FLASH_TOOL := $(if $(filter dfu,$(FLASHER)),dfu-util,openocd)
 FLASH_RUN = $(if $(DRY),@echo,)
 
-flash: $(STM32_FLASH)/imucal.elf  ## write the image into an STM32F405 (FLASHER=openocd or dfu, SENSOR=icm42688p or mpu6050, STORE=chip or w25q, DRY=1); keeps the tables
+flash: $(STM32_FLASH)/imucal.elf  ## build: write the image into an STM32F405 (FLASHER=openocd or dfu, SENSOR=icm42688p or mpu6050, STORE=chip or w25q, DRY=1); keeps the tables
 	$(call stm32_one_of,$(FLASHER),openocd dfu,FLASHER)$(call stm32_one_of,$(SENSOR),icm42688p mpu6050,SENSOR)$(call stm32_one_of,$(STORE),chip w25q,STORE)
 	$(Q)command -v $(FLASH_TOOL) >/dev/null || \
 	  { echo "make flash: $(FLASH_TOOL) is missing; install it: apt-get install $(FLASH_TOOL)" >&2; exit 3; }

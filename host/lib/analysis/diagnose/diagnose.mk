@@ -8,7 +8,7 @@ bench:: $(BUILD)/bin/diagnose $(BUILD)/bin/gyrosim
 	$(Q)$(BENCH_DIAGNOSE)
 
 # CONSTANTS=name ...: only these
-selector-table: $(SELECTOR_TABLE)  ## what each constant of diagnose's selector does at half and at double (CONSTANTS=)
+selector-table: $(SELECTOR_TABLE)  ## figure: what each constant of diagnose's selector does at half and at double (CONSTANTS=)
 	$(Q)$(SELECTOR_TABLE) $(BUILD)/selector-cache $(CONSTANTS)
 
 oracle: $(ORACLE)

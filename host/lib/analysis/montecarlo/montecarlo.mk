@@ -20,7 +20,7 @@ $(BUILD)/obj/host/host/lib/analysis/montecarlo/%.o: private HOST_CXXFLAGS += -fn
 RUNS ?= 4000
 VALIDATION_SEED ?= 1
 
-validation: $(BUILD)/bin/montecarlo  ## how well does it calibrate? the tables of the README (RUNS=4000; SAVE=1: as tests hold the README to them)
+validation: $(BUILD)/bin/montecarlo  ## campaign: how well does it calibrate? the tables of the README (RUNS=4000; SAVE=1: as tests hold the README to them)
 	$(Q)$(PYTHON) host/scripts/validation.py $(BUILD)/bin/montecarlo --runs $(RUNS) --seed $(VALIDATION_SEED) --out $(BUILD)/validation $(if $(SAVE),--save tests/saved/validation.md)
 	$(if $(SAVE),$(Q)$(PYTHON) host/scripts/validation.py $(BUILD)/bin/montecarlo --short --out $(BUILD)/validation_short --save tests/saved/validation_short.md >$(BUILD)/validation_short.txt)
 

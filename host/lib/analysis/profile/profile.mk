@@ -6,10 +6,10 @@ figures:: $(PROFILE)
 	$(Q)PROFILE=$(PROFILE) $(PYTHON) host/scripts/figures_profile.py $(BUILD)/figures
 
 # 100, 140, 240, 480 min at 0.6 and 2 degC/min: bounds, best profile, efficiency, the paper's profile.
-profile-table: $(PROFILE)  ## bounds, best profiles and efficiencies for four durations and two rates
+profile-table: $(PROFILE)  ## figure: bounds, best profiles and efficiencies for four durations and two rates
 	$(Q)PROFILE=$(PROFILE) $(PYTHON) host/scripts/profile_table.py --seed $(SEED)
 
-profile-oscillations: $(PROFILE)  ## why the proven bound leaves 7 % open at 2 degC/min
+profile-oscillations: $(PROFILE)  ## figure: why the proven bound leaves 7 % open at 2 degC/min
 	$(Q)PROFILE=$(PROFILE) $(PYTHON) host/scripts/profile_oscillations.py
 
 bench:: $(BUILD)/bench/profile_speed
