@@ -2,15 +2,17 @@
 # host/tools/NAME/main.cpp is a program, what stands beside it is its text and JSON.  A program links the rooms it names in
 # ROOMS_<program>, so that `make build/bin/gyrosim` compiles nothing it does not need.  The map of the rooms: host/README.md.
 
-# From the highest tier to the lowest: the order is the link order, and an arrow goes down only (test_layout.py).
+# From the highest tier to the lowest: the order is the link order, and an arrow goes down only.  A program takes
+# the rooms that its #includes reach (test_layout.py compares both).
 HOST_ROOMS := device analysis/diagnose analysis/montecarlo analysis/profile analysis/fit analysis/errormodel analysis/dp \
               physics/sim physics/effects noise linear io base
 
 ROOMS_calibrate := device analysis/fit physics/sim physics/effects noise linear io base
 ROOMS_gyrosim := device analysis/fit physics/sim physics/effects noise linear io base
-ROOMS_dp := analysis/errormodel analysis/dp physics/sim physics/effects noise linear io base
+ROOMS_dp := analysis/errormodel analysis/dp physics/effects noise linear io base
 ROOMS_errormodel := $(ROOMS_dp)
 ROOMS_montecarlo := $(filter-out device analysis/diagnose,$(HOST_ROOMS))
+ROOMS_profile := analysis/profile physics/effects noise linear io base
 ROOMS_diagnose := analysis/diagnose physics/effects noise linear io base
 ROOMS_imucal := base
 

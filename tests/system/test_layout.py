@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The shape of the project: what stands at the top, and that dependencies point one way."""
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -114,6 +115,43 @@ def test_rooms_have_no_cycle():
     while free := {room for room in left if not uses.get(room, set()) & left}:
         left -= free
     assert not left, f"these rooms use each other: {sorted(left)}"
+
+
+# ---- the order of the tiers, from the highest to the lowest, in the build and in the map ----
+def rooms_that_are_linked():
+    """{program: its rooms in the order in which they are linked}; of "all" the whole list."""
+    words = "$(foreach p,all $(notdir $(HOST_PROGRAMS)),$(info $p: $(or $(ROOMS_$p),$(HOST_ROOMS))))"
+    environment = {key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")}
+    out = subprocess.run(["make", "-s", f"--eval=rooms-of-programs: ; @:{words}", "rooms-of-programs"], cwd=ROOT, env=environment,
+                         check=True, capture_output=True, text=True).stdout
+    return {name: rooms.split() for name, rooms in (line.split(":") for line in out.splitlines() if ": " in line)}
+
+
+def rooms_of_the_map():
+    """The rooms of the library in the table of host/README.md."""
+    return re.findall(r"(?m)^\| [\w, ]*\| `lib/([\w/]+)` \|", (ROOT / "host/README.md").read_text())
+
+
+def test_tiers_have_one_order_in_tests_build_and_map():
+    linked = rooms_that_are_linked()["all"]
+    levels = [TIER_OF[f"lib/{room}"] for room in linked]
+    assert len(levels) > 10 and levels == sorted(levels, reverse=True), "HOST_ROOMS of host.mk against TIERS"
+    assert rooms_of_the_map() == linked, "the map of host/README.md against HOST_ROOMS"
+
+
+def test_programs_link_the_rooms_that_they_reach_in_that_order():
+    uses = {}
+    for room, used, _ in host_arrows():
+        uses.setdefault(room, set()).add(used)
+    linked = rooms_that_are_linked()
+    for program, rooms in linked.items():
+        if program == "all":
+            continue
+        reached, new = set(), {f"tools/{program}"}
+        while new:
+            reached |= new
+            new = {used for room in new for used in uses.get(room, ())} - reached
+        assert rooms == [room for room in linked["all"] if f"lib/{room}" in reached], f"ROOMS_{program}"
 
 
 # ---- files of one room ----
