@@ -258,7 +258,7 @@ def simulated(demo):
     device = Device(demo.build, demo.folder, {"flash": "imu.flash", "feed": "feed", "serial": "DEMO-1", "scale": "36,36,36",
                                               "full-scale": "32767,32767,32767", "rate": 100})
     serve = ["serve", "--profile", "profile.json", "--seed", str(demo.seed), "--rate-hz", "100", "--counts-scale-dph", "36",
-             "--full-scale-counts", "32767", "--jitter-s", "0.001", "--missing", "0.001"]
+             "--full-scale-counts", "32767", "--jitter-s", "0.001", "--missing-samples", "0.001"]
     for name in TRUE_COEFF_DPH:
         serve += ["--model", f"{name}.json"]
     print("An IMU with three gyros on an emulated Cortex-M4F (QEMU mps2-an386), in a simulated chamber:\n"

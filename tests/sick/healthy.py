@@ -15,7 +15,7 @@ OWN = [("up and down with soaks", dict(BASIC, segments=[UP, SOAK, DOWN, SOAK]), 
        ("order 5", BASIC, MODEL, [], ["--order", "5"]),
        ("steep gyro", BASIC, STEEP, [], []),
        ("slow instability", BASIC, SLOW, [], []),
-       ("jitter, losses, thermometer noise", BASIC, MODEL, ["--temp-noise-degc", "0.02", "--missing", "0.01", "--jitter-s", "0.01"], []),
+       ("jitter, losses, thermometer noise", BASIC, MODEL, ["--temp-noise-degc", "0.02", "--missing-seconds", "0.01", "--jitter-s", "0.01"], []),
        ("coarse sensor", BASIC, MODEL, ["--temp-lsb-degc", "0.0625", "--temp-noise-degc", "0.05", "--rate-lsb-dph", "60"], [])]
 
 

@@ -147,6 +147,16 @@ def fit(folder, *arguments):
     return result, json.loads((folder / "j.json").read_text()) if result.returncode in (0, 1) else None
 
 
+def test_prior_sigma_has_its_unit_in_its_name_and_the_old_name_works(folder):
+    log, model = folder / "log1.csv", ["--model", folder / "model.json"]
+    priors = (["--prior-sigma-dph", 99], ["--prior-sigma", 99], [])
+    new, old, default = (fit(folder, log, *model, *prior)[1]["axes"] for prior in priors)
+    assert new == old != default
+    for command in ("fit", "run"):
+        shown = run(BIN / "calibrate", command, "--help").stdout
+        assert "--prior-sigma-dph " in shown and "--prior-sigma " not in shown
+
+
 def test_a_healthy_log_is_accepted_and_a_contradicted_model_is_not(folder):
     model = ["--model", folder / "model.json"]
     result, out = fit(folder, folder / "log1.csv", *model)

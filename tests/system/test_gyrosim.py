@@ -131,8 +131,32 @@ def test_log_start_cold_or_settled_is_the_same_in_every_run(files):
     assert "--start" in gyrosim(files, "--start", "hot", "-o", "b.csv", code=2).stderr
 
 
+def fed(folder, command, *arguments):
+    """The sample records that `serve` or `replay` writes into a file."""
+    words = [str(GYROSIM), command, *map(str, arguments), "--to", "feed", "--rate-hz", "5", "-q"]
+    subprocess.run(words, cwd=folder, check=True, timeout=60)
+    return (folder / "feed").read_bytes()
+
+
+def test_missing_means_samples_or_seconds_by_its_name_and_the_old_name_as_before(files):
+    gyrosim(files, "-o", "whole.csv")
+    gyrosim(files, "--missing-seconds", 0.3, "-o", "new.csv")
+    gyrosim(files, "--missing", 0.3, "-o", "old.csv")
+    new, old = ((files / name).read_bytes() for name in ("new.csv", "old.csv"))
+    assert new == old and len(new) < 0.8 * (files / "whole.csv").stat().st_size
+    for command, *source in (("serve", "--model", "model.json", "--profile", "profile.json"), ("replay", "whole.csv")):
+        new, old, whole = (fed(files, command, *source, *flaw) for flaw in (("--missing-samples", 0.3), ("--missing", 0.3), ()))
+        assert new == old and len(new) < 0.8 * len(whole)
+    assert "--missing-samples" in gyrosim(files, "--missing-samples", 0.3, "-o", "a.csv", code=2).stderr  # a log has no samples
+    both = gyrosim(files, "--missing-seconds", 0.3, "--missing", 0.2, "-o", "a.csv", code=2)
+    assert "--missing: is the old name of --missing-seconds" in both.stderr
+    for command in ("log", "serve", "replay"):
+        shown = subprocess.run([str(GYROSIM), command, "--help"], capture_output=True, text=True, check=True).stdout
+        assert "--missing-s" in shown and "--missing " not in shown
+
+
 def test_log_flaws_of_recording(files):
-    gyrosim(files, "--missing", 0.2, "--jitter-s", 0.01, "--temp-lsb-degc", 1, "--rate-lsb-dph", 180, "-o", "a.csv")
+    gyrosim(files, "--missing-seconds", 0.2, "--jitter-s", 0.01, "--temp-lsb-degc", 1, "--rate-lsb-dph", 180, "-o", "a.csv")
     _, data = rows(files / "a.csv")
     assert abs(len(data) - 1040) < 4 * np.sqrt(1300 * 0.16)
     assert np.all(np.diff(data[:, 0]) > 0.5)

@@ -85,6 +85,12 @@ void tell_reasons(const FitResult& result, bool wants_table) {
 
 } // namespace
 
+void add_prior_sigma(cli::App* app, double* sigma, const std::string& help) {
+  const cli::Check check = cli::Range(1e-3, 1e6);
+  const cli::Option* option = app->add_option("--prior-sigma-dph", *sigma, help)->check(check)->capture_default_str();
+  app->add_old_name("--prior-sigma", *sigma, option)->check(check);
+}
+
 void add_fit_options(cli::App* app, FitArguments* a) {
   app->add_option("LOG", a->log_paths, "logs of one device, each with its own turn-on constant")
       ->required()
@@ -107,9 +113,7 @@ void add_fit_options(cli::App* app, FitArguments* a) {
                   "normalisation of temperature, degC (default: the model's, else what the logs span)")
       ->type_name("LOW:HIGH");
   app->add_flag("--shared-turn-on", a->options.shared_turn_on, "no power cycle between the logs: one constant for all");
-  app->add_option("--prior-sigma", a->options.prior_sigma_dph, "kf: what is known of a coefficient beforehand")
-      ->check(cli::Range(1e-3, 1e6))
-      ->capture_default_str();
+  add_prior_sigma(app, &a->options.prior_sigma_dph, "kf: what is known of a coefficient beforehand");
   app->add_option("--accept", a->options.accept,
                   "make a table although this rule speaks against it (repeat): " + join(fit_rules()))
       ->allow_extra_args(false)

@@ -10,6 +10,9 @@
 
 namespace imucal {
 
+// --prior-sigma-dph, in the unit of the axis for accelerometers; --prior-sigma as it was called before.
+void add_prior_sigma(cli::App* app, double* sigma, const std::string& help);
+
 struct FitArguments {
   std::vector<std::string> log_paths;
   std::vector<std::string> model_paths;

@@ -73,9 +73,7 @@ void add_run(cli::App* app, RunArguments* o) {
       ->check(FinitePositive)
       ->type_name("ERROR");
   app->add_flag("--keep-partial", o->run.keep_partial, "Ctrl-C: flash what was learnt so far (default: nothing)");
-  app->add_option("--prior-sigma", o->run.prior_sigma, "what is known of a coefficient beforehand")
-      ->check(cli::Range(1e-3, 1e6))
-      ->capture_default_str();
+  add_prior_sigma(app, &o->run.prior_sigma, "what is known of a coefficient beforehand");
   app->add_option("--record", o->run.record_path, "write the raw 1-s means as a log")->type_name("LOG.csv");
   app->add_option("--record-compensated", o->run.record_compensated_path, "write the compensated 1-s means as a log")
       ->type_name("LOG.csv");

@@ -15,6 +15,17 @@ Check from(const CLI::Validator& validator) {
   return {[validator](std::string& text) { return validator(text); }, validator.get_description()};
 }
 
+// A group that no help shows.  Options of the group "" would be hidden too, but from messages as well.
+const char* const kOldNames = "old names";
+
+class Help : public CLI::Formatter {
+public:
+  std::string make_group(std::string group, bool is_positional,
+                         std::vector<const CLI::Option*> options) const override {
+    return group == kOldNames ? "" : CLI::Formatter::make_group(group, is_positional, options);
+  }
+};
+
 } // namespace
 
 Check Range(double lo, double hi) {
@@ -61,7 +72,9 @@ size_t Option::count() const {
 }
 
 App::App(const std::string& description, const std::string& name)
-    : own_(std::make_unique<CLI::App>(description, name)), app_(own_.get()) {}
+    : own_(std::make_unique<CLI::App>(description, name)), app_(own_.get()) {
+  app_->formatter(std::make_shared<Help>());
+}
 App::App(CLI::App* app) : app_(app) {}
 App::~App() = default;
 
@@ -97,6 +110,15 @@ Option* App::add_option(const std::string& name, const std::function<void(const 
 }
 Option* App::add_flag(const std::string& name, bool& value, const std::string& help) {
   return keep(app_->add_flag(name, value, help));
+}
+Option* App::add_old_name(const std::string& name, double& value, const Option* option) {
+  CLI::Option* old = app_->add_option(name, value)->group(kOldNames);
+  const CLI::Option* now = option->option_;
+  // Values are looked at when all words have been read.
+  old->check([now](const std::string&) {
+    return now->count() == 0 ? "" : "is the old name of " + now->get_name() + ", which is given too";
+  });
+  return keep(old);
 }
 
 App* App::add_subcommand(const std::string& name, const std::string& description) {

@@ -43,6 +43,7 @@ public:
   size_t count() const; // how often it was given
 
 private:
+  friend class App;
   CLI::Option* option_;
 };
 
@@ -65,6 +66,8 @@ public:
   Option* add_option(const std::string& name, const std::function<void(const std::string&)>& take,
                      const std::string& help);
   Option* add_flag(const std::string& name, bool& value, const std::string& help);
+  // The name that an option had in an earlier version: works, stands in no --help, and not beside the option itself.
+  Option* add_old_name(const std::string& name, double& value, const Option* option);
 
   App* add_subcommand(const std::string& name, const std::string& description);
   void require_subcommand(int n = 1);

@@ -31,6 +31,20 @@ void add_start(cli::App* app, SimOptions* sim) {
       ->type_name("STATE");
 }
 
+// What is missing; `--missing`, the name of before, meant seconds in `log` and samples in `serve` and `replay`.
+enum Missing { kMissingSeconds, kMissingSamples };
+constexpr bool kWithOldName = true;
+
+void add_missing(cli::App* app, Missing what, double* frac, bool with_old_name = false) {
+  const bool is_seconds = what == kMissingSeconds;
+  const cli::Check check = cli::Range(0.0, 0.99);
+  const cli::Option* option = app->add_option(is_seconds ? "--missing-seconds" : "--missing-samples", *frac,
+                                              is_seconds ? "part of the seconds that are missing altogether"
+                                                         : "part of the samples that never arrive")
+                                  ->check(check);
+  if (with_old_name) app->add_old_name("--missing", *frac, option)->check(check);
+}
+
 void add_log(cli::App* app, LogOptions* o) {
   app->add_option("--model", o->model_paths, "error model with thermal polynomial and effects; one, or one per axis")
       ->required()
@@ -59,8 +73,7 @@ void add_log(cli::App* app, LogOptions* o) {
   app->add_option("--rate-lsb-dph", o->sim.rate_lsb_dph, "quantum of the 1-s means")->check(cli::NonNegativeNumber);
   app->add_option("--jitter-s", o->sim.jitter_s, "standard deviation of the time stamps")
       ->check(cli::NonNegativeNumber);
-  app->add_option("--missing", o->sim.missing_frac, "part of the seconds missing from the log")
-      ->check(cli::Range(0.0, 0.99));
+  add_missing(app, kMissingSeconds, &o->sim.missing_frac, kWithOldName);
   add_common_options(app, &o->common, kWithSeed);
 }
 
@@ -121,8 +134,7 @@ void add_feed(cli::App* app, FeedOptions* o, CommonOptions* common) {
   app->add_option("--temp-offset-degc", o->format.temp_offset_degc, "temperature at count zero")->capture_default_str();
   app->add_option("--jitter-s", o->format.jitter_s, "standard deviation of the sample instants")
       ->check(cli::NonNegativeNumber);
-  app->add_option("--missing", o->format.missing_frac, "part of the samples that never arrives")
-      ->check(cli::Range(0.0, 0.99));
+  add_missing(app, kMissingSamples, &o->format.missing_frac, kWithOldName);
   app->add_option("--speed", o->speed, "sensor seconds per second; 0: as fast as the device takes them")
       ->check(cli::NonNegativeNumber);
   add_common_options(app, common, kWithSeed);
@@ -169,8 +181,7 @@ void add_serve(cli::App* app, ServeOptions* o) {
   add_start(app, &o->sim);
   app->add_option("--temp-noise-degc", o->feed.format.temp_noise_degc, "thermometer noise per sample")
       ->check(cli::NonNegativeNumber);
-  app->add_option("--missing-seconds", o->sim.missing_frac, "part of the seconds that is missing altogether")
-      ->check(cli::Range(0.0, 0.99));
+  add_missing(app, kMissingSeconds, &o->sim.missing_frac);
   add_feed(app, &o->feed, &o->common);
 }
 
