@@ -1110,6 +1110,32 @@ static AxisStudy study_of_slopes(double loop_dph) {
   options.nulls = 40, options.model_path = "given";
   return std::move(diagnose_logs(options, nominal_model(), logs, unseen).axes.at(0).study);
 }
+// In a room of 4 degC, whatever the scale of the model: the sigma that is told changes the curve by as much as was found.
+static void test_what_differs_from_run_to_run_is_found_in_a_room(void**) {
+  const double at_ends_dph[] = {110, -150, 90, -130, 160}; // of each log, at u = 1
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 5; ++k) {
+    Log log = simulated_log(770 + k, 6000, false, 0);
+    for (size_t i = 0; i < log.size(); ++i) {
+      const double u = (log.temp_degc[i] - 30) / 30;
+      log.axes[0].rate_dph[i] += at_ends_dph[k] * u - bias_dph(log.temp_degc[i]);
+      log.temp_degc[i] = 23 + 2 * u;
+    }
+    logs.push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40;
+  ErrorModel without_bias = nominal_model();
+  without_bias.bias.reset();
+  const DiagnoseResult result = diagnose_logs(options, without_bias, logs, {});
+  const Selection& said = result.axes.at(0).study.selection;
+  assert_true(names_of(said) == std::set<std::string>{"run_to_run"});
+  // x = (T - 30)/30 is -7/30 in the middle and moves by 2/30: of the straight part sigma is 130 dph and more over that.
+  const double sigma_dph = effect_values(said.effects[0].term, result.axes.at(0).campaign).number("sigma_dph");
+  const double h = 2.0 / 30, m = -7.0 / 30, line_dph = sigma_dph * h * std::sqrt(1 + m * m);
+  assert_in_range(line_dph, 70, 230);
+}
+
 static void test_what_differs_from_run_to_run_is_not_foretold(void**) {
   const AxisStudy alone = study_of_slopes(0);
   assert_true(names_of(alone.selection) == std::set<std::string>{"run_to_run"});
@@ -1201,6 +1227,7 @@ int main() {
       cmocka_unit_test(test_a_jump_in_time_is_found_beside_one_at_a_temperature),
       cmocka_unit_test(test_the_error_of_a_width_knows_of_other_tops),
       cmocka_unit_test(test_what_differs_from_run_to_run_is_not_foretold),
+      cmocka_unit_test(test_what_differs_from_run_to_run_is_found_in_a_room),
       cmocka_unit_test(test_causes_of_no_family_are_not_named),
       cmocka_unit_test(test_held_out_logs_tell_a_cause_from_slow_noise),
       cmocka_unit_test(test_a_cause_that_goes_is_told_by_no_held_out_log),

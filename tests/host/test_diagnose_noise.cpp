@@ -538,6 +538,79 @@ static void test_jumps_between_two_levels_have_a_pattern(void**) {
   assert_int_equal(pattern({300, 900, 300, 900}).n_followed, 2);
 }
 
+// Jumps at temperatures that every log passes on its way up, another height at each: relays, told as what follows the temperature.
+// Where a log has them at temperatures of its own they come again and again, and where they are in one log alone they are events.
+static void test_jumps_that_repeat_at_temperatures_follow_the_temperature(void**) {
+  const auto jumps_at = [](std::function<double(size_t log, size_t i)> place_s) {
+    constexpr std::array<double, 3> kHeights_dph = {220, -150, 300};
+    return [=, log = size_t{0}](double t_s, double) mutable {
+      log += t_s < 1.5 ? 1 : 0;
+      double sum = 0;
+      for (size_t i = 0; i < kHeights_dph.size(); ++i) sum += t_s > place_s(log, i) ? kHeights_dph[i] : 0;
+      return sum;
+    };
+  };
+  const auto same = [](size_t, size_t i) { return 700.0 + 800.0 * static_cast<double>(i); };
+  const auto other = [](size_t log, size_t i) {
+    return 300.0 + 800.0 * static_cast<double>(i) + 170.0 * static_cast<double>(log);
+  };
+  const auto one_log = [=](size_t log, size_t i) { return log == 2 ? same(log, i) : 1e9; };
+  const auto said_of = [&](const std::function<double(size_t, size_t)>& place_s) {
+    std::vector<Log> logs;
+    auto level = jumps_at(place_s);
+    for (uint64_t k = 0; k < 3; ++k) {
+      Log log = simulated_log(751 + k, 6000, false, 0);
+      for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += level(log.t_s[i], 0);
+      logs.push_back(log);
+    }
+    const Campaign campaign = make_campaign(logs, "gx_dph", nominal_model());
+    const SlowData data(block_means(campaign, block_length_s(campaign)));
+    const SlowSpace space = make_slow_space(data, true_noise_believed(), effect_library(), all_active(), {}, nullptr);
+    SlowModel m;
+    for (size_t log = 1; log <= 3; ++log)
+      for (size_t i = 0; i < 3; ++i)
+        if (place_s(log, i) < 6000) m.steps.push_back({static_cast<double>(log - 1), place_s(log, i) + 0.5});
+    return repeated_jumps(SlowLikelihood(space), m);
+  };
+  assert_true(said_of(same).follow_temperature && !said_of(same).are_loops); // never passed on the way down
+  assert_false(said_of(other).follow_temperature);
+  assert_false(said_of(one_log).follow_temperature);
+}
+static void test_jumps_of_one_log_are_events_however_many(void**) {
+  const auto jumps = [log = 0](double t_s, double) mutable {
+    log += t_s < 1.5 ? 1 : 0;
+    return log == 2 ? (t_s > 1400 ? 150.0 : 0) + (t_s > 2300 ? 120.0 : 0) - (t_s > 5100 ? 190.0 : 0) : 0.0;
+  };
+  const Selection said = answer_to(jumps, 97, 0);
+  assert_int_equal(said.effects.size(), 1);
+  assert_string_equal(said.effects[0].term.effect->name().c_str(), "bias_step");
+  assert_int_equal(said.effects[0].term.coefficients.size(), 3);
+  assert_false(said.effects[0].is_family);
+  assert_true(said.verdict == Verdict::kExplained);
+}
+
+// Of what a dead band about the mean leaves the spread is not that of the noise: nothing is said of it.
+static void test_a_dead_band_about_the_mean_is_no_other_noise(void**) {
+  std::vector<Log> logs;
+  for (uint64_t k = 0; k < 3; ++k) {
+    Log log = simulated_log(761 + k, 6000, false, 0);
+    for (size_t i = 0; i < log.size(); ++i) {
+      double& rate_dph = log.axes[0].rate_dph[i];
+      log.temp_degc[i] = 30 + (log.temp_degc[i] - 30) / 15;
+      rate_dph -= bias_dph(30 + (log.temp_degc[i] - 30) * 15);
+      if (std::fabs(rate_dph) < 35) rate_dph = 0;
+    }
+    logs.push_back(log);
+  }
+  DiagnoseOptions options;
+  options.nulls = 40, options.model_path = "given";
+  const Selection said = diagnose_logs(options, nominal_model(), logs, {}).axes.at(0).study.selection;
+  assert_int_equal(said.effects.size(), 1);
+  assert_string_equal(said.effects[0].term.effect->name().c_str(), "dead_band");
+  assert_true(said.verdict == Verdict::kExplained);
+  for (const RestFinding& f : said.after) assert_true(std::isnan(f.evidence_nats)); // not asked
+}
+
 // Three slips of any size at any time in every log: what seems to follow temperature, or wanders, beside them is a part of them.
 static void test_many_slips_are_nothing_but_slow_noise(void**) {
   for (const uint64_t seed : {33u, 42u}) {
@@ -767,6 +840,9 @@ int main() {
       cmocka_unit_test(test_saw_teeth_are_no_telegraph_noise),
       cmocka_unit_test(test_jumps_between_two_levels_have_a_pattern),
       cmocka_unit_test(test_many_slips_are_nothing_but_slow_noise),
+      cmocka_unit_test(test_jumps_that_repeat_at_temperatures_follow_the_temperature),
+      cmocka_unit_test(test_jumps_of_one_log_are_events_however_many),
+      cmocka_unit_test(test_a_dead_band_about_the_mean_is_no_other_noise),
       cmocka_unit_test(test_hits_in_bursts_are_no_outliers),
       cmocka_unit_test(test_two_kinds_of_fast_noise_are_told),
       cmocka_unit_test(test_the_error_of_a_tone_is_that_of_noise_that_follows_the_temperature),

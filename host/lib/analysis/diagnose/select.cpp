@@ -139,6 +139,7 @@ private:
 
   void finish() {
     fit_and_test();
+    if (question_.is_censored) forget_tests();
     tell_parameters();
     fill_coefficients(question_, out_.final_fit, &found_, &names_.effects);
     judge_unseen(&names_);
@@ -212,6 +213,11 @@ private:
     for (RestFinding& f : out_.after)
       if (f.test == hits.test && f.evidence_nats < hits.evidence_nats) f = hits;
   }
+  // Where samples are gone because of their size, those that are left are not what the tests expect of noise.
+  void forget_tests() {
+    for (std::vector<RestFinding>* tests : {&out_.after, &out_.unseen})
+      for (RestFinding& f : *tests) f.evidence_nats = std::nan("");
+  }
   // An effect of any shape is told in the shape of its parameters that comes nearest, and every figure is of what is told, under
   // the noise of what was found.  What the shape has beyond it is left.
   void tell_parameters() {
@@ -260,7 +266,7 @@ private:
   }
   bool fires(const std::vector<RestFinding>& tests) const {
     const auto fires = [](const RestFinding& f) { return f.evidence_nats > 0; };
-    return !question_.is_censored && std::any_of(tests.begin(), tests.end(), fires);
+    return std::any_of(tests.begin(), tests.end(), fires);
   }
   // What gained little beyond the threshold, and loses more where it was not fitted, came by chance: it leaves nothing.
   void tell_chance() {

@@ -105,7 +105,8 @@ void name_fast(const AxisQuestion& question, const Found& found, Names* names) {
 }
 
 void name_retuned(const AxisQuestion& question, const Found& found, Names* names) {
-  if (!question.belief.has_believed || found.seconds.is_believed) return;
+  // Where samples are gone because of their size, the spread of the rest is not that of the noise.
+  if (!question.belief.has_believed || found.seconds.is_believed || question.is_censored) return;
   for (size_t j = 0; j < question.library.size(); ++j) {
     const EffectEstimator* e = question.library[j]->estimator();
     if (!e || !question.active[j] || !e->is_nominal_noise()) continue;

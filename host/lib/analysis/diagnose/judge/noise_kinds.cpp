@@ -159,6 +159,24 @@ void add_jumps_at_temperature(const AxisQuestion& question, const SlowAnswer& sl
                      "temperature decides";
 }
 
+void follow_temperature(const AxisQuestion& question, bool are_loops, SelectedEffect* effect) {
+  effect->family = are_loops ? Family::kThermalMemory : Family::kFunctionOfTemperature;
+  open_shape(effect);
+  std::vector<CandidateEvidence> members;
+  for (size_t j = 0; j < question.library.size(); ++j) {
+    const EffectEstimator* e = question.library[j]->estimator();
+    if (!question.active[j] || !e || !(e->can_jump() || e->is_start_bounded())) continue;
+    CandidateEvidence as_well = effect->set.front();
+    as_well.effect = question.library[j], as_well.family = question.library[j]->family();
+    members.push_back(as_well);
+  }
+  add_to_set(std::move(members), effect);
+  std::stable_partition(effect->set.begin(), effect->set.end(),
+                        [&](const CandidateEvidence& e) { return e.family == effect->family; });
+  effect->statement =
+      "these jumps come again at the same temperatures in other logs: they follow the temperature, not the time";
+}
+
 void open_jumps(const AxisQuestion& question, SelectedEffect* effect) {
   effect->family = Family::kSlowNoise;
   open_member(effect);

@@ -22,5 +22,7 @@ void add_same_spectrum(const AxisQuestion& question, SelectedEffect* effect);
 void add_jumps_at_temperature(const AxisQuestion& question, const SlowAnswer& slow, SelectedEffect* steps);
 // Jumps in time that come again and again are a noise: its family is told.
 void open_jumps(const AxisQuestion& question, SelectedEffect* effect);
+// Jumps in time that come again at the same temperatures: the family of the cause is told, a function of temperature or a memory.
+void follow_temperature(const AxisQuestion& question, bool are_loops, SelectedEffect* effect);
 
 } // namespace imucal

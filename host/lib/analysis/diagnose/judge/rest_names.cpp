@@ -82,7 +82,7 @@ public:
       has_jumps = has_jumps || (f.evidence_nats > 0 && f.test == Rest::kSuddenChanges);
     }
     reject_noise_beside_shapes();
-    if (!question_.is_censored && fires) {
+    if (fires) {
       for (SelectedEffect& effect : names_.effects) {
         if (!effect.term.effect || effect.is_family) continue;
         const Form form = effect.term.form();
@@ -92,7 +92,7 @@ public:
       if (left > explained_nats() || n_members() > kFewNames) reject_members(strongest);
     }
     join_open_noise();
-    reject_small_beside_rest(question_.is_censored ? 0 : left);
+    reject_small_beside_rest(left);
   }
 
 private:

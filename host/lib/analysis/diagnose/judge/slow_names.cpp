@@ -192,6 +192,26 @@ private:
     const std::vector<CampaignRun>& runs = slow_.held_blocks->runs;
     return std::any_of(runs.begin(), runs.end(), [](const CampaignRun& run) { return !run.own_jumps.empty(); });
   }
+  // A noise that jumps does so in every log; as many jumps as logs and two more are no events either.
+  bool come_in_every_log() const {
+    const SlowModel& best = slow_.found.best;
+    const size_t n_logs = slow_.data->campaign.runs.size();
+    std::vector<char> has_jump(n_logs, 0);
+    for (const Theta& step : best.steps) has_jump[static_cast<size_t>(step[0])] = 1;
+    const auto n_with = static_cast<size_t>(std::count(has_jump.begin(), has_jump.end(), 1));
+    return n_with == n_logs || best.steps.size() > n_logs + 1;
+  }
+  // Jumps that come again and again are a noise, or follow the temperature.
+  void open_by_pattern(SelectedEffect* jumps) const {
+    const SlowModel& best = slow_.found.best;
+    const RepeatedJumps repeated = slow_.search->repeated_jumps(best);
+    const bool is_against = names_.effects.empty() && slow_.is_against(constants());
+    const bool are_many = come_in_every_log() && jumps_of_weight() > kMostJumps;
+    if (repeated.follow_temperature)
+      follow_temperature(question_, repeated.are_loops, jumps);
+    else if (are_many || is_against || held_out_logs_jump())
+      open_jumps(question_, jumps);
+  }
   void name_steps() {
     for (size_t j = 0; j < question_.library.size(); ++j) {
       const EffectEstimator* e = question_.library[j]->estimator();
@@ -207,9 +227,7 @@ private:
       effect.set = {evidence_for(*question_.library[j], effect.gain_nats, effect.gain_nats - effect.evidence_nats)};
       add_jumps_at_temperature(question_, slow_, &effect);
       add_means_without_steps(question_, slow_, &effect);
-      // Jumps that come again and again are a noise.
-      const bool is_against = names_.effects.empty() && slow_.is_against(constants());
-      if (jumps_of_weight() > kMostJumps || is_against || held_out_logs_jump()) open_jumps(question_, &effect);
+      open_by_pattern(&effect);
       names_.effects.push_back(effect);
     }
   }

@@ -116,6 +116,9 @@ bool SlowSearch::has_teeth(const SlowModel& model) const {
   const JumpPattern pattern = pattern_of(impl_->likelihood, model);
   return pattern.go_one_way && pattern.n_followed > 0;
 }
+RepeatedJumps SlowSearch::repeated_jumps(const SlowModel& model) const {
+  return imucal::repeated_jumps(impl_->likelihood, model);
+}
 SlowModel SlowSearch::with_parameters(const SlowModel& model) const {
   return impl_->judge().with_parameters(model);
 }

@@ -16,6 +16,7 @@
 #include "analysis/diagnose/evidence/constants.h"
 #include "analysis/diagnose/search/null_tail.h"
 #include "analysis/diagnose/search/slow_model.h"
+#include "analysis/diagnose/search/time_jumps.h"
 
 namespace imucal {
 
@@ -75,6 +76,8 @@ public:
   SlowModel with_parameters(const SlowModel& model) const;
   // Whether its jumps in time all go one way, one after another in a log: no noise of two levels.
   bool has_teeth(const SlowModel& model) const;
+  // Whether its jumps in time come again at the same temperatures (time_jumps.h).
+  RepeatedJumps repeated_jumps(const SlowModel& model) const;
   // After a name of `best` was taken away: estimated again, members in the place of free shapes where they gain nearly as
   // much, evidence and rivals of every name anew.
   void judge_again(SlowResult* result) const;

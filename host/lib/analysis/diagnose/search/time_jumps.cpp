@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/quantile.h"
+
 namespace imucal {
 
 using Eigen::VectorXd;
@@ -15,6 +17,9 @@ constexpr long kNear = 3;                           // rows about a step that sh
 constexpr double kOneHeight = 2;                    // times: of jumps between two levels, the highest over the lowest
 constexpr double kMakesUp = 0.5;                    // of what less noise costs: most of it
 constexpr double kFinestPlace = 0.05;               // of a row
+// Jumps that come again: how near in temperature beside what a row leaves open, of heights within so many standard errors, on
+// temperatures that move by so much at least; pairs that moments drawn at random make so seldom.
+constexpr double kOnePlace_degc = 0.25, kOneHeightErrors = 3, kLeastPassing_degc_s = 0.05 / 60, kPairsByChance = 1e-3;
 
 struct JumpBlock {
   size_t run;
@@ -143,6 +148,77 @@ JumpPattern pattern_of(const SlowLikelihood& of, const SlowModel& m) {
     out.are_two_levels = out.are_two_levels && turns;
     ++out.n_followed;
   }
+  return out;
+}
+
+namespace {
+
+// A jump in time, and how the temperature moves there.
+struct PlacedJump {
+  size_t run;
+  double temp_degc, slope_degc_s, row_s, size_dph, error_dph;
+  bool is_rising() const { return slope_degc_s > 0; }
+};
+std::vector<PlacedJump> placed_jumps(const SlowLikelihood& of, const SlowModel& m) {
+  const SlowData& data = of.space().data;
+  const RunGrams::Posterior at = of.grams(m).posterior();
+  std::vector<PlacedJump> out;
+  for (size_t i = 0; i < m.steps.size(); ++i) {
+    const size_t run = static_cast<size_t>(m.steps[i][0]);
+    const RunInput& in = data.campaign.runs[run].input;
+    const auto next = std::lower_bound(in.t_s.begin(), in.t_s.end(), m.steps[i][1]);
+    if (next == in.t_s.begin() || next == in.t_s.end()) continue;
+    const size_t k = static_cast<size_t>(next - in.t_s.begin());
+    const double row_s = in.t_s[k] - in.t_s[k - 1], slope = (in.smooth_degc[k] - in.smooth_degc[k - 1]) / row_s;
+    if (std::fabs(slope) < kLeastPassing_degc_s) continue; // at rest: no temperature is passed
+    const long c = data.powers.front().cols() + static_cast<long>(i);
+    out.push_back({run, in.smooth_degc[k - 1] + slope * (m.steps[i][1] - in.t_s[k - 1]), slope, row_s, at.common[c],
+                   std::sqrt(std::max(0.0, at.common_covariance(c, c)))});
+  }
+  return out;
+}
+// How near two temperatures have to be to be one: a jump is placed to a row.
+double near_degc(const PlacedJump& a, const PlacedJump& b) {
+  return kOnePlace_degc + 0.5 * (std::fabs(a.slope_degc_s) * a.row_s + std::fabs(b.slope_degc_s) * b.row_s);
+}
+bool are_at_one_place(const PlacedJump& a, const PlacedJump& b) {
+  return std::fabs(a.temp_degc - b.temp_degc) < near_degc(a, b);
+}
+bool have_one_height(const PlacedJump& a, const PlacedJump& b) {
+  return std::fabs(a.size_dph - b.size_dph) < kOneHeightErrors * std::hypot(a.error_dph, b.error_dph);
+}
+// On the way down the bias jumps back where it jumped on the way up.
+bool jumps_back(const std::vector<PlacedJump>& jumps, const PlacedJump& up) {
+  return std::any_of(jumps.begin(), jumps.end(), [&](const PlacedJump& down) {
+    return !down.is_rising() && down.size_dph * up.size_dph < 0 && are_at_one_place(up, down);
+  });
+}
+
+} // namespace
+
+RepeatedJumps repeated_jumps(const SlowLikelihood& of, const SlowModel& m) {
+  RepeatedJumps out;
+  const std::vector<PlacedJump> jumps = placed_jumps(of, m);
+  if (jumps.empty()) return out;
+  const RunInput& in = of.space().data.campaign.runs.front().input;
+  const double span_degc = std::max(kOnePlace_degc, in.hi_degc - in.lo_degc);
+  std::vector<char> is_repeated(jumps.size(), 0);
+  double expected = 0, pairs = 0;
+  for (size_t i = 0; i < jumps.size(); ++i)
+    for (size_t j = 0; j < i; ++j) {
+      const PlacedJump &a = jumps[i], &b = jumps[j];
+      if (a.run == b.run || a.is_rising() != b.is_rising() || !have_one_height(a, b)) continue;
+      expected += std::min(1.0, 2 * near_degc(a, b) / span_degc);
+      if (are_at_one_place(a, b)) pairs += 1, is_repeated[i] = is_repeated[j] = 1;
+    }
+  const auto n_repeated = std::count(is_repeated.begin(), is_repeated.end(), 1);
+  if (2 * static_cast<size_t>(n_repeated) < m.steps.size() || chi2_cdf(2 * expected, 2 * pairs) > kPairsByChance)
+    return out;
+  out.follow_temperature = true;
+  size_t n_up = 0, n_back = 0;
+  for (const PlacedJump& jump : jumps)
+    if (jump.is_rising()) ++n_up, n_back += jumps_back(jumps, jump) ? 1 : 0;
+  out.are_loops = n_up > 0 && n_up < jumps.size() && 2 * n_back < n_up;
   return out;
 }
 

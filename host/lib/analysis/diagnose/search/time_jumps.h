@@ -27,6 +27,13 @@ struct JumpPattern {
   size_t n_followed = 0;      // jumps that another one of the same run follows
 };
 JumpPattern pattern_of(const SlowLikelihood& of, const SlowModel& m);
+// Whether the jumps in time of a hypothesis come again where other passages have the same temperature and direction, with the same
+// height: a relay, or several, and no event.  Moments drawn at random would agree so often once in 1000 times.
+struct RepeatedJumps {
+  bool follow_temperature = false; // half of them at least come again
+  bool are_loops = false;          // on the way down the bias does not jump back where it jumped on the way up
+};
+RepeatedJumps repeated_jumps(const SlowLikelihood& of, const SlowModel& m);
 // `scores`: candidates added to `m`.  Those that jump are also tried at the likely places, and taken there where they alone do
 // better than `in_time`, which jumps at times, or where held-out logs are to tell the two.
 void try_jumps(const SlowLikelihood& of, const SlowModel& m, const SlowModel& in_time,
