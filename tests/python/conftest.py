@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: MIT
 import os
-import sys
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "host/python"))
-sys.path.insert(0, str(Path(__file__).parent))
+from where import ROOT
+
+# For the processes that tests start: they take the package from the source tree, as the tests do.
 os.environ["PYTHONPATH"] = f"{ROOT / 'host/python'}:{os.environ.get('PYTHONPATH', '')}"

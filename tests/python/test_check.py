@@ -3,14 +3,13 @@
 import json
 import os
 import subprocess
-from pathlib import Path
 
 import pytest
 
 from imucal.__main__ import main
 from imucal.check import check_file, positions
+from where import BIN
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
 MODEL = '{\n "imucal_model": 1,\n "arw_deg_rt_h": 0.6,\n "markov": [\n  {"sigma_dph": 20, "tau_s": 100},\n  {"sigma_dph": 3,\n   "tau_s": 10}\n ]\n}\n'
 TABLE = json.dumps({"imucal_table": 1, "serial": "x", "sequence": 1, "created": "2026-11-21T06:22:00Z", "degc_per_count": 0.01, "degc_at_zero": 25,
                     "axes": [{"axis": "gx_dph", "order": 3, "t0_degc": 25, "range_degc": 50, "coeff_dph": [1, 2, 3, 4], "span_degc": [-20, 70],

@@ -3,17 +3,14 @@
 nothing of what it refuses."""
 import copy
 import json
-import os
 import re
 import subprocess
-from pathlib import Path
 
 import pytest
 
 from imucal.__main__ import main
+from where import BIN, ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
 EXAMPLES = dict(re.findall(r"<!-- example: (\S+) -->\n```\w*\n(.*?)```", (ROOT / "host/formats.md").read_text(encoding="utf-8"), re.S))
 MODEL, PROFILE, TABLE = (json.loads(EXAMPLES[name]) for name in ("model.json", "chamber.json", "table.json"))
 

@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: MIT
 """`imucal check` on logs as hostile users have them: it and the programs say the same of a file, and of the same line."""
-import os
 import re
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from imucal.__main__ import main
+from where import BIN
 
-ROOT = Path(__file__).resolve().parents[2]
-DP = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin/dp"
+DP = BIN / "dp"
 N = 400
 HEAD = "t_s,temp_degc,gx_dph,gy_dph"
 

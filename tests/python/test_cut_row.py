@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: MIT
 """A last row without line end may be cut off inside its last number: it is left out and said, in logs and in tables of others."""
-from pathlib import Path
-
-import foreign
 import numpy as np
 import pytest
 
+import foreign
 import imucal
 from imucal.importers import tail
 from imucal.__main__ import main
 from imucal.errors import DataError, DataWarning
+from where import DATA
 
 HEADER = "# imucal-log = 1\nt_s,temp_degc,gx_dph\n"
 ROWS = "".join(f"{i},{20 + i / 100:.2f},{(i * 37) % 11}\n" for i in range(1, 301))
@@ -92,7 +91,7 @@ def test_recording_cut_off_in_a_message_is_taken_and_said(tmp_path, kind):
 
 @pytest.mark.parametrize("name, options", [("px4_cubeorange_rest.ulg", {"instance": 0})])
 def test_real_recording_that_is_whole_is_not_called_cut(name, options):
-    path = Path(__file__).resolve().parents[3] / "shared/data/native" / name
+    path = DATA / "native" / name
     if not path.exists():
         pytest.skip(f"{name} is not beside the project (../shared/data/native)")
     assert tail.CUT not in imucal.import_log(path, **options).notes

@@ -1,16 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Short form of `make fuzz-imports`: damaged files of every format are taken or refused by name, never anything else."""
-import sys
-from pathlib import Path
 
 import pytest
 
+import fuzz_imports
 import imucal
 from imucal.errors import DataError
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests/fuzz"))
-import fuzz_imports  # noqa: E402
 
 
 def test_damaged_files_are_taken_or_refused_by_name(tmp_path):

@@ -8,19 +8,16 @@ import resource
 import struct
 import subprocess
 import sys
-from pathlib import Path
 
-import foreign
 import numpy as np
 import pytest
 
+import foreign
 from imucal.__main__ import main
 from imucal.firstlook import allan_deviation_of, lattice_of, look_at_axis
 from imucal.log import Log, write_log
 from imucal.plot import _shown
-
-ROOT = Path(__file__).resolve().parents[2]
-DATA = ROOT.parent / "shared/data"
+from where import DATA, ROOT
 
 
 def simulated(seed=1, n=8400, up_and_down=True, loop_dph=0.0, arw=0.6, sigma=20.0, tau_s=100.0):

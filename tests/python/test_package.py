@@ -7,14 +7,13 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import imucal
+from where import BIN, ROOT
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
 os.environ.setdefault("IMUCAL_BIN", str(BIN))
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
@@ -56,7 +55,7 @@ def number_printed_by(code):
 @pytest.mark.parametrize("missing", [False, True])
 def test_the_array_is_not_copied(missing):
     """Over the array there are the running sums, as large as it, and where samples are missing their count, half as large."""
-    code = (f"import numpy, resource, sys; sys.path[:0] = {sys.path[:2]!r}; import imucal\n"
+    code = ("import numpy, resource, imucal\n"
             "def peak():\n    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
             "rate = numpy.random.default_rng(1).normal(50, 36, 8_000_000)\n"
             f"rate[1000:2000] = numpy.nan if {missing} else 1\n"
@@ -208,7 +207,7 @@ def test_other_threads_run_while_the_compiled_part_works():
 
 def test_interrupt_ends_a_program_s_work():
     """The call is repeated until the signal comes, so that no machine is too fast for it; nothing goes on behind it.  What it needs is imported before."""
-    code = (f"import sys; sys.path[:0] = {sys.path!r}\nimport imucal\nimucal.optimize_profile\nprint('go', flush=True)\n"
+    code = ("import imucal\nimucal.optimize_profile\nprint('go', flush=True)\n"
             f"while True:\n    imucal.optimize_profile({MODEL!r}, (0, 60), 0.6, 86400)\n")
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     process.stdout.readline()
@@ -223,7 +222,7 @@ def test_interrupt_ends_a_program_s_work():
 @pytest.mark.parametrize("wait_s", [0.05, 0.5])
 def test_ctrl_c_inside_one_curve(wait_s):
     """KeyboardInterrupt after less than a second of processor time, whatever piece it falls into."""
-    code = (f"import os, signal, threading, time, numpy, sys; sys.path[:0] = {sys.path[:2]!r}; import imucal\n"
+    code = ("import os, signal, threading, time, numpy, imucal\n"
             "rate = numpy.random.default_rng(1).normal(size=20_000_000); imucal.allan_deviation(rate[:1000])\n"
             "def stop():\n    global at; at = time.process_time(); os.kill(os.getpid(), signal.SIGINT)\n"
             f"threading.Timer({wait_s}, stop).start()\n"
@@ -242,7 +241,7 @@ def test_names_of_the_contract_are_there_and_stated():
 
 def test_scripts_read_logs_through_the_package():
     """No script parses logs by itself; the peer that dp is timed against does."""
-    for script in (Path(__file__).resolve().parents[2] / "host/scripts").glob("*.py"):
+    for script in (ROOT / "host/scripts").glob("*.py"):
         text = script.read_text(encoding="utf-8").replace("table = np.loadtxt(sys.argv[1], delimiter=\",\", skiprows=2)", "")
         assert not any(words in text for words in ("genfromtxt", "loadtxt", "startswith(\"t_s", "line[0] != \"#\"")), script.name
 

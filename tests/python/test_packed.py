@@ -6,17 +6,16 @@ import json
 import os
 import re
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
-import foreign
 import numpy as np
 import pytest
 
+import foreign
 import imucal
 from imucal.__main__ import main
+from where import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = dict(re.findall(r"<!-- example: (\S+) -->\n```\w*\n(.*?)```", (ROOT / "host/formats.md").read_text(encoding="utf-8"), re.S))
 OWN = "# imucal-log = 1\nt_s,temp_degc,gx_dph\n" + "".join(f"{i},{20 + i / 100:.2f},{(i * 37) % 11}\n" for i in range(1, 301))
 

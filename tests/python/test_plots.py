@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: MIT
 """imucal.plot.*: from results of the programs to figures; the scripts draw with nothing of their own."""
 import json
-import os
 import re
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from imucal.log import Log
 from imucal.plot import prediction, profiles
+from where import BIN, ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build") / "bin").resolve()
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}
 RAMP = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 0.6, "to_degc": 60}, {"rate_degc_per_min": 0, "duration_s": 600}]}
 

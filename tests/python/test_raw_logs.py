@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: MIT
 """Raw logs of counts: `imucal check`, `import` and `look` take what the programs take, with the same seconds, and refuse what they refuse."""
-import os
 import re
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import imucal
 from imucal.__main__ import main
+from where import BIN
 
-ROOT = Path(__file__).resolve().parents[2]
-DP = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin/dp"
+DP = BIN / "dp"
 N, RATE_HZ = 4000, 4
 META = {"rate_hz": "4", "gx_counts_scale_dph": "18"}
 HEAD = "t_s,temp_degc,gx_counts"

@@ -2,15 +2,13 @@
 """Seconds, flags and means against the C core's own summation (common/sum.c), bit for bit."""
 import ctypes
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from imucal import seconds, still
 from imucal.seconds import cut_seconds, in_order, keep_in_order, nominal_rate_hz, unwrap
-
-ROOT = Path(__file__).resolve().parents[2]
+from where import ROOT
 
 PROBE = r"""
 #include "sum.h"

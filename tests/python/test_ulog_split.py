@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: MIT
 """ULogs whose data messages are split off before pyulog parses the rest: what pyulog alone gives, value for value."""
 import struct
-from pathlib import Path
 
-import foreign
 import numpy as np
 import pytest
 
+import foreign
 from imucal.importers import ulog
+from where import DATA
 
 pyulog = pytest.importorskip("pyulog")
-NATIVE = Path(__file__).resolve().parents[2].parent / "shared/data/native"
+NATIVE = DATA / "native"
 
 
 def contents(read):

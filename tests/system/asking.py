@@ -6,11 +6,11 @@ import json
 import math
 import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 
 
 def write_log(path, t_s, degc, rate_dph):

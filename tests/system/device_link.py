@@ -9,10 +9,9 @@ import struct
 import subprocess
 import time
 import zlib
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
+from where import BUILD, ROOT
+
 FORMATS = {"u8": "B", "u16": "H", "u32": "I", "u64": "Q", "i16": "h", "i32": "i", "f32": "f", "chr": "s"}
 
 

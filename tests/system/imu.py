@@ -8,9 +8,9 @@ import subprocess
 import time
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
-CALIBRATE, GYROSIM = BUILD / "bin/calibrate", BUILD / "bin/gyrosim"
+from where import BIN, BUILD
+
+CALIBRATE, GYROSIM = BIN / "calibrate", BIN / "gyrosim"
 FIRMWARE = BUILD / "firmware/posix/imucal"
 
 # What the documentation of the figures uses (reference figures A, tests/README.md): 140 min, 0 to 60 degC at 0.6 degC/min, 20-min soaks.

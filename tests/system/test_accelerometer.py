@@ -1,17 +1,12 @@
 # SPDX-License-Identifier: MIT
 """An accelerometer, from log to table to compensation and diagnosis: in mg throughout, gravity stated, m/s2 the same as mg."""
 import json
-import os
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build") / "bin").resolve()
-sys.path.insert(0, str(ROOT / "host/python"))
+from where import BIN
 
 BIAS_MG = [1000, 4, 2, -1]  # b0 holds 1 g
 MODEL = {"imucal_model": 1, "unit": "mg", "white_mg_rt_hz": 0.15, "markov": [{"sigma_mg": 0.08, "tau_s": 200}],

@@ -6,7 +6,8 @@ import json
 import subprocess
 
 from child import Child
-from device_link import BUILD, Line
+from device_link import Line
+from where import BIN, BUILD
 
 
 class Sketch(Child):
@@ -16,7 +17,7 @@ class Sketch(Child):
 
 
 def calibrate(sketch, *arguments):
-    done = subprocess.run([str(a) for a in (BUILD / "bin/calibrate", "--port", sketch.name, "--json", "-", "-q", *arguments)],
+    done = subprocess.run([str(a) for a in (BIN / "calibrate", "--port", sketch.name, "--json", "-", "-q", *arguments)],
                           capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

@@ -13,10 +13,8 @@ Seeds were chosen before the first run, limits by the chances that are stated.  
 `make test-long` the others."""
 import json
 import math
-import os
 import re
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +22,8 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 SEED = 20270824
 COLD, HOT = -20.0, 60.0
 AXES = ["gx", "gy", "gz"]

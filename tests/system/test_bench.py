@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: MIT
 """The short form of `make bench-diff`: no kernel and no call of the core takes 20 % more instructions than saved."""
 import json
-import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from where import BUILD, ROOT
+
 KEPT = ROOT / "tests/bench/kept.py"
-BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
 
 
 def kept(*arguments):

@@ -5,16 +5,14 @@ The floors are what statistics justify, not what today's figures happen to be: a
 one stated beside each floor falls below it with a probability under 0.5 %.
 """
 import os
-import sys
 
 import pytest
 from scipy.stats import binom
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), ".."))
-from blind import plan, runner, score, seal  # noqa: E402
+from blind import plan, runner, score, seal
+from where import BIN
 
-BIN = os.path.join(os.environ.get("BUILD", "build"), "bin")
-TOOLS = {name: os.path.abspath(os.path.join(BIN, name)) for name in ("diagnose", "errormodel")}
+TOOLS = {name: str(BIN / name) for name in ("diagnose", "errormodel")}
 SINGLES = ("temperature_rate", "thermal_anomaly", "rate_ramp", "sinusoid", "higher_order_polynomial", "rate_random_walk",
            "white_noise_vs_temperature", "outliers")
 N_GAP_FREE = 6

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: MIT
 """What the logs of the blind check cannot tell: outside causes that library noise comes near, pairs of which one hides the other."""
 import copy
-import os
-import sys
 
 import numpy as np
 import pytest
 from scipy.linalg import null_space
 from scipy.signal import freqz
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), ".."))
-from blind import cases, causes, gauge, noise, report, score, sensor, whiten  # noqa: E402
+from blind import cases, causes, gauge, noise, report, score, sensor, whiten
 
 BIAS = np.array([80.0, 300.0, 150.0, -100.0])
 WHITE_DPH, SIGMA_DPH, TAU_S = 36.0, 20.0, 100.0

@@ -7,12 +7,11 @@ import sys
 
 import pytest
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), ".."))
-from blind import causes, intervals, seal  # noqa: E402
-from blind.command import main  # noqa: E402
+from blind import causes, intervals, seal
+from blind.command import main
+from where import BIN
 
-BIN = os.path.join(os.environ.get("BUILD", "build"), "bin")
-TOOLS = {name: os.path.abspath(os.path.join(BIN, name)) for name in ("diagnose", "errormodel")}
+TOOLS = {name: str(BIN / name) for name in ("diagnose", "errormodel")}
 
 # A program that says of each case (the folder of its logs) what a table holds, and notes that it was asked.
 STAND_IN = """#!{python}

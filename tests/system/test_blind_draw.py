@@ -8,8 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), ".."))
-from blind import cases, causes, confusions, gauge, intervals, noise, outside, plan, runner, score, seal, sensor, truth, whiten  # noqa: E402
+from blind import cases, causes, confusions, gauge, intervals, noise, outside, plan, runner, score, seal, sensor, truth, whiten
 
 BIAS = np.array([80.0, 300.0, 150.0, -100.0])
 

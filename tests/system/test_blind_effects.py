@@ -2,17 +2,15 @@
 """Two simulators written apart, `gyrosim` and the blind check's own, mean the same by the contract's names."""
 import csv
 import json
-import os
 import subprocess
-import sys
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), ".."))
-from blind import causes, noise, sensor, whiten  # noqa: E402
+from blind import causes, noise, sensor, whiten
+from where import BIN
 
-GYROSIM = os.path.join(os.environ.get("BUILD", "build"), "bin", "gyrosim")
+GYROSIM = BIN / "gyrosim"
 PROFILE = {"imucal_profile": 1, "start_degc": 0, "repeat": 1, "segments": [
     {"rate_degc_per_min": 0, "duration_s": 300}, {"rate_degc_per_min": 2, "to_degc": 40},
     {"rate_degc_per_min": 0, "duration_s": 400}, {"rate_degc_per_min": 1, "to_degc": 15},
@@ -21,7 +19,7 @@ BIAS = [80.0, 300.0, 150.0, -100.0]
 
 
 def known_effects():
-    listing = subprocess.run([os.path.join(os.path.dirname(GYROSIM), "diagnose"), "--list-effects"], capture_output=True, text=True, check=False)
+    listing = subprocess.run([BIN / "diagnose", "--list-effects"], capture_output=True, text=True, check=False)
     return listing.stdout or " ".join(causes.FAMILY_OF)
 
 

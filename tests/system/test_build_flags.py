@@ -3,11 +3,11 @@
 import os
 import re
 import subprocess
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from where import ROOT
+
 KNOBS = ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "DEBUG", "CFLAGS", "CXXFLAGS", "LDFLAGS", "HSE_HZ", "SANITIZE")
 
 

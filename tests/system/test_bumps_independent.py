@@ -7,14 +7,13 @@ knows its shape and fits a cubic beside it.  No code is shared with the programs
 import itertools
 import json
 import math
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 SECONDS, LOGS, NATS = 6000, 3, 60
 WHITE, SLOW, TAU_S = 36.0, 20.0, 100.0  # dph per second's mean, dph, s
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": WHITE / 60, "markov": [{"sigma_dph": SLOW, "tau_s": TAU_S}],

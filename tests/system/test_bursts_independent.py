@@ -9,14 +9,13 @@ seconds.  All of it is simulated by this file; no code is shared with the progra
 as its model.  Seeds and limits were chosen before the first run: six devices of a kind, one miss of each kind."""
 import json
 import math
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 SEED = 20290417
 N_DEVICES = 6
 DEVICES = pytest.mark.parametrize("n_devices", [4, pytest.param(N_DEVICES, marks=pytest.mark.long)])  # the first of them

@@ -12,8 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from imu import BASIC, BUILD, COEFF_DPH, GYROSIM, MODEL, NOISE, QUICK, ROOT, Imu, wait_until
+
+from imu import BASIC, COEFF_DPH, GYROSIM, MODEL, NOISE, QUICK, Imu, wait_until
 from noisy_line import NoisyLine
+from where import BUILD, ROOT
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ import json
 import time
 
 import pytest
+
 from imu import IMPATIENT, MODEL, QUICK, RESTING, Imu, wait_until
 from noisy_line import NoisyLine
 

@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: MIT
 """`calibrate fit`: logs in, table and result out; bad input ends with the right status and its reason."""
 import json
-import os
-import pathlib
 import subprocess
 
 import pytest
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build") / "bin").resolve()
+from where import BIN
+
 BIAS = [80, 300, 150, -100]
 MODEL = {
     "imucal_model": 1,

@@ -3,9 +3,10 @@
 import os
 import re
 import subprocess
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from where import ROOT
+
+
 # Read by an analyser, never linked.
 NOT_COMPILED = {"tests/prove/prove.c", "tests/prove/prove_app.c"}
 IS_PROGRAM = re.compile(r'(?m)^(extern "C" )?int (main|LLVMFuzzerTestOneInput)\(')

@@ -13,7 +13,6 @@ who reads the steps and fits each of them a bias of its own."""
 import functools
 import json
 import math
-import os
 import subprocess
 import tempfile
 from pathlib import Path
@@ -21,8 +20,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 SECONDS = 6000
 WHITE, SLOW, TAU_S = 36.0, 8.0, 120.0  # dph per second's mean, dph, s
 T0_DEGC, RANGE_DEGC = 20, 40

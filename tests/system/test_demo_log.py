@@ -2,19 +2,15 @@
 """`make demo LOG=...`: a recorded log replayed into the firmware in QEMU; a good one ends in a table and figures, a sick one is
 refused with its rule and the way to insist."""
 import json
-import os
-import pathlib
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "host/python"))
-import imucal  # noqa: E402
+import imucal
+from where import BIN, BUILD, ROOT
 
-BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
 SOAK = {"rate_degc_per_min": 0, "duration_s": 600}
@@ -28,7 +24,7 @@ def logs(tmp_path_factory):
     (path / "model.json").write_text(json.dumps(MODEL))
     (path / "chamber.json").write_text(json.dumps(PROFILE))
     for index, name in enumerate(("good.csv", "other.csv")):
-        subprocess.run([BUILD / "bin/gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--axes", "2", "--log-index", str(index),
+        subprocess.run([BIN / "gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--axes", "2", "--log-index", str(index),
                         "-o", name, "-q"], cwd=path, check=True)
     lines = (path / "good.csv").read_text().splitlines()
     at = next(i for i, line in enumerate(lines) if line.startswith("t_s"))

@@ -6,15 +6,13 @@ after every second, where all 2 n are there; one half of their mean square, its 
 scaled temperature and numpy's SVD, rows with a missing value left out."""
 import json
 import math
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 TAU_S = [1, 2, 5, 17, 60, 200]
 
 

@@ -2,16 +2,13 @@
 """diagnose from outside: what it says of simulated logs with known effects, of poor logs, and of wrong input."""
 import json
 import math
-import os
 import re
 import subprocess
 from pathlib import Path
 
 import pytest
 
-BIN = Path(os.environ.get("BUILD", "build")).resolve() / "bin"
-ROOT = Path(__file__).resolve().parents[2]
-RECORDED = ROOT.parent / "shared" / "data"
+from where import BIN, DATA, ROOT
 
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
          "turn_on_sigma_dph": 50,
@@ -370,12 +367,12 @@ def test_list_of_effects(lab):
 
 
 def test_recorded_log_is_answered_honestly(lab):
-    path = RECORDED / "adis16405_imu1.csv"
+    path = DATA / "adis16405_imu1.csv"
     if not path.exists():
         print(f"SKIP: {path} is not here")
         pytest.skip(f"SKIP: {path} is not here")
     model = lab.write("adis.json", {"imucal_model": 1, "arw_deg_rt_h": 2.5, "markov": [{"sigma_dph": 30, "tau_s": 300}]})
-    result = lab.run([str(path)], "--holdout", RECORDED / "adis16405_imu3.csv", model=model)
+    result = lab.run([str(path)], "--holdout", DATA / "adis16405_imu3.csv", model=model)
     assert [axis["axis"] for axis in result["axes"]] == ["gx_dph", "gy_dph", "gz_dph"]
     for axis in result["axes"]:
         assert axis["gap"]["remainder"]

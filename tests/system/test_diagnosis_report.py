@@ -6,7 +6,6 @@ import copy
 import hashlib
 import io
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -14,12 +13,10 @@ import sys
 
 import pytest
 
-HOST = os.path.join(os.path.dirname(__file__), "..", "..", "host")
-sys.path[:0] = [os.path.join(HOST, "scripts"), os.path.join(HOST, "python")]
+import diagnosis_report
+from where import ROOT
 
-import diagnosis_report  # noqa: E402  (its folder is known only now)
-
-SCRIPT = os.path.join(HOST, "scripts", "diagnosis_report.py")
+SCRIPT = ROOT / "host/scripts/diagnosis_report.py"
 
 DIAGNOSIS = {
     "imucal_diagnosis": 1, "version": "3.2.1", "model": "model.json", "logs": ["runs/a.csv", "runs/<b>.csv"], "held_out_logs": [],
@@ -135,7 +132,6 @@ def test_the_record_comes_before_its_likelihoods(page):
 
 def test_logs_lie_on_one_curve_without_their_constants():
     """Two logs 100 dph apart: rate less its constant is the polynomial, the gap and nothing of the 100 dph."""
-    sys.path.insert(0, os.path.join(os.path.dirname(SCRIPT), "../python"))
     from imucal.plot import diagnosis as diagnosis_figures
     import numpy as np
 
@@ -339,7 +335,6 @@ def test_missing_file_is_named(tmp_path):
 
 def test_sentences_say_each_thing_once_and_in_words():
     """Names as people write them, no quantity that the logs do not have, nothing twice."""
-    sys.path.insert(0, os.path.join(os.path.dirname(SCRIPT), "../python"))
     from imucal.diagnosis_words import Library, sentence, where_sentence
 
     assert where_sentence({"tau_s": [1, 16], "temp_degc": [0, 0], "time_s": [0, 900]}) == (

@@ -2,16 +2,13 @@
 """dp and errormodel from outside: contracts, bad input, recorded logs."""
 import json
 import math
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
-DATA = ROOT.parent / "shared" / "data"
+from where import BIN, DATA
+
 NOMINAL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}
 
 

@@ -5,17 +5,15 @@ Temperature, phase and jumps are followed 20 times a second; a row is the mean o
 one first-order process, the bias a cubic in temperature.  No code is shared with the programs."""
 import json
 import math
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
-from draws import long_after
 from scipy.signal import lfilter
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
+from draws import long_after
+from where import BIN
+
 WHITE, SLOW, TAU_S = 39.0, 9.0, 70.0  # dph per second's mean, dph, s
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": WHITE / 60, "markov": [{"sigma_dph": SLOW, "tau_s": TAU_S}],
          "bias": {"t0_degc": 20, "range_degc": 35, "coeff_dph": [0, 0, 0, 0]}}

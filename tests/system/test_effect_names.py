@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """The name of an effect stands in its own file; whoever else needs one asks the effect for its properties."""
 import re
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from where import ROOT
+
 EFFECTS = ROOT / "host" / "lib" / "physics" / "effects"
 
 # Where a name may stand beside its own file, and why.  An entry that is not needed any more fails too.

@@ -9,10 +9,9 @@ import select
 import signal
 import subprocess
 import time
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = ROOT / os.environ.get("BUILD", "build") / "bin"
+from where import BIN
+
 REFITS = 100000
 PATIENCE_S = 60
 

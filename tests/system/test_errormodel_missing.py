@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: MIT
 """`errormodel fit --criterion ml` takes logs of which many seconds are missing: no window of the curve's longer taus is whole."""
 import json
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = ROOT / os.environ.get("BUILD", "build") / "bin/errormodel"
+from where import BIN
+
+PROGRAM = BIN / "errormodel"
 
 
 def write(path, keep, n=6000, white_dph=36.0, sigma_dph=25.0, tau_s=60.0):

@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: MIT
 """errormodel fit on sick logs: no model in silence, the rule that speaks is named, --accept insists."""
 import json
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 N = 6000
 
 

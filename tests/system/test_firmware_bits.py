@@ -6,7 +6,8 @@ import subprocess
 
 import pytest
 
-from device_link import BUILD, ROOT, sample_record
+from device_link import sample_record
+from where import BUILD, ROOT
 
 MACHINES = {"mps2_an386": "mps2-an386", "nrf51": "microbit"}
 RATE_HZ, DURATION_S = 20, 1500

@@ -4,13 +4,13 @@ import os
 import random
 import struct
 import subprocess
-import sys
 import threading
 import time
 
 import pytest
 
-from device_link import BUILD, ROOT, Device, Line, Silence, connect, frame, free_port, sample_record
+from device_link import Device, Line, Silence, connect, frame, free_port, sample_record
+from where import BUILD
 
 PORTS = ["posix", "mps2_an386", "nrf51"]
 RATE_HZ, DURATION_S = 20, 400
@@ -132,7 +132,6 @@ def test_six_channels_of_order_5_fit_the_small_target(tmp_path):
         monitor_command(monitor, 'stop\nmemsave 0x20003400 3072 "%s"' % dump)
     words = struct.unpack("<768I", dump.read_bytes())
     used = 3072 - 4 * next(i for i, word in enumerate(words) if word != 0xA5C35A3C)
-    sys.path.insert(0, str(ROOT / "firmware"))
     import cost
     predicted, _ = cost.deepest(cost.call_graph(BUILD, "arm-none-eabi-", "nrf51"), "main")
     assert 1000 < used <= predicted <= 3072

@@ -6,8 +6,9 @@ import subprocess
 
 import pytest
 
-from device_link import BUILD, ROOT, Device
+from device_link import Device
 from test_firmware_devices import learn, make_feed, options, store
+from where import BUILD, ROOT
 
 NEEDED = ("riscv64-unknown-elf-gcc", "qemu-system-riscv32")
 MISSING = [name for name in NEEDED if not shutil.which(name)]

@@ -12,7 +12,8 @@ import time
 import pytest
 
 from child import Child
-from device_link import BUILD, ROOT, Device
+from device_link import Device
+from where import BIN, BUILD, ROOT
 
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 5, "tau_s": 100}],
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
@@ -29,7 +30,7 @@ def chamber(tmp_path_factory):
     folder = tmp_path_factory.mktemp("chamber")
     (folder / "model.json").write_text(json.dumps(MODEL))
     (folder / "profile.json").write_text(json.dumps(PROFILE))
-    subprocess.run([BUILD / "bin/gyrosim", "log", "--model", folder / "model.json", "--profile", folder / "profile.json",
+    subprocess.run([BIN / "gyrosim", "log", "--model", folder / "model.json", "--profile", folder / "profile.json",
                     "--axes", "3", "--seed", "4", "-q", "-o", folder / "log.csv"], check=True)
     return folder
 
@@ -57,7 +58,7 @@ def hang_up(device):
 
 
 def calibrate(device, *arguments, status=0):
-    done = subprocess.run([str(a) for a in (BUILD / "bin/calibrate", "--port", device.name, *arguments)],
+    done = subprocess.run([str(a) for a in (BIN / "calibrate", "--port", device.name, *arguments)],
                           capture_output=True, text=True, timeout=120)
     assert done.returncode == status, done.stdout + done.stderr
     return done.stdout

@@ -10,8 +10,9 @@ import time
 
 import pytest
 
-from device_link import BUILD, ROOT, Device
+from device_link import Device
 from test_firmware_devices import DURATION_S, learn, make_feed, options, store, worst_means
+from where import BIN, BUILD, ROOT
 
 PORT = "stm32f405_qemu"
 
@@ -22,7 +23,7 @@ def feed(tmp_path_factory):
 
 
 def calibrate(device, *arguments, timeout=60):
-    return subprocess.run([str(a) for a in (BUILD / "bin/calibrate", "--port", device.name, *arguments)],
+    return subprocess.run([str(a) for a in (BIN / "calibrate", "--port", device.name, *arguments)],
                           capture_output=True, text=True, timeout=timeout)
 
 

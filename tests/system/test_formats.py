@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Every example of host/formats.md is read by a program, and a field that is taken out of one is missed by name."""
 import json
-import os
 import re
 import subprocess
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = ROOT / os.environ.get("BUILD", "build") / "bin"
+from where import BIN, ROOT
+
 TEXT = (ROOT / "host" / "formats.md").read_text()
 EXAMPLES = dict(re.findall(r"<!-- example: (\S+) -->\n```\w*\n(.*?)```", TEXT, re.S))
 

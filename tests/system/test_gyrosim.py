@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: MIT
 """gyrosim log: what it writes, what repeats and what differs, what it refuses."""
 import json
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-GYROSIM = ROOT / os.environ.get("BUILD", "build") / "bin" / "gyrosim"
+from where import BIN
+
+GYROSIM = BIN / "gyrosim"
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}], "turn_on_sigma_dph": 40,
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
 PROFILE = {"imucal_profile": 1, "start_degc": 0,

@@ -2,16 +2,14 @@
 """Commands that a tired user types: a result named as the log, one log twice, models of two sensors, times in milliseconds,
 temperatures in kelvin.  A record is never written over, and no figure comes out confident and wrong without a word."""
 import json
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
 PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 2, "to_degc": 60}, {"rate_degc_per_min": 2, "to_degc": 0}]}

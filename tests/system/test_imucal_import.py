@@ -4,19 +4,14 @@ import json
 import os
 import shutil
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests/python"))
-sys.path.insert(0, str(ROOT / "host/python"))
-import foreign  # noqa: E402
+import foreign
+from where import BIN, DATA
 
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
-NATIVE = ROOT.parent / "shared/data/native"
+NATIVE = DATA / "native"
 
 
 def imucal(*arguments, expect=0, cwd=None, env=None):

@@ -8,12 +8,10 @@ import shutil
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
+from where import BUILD, ROOT
 
 USER = """#include <kf.h>
 #include <stdio.h>
@@ -161,7 +159,6 @@ def test_a_library_archive_compiles_and_its_manifest_holds(tmp_path):
 
 
 def dist_module():
-    sys.path.insert(0, str(ROOT / "host/packaging"))
     import dist
     return dist
 

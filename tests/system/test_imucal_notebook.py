@@ -1,17 +1,11 @@
 # SPDX-License-Identifier: MIT
 """The notebook of the documentation, run as the site runs it, on a short test."""
-import os
 import re
-import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "host/scripts"), str(ROOT / "host/python")]
-import docs  # noqa: E402
-
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
+import docs
+from where import BIN, ROOT
 
 
 @pytest.fixture(scope="module")

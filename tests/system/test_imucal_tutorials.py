@@ -5,16 +5,13 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests/python"))
-import foreign  # noqa: E402
+import foreign
+from where import BIN, ROOT
 
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
 PAGES = ROOT / "host/docs/tutorials"
 TRUTH_DPH = np.array([[300.0, 40.0, -3.0], [-200.0, 25.0, 2.0], [90.0, -60.0, 1.0]])  # of T - 30 degC, per axis
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}

@@ -22,12 +22,12 @@ import json
 import math
 import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 SEED = 20271130
 SECONDS = 6000
 TAUS = [2, 5, 10, 20, 50, 100, 200, 300, 400, 600]

@@ -2,15 +2,13 @@
 """JSON against Python's own: what our programs write is read by it, and of odd or damaged text both say the same."""
 import json
 import math
-import os
-import pathlib
 import random
 import subprocess
 
 import pytest
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build") / "bin").resolve()
+from where import BIN
+
 MODEL = ('{ "imucal_model": 1, "arw_deg_rt_h": 0.625,\n  "markov": [ {"sigma_dph": 20, "tau_s": 1.0e2}, {"sigma_dph": 5.5, "tau_s": 900} ],\n'
          '  "turn_on_sigma_dph": 0, "comment": "\\u00e9 \\ud83d\\ude00 \\n", "unit": "dph" }\n')
 

@@ -18,7 +18,6 @@ draws and 10 of 10 in 90 %, 5 of 5 in 95 %, 3 of 3 in 97 %.  `make test` asks th
 prints what is told of that many devices of each kind."""
 import json
 import math
-import os
 import subprocess
 import sys
 import tempfile
@@ -31,7 +30,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 SEED = 20280317
 FINE = 10  # steps of a second
 KINDS = ["rising", "relay", "moment", "four_relay", "four_moment", "soak"]

@@ -15,7 +15,6 @@ runs and a common cubic, from the covariance matrix of 20-s means.
 counts what stands first for 26 devices of each loop and 15 of each control."""
 import json
 import math
-import os
 import subprocess
 import sys
 import tempfile
@@ -29,8 +28,8 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 WHITE, SLOW, TAU_S = 35.0, 15.0, 120.0  # dph per second's mean, dph, s
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": WHITE / 60, "markov": [{"sigma_dph": SLOW, "tau_s": TAU_S}],
          "bias": {"t0_degc": 25, "range_degc": 40, "coeff_dph": [0, 0, 0, 0]}}

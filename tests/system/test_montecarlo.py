@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: MIT
 """montecarlo: the contract's fields, the same result for any threads and shards, Ctrl-C, Dask, honest statistics."""
 import json
-import os
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = ROOT / os.environ.get("BUILD", "build") / "bin"
+from where import BIN, ROOT
+
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
 WRONG = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 5, "tau_s": 100}]}

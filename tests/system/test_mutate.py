@@ -5,11 +5,11 @@ import re
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from where import ROOT
+
 MUTATE = ROOT / "tests/mutate/mutate.py"
 QUICK_ROOMS = ["crc", "sample", "sum", "track", "learn", "table"]
 

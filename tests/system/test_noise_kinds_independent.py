@@ -13,7 +13,6 @@ import json
 import math
 import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +20,8 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 SEED = 20270613
 COLD, HOT, T0_DEGC, RANGE_DEGC = -20.0, 60.0, 20.0, 40.0
 FALSE_ALARM = 0.01  # stated by the program: any name where there is no gap

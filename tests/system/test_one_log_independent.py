@@ -14,14 +14,14 @@ import json
 import math
 import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import bilinear, lfilter, lfilter_zi
 from scipy.stats import binom
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 SEED = 20270819
 COLD, HOT = -20.0, 60.0
 TRUE = {"play": "thermal_hysteresis", "lag": "thermal_lag", "rate": "temperature_rate", "creep": "thermal_creep",

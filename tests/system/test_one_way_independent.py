@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 import test_loops_independent as loops
 from draws import long_after
 

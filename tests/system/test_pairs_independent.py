@@ -9,7 +9,6 @@ with outliers beside white noise that follows the temperature none, and a gap of
     python tests/system/test_pairs_independent.py     prints what is told of every device
 """
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -18,9 +17,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from draws import long_after
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from draws import long_after
+from where import BIN
+
 SEED = 7300000
 N_RUNS, N_FITTED = 6, 4
 

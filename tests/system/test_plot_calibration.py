@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: MIT
 """The demonstration's picture keeps what depends on the direction of the temperature: a loop stays a loop."""
-import sys
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "host/python"))
-from imucal.plot import calibration as plot_calibration  # noqa: E402
+from imucal.plot import calibration as plot_calibration
 
 UP, TOP = np.linspace(0, 60, 100), np.full(15, 60.0)
 TEMP_DEGC = np.concatenate([UP, TOP, UP[::-1]])

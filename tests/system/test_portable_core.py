@@ -4,11 +4,11 @@ import os
 import shlex
 import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from where import ROOT
+
 QUICK = "test_link test_table test_num test_sum test_learn test_track"
 
 

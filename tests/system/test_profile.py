@@ -7,8 +7,9 @@ import sys
 
 import pytest
 
-BUILD = os.environ.get("BUILD", "build")
-PROFILE = os.path.join(BUILD, "bin", "profile")
+from where import BIN
+
+PROFILE = str(BIN / "profile")
 
 
 def run(*args):

@@ -16,10 +16,10 @@ import subprocess
 import sys
 
 import pytest
-from imu import Imu
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
+from imu import Imu
+from where import BIN, BUILD, ROOT
+
 SCRIPT = "build/venv/bin/python"
 PROGRAMS = ("calibrate", "gyrosim", "dp", "errormodel", "profile", "montecarlo", "diagnose", "imucal", SCRIPT)
 NOT_RUN = re.compile(r"<!-- not run: (\S.*) -->")
@@ -62,15 +62,15 @@ def folder(tmp_path_factory):
     (path / "model.json").write_text(json.dumps(MODEL))
     (path / "chamber.json").write_text(json.dumps(PROFILE))
     for run in (1, 2, 3):
-        subprocess.run([BUILD / "bin/gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--log-index", str(run),
+        subprocess.run([BIN / "gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--log-index", str(run),
                         "-o", f"run{run}.csv", "-q"], cwd=path, check=True)
     (path / "log.csv").write_text((path / "run1.csv").read_text())
     (path / "gyro.json").write_text(json.dumps(MODEL))
     (path / "accel.json").write_text(json.dumps({"imucal_model": 1, "unit": "mg", "white_mg_rt_hz": 0.1,
                                                  "markov": [{"sigma_mg": 0.05, "tau_s": 100}]}))
-    subprocess.run([BUILD / "bin/gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--axes", "3", "-o", "triad.csv", "-q"],
+    subprocess.run([BIN / "gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--axes", "3", "-o", "triad.csv", "-q"],
                    cwd=path, check=True)
-    subprocess.run([BUILD / "bin/calibrate", "fit", "triad.csv", "--model", "model.json", "-o", "table.json", "-q"], cwd=path, check=True)
+    subprocess.run([BIN / "calibrate", "fit", "triad.csv", "--model", "model.json", "-o", "table.json", "-q"], cwd=path, check=True)
     return path
 
 
@@ -90,7 +90,7 @@ def run_at(device, words):
     if "run" in words:
         (device.folder / "log.csv").unlink(missing_ok=True)
         device.sense(PROFILE, MODEL)
-    result = subprocess.run([BUILD / "bin" / words[0], *(device.port if w == "/dev/ttyACM0" else w for w in words[1:])],
+    result = subprocess.run([BIN / words[0], *(device.port if w == "/dev/ttyACM0" else w for w in words[1:])],
                             cwd=device.folder, capture_output=True, text=True, timeout=120)
     assert result.returncode == 0, (words, result.stderr)
 
@@ -105,7 +105,7 @@ def test_command_line_of_a_readme_runs_as_printed(folder, device, path, number, 
             test_command_line_of_a_readme_runs_as_printed(folder, device, path, number, head + choice.strip())
         return
     words = shlex.split(text)
-    command = [sys.executable, ROOT / words[1], *words[2:]] if words[0] == SCRIPT else [BUILD / "bin" / words[0], *words[1:]]
+    command = [sys.executable, ROOT / words[1], *words[2:]] if words[0] == SCRIPT else [BIN / words[0], *words[1:]]
     assert pathlib.Path(command[0]).exists(), words[0]
     result = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
     assert result.returncode in (0, 1 if words[0] == "diagnose" else 0), (text, result.stderr)
@@ -232,7 +232,6 @@ def test_demo_prints_the_figures_of_the_readmes(tmp_path):
 
 
 def test_number_of_faults_in_the_readme_is_that_of_make_sick():
-    sys.path.insert(0, str(ROOT / "tests"))
     from sick import device, offline
     stated = re.search(r"(\d+) faults", " ".join((ROOT / "README.md").read_text().split())).group(1)
     assert int(stated) == len(offline.FAULTS) + len(device.FAULTS)

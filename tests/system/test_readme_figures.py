@@ -5,17 +5,15 @@ the result that its command saved in tests/saved, whose short form is run again 
 Not compared: speeds, which are of a machine; the draws of `make blind`, which begin with fresh entropy and run for hours
 (tests/blind/README.md and HISTORY.md say which seed gives which cases); the counts of campaigns of an hour (`make torn`, `soak`, `month`, …)."""
 import os
-import pathlib
 import re
 import subprocess
 import sys
 
 import pytest
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-BUILD = (ROOT / os.environ.get("BUILD", "build")).resolve()
+from where import BIN, BUILD, ROOT
+
 SAVED = ROOT / "tests/saved"
-sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests/python"), str(ROOT / "tests/bench"), str(ROOT / "tests/emu")]
 
 
 def rows_of(path, heading=None):
@@ -48,7 +46,7 @@ def test_tables_of_make_validation_are_those_it_saved():
 
 def test_validation_prints_the_same_digits_for_the_same_seed(tmp_path):
     """A few tests of each campaign; the columns that no draw enters are also those of the long run."""
-    out = subprocess.run([sys.executable, ROOT / "host/scripts/validation.py", BUILD / "bin/montecarlo", "--short", "--out", tmp_path, "--save",
+    out = subprocess.run([sys.executable, ROOT / "host/scripts/validation.py", BIN / "montecarlo", "--short", "--out", tmp_path, "--save",
                           tmp_path / "short.md"], capture_output=True, text=True, timeout=120)
     assert out.returncode == 0, out.stderr
     short, long = rows_of(tmp_path / "short.md"), rows_of(SAVED / "validation.md")

@@ -8,27 +8,18 @@ The limits were written down before the answers were seen; seeds are fixed. IMUC
 (otherwise shared/data beside the checkout). IMUCAL_REAL_LONG=1 runs more of them."""
 import json
 import os
-import pathlib
 import subprocess
 
 import numpy as np
 import pytest
 
-
-def root():
-    for p in (pathlib.Path(os.environ.get("IMUCAL_ROOT", "/nowhere")), *pathlib.Path(__file__).resolve().parents,
-              pathlib.Path.cwd(), *pathlib.Path.cwd().parents):
-        if (p / "build/bin/diagnose").exists():
-            return p
-    pytest.skip("THE PROGRAM IS NOT BUILT: no build/bin/diagnose above this file or the working folder")
+from where import BIN, DATA
 
 
 def data(name):
-    places = [os.environ.get("IMUCAL_DATA"), root().parent / "shared/data"]
-    for p in places:
-        if p and (pathlib.Path(p) / name).exists():
-            return pathlib.Path(p) / name
-    pytest.skip(f"RECORDED DATA ARE MISSING: {name} is neither in $IMUCAL_DATA nor in {places[1]}: nothing was tested")
+    if not (DATA / name).exists():
+        pytest.skip(f"RECORDED DATA ARE MISSING: {name} is not in {DATA}: nothing was tested")
+    return DATA / name
 
 
 LONG = bool(os.environ.get("IMUCAL_REAL_LONG"))
@@ -162,7 +153,7 @@ def make(folder, adis, kind, layout, seed, effects=(None,) * 3):
 
 def diagnose(folder, logs, held=(), *more):
     out = folder / f"answer_{len(list(folder.glob('answer_*')))}.json"
-    program = os.environ.get("IMUCAL_DIAGNOSE", str(root() / "build/bin/diagnose"))
+    program = os.environ.get("IMUCAL_DIAGNOSE", str(BIN / "diagnose"))
     cmd = ["nice", "-n", "10", program, "--log", *map(str, logs), "--cache", str(folder / "cache"), "--json", str(out), *more]
     if held:
         cmd += ["--holdout", *map(str, held)]

@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Recorded logs: the judge on made-up answers (always), and with IMUCAL_RECORDED=1 the rows that must hold on the built program."""
 import os
-import sys
 
 import pytest
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), ".."))
-from recorded import __main__ as command  # noqa: E402
-from recorded import judge, table  # noqa: E402
+from recorded import __main__ as command
+from recorded import judge, table
+from where import BIN
 
-BIN = os.path.join(os.environ.get("BUILD", "build"), "bin")
 ROW = {r.row: r for r in table.ROWS}
 
 

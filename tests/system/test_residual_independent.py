@@ -11,7 +11,6 @@ import math
 import os
 import re
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,8 @@ from scipy.linalg import toeplitz
 from scipy.signal import fftconvolve, lfilter
 from scipy.stats import binom, chi2
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 SEED = 20281103
 COLD, HOT = -20.0, 60.0
 WHITE = 36.0  # dph in a second: 0.6 deg/sqrt(h)

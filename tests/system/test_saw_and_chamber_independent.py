@@ -11,14 +11,13 @@ All of it is simulated by this file; no code is shared with the programs, and no
 device's four logs is held out.  Seeds and limits were chosen before the first run: no device may miss."""
 import json
 import math
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 SEED = 20310822
 N_LOGS = 4
 WHITE = 30.0  # dph in a second: 0.5 deg/sqrt(h)

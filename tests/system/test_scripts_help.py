@@ -3,11 +3,11 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from where import ROOT
+
 SCRIPTS = sorted(path for path in (ROOT / "host/scripts").glob("*.py") if "__main__" in path.read_text(encoding="utf-8"))
 
 

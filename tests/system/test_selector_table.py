@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
 """The table of the selector's constants in constants.md is that of the code: the same names and values."""
 import re
-from pathlib import Path
 
-ROOM = Path(__file__).resolve().parents[2] / "host/lib/analysis/diagnose"
+from where import ROOT
+
+ROOM = ROOT / "host/lib/analysis/diagnose"
 
 
 def in_code():

@@ -1,17 +1,11 @@
 # SPDX-License-Identifier: MIT
 """The short form of `make sick`: every fault, and healthy runs of every kind."""
-import os
-import pathlib
-import sys
 
 import pytest
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests"))
-BIN = (ROOT / os.environ.get("BUILD", "build") / "bin").resolve()
-
-from sick import device, healthy, offline  # noqa: E402
-from sick.case import Bench  # noqa: E402
+from sick import device, healthy, offline
+from sick.case import Bench
+from where import BIN
 
 
 @pytest.fixture(scope="module")

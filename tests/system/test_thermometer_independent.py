@@ -9,17 +9,15 @@ white noise and one first-order process.  No code is shared with the programs.
 Counts "before" are of the program that smoothed every temperature over up to 40 s and asked the fitted logs alone."""
 import json
 import math
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 WHITE, SLOW, TAU_S = 40.0, 10.0, 70.0  # dph per second's mean, dph, s
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": WHITE / 60, "markov": [{"sigma_dph": SLOW, "tau_s": TAU_S}],
          "bias": {"t0_degc": 20, "range_degc": 40, "coeff_dph": [0, 0, 0, 0]}}

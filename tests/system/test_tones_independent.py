@@ -5,18 +5,16 @@ A tone is averaged over each second by adding 50 of its values.  What the logs c
 follows from the Fisher information of the samples in narrow-band noise, whose density at the tone is that of the model."""
 import json
 import math
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
-from draws import long_after
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-ROOT = Path(__file__).resolve().parents[2]
-BIN = (ROOT / os.environ.get("BUILD", "build")).resolve() / "bin"
+from draws import long_after
+from where import BIN
+
 ARW, SIGMA, TAU_S = 0.6, 20.0, 100.0
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": ARW, "markov": [{"sigma_dph": SIGMA, "tau_s": TAU_S}],
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [0, 0, 0, 0]}}

@@ -8,16 +8,15 @@ is simulated by this file; no code is shared with the programs.  Seeds were chos
 chances that are stated.  `make test` asks some of the devices, `make test-long` the others."""
 import json
 import math
-import os
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-BIN = (Path(__file__).resolve().parents[2] / os.environ.get("BUILD", "build")).resolve() / "bin"
+from where import BIN
+
 SEED = 20270511
 COLD, HOT = -20.0, 60.0
 FALSE_ALARM = 0.01  # stated by the program: a name or a gap where there is none

@@ -14,6 +14,6 @@ demo:  ## build: calibrate an emulated IMU over its serial port (LOG=file.csv: r
 	@$(PYTHON) host/scripts/demo.py --build $(BUILD) $(DEMO_OPTIONS)
 
 test-long:: all
-	$(Q)BUILD=$(BUILD) PYTHONPATH=tests/system $(PYTHON) -m pytest -q -p no:cacheprovider tests/long/test_calibrate_cycles.py
+	$(Q)BUILD=$(BUILD) $(PYTHON) -m pytest -q -p no:cacheprovider tests/long/test_calibrate_cycles.py
 
 .PHONY: demo test-long
