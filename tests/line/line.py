@@ -21,8 +21,9 @@ from collections import Counter
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "system"))
-from imu import QUICK, Imu  # noqa: E402
+from imu import Imu  # noqa: E402
 from noisy_line import NoisyLine  # noqa: E402
+from reference import QUICK  # noqa: E402
 
 LIMIT_S = 120.0
 PATIENT = ["--timeout-s", "0.05", "--tries", "40"]

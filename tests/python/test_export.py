@@ -14,6 +14,7 @@ from imucal.export import ardupilot, c_header, noise, plain_json, px4
 from imucal.export.cubic import single
 from imucal.table import read_table
 from imucal.units import DPH_PER_RADPS
+from reference import DRIFTING as MODEL
 
 F = np.float32
 NOTHING = SimpleNamespace(instance=None, device_id=None, prefix=None, rate_hz=None)
@@ -218,9 +219,6 @@ def test_json_holds_the_curve_three_ways(table):
 
 
 # --- models ---
-
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}], "turn_on_sigma_dph": 50,
-         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
 
 
 @pytest.fixture

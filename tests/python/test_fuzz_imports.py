@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
 """Short form of `make fuzz-imports`: damaged files of every format are taken or refused by name, never anything else."""
-
 import pytest
 
 import fuzz_imports

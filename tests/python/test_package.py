@@ -12,13 +12,10 @@ import numpy as np
 import pytest
 
 import imucal
+from reference import BASIC, MODEL
 from where import BIN, ROOT
 
 os.environ.setdefault("IMUCAL_BIN", str(BIN))
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
-         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
-BASIC = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 0, "duration_s": 1200}, {"rate_degc_per_min": 0.6, "to_degc": 60},
-                                                            {"rate_degc_per_min": 0, "duration_s": 1200}]}
 
 
 @pytest.fixture(scope="module")

@@ -9,16 +9,16 @@ import pytest
 
 from imucal.log import Log
 from imucal.plot import prediction, profiles
+from reference import NOISE
 from where import BIN, ROOT
 
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}
 RAMP = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 0.6, "to_degc": 60}, {"rate_degc_per_min": 0, "duration_s": 600}]}
 
 
 @pytest.fixture
 def result(tmp_path):
     """result("profile", "error", …) -> the program's JSON, beside a model and a profile."""
-    (tmp_path / "model.json").write_text(json.dumps(MODEL))
+    (tmp_path / "model.json").write_text(json.dumps(NOISE))
     (tmp_path / "ramp.json").write_text(json.dumps(RAMP))
     subprocess.run([BIN / "gyrosim", "log", "--model", "model.json", "--profile", "ramp.json", "-o", "log.csv", "-q"], cwd=tmp_path, check=True)
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Callable
 
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}], "turn_on_sigma_dph": 50,
-         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
-SOAK = {"rate_degc_per_min": 0, "duration_s": 1200}
-BASIC = {"imucal_profile": 1, "start_degc": 0, "segments": [SOAK, {"rate_degc_per_min": 0.6, "to_degc": 60}, SOAK]}
+from reference import BASIC
+from reference import DRIFTING as MODEL
+
 
 
 @dataclass

@@ -6,24 +6,21 @@ import os
 import resource
 import signal
 import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "system"))
-from imu import CALIBRATE, IMPATIENT, Imu, wait_until  # noqa: E402
-from noisy_line import NoisyLine  # noqa: E402
-
-from sick.case import MODEL, Fault, Outcome  # noqa: E402
+from imu import CALIBRATE, IMPATIENT, Imu, wait_until
+from noisy_line import NoisyLine
+from reference import DRIFTING as MODEL
+from reference import soaked_ramp
+from sick.case import Fault, Outcome
 
 RATE_HZ, SOAK_S, RAMP_S = 10, 300, 1000
 TEST_S = 2 * SOAK_S + RAMP_S  # 0 to 60 degC
-PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [
-    {"rate_degc_per_min": 0, "duration_s": SOAK_S}, {"rate_degc_per_min": 3.6, "to_degc": 60},
-    {"rate_degc_per_min": 0, "duration_s": SOAK_S}]}
+PROFILE = soaked_ramp(SOAK_S, 3.6)
 FULL_SCALE = 8388607
 RECORD = np.dtype([("marker", "u1"), ("n", "u1"), ("saturated", "u1"), ("fault", "u1"), ("temp", "<i4"), ("t_us", "<u8"), ("counts", "<i4", 6)])
 

@@ -3,10 +3,12 @@
 import json
 from concurrent.futures import ThreadPoolExecutor
 
-from sick.case import BASIC, MODEL, SOAK
+from reference import BASIC
+from reference import DRIFTING as MODEL
 
 STEEP = {**MODEL, "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 3000, 150, -100]}}
 SLOW = {**MODEL, "markov": [{"sigma_dph": 20, "tau_s": 1000}]}
+SOAK = BASIC["segments"][0]
 UP = {"rate_degc_per_min": 0.6, "to_degc": 60}
 DOWN = {"rate_degc_per_min": 0.6, "to_degc": 0}
 # Beyond those of `make validation`: name, profile, model, arguments of gyrosim, of calibrate fit.

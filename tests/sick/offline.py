@@ -5,7 +5,9 @@ import gzip
 import math
 import random
 
-from sick.case import BASIC, MODEL, Fault
+from reference import BASIC
+from reference import DRIFTING as MODEL
+from sick.case import Fault
 
 T, TEMP, GX = 0, 1, 2
 

@@ -8,23 +8,12 @@ import subprocess
 import time
 from pathlib import Path
 
+from reference import BASIC, MODEL
 from where import BIN, BUILD
 
 CALIBRATE, GYROSIM = BIN / "calibrate", BIN / "gyrosim"
 FIRMWARE = BUILD / "firmware/posix/imucal"
 
-# What the documentation of the figures uses (reference figures A, tests/README.md): 140 min, 0 to 60 degC at 0.6 degC/min, 20-min soaks.
-COEFF_DPH = [80, 300, 150, -100]
-NOISE = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}
-MODEL = {**NOISE, "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": COEFF_DPH}}
-BASIC = {"imucal_profile": 1, "start_degc": 0, "segments": [
-    {"rate_degc_per_min": 0, "duration_s": 1200}, {"rate_degc_per_min": 0.6, "to_degc": 60},
-    {"rate_degc_per_min": 0, "duration_s": 1200}]}
-RESTING = {"imucal_profile": 1, "start_degc": 25, "segments": [{"rate_degc_per_min": 0, "duration_s": 1200}]}
-# A quick one for tests that need only some table: 0 to 60 degC in ten minutes.
-QUICK = {"imucal_profile": 1, "start_degc": 0, "segments": [
-    {"rate_degc_per_min": 0, "duration_s": 60}, {"rate_degc_per_min": 6, "to_degc": 60},
-    {"rate_degc_per_min": 0, "duration_s": 60}]}
 # Quick to give a silent device up.
 IMPATIENT = ["--timeout-s", "0.1", "--tries", "3"]
 

@@ -6,15 +6,13 @@ import subprocess
 import numpy as np
 import pytest
 
+from reference import BASIC
+from reference import MODEL as GYRO
 from where import BIN
 
 BIAS_MG = [1000, 4, 2, -1]  # b0 holds 1 g
 MODEL = {"imucal_model": 1, "unit": "mg", "white_mg_rt_hz": 0.15, "markov": [{"sigma_mg": 0.08, "tau_s": 200}],
          "bias": {"t0_degc": 30, "range_degc": 30, "coeff_mg": BIAS_MG}}
-GYRO = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
-        "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
-PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [
-    {"rate_degc_per_min": 0, "duration_s": 1200}, {"rate_degc_per_min": 0.6, "to_degc": 60}, {"rate_degc_per_min": 0, "duration_s": 1200}]}
 MG_PER_MS2 = 1000 / 9.80665
 
 
@@ -46,7 +44,7 @@ def rewritten(source, target, columns):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("accel")
-    for name, content in (("accel.json", MODEL), ("gyro.json", GYRO), ("chamber.json", PROFILE)):
+    for name, content in (("accel.json", MODEL), ("gyro.json", GYRO), ("chamber.json", BASIC)):
         (path / name).write_text(json.dumps(content))
     run(path, "gyrosim", "log", "--model", "accel.json", "--profile", "chamber.json", "--axes", 3, "--seed", 3, "-o", "mg.csv")
     run(path, "gyrosim", "log", "--model", "gyro.json", "--model", "accel.json", "--profile", "chamber.json", "--seed", 4, "-o", "both.csv")
@@ -156,7 +154,7 @@ def test_profile_and_expected_curve_speak_of_mg(folder):
 def test_diagnose_finds_in_mg_what_it_finds_in_dph(folder):
     effects = [{"name": "thermal_hysteresis", "parameters": {"amplitude_dph": 0.4, "width_degc": 8}}]
     (folder / "effects.json").write_text(json.dumps(effects))
-    cycle = {**PROFILE, "segments": [{"rate_degc_per_min": 1, "to_degc": 60}, {"rate_degc_per_min": -1, "to_degc": 0}], "repeat": 2}
+    cycle = {**BASIC, "segments": [{"rate_degc_per_min": 1, "to_degc": 60}, {"rate_degc_per_min": -1, "to_degc": 0}], "repeat": 2}
     (folder / "cycle.json").write_text(json.dumps(cycle))
     run(folder, "gyrosim", "log", "--model", "accel.json", "--profile", "cycle.json", "--effects", "effects.json", "--seed", 5, "-o", "loop.csv")
     rewritten(folder / "loop.csv", folder / "loop_rate.csv", {"ax_mg": ("gx_dph", 240.0)})

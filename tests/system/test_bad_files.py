@@ -8,10 +8,9 @@ import subprocess
 
 import pytest
 
+from reference import BASIC, MODEL
 from where import BIN
 
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
-         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
 PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 2, "to_degc": 60}]}
 
 
@@ -253,8 +252,7 @@ def test_common_options_stand_before_or_after_the_subcommand(folder):
 # ---- the temperature's part is no noise ----
 
 def test_errormodel_takes_out_what_follows_the_temperature(folder):
-    (folder / "long.json").write_text(json.dumps({"imucal_profile": 1, "start_degc": 0, "segments": [
-        {"rate_degc_per_min": 0, "duration_s": 1200}, {"rate_degc_per_min": 0.6, "to_degc": 60}, {"rate_degc_per_min": 0, "duration_s": 1200}]}))
+    (folder / "long.json").write_text(json.dumps(BASIC))
     log = folder / "long.csv"
     run(BIN / "gyrosim", "log", "--model", folder / "model.json", "--profile", folder / "long.json", "-o", log)
     fit = [BIN / "errormodel", "fit", log, "--markov", 1, "--criterion", "ml", "--bootstrap", 0, "--json", "-"]

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu import BASIC, COEFF_DPH, GYROSIM, MODEL, NOISE, QUICK, Imu, wait_until
+from imu import GYROSIM, Imu, wait_until
 from noisy_line import NoisyLine
+from reference import BASIC, COEFF_DPH, MODEL, NOISE, QUICK
 from where import BUILD, ROOT
 
 

@@ -6,8 +6,9 @@ import time
 
 import pytest
 
-from imu import IMPATIENT, MODEL, QUICK, RESTING, Imu, wait_until
+from imu import GYROSIM, IMPATIENT, Imu, wait_until
 from noisy_line import NoisyLine
+from reference import MODEL, QUICK, RESTING
 
 
 @pytest.fixture
@@ -212,7 +213,6 @@ def test_run_sensor_that_delivers_nothing_is_said(imu):
 
 def test_replay_bad_logs_name_line_and_field(imu):
     import subprocess
-    from imu import GYROSIM
     for text, parts in [("t_s,temp_degc,gx_dph\n1,20,5\n2,20,many\n", ["bad.csv", "3", "many"]),
                         ("t_s,temp_degc,gx_dph\n1,20,5\n5,20,5\n9,20,5\n", ["bad.csv", "4.0", "one per second"]),
                         ("t_s,temp_degc,gx_dph\n1,,5\n2,,5\n", ["bad.csv", "temperature"])]:

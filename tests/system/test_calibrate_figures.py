@@ -3,7 +3,8 @@
 and reported by `calibrate run`: within 1 %.  The figures come from an exact covariance in double, not from this code."""
 import pytest
 
-from imu import BASIC, Imu, QemuImu
+from imu import Imu, QemuImu
+from reference import BASIC
 
 RAMP = [13.09, 7.47, 6.20, 6.45, 6.29, 5.75, 5.43, 5.75, 6.29, 6.45, 6.20, 7.47, 13.09]  # at 0, 5, .. 60 degC
 

@@ -5,24 +5,8 @@ import subprocess
 
 import pytest
 
+from reference import BASIC, COEFF_DPH, MODEL
 from where import BIN
-
-BIAS = [80, 300, 150, -100]
-MODEL = {
-    "imucal_model": 1,
-    "arw_deg_rt_h": 0.6,
-    "markov": [{"sigma_dph": 20, "tau_s": 100}],
-    "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": BIAS},
-}
-PROFILE = {
-    "imucal_profile": 1,
-    "start_degc": 0,
-    "segments": [
-        {"rate_degc_per_min": 0, "duration_s": 1200},
-        {"rate_degc_per_min": 0.6, "to_degc": 60},
-        {"rate_degc_per_min": 0, "duration_s": 1200},
-    ],
-}
 
 
 def run(*arguments):
@@ -33,7 +17,7 @@ def run(*arguments):
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("fit")
     (path / "model.json").write_text(json.dumps(MODEL))
-    (path / "profile.json").write_text(json.dumps(PROFILE))
+    (path / "profile.json").write_text(json.dumps(BASIC))
     for i in (1, 2):  # two runs of one device
         result = run(BIN / "gyrosim", "log", "--model", path / "model.json", "--profile", path / "profile.json",
                      "--axes", 2, "--seed", 1, "--log-index", i, "-o", path / f"log{i}.csv")
@@ -43,7 +27,7 @@ def folder(tmp_path_factory):
 
 def truth(axis, temp):
     tn = (temp - 30) / 30
-    return sum(b * tn**i for i, b in enumerate(BIAS))
+    return sum(b * tn**i for i, b in enumerate(COEFF_DPH))
 
 
 @pytest.mark.parametrize("method", ["kf", "poly"])

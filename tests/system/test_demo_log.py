@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 import imucal
+from reference import MODEL, soaked_ramp
 from where import BIN, BUILD, ROOT
 
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
-         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
-SOAK = {"rate_degc_per_min": 0, "duration_s": 600}
-PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [SOAK, {"rate_degc_per_min": 1.2, "to_degc": 60}, SOAK]}
+PROFILE = soaked_ramp(600, 1.2)
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from reference import DRIFTING as MODEL
 from where import BIN, DATA, ROOT
 
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
-         "turn_on_sigma_dph": 50,
-         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
 # Two rates, reversals and soaks on the way: tells thermal effects apart.
 PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [
     {"rate_degc_per_min": 0, "duration_s": 300}, {"rate_degc_per_min": 3, "to_degc": 30},

@@ -7,9 +7,9 @@ import subprocess
 import numpy as np
 import pytest
 
+from reference import NOISE as NOMINAL
 from where import BIN, DATA
 
-NOMINAL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}
 
 
 def run(*args, expect=0):

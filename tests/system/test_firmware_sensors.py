@@ -11,12 +11,12 @@ import time
 
 import pytest
 
+import reference
 from child import Child
 from device_link import Device
 from where import BIN, BUILD, ROOT
 
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 5, "tau_s": 100}],
-         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
+MODEL = {**reference.MODEL, "markov": [{"sigma_dph": 5, "tau_s": 100}]}
 PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [
     {"rate_degc_per_min": 0, "duration_s": 40}, {"rate_degc_per_min": 4, "to_degc": 60},
     {"rate_degc_per_min": 0, "duration_s": 60}]}

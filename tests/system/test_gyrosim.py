@@ -6,11 +6,11 @@ import subprocess
 import numpy as np
 import pytest
 
+import reference
 from where import BIN
 
 GYROSIM = BIN / "gyrosim"
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}], "turn_on_sigma_dph": 40,
-         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
+MODEL = {**reference.MODEL, "turn_on_sigma_dph": 40}
 PROFILE = {"imucal_profile": 1, "start_degc": 0,
            "segments": [{"rate_degc_per_min": 0, "duration_s": 100}, {"rate_degc_per_min": 3, "to_degc": 60}]}
 

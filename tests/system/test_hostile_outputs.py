@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from reference import MODEL
 from where import BIN
 
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
-         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
 PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 2, "to_degc": 60}, {"rate_degc_per_min": 2, "to_degc": 0}]}
 
 

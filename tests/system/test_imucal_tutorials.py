@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import foreign
+from reference import NOISE as MODEL
 from where import BIN, ROOT
 
 PAGES = ROOT / "host/docs/tutorials"
 TRUTH_DPH = np.array([[300.0, 40.0, -3.0], [-200.0, 25.0, 2.0], [90.0, -60.0, 1.0]])  # of T - 30 degC, per axis
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]}
 
 
 def warm_up(duration_s=1500, rate_hz=10):

@@ -23,6 +23,7 @@ import pytest
 from scipy.signal import lfilter
 
 from asking import BIN
+from reference import MODEL
 
 SEED, PLAY, LAG = 3409, "thermal_hysteresis", "thermal_lag"
 LO, HI = 0.0, 60.0
@@ -174,8 +175,7 @@ def ask(folder, fault, cause, number):
     command = [BIN / "diagnose", "--threads", "1", "--no-cache", "--quiet", "--json", "-"]
     if number % 2 == 0:
         model = folder / "model.json"
-        model.write_text(json.dumps({"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
-                                     "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}))
+        model.write_text(json.dumps(MODEL))
         command += ["--model", model]
     command += ["--log", *paths[:3], "--holdout", paths[3]]
     done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120,

@@ -8,23 +8,17 @@ import time
 
 import pytest
 
+from reference import BASIC, MODEL, soaked_ramp
 from where import BIN, ROOT
 
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}],
-         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
 WRONG = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 5, "tau_s": 100}]}
 STEEP = {**MODEL, "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 3000, 150, -100]}}
 
 
-def profile(soak_s, rate):
-    soak = {"rate_degc_per_min": 0, "duration_s": soak_s}
-    return {"imucal_profile": 1, "start_degc": 0, "segments": [soak, {"rate_degc_per_min": rate, "to_degc": 60}, soak]}
-
-
 @pytest.fixture
 def files(tmp_path):
-    for name, content in {"model": MODEL, "wrong": WRONG, "steep": STEEP, "short": profile(200, 3),
-                          "basic": profile(1200, 0.6)}.items():
+    for name, content in {"model": MODEL, "wrong": WRONG, "steep": STEEP, "short": soaked_ramp(200, 3),
+                          "basic": BASIC}.items():
         (tmp_path / f"{name}.json").write_text(json.dumps(content))
     return tmp_path
 

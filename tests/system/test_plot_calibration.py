@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
 """The demonstration's picture keeps what depends on the direction of the temperature: a loop stays a loop."""
-
 import numpy as np
 
 from imucal.plot import calibration as plot_calibration

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from reference import BASIC, NOISE
 from where import BIN
 
 PROFILE = str(BIN / "profile")
@@ -29,11 +30,9 @@ def files(tmp_path):
         path.write_text(content if isinstance(content, str) else json.dumps(content))
         return path
 
-    write("model.json", {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}]})
+    write("model.json", NOISE)
     write("silent.json", {"imucal_model": 1, "arw_deg_rt_h": 0})
-    write("basic.json", {"imucal_profile": 1, "start_degc": 0, "segments": [
-        {"rate_degc_per_min": 0, "duration_s": 1200}, {"rate_degc_per_min": 0.6, "to_degc": 60},
-        {"rate_degc_per_min": 0, "duration_s": 1200}], "repeat": 1})
+    write("basic.json", {**BASIC, "repeat": 1})
     write("two_soaks.json", {"imucal_profile": 1, "start_degc": 20, "segments": [
         {"rate_degc_per_min": 0, "duration_s": 1200}], "repeat": 1})
     return write, tmp_path

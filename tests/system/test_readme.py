@@ -18,15 +18,12 @@ import sys
 import pytest
 
 from imu import Imu
+from reference import BASIC, DRIFTING
 from where import BIN, BUILD, ROOT
 
 SCRIPT = "build/venv/bin/python"
 PROGRAMS = ("calibrate", "gyrosim", "dp", "errormodel", "profile", "montecarlo", "diagnose", "imucal", SCRIPT)
 NOT_RUN = re.compile(r"<!-- not run: (\S.*) -->")
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": 0.6, "markov": [{"sigma_dph": 20, "tau_s": 100}], "turn_on_sigma_dph": 50,
-         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [80, 300, 150, -100]}}
-PROFILE = {"imucal_profile": 1, "start_degc": 0, "segments": [{"rate_degc_per_min": 0, "duration_s": 1200},
-           {"rate_degc_per_min": 0.6, "to_degc": 60}, {"rate_degc_per_min": 0, "duration_s": 1200}]}
 
 
 def command_lines(path):
@@ -59,13 +56,13 @@ def test_command_lines_are_found_and_few_are_left_out():
 def folder(tmp_path_factory):
     """What `imucal example` or the reader provides: model.json, chamber.json, logs of three runs of one device."""
     path = tmp_path_factory.mktemp("readme")
-    (path / "model.json").write_text(json.dumps(MODEL))
-    (path / "chamber.json").write_text(json.dumps(PROFILE))
+    (path / "model.json").write_text(json.dumps(DRIFTING))
+    (path / "chamber.json").write_text(json.dumps(BASIC))
     for run in (1, 2, 3):
         subprocess.run([BIN / "gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--log-index", str(run),
                         "-o", f"run{run}.csv", "-q"], cwd=path, check=True)
     (path / "log.csv").write_text((path / "run1.csv").read_text())
-    (path / "gyro.json").write_text(json.dumps(MODEL))
+    (path / "gyro.json").write_text(json.dumps(DRIFTING))
     (path / "accel.json").write_text(json.dumps({"imucal_model": 1, "unit": "mg", "white_mg_rt_hz": 0.1,
                                                  "markov": [{"sigma_mg": 0.05, "tau_s": 100}]}))
     subprocess.run([BIN / "gyrosim", "log", "--model", "model.json", "--profile", "chamber.json", "--axes", "3", "-o", "triad.csv", "-q"],
@@ -79,8 +76,8 @@ def device(tmp_path_factory):
     """What is behind /dev/ttyACM0: the firmware as a process, beside the files that its lines name."""
     path = tmp_path_factory.mktemp("readme_device")
     imu = Imu(path)
-    (path / "chamber.json").write_text(json.dumps(PROFILE))
-    (path / "model.json").write_text(json.dumps(MODEL))
+    (path / "chamber.json").write_text(json.dumps(BASIC))
+    (path / "model.json").write_text(json.dumps(DRIFTING))
     yield imu
     imu.close()
 
@@ -89,7 +86,7 @@ def run_at(device, words):
     """In the order of the README: the table that `verify` compares is that of `run`."""
     if "run" in words:
         (device.folder / "log.csv").unlink(missing_ok=True)
-        device.sense(PROFILE, MODEL)
+        device.sense(BASIC, DRIFTING)
     result = subprocess.run([BIN / words[0], *(device.port if w == "/dev/ttyACM0" else w for w in words[1:])],
                             cwd=device.folder, capture_output=True, text=True, timeout=120)
     assert result.returncode == 0, (words, result.stderr)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
 """The short form of `make sick`: every fault, and healthy runs of every kind."""
-
 import pytest
 
 from sick import device, healthy, offline
