@@ -11,18 +11,15 @@ The strength d of a cause is the square root of twice the log-likelihood that th
 who knows its form and the noise, beside a free cubic and free constants: generalised least squares (whitened).
 Seeds were chosen before the first run, limits by the chances that are stated.  `make test` asks some of the devices,
 `make test-long` the others."""
-import json
 import math
 import re
-import subprocess
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 from scipy.signal import lfilter
-from scipy.stats import binom
 
-from where import BIN
+from asking import DIAGNOSE, axes_of, model_of, model_option, most_by_chance, names, run, write_log
 
 SEED = 20270824
 COLD, HOT = -20.0, 60.0
@@ -210,20 +207,12 @@ class Device:
         """Logs and held-out logs; not a number is a missing rate."""
         files = []
         for i, degc in enumerate(self.runs):
-            names = ["t_s", "temp_degc", *(a + "_dph" for a in axes), *self.auxiliary]
             read = degc + 0.01 * rng.standard_normal(len(degc))
-            columns = [[f"{t}" for t in range(1, len(degc) + 1)]]
-            for x in [read, *(self.rates[a][i] for a in axes), *(v[i] for v in self.auxiliary.values())]:
-                columns.append(["" if math.isnan(v) else f"{v:.4f}" for v in x])
-            rows = "\n".join(map(",".join, zip(*columns)))
-            files.append(folder / f"run{i}.csv")
-            files[-1].write_text(f"# imucal-log = 1\n{','.join(names)}\n{rows}\n")
+            names = [*(a + "_dph" for a in axes), *self.auxiliary]
+            columns = [*(self.rates[a][i] for a in axes), *(v[i] for v in self.auxiliary.values())]
+            files.append(write_log(folder / f"run{i}.csv", np.arange(1, len(degc) + 1), read, *columns, axes=names,
+                                   form="%d" + ",%.4f" * (1 + len(names))))
         return files[:self.n_fitted], files[self.n_fitted:]
-
-
-def model_of(white, slow, tau_s):
-    return {"imucal_model": 1, "arw_deg_rt_h": white / 60, "markov": [{"sigma_dph": slow, "tau_s": tau_s}],
-            "bias": {"t0_degc": 20, "range_degc": 40, "coeff_dph": [0, 0, 0, 0]}}
 
 
 def believed(device, belief, rng):
@@ -231,33 +220,19 @@ def believed(device, belief, rng):
     own = device.noise["gx"]
     if belief == "wrong":
         own = own[0], own[1] * rng.choice([1 / 3, 3]), own[2] * rng.choice([1 / 3, 3])
-    return None if belief == "absent" else model_of(*own)
+    return None if belief == "absent" else model_of(own[0], own[1:])
 
 
 def diagnose(folder, logs, held_out=(), model=None, *more):
     """The whole answer."""
-    if model:
-        (folder / "model.json").write_text(json.dumps(model))
-    command = [BIN / "diagnose", *(["--model", folder / "model.json"] if model else []), "--threads", "1", "--no-cache",
-               "--quiet", "--json", "-", *more, "--log", *logs, *(["--holdout", *held_out] if held_out else [])]
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=240)
-    (folder / "command.txt").write_text(" ".join(map(str, command)) + "\n")
-    assert done.returncode in (0, 1), done.stderr
+    done, command = run(DIAGNOSE, [*model_option(folder / "model.json", model), *more], logs, held_out, timeout_s=240)
+    (folder / "command.txt").write_text(command + "\n")
     (folder / "answer.json").write_text(done.stdout)
-    return {axis["axis"].removesuffix("_dph"): axis for axis in json.loads(done.stdout)["axes"]}
-
-
-def names(axis):
-    return [effect["name"] for effect in axis["effects"]]
+    return {axis["axis"].removesuffix("_dph"): axis for axis in axes_of(done)}
 
 
 def first_family(axis):
     return axis["effects"][0]["family"] if axis["effects"] else axis["verdict"]
-
-
-def most_by_chance(n, rate):
-    """More than these of n come in less than 1 of 100 draws where each has this probability."""
-    return int(binom.ppf(0.99, n, rate))
 
 
 def ask(device, belief, folder, rng):

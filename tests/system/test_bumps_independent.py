@@ -5,14 +5,12 @@ Three logs of 100 minutes go by ramps and soaks between 0 and 60 degC.  The bias
 bump; the noise is white noise and one first-order process, as in the model.  The height makes the bump worth 60 nats to who
 knows its shape and fits a cubic beside it.  No code is shared with the programs."""
 import itertools
-import json
 import math
-import subprocess
 
 import numpy as np
 import pytest
 
-from where import BIN
+from asking import DIAGNOSE, axis_told, model_option, with_members, write_log
 
 SECONDS, LOGS, NATS = 6000, 3, 60
 WHITE, SLOW, TAU_S = 36.0, 20.0, 100.0  # dph per second's mean, dph, s
@@ -61,22 +59,19 @@ def answer(name, seed, folder):
     both = np.vstack([whitened(np.column_stack([c, np.vander(t / 60, 4)])) for t, c in logs])
     left = both[:, 0] - both[:, 1:] @ np.linalg.lstsq(both[:, 1:], both[:, 0], rcond=None)[0]
     height = math.sqrt(2 * NATS / (left @ left)) if name != "no bump" else 0
-    (folder / "model.json").write_text(json.dumps(MODEL))
+    paths = []
     for i, (t, c) in enumerate(logs):
         slow, white, read = (rng.standard_normal(SECONDS) for _ in range(3))
         rate = np.polyval(MODEL["bias"]["coeff_dph"][::-1], (t - 20) / 40) + height * c + WHITE * white
         rate += first_order(slow, TAU_S, SLOW * slow[0], SLOW * math.sqrt(1 - math.exp(-2 / TAU_S)))
-        np.savetxt(folder / f"{i}.csv", np.column_stack([np.arange(1, SECONDS + 1), t + 0.02 * read, rate]), fmt="%.3f",
-                   delimiter=",", header="# imucal-log = 1\nt_s,temp_degc,gx_dph", comments="")
-    options = "--threads 1 --quiet --no-cache --json - --model model.json --log"
-    command = [BIN / "diagnose", *options.split(), *(f"{i}.csv" for i in range(LOGS))]
-    return json.loads(subprocess.check_output(command, cwd=folder, timeout=120))["axes"][0]["effects"]
+        paths.append(write_log(folder / f"{i}.csv", np.arange(1, SECONDS + 1), t + 0.02 * read, rate, form="%.3f,%.3f,%.3f"))
+    return axis_told(DIAGNOSE, model_option(folder / "model.json", MODEL), paths)
 
 
 @pytest.mark.parametrize("name,seed", [(name, 31 + i) for i, name in enumerate(SHAPES)])
 def test_a_clear_bump_of_any_shape_is_told_as_a_bump(name, seed, tmp_path):
-    effects = answer(name, seed, tmp_path)
-    told = {x for e in effects for x in [e["name"], *(member["name"] for member in e["set"])]}
+    axis = answer(name, seed, tmp_path)
+    told, effects = with_members(axis), axis["effects"]
     # A slope of half a degree may be told as a step.
     assert "thermal_anomaly" in told or (name == "steep on one side" and "thermal_step" in told), effects
     assert not told & {"thermal_hysteresis", "thermal_lag", "thermal_creep"}, effects
@@ -84,6 +79,6 @@ def test_a_clear_bump_of_any_shape_is_told_as_a_bump(name, seed, tmp_path):
 
 @pytest.mark.parametrize("name,seed", [("no bump", 41), ("fourth order", 42)])
 def test_a_control_is_no_bump(name, seed, tmp_path):
-    effects = answer(name, seed, tmp_path)
+    effects = answer(name, seed, tmp_path)["effects"]
     sets = [[member["name"] for member in e["set"]] for e in effects]
     assert ["thermal_anomaly"] not in sets and (name != "no bump" or not sets), effects

@@ -7,14 +7,12 @@ A) every second is one by itself, with a small probability; B) a radio transmitt
 (hits of one sign) is on for 10 to 40 s, 3 to 8 times in an hour, at times without order, and hits a good share of those
 seconds.  All of it is simulated by this file; no code is shared with the programs.  Every second device gets the true noise
 as its model.  Seeds and limits were chosen before the first run: six devices of a kind, one miss of each kind."""
-import json
 import math
-import subprocess
 
 import numpy as np
 import pytest
 
-from where import BIN
+from asking import DIAGNOSE, axis_told, model_option, names, write_log
 
 SEED = 20290417
 N_DEVICES = 6
@@ -77,27 +75,17 @@ def device(folder, make_hits, number):
         degc, hits = chamber(rng, n), make_hits(rng, n, number)
         rate = np.polynomial.polynomial.polyval((degc - 20) / 30, coeff) + rng.normal(0, 30) + hits
         rate += WHITE * rng.standard_normal(n) + markov(rng, n, sigma, tau_s)
-        logs.append(folder / f"{make_hits.__name__}{number}_{i}.csv")
-        np.savetxt(logs[-1], np.column_stack([np.arange(1, n + 1), degc + 0.01 * rng.standard_normal(n), rate]),
-                   fmt=["%d", "%.3f", "%.2f"], delimiter=",", header="# imucal-log = 1\nt_s,temp_degc,gx_dph", comments="")
+        path = folder / f"{make_hits.__name__}{number}_{i}.csv"
+        logs.append(write_log(path, np.arange(1, n + 1), degc + 0.01 * rng.standard_normal(n), rate))
         n_hits += np.count_nonzero(hits)
-    options = []
-    if number % 2 == 0:
-        model = folder / "model.json"
-        model.write_text(json.dumps({"imucal_model": 1, "arw_deg_rt_h": WHITE / 60, "turn_on_sigma_dph": 30,
-                                     "markov": [{"sigma_dph": sigma, "tau_s": tau_s}]}))
-        options = ["--model", model]
-    done = subprocess.run([BIN / "diagnose", *options, "--threads", "1", "--no-cache", "--quiet", "--json", "-",
-                           "--log", *logs[:-1], "--holdout", logs[-1]], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    axis, = json.loads(done.stdout)["axes"]
-    names = [e["name"] for e in axis["effects"]]
+    model = {"imucal_model": 1, "arw_deg_rt_h": WHITE / 60, "turn_on_sigma_dph": 30, "markov": [{"sigma_dph": sigma, "tau_s": tau_s}]}
+    axis = axis_told(DIAGNOSE, model_option(folder / "model.json", model if number % 2 == 0 else None), logs[:-1], logs[-1:])
     where, gap = axis["where"] or {}, axis["gap"] or {}
-    said = [names, where.get("sentence"), where.get("findings"), gap.get("statement"), [e["remarks"] for e in axis["effects"]],
+    said = [names(axis), where.get("sentence"), where.get("findings"), gap.get("statement"), [e["remarks"] for e in axis["effects"]],
             *(axis[x] for x in ("statement", "title", "notes", "advice"))]
     is_burst = "burst" in str(said).lower()
-    print(make_hits.__name__, number, n_hits, "hits:", names, axis["verdict"], "bursts" if is_burst else "", axis["title"])
-    return n_hits, names, axis["verdict"], is_burst
+    print(make_hits.__name__, number, n_hits, "hits:", names(axis), axis["verdict"], "bursts" if is_burst else "", axis["title"])
+    return n_hits, names(axis), axis["verdict"], is_burst
 
 
 @DEVICES

@@ -61,9 +61,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import binom
 
-from asking import BIN, axis_of, found, run, write_log
+from asking import DIAGNOSE, axis_of, found, most_by_chance, run, write_log
 
 SEED, BLOCK, LAG, CREEP = 20360518, 10, "thermal_lag", "thermal_creep"
 KINDS = ["gradient", "loop", "warm", "contact", "relax", "mode", "stress"]
@@ -456,7 +455,7 @@ def least_of_pairs(device, best):
 # ---- asking, and the shrinkage that is true
 
 
-def ask(device, folder, program=BIN / "diagnose"):
+def ask(device, folder, program=DIAGNOSE):
     """The axis, or in words why there is none; the effects of --model-out; the command."""
     folder = folder / f"{device.kind}_{device.number}"
     folder.mkdir(parents=True, exist_ok=True)
@@ -595,8 +594,8 @@ def check(devices, folder):
     n = sum(what != "between" for what, _, _ in answers.values())
     off = [k for k, (_, _, is_held) in answers.items() if is_held is False]
     n_told = sum(is_held is not None for _, _, is_held in answers.values())
-    assert len(wrong) <= binom.ppf(0.99, n, 0.15), (wrong, "of", n)
-    assert len(off) <= binom.ppf(0.99, n_told, 0.05), (off, "of", n_told)
+    assert len(wrong) <= most_by_chance(n, 0.15), (wrong, "of", n)
+    assert len(off) <= most_by_chance(n_told, 0.05), (off, "of", n_told)
 
 
 def gains(device, draws):

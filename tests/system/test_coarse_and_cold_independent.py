@@ -30,7 +30,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from asking import BIN, axis_told, belief, found, write_log
+from asking import DIAGNOSE, at_most_wrong, axis_told, belief, found, write_log
 
 SEED, FAR_S, JUMP_S, COARSE, STEPS = 20340214, 720, 30, "temperature_sensor_quantization", [0.001, 0.002, 0.005, 0.01, 0.02, 0.03]
 
@@ -143,7 +143,7 @@ class Device:
         return min(abs(size) * strength(self.own, [t], [step - s]) for s in (before, after)) >= 6
 
 
-def is_right(folder, kind, number, program=BIN / "diagnose", more=()):
+def is_right(folder, kind, number, program=DIAGNOSE, more=()):
     d = Device(folder, kind, number)
     paths = [folder / f"{kind}{number}_{i}.csv" for i in range(len(d.read))]
     for path, read, rate in zip(paths, d.read, d.rate):
@@ -165,8 +165,7 @@ def is_right(folder, kind, number, program=BIN / "diagnose", more=()):
 
 
 def check(kind, devices, most, folder):
-    wrong = [k for k in devices if not is_right(folder, kind, k)]
-    assert len(wrong) <= most, wrong
+    at_most_wrong(most, devices, lambda k: is_right(folder, kind, k))
 
 
 @pytest.mark.parametrize("kind", "QFEJ")

@@ -11,16 +11,14 @@ What the data can tell is reckoned here with the noise and the temperatures that
 than 1 nat in all logs together, even to who reads the thermometer without steps; a lag of minutes is worth more than 30 to
 who reads the steps and fits each of them a bias of its own."""
 import functools
-import json
 import math
-import subprocess
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from where import BIN
+from asking import DIAGNOSE, axis_told, model_option, names, with_members, write_log
 
 SECONDS = 6000
 WHITE, SLOW, TAU_S = 36.0, 8.0, 120.0  # dph per second's mean, dph, s
@@ -83,10 +81,6 @@ class Log:
         self.read = np.round(read / step_degc) * step_degc
         self.rate = cubic(self.gyro, coeff) + WHITE * rng.standard_normal(SECONDS) + first_order(rng)
 
-    def write(self, path):
-        rows = [f"{k + 1},{degc:.3f},{rate:.3f}" for k, (degc, rate) in enumerate(zip(self.read, self.rate))]
-        path.write_text("# imucal-log = 1\nt_s,temp_degc,gx_dph\n" + "\n".join(rows) + "\n")
-
 
 @functools.lru_cache(maxsize=None)
 def simulate(kind, step_degc, slope, seed):
@@ -132,24 +126,9 @@ def answer(case):
     model = {"imucal_model": 1, "arw_deg_rt_h": WHITE / 60, "markov": [{"sigma_dph": SLOW, "tau_s": TAU_S}],
              "bias": {"t0_degc": T0_DEGC, "range_degc": RANGE_DEGC, "coeff_dph": COEFF_DPH[case[2]]}}
     with tempfile.TemporaryDirectory() as folder:
-        paths = [Path(folder) / f"log{i}.csv" for i in range(len(logs))]
-        for log, path in zip(logs, paths):
-            log.write(path)
-        model_path = Path(folder) / "model.json"
-        model_path.write_text(json.dumps(model))
-        command = [BIN / "diagnose", "--model", model_path, "--threads", "1", "--quiet", "--no-cache", "--json", "-",
-                   "--log", *paths]
-        done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)["axes"][0]
-
-
-def names(axis):
-    return [effect["name"] for effect in axis["effects"]]
-
-
-def with_members(axis):
-    return {name for e in axis["effects"] for name in [e["name"], *(member["name"] for member in e["set"])]}
+        paths = [write_log(Path(folder) / f"log{i}.csv", np.arange(1, SECONDS + 1), log.read, log.rate, form="%d,%.3f,%.3f")
+                 for i, log in enumerate(logs)]
+        return axis_told(DIAGNOSE, model_option(Path(folder) / "model.json", model), paths)
 
 
 @pytest.mark.parametrize("case", COARSE, ids=str)

@@ -3,20 +3,17 @@
 
 Temperature, phase and jumps are followed 20 times a second; a row is the mean of its second.  The noise is white noise and
 one first-order process, the bias a cubic in temperature.  No code is shared with the programs."""
-import json
 import math
-import subprocess
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from asking import DIAGNOSE, axis_told, model_of, model_option, write_log
 from draws import long_after
-from where import BIN
 
 WHITE, SLOW, TAU_S = 39.0, 9.0, 70.0  # dph per second's mean, dph, s
-MODEL = {"imucal_model": 1, "arw_deg_rt_h": WHITE / 60, "markov": [{"sigma_dph": SLOW, "tau_s": TAU_S}],
-         "bias": {"t0_degc": 20, "range_degc": 35, "coeff_dph": [0, 0, 0, 0]}}
+MODEL = model_of(WHITE, (SLOW, TAU_S), range_degc=35)
 FINE = 20  # steps of a second
 T0_DEGC = 22.0
 NATS = 150
@@ -72,19 +69,12 @@ def write_logs(folder, seed, logs, added=lambda rng, degc: 0):
         degc = temperature(PROFILES[i])
         x = (degc - 20) / 35
         rate = seconds(-240 + 410 * x - 170 * x ** 2 + 90 * x ** 3 + added(rng, degc)) + noise(rng, len(x) // FINE)
-        rows = [f"{k + 1},{t:.3f},{w:.4f}" for k, (t, w) in enumerate(zip(seconds(degc), rate))]
-        paths.append(folder / f"log{i}.csv")
-        paths[-1].write_text("# imucal-log = 1\nt_s,temp_degc,gx_dph\n" + "\n".join(rows) + "\n")
+        paths.append(write_log(folder / f"log{i}.csv", np.arange(1, len(rate) + 1), seconds(degc), rate, form="%d,%.3f,%.4f"))
     return paths
 
 
 def effects(folder, paths):
-    (folder / "model.json").write_text(json.dumps(MODEL))
-    command = [BIN / "diagnose", "--model", folder / "model.json", "--cache", folder.parent / "cache", "--threads", "1",
-               "--quiet", "--json", "-", "--log", *paths]
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)["axes"][0]["effects"]
+    return axis_told(DIAGNOSE, model_option(folder / "model.json", MODEL), paths, cache=folder.parent / "cache")["effects"]
 
 
 @pytest.mark.parametrize("hz, drift, logs, seed", long_after(4, TONES))

@@ -37,7 +37,6 @@ Found: 8 of 8 right in every kind but F (7 of 8), and 32 of 32 in each of the nu
 one of 4 s, which are 25 nats less likely than the true single one, and the spectrum that is left was called a gap.  Twice of
 20 lags auxiliary_channel of board_degc came first, with a lag in its set, where it left 1.0 and 3.6 nats (C6, C23).  The program
 was then mended (two processes that are not worth their name, and that the seconds find less likely than one, go): F6 is right."""
-import json
 import math
 import sys
 from pathlib import Path
@@ -45,7 +44,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asking import BIN, at_most_wrong, axis_of, found, run
+from asking import DIAGNOSE, at_most_wrong, axis_of, found, model_option, run, write_log
 
 SEED, MG_OF_DPH = 20360214, 1 / 300
 MEMORY = ["thermal_memory", "temperature_rate", "thermal_hysteresis", "thermal_lag", "thermal_creep"]
@@ -347,13 +346,10 @@ class Device:
     def write(self, folder):
         """Paths of the logs."""
         axis, digits = ("ax_mg", "%.5f") if self.is_accelerometer else ("gx_dph", "%.2f")
-        paths = []
-        for i, rate in enumerate(self.rate):
-            columns = [np.arange(1, len(rate) + 1), self.shown[i], rate, *(c[i] for c in self.columns.values())]
-            paths.append(folder / f"{self.kind}{self.number}_{i}.csv")
-            np.savetxt(paths[-1], np.column_stack(columns), fmt=["%d", "%.3f", digits, *["%.6g"] * len(self.columns)],
-                       delimiter=",", comments="", header="# imucal-log = 1\n" + ",".join(["t_s,temp_degc", axis, *self.columns]))
-        return paths
+        return [write_log(folder / f"{self.kind}{self.number}_{i}.csv", np.arange(1, len(rate) + 1), self.shown[i], rate,
+                          *(c[i] for c in self.columns.values()), axes=[axis, *self.columns],
+                          form=f"%d,%.3f,{digits}" + ",%.6g" * len(self.columns))
+                for i, rate in enumerate(self.rate)]
 
     def belief(self, folder):
         """Options, the model beside the logs."""
@@ -362,11 +358,9 @@ class Device:
             return []
         white, sigma, unit = factor * self.noise[0], factor * self.noise[1], "mg" if self.is_accelerometer else "dph"
         noise = {"white_mg_rt_hz": white} if unit == "mg" else {"arw_deg_rt_h": white / 60}
-        path = folder / f"{self.kind}{self.number}.json"
-        path.write_text(json.dumps({
+        return model_option(folder / f"{self.kind}{self.number}.json", {
             "imucal_model": 1, "unit": unit, **noise, "markov": [{f"sigma_{unit}": sigma, "tau_s": self.noise[2]}],
-            "bias": {"t0_degc": self.middle, "range_degc": self.half, f"coeff_{unit}": [0, 0, 0, 0]}}))
-        return ["--model", path]
+            "bias": {"t0_degc": self.middle, "range_degc": self.half, f"coeff_{unit}": [0, 0, 0, 0]}})
 
 
 # ---- asking and judging
@@ -433,7 +427,7 @@ def judged(device, axis):
     return "thermal_hysteresis" in held or first["name"] == "thermal_memory"
 
 
-def is_right(folder, kind, number, program=BIN / "diagnose"):
+def is_right(folder, kind, number, program=DIAGNOSE):
     device = Device(kind, number)
     axis, command = told(device, folder, program)
     belief = ["exact", "x 3", "/ 3", "absent"][number % 4]

@@ -19,15 +19,12 @@ repeatable cause is named, none of 25; every jump is listed with its log, its ti
 a jump where there is none; no disturbance passes in silence ("nothing detectable", "no gap", "explained");
 a figure of shrinkage never exceeds by more than 0.12 what the true cause, taken away entirely, would remove without the disturbance.
 """
-import json
-import os
-import subprocess
-
 import numpy as np
 import pytest
 
-REPO = os.path.abspath(os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", ".."))
-DIAGNOSE = os.path.join(REPO, os.environ.get("BUILD", "build"), "bin", "diagnose")
+from asking import DIAGNOSE, axis_told, model_of, model_option, write_log
+from asking import with_members as names
+
 SEED = 60417
 CAUSES = {"play": "thermal_hysteresis", "lag": "thermal_lag", "warm": "warm_up", "switch": "thermal_step", "none": None}
 QUESTIONS = [(c, k) for c in CAUSES for k in ("jump", "pulse", "loud", "drift")] + [
@@ -154,9 +151,7 @@ def true_shrinkage(fitted, held):
 
 
 def write(path, log, rate):
-    with open(path, "w", encoding="utf-8") as out:
-        out.write("# imucal-log = 1\nt_s,temp_degc,gx_dph\n")
-        out.writelines(f"{k + 1},{a:.3f},{b:.2f}\n" for k, (a, b) in enumerate(zip(log["seen"], rate)))
+    return write_log(path, np.arange(1, len(rate) + 1), log["seen"], rate)
 
 
 def ask(folder, place, cause, kinds):
@@ -164,21 +159,14 @@ def ask(folder, place, cause, kinds):
     d = device(rng, cause)
     fitted = [run(rng, d, (k + place) % 2 == 1) for k in range(3)]
     held = run(rng, d, rng.uniform() < .5)
-    for k, log in enumerate(fitted):
-        write(folder / f"{cause}{k}.csv", log, log["bias"] + log["effect"] + log["noise"])
-    model = {"imucal_model": 1, "arw_deg_rt_h": d["arw"], "markov": [{"sigma_dph": d["sigma"], "tau_s": d["tau"]}],
-             "bias": {"t0_degc": 25, "range_degc": 35, "coeff_dph": [0, 0, 0, 0]}}
-    (folder / f"{cause}.json").write_text(json.dumps(model))
+    logs = [write(folder / f"{cause}{k}.csv", log, log["bias"] + log["effect"] + log["noise"]) for k, log in enumerate(fitted)]
+    model = {**model_of(1, (d["sigma"], d["tau"]), t0_degc=25, range_degc=35), "arw_deg_rt_h": d["arw"]}
+    believed = model_option(folder / f"{cause}.json", model)
     for kind in kinds:
         rate, done = disturb(np.random.default_rng([SEED, place, sum(map(ord, kind))]), kind, held)
-        path = folder / f"{cause}_{kind}"
-        write(f"{path}.csv", held, rate)
-        reply = subprocess.run([DIAGNOSE, "--threads", "1", "--cache", str(folder / "cache"), "--model", str(folder / f"{cause}.json"),
-                                "--log", *(str(folder / f"{cause}{k}.csv") for k in range(3)), "--holdout", f"{path}.csv",
-                                "--json", f"{path}.out"], capture_output=True, text=True, timeout=60, check=False)
-        assert reply.returncode == 0, f"{cause} {kind}: status {reply.returncode}: {reply.stderr}"
-        with open(f"{path}.out", encoding="utf-8") as result:
-            yield kind, done, json.load(result)["axes"][0], true_shrinkage(fitted, held)
+        path = write(folder / f"{cause}_{kind}.csv", held, rate)
+        axis = axis_told(DIAGNOSE, believed, logs, [path], timeout_s=60, cache=folder / "cache")
+        yield kind, done, axis, true_shrinkage(fitted, held)
 
 
 @pytest.fixture(scope="module")
@@ -187,11 +175,6 @@ def answers(tmp_path_factory):
     folder = tmp_path_factory.mktemp("held_out")
     return {(cause, kind): (done, axis, truth) for place, cause in enumerate(CAUSES)
             for kind, done, axis, truth in ask(folder, place, cause, [k for c, k in QUESTIONS if c == cause])}
-
-
-def names(axis):
-    """every name that the answer gives, members of sets included"""
-    return {e["name"] for e in axis["effects"]} | {s["name"] for e in axis["effects"] for s in e["set"]}
 
 
 def said(axis):

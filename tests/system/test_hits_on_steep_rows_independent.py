@@ -32,7 +32,7 @@ import pytest
 from scipy.linalg import solve_triangular, toeplitz
 from scipy.signal import lfilter
 
-from asking import BIN, at_most_wrong, axis_of, found, run, write_log
+from asking import DIAGNOSE, at_most_wrong, axis_of, found, run, write_log
 
 SEED, LEAST_STRENGTH = 20351107, 15
 NOISE = ["noise_parameters", "flicker_noise", "markov_sigma_vs_temperature", "markov_tau_vs_temperature", "rate_random_walk",
@@ -182,7 +182,7 @@ def told(device, folder, program):
     return axis_of(done), command
 
 
-def is_right(folder, kind, number, program=BIN / "diagnose"):
+def is_right(folder, kind, number, program=DIAGNOSE):
     """Whether the answer is right; none at all is wrong."""
     device = Device(kind, number)
     axis, command = told(device, folder, program)

@@ -26,6 +26,7 @@ import subprocess
 import numpy as np
 import pytest
 
+from asking import least_by_chance, most_by_chance, write_log
 from where import BIN
 
 SEED = 20271130
@@ -43,19 +44,9 @@ TEMPERATURES = [0, 2, 4, 6, 8]  # places in the nine temperatures of a table: 0,
 ONE_SIGMA, TWO_SIGMA = math.erf(1 / math.sqrt(2)), math.erf(2 / math.sqrt(2))
 
 
-def fewest_by_chance(n, rate):
-    """Fewer than these of n come in less than 1 of 1000 draws where each has this probability."""
-    below = 0.0
-    for k in range(n + 1):
-        below += math.exp(math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1)
-                          + k * math.log(rate) + (n - k) * math.log1p(-rate))
-        if below >= 0.001:
-            return k
-    return n
-
-
-def most_by_chance(n, rate):
-    return n - fewest_by_chance(n, 1 - rate)
+def by_chance(n, rate):
+    """Fewer or more than these of n come in less than 1 of 1000 draws each where each has this probability."""
+    return least_by_chance(n, rate, 0.001), most_by_chance(n, rate, 0.001)
 
 
 # ---- noise
@@ -154,12 +145,9 @@ def model_text(noise):
                        "markov": [{"sigma_dph": s, "tau_s": t} for s, t in noise[1]]})
 
 
-def write_log(path, degc, rates):
-    rows = np.column_stack([np.arange(1, len(rates) + 1), degc, rates])
-    names = ",".join(f"g{i}_dph" for i in range(rates.shape[1]))
-    np.savetxt(path, rows, fmt="%d,%.3f" + ",%.3f" * rates.shape[1], comments="",
-               header=f"# imucal-log = 1\nt_s,temp_degc,{names}")
-    return path
+def write(path, degc, rates):
+    return write_log(path, np.arange(1, len(rates) + 1), degc, *rates.T, axes=[f"g{i}_dph" for i in range(rates.shape[1])],
+                     form="%d,%.3f" + ",%.3f" * rates.shape[1])
 
 
 def ask(*command):
@@ -185,7 +173,7 @@ def draw_record(rng, folder, kind):
     nominal = noise if len(noise[1]) == 1 else PAPER
     rates = draw_rates(rng, SECONDS, noise)
     (folder / "model.json").write_text(model_text(nominal))
-    return noise, nominal, rates, write_log(folder / "log.csv", 25 + 0.01 * rng.standard_normal(SECONDS), rates)
+    return noise, nominal, rates, write(folder / "log.csv", 25 + 0.01 * rng.standard_normal(SECONDS), rates)
 
 
 def held_by_curves(folder, kind, logs, types):
@@ -213,7 +201,7 @@ def count_curves(kind, held):
                 n, in_it = int(chosen.sum()), int((places[chosen, j] == 0).sum())
                 if n == 0:
                     continue
-                few, many = fewest_by_chance(n, 0.95), most_by_chance(n, 0.95)
+                few, many = by_chance(n, 0.95)
                 note = "TOO FEW" if in_it < few else "more than stated" if in_it > many else ""
                 print(f"{kind:8} {t:4} tau {tau:4} {rests:14} {in_it:4} of {n:4} [{few}, {many}]  truth below "
                       f"{int((places[chosen, j] < 0).sum()):3}, above {int((places[chosen, j] > 0).sum()):3}  {note}")
@@ -274,7 +262,7 @@ def draw_logs(rng, folder, noise, coeff, logs, turn_on):
     for i in range(logs):
         degc = draw_chamber(rng)
         rates = polynomial(coeff, (degc - 30) / 30) + draw_rates(rng, len(degc), noise) + turn_on * rng.standard_normal(AXES)
-        files.append(write_log(folder / f"run{i}.csv", degc + 0.01 * rng.standard_normal(len(degc)), rates))
+        files.append(write(folder / f"run{i}.csv", degc + 0.01 * rng.standard_normal(len(degc)), rates))
     return files
 
 
@@ -312,7 +300,7 @@ def count_fits(kind, ratios, places):
     for j, place in enumerate(places):
         for sigmas, rate in ((1, ONE_SIGMA), (2, TWO_SIGMA)):
             n, in_it = len(ratios), int((abs(ratios[:, j]) <= sigmas).sum())
-            few, many = fewest_by_chance(n, rate), most_by_chance(n, rate)
+            few, many = by_chance(n, rate)
             note = "TOO FEW" if in_it < few else "more than stated" if in_it > many else ""
             print(f"{kind:8} fit {place:8} {sigmas} sigma {in_it:4} of {n:4} [{few}, {many}]  "
                   f"rms of error over predicted {np.sqrt(np.mean(ratios[:, j] ** 2)):.3f}  {note}")

@@ -16,9 +16,7 @@ draws and 10 of 10 in 90 %, 5 of 5 in 95 %, 3 of 3 in 97 %.  `make test` asks th
     python tests/system/test_jumps_independent.py DEVICES [DIAGNOSE]
 
 prints what is told of that many devices of each kind."""
-import json
 import math
-import subprocess
 import sys
 import tempfile
 import time
@@ -30,7 +28,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from where import BIN
+from asking import DIAGNOSE, axes_of, model_option, run, write_log
 
 SEED = 20280317
 FINE = 10  # steps of a second
@@ -166,30 +164,23 @@ class Device:
         return self.white * self.rng.standard_normal(n) + lfilter([1], [1, -phi], drive)
 
     def write(self, folder):
-        (folder / "model.json").write_text(json.dumps(self.model()))
         paths = []
         for i, (degc, share) in enumerate(self.logs + self.held_out):
             bias = np.polynomial.polynomial.polyval((degc - 20) / 40, self.coeff) + self.height * share
             rate, read = (x.reshape(-1, FINE).mean(axis=1) for x in (bias, degc))
             rate += self.rng.normal(0, 30) + self.noise(len(rate))
             read = read + 0.01 * self.rng.standard_normal(len(read))
-            paths.append(folder / f"{i}.csv")
-            rows = np.column_stack([np.arange(1, len(rate) + 1), read, rate])
-            np.savetxt(paths[-1], rows, fmt=["%d", "%.2f", "%.3f"], delimiter=",",
-                       header="# imucal-log = 1\nt_s,temp_degc,gx_dph", comments="")
+            paths.append(write_log(folder / f"{i}.csv", np.arange(1, len(rate) + 1), read, rate, form="%d,%.2f,%.3f"))
         return paths[:len(self.logs)], paths[len(self.logs):]
 
 
 # ---- what is told
 
 
-def diagnosed(folder, kind, number, program=BIN / "diagnose"):
-    logs, held_out = Device(kind, number).write(folder)
-    command = [program, "--model", folder / "model.json", "--threads", "1", "--no-cache", "--quiet", "--json", "-",
-               "--log", *logs, *(["--holdout", *held_out] if held_out else [])]
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120)
-    assert done.returncode in (0, 1), done.stderr
-    return json.loads(done.stdout)["axes"][0]
+def diagnosed(folder, kind, number, program=DIAGNOSE):
+    device = Device(kind, number)
+    done, _ = run(program, model_option(folder / "model.json", device.model()), *device.write(folder))
+    return axes_of(done)[0]
 
 
 class Told:
@@ -206,7 +197,7 @@ class Told:
 
 
 @lru_cache(maxsize=None)
-def told_of(kind, number, program=BIN / "diagnose"):
+def told_of(kind, number, program=DIAGNOSE):
     with tempfile.TemporaryDirectory() as folder:
         return Told(diagnosed(Path(folder), kind, number, program))
 
@@ -293,7 +284,7 @@ def test_a_jump_while_the_temperature_stays_is_named_a_jump_in_time(devices):
 
 
 def main():
-    devices, program = int(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else BIN / "diagnose"
+    devices, program = int(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else DIAGNOSE
     for kind in KINDS:
         start = time.monotonic()
         told = {number: told_of(kind, number, program) for number in range(devices)}

@@ -15,14 +15,12 @@ Without a cause nothing may be named (but hits, where there are hits, and roundi
 given in parts, and fitted logs without temperatures beside others, are refused with the file and the remedy.
 """
 import json
-import os
-import subprocess
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from asking import BIN
+from asking import DIAGNOSE, model_option, run, write_log
 from reference import MODEL
 
 SEED, PLAY, LAG = 3409, "thermal_hysteresis", "thermal_lag"
@@ -169,18 +167,10 @@ def ask(folder, fault, cause, number):
     d = Device(fault, cause, number)
     paths = []
     for i, (degc, rate) in enumerate(zip(d.read, d.rate)):
-        paths.append(folder / f"{fault}-{cause}-{number}-{i}.csv".replace(" ", "-"))
-        rows = "".join(f"{k + 1},{'' if np.isnan(t) else f'{t:.2f}'},{y:.4f}\n" for k, (t, y) in enumerate(zip(degc, rate)))
-        paths[-1].write_text("# imucal-log = 1\nt_s,temp_degc,gx_dph\n" + rows)
-    command = [BIN / "diagnose", "--threads", "1", "--no-cache", "--quiet", "--json", "-"]
-    if number % 2 == 0:
-        model = folder / "model.json"
-        model.write_text(json.dumps(MODEL))
-        command += ["--model", model]
-    command += ["--log", *paths[:3], "--holdout", paths[3]]
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120,
-                          env={**os.environ, "OMP_NUM_THREADS": "1"})
-    return done, paths
+        path = folder / f"{fault}-{cause}-{number}-{i}.csv".replace(" ", "-")
+        paths.append(write_log(path, np.arange(1, len(rate) + 1), degc, rate, form="%d,%.2f,%.4f"))
+    options = model_option(folder / "model.json", MODEL if number % 2 == 0 else None)
+    return run(DIAGNOSE, options, paths[:3], paths[3:4])[0], paths
 
 
 def is_right(folder, fault, cause, number):

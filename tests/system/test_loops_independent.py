@@ -13,9 +13,7 @@ runs and a common cubic, from the covariance matrix of 20-s means.
     python tests/system/test_loops_independent.py [DIAGNOSE]
 
 counts what stands first for 26 devices of each loop and 15 of each control."""
-import json
 import math
-import subprocess
 import sys
 import tempfile
 from collections import Counter
@@ -26,9 +24,8 @@ import numpy as np
 import pytest
 from scipy.linalg import cholesky, solve_triangular
 from scipy.signal import lfilter
-from scipy.stats import binom
 
-from where import BIN
+from asking import DIAGNOSE, axes_of, least_by_chance, model_option, run, write_log
 
 WHITE, SLOW, TAU_S = 35.0, 15.0, 120.0  # dph per second's mean, dph, s
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": WHITE / 60, "markov": [{"sigma_dph": SLOW, "tau_s": TAU_S}],
@@ -260,9 +257,7 @@ class Device:
     def write(self, folder):
         paths = []
         for i, (degc, rate) in enumerate(zip(self.read, self.rates)):
-            rows = [f"{k + 1},{x:.3f},{y:.3f}" for k, (x, y) in enumerate(zip(degc, rate))]
-            paths.append(folder / f"log{i}.csv")
-            paths[-1].write_text("# imucal-log = 1\nt_s,temp_degc,gx_dph\n" + "\n".join(rows) + "\n")
+            paths.append(write_log(folder / f"log{i}.csv", np.arange(1, len(rate) + 1), degc, rate, form="%d,%.3f,%.3f"))
         return paths[:self.n_fitted], paths[self.n_fitted:]
 
 
@@ -273,20 +268,9 @@ def noise(rng, n):
     return WHITE * rng.standard_normal(n) + lfilter([1], [1, -phi], drive)
 
 
-def ask(device, folder, program=BIN / "diagnose", extra=("--quiet", "--json", "-")):
-    logs, held_out = device.write(folder)
-    model = []
-    if device.is_believed:
-        (folder / "model.json").write_text(json.dumps(MODEL))
-        model = ["--model", folder / "model.json"]
-    command = [program, *model, "--threads", "1", "--no-cache", *extra, "--log", *logs, "--holdout", *held_out]
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120)
-    assert done.returncode in (0, 1), done.stderr
-    return done.stdout
-
-
-def diagnosed(device, folder, program=BIN / "diagnose"):
-    return json.loads(ask(device, folder, program))["axes"][0]
+def diagnosed(device, folder, program=DIAGNOSE):
+    options = model_option(folder / "model.json", MODEL if device.is_believed else None)
+    return axes_of(run(program, options, *device.write(folder))[0])[0]
 
 
 def first(axis):
@@ -341,14 +325,9 @@ def true_shrinkage(device, parameters):
     return 1 - left(device, told) / left(device, None)
 
 
-def named_first(folder, mechanism, seeds, program=BIN / "diagnose"):
+def named_first(folder, mechanism, seeds, program=DIAGNOSE):
     """What stands first for each seed."""
     return [first(diagnosed(Device(mechanism, seed), folder, program))[0] for seed in seeds]
-
-
-def least_by_chance(n, rate):
-    """Fewer than these of n are at most 1 in 100 where each has this probability."""
-    return int(binom.ppf(0.01, n, rate))
 
 
 @pytest.mark.parametrize("seeds", [[0, 1, 3], pytest.param([0, 1, 3, 4, 6, 8], marks=pytest.mark.long)], ids=["short", "all"])

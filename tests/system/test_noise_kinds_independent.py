@@ -9,7 +9,6 @@ best re-fitted nominal noise: Whittle's divergence, summed over classes of tempe
 No code is shared with the programs.  Seeds were chosen before the first run, limits by the chances that are stated.
 `make test` asks some of the devices, `make test-long` the others."""
 import functools
-import json
 import math
 import os
 import subprocess
@@ -18,8 +17,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from scipy.signal import lfilter
-from scipy.stats import binom
 
+import asking
+from asking import DIAGNOSE, axes_of, model_option, most_by_chance, names, run, write_log
 from where import BIN
 
 SEED = 20270613
@@ -43,11 +43,6 @@ UNTOUCHED = CAUSES[:5]  # they leave the slow part of the noise as it is
 
 def draw(check, device):
     return np.random.default_rng([SEED, check, device])
-
-
-def most_by_chance(n, rate):
-    """More than these of n come in less than 1 of 100 draws where each has this probability."""
-    return int(binom.ppf(0.99, n, rate))
 
 
 # ---- physics
@@ -216,24 +211,21 @@ def device(check, number, cause, d, seconds=(5000, 9000), n_logs=None, held_out=
 
 
 def write(folder, logs, name):
-    files = []
-    for i, (read, rate) in enumerate(logs):
-        files.append(folder / f"{name}{i}.csv")
-        np.savetxt(files[-1], np.column_stack([np.arange(1, len(rate) + 1), read, rate]), fmt=["%d", "%.4f", "%.4f"],
-                   delimiter=",", header="# imucal-log = 1\nt_s,temp_degc,gx_dph", comments="")
-    return files
+    return [write_log(folder / f"{name}{i}.csv", np.arange(1, len(rate) + 1), read, rate, form="%d,%.4f,%.4f")
+            for i, (read, rate) in enumerate(logs)]
 
 
 def model_of(white, *processes):
-    return {"imucal_model": 1, "arw_deg_rt_h": white / 60, "markov": [{"sigma_dph": s, "tau_s": t} for s, t in processes],
-            "bias": {"t0_degc": T0_DEGC, "range_degc": RANGE_DEGC, "coeff_dph": [0, 0, 0, 0]}}
+    return asking.model_of(white, *processes, t0_degc=T0_DEGC, range_degc=RANGE_DEGC)
 
 
-def call(command):
+def fitted_model(logs, model):
+    command = [BIN / "errormodel", "fit", "--criterion", "ml", "--markov", "1", "--detrend", "poly:3", "--quiet", "--threads", "1",
+               "-o", model, *logs]
     done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120,
                           env={**os.environ, "OMP_NUM_THREADS": "1"})
     assert done.returncode in (0, 1), done.stderr
-    return done.stdout
+    return ["--model", model]
 
 
 def answer(folder, asked, belief):
@@ -241,19 +233,14 @@ def answer(folder, asked, belief):
     own, fitted, held_out = asked
     fitted, held_out, model = write(folder, fitted, "fit"), write(folder, held_out, "hold"), folder / "model.json"
     if belief == "fitted":
-        call([BIN / "errormodel", "fit", "--criterion", "ml", "--markov", "1", "--detrend", "poly:3", "--quiet",
-              "--threads", "1", "-o", model, *fitted])
-    elif belief != "none":
+        options = fitted_model(fitted, model)
+    elif belief == "none":
+        options = []
+    else:
         k = {"exact": 1, "x3": 3, "/3": 1 / 3}.get(belief) if isinstance(belief, str) else None
-        model.write_text(json.dumps(model_of(own[0], (k * own[1], k * own[2])) if k else belief))
-    text = call([BIN / "diagnose", *(["--model", model] if belief != "none" else []), "--threads", "1", "--no-cache",
-                 "--quiet", "--json", "-", "--log", *fitted, *(["--holdout", *held_out] if held_out else [])])
-    axis, = json.loads(text)["axes"]
+        options = model_option(model, model_of(own[0], (k * own[1], k * own[2])) if k else belief)
+    axis, = axes_of(run(DIAGNOSE, options, fitted, held_out)[0])
     return axis
-
-
-def names(axis):
-    return [effect["name"] for effect in axis["effects"]]
 
 
 def causes(axis):

@@ -37,7 +37,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from asking import BIN, found, run, write_log
+from asking import DIAGNOSE, found, run, write_log
 
 SEED, LEAST_LEFT = 20340611, 6
 FIRST = {"L": ["thermal_lag", "thermal_memory"], "H": ["thermal_hysteresis", "thermal_memory"]}
@@ -223,7 +223,7 @@ class Device:
         return True
 
 
-def told(device, folder, program=BIN / "diagnose"):
+def told(device, folder, program=DIAGNOSE):
     """The whole answer; asking.py's axis_told keeps the axis alone, and warnings stand beside it."""
     paths = [folder / f"{device.kind}{device.number}_{i}.csv" for i in range(len(device.rate))]
     for path, shown, rate in zip(paths, device.shown, device.rate):
@@ -255,7 +255,7 @@ def is_residual_sane(device, gap):
     return after is None or 0.75 * rms[0] <= after <= 1.35 * rms[1]
 
 
-def is_right(folder, kind, number, program=BIN / "diagnose"):
+def is_right(folder, kind, number, program=DIAGNOSE):
     """Whether the answer is right, or None where a log is taken for a part of another."""
     device = Device(kind, number)
     answer, command = told(device, folder, program)

@@ -10,17 +10,13 @@ file; no code is shared with the programs.  Every fourth device has the model wi
 none.  Seeds were chosen before the first run, limits by the chances that are stated.  `make test` asks some of the
 devices, `make test-long` all."""
 import itertools
-import json
 import math
-import os
-import subprocess
 
 import numpy as np
 import pytest
 from scipy.signal import bilinear, lfilter, lfilter_zi
-from scipy.stats import binom
 
-from where import BIN
+from asking import DIAGNOSE, axes_of, model_of, model_option, most_by_chance, run, write_log
 
 SEED = 20270819
 COLD, HOT = -20.0, 60.0
@@ -177,27 +173,12 @@ class Device:
             self.rates.append(rate)
             read = degc + thermometer * rng.standard_normal(n)
             path = folder / f"{cause}_{number}_{'fit' if i < self.n_fitted else 'held'}{i}.csv"
-            np.savetxt(path, np.column_stack([np.arange(1, n + 1), read, rate]), fmt=["%d", "%.4f", "%.4f"],
-                       delimiter=",", header="# imucal-log = 1\nt_s,temp_degc,gx_dph", comments="")
-            self.logs.append(path)
-        self.model = None
-        if number % 4 == 3:
-            self.model = folder / f"{cause}_{number}_model.json"
-            self.model.write_text(json.dumps({
-                "imucal_model": 1, "arw_deg_rt_h": noise[0] / 60,
-                "markov": [{"sigma_dph": noise[1], "tau_s": noise[2]}],
-                "bias": {"t0_degc": 20, "range_degc": 40, "coeff_dph": [0, 0, 0, 0]}}))
-
-    def command(self):
-        return [str(x) for x in [BIN / "diagnose", *(["--model", self.model] if self.model else []), "--threads", 1,
-                                 "--no-cache", "--quiet", "--json", "-", "--log", *self.logs[:self.n_fitted],
-                                 "--holdout", *self.logs[self.n_fitted:]]]
+            self.logs.append(write_log(path, np.arange(1, n + 1), read, rate, form="%d,%.4f,%.4f"))
+        self.believed = model_option(folder / f"{cause}_{number}_model.json", model_of(noise[0], noise[1:]) if number % 4 == 3 else None)
 
     def ask(self):
-        done = subprocess.run(self.command(), capture_output=True, text=True, timeout=180,
-                              env={**os.environ, "OMP_NUM_THREADS": "1"})
-        assert done.returncode in (0, 1), done.stderr
-        self.axis, = json.loads(done.stdout)["axes"]
+        done, _ = run(DIAGNOSE, self.believed, self.logs[:self.n_fitted], self.logs[self.n_fitted:], timeout_s=180)
+        self.axis, = axes_of(done)
         return self
 
     def effects(self):
@@ -221,11 +202,6 @@ def is_repeatable(effect):
 
 FAMILY = {**dict.fromkeys(("play", "lag", "rate", "creep"), "thermal_memory"), "bump": "function_of_temperature",
           "warm_up": "function_of_time"}
-
-
-def most_by_chance(n, rate):
-    """More than these of n come in less than 1 of 100 draws where each has this probability."""
-    return int(binom.ppf(0.99, n, rate))
 
 
 # ---- the shrinkage that is true, from what was told and what was simulated

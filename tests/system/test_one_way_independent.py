@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 import test_loops_independent as loops
+from asking import DIAGNOSE, names
 from draws import long_after
 
 CASES = ["loop", "fade", "fade_anomaly"]
@@ -82,12 +83,8 @@ class Device(loops.Device):
         self.measure(rng, seconds)
 
 
-def answer(case, seed, folder, program=loops.BIN / "diagnose"):
+def answer(case, seed, folder, program=DIAGNOSE):
     return loops.diagnosed(Device(case, seed), folder, program)
-
-
-def names(axis):
-    return [e["name"] for e in axis["effects"]]
 
 
 @pytest.mark.parametrize("seed", long_after(3, [0, 9, 10, 1]))
@@ -106,7 +103,7 @@ def test_a_loop_that_such_logs_show_is_named(tmp_path, seed):
 
 
 def main():
-    program = sys.argv[1] if len(sys.argv) > 1 else loops.BIN / "diagnose"
+    program = sys.argv[1] if len(sys.argv) > 1 else DIAGNOSE
     for case, n in zip(CASES, (36, 36, 85)):
         count = Counter()
         for seed in range(n):

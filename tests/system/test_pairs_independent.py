@@ -8,8 +8,6 @@ with outliers beside white noise that follows the temperature none, and a gap of
 
     python tests/system/test_pairs_independent.py     prints what is told of every device
 """
-import json
-import subprocess
 import sys
 import tempfile
 from functools import lru_cache
@@ -18,8 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asking import DIAGNOSE, axis_told, model_option
 from draws import long_after
-from where import BIN
 
 SEED = 7300000
 N_RUNS, N_FITTED = 6, 4
@@ -143,17 +141,12 @@ class Device:
 
     def answer(self, believes):
         with tempfile.TemporaryDirectory() as name:
-            paths, belief = self.write(Path(name)), []
-            if believes:
-                model = {"imucal_model": 1, "arw_deg_rt_h": self.white / 60,
-                         "markov": [{"sigma_dph": self.slow[0], "tau_s": self.slow[1]}],
-                         "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [0, 300, 150, 100]}}
-                (Path(name) / "model.json").write_text(json.dumps(model))
-                belief = ["--model", Path(name) / "model.json"]
-            command = [BIN / "diagnose", *belief, "--log", *paths[:N_FITTED], "--holdout", *paths[N_FITTED:], "--threads", "1",
-                       "--nulls", "80", "--no-cache", "-q", "--json", "-"]
-            out = subprocess.run([str(x) for x in command], check=True, capture_output=True, text=True).stdout
-        return json.loads(out)["axes"][0]
+            paths = self.write(Path(name))
+            model = {"imucal_model": 1, "arw_deg_rt_h": self.white / 60,
+                     "markov": [{"sigma_dph": self.slow[0], "tau_s": self.slow[1]}],
+                     "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [0, 300, 150, 100]}}
+            options = ["--nulls", "80", *model_option(Path(name) / "model.json", model if believes else None)]
+            return axis_told(DIAGNOSE, options, paths[:N_FITTED], paths[N_FITTED:], timeout_s=600)
 
 
 @lru_cache(maxsize=None)

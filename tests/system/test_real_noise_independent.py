@@ -13,6 +13,7 @@ import subprocess
 import numpy as np
 import pytest
 
+from asking import write_log
 from where import BIN, DATA
 
 
@@ -143,11 +144,8 @@ def make(folder, adis, kind, layout, seed, effects=(None,) * 3):
     files = []
     for k, T in enumerate(Ts):
         shown = np.round((T + .05 * rng.standard_normal(len(T))) / .02) * .02
-        f = folder / f"{kind}_{layout}_{seed}_{k + 1}.csv"
-        with open(f, "w") as out:
-            out.write("# imucal-log = 1\nt_s,temp_degc," + ",".join(AXES) + "\n")
-            out.writelines("%d,%.2f,%.2f,%.2f,%.2f\n" % (q + 1, shown[q], *(r[k][q] for r in rates)) for q in range(len(T)))
-        files.append(f)
+        files.append(write_log(folder / f"{kind}_{layout}_{seed}_{k + 1}.csv", np.arange(1, len(T) + 1), shown, *(r[k] for r in rates),
+                               axes=AXES, form="%d,%.2f,%.2f,%.2f,%.2f"))
     return files[:fitted], files[fitted:], truth
 
 

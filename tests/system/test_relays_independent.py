@@ -27,7 +27,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from asking import BIN, axis_told, belief, found, write_log
+from asking import DIAGNOSE, at_most_wrong, axis_told, belief, found, write_log
 
 SEED, N_FITTED, SIZE_ERRORS, LEFT_NATS = 20330607, 3, 5, 8
 FAMILY, NOISE = "function_of_temperature", {"slow_noise", "fast_noise"}
@@ -139,7 +139,7 @@ class Device:
         return axis
 
 
-def relay_is_right(folder, number, program=BIN / "diagnose"):
+def relay_is_right(folder, number, program=DIAGNOSE):
     d = Device(folder, "relay", number)
     strength = d.rng.uniform(12, 30)
     x = d.whitened([*d.nuisance(), *d.relay_columns(d.up, d.band, d.begins_on)])  # six of nuisance, the relay, its starts
@@ -178,7 +178,7 @@ def jump_beside_a_lag(folder, number, attempt):
     return d, bias, left
 
 
-def jump_is_no_relay(folder, number, program=BIN / "diagnose"):
+def jump_is_no_relay(folder, number, program=DIAGNOSE):
     for attempt in range(100):  # what a relay can do as well is drawn again, the device too: on some it always can
         d, bias, left = jump_beside_a_lag(folder, number, attempt)
         if left >= LEFT_NATS:
@@ -187,8 +187,7 @@ def jump_is_no_relay(folder, number, program=BIN / "diagnose"):
 
 
 def check(kind, devices, least, folder):
-    wrong = [k for k in devices if not kind(folder, k)]
-    assert len(devices) - len(wrong) >= least, wrong
+    at_most_wrong(len(devices) - least, devices, lambda k: kind(folder, k))
 
 
 DEVICES = pytest.mark.parametrize("devices, least", [(range(2), 2), pytest.param(range(2, 18), 15, marks=pytest.mark.long)])

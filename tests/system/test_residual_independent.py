@@ -8,7 +8,6 @@ it is simulated and worked out by this file; no code is shared with the programs
 first run.  `make test` asks some of the devices, `make test-long` more."""
 import json
 import math
-import os
 import re
 import subprocess
 
@@ -16,9 +15,9 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import fftconvolve, lfilter
-from scipy.stats import binom, chi2
+from scipy.stats import chi2
 
-from where import BIN
+from asking import DIAGNOSE, axes_of, model_of, model_option, most_by_chance, run, write_log
 
 SEED = 20281103
 COLD, HOT = -20.0, 60.0
@@ -92,23 +91,11 @@ class Lab:
         logs = []
         for i, (degc, rate) in enumerate(zip(thermometers, rates)):
             path = self.folder / f"{what}_{'fit' if i < n_fitted else 'held'}{i}.csv"
-            np.savetxt(path, np.column_stack([np.arange(1, len(degc) + 1), degc, rate]), fmt=["%d", "%.4f", "%.4f"],
-                       delimiter=",", header=f"# imucal-log = 1\nt_s,temp_degc,{axis}", comments="")
-            logs.append(path)
-        options = [str(x) for x in options]
-        if noise:
-            model = self.folder / f"{what}_model.json"
-            model.write_text(json.dumps({
-                "imucal_model": 1, "arw_deg_rt_h": noise[0] / 60, "markov": [{"sigma_dph": noise[1], "tau_s": noise[2]}],
-                "bias": {"t0_degc": 20, "range_degc": 40, "coeff_dph": [0, 0, 0, 0]}}))
-            options += ["--model", str(model)]
-        held = ["--holdout", *map(str, logs[n_fitted:])] if logs[n_fitted:] else []
-        done = subprocess.run([str(BIN / "diagnose"), *options, "--threads", "1", "--no-cache", "--quiet", "--json", "-",
-                               "--log", *map(str, logs[:n_fitted]), *held], capture_output=True, text=True, timeout=180,
-                              env={**os.environ, "OMP_NUM_THREADS": "1"})
-        assert done.returncode in (0, 1), done.stderr
-        answer = json.loads(done.stdout)
-        answer["axis"], = answer["axes"]
+            logs.append(write_log(path, np.arange(1, len(degc) + 1), degc, rate, axes=[axis], form="%d,%.4f,%.4f"))
+        believed = model_option(self.folder / f"{what}_model.json", model_of(noise[0], noise[1:]) if noise else None)
+        done, _ = run(DIAGNOSE, [*options, *believed], logs[:n_fitted], logs[n_fitted:], timeout_s=180)
+        told, = axes_of(done)
+        answer = {**json.loads(done.stdout), "axis": told}
         answer["what"] = what
         self.answers.append(answer)
         for log in logs:
@@ -335,7 +322,7 @@ def healthy_ones(lab, n_draws):
     """One of 100 has a name, by the program's own word: those are left out."""
     draws = [lab.once(healthy, k) for k in range(n_draws)]
     kept = [(residual(a), e, a["what"]) for a, e in draws if a["axis"]["verdict"] == "no_gap"]
-    assert n_draws - len(kept) <= binom.ppf(0.99, n_draws, 0.01), [names(a) for a, _ in draws]
+    assert n_draws - len(kept) <= most_by_chance(n_draws, 0.01), [names(a) for a, _ in draws]
     return kept
 
 
@@ -612,7 +599,7 @@ def one_jump(lab, number):
 
 
 def check_jump(lab, n_draws):
-    listed = json.loads(subprocess.run([str(BIN / "diagnose"), "--list-effects", "--json", "-"], capture_output=True,
+    listed = json.loads(subprocess.run([str(DIAGNOSE), "--list-effects", "--json", "-"], capture_output=True,
                                        text=True, check=True).stdout)
     library = {e["name"] for e in listed["effects"]} - HAS_JUMP
     for a in (lab.once(one_jump, k) for k in range(n_draws)):

@@ -49,7 +49,8 @@ import pytest
 from scipy.linalg import solve_triangular, toeplitz
 from scipy.signal import bilinear, lfilter, lfilter_zi
 
-from asking import BIN, axis_of, found, run, write_log
+from asking import DIAGNOSE, axis_of, found, model_of, model_option, run, write_log
+from where import BIN
 
 SEED, BLOCK = 20360219, 10
 NOISES, CAUSES = ["i", "ii", "iii", "iv", "v"], ["thermal_hysteresis", "thermal_lag", "thermal_anomaly"]
@@ -228,14 +229,12 @@ class Device:
         if self.belief == "none":
             return []
         path = folder / f"{self.kind}_{self.number}_model.json"
-        model = {"imucal_model": 1, "arw_deg_rt_h": self.noise.white / 60,
-                 "markov": [{"sigma_dph": s, "tau_s": t} for s, t in self.noise.processes]}
+        model = model_of(self.noise.white, *self.noise.processes, t0_degc=30)
         if self.belief == "fitted":
             subprocess.run([str(c) for c in (BIN / "errormodel", "fit", *logs, "--criterion", "ml", "--markov", 1, "--detrend",
                                              "poly:3", "--quiet", "--threads", 1, "-o", path)], check=True, timeout=120)
-            model = json.loads(path.read_text())
-        path.write_text(json.dumps({**model, "bias": {"t0_degc": 30, "range_degc": 40, "coeff_dph": [0, 0, 0, 0]}}))
-        return ["--model", path]
+            model = {**json.loads(path.read_text()), "bias": model["bias"]}
+        return model_option(path, model)
 
     def written(self, folder):
         """What stands behind the name of the program to ask of this device; its files are written."""
@@ -282,7 +281,7 @@ def judged(device, axis):
     return judged_with_cause(axis, device.cause) if device.cause else judged_without_cause(axis, device.noise_kind)
 
 
-def answers(kind, numbers, folder, program=BIN / "diagnose"):
+def answers(kind, numbers, folder, program=DIAGNOSE):
     """How the answers are judged, one word a device."""
     words = []
     for number in numbers:

@@ -40,8 +40,6 @@ only, and there the model of --model-out was not what had been found: for one pl
 import functools
 import json
 import math
-import os
-import subprocess
 import tempfile
 from pathlib import Path
 
@@ -49,9 +47,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
-from scipy.stats import binom
 
-from asking import BIN
+from asking import DIAGNOSE, most_by_chance, names, run, write_log
 
 SEED, PLAY, LAG, NONE = 7717, "thermal_hysteresis", "thermal_lag", "none"
 ROUNDING = "quantization"
@@ -204,16 +201,11 @@ class Device:
         return [*sheet, "--instability", f"{s:.6g}:{tau_s:.4g}"]
 
     def write(self, folder):
-        """The logs, and the command that asks of them."""
-        paths = []
-        for i, (degc, rate) in enumerate(zip(self.read, self.rate)):
-            paths.append(folder / f"log{i}.csv")
-            form = "{},{:.3f},{:.15g}\n" if self.step[i] else "{},{:.3f},{:.4f}\n"
-            rows = "".join(form.format((k + 1) * self.row_s, t, y) for k, (t, y) in enumerate(zip(degc.tolist(), rate.tolist())))
-            paths[-1].write_text(f"# imucal-log = 1\nt_s,temp_degc,{'ax_mg' if self.is_accel else 'gx_dph'}\n" + rows)
-        command = [BIN / "diagnose", "--threads", "1", "--no-cache", "--quiet", "--json", "-",
-                   "--model-out", folder / "found.json", *self.believed(folder), "--log", *paths[:-1], "--holdout", paths[-1]]
-        return [str(c) for c in command]
+        """The logs."""
+        axes = ["ax_mg" if self.is_accel else "gx_dph"]
+        return [write_log(folder / f"log{i}.csv", self.row_s * np.arange(1, len(rate) + 1), degc, rate, axes=axes,
+                          form="%d,%.3f,%.15g" if self.step[i] else "%d,%.3f,%.4f")
+                for i, (degc, rate) in enumerate(zip(self.read, self.rate))]
 
 
 # --- what is true of an answer ------------------------------------------------------------------------------------------------
@@ -264,13 +256,13 @@ class Answer:
     def __init__(self, kind, cause, number):
         self.device = d = Device(kind, cause, number)
         with tempfile.TemporaryDirectory() as folder:
-            done = subprocess.run(d.write(Path(folder)), capture_output=True, text=True, timeout=120,
-                                  env={**os.environ, "OMP_NUM_THREADS": "1"})
+            folder, paths = Path(folder), d.write(Path(folder))
+            done, _ = run(DIAGNOSE, ["--model-out", folder / "found.json", *d.believed(folder)], paths[:-1], paths[-1:])
             assert done.returncode == 0, done.stderr
-            self.found = json.loads((Path(folder) / "found.json").read_text())
+            self.found = json.loads((folder / "found.json").read_text())
         self.axis, = json.loads(done.stdout)["axes"]
         self.gap, self.told = self.axis["gap"], self.axis["gap"]["residual_rms_dph"]
-        self.names = [e["name"] for e in self.axis["effects"]]
+        self.names = names(self.axis)
         mean_s, draws = self.gap["residual_mean_s"], [30] * (len(d.rate) - 1) + [40 if kind[:4] in ("long", "rows") else 100]
         squares = [d.drawn_squares(i, mean_s, n) for i, n in enumerate(draws)]
         self.noise = math.sqrt(squares[-1].mean())
@@ -368,11 +360,6 @@ GROUPS = {"gyro": (["gyro-decimal", "gyro-adc"], 4), "accel": (["accel-decimal",
 SHORT = [("accel-adc", LAG, 103), ("rows-5", PLAY, 102), ("stronger", LAG, 102)]
 
 
-def allowed(n, chance):
-    """More than this many come by chance in less than one of 50 sets."""
-    return next(k for k in range(n + 1) if binom.sf(k, n, chance) < 0.02)
-
-
 @functools.cache
 def answer(kind, cause, number):
     return Answer(kind, cause, number)
@@ -401,7 +388,7 @@ def test_many_logs(group, demand):
     judged = [(a, DEMANDS[demand](a)) for a in answers(group) if DEMANDS[demand](a) is not None]
     wrong = [str(a) for a, is_right in judged if not is_right]
     assert len(judged) >= len(answers(group)) / 2
-    assert len(wrong) <= allowed(len(judged), CHANCE[demand]), "\n".join(wrong)
+    assert len(wrong) <= most_by_chance(len(judged), CHANCE[demand], 0.02), "\n".join(wrong)
 
 
 @pytest.mark.long

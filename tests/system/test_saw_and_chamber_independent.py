@@ -9,14 +9,12 @@ square of the rate of temperature; C) the same ripple on a device that does not,
 from its double.  A must be called a gap, but neither a drift with the rate nor a switch; B must not be called a tone; C must.
 All of it is simulated by this file; no code is shared with the programs, and no model is given to them.  The last of a
 device's four logs is held out.  Seeds and limits were chosen before the first run: no device may miss."""
-import json
 import math
-import subprocess
 
 import numpy as np
 import pytest
 
-from where import BIN
+from asking import DIAGNOSE, axis_told, names, write_log
 
 SEED = 20310822
 N_LOGS = 4
@@ -62,16 +60,10 @@ def answer(folder, name, logs, note):
     rng, paths = np.random.default_rng([SEED, len(logs[0][0])]), []
     for i, (degc, rate) in enumerate(logs):
         n = len(degc)
-        paths.append(folder / f"{name}_{i}.csv")
-        np.savetxt(paths[-1], np.column_stack([np.arange(1, n + 1), degc + 0.01 * rng.standard_normal(n), rate]),
-                   fmt=["%d", "%.3f", "%.2f"], delimiter=",", header="# imucal-log = 1\nt_s,temp_degc,gx_dph", comments="")
-    done = subprocess.run([BIN / "diagnose", "--threads", "1", "--no-cache", "--quiet", "--json", "-",
-                           "--log", *paths[:-1], "--holdout", paths[-1]], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    axis, = json.loads(done.stdout)["axes"]
-    names = [e["name"] for e in axis["effects"]]
-    print(name, note, names, axis["verdict"], axis["title"])
-    return names, axis["verdict"]
+        paths.append(write_log(folder / f"{name}_{i}.csv", np.arange(1, n + 1), degc + 0.01 * rng.standard_normal(n), rate))
+    axis = axis_told(DIAGNOSE, [], paths[:-1], paths[-1:])
+    print(name, note, names(axis), axis["verdict"], axis["title"])
+    return names(axis), axis["verdict"]
 
 
 def saw_device(folder, number):

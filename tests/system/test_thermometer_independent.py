@@ -9,14 +9,13 @@ white noise and one first-order process.  No code is shared with the programs.
 Counts "before" are of the program that smoothed every temperature over up to 40 s and asked the fitted logs alone."""
 import json
 import math
-import subprocess
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from scipy.stats import binom
 
-from where import BIN
+import asking
+from asking import DIAGNOSE, least_by_chance, model_option, most_by_chance, write_log
 
 WHITE, SLOW, TAU_S = 40.0, 10.0, 70.0  # dph per second's mean, dph, s
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": WHITE / 60, "markov": [{"sigma_dph": SLOW, "tau_s": TAU_S}],
@@ -113,22 +112,17 @@ def play(degc, radius):
     return out
 
 
-def write_log(path, degc, rate, rng, missing_minutes=0):
+def write(path, degc, rate, rng, missing_minutes=0):
     kept = np.ones(len(degc), bool)
     for _ in range(missing_minutes):
         first = rng.integers(100, len(degc) - 400)
         kept[first:first + rng.integers(60, 240)] = False
-    rows = [f"{k + 1},{degc[k]:.4f},{rate[k]:.4f}" for k in np.flatnonzero(kept)]
-    path.write_text("# imucal-log = 1\nt_s,temp_degc,gx_dph\n" + "\n".join(rows) + "\n")
-    return path
+    return write_log(path, np.flatnonzero(kept) + 1, degc[kept], rate[kept], form="%d,%.4f,%.4f")
 
 
-def answer(folder, logs, held_out=(), model=MODEL, extra=("--no-cache",)):
+def answer(folder, logs, held_out=(), model=MODEL, extra=(), cache=None):
     """What the program prints, word for word."""
-    (folder / "model.json").write_text(json.dumps(model))
-    command = [BIN / "diagnose", "--model", folder / "model.json", "--threads", "1", "--quiet", "--json", "-", *extra,
-               "--log", *logs, *(["--holdout", *held_out] if held_out else [])]
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120)
+    done, _ = asking.run(DIAGNOSE, [*model_option(folder / "model.json", model), *extra], logs, held_out, cache=cache)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -156,7 +150,7 @@ def rate_logs(folder, seed, step_degc, logs=2, seconds=4200, is_stuck=False):
         degc = read(rng, run, step_degc)
         if is_stuck:
             degc = stick(rng, degc, 300)
-        paths.append(write_log(folder / f"log{i}.csv", degc, rate, rng, missing_minutes=seed // 3 % 3))
+        paths.append(write(folder / f"log{i}.csv", degc, rate, rng, missing_minutes=seed // 3 % 3))
     return paths
 
 
@@ -189,7 +183,7 @@ def quiet_logs(folder, seed, weather, step_degc, logs=2, seconds=3600):
             degc[rng.random(seconds) < 0.005] += rng.choice([-1, 1])
         elif weather == "each minute":
             degc = np.repeat(degc[::60], 60)[:seconds]
-        paths.append(write_log(folder / f"log{i}.csv", degc, rate, rng, missing_minutes=seed % 3))
+        paths.append(write(folder / f"log{i}.csv", degc, rate, rng, missing_minutes=seed % 3))
     return paths
 
 
@@ -215,13 +209,8 @@ def open_logs(folder, seed, cause, seconds=3600):
             rate += first_order(rng, seconds, abs(size), tau_s)
         else:
             rate += np.cumsum(rng.standard_normal(seconds)) * abs(size) / math.sqrt(seconds / 3)
-        paths.append(write_log(folder / f"log{i}.csv", read(rng, run, rng.choice([0.001, 0.0625])), rate, rng))
+        paths.append(write(folder / f"log{i}.csv", read(rng, run, rng.choice([0.001, 0.0625])), rate, rng))
     return paths
-
-
-def most_by_chance(n, rate):
-    """More than these of n are 1 in 1000 where each has this probability."""
-    return int(binom.isf(1e-3, n, rate))
 
 
 @pytest.mark.parametrize("seed, step_degc", [pytest.param(seed, (0.001, 0.0625)[seed % 2], marks=[pytest.mark.long] * (seed > 7))
@@ -244,7 +233,7 @@ def test_a_rate_of_temperature_is_named_first_and_stuck_minutes_are_told_where_t
         report = json.loads(answer(tmp_path, rate_logs(tmp_path, *case, is_stuck=True)))
         first.append([e["name"] for e in report["axes"][0]["effects"][:1]])
         told += sum("thermometer is stuck" in warning for warning in report["warnings"])
-    assert first.count(["temperature_rate"]) >= int(binom.ppf(1e-3, len(cases), 0.9)), first
+    assert first.count(["temperature_rate"]) >= least_by_chance(len(cases), 0.9, 1e-3), first
     assert told > len(cases) * 4  # of six
 
 
@@ -262,7 +251,7 @@ def test_poor_thermometers_without_a_gap_give_names_in_one_of_a_hundred_at_most(
     places = [(weather, step_degc) for weather in WEATHERS for step_degc in (0.001, 0.0625, 0.25, 0.5)]
     cases = [(seed, *place) for seed, place in enumerate(places)][third::3]
     named = [case for case in cases if found(tmp_path, quiet_logs(tmp_path, *case))]
-    assert len(named) <= most_by_chance(len(cases), 0.01), named
+    assert len(named) <= most_by_chance(len(cases), 0.01, 1e-3), named
 
 
 @pytest.mark.parametrize("seeds", [range(16), pytest.param(range(16, 60), marks=pytest.mark.long)], ids=str)
@@ -270,7 +259,7 @@ def test_a_hysteresis_that_comes_back_in_the_held_out_logs_is_named(tmp_path, se
     """Of 60 draws 54 named the hysteresis or its family first, before 36, and once 4.  At least as many as 3 in 4 gives in all but
     1 of 1000."""
     named = [s for s in seeds if hysteresis_is_first(tmp_path, s)]
-    assert len(named) >= int(binom.ppf(1e-3, len(seeds), 0.75)), named
+    assert len(named) >= least_by_chance(len(seeds), 0.75, 1e-3), named
 
 
 def hysteresis_is_first(folder, seed):
@@ -288,7 +277,7 @@ def repeatable(folder, seed):
 def test_slow_noise_is_no_repeatable_cause_with_logs_held_out(tmp_path, seeds):
     """Of 200 draws one had one, and none of 400 when a hysteresis was named in 52 of 60."""
     named = [s for s in seeds if repeatable(tmp_path, s)]
-    assert len(named) <= most_by_chance(len(seeds), 0.01), named
+    assert len(named) <= most_by_chance(len(seeds), 0.01, 1e-3), named
 
 
 def without_times(text):
@@ -309,9 +298,8 @@ def test_a_cache_that_other_questions_filled_changes_no_byte_but_times(tmp_path)
         others.append(dict(logs=logs, model={**MODEL, "markov": [{"sigma_dph": factor * SLOW, "tau_s": TAU_S}]}))
     asked = []
     for other in others:
-        other = {**other, "extra": [*other.get("extra", []), "--cache", tmp_path / "filled"]}
-        answer(tmp_path, **other)
+        answer(tmp_path, **other, cache=tmp_path / "filled")
     for cache in ("filled", "fresh", "filled"):
-        asked.append(answer(tmp_path, logs, extra=["--cache", tmp_path / cache]))
+        asked.append(answer(tmp_path, logs, cache=tmp_path / cache))
     assert [json.loads(text)["calibration"]["from_cache"] for text in asked] == [False, False, True]
     assert without_times(asked[0]) == without_times(asked[1]) == without_times(asked[2])

@@ -3,17 +3,15 @@
 
 A tone is averaged over each second by adding 50 of its values.  What the logs can tell of amplitude, frequency and drift
 follows from the Fisher information of the samples in narrow-band noise, whose density at the tone is that of the model."""
-import json
 import math
-import subprocess
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
+from asking import DIAGNOSE, axis_told, model_option, write_log
 from draws import long_after
-from where import BIN
 
 ARW, SIGMA, TAU_S = 0.6, 20.0, 100.0
 MODEL = {"imucal_model": 1, "arw_deg_rt_h": ARW, "markov": [{"sigma_dph": SIGMA, "tau_s": TAU_S}],
@@ -72,22 +70,15 @@ def write_logs(folder, tones, seed=1, logs=2, opening=0.0, where=None, has_tempe
             if where is None or i in where:
                 rate += tone_means(temp, *tone, phase)
         keep = np.flatnonzero(rng.random(SECONDS) >= lost)
-        rows = [f"{k + 1},{temp[k] if has_temperature else ''},{rate[k]:.4f}" for k in keep]
-        paths.append(folder / f"run{i}.csv")
-        paths[-1].write_text("# imucal-log = 1\nt_s,temp_degc,gx_dph\n" + "\n".join(rows) + "\n")
+        shown = temp[keep] if has_temperature else np.full(len(keep), math.nan)
+        paths.append(write_log(folder / f"run{i}.csv", keep + 1, shown, rate[keep], form="%d,%r,%.4f"))
         kept.append((temp, keep))
     return paths, kept
 
 
-def diagnose(folder, paths, *more, model=True):
-    (folder / "model.json").write_text(json.dumps(MODEL))
-    command = [BIN / "diagnose", *(["--model", folder / "model.json"] if model else []), "--cache", folder.parent / "cache",
-               "--threads", "1", "--quiet", "--json", "-", *more]
-    for path in paths:
-        command += ["--log", path]
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)["axes"][0]
+def diagnose(folder, paths, held_out=(), model=True):
+    options = model_option(folder / "model.json", MODEL if model else None)
+    return axis_told(DIAGNOSE, options, paths, held_out, cache=folder.parent / "cache")
 
 
 def density(hz):
@@ -251,7 +242,7 @@ def test_a_period_near_the_length_of_a_run_is_no_tone_of_another_frequency(tmp_p
 
 def test_a_held_out_log_confirms_the_tone(tmp_path):
     paths, kept = write_logs(tmp_path, [(20, 0.1234567, 0)], logs=3)
-    axis = diagnose(tmp_path, paths[:2], "--holdout", paths[2])
+    axis = diagnose(tmp_path, paths[:2], paths[2:])
     assert axis["verdict"] == "explained" and other_names(axis) == []
     expect_tone(tones_of(axis)[0], kept[:2], 20, 0.1234567)
 

@@ -8,14 +8,13 @@ is simulated by this file; no code is shared with the programs.  Seeds were chos
 chances that are stated.  `make test` asks some of the devices, `make test-long` the others."""
 import json
 import math
-import subprocess
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from scipy.stats import binom
 
-from where import BIN
+import asking
+from asking import DIAGNOSE, axes_of, model_option, most_by_chance, names, run, with_members, write_log
 
 SEED = 20270511
 COLD, HOT = -20.0, 60.0
@@ -78,42 +77,21 @@ def noise(rng, n, white=WHITE, slow=SLOW, tau_s=TAU_S):
 
 
 def model_of(white=WHITE, slow=SLOW, tau_s=TAU_S):
-    return {"imucal_model": 1, "arw_deg_rt_h": white / 60, "markov": [{"sigma_dph": slow, "tau_s": tau_s}],
-            "bias": {"t0_degc": 20, "range_degc": 40, "coeff_dph": [0, 0, 0, 0]}}
+    return asking.model_of(white, (slow, tau_s))
 
 
 def write(path, rng, degc, *rates):
     """One log; the axes are gx and, with two rates, gy."""
     read = degc + 0.01 * rng.standard_normal(len(degc))
-    header = "# imucal-log = 1\n" + ",".join(["t_s", "temp_degc", *["gx_dph", "gy_dph"][:len(rates)]])
-    rows = np.column_stack([np.arange(1, len(degc) + 1), read, *rates])
-    np.savetxt(path, rows, fmt=["%d", *["%.4f"] * (1 + len(rates))], delimiter=",", header=header, comments="")
-    return path
+    return write_log(path, np.arange(1, len(degc) + 1), read, *rates, axes=["gx_dph", "gy_dph"][:len(rates)],
+                     form="%d,%.4f" + ",%.4f" * len(rates))
 
 
 def diagnose(folder, logs, model=None, *more):
     """The axes of the answer; a model is a dictionary, a file or None."""
-    if isinstance(model, dict):
-        (folder / "model.json").write_text(json.dumps(model))
-        model = folder / "model.json"
-    command = [BIN / "diagnose", *(["--model", model] if model else []), "--threads", "1", "--no-cache", "--quiet",
-               "--json", "-", *more, "--log", *logs]
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=120)
-    assert done.returncode in (0, 1), done.stderr
-    return json.loads(done.stdout)["axes"]
-
-
-def names(axis):
-    return [effect["name"] for effect in axis["effects"]]
-
-
-def with_members(axis):
-    return {name for e in axis["effects"] for name in [e["name"], *(member["name"] for member in e["set"])]}
-
-
-def most_by_chance(n, rate):
-    """More than these of n come in less than 1 of 100 draws where each has this probability."""
-    return int(binom.ppf(0.99, n, rate))
+    is_file = model is not None and not isinstance(model, dict)
+    options = ["--model", model] if is_file else model_option(folder / "model.json", model)
+    return axes_of(run(DIAGNOSE, [*options, *more], logs)[0])
 
 
 # ---- logs of very unequal length

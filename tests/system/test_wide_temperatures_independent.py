@@ -59,7 +59,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asking import BIN, axis_of, found, run, write_log
+from asking import DIAGNOSE, axis_of, found, run, write_log
 
 SEED, STEP_S, LEAST_LEFT, INTERVAL_SLACK = 20360822, 5, 6, 0.02
 RANGES = {"room": (-40, 85), "wide": (-55, 125), "cold": (-40, 0), "hot": (40, 105), "narrow": None}
@@ -527,7 +527,7 @@ def devices(numbers):
         yield (kinds[place % 9] if k % 2 else "nothing"), ranges[(place + place // 45) % 5], k
 
 
-def counts(folder, numbers, both, program=BIN / "diagnose", keep=None):
+def counts(folder, numbers, both, program=DIAGNOSE, keep=None):
     """Wrong names, changed causes and missed intervals: lists of what was asked, and how often each was asked."""
     wrong, asked = {"name": [], "changed": [], "interval": []}, Counter()
     for kind, chamber_range, k in devices(numbers):
@@ -587,7 +587,7 @@ def test_the_units_of_the_believed_bias_name_no_other_cause(tmp_path, chamber_ra
             (at / "model.json").write_text(json.dumps({
                 "imucal_model": 1, "arw_deg_rt_h": white / 60, "markov": [{"sigma_dph": sigma, "tau_s": tau_s}],
                 "bias": {"t0_degc": t0, "range_degc": width, "coeff_dph": [0, 0, 0, 0]}}))
-            done, command = run(BIN / "diagnose", ["--model", at / "model.json"], *files)
+            done, command = run(DIAGNOSE, ["--model", at / "model.json"], *files)
             axis = axis_of(done)
             assert is_right("curve", axis) and axis["verdict"] != "unexplained", (d.note, t0, width, found(axis), command)
             true, effect = d.curve.convert(domain=[t0 - width, t0 + width]).coef, causes(axis)[0]
