@@ -24,11 +24,6 @@ def text(entry):
     return f"{entry['rate']:.3f} [{entry['ci95'][0]:.3f}, {entry['ci95'][1]:.3f}] ({entry['k']}/{entry['n']})"
 
 
-def most_failures_allowed(n, p, level):
-    """Failures that a tool with failure probability p exceeds with probability at most `level`."""
-    return int(binom.ppf(1 - level, n, p))
-
-
 def paired_p(lost, won):
     """Exact two-sided McNemar test: questions that only one of two programs has right fall to either side like a coin."""
     return min(1.0, 2 * float(binom.cdf(min(lost, won), lost + won, 0.5)))

@@ -149,11 +149,9 @@ class Device:
         coeff[1] = rng.choice([-1, 1]) * rng.uniform(200, 500)
         with_start, settled = effect_of(cause, rng, runs, coeff)
         wanted, sign = rng.uniform(15, 25), rng.choice([-1, 1])
-        factor = self.d_all = self.d_fitted = 0.0
+        factor = 0.0
         if cause in TRUE:
             factor = sign * wanted / strength(runs, noise, with_start, settled)
-            self.d_all, n = wanted, self.n_fitted
-            self.d_fitted = abs(factor) * strength(runs[:n], noise, with_start[:n], settled[:n])
         if cause == "lag":  # it is the cubic that is made stronger
             coeff = abs(factor) * coeff
             factor = abs(factor)

@@ -200,7 +200,6 @@ class Device:
         self.added = effect
         self.rate = [self.bias(t) + e + y + rng.normal(0, 50) for t, e, y in zip(self.temp, effect, noises)]
         steepest = np.abs(self.bias.deriv()(np.linspace(low, high, 100))).max()
-        self.unquiet = steepest * math.hypot(thermometer, 0.003) / self.noise.white
         self.note = (f"noise {self.noise_kind}: {self.noise.words()}; {self.fitted} of {len(lasts)} logs fitted, {low:.0f} to "
                      f"{high:.0f} degC, slope to {steepest:.1f}, believed {self.belief}; true: {what}")
 
