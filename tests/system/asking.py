@@ -50,6 +50,13 @@ def belief(path, rng, number, white, sigma, tau_s):
     return ["--arw", f"{arw:.3f}", "--instability", f"{sigma:.2f}:{tau_s:.1f}"]
 
 
+def sheet_option(factor, white, sigma, tau_s):
+    """Options of a data sheet whose white noise and process are wrong by a factor; none for None."""
+    if factor is None:
+        return []
+    return ["--arw", f"{factor * white / 60:.4f}", "--instability", f"{factor * sigma:.3f}:{tau_s:.1f}"]
+
+
 def run(program, options, fitted, held_out=(), timeout_s=120, cache=None):
     """What the program did with these logs, its answer on standard output; and the command."""
     kept = ["--cache", cache] if cache else ["--no-cache"]

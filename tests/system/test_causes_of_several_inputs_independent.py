@@ -62,7 +62,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asking import DIAGNOSE, axis_of, found, most_by_chance, run, write_log
+from asking import DIAGNOSE, axis_of, found, most_by_chance, run, sheet_option, write_log
 
 SEED, BLOCK, LAG, CREEP = 20360518, 10, "thermal_lag", "thermal_creep"
 KINDS = ["gradient", "loop", "warm", "contact", "relax", "mode", "stress"]
@@ -464,9 +464,7 @@ def ask(device, folder, program=DIAGNOSE):
     for path, degc, rate in zip(paths, device.temp, device.rate):
         read, rate = means(degc + device.quiet * rng.standard_normal(len(degc)), row), means(rate, row)
         write_log(path, row * np.arange(1, len(rate) + 1), read, rate)
-    factor = believed(device)
-    belief = [] if factor is None else ["--arw", f"{factor * device.white / 60:.4f}", "--instability",
-                                        f"{factor * device.sigma:.3f}:{device.tau:.1f}"]
+    belief = sheet_option(believed(device), device.white, device.sigma, device.tau)
     written = folder / "found.json"
     done, command = run(program, ["--model-out", written, *belief], paths[:n], paths[n:], timeout_s=300)
     (folder / "command.txt").write_text(command + "\n")

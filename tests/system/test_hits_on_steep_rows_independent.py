@@ -32,7 +32,7 @@ import pytest
 from scipy.linalg import solve_triangular, toeplitz
 from scipy.signal import lfilter
 
-from asking import DIAGNOSE, at_most_wrong, axis_of, found, run, write_log
+from asking import DIAGNOSE, at_most_wrong, axis_of, found, run, sheet_option, write_log
 
 SEED, LEAST_STRENGTH = 20351107, 15
 NOISE = ["noise_parameters", "flicker_noise", "markov_sigma_vs_temperature", "markov_tau_vs_temperature", "rate_random_walk",
@@ -165,8 +165,7 @@ class Device:
             self.rate = [r + f for r, f in zip(self.rate, fades)]
             what = f"start {size:.0f} dph ({times:.1f} times) tau {tau:.0f} s d {d:.1f}"
         factor = [1, 3, 1 / 3, None][self.number % 4]
-        self.believed = [] if factor is None else ["--arw", f"{factor * white / 60:.4f}", "--instability",
-                                                   f"{factor * self.sigma:.3f}:{self.tau_m:.1f}"]
+        self.believed = sheet_option(factor, white, self.sigma, self.tau_m)
         self.note = (f"row {every} s, {self.n_fitted} of {len(lasts)} logs fitted, {low:.0f} to {high:.0f} degC, slope "
                      f"{steep:.0f}, a row moves by {moves:.0f}, white of a row {self.white_row:.1f}, process {self.sigma:.1f} "
                      f"dph {self.tau_m:.0f} s, believed x {factor}; {what} ({self.tries} draws)")

@@ -37,7 +37,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from asking import DIAGNOSE, found, run, write_log
+from asking import DIAGNOSE, found, run, sheet_option, write_log
 
 SEED, LEAST_LEFT = 20340611, 6
 FIRST = {"L": ["thermal_lag", "thermal_memory"], "H": ["thermal_hysteresis", "thermal_memory"]}
@@ -214,8 +214,7 @@ class Device:
             self.carried.append(self.bias(self.shown[-1]) - self.bias(self.true[-1]))
             self.rate.append(rows(self.bias(s + felt) + a, every) + quiet + rng.normal(0, 50))
         factor = [1, 3, 1 / 3, None][number % 4]
-        self.believed = [] if factor is None else ["--arw", f"{factor * self.white / 60:.4f}", "--instability",
-                                                   f"{factor * self.sigma:.3f}:{self.tau_m:.1f}"]
+        self.believed = sheet_option(factor, self.white, self.sigma, self.tau_m)
         self.note = (f"row {every} s, {self.n_fitted} of {len(lasts)} logs fitted, {low:.0f} to {high:.0f} degC, white of a row "
                      f"{self.white_row():.1f}, process {self.sigma:.1f} dph {self.tau_m:.0f} s, believed x {factor}; steep "
                      f"{self.steep:.0f}, thermometer {own:.4f} degC tau {own_tau:.0f} s, real {real:.3f} degC tau {real_tau:.0f} s"
