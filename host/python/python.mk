@@ -4,7 +4,7 @@ PY_NANOBIND = $(shell $(PYTHON) -c 'import nanobind; print(nanobind.include_dir(
 PY_INCLUDE = $(shell $(PYTHON) -c 'import sysconfig; print(sysconfig.get_path("include"))')
 PY_CORE := $(BUILD)/python/_core.so
 # The rooms that it takes: the objects of the host programs, position independent as they are.
-PY_CORE_ROOMS := $(patsubst %,$(BUILD)/lib/%.a,analysis/errormodel analysis/dp physics/sim physics/effects noise linear io base common)
+PY_CORE_ROOMS := $(patsubst %,$(BUILD)/lib/%.a,analysis/fit analysis/errormodel analysis/dp physics/sim physics/effects noise linear io base common)
 
 FLAGS_python = $(CXX) $(HOST_CPPFLAGS)
 # nanobind's own source, and what includes it: not held to our warnings.

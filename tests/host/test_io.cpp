@@ -348,6 +348,20 @@ static void test_a_log_that_was_read_is_kept_and_one_made_anew_is_not(void**) {
   std::remove(path.c_str());
 }
 
+// Against 30 digits (Python's decimal): the long time constant would lose half of its digits as 1 - exp(-dt/tau).
+static void test_markov_step_has_every_digit(void**) {
+  const auto is_near = [](double value, double truth) { return std::abs(value / truth - 1) < 4 * DBL_EPSILON; };
+  const MarkovStep step = Markov{20, 100}.step();
+  assert_true(is_near(step.phi(), 0.990049833749168053573));
+  assert_true(is_near(step.m(), 0.00995016625083194642609));
+  assert_true(is_near(step.q(), 0.0198013266932446977792));
+  assert_true(is_near(step.drive(), 0.140717186914906374486));
+  assert_true(is_near(Markov{20, 1e9}.step().m(), 9.99999999500000000167e-10));
+  assert_true(is_near(Markov{20, 1e9}.step().q(), 1.99999999800000000133e-9));
+  assert_true(is_near(Markov{20, 100}.q_dph2(), 400 * 0.0198013266932446977792));
+  assert_true(is_near(Markov{20, 100}.phi(50), 0.606530659712633423604)); // exp(-1/2)
+}
+
 static void test_model_round_trip(void**) {
   const std::string path =
       file_with("good.json",
@@ -560,6 +574,7 @@ int main() {
       cmocka_unit_test(test_log_whole_to_its_end_gives_no_notice),
       cmocka_unit_test(test_log_cut_in_a_comment_or_its_only_row),
       cmocka_unit_test(test_a_log_that_was_read_is_kept_and_one_made_anew_is_not),
+      cmocka_unit_test(test_markov_step_has_every_digit),
       cmocka_unit_test(test_model_round_trip),
       cmocka_unit_test(test_polynomial_renormalised_is_the_same_curve),
       cmocka_unit_test(test_model_malformed_names_the_field),

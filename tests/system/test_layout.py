@@ -154,6 +154,13 @@ def test_programs_link_the_rooms_that_they_reach_in_that_order():
         assert rooms == [room for room in linked["all"] if f"lib/{room}" in reached], f"ROOMS_{program}"
 
 
+def test_a_markov_process_is_discretised_in_one_place():
+    sources = [name for name in tracked() if re.match(r"host/(lib|tools|python)/.*\.(h|cpp|py)$", name)]
+    own = "host/lib/io/model.h"  # MarkovStep
+    assert "expm1(-2" in (ROOT / own).read_text()
+    assert not [name for name in sources if name != own and re.search(r"expm1\(-2\b", (ROOT / name).read_text())]
+
+
 # ---- files of one room ----
 def files_of(room):
     """{file without its ending: those of the room, and of the rooms inside it, that it includes} of headers and sources."""

@@ -11,13 +11,6 @@
 
 namespace imucal {
 
-double Markov::phi(double dt_s) const {
-  return std::exp(-dt_s / tau_s);
-}
-double Markov::q_dph2(double dt_s) const {
-  return -sigma_dph * sigma_dph * std::expm1(-2.0 * dt_s / tau_s);
-}
-
 double ThermalPolynomial::at(double temp_degc) const {
   const double tn = normalised(temp_degc);
   double sum = 0;

@@ -2,6 +2,7 @@
 // The error model of a sensor (host/formats.md, Model; paper eq. 1): angle random walk, first-order Gauss-Markov
 // instabilities, turn-on constant and, optionally, the thermal polynomial B(T) and further effects.
 #pragma once
+#include <cmath>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,12 +11,29 @@
 
 namespace imucal {
 
+// A step of a first-order Gauss-Markov process of variance one, exactly: x <- phi x + drive z, z of variance one.  Filters and
+// simulators all take it from here (test_layout.py): the device asks for m, q and r and cannot see a slip in them.
+// Every member works its value out anew: take what you need.
+class MarkovStep {
+public:
+  MarkovStep(double dt_s, double tau_s) : MarkovStep(dt_s / tau_s) {}
+  explicit MarkovStep(double dt_over_tau) : dt_over_tau_(dt_over_tau) {}
+  double phi() const { return std::exp(-dt_over_tau_); }      // correlation over the step
+  double m() const { return -std::expm1(-dt_over_tau_); }     // 1 - phi, without cancellation
+  double q() const { return -std::expm1(-2 * dt_over_tau_); } // 1 - phi^2, without cancellation
+  double drive() const { return std::sqrt(q()); }
+
+private:
+  double dt_over_tau_;
+};
+
 // First-order Gauss-Markov process with stationary standard deviation and time constant.
 struct Markov {
   double sigma_dph = 0;
   double tau_s = 0;
-  double phi(double dt_s = 1.0) const;    // exp(-dt/tau)
-  double q_dph2(double dt_s = 1.0) const; // sigma^2 (1 - phi^2), without cancellation
+  MarkovStep step(double dt_s = 1.0) const { return {dt_s, tau_s}; }
+  double phi(double dt_s = 1.0) const { return step(dt_s).phi(); }
+  double q_dph2(double dt_s = 1.0) const { return sigma_dph * sigma_dph * step(dt_s).q(); }
 };
 
 // B(T) = sum b_i Tn^i [dph], Tn = (T - t0)/range.

@@ -16,8 +16,9 @@ void NoiseStates::transition(size_t k, double* phi, double* q) const {
     double tau_s = noise_.markov[i].tau_s;
     if (i == 0 && noise_.tau_slope != 0) tau_s *= std::exp(noise_.tau_slope * times_.tn[k]);
     const double now = sigma(i, k), next = sigma(i, k + 1);
-    phi[i] = std::exp(-step_s / tau_s) * (now > 0 ? next / now : 1.0);
-    q[i] = -next * next * std::expm1(-2.0 * step_s / tau_s);
+    const MarkovStep step(step_s, tau_s);
+    phi[i] = step.phi() * (now > 0 ? next / now : 1.0);
+    q[i] = next * next * step.q();
   }
   if (n_ > noise_.markov.size()) {
     phi[n_ - 1] = 1.0;

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
 """The C core's filter from Python: the same arithmetic, the same bits as on the device."""
-import math
-
 import numpy as np
 
 from .errors import DataError
@@ -35,9 +33,8 @@ class ThermalCalibrator:
     def __init__(self, order=3, t0_degc=25.0, range_degc=40.0, arw_deg_rt_h=0.6, sigma_dph=20.0, tau_s=100.0, prior_sigma_dph=1e4):
         if not tau_s > 0:
             raise DataError("tau_s must be positive")
-        m, q = -math.expm1(-1 / tau_s), -sigma_dph ** 2 * math.expm1(-2 / tau_s)
         try:
-            self._filter = core().Filter(order, t0_degc, range_degc, m, q, (60 * arw_deg_rt_h) ** 2, sigma_dph ** 2, prior_sigma_dph)
+            self._filter = core().Filter(order, t0_degc, range_degc, arw_deg_rt_h, sigma_dph, tau_s, prior_sigma_dph)
         except ValueError as error:
             raise DataError(f"ThermalCalibrator: {error}") from None
         self.order, self.t0_degc, self.range_degc = order, t0_degc, range_degc

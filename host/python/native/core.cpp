@@ -13,6 +13,7 @@
 #include "analysis/dp/dp.h"
 #include "analysis/dp/tau_grid.h"
 #include "analysis/errormodel/confidence.h"
+#include "analysis/fit/fit.h"
 #include "base/error.h"
 #include "io/json_file.h"
 #include "io/log.h"
@@ -289,19 +290,20 @@ nb::object check_json(const std::string& text, const std::string& kind) {
   return nb::none();
 }
 
-// imucal_kf_t with exceptions for refused configurations.
+// imucal_kf_t of an error model with one Markov term, with exceptions for refused configurations.
 class Filter {
 public:
-  Filter(int order, double t0_degc, double range_degc, double m, double q, double r, double markov_variance,
+  Filter(int order, double t0_degc, double range_degc, double arw_deg_rt_h, double sigma_dph, double tau_s,
          double prior_sigma) {
-    imucal_kf_config_t config{};
-    config.order = static_cast<uint8_t>(order);
-    config.t0_degc = static_cast<float>(t0_degc), config.range_degc = static_cast<float>(range_degc);
-    config.m = static_cast<float>(m), config.q = static_cast<float>(q), config.r = static_cast<float>(r);
-    config.markov_variance = static_cast<float>(markov_variance), config.prior_sigma = static_cast<float>(prior_sigma);
-    if (const imucal_status status = order < 0 || order > 255 ? IMUCAL_ERR_ORDER : imucal_kf_init(&kf_, &config);
-        status != IMUCAL_OK)
-      throw nb::value_error(imucal_status_text(status));
+    if (order < 1 || order > IMUCAL_MAX_ORDER) throw nb::value_error(imucal_status_text(IMUCAL_ERR_ORDER));
+    ErrorModel model;
+    model.arw_deg_rt_h = arw_deg_rt_h, model.markov = {{sigma_dph, tau_s}};
+    try {
+      const imucal_kf_config_t config = kf_config(model, order, t0_degc, range_degc, prior_sigma);
+      if (imucal_kf_init(&kf_, &config) != IMUCAL_OK) throw data_error("the filter refuses the model");
+    } catch (const Error& e) {
+      throw nb::value_error(e.what());
+    }
   }
 
   bool update(double rate, double temp_degc) {
@@ -378,7 +380,7 @@ NB_MODULE(_core, m) {
   m.def("running_median", &running_median, nb::arg("values"), nb::arg("half"));
   m.def("spread_of_seconds", &spread_of_seconds, nb::arg("values"), nb::arg("first"), nb::arg("n"));
   nb::class_<Filter>(m, "Filter")
-      .def(nb::init<int, double, double, double, double, double, double, double>())
+      .def(nb::init<int, double, double, double, double, double, double>())
       .def("update", &Filter::update)
       .def("skip", &Filter::skip)
       .def("new_run", &Filter::new_run)

@@ -8,6 +8,7 @@
 #include "base/fast_normal.h"
 #include "base/simd.h"
 #include "base/units.h"
+#include "io/model.h"
 
 namespace imucal {
 
@@ -18,12 +19,12 @@ namespace {
 // Adds one component.  A loop for each kind: nothing to choose inside.
 void add_component(const NoiseComponent& c, FastNormal rng, std::vector<double>* x) {
   const double sigma = std::sqrt(c.power_dph2);
-  const double phi = std::exp(-c.alpha), drive = sigma * std::sqrt(-std::expm1(-2 * c.alpha));
   switch (c.kind) {
   case Kind::kWhite:
     for (double& v : *x) v += sigma * rng.normal();
     break;
   case Kind::kMarkov: {
+    const double phi = MarkovStep(c.alpha).phi(), drive = sigma * MarkovStep(c.alpha).drive();
     double state = sigma * rng.normal();
     for (double& v : *x) v += state, state = phi * state + drive * rng.normal();
     break;
@@ -70,8 +71,8 @@ struct Recursions {
   void set(size_t lane, const NoiseComponent& c, FastNormal* rng) {
     const double sigma = std::sqrt(c.power_dph2);
     const bool is_markov = c.kind == Kind::kMarkov, is_quantization = c.kind == Kind::kAngleQuantization;
-    phi[lane] = is_markov ? std::exp(-c.alpha) : c.kind == Kind::kRandomWalk ? 1 : 0;
-    drive[lane] = is_markov ? sigma * std::sqrt(-std::expm1(-2 * c.alpha)) : sigma;
+    phi[lane] = is_markov ? MarkovStep(c.alpha).phi() : c.kind == Kind::kRandomWalk ? 1 : 0;
+    drive[lane] = is_markov ? sigma * MarkovStep(c.alpha).drive() : sigma;
     of_state[lane] = is_markov ? 1 : is_quantization ? -1 : 0;
     of_next[lane] = is_markov ? 0 : 1;
     if (is_markov || is_quantization) state[lane] = sigma * rng->normal();

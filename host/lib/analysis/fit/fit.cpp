@@ -454,8 +454,9 @@ imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc,
   config.order = static_cast<uint8_t>(order);
   config.t0_degc = static_cast<float>(t0_degc);
   config.range_degc = static_cast<float>(range_degc);
-  config.m = static_cast<float>(-std::expm1(-dt_s / tau_s));
-  config.q = static_cast<float>(-variance * std::expm1(-2 * dt_s / tau_s));
+  const MarkovStep step(dt_s, tau_s);
+  config.m = static_cast<float>(step.m());
+  config.q = static_cast<float>(variance * step.q());
   config.r = static_cast<float>(white * white + other_white_dph2);
   config.markov_variance = static_cast<float>(variance);
   config.prior_sigma = static_cast<float>(prior_sigma_dph);

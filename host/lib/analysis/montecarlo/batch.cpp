@@ -48,8 +48,7 @@ public:
       turn_on_dph_[lane] =
           model_.turn_on_sigma_dph > 0 ? model_.turn_on_sigma_dph * stream(lane, Stream::kTurnOn).normal() : 0.0;
     }
-    for (const Markov& m : model_.markov)
-      steps_.push_back({m.phi(), std::sqrt(-std::expm1(-2.0 / m.tau_s)), m.sigma_dph, {}});
+    for (const Markov& m : model_.markov) steps_.push_back({m.step().phi(), m.step().drive(), m.sigma_dph, {}});
     if (model_.bias) bias_ = *model_.bias;
   }
 

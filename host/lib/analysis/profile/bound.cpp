@@ -112,7 +112,7 @@ private:
     for (const Markov& m : request_.model.markov) {
       if (m.sigma_dph <= 0) continue;
       const double var = m.sigma_dph * m.sigma_dph, phi = m.phi(dt), q = m.q_dph2(dt);
-      const double density = var * (1 + phi) / -std::expm1(-dt / m.tau_s);
+      const double density = var * (1 + phi) / m.step(dt).m();
       terms_.push_back({1 / density, phi / (var * (1 + phi)), phi / q, density, m.tau_s, VectorXd::Ones(p_)});
     }
     const double white = white_sigma_dph(request_.model.arw_deg_rt_h, dt);

@@ -162,8 +162,8 @@ void add_noise(SimRun* run, uint64_t seed, uint64_t run_address) {
         if (dt_s != last_dt_s || path.tau_s[k] != last_tau_s) {
           last_dt_s = dt_s;
           last_tau_s = path.tau_s[k];
-          phi = std::exp(-dt_s / last_tau_s);
-          rest = std::sqrt(-std::expm1(-2.0 * dt_s / last_tau_s));
+          phi = MarkovStep(dt_s, last_tau_s).phi();
+          rest = MarkovStep(dt_s, last_tau_s).drive();
         }
         unit = phi * unit + rest * walk.normal();
       }
