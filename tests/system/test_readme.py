@@ -205,6 +205,16 @@ def test_make_lines_run():
     assert sorted(listed) == sorted(re.findall(r"(?m)^([a-z0-9-]+):.*## ", make_text())), "a group that HELP_GROUPS does not name"
 
 
+def test_exit_statuses_are_told_where_users_look():
+    known = re.search(r"enum class Exit \{(.*)\}", (ROOT / "host/lib/base/error.h").read_text()).group(1)
+    statuses = re.findall(r"= (\d+)", known)
+    table = (ROOT / "host/README.md").read_text().split("| exit status | meaning |")[1].split("\n\n")[0]
+    assert re.findall(r"(?m)^\| (\d+) \|", table) == statuses
+    readme = re.search(r"Exit status: ([^.]*)\.", (ROOT / "README.md").read_text()).group(1)
+    told = subprocess.run([BUILD / "bin/imucal", "--help"], capture_output=True, text=True, check=True).stdout.split("Exit status: ")[1]
+    assert [re.findall(r"(?:^|; )(\d+) ", " ".join(text.split())) for text in (readme, told)] == [statuses] * 2
+
+
 # ---- figures ----
 
 def rows_of(text, first_words):

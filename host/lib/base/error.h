@@ -6,8 +6,8 @@
 
 namespace imucal {
 
-// Exit status of every program (host/README.md).
-enum class Exit { kDone = 0, kNegative = 1, kUsage = 2, kData = 3, kDevice = 4 };
+// Exit status of every program (host/README.md).  kInterrupted: Ctrl-C ended it; 128 + SIGINT, as a shell has it.
+enum class Exit { kDone = 0, kNegative = 1, kUsage = 2, kData = 3, kDevice = 4, kInterrupted = 130 };
 
 class Error : public std::runtime_error {
 public:

@@ -49,9 +49,6 @@ struct AxisResult {
   double residual_rms = 0; // of the seconds seen against the polynomial learned, without as many as the device left out
 };
 
-// Status of a run that Ctrl-C ended: 128 + SIGINT, as a shell has it.
-constexpr Exit kInterruptedExit = static_cast<Exit>(130);
-
 struct RunResult {
   enum class End { kSensorEnded, kDuration, kErrorReached, kInterrupted };
   End end = End::kInterrupted;

@@ -27,7 +27,7 @@ def main(arguments=None):
     except BrokenPipeError:
         return 0
     except KeyboardInterrupt:
-        return 130
+        return 130  # Exit::kInterrupted
 
 
 if __name__ == "__main__":

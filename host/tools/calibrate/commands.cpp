@@ -458,7 +458,7 @@ Exit monitor(Device* device, const MonitorOptions& options, const CommonOptions&
     if (recording.trouble()) std::printf("%s: see calibrate info\n", sensor_trouble(recording.trouble()).c_str());
     tell_losses(*device);
   }
-  return recording.is_cut_short() ? kInterruptedExit : Exit::kDone;
+  return recording.is_cut_short() ? Exit::kInterrupted : Exit::kDone;
 }
 
 Json axes_json(const imucal_table_t& table) {
@@ -570,7 +570,7 @@ Exit calibrate_device(Device* device, const RunOptions& options, const std::stri
   if (common.wants_json()) write_json(common.json_path, run_json(*device, options, result, wall_s));
   if (common.talks()) print_run(*device, options, result, table_path, wall_s);
   tell_reasons(*device, result);
-  if (!result.is_flashed) return is_accepted(result.reasons) ? kInterruptedExit : Exit::kNegative;
+  if (!result.is_flashed) return is_accepted(result.reasons) ? Exit::kInterrupted : Exit::kNegative;
   if (!result.record_error.empty()) return Exit::kData;
   return result.is_error_reached ? Exit::kDone : Exit::kNegative;
 }

@@ -47,7 +47,8 @@ void print_help() {
   std::puts("\n'imucal SUBCOMMAND --help' tells more.  Logs of PX4, ArduPilot, ROS, MATLAB and Parquet may stand "
             "where a log is\n"
             "expected; they are imported on the way.\n"
-            "Exit status: 0 done; 1 done, the answer is negative; 2 usage; 3 bad input data; 4 device or link.");
+            "Exit status: 0 done; 1 done, the answer is negative; 2 usage; 3 bad input data; 4 device or link; "
+            "130 Ctrl-C.");
 }
 
 const Subcommand* find_subcommand(const std::string& name) {
