@@ -45,6 +45,7 @@
 #define IMUCAL_HEALTH_H
 
 #include "status.h"
+#include "track.h"
 
 #if defined(__cplusplus)
 extern "C" {
@@ -58,8 +59,8 @@ extern "C" {
 #define IMUCAL_HEALTH_MAX_REJECT_RUN 60u
 #define IMUCAL_HEALTH_TEMP_STEP_DEGC 1.0f
 #define IMUCAL_HEALTH_TEMP_RATE_DEGC_PER_S 0.2f /* 12 degC a minute */
-#define IMUCAL_HEALTH_COARSE_DEGC                                                                                      \
-  0.1f /* a thermometer of larger quantum stands on a slow ramp too: temp-stuck is not judged */
+/* A thermometer coarse enough to be tracked stands on a slow ramp too: above this quantum temp-stuck is not judged. */
+#define IMUCAL_HEALTH_COARSE_DEGC IMUCAL_TRACK_COARSE_DEGC
 #define IMUCAL_HEALTH_LEVEL_N 10u /* readings that make a level */
 #define IMUCAL_HEALTH_MIN_N 120u  /* seconds before shares and statistics are judged */
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The package's names against known answers and against the programs."""
+import inspect
 import json
 import os
 import signal
@@ -156,6 +157,11 @@ def test_calibrator_gives_the_bits_of_calibrate_fit(log):
     for rate, temp in zip(log.rates["gx_dph"], log.temp_degc):
         assert one.update(rate, temp)
     assert one.coeff_dph.tolist() == c.coeff_dph.tolist()
+
+
+def test_default_prior_is_that_of_the_programs():
+    from imucal.native import core
+    assert inspect.signature(imucal.ThermalCalibrator).parameters["prior_sigma_dph"].default == core().Filter.usual_prior_sigma
 
 
 def test_missing_second_is_bridged_and_a_wild_one_refused():

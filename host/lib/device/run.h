@@ -21,8 +21,6 @@
 
 namespace imucal {
 
-constexpr double kPriorSigma = 1e4; // of every coefficient, unit of the channel
-
 struct RunOptions {
   unsigned order = 3;
   std::vector<ErrorModel> models;        // one for all axes, or one per axis

@@ -36,6 +36,10 @@ struct Markov {
   double q_dph2(double dt_s = 1.0) const { return sigma_dph * sigma_dph * step(dt_s).q(); }
 };
 
+// What is believed of every coefficient of B(T) before the first second, unless the user says: one standard deviation, in the
+// unit of the channel; far above any bias, so that it costs nothing.
+constexpr double kPriorSigma = 1e4;
+
 // B(T) = sum b_i Tn^i [dph], Tn = (T - t0)/range.
 struct ThermalPolynomial {
   double t0_degc = 0;

@@ -395,4 +395,5 @@ NB_MODULE(_core, m) {
       .def_prop_ro("n", &Filter::n)
       .def_prop_ro("n_missed", &Filter::n_missed)
       .def_prop_ro("n_refused", &Filter::n_refused);
+  m.attr("Filter").attr("usual_prior_sigma") = kPriorSigma;
 }

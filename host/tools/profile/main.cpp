@@ -19,7 +19,7 @@ struct ErrorOptions {
   std::vector<std::string> inputs;
   std::string model, filter_model, range;
   int order = 3, points = 61;
-  double prior_sigma_dph = 1e4;
+  double prior_sigma_dph = kPriorSigma;
   bool turn_on = false, restart_each_cycle = false, shape_only = false, proven = false;
   std::string tell_apart;
 };
@@ -153,7 +153,7 @@ struct BoundOptions {
   CommonOptions common;
   std::string model, range;
   int order = 3;
-  double duration_s = 0, max_rate = 0, max_cooling_rate = 0, prior_sigma_dph = 1e4;
+  double duration_s = 0, max_rate = 0, max_cooling_rate = 0, prior_sigma_dph = kPriorSigma;
 };
 
 Exit run_bound(const BoundOptions& o) {
@@ -187,7 +187,7 @@ struct OptimizeOptions {
   std::string model, range, profile_path, objective = "worst", tell_apart;
   int order = 3, effort = 1;
   double max_rate = 0, max_cooling_rate = 0, duration_s = 0, required_error_dph = 0, min_soak_s = 0, max_soak_s = 0,
-         max_correlation = 0.75, prior_sigma_dph = 1e4, spend_percent = 0;
+         max_correlation = 0.75, prior_sigma_dph = kPriorSigma, spend_percent = 0;
   bool no_proof = false;
 };
 

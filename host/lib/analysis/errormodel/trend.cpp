@@ -5,13 +5,13 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/range.h"
 
 namespace imucal {
 
 namespace {
 
 constexpr long kBlocks = 32, kMinBlocks = 12;
-constexpr double kMinSpanDegc = 0.5;
 
 // Means of blocks that have at least half of their samples.
 Series blocks_of(const Series& s) {

@@ -9,13 +9,13 @@
 #include "analysis/fit/judge.h"
 #include "analysis/fit/parts.h"
 #include "base/error.h"
+#include "base/range.h"
 #include "base/units.h"
 
 namespace imucal {
 
 namespace {
 
-constexpr double kMinSpanDegc = 0.5;
 constexpr size_t kTemperatures = IMUCAL_TABLE_SIGMA_N;
 constexpr size_t kStand_rows = 128; // as the core's rule on a thermometer that is stuck
 constexpr double kUnused = std::numeric_limits<double>::quiet_NaN();

@@ -40,7 +40,7 @@ struct FitOptions {
   std::optional<ErrorModel> model;           // kKalman: required; kPolynomial: makes sigma honest (see FitAxis)
   std::optional<ErrorModel> accel_model;     // of the accelerometers, where `model` is the gyros' (unit "mg")
   std::optional<double> t0_degc, range_degc; // else the model's bias, else middle and half width of the logs' span
-  double prior_sigma_dph = 1e4;              // kKalman: of every coefficient
+  double prior_sigma_dph = kPriorSigma;      // kKalman: of every coefficient
   bool shared_turn_on = false;               // all logs have one constant
   std::vector<std::string> axes;   // empty: every axis of the models' units that are stated, else every gyro of
                                    // the first log (every axis where it has none)
@@ -115,7 +115,7 @@ FitResult fit_logs(const std::vector<Log>& logs, const FitOptions& options);
 // other_white_dph2: white variance of a row besides the model's, e.g. from quantisation.
 // data_error: no white noise, or a value the core refuses.
 imucal_kf_config_t kf_config(const ErrorModel& model, int order, double t0_degc, double range_degc,
-                             double prior_sigma_dph = 1e4, double dt_s = 1.0, double other_white_dph2 = 0);
+                             double prior_sigma_dph = kPriorSigma, double dt_s = 1.0, double other_white_dph2 = 0);
 
 // What a table holds besides the fit.  What is not given here is taken from the first log's metadata: serial,
 // <stem>_counts_scale_dph (or _mg), <stem>_full_scale_counts, temp_counts_scale_degc, temp_counts_offset_degc; else

@@ -29,7 +29,7 @@ struct CampaignOptions {
   bool no_track = false;   // leave a coarse thermometer's reading as it is
   double missing_frac = 0; // part of the whole seconds without any sample
   size_t points = 13;      // temperatures scored, evenly over the span
-  double prior_sigma_dph = 1e4;
+  double prior_sigma_dph = kPriorSigma;
   // Extras take more time than the chain itself; they are done for every n-th run (0: none).
   uint64_t least_squares_every = 1;
   uint64_t reference_every = 10; // double-precision filter

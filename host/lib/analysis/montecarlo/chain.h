@@ -27,7 +27,7 @@ struct ChainSetup {
   int order = 3;
   double t0_degc = 0, range_degc = 1;
   double span_lo_degc = -1, span_hi_degc = 1; // valid span of the table
-  double prior_sigma_dph = 1e4;
+  double prior_sigma_dph = kPriorSigma;
   RawFormat raw;             // scales of the counts
   bool is_tracked = false;   // temperature between the steps of a coarse thermometer (common/track.h)
   size_t white_from_s = 0;   // second from which the innovations' whiteness is judged

@@ -53,7 +53,7 @@ struct BoundRequest {
   double duration_s = 0;
   double span_degc = 0;             // width of the calibrated range; needed with a rate only
   double max_rate_degc_per_min = 0; // the larger of heating and cooling; 0: unlimited
-  double prior_sigma_dph = 1e4;
+  double prior_sigma_dph = kPriorSigma;
   double dt_s = 1.0;
 };
 

@@ -48,10 +48,10 @@ struct CalibrationSetup {
   int order = 3;      // of the polynomial, 0 … kMaxOrder
   double lo_degc = 0; // span of the calibration: Tn = -1 at lo, +1 at hi
   double hi_degc = 0;
-  double prior_sigma_dph = 1e4;   // of each coefficient
-  ErrorModel truth;               // how the sensor behaves
-  ErrorModel filter;              // what the calibration filter assumes
-  bool turn_on_constants = false; // one constant per run with the models' turn_on_sigma_dph
+  double prior_sigma_dph = kPriorSigma; // of each coefficient
+  ErrorModel truth;                     // how the sensor behaves
+  ErrorModel filter;                    // what the calibration filter assumes
+  bool turn_on_constants = false;       // one constant per run with the models' turn_on_sigma_dph
   // Judge B(T) less its mean over the span: the day-to-day constant is removed anyhow (paper, III).
   bool shape_only = false;
   int points = 61; // temperatures reported, evenly over the span
