@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "source.h"
 
+#define DPH_PER_DPS 3600.0f
+#define MG_PER_G 1000.0f
 #define RETRY_US 1000000u
 #define FAILING_POLL_US 50000u /* a driver that looks after a silent sensor waits for it: not at every poll */
 
@@ -73,6 +75,18 @@ imucal_port_sample_t imucal_source_read(imucal_source_t* source, uint64_t now_us
   if (source->status == IMUCAL_OK || now_us < source->retry_us) return IMUCAL_PORT_NO_SAMPLE;
   start(source, now_us);
   return IMUCAL_PORT_BAD_SAMPLE;
+}
+
+void imucal_board_from_sensor(imucal_board_t* board, const imucal_sensor_units_t* units, uint32_t rate_hz) {
+  board->n_channels = 6;
+  board->rate_hz = rate_hz;
+  board->degc_per_count = units->degc_per_count;
+  board->degc_at_zero = units->degc_at_zero;
+  for (uint32_t i = 0; i < 6; i++) {
+    const bool is_gyro = i < 3;
+    board->channel[i].unit_per_count = is_gyro ? units->dps_per_count * DPH_PER_DPS : units->g_per_count * MG_PER_G;
+    board->channel[i].full_scale_counts = is_gyro ? units->gyro_rail_counts : units->accel_rail_counts;
+  }
 }
 
 void imucal_source_report(const imucal_source_t* source, imucal_link_sensor_reply_t* report) {

@@ -4,6 +4,7 @@
  * Order: imucal_source_init once, then imucal_source_read for ever.  Memory: the caller's.  Thread/ISR: one context. */
 #ifndef IMUCAL_SENSORS_SOURCE_H
 #define IMUCAL_SENSORS_SOURCE_H
+#include "app/board.h"
 #include "app/port.h"
 #include "sensor.h"
 
@@ -38,6 +39,9 @@ void imucal_source_init(imucal_source_t* source, const imucal_sensor_driver_t* d
 /* What imucal_port_t.sample_read returns: a sample, none, or a bad one: once per second while the sensor fails, when it is
  * started again. */
 imucal_port_sample_t imucal_source_read(imucal_source_t* source, uint64_t now_us, imucal_sample_t* sample);
+
+/* A board of these six channels: gyros in dph, accelerometers in mg.  Names and serial are left alone. */
+void imucal_board_from_sensor(imucal_board_t* board, const imucal_sensor_units_t* units, uint32_t rate_hz);
 
 /* The fields of the sensor; those of the supply are left alone. */
 void imucal_source_report(const imucal_source_t* source, imucal_link_sensor_reply_t* report);

@@ -9,6 +9,7 @@
 #include "bench.h"
 #include "emu/icm42688p.h"
 #include "sensors/icm42688p.h"
+#include "sensors/source.h"
 
 #define LEARN_S 420
 #define RUN_S 30
@@ -84,15 +85,10 @@ static void feed(double seconds) {
 static void describe_board(imucal_board_t* board) {
   static const char* const names[] = {"gx_dph", "gy_dph", "gz_dph", "ax_mg", "ay_mg", "az_mg"};
   const imucal_sensor_units_t units = imucal_icm42688p_units(&sensor.config);
-  board->n_channels = 6;
-  board->rate_hz = 1000;
-  board->degc_per_count = units.degc_per_count;
-  board->degc_at_zero = units.degc_at_zero;
+  imucal_board_from_sensor(board, &units, 1000);
   for (int i = 0; i < 6; i++) {
     memset(board->channel[i].name, 0, sizeof board->channel[i].name);
     strncpy(board->channel[i].name, names[i], sizeof board->channel[i].name);
-    board->channel[i].unit_per_count = i < 3 ? units.dps_per_count * 3600.0f : units.g_per_count * 1000.0f;
-    board->channel[i].full_scale_counts = i < 3 ? units.gyro_rail_counts : units.accel_rail_counts;
   }
 }
 

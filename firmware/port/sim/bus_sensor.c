@@ -83,14 +83,7 @@ bool bus_sensor_choose(bus_sensor_t* self, const char* name, imucal_board_t* boa
     if (!strcmp(name, kinds[i].name)) self->kind = (uint8_t)(i + 1);
   if (!self->kind) return false;
   const imucal_sensor_units_t units = units_of(self->kind);
-  board->n_channels = 6;
-  board->rate_hz = kinds[self->kind - 1].rate_hz;
-  board->degc_per_count = units.degc_per_count;
-  board->degc_at_zero = units.degc_at_zero;
-  for (uint32_t i = 0; i < 6; i++) {
-    board->channel[i].unit_per_count = i < 3 ? units.dps_per_count * 3600.0f : units.g_per_count * 1000.0f;
-    board->channel[i].full_scale_counts = i < 3 ? units.gyro_rail_counts : units.accel_rail_counts;
-  }
+  imucal_board_from_sensor(board, &units, kinds[self->kind - 1].rate_hz);
   return true;
 }
 

@@ -42,17 +42,9 @@ static const char* device_name(const stm32_clocks_t* clocks, bool has_supply, co
 
 static void describe(imucal_board_t* board) {
   static const char names[6][8] = {"gx_dph", "gy_dph", "gz_dph", "ax_mg", "ay_mg", "az_mg"};
-  const imucal_sensor_units_t* units = &sensor.units;
   put_hex(board->serial, reg_read(DEVICE_UID) ^ reg_read(DEVICE_UID + 8u), 8); /* wafer place and lot number */
-  board->n_channels = 6;
-  board->rate_hz = sensor.rate_hz;
-  board->degc_per_count = units->degc_per_count;
-  board->degc_at_zero = units->degc_at_zero;
-  for (uint32_t i = 0; i < 6; i++) {
-    memcpy(board->channel[i].name, names[i], sizeof names[i]);
-    board->channel[i].unit_per_count = i < 3 ? units->dps_per_count * 3600.0f : units->g_per_count * 1000.0f;
-    board->channel[i].full_scale_counts = i < 3 ? units->gyro_rail_counts : units->accel_rail_counts;
-  }
+  imucal_board_from_sensor(board, &sensor.units, sensor.rate_hz);
+  for (uint32_t i = 0; i < 6; i++) memcpy(board->channel[i].name, names[i], sizeof names[i]);
 }
 
 void board_init(imucal_port_t* port, imucal_board_t* board, const stm32_clocks_t* clocks) {

@@ -6,7 +6,7 @@
 
 namespace imucal {
 
-constexpr double kSecondsPerHour = 3600.0;
+constexpr double kSecondsPerMinute = 60.0, kSecondsPerHour = 3600.0;
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kDphPerDps = 3600.0;
 constexpr double kDphPerRadps = 180.0 / kPi * 3600.0;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "base/units.h"
 #include "io/json_file.h"
 #include "io/notice.h"
 
@@ -20,7 +21,8 @@ std::vector<ProfileLeg> legs(const Profile& profile) {
     for (const ProfileSegment& s : profile.segments) {
       const bool soak = s.rate_degc_per_min == 0;
       const double end_degc = soak ? temp_degc : s.to_degc;
-      const double lasts_s = soak ? s.duration_s : std::abs((end_degc - temp_degc) / s.rate_degc_per_min) * 60.0;
+      const double lasts_s =
+          soak ? s.duration_s : std::abs((end_degc - temp_degc) / s.rate_degc_per_min) * kSecondsPerMinute;
       if (lasts_s <= 0) continue;
       out.push_back({t_s, t_s + lasts_s, temp_degc, end_degc});
       t_s += lasts_s;
@@ -100,7 +102,7 @@ static ProfileSegment segment_from_json(const JsonField& f, bool is_only_first, 
   s.to_degc = f.at("to_degc").number(-273.15, 2000.0);
   if (s.to_degc == *temp_degc && is_only_first)
     f.refuse("a ramp to the temperature it starts from; give a soak (rate 0, duration_s) instead");
-  s.duration_s = std::abs((s.to_degc - *temp_degc) / s.rate_degc_per_min) * 60.0;
+  s.duration_s = std::abs((s.to_degc - *temp_degc) / s.rate_degc_per_min) * kSecondsPerMinute;
   if (const auto duration = f.find("duration_s"))
     note_ignored(
         *duration, s.duration_s,

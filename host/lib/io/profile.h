@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "base/units.h"
 #include "io/json.h"
 
 namespace imucal {
@@ -32,6 +33,7 @@ struct Profile {
 // Segments flattened over repeats with absolute start times: what `at` walks.
 struct ProfileLeg {
   double start_s, end_s, start_degc, end_degc;
+  double rate_degc_per_min() const { return kSecondsPerMinute * (end_degc - start_degc) / (end_s - start_s); }
 };
 std::vector<ProfileLeg> legs(const Profile& profile);
 

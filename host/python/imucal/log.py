@@ -12,7 +12,7 @@ from .errors import DataError, DataWarning
 from .inputs import not_utf8, plain_file
 from .units import DPH_PER_DPS, DPH_PER_RADPS, MG_PER_MS2
 
-_UNITS = {"dph": DPH_PER_DPS / 3600, "dps": DPH_PER_DPS, "radps": DPH_PER_RADPS, "mg": 1.0, "ms2": MG_PER_MS2}
+_UNITS = {"dph": 1.0, "dps": DPH_PER_DPS, "radps": DPH_PER_RADPS, "mg": 1.0, "ms2": MG_PER_MS2}
 # What no log holds (host/lib/io/log.cpp has the same limits: what the programs refuse is no valid log).
 _TEMP_DEGC = (-273.15, 2000.0)
 _LARGEST = 1e12

@@ -11,15 +11,16 @@ import warnings
 import numpy as np
 
 from .native import core_or_none
+from .units import DPH_PER_DPS
 
 _core = core_or_none()  # does the same in less time
 
 #: no MEMS gyro at rest has samples spread wider, or a bias larger, than this
-MAX_STILL_STD_DPH = 3.0 * 3600
-MAX_STILL_RATE_DPH = 25.0 * 3600
+MAX_STILL_STD_DPH = 3.0 * DPH_PER_DPS
+MAX_STILL_RATE_DPH = 25.0 * DPH_PER_DPS
 #: hand-held or flying shows at least this much
-MIN_MOVING_STD_DPH = 0.3 * 3600
-MIN_MOVING_STEP_DPH = 0.5 * 3600
+MIN_MOVING_STD_DPH = 0.3 * DPH_PER_DPS
+MIN_MOVING_STEP_DPH = 0.5 * DPH_PER_DPS
 MAX_STILL_STD_MG = 60.0
 MIN_MOVING_STD_MG = 8.0
 MIN_REST_S = 5

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/axis_unit.h"
+#include "base/units.h"
 #include "diagnose/advice.h"
 #include "diagnose/effect_words.h"
 #include "diagnose/gap_words.h"
@@ -173,6 +174,7 @@ Json answer_json(const AxisResult& axis, double rate) {
     pairs.push_back({{"names", {pair.first, pair.second}}, {"told_from_times", number(pair.told_from)}});
   const Campaign& campaign = axis.campaign;
   const NoiseModel& noise = s.fitted_noise;
+  const double white_noise_arw_deg_rt_h = arw_from_white_sigma(noise.white_sigma_dph);
   Json markov = Json::array();
   for (const Markov& m : noise.markov) markov.push_back({{"sigma_dph", m.sigma_dph}, {"tau_s", m.tau_s}});
   const bool is_advised = advised_profile_helps(axis);
@@ -193,7 +195,7 @@ Json answer_json(const AxisResult& axis, double rate) {
       {"open_pairs", pairs},
       {"advice", advice(axis)},
       {"notes", notes(axis)},
-      {"noise", {{"arw_deg_rt_h", noise.white_sigma_dph / 60}, {"markov", markov}, {"is_retuned", s.is_noise_retuned}}},
+      {"noise", {{"arw_deg_rt_h", white_noise_arw_deg_rt_h}, {"markov", markov}, {"is_retuned", s.is_noise_retuned}}},
       {"threshold_nats", s.chance.threshold_nats},
       {"gap", gap_json(axis)},
       {"plots", plots_json(axis)},

@@ -10,6 +10,7 @@
 #include "base/axis_unit.h"
 #include "base/error.h"
 #include "base/suggest.h"
+#include "base/units.h"
 #include "cli/program.h"
 #include "errormodel/trend.h"
 #include "io/log.h"
@@ -110,7 +111,7 @@ std::vector<double> dp_of(const std::vector<double>& square) {
 // deg/sqrt(h).  People read them in mg.
 void print_model(const ErrorModel& m) {
   const bool accel = m.unit == "mg";
-  std::printf("white noise %.4g %s\n", accel ? 60 * m.arw_deg_rt_h : m.arw_deg_rt_h,
+  std::printf("white noise %.4g %s\n", accel ? white_sigma_dph(m.arw_deg_rt_h) : m.arw_deg_rt_h,
               accel ? "mg/sqrt(Hz)" : "deg/sqrt(h)");
   for (const Markov& t : m.markov)
     std::printf("Markov      %.4g %s, %.4g s\n", t.sigma_dph, accel ? "mg" : "dph", t.tau_s);

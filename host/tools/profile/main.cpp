@@ -272,7 +272,7 @@ void print_legs(const Profile& profile) {
       std::printf("  soak %8.1f s at %7.2f degC\n", leg.end_s - leg.start_s, leg.start_degc);
     else
       std::printf("  ramp %8.1f s to %7.2f degC (%+.3f degC/min)\n", leg.end_s - leg.start_s, leg.end_degc,
-                  60 * (leg.end_degc - leg.start_degc) / (leg.end_s - leg.start_s));
+                  leg.rate_degc_per_min());
   }
 }
 

@@ -30,8 +30,7 @@ ProfileInput read_profile_input(const std::string& path, bool restart_each_cycle
     input.lo_degc = profile.min_degc();
     input.hi_degc = profile.max_degc();
     for (const ProfileLeg& leg : legs(profile))
-      input.max_rate_degc_per_min = std::max(input.max_rate_degc_per_min,
-                                             60 * std::abs(leg.end_degc - leg.start_degc) / (leg.end_s - leg.start_s));
+      input.max_rate_degc_per_min = std::max(input.max_rate_degc_per_min, std::abs(leg.rate_degc_per_min()));
   } else {
     input.runs.push_back(run_of_log(read_log(path)));
     const auto [lo, hi] = std::minmax_element(input.runs[0].temp_degc.begin(), input.runs[0].temp_degc.end());

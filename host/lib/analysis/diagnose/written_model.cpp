@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/units.h"
+
 namespace imucal {
 
 namespace {
@@ -86,7 +88,7 @@ NoiseModel noise_beside_found(const Selection& s) {
   return gaussian_equivalent(noise);
 }
 void set_noise(const NoiseModel& noise, ErrorModel* model) {
-  model->arw_deg_rt_h = noise.white_sigma_dph / 60;
+  model->arw_deg_rt_h = arw_from_white_sigma(noise.white_sigma_dph);
   model->markov = noise.markov;
 }
 

@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "analysis/montecarlo/reference.h"
+#include "base/units.h"
 
 namespace imucal {
 
@@ -25,7 +26,7 @@ Profile freezer_warm_up() {
   double last_degc = -18;
   for (double t_s = step_s; t_s <= 8400; t_s += step_s) {
     const double next_degc = 25 - 43 * std::exp(-t_s / tau_s);
-    profile.segments.push_back({(next_degc - last_degc) / (step_s / 60), 0, next_degc});
+    profile.segments.push_back({(next_degc - last_degc) / (step_s / kSecondsPerMinute), 0, next_degc});
     last_degc = next_degc;
   }
   return profile;

@@ -63,8 +63,9 @@ struct Tables {
 class Prover {
 public:
   Prover(const BoundRequest& request, double corner_rad_s) : request_(request), p_(request.order + 1) {
-    rho_ = request.max_rate_degc_per_min > 0 ? request.max_rate_degc_per_min / 60.0 / (request.span_degc / 2)
-                                             : std::numeric_limits<double>::infinity();
+    rho_ = request.max_rate_degc_per_min > 0
+               ? request.max_rate_degc_per_min / kSecondsPerMinute / (request.span_degc / 2)
+               : std::numeric_limits<double>::infinity();
     make_terms(corner_rad_s);
     span_ = MatrixXd(101, p_ * p_);
     VectorXd f(p_), slope(p_);

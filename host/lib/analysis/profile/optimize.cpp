@@ -593,8 +593,8 @@ void check_limits(const ChamberLimits& limits, int order, double duration_s) {
             shown_up(traverse_s + soaks_s);
     if (duration_s > soaks_s) {
       const double time_s = duration_s - soaks_s;
-      text += ", --max-rate " + shown_up(60 * limits.span_degc() / time_s) + ", a range of at most " +
-              shown(std::floor(rate * time_s / 60 * 100) / 100) + " degC";
+      text += ", --max-rate " + shown_up(kSecondsPerMinute * limits.span_degc() / time_s) + ", a range of at most " +
+              shown(std::floor(rate * time_s / kSecondsPerMinute * 100) / 100) + " degC";
     } else {
       text += ", --min-soak-s 0";
     }

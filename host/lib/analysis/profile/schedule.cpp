@@ -187,7 +187,7 @@ Profile profile_of(const ChainTimes& t, const ChamberLimits& limits) {
   for (size_t i = 0; i < t.level.size(); ++i) {
     const double to_degc = limits.lo_degc + t.level[i] * limits.span_degc();
     if (i > 0 && t.ramp_s[i] > 0 && to_degc != temp_degc)
-      profile.segments.push_back({60 * (to_degc - temp_degc) / t.ramp_s[i], t.ramp_s[i], to_degc});
+      profile.segments.push_back({kSecondsPerMinute * (to_degc - temp_degc) / t.ramp_s[i], t.ramp_s[i], to_degc});
     temp_degc = to_degc;
     if (t.soak_s[i] > 0) profile.segments.push_back({0, t.soak_s[i], temp_degc});
   }
@@ -260,7 +260,7 @@ static Profile with_round_temperatures(const Profile& profile) {
       if (s.to_degc == temp_degc) continue;
       const double rate = floor_rate(std::abs(s.rate_degc_per_min));
       s.rate_degc_per_min = std::copysign(rate, s.to_degc - temp_degc);
-      s.duration_s = std::abs(s.to_degc - temp_degc) / rate * 60;
+      s.duration_s = std::abs(s.to_degc - temp_degc) / rate * kSecondsPerMinute;
     }
     temp_degc = s.to_degc;
     append_merged(s, &out.segments);
@@ -306,9 +306,9 @@ public:
       if (!is_soak(s) && (!best || reserve_s(s) > reserve_s(*best))) best = &s;
     if (!best) return;
     const double step = step_degc(*best), wanted_s = std::max(best->duration_s + rest_s, 1e-3);
-    const double rate = std::min(std::ceil(step / wanted_s * 60 * 1e6) / 1e6, fastest(*best));
+    const double rate = std::min(std::ceil(step / wanted_s * kSecondsPerMinute * 1e6) / 1e6, fastest(*best));
     best->rate_degc_per_min = std::copysign(rate, best->rate_degc_per_min);
-    best->duration_s = step / rate * 60;
+    best->duration_s = step / rate * kSecondsPerMinute;
   }
 
 private:
@@ -319,8 +319,10 @@ private:
   double fastest(const ProfileSegment& s) const {
     return floor_rate(s.rate_degc_per_min > 0 ? limits_.heating_degc_per_min : limits_.cooling_degc_per_min);
   }
-  static double step_degc(const ProfileSegment& s) { return std::abs(s.rate_degc_per_min) * s.duration_s / 60; }
-  double fastest_s(const ProfileSegment& s) const { return step_degc(s) / fastest(s) * 60; }
+  static double step_degc(const ProfileSegment& s) {
+    return std::abs(s.rate_degc_per_min) * s.duration_s / kSecondsPerMinute;
+  }
+  double fastest_s(const ProfileSegment& s) const { return step_degc(s) / fastest(s) * kSecondsPerMinute; }
 
   const ChamberLimits& limits_;
   std::vector<ProfileSegment>& segments_;

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "base/units.h"
 #include "io/profile.h"
 
 namespace imucal {
@@ -16,7 +17,7 @@ struct ChamberLimits {
   double max_soak_s = 0; // 0: unlimited
   double span_degc() const { return hi_degc - lo_degc; }
   double traverse_s(bool heating) const {
-    return 60 * span_degc() / (heating ? heating_degc_per_min : cooling_degc_per_min);
+    return kSecondsPerMinute * span_degc() / (heating ? heating_degc_per_min : cooling_degc_per_min);
   }
 };
 

@@ -25,7 +25,8 @@ public:
   void simulate(SimStage stage, const Parameters& parameters, SimRun* run, Rng* /*rng*/) const override {
     if (stage != SimStage::kBias) return;
     const double ramp = parameters.number("ramp_dph_per_h");
-    for (size_t i = 0; i < run->rate_dph.size(); ++i) run->rate_dph[i] += ramp * (run->t_s[i] - run->t_s[0]) / 3600.0;
+    for (size_t i = 0; i < run->rate_dph.size(); ++i)
+      run->rate_dph[i] += ramp * (run->t_s[i] - run->t_s[0]) / kSecondsPerHour;
   }
 
   std::optional<NoiseComponent> closed_form(const Parameters& p, double dt_s) const override {
@@ -40,7 +41,7 @@ public:
   bool needs_temperature() const override { return false; }
   std::vector<Column> columns(const RunInput& run, const Theta&) const override {
     Column hours = run.t_s;
-    for (double& t : hours) t /= 3600.0;
+    for (double& t : hours) t /= kSecondsPerHour;
     return {hours};
   }
   double notable() const override { return 0.8; }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Bias proportional to the rate of temperature change: rate += k dT/dt.  Source: thermal gradients over the
 // sensor (Shupe 1980 for fibre gyros; the usual T-dot term of MEMS thermal models).
+#include "base/units.h"
 #include "physics/effects/estimation.h"
 #include "physics/effects/lagged.h"
 
@@ -32,7 +33,7 @@ public:
     const size_t n = run->t_s.size();
     for (size_t i = 0; i < n && n > 1; ++i) {
       const size_t before = i ? i - 1 : 0, after = i + 1 < n ? i + 1 : i;
-      const double minutes = (run->t_s[after] - run->t_s[before]) / 60.0;
+      const double minutes = (run->t_s[after] - run->t_s[before]) / kSecondsPerMinute;
       run->rate_dph[i] += k * (temp[after] - temp[before]) / minutes;
     }
   }

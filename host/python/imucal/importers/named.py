@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..stream import Motion, Stream
-from ..units import ACCEL_UNITS, RATE_UNITS, TEMP_UNITS, TIME_UNITS, temp_unit_in_name, unit_in_name
+from ..units import ACCEL_UNITS, RATE_UNITS, STANDARD_GRAVITY_MS2, TEMP_UNITS, TIME_UNITS, temp_unit_in_name, unit_in_name
 
 #: times are microseconds in 64 bits; this is three thousand years
 MAX_TIME_US = 1e17
@@ -226,7 +226,7 @@ def _accel(path, columns, options):
     if unit not in ACCEL_UNITS:
         # At rest an accelerometer reads one g: its own size tells the unit.
         size = float(np.nanmedian(np.linalg.norm(values, axis=1)))
-        unit = next((u for u, g in (("g", 1.0), ("ms2", 9.80665), ("mg", 1000.0)) if 0.8 < size / g < 1.2), None)
+        unit = next((u for u, g in (("g", 1.0), ("ms2", STANDARD_GRAVITY_MS2), ("mg", 1000.0)) if 0.8 < size / g < 1.2), None)
         if unit is None:
             return (names, values, 1000.0 / size, None) if size > 0 else None
     return names, values, ACCEL_UNITS[unit], unit
