@@ -47,7 +47,7 @@
 #define ONE_Q30 ((int32_t)1 << 30)
 
 /* The arithmetic right shift of negative numbers, as every compiler in use does it. */
-typedef char shifts_keep_the_sign[(-5 >> 1) == -3 ? 1 : -1];
+IMUCAL_STATIC_ASSERT(shifts_keep_the_sign, (-5 >> 1) == -3);
 
 /* ---- prepare: exact quotients of floats by integers ---- */
 
@@ -255,7 +255,7 @@ static inline int32_t step_q30(int32_t acc, int32_t tn_q30, int32_t coeff) {
 
 /* Pre: sum |coeff| <= 2^30 + 6, |tn| <= 2^30 + 2.  By orders and not in a loop: 9 instructions of 81 less at order 5 on a
  * Cortex-M4F. */
-typedef char order_is_at_most_five[IMUCAL_MAX_ORDER == 5 ? 1 : -1];
+IMUCAL_STATIC_ASSERT(order_is_at_most_five, IMUCAL_MAX_ORDER == 5);
 static inline int32_t horner_q30(const int32_t* coeff, uint32_t order, int32_t tn_q30) {
   int32_t acc = coeff[order];
   switch (order) {
@@ -275,7 +275,7 @@ static inline int32_t horner_q30(const int32_t* coeff, uint32_t order, int32_t t
 }
 
 /* M(T), of order 2 always: coefficients above its own are 0. */
-typedef char scale_is_of_order_2[IMUCAL_TABLE_SCALE_N == 3 ? 1 : -1];
+IMUCAL_STATIC_ASSERT(scale_is_of_order_2, IMUCAL_TABLE_SCALE_N == 3);
 static inline int32_t scale_q30(const imucal_comp_t* comp, int32_t tn_q30) {
   const int32_t* k = comp->scale_coeff;
   return step_q30(step_q30(k[2], tn_q30, k[1]), tn_q30, k[0]);

@@ -44,7 +44,7 @@ static const field_t* find_fields(uint32_t id) {
 }
 
 /* Every offset fits a byte. */
-typedef char offsets_fit[sizeof(imucal_link_any_t) <= 256 ? 1 : -1];
+IMUCAL_STATIC_ASSERT(offsets_fit, sizeof(imucal_link_any_t) <= 256);
 
 /* The longest message must fit a payload: checked at compile time on the packed size. */
 #define SIZE_u8 1
@@ -59,9 +59,8 @@ typedef char offsets_fit[sizeof(imucal_link_any_t) <= 256 ? 1 : -1];
 #define BYTES_A(type, name, n, unit) +SIZE_##type* n
 #define BYTES_N(name, unit) +1
 #define FITS(id, name, NAME)                                                                                           \
-  typedef char                                                                                                         \
-      name##_fits_payload[(0 IMUCAL_LINK_##NAME(BYTES_F, BYTES_A, BYTES_N, BYTES_A)) <= IMUCAL_LINK_MAX_PAYLOAD ? 1    \
-                                                                                                                : -1];
+  IMUCAL_STATIC_ASSERT(name##_fits_payload,                                                                            \
+                       (0 IMUCAL_LINK_##NAME(BYTES_F, BYTES_A, BYTES_N, BYTES_A)) <= IMUCAL_LINK_MAX_PAYLOAD);
 IMUCAL_LINK_MESSAGES(FITS)
 
 /* One element between the struct and its little-endian bytes, either way. */

@@ -19,6 +19,10 @@
 #define IMUCAL_APART
 #endif
 
+/* A fact that the compiler checks; name: what holds, unique in its file.  C99 has no _Static_assert: where the condition
+ * does not hold this is an array of negative size. */
+#define IMUCAL_STATIC_ASSERT(name, condition) typedef char name[(condition) ? 1 : -1]
+
 #define IMUCAL_MAX_CHANNELS 6 /* three gyros and three accelerometers */
 #define IMUCAL_MAX_ORDER 5    /* highest power of the normalised temperature */
 #define IMUCAL_MAX_COEFF (IMUCAL_MAX_ORDER + 1)

@@ -9,6 +9,34 @@
 
 #define BIT(i) (1u << (i))
 
+/* The messages of link.h state sizes and ranges as numbers, for other programs to be written by (link.md); these are the core's. */
+#define FIELD(message, field) (((imucal_link_##message##_t*)0)->field)
+#define N_OF(message, field) (sizeof FIELD(message, field) / sizeof FIELD(message, field)[0])
+IMUCAL_STATIC_ASSERT(words_1_to_6_and_1_to_5, IMUCAL_MAX_CHANNELS == 6 && IMUCAL_MAX_ORDER == 5);
+IMUCAL_STATIC_ASSERT(serials_are_those_of_tables, N_OF(hello_reply, serial) == IMUCAL_SERIAL_LEN &&
+                                                      N_OF(unlock, serial) == IMUCAL_SERIAL_LEN &&
+                                                      N_OF(table_from_cal, serial) == IMUCAL_SERIAL_LEN);
+IMUCAL_STATIC_ASSERT(names_are_those_of_tables, N_OF(channel_info_reply, name) == IMUCAL_NAME_LEN);
+IMUCAL_STATIC_ASSERT(slots_are_those_of_the_store, N_OF(info_reply, slot_status) == IMUCAL_STORE_SLOTS &&
+                                                       N_OF(info_reply, slot_sequence) == IMUCAL_STORE_SLOTS);
+IMUCAL_STATIC_ASSERT(markov_terms_are_those_of_tables, N_OF(cal_start, markov_sigma) == IMUCAL_TABLE_MARKOV_N &&
+                                                           N_OF(cal_start, markov_tau_s) == IMUCAL_TABLE_MARKOV_N);
+IMUCAL_STATIC_ASSERT(coefficients_are_those_of_the_filter, N_OF(cal_state_reply, coeff) == IMUCAL_MAX_COEFF);
+IMUCAL_STATIC_ASSERT(states_are_those_of_the_filter, N_OF(cal_filter_reply, x) == IMUCAL_KF_MAX_STATES &&
+                                                         N_OF(cal_filter_reply, x_lo) == IMUCAL_KF_MAX_STATES &&
+                                                         N_OF(cal_filter_reply, d) == IMUCAL_KF_MAX_STATES &&
+                                                         N_OF(cal_filter_reply, d_lo) == IMUCAL_KF_MAX_STATES &&
+                                                         N_OF(cal_filter_reply, u) == IMUCAL_KF_MAX_U);
+IMUCAL_STATIC_ASSERT(rules_of_health_have_room, N_OF(health_reply, value) >= IMUCAL_HEALTH_N_RULES &&
+                                                    N_OF(health_reply, limit) >= IMUCAL_HEALTH_N_RULES);
+IMUCAL_STATIC_ASSERT(channels_of_a_second, N_OF(second, flags) == IMUCAL_MAX_CHANNELS &&
+                                               N_OF(second, raw) == IMUCAL_MAX_CHANNELS &&
+                                               N_OF(second, out) == IMUCAL_MAX_CHANNELS);
+IMUCAL_STATIC_ASSERT(channels_of_progress, N_OF(progress, worst_sigma) == IMUCAL_MAX_CHANNELS &&
+                                               N_OF(progress, mean_nis) == IMUCAL_MAX_CHANNELS);
+IMUCAL_STATIC_ASSERT(bytes_of_tables, N_OF(table_read_reply, data) == IMUCAL_LINK_MAX_DATA &&
+                                          N_OF(table_data, data) == IMUCAL_LINK_MAX_DATA);
+
 /* ---- replies ---- */
 
 static void reply(imucal_app_t* app, uint32_t id, const void* message) {
