@@ -8,10 +8,10 @@
 static void test_cut_at_every_unit_old_or_new_table_rules(void** state) {
   (void)state;
   static torn_state_t start;
-  static const int patterns[] = {NOR_ALL_WAVER, NOR_MIXED};
+  static const int patterns[] = {TORN_NOR_ALL_WAVER, TORN_NOR_MIXED};
   torn_counts_t counts = {0};
   for (int g = 0; g < TORN_GEOMETRIES; g++)
-    for (int mode = 0; mode < NOR_MODES; mode++)
+    for (int mode = 0; mode < TORN_NOR_MODES; mode++)
       for (int s = 0; s < TORN_STARTS; s++) {
         torn_path_t path = {.seed = unit_seed(), .geometry = g, .mode = mode, .channels = 1, .start = s};
         torn_start(&start, &path);

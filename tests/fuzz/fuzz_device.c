@@ -14,8 +14,8 @@ int main(int argc, char** argv) {
   const uint64_t n = argc > 1 ? strtoull(argv[1], NULL, 10) : 2000, seed = argc > 2 ? strtoull(argv[2], NULL, 10) : 1;
   uint8_t data[400];
   for (uint64_t k = 0; k < n; k++) {
-    uint64_t random = nor_mix(seed + k);
-    for (size_t i = 0; i < sizeof data; i++) data[i] = (uint8_t)(random = nor_mix(random + 1));
+    uint64_t random = torn_nor_mix(seed + k);
+    for (size_t i = 0; i < sizeof data; i++) data[i] = (uint8_t)(random = torn_nor_mix(random + 1));
     data[0] |= 0x80;
     fprintf(stderr, k % 1000 == 0 ? "input %llu of seed %llu\n" : "", (unsigned long long)(seed + k),
             (unsigned long long)seed);

@@ -14,7 +14,7 @@
 
 #include "app/app.h"
 #include "crc.h"
-#include "emu/nor.h"
+#include "emu/torn_nor.h"
 #include "num.h"
 
 #define FUZZ_CHECK(condition)                                                                                          \
@@ -31,7 +31,7 @@ typedef struct {
   imucal_app_t app;
   imucal_port_t port;
   imucal_board_t board;
-  nor_t nor;
+  torn_nor_t nor;
   const uint8_t* data;
   size_t left;
 
@@ -120,7 +120,7 @@ static imucal_port_sample_t fuzz_sample_read(void* ctx, imucal_sample_t* sample)
                               .temp_counts = kind % 16 == 9 ? INT32_MAX : (int32_t)(fuzz.t_us / 100000u),
                               .saturated = kind >> 6};
   for (int i = 0; i < 3; i++)
-    sample->counts[i] = kind % 16 == 10 ? INT32_MIN : (int32_t)(nor_mix(fuzz.t_us + (uint64_t)i) % 200);
+    sample->counts[i] = kind % 16 == 10 ? INT32_MIN : (int32_t)(torn_nor_mix(fuzz.t_us + (uint64_t)i) % 200);
   return IMUCAL_PORT_SAMPLE;
 }
 static uint64_t fuzz_time_us(void* ctx) {
@@ -136,11 +136,11 @@ static void fuzz_reboot(void* ctx) {
 }
 static imucal_status fuzz_erase(void* ctx, uint32_t slot) {
   FUZZ_CHECK(fuzz.is_meant);
-  return nor_erase(ctx, slot);
+  return torn_nor_erase(ctx, slot);
 }
 static imucal_status fuzz_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
   FUZZ_CHECK(fuzz.is_meant);
-  return nor_program(ctx, slot, offset, data, len);
+  return torn_nor_program(ctx, slot, offset, data, len);
 }
 
 /* ---- the host ---- */
@@ -153,7 +153,7 @@ static void fuzz_start(void) {
   fuzz.token = 0;
   imucal_link_rx_init(&fuzz.device_rx);
   imucal_link_rx_init(&fuzz.host_rx);
-  nor_power_on(&fuzz.nor);
+  torn_nor_power_on(&fuzz.nor);
   fuzz.nor.fail_at_call = 0; // a read that fails at the start hides a table for that time
   fuzz.port.boot_id++;
   memset(&fuzz.app, 0xA5, sizeof fuzz.app);
@@ -425,7 +425,7 @@ static void fuzz_operate(void) {
     fuzz_power_cycle();
     break;
   case 13:
-    fuzz.nor.steps_left = fuzz_byte() % 160, fuzz.nor.pattern = how % NOR_PATTERNS;
+    fuzz.nor.steps_left = fuzz_byte() % 160, fuzz.nor.pattern = how % TORN_NOR_PATTERNS;
     break;
   case 14:
     fuzz.nor.fail_how = how % 3, fuzz.nor.fail_at_call = 1 + fuzz_byte() % 16, fuzz.nor.n_calls = 0;
@@ -440,7 +440,7 @@ static void fuzz_operate(void) {
 }
 
 static void fuzz_device(const uint8_t* data, size_t size) {
-  static const nor_geometry_t geometries[] = {{1024, 1024, 4}, {1024, 1024, 32}, {2048, 2048, 8}};
+  static const torn_nor_geometry_t geometries[] = {{1024, 1024, 4}, {1024, 1024, 32}, {2048, 2048, 8}};
   static const char* const names[] = {"gx_dph", "gy_dph", "gz_dph"};
   memset(&fuzz, 0, sizeof fuzz);
   fuzz.data = data, fuzz.left = size;
@@ -451,7 +451,7 @@ static void fuzz_device(const uint8_t* data, size_t size) {
     fuzz.board.channel[i].unit_per_count = 1, fuzz.board.channel[i].full_scale_counts = 1000000;
   }
   const uint8_t first = fuzz_byte();
-  nor_init(&fuzz.nor, geometries[first % 3]);
+  torn_nor_init(&fuzz.nor, geometries[first % 3]);
   fuzz.nor.mode = first >> 2 & 3;
   fuzz.nor.random = first;
   fuzz.port = (imucal_port_t){.ctx = &fuzz,
@@ -464,7 +464,7 @@ static void fuzz_device(const uint8_t* data, size_t size) {
                               .is_replay = first >> 4 & 1,
                               .boot_id = first,
                               .device = "fuzz"};
-  fuzz.port.flash = nor_flash(&fuzz.nor);
+  fuzz.port.flash = torn_nor_flash(&fuzz.nor);
   fuzz.port.flash.erase = fuzz_erase, fuzz.port.flash.program = fuzz_program;
   fuzz_start();
   if (first & 0x80) fuzz_unlock(0);

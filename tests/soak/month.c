@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "app/app.h"
-#include "emu/nor.h"
+#include "emu/torn_nor.h"
 
 enum { RATE_HZ = 4, N_AXES = 6, START_S = 4280 }; // 15 s before the first wrap of 32 bits
 enum { KIND_RAIL, KIND_FAULT, KIND_SAMPLES_LOST, KIND_SECONDS_LOST, KIND_THERMOMETER, N_KINDS };
@@ -17,7 +17,7 @@ enum { KIND_RAIL, KIND_FAULT, KIND_SAMPLES_LOST, KIND_SECONDS_LOST, KIND_THERMOM
 static imucal_app_t app;
 static imucal_port_t port;
 static imucal_board_t board;
-static nor_t nor;
+static torn_nor_t nor;
 static struct {
   uint64_t t_us, random;
   imucal_sample_t sample;
@@ -34,7 +34,7 @@ static struct {
 } sim;
 
 static double uniform(void) {
-  return (double)(nor_mix(sim.random += 0x9E3779B97F4A7C15ULL) >> 11) * 0x1p-53;
+  return (double)(torn_nor_mix(sim.random += 0x9E3779B97F4A7C15ULL) >> 11) * 0x1p-53;
 }
 static double normal(void) {
   return sqrt(-2 * log(uniform() + 1e-18)) * cos(6.283185307179586 * uniform());
@@ -101,11 +101,11 @@ static void start(void) {
     memcpy(board.channel[i].name, names[i], strlen(names[i]));
     board.channel[i].unit_per_count = 1, board.channel[i].full_scale_counts = 30000;
   }
-  nor_init(&nor, (nor_geometry_t){2048, 2048, 8});
+  torn_nor_init(&nor, (torn_nor_geometry_t){2048, 2048, 8});
   port = (imucal_port_t){.serial_read = serial_read,
                          .serial_write = serial_write,
                          .sample_read = sample_read,
-                         .flash = nor_flash(&nor),
+                         .flash = torn_nor_flash(&nor),
                          .time_us = time_us,
                          .watchdog = nothing,
                          .reboot = nothing,

@@ -9,10 +9,10 @@
 #include "torn/torn.h"
 
 /* The table that a rollback of this flash would go back to; -1: it is refused. */
-static int soak_rollback_target(const nor_t* nor) {
-  static nor_t trial;
+static int soak_rollback_target(const torn_nor_t* nor) {
+  static torn_nor_t trial;
   trial = *nor;
-  trial.steps_left = NOR_NEVER;
+  trial.steps_left = TORN_NOR_NEVER;
   return torn_act(&trial, TORN_ROLLBACK, 1, 0) == IMUCAL_OK ? torn_ruling(&trial, 1) : -1;
 }
 
@@ -20,26 +20,26 @@ static int soak_rollback_target(const nor_t* nor) {
  * and from start to start another, until the next write or rollback is done; what is refused changes nothing.
  * allowed: bit m, the table with mark m; bit 0: none. */
 static int soak_store(uint64_t seed, long n_commits) {
-  static nor_t nor;
+  static torn_nor_t nor;
   uint64_t n_cuts = 0, n_lost = 0, n_stuck = 0, n_done = 0, n_rollbacks = 0;
-  uint64_t random = nor_mix(seed), allowed = 1;
-  nor_init(&nor, torn_geometries[seed % TORN_GEOMETRIES]);
-  nor.mode = NOR_PER_READ;
+  uint64_t random = torn_nor_mix(seed), allowed = 1;
+  torn_nor_init(&nor, torn_geometries[seed % TORN_GEOMETRIES]);
+  nor.mode = TORN_NOR_PER_READ;
   nor.random = seed;
   for (long k = 0; k < n_commits; k++) {
-    random = nor_mix(random + 0x9E3779B97F4A7C15ULL);
+    random = torn_nor_mix(random + 0x9E3779B97F4A7C15ULL);
     const int mark = 1 + (int)(k % 59), is_rollback = random % 16 == 0;
     const long n_units = IMUCAL_TABLE_BYTES(1) / (long)nor.geometry.unit_bytes + 6;
     const int is_cut = random >> 8 & 1;
-    nor_power_on(&nor);
+    torn_nor_power_on(&nor);
     nor.mode = (random >> 40) % 3;
-    nor.pattern = (int)(random >> 32 & 0xFF) % NOR_PATTERNS;
-    nor.steps_left = is_cut ? (long)(random >> 16 & 0xFFFF) % (2 * n_units) : NOR_NEVER;
+    nor.pattern = (int)(random >> 32 & 0xFF) % TORN_NOR_PATTERNS;
+    nor.steps_left = is_cut ? (long)(random >> 16 & 0xFFFF) % (2 * n_units) : TORN_NOR_NEVER;
     const int before = torn_ruling(&nor, 1), target = is_rollback ? soak_rollback_target(&nor) : mark;
     const imucal_status status = torn_act(&nor, is_rollback ? TORN_ROLLBACK : TORN_WRITE, 1, mark);
     const int was_cut = nor.is_off;
     n_cuts += (uint64_t)was_cut, n_rollbacks += is_rollback && status == IMUCAL_OK;
-    nor_power_on(&nor);
+    torn_nor_power_on(&nor);
     const int now = torn_ruling(&nor, 1);
     const int was_allowed = before >= 0 && (allowed >> before & 1);
     n_stuck += !is_rollback && !was_cut && status != IMUCAL_OK;
@@ -65,13 +65,13 @@ static int soak_store(uint64_t seed, long n_commits) {
 static int soak_line(uint64_t seed, long n_frames) {
   imucal_link_rx_t rx;
   imucal_link_rx_init(&rx);
-  uint64_t random = nor_mix(seed ^ 0x6C696E65u), n_touched = 0, n_lost = 0, n_wrong = 0, n_untouched_lost = 0,
+  uint64_t random = torn_nor_mix(seed ^ 0x6C696E65u), n_touched = 0, n_lost = 0, n_wrong = 0, n_untouched_lost = 0,
            n_got = 0;
   uint32_t details[2] = {0, 0};
   int was_got[2] = {1, 1}, was_touched[2] = {0, 0};
   for (long k = 0; k < n_frames; k++) {
     uint8_t frame[IMUCAL_LINK_MAX_FRAME];
-    random = nor_mix(random + 0x9E3779B97F4A7C15ULL);
+    random = torn_nor_mix(random + 0x9E3779B97F4A7C15ULL);
     const imucal_link_event_t event = {.counter = (uint16_t)k, .detail = (uint32_t)random};
     size_t len = 0;
     if (imucal_link_pack(IMUCAL_LINK_ID_EVENT, (uint8_t)k, &event, frame, sizeof frame, &len) != IMUCAL_OK) abort();
@@ -81,7 +81,7 @@ static int soak_line(uint64_t seed, long n_frames) {
     details[at] = event.detail, was_got[at] = was_touched[at] = 0;
     const uint32_t rate = k / 1000 % 2 ? 20 : 2000;
     for (size_t i = 0; i < len; i++) {
-      random = nor_mix(random + 1);
+      random = torn_nor_mix(random + 1);
       const uint32_t dice = (uint32_t)random % rate;
       const uint8_t noise = (uint8_t)(random >> 32),
                     bytes[2] = {dice == 0 ? noise : frame[i], dice == 2 ? frame[i] : noise};

@@ -50,7 +50,7 @@ int main(int argc, char** argv) {
   torn_counts_t total = {0};
   printf("%-44s %9s %9s %9s\n", "cuts at depth", "1", "2", "3");
   static const int all[] = {0, 1, 2, 3, 4, 5};
-  for (int mode = 0; mode < NOR_MODES; mode++) { // depth one: one, three and six channels, every pattern
+  for (int mode = 0; mode < TORN_NOR_MODES; mode++) { // depth one: one, three and six channels, every pattern
     torn_counts_t counts = {0};
     const clock_t begin = clock();
     for (int g = 0; g < TORN_GEOMETRIES; g++)
@@ -58,14 +58,14 @@ int main(int argc, char** argv) {
         for (int channels = 1; channels <= 6; channels += channels == 1 ? 2 : 3) {
           torn_path_t path = {.seed = seed, .geometry = g, .mode = mode, .channels = channels, .start = start};
           torn_start(&state, &path);
-          torn_everywhere(&state, &path, 1, all, NOR_PATTERNS, &counts);
+          torn_everywhere(&state, &path, 1, all, TORN_NOR_PATTERNS, &counts);
         }
     char what[80];
     snprintf(what, sizeof what, "once, torn cells %s", torn_mode_names[mode]);
     report(what, &total, &counts, begin);
   }
-  for (int mode = 0; mode < NOR_MODES; mode++) { // depth two in full: every step of both, one channel
-    static const int two[] = {NOR_ALL_WAVER, NOR_MIXED};
+  for (int mode = 0; mode < TORN_NOR_MODES; mode++) { // depth two in full: every step of both, one channel
+    static const int two[] = {TORN_NOR_ALL_WAVER, TORN_NOR_MIXED};
     torn_counts_t counts = {0};
     const clock_t begin = clock();
     for (int g = 0; g < TORN_GEOMETRIES; g++) {

@@ -8,12 +8,12 @@
 #include <stdlib.h>
 
 #include "common/table_example.h"
-#include "emu/nor.h"
+#include "emu/torn_nor.h"
 
 enum { TORN_WRITE, TORN_ROLLBACK, TORN_ERASE, TORN_ACTIONS };
 enum { TORN_MAX_CUTS = 3, TORN_STARTS = 8, TORN_MAX_READS = 80, TORN_FINAL_MARK = 60 };
 
-static const nor_geometry_t torn_geometries[] = {
+static const torn_nor_geometry_t torn_geometries[] = {
     {1024, 1024, 4},  // nRF51
     {1024, 512, 1},   // bytes, two pages a slot
     {1024, 256, 2},   // STM32F1: half words
@@ -42,7 +42,7 @@ typedef struct {
 
 // A flash and what may rule on it: bit m: table with mark m; bit 0: none.
 typedef struct {
-  nor_t nor;
+  torn_nor_t nor;
   uint64_t allowed;
   int n_written, has_flips; // bits flipped at rest: the note of the origin may be lost
 } torn_state_t;
@@ -51,8 +51,8 @@ static imucal_store_work_t torn_work;
 static imucal_store_report_t torn_report;
 
 // Mark of the ruling table, 0: none; -1: bytes that were never written.
-static int torn_ruling(nor_t* nor, int channels) {
-  const imucal_flash_t flash = nor_flash(nor);
+static int torn_ruling(torn_nor_t* nor, int channels) {
+  const imucal_flash_t flash = torn_nor_flash(nor);
   imucal_table_t table;
   const imucal_status status = imucal_store_load(&flash, "SN-17", (uint32_t)channels, &torn_work, &table, &torn_report);
   if (status == IMUCAL_ERR_NO_TABLE) return 0;
@@ -67,15 +67,15 @@ static int torn_ruling(nor_t* nor, int channels) {
 static uint8_t torn_origin(int mark) {
   return (uint8_t)(1 + mark * 37 % 255);
 }
-static int torn_is_origin(nor_t* nor, const torn_path_t* path, int mark, int may_be_unknown) {
-  const imucal_flash_t flash = nor_flash(nor);
+static int torn_is_origin(torn_nor_t* nor, const torn_path_t* path, int mark, int may_be_unknown) {
+  const imucal_flash_t flash = torn_nor_flash(nor);
   const uint8_t noted = imucal_store_origin(&flash, &torn_report, (uint32_t)path->channels).noted;
   const int has_room = nor->geometry.slot_bytes > 1024 || nor->geometry.unit_bytes < 16 || path->channels < 6;
   return noted == (mark > 0 && has_room ? torn_origin(mark) : 0) || (may_be_unknown && noted == 0);
 }
 
-static imucal_status torn_act(nor_t* nor, int action, int channels, int mark) {
-  const imucal_flash_t flash = nor_flash(nor);
+static imucal_status torn_act(torn_nor_t* nor, int action, int channels, int mark) {
+  const imucal_flash_t flash = torn_nor_flash(nor);
   imucal_table_t table = example_table(channels, mark);
   switch (action) {
   case TORN_WRITE:
@@ -101,12 +101,12 @@ static void torn_fail(uint64_t* counter, const torn_path_t* path, const char* wh
 }
 
 static uint64_t torn_hash(const torn_path_t* path) {
-  uint64_t hash = nor_mix(path->seed + 1);
+  uint64_t hash = torn_nor_mix(path->seed + 1);
   const int head[] = {path->geometry, path->mode, path->channels, path->start};
-  for (int i = 0; i < 4; i++) hash = nor_mix(hash * 31 + (uint64_t)head[i]);
+  for (int i = 0; i < 4; i++) hash = torn_nor_mix(hash * 31 + (uint64_t)head[i]);
   for (int i = 0; i < path->n_cuts; i++)
-    hash = nor_mix(hash * 31 + (uint64_t)path->cut[i].step * 64 +
-                   (uint64_t)(path->cut[i].action * 8 + path->cut[i].pattern));
+    hash = torn_nor_mix(hash * 31 + (uint64_t)path->cut[i].step * 64 +
+                        (uint64_t)(path->cut[i].action * 8 + path->cut[i].pattern));
   return hash;
 }
 
@@ -114,11 +114,11 @@ static uint64_t torn_hash(const torn_path_t* path) {
 // one; 5 rolled back a second time; 6 both erased; 7 two, and a third whose write failed half way.
 static void torn_start(torn_state_t* s, const torn_path_t* path) {
   static const char* const scripts[TORN_STARTS] = {"", "w", "ww", "wwr", "wwrw", "wwrwr", "wwe", "wwf"};
-  nor_init(&s->nor, torn_geometries[path->geometry]);
+  torn_nor_init(&s->nor, torn_geometries[path->geometry]);
   s->nor.mode = path->mode;
   s->n_written = s->has_flips = 0;
   for (const char* step = scripts[path->start]; *step; step++) {
-    s->nor.fail_how = NOR_DOES_HALF;
+    s->nor.fail_how = TORN_NOR_DOES_HALF;
     s->nor.n_calls = 0;
     s->nor.fail_at_call = *step == 'f' ? 3 : 0; // mark, erase, then the table's program
     const int action = *step == 'r' ? TORN_ROLLBACK : *step == 'e' ? TORN_ERASE : TORN_WRITE;
@@ -129,14 +129,14 @@ static void torn_start(torn_state_t* s, const torn_path_t* path) {
   }
   s->nor.fail_at_call = 0;
   s->allowed = 1ull << torn_ruling(&s->nor, path->channels);
-  nor_power_on(&s->nor);
+  torn_nor_power_on(&s->nor);
 }
 
 // Start twice and load twice each time: always one of the allowed tables, in a bounded number of reads.
 static int torn_check(torn_state_t* s, const torn_path_t* path, torn_counts_t* counts) {
   int is_good = 1;
   for (int boot = 0; boot < 2; boot++) {
-    nor_power_on(&s->nor);
+    torn_nor_power_on(&s->nor);
     for (int load = 0; load < 2; load++) {
       s->nor.n_reads = 0;
       counts->n_starts++;
@@ -175,12 +175,12 @@ static int torn_is_answer(const torn_state_t* s, int action, imucal_status statu
   if (status == IMUCAL_OK) return 1;
   if (action != TORN_ROLLBACK) return 0;
   return status == IMUCAL_ERR_NO_TABLE || status == IMUCAL_ERR_NO_OTHER || status == IMUCAL_ERR_NO_MARK ||
-         s->nor.mode == NOR_PER_READ;
+         s->nor.mode == TORN_NOR_PER_READ;
 }
 
 // What is to rule after the action, -1: it is refused.
 static int torn_target(const torn_state_t* s, const torn_path_t* path, int action, torn_counts_t* counts) {
-  static nor_t trial;
+  static torn_nor_t trial;
   if (action == TORN_WRITE) return s->n_written + 1;
   if (action == TORN_ERASE) return 0;
   trial = s->nor;
@@ -242,9 +242,9 @@ static inline uint64_t torn_n_failures(const torn_counts_t* counts) {
 // n random paths of three cuts.
 static inline void torn_sample(uint64_t seed, long n, int channels, torn_counts_t* counts) {
   torn_state_t* s = (torn_state_t*)malloc(sizeof *s);
-  uint64_t random = nor_mix(seed ^ 0x746F726Eu);
+  uint64_t random = torn_nor_mix(seed ^ 0x746F726Eu);
   for (long i = 0; i < n; i++) {
-    random = nor_mix(random + 0x9E3779B97F4A7C15ULL);
+    random = torn_nor_mix(random + 0x9E3779B97F4A7C15ULL);
     torn_path_t path = {.seed = seed + (uint64_t)i,
                         .geometry = (int)(random % TORN_GEOMETRIES),
                         .mode = (int)(random >> 8 & 3),
@@ -252,7 +252,7 @@ static inline void torn_sample(uint64_t seed, long n, int channels, torn_counts_
                         .start = (int)(random >> 12 & 7)};
     torn_start(s, &path);
     for (int depth = 0; depth < TORN_MAX_CUTS; depth++) {
-      random = nor_mix(random + 0x9E3779B97F4A7C15ULL);
+      random = torn_nor_mix(random + 0x9E3779B97F4A7C15ULL);
       const long n_units = IMUCAL_TABLE_BYTES(channels) / (long)s->nor.geometry.unit_bytes + 6;
       // Half of the cuts where it matters most: in the first and the last few steps, marks and pages.
       const long far = (long)(random >> 8) & 0xFFFF, step = random & 64    ? far % n_units
@@ -261,9 +261,9 @@ static inline void torn_sample(uint64_t seed, long n, int channels, torn_counts_
       path.cut[path.n_cuts++] = (torn_cut_t){.action = (random & 7) < 5   ? TORN_WRITE
                                                        : (random & 7) < 7 ? TORN_ROLLBACK
                                                                           : TORN_ERASE,
-                                             .pattern = (int)(random >> 32) % NOR_PATTERNS,
+                                             .pattern = (int)(random >> 32) % TORN_NOR_PATTERNS,
                                              .step = step < 0 ? 0 : step};
-      if (path.cut[depth].pattern < 0) path.cut[depth].pattern += NOR_PATTERNS;
+      if (path.cut[depth].pattern < 0) path.cut[depth].pattern += TORN_NOR_PATTERNS;
       const torn_state_t before = *s;
       if (torn_cut(s, &path, counts)) continue;
       *s = before; // the action ended first: another cut in its place
@@ -280,7 +280,7 @@ static inline void torn_flips(uint64_t seed, int n_rounds, torn_counts_t* counts
     for (int g = 0; g < TORN_GEOMETRIES; g++)
       for (int start = 2; start < 6; start++) {
         torn_path_t path = {
-            .seed = seed + (uint64_t)round, .geometry = g, .mode = NOR_STABLE, .channels = 1, .start = start};
+            .seed = seed + (uint64_t)round, .geometry = g, .mode = TORN_NOR_STABLE, .channels = 1, .start = start};
         torn_start(from, &path);
         uint64_t random = torn_hash(&path);
         const uint32_t slot = (uint32_t)random & 1;
@@ -289,7 +289,7 @@ static inline void torn_flips(uint64_t seed, int n_rounds, torn_counts_t* counts
         const int is_hit = torn_report.ruling == (int8_t)slot,
                   has_other = torn_report.slot_status[1 - slot] == IMUCAL_OK;
         for (int i = 0; i < n_flips; i++) {
-          random = nor_mix(random + 1);
+          random = torn_nor_mix(random + 1);
           from->nor.bytes[slot][(random >> 8) % from->nor.geometry.slot_bytes] ^= (uint8_t)(1 << (random & 7));
         }
         const int now = torn_ruling(&from->nor, 1);
@@ -303,7 +303,7 @@ static inline void torn_flips(uint64_t seed, int n_rounds, torn_counts_t* counts
         path.n_cuts = 1;
         for (path.cut[0] = (torn_cut_t){TORN_WRITE, (int)(random >> 16 & 3), 0};; path.cut[0].step++) {
           *s = *from;
-          s->nor.mode = NOR_PER_READ;
+          s->nor.mode = TORN_NOR_PER_READ;
           if (!torn_cut(s, &path, counts)) break;
         }
       }
@@ -317,7 +317,8 @@ static inline void torn_failures(uint64_t seed, torn_counts_t* counts, uint64_t*
     for (int start = 0; start < TORN_STARTS; start++)
       for (int action = 0; action < TORN_ACTIONS; action++)
         for (int how = 0; how < 3; how++) {
-          const torn_path_t path = {.seed = seed, .geometry = g, .mode = NOR_STABLE, .channels = 3, .start = start};
+          const torn_path_t path = {
+              .seed = seed, .geometry = g, .mode = TORN_NOR_STABLE, .channels = 3, .start = start};
           torn_start(from, &path);
           const int target = torn_target(from, &path, action, counts);
           if (target < 0) continue;

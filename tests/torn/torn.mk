@@ -3,7 +3,7 @@ TORN_THREE ?= 100000
 TORN_FLAGS := -std=c99 -O2 -ffp-contract=off $(WARNINGS) -Wno-conversion -Icommon -Itests -D_GNU_SOURCE
 FLAGS_torn = $(CC) $(TORN_FLAGS)
 
-$(BUILD)/tests/torn/torn: tests/torn/torn.c $(BUILD)/flags/torn tests/torn/torn.h tests/emu/nor.h $(CORE_SOURCES) $(wildcard common/*.h)
+$(BUILD)/tests/torn/torn: tests/torn/torn.c $(BUILD)/flags/torn tests/torn/torn.h tests/emu/torn_nor.h $(CORE_SOURCES) $(wildcard common/*.h)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(TORN_FLAGS) $< $(CORE_SOURCES) -o $@
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-/* Purpose: emulated NOR flash, stricter than a chip: erase sets whole pages to ones, programming only clears
- * bits, is aligned to words and refuses a word that is not erased; the power can be cut at any operation and at
- * any byte inside it.
+/* Purpose: the NOR flash of emulated devices, flat, its bytes kept where the caller says; what a cut left reads alike for
+ * ever (cells that waver after one: tests/emu/torn_nor.h).  Stricter than a chip: erase sets whole pages to ones,
+ * programming only clears bits, is aligned to words and refuses a word that is not erased; the power can be cut at any
+ * operation and at any byte inside it.
  * Data: the bytes live where `load` and `save` say (memory, a file of the emulator's host); every word programmed
  * and every part of a page erased is saved at once, so that killing the process is a power cut too.
  * Memory: this struct.  Time: linear in the bytes touched. */
