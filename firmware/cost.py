@@ -88,7 +88,7 @@ def size(build, cross):
 # ---- stack ----
 
 # Where calls through a pointer lead to, by caller (or the part of the program it was inlined into).
-INDIRECT = [(r"nor_|save_torn_byte|check_erased", r"load|save"), (r"sample_stream|refill|semihost_sample_read", r"semihost_feed_refill"),
+INDIRECT = [(r"nor_|save_torn_byte|check_erased", r"load|save"), (r"sample_stream|refill|semihost_sample_read", r"feed_refill"),
             (r"", r"port_\w+")]
 
 

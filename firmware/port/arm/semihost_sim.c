@@ -5,7 +5,7 @@
 
 #include "semihost.h"
 
-int32_t semihost_feed_refill(void* ctx, uint8_t* data, size_t capacity) {
+static int32_t feed_refill(void* ctx, uint8_t* data, size_t capacity) {
   semihost_feed_t* feed = ctx;
   if (feed->path[0] == '\0') return STREAM_NOTHING_YET;
   if (feed->has_ended) return STREAM_ENDED;
@@ -18,10 +18,11 @@ int32_t semihost_feed_refill(void* ctx, uint8_t* data, size_t capacity) {
   return n == 0 ? STREAM_ENDED : STREAM_FAILED;
 }
 
-bool semihost_feed_restart_if_ended(semihost_feed_t* feed) {
-  const bool is_restart = feed->has_ended;
-  feed->has_ended = false;
-  return is_restart;
+void semihost_feed_init(semihost_feed_t* feed, const char* command_line, sample_stream_t* stream, uint8_t* buffer,
+                        size_t capacity) {
+  feed->file = -1;
+  if (!semihost_option(command_line, "feed", feed->path, sizeof feed->path)) feed->path[0] = '\0';
+  *stream = (sample_stream_t){.ctx = feed, .refill = feed_refill, .buffer = buffer, .capacity = capacity};
 }
 
 imucal_port_sample_t semihost_sample_read(sample_stream_t* stream, imucal_sample_t* sample) {
@@ -37,6 +38,13 @@ imucal_port_sample_t semihost_sample_read(sample_stream_t* stream, imucal_sample
   default:
     return IMUCAL_PORT_NO_SAMPLE;
   }
+}
+
+void semihost_sample_enable(sample_stream_t* stream, bool is_wanted) {
+  semihost_feed_t* feed = stream->ctx;
+  if (!is_wanted || !feed->has_ended) return;
+  feed->has_ended = false;
+  sample_stream_clear(stream);
 }
 
 __attribute__((noreturn)) static void refuse(const char* what, const char* value) {
@@ -101,7 +109,7 @@ static bool fill_erased(semihost_flash_t* flash, uint32_t from, uint32_t size) {
   return true;
 }
 
-bool semihost_flash_open(semihost_flash_t* flash, nor_t* nor, const char* path) {
+static bool open_flash(semihost_flash_t* flash, nor_t* nor, const char* path) {
   flash->file = semihost_open(path, SEMIHOST_UPDATE);
   if (flash->file < 0) flash->file = semihost_open(path, SEMIHOST_CREATE);
   if (flash->file < 0) return false;
@@ -121,16 +129,16 @@ static uint32_t slot_start(const nor_t* nor, uint32_t slot) {
   return slot * (nor->size_bytes / IMUCAL_STORE_SLOTS);
 }
 
-static imucal_status flash_erase(void* ctx, uint32_t slot) {
+imucal_status semihost_flash_erase(void* ctx, uint32_t slot) {
   nor_t* nor = ctx;
   return status_of(nor_erase(nor, slot_start(nor, slot), nor->size_bytes / IMUCAL_STORE_SLOTS));
 }
 
-static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+imucal_status semihost_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
   return status_of(nor_program(ctx, slot_start(ctx, slot) + offset, data, len));
 }
 
-static imucal_status flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
+imucal_status semihost_flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
   return status_of(nor_read(ctx, slot_start(ctx, slot) + offset, data, len));
 }
 
@@ -139,18 +147,17 @@ imucal_flash_t semihost_flash(const char* command_line, semihost_flash_t* file, 
   char path[160];
   *nor = (nor_t){.size_bytes = IMUCAL_STORE_SLOTS * slot_bytes,
                  .page_bytes = page_bytes,
-                 .word_bytes = 4,
+                 .word_bytes = SEMIHOST_WORD_BYTES,
                  .cut_operation = NOR_NEVER};
   nor_power_on(nor);
-  if (!semihost_option(command_line, "flash", path, sizeof path) || !semihost_flash_open(file, nor, path)) {
-    semihost_print("imucal: argument flash=PATH is missing, or the file cannot be used\n");
-    semihost_exit(2);
-  }
-  return (imucal_flash_t){.erase = flash_erase,
-                          .program = flash_program,
-                          .read = flash_read,
+  if (!semihost_option(command_line, "flash", path, sizeof path))
+    refuse("argument flash=PATH is missing: there is no flash to hold the table", "");
+  if (!open_flash(file, nor, path)) refuse("cannot use the flash file ", path);
+  return (imucal_flash_t){.erase = semihost_flash_erase,
+                          .program = semihost_flash_program,
+                          .read = semihost_flash_read,
                           .ctx = nor,
                           .slot_bytes = slot_bytes,
                           .erase_bytes = slot_bytes,
-                          .program_bytes = 4};
+                          .program_bytes = SEMIHOST_WORD_BYTES};
 }

@@ -14,12 +14,13 @@ typedef struct {
   bool has_ended;
 } semihost_feed_t;
 
-/* For sample_stream_t.refill. */
-int32_t semihost_feed_refill(void* feed, uint8_t* data, size_t capacity);
-bool semihost_feed_restart_if_ended(semihost_feed_t* feed);
+/* The feed of the argument feed=PATH as a stream of samples.  All three live as long as the stream. */
+void semihost_feed_init(semihost_feed_t* feed, const char* command_line, sample_stream_t* stream, uint8_t* buffer,
+                        size_t capacity);
 
-/* The same as imucal_port_t.sample_read wants it, from a stream whose ctx is a semihost_feed_t. */
+/* What imucal_port_t.sample_read returns, and what its sample_enable does: a feed at its end is read anew. */
 imucal_port_sample_t semihost_sample_read(sample_stream_t* stream, imucal_sample_t* sample);
+void semihost_sample_enable(sample_stream_t* stream, bool is_wanted);
 
 /* Sets the board from "name=value" arguments (board_options.h); the names feed, flash, flash-delay-us, sensor and bus,
  * and the program's name at the front, are passed over.  What cannot be read or is out of range is printed and
@@ -29,16 +30,18 @@ void semihost_board(imucal_board_t* board, const char* command_line);
 /* Unlike at every start of the emulator and after every reset. */
 uint32_t semihost_boot_id(void);
 
+#define SEMIHOST_WORD_BYTES 4u
+
 typedef struct {
   int32_t file;
 } semihost_flash_t;
 
-/* Opens `path`, creating or completing it erased, and fills load, save and ctx of `nor` (size_bytes is set).
- */
-bool semihost_flash_open(semihost_flash_t* flash, nor_t* nor, const char* path);
-
-/* The table store's flash: IMUCAL_STORE_SLOTS slots of slot_bytes in the file of the argument flash=PATH, words of 4 bytes.
- * Without a usable file it says so and ends the emulation with status 2.  `file` and `nor` live as long as the flash. */
+/* The table store's flash: IMUCAL_STORE_SLOTS slots of slot_bytes in the file of the argument flash=PATH, which is created or
+ * completed erased; words of SEMIHOST_WORD_BYTES.  Without a usable file it says so and ends the emulation with status 2.  `file` and `nor` live as long as the flash. */
 imucal_flash_t semihost_flash(const char* command_line, semihost_flash_t* file, nor_t* nor, uint32_t slot_bytes,
                               uint32_t page_bytes);
+/* Its functions, for a port that adds to them; ctx: the nor_t. */
+imucal_status semihost_flash_erase(void* ctx, uint32_t slot);
+imucal_status semihost_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len);
+imucal_status semihost_flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len);
 #endif

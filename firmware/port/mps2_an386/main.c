@@ -52,8 +52,7 @@ static imucal_port_sample_t port_sample_read(void* ctx, imucal_sample_t* sample)
 }
 
 static void port_sample_enable(void* ctx, bool is_wanted) {
-  device_t* self = ctx;
-  if (is_wanted && semihost_feed_restart_if_ended(&self->feed)) sample_stream_clear(&self->samples);
+  semihost_sample_enable(&((device_t*)ctx)->samples, is_wanted);
 }
 
 static uint64_t port_time_us(void* ctx) {
@@ -70,30 +69,25 @@ static void flash_delay(device_t* self) {
   }
 }
 
-static imucal_status flash_status(nor_result_t result) {
-  return result == NOR_OK ? IMUCAL_OK : IMUCAL_ERR_FLASH;
-}
-
 static imucal_status port_flash_erase(void* ctx, uint32_t slot) {
   device_t* self = ctx;
   flash_delay(self);
-  return flash_status(nor_erase(&self->nor, slot * SLOT_BYTES, SLOT_BYTES));
+  return semihost_flash_erase(&self->nor, slot);
 }
 
 /* Word by word, as a chip does: killing the emulator in between is a power cut. */
 static imucal_status port_flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
   device_t* self = ctx;
-  for (uint32_t at = 0; at < len; at += self->nor.word_bytes) {
+  imucal_status status = IMUCAL_OK;
+  for (uint32_t at = 0; at < len && status == IMUCAL_OK; at += SEMIHOST_WORD_BYTES) {
     flash_delay(self);
-    const nor_result_t result =
-        nor_program(&self->nor, slot * SLOT_BYTES + offset + at, data + at, self->nor.word_bytes);
-    if (result != NOR_OK) return flash_status(result);
+    status = semihost_flash_program(&self->nor, slot, offset + at, data + at, SEMIHOST_WORD_BYTES);
   }
-  return IMUCAL_OK;
+  return status;
 }
 
 static imucal_status port_flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
-  return flash_status(nor_read(&((device_t*)ctx)->nor, slot * SLOT_BYTES + offset, data, len));
+  return semihost_flash_read(&((device_t*)ctx)->nor, slot, offset, data, len);
 }
 
 static void port_watchdog(void* ctx) {
@@ -107,37 +101,15 @@ static void port_reboot(void* ctx) {
 
 /* ---- start ---- */
 
-static void open_flash(const char* command_line) {
-  char path[sizeof device.feed.path];
-  device.nor.size_bytes = IMUCAL_STORE_SLOTS * SLOT_BYTES;
-  device.nor.page_bytes = PAGE_BYTES;
-  device.nor.word_bytes = 4;
-  device.nor.cut_operation = NOR_NEVER;
-  nor_power_on(&device.nor);
-  if (!semihost_option(command_line, "flash", path, sizeof path)) {
-    semihost_print("imucal: argument flash=PATH is missing: there is no flash to hold the table\n");
-    semihost_exit(2);
-  }
-  if (semihost_flash_open(&device.flash_file, &device.nor, path)) return;
-  semihost_print("imucal: cannot use the flash file ");
-  semihost_print(path);
-  semihost_print("\n");
-  semihost_exit(2);
-}
-
 static void read_arguments(void) {
   char command_line[512];
   if (!semihost_command_line(command_line, sizeof command_line)) command_line[0] = '\0';
   board_options_default(&board);
   semihost_board(&board, command_line);
-  device.feed.file = -1;
-  if (!semihost_option(command_line, "feed", device.feed.path, sizeof device.feed.path)) device.feed.path[0] = '\0';
-  device.samples.ctx = &device.feed;
-  device.samples.refill = semihost_feed_refill;
-  device.samples.buffer = device.sample_bytes;
-  device.samples.capacity = sizeof device.sample_bytes;
+  semihost_feed_init(&device.feed, command_line, &device.samples, device.sample_bytes, sizeof device.sample_bytes);
   device.flash_delay_us = semihost_option_u32(command_line, "flash-delay-us", 0);
-  open_flash(command_line);
+  /* Opened; what it does is done by the callbacks above, after a delay. */
+  (void)semihost_flash(command_line, &device.flash_file, &device.nor, SLOT_BYTES, PAGE_BYTES);
 }
 
 int main(void) {
@@ -155,7 +127,7 @@ int main(void) {
                                         .ctx = &device,
                                         .slot_bytes = SLOT_BYTES,
                                         .erase_bytes = PAGE_BYTES,
-                                        .program_bytes = 4},
+                                        .program_bytes = SEMIHOST_WORD_BYTES},
                               .time_us = port_time_us,
                               .watchdog = port_watchdog,
                               .reboot = port_reboot,

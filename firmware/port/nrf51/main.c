@@ -51,8 +51,7 @@ static imucal_port_sample_t port_sample_read(void* ctx, imucal_sample_t* sample)
 }
 
 static void port_sample_enable(void* ctx, bool is_wanted) {
-  device_t* self = ctx;
-  if (is_wanted && semihost_feed_restart_if_ended(&self->feed)) sample_stream_clear(&self->samples);
+  semihost_sample_enable(&((device_t*)ctx)->samples, is_wanted);
 }
 
 static uint64_t port_time_us(void* ctx) {
@@ -97,12 +96,7 @@ static void read_arguments(void) {
   if (!semihost_command_line(command_line, sizeof command_line)) command_line[0] = '\0';
   board_options_default(&board);
   semihost_board(&board, command_line);
-  device.feed.file = -1;
-  if (!semihost_option(command_line, "feed", device.feed.path, sizeof device.feed.path)) device.feed.path[0] = '\0';
-  device.samples.ctx = &device.feed;
-  device.samples.refill = semihost_feed_refill;
-  device.samples.buffer = device.sample_bytes;
-  device.samples.capacity = sizeof device.sample_bytes;
+  semihost_feed_init(&device.feed, command_line, &device.samples, device.sample_bytes, sizeof device.sample_bytes);
 }
 
 int main(void) {

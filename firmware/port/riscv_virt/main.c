@@ -50,7 +50,7 @@ static imucal_port_sample_t sample_read(void* ctx, imucal_sample_t* sample) {
 
 static void sample_enable(void* ctx, bool is_wanted) {
   (void)ctx;
-  if (is_wanted && semihost_feed_restart_if_ended(&device.feed)) sample_stream_clear(&device.samples);
+  semihost_sample_enable(&device.samples, is_wanted);
 }
 
 static uint64_t time_us(void* ctx) {
@@ -84,12 +84,7 @@ static imucal_flash_t set_up(imucal_port_t* port) {
     port->sensor_report = semihost_bus_report;
   }
   semihost_board(&board, text);
-  device.feed.file = -1;
-  if (!semihost_option(text, "feed", device.feed.path, sizeof device.feed.path)) device.feed.path[0] = '\0';
-  device.samples = (sample_stream_t){.ctx = &device.feed,
-                                     .refill = semihost_feed_refill,
-                                     .buffer = device.sample_bytes,
-                                     .capacity = sizeof device.sample_bytes};
+  semihost_feed_init(&device.feed, text, &device.samples, device.sample_bytes, sizeof device.sample_bytes);
   return semihost_flash(text, &device.file, &device.nor, SLOT_BYTES, SLOT_BYTES);
 }
 

@@ -31,7 +31,7 @@ static imucal_port_sample_t bus_read(void* ctx, imucal_sample_t* sample) {
 
 static void sample_enable(void* ctx, bool is_wanted) {
   (void)ctx;
-  if (is_wanted && semihost_feed_restart_if_ended(&device.feed)) sample_stream_clear(&device.samples);
+  semihost_sample_enable(&device.samples, is_wanted);
 }
 
 void board_init(imucal_port_t* port, imucal_board_t* board, const stm32_clocks_t* clocks) {
@@ -41,12 +41,7 @@ void board_init(imucal_port_t* port, imucal_board_t* board, const stm32_clocks_t
   board_options_default(board);
   const bool has_bus = semihost_bus_sensor(&device.sensor, command_line, board);
   semihost_board(board, command_line);
-  device.feed.file = -1;
-  if (!semihost_option(command_line, "feed", device.feed.path, sizeof device.feed.path)) device.feed.path[0] = '\0';
-  device.samples.ctx = &device.feed;
-  device.samples.refill = semihost_feed_refill;
-  device.samples.buffer = device.sample_bytes;
-  device.samples.capacity = sizeof device.sample_bytes;
+  semihost_feed_init(&device.feed, command_line, &device.samples, device.sample_bytes, sizeof device.sample_bytes);
   port->sample_read = sample_read;
   port->sample_enable = sample_enable;
   if (has_bus) {
