@@ -86,7 +86,7 @@ typedef enum imucal_health_rule {
 typedef struct imucal_health_config {
   float r;                /* white variance of a 1-s mean, unit^2 (the filter's r), 0..1e14 */
   float markov_variance;  /* stationary, unit^2, 0..1e14 */
-  float lo_degc, hi_degc; /* span the table is wanted for; hi <= lo: not known */
+  float lo_degc, hi_degc; /* span the table is wanted for, -3000..3000; hi <= lo: not known */
   bool is_ungated;        /* the gate only counts: to see all of a log that contradicts its model */
   float temp_step_degc;   /* quantum of the thermometer, 0..100 */
 } imucal_health_config_t;
@@ -101,31 +101,32 @@ typedef struct imucal_health {
   uint32_t n_spikes;   /* seconds whose temperature was left out */
   uint32_t n_jumps;    /* changes of level */
   /* the rate */
-  float last_rate;
+  float last_rate;           /* unit of the channel */
   uint32_t run, longest_run; /* of equal means, seconds */
-  float step2, step2_block;  /* sum of squared steps; of the running block */
+  float step2, step2_block;  /* sum of squared steps, unit^2; of the running block */
   uint32_t n_steps;
   bool has_last;
   /* the temperature */
-  float temp, candidate, ramp_from;
-  uint32_t since_s; /* since the last good reading */
-  uint32_t n_level; /* good readings of this level, up to IMUCAL_HEALTH_LEVEL_N */
+  float temp, candidate, ramp_from; /* degC: last good reading; of another level; where the running 64 s began */
+  uint32_t since_s;                 /* since the last good reading */
+  uint32_t n_level;                 /* good readings of this level, up to IMUCAL_HEALTH_LEVEL_N */
   uint32_t n_candidate, ramp_s;
   float worst_ramp; /* degC in 64 s */
   bool has_temp;
   /* temperatures seen, each for at least 8 seconds */
-  float seen_lo, seen_hi, block_lo, block_hi;
+  float seen_lo, seen_hi, block_lo, block_hi; /* degC */
   uint32_t n_block;
   bool has_seen;
   /* the rate while the temperature stands */
-  float stand_temp, stand_first, stand_sum, worst_move;
+  float stand_temp;                         /* degC */
+  float stand_first, stand_sum, worst_move; /* unit: first mean of 128 s, running sum, largest move from the first */
   uint32_t n_stand, n_stand_blocks;
   /* the innovations */
   uint32_t n_innovations, reject_run, n_gated;
-  float nis, nis_block, lag1, lag1_block;   /* sums; of the running block */
-  float weighted_block, weight_block, slow; /* slow: sum over finished blocks */
+  float nis, nis_block, lag1, lag1_block;   /* sums of nu^2/S, nu nu'/S; of the running block */
+  float weighted_block, weight_block, slow; /* sum nu/S (1/unit) and 1/S (1/unit^2); slow: sum over finished blocks */
   uint32_t n_slow;
-  float last_innovation; /* 0: none just before */
+  float last_innovation; /* unit; 0: none just before */
   bool has_opened;       /* the gate opened after a minute of rejects */
 } imucal_health_t;
 

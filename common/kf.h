@@ -109,7 +109,8 @@ typedef struct imucal_kf_state {
   float x_lo[IMUCAL_KF_MAX_STATES]; /* their trailing parts */
   float d[IMUCAL_KF_MAX_STATES];    /* variance of e given c, D_0 .. D_5: leading parts */
   float d_lo[IMUCAL_KF_MAX_STATES]; /* trailing parts; [0] is 0 */
-  float u[IMUCAL_KF_MAX_U];         /* e, V1 .. V5, then R above its diagonal by columns: R01 R02 R12 R03 R13 R23 .. */
+  /* the first filter's e (the augmented filter's less V' c), V1 .. V5, then R above its diagonal by columns: R01 R02 R12 .. */
+  float u[IMUCAL_KF_MAX_U];
 } imucal_kf_state_t;
 
 /* Start.  IMUCAL_ERR_ARGUMENT (null), IMUCAL_ERR_ORDER, IMUCAL_ERR_SPAN (t0, range), IMUCAL_ERR_MODEL (m, q, r,
@@ -136,6 +137,11 @@ IMUCAL_MUST_USE imucal_status imucal_kf_skip(imucal_kf_t* kf, uint32_t n_s);
  * IMUCAL_ERR_STATE: before init; IMUCAL_ERR_RANGE: turn_on_sigma. */
 IMUCAL_MUST_USE imucal_status imucal_kf_new_run(imucal_kf_t* kf, float turn_on_sigma);
 
+/* ---- reading ----
+ * At any finite temperature; where |Tn| > 1 the polynomial is extrapolated.  Not finite, or so far away that a power of Tn
+ * overflows: the bias is not a number, the variance not finite, and both sigmas are 0 as imucal_sqrtf gives it; so ask for
+ * temperatures that are.  Before init a struct of zeros gives 0, for the variance infinity. */
+
 /* Coefficient i (0..order) in the channel's unit; 0 above the order. */
 float imucal_kf_coefficient(const imucal_kf_t* kf, uint32_t i);
 
@@ -154,10 +160,11 @@ float imucal_kf_bias_sigma(const imucal_kf_t* kf, float temp_degc);
 float imucal_kf_worst_sigma(const imucal_kf_t* kf, float lo_degc, float hi_degc, uint32_t n_grid,
                             float* worst_temp_degc);
 
-/* Copy the filter's numbers out, and into an initialised filter of the same configuration (its statistics stay). */
+/* Copy the filter's numbers out, and into an initialised filter of the same configuration (its statistics stay).  They are not
+ * checked: only what get_state gave is a filter's state.  Before init set_state leaves a filter that is still not ready. */
 void imucal_kf_get_state(const imucal_kf_t* kf, imucal_kf_state_t* state);
 void imucal_kf_set_state(imucal_kf_t* kf, const imucal_kf_state_t* state);
-/* R_ik, i < k <= IMUCAL_MAX_ORDER. */
+/* R_ik, i < k <= IMUCAL_MAX_ORDER; other indices are not checked. */
 float imucal_kf_r(const imucal_kf_t* kf, uint32_t i, uint32_t k);
 
 /* One of the innovations' sums so far. */

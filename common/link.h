@@ -197,7 +197,7 @@ extern "C" {
   A(u32, x_lo, 7, "f32 bits: to be added to x")                                                                        \
   A(u32, d, 7, "f32 bits: variance of e given c; then D")                                                              \
   A(u32, d_lo, 7, "f32 bits: to be added to d")                                                                        \
-  A(u32, u, 21, "f32 bits: e less V' c, V1 .. V5; R above its diagonal by columns: R01 R02 R12 R03 ..")
+  A(u32, u, 21, "f32 bits: first filter's e; V1 .. V5; R above its diagonal by columns: R01 R02 R12 R03 ..")
 #define IMUCAL_LINK_HEALTH(F, A, N, V) F(u8, channel, "0..n_channels-1")
 #define IMUCAL_LINK_HEALTH_REPLY(F, A, N, V)                                                                           \
   F(u8, channel, "as in the request")                                                                                  \

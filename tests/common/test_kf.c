@@ -357,6 +357,30 @@ static void test_before_init_everything_is_refused(void** state) {
   assert_int_equal(imucal_kf_new_run(&kf, 1), IMUCAL_ERR_STATE);
 }
 
+static void test_before_init_reading_gives_what_the_header_says(void** state) {
+  (void)state;
+  const imucal_kf_t kf = {0};
+  float where_degc = -1;
+  assert_true(imucal_kf_coefficient(&kf, 0) == 0 && imucal_kf_bias(&kf, 20) == 0 && imucal_kf_bias_sigma(&kf, 20) == 0);
+  assert_true(imucal_kf_worst_sigma(&kf, 0, 60, 7, &where_degc) == 0);
+  assert_true(isinf(imucal_kf_bias_variance(&kf, 20)));
+  assert_true(imucal_kf_mean_nis(&kf) == 0 && imucal_kf_lag1(&kf) == 0 && imucal_kf_innovation_variance(&kf) == 0);
+}
+
+static void test_reading_where_no_temperature_is_gives_what_the_header_says(void** state) {
+  (void)state;
+  const imucal_kf_config_t config = config_of(3, 0.6, 20, 100);
+  const float none_degc[] = {NAN, INFINITY, -INFINITY, 3e38f, -3e38f, 1e30f};
+  imucal_kf_t kf;
+  assert_int_equal(imucal_kf_init(&kf, &config), IMUCAL_OK);
+  for (int t = 0; t < 600; t++) assert_int_equal(imucal_kf_update(&kf, 100, (float)t * 0.1f), IMUCAL_OK);
+  for (size_t i = 0; i < sizeof none_degc / sizeof none_degc[0]; i++) {
+    assert_true(isnan(imucal_kf_bias(&kf, none_degc[i])) && !isfinite(imucal_kf_bias_variance(&kf, none_degc[i])));
+    assert_true(imucal_kf_bias_sigma(&kf, none_degc[i]) == 0);
+    assert_true(imucal_kf_worst_sigma(&kf, none_degc[i], none_degc[i], 2, NULL) == 0);
+  }
+}
+
 static void test_no_markov_process_is_recursive_least_squares(void** state) {
   (void)state;
   imucal_kf_config_t config = config_of(2, 0.6, 0, 100);
@@ -702,6 +726,8 @@ int main(void) {
       cmocka_unit_test(test_update_bad_input_is_refused_and_changes_nothing),
       cmocka_unit_test(test_init_refuses_nonsense_and_changes_nothing),
       cmocka_unit_test(test_before_init_everything_is_refused),
+      cmocka_unit_test(test_before_init_reading_gives_what_the_header_says),
+      cmocka_unit_test(test_reading_where_no_temperature_is_gives_what_the_header_says),
       cmocka_unit_test(test_no_markov_process_is_recursive_least_squares),
       cmocka_unit_test(test_lag1_is_not_taken_across_a_gap),
       cmocka_unit_test(test_coefficient_is_of_powers_and_bias_agrees),
