@@ -7,12 +7,17 @@
 #include "crc.h"
 #include "learn.h"
 #include "num.h"
+#include "reference.h"
 #include "sum.h"
 #include "table.h"
 
 enum { N_CHANNELS = 3, N_ORDERS = 2, RATE_HZ = 20, PRINT_EVERY_S = 97 };
 #define DEGC_PER_COUNT 0.01f
 #define DEGC_AT_ZERO 25.0f
+
+/* Near 1.1 deg/sqrt(h), 14 dph, 20 s (a host would send q = 18.6518661): any filter unlike the reference, always the same. */
+#define THIRD_FILTER(order)                                                                                            \
+  { order, 30.0f, 30.0f, 0.0487705755f, 18.6518808f, 4356.0f, 196.0f, 1e4f }
 
 static const uint8_t kOrder[N_ORDERS] = {3, 5};
 static const float kUnitPerCount[N_CHANNELS] = {1.0f, 36.0f, 0.37f};
@@ -26,15 +31,8 @@ static imucal_sum_t sum;
 static void start_filters(void) {
   for (int k = 0; k < N_ORDERS; k++)
     for (int i = 0; i < N_CHANNELS; i++) {
-      /* 0.6 deg/sqrt(h), 20 dph, 100 s; the third channel 1.1, 14, 20 s: m and q as a host sends them */
-      const imucal_kf_config_t config = {.order = kOrder[k],
-                                         .t0_degc = 30.0f,
-                                         .range_degc = 30.0f,
-                                         .m = i < 2 ? 0.00995016625f : 0.0487705755f,
-                                         .q = i < 2 ? 7.92053068f : 18.6518808f,
-                                         .r = i < 2 ? 1296.0f : 4356.0f,
-                                         .markov_variance = i < 2 ? 400.0f : 196.0f,
-                                         .prior_sigma = 1e4f};
+      const imucal_kf_config_t reference = REFERENCE_FILTER(kOrder[k]), third = THIRD_FILTER(kOrder[k]);
+      const imucal_kf_config_t config = i < 2 ? reference : third;
       if (imucal_learn_init(&filter[k][i], &config) != IMUCAL_OK) filter[k][i].kf.is_ready = false;
     }
 }

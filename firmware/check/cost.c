@@ -10,6 +10,7 @@
 #include "learn.h"
 #include "link.h"
 #include "num.h"
+#include "reference.h"
 #include "sum.h"
 #include "table.h"
 
@@ -158,14 +159,7 @@ static void report(const check_io_t* io, const char* name, call_t prepare, call_
 }
 
 static void start_filter(uint8_t order) {
-  const imucal_kf_config_t config = {.order = order,
-                                     .t0_degc = 30.0f,
-                                     .range_degc = 30.0f,
-                                     .m = 0.00995016625f,
-                                     .q = 7.92053068f,
-                                     .r = 1296.0f,
-                                     .markov_variance = 400.0f,
-                                     .prior_sigma = 1e4f};
+  const imucal_kf_config_t config = REFERENCE_FILTER(order);
   work.sink = imucal_kf_init(&work.learn.kf, &config);
   for (int i = 0; i < 600; i++) {
     prepare_second();

@@ -4,6 +4,7 @@
 #include "check.h"
 #include "kf.h"
 #include "num.h"
+#include "reference.h"
 
 #define RAMP_S 6000u
 #define DEGC_PER_S 0.01f
@@ -21,14 +22,7 @@ static void run_once(uint32_t soak_s, bool is_down, const check_io_t* io) {
 }
 
 static void report(const check_io_t* io, uint32_t soak_min, uint32_t n_cycles) {
-  const imucal_kf_config_t config = {.order = 3,
-                                     .t0_degc = 30.0f,
-                                     .range_degc = 30.0f,
-                                     .m = 0.00995016625f,
-                                     .q = 7.92053068f,
-                                     .r = 1296.0f,
-                                     .markov_variance = 400.0f,
-                                     .prior_sigma = 1e4f};
+  const imucal_kf_config_t config = REFERENCE_FILTER(3);
   if (imucal_kf_init(&filter, &config) != IMUCAL_OK) check_text(io, "error: init\n");
   for (uint32_t cycle = 0; cycle < n_cycles; cycle++) run_once(soak_min * 60u, cycle % 2 == 1, io);
   check_text(io, "profile");

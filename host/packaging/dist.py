@@ -28,7 +28,7 @@ EXAMPLE = """/* SPDX-License-Identifier: MIT
 #include "kf.h"
 
 /* 0.6 deg/sqrt(h), 20 dph with 100 s; the host computes m, q, r: no libm on the MCU. */
-static const imucal_kf_config_t config = {3, 30.0f, 30.0f, 0.00995016625f, 7.92053086f, 1296.0f, 400.0f, 1e4f};
+static const imucal_kf_config_t config = {3, 30.0f, 30.0f, 0.00995016625f, 7.92053068f, 1296.0f, 400.0f, 1e4f};
 
 float imucal_example(const float* mean_dph, const float* temp_degc, unsigned n, float at_degc) {
   imucal_kf_t kf;
@@ -50,7 +50,7 @@ SKETCH = """// SPDX-License-Identifier: MIT
 static imucal_kf_t filter;
 
 void setup() {
-  const imucal_kf_config_t config = {3, 30.0f, 30.0f, 0.00995016625f, 7.92053086f, 1296.0f, 400.0f, 1e4f};
+  const imucal_kf_config_t config = {3, 30.0f, 30.0f, 0.00995016625f, 7.92053068f, 1296.0f, 400.0f, 1e4f};
   Serial.begin(115200);
   if (imucal_kf_init(&filter, &config) != IMUCAL_OK) Serial.println("imucal: refused");
 }

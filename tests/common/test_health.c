@@ -3,6 +3,7 @@
  * nothing. */
 #include "health.h"
 
+#include "check/reference.h"
 #include "crc.h"
 #include "learn.h"
 #include "num.h"
@@ -49,14 +50,7 @@ static void healthy(unit_rng_t* rng) {
 
 static imucal_learn_t learn;
 static imucal_health_t health;
-static const imucal_kf_config_t kFilter = {.order = 3,
-                                           .t0_degc = 30,
-                                           .range_degc = 30,
-                                           .m = 0.00995016625f,
-                                           .q = 7.92053068f,
-                                           .r = 1296,
-                                           .markov_variance = 400,
-                                           .prior_sigma = 1e4f};
+static const imucal_kf_config_t kFilter = REFERENCE_FILTER(3);
 
 /* The run through filter and health, as the device does it. */
 static imucal_health_verdict_t judge_run(const imucal_health_config_t* config) {

@@ -2,6 +2,7 @@
 // kf: float32 against the long double reference over 140 minutes, 24 hours and 10 days (more models with SLOW=1); gaps, turn-on, refusals, statistics.  IMUCAL_PRINT=1 prints the measured figures.
 #include "unit.h"
 
+#include "check/reference.h"
 #include "kf.h"
 #include "num.h"
 #include "reference_kf.h"
@@ -381,6 +382,18 @@ static void test_reading_where_no_temperature_is_gives_what_the_header_says(void
   }
 }
 
+/* What checks and tests of the firmware start with is what the equations give. */
+static void test_reference_filter_has_the_digits_of_its_equations(void** state) {
+  (void)state;
+  const imucal_kf_config_t a = REFERENCE_FILTER(3), b = config_of(3, 0.6, 20, 100);
+  const imucal_link_cal_start_t c = reference_cal_start(1, 3);
+  assert_true(a.order == b.order && a.t0_degc == b.t0_degc && a.range_degc == b.range_degc);
+  assert_true(a.m == b.m && a.q == b.q && a.r == b.r && a.markov_variance == b.markov_variance);
+  assert_true(c.order == b.order && c.t0_degc == b.t0_degc && c.range_degc == b.range_degc);
+  assert_true(c.m == b.m && c.q == b.q && c.r == b.r && c.markov_variance == b.markov_variance);
+  assert_true(a.prior_sigma == b.prior_sigma && c.prior_sigma == b.prior_sigma);
+}
+
 static void test_no_markov_process_is_recursive_least_squares(void** state) {
   (void)state;
   imucal_kf_config_t config = config_of(2, 0.6, 0, 100);
@@ -728,6 +741,7 @@ int main(void) {
       cmocka_unit_test(test_before_init_everything_is_refused),
       cmocka_unit_test(test_before_init_reading_gives_what_the_header_says),
       cmocka_unit_test(test_reading_where_no_temperature_is_gives_what_the_header_says),
+      cmocka_unit_test(test_reference_filter_has_the_digits_of_its_equations),
       cmocka_unit_test(test_no_markov_process_is_recursive_least_squares),
       cmocka_unit_test(test_lag1_is_not_taken_across_a_gap),
       cmocka_unit_test(test_coefficient_is_of_powers_and_bias_agrees),

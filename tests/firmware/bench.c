@@ -240,27 +240,8 @@ int bench_stream(bench_t* bench, uint8_t what) {
   return bench_done(bench, IMUCAL_LINK_ID_STREAM, &request);
 }
 
-imucal_link_cal_start_t bench_cal_start_request(uint8_t channel, uint8_t order) {
-  /* 0.6 deg/sqrt(h), 20 dph, 100 s: m = 1 - exp(-0.01), q = 400 (1 - exp(-0.02)), r = 36^2 */
-  return (imucal_link_cal_start_t){.channel = channel,
-                                   .order = order,
-                                   .t0_degc = 30.0f,
-                                   .range_degc = 30.0f,
-                                   .m = 0.00995016625f,
-                                   .q = 7.92053068f,
-                                   .r = 1296.0f,
-                                   .markov_variance = 400.0f,
-                                   .prior_sigma = 1e4f,
-                                   .span_lo_degc = 0.0f,
-                                   .span_hi_degc = 60.0f,
-                                   .arw = 0.6f,
-                                   .n_markov = 1,
-                                   .markov_sigma = {20.0f},
-                                   .markov_tau_s = {100.0f}};
-}
-
 int bench_cal_start(bench_t* bench, uint8_t channel, uint8_t order) {
-  const imucal_link_cal_start_t request = bench_cal_start_request(channel, order);
+  const imucal_link_cal_start_t request = reference_cal_start(channel, order);
   return bench_done(bench, IMUCAL_LINK_ID_CAL_START, &request);
 }
 

@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "app/app.h"
+#include "check/reference.h"
 #include "num.h"
 #include "port/sim/nor.h"
 
@@ -86,7 +87,6 @@ int bench_done(bench_t* bench, uint32_t id, const void* message);
 
 int bench_stream(bench_t* bench, uint8_t what);
 /* A gyro of 0.6 deg/sqrt(h), 20 dph with 100 s, 0 to 60 degC. */
-imucal_link_cal_start_t bench_cal_start_request(uint8_t channel, uint8_t order);
 int bench_cal_start(bench_t* bench, uint8_t channel, uint8_t order);
 int bench_upload(bench_t* bench, const uint8_t* bytes, size_t n);
 

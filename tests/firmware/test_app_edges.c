@@ -20,26 +20,26 @@ static void test_cal_start_refuses_each_number_that_is_not_finite(void** state) 
   for (size_t k = 0; k < 3; k++) {
     const float value = imucal_float_from_bits(not_finite[k]);
     for (int field = 0; field < 4; field++) {
-      imucal_link_cal_start_t bad = bench_cal_start_request(0, 3);
+      imucal_link_cal_start_t bad = reference_cal_start(0, 3);
       float* const fields[] = {&bad.t0_degc, &bad.range_degc, &bad.span_lo_degc, &bad.span_hi_degc};
       *fields[field] = value;
       assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_NOT_FINITE);
     }
     for (int field = 0; field < 3; field++) {
-      imucal_link_cal_start_t bad = bench_cal_start_request(0, 3);
+      imucal_link_cal_start_t bad = reference_cal_start(0, 3);
       float* const fields[] = {&bad.arw, &bad.markov_sigma[0], &bad.markov_tau_s[0]};
       *fields[field] = value;
       assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_MODEL);
     }
   }
-  const imucal_link_cal_start_t good = bench_cal_start_request(0, 3);
+  const imucal_link_cal_start_t good = reference_cal_start(0, 3);
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &good), IMUCAL_OK);
 }
 
 static void test_cal_start_refuses_negative_noise(void** state) {
   (void)state;
   for (int field = 0; field < 3; field++) {
-    imucal_link_cal_start_t bad = bench_cal_start_request(0, 3);
+    imucal_link_cal_start_t bad = reference_cal_start(0, 3);
     float* const fields[] = {&bad.arw, &bad.markov_sigma[0], &bad.markov_tau_s[0]};
     *fields[field] = -1e-6f;
     assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_MODEL);

@@ -522,7 +522,7 @@ static void test_session_rules(void** state) {
 
 static void test_cal_start_bad_numbers_are_refused(void** state) {
   (void)state;
-  const imucal_link_cal_start_t good = bench_cal_start_request(0, 3);
+  const imucal_link_cal_start_t good = reference_cal_start(0, 3);
   imucal_link_cal_start_t bad = good;
   bad.span_lo_degc = 60, bad.span_hi_degc = 0; /* reversed */
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_SPAN);
@@ -543,7 +543,7 @@ static void test_cal_start_bad_numbers_are_refused(void** state) {
 /* What the table of the filters must be refused for is refused before the hours of learning, not after them. */
 static void test_cal_start_refuses_what_no_table_can_hold(void** state) {
   (void)state;
-  const imucal_link_cal_start_t good = bench_cal_start_request(0, 3);
+  const imucal_link_cal_start_t good = reference_cal_start(0, 3);
   imucal_link_cal_start_t bad = good;
   bad.arw = 2e4f;
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &bad), IMUCAL_ERR_MODEL);

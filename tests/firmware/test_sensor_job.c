@@ -97,7 +97,7 @@ static imucal_link_cal_start_t start_request(uint8_t channel) {
                                    .order = 3,
                                    .t0_degc = 30.0f,
                                    .range_degc = 30.0f,
-                                   .m = 0.00995016625f,
+                                   .m = REFERENCE_M,
                                    .q = 0.0198013267f, /* 1 dph (mg), 100 s */
                                    .r = 64.0f,
                                    .markov_variance = 1.0f,

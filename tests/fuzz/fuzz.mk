@@ -23,7 +23,7 @@ fuzz-clang:: $(BUILD)/tests/fuzz/libfuzzer_core  ## campaign: as fuzz, by libFuz
 # The whole app: operations chosen by libFuzzer's coverage where clang is there (FUZZ_CLANG), else drawn at random.
 FUZZ_INPUTS ?= 20000
 FUZZ_DEVICE_SOURCES := $(wildcard firmware/app/*.c)
-FUZZ_DEVICE_NEEDS := tests/fuzz/fuzz_device.c $(BUILD)/flags/fuzz tests/fuzz/fuzz_device.h tests/emu/torn_nor.h $(FUZZ_DEVICE_SOURCES) $(CORE_SOURCES) \
+FUZZ_DEVICE_NEEDS := tests/fuzz/fuzz_device.c $(BUILD)/flags/fuzz tests/fuzz/fuzz_device.h tests/emu/torn_nor.h firmware/check/reference.h $(FUZZ_DEVICE_SOURCES) $(CORE_SOURCES) \
                      $(wildcard common/*.h firmware/app/*.h)
 $(BUILD)/tests/fuzz/fuzz_device: $(FUZZ_DEVICE_NEEDS)
 	@mkdir -p $(@D)

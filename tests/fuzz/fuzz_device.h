@@ -13,6 +13,7 @@
 #include <stdlib.h>
 
 #include "app/app.h"
+#include "check/reference.h"
 #include "crc.h"
 #include "emu/torn_nor.h"
 #include "num.h"
@@ -306,20 +307,7 @@ static void fuzz_upload(uint8_t twist) {
 }
 
 static void fuzz_cal_start(uint8_t which) {
-  imucal_link_cal_start_t start = {.channel = which & 3,
-                                   .order = (uint8_t)(1 + (which >> 2 & 7)),
-                                   .t0_degc = 30,
-                                   .range_degc = 30,
-                                   .m = 0.01f,
-                                   .q = 8,
-                                   .r = 1296,
-                                   .markov_variance = 400,
-                                   .prior_sigma = 1e4f,
-                                   .span_hi_degc = 60,
-                                   .arw = 0.6f,
-                                   .n_markov = 1,
-                                   .markov_sigma = {20},
-                                   .markov_tau_s = {100}};
+  imucal_link_cal_start_t start = reference_cal_start(which & 3, (uint8_t)(1 + (which >> 2 & 7)));
   float* const fields[] = {&start.t0_degc,
                            &start.range_degc,
                            &start.m,

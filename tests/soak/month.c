@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "app/app.h"
+#include "check/reference.h"
 #include "emu/torn_nor.h"
 
 enum { RATE_HZ = 4, N_AXES = 6, START_S = 4280 }; // 15 s before the first wrap of 32 bits
@@ -114,20 +115,7 @@ static void start(void) {
   if (imucal_app_init(&app, &port, &board) != IMUCAL_OK) abort();
   unlock();
   for (uint8_t i = 0; i < N_AXES; i++) {
-    const imucal_link_cal_start_t request = {.channel = i,
-                                             .order = 3,
-                                             .t0_degc = 30,
-                                             .range_degc = 30,
-                                             .m = 0.00995016625f,
-                                             .q = 7.92053068f,
-                                             .r = 1296,
-                                             .markov_variance = 400,
-                                             .prior_sigma = 1e4f,
-                                             .span_hi_degc = 60,
-                                             .arw = 0.6f,
-                                             .n_markov = 1,
-                                             .markov_sigma = {20},
-                                             .markov_tau_s = {100}};
+    const imucal_link_cal_start_t request = reference_cal_start(i, 3);
     ask(IMUCAL_LINK_ID_CAL_START, &request);
     if (sim.reply.done.status != IMUCAL_OK) abort();
   }

@@ -12,7 +12,7 @@ soak: $(BUILD)/tests/soak/soak  ## campaign: a million commits with power cuts, 
 .PHONY: soak
 
 MONTH_DAYS ?= 30
-$(BUILD)/tests/soak/month: tests/soak/month.c $(BUILD)/flags/torn tests/emu/torn_nor.h $(wildcard firmware/app/*.c) $(CORE_SOURCES) $(wildcard common/*.h firmware/app/*.h)
+$(BUILD)/tests/soak/month: tests/soak/month.c $(BUILD)/flags/torn tests/emu/torn_nor.h firmware/check/reference.h $(wildcard firmware/app/*.c) $(CORE_SOURCES) $(wildcard common/*.h firmware/app/*.h)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(TORN_FLAGS) -Ifirmware $< $(wildcard firmware/app/*.c) $(CORE_SOURCES) -lm -o $@
 
