@@ -82,17 +82,6 @@ void semihost_print(const char* text) {
   (void)call(SYS_WRITE0, word_of(text));
 }
 
-void semihost_print_u32(uint32_t value) {
-  char digits[11];
-  char* at = &digits[10];
-  *at = '\0';
-  do {
-    *--at = (char)('0' + value % 10);
-    value /= 10;
-  } while (value);
-  semihost_print(at);
-}
-
 int semihost_command_line(char* text, size_t capacity) {
   uint32_t block[2] = {word_of(text), (uint32_t)capacity};
   text[0] = '\0';

@@ -21,9 +21,8 @@ int semihost_write(int32_t file, const void* data, size_t length);
 int semihost_seek(int32_t file, uint32_t offset_bytes);
 int32_t semihost_length(int32_t file);
 
-/* Text to the emulator's standard error, and one unsigned number in decimal. */
+/* Text to the emulator's standard error. */
 void semihost_print(const char* text);
-void semihost_print_u32(uint32_t value);
 
 /* The arguments given with -semihosting-config arg=…, joined by spaces. True where they fitted. */
 int semihost_command_line(char* text, size_t capacity);

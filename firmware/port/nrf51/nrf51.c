@@ -44,7 +44,6 @@ enum { BITMODE_32 = 3, INT_COMPARE1 = 1 << 17 };
 
 #define CLOCK_HFCLKSTART REG32(0x40000000u)
 #define CLOCK_HFCLKSTARTED REG32(0x40000100u)
-#define FICR_DEVICEID0 REG32(0x10000060u)
 
 static bool is_transmitting;
 
@@ -140,8 +139,4 @@ uint32_t nrf51_random(void) {
   }
   RNG_STOP = 1;
   return value;
-}
-
-uint32_t nrf51_device_id(void) {
-  return FICR_DEVICEID0;
 }

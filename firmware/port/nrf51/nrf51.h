@@ -31,7 +31,4 @@ uint32_t nrf51_timer_ticks(void);
 
 /* From the random number generator. */
 uint32_t nrf51_random(void);
-
-/* Lower word of the factory-programmed device identifier. */
-uint32_t nrf51_device_id(void);
 #endif

@@ -41,8 +41,10 @@ void stm32_delay_us(uint32_t us);
 void stm32_usart_init(uint32_t apb2_hz, uint32_t baud);
 size_t stm32_usart_read(uint8_t* data, size_t capacity);
 size_t stm32_usart_write(const uint8_t* data, size_t length);
-bool stm32_usart_is_sent(void);  /* all bytes have left the shift register */
-uint32_t stm32_usart_lost(void); /* received bytes lost: ring full or overrun */
+bool stm32_usart_is_sent(void); /* all bytes have left the shift register */
+/* Received bytes lost: ring full or overrun.  For a debugger: the host sees the frames that they broke (COUNTERS: rx_crc,
+ * rx_resync), which is what it has to repeat. */
+uint32_t stm32_usart_lost(void);
 void usart1_handler(void);
 
 /* ---- SPI1: PA5 clock, PA6 in, PA7 out; chip selects PA4 (sensor) and PB0 (external flash); mode 3 ---- */

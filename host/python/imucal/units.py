@@ -3,8 +3,6 @@
 import math
 import re
 
-from .errors import DataError
-
 DPH_PER_DPS = 3600.0
 DPH_PER_RADPS = 3600.0 * 180.0 / math.pi
 STANDARD_GRAVITY_MS2 = 9.80665
@@ -44,10 +42,3 @@ def temp_unit_in_name(name):
     text = bracket.group(1) if bracket else name.rsplit("_", 1)[-1] if "_" in name else ""
     found = re.fullmatch(r"(?:°|deg(?:rees)?)?[ _]?(c|celsius|k|kelvin|f|fahrenheit)", text.strip(), re.I)
     return found.group(1)[0].upper() if found else None
-
-
-def rate_factor(unit, where):
-    """dph per unit of a rate; DataError names the units there are."""
-    if unit not in RATE_UNITS:
-        raise DataError(f"{where}: unit \"{unit}\" is not known; give --unit {'|'.join(RATE_UNITS)} (or counts with --scale)")
-    return RATE_UNITS[unit]

@@ -300,11 +300,6 @@ std::vector<std::vector<double>> expected_record_squares(const std::vector<Noise
   return out;
 }
 
-std::vector<double> expected_record_square(const NoiseComponent& component, const DpOperator& op, const Series& shape,
-                                           const Detrend& detrend, const std::vector<long>& n) {
-  return expected_record_squares({component}, op, shape, detrend, n).front();
-}
-
 std::vector<double> expected_record_dp_dph(const ErrorModel& model, const DpOperator& op, const Series& shape,
                                            const Detrend& detrend, const std::vector<double>& tau_s) {
   const auto squares =

@@ -31,11 +31,8 @@ double expected_square(const NoiseComponent& component, const DpOperator& op, lo
 // DP [dph] of a whole model at tau_s = n dt.
 std::vector<double> expected_dp_dph(const ErrorModel& model, const DpOperator& op, const std::vector<double>& tau_s);
 
-// E mean d^2 of one component over the windows of a record after detrending, one value per n.  `shape` gives
-// length, missing samples and temperatures; its rates do not matter.
-std::vector<double> expected_record_square(const NoiseComponent& component, const DpOperator& op, const Series& shape,
-                                           const Detrend& detrend, const std::vector<long>& n);
-// The same for many components: result[component][i_n].
+// E mean d^2 of each component over the windows of a record after detrending, one value per n: result[component][i_n].
+// `shape` gives length, missing samples and temperatures; its rates do not matter.
 std::vector<std::vector<double>> expected_record_squares(const std::vector<NoiseComponent>& components,
                                                          const DpOperator& op, const Series& shape,
                                                          const Detrend& detrend, const std::vector<long>& n);
