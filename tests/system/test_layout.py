@@ -161,6 +161,34 @@ def test_a_markov_process_is_discretised_in_one_place():
     assert not [name for name in sources if name != own and re.search(r"expm1\(-2\b", (ROOT / name).read_text())]
 
 
+# ---- files that comments name ----
+def comments_of(text):
+    """The comments of a C or C++ source, one after the other; what looks like one inside a string is none."""
+    found = re.finditer(r'"(?:\\.|[^"\\\n])*"|(//[^\n]*|/\*.*?\*/)', text, re.S)
+    return "\n".join(match.group(1) for match in found if match.group(1))
+
+
+def headers_named():
+    """(file, header it names, folders where that may be) of comments in the sources and of the READMEs of host/lib."""
+    roots = [ROOT / folder for folder in ("", "host/lib", "host/tools", "common", "firmware", "tests")]
+    for name in tracked():
+        is_readme = name.startswith("host/lib/") and name.endswith("README.md")
+        if is_readme or re.match(r"(host|common|firmware)/.*\.(h|c|cpp)$", name):
+            text = (ROOT / name).read_text()
+            above = list((ROOT / name).parents)[:-len(ROOT.parents) - 1]
+            for header in re.findall(r"(?<![\w/.<>-])((?:[\w-]+/)*\w+\.h)\b", text if is_readme else comments_of(text)):
+                yield name, header, roots + above
+
+
+def test_headers_that_comments_and_readmes_name_exist():
+    """By the path that an #include has, from a folder above the file (inside a room), or by their name alone."""
+    names, found = {Path(name).name for name in tracked()}, list(headers_named())
+    assert len(found) > 150  # they were found at all
+    stale = {f"{name}: {header}" for name, header, folders in found if not header.startswith("build/")
+             and not ("/" not in header and header in names) and not any((folder / header).exists() for folder in folders)}
+    assert not stale
+
+
 # ---- files of one room ----
 def files_of(room):
     """{file without its ending: those of the room, and of the rooms inside it, that it includes} of headers and sources."""

@@ -3,7 +3,7 @@
 // through a profile; then every axis is judged, the device makes a table, flashes it, and what it flashed is read back
 // and compared.
 //
-// The filter's parameters are computed on the host, in double, because the device has no exponential (fit/fit.h:
+// The filter's parameters are computed on the host, in double, because the device has no exponential (analysis/fit/fit.h:
 // kf_config); a model of several Markov terms becomes one of the same variance and the same slow density there.
 #pragma once
 #include <optional>

@@ -38,7 +38,7 @@ struct DpRatios {
   long n_events = 0;
 };
 
-// At the taus of `curve`, which is one of this record; `dof` per tau as from errormodel/confidence.h; temp_degc of every
+// At the taus of `curve`, which is one of this record; `dof` per tau as from analysis/errormodel/confidence.h; temp_degc of every
 // sample (empty: not known), which axes of a log may share.  Of the series only labels, time stamps and size are read.
 DpRatios dp_ratios(const Series& series, const std::vector<double>& temp_degc, const DpRecord& record,
                    const DpCurve& curve, const std::vector<double>& dof, double false_alarm_rate = 0.01);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Closed-form expectation of Allan deviation and Direct Predictor: no Monte Carlo needed.
 //
-// With V(k) the variance of the sum of k samples (noise.h), AV and DP1 from m samples before:
+// With V(k) the variance of the sum of k samples (noise/components.h), AV and DP1 from m samples before:
 //   E d^2 = V(n)/n^2 + V(m)/m^2 - (V(n+m) - V(n) - V(m)) / (n m)                    (AV: m = n)
 // DP2 and DP3 predict with weights w_j = sum_m c_m pole_m^j (nominal_filter.h); white variance r gives
 //   r/n + r sum_mm' c_m c_m' / (1 - pole_m pole_m')

@@ -37,7 +37,7 @@ IMUCAL_WIDE void add_white(size_t n, double sigma_dph, const double* normals, do
   for (size_t i = 0; i < kLanes * n; ++i) rate_dph[i] += sigma_dph * normals[i];
 }
 
-// What sim/simulate.h makes of a model without effects, in lanes: rates of the seconds, piece by piece.
+// What physics/sim/simulate.h makes of a model without effects, in lanes: rates of the seconds, piece by piece.
 class Truth {
 public:
   Truth(const CampaignPlan& plan, uint64_t first_run) : plan_(plan), model_(plan.options.model) {

@@ -34,7 +34,7 @@ struct ChainSetup {
   bool keeps_seconds = true; // seconds() for whoever asks later
 };
 
-// The filter's configuration (fit/fit.h) with the quantisation of the counts, lsb^2/(12 n), in its white
+// The filter's configuration (analysis/fit/fit.h) with the quantisation of the counts, lsb^2/(12 n), in its white
 // noise.
 imucal_kf_config_t filter_config(const ChainSetup& setup);
 

@@ -2,12 +2,10 @@
 // Other ways to get the thermal polynomial out of the same 1-s means, to compare the Kalman filter with.
 //
 // kLeastSquares    polynomial fit of every second, unweighted (paper, Fig. 14).
-// kRisingBins      as hobby autopilots learn on the board: seconds are averaged until the temperature has
-// risen by
+// kRisingBins      as hobby autopilots learn on the board: seconds are averaged until the temperature has risen by
 //                  0.5 degC, each mean is one equally weighted point of a polynomial fit; falling temperature
 //                  contributes nothing.
-// kRisingMaximum   only seconds at a temperature above all earlier ones enter a least-squares fit (so does
-// PX4's
+// kRisingMaximum   only seconds at a temperature above all earlier ones enter a least-squares fit (so does PX4's
 //                  thermal calibration: a sample that is not warmer than the warmest before is left out).
 #pragma once
 #include <string>

@@ -3,7 +3,7 @@
 // compensated sample by sample by the core (`comp`) with the table learnt in the first test, and its DP type
 // 2 curve.
 //
-// Expected:  E d^2 = E d^2 of the model alone (closed form, errormodel/expect.h) + trace(W_n P): the
+// Expected:  E d^2 = E d^2 of the model alone (closed form, analysis/errormodel/expect.h) + trace(W_n P): the
 // calibration error delta (covariance P) puts -h(T(t))' delta into the rate, of which the operator makes
 // w_n(t0)' delta; W_n = mean over t0 of w_n w_n'.  The turn-on constants are known here and taken out.
 #pragma once

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What exact covariance analysis (profile/covariance.h) says of a campaign: the other half of the comparison.
+// What exact covariance analysis (analysis/profile/covariance.h) says of a campaign: the other half of the comparison.
 #pragma once
 #include <vector>
 

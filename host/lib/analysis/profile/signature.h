@@ -2,7 +2,7 @@
 // Which effects a profile can tell apart.
 //
 // The signature of an effect is what it adds to the record of a noise-free sensor, less the nominal polynomial
-// of the thermometer.  The simulation of the effect computes it (effects/effect.h).  The signatures are whitened
+// of the thermometer.  The simulation of the effect computes it (physics/effects/effect.h).  The signatures are whitened
 // by the noise model, and what every calibration estimates anew (polynomial, one turn-on constant per run) is
 // projected off, by the Schur complement of the Gram matrix.  If two signatures then have correlation 1, no
 // statistical test can tell the two effects apart.  In general the expected margin of the log-likelihood between

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // An unmodelled effect: what a real sensor does and the nominal model leaves out.  This header is the door to
 // the simulation side, used by `gyrosim --effects`, and to the words for people; the estimation side is in
-// effects/estimation.h.
+// physics/effects/estimation.h.
 #pragma once
 #include <map>
 #include <optional>
@@ -124,7 +124,7 @@ public:
   // Of an effect with a signature in the mean; `order`: of the polynomial that is fitted.
   virtual std::optional<TypicalSize> typical_size(int /*order*/) const { return std::nullopt; }
 
-  // The form for estimation (effects/estimation.h).
+  // The form for estimation (physics/effects/estimation.h).
   virtual const EffectEstimator* estimator() const { return nullptr; }
 };
 
