@@ -9,14 +9,22 @@
 extern "C" {
 #include <cmocka.h>
 }
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 
 #include "base/error.h"
 #include "device/device.h"
+#include "device/recorder.h"
+#include "io/log.h"
 #include "num.h"
 
 using namespace imucal;
@@ -312,6 +320,88 @@ void test_command_is_not_sent_once_more_to_a_device_that_restarted(void**) {
   }
 }
 
+// ---- a device's channels ----
+
+// Greets with the channels given.
+Bytes greets(const std::vector<std::string>& names, uint8_t id, uint8_t sequence, const imucal_link_any_t& request) {
+  if (id == IMUCAL_LINK_ID_HELLO) {
+    imucal_link_hello_reply_t reply{};
+    reply.protocol = IMUCAL_LINK_PROTOCOL;
+    reply.n_channels = static_cast<uint8_t>(names.size());
+    std::strcpy(reply.serial, "odd-1");
+    std::strcpy(reply.device, "two\nlines");
+    return frame(IMUCAL_LINK_ID_HELLO_REPLY, sequence, reply);
+  }
+  assert_int_equal(id, IMUCAL_LINK_ID_CHANNEL_INFO);
+  imucal_link_channel_info_reply_t reply{};
+  const std::string& name = names.at(request.channel_info.channel);
+  std::copy_n(name.c_str(), std::min(name.size() + 1, sizeof reply.name), reply.name);
+  reply.unit_per_count = reply.degc_per_count = 0.01F;
+  reply.full_scale_counts = 32767;
+  return frame(IMUCAL_LINK_ID_CHANNEL_INFO_REPLY, sequence, reply);
+}
+
+std::string refusal_of(const std::vector<std::string>& names) {
+  Bench bench([&](uint8_t id, uint8_t sequence, const imucal_link_any_t& r) { return greets(names, id, sequence, r); });
+  try {
+    bench.device.connect();
+  } catch (const Error& e) {
+    assert_int_equal(e.exit(), Exit::kDevice);
+    return e.what();
+  }
+  return "";
+}
+
+void test_connect_channels_that_no_log_can_hold_are_refused_by_name(void**) {
+  const struct {
+    std::vector<std::string> names;
+    const char* what;
+  } kOdd[] = {
+      {{"gx_dph", "ax"}, "'ax' of its channels 'gx_dph', 'ax' does not end in its unit"},
+      {{"gyro_x", "gyro_y"}, "'gyro_x' of its channels"},
+      {{"gx_dph", "gy_dph", "gx_dph"}, "called 'gx' before the unit"},
+      {{"x_dph", "x_mg"}, "called 'x' before the unit"},
+      {{"_dph"}, "'_dph'"},
+      {{""}, "''"},
+      {{"g,x_dph"}, "'g,x_dph'"},
+      {{"g\nx_dph"}, "does not end in its unit"},
+      {{"gx_dps"}, "'gx_dps'"},
+  };
+  for (const auto& odd : kOdd) {
+    const std::string refusal = refusal_of(odd.names);
+    if (refusal.find(odd.what) == std::string::npos) fail_msg("%s: '%s'", odd.what, refusal.c_str());
+    assert_non_null(std::strstr(refusal.c_str(), "_dph or _mg"));
+  }
+  assert_string_equal(refusal_of({"gx_dph", "gy_dph", "gz_dph", "ax_mg", "ay_mg", "az_mg"}).c_str(), "");
+  assert_string_equal(refusal_of({"g1_x_dph", "g2_x_dph"}).c_str(), "");
+}
+
+// Whatever a device sends, what is recorded of it can be read.
+void test_recorder_values_that_are_no_numbers_make_a_log_that_can_be_read(void**) {
+  const std::vector<std::string> names = {"gx_dph", "ax_mg"};
+  Bench bench([&](uint8_t id, uint8_t sequence, const imucal_link_any_t& r) { return greets(names, id, sequence, r); });
+  bench.device.connect();
+  char folder[] = "/tmp/imucal_test_XXXXXX";
+  const std::string path = std::string(mkdtemp(folder)) + "/log.csv";
+  LogRecorder recorder(path, bench.device, LogRecorder::What::kRaw);
+  SecondRecord second{};
+  second.n_channels = 2;
+  for (uint32_t t_s = 1; t_s <= 5; ++t_s) {
+    second.t_s = t_s;
+    second.temp_degc = t_s == 2 ? std::numeric_limits<float>::quiet_NaN() : 20.0F;
+    second.raw[0] = t_s == 3 ? std::numeric_limits<float>::infinity() : 7.0F;
+    second.n_channels = t_s == 4 ? 1 : 2;
+    recorder.add(second);
+  }
+  recorder.close();
+  const Log log = read_log(path);
+  assert_int_equal(log.size(), 4); // the fourth had one channel
+  assert_true(std::isnan(log.temp_degc[1]) && std::isnan(log.axes[0].rate_dph[2]));
+  assert_string_equal(log.metadata.at("serial").c_str(), "odd-1");
+  std::remove(path.c_str());
+  rmdir(folder);
+}
+
 } // namespace
 
 int main() {
@@ -328,6 +418,8 @@ int main() {
       cmocka_unit_test(test_connect_refuses_another_protocol),
       cmocka_unit_test(test_command_is_sent_once_more_where_only_the_unlock_was_over),
       cmocka_unit_test(test_command_is_not_sent_once_more_to_a_device_that_restarted),
+      cmocka_unit_test(test_connect_channels_that_no_log_can_hold_are_refused_by_name),
+      cmocka_unit_test(test_recorder_values_that_are_no_numbers_make_a_log_that_can_be_read),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);
 }

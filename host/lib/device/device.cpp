@@ -59,6 +59,32 @@ constexpr double kFlashPatience = 5.0; // erase and program take longer than an 
 
 } // namespace
 
+std::string channel_stem(const std::string& name) {
+  return name.substr(0, name.rfind('_'));
+}
+
+static bool is_channel_name(const std::string& name) {
+  const std::string stem = channel_stem(name), unit = name.substr(stem.size());
+  return !stem.empty() && (unit == "_dph" || unit == "_mg") && std::all_of(name.begin(), name.end(), [](char c) {
+    return c > ' ' && c < '\x7F' && !std::strchr(",=#\"'", c);
+  });
+}
+
+std::string channel_trouble(const std::vector<std::string>& names) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "'" : ", '") + printable(name) + "'";
+  std::vector<std::string> stems;
+  for (const std::string& name : names) {
+    const std::string stem = channel_stem(name);
+    if (!is_channel_name(name))
+      return "'" + printable(name) + "' of its channels " + list + " does not end in its unit";
+    if (std::find(stems.begin(), stems.end(), stem) != stems.end())
+      return "two of its channels " + list + " are called '" + stem + "' before the unit";
+    stems.push_back(stem);
+  }
+  return "";
+}
+
 std::string sensor_trouble(uint32_t detail) {
   static const char* const kNames[IMUCAL_SENSOR_N_COUNTS] = {"another chip answers in the sensor's place",
                                                              "the sensor's bus fails",
@@ -269,6 +295,12 @@ void Device::connect() {
     channels_.push_back(
         request(IMUCAL_LINK_ID_CHANNEL_INFO, &which, IMUCAL_LINK_ID_CHANNEL_INFO_REPLY).channel_info_reply);
   }
+  std::vector<std::string> names;
+  for (size_t i = 0; i < channels_.size(); ++i) names.push_back(channel_name(i));
+  if (const std::string trouble = channel_trouble(names); !trouble.empty())
+    throw device_error(port() + ": nothing can be recorded or calibrated of this device: " + trouble +
+                       "; give each channel of the board's firmware a name of its own that ends in _dph or _mg "
+                       "(gx_dph, ax_mg)");
 }
 
 imucal_link_info_reply_t Device::info_within(double within_s) {

@@ -53,7 +53,7 @@ public:
   explicit Device(std::unique_ptr<Transport> transport, DeviceOptions options = {});
 
   // Greets the device, reads name, serial, channels; changes nothing.
-  // device_error: silent, or of another protocol version.
+  // device_error: silent, of another protocol version, or with channels of which no log can be made (channel_trouble).
   void connect();
 
   const imucal_link_hello_reply_t& hello() const { return hello_; }
@@ -130,6 +130,14 @@ private:
   LinkStatistics statistics_;
   StreamHandler handler_;
 };
+
+// The name of a channel without its unit: gx of gx_dph.  A name without `_` is its own stem.
+std::string channel_stem(const std::string& name);
+
+// Why no log or table can be made of a device with these channels, with the names; empty: it can.  A name ends in its unit
+// (_dph, _mg) with something before it; stems name the columns of the flags, so that none comes twice; what separates the
+// fields of a log (comma, =, #, quotation marks, blanks, what does not print) is in no name.
+std::string channel_trouble(const std::vector<std::string>& names);
 
 // Text of a fixed-size field.
 template <size_t N> std::string fixed_text(const char (&field)[N]) {

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -38,6 +39,20 @@ std::string folder_of(const std::string& path) {
   return slash == std::string::npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
 }
 
+// What a device calls itself, in one line of a log.
+std::string one_line(std::string text) {
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < ' ' || c == '\x7F') c = '?';
+  return text;
+}
+
+// A field of a row; what is no number is a missing value.
+void write_field(std::ostream& out, float value) {
+  char text[64] = "";
+  if (std::isfinite(value)) std::snprintf(text, sizeof text, "%.9g", static_cast<double>(value));
+  out << "," << text;
+}
+
 constexpr double kLeastRoom_bytes = 1e6;
 
 double free_bytes(const std::string& path) {
@@ -67,7 +82,7 @@ void require_writable(const std::string& path) {
 }
 
 LogRecorder::LogRecorder(const std::string& path, const Device& device, What what, bool may_overwrite)
-    : path_(path), what_(what) {
+    : path_(path), what_(what), n_channels_(device.channels().size()) {
   if (path_.empty()) return;
   if (!may_overwrite) {
     refuse_existing(path_);
@@ -78,15 +93,13 @@ LogRecorder::LogRecorder(const std::string& path, const Device& device, What wha
   out_.open(path_ + ".part", std::ios::trunc);
   if (!out_) throw data_error(path_ + ": cannot be written: " + std::strerror(errno));
   out_.precision(9); // every float32
-  out_ << "# imucal-log = 1\n# device = " << fixed_text(device.hello().device) << "\n# serial = " << device.serial()
+  out_ << "# imucal-log = 1\n# device = " << one_line(fixed_text(device.hello().device))
+       << "\n# serial = " << one_line(device.serial())
        << "\n# content = " << (what_ == What::kRaw ? "raw" : "compensated") << "\n";
   write_scales(device);
   out_ << "t_s,temp_degc";
   for (size_t i = 0; i < device.channels().size(); ++i) out_ << "," << device.channel_name(i);
-  for (size_t i = 0; i < device.channels().size(); ++i) {
-    const std::string name = device.channel_name(i);
-    out_ << "," << name.substr(0, name.rfind('_')) << "_flags";
-  }
+  for (size_t i = 0; i < device.channels().size(); ++i) out_ << "," << channel_stem(device.channel_name(i)) << "_flags";
   out_ << "\n";
   out_.flush();
   if (!out_ || free_bytes(path_) < kLeastRoom_bytes) {
@@ -100,11 +113,11 @@ LogRecorder::LogRecorder(const std::string& path, const Device& device, What wha
 void LogRecorder::write_scales(const Device& device) {
   for (size_t i = 0; i < device.channels().size(); ++i) {
     const imucal_link_channel_info_reply_t& channel = device.channels()[i];
-    const std::string name = device.channel_name(i), stem = name.substr(0, name.rfind('_'));
+    const std::string name = device.channel_name(i), stem = channel_stem(name);
     if (i == 0)
       out_ << "# temp_counts_scale_degc = " << shortest(channel.degc_per_count)
            << "\n# temp_counts_offset_degc = " << shortest(channel.degc_at_zero) << "\n";
-    out_ << "# " << stem << "_counts_scale" << name.substr(name.rfind('_')) << " = " << shortest(channel.unit_per_count)
+    out_ << "# " << stem << "_counts_scale" << name.substr(stem.size()) << " = " << shortest(channel.unit_per_count)
          << "\n# " << stem << "_full_scale_counts = " << channel.full_scale_counts << "\n";
   }
 }
@@ -117,18 +130,14 @@ LogRecorder::~LogRecorder() {
 
 void LogRecorder::add(const SecondRecord& second) {
   if (!out_.is_open() || second.is_gap || has_failed_) return;
+  if (second.n_channels != n_channels_) return;     // its values belong to nobody knows which channels
   if (rows_ > 0 && second.t_s <= last_t_s_) return; // the device started its clock anew: a log has one clock
   last_t_s_ = second.t_s;
   ++rows_;
   const float* values = what_ == What::kRaw ? second.raw : second.out;
-  char text[64];
   out_ << second.t_s;
-  std::snprintf(text, sizeof text, ",%.9g", static_cast<double>(second.temp_degc));
-  out_ << text;
-  for (size_t i = 0; i < second.n_channels; ++i) {
-    std::snprintf(text, sizeof text, ",%.9g", static_cast<double>(values[i]));
-    out_ << text;
-  }
+  write_field(out_, second.temp_degc);
+  for (size_t i = 0; i < second.n_channels; ++i) write_field(out_, values[i]);
   for (size_t i = 0; i < second.n_channels; ++i) out_ << "," << static_cast<int>(second.flags[i]);
   out_ << "\n";
   out_.flush();

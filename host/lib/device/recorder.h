@@ -2,7 +2,8 @@
 // Writes the seconds a device streams as logs (host/formats.md, Log), row by row: every row is handed to the system at once, so that
 // a killed program loses none that it had taken.  The file gets its name when it is closed; until then it is NAME.part,
 // which recover_log takes up. A second with
-// fewer than half of its samples, or one that was lost on the line, is a gap: it has no row.
+// fewer than half of its samples, or one that was lost on the line, is a gap: it has no row; nor has one of another number
+// of channels.  A value that is no number is an empty field.
 #pragma once
 #include <fstream>
 #include <string>
@@ -32,6 +33,7 @@ private:
 
   std::string path_;
   What what_;
+  size_t n_channels_;
   std::ofstream out_;
   uint32_t last_t_s_ = 0;
   size_t rows_ = 0;
