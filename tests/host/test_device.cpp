@@ -24,6 +24,7 @@ extern "C" {
 #include "base/error.h"
 #include "device/device.h"
 #include "device/recorder.h"
+#include "device/watch.h"
 #include "io/log.h"
 #include "num.h"
 
@@ -402,6 +403,79 @@ void test_recorder_values_that_are_no_numbers_make_a_log_that_can_be_read(void**
   rmdir(folder);
 }
 
+// ---- a device that no longer streams ----
+
+// What `Watch` says of a device that stopped after three seconds: it says so by an event, or is silent.
+struct StoppedDevice {
+  uint32_t boot_id_after;
+  uint64_t uptime_us_after;
+  uint8_t session_after;
+  bool tells;
+  bool has_stopped = false;
+
+  Bytes answer(uint8_t id, uint8_t sequence) const {
+    if (id == IMUCAL_LINK_ID_HELLO) {
+      imucal_link_hello_reply_t reply{};
+      reply.protocol = IMUCAL_LINK_PROTOCOL;
+      reply.boot_id = has_stopped ? boot_id_after : 7;
+      return frame(IMUCAL_LINK_ID_HELLO_REPLY, sequence, reply);
+    }
+    assert_int_equal(id, IMUCAL_LINK_ID_INFO);
+    imucal_link_info_reply_t reply{};
+    reply.uptime_us = has_stopped ? uptime_us_after : 4'000'000'000;
+    reply.session = has_stopped ? session_after : static_cast<uint8_t>(IMUCAL_SESSION_CALIBRATING);
+    reply.stream_what = has_stopped ? IMUCAL_STREAM_EVENT : IMUCAL_STREAM_SECOND | IMUCAL_STREAM_EVENT;
+    return frame(IMUCAL_LINK_ID_INFO_REPLY, sequence, reply);
+  }
+};
+
+std::string said_of(StoppedDevice stopped) {
+  Bench bench([&](uint8_t id, uint8_t sequence, const imucal_link_any_t&) { return stopped.answer(id, sequence); });
+  bench.device.connect();
+  Watch watch(&bench.device, 0);
+  bench.device.on_stream([&](uint8_t id, const imucal_link_any_t& record) { watch.saw(id, record); });
+  imucal_link_second_t second{};
+  for (second.t_s = 1; second.t_s <= 3; ++second.t_s, ++second.counter) {
+    bench.line->send(frame(IMUCAL_LINK_ID_SECOND, 0, second));
+    bench.device.poll(0.01);
+  }
+  stopped.has_stopped = true;
+  imucal_link_event_t event{};
+  event.code = IMUCAL_EVENT_HOST_SILENT;
+  if (stopped.tells) bench.line->send(frame(IMUCAL_LINK_ID_EVENT, 0, event));
+  try {
+    for (int i = 0; i < 300; ++i) {
+      bench.device.poll(0.01);
+      watch.check();
+    }
+  } catch (const Error& e) {
+    assert_int_equal(e.exit(), Exit::kDevice);
+    return e.what();
+  }
+  return "nothing";
+}
+
+void test_watch_tells_a_restart_from_a_clock_that_ran_back_and_from_another_program(void**) {
+  const struct {
+    StoppedDevice device;
+    const char *says, *says_not;
+  } kCases[] = {
+      {{7, 5'000'000, IMUCAL_SESSION_KEPT, true}, "clock ran back, from 4000 s to 5 s; time_us", "restarted"},
+      {{7, 5'000'000, IMUCAL_SESSION_KEPT, false}, "must have 64 bits", "supply"},
+      {{7, 90'000'000'000, IMUCAL_SESSION_KEPT, true}, "clock jumped to 9e+04 s", "restarted"},
+      {{8, 5'000'000, IMUCAL_SESSION_IDLE, false}, "the device restarted after 3 s", "clock"},
+      {{7, 5'000'000, IMUCAL_SESSION_IDLE, false},
+       "the device restarted after 3 s",
+       "clock"}, // a boot_id that never changes
+      {{7, 4'010'000'000, IMUCAL_SESSION_IDLE, false}, "another program", "supply"},
+  };
+  for (const auto& c : kCases) {
+    const std::string said = said_of(c.device);
+    if (said.find(c.says) == std::string::npos || said.find(c.says_not) != std::string::npos)
+      fail_msg("'%s' wanted: %s", c.says, said.c_str());
+  }
+}
+
 } // namespace
 
 int main() {
@@ -419,6 +493,7 @@ int main() {
       cmocka_unit_test(test_command_is_sent_once_more_where_only_the_unlock_was_over),
       cmocka_unit_test(test_command_is_not_sent_once_more_to_a_device_that_restarted),
       cmocka_unit_test(test_connect_channels_that_no_log_can_hold_are_refused_by_name),
+      cmocka_unit_test(test_watch_tells_a_restart_from_a_clock_that_ran_back_and_from_another_program),
       cmocka_unit_test(test_recorder_values_that_are_no_numbers_make_a_log_that_can_be_read),
   };
   return cmocka_run_group_tests(tests, nullptr, nullptr);

@@ -67,6 +67,8 @@ public:
   void on_stream(StreamHandler handler) { handler_ = std::move(handler); }
 
   imucal_link_info_reply_t info();
+  // The number of the device's start, asked for again: another one than hello().boot_id after a restart.
+  uint32_t boot_id_now() { return greet().boot_id; }
   // The same in a hurry: all tries together last about within_s.  A longer wait for one reply than the default was asked
   // for by the user (a slow line) and stays.
   imucal_link_info_reply_t info_within(double within_s);
