@@ -19,6 +19,7 @@
 #include "device/recorder.h"
 #include "device/watch.h"
 #include "io/log.h"
+#include "io/notice.h"
 #include "io/table_json.h"
 
 namespace imucal {
@@ -83,13 +84,14 @@ bool find_range(const RunOptions& options, TemperatureRange* range) {
   return true;
 }
 
+// why: what is known of its cause.
 void refuse_small_travel(const TemperatureRange& moved, unsigned order, const std::optional<TemperatureRange>& wanted,
-                         const std::string& whose) {
+                         const std::string& whose, const std::string& why = "") {
   double needed = kTravelPerOrder_degc * order;
   if (wanted) needed = std::max(needed, kTravelOfRange * wanted->width());
   if (moved.width() >= needed) return;
-  throw data_error(whose + " moved only from " + text_of(moved.lo_degc, 2) + " to " + text_of(moved.hi_degc, 2) +
-                   " degC: a polynomial of order " + std::to_string(order) +
+  throw data_error(why + (why.empty() ? "" : "; ") + whose + " moved only from " + text_of(moved.lo_degc, 2) + " to " +
+                   text_of(moved.hi_degc, 2) + " degC: a polynomial of order " + std::to_string(order) +
                    (wanted ? " over " + text_of(*wanted) : std::string()) + " needs at least " + text_of(needed) +
                    " degC of travel; use a profile that covers the range" +
                    (wanted ? ", or name a smaller one with --range" : ""));
@@ -112,6 +114,7 @@ private:
 
   void prepare();
   void listen();
+  void check_sensor();
   void take(uint8_t id, const imucal_link_any_t& record);
   void take(const SecondRecord& second);
   bool is_at_end();
@@ -141,6 +144,8 @@ private:
 
   // the state of listening
   std::optional<Watch> watch_;
+  std::optional<SensorWatch> sensor_;
+  bool is_given_up_ = false; // the device is well, its sensor is not
   std::optional<imucal_link_samples_reply_t> samples_before_;
   uint32_t told_trouble_ = 0; // IMUCAL_SENSOR_* that a note speaks of
   double start_s_ = 0, last_shown_s_ = 0;
@@ -171,6 +176,7 @@ void Run::prepare() {
     axis.start.channel = static_cast<uint8_t>(channels[i]);
     axes_.push_back(axis);
   }
+  sensor_.emplace(static_cast<double>(device_.channels().front().degc_per_count), channels);
   raw_log_ =
       std::make_unique<LogRecorder>(options_.record_path, device_, LogRecorder::What::kRaw, options_.may_overwrite);
   compensated_log_ = std::make_unique<LogRecorder>(options_.record_compensated_path, device_,
@@ -184,6 +190,7 @@ void Run::take(const SecondRecord& second) {
   temp_degc_ = static_cast<double>(second.temp_degc);
   raw_log_->add(second);
   compensated_log_->add(second);
+  sensor_->add(second);
   if (second.is_gap) {
     ++result_.gaps;
     return;
@@ -209,6 +216,7 @@ void Run::take(uint8_t id, const imucal_link_any_t& record) {
     result_.notes.push_back("at " + std::to_string(t_s_) + " s the sensor reported a fault (channel bits " +
                             std::to_string(record.event.detail) + ")");
   } else if (id == IMUCAL_LINK_ID_EVENT && record.event.code == IMUCAL_EVENT_SENSOR_COUNTED) {
+    sensor_->told(record.event.detail);
     const uint32_t untold = record.event.detail & ~told_trouble_; // each once: calibrate info has the counts
     told_trouble_ |= untold;
     if (untold) result_.notes.push_back("from " + std::to_string(t_s_) + " s: " + sensor_trouble(untold));
@@ -250,6 +258,13 @@ void Run::show(bool is_last) {
   std::fflush(stderr);
 }
 
+// A sensor of which nothing can come ends the run now and not in the end.
+void Run::check_sensor() {
+  is_given_up_ = true; // where one of these throws
+  sensor_->require_usable(device_.port(), options_.faulty_s);
+  is_given_up_ = false;
+}
+
 void Run::listen() {
   device_.stream(0, 0, 1); // what a former program left running
   samples_before_ = device_.samples();
@@ -264,6 +279,7 @@ void Run::listen() {
     device_.poll(0.2);
     show(false);
     watch_->check();
+    check_sensor();
   }
   show(true);
   device_.cal_stop(IMUCAL_STOP_KEEP);
@@ -334,12 +350,13 @@ void Run::check_read_back() {
 void Run::require_seconds() {
   if (result_.seconds == 0)
     throw device_error(device_.port() + ": no second came from the device; nothing to learn from");
-  if (result_.gaps > kManyGaps * result_.seconds)
-    result_.notes.push_back(text_of(result_.gaps, 0) + " of " + text_of(result_.seconds, 0) +
-                            " seconds held fewer than half of the samples the device expects (" +
-                            text_of(static_cast<double>(device_.hello().rate_hz), 0) +
-                            " per second) and were not used; check the sensor or its nominal rate");
-  if (result_.gaps == result_.seconds) throw device_error(device_.port() + ": " + result_.notes.back());
+  if (result_.gaps <= kManyGaps * result_.seconds) return;
+  const std::string text = text_of(result_.gaps, 0) + " of " + text_of(result_.seconds, 0) +
+                           " seconds held fewer than half of the samples the device expects (" +
+                           text_of(static_cast<double>(device_.hello().rate_hz), 0) +
+                           " per second) and were not used; check the sensor or its nominal rate";
+  if (result_.gaps == result_.seconds) throw device_error(device_.port() + ": " + text);
+  result_.notes.push_back(text);
 }
 
 // What the device saw robustly, for any axis: one bad second of the thermometer widens nothing.
@@ -439,7 +456,8 @@ void Run::finish() {
   for (const Axis& axis : axes_) result_.axes.push_back(learned(axis));
   see_span();
   refuse_small_travel(result_.seen, options_.order,
-                      is_range_known_ ? std::optional<TemperatureRange>(range_) : std::nullopt, "the temperature");
+                      is_range_known_ ? std::optional<TemperatureRange>(range_) : std::nullopt, "the temperature",
+                      sensor_->standing_text());
   judge();
   if (is_accepted(result_.reasons))
     flash();
@@ -476,8 +494,11 @@ RunResult Run::go() {
     else
       device_.cal_stop(IMUCAL_STOP_DISCARD);
   } catch (const Error& e) {
+    if (!options_.quiet)
+      for (const std::string& note : result_.notes) notice(note); // nobody else will say what the device told
     // the device is fine: leave it idle
-    if (e.exit() != Exit::kDevice || (watch_ && watch_->is_sensor_silent())) device_.cal_stop(IMUCAL_STOP_DISCARD);
+    const bool is_sensors_fault = is_given_up_ || (watch_ && watch_->is_sensor_silent());
+    if (e.exit() != Exit::kDevice || is_sensors_fault) device_.cal_stop(IMUCAL_STOP_DISCARD);
     throw;
   }
   if (options_.until_error > 0) result_.is_error_reached = result_.end == RunResult::End::kErrorReached;

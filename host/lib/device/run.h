@@ -15,6 +15,7 @@
 #include "base/error.h"
 #include "base/range.h"
 #include "device/device.h"
+#include "device/sensor_watch.h"
 #include "io/model.h"
 #include "io/profile.h"
 #include "kf.h"
@@ -30,6 +31,7 @@ struct RunOptions {
   double until_error = 0;                // end when the predicted worst one-sigma error is below; 0: not
   double duration_s = 0;                 // of sensor time; 0: until the sensor ends or Ctrl-C
   double stall_s = 0;                    // the device answers but no second comes for so long: error; 0: see watch.h
+  double faulty_s = kFaultyPatience_s;   // no axis has a second to learn from for so long: error
   JudgeOptions judge;                    // what is accepted, and the largest predicted error
   bool keep_partial = false;             // Ctrl-C: make a table of what is there
   double prior_sigma = kPriorSigma;
@@ -79,7 +81,7 @@ imucal_link_samples_reply_t samples_between(const imucal_link_samples_reply_t& b
 
 // Runs it: learns, judges (analysis/fit/judge.h, with what the device found), and flashes where nothing speaks against it or
 // all was accepted.  A log that cannot be written does not end the run.  usage_error, data_error (a profile that does not move), device_error as the messages say;
-// whenever it throws, the device keeps the table it had.
+// whenever it throws, the device keeps the table it had, and what it told until then has been said (io/notice.h).
 RunResult run_calibration(Device* device, const RunOptions& options);
 
 // Names of RunResult::End for people and for JSON.

@@ -64,6 +64,10 @@ void add_run(cli::App* app, RunArguments* o) {
       ->type_name("DPH");
   app->add_option("--duration-s", o->run.duration_s, "end after so much sensor time")->check(FinitePositive);
   add_stall(app, &o->run.stall_s);
+  app->add_option("--faulty-s", o->run.faulty_s,
+                  "give up when no axis has had a second without a fault for so long, of sensor time")
+      ->check(FinitePositive)
+      ->capture_default_str();
   app->add_option("--accept", o->run.judge.accept,
                   "flash although this rule speaks against it (repeat; rules: calibrate fit --help)")
       ->allow_extra_args(false)
