@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""What `calibrate` says of a board that a newcomer may build: a thermometer that stands still, a sensor that delivers faults only."""
+"""What `calibrate` says of a board that a newcomer may build: a thermometer that stands still, a sensor that delivers faults
+only, another rate than the board says."""
 import csv
+import json
 import pathlib
 import re
 import sys
 
+import numpy as np
 import pytest
 
 from device_link import Device
@@ -12,7 +15,7 @@ from imu import Imu
 from test_firmware_sensors import Sensor, chamber, hang_up  # noqa: F401 (chamber is a fixture)
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
-from sick.device import DeviceBench, as_bytes, change  # noqa: E402
+from sick.device import RATE_HZ, TEST_S, DeviceBench, as_bytes, change  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +92,91 @@ def test_run_sensor_that_reports_faults_only_ends_the_run(bench):
 
 
 def test_run_faults_of_one_axis_or_of_less_than_faulty_s_do_not_end_the_run(bench):
-    for fault in (lambda s: (s["t_s"] >= 200).astype("u1"), lambda s: ((s["t_s"] >= 200) & (s["t_s"] < 790)).astype("u1") * 7):
+    for fault in (lambda s: (s["t_s"] >= 200).astype("u1"),
+                  lambda s: ((s["t_s"] >= 200) & (s["t_s"] < 790)).astype("u1") * 7):
         status, _, err, _ = calibrate_run(bench, change(fault=fault)(bench.healthy))
         assert status == 1 and "faults in" in " ".join(err).replace("fault in", "faults in"), err
+
+
+# ---- another rate than the board says ----
+
+def at_rate(samples, hz):
+    """The samples of a sensor that delivers so many a second: the test's 10 and, evenly between, copies of them with noise of
+    their own, or a part of them."""
+    n = int(TEST_S * hz)
+    near = np.minimum((np.arange(n) * RATE_HZ / hz).astype(int), len(samples["t_s"]) - 1)
+    taken = {name: value[near].copy() for name, value in samples.items()}
+    taken["rate"] += np.random.default_rng(9).normal(0, 1, taken["rate"].shape)
+    taken["stamp_us"] = (np.arange(n) * 1e6 / hz).round().astype("u8") + np.uint64(1000)
+    return taken
+
+
+@pytest.mark.parametrize("hz, text", [(13, "13 samples a second where the board says 10"), (8, "8 samples a second where")])
+def test_run_rate_off_by_more_than_a_tenth_is_told(bench, hz, text):
+    status, out, err, folder = calibrate_run(bench, at_rate(bench.healthy, hz))
+    assert status in (0, 1)
+    assert text in err[0] and "note: " in err[0] and "rate_hz" in err[0] and "time stamps (us)" in err[0]
+    assert text in out and any(text in note for note in json.loads((folder / "run.json").read_text())["notes"])
+
+
+@pytest.mark.parametrize("hz", [21, 200, 4])
+def test_run_rate_off_by_a_factor_2_is_refused_at_once(bench, hz):
+    status, _, err, folder = calibrate_run(bench, at_rate(bench.healthy, hz))
+    assert status == 4 and f"{hz} samples a second where the board says 10" in err[-1], err
+    assert not (folder / "table.json").exists()
+
+
+def test_record_and_info_tell_a_wrong_rate(bench):
+    imu = bench.start()
+    try:
+        bench.feed(imu, as_bytes(at_rate(bench.healthy, 13)))
+        status, _, err = imu.calibrate("--json", "record.json", "record", "-o", "log.csv")
+        assert status == 0 and "note: 13 samples a second where the board says 10" in err
+        assert "13 samples" in imu.json("record.json")["rate_warning"]
+        assert "13 samples a second where the board says 10" in imu.info()["rate_warning"]
+        assert "note: since start 13 samples" in imu.calibrate("info")[1]
+    finally:
+        imu.close()
+
+
+def test_run_samples_whose_seconds_never_end_are_told(bench):
+    """Time stamps in milliseconds: a thousand seconds go by until the first one ends."""
+    samples = bench.healthy
+    spoilt = {**samples, "stamp_us": samples["stamp_us"] // np.uint64(10000)}
+    imu = bench.start()
+    try:
+        bench.feed(imu, as_bytes(spoilt), paced=len(as_bytes(samples)) / 20)
+        status, _, err = imu.calibrate("run", "--model", "model.json", "--range", "0:60", "--stall-s", 1)
+        assert status == 4 and "samples come, but no second of them has ended" in err and "microseconds" in err
+    finally:
+        imu.close()
+
+
+def test_healthy_devices_are_not_told_a_wrong_rate(bench):
+    """Clocks that are off by 3 %, jitter of a period, every twentieth sample missing, each at several seeds."""
+    rng = np.random.default_rng(11)
+    for hz in (9.7, 10.3, 10.0, 10.0):
+        samples = at_rate(bench.healthy, hz)
+        keep = rng.random(len(samples["t_s"])) > (0.05 if hz == 10.0 else 0)
+        samples = {name: value[keep][:RATE_HZ * 60] for name, value in samples.items()}
+        samples["stamp_us"] += rng.integers(0, 90_000, len(samples["stamp_us"])).astype("u8")
+        imu = bench.start()
+        try:
+            bench.feed(imu, as_bytes(samples))
+            status, _, err = imu.calibrate("record", "-o", "log.csv")
+            assert status == 0 and "samples a second" not in err, (hz, err)
+            assert imu.info()["rate_warning"] is None
+        finally:
+            imu.close()
+
+
+def test_run_more_noise_beside_lost_samples_says_to_mend_the_losses(bench):
+    """Five of eight samples are lost, as the flags say; the mean's noise is 1.4 times the model's."""
+    samples = at_rate(bench.healthy, 10)
+    keep = np.random.default_rng(5).random(len(samples["t_s"])) < 0.7
+    samples = {name: value[keep] for name, value in samples.items()}
+    samples["rate"] += np.random.default_rng(6).normal(0, 110, samples["rate"].shape)
+    status, _, err, _ = calibrate_run(bench, samples)
+    assert status == 1
+    nis = next(line for line in err if "innovations have" in line)
+    assert "samples are missing in" in nis and "identify the model anew" not in nis

@@ -110,6 +110,7 @@ private:
     imucal_link_cal_start_t start;
     std::vector<float> rate; // usable seconds
     std::vector<float> temp_degc;
+    size_t n_lossy; // of them, with samples missing
   };
 
   void prepare();
@@ -172,11 +173,13 @@ void Run::prepare() {
               cal_start_of(model, options_.order, (range_.lo_degc + range_.hi_degc) / 2, range_.width() / 2, range_,
                            options_.prior_sigma),
               {},
-              {}};
+              {},
+              0};
     axis.start.channel = static_cast<uint8_t>(channels[i]);
     axes_.push_back(axis);
   }
-  sensor_.emplace(static_cast<double>(device_.channels().front().degc_per_count), channels);
+  sensor_.emplace(static_cast<double>(device_.hello().rate_hz),
+                  static_cast<double>(device_.channels().front().degc_per_count), channels);
   raw_log_ =
       std::make_unique<LogRecorder>(options_.record_path, device_, LogRecorder::What::kRaw, options_.may_overwrite);
   compensated_log_ = std::make_unique<LogRecorder>(options_.record_compensated_path, device_,
@@ -201,6 +204,7 @@ void Run::take(const SecondRecord& second) {
     if (second.flags[axis.channel] & (kSaturated | kSensorFault)) continue;
     axis.rate.push_back(second.raw[axis.channel]);
     axis.temp_degc.push_back(second.temp_degc);
+    axis.n_lossy += (second.flags[axis.channel] & kSamplesMissing) != 0;
   }
 }
 
@@ -260,7 +264,12 @@ void Run::show(bool is_last) {
 
 // A sensor of which nothing can come ends the run now and not in the end.
 void Run::check_sensor() {
+  if (const std::string warning = sensor_->new_rate_warning(); !warning.empty()) {
+    if (!options_.quiet) notice(warning); // now, while a restart costs nothing
+    result_.notes.push_back(warning);
+  }
   is_given_up_ = true; // where one of these throws
+  sensor_->require_rate(device_.port());
   sensor_->require_usable(device_.port(), options_.faulty_s);
   is_given_up_ = false;
 }
@@ -431,6 +440,8 @@ void Run::judge() {
   std::vector<const ErrorModel*> models;
   for (size_t i = 0; i < axes_.size(); ++i) {
     axes.push_back(as_fit(result_.axes[i]));
+    axes.back().lossy_frac =
+        static_cast<double>(axes_[i].n_lossy) / std::max(1.0, static_cast<double>(axes_[i].rate.size()));
     models.push_back(axes_[i].model);
   }
   result_.reasons = judge_axes(axes, models, 1.0, options_.judge);

@@ -80,8 +80,8 @@ imucal_link_samples_reply_t samples_between(const imucal_link_samples_reply_t& b
                                             const imucal_link_samples_reply_t& after);
 
 // Runs it: learns, judges (analysis/fit/judge.h, with what the device found), and flashes where nothing speaks against it or
-// all was accepted.  A log that cannot be written does not end the run.  usage_error, data_error (a profile that does not move), device_error as the messages say;
-// whenever it throws, the device keeps the table it had, and what it told until then has been said (io/notice.h).
+// all was accepted.  A log that cannot be written does not end the run.  usage_error, data_error (a profile that does not move),
+// device_error as the messages say; whenever it throws, the device keeps the table it had, and what it told until then has been said (io/notice.h).
 RunResult run_calibration(Device* device, const RunOptions& options);
 
 // Names of RunResult::End for people and for JSON.

@@ -16,6 +16,7 @@ constexpr double kSilence_s = 1.0;  // without any record: ask the device whethe
 constexpr double kAnswer_s = 1.8;   // from then on, until it counts as gone: 2.8 s in all
 constexpr double kStall_s = 2.5;    // of a sensor that has delivered
 constexpr double kFirst_s = 30.0;   // until it delivers
+constexpr double kCount_s = 0.3;    // how long samples are counted where no second comes
 constexpr double kMaxStep_s = 60.0; // of the sensor's clock
 
 std::string seconds_text(double seconds) {
@@ -81,6 +82,14 @@ void Watch::ask() {
   has_stopped_ = false;
 }
 
+bool Watch::are_samples_coming() {
+  const std::optional<imucal_link_samples_reply_t> before = device_.samples();
+  if (!before) return false;
+  const double begin_s = now_s();
+  while (now_s() < begin_s + kCount_s) device_.poll(kCount_s);
+  return device_.samples()->samples != before->samples;
+}
+
 void Watch::check() {
   if (has_sensor_ended_) return;
   const double patience_s = stall_s_ > 0 ? stall_s_ : has_second_ ? kStall_s : kFirst_s;
@@ -88,6 +97,10 @@ void Watch::check() {
   if (is_stalled || has_stopped_ || now_s() - last_record_s_ > kSilence_s) ask();
   if (!is_stalled || has_sensor_ended_ || now_s() - last_second_s_ <= patience_s) return;
   is_sensor_silent_ = true;
+  if (are_samples_coming())
+    throw device_error(device_.port() + ": samples come, but no second of them has ended for " +
+                       seconds_text(patience_s) +
+                       ": are the time stamps of the board in microseconds, and do they run?");
   throw device_error(device_.port() + ": the device answers, but its sensor has delivered nothing for " +
                      seconds_text(patience_s) + "; check the sensor (or start its feed)");
 }

@@ -30,6 +30,7 @@ public:
 
 private:
   void ask();
+  bool are_samples_coming();
   [[noreturn]] void restarted() const;
   [[noreturn]] void stopped(const imucal_link_info_reply_t& info) const;
 

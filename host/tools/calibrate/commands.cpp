@@ -12,7 +12,9 @@
 #include "base/progress.h"
 #include "calibrate/fit_json.h"
 #include "device/recorder.h"
+#include "device/sensor_watch.h"
 #include "device/watch.h"
+#include "io/notice.h"
 #include "io/table_json.h"
 
 namespace imucal {
@@ -252,6 +254,10 @@ struct DeviceState {
   std::optional<imucal_link_samples_reply_t> samples;
   std::optional<imucal_link_sensor_reply_t> sensor;
   bool has_table() const { return info.table_status == IMUCAL_OK; }
+  // Empty: the sensor delivers as many samples as the board says, or too few seconds to tell.
+  std::string rate_warning(const Device& device) const {
+    return samples ? rate_text(*samples, static_cast<double>(device.hello().rate_hz)) : "";
+  }
 };
 
 Json channels_json(const Device& device) {
@@ -290,6 +296,8 @@ Json info_json(const Device& device, const DeviceState& now) {
   json["counters"] = counters_json(counters);
   if (samples) json["samples"] = samples_json(*samples);
   json["sensor"] = sensor ? sensor_json(*sensor) : Json(nullptr);
+  const std::string warning = now.rate_warning(device);
+  json["rate_warning"] = warning.empty() ? Json(nullptr) : Json(warning);
   return json;
 }
 
@@ -332,6 +340,8 @@ void print_info(const Device& device, const DeviceState& now) {
                 static_cast<double>(device.channels()[i].unit_per_count), device.channels()[i].full_scale_counts,
                 device.channels()[i].is_compensated ? "compensated" : "raw");
   print_counts(now);
+  if (const std::string warning = now.rate_warning(device); !warning.empty())
+    std::printf("note: since start %s\n", warning.c_str());
 }
 
 } // namespace
@@ -353,6 +363,7 @@ public:
         raw_(options.raw_path, *device, LogRecorder::What::kRaw, options.may_overwrite),
         compensated_(options.compensated_path, *device, LogRecorder::What::kCompensated, options.may_overwrite),
         prints_(options.raw_path.empty() && options.compensated_path.empty() && common.talks()),
+        is_quiet_(common.quiet), sensor_(static_cast<double>(device->hello().rate_hz), 0, {}),
         progress_("recording", options.duration_s, common.quiet || prints_), watch_(device, options.stall_s) {}
 
   void listen();
@@ -374,7 +385,9 @@ private:
   Device& device_;
   const MonitorOptions& options_;
   LogRecorder raw_, compensated_;
-  bool prints_;
+  bool prints_, is_quiet_;
+  SensorWatch sensor_;
+  std::string rate_warning_; // empty: the rate is the board's, or not known yet
   Progress progress_;
   Watch watch_;
   size_t n_ = 0;
@@ -405,6 +418,7 @@ void Recording::take(uint8_t id, const imucal_link_any_t& record) {
   ++n_;
   raw_.add(record.second);
   compensated_.add(record.second);
+  sensor_.add(record.second);
   progress_.update(watch_.elapsed_s(), std::to_string(static_cast<long>(watch_.elapsed_s())) + " s");
   if (prints_) print(record.second);
 }
@@ -424,6 +438,10 @@ void Recording::listen() {
   while (!is_at_end()) {
     device_.poll(0.2);
     watch_.check();
+    const std::string warning = sensor_.new_rate_warning();
+    if (warning.empty()) continue;
+    rate_warning_ = warning;
+    if (!is_quiet_) notice(warning);
   }
   progress_.finish();
   device_.stream(0, 0, 1);
@@ -440,6 +458,7 @@ void Recording::close() {
 Json Recording::json() const {
   Json json = {{"seconds", n_}, {"sensor_ended", watch_.has_sensor_ended()}, {"link", link_json(device_)}};
   if (samples_) json["samples"] = samples_json(*samples_);
+  json["rate_warning"] = rate_warning_.empty() ? Json(nullptr) : Json(rate_warning_);
   json["sensor_trouble"] = trouble_ ? Json(sensor_trouble(trouble_)) : Json(nullptr);
   return json;
 }

@@ -181,7 +181,7 @@ void take_fit(const ChebyshevFit& fit, FitAxis* axis) {
 }
 
 void take_residuals(const std::vector<FitRun>& runs, FitAxis* axis) {
-  double sum = 0;
+  double sum = 0, n_lossy = 0;
   for (size_t l = 0; l < runs.size(); ++l)
     for (size_t k = 0; k < runs[l].rate_dph.size(); ++k) {
       if (!std::isfinite(runs[l].rate_dph[k])) {
@@ -192,8 +192,11 @@ void take_residuals(const std::vector<FitRun>& runs, FitAxis* axis) {
       const double residual = runs[l].rate_dph[k] - axis->bias_dph(runs[l].temp_degc[k]) - turn_on;
       sum += residual * residual;
       ++axis->n_used;
+      n_lossy += (runs[l].flags[k] & kSamplesMissing) != 0;
     }
-  axis->residual_rms_dph = axis->n_used > 0 ? std::sqrt(sum / static_cast<double>(axis->n_used)) : 0;
+  if (axis->n_used == 0) return;
+  axis->residual_rms_dph = std::sqrt(sum / static_cast<double>(axis->n_used));
+  axis->lossy_frac = n_lossy / static_cast<double>(axis->n_used);
 }
 
 // One axis of every log; data_error where a log has nothing of it.

@@ -73,6 +73,7 @@ struct FitAxis {
   double residual_rms_dph = 0;               // rate - B(T) - a_l over all seconds used
   double dt_s = 1;                           // step of the rows that n_used and n_missing count
   long n_used = 0, n_missing = 0;   // seconds used; flagged, empty, refused or missing between the first and last
+  double lossy_frac = 0;            // of the seconds used, those in which samples are missing
   double mean_nis = 0, lag1 = 0;    // kKalman: innovation statistics (1 and 0 with a right model)
   imucal_health_verdict_t health{}; // the core's rules; those that compare with a model only where one was given
   long n_rejected = 0, n_bad_temperature = 0; // seconds left out: knocks, readings that no thermometer reaches

@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kMaxResidualVariance = 1.5; // of what the model predicts, beyond its own scatter
 constexpr double kMinMeasurements = 0.9;     // of the best axis' seconds
+constexpr double kManyLossy = 0.1;           // of the seconds: more noise than the model's may be their doing
 
 // A second that the filter refuses stays: fit_kalman counts it.
 bool is_left_out_by(imucal_learn_outcome_t outcome) {
@@ -51,14 +52,23 @@ std::string number(double value) {
   return text;
 }
 
+// What to do where there is more noise than the model has.
+std::string remedy_of_noise(const FitAxis& axis) {
+  if (axis.lossy_frac <= kManyLossy) return "identify the model anew";
+  return "samples are missing in " + number(100 * axis.lossy_frac) +
+         " % of the seconds: mend that first (losses between sensor and board, or a rate_hz that is not the sensor's), "
+         "no "
+         "model will";
+}
+
 // What a rule of the core means, with its figure.
 std::string text_of(uint32_t rule, const FitAxis& axis) {
   const std::string value = number(static_cast<double>(axis.health.value[rule]));
   const std::string percent = number(100 * static_cast<double>(axis.health.value[rule])) + " %";
   const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
   const std::string honest = ": the predicted error is at least " + number(axis.error_factor) + " times too small (" +
-                             number(worst) + " claimed, " + number(worst * axis.error_factor) +
-                             " by what was seen); identify the model anew";
+                             number(worst) + " claimed, " + number(worst * axis.error_factor) + " by what was seen); " +
+                             remedy_of_noise(axis);
   switch (rule) {
   case IMUCAL_HEALTH_NO_NOISE:
     return "no noise: steps between seconds have " + value + " of the variance expected; is the sensor alive?";
