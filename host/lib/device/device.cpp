@@ -42,7 +42,7 @@ std::string remedy(imucal_status status) {
     return "; use the table of this device (calibrate info shows its serial)";
   case IMUCAL_ERR_FLASH:
   case IMUCAL_ERR_VERIFY:
-    return "; the flash may be worn out; the last good table still rules";
+    return ": its driver, the program unit that it declares, or worn cells; a table that ruled before still rules";
   case IMUCAL_ERR_SUPPLY:
     return "; nothing was changed: raise the supply voltage and flash again";
   case IMUCAL_ERR_UNKNOWN:

@@ -129,6 +129,7 @@ private:
   double residual_rms(const Axis& axis, const AxisResult& learned) const;
   FitAxis as_fit(const AxisResult& axis) const;
   void judge();
+  void try_to_flash();
   void flash();
   imucal_table_t table_made_here(bool is_for_flash);
   void check_read_back();
@@ -447,6 +448,19 @@ void Run::judge() {
   result_.reasons = judge_axes(axes, models, 1.0, options_.judge);
 }
 
+// What was learnt is on this machine by now: a flash that fails, or a device that is gone, costs the flashing alone.
+void Run::try_to_flash() {
+  const imucal_table_t made = table_made_here(true);
+  try {
+    flash();
+  } catch (const Error& e) {
+    if (e.exit() != Exit::kDevice) throw;
+    result_.flash_error = e.what();
+    result_.table = made;
+    result_.is_flashed = result_.is_device_made = false;
+  }
+}
+
 void Run::flash() {
   const TemperatureRange span = table_span();
   result_.is_device_made = span.lo_degc == range_.lo_degc && span.hi_degc == range_.hi_degc;
@@ -471,10 +485,10 @@ void Run::finish() {
                       sensor_->standing_text());
   judge();
   if (is_accepted(result_.reasons))
-    flash();
+    try_to_flash();
   else
     result_.table = table_made_here(false);
-  device_.cal_stop(IMUCAL_STOP_DISCARD);
+  if (result_.flash_error.empty()) device_.cal_stop(IMUCAL_STOP_DISCARD); // else its filters stay, and it may be gone
 }
 
 // What cannot be written costs the log and not the calibration.

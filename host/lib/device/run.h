@@ -54,7 +54,9 @@ struct RunResult {
   End end = End::kInterrupted;
   bool is_error_reached = true; // false: --until-error was asked for and not met
   std::vector<AxisResult> axes;
-  bool is_flashed = false;        // false: interrupted or not accepted; the device keeps the table it had
+  bool is_flashed = false; // false: interrupted, not accepted or flash_error; the device keeps the table it had
+  std::string
+      flash_error; // why the flash did not take what was learnt and accepted: `table` is good and is nowhere else
   std::vector<FitReason> reasons; // what speaks against it
   imucal_table_t table{};      // as read back from the device; not flashed: as it would be (no axes where interrupted)
   bool is_device_made = false; // false: the host made it of the device's filters, for a narrower span
@@ -81,7 +83,8 @@ imucal_link_samples_reply_t samples_between(const imucal_link_samples_reply_t& b
 
 // Runs it: learns, judges (analysis/fit/judge.h, with what the device found), and flashes where nothing speaks against it or
 // all was accepted.  A log that cannot be written does not end the run.  usage_error, data_error (a profile that does not move),
-// device_error as the messages say; whenever it throws, the device keeps the table it had, and what it told until then has been said (io/notice.h).
+// device_error as the messages say; a flash that fails at the end is no exception but flash_error, for the result is there;
+// whenever it throws, the device keeps the table it had, and what it told until then has been said (io/notice.h).
 RunResult run_calibration(Device* device, const RunOptions& options);
 
 // Names of RunResult::End for people and for JSON.

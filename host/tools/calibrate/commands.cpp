@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "calibrate/commands.h"
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -516,6 +519,7 @@ Json run_json(const Device& device, const RunOptions& options, const RunResult& 
   for (const AxisResult& axis : result.axes) json["axes"].push_back(axis_json(axis, result, in_table));
   json["device"] = device_json(device);
   json["flashed"] = result.is_flashed;
+  json["flash_error"] = result.flash_error.empty() ? Json(nullptr) : Json(result.flash_error);
   json["judgement"] = judgement_json(result.reasons);
   json["sequence"] = result.is_flashed ? Json(result.table.sequence) : Json(nullptr);
   json["ended_by"] = end_text(result.end);
@@ -559,12 +563,34 @@ void tell_reasons(const Device& device, const RunResult& result) {
     std::fprintf(stderr,
                  "calibrate: not accepted, nothing flashed: %s keeps its last good table; to insist: --accept RULE\n",
                  device.serial().c_str());
-  else if (!result.is_flashed)
+  else if (!result.is_flashed && result.flash_error.empty())
     std::fprintf(stderr,
                  "calibrate: interrupted, nothing flashed: %s keeps its last good table (--keep-partial flashes what "
                  "is there)\n",
                  device.serial().c_str());
   if (!result.record_error.empty()) std::fprintf(stderr, "calibrate: %s\n", result.record_error.c_str());
+}
+
+// Where the table goes that no flash has taken: the file asked for, else one beside the work, never over another.
+std::string unflashed_path(const Device& device, const std::string& asked_for) {
+  if (!asked_for.empty()) return asked_for;
+  std::string stem = "unflashed-";
+  for (const char c : device.serial()) stem += std::isalnum(static_cast<unsigned char>(c)) ? c : '_';
+  std::string path = stem + ".json";
+  for (int n = 2; ::access(path.c_str(), F_OK) == 0; ++n) path = stem + "-" + std::to_string(n) + ".json";
+  return path;
+}
+
+// The run is not lost: what was learnt is in a file, and what to do is said.
+Exit keep_unflashed(const Device& device, const RunResult& result, const std::string& path) {
+  std::fprintf(stderr, "calibrate: %s\n", printable(result.flash_error).c_str());
+  write_table(path, result.table);
+  std::fprintf(
+      stderr,
+      "calibrate: not flashed; what was learnt is good and is kept in %s: mend the device, then calibrate --port %s "
+      "flash %s\n",
+      path.c_str(), device.port().c_str(), path.c_str());
+  return Exit::kDevice;
 }
 
 // The table is in flash, whatever becomes of the file.
@@ -589,6 +615,7 @@ Exit calibrate_device(Device* device, const RunOptions& options, const std::stri
   if (common.wants_json()) write_json(common.json_path, run_json(*device, options, result, wall_s));
   if (common.talks()) print_run(*device, options, result, table_path, wall_s);
   tell_reasons(*device, result);
+  if (!result.flash_error.empty()) return keep_unflashed(*device, result, unflashed_path(*device, table_path));
   if (!result.is_flashed) return is_accepted(result.reasons) ? Exit::kInterrupted : Exit::kNegative;
   if (!result.record_error.empty()) return Exit::kData;
   return result.is_error_reached ? Exit::kDone : Exit::kNegative;
@@ -670,7 +697,8 @@ Exit erase_tables(Device* device, const CommonOptions& common) {
   device->erase();
   const imucal_link_info_reply_t info = device->info();
   if (info.table_status == IMUCAL_OK)
-    throw device_error(device->port() + ": a table still rules after erasing; the flash may be worn out");
+    throw device_error(device->port() +
+                       ": a table still rules after erasing; look at the flash: its driver, or worn cells");
   if (common.wants_json()) write_json(common.json_path, {{"erased", true}});
   if (common.talks()) std::printf("both slots erased; %s runs uncompensated\n", device->serial().c_str());
   return Exit::kDone;

@@ -82,7 +82,8 @@ void add_run(cli::App* app, RunArguments* o) {
   app->add_option("--record-compensated", o->run.record_compensated_path, "write the compensated 1-s means as a log")
       ->type_name("LOG.csv");
   app->add_flag("--force", o->run.may_overwrite, "write over logs that are there");
-  app->add_option("-o,--output", o->table_path, "write the table as flashed")->type_name("TABLE.json");
+  app->add_option("-o,--output", o->table_path, "write the table as flashed (also where the flash fails)")
+      ->type_name("TABLE.json");
 }
 
 RunOptions complete(RunArguments arguments, bool quiet) {
