@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: MIT
 """What `calibrate` says of a board that a newcomer may build: a thermometer that stands still, a sensor that delivers faults
-only, another rate than the board says, a flash that does not take the table."""
+only, another rate than the board says, a thermometer that is renewed seldom, a flash that does not take the table."""
 import csv
 import json
 import pathlib
 import re
 import resource
+import subprocess
 import sys
 
 import imu as imu_module
@@ -13,11 +14,12 @@ import numpy as np
 import pytest
 
 from device_link import Device
-from imu import QUICK, Imu
+from imu import CALIBRATE, QUICK, Imu
 from test_firmware_sensors import Sensor, chamber, hang_up  # noqa: F401 (chamber is a fixture)
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
-from sick.device import RATE_HZ, TEST_S, DeviceBench, as_bytes, change  # noqa: E402
+from sick.case import MODEL as SICK_MODEL  # noqa: E402
+from sick.device import RATE_HZ, RECORD, TEST_S, DeviceBench, as_bytes, change  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -183,6 +185,52 @@ def test_run_more_noise_beside_lost_samples_says_to_mend_the_losses(bench):
     assert status == 1
     nis = next(line for line in err if "innovations have" in line)
     assert "samples are missing in" in nis and "identify the model anew" not in nis
+
+
+# ---- a thermometer that is renewed seldom ----
+
+def renewed(samples, every_s, times=1.0):
+    """Its word is renewed every so many seconds (it has noise of 0.02 degC); the bias of the rates is so many times as large."""
+    noisy = samples["temp_degc"] + np.random.default_rng(12).normal(0, 0.02, len(samples["t_s"]))
+    step = int(every_s * RATE_HZ)
+    bias = np.polynomial.polynomial.polyval((samples["temp_degc"] - 30) / 30, SICK_MODEL["bias"]["coeff_dph"])
+    held = noisy[np.maximum(0, (np.arange(len(noisy)) + 3) // step * step - 3)] if step else noisy
+    return {**samples, "temp_degc": held, "rate": samples["rate"] + (times - 1) * bias[:, None]}
+
+
+def test_run_thermometer_renewed_seldom_is_noted_where_it_costs_little(bench):
+    status, out, err, folder = calibrate_run(bench, renewed(bench.healthy, 10))
+    assert status == 0, err
+    assert "note: gx_dph: the thermometer is renewed only every 10 s" in out and "5 s of delay may have cost" in out
+    assert any("renewed only every 10 s" in note for note in json.loads((folder / "run.json").read_text())["notes"])
+
+
+def test_run_and_fit_refuse_what_a_thermometer_renewed_seldom_costs_more_than_the_predicted_error(bench):
+    status, _, err, folder = calibrate_run(bench, renewed(bench.healthy, 10, times=10))
+    assert status == 1 and any("gx_dph: the thermometer is renewed only every 10 s" in line for line in err), err
+    reason = next(r for r in json.loads((folder / "run.json").read_text())["judgement"]["reasons"] if r["rule"] == "temp-held")
+    assert 25 < reason["value"] < 45 and 5 < reason["limit"] < 25  # 5 s x 125 dph/degC x 0.06 degC/s at the steepest
+    fit = subprocess.run([CALIBRATE, "fit", "log.csv", "--model", "model.json", "--json", "fit.json"], cwd=folder,
+                         capture_output=True, text=True)
+    assert fit.returncode == 1
+    rules = [r["rule"] for r in json.loads((folder / "fit.json").read_text())["judgement"]["reasons"]]
+    assert rules.count("temp-held") == 3
+
+
+def test_run_healthy_and_coarse_declared_thermometers_are_not_said_to_be_renewed_seldom(bench):
+    coarse = {**bench.healthy, "temp_degc": np.round(bench.healthy["temp_degc"] / 0.5) * 0.5}
+    for samples, scale in ((bench.healthy, "0.01"), (renewed(bench.healthy, 0), "0.01"), (coarse, "0.5"), (coarse, "0.01")):
+        imu = bench.start()
+        imu.power_off()
+        imu.power_on(["--temp-scale", scale])
+        data = np.frombuffer(as_bytes(samples), dtype=RECORD).copy()
+        data["temp"] = np.round((samples["temp_degc"] - 25) / float(scale))
+        try:
+            bench.feed(imu, data.tobytes())
+            status, out, err = imu.calibrate("run", "--model", "model.json", "--range", "0:60")
+            assert status == 0 and "renewed" not in out + err, out + err
+        finally:
+            imu.close()
 
 
 # ---- a flash that fails at the end ----

@@ -128,6 +128,7 @@ private:
   AxisResult learned(const Axis& axis);
   double residual_rms(const Axis& axis, const AxisResult& learned) const;
   FitAxis as_fit(const AxisResult& axis) const;
+  void see_renewal(const Renewal& renewal, FitAxis* fit);
   void judge();
   void try_to_flash();
   void flash();
@@ -149,7 +150,8 @@ private:
   std::optional<SensorWatch> sensor_;
   bool is_given_up_ = false; // the device is well, its sensor is not
   std::optional<imucal_link_samples_reply_t> samples_before_;
-  uint32_t told_trouble_ = 0; // IMUCAL_SENSOR_* that a note speaks of
+  std::vector<double> record_t_s_, record_temp_degc_; // of the seconds that were no gaps
+  uint32_t told_trouble_ = 0;                         // IMUCAL_SENSOR_* that a note speaks of
   double start_s_ = 0, last_shown_s_ = 0;
   uint32_t t_s_ = 0;
   double temp_degc_ = 0, worst_sigma_ = std::numeric_limits<double>::infinity();
@@ -199,6 +201,8 @@ void Run::take(const SecondRecord& second) {
     ++result_.gaps;
     return;
   }
+  record_t_s_.push_back(second.t_s);
+  record_temp_degc_.push_back(temp_degc_);
   result_.seen.lo_degc = std::min(result_.seen.lo_degc, temp_degc_);
   result_.seen.hi_degc = std::max(result_.seen.hi_degc, temp_degc_);
   for (Axis& axis : axes_) {
@@ -418,6 +422,9 @@ AxisResult Run::learned(const Axis& axis) {
 FitAxis Run::as_fit(const AxisResult& axis) const {
   FitAxis fit;
   fit.axis = axis.name;
+  fit.t0_degc = static_cast<double>(axis.filter.config.t0_degc);
+  fit.range_degc = static_cast<double>(axis.filter.config.range_degc);
+  fit.coeff_dph.assign(axis.state.coeff, axis.state.coeff + axis.state.order + 1);
   fit.residual_rms_dph = axis.residual_rms;
   fit.n_used = static_cast<long>(axis.state.n);
   fit.error_factor = static_cast<double>(axis.health.error_factor);
@@ -436,13 +443,27 @@ FitAxis Run::as_fit(const AxisResult& axis) const {
   return fit;
 }
 
+// A thermometer that is renewed seldom: what its delay may have cost, said where no rule says it.
+void Run::see_renewal(const Renewal& renewal, FitAxis* fit) {
+  if (renewal.every_s <= 0) return;
+  fit->renewal = renewal;
+  fit->renewal_cost_dph =
+      renewal_cost(renewal, record_t_s_, record_temp_degc_, fit->coeff_dph, fit->t0_degc, fit->range_degc);
+  const double worst = *std::max_element(fit->sigma_dph.begin(), fit->sigma_dph.end());
+  if (fit->renewal_cost_dph <= worst)
+    result_.notes.push_back(fit->axis + ": " + renewal_text(renewal, fit->renewal_cost_dph, worst, fit->unit()));
+}
+
 void Run::judge() {
   std::vector<FitAxis> axes;
   std::vector<const ErrorModel*> models;
+  const Renewal renewal = thermometer_renewal(record_t_s_, record_temp_degc_,
+                                              static_cast<double>(device_.channels().front().degc_per_count));
   for (size_t i = 0; i < axes_.size(); ++i) {
     axes.push_back(as_fit(result_.axes[i]));
     axes.back().lossy_frac =
         static_cast<double>(axes_[i].n_lossy) / std::max(1.0, static_cast<double>(axes_[i].rate.size()));
+    see_renewal(renewal, &axes.back());
     models.push_back(axes_[i].model);
   }
   result_.reasons = judge_axes(axes, models, 1.0, options_.judge);

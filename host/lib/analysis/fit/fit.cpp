@@ -383,6 +383,27 @@ ChebyshevFit fit_polynomial(const std::vector<FitRun>& runs, const FitOptions& o
   return fit;
 }
 
+// The delay of a thermometer that is renewed seldom, by the log where it costs most.  Its quantum is what `calibrate record`
+// notes.
+void take_renewal(const std::vector<Log>& logs, FitAxis* axis, FitResult* result) {
+  if (std::abs(axis->dt_s - 1) > 0.01) return;
+  for (const Log& log : logs) {
+    const auto noted = log.metadata.find("temp_counts_scale_degc");
+    const double quantum_degc = noted == log.metadata.end() ? 0 : std::atof(noted->second.c_str());
+    if (!(quantum_degc > 0)) continue;
+    std::vector<double> t_s, temp_degc;
+    for (size_t k = 0; k < log.size(); ++k)
+      if (std::isfinite(log.temp_degc[k])) t_s.push_back(log.t_s[k]), temp_degc.push_back(log.temp_degc[k]);
+    const Renewal renewal = thermometer_renewal(t_s, temp_degc, quantum_degc);
+    const double cost = renewal_cost(renewal, t_s, temp_degc, axis->coeff_dph, axis->t0_degc, axis->range_degc);
+    if (cost > axis->renewal_cost_dph) axis->renewal = renewal, axis->renewal_cost_dph = cost;
+  }
+  const double worst = *std::max_element(axis->sigma_dph.begin(), axis->sigma_dph.end());
+  if (axis->renewal.every_s > 0 && axis->renewal_cost_dph <= worst)
+    result->warnings.push_back(axis->axis + ": " +
+                               renewal_text(axis->renewal, axis->renewal_cost_dph, worst, axis->unit()));
+}
+
 FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const FitOptions& options, FitResult* result) {
   const double dt_s = logs[0].dt_s();
   FitAxis axis;
@@ -410,6 +431,7 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
                                : fit_polynomial(runs, options, dt_s, &axis);
   take_fit(fit, &axis);
   take_residuals(runs, &axis);
+  take_renewal(logs, &axis, result);
   if (fit.n_refused > 0)
     result->warnings.push_back(axis.axis + ": the filter refused " + std::to_string(fit.n_refused) +
                                " seconds as out of range");

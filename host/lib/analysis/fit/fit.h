@@ -21,6 +21,7 @@
 #include <string>
 #include <vector>
 
+#include "analysis/fit/renewal.h"
 #include "base/axis_unit.h"
 #include "health.h"
 #include "io/log.h"
@@ -73,6 +74,8 @@ struct FitAxis {
   double residual_rms_dph = 0;               // rate - B(T) - a_l over all seconds used
   double dt_s = 1;                           // step of the rows that n_used and n_missing count
   long n_used = 0, n_missing = 0;   // seconds used; flagged, empty, refused or missing between the first and last
+  Renewal renewal;                  // of the thermometer, where a log's quantum is known and it is renewed seldom
+  double renewal_cost_dph = 0;      // what its delay may have cost
   double lossy_frac = 0;            // of the seconds used, those in which samples are missing
   double mean_nis = 0, lag1 = 0;    // kKalman: innovation statistics (1 and 0 with a right model)
   imucal_health_verdict_t health{}; // the core's rules; those that compare with a model only where one was given
@@ -100,6 +103,7 @@ struct FitResult {
 
 // Names of all rules: those of the core, and over a whole log
 //   residual      rate - B(T), rms over what the model predicts: 4 standard deviations beyond 1.5 in variance
+//   temp-held     the thermometer is renewed so seldom that the delay may have cost more than the predicted error (renewal.h)
 //   measurements  an axis with less than 90 % of the seconds of the best one
 //   error         worst predicted error above max_error_dph
 //   units         temperatures above 200 degC throughout (kelvin?), rows 1000 s apart (milliseconds?)

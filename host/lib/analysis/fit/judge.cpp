@@ -140,6 +140,9 @@ void judge_axis(const JudgeOptions& options, const ErrorModel* model, double dt_
         {axis.axis, "measurements", part, kMinMeasurements,
          "only " + number(100 * part) + " % of the seconds that the best axis has: what became of the others?"});
   const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
+  if (axis.renewal_cost_dph > worst)
+    reasons->push_back({axis.axis, "temp-held", axis.renewal_cost_dph, worst,
+                        renewal_text(axis.renewal, axis.renewal_cost_dph, worst, axis.unit())});
   const double by_unit = is_accelerometer(axis.axis) ? kMaxErrorMg : kMaxErrorDph;
   const double limit = options.max_error_dph > 0 ? options.max_error_dph : by_unit;
   if (worst > limit)
@@ -196,7 +199,7 @@ double temperature_step(const std::vector<FitRun>& runs) {
 std::vector<std::string> fit_rules() {
   std::vector<std::string> names;
   for (uint32_t rule = 0; rule < IMUCAL_HEALTH_N_RULES; ++rule) names.emplace_back(imucal_health_rule_name(rule));
-  names.insert(names.end(), {"residual", "measurements", "error", "units"});
+  names.insert(names.end(), {"residual", "temp-held", "measurements", "error", "units"});
   return names;
 }
 

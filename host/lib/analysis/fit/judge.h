@@ -14,9 +14,11 @@ struct JudgeOptions {
   double max_error_dph = 0;
 };
 
-// Reasons against the axes: the core's rules of each (FitAxis::health, error_factor), then residual, measurements and error.
+// Reasons against the axes: the core's rules of each (FitAxis::health, error_factor), then residual, temp-held, measurements
+// and error.
 // models: one per axis, null where none is known (then the residual is not judged).
-// Read of an axis: axis, health, error_factor, sigma_dph, residual_rms_dph, n_used.
+// Read of an axis: axis, health, error_factor, sigma_dph, residual_rms_dph, n_used, lossy_frac, renewal,
+// renewal_cost_dph.
 std::vector<FitReason> judge_axes(const std::vector<FitAxis>& axes, const std::vector<const ErrorModel*>& models,
                                   double dt_s, const JudgeOptions& options);
 
