@@ -3,7 +3,9 @@
 only, another rate than the board says, a thermometer that is renewed seldom, a flash that does not take the table."""
 import csv
 import json
+import os
 import pathlib
+import pty
 import re
 import resource
 import subprocess
@@ -122,6 +124,21 @@ def test_run_rate_off_by_more_than_a_tenth_is_told(bench, hz, text):
     assert status in (0, 1)
     assert text in err[0] and "note: " in err[0] and "rate_hz" in err[0] and "time stamps (us)" in err[0]
     assert text in out and any(text in note for note in json.loads((folder / "run.json").read_text())["notes"])
+
+
+def test_run_a_note_does_not_stand_behind_the_line_that_shows_the_progress(bench):
+    imu = bench.start()
+    terminal, end = pty.openpty()
+    try:
+        bench.feed(imu, as_bytes(at_rate(bench.healthy, 13)))
+        process = subprocess.Popen([CALIBRATE, "--port", imu.port, "run", "--model", "model.json", "--range", "0:60"],
+                                   cwd=imu.folder, stdout=subprocess.DEVNULL, stderr=end)
+        assert process.wait(timeout=30) in (0, 1)
+        assert b"\r\033[Kcalibrate: note: 13 samples" in os.read(terminal, 65536)
+    finally:
+        os.close(terminal)
+        os.close(end)
+        imu.close()
 
 
 @pytest.mark.parametrize("hz", [21, 200, 4])

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "cli/program.h"
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cerrno>
@@ -82,7 +84,9 @@ std::vector<std::string> common_behind(const CLI::App& app, int argc, char** arg
   return words;
 }
 
+// Not behind the line that shows the progress, which stands on a terminal only.
 void complain(const std::string& name, const std::string& message) {
+  if (::isatty(STDERR_FILENO)) std::cerr << "\r\033[K";
   std::cerr << printable(name + ": " + message) << "\n";
 }
 
