@@ -373,6 +373,25 @@ static void test_shared_noise_beside_a_gap_is_no_open_family(void**) {
   assert_lacks(text, "of the family");
 }
 
+// A gap within a minute, as of the steps of a thermometer: the figure and the means beside it do not contradict each other.
+static void test_a_gap_within_a_minute_is_said_to_be(void**) {
+  GapResult gap = gap_of(0.96, 0.93, 0.98);
+  gap.minutes.rms_before_dph = 12.5, gap.minutes.rms_after_dph = 12.2, gap.minutes.noise_rms_dph = 12.8;
+  const std::string within = "the gap lies within these means";
+  assert_true(said(Verdict::kExplained, {effect_of("thermal_hysteresis", 40)}, {}, gap).find(within) !=
+              std::string::npos);
+  gap.minutes.rms_after_dph = 6;
+  assert_true(said(Verdict::kExplained, {effect_of("thermal_hysteresis", 40)}, {}, gap).find(within) ==
+              std::string::npos);
+}
+static void test_a_loop_that_is_open_is_left(void**) {
+  SelectedEffect effect = effect_of("thermal_hysteresis", 40);
+  open_loop(&effect);
+  const std::string text = said(Verdict::kUnexplained, {effect}, {}, gap_of(0.9, 0.8, 0.95));
+  assert_true(text.find("left: what the states in which the runs began belong to is open") != std::string::npos);
+  assert_true(text.find("nothing detectable") == std::string::npos);
+}
+
 static void test_a_stand_in_does_not_remove_less_than_nothing(void**) {
   const auto said_of = [](double part) {
     return said(Verdict::kUnexplained, {}, {free_shape(Family::kThermalMemory)},
@@ -448,6 +467,8 @@ int main() {
       cmocka_unit_test(test_names_that_were_rejected_are_told_apart_from_free_shapes),
       cmocka_unit_test(test_an_extrapolated_residual_is_not_told),
       cmocka_unit_test(test_shared_noise_beside_a_gap_is_no_open_family),
+      cmocka_unit_test(test_a_gap_within_a_minute_is_said_to_be),
+      cmocka_unit_test(test_a_loop_that_is_open_is_left),
       cmocka_unit_test(test_a_stand_in_does_not_remove_less_than_nothing),
       cmocka_unit_test(test_an_axis_that_cannot_be_judged_has_no_answer),
       cmocka_unit_test(test_no_name_is_twice_in_a_set),

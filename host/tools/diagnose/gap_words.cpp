@@ -14,6 +14,7 @@ namespace {
 constexpr double kNearlyAll = 0.95;    // a shrinkage that surely stays below leaves something
 constexpr double kScaleEnd = -0.995;   // a shrinkage is not told below -100 %
 constexpr double kMoreThanNoise = 1.2; // times: worth a word
+constexpr double kMuchOfGap = 0.5, kHardlyLess = 0.95;
 
 template <typename Is> bool finds(const Selection& s, const Is& is) {
   return std::any_of(s.effects.begin(), s.effects.end(), is);
@@ -88,7 +89,10 @@ std::string remainder(const AxisResult& axis) {
                axis_unit(axis.axis)));
   if (!s.own_jumps.empty()) add("jumps in time that held-out logs have of their own");
   for (const SelectedEffect& e : s.effects)
-    if (e.doubt == Doubt::kShapeOpen) add("the shape is open: " + family_label(e.family));
+    if (e.doubt == Doubt::kShapeOpen)
+      add("the shape is open: " + family_label(e.family));
+    else if (e.doubt == Doubt::kLoopOpen)
+      add("what the states in which the runs began belong to is open: " + family_label(e.family));
   if (g.has_mean && g.minutes.has_residual() && g.minutes.rms_after_dph > 1.1 * g.minutes.rms_before_dph)
     add(std::string("the predicted mean is further from the held-out rates than before") +
         (g.has_figure() ? "" : ", as far as their noise tells"));
@@ -160,6 +164,11 @@ std::string noise_statement(const AxisResult& axis) {
                 figure(g.minutes.rms_before_dph, axis).c_str(), figure(g.minutes.noise_rms_dph, axis).c_str());
 }
 
+// Much of the gap goes, and the means show nothing of it: it was within them, as what the steps of a thermometer make.
+bool is_within_means(const GapResult& g) {
+  return g.has_figure() && g.shrinkage > kMuchOfGap && g.minutes.rms_after_dph > kHardlyLess * g.minutes.rms_before_dph;
+}
+
 } // namespace
 
 // How far the gap shrinks on data that were not fitted, or why that is not known; empty: not asked.
@@ -178,7 +187,8 @@ std::string held_out_statement(const AxisResult& axis) {
                             : "") +
       (g.minutes.run_to_run_rms_dph > 0
            ? format(", what differs from run to run %s", figure(g.minutes.run_to_run_rms_dph, axis).c_str())
-           : "");
+           : "") +
+      (is_within_means(g) ? "; the gap lies within these means, which hardly show it" : "");
   if (axis.study.selection.verdict == Verdict::kUnexplained && g.has_figure())
     return format("a flexible stand-in%s %s: not an explanation; %s",
                   axis.study.selection.effects.empty() ? "" : " of that family",
