@@ -8,7 +8,7 @@
  *   (c) sum |k_i| <= 2^30 + 6, k_i = m_i in units of 2^-scale_shift (rounded as c_i), and > 2^29 unless scale_shift is
  *       at its cap of 36;  sum|m_i| times the largest |rate| <= 2^24.5 L;
  *   (d) the clamped temperature counts have 2^30 |Tn| <= 2^30 + 1; their distance from the middle, shifted left, is
- *       |d'| < 2^31.
+ *       -2^31 <= d' < 2^31.
  *
  * Temperature: tn = floor(d' gain 2^-31) + tn_mid in units of 2^-30.  gain is off by at most a half (by one where it
  * was cut to 2^31 - 1; then |d'| <= 2^30), so that its product is off by half a unit; the floor takes up to one unit
@@ -134,7 +134,7 @@ IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const 
     counts[i] = counts_from_degc(at_degc[i], thermometer);
     if (absolute(counts[i]) > INT32_MAX) return IMUCAL_ERR_PRECISION;
   }
-  const int64_t mid = counts[0];
+  int64_t mid = counts[0];
   int64_t lo = counts[1], hi = counts[2];
   /* The nearest count may lie a little outside t0 +- range. */
   for (uint32_t i = 0; tn_of_counts(thermometer, c, lo) < -ONE_Q30; i++, lo++)
@@ -145,8 +145,15 @@ IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const 
   if (lo >= hi || reach > MAX_DISTANCE) return IMUCAL_ERR_PRECISION;
   const uint32_t distance = (uint32_t)reach; /* 1 .. 2^30, since lo < hi: at most 30 rounds, and none overflows */
   while (distance << (comp->tn_shift + 1) <= (uint32_t)INT32_MAX) comp->tn_shift++;
-  const int64_t gain = float_quotient(thermometer->degc_per_count, 61 - comp->tn_shift, c->range_degc, TO_NEAREST);
-  if (gain > (int64_t)INT32_MAX + 1) return IMUCAL_ERR_PRECISION;
+  int64_t gain = float_quotient(thermometer->degc_per_count, 61 - comp->tn_shift, c->range_degc, TO_NEAREST);
+  if (gain > (int64_t)INT32_MAX + 1) {
+    /* The far end is 2^k counts off by the rounding of the middle, the range a little less (as two floats have no quotient
+     * between 1 - 2^-24 and 1): hi - lo < 2^(k+1).  From lo + 2^k the distances fill all 32 bits: -2^31 .. 2^31 - 1. */
+    if (reach == 1) return IMUCAL_ERR_PRECISION; /* a range below one count */
+    mid = lo + reach;
+    comp->tn_shift++;
+    gain = float_quotient(thermometer->degc_per_count, 61 - comp->tn_shift, c->range_degc, TO_NEAREST);
+  }
   comp->tn_gain = gain > INT32_MAX ? INT32_MAX : (int32_t)gain;
   comp->tn_mid_q30 = (int32_t)tn_of_counts(thermometer, c, mid);
   comp->temp_mid_counts = (int32_t)mid;

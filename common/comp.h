@@ -28,7 +28,7 @@ enum { IMUCAL_COMP_TEMP_CLAMPED = 1, IMUCAL_COMP_SATURATED = 2 };
 
 typedef struct imucal_comp {
   int32_t temp_lo_counts, temp_hi_counts; /* valid span */
-  int32_t temp_mid_counts;                /* Tn is computed from the distance to it */
+  int32_t temp_mid_counts;                /* Tn is computed from the distance to it: near t0, or inside the span */
   int32_t tn_mid_q30;                     /* Tn at temp_mid_counts */
   int32_t tn_gain;                        /* Tn per count in units of 2^-(61 - tn_shift) */
   uint8_t tn_shift;                       /* the distance shifted left so far uses all its 31 bits */

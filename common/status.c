@@ -36,7 +36,8 @@ const char* imucal_status_text(imucal_status status) {
     TEXT(IMUCAL_ERR_SIGMA, "calibration error negative or not finite");
     TEXT(IMUCAL_ERR_MODEL, "error model out of its limits");
     TEXT(IMUCAL_ERR_CHANNELS, "wrong number of channels");
-    TEXT(IMUCAL_ERR_PRECISION, "fixed point cannot hold this table within one LSB");
+    TEXT(IMUCAL_ERR_PRECISION,
+         "fixed point cannot hold this table within one LSB (thermometer, range or coefficients)");
     TEXT(IMUCAL_ERR_RESERVED, "reserved byte is not zero");
     TEXT(IMUCAL_ERR_SYNC, "sample record without its marker");
     TEXT(IMUCAL_ERR_PERIOD, "time stands still or runs backwards");

@@ -377,6 +377,45 @@ static void test_prepare_ends_outside_the_range_by_two_counts_at_most(void** sta
   assert_int_equal(prepare_temperature_of(&comp, 0, 512, -512, 512 + 3 * count, count, 0), IMUCAL_ERR_PRECISION);
 }
 
+/* t0 between two counts, so that an end is 2^k counts from the nearest and the range a little less than 2^k: on either side,
+ * and with a middle outside the span's middle. */
+static void test_prepare_end_a_power_of_two_beyond_the_range_is_held(void** state) {
+  (void)state;
+  imucal_comp_t comp;
+  assert_int_equal(prepare_temperature_of(&comp, 23.5f, 63.5f, -40, 87, 1, 0), IMUCAL_OK);
+  assert_true(comp.temp_lo_counts == -40 && comp.temp_mid_counts == 24 && comp.temp_hi_counts == 87);
+  assert_int_equal(comp.tn_shift, 25); /* 64 counts: -2^31 */
+  assert_int_equal(prepare_temperature_of(&comp, 23.25f, 63.875f, 20, 87, 1, 0), IMUCAL_OK);
+  assert_true(comp.temp_lo_counts == 20 && comp.temp_mid_counts == 84 && comp.temp_hi_counts == 87);
+}
+
+/* Thermometers of 1 degC to 2^-22 of 60 degC a count, any span: none is refused, all within the proof. */
+static void test_prepare_any_span_of_a_coarse_thermometer_within_the_proof(void** state) {
+  (void)state;
+  unit_rng_t rng = {unit_seed()};
+  const float per[] = {1.0f, 0.5f, 0.125f, 0.01f, 60.0f / 4194304}, zero[] = {0, 25};
+  uint32_t n_moved = 0;
+  for (int run = 0; run < 40000; run++) {
+    const float lo = (float)(unit_integer(&rng, -4000, 2100)) / 100, hi = (float)(unit_integer(&rng, 4000, 9100)) / 100;
+    float coeff[6];
+    for (int i = 0; i < 6; i++) coeff[i] = (float)(30000 * unit_between(&rng, -1, 1));
+    imucal_table_t table = table_of(5, coeff, 27.0f, 32767);
+    table.degc_per_count = per[run % 5];
+    table.degc_at_zero = zero[run / 5 % 2];
+    imucal_table_channel_t* c = &table.channel[0];
+    c->t0_degc = (lo + hi) / 2;
+    c->range_degc = (hi - lo) / 2 * 1.00001f;
+    c->span_lo_degc = lo;
+    c->span_hi_degc = hi;
+    imucal_comp_t comp;
+    assert_int_equal(imucal_comp_prepare(&comp, &table, 0), IMUCAL_OK);
+    const int is_moved = ((int64_t)comp.temp_mid_counts - comp.temp_lo_counts) << comp.tn_shift > INT32_MAX;
+    n_moved += is_moved;
+    if (is_moved) assert_true(worst_error(&table, &comp, &rng, 200) <= bound_of(&comp));
+  }
+  assert_true(n_moved > 50);
+}
+
 /* The least range, and the finest thermometer: temperatures are rounded to 2^-40 degC, a 64th of a unit of Tn there. */
 static void test_prepare_least_range_temperatures_are_rounded_to_nearest(void** state) {
   (void)state;
@@ -476,15 +515,18 @@ static void expect_temperature(const imucal_comp_t* comp, const imucal_table_t* 
   }
   const long double per = table->degc_per_count, zero = table->degc_at_zero, t0 = c->t0_degc, range = c->range_degc;
   const int64_t mid = comp->temp_mid_counts, lo = comp->temp_lo_counts, hi = comp->temp_hi_counts;
-  expect_rounded(mid, (t0 - zero) / per, -0.5, 0.5);
+  const int64_t reach = mid - lo > hi - mid ? mid - lo : hi - mid;
+  const int has_moved = reach << comp->tn_shift > INT32_MAX; /* the middle, where the range is less than the far end */
+  if (!has_moved) expect_rounded(mid, (t0 - zero) / per, -0.5, 0.5);
   expect_rounded(lo, (c->span_lo_degc - zero) / per, -0.5, 2.5);
   expect_rounded(hi, (c->span_hi_degc - zero) / per, -2.5, 0.5);
   expect_rounded(comp->tn_mid_q30, 0x1p30L * (mid * per + zero - t0) / range, 0, 1);
   const int is_cut = comp->tn_gain == INT32_MAX;
   expect_rounded(comp->tn_gain, ldexpl(per / range, 61 - comp->tn_shift), is_cut ? -1.5 : -0.5, 0.5);
-  const int64_t reach = mid - lo > hi - mid ? mid - lo : hi - mid;
-  assert_true(lo < hi && reach <= (int64_t)1 << 30);
-  assert_true(reach << comp->tn_shift <= INT32_MAX && reach << (comp->tn_shift + 1) > INT32_MAX);
+  assert_true(lo < hi && reach <= (int64_t)1 << 30 && reach << (comp->tn_shift + 1) > INT32_MAX);
+  if (!has_moved) return;
+  assert_true(reach > range / per && (reach & (reach - 1)) == 0);
+  assert_true((mid - lo) << comp->tn_shift == (int64_t)INT32_MAX + 1 && (hi - mid) << comp->tn_shift <= INT32_MAX);
 }
 
 static void expect_coefficients(const int32_t* made, const float* value, int order, int n, double unit) {
@@ -549,8 +591,8 @@ static void test_prepare_makes_the_exact_values_rounded_as_the_proof_says(void**
     assert_int_equal(comp.has_scale, sum_of_exact(c->scale_coeff, c->scale_order, 1) > 0);
     crc = digest(crc, &comp);
   }
-  assert_int_equal(n_prepared, 10629);
-  assert_int_equal(crc, 0xCBC88277);
+  assert_int_equal(n_prepared, 10667);
+  assert_int_equal(crc, 0xAA1259CA);
 }
 
 /* Tn as the bias sees it: -1, 0 and 1 at the ends and the middle of the span, clamped and flagged beyond. */
@@ -592,6 +634,8 @@ int main(void) {
       cmocka_unit_test(test_prepare_bound_of_the_coefficients_is_exact),
       cmocka_unit_test(test_prepare_bound_of_the_span_is_exact),
       cmocka_unit_test(test_prepare_ends_outside_the_range_by_two_counts_at_most),
+      cmocka_unit_test(test_prepare_end_a_power_of_two_beyond_the_range_is_held),
+      cmocka_unit_test(test_prepare_any_span_of_a_coarse_thermometer_within_the_proof),
       cmocka_unit_test(test_prepare_least_range_temperatures_are_rounded_to_nearest),
       cmocka_unit_test(test_prepare_subnormal_coefficients_are_exact),
       cmocka_unit_test(test_prepare_wrong_arguments_are_refused),
