@@ -35,11 +35,12 @@ static uint32_t mark_offset(const imucal_flash_t* flash, uint32_t mark) {
   return flash->slot_bytes - (mark + 1) * IMUCAL_STORE_MARK_BYTES(flash->program_bytes);
 }
 
-static bool is_usable(const imucal_flash_t* flash) {
+imucal_status imucal_store_check(const imucal_flash_t* flash) {
   const uint32_t unit = flash->program_bytes, page = flash->erase_bytes;
   const bool is_unit = unit >= 1 && unit <= IMUCAL_STORE_MAX_PROGRAM && (unit & (unit - 1)) == 0;
-  return is_unit && page >= 8 && page % 8 == 0 && page % unit == 0 && flash->slot_bytes % page == 0 &&
-         flash->slot_bytes >= IMUCAL_STORE_MIN_SLOT_BYTES(unit);
+  const bool is_usable = is_unit && page >= 8 && page % 8 == 0 && page % unit == 0 && flash->slot_bytes % page == 0 &&
+                         flash->slot_bytes >= IMUCAL_STORE_MIN_SLOT_BYTES(unit);
+  return is_usable ? IMUCAL_OK : IMUCAL_ERR_GEOMETRY;
 }
 
 /* ---- marks ---- */
@@ -213,7 +214,11 @@ static uint32_t survey(const imucal_flash_t* flash, const char* serial, uint32_t
 /* What was read to judge may read differently when it is loaded (cells caught by a cut): then the other slot. */
 imucal_status imucal_store_load(const imucal_flash_t* flash, const char* serial, uint32_t n_channels,
                                 imucal_store_work_t* work, imucal_table_t* table, imucal_store_report_t* report) {
-  if (!is_usable(flash)) return IMUCAL_ERR_ARGUMENT;
+  const imucal_status usable = imucal_store_check(flash);
+  if (usable != IMUCAL_OK) {
+    *report = (imucal_store_report_t){{usable, usable}, {0, 0}, NONE};
+    return usable;
+  }
   (void)survey(flash, serial, n_channels, work, report);
   for (uint32_t attempt = 0; attempt < IMUCAL_STORE_SLOTS && report->ruling != NONE; attempt++) {
     const uint32_t slot = (uint32_t)report->ruling;
@@ -275,8 +280,8 @@ static imucal_status secure(const imucal_flash_t* flash, const imucal_store_repo
 
 imucal_status imucal_store_write(const imucal_flash_t* flash, const char* serial, uint32_t n_channels, uint8_t origin,
                                  imucal_store_work_t* work, imucal_table_t* table, imucal_store_report_t* report) {
-  if (!is_usable(flash)) return IMUCAL_ERR_ARGUMENT;
-  imucal_status status = check_owner(table->serial, table->n_channels, serial, n_channels);
+  imucal_status status = imucal_store_check(flash);
+  if (status == IMUCAL_OK) status = check_owner(table->serial, table->n_channels, serial, n_channels);
   if (status != IMUCAL_OK) return status;
   table->sequence = 1; /* any that is valid */
   status = imucal_table_validate(table, NULL);
@@ -322,10 +327,11 @@ imucal_status imucal_store_rollback(const imucal_flash_t* flash, const char* ser
 
 imucal_status imucal_store_erase(const imucal_flash_t* flash, imucal_store_work_t* work,
                                  imucal_store_report_t* report) {
-  if (!is_usable(flash)) return IMUCAL_ERR_ARGUMENT;
+  imucal_status status = imucal_store_check(flash);
+  if (status != IMUCAL_OK) return status;
   const uint32_t newest = survey(flash, NULL, 0, work, report);
   const uint32_t first = report->ruling == 0 ? 1u : 0u;
-  imucal_status status = report->ruling == NONE ? IMUCAL_OK : add_commit(flash, 1 - first, newest);
+  status = report->ruling == NONE ? IMUCAL_OK : add_commit(flash, 1 - first, newest);
   if (status == IMUCAL_OK || status == IMUCAL_ERR_NO_MARK) status = erase_slot(flash, first);
   if (status == IMUCAL_OK) status = erase_slot(flash, 1 - first);
   (void)survey(flash, NULL, 0, work, report);

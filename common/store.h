@@ -100,9 +100,13 @@ typedef struct imucal_store_work {
   uint32_t words[(IMUCAL_TABLE_MAX_BYTES + IMUCAL_STORE_MAX_PROGRAM) / 4];
 } imucal_store_work_t;
 
+/* Can tables be kept in flash of these sizes?  IMUCAL_ERR_GEOMETRY: no; every function below says so too and touches nothing.
+ * Ask before hours of learning. */
+IMUCAL_MUST_USE imucal_status imucal_store_check(const imucal_flash_t* flash);
+
 /* Find the ruling table for the device `serial` (IMUCAL_SERIAL_LEN characters, 0-padded; null: any) with n_channels
- * (0: any).  IMUCAL_OK: *table is it; IMUCAL_ERR_NO_TABLE: none, see report; IMUCAL_ERR_ARGUMENT: sizes of flash out
- * of range.  report may not be null.  At most 80 reads; writes nothing. */
+ * (0: any).  IMUCAL_OK: *table is it; IMUCAL_ERR_NO_TABLE: none, see report; IMUCAL_ERR_GEOMETRY: so are both slots in the
+ * report.  report may not be null.  At most 80 reads; writes nothing. */
 IMUCAL_MUST_USE imucal_status imucal_store_load(const imucal_flash_t* flash, const char* serial, uint32_t n_channels,
                                                 imucal_store_work_t* work, imucal_table_t* table,
                                                 imucal_store_report_t* report);

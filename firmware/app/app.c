@@ -139,7 +139,8 @@ imucal_status app_load_table(imucal_app_t* app) {
 
 imucal_status imucal_app_init(imucal_app_t* app, const imucal_port_t* port, const imucal_board_t* board) {
   memset(app, 0, sizeof *app);
-  const imucal_status status = imucal_board_check(board);
+  imucal_status status = imucal_board_check(board);
+  if (status == IMUCAL_OK) status = imucal_store_check(&port->flash);
   if (status != IMUCAL_OK) return status;
   app->port = port;
   app->board = board;

@@ -242,7 +242,8 @@ static imucal_status check_candidate(const imucal_app_t* app, const imucal_link_
   for (uint32_t k = 0; k < IMUCAL_TABLE_SIGMA_N; k++) channel.sigma[k] = 1.0f;
   memcpy(channel.markov_sigma, request->markov_sigma, sizeof channel.markov_sigma);
   memcpy(channel.markov_tau_s, request->markov_tau_s, sizeof channel.markov_tau_s);
-  const imucal_status status = imucal_table_validate_channel(&channel, board->degc_per_count, board->degc_at_zero);
+  imucal_status status = imucal_store_check(&app->port->flash);
+  if (status == IMUCAL_OK) status = imucal_table_validate_channel(&channel, board->degc_per_count, board->degc_at_zero);
   if (status != IMUCAL_OK) return status;
   imucal_comp_t trial;
   return imucal_comp_prepare_channel(&trial, &channel, board->degc_per_count, board->degc_at_zero);

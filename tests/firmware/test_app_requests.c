@@ -566,6 +566,18 @@ static void test_cal_start_refuses_what_no_table_can_hold(void** state) {
   assert_int_equal(bench_done(&bench, IMUCAL_LINK_ID_CAL_START, &good), IMUCAL_OK);
 }
 
+/* Flash whose sizes hold no table: not started with, and where it changes under the app no calibration begins. */
+static void test_flash_that_holds_no_table_is_refused_before_learning(void** state) {
+  (void)state;
+  bench.port.flash.program_bytes = 3;
+  assert_int_equal(bench_cal_start(&bench, 0, 3), IMUCAL_ERR_GEOMETRY);
+  assert_int_equal(info()->session, IMUCAL_SESSION_IDLE);
+  assert_int_equal(imucal_app_init(&bench.app, &bench.port, &bench.board), IMUCAL_ERR_GEOMETRY);
+  bench.port.flash.program_bytes = 4;
+  bench_power_cycle(&bench);
+  assert_int_equal(bench_cal_start(&bench, 0, 3), IMUCAL_OK);
+}
+
 static void test_cal_filter_gives_the_filters_bits(void** state) {
   (void)state;
   calibrate(1);
@@ -836,6 +848,7 @@ int main(void) {
       CASE(test_session_rules),
       CASE(test_cal_start_bad_numbers_are_refused),
       CASE(test_cal_start_refuses_what_no_table_can_hold),
+      CASE(test_flash_that_holds_no_table_is_refused_before_learning),
       CASE(test_upload_is_closed_by_a_table_of_the_filters_that_fails),
       CASE(test_cal_filter_gives_the_filters_bits),
       CASE(test_cal_filter_reads_as_documented),

@@ -45,6 +45,9 @@ std::string remedy(imucal_status status) {
     return ": its driver, the program unit that it declares, or worn cells; a table that ruled before still rules";
   case IMUCAL_ERR_SUPPLY:
     return "; nothing was changed: raise the supply voltage and flash again";
+  case IMUCAL_ERR_GEOMETRY:
+    return "; the device's firmware declares flash that no table fits: mend its port (common/store.h, "
+           "firmware/README.md)";
   case IMUCAL_ERR_UNKNOWN:
     return "; the firmware does not know this request: update it";
   case IMUCAL_ERR_NOT_LEARNT:
