@@ -54,6 +54,7 @@ const char* imucal_status_text(imucal_status status) {
     TEXT(IMUCAL_ERR_NO_MARK, "no mark is left to note this rollback; flash the older table instead");
     TEXT(IMUCAL_ERR_SUPPLY, "the supply is too low to erase or program the flash");
     TEXT(IMUCAL_ERR_GEOMETRY, "program unit, page or slot size of the flash cannot hold tables");
+    TEXT(IMUCAL_ERR_SLOTS, "writing one table slot changed the other: they share a page or an address");
   }
   return "unknown status";
 }

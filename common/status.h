@@ -82,7 +82,8 @@ typedef enum imucal_status {
   IMUCAL_ERR_SEQUENCE = -83, /* sequence number not above the ruling one */
   IMUCAL_ERR_NO_MARK = -84,  /* rollback: no mark is left in flash to note it with */
   IMUCAL_ERR_SUPPLY = -85,   /* the supply is too low to erase or program the flash; the ruling table stands */
-  IMUCAL_ERR_GEOMETRY = -86  /* program unit, page or slot size of the flash: no table can be kept there */
+  IMUCAL_ERR_GEOMETRY = -86, /* program unit, page or slot size of the flash: no table can be kept there */
+  IMUCAL_ERR_SLOTS = -87     /* writing one slot changed the other: they share a page or an address */
 } imucal_status;
 
 /* One sentence in plain words, lower case, without full stop; never null. */

@@ -253,12 +253,27 @@ static imucal_status erase_slot(const imucal_flash_t* flash, uint32_t slot) {
   return status == IMUCAL_OK ? verify_slot(flash, slot, NULL, flash->slot_bytes) : status;
 }
 
-/* Erase, program, read back, commit.  len: whole units. */
+/* Erase the slot that does not rule.  IMUCAL_ERR_SLOTS: the erase took the ruling table too. */
+static imucal_status erase_loser(const imucal_flash_t* flash, uint32_t loser, imucal_store_work_t* work,
+                                 imucal_store_report_t* report) {
+  const imucal_status status = erase_slot(flash, loser);
+  if (status != IMUCAL_OK || report->ruling == NONE) return status;
+  const uint32_t winner = 1 - loser;
+  uint32_t noted = 0;
+  const imucal_status still = load_slot(flash, winner, NULL, 0, work, &report->sequence[winner], &noted);
+  report->slot_status[winner] = still;
+  return still == IMUCAL_OK || still == IMUCAL_ERR_FLASH ? still : IMUCAL_ERR_SLOTS;
+}
+
+/* Into an erased slot: program, read back, commit.  len: whole units.  is_first: the other slot is erased too, and stays so. */
 static imucal_status write_slot(const imucal_flash_t* flash, uint32_t slot, const uint8_t* bytes, uint32_t len,
-                                uint32_t sequence) {
-  imucal_status status = erase_slot(flash, slot);
-  if (status == IMUCAL_OK) status = flash->program(flash->ctx, slot, 0, bytes, len);
+                                uint32_t sequence, bool is_first) {
+  imucal_status status = flash->program(flash->ctx, slot, 0, bytes, len);
   if (status == IMUCAL_OK) status = verify_slot(flash, slot, bytes, len);
+  if (status == IMUCAL_OK && is_first) {
+    status = verify_slot(flash, 1 - slot, NULL, flash->slot_bytes);
+    if (status == IMUCAL_ERR_VERIFY) status = IMUCAL_ERR_SLOTS;
+  }
   return status == IMUCAL_OK ? set_mark(flash, slot, 0, sequence) : status;
 }
 
@@ -291,6 +306,8 @@ imucal_status imucal_store_write(const imucal_flash_t* flash, const char* serial
   const uint32_t loser = report->ruling == 0 ? 1u : 0u;
   status = secure(flash, report, loser, &sequence);
   if (status != IMUCAL_OK) return status;
+  const imucal_status erased = erase_loser(flash, loser, work, report);
+  const bool is_erased = erased == IMUCAL_OK || erased == IMUCAL_ERR_SLOTS;
   size_t len = 0;
   table->sequence = sequence;
   memset(work->words, 0xFF, sizeof work->words); /* what fills up the last unit */
@@ -301,11 +318,13 @@ imucal_status imucal_store_write(const imucal_flash_t* flash, const char* serial
     len += ORIGIN_BYTES;
   }
   const uint32_t unit = flash->program_bytes < 4 ? 4 : flash->program_bytes;
-  status = write_slot(flash, loser, (const uint8_t*)work->words, round_up((uint32_t)len, unit), sequence);
+  status = !is_erased ? erased
+                      : write_slot(flash, loser, (const uint8_t*)work->words, round_up((uint32_t)len, unit), sequence,
+                                   report->ruling == NONE);
   report->slot_status[loser] = status;
   report->sequence[loser] = status == IMUCAL_OK ? sequence : 0;
   if (status == IMUCAL_OK) report->ruling = (int8_t)loser;
-  return status;
+  return status == IMUCAL_OK ? erased : status;
 }
 
 imucal_status imucal_store_rollback(const imucal_flash_t* flash, const char* serial, uint32_t n_channels,

@@ -44,7 +44,10 @@
  *
  * Bits that flip at rest: a table that fails its CRC is refused, the other slot rules; a slot that has been written
  * after has two commit marks.
- * Silent failures of the driver: erase, table and marks are read back before the next step. */
+ * Silent failures of the driver: erase, table and marks are read back before the next step.
+ * (3) rests on an erase that touches its slot alone.  Where one takes both, as with a page larger than declared, R is gone
+ * with it: the ruling table is read again after the erase, the new one is written all the same, and the write is told as
+ * failed (IMUCAL_ERR_SLOTS).  Slots that share addresses are found by the first write. */
 #ifndef IMUCAL_STORE_H
 #define IMUCAL_STORE_H
 
@@ -118,6 +121,8 @@ IMUCAL_MUST_USE imucal_status imucal_store_load(const imucal_flash_t* flash, con
  * IMUCAL_ERR_CHANNELS (table of another device), the status of table_validate, IMUCAL_ERR_SEQUENCE.  After
  * IMUCAL_ERR_FLASH and IMUCAL_ERR_VERIFY the old table rules, or the new one where only the last mark's read-back
  * failed: load tells.  work must not overlap table.
+ * IMUCAL_ERR_SLOTS: the slots are not apart (erase_bytes or the callbacks are wrong).  The new table rules, the old one is
+ * lost, and a power cut in the next write would lose both; of slots that share an address none rules.
  * IMUCAL_ERR_SEQUENCE: the newest number is 2^32 - 256.  Numbers grow by 1 a write (by at most 13 after writes cut again and
  * again); flash that stands 100,000 erases a slot is worn out after 200,000 writes, long before.  imucal_store_erase starts
  * the numbers anew. */

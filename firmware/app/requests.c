@@ -399,7 +399,8 @@ static bool is_refused_busy(imucal_app_t* app) {
 }
 
 static void count_flash(imucal_app_t* app, imucal_status status) {
-  app->n_flash_failed += status == IMUCAL_ERR_FLASH || status == IMUCAL_ERR_VERIFY || status == IMUCAL_ERR_SUPPLY;
+  app->n_flash_failed += status == IMUCAL_ERR_FLASH || status == IMUCAL_ERR_VERIFY || status == IMUCAL_ERR_SUPPLY ||
+                         status == IMUCAL_ERR_SLOTS;
 }
 
 /* app->table holds a candidate: check it against this board and write it. Whatever comes of it, what the

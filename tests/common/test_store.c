@@ -108,6 +108,61 @@ static void prepare(torn_nor_t* nor) {
   assert_int_equal(write_mark(nor, 2), IMUCAL_OK);
 }
 
+/* Slots that are not apart: as many bytes from the other slot's start as this are erased with a slot. */
+static uint32_t erased_too;
+static imucal_status erase_more(void* ctx, uint32_t slot) {
+  torn_nor_t* nor = (torn_nor_t*)ctx;
+  memset(nor->bytes[1 - slot], 0xFF, erased_too);
+  memset(nor->is_used[1 - slot], 0, erased_too);
+  return torn_nor_erase(ctx, slot);
+}
+static imucal_status erase_first(void* ctx, uint32_t slot) {
+  (void)slot;
+  return torn_nor_erase(ctx, 0);
+}
+static imucal_status program_first(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+  (void)slot;
+  return torn_nor_program(ctx, 0, offset, data, len);
+}
+static imucal_status read_first(void* ctx, uint32_t slot, uint32_t offset, uint8_t* data, uint32_t len) {
+  (void)slot;
+  return torn_nor_read(ctx, 0, offset, data, len);
+}
+
+static imucal_status write_to(const imucal_flash_t* flash, int mark) {
+  imucal_table_t table = example_table(3, mark);
+  return imucal_store_write(flash, "SN-17", 3, IMUCAL_STORE_NO_ORIGIN, &work, &table, &report);
+}
+
+/* The whole other slot, or its start alone (sectors of 1.5 slots): told by the write that finds it, and the new table rules. */
+static void test_write_tells_that_an_erase_takes_the_other_slot(void** state) {
+  (void)state;
+  static const uint32_t reach[] = {SLOT_BYTES, SLOT_BYTES / 2, 4};
+  for (int i = 0; i < 3; i++) {
+    torn_nor_t nor;
+    torn_nor_init(&nor, small_pages);
+    imucal_flash_t flash = torn_nor_flash(&nor);
+    flash.erase = erase_more;
+    erased_too = reach[i];
+    assert_int_equal(write_to(&flash, 1), IMUCAL_OK); /* nothing to lose yet */
+    for (int mark = 2; mark <= 5; mark++) {
+      assert_int_equal(write_to(&flash, mark), IMUCAL_ERR_SLOTS);
+      assert_int_not_equal(report.slot_status[1 - report.ruling], IMUCAL_OK);
+      assert_int_equal(ruling_mark(&nor), mark);
+    }
+  }
+}
+
+static void test_first_write_tells_that_slots_share_an_address(void** state) {
+  (void)state;
+  torn_nor_t nor;
+  torn_nor_init(&nor, small_pages);
+  imucal_flash_t flash = torn_nor_flash(&nor);
+  flash.erase = erase_first, flash.program = program_first, flash.read = read_first;
+  assert_int_equal(write_to(&flash, 1), IMUCAL_ERR_SLOTS);
+  assert_int_equal(ruling_mark(&nor), -1);
+}
+
 static void test_load_tells_why_slots_are_refused(void** state) {
   (void)state;
   torn_nor_t nor;
@@ -858,6 +913,8 @@ int main(void) {
       cmocka_unit_test(test_write_alternates_slots_and_counts_up),
       cmocka_unit_test(test_rollback_goes_back_once_and_a_new_write_rules_again),
       cmocka_unit_test(test_erase_leaves_nothing),
+      cmocka_unit_test(test_write_tells_that_an_erase_takes_the_other_slot),
+      cmocka_unit_test(test_first_write_tells_that_slots_share_an_address),
       cmocka_unit_test(test_load_tells_why_slots_are_refused),
       cmocka_unit_test(test_write_refuses_bad_tables_and_leaves_flash_alone),
       cmocka_unit_test(test_write_stuck_cell_is_found_and_old_table_rules),

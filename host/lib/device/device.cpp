@@ -45,6 +45,8 @@ std::string remedy(imucal_status status) {
     return ": its driver, the program unit that it declares, or worn cells; a table that ruled before still rules";
   case IMUCAL_ERR_SUPPLY:
     return "; nothing was changed: raise the supply voltage and flash again";
+  case IMUCAL_ERR_SLOTS:
+    return "; tables are not safe from a power cut: mend erase_bytes or the flash callbacks of the device's firmware";
   case IMUCAL_ERR_GEOMETRY:
     return "; the device's firmware declares flash that no table fits: mend its port (common/store.h, "
            "firmware/README.md)";
