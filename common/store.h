@@ -63,8 +63,17 @@ extern "C" {
 #define IMUCAL_STORE_MIN_COMMITS 3u           /* commit marks of a small slot */
 #define IMUCAL_STORE_MAX_COMMITS 8u           /* and of one with room for IMUCAL_STORE_MAX_MARKS */
 #define IMUCAL_STORE_MAX_MARKS 17u            /* 8 commit, 1 revoke, 8 endorse */
-#define IMUCAL_STORE_MAX_PROGRAM 32u          /* bytes of a program unit */
 #define IMUCAL_STORE_MAX_SEQUENCE 0xFFFFFF00u /* no further writes: room for the steps of a write */
+/* Longest program unit in bytes: a power of two.  64, 128 and 256 cost as many bytes more of work memory, and on the stack of a
+ * write; a mark takes a unit, so slots of 4 KB hold 12 marks of 256.  (Flash that takes pages of 256 but programs bits, as plain
+ * NOR: better declare 4 or 8 and fill the page up with ones in the callback.) */
+#ifndef IMUCAL_STORE_MAX_PROGRAM
+#define IMUCAL_STORE_MAX_PROGRAM 32u
+#endif
+#if IMUCAL_STORE_MAX_PROGRAM < 8u || IMUCAL_STORE_MAX_PROGRAM > 256u ||                                                \
+    (IMUCAL_STORE_MAX_PROGRAM & (IMUCAL_STORE_MAX_PROGRAM - 1u)) != 0
+#error "IMUCAL_STORE_MAX_PROGRAM must be 8, 16, 32, 64, 128 or 256"
+#endif
 #define IMUCAL_STORE_MARK_BYTES(program_bytes) ((program_bytes) < 8u ? 8u : (uint32_t)(program_bytes))
 /* Room for the longest table, three commit marks, revoke and one endorse: 904 bytes up to units of 8, 1024 with 32. */
 #define IMUCAL_STORE_MIN_SLOT_BYTES(program_bytes)                                                                     \
@@ -81,7 +90,7 @@ typedef struct imucal_flash {
   void* ctx;
   uint32_t slot_bytes;    /* multiple of erase_bytes, >= IMUCAL_STORE_MIN_SLOT_BYTES(program_bytes) */
   uint32_t erase_bytes;   /* smallest unit of erasing (a page); multiple of program_bytes and of 8 */
-  uint32_t program_bytes; /* smallest unit of programming: 1, 2, 4, 8, 16 or 32 */
+  uint32_t program_bytes; /* smallest unit of programming: 1, 2, 4, .. IMUCAL_STORE_MAX_PROGRAM */
 } imucal_flash_t;
 
 /* What is in the slots. */

@@ -20,6 +20,9 @@ static const torn_nor_geometry_t torn_geometries[] = {
     {2048, 2048, 8},  // STM32G4, L4: double words, ECC
     {4096, 1024, 16}, // STM32U5, H5: quad words, ECC
     {1024, 1024, 32}, // STM32H7: 256-bit words, in the smallest slot that holds six channels
+#if IMUCAL_STORE_MAX_PROGRAM >= 256u
+    {4096, 4096, 256}, // RP2040: pages of an SPI flash
+#endif
 };
 enum { TORN_GEOMETRIES = sizeof torn_geometries / sizeof torn_geometries[0] };
 static const char* const torn_mode_names[] = {"stable", "per read", "per start", "unreadable"};
