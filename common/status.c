@@ -31,7 +31,7 @@ const char* imucal_status_text(imucal_status status) {
     TEXT(IMUCAL_ERR_ORDER, "polynomial order out of range");
     TEXT(IMUCAL_ERR_SPAN, "temperature span reversed, empty, outside t0 +- range or its limits");
     TEXT(IMUCAL_ERR_COEFFICIENT, "coefficient not finite, too large, or beyond the order");
-    TEXT(IMUCAL_ERR_NAME, "name or serial empty or not printable");
+    TEXT(IMUCAL_ERR_NAME, "name or serial empty, not printable, without its unit, or twice");
     TEXT(IMUCAL_ERR_SCALE, "scale zero, negative, not finite or out of its limits");
     TEXT(IMUCAL_ERR_SIGMA, "calibration error negative or not finite");
     TEXT(IMUCAL_ERR_MODEL, "error model out of its limits");

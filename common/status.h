@@ -58,7 +58,7 @@ typedef enum imucal_status {
   IMUCAL_ERR_ORDER = -23,       /* polynomial order outside 1..IMUCAL_MAX_ORDER (or 0..2, scale factor) */
   IMUCAL_ERR_SPAN = -24,        /* temperature span reversed, empty, or outside t0 +- range */
   IMUCAL_ERR_COEFFICIENT = -25, /* coefficient not finite, too large, or not zero above the order */
-  IMUCAL_ERR_NAME = -26,        /* name or serial: empty or not printable ASCII */
+  IMUCAL_ERR_NAME = -26,        /* name or serial: empty, not printable ASCII, without its unit, or twice */
   IMUCAL_ERR_SCALE = -27,       /* unit per count or degC per count: zero, negative or not finite */
   IMUCAL_ERR_SIGMA = -28,       /* one-sigma calibration error negative or not finite */
   IMUCAL_ERR_MODEL = -29,       /* error model: negative, not finite or out of a table's limits */

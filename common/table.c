@@ -49,6 +49,22 @@ bool imucal_text_equal(const char* a, const char* b, size_t size) {
   return true;
 }
 
+/* Does a text of `size` end, at `at`, in exactly this? */
+static bool is_rest(const char* text, size_t at, size_t size, const char* rest) {
+  for (; at < size && text[at] != 0; at++, rest++)
+    if (text[at] != *rest) return false;
+  return *rest == 0;
+}
+
+size_t imucal_name_stem(const char* name) {
+  static const char unit[][7] = {"_dph", "_mg", "_dps", "_radps", "_ms2"};
+  if (!imucal_text_is_valid(name, IMUCAL_NAME_LEN)) return 0;
+  for (size_t at = 1; at < IMUCAL_NAME_LEN; at++)
+    for (size_t i = 0; i < sizeof unit / sizeof unit[0]; i++)
+      if (is_rest(name, at, IMUCAL_NAME_LEN, unit[i])) return at;
+  return 0;
+}
+
 /* ---- validation: the first field that fails, in the order of the bytes ---- */
 
 /* The judging functions return the field that is wrong, IMUCAL_FIELD_NONE where all is well: the status follows from it.
@@ -133,7 +149,7 @@ static bool is_scale(float value) {
 }
 
 static field_t judge_channel(const imucal_table_channel_t* c) {
-  if (!imucal_text_is_valid(c->name, IMUCAL_NAME_LEN)) return IMUCAL_FIELD_NAME;
+  if (imucal_name_stem(c->name) == 0) return IMUCAL_FIELD_NAME;
   if (c->order > IMUCAL_MAX_ORDER) return IMUCAL_FIELD_ORDER;
   if (c->scale_order >= IMUCAL_TABLE_SCALE_N) return IMUCAL_FIELD_SCALE_ORDER;
   if (c->n_markov > IMUCAL_TABLE_MARKOV_N) return IMUCAL_FIELD_MARKOV;
@@ -163,12 +179,22 @@ static field_t judge_header(const header_t* header) {
   return judge_thermometer(header->degc_per_count, header->degc_at_zero);
 }
 
+typedef char name_stands_first[offsetof(imucal_table_channel_t, name) == 0 ? 1 : -1];
+/* Channels stand `stride` bytes apart, each begins with its name: has one before the i-th the same? */
+static bool is_name_twice(const void* first, size_t stride, uint32_t i) {
+  const uint8_t* names = (const uint8_t*)first;
+  for (uint32_t k = 0; k < i; k++)
+    if (memcmp(names + k * stride, names + i * stride, IMUCAL_NAME_LEN) == 0) return true;
+  return false;
+}
+
 imucal_status imucal_table_validate(const imucal_table_t* table, imucal_table_place_t* place) {
   header_t header = {table->serial, table->sequence, table->n_channels, table->degc_per_count, table->degc_at_zero};
   field_t wrong = judge_header(&header);
   if (wrong != IMUCAL_FIELD_NONE) return tell(wrong, -1, place);
   for (uint32_t i = 0; i < table->n_channels; i++) {
     wrong = judge_channel(&table->channel[i]);
+    if (is_name_twice(table->channel, sizeof table->channel[0], i)) wrong = IMUCAL_FIELD_NAME;
     if (wrong != IMUCAL_FIELD_NONE) return tell(wrong, (int32_t)i, place);
   }
   return IMUCAL_OK;
@@ -279,10 +305,11 @@ imucal_status imucal_table_decode(const uint8_t* bytes, size_t have_bytes, imuca
   imucal_table_channel_t channel;      /* one at a time: checking needs no whole table */
   memset(&channel, 0, sizeof channel); /* padding too: equal tables are equal bytes in memory */
   for (uint32_t i = 0; i < header.n_channels; i++) {
-    const uint8_t* at = bytes + IMUCAL_TABLE_HEADER_BYTES + IMUCAL_TABLE_CHANNEL_BYTES * i;
+    const uint8_t *first = bytes + IMUCAL_TABLE_HEADER_BYTES, *at = first + IMUCAL_TABLE_CHANNEL_BYTES * i;
     if (at[15] != 0) return tell(IMUCAL_FIELD_RESERVED, (int32_t)i, place);
     decode_channel(at, &channel);
     wrong = judge_channel(&channel);
+    if (is_name_twice(first, IMUCAL_TABLE_CHANNEL_BYTES, i)) wrong = IMUCAL_FIELD_NAME;
     if (wrong != IMUCAL_FIELD_NONE) return tell(wrong, (int32_t)i, place);
     if (table != NULL) memcpy(&table->channel[i], &channel, sizeof channel);
   }

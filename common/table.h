@@ -36,12 +36,12 @@ enum {
 
 /* One channel.  unit: dph or mg, from the name's ending (gx_dph, ax_mg). */
 typedef struct imucal_table_channel {
-  char name[IMUCAL_NAME_LEN];              /* printable ASCII, padded with 0 */
-  uint8_t order;                           /* of B(T), 1..IMUCAL_MAX_ORDER; 0: no bias is known (coefficients all 0) */
-  uint8_t scale_order;                     /* 0..2, order of the scale-factor polynomial M(T) */
-  uint8_t n_markov;                        /* 0..IMUCAL_TABLE_MARKOV_N */
-  float t0_degc, range_degc;               /* Tn = (T - t0)/range, range > 0 */
-  float coeff[IMUCAL_MAX_COEFF];           /* b0.., unit; 0 above the order */
+  char name[IMUCAL_NAME_LEN];    /* printable ASCII, padded with 0, ends in its unit; no two channels the same */
+  uint8_t order;                 /* of B(T), 1..IMUCAL_MAX_ORDER; 0: no bias is known (coefficients all 0) */
+  uint8_t scale_order;           /* 0..2, order of the scale-factor polynomial M(T) */
+  uint8_t n_markov;              /* 0..IMUCAL_TABLE_MARKOV_N */
+  float t0_degc, range_degc;     /* Tn = (T - t0)/range, range > 0 */
+  float coeff[IMUCAL_MAX_COEFF]; /* b0.., unit; 0 above the order */
   float scale_coeff[IMUCAL_TABLE_SCALE_N]; /* m0..: rate = (raw - B(T)) (1 + M(T)); sum |m_i| <= 1/16 */
   float span_lo_degc, span_hi_degc;        /* valid span, inside t0 +- range, lo < hi */
   float sigma[IMUCAL_TABLE_SIGMA_N];       /* one-sigma calibration error at lo + i (hi - lo)/8, unit, > 0 */
@@ -130,6 +130,10 @@ IMUCAL_MUST_USE imucal_status imucal_text_set(char* to, size_t size, const char*
 bool imucal_text_is_valid(const char* text, size_t size);
 /* Equal as fixed-size texts. */
 bool imucal_text_equal(const char* a, const char* b, size_t size);
+
+/* Characters of a channel's name before the "_unit" that it ends in: 2 of gx_dph.  0: no such name (not printable, no unit,
+ * nothing before it).  Units: dph and mg, and dps, radps, ms2 of tables made of logs in these (the numbers are dph and mg). */
+size_t imucal_name_stem(const char* name);
 
 /* Fill what the filter learnt into a channel: order, t0, range, coefficients, sigma at 9 temperatures of the span,
  * n_seconds.  The caller sets name, scale, model, full scale.  IMUCAL_ERR_NOT_LEARNT: no measurement yet;

@@ -149,7 +149,9 @@ static void test_validate_field_nonsense_has_its_own_status_and_place(void** sta
   REFUSED(t.channel[4].unit_per_count = nan_value, IMUCAL_ERR_SCALE, "unit_per_count");
   REFUSED(t.channel[4].full_scale_counts = 0, IMUCAL_ERR_SCALE, "full_scale_counts");
   REFUSED(t.channel[4].name[0] = 0, IMUCAL_ERR_NAME, "name");
-  REFUSED(t.channel[4].name[11] = 'x', IMUCAL_ERR_NAME, "name"); /* text after its end */
+  REFUSED(t.channel[4].name[11] = 'x', IMUCAL_ERR_NAME, "name");            /* text after its end */
+  REFUSED(t.channel[4].name[2] = '-', IMUCAL_ERR_NAME, "name");             /* no unit */
+  REFUSED(memcpy(t.channel[4].name, "gy_dph", 6), IMUCAL_ERR_NAME, "name"); /* of another channel */
   REFUSED(t.degc_per_count = -0.01f, IMUCAL_ERR_SCALE, "degc_per_count");
   REFUSED(t.degc_at_zero = nan_value, IMUCAL_ERR_SCALE, "degc_at_zero");
   REFUSED(t.n_channels = 0, IMUCAL_ERR_CHANNELS, "channels");
@@ -157,7 +159,7 @@ static void test_validate_field_nonsense_has_its_own_status_and_place(void** sta
   REFUSED(t.sequence = 0, IMUCAL_ERR_SEQUENCE, "sequence");
   REFUSED(t.sequence = UINT32_MAX, IMUCAL_ERR_SEQUENCE, "sequence");
   REFUSED(t.serial[2] = '\n', IMUCAL_ERR_NAME, "serial");
-  assert_int_equal(n, 36);
+  assert_int_equal(n, 38);
   t = example_table(6, 2);
   assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
 }
@@ -298,6 +300,37 @@ static void test_validate_takes_each_bound_and_not_the_next_number(void** state)
   BOUND(degc_per_count, 1e-12f, IMUCAL_ERR_SCALE, "degc_per_count");
 }
 
+static void test_name_stem_is_what_stands_before_the_unit(void** state) {
+  (void)state;
+  static const struct {
+    const char name[IMUCAL_NAME_LEN + 1];
+    size_t stem;
+  } at[] = {{"gx_dph", 2},       {"ax_mg", 2},   {"a_dps", 1},    {"a_radps", 1}, {"a_ms2", 1}, {"gyro_x_dph_a", 0},
+            {"gyro_abc_dph", 8}, {"a_b_dph", 3}, {"_dph_dph", 4}, {"_dph", 0},    {"dph", 0},   {"gyro_x", 0},
+            {"gx", 0},           {"", 0},        {"gx_dph_", 0},  {"gx_DPH", 0},  {"a_mgs", 0}, {"gyro_abcd_dp", 0}};
+  for (size_t i = 0; i < sizeof at / sizeof at[0]; i++)
+    if (imucal_name_stem(at[i].name) != at[i].stem) fail_msg("%s: %zu", at[i].name, imucal_name_stem(at[i].name));
+}
+
+/* In bytes too, with a CRC that is right: a table that no device is to be given. */
+static void test_decode_refuses_a_name_without_unit_or_twice(void** state) {
+  (void)state;
+  static const char* const bad[] = {"gyro_y", "_dph", "gx_dph"};
+  for (int i = 0; i < 3; i++) {
+    const imucal_table_t t = example_table(3, 1);
+    uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+    size_t len = 0;
+    assert_int_equal(imucal_table_encode(&t, bytes, sizeof bytes, &len), IMUCAL_OK);
+    memset(bytes + 44 + 136, 0, 12);
+    memcpy(bytes + 44 + 136, bad[i], strlen(bad[i]));
+    imucal_put_u32(bytes + len - 4, imucal_crc32(bytes, len - 4));
+    imucal_table_place_t place;
+    assert_int_equal(imucal_table_decode(bytes, len, NULL, &place), IMUCAL_ERR_NAME);
+    assert_int_equal(place.channel, 1);
+    assert_string_equal(imucal_table_field_text(place.field), "name");
+  }
+}
+
 static void test_validate_takes_what_is_allowed_to_be_zero_or_largest(void** state) {
   (void)state;
   imucal_table_t t = example_table(1, 0);
@@ -310,10 +343,10 @@ static void test_validate_takes_what_is_allowed_to_be_zero_or_largest(void** sta
   c->scale_order = 2;
   c->scale_coeff[0] = -0.03125f, c->scale_coeff[1] = 0.015625f, c->scale_coeff[2] = 0.015625f; /* 1/16 together */
   c->full_scale_counts = 1;
-  memcpy(c->name, "~!gx_dph_12~", IMUCAL_NAME_LEN); /* fills its field */
+  memcpy(c->name, "~!gx_~_radps", IMUCAL_NAME_LEN); /* fills its field */
   assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
   memset(c->name, 0, sizeof c->name);
-  c->name[0] = '~';
+  memcpy(c->name, "~_mg", 4);
   assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_OK);
   c->name[0] = 127;
   assert_int_equal(imucal_table_validate(&t, NULL), IMUCAL_ERR_NAME);
@@ -493,6 +526,8 @@ int main(void) {
       cmocka_unit_test(test_validate_takes_each_bound_and_not_the_next_number),
       cmocka_unit_test(test_validate_takes_what_is_allowed_to_be_zero_or_largest),
       cmocka_unit_test(test_every_field_has_a_name),
+      cmocka_unit_test(test_name_stem_is_what_stands_before_the_unit),
+      cmocka_unit_test(test_decode_refuses_a_name_without_unit_or_twice),
       cmocka_unit_test(test_validate_names_the_first_field),
       cmocka_unit_test(test_decode_header_refusals_are_of_the_header),
       cmocka_unit_test(test_text_first_and_last_character_count),

@@ -32,13 +32,16 @@ static void test_board_at_its_limits_is_taken(void** state) {
   imucal_board_t board = good_board();
   assert_int_equal(imucal_board_check(&board), IMUCAL_OK);
   memset(board.serial, '!', sizeof board.serial);
-  memset(board.channel[1].name, '~', sizeof board.channel[1].name);
+  memcpy(board.channel[1].name, "~~~~~~~~_dph", sizeof board.channel[1].name);
   board.rate_hz = 1;
   board.channel[0].full_scale_counts = 1;
   assert_int_equal(imucal_board_check(&board), IMUCAL_OK);
   board.rate_hz = IMUCAL_SUM_MAX_RATE_HZ;
   assert_int_equal(imucal_board_check(&board), IMUCAL_OK);
-  for (int i = 2; i < IMUCAL_MAX_CHANNELS; i++) board.channel[i] = board.channel[0];
+  for (int i = 2; i < IMUCAL_MAX_CHANNELS; i++) {
+    board.channel[i] = board.channel[0];
+    board.channel[i].name[0] = (char)('a' + i);
+  }
   board.n_channels = IMUCAL_MAX_CHANNELS;
   assert_int_equal(imucal_board_check(&board), IMUCAL_OK);
 }
@@ -55,6 +58,24 @@ static void test_board_text_that_is_none_is_refused(void** state) {
     memset(board.channel[1].name, 0, sizeof board.channel[1].name);
     memcpy(board.channel[1].name, bad[i], i == 4 ? 3 : strlen(bad[i]));
     assert_int_equal(imucal_board_check(&board), IMUCAL_ERR_NAME);
+  }
+}
+
+/* The columns of a record are named after them: gx_dph, gx_flags. */
+static void test_board_names_have_a_unit_and_a_stem_of_their_own(void** state) {
+  (void)state;
+  static const struct {
+    const char* name; /* beside gx_dph */
+    imucal_status status;
+  } at[] = {{"g1x_dph", IMUCAL_OK},      {"gx1_mg", IMUCAL_OK},      {"g_mg", IMUCAL_OK},
+            {"gyro_x", IMUCAL_ERR_NAME}, {"ax", IMUCAL_ERR_NAME},    {"_mg", IMUCAL_ERR_NAME},
+            {"gx_dph", IMUCAL_ERR_NAME}, {"gx_mg", IMUCAL_ERR_NAME}, {"gy_dps", IMUCAL_ERR_NAME},
+            {"ax_ms2", IMUCAL_ERR_NAME}};
+  for (size_t i = 0; i < sizeof at / sizeof at[0]; i++) {
+    imucal_board_t board = good_board();
+    memset(board.channel[1].name, 0, sizeof board.channel[1].name);
+    memcpy(board.channel[1].name, at[i].name, strlen(at[i].name));
+    if (imucal_board_check(&board) != at[i].status) fail_msg("%s", at[i].name);
   }
 }
 
@@ -95,6 +116,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_board_at_its_limits_is_taken),
       cmocka_unit_test(test_board_text_that_is_none_is_refused),
+      cmocka_unit_test(test_board_names_have_a_unit_and_a_stem_of_their_own),
       cmocka_unit_test(test_board_number_out_of_range_is_refused),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);

@@ -193,6 +193,10 @@ bool imucal_text_equal(const char* a, const char* b, size_t size) {
   (void)a, (void)b, (void)size;
   return any_bool();
 }
+size_t imucal_name_stem(const char* name) {
+  (void)name;
+  return between(0, IMUCAL_NAME_LEN - 3);
+}
 bool imucal_text_is_valid(const char* text, size_t size) {
   //@ assert \valid_read(text + (0 .. size - 1));
   (void)text, (void)size;
