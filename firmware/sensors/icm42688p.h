@@ -2,7 +2,8 @@
 /* Purpose: TDK InvenSense ICM-42688-P on SPI: gyro, accelerometer, thermometer out of its FIFO.
  * Source: TDK DS-000347 "ICM-42688-P datasheet" rev. 1.7; register addresses below are bank/address of its section 13
  * and 14 ff. (user banks 0 to 4), FIFO packets of its section 6.
- * Use: start, then read at least every 2048 / (packet bytes) samples (100 ms at 1 kHz).  SPI mode 0 or 3, up to 24 MHz.
+ * Use: start, then read before the FIFO is full, 2048 / (packet bytes) samples (100 ms at 1 kHz), until a read is not full:
+ * one hands out 512 / (packet bytes) at most, 25.  SPI mode 0 or 3, up to 24 MHz.
  * Memory: sizeof(imucal_icm42688p_t) and 600 bytes of stack.  Time: one or two transfers per read, 20 bytes a sample. */
 #ifndef IMUCAL_SENSORS_ICM42688P_H
 #define IMUCAL_SENSORS_ICM42688P_H

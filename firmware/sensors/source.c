@@ -55,14 +55,17 @@ void imucal_source_init(imucal_source_t* source, const imucal_sensor_driver_t* d
   start(source, now_us);
 }
 
-/* A read that fails is tried again: the driver knows best what a sensor needs that was away for a moment. */
+/* A read that fails is tried again: the driver knows best what a sensor needs that was away for a moment.  One that was full
+ * is followed by the next at once: a FIFO that fills faster than one read a poll would be lost. */
 static void read_when_due(imucal_source_t* source, uint64_t now_us) {
   if (!source->is_running || now_us < source->due_us) return;
   const bool was_good = source->status == IMUCAL_OK;
   source->at = 0;
   source->status = source->driver->read(source->sensor, now_us, source->burst, source->capacity, &source->n);
   const bool is_good = source->status == IMUCAL_OK;
-  source->due_us = now_us + (is_good || source->poll_us > FAILING_POLL_US ? source->poll_us : FAILING_POLL_US);
+  source->due_us = now_us;
+  if (is_good && source->n == source->capacity) return;
+  source->due_us += is_good || source->poll_us > FAILING_POLL_US ? source->poll_us : FAILING_POLL_US;
   if (was_good && !is_good) source->retry_us = now_us + RETRY_US;
 }
 

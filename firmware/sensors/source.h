@@ -13,7 +13,7 @@ extern "C" {
 #endif
 
 #ifndef IMUCAL_SOURCE_BURST
-#define IMUCAL_SOURCE_BURST 25 /* samples held between driver and app */
+#define IMUCAL_SOURCE_BURST 25 /* samples held between driver and app: 512 bytes of the longest packet */
 #endif
 
 typedef struct imucal_source {
@@ -32,7 +32,9 @@ typedef struct imucal_source {
   uint32_t at, n;
 } imucal_source_t;
 
-/* The driver, its struct and configuration (which must stay), how often it is read; and starts it, which takes up to 0.2 s. */
+/* The driver, its struct and configuration (which must stay), how often it is read; and starts it, which takes up to 0.2 s.
+ * poll_us: well below the time in which the sensor's FIFO fills; where more than `capacity` samples come in it, several reads
+ * follow each other, each as long as the bus takes for them. */
 void imucal_source_init(imucal_source_t* source, const imucal_sensor_driver_t* driver, void* sensor, const void* config,
                         const imucal_sensor_bus_t* bus, uint32_t poll_us, uint64_t now_us);
 

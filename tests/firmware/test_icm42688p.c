@@ -10,6 +10,7 @@
 
 #include "emu/icm42688p.h"
 #include "sensors/icm42688p.h"
+#include "sensors/source.h"
 
 static emu_icm_t icm;
 static imucal_sensor_bus_t bus;
@@ -288,6 +289,49 @@ static void test_self_test_good_and_weak_axis(void** state) {
   assert_int_equal(last.counts[5], 8192);
 }
 
+/* As the README's lines: one read holds 25 samples; whoever reads later than that goes on until one is not full. */
+static void test_read_until_not_full_loses_nothing_at_90_ms(void** state) {
+  (void)state;
+  assert_int_equal(start(&fine), IMUCAL_OK);
+  uint32_t total = 0;
+  for (int i = 0; i < 30; i++) {
+    imucal_sample_t samples[25];
+    uint32_t n;
+    emu_icm_advance(&icm, 90000);
+    do {
+      assert_int_equal(imucal_icm42688p_read(&sensor, (uint64_t)icm.bus.now_us, samples, 25, &n), IMUCAL_OK);
+      total += n;
+    } while (n == 25);
+  }
+  assert_in_range(total, 2690, 2740);
+  assert_int_equal(sensor.counts.n_overruns, 0);
+}
+
+/* Forty samples a poll, of which a read holds 25: the next one follows at once. */
+static void test_source_polled_slower_than_its_bursts_loses_nothing(void** state) {
+  (void)state;
+  static imucal_source_t source;
+  const imucal_icm42688p_config_t fast = {.rate_hz = 8000, .is_high_resolution = true, .filter = 1};
+  bus = emu_icm_bus(&icm);
+  imucal_source_init(&source, &imucal_icm42688p_driver, &sensor, &fast, &bus, 5000, (uint64_t)icm.bus.now_us);
+  uint32_t total = 0;
+  uint64_t last_us = 0;
+  for (const double end_us = icm.bus.now_us + 2e6; icm.bus.now_us < end_us;) {
+    imucal_sample_t sample;
+    emu_icm_advance(&icm, 500);
+    while (imucal_source_read(&source, (uint64_t)icm.bus.now_us, &sample) == IMUCAL_PORT_SAMPLE) {
+      assert_true(sample.t_us > last_us);
+      last_us = sample.t_us;
+      total++;
+    }
+  }
+  imucal_link_sensor_reply_t report = {0};
+  imucal_source_report(&source, &report);
+  assert_int_equal(report.lost, 0);
+  assert_true(report.overruns <= 1); /* while the start waited for the gyro */
+  assert_in_range(total, 15900, 16100);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test_setup(test_start_known_chip_is_configured_without_breaking_a_rule, power_on),
@@ -304,6 +348,8 @@ int main(void) {
       cmocka_unit_test_setup(test_frozen_temperature_is_reported_as_a_fault, power_on),
       cmocka_unit_test_setup(test_words_that_stand_still_are_a_fault, power_on),
       cmocka_unit_test_setup(test_damaged_packets_are_refused, power_on),
+      cmocka_unit_test_setup(test_read_until_not_full_loses_nothing_at_90_ms, power_on),
+      cmocka_unit_test_setup(test_source_polled_slower_than_its_bursts_loses_nothing, power_on),
       cmocka_unit_test_setup(test_self_test_good_and_weak_axis, power_on),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
