@@ -365,7 +365,9 @@ typedef enum imucal_link_event_code {
   IMUCAL_EVENT_WATCHDOG = 7,       /* the last restart was the watchdog's */
   IMUCAL_EVENT_SENSOR_COUNTED = 9, /* counts of SENSOR_REPLY grew that had not the second before; status: its own;
                                       detail: IMUCAL_SENSOR_* */
-  IMUCAL_EVENT_HOST_SILENT = 8     /* the calibration was stopped, its filters are kept; detail: s of silence */
+  IMUCAL_EVENT_CLOCK_BACK =
+      10, /* the board's clock ran back, as one of 32 bits does; status: ERR_PERIOD; detail: how often */
+  IMUCAL_EVENT_HOST_SILENT = 8 /* the calibration was stopped, its filters are kept; detail: s of silence */
 } imucal_link_event_code;
 
 /* ids:      IMUCAL_LINK_ID_HELLO = 0x01, …

@@ -148,7 +148,7 @@ imucal_status imucal_app_init(imucal_app_t* app, const imucal_port_t* port, cons
   app->progress_period_s = 1;
   imucal_link_rx_init(&app->rx);
   imucal_link_server_init(&app->server);
-  app->heard_us = port->time_us(port->ctx);
+  app->heard_us = app_now(app);
   app_guard_init(&app->guard, port->boot_id, app->heard_us);
   app_event(app, IMUCAL_EVENT_BOOT, IMUCAL_OK, port->boot_id);
   if (port->is_watchdog_reset) app_event(app, IMUCAL_EVENT_WATCHDOG, IMUCAL_OK, port->n_watchdog_resets);
@@ -172,7 +172,7 @@ static void take_request(imucal_app_t* app) {
     app->n_rx_unknown++;
     return;
   }
-  app->heard_us = app->port->time_us(app->port->ctx);
+  app->heard_us = app_now(app);
   if (imucal_link_server_request(&app->server, &app->rx) != IMUCAL_FRAME_REPEATED) app_serve(app);
   app->is_reply_due = app->server.reply_len > 0;
 }
@@ -222,7 +222,7 @@ static bool take_samples(imucal_app_t* app) {
 /* A host that died does not leave the device calibrating, and refusing, for ever. */
 static void stop_when_silent(imucal_app_t* app) {
   if (app->session != IMUCAL_SESSION_CALIBRATING) return;
-  const uint64_t silence_us = app->port->time_us(app->port->ctx) - app->heard_us;
+  const uint64_t silence_us = app_now(app) - app->heard_us;
   if (silence_us < (uint64_t)IMUCAL_APP_SILENCE_S * 1000000u) return;
   app->session = IMUCAL_SESSION_KEPT;
   app->stream_what = IMUCAL_STREAM_EVENT;
@@ -232,7 +232,7 @@ static void stop_when_silent(imucal_app_t* app) {
 
 static void reboot_when_sent(imucal_app_t* app) {
   const bool is_sent = app->tx_at == app->tx_end && !app->is_reply_due;
-  if (!app->is_reboot_due || (!is_sent && app->port->time_us(app->port->ctx) < app->reboot_us)) return;
+  if (!app->is_reboot_due || (!is_sent && app_now(app) < app->reboot_us)) return;
   app->is_reboot_due = false;
   app->port->reboot(app->port->ctx);
 }
@@ -246,8 +246,7 @@ bool imucal_app_step(imucal_app_t* app) {
   app_watch_sensor_when_due(app);
   stop_when_silent(app);
   is_busy |= tx_flush(app);
-  if (app->is_reboot_due && app->reboot_us == 0)
-    app->reboot_us = app->port->time_us(app->port->ctx) + REBOOT_PATIENCE_US;
+  if (app->is_reboot_due && app->reboot_us == 0) app->reboot_us = app_now(app) + REBOOT_PATIENCE_US;
   reboot_when_sent(app);
   return is_busy;
 }

@@ -96,9 +96,11 @@ typedef struct imucal_app {
   uint8_t tx[IMUCAL_APP_TX_BYTES];
 
   imucal_app_guard_t guard;
-  uint8_t request;      /* type of the request being served, inside COMMAND or bare */
-  uint8_t table_origin; /* IMUCAL_ORIGIN_*, of the ruling table as flash says it */
-  uint64_t heard_us;    /* when the last valid frame came */
+  uint8_t request;                 /* type of the request being served, inside COMMAND or bare */
+  uint8_t table_origin;            /* IMUCAL_ORIGIN_*, of the ruling table as flash says it */
+  uint64_t now_us, time_offset_us; /* the newest time; what is added to the port's so that it runs forward only */
+  uint32_t n_clock_back;           /* times the port's ran back */
+  uint64_t heard_us;               /* when the last valid frame came */
   uint32_t n_locked, n_stale, n_unlock_refused, n_busy, n_reserved, n_table_refused, n_flash_failed, n_silent;
 
   uint32_t n_foreign; /* samples of another number of channels, in n_bad_samples too */

@@ -15,6 +15,9 @@ void app_event(imucal_app_t* app, uint8_t code, imucal_status status, uint32_t d
 imucal_status app_load_table(imucal_app_t* app);
 imucal_status app_check_table(imucal_app_t* app, uint32_t* detail);
 
+/* now.c */
+uint64_t app_now(imucal_app_t* app);
+
 /* seconds.c */
 bool app_is_compensated(const imucal_app_t* app, uint32_t i);
 imucal_status app_restart_sums(imucal_app_t* app);

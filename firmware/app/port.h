@@ -48,7 +48,8 @@ typedef struct imucal_port {
   /* Two table slots of flash: rules in common/store.h. */
   imucal_flash_t flash;
 
-  /* Microseconds since start. */
+  /* Microseconds since start, 64 bits: a counter of 32 bits runs back after 71 minutes.  (Then, and after any step back, the
+   * app's time goes on all the same, and EVENT CLOCK_BACK tells it; the time stamps of samples are common/clock.h's.) */
   uint64_t (*time_us)(void* ctx);
 
   /* Feed the watchdog: called once per step.  The longest step holds the first flash write, or ERASE: two slots erased; and

@@ -75,7 +75,7 @@ static void serve_hello(imucal_app_t* app, const imucal_link_hello_t* request) {
 
 static void serve_info(imucal_app_t* app) {
   const bool has_table = app->table_status == IMUCAL_OK;
-  imucal_link_info_reply_t answer = {.uptime_us = app->port->time_us(app->port->ctx),
+  imucal_link_info_reply_t answer = {.uptime_us = app_now(app),
                                      .table_status = (int16_t)app->table_status,
                                      .ruling_slot = (uint8_t)(has_table ? app->report.ruling : 255),
                                      .sequence = has_table ? app->table.sequence : 0,
@@ -104,7 +104,7 @@ static uint32_t table_crc(const imucal_app_t* app) {
 
 static void serve_state(imucal_app_t* app) {
   const bool has_table = app->table_status == IMUCAL_OK;
-  const uint16_t unlocked_s = app_guard_left_s(&app->guard, app->port->time_us(app->port->ctx));
+  const uint16_t unlocked_s = app_guard_left_s(&app->guard, app_now(app));
   const imucal_link_state_reply_t answer = {.challenge = app->guard.challenge,
                                             .unlocked_s = unlocked_s,
                                             .table_crc = table_crc(app),
@@ -124,8 +124,7 @@ static void serve_state(imucal_app_t* app) {
 
 static void serve_unlock(imucal_app_t* app, const imucal_link_unlock_t* request) {
   imucal_link_unlock_reply_t answer;
-  const imucal_status status =
-      app_guard_unlock(&app->guard, request, app->board->serial, app->port->time_us(app->port->ctx), &answer);
+  const imucal_status status = app_guard_unlock(&app->guard, request, app->board->serial, app_now(app), &answer);
   if (status == IMUCAL_OK) {
     reply(app, IMUCAL_LINK_ID_UNLOCK_REPLY, &answer);
     return;
@@ -714,7 +713,7 @@ static imucal_status open_command(imucal_app_t* app, imucal_link_any_t* message)
   const uint8_t* inside = imucal_link_rx_payload(&app->rx) + imucal_link_rx_payload_len(&app->rx) - length;
   const imucal_status status = imucal_link_decode(app->request, inside, length, message);
   if (status != IMUCAL_OK) return status;
-  return app_guard_take(&app->guard, token, number, app->port->time_us(app->port->ctx));
+  return app_guard_take(&app->guard, token, number, app_now(app));
 }
 
 void app_serve(imucal_app_t* app) {

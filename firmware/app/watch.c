@@ -31,10 +31,10 @@ void app_watch_sensor(imucal_app_t* app) {
   if (growing & ~app->growing)
     app_event(app, IMUCAL_EVENT_SENSOR_COUNTED, (imucal_status)report.status, growing & ~app->growing);
   app->growing = growing;
-  app->watch_us = app->port->time_us(app->port->ctx) + WATCH_US;
+  app->watch_us = app_now(app) + WATCH_US;
 }
 
 /* A sensor that is silent finishes no seconds. */
 void app_watch_sensor_when_due(imucal_app_t* app) {
-  if (app->port->time_us(app->port->ctx) >= app->watch_us) app_watch_sensor(app);
+  if (app_now(app) >= app->watch_us) app_watch_sensor(app);
 }

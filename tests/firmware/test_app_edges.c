@@ -236,6 +236,48 @@ static void test_flash_refused_for_its_supply_is_told_and_counted(void** state) 
   assert_int_equal(bench.app.n_flash_failed, 1);
 }
 
+static uint64_t clock_of_32_bits(void* ctx) {
+  return (uint32_t)(((bench_t*)ctx)->time_us += 100);
+}
+
+/* time_us from a counter of 32 bits: the session, the unlock and the uptime go over its end, every time. */
+static void test_clock_that_wraps_ends_no_session(void** state) {
+  (void)state;
+  bench.time_us = UINT32_MAX - 5000000u;
+  bench.port.time_us = clock_of_32_bits;
+  bench_power_cycle(&bench);
+  assert_int_equal(bench_cal_start(&bench, 0, 3), IMUCAL_OK);
+  for (int hour = 0; hour < 4; hour++) {
+    for (int i = 0; i < 360; i++) {
+      bench.time_us += 10000000u;
+      bench_run(&bench);
+    }
+    assert_int_equal(bench.app.session, IMUCAL_SESSION_CALIBRATING);
+    assert_int_equal(bench_events(&bench, IMUCAL_EVENT_CLOCK_BACK), bench.time_us >> 32);
+    assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_INFO, &(imucal_link_info_t){0}), IMUCAL_LINK_ID_INFO_REPLY);
+    assert_true(bench.time_us - bench.reply.info_reply.uptime_us < 10000);
+  }
+  assert_int_equal(bench.time_us >> 32, 4);
+}
+
+/* A step back of a second, or far: time stands for it and goes on; told once. */
+static void test_clock_that_steps_back_goes_on(void** state) {
+  (void)state;
+  bench.time_us = 100000000u;
+  bench_run(&bench);
+  for (int i = 0; i < 5; i++) {
+    const uint64_t before_us = bench.app.now_us;
+    bench.time_us -= 1000000u << (i == 4 ? 4 : 0);
+    bench_run(&bench);
+    assert_true(bench.app.now_us >= before_us && bench.app.now_us - before_us < 10000);
+    bench.time_us += 500000u;
+    bench_run(&bench);
+    assert_true(bench.app.now_us - before_us >= 500000 && bench.app.now_us - before_us < 510000);
+  }
+  assert_int_equal(bench.app.n_clock_back, 5);
+  assert_int_equal(bench_events(&bench, IMUCAL_EVENT_CLOCK_BACK), 1);
+}
+
 #define CASE(test) cmocka_unit_test_setup(test, start)
 
 int main(void) {
@@ -253,6 +295,8 @@ int main(void) {
       CASE(test_second_of_many_samples_is_clipped_in_the_record),
       CASE(test_low_supply_is_told_when_it_begins),
       CASE(test_flash_refused_for_its_supply_is_told_and_counted),
+      CASE(test_clock_that_wraps_ends_no_session),
+      CASE(test_clock_that_steps_back_goes_on),
   };
   return cmocka_run_group_tests_name("app_edges", tests, NULL, NULL);
 }
