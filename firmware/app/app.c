@@ -24,10 +24,16 @@ static void tx_compact(imucal_app_t* app) {
   app->tx_at = 0;
 }
 
+/* What a callback says it took: none where that is more than it was given (an error code as a size, SIZE_MAX). */
+static size_t taken(size_t n, size_t most) {
+  return n <= most ? n : 0;
+}
+
 /* True where some bytes went out. */
 static bool tx_flush(imucal_app_t* app) {
   if (app->tx_at == app->tx_end) return false;
-  const size_t n = app->port->serial_write(app->port->ctx, app->tx + app->tx_at, (size_t)(app->tx_end - app->tx_at));
+  const size_t waiting = (size_t)(app->tx_end - app->tx_at);
+  const size_t n = taken(app->port->serial_write(app->port->ctx, app->tx + app->tx_at, waiting), waiting);
   app->tx_at = (uint16_t)(app->tx_at + n);
   if (app->tx_at == app->tx_end) app->tx_at = app->tx_end = 0;
   return n > 0;
@@ -180,7 +186,8 @@ static void take_request(imucal_app_t* app) {
 static bool take_bytes(imucal_app_t* app) {
   if (app->rx_at == app->rx_end) {
     app->rx_at = 0;
-    app->rx_end = (uint8_t)app->port->serial_read(app->port->ctx, app->rx_bytes, sizeof app->rx_bytes);
+    const size_t most = sizeof app->rx_bytes;
+    app->rx_end = (uint8_t)taken(app->port->serial_read(app->port->ctx, app->rx_bytes, most), most);
   }
   const bool is_busy = app->rx_at < app->rx_end;
   while (app->rx_at < app->rx_end && !app->is_reply_due)

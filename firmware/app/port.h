@@ -20,7 +20,8 @@ typedef enum imucal_port_sample {
 typedef struct imucal_port {
   void* ctx;
 
-  /* Take up to `capacity` bytes that have arrived; 0: none.  Never waits. */
+  /* Take up to `capacity` bytes that have arrived; 0: none.  Never waits.  (More than was asked for, as an error code made a
+   * size, counts as none; so below.) */
   size_t (*serial_read)(void* ctx, uint8_t* data, size_t capacity);
 
   /* Accept up to `length` bytes for sending; returns how many.  Never waits. */

@@ -278,6 +278,37 @@ static void test_clock_that_steps_back_goes_on(void** state) {
   assert_int_equal(bench_events(&bench, IMUCAL_EVENT_CLOCK_BACK), 1);
 }
 
+static size_t failing_read(void* ctx, uint8_t* data, size_t capacity) {
+  (void)ctx, (void)data, (void)capacity;
+  return (size_t)-1;
+}
+static uint32_t n_writes;
+static size_t failing_write(void* ctx, const uint8_t* data, size_t length) {
+  (void)ctx;
+  assert_true(data >= bench.app.tx && length <= sizeof bench.app.tx &&
+              data + length <= bench.app.tx + sizeof bench.app.tx);
+  n_writes++;
+  return n_writes % 2 ? (size_t)-1 : length + 1;
+}
+
+/* `return read(fd, ...)` that failed, or the HAL's error code: nothing came, nothing went out. */
+static void test_sizes_of_callbacks_beyond_what_was_asked_count_as_none(void** state) {
+  (void)state;
+  const imucal_port_t good = bench.port;
+  bench.port.serial_read = failing_read;
+  bench_run(&bench);
+  assert_true(bench.app.rx_at == 0 && bench.app.rx_end == 0);
+  bench.port.serial_read = good.serial_read;
+  bench.port.serial_write = failing_write;
+  bench_power_cycle(&bench); /* with events to send */
+  bench_run(&bench);
+  assert_true(n_writes > 1 && bench.app.tx_at == 0 && bench.app.tx_end > 0);
+  bench.port.serial_write = good.serial_write;
+  bench_run(&bench);
+  assert_int_equal(bench_ask(&bench, IMUCAL_LINK_ID_INFO, &(imucal_link_info_t){0}), IMUCAL_LINK_ID_INFO_REPLY);
+  assert_int_equal(bench_events(&bench, IMUCAL_EVENT_BOOT), 1); /* the second start's came whole */
+}
+
 #define CASE(test) cmocka_unit_test_setup(test, start)
 
 int main(void) {
@@ -295,6 +326,7 @@ int main(void) {
       CASE(test_second_of_many_samples_is_clipped_in_the_record),
       CASE(test_low_supply_is_told_when_it_begins),
       CASE(test_flash_refused_for_its_supply_is_told_and_counted),
+      CASE(test_sizes_of_callbacks_beyond_what_was_asked_count_as_none),
       CASE(test_clock_that_wraps_ends_no_session),
       CASE(test_clock_that_steps_back_goes_on),
   };
