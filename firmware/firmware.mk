@@ -10,6 +10,8 @@ FIRMWARE_CFLAGS := -std=c99 -pedantic -ffp-contract=off -fno-common $(WARNINGS) 
 # A driver of firmware/sensors in an emulated device, its bus led to a model in another process (tests/emu/sensor_server.c).
 FIRMWARE_BUS := firmware/port/sim/bus_sensor.c $(FIRMWARE_SENSORS)
 
+# Emulated ARM devices: each gets its image and the check program, and links semihosting.  A port for a chip is not one of
+# them: it has a make file of its own, port/NAME/NAME.mk, read at the end (README.md, Porting).
 FIRMWARE_PORTS := mps2_an386 nrf51
 FIRMWARE_IMAGES := $(BUILD)/firmware/posix/imucal $(BUILD)/firmware/posix/check $(BUILD)/tests/emu/sensor_server \
                    $(FIRMWARE_PORTS:%=$(BUILD)/firmware/%/imucal.elf) \
@@ -103,9 +105,8 @@ $(foreach port,$(FIRMWARE_PORTS),$(eval $(call mcu_rules,$(port))))
 
 -include $(shell find $(BUILD)/obj/mps2_an386 $(BUILD)/obj/nrf51 -name '*.d' 2>/dev/null)
 
-include firmware/port/stm32f405/stm32f405.mk
+include $(sort $(wildcard firmware/port/*/*.mk))
 include firmware/examples/examples.mk
-include firmware/port/riscv_virt/riscv_virt.mk
 
 # ---- what it costs (firmware/cost.py --help) ----
 
