@@ -143,7 +143,16 @@ imucal_status app_load_table(imucal_app_t* app) {
 
 /* ---- one step ---- */
 
+/* sample_enable, sample_out, sensor_report and device may be missing (port.h). */
+static bool is_port_whole(const imucal_port_t* port) {
+  const imucal_flash_t* flash = &port->flash;
+  return port->serial_read != NULL && port->serial_write != NULL && port->sample_read != NULL && flash->erase != NULL &&
+         flash->program != NULL && flash->read != NULL && port->time_us != NULL && port->watchdog != NULL &&
+         port->reboot != NULL;
+}
+
 imucal_status imucal_app_init(imucal_app_t* app, const imucal_port_t* port, const imucal_board_t* board) {
+  if (app == NULL || port == NULL || board == NULL || !is_port_whole(port)) return IMUCAL_ERR_ARGUMENT;
   memset(app, 0, sizeof *app);
   imucal_status status = imucal_board_check(board);
   if (status == IMUCAL_OK) status = imucal_store_check(&port->flash);

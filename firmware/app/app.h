@@ -108,8 +108,9 @@ typedef struct imucal_app {
 } imucal_app_t;
 
 /* Starts: loads the table (or says why not, then runs uncompensated), queues the boot's events.  Stream EVENT
- * is on, the others off.  port and board must stay valid.  Fails only for a board that imucal_board_check refuses, or flash
- * that imucal_store_check does: no calibration could end in a table. */
+ * is on, the others off.  port and board must stay valid.  Fails only for a board that imucal_board_check refuses, for
+ * flash that imucal_store_check does (no calibration could end in a table), and where a callback is missing that may not be
+ * NULL: IMUCAL_ERR_ARGUMENT.  Then there is no step to call. */
 IMUCAL_MUST_USE imucal_status imucal_app_init(imucal_app_t* app, const imucal_port_t* port,
                                               const imucal_board_t* board);
 

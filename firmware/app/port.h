@@ -2,7 +2,7 @@
 /* Purpose: everything the app asks of a board, as callbacks.  A new MCU = one filled imucal_port_t + one
  * imucal_board_t + a main that calls imucal_app_init once and imucal_app_step for ever (firmware/README.md).
  * All callbacks are called from imucal_app_init and imucal_app_step only, in the caller's context; none may
- * call back into the app.  ctx is the port's own and is passed to each. */
+ * call back into the app.  ctx is the port's own and is passed to each.  Those that may be NULL say so. */
 #ifndef IMUCAL_APP_PORT_H
 #define IMUCAL_APP_PORT_H
 #include "link.h"
@@ -65,9 +65,9 @@ typedef struct imucal_port {
    * always taken; records that do not fit the line are dropped and counted. */
   bool is_replay;
 
-  uint32_t boot_id;           /* unlike that of the last start: random, or a count */
+  uint32_t boot_id; /* unlike that of the last start, as UNLOCK's challenge is made of it: random, or a count */
   uint32_t n_watchdog_resets; /* as far as the board can tell; 0 otherwise */
   bool is_watchdog_reset;     /* this start was the watchdog's */
-  const char* device;         /* name of board or port for HELLO, at most 23 characters */
+  const char* device;         /* name of board or port for HELLO, at most 23 characters; may be NULL */
 } imucal_port_t;
 #endif

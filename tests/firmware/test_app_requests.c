@@ -50,6 +50,31 @@ static void test_init_bad_board_is_refused(void** state) {
   assert_int_equal(imucal_app_init(&bench.app, &bench.port, &bench.board), IMUCAL_ERR_CHANNELS);
 }
 
+static imucal_status init_without(size_t callback_at) {
+  imucal_port_t port = bench.port;
+  memset((uint8_t*)&port + callback_at, 0, sizeof(void (*)(void)));
+  return imucal_app_init(&bench.app, &port, &bench.board);
+}
+
+/* Nothing that the app is going to call is missing; what it asks for before it calls may be. */
+static void test_init_missing_callbacks_are_refused(void** state) {
+  (void)state;
+  static const size_t needed[] = {offsetof(imucal_port_t, serial_read),   offsetof(imucal_port_t, serial_write),
+                                  offsetof(imucal_port_t, sample_read),   offsetof(imucal_port_t, flash.erase),
+                                  offsetof(imucal_port_t, flash.program), offsetof(imucal_port_t, flash.read),
+                                  offsetof(imucal_port_t, time_us),       offsetof(imucal_port_t, watchdog),
+                                  offsetof(imucal_port_t, reboot)};
+  static const size_t optional[] = {offsetof(imucal_port_t, sample_enable), offsetof(imucal_port_t, sample_out),
+                                    offsetof(imucal_port_t, sensor_report), offsetof(imucal_port_t, device)};
+  for (size_t i = 0; i < sizeof needed / sizeof needed[0]; i++)
+    if (init_without(needed[i]) != IMUCAL_ERR_ARGUMENT) fail_msg("callback %zu", i);
+  for (size_t i = 0; i < sizeof optional / sizeof optional[0]; i++)
+    if (init_without(optional[i]) != IMUCAL_OK) fail_msg("optional callback %zu", i);
+  assert_int_equal(imucal_app_init(&bench.app, NULL, &bench.board), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(imucal_app_init(&bench.app, &bench.port, NULL), IMUCAL_ERR_ARGUMENT);
+  assert_int_equal(imucal_app_init(NULL, &bench.port, &bench.board), IMUCAL_ERR_ARGUMENT);
+}
+
 static void test_hello_tells_who_and_refuses_old_protocol(void** state) {
   (void)state;
   imucal_link_hello_t request = {.protocol = IMUCAL_LINK_PROTOCOL, .nonce = 77};
@@ -822,6 +847,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       CASE(test_boot_without_table_says_so_and_passes_samples),
       CASE(test_init_bad_board_is_refused),
+      CASE(test_init_missing_callbacks_are_refused),
       CASE(test_hello_tells_who_and_refuses_old_protocol),
       CASE(test_channel_info_known_and_unknown_channel),
       CASE(test_unknown_request_and_wrong_payload_are_refused),

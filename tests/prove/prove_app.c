@@ -82,6 +82,14 @@ static imucal_status flash_read(void* ctx, uint32_t slot, uint32_t offset, uint8
   any(data, len);
   return any_bool() ? IMUCAL_OK : IMUCAL_ERR_FLASH;
 }
+static imucal_status flash_erase(void* ctx, uint32_t slot) {
+  (void)ctx, (void)slot;
+  return any_bool() ? IMUCAL_OK : IMUCAL_ERR_FLASH;
+}
+static imucal_status flash_program(void* ctx, uint32_t slot, uint32_t offset, const uint8_t* data, uint32_t len) {
+  (void)ctx, (void)slot, (void)offset, (void)data, (void)len;
+  return any_bool() ? IMUCAL_OK : IMUCAL_ERR_FLASH;
+}
 static uint64_t time_us(void* ctx) {
   (void)ctx;
   return any_u64();
@@ -102,7 +110,8 @@ static void any_board_and_port(void) {
   port.sample_enable = any_bool() ? sample_enable : NULL;
   port.sample_out = any_bool() ? sample_out : NULL;
   port.sensor_report = any_bool() ? sensor_report : NULL;
-  port.flash.read = flash_read; /* erase and program are called by the store alone: prove_store */
+  port.flash.read = flash_read; /* the others are called by the store alone: prove_store */
+  port.flash.erase = flash_erase, port.flash.program = flash_program;
   port.time_us = time_us;
   port.watchdog = port.reboot = nothing;
   port.is_replay = any_bool();

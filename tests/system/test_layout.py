@@ -220,6 +220,18 @@ def test_readme_of_diagnose_names_every_file_of_the_room():
     assert not [name for name in files_of("lib/analysis/diagnose") if name not in named]
 
 
+# ---- the device's app and its ports ----
+def test_porting_guide_names_every_member_of_the_port():
+    struct = re.search(r"typedef struct imucal_port \{(.*)\} imucal_port_t;", (ROOT / "firmware/app/port.h").read_text(), re.S).group(1)
+    struct = re.sub(r"/\*.*?\*/", "", struct, flags=re.S)
+    members = re.findall(r"\(\*(\w+)\)\(|(\w+);", struct)
+    members = [callback or value for callback, value in members]
+    assert len(members) >= 15 and "reboot" in members and "boot_id" in members
+    table = (ROOT / "firmware/README.md").read_text().partition("## Porting")[2].partition("\n## ")[0]
+    named = {name for row in table.splitlines() if row.startswith("| `") for name in re.findall(r"`(\w+)`", row.split("|")[1])}
+    assert set(members) == named
+
+
 # ---- size of functions ----
 MOST_LINES = 60
 
