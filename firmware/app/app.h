@@ -21,6 +21,10 @@
 #include "table.h"
 #include "version.h"
 
+#if defined(__cplusplus)
+extern "C" {
+#endif
+
 #define IMUCAL_FIRMWARE_VERSION IMUCAL_VERSION
 
 /* Bytes waiting for the line.  What one sample brings takes at most IMUCAL_APP_BURST_BYTES: with six channels a second's
@@ -117,4 +121,8 @@ IMUCAL_MUST_USE imucal_status imucal_app_init(imucal_app_t* app, const imucal_po
 /* A bounded piece of work.  True: there was something to do; false: the caller may sleep until a byte or a
  * sample comes (or 10 ms have passed). */
 bool imucal_app_step(imucal_app_t* app);
+
+#if defined(__cplusplus)
+}
+#endif
 #endif

@@ -5,6 +5,10 @@
 #define IMUCAL_APP_BOARD_H
 #include "table.h"
 
+#if defined(__cplusplus)
+extern "C" {
+#endif
+
 typedef struct imucal_board {
   char serial[IMUCAL_SERIAL_LEN]; /* printable ASCII without blanks, padded with 0; a table names it */
   uint8_t n_channels;             /* 1..IMUCAL_MAX_CHANNELS */
@@ -22,4 +26,8 @@ typedef struct imucal_board {
 /* Checks every field: IMUCAL_ERR_NAME, IMUCAL_ERR_CHANNELS, IMUCAL_ERR_SCALE, IMUCAL_ERR_RANGE (rate, full
  * scale). */
 IMUCAL_MUST_USE imucal_status imucal_board_check(const imucal_board_t* board);
+
+#if defined(__cplusplus)
+}
+#endif
 #endif

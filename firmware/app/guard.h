@@ -8,6 +8,10 @@
 #define IMUCAL_APP_GUARD_H
 #include "link.h"
 
+#if defined(__cplusplus)
+extern "C" {
+#endif
+
 typedef struct imucal_app_guard {
   uint32_t challenge;     /* next UNLOCK must bring it */
   uint32_t token, number; /* of the running unlock; number of its newest command */
@@ -31,4 +35,8 @@ IMUCAL_MUST_USE imucal_status app_guard_unlock(imucal_app_guard_t* guard, const 
  * unlock is over; it was never done. */
 IMUCAL_MUST_USE imucal_status app_guard_take(imucal_app_guard_t* guard, uint32_t token, uint32_t number,
                                              uint64_t now_us);
+
+#if defined(__cplusplus)
+}
+#endif
 #endif

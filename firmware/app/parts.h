@@ -4,6 +4,10 @@
 #define IMUCAL_APP_PARTS_H
 #include "app.h"
 
+#if defined(__cplusplus)
+extern "C" {
+#endif
+
 /* Grid over the valid span for the worst predicted error: 25 temperatures, every 2.5 degC of a 60-degC span.
  */
 #define IMUCAL_APP_GRID 25u
@@ -33,4 +37,8 @@ void app_watch_sensor_when_due(imucal_app_t* app);
 
 /* requests.c */
 void app_serve(imucal_app_t* app);
+
+#if defined(__cplusplus)
+}
+#endif
 #endif

@@ -9,6 +9,10 @@
 #include "sample.h"
 #include "store.h"
 
+#if defined(__cplusplus)
+extern "C" {
+#endif
+
 typedef enum imucal_port_sample {
   IMUCAL_PORT_NO_SAMPLE = 0,  /* none due */
   IMUCAL_PORT_SAMPLE = 1,     /* *sample is set */
@@ -70,4 +74,8 @@ typedef struct imucal_port {
   bool is_watchdog_reset;     /* this start was the watchdog's */
   const char* device;         /* name of board or port for HELLO, at most 23 characters; may be NULL */
 } imucal_port_t;
+
+#if defined(__cplusplus)
+}
+#endif
 #endif

@@ -10,6 +10,10 @@
 #define IMUCAL_SENSORS_BMI088_H
 #include "sensor.h"
 
+#if defined(__cplusplus)
+extern "C" {
+#endif
+
 typedef struct imucal_bmi088_config {
   uint16_t rate_hz;     /* gyro: 2000, 1000, 400, 200 or 100 (GYRO_BANDWIDTH 10h: 230, 116, 47, 23, 12 Hz) */
   uint8_t gyro_fs_sel;  /* 0..4: 2000, 1000, 500, 250, 125 dps (GYRO_RANGE 0Fh) */
@@ -47,4 +51,8 @@ IMUCAL_MUST_USE imucal_status imucal_bmi088_self_test(imucal_bmi088_t* sensor, i
 
 /* The same, for source.h. */
 extern const imucal_sensor_driver_t imucal_bmi088_driver;
+
+#if defined(__cplusplus)
+}
+#endif
 #endif

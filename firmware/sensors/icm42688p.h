@@ -9,6 +9,10 @@
 #define IMUCAL_SENSORS_ICM42688P_H
 #include "sensor.h"
 
+#if defined(__cplusplus)
+extern "C" {
+#endif
+
 typedef struct imucal_icm42688p_config {
   /* 8000, 4000, 2000, 1000, 500, 200, 100, 50 or 25: GYRO_ODR and ACCEL_ODR, registers 4Fh and 50h. */
   uint32_t rate_hz;
@@ -56,4 +60,8 @@ IMUCAL_MUST_USE imucal_status imucal_icm42688p_self_test(imucal_icm42688p_t* sen
 
 /* The same, for source.h. */
 extern const imucal_sensor_driver_t imucal_icm42688p_driver;
+
+#if defined(__cplusplus)
+}
+#endif
 #endif

@@ -7,6 +7,10 @@
 #define IMUCAL_SENSORS_LSM6DSO_H
 #include "sensor.h"
 
+#if defined(__cplusplus)
+extern "C" {
+#endif
+
 typedef struct imucal_lsm6dso_config {
   uint16_t rate_hz;      /* 26, 52, 104, 208, 417, 833 or 1667: CTRL1_XL 10h, CTRL2_G 11h; truly 6667 Hz / 2^n */
   uint8_t gyro_fs_sel;   /* 0..3: 250, 500, 1000, 2000 dps: 8.75 mdps per count and up (table 2) */
@@ -44,4 +48,8 @@ IMUCAL_MUST_USE imucal_status imucal_lsm6dso_self_test(imucal_lsm6dso_t* sensor,
 
 /* The same, for source.h. */
 extern const imucal_sensor_driver_t imucal_lsm6dso_driver;
+
+#if defined(__cplusplus)
+}
+#endif
 #endif

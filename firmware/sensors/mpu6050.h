@@ -10,6 +10,10 @@
 #define IMUCAL_SENSORS_MPU6050_H
 #include "sensor.h"
 
+#if defined(__cplusplus)
+extern "C" {
+#endif
+
 typedef struct imucal_mpu6050_config {
   uint16_t rate_hz;     /* 1000 / n, n = 1..250: SMPLRT_DIV 19h */
   uint8_t gyro_fs_sel;  /* 0..3: 250, 500, 1000, 2000 dps (GYRO_CONFIG 1Bh) */
@@ -50,4 +54,8 @@ IMUCAL_MUST_USE imucal_status imucal_mpu6050_self_test(imucal_mpu6050_t* sensor,
 
 /* The same, for source.h. */
 extern const imucal_sensor_driver_t imucal_mpu6050_driver;
+
+#if defined(__cplusplus)
+}
+#endif
 #endif

@@ -232,6 +232,14 @@ def test_porting_guide_names_every_member_of_the_port():
     assert set(members) == named
 
 
+def test_headers_of_the_device_can_be_included_from_cpp():
+    """What a sketch or a C++ firmware includes declares its functions as C's."""
+    headers = [name for name in tracked() if re.match(r"(common|firmware/(app|sensors|flash))/\w+\.h$", name)]
+    assert len(headers) > 20
+    bare = [name for name in headers if re.search(r"^\w[^#]*\);", (text := (ROOT / name).read_text()), re.M) and 'extern "C" {' not in text]
+    assert not bare
+
+
 # ---- size of functions ----
 MOST_LINES = 60
 

@@ -8,11 +8,9 @@
 #include <EEPROM.h>
 #include <Wire.h>
 
-extern "C" {
 #include "app/app.h"
 #include "sensors/mpu6050.h"
 #include "sensors/source.h"
-}
 
 static const uint8_t ADDRESS = 0x68;
 static const uint32_t SLOT_BYTES = 1024;
