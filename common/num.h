@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: MIT
 /* Purpose: small arithmetic that must give the same bits on every machine, and little-endian bytes by shifts.
- * No libm.  Float is IEEE 754 binary32, round to nearest even; host, M4F (hardware) and M0 (libgcc) agree. */
+ * No libm.  Float is IEEE 754 binary32, round to nearest even; host, M4F (hardware) and M0 (libgcc) agree.
+ * Compile the core without -ffast-math (refused below) and without contraction of a * b + c into one operation, which no macro
+ * tells: -ffp-contract=off.  GCC contracts by default with -std=gnu.. where the processor can, on a Cortex-M4F too. */
 #ifndef IMUCAL_NUM_H
 #define IMUCAL_NUM_H
 
 #include "status.h"
+
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__)
+#error "the core gives other results with -ffast-math: compile common/ with -fno-fast-math -ffp-contract=off"
+#endif
 
 #if defined(__cplusplus)
 extern "C" {

@@ -1,11 +1,26 @@
 # SPDX-License-Identifier: MIT
 """A port of one's own, as firmware/README.md says: a folder with its make file, and no list of the project edited."""
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+
+
+def compiled(source, *flags):
+    return subprocess.run(["gcc", "-std=c99", "-Icommon", *flags, "-fsyntax-only", source], cwd=ROOT, capture_output=True, text=True, timeout=60)
+
+
+def test_core_refuses_fast_math():
+    """Every source of the core that computes with floats."""
+    sources = [p for p in sorted((ROOT / "common").glob("*.c")) if re.search(r"\bfloat\b", p.read_text())]
+    assert len(sources) >= 6
+    for source in sources:
+        assert compiled(source).returncode == 0
+        refused = compiled(source, "-ffast-math")
+        assert refused.returncode != 0 and "the core gives other results with -ffast-math" in refused.stderr, source
 
 
 def test_port_with_a_make_file_of_its_own_is_built_by_its_target(tmp_path):
