@@ -17,7 +17,7 @@ extern "C" {
 
 typedef struct imucal_sample {
   uint64_t t_us;       /* time stamp, microseconds since any fixed start; the same clock for all samples */
-  int32_t temp_counts; /* thermometer; degC = temp_counts * scale + offset, see imucal_table_t */
+  int32_t temp_counts; /* thermometer, at most a second old; degC = temp_counts * scale + offset, see imucal_table_t */
   int32_t counts[IMUCAL_MAX_CHANNELS]; /* sensor words, offset removed, sign extended */
   uint8_t n_channels;                  /* 1..IMUCAL_MAX_CHANNELS */
   uint8_t saturated;                   /* bit i: channel i is at its rail */

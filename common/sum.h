@@ -61,7 +61,7 @@ IMUCAL_MUST_USE imucal_status imucal_sum_init(imucal_sum_t* sum, uint32_t n_chan
 /* Take a sample.  IMUCAL_OK: taken; IMUCAL_SECOND_READY: taken, and *second holds the second before it;
  * IMUCAL_ERR_PERIOD: duplicate or backward time, counted and left out; IMUCAL_ERR_RANGE: refused and counted.
  * A second is flagged missing when two neighbouring samples lie more than 1.5 nominal periods apart and one was due in
- * it: by time and not by number, so that a slow sample clock or jitter raises no flag. */
+ * it: by time and not by number, so that a slow sample clock, or jitter below half a period, raises no flag. */
 IMUCAL_MUST_USE imucal_status imucal_sum_add(imucal_sum_t* sum, const imucal_sample_t* sample, imucal_second_t* second);
 
 /* Samples taken so far. */

@@ -85,7 +85,9 @@ float imucal_sensor_clock_drift_ppm(const imucal_sensor_clock_t* clock);
 typedef struct imucal_sensor_watch {
   int32_t temp, sum;            /* last temperature word; a hash of the last six words */
   uint32_t n_same_temp, n_same; /* samples they have not changed for */
-  uint32_t limit_temp, limit;   /* samples; 0: not watched */
+  /* Samples; 0: not watched.  limit_temp: longer than one step of the thermometer takes on the slowest soak, 60 s for fine words;
+   * with one of 0.5 degC a healthy soak stands still for many minutes, and each second of it would be a fault. */
+  uint32_t limit_temp, limit;
   bool is_temp_stuck, is_stuck;
 } imucal_sensor_watch_t;
 

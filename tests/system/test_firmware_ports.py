@@ -23,6 +23,13 @@ def test_core_refuses_fast_math():
         assert refused.returncode != 0 and "the core gives other results with -ffast-math" in refused.stderr, source
 
 
+def test_driver_of_the_sensors_readme_compiles(tmp_path):
+    chapter = (ROOT / "firmware/sensors/README.md").read_text().partition("## A driver of your own")[2].partition("\n## ")[0]
+    (tmp_path / "mine.c").write_text(re.search(r"```c\n(.*?)```", chapter, re.S).group(1))
+    made = compiled(tmp_path / "mine.c", "-Ifirmware", "-Wall", "-Wextra", "-Wconversion", "-Werror")
+    assert made.returncode == 0, made.stderr
+
+
 def test_port_with_a_make_file_of_its_own_is_built_by_its_target(tmp_path):
     """A copy of the shortest port under another name; `make -n`, so that no compiler is needed."""
     for name in ("Makefile", "host", "common", "tests"):
