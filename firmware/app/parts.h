@@ -12,15 +12,24 @@ extern "C" {
  */
 #define IMUCAL_APP_GRID 25u
 
-/* app.c */
+/* In the order of the files: each calls those above it here, none below (tests/system/test_layout.py).  app.c calls all. */
+
+/* stream.c */
+size_t app_taken(size_t n, size_t most);
+size_t app_tx_room(const imucal_app_t* app);
+bool app_flush(imucal_app_t* app);
+bool app_send_reply(imucal_app_t* app);
 void app_stream(imucal_app_t* app, uint8_t what, uint32_t id, const void* message);
 uint16_t app_stream_count(imucal_app_t* app, uint8_t what);
 void app_event(imucal_app_t* app, uint8_t code, imucal_status status, uint32_t detail);
-imucal_status app_load_table(imucal_app_t* app);
-imucal_status app_check_table(imucal_app_t* app, uint32_t* detail);
 
 /* now.c */
 uint64_t app_now(imucal_app_t* app);
+
+/* watch.c */
+imucal_link_sensor_reply_t app_sensor_report(const imucal_app_t* app);
+void app_watch_sensor(imucal_app_t* app);
+void app_watch_sensor_when_due(imucal_app_t* app);
 
 /* seconds.c */
 bool app_is_compensated(const imucal_app_t* app, uint32_t i);
@@ -30,10 +39,9 @@ void app_take_sample(imucal_app_t* app, const imucal_sample_t* sample);
 void app_end_of_samples(imucal_app_t* app, imucal_status why);
 float app_worst_sigma(const imucal_app_t* app, uint32_t i, float* worst_temp_degc);
 
-/* watch.c */
-imucal_link_sensor_reply_t app_sensor_report(const imucal_app_t* app);
-void app_watch_sensor(imucal_app_t* app);
-void app_watch_sensor_when_due(imucal_app_t* app);
+/* tables.c */
+imucal_status app_load_table(imucal_app_t* app);
+imucal_status app_check_table(imucal_app_t* app, uint32_t* detail);
 
 /* requests.c */
 void app_serve(imucal_app_t* app);

@@ -31,9 +31,9 @@ typedef struct imucal_port {
   /* Accept up to `length` bytes for sending; returns how many.  Never waits. */
   size_t (*serial_write)(void* ctx, const uint8_t* data, size_t length);
 
-  /* The next sample in time order.  Never waits (a replay may, and a driver that is started again: 0.2 s, once a second).  Time stamps in us of one clock that does not
-   * run backwards; counts sign extended with the sensor's own fixed offset removed; saturated and fault bits
-   * set. */
+  /* The next sample in time order.  Never waits (a replay may, and a driver that is started again: 0.2 s, once a second).
+   * Time stamps in us of one clock that does not run backwards; counts sign extended with the sensor's own fixed offset
+   * removed; saturated and fault bits set. */
   imucal_port_sample_t (*sample_read)(void* ctx, imucal_sample_t* sample);
 
   /* Replays only, may be NULL: samples are (not) wanted from now on.  Wanted again after the end: start anew.

@@ -232,6 +232,20 @@ def test_porting_guide_names_every_member_of_the_port():
     assert set(members) == named
 
 
+def test_files_of_the_app_call_down_only():
+    """In the order in which parts.h lists them; app.c above all, what it names from outside (guard, board) below."""
+    listed = re.findall(r"^/\* (\w+\.c) \*/$", (ROOT / "firmware/app/parts.h").read_text(), re.M)
+    sources = [name for name in device_sources() if re.match(r"firmware/app/\w+\.c$", name)]
+    order = ["guard.c", "board.c", *listed, "app.c"]
+    assert sorted(order) == sorted(Path(name).name for name in sources)
+    home = {function: Path(path).name for _, function, path in functions_of(sources)}
+    calls = [(Path(name).name, home[word], word) for name in sources for word in re.findall(r"\b(\w+)\(", (ROOT / name).read_text())
+             if home.get(word, Path(name).name) != Path(name).name]
+    shared = [(user, used, word) for user, used, word in calls if word.startswith(("app_", "imucal_"))]
+    assert len(shared) > 40  # they were found at all
+    assert not [call for call in shared if order.index(call[1]) > order.index(call[0])]
+
+
 def test_headers_of_the_device_can_be_included_from_cpp():
     """What a sketch or a C++ firmware includes declares its functions as C's."""
     headers = [name for name in tracked() if re.match(r"(common|firmware/(app|sensors|flash))/\w+\.h$", name)]
