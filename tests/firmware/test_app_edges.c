@@ -236,6 +236,25 @@ static void test_flash_refused_for_its_supply_is_told_and_counted(void** state) 
   assert_int_equal(bench.app.n_flash_failed, 1);
 }
 
+static imucal_status (*erase_one)(void* ctx, uint32_t slot);
+static imucal_status erase_both(void* ctx, uint32_t slot) {
+  const imucal_status other = erase_one(ctx, 1 - slot);
+  return other != IMUCAL_OK ? other : erase_one(ctx, slot);
+}
+
+/* The second upload finds it: told and counted, and its table rules. */
+static void test_slots_in_one_page_are_told_and_counted(void** state) {
+  (void)state;
+  uint8_t bytes[IMUCAL_TABLE_MAX_BYTES];
+  erase_one = bench.port.flash.erase;
+  bench.port.flash.erase = erase_both;
+  assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 55.0f, bytes)), IMUCAL_OK);
+  assert_int_equal(bench_upload(&bench, bytes, bench_table(&bench, 66.0f, bytes)), IMUCAL_ERR_SLOTS);
+  assert_int_equal(bench.app.n_flash_failed, 1);
+  assert_int_equal(bench.app.table_status, IMUCAL_OK);
+  assert_int_equal(bench.app.table.sequence, 2);
+}
+
 static uint64_t clock_of_32_bits(void* ctx) {
   return (uint32_t)(((bench_t*)ctx)->time_us += 100);
 }
@@ -275,6 +294,12 @@ static void test_clock_that_steps_back_goes_on(void** state) {
     assert_true(bench.app.now_us - before_us >= 500000 && bench.app.now_us - before_us < 510000);
   }
   assert_int_equal(bench.app.n_clock_back, 5);
+  bench.time_us += (uint64_t)3 << 32; /* days forward, and back again */
+  bench_run(&bench);
+  const uint64_t days_us = bench.app.now_us;
+  bench.time_us -= (uint64_t)3 << 32;
+  bench_run(&bench);
+  assert_true(bench.app.now_us >= days_us && bench.app.now_us - days_us < 10000);
   assert_int_equal(bench_events(&bench, IMUCAL_EVENT_CLOCK_BACK), 1);
 }
 
@@ -326,6 +351,7 @@ int main(void) {
       CASE(test_second_of_many_samples_is_clipped_in_the_record),
       CASE(test_low_supply_is_told_when_it_begins),
       CASE(test_flash_refused_for_its_supply_is_told_and_counted),
+      CASE(test_slots_in_one_page_are_told_and_counted),
       CASE(test_sizes_of_callbacks_beyond_what_was_asked_count_as_none),
       CASE(test_clock_that_wraps_ends_no_session),
       CASE(test_clock_that_steps_back_goes_on),
