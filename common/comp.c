@@ -143,17 +143,16 @@ IMUCAL_COLD static imucal_status prepare_temperature(imucal_comp_t* comp, const 
     if (i == 2) return IMUCAL_ERR_PRECISION;
   const int64_t reach = mid - lo > hi - mid ? mid - lo : hi - mid;
   if (lo >= hi || reach > MAX_DISTANCE) return IMUCAL_ERR_PRECISION;
-  const uint32_t distance = (uint32_t)reach; /* 1 .. 2^30, since lo < hi: at most 30 rounds, and none overflows */
-  while (distance << (comp->tn_shift + 1) <= (uint32_t)INT32_MAX) comp->tn_shift++;
-  int64_t gain = float_quotient(thermometer->degc_per_count, 61 - comp->tn_shift, c->range_degc, TO_NEAREST);
-  if (gain > (int64_t)INT32_MAX + 1) {
-    /* The far end is 2^k counts off by the rounding of the middle, the range a little less (as two floats have no quotient
-     * between 1 - 2^-24 and 1): hi - lo < 2^(k+1).  From lo + 2^k the distances fill all 32 bits: -2^31 .. 2^31 - 1. */
-    if (reach == 1) return IMUCAL_ERR_PRECISION; /* a range below one count */
-    mid = lo + reach;
-    comp->tn_shift++;
-    gain = float_quotient(thermometer->degc_per_count, 61 - comp->tn_shift, c->range_degc, TO_NEAREST);
+  uint32_t distance = (uint32_t)reach; /* 1 .. 2^30, since lo < hi: at most 30 rounds, and none overflows */
+  /* The far end 2^k counts off, by the rounding of the middle perhaps, where the range may be less: from lo + 2^k the distances fill
+   * all 32 bits, -2^31 .. 2^31 - 1. */
+  if (distance > 1 && (distance & (distance - 1)) == 0 && (uint32_t)(hi - lo) < 2 * distance) {
+    mid = lo + distance;
+    distance--;
   }
+  while (distance << (comp->tn_shift + 1) <= (uint32_t)INT32_MAX) comp->tn_shift++;
+  const int64_t gain = float_quotient(thermometer->degc_per_count, 61 - comp->tn_shift, c->range_degc, TO_NEAREST);
+  if (gain > (int64_t)INT32_MAX + 1) return IMUCAL_ERR_PRECISION; /* a range below one count */
   comp->tn_gain = gain > INT32_MAX ? INT32_MAX : (int32_t)gain;
   comp->tn_mid_q30 = (int32_t)tn_of_counts(thermometer, c, mid);
   comp->temp_mid_counts = (int32_t)mid;

@@ -216,7 +216,8 @@ imucal_status imucal_store_load(const imucal_flash_t* flash, const char* serial,
                                 imucal_store_work_t* work, imucal_table_t* table, imucal_store_report_t* report) {
   const imucal_status usable = imucal_store_check(flash);
   if (usable != IMUCAL_OK) {
-    *report = (imucal_store_report_t){{usable, usable}, {0, 0}, NONE};
+    report->slot_status[0] = report->slot_status[1] = usable;
+    report->ruling = NONE;
     return usable;
   }
   (void)survey(flash, serial, n_channels, work, report);

@@ -103,7 +103,7 @@ typedef struct imucal_table_place {
 /* The field's name as in the JSON; "" for IMUCAL_FIELD_NONE and numbers that are no field.  Never null. */
 const char* imucal_table_field_text(uint32_t field);
 
-/* Check every field of a struct.  place may be null. */
+/* Check every field of a struct.  place may be null.  Of names it asks more than decode does: a unit, and no two the same. */
 IMUCAL_MUST_USE imucal_status imucal_table_validate(const imucal_table_t* table, imucal_table_place_t* place);
 
 /* The same for one channel of a table with this thermometer, where there is no room for a whole table. */

@@ -178,6 +178,7 @@ static void start_table(uint8_t order, uint8_t scale_order) {
   for (int i = 0; i < IMUCAL_MAX_CHANNELS; i++) {
     imucal_table_channel_t* channel = &table->channel[i];
     memcpy(channel->name, "gx_dph", 6);
+    channel->name[1] = (char)('u' + i);
     channel->order = order;
     channel->t0_degc = channel->range_degc = 30.0f;
     for (int k = 0; k <= order; k++) channel->coeff[k] = 300.0f - (float)k * 77.0f;
