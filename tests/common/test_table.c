@@ -151,7 +151,7 @@ static void test_validate_field_nonsense_has_its_own_status_and_place(void** sta
   REFUSED(t.channel[4].name[0] = 0, IMUCAL_ERR_NAME, "name");
   REFUSED(t.channel[4].name[11] = 'x', IMUCAL_ERR_NAME, "name");            /* text after its end */
   REFUSED(t.channel[4].name[2] = '-', IMUCAL_ERR_NAME, "name");             /* no unit */
-  REFUSED(memcpy(t.channel[4].name, "gy_dph", 6), IMUCAL_ERR_NAME, "name"); /* of another channel */
+  REFUSED(memcpy(t.channel[4].name, "gx_dph", 6), IMUCAL_ERR_NAME, "name"); /* of another channel */
   REFUSED(t.degc_per_count = -0.01f, IMUCAL_ERR_SCALE, "degc_per_count");
   REFUSED(t.degc_at_zero = nan_value, IMUCAL_ERR_SCALE, "degc_at_zero");
   REFUSED(t.n_channels = 0, IMUCAL_ERR_CHANNELS, "channels");
