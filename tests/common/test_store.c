@@ -221,6 +221,7 @@ static imucal_status load_with(torn_nor_t* nor, uint32_t slot_bytes, uint32_t er
   imucal_flash_t flash = torn_nor_flash(nor);
   flash.slot_bytes = slot_bytes, flash.erase_bytes = erase_bytes, flash.program_bytes = program_bytes;
   imucal_table_t table;
+  report.ruling = 1;
   const imucal_status status = imucal_store_load(&flash, "SN-17", 3, &work, &table, &report);
   assert_int_equal(imucal_store_check(&flash), status == IMUCAL_ERR_NO_TABLE ? IMUCAL_OK : status);
   if (status != IMUCAL_ERR_GEOMETRY) return status;
@@ -454,7 +455,8 @@ static void test_marks_stand_where_the_header_says(void** state) {
   }
 }
 
-/* What fills the last unit of a table is erased bytes, also where a longer table was read before. */
+/* What fills the last unit of a table is erased bytes, also where a longer table was read before, or the work memory held
+ * anything behind the longest. */
 static void test_last_unit_of_a_table_is_filled_with_ones(void** state) {
   (void)state;
   static const torn_nor_geometry_t wide = {1024, 1024, 32};
@@ -465,6 +467,12 @@ static void test_last_unit_of_a_table_is_filled_with_ones(void** state) {
   assert_int_equal(write_mark(&nor, 3), IMUCAL_OK);
   assert_int_equal(report.ruling, 1);
   assert_erased(nor.bytes[1] + IMUCAL_TABLE_BYTES(3), mark_at(&nor, 1, 0));
+  torn_nor_init(&nor, (torn_nor_geometry_t){4096, 1024, 16});
+  imucal_flash_t flash = torn_nor_flash(&nor);
+  imucal_table_t table = example_table(6, 1);
+  memset(&work, 0xA5, sizeof work);
+  assert_int_equal(imucal_store_write(&flash, "SN-17", 6, 2, &work, &table, &report), IMUCAL_OK);
+  for (uint32_t at = IMUCAL_TABLE_MAX_BYTES + 4; at < 896; at++) assert_int_equal(nor.bytes[0][at], 0xFF);
 }
 
 /* Each write takes a commit mark of the slot that stands, each rollback an endorse mark; with the commit marks used up the
