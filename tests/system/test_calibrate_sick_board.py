@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from device_link import Device
-from imu import CALIBRATE, QUICK, Imu
+from imu import CALIBRATE, Imu
+from reference import QUICK
 from test_firmware_sensors import Sensor, chamber, hang_up  # noqa: F401 (chamber is a fixture)
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
