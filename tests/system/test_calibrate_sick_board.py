@@ -18,7 +18,7 @@ import pytest
 from device_link import Device
 from imu import CALIBRATE, Imu
 from reference import QUICK
-from test_firmware_sensors import Sensor, chamber, hang_up  # noqa: F401 (chamber is a fixture)
+from test_firmware_sensors import Sensor, hang_up, simulated_chamber
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 from sick.case import MODEL as SICK_MODEL  # noqa: E402
@@ -42,7 +42,12 @@ def calibrate_run(bench, samples, *arguments):
         imu.close()
 
 
-def run_on_sensor(chamber, folder, fault, *arguments):  # noqa: F811
+@pytest.fixture(scope="module")
+def chamber(tmp_path_factory):
+    return simulated_chamber(tmp_path_factory.mktemp("chamber"))
+
+
+def run_on_sensor(chamber, folder, fault, *arguments):
     """The same on a device that reads a modelled sensor through its driver."""
     with Sensor(chamber, folder, "mpu6050", "--fault", fault) as sensor, Device("posix", extra=sensor.options("posix")) as device:
         hang_up(device)
@@ -60,7 +65,7 @@ def recorded(folder):
 
 # ---- a thermometer that stands still ----
 
-def test_run_thermometer_that_stands_still_ends_the_run_after_faulty_s_and_is_named_first(chamber, tmp_path):  # noqa: F811
+def test_run_thermometer_that_stands_still_ends_the_run_after_faulty_s_and_is_named_first(chamber, tmp_path):
     status, err = run_on_sensor(chamber, tmp_path, "temperature:100:9000", "--faulty-s", 100)
     assert status == 4, err
     assert any("note: from 16" in line and "temperature stands still" in line for line in err), err
@@ -68,7 +73,7 @@ def test_run_thermometer_that_stands_still_ends_the_run_after_faulty_s_and_is_na
     assert len(recorded(tmp_path)) > 250
 
 
-def test_run_that_ends_for_another_reason_tells_what_the_device_told(chamber, tmp_path):  # noqa: F811
+def test_run_that_ends_for_another_reason_tells_what_the_device_told(chamber, tmp_path):
     with open(chamber / "log.csv") as log:  # 150 seconds: 7 degC
         (tmp_path / "world").mkdir()
         (tmp_path / "world/log.csv").write_text("".join([line for line in log][:170]))

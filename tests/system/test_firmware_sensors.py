@@ -24,15 +24,18 @@ RECORD_S = 200  # of 1000
 RISCV_MISSING = [n for n in ("riscv64-unknown-elf-gcc", "qemu-system-riscv32") if not shutil.which(n)]
 
 
-@pytest.fixture(scope="module")
-def chamber(tmp_path_factory):
-    """Folder with model, profile and the log that is the world of every sensor here."""
-    folder = tmp_path_factory.mktemp("chamber")
+def simulated_chamber(folder):
+    """The folder with model, profile and the log that is the world of every sensor here."""
     (folder / "model.json").write_text(json.dumps(MODEL))
     (folder / "profile.json").write_text(json.dumps(PROFILE))
     subprocess.run([BIN / "gyrosim", "log", "--model", folder / "model.json", "--profile", folder / "profile.json",
                     "--axes", "3", "--seed", "4", "-q", "-o", folder / "log.csv"], check=True)
     return folder
+
+
+@pytest.fixture(scope="module")
+def chamber(tmp_path_factory):
+    return simulated_chamber(tmp_path_factory.mktemp("chamber"))
 
 
 class Sensor(Child):
