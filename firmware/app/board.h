@@ -16,9 +16,9 @@ typedef struct imucal_board {
   float degc_per_count;           /* thermometer: degC = counts * degc_per_count + degc_at_zero */
   float degc_at_zero;
   struct {
-    char name
-        [IMUCAL_NAME_LEN]; /* ends in its unit, _dph or _mg: gx_dph, ax_mg; before it something no other channel has */
-    float unit_per_count;  /* > 0 */
+    /* Ends in its unit, _dph or _mg: gx_dph, ax_mg.  What stands before it is no other channel's. */
+    char name[IMUCAL_NAME_LEN];
+    float unit_per_count;      /* > 0 */
     int32_t full_scale_counts; /* > 0: |counts| at the rail */
   } channel[IMUCAL_MAX_CHANNELS];
 } imucal_board_t;

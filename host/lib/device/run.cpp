@@ -449,9 +449,7 @@ void Run::see_renewal(const Renewal& renewal, FitAxis* fit) {
   fit->renewal = renewal;
   fit->renewal_cost_dph =
       renewal_cost(renewal, record_t_s_, record_temp_degc_, fit->coeff_dph, fit->t0_degc, fit->range_degc);
-  const double worst = *std::max_element(fit->sigma_dph.begin(), fit->sigma_dph.end());
-  if (fit->renewal_cost_dph <= worst)
-    result_.notes.push_back(fit->axis + ": " + renewal_text(renewal, fit->renewal_cost_dph, worst, fit->unit()));
+  if (const std::string note = fit->renewal_note(); !note.empty()) result_.notes.push_back(note);
 }
 
 void Run::judge() {

@@ -55,8 +55,8 @@ struct RunResult {
   bool is_error_reached = true; // false: --until-error was asked for and not met
   std::vector<AxisResult> axes;
   bool is_flashed = false; // false: interrupted, not accepted or flash_error; the device keeps the table it had
-  std::string
-      flash_error; // why the flash did not take what was learnt and accepted: `table` is good and is nowhere else
+  // Why the flash did not take what was learnt and accepted: `table` is good and is nowhere else.  Empty: it did.
+  std::string flash_error;
   std::vector<FitReason> reasons; // what speaks against it
   imucal_table_t table{};      // as read back from the device; not flashed: as it would be (no axes where interrupted)
   bool is_device_made = false; // false: the host made it of the device's filters, for a narrower span

@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "base/error.h"
+#include "base/format.h"
 #include "base/median.h"
 #include "health.h"
 #include "io/log.h"
@@ -21,9 +22,7 @@ constexpr uint32_t kStanding_s = 300;                    // one reading for so l
 constexpr double kCountsTo = 4e9;                        // samples that a count of 32 bits holds
 
 std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, value < 1000 ? "%.4g" : "%.0f", value);
-  return text;
+  return format(value < 1000 ? "%.4g" : "%.0f", value);
 }
 
 } // namespace

@@ -398,10 +398,7 @@ void take_renewal(const std::vector<Log>& logs, FitAxis* axis, FitResult* result
     const double cost = renewal_cost(renewal, t_s, temp_degc, axis->coeff_dph, axis->t0_degc, axis->range_degc);
     if (cost > axis->renewal_cost_dph) axis->renewal = renewal, axis->renewal_cost_dph = cost;
   }
-  const double worst = *std::max_element(axis->sigma_dph.begin(), axis->sigma_dph.end());
-  if (axis->renewal.every_s > 0 && axis->renewal_cost_dph <= worst)
-    result->warnings.push_back(axis->axis + ": " +
-                               renewal_text(axis->renewal, axis->renewal_cost_dph, worst, axis->unit()));
+  if (const std::string note = axis->renewal_note(); !note.empty()) result->warnings.push_back(note);
 }
 
 FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const FitOptions& options, FitResult* result) {
@@ -435,7 +432,7 @@ FitAxis fit_axis(const std::vector<Log>& logs, const std::string& name, const Fi
   if (fit.n_refused > 0)
     result->warnings.push_back(axis.axis + ": the filter refused " + std::to_string(fit.n_refused) +
                                " seconds as out of range");
-  const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
+  const double worst = axis.worst_sigma_dph();
   if (options.method == FitOptions::Method::kKalman && worst > 0.1 * options.prior_sigma_dph)
     throw data_error(logs[0].path + ": axis " + name + ": the logs do not determine order " +
                      std::to_string(options.order) + " (predicted error " + std::to_string(worst) + " " + axis.unit() +
@@ -454,6 +451,12 @@ double FitAxis::bias_dph(double at_degc) const {
   double sum = 0;
   for (size_t i = coeff_dph.size(); i-- > 0;) sum = sum * tn + coeff_dph[i];
   return sum;
+}
+
+std::string FitAxis::renewal_note() const {
+  const double worst = worst_sigma_dph();
+  if (renewal.every_s <= 0 || renewal_cost_dph > worst) return "";
+  return axis + ": " + renewal_text(renewal, renewal_cost_dph, worst, unit());
 }
 
 double FitAxis::bias_sigma_dph(double at_degc) const {

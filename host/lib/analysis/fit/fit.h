@@ -15,6 +15,7 @@
 //   This is exact: given the others, c0 is Gaussian, and the filter's factors hold its regression on them.
 //   kPolynomial: one column of ones per log.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -84,6 +85,9 @@ struct FitAxis {
   std::vector<std::string> not_judged;        // rules that the logs, or no model, leave without a verdict
   double error_factor = 1;                    // how many times sigma_dph is too small by what the innovations say
   const char* unit() const { return axis_unit(axis); } // of every member named _dph
+  double worst_sigma_dph() const { return *std::max_element(sigma_dph.begin(), sigma_dph.end()); }
+  // What is said of `renewal` where no rule (temp-held) says it; empty: nothing.
+  std::string renewal_note() const;
   // Gravity along the axis, as it lay in the test: a static test cannot tell it from the bias.
   bool holds_gravity() const { return is_accelerometer(axis); }
   double bias_dph(double temp_degc) const;

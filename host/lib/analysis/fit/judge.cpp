@@ -2,12 +2,12 @@
 // Is what was learnt to be trusted: the core's rules over the logs of one axis, and what only a whole log shows.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include "analysis/fit/judge.h"
 #include "analysis/fit/parts.h"
 #include "base/error.h"
+#include "base/format.h"
 #include "base/suggest.h"
 #include "base/units.h"
 #include "learn.h"
@@ -47,25 +47,22 @@ void check_run(imucal_health_t* health, imucal_learn_t* learn, FitRun* run) {
 }
 
 std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
+  return format("%.3g", value);
 }
 
 // What to do where there is more noise than the model has.
 std::string remedy_of_noise(const FitAxis& axis) {
   if (axis.lossy_frac <= kManyLossy) return "identify the model anew";
-  return "samples are missing in " + number(100 * axis.lossy_frac) +
-         " % of the seconds: mend that first (losses between sensor and board, or a rate_hz that is not the sensor's), "
-         "no "
-         "model will";
+  return format("samples are missing in %.3g %% of the seconds: mend that first (losses between sensor and board, or a "
+                "rate_hz that is not the sensor's), no model will",
+                100 * axis.lossy_frac);
 }
 
 // What a rule of the core means, with its figure.
 std::string text_of(uint32_t rule, const FitAxis& axis) {
   const std::string value = number(static_cast<double>(axis.health.value[rule]));
   const std::string percent = number(100 * static_cast<double>(axis.health.value[rule])) + " %";
-  const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
+  const double worst = axis.worst_sigma_dph();
   const std::string honest = ": the predicted error is at least " + number(axis.error_factor) + " times too small (" +
                              number(worst) + " claimed, " + number(worst * axis.error_factor) + " by what was seen); " +
                              remedy_of_noise(axis);
@@ -139,7 +136,7 @@ void judge_axis(const JudgeOptions& options, const ErrorModel* model, double dt_
     reasons->push_back(
         {axis.axis, "measurements", part, kMinMeasurements,
          "only " + number(100 * part) + " % of the seconds that the best axis has: what became of the others?"});
-  const double worst = *std::max_element(axis.sigma_dph.begin(), axis.sigma_dph.end());
+  const double worst = axis.worst_sigma_dph();
   if (axis.renewal_cost_dph > worst)
     reasons->push_back({axis.axis, "temp-held", axis.renewal_cost_dph, worst,
                         renewal_text(axis.renewal, axis.renewal_cost_dph, worst, axis.unit())});

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "base/format.h"
 #include "base/median.h"
 
 namespace imucal {
@@ -55,11 +55,8 @@ std::vector<Move> far_moves(const std::vector<Held>& holds, double quantum_degc)
 }
 
 double total_travel(const std::vector<double>& temp_degc) {
-  double travel = 0, last = std::nan("");
-  for (const double t : temp_degc) {
-    if (std::isfinite(t) && std::isfinite(last)) travel += std::abs(t - last);
-    if (std::isfinite(t)) last = t;
-  }
+  double travel = 0;
+  for (size_t k = 1; k < temp_degc.size(); ++k) travel += std::abs(temp_degc[k] - temp_degc[k - 1]);
   return travel;
 }
 
@@ -122,12 +119,6 @@ double period_of(const std::vector<Held>& holds, const std::vector<Move>& moves)
   return sum / n;
 }
 
-std::string short_number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
-
 } // namespace
 
 Renewal thermometer_renewal(const std::vector<double>& t_s, const std::vector<double>& temp_degc,
@@ -177,12 +168,11 @@ double renewal_cost(const Renewal& renewal, const std::vector<double>& t_s, cons
 }
 
 std::string renewal_text(const Renewal& renewal, double cost, double predicted, const std::string& unit) {
-  return "the thermometer is renewed only every " + short_number(renewal.every_s) + " s, by " +
-         short_number(renewal.move_degc) + " degC at a time: " + short_number(renewal.delay_s()) +
-         " s of delay may have cost " + short_number(cost) + " " + unit + " on these ramps (predicted error " +
-         short_number(predicted) +
-         "); read it at least once a second, or ramp more slowly (if its steps are that coarse, declare them: "
-         "degc_per_count)";
+  return format(
+      "the thermometer is renewed only every %.3g s, by %.3g degC at a time: %.3g s of delay may have cost %.3g %s on "
+      "these ramps (predicted error %.3g); read it at least once a second, or ramp more slowly (if its steps are "
+      "that coarse, declare them: degc_per_count)",
+      renewal.every_s, renewal.move_degc, renewal.delay_s(), cost, unit.c_str(), predicted);
 }
 
 } // namespace imucal

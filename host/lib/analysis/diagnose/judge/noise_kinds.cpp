@@ -28,14 +28,12 @@ const std::vector<SlopedKind>& told_by_seconds(const SlowAnswer& slow, const Slo
 std::vector<JumpPlace> places_of_steps(const SlowData& data, const SlowModel& m) {
   std::vector<JumpPlace> places;
   for (const Theta& step : m.steps) {
-    const RunInput& run = data.campaign.runs[static_cast<size_t>(step[0])].input;
-    const auto next = std::lower_bound(run.t_s.begin(), run.t_s.end(), step[1]);
-    if (next == run.t_s.begin() || next == run.t_s.end()) continue;
-    const size_t i = static_cast<size_t>(next - run.t_s.begin());
-    const double change_degc = run.smooth_degc[i] - run.smooth_degc[i - 1];
-    const double row_s = run.t_s[i] - run.t_s[i - 1], at = (step[1] - run.t_s[i - 1]) / row_s;
-    for (double part : {-0.2, 0.0, 0.2})
-      places.push_back({run.smooth_degc[i - 1] + (at + part) * change_degc, change_degc / row_s});
+    const std::optional<JumpMoment> at = moment_of(data.campaign.runs[static_cast<size_t>(step[0])].input, step[1]);
+    if (!at) continue;
+    for (double rows : {-0.2, 0.0, 0.2}) {
+      places.push_back(at->place);
+      places.back().temp_degc += rows * at->row_s * at->place.slope_degc_s;
+    }
   }
   return places;
 }

@@ -153,36 +153,31 @@ JumpPattern pattern_of(const SlowLikelihood& of, const SlowModel& m) {
 
 namespace {
 
-// A jump in time, and how the temperature moves there.
 struct PlacedJump {
   size_t run;
-  double temp_degc, slope_degc_s, row_s, size_dph, error_dph;
-  bool is_rising() const { return slope_degc_s > 0; }
+  JumpMoment at;
+  double size_dph, error_dph;
 };
 std::vector<PlacedJump> placed_jumps(const SlowLikelihood& of, const SlowModel& m) {
   const SlowData& data = of.space().data;
-  const RunGrams::Posterior at = of.grams(m).posterior();
+  const RunGrams::Posterior sizes = of.grams(m).posterior();
   std::vector<PlacedJump> out;
   for (size_t i = 0; i < m.steps.size(); ++i) {
     const size_t run = static_cast<size_t>(m.steps[i][0]);
-    const RunInput& in = data.campaign.runs[run].input;
-    const auto next = std::lower_bound(in.t_s.begin(), in.t_s.end(), m.steps[i][1]);
-    if (next == in.t_s.begin() || next == in.t_s.end()) continue;
-    const size_t k = static_cast<size_t>(next - in.t_s.begin());
-    const double row_s = in.t_s[k] - in.t_s[k - 1], slope = (in.smooth_degc[k] - in.smooth_degc[k - 1]) / row_s;
-    if (std::fabs(slope) < kLeastPassing_degc_s) continue; // at rest: no temperature is passed
+    const std::optional<JumpMoment> at = moment_of(data.campaign.runs[run].input, m.steps[i][1]);
+    if (!at || std::fabs(at->place.slope_degc_s) < kLeastPassing_degc_s) continue; // at rest: no temperature is passed
     const long c = data.powers.front().cols() + static_cast<long>(i);
-    out.push_back({run, in.smooth_degc[k - 1] + slope * (m.steps[i][1] - in.t_s[k - 1]), slope, row_s, at.common[c],
-                   std::sqrt(std::max(0.0, at.common_covariance(c, c)))});
+    out.push_back({run, *at, sizes.common[c], std::sqrt(std::max(0.0, sizes.common_covariance(c, c)))});
   }
   return out;
 }
 // How near two temperatures have to be to be one: a jump is placed to a row.
 double near_degc(const PlacedJump& a, const PlacedJump& b) {
-  return kOnePlace_degc + 0.5 * (std::fabs(a.slope_degc_s) * a.row_s + std::fabs(b.slope_degc_s) * b.row_s);
+  const auto of_row = [](const JumpMoment& at) { return std::fabs(at.place.slope_degc_s) * at.row_s; };
+  return kOnePlace_degc + 0.5 * (of_row(a.at) + of_row(b.at));
 }
 bool are_at_one_place(const PlacedJump& a, const PlacedJump& b) {
-  return std::fabs(a.temp_degc - b.temp_degc) < near_degc(a, b);
+  return std::fabs(a.at.place.temp_degc - b.at.place.temp_degc) < near_degc(a, b);
 }
 bool have_one_height(const PlacedJump& a, const PlacedJump& b) {
   return std::fabs(a.size_dph - b.size_dph) < kOneHeightErrors * std::hypot(a.error_dph, b.error_dph);
@@ -190,11 +185,20 @@ bool have_one_height(const PlacedJump& a, const PlacedJump& b) {
 // On the way down the bias jumps back where it jumped on the way up.
 bool jumps_back(const std::vector<PlacedJump>& jumps, const PlacedJump& up) {
   return std::any_of(jumps.begin(), jumps.end(), [&](const PlacedJump& down) {
-    return !down.is_rising() && down.size_dph * up.size_dph < 0 && are_at_one_place(up, down);
+    return !down.at.place.is_rising() && down.size_dph * up.size_dph < 0 && are_at_one_place(up, down);
   });
 }
 
 } // namespace
+
+std::optional<JumpMoment> moment_of(const RunInput& run, double t_s) {
+  const auto next = std::lower_bound(run.t_s.begin(), run.t_s.end(), t_s);
+  if (next == run.t_s.begin() || next == run.t_s.end()) return {};
+  const size_t i = static_cast<size_t>(next - run.t_s.begin());
+  const double change_degc = run.smooth_degc[i] - run.smooth_degc[i - 1], row_s = run.t_s[i] - run.t_s[i - 1];
+  const double part = (t_s - run.t_s[i - 1]) / row_s;
+  return JumpMoment{{run.smooth_degc[i - 1] + part * change_degc, change_degc / row_s}, row_s};
+}
 
 RepeatedJumps repeated_jumps(const SlowLikelihood& of, const SlowModel& m) {
   RepeatedJumps out;
@@ -207,7 +211,7 @@ RepeatedJumps repeated_jumps(const SlowLikelihood& of, const SlowModel& m) {
   for (size_t i = 0; i < jumps.size(); ++i)
     for (size_t j = 0; j < i; ++j) {
       const PlacedJump &a = jumps[i], &b = jumps[j];
-      if (a.run == b.run || a.is_rising() != b.is_rising() || !have_one_height(a, b)) continue;
+      if (a.run == b.run || a.at.place.is_rising() != b.at.place.is_rising() || !have_one_height(a, b)) continue;
       expected += std::min(1.0, 2 * near_degc(a, b) / span_degc);
       if (are_at_one_place(a, b)) pairs += 1, is_repeated[i] = is_repeated[j] = 1;
     }
@@ -217,7 +221,7 @@ RepeatedJumps repeated_jumps(const SlowLikelihood& of, const SlowModel& m) {
   out.follow_temperature = true;
   size_t n_up = 0, n_back = 0;
   for (const PlacedJump& jump : jumps)
-    if (jump.is_rising()) ++n_up, n_back += jumps_back(jumps, jump) ? 1 : 0;
+    if (jump.at.place.is_rising()) ++n_up, n_back += jumps_back(jumps, jump) ? 1 : 0;
   out.are_loops = n_up > 0 && n_up < jumps.size() && 2 * n_back < n_up;
   return out;
 }

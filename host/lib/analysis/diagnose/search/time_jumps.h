@@ -2,6 +2,8 @@
 // Jumps: at times, and at temperatures between the places of a grid.  Both are looked for where a step beside
 // a hypothesis would gain most.
 #pragma once
+#include <optional>
+
 #include "analysis/diagnose/search/slow_polish.h"
 
 namespace imucal {
@@ -27,6 +29,13 @@ struct JumpPattern {
   size_t n_followed = 0;      // jumps that another one of the same run follows
 };
 JumpPattern pattern_of(const SlowLikelihood& of, const SlowModel& m);
+// The temperature and its slope at a moment of a log, and the row [s] that the moment lies in; at its ends: none.
+struct JumpMoment {
+  JumpPlace place;
+  double row_s = 0;
+};
+std::optional<JumpMoment> moment_of(const RunInput& run, double t_s);
+
 // Whether the jumps in time of a hypothesis come again where other passages have the same temperature and direction, with the same
 // height: a relay, or several, and no event.  Moments drawn at random would agree so often once in 1000 times.
 struct RepeatedJumps {
