@@ -541,12 +541,12 @@ static void test_jumps_between_two_levels_have_a_pattern(void**) {
 // Jumps at temperatures that every log passes on its way up, another height at each: relays, told as what follows the temperature.
 // Where a log has them at temperatures of its own they come again and again, and where they are in one log alone they are events.
 static void test_jumps_that_repeat_at_temperatures_follow_the_temperature(void**) {
-  const auto jumps_at = [](std::function<double(size_t log, size_t i)> place_s) {
-    constexpr std::array<double, 3> kHeights_dph = {220, -150, 300};
+  constexpr std::array<double, 3> kUnlike_dph = {220, -150, 300}, kAlike_dph = {200, 200, 200};
+  const auto jumps_at = [](std::function<double(size_t log, size_t i)> place_s, std::array<double, 3> heights_dph) {
     return [=, log = size_t{0}](double t_s, double) mutable {
       log += t_s < 1.5 ? 1 : 0;
       double sum = 0;
-      for (size_t i = 0; i < kHeights_dph.size(); ++i) sum += t_s > place_s(log, i) ? kHeights_dph[i] : 0;
+      for (size_t i = 0; i < heights_dph.size(); ++i) sum += t_s > place_s(log, i) ? heights_dph[i] : 0;
       return sum;
     };
   };
@@ -555,9 +555,11 @@ static void test_jumps_that_repeat_at_temperatures_follow_the_temperature(void**
     return 300.0 + 800.0 * static_cast<double>(i) + 170.0 * static_cast<double>(log);
   };
   const auto one_log = [=](size_t log, size_t i) { return log == 2 ? same(log, i) : 1e9; };
-  const auto said_of = [&](const std::function<double(size_t, size_t)>& place_s) {
+  const auto close_by = [](size_t log, size_t i) { return log == 2 ? 700.0 + 20 * static_cast<double>(i) : 1e9; };
+  const auto said_of = [&](const std::function<double(size_t, size_t)>& place_s,
+                           const std::array<double, 3>& heights_dph) {
     std::vector<Log> logs;
-    auto level = jumps_at(place_s);
+    auto level = jumps_at(place_s, heights_dph);
     for (uint64_t k = 0; k < 3; ++k) {
       Log log = simulated_log(751 + k, 6000, false, 0);
       for (size_t i = 0; i < log.size(); ++i) log.axes[0].rate_dph[i] += level(log.t_s[i], 0);
@@ -572,9 +574,11 @@ static void test_jumps_that_repeat_at_temperatures_follow_the_temperature(void**
         if (place_s(log, i) < 6000) m.steps.push_back({static_cast<double>(log - 1), place_s(log, i) + 0.5});
     return repeated_jumps(SlowLikelihood(space), m);
   };
-  assert_true(said_of(same).follow_temperature && !said_of(same).are_loops); // never passed on the way down
-  assert_false(said_of(other).follow_temperature);
-  assert_false(said_of(one_log).follow_temperature);
+  assert_true(said_of(same, kUnlike_dph).follow_temperature &&
+              !said_of(same, kUnlike_dph).are_loops); // never passed on the way down
+  assert_false(said_of(other, kUnlike_dph).follow_temperature);
+  assert_false(said_of(one_log, kUnlike_dph).follow_temperature);
+  assert_false(said_of(close_by, kAlike_dph).follow_temperature); // one passage
 }
 static void test_jumps_of_one_log_are_events_however_many(void**) {
   const auto jumps = [log = 0](double t_s, double) mutable {
