@@ -37,6 +37,7 @@ struct SelectorConstants {
   double undecided_nats = 4;
   double carried_part = 0.75;
   double slow_tau_part = 0.05;
+  double agreed_tau_part = 0.3;
   double growth_part = 0.02;
   double noise_errors = 3;
   double noise_times = 1.4;

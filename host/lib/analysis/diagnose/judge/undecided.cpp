@@ -64,12 +64,15 @@ std::vector<CandidateEvidence> repeatable_rivals(const AxisQuestion& question, c
   std::sort(rivals.begin(), rivals.end(), [](const auto& a, const auto& b) { return a.gain_nats > b.gain_nats; });
   return rivals;
 }
-// Whether a noise has a process so slow that it could be taken for a repeatable cause.
-bool has_slow_noise(const AxisQuestion& question, const NoiseModel& noise) {
+// Whether a noise has a process so slow that it could be taken for a repeatable cause.  Where no model says another noise, that it
+// could be taken for one is no gap: it has to be as slow as a cause.
+bool has_slow_noise(const AxisQuestion& question, const SlowModel& m, const NoiseModel& noise) {
+  const SelectorConstants& constants = question.constants;
+  const bool is_agreed = !m.noise_effect && (m.is_believed || !question.belief.has_believed);
+  const double part = is_agreed ? constants.agreed_tau_part : constants.slow_tau_part;
   double slowest = 0;
-  for (const Markov& m : noise.markov) slowest = std::max(slowest, m.tau_s);
-  return !(slowest < question.constants.slow_tau_part * question.campaign.longest_s() &&
-           !(noise.walk_dph_per_rt_s > 0));
+  for (const Markov& process : noise.markov) slowest = std::max(slowest, process.tau_s);
+  return slowest >= part * question.campaign.longest_s() || noise.walk_dph_per_rt_s > 0;
 }
 
 } // namespace
@@ -80,7 +83,7 @@ void name_undecided(const AxisQuestion& question, const SlowAnswer& slow, Names*
   const SlowModel& best = slow_answer(slow, *names);
   if (!names->effects.empty() && !(names->effects.size() == 1 && names->effects[0].family == Family::kSlowNoise))
     return;
-  if (!has_slow_noise(question, slow.search->seconds_noise_of(best))) return;
+  if (!has_slow_noise(question, best, slow.search->seconds_noise_of(best))) return;
   const std::vector<CandidateEvidence> rivals = repeatable_rivals(question, slow, best);
   if (rivals.empty()) return;
   SelectedEffect effect;
