@@ -88,8 +88,11 @@ def test_table_within_its_limits_is_said_to_keep_them(tmp_path, capsys):
     assert "limits.json: kept" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("limits, words", [({"max_sigma": -1}, "max_sigma: -1"), ({"max_bais": 5}, "max_bais")])
+@pytest.mark.parametrize("limits, words", [
+    ({"max_sigma": -1}, "max_sigma: -1"), ({"max_bais": 5}, "max_bais"), ({}, "no limit"), ({"span_degc": [60, 0]}, "span_degc: the lower temperature comes first"),
+    ({"span_degc": [20, 20], "max_sigma": 6}, "span_degc: the lower temperature comes first")])
 def test_limits_that_are_not_valid_are_refused(tmp_path, capsys, limits, words):
+    """Limits that every table keeps would open the gate for all."""
     assert _limits(tmp_path, **limits) == 3
     said = capsys.readouterr().err
     assert "limits.json:1" in said and words in said
@@ -97,6 +100,6 @@ def test_limits_that_are_not_valid_are_refused(tmp_path, capsys, limits, words):
 
 def test_limits_need_a_table(tmp_path, capsys):
     (tmp_path / "m.json").write_text(MODEL)
-    _limits(tmp_path)
+    _limits(tmp_path, max_sigma=6)
     assert main(["check", str(tmp_path / "m.json"), "--limits", str(tmp_path / "limits.json")]) == 3
     assert "none of the files is one" in capsys.readouterr().err

@@ -59,7 +59,8 @@ def check_json(path, text):
 
 def _beyond_schema(path, kind, data, places, text):
     """What a schema cannot say: names of a unit, numbers of coefficients, an order, the limits of the programs."""
-    found = _accelerometer_names(path, data, places, text) if kind == "model" else _numbers_of_coefficients(path, data, places, text) if kind == "table" else []
+    beyond = {"model": _accelerometer_names, "table": _numbers_of_coefficients, "limits": _limits_of_nothing}.get(kind)
+    found = beyond(path, data, places, text) if beyond else []
     if found or kind not in ("model", "profile", "table"):
         return found
     message = refusal(path, data, text, kind)
@@ -76,6 +77,17 @@ def _numbers_of_coefficients(path, data, places, text):
         if not axis["span_degc"][0] < axis["span_degc"][1]:
             found.append(f"{path}:{line_of(text, places[('axes', i, 'span_degc')])}: axes[{i}].span_degc: the lower temperature comes first")
     return found
+
+
+def _limits_of_nothing(path, data, places, text):
+    """Limits that a table cannot break: a production line would take every table for a good one."""
+    span = data.get("span_degc")
+    if span and not span[0] < span[1]:
+        return [f"{path}:{line_of(text, places[('span_degc',)])}: span_degc: the lower temperature comes first, found {json.dumps(span)}"]
+    if len(data) == 1:
+        return [f"{path}:{line_of(text, places[()])}: no limit is given, so every table would keep it: give span_degc, max_sigma, max_bias or "
+                "max_slope_per_degc"]
+    return []
 
 
 def _accelerometer_names(path, data, places, text):
