@@ -83,3 +83,21 @@ def test_times_that_are_words_are_refused_with_both_ways_out(tmp_path):
         imucal.import_log(path)
     result = imucal.import_log(path, rate_hz=100)
     assert len(result.log.t_s) == 30 and [n for n in result.notes if "counted" in n and "time" in n]
+
+
+@pytest.mark.parametrize("value", [1e308, -999, 1e9])
+def test_reading_that_is_no_temperature_is_refused_with_the_row(tmp_path, capsys, value):
+    """One of them spoils its second, or is no number at all in the log."""
+    path = table(tmp_path / "board.csv", temp=lambda c: value if c == 20.7 else c)
+    assert main(["import", str(path), "-o", str(tmp_path / "o.csv")]) == 3
+    said = capsys.readouterr().err
+    assert f"board.csv:702: column temp: {value:g} is no temperature in degrees Celsius" in said and "leave it empty" in said
+    assert not (tmp_path / "o.csv").exists()
+
+
+def test_rates_beyond_those_of_any_log_are_refused(tmp_path, capsys):
+    path = table(tmp_path / "board.csv", temp=SAME)
+    path.write_text(path.read_text().replace("gx_dps", "gx").replace("gy_dps", "gy").replace("gz_dps", "gz"))
+    options = ["--unit", "counts", "--scale", "1e300", "--keep-moving"]
+    assert main(["import", str(path), *options, "-o", str(tmp_path / "o.csv")]) == 3
+    assert "axis gx_dph: " in (said := capsys.readouterr().err) and "beyond +-1e12" in said and not (tmp_path / "o.csv").exists()

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+import foreign
 import imucal
 from imucal.__main__ import main
 
@@ -184,3 +185,29 @@ def test_words_of_one_are_of_one(tmp_path, capsys):
     assert f"1 of {N} rows has no rate" in said
     _, _, said = taken(table(tmp_path / "frozen.csv", ["5.0"] * N, rows), capsys, expect=3)
     assert "1 time stamp, too few to tell" in said
+
+
+def test_clock_that_is_set_amid_a_table_is_refused_with_the_row(tmp_path, capsys):
+    """No program reads a log that jumps by more than a week."""
+    t_s, rows = samples()
+    is_late = np.arange(N) > 5000
+    _, _, said = taken(table(tmp_path / "set.csv", [f"{t:.3f}" for t in t_s + 1.7e9 * is_late], rows), capsys, expect=3)
+    assert "set.csv:5003: the time jumps by 19675.9 days" in said and "cut the table" in said
+    t_s[5001] = 2e9
+    _, _, said = taken(table(tmp_path / "one.csv", [f"{t:.3f}" for t in t_s], rows), capsys, expect=3)
+    assert "one.csv:5003: the time jumps by 23148.1 days" in said and "remove that row" in said
+
+
+def test_clock_that_is_set_amid_a_flight_log_is_refused_with_its_second(tmp_path, capsys):
+    rec = foreign.recording(duration_s=60)
+    rec.t_us[3000:] += 10 ** 13
+    foreign.write_ulog(tmp_path / "log.ulg", [rec])
+    _, _, said = taken(tmp_path / "log.ulg", capsys, expect=3)
+    assert "log.ulg: the times jump by 115.7" in said and "after 143 s" in said and "cut the record" in said
+
+
+def test_table_of_more_than_a_year_is_refused(tmp_path, capsys):
+    t_s, rows = samples()
+    days = np.floor(t_s / 2) * 6.9 * 86400
+    _, _, said = taken(table(tmp_path / "log.csv", [f"{a + b:.3f}" for a, b in zip(days, t_s % 2)], rows), capsys, expect=3)
+    assert "log.csv: the record spans more than 366 days" in said

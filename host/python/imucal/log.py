@@ -14,9 +14,9 @@ from .units import DPH_PER_DPS, DPH_PER_RADPS, MG_PER_MS2
 
 _UNITS = {"dph": 1.0, "dps": DPH_PER_DPS, "radps": DPH_PER_RADPS, "mg": 1.0, "ms2": MG_PER_MS2}
 # What no log holds (host/lib/io/log.cpp has the same limits: what the programs refuse is no valid log).
-_TEMP_DEGC = (-273.15, 2000.0)
+TEMP_DEGC = (-273.15, 2000.0)
 _LARGEST = 1e12
-_LONGEST_JUMP_S, _LONGEST_S = 7 * 86400.0, 366 * 86400.0
+LONGEST_JUMP_S, _LONGEST_S = 7 * 86400.0, 366 * 86400.0
 _FEW_ROWS, _STEP_ERROR, _IRREGULAR_PART = 10, 0.25, 0.1
 _SECOND_ERROR = 0.05
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
@@ -114,7 +114,7 @@ def _refuse(path, lines, bad, words):
 
 def _check_values(path, columns, table, lines):
     temp = table[:, 1]
-    _refuse(path, lines, (temp < _TEMP_DEGC[0]) | (temp > _TEMP_DEGC[1]), "temp_degc is no temperature in degrees Celsius")
+    _refuse(path, lines, (temp < TEMP_DEGC[0]) | (temp > TEMP_DEGC[1]), "temp_degc is no temperature in degrees Celsius")
     for i, name in enumerate(columns[2:], 2):
         value = table[:, i]
         _refuse(path, lines, np.abs(value) > _LARGEST, f"column {name}: is beyond +-1e12")
@@ -131,7 +131,7 @@ def _even_step_s(usual_s):
 def _check_steps(path, t_s, lines):
     """Jumps are a clock that was set; the other steps are multiples of the usual one."""
     step = np.diff(t_s, prepend=t_s[0])
-    far = step > _LONGEST_JUMP_S
+    far = step > LONGEST_JUMP_S
     days = step[np.argmax(far)] / 86400
     _refuse(path, lines, far, f"t_s jumps by {days:.6g} days; cut the log where its clock was set, or bring its times to seconds")
     _refuse(path, lines, t_s - t_s[0] > _LONGEST_S, "the log spans more than 366 days; cut it")
@@ -162,6 +162,35 @@ def need_one_a_second(path, t_s):
         "average them to seconds, or, where t_s is in another unit, bring it to seconds" if usual_s < 1 else \
         "a missing row is a gap, and here nearly every second would be one: record one row a second"
     raise DataError(f"{path}: rows are {usual_s:g} s apart, and a log has one row a second: {remedy}")
+
+
+def need_readable(path, log):
+    """DataError where a log that was made of another file would be refused by every program.
+
+    Parameters
+    ----------
+    path : str                   of the other file, for the message
+    log : Log
+    """
+    def at(place):
+        return f"{log.t_s[place] + float(log.metadata.get('t_s_origin_s', 0)):.15g} s"
+
+    steps = np.diff(log.t_s)
+    if (steps > LONGEST_JUMP_S).any():
+        place = int(np.argmax(steps > LONGEST_JUMP_S))
+        raise DataError(f"{path}: the times jump by {steps[place] / 86400:.6g} days after {at(place)}; cut the record there, "
+                        "where its clock was set")
+    if len(log.t_s) and log.t_s[-1] - log.t_s[0] > _LONGEST_S:
+        raise DataError(f"{path}: the record spans more than 366 days; cut it")
+    with np.errstate(invalid="ignore"):
+        temp = log.temp_degc
+        found = [("temperature", temp, (temp < TEMP_DEGC[0]) | (temp > TEMP_DEGC[1]), "is none in degrees Celsius")]
+        found += [(f"axis {name}", rate, np.abs(rate) > _LARGEST, "is beyond +-1e12; are unit and scale right?")
+                  for name, rate in log.rates.items()]
+    for name, values, bad, words in found:
+        if bad.any():
+            place = int(np.argmax(bad))
+            raise DataError(f"{path}: {name}: {values[place]:g}, the mean of the second to {at(place)}, {words}")
 
 
 def _axis_of_flags(name, axes):

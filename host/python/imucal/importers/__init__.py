@@ -16,6 +16,7 @@ from ..ahead import ahead
 from ..errors import DataError, UsageError
 from ..ingest import Imported, describe, to_log
 from ..inputs import UTF16, is_utf16, plain_file
+from ..log import need_readable
 from ..version import VERSION
 
 #: first bytes -> (format, module)
@@ -199,6 +200,7 @@ def _import(source, options):
     sensors = [describe(s, options.rate_hz) for s in streams]
     stream = _choose(path, streams, options.instance)
     log, counts = to_log(path, stream, options.rate_hz, options.temperature, options.keep_moving)
+    need_readable(path, log)
     sha256, log.path = sha256_of_file(), source.name
     log.metadata = {"source": source.base, "source_format": name, "source_sha256": sha256,
                     "imported_by": f"imucal {VERSION}", "sensor": f"{stream.instance} {stream.name}", **log.metadata,

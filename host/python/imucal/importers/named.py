@@ -9,6 +9,7 @@ import re
 import numpy as np
 
 from ..errors import DataError
+from ..log import LONGEST_JUMP_S, TEMP_DEGC
 from ..stream import Motion, Stream
 from ..units import ACCEL_UNITS, RATE_UNITS, STANDARD_GRAVITY_MS2, TEMP_UNITS, TIME_UNITS, temp_unit_in_name, unit_in_name
 
@@ -121,8 +122,10 @@ def _temperature(path, columns, options, others):
         return None, None, None
     unit = unit.upper() if unit else temp_unit_in_name(name) or "C"
     degree, zero, words = TEMP_UNITS[unit]
-    readings = numbers(path, columns, name).astype(float)
-    return name, readings if unit == "C" else degree * readings + zero, \
+    raw = numbers(path, columns, name).astype(float)
+    readings = raw if unit == "C" else degree * raw + zero
+    _refuse_far_readings(path, columns, name, raw, readings)
+    return name, readings, \
         f"column {name} is taken as {words} and converted; if it is in degC: --temp \"{name}:C\"" if unit != "C" else None
 
 
@@ -194,6 +197,29 @@ def _refuse_far_times(path, columns, name, scale):
         raise DataError(f"{_row(path, columns, int(bad[0]))}: time {values[bad[0]]:g} in column {name} is out of range; correct or remove that row")
 
 
+def _refuse_jump(path, columns, t_us, is_rated):
+    """DataError where the clock was set amid the rows with rates: no program reads a log with such a jump.  Where nearly every step is
+    as long the unit is wrong, of which the caller knows more to say."""
+    rows = np.flatnonzero(is_rated & (t_us != NO_TIME))
+    if len(rows) < 2:
+        return
+    step_s = np.diff(np.maximum.accumulate(t_us[rows])) / 1e6
+    if step_s.max() > LONGEST_JUMP_S >= np.median(step_s):
+        at = int(np.argmax(step_s > LONGEST_JUMP_S))
+        raise DataError(f"{_row(path, columns, int(rows[at + 1]))}: the time jumps by {step_s[at] / 86400:.6g} days; cut the table "
+                        "where its clock was set, or remove that row if it is alone")
+
+
+def _refuse_far_readings(path, columns, name, raw, readings):
+    """DataError where a reading is no temperature; of a column that holds none at all the caller knows more to say."""
+    with np.errstate(invalid="ignore"):
+        bad = (readings < TEMP_DEGC[0]) | (readings > TEMP_DEGC[1])
+    if bad.any() and not bad[np.isfinite(readings)].all():
+        at = int(np.argmax(bad))
+        raise DataError(f"{_row(path, columns, at)}: column {name}: {raw[at]:g} is no temperature in degrees Celsius; "
+                        "mend it, leave it empty, or name another column: --temp COLUMN[:UNIT]")
+
+
 def _row(path, columns, number):
     """Place of row `number`, from 0, for people."""
     first_line = getattr(columns, "first_line", None)
@@ -253,6 +279,7 @@ def stream_of(path, columns, options, name, default_unit=None, metadata=None):
     parts = [numbers(path, columns, n) for n in gyro]
     whole = options.unit == "counts" and all(p.dtype.kind in "iu" for p in parts)
     values = np.stack([p.astype(np.int64 if whole else np.float64) for p in parts], axis=1)
+    _refuse_jump(path, columns, t_us, np.isfinite(values).any(axis=1))
     timeless = t_us == NO_TIME
     if timeless.any():  # a row without a rate is left out
         values = np.where(timeless[:, None], np.nan, values)
