@@ -101,3 +101,50 @@ def test_rates_beyond_those_of_any_log_are_refused(tmp_path, capsys):
     options = ["--unit", "counts", "--scale", "1e300", "--keep-moving"]
     assert main(["import", str(path), *options, "-o", str(tmp_path / "o.csv")]) == 3
     assert "axis gx_dph: " in (said := capsys.readouterr().err) and "beyond +-1e12" in said and not (tmp_path / "o.csv").exists()
+
+
+@pytest.mark.parametrize("options, words", [
+    (["--temp", "gx_dps"], "no gyro columns found among time_s, gy_dps, gz_dps, temp (gx_dps is named by --temp)"),
+    (["--temp", "time_s"], "no time column found among gx_dps, gy_dps, gz_dps, temp (time_s is named by --temp)"),
+    (["--temp", "time_s:C"], "(time_s is named by --temp)"), (["--time", "gx_dps"], "(gx_dps is named by --time)"),
+    (["--gyro", "time_s,gx_dps,gy_dps", "--unit", "dps"], "(time_s, gx_dps, gy_dps are named by --gyro)")])
+def test_column_that_an_option_names_is_not_found_as_something_else(tmp_path, capsys, options, words):
+    path = table(tmp_path / "board.csv", temp=SAME)
+    assert main(["import", str(path), *options, "-o", str(tmp_path / "o.csv")]) == 3
+    assert words in capsys.readouterr().err and not (tmp_path / "o.csv").exists()
+
+
+def test_name_that_an_option_gives_rules_over_what_is_found(tmp_path):
+    """A column "t" is the time, unless it is said to be the temperature."""
+    path = table(tmp_path / "board.csv", t=SAME)
+    log = imucal.import_log(path, temp="t").log
+    assert log.t_s[-1] == 30 and 22.9 < log.temp_degc[-1] < 23
+
+
+@pytest.mark.parametrize("options", [["--gyro", "gx_dps, gy_dps", "--temp", "gy_dps"],
+                                     ["--gyro", "gx_dps,temp ", "--temp", "temp:K", "--unit", "dps"]])
+def test_column_that_two_options_name_with_blanks_between_is_refused(tmp_path, capsys, options):
+    path = table(tmp_path / "board.csv", temp=SAME)
+    assert main(["import", str(path), *options, "-o", str(tmp_path / "o.csv")]) == 2
+    assert "is named twice" in capsys.readouterr().err
+
+
+def test_field_of_a_struct_that_two_options_name_is_refused(tmp_path, capsys):
+    savemat = pytest.importorskip("scipy.io").savemat
+    t_s = np.arange(N) / 100
+    gyro = 0.01 * np.random.default_rng(1).standard_normal((N, 3))
+    savemat(tmp_path / "log.mat", {"log": {"t_s": t_s, "gyro": gyro, "temp": 20 + t_s}})
+    options = ["--gyro", "log.gyro", "--temp", "gyro_x", "--unit", "dps"]
+    assert main(["import", str(tmp_path / "log.mat"), *options, "-o", str(tmp_path / "o.csv")]) == 2
+    assert "column gyro_x is named twice" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("column", ["gx_dps", "temp"])
+def test_column_of_truth_values_is_no_column_of_numbers(tmp_path, capsys, column):
+    path = table(tmp_path / "board.csv", temp=SAME)
+    names, *rows = [line.split(",") for line in path.read_text().splitlines()]
+    for row in rows:
+        row[names.index(column)] = "true"
+    path.write_text("\n".join(map(",".join, [names, *rows])) + "\n")
+    assert main(["import", str(path), "-o", str(tmp_path / "o.csv")]) == 3
+    assert f'board.csv:2: column {column}: expected a number, found "true"' in capsys.readouterr().err

@@ -39,6 +39,11 @@ _OPTION_NAMES = {"accel": "--accel-columns", "rate_hz": "--rate"}
 _WARMER_THAN_ANY_SENSOR_DEGC = 200
 
 
+def named_twice(column):
+    """The UsageError."""
+    return UsageError(f"column {column} is named twice: each of time, axes and temperature has a column of its own")
+
+
 @dataclass
 class Options:
     """What the user said of the file; None: find out."""
@@ -68,7 +73,7 @@ class Options:
         named = [*(self.gyro or "").split(","), *(self.accel or "").split(","), time[0] or time[2], re.sub(r":[CKFckf]$", "", self.temp or "")]
         for name in filter(None, named):
             if named.count(name) > 1:
-                raise UsageError(f"column {name} is named twice: each of time, axes and temperature has a column of its own")
+                raise named_twice(name)
 
 
 def detect(path):

@@ -12,6 +12,7 @@ from ..errors import DataError
 from ..log import LONGEST_JUMP_S, TEMP_DEGC
 from ..stream import Motion, Stream
 from ..units import ACCEL_UNITS, RATE_UNITS, STANDARD_GRAVITY_MS2, TEMP_UNITS, TIME_UNITS, temp_unit_in_name, unit_in_name
+from . import named_twice
 
 #: times are microseconds in 64 bits; this is three thousand years
 MAX_TIME_US = 1e17
@@ -110,12 +111,45 @@ def _dates(values):
     return times - 60_000_000 * np.array(offsets_min, np.int64)
 
 
+def _split_temp(columns, text):
+    """(column, unit or None) that --temp names."""
+    name, _, unit = text.rpartition(":")
+    return (text, None) if text in columns or unit.upper() not in TEMP_UNITS or name not in columns else (name, unit)
+
+
+def _split_time(columns, text):
+    """(column, unit or "") that --time names."""
+    name, _, unit = text.partition(":")
+    return (text, "") if name and name not in columns and text in columns else (name, unit)
+
+
+def _named_by_options(columns, options):
+    """{column: the option that names it}, of those that are there; UsageError where two options name one."""
+    named = [(column.strip(), option) for option, text in (("--gyro", options.gyro), ("--accel-columns", options.accel))
+             for column in (text or "").split(",")]
+    named += [(_split_time(columns, options.time or "")[0], "--time"), (_split_temp(columns, options.temp or "")[0], "--temp")]
+    found = {}
+    for column, option in named:
+        if column in columns and column in found:
+            raise named_twice(column)
+        if column in columns:
+            found[column] = option
+    return found
+
+
+def _free(columns, named):
+    """What is left to be found by its name, and a remark on what is not."""
+    options = dict.fromkeys(named.values())
+    said = [(option, [column for column in named if named[column] == option]) for option in options]
+    remark = "; ".join(f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} named by {option}" for option, names in said)
+    return [name for name in columns if name not in named], f" ({remark})" if remark else ""
+
+
 def _temperature(path, columns, options, others):
     """(name or None, readings in degC, note or None): the column that is named, or found among those that are not `others`."""
     if options.temp:
-        name, _, unit = options.temp.rpartition(":")
-        if options.temp in columns or unit.upper() not in TEMP_UNITS or name not in columns:
-            name, unit = _given(path, columns, options.temp, "--temp")[0], None
+        name, unit = _split_temp(columns, options.temp)
+        _given(path, columns, name, "--temp")
     else:
         name, unit = _find([n for n in columns if n not in others], _TEMP), None
     if name is None:
@@ -139,19 +173,18 @@ def _temp_hint(columns, others):
     return f"columns that may be one: {', '.join(likely)}; choose: --temp {first}"
 
 
-def _times(path, columns, options):
-    """(int64 us, name of the column or None, us per unit or None)."""
+def _times(path, columns, options, free, taken):
+    """(int64 us, name of the column or None, us per unit or None); free, taken: of _free."""
     n = len(next(iter(columns.values())))
-    text, _, unit = (options.time or "").partition(":")
-    if text and text not in columns and (options.time or "") in columns:
-        text, unit = options.time, ""
+    text, unit = _split_time(columns, options.time or "")
     if unit and unit not in TIME_UNITS:
         raise DataError(f"{path}: --time {options.time}: unit {unit} is none of s, ms, us, ns")
-    name = _given(path, columns, text, "--time")[0] if text else _find(columns, _TIME)
+    name = _given(path, columns, text, "--time")[0] if text else _find(free, _TIME)
     if name is None:
         if options.rate_hz:
             return _counted(n, options.rate_hz), None, None
-        raise DataError(f"{path}: no time column found among {', '.join(columns)}; name it: --time COLUMN, or give the sample rate: --rate HZ")
+        raise DataError(f"{path}: no time column found among {', '.join(free)}{taken}; name it: --time COLUMN, or give the sample rate: "
+                        "--rate HZ")
     values = columns[name]
     if np.issubdtype(values.dtype, np.datetime64):
         return values.astype("datetime64[us]").astype(np.int64), name, None
@@ -228,23 +261,28 @@ def _row(path, columns, number):
 
 def numbers(path, columns, name):
     values = columns[name]
-    if values.dtype.kind in "iufb":
+    if values.dtype.kind in "iuf":
         return values
     bad = next((i for i, v in enumerate(values) if not _is_number(v)), 0)
-    raise DataError(f"{_row(path, columns, bad)}: column {name}: expected a number, found \"{values[bad]}\"")
+    found = str(values[bad]).lower() if _is_truth(values[bad]) else values[bad]
+    raise DataError(f"{_row(path, columns, bad)}: column {name}: expected a number, found \"{found}\"")
+
+
+def _is_truth(value):
+    return isinstance(value, (bool, np.bool_))
 
 
 def _is_number(value):
     try:
         float(value)
-        return True
+        return not _is_truth(value)
     except (TypeError, ValueError):
         return value is None
 
 
-def _accel(path, columns, options):
+def _accel(path, columns, options, free):
     """(names, values, factors, unit), or None where there is none or its unit is unknown and not needed."""
-    names = _given(path, columns, options.accel, "--accel") if options.accel else _axis_columns(columns, _ACCEL)
+    names = _given(path, columns, options.accel, "--accel-columns") if options.accel else _axis_columns(free, _ACCEL)
     if len(names) != 3:
         return None
     unit = unit_in_name(names[0])
@@ -271,11 +309,13 @@ def stream_of(path, columns, options, name, default_unit=None, metadata=None):
         raise DataError(f"{path}: a header and no whole row")
     if options.gyro is None and "gyro" in columns and columns["gyro"].ndim == 2:
         raise DataError(f"{path}: column gyro is a matrix")
-    gyro = _given(path, columns, options.gyro, "--gyro") if options.gyro else _axis_columns(columns, _GYRO)
+    named = _named_by_options(columns, options)
+    free, taken = _free(columns, named)
+    gyro = _given(path, columns, options.gyro, "--gyro") if options.gyro else _axis_columns(free, _GYRO)
     if not gyro:
-        raise DataError(f"{path}: no gyro columns found among {', '.join(list(columns)[:40])}; name them: --gyro X,Y,Z --unit dps")
+        raise DataError(f"{path}: no gyro columns found among {', '.join(free[:40])}{taken}; name them: --gyro X,Y,Z --unit dps")
     unit, factor = _unit_of(path, gyro, options, default_unit)
-    t_us, time_name, us_per_unit = _times(path, columns, options)
+    t_us, time_name, us_per_unit = _times(path, columns, options, free, taken)
     parts = [numbers(path, columns, n) for n in gyro]
     whole = options.unit == "counts" and all(p.dtype.kind in "iu" for p in parts)
     values = np.stack([p.astype(np.int64 if whole else np.float64) for p in parts], axis=1)
@@ -295,14 +335,14 @@ def stream_of(path, columns, options, name, default_unit=None, metadata=None):
         stream.notes.append("1 row has no time, and is left out" if n == 1 else f"{n} rows have no time, and are left out")
     if time_name is None:
         stream.notes.append(f"no column of times: the samples are counted, at {options.rate_hz:g} Hz; a gap could not be seen")
-    temp, readings, note = _temperature(path, columns, options, gyro + [time_name])
+    temp, readings, note = _temperature(path, columns, options, [*named, *gyro, time_name])
     if temp:
         stream.temp_t_us, stream.temp_degc = t_us, readings
         stream.metadata["columns"] += f" temp={temp}"
         stream.notes += [note] if note else []
     else:
         stream.temp_hint = _temp_hint(columns, gyro + [time_name])
-    accel = _accel(path, columns, options)
+    accel = _accel(path, columns, options, [n for n in free if n not in (time_name, temp)])
     if accel and set(accel[0]).isdisjoint(gyro):
         _attach_accel(path, stream, accel, options, whole)
     if options.with_accel and "ax" not in stream.axes:
