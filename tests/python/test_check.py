@@ -53,6 +53,16 @@ def test_example_is_valid_and_its_script_is_what_is_documented(tmp_path, monkeyp
     assert "not empty" in capsys.readouterr().err
 
 
+def test_example_that_cannot_be_made_says_why(tmp_path, capsys):
+    (tmp_path / "log.csv").write_text("t_s\n")
+    for folder, words in ((tmp_path / "log.csv", "log.csv: is no folder"), (tmp_path / "log.csv/ex", "make the folder: Not a directory"),
+                          ("/proc/nope", "/proc/nope: cannot make the folder: ")):
+        assert main(["example", str(folder)]) == 3
+        said = capsys.readouterr().err
+        assert words in said and "name a" in said and said.count("\n") == 1
+    assert (tmp_path / "log.csv").read_text() == "t_s\n"
+
+
 def test_example_script_leads_to_a_table_that_names_no_missing_step(tmp_path, monkeypatch):
     """All of run.sh but the diagnosis, whose minutes belong to its own tests."""
     monkeypatch.setenv("IMUCAL_BIN", str(BIN))

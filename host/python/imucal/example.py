@@ -48,6 +48,18 @@ def _write(folder, name, content):
     return path
 
 
+def _make_folder(folder):
+    """DataError where it holds something, or cannot be made."""
+    if os.path.lexists(folder) and not os.path.isdir(folder):
+        raise DataError(f"{folder}: is no folder; name a new one")
+    try:
+        os.makedirs(folder, exist_ok=True)
+        if os.listdir(folder):
+            raise DataError(f"{folder}: is not empty; name a new folder")
+    except OSError as error:
+        raise DataError(f"{folder}: cannot make the folder: {error.strerror}; name another place") from None
+
+
 def run(arguments):
     """Run the command; returns the exit status."""
     parser = parser_of("example", "A folder to play with: model, profile, limits, logs of a sensor with a fault, and a script from log to diagnosis.")
@@ -55,9 +67,7 @@ def run(arguments):
     parser.add_argument("--seed", type=int, default=1)
     common_options(parser)
     given = parser.parse_args(arguments)
-    if os.path.isdir(given.folder) and os.listdir(given.folder):
-        raise DataError(f"{given.folder}: is not empty; name a new folder")
-    os.makedirs(given.folder, exist_ok=True)
+    _make_folder(given.folder)
     model, profile = _write(given.folder, "model.json", MODEL), _write(given.folder, "profile.json", PROFILE)
     _write(given.folder, "limits.json", LIMITS)
     effects = _write(given.folder, "effects.json", FAULT)
