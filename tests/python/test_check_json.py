@@ -101,6 +101,15 @@ def test_check_and_the_programs_agree(tmp_path, name, capsys):
     assert is_valid and "a valid " + kind in said.out or re.search(r"file\.json:\d+: ", said.err) and word in said.err, said
 
 
+def test_json_in_another_coding_is_refused_with_its_line(tmp_path, capsys):
+    path = tmp_path / "file.json"
+    path.write_bytes(b'{"imucal_model": 1,\n "name": "M\xfcller"}\n')
+    assert says("model", tmp_path, "file.json")[0] == 3
+    for command in (["check"], ["export", "--to", "kalibr", "-o", str(tmp_path / "out")]):
+        assert main([command[0], str(path), *command[1:]]) == 3
+        assert "file.json:2: the byte \\xfc is no UTF-8; save the file as UTF-8" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ONLY_CHECK)
 def test_check_refuses_what_contradicts_itself(tmp_path, name, capsys):
     (tmp_path / "file.json").write_text(ONLY_CHECK[name][1])

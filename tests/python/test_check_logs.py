@@ -93,6 +93,26 @@ def test_a_log_without_any_rate_is_refused_as_dp_does(tmp_path, capsys):
     assert "log.csv: no axis has a rate in any second" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("row", [3, 399])
+def test_byte_of_another_coding_in_a_row_is_named_as_by_the_programs(tmp_path, row, capsys):
+    path = tmp_path / "log.csv"
+    path.write_bytes(put(2, "\0", row).encode().replace(b"\0", b"12\xff5"))
+    status, words = dp_says(path)
+    assert status == 3 and f"log.csv:{row + 3}: " in words and r'"12\xff5"' in words
+    for command in ("check", "import", "look"):
+        assert main([command, str(path), *(["-o", str(tmp_path / "out.png")] if command != "check" else [])]) == 3
+        said = capsys.readouterr().err
+        assert f'log.csv:{row + 3}: column gx_dph: expected a number, found "12\\xff5"' in said, (command, said)
+
+
+def test_remark_in_another_coding_is_no_fault_of_a_log(tmp_path, capsys):
+    for n in (5, N):
+        (tmp_path / "log.csv").write_bytes(text(healthy()[:n], meta="# imucal-log = 1\n# who = M\u00fcller\n").encode("latin-1"))
+        assert dp_says(tmp_path / "log.csv")[0] == 0
+        assert main(["check", str(tmp_path / "log.csv")]) == 0
+        assert main(["import", str(tmp_path / "log.csv"), "-o", str(tmp_path / "out.csv")]) == 0
+
+
 @pytest.mark.parametrize("name", LOGS)
 def test_check_and_the_programs_agree_on_a_log(tmp_path, name, capfd):
     content, line = LOGS[name]

@@ -67,6 +67,18 @@ def test_check_import_look_and_the_programs_agree_on_a_raw_log(tmp_path, name, c
     assert out.exists() == page.exists() == (status == 0)
 
 
+@pytest.mark.parametrize("row", [3, 3000])
+def test_byte_of_another_coding_in_a_row_is_named_as_by_the_programs(tmp_path, row, capsys):
+    path = tmp_path / "raw.csv"
+    path.write_bytes(put("\0", row).encode().replace(b"\0", b"3\xff7"))
+    status, words = dp_says(path)
+    assert status == 3 and f"raw.csv:{row + 5}: column gx_counts: expected" in words and r'"3\xff7"' in words
+    for command in ("check", "import", "look"):
+        assert main([command, str(path), *(["-o", str(tmp_path / "out.png")] if command != "check" else [])]) == 3
+        said = capsys.readouterr().err
+        assert f'raw.csv:{row + 5}: column gx_counts: expected a number, found "3\\xff7"' in said, (command, said)
+
+
 def test_imported_raw_log_gives_the_curve_of_the_raw_log(tmp_path):
     path = tmp_path / "raw.csv"
     path.write_text(LOGS["a gap"][0])

@@ -8,7 +8,7 @@ import numpy as np
 
 from .cli import common_options, finish_json, parser_of
 from .errors import DataError, DataWarning
-from .inputs import plain_file
+from .inputs import not_utf8, plain_file
 from .limits import judge
 from .log import other_step_s, read_log
 from .strict import line_of, parse, positions, refusal
@@ -117,8 +117,13 @@ def _check(path):
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
+        text = raw.decode("utf-8-sig", "backslashreplace")
+        if text.lstrip().startswith(("{", "[")):
+            return "json", [not_utf8(path, "not a JSON file (no text)")]
         from .importers import detect
-        return detect(path)[0], [f"{path}: not one of imucal's own files: imucal import {path} -o LOG.csv reads it"]
+        kind = detect(path)[0]
+        if kind != "imucal-log":
+            return kind, [f"{path}: not one of imucal's own files: imucal import {path} -o LOG.csv reads it"]
     if text.lstrip().startswith(("{", "[")):
         return check_json(path, text)
     try:

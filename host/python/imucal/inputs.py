@@ -42,9 +42,18 @@ class Input:
 
 
 def not_utf8(path, otherwise):
-    """Why a file is no text in UTF-8."""
+    """Why a file is no text in UTF-8: JSON with its line, and of what is no text `otherwise`."""
     with open(path, "rb") as file:
-        return f"{path}: {UTF16 if is_utf16(file.read(2)) else otherwise}"
+        raw = file.read()
+    if is_utf16(raw):
+        return f"{path}: {UTF16}"
+    try:
+        raw.decode()
+    except UnicodeDecodeError as error:
+        if raw.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):
+            line = 1 + raw.count(b"\n", 0, error.start)
+            return f"{path}:{line}: the byte \\x{raw[error.start]:02x} is no UTF-8; save the file as UTF-8"
+    return f"{path}: {otherwise}"
 
 
 def is_utf16(head):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .errors import DataError, DataWarning
-from .inputs import not_utf8, plain_file
+from .inputs import UTF16, is_utf16, plain_file
 from .units import DPH_PER_DPS, DPH_PER_RADPS, MG_PER_MS2
 
 _UNITS = {"dph": 1.0, "dps": DPH_PER_DPS, "radps": DPH_PER_RADPS, "mg": 1.0, "ms2": MG_PER_MS2}
@@ -230,7 +230,7 @@ def read_log(path):
 def _read(path):
     metadata, columns, lines = {}, None, []
     try:
-        with open(path, encoding="utf-8-sig", newline="\n") as file:
+        with open(path, encoding="utf-8-sig", errors="backslashreplace", newline="\n") as file:
             for number, whole_line in enumerate(file, 1):
                 line = whole_line.rstrip("\r\n")
                 if columns is not None and not whole_line.endswith("\n"):
@@ -247,17 +247,31 @@ def _read(path):
                     lines.append((number, line))
     except OSError as error:
         raise DataError(f"{path}: cannot open: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise DataError(not_utf8(path, f"not text: not an imucal log; imucal import {path} -o LOG.csv reads other formats")) from None
-    if columns is None:
-        raise DataError(f"{path}: empty log: no header line (t_s,temp_degc,…)")
-    if columns[:2] != ["t_s", "temp_degc"]:
-        raise DataError(f"{path}: the header begins with t_s,temp_degc, found \"{','.join(columns[:2])}\"; "
-                        f"imucal import {path} -o LOG.csv reads other tables")
+    if columns is None or columns[:2] != ["t_s", "temp_degc"]:
+        _refuse_header(path, columns)
     _check_header(path, header_line, columns, metadata)
     if not lines:
         raise DataError(f"{path}: empty log: a header and no whole row")
     return _log_of(path, metadata, columns, _rows(path, lines, columns), lines)
+
+
+def _refuse_header(path, columns):
+    """DataError: what a file is that does not begin as a log."""
+    with open(path, "rb") as file:
+        head = file.read(4096)
+    if is_utf16(head):
+        raise DataError(f"{path}: {UTF16}")
+    try:
+        head.decode()
+        is_text = True
+    except UnicodeDecodeError as error:
+        is_text = error.start > len(head) - 4  # a character of which the rest was not read
+    if not is_text:
+        raise DataError(f"{path}: not text: not an imucal log; imucal import {path} -o LOG.csv reads other formats")
+    if columns is None:
+        raise DataError(f"{path}: empty log: no header line (t_s,temp_degc,…)")
+    raise DataError(f"{path}: the header begins with t_s,temp_degc, found \"{','.join(columns[:2])}\"; "
+                    f"imucal import {path} -o LOG.csv reads other tables")
 
 
 def _check_times(path, t_s, lines):
@@ -289,6 +303,21 @@ def _log_of(path, metadata, columns, table, lines):
     return log
 
 
+def _odd_field(path):
+    """Words on the first field that is no UTF-8, which the reader's own words repeat and so are none."""
+    columns = None
+    with open(path, encoding="utf-8-sig", errors="backslashreplace", newline="\n") as text, open(path, "rb") as raw:
+        for number, (line, given) in enumerate(zip(text, raw), 1):
+            if not line.strip() or line.startswith("#"):
+                continue
+            fields = line.rstrip("\r\n").split(",")
+            columns = columns or fields
+            for column, field_, bytes_ in zip(columns, fields, given.split(b",")):
+                if bytes_.decode(errors="replace").count("\ufffd"):
+                    return f"{path}:{number}: column {column}: expected a number, found \"{field_}\""
+    return f"{path}: a raw log that cannot be read"
+
+
 def _read_raw(path):
     """A raw log of counts, by the programs' own reader: one rule and one rounding for what is a sample and what is a second."""
     from .native import core
@@ -296,7 +325,7 @@ def _read_raw(path):
     try:
         t_s, temp_degc, axes, metadata, notices = core().read_log(path)
     except ValueError as error:
-        raise DataError(str(error)) from None
+        raise DataError(str(error) or _odd_field(path)) from None
     for text in notices:
         warnings.warn(text, DataWarning, stacklevel=3)
     return Log(t_s, temp_degc, {name: rate for name, (rate, _) in axes.items()}, {name: flags.astype(int) for name, (_, flags) in axes.items()},

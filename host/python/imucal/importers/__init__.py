@@ -35,6 +35,8 @@ FORMATS = "PX4 ULog, ArduPilot .bin, ROS 1 and ROS 2 bags, MATLAB .mat, Parquet,
 _OF_TABLES = ("time", "gyro", "accel", "unit", "scale", "temp")
 #: format -> what may be said of it besides --instance, --rate, --accel, --keep-moving and --without-temp
 _KNOWN_OPTIONS = {"px4-ulog": ("topic",), "rosbag1": ("topic", "temp"), "rosbag2": ("topic", "temp"), "matlab": _OF_TABLES, "parquet": _OF_TABLES, "csv": _OF_TABLES}
+#: of a text, of the characters that are no UTF-8
+_MOST_ODD_PART = 0.1
 _OPTION_NAMES = {"accel": "--accel-columns", "rate_hz": "--rate"}
 _WARMER_THAN_ANY_SENSOR_DEGC = 200
 
@@ -104,11 +106,9 @@ def detect(path):
 
 
 def _detect_text(path, head):
-    try:
-        text = head[:4000].decode("utf-8-sig", errors="strict" if len(head) < 4000 else "ignore")
-    except UnicodeDecodeError:
-        text = "\0"
-    if "\0" in text or sum(c < " " and c not in "\r\n\t" for c in text) > 0:
+    text = head[:4000].decode("utf-8-sig", errors="replace")
+    is_text = text.count("\ufffd") <= _MOST_ODD_PART * len(text)  # a remark in another coding is no fault of a log
+    if not is_text or any(c < " " and c not in "\r\n\t" for c in text):
         raise DataError(f"{path}: begins with the bytes {head[:8].hex(' ')}: none of the formats known here ({FORMATS})")
     if not text.strip():
         raise DataError(f"{path}: the file holds no text but blanks")
