@@ -12,8 +12,10 @@ import zlib
 
 from .errors import DataError, ImucalError
 
-#: said of a text that begins with the mark of UTF-16
-UTF16 = "the file is UTF-16; save it as UTF-8"
+#: said of a text whose lines no program here ends
+CR_ENDS = "the lines end in CR alone, as on old Macs; save it with the line ends of Unix or Windows"
+_MARKS = {b"\xff\xfe\0\0": "UTF-32", b"\0\0\xfe\xff": "UTF-32", b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}
+_TEXT = frozenset(b"\t\r\n" + bytes(range(32, 127)))
 _GZIP = b"\x1f\x8b"
 
 
@@ -45,8 +47,8 @@ def not_utf8(path, otherwise):
     """Why a file is no text in UTF-8: JSON with its line, and of what is no text `otherwise`."""
     with open(path, "rb") as file:
         raw = file.read()
-    if is_utf16(raw):
-        return f"{path}: {UTF16}"
+    if coding := other_coding(raw[:4096]):
+        return f"{path}: {coding}"
     try:
         raw.decode()
     except UnicodeDecodeError as error:
@@ -56,9 +58,20 @@ def not_utf8(path, otherwise):
     return f"{path}: {otherwise}"
 
 
-def is_utf16(head):
-    """Do these bytes begin with the mark of UTF-16?"""
-    return head[:2] in (b"\xff\xfe", b"\xfe\xff")
+def other_coding(head, only_marks=False):
+    """What to say of a file that begins with these bytes, of UTF-16 or UTF-32 with or without their marks; None of another."""
+    name = next((name for mark, name in _MARKS.items() if head.startswith(mark)), None)
+    for name_without, width in () if name or only_marks else (("UTF-32", 4), ("UTF-16", 2)):
+        for at in (0, width - 1):  # of a character's byte that is not zero, in one order and in the other
+            letters, others = head[at::width], [head[i::width] for i in range(width) if i != at]
+            if len(head) >= 4 * width and _TEXT.issuperset(letters) and not any(any(zeros) for zeros in others):
+                name = name or name_without
+    return name and f"the file is {name}; save it as UTF-8"
+
+
+def ends_in_cr(text):
+    """Are most line ends CR without LF?"""
+    return text.count("\r") - text.count("\r\n") > text.count("\n")
 
 
 def _is_gzip(path):

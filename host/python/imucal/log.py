@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .errors import DataError, DataWarning
-from .inputs import UTF16, is_utf16, plain_file
+from .inputs import CR_ENDS, ends_in_cr, other_coding, plain_file
 from .units import DPH_PER_DPS, DPH_PER_RADPS, MG_PER_MS2
 
 _UNITS = {"dph": 1.0, "dps": DPH_PER_DPS, "radps": DPH_PER_RADPS, "mg": 1.0, "ms2": MG_PER_MS2}
@@ -88,7 +88,7 @@ def _rows(path, lines, columns):
         fields = text.split(",")
         if len(fields) != len(columns):
             commas = ": a decimal comma makes two fields of one number; write points, or export with another separator and let imucal import read it" \
-                if len(fields) > len(columns) and not rows else ""
+                if len(fields) > len(columns) and not rows and "." not in text else ""
             raise DataError(f"{path}:{number}: expected {len(columns)} fields, found {len(fields)}{commas}")
         rows.append([_number(f, path, number, c) for f, c in zip(fields, columns)])
     return np.array(rows)
@@ -99,6 +99,8 @@ def _check_header(path, number, columns, metadata):
     version = metadata.get("imucal-log", "1")
     if version != "1":
         raise DataError(f"{path}:{number}: log version {version} is not known to this program (it knows 1)")
+    if any("\r" in name for name in columns):
+        raise DataError(f"{path}:{number}: {CR_ENDS}")
     for i, name in enumerate(columns, 1):
         if not name or not name.isprintable():
             raise DataError(f"{path}:{number}: column {i} has no printable name")
@@ -259,8 +261,10 @@ def _refuse_header(path, columns):
     """DataError: what a file is that does not begin as a log."""
     with open(path, "rb") as file:
         head = file.read(4096)
-    if is_utf16(head):
-        raise DataError(f"{path}: {UTF16}")
+    if coding := other_coding(head):
+        raise DataError(f"{path}: {coding}")
+    if ends_in_cr(head.decode(errors="replace")):
+        raise DataError(f"{path}: {CR_ENDS}")
     try:
         head.decode()
         is_text = True

@@ -15,7 +15,7 @@ import numpy as np
 from ..ahead import ahead
 from ..errors import DataError, UsageError
 from ..ingest import Imported, describe, to_log
-from ..inputs import UTF16, is_utf16, plain_file
+from ..inputs import CR_ENDS, ends_in_cr, other_coding, plain_file
 from ..log import need_readable
 from ..version import VERSION
 
@@ -92,8 +92,8 @@ def detect(path):
         raise DataError(f"{path}: cannot open: {error.strerror}") from None
     if not head:
         raise DataError(f"{path}: the file is empty")
-    if is_utf16(head):
-        raise DataError(f"{path}: {UTF16}")
+    if coding := other_coding(head, only_marks=True):
+        raise DataError(f"{path}: {coding}")
     for magic, name, module in MAGICS:
         if head.startswith(magic):
             return name, module
@@ -106,6 +106,8 @@ def detect(path):
 
 
 def _detect_text(path, head):
+    if coding := other_coding(head):
+        raise DataError(f"{path}: {coding}")
     text = head[:4000].decode("utf-8-sig", errors="replace")
     is_text = text.count("\ufffd") <= _MOST_ODD_PART * len(text)  # a remark in another coding is no fault of a log
     if not is_text or any(c < " " and c not in "\r\n\t" for c in text):
@@ -118,6 +120,8 @@ def _detect_text(path, head):
         return "cxd5602-hex", "hextext"
     if first.lstrip().startswith(("{", "[")):
         raise DataError(f"{path}: a JSON file, not a log; imucal check {path} tells which")
+    if ends_in_cr(text):
+        raise DataError(f"{path}: {CR_ENDS}")
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if lines and lines[0].replace(" ", "").startswith("t_s,temp_degc,"):
         return "imucal-log", "own"

@@ -12,7 +12,7 @@ from ..errors import DataError
 from ..log import CUT_ROW
 from ..native import core_or_none
 from . import need
-from .named import Columns, numbers, stream_of
+from .named import Columns, numbers, stream_of, unexpected
 
 _core = core_or_none()
 
@@ -99,10 +99,20 @@ def _no_table(path, lines):
         return f"{path}:{told[0][0]}: a header and no rows"
     if len(told) > 1 and _is_header(names):
         values = _fields(told[1][1], delimiter)
-        if delimiter == "," and len(values) > len(names) and all(_is_number(v) for v in values):
-            return (f"{path}:{told[1][0]}: {len(names)} names over {len(values)} numbers: a decimal comma makes two fields of one number; export with decimal points, or "
-                    "with semicolons as the separator")
+        if len(values) != len(names) and all(_is_value(v, delimiter) for v in values):
+            return f"{path}:{told[1][0]}: {_names_over_fields(names, values, delimiter)}"
     return f"{path}: text, but no table: no line of column names over lines of numbers (first line: \"{first[:60]}\")"
+
+
+def _names_over_fields(names, values, delimiter):
+    """What is wrong with a header that is longer or shorter than the row below it."""
+    counts = f"{len(names)} names over {len(values)} fields"
+    comma = "a decimal comma makes two fields of one number; export with decimal points, or with semicolons as the separator"
+    may_be_commas = delimiter == "," and len(values) > len(names) and not any("." in v for v in values)
+    if may_be_commas and len(values) == 2 * len(names):
+        return f"{counts}: {comma}"
+    remedy = "name the columns that have none" if len(values) > len(names) else "take out the names that have no column"
+    return f"{counts}: {remedy}{f', or, if they are parts of numbers: {comma}' if may_be_commas else ''}"
 
 
 def _is_number(text):
@@ -199,7 +209,7 @@ def _first_odd_row(path, rows, at):
         kinds = kinds or [_is_number(v) for v in row]
         for name, value, numeric in zip(names, row, kinds):
             if numeric and value.strip() and not _is_number(value):
-                return f"{path}:{number}: column {name}: expected a number, found \"{value}\""
+                return f"{path}:{number}: {unexpected(name, value)}"
     return None
 
 

@@ -28,6 +28,9 @@ _ACCEL = ["accel", "acc", "accelerometer", "a", "linear_acceleration", "accelera
 _DATE = re.compile(r"\s*(\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:\.\d+)?)?)(Z|[+-]\d\d:?\d\d)?\s*")
 
 
+_A_DATE = "2026-11-28T10:00:00.25"
+
+
 class Columns(dict):
     """Named columns of a text table; first_line: the file's line of the first row, for messages."""
 
@@ -145,6 +148,20 @@ def _free(columns, named):
     return [name for name in columns if name not in named], f" ({remark})" if remark else ""
 
 
+def _is_date(value):
+    return _dates([value]) is not None
+
+
+def _refuse_odd_time(path, columns, name):
+    """DataError where all times but a few are numbers, or dates: the first that is not."""
+    values = columns[name]
+    for what, test in (("a number", _is_number), (f"a date as {_A_DATE}", _is_date)):
+        is_one = np.array([value is None or test(value) for value in values])
+        if np.mean(is_one) > 0.5 and any(value is not None for value in values):
+            bad = int(np.argmin(is_one))
+            raise DataError(f"{_row(path, columns, bad)}: {unexpected(name, values[bad], what)}")
+
+
 def _temperature(path, columns, options, others):
     """(name or None, readings in degC, note or None): the column that is named, or found among those that are not `others`."""
     if options.temp:
@@ -156,7 +173,7 @@ def _temperature(path, columns, options, others):
         return None, None, None
     unit = unit.upper() if unit else temp_unit_in_name(name) or "C"
     degree, zero, words = TEMP_UNITS[unit]
-    raw = numbers(path, columns, name).astype(float)
+    raw = np.full(len(columns[name]), np.nan) if _is_empty(columns[name]) else numbers(path, columns, name).astype(float)
     readings = raw if unit == "C" else degree * raw + zero
     _refuse_far_readings(path, columns, name, raw, readings)
     return name, readings, \
@@ -194,8 +211,9 @@ def _times(path, columns, options, free, taken):
             return dates, name, None
         if options.rate_hz and not text:
             return _counted(n, options.rate_hz), None, None
-        raise DataError(f"{path}: the time column \"{name}\" holds neither numbers nor dates as 2026-11-28T10:00:00.25 (first: \"{values[0]}\"); name another: "
-                        "--time COLUMN, or count the samples: --rate HZ")
+        _refuse_odd_time(path, columns, name)
+        raise DataError(f"{path}: the time column \"{name}\" holds neither numbers nor dates as {_A_DATE} (first: "
+                        f"\"{values[0]}\"); name another: --time COLUMN, or count the samples: --rate HZ")
     fine = values[np.isfinite(values.astype(float))]
     scale = _time_scale(path, name, fine.astype(float), unit)
     _refuse_far_times(path, columns, name, scale)
@@ -263,9 +281,22 @@ def numbers(path, columns, name):
     values = columns[name]
     if values.dtype.kind in "iuf":
         return values
+    if _is_empty(values):
+        raise DataError(f"{path}: column {name} holds no number in any row; name another: --gyro X,Y,Z for the gyro's")
     bad = next((i for i, v in enumerate(values) if not _is_number(v)), 0)
     found = str(values[bad]).lower() if _is_truth(values[bad]) else values[bad]
-    raise DataError(f"{_row(path, columns, bad)}: column {name}: expected a number, found \"{found}\"")
+    raise DataError(f"{_row(path, columns, bad)}: {unexpected(name, found)}")
+
+
+def unexpected(name, value, what="a number"):
+    """What is wrong with a field of a column."""
+    if value == name:
+        return "the names of the columns stand here again; remove that line"
+    return f"column {name}: expected {what}, found \"{value}\""
+
+
+def _is_empty(values):
+    return values.dtype.kind not in "iuf" and all(value is None for value in values)
 
 
 def _is_truth(value):
