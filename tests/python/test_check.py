@@ -31,6 +31,17 @@ def test_message_names_the_line_and_the_fault(tmp_path, text, line, words):
     assert line is None or messages[0].startswith(f"{tmp_path / 'f'}:{line}:"), messages
 
 
+@pytest.mark.parametrize("full_scale, per_count, is_valid", [(1, 10, True), (1, 5, False), (32767, 18, True)])
+def test_table_whose_bias_the_sensor_could_not_have_shown_is_refused(tmp_path, full_scale, per_count, is_valid):
+    """8.146 dph at 70 degC are more than a full scale of 1 count of 5 dph, and less than one of 1 count of 10 dph."""
+    table = json.loads(TABLE)
+    table["axes"][0].update(full_scale_counts=full_scale, dph_per_count=per_count)
+    (tmp_path / "f").write_text(json.dumps(table, indent=1))
+    _, messages = check_file(tmp_path / "f")
+    words = "axes[0].full_scale_counts: 1 counts are 5 dph, less than the bias of 8.146 dph at 70 degC"
+    assert not messages if is_valid else words in messages[0]
+
+
 @pytest.mark.parametrize("text, kind", [(MODEL, "model"), (TABLE, "table"), ("t_s,temp_degc,gx_dph\n1,20,5\n2,,\n", "log")])
 def test_valid_files_pass(tmp_path, text, kind):
     (tmp_path / "f").write_text(text)

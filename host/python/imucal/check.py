@@ -64,7 +64,25 @@ def _beyond_schema(path, kind, data, places, text):
     if found or kind not in ("model", "profile", "table"):
         return found
     message = refusal(path, data, text, kind)
-    return [message] if message else []
+    return [message] if message else _beyond_full_scale(path, data, places, text) if kind == "table" else []
+
+
+def _beyond_full_scale(path, data, places, text):
+    """A bias that the sensor cannot have shown: it would stand at its full scale."""
+    found = []
+    for i, axis in enumerate(data["axes"]):
+        unit = "dph" if "coeff_dph" in axis else "mg"
+        per_count, counts = axis.get(f"{unit}_per_count"), axis.get("full_scale_counts")
+        if per_count is None or counts is None:
+            continue
+        temp_degc = np.linspace(*axis["span_degc"], 1001)
+        bias = np.polynomial.polynomial.polyval((temp_degc - axis["t0_degc"]) / axis["range_degc"], axis[f"coeff_{unit}"])
+        at = int(np.argmax(np.abs(bias)))
+        if abs(bias[at]) > counts * per_count:
+            line = line_of(text, places[("axes", i, "full_scale_counts")])
+            found.append(f"{path}:{line}: axes[{i}].full_scale_counts: {counts} counts are {counts * per_count:.4g} {unit}, less than the "
+                         f"bias of {abs(bias[at]):.4g} {unit} at {temp_degc[at]:.4g} degC")
+    return found
 
 
 def _numbers_of_coefficients(path, data, places, text):
