@@ -66,7 +66,8 @@ def test_example_is_valid_and_its_script_is_what_is_documented(tmp_path, monkeyp
 
 def test_example_that_cannot_be_made_says_why(tmp_path, capsys):
     (tmp_path / "log.csv").write_text("t_s\n")
-    for folder, words in ((tmp_path / "log.csv", "log.csv: is no folder"), (tmp_path / "log.csv/ex", "make the folder: Not a directory"),
+    for folder, words in ((tmp_path / "log.csv", "log.csv: is no folder"),
+                          (tmp_path / "log.csv/ex", "cannot make the folder: Not a directory"),
                           ("/proc/nope", "/proc/nope: cannot make the folder: ")):
         assert main(["example", str(folder)]) == 3
         said = capsys.readouterr().err
@@ -110,7 +111,8 @@ def test_table_within_its_limits_is_said_to_keep_them(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("limits, words", [
-    ({"max_sigma": -1}, "max_sigma: -1"), ({"max_bais": 5}, "max_bais"), ({}, "no limit"), ({"span_degc": [60, 0]}, "span_degc: the lower temperature comes first"),
+    ({"max_sigma": -1}, "max_sigma: -1"), ({"max_bais": 5}, "max_bais"), ({}, "no limit"),
+    ({"span_degc": [60, 0]}, "span_degc: the lower temperature comes first"),
     ({"span_degc": [20, 20], "max_sigma": 6}, "span_degc: the lower temperature comes first")])
 def test_limits_that_are_not_valid_are_refused(tmp_path, capsys, limits, words):
     """Limits that every table keeps would open the gate for all."""

@@ -21,7 +21,8 @@ def test_interrupted_report_ends_without_a_traceback(tmp_path):
     (tmp_path / "diagnosis_report.py").write_text(SCRIPT)
     code = (f"import pathlib, sys, imucal.report as r, imucal.__main__ as m; r._PLACES = [pathlib.Path({str(tmp_path)!r})]; "
             "sys.exit(m.main(['report', 'x']))")
-    process = subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    command = [sys.executable, "-c", code]
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
         until = time.monotonic() + 30
         while not (tmp_path / "started").exists() and time.monotonic() < until:

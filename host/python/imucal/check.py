@@ -80,8 +80,8 @@ def _beyond_full_scale(path, data, places, text):
         at = int(np.argmax(np.abs(bias)))
         if abs(bias[at]) > counts * per_count:
             line = line_of(text, places[("axes", i, "full_scale_counts")])
-            found.append(f"{path}:{line}: axes[{i}].full_scale_counts: {counts} counts are {counts * per_count:.4g} {unit}, less than the "
-                         f"bias of {abs(bias[at]):.4g} {unit} at {temp_degc[at]:.4g} degC")
+            found.append(f"{path}:{line}: axes[{i}].full_scale_counts: {counts} counts are {counts * per_count:.4g} {unit}, "
+                         f"less than the bias of {abs(bias[at]):.4g} {unit} at {temp_degc[at]:.4g} degC")
     return found
 
 
@@ -101,10 +101,11 @@ def _limits_of_nothing(path, data, places, text):
     """Limits that a table cannot break: a production line would take every table for a good one."""
     span = data.get("span_degc")
     if span and not span[0] < span[1]:
-        return [f"{path}:{line_of(text, places[('span_degc',)])}: span_degc: the lower temperature comes first, found {json.dumps(span)}"]
+        line = line_of(text, places[("span_degc",)])
+        return [f"{path}:{line}: span_degc: the lower temperature comes first, found {json.dumps(span)}"]
     if len(data) == 1:
-        return [f"{path}:{line_of(text, places[()])}: no limit is given, so every table would keep it: give span_degc, max_sigma, max_bias or "
-                "max_slope_per_degc"]
+        return [f"{path}:{line_of(text, places[()])}: no limit is given, so every table would keep it: give span_degc, "
+                "max_sigma, max_bias or max_slope_per_degc"]
     return []
 
 

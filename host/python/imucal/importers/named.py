@@ -200,8 +200,8 @@ def _times(path, columns, options, free, taken):
     if name is None:
         if options.rate_hz:
             return _counted(n, options.rate_hz), None, None
-        raise DataError(f"{path}: no time column found among {', '.join(free)}{taken}; name it: --time COLUMN, or give the sample rate: "
-                        "--rate HZ")
+        raise DataError(f"{path}: no time column found among {', '.join(free)}{taken}; name it: --time COLUMN, or give the "
+                        "sample rate: --rate HZ")
     values = columns[name]
     if np.issubdtype(values.dtype, np.datetime64):
         return values.astype("datetime64[us]").astype(np.int64), name, None
@@ -249,15 +249,16 @@ def _refuse_far_times(path, columns, name, scale):
 
 
 def _refuse_jump(path, columns, t_us, is_rated):
-    """DataError where the clock was set amid the rows with rates: no program reads a log with such a jump.  Where nearly every step is
-    as long the unit is wrong, of which the caller knows more to say."""
+    """DataError where the clock was set amid the rows with rates: no program reads a log with such a jump.  Where nearly every
+    step is as long the unit is wrong, of which the caller knows more to say."""
     rows = np.flatnonzero(is_rated & (t_us != NO_TIME))
     if len(rows) < 2:
         return
     step_s = np.diff(np.maximum.accumulate(t_us[rows])) / 1e6
     if step_s.max() > LONGEST_JUMP_S >= np.median(step_s):
         at = int(np.argmax(step_s > LONGEST_JUMP_S))
-        raise DataError(f"{_row(path, columns, int(rows[at + 1]))}: the time jumps by {step_s[at] / 86400:.6g} days; cut the table "
+        place = _row(path, columns, int(rows[at + 1]))
+        raise DataError(f"{place}: the time jumps by {step_s[at] / 86400:.6g} days; cut the table "
                         "where its clock was set, or remove that row if it is alone")
 
 
