@@ -18,6 +18,11 @@ from where import ROOT
 
 SCRIPT = ROOT / "host/scripts/diagnosis_report.py"
 
+def triangle(k):
+    """Degrees of minute k: an hour up, an hour down."""
+    return k % 60 if k % 120 < 60 else 60 - k % 60
+
+
 DIAGNOSIS = {
     "imucal_diagnosis": 1, "version": "3.2.1", "model": "model.json", "logs": ["runs/a.csv", "runs/<b>.csv"], "held_out_logs": [],
     "false_alarm_rate": 0.01, "seed": 7, "warnings": ["device names differ"],
@@ -44,11 +49,11 @@ DIAGNOSIS = {
          "plots": {
              "gap_map": {"tau_s": [2, 4, 8], "temp_edges_degc": [0, 20, 40], "z": [[0, 3.5], [9, None], [1, -4]]},
              "gap_map_after": {"tau_s": [2, 4, 8], "temp_edges_degc": [0, 20, 40], "z": [[0, 0.5], [1, None], [1, 0]]},
-             "residual": {"mean_s": 60, "temp_degc": [k % 60 for k in range(240)], "t_s": list(range(240)),
+             "residual": {"mean_s": 60, "temp_degc": [triangle(k) for k in range(240)], "t_s": [60 * k for k in range(240)],
                           "rate_degc_per_min": [1 if k % 120 < 60 else -1 for k in range(240)],
                           "log": [k // 120 for k in range(240)],
-                          "rate_dph": [3 * (k % 60) + 100 * (k // 120) + (5 if k % 120 < 60 else -5) + k % 7 for k in range(240)],
-                          "polynomial_dph": [3 * (k % 60) + 100 * (k // 120) for k in range(240)],
+                          "rate_dph": [3 * triangle(k) + 100 * (k // 120) + (5 if k % 120 < 60 else -5) + k % 7 for k in range(240)],
+                          "polynomial_dph": [3 * triangle(k) + 100 * (k // 120) for k in range(240)],
                           "before_dph": [(5 if k % 120 < 60 else -5) + k % 7 for k in range(240)],
                           "after_dph": [k % 7 for k in range(240)]},
              "dp2": {"tau_s": [2, 10, 100], "data_dph": [30, 20, 15], "model_before_dph": [30, 19, 12],

@@ -11,7 +11,7 @@ LOOP_DPH = np.concatenate([np.full(100, 20.0), np.full(15, 20.0), np.full(100, -
 
 def test_directions_follow_the_slope():
     masks = plot_calibration.by_direction(TEMP_DEGC)
-    assert masks["rising"][50] and masks["falling"][170] and masks["at rest"][107]
+    assert masks[1][50] and masks[-1][170] and masks[0][107]
     assert np.all(sum(m.astype(int) for m in masks.values()) == 1)
 
 
@@ -22,3 +22,4 @@ def test_a_loop_is_drawn_as_two_branches_not_as_their_mean():
     assert np.allclose(lines["mean, rising"].get_ydata()[:-1], 20)
     assert np.allclose(lines["mean, falling"].get_ydata()[:-1], -20)
     assert lines["rising"].get_color() != lines["falling"].get_color()
+    assert lines["rising"].get_marker() != lines["falling"].get_marker(), "a grey print tells them apart"

@@ -16,11 +16,11 @@ a loop that no mean over both hides.
 """
 import numpy as np
 
+from ..direction import directions
 from . import subplots
+from .marks import DIRECTIONS, GRID, INK
 
-COMPENSATED, TRUTH, INK, GRID = "#2a7f9e", "#1d3557", "#22303c", "#e3e8ec"
-DIRECTIONS = {"rising": "#c8553d", "falling": "#2166ac", "at rest": "#8a949c"}
-STEADY_DEGC = 0.05  # per minute: slower than this the temperature rests
+COMPENSATED, TRUTH = "#2a7f9e", "#1d3557"
 BIN_DEGC, FEWEST_IN_BIN = 5.0, 3
 DOTS = {"ms": 4.5, "alpha": 0.7, "mew": 0}
 STYLE = {
@@ -31,13 +31,9 @@ STYLE = {
 
 
 def by_direction(temp_degc):
-    """{"rising", "falling", "at rest": mask} of one-minute means in the order of time, slope over five of them."""
-    temp = np.asarray(temp_degc, float)
-    slope = np.zeros(len(temp))
-    for i in range(len(temp)):
-        first, last = max(i - 2, 0), min(i + 2, len(temp) - 1)
-        slope[i] = (temp[last] - temp[first]) / max(last - first, 1)
-    return {"rising": slope > STEADY_DEGC, "falling": slope < -STEADY_DEGC, "at rest": ~(np.abs(slope) > STEADY_DEGC)}
+    """{1, -1, 0 (as imucal.direction says it): mask} of one-minute means in the order of time."""
+    moves = directions(60.0 * np.arange(len(temp_degc)), temp_degc)
+    return {value: moves == value for value in DIRECTIONS}
 
 
 def means_per_temperature(temp_degc, rate_dph):
@@ -52,13 +48,14 @@ def draw_directions(ax, minutes, constant=0, means=False, dots=True):
     temp, rate = np.asarray(minutes["temp_degc"], float), np.asarray(minutes["rate_dph"], float) - constant
     known = np.isfinite(temp) & np.isfinite(rate)
     temp, rate = temp[known], rate[known]
-    for name, mask in by_direction(temp).items():
+    for value, mask in by_direction(temp).items():
+        mark = DIRECTIONS[value]
         if dots and mask.any():
-            ax.plot(temp[mask], rate[mask], ".", color=DIRECTIONS[name], label=name, **DOTS)
-        if means and name != "at rest":
+            ax.plot(temp[mask], rate[mask], label=mark.word, alpha=0.7, **mark.style(3.6))
+        if means and value:
             at, mean = means_per_temperature(temp[mask], rate[mask])
-            ax.plot(at, mean, color=DIRECTIONS[name], lw=1.4, marker="o", ms=4, mec="white", mew=0.6,
-                    label=f"mean, {name}" if len(at) else None)
+            ax.plot(at, mean, color=mark.color, lw=1.4, marker=mark.marker, ms=4.5, mec="white", mew=0.6,
+                    label=f"mean, {mark.word}" if len(at) else None)
 
 
 def draw_bias(ax, axis):

@@ -14,16 +14,15 @@ import numpy as np
 
 from . import subplots
 from ..diagnosis_words import number, plain
+from ..direction import FALLING, RESTING, RISING, directions
+from .marks import DIRECTIONS, GRID, INK, MUTED
 
 import matplotlib.ticker  # isort: skip  (after imucal.plot, which loads it without what no page needs)
 from matplotlib.colors import BoundaryNorm, ListedColormap  # isort: skip
 
-INK, MUTED, GRID = "#1d2733", "#66727f", "#dfe4ea"
 DATA, BEFORE, AFTER = "#1d2733", "#d1662a", "#2b6cb0"
-DIRECTION = {"up": "#c8502d", "down": "#2b6cb0", "soak": "#8a949e"}
-DIRECTION_WORD = {"up": "rising", "down": "falling", "soak": "resting"}
+MOVES = {"soak": RESTING, "down": FALLING, "up": RISING}
 MANY_POINTS = 600  # of one record: more are drawn as pixels
-RESTING_DEGC_MIN = 0.1  # slower than this the temperature rests
 SMOOTHEST_ORDER = 5  # of the curve that stands for the polynomial of the answer, whatever its own order
 
 
@@ -58,6 +57,15 @@ def array(values):
     """Nested lists with null -> float array with NaN."""
     return np.array([[np.nan if v is None else v for v in row] if isinstance(row, list) else (np.nan if row is None else row)
                      for row in values], float)
+
+
+def directions_of(data):
+    """{"soak", "down", "up": mask} of the means of all logs, each log by itself."""
+    t_s, temp, log = array(data["t_s"]), array(data["temp_degc"]), array(data["log"])
+    moves = np.zeros(log.size, int)
+    for k in np.unique(log):
+        moves[log == k] = directions(t_s[log == k], temp[log == k])
+    return {name: moves == value for name, value in MOVES.items()}
 
 
 def draw_gap_map(plots):
@@ -99,16 +107,15 @@ def branches(data, key, n_bins=14):
 
     The standard error allows for the correlation of neighbouring means: sqrt((1 + rho)/(1 - rho)).
     """
-    temp, rate, y, log = (array(data[k]) for k in ("temp_degc", "rate_degc_per_min", key, "log"))
+    temp, y, log = (array(data[k]) for k in ("temp_degc", key, "log"))
     rest = y - y.mean()
     same = log[1:] == log[:-1]
     rho = np.clip(np.sum(rest[1:] * rest[:-1] * same) / max(np.sum(rest**2), 1e-12), 0, 0.95)
     inflation = math.sqrt((1 + rho) / (1 - rho))
-    still = np.abs(rate) < RESTING_DEGC_MIN
     edges = np.linspace(np.min(temp), np.max(temp), n_bins + 1)
     which = np.clip(np.digitize(temp, edges) - 1, 0, n_bins - 1)
     out = {}
-    for name, chosen in (("up", (rate > 0) & ~still), ("down", (rate < 0) & ~still), ("soak", still)):
+    for name, chosen in directions_of(data).items():
         points = []
         for k in range(n_bins):
             v = y[chosen & (which == k)]
@@ -129,12 +136,11 @@ class Record:
         self.log, self.t_s, self.rate_dph = array(data["log"]), array(data["t_s"]), array(data["rate_dph"])
         self.before_dph, self.after_dph = array(data["before_dph"]), array(data["after_dph"])
         self.polynomial_dph = array(data["polynomial_dph"])
-        self.temp_degc, self.slope_degc_min = array(data["temp_degc"]), array(data["rate_degc_per_min"])
+        self.temp_degc = array(data["temp_degc"])
         self.has_temperature = bool(np.isfinite(self.temp_degc).any())
         self.logs = list(dict.fromkeys(self.log.tolist()))
         self.believed_mean = "polynomial" if self.has_temperature else "mean of the log" if len(self.logs) == 1 else "mean of each log"
-        still = np.abs(self.slope_degc_min) < RESTING_DEGC_MIN
-        self.chosen = {"soak": still, "up": ~still & (self.slope_degc_min > 0), "down": ~still & (self.slope_degc_min < 0)}
+        self.chosen = directions_of(data)
         self.cause_dph = self.before_dph - self.after_dph
         self._split()
 
@@ -174,7 +180,8 @@ def draw_record(data):
     top = axes[0][0]
     for name, chosen in r.chosen.items():
         if chosen.any():
-            top.plot(hours[chosen], r.rate_dph[chosen], ".", markersize=3.2, color=DIRECTION[name] if r.has_temperature else DATA, **dense(r))
+            how = DIRECTIONS[MOVES[name]].style(3) if r.has_temperature else {"marker": ".", "ls": "none", "ms": 3.2, "color": DATA}
+            top.plot(hours[chosen], r.rate_dph[chosen], **how, **dense(r))
     for i, k in enumerate(r.logs):
         own = r.log == k
         top.plot(hours[own], r.polynomial_dph[own], color=INK, linewidth=0.9, linestyle="--", label=r.believed_mean if i == 0 else None)
@@ -186,7 +193,7 @@ def draw_record(data):
     legend_above(top, 2, 1.06 if len(r.logs) > 1 else 1.0)
     if rows == 2:
         for name, chosen in r.chosen.items():
-            axes[1][0].plot(hours[chosen], r.temp_degc[chosen], ".", markersize=2.4, color=DIRECTION[name], **dense(r))
+            axes[1][0].plot(hours[chosen], r.temp_degc[chosen], **DIRECTIONS[MOVES[name]].style(2.4), **dense(r))
         axes[1][0].set_ylabel("temperature [°C]")
     axes[-1][0].set_xlabel("time [h]" + (", logs one after the other" if len(r.logs) > 1 else ""))
     return svg_image(fig, "Rate and temperature against time, one-minute means coloured by the direction of the temperature"
@@ -207,7 +214,8 @@ def draw_against_temperature(data, what):
     fig, ax = subplots(size=(4.2, 3.2), layout="constrained")
     for name, chosen in r.chosen.items():
         if chosen.any():
-            ax.plot(r.temp_degc[chosen], y[chosen], ".", markersize=3.4, color=DIRECTION[name], label=DIRECTION_WORD[name], **dense(r))
+            mark = DIRECTIONS[MOVES[name]]
+            ax.plot(r.temp_degc[chosen], y[chosen], label=mark.word, **mark.style(3), **dense(r))
     order = np.argsort(r.temp_degc)
     ax.plot(r.temp_degc[order], base[order], color=INK, linewidth=1.1, linestyle="--", label="polynomial")
     if what != "after" and np.any(np.abs(r.cause_dph) > 0):
