@@ -12,11 +12,13 @@ import numpy as np
 from ..errors import DataError
 from ..log import write_bytes
 from .loading import load
-from .page import GRID, INK, Page, Panel
+from .marks import CURVE, DIRECTIONS, GRID, INK, LIKELIHOOD, MUTED, TEMPERATURE, WARNING, draw_directions
+from .page import Page, Panel, log_locator
 
-MUTED = "#66727f"
-RISING, FALLING, SOAK, LINE = "#c8502d", "#2b6cb0", "#7a8794", "#1d3557"
 _MAX_POINTS = 1500
+_GAP_S = 30           # a longer gap cuts a line
+_FLAT = 2.0           # a scale that has to grow by more than this for values that are no measurement leaves them out
+_ROW_IN, _HEAD_IN = 2.7, 0.6
 
 
 def new_figure(width_in, height_in, dpi=80):
@@ -50,9 +52,10 @@ def tidy(ax, x, y, title=None):
     ax.grid(True, color=GRID, lw=0.6)
     ax.set_axisbelow(True)
     ax.minorticks_off()
-    for scale, axis in ((ax.get_xscale(), ax.xaxis), (ax.get_yscale(), ax.yaxis)):
+    for scale, axis, limits in ((ax.get_xscale(), ax.xaxis, ax.get_xlim()), (ax.get_yscale(), ax.yaxis, ax.get_ylim())):
         if scale == "log":  # plain numbers: mathematical type setting takes a third of the page's time
             axis.set_major_formatter(lambda value, _: f"{value:g}")
+            axis.set_major_locator(log_locator(*limits))
     ax.locator_params(nbins=5) if ax.get_xscale() == "linear" else None
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
@@ -91,90 +94,139 @@ def _shown(values):
     return np.unique(shown[shown < len(values)])
 
 
-def rate_against_time(ax, log, axis, unit="dph"):
+def _cut(t_s, rows, *values):
+    """Values at these rows with a NaN where more than _GAP_S are missing: no line is drawn through a gap."""
+    longer = np.concatenate([[0], np.cumsum(np.diff(t_s) > _GAP_S)])[rows]
+    cuts = np.flatnonzero(np.diff(longer)) + 1
+    return [np.insert(value[rows].astype(float), cuts, np.nan) for value in values]
+
+
+def _scaled(ax, x, y, used):
+    """Limits that follow the measurements where others would flatten them: what lies beyond is an arrow at the edge, with its value."""
+    low, high = np.nanmin(used), np.nanmax(used)
+    beyond = (y < low) | (y > high)
+    if not high > low or not beyond.any() or np.nanmax(y) - np.nanmin(y) < _FLAT * (high - low):
+        return
+    margin = 0.2 * (high - low)
+    ax.set_ylim(low - margin, high + margin)
+    for side, marker, edge, farthest in ((1, "^", high + 0.8 * margin, np.nanmax), (-1, "v", low - 0.8 * margin, np.nanmin)):
+        these = np.flatnonzero(y > high + margin if side > 0 else y < low - margin)
+        if len(these):
+            ax.plot(x[these], np.full(len(these), edge), marker=marker, ls="none", color=WARNING, ms=4, mew=0)
+            words = f"{farthest(y[these]):.0f}"
+            words = f"{words} at {x[these[0]]:.0f} min" if len(these) == 1 else f"{len(these)} values, to {words}"
+            ax.text(x[0], edge - side * 0.4 * margin, words, color=WARNING, fontsize=7, ha="left", va="top" if side > 0 else "bottom")
+
+
+def _name(axis):
+    return axis.rpartition("_")[0]
+
+
+def rate_against_time(ax, log, look):
     """Rate (left) and temperature (right) against time."""
-    shown = _shown(log.rates[axis])
-    minutes = (log.t_s - log.t_s[0]) / 60
-    ax.plot(minutes[shown], log.rates[axis][shown], ".", ms=1.2, color=MUTED)
-    tidy(ax, "time, min", f"{axis.rpartition('_')[0]}, {unit}", f"{axis}: raw")
+    shown, minutes = _shown(look.rate), (log.t_s - log.t_s[0]) / 60
+    ax.plot(minutes[shown], look.rate[shown], ".", ms=1.6, color=MUTED)
+    left_out = np.flatnonzero(np.isfinite(look.rate) & np.isnan(look.used))
+    if len(left_out) and not look.is_constant:
+        left_out = left_out[_shown(look.rate[left_out])]
+        ax.plot(minutes[left_out], look.rate[left_out], ".", ms=3, color=WARNING)
+    title = f"{look.axis}: raw"
+    if look.is_constant:
+        value = look.rate[np.isfinite(look.rate)][0]
+        ax.set_ylim(value - max(1, 0.01 * abs(value)), value + max(1, 0.01 * abs(value)))
+        title = f"{look.axis}: constant, {value:g} {look.unit} in every second"
+    else:
+        _scaled(ax, minutes, look.rate, look.used)
+    tidy(ax, "time, min", f"{_name(look.axis)}, {look.unit}", title)
     if log.has_temperature:
-        every = _every(len(minutes))
-        _beside(ax, minutes[every], log.temp_degc[every], "degC", RISING)
-
-
-def _by_direction(ax, x, y, direction, size=2.0):
-    for value, colour in ((0, SOAK), (1, RISING), (-1, FALLING)):
-        these = direction == value
-        ax.plot(x[these], y[these], ".", ms=size, color=colour)
+        _beside(ax, *_cut(log.t_s, _every(len(minutes)), minutes, log.temp_degc), "temperature, °C", TEMPERATURE)
 
 
 def rate_against_temperature(ax, look):
-    """Rate against temperature, rising red, falling blue, with the polynomial; smoothed over half a minute."""
-    shown = _shown(look.rate)
-    _by_direction(ax, look.temp_degc[shown], look.rate[shown], look.direction[shown], 1.5)
-    if len(look.poly) > 1:
+    """Rate against temperature, each direction with its mark, and the polynomial."""
+    rows = np.flatnonzero(np.isfinite(look.used))
+    rows = rows[_shown(look.used[rows])]
+    draw_directions(ax, look.temp_degc[rows], look.used[rows], look.direction[rows], 2.4)
+    if look.order:
         tn = np.linspace(-1, 1, 100)
-        ax.plot(look.t0_degc + look.range_degc * tn, np.polynomial.polynomial.polyval(tn, look.poly), color=LINE, lw=1.3)
-    tidy(ax, "temperature, degC", look.unit, f"order {len(look.poly) - 1}; red rising, blue falling")
+        ax.plot(look.t0_degc + look.range_degc * tn, np.polynomial.polynomial.polyval(tn, look.poly), color=CURVE, lw=1.6)
+    tidy(ax, "temperature, °C", f"{_name(look.axis)}, {look.unit}", f"{look.axis}: " + (f"polynomial of order {look.order}" if look.order else "no polynomial"))
 
 
 def residual_plot(ax, look, against_time):
     """The smoothed residual."""
     every = _every(len(look.t_s))
     if against_time:
-        ax.plot((look.t_s - look.t_s[0])[every] / 60, look.smooth[every], color=LINE, lw=0.9)
+        ax.plot(*_cut(look.t_s, every, (look.t_s - look.t_s[0]) / 60, look.smooth), color=CURVE, lw=0.9)
     else:
-        _by_direction(ax, look.temp_degc[every], look.smooth[every], look.direction[every])
+        draw_directions(ax, look.temp_degc[every], look.smooth[every], look.direction[every])
     ax.axhline(0, color=INK, lw=0.5)
-    tidy(ax, "time, min" if against_time else "temperature, degC", look.unit, "residual, 61-s mean")
+    tidy(ax, "time, min" if against_time else "temperature, °C", f"{_name(look.axis)} residual, {look.unit}",
+         f"{look.axis}: less polynomial, 61-s means" if look.order else f"{look.axis}: less mean, 61-s means")
 
 
-def allan_plot(ax, tau_s, adev, unit="dph", label=None, white=None, expected=None):
-    """Allan deviation; the line of the white noise that was read off; and what a model expects at the same tau_s."""
-    ax.loglog(tau_s, adev, "o-", ms=2.5, lw=1, color=LINE, label=label)
+def allan_plot(ax, tau_s, adev, unit="dph", name="", ci95=None, white=None, expected=None):
+    """Allan deviation and its 95 % interval; the line of the white noise that was read off; and what the likely noise lets expect of a log
+    like this one, at the same tau_s."""
+    if ci95 is not None and len(tau_s) > 1:
+        ax.fill_between(tau_s, ci95[:, 0], ci95[:, 1], color=CURVE, alpha=0.15, lw=0)
+    ax.loglog(tau_s, adev, "o-", ms=2.5, lw=1, color=CURVE)
     if white:
         ax.loglog(tau_s, white / np.sqrt(tau_s), "--", lw=0.8, color=MUTED)
     if expected is not None:
-        ax.loglog(tau_s, expected, color=RISING, lw=1)
-    tidy(ax, "tau, s", unit, "Allan deviation of the residual")
-
-
-def likely_allan(look):
-    """The Allan deviation that the maximum-likelihood noise of a look expects; None where there is none."""
-    if look.ml.get("arw_deg_rt_h") is None:
-        return None
-    from ..export.noise import Noise
-    markov = [(look.ml["sigma_dph"], look.ml["tau_s"])] if look.ml.get("sigma_dph") else []
-    return Noise(look.ml["arw_deg_rt_h"], markov, 0, None, [], "").allan_dph(look.allan_tau_s)
+        ax.loglog(tau_s, expected, color=LIKELIHOOD, lw=1.2)
+    tidy(ax, "averaging time, s", f"{name} Allan dev., {unit}".strip(), f"{name}: Allan deviation of the residual" if name else "Allan deviation")
 
 
 def draw_row(panels, log, look):
-    """One axis of a log in five panels (or matplotlib's axes); in three where it has no temperature."""
-    rate_against_time(panels[0], log, look.axis, look.unit)
+    """One axis of a log in five panels (or matplotlib's axes); in three where it has no temperature, in one where it never changes."""
+    rate_against_time(panels[0], log, look)
+    if look.is_constant:
+        return
     if log.has_temperature:
         rate_against_temperature(panels[1], look)
         residual_plot(panels[2], look, False)
     residual_plot(panels[-2], look, True)
-    allan_plot(panels[-1], look.allan_tau_s, look.allan, look.unit, white=look.white, expected=likely_allan(look))
+    allan_plot(panels[-1], look.allan_tau_s, look.allan, look.unit, look.axis.rpartition("_")[0], look.allan_ci95, look.white, look.expected)
 
 
-def look_page(log, looks):
-    """The Page of `imucal look`: a row per axis."""
+def _legend(log, looks):
+    """(word, how it is drawn) of what the page shows."""
+    found = [("measured second", {"style": ".", "ms": 4, "color": MUTED})]
+    if any(np.isnan(look.used[np.isfinite(look.rate)]).any() for look in looks):
+        found.append(("left out", {"style": ".", "ms": 6, "color": WARNING}))
+    if log.has_temperature:
+        found.append(("temperature", {"style": "-", "color": TEMPERATURE}))
+        found += [(mark.word, mark.style(5)) for mark in (DIRECTIONS[k] for k in (1, -1, 0))]
+        found.append(("polynomial", {"style": "-", "lw": 1.6, "color": CURVE}))
+    found += [("Allan deviation, 95 % interval", {"style": "o-", "ms": 4, "color": CURVE}), ("white noise alone", {"style": "--", "lw": 0.8, "color": MUTED})]
+    if any(look.expected is not None for look in looks):
+        found.append(("expected of the likely noise", {"style": "-", "lw": 1.2, "color": LIKELIHOOD}))
+    return [(word, {k: v for k, v in how.items() if k != "mew"}) for word, how in found]
+
+
+def look_page(log, looks, name=""):
+    """The Page of `imucal look`: title and legend, and a row per axis."""
     columns = 5 if log.has_temperature else 3
     width_in = 17 if log.has_temperature else 11
-    page = Page(width_in, 2.7 * len(looks))
+    rows, height_in = len(looks), _ROW_IN * len(looks) + _HEAD_IN
+    page = Page(width_in, height_in)
+    seconds = np.ptp(log.t_s) + 1
+    page.title = ", ".join(filter(None, [name, log.metadata.get("device", ""), log.metadata.get("date", ""), f"{seconds / 60:.0f} min ({seconds:.0f} s)"]))
+    page.legend = _legend(log, looks)
     for row, look in enumerate(looks):
-        draw_row([page.panel(*_place(width_in, row, len(looks), column, columns)) for column in range(columns)], log, look)
+        boxes = [_place(width_in, height_in, row, rows, column, columns) for column in range(columns)]
+        draw_row([page.panel(*box) for box in (boxes[:1] if look.is_constant else boxes)], log, look)
     return page
 
 
-def _place(width_in, row, rows, column, columns):
+def _place(width_in, height_in, row, rows, column, columns):
     """(left, bottom, right, top) as parts of the page.  Room for words: 0.8 inch on the left; beside each panel half of its width, half of
-    its height."""
-    first, last = 0.8 / width_in, 0.985
+    its height; title and legend above."""
+    first, last, below = 0.8 / width_in, 0.985, 1 - _HEAD_IN / height_in
     wide, high = (last - first) / (columns + 0.5 * (columns - 1)), (1 - 0.1 / rows - 0.16 / rows ** 0.8) / (rows + 0.5 * (rows - 1))
     left, top = first + 1.5 * wide * column, 1 - 0.1 / rows - 1.5 * high * row
-    return left, top - high, left + wide, top
+    return left, (top - high) * below, left + wide, top * below
 
 
 def save_page(page, path, title, lines):
@@ -186,8 +238,8 @@ def save_page(page, path, title, lines):
     if path.endswith((".html", ".htm")):
         text = "\n".join(html.escape(line) for line in lines)
         data = (f"<!doctype html><meta charset=utf-8><title>{html.escape(title)}</title><style>body{{font:14px/1.5 sans-serif;color:{INK};margin:2em}}"
-                f"pre{{white-space:pre-wrap}}img{{max-width:100%}}</style><h1>{html.escape(title)}</h1><pre>{text}</pre>"
-                f"<img alt='plots of {html.escape(title)}' src='data:image/png;base64,{base64.b64encode(data).decode()}'>\n").encode()
+                f"pre{{white-space:pre-wrap}}img{{max-width:100%}}</style><h1>{html.escape(title)}</h1>"
+                f"<img alt='plots of {html.escape(title)}' src='data:image/png;base64,{base64.b64encode(data).decode()}'><pre>{text}</pre>\n").encode()
     write_bytes(path, data)
 
 

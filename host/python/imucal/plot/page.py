@@ -12,11 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from .loading import load_renderer
+from .marks import GRID, INK
 
-INK, GRID = "#1d2733", "#dfe4ea"
-TICK_PT, LABEL_PT, TITLE_PT = 7, 8, 9
+TICK_PT, LABEL_PT, TITLE_PT, HEAD_PT = 7, 8, 9, 11
 _MARGIN = 0.05           # of the data's span, as matplotlib leaves on each side
 _N_STEPS = 5             # between ticks, at most
+_FEW_DECADES = 2.5       # of a logarithmic scale: 1, 2 and 5 of each are ticks
+_SAMPLE_PT, _BESIDE_PT, _APART_PT = 22, 5, 16  # of a legend: length of a sample, to its word, to the next
+
+
+def log_locator(low, high):
+    """Places of ticks of a logarithmic scale."""
+    from matplotlib.ticker import LogLocator
+    return LogLocator(subs=(1.0, 2.0, 5.0)) if np.log10(high / low) < _FEW_DECADES else LogLocator()
 
 
 @dataclass
@@ -39,8 +47,8 @@ class Scale:
 
     def ticks(self):
         """(places, their texts, what all texts are counted from or multiplied by, or "")."""
-        from matplotlib.ticker import AutoLocator, LogLocator, ScalarFormatter
-        locator = LogLocator() if self.is_log else AutoLocator()
+        from matplotlib.ticker import AutoLocator, ScalarFormatter
+        locator = log_locator(self.low, self.high) if self.is_log else AutoLocator()
         if not self.is_log:
             locator.set_params(nbins=_N_STEPS)
         places = [p for p in locator.tick_values(self.low, self.high) if self.low <= p <= self.high]
@@ -65,23 +73,61 @@ def _limits(parts, is_log):
     return (10.0 ** low, 10.0 ** high) if is_log else (float(low), float(high))
 
 
+@dataclass
+class Curve:
+    """What plot() was asked for; line: "-", "--" or ""; marker: "o", "^", "v", "_" or ""."""
+
+    x: np.ndarray
+    y: np.ndarray
+    line: str
+    marker: str
+    color: str
+    width_pt: float
+    size_pt: float
+    is_filled: bool
+
+
+def _curve_of(x, y, style, color, lw, ms, marker, ls, mfc):
+    """A Curve of the words of matplotlib's plot()."""
+    line = style.strip(".o^v_")
+    if marker is None:
+        marker = style.replace("-", "")
+    if ls is not None:
+        line = "" if ls == "none" else ls
+    if marker == ".":  # matplotlib's point is a disc of half the size
+        marker, ms = "o", ms / 2
+    return Curve(np.asarray(x, float), np.asarray(y, float), line, marker, color, lw, ms, mfc != "none")
+
+
 class Panel:
-    """One plot: curves, limits, ticks, names."""
+    """One plot: curves, bands, limits, ticks, names."""
 
     def __init__(self, page, box_px, twin_of=None):
         self.page, self.box_px, self.twin_of = page, box_px, twin_of
-        self.curves, self.levels, self.is_log = [], [], False
+        self.curves, self.bands, self.levels, self.words, self.is_log, self.y_limits = [], [], [], [], False, None
         self.x_name = self.y_name = self.title = ""
         self.color = INK
 
-    def plot(self, x, y, style="-", *, color, lw=1.0, ms=0.0, **_):
-        """A curve: "-", "--", "." (dots) or "o-" (discs and a line)."""
-        self.curves.append((np.asarray(x, float), np.asarray(y, float), style, color, lw, ms))
+    def plot(self, x, y, style="-", *, color, lw=1.0, ms=0.0, marker=None, ls=None, mfc=None, **_):
+        """A curve: "-", "--", "." (dots) or "o-" (discs and a line); or marker and ls as matplotlib has them."""
+        self.curves.append(_curve_of(x, y, style, color, lw, ms, marker, ls, mfc))
 
     def loglog(self, x, y, style="-", **how):
         """A curve; both axes are logarithmic from now on."""
         self.is_log = True
         self.plot(x, y, style, **how)
+
+    def fill_between(self, x, low, high, *, color, alpha, lw=0, **_):
+        """A band."""
+        self.bands.append((np.asarray(x, float), np.asarray(low, float), np.asarray(high, float), color, alpha))
+
+    def text(self, x, y, words, *, color, fontsize=TICK_PT, ha="left", va="top", **_):
+        """Words at a point of the data."""
+        self.words.append((x, y, words, color, fontsize, {"left": 0, "center": 0.5, "right": 1}[ha], 1 if va == "top" else 0))
+
+    def set_ylim(self, low, high):
+        """Limits that do not follow the curves."""
+        self.y_limits = float(low), float(high)
 
     def axhline(self, y, *, color, lw):
         """A level from side to side."""
@@ -98,8 +144,9 @@ class Panel:
     def scales(self):
         """(Scale of x, Scale of y)."""
         left, bottom, right, top = self.box_px
-        x = _limits([curve[0] for curve in self.curves], self.is_log)
-        y = _limits([curve[1] for curve in self.curves] + [level[0] for level in self.levels], self.is_log)
+        x = _limits([curve.x for curve in self.curves] + [band[0] for band in self.bands], self.is_log)
+        y = self.y_limits or _limits([curve.y for curve in self.curves] + [level[0] for level in self.levels]
+                                     + [edge for band in self.bands for edge in band[1:3]], self.is_log)
         return Scale(*x, left, right, self.is_log), Scale(*y, bottom, top, self.is_log)
 
 
@@ -111,7 +158,7 @@ class Page:
         from matplotlib.backends.backend_agg import RendererAgg
         self._renderer = RendererAgg(round(width_in * dpi), round(height_in * dpi), dpi)
         self.width_px, self.height_px = self._renderer.width, self._renderer.height
-        self.panels, self._fonts, self._texts = [], {}, []
+        self.panels, self.title, self.legend, self._fonts, self._texts = [], "", [], {}, []
 
     def add(self, panel):
         """A panel that is drawn with the page."""
@@ -129,6 +176,7 @@ class Page:
         self._texts.clear()
         for panel in self.panels:
             self._draw(panel)
+        self._draw_head()
         drawn = Image.frombuffer("RGBA", (self.width_px, self.height_px), bytes(self._renderer.buffer_rgba()), "raw", "RGBA", 0, 1)
         picture = Image.new("RGB", drawn.size, "white")
         picture.paste(drawn, mask=drawn)
@@ -162,12 +210,22 @@ class Page:
         if strokes:
             self._curve(np.array([(*stroke, (np.nan, np.nan)) for stroke in strokes], float).reshape(-1, 2), self._pen(color, width_pt, clip))
 
-    def _discs(self, points, color, size_pt, clip):
+    def _markers(self, points, curve, clip):
         from matplotlib.colors import to_rgba
         from matplotlib.path import Path
         from matplotlib.transforms import Affine2D, IdentityTransform
-        self._renderer.draw_markers(self._pen(color, 1.0, clip), Path.unit_circle(), Affine2D().scale(self._px(size_pt) / 2), Path(points),
-                                    IdentityTransform(), to_rgba(color))
+        corners = {"^": [(-1, -1), (1, -1), (0, 1), (-1, -1)], "v": [(-1, 1), (1, 1), (0, -1), (-1, 1)], "_": [(-1, 0), (1, 0)]}
+        path = Path(corners[curve.marker]) if curve.marker in corners else Path.unit_circle()
+        pen = self._pen(curve.color, 1.0 if curve.is_filled else 0.6, clip)
+        self._renderer.draw_markers(pen, path, Affine2D().scale(self._px(curve.size_pt) / 2), Path(points), IdentityTransform(),
+                                    to_rgba(curve.color) if curve.is_filled else None)
+
+    def _band(self, points, color, alpha, clip):
+        from matplotlib.colors import to_rgba
+        from matplotlib.path import Path
+        from matplotlib.transforms import IdentityTransform
+        pen = self._pen(color, 0.0, clip)
+        self._renderer.draw_path(pen, Path(points), IdentityTransform(), to_rgba(color, alpha))
 
     def _font(self, size_pt):
         from matplotlib.font_manager import findfont
@@ -217,21 +275,47 @@ class Page:
         if panel.title:
             self._text(panel.box_px[0], panel.box_px[3] + self._px(6), panel.title, TITLE_PT, INK, right=0, up=0)
 
+    def _draw_head(self):
+        """The page's title, and the legend below it, at the upper edge."""
+        top, now = self.height_px - self._px(6), self._px(12)
+        if self.title:
+            self._text(now, top, self.title, HEAD_PT, INK, right=0, up=1)
+        middle = top - self._px(24)
+        for word, how in self.legend:
+            sample = _curve_of([0], [0], **{"style": "", "lw": 1.0, "ms": 0.0, "marker": None, "ls": None, "mfc": None, **how})
+            ends = np.array([(now, middle), (now + self._px(_SAMPLE_PT), middle)])
+            if sample.line:
+                self._draw_curve(ends, Curve(**{**vars(sample), "marker": ""}), None)
+            if sample.marker:
+                self._markers(ends.mean(axis=0, keepdims=True), sample, None)
+            self._text(ends[1, 0] + self._px(_BESIDE_PT), middle, word, LABEL_PT, INK, right=0)
+            now = ends[1, 0] + self._px(_BESIDE_PT + _APART_PT) + self._width(word, LABEL_PT)
+
     def _draw_grid(self, box_px, x_px, y_px):
         left, bottom, right, top = box_px
         self._strokes([((x, bottom), (x, top)) for x in x_px] + [((left, y), (right, y)) for y in y_px], GRID, 0.6)
 
+    def _draw_curve(self, points, curve, clip):
+        if curve.line:
+            pen = self._pen(curve.color, curve.width_pt, clip)
+            if curve.line == "--":
+                pen.set_dashes(0, [self._px(3.7 * curve.width_pt), self._px(1.6 * curve.width_pt)])
+            self._curve(points, pen)
+        if curve.marker:
+            self._markers(points, curve, clip)
+
     def _draw_curves(self, panel, x_scale, y_scale):
         left, _, right, _ = panel.box_px
-        for x, y, style, color, width_pt, size_pt in panel.curves:
-            points = np.column_stack([x_scale.px(x), y_scale.px(y)])
-            if "-" in style:
-                pen = self._pen(color, width_pt, panel.box_px)
-                if style == "--":
-                    pen.set_dashes(0, [self._px(3.7 * width_pt), self._px(1.6 * width_pt)])
-                self._curve(points, pen)
-            if style[0] in ".o":  # matplotlib's point is a disc of half the size
-                self._discs(points, color, size_pt / 2 if style[0] == "." else size_pt, panel.box_px)
+        for x, low, high, color, alpha in panel.bands:
+            known = np.isfinite(low) & np.isfinite(high)
+            if known.sum() > 1:
+                across = np.concatenate([x_scale.px(x[known]), x_scale.px(x[known])[::-1]])
+                up = np.concatenate([y_scale.px(low[known]), y_scale.px(high[known])[::-1]])
+                self._band(np.column_stack([across, up]), color, alpha, panel.box_px)
+        for curve in panel.curves:
+            self._draw_curve(np.column_stack([x_scale.px(curve.x), y_scale.px(curve.y)]), curve, panel.box_px)
+        for x, y, words, color, size_pt, right_part, up in panel.words:
+            self._text(float(x_scale.px(x)), float(y_scale.px(y)), words, size_pt, color, right=right_part, up=up)
         for level, color, width_pt in panel.levels:
             height = float(y_scale.px(level))
             self._strokes([((left, height), (right, height))], color, width_pt, panel.box_px)
