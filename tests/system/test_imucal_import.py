@@ -36,7 +36,7 @@ def test_one_command_answers_as_the_programs_do():
 
 def test_help_lists_every_subcommand_and_unknown_ones_are_usage_errors():
     text = imucal("--help").stdout
-    for name in ("look", "import", "export", "check", "example", "report", "calibrate", "dp", "diagnose"):
+    for name in ("look", "import", "export", "check", "example", "report", "plot", "calibrate", "dp", "diagnose"):
         assert f"\n  {name} " in text
     assert "no subcommand \"nothing\"" in imucal("nothing", expect=2).stderr
 

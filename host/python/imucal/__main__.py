@@ -5,7 +5,8 @@ import os
 import sys
 import warnings
 
-COMMANDS = {"import": "import_command", "export": "export_command", "look": "look", "check": "check", "example": "example", "report": "report"}
+COMMANDS = {"import": "import_command", "export": "export_command", "look": "look", "plot": "plot_command", "check": "check",
+            "example": "example", "report": "report"}
 
 
 def main(arguments=None):

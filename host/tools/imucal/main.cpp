@@ -32,6 +32,7 @@ constexpr Subcommand kSubcommands[] = {
     {"check", Kind::kPython, false, "is this file one of ours, and valid?"},
     {"example", Kind::kPython, false, "a folder with a model, a profile, logs of a faulty sensor and a script"},
     {"report", Kind::kPython, false, "the result of diagnose as one HTML page"},
+    {"plot", Kind::kPython, false, "a picture of a table, or of the result of calibrate fit, dp, errormodel, profile"},
     {"calibrate", Kind::kProgram, true, "talk to the IMU: run, record, flash, verify …; offline: fit"},
     {"dp", Kind::kProgram, true, "Allan deviation and Direct Predictor of logs"},
     {"errormodel", Kind::kProgram, true, "expect, fit, check, sensitivity, separation"},

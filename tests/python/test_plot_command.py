@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: MIT
+"""`imucal plot`: the results of the programs, each as the picture that belongs to it."""
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+from imucal.__main__ import main
+from imucal.log import read_log
+from imucal.plot import results
+from reference import NOISE
+from where import BIN
+
+RAMP = {"imucal_profile": 1, "start_degc": 0, "segments": [
+    {"rate_degc_per_min": 2, "to_degc": 60}, {"rate_degc_per_min": 0, "duration_s": 600},
+    {"rate_degc_per_min": -2, "to_degc": 0}]}
+MODEL = {**NOISE, "bias": {"t0_degc": 30, "range_degc": 30, "coeff_dph": [100, 200, 50, -30]}}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("plot")
+    (path / "model.json").write_text(json.dumps(MODEL))
+    (path / "ramp.json").write_text(json.dumps(RAMP))
+    for words in (["gyrosim", "log", "--model", "model.json", "--profile", "ramp.json", "--axes", "2", "-o", "log.csv", "-q"],
+                  ["calibrate", "fit", "log.csv", "--method", "poly", "--order", "3", "-o", "table.json", "--json", "fit.json"],
+                  ["dp", "log.csv", "--type", "av", "--json", "dp.json", "-q"],
+                  ["errormodel", "expect", "model.json", "--type", "av", "--tau", "octave:1:1000", "--json", "expect.json", "-q"],
+                  ["errormodel", "fit", "log.csv", "--axis", "gx_dph", "--markov", "1", "--criterion", "ml", "-o", "m.json",
+                   "--json", "errormodel.json"],
+                  ["profile", "error", "ramp.json", "--model", "model.json", "--order", "3", "--json", "profile.json", "-q"]):
+        subprocess.run([BIN / words[0], *words[1:]], cwd=path, check=True, capture_output=True)
+    return path
+
+
+def shown(ax, label):
+    return next(line for line in ax.get_lines() if line.get_label() == label)
+
+
+@pytest.mark.parametrize("name", ["table", "fit"])
+def test_a_table_shows_the_rates_its_polynomial_and_what_is_left(folder, name):
+    data, log = json.loads((folder / f"{name}.json").read_text()), read_log(folder / "log.csv")
+    figure = results.table_figure(data, [log])
+    above, _, below, _ = figure.axes
+    curve, axis = shown(above, "polynomial"), data["axes"][0]
+    tn = (np.asarray(curve.get_xdata()) - axis["t0_degc"]) / axis["range_degc"]
+    np.testing.assert_allclose(curve.get_ydata(), np.polyval(axis["coeff_dph"][::-1], tn))
+    dots = [line for line in above.get_lines() if line.get_linestyle() == "None"]
+    minutes = sum(len(line.get_xdata()) for line in dots)
+    assert len(log.t_s) / 60 - 1 <= minutes <= len(log.t_s) / 60 + 1 and {line.get_marker() for line in dots} >= {"^", "o"}
+    left = np.concatenate([line.get_ydata() for line in below.get_lines() if line.get_linestyle() == "None"])
+    assert abs(left.mean()) < 5 and left.std() < 30
+    assert len(results.table_figure(data).axes) == 4, "without a log too"
+
+
+def test_curves_models_and_profiles_show_the_numbers_of_the_programs(folder):
+    def figure_of(name):
+        data = json.loads((folder / f"{name}.json").read_text())
+        return data, results.result_figure(data, name)
+    data, figure = figure_of("dp")
+    for line, curve in zip(figure.axes[0].get_lines(), data["curves"]):
+        np.testing.assert_array_equal(line.get_ydata(), curve["dp_dph"])
+        assert curve["axis"] in line.get_label()
+    data, figure = figure_of("expect")
+    np.testing.assert_array_equal(shown(figure.axes[0], "model").get_ydata(), data["dp_dph"])
+    data, figure = figure_of("errormodel")
+    np.testing.assert_array_equal(shown(figure.axes[0], "data").get_ydata(), data["data_dp_dph"])
+    np.testing.assert_allclose(figure.axes[1].get_lines()[0].get_ydata(), np.divide(data["model_dp_dph"], data["data_dp_dph"]))
+    data, figure = figure_of("profile")
+    np.testing.assert_array_equal(shown(figure.axes[0], "this profile").get_ydata(), data["sigma_dph"])
+    _, figure = (data, results.result_figure({**data, "profile": RAMP}, "optimized"))
+    assert figure.axes[0].get_lines()[0].get_ydata()[1] == 60
+
+
+@pytest.mark.parametrize("name, head", [("t.png", b"\x89PNG"), ("t.svg", b"<?xml"), ("t.pdf", b"%PDF")])
+def test_the_command_writes_a_picture(folder, name, head, capsys):
+    assert main(["plot", str(folder / "table.json"), "--log", str(folder / "log.csv"), "-o", str(folder / name)]) == 0
+    assert (folder / name).read_bytes().startswith(head) and name in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text, words", [("{}", "there is no figure of this"), ("[1]", "no result of a program"),
+                                         ('{"axes": [{"axis": "gx_dph", "verdict": "no_gap"}]}', "imucal report")])
+def test_what_has_no_figure_is_refused_with_what_has_one(folder, text, words, capsys):
+    (folder / "other.json").write_text(text)
+    assert main(["plot", str(folder / "other.json"), "-o", str(folder / "no.png")]) == 3
+    said = capsys.readouterr().err
+    assert "other.json" in said and words in said and not (folder / "no.png").exists()
+    assert main(["plot", str(folder / "table.json"), "-o", str(folder / "no.jpeg")]) == 2
